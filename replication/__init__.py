@@ -1,0 +1,1 @@
+"""A reproducible workbook of "A virtual sensor for backlash in robotic manipulators"."""
