@@ -110,9 +110,7 @@ def authors_file(path: str, base_url: str = AUTHORS_URL, cache: Path | None = No
     try:
         return Path(store.fetch(path, downloader=pooch.HTTPDownloader(timeout=20)))
     except ValueError as error:
-        raise DataCorrupt(
-            f"{path}: the download does not have the registered SHA-256; try again later"
-        ) from error
+        raise DataCorrupt(f"{path}: the download does not have the registered SHA-256; try again later") from error
     except OSError as error:
         raise DataUnavailable(
             f"{path}: cannot be downloaded ({type(error).__name__}); connect to the network, or set BACKLASH_DATA "

@@ -136,9 +136,7 @@ def table1_box(t: FloatArray, v: FloatArray, longest_window_s: float, amplitude_
     """
     half_range = amplitude_factor * (v.max() - v.min()) / 2
     lower = np.array([-half_range, t.min(), 5.0, 2 * np.pi, v.min(), 0.0, 0.0])
-    upper = np.array(
-        [half_range, t.max(), 30.0, 2 * np.pi * 40, v.max(), longest_window_s, longest_window_s / 2]
-    )
+    upper = np.array([half_range, t.max(), 30.0, 2 * np.pi * 40, v.max(), longest_window_s, longest_window_s / 2])
     return Box(lower, upper)
 
 
