@@ -5,7 +5,8 @@ import io
 import os
 import re
 import zipfile
-from dataclasses import dataclass
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
 from importlib.resources import files
 from pathlib import Path
 from urllib.parse import quote
@@ -23,6 +24,11 @@ AUTHORS_URL = f"https://raw.githubusercontent.com/ElianaGiovannitti/Backlash-est
 # What the logs are records of: the paper gives the commanded speed, the logs the turn period.
 COMMANDED_SPEED_RPS = 100.0
 TURN_PERIOD_S = 0.4
+
+WORKBOOK_FILES = (
+    *(f"Speeddata{level}.xlsx" for level in range(3, 14)),
+    *(f"Noisy data/Low level of noise/Data_with_Noise_{realisation}.zip" for realisation in (1, 2)),
+)
 
 
 class DataUnavailable(RuntimeError):
@@ -48,7 +54,7 @@ class Recording:
     turn_period_s : float
         Period of a load turn [s].
     source : str
-        Where it comes from, for people.
+        Where it comes from; for the authors' data the file's path, and after "!" the member of a zip archive.
     """
 
     t: FloatArray
@@ -56,6 +62,48 @@ class Recording:
     commanded_speed_rps: float
     turn_period_s: float
     source: str
+
+
+def from_sample(recording: Recording, start: int) -> Recording:
+    """Drop a record's first `start` samples; time starts from zero again.
+
+    Raises
+    ------
+    ValueError
+        Fewer than three samples would be left.
+    """
+    if not 0 <= start <= recording.t.size - 3:
+        raise ValueError(f"start sample {start}: the record has {recording.t.size} samples")
+    if start == 0:
+        return recording
+    t = recording.t[start:] - recording.t[start]
+    return replace(recording, t=t, v=recording.v[start:])
+
+
+def add_uniform_noise(recording: Recording, half_amplitude_rps: float, rng: np.random.Generator) -> Recording:
+    """Add uniform white noise n(t) to a record (equation 18), as the authors' noisy logs have it.
+
+    Parameters
+    ----------
+    recording : Recording
+        The clean record.
+    half_amplitude_rps : float
+        Table 2's noise amplitude [rps]: n lies between plus and minus this.
+    rng : Generator
+        Where the noise comes from.
+
+    Returns
+    -------
+    Recording
+    """
+    noise = rng.uniform(-half_amplitude_rps, half_amplitude_rps, recording.v.size)
+    return replace(recording, v=recording.v + noise, source=f"{recording.source} + uniform noise")
+
+
+def constant_speed(samples: int, dt: float) -> Recording:
+    """Make a record without backlash, the commanded speed and nothing else, to add noise to."""
+    v = np.full(samples, COMMANDED_SPEED_RPS)
+    return Recording(dt * np.arange(samples), v, COMMANDED_SPEED_RPS, TURN_PERIOD_S, "constant speed")
 
 
 def level_delta_rad(level: int) -> float:
@@ -67,6 +115,13 @@ def authors_registry() -> dict[str, str]:
     """SHA-256 of each file of the authors' repository at `AUTHORS_COMMIT`, by its path there."""
     lines = (files("replication") / "data" / "authors_sha256.txt").read_text(encoding="utf-8").splitlines()
     return {path: digest for digest, path in (line.split("  ", 1) for line in lines)}
+
+
+def authors_digests(recordings: Iterable[Recording]) -> dict[str, str]:
+    """SHA-256 of the authors' files that recordings were read from, by path; others are left out."""
+    registry = authors_registry()
+    paths = (recording.source.partition("!")[0] for recording in recordings)
+    return {path: registry[path] for path in paths if path in registry}
 
 
 def authors_file(path: str, base_url: str = AUTHORS_URL, cache: Path | None = None) -> Path:
@@ -214,8 +269,8 @@ def load_noisy(level: int, realisation: int) -> Recording:
     """
     loudness = "Low" if realisation <= 5 else "High"
     path = f"Noisy data/{loudness} level of noise/Data_with_Noise_{realisation}.zip"
-    member = read_zip_member(authors_file(path), rf"(.*/)?SpeeddataNoise{level}(_\d+)?\.xlsx")
-    return _authors_recording(member, f"SpeeddataNoise{level} of Data_with_Noise_{realisation}.zip")
+    content = read_zip_member(authors_file(path), rf"(.*/)?SpeeddataNoise{level}(_\d+)?\.xlsx")
+    return _authors_recording(content, f"{path}!SpeeddataNoise{level}")
 
 
 def read_zip_member(archive: Path, pattern: str) -> bytes:

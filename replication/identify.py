@@ -81,15 +81,12 @@ class Fit:
         Parameters in `signature.FREE_PARAMETERS` order.
     rmse : float
         Misfit [rps].
-    first_rmse : float
-        Lowest misfit of the first generation [rps].
     evaluations, iterations : int
         What the search spent.
     """
 
     X: FloatArray
     rmse: float
-    first_rmse: float
     evaluations: int
     iterations: int
 
@@ -221,13 +218,20 @@ def paper_fit(recording: Recording, protocol: Protocol, seed: int) -> Fit:
     """
     box = protocol_box(recording, protocol)
     strategy = evolution_strategy(box, protocol, seed)
-    first_rmse = None
     while not strategy.stop():
         genotypes = strategy.ask()
-        population = into_box(np.array(genotypes), box, protocol.margin)
-        misfits = population_rmse(recording.t, recording.v, population, protocol.timing)
-        if first_rmse is None:
-            first_rmse = float(misfits.min())
-        strategy.tell(genotypes, misfits)
+        strategy.tell(genotypes, _misfits(genotypes, recording, box, protocol))
     best = into_box(np.atleast_2d(strategy.best.x), box, protocol.margin)[0]
-    return Fit(best, float(strategy.best.f), first_rmse, strategy.countevals, strategy.countiter)
+    return Fit(best, float(strategy.best.f), strategy.countevals, strategy.countiter)
+
+
+def first_generation_rmse(recording: Recording, protocol: Protocol, seed: int) -> float:
+    """Lowest misfit [rps] of a run's first generation, which depends on nothing but the seed and the box."""
+    box = protocol_box(recording, protocol)
+    genotypes = evolution_strategy(box, protocol, seed).ask()
+    return float(_misfits(genotypes, recording, box, protocol).min())
+
+
+def _misfits(genotypes: list[FloatArray], recording: Recording, box: Box, protocol: Protocol) -> FloatArray:
+    population = into_box(np.array(genotypes), box, protocol.margin)
+    return population_rmse(recording.t, recording.v, population, protocol.timing)

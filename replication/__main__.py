@@ -1,0 +1,99 @@
+"""The command line: what the Makefile does, where there is no make."""
+
+import argparse
+import sys
+import time
+from pathlib import Path
+
+from replication import report, workbook
+from replication.datasets import WORKBOOK_FILES, DataCorrupt, DataUnavailable, authors_file
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Run one command; return its exit status."""
+    options = _parser().parse_args(arguments)
+    return options.command(options)
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(prog="python -m replication", description=__doc__)
+    commands = parser.add_subparsers(required=True, metavar="COMMAND")
+
+    run = commands.add_parser("run", help="execute notebooks, in order; all of them if none is named")
+    run.add_argument("notebook", nargs="*", type=Path, help="a notebook's .py source")
+    run.add_argument("--quick", action="store_true", help="few repeats, into results/quick")
+    run.add_argument("--timeout", type=int, default=600, help="longest time of a cell [s] (default: 600)")
+    run.add_argument("--stamp", type=Path, help="touch this file if everything ran")
+    run.set_defaults(command=_run)
+
+    for name, command, text in (
+        ("collect", _collect, "verdicts.csv, claims.csv and provenance.json from the notebooks' outcomes"),
+        ("check", _check, "print the verdict table; exit 1 if any cell differs"),
+        ("report", _report, "results/report.html from the results"),
+    ):
+        sub = commands.add_parser(name, help=text)
+        sub.add_argument("--quick", action="store_true", help="of the quick run")
+        sub.set_defaults(command=command)
+    commands.add_parser("readme", help="write the results' numbers into README.md").set_defaults(command=_readme)
+    commands.add_parser("data", help="fetch and verify the authors' data").set_defaults(command=_data)
+    return parser
+
+
+def _run(options: argparse.Namespace) -> int:
+    sources = options.notebook or sorted((workbook.ROOT / "notebooks").glob("[0-9]*.py"))
+    complete = True
+    for source in sources:
+        begun = time.perf_counter()
+        try:
+            workbook.execute(source, options.quick, options.timeout)
+        except workbook.NotebookNotRun as error:
+            print(f"{error}; its last results stay as they are", file=sys.stderr)
+            complete = False
+        except (workbook.NotebookFailed, ValueError, OSError) as error:
+            print(f"failed: {error}", file=sys.stderr)
+            return 1
+        else:
+            workbook.note_duration(source.stem, time.perf_counter() - begun)
+    if complete and options.stamp:
+        options.stamp.parent.mkdir(parents=True, exist_ok=True)
+        options.stamp.touch()
+    return 0
+
+
+def _results(options: argparse.Namespace) -> Path:
+    return (workbook.QUICK if options.quick else workbook.ROOT) / "results"
+
+
+def _collect(options: argparse.Namespace) -> int:
+    workbook.collect(_results(options))
+    return 0
+
+
+def _check(options: argparse.Namespace) -> int:
+    table = workbook.verdicts(_results(options))
+    print(workbook.verdict_text(table))
+    return 1 if (table["verdict"] == "differs").any() else 0
+
+
+def _report(options: argparse.Namespace) -> int:
+    print(report.write_page(_results(options)))
+    return 0
+
+
+def _readme(_: argparse.Namespace) -> int:
+    report.update_readme(workbook.ROOT / "README.md", workbook.ROOT / "results")
+    return 0
+
+
+def _data(_: argparse.Namespace) -> int:
+    try:
+        for path in WORKBOOK_FILES:
+            print(authors_file(path))
+    except (DataUnavailable, DataCorrupt) as error:
+        print(error, file=sys.stderr)
+        return 2
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

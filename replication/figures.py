@@ -1,0 +1,219 @@
+"""Style and plots: one function a figure, data frames and arrays in, a matplotlib figure out."""
+
+from collections.abc import Mapping, Sequence
+
+import matplotlib as mpl
+import matplotlib.pyplot as plt
+import numpy as np
+import pandas as pd
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+FloatArray = NDArray[np.float64]
+
+# Okabe and Ito's colours, ordered so that neighbours also differ in grey.
+INK, BLUE, ORANGE, GREEN, PINK, SKY = "#000000", "#0072B2", "#E69F00", "#009E73", "#CC79A7", "#56B4E9"
+PRINTED = {"color": INK, "marker": "x", "linestyle": "none", "markersize": 7, "label": "printed in the paper"}
+
+STYLE = {
+    "figure.figsize": (8.0, 4.5),
+    "figure.dpi": 100,
+    "figure.constrained_layout.use": True,
+    "font.size": 10,
+    "axes.grid": True,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.prop_cycle": mpl.cycler(color=[BLUE, ORANGE, GREEN, PINK, SKY, INK]),
+    "grid.color": "0.9",
+    "legend.frameon": False,
+    "svg.hashsalt": "backlash",
+    "svg.fonttype": "path",
+}
+
+
+def _styled(rows: int = 1, columns: int = 1, **options) -> tuple[Figure, np.ndarray]:
+    """Make a figure in the workbook's style, with a grid of axes."""
+    with mpl.rc_context(STYLE):
+        return plt.subplots(rows, columns, squeeze=False, **options)
+
+
+def signature_parameters(
+    t: FloatArray, h: FloatArray, t0: float, T1: float, T2: float, T_d: float, T_f: float
+) -> Figure:
+    """Figure 6: the signature h(t) over two turns with its instants and intervals.
+
+    Parameters
+    ----------
+    t, h : arrays of shape (samples,)
+        Time [s] and signature [rps].
+    t0, T1, T2, T_d, T_f : float
+        Reference instant and intervals of equation 5 and 6 [s].
+
+    Returns
+    -------
+    Figure
+    """
+    figure, axes = _styled(figsize=(8.5, 4.2))
+    axis = axes[0, 0]
+    axis.plot(t, h, color=BLUE)
+    top = np.abs(h).max()
+    axis.axvline(t0, color=INK, linewidth=0.8, linestyle=":")
+    axis.text(t0, -1.1 * top, "$t_0$", ha="center", va="top")
+    spans = ((T1, 1.15, "$T_1$"), (T2, 1.4, "$T_2$"), (T_d, 1.65, "$T_d$"), (T_f, 1.9, "$T_f$"))
+    for length, height, name in spans:
+        y = height * top
+        axis.annotate("", (t0 + length, y), (t0, y), arrowprops={"arrowstyle": "<->", "color": INK, "lw": 0.8})
+        axis.plot([t0 + length] * 2, [y, 0], color="0.6", linewidth=0.8, linestyle=":")
+        axis.text(t0 + length + 0.005, y, name, ha="left", va="center")
+    axis.set(xlabel="time [s]", ylabel="h(t) [rps]", ylim=(-1.35 * top, 2.1 * top))
+    return figure
+
+
+def record_with_fit(t: FloatArray, v: FloatArray, fitted: FloatArray, labels: Sequence[str]) -> Figure:
+    """Show a record, a fitted signature over it and the residual beneath.
+
+    Parameters
+    ----------
+    t, v, fitted : arrays of shape (samples,)
+        Time [s], recorded and fitted speed [rps].
+    labels : two strings
+        What record and fit are.
+
+    Returns
+    -------
+    Figure
+    """
+    figure, axes = _styled(2, 1, sharex=True, figsize=(8.5, 5.0), height_ratios=(3, 1))
+    upper, lower = axes[:, 0]
+    upper.plot(t, v, color=ORANGE, linewidth=1.6, label=labels[0])
+    upper.plot(t, fitted, color=BLUE, linewidth=0.9, label=labels[1])
+    upper.set(ylabel="motor speed [rps]")
+    upper.legend(loc="upper right", ncols=2)
+    lower.plot(t, v - fitted, color=INK, linewidth=0.7)
+    lower.set(xlabel="time [s]", ylabel="residual [rps]")
+    return figure
+
+
+def table2(rows: Mapping[str, pd.DataFrame], printed: pd.DataFrame) -> Figure:
+    """Show Table 2's amplitudes: mean and SD of every source, their best basin and the printed marks.
+
+    Parameters
+    ----------
+    rows : mapping of label to DataFrame
+        Ten rows each, columns `delta_rad, mean_A_rps, sd_A_rps, best_A_rps, theoretical_A_rps`.
+    printed : DataFrame
+        Ten rows, columns `mean, sd, theoretical`, in the same order.
+
+    Returns
+    -------
+    Figure
+    """
+    figure, axes = _styled(2, 1, sharex=True, figsize=(8.5, 6.5), height_ratios=(2, 1))
+    upper, lower = axes[:, 0]
+    colours = (BLUE, ORANGE, GREEN)
+    delta = 1e4 * next(iter(rows.values()))["delta_rad"].to_numpy()
+    theory = printed["theoretical"].to_numpy()
+    upper.plot(delta, theory, color="0.6", linewidth=1, label="theoretical A, printed")
+    offsets = np.linspace(-0.25, 0.25, len(rows) + 1)
+    for (label, table), colour, offset in zip(rows.items(), colours, offsets, strict=False):
+        style = {"color": colour, "linestyle": "none", "capsize": 3}
+        at = delta + offset
+        upper.errorbar(at, table["mean_A_rps"], table["sd_A_rps"], marker="o", markersize=4, label=label, **style)
+        upper.plot(at, table["best_A_rps"], marker="_", markersize=10, linestyle="none", color=colour)
+        difference = 100 * (table["best_A_rps"].to_numpy() / printed["mean"].to_numpy() - 1)
+        lower.plot(
+            at, difference, marker="_", markersize=10, linestyle="none", color=colour, label=f"best basin, {label}"
+        )
+    at = delta + offsets[-1]
+    upper.errorbar(at, printed["mean"], printed["sd"], elinewidth=1, capsize=3, **PRINTED)
+    lower.axhspan(-2, 2, color="0.9", label="$\\pm$2 %: window gate and noise realisation")
+    lower.set(xlabel="backlash $\\delta$ [1e-4 rad]", ylabel="against printed\nmean [%]", ylim=(-6, 6))
+    upper.set(ylabel="A [rps], mean $\\pm$ SD of 30 runs")
+    upper.legend(loc="upper left")
+    lower.legend(loc="lower right", fontsize=8, ncols=2)
+    return figure
+
+
+def basins(runs: pd.DataFrame, labels: FloatArray, title: str) -> Figure:
+    """Show where repeated runs on one record end: misfit against amplitude, one marker a run.
+
+    Parameters
+    ----------
+    runs : DataFrame
+        Columns `A_rps, rmse_rps`.
+    labels : array of shape (runs,)
+        Basin of each run, 0 the best.
+    title : str
+        Which record.
+
+    Returns
+    -------
+    Figure
+    """
+    figure, axes = _styled(figsize=(7.0, 4.0))
+    axis = axes[0, 0]
+    amplitude, rmse = runs["A_rps"].abs(), runs["rmse_rps"]
+    best = labels == 0
+    axis.plot(rmse[~best], amplitude[~best], "o", mfc="none", color=ORANGE, label=f"other basins, {(~best).sum()} runs")
+    axis.plot(rmse[best], amplitude[best], "s", color=BLUE, label=f"best basin, {best.sum()} runs")
+    axis.set(xlabel="final RMSE [rps]", ylabel="|A| [rps]", title=title)
+    axis.legend()
+    return figure
+
+
+def protocol_variants(scores: pd.DataFrame) -> Figure:
+    """Show each protocol variant's means and SDs over the printed ones, row by row of Table 2.
+
+    Parameters
+    ----------
+    scores : DataFrame
+        Columns `protocol, delta_rad, mean_error_percent, sd_ratio`.
+
+    Returns
+    -------
+    Figure
+    """
+    figure, axes = _styled(1, 2, figsize=(9.5, 4.5))
+    left, right = axes[0]
+    markers = "osv^Dx"
+    for (name, part), marker in zip(scores.groupby("protocol", sort=False), markers, strict=False):
+        left.plot(1e4 * part["delta_rad"], part["mean_error_percent"], marker=marker, linewidth=0.8, label=name)
+        right.plot(1e4 * part["delta_rad"], part["sd_ratio"], marker=marker, linewidth=0.8)
+    left.axhline(0, color=INK, linewidth=0.8)
+    right.axhline(1, color=INK, linewidth=0.8)
+    left.set(xlabel="backlash $\\delta$ [1e-4 rad]", ylabel="mean A against printed mean [%]")
+    right.set(xlabel="backlash $\\delta$ [1e-4 rad]", ylabel="SD over printed SD", yscale="log")
+    left.legend(fontsize=8)
+    return figure
+
+
+def characteristic(
+    amplitude_rps: FloatArray, delta_rad: FloatArray, curve_A: FloatArray, curve_delta: FloatArray, label: str
+) -> Figure:
+    """Figure 12: backlash against amplitude, the points and the cubic, with the residual beneath.
+
+    Parameters
+    ----------
+    amplitude_rps, delta_rad : arrays of shape (points,)
+        Printed points.
+    curve_A, curve_delta : arrays of shape (samples,)
+        The fitted cubic; its first `points` samples are at the points themselves.
+    label : str
+        What the curve is.
+
+    Returns
+    -------
+    Figure
+    """
+    figure, axes = _styled(2, 1, sharex=True, figsize=(7.5, 5.5), height_ratios=(3, 1))
+    upper, lower = axes[:, 0]
+    order = np.argsort(curve_A)
+    upper.plot(curve_A[order], 1e4 * curve_delta[order], color=BLUE, label=label)
+    upper.plot(amplitude_rps, 1e4 * delta_rad, **PRINTED)
+    upper.set(ylabel="backlash $\\delta$ [1e-4 rad]")
+    upper.legend()
+    residual = curve_delta[: len(delta_rad)] - delta_rad
+    lower.plot(amplitude_rps, 1e6 * residual, "o", color=BLUE, markersize=4)
+    lower.axhline(0, color=INK, linewidth=0.8)
+    lower.set(xlabel="amplitude A [rps]", ylabel="fit - point\n[1e-6 rad]")
+    return figure

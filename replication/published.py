@@ -1,0 +1,90 @@
+"""Every number the paper prints, once, from the data files beside this module."""
+
+from functools import cache
+from importlib.resources import files
+from importlib.resources.abc import Traversable
+
+import numpy as np
+import pandas as pd
+
+DATA: Traversable = files("replication") / "data"
+
+
+def _table(name: str) -> pd.DataFrame:
+    with (DATA / name).open(encoding="utf-8") as file:
+        return pd.read_csv(file, keep_default_na=False)
+
+
+@cache
+def _cells() -> pd.DataFrame:
+    return _table("cells.csv").set_index("id", verify_integrity=True)
+
+
+def cells(element: str | None = None) -> pd.DataFrame:
+    """Load the printed numbers, indexed by cell id.
+
+    Parameters
+    ----------
+    element : str, optional
+        Only this element, such as "Table 2".
+
+    Returns
+    -------
+    DataFrame
+        Columns `element, row, column, printed, value, unit, kind, abs_tol, rel_tol, tol_reason, section`.
+
+    Raises
+    ------
+    KeyError
+        There is no such element.
+    """
+    table = _cells()
+    if element is None:
+        return table.copy()
+    chosen = table[table["element"] == element]
+    if chosen.empty:
+        raise KeyError(f"{element}: no such element; there are {', '.join(table['element'].unique())}")
+    return chosen.copy()
+
+
+def value(cell: str) -> float:
+    """Printed value of a cell, in the cell's unit.
+
+    Raises
+    ------
+    KeyError
+        There is no such cell.
+    """
+    return float(_cells().loc[cell, "value"])
+
+
+def tolerance(cell: str) -> float:
+    """Largest difference from the printed value that still reproduces a cell, in the cell's unit."""
+    row = _cells().loc[cell]
+    return float(row["abs_tol"] + row["rel_tol"] * abs(row["value"]))
+
+
+def column(element: str, name: str) -> np.ndarray:
+    """Printed values of one column of a table, in the order of its rows."""
+    table = cells(element)
+    return table.loc[table["column"] == name, "value"].to_numpy(float)
+
+
+def claims() -> pd.DataFrame:
+    """Prose claims, indexed by id: `claim, section, check`."""
+    return _table("claims.csv").set_index("id", verify_integrity=True)
+
+
+def errata() -> pd.DataFrame:
+    """Errata, indexed by id: `location, as_printed, corrected, evidence, effect`."""
+    return _table("errata.csv").set_index("id", verify_integrity=True)
+
+
+def known_differences() -> pd.DataFrame:
+    """Cells known not to reproduce, with the reason: `id, source, reason`."""
+    return _table("differences.csv")
+
+
+def authors_notebook_runs() -> pd.DataFrame:
+    """Load the 30 runs that the authors' notebook stores, on their record 12 (one row a run)."""
+    return _table("authors_notebook_runs.csv")

@@ -1,0 +1,78 @@
+"""The virtual sensor's static characteristic: from the amplitude A to the backlash delta (equation 10)."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.polynomial import Polynomial
+from numpy.typing import NDArray
+
+from replication import published
+
+FloatArray = NDArray[np.float64]
+
+RPM_PER_RPS = 60.0
+
+
+@dataclass(frozen=True)
+class Characteristic:
+    """Polynomial delta(A), equation 10's form.
+
+    Attributes
+    ----------
+    coefficients : array of shape (degree + 1,)
+        From the constant upwards [rad/rpm^k].
+    rmse_rad : float
+        Root mean square residual of the fit [rad]; NaN where it is not from a fit.
+    """
+
+    coefficients: FloatArray
+    rmse_rad: float
+
+    def backlash_rad(self, amplitude_rps: FloatArray | float) -> FloatArray | float:
+        """Backlash delta [rad] of an amplitude A [rps]; the polynomial itself takes rpm."""
+        return Polynomial(self.coefficients)(RPM_PER_RPS * np.asarray(amplitude_rps))
+
+    def amplitude_rps(self, backlash_rad: float) -> float:
+        """Amplitude A [rps] of a backlash delta [rad]: the smallest positive root.
+
+        Raises
+        ------
+        ValueError
+            No positive amplitude has that backlash.
+        """
+        roots = (Polynomial(self.coefficients) - backlash_rad).roots()
+        real = np.sort(roots[np.abs(roots.imag) < 1e-9].real)
+        positive = real[real > 0]
+        if positive.size == 0:
+            raise ValueError(f"backlash {backlash_rad:g} rad: no positive amplitude gives it")
+        return float(positive[0] / RPM_PER_RPS)
+
+
+def fit_characteristic(amplitude_rps: FloatArray, backlash_rad: FloatArray) -> Characteristic:
+    """Fit a cubic delta(A) by least squares, as the paper fits equation 10.
+
+    Parameters
+    ----------
+    amplitude_rps, backlash_rad : arrays of shape (points,)
+        Points of figure 12.
+
+    Returns
+    -------
+    Characteristic
+    """
+    rpm = RPM_PER_RPS * np.asarray(amplitude_rps)
+    cubic = Polynomial.fit(rpm, backlash_rad, deg=3).convert()
+    residual = cubic(rpm) - backlash_rad
+    return Characteristic(cubic.coef, float(np.sqrt(np.mean(residual**2))))
+
+
+def equation_10() -> Characteristic:
+    """Equation 10 with its printed coefficients."""
+    coefficients = 1e-6 * np.array([published.value(f"equation10.A{k}") for k in range(4)])
+    return Characteristic(coefficients, np.nan)
+
+
+def printed_levels_rad() -> FloatArray:
+    """Backlash of Table 2's ten rows [rad], from the range and step that the text prints."""
+    first, step = published.value("text.delta_min"), published.value("text.delta_step")
+    return first + step * np.arange(int(published.value("text.levels")))
