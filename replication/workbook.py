@@ -24,7 +24,7 @@ from matplotlib.figure import Figure
 from nbclient import NotebookClient
 from nbclient.exceptions import CellExecutionError, CellTimeoutError, DeadKernelError
 
-from replication import published
+from replication import figures, published
 
 ROOT = Path(__file__).resolve().parent.parent
 QUICK = ROOT / "results" / "quick"
@@ -41,6 +41,7 @@ PINNED_ENVIRONMENT = {
     "NUMBA_CPU_NAME": "haswell",
     "NUMBA_CPU_FEATURES": "+sse,+sse2,+sse3,+ssse3,+sse4.1,+sse4.2,+popcnt,+avx,+avx2,+fma,+bmi,+bmi2,+lzcnt",
     "PYTHONHASHSEED": "0",
+    "PYTHONWARNINGS": "ignore:IProgress not found",
     "MPLBACKEND": "module://matplotlib_inline.backend_inline",
 }
 
@@ -80,12 +81,7 @@ def save_table(table: pd.DataFrame, name: str) -> None:
 
 def save_figure(figure: Figure, name: str) -> None:
     """Export a figure as `figures/<name>.svg` and `.png`, without anything that differs from run to run."""
-    folder = output_folder() / "figures"
-    folder.mkdir(parents=True, exist_ok=True)
-    if is_quick():
-        figure.text(0.5, 0.5, "quick run", fontsize=40, color="0.6", alpha=0.4, ha="center", va="center", rotation=20)
-    figure.savefig(folder / f"{name}.svg", metadata={"Date": None})
-    figure.savefig(folder / f"{name}.png", dpi=150)
+    figures.save(figure, output_folder() / "figures", name, mark="quick run" if is_quick() else "")
 
 
 def save_outcome(
@@ -374,6 +370,7 @@ def _run_cells(notebook: nbformat.NotebookNode, source: Path, staging: Path, qui
         km=manager,
         timeout=timeout,
         record_timing=False,
+        extra_arguments=["--IPKernelApp.log_level=ERROR"],
         resources={"metadata": {"path": str(ROOT)}},
         on_cell_start=on_start,
     )

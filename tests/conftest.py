@@ -1,0 +1,19 @@
+import pytest
+
+from replication import datasets
+
+
+@pytest.fixture(scope="session")
+def authors_data():
+    """Skip a test where the authors' data are neither at hand nor to be downloaded."""
+    try:
+        for path in datasets.WORKBOOK_FILES:
+            datasets.authors_file(path)
+    except datasets.DataUnavailable as error:
+        pytest.skip(f"needs the authors' data: {error}")
+
+
+@pytest.fixture(scope="session")
+def record_12(authors_data):
+    """The authors' clean record 12, which their stored runs were fitted to."""
+    return datasets.load_clean(12)

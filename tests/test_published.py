@@ -1,0 +1,99 @@
+import numpy as np
+import pytest
+
+from replication import published, sensor
+
+STOCHASTIC = ("Table 2", "Table 3", "Table 4")
+
+
+def points():
+    delta = sensor.printed_levels_rad()
+    return published.column("Table 2", "theoretical")[: delta.size], delta
+
+
+def test_every_cell_has_a_tolerance_and_a_reason_for_it():
+    cells = published.cells()
+    assert (cells["tol_reason"].str.len() > 0).all()
+    assert (cells["abs_tol"] >= 0).all()
+    assert (cells["rel_tol"] >= 0).all()
+    assert set(cells["kind"]) == {"exact", "rounded", "stochastic", "bound"}
+
+
+def test_cell_ids_are_unique():
+    for table in (published.cells(), published.claims(), published.errata()):
+        assert table.index.is_unique
+
+
+def test_no_tolerance_is_tighter_than_half_the_last_printed_digit():
+    cells = published.cells()
+    numeric = cells[cells["printed"].str.fullmatch(r"-?[\d.]+(e-?\d+)?%?") & (cells["kind"] != "bound")]
+    assert len(numeric) > 80
+    for cell, row in numeric[numeric["value"] != 0].iterrows():  # a printed zero is exact
+        assert published.tolerance(cell) >= published.half_last_digit(row["printed"]) * (1 - 1e-9), cell
+
+
+def test_a_printed_number_and_its_value_agree():
+    cells = published.cells()
+    numeric = cells[cells["printed"].str.fullmatch(r"-?[\d.]+(e-?\d+)?%?")]
+    for cell, row in numeric.iterrows():
+        assert float(row["printed"].rstrip("%")) == row["value"], cell
+
+
+def test_the_tables_have_as_many_cells_as_the_paper_prints():
+    sizes = published.cells().groupby("element").size()
+    assert sizes["Table 1"] == 9 * 2
+    assert sizes["Table 2"] == 10 * 5 + 4
+    assert sizes["Table 3"] == 3 * 4
+    assert sizes["Table 4"] == 2 * 2
+    assert sizes["Equation 10"] == 5
+
+
+def test_an_unknown_element_is_named_in_the_error():
+    with pytest.raises(KeyError, match="Table 9"):
+        published.cells("Table 9")
+
+
+def test_equation_10_takes_rpm_not_rps():
+    amplitude, delta = points()
+    equation = sensor.equation_10()
+    in_rpm = equation.backlash_rad(amplitude)
+    in_rps = equation.backlash_rad(amplitude / sensor.RPM_PER_RPS)
+    assert np.abs(in_rpm - delta).max() < 2e-5
+    assert in_rps.max() < 5e-5
+    assert np.abs(in_rps - delta).min() > 2e-4
+
+
+def test_a_cubic_through_the_printed_points_has_the_printed_coefficients():
+    fitted = sensor.fit_characteristic(*points())
+    for power in range(4):
+        cell = f"equation10.A{power}"
+        assert abs(1e6 * fitted.coefficients[power] - published.value(cell)) <= published.tolerance(cell)
+
+
+def test_the_printed_rmse_of_equation_10_is_no_rmse_in_rad():
+    amplitude, delta = points()
+    best_possible = sensor.fit_characteristic(amplitude, delta).rmse_rad
+    printed = published.value("equation10.rmse")
+    assert best_possible > 1000 * printed
+    assert 5e-6 < best_possible < 7e-6
+
+
+def test_the_printed_relative_errors_follow_from_the_printed_means():
+    table = sensor.table_arithmetic()
+    assert len(table) == 13
+    off = (table["relative_error_percent"] - table["printed_percent"]).abs()
+    assert (off <= table["rounding_percent"]).all()
+
+
+def test_every_erratum_names_a_test_that_exists():
+    for key, row in published.errata().iterrows():
+        file, _, test = row["evidence"].partition("::")
+        path = published.DATA / ".." / ".." / file
+        assert f"def {test}(" in path.read_text(encoding="utf-8"), key
+
+
+def test_errata_and_differences_name_cells_that_exist():
+    known = set(published.cells().index)
+    in_errata = {cell for cells in published.errata()["cells"] for cell in cells.split()}
+    assert in_errata <= known
+    assert set(published.known_differences()["id"]) <= known

@@ -1,0 +1,97 @@
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from replication import published
+from replication.signature import Timing, damped_oscillation, population_rmse, rmse, signature, table1_box
+
+TIMING = Timing(T_d=0.2, T_f=0.4, n=12)
+T = 0.002 * np.arange(2401)
+V = 100 + np.sin(7 * T) + 0.3 * np.cos(140 * T)
+STORED = ["A_rps", "t0_s", "tau_per_s", "omega_rad_per_s", "c_rps", "window_end_s", "window_start_s"]
+
+
+def stored_runs():
+    return [(run[STORED].to_numpy(float), run) for _, run in published.authors_notebook_runs().iterrows()]
+
+
+def test_the_oscillation_is_zero_outside_its_window_and_equation_5_inside():
+    t = np.array([0.0, 0.1, 0.15, 0.2, 0.3])
+    h = damped_oscillation(t, A=2.0, t0=0.05, tau=10.0, omega=100.0, T1=0.05, T2=0.15)
+    inside = 2.0 * np.exp(-10.0 * np.array([0.0, 0.05, 0.1])) * np.sin(100.0 * np.array([0.05, 0.1, 0.15]))
+    np.testing.assert_allclose(h, [0, *inside, 0], atol=1e-15)
+
+
+def test_the_oscillations_alternate_in_sign_half_a_turn_apart():
+    X = np.array([1.0, 0.01, 12.0, 130.0, 100.0, 0.1507, 0.0113])
+    h = signature(T, X, TIMING)
+    np.testing.assert_allclose(h[100:2400], -h[:2300], atol=1e-12)
+
+
+def test_negating_A_and_shifting_by_half_a_turn_leaves_the_settled_signature():
+    X = np.array([1.0, 0.01, 12.0, 130.0, 100.0, 0.1507, 0.0113])
+    shifted = X + np.array([-2.0, 0.2, 0, 0, 0, 0, 0])
+    np.testing.assert_allclose(signature(T, shifted, TIMING)[105:], signature(T, X, TIMING)[105:], atol=1e-12)
+
+
+def test_a_gate_moved_within_a_sample_is_undone_by_the_amplitude():
+    X = np.array([1.0, 0.0101, 12.0, 130.0, 100.0, 0.1507, 0.0115])
+    moved = X.copy()
+    moved[6] -= 0.001
+    moved[0] *= np.exp(0.001 * 12.0)
+    np.testing.assert_allclose(signature(T, moved, TIMING), signature(T, X, TIMING), atol=1e-12)
+
+
+def test_the_signature_at_the_stored_parameters_has_the_stored_misfit(record_12):
+    runs = stored_runs()
+    assert len(runs) == 30
+    for X, run in runs:
+        timing = Timing(run["T_d_s"], run["T_f_s"], 12)
+        assert abs(rmse(record_12.t, record_12.v, X, timing) - run["final_rmse_rps"]) < 1e-6, run["run"]
+
+
+def test_equation_4_read_literally_does_not_give_the_stored_misfit(record_12):
+    for X, run in stored_runs():
+        t0 = X[1]
+        if t0 < 1e-3:
+            continue
+        literal = Timing(t0 + run["T_d_s"], t0 + run["T_f_s"], 12)
+        assert rmse(record_12.t, record_12.v, X, literal) > 2 * run["final_rmse_rps"]
+
+
+def test_the_box_is_table_1():
+    box = table1_box(T, V, published.value("table1.T2.max"))
+    for index, name in ((2, "tau"), (3, "omega"), (5, "T2"), (6, "T1")):
+        assert box.lower[index] == published.value(f"table1.{name}.min")
+        assert box.upper[index] == pytest.approx(published.value(f"table1.{name}.max"), rel=1e-15)
+    assert box.upper[0] == published.value("table1.A.max") * np.ptp(V)
+    assert (box.lower[1], box.upper[1]) == (T.min(), T.max())
+    assert (box.lower[4], box.upper[4]) == (V.min(), V.max())
+
+
+timings = st.builds(Timing, T_d=st.floats(0.05, 0.4), T_f=st.floats(0.1, 0.8), n=st.integers(0, 14))
+
+
+@settings(max_examples=150, deadline=None)
+@given(
+    unit=st.lists(st.one_of(st.sampled_from([0.0, 1.0]), st.floats(0, 1)), min_size=7, max_size=7),
+    timing=st.one_of(st.just(TIMING), timings),
+    start=st.integers(0, 150),
+    step=st.sampled_from([0.0005, 0.001, 0.002, 0.0037]),
+)
+def test_the_compiled_misfit_equals_the_transcription_across_the_box_and_on_its_edges(unit, timing, start, step):
+    t = step * np.arange(start, 1200)
+    v = 100 + np.sin(7 * t) + 0.3 * np.cos(140 * t)
+    box = table1_box(t, v, 0.204, amplitude_factor=1.3)
+    X = box.lower + np.array(unit) * (box.upper - box.lower)
+    expected = rmse(t, v, X, timing)
+    np.testing.assert_allclose(population_rmse(t, v, X[None], timing), [expected], rtol=1e-12)
+
+
+def test_a_population_is_judged_member_by_member():
+    box = table1_box(T, V, 0.204)
+    population = box.lower + np.random.default_rng(0).random((5, 7)) * (box.upper - box.lower)
+    together = population_rmse(T, V, population, TIMING)
+    alone = [population_rmse(T, V, member[None], TIMING)[0] for member in population]
+    np.testing.assert_array_equal(together, alone)
