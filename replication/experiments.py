@@ -36,6 +36,8 @@ VARIANTS = (
     replace(AUTHORS, name="A bound as printed", amplitude_factor=1.0),
     replace(AUTHORS, name="T_d and T_f as printed", T_d=0.204, T_f=0.408),
     replace(AUTHORS, name="bound margins of cma 4", margin=margin_cma4),
+    replace(AUTHORS, name="population 600", population=600),
+    replace(AUTHORS, name="population 1000", population=1000),
 )
 
 

@@ -215,13 +215,15 @@ def protocol_variants(scores: pd.DataFrame) -> Figure:
     """
     figure, axes = _grid(1, 2, figsize=(9.5, 4.5))
     left, right = axes[0]
-    markers = "osv^Dx"
+    markers = "osv^DxP*"
     for (name, part), marker in zip(scores.groupby("protocol", sort=False), markers, strict=False):
-        left.plot(1e4 * part["delta_rad"], part["mean_error_percent"], marker=marker, linewidth=0.8, label=name)
-        right.plot(1e4 * part["delta_rad"], part["sd_ratio"], marker=marker, linewidth=0.8)
+        style = {"marker": marker, "linewidth": 0.8, "markersize": 4}
+        left.plot(1e4 * part["delta_rad"], part["mean_error_percent"], label=name, **style)
+        right.plot(1e4 * part["delta_rad"], part["sd_ratio"], **style)
     left.axhline(0, color=INK, linewidth=0.8)
     right.axhline(1, color=INK, linewidth=0.8)
     left.set(xlabel="backlash $\\delta$ [1e-4 rad]", ylabel="mean A against printed mean [%]")
+    left.set_yscale("symlog", linthresh=5)
     right.set(xlabel="backlash $\\delta$ [1e-4 rad]", ylabel="SD over printed SD", yscale="log")
     left.legend(fontsize=8)
     return figure

@@ -1,0 +1,108 @@
+"""The committed results against the printed numbers, cell by cell."""
+
+import json
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from replication import datasets, published, report, workbook
+
+RESULTS = workbook.ROOT / "results"
+VERDICTS = pd.read_csv(RESULTS / "verdicts.csv")
+KNOWN = {(row["id"], row["source"]): row["reason"] for _, row in published.known_differences().iterrows()}
+
+
+def rows(frame):
+    return [pytest.param(row, id=f"{row['id']}-{row['source']}") for row in frame.to_dict("records")]
+
+
+@pytest.mark.parametrize("row", rows(VERDICTS[VERDICTS["verdict"] == "reproduced"]))
+def test_a_reproduced_cell_is_within_its_tolerance_of_the_printed_number(row):
+    cell = published.cells().loc[row["id"]]
+    off = row["reproduced"] - cell["value"]
+    assert (off if cell["kind"] == "bound" else abs(off)) <= cell["abs_tol"] + cell["rel_tol"] * abs(cell["value"])
+
+
+def test_the_cells_that_differ_are_exactly_those_with_a_known_reason():
+    differing = VERDICTS[VERDICTS["verdict"] == "differs"]
+    assert set(zip(differing["id"], differing["source"], strict=True)) == set(KNOWN)
+
+
+def test_the_verdicts_are_what_the_outcomes_give():
+    pd.testing.assert_frame_equal(workbook.verdicts(RESULTS), VERDICTS, rtol=1e-5, check_dtype=False)
+
+
+def test_every_printed_cell_has_a_verdict():
+    assert set(VERDICTS["id"]) == set(published.cells().index)
+    assert set(VERDICTS["verdict"]) <= set(workbook.VERDICTS)
+    assert VERDICTS["reason"].notna().all()
+
+
+def test_every_claim_is_decided():
+    claims = pd.read_csv(RESULTS / "claims.csv").set_index("id")
+    assert set(claims.index) == set(published.claims().index)
+    assert claims["holds"].notna().all()
+    assert claims["measured"].notna().all()
+
+
+def test_the_best_basin_is_within_2_percent_of_the_printed_mean_in_all_ten_rows():
+    table = pd.read_csv(RESULTS / "table2.csv")
+    first = table[(table["source"] == "authors") & (table["noise_level"] == "low, R = 1")]
+    printed = published.column("Table 2", "mean")[:10]
+    assert len(first) == 10
+    assert np.abs(first["best_A_rps"].to_numpy() / printed - 1).max() < 0.02
+
+
+def test_table_2_has_thirty_runs_a_row_and_its_summary_is_that_of_the_runs():
+    table = pd.read_csv(RESULTS / "table2.csv")
+    runs = pd.read_csv(RESULTS / "table2_runs_authors.csv")
+    assert (table["runs"] == published.value("text.runs")).all()
+    for row in table.to_dict("records"):
+        realisation = int(row["noise_level"].rpartition("= ")[2]) if row["delta_rad"] else 0
+        part = runs[(runs["row"] == row["row"]) & (runs["realisation"] == realisation)]
+        amplitude = part["A_rps"].abs() if row["delta_rad"] else part["A_rps"]
+        assert amplitude.mean() == pytest.approx(row["mean_A_rps"], rel=1e-4, abs=1e-7)
+        assert part["rmse_rps"].min() == pytest.approx(row["best_rmse_rps"], rel=1e-5)
+
+
+def test_the_stored_runs_end_in_the_four_known_basins():
+    basins = pd.read_csv(RESULTS / "stored_basins.csv")
+    assert basins["runs"].tolist() == [10, 1, 18, 1]
+
+
+def test_no_protocol_variant_with_the_printed_turn_period_comes_near():
+    ranking = pd.read_csv(RESULTS / "protocol_ranking.csv").set_index("protocol")["mean_abs_error_percent"]
+    assert ranking["T_d and T_f as printed"] > 30
+    assert ranking["authors' notebook"] < ranking["start drawn per run"]
+
+
+def test_the_provenance_names_versions_seeds_and_verified_inputs():
+    provenance = json.loads((RESULTS / "provenance.json").read_text(encoding="utf-8"))
+    assert set(workbook.PACKAGES) == set(provenance["packages"])
+    registry = datasets.authors_registry()
+    inputs = {
+        path: digest for notebook in provenance["notebooks"].values() for path, digest in notebook["inputs"].items()
+    }
+    assert inputs
+    assert all(registry[path] == digest for path, digest in inputs.items())
+
+
+def test_the_locked_versions_are_those_that_made_the_results():
+    provenance = json.loads((RESULTS / "provenance.json").read_text(encoding="utf-8"))
+    lock = (workbook.ROOT / "requirements.lock").read_text(encoding="utf-8")
+    for name, version in provenance["packages"].items():
+        assert f"{name}=={version} " in lock, name
+
+
+def test_the_readme_says_what_the_results_say():
+    text = (workbook.ROOT / "README.md").read_text(encoding="utf-8")
+    block = text.split(report.BEGIN)[1].split(report.END)[0].strip()
+    assert block == report.status(RESULTS).strip()
+
+
+@pytest.mark.parametrize("figure", sorted(path.stem for path in (workbook.ROOT / "figures").glob("*.svg")))
+def test_a_figure_is_there_as_svg_and_png_and_named_in_a_notebook(figure):
+    assert (workbook.ROOT / "figures" / f"{figure}.png").stat().st_size > 5000
+    sources = [path.read_text(encoding="utf-8") for path in (workbook.ROOT / "notebooks").glob("[0-9]*.py")]
+    assert any(f'"{figure}"' in source for source in sources)
