@@ -1,236 +1,59 @@
 """The robotic joint: two inertias, backlash after equations 8 and 9, gravity, and a digital drive.
 
-The motor (inertia J_m) drives the load (J_l) through a gear of ratio N and an elastic coupling with backlash, all
-written on the load side: delta_theta = theta_m / N - theta_l, gap 2 * delta. A digital drive with a position gain
-around a speed loop holds a constant commanded speed while gravity turns with the load, so that the gap opens and
-closes twice a turn.
+The motor (inertia J_m) drives the load (J_l) through a gear of ratio N and an elastic coupling with backlash,
+all written on the load side: delta_theta = theta_m / N - theta_l, gap 2 * delta. A digital drive with a
+position gain around a speed loop holds a constant commanded speed while gravity turns with the load, so that
+the gap opens and closes twice a turn.
 
 Near zero, equations 8 and 9 do not do what the text says of them:
 
 * K_BL is K_s / 2 at the edge, and inside the gap it leaks: 2 K_s / (pi alpha delta) in the middle. The leak
-  multiplies delta_theta - delta * sign(delta_theta), which points the wrong way inside the gap, so it pulls the teeth
-  towards the nearer edge.
-* sign() makes the torque jump by 2 K_s / (pi alpha) on either side of delta_theta = 0: the model has a discontinuity.
+  multiplies delta_theta - delta * sign(delta_theta), which points the wrong way inside the gap, so it pulls
+  the teeth towards the nearer edge.
+* sign() makes the torque jump by 2 K_s / (pi alpha) to either side of delta_theta = 0: a discontinuity.
 * The D_s term steps up at the edge and may pull on separation.
 
-All three vanish as alpha grows. The clamped dead zone has none of them: nothing inside the gap, K_s and D_s
-outside, and a torque that never pulls.
+All three vanish as alpha grows (the last but for D_s). The clamped dead zone has none of them: nothing inside
+the gap, K_s and D_s outside, and a torque that never pulls.
 """
 
-import json
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, fields
-from importlib.resources import files
 
-import numba as nb
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.linalg import expm
 
-GRAVITY = 9.80665
-TURN = 2 * math.pi
+from replication import joint_core as core
+from replication.joint_parameters import (
+    TURN,
+    JointParameters,
+    identified_joint,
+    joint_from_ratios,
+    with_ratios,
+)
 
-# Beyond this multiple of the commanded speed no joint of this kind is running any more.
-DIVERGED = 1e3
+__all__ = [
+    "DivergenceError",
+    "JointParameters",
+    "SimulatedJoint",
+    "closed_loop_matrix",
+    "encoder_position",
+    "identified_joint",
+    "joint_from_ratios",
+    "settled_peak_rps",
+    "simulate",
+    "simulate_many",
+    "stiffness",
+    "transmitted_torque",
+    "with_ratios",
+]
 
 
 class DivergenceError(ArithmeticError):
     """A simulated joint left every plausible speed; the message says when and at which backlash."""
-
-
-@dataclass(frozen=True)
-class JointParameters:
-    """Everything about the joint but its backlash.
-
-    Only ratios show in the motor speed: scaling every inertia, stiffness, torque and gain by one factor changes
-    nothing. ``joint_from_ratios`` makes physical values out of the ratios, for a point load of 5 kg.
-
-    Attributes
-    ----------
-    gear_ratio : float
-        N, motor turns per load turn.
-    motor_inertia_kgm2, load_inertia_kgm2 : float
-        J_m (motor side) and J_l (load side).
-    load_mass_kg, gravity_arm_m : float
-        m and r of the gravity torque m g r sin(theta_l).
-    stiffness_nm_per_rad, damping_nms_per_rad : float
-        K_s and D_s of the coupling, load side.
-    alpha_per_rad : float
-        Sharpness of the edge in equation 8.
-    clamped : bool
-        Use the clamped dead zone instead of equations 8 and 9.
-    motor_viscous_nms_per_rad, load_viscous_nms_per_rad : float
-        Viscous friction, each on its own side.
-    motor_coulomb_nm, load_coulomb_nm : float
-        Coulomb friction, each on its own side.
-    commanded_speed_rps : float
-        Commanded motor speed [turns/s].
-    start_angle_rad : float
-        Load angle at t = 0, from the upright position where gravity has no torque.
-    lead_s : float
-        How long before t = 0 the joint starts, at the commanded speed and with the teeth in contact.
-    position_gain_per_s : float
-        Speed correction per position error.
-    speed_gain_nms_per_rad, integral_gain_nm_per_rad, derivative_gain_nms2_per_rad : float
-        K_p, K_i, K_d of the speed loop, motor side. K_d acts on the measured speed only.
-    leaky_gain_nm_per_rad, leaky_rate_per_s : float
-        A second integral of the speed error that forgets at this rate.
-    control_period_s, control_delay_periods : float, int
-        The drive samples, computes, and applies the torque this many periods later, held for a period.
-    torque_lag_s : float
-        Time constant of the torque (current) loop; 0 for none.
-    torque_limit_nm : float
-        Largest commanded motor torque; the integrals stop while it binds.
-    encoder_bits : int
-        Resolution of the position that the drive sees; 0 for the true position.
-    speed_by_differencing : bool
-        The drive differences its position over one period instead of knowing the true speed.
-    """
-
-    gear_ratio: float
-    motor_inertia_kgm2: float
-    load_inertia_kgm2: float
-    load_mass_kg: float
-    gravity_arm_m: float
-    stiffness_nm_per_rad: float
-    position_gain_per_s: float
-    speed_gain_nms_per_rad: float
-    integral_gain_nm_per_rad: float
-    derivative_gain_nms2_per_rad: float = 0.0
-    leaky_gain_nm_per_rad: float = 0.0
-    leaky_rate_per_s: float = 0.0
-    torque_lag_s: float = 0.0
-    control_period_s: float = 5e-4
-    control_delay_periods: int = 1
-    start_angle_rad: float = 0.0
-    lead_s: float = 0.0
-    damping_nms_per_rad: float = 0.0
-    alpha_per_rad: float = 1e6
-    clamped: bool = False
-    motor_viscous_nms_per_rad: float = 0.0
-    load_viscous_nms_per_rad: float = 0.0
-    motor_coulomb_nm: float = 0.0
-    load_coulomb_nm: float = 0.0
-    commanded_speed_rps: float = 100.0
-    torque_limit_nm: float = math.inf
-    encoder_bits: int = 0
-    speed_by_differencing: bool = False
-
-    @property
-    def commanded_speed_rad_per_s(self) -> float:
-        """Commanded motor speed [rad/s]."""
-        return TURN * self.commanded_speed_rps
-
-    @property
-    def turn_period_s(self) -> float:
-        """Duration of a load turn [s]."""
-        return self.gear_ratio / self.commanded_speed_rps
-
-    @property
-    def gravity_torque_nm(self) -> float:
-        """Largest gravity torque m g r on the load [N m]."""
-        return self.load_mass_kg * GRAVITY * self.gravity_arm_m
-
-    @property
-    def ratios(self) -> dict[str, float]:
-        """What a motor-speed record can tell: the arguments of ``joint_from_ratios``."""
-        jm, jl = self.motor_inertia_kgm2, self.load_inertia_kgm2
-        return {
-            "stiffness_per_s2": self.stiffness_nm_per_rad / jl,
-            "gravity_per_s2": self.gravity_torque_nm / jl,
-            "inertia_ratio": jl / (self.gear_ratio**2 * jm),
-            "position_gain_per_s": self.position_gain_per_s,
-            "speed_gain_per_s": self.speed_gain_nms_per_rad / jm,
-            "integral_gain_per_s2": self.integral_gain_nm_per_rad / jm,
-            "derivative_gain": self.derivative_gain_nms2_per_rad / jm,
-            "leaky_gain_per_s2": self.leaky_gain_nm_per_rad / jm,
-            "leaky_rate_per_s": self.leaky_rate_per_s,
-            "torque_lag_s": self.torque_lag_s,
-            "start_angle_rad": self.start_angle_rad,
-            "lead_s": self.lead_s,
-        }
-
-
-def joint_from_ratios(
-    ratios: Mapping[str, float], *, gear_ratio: float = 40.0, load_mass_kg: float = 5.0, **others: float
-) -> JointParameters:
-    """Physical parameters of a point load that has these ratios.
-
-    A point mass has J_l = m r**2, so the gravity ratio g / r gives the arm and the mass gives the torque scale.
-
-    Parameters
-    ----------
-    ratios : mapping
-        The keys of ``JointParameters.ratios``.
-    gear_ratio, load_mass_kg : float
-        N, and m [kg].
-    **others
-        Further fields of `JointParameters`, as they are.
-
-    Returns
-    -------
-    JointParameters
-
-    Raises
-    ------
-    ValueError
-        If a ratio is missing, unknown, or without a physical meaning.
-    """
-    known = {f.name for f in fields(JointParameters)}
-    r = dict(ratios)
-    try:
-        arm = GRAVITY / r.pop("gravity_per_s2")
-        jl = load_mass_kg * arm**2
-        jm = jl / (gear_ratio**2 * r.pop("inertia_ratio"))
-        physical = {
-            "stiffness_nm_per_rad": jl * r.pop("stiffness_per_s2"),
-            "speed_gain_nms_per_rad": jm * r.pop("speed_gain_per_s"),
-            "integral_gain_nm_per_rad": jm * r.pop("integral_gain_per_s2"),
-            "derivative_gain_nms2_per_rad": jm * r.pop("derivative_gain", 0.0),
-            "leaky_gain_nm_per_rad": jm * r.pop("leaky_gain_per_s2", 0.0),
-        }
-    except (KeyError, ZeroDivisionError) as error:
-        raise ValueError(f"joint_from_ratios: missing or zero ratio ({error}); see JointParameters.ratios") from None
-    if unknown := set(r) - known:
-        raise ValueError(f"joint_from_ratios: unknown ratios {sorted(unknown)}; see JointParameters.ratios")
-    return JointParameters(
-        gear_ratio=gear_ratio,
-        motor_inertia_kgm2=jm,
-        load_inertia_kgm2=jl,
-        load_mass_kg=load_mass_kg,
-        gravity_arm_m=arm,
-        **physical,
-        **r,
-        **others,
-    )
-
-
-def identified_joint() -> JointParameters:
-    """Return the joint identified from the published signals (``data/joint.json``)."""
-    data = json.loads(files("replication").joinpath("data/joint.json").read_text(encoding="utf-8"))
-    return joint_from_ratios(data["ratios"])
-
-
-@nb.njit(cache=True)
-def _stiffness(x, delta, ks, alpha):
-    return ks / np.pi * (np.pi + np.arctan(alpha * (x - delta)) - np.arctan(alpha * (x + delta)))
-
-
-@nb.njit(cache=True)
-def _torque(x, v, delta, ks, ds, alpha, clamped):
-    if not clamped:
-        return (x - delta * np.sign(x) + ds / ks * v) * _stiffness(x, delta, ks, alpha)
-    if x > delta:
-        return max(0.0, ks * (x - delta) + ds * v)
-    if x < -delta:
-        return min(0.0, ks * (x + delta) + ds * v)
-    return 0.0
-
-
-_stiffness_ufunc = np.vectorize(_stiffness, otypes=[float])
-_torque_ufunc = np.vectorize(_torque, otypes=[float])
 
 
 def stiffness(
@@ -252,7 +75,9 @@ def stiffness(
     ndarray
         K_BL [N m/rad]: K_s far outside the gap, K_s / 2 at its edge, 2 K_s / (pi alpha delta) in its middle.
     """
-    return _stiffness_ufunc(delta_theta_rad, delta_rad, stiffness_nm_per_rad, alpha_per_rad)
+    x, delta = np.asarray(delta_theta_rad, dtype=float), np.asarray(delta_rad, dtype=float)
+    arctans = np.arctan(alpha_per_rad * (x - delta)) - np.arctan(alpha_per_rad * (x + delta))
+    return stiffness_nm_per_rad / np.pi * (np.pi + arctans)
 
 
 def transmitted_torque(
@@ -280,15 +105,14 @@ def transmitted_torque(
     ndarray
         tau_l [N m]. As printed it jumps by 2 K_s / (pi alpha) to either side of zero.
     """
-    return _torque_ufunc(
-        delta_theta_rad,
-        delta_omega_rad_per_s,
-        delta_rad,
-        stiffness_nm_per_rad,
-        damping_nms_per_rad,
-        alpha_per_rad,
-        clamped,
-    )
+    x, delta = np.asarray(delta_theta_rad, dtype=float), np.asarray(delta_rad, dtype=float)
+    damping = damping_nms_per_rad * np.asarray(delta_omega_rad_per_s, dtype=float)
+    if clamped:
+        beyond = np.sign(x) * np.maximum(np.abs(x) - delta, 0.0)
+        pushing = np.sign(x) * np.maximum(np.sign(x) * (stiffness_nm_per_rad * beyond + damping), 0.0)
+        return np.where(np.abs(x) > delta, pushing, 0.0)
+    displacement = x - delta * np.sign(x) + damping / stiffness_nm_per_rad
+    return displacement * stiffness(x, delta, stiffness_nm_per_rad, alpha_per_rad)
 
 
 def encoder_position(position_rad: ArrayLike, bits: int = 19) -> NDArray[np.float64]:
@@ -305,8 +129,8 @@ class SimulatedJoint:
     ----------
     delta_rad : float
         Half the gap.
-    time_s, motor_position_rad, motor_speed_rad_per_s, motor_torque_nm, load_position_rad : ndarray, shape (n,)
-        The true state; the motor position is N times the start angle at t = 0 and without errors.
+    time_s, motor_position_rad, motor_speed_rad_per_s, motor_torque_nm, load_position_rad : ndarray
+        The true state, shape (n,). The commanded motor position is N times the start angle at t = 0.
     gap_state : ndarray of int, shape (n,)
         1 when the motor drives the load, -1 when the load drives the motor, 0 inside the gap.
     impact_time_s, separation_time_s : ndarray
@@ -330,129 +154,6 @@ class SimulatedJoint:
     def motor_speed_rps(self) -> NDArray[np.float64]:
         """Motor speed [turns/s]."""
         return self.motor_speed_rad_per_s / TURN
-
-
-@nb.njit(cache=True)
-def _derivative(t, y, u, region, c, out):
-    """Rates of the deviations from the commanded motion; `region` keeps the field smooth within a step."""
-    n, omega, theta0, jm, jl, ks, ds, alpha, delta, clamped, mgr, bm, bl, cm, cl, lag = c
-    x, v = y[0] / n - y[2], y[1] / n - y[3]
-    if clamped > 0:
-        torque = 0.0
-        if region == 3:
-            torque = max(0.0, ks * (x - delta) + ds * v)
-        elif region == 0:
-            torque = min(0.0, ks * (x + delta) + ds * v)
-    else:
-        edge = delta if region >= 2 else -delta
-        torque = (x - edge + ds / ks * v) * _stiffness(x, delta, ks, alpha)
-    motor_speed, load_speed = omega + y[1], omega / n + y[3]
-    motor_torque = y[4] if lag > 0 else u
-    out[0] = y[1]
-    out[1] = (motor_torque - torque / n - bm * motor_speed - cm * np.sign(motor_speed)) / jm
-    out[2] = y[3]
-    gravity = mgr * np.sin(theta0 + omega / n * t + y[2])
-    out[3] = (torque - gravity - bl * load_speed - cl * np.sign(load_speed)) / jl
-    out[4] = (u - y[4]) / lag if lag > 0 else 0.0
-
-
-@nb.njit(cache=True)
-def _runge_kutta(t, y, h, u, region, c, k, z, out):
-    _derivative(t, y, u, region, c, k[0])
-    for stage in range(1, 4):
-        a = h if stage == 3 else 0.5 * h
-        for i in range(5):
-            z[i] = y[i] + a * k[stage - 1, i]
-        _derivative(t + a, z, u, region, c, k[stage])
-    for i in range(5):
-        out[i] = y[i] + h / 6 * (k[0, i] + 2 * (k[1, i] + k[2, i]) + k[3, i])
-    return out[0] / c[0] - out[2]
-
-
-@nb.njit(cache=True)
-def _locate(t, y, h, edge, x_end, u, region, c, k, z, out):
-    """Part of the step after which x meets the edge, by the Illinois method; `out` is the state there."""
-    lo, hi = 0.0, h
-    g_lo, g_hi = y[0] / c[0] - y[2] - edge, x_end - edge
-    if g_lo * g_hi >= 0:
-        out[:] = y
-        return 0.0
-    s, side = h, 0
-    for _ in range(60):
-        s = (lo * g_hi - hi * g_lo) / (g_hi - g_lo)
-        g = _runge_kutta(t, y, s, u, region, c, k, z, out) - edge
-        if abs(g) < 1e-14:
-            break
-        if g * g_hi > 0:
-            hi, g_hi = s, g
-            if side == -1:
-                g_lo *= 0.5
-            side = -1
-        else:
-            lo, g_lo = s, g
-            if side == 1:
-                g_hi *= 0.5
-            side = 1
-    return s
-
-
-@nb.njit(cache=True)
-def _control(t, y, memory, ring, count, drive, c):
-    """One sample of the drive: reads the encoder, returns the torque to hold for the next period."""
-    kpos, kp, ki, kd, kw, rate, period, limit, resolution, differencing = drive
-    offset = c[0] * c[2] + c[1] * t
-    position, speed = y[0], y[1]
-    if resolution > 0:
-        position = np.floor((offset + position) / resolution) * resolution - offset
-    if differencing > 0:
-        speed = (position - memory[3]) / period if count > 0 else y[1]
-    command_speed = -kpos * position
-    integral = memory[0] + ki * period * (command_speed - speed)
-    leaky = memory[1] - period * (speed + rate * memory[1])
-    torque = kp * (command_speed - speed) + integral + kw * leaky - kd * (speed - memory[2]) / period
-    if abs(torque) > limit:
-        torque = np.sign(torque) * limit
-    else:
-        memory[0], memory[1] = integral, leaky
-    memory[2], memory[3] = speed, position
-    ring[count % ring.size] = torque
-    return ring[(count + 1) % ring.size]
-
-
-@nb.njit(cache=True, nogil=True)
-def _run(y, region, steps, step, skip, every, per_period, delay, c, drive, record, gap, events):
-    """Integrate; return (status, events used): status is -1 when done, else the step at which it diverged."""
-    k, z, end = np.empty((4, 5)), np.empty(5), np.empty(5)
-    ring, memory = np.full(delay + 1, y[4]), np.array([y[4], 0.0, 0.0, y[0]])
-    edges = np.array([-np.inf, -c[8], 0.0, c[8], np.inf])
-    used, row, u, limit = 0, 0, y[4], DIVERGED * c[1]
-    for i in range(steps + 1):
-        t = (i - skip) * step
-        if i >= skip and (i - skip) % every == 0:
-            record[row, :] = y
-            gap[row] = 1 if region == 3 else (-1 if region == 0 else 0)
-            row += 1
-        if i % per_period == 0:
-            u = _control(t, y, memory, ring, i // per_period, drive, c)
-            if c[15] == 0:
-                y[4] = u
-        left = step
-        for _ in range(16):
-            x = _runge_kutta(t, y, left, u, region, c, k, z, end)
-            up = x > edges[region + 1]
-            if not up and x >= edges[region]:
-                break
-            s = _locate(t, y, left, edges[region + up], x, u, region, c, k, z, end)
-            region = region + 1 if up else region - 1
-            if c[8] > 0 and edges[region + 1 - up] != 0 and used < len(events):
-                events[used, 0], events[used, 1] = t + s, (region - 1.5) / 1.5 if region in (0, 3) else 0.0
-                used += 1
-            y[:] = end
-            t, left = t + s, left - s
-        y[:] = end
-        if not abs(y[1]) < limit:
-            return i, used
-    return -1, used
 
 
 def _constants(p: JointParameters, delta: float) -> tuple:
@@ -492,16 +193,16 @@ def _drive(p: JointParameters) -> tuple:
 
 
 def closed_loop_matrix(parameters: JointParameters, *, in_contact: bool = True) -> NDArray[np.float64]:
-    """One control period of the linear joint without gravity: teeth in contact, or motor alone inside the gap.
+    """One control period of the linear joint without gravity, as a matrix.
 
-    The state is motor position, motor speed, load position, load speed, torque (physical, as deviations), then
-    the drive's memory. Its eigenvalues are exp(s * control_period_s) of the joint's modes s.
+    The state is motor position, motor speed, load position, load speed and torque, as deviations, then the
+    drive's memory. Its eigenvalues are exp(s * control_period_s) of the joint's modes s.
 
     Parameters
     ----------
     parameters : JointParameters
     in_contact : bool
-        Couple the inertias by K_s and D_s, or not at all.
+        Couple the inertias by K_s and D_s (teeth in contact), or not at all (inside the gap).
 
     Returns
     -------
@@ -523,13 +224,13 @@ def closed_loop_matrix(parameters: JointParameters, *, in_contact: bool = True) 
     if p.torque_lag_s == 0:
         flow[4] = np.eye(6)[5]
     c, drive = _constants(p, 0.0), _drive(p)
-    # Without the command's offset, the encoder's grid and the torque limit the drive is linear, so unit vectors do.
+    # Without the encoder's grid and the torque limit the drive is linear, so unit vectors show its matrix.
     c, drive = (n, 0.0, 0.0, *c[3:]), (*drive[:7], math.inf, 0.0, drive[9])
     matrix = np.zeros((9 + delay, 9 + delay))
     for j, unit in enumerate(np.eye(9 + delay)):
-        y, memory, ring = unit[:5].copy(), unit[5:9].copy(), np.append(unit[9:], 0.0)
-        u = _control(0.0, y, memory, ring, max(delay, 1), drive, c)
-        matrix[:5, j] = (flow @ np.append(y, u))[:5]
+        y, memory, ring = tuple(unit[:5]), unit[5:9].copy(), np.append(unit[9:], 0.0)
+        u = core.control(0.0, y, memory, ring, max(delay, 1), drive, c)
+        matrix[:5, j] = (flow @ np.array([*y, u]))[:5]
         matrix[5:, j] = np.concatenate([memory, ring[1:]])
     return matrix
 
@@ -543,7 +244,13 @@ def _whole(ratio: float) -> bool:
 
 
 def _check_parameters(p: JointParameters) -> None:
-    positive = ("gear_ratio", "motor_inertia_kgm2", "load_inertia_kgm2", "stiffness_nm_per_rad", "alpha_per_rad")
+    positive = (
+        "gear_ratio",
+        "motor_inertia_kgm2",
+        "load_inertia_kgm2",
+        "stiffness_nm_per_rad",
+        "alpha_per_rad",
+    )
     positive += ("control_period_s", "commanded_speed_rps", "torque_limit_nm")
     free = {"start_angle_rad", "leaky_gain_nm_per_rad"}
     for name in (f.name for f in fields(p)):
@@ -568,30 +275,36 @@ def _check_parameters(p: JointParameters) -> None:
 
 def _check_run(p: JointParameters, delta: float, duration: float, sample: float, step: float) -> None:
     if not 0 <= delta < TURN / 2:
-        _refuse(f"delta_rad is {delta}: the gap 2 * delta must be between nothing and a turn", "give it in rad")
+        _refuse(
+            f"delta_rad is {delta}: the gap 2 * delta must be between nothing and a turn", "give it in rad"
+        )
     if not (0 < step < math.inf and 0 < sample < math.inf and 0 < duration < math.inf):
         _refuse(f"duration_s {duration}, sample_s {sample}, step_s {step}", "give positive times")
     for name, time in (("control_period_s", p.control_period_s), ("sample_s", sample)):
         if not _whole(time / step):
             _refuse(f"{name} {time} is no multiple of step_s {step}", "choose a step that divides it")
-    contact = math.sqrt(p.stiffness_nm_per_rad * (1 / p.load_inertia_kgm2 + 1 / p.gear_ratio**2 / p.motor_inertia_kgm2))
+    contact = math.sqrt(
+        p.stiffness_nm_per_rad * (1 / p.load_inertia_kgm2 + 1 / p.gear_ratio**2 / p.motor_inertia_kgm2)
+    )
     fastest = max(contact, 1 / p.torque_lag_s if p.torque_lag_s > 0 else 0.0)
     if step * fastest > 0.5:
         _refuse(
-            f"step_s {step} is too large for the fastest mode of {fastest:.4g} rad/s (stiffness or torque lag)",
+            f"step_s {step} is too large for the stiffness or torque lag, {fastest:.4g} rad/s at the fastest",
             f"take at most {0.5 / fastest:.2g} s",
         )
 
 
-def _start(p: JointParameters, delta: float) -> tuple[NDArray[np.float64], int]:
+def _start(p: JointParameters, delta: float) -> tuple[tuple[float, ...], int]:
     """State and region at -lead_s: commanded speed, teeth in contact, torques in balance."""
     load_speed = p.commanded_speed_rad_per_s / p.gear_ratio
     angle = p.start_angle_rad - load_speed * p.lead_s
-    torque = p.gravity_torque_nm * math.sin(angle) + p.load_viscous_nms_per_rad * load_speed + p.load_coulomb_nm
+    torque = (
+        p.gravity_torque_nm * math.sin(angle) + p.load_viscous_nms_per_rad * load_speed + p.load_coulomb_nm
+    )
     motor = p.motor_viscous_nms_per_rad * p.commanded_speed_rad_per_s + p.motor_coulomb_nm
     side = -1 if torque < 0 else 1
     twist = side * delta + torque / p.stiffness_nm_per_rad
-    return np.array([0.0, 0.0, -twist, 0.0, torque / p.gear_ratio + motor]), 3 if side > 0 else 0
+    return (0.0, 0.0, -twist, 0.0, torque / p.gear_ratio + motor), 3 if side > 0 else 0
 
 
 def simulate(
@@ -600,7 +313,7 @@ def simulate(
     *,
     duration_s: float = 4.8,
     sample_s: float = 2e-3,
-    step_s: float = 1e-4,
+    step_s: float = 2.5e-4,
 ) -> SimulatedJoint:
     """Simulate the joint at a constant commanded speed.
 
@@ -613,7 +326,8 @@ def simulate(
     delta_rad : float
         Half the gap [rad], load side.
     duration_s, sample_s, step_s : float
-        Length of the record, its sampling, and the step. With ``sample_s=step_s`` nothing is missed between samples.
+        Length of the record, its sampling, and the step. With ``sample_s=step_s`` nothing is missed between
+        samples.
 
     Returns
     -------
@@ -631,7 +345,9 @@ def simulate(
     return _simulate_checked(parameters, delta_rad, duration_s, sample_s, step_s)
 
 
-def _simulate_checked(p: JointParameters, delta: float, duration: float, sample: float, step: float) -> SimulatedJoint:
+def _simulate_checked(
+    p: JointParameters, delta: float, duration: float, sample: float, step: float
+) -> SimulatedJoint:
     _check_run(p, delta, duration, sample, step)
     y, region = _start(p, delta)
     every, skip = round(sample / step), round(p.lead_s / step)
@@ -640,8 +356,20 @@ def _simulate_checked(p: JointParameters, delta: float, duration: float, sample:
     steps = skip + (samples - 1) * every
     events = np.empty((steps + 1, 2))
     per_period, delay = round(p.control_period_s / step), int(p.control_delay_periods)
-    status, used = _run(
-        y, region, steps, step, skip, every, per_period, delay, _constants(p, delta), _drive(p), record, gap, events
+    status, used = core.run(
+        y,
+        region,
+        steps,
+        step,
+        skip,
+        every,
+        per_period,
+        delay,
+        _constants(p, delta),
+        _drive(p),
+        record,
+        gap,
+        events,
     )
     if status >= 0:
         raise DivergenceError(
@@ -672,10 +400,10 @@ def simulate_many(
     *,
     duration_s: float = 4.8,
     sample_s: float = 2e-3,
-    step_s: float = 1e-4,
+    step_s: float = 2.5e-4,
     threads: int = 2,
 ) -> list[SimulatedJoint]:
-    """Simulate several backlashes at once, each as `simulate` does; the results do not depend on `threads`."""
+    """Simulate several backlashes at once, each as `simulate` does, whatever the number of threads."""
     _check_parameters(parameters)
     with ThreadPoolExecutor(threads) as pool:
         jobs = [
@@ -686,6 +414,6 @@ def simulate_many(
 
 
 def settled_peak_rps(record: SimulatedJoint, parameters: JointParameters) -> float:
-    """Largest motor speed above the commanded one after the first turn [turns/s], the paper's theoretical A."""
+    """Largest motor speed above the commanded one after the first turn [turns/s]: the theoretical A."""
     settled = record.time_s >= parameters.turn_period_s
     return float(record.motor_speed_rps[settled].max() - parameters.commanded_speed_rps)
