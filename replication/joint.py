@@ -129,8 +129,9 @@ class SimulatedJoint:
     ----------
     delta_rad : float
         Half the gap.
-    time_s, motor_position_rad, motor_speed_rad_per_s, motor_torque_nm, load_position_rad : ndarray
-        The true state, shape (n,). The commanded motor position is N times the start angle at t = 0.
+    time_s, motor_position_rad, motor_speed_rad_per_s, motor_torque_nm : ndarray, shape (n,)
+    load_position_rad, load_speed_rad_per_s : ndarray, shape (n,)
+        The true state. The commanded motor position is N times the start angle at t = 0.
     gap_state : ndarray of int, shape (n,)
         1 when the motor drives the load, -1 when the load drives the motor, 0 inside the gap.
     impact_time_s, separation_time_s : ndarray
@@ -145,6 +146,7 @@ class SimulatedJoint:
     motor_speed_rad_per_s: NDArray[np.float64]
     motor_torque_nm: NDArray[np.float64]
     load_position_rad: NDArray[np.float64]
+    load_speed_rad_per_s: NDArray[np.float64]
     gap_state: NDArray[np.int64]
     impact_time_s: NDArray[np.float64]
     impact_side: NDArray[np.int64]
@@ -223,16 +225,11 @@ def closed_loop_matrix(parameters: JointParameters, *, in_contact: bool = True) 
     flow = expm(a * period)
     if p.torque_lag_s == 0:
         flow[4] = np.eye(6)[5]
-    c, drive = _constants(p, 0.0), _drive(p)
-    # Without the encoder's grid and the torque limit the drive is linear, so unit vectors show its matrix.
-    c, drive = (n, 0.0, 0.0, *c[3:]), (*drive[:7], math.inf, 0.0, drive[9])
-    matrix = np.zeros((9 + delay, 9 + delay))
-    for j, unit in enumerate(np.eye(9 + delay)):
-        y, memory, ring = tuple(unit[:5]), unit[5:9].copy(), np.append(unit[9:], 0.0)
-        u = core.control(0.0, y, memory, ring, max(delay, 1), drive, c)
-        matrix[:5, j] = (flow @ np.array([*y, u]))[:5]
-        matrix[5:, j] = np.concatenate([memory, ring[1:]])
-    return matrix
+    # Without the encoder's grid and the torque limit the drive is linear.
+    drive = (*_drive(p)[:7], math.inf, 0.0, float(p.speed_by_differencing))
+    rows = core.control_matrix(delay, drive, _constants(p, 0.0))
+    held = np.vstack([np.eye(5, 9 + delay), rows[:1]])
+    return np.vstack([(flow @ held)[:5], rows[1:]])
 
 
 def _refuse(what: str, advice: str) -> None:
@@ -240,58 +237,57 @@ def _refuse(what: str, advice: str) -> None:
 
 
 def _whole(ratio: float) -> bool:
-    return abs(ratio - round(ratio)) < 1e-6 and ratio > 0.5
+    return ratio > 0.5 and abs(ratio - round(ratio)) < 1e-6
 
 
-def _check_parameters(p: JointParameters) -> None:
-    positive = (
-        "gear_ratio",
-        "motor_inertia_kgm2",
-        "load_inertia_kgm2",
-        "stiffness_nm_per_rad",
-        "alpha_per_rad",
-    )
-    positive += ("control_period_s", "commanded_speed_rps", "torque_limit_nm")
-    free = {"start_angle_rad", "leaky_gain_nm_per_rad"}
+def _check_values(p: JointParameters) -> None:
+    positive = {"gear_ratio", "motor_inertia_kgm2", "load_inertia_kgm2", "stiffness_nm_per_rad"}
+    positive |= {"alpha_per_rad", "control_period_s", "commanded_speed_rps", "torque_limit_nm"}
+    any_sign = {"start_angle_rad", "leaky_gain_nm_per_rad"}
     for name in (f.name for f in fields(p)):
         value = getattr(p, name)
-        if math.isnan(value) or (math.isinf(value) and name != "torque_limit_nm"):
-            _refuse(f"{name} is {value}", "give a finite number")
+        if not math.isfinite(value) and not (name == "torque_limit_nm" and value > 0):
+            hint = " (clamped=True has the sharp edge)" if name == "alpha_per_rad" else ""
+            _refuse(f"{name} is {value}", f"give a finite number{hint}")
         if name in positive and value <= 0:
             _refuse(f"{name} is {value}", "give a positive number")
-        if name not in free and value < 0:
+        if name not in any_sign and value < 0:
             _refuse(f"{name} is {value}", "give zero or a positive number")
+    for name in ("control_delay_periods", "encoder_bits"):
+        if getattr(p, name) != int(getattr(p, name)):
+            _refuse(f"{name} is {getattr(p, name)}", "give a whole number")
     if p.lead_s > 0 and not _whole(p.lead_s / p.control_period_s):
         _refuse(f"lead_s {p.lead_s} is no multiple of control_period_s {p.control_period_s}", "round it")
-    for in_contact in (True, False):
-        growth = np.abs(np.linalg.eigvals(closed_loop_matrix(p, in_contact=in_contact))).max()
-        if growth > 1 + 1e-4:
-            where = "with the teeth in contact" if in_contact else "of the motor inside the gap"
-            _refuse(
-                f"the speed loop {where} is unstable (grows {growth:.4f} times each control period)",
-                "lower the gains, control_period_s or control_delay_periods",
-            )
 
 
 def _check_run(p: JointParameters, delta: float, duration: float, sample: float, step: float) -> None:
     if not 0 <= delta < TURN / 2:
-        _refuse(
-            f"delta_rad is {delta}: the gap 2 * delta must be between nothing and a turn", "give it in rad"
-        )
-    if not (0 < step < math.inf and 0 < sample < math.inf and 0 < duration < math.inf):
-        _refuse(f"duration_s {duration}, sample_s {sample}, step_s {step}", "give positive times")
+        _refuse(f"delta_rad is {delta}", "the gap 2 * delta must be between nothing and a turn")
+    for name, time in (("duration_s", duration), ("sample_s", sample), ("step_s", step)):
+        if not 0 < time < math.inf:
+            _refuse(f"{name} is {time}", "give a positive time")
     for name, time in (("control_period_s", p.control_period_s), ("sample_s", sample)):
         if not _whole(time / step):
             _refuse(f"{name} {time} is no multiple of step_s {step}", "choose a step that divides it")
-    contact = math.sqrt(
-        p.stiffness_nm_per_rad * (1 / p.load_inertia_kgm2 + 1 / p.gear_ratio**2 / p.motor_inertia_kgm2)
-    )
+    compliance = 1 / p.load_inertia_kgm2 + 1 / p.gear_ratio**2 / p.motor_inertia_kgm2
+    contact = math.sqrt(p.stiffness_nm_per_rad * compliance)
     fastest = max(contact, 1 / p.torque_lag_s if p.torque_lag_s > 0 else 0.0)
     if step * fastest > 0.5:
         _refuse(
             f"step_s {step} is too large for the stiffness or torque lag, {fastest:.4g} rad/s at the fastest",
             f"take at most {0.5 / fastest:.2g} s",
         )
+
+
+def _check_stability(p: JointParameters) -> None:
+    for in_contact, where in ((True, "with the teeth in contact"), (False, "of the motor inside the gap")):
+        growth = np.abs(np.linalg.eigvals(closed_loop_matrix(p, in_contact=in_contact))).max()
+        # Free positions and speeds are repeated modes of 1, which rounding spreads a little.
+        if growth > 1 + 1e-4:
+            _refuse(
+                f"the speed loop {where} is unstable (grows {growth:.4f} times each control period)",
+                "lower the gains, control_period_s or control_delay_periods",
+            )
 
 
 def _start(p: JointParameters, delta: float) -> tuple[tuple[float, ...], int]:
@@ -313,7 +309,7 @@ def simulate(
     *,
     duration_s: float = 4.8,
     sample_s: float = 2e-3,
-    step_s: float = 2.5e-4,
+    step_s: float = 1e-4,
 ) -> SimulatedJoint:
     """Simulate the joint at a constant commanded speed.
 
@@ -341,14 +337,14 @@ def simulate(
     DivergenceError
         If the joint runs away all the same.
     """
-    _check_parameters(parameters)
-    return _simulate_checked(parameters, delta_rad, duration_s, sample_s, step_s)
+    return simulate_many(
+        parameters, [delta_rad], duration_s=duration_s, sample_s=sample_s, step_s=step_s, threads=1
+    )[0]
 
 
 def _simulate_checked(
     p: JointParameters, delta: float, duration: float, sample: float, step: float
 ) -> SimulatedJoint:
-    _check_run(p, delta, duration, sample, step)
     y, region = _start(p, delta)
     every, skip = round(sample / step), round(p.lead_s / step)
     samples = round(duration / sample) + 1
@@ -387,6 +383,7 @@ def _simulate_checked(
         motor_speed_rad_per_s=p.commanded_speed_rad_per_s + record[:, 1],
         motor_torque_nm=record[:, 4].copy(),
         load_position_rad=p.start_angle_rad + commanded / p.gear_ratio + record[:, 2],
+        load_speed_rad_per_s=p.commanded_speed_rad_per_s / p.gear_ratio + record[:, 3],
         gap_state=gap,
         impact_time_s=events[impact, 0],
         impact_side=events[impact, 1].astype(np.int64),
@@ -400,11 +397,14 @@ def simulate_many(
     *,
     duration_s: float = 4.8,
     sample_s: float = 2e-3,
-    step_s: float = 2.5e-4,
+    step_s: float = 1e-4,
     threads: int = 2,
 ) -> list[SimulatedJoint]:
     """Simulate several backlashes at once, each as `simulate` does, whatever the number of threads."""
-    _check_parameters(parameters)
+    _check_values(parameters)
+    for delta in delta_rad:
+        _check_run(parameters, delta, duration_s, sample_s, step_s)
+    _check_stability(parameters)
     with ThreadPoolExecutor(threads) as pool:
         jobs = [
             pool.submit(_simulate_checked, parameters, float(delta), duration_s, sample_s, step_s)

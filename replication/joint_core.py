@@ -105,6 +105,22 @@ def control(t, y, memory, ring, count, drive, c):
     return ring[(count + 1) % ring.size]
 
 
+@nb.njit(cache=True)
+def control_matrix(delay, drive, c):
+    """Return a linear drive as a matrix, from all states to the torque to hold and the next memory."""
+    size = 9 + delay
+    rows = np.zeros((5 + delay, size))
+    for j in range(size):
+        unit = np.zeros(size + 1)
+        unit[j] = 1.0
+        memory, ring = unit[5:9].copy(), unit[9:].copy()
+        y = (unit[0], unit[1], unit[2], unit[3], unit[4])
+        rows[0, j] = control(0.0, y, memory, ring, max(delay, 1), drive, c)
+        rows[1:5, j] = memory
+        rows[5:, j] = ring[1:]
+    return rows
+
+
 @nb.njit(cache=True, nogil=True)
 def run(y, region, steps, step, skip, every, per_period, delay, c, drive, record, gap, events):
     """Integrate into `record`, `gap`, `events` (time, side met or 0 when parted).

@@ -41,7 +41,7 @@ class JointParameters:
     commanded_speed_rps : float
         Commanded motor speed [turns/s].
     start_angle_rad : float
-        Load angle at t = 0, from the upright position where gravity has no torque.
+        Load angle at t = 0, from hanging straight down.
     lead_s : float
         How long before t = 0 the joint starts, at the commanded speed and with the teeth in contact.
     position_gain_per_s : float
