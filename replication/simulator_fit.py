@@ -2,14 +2,15 @@
 
 A motor-speed record fixes ratios only: stiffness and gravity per load inertia, the two inertias' ratio, the
 gains per motor inertia, and the times and angle. One scale of torque (here the 5 kg of the load) is free.
-Friction of the load, of the motor, and the coupling's damping stay at zero: the records do not need them.
+The load's Coulomb friction must be far below the gravity torque or the impacts would not be evenly spaced;
+friction and the coupling's damping stay at zero because the records do not need them.
 """
 
 import hashlib
 import json
 import math
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -42,7 +43,7 @@ VALIDATION_COLUMNS = [
     "peak_error_percent",
 ]
 
-# Ratios that the fit leaves alone: when the joint started is no property of the joint.
+# When the joint started shows in the first turn only, which `identify_joint` leaves to `identify_lead`.
 HELD = ("lead_s",)
 
 
@@ -144,9 +145,18 @@ def identify_joint(
             ]
         )
 
-    fit = least_squares(residual, np.ones(len(names)), diff_step=1e-3, x_scale="jac", xtol=1e-8, ftol=1e-8)
-    covariance = np.linalg.inv(fit.jac.T @ fit.jac) * 2 * fit.cost / (size - len(names))
-    sd = np.sqrt(np.diag(covariance))
+    fit = least_squares(
+        residual,
+        np.ones(len(names)),
+        "3-point",
+        # No ratio may change its sign: the fit would end in a worse basin without the leaky integral.
+        bounds=(0.1, 10.0),
+        diff_step=1e-3,
+        x_scale="jac",
+    )
+    inverse = np.linalg.inv(fit.jac.T @ fit.jac)
+    spread = np.sqrt(np.diag(inverse))
+    sd = spread * math.sqrt(2 * fit.cost / (size - len(names)))
     half = student.ppf(0.975, size - len(names)) * sd * np.abs(values)
     best = dict(zip(names, (values * fit.x).tolist(), strict=True))
     return JointFit(
@@ -154,10 +164,42 @@ def identify_joint(
         confidence={
             name: (best[name] - h, best[name] + h) for name, h in zip(names, half.tolist(), strict=True)
         },
-        correlation=pd.DataFrame(covariance / np.outer(sd, sd), index=names, columns=names),
+        correlation=pd.DataFrame(inverse / np.outer(spread, spread), index=names, columns=names),
         mean_square=2 * fit.cost / size,
         evaluations=int(fit.nfev),
     )
+
+
+def identify_lead(
+    recordings: Mapping[float, Signal], parameters: JointParameters, leads_s: Iterable[float]
+) -> float:
+    """Find how long before the records the joint started: the lead whose worst first turn is best.
+
+    Parameters
+    ----------
+    recordings : mapping of float to (ndarray, ndarray)
+        As for `identify_joint`.
+    parameters : JointParameters
+        Identified from the settled turns, which do not depend on the lead.
+    leads_s : iterable of float
+        Candidates, multiples of the control period.
+
+    Returns
+    -------
+    float
+        One of the candidates.
+    """
+
+    def worst_first_turn(lead: float) -> float:
+        turn = parameters.turn_period_s
+        runs, stride = _simulations(replace(parameters, lead_s=lead), recordings, turn)
+        errors = []
+        for (time, speed), run in zip(recordings.values(), runs, strict=True):
+            v = run.motor_speed_rps[::stride]
+            errors.append(np.sqrt(np.mean((v - speed[: v.size]) ** 2)) / speed[time >= turn - 1e-9].std())
+        return max(errors)
+
+    return min(leads_s, key=worst_first_turn)
 
 
 def validation_table(

@@ -8,6 +8,7 @@ from replication.joint import identified_joint, joint_from_ratios, simulate, wit
 from replication.simulator_fit import (
     VALIDATION_COLUMNS,
     identify_joint,
+    identify_lead,
     joint_record,
     profile_ratio,
     validation_table,
@@ -48,6 +49,10 @@ def test_every_free_ratio_has_an_interval_around_its_estimate(joint, fit):
     for name, (low, high) in fit.confidence.items():
         assert low < fit.parameters.ratios[name] < high
     assert np.diag(fit.correlation) == pytest.approx(np.ones(len(fit.confidence)))
+
+
+def test_the_lead_is_found_from_the_first_turn(joint, recordings):
+    assert identify_lead(recordings, joint, [0.03, joint.lead_s, 0.06]) == joint.lead_s
 
 
 def test_a_profile_rises_away_from_the_best_value(joint, recordings):
