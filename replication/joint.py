@@ -400,7 +400,28 @@ def simulate_many(
     step_s: float = 1e-4,
     threads: int = 2,
 ) -> list[SimulatedJoint]:
-    """Simulate several backlashes at once, each as `simulate` does, whatever the number of threads."""
+    """Simulate several backlashes at once, each as `simulate` does.
+
+    Parameters
+    ----------
+    parameters : JointParameters
+    delta_rad : sequence of float
+        Half the gap of each run [rad].
+    duration_s, sample_s, step_s : float
+        As for `simulate`.
+    threads : int
+        Runs at the same time; the results are the same bytes for any number.
+
+    Returns
+    -------
+    list of SimulatedJoint
+        In the order of `delta_rad`.
+
+    Raises
+    ------
+    ValueError, DivergenceError
+        As `simulate` does.
+    """
     _check_values(parameters)
     for delta in delta_rad:
         _check_run(parameters, delta, duration_s, sample_s, step_s)

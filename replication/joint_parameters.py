@@ -20,6 +20,9 @@ class JointParameters:
     Only ratios show in the motor speed: scaling every inertia, stiffness, torque and gain by one factor
     changes nothing. ``joint_from_ratios`` makes physical values out of the ratios, for a point load of 5 kg.
 
+    The drive commands the torque K_p e + K_i integral(e) - K_d domega_m/dt + K_w w, where Omega is the commanded
+    speed, e = K_pos (Omega t - theta_m) + Omega - omega_m, and w the leaky integral of Omega - omega_m.
+
     Attributes
     ----------
     gear_ratio : float
@@ -45,11 +48,11 @@ class JointParameters:
     lead_s : float
         How long before t = 0 the joint starts, at the commanded speed and with the teeth in contact.
     position_gain_per_s : float
-        Speed correction per position error.
+        K_pos, speed correction per position error.
     speed_gain_nms_per_rad, integral_gain_nm_per_rad, derivative_gain_nms2_per_rad : float
         K_p, K_i, K_d of the speed loop, motor side. K_d acts on the measured speed only.
     leaky_gain_nm_per_rad, leaky_rate_per_s : float
-        A second integral of the speed error that forgets at this rate.
+        K_w and the rate at which w forgets; K_w may be negative.
     control_period_s, control_delay_periods : float, int
         The drive samples, computes, and applies the torque this many periods later, held for a period.
     torque_lag_s : float
