@@ -20,8 +20,9 @@ class JointParameters:
     Only ratios show in the motor speed: scaling every inertia, stiffness, torque and gain by one factor
     changes nothing. ``joint_from_ratios`` makes physical values out of the ratios, for a point load of 5 kg.
 
-    The drive commands the torque K_p e + K_i integral(e) - K_d domega_m/dt + K_w w, where Omega is the commanded
-    speed, e = K_pos (Omega t - theta_m) + Omega - omega_m, and w the leaky integral of Omega - omega_m.
+    The drive commands the torque K_p e + K_i integral(e) - K_d domega_m/dt + K_w w, where Omega is the
+    commanded speed, e = K_pos (Omega t - theta_m) + Omega - omega_m, and w the leaky integral of
+    Omega - omega_m.
 
     Attributes
     ----------
