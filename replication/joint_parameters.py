@@ -1,0 +1,187 @@
+"""Parameters of the robotic joint, the ratios among them that a record shows, and the identified set."""
+
+import json
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from importlib.resources import files
+
+GRAVITY = 9.80665
+TURN = 2 * math.pi
+
+# Parameters that are ratios by themselves: rates, times and angles need no scale.
+PLAIN_RATIOS = ("position_gain_per_s", "leaky_rate_per_s", "torque_lag_s", "start_angle_rad", "lead_s")
+
+
+@dataclass(frozen=True)
+class JointParameters:
+    """Everything about the joint but its backlash.
+
+    Only ratios show in the motor speed: scaling every inertia, stiffness, torque and gain by one factor
+    changes nothing. ``joint_from_ratios`` makes physical values out of the ratios, for a point load of 5 kg.
+
+    The drive commands the torque K_p e + K_i integral(e) - K_d domega_m/dt + K_w w, where Omega is the
+    commanded speed, e = K_pos (Omega t - theta_m) + Omega - omega_m, and w the leaky integral of
+    Omega - omega_m.
+
+    Attributes
+    ----------
+    gear_ratio : float
+        N, motor turns per load turn.
+    motor_inertia_kgm2, load_inertia_kgm2 : float
+        J_m (motor side) and J_l (load side).
+    load_mass_kg, gravity_arm_m : float
+        m and r of the gravity torque m g r sin(theta_l).
+    stiffness_nm_per_rad, damping_nms_per_rad : float
+        K_s and D_s of the coupling, load side.
+    alpha_per_rad : float
+        Sharpness of the edge in equation 8.
+    clamped : bool
+        Use the clamped dead zone instead of equations 8 and 9.
+    motor_viscous_nms_per_rad, load_viscous_nms_per_rad : float
+        Viscous friction, each on its own side.
+    motor_coulomb_nm, load_coulomb_nm : float
+        Coulomb friction, each on its own side.
+    commanded_speed_rps : float
+        Commanded motor speed [turns/s].
+    start_angle_rad : float
+        Load angle at t = 0, from hanging straight down.
+    lead_s : float
+        How long before t = 0 the joint starts, at the commanded speed and with the teeth in contact.
+    position_gain_per_s : float
+        K_pos, speed correction per position error.
+    speed_gain_nms_per_rad, integral_gain_nm_per_rad, derivative_gain_nms2_per_rad : float
+        K_p, K_i, K_d of the speed loop, motor side. K_d acts on the measured speed only.
+    leaky_gain_nm_per_rad, leaky_rate_per_s : float
+        K_w and the rate at which w forgets; K_w may be negative.
+    control_period_s, control_delay_periods : float, int
+        The drive samples, computes, and applies the torque this many periods later, held for a period.
+    torque_lag_s : float
+        Time constant of the torque (current) loop; 0 for none.
+    torque_limit_nm : float
+        Largest commanded motor torque; the integrals stop while it binds.
+    encoder_bits : int
+        Resolution of the position that the drive sees; 0 for the true position.
+    speed_by_differencing : bool
+        The drive differences its position over one period instead of knowing the true speed.
+    """
+
+    gear_ratio: float
+    motor_inertia_kgm2: float
+    load_inertia_kgm2: float
+    load_mass_kg: float
+    gravity_arm_m: float
+    stiffness_nm_per_rad: float
+    position_gain_per_s: float
+    speed_gain_nms_per_rad: float
+    integral_gain_nm_per_rad: float
+    derivative_gain_nms2_per_rad: float = 0.0
+    leaky_gain_nm_per_rad: float = 0.0
+    leaky_rate_per_s: float = 0.0
+    torque_lag_s: float = 0.0
+    control_period_s: float = 5e-4
+    control_delay_periods: int = 1
+    start_angle_rad: float = 0.0
+    lead_s: float = 0.0
+    damping_nms_per_rad: float = 0.0
+    alpha_per_rad: float = 1e6
+    clamped: bool = False
+    motor_viscous_nms_per_rad: float = 0.0
+    load_viscous_nms_per_rad: float = 0.0
+    motor_coulomb_nm: float = 0.0
+    load_coulomb_nm: float = 0.0
+    commanded_speed_rps: float = 100.0
+    torque_limit_nm: float = math.inf
+    encoder_bits: int = 0
+    speed_by_differencing: bool = False
+
+    @property
+    def commanded_speed_rad_per_s(self) -> float:
+        """Commanded motor speed [rad/s]."""
+        return TURN * self.commanded_speed_rps
+
+    @property
+    def turn_period_s(self) -> float:
+        """Duration of a load turn [s]."""
+        return self.gear_ratio / self.commanded_speed_rps
+
+    @property
+    def gravity_torque_nm(self) -> float:
+        """Largest gravity torque m g r on the load [N m]."""
+        return self.load_mass_kg * GRAVITY * self.gravity_arm_m
+
+    @property
+    def ratios(self) -> dict[str, float]:
+        """What a motor-speed record can tell: the arguments of ``joint_from_ratios``."""
+        jm, jl = self.motor_inertia_kgm2, self.load_inertia_kgm2
+        return {
+            "stiffness_per_s2": self.stiffness_nm_per_rad / jl,
+            "gravity_per_s2": self.gravity_torque_nm / jl,
+            "inertia_ratio": jl / (self.gear_ratio**2 * jm),
+            "speed_gain_per_s": self.speed_gain_nms_per_rad / jm,
+            "integral_gain_per_s2": self.integral_gain_nm_per_rad / jm,
+            "derivative_gain": self.derivative_gain_nms2_per_rad / jm,
+            "leaky_gain_per_s2": self.leaky_gain_nm_per_rad / jm,
+            **{name: getattr(self, name) for name in PLAIN_RATIOS},
+        }
+
+
+def _physical(ratios: Mapping[str, float], gear_ratio: float, load_mass_kg: float) -> dict[str, float]:
+    """Fields of a joint with a point load: J_l = m r**2, so g / r gives the arm and the mass the scale."""
+    r = dict(ratios)
+    try:
+        arm = GRAVITY / r.pop("gravity_per_s2")
+        jl = load_mass_kg * arm**2
+        jm = jl / (gear_ratio**2 * r.pop("inertia_ratio"))
+        scaled = {
+            "stiffness_nm_per_rad": jl * r.pop("stiffness_per_s2"),
+            "speed_gain_nms_per_rad": jm * r.pop("speed_gain_per_s"),
+            "integral_gain_nm_per_rad": jm * r.pop("integral_gain_per_s2"),
+            "derivative_gain_nms2_per_rad": jm * r.pop("derivative_gain"),
+            "leaky_gain_nm_per_rad": jm * r.pop("leaky_gain_per_s2"),
+            **{name: r.pop(name) for name in PLAIN_RATIOS},
+        }
+    except (KeyError, ZeroDivisionError) as error:
+        raise ValueError(f"missing or zero ratio ({error}); JointParameters.ratios has them all") from None
+    if r:
+        raise ValueError(f"unknown ratios {sorted(r)}; JointParameters.ratios has them all")
+    return scaled | {"motor_inertia_kgm2": jm, "load_inertia_kgm2": jl, "gravity_arm_m": arm}
+
+
+def joint_from_ratios(
+    ratios: Mapping[str, float], *, gear_ratio: float = 40.0, load_mass_kg: float = 5.0, **others: float
+) -> JointParameters:
+    """Physical parameters of a joint with a point load that has these ratios.
+
+    Parameters
+    ----------
+    ratios : mapping
+        The keys of ``JointParameters.ratios``, all of them.
+    gear_ratio, load_mass_kg : float
+        N, and m [kg], which sets the scale of all torques.
+    **others
+        Further fields of `JointParameters`, as they are.
+
+    Returns
+    -------
+    JointParameters
+
+    Raises
+    ------
+    ValueError
+        If a ratio is missing, zero where it divides, or unknown.
+    """
+    physical = _physical(ratios, gear_ratio, load_mass_kg)
+    return JointParameters(gear_ratio=gear_ratio, load_mass_kg=load_mass_kg, **physical, **others)
+
+
+def with_ratios(parameters: JointParameters, ratios: Mapping[str, float]) -> JointParameters:
+    """Return the joint with some of its ratios replaced and the rest kept; its load becomes a point load."""
+    merged = parameters.ratios | dict(ratios)
+    return replace(parameters, **_physical(merged, parameters.gear_ratio, parameters.load_mass_kg))
+
+
+def identified_joint() -> JointParameters:
+    """Return the joint identified from the published signals (``data/joint.json``)."""
+    data = json.loads(files("replication").joinpath("data/joint.json").read_text(encoding="utf-8"))
+    return joint_from_ratios(data["ratios"], **data["drive"])
