@@ -29,7 +29,7 @@
 # `signature.signature` is a direct transcription of equations 5 to 7. It is tested in two stages, as certified
 # regression data sets are: here the *model* at parameters that somebody else found must give the misfit that they
 # found. The authors' notebook stores 30 runs on their clean record 12, with parameters and final RMSE; whether a
-# *search* finds them is another question (notebook 2). A third check needs no search at all: the lowest RMSE of a
+# *search* finds them is another question (notebook 7). A third check needs no search at all: the lowest RMSE of a
 # run's first generation depends only on the seed, the box and the order of the parameters.
 
 # %%
@@ -149,6 +149,6 @@ pd.DataFrame(claims, index=["holds", "measured"]).T
 #
 # 1. `run = 1`: a run in the basin with RMSE 0.159, the commonest of the 30. Its $t_0$ is stuck at 0, and in the
 #    residual every second oscillation is left standing.
-# 2. `turn_period_s = 0.408`, the value that Table 1 prints: figure 6 barely changes; notebook 2 shows what it does
+# 2. `turn_period_s = 0.408`, the value that Table 1 prints: figure 6 barely changes; notebook 7 shows what it does
 #    to a fit over twelve turns.
 # 3. `turns = 3`: a third pair of oscillations in figure 6, one $T_f$ after the second.

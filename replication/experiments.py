@@ -19,8 +19,10 @@ from replication.datasets import (
     level_delta_rad,
     load_clean,
     load_noisy,
+    simulate_recordings,
 )
 from replication.identify import Protocol, first_generation_rmse, margin_cma4, paper_fit, protocol_box
+from replication.joint_parameters import JointParameters
 from replication.signature import FREE_PARAMETERS, rmse
 
 FloatArray = NDArray[np.float64]
@@ -309,18 +311,48 @@ def table2_levels() -> range:
 def authors_table2_records(realisations: Sequence[int]) -> list[tuple[dict, Recording]]:
     """Load the authors' noisy records of Table 2's ten rows, for each noise realisation R."""
     return [
-        ({"row": row, "level": level, "realisation": realisation}, load_noisy(level, realisation))
+        (_key(row, f"low, R = {realisation}"), load_noisy(level, realisation))
         for realisation in realisations
         for row, level in enumerate(table2_levels(), start=1)
     ]
 
 
+def simulated_table2_records(joint: JointParameters, seed: int) -> list[tuple[dict, Recording]]:
+    """Simulate Table 2's ten records: the joint at each level, with uniform noise of the printed amplitude.
+
+    Parameters
+    ----------
+    joint : JointParameters
+        The joint.
+    seed : int
+        Seed of the noise.
+
+    Returns
+    -------
+    list of (dict, Recording)
+    """
+    noise = published.column("Table 2", "noise")
+    rng = np.random.default_rng(seed)
+    clean = simulate_recordings(joint, [level_delta_rad(level) for level in table2_levels()])
+    return [
+        (_key(row, f"low, seed {seed}"), add_uniform_noise(recording, noise[row - 1], rng))
+        for row, recording in enumerate(clean, start=1)
+    ]
+
+
 def noise_only_record(seed: int) -> tuple[dict, Recording]:
     """Make Table 2's last record: constant speed with uniform noise of its printed amplitude."""
-    row = int(published.value("text.levels")) + 1
+    row = len(table2_levels()) + 1
     noise = published.value(f"table2.row{row:02d}.noise")
     base = constant_speed(samples=2401, dt=0.002)
-    return {"row": row, "level": 0, "realisation": 0}, add_uniform_noise(base, noise, np.random.default_rng(seed))
+    return _key(row, f"noise only, seed {seed}"), add_uniform_noise(base, noise, np.random.default_rng(seed))
+
+
+def _key(row: int, noise_level: str) -> dict:
+    """What a record of Table 2's row is called in data frames."""
+    levels = list(table2_levels())
+    delta = level_delta_rad(levels[row - 1]) if row <= len(levels) else 0.0
+    return {"row": row, "delta_rad": delta, "noise_level": noise_level}
 
 
 def table2(runs: pd.DataFrame, source: str, noise_amplitude_rps: FloatArray) -> pd.DataFrame:
@@ -329,11 +361,11 @@ def table2(runs: pd.DataFrame, source: str, noise_amplitude_rps: FloatArray) -> 
     Parameters
     ----------
     runs : DataFrame
-        From `repeated_fits`, with the entries `row, level, realisation`.
+        From `repeated_fits`, with the entries `row, delta_rad, noise_level`.
     source : str
         Whose records: "authors" or "simulated".
     noise_amplitude_rps : array of shape (rows,)
-        Noise of each row [rps].
+        Noise of each row of Table 2 [rps].
 
     Returns
     -------
@@ -342,12 +374,12 @@ def table2(runs: pd.DataFrame, source: str, noise_amplitude_rps: FloatArray) -> 
     """
     theoretical = published.column("Table 2", "theoretical")
     rows = []
-    for (realisation, row), part in runs.groupby(["realisation", "row"], sort=False):
+    for (noise_level, row), part in runs.groupby(["noise_level", "row"], sort=False):
         head = {
             "source": source,
-            "noise_level": f"low, R = {realisation}" if realisation else "noise only",
+            "noise_level": noise_level,
             "row": row,
-            "delta_rad": level_delta_rad(part["level"].iloc[0]) if realisation else 0.0,
+            "delta_rad": part["delta_rad"].iloc[0],
             "noise_amplitude_rps": noise_amplitude_rps[row - 1],
             "theoretical_A_rps": theoretical[row - 1],
         }
@@ -412,7 +444,7 @@ def variant_scores(runs: pd.DataFrame) -> pd.DataFrame:
         rows.append(
             {
                 "protocol": protocol,
-                "delta_rad": level_delta_rad(part["level"].iloc[0]),
+                "delta_rad": part["delta_rad"].iloc[0],
                 "mean_A_rps": summary["mean_A_rps"],
                 "sd_A_rps": summary["sd_A_rps"],
                 "mean_error_percent": 100 * (summary["mean_A_rps"] / means[row - 1] - 1),

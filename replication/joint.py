@@ -294,9 +294,7 @@ def _start(p: JointParameters, delta: float) -> tuple[tuple[float, ...], int]:
     """State and region at -lead_s: commanded speed, teeth in contact, torques in balance."""
     load_speed = p.commanded_speed_rad_per_s / p.gear_ratio
     angle = p.start_angle_rad - load_speed * p.lead_s
-    torque = (
-        p.gravity_torque_nm * math.sin(angle) + p.load_viscous_nms_per_rad * load_speed + p.load_coulomb_nm
-    )
+    torque = p.gravity_torque_nm * math.sin(angle) + p.load_viscous_nms_per_rad * load_speed + p.load_coulomb_nm
     motor = p.motor_viscous_nms_per_rad * p.commanded_speed_rad_per_s + p.motor_coulomb_nm
     side = -1 if torque < 0 else 1
     twist = side * delta + torque / p.stiffness_nm_per_rad
@@ -337,14 +335,10 @@ def simulate(
     DivergenceError
         If the joint runs away all the same.
     """
-    return simulate_many(
-        parameters, [delta_rad], duration_s=duration_s, sample_s=sample_s, step_s=step_s, threads=1
-    )[0]
+    return simulate_many(parameters, [delta_rad], duration_s=duration_s, sample_s=sample_s, step_s=step_s, threads=1)[0]
 
 
-def _simulate_checked(
-    p: JointParameters, delta: float, duration: float, sample: float, step: float
-) -> SimulatedJoint:
+def _simulate_checked(p: JointParameters, delta: float, duration: float, sample: float, step: float) -> SimulatedJoint:
     y, region = _start(p, delta)
     every, skip = round(sample / step), round(p.lead_s / step)
     samples = round(duration / sample) + 1

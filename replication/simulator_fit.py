@@ -161,18 +161,14 @@ def identify_joint(
     best = dict(zip(names, (values * fit.x).tolist(), strict=True))
     return JointFit(
         parameters=with_ratios(start, best),
-        confidence={
-            name: (best[name] - h, best[name] + h) for name, h in zip(names, half.tolist(), strict=True)
-        },
+        confidence={name: (best[name] - h, best[name] + h) for name, h in zip(names, half.tolist(), strict=True)},
         correlation=pd.DataFrame(inverse / np.outer(spread, spread), index=names, columns=names),
         mean_square=2 * fit.cost / size,
         evaluations=int(fit.nfev),
     )
 
 
-def identify_lead(
-    recordings: Mapping[float, Signal], parameters: JointParameters, leads_s: Iterable[float]
-) -> float:
+def identify_lead(recordings: Mapping[float, Signal], parameters: JointParameters, leads_s: Iterable[float]) -> float:
     """Find how long before the records the joint started: the lead whose worst first turn is best.
 
     Parameters

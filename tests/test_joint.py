@@ -54,9 +54,9 @@ def solve_ivp_speed_rps(p, delta, duration, method, **tolerances):
         t = (i - skip) * p.control_period_s
         speeds.append(y[1])
         command = core.control(t, tuple(y), memory, ring, i, drive, c)
-        y = solve_ivp(
-            field, (t, t + p.control_period_s), np.array(y), method=method, args=(command,), **tolerances
-        ).y[:, -1]
+        y = solve_ivp(field, (t, t + p.control_period_s), np.array(y), method=method, args=(command,), **tolerances).y[
+            :, -1
+        ]
     return p.commanded_speed_rps + np.array(speeds[skip:]) / (2 * np.pi)
 
 
@@ -136,10 +136,7 @@ def test_the_simulation_agrees_with_solve_ivp(joint, method):
 
 def test_located_contacts_keep_the_fourth_order(joint):
     p = replace(joint, clamped=True)
-    speeds = [
-        simulate(p, DELTA, duration_s=0.4, step_s=p.control_period_s / k).motor_speed_rps
-        for k in (2, 4, 8, 64)
-    ]
+    speeds = [simulate(p, DELTA, duration_s=0.4, step_s=p.control_period_s / k).motor_speed_rps for k in (2, 4, 8, 64)]
     coarse, middle, fine = (np.abs(v - speeds[-1]).max() for v in speeds[:3])
     assert coarse / middle > 10
     assert middle / fine > 10

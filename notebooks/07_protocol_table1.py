@@ -15,7 +15,7 @@
 # ---
 
 # %% [markdown]
-# # 2 · The search: Table 1's box and the protocol
+# # 7 · The search: Table 1's box and the protocol
 #
 # ## Claim
 #
@@ -104,7 +104,7 @@ if variants == "all":
     drawn, whole = error["start drawn per run"], error[experiments.AUTHORS.name]
     claims["random_start"] = (bool(drawn <= whole), f"means {drawn:.1f} % off, with the whole record {whole:.1f} %")
 inputs = datasets.authors_digests([clean, *(record for _, record in records)])
-workbook.save_outcome("02_protocol_table1", {"authors": found_table1.to_dict()}, claims, inputs, seeds)[
+workbook.save_outcome("07_protocol_table1", {"authors": found_table1.to_dict()}, claims, inputs, seeds)[
     ["id", "printed", "reproduced", "difference", "tolerance", "verdict"]
 ]
 

@@ -15,7 +15,7 @@
 # ---
 
 # %% [markdown]
-# # 3 · Noise sensitivity (Table 2)
+# # 8 · Noise sensitivity (Table 2)
 #
 # ## Claim
 #
@@ -148,7 +148,7 @@ cells = {
     "simulated": experiments.table2_cells(noise_row).to_dict(),
 }
 inputs = datasets.authors_digests(record for _, record in records)
-workbook.save_outcome("03_table2_noise", cells, claims, inputs, [*seeds, noise_seed])[
+workbook.save_outcome("08_noise_table2", cells, claims, inputs, [*seeds, noise_seed])[
     ["id", "source", "printed", "reproduced", "difference", "tolerance", "verdict"]
 ]
 

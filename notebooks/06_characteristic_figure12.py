@@ -15,7 +15,7 @@
 # ---
 
 # %% [markdown]
-# # 4 · From amplitude to backlash (equation 10, figure 12)
+# # 6 · From amplitude to backlash (equation 10, figure 12)
 #
 # ## Claim
 #
@@ -148,7 +148,7 @@ cells = {f"equation10.A{k}": 1e6 * fitted.coefficients[k] for k in range(4)} | {
     "text.error_rad_large": error.max(),
     "text.error_limit_percent": arithmetic["relative_error_percent"].max(),
 }
-workbook.save_outcome("04_characteristic_figure12", {"authors": cells}, claims)[
+workbook.save_outcome("06_characteristic_figure12", {"authors": cells}, claims)[
     ["id", "printed", "reproduced", "difference", "tolerance", "verdict"]
 ]
 

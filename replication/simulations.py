@@ -1,0 +1,149 @@
+"""The paper's experiments on the simulated joint: validation, growth of the disturbance, its amplitude."""
+
+from collections.abc import Sequence
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from replication import published, sensor
+from replication.datasets import Recording, level_delta_rad, load_clean
+from replication.joint import JointParameters, settled_peak_rps, simulate_many, stiffness, transmitted_torque
+from replication.simulator_fit import FINE_S, validation_table
+
+FloatArray = NDArray[np.float64]
+
+# Levels K of the authors' data: published clean, used to identify the joint, and all that they made.
+CLEAN_LEVELS = range(3, 14)
+FIT_LEVELS = (3, 6, 9, 12)
+ALL_LEVELS = range(2, 21)
+
+
+def clean_records(levels: Sequence[int]) -> dict[float, Recording]:
+    """Load the authors' clean records of some levels, by backlash [rad]."""
+    return {level_delta_rad(level): load_clean(level) for level in levels}
+
+
+def signals(records: dict[float, Recording]) -> dict[float, tuple[FloatArray, FloatArray]]:
+    """Time and speed of records, by backlash [rad]: what the identification takes."""
+    return {delta: (record.t, record.v) for delta, record in records.items()}
+
+
+def printed_amplitudes() -> dict[float, float]:
+    """Table 2's theoretical A [rps] by backlash [rad]."""
+    theoretical = published.column("Table 2", "theoretical")
+    return {level_delta_rad(level): theoretical[level - 2] for level in range(2, 2 + theoretical.size - 1)}
+
+
+def validate(joint: JointParameters, records: dict[float, Recording]) -> pd.DataFrame:
+    """Compare the simulated joint with every clean record and every printed theoretical A.
+
+    Parameters
+    ----------
+    joint : JointParameters
+        The joint.
+    records : dict
+        From `clean_records`, all of `CLEAN_LEVELS`.
+
+    Returns
+    -------
+    DataFrame
+        See `simulator_fit.validation_table`; row K = 2 has no record to compare with.
+    """
+    levels = range(2, CLEAN_LEVELS.stop)
+    datasets = {level_delta_rad(level): f"Speeddata{level}" for level in levels}
+    used = [level_delta_rad(level) for level in FIT_LEVELS]
+    printed = printed_amplitudes()
+    return validation_table(joint, signals(records), datasets, used_in_fit=used, printed_a_rps=printed)
+
+
+def amplitudes(joint: JointParameters, deltas_rad: Sequence[float]) -> pd.DataFrame:
+    """Measure the theoretical A of the simulated joint: the settled peak before sampling at 2 ms.
+
+    Returns
+    -------
+    DataFrame
+        `delta_rad, amplitude_rps, sampled_rps`: the peak, and what of it the 2 ms samples show.
+    """
+    fine = simulate_many(joint, deltas_rad, sample_s=FINE_S, step_s=FINE_S)
+    coarse = simulate_many(joint, deltas_rad, step_s=FINE_S)
+    rows = [
+        (delta, settled_peak_rps(before, joint), settled_peak_rps(after, joint))
+        for delta, before, after in zip(deltas_rad, fine, coarse, strict=True)
+    ]
+    return pd.DataFrame(rows, columns=["delta_rad", "amplitude_rps", "sampled_rps"])
+
+
+def disturbances(recordings: Sequence[Recording], deltas_rad: Sequence[float]) -> pd.DataFrame:
+    """Cut the third turn out of records: figure 11's signals.
+
+    Returns
+    -------
+    DataFrame
+        `delta_rad, time_s, disturbance_rps`, time from the beginning of the turn.
+    """
+    parts = []
+    for recording, delta in zip(recordings, deltas_rad, strict=True):
+        begin, end = 2 * recording.turn_period_s, 3 * recording.turn_period_s
+        rows = (recording.t >= begin - 1e-9) & (recording.t < end - 1e-9)
+        disturbance = recording.v[rows] - recording.commanded_speed_rps
+        parts.append(
+            pd.DataFrame({"delta_rad": delta, "time_s": recording.t[rows] - begin, "disturbance_rps": disturbance})
+        )
+    return pd.concat(parts, ignore_index=True)
+
+
+def dead_zone_curves(joint: JointParameters, delta_rad: float, alphas: Sequence[float]) -> pd.DataFrame:
+    """Evaluate equations 8 and 9 over three gaps, for figure 9.
+
+    Returns
+    -------
+    DataFrame
+        `alpha_per_rad, delta_theta_rad, stiffness_nm_per_rad, torque_nm`; the clamped dead zone has alpha
+        infinite.
+    """
+    x = np.linspace(-3 * delta_rad, 3 * delta_rad, 1201)
+    ks = joint.stiffness_nm_per_rad
+    parts = []
+    for alpha in alphas:
+        torque = transmitted_torque(x, 0.0, delta_rad, ks, alpha_per_rad=alpha)
+        curve = {"alpha_per_rad": alpha, "delta_theta_rad": x, "torque_nm": torque}
+        parts.append(pd.DataFrame(curve | {"stiffness_nm_per_rad": stiffness(x, delta_rad, ks, alpha)}))
+    clamped = transmitted_torque(x, 0.0, delta_rad, ks, clamped=True)
+    curve = {"alpha_per_rad": np.inf, "delta_theta_rad": x, "torque_nm": clamped}
+    parts.append(pd.DataFrame(curve | {"stiffness_nm_per_rad": np.where(np.abs(x) > delta_rad, ks, 0.0)}))
+    return pd.concat(parts, ignore_index=True)
+
+
+def dead_zone_facts(joint: JointParameters, delta_rad: float, alphas: Sequence[float]) -> pd.DataFrame:
+    """Measure what equations 8 and 9 do where the text says otherwise.
+
+    Returns
+    -------
+    DataFrame
+        By `alpha_per_rad`: stiffness at the edge and mid-gap as shares of K_s, and the torque's jump at zero
+        displacement [N m].
+    """
+    ks = joint.stiffness_nm_per_rad
+    rows = []
+    for alpha in alphas:
+        edge, middle = stiffness([delta_rad, 0.0], delta_rad, ks, alpha) / ks
+        left, right = transmitted_torque([-1e-15, 1e-15], 0.0, delta_rad, ks, alpha_per_rad=alpha)
+        rows.append((alpha, edge, middle, left - right))
+    return pd.DataFrame(rows, columns=["alpha_per_rad", "edge_share", "middle_share", "jump_nm"])
+
+
+def characteristic_difference(fitted: sensor.Characteristic) -> pd.DataFrame:
+    """Compare a characteristic with equation 10 as printed, over the range of the printed points.
+
+    Returns
+    -------
+    DataFrame
+        `amplitude_rps, fitted_rad, printed_rad, difference_rad`.
+    """
+    theoretical = np.array(list(printed_amplitudes().values()))
+    amplitude = np.linspace(theoretical.min(), theoretical.max(), 400)
+    ours, printed = fitted.backlash_rad(amplitude), sensor.equation_10().backlash_rad(amplitude)
+    return pd.DataFrame(
+        {"amplitude_rps": amplitude, "fitted_rad": ours, "printed_rad": printed, "difference_rad": ours - printed}
+    )
