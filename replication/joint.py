@@ -21,6 +21,7 @@ import math
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, fields
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -279,6 +280,8 @@ def _check_run(p: JointParameters, delta: float, duration: float, sample: float,
         )
 
 
+# One joint is simulated many times; the matrix exponentials are slow where BLAS threads compete.
+@lru_cache(maxsize=16)
 def _check_stability(p: JointParameters) -> None:
     for in_contact, where in ((True, "with the teeth in contact"), (False, "of the motor inside the gap")):
         growth = np.abs(np.linalg.eigvals(closed_loop_matrix(p, in_contact=in_contact))).max()
