@@ -260,3 +260,174 @@ def characteristic(
     lower.axhline(0, color=INK, linewidth=0.8)
     lower.set(xlabel="amplitude A [rps]", ylabel="fit - point\n[1e-6 rad]")
     return figure
+
+
+@_in_style
+def dead_zone(curves: pd.DataFrame, delta_rad: float) -> Figure:
+    """Figure 9: stiffness and torque of equations 8 and 9 against the displacement, and the clamped dead zone.
+
+    Parameters
+    ----------
+    curves : DataFrame
+        Columns `alpha_per_rad, delta_theta_rad, stiffness_nm_per_rad, torque_nm`.
+    delta_rad : float
+        Half the gap [rad].
+
+    Returns
+    -------
+    Figure
+    """
+    figure, axes = _grid(1, 2, figsize=(9.5, 4.2))
+    styles = ("-", "--", "-.", ":", (0, (6, 2)))
+    for (alpha, curve), style in zip(curves.groupby("alpha_per_rad", sort=False), styles, strict=False):
+        label = f"$\\alpha$ = {alpha:.0e} rad$^{{-1}}$" if np.isfinite(alpha) else "clamped dead zone"
+        x = 1e4 * curve["delta_theta_rad"]
+        axes[0, 0].plot(x, 1e-3 * curve["stiffness_nm_per_rad"], linestyle=style, label=label)
+        axes[0, 1].plot(x, curve["torque_nm"], linestyle=style, label=label)
+    for axis in axes[0]:
+        axis.set(xlabel="displacement $\\Delta\\theta$ [1e-4 rad]")
+        for edge in (-delta_rad, delta_rad):
+            axis.axvline(1e4 * edge, color="0.5", linewidth=0.8, linestyle=":")
+    axes[0, 0].set(ylabel="stiffness $K_{BL}$ [kN m/rad]")
+    axes[0, 1].set(ylabel="torque on the load [N m]")
+    axes[0, 1].legend(fontsize=8)
+    return figure
+
+
+@_in_style
+def simulated_joint(time_s: FloatArray, signals: Sequence[tuple[str, FloatArray, FloatArray | None]]) -> Figure:
+    """Figure 10: signals of the simulated joint, with the recorded one over it where there is one.
+
+    Parameters
+    ----------
+    time_s : array of shape (samples,)
+        Time [s].
+    signals : sequence of (label, simulated, recorded or None)
+        One panel each.
+
+    Returns
+    -------
+    Figure
+    """
+    figure, axes = _grid(len(signals), 1, sharex=True, figsize=(8.5, 1.9 * len(signals)))
+    for axis, (label, simulated, recorded) in zip(axes[:, 0], signals, strict=True):
+        if recorded is not None:
+            axis.plot(time_s, recorded, color=ORANGE, linewidth=2.2, label="authors' record")
+        axis.plot(time_s, simulated, color=INK, linewidth=0.8, label="simulated joint")
+        axis.set(ylabel=label, xlim=(time_s[0], time_s[-1]))
+    axes[-1, 0].set(xlabel="time [s]")
+    handles = [plt.Line2D([], [], color=INK, linewidth=0.8), plt.Line2D([], [], color=ORANGE, linewidth=2.2)]
+    figure.legend(handles, ["simulated joint", "authors' record"], loc="outside upper right", ncols=2)
+    return figure
+
+
+@_in_style
+def validation(table: pd.DataFrame) -> Figure:
+    """Show the simulator's misfit and its peaks' errors, level by level.
+
+    Parameters
+    ----------
+    table : DataFrame
+        Columns `delta_rad, used_in_fit, nrmse, peak_error_percent`.
+
+    Returns
+    -------
+    Figure
+    """
+    figure, axes = _grid(1, 2, figsize=(9.5, 3.8))
+    delta, used = 1e4 * table["delta_rad"], table["used_in_fit"]
+    for axis, column, factor in ((axes[0, 0], "nrmse", 100), (axes[0, 1], "peak_error_percent", 1)):
+        axis.plot(delta[used], factor * table.loc[used, column], "s", color=BLUE, label="level used in the fit")
+        axis.plot(
+            delta[~used], factor * table.loc[~used, column], "o", mfc="none", color=ORANGE, label="level left out"
+        )
+        axis.set(xlabel="backlash $\\delta$ [1e-4 rad]")
+    axes[0, 0].set(ylabel="RMSE over signal SD [%]", ylim=(0, None))
+    axes[0, 1].set(ylabel="peak against printed A [%]")
+    axes[0, 1].axhline(0, color=INK, linewidth=0.8)
+    axes[0, 0].legend()
+    return figure
+
+
+@_in_style
+def speed_signal(t: FloatArray, v: FloatArray, turn_period_s: float) -> Figure:
+    """Figure 5: the motor speed with its superimposed oscillations.
+
+    Parameters
+    ----------
+    t, v : arrays of shape (samples,)
+        Time [s] and motor speed [rps].
+    turn_period_s : float
+        Load turn [s], marked.
+
+    Returns
+    -------
+    Figure
+    """
+    figure, axes = _grid(figsize=(8.5, 3.4))
+    axis = axes[0, 0]
+    axis.plot(t, v, color=BLUE, linewidth=0.9)
+    for turn in np.arange(t[0], t[-1], turn_period_s):
+        axis.axvline(turn, color="0.7", linewidth=0.8, linestyle=":")
+    axis.set(xlabel="time [s], dotted: one load turn", ylabel="motor speed [rps]", xlim=(t[0], t[-1]))
+    return figure
+
+
+@_in_style
+def growth(disturbances: pd.DataFrame, peaks: pd.DataFrame, printed: Mapping[float, float]) -> Figure:
+    """Figure 11: the disturbance at growing backlash, and its peak over the printed theoretical A.
+
+    Parameters
+    ----------
+    disturbances : DataFrame
+        Columns `delta_rad, time_s, disturbance_rps`.
+    peaks : DataFrame
+        Columns `delta_rad, amplitude_rps, sampled_rps`.
+    printed : mapping of backlash [rad] to amplitude [rps]
+        Table 2's theoretical A.
+
+    Returns
+    -------
+    Figure
+    """
+    figure, axes = _grid(1, 2, figsize=(10.0, 4.4), width_ratios=(3, 2))
+    left, right = axes[0]
+    levels = disturbances["delta_rad"].unique()
+    for index, delta in enumerate(levels):
+        part = disturbances[disturbances["delta_rad"] == delta]
+        colour = plt.cm.viridis(0.9 * index / max(len(levels) - 1, 1))
+        left.plot(part["time_s"], part["disturbance_rps"], color=colour, linewidth=0.9, label=f"{1e4 * delta:.0f}")
+    left.set(xlabel="time in a settled turn [s]", ylabel="disturbance v - 100 [rps]")
+    left.legend(title="$\\delta$ [1e-4 rad]", fontsize=7, ncols=2)
+    right.plot(1e4 * peaks["delta_rad"], peaks["amplitude_rps"], "o-", color=BLUE, label="peak before sampling")
+    right.plot(1e4 * peaks["delta_rad"], peaks["sampled_rps"], "s--", color=ORANGE, ms=4, label="peak of 2 ms samples")
+    right.plot(1e4 * np.array(list(printed)), list(printed.values()), **PRINTED)
+    right.set(xlabel="backlash $\\delta$ [1e-4 rad]", ylabel="amplitude [rps]")
+    right.legend(fontsize=8)
+    return figure
+
+
+@_in_style
+def characteristic_difference(curve: pd.DataFrame) -> Figure:
+    """Show our characteristic and equation 10 as printed, and their difference beneath.
+
+    Parameters
+    ----------
+    curve : DataFrame
+        Columns `amplitude_rps, fitted_rad, printed_rad, difference_rad`.
+
+    Returns
+    -------
+    Figure
+    """
+    figure, axes = _grid(2, 1, sharex=True, figsize=(7.5, 5.0), height_ratios=(3, 1))
+    upper, lower = axes[:, 0]
+    upper.plot(
+        curve["amplitude_rps"], 1e4 * curve["printed_rad"], color=INK, linestyle="--", label="equation 10, printed"
+    )
+    upper.plot(curve["amplitude_rps"], 1e4 * curve["fitted_rad"], color=BLUE, label="cubic through our simulated peaks")
+    upper.set(ylabel="backlash $\\delta$ [1e-4 rad]")
+    upper.legend()
+    lower.plot(curve["amplitude_rps"], 1e6 * curve["difference_rad"], color=BLUE)
+    lower.set(xlabel="amplitude A [rps]", ylabel="ours - printed\n[1e-6 rad]")
+    return figure

@@ -1,6 +1,7 @@
 """The paper's experiments on the simulated joint: validation, growth of the disturbance, its amplitude."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 import pandas as pd
@@ -8,7 +9,14 @@ from numpy.typing import NDArray
 
 from replication import published, sensor
 from replication.datasets import Recording, level_delta_rad, load_clean
-from replication.joint import JointParameters, settled_peak_rps, simulate_many, stiffness, transmitted_torque
+from replication.joint import (
+    JointParameters,
+    settled_peak_rps,
+    simulate_many,
+    stiffness,
+    transmitted_torque,
+    with_ratios,
+)
 from replication.simulator_fit import FINE_S, validation_table
 
 FloatArray = NDArray[np.float64]
@@ -147,3 +155,64 @@ def characteristic_difference(fitted: sensor.Characteristic) -> pd.DataFrame:
     return pd.DataFrame(
         {"amplitude_rps": amplitude, "fitted_rad": ours, "printed_rad": printed, "difference_rad": ours - printed}
     )
+
+
+def alpha_study(joint: JointParameters, records: dict[float, Recording], alphas: Sequence[float]) -> pd.DataFrame:
+    """Misfit of the simulated joint as the edge of equation 8 softens, the rest kept.
+
+    Returns
+    -------
+    DataFrame
+        `alpha_per_rad, mean_nrmse_percent`; the clamped dead zone has alpha infinite.
+    """
+    joints = [(alpha, replace(joint, alpha_per_rad=alpha)) for alpha in alphas]
+    joints.append((np.inf, replace(joint, clamped=True)))
+    rows = [(alpha, 100 * validate(changed, records)["nrmse"].mean()) for alpha, changed in joints]
+    return pd.DataFrame(rows, columns=["alpha_per_rad", "mean_nrmse_percent"])
+
+
+def simulator_attempts() -> pd.DataFrame:
+    """Load the log of the models of the drive that were fitted on the way to the identified one.
+
+    Returns
+    -------
+    DataFrame
+        `attempt, what_changed, mean_nrmse_percent, max_nrmse_percent, max_abs_peak_error_percent, kept`: a refit
+        each. A log, not a result: the models that were not kept are not in the code.
+    """
+    with (published.DATA / "simulator_attempts.csv").open(encoding="utf-8") as file:
+        return pd.read_csv(file)
+
+
+def changed_joint(joint: JointParameters, factors: Mapping[str, float]) -> JointParameters:
+    """Multiply some of a joint's ratios by factors, for a student to play with.
+
+    Raises
+    ------
+    ValueError
+        There is no such ratio.
+    """
+    unknown = set(factors) - set(joint.ratios)
+    if unknown:
+        raise ValueError(f"no such ratio: {', '.join(sorted(unknown))}; there are {', '.join(joint.ratios)}")
+    return with_ratios(joint, {name: factor * joint.ratios[name] for name, factor in factors.items()})
+
+
+def positive_impact_delay(recording: Recording) -> float:
+    """How much later than half a turn after the negative impact the positive one comes [s].
+
+    From the phase between the two halves of the mean settled turn, weighted by their cross spectrum below 100 Hz.
+    """
+    dt = recording.t[1] - recording.t[0]
+    half_turn = round(recording.turn_period_s / 2 / dt)
+    settled = recording.v[2 * half_turn : 12 * half_turn] - recording.commanded_speed_rps
+    turn = settled.reshape(-1, 2 * half_turn).mean(axis=0)
+    negative, positive = turn[:half_turn], turn[half_turn:]
+    if np.abs(negative.min()) < np.abs(negative.max()):
+        negative, positive = positive, negative
+    spectrum = np.fft.rfft(-negative).conj() * np.fft.rfft(positive)
+    frequency = np.fft.rfftfreq(half_turn, dt)
+    band = (frequency > 0) & (frequency < 100)
+    weight = np.abs(spectrum[band])
+    phase = np.angle(spectrum[band])
+    return float(-np.sum(weight * phase * frequency[band]) / np.sum(weight * frequency[band] ** 2) / (2 * np.pi))
