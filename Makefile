@@ -10,7 +10,7 @@ STAMPS := $(NOTEBOOKS:%=.make/%.done)
 
 .DEFAULT_GOAL := help
 .NOTPARALLEL:
-.PHONY: help all quick test check report data lab lint lock clean
+.PHONY: help all quick test check report bench calibrate data lab lint lock clean
 
 help:  ## list the targets
 	@grep -hE '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 12
@@ -31,6 +31,12 @@ check: .venv/.installed  ## print the verdict table; fails if a cell differs
 
 report: .venv/.installed  ## results/report.html from the results
 	$(RUN) report
+
+bench: .venv/.installed  ## time what was made fast against a direct arm, into results/bench.csv
+	OPENBLAS_NUM_THREADS=1 $(RUN) bench
+
+calibrate: .venv/.installed  ## identify the simulated joint anew from the authors' records
+	$(RUN) calibrate
 
 data: .venv/.installed  ## fetch and verify the authors' data
 	$(RUN) data
@@ -60,11 +66,19 @@ clean:  ## remove what can be made again and is not committed
 	touch $@
 
 # What every notebook needs, then what each needs besides; a stamp says that its outputs are newer than these.
-COMMON := $(addprefix replication/,published.py figures.py workbook.py) $(wildcard replication/data/*)
-FITS := $(addprefix replication/,datasets.py signature.py identify.py experiments.py)
+module = $(addsuffix .py,$(addprefix replication/,$(1)))
+IDENTIFIED := $(addprefix replication/data/,joint.json simulator_attempts.csv)
+COMMON := $(call module,published figures workbook) $(filter-out $(IDENTIFIED),$(wildcard replication/data/*))
+JOINT := $(call module,joint joint_core joint_parameters datasets)
+FITS := $(JOINT) $(call module,signature identify experiments)
+SIMULATIONS := $(JOINT) $(call module,sensor simulator_fit simulations)
+SEARCHES := $(FITS) $(call module,folding window_search global_fit basins coverage)
+stamps = $(filter $(addprefix .make/,$(addsuffix _%,$(1))),$(STAMPS))
 
-$(filter .make/01_% .make/02_% .make/03_%,$(STAMPS)): $(FITS)
-$(filter .make/04_%,$(STAMPS)): replication/sensor.py
+$(call stamps,01 07 08): $(FITS)
+$(call stamps,02 03 04 05 06): $(SIMULATIONS)
+$(call stamps,02 03 04 05 06 08): $(IDENTIFIED)
+$(call stamps,09): $(SEARCHES)
 
 $(STAMPS): .make/%.done: notebooks/%.py $(COMMON) | .venv/.installed
 	$(RUN) run --stamp $@ $<

@@ -5,7 +5,7 @@ import sys
 import time
 from pathlib import Path
 
-from replication import report, workbook
+from replication import bench, report, simulations, workbook
 from replication.datasets import WORKBOOK_FILES, DataCorrupt, DataUnavailable, authors_file
 
 
@@ -35,6 +35,10 @@ def _parser() -> argparse.ArgumentParser:
         sub.add_argument("--quick", action="store_true", help="of the quick run")
         sub.set_defaults(command=command)
     commands.add_parser("readme", help="write the results' numbers into README.md").set_defaults(command=_readme)
+    commands.add_parser("calibrate", help="identify the joint anew, into data/joint.json").set_defaults(
+        command=_calibrate
+    )
+    commands.add_parser("bench", help="time what was made fast, into results/bench.csv").set_defaults(command=_bench)
     commands.add_parser("data", help="fetch and verify the authors' data").set_defaults(command=_data)
     return parser
 
@@ -82,6 +86,27 @@ def _report(options: argparse.Namespace) -> int:
 
 def _readme(_: argparse.Namespace) -> int:
     report.update_readme(workbook.ROOT / "README.md", workbook.ROOT / "results")
+    return 0
+
+
+def _calibrate(_: argparse.Namespace) -> int:
+    try:
+        text = simulations.calibrate()
+    except (DataUnavailable, DataCorrupt) as error:
+        print(error, file=sys.stderr)
+        return 2
+    workbook.write_text(workbook.ROOT / "replication" / "data" / "joint.json", text)
+    return 0
+
+
+def _bench(_: argparse.Namespace) -> int:
+    try:
+        table = bench.bench()
+    except (DataUnavailable, DataCorrupt) as error:
+        print(error, file=sys.stderr)
+        return 2
+    workbook.write_csv(workbook.ROOT / "results" / "bench.csv", table)
+    print(table.to_string(index=False))
     return 0
 
 

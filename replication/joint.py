@@ -159,7 +159,8 @@ class SimulatedJoint:
         return self.motor_speed_rad_per_s / TURN
 
 
-def _constants(p: JointParameters, delta: float) -> tuple:
+def core_constants(p: JointParameters, delta: float) -> tuple:
+    """Parameters of the joint in the order that `joint_core` takes them."""
     return (
         p.gear_ratio,
         p.commanded_speed_rad_per_s,
@@ -180,7 +181,8 @@ def _constants(p: JointParameters, delta: float) -> tuple:
     )
 
 
-def _drive(p: JointParameters) -> tuple:
+def core_drive(p: JointParameters) -> tuple:
+    """Parameters of the drive in the order that `joint_core` takes them."""
     return (
         p.position_gain_per_s,
         p.speed_gain_nms_per_rad,
@@ -227,8 +229,8 @@ def closed_loop_matrix(parameters: JointParameters, *, in_contact: bool = True) 
     if p.torque_lag_s == 0:
         flow[4] = np.eye(6)[5]
     # Without the encoder's grid and the torque limit the drive is linear.
-    drive = (*_drive(p)[:7], math.inf, 0.0, float(p.speed_by_differencing))
-    rows = core.control_matrix(delay, drive, _constants(p, 0.0))
+    drive = (*core_drive(p)[:7], math.inf, 0.0, float(p.speed_by_differencing))
+    rows = core.control_matrix(delay, drive, core_constants(p, 0.0))
     held = np.vstack([np.eye(5, 9 + delay), rows[:1]])
     return np.vstack([(flow @ held)[:5], rows[1:]])
 
@@ -293,7 +295,7 @@ def _check_stability(p: JointParameters) -> None:
             )
 
 
-def _start(p: JointParameters, delta: float) -> tuple[tuple[float, ...], int]:
+def start_state(p: JointParameters, delta: float) -> tuple[tuple[float, ...], int]:
     """State and region at -lead_s: commanded speed, teeth in contact, torques in balance."""
     load_speed = p.commanded_speed_rad_per_s / p.gear_ratio
     angle = p.start_angle_rad - load_speed * p.lead_s
@@ -342,7 +344,7 @@ def simulate(
 
 
 def _simulate_checked(p: JointParameters, delta: float, duration: float, sample: float, step: float) -> SimulatedJoint:
-    y, region = _start(p, delta)
+    y, region = start_state(p, delta)
     every, skip = round(sample / step), round(p.lead_s / step)
     samples = round(duration / sample) + 1
     record, gap = np.empty((samples, 5)), np.empty(samples, dtype=np.int64)
@@ -358,8 +360,8 @@ def _simulate_checked(p: JointParameters, delta: float, duration: float, sample:
         every,
         per_period,
         delay,
-        _constants(p, delta),
-        _drive(p),
+        core_constants(p, delta),
+        core_drive(p),
         record,
         gap,
         events,

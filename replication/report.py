@@ -1,7 +1,6 @@
 """Results to pages: the report, and the README's status block."""
 
 import html
-import os
 from pathlib import Path
 
 import pandas as pd
@@ -77,9 +76,7 @@ def write_page(results: Path) -> Path:
         figures="\n".join(drawn),
     )
     path = results / "report.html"
-    temporary = path.with_suffix(".tmp")
-    temporary.write_text(page, encoding="utf-8")
-    os.replace(temporary, path)
+    workbook.write_text(path, page)
     return path
 
 
@@ -116,4 +113,4 @@ def update_readme(readme: Path, results: Path) -> None:
         raise ValueError(f"{readme.name}: the marks {BEGIN} and {END} are missing")
     head, rest = text.split(BEGIN, 1)
     tail = rest.split(END, 1)[1]
-    readme.write_text(f"{head}{BEGIN}\n{status(results)}\n{END}{tail}", encoding="utf-8")
+    workbook.write_text(readme, f"{head}{BEGIN}\n{status(results)}\n{END}{tail}")

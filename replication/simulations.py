@@ -2,22 +2,24 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from importlib.metadata import version
 
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
 from replication import published, sensor
-from replication.datasets import Recording, level_delta_rad, load_clean
+from replication.datasets import Recording, authors_file, level_delta_rad, load_clean
 from replication.joint import (
     JointParameters,
+    joint_from_ratios,
     settled_peak_rps,
     simulate_many,
     stiffness,
     transmitted_torque,
     with_ratios,
 )
-from replication.simulator_fit import FINE_S, validation_table
+from replication.simulator_fit import FINE_S, identify_joint, identify_lead, joint_record, validation_table
 
 FloatArray = NDArray[np.float64]
 
@@ -216,3 +218,43 @@ def positive_impact_delay(recording: Recording) -> float:
     weight = np.abs(spectrum[band])
     phase = np.angle(spectrum[band])
     return float(-np.sum(weight * phase * frequency[band]) / np.sum(weight * frequency[band] ** 2) / (2 * np.pi))
+
+
+# Rough values, from which the fit finds the identified ones; with all signs right, which it keeps.
+CALIBRATION_START = {
+    "stiffness_per_s2": 4.5e4,
+    "gravity_per_s2": 33.0,
+    "inertia_ratio": 5.0,
+    "speed_gain_per_s": 850.0,
+    "integral_gain_per_s2": 1.5e5,
+    "derivative_gain": 1.0,
+    "leaky_gain_per_s2": -4e4,
+    "position_gain_per_s": 25.0,
+    "leaky_rate_per_s": 30.0,
+    "torque_lag_s": 1.5e-3,
+    "start_angle_rad": 0.149,
+    "lead_s": 0.0455,
+}
+
+
+def calibrate() -> str:
+    """Identify the joint from the authors' clean records, from a rough start.
+
+    Returns
+    -------
+    str
+        The content of `data/joint.json`.
+
+    Raises
+    ------
+    DataUnavailable, DataCorrupt
+        See `datasets.authors_file`.
+    """
+    records = signals(clean_records(FIT_LEVELS))
+    start = joint_from_ratios(CALIBRATION_START)
+    fit = identify_joint(records, start)
+    leads = start.control_period_s * np.arange(0, 161)
+    lead = identify_lead(records, fit.parameters, leads)
+    fit = replace(fit, parameters=replace(fit.parameters, lead_s=float(round(lead, 9))))
+    sources = [authors_file(f"Speeddata{level}.xlsx") for level in FIT_LEVELS]
+    return joint_record(fit, sources, {name: version(name) for name in ("numpy", "scipy", "numba")})

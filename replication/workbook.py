@@ -74,9 +74,7 @@ def is_quick() -> bool:
 
 def save_table(table: pd.DataFrame, name: str) -> None:
     """Export a result table as `results/<name>.csv`."""
-    path = output_folder() / "results" / f"{name}.csv"
-    path.parent.mkdir(parents=True, exist_ok=True)
-    table.to_csv(path, index=False, float_format=FLOAT_FORMAT, lineterminator="\n")
+    write_csv(output_folder() / "results" / f"{name}.csv", table)
 
 
 def save_figure(figure: Figure, name: str) -> None:
@@ -226,12 +224,12 @@ def collect(results: Path) -> pd.DataFrame:
         The verdicts.
     """
     table = verdicts(results)
-    _write_csv(results / "verdicts.csv", table)
+    write_csv(results / "verdicts.csv", table)
     outcomes = _outcomes(results)
     decided = [row | {"notebook": name} for name, outcome in outcomes.items() for row in outcome["claims"]]
     decided = pd.DataFrame(decided, columns=["id", "holds", "measured", "notebook"])
     claims = published.claims().reset_index()[["id", "claim", "section"]]
-    _write_csv(results / "claims.csv", claims.merge(decided, on="id", how="left"))
+    write_csv(results / "claims.csv", claims.merge(decided, on="id", how="left"))
     _write_json(results / "provenance.json", _provenance(outcomes))
     return table
 
@@ -414,14 +412,18 @@ def _move_into(staging: Path, destination: Path) -> None:
         os.replace(file, target)
 
 
-def _write_csv(path: Path, table: pd.DataFrame) -> None:
+def write_text(path: Path, text: str) -> None:
+    """Write a file whole or not at all."""
+    path.parent.mkdir(parents=True, exist_ok=True)
     temporary = path.with_suffix(".tmp")
-    table.to_csv(temporary, index=False, float_format=FLOAT_FORMAT, lineterminator="\n")
+    temporary.write_text(text, encoding="utf-8")
     os.replace(temporary, path)
+
+
+def write_csv(path: Path, table: pd.DataFrame) -> None:
+    """Write a table whole or not at all, six significant digits."""
+    write_text(path, table.to_csv(index=False, float_format=FLOAT_FORMAT, lineterminator="\n"))
 
 
 def _write_json(path: Path, content: dict) -> None:
-    path.parent.mkdir(parents=True, exist_ok=True)
-    temporary = path.with_suffix(".tmp")
-    temporary.write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
-    os.replace(temporary, path)
+    write_text(path, json.dumps(content, indent=1) + "\n")

@@ -5,7 +5,6 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from scipy.integrate import solve_ivp
 
 from replication import joint as joint_module
 from replication import joint_core as core
@@ -23,6 +22,7 @@ from replication.joint import (
     transmitted_torque,
     with_ratios,
 )
+from replication.joint_reference import solve_ivp_speed_rps
 
 DELTA = 15e-4
 NO_DRIVE = {
@@ -39,32 +39,11 @@ def joint() -> JointParameters:
     return identified_joint()
 
 
-def solve_ivp_speed_rps(p, delta, duration, method, **tolerances):
-    """Motor speed at every control period, the compiled field integrated by SciPy between them."""
-    c, drive = joint_module._constants(p, delta), joint_module._drive(p)
-    y, _ = joint_module._start(p, delta)
-    ring, memory = np.full(p.control_delay_periods + 1, y[4]), np.array([y[4], 0.0, 0.0, y[0]])
-    edges = np.array([-delta, 0.0, delta])
-
-    def field(t, y, command):
-        return core.derivative(t, tuple(y), command, int(np.searchsorted(edges, y[0] / c[0] - y[2])), c)
-
-    skip, speeds = round(p.lead_s / p.control_period_s), []
-    for i in range(skip + round(duration / p.control_period_s) + 1):
-        t = (i - skip) * p.control_period_s
-        speeds.append(y[1])
-        command = core.control(t, tuple(y), memory, ring, i, drive, c)
-        y = solve_ivp(field, (t, t + p.control_period_s), np.array(y), method=method, args=(command,), **tolerances).y[
-            :, -1
-        ]
-    return p.commanded_speed_rps + np.array(speeds[skip:]) / (2 * np.pi)
-
-
 def free_response(p, y, periods, delta=0.0):
     """States at each control period from any start, without gravity."""
     record, gap, per = np.empty((periods + 1, 5)), np.empty(periods + 1, dtype=np.int64), 50
     p = replace(p, gravity_arm_m=0.0, lead_s=0.0)
-    c, drive = joint_module._constants(p, delta), joint_module._drive(p)
+    c, drive = joint_module.core_constants(p, delta), joint_module.core_drive(p)
     run = (p.control_period_s / per, 0, per, per, p.control_delay_periods)
     core.run(y, 3, periods * per, *run, c, drive, record, gap, np.empty((0, 2)))
     return record
@@ -175,7 +154,7 @@ def test_without_backlash_the_joint_is_its_linear_two_mass_system(joint, changes
     p = replace(joint, **changes)
     # Friction is measured from the commanded speed in the matrix, so the simulation starts with it balanced.
     steady = replace(p, gravity_arm_m=0.0)
-    y0, _ = joint_module._start(steady, 0.0)
+    y0, _ = joint_module.start_state(steady, 0.0)
     kick = np.array([0.02, 1.0, 0.0, -0.01, 0.0])
     record = free_response(p, tuple(np.array(y0) + kick), 200)
     matrix, state = closed_loop_matrix(p), np.zeros(9 + p.control_delay_periods)
