@@ -119,7 +119,7 @@ def _amplitude_interval(fold, limits, a, b, theta) -> tuple[float, float]:
     """95 % interval of |A|: normal about each possible window start, these weighted by their likelihood."""
     cost, A, information = _window_starts(fold, limits, a, b, theta, 8).T
     known = np.isfinite(cost) & (information > 0)
-    cost, A, information = cost[known], A[known], information[known]
+    cost, A, information = np.maximum(cost[known], 1e-15 * fold.scale[0]), A[known], information[known]
     variance = cost.min() / (fold.scale[1] - 7)
     weights = np.exp(-(cost - cost.min()) / (2 * variance))
     deviations = np.sqrt(variance / information)
