@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import cma
 import numpy as np
 import pandas as pd
+from joblib import Parallel, delayed
 from numpy.typing import NDArray
 from scipy import stats
 
@@ -265,6 +266,33 @@ def _evolution(box: Box, population: int, breadth: float, generator: np.random.G
     return cma.CMAEvolutionStrategy((box.lower + box.upper) / 2, breadth, options)
 
 
+def study(
+    recording: Recording, protocol: Protocol, compared: Sequence[Strategy], seeds: Sequence[int], target_rmse: float
+) -> pd.DataFrame:
+    """Run every strategy with every seed, on all cores.
+
+    Parameters
+    ----------
+    recording, protocol, target_rmse
+        As for `search`.
+    compared : sequence of Strategy
+        What to compare.
+    seeds : sequence of int
+        One run each.
+
+    Returns
+    -------
+    DataFrame
+        A row a run: `strategy`, `seed` and what `search` gives.
+    """
+    keys = [(strategy, seed) for strategy in compared for seed in seeds]
+    # The schedules are closures, which only cloudpickle, loky's own, can send: joblib's default does.
+    results = Parallel(n_jobs=-1)(delayed(search)(recording, protocol, *key, target_rmse) for key in keys)
+    return pd.DataFrame(
+        [{"strategy": key[0].name, "seed": key[1]} | result for key, result in zip(keys, results, strict=True)]
+    )
+
+
 def strategy_table(results: pd.DataFrame) -> pd.DataFrame:
     """What each strategy's success costs.
 
@@ -322,3 +350,34 @@ def landscape(
     population[:, FREE_PARAMETERS.index(axes[0])] = np.tile(first, second.size)
     population[:, FREE_PARAMETERS.index(axes[1])] = np.repeat(second, first.size)
     return population_rmse(recording.t, recording.v, population, protocol.timing).reshape(second.size, first.size)
+
+
+def slices(
+    recording: Recording, protocol: Protocol, X: FloatArray, points: int = 161
+) -> list[tuple[FloatArray, FloatArray, FloatArray]]:
+    """Two slices through X for a picture: A over t0 in the first turn, and T1 over T2.
+
+    Parameters
+    ----------
+    recording : Recording
+        The record.
+    protocol : Protocol
+        Timing and box.
+    X : array of shape (7,)
+        Where the slices cross.
+    points : int
+        Values along each axis.
+
+    Returns
+    -------
+    list of (columns, rows, misfit)
+        As `figures.landscape` takes them: t0 and A, T2 and T1 [s, rps], and misfits [rps].
+    """
+    box = protocol_box(recording, protocol)
+    ends = {
+        name: np.linspace(low, high, points)
+        for name, low, high in zip(FREE_PARAMETERS, box.lower, box.upper, strict=True)
+    }
+    ends["t0_s"] = recording.t[0] + np.linspace(0, protocol.T_f, points)
+    pairs = (("t0_s", "A_rps"), ("T2_s", "T1_s"))
+    return [(ends[a], ends[b], landscape(recording, protocol, X, (a, b), (ends[a], ends[b]))) for a, b in pairs]

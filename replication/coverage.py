@@ -4,6 +4,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from replication.basins import rate_interval
 from replication.datasets import Recording
 from replication.global_fit import global_fit
 from replication.identify import Protocol, protocol_box
@@ -68,4 +69,31 @@ def coverage_runs(law: str, half_amplitude_rps: float, runs: int, generator: np.
         low, high = fit.amplitude_interval_rps
         rows.append([law, half_amplitude_rps, truth, fit.amplitude_rps, low, high, low <= truth <= high])
     names = ["law", "half_amplitude_rps", "true_A_rps", "A_rps", "low_rps", "high_rps", "covered"]
+    return pd.DataFrame(rows, columns=names)
+
+
+def coverage_table(runs: int, seed: int) -> pd.DataFrame:
+    """How often the 95 % interval covers, for both noise laws at three noise levels.
+
+    Parameters
+    ----------
+    runs : int
+        Records for each.
+    seed : int
+        Of parameters and noise.
+
+    Returns
+    -------
+    DataFrame
+        A row for each: `law, half_amplitude_rps, runs, rate, rate_low, rate_high`, and the median relative width of the
+        interval `relative_width`.
+    """
+    rows = []
+    for law in ("uniform", "Gaussian"):
+        for half_amplitude in (0.05, 0.15, 0.3):
+            part = coverage_runs(law, half_amplitude, runs, np.random.default_rng(seed))
+            covered = int(part["covered"].sum())
+            width = ((part["high_rps"] - part["low_rps"]) / part["true_A_rps"]).median()
+            rows.append([law, half_amplitude, runs, covered / runs, *rate_interval(covered, runs), width])
+    names = ["law", "half_amplitude_rps", "runs", "rate", "rate_low", "rate_high", "relative_width"]
     return pd.DataFrame(rows, columns=names)
