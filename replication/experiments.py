@@ -21,6 +21,7 @@ from replication.datasets import (
     load_noisy,
     simulate_recordings,
 )
+from replication.global_fit import global_fit
 from replication.identify import Protocol, first_generation_rmse, margin_cma4, paper_fit, protocol_box
 from replication.joint_parameters import JointParameters
 from replication.signature import FREE_PARAMETERS, rmse
@@ -385,6 +386,47 @@ def table2(runs: pd.DataFrame, source: str, noise_amplitude_rps: FloatArray) -> 
         }
         rows.append(head | summarise_runs(part, theoretical[row - 1]).to_dict())
     return pd.DataFrame(rows).astype({"best_basin_runs": int, "basins": int, "runs": int})
+
+
+def global_table2(records: Sequence[tuple[dict, Recording]]) -> pd.DataFrame:
+    """The global fit of Table 2's records beside the printed means.
+
+    Parameters
+    ----------
+    records : sequence of (dict, Recording)
+        From `authors_table2_records`, one noise realisation.
+
+    Returns
+    -------
+    DataFrame
+        A row a record: `row, delta_rad, theoretical_A_rps, printed_mean_A_rps, printed_sd_A_rps, A_rps, low_rps,
+        high_rps, rmse_rps`, `error_percent` against the theoretical A, `against_printed_percent`, and the flags
+        `at_bound`, `sign_flipped`, `rivals`.
+    """
+    printed = {name: published.column("Table 2", name) for name in ("theoretical", "mean", "sd")}
+    rows = []
+    for key, recording in records:
+        fit, at = global_fit(recording), key["row"] - 1
+        theory, mean = printed["theoretical"][at], printed["mean"][at]
+        rows.append(
+            {
+                "row": key["row"],
+                "delta_rad": level_delta_rad(table2_levels()[at]),
+                "theoretical_A_rps": theory,
+                "printed_mean_A_rps": mean,
+                "printed_sd_A_rps": printed["sd"][at],
+                "A_rps": fit.amplitude_rps,
+                "low_rps": fit.amplitude_interval_rps[0],
+                "high_rps": fit.amplitude_interval_rps[1],
+                "rmse_rps": fit.rmse,
+                "error_percent": 100 * (fit.amplitude_rps / theory - 1),
+                "against_printed_percent": 100 * (fit.amplitude_rps / mean - 1),
+                "at_bound": " ".join(fit.at_bound),
+                "sign_flipped": fit.sign_flipped,
+                "rivals": len(fit.rival_rps),
+            }
+        )
+    return pd.DataFrame(rows)
 
 
 def noise_amplitudes() -> FloatArray:
