@@ -36,7 +36,7 @@
 import numpy as np
 import pandas as pd
 
-from replication import datasets, experiments, figures, published, workbook
+from replication import datasets, figures, inspection, published, workbook
 from replication.signature import Timing, signature
 
 # %% [markdown]
@@ -79,7 +79,7 @@ workbook.save_figure(figure, "figure05_record12_with_signature")
 # `first_cma4_rps` with that of later versions.
 
 # %%
-replay = experiments.replay_stored_runs(record)
+replay = inspection.replay_stored_runs(record)
 workbook.save_table(replay, "stored_runs")
 replay
 
@@ -121,10 +121,10 @@ basins
 
 # %%
 best = int(basins.loc[0, "runs"])
-mismatch = experiments.half_turn_mismatch(record)
+mismatch = inspection.half_turn_mismatch(record)
 claims = {
     "two_impacts": (
-        experiments.impacts_alternate(record),
+        inspection.impacts_alternate(record),
         "record 12: the largest excursion changes its sign from each settled half turn to the next",
     ),
     "half_turn": (
@@ -134,7 +134,7 @@ claims = {
     "local_minima": (best > len(replay) / 2, f"{best} of the authors' {len(replay)} stored runs end in the best basin"),
 }
 cells = {
-    "text.turns": experiments.whole_turns(record),
+    "text.turns": inspection.whole_turns(record),
     "text.commanded_speed": float(np.median(record.v)),
 }
 workbook.save_outcome("01_signature_figure6", {"authors": cells}, claims, inputs=datasets.authors_digests([record]))[

@@ -33,7 +33,7 @@
 # %%
 import pandas as pd
 
-from replication import datasets, experiments, figures, published, workbook
+from replication import datasets, experiments, figures, inspection, published, workbook
 
 # %% [markdown]
 # ## Parameters
@@ -52,7 +52,7 @@ variants = "all"  # or a list of names
 
 # %%
 clean = datasets.load_clean(12)
-found_table1 = experiments.table1_cells(clean, experiments.AUTHORS)
+found_table1 = inspection.table1_cells(clean, experiments.AUTHORS)
 printed = published.cells("Table 1")[["row", "column", "printed", "unit", "value"]]
 printed.assign(reproduced=found_table1)
 
@@ -62,7 +62,7 @@ printed.assign(reproduced=found_table1)
 # The turn period is where the record correlates best with itself, one turn later.
 
 # %%
-turn_period_s = experiments.turn_period(clean)
+turn_period_s = inspection.turn_period(clean)
 turn_period_s
 
 # %% [markdown]

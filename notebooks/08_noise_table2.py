@@ -38,7 +38,7 @@
 # %%
 import pandas as pd
 
-from replication import datasets, experiments, figures, published, workbook
+from replication import datasets, experiments, figures, inspection, published, workbook
 from replication.joint import identified_joint
 
 # %% [markdown]
@@ -57,12 +57,12 @@ noise_seed = 1  # of our noise: the simulated records' and the noise-only one
 # Half its range, where the clean record is public.
 
 # %%
-noise = experiments.noise_amplitudes()
+noise = inspection.noise_amplitudes()
 noise_rows = pd.DataFrame({"printed": published.column("Table 2", "noise")[: len(noise)], "measured": noise})
 noise_rows
 
 # %%
-noise_law = pd.DataFrame({f"K = {level}": experiments.uniform_noise_test(level, 1) for level in range(3, 12)}).T
+noise_law = pd.DataFrame({f"K = {level}": inspection.uniform_noise_test(level, 1) for level in range(3, 12)}).T
 noise_law
 
 # %% [markdown]

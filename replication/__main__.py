@@ -106,7 +106,7 @@ def _bench(_: argparse.Namespace) -> int:
         print(error, file=sys.stderr)
         return 2
     workbook.write_csv(workbook.ROOT / "results" / "bench.csv", table)
-    print(table.to_string(index=False))
+    print(table.drop(columns="note").to_string(index=False))
     return 0
 
 

@@ -7,7 +7,6 @@ import numpy as np
 import pandas as pd
 from joblib import Parallel, delayed
 from numpy.typing import NDArray
-from scipy import stats
 from tqdm import tqdm
 
 from replication import published
@@ -17,14 +16,13 @@ from replication.datasets import (
     constant_speed,
     from_sample,
     level_delta_rad,
-    load_clean,
     load_noisy,
     simulate_recordings,
 )
 from replication.global_fit import global_fit
-from replication.identify import Protocol, first_generation_rmse, margin_cma4, paper_fit, protocol_box
+from replication.identify import Protocol, margin_cma4, paper_fit
 from replication.joint_parameters import JointParameters
-from replication.signature import FREE_PARAMETERS, rmse
+from replication.signature import FREE_PARAMETERS
 
 FloatArray = NDArray[np.float64]
 
@@ -173,137 +171,6 @@ def summarise_runs(runs: pd.DataFrame, theoretical_A_rps: float) -> pd.Series:
     )
 
 
-def whole_turns(recording: Recording) -> int:
-    """Whole load turns that a record holds."""
-    return round((recording.t[-1] - recording.t[0]) / recording.turn_period_s)
-
-
-def impacts_alternate(recording: Recording) -> bool:
-    """Whether the largest excursion from the commanded speed changes its sign from half turn to half turn.
-
-    The first turn is left out: its first impact is a start-up transient.
-    """
-    half_turn = round(recording.turn_period_s / 2 / (recording.t[1] - recording.t[0]))
-    disturbance = recording.v - recording.commanded_speed_rps
-    halves = disturbance[2 * half_turn : disturbance.size // half_turn * half_turn].reshape(-1, half_turn)
-    signs = np.sign(halves[np.arange(len(halves)), np.abs(halves).argmax(axis=1)])
-    return bool((signs[1:] == -signs[:-1]).all())
-
-
-def turn_period(recording: Recording) -> float:
-    """Turn period [s]: the lag at which a record best resembles itself, the first turn left out.
-
-    Found among lags within 20 % of the recording's own figure, to a tenth of a sample by a parabola.
-    """
-    dt = recording.t[1] - recording.t[0]
-    expected = recording.turn_period_s / dt
-    settled = recording.v[round(expected) :]
-    lags = np.arange(round(0.8 * expected), round(1.2 * expected) + 1)
-    mismatch = np.array([np.mean((settled[lag:] - settled[:-lag]) ** 2) for lag in lags])
-    best = int(np.clip(mismatch.argmin(), 1, lags.size - 2))
-    before, at, after = mismatch[best - 1 : best + 2]
-    return float((lags[best] + 0.5 * (before - after) / (before - 2 * at + after)) * dt)
-
-
-def table1_cells(recording: Recording, protocol: Protocol) -> pd.Series:
-    """Read Table 1's cells off the box that the program builds, with the turn period measured on the record.
-
-    Parameters
-    ----------
-    recording : Recording
-        A clean record of the authors.
-    protocol : Protocol
-        Its box, at Table 1's own width.
-
-    Returns
-    -------
-    Series
-        Values in the cells' units, by cell id.
-    """
-    box = protocol_box(recording, replace(protocol, amplitude_factor=1.0))
-    t, v = recording.t, recording.v
-    names = ("A", "t0", "tau", "omega", "v_t", "T2", "T1")
-    shift = {"t0": t[0], "v_t": v.min()}
-    scale = {"A": np.ptp(v), "t0": np.ptp(t), "v_t": np.ptp(v)}
-    cells = {}
-    for name, lower, upper in zip(names, box.lower, box.upper, strict=True):
-        for bound, limit in (("min", lower), ("max", upper)):
-            cells[f"table1.{name}.{bound}"] = (limit - shift.get(name, 0.0)) / scale.get(name, 1.0)
-    period = turn_period(recording)
-    cells |= {f"table1.T_d.{bound}": period / 2 for bound in ("min", "max")}
-    cells |= {f"table1.T_f.{bound}": period for bound in ("min", "max")}
-    return pd.Series(cells, name="reproduced")
-
-
-def half_turn_mismatch(recording: Recording) -> float:
-    """How far a settled record differs from itself inverted and half a turn later, over its SD."""
-    half_turn = round(recording.turn_period_s / 2 / (recording.t[1] - recording.t[0]))
-    settled = recording.v[2 * half_turn :] - recording.commanded_speed_rps
-    return float(np.sqrt(np.mean((settled[half_turn:] + settled[:-half_turn]) ** 2)) / settled.std())
-
-
-def added_noise(level: int, realisation: int) -> FloatArray:
-    """Noise that was added to the authors' clean record of a level [rps]."""
-    return load_noisy(level, realisation).v - load_clean(level).v
-
-
-def uniform_noise_test(level: int, realisation: int) -> pd.Series:
-    """Test the noise that was added to a record against a uniform and a normal law.
-
-    Returns
-    -------
-    Series
-        `p_uniform` and `p_normal` (Kolmogorov-Smirnov), `mean_over_standard_error`, `lag_one_correlation`.
-    """
-    noise = added_noise(level, realisation)
-    low, high = noise.min(), noise.max()
-    return pd.Series(
-        {
-            "p_uniform": stats.kstest(noise, stats.uniform(low, high - low).cdf).pvalue,
-            "p_normal": stats.kstest(noise, stats.norm(noise.mean(), noise.std()).cdf).pvalue,
-            "mean_over_standard_error": noise.mean() / (noise.std() / np.sqrt(noise.size)),
-            "lag_one_correlation": np.corrcoef(noise[1:], noise[:-1])[0, 1],
-        }
-    )
-
-
-def replay_stored_runs(recording: Recording) -> pd.DataFrame:
-    """Put the 30 runs stored in the authors' notebook beside ours: stage one and the first generation.
-
-    Parameters
-    ----------
-    recording : Recording
-        The authors' clean record 12.
-
-    Returns
-    -------
-    DataFrame
-        A row a run: `run`, `stored_rmse_rps`, `rmse_rps` (the signature at the stored parameters),
-        `stored_first_rps`, `first_rps` and `first_cma4_rps` (our first generation, with the bound margins of cma
-        before 3.4 and from 3.4 on), `basin`.
-    """
-    stored = published.authors_notebook_runs()
-    newer = replace(AUTHORS, margin=margin_cma4)
-    names = ("A_rps", "t0_s", "tau_per_s", "omega_rad_per_s", "c_rps", "window_end_s", "window_start_s")
-    rows = []
-    for run in stored.to_dict("records"):
-        X = np.array([run[name] for name in names])
-        timing = replace(AUTHORS, T_d=run["T_d_s"], T_f=run["T_f_s"]).timing
-        rows.append(
-            {
-                "run": run["run"],
-                "stored_rmse_rps": run["final_rmse_rps"],
-                "rmse_rps": rmse(recording.t, recording.v, X, timing),
-                "stored_first_rps": run["generation_1_best_rmse_rps"],
-                "first_rps": first_generation_rmse(recording, AUTHORS, run["cma_seed"]),
-                "first_cma4_rps": first_generation_rmse(recording, newer, run["cma_seed"]),
-                "A_rps": run["A_rps"],
-            }
-        )
-    table = pd.DataFrame(rows)
-    return table.assign(basin=basin_labels(table["stored_rmse_rps"].to_numpy()))
-
-
 def table2_levels() -> range:
     """Numbers K of the authors' records behind Table 2's ten rows."""
     return range(2, 2 + int(published.value("text.levels")))
@@ -427,22 +294,6 @@ def global_table2(records: Sequence[tuple[dict, Recording]]) -> pd.DataFrame:
             }
         )
     return pd.DataFrame(rows)
-
-
-def noise_amplitudes() -> FloatArray:
-    """Measure the half-amplitude of the noise [rps] in the authors' low-noise records of Table 2's ten rows.
-
-    Where the clean record is public, half the range of what was added to it; for the first row, from the SD of the
-    difference of two realisations, whose variance is two thirds of the squared half-amplitude.
-    """
-    amplitudes = []
-    for level in table2_levels():
-        if level < 3:
-            difference = load_noisy(level, 1).v - load_noisy(level, 2).v
-            amplitudes.append(np.sqrt(1.5 * np.var(difference)))
-        else:
-            amplitudes.append(np.ptp(np.r_[added_noise(level, 1), added_noise(level, 2)]) / 2)
-    return np.array(amplitudes)
 
 
 def table2_cells(table: pd.DataFrame) -> pd.Series:

@@ -9,7 +9,7 @@ import numpy as np
 import openpyxl
 import pytest
 
-from replication import datasets, experiments, published
+from replication import datasets, experiments, inspection, published
 
 
 def workbook_bytes(rows):
@@ -191,7 +191,7 @@ def test_the_clean_records_are_twelve_turns_of_five_significant_digits(authors_d
     for level in range(3, 14):
         record = datasets.load_clean(level)
         assert record.t.size == 2401
-        assert experiments.whole_turns(record) == published.value("text.turns")
+        assert inspection.whole_turns(record) == published.value("text.turns")
         five_digits = np.where(record.v < 100, record.v.round(3), record.v.round(2))
         np.testing.assert_array_equal(record.v, five_digits)
 
@@ -205,7 +205,7 @@ def test_the_one_bad_first_row_is_dropped(authors_data):
 
 def test_the_turn_period_in_the_data_is_0_4_s(authors_data):
     for level in (3, 8, 13):
-        period = experiments.turn_period(datasets.load_clean(level))
+        period = inspection.turn_period(datasets.load_clean(level))
         assert period == pytest.approx(0.400, abs=2e-4)
         assert abs(period - published.value("table1.T_f.max")) > 10 * published.tolerance("table1.T_f.max")
 
@@ -213,7 +213,7 @@ def test_the_turn_period_in_the_data_is_0_4_s(authors_data):
 def test_the_turn_period_of_a_made_record_is_found_to_a_tenth_of_a_sample():
     t = 0.002 * np.arange(2401)
     record = datasets.Recording(t, 100 + np.sin(2 * np.pi * t / 0.4137), 100.0, 0.4, "made")
-    assert experiments.turn_period(record) == pytest.approx(0.4137, abs=2e-4)
+    assert inspection.turn_period(record) == pytest.approx(0.4137, abs=2e-4)
 
 
 def test_the_added_noise_is_uniform_with_the_printed_half_amplitude(authors_data):
@@ -222,15 +222,15 @@ def test_the_added_noise_is_uniform_with_the_printed_half_amplitude(authors_data
         formula = 0.1 + (level - 1) * 0.15 / 19
         assert abs(formula - printed[row]) <= 1e-4
         if level >= 3:
-            law = experiments.uniform_noise_test(level, 1)
+            law = inspection.uniform_noise_test(level, 1)
             assert law["p_uniform"] > 0.01
             assert abs(law["mean_over_standard_error"]) < 3
-            assert np.ptp(experiments.added_noise(level, 1)) / 2 == pytest.approx(formula, rel=0.005)
+            assert np.ptp(inspection.added_noise(level, 1)) / 2 == pytest.approx(formula, rel=0.005)
 
 
 def test_the_added_noise_is_not_gaussian(authors_data):
     for level in range(3, 12):
-        assert experiments.uniform_noise_test(level, 1)["p_normal"] < 1e-3
+        assert inspection.uniform_noise_test(level, 1)["p_normal"] < 1e-3
 
 
 def test_level_1_is_not_free_of_backlash(authors_data):
