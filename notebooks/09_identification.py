@@ -50,9 +50,9 @@ from replication.signature import FREE_PARAMETERS
 # %% tags=["parameters"]
 level = 12  # the authors' clean record for replay, landscape and strategies
 replay_runs = 300  # runs of the authors' protocol on it
-strategy_runs = 12  # runs of each other strategy
+strategy_runs = 10  # runs of each other strategy
 budget = 40000  # function evaluations of each of these
-coverage_runs = 300  # made records for each noise law
+coverage_runs = 150  # made records for each noise law
 
 # %% [markdown]
 # ## Result

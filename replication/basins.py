@@ -189,13 +189,13 @@ def alternating(population: int) -> Callable[[np.random.Generator], Iterator[tup
 def strategies(budget: int = 60000) -> list[Strategy]:
     """The settings that are compared: the authors' population, larger and smaller ones, restarts, fewer dimensions."""
     return [
-        Strategy("population 300, the authors'", repeated(300), budget),
-        Strategy("population 1000", repeated(1000), budget),
+        Strategy("population 300 (the authors'), restarted", repeated(300), budget),
+        Strategy("population 1000, restarted", repeated(1000), budget),
         Strategy("population 100, restarted", repeated(100), budget),
         Strategy("population 30, restarted", repeated(30), budget),
         Strategy("IPOP from 30", growing(30), budget),
         Strategy("BIPOP from 30", alternating(30), budget),
-        Strategy("A and v_t projected out, population 300", repeated(300), budget, projected=True),
+        Strategy("A and v_t projected out, population 300, restarted", repeated(300), budget, projected=True),
         Strategy("A and v_t projected out, population 100, restarted", repeated(100), budget, projected=True),
         Strategy("A and v_t projected out, population 30, restarted", repeated(30), budget, projected=True),
     ]
@@ -305,7 +305,7 @@ def strategy_table(results: pd.DataFrame) -> pd.DataFrame:
     -------
     DataFrame
         A row a strategy: `runs, found, rate, rate_low, rate_high, mean_evaluations`, and `evaluations_per_success`
-        with its limits `…_low, …_high` from the rate's (infinite where nothing was found).
+        with its limits `…_low, …_high` from the rate's alone (infinite where nothing was found).
     """
     rows = []
     for name, part in results.groupby("strategy", sort=False):
