@@ -207,7 +207,7 @@ def verdicts(results: Path) -> pd.DataFrame:
             "published": missing["value"].to_numpy(),
             "tolerance": [published.tolerance(cell) for cell in missing.index],
             "verdict": "not-run",
-            "reason": "no notebook computes this cell",
+            "reason": "taken from the paper or never published; no notebook measures it",
         }
     )
     table = pd.concat([part for part in (judged, not_run) if not part.empty], ignore_index=True)

@@ -30,7 +30,7 @@ def test_the_cells_that_differ_are_exactly_those_with_a_known_reason():
 
 
 def test_the_verdicts_are_what_the_outcomes_give():
-    pd.testing.assert_frame_equal(workbook.verdicts(RESULTS), VERDICTS, rtol=1e-5, check_dtype=False)
+    pd.testing.assert_frame_equal(workbook.verdicts(RESULTS), VERDICTS, rtol=1e-3, atol=1e-9, check_dtype=False)
 
 
 def test_every_printed_cell_has_a_verdict():
@@ -56,11 +56,10 @@ def test_the_best_basin_is_within_2_percent_of_the_printed_mean_in_all_ten_rows(
 
 def test_table_2_has_thirty_runs_a_row_and_its_summary_is_that_of_the_runs():
     table = pd.read_csv(RESULTS / "table2.csv")
-    runs = pd.read_csv(RESULTS / "table2_runs_authors.csv")
+    runs = pd.concat([pd.read_csv(RESULTS / f"table2_runs_{source}.csv") for source in ("authors", "simulated")])
     assert (table["runs"] == published.value("text.runs")).all()
     for row in table.to_dict("records"):
-        realisation = int(row["noise_level"].rpartition("= ")[2]) if row["delta_rad"] else 0
-        part = runs[(runs["row"] == row["row"]) & (runs["realisation"] == realisation)]
+        part = runs[(runs["row"] == row["row"]) & (runs["noise_level"] == row["noise_level"])]
         amplitude = part["A_rps"].abs() if row["delta_rad"] else part["A_rps"]
         assert amplitude.mean() == pytest.approx(row["mean_A_rps"], rel=1e-4, abs=1e-7)
         assert part["rmse_rps"].min() == pytest.approx(row["best_rmse_rps"], rel=1e-5)
@@ -69,6 +68,19 @@ def test_table_2_has_thirty_runs_a_row_and_its_summary_is_that_of_the_runs():
 def test_the_stored_runs_end_in_the_four_known_basins():
     basins = pd.read_csv(RESULTS / "stored_basins.csv")
     assert basins["runs"].tolist() == [10, 1, 18, 1]
+
+
+def test_the_simulator_meets_its_bars_on_every_record_and_every_printed_peak():
+    table = pd.read_csv(RESULTS / "simulator_validation.csv")
+    assert table["nrmse"].notna().sum() == 11
+    assert table["nrmse"].max() < 0.03
+    assert table["peak_error_percent"].notna().sum() == 10
+    assert table["peak_error_percent"].abs().max() < 1.0
+
+
+def test_the_simulated_characteristic_stays_close_to_equation_10_over_its_range():
+    difference = pd.read_csv(RESULTS / "characteristic_difference.csv")["difference_rad"].abs()
+    assert difference.max() < 3e-5
 
 
 def test_no_protocol_variant_with_the_printed_turn_period_comes_near():
