@@ -80,7 +80,7 @@ def coverage_table(runs: int, seed: int) -> pd.DataFrame:
     runs : int
         Records for each.
     seed : int
-        Of parameters and noise.
+        Of parameters and noise; each row draws its own.
 
     Returns
     -------
@@ -88,10 +88,10 @@ def coverage_table(runs: int, seed: int) -> pd.DataFrame:
         A row for each: `law, half_amplitude_rps, runs, rate, rate_low, rate_high`, and the median relative width of the
         interval `relative_width`.
     """
-    rows = []
+    rows, seeds = [], iter(np.random.SeedSequence(seed).spawn(6))  # rows that shared draws would err together
     for law in ("uniform", "Gaussian"):
         for half_amplitude in (0.05, 0.15, 0.3):
-            part = coverage_runs(law, half_amplitude, runs, np.random.default_rng(seed))
+            part = coverage_runs(law, half_amplitude, runs, np.random.default_rng(next(seeds)))
             covered = int(part["covered"].sum())
             width = ((part["high_rps"] - part["low_rps"]) / part["true_A_rps"]).median()
             rows.append([law, half_amplitude, runs, covered / runs, *rate_interval(covered, runs), width])
