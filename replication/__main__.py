@@ -10,9 +10,13 @@ from replication.datasets import WORKBOOK_FILES, DataCorrupt, DataUnavailable, a
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Run one command; return its exit status."""
+    """Run one command; return its exit status: 0 done, 2 the data are not usable, 1 anything else."""
     options = _parser().parse_args(arguments)
-    return options.command(options)
+    try:
+        return options.command(options)
+    except (DataUnavailable, DataCorrupt) as error:
+        print(error, file=sys.stderr)
+        return 2
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -90,33 +94,20 @@ def _readme(_: argparse.Namespace) -> int:
 
 
 def _calibrate(_: argparse.Namespace) -> int:
-    try:
-        text = simulations.calibrate()
-    except (DataUnavailable, DataCorrupt) as error:
-        print(error, file=sys.stderr)
-        return 2
-    workbook.write_text(workbook.ROOT / "replication" / "data" / "joint.json", text)
+    workbook.write_text(workbook.ROOT / "replication" / "data" / "joint.json", simulations.calibrate())
     return 0
 
 
 def _bench(_: argparse.Namespace) -> int:
-    try:
-        table = bench.bench()
-    except (DataUnavailable, DataCorrupt) as error:
-        print(error, file=sys.stderr)
-        return 2
+    table = bench.bench()
     workbook.write_csv(workbook.ROOT / "results" / "bench.csv", table)
     print(table.drop(columns="note").to_string(index=False))
     return 0
 
 
 def _data(_: argparse.Namespace) -> int:
-    try:
-        for path in WORKBOOK_FILES:
-            print(authors_file(path))
-    except (DataUnavailable, DataCorrupt) as error:
-        print(error, file=sys.stderr)
-        return 2
+    for path in WORKBOOK_FILES:
+        print(authors_file(path))
     return 0
 
 

@@ -46,8 +46,13 @@ def _number(value: float) -> str:
     return "" if pd.isna(value) else f"{value:.5g}"
 
 
-def _linked(name: str) -> str:
-    return "" if pd.isna(name) else f'<a href="../notebooks/{name}.ipynb">{html.escape(name)}</a>'
+def _table(frame: pd.DataFrame) -> str:
+    """Render a frame as an HTML table, its text escaped and its notebooks linked."""
+    escaped = frame.map(lambda cell: html.escape(cell) if isinstance(cell, str) else cell)
+    if "notebook" in frame:
+        link = '<a href="../notebooks/{0}.ipynb">{0}</a>'.format
+        escaped["notebook"] = [link(html.escape(name)) if isinstance(name, str) else "" for name in frame["notebook"]]
+    return escaped.to_html(index=False, na_rep="", float_format=_number, escape=False)
 
 
 def write_page(results: Path) -> Path:
@@ -66,13 +71,12 @@ def write_page(results: Path) -> Path:
     claims = pd.read_csv(results / "claims.csv")
     figures = sorted((results.parent / "figures").glob("*.svg"))
     drawn = [f"<h3>{file.stem}</h3>\n{_inline_svg(file)}" for file in figures]
-    cells = table.to_html(index=False, na_rep="", float_format=_number, escape=False, formatters={"notebook": _linked})
     page = PAGE.format(
-        counts=workbook.verdict_counts(table).to_html(),
+        counts=_table(workbook.verdict_counts(table).reset_index().rename_axis(columns=None)),
         stand_in=STAND_IN,
-        cells=cells,
-        claims=claims.to_html(index=False, na_rep="not run", formatters={"notebook": _linked}, escape=False),
-        errata=published.errata().drop(columns="cells").to_html(),
+        cells=_table(table),
+        claims=_table(claims),
+        errata=_table(published.errata().drop(columns="cells").reset_index()),
         figures="\n".join(drawn),
     )
     path = results / "report.html"

@@ -70,6 +70,26 @@ def test_the_stored_runs_end_in_the_four_known_basins():
     assert basins["runs"].tolist() == [10, 1, 18, 1]
 
 
+def test_the_global_fit_is_never_above_the_best_of_thirty_runs_on_table_2s_records():
+    table = pd.read_csv(RESULTS / "table2.csv")
+    searched = table[table["noise_level"] == "low, R = 1"].set_index("row")["best_rmse_rps"]
+    found = pd.read_csv(RESULTS / "identification_table2.csv").set_index("row")["rmse_rps"]
+    assert len(found) == 10
+    assert (found <= searched.loc[found.index] * (1 + 1e-5)).all()  # the tables keep six digits
+
+
+def test_the_printed_means_lie_in_the_global_fits_intervals():
+    table = pd.read_csv(RESULTS / "identification_table2.csv")
+    assert (table["low_rps"] <= table["printed_mean_A_rps"]).all()
+    assert (table["printed_mean_A_rps"] <= table["high_rps"]).all()
+
+
+def test_the_intervals_cover_within_what_the_number_of_made_records_can_tell():
+    table = pd.read_csv(RESULTS / "identification_coverage.csv")
+    assert (table["rate_low"] <= 0.95).all()
+    assert (table["rate_high"] >= 0.93).all()
+
+
 def test_the_simulator_meets_its_bars_on_every_record_and_every_printed_peak():
     table = pd.read_csv(RESULTS / "simulator_validation.csv")
     assert table["nrmse"].notna().sum() == 11

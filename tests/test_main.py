@@ -1,0 +1,42 @@
+import pytest
+
+from replication import workbook
+from replication.__main__ import main
+
+
+@pytest.fixture
+def without_data(tmp_path, monkeypatch):
+    """An empty folder in place of the authors' data."""
+    monkeypatch.setenv("BACKLASH_DATA", str(tmp_path))
+
+
+@pytest.mark.parametrize("command", ["data", "calibrate", "bench"])
+def test_a_command_without_its_data_says_so_in_one_line_and_exits_with_2(command, without_data, capsys):
+    assert main([command]) == 2
+    said = capsys.readouterr().err.strip()
+    assert "BACKLASH_DATA" in said
+    assert "\n" not in said
+
+
+def test_a_notebook_without_its_data_is_not_run_and_leaves_no_stamp(without_data, tmp_path, capsys):
+    stamp = tmp_path / "stamp"
+    source = workbook.ROOT / "notebooks" / "01_signature_figure6.py"
+    executed = source.with_suffix(".ipynb")
+    before = executed.read_bytes()
+    assert main(["run", "--stamp", str(stamp), str(source)]) == 0
+    assert not stamp.exists()
+    assert executed.read_bytes() == before
+    assert "01_signature_figure6: not run" in capsys.readouterr().err
+
+
+def test_a_notebook_that_is_not_there_fails_by_name(capsys, tmp_path):
+    assert main(["run", str(tmp_path / "missing.py")]) == 1
+    assert "missing.py" in capsys.readouterr().err
+
+
+def test_check_prints_every_verdict_and_fails_while_a_cell_differs(capsys):
+    table = workbook.verdicts(workbook.ROOT / "results")
+    status = main(["check"])
+    assert status == int((table["verdict"] == "differs").any())
+    printed = capsys.readouterr().out
+    assert all(cell in printed for cell in table["id"])
