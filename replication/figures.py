@@ -9,6 +9,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
+from matplotlib.ticker import NullLocator
 from numpy.typing import NDArray
 
 FloatArray = NDArray[np.float64]
@@ -165,7 +166,7 @@ def table2(rows: Mapping[str, pd.DataFrame], printed: pd.DataFrame) -> Figure:
     at = delta + offsets[-1]
     upper.errorbar(at, printed["mean"], printed["sd"], elinewidth=1, capsize=3, **PRINTED)
     lower.axhspan(-2, 2, color="0.9", label="$\\pm$2 %: window gate and noise realisation")
-    lower.set(xlabel="backlash $\\delta$ [1e-4 rad]", ylabel="against printed\nmean [%]", ylim=(-6, 6))
+    lower.set(xlabel="backlash $\\delta$ [1e-4 rad]", ylabel="against printed\nmean [%]", ylim=(-10, 7))
     upper.set(ylabel="A [rps], mean $\\pm$ SD of 30 runs")
     upper.legend(loc="upper left")
     lower.legend(loc="lower right", fontsize=8, ncols=2)
@@ -213,7 +214,7 @@ def protocol_variants(scores: pd.DataFrame) -> Figure:
     -------
     Figure
     """
-    figure, axes = _grid(1, 2, figsize=(9.5, 4.5))
+    figure, axes = _grid(1, 2, figsize=(9.5, 5.0))
     left, right = axes[0]
     markers = "osv^DxP*"
     for (name, part), marker in zip(scores.groupby("protocol", sort=False), markers, strict=False):
@@ -223,9 +224,10 @@ def protocol_variants(scores: pd.DataFrame) -> Figure:
     left.axhline(0, color=INK, linewidth=0.8)
     right.axhline(1, color=INK, linewidth=0.8)
     left.set(xlabel="backlash $\\delta$ [1e-4 rad]", ylabel="mean A against printed mean [%]")
-    left.set_yscale("symlog", linthresh=5)
+    left.set_yscale("symlog", linthresh=10)
+    left.set_yticks([-50, -20, -10, -5, 0, 5], labels=["-50", "-20", "-10", "-5", "0", "5"])
     right.set(xlabel="backlash $\\delta$ [1e-4 rad]", ylabel="SD over printed SD", yscale="log")
-    left.legend(fontsize=8)
+    figure.legend(loc="outside lower center", ncols=4, fontsize=8)
     return figure
 
 
@@ -496,6 +498,9 @@ def strategy_costs(table: pd.DataFrame) -> Figure:
     finite = high[np.isfinite(high)]
     axis.set(xscale="log", xlabel="function evaluations per success")
     axis.set_xlim(low.min() / 1.5, 1.5 * max(finite.max(initial=0.0), low.max()))
+    ticks = [1e4, 2e4, 5e4, 1e5, 2e5, 5e5]
+    axis.set_xticks(ticks, labels=[f"{tick:,.0f}" for tick in ticks])
+    axis.xaxis.set_minor_locator(NullLocator())
     return figure
 
 
