@@ -147,8 +147,8 @@ pd.DataFrame(claims, index=["holds", "measured"]).T
 # %% [markdown]
 # ## Try changing
 #
-# 1. `run = 1`: a run in the basin with RMSE 0.159, the commonest of the 30. Its $t_0$ is stuck at 0, and in the
-#    residual every second oscillation is left standing.
+# 1. `run = 1`: a run in the basin with RMSE 0.159, the commonest of the 30. Its $t_0$ is stuck at 0 and its window
+#    closes after 0.1 s: the second half of every oscillation is left standing in the residual.
 # 2. `turn_period_s = 0.408`, the value that Table 1 prints: figure 6 barely changes; notebook 7 shows what it does
 #    to a fit over twelve turns.
 # 3. `turns = 3`: a third pair of oscillations in figure 6, one $T_f$ after the second.

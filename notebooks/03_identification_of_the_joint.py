@@ -160,4 +160,4 @@ print(f"fitted again, the ratios move by at most {100 * moved:.1f} % of their in
 #
 # 1. `alphas = [1e3]`: so soft an edge that the gap leaks a third of the stiffness; the misfit exceeds the signal.
 # 2. `profiled = "leaky_rate_per_s"`: 10 % away from its best, with the others fitted anew, the misfit hardly rises.
-# 3. `alphas = [1e9]`: the same misfit as 1e7 to three digits.
+# 3. `alphas = [1e9]`: the misfit of the clamped dead zone, to three digits.

@@ -125,6 +125,6 @@ print(f"largest peak error {np.abs(peaks).max():.2f} %; the peaks were not fitte
 # %% [markdown]
 # ## Try changing
 #
-# 1. `changes = {"stiffness_per_s2": 1.05}`: 5 % more stiffness, a faster ring, and a misfit of ten percent and more.
-# 2. `changes = {"start_angle_rad": 0.5}`: the impacts come at another time, and the misfit exceeds the signal itself.
+# 1. `changes = {"stiffness_per_s2": 1.05}`: 5 % more stiffness, a faster ring, and five times the misfit.
+# 2. `changes = {"start_angle_rad": 0.5}`: the impacts come at another time; three quarters of the signal are missed.
 # 3. `level = 13`: the widest gap that is public; the speed still lies within the line's width.

@@ -117,5 +117,5 @@ pd.DataFrame(claims, index=["holds", "measured"]).T
 #
 # 1. `variants = ["authors' notebook", "T_d and T_f as printed"]`: two lines in the figure, and the second lies 30 %
 #    and more below the printed means.
-# 2. `realisation = 2`: another noise; the means of the authors' protocol move by a percent or two, the SDs by factors.
+# 2. `realisation = 2`: another noise; the means of the authors' protocol move by a few percent, the SDs by factors.
 # 3. `repeats = 3`: the means stay; the SDs are worth little.
