@@ -78,14 +78,16 @@ table.head(6).round(4)
 # %% [markdown]
 # ### The landscape
 #
-# Two slices through the best fit; runs of other basins lie off them in the other parameters.
+# Two slices through the best fit, and the five commonest basins, the lowest misfit first; runs of other basins lie off
+# the slices in the other parameters.
 
 # %%
 best = global_fit(record)
 found = pd.Series(dict(zip(FREE_PARAMETERS, best.X, strict=True)))
 slices = basins.slices(record, protocol, best.X)
 labels = basins.label_basins(replay["rmse_rps"].to_numpy(), (replay["t0_s"] + replay["T1_s"]).to_numpy())
-by_basin = [replay[labels == label] for label in range(min(labels.max() + 1, 5))]
+commonest = sorted(pd.Series(labels).value_counts().index[:5])
+by_basin = [replay[labels == label] for label in commonest]
 figure = figures.landscape(slices, by_basin, found)
 workbook.save_figure(figure, "identification_landscape")
 
