@@ -35,7 +35,12 @@ VARIANTS = (
     replace(AUTHORS, name="start drawn per run", start="per run"),
     replace(AUTHORS, name="start drawn per record", start="per record"),
     replace(AUTHORS, name="A bound as printed", amplitude_factor=1.0),
-    replace(AUTHORS, name="T_d and T_f as printed", T_d=0.204, T_f=0.408),
+    replace(
+        AUTHORS,
+        name="T_d and T_f as printed",
+        T_d=published.value("table1.T_d.max"),
+        T_f=published.value("table1.T_f.max"),
+    ),
     replace(AUTHORS, name="bound margins of cma 4", margin=margin_cma4),
     replace(AUTHORS, name="population 600", population=600),
     replace(AUTHORS, name="population 1000", population=1000),
