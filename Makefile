@@ -68,11 +68,11 @@ clean:  ## remove what can be made again and is not committed
 # What every notebook needs, then what each needs besides; a stamp says that its outputs are newer than these.
 module = $(addsuffix .py,$(addprefix replication/,$(1)))
 IDENTIFIED := $(addprefix replication/data/,joint.json simulator_attempts.csv)
-COMMON := $(call module,published figures workbook) $(filter-out $(IDENTIFIED),$(wildcard replication/data/*))
+COMMON := $(call module,published figure_style figures workbook) $(filter-out $(IDENTIFIED),$(wildcard replication/data/*))
 JOINT := $(call module,joint joint_core joint_parameters datasets)
 FITS := $(JOINT) $(call module,signature identify experiments inspection)
 SIMULATIONS := $(JOINT) $(call module,sensor simulator_fit simulations)
-SEARCHES := $(FITS) $(call module,folding window_search global_fit basins coverage)
+SEARCHES := $(FITS) $(call module,figures_beyond folding window_search global_fit basins coverage)
 stamps = $(filter $(addprefix .make/,$(addsuffix _%,$(1))),$(STAMPS))
 
 $(call stamps,01 07 08): $(FITS)

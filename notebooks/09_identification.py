@@ -39,7 +39,7 @@
 # %%
 import pandas as pd
 
-from replication import basins, coverage, datasets, experiments, figures, published, workbook
+from replication import basins, coverage, datasets, experiments, figures_beyond, published, workbook
 from replication.global_fit import global_fit
 from replication.identify import Protocol
 from replication.signature import FREE_PARAMETERS
@@ -88,7 +88,7 @@ slices = basins.slices(record, protocol, best.X)
 labels = basins.label_basins(replay["rmse_rps"].to_numpy(), (replay["t0_s"] + replay["T1_s"]).to_numpy())
 commonest = sorted(pd.Series(labels).value_counts().index[:5])
 by_basin = [replay[labels == label] for label in commonest]
-figure = figures.landscape(slices, by_basin, found)
+figure = figures_beyond.landscape(slices, by_basin, found)
 workbook.save_figure(figure, "identification_landscape")
 
 # %% [markdown]
@@ -106,7 +106,7 @@ workbook.save_table(costs, "identification_strategies")
 costs.round(3)
 
 # %%
-figure = figures.strategy_costs(costs)
+figure = figures_beyond.strategy_costs(costs)
 workbook.save_figure(figure, "identification_strategies")
 
 # %% [markdown]
@@ -121,7 +121,7 @@ workbook.save_table(intervals, "identification_table2")
 intervals.drop(columns=["delta_rad"]).round(4)
 
 # %%
-figure = figures.amplitude_intervals(intervals)
+figure = figures_beyond.amplitude_intervals(intervals)
 workbook.save_figure(figure, "identification_intervals")
 
 # %% [markdown]

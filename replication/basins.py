@@ -371,7 +371,7 @@ def slices(
     Returns
     -------
     list of (columns, rows, misfit)
-        As `figures.landscape` takes them: t0 and A, T2 and T1 [s, rps], and misfits [rps].
+        As `figures_beyond.landscape` takes them: t0 and A, T2 and T1 [s, rps], and misfits [rps].
     """
     box = protocol_box(recording, protocol)
     ends = {

@@ -1,77 +1,19 @@
-"""Style and plots: one function a figure, data frames and arrays in, a matplotlib figure out."""
+"""The paper's figures and tables as plots: data frames and arrays in, a matplotlib figure out."""
 
-from collections.abc import Callable, Mapping, Sequence
-from functools import wraps
-from pathlib import Path
+from collections.abc import Mapping, Sequence
 
-import matplotlib as mpl
 import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
-from matplotlib.ticker import NullLocator
 from numpy.typing import NDArray
+
+from replication.figure_style import BLUE, GREEN, INK, ORANGE, PRINTED, grid, in_style
 
 FloatArray = NDArray[np.float64]
 
-# Okabe and Ito's colours, ordered so that neighbours also differ in grey.
-INK, BLUE, ORANGE, GREEN, PINK, SKY = "#000000", "#0072B2", "#E69F00", "#009E73", "#CC79A7", "#56B4E9"
-PRINTED = {"color": INK, "marker": "x", "linestyle": "none", "markersize": 7, "label": "printed in the paper"}
 
-STYLE = {
-    "figure.figsize": (8.0, 4.5),
-    "figure.dpi": 100,
-    "figure.constrained_layout.use": True,
-    "font.size": 10,
-    "axes.grid": True,
-    "axes.spines.top": False,
-    "axes.spines.right": False,
-    "axes.prop_cycle": mpl.cycler(color=[BLUE, ORANGE, GREEN, PINK, SKY, INK]),
-    "grid.color": "0.9",
-    "legend.frameon": False,
-    "svg.hashsalt": "backlash",
-    "svg.fonttype": "path",
-}
-
-
-def _in_style(plot: Callable[..., Figure]) -> Callable[..., Figure]:
-    """Draw a figure in the workbook's style, leaving matplotlib's settings alone."""
-
-    @wraps(plot)
-    def styled(*args, **options) -> Figure:
-        with mpl.rc_context(STYLE):
-            return plot(*args, **options)
-
-    return styled
-
-
-def save(figure: Figure, folder: Path, name: str, mark: str = "") -> None:
-    """Write a figure as SVG and PNG, without anything that differs from run to run.
-
-    Parameters
-    ----------
-    figure : Figure
-        What to write.
-    folder : Path
-        Where; made if it is not there.
-    name : str
-        File name without its ending.
-    mark : str
-        Written across the figure.
-    """
-    folder.mkdir(parents=True, exist_ok=True)
-    if mark:
-        figure.text(0.5, 0.5, mark, fontsize=40, color="0.6", alpha=0.4, ha="center", va="center", rotation=20)
-    with mpl.rc_context(STYLE):
-        figure.savefig(folder / f"{name}.svg", metadata={"Date": None})
-        figure.savefig(folder / f"{name}.png", dpi=150)
-
-
-def _grid(rows: int = 1, columns: int = 1, **options) -> tuple[Figure, np.ndarray]:
-    return plt.subplots(rows, columns, squeeze=False, **options)
-
-
-@_in_style
+@in_style
 def signature_parameters(
     t: FloatArray, h: FloatArray, t0: float, T1: float, T2: float, T_d: float, T_f: float
 ) -> Figure:
@@ -88,7 +30,7 @@ def signature_parameters(
     -------
     Figure
     """
-    figure, axes = _grid(figsize=(8.5, 4.2))
+    figure, axes = grid(figsize=(8.5, 4.2))
     axis = axes[0, 0]
     axis.plot(t, h, color=BLUE)
     top = np.abs(h).max()
@@ -104,7 +46,7 @@ def signature_parameters(
     return figure
 
 
-@_in_style
+@in_style
 def record_with_fit(t: FloatArray, v: FloatArray, fitted: FloatArray, labels: Sequence[str], seconds: float) -> Figure:
     """Show a record, a fitted signature over it and the residual beneath.
 
@@ -121,7 +63,7 @@ def record_with_fit(t: FloatArray, v: FloatArray, fitted: FloatArray, labels: Se
     -------
     Figure
     """
-    figure, axes = _grid(2, 1, sharex=True, figsize=(8.5, 5.0), height_ratios=(3, 1))
+    figure, axes = grid(2, 1, sharex=True, figsize=(8.5, 5.0), height_ratios=(3, 1))
     upper, lower = axes[:, 0]
     upper.plot(t, v, color=ORANGE, linewidth=1.6, label=labels[0])
     upper.plot(t, fitted, color=BLUE, linewidth=0.9, label=labels[1])
@@ -132,7 +74,7 @@ def record_with_fit(t: FloatArray, v: FloatArray, fitted: FloatArray, labels: Se
     return figure
 
 
-@_in_style
+@in_style
 def table2(rows: Mapping[str, pd.DataFrame], printed: pd.DataFrame) -> Figure:
     """Show Table 2's amplitudes: mean and SD of every source, their best basin and the printed marks.
 
@@ -147,7 +89,7 @@ def table2(rows: Mapping[str, pd.DataFrame], printed: pd.DataFrame) -> Figure:
     -------
     Figure
     """
-    figure, axes = _grid(2, 1, sharex=True, figsize=(8.5, 6.5), height_ratios=(2, 1))
+    figure, axes = grid(2, 1, sharex=True, figsize=(8.5, 6.5), height_ratios=(2, 1))
     upper, lower = axes[:, 0]
     colours = (BLUE, ORANGE, GREEN)
     delta = 1e4 * next(iter(rows.values()))["delta_rad"].to_numpy()
@@ -173,7 +115,7 @@ def table2(rows: Mapping[str, pd.DataFrame], printed: pd.DataFrame) -> Figure:
     return figure
 
 
-@_in_style
+@in_style
 def basins(runs: pd.DataFrame, labels: FloatArray, title: str) -> Figure:
     """Show where repeated runs on one record end: misfit against amplitude, one marker a run.
 
@@ -190,7 +132,7 @@ def basins(runs: pd.DataFrame, labels: FloatArray, title: str) -> Figure:
     -------
     Figure
     """
-    figure, axes = _grid(figsize=(7.0, 4.0))
+    figure, axes = grid(figsize=(7.0, 4.0))
     axis = axes[0, 0]
     amplitude, rmse = runs["A_rps"].abs(), runs["rmse_rps"]
     best = labels == 0
@@ -201,7 +143,7 @@ def basins(runs: pd.DataFrame, labels: FloatArray, title: str) -> Figure:
     return figure
 
 
-@_in_style
+@in_style
 def protocol_variants(scores: pd.DataFrame) -> Figure:
     """Show each protocol variant's means and SDs over the printed ones, row by row of Table 2.
 
@@ -214,7 +156,7 @@ def protocol_variants(scores: pd.DataFrame) -> Figure:
     -------
     Figure
     """
-    figure, axes = _grid(1, 2, figsize=(9.5, 5.0))
+    figure, axes = grid(1, 2, figsize=(9.5, 5.0))
     left, right = axes[0]
     markers = "osv^DxP*"
     for (name, part), marker in zip(scores.groupby("protocol", sort=False), markers, strict=False):
@@ -231,7 +173,7 @@ def protocol_variants(scores: pd.DataFrame) -> Figure:
     return figure
 
 
-@_in_style
+@in_style
 def characteristic(
     amplitude_rps: FloatArray, delta_rad: FloatArray, curve_A: FloatArray, curve_delta: FloatArray, label: str
 ) -> Figure:
@@ -250,7 +192,7 @@ def characteristic(
     -------
     Figure
     """
-    figure, axes = _grid(2, 1, sharex=True, figsize=(7.5, 5.5), height_ratios=(3, 1))
+    figure, axes = grid(2, 1, sharex=True, figsize=(7.5, 5.5), height_ratios=(3, 1))
     upper, lower = axes[:, 0]
     order = np.argsort(curve_A)
     upper.plot(curve_A[order], 1e4 * curve_delta[order], color=BLUE, label=label)
@@ -264,7 +206,7 @@ def characteristic(
     return figure
 
 
-@_in_style
+@in_style
 def dead_zone(curves: pd.DataFrame, delta_rad: float) -> Figure:
     """Figure 9: stiffness and torque of equations 8 and 9 against the displacement, and the clamped dead zone.
 
@@ -279,7 +221,7 @@ def dead_zone(curves: pd.DataFrame, delta_rad: float) -> Figure:
     -------
     Figure
     """
-    figure, axes = _grid(1, 2, figsize=(9.5, 4.2))
+    figure, axes = grid(1, 2, figsize=(9.5, 4.2))
     styles = ("-", "--", "-.", ":", (0, (6, 2)))
     for (alpha, curve), style in zip(curves.groupby("alpha_per_rad", sort=False), styles, strict=False):
         label = f"$\\alpha$ = {alpha:.0e} rad$^{{-1}}$" if np.isfinite(alpha) else "clamped dead zone"
@@ -296,7 +238,7 @@ def dead_zone(curves: pd.DataFrame, delta_rad: float) -> Figure:
     return figure
 
 
-@_in_style
+@in_style
 def simulated_joint(time_s: FloatArray, signals: Sequence[tuple[str, FloatArray, FloatArray | None]]) -> Figure:
     """Figure 10: signals of the simulated joint, with the recorded one over it where there is one.
 
@@ -311,7 +253,7 @@ def simulated_joint(time_s: FloatArray, signals: Sequence[tuple[str, FloatArray,
     -------
     Figure
     """
-    figure, axes = _grid(len(signals), 1, sharex=True, figsize=(8.5, 1.9 * len(signals)))
+    figure, axes = grid(len(signals), 1, sharex=True, figsize=(8.5, 1.9 * len(signals)))
     for axis, (label, simulated, recorded) in zip(axes[:, 0], signals, strict=True):
         if recorded is not None:
             axis.plot(time_s, recorded, color=ORANGE, linewidth=2.2, label="authors' record")
@@ -323,7 +265,7 @@ def simulated_joint(time_s: FloatArray, signals: Sequence[tuple[str, FloatArray,
     return figure
 
 
-@_in_style
+@in_style
 def validation(table: pd.DataFrame) -> Figure:
     """Show the simulator's misfit and its peaks' errors, level by level.
 
@@ -336,7 +278,7 @@ def validation(table: pd.DataFrame) -> Figure:
     -------
     Figure
     """
-    figure, axes = _grid(1, 2, figsize=(9.5, 3.8))
+    figure, axes = grid(1, 2, figsize=(9.5, 3.8))
     delta, used = 1e4 * table["delta_rad"], table["used_in_fit"]
     for axis, column, factor in ((axes[0, 0], "nrmse", 100), (axes[0, 1], "peak_error_percent", 1)):
         axis.plot(delta[used], factor * table.loc[used, column], "s", color=BLUE, label="level used in the fit")
@@ -351,7 +293,7 @@ def validation(table: pd.DataFrame) -> Figure:
     return figure
 
 
-@_in_style
+@in_style
 def speed_signal(t: FloatArray, v: FloatArray, turn_period_s: float) -> Figure:
     """Figure 5: the motor speed with its superimposed oscillations.
 
@@ -366,7 +308,7 @@ def speed_signal(t: FloatArray, v: FloatArray, turn_period_s: float) -> Figure:
     -------
     Figure
     """
-    figure, axes = _grid(figsize=(8.5, 3.4))
+    figure, axes = grid(figsize=(8.5, 3.4))
     axis = axes[0, 0]
     axis.plot(t, v, color=BLUE, linewidth=0.9)
     for turn in np.arange(t[0], t[-1], turn_period_s):
@@ -375,7 +317,7 @@ def speed_signal(t: FloatArray, v: FloatArray, turn_period_s: float) -> Figure:
     return figure
 
 
-@_in_style
+@in_style
 def growth(disturbances: pd.DataFrame, peaks: pd.DataFrame, printed: Mapping[float, float]) -> Figure:
     """Figure 11: the disturbance at growing backlash, and its peak over the printed theoretical A.
 
@@ -392,7 +334,7 @@ def growth(disturbances: pd.DataFrame, peaks: pd.DataFrame, printed: Mapping[flo
     -------
     Figure
     """
-    figure, axes = _grid(1, 2, figsize=(10.0, 4.4), width_ratios=(3, 2))
+    figure, axes = grid(1, 2, figsize=(10.0, 4.4), width_ratios=(3, 2))
     left, right = axes[0]
     levels = disturbances["delta_rad"].unique()
     for index, delta in enumerate(levels):
@@ -409,7 +351,7 @@ def growth(disturbances: pd.DataFrame, peaks: pd.DataFrame, printed: Mapping[flo
     return figure
 
 
-@_in_style
+@in_style
 def characteristic_difference(curve: pd.DataFrame) -> Figure:
     """Show our characteristic and equation 10 as printed, and their difference beneath.
 
@@ -422,7 +364,7 @@ def characteristic_difference(curve: pd.DataFrame) -> Figure:
     -------
     Figure
     """
-    figure, axes = _grid(2, 1, sharex=True, figsize=(7.5, 5.0), height_ratios=(3, 1))
+    figure, axes = grid(2, 1, sharex=True, figsize=(7.5, 5.0), height_ratios=(3, 1))
     upper, lower = axes[:, 0]
     upper.plot(
         curve["amplitude_rps"], 1e4 * curve["printed_rad"], color=INK, linestyle="--", label="equation 10, printed"
@@ -432,105 +374,4 @@ def characteristic_difference(curve: pd.DataFrame) -> Figure:
     upper.legend()
     lower.plot(curve["amplitude_rps"], 1e6 * curve["difference_rad"], color=BLUE)
     lower.set(xlabel="amplitude A [rps]", ylabel="ours - printed\n[1e-6 rad]")
-    return figure
-
-
-@_in_style
-def landscape(
-    slices: Sequence[tuple[FloatArray, FloatArray, FloatArray]], runs: Sequence[pd.DataFrame], best: pd.Series
-) -> Figure:
-    """Show two slices of the misfit through the best fit, A over t0 and T1 over T2, and where runs ended.
-
-    Parameters
-    ----------
-    slices : two of (columns, rows, misfit)
-        Values along both axes, of lengths n and m, and the misfit [rps] of shape (m, n).
-    runs : sequence of DataFrame
-        The runs of each basin, the best first: columns `A_rps, t0_s, T1_s, T2_s`.
-    best : Series
-        The best fit, same entries.
-
-    Returns
-    -------
-    Figure
-    """
-    figure, axes = _grid(1, 2, figsize=(10.0, 4.5))
-    names = (("t0_s", "A_rps"), ("T2_s", "T1_s"))
-    labels = (("$t_0$ [s]", "A [rps]"), ("$T_2$ [s]", "$T_1$ [s]"))
-    low, high = min(part[2].min() for part in slices), max(part[2].max() for part in slices)
-    markers, colours = "osv^Dx", (BLUE, ORANGE, GREEN, PINK, SKY, INK)
-    for axis, (columns, rows, misfit), (first, second), text in zip(axes[0], slices, names, labels, strict=True):
-        shade = axis.pcolormesh(columns, rows, misfit, cmap="Greys_r", vmin=low, vmax=high, rasterized=True)
-        for number, (part, marker, colour) in enumerate(zip(runs, markers, colours, strict=False)):
-            style = {"marker": marker, "color": colour, "linestyle": "none", "markersize": 4, "mfc": "none"}
-            axis.plot(part[first], part[second], label=f"basin {number + 1}, {len(part)} runs", **style)
-        axis.plot(best[first], best[second], marker="+", markersize=14, color=INK, label="global fit", linestyle="none")
-        axis.set(xlabel=text[0], ylabel=text[1])
-        axis.grid(False)
-    axes[0, 0].set_xlim(slices[0][0][0], slices[0][0][-1])
-    axes[0, 1].legend(fontsize=8)
-    figure.colorbar(shade, ax=axes[0].tolist(), label="RMSE [rps]")
-    return figure
-
-
-@_in_style
-def strategy_costs(table: pd.DataFrame) -> Figure:
-    """Show the function evaluations that each search strategy spends for one success, with 95 % intervals.
-
-    Parameters
-    ----------
-    table : DataFrame
-        Columns `strategy, evaluations_per_success` and its limits `..._low, ..._high`.
-
-    Returns
-    -------
-    Figure
-    """
-    figure, axes = _grid(figsize=(8.5, 3.8))
-    axis = axes[0, 0]
-    at = np.arange(len(table))[::-1]
-    middle, low, high = (table[f"evaluations_per_success{end}"].to_numpy() for end in ("", "_low", "_high"))
-    for y, centre, left, right in zip(at, middle, low, high, strict=True):
-        axis.plot([left, right if np.isfinite(right) else 100 * left], [y, y], color=BLUE, linewidth=1.2)
-        if np.isfinite(centre):
-            axis.plot(centre, y, "o", color=BLUE)
-    axis.set_yticks(at, table["strategy"])
-    finite = high[np.isfinite(high)]
-    axis.set(xscale="log", xlabel="function evaluations per success")
-    axis.set_xlim(low.min() / 1.5, 1.5 * max(finite.max(initial=0.0), low.max()))
-    ticks = [1e4, 2e4, 5e4, 1e5, 2e5, 5e5]
-    axis.set_xticks(ticks, labels=[f"{tick:,.0f}" for tick in ticks])
-    axis.xaxis.set_minor_locator(NullLocator())
-    return figure
-
-
-@_in_style
-def amplitude_intervals(table: pd.DataFrame) -> Figure:
-    """Show the global fit's amplitudes with their intervals beside Table 2's printed means and SDs.
-
-    Parameters
-    ----------
-    table : DataFrame
-        Columns `delta_rad, theoretical_A_rps, printed_mean_A_rps, printed_sd_A_rps, A_rps, low_rps, high_rps`.
-
-    Returns
-    -------
-    Figure
-    """
-    figure, axes = _grid(figsize=(8.0, 4.2))
-    axis = axes[0, 0]
-    delta, theory = 1e4 * table["delta_rad"].to_numpy(), table["theoretical_A_rps"].to_numpy()
-    middle = table["A_rps"].to_numpy()
-    ends = np.abs(table[["low_rps", "high_rps"]].to_numpy().T - middle)
-    style = {"linestyle": "none", "capsize": 3}
-    axis.errorbar(
-        delta - 0.15, middle / theory, ends / theory, marker="o", color=BLUE, label="global fit, 95 %", **style
-    )
-    printed, spread = (table[f"printed_{name}_A_rps"].to_numpy() / theory for name in ("mean", "sd"))
-    axis.errorbar(
-        delta + 0.15, printed, spread, elinewidth=1, capsize=3, **PRINTED | {"label": "printed mean, SD of runs"}
-    )
-    axis.axhline(1, color=INK, linewidth=0.8)
-    axis.set(xlabel="backlash $\\delta$ [1e-4 rad]", ylabel="A over theoretical A")
-    axis.legend()
     return figure

@@ -24,7 +24,7 @@ from matplotlib.figure import Figure
 from nbclient import NotebookClient
 from nbclient.exceptions import CellExecutionError, CellTimeoutError, DeadKernelError
 
-from replication import figures, published
+from replication import figure_style, published
 
 ROOT = Path(__file__).resolve().parent.parent
 QUICK = ROOT / "results" / "quick"
@@ -79,7 +79,7 @@ def save_table(table: pd.DataFrame, name: str) -> None:
 
 def save_figure(figure: Figure, name: str) -> None:
     """Export a figure as `figures/<name>.svg` and `.png`, without anything that differs from run to run."""
-    figures.save(figure, output_folder() / "figures", name, mark="quick run" if is_quick() else "")
+    figure_style.save(figure, output_folder() / "figures", name, mark="quick run" if is_quick() else "")
 
 
 def save_outcome(

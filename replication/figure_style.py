@@ -1,0 +1,70 @@
+"""The style of every figure, and how a figure is written."""
+
+from collections.abc import Callable
+from functools import wraps
+from pathlib import Path
+
+import matplotlib as mpl
+import matplotlib.pyplot as plt
+import numpy as np
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+FloatArray = NDArray[np.float64]
+
+# Okabe and Ito's colours, ordered so that neighbours also differ in grey.
+INK, BLUE, ORANGE, GREEN, PINK, SKY = "#000000", "#0072B2", "#E69F00", "#009E73", "#CC79A7", "#56B4E9"
+PRINTED = {"color": INK, "marker": "x", "linestyle": "none", "markersize": 7, "label": "printed in the paper"}
+
+STYLE = {
+    "figure.figsize": (8.0, 4.5),
+    "figure.dpi": 100,
+    "figure.constrained_layout.use": True,
+    "font.size": 10,
+    "axes.grid": True,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.prop_cycle": mpl.cycler(color=[BLUE, ORANGE, GREEN, PINK, SKY, INK]),
+    "grid.color": "0.9",
+    "legend.frameon": False,
+    "svg.hashsalt": "backlash",
+    "svg.fonttype": "path",
+}
+
+
+def in_style(plot: Callable[..., Figure]) -> Callable[..., Figure]:
+    """Draw a figure in the workbook's style, leaving matplotlib's settings alone."""
+
+    @wraps(plot)
+    def styled(*args, **options) -> Figure:
+        with mpl.rc_context(STYLE):
+            return plot(*args, **options)
+
+    return styled
+
+
+def save(figure: Figure, folder: Path, name: str, mark: str = "") -> None:
+    """Write a figure as SVG and PNG, without anything that differs from run to run.
+
+    Parameters
+    ----------
+    figure : Figure
+        What to write.
+    folder : Path
+        Where; made if it is not there.
+    name : str
+        File name without its ending.
+    mark : str
+        Written across the figure.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    if mark:
+        figure.text(0.5, 0.5, mark, fontsize=40, color="0.6", alpha=0.4, ha="center", va="center", rotation=20)
+    with mpl.rc_context(STYLE):
+        figure.savefig(folder / f"{name}.svg", metadata={"Date": None})
+        figure.savefig(folder / f"{name}.png", dpi=150)
+
+
+def grid(rows: int = 1, columns: int = 1, **options) -> tuple[Figure, np.ndarray]:
+    """Make a figure and its axes, always as an array of shape (rows, columns)."""
+    return plt.subplots(rows, columns, squeeze=False, **options)
