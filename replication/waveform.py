@@ -1,0 +1,201 @@
+"""The whole settled waveform of a turn as a measure of backlash, matched against waveforms of known backlash."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline
+from scipy.optimize import least_squares
+
+from replication.datasets import Recording
+
+FloatArray = NDArray[np.float64]
+
+# A cubic spline between levels needs four; one more, so that leaving one out can tell how good it is.
+LEAST_LEVELS = 5
+
+
+@dataclass(frozen=True, eq=False)
+class WaveformBank:
+    """Settled waveforms of one joint at known backlashes, aligned with one another.
+
+    Attributes
+    ----------
+    delta_rad : array of shape (levels,)
+        Backlash [rad], increasing.
+    waveform_rps : array of shape (levels, phases)
+        Motor speed less its mean over one turn [rps], at even phases from 0.
+    """
+
+    delta_rad: FloatArray
+    waveform_rps: FloatArray
+
+    @cached_property
+    def _between(self) -> CubicSpline:
+        return CubicSpline(self.delta_rad, self.waveform_rps, axis=0)
+
+    def at(self, delta_rad: float, derivative: int = 0) -> CubicSpline:
+        """Waveform [rps] at a backlash, or its derivative by it, as a periodic spline of the phase in turns."""
+        turn = self._between(delta_rad, derivative)
+        phases = np.linspace(0.0, 1.0, turn.size + 1)
+        return CubicSpline(phases, np.append(turn, turn[0]), bc_type="periodic")
+
+    def without(self, level: int) -> "WaveformBank":
+        """Return the bank without one of its levels, by position."""
+        return WaveformBank(np.delete(self.delta_rad, level), np.delete(self.waveform_rps, level, axis=0))
+
+
+@dataclass(frozen=True)
+class WaveformMatch:
+    """A record matched against a bank.
+
+    Attributes
+    ----------
+    delta_rad : float
+        Backlash [rad].
+    interval_rad : tuple of float
+        Its 95 % interval, if the bank is right and the noise white [rad].
+    shift_turns : float
+        Phase of the record against the bank [turns], 0 to 1.
+    rmse_rps : float
+        Misfit [rps].
+    at_end : bool
+        The backlash is the bank's first or last.
+    """
+
+    delta_rad: float
+    interval_rad: tuple[float, float]
+    shift_turns: float
+    rmse_rps: float
+    at_end: bool
+
+
+def settled(recording: Recording) -> tuple[FloatArray, FloatArray]:
+    """Return phase [turns] and speed [rps] of a record without its first turn, if it has three or more."""
+    t, v = recording.t - recording.t[0], recording.v
+    turns = t / recording.turn_period_s
+    kept = turns > 1 - 1e-9 if turns[-1] > 3 - 2 / t.size else turns >= 0
+    return turns[kept], v[kept]
+
+
+def mean_turn(recording: Recording, phases: int) -> FloatArray:
+    """Mean settled turn of a record less its mean [rps], at `phases` even phases from 0; empty ones interpolated.
+
+    Raises
+    ------
+    ValueError
+        The record is shorter than a turn, or has fewer samples in a turn than `phases`.
+    """
+    turns, v = settled(recording)
+    dt = (turns[-1] - turns[0]) / (turns.size - 1)
+    if turns[-1] - turns[0] < 1 - 1.5 * dt or dt * phases > 1 + 1e-6:
+        raise ValueError(
+            f"{recording.source}: {turns[-1] - turns[0]:.2f} turns at {1 / dt:.0f} samples a turn; "
+            f"one turn and {phases} samples in it are needed"
+        )
+    bins = np.rint(turns * phases).astype(np.int64) % phases
+    count = np.bincount(bins, minlength=phases)
+    filled = np.flatnonzero(count)
+    mean = np.bincount(bins, v, minlength=phases)[filled] / count[filled]
+    turn = np.interp(np.arange(phases), filled, mean, period=phases)
+    return turn - turn.mean()
+
+
+def _shifted(waveform: FloatArray, turns: float) -> FloatArray:
+    """Delay a periodic waveform by a part of a turn, band-limited."""
+    harmonics = np.arange(waveform.size // 2 + 1)
+    return np.fft.irfft(np.fft.rfft(waveform) * np.exp(-2j * np.pi * harmonics * turns), waveform.size)
+
+
+def _best_shift(waveforms: FloatArray, turn: FloatArray) -> tuple[int, float, float]:
+    """Row of `waveforms` and shift [turns] that come nearest to a turn, on the grid of phases; the misfit's square."""
+    spectrum = np.fft.rfft(turn) * np.conj(np.fft.rfft(waveforms, axis=-1))
+    misfit = (waveforms**2).sum(axis=-1)[:, None] - 2 * np.fft.irfft(spectrum, turn.size, axis=-1)
+    row, shift = np.unravel_index(misfit.argmin(), misfit.shape)
+    return int(row), float(shift / turn.size), float(misfit[row, shift])
+
+
+def make_bank(delta_rad: Sequence[float], turns_rps: Sequence[FloatArray]) -> WaveformBank:
+    """Align waveforms of known backlash with one another; those of one backlash are averaged.
+
+    Parameters
+    ----------
+    delta_rad : sequence of float
+        Backlash of each waveform [rad].
+    turns_rps : sequence of arrays of shape (phases,)
+        One turn each, from `mean_turn`, at whatever phase they start.
+
+    Returns
+    -------
+    WaveformBank
+
+    Raises
+    ------
+    ValueError
+        Fewer than five different backlashes.
+    """
+    order = np.argsort(delta_rad, kind="stable")
+    aligned: dict[float, list[FloatArray]] = {}
+    for k in order:
+        turn = np.asarray(turns_rps[k])
+        if aligned:
+            last = np.mean(next(reversed(aligned.values())), axis=0)
+            turn = _shifted(turn, -_best_shift(last[None, :], turn)[1])
+        aligned.setdefault(float(delta_rad[k]), []).append(turn)
+    if len(aligned) < LEAST_LEVELS:
+        raise ValueError(f"{len(aligned)} different backlashes; waveforms need {LEAST_LEVELS} or more")
+    return WaveformBank(np.array(list(aligned)), np.array([np.mean(turns, axis=0) for turns in aligned.values()]))
+
+
+def match(recording: Recording, bank: WaveformBank) -> WaveformMatch:
+    """Find the backlash and the phase at which a bank's waveform comes nearest to a record's settled turns.
+
+    Parameters
+    ----------
+    recording : Recording
+        The record; its first turn is left out if it has three or more.
+    bank : WaveformBank
+        Of the same joint in the same movement.
+
+    Returns
+    -------
+    WaveformMatch
+
+    Raises
+    ------
+    ValueError
+        The record is shorter than a turn, or sampled less than 16 times in it.
+    """
+    turns, v = settled(recording)
+    per_turn = int((turns.size - 1) / (turns[-1] - turns[0]) + 1e-6)
+    phases = min(max(per_turn, 16), bank.waveform_rps.shape[1])
+    grid = np.linspace(0.0, 1.0, phases, endpoint=False)
+    fine = np.linspace(bank.delta_rad[0], bank.delta_rad[-1], 4 * bank.delta_rad.size)
+    candidates = np.array([bank.at(delta)(grid) for delta in fine])
+    row, shift, _ = _best_shift(candidates, mean_turn(recording, phases))
+    span = bank.delta_rad[-1] - bank.delta_rad[0]
+    centred = v - v.mean()
+
+    def model(x: FloatArray) -> FloatArray:
+        wave = bank.at(bank.delta_rad[0] + span * x[0])((turns - x[1]) % 1.0)
+        return wave - wave.mean() - centred
+
+    def jacobian(x: FloatArray) -> FloatArray:
+        delta, phase = bank.delta_rad[0] + span * x[0], (turns - x[1]) % 1.0
+        slopes = np.stack([span * bank.at(delta, 1)(phase), -bank.at(delta)(phase, 1)], axis=1)
+        return slopes - slopes.mean(axis=0)
+
+    start = [np.clip((fine[row] - bank.delta_rad[0]) / span, 1e-9, 1 - 1e-9), shift]
+    found = least_squares(model, start, jac=jacobian, bounds=([0.0, -1.0], [1.0, 2.0]), x_scale=(1.0, 0.1), xtol=1e-12)
+    slopes = jacobian(found.x)
+    variance = (found.fun @ found.fun) / max(turns.size - 3, 1) * np.linalg.pinv(slopes.T @ slopes)[0, 0]
+    delta, half_width = bank.delta_rad[0] + span * found.x[0], 1.96 * span * np.sqrt(variance)
+    return WaveformMatch(
+        float(delta),
+        (float(delta - half_width), float(delta + half_width)),
+        float(found.x[1] % 1.0),
+        float(np.sqrt(np.mean(found.fun**2))),
+        bool(min(found.x[0], 1 - found.x[0]) < 1e-6),
+    )
