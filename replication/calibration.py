@@ -211,8 +211,26 @@ def _uncertainty(errors_rad: FloatArray) -> float:
     return float(np.sqrt(np.mean(errors_rad**2)) * stats.t.ppf(0.975, errors_rad.size) / stats.norm.ppf(0.975))
 
 
-def _polynomial(value: FloatArray, delta: FloatArray, method: str) -> tuple[tuple[float, ...], float]:
-    """Coefficients of the cubic, and its leave-one-level-out error [rad]; refused where it is not monotonic."""
+def fit_polynomial(value: FloatArray, delta: FloatArray, method: str) -> tuple[tuple[float, ...], float]:
+    """Fit the cubic delta(value), equation 10's form.
+
+    Parameters
+    ----------
+    value, delta : arrays of shape (logs,)
+        What the method read, and the known backlash [rad].
+    method : str
+        What to call it in an error.
+
+    Returns
+    -------
+    tuple of float, float
+        Coefficients from the constant upwards, and the uncertainty by leaving out each inner level [rad].
+
+    Raises
+    ------
+    ValueError
+        The backlash does not grow with the value.
+    """
     cubic = _fitted(value, delta)
     along = np.linspace(value.min(), value.max(), 400)
     if not (cubic.deriv()(along) > 0).all():
@@ -256,7 +274,7 @@ def calibrate(
     recordings : sequence of Recording
         Records of one joint in one movement.
     known_delta_rad : sequence of float
-        Their backlashes [rad], five different ones or more.
+        Their backlashes [rad], six different ones or more.
     method : str
         See `read`.
     provenance : str
@@ -288,7 +306,7 @@ def calibrate(
     else:
         bank = None
         value = np.array([read(recording, method, None, repeats, seed).value for recording in recordings])
-        coefficients, uncertainty = _polynomial(value, delta, method)
+        coefficients, uncertainty = fit_polynomial(value, delta, method)
     speed = float(np.mean([recording.commanded_speed_rps for recording in recordings]))
     return Calibration(
         method, coefficients, bank, (float(delta.min()), float(delta.max())), uncertainty, float(periods.mean()), speed,
@@ -301,7 +319,8 @@ def default_calibration(method: str) -> Calibration:
     """Calibration of a method for the paper's joint.
 
     "paper" has equation 10 with its printed coefficients, and for uncertainty the RMS error that it makes on simulated
-    records; the others are calibrated on simulated records, "amplitude" and "energy" over Table 2's range of backlash.
+    records; the others are calibrated on simulated records, "amplitude" and "energy" over Table 2's range of backlash,
+    "waveform" a little beyond it.
 
     Raises
     ------
@@ -313,7 +332,7 @@ def default_calibration(method: str) -> Calibration:
     joint, levels = identified_joint(), printed_levels_rad()
     fine = np.round(np.arange(levels[0], levels[-1] + 0.5e-4, 1e-4), 6)
     if method == "waveform":
-        deltas = np.round(np.arange(1e-4, 2 * levels[-1], 1e-4), 6)
+        deltas = np.round(np.arange(1e-4, levels[-1] + 4.5e-4, 1e-4), 6)
         records = simulate_recordings(joint, deltas, sample_s=TURN_PERIOD_S / _MOST_PHASES)
         settled = [replace(r, t=r.t[: 3 * _MOST_PHASES + 1], v=r.v[: 3 * _MOST_PHASES + 1]) for r in records]
         return calibrate(settled, deltas, method, "the paper's joint as identified, simulated")

@@ -111,8 +111,10 @@ def constant_speed(samples: int, dt: float) -> Recording:
     return Recording(dt * np.arange(samples), v, COMMANDED_SPEED_RPS, TURN_PERIOD_S, "constant speed")
 
 
-def simulate_recordings(joint: JointParameters, deltas_rad: Sequence[float], sample_s: float = 2e-3) -> list[Recording]:
-    """Record the simulated joint's motor speed, twelve turns at each backlash.
+def simulate_recordings(
+    joint: JointParameters, deltas_rad: Sequence[float], sample_s: float = 2e-3, turns: int = 12
+) -> list[Recording]:
+    """Record the simulated joint's motor speed at each backlash.
 
     Parameters
     ----------
@@ -122,13 +124,15 @@ def simulate_recordings(joint: JointParameters, deltas_rad: Sequence[float], sam
         Backlash of each record [rad].
     sample_s : float
         Sampling period [s]; the authors' records have 2 ms.
+    turns : int
+        Length of the records in load turns; the authors' have twelve.
 
     Returns
     -------
     list of Recording
     """
     runs = simulate_many(
-        joint, deltas_rad, duration_s=12 * joint.turn_period_s, sample_s=sample_s, step_s=SIMULATION_STEP_S
+        joint, deltas_rad, duration_s=turns * joint.turn_period_s, sample_s=sample_s, step_s=SIMULATION_STEP_S
     )
     return [
         Recording(

@@ -134,15 +134,18 @@ def read(
     """
     if method not in (*METHODS, "impact") or (method == "waveform") != (bank is not None):
         raise ValueError(f"method {method!r}: there are {', '.join(METHODS)}, and waveform alone needs a bank")
-    protocol = protocol_for(recording)
     if method == "paper":
-        return _paper_reading(recording, protocol, repeats, seed)
-    fit = global_fit(recording, protocol, period_tolerance)
+        return _paper_reading(recording, protocol_for(recording), repeats, seed)
+    return reading_of_fit(recording, method, global_fit(recording, protocol_for(recording), period_tolerance), bank)
+
+
+def reading_of_fit(recording: Recording, method: str, fit: GlobalFit, bank: WaveformBank | None = None) -> Reading:
+    """Read a method's value off a record whose global fit is there; any method but "paper", as in `read`."""
     rmse, at_bound = fit.rmse, fit.at_bound
     if method == "amplitude":
         value, interval = fit.amplitude_rps, fit.amplitude_interval_rps
     elif method == "energy":
-        value, interval = signature_rms(recording, fit, protocol)
+        value, interval = signature_rms(recording, fit, protocol_for(recording))
     elif method == "impact":
         value, interval = _impact(recording, fit)
     else:

@@ -302,7 +302,7 @@ def global_fit(recording: Recording, protocol: Protocol | None = None, period_to
     Raises
     ------
     ValueError
-        T_d is not half of T_f, or the record is shorter than half a turn or constant.
+        T_d is not half of T_f; the record is shorter than half a turn, constant, or sampled too rarely for any window.
     """
     protocol = Protocol() if protocol is None else protocol
     t, v = recording.t, recording.v
@@ -316,6 +316,8 @@ def global_fit(recording: Recording, protocol: Protocol | None = None, period_to
         period = _find_turn_period(t, v, protocol, limits, period_tolerance)
         timing = Timing(period / 2, period, protocol.turns)
     fold, minima = _minima(t, v, timing, limits)
+    if not minima:
+        raise ValueError(f"{recording.source}: {t.size} samples are too few for the signature's windows; sample faster")
     best = minima[0]
     interval = _amplitude_interval(fold, limits, *best[:3])
     on_sample, T2 = best, None

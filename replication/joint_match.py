@@ -1,0 +1,140 @@
+"""The settled waveform of a record matched by simulating the joint: the backlash, and what else is not known."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import least_squares
+
+from replication.datasets import SIMULATION_STEP_S, Recording
+from replication.joint import JointParameters, simulate
+from replication.waveform import mean_turn
+
+FloatArray = NDArray[np.float64]
+
+# What may be unknown besides the backlash: value at which the joint is as identified, bounds, and a step that shows.
+NUISANCES = {
+    "start_angle": (0.0, (-2 * np.pi, 2 * np.pi), 1e-3),
+    "friction": (0.0, (0.0, 0.5), 1e-3),
+    "load": (1.0, (0.5, 1.5), 1e-3),
+}
+
+# Backlash in the units that the search steps in, and where it looks first [1e-4 rad].
+_UNIT_RAD = 1e-4
+_FIRST_LOOK = np.arange(1.0, 42.0, 2.0)
+
+
+@dataclass(frozen=True)
+class JointMatch:
+    """A record matched by the simulated joint.
+
+    Attributes
+    ----------
+    delta_rad : float
+        Backlash [rad].
+    interval_rad : tuple of float
+        Its 95 % interval, if the joint is right and the noise white [rad].
+    nuisances : dict
+        What was found of the free nuisances, as `changed` takes them.
+    rmse_rps : float
+        Misfit to the mean settled turn [rps].
+    """
+
+    delta_rad: float
+    interval_rad: tuple[float, float]
+    nuisances: dict[str, float]
+    rmse_rps: float
+
+
+def changed(joint: JointParameters, nuisances: Mapping[str, float]) -> JointParameters:
+    """Change what may be unknown of a joint.
+
+    Parameters
+    ----------
+    joint : JointParameters
+        As identified.
+    nuisances : mapping
+        `start_angle`: added to the start angle [rad]. `friction`: Coulomb friction of the load, as a share of the
+        gravity torque. `load`: factor of the point load's mass, and with it of the load's inertia.
+    """
+    unknown = set(nuisances) - set(NUISANCES)
+    if unknown:
+        raise ValueError(f"no such nuisance: {', '.join(sorted(unknown))}; there are {', '.join(NUISANCES)}")
+    load = nuisances.get("load", 1.0)
+    return replace(
+        joint,
+        start_angle_rad=joint.start_angle_rad + nuisances.get("start_angle", 0.0),
+        load_coulomb_nm=joint.load_coulomb_nm + nuisances.get("friction", 0.0) * joint.gravity_torque_nm,
+        load_mass_kg=load * joint.load_mass_kg,
+        load_inertia_kgm2=load * joint.load_inertia_kgm2,
+    )
+
+
+def settled_turn(joint: JointParameters, delta_rad: float, phases: int) -> FloatArray:
+    """Simulated third turn of the motor speed less its mean [rps], at even phases; it repeats from the second on."""
+    turn_s = joint.turn_period_s
+    sample_s = turn_s / phases
+    step_s = sample_s / np.ceil(sample_s / SIMULATION_STEP_S - 1e-9)
+    run = simulate(joint, delta_rad, duration_s=3 * turn_s, sample_s=sample_s, step_s=step_s)
+    turn = run.motor_speed_rps[2 * phases : 3 * phases]
+    return turn - turn.mean()
+
+
+def _start(joint: JointParameters, target: FloatArray, aligned: bool) -> tuple[float, float]:
+    """Backlash [1e-4 rad] and angle [rad] to start from: the simulated turn that correlates best with the record's."""
+    best = (np.inf, 0.0, 0.0)
+    for delta in _FIRST_LOOK:
+        turn = settled_turn(joint, delta * _UNIT_RAD, target.size)
+        overlap = np.fft.irfft(np.fft.rfft(target) * np.conj(np.fft.rfft(turn)), target.size)
+        shift = 0 if aligned else int(overlap.argmax())
+        best = min(best, (float(turn @ turn - 2 * overlap[shift]), delta, -2 * np.pi * shift / target.size))
+    return best[1], (best[2] + np.pi) % (2 * np.pi) - np.pi
+
+
+def match_joint(recording: Recording, joint: JointParameters, free: Sequence[str] = ()) -> JointMatch:
+    """Find the backlash with which the simulated joint repeats a record's mean settled turn.
+
+    Parameters
+    ----------
+    recording : Recording
+        The record, with a whole number of samples in a turn. Unless `start_angle` is free, it starts where the joint
+        does.
+    joint : JointParameters
+        The joint, in the record's movement.
+    free : sequence of str
+        Which of `NUISANCES` are not known.
+
+    Returns
+    -------
+    JointMatch
+
+    Raises
+    ------
+    ValueError
+        The record is shorter than a turn; no such nuisance.
+    """
+    values = dict.fromkeys(free, 0.0)
+    changed(joint, values | {name: NUISANCES[name][0] for name in free if name in NUISANCES})
+    phases = round(recording.turn_period_s * (recording.t.size - 1) / (recording.t[-1] - recording.t[0]))
+    target = mean_turn(recording, phases)
+
+    def residual(x: FloatArray) -> FloatArray:
+        unknown = dict(zip(free, x[1:], strict=True))
+        return settled_turn(changed(joint, unknown), x[0] * _UNIT_RAD, phases) - target
+
+    delta, angle = _start(joint, target, "start_angle" not in free)
+    start = [delta, *(angle if name == "start_angle" else NUISANCES[name][0] for name in free)]
+    low, high = zip((0.01, 100.0), *(NUISANCES[name][1] for name in free), strict=True)
+    scale = [0.1, *(10 * NUISANCES[name][2] for name in free)]
+    inside = np.clip(start, np.array(low) + 1e-4, np.array(high) - 1e-4)
+    found = least_squares(residual, inside, bounds=(low, high), x_scale=scale, diff_step=1e-3, xtol=1e-7)
+    variance = 2 * found.cost / (phases - 2 - len(free)) * np.linalg.pinv(found.jac.T @ found.jac)[0, 0]
+    half_width = float(1.96 * _UNIT_RAD * np.sqrt(variance))
+    delta_rad = float(_UNIT_RAD * found.x[0])
+    return JointMatch(
+        delta_rad,
+        (delta_rad - half_width, delta_rad + half_width),
+        dict(zip(free, found.x[1:].tolist(), strict=True)),
+        float(np.sqrt(2 * found.cost / phases)),
+    )

@@ -1,0 +1,196 @@
+"""How well a record can tell the backlash at all: the Cramer-Rao bound, and the smallest backlash to be seen."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from joblib import Parallel, delayed
+from numpy.typing import NDArray
+from scipy import stats
+
+from replication.basins import rate_interval
+from replication.datasets import Recording, add_uniform_noise
+from replication.joint import JointParameters
+from replication.joint_match import NUISANCES, changed, settled_turn
+
+FloatArray = NDArray[np.float64]
+
+# Phases of the waveforms that bounds are computed from: 0.5 ms in a turn of 0.4 s; and the step in backlash.
+_PHASES = 800
+_STEP_RAD = 1e-6
+
+
+@dataclass(frozen=True, eq=False)
+class Slopes:
+    """How the settled speed of a turn changes with each unknown.
+
+    Attributes
+    ----------
+    turn_period_s : float
+        Duration of the turn [s].
+    names : tuple of str
+        "backlash" and nuisances.
+    slope : array of shape (unknowns, phases)
+        Derivative of the waveform by each unknown, at even phases [rps per rad, or per unit of the nuisance].
+    """
+
+    turn_period_s: float
+    names: tuple[str, ...]
+    slope: FloatArray
+
+
+def waveform_slopes(joint: JointParameters, delta_rad: float, free: Sequence[str] = ("start_angle",)) -> Slopes:
+    """Differentiate the joint's settled waveform by the backlash and by nuisances, by central differences.
+
+    Friction is differentiated forwards: it cannot be negative.
+    """
+
+    def turn(delta: float, **unknown: float) -> FloatArray:
+        return settled_turn(changed(joint, unknown), delta, _PHASES)
+
+    slopes = [(turn(delta_rad + _STEP_RAD) - turn(delta_rad - _STEP_RAD)) / (2 * _STEP_RAD)]
+    for name in free:
+        value, (low, _), step = NUISANCES[name]
+        before = value if value - step < low else value - step
+        slopes.append(
+            (turn(delta_rad, **{name: value + step}) - turn(delta_rad, **{name: before})) / (value + step - before)
+        )
+    return Slopes(joint.turn_period_s, ("backlash", *free), np.array(slopes))
+
+
+def _bound(columns: FloatArray, noise_sd: float) -> float:
+    """Cramer-Rao bound of the first unknown's SD, a constant offset unknown too, in white Gaussian noise."""
+    centred = columns - columns.mean(axis=1, keepdims=True)
+    if centred.shape[1] <= len(centred):
+        return np.inf
+    return float(noise_sd * np.sqrt(np.linalg.inv(centred @ centred.T)[0, 0]))
+
+
+def speed_bound_rad(slopes: Slopes, noise_sd_rps: float, sampling_hz: float, turns: int) -> float:
+    """Least SD of an unbiased backlash from settled speed samples in white Gaussian noise.
+
+    Parameters
+    ----------
+    slopes : Slopes
+        What is unknown; the mean speed is unknown besides.
+    noise_sd_rps : float
+        SD of the noise [rps].
+    sampling_hz : float
+        Sampling rate [Hz], no averaging before the samples are taken.
+    turns : int
+        Settled turns.
+
+    Returns
+    -------
+    float
+        SD of delta [rad].
+    """
+    phase = np.arange(round(turns * slopes.turn_period_s * sampling_hz)) / (slopes.turn_period_s * sampling_hz) % 1.0
+    grid = np.arange(slopes.slope.shape[1]) / slopes.slope.shape[1]
+    return _bound(np.array([np.interp(phase, grid, slope, period=1.0) for slope in slopes.slope]), noise_sd_rps)
+
+
+def encoder_bound_rad(slopes: Slopes, bits: int, sampling_hz: float, turns: int) -> float:
+    """Least SD of an unbiased backlash from an encoder's positions, their rounding taken for white noise.
+
+    The information is in the position; speeds by differencing carry no more than that.
+
+    Parameters
+    ----------
+    slopes : Slopes
+        What is unknown; start position and mean speed are unknown besides.
+    bits : int
+        Resolution of the motor encoder, positions a turn as a power of two.
+    sampling_hz, turns : float, int
+        As for `speed_bound_rad`.
+
+    Returns
+    -------
+    float
+        SD of delta [rad].
+    """
+    t = np.arange(round(turns * slopes.turn_period_s * sampling_hz)) / sampling_hz
+    size = slopes.slope.shape[1]
+    dt = slopes.turn_period_s / size
+    swing = [np.cumsum(slope - slope.mean()) * dt for slope in slopes.slope]
+    grid = np.arange(size) * dt
+    columns = [np.interp(t, grid, position, period=slopes.turn_period_s) for position in swing]
+    return _bound(np.array([*columns, t - t.mean()]), 2.0**-bits / np.sqrt(12))
+
+
+@dataclass(frozen=True)
+class Detection:
+    """A threshold on a statistic, and what it does.
+
+    Attributes
+    ----------
+    threshold : float
+        Of the statistic.
+    false_alarms : float
+        Share of fresh records without backlash above it.
+    false_alarm_interval : tuple of float
+        Its 95 % interval.
+    """
+
+    threshold: float
+    false_alarms: float
+    false_alarm_interval: tuple[float, float]
+
+
+def detection_threshold(healthy: FloatArray, fresh: FloatArray, rate: float) -> Detection:
+    """Set a threshold by records without backlash, and count false alarms on others.
+
+    Parameters
+    ----------
+    healthy, fresh : arrays of float
+        The statistic of records without backlash: to set the threshold, and to try it.
+    rate : float
+        Wanted share of false alarms.
+
+    Returns
+    -------
+    Detection
+    """
+    threshold = float(np.quantile(healthy, 1 - rate))
+    alarms = int((fresh > threshold).sum())
+    return Detection(threshold, alarms / fresh.size, rate_interval(alarms, fresh.size))
+
+
+def noisy_values(statistic, clean: Recording, half_amplitude_rps: float, seeds: Sequence[int]) -> FloatArray:
+    """Evaluate a statistic on a record with uniform noise, once for each seed, in parallel."""
+
+    def value(seed: int) -> float:
+        return statistic(add_uniform_noise(clean, half_amplitude_rps, np.random.default_rng(seed)))
+
+    return np.array(Parallel(n_jobs=-1)(delayed(value)(seed) for seed in seeds))
+
+
+def matched_filter_delta_rad(
+    joint: JointParameters, deltas_rad: Sequence[float], noise_sd_rps: float, samples: int, rate: float, power: float
+) -> float:
+    """Smallest backlash that a filter which knows the waveform sees in white Gaussian noise.
+
+    Parameters
+    ----------
+    joint : JointParameters
+        The joint; without backlash it is the healthy one.
+    deltas_rad : sequence of float
+        Increasing backlashes to try; the answer is interpolated among them [rad].
+    noise_sd_rps, samples : float, int
+        SD of the noise [rps] and settled samples.
+    rate, power : float
+        Share of false alarms, and of backlash that is seen.
+
+    Returns
+    -------
+    float
+        Backlash [rad]; NaN if none of those tried is seen.
+    """
+    needed = stats.norm.isf(rate) + stats.norm.ppf(power)
+    healthy = settled_turn(joint, 0.0, _PHASES)
+    distance = [
+        np.std(settled_turn(joint, delta, _PHASES) - healthy) * np.sqrt(samples) / noise_sd_rps for delta in deltas_rad
+    ]
+    if distance[-1] < needed:
+        return float("nan")
+    return float(np.interp(needed, distance, deltas_rad))
