@@ -14,7 +14,7 @@ from replication.datasets import COMMANDED_SPEED_RPS, TURN_PERIOD_S, Recording, 
 from replication.features import METHODS, Reading, read
 from replication.joint import identified_joint
 from replication.sensor import RPM_PER_RPS, equation_10, printed_levels_rad
-from replication.waveform import LEAST_LEVELS, WaveformBank, make_bank, match, mean_turn
+from replication.waveform import LEAST_LEVELS, WaveformBank, make_bank, match, mean_turn, samples_a_turn
 
 FloatArray = NDArray[np.float64]
 
@@ -255,10 +255,6 @@ def _bank_uncertainty(recordings: Sequence[Recording], delta: FloatArray, bank: 
     return _uncertainty(found - delta[inner])
 
 
-def _samples_a_turn(recording: Recording) -> int:
-    return int((recording.t.size - 1) * recording.turn_period_s / (recording.t[-1] - recording.t[0]) + 1e-6)
-
-
 def calibrate(
     recordings: Sequence[Recording],
     known_delta_rad: Sequence[float],
@@ -300,7 +296,7 @@ def calibrate(
     if np.ptp(periods) > PERIOD_MISMATCH * periods.mean():
         raise ValueError("the logs have different turn periods; calibrate one movement at a time")
     if method == "waveform":
-        phases = min(_MOST_PHASES, *(_samples_a_turn(recording) for recording in recordings))
+        phases = min(_MOST_PHASES, *(samples_a_turn(recording) for recording in recordings))
         bank = make_bank(delta, [mean_turn(recording, phases) for recording in recordings])
         coefficients, uncertainty = (), _bank_uncertainty(recordings, delta, bank)
     else:

@@ -5,11 +5,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline
 from scipy.optimize import least_squares
 
 from replication.datasets import SIMULATION_STEP_S, Recording
 from replication.joint import JointParameters, simulate
-from replication.waveform import mean_turn
+from replication.waveform import mean_turn, periodic, samples_a_turn, settled
 
 FloatArray = NDArray[np.float64]
 
@@ -20,9 +21,16 @@ NUISANCES = {
     "load": (1.0, (0.5, 1.5), 1e-3),
 }
 
+# Simulated turns are sampled with the drive and interpolated between.
+SAMPLE_S = 5e-4
+
+# Phases in a turn of a waveform: those samples, in the authors' turn of 0.4 s.
+PHASES = 800
+
 # Backlash in the units that the search steps in, and where it looks first [1e-4 rad].
 _UNIT_RAD = 1e-4
 _FIRST_LOOK = np.arange(1.0, 42.0, 2.0)
+_FIRST_FRICTION = (0.0, 0.1, 0.2, 0.3)
 
 
 @dataclass(frozen=True)
@@ -38,7 +46,7 @@ class JointMatch:
     nuisances : dict
         What was found of the free nuisances, as `changed` takes them.
     rmse_rps : float
-        Misfit to the mean settled turn [rps].
+        Misfit to the settled turns [rps].
     """
 
     delta_rad: float
@@ -74,32 +82,34 @@ def changed(joint: JointParameters, nuisances: Mapping[str, float]) -> JointPara
 def settled_turn(joint: JointParameters, delta_rad: float, phases: int) -> FloatArray:
     """Simulated third turn of the motor speed less its mean [rps], at even phases; it repeats from the second on."""
     turn_s = joint.turn_period_s
-    sample_s = turn_s / phases
-    step_s = sample_s / np.ceil(sample_s / SIMULATION_STEP_S - 1e-9)
-    run = simulate(joint, delta_rad, duration_s=3 * turn_s, sample_s=sample_s, step_s=step_s)
-    turn = run.motor_speed_rps[2 * phases : 3 * phases]
+    duration_s = SAMPLE_S * np.ceil(3 * turn_s / SAMPLE_S - 1e-9)
+    run = simulate(joint, delta_rad, duration_s=duration_s, sample_s=SAMPLE_S, step_s=SIMULATION_STEP_S)
+    third = run.time_s > 2 * turn_s - 4 * SAMPLE_S
+    turn = CubicSpline(run.time_s[third], run.motor_speed_rps[third])(turn_s * (2 + np.arange(phases) / phases))
     return turn - turn.mean()
 
 
-def _start(joint: JointParameters, target: FloatArray, aligned: bool) -> tuple[float, float]:
-    """Backlash [1e-4 rad] and angle [rad] to start from: the simulated turn that correlates best with the record's."""
-    best = (np.inf, 0.0, 0.0)
-    for delta in _FIRST_LOOK:
-        turn = settled_turn(joint, delta * _UNIT_RAD, target.size)
-        overlap = np.fft.irfft(np.fft.rfft(target) * np.conj(np.fft.rfft(turn)), target.size)
-        shift = 0 if aligned else int(overlap.argmax())
-        best = min(best, (float(turn @ turn - 2 * overlap[shift]), delta, -2 * np.pi * shift / target.size))
-    return best[1], (best[2] + np.pi) % (2 * np.pi) - np.pi
+def _start(joint: JointParameters, target: FloatArray, free: Sequence[str]) -> dict[str, float]:
+    """Where to start from, by name: the simulated turn on a coarse grid that correlates best with the record's."""
+    best = (np.inf, {})
+    for friction in _FIRST_FRICTION if "friction" in free else (0.0,):
+        for delta in _FIRST_LOOK:
+            turn = settled_turn(changed(joint, {"friction": friction}), delta * _UNIT_RAD, target.size)
+            overlap = np.fft.irfft(np.fft.rfft(target) * np.conj(np.fft.rfft(turn)), target.size)
+            shift = int(overlap.argmax()) if "start_angle" in free else 0
+            angle = (np.pi - 2 * np.pi * shift / target.size) % (2 * np.pi) - np.pi
+            found = {"delta": delta, "friction": friction, "start_angle": angle, "load": 1.0}
+            best = min(best, (float(turn @ turn - 2 * overlap[shift]), found), key=lambda pair: pair[0])
+    return best[1]
 
 
 def match_joint(recording: Recording, joint: JointParameters, free: Sequence[str] = ()) -> JointMatch:
-    """Find the backlash with which the simulated joint repeats a record's mean settled turn.
+    """Find the backlash with which the simulated joint repeats a record's settled turns.
 
     Parameters
     ----------
     recording : Recording
-        The record, with a whole number of samples in a turn. Unless `start_angle` is free, it starts where the joint
-        does.
+        The record. Unless `start_angle` is free, it starts where the joint does.
     joint : JointParameters
         The joint, in the record's movement.
     free : sequence of str
@@ -114,27 +124,28 @@ def match_joint(recording: Recording, joint: JointParameters, free: Sequence[str
     ValueError
         The record is shorter than a turn; no such nuisance.
     """
-    values = dict.fromkeys(free, 0.0)
-    changed(joint, values | {name: NUISANCES[name][0] for name in free if name in NUISANCES})
-    phases = round(recording.turn_period_s * (recording.t.size - 1) / (recording.t[-1] - recording.t[0]))
-    target = mean_turn(recording, phases)
+    changed(joint, dict.fromkeys(free, 1.0))
+    turns, v = settled(recording)
+    centred = v - v.mean()
 
     def residual(x: FloatArray) -> FloatArray:
         unknown = dict(zip(free, x[1:], strict=True))
-        return settled_turn(changed(joint, unknown), x[0] * _UNIT_RAD, phases) - target
+        wave = periodic(settled_turn(changed(joint, unknown), x[0] * _UNIT_RAD, PHASES))(turns % 1.0)
+        return wave - wave.mean() - centred
 
-    delta, angle = _start(joint, target, "start_angle" not in free)
-    start = [delta, *(angle if name == "start_angle" else NUISANCES[name][0] for name in free)]
+    target = mean_turn(recording, min(samples_a_turn(recording), PHASES))
+    first = _start(joint, target, free)
+    start = [first[name] for name in ("delta", *free)]
     low, high = zip((0.01, 100.0), *(NUISANCES[name][1] for name in free), strict=True)
     scale = [0.1, *(10 * NUISANCES[name][2] for name in free)]
     inside = np.clip(start, np.array(low) + 1e-4, np.array(high) - 1e-4)
     found = least_squares(residual, inside, bounds=(low, high), x_scale=scale, diff_step=1e-3, xtol=1e-7)
-    variance = 2 * found.cost / (phases - 2 - len(free)) * np.linalg.pinv(found.jac.T @ found.jac)[0, 0]
+    variance = 2 * found.cost / (turns.size - 2 - len(free)) * np.linalg.pinv(found.jac.T @ found.jac)[0, 0]
     half_width = float(1.96 * _UNIT_RAD * np.sqrt(variance))
     delta_rad = float(_UNIT_RAD * found.x[0])
     return JointMatch(
         delta_rad,
         (delta_rad - half_width, delta_rad + half_width),
         dict(zip(free, found.x[1:].tolist(), strict=True)),
-        float(np.sqrt(2 * found.cost / phases)),
+        float(np.sqrt(2 * found.cost / turns.size)),
     )

@@ -11,12 +11,11 @@ from scipy import stats
 from replication.basins import rate_interval
 from replication.datasets import Recording, add_uniform_noise
 from replication.joint import JointParameters
-from replication.joint_match import NUISANCES, changed, settled_turn
+from replication.joint_match import NUISANCES, PHASES, changed, settled_turn
 
 FloatArray = NDArray[np.float64]
 
-# Phases of the waveforms that bounds are computed from: 0.5 ms in a turn of 0.4 s; and the step in backlash.
-_PHASES = 800
+# Step in backlash of central differences.
 _STEP_RAD = 1e-6
 
 
@@ -46,7 +45,7 @@ def waveform_slopes(joint: JointParameters, delta_rad: float, free: Sequence[str
     """
 
     def turn(delta: float, **unknown: float) -> FloatArray:
-        return settled_turn(changed(joint, unknown), delta, _PHASES)
+        return settled_turn(changed(joint, unknown), delta, PHASES)
 
     slopes = [(turn(delta_rad + _STEP_RAD) - turn(delta_rad - _STEP_RAD)) / (2 * _STEP_RAD)]
     for name in free:
@@ -187,9 +186,9 @@ def matched_filter_delta_rad(
         Backlash [rad]; NaN if none of those tried is seen.
     """
     needed = stats.norm.isf(rate) + stats.norm.ppf(power)
-    healthy = settled_turn(joint, 0.0, _PHASES)
+    healthy = settled_turn(joint, 0.0, PHASES)
     distance = [
-        np.std(settled_turn(joint, delta, _PHASES) - healthy) * np.sqrt(samples) / noise_sd_rps for delta in deltas_rad
+        np.std(settled_turn(joint, delta, PHASES) - healthy) * np.sqrt(samples) / noise_sd_rps for delta in deltas_rad
     ]
     if distance[-1] < needed:
         return float("nan")

@@ -22,7 +22,8 @@ _DEGREE = 4
 LEAST_LEVELS = _DEGREE + 2
 
 
-def _periodic(turn: FloatArray) -> CubicSpline:
+def periodic(turn: FloatArray) -> CubicSpline:
+    """Interpolate a turn at even phases from 0, as a function of the phase in turns from 0 to 1."""
     return CubicSpline(np.linspace(0.0, 1.0, turn.size + 1), np.append(turn, turn[0]), bc_type="periodic")
 
 
@@ -56,12 +57,12 @@ class WaveformBank:
 
     def at(self, delta_rad: float) -> CubicSpline:
         """Waveform [rps] at a backlash, as a periodic spline of the phase in turns."""
-        return _periodic(chebyshev.chebval(self._position(delta_rad), self._coefficients))
+        return periodic(chebyshev.chebval(self._position(delta_rad), self._coefficients))
 
     def slope_at(self, delta_rad: float) -> CubicSpline:
         """Derivative of the waveform by the backlash [rps/rad], as a periodic spline of the phase in turns."""
         slope = chebyshev.chebval(self._position(delta_rad), chebyshev.chebder(self._coefficients))
-        return _periodic(2 / self.span_rad * slope)
+        return periodic(2 / self.span_rad * slope)
 
     def without(self, level: int) -> "WaveformBank":
         """Return the bank without one of its levels, by position."""
@@ -99,6 +100,11 @@ def settled(recording: Recording) -> tuple[FloatArray, FloatArray]:
     turns = t / recording.turn_period_s
     kept = turns > 1 - 1e-9 if turns[-1] > 3 - 2 / t.size else turns >= 0
     return turns[kept], v[kept]
+
+
+def samples_a_turn(recording: Recording) -> int:
+    """Whole samples in a turn of a record."""
+    return int((recording.t.size - 1) * recording.turn_period_s / (recording.t[-1] - recording.t[0]) + 1e-6)
 
 
 def mean_turn(recording: Recording, phases: int) -> FloatArray:
@@ -193,8 +199,7 @@ def match(recording: Recording, bank: WaveformBank) -> WaveformMatch:
         The record is shorter than a turn, or sampled less than 16 times in it.
     """
     turns, v = settled(recording)
-    per_turn = int((turns.size - 1) / (turns[-1] - turns[0]) + 1e-6)
-    phases = min(max(per_turn, 16), bank.waveform_rps.shape[1])
+    phases = min(max(samples_a_turn(recording), 16), bank.waveform_rps.shape[1])
     grid = np.linspace(0.0, 1.0, phases, endpoint=False)
     fine = np.linspace(bank.delta_rad[0], bank.delta_rad[-1], 4 * bank.delta_rad.size)
     candidates = np.array([bank.at(delta)(grid) for delta in fine])
