@@ -10,7 +10,7 @@ STAMPS := $(NOTEBOOKS:%=.make/%.done)
 
 .DEFAULT_GOAL := help
 .NOTPARALLEL:
-.PHONY: help all quick test check report bench calibrate data lab lint lock clean
+.PHONY: help all quick test check report bench benchmark calibrate data lab lint lock clean
 
 help:  ## list the targets
 	@grep -hE '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 12
@@ -34,6 +34,9 @@ report: .venv/.installed  ## results/report.html from the results
 
 bench: .venv/.installed  ## time what was made fast against a direct arm, into results/bench.csv
 	OPENBLAS_NUM_THREADS=1 $(RUN) bench
+
+benchmark: .venv/.installed  ## score every method on logs of known backlash, into results/benchmark.csv
+	OPENBLAS_NUM_THREADS=1 $(RUN) benchmark
 
 calibrate: .venv/.installed  ## identify the simulated joint anew from the authors' records
 	$(RUN) calibrate
@@ -73,12 +76,14 @@ JOINT := $(call module,joint joint_core joint_parameters datasets)
 FITS := $(JOINT) $(call module,signature identify experiments inspection)
 SIMULATIONS := $(JOINT) $(call module,sensor simulator_fit simulations)
 SEARCHES := $(FITS) $(call module,figures_beyond folding window_search global_fit basins coverage)
+METHODS := $(SEARCHES) $(call module,sensor features waveform calibration joint_match limits accuracy robustness)
 stamps = $(filter $(addprefix .make/,$(addsuffix _%,$(1))),$(STAMPS))
 
 $(call stamps,01 07 08): $(FITS)
 $(call stamps,02 03 04 05 06): $(SIMULATIONS)
 $(call stamps,02 03 04 05 06 08): $(IDENTIFIED)
 $(call stamps,09): $(SEARCHES)
+$(call stamps,13): $(METHODS) $(IDENTIFIED)
 
 $(STAMPS): .make/%.done: notebooks/%.py $(COMMON) | .venv/.installed
 	$(RUN) run --stamp $@ $<

@@ -5,7 +5,7 @@ import sys
 import time
 from pathlib import Path
 
-from replication import bench, report, simulations, workbook
+from replication import bench, benchmark, report, simulations, workbook
 from replication.datasets import WORKBOOK_FILES, DataCorrupt, DataUnavailable, authors_file
 
 
@@ -14,7 +14,7 @@ def main(arguments: list[str] | None = None) -> int:
     options = _parser().parse_args(arguments)
     try:
         return options.command(options)
-    except (DataUnavailable, DataCorrupt) as error:
+    except (DataUnavailable, DataCorrupt, benchmark.UnusableMethod) as error:
         print(error, file=sys.stderr)
         return 2
 
@@ -43,6 +43,12 @@ def _parser() -> argparse.ArgumentParser:
         command=_calibrate
     )
     commands.add_parser("bench", help="time what was made fast, into results/bench.csv").set_defaults(command=_bench)
+    commands.add_parser("benchmark", help="score every method, into results/benchmark.csv").set_defaults(
+        command=_benchmark
+    )
+    score = commands.add_parser("score", help="score your own method on the benchmark's logs")
+    score.add_argument("method", help="module:function; takes a Recording, returns the backlash [rad]")
+    score.set_defaults(command=_score)
     commands.add_parser("data", help="fetch and verify the authors' data").set_defaults(command=_data)
     return parser
 
@@ -102,6 +108,27 @@ def _bench(_: argparse.Namespace) -> int:
     table = bench.bench()
     workbook.write_csv(workbook.ROOT / "results" / "bench.csv", table)
     print(table.drop(columns="note").to_string(index=False))
+    return 0
+
+
+def _benchmark(_: argparse.Namespace) -> int:
+    scores = benchmark.run_benchmark(benchmark.benchmark_logs())
+    table = benchmark.summary(scores)
+    folder = workbook.ROOT / "results"
+    workbook.write_csv(folder / "benchmark_logs.csv", scores.drop(columns="seconds"))
+    workbook.write_csv(folder / "benchmark.csv", table)
+    print(table.to_string(index=False))
+    return 0
+
+
+def _score(options: argparse.Namespace) -> int:
+    logs, missing = benchmark.logs_at_hand()
+    scores = benchmark.score_logs(options.method, benchmark.load_method(options.method), logs)
+    for kind, part in scores.groupby("kind", sort=False):
+        print(f"{kind}:\n{benchmark.summary(part).to_string(index=False)}")
+    print(f"all:\n{benchmark.summary(scores).to_string(index=False)}")
+    if missing:
+        print(missing, file=sys.stderr)
     return 0
 
 

@@ -7,8 +7,8 @@ import pandas as pd
 from joblib import Parallel, delayed
 from numpy.polynomial import Polynomial
 
-from replication import limits
-from replication.calibration import Calibration, default_calibration, fit_polynomial
+from replication import limits, published
+from replication.calibration import Calibration, calibrate, default_calibration, fit_polynomial
 from replication.datasets import Recording, add_uniform_noise, level_delta_rad, simulate_recordings
 from replication.features import protocol_for, reading_of_fit
 from replication.global_fit import global_fit
@@ -111,6 +111,9 @@ def summarise_errors(table: pd.DataFrame, by: Sequence[str] = ("method",)) -> pd
 # ---------------------------------------------------------------------------------------------------------------
 # Errors against noise, sampling, length and encoder
 
+# Backlashes that the calibrations for an encoder are made at [rad].
+ENCODER_RAD = np.arange(3e-4, 21.5e-4, 1e-4)
+
 # The authors' records, around which one thing is changed at a time.
 USUAL = {"noise_half_amplitude_rps": 0.1, "sampling_hz": 500.0, "turns": 12, "encoder_bits": 0}
 
@@ -146,6 +149,16 @@ def _errors(joint, delta, settings, calibrations: Mapping[str, Calibration], see
     return {name: value - delta for name, value in found.items()}
 
 
+def _calibrations(joint: JointParameters, encoder: bool) -> dict[str, Calibration]:
+    """Calibrations for a record of speeds, or of a fine encoder's differenced positions."""
+    methods = ("amplitude", "energy", "waveform")
+    if not encoder:
+        return {method: default_calibration(method) for method in methods}
+    sample_s = 1 / USUAL["sampling_hz"]
+    records = [encoder_recording(joint, delta, 24, sample_s, USUAL["turns"], 0.0) for delta in ENCODER_RAD]
+    return {method: calibrate(records, ENCODER_RAD, method) for method in methods}
+
+
 def measured_errors(
     joint: JointParameters,
     deltas_rad: Sequence[float],
@@ -158,7 +171,8 @@ def measured_errors(
     Parameters
     ----------
     joint : JointParameters
-        The joint; the methods have its default calibrations.
+        The joint; the methods have its default calibrations, and for encoders those made
+        with a fine one, differenced alike.
     deltas_rad : sequence of float
         Backlashes, over which errors are pooled.
     sweeps : mapping
@@ -174,7 +188,7 @@ def measured_errors(
         `axis, value, method, rmse_rad`; for the bounds, methods "bound, start known" and "bound, start free", the
         root mean square over the backlashes.
     """
-    calibrations = {name: default_calibration(name) for name in ("amplitude", "energy", "waveform")}
+    calibrations = {encoder: _calibrations(joint, encoder) for encoder in (False, True)}
     jobs = [
         (axis, value, delta, seed + run)
         for axis, values in sweeps.items()
@@ -183,7 +197,8 @@ def measured_errors(
         for run in range(repeats)
     ]
     found = Parallel(n_jobs=-1, batch_size=4)(
-        delayed(_errors)(joint, delta, USUAL | {axis: value}, calibrations, seed) for axis, value, delta, seed in jobs
+        delayed(_errors)(joint, delta, settings, calibrations[settings["encoder_bits"] > 0], seed)
+        for settings, delta, seed in ((USUAL | {axis: value}, delta, seed) for axis, value, delta, seed in jobs)
     )
     rows = [
         {"axis": axis, "value": value, "method": method, "square": error**2}
@@ -218,3 +233,22 @@ def _bound(slopes: limits.Slopes, settings: Mapping[str, float]) -> float:
         return limits.encoder_bound_rad(slopes, int(settings["encoder_bits"]), settings["sampling_hz"], turns)
     noise_sd = settings["noise_half_amplitude_rps"] / np.sqrt(3)
     return limits.speed_bound_rad(slopes, noise_sd, settings["sampling_hz"], turns)
+
+
+def noise_bound_rad(joint: JointParameters, levels: Sequence[int]) -> pd.DataFrame:
+    """Mean size of error that white noise as loud as Table 2's must leave, over levels K = 2 to 11.
+
+    Returns
+    -------
+    DataFrame
+        `start, mean_abs_error_rad`: for a known start, and for one that is fitted too.
+    """
+    rows = []
+    for start, free in (("known", ()), ("free", ("start_angle",))):
+        bounds = []
+        for level in levels:
+            slopes = limits.waveform_slopes(joint, level_delta_rad(level), free)
+            noise = published.column("Table 2", "noise")[level - 2]
+            bounds.append(_bound(slopes, USUAL | {"noise_half_amplitude_rps": noise}))
+        rows.append((start, np.sqrt(2 / np.pi) * np.mean(bounds)))
+    return pd.DataFrame(rows, columns=["start", "mean_abs_error_rad"])

@@ -1,11 +1,11 @@
 """Plots of what goes past the paper: data frames and arrays in, a matplotlib figure out."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
-from matplotlib.ticker import NullLocator
+from matplotlib.ticker import MaxNLocator, NullLocator
 from numpy.typing import NDArray
 
 from replication.figure_style import BLUE, GREEN, INK, ORANGE, PINK, PRINTED, SKY, grid, in_style
@@ -111,4 +111,148 @@ def amplitude_intervals(table: pd.DataFrame) -> Figure:
     axis.axhline(1, color=INK, linewidth=0.8)
     axis.set(xlabel="backlash $\\delta$ [1e-4 rad]", ylabel="A over theoretical A")
     axis.legend()
+    return figure
+
+
+# A method has one colour and one mark in every figure.
+METHOD_STYLES = {
+    "equation 10": {"color": INK, "marker": "x"},
+    "amplitude": {"color": ORANGE, "marker": "s"},
+    "impact": {"color": GREEN, "marker": "v"},
+    "energy": {"color": PINK, "marker": "^"},
+    "waveform, noisy logs": {"color": "0.5", "marker": "d"},
+    "waveform": {"color": BLUE, "marker": "o"},
+    "joint": {"color": INK, "marker": "*"},
+    "joint, start angle free": {"color": SKY, "marker": "P"},
+    "joint, all nuisances free": {"color": SKY, "marker": "D"},
+}
+
+
+@in_style
+def cross_validation_errors(table: pd.DataFrame, bars_rad: Mapping[str, float]) -> Figure:
+    """Show the error of each method on each log, the mean size of each method's, and bars to meet.
+
+    Parameters
+    ----------
+    table : DataFrame
+        From `accuracy.cross_validation`.
+    bars_rad : mapping of str to float
+        Largest mean error allowed, by method [rad].
+
+    Returns
+    -------
+    Figure
+    """
+    figure, axes = grid(figsize=(8.5, 4.8))
+    axis = axes[0, 0]
+    methods = list(dict.fromkeys(table["method"]))
+    for row, method in enumerate(methods):
+        size = 1e6 * table.loc[table["method"] == method, "error_rad"].abs()
+        style = METHOD_STYLES[method]
+        axis.plot(size, np.full(size.size, row), linestyle="none", alpha=0.7, **style)
+        axis.plot([size.mean()] * 2, [row - 0.35, row + 0.35], color=INK, linewidth=2)
+        if method in bars_rad:
+            axis.plot([1e6 * bars_rad[method]] * 2, [row - 0.35, row + 0.35], color=INK, linewidth=1, linestyle=":")
+    axis.set(xscale="log", xlabel="size of the error in backlash [1e-6 rad]; line: mean, dotted: bar", xlim=(0.05, 400))
+    axis.set_yticks(range(len(methods)), methods)
+    axis.invert_yaxis()
+    return figure
+
+
+@in_style
+def error_limits(table: pd.DataFrame, axes_labels: Mapping[str, str]) -> Figure:
+    """Show measured errors as marks and Cramer-Rao bounds as lines, one panel for each thing that changes.
+
+    Parameters
+    ----------
+    table : DataFrame
+        From `accuracy.measured_errors`.
+    axes_labels : mapping of str to str
+        Label of each value of column `axis`.
+
+    Returns
+    -------
+    Figure
+    """
+    figure, axes = grid(2, 2, figsize=(9.0, 7.0), sharey=True)
+    for axis, (name, label) in zip(axes.flat, axes_labels.items(), strict=True):
+        part = table[table["axis"] == name]
+        for bound, line in (("bound, start free", "-"), ("bound, start known", "--")):
+            rows = part[part["method"] == bound]
+            axis.plot(rows["value"], 1e6 * rows["rmse_rad"], color=INK, linestyle=line, linewidth=1, label=bound)
+        for method in ("amplitude", "energy", "waveform", "joint"):
+            rows = part[part["method"] == method]
+            axis.plot(rows["value"], 1e6 * rows["rmse_rad"], linestyle="none", label=method, **METHOD_STYLES[method])
+        axis.set(xlabel=label, yscale="log", xscale="linear" if name == "encoder_bits" else "log")
+        axis.set_xticks(values := list(dict.fromkeys(part["value"])), [f"{value:g}" for value in values])
+        axis.xaxis.set_minor_locator(NullLocator())
+    for row in axes:
+        row[0].set_ylabel("RMS error of backlash [1e-6 rad]")
+    handles, labels = axes[0, 0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside upper center", ncols=6, fontsize=9)
+    return figure
+
+
+@in_style
+def detection_curves(tables: Sequence[pd.DataFrame], limits_rad: Sequence[float]) -> Figure:
+    """Show the share of records that are seen to have backlash, and what a filter that knows the waveform would see.
+
+    Parameters
+    ----------
+    tables : sequence of DataFrame
+        From `limits.detection`, one for each loudness of the noise.
+    limits_rad : sequence of float
+        From `limits.matched_filter_delta_rad`, in the same order.
+
+    Returns
+    -------
+    Figure
+    """
+    figure, axes = grid(figsize=(8.0, 4.2))
+    axis = axes[0, 0]
+    for table, limit, colour, marker in zip(tables, limits_rad, (BLUE, ORANGE), "os", strict=True):
+        spread = np.abs(table[["seen_low", "seen_high"]].to_numpy().T - table["seen"].to_numpy())
+        noise = table["noise_half_amplitude_rps"].iloc[0]
+        x = 1e4 * table["delta_rad"]
+        axis.errorbar(x, table["seen"], spread, color=colour, marker=marker, capsize=3, label=f"noise of {noise:g} rps")
+        axis.axvline(1e4 * limit, color=colour, linestyle=":", label=f"matched filter, {noise:g} rps")
+    axis.set(xlabel="backlash [1e-4 rad]", ylabel="share of records above the threshold [-]", ylim=(-0.03, 1.03))
+    axis.legend(loc="lower right")
+    return figure
+
+
+@in_style
+def tornado(table: pd.DataFrame, methods: Sequence[str]) -> Figure:
+    """Show the mean error of methods at the ends of what may change, the parameter with the largest on top.
+
+    Parameters
+    ----------
+    table : DataFrame
+        From `robustness.mean_errors`, two changes of each parameter at most.
+    methods : sequence of str
+        One panel each.
+
+    Returns
+    -------
+    Figure
+    """
+    size = table.assign(size=table["mean_error_rad"].abs()).groupby("parameter")["size"].max().sort_values()
+    rows = {name: row for row, name in enumerate(size.index)}
+    figure, axes = grid(1, len(methods), figsize=(11.0, 4.8), sharey=True, sharex=True)
+    for axis, method in zip(axes[0], methods, strict=True):
+        part = table[table["method"] == method]
+        for sign, colour, hatch in ((-1, ORANGE, "//"), (1, BLUE, "")):
+            side = part[np.sign(part["change"]) == sign]
+            y = [rows[name] + 0.2 * sign for name in side["parameter"]]
+            label = f"{100 * side['change'].abs().max():.0f} % {'more' if sign > 0 else 'less'}"
+            width = 1e6 * side["mean_error_rad"]
+            axis.barh(y, width, height=0.4, color=colour, hatch=hatch, edgecolor="white", label=label)
+        axis.axvline(0, color=INK, linewidth=0.8)
+        axis.set_title(method.replace(", ", ",\n"), fontsize=10)
+        axis.set_axisbelow(True)
+    axes[0, 0].set_yticks(range(len(rows)), list(rows))
+    axes[0, 0].xaxis.set_major_locator(MaxNLocator(3))
+    figure.supxlabel("mean error of backlash [1e-6 rad]", fontsize=10)
+    handles, labels = axes[0, 0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside upper right", ncols=2)
     return figure

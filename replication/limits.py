@@ -4,12 +4,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+import pandas as pd
 from joblib import Parallel, delayed
 from numpy.typing import NDArray
 from scipy import stats
 
 from replication.basins import rate_interval
-from replication.datasets import Recording, add_uniform_noise
+from replication.datasets import Recording, add_uniform_noise, simulate_recordings
+from replication.features import read
 from replication.joint import JointParameters
 from replication.joint_match import NUISANCES, PHASES, changed, settled_turn
 
@@ -117,51 +119,72 @@ def encoder_bound_rad(slopes: Slopes, bits: int, sampling_hz: float, turns: int)
     return _bound(np.array([*columns, t - t.mean()]), 2.0**-bits / np.sqrt(12))
 
 
-@dataclass(frozen=True)
-class Detection:
-    """A threshold on a statistic, and what it does.
+def noisy_energy(clean: Recording, half_amplitude_rps: float, seeds: Sequence[int]) -> FloatArray:
+    """RMS of the signature fitted to a record with uniform noise [rps], once for each seed."""
 
-    Attributes
-    ----------
-    threshold : float
-        Of the statistic.
-    false_alarms : float
-        Share of fresh records without backlash above it.
-    false_alarm_interval : tuple of float
-        Its 95 % interval.
-    """
+    def value(seed: int) -> float:
+        noisy = add_uniform_noise(clean, half_amplitude_rps, np.random.default_rng(seed))
+        return read(noisy, "energy").value
 
-    threshold: float
-    false_alarms: float
-    false_alarm_interval: tuple[float, float]
+    return np.array(Parallel(n_jobs=-1, batch_size=8)(delayed(value)(seed) for seed in seeds))
 
 
-def detection_threshold(healthy: FloatArray, fresh: FloatArray, rate: float) -> Detection:
-    """Set a threshold by records without backlash, and count false alarms on others.
+def detection(
+    joint: JointParameters,
+    deltas_rad: Sequence[float],
+    half_amplitude_rps: float,
+    rate: float,
+    healthy: int,
+    repeats: int,
+    seed: int,
+) -> pd.DataFrame:
+    """How often backlash is seen by the signature's energy, with a threshold from records without backlash.
 
     Parameters
     ----------
-    healthy, fresh : arrays of float
-        The statistic of records without backlash: to set the threshold, and to try it.
+    joint : JointParameters
+        The joint; a sensor knows its healthy self.
+    deltas_rad : sequence of float
+        Backlashes [rad].
+    half_amplitude_rps : float
+        Of the uniform noise [rps].
     rate : float
         Wanted share of false alarms.
+    healthy, repeats : int
+        Records without backlash, as many again to try the threshold, and records of each backlash.
+    seed : int
+        Of the noise; each record has its own.
 
     Returns
     -------
-    Detection
+    DataFrame
+        `noise_half_amplitude_rps, delta_rad, threshold_rps, seen, seen_low, seen_high`: the share of records above
+        the threshold with its 95 % interval; for backlash 0 that of false alarms on the fresh records.
     """
-    threshold = float(np.quantile(healthy, 1 - rate))
-    alarms = int((fresh > threshold).sum())
-    return Detection(threshold, alarms / fresh.size, rate_interval(alarms, fresh.size))
+    seeds = np.random.default_rng(seed).integers(2**31, size=2 * healthy + len(deltas_rad) * repeats).tolist()
+    first, fresh, others = seeds[:healthy], seeds[healthy : 2 * healthy], seeds[2 * healthy :]
+    clean = simulate_recordings(joint, [0.0, *deltas_rad])
+    threshold = float(np.quantile(noisy_energy(clean[0], half_amplitude_rps, first), 1 - rate))
+    groups = [fresh, *(others[k * repeats : (k + 1) * repeats] for k in range(len(deltas_rad)))]
+    rows = []
+    for delta, record, group in zip([0.0, *deltas_rad], clean, groups, strict=True):
+        seen = int((noisy_energy(record, half_amplitude_rps, group) > threshold).sum())
+        rows.append((half_amplitude_rps, delta, threshold, seen / len(group), *rate_interval(seen, len(group))))
+    columns = ["noise_half_amplitude_rps", "delta_rad", "threshold_rps", "seen", "seen_low", "seen_high"]
+    return pd.DataFrame(rows, columns=columns)
 
 
-def noisy_values(statistic, clean: Recording, half_amplitude_rps: float, seeds: Sequence[int]) -> FloatArray:
-    """Evaluate a statistic on a record with uniform noise, once for each seed, in parallel."""
+def smallest_seen_rad(table: pd.DataFrame, power: float) -> float:
+    """Backlash from which on the share of `detection` that is seen stays at `power` or above; NaN if it never does.
 
-    def value(seed: int) -> float:
-        return statistic(add_uniform_noise(clean, half_amplitude_rps, np.random.default_rng(seed)))
-
-    return np.array(Parallel(n_jobs=-1)(delayed(value)(seed) for seed in seeds))
+    Interpolated between the last backlash below and the next.
+    """
+    below = np.flatnonzero(table["seen"].to_numpy() < power)
+    last = below[-1] if below.size else 0
+    if last == len(table) - 1:
+        return float("nan")
+    pair = table.iloc[last : last + 2]
+    return float(np.interp(power, pair["seen"], pair["delta_rad"]))
 
 
 def matched_filter_delta_rad(
@@ -193,3 +216,33 @@ def matched_filter_delta_rad(
     if distance[-1] < needed:
         return float("nan")
     return float(np.interp(needed, distance, deltas_rad))
+
+
+def detection_summary(tables: Sequence[pd.DataFrame], filtered_rad: Sequence[float], power: float) -> pd.DataFrame:
+    """Summarise detection at each loudness of the noise.
+
+    Parameters
+    ----------
+    tables : sequence of DataFrame
+        From `detection`.
+    filtered_rad : sequence of float
+        From `matched_filter_delta_rad`, in the same order.
+    power : float
+        Share of backlash that is to be seen.
+
+    Returns
+    -------
+    DataFrame
+        `noise_half_amplitude_rps, false_alarms, false_alarms_low, false_alarms_high, smallest_seen_rad,
+        matched_filter_rad`.
+    """
+    rows = [
+        (
+            *table.iloc[0][["noise_half_amplitude_rps", "seen", "seen_low", "seen_high"]],
+            smallest_seen_rad(table, power),
+            f,
+        )
+        for table, f in zip(tables, filtered_rad, strict=True)
+    ]
+    alarms = ["false_alarms", "false_alarms_low", "false_alarms_high"]
+    return pd.DataFrame(rows, columns=["noise_half_amplitude_rps", *alarms, "smallest_seen_rad", "matched_filter_rad"])

@@ -3,6 +3,7 @@
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 
+import numpy as np
 import pandas as pd
 from joblib import Parallel, delayed
 
@@ -36,7 +37,7 @@ def _load_speed(joint: JointParameters) -> float:
     return joint.commanded_speed_rad_per_s / joint.gear_ratio
 
 
-# What changes, by name. Friction starts at zero, as identified, so that it can only grow.
+# What changes, by name. The identified joint has no friction, so it only grows, to a share of the gravity torque.
 CHANGES = {
     "load mass": lambda joint, share: changed(joint, {"load": 1 + share}),
     "commanded speed": _scaled("commanded_speed_rps"),
@@ -47,10 +48,8 @@ CHANGES = {
     "derivative gain": _scaled("derivative_gain_nms2_per_rad"),
     "leaky gain": _scaled("leaky_gain_nm_per_rad"),
     "torque lag": _scaled("torque_lag_s"),
-    "Coulomb friction of the load, share of gravity": _friction("load_coulomb_nm", lambda j: j.gravity_torque_nm),
-    "viscous friction of the load, share of gravity": _friction(
-        "load_viscous_nms_per_rad", lambda j: j.gravity_torque_nm / _load_speed(j)
-    ),
+    "load Coulomb friction": _friction("load_coulomb_nm", lambda j: j.gravity_torque_nm),
+    "load viscous friction": _friction("load_viscous_nms_per_rad", lambda j: j.gravity_torque_nm / _load_speed(j)),
 }
 # Methods, and the one that simulates with start angle, friction and load unknown.
 JOINT = "joint, all nuisances free"
@@ -112,8 +111,8 @@ def robustness(joint: JointParameters, deltas_rad: Sequence[float], shares: Sequ
     )
 
 
-def worst_changes(table: pd.DataFrame) -> pd.DataFrame:
-    """Summarise `robustness`: for each method and parameter, the mean error at each change [rad], and the largest.
+def mean_errors(table: pd.DataFrame) -> pd.DataFrame:
+    """Average `robustness` over the backlashes.
 
     Returns
     -------
@@ -123,3 +122,21 @@ def worst_changes(table: pd.DataFrame) -> pd.DataFrame:
     groups = table.groupby(["parameter", "method", "change"], sort=False)["error_rad"]
     summary = groups.agg(mean_error_rad="mean", max_abs_error_rad=lambda error: error.abs().max())
     return summary.reset_index()
+
+
+def ranking(table: pd.DataFrame) -> pd.DataFrame:
+    """Rank the methods by their RMS error over all changes of `robustness`.
+
+    Returns
+    -------
+    DataFrame
+        `method, rmse_rad, max_abs_error_rad, worst_parameter, unchanged_rmse_rad`, the best first.
+    """
+    rows = []
+    for method, part in table.groupby("method", sort=False):
+        moved, still = part[part["change"] != 0], part[part["change"] == 0]
+        worst = moved.loc[moved["error_rad"].abs().idxmax()]
+        rms, unchanged = (float(np.sqrt(np.mean(p["error_rad"] ** 2))) for p in (moved, still))
+        rows.append((method, rms, abs(worst["error_rad"]), worst["parameter"], unchanged))
+    columns = ["method", "rmse_rad", "max_abs_error_rad", "worst_parameter", "unchanged_rmse_rad"]
+    return pd.DataFrame(rows, columns=columns).sort_values("rmse_rad", ignore_index=True)

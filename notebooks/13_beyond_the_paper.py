@@ -1,0 +1,189 @@
+# ---
+# jupyter:
+#   jupytext:
+#     formats: ipynb,py:percent
+#     notebook_metadata_filter: replication
+#     text_representation:
+#       extension: .py
+#       format_name: percent
+#   kernelspec:
+#     display_name: Python 3
+#     language: python
+#     name: python3
+#   replication:
+#     quick: {repeats: 1, healthy: 40, seen_records: 10, changes: [0.2], robust_deltas_rad: [0.0011]}
+# ---
+
+# %% [markdown]
+# # 13 · How well can the motor encoder alone know the backlash?
+#
+# ## Claim
+#
+# The paper reads one number off the motor speed, the amplitude $A$, and asks how large the error of $A$ is (Table 2).
+# It leaves open how well the backlash could be known at all, whether another feature tells more, and what a joint that
+# is not quite the calibrated one does to the answer.
+#
+# ## Method
+#
+# *Features*: the signature's energy (its RMS), the impact time $t_0$, and the whole settled waveform; the last matched
+# against waveforms of known backlash at any start, or by simulating the identified joint, first with nothing else
+# unknown, then with start angle, friction and load unknown too. Each is calibrated with the estimator that measures.
+# On the authors' noisy logs a feature's calibration knows neither the log's noise realisation nor its level. The
+# simulated joint was identified from four clean records (K = 3, 6, 9, 12), never from a noisy one; errors on the levels
+# that it was not identified from stand beside those on all.
+#
+# *The limit*: the Cramér-Rao bound of $\delta$ for the joint's settled waveform in white noise, with the mean speed
+# unknown and the start known or not. For an encoder, the rounding of its positions is taken for white noise.
+#
+# *Robustness*: records of a joint of which one thing has changed, measured by methods that do not know it. The
+# identified joint has no friction, so that friction grows from nothing to a share of the gravity torque.
+
+# %%
+import numpy as np
+
+from replication import accuracy, datasets, figures_beyond, limits, robustness, workbook
+from replication.joint import identified_joint
+
+# %% [markdown]
+# ## Parameters
+
+# %% tags=["parameters"]
+scored = range(3, 12)  # levels K of the authors' noisy logs; one more at each end calibrates
+deltas_rad = [5e-4, 11e-4, 19e-4]  # backlashes of simulated records
+repeats = 4  # simulated records of each setting and backlash
+healthy = 300  # records without backlash that set the threshold, and as many that try it
+seen_records = 30  # records of each backlash to be seen
+loudness_rps = [0.1, 0.3]  # half-amplitude of their uniform noise
+changes = [-0.2, 0.2]  # relative changes of the joint
+robust_deltas_rad = [5e-4, 11e-4, 19e-4]  # backlashes of the changed joint
+
+# %% [markdown]
+# ## Result
+#
+# ### Features on the authors' noisy logs
+
+# %%
+joint = identified_joint()
+levels = range(min(scored) - 1, max(scored) + 2)
+records = {(R, K): datasets.load_noisy(K, R) for R in (1, 2) for K in levels}
+errors = accuracy.cross_validation(records, joint, scored)
+workbook.save_table(errors, "features_logs")
+summary = accuracy.summarise_errors(errors)
+fresh = errors[~errors["level"].isin([3, 6, 9, 12])]
+summary["mean_abs_error_fresh_levels_rad"] = accuracy.summarise_errors(fresh)["mean_abs_error_rad"]
+workbook.save_table(summary, "features")
+summary
+
+# %% [markdown]
+# Bars: a mean error of 1.5e-5 rad for the energy and of 1e-5 rad for the waveform, both on these logs.
+
+# %%
+bars_rad = {"energy": 1.5e-5} | dict.fromkeys(["waveform", *accuracy.JOINT_METHODS], 1e-5)
+figure = figures_beyond.cross_validation_errors(errors, bars_rad)
+workbook.save_figure(figure, "beyond_features")
+
+# %% [markdown]
+# What the noise alone must cost, on the same logs: the Cramér-Rao bound's mean size of error,
+# $\sqrt{2/\pi}$ times its SD, with the start known and not.
+
+# %%
+bound = accuracy.noise_bound_rad(joint, scored)
+workbook.save_table(bound, "features_bound")
+bound
+
+# %% [markdown]
+# ### The limit, and what the estimators reach
+
+# %%
+sweeps = {
+    "noise_half_amplitude_rps": [0.02, 0.05, 0.1, 0.2, 0.5],
+    "sampling_hz": [100, 200, 500, 1000, 2000],
+    "turns": [2, 4, 12, 36],
+    "encoder_bits": [8, 10, 12, 14, 16, 19],
+}
+measured = accuracy.measured_errors(joint, deltas_rad, sweeps, repeats, seed=1)
+workbook.save_table(measured, "limits")
+labels = {
+    "noise_half_amplitude_rps": "half-amplitude of the noise [rps]",
+    "sampling_hz": "sampling rate [Hz]",
+    "turns": "load turns, the first left out [-]",
+    "encoder_bits": "motor encoder [bits], 500 Hz, no other noise",
+}
+figure = figures_beyond.error_limits(measured, labels)
+workbook.save_figure(figure, "beyond_limits")
+
+# %% [markdown]
+# With an encoder there is no other noise, and the methods are calibrated with a fine one whose positions are
+# differenced alike: the bits are what limits them, until their own simplification does.
+#
+# ### The smallest backlash to be seen
+#
+# The threshold is on the signature's energy, for one false alarm in a hundred records of the healthy joint, and tried
+# on as many fresh ones. A filter that knows the waveform exactly would see far less backlash.
+
+# %%
+small_rad = [2e-5, 5e-5, 8e-5, 1.2e-4, 1.6e-4, 2e-4, 3e-4]
+seen = [
+    limits.detection(joint, small_rad, noise, 0.01, healthy, seen_records, seed=round(1000 * noise))
+    for noise in loudness_rps
+]
+samples = 11 * 200
+filtered = [
+    limits.matched_filter_delta_rad(joint, np.geomspace(1e-6, 1e-3, 25), noise / np.sqrt(3), samples, 0.01, 0.95)
+    for noise in loudness_rps
+]
+detected = limits.detection_summary(seen, filtered, power=0.95)
+workbook.save_table(detected, "detection")
+detected
+
+# %%
+figure = figures_beyond.detection_curves(seen, filtered)
+workbook.save_figure(figure, "beyond_detection")
+
+# %% [markdown]
+# ### A joint that has changed
+
+# %%
+moved = robustness.robustness(joint, robust_deltas_rad, changes)
+ends = robustness.mean_errors(moved)
+workbook.save_table(ends, "robustness")
+ranked = robustness.ranking(moved)
+workbook.save_table(ranked, "robustness_ranking")
+ranked
+
+# %%
+figure = figures_beyond.tornado(
+    ends[ends["change"] != 0], ["equation 10", "amplitude", "energy", "waveform", robustness.JOINT]
+)
+workbook.save_figure(figure, "beyond_robustness")
+
+# %% [markdown]
+# Friction moves the two impacts of a turn in opposite directions, so that the second no longer comes half a turn after
+# the first. The signature has that built in ($T_d = T_f/2$), and so has any waveform of the joint without friction:
+# all of them fail when friction is 20 % of the gravity torque. Only the simulated joint, with friction unknown, does
+# not. It is the one to deploy without recalibration, where the drive's gains are known; these shift it as they shift
+# the others.
+#
+# ## Verdict
+#
+# No number of the paper is judged here. The answers:
+
+# %%
+mean_error = summary.set_index("method")["mean_abs_error_rad"]
+for method, bar in bars_rad.items():
+    verdict = "meets" if mean_error[method] <= bar else "misses"
+    print(f"{method}: mean error {mean_error[method]:.2e} rad, {verdict} {bar:g}")
+print(f"equation 10 on the same logs: {mean_error['equation 10']:.2e} rad")
+print(f"least error over all changes: {ranked['method'][0]}, RMS {ranked['rmse_rad'][0]:.1e} rad")
+workbook.save_outcome(
+    "13_beyond_the_paper",
+    inputs=datasets.authors_digests(records.values()),
+    seeds=[1, *(round(1000 * noise) for noise in loudness_rps)],
+)
+
+# %% [markdown]
+# ## Try changing
+#
+# 1. `scored = range(3, 8)`: small backlashes only; the error of the waveform with a free start shrinks.
+# 2. `changes = [-0.05, 0.05]`: a joint that has changed little; every method's error shrinks.
+# 3. `loudness_rps = [0.02, 0.1]`: less noise; a smaller backlash is seen.
