@@ -184,6 +184,6 @@ workbook.save_outcome(
 # %% [markdown]
 # ## Try changing
 #
-# 1. `scored = range(3, 8)`: small backlashes only; the error of the waveform with a free start shrinks.
+# 1. `scored = [3, 4, 5, 6]`: small backlashes only; the error of the waveform with a free start shrinks.
 # 2. `changes = [-0.05, 0.05]`: a joint that has changed little; every method's error shrinks.
-# 3. `loudness_rps = [0.02, 0.1]`: less noise; a smaller backlash is seen.
+# 3. `loudness_rps = [0.1, 1.0]`: much more noise; only a larger backlash is seen, if any.
