@@ -10,7 +10,7 @@ STAMPS := $(NOTEBOOKS:%=.make/%.done)
 
 .DEFAULT_GOAL := help
 .NOTPARALLEL:
-.PHONY: help all quick test check report bench benchmark calibrate data lab lint lock clean
+.PHONY: help all quick test check diff report sensitivity bench benchmark calibrate data lab lint lock clean
 
 help:  ## list the targets
 	@grep -hE '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 12
@@ -29,7 +29,15 @@ test: .venv/.installed  ## all tests, on the committed results
 check: .venv/.installed  ## print the verdict table; fails if a cell differs
 	$(RUN) check
 
+diff: .venv/.installed  ## cells and claims whose verdict is not the last commit's
+	$(RUN) diff
+
 report: .venv/.installed  ## results/report.html from the results
+	$(RUN) collect
+	$(RUN) report
+
+sensitivity: .venv/.installed  ## who notices a wrong constant, into results/sensitivity.csv and the report
+	$(RUN) sensitivity
 	$(RUN) report
 
 bench: .venv/.installed  ## time what was made fast against a direct arm, into results/bench.csv
@@ -71,7 +79,7 @@ clean:  ## remove what can be made again and is not committed
 # What every notebook needs, then what each needs besides; a stamp says that its outputs are newer than these.
 module = $(addsuffix .py,$(addprefix replication/,$(1)))
 IDENTIFIED := $(addprefix replication/data/,joint.json simulator_attempts.csv)
-COMMON := $(call module,published figure_style figures workbook) $(filter-out $(IDENTIFIED),$(wildcard replication/data/*))
+COMMON := $(call module,published figure_style figures decisions workbook execution) $(filter-out $(IDENTIFIED),$(wildcard replication/data/*))
 JOINT := $(call module,joint joint_core joint_parameters datasets)
 FITS := $(JOINT) $(call module,signature identify experiments inspection)
 SIMULATIONS := $(JOINT) $(call module,sensor simulator_fit simulations)
@@ -88,7 +96,7 @@ $(call stamps,13): $(METHODS) $(IDENTIFIED)
 $(STAMPS): .make/%.done: notebooks/%.py $(COMMON) | .venv/.installed
 	$(RUN) run --stamp $@ $<
 
-.make/workbook.done: $(STAMPS) replication/report.py
+.make/workbook.done: $(STAMPS) replication/report.py replication/templates/report.html.j2 $(wildcard results/sensitivity.csv)
 	$(RUN) collect
 	$(RUN) report
 	$(RUN) readme

@@ -36,7 +36,7 @@
 import numpy as np
 import pandas as pd
 
-from replication import datasets, figures, inspection, published, workbook
+from replication import datasets, decisions, figures, inspection, published, workbook
 from replication.signature import Timing, signature
 
 # %% [markdown]
@@ -63,7 +63,9 @@ figure = figures.signature_parameters(t, signature(t, X, timing), X[1], T1, T2, 
 workbook.save_figure(figure, "figure06_signature")
 
 # %% [markdown]
-# The signature on a record: the authors' clean record 12 (a backlash of 23e-4 rad) with the stored run drawn over it.
+# ### The signature on a record
+#
+# The authors' clean record 12 (a backlash of 23e-4 rad) with the stored run drawn over it.
 
 # %%
 record = datasets.load_clean(12)
@@ -121,16 +123,7 @@ basins
 
 # %%
 best = int(basins.loc[0, "runs"])
-mismatch = inspection.half_turn_mismatch(record)
-claims = {
-    "two_impacts": (
-        inspection.impacts_alternate(record),
-        "record 12: the largest excursion changes its sign from each settled half turn to the next",
-    ),
-    "half_turn": (
-        mismatch < 0.05,
-        f"record 12, inverted and half a turn later, differs by {100 * mismatch:.1f} % of its SD",
-    ),
+claims = decisions.impacts(record) | {
     "local_minima": (best > len(replay) / 2, f"{best} of the authors' {len(replay)} stored runs end in the best basin"),
 }
 cells = {

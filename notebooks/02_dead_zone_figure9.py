@@ -86,4 +86,4 @@ pd.DataFrame(claims, index=["holds", "measured"]).T
 #
 # 1. `alphas = [1e8]`: nearly the clamped dead zone; the share left in mid-gap falls below a thousandth of a percent.
 # 2. `delta_rad = 3e-4`: in a gap five times narrower five times more stiffness is left in the middle.
-# 3. `alphas = [3e5]`: sharp enough for the published signals; a tenth of a percent of the stiffness is left in mid-gap.
+# 3. `alphas = [4e5]`: sharp enough for the published signals; a tenth of a percent of the stiffness is left in mid-gap.

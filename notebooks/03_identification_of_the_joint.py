@@ -82,7 +82,7 @@ together
 # %%
 if profiled:
     fitted_records = simulations.signals({delta: records[delta] for delta in fit_deltas})
-    display(simulator_fit.profile_ratio(profiled, (0.9, 1.1), fitted_records, fit.parameters))  # noqa: F821
+    display(simulator_fit.profile_ratio(profiled, (0.9, 1.0, 1.1), fitted_records, fit.parameters))  # noqa: F821
 
 # %% [markdown]
 # ### Physical values, for a load of 5 kg

@@ -31,7 +31,7 @@
 import numpy as np
 import pandas as pd
 
-from replication import datasets, figures, sensor, simulations, workbook
+from replication import datasets, decisions, experiments, figures, simulations, workbook
 from replication.joint import identified_joint
 
 # %% [markdown]
@@ -62,7 +62,7 @@ workbook.save_figure(figure, "figure05_speed_signal")
 # ### Figure 11
 
 # %%
-ten = list(sensor.printed_levels_rad())
+ten = [datasets.level_delta_rad(level) for level in experiments.table2_levels()]
 every = [datasets.level_delta_rad(level) for level in simulations.ALL_LEVELS]
 fine = datasets.simulate_recordings(joint, ten, sample_s=simulations.FINE_S)
 signals = simulations.disturbances(fine, ten)
@@ -78,14 +78,7 @@ peaks.head(len(ten))
 # ## Verdict
 
 # %%
-growth = np.diff(peaks["amplitude_rps"])
-claims = {
-    "amplitude_grows": (
-        bool((growth > 0).all()),
-        f"from {peaks['amplitude_rps'].iloc[0]:.3f} to {peaks['amplitude_rps'].iloc[-1]:.3f} rps over "
-        f"{len(peaks)} levels, by steps of {growth.min():.3f} to {growth.max():.3f} rps",
-    )
-}
+claims = {"amplitude_grows": decisions.amplitude_grows(peaks)}
 cells = {"text.delta_step": ten[1] - ten[0]}
 workbook.save_outcome("05_growth_figure11", {"simulated": cells}, claims, seeds=[noise_seed])[
     ["id", "source", "printed", "reproduced", "verdict"]

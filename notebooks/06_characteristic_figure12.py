@@ -33,7 +33,7 @@
 import numpy as np
 import pandas as pd
 
-from replication import figures, published, sensor, simulations, workbook
+from replication import datasets, decisions, experiments, figures, published, sensor, simulations, workbook
 from replication.joint import identified_joint
 
 # %% [markdown]
@@ -82,7 +82,7 @@ joint = simulations.changed_joint(identified_joint(), changes)
 ours = sensor.fit_characteristic(simulations.amplitudes(joint, delta)["amplitude_rps"], delta)
 difference = simulations.characteristic_difference(ours)
 workbook.save_table(difference.iloc[::20], "characteristic_difference")
-figure = figures.characteristic_difference(difference)
+figure = figures.characteristic_difference(difference, simulations.printed_amplitudes())
 workbook.save_figure(figure, "figure12_simulated")
 
 # %%
@@ -121,15 +121,7 @@ units
 # `error_of_A` is the effect of the error in $A$ alone; `error` is against the true level, with the cubic's own misfit.
 
 # %%
-mean = published.column("Table 2", "mean")[: delta.size]
-errors = pd.DataFrame(
-    {
-        "delta_rad": delta,
-        "printed_mean_A_rps": mean,
-        "error_of_A_rad": printed_equation.backlash_rad(mean) - printed_equation.backlash_rad(theoretical),
-        "error_rad": printed_equation.backlash_rad(mean) - delta,
-    }
-)
+errors = decisions.errors_of_printed_means(printed_equation)
 workbook.save_table(errors, "equation10_errors")
 errors
 
@@ -150,38 +142,17 @@ arithmetic
 # own peaks differ, because a cubic's coefficients are strongly correlated: peaks 1 % apart give quite other ones.
 
 # %%
-error = errors["error_rad"].abs()
-slope = np.diff(printed_equation.backlash_rad(np.linspace(0, theoretical[-1], 1000)))
-step = 2 * np.pi / 2 ** published.value("text.encoder_bits")
-small, large = published.value("text.error_rad_small"), published.value("text.error_rad_large")
-claims = {
-    "error_rad_small": (bool(error.iloc[0] < small), f"{error.iloc[0]:.2g} rad at {delta[0]:.0e} rad"),
-    "error_rad_large": (
-        bool(error.max() <= large and error.idxmax() == error.size - 1),
-        f"largest {error.max():.2g} rad, at {delta[error.idxmax()]:.1e} rad",
-    ),
-    "quality_decreases": (
-        bool(error.iloc[5:].mean() > error.iloc[:5].mean()),
-        f"mean error {error.iloc[:5].mean():.2g} rad in the first five rows, then {error.iloc[5:].mean():.2g} rad",
-    ),
-    "monotone": (bool((slope > 0).all()), "the derivative is positive over the range of the points"),
-    "encoder_step": (
-        abs(step - published.value("text.encoder_step")) <= published.tolerance("text.encoder_step"),
-        f"2 pi / 2^19 = {step:.3g} rad",
-    ),
-}
-cells = {f"equation10.A{k}": 1e6 * fitted.coefficients[k] for k in range(4)} | {
-    "equation10.rmse": fitted.rmse_rad,
-    "text.delta_min": delta[0],
-    "text.delta_max": delta[-1],
+step, step_decision = decisions.encoder_step(published.value("text.encoder_bits"))
+claims = decisions.characteristic(printed_equation, errors) | {"encoder_step": step_decision}
+cells = decisions.equation10_cells(fitted) | decisions.error_cells(errors)
+levels = experiments.table2_levels()  # of the authors' data sets
+cells |= {
+    "text.delta_min": datasets.level_delta_rad(levels[0]),
+    "text.delta_max": datasets.level_delta_rad(levels[-1]),
     "text.encoder_step": step,
-    "text.error_rad_small": error.iloc[0],
-    "text.error_rad_large": error.max(),
     "text.error_limit_percent": arithmetic["relative_error_percent"].max(),
 }
-from_simulation = {f"equation10.A{k}": 1e6 * ours.coefficients[k] for k in range(4)} | {
-    "equation10.rmse": ours.rmse_rad
-}
+from_simulation = decisions.equation10_cells(ours)
 workbook.save_outcome("06_characteristic_figure12", {"authors": cells, "simulated": from_simulation}, claims)[
     ["id", "source", "printed", "reproduced", "difference", "tolerance", "verdict"]
 ]
@@ -195,4 +166,4 @@ pd.DataFrame(claims, index=["holds", "measured"]).T
 # 1. `rpm_per_rps = 1.0`: the coefficients of the cubic in rps; all but the constant are out of their tolerance.
 # 2. `left_out = [10]`: without the last point the cubic term changes its second digit, and equation 10 is no longer
 #    reproduced.
-# 3. `rpm_per_rps = 2 * np.pi`: in rad/s the coefficients fit neither.
+# 3. `rpm_per_rps = 6.2832`: in rad/s the coefficients fit neither.

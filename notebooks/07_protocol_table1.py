@@ -11,7 +11,7 @@
 #     language: python
 #     name: python3
 #   replication:
-#     quick: {repeats: 2}
+#     quick: {repeats: 2, rows: [1, 4, 7, 10]}
 # ---
 
 # %% [markdown]
@@ -39,8 +39,9 @@ from replication import datasets, experiments, figures, inspection, published, w
 # ## Parameters
 
 # %% tags=["parameters"]
-repeats = 5  # runs of each variant on each record
+repeats = 3  # runs of each variant on each record
 realisation = 1  # the authors' noise realisation R
+rows = list(range(1, 11))  # rows of Table 2 whose records are fitted
 variants = "all"  # or a list of names
 
 # %% [markdown]
@@ -71,7 +72,7 @@ turn_period_s
 # %%
 seeds = range(1, repeats + 1)
 chosen = [p for p in experiments.VARIANTS if variants == "all" or p.name in variants]
-records = experiments.authors_table2_records([realisation])
+records = [(key, record) for key, record in experiments.authors_table2_records([realisation]) if key["row"] in rows]
 runs = experiments.repeated_fits(records, chosen, seeds, label="protocol variants")
 scores = experiments.variant_scores(runs)
 workbook.save_table(scores, "protocol_variants")
@@ -81,7 +82,7 @@ ranking
 
 # %%
 figure = figures.protocol_variants(scores)
-workbook.save_figure(figure, "protocol_variants")
+workbook.save_figure(figure, "table2_protocols")
 
 # %% [markdown]
 # Read it so. The larger the population, the more runs end in the best basin, and the closer the means come to the
@@ -118,4 +119,4 @@ pd.DataFrame(claims, index=["holds", "measured"]).T
 # 1. `variants = ["authors' notebook", "T_d and T_f as printed"]`: two lines in the figure, and the second lies 30 %
 #    and more below the printed means.
 # 2. `realisation = 2`: another noise; the means of the authors' protocol move by a few percent, the SDs by factors.
-# 3. `repeats = 3`: the means stay; the SDs are worth little.
+# 3. `rows = [1, 5, 10]`: three records instead of ten, in a third of the time; the printed turn period stays the worst.

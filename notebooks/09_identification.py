@@ -11,7 +11,7 @@
 #     language: python
 #     name: python3
 #   replication:
-#     quick: {replay_runs: 30, strategy_runs: 3, coverage_runs: 50}
+#     quick: {replay_runs: 20, strategy_runs: 2, coverage_runs: 20}
 # ---
 
 # %% [markdown]
@@ -49,10 +49,10 @@ from replication.signature import FREE_PARAMETERS
 
 # %% tags=["parameters"]
 level = 12  # the authors' clean record for replay, landscape and strategies
-replay_runs = 300  # runs of the authors' protocol on it
+replay_runs = 150  # runs of the authors' protocol on it
 strategy_runs = 10  # runs of each other strategy
 budget = 40000  # function evaluations of each of these
-coverage_runs = 300  # made records for each noise law
+coverage_runs = 200  # made records for each noise law
 
 # %% [markdown]
 # ## Result
@@ -160,5 +160,5 @@ pd.Series(
 # ## Try changing
 #
 # 1. `level = 13`: the basins have other rates; the global fit still ends at or below the lowest run.
-# 2. `strategy_runs = 60`: the intervals narrow enough to rank the strategies; about five times as long.
+# 2. `strategy_runs = 30`: the intervals of the rates narrow by a third or more; three times as long.
 # 3. `budget = 120000`: restarts get the time to pay, and every restarted strategy comes near a rate of 1.

@@ -3,9 +3,10 @@
 import argparse
 import sys
 import time
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
-from replication import bench, benchmark, report, simulations, workbook
+from replication import bench, benchmark, execution, flips, report, sensitivity, simulations, workbook
 from replication.datasets import WORKBOOK_FILES, DataCorrupt, DataUnavailable, authors_file
 
 
@@ -38,7 +39,15 @@ def _parser() -> argparse.ArgumentParser:
         sub = commands.add_parser(name, help=text)
         sub.add_argument("--quick", action="store_true", help="of the quick run")
         sub.set_defaults(command=command)
+    diff = commands.add_parser("diff", help="cells and claims whose verdict is not that of the last commit's results")
+    made = diff.add_mutually_exclusive_group()
+    made.add_argument("--quick", action="store_const", dest="made", const="quick", help="of the quick run")
+    made.add_argument("--lab", action="store_const", dest="made", const="lab", help="of notebooks run by hand")
+    diff.set_defaults(command=_diff)
     commands.add_parser("readme", help="write the results' numbers into README.md").set_defaults(command=_readme)
+    commands.add_parser("sensitivity", help="who notices a wrong constant, into results/sensitivity.csv").set_defaults(
+        command=_sensitivity
+    )
     commands.add_parser("calibrate", help="identify the joint anew, into data/joint.json").set_defaults(
         command=_calibrate
     )
@@ -55,23 +64,31 @@ def _parser() -> argparse.ArgumentParser:
 
 def _run(options: argparse.Namespace) -> int:
     sources = options.notebook or sorted((workbook.ROOT / "notebooks").glob("[0-9]*.py"))
-    complete = True
-    for source in sources:
-        begun = time.perf_counter()
-        try:
-            workbook.execute(source, options.quick, options.timeout)
-        except workbook.NotebookNotRun as error:
-            print(f"{error}; its last results stay as they are", file=sys.stderr)
-            complete = False
-        except (workbook.NotebookFailed, ValueError, OSError) as error:
-            print(f"failed: {error}", file=sys.stderr)
-            return 1
-        else:
-            workbook.note_duration(source.stem, time.perf_counter() - begun)
-    if complete and options.stamp:
+    # A quick run is mostly starting kernels, which leaves a core idle.
+    with ThreadPoolExecutor(2 if options.quick else 1) as pool:
+        ended = list(pool.map(lambda source: _run_one(source, options), sources))
+    if "failed" in ended:
+        return 1
+    if options.stamp and "not run" not in ended:
         options.stamp.parent.mkdir(parents=True, exist_ok=True)
         options.stamp.touch()
     return 0
+
+
+def _run_one(source: Path, options: argparse.Namespace) -> str:
+    """Execute a notebook; say how it ended."""
+    begun = time.perf_counter()
+    try:
+        execution.execute(source, options.quick, options.timeout)
+    except execution.NotebookNotRun as error:
+        print(f"{error}; its last results stay as they are", file=sys.stderr)
+        return "not run"
+    except (execution.NotebookFailed, ValueError, OSError) as error:
+        print(f"failed: {error}", file=sys.stderr)
+        return "failed"
+    if not options.quick:
+        execution.note_duration(source.stem, time.perf_counter() - begun)
+    return "done"
 
 
 def _results(options: argparse.Namespace) -> Path:
@@ -91,6 +108,26 @@ def _check(options: argparse.Namespace) -> int:
 
 def _report(options: argparse.Namespace) -> int:
     print(report.write_page(_results(options)))
+    return 0
+
+
+def _diff(options: argparse.Namespace) -> int:
+    results = workbook.ROOT / "results"
+    if options.made:
+        results = results / options.made / "results"
+    try:
+        table = flips.flips(results, flips.committed("verdicts.csv"), flips.committed("claims.csv"))
+    except flips.NoCommit as error:
+        print(error, file=sys.stderr)
+        return 1
+    print(table.to_string(index=False) if len(table) else "no verdict flipped")
+    return 0
+
+
+def _sensitivity(_: argparse.Namespace) -> int:
+    table = sensitivity.sensitivity()
+    workbook.write_csv(workbook.ROOT / "results" / "sensitivity.csv", table)
+    print(table.groupby(["constant", "changed"], sort=False)["group"].agg(lambda g: (g != "").sum()).to_string())
     return 0
 
 

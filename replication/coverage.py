@@ -2,6 +2,7 @@
 
 import numpy as np
 import pandas as pd
+from joblib import Parallel, delayed
 from numpy.typing import NDArray
 
 from replication.basins import rate_interval
@@ -88,12 +89,16 @@ def coverage_table(runs: int, seed: int) -> pd.DataFrame:
         A row for each: `law, half_amplitude_rps, runs, rate, rate_low, rate_high`, and the median relative width of the
         interval `relative_width`.
     """
-    rows, seeds = [], iter(np.random.SeedSequence(seed).spawn(6))  # rows that shared draws would err together
-    for law in ("uniform", "Gaussian"):
-        for half_amplitude in (0.05, 0.15, 0.3):
-            part = coverage_runs(law, half_amplitude, runs, np.random.default_rng(next(seeds)))
-            covered = int(part["covered"].sum())
-            width = ((part["high_rps"] - part["low_rps"]) / part["true_A_rps"]).median()
-            rows.append([law, half_amplitude, runs, covered / runs, *rate_interval(covered, runs), width])
+    settings = [(law, half_amplitude) for law in ("uniform", "Gaussian") for half_amplitude in (0.05, 0.15, 0.3)]
+    seeds = np.random.SeedSequence(seed).spawn(len(settings))  # rows that shared draws would err together
+    jobs = [
+        delayed(coverage_runs)(*setting, runs, np.random.default_rng(own))
+        for setting, own in zip(settings, seeds, strict=True)
+    ]
+    rows = []
+    for setting, part in zip(settings, Parallel(n_jobs=-1)(jobs), strict=True):
+        covered = int(part["covered"].sum())
+        width = ((part["high_rps"] - part["low_rps"]) / part["true_A_rps"]).median()
+        rows.append([*setting, runs, covered / runs, *rate_interval(covered, runs), width])
     names = ["law", "half_amplitude_rps", "runs", "rate", "rate_low", "rate_high", "relative_width"]
     return pd.DataFrame(rows, columns=names)

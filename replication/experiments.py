@@ -42,7 +42,6 @@ VARIANTS = (
         T_f=published.value("table1.T_f.max"),
     ),
     replace(AUTHORS, name="bound margins of cma 4", margin=margin_cma4),
-    replace(AUTHORS, name="population 600", population=600),
     replace(AUTHORS, name="population 1000", population=1000),
 )
 

@@ -61,8 +61,17 @@ def save(figure: Figure, folder: Path, name: str, mark: str = "") -> None:
     if mark:
         figure.text(0.5, 0.5, mark, fontsize=40, color="0.6", alpha=0.4, ha="center", va="center", rotation=20)
     with mpl.rc_context(STYLE):
-        figure.savefig(folder / f"{name}.svg", metadata={"Date": None})
+        figure.savefig(folder / f"{name}.svg", metadata={"Date": None, "Description": description(figure)})
         figure.savefig(folder / f"{name}.png", dpi=150)
+
+
+def description(figure: Figure) -> str:
+    """Say what a figure's axes are, a panel each: the SVG's description, and what reads it aloud says."""
+    panels = []
+    for axis in figure.axes:
+        labels = [label.replace("\n", " ") for label in (axis.get_xlabel(), axis.get_ylabel()) if label]
+        panels.append(" versus ".join(labels[::-1]))
+    return "; ".join(dict.fromkeys(panel for panel in panels if panel))
 
 
 def grid(rows: int = 1, columns: int = 1, **options) -> tuple[Figure, np.ndarray]:

@@ -91,25 +91,24 @@ def table2(rows: Mapping[str, pd.DataFrame], printed: pd.DataFrame) -> Figure:
     """
     figure, axes = grid(2, 1, sharex=True, figsize=(8.5, 6.5), height_ratios=(2, 1))
     upper, lower = axes[:, 0]
-    colours = (BLUE, ORANGE, GREEN)
     delta = 1e4 * next(iter(rows.values()))["delta_rad"].to_numpy()
     theory = printed["theoretical"].to_numpy()
-    upper.plot(delta, theory, color="0.6", linewidth=1, label="theoretical A, printed")
+    upper.plot(delta, theory, "+-", color="0.5", linewidth=1, markersize=8, label="theoretical A, printed")
     offsets = np.linspace(-0.25, 0.25, len(rows) + 1)
-    for (label, table), colour, offset in zip(rows.items(), colours, offsets, strict=False):
-        style = {"color": colour, "linestyle": "none", "capsize": 3}
+    for (label, table), colour, marker, offset in zip(
+        rows.items(), (BLUE, ORANGE, GREEN), "os^", offsets, strict=False
+    ):
+        style = {"color": colour, "marker": marker, "markersize": 4, "linestyle": "none"}
         at = delta + offset
-        upper.errorbar(at, table["mean_A_rps"], table["sd_A_rps"], marker="o", markersize=4, label=label, **style)
+        upper.errorbar(at, table["mean_A_rps"], table["sd_A_rps"], capsize=3, label=label, **style)
         upper.plot(at, table["best_A_rps"], marker="_", markersize=10, linestyle="none", color=colour)
         difference = 100 * (table["best_A_rps"].to_numpy() / printed["mean"].to_numpy() - 1)
-        lower.plot(
-            at, difference, marker="_", markersize=10, linestyle="none", color=colour, label=f"best basin, {label}"
-        )
+        lower.plot(at, difference, label=f"best basin, {label}", **style)
     at = delta + offsets[-1]
     upper.errorbar(at, printed["mean"], printed["sd"], elinewidth=1, capsize=3, **PRINTED)
     lower.axhspan(-2, 2, color="0.9", label="$\\pm$2 %: window gate and noise realisation")
     lower.set(xlabel="backlash $\\delta$ [1e-4 rad]", ylabel="against printed\nmean [%]", ylim=(-10, 7))
-    upper.set(ylabel="A [rps], mean $\\pm$ SD of 30 runs")
+    upper.set(ylabel="A [rps], mean $\\pm$ SD of runs")
     upper.legend(loc="upper left")
     lower.legend(loc="lower right", fontsize=8, ncols=2)
     return figure
@@ -288,8 +287,9 @@ def validation(table: pd.DataFrame) -> Figure:
         axis.set(xlabel="backlash $\\delta$ [1e-4 rad]")
     axes[0, 0].set(ylabel="RMSE over signal SD [%]", ylim=(0, None))
     axes[0, 1].set(ylabel="peak against printed A [%]")
-    axes[0, 1].axhline(0, color=INK, linewidth=0.8)
+    axes[0, 1].axhline(0, color=INK, linewidth=0.8, label="printed in the paper")
     axes[0, 0].legend()
+    axes[0, 1].legend(handles=axes[0, 1].lines[-1:], fontsize=8)
     return figure
 
 
@@ -352,13 +352,15 @@ def growth(disturbances: pd.DataFrame, peaks: pd.DataFrame, printed: Mapping[flo
 
 
 @in_style
-def characteristic_difference(curve: pd.DataFrame) -> Figure:
-    """Show our characteristic and equation 10 as printed, and their difference beneath.
+def characteristic_difference(curve: pd.DataFrame, printed: Mapping[float, float]) -> Figure:
+    """Show our characteristic, equation 10 and its points as printed, and the difference of the two beneath.
 
     Parameters
     ----------
     curve : DataFrame
         Columns `amplitude_rps, fitted_rad, printed_rad, difference_rad`.
+    printed : mapping of backlash [rad] to amplitude [rps]
+        Table 2's theoretical A.
 
     Returns
     -------
@@ -370,6 +372,7 @@ def characteristic_difference(curve: pd.DataFrame) -> Figure:
         curve["amplitude_rps"], 1e4 * curve["printed_rad"], color=INK, linestyle="--", label="equation 10, printed"
     )
     upper.plot(curve["amplitude_rps"], 1e4 * curve["fitted_rad"], color=BLUE, label="cubic through our simulated peaks")
+    upper.plot(list(printed.values()), 1e4 * np.array(list(printed)), **PRINTED)
     upper.set(ylabel="backlash $\\delta$ [1e-4 rad]")
     upper.legend()
     lower.plot(curve["amplitude_rps"], 1e6 * curve["difference_rad"], color=BLUE)

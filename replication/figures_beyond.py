@@ -46,7 +46,7 @@ def landscape(
         axis.set(xlabel=text[0], ylabel=text[1])
         axis.grid(False)
     axes[0, 0].set_xlim(slices[0][0][0], slices[0][0][-1])
-    axes[0, 1].legend(fontsize=8)
+    axes[0, 1].legend(fontsize=8, frameon=True, facecolor="white", framealpha=0.9)
     figure.colorbar(shade, ax=axes[0].tolist(), label="RMSE [rps]")
     return figure
 

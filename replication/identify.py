@@ -41,6 +41,8 @@ class Protocol:
         How much wider than Table 1's the box of A is.
     longest_window_s : float
         Table 1's upper bound of T2, twice that of T1 [s].
+    damping_per_s, frequency_hz : two floats
+        Table 1's bounds of tau [1/s] and of omega over 2 pi [Hz].
     T_d, T_f : float
         The fixed delay of the second oscillation and turn period [s].
     turns : int
@@ -59,6 +61,8 @@ class Protocol:
     iterations: int = 200
     amplitude_factor: float = 1.3
     longest_window_s: float = 0.204
+    damping_per_s: tuple[float, float] = (5.0, 30.0)
+    frequency_hz: tuple[float, float] = (1.0, 40.0)
     T_d: float = 0.2
     T_f: float = 0.4
     turns: int = 12
@@ -158,7 +162,8 @@ def _middle_genotype(box: Box, margin: Callable[[FloatArray], FloatArray]) -> Fl
 
 def protocol_box(recording: Recording, protocol: Protocol) -> Box:
     """Table 1's box for a record, as the protocol widens it."""
-    return table1_box(recording.t, recording.v, protocol.longest_window_s, protocol.amplitude_factor)
+    p = protocol
+    return table1_box(recording.t, recording.v, p.longest_window_s, p.amplitude_factor, p.damping_per_s, p.frequency_hz)
 
 
 def evolution_strategy(box: Box, protocol: Protocol, seed: int) -> cma.CMAEvolutionStrategy:

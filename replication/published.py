@@ -87,6 +87,11 @@ def errata() -> pd.DataFrame:
     return _table("errata.csv").set_index("id")
 
 
+def paper_map() -> pd.DataFrame:
+    """Where each figure, table and numbered equation is: `element, what, notebooks, functions, test, note`."""
+    return _table("map.csv")
+
+
 def known_differences() -> pd.DataFrame:
     """Cells known not to reproduce, with the reason: `id, source, reason`."""
     return _table("differences.csv")

@@ -118,7 +118,14 @@ def rmse(t: FloatArray, v: FloatArray, X: FloatArray, timing: Timing) -> float:
     return float(np.sqrt(np.mean((v - X[4] - signature(t, X, timing)) ** 2)))
 
 
-def table1_box(t: FloatArray, v: FloatArray, longest_window_s: float, amplitude_factor: float = 1.0) -> Box:
+def table1_box(
+    t: FloatArray,
+    v: FloatArray,
+    longest_window_s: float,
+    amplitude_factor: float = 1.0,
+    damping_per_s: tuple[float, float] = (5.0, 30.0),
+    frequency_hz: tuple[float, float] = (1.0, 40.0),
+) -> Box:
     """Table 1's acceptable ranges of the free parameters for a record.
 
     Parameters
@@ -129,14 +136,17 @@ def table1_box(t: FloatArray, v: FloatArray, longest_window_s: float, amplitude_
         Upper bound of T2, and twice that of T1; Table 1 prints its T_d there.
     amplitude_factor : float
         Widens the range of A; Table 1 has 1.
+    damping_per_s, frequency_hz : two floats
+        Bounds of tau [1/s] and of omega over 2 pi [Hz].
 
     Returns
     -------
     Box
     """
     half_range = amplitude_factor * (v.max() - v.min()) / 2
-    lower = np.array([-half_range, t.min(), 5.0, 2 * np.pi, v.min(), 0.0, 0.0])
-    upper = np.array([half_range, t.max(), 30.0, 2 * np.pi * 40, v.max(), longest_window_s, longest_window_s / 2])
+    (tau_min, tau_max), (omega_min, omega_max) = damping_per_s, (2 * np.pi * f for f in frequency_hz)
+    lower = np.array([-half_range, t.min(), tau_min, omega_min, v.min(), 0.0, 0.0])
+    upper = np.array([half_range, t.max(), tau_max, omega_max, v.max(), longest_window_s, longest_window_s / 2])
     return Box(lower, upper)
 
 

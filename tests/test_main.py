@@ -1,6 +1,10 @@
+import os
+import subprocess
+import sys
+
 import pytest
 
-from replication import workbook
+from replication import execution, workbook
 from replication.__main__ import main
 
 
@@ -40,3 +44,34 @@ def test_check_prints_every_verdict_and_fails_while_a_cell_differs(capsys):
     assert status == int((table["verdict"] == "differs").any())
     printed = capsys.readouterr().out
     assert all(cell in printed for cell in table["id"])
+
+
+def test_sensitivity_without_its_data_says_so_in_one_line_and_exits_with_2(tmp_path):
+    environment = os.environ | {"BACKLASH_DATA": str(tmp_path), "PYTHONPATH": str(workbook.ROOT)}
+    command = [sys.executable, "-m", "replication", "sensitivity"]
+    done = subprocess.run(command, env=environment, capture_output=True, text=True)
+    assert done.returncode == 2
+    assert "BACKLASH_DATA" in done.stderr
+    assert done.stderr.count("\n") == 1
+
+
+def test_a_quick_run_never_overwrites_the_full_results(tmp_path, monkeypatch):
+    for module in (execution, workbook):
+        monkeypatch.setattr(module, "QUICK", tmp_path / "quick")
+    folders = [workbook.ROOT / name for name in ("results", "figures", "notebooks")]
+
+    def full():
+        files = {path for folder in folders for path in folder.rglob("*") if path.is_file()}
+        return {path: path.read_bytes() for path in files if workbook.ROOT / "results" / "quick" not in path.parents}
+
+    before = full()
+    source = workbook.ROOT / "notebooks" / "02_dead_zone_figure9.py"
+    assert main(["run", "--quick", str(source)]) == 0
+    for command in ("collect", "report"):
+        assert main([command, "--quick"]) == 0
+    assert full() == before
+    written = {path.name for path in (tmp_path / "quick").rglob("*")}
+    assert {"figure09_dead_zone.svg", "dead_zone_facts.csv", "verdicts.csv", "report.html"} <= written
+    page = (tmp_path / "quick" / "results" / "report.html").read_text(encoding="utf-8")
+    assert "A quick run: few repeats." in page
+    assert "A quick run" not in (workbook.ROOT / "results" / "report.html").read_text(encoding="utf-8")

@@ -1,0 +1,79 @@
+"""The student's way in: JupyterLab with paired notebooks, and the environment that starts in a browser."""
+
+import os
+import re
+import shutil
+import subprocess
+import sys
+
+import pytest
+
+from replication import workbook
+
+pytest.importorskip("jupyter_server", reason="JupyterLab's server is not installed (extra `lab`)")
+
+from jupyter_core.paths import jupyter_config_path
+from jupyter_server.services.config.manager import ConfigManager
+from jupytext import TextFileContentsManager
+
+NAME = "02_dead_zone_figure9"
+
+
+@pytest.fixture
+def lab(tmp_path):
+    """JupyterLab's file manager on a copy of a paired notebook."""
+    shutil.copy(workbook.ROOT / "pyproject.toml", tmp_path)
+    (tmp_path / "notebooks").mkdir()
+    for ending in ("py", "ipynb"):
+        shutil.copy(workbook.ROOT / "notebooks" / f"{NAME}.{ending}", tmp_path / "notebooks")
+    manager = TextFileContentsManager()
+    manager.root_dir = str(tmp_path)
+    return manager
+
+
+def test_the_server_loads_the_pairing_by_itself():
+    found = ConfigManager(read_config_path=jupyter_config_path()).get("jupyter_server_config")
+    assert found["ServerApp"]["jpserver_extensions"]["jupyterlab_jupytext"]
+
+
+def test_saving_a_notebook_writes_its_source_too(lab, tmp_path):
+    model = lab.get(f"notebooks/{NAME}.ipynb")
+    cell = next(cell for cell in model["content"]["cells"] if "parameters" in cell["metadata"].get("tags", []))
+    cell["source"] = cell["source"].replace("15e-4", "3e-4")
+    lab.save(model, f"notebooks/{NAME}.ipynb")
+    committed = (workbook.ROOT / "notebooks" / f"{NAME}.py").read_text(encoding="utf-8")
+    written = (tmp_path / "notebooks" / f"{NAME}.py").read_text(encoding="utf-8")
+    assert "delta_rad = 3e-4" in written
+    body = committed.partition("# ---\n\n")[2].replace("delta_rad = 15e-4", "delta_rad = 3e-4")
+    assert written.partition("# ---\n\n")[2] == body
+
+
+def test_an_edited_source_shows_in_the_notebook_which_keeps_its_outputs(lab, tmp_path):
+    source = tmp_path / "notebooks" / f"{NAME}.py"
+    source.write_text(source.read_text(encoding="utf-8").replace("approximately true", "nearly true"), encoding="utf-8")
+    later = (tmp_path / "notebooks" / f"{NAME}.ipynb").stat().st_mtime + 10
+    os.utime(source, (later, later))
+    content = lab.get(f"notebooks/{NAME}.ipynb")["content"]
+    assert any("nearly true" in cell["source"] for cell in content["cells"])
+    assert any(cell.get("outputs") for cell in content["cells"])
+
+
+def test_the_browser_environment_is_the_locked_one():
+    folder = workbook.ROOT / ".binder"
+    python = re.fullmatch(r"python-(\d+)\.(\d+)\n", (folder / "runtime.txt").read_text(encoding="utf-8"))
+    assert (int(python[1]), int(python[2])) >= (3, 11)
+    for script in ("postBuild", "start"):
+        assert os.access(folder / script, os.X_OK)
+    assert "--requirement requirements.lock" in (folder / "postBuild").read_text(encoding="utf-8")
+    assert (workbook.ROOT / "requirements.lock").exists()
+
+
+def test_the_start_script_makes_the_package_importable():
+    environment = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
+    command = [
+        workbook.ROOT / ".binder" / "start",
+        sys.executable,
+        "-c",
+        "import os; os.chdir('/'); import replication",
+    ]
+    subprocess.run(command, cwd=workbook.ROOT, env=environment, check=True)

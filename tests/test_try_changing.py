@@ -1,0 +1,276 @@
+"""What the notebooks say that a change does: every change of every "Try changing" is made and its outcome checked.
+
+A new change needs a line in `OUTCOMES`: a function of the notebook's variables after the change, which asserts.
+Notebooks run in this process with their quick parameters, those of `CHEAPER` and the change.
+"""
+
+import ast
+import re
+
+import matplotlib.pyplot as plt
+import numpy as np
+import pandas as pd
+import pytest
+
+from replication import basins, execution, published, workbook
+
+NOTEBOOKS = {path.stem: path for path in sorted((workbook.ROOT / "notebooks").glob("[0-9]*.py"))}
+
+# What a change is checked with, where the quick run is still long. A change's own parameter comes last.
+CHEAPER = {
+    "07_protocol_table1": {"repeats": 2, "rows": [3, 9]},
+    "08_noise_table2": {"repeats": 2, "realisations": [1]},
+    "09_identification": {"replay_runs": 6, "strategy_runs": 1, "coverage_runs": 1, "budget": 3000},
+}
+
+
+def changes(notebook):
+    """Changes of a notebook's last cell, as written."""
+    text = execution.read_notebook(NOTEBOOKS[notebook]).cells[-1].source
+    return [match[1] for line in text.splitlines() if (match := re.match(r"\d\. `([^`]+)`", line))]
+
+
+def parse(change):
+    (assignment,) = ast.parse(change).body
+    return {assignment.targets[0].id: ast.literal_eval(assignment.value)}
+
+
+def run(notebook, parameters, folder):
+    """Run a notebook's cells here; return its variables."""
+    source = execution.read_notebook(NOTEBOOKS[notebook])
+    values = execution.quick_parameters(source) | CHEAPER.get(notebook, {}) | parameters
+    variables = {"display": lambda shown: variables.setdefault("displayed", []).append(shown)}
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("REPLICATION_OUT", str(folder))
+        patch.setenv("REPLICATION_QUICK", "1")
+        for cell in execution.with_parameters(source, values).cells:
+            if cell.cell_type == "code":
+                exec(compile(cell.source, notebook, "exec"), variables)
+    plt.close("all")
+    return variables
+
+
+def committed(name):
+    return pd.read_csv(workbook.ROOT / "results" / f"{name}.csv")
+
+
+def verdict_of(found, cell):
+    rows = [{"id": cell, "source": "authors", "reproduced": found[cell], "notebook": ""}]
+    return workbook.judge(pd.DataFrame(rows))["verdict"].item()
+
+
+# ----------------------------------------------------------------------------------------------------- the outcomes
+
+
+def a_run_of_the_commonest_basin(n):
+    _, t0, _, _, _, T2, _ = n["X"]
+    assert n["stored"]["final_rmse_rps"] == pytest.approx(0.159, abs=5e-4)
+    assert n["basins"]["runs"].idxmax() == n["replay"].set_index("run").loc[1, "basin"]
+    assert t0 < 1e-3
+    assert pytest.approx(0.1, abs=0.01) == T2
+
+
+def figure_6_barely_changes(n):
+    assert n["timing"].T_f / 0.4 - 1 < 0.021
+    assert n["cells"]["text.turns"] == 12
+
+
+def a_third_pair_of_oscillations(n):
+    t, h = n["t"], n["signature"](n["t"], n["X"], n["timing"])
+    turn = [np.abs(h[(t >= start) & (t < start + 0.4)]).max() for start in (0.0, 0.4, 0.8)]
+    assert turn[2] == pytest.approx(turn[0], rel=0.01)
+
+
+def hardly_any_stiffness_left(n):
+    assert n["facts"]["middle_share"].max() < 1e-5
+
+
+def five_times_more_stiffness_left(n):
+    wide = committed("dead_zone_facts").set_index("alpha_per_rad")["middle_share"]
+    narrow = n["facts"].set_index("alpha_per_rad")["middle_share"]
+    assert (narrow / wide)[[1e5, 1e6]].to_numpy() == pytest.approx(5, rel=0.05)
+
+
+def a_tenth_of_a_percent_left(n):
+    assert 0.0005 < n["facts"]["middle_share"].item() < 0.0015
+    study = committed("joint_alpha").set_index("alpha_per_rad")["mean_nrmse_percent"]
+    assert study[1e5] < 5
+
+
+def the_misfit_exceeds_the_signal(n):
+    assert n["alpha"].loc[0, "mean_nrmse_percent"] > 100
+    facts = committed("dead_zone_facts")
+    assert facts.loc[facts["alpha_per_rad"] == 1e3, "middle_share"].item() == pytest.approx(1 / 3, abs=0.05)
+
+
+def the_misfit_hardly_rises(n):
+    (profile,) = n["displayed"]
+    misfit = profile.set_index("factor")["nrmse"]
+    assert misfit[1.0] < misfit.max() < 1.05 * misfit[1.0]
+
+
+def the_misfit_of_the_clamped_dead_zone(n):
+    sharp, clamped = n["alpha"]["mean_nrmse_percent"]
+    assert sharp == pytest.approx(clamped, rel=5e-4)
+
+
+def five_times_the_misfit(n):
+    ratio = n["table"]["nrmse"].mean() / committed("simulator_validation")["nrmse"].mean()
+    assert 4 < ratio < 6
+
+
+def three_quarters_missed(n):
+    assert n["table"]["nrmse"].mean() == pytest.approx(0.75, abs=0.1)
+
+
+def within_the_lines_width(n):
+    off = n["run"].motor_speed_rps[n["shown"]] - n["records"][n["delta_rad"]].v[n["shown"]]
+    assert n["delta_rad"] == max(n["records"])
+    assert np.abs(off).max() < 0.02 * np.ptp(n["run"].motor_speed_rps[n["shown"]])
+
+
+def noise_over_figure_5(n):
+    quiet = n["datasets"].simulate_recordings(n["joint"], [n["datasets"].level_delta_rad(12)])[0]
+    added = np.abs(n["speed"].v - quiet.v)
+    assert 0.17 < added.max() <= 0.18
+    assert published.value("table2.row10.noise") == pytest.approx(0.18, abs=0.005)
+
+
+def every_amplitude_grows(n):
+    assert (n["peaks"]["amplitude_rps"].to_numpy() > committed("growth")["amplitude_rps"].to_numpy()).all()
+
+
+def a_quarter_as_high(n):
+    high = n["datasets"].simulate_recordings(n["joint"], [n["datasets"].level_delta_rad(12)])[0]
+    assert np.abs(n["speed"].v - 100).max() / np.abs(high.v - 100).max() == pytest.approx(0.25, abs=0.04)
+
+
+def all_but_the_constant_out_of_tolerance(n):
+    assert verdict_of(n["cells"], "equation10.A0") == "reproduced"
+    assert {verdict_of(n["cells"], f"equation10.A{k}") for k in (1, 2, 3)} == {"differs"}
+
+
+def the_cubic_term_changes_its_second_digit(n):
+    assert verdict_of(n["cells"], "equation10.A3") == "differs"
+    assert 5e-5 < abs(n["cells"]["equation10.A3"] - published.value("equation10.A3")) < 1e-3
+
+
+def the_printed_turn_period_lies_30_percent_below(n):
+    assert n["scores"]["protocol"].nunique() == 2
+    error = n["scores"].groupby("protocol")["mean_error_percent"].mean()
+    assert error["T_d and T_f as printed"] < -30
+
+
+def means_move_by_percents_and_sds_by_factors(n):
+    theirs = committed("protocol_variants").set_index(["protocol", "delta_rad"]).add_suffix("_R1")
+    ours = n["scores"].set_index(["protocol", "delta_rad"])
+    both = ours.loc[["authors' notebook"]].join(theirs)
+    assert (both["mean_A_rps"] / both["mean_A_rps_R1"] - 1).abs().max() < 0.15
+    assert np.exp(np.log(both["sd_A_rps"] / both["sd_A_rps_R1"]).abs()).max() > 2
+
+
+def the_printed_turn_period_stays_the_worst(n):
+    assert len(n["records"]) == 3
+    assert n["ranking"]["protocol"].iloc[-1] == "T_d and T_f as printed"
+
+
+def best_basins_within_2_percent_in_most_rows(n):
+    assert (n["best"]["authors, low, R = 1"].abs() < 2).sum() > 5
+    assert n["table"]["runs"].unique().tolist() == [3]
+
+
+def best_basins_move_by_a_percent(n):
+    first = committed("table2").query("source == 'authors' and noise_level == 'low, R = 1'")["best_A_rps"].to_numpy()
+    second = n["of_first"]["best_A_rps"].to_numpy()
+    assert n["first_level"] == "low, R = 2"
+    assert np.median(np.abs(second / first - 1)) < 0.02
+    assert n["cells"]["authors"]["table2.row01.mean"] == n["of_first"]["mean_A_rps"].iloc[0]
+
+
+def pure_noise_stays_far_below(n):
+    before = committed("table2").query("delta_rad == 0")["mean_A_rps"].item()
+    now = n["noise_row"]["mean_A_rps"].item()
+    assert abs(now) < 0.26 / 4
+    assert abs(now - before) > 0.25 * abs(before)
+
+
+def the_global_fit_is_still_the_lowest(n):
+    assert n["best"].rmse <= n["replay"]["rmse_rps"].min() * (1 + 1e-9)
+
+
+def the_intervals_narrow(n):
+    assert (n["costs"]["runs"] == 30).all()
+    runs = committed("identification_strategies")["runs"].unique().item()
+    for found in (0, 10, 20, 30):  # the same rate from the runs of the full notebook and from 30
+        few, many = (np.diff(basins.rate_interval(found * size // 30, size)) for size in (runs, 30))
+        assert many < 0.7 * few
+
+
+def restarts_come_near_a_rate_of_1(n):
+    small = n["costs"][~n["costs"]["strategy"].str.contains("1000")]
+    assert small["rate"].mean() > 0.7
+
+
+OUTCOMES = {
+    "01_signature_figure6": {
+        "run = 1": a_run_of_the_commonest_basin,
+        "turn_period_s = 0.408": figure_6_barely_changes,
+        "turns = 3": a_third_pair_of_oscillations,
+    },
+    "02_dead_zone_figure9": {
+        "alphas = [1e8]": hardly_any_stiffness_left,
+        "delta_rad = 3e-4": five_times_more_stiffness_left,
+        "alphas = [4e5]": a_tenth_of_a_percent_left,
+    },
+    "03_identification_of_the_joint": {
+        "alphas = [1e3]": the_misfit_exceeds_the_signal,
+        'profiled = "leaky_rate_per_s"': the_misfit_hardly_rises,
+        "alphas = [1e9]": the_misfit_of_the_clamped_dead_zone,
+    },
+    "04_simulator_figure10": {
+        'changes = {"stiffness_per_s2": 1.05}': five_times_the_misfit,
+        'changes = {"start_angle_rad": 0.5}': three_quarters_missed,
+        "level = 13": within_the_lines_width,
+    },
+    "05_growth_figure11": {
+        "noise_rps = 0.18": noise_over_figure_5,
+        'changes = {"gravity_per_s2": 1.2}': every_amplitude_grows,
+        "speed_level = 2": a_quarter_as_high,
+    },
+    "06_characteristic_figure12": {
+        "rpm_per_rps = 1.0": all_but_the_constant_out_of_tolerance,
+        "left_out = [10]": the_cubic_term_changes_its_second_digit,
+        "rpm_per_rps = 6.2832": all_but_the_constant_out_of_tolerance,
+    },
+    "07_protocol_table1": {
+        'variants = ["authors\' notebook", "T_d and T_f as printed"]': the_printed_turn_period_lies_30_percent_below,
+        "realisation = 2": means_move_by_percents_and_sds_by_factors,
+        "rows = [1, 5, 10]": the_printed_turn_period_stays_the_worst,
+    },
+    "08_noise_table2": {
+        "repeats = 3": best_basins_within_2_percent_in_most_rows,
+        "realisations = [2]": best_basins_move_by_a_percent,
+        "noise_seed = 2": pure_noise_stays_far_below,
+    },
+    "09_identification": {
+        "level = 13": the_global_fit_is_still_the_lowest,
+        "strategy_runs = 30": the_intervals_narrow,
+        "budget = 120000": restarts_come_near_a_rate_of_1,
+    },
+}
+
+
+@pytest.mark.parametrize("notebook", NOTEBOOKS)
+def test_every_change_that_a_notebook_proposes_has_its_outcome_checked(notebook):
+    proposed = changes(notebook)
+    assert len(proposed) == 3
+    assert set(proposed) == set(OUTCOMES.get(notebook, {}))
+    settable = execution.settable(execution.read_notebook(NOTEBOOKS[notebook]))
+    assert {name for change in proposed for name in parse(change)} <= set(settable)
+
+
+@pytest.mark.parametrize(
+    ("notebook", "change"), [(notebook, change) for notebook, outcomes in OUTCOMES.items() for change in outcomes]
+)
+def test_a_change_does_what_its_notebook_says(notebook, change, authors_data, tmp_path):
+    OUTCOMES[notebook][change](run(notebook, parse(change), tmp_path))
