@@ -47,7 +47,7 @@ benchmark: .venv/.installed  ## score every method on logs of known backlash, in
 	OPENBLAS_NUM_THREADS=1 $(RUN) benchmark
 
 calibrate: .venv/.installed  ## identify the simulated joint anew from the authors' records
-	$(RUN) calibrate
+	$(RUN) identify-joint
 
 data: .venv/.installed  ## fetch and verify the authors' data
 	$(RUN) data
@@ -62,7 +62,7 @@ lint: .venv/.installed  ## style and format
 lock: .venv/.installed  ## pin the newest versions that pyproject.toml allows
 	$(PY) -m pip install --quiet uv
 	$(PY) -m uv pip compile pyproject.toml --quiet --upgrade --universal --python-version 3.11 --extra dev \
-	  --extra lab --generate-hashes --no-emit-index-url --no-header --no-annotate --output-file requirements.lock
+	  --extra lab --extra fleet --generate-hashes --no-emit-index-url --no-header --no-annotate --output-file requirements.lock
 
 clean:  ## remove what can be made again and is not committed
 	rm -rf .make .staging-* results/quick results/lab notebooks/partial .pytest_cache .ruff_cache .hypothesis

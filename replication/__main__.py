@@ -1,4 +1,4 @@
-"""The command line: what the Makefile does, where there is no make."""
+"""The command line: the virtual sensor on logs, and what the Makefile does, where there is no make."""
 
 import argparse
 import sys
@@ -6,25 +6,27 @@ import time
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
-from replication import bench, benchmark, execution, flips, report, sensitivity, simulations, workbook
+from replication import bench, benchmark, commands, execution, flips, report, sensitivity, simulations, workbook
 from replication.datasets import WORKBOOK_FILES, DataCorrupt, DataUnavailable, authors_file
+from replication.log_tables import UnusableLog
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Run one command; return its exit status: 0 done, 2 the data are not usable, 1 anything else."""
+    """Run one command; return its exit status: 0 done, 2 the input is not usable, 1 anything else."""
     options = _parser().parse_args(arguments)
     try:
         return options.command(options)
-    except (DataUnavailable, DataCorrupt, benchmark.UnusableMethod) as error:
+    except (DataUnavailable, DataCorrupt, UnusableLog, benchmark.UnusableMethod) as error:
         print(error, file=sys.stderr)
         return 2
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(prog="python -m replication", description=__doc__)
-    commands = parser.add_subparsers(required=True, metavar="COMMAND")
+    parser = commands.OneLineParser(prog="python -m replication", description=__doc__)
+    subparsers = parser.add_subparsers(required=True, metavar="COMMAND")
+    commands.add_commands(subparsers)
 
-    run = commands.add_parser("run", help="execute notebooks, in order; all of them if none is named")
+    run = subparsers.add_parser("run", help="execute notebooks, in order; all of them if none is named")
     run.add_argument("notebook", nargs="*", type=Path, help="a notebook's .py source")
     run.add_argument("--quick", action="store_true", help="few repeats, into results/quick")
     run.add_argument("--timeout", type=int, default=600, help="longest time of a cell [s] (default: 600)")
@@ -36,29 +38,29 @@ def _parser() -> argparse.ArgumentParser:
         ("check", _check, "print the verdict table; exit 1 if any cell differs"),
         ("report", _report, "results/report.html from the results"),
     ):
-        sub = commands.add_parser(name, help=text)
+        sub = subparsers.add_parser(name, help=text)
         sub.add_argument("--quick", action="store_true", help="of the quick run")
         sub.set_defaults(command=command)
-    diff = commands.add_parser("diff", help="cells and claims whose verdict is not that of the last commit's results")
+    diff = subparsers.add_parser("diff", help="cells and claims whose verdict is not that of the last commit's results")
     made = diff.add_mutually_exclusive_group()
     made.add_argument("--quick", action="store_const", dest="made", const="quick", help="of the quick run")
     made.add_argument("--lab", action="store_const", dest="made", const="lab", help="of notebooks run by hand")
     diff.set_defaults(command=_diff)
-    commands.add_parser("readme", help="write the results' numbers into README.md").set_defaults(command=_readme)
-    commands.add_parser("sensitivity", help="who notices a wrong constant, into results/sensitivity.csv").set_defaults(
-        command=_sensitivity
-    )
-    commands.add_parser("calibrate", help="identify the joint anew, into data/joint.json").set_defaults(
-        command=_calibrate
-    )
-    commands.add_parser("bench", help="time what was made fast, into results/bench.csv").set_defaults(command=_bench)
-    commands.add_parser("benchmark", help="score every method, into results/benchmark.csv").set_defaults(
+    subparsers.add_parser("readme", help="write the results' numbers into README.md").set_defaults(command=_readme)
+    subparsers.add_parser(
+        "sensitivity", help="who notices a wrong constant, into results/sensitivity.csv"
+    ).set_defaults(command=_sensitivity)
+    subparsers.add_parser(
+        "identify-joint", help="identify the simulated joint anew, into data/joint.json"
+    ).set_defaults(command=_identify_joint)
+    subparsers.add_parser("bench", help="time what was made fast, into results/bench.csv").set_defaults(command=_bench)
+    subparsers.add_parser("benchmark", help="score every method, into results/benchmark.csv").set_defaults(
         command=_benchmark
     )
-    score = commands.add_parser("score", help="score your own method on the benchmark's logs")
+    score = subparsers.add_parser("score", help="score your own method on the benchmark's logs")
     score.add_argument("method", help="module:function; takes a Recording, returns the backlash [rad]")
     score.set_defaults(command=_score)
-    commands.add_parser("data", help="fetch and verify the authors' data").set_defaults(command=_data)
+    subparsers.add_parser("data", help="fetch and verify the authors' data").set_defaults(command=_data)
     return parser
 
 
@@ -136,7 +138,7 @@ def _readme(_: argparse.Namespace) -> int:
     return 0
 
 
-def _calibrate(_: argparse.Namespace) -> int:
+def _identify_joint(_: argparse.Namespace) -> int:
     workbook.write_text(workbook.ROOT / "replication" / "data" / "joint.json", simulations.calibrate())
     return 0
 

@@ -182,7 +182,7 @@ def _curvature(gram, A, limits):
     for i in range(3):
         for j in range(3):
             hessian[i, j] = gram[1 + i, 1 + j]
-            if abs(A) < limits.A:
+            if abs(A) < limits.A and gram[0, 0] > 0:
                 hessian[i, j] -= gram[0, 1 + i] * gram[0, 1 + j] / gram[0, 0]
     return A * A * hessian
 

@@ -21,6 +21,7 @@ CHEAPER = {
     "07_protocol_table1": {"repeats": 2, "rows": [3, 9]},
     "08_noise_table2": {"repeats": 2, "realisations": [1]},
     "09_identification": {"replay_runs": 6, "strategy_runs": 1, "coverage_runs": 1, "budget": 3000},
+    "13_beyond_the_paper": {"scored": [3], "deltas_rad": [5e-4], "healthy": 20, "seen_records": 4},
 }
 
 
@@ -211,6 +212,23 @@ def restarts_come_near_a_rate_of_1(n):
     assert small["rate"].mean() > 0.7
 
 
+def the_error_with_a_free_start_shrinks(n):
+    def error(table):
+        return table.set_index("method")["mean_abs_error_rad"]["joint, start angle free"]
+
+    assert error(n["summary"]) < error(committed("features"))
+
+
+def every_method_errs_less(n):
+    now, before = (table.set_index("method")["rmse_rad"] for table in (n["ranked"], committed("robustness_ranking")))
+    assert (now < before[now.index]).all()
+
+
+def only_a_larger_backlash_is_seen(n):
+    quiet, loud = n["detected"]["smallest_seen_rad"]
+    assert not loud <= quiet
+
+
 OUTCOMES = {
     "01_signature_figure6": {
         "run = 1": a_run_of_the_commonest_basin,
@@ -256,6 +274,11 @@ OUTCOMES = {
         "level = 13": the_global_fit_is_still_the_lowest,
         "strategy_runs = 30": the_intervals_narrow,
         "budget = 120000": restarts_come_near_a_rate_of_1,
+    },
+    "13_beyond_the_paper": {
+        "scored = [3, 4, 5, 6]": the_error_with_a_free_start_shrinks,
+        "changes = [-0.05, 0.05]": every_method_errs_less,
+        "loudness_rps = [0.1, 1.0]": only_a_larger_backlash_is_seen,
     },
 }
 
