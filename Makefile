@@ -85,6 +85,7 @@ FITS := $(JOINT) $(call module,signature identify experiments inspection)
 SIMULATIONS := $(JOINT) $(call module,sensor simulator_fit simulations)
 SEARCHES := $(FITS) $(call module,figures_beyond folding window_search global_fit basins coverage)
 METHODS := $(SEARCHES) $(call module,sensor features waveform calibration joint_match limits accuracy robustness)
+STAND_INS := $(FITS) $(IDENTIFIED) $(call module,sensor folding window_search global_fit standins figures_standin)
 stamps = $(filter $(addprefix .make/,$(addsuffix _%,$(1))),$(STAMPS))
 
 $(call stamps,01 07 08): $(FITS)
@@ -92,6 +93,9 @@ $(call stamps,02 03 04 05 06): $(SIMULATIONS)
 $(call stamps,02 03 04 05 06 08): $(IDENTIFIED)
 $(call stamps,09): $(SEARCHES)
 $(call stamps,13): $(METHODS) $(IDENTIFIED)
+$(call stamps,10 11): $(STAND_INS)
+$(call stamps,10): $(call module,bench_standin wear_standin calibration features waveform)
+$(call stamps,11): $(call module,robots_standin)
 
 $(STAMPS): .make/%.done: notebooks/%.py $(COMMON) | .venv/.installed
 	$(RUN) run --stamp $@ $<

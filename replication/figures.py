@@ -238,7 +238,11 @@ def dead_zone(curves: pd.DataFrame, delta_rad: float) -> Figure:
 
 
 @in_style
-def simulated_joint(time_s: FloatArray, signals: Sequence[tuple[str, FloatArray, FloatArray | None]]) -> Figure:
+def simulated_joint(
+    time_s: FloatArray,
+    signals: Sequence[tuple[str, FloatArray, FloatArray | None]],
+    recorded_label: str = "authors' record",
+) -> Figure:
     """Figure 10: signals of the simulated joint, with the recorded one over it where there is one.
 
     Parameters
@@ -247,6 +251,8 @@ def simulated_joint(time_s: FloatArray, signals: Sequence[tuple[str, FloatArray,
         Time [s].
     signals : sequence of (label, simulated, recorded or None)
         One panel each.
+    recorded_label : str
+        Whose the recorded signals are.
 
     Returns
     -------
@@ -255,12 +261,12 @@ def simulated_joint(time_s: FloatArray, signals: Sequence[tuple[str, FloatArray,
     figure, axes = grid(len(signals), 1, sharex=True, figsize=(8.5, 1.9 * len(signals)))
     for axis, (label, simulated, recorded) in zip(axes[:, 0], signals, strict=True):
         if recorded is not None:
-            axis.plot(time_s, recorded, color=ORANGE, linewidth=2.2, label="authors' record")
-        axis.plot(time_s, simulated, color=INK, linewidth=0.8, label="simulated joint")
+            axis.plot(time_s, recorded, color=ORANGE, linewidth=2.2)
+        axis.plot(time_s, simulated, color=INK, linewidth=0.8)
         axis.set(ylabel=label, xlim=(time_s[0], time_s[-1]))
     axes[-1, 0].set(xlabel="time [s]")
     handles = [plt.Line2D([], [], color=INK, linewidth=0.8), plt.Line2D([], [], color=ORANGE, linewidth=2.2)]
-    figure.legend(handles, ["simulated joint", "authors' record"], loc="outside upper right", ncols=2)
+    figure.legend(handles, ["simulated joint", recorded_label], loc="outside upper right", ncols=2)
     return figure
 
 

@@ -20,7 +20,7 @@ the gap, K_s and D_s outside, and a torque that never pulls.
 import math
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, fields
+from dataclasses import astuple, dataclass, fields
 from functools import lru_cache
 
 import numpy as np
@@ -30,6 +30,7 @@ from scipy.linalg import expm
 from replication import joint_core as core
 from replication.joint_parameters import (
     TURN,
+    Disturbance,
     JointParameters,
     identified_joint,
     joint_from_ratios,
@@ -37,6 +38,7 @@ from replication.joint_parameters import (
 )
 
 __all__ = [
+    "Disturbance",
     "DivergenceError",
     "JointParameters",
     "SimulatedJoint",
@@ -178,7 +180,27 @@ def core_constants(p: JointParameters, delta: float) -> tuple:
         p.motor_coulomb_nm,
         p.load_coulomb_nm,
         p.torque_lag_s,
+        _waves(p) if p.disturbances else None,
     )
+
+
+def _waves(p: JointParameters) -> NDArray[np.float64]:
+    """Disturbances as `joint_core.disturbance` takes them, a row each.
+
+    A transmission error e shakes the load's side of the coupling with its second derivative.
+    """
+    rows = [
+        (
+            d.order,
+            d.motor_torque_nm,
+            d.load_torque_nm / p.load_inertia_kgm2
+            - d.transmission_error_rad * (d.order * p.commanded_speed_rad_per_s) ** 2,
+            d.transmission_error_rad,
+            d.phase_rad,
+        )
+        for d in p.disturbances
+    ]
+    return np.array(rows, dtype=float).reshape(-1, 5)
 
 
 def core_drive(p: JointParameters) -> tuple:
@@ -247,7 +269,7 @@ def _check_values(p: JointParameters) -> None:
     positive = {"gear_ratio", "motor_inertia_kgm2", "load_inertia_kgm2", "stiffness_nm_per_rad"}
     positive |= {"alpha_per_rad", "control_period_s", "commanded_speed_rps", "torque_limit_nm"}
     any_sign = {"start_angle_rad", "leaky_gain_nm_per_rad"}
-    for name in (f.name for f in fields(p)):
+    for name in (f.name for f in fields(p) if f.name != "disturbances"):
         value = getattr(p, name)
         if not math.isfinite(value) and not (name == "torque_limit_nm" and value > 0):
             hint = " (clamped=True has the sharp edge)" if name == "alpha_per_rad" else ""
@@ -256,6 +278,9 @@ def _check_values(p: JointParameters) -> None:
             _refuse(f"{name} is {value}", "give a positive number")
         if name not in any_sign and value < 0:
             _refuse(f"{name} is {value}", "give zero or a positive number")
+    for wave in p.disturbances:
+        if not (wave.order > 0 and all(math.isfinite(value) for value in astuple(wave))):
+            _refuse(f"{wave}", "give finite numbers and an order above zero")
     for name in ("control_delay_periods", "encoder_bits"):
         if getattr(p, name) != int(getattr(p, name)):
             _refuse(f"{name} is {getattr(p, name)}", "give a whole number")
@@ -274,10 +299,11 @@ def _check_run(p: JointParameters, delta: float, duration: float, sample: float,
             _refuse(f"{name} {time} is no multiple of step_s {step}", "choose a step that divides it")
     compliance = 1 / p.load_inertia_kgm2 + 1 / p.gear_ratio**2 / p.motor_inertia_kgm2
     contact = math.sqrt(p.stiffness_nm_per_rad * compliance)
-    fastest = max(contact, 1 / p.torque_lag_s if p.torque_lag_s > 0 else 0.0)
+    shaking = p.commanded_speed_rad_per_s * max((wave.order for wave in p.disturbances), default=0.0)
+    fastest = max(contact, shaking, 1 / p.torque_lag_s if p.torque_lag_s > 0 else 0.0)
     if step * fastest > 0.5:
         _refuse(
-            f"step_s {step} is too large for the stiffness or torque lag, {fastest:.4g} rad/s at the fastest",
+            f"step_s {step} is too large for stiffness, torque lag or disturbances, {fastest:.4g} rad/s at the fastest",
             f"take at most {0.5 / fastest:.2g} s",
         )
 
@@ -373,6 +399,7 @@ def _simulate_checked(p: JointParameters, delta: float, duration: float, sample:
         )
     time = np.arange(samples) * sample
     commanded = p.commanded_speed_rad_per_s * time
+    error, error_rate = _transmission_error(p, time)
     events = events[:used][events[:used, 0] >= 0]
     impact = events[:, 1] != 0
     return SimulatedJoint(
@@ -381,13 +408,24 @@ def _simulate_checked(p: JointParameters, delta: float, duration: float, sample:
         motor_position_rad=p.gear_ratio * p.start_angle_rad + commanded + record[:, 0],
         motor_speed_rad_per_s=p.commanded_speed_rad_per_s + record[:, 1],
         motor_torque_nm=record[:, 4].copy(),
-        load_position_rad=p.start_angle_rad + commanded / p.gear_ratio + record[:, 2],
-        load_speed_rad_per_s=p.commanded_speed_rad_per_s / p.gear_ratio + record[:, 3],
+        load_position_rad=p.start_angle_rad + commanded / p.gear_ratio + record[:, 2] - error,
+        load_speed_rad_per_s=p.commanded_speed_rad_per_s / p.gear_ratio + record[:, 3] - error_rate,
         gap_state=gap,
         impact_time_s=events[impact, 0],
         impact_side=events[impact, 1].astype(np.int64),
         separation_time_s=events[~impact, 0],
     )
+
+
+def _transmission_error(p: JointParameters, time: NDArray[np.float64]) -> tuple[NDArray[np.float64], ...]:
+    """Transmission error [rad] and its rate [rad/s], which the core keeps in the load's position and speed."""
+    error, rate = np.zeros_like(time), np.zeros_like(time)
+    for wave in p.disturbances:
+        frequency = wave.order * p.commanded_speed_rad_per_s
+        angle = frequency * time + wave.phase_rad
+        error += wave.transmission_error_rad * np.sin(angle)
+        rate += wave.transmission_error_rad * frequency * np.cos(angle)
+    return error, rate
 
 
 def simulate_many(

@@ -31,16 +31,40 @@ def torque(x, v, region, delta, ks, ds, alpha, clamped):
 
 
 @nb.njit(cache=True)
+def disturbance(t, motor, omega, waves):
+    """Sum of the disturbances: torque on the motor, acceleration of the load's side, transmission error.
+
+    The motor's follow the motor's own angle, the load's the commanded motion. None compiles to nothing.
+    """
+    if waves is None:
+        return 0.0, 0.0, 0.0
+    ripple, push, error = 0.0, 0.0, 0.0
+    for k in range(waves.shape[0]):
+        if waves[k, 1] != 0:
+            ripple += waves[k, 1] * np.sin(waves[k, 0] * (omega * t + motor) + waves[k, 4])
+        if waves[k, 2] != 0:
+            wave = np.sin(waves[k, 0] * omega * t + waves[k, 4])
+            push += waves[k, 2] * wave
+            error += waves[k, 3] * wave
+    return ripple, push, error
+
+
+@nb.njit(cache=True)
 def derivative(t, y, command, region, c):
-    """Rates of the state; within a region they are smooth."""
-    n, omega, theta0, jm, jl, ks, ds, alpha, delta, clamped, mgr, bm, bl, cm, cl, lag = c
+    """Rates of the state; within a region they are smooth.
+
+    y[2] is the load's position plus the transmission error, so that the displacement is y[0] / n - y[2] with or
+    without one, and the error acts as an acceleration.
+    """
+    n, omega, theta0, jm, jl, ks, ds, alpha, delta, clamped, mgr, bm, bl, cm, cl, lag, waves = c
+    ripple, push, error = disturbance(t, y[0], omega, waves)
     tau = torque(y[0] / n - y[2], y[1] / n - y[3], region, delta, ks, ds, alpha, clamped > 0)
     motor_speed, load_speed = omega + y[1], omega / n + y[3]
-    gravity = mgr * np.sin(theta0 + omega / n * t + y[2])
-    motor_torque = (y[4] if lag > 0 else command) - tau / n - bm * motor_speed - cm * np.sign(motor_speed)
+    gravity = mgr * np.sin(theta0 + omega / n * t + y[2] - error)
+    motor_torque = (y[4] if lag > 0 else command) - tau / n - bm * motor_speed - cm * np.sign(motor_speed) + ripple
     load_torque = tau - gravity - bl * load_speed - cl * np.sign(load_speed)
     torque_rate = (command - y[4]) / lag if lag > 0 else 0.0
-    return y[1], motor_torque / jm, y[3], load_torque / jl, torque_rate
+    return y[1], motor_torque / jm, y[3], load_torque / jl + push, torque_rate
 
 
 @nb.njit(cache=True)

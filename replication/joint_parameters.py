@@ -14,6 +14,32 @@ PLAIN_RATIOS = ("position_gain_per_s", "leaky_rate_per_s", "torque_lag_s", "star
 
 
 @dataclass(frozen=True)
+class Disturbance:
+    """A sinusoidal disturbance inside the joint.
+
+    Attributes
+    ----------
+    order : float
+        Periods per motor turn; the frequency over the commanded motor speed.
+    motor_torque_nm : float
+        Amplitude of a torque on the motor (cogging, torque ripple), in step with the motor's own angle.
+    load_torque_nm : float
+        Amplitude of a torque on the load (coupling from another joint), in step with the commanded motion.
+    transmission_error_rad : float
+        Amplitude of what an eccentric belt pulley or gear adds to theta_l in the coupling's displacement
+        theta_m / N - theta_l, load side, in step with the commanded motion.
+    phase_rad : float
+        Phase at t = 0.
+    """
+
+    order: float
+    motor_torque_nm: float = 0.0
+    load_torque_nm: float = 0.0
+    transmission_error_rad: float = 0.0
+    phase_rad: float = 0.0
+
+
+@dataclass(frozen=True)
 class JointParameters:
     """Everything about the joint but its backlash.
 
@@ -64,6 +90,8 @@ class JointParameters:
         Resolution of the position that the drive sees; 0 for the true position.
     speed_by_differencing : bool
         The drive differences its position over one period instead of knowing the true speed.
+    disturbances : tuple of Disturbance
+        Periodic disturbances, added up.
     """
 
     gear_ratio: float
@@ -94,6 +122,7 @@ class JointParameters:
     torque_limit_nm: float = math.inf
     encoder_bits: int = 0
     speed_by_differencing: bool = False
+    disturbances: tuple[Disturbance, ...] = ()
 
     @property
     def commanded_speed_rad_per_s(self) -> float:

@@ -80,6 +80,37 @@ def printed_levels_rad() -> FloatArray:
     return first + step * np.arange(int(published.value("text.levels")))
 
 
+def known_amplitude_rps(backlash_rad: float) -> float:
+    """Theoretical A [rps] of a backlash [rad], interpolated in Table 2, where Table 3's known A come from."""
+    levels = printed_levels_rad()
+    return float(np.interp(backlash_rad, levels, published.column("Table 2", "theoretical")[: levels.size]))
+
+
+def static_levels_rad() -> FloatArray:
+    """Backlash [rad] of Table 3's rows: their known A through equation 10, in whole 1e-4 rad."""
+    return 1e-4 * np.round(1e4 * equation_10().backlash_rad(published.column("Table 3", "known")))
+
+
+def known_amplitudes() -> pd.DataFrame:
+    """Compare Table 3's known A with the two ways that lead to them from a round backlash.
+
+    Returns
+    -------
+    DataFrame
+        `row, delta_rad, printed_known_A_rps, interpolated_A_rps` (Table 2's theoretical A) and `equation_10_A_rps`.
+    """
+    delta = static_levels_rad()
+    return pd.DataFrame(
+        {
+            "row": np.arange(1, delta.size + 1),
+            "delta_rad": delta,
+            "printed_known_A_rps": published.column("Table 3", "known"),
+            "interpolated_A_rps": [known_amplitude_rps(level) for level in delta],
+            "equation_10_A_rps": [equation_10().amplitude_rps(level) for level in delta],
+        }
+    )
+
+
 def table_arithmetic() -> pd.DataFrame:
     """Recompute the relative errors of Tables 2 and 3 from their printed means.
 

@@ -133,7 +133,10 @@ def _judge_cell(id: str, source: str, reproduced: float, notebook: str) -> dict:
     close = difference <= tolerance if cell["kind"] == "bound" else abs(difference) <= tolerance
     erratum = _errata_by_cell().get(id)
     if source == "stand-in":
-        verdict, reason = "stand-in", "the original data are not public; a simulated stand-in cannot reproduce them"
+        verdict, reason = (
+            "stand-in",
+            "the original logs were never published; a simulated stand-in cannot reproduce them",
+        )
     elif close:
         verdict, reason = "reproduced", cell["tol_reason"]
     elif erratum:

@@ -21,6 +21,8 @@ CHEAPER = {
     "07_protocol_table1": {"repeats": 2, "rows": [3, 9]},
     "08_noise_table2": {"repeats": 2, "realisations": [1]},
     "09_identification": {"replay_runs": 6, "strategy_runs": 1, "coverage_runs": 1, "budget": 3000},
+    "10_bench_table3": {"benches": 20, "worn_benches": 1},
+    "11_robots_table4": {"robots_each": 100, "loud_robots_each": 50, "frequency_step_hz": 10.0},
     "13_beyond_the_paper": {"scored": [3], "deltas_rad": [5e-4], "healthy": 20, "seen_records": 4},
 }
 
@@ -212,6 +214,46 @@ def restarts_come_near_a_rate_of_1(n):
     assert small["rate"].mean() > 0.7
 
 
+def a_comes_out_at_half(n):
+    share = n["table"]["mean_A_rps"] / n["table"]["known_A_rps"]
+    assert share.mean() == pytest.approx(0.5, abs=0.12)
+    ratios = n["ratios"]["bench"] / n["ratios"]["identified"]
+    assert ratios["speed_gain_per_s"] == pytest.approx(7 / 8, abs=0.04)
+    assert ratios["integral_gain_per_s2"] == pytest.approx(1.1, abs=0.04)
+
+
+def the_mean_error_grows_fivefold(n):
+    before = abs(committed("table3_population")["error_percent"].mean())
+    assert 3 < abs(n["population"]["error_percent"].mean()) / before < 8
+
+
+def the_errors_scatter_a_third_as_much(n):
+    errors = n["population"]["error_percent"]
+    assert errors.mean() < 0
+    assert errors.std() < 0.5 * committed("table3_population")["error_percent"].std()
+
+
+def youden_errors(best):
+    return best["false_alarms"] + 1 - best["detected"]
+
+
+def the_kinds_still_overlap_without_couplings(n):
+    before = committed("table4_thresholds").set_index("name").loc["best (Youden)"]
+    assert 0 < youden_errors(n["best"]) <= 1.25 * youden_errors(before)
+    assert youden_errors(n["best"]) > 0.5 * youden_errors(before)
+
+
+def robot_b_has_half_the_backlash(n):
+    before, now = committed("table4"), n["table"]
+    assert now["mean_A_rps"].iloc[1] / before["mean_A_rps"][1] == pytest.approx(0.5, abs=0.12)
+    threshold = committed("table4_thresholds").set_index("name").loc["best (Youden)", "threshold_rps"]
+    assert n["best"]["threshold_rps"] / threshold == pytest.approx(0.8, abs=0.08)
+
+
+def a_hardly_tells_the_kinds_apart(n):
+    assert n["cases"]["area"].iloc[-1] < 0.65
+
+
 def the_error_with_a_free_start_shrinks(n):
     def error(table):
         return table.set_index("method")["mean_abs_error_rad"]["joint, start angle free"]
@@ -274,6 +316,16 @@ OUTCOMES = {
         "level = 13": the_global_fit_is_still_the_lowest,
         "strategy_runs = 30": the_intervals_narrow,
         "budget = 120000": restarts_come_near_a_rate_of_1,
+    },
+    "10_bench_table3": {
+        "bench_seed = 2": a_comes_out_at_half,
+        'spread = {"load_friction": 0.05}': the_mean_error_grows_fivefold,
+        'spread = {"ratios": 0.0, "load_friction": 0.0, "belt_rad": 0.0}': the_errors_scatter_a_third_as_much,
+    },
+    "11_robots_table4": {
+        "coupling = 0.0": the_kinds_still_overlap_without_couplings,
+        "robot_seed = 2": robot_b_has_half_the_backlash,
+        "loud_coupling = 0.3": a_hardly_tells_the_kinds_apart,
     },
     "13_beyond_the_paper": {
         "scored = [3, 4, 5, 6]": the_error_with_a_free_start_shrinks,
