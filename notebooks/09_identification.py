@@ -11,7 +11,7 @@
 #     language: python
 #     name: python3
 #   replication:
-#     quick: {replay_runs: 20, strategy_runs: 2, coverage_runs: 20}
+#     quick: {replay_runs: 10, strategy_runs: 2, budget: 10000, coverage_runs: 10}
 # ---
 
 # %% [markdown]

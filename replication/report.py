@@ -174,7 +174,7 @@ def _sensitivity(results: Path) -> tuple[list[dict], list[str]]:
     if not file.exists():
         return [], []
     table = pd.read_csv(file, keep_default_na=False)
-    columns = sorted({name for name in table["group"] if name}, key=_order)
+    columns = sorted(dict.fromkeys(name for name in table["group"] if name), key=_order)
     rows = []
     for (constant, value, changed), part in table.groupby(["constant", "value", "changed"], sort=False):
         noticed = part[part["group"] != ""]

@@ -71,6 +71,13 @@ def test_the_page_is_self_contained_and_not_too_large(page):
     assert len(page.encode()) < 6_000_000
 
 
+def test_the_sensitivity_matrix_has_the_order_of_the_paper_whatever_the_hash_seed(page):
+    head = page[page.index('<table class="matrix">') :].partition("</thead>")[0]
+    names = re.findall(r'<th scope="col">([^<]+)</th>', head)[3:-1]
+    of_table_2 = ["Table 2, theoretical A", "Table 2, means and errors"]
+    assert names == ["Table 1", *of_table_2, "Equation 10", "Text", "claims", "tests"]
+
+
 def test_text_from_the_data_is_escaped(tmp_path):
     for name in ("outcomes", "figures"):
         (tmp_path / "results" / name).mkdir(parents=True)
