@@ -71,6 +71,7 @@ def description(figure: Figure) -> str:
     for axis in figure.axes:
         labels = [label.replace("\n", " ") for label in (axis.get_xlabel(), axis.get_ylabel()) if label]
         panels.append(" versus ".join(labels[::-1]))
+    panels += [figure.get_supylabel(), figure.get_supxlabel()]
     return "; ".join(dict.fromkeys(panel for panel in panels if panel))
 
 

@@ -49,5 +49,6 @@ def test_a_figure_says_what_its_axes_are(tmp_path):
     figure, axes = figure_style.grid(1, 2)
     axes[0, 0].set(xlabel="time [s]", ylabel="speed\n[rps]")
     axes[0, 1].set(xlabel="time [s]")
+    figure.supxlabel("backlash [rad]")
     figure_style.save(figure, tmp_path, "small")
-    assert "speed [rps] versus time [s]; time [s]" in (tmp_path / "small.svg").read_text(encoding="utf-8")
+    assert "speed [rps] versus time [s]; time [s]; backlash [rad]" in (tmp_path / "small.svg").read_text(encoding="utf-8")
