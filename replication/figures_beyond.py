@@ -153,7 +153,7 @@ def cross_validation_errors(table: pd.DataFrame, bars_rad: Mapping[str, float]) 
         axis.plot([size.mean()] * 2, [row - 0.35, row + 0.35], color=INK, linewidth=2)
         if method in bars_rad:
             axis.plot([1e6 * bars_rad[method]] * 2, [row - 0.35, row + 0.35], color=INK, linewidth=1, linestyle=":")
-    axis.set(xscale="log", xlabel="size of the error in backlash [1e-6 rad] (line: mean, dotted: bar)", xlim=(0.05, 400))
+    axis.set(xscale="log", xlabel="error of backlash [1e-6 rad] (line: mean size, dotted: bar)", xlim=(0.05, 400))
     axis.set_yticks(range(len(methods)), methods)
     axis.invert_yaxis()
     return figure

@@ -51,4 +51,5 @@ def test_a_figure_says_what_its_axes_are(tmp_path):
     axes[0, 1].set(xlabel="time [s]")
     figure.supxlabel("backlash [rad]")
     figure_style.save(figure, tmp_path, "small")
-    assert "speed [rps] versus time [s]; time [s]; backlash [rad]" in (tmp_path / "small.svg").read_text(encoding="utf-8")
+    written = (tmp_path / "small.svg").read_text(encoding="utf-8")
+    assert "speed [rps] versus time [s]; time [s]; backlash [rad]" in written
