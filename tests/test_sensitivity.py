@@ -10,7 +10,7 @@ COMMITTED = pd.read_csv(workbook.ROOT / "results" / "sensitivity.csv", keep_defa
 # Off in the identified joint, so that there is nothing to be wrong; options of the simulator, tested by themselves.
 OFF = {
     *("clamped", "motor_viscous_nms_per_rad", "load_viscous_nms_per_rad", "motor_coulomb_nm"),
-    *("torque_limit_nm", "encoder_bits", "speed_by_differencing"),
+    *("torque_limit_nm", "encoder_bits", "speed_by_differencing", "disturbances"),
 }
 
 
