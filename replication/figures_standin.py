@@ -109,11 +109,11 @@ def wear(tests: pd.DataFrame, limit_rad: float) -> Figure:
         delay = np.sort((each["call_day"] - each["truth_day"]).dropna())
         share = np.arange(1, delay.size + 1) / len(each)
         right.step(delay, 100 * share, where="post", color=COLOURS[place], label=name)
-    left.set(xlabel="day", ylabel="backlash $\\delta$ [1e-4 rad]")
+    left.set(xlabel="time [days]", ylabel="backlash $\\delta$ [1e-4 rad]")
     left.legend(fontsize=8)
     interval = float(truth["day"].diff().max())
     right.axvspan(0, interval, color="0.9", label="a perfect sensor: the next test")
-    right.set(xlabel="days from the truth to the call", ylabel="benches called for by then [%]", ylim=(0, 102))
+    right.set(xlabel="time from the truth to the call [days]", ylabel="benches called for by then [%]", ylim=(0, 102))
     right.legend(fontsize=8, loc="lower right", frameon=True, framealpha=1, edgecolor="none")
     return figure
 
@@ -176,7 +176,7 @@ def robots(population: pd.DataFrame, curves: Mapping[str, tuple[pd.DataFrame, fl
             linestyle="none",
             label=mark["name"],
         )
-    left.set(xlabel="fitted A [rps]", ylabel="robots")
+    left.set(xlabel="fitted A [rps]", ylabel="number of robots [-]")
     left.legend(fontsize=8)
     right.set(xlabel="healthy robots called excessive [%]", ylabel="excessive robots found [%]", ylim=(0, 102))
     right.legend(fontsize=8, loc="lower right")
