@@ -151,7 +151,7 @@ def examine_recording(recording: Recording, settings: Settings, name: str, notes
     try:
         recording, presence = with_its_period(recording, settings.form, settings.seed, notes)
         nothing = replace(nothing, turn_period_s=recording.turn_period_s)
-        if presence.found:
+        if presence.found or (settings.calibration.bank is not None and presence.has_same_sign):
             found, model = _measured(recording, presence, settings, nothing, notes)
         else:
             found = _absent(recording, presence, settings, nothing)
@@ -238,6 +238,12 @@ def _absent(recording: Recording, presence: Presence, settings: Settings, nothin
     calibration = settings.calibration
     if doubt := _other_movement(recording, calibration):
         raise doubt
+    if presence.has_same_sign:
+        raise CannotTell(
+            "no signature",
+            "something repeats itself every turn, but not with the opposite sign half a turn later, as backlash under "
+            "gravity alone does; is there much friction, another axis moving, or mains hum in step with the turn?",
+        )
     typical = band_energy(typical_half_turn(recording), recording.turn_period_s)
     hidden = float(np.sqrt(presence.detectable_rps2 / typical))
     least, rmse = calibration.range_rad[0], float(recording.v.std())
@@ -276,7 +282,7 @@ def _measured(
         doubt = CannotTell(
             "no signature",
             f"a pattern repeats itself every turn, but the model explains {max(share, 0.0):.0%} of it; a faint "
-            "backlash, or another cause",
+            "backlash, much friction, or another cause",
         )
         return _with_amplitude(nothing, reading, str(doubt)), model
     if abs(reading.amplitude_rps - fit.amplitude_rps) > _OFF * fit.amplitude_rps:

@@ -56,15 +56,18 @@ class Presence:
     ----------
     p_value : float
         How often random signs give as much energy.
+    p_same_sign : float
+        The same for a pattern that comes with the same sign in both halves of a turn, as no signature does.
     noise_rps : float
         RMS noise of a sample in the band, from the scatter between half turns [rps].
     detectable_rps2 : float
         Energy of the pattern [rps^2], as `band_energy` counts it, that is found with probability `POWER`.
-    pattern : complex array of shape (harmonics,)
-        The mean half turn's coefficients [rps].
+    pattern : complex array of shape (2, harmonics)
+        Coefficients of the mean first and second half of a turn, the second taken negative [rps].
     """
 
     p_value: float
+    p_same_sign: float
     noise_rps: float
     detectable_rps2: float
     pattern: ComplexArray
@@ -73,6 +76,11 @@ class Presence:
     def found(self) -> bool:
         """Whether there is a pattern, at the level `FALSE_ALARMS`."""
         return self.p_value <= FALSE_ALARMS
+
+    @property
+    def has_same_sign(self) -> bool:
+        """Whether there is a pattern with the same sign in both halves, at the level `FALSE_ALARMS`."""
+        return self.p_same_sign <= FALSE_ALARMS
 
 
 def odd_harmonics(turn_period_s: float, sample_s: float) -> NDArray[np.int64]:
@@ -160,13 +168,15 @@ def find_pattern(recording: Recording, seed: int = 1) -> Presence | None:
     rows = _coefficients(halves, harmonics)
     signs = _signs(len(rows), np.random.default_rng(seed))
     energy = (np.abs(signs @ rows) ** 2).sum(axis=1) / len(rows) ** 2
-    pattern = rows.mean(axis=0)
-    scatter = float((np.abs(rows - pattern) ** 2).sum()) / (len(rows) - 1)
+    same_sign = (np.abs(rows[::2].sum(axis=0) - rows[1::2].sum(axis=0)) ** 2).sum() / len(rows) ** 2
+    pattern = np.stack([rows[::2].mean(axis=0), rows[1::2].mean(axis=0)])
+    scatter = float((np.abs(rows - pattern[np.arange(len(rows)) % 2]) ** 2).sum()) / (len(rows) - 2)
     a_mean = scatter / len(rows)
     deviation = np.sqrt(a_mean / (2 * harmonics.size))
     threshold = max(float(np.quantile(energy, 1 - FALSE_ALARMS)), a_mean)
     return Presence(
         float(np.mean(energy >= energy[0] * (1 - 1e-12))),
+        float(np.mean(energy >= same_sign * (1 - 1e-12))),
         float(np.sqrt(scatter * halves.shape[1] / (4 * harmonics.size))),
         _detectable(threshold - a_mean, deviation, len(rows)),
         pattern,
@@ -200,8 +210,10 @@ def explained_share(recording: Recording, model_rps: FloatArray, presence: Prese
     """
     dt = (recording.t[-1] - recording.t[0]) / (recording.t.size - 1)
     harmonics = odd_harmonics(recording.turn_period_s, dt)
-    fitted = _coefficients(half_turns(replace(recording, v=model_rps)), harmonics).mean(axis=0)
-    noise = 4 * harmonics.size / half_turns(recording).size * presence.noise_rps**2
+    halves = half_turns(replace(recording, v=model_rps))
+    rows = _coefficients(halves, harmonics)
+    fitted = np.stack([rows[::2].mean(axis=0), rows[1::2].mean(axis=0)])
+    noise = 16 * harmonics.size / halves.size * presence.noise_rps**2
     whole = float((np.abs(presence.pattern) ** 2).sum()) - noise
     left = float((np.abs(presence.pattern - fitted) ** 2).sum()) - noise
     return 1 - max(left, 0.0) / whole if whole > 0 else 0.0

@@ -10,11 +10,13 @@ from made_logs import TURN, clean, noisy, silent, table, write
 
 from replication import datasets
 from replication.calibration import calibrate, default_calibration
-from replication.datasets import Recording
+from replication.datasets import Recording, add_uniform_noise, simulate_recordings
 from replication.estimate import Estimate, as_row, as_text, estimate, examine_recording, settings_for, value_at
+from replication.joint import identified_joint
 from replication.log_columns import LogFormat
 from replication.log_tables import UnusableLog
 from replication.logs import CannotTell, record_of
+from replication.robustness import CHANGES
 
 KEYS = [
     "file", "verdict", "amplitude_rps", "amplitude_interval_rps", "backlash_rad", "backlash_interval_rad", "rmse_rps",
@@ -196,6 +198,31 @@ def test_a_pattern_of_another_shape_is_no_signature():
     found = answer(replace(silent(0.05), v=silent(0.05).v + tones))
     assert found.verdict == "cannot tell"
     assert found.warnings[0].startswith("no signature")
+
+
+FRICTIONS = ("load Coulomb friction", "load viscous friction")
+
+
+def with_friction(delta, share, name=FRICTIONS[0], seed=1):
+    """A joint whose load has friction, a share of the gravity torque: the two impacts of a turn drift apart."""
+    record = simulate_recordings(CHANGES[name](identified_joint(), share), [delta])[0]
+    return add_uniform_noise(record, 0.1, np.random.default_rng(seed))
+
+
+@pytest.mark.parametrize("name", FRICTIONS)
+@pytest.mark.parametrize("share", [0.1, 0.2, 0.3])
+@pytest.mark.parametrize("method", ["amplitude", "waveform"])
+def test_friction_that_the_calibration_does_not_know_is_no_wrong_answer(name, share, method):
+    for delta in (5e-4, 15e-4):
+        found = answer(with_friction(delta, share, name), method=method)
+        assert found.warnings[0].startswith("no signature")
+
+
+def test_waveforms_calibrated_with_the_friction_measure_with_it():
+    levels = np.linspace(4e-4, 20e-4, 9)
+    own = calibrate([with_friction(delta, 0.2, seed=5) for delta in levels], levels, "waveform")
+    for delta in (7e-4, 15e-4):
+        assert answer(with_friction(delta, 0.2), calibration=own).backlash_rad == pytest.approx(delta, abs=5e-5)
 
 
 def test_too_short_a_log_is_told_by_its_turns(tmp_path):
