@@ -129,14 +129,14 @@ METHOD_STYLES = {
 
 
 @in_style
-def cross_validation_errors(table: pd.DataFrame, bars_rad: Mapping[str, float]) -> Figure:
-    """Show the error of each method on each log, the mean size of each method's, and bars to meet.
+def cross_validation_errors(table: pd.DataFrame, targets_rad: Mapping[str, float]) -> Figure:
+    """Show the error of each method on each log, the mean size of each method's, and targets to meet.
 
     Parameters
     ----------
     table : DataFrame
         From `accuracy.cross_validation`.
-    bars_rad : mapping of str to float
+    targets_rad : mapping of str to float
         Largest mean error allowed, by method [rad].
 
     Returns
@@ -151,9 +151,9 @@ def cross_validation_errors(table: pd.DataFrame, bars_rad: Mapping[str, float]) 
         style = METHOD_STYLES[method]
         axis.plot(size, np.full(size.size, row), linestyle="none", alpha=0.7, **style)
         axis.plot([size.mean()] * 2, [row - 0.35, row + 0.35], color=INK, linewidth=2)
-        if method in bars_rad:
-            axis.plot([1e6 * bars_rad[method]] * 2, [row - 0.35, row + 0.35], color=INK, linewidth=1, linestyle=":")
-    axis.set(xscale="log", xlabel="error of backlash [1e-6 rad] (line: mean size, dotted: bar)", xlim=(0.05, 400))
+        if method in targets_rad:
+            axis.plot([1e6 * targets_rad[method]] * 2, [row - 0.35, row + 0.35], color=INK, linewidth=1, linestyle=":")
+    axis.set(xscale="log", xlabel="error of backlash [1e-6 rad] (line: mean size, dotted: target)", xlim=(0.05, 400))
     axis.set_yticks(range(len(methods)), methods)
     axis.invert_yaxis()
     return figure

@@ -188,6 +188,15 @@ def _curvature(gram, A, limits):
 
 
 @numba.njit(cache=True)
+def solve_or_zero(matrix, side):
+    """Solution of a linear system; zeros if the matrix is singular, as a window of very few samples makes it."""
+    try:
+        return np.linalg.solve(matrix, side)
+    except Exception:  # the only way that compiled code can catch a LinAlgError
+        return np.zeros_like(side)
+
+
+@numba.njit(cache=True)
 def descend(fold, limits, a, b, theta, steps, hold_t0=False):
     """Levenberg-Marquardt in theta = (t0, tau, omega) with the window held at positions a to b.
 
@@ -210,7 +219,7 @@ def descend(fold, limits, a, b, theta, steps, hold_t0=False):
             if held:
                 hessian[i, :], hessian[:, i], slope[i] = 0.0, 0.0, 0.0
                 hessian[i, i] = 1.0
-        trial = np.minimum(np.maximum(theta - np.linalg.solve(hessian, slope), low), high)
+        trial = np.minimum(np.maximum(theta - solve_or_zero(hessian, slope), low), high)
         trial_gram, trial_data = normal_equations(fold, a, b, trial[0], trial[1], trial[2])
         trial_cost, trial_A = best_misfit(trial_gram, trial_data, fold, limits)
         if trial_cost < cost:

@@ -17,6 +17,7 @@ from replication.folding import (
     latest_t0,
     middle_of_gap,
     normal_equations,
+    solve_or_zero,
     t0_range,
 )
 from replication.identify import Protocol, protocol_box
@@ -96,7 +97,9 @@ def _window_starts(fold, limits, a, b, theta, reach):
                 for j in range(index.size):
                     block[i, j] = gram[index[i], index[j]]
             side = gram[0][index]
-            information -= side @ np.linalg.solve(block, side)
+            information -= side @ solve_or_zero(block, side)
+        if last - start < free.sum():  # fewer positions than unknowns: nothing is known of A
+            information = 0.0
         mid_gap = np.exp(trial[1] * (fold.x[start] - middle_of_gap(fold, start)))
         rows[r] = cost, abs(A) * mid_gap, information / mid_gap**2
     return rows
@@ -119,6 +122,8 @@ def _amplitude_interval(fold, limits, a, b, theta) -> tuple[float, float]:
     """95 % interval of |A|: normal about each possible window start, these weighted by their likelihood."""
     cost, A, information = _window_starts(fold, limits, a, b, theta, 8).T
     known = np.isfinite(cost) & (information > 0)
+    if not known.any():
+        return 0.0, float(limits.A)
     cost, A, information = np.maximum(cost[known], 1e-15 * fold.scale[0]), A[known], information[known]
     variance = cost.min() / (fold.scale[1] - 7)
     weights = np.exp(-(cost - cost.min()) / (2 * variance))

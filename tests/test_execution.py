@@ -47,22 +47,28 @@ def test_an_executed_notebook_leaves_its_tables_its_outcome_and_itself(notebook,
     assert executed.cells[-1].outputs[-1].text == "done\n"
 
 
-def test_two_runs_of_a_notebook_give_the_same_bytes(authors_data, tmp_path):
-    source = workbook.ROOT / "notebooks" / "01_signature_figure6.py"
-    for name in ("first", "second"):
-        execution.execute(source, destination=tmp_path / name)
-    names = files_below(tmp_path / "first")
-    assert names == files_below(tmp_path / "second")
+FIRST = workbook.ROOT / "notebooks" / "01_signature_figure6.py"
+
+
+@pytest.fixture(scope="module")
+def first_notebook(authors_data, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("first")
+    execution.execute(FIRST, destination=folder)
+    return folder
+
+
+def test_two_runs_of_a_notebook_give_the_same_bytes(first_notebook, tmp_path):
+    execution.execute(FIRST, destination=tmp_path)
+    names = files_below(tmp_path)
+    assert names == files_below(first_notebook)
     assert {name.rpartition(".")[2] for name in names} == {"csv", "json", "ipynb", "png", "svg"}
     for name in names:
-        assert (tmp_path / "first" / name).read_bytes() == (tmp_path / "second" / name).read_bytes(), name
+        assert (tmp_path / name).read_bytes() == (first_notebook / name).read_bytes(), name
 
 
-def test_the_committed_first_notebook_is_what_its_source_gives(authors_data, tmp_path):
-    source = workbook.ROOT / "notebooks" / "01_signature_figure6.py"
-    execution.execute(source, destination=tmp_path)
-    fresh = nbformat.read(tmp_path / "notebooks" / "01_signature_figure6.ipynb", as_version=4)
-    committed = nbformat.read(source.with_suffix(".ipynb"), as_version=4)
+def test_the_committed_first_notebook_is_what_its_source_gives(first_notebook):
+    fresh = nbformat.read(first_notebook / "notebooks" / "01_signature_figure6.ipynb", as_version=4)
+    committed = nbformat.read(FIRST.with_suffix(".ipynb"), as_version=4)
     for new, old in zip(fresh.cells, committed.cells, strict=True):
         assert new.source == old.source
         new_text = [out["data"]["text/plain"] for out in new.get("outputs", []) if "data" in out]

@@ -7,9 +7,10 @@ from hypothesis import strategies as st
 
 from replication import datasets
 from replication.datasets import Recording
-from replication.folding import projected_rmse
+from replication.folding import projected_rmse, solve_or_zero
 from replication.global_fit import global_fit
 from replication.identify import Protocol, paper_fit, protocol_box
+from replication.joint import identified_joint
 from replication.signature import Timing, population_rmse, signature
 
 PROTOCOL = Protocol()
@@ -46,6 +47,20 @@ def test_a_noise_free_signature_is_recovered_to_rounding():
     np.testing.assert_allclose(fit.X[2:5], TRUE_X[2:5], rtol=1e-6)
     assert fit.turn_period_s == PROTOCOL.T_f
     assert fit.sign_flipped
+
+
+@pytest.mark.parametrize("seed", [1586741660, 2, 3])
+def test_a_record_that_is_nearly_noise_has_a_fit_though_its_best_window_may_hold_too_few_samples(seed):
+    (clean,) = datasets.simulate_recordings(identified_joint(), [1.2e-4])
+    fit = global_fit(datasets.add_uniform_noise(clean, 1.0, np.random.default_rng(seed)))
+    low, high = fit.amplitude_interval_rps
+    assert np.isfinite(fit.X).all()
+    assert 0 <= low < high or low < 0 < high
+
+
+def test_a_singular_system_has_no_step():
+    np.testing.assert_array_equal(solve_or_zero(np.ones((2, 2)), np.ones(2)), np.zeros(2))
+    np.testing.assert_allclose(solve_or_zero(np.diag([2.0, 4.0]), np.ones(2)), [0.5, 0.25])
 
 
 def test_the_amplitude_is_that_of_a_window_that_starts_midway_between_samples():
