@@ -9,13 +9,13 @@ NOTEBOOKS := $(sort $(basename $(notdir $(wildcard notebooks/[0-9]*.py))))
 STAMPS := $(NOTEBOOKS:%=.make/%.done)
 
 .DEFAULT_GOAL := help
-.NOTPARALLEL:
 .PHONY: help all quick test check diff report sensitivity bench benchmark calibrate data lab lint lock clean
 
 help:  ## list the targets
 	@grep -hE '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 12
 
-all: .make/workbook.done  ## every notebook, figure, table, verdict and the report
+all: .venv/.installed  ## every notebook, figure, table, verdict and the report
+	$(MAKE) --no-print-directory --jobs=2 .make/workbook.done
 
 quick: .venv/.installed  ## the same figures from few repeats, into results/quick
 	$(RUN) run --quick
@@ -93,9 +93,10 @@ $(call stamps,02 03 04 05 06): $(SIMULATIONS)
 $(call stamps,02 03 04 05 06 08): $(IDENTIFIED)
 $(call stamps,09): $(SEARCHES)
 $(call stamps,13): $(METHODS) $(IDENTIFIED)
-$(call stamps,10 11): $(STAND_INS)
+$(call stamps,10 11 12): $(STAND_INS)
 $(call stamps,10): $(call module,bench_standin wear_standin calibration features waveform)
 $(call stamps,11): $(call module,robots_standin)
+$(call stamps,12): $(call module,features waveform calibration presence log_tables log_columns logs estimate trend figures_sensor)
 
 $(STAMPS): .make/%.done: notebooks/%.py $(COMMON) | .venv/.installed
 	$(RUN) run --stamp $@ $<

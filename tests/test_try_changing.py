@@ -261,6 +261,27 @@ def a_hardly_tells_the_kinds_apart(n):
     assert n["cases"]["area"].iloc[-1] < 0.65
 
 
+def mean_error(table, name):
+    return table.set_index("calibration").loc[name, "error_rad"].abs().mean()
+
+
+def the_amplitude_errs_more_than_the_waveform(n):
+    assert n["table"].query("calibration == 'your own'")["method"].unique().tolist() == ["amplitude"]
+    assert mean_error(n["table"], "your own") > mean_error(committed("own_joint"), "your own")
+
+
+def answers_with_wider_intervals(n):
+    found = n["table"].query("calibration == 'your own'")
+    assert (found["verdict"] == "backlash").all()
+    assert n["second"].estimate.samples < 0.34 * 2401
+    low, high = n["second"].estimate.backlash_interval_rad
+    assert high - low > 2 * n["own"].uncertainty_rad
+
+
+def your_own_calibration_still_beats_the_papers(n):
+    assert mean_error(n["table"], "your own") < 0.5 * mean_error(n["table"], "the paper's joint")
+
+
 def the_error_with_a_free_start_shrinks(n):
     def error(table):
         return table.set_index("method")["mean_abs_error_rad"]["joint, start angle free"]
@@ -333,6 +354,11 @@ OUTCOMES = {
         "coupling = 0.0": the_kinds_still_overlap_without_couplings,
         "robot_seed = 2": robot_b_has_half_the_backlash,
         "loud_coupling = 0.3": a_hardly_tells_the_kinds_apart,
+    },
+    "12_your_own_joint": {
+        'method = "amplitude"': the_amplitude_errs_more_than_the_waveform,
+        "log_turns = 4": answers_with_wider_intervals,
+        "bench_seed = 4": your_own_calibration_still_beats_the_papers,
     },
     "13_beyond_the_paper": {
         "scored = [3, 4, 5, 6]": the_error_with_a_free_start_shrinks,
