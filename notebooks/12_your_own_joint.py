@@ -73,10 +73,10 @@ bench = standins.draw_bench(np.random.default_rng(bench_seed))
 form = LogFormat(turn_period_s=bench.joint.turn_period_s, unit="rps")
 
 
-def log(delta_rad, seed, of=bench):
+def log(delta_rad, seed, of=bench, turns=log_turns):
     """A log of your joint, cut to the turns that are wanted."""
     record = standins.encoder_log(of, delta_rad, np.random.default_rng((bench_seed, seed)))
-    samples = round(log_turns * record.turn_period_s / standins.SAMPLE_S)
+    samples = round(turns * record.turn_period_s / standins.SAMPLE_S)
     return replace(record, t=record.t[:samples], v=record.v[:samples])
 
 
@@ -96,7 +96,7 @@ print(estimate.as_text(first.estimate))
 
 # %%
 known_rad = np.linspace(3e-4, 19e-4, calibration_levels)
-own = calibration.calibrate([log(delta, 100 + k) for k, delta in enumerate(known_rad)], known_rad, method)
+own = calibration.calibrate([log(delta, 100 + k, turns=12) for k, delta in enumerate(known_rad)], known_rad, method)
 ours = estimate.settings_for(form, own)
 print(f"{own.method}: {own.range_rad[0]:.1e} to {own.range_rad[1]:.1e} rad, uncertainty {own.uncertainty_rad:.1e} rad")
 second = answer(log(backlash_rad, 0), ours)

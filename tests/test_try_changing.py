@@ -275,7 +275,8 @@ def answers_with_wider_intervals(n):
     assert (found["verdict"] == "backlash").all()
     assert n["second"].estimate.samples < 0.34 * 2401
     low, high = n["second"].estimate.backlash_interval_rad
-    assert high - low > 2 * n["own"].uncertainty_rad
+    whole = n["answer"](n["log"](n["backlash_rad"], 0, turns=12), n["ours"]).estimate.backlash_interval_rad
+    assert high - low > whole[1] - whole[0]
 
 
 def your_own_calibration_still_beats_the_papers(n):
