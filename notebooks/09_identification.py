@@ -49,7 +49,7 @@ from replication.signature import FREE_PARAMETERS
 
 # %% tags=["parameters"]
 level = 12  # the authors' clean record for replay, landscape and strategies
-replay_runs = 150  # runs of the authors' protocol on it
+replay_runs = 100  # runs of the authors' protocol on it
 strategy_runs = 10  # runs of each other strategy
 budget = 40000  # function evaluations of each of these
 coverage_runs = 200  # made records for each noise law

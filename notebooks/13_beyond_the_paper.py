@@ -49,9 +49,9 @@ from replication.joint import identified_joint
 
 # %% tags=["parameters"]
 scored = range(3, 12)  # levels K of the authors' noisy logs, of which 2 to 12 calibrate
-deltas_rad = [5e-4, 11e-4, 19e-4]  # backlashes of simulated records
+deltas_rad = [5e-4, 15e-4]  # backlashes of simulated records
 repeats = 3  # simulated records of each setting and backlash
-healthy = 300  # records without backlash that set the threshold, and as many that try it
+healthy = 200  # records without backlash that set the threshold, and as many that try it
 seen_records = 30  # records of each backlash to be seen
 loudness_rps = [0.1, 0.3]  # half-amplitude of their uniform noise
 changes = [-0.2, 0.2]  # relative changes of the joint

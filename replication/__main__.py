@@ -6,7 +6,7 @@ import time
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
-from replication import bench, benchmark, commands, execution, flips, report, sensitivity, simulations, workbook
+from replication import bench, benchmark, commands, flips, report, sensitivity, simulations, workbook
 from replication.datasets import WORKBOOK_FILES, DataCorrupt, DataUnavailable, authors_file
 from replication.log_tables import UnusableLog
 
@@ -79,6 +79,8 @@ def _run(options: argparse.Namespace) -> int:
 
 def _run_one(source: Path, options: argparse.Namespace) -> str:
     """Execute a notebook; say how it ended."""
+    from replication import execution  # takes a second and a half, which no other command should wait for
+
     begun = time.perf_counter()
     try:
         execution.execute(source, options.quick, options.timeout)
