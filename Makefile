@@ -24,7 +24,7 @@ quick: .venv/.installed  ## the same figures from few repeats, into results/quic
 	$(RUN) check --quick || true
 
 test: .venv/.installed  ## all tests, on the committed results
-	$(PY) -m pytest
+	OPENBLAS_NUM_THREADS=1 $(PY) -m pytest --numprocesses 2 --dist worksteal
 
 check: .venv/.installed  ## print the verdict table; fails if a cell differs
 	$(RUN) check

@@ -1,6 +1,12 @@
+import os
+
 import pytest
 
 from replication import datasets
+
+# Tests that run side by side leave no core free for processes of their own.
+if "PYTEST_XDIST_WORKER" in os.environ:
+    os.environ.setdefault("LOKY_MAX_CPU_COUNT", "1")
 
 
 @pytest.fixture(scope="session")

@@ -51,7 +51,7 @@ def test_a_summary_has_the_mean_the_largest_and_the_root_mean_square():
 
 @pytest.fixture(scope="module")
 def moved():
-    return robustness(identified_joint(), [11e-4], [-0.2, 0.2])
+    return robustness(identified_joint(), [11e-4], [0.2])
 
 
 def test_every_change_moves_the_joint_and_friction_only_grows(moved):
