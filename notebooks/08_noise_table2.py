@@ -11,7 +11,7 @@
 #     language: python
 #     name: python3
 #   replication:
-#     quick: {repeats: 3, realisations: [1]}
+#     quick: {repeats: 2, realisations: [1]}
 # ---
 
 # %% [markdown]

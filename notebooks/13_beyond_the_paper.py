@@ -11,8 +11,8 @@
 #     language: python
 #     name: python3
 #   replication:
-#     quick: {scored: [3, 7, 11], deltas_rad: [0.0011], repeats: 1, healthy: 20, seen_records: 5, changes: [0.2],
-#       robust_deltas_rad: [0.0011]}
+#     quick: {scored: [7], deltas_rad: [0.0011], repeats: 1, healthy: 20, seen_records: 5, loudness_rps: [0.1],
+#       changes: [0.2], robust_deltas_rad: [0.0011]}
 # ---
 
 # %% [markdown]

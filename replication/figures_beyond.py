@@ -1,6 +1,7 @@
 """Plots of what goes past the paper: data frames and arrays in, a matplotlib figure out."""
 
 from collections.abc import Mapping, Sequence
+from itertools import cycle
 
 import numpy as np
 import pandas as pd
@@ -210,7 +211,8 @@ def detection_curves(tables: Sequence[pd.DataFrame], limits_rad: Sequence[float]
     """
     figure, axes = grid(figsize=(8.0, 4.2))
     axis = axes[0, 0]
-    for table, limit, colour, marker in zip(tables, limits_rad, (BLUE, ORANGE), "os", strict=True):
+    looks = cycle(zip((BLUE, ORANGE, PINK, INK), "os^D", strict=True))
+    for table, limit, (colour, marker) in zip(tables, limits_rad, looks, strict=False):
         spread = np.abs(table[["seen_low", "seen_high"]].to_numpy().T - table["seen"].to_numpy())
         noise = table["noise_half_amplitude_rps"].iloc[0]
         x = 1e4 * table["delta_rad"]
