@@ -2,6 +2,7 @@
 
 import argparse
 import hashlib
+import io
 import json
 import os
 import sys
@@ -146,22 +147,20 @@ def _check_output(path: Path | None, endings: Sequence[str], option: str) -> Non
 
 def _write_figure(figure: Figure, path: Path) -> None:
     """Write a figure whole or not at all, the same bytes each time."""
-    temporary = path.with_name(f".{path.name}.tmp")
+    content = io.BytesIO()
     kind = path.suffix[1:].lower()
     stamp = {"png": {}, "svg": {"Date": None}, "pdf": {"CreationDate": None}}[kind]
     with plt.rc_context({"svg.hashsalt": "backlash"}):
-        figure.savefig(temporary, format=kind, dpi=150, metadata=stamp)
-    os.replace(temporary, path)
+        figure.savefig(content, format=kind, dpi=150, metadata=stamp)
+    workbook.write_bytes(path, content.getvalue())
     plt.close(figure)
 
 
 def _write_table(table: pd.DataFrame, path: Path) -> None:
     if path.suffix.lower() == ".csv":
         workbook.write_csv(path, table)
-        return
-    temporary = path.with_name(f".{path.name}.tmp")
-    table.to_parquet(temporary, index=False)
-    os.replace(temporary, path)
+    else:
+        workbook.write_bytes(path, table.to_parquet(index=False))
 
 
 def _print_json(content: object) -> None:

@@ -68,6 +68,11 @@ class Recording:
     turn_period_s: float
     source: str
 
+    @property
+    def sample_s(self) -> float:
+        """Sampling period [s]."""
+        return (self.t[-1] - self.t[0]) / (self.t.size - 1)
+
 
 def from_sample(recording: Recording, start: int) -> Recording:
     """Drop a record's first `start` samples; time starts from zero again.

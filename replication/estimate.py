@@ -11,7 +11,6 @@ from dataclasses import dataclass, fields, replace
 from pathlib import Path
 
 import numpy as np
-from numpy.polynomial import Polynomial
 from numpy.typing import NDArray
 
 from replication.calibration import PERIOD_MISMATCH, Backlash, Calibration, default_calibration
@@ -29,6 +28,7 @@ from replication.presence import (
     own_period,
     typical_half_turn,
 )
+from replication.sensor import first_rise
 from replication.signature import signature
 from replication.waveform import match
 
@@ -212,11 +212,7 @@ def _other_movement(recording: Recording, calibration: Calibration) -> CannotTel
 
 def value_at(calibration: Calibration, delta_rad: float) -> float:
     """Value that a polynomial calibration gives a backlash: the smallest positive one where it grows."""
-    cubic = Polynomial(calibration.coefficients)
-    roots = (cubic - delta_rad).roots()
-    real = roots[np.abs(roots.imag) < 1e-9].real
-    rising = real[(real > 0) & (cubic.deriv()(real) > 0)]
-    return float(rising.min()) if rising.size else 0.0
+    return first_rise(calibration.coefficients, delta_rad) or 0.0
 
 
 def _least_energy(recording: Recording, calibration: Calibration) -> float:

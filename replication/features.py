@@ -84,9 +84,8 @@ def _impact(recording: Recording, fit: GlobalFit) -> tuple[float, tuple[float, f
     Its interval is that of a sine of this amplitude and damping in white noise, half a turn long.
     """
     A, t0, tau, omega = fit.X[:4]
-    dt = (recording.t[-1] - recording.t[0]) / (recording.t.size - 1)
     oscillations = 2 * (recording.t[-1] - recording.t[0]) / fit.turn_period_s
-    deviation = fit.rmse * np.sqrt(4 * tau * dt / oscillations) / (abs(A) * omega)
+    deviation = fit.rmse * np.sqrt(4 * tau * recording.sample_s / oscillations) / (abs(A) * omega)
     value = float(t0 % (fit.turn_period_s / 2))
     return value, (value - 1.96 * deviation, value + 1.96 * deviation)
 

@@ -212,7 +212,8 @@ def detection_curves(tables: Sequence[pd.DataFrame], limits_rad: Sequence[float]
     figure, axes = grid(figsize=(8.0, 4.2))
     axis = axes[0, 0]
     looks = cycle(zip((BLUE, ORANGE, PINK, INK), "os^D", strict=True))
-    for table, limit, (colour, marker) in zip(tables, limits_rad, looks, strict=False):
+    for table, limit in zip(tables, limits_rad, strict=True):
+        colour, marker = next(looks)
         spread = np.abs(table[["seen_low", "seen_high"]].to_numpy().T - table["seen"].to_numpy())
         noise = table["noise_half_amplitude_rps"].iloc[0]
         x = 1e4 * table["delta_rad"]

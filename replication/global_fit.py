@@ -90,7 +90,9 @@ def _window_starts(fold, limits, a, b, theta, reach):
             ]
         )
         information = gram[0, 0]
-        if free.any():
+        if last - start < free.sum():  # fewer positions than unknowns: nothing is known of A
+            information = 0.0
+        elif free.any():
             index = 1 + np.flatnonzero(free)
             block = np.empty((index.size, index.size))
             for i in range(index.size):
@@ -98,8 +100,6 @@ def _window_starts(fold, limits, a, b, theta, reach):
                     block[i, j] = gram[index[i], index[j]]
             side = gram[0][index]
             information -= side @ solve_or_zero(block, side)
-        if last - start < free.sum():  # fewer positions than unknowns: nothing is known of A
-            information = 0.0
         mid_gap = np.exp(trial[1] * (fold.x[start] - middle_of_gap(fold, start)))
         rows[r] = cost, abs(A) * mid_gap, information / mid_gap**2
     return rows

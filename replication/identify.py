@@ -10,7 +10,7 @@ from cma.evolution_strategy import get_CMASolutionDict
 from numpy.typing import NDArray
 
 from replication.datasets import Recording
-from replication.signature import Box, Timing, population_rmse, table1_box
+from replication.signature import DAMPING_PER_S, FREQUENCY_HZ, Box, Timing, population_rmse, table1_box
 
 FloatArray = NDArray[np.float64]
 
@@ -61,8 +61,8 @@ class Protocol:
     iterations: int = 200
     amplitude_factor: float = 1.3
     longest_window_s: float = 0.204
-    damping_per_s: tuple[float, float] = (5.0, 30.0)
-    frequency_hz: tuple[float, float] = (1.0, 40.0)
+    damping_per_s: tuple[float, float] = DAMPING_PER_S
+    frequency_hz: tuple[float, float] = FREQUENCY_HZ
     T_d: float = 0.2
     T_f: float = 0.4
     turns: int = 12

@@ -102,6 +102,11 @@ def _coefficients(halves: FloatArray, harmonics: NDArray[np.int64]) -> ComplexAr
     return quick @ np.exp(-1j * np.pi * np.outer(phases, harmonics)) * (2 / phases.size)
 
 
+def _mean_halves(rows: ComplexArray) -> ComplexArray:
+    """Mean coefficients of the first halves of the turns, and of the second ones, a row each."""
+    return np.stack([rows[::2].mean(axis=0), rows[1::2].mean(axis=0)])
+
+
 def half_turns(recording: Recording) -> FloatArray:
     """Cut a record into its whole half turns, each second one taken negative.
 
@@ -110,7 +115,7 @@ def half_turns(recording: Recording) -> FloatArray:
     array of shape (half turns, samples in one)
         Speed less its mean [rps].
     """
-    dt = (recording.t[-1] - recording.t[0]) / (recording.t.size - 1)
+    dt = recording.sample_s
     half = recording.turn_period_s / 2
     phases = int(half / dt + 1e-6)
     count = int((recording.t[-1] - recording.t[0] + dt) / half + 1e-6)
@@ -130,8 +135,7 @@ def band_energy(half_turn: FloatArray, turn_period_s: float) -> float:
 
 def typical_half_turn(recording: Recording) -> FloatArray:
     """Half a turn of an oscillation of amplitude 1 rps, like those of the authors' records, at a record's sampling."""
-    dt = (recording.t[-1] - recording.t[0]) / (recording.t.size - 1)
-    since = dt * np.arange(int(recording.turn_period_s / 2 / dt + 1e-6))
+    since = recording.sample_s * np.arange(int(recording.turn_period_s / 2 / recording.sample_s + 1e-6))
     tau, omega = _TYPICAL_RING
     return np.exp(-tau * since) * np.sin(omega * since)
 
@@ -160,8 +164,7 @@ def find_pattern(recording: Recording, seed: int = 1) -> Presence | None:
     Presence or None
         None if a turn is too short to hold an oscillation.
     """
-    dt = (recording.t[-1] - recording.t[0]) / (recording.t.size - 1)
-    harmonics = odd_harmonics(recording.turn_period_s, dt)
+    harmonics = odd_harmonics(recording.turn_period_s, recording.sample_s)
     if harmonics.size < _LEAST_HARMONICS:
         return None
     halves = half_turns(recording)
@@ -169,7 +172,7 @@ def find_pattern(recording: Recording, seed: int = 1) -> Presence | None:
     signs = _signs(len(rows), np.random.default_rng(seed))
     energy = (np.abs(signs @ rows) ** 2).sum(axis=1) / len(rows) ** 2
     same_sign = (np.abs(rows[::2].sum(axis=0) - rows[1::2].sum(axis=0)) ** 2).sum() / len(rows) ** 2
-    pattern = np.stack([rows[::2].mean(axis=0), rows[1::2].mean(axis=0)])
+    pattern = _mean_halves(rows)
     scatter = float((np.abs(rows - pattern[np.arange(len(rows)) % 2]) ** 2).sum()) / (len(rows) - 2)
     a_mean = scatter / len(rows)
     deviation = np.sqrt(a_mean / (2 * harmonics.size))
@@ -208,11 +211,9 @@ def explained_share(recording: Recording, model_rps: FloatArray, presence: Prese
     presence : Presence
         What `find_pattern` found.
     """
-    dt = (recording.t[-1] - recording.t[0]) / (recording.t.size - 1)
-    harmonics = odd_harmonics(recording.turn_period_s, dt)
+    harmonics = odd_harmonics(recording.turn_period_s, recording.sample_s)
     halves = half_turns(replace(recording, v=model_rps))
-    rows = _coefficients(halves, harmonics)
-    fitted = np.stack([rows[::2].mean(axis=0), rows[1::2].mean(axis=0)])
+    fitted = _mean_halves(_coefficients(halves, harmonics))
     noise = 16 * harmonics.size / halves.size * presence.noise_rps**2
     whole = float((np.abs(presence.pattern) ** 2).sum()) - noise
     left = float((np.abs(presence.pattern - fitted) ** 2).sum()) - noise
@@ -225,7 +226,7 @@ def explained_share(recording: Recording, model_rps: FloatArray, presence: Prese
 
 def _line_spectrum(recording: Recording) -> tuple[FloatArray, float]:
     """Power over its local background, 1 on average where there are no lines, and the spacing of the bins [Hz]."""
-    dt = (recording.t[-1] - recording.t[0]) / (recording.t.size - 1)
+    dt = recording.sample_s
     v = detrend(recording.v) * get_window("hann", recording.v.size)
     size = next_fast_len(4 * v.size, real=True)
     spacing = 1 / (size * dt)
@@ -262,7 +263,7 @@ def own_period(recording: Recording) -> float | None:
     probability, times the number of periods tried, is below `FALSE_ALARMS`. Every odd multiple of the right period
     repeats too, so a given period stands if it has nearly as much power as the best one.
     """
-    dt = (recording.t[-1] - recording.t[0]) / (recording.t.size - 1)
+    dt = recording.sample_s
     lasts, given = recording.t[-1] - recording.t[0] + dt, recording.turn_period_s
     power, spacing = _line_spectrum(recording)
     clipped = np.minimum(power, _MOST_OF_A_LINE)

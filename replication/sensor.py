@@ -1,5 +1,6 @@
 """The virtual sensor's static characteristic: from the amplitude A to the backlash delta (equation 10)."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,6 +13,15 @@ from replication import published
 FloatArray = NDArray[np.float64]
 
 RPM_PER_RPS = 60.0
+
+
+def first_rise(coefficients: Sequence[float], level: float) -> float | None:
+    """Smallest positive argument at which a polynomial rises through a level; None if it never does."""
+    polynomial = Polynomial(coefficients)
+    roots = (polynomial - level).roots()
+    real = roots[np.abs(roots.imag) < 1e-9].real
+    rising = real[(real > 0) & (polynomial.deriv()(real) > 0)]
+    return float(rising.min()) if rising.size else None
 
 
 @dataclass(frozen=True)
@@ -41,13 +51,10 @@ class Characteristic:
         ValueError
             No positive amplitude has that backlash.
         """
-        cubic = Polynomial(self.coefficients)
-        roots = (cubic - backlash_rad).roots()
-        real = np.sort(roots[np.abs(roots.imag) < 1e-9].real)
-        positive = real[(real > 0) & (cubic.deriv()(real) > 0)]
-        if positive.size == 0:
+        amplitude_rpm = first_rise(self.coefficients, backlash_rad)
+        if amplitude_rpm is None:
             raise ValueError(f"backlash {backlash_rad:g} rad: no positive amplitude gives it")
-        return float(positive[0] / RPM_PER_RPS)
+        return amplitude_rpm / RPM_PER_RPS
 
 
 def fit_characteristic(amplitude_rps: FloatArray, backlash_rad: FloatArray) -> Characteristic:

@@ -15,6 +15,10 @@ FloatArray = NDArray[np.float64]
 # The order in which the authors' CMA-ES samples them: a seed means the same runs only in this order.
 FREE_PARAMETERS = ("A_rps", "t0_s", "tau_per_s", "omega_rad_per_s", "v_t_rps", "T2_s", "T1_s")
 
+# Table 1's bounds of tau [1/s], and of omega over 2 pi [Hz].
+DAMPING_PER_S = (5.0, 30.0)
+FREQUENCY_HZ = (1.0, 40.0)
+
 
 @dataclass(frozen=True)
 class Timing:
@@ -123,8 +127,8 @@ def table1_box(
     v: FloatArray,
     longest_window_s: float,
     amplitude_factor: float = 1.0,
-    damping_per_s: tuple[float, float] = (5.0, 30.0),
-    frequency_hz: tuple[float, float] = (1.0, 40.0),
+    damping_per_s: tuple[float, float] = DAMPING_PER_S,
+    frequency_hz: tuple[float, float] = FREQUENCY_HZ,
 ) -> Box:
     """Table 1's acceptable ranges of the free parameters for a record.
 
