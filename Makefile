@@ -79,13 +79,13 @@ clean:  ## remove what can be made again and is not committed
 # What every notebook needs, then what each needs besides; a stamp says that its outputs are newer than these.
 module = $(addsuffix .py,$(addprefix replication/,$(1)))
 IDENTIFIED := $(addprefix replication/data/,joint.json simulator_attempts.csv)
-COMMON := $(call module,published figure_style figures decisions workbook execution) $(filter-out $(IDENTIFIED),$(wildcard replication/data/*))
-JOINT := $(call module,joint joint_core joint_parameters datasets)
-FITS := $(JOINT) $(call module,signature identify experiments inspection)
-SIMULATIONS := $(JOINT) $(call module,sensor simulator_fit simulations)
-SEARCHES := $(FITS) $(call module,figures_beyond folding window_search global_fit basins coverage)
-METHODS := $(SEARCHES) $(call module,sensor features waveform calibration joint_match limits accuracy robustness)
-STAND_INS := $(FITS) $(IDENTIFIED) $(call module,sensor folding window_search global_fit standins figures_standin)
+COMMON := $(call module,published figures/style figures/paper decisions workbook/__init__ workbook/execution) $(filter-out $(IDENTIFIED),$(wildcard replication/data/*))
+JOINT := $(call module,simulator/simulate simulator/core simulator/parameters datasets)
+FITS := $(JOINT) $(call module,signature identify table2 inspection)
+SIMULATIONS := $(JOINT) $(call module,characteristic simulator/identification simulated)
+SEARCHES := $(FITS) $(call module,studies/plots global_fit/folding global_fit/windows global_fit/fit studies/basins studies/coverage)
+METHODS := $(SEARCHES) $(call module,characteristic methods/readings methods/waveform methods/calibration methods/joint_match studies/limits studies/accuracy studies/robustness)
+STAND_INS := $(FITS) $(IDENTIFIED) $(call module,characteristic global_fit/folding global_fit/windows global_fit/fit standins/joints standins/plots)
 stamps = $(filter $(addprefix .make/,$(addsuffix _%,$(1))),$(STAMPS))
 
 $(call stamps,01 07 08): $(FITS)
@@ -94,14 +94,14 @@ $(call stamps,02 03 04 05 06 08): $(IDENTIFIED)
 $(call stamps,09): $(SEARCHES)
 $(call stamps,13): $(METHODS) $(IDENTIFIED)
 $(call stamps,10 11 12): $(STAND_INS)
-$(call stamps,10): $(call module,bench_standin wear_standin calibration features waveform)
-$(call stamps,11): $(call module,robots_standin)
-$(call stamps,12): $(call module,features waveform calibration presence log_tables log_columns logs estimate trend figures_sensor)
+$(call stamps,10): $(call module,standins/bench standins/wear methods/calibration methods/readings methods/waveform)
+$(call stamps,11): $(call module,standins/robots)
+$(call stamps,12): $(call module,methods/readings methods/waveform methods/calibration sensor/presence sensor/tables sensor/columns sensor/prepare sensor/verdict sensor/trend sensor/plots)
 
 $(STAMPS): .make/%.done: notebooks/%.py $(COMMON) | .venv/.installed
 	$(RUN) run --stamp $@ $<
 
-.make/workbook.done: $(STAMPS) replication/report.py replication/templates/report.html.j2 $(wildcard results/sensitivity.csv)
+.make/workbook.done: $(STAMPS) replication/workbook/report.py replication/workbook/templates/report.html.j2 $(wildcard results/sensitivity.csv)
 	$(RUN) collect
 	$(RUN) report
 	$(RUN) readme

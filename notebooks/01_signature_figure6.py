@@ -36,7 +36,8 @@
 import numpy as np
 import pandas as pd
 
-from replication import datasets, decisions, figures, inspection, published, workbook
+from replication import datasets, decisions, inspection, published, workbook
+from replication.figures import paper
 from replication.signature import Timing, signature
 
 # %% [markdown]
@@ -59,7 +60,7 @@ X = stored[names].to_numpy(float)
 timing = Timing(T_d=turn_period_s / 2, T_f=turn_period_s, n=turns)
 t = np.arange(0, turns * turn_period_s + 0.1, 1e-4)
 T2, T1 = X[5], X[6]
-figure = figures.signature_parameters(t, signature(t, X, timing), X[1], T1, T2, timing.T_d, timing.T_f)
+figure = paper.signature_parameters(t, signature(t, X, timing), X[1], T1, T2, timing.T_d, timing.T_f)
 workbook.save_figure(figure, "figure06_signature")
 
 # %% [markdown]
@@ -70,7 +71,7 @@ workbook.save_figure(figure, "figure06_signature")
 # %%
 record = datasets.load_clean(12)
 fitted = X[4] + signature(record.t, X, Timing(stored["T_d_s"], stored["T_f_s"], 12))
-figure = figures.record_with_fit(record.t, record.v, fitted, ("authors' record 12", f"stored run {run}"), seconds=1.6)
+figure = paper.record_with_fit(record.t, record.v, fitted, ("authors' record 12", f"stored run {run}"), seconds=1.6)
 workbook.save_figure(figure, "figure05_record12_with_signature")
 
 # %% [markdown]

@@ -30,8 +30,9 @@
 # %%
 import pandas as pd
 
-from replication import figures, simulations, workbook
-from replication.joint import identified_joint
+from replication import simulated, workbook
+from replication.figures import paper
+from replication.simulator.simulate import identified_joint
 
 # %% [markdown]
 # ## Parameters
@@ -45,8 +46,8 @@ alphas = [1e3, 1e4, 1e5, 1e6]  # sharpness of the edge, 1/rad
 
 # %%
 joint = identified_joint()
-curves = simulations.dead_zone_curves(joint, delta_rad, alphas)
-figure = figures.dead_zone(curves, delta_rad)
+curves = simulated.dead_zone_curves(joint, delta_rad, alphas)
+figure = paper.dead_zone(curves, delta_rad)
 workbook.save_figure(figure, "figure09_dead_zone")
 
 # %% [markdown]
@@ -55,7 +56,7 @@ workbook.save_figure(figure, "figure09_dead_zone")
 # equation 9 changes.
 
 # %%
-facts = simulations.dead_zone_facts(joint, delta_rad, alphas)
+facts = simulated.dead_zone_facts(joint, delta_rad, alphas)
 workbook.save_table(facts, "dead_zone_facts")
 facts
 

@@ -36,8 +36,12 @@
 # %%
 import pandas as pd
 
-from replication import datasets, figures, simulations, simulator_fit, workbook
-from replication.joint import identified_joint
+from replication import datasets, workbook
+from replication import simulated as simulations
+from replication.figures import paper
+from replication.simulator import identification
+from replication.simulator.recordings import simulate_recordings
+from replication.simulator.simulate import identified_joint
 
 # %% [markdown]
 # ## Parameters
@@ -55,7 +59,7 @@ profiled = ""  # a ratio to profile, such as "leaky_rate_per_s"; takes a minute
 committed = identified_joint()
 records = simulations.clean_records(simulations.CLEAN_LEVELS)
 fit_deltas = [datasets.level_delta_rad(level) for level in simulations.FIT_LEVELS]
-fit = simulator_fit.identify_joint(simulations.signals({delta: records[delta] for delta in fit_deltas}), committed)
+fit = identification.identify_joint(simulations.signals({delta: records[delta] for delta in fit_deltas}), committed)
 ratios = pd.DataFrame(
     [
         {"ratio": name, "committed": committed.ratios[name], "fitted": value, "low_95": low, "high_95": high}
@@ -82,7 +86,7 @@ together
 # %%
 if profiled:
     fitted_records = simulations.signals({delta: records[delta] for delta in fit_deltas})
-    display(simulator_fit.profile_ratio(profiled, (0.9, 1.0, 1.1), fitted_records, fit.parameters))  # noqa: F821
+    display(identification.profile_ratio(profiled, (0.9, 1.0, 1.1), fitted_records, fit.parameters))  # noqa: F821
 
 # %% [markdown]
 # ### Physical values, for a load of 5 kg
@@ -135,9 +139,9 @@ attempts.nsmallest(8, "max_nrmse_percent")
 # %%
 delta = datasets.level_delta_rad(13)
 record = records[delta]
-simulated = datasets.simulate_recordings(committed, [delta])[0]
+simulated = simulate_recordings(committed, [delta])[0]
 labels = ("authors' record 13", "simulated joint")
-figure = figures.record_with_fit(record.t, record.v, simulated.v, labels, seconds=1.6)
+figure = paper.record_with_fit(record.t, record.v, simulated.v, labels, seconds=1.6)
 workbook.save_figure(figure, "joint_residual")
 
 # %% [markdown]

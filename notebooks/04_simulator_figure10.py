@@ -32,8 +32,10 @@
 # %%
 import pandas as pd
 
-from replication import datasets, decisions, figures, simulations, workbook
-from replication.joint import identified_joint, simulate
+from replication import datasets, decisions, simulated, workbook
+from replication.figures import paper
+from replication.simulator.recordings import SIMULATION_STEP_S, simulate_recordings
+from replication.simulator.simulate import identified_joint, simulate
 
 # %% [markdown]
 # ## Parameters
@@ -46,10 +48,10 @@ changes = {}  # ratios of the joint to multiply, such as {"stiffness_per_s2": 1.
 # ## Result
 
 # %%
-joint = simulations.changed_joint(identified_joint(), changes)
-records = simulations.clean_records(simulations.CLEAN_LEVELS)
+joint = simulated.changed_joint(identified_joint(), changes)
+records = simulated.clean_records(simulated.CLEAN_LEVELS)
 delta_rad = datasets.level_delta_rad(level)
-run = simulate(joint, delta_rad, step_s=datasets.SIMULATION_STEP_S)
+run = simulate(joint, delta_rad, step_s=SIMULATION_STEP_S)
 shown = (run.time_s >= 2 * joint.turn_period_s) & (run.time_s <= 4 * joint.turn_period_s)
 motion = run.motor_position_rad - joint.commanded_speed_rad_per_s * run.time_s
 signals = [
@@ -63,19 +65,19 @@ signals = [
         None,
     ),
 ]
-figure = figures.simulated_joint(run.time_s[shown], signals)
+figure = paper.simulated_joint(run.time_s[shown], signals)
 workbook.save_figure(figure, "figure10_simulator")
 
 # %% [markdown]
 # ### Level by level
 
 # %%
-table = simulations.validate(joint, records)
+table = simulated.validate(joint, records)
 workbook.save_table(table, "simulator_validation")
 table
 
 # %%
-figure = figures.validation(table)
+figure = paper.validation(table)
 workbook.save_figure(figure, "figure10_validation")
 
 # %% [markdown]
@@ -90,8 +92,8 @@ lateness = pd.DataFrame(
     [
         {
             "delta_rad": delta,
-            "record_ms": 1e3 * simulations.positive_impact_delay(records[delta]),
-            "simulated_ms": 1e3 * simulations.positive_impact_delay(datasets.simulate_recordings(joint, [delta])[0]),
+            "record_ms": 1e3 * simulated.positive_impact_delay(records[delta]),
+            "simulated_ms": 1e3 * simulated.positive_impact_delay(simulate_recordings(joint, [delta])[0]),
         }
         for delta in list(records)[::2]
     ]

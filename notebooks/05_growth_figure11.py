@@ -31,8 +31,10 @@
 import numpy as np
 import pandas as pd
 
-from replication import datasets, decisions, experiments, figures, simulations, workbook
-from replication.joint import identified_joint
+from replication import datasets, decisions, simulated, table2, workbook
+from replication.figures import paper
+from replication.simulator.recordings import simulate_recordings
+from replication.simulator.simulate import identified_joint
 
 # %% [markdown]
 # ## Parameters
@@ -51,24 +53,24 @@ changes = {}  # ratios of the joint to multiply
 # The paper's signal comes from a robot or bench and is not public; this is the simulated joint's.
 
 # %%
-joint = simulations.changed_joint(identified_joint(), changes)
-speed = datasets.simulate_recordings(joint, [datasets.level_delta_rad(speed_level)])[0]
+joint = simulated.changed_joint(identified_joint(), changes)
+speed = simulate_recordings(joint, [datasets.level_delta_rad(speed_level)])[0]
 speed = datasets.add_uniform_noise(speed, noise_rps, np.random.default_rng(noise_seed))
 shown = speed.t <= 4 * speed.turn_period_s
-figure = figures.speed_signal(speed.t[shown], speed.v[shown], speed.turn_period_s)
+figure = paper.speed_signal(speed.t[shown], speed.v[shown], speed.turn_period_s)
 workbook.save_figure(figure, "figure05_speed_signal")
 
 # %% [markdown]
 # ### Figure 11
 
 # %%
-ten = [datasets.level_delta_rad(level) for level in experiments.table2_levels()]
-every = [datasets.level_delta_rad(level) for level in simulations.ALL_LEVELS]
-fine = datasets.simulate_recordings(joint, ten, sample_s=simulations.FINE_S)
-signals = simulations.disturbances(fine, ten)
-peaks = simulations.amplitudes(joint, every)
+ten = [datasets.level_delta_rad(level) for level in table2.table2_levels()]
+every = [datasets.level_delta_rad(level) for level in simulated.ALL_LEVELS]
+fine = simulate_recordings(joint, ten, sample_s=simulated.FINE_S)
+signals = simulated.disturbances(fine, ten)
+peaks = simulated.amplitudes(joint, every)
 workbook.save_table(peaks, "growth")
-figure = figures.growth(signals, peaks, simulations.printed_amplitudes())
+figure = paper.growth(signals, peaks, simulated.printed_amplitudes())
 workbook.save_figure(figure, "figure11_growth")
 
 # %%

@@ -33,8 +33,10 @@
 import numpy as np
 import pandas as pd
 
-from replication import datasets, decisions, experiments, figures, published, sensor, simulations, workbook
-from replication.joint import identified_joint
+from replication import characteristic, datasets, decisions, published, table2, workbook
+from replication import simulated as simulations
+from replication.figures import paper
+from replication.simulator.simulate import identified_joint
 
 # %% [markdown]
 # ## Parameters
@@ -50,11 +52,11 @@ changes = {}  # ratios of the simulated joint to multiply
 # ### The cubic
 
 # %%
-delta = sensor.printed_levels_rad()
+delta = characteristic.printed_levels_rad()
 theoretical = published.column("Table 2", "theoretical")[: delta.size]
 keep = ~np.isin(np.arange(1, delta.size + 1), left_out)
-scale = rpm_per_rps / sensor.RPM_PER_RPS
-fitted = sensor.fit_characteristic(scale * theoretical[keep], delta[keep])
+scale = rpm_per_rps / characteristic.RPM_PER_RPS
+fitted = characteristic.fit_characteristic(scale * theoretical[keep], delta[keep])
 coefficients = pd.DataFrame(
     {
         "printed": [published.value(f"equation10.A{k}") for k in range(4)],
@@ -66,7 +68,7 @@ coefficients
 
 # %%
 curve_A = np.r_[theoretical, np.linspace(0, theoretical[-1], 200)]
-figure = figures.characteristic(
+figure = paper.characteristic(
     theoretical, delta, curve_A, fitted.backlash_rad(scale * curve_A), "cubic through the printed points"
 )
 workbook.save_figure(figure, "figure12_characteristic")
@@ -79,10 +81,10 @@ workbook.save_figure(figure, "figure12_characteristic")
 
 # %%
 joint = simulations.changed_joint(identified_joint(), changes)
-ours = sensor.fit_characteristic(simulations.amplitudes(joint, delta)["amplitude_rps"], delta)
+ours = characteristic.fit_characteristic(simulations.amplitudes(joint, delta)["amplitude_rps"], delta)
 difference = simulations.characteristic_difference(ours)
 workbook.save_table(difference.iloc[::20], "characteristic_difference")
-figure = figures.characteristic_difference(difference, simulations.printed_amplitudes())
+figure = paper.characteristic_difference(difference, simulations.printed_amplitudes())
 workbook.save_figure(figure, "figure12_simulated")
 
 # %%
@@ -103,13 +105,13 @@ simulated
 # The tables give $A$ in rps; equation 10 is right only with rpm.
 
 # %%
-printed_equation = sensor.equation_10()
+printed_equation = characteristic.equation_10()
 units = pd.DataFrame(
     {
         "delta_rad": delta,
         "A_rps": theoretical,
         "equation 10 with A in rpm": printed_equation.backlash_rad(theoretical),
-        "equation 10 with A in rps": printed_equation.backlash_rad(theoretical / sensor.RPM_PER_RPS),
+        "equation 10 with A in rps": printed_equation.backlash_rad(theoretical / characteristic.RPM_PER_RPS),
     }
 )
 workbook.save_table(units, "equation10_units")
@@ -131,7 +133,7 @@ errors
 # Every printed relative error follows from the printed mean within the rounding of the mean.
 
 # %%
-arithmetic = sensor.table_arithmetic()
+arithmetic = characteristic.table_arithmetic()
 workbook.save_table(arithmetic, "table_arithmetic")
 arithmetic
 
@@ -145,7 +147,7 @@ arithmetic
 step, step_decision = decisions.encoder_step(published.value("text.encoder_bits"))
 claims = decisions.characteristic(printed_equation, errors) | {"encoder_step": step_decision}
 cells = decisions.equation10_cells(fitted) | decisions.error_cells(errors)
-levels = experiments.table2_levels()  # of the authors' data sets
+levels = table2.table2_levels()  # of the authors' data sets
 cells |= {
     "text.delta_min": datasets.level_delta_rad(levels[0]),
     "text.delta_max": datasets.level_delta_rad(levels[-1]),

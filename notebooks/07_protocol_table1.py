@@ -33,7 +33,8 @@
 # %%
 import pandas as pd
 
-from replication import datasets, experiments, figures, inspection, published, workbook
+from replication import datasets, inspection, published, table2, workbook
+from replication.figures import paper
 
 # %% [markdown]
 # ## Parameters
@@ -53,7 +54,7 @@ variants = "all"  # or a list of names
 
 # %%
 clean = datasets.load_clean(12)
-found_table1 = inspection.table1_cells(clean, experiments.AUTHORS)
+found_table1 = inspection.table1_cells(clean, table2.AUTHORS)
 printed = published.cells("Table 1")[["row", "column", "printed", "unit", "value"]]
 printed.assign(reproduced=found_table1)
 
@@ -71,17 +72,17 @@ turn_period_s
 
 # %%
 seeds = range(1, repeats + 1)
-chosen = [p for p in experiments.VARIANTS if variants == "all" or p.name in variants]
-records = [(key, record) for key, record in experiments.authors_table2_records([realisation]) if key["row"] in rows]
-runs = experiments.repeated_fits(records, chosen, seeds, label="protocol variants")
-scores = experiments.variant_scores(runs)
+chosen = [p for p in table2.VARIANTS if variants == "all" or p.name in variants]
+records = [(key, record) for key, record in table2.authors_table2_records([realisation]) if key["row"] in rows]
+runs = table2.repeated_fits(records, chosen, seeds, label="protocol variants")
+scores = table2.variant_scores(runs)
 workbook.save_table(scores, "protocol_variants")
-ranking = experiments.rank_variants(scores)
+ranking = table2.rank_variants(scores)
 workbook.save_table(ranking, "protocol_ranking")
 ranking
 
 # %%
-figure = figures.protocol_variants(scores)
+figure = paper.protocol_variants(scores)
 workbook.save_figure(figure, "table2_protocols")
 
 # %% [markdown]
@@ -102,9 +103,9 @@ workbook.save_figure(figure, "table2_protocols")
 claims = {}
 if variants == "all":
     error = ranking.set_index("protocol")["mean_abs_error_percent"]
-    drawn, whole = error["start drawn per run"], error[experiments.AUTHORS.name]
+    drawn, whole = error["start drawn per run"], error[table2.AUTHORS.name]
     claims["random_start"] = (bool(drawn <= whole), f"means {drawn:.1f} % off, with the whole record {whole:.1f} %")
-cells = found_table1.to_dict() | {"text.latest_start": experiments.AUTHORS.latest_start}
+cells = found_table1.to_dict() | {"text.latest_start": table2.AUTHORS.latest_start}
 inputs = datasets.authors_digests([clean, *(record for _, record in records)])
 workbook.save_outcome("07_protocol_table1", {"authors": cells}, claims, inputs, seeds)[
     ["id", "printed", "reproduced", "difference", "tolerance", "verdict"]

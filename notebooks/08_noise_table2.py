@@ -38,8 +38,9 @@
 # %%
 import pandas as pd
 
-from replication import datasets, decisions, experiments, figures, inspection, published, workbook
-from replication.joint import identified_joint
+from replication import datasets, decisions, inspection, published, table2, workbook
+from replication.figures import paper
+from replication.simulator.simulate import identified_joint
 
 # %% [markdown]
 # ## Parameters
@@ -70,13 +71,13 @@ noise_law
 
 # %%
 seeds = range(1, repeats + 1)
-of_authors = experiments.authors_table2_records(realisations)
+of_authors = table2.authors_table2_records(realisations)
 of_ours = [
-    *experiments.simulated_table2_records(identified_joint(), noise_seed),
-    experiments.noise_only_record(noise_seed),
+    *table2.simulated_table2_records(identified_joint(), noise_seed),
+    table2.noise_only_record(noise_seed),
 ]
-fits_of_authors = experiments.repeated_fits(of_authors, [experiments.AUTHORS], seeds, label="Table 2, authors' records")
-fits_of_ours = experiments.repeated_fits(of_ours, [experiments.AUTHORS], seeds, label="Table 2, simulated records")
+fits_of_authors = table2.repeated_fits(of_authors, [table2.AUTHORS], seeds, label="Table 2, authors' records")
+fits_of_ours = table2.repeated_fits(of_ours, [table2.AUTHORS], seeds, label="Table 2, simulated records")
 workbook.save_table(fits_of_authors, "table2_runs_authors")
 workbook.save_table(fits_of_ours, "table2_runs_simulated")
 
@@ -84,8 +85,8 @@ workbook.save_table(fits_of_ours, "table2_runs_simulated")
 printed_noise = published.column("Table 2", "noise")
 table = pd.concat(
     [
-        experiments.table2(fits_of_authors, "authors", noise),
-        experiments.table2(fits_of_ours, "simulated", printed_noise),
+        table2.table2(fits_of_authors, "authors", noise),
+        table2.table2(fits_of_ours, "simulated", printed_noise),
     ],
     ignore_index=True,
 )
@@ -99,7 +100,7 @@ by_source = {
     f"{source}, {noise_level}": part
     for (source, noise_level), part in backlash.groupby(["source", "noise_level"], sort=False)
 }
-figure = figures.table2(by_source, printed)
+figure = paper.table2(by_source, printed)
 workbook.save_figure(figure, "table2_amplitudes")
 
 # %% [markdown]
@@ -108,7 +109,7 @@ workbook.save_figure(figure, "table2_amplitudes")
 # The bar is 2 %: what the window's gate and another noise realisation move.
 
 # %%
-best = pd.DataFrame({label: experiments.best_basin_error_percent(part) for label, part in by_source.items()})
+best = pd.DataFrame({label: table2.best_basin_error_percent(part) for label, part in by_source.items()})
 best.index = pd.Index(range(1, len(best) + 1), name="row")
 best.round(2)
 
@@ -123,8 +124,8 @@ first_level = f"low, R = {realisations[0]}"
 of_first = table[table["noise_level"] == first_level]
 widest = int(of_first.loc[of_first["sd_A_rps"].idxmax(), "row"])
 of_widest = fits_of_authors[(fits_of_authors["row"] == widest) & (fits_of_authors["noise_level"] == first_level)]
-labels = experiments.basin_labels(of_widest["rmse_rps"].to_numpy())
-figure = figures.basins(of_widest, labels, f"row {widest} of Table 2, {first_level}")
+labels = table2.basin_labels(of_widest["rmse_rps"].to_numpy())
+figure = paper.basins(of_widest, labels, f"row {widest} of Table 2, {first_level}")
 workbook.save_figure(figure, "table2_basins")
 
 # %% [markdown]
@@ -146,8 +147,8 @@ claims = {
 }
 noise_cells = [f"table2.row{row:02d}.noise" for row in of_simulated["row"]]  # taken from the paper, not measured
 cells = {
-    "authors": experiments.table2_cells(of_first).to_dict() | {"text.runs": repeats, "text.levels": len(of_first)},
-    "simulated": experiments.table2_cells(of_simulated).drop(noise_cells).to_dict(),
+    "authors": table2.table2_cells(of_first).to_dict() | {"text.runs": repeats, "text.levels": len(of_first)},
+    "simulated": table2.table2_cells(of_simulated).drop(noise_cells).to_dict(),
 }
 inputs = datasets.authors_digests(record for _, record in of_authors)
 workbook.save_outcome("08_noise_table2", cells, claims, inputs, [*seeds, noise_seed])[

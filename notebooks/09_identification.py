@@ -39,10 +39,12 @@
 # %%
 import pandas as pd
 
-from replication import basins, coverage, datasets, experiments, figures_beyond, published, workbook
-from replication.global_fit import global_fit
+from replication import datasets, published, table2, workbook
+from replication.global_fit.fit import global_fit
+from replication.global_fit.printed import global_table2
 from replication.identify import Protocol
 from replication.signature import FREE_PARAMETERS
+from replication.studies import basins, coverage, plots
 
 # %% [markdown]
 # ## Parameters
@@ -62,7 +64,7 @@ coverage_runs = 200  # made records for each noise law
 # %%
 protocol = Protocol()
 record = datasets.load_clean(level)
-replay = experiments.repeated_fits([({}, record)], [protocol], range(1, replay_runs + 1), label="replay")
+replay = table2.repeated_fits([({}, record)], [protocol], range(1, replay_runs + 1), label="replay")
 stored = published.authors_notebook_runs().rename(
     columns={"window_start_s": "T1_s", "window_end_s": "T2_s", "final_rmse_rps": "rmse_rps"}
 )
@@ -88,7 +90,7 @@ slices = basins.slices(record, protocol, best.X)
 labels = basins.label_basins(replay["rmse_rps"].to_numpy(), (replay["t0_s"] + replay["T1_s"]).to_numpy())
 commonest = sorted(pd.Series(labels).value_counts().index[:5])
 by_basin = [replay[labels == label] for label in commonest]
-figure = figures_beyond.landscape(slices, by_basin, found)
+figure = plots.landscape(slices, by_basin, found)
 workbook.save_figure(figure, "identification_landscape")
 
 # %% [markdown]
@@ -99,14 +101,14 @@ workbook.save_figure(figure, "identification_landscape")
 # (notebook 7), at about the price per success of the authors' 300.
 
 # %%
-target = best.rmse * (1 + experiments.BASIN_GAP)
+target = best.rmse * (1 + table2.BASIN_GAP)
 searches = basins.study(record, protocol, basins.strategies(budget), range(1, strategy_runs + 1), target)
 costs = basins.strategy_table(searches)
 workbook.save_table(costs, "identification_strategies")
 costs.round(3)
 
 # %%
-figure = figures_beyond.strategy_costs(costs)
+figure = plots.strategy_costs(costs)
 workbook.save_figure(figure, "identification_strategies")
 
 # %% [markdown]
@@ -115,13 +117,13 @@ workbook.save_figure(figure, "identification_strategies")
 # The measured seconds of a fit are in `results/bench.csv`.
 
 # %%
-records = experiments.authors_table2_records([1])
-intervals = experiments.global_table2(records)
+records = table2.authors_table2_records([1])
+intervals = global_table2(records)
 workbook.save_table(intervals, "identification_table2")
 intervals.drop(columns=["delta_rad"]).round(4)
 
 # %%
-figure = figures_beyond.amplitude_intervals(intervals)
+figure = plots.amplitude_intervals(intervals)
 workbook.save_figure(figure, "identification_intervals")
 
 # %% [markdown]

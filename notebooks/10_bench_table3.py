@@ -44,18 +44,12 @@ from dataclasses import asdict, replace
 import numpy as np
 import pandas as pd
 
-from replication import (
-    bench_standin,
-    calibration,
-    experiments,
-    figures,
-    figures_standin,
-    sensor,
-    standins,
-    wear_standin,
-    workbook,
-)
-from replication.joint import identified_joint, simulate
+from replication import characteristic, table2, workbook
+from replication.figures import paper
+from replication.methods import calibration
+from replication.simulator.simulate import identified_joint, simulate
+from replication.standins import bench as bench_standin
+from replication.standins import joints, plots, wear
 
 # %% [markdown]
 # ## Parameters
@@ -77,7 +71,7 @@ limit_rad = 10e-4  # backlash that calls for maintenance
 # rad, and the middle of the two at 10e-4. The real measures must then have been round 1e-4 rad, or rounded to it.
 
 # %%
-known = sensor.known_amplitudes()
+known = characteristic.known_amplitudes()
 workbook.save_table(known, "table3_known")
 known
 
@@ -87,8 +81,8 @@ known
 # What was drawn, against the identified joint.
 
 # %%
-drawn_spread = replace(standins.Spread(), **spread)
-bench = standins.draw_bench(np.random.default_rng(bench_seed), drawn_spread)
+drawn_spread = replace(joints.Spread(), **spread)
+bench = joints.draw_bench(np.random.default_rng(bench_seed), drawn_spread)
 identified = identified_joint()
 ratios = pd.DataFrame({"identified": identified.ratios, "bench": bench.joint.ratios})
 ratios.assign(factor=ratios["bench"] / ratios["identified"]).dropna()
@@ -106,13 +100,13 @@ pd.DataFrame([asdict(wave) for wave in bench.joint.disturbances])
 # public.
 
 # %%
-deltas_rad = sensor.static_levels_rad()
+deltas_rad = characteristic.static_levels_rad()
 start = identified.start_angle_rad
 runs = [
     simulate(replace(joint, start_angle_rad=start, lead_s=joint.turn_period_s), deltas_rad[-1])
     for joint in (identified, bench.joint)
 ]
-shown = slice(0, 2 * round(identified.turn_period_s / standins.SAMPLE_S))
+shown = slice(0, 2 * round(identified.turn_period_s / joints.SAMPLE_S))
 noise = np.random.default_rng(bench_seed).normal(0, bench.noise_rps, runs[1].time_s.size)
 constant = identified.gear_ratio * start + identified.commanded_speed_rad_per_s * runs[0].time_s
 simulator, stand_in = runs
@@ -121,7 +115,7 @@ signals = [
     ("motor speed [rps]", simulator.motor_speed_rps[shown], (stand_in.motor_speed_rps + noise)[shown]),
     ("motor torque [N m]\n(current)", *(run.motor_torque_nm[shown] for run in runs)),
 ]
-figure = figures.simulated_joint(simulator.time_s[shown], signals, "stand-in bench")
+figure = paper.simulated_joint(simulator.time_s[shown], signals, "stand-in bench")
 workbook.save_figure(figure, "figure10_bench_standin")
 
 # %% [markdown]
@@ -130,7 +124,7 @@ workbook.save_figure(figure, "figure10_bench_standin")
 # %%
 seeds = range(1, repeats + 1)
 records = bench_standin.table3_records(bench, deltas_rad, bench_seed)
-fits = experiments.repeated_fits(records, [experiments.AUTHORS], seeds, label="Table 3, stand-in bench")
+fits = table2.repeated_fits(records, [table2.AUTHORS], seeds, label="Table 3, stand-in bench")
 table = bench_standin.table3(fits)
 workbook.save_table(table, "table3")
 table.set_index("row").T
@@ -142,7 +136,7 @@ table.set_index("row").T
 # %%
 population = bench_standin.bench_population(benches, deltas_rad, bench_seed, drawn_spread)
 workbook.save_table(population, "table3_population")
-figure = figures_standin.table3(table, population)
+figure = plots.table3(table, population)
 workbook.save_figure(figure, "table3_bench")
 
 # %%
@@ -160,7 +154,7 @@ errors.assign(printed=printed_error.to_numpy())
 # %%
 friction = bench_standin.load_friction_study([0.0, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2], deltas_rad[1], bench_seed)
 workbook.save_table(friction, "table3_friction")
-figure = figures_standin.load_friction(friction)
+figure = plots.load_friction(friction)
 workbook.save_figure(figure, "table3_friction")
 friction
 
@@ -175,19 +169,19 @@ friction
 
 # %%
 rng = np.random.default_rng((bench_seed, 1))
-wearing = [bench, *(standins.draw_bench(rng, drawn_spread) for _ in range(worn_benches - 1))]
-wears = [wear_standin.draw_wear(rng, limit_rad) for _ in wearing]
+wearing = [bench, *(joints.draw_bench(rng, drawn_spread) for _ in range(worn_benches - 1))]
+wears = [wear.draw_wear(rng, limit_rad) for _ in wearing]
 sensors = {
     name: calibration.default_calibration(method)
     for name, method in (("equation 10", "paper"), ("amplitude, calibrated", "amplitude"), ("waveform", "waveform"))
 }
-tests = wear_standin.wear_tests(wearing, wears, sensors, limit_rad, bench_seed)
+tests = wear.wear_tests(wearing, wears, sensors, limit_rad, bench_seed)
 workbook.save_table(tests, "table3_wear")
-figure = figures_standin.wear(tests, limit_rad)
+figure = plots.wear(tests, limit_rad)
 workbook.save_figure(figure, "table3_wear")
 
 # %%
-calls = wear_standin.maintenance_calls(tests)
+calls = wear.maintenance_calls(tests)
 workbook.save_table(calls, "table3_calls")
 calls.set_index("sensor").T
 

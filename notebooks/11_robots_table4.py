@@ -44,8 +44,9 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 
-from replication import experiments, figures_standin, published, robots_standin, sensor, workbook
-from replication.joint import identified_joint
+from replication import characteristic, published, table2, workbook
+from replication.simulator.simulate import identified_joint
+from replication.standins import plots, robots
 
 # %% [markdown]
 # ## Parameters
@@ -68,7 +69,10 @@ torque_shares = [0.02, 0.05, 0.1]  # its torque over m g r
 # %%
 printed_A, printed_B = published.column("Table 4", "mean")
 pd.DataFrame(
-    {"A_rps": [printed_A, printed_B], "equation_10_rad": sensor.equation_10().backlash_rad([printed_A, printed_B])},
+    {
+        "A_rps": [printed_A, printed_B],
+        "equation_10_rad": characteristic.equation_10().backlash_rad([printed_A, printed_B]),
+    },
     index=["robot A", "robot B"],
 )
 
@@ -79,11 +83,11 @@ pd.DataFrame(
 # $A$ is dropped.
 
 # %%
-spread = robots_standin.RobotSpread(coupling=coupling)
+spread = robots.RobotSpread(coupling=coupling)
 seeds = range(1, repeats + 1)
-records = robots_standin.table4_records(spread, robot_seed)
-fits = experiments.repeated_fits(records, [experiments.AUTHORS], seeds, label="Table 4, stand-in robots")
-table = robots_standin.table4(fits)
+records = robots.table4_records(spread, robot_seed)
+fits = table2.repeated_fits(records, [table2.AUTHORS], seeds, label="Table 4, stand-in robots")
+table = robots.table4(fits)
 workbook.save_table(table, "table4")
 table.set_index("robot").T
 
@@ -91,24 +95,21 @@ table.set_index("robot").T
 # ### Many robots
 
 # %%
-population = robots_standin.robot_population(robots_each, spread, robot_seed)
-loud = robots_standin.robot_population(loud_robots_each, replace(spread, coupling=loud_coupling), robot_seed)
+population = robots.robot_population(robots_each, spread, robot_seed)
+loud = robots.robot_population(loud_robots_each, replace(spread, coupling=loud_coupling), robot_seed)
 workbook.save_table(population, "table4_population")
 by_kind = population.groupby("kind", sort=False)["A_rps"]
 by_kind.describe()
 
 # %%
 healthy, excessive = (part.to_numpy() for _, part in by_kind)
-curve = robots_standin.roc(healthy, excessive)
+curve = robots.roc(healthy, excessive)
 loud_kinds = [part.to_numpy() for _, part in loud.groupby("kind", sort=False)["A_rps"]]
-loud_curve = robots_standin.roc(*loud_kinds)
-best = robots_standin.best_threshold(curve)
+loud_curve = robots.roc(*loud_kinds)
+best = robots.best_threshold(curve)
 thresholds = {"printed robot A": printed_A, "printed robot B": printed_B, "best (Youden)": best["threshold_rps"]}
 marks = pd.DataFrame(
-    [
-        (name, threshold, *robots_standin.shares_at(healthy, excessive, threshold))
-        for name, threshold in thresholds.items()
-    ],
+    [(name, threshold, *robots.shares_at(healthy, excessive, threshold)) for name, threshold in thresholds.items()],
     columns=["name", "threshold_rps", "false_alarms", "detected"],
 )
 workbook.save_table(marks, "table4_thresholds")
@@ -116,25 +117,25 @@ marks
 
 # %%
 curves = {
-    f"couplings up to {100 * share:.0f} %": (each, robots_standin.area_under(each))
+    f"couplings up to {100 * share:.0f} %": (each, robots.area_under(each))
     for share, each in ((coupling, curve), (loud_coupling, loud_curve))
 }
-figure = figures_standin.robots(population, curves, marks)
+figure = plots.robots(population, curves, marks)
 workbook.save_figure(figure, "table4_robots")
 
 # %% [markdown]
 # The threshold depends on how loud the arm is: that of the quiet arm on the loud one, and the loud one's own.
 
 # %%
-of_quiet, loud_best = best["threshold_rps"], robots_standin.best_threshold(loud_curve)
+of_quiet, loud_best = best["threshold_rps"], robots.best_threshold(loud_curve)
 cases = pd.DataFrame(
     [
         (coupling, "its best", of_quiet, best["false_alarms"], best["detected"]),
-        (loud_coupling, "the quiet arm's", of_quiet, *robots_standin.shares_at(*loud_kinds, of_quiet)),
+        (loud_coupling, "the quiet arm's", of_quiet, *robots.shares_at(*loud_kinds, of_quiet)),
         (loud_coupling, "its best", loud_best["threshold_rps"], loud_best["false_alarms"], loud_best["detected"]),
     ],
     columns=["coupling", "threshold", "threshold_rps", "false_alarms", "detected"],
-).assign(area=[robots_standin.area_under(each) for each in (curve, loud_curve, loud_curve)])
+).assign(area=[robots.area_under(each) for each in (curve, loud_curve, loud_curve)])
 workbook.save_table(cases, "table4_loudness")
 cases
 
@@ -154,12 +155,12 @@ cases
 joint = identified_joint()
 middle_gravity = float(np.mean(spread.gravity))
 frequencies = np.arange(12.5, 30.01, frequency_step_hz)
-sweep = robots_standin.disturbed_healthy_joint(
+sweep = robots.disturbed_healthy_joint(
     frequencies, torque_shares, middle_gravity, spread.bench.noise_rps / 2, robot_seed
 )
 workbook.save_table(sweep, "table4_disturbance")
 lines = {"printed robot B": printed_B, "best threshold of the robots above": best["threshold_rps"]}
-figure = figures_standin.robots_disturbance(sweep, lines, 1 / joint.turn_period_s)
+figure = plots.robots_disturbance(sweep, lines, 1 / joint.turn_period_s)
 workbook.save_figure(figure, "table4_disturbance")
 
 # %%
@@ -188,7 +189,7 @@ pd.DataFrame(
 # All cells are `stand-in`.
 
 # %%
-workbook.save_outcome("11_robots_table4", {"stand-in": robots_standin.table4_cells(table)}, seeds=[*seeds, robot_seed])[
+workbook.save_outcome("11_robots_table4", {"stand-in": robots.table4_cells(table)}, seeds=[*seeds, robot_seed])[
     ["id", "source", "printed", "reproduced", "difference", "tolerance", "verdict"]
 ]
 

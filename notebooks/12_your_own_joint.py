@@ -46,8 +46,11 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 
-from replication import calibration, estimate, figures_sensor, standins, trend, workbook
-from replication.log_columns import LogFormat
+from replication import workbook
+from replication.methods import calibration
+from replication.sensor import plots, trend, verdict
+from replication.sensor.columns import LogFormat
+from replication.standins import joints
 
 # %% [markdown]
 # ## Parameters
@@ -69,24 +72,24 @@ limit_rad = 10e-4  # backlash that calls for maintenance
 # no answer but `cannot tell`.
 
 # %%
-bench = standins.draw_bench(np.random.default_rng(bench_seed))
+bench = joints.draw_bench(np.random.default_rng(bench_seed))
 form = LogFormat(turn_period_s=bench.joint.turn_period_s, unit="rps")
 
 
 def log(delta_rad, seed, of=bench, turns=log_turns):
     """A log of your joint, cut to the turns that are wanted."""
-    record = standins.encoder_log(of, delta_rad, np.random.default_rng((bench_seed, seed)))
-    samples = round(turns * record.turn_period_s / standins.SAMPLE_S)
+    record = joints.encoder_log(of, delta_rad, np.random.default_rng((bench_seed, seed)))
+    samples = round(turns * record.turn_period_s / joints.SAMPLE_S)
     return replace(record, t=record.t[:samples], v=record.v[:samples])
 
 
 def answer(record, settings, name="log"):
-    return estimate.examine_recording(record, settings, name, [])
+    return verdict.examine_recording(record, settings, name, [])
 
 
-papers = estimate.settings_for(form)
+papers = verdict.settings_for(form)
 first = answer(log(backlash_rad, 0), papers)
-print(estimate.as_text(first.estimate))
+print(verdict.as_text(first.estimate))
 
 # %% [markdown]
 # ### Your own calibration
@@ -97,11 +100,11 @@ print(estimate.as_text(first.estimate))
 # %%
 known_rad = np.linspace(3e-4, 19e-4, calibration_levels)
 own = calibration.calibrate([log(delta, 100 + k, turns=12) for k, delta in enumerate(known_rad)], known_rad, method)
-ours = estimate.settings_for(form, own)
+ours = verdict.settings_for(form, own)
 print(f"{own.method}: {own.range_rad[0]:.1e} to {own.range_rad[1]:.1e} rad, uncertainty {own.uncertainty_rad:.1e} rad")
 second = answer(log(backlash_rad, 0), ours)
-print(estimate.as_text(second.estimate))
-figure = figures_sensor.estimate_figure(second.recording, second.model_rps, "your joint, the waveform of its backlash")
+print(verdict.as_text(second.estimate))
+figure = plots.estimate_figure(second.recording, second.model_rps, "your joint, the waveform of its backlash")
 workbook.save_figure(figure, "own_joint_log")
 
 # %% [markdown]
@@ -110,7 +113,7 @@ workbook.save_figure(figure, "own_joint_log")
 # %%
 true_rad = [5e-4, 8e-4, 11e-4, 14e-4, 17e-4]
 rows = [
-    {"calibration": name, "true_rad": delta} | estimate.as_row(answer(log(delta, 200 + k), settings).estimate)
+    {"calibration": name, "true_rad": delta} | verdict.as_row(answer(log(delta, 200 + k), settings).estimate)
     for k, delta in enumerate(true_rad)
     for name, settings in (("the paper's joint", papers), ("your own", ours))
 ]
@@ -125,10 +128,10 @@ table.sort_values(["calibration", "true_rad"])
 # %%
 dates = pd.date_range("2026-01-05", periods=8, freq="28D")
 worn_rad = np.linspace(5e-4, 9.2e-4, dates.size)
-logs = [estimate.as_row(answer(log(delta, 300 + k), ours).estimate) for k, delta in enumerate(worn_rad)]
+logs = [verdict.as_row(answer(log(delta, 300 + k), ours).estimate) for k, delta in enumerate(worn_rad)]
 line = trend.fit_trend(logs, dates, limit_rad)
 print(trend.as_text(line))
-figure = figures_sensor.trend_figure(line)
+figure = plots.trend_figure(line)
 workbook.save_figure(figure, "own_joint_trend")
 
 # %% [markdown]
@@ -148,7 +151,7 @@ odd = {
     "twice the largest backlash of the calibration": log(2 * own.range_rad[1], 2),
 }
 answers = [answer(record, ours, name).estimate for name, record in odd.items()]
-print("\n".join(estimate.as_text(found) for found in answers))
+print("\n".join(verdict.as_text(found) for found in answers))
 workbook.save_table(pd.DataFrame([(a.file, a.verdict) for a in answers], columns=["log", "verdict"]), "own_joint_odd")
 
 # %% [markdown]

@@ -42,8 +42,9 @@
 # %%
 import numpy as np
 
-from replication import accuracy, datasets, figures_beyond, limits, robustness, workbook
-from replication.joint import identified_joint
+from replication import datasets, workbook
+from replication.simulator.simulate import identified_joint
+from replication.studies import accuracy, limits, plots, robustness
 
 # %% [markdown]
 # ## Parameters
@@ -79,7 +80,7 @@ summary
 
 # %%
 targets_rad = {"energy": 1.5e-5} | dict.fromkeys(["waveform", *accuracy.JOINT_METHODS], 1e-5)
-figure = figures_beyond.cross_validation_errors(errors, targets_rad)
+figure = plots.cross_validation_errors(errors, targets_rad)
 workbook.save_figure(figure, "beyond_features")
 
 # %% [markdown]
@@ -109,7 +110,7 @@ labels = {
     "turns": "load turns, the first left out [-]",
     "encoder_bits": "motor encoder [bits], 500 Hz, no other noise",
 }
-figure = figures_beyond.error_limits(measured, labels)
+figure = plots.error_limits(measured, labels)
 workbook.save_figure(figure, "beyond_limits")
 
 # %% [markdown]
@@ -137,7 +138,7 @@ workbook.save_table(detected, "detection")
 detected
 
 # %%
-figure = figures_beyond.detection_curves(seen, filtered)
+figure = plots.detection_curves(seen, filtered)
 workbook.save_figure(figure, "beyond_detection")
 
 # %% [markdown]
@@ -152,9 +153,7 @@ workbook.save_table(ranked, "robustness_ranking")
 ranked
 
 # %%
-figure = figures_beyond.tornado(
-    ends[ends["change"] != 0], ["equation 10", "amplitude", "energy", "waveform", robustness.JOINT]
-)
+figure = plots.tornado(ends[ends["change"] != 0], ["equation 10", "amplitude", "energy", "waveform", robustness.JOINT])
 workbook.save_figure(figure, "beyond_robustness")
 
 # %% [markdown]

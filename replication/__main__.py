@@ -6,9 +6,12 @@ import time
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
-from replication import bench, benchmark, commands, flips, report, sensitivity, simulations, workbook
+from replication import simulated, workbook
 from replication.datasets import WORKBOOK_FILES, DataCorrupt, DataUnavailable, authors_file
-from replication.log_tables import UnusableLog
+from replication.sensor import commands
+from replication.sensor.tables import UnusableLog
+from replication.studies import scoreboard, sensitivity, timings
+from replication.workbook import flips, report
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -16,7 +19,7 @@ def main(arguments: list[str] | None = None) -> int:
     options = _parser().parse_args(arguments)
     try:
         return options.command(options)
-    except (DataUnavailable, DataCorrupt, UnusableLog, benchmark.UnusableMethod) as error:
+    except (DataUnavailable, DataCorrupt, UnusableLog, scoreboard.UnusableMethod) as error:
         print(error, file=sys.stderr)
         return 2
 
@@ -79,7 +82,7 @@ def _run(options: argparse.Namespace) -> int:
 
 def _run_one(source: Path, options: argparse.Namespace) -> str:
     """Execute a notebook; say how it ended."""
-    from replication import execution  # takes a second and a half, which no other command should wait for
+    from replication.workbook import execution  # takes a second and a half, which no other command should wait for
 
     begun = time.perf_counter()
     try:
@@ -141,20 +144,20 @@ def _readme(_: argparse.Namespace) -> int:
 
 
 def _identify_joint(_: argparse.Namespace) -> int:
-    workbook.write_text(workbook.ROOT / "replication" / "data" / "joint.json", simulations.calibrate())
+    workbook.write_text(workbook.ROOT / "replication" / "data" / "joint.json", simulated.calibrate())
     return 0
 
 
 def _bench(_: argparse.Namespace) -> int:
-    table = bench.bench()
+    table = timings.bench()
     workbook.write_csv(workbook.ROOT / "results" / "bench.csv", table)
     print(table.drop(columns="note").to_string(index=False))
     return 0
 
 
 def _benchmark(_: argparse.Namespace) -> int:
-    scores = benchmark.run_benchmark(benchmark.benchmark_logs())
-    table = benchmark.summary(scores)
+    scores = scoreboard.run_benchmark(scoreboard.benchmark_logs())
+    table = scoreboard.summary(scores)
     folder = workbook.ROOT / "results"
     workbook.write_csv(folder / "benchmark_logs.csv", scores.drop(columns="seconds"))
     workbook.write_csv(folder / "benchmark.csv", table)
@@ -163,11 +166,11 @@ def _benchmark(_: argparse.Namespace) -> int:
 
 
 def _score(options: argparse.Namespace) -> int:
-    logs, missing = benchmark.logs_at_hand()
-    scores = benchmark.score_logs(options.method, benchmark.load_method(options.method), logs)
+    logs, missing = scoreboard.logs_at_hand()
+    scores = scoreboard.score_logs(options.method, scoreboard.load_method(options.method), logs)
     for kind, part in scores.groupby("kind", sort=False):
-        print(f"{kind}:\n{benchmark.summary(part).to_string(index=False)}")
-    print(f"all:\n{benchmark.summary(scores).to_string(index=False)}")
+        print(f"{kind}:\n{scoreboard.summary(part).to_string(index=False)}")
+    print(f"all:\n{scoreboard.summary(scores).to_string(index=False)}")
     if missing:
         print(missing, file=sys.stderr)
     return 0

@@ -5,7 +5,7 @@ import io
 import os
 import re
 import zipfile
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from importlib.resources import files
 from pathlib import Path
@@ -16,8 +16,6 @@ import pandas as pd
 import pooch
 from numpy.typing import NDArray
 
-from replication.joint import JointParameters, simulate_many
-
 FloatArray = NDArray[np.float64]
 
 AUTHORS_COMMIT = "7c81edefe3e61479d234d5080d4627dbbf584733"
@@ -26,9 +24,6 @@ AUTHORS_URL = f"https://raw.githubusercontent.com/ElianaGiovannitti/Backlash-est
 # What the logs are records of: the paper gives the commanded speed, the logs the turn period.
 COMMANDED_SPEED_RPS = 100.0
 TURN_PERIOD_S = 0.4
-
-# Divides the drive's period and the sampling; the error is then far below the five digits of the authors' records.
-SIMULATION_STEP_S = 5e-5
 
 WORKBOOK_FILES = (
     *(f"Speeddata{level}.xlsx" for level in range(3, 14)),
@@ -114,41 +109,6 @@ def constant_speed(samples: int, dt: float) -> Recording:
     """Make a record without backlash, the commanded speed and nothing else, to add noise to."""
     v = np.full(samples, COMMANDED_SPEED_RPS)
     return Recording(dt * np.arange(samples), v, COMMANDED_SPEED_RPS, TURN_PERIOD_S, "constant speed")
-
-
-def simulate_recordings(
-    joint: JointParameters, deltas_rad: Sequence[float], sample_s: float = 2e-3, turns: int = 12
-) -> list[Recording]:
-    """Record the simulated joint's motor speed at each backlash.
-
-    Parameters
-    ----------
-    joint : JointParameters
-        The joint.
-    deltas_rad : sequence of float
-        Backlash of each record [rad].
-    sample_s : float
-        Sampling period [s]; the authors' records have 2 ms.
-    turns : int
-        Length of the records in load turns; the authors' have twelve.
-
-    Returns
-    -------
-    list of Recording
-    """
-    runs = simulate_many(
-        joint, deltas_rad, duration_s=turns * joint.turn_period_s, sample_s=sample_s, step_s=SIMULATION_STEP_S
-    )
-    return [
-        Recording(
-            run.time_s,
-            run.motor_speed_rps,
-            joint.commanded_speed_rps,
-            joint.turn_period_s,
-            f"simulated joint, {run.delta_rad:g} rad",
-        )
-        for run in runs
-    ]
 
 
 def level_delta_rad(level: int) -> float:

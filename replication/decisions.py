@@ -6,7 +6,8 @@ A decision is a pair: whether the claim holds, and what was measured. `data/clai
 import numpy as np
 import pandas as pd
 
-from replication import inspection, published, sensor
+from replication import characteristic as sensor
+from replication import inspection, published
 from replication.datasets import Recording
 
 Decision = tuple[bool, str]

@@ -9,8 +9,9 @@ import numpy as np
 from cma.evolution_strategy import get_CMASolutionDict
 from numpy.typing import NDArray
 
+from replication.compiled.misfit import population_rmse
 from replication.datasets import Recording
-from replication.signature import DAMPING_PER_S, FREQUENCY_HZ, Box, Timing, population_rmse, table1_box
+from replication.signature import DAMPING_PER_S, FREQUENCY_HZ, Box, Timing, table1_box
 
 FloatArray = NDArray[np.float64]
 

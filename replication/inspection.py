@@ -9,9 +9,9 @@ from scipy import stats
 
 from replication import published
 from replication.datasets import Recording, load_clean, load_noisy
-from replication.experiments import AUTHORS, basin_labels, table2_levels
 from replication.identify import Protocol, first_generation_rmse, margin_cma4, protocol_box
 from replication.signature import rmse
+from replication.table2 import AUTHORS, basin_labels, table2_levels
 
 FloatArray = NDArray[np.float64]
 

@@ -9,7 +9,7 @@ import numpy as np
 import openpyxl
 import pytest
 
-from replication import datasets, experiments, inspection, published
+from replication import datasets, inspection, published, table2
 
 
 def workbook_bytes(rows):
@@ -218,7 +218,7 @@ def test_the_turn_period_of_a_made_record_is_found_to_a_tenth_of_a_sample():
 
 def test_the_added_noise_is_uniform_with_the_printed_half_amplitude(authors_data):
     printed = published.column("Table 2", "noise")
-    for row, level in enumerate(experiments.table2_levels()):
+    for row, level in enumerate(table2.table2_levels()):
         formula = 0.1 + (level - 1) * 0.15 / 19
         assert abs(formula - printed[row]) <= 1e-4
         if level >= 3:

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from replication import datasets, published
+from replication.compiled.misfit import population_rmse
 from replication.identify import (
     Protocol,
     evolution_strategy,
@@ -16,7 +17,7 @@ from replication.identify import (
     paper_fit,
     protocol_box,
 )
-from replication.signature import population_rmse, signature
+from replication.signature import signature
 
 MARGINS = {margin_cma3: cma.transformations.margin_width1, margin_cma4: cma.transformations.margin_width2}
 TRUE_X = np.array([-0.6, 0.012, 15.0, 134.0, 100.0, 0.1507, 0.0113])

@@ -1,13 +1,13 @@
 import numpy as np
 import pytest
 
-from replication import published, sensor
+from replication import characteristic, published
 
 STOCHASTIC = ("Table 2", "Table 3", "Table 4")
 
 
 def points():
-    delta = sensor.printed_levels_rad()
+    delta = characteristic.printed_levels_rad()
     return published.column("Table 2", "theoretical")[: delta.size], delta
 
 
@@ -55,16 +55,16 @@ def test_an_unknown_element_is_named_in_the_error():
 
 def test_equation_10_takes_rpm_not_rps():
     amplitude, delta = points()
-    equation = sensor.equation_10()
+    equation = characteristic.equation_10()
     in_rpm = equation.backlash_rad(amplitude)
-    in_rps = equation.backlash_rad(amplitude / sensor.RPM_PER_RPS)
+    in_rps = equation.backlash_rad(amplitude / characteristic.RPM_PER_RPS)
     assert np.abs(in_rpm - delta).max() < 2e-5
     assert in_rps.max() < 5e-5
     assert np.abs(in_rps - delta).min() > 2e-4
 
 
 def test_a_cubic_through_the_printed_points_has_the_printed_coefficients():
-    fitted = sensor.fit_characteristic(*points())
+    fitted = characteristic.fit_characteristic(*points())
     for power in range(4):
         cell = f"equation10.A{power}"
         assert abs(1e6 * fitted.coefficients[power] - published.value(cell)) <= published.tolerance(cell)
@@ -72,14 +72,14 @@ def test_a_cubic_through_the_printed_points_has_the_printed_coefficients():
 
 def test_the_printed_rmse_of_equation_10_is_no_rmse_in_rad():
     amplitude, delta = points()
-    best_possible = sensor.fit_characteristic(amplitude, delta).rmse_rad
+    best_possible = characteristic.fit_characteristic(amplitude, delta).rmse_rad
     printed = published.value("equation10.rmse")
     assert best_possible > 1000 * printed
     assert 5e-6 < best_possible < 7e-6
 
 
 def test_the_printed_relative_errors_follow_from_the_printed_means():
-    table = sensor.table_arithmetic()
+    table = characteristic.table_arithmetic()
     assert len(table) == 13
     off = (table["relative_error_percent"] - table["printed_percent"]).abs()
     assert (off <= table["rounding_percent"]).all()

@@ -4,7 +4,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from replication import published
-from replication.signature import Timing, damped_oscillation, population_rmse, rmse, signature, table1_box
+from replication.compiled.misfit import population_rmse
+from replication.signature import Timing, damped_oscillation, rmse, signature, table1_box
 
 TIMING = Timing(T_d=0.2, T_f=0.4, n=12)
 T = 0.002 * np.arange(2401)

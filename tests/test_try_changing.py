@@ -12,7 +12,9 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from replication import basins, execution, published, workbook
+from replication import published, workbook
+from replication.studies import basins
+from replication.workbook import execution
 
 NOTEBOOKS = {path.stem: path for path in sorted((workbook.ROOT / "notebooks").glob("[0-9]*.py"))}
 
@@ -140,7 +142,7 @@ def within_the_lines_width(n):
 
 
 def noise_over_figure_5(n):
-    quiet = n["datasets"].simulate_recordings(n["joint"], [n["datasets"].level_delta_rad(12)])[0]
+    quiet = n["simulate_recordings"](n["joint"], [n["datasets"].level_delta_rad(12)])[0]
     added = np.abs(n["speed"].v - quiet.v)
     assert 0.17 < added.max() <= 0.18
     assert published.value("table2.row10.noise") == pytest.approx(0.18, abs=0.005)
@@ -151,7 +153,7 @@ def every_amplitude_grows(n):
 
 
 def a_quarter_as_high(n):
-    high = n["datasets"].simulate_recordings(n["joint"], [n["datasets"].level_delta_rad(12)])[0]
+    high = n["simulate_recordings"](n["joint"], [n["datasets"].level_delta_rad(12)])[0]
     assert np.abs(n["speed"].v - 100).max() / np.abs(high.v - 100).max() == pytest.approx(0.25, abs=0.04)
 
 

@@ -1,0 +1,1 @@
+"""A deterministic global fit of the signature, with an interval of A."""

@@ -1,0 +1,353 @@
+"""Deterministic global fit of the signature: the paper's cost function, in the paper's box, without chance."""
+
+from dataclasses import dataclass
+from math import erf, sqrt
+
+import numba
+import numpy as np
+from numpy.typing import NDArray
+
+from replication.compiled.misfit import population_rmse
+from replication.datasets import Recording
+from replication.global_fit.folding import (
+    CLEARANCE_S,
+    Limits,
+    best_misfit,
+    descend,
+    fold_record,
+    latest_t0,
+    middle_of_gap,
+    normal_equations,
+    solve_or_zero,
+    t0_range,
+)
+from replication.global_fit.windows import (
+    damping_frequency_grid,
+    grid_search,
+    join_positions,
+    polish,
+    refine,
+    scan_edge,
+)
+from replication.identify import Protocol, protocol_box
+from replication.signature import FREE_PARAMETERS, Timing, signature
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class GlobalFit:
+    """The best signature of a record.
+
+    The same signal has many parameter vectors. Of these, X has the window's start midway between the last sample
+    outside and the first inside it, or as near to that as the box lets it, and the latest t0 before that start. The
+    amplitude is |A|, because (A, t0) and (-A, t0 + pi/omega) are the same signal, and always that of a window that
+    starts midway.
+
+    Attributes
+    ----------
+    X : array of shape (7,)
+        Parameters in `signature.FREE_PARAMETERS` order.
+    rmse : float
+        Misfit, the paper's cost [rps].
+    turn_period_s : float
+        T_f, given or found [s].
+    amplitude_rps : float
+        |A| for a window that starts midway between two samples [rps].
+    amplitude_interval_rps : tuple of float
+        Its 95 % confidence interval, if the signature is right and the noise white [rps].
+    at_bound : tuple of str
+        Names of the parameters at a bound of the box.
+    sign_flipped : bool
+        A is negative in X, so that `amplitude_rps` is -A.
+    rival_rps : tuple of float
+        |A| of other basins whose misfit is within 1 % and whose |A| lies outside the interval [rps].
+    """
+
+    X: FloatArray
+    rmse: float
+    turn_period_s: float
+    amplitude_rps: float
+    amplitude_interval_rps: tuple[float, float]
+    at_bound: tuple[str, ...]
+    sign_flipped: bool
+    rival_rps: tuple[float, ...]
+
+
+@numba.njit(cache=True)
+def _window_starts(fold, limits, a, b, theta, reach):
+    """Profile over the window's start: per start within `reach` samples, sum of squares, |A| and A's curvature."""
+    rows = np.full((2 * reach + 1, 3), np.inf)
+    for r in range(2 * reach + 1):
+        start = a + (r - reach) * fold.classes
+        if not 0 <= start < b or t0_range(fold, limits, start, b)[0] > t0_range(fold, limits, start, b)[1]:
+            continue
+        first, shifted = theta.copy(), latest_t0(fold, limits, start, b, theta[0], theta[2])
+        first[0] = theta[0] if np.isnan(shifted) else shifted
+        trial, cost = descend(fold, limits, start, b, first, 10)
+        _, last, _ = scan_edge(fold, limits, start, b, trial, False)
+        trial, cost = descend(fold, limits, start, last, trial, 10)
+        gram, data = normal_equations(fold, start, last, trial[0], trial[1], trial[2])
+        A = best_misfit(gram, data, fold, limits)[1]
+        low, high = t0_range(fold, limits, start, last)
+        free = np.array(
+            [
+                low < trial[0] < high,
+                limits.tau[0] < trial[1] < limits.tau[1],
+                limits.omega[0] < trial[2] < limits.omega[1],
+            ]
+        )
+        information = gram[0, 0]
+        if last - start < free.sum():  # fewer positions than unknowns: nothing is known of A
+            information = 0.0
+        elif free.any():
+            index = 1 + np.flatnonzero(free)
+            block = np.empty((index.size, index.size))
+            for i in range(index.size):
+                for j in range(index.size):
+                    block[i, j] = gram[index[i], index[j]]
+            side = gram[0][index]
+            information -= side @ solve_or_zero(block, side)
+        mid_gap = np.exp(trial[1] * (fold.x[start] - middle_of_gap(fold, start)))
+        rows[r] = cost, abs(A) * mid_gap, information / mid_gap**2
+    return rows
+
+
+@numba.njit(cache=True)
+def _mixture_quantile(probability, weights, means, deviations):
+    """Quantile of a mixture of normal distributions, by bisection."""
+    low, high = (means - 12 * deviations).min(), (means + 12 * deviations).max()
+    for _ in range(60):
+        middle = (low + high) / 2
+        below = 0.0
+        for i in range(means.size):
+            below += weights[i] * (1 + erf((middle - means[i]) / (deviations[i] * sqrt(2.0)))) / 2
+        low, high = (middle, high) if below < probability else (low, middle)
+    return (low + high) / 2
+
+
+def _amplitude_interval(fold, limits, a, b, theta) -> tuple[float, float]:
+    """95 % interval of |A|: normal about each possible window start, these weighted by their likelihood."""
+    cost, A, information = _window_starts(fold, limits, a, b, theta, 8).T
+    known = np.isfinite(cost) & (information > 0)
+    if not known.any():
+        return 0.0, float(limits.A)
+    cost, A, information = np.maximum(cost[known], 1e-15 * fold.scale[0]), A[known], information[known]
+    variance = cost.min() / (fold.scale[1] - 7)
+    weights = np.exp(-(cost - cost.min()) / (2 * variance))
+    deviations = np.sqrt(variance / information)
+    low, high = (_mixture_quantile(p, weights / weights.sum(), A, deviations) for p in (0.025, 0.975))
+    return float(low), float(high)
+
+
+def _candidates(found: FloatArray, apart: int, most: int) -> list[int]:
+    """Window starts that are the best within `apart` samples, the best of all first."""
+    order = np.argsort(found[:, 0], kind="stable")
+    chosen: list[int] = []
+    for k in order[found[order, 0] < 2 * found[order[0], 0]]:
+        if len(chosen) == most or found[k, 1] == 0:
+            break
+        if all(abs(k - other) > apart for other in chosen):
+            chosen.append(int(k))
+    return chosen
+
+
+def _minima(t, v, timing, limits):
+    """Refined local minima of the misfit, the best first: (a, b, theta, sum of squares), and the fold they are in."""
+    fold = fold_record(t, v, timing)
+    coarse = fold if fold.classes == 1 else fold_record(t, v, timing, whole_samples=True)
+    dt = (t[-1] - t[0]) / (t.size - 1)
+    taus, omegas = damping_frequency_grid()
+    joined = max(1, round(1 / (omegas.max() * dt)))
+    thin = join_positions(coarse, joined)
+    found = grid_search(thin, limits, joined * dt, taus, omegas)
+    minima = {}
+    for k in _candidates(found, 2, 6):
+        a = int(np.searchsorted(fold.x, thin.x[k] - joined * dt / 2))
+        b = int(np.searchsorted(fold.x, thin.x[int(found[k, 1])] + joined * dt / 2)) - 1
+        a, b, theta, cost = refine(fold, limits, a, b, found[k, 2:].copy(), 8, 3)
+        minima[a, b] = min(minima.get((a, b), (a, b, theta, cost)), (a, b, theta, cost), key=_cost)
+    ranked = sorted(minima.values(), key=_cost)
+    ranked[:2] = [polish(fold, limits, minimum, 12) for minimum in ranked[:2] if minimum[3] < 1.2 * ranked[0][3]]
+    return fold, sorted(ranked, key=_cost)
+
+
+def _cost(minimum) -> float:
+    """The sum of squares of a minimum (a, b, theta, sum of squares)."""
+    return minimum[3]
+
+
+@numba.njit(cache=True)
+def _round_gates(t, samples, gains, instant, t0, T_d, T_f):
+    """The t0 and T2, to the last bits, whose rounded gates t0 + i T_f + T2 near an instant gain most.
+
+    gains[m] is what the sample of window m gains if it is let in. Returns t0, T2, and which samples are let in.
+    """
+    best, best_t0, best_T2 = -np.inf, t0, instant - t0
+    inside = np.zeros(samples.size, dtype=np.bool_)
+    for search in (True, False):
+        for phase in range(64 if search else 1):
+            trial_t0 = t0 + phase * 2.0**-55 if search else best_t0
+            for last_bits in range(-80, 81) if search else range(1):
+                T2 = instant - trial_t0 + last_bits * 2.0**-55 if search else best_T2
+                gain = 0.0
+                for m in range(samples.size):
+                    start = trial_t0 + (m // 2) * T_f
+                    inside[m] = t[samples[m]] <= (start + T_d if m % 2 else start) + T2
+                    gain += gains[m] if inside[m] else 0.0
+                if gain > best:
+                    best, best_t0, best_T2 = gain, trial_t0, T2
+    return best_t0, best_T2, inside
+
+
+def _end_on_sample(t, v, timing, limits, fold, best, b):
+    """Fit with T2 at its bound and windows that end on position b's samples, where rounding decides turn by turn.
+
+    Whether t <= t0 + i T_f + T2 holds there depends on the last bits, which so choose the turns whose window takes its
+    last sample in. The paper's cost has this freedom, and CMA-ES runs that are pressed against the bound use it.
+    Returns (a, b, theta, sum of squares) and T2, or `best` and no T2 if that is not better.
+    """
+    a, _, theta, best_cost = best
+    if fold.classes > 1 or b >= fold.x.size:
+        return best, None
+    low, high = t0_range(fold, limits, a, b)
+    if not low <= high or abs(theta[0] - low) > fold.x[1] - fold.x[0]:
+        return best, None
+    bounded, _ = descend(fold, limits, a, b - 1, np.array([low, *theta[1:]]), 8, True)
+    X = _parameters(t, v, timing, limits, fold, (a, b - 1, bounded, 0.0))
+    samples = b + np.round(timing.T_d / (fold.x[1] - fold.x[0]) * np.arange(2 * timing.n)).astype(np.int64)
+    samples = samples[samples < t.size]
+    signs = np.where(np.arange(samples.size) % 2, -1.0, 1.0)
+    since_t0 = fold.x[b] - low
+    last = signs * X[0] * np.exp(-X[2] * (since_t0 - X[6])) * np.sin(X[3] * since_t0)
+    error = v[samples] - X[4] - signature(t, X, timing)[samples]
+    t0, T2, inside = _round_gates(t, samples, error**2 - (error - last) ** 2, fold.x[b], low, timing.T_d, timing.T_f)
+    part = fold._replace(
+        value=fold.value.copy(), count=fold.count.copy(), sign=fold.sign.copy(), pairs=fold.pairs.copy()
+    )
+    part.value[b], part.count[b], part.sign[b] = (
+        (inside * signs) @ (v[samples] - v.mean()),
+        inside.sum(),
+        inside @ signs,
+    )
+    if fold.inverse[b] >= 0:
+        part.pairs[fold.inverse[b]] = inside[: 2 * timing.n - 1].sum()
+    bounded, cost = descend(part, limits, a, b, np.array([t0, *bounded[1:]]), 8, True)
+    return ((a, b, bounded, cost), T2) if cost < best_cost else (best, None)
+
+
+def _parameters(t, v, timing, limits, fold, best, T2=None) -> FloatArray:
+    """X of a minimum (a, b, theta, sum of squares): window edges in mid-gap unless T2 is given, A and v_t projected."""
+    a, b, (t0, tau, omega), _ = best
+    after = fold.x[b + 1] if b + 1 < fold.x.size else fold.x[b] + fold.x[1] - fold.x[0]
+    T2 = (fold.x[b] + min(after, t0 + limits.T2)) / 2 - t0 if T2 is None else T2
+    X = np.array([1.0, t0, tau, omega, 0.0, T2, np.clip(middle_of_gap(fold, a) - t0, 0.0, limits.T1)])
+    unit = signature(t, X, timing)
+    centred = unit - unit.mean()
+    A = centred @ v / (centred @ centred)
+    if abs(A) > limits.A:  # a later start in the same gap has a smaller A
+        X[6] = min(X[6] + np.log(abs(A) / limits.A) / tau, limits.T1, fold.x[a] - t0 - CLEARANCE_S)
+        A = np.clip(A, -limits.A, limits.A)
+        unit = signature(t, X, timing)
+    X[0], X[4] = A, v.mean() - A * unit.mean()
+    return X
+
+
+@numba.njit(cache=True)
+def _turn_energy(t, v, periods, bins):
+    """Sum of squares of the mean half turn, the second half of each turn taken negative, for each turn period."""
+    energy = np.zeros(periods.size)
+    for p in range(periods.size):
+        total, count = np.zeros(bins), np.zeros(bins)
+        for i in range(t.size):
+            position = (t[i] - t[0]) / periods[p] * 2 * bins
+            half, k = divmod(int(position), bins)
+            total[k] += v[i] if half % 2 == 0 else -v[i]
+            count[k] += 1
+        for k in range(bins):
+            energy[p] += total[k] ** 2 / max(count[k], 1.0)
+    return energy
+
+
+def _find_turn_period(t, v, protocol, limits, tolerance) -> float:
+    """The turn period within a relative tolerance of the protocol's that the signature fits best [s]."""
+    dt = (t[-1] - t[0]) / (t.size - 1)
+    step = protocol.T_f * dt / (t[-1] - t[0])
+    reach = int(np.ceil(tolerance * protocol.T_f / step))
+    periods = protocol.T_f + step * np.arange(-reach, reach + 1)
+    period = periods[np.argmax(_turn_energy(t, v - v.mean(), periods, round(protocol.T_d / dt)))]
+    best = None
+    while step > 1e-6 * period:
+        trials = period + step * np.array([0.0, -2.0, -1.0, 1.0, 2.0])
+        for trial in trials:
+            timing = Timing(trial / 2, trial, protocol.turns)
+            if best is None:
+                fold, minima = _minima(t, v, timing, limits)
+                best = minima[0]
+                edges = fold.x[best[0]], fold.x[best[1]]
+            moved = (period - trial) * protocol.turns / 2
+            fold = fold_record(t, v, timing)
+            a, b = np.clip(np.searchsorted(fold.x, np.array(edges) + moved), 0, fold.x.size - 1)
+            theta = best[2] + np.array([moved, 0.0, 0.0])
+            found = refine(fold, limits, int(a), int(b), theta, 8, 4)
+            if found[3] < best[3]:
+                best, edges, period = found, (fold.x[found[0]], fold.x[found[1]]), trial
+        step /= 2
+    return period
+
+
+def global_fit(recording: Recording, protocol: Protocol | None = None, period_tolerance: float = 0.0) -> GlobalFit:
+    """Find the signature with the least misfit to a record, in the box of a protocol of the paper.
+
+    Parameters
+    ----------
+    recording : Recording
+        The record.
+    protocol : Protocol, optional
+        Timing and box; the paper's search settings do not matter. By default the authors' notebook.
+    period_tolerance : float
+        Search the turn period within this fraction of the protocol's T_f, with T_d half of it; 0 takes T_f as known.
+
+    Returns
+    -------
+    GlobalFit
+
+    Raises
+    ------
+    ValueError
+        T_d is not half of T_f; the record is shorter than half a turn, constant, or sampled too rarely for any window.
+    """
+    protocol = Protocol() if protocol is None else protocol
+    t, v = recording.t, recording.v
+    if t[-1] - t[0] < protocol.T_d or v.max() == v.min():
+        raise ValueError(f"{recording.source}: shorter than half a turn, or constant: there is no signature to fit")
+    box = protocol_box(recording, protocol)
+    A, t0, tau, omega, _, T2, T1 = zip(box.lower.tolist(), box.upper.tolist(), strict=True)
+    limits = Limits(A[1], t0[0], T1[1], T2[1], tau, omega)
+    timing = protocol.timing
+    if period_tolerance > 0:
+        period = _find_turn_period(t, v, protocol, limits, period_tolerance)
+        timing = Timing(period / 2, period, protocol.turns)
+    fold, minima = _minima(t, v, timing, limits)
+    if not minima:
+        raise ValueError(f"{recording.source}: {t.size} samples are too few for the signature's windows; sample faster")
+    best = minima[0]
+    interval = _amplitude_interval(fold, limits, *best[:3])
+    on_sample, T2 = best, None
+    for b in (best[1], best[1] + 1):
+        trial, trial_T2 = _end_on_sample(t, v, timing, limits, fold, on_sample, b)
+        on_sample, T2 = (trial, trial_T2) if trial_T2 else (on_sample, T2)
+    X = _parameters(t, v, timing, limits, fold, on_sample, T2)
+    misfit = float(population_rmse(t, v, X[None, :], timing)[0])
+    rivals = (abs(_parameters(t, v, timing, limits, fold, m)[0]) for m in minima[1:] if m[3] < 1.01**2 * best[3])
+    near = np.minimum(X - box.lower, box.upper - X) <= 1e-6 * (box.upper - box.lower)
+    return GlobalFit(
+        X,
+        misfit,
+        timing.T_f,
+        float(abs(X[0]) * np.exp(X[2] * (X[1] + X[6] - middle_of_gap(fold, best[0])))),
+        interval,
+        tuple(name for name, bound in zip(FREE_PARAMETERS, near, strict=True) if bound),
+        bool(X[0] < 0),
+        tuple(float(rival) for rival in rivals if not interval[0] <= rival <= interval[1]),
+    )

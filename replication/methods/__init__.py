@@ -1,0 +1,1 @@
+"""Ways from a record to backlash beyond equation 10, and their calibration."""

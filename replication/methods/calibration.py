@@ -1,0 +1,346 @@
+"""From what a method reads to the backlash: calibrations, made with the estimator that measures."""
+
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import lru_cache
+
+import numpy as np
+from numpy.polynomial import Polynomial
+from numpy.typing import NDArray
+from scipy import stats
+
+from replication.characteristic import RPM_PER_RPS, equation_10, printed_levels_rad
+from replication.datasets import COMMANDED_SPEED_RPS, TURN_PERIOD_S, Recording
+from replication.methods.readings import METHODS, Reading, read
+from replication.methods.waveform import LEAST_LEVELS, WaveformBank, make_bank, match, mean_turn, samples_a_turn
+from replication.simulator.recordings import simulate_recordings
+from replication.simulator.simulate import identified_joint
+
+FloatArray = NDArray[np.float64]
+
+# Most phases in a turn that a waveform keeps: those of the default one, sampled at 0.5 ms.
+_MOST_PHASES = 800
+
+# How far a log's turn may be from that of the calibration: the waveform scales with the speed.
+PERIOD_MISMATCH = 0.02
+
+
+@dataclass(frozen=True)
+class Backlash:
+    """Backlash with its 95 % interval [rad], and whether the calibration had to be extrapolated."""
+
+    delta_rad: float
+    interval_rad: tuple[float, float]
+    extrapolated: bool
+
+
+@dataclass(frozen=True, eq=False)
+class Calibration:
+    """From the value that a method reads to the backlash, for one joint in one movement.
+
+    Attributes
+    ----------
+    method : str
+        The method that reads, and that read the calibration's own logs.
+    coefficients : tuple of float
+        Polynomial delta(value), from the constant upwards; empty for "waveform".
+    bank : WaveformBank or None
+        Waveforms of known backlash, for "waveform".
+    range_rad : tuple of float
+        Least and largest backlash of the logs it was made from [rad].
+    uncertainty_rad : float
+        RMS error of readings at inner levels that a calibration without them makes [rad], times Student's factor for
+        so few of them.
+    turn_period_s, commanded_speed_rps : float
+        The movement.
+    provenance : str
+        What it was made from.
+    """
+
+    method: str
+    coefficients: tuple[float, ...]
+    bank: WaveformBank | None
+    range_rad: tuple[float, float]
+    uncertainty_rad: float
+    turn_period_s: float
+    commanded_speed_rps: float
+    provenance: str
+
+    def delta_rad(self, value: float) -> float:
+        """Backlash [rad] of a value, by the polynomial alone."""
+        return float(Polynomial(self.coefficients)(value)) if self.bank is None else float(value)
+
+    def backlash(self, reading: Reading) -> Backlash:
+        """Turn a reading into backlash.
+
+        The interval has the record's noise and, independent of it, the calibration's own uncertainty.
+
+        Raises
+        ------
+        ValueError
+            The reading is of another method.
+        """
+        if reading.method != self.method:
+            raise ValueError(f"a calibration of method {self.method} cannot use a reading of method {reading.method}")
+        delta = self.delta_rad(reading.value)
+        ends = [self.delta_rad(end) for end in reading.interval]
+        own = 1.96 * self.uncertainty_rad
+        low, high = delta - np.hypot(delta - min(ends), own), delta + np.hypot(max(ends) - delta, own)
+        outside = not self.range_rad[0] <= delta <= self.range_rad[1] or "backlash" in reading.at_bound
+        return Backlash(delta, (float(low), float(high)), bool(outside))
+
+    def to_json(self) -> str:
+        """Write as text, for `from_json`."""
+        content = {
+            "method": self.method,
+            "unit": "rad",
+            "coefficients": list(self.coefficients),
+            "range_rad": list(self.range_rad),
+            "uncertainty_rad": self.uncertainty_rad,
+            "turn_period_s": self.turn_period_s,
+            "commanded_speed_rps": self.commanded_speed_rps,
+            "provenance": self.provenance,
+        }
+        if self.bank is not None:
+            rounded = [[float(f"{v:.6g}") for v in row] for row in self.bank.waveform_rps]
+            content["waveforms"] = {"delta_rad": self.bank.delta_rad.tolist(), "waveform_rps": rounded}
+        return json.dumps(content, indent=1) + "\n"
+
+    @staticmethod
+    def from_json(text: str, name: str) -> "Calibration":
+        """Read what `to_json` wrote.
+
+        Parameters
+        ----------
+        text : str
+            The content.
+        name : str
+            What to call it in an error.
+
+        Raises
+        ------
+        ValueError
+            It is no calibration; one line says what is wrong with it.
+        """
+        try:
+            content = json.loads(text)
+            waves = content.get("waveforms")
+            bank = (
+                WaveformBank(np.array(waves["delta_rad"], float), np.array(waves["waveform_rps"], float))
+                if waves
+                else None
+            )
+            calibration = Calibration(
+                str(content["method"]),
+                tuple(float(c) for c in content["coefficients"]),
+                bank,
+                tuple(float(end) for end in content["range_rad"]),
+                *(float(content[key]) for key in ("uncertainty_rad", "turn_period_s", "commanded_speed_rps")),
+                str(content["provenance"]),
+            )
+        except (ValueError, KeyError, TypeError, AttributeError) as error:
+            raise ValueError(
+                f"{name}: not a calibration file ({type(error).__name__}: {error}); make one anew"
+            ) from None
+        _check(calibration, name)
+        return calibration
+
+
+def _check(calibration: Calibration, name: str) -> None:
+    """Refuse a calibration that no calibration of ours could be."""
+    numbers = [*calibration.coefficients, *calibration.range_rad, calibration.uncertainty_rad]
+    range_rad = calibration.range_rad
+    wrong = (
+        (calibration.method not in METHODS, f"method {calibration.method!r} is none of {', '.join(METHODS)}"),
+        ((calibration.bank is None) == (calibration.method == "waveform"), "only method waveform has waveforms"),
+        (calibration.bank is None and len(calibration.coefficients) < 2, "no polynomial"),
+        (not np.isfinite(numbers).all(), "a number is not finite"),
+        (len(range_rad) != 2 or not 0 <= range_rad[0] < range_rad[-1], "no range"),
+        (not min(calibration.turn_period_s, calibration.commanded_speed_rps) > 0, "no movement"),
+        (calibration.uncertainty_rad < 0, "a negative uncertainty"),
+        (calibration.bank is not None and not _fits(calibration.bank), "the waveforms do not fit their backlashes"),
+    )
+    for is_wrong, why in wrong:
+        if is_wrong:
+            raise ValueError(f"{name}: not a usable calibration: {why}; make one anew")
+
+
+def _fits(bank: WaveformBank) -> bool:
+    """Whether a bank has a finite waveform for each of its increasing backlashes."""
+    delta, waves = bank.delta_rad, bank.waveform_rps
+    shaped = delta.ndim == 1 and waves.ndim == 2 and len(waves) == delta.size >= LEAST_LEVELS
+    return bool(shaped and (np.diff(delta) > 0).all() and np.isfinite(delta).all() and np.isfinite(waves).all())
+
+
+def measure(
+    recording: Recording,
+    calibration: Calibration,
+    repeats: int = 30,
+    seed: int = 1,
+    period_tolerance: float = 0.0,
+) -> Reading:
+    """Read off a record what a calibration needs; parameters as in `read`.
+
+    Raises
+    ------
+    ValueError
+        See `read`; also a record of another turn period than the calibration's.
+    """
+    if abs(recording.turn_period_s / calibration.turn_period_s - 1) > PERIOD_MISMATCH:
+        raise ValueError(
+            f"{recording.source}: a turn takes {recording.turn_period_s:g} s, in the calibration "
+            f"{calibration.turn_period_s:g} s; calibrate and measure at the same speed"
+        )
+    return read(recording, calibration.method, calibration.bank, repeats, seed, period_tolerance)
+
+
+def _fitted(value: FloatArray, delta: FloatArray) -> Polynomial:
+    """Cubic delta(value), equation 10's form."""
+    return Polynomial.fit(value, delta, 3).convert()
+
+
+def _left_out_errors(value: FloatArray, delta: FloatArray) -> FloatArray:
+    """Error at each inner level of the cubic through the others [rad]."""
+    inner = (delta > delta.min()) & (delta < delta.max())
+    levels = np.unique(delta[inner])
+    return np.concatenate([_fitted(value[delta != d], delta[delta != d])(value[delta == d]) - d for d in levels])
+
+
+def _uncertainty(errors_rad: FloatArray) -> float:
+    """SD that a normal error would have, had it the 95 % range of Student's for this RMS of so many errors."""
+    return float(np.sqrt(np.mean(errors_rad**2)) * stats.t.ppf(0.975, errors_rad.size) / stats.norm.ppf(0.975))
+
+
+def fit_polynomial(value: FloatArray, delta: FloatArray, method: str) -> tuple[tuple[float, ...], float]:
+    """Fit the cubic delta(value), equation 10's form.
+
+    Parameters
+    ----------
+    value, delta : arrays of shape (logs,)
+        What the method read, and the known backlash [rad].
+    method : str
+        What to call it in an error.
+
+    Returns
+    -------
+    tuple of float, float
+        Coefficients from the constant upwards, and the uncertainty by leaving out each inner level [rad].
+
+    Raises
+    ------
+    ValueError
+        The backlash does not grow with the value.
+    """
+    cubic = _fitted(value, delta)
+    along = np.linspace(value.min(), value.max(), 400)
+    if not (cubic.deriv()(along) > 0).all():
+        raise ValueError(
+            f"method {method}: the backlash does not grow with the value over the range of these logs, so a value "
+            "would have two meanings; check the known backlashes, add levels, or use another method"
+        )
+    return tuple(float(c) for c in cubic.coef), _uncertainty(_left_out_errors(value, delta))
+
+
+def _bank_uncertainty(recordings: Sequence[Recording], delta: FloatArray, bank: WaveformBank) -> float:
+    """Leave-one-level-out error of a bank [rad]; refused where readings do not grow with the backlash."""
+    inner = [k for k in range(len(recordings)) if bank.delta_rad[0] < delta[k] < bank.delta_rad[-1]]
+    levels = {d: k for k, d in enumerate(bank.delta_rad.tolist())}
+    found = np.array([match(recordings[k], bank.without(levels[delta[k]])).delta_rad for k in inner])
+    by_level = [found[delta[inner] == d].mean() for d in np.unique(delta[inner])]
+    if not (np.diff(by_level) > 0).all():
+        raise ValueError(
+            "method waveform: logs that the others predict do not come in the order of their backlashes; check the "
+            "known backlashes, or use another method"
+        )
+    return _uncertainty(found - delta[inner])
+
+
+def calibrate(
+    recordings: Sequence[Recording],
+    known_delta_rad: Sequence[float],
+    method: str,
+    provenance: str = "",
+    repeats: int = 30,
+    seed: int = 1,
+) -> Calibration:
+    """Calibrate a method on records of known backlash.
+
+    Parameters
+    ----------
+    recordings : sequence of Recording
+        Records of one joint in one movement.
+    known_delta_rad : sequence of float
+        Their backlashes [rad], six different ones or more.
+    method : str
+        See `read`.
+    provenance : str
+        What the records are.
+    repeats, seed : int
+        See `read`.
+
+    Returns
+    -------
+    Calibration
+
+    Raises
+    ------
+    ValueError
+        Too few levels, several movements, no finite or negative backlash, or no monotonic relation.
+    """
+    delta = np.asarray(known_delta_rad, dtype=float)
+    if delta.size != len(recordings) or not (np.isfinite(delta) & (delta >= 0)).all():
+        raise ValueError("each log needs a known backlash, finite and not negative [rad]")
+    if np.unique(delta).size < LEAST_LEVELS:
+        raise ValueError(f"{np.unique(delta).size} different backlashes; a calibration needs {LEAST_LEVELS} or more")
+    periods = np.array([recording.turn_period_s for recording in recordings])
+    if np.ptp(periods) > PERIOD_MISMATCH * periods.mean():
+        raise ValueError("the logs have different turn periods; calibrate one movement at a time")
+    if method == "waveform":
+        phases = min(_MOST_PHASES, *(samples_a_turn(recording) for recording in recordings))
+        bank = make_bank(delta, [mean_turn(recording, phases) for recording in recordings])
+        coefficients, uncertainty = (), _bank_uncertainty(recordings, delta, bank)
+    else:
+        bank = None
+        value = np.array([read(recording, method, None, repeats, seed).value for recording in recordings])
+        coefficients, uncertainty = fit_polynomial(value, delta, method)
+    speed = float(np.mean([recording.commanded_speed_rps for recording in recordings]))
+    return Calibration(
+        method, coefficients, bank, (float(delta.min()), float(delta.max())), uncertainty, float(periods.mean()), speed,
+        provenance,
+    )  # fmt: skip
+
+
+@lru_cache(maxsize=len(METHODS))
+def default_calibration(method: str) -> Calibration:
+    """Calibration of a method for the paper's joint.
+
+    "paper" has equation 10 with its printed coefficients, and for uncertainty the RMS error that it makes on simulated
+    records; the others are calibrated on simulated records, "amplitude" and "energy" over Table 2's range of backlash,
+    "waveform" a little beyond it.
+
+    Raises
+    ------
+    ValueError
+        No such method.
+    """
+    if method not in METHODS:
+        raise ValueError(f"method {method!r}: there are {', '.join(METHODS)}")
+    joint, levels = identified_joint(), printed_levels_rad()
+    fine = np.round(np.arange(levels[0], levels[-1] + 0.5e-4, 1e-4), 6)
+    if method == "waveform":
+        deltas = np.round(np.arange(1e-4, levels[-1] + 4.5e-4, 1e-4), 6)
+        records = simulate_recordings(joint, deltas, sample_s=TURN_PERIOD_S / _MOST_PHASES)
+        settled = [replace(r, t=r.t[: 3 * _MOST_PHASES + 1], v=r.v[: 3 * _MOST_PHASES + 1]) for r in records]
+        return calibrate(settled, deltas, method, "the paper's joint as identified, simulated")
+    records = simulate_recordings(joint, fine)
+    if method != "paper":
+        return calibrate(records, fine, method, "the paper's joint as identified, simulated")
+    coefficients = equation_10().coefficients * RPM_PER_RPS ** np.arange(4)
+    amplitude = np.array([read(record, "amplitude").value for record in records])
+    error = Polynomial(coefficients)(amplitude) - fine
+    return Calibration(
+        method, tuple(coefficients.tolist()), None, (float(levels[0]), float(levels[-1])),
+        _uncertainty(error), TURN_PERIOD_S, COMMANDED_SPEED_RPS,
+        "equation 10 as printed; its error is that on the paper's joint as identified, simulated",
+    )  # fmt: skip

@@ -1,0 +1,1 @@
+"""The virtual sensor on an engineer's own logs."""

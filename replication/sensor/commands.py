@@ -1,0 +1,280 @@
+"""The virtual sensor's commands: `estimate`, `calibrate` and `trend`."""
+
+import argparse
+import hashlib
+import io
+import json
+import os
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+import pandas as pd
+from matplotlib import pyplot as plt
+from matplotlib.figure import Figure
+
+from replication import workbook
+from replication.datasets import Recording
+from replication.methods.calibration import Calibration, calibrate
+from replication.methods.readings import METHODS
+from replication.sensor import many, plots, trend
+from replication.sensor.columns import UNITS, LogFormat
+from replication.sensor.prepare import CannotTell
+from replication.sensor.tables import UnusableLog
+from replication.sensor.verdict import Settings, as_row, as_text, examine, prepared, settings_for
+
+_LARGEST_SMALL_FILE = 2**24  # of a calibration or a list of logs
+
+
+class OneLineParser(argparse.ArgumentParser):
+    """A parser that says in one line what is wrong with its arguments."""
+
+    def error(self, message: str):
+        """Exit with 2."""
+        self.exit(2, f"{self.prog}: {message}; see --help\n")
+
+
+def add_commands(commands: argparse._SubParsersAction) -> None:
+    """Add the sensor's commands to the command line."""
+    sub = commands.add_parser("estimate", help="backlash from logs of the motor encoder")
+    sub.add_argument("log", nargs="+", type=Path, help="CSV, Parquet or XLSX files, or folders of them")
+    _add_log_options(sub)
+    _add_measuring(sub)
+    sub.add_argument("--json", action="store_true", help="print an array with an object for each log")
+    sub.add_argument("--plot", type=Path, metavar="FILE", help="write a figure of the one log: .png, .svg or .pdf")
+    sub.add_argument("--out", type=Path, metavar="TABLE", help="write a table, a row for each log: .csv or .parquet")
+    sub.set_defaults(command=_estimate)
+
+    sub = commands.add_parser("calibrate", help="a calibration from logs of known backlash")
+    sub.add_argument("table", type=Path, help="CSV with the columns log (its file) and backlash_rad")
+    sub.add_argument("--out", type=Path, required=True, metavar="FILE", help="the calibration, .json")
+    sub.add_argument("--method", choices=METHODS, default="waveform", help="default: waveform")
+    _add_log_options(sub)
+    _add_searches(sub)
+    sub.set_defaults(command=_calibrate)
+
+    sub = commands.add_parser("trend", help="growth of the backlash over dated logs, and when it crosses a limit")
+    sub.add_argument("log", nargs="+", type=Path, help="logs or folders; dates in their names, like 2024-03-17")
+    sub.add_argument("--dates", type=Path, metavar="TABLE", help="CSV with the columns file and date instead")
+    sub.add_argument("--limit", type=float, metavar="RAD", help="the backlash whose date is wanted [rad]")
+    _add_log_options(sub)
+    _add_measuring(sub)
+    sub.add_argument("--json", action="store_true", help="print an object")
+    sub.add_argument("--plot", type=Path, metavar="FILE", help="write a figure: .png, .svg or .pdf")
+    sub.set_defaults(command=_trend)
+
+
+def _add_log_options(sub: argparse.ArgumentParser) -> None:
+    group = sub.add_argument_group("the logs")
+    group.add_argument("--time", metavar="COLUMN", help="by name, or by number from 1; found by name otherwise")
+    group.add_argument("--speed", metavar="COLUMN", help="of the motor")
+    group.add_argument("--position", metavar="COLUMN", help="of the motor, instead of its speed")
+    group.add_argument("--unit", choices=UNITS, help="of the speed; of a position: rps for turns, rad/s for rad")
+    group.add_argument("--counts-per-turn", type=float, metavar="N", help="encoder counts of a motor turn")
+    group.add_argument("--commanded-speed", type=float, metavar="RPS", help="of the motor [rps], to check the unit by")
+    group.add_argument("--turn-period", type=float, metavar="S", help="of the load [s]")
+    group.add_argument("--gear-ratio", type=float, metavar="N", help="motor turns in a load turn, instead")
+
+
+def _add_searches(sub: argparse.ArgumentParser) -> None:
+    sub.add_argument("--repeats", type=int, default=30, help="searches of method paper (default: 30)")
+    sub.add_argument("--seed", type=int, default=1, help="of the first search (default: 1)")
+
+
+def _add_measuring(sub: argparse.ArgumentParser) -> None:
+    group = sub.add_argument_group("measuring")
+    group.add_argument("--calibration", type=Path, metavar="FILE", help="of your joint; default: the paper's joint")
+    group.add_argument("--method", choices=METHODS, help="default: the calibration's, else amplitude")
+    _add_searches(group)
+    group.add_argument("--jobs", type=int, default=-1, help="processes for many logs (default: -1, all cores)")
+    group.add_argument("--dask", metavar="ADDRESS", help="run many logs on the Dask cluster of this scheduler")
+
+
+def _form(options: argparse.Namespace) -> LogFormat:
+    return LogFormat(
+        options.time, options.speed, options.position, options.unit, options.counts_per_turn,
+        options.commanded_speed, options.turn_period, options.gear_ratio,
+    )  # fmt: skip
+
+
+def _settings(options: argparse.Namespace) -> Settings:
+    form = _form(options)
+    calibration = read_calibration(options.calibration) if options.calibration else None
+    try:
+        return settings_for(form, calibration, options.method, options.repeats, options.seed)
+    except ValueError as error:
+        raise UnusableLog(str(error)) from error
+
+
+def read_calibration(path: Path) -> Calibration:
+    """Read a calibration file.
+
+    Raises
+    ------
+    UnusableLog
+        It is none.
+    """
+    try:
+        return Calibration.from_json(_small_text(path), str(path))
+    except ValueError as error:
+        raise UnusableLog(str(error)) from error
+
+
+def _small_text(path: Path) -> str:
+    try:
+        if path.stat().st_size > _LARGEST_SMALL_FILE:
+            raise UnusableLog(f"{path}: larger than {_LARGEST_SMALL_FILE // 2**20} MiB; is it the right file?")
+        return path.read_text(encoding="utf-8")
+    except OSError as error:
+        raise UnusableLog(f"{path}: cannot be read ({error.strerror}); check the name") from error
+    except UnicodeDecodeError as error:
+        raise UnusableLog(f"{path}: no text; is it the right file?") from error
+
+
+def _check_output(path: Path | None, endings: Sequence[str], option: str) -> None:
+    """Refuse an output that could not be written, before the work is done."""
+    if path is None:
+        return
+    if path.suffix.lower() not in endings:
+        raise UnusableLog(f"{option} {path}: its name must end in {' or '.join(endings)}")
+    if path.is_dir() or not path.parent.is_dir() or not os.access(path.parent, os.W_OK):
+        raise UnusableLog(f"{option} {path}: cannot be written there; name a file in a folder that you may write to")
+    if path.suffix.lower() == ".parquet":
+        try:
+            import pyarrow  # noqa: F401
+        except ImportError as error:
+            raise UnusableLog(f"{option} {path}: Parquet needs pyarrow; name a .csv instead") from error
+
+
+def _write_figure(figure: Figure, path: Path) -> None:
+    """Write a figure whole or not at all, the same bytes each time."""
+    content = io.BytesIO()
+    kind = path.suffix[1:].lower()
+    stamp = {"png": {}, "svg": {"Date": None}, "pdf": {"CreationDate": None}}[kind]
+    with plt.rc_context({"svg.hashsalt": "backlash"}):
+        figure.savefig(content, format=kind, dpi=150, metadata=stamp)
+    workbook.write_bytes(path, content.getvalue())
+    plt.close(figure)
+
+
+def _write_table(table: pd.DataFrame, path: Path) -> None:
+    if path.suffix.lower() == ".csv":
+        workbook.write_csv(path, table)
+    else:
+        workbook.write_bytes(path, table.to_parquet(index=False))
+
+
+def _print_json(content: object) -> None:
+    print(json.dumps(content, indent=1, ensure_ascii=False, allow_nan=False))
+
+
+# ---------------------------------------------------------------------------------------------------------------
+
+
+def _estimate(options: argparse.Namespace) -> int:
+    _check_output(options.plot, (".png", ".svg", ".pdf"), "--plot")
+    _check_output(options.out, (".csv", ".parquet"), "--out")
+    logs = many.find_logs(options.log)
+    if options.plot and len(logs) > 1:
+        raise UnusableLog(f"--plot: {len(logs)} logs; it shows one")
+    settings = _settings(options)
+    if len(logs) == 1 and not options.out and not options.dask:
+        return _estimate_one(logs[0], settings, options)
+    journal = options.out.with_name(f"{options.out.name}.journal") if options.out else None
+    try:
+        rows = many.run_fleet(logs, settings, options.jobs, journal, options.dask)
+    except KeyboardInterrupt:
+        print("interrupted" + (f"; the same command goes on from {journal}" if journal else ""), file=sys.stderr)
+        return 1
+    bad = [row for row in rows if row["warnings"] and row["warnings"][0].startswith(many.UNUSABLE)]
+    if len(bad) == len(rows):
+        if journal:
+            journal.unlink(missing_ok=True)
+        why = bad[0]["warnings"][0].removeprefix(many.UNUSABLE)
+        raise UnusableLog(why if len(bad) == 1 else f"none of {len(bad)} logs is usable; the first: {why}")
+    if bad:
+        print(f"{len(bad)} of {len(rows)} logs are not usable; their rows say why", file=sys.stderr)
+    if options.json:
+        _print_json(rows)
+    elif not options.out:
+        print("\n".join(as_text(many.from_row(row)) for row in rows))
+    if options.out:
+        _write_table(many.as_table(rows), options.out)
+        journal.unlink(missing_ok=True)
+    return 0
+
+
+def _estimate_one(log: Path, settings: Settings, options: argparse.Namespace) -> int:
+    examined = examine(log, settings)
+    text = as_text(examined.estimate)
+    if options.plot:
+        if examined.model_rps is None:
+            print(f"--plot: not written, there is no fit to show ({examined.estimate.verdict})", file=sys.stderr)
+        else:
+            title = text.splitlines()[0].removeprefix(str(log)).lstrip(": ")
+            _write_figure(plots.estimate_figure(examined.recording, examined.model_rps, title), options.plot)
+    if options.json:
+        _print_json([as_row(examined.estimate)])
+    else:
+        print(text)
+    return 0
+
+
+def _calibrate(options: argparse.Namespace) -> int:
+    _check_output(options.out, (".json",), "--out")
+    form = _form(options)
+    if options.repeats < 1 or options.seed < 1:
+        raise UnusableLog("--repeats and --seed must be 1 or more")
+    logs, known = _calibration_table(options.table)
+    recordings = [_calibration_record(log, form, options.seed) for log in logs]
+    digest = hashlib.sha256(b"".join(log.read_bytes() for log in logs)).hexdigest()
+    provenance = f"{len(logs)} logs of {options.table.name}, SHA-256 one after another {digest}"
+    try:
+        made = calibrate(recordings, known, options.method, provenance, options.repeats, options.seed)
+    except ValueError as error:
+        raise UnusableLog(f"{options.table}: {error}") from error
+    workbook.write_text(options.out, made.to_json())
+    low, high = (1e3 * end for end in made.range_rad)
+    print(
+        f"{options.out}: method {made.method}, {low:.3f} to {high:.3f} mrad, "
+        f"uncertainty {1e3 * made.uncertainty_rad:.4f} mrad (RMS error at levels left out)"
+    )
+    return 0
+
+
+def _calibration_table(path: Path) -> tuple[list[Path], list[float]]:
+    """Logs and their backlashes [rad]; names are relative to the table's folder."""
+    try:
+        _small_text(path)
+        table = pd.read_csv(path, dtype={"log": str})
+        known = pd.to_numeric(table["backlash_rad"]).to_numpy(dtype=float).tolist()
+        return [path.parent / name for name in table["log"].str.strip()], known
+    except UnusableLog:
+        raise
+    except (ValueError, KeyError, TypeError, AttributeError) as error:
+        raise UnusableLog(f"{path}: no table with the columns log and backlash_rad ({error})") from error
+
+
+def _calibration_record(log: Path, form: LogFormat, seed: int) -> Recording:
+    try:
+        return prepared(log, form, seed, [])[0]
+    except CannotTell as doubt:
+        raise UnusableLog(f"{log}: no use for a calibration: {doubt}") from doubt
+
+
+def _trend(options: argparse.Namespace) -> int:
+    _check_output(options.plot, (".png", ".svg", ".pdf"), "--plot")
+    logs = many.find_logs(options.log)
+    dates = trend.dates_of(logs, options.dates)
+    rows = many.run_fleet(logs, _settings(options), options.jobs, None, options.dask)
+    for row in rows:
+        if row["verdict"] == "cannot tell":
+            print(f"{row['file']}: {row['warnings'][0]}", file=sys.stderr)
+    found = trend.fit_trend(rows, list(dates.values()), options.limit)
+    if options.plot:
+        _write_figure(plots.trend_figure(found), options.plot)
+    if options.json:
+        _print_json(trend.as_object(found))
+    else:
+        print(trend.as_text(found))
+    return 0

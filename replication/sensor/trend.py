@@ -1,0 +1,259 @@
+"""Backlash over time from dated logs, and the date at which it crosses a limit.
+
+A straight line through the dated estimates, weighted by their intervals; where they scatter more than these say, by
+that scatter. The date of the crossing has the interval of Fieller's theorem: all dates at which the line's own
+confidence band holds the limit. It has no end where the band never leaves the limit.
+"""
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+from scipy import stats
+
+from replication.sensor.tables import UnusableLog
+
+FloatArray = NDArray[np.float64]
+
+CONFIDENCE = 0.95
+LEAST_POINTS = 3
+_DATE = re.compile(r"(?<!\d)(\d{4})[-_.]?(\d{2})[-_.]?(\d{2})(?!\d)")
+_DAYS_AHEAD = 36525  # a century; further off, a date says nothing
+
+
+@dataclass(frozen=True)
+class Trend:
+    """A line through dated estimates of backlash.
+
+    Attributes
+    ----------
+    points : DataFrame
+        `date, file, backlash_rad, low_rad, high_rad` of the logs that have an estimate, by date.
+    origin : Timestamp
+        The line's time zero, the weighted mean date.
+    line_rad : tuple of float
+        Backlash at `origin` [rad], and its growth [rad/day].
+    covariance : array of shape (2, 2)
+        Of the two.
+    quantile : float
+        Of the t distribution, for two-sided intervals at `CONFIDENCE`.
+    limit_rad : float or None
+        The limit.
+    crossing : Timestamp or None
+        When the line reaches it.
+    crossing_interval : tuple of Timestamp or None
+        Its interval; an end is None where there is none within a century.
+    warnings : tuple of str
+        What to bear in mind.
+    """
+
+    points: pd.DataFrame
+    origin: pd.Timestamp
+    line_rad: tuple[float, float]
+    covariance: FloatArray
+    quantile: float
+    limit_rad: float | None
+    crossing: pd.Timestamp | None
+    crossing_interval: tuple[pd.Timestamp | None, pd.Timestamp | None] | None
+    warnings: tuple[str, ...]
+
+    @property
+    def growth_interval(self) -> tuple[float, float]:
+        """Interval of the growth [rad/day]."""
+        half = self.quantile * float(np.sqrt(self.covariance[1, 1]))
+        return self.line_rad[1] - half, self.line_rad[1] + half
+
+    def band(self, days: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """The line [rad] at days from `origin`, and half the width of its confidence band."""
+        a, b = self.line_rad
+        variance = self.covariance[0, 0] + 2 * days * self.covariance[0, 1] + days**2 * self.covariance[1, 1]
+        return a + b * days, self.quantile * np.sqrt(np.maximum(variance, 0.0))
+
+
+def dates_of(files: Sequence[Path], table: Path | None = None) -> dict[Path, pd.Timestamp]:
+    """Find the date of each log: in a table, or else in its name, as in `axis4_2024-03-17.csv`.
+
+    Parameters
+    ----------
+    files : sequence of Path
+        The logs.
+    table : Path, optional
+        A CSV file with the columns `file` (a log's name) and `date`.
+
+    Raises
+    ------
+    UnusableLog
+        A log has no date, or the table is none.
+    """
+    known = _dates_in(table) if table else {}
+    found = {}
+    for file in files:
+        date = known.get(file.name, known.get(str(file)))
+        match = _DATE.search(file.stem)
+        if date is None and match and table is None:
+            date = pd.to_datetime("-".join(match.groups()), errors="coerce")
+        if date is None or pd.isna(date):
+            where = f"in {table}" if table else "in its name (like 2024-03-17); give --dates"
+            raise UnusableLog(f"{file}: no date {where}")
+        found[file] = date
+    return found
+
+
+def _dates_in(table: Path) -> dict[str, pd.Timestamp]:
+    try:
+        frame = pd.read_csv(table, dtype=str)
+        dates = pd.to_datetime(frame["date"], format="ISO8601", utc=True).dt.tz_localize(None)
+        return dict(zip(frame["file"], dates, strict=True))
+    except (OSError, ValueError, KeyError) as error:
+        raise UnusableLog(f"{table}: no table with columns file and date ({error}); dates like 2024-03-17") from error
+
+
+def fit_trend(rows: Sequence[Mapping], dates: Sequence[pd.Timestamp], limit_rad: float | None = None) -> Trend:
+    """Fit a line to dated estimates.
+
+    Parameters
+    ----------
+    rows : sequence of mapping
+        Estimates, see `estimate.as_row`; only those with a backlash above zero count.
+    dates : sequence of Timestamp
+        Theirs.
+    limit_rad : float, optional
+        The limit [rad].
+
+    Returns
+    -------
+    Trend
+
+    Raises
+    ------
+    UnusableLog
+        Fewer than three estimates at different dates, or no finite limit above zero.
+    """
+    if limit_rad is not None and not (np.isfinite(limit_rad) and limit_rad > 0):
+        raise UnusableLog(f"--limit {limit_rad:g}: give a finite backlash above 0 [rad]")
+    points = _points(rows, dates)
+    left_out = len(rows) - len(points)
+    warnings = [f"{left_out} of {len(rows)} logs have no backlash to go by: left out"] if left_out else []
+    if points["date"].nunique() < LEAST_POINTS:
+        raise UnusableLog(
+            f"{points['date'].nunique()} dates with an estimate of backlash; a trend needs {LEAST_POINTS} or more"
+        )
+    delta = points["backlash_rad"].to_numpy()
+    deviation = (points["high_rad"] - points["low_rad"]).to_numpy() / 2 / stats.norm.ppf((1 + CONFIDENCE) / 2)
+    weight = 1 / np.maximum(deviation, 1e-3 * delta.max()) ** 2
+    since = (points["date"] - points["date"].iloc[0]).dt.total_seconds().to_numpy() / 86400
+    middle = float(weight @ since / weight.sum())
+    days = since - middle
+    line, covariance, chi2 = _weighted(np.stack([np.ones_like(days), days], axis=1), delta, weight)
+    freedom = delta.size - 2
+    covariance = covariance * max(1.0, chi2 / freedom)
+    if freedom > 2 and _is_curved(days, delta, weight, chi2):
+        warnings.append("the growth is no straight line: the date of the crossing may be far off")
+    quantile = float(stats.t.ppf((1 + CONFIDENCE) / 2, freedom))
+    origin = points["date"].iloc[0] + pd.Timedelta(days=middle)
+    crossing = interval = None
+    if limit_rad is not None:
+        when, ends, why = _crossing(line, covariance, quantile, limit_rad)
+        warnings += why
+        crossing = _date(origin, when)
+        interval = (_date(origin, ends[0]), _date(origin, ends[1])) if ends else None
+        if when is not None and when > days.max() + np.ptp(days):
+            warnings.append("the crossing lies further ahead than the logs go back")
+    a, b = (float(part) for part in line)
+    return Trend(points, origin, (a, b), covariance, quantile, limit_rad, crossing, interval, tuple(warnings))
+
+
+def _points(rows: Sequence[Mapping], dates: Sequence[pd.Timestamp]) -> pd.DataFrame:
+    found = [
+        (date, row["file"], row["backlash_rad"], *row["backlash_interval_rad"])
+        for row, date in zip(rows, dates, strict=True)
+        if row["verdict"] == "backlash"
+    ]
+    points = pd.DataFrame(found, columns=["date", "file", "backlash_rad", "low_rad", "high_rad"])
+    return points.sort_values(["date", "file"], ignore_index=True)
+
+
+def _weighted(design: FloatArray, y: FloatArray, weight: FloatArray) -> tuple[FloatArray, FloatArray, float]:
+    """Weighted least squares: coefficients, their covariance for known deviations, and chi squared."""
+    covariance = np.linalg.inv(design.T @ (weight[:, None] * design))
+    found = covariance @ design.T @ (weight * y)
+    return found, covariance, float(weight @ (y - design @ found) ** 2)
+
+
+def _is_curved(days: FloatArray, delta: FloatArray, weight: FloatArray, chi2: float) -> bool:
+    """Whether a parabola is better than the line, by an F test at 5 %."""
+    scaled = days / np.abs(days).max()
+    if np.unique(scaled).size < 4:
+        return False
+    _, _, curved = _weighted(np.stack([np.ones_like(scaled), scaled, scaled**2], axis=1), delta, weight)
+    freedom = delta.size - 3
+    return (chi2 - curved) / max(curved / freedom, 1.0) > stats.f.ppf(0.95, 1, freedom)
+
+
+def _crossing(
+    line: FloatArray, covariance: FloatArray, quantile: float, limit: float
+) -> tuple[float | None, tuple[float | None, float | None] | None, list[str]]:
+    """Days from the origin to the crossing, Fieller's interval, and what is to be said of it."""
+    (a, b), q2 = line, quantile**2
+    if b <= 0:
+        return None, None, ["the backlash does not grow: no crossing"]
+    when = float((limit - a) / b)
+    # The band holds the limit where square t^2 + 2 half t + constant <= 0.
+    square = b**2 - q2 * covariance[1, 1]
+    half = b * (a - limit) - q2 * covariance[0, 1]
+    constant = (a - limit) ** 2 - q2 * covariance[0, 0]
+    if square > 0:
+        root = np.sqrt(max(half**2 - square * constant, 0.0))
+        return when, (float((-half - root) / square), float((-half + root) / square)), []
+    why = ["the growth is not sure: the interval of the crossing is open"]
+    if constant <= 0 or square == 0:
+        return when, (None, None), why
+    root = np.sqrt(half**2 - square * constant)
+    early, late = sorted([(-half - root) / square, (-half + root) / square])
+    return when, ((float(late), None) if a < limit else (None, float(early))), why
+
+
+def _date(origin: pd.Timestamp, days: float | None) -> pd.Timestamp | None:
+    return None if days is None or abs(days) > _DAYS_AHEAD else origin + pd.Timedelta(days=days)
+
+
+def as_object(trend: Trend) -> dict:
+    """A trend as an object for JSON."""
+
+    def day(stamp: pd.Timestamp | None) -> str | None:
+        return None if stamp is None else stamp.strftime("%Y-%m-%d")
+
+    return {
+        "points": [
+            {"file": row.file, "date": day(row.date), "backlash_rad": row.backlash_rad,
+             "backlash_interval_rad": [row.low_rad, row.high_rad]}
+            for row in trend.points.itertuples()
+        ],
+        "growth_rad_per_day": trend.line_rad[1],
+        "growth_interval_rad_per_day": list(trend.growth_interval),
+        "limit_rad": trend.limit_rad,
+        "crossing_date": day(trend.crossing),
+        "crossing_interval": None if trend.crossing_interval is None else [day(end) for end in trend.crossing_interval],
+        "confidence": CONFIDENCE,
+        "warnings": list(trend.warnings),
+    }  # fmt: skip
+
+
+def as_text(trend: Trend) -> str:
+    """A trend for people."""
+    lines = [
+        f"{row.date:%Y-%m-%d}  {1e3 * row.backlash_rad:.3f} mrad ({1e3 * row.low_rad:.3f} to {1e3 * row.high_rad:.3f})"
+        f"  {row.file}"
+        for row in trend.points.itertuples()
+    ]
+    low, high = (1e3 * 365.25 * end for end in trend.growth_interval)
+    lines.append(f"growth {1e3 * 365.25 * trend.line_rad[1]:.3f} mrad a year (95 %: {low:.3f} to {high:.3f})")
+    if trend.limit_rad is not None and trend.crossing is not None:
+        ends = trend.crossing_interval or (None, None)
+        first, last = (f"{end:%Y-%m-%d}" if end is not None else "no date" for end in ends)
+        lines.append(f"{1e3 * trend.limit_rad:.3f} mrad crossed on {trend.crossing:%Y-%m-%d} (95 %: {first} to {last})")
+    return "\n".join([*lines, *(f"note: {warning}" for warning in trend.warnings)])

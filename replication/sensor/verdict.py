@@ -1,0 +1,391 @@
+"""The virtual sensor on one log: is there backlash, how much, how sure; or why that cannot be told.
+
+The verdict comes in this order. The record's own period must be the given one (`presence.own_period`). Half turns must
+have a pattern in common (`presence.find_pattern`, a permutation test at a false-alarm rate of 1 %). If they have none,
+the verdict is "no backlash" only where the calibration's least backlash would have been seen in this noise with a
+probability of 95 %; else noise could hide it. If they have one, the method's model must explain most of it; backlash
+then is what the calibration makes of the reading, unless that lies outside its range.
+"""
+
+from dataclasses import dataclass, fields, replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from replication.characteristic import first_rise
+from replication.datasets import Recording
+from replication.global_fit.fit import GlobalFit, global_fit
+from replication.methods.calibration import PERIOD_MISMATCH, Backlash, Calibration, default_calibration
+from replication.methods.readings import Reading, protocol_for, read, reading_of_fit
+from replication.methods.waveform import match
+from replication.sensor.columns import LogFormat
+from replication.sensor.prepare import CannotTell, read_log
+from replication.sensor.presence import (
+    PERIOD_TOLERANCE,
+    Presence,
+    band_energy,
+    explained_share,
+    find_pattern,
+    own_period,
+    typical_half_turn,
+)
+from replication.signature import signature
+
+FloatArray = NDArray[np.float64]
+
+DEFAULT_METHOD = "amplitude"
+_LEAST_SHARE = 0.8  # of the pattern's energy, for the model to explain; it explains 0.96 or more in the paper's range
+_OFF = 0.05  # of the amplitude; searches that all end in the best minimum differ less from the global fit
+_FAR_OUTSIDE = 1.2  # times the value at the end of the range; a cubic beyond means nothing
+
+
+@dataclass(frozen=True)
+class Settings:
+    """How logs are read and measured.
+
+    Attributes
+    ----------
+    form : LogFormat
+        What is known of the logs.
+    calibration : Calibration
+        Of the joint; it holds the method.
+    is_own : bool
+        Whether the user made it; the other one is that of the paper's joint.
+    repeats, seed : int
+        Searches of method "paper", and the first seed, above 0.
+    """
+
+    form: LogFormat
+    calibration: Calibration
+    is_own: bool = False
+    repeats: int = 30
+    seed: int = 1
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """The answer on one log; what is not known is None. The attributes are the keys of the JSON output."""
+
+    file: str
+    verdict: str = "cannot tell"
+    amplitude_rps: float | None = None
+    amplitude_interval_rps: tuple[float, float] | None = None
+    backlash_rad: float | None = None
+    backlash_interval_rad: tuple[float, float] | None = None
+    rmse_rps: float | None = None
+    method: str = DEFAULT_METHOD
+    turn_period_s: float | None = None
+    samples: int = 0
+    warnings: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Examined:
+    """An estimate with what it was made from, for a plot: the record and the fitted model at its samples [rps]."""
+
+    estimate: Estimate
+    recording: Recording | None = None
+    model_rps: FloatArray | None = None
+
+
+def settings_for(
+    form: LogFormat, calibration: Calibration | None = None, method: str | None = None, repeats: int = 30, seed: int = 1
+) -> Settings:
+    """Put settings together: the paper's joint where there is no calibration.
+
+    Raises
+    ------
+    ValueError
+        The calibration is of another method, or a number is out of its range.
+    """
+    if calibration is not None and method not in (None, calibration.method):
+        raise ValueError(f"--method {method}: the calibration is of method {calibration.method}")
+    if repeats < 1 or seed < 1:
+        raise ValueError("--repeats and --seed must be 1 or more")
+    used = calibration or default_calibration(method or DEFAULT_METHOD)
+    return Settings(
+        replace(form, usual_speed_rps=used.commanded_speed_rps), used, calibration is not None, repeats, seed
+    )
+
+
+def estimate(path: Path, settings: Settings) -> Estimate:
+    """Estimate the backlash that a log tells of.
+
+    Parameters
+    ----------
+    path : Path
+        The log.
+    settings : Settings
+        How it is read and measured.
+
+    Returns
+    -------
+    Estimate
+        Its first warning is the reason where the verdict is "cannot tell".
+
+    Raises
+    ------
+    UnusableLog
+        The file is no usable log.
+    """
+    return examine(path, settings).estimate
+
+
+def examine(path: Path, settings: Settings) -> Examined:
+    """Do what `estimate` does, and keep the record and the fit; parameters and errors as there."""
+    notes: list[str] = []
+    try:
+        recording = read_log(path, settings.form, notes)
+    except CannotTell as doubt:
+        return Examined(Estimate(str(path), method=settings.calibration.method, warnings=(str(doubt), *notes)))
+    return examine_recording(recording, settings, str(path), notes)
+
+
+def examine_recording(recording: Recording, settings: Settings, name: str, notes: list[str]) -> Examined:
+    """Answer for a prepared record; `notes` become warnings after the reason."""
+    nothing = Estimate(
+        name, method=settings.calibration.method, samples=recording.t.size, turn_period_s=recording.turn_period_s
+    )
+    model = None
+    try:
+        recording, presence = with_its_period(recording, settings.form, settings.seed, notes)
+        nothing = replace(nothing, turn_period_s=recording.turn_period_s)
+        if presence.found or (settings.calibration.bank is not None and presence.has_same_sign):
+            found, model = _measured(recording, presence, settings, nothing, notes)
+        else:
+            found = _absent(recording, presence, settings, nothing)
+    except CannotTell as doubt:
+        found = replace(nothing, warnings=(str(doubt),))
+    return Examined(_finite(replace(found, warnings=(*found.warnings, *notes))), recording, model)
+
+
+def prepared(path: Path, form: LogFormat, seed: int, notes: list[str]) -> tuple[Recording, Presence]:
+    """Read a log as `estimate` does, up to the pattern found in it; errors as in `logs.read_log`."""
+    return with_its_period(read_log(path, form, notes), form, seed, notes)
+
+
+def with_its_period(recording: Recording, form: LogFormat, seed: int, notes: list[str]) -> tuple[Recording, Presence]:
+    """Check the turn period against the record's own, which is taken where the two differ by little.
+
+    Raises
+    ------
+    CannotTell
+        The record repeats itself with another period, or a turn has no room for an oscillation.
+    """
+    period, given = own_period(recording), recording.turn_period_s
+    if period is not None and abs(period / given - 1) > PERIOD_TOLERANCE:
+        instead = f"--turn-period {period:.4f}"
+        if form.gear_ratio:
+            instead = f"--gear-ratio {form.gear_ratio * period / given:.4g}"
+        raise CannotTell(
+            "wrong period",
+            f"the record repeats itself every {period:.4f} s, not every {given:.4f} s; is it {instead}?",
+        )
+    if period is not None and period != given:
+        notes.append(f"the record repeats itself every {period:.5f} s, not every {given:.5f} s: used that")
+        recording = replace(recording, turn_period_s=period)
+    presence = find_pattern(recording, seed)
+    if presence is None:
+        raise CannotTell("too short", f"a turn of {given:.3g} s has no room for an oscillation")
+    return recording, presence
+
+
+def _other_movement(recording: Recording, calibration: Calibration) -> CannotTell | None:
+    """Say how a record's movement differs from the calibration's; None if it does not."""
+    pairs = (
+        ("a load turn takes", recording.turn_period_s, calibration.turn_period_s, "s"),
+        ("the motor makes", float(recording.v.mean()), calibration.commanded_speed_rps, "rps"),
+    )
+    for what, here, there, unit in pairs:
+        if abs(here / there - 1) > PERIOD_MISMATCH:
+            detail = (
+                f"{what} {here:.4g} {unit}, in the calibration {there:.4g} {unit}; calibrate at the speed of the logs"
+            )
+            return CannotTell("extrapolated calibration", detail)
+    return None
+
+
+# ---------------------------------------------------------------------------------------------------------------
+# Nothing found
+
+
+def value_at(calibration: Calibration, delta_rad: float) -> float:
+    """Value that a polynomial calibration gives a backlash: the smallest positive one where it grows."""
+    return first_rise(calibration.coefficients, delta_rad) or 0.0
+
+
+def _least_energy(recording: Recording, calibration: Calibration) -> float:
+    """Energy [rps^2] that the calibration's least backlash puts into a record's pattern."""
+    period = recording.turn_period_s
+    ring = typical_half_turn(recording)
+    least = calibration.range_rad[0]
+    if calibration.bank is not None:
+        phases = np.arange(ring.size) / (2 * ring.size)
+        return band_energy(calibration.bank.at(least)(phases), period)
+    amplitude = value_at(calibration, least)
+    if calibration.method == "energy":
+        amplitude /= float(np.sqrt(np.mean(ring**2)))
+    return amplitude**2 * band_energy(ring, period)
+
+
+def _absent(recording: Recording, presence: Presence, settings: Settings, nothing: Estimate) -> Estimate:
+    """Answer where half turns have nothing in common: no backlash, or too much noise to say so."""
+    calibration = settings.calibration
+    if doubt := _other_movement(recording, calibration):
+        raise doubt
+    if presence.has_same_sign:
+        raise CannotTell(
+            "no signature",
+            "something repeats itself every turn, but not with the opposite sign half a turn later, as backlash under "
+            "gravity alone does; is there much friction, another axis moving, or mains hum in step with the turn?",
+        )
+    typical = band_energy(typical_half_turn(recording), recording.turn_period_s)
+    hidden = float(np.sqrt(presence.detectable_rps2 / typical))
+    least, rmse = calibration.range_rad[0], float(recording.v.std())
+    if presence.detectable_rps2 > _least_energy(recording, calibration):
+        raise CannotTell(
+            "too noisy",
+            f"nothing found, but in this noise ({presence.noise_rps:.3g} rps) an oscillation of up to {hidden:.3g} rps "
+            f"stays hidden, more than a backlash of {least:.3g} rad makes; log more turns, or quieter",
+        )
+    return replace(
+        nothing, verdict="no backlash", amplitude_rps=0.0, amplitude_interval_rps=(0.0, hidden), backlash_rad=0.0,
+        backlash_interval_rad=(0.0, least), rmse_rps=rmse,
+    )  # fmt: skip
+
+
+# ---------------------------------------------------------------------------------------------------------------
+# A pattern found
+
+
+def _measured(
+    recording: Recording, presence: Presence, settings: Settings, nothing: Estimate, notes: list[str]
+) -> tuple[Estimate, FloatArray]:
+    """Answer where half turns have a pattern in common; also the model's curve [rps]."""
+    calibration = settings.calibration
+    try:
+        fit = global_fit(recording, protocol_for(recording))
+    except ValueError as error:
+        raise CannotTell("too short", str(error)) from error
+    if doubt := _other_movement(recording, calibration):
+        amplitude = reading_of_fit(recording, "amplitude", fit)
+        return _with_amplitude(nothing, amplitude, str(doubt)), _signature_curve(recording, fit)
+    model = _model_curve(recording, calibration, fit)
+    share = explained_share(recording, model, presence)
+    reading = _reading(recording, settings, fit)
+    if share < _LEAST_SHARE:
+        doubt = CannotTell(
+            "no signature",
+            f"a pattern repeats itself every turn, but the model explains {max(share, 0.0):.0%} of it; a faint "
+            "backlash, much friction, or another cause",
+        )
+        return _with_amplitude(nothing, reading, str(doubt)), model
+    if abs(reading.amplitude_rps - fit.amplitude_rps) > _OFF * fit.amplitude_rps:
+        notes.append(
+            f"searches ended in other minima: their mean is {reading.amplitude_rps:.3f} rps, the best fit has "
+            f"{fit.amplitude_rps:.3f} rps; method amplitude is not prone to this"
+        )
+    backlash = calibration.backlash(reading)
+    if _outside(reading, backlash, calibration):
+        low, high = calibration.range_rad
+        doubt = CannotTell(
+            "extrapolated calibration",
+            f"a signature is there, but {_value_text(reading, backlash)} lies outside {low:.3g} to {high:.3g} rad",
+        )
+        return _with_amplitude(nothing, reading, str(doubt)), model
+    if backlash.extrapolated:
+        notes.append("at the edge of the calibration's range")
+    if not settings.is_own:
+        notes.append("calibrated for the paper's joint, not for yours: give --calibration")
+    answered = replace(
+        _with_amplitude(nothing, reading), verdict="backlash", backlash_rad=backlash.delta_rad,
+        backlash_interval_rad=(max(backlash.interval_rad[0], 0.0), backlash.interval_rad[1]),
+    )  # fmt: skip
+    return answered, model
+
+
+def _reading(recording: Recording, settings: Settings, fit: GlobalFit) -> Reading:
+    calibration = settings.calibration
+    if calibration.method == "paper":
+        return read(recording, "paper", None, settings.repeats, settings.seed)
+    return reading_of_fit(recording, calibration.method, fit, calibration.bank)
+
+
+def _with_amplitude(nothing: Estimate, reading: Reading, *doubts: str) -> Estimate:
+    return replace(
+        nothing, amplitude_rps=reading.amplitude_rps, amplitude_interval_rps=reading.amplitude_interval_rps,
+        rmse_rps=reading.rmse_rps, turn_period_s=reading.turn_period_s, warnings=doubts,
+    )  # fmt: skip
+
+
+def _value_text(reading: Reading, backlash: Backlash) -> str:
+    if reading.method == "waveform":
+        return f"the best match, {backlash.delta_rad:.3g} rad,"
+    return f"its reading, {reading.value:.3g} rps,"
+
+
+def _outside(reading: Reading, backlash: Backlash, calibration: Calibration) -> bool:
+    """Whether a reading lies outside the calibration's range by more than its standard deviation."""
+    low, high = calibration.range_rad
+    if calibration.bank is not None:
+        return backlash.extrapolated
+    one_sigma = (backlash.interval_rad[1] - backlash.interval_rad[0]) / 4
+    beyond = reading.value > _FAR_OUTSIDE * value_at(calibration, high)
+    return beyond or not low - one_sigma <= backlash.delta_rad <= high + one_sigma
+
+
+def _signature_curve(recording: Recording, fit: GlobalFit) -> FloatArray:
+    return signature(recording.t, fit.X, protocol_for(recording).timing)
+
+
+def _model_curve(recording: Recording, calibration: Calibration, fit: GlobalFit) -> FloatArray:
+    """What the method fits, at a record's samples, less its mean [rps]."""
+    if calibration.bank is None:
+        return _signature_curve(recording, fit)
+    found = match(recording, calibration.bank)
+    turns = (recording.t - recording.t[0]) / recording.turn_period_s
+    return calibration.bank.at(found.delta_rad)((turns - found.shift_turns) % 1.0)
+
+
+# ---------------------------------------------------------------------------------------------------------------
+# Output
+
+
+def _finite(found: Estimate) -> Estimate:
+    """An estimate of plain Python numbers, None for what is not finite."""
+
+    def plain(value):
+        if isinstance(value, tuple) and not all(isinstance(part, str) for part in value):
+            parts = tuple(plain(part) for part in value)
+            return None if None in parts else parts
+        if isinstance(value, float | np.floating):
+            return float(value) if np.isfinite(value) else None
+        return value
+
+    return replace(found, **{field.name: plain(getattr(found, field.name)) for field in fields(found)})
+
+
+def as_row(found: Estimate) -> dict:
+    """An estimate as an object for JSON: the attributes in order, tuples as lists."""
+    pairs = ((field.name, getattr(found, field.name)) for field in fields(found))
+    return {name: list(value) if isinstance(value, tuple) else value for name, value in pairs}
+
+
+def as_text(found: Estimate) -> str:
+    """An estimate for people: a line with the answer, then one for each number and each warning."""
+    if found.verdict == "backlash":
+        low, high = (1e3 * end for end in found.backlash_interval_rad)
+        answer = f"backlash {1e3 * found.backlash_rad:.3f} mrad (95 %: {low:.3f} to {high:.3f})"
+    elif found.verdict == "no backlash":
+        answer = f"no backlash (less than {1e3 * found.backlash_interval_rad[1]:.3f} mrad)"
+    else:
+        answer = f"cannot tell: {found.warnings[0]}"
+    lines = [f"{found.file}: {answer}"]
+    if found.amplitude_rps:
+        low, high = found.amplitude_interval_rps
+        lines.append(f"  amplitude {found.amplitude_rps:.3f} rps ({low:.3f} to {high:.3f}), method {found.method}")
+    if found.rmse_rps is not None:
+        lines.append(f"  misfit {found.rmse_rps:.3f} rps, {found.samples} samples, turn of {found.turn_period_s:.5g} s")
+    notes = found.warnings[1:] if found.verdict == "cannot tell" else found.warnings
+    return "\n".join([*lines, *(f"  note: {note}" for note in notes)])

@@ -1,0 +1,1 @@
+"""The simulated joint: its parameters, its compiled core, the simulation and its identification."""

@@ -1,0 +1,49 @@
+"""The joint integrated by SciPy: what the compiled simulator is checked and timed against."""
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.integrate import solve_ivp
+
+from replication.simulator import core
+from replication.simulator.simulate import TURN, JointParameters, core_constants, core_drive, start_state
+
+
+def solve_ivp_speed_rps(
+    p: JointParameters, delta_rad: float, duration_s: float, method: str, **tolerances: float
+) -> NDArray[np.float64]:
+    """Motor speed at every control period, the compiled field integrated by `solve_ivp` between them.
+
+    Parameters
+    ----------
+    p : JointParameters
+        The joint.
+    delta_rad : float
+        Half the gap [rad].
+    duration_s : float
+        Length of the record [s].
+    method : str
+        A method of `scipy.integrate.solve_ivp`.
+    **tolerances
+        Its `rtol`, `atol`, `max_step`.
+
+    Returns
+    -------
+    array of shape (periods + 1,)
+        Motor speed [rps].
+    """
+    c, drive = core_constants(p, delta_rad), core_drive(p)
+    y, _ = start_state(p, delta_rad)
+    ring, memory = np.full(p.control_delay_periods + 1, y[4]), np.array([y[4], 0.0, 0.0, y[0]])
+    edges = np.array([-delta_rad, 0.0, delta_rad])
+
+    def field(t, y, command):
+        return core.derivative(t, tuple(y), command, int(np.searchsorted(edges, y[0] / c[0] - y[2])), c)
+
+    skip, speeds = round(p.lead_s / p.control_period_s), []
+    for i in range(skip + round(duration_s / p.control_period_s) + 1):
+        t = (i - skip) * p.control_period_s
+        speeds.append(y[1])
+        command = core.control(t, tuple(y), memory, ring, i, drive, c)
+        span = (t, t + p.control_period_s)
+        y = solve_ivp(field, span, np.array(y), method=method, args=(command,), **tolerances).y[:, -1]
+    return p.commanded_speed_rps + np.array(speeds[skip:]) / TURN

@@ -1,0 +1,148 @@
+"""The stand-in of the test bench: Table 3, a population of benches around it, and what friction does to it."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+import pandas as pd
+
+from replication import characteristic, published
+from replication.datasets import Recording
+from replication.simulator.parameters import identified_joint
+from replication.standins.joints import Bench, Spread, draw_bench, encoder_log, fitted_logs
+from replication.table2 import summarise_runs
+
+
+def table3_records(bench: Bench, deltas_rad: Sequence[float], seed: int) -> list[tuple[dict, Recording]]:
+    """Measure and log the bench in each state of wear.
+
+    Parameters
+    ----------
+    bench : Bench
+        The bench.
+    deltas_rad : sequence of float
+        True backlash of each state [rad].
+    seed : int
+        Seed of readings and logs.
+
+    Returns
+    -------
+    list of (dict, Recording)
+        The dict says `row, delta_rad, reading_rad, known_A_rps`.
+    """
+    rng = np.random.default_rng(seed)
+    records = []
+    for row, delta in enumerate(deltas_rad, start=1):
+        reading = delta + rng.normal(0.0, bench.dial_gauge_rad)
+        key = {
+            "row": row,
+            "delta_rad": delta,
+            "reading_rad": reading,
+            "known_A_rps": characteristic.known_amplitude_rps(reading),
+        }
+        records.append((key, encoder_log(bench, delta, rng)))
+    return records
+
+
+def table3(runs: pd.DataFrame) -> pd.DataFrame:
+    """Condense the runs on the bench's records into Table 3, the printed columns beside.
+
+    Parameters
+    ----------
+    runs : DataFrame
+        From `experiments.repeated_fits` on `table3_records`.
+
+    Returns
+    -------
+    DataFrame
+        A row a state: `source, row, delta_rad, reading_rad, known_A_rps`, what `experiments.summarise_runs` gives, and
+        `printed_known_A_rps, printed_mean_A_rps, printed_sd_A_rps, printed_relative_error_percent`.
+    """
+    keys = ["row", "delta_rad", "reading_rad", "known_A_rps"]
+    rows = []
+    for values, part in runs.groupby(keys, sort=False):
+        head = {"source": "stand-in", **dict(zip(keys, values, strict=True))}
+        rows.append(head | summarise_runs(part, head["known_A_rps"]).to_dict())
+    printed = {
+        "printed_known_A_rps": "known",
+        "printed_mean_A_rps": "mean",
+        "printed_sd_A_rps": "sd",
+        "printed_relative_error_percent": "relative_error",
+    }
+    columns = {name: published.column("Table 3", column) for name, column in printed.items()}
+    return pd.DataFrame(rows).assign(**columns).astype({"best_basin_runs": int, "basins": int, "runs": int})
+
+
+def table3_cells(table: pd.DataFrame) -> dict[str, float]:
+    """Values of Table 3's cells by id, from `table3`."""
+    columns = {
+        "known": "known_A_rps",
+        "mean": "mean_A_rps",
+        "sd": "sd_A_rps",
+        "relative_error": "relative_error_percent",
+    }
+    return {
+        f"table3.row{row['row']:02d}.{cell}": row[column]
+        for row in table.to_dict("records")
+        for cell, column in columns.items()
+    }
+
+
+def bench_population(
+    benches: int, deltas_rad: Sequence[float], seed: int, spread: Spread | None = None
+) -> pd.DataFrame:
+    """Fit the logs of many benches in each state: what the spread alone makes of Table 3.
+
+    Parameters
+    ----------
+    benches : int
+        How many to draw.
+    deltas_rad : sequence of float
+        States of wear [rad].
+    seed : int
+        Seed of benches and logs.
+    spread : Spread, optional
+        Their spread.
+
+    Returns
+    -------
+    DataFrame
+        `bench`, the columns of `fitted_logs`, and `error_percent` of A against Table 2's A at the true backlash.
+    """
+    drawn = [draw_bench(np.random.default_rng((seed, number)), spread) for number in range(benches)]
+    cases = [(bench, delta) for bench in drawn for delta in deltas_rad]
+    table = fitted_logs(cases, [(seed, benches + index) for index in range(len(cases))])
+    known = np.array([characteristic.known_amplitude_rps(delta) for delta in table["delta_rad"]])
+    table.insert(0, "bench", np.repeat(np.arange(benches), len(deltas_rad)))
+    return table.assign(error_percent=100 * (table["A_rps"] / known - 1))
+
+
+def load_friction_study(shares: Sequence[float], delta_rad: float, seed: int) -> pd.DataFrame:
+    """Fit the identified joint's noise-free log as Coulomb friction on the load grows.
+
+    The impacts come where gravity balances friction, so that friction moves them away from half a turn apart.
+
+    Parameters
+    ----------
+    shares : sequence of float
+        Friction torque over m g r, the first of them zero.
+    delta_rad : float
+        Backlash [rad].
+    seed : int
+        Seed of the start angles, the same four for each share.
+
+    Returns
+    -------
+    DataFrame
+        `friction_share`, the mean `A_rps` and `rmse_rps` of the four logs, and `change_percent` of A from the first.
+    """
+    joint = identified_joint()
+    rows = [(share, start) for share in shares for start in range(4)]
+    cases = [
+        (Bench(replace(joint, load_coulomb_nm=share * joint.gravity_torque_nm), 0.0, 0.0), delta_rad)
+        for share, _ in rows
+    ]
+    fits = fitted_logs(cases, [(seed, start) for _, start in rows])
+    fits["friction_share"] = [share for share, _ in rows]
+    table = fits.groupby("friction_share", sort=False)[["A_rps", "rmse_rps"]].mean().reset_index()
+    return table.assign(change_percent=100 * (table["A_rps"] / table["A_rps"].iloc[0] - 1))

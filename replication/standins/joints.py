@@ -1,0 +1,185 @@
+"""Stand-ins for the logs that were never published: benches drawn around the identified joint, and their encoders.
+
+A bench is the identified joint with other parameters, friction, periodic disturbances, and a log that comes from its
+encoder. Every spread is an assumption; the paper gives none. If the bench's or the robots' logs are ever published,
+one function beside `datasets.load_clean`, from a log's file to a `Recording`, takes the place of `encoder_log`:
+nothing that comes after asks where a record is from.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pandas as pd
+from joblib import Parallel, delayed
+
+from replication import published
+from replication.datasets import Recording
+from replication.global_fit.fit import global_fit
+from replication.simulator.parameters import TURN, Disturbance, JointParameters, identified_joint, with_ratios
+from replication.simulator.simulate import encoder_position, simulate
+
+SAMPLE_S = 2e-3
+
+# Turns of the motor belt per motor turn: a belt of two and a half to five pulleys' circumference.
+BELT_ORDER = (0.2, 0.4)
+
+
+@dataclass(frozen=True)
+class Spread:
+    """How far a bench may be from the identified joint; uniform from zero where nothing else is said.
+
+    Attributes
+    ----------
+    ratios : float
+        Relative SD (log-normal) of stiffness, gravity, inertia ratio and speed and integral gain.
+    load_friction : float
+        Largest Coulomb friction on the load, and largest viscous friction at the commanded speed, each over m g r.
+    motor_friction : float
+        The same on the motor, over m g r / N.
+    ripple : float
+        Largest torque ripple at one and at six periods a motor turn, over m g r / N.
+    belt_rad, gear_rad : float
+        Largest transmission error of the belt's turn (`BELT_ORDER`) and of the load's turn, load side [rad].
+    noise_rps : float
+        Largest SD of the measured speed's noise; the smallest is half of it [rps].
+    dial_gauge_rad : float
+        SD of the static measurement of the backlash: 0.01 mm at 0.3 m [rad].
+    """
+
+    ratios: float = 0.05
+    load_friction: float = 0.005
+    motor_friction: float = 0.5
+    ripple: float = 0.02
+    belt_rad: float = 1e-5
+    gear_rad: float = 1e-4
+    noise_rps: float = 0.08
+    dial_gauge_rad: float = 3e-5
+
+
+@dataclass(frozen=True)
+class Bench:
+    """A joint with its log's noise and the error of its static measurement.
+
+    Attributes
+    ----------
+    joint : JointParameters
+        The joint.
+    noise_rps : float
+        SD of the white noise on the logged speed [rps].
+    dial_gauge_rad : float
+        SD of a reading of the backlash [rad].
+    """
+
+    joint: JointParameters
+    noise_rps: float
+    dial_gauge_rad: float
+
+
+def draw_bench(rng: np.random.Generator, spread: Spread | None = None) -> Bench:
+    """Draw a bench around the identified joint.
+
+    Its drive sees the encoder's 19 bits and differences them; it has turned once when its log begins.
+
+    Parameters
+    ----------
+    rng : Generator
+        Where the parameters come from.
+    spread : Spread, optional
+        How far they may lie.
+
+    Returns
+    -------
+    Bench
+    """
+    spread = spread or Spread()
+    joint = identified_joint()
+    varied = ("stiffness_per_s2", "gravity_per_s2", "inertia_ratio", "speed_gain_per_s", "integral_gain_per_s2")
+    factors = np.exp(spread.ratios * rng.standard_normal(len(varied)))
+    joint = with_ratios(joint, {name: joint.ratios[name] * f for name, f in zip(varied, factors, strict=True)})
+    gravity, load_speed = joint.gravity_torque_nm, joint.commanded_speed_rad_per_s / joint.gear_ratio
+    coulomb, viscous = gravity * spread.load_friction * rng.random(2)
+    motor_coulomb, motor_viscous = gravity / joint.gear_ratio * spread.motor_friction * rng.random(2)
+    joint = replace(
+        joint,
+        load_coulomb_nm=coulomb,
+        load_viscous_nms_per_rad=viscous / load_speed,
+        motor_coulomb_nm=motor_coulomb,
+        motor_viscous_nms_per_rad=motor_viscous / joint.commanded_speed_rad_per_s,
+        encoder_bits=int(published.value("text.encoder_bits")),
+        speed_by_differencing=True,
+        lead_s=joint.turn_period_s,
+        disturbances=_draw_disturbances(joint, spread, rng),
+    )
+    return Bench(joint, spread.noise_rps * rng.uniform(0.5, 1.0), spread.dial_gauge_rad)
+
+
+def _draw_disturbances(joint: JointParameters, spread: Spread, rng: np.random.Generator) -> tuple[Disturbance, ...]:
+    """Torque ripple at one and six periods a motor turn, eccentricity of the belt's and of the load's turn."""
+    ripple = spread.ripple * joint.gravity_torque_nm / joint.gear_ratio
+    amplitudes, phases = rng.random(4), TURN * rng.random(4)
+    return (
+        Disturbance(1.0, motor_torque_nm=ripple * amplitudes[0], phase_rad=phases[0]),
+        Disturbance(6.0, motor_torque_nm=ripple * amplitudes[1], phase_rad=phases[1]),
+        Disturbance(
+            rng.uniform(*BELT_ORDER), transmission_error_rad=spread.belt_rad * amplitudes[2], phase_rad=phases[2]
+        ),
+        Disturbance(1 / joint.gear_ratio, transmission_error_rad=spread.gear_rad * amplitudes[3], phase_rad=phases[3]),
+    )
+
+
+def encoder_log(bench: Bench, delta_rad: float, rng: np.random.Generator) -> Recording:
+    """Log twelve turns of a bench, as its controller would: the encoder's position every 2 ms, differenced, and noise.
+
+    Parameters
+    ----------
+    bench : Bench
+        The bench.
+    delta_rad : float
+        Its backlash [rad].
+    rng : Generator
+        Where the start angle, which the log does not tell, and the noise come from.
+
+    Returns
+    -------
+    Recording
+    """
+    joint = replace(bench.joint, start_angle_rad=float(rng.uniform(0, TURN)))
+    run = simulate(joint, delta_rad, duration_s=12 * joint.turn_period_s, sample_s=SAMPLE_S)
+    position = encoder_position(run.motor_position_rad, joint.encoder_bits or 52)
+    speed = np.diff(position) / SAMPLE_S / TURN
+    noisy = speed + rng.normal(0.0, bench.noise_rps, speed.size)
+    name = f"simulated encoder log, {delta_rad:g} rad"
+    return Recording(run.time_s[:-1], noisy, joint.commanded_speed_rps, joint.turn_period_s, name)
+
+
+def _log_and_fit(bench: Bench, delta_rad: float, seed: Sequence[int]) -> tuple[float, ...]:
+    recording = encoder_log(bench, delta_rad, np.random.default_rng(seed))
+    fit = global_fit(recording)
+    _, t0, _, omega, *_ = fit.X
+    return (fit.amplitude_rps, *fit.amplitude_interval_rps, omega / TURN, t0, fit.rmse, recording.v.std())
+
+
+def fitted_logs(cases: Sequence[tuple[Bench, float]], seeds: Sequence[Sequence[int]]) -> pd.DataFrame:
+    """Log each case and fit it globally, on all cores.
+
+    Parameters
+    ----------
+    cases : sequence of (Bench, float)
+        Bench and backlash [rad].
+    seeds : sequence of sequences of int
+        Seed of each log's start angle and noise.
+
+    Returns
+    -------
+    DataFrame
+        A row a case: `delta_rad, A_rps, low_rps, high_rps, frequency_hz, t0_s, rmse_rps` of the fit, and the log's
+        SD `sd_rps`.
+    """
+    jobs = [delayed(_log_and_fit)(bench, delta, seed) for (bench, delta), seed in zip(cases, seeds, strict=True)]
+    table = pd.DataFrame(
+        Parallel(n_jobs=-1, batch_size=4)(jobs),
+        columns=["A_rps", "low_rps", "high_rps", "frequency_hz", "t0_s", "rmse_rps", "sd_rps"],
+    )
+    table.insert(0, "delta_rad", [delta for _, delta in cases])
+    return table

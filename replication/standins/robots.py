@@ -1,0 +1,232 @@
+"""Stand-ins for the plant robots of Table 4: axis 4 of an arm whose other joints shake it.
+
+Nothing is published of these robots but four numbers, so every spread here is an assumption. Where a loader for their
+logs would go, `standins` says.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from replication import published
+from replication.datasets import Recording
+from replication.simulator.parameters import TURN, Disturbance, JointParameters, identified_joint
+from replication.standins.joints import Bench, Spread, draw_bench, encoder_log, fitted_logs
+from replication.table2 import summarise_runs
+
+FloatArray = NDArray[np.float64]
+
+KINDS = ("healthy", "excessive")
+
+
+@dataclass(frozen=True)
+class RobotSpread:
+    """What a plant robot's axis 4 has besides a bench's spread; uniform between limits.
+
+    Attributes
+    ----------
+    bench : Spread
+        Spread of the joint itself.
+    gravity : tuple of float
+        Gravity torque over the bench's: axis 4 carries only the wrist and its tool.
+    couplings : int
+        Vibrations of the other joints that reach the axis as torques on its load.
+    coupling : float
+        Largest amplitude of each, over the axis's own m g r.
+    coupling_hz : tuple of float
+        Their frequencies [Hz].
+    healthy_rad, excessive_rad : tuple of float
+        Backlash of the two kinds [rad].
+    """
+
+    bench: Spread = field(default_factory=Spread)
+    gravity: tuple[float, float] = (0.3, 0.8)
+    couplings: int = 3
+    coupling: float = 0.03
+    coupling_hz: tuple[float, float] = (2.5, 40.0)
+    healthy_rad: tuple[float, float] = (0.0, 1e-4)
+    excessive_rad: tuple[float, float] = (2e-4, 5e-4)
+
+
+def draw_robot(rng: np.random.Generator, spread: RobotSpread, kind: str) -> tuple[Bench, float]:
+    """Draw the axis 4 of a robot, and its backlash.
+
+    Parameters
+    ----------
+    rng : Generator
+        Where they come from.
+    spread : RobotSpread
+        How far they may lie.
+    kind : str
+        "healthy" or "excessive".
+
+    Returns
+    -------
+    Bench, float
+        The axis, and its backlash [rad].
+    """
+    bench = draw_bench(rng, spread.bench)
+    joint = replace(bench.joint, load_mass_kg=bench.joint.load_mass_kg * rng.uniform(*spread.gravity))
+    orders = rng.uniform(*spread.coupling_hz, spread.couplings) / joint.commanded_speed_rps
+    torques = spread.coupling * joint.gravity_torque_nm * rng.random(spread.couplings)
+    couplings = tuple(
+        Disturbance(float(order), load_torque_nm=float(torque), phase_rad=float(phase))
+        for order, torque, phase in zip(orders, torques, TURN * rng.random(spread.couplings), strict=True)
+    )
+    backlash = rng.uniform(*(spread.healthy_rad if kind == "healthy" else spread.excessive_rad))
+    return replace(bench, joint=replace(joint, disturbances=(*joint.disturbances, *couplings))), float(backlash)
+
+
+def table4_records(spread: RobotSpread, seed: int) -> list[tuple[dict, Recording]]:
+    """Log robots A and B: the first healthy and the first excessive one of a seed.
+
+    Returns
+    -------
+    list of (dict, Recording)
+        The dict says `robot, kind, delta_rad`.
+    """
+    records = []
+    for robot, kind in zip("AB", KINDS, strict=True):
+        rng = np.random.default_rng((seed, KINDS.index(kind), 0))
+        axis, delta = draw_robot(rng, spread, kind)
+        records.append(({"robot": robot, "kind": kind, "delta_rad": delta}, encoder_log(axis, delta, rng)))
+    return records
+
+
+def table4(runs: pd.DataFrame) -> pd.DataFrame:
+    """Condense the runs on the two robots into Table 4, the printed columns beside.
+
+    Parameters
+    ----------
+    runs : DataFrame
+        From `experiments.repeated_fits` on `table4_records`.
+
+    Returns
+    -------
+    DataFrame
+        A row a robot: `source, robot, kind, delta_rad`, what `experiments.summarise_runs` gives of |A| without the
+        relative error, `printed_mean_A_rps` and `printed_sd_A_rps`.
+    """
+    keys = ["robot", "kind", "delta_rad"]
+    rows = []
+    for values, part in runs.groupby(keys, sort=False):
+        summary = summarise_runs(part.assign(A_rps=part["A_rps"].abs()), 0.0).drop("relative_error_percent")
+        rows.append({"source": "stand-in", **dict(zip(keys, values, strict=True))} | summary.to_dict())
+    printed = {f"printed_{name}_A_rps": published.column("Table 4", name) for name in ("mean", "sd")}
+    return pd.DataFrame(rows).assign(**printed).astype({"best_basin_runs": int, "basins": int, "runs": int})
+
+
+def table4_cells(table: pd.DataFrame) -> dict[str, float]:
+    """Values of Table 4's cells by id, from `table4`."""
+    return {
+        f"table4.row{row:02d}.{name}": table[f"{name}_A_rps"].iloc[row - 1]
+        for row in range(1, len(table) + 1)
+        for name in ("mean", "sd")
+    }
+
+
+def robot_population(each: int, spread: RobotSpread, seed: int) -> pd.DataFrame:
+    """Fit the logs of many robots of each kind; the first of each are robots A and B.
+
+    Parameters
+    ----------
+    each : int
+        Robots of each kind.
+    spread : RobotSpread
+        Their spread.
+    seed : int
+        Seed of robots and logs.
+
+    Returns
+    -------
+    DataFrame
+        `kind` and the columns of `standins.fitted_logs`.
+    """
+    kinds = [kind for kind in KINDS for _ in range(each)]
+    seeds = [(seed, KINDS.index(kind), number) for kind in KINDS for number in range(each)]
+    cases = [draw_robot(np.random.default_rng(stream), spread, kind) for stream, kind in zip(seeds, kinds, strict=True)]
+    table = fitted_logs(cases, [(*stream, 1) for stream in seeds])
+    table.insert(0, "kind", kinds)
+    return table
+
+
+def roc(healthy: FloatArray, excessive: FloatArray) -> pd.DataFrame:
+    """Receiver operating characteristic of the rule "A at or above a threshold is excessive backlash".
+
+    Parameters
+    ----------
+    healthy, excessive : arrays
+        A of the robots of each kind [rps].
+
+    Returns
+    -------
+    DataFrame
+        `threshold_rps, false_alarms, detected` (shares, growing), from a threshold that nothing reaches to one that
+        everything does; one row a distinct A.
+    """
+    thresholds = np.r_[np.inf, np.unique(np.concatenate([healthy, excessive]))[::-1]]
+    shares = [np.mean(np.asarray(sample)[:, None] >= thresholds, axis=0) for sample in (healthy, excessive)]
+    return pd.DataFrame({"threshold_rps": thresholds, "false_alarms": shares[0], "detected": shares[1]})
+
+
+def area_under(curve: pd.DataFrame) -> float:
+    """Area under a ROC curve: the chance that an excessive robot has a larger A than a healthy one, ties halved."""
+    return float(np.trapezoid(curve["detected"], curve["false_alarms"]))
+
+
+def best_threshold(curve: pd.DataFrame) -> pd.Series:
+    """Row of a ROC curve with the largest Youden index, detected less false alarms; the highest threshold of equals."""
+    return curve.loc[(curve["detected"] - curve["false_alarms"]).idxmax()]
+
+
+def shares_at(healthy: FloatArray, excessive: FloatArray, threshold_rps: float) -> tuple[float, float]:
+    """Shares of false alarms and of detected robots at a threshold."""
+    return float(np.mean(np.asarray(healthy) >= threshold_rps)), float(np.mean(np.asarray(excessive) >= threshold_rps))
+
+
+def disturbed_healthy_joint(
+    frequencies_hz: Sequence[float], torque_shares: Sequence[float], gravity: float, noise_rps: float, seed: int
+) -> pd.DataFrame:
+    """Fit a joint without backlash that one other joint shakes, over the disturbance's frequency and amplitude.
+
+    Parameters
+    ----------
+    frequencies_hz : sequence of float
+        Frequencies of the torque on the load [Hz].
+    torque_shares : sequence of float
+        Its amplitudes, over m g r.
+    gravity : float
+        Gravity torque over the identified joint's.
+    noise_rps : float
+        SD of the logged speed's noise [rps].
+    seed : int
+        Seed of the start angle and the noise, the same for all.
+
+    Returns
+    -------
+    DataFrame
+        `disturbance_hz, torque_share, disturbance_rps` (its amplitude in the log), the columns of
+        `standins.fitted_logs`, and `turns_used`: how many of the record's turns have a window of the fitted signature.
+    """
+    identified = identified_joint()
+    joint = replace(identified, load_mass_kg=gravity * identified.load_mass_kg)
+    grid = [(0.0, 0.0), *((frequency, share) for share in torque_shares for frequency in frequencies_hz)]
+    cases = [(Bench(_shaken(joint, frequency, share), noise_rps, 0.0), 0.0) for frequency, share in grid]
+    table = fitted_logs(cases, [(seed,)] * len(cases))
+    heard = np.sqrt(2 * np.maximum(table["sd_rps"] ** 2 - table["sd_rps"].iloc[0] ** 2, 0.0))
+    frequencies, shares = np.array(grid).T
+    table = table.assign(turns_used=12 - table["t0_s"] / joint.turn_period_s)
+    head = pd.DataFrame({"disturbance_hz": frequencies, "torque_share": shares, "disturbance_rps": heard})
+    return pd.concat([head, table], axis=1).iloc[1:].reset_index(drop=True)
+
+
+def _shaken(joint: JointParameters, frequency_hz: float, torque_share: float) -> JointParameters:
+    """Add one sinusoidal torque on the load to a joint; none for a share of zero."""
+    if torque_share == 0:
+        return joint
+    torque = torque_share * joint.gravity_torque_nm
+    wave = Disturbance(frequency_hz / joint.commanded_speed_rps, load_torque_nm=torque)
+    return replace(joint, disturbances=(*joint.disturbances, wave))

@@ -1,0 +1,164 @@
+"""Eight months of wear on the stand-in bench: what the sensor reads at each test, and when it calls for maintenance."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pandas as pd
+from joblib import Parallel, delayed
+from numpy.typing import NDArray
+
+from replication.global_fit.fit import global_fit
+from replication.methods.calibration import Calibration
+from replication.methods.readings import reading_of_fit
+from replication.standins.joints import Bench, encoder_log
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Wear:
+    """Backlash over the months under stress, delta(t) = first + (last - first) (t / duration)^exponent.
+
+    Attributes
+    ----------
+    first_rad, last_rad : float
+        Backlash on the first and on the last day [rad].
+    exponent : float
+        Above 1: wear speeds itself up.
+    duration_days, interval_days : float
+        How long, and how long from a test to the next [days].
+    """
+
+    first_rad: float
+    last_rad: float
+    exponent: float
+    duration_days: float = 240.0
+    interval_days: float = 21.0
+
+    @property
+    def test_days(self) -> FloatArray:
+        """Days of the tests, the first on day 0."""
+        return np.arange(0.0, self.duration_days + 1e-9, self.interval_days)
+
+    def backlash_rad(self, day: FloatArray | float) -> FloatArray | float:
+        """Backlash on a day [rad]."""
+        growth = (np.asarray(day) / self.duration_days) ** self.exponent
+        return self.first_rad + (self.last_rad - self.first_rad) * growth
+
+    def crossing_day(self, limit_rad: float) -> float:
+        """Day on which the backlash reaches a limit between its first and last value."""
+        share = (limit_rad - self.first_rad) / (self.last_rad - self.first_rad)
+        return float(self.duration_days * share ** (1 / self.exponent))
+
+
+def draw_wear(rng: np.random.Generator, limit_rad: float) -> Wear:
+    """Draw a wear that starts well below a limit and passes it within the eight months.
+
+    Parameters
+    ----------
+    rng : Generator
+        Where it comes from.
+    limit_rad : float
+        Backlash that calls for maintenance [rad].
+
+    Returns
+    -------
+    Wear
+    """
+    first, last = limit_rad * rng.uniform(0.2, 0.5), limit_rad * rng.uniform(1.2, 1.6)
+    return Wear(float(first), float(last), float(rng.uniform(1.0, 3.0)))
+
+
+def _read_log(
+    bench: Bench, delta_rad: float, seed: Sequence[int], calibrations: Mapping[str, Calibration]
+) -> list[tuple[float, float, float, float]]:
+    """A [rps], and estimate, low and high end of the backlash [rad], by each calibration; one global fit for all."""
+    record = encoder_log(bench, delta_rad, np.random.default_rng(seed))
+    fit = global_fit(record)
+    found = []
+    for calibration in calibrations.values():
+        # Equation 10 takes the global fit's amplitude here: thirty searches a log would find the same.
+        method = "amplitude" if calibration.method == "paper" else calibration.method
+        reading = reading_of_fit(record, method, fit, calibration.bank)
+        backlash = calibration.backlash(replace(reading, method=calibration.method))
+        found.append((fit.amplitude_rps, backlash.delta_rad, *backlash.interval_rad))
+    return found
+
+
+def wear_tests(
+    benches: Sequence[Bench],
+    wears: Sequence[Wear],
+    calibrations: Mapping[str, Calibration],
+    limit_rad: float,
+    seed: int,
+) -> pd.DataFrame:
+    """Test worn benches every few weeks and read the backlash off each log.
+
+    Parameters
+    ----------
+    benches, wears : sequences
+        The benches, and how each wears.
+    calibrations : mapping of name to Calibration
+        The sensors.
+    limit_rad : float
+        Backlash that calls for maintenance [rad].
+    seed : int
+        Seed of the logs.
+
+    Returns
+    -------
+    DataFrame
+        A row a bench, test and sensor: `bench, sensor, day, delta_rad, A_rps, estimate_rad`, its 95 % interval
+        `low_rad, high_rad`, `truth_day` and `call_day`: when the truth reached the limit, and the first test whose
+        estimate did (NaN if none).
+    """
+    tests = [(number, day, wear) for number, wear in enumerate(wears) for day in wear.test_days]
+    jobs = [
+        delayed(_read_log)(benches[number], float(wear.backlash_rad(day)), (seed, index), calibrations)
+        for index, (number, day, wear) in enumerate(tests)
+    ]
+    readings = Parallel(n_jobs=-1, batch_size=4)(jobs)
+    rows = [
+        (number, name, day, float(wear.backlash_rad(day)), *reading, wear.crossing_day(limit_rad))
+        for (number, day, wear), of_test in zip(tests, readings, strict=True)
+        for name, reading in zip(calibrations, of_test, strict=True)
+    ]
+    columns = ["bench", "sensor", "day", "delta_rad", "A_rps", "estimate_rad", "low_rad", "high_rad", "truth_day"]
+    table = pd.DataFrame(rows, columns=columns)
+    called = table["day"].where(table["estimate_rad"] >= limit_rad)
+    return table.assign(call_day=called.groupby([table["sensor"], table["bench"]]).transform("min"))
+
+
+def maintenance_calls(tests: pd.DataFrame) -> pd.DataFrame:
+    """Condense `wear_tests` into a row a sensor: how the calls lie to the truth.
+
+    Returns
+    -------
+    DataFrame
+        `sensor, benches, early, late, missed`, the median and largest `..._days` from the truth to the call (negative
+        is early), `mean_error_rad` and `sd_error_rad` of the estimates, and `covered_percent`: intervals of the tests
+        that hold the true backlash.
+    """
+    rows = []
+    for name, part in tests.groupby("sensor", sort=False):
+        each = part.drop_duplicates("bench")
+        delay = each["call_day"] - each["truth_day"]
+        error = part["estimate_rad"] - part["delta_rad"]
+        covered = (part["low_rad"] <= part["delta_rad"]) & (part["delta_rad"] <= part["high_rad"])
+        rows.append(
+            {
+                "sensor": name,
+                "benches": len(each),
+                "early": int((delay < 0).sum()),
+                "late": int((delay > part["day"].drop_duplicates().diff().max()).sum()),
+                "missed": int(delay.isna().sum()),
+                "median_days": delay.median(),
+                "earliest_days": delay.min(),
+                "latest_days": delay.max(),
+                "mean_error_rad": error.mean(),
+                "sd_error_rad": error.std(),
+                "covered_percent": 100 * covered.mean(),
+            }
+        )
+    return pd.DataFrame(rows)

@@ -1,0 +1,1 @@
+"""What goes beyond the paper: where searches end, limits, accuracy, robustness, scores, timings."""

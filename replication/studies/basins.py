@@ -1,0 +1,384 @@
+"""Where repeated searches end: basins, their rates with intervals, and what raises the rate of the best one."""
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+
+import cma
+import numpy as np
+import pandas as pd
+from joblib import Parallel, delayed
+from numpy.typing import NDArray
+from scipy import stats
+
+from replication.compiled.misfit import population_rmse
+from replication.datasets import Recording
+from replication.global_fit.folding import projected_rmse
+from replication.identify import Protocol, into_box, protocol_box
+from replication.signature import FREE_PARAMETERS, Box
+from replication.table2 import BASIN_GAP, basin_labels
+
+FloatArray = NDArray[np.float64]
+
+# Runs of one misfit whose windows start further apart are in different basins: a quarter of the oscillation.
+START_GAP_S = 0.01
+
+
+def label_basins(rmse: FloatArray, window_start_s: FloatArray) -> NDArray[np.int64]:
+    """Number the basins that runs ended in by misfit and window, the lowest misfit first.
+
+    Parameters
+    ----------
+    rmse, window_start_s : arrays of shape (runs,)
+        Final misfits [rps] and t0 + T1 [s].
+
+    Returns
+    -------
+    array of shape (runs,)
+        Like `experiments.basin_labels`, with runs of one misfit told apart where their windows start more than
+        `START_GAP_S` apart.
+    """
+    by_misfit = basin_labels(rmse)
+    labels = np.empty(by_misfit.size, dtype=np.int64)
+    following = 0
+    for label in range(by_misfit.max() + 1):
+        members = np.flatnonzero(by_misfit == label)
+        members = members[np.argsort(window_start_s[members], kind="stable")]
+        part = np.r_[0, np.cumsum(np.diff(window_start_s[members]) > START_GAP_S)]
+        labels[members] = following + part
+        following += part[-1] + 1
+    return labels
+
+
+def rate_interval(hits: int, runs: int) -> tuple[float, float]:
+    """95 % interval of a rate, after Clopper and Pearson."""
+    interval = stats.binomtest(hits, runs).proportion_ci(0.95, method="exact")
+    return float(interval.low), float(interval.high)
+
+
+def basin_table(runs: pd.DataFrame) -> pd.DataFrame:
+    """Summarise the basins that runs on one record ended in.
+
+    Parameters
+    ----------
+    runs : DataFrame
+        Columns `rmse_rps, A_rps, t0_s, omega_rad_per_s, T1_s, T2_s`.
+
+    Returns
+    -------
+    DataFrame
+        A row a basin, the lowest misfit first: `rmse_rps` (its lowest), `runs, rate, rate_low, rate_high`, the lowest
+        and highest |A| `A_low_rps, A_high_rps`, and the medians `t0_s, omega_rad_per_s, window_start_s, window_end_s`.
+    """
+    edges = runs.assign(
+        A_rps=runs["A_rps"].abs(),
+        window_start_s=runs["t0_s"] + runs["T1_s"],
+        window_end_s=runs["t0_s"] + runs["T2_s"],
+    )
+    labels = label_basins(edges["rmse_rps"].to_numpy(), edges["window_start_s"].to_numpy())
+    rows = []
+    for _, part in edges.groupby(labels):
+        low, high = rate_interval(len(part), len(runs))
+        rows.append(
+            {
+                "rmse_rps": part["rmse_rps"].min(),
+                "runs": len(part),
+                "rate": len(part) / len(runs),
+                "rate_low": low,
+                "rate_high": high,
+                "A_low_rps": part["A_rps"].min(),
+                "A_high_rps": part["A_rps"].max(),
+            }
+            | part[["t0_s", "omega_rad_per_s", "window_start_s", "window_end_s"]].median().to_dict()
+        )
+    return pd.DataFrame(rows)
+
+
+def compare_basins(stored: pd.DataFrame, ours: pd.DataFrame) -> pd.DataFrame:
+    """Set the rates of the basins of two sets of runs on one record side by side.
+
+    Parameters
+    ----------
+    stored, ours : DataFrame
+        Runs, columns as for `basin_table`.
+
+    Returns
+    -------
+    DataFrame
+        A row for each basin of the stored runs: `rmse_rps`, and for both sets `runs_…, rate_…, rate_low_…,
+        rate_high_…`; `p_same` is Fisher's exact probability of a difference so large if the rates are the same. A
+        last row, of rmse nan, holds the runs that ended in none of these.
+    """
+    rows = []
+    total = {"stored": len(stored), "ours": len(ours)}
+    misfits = basin_table(stored)["rmse_rps"].tolist()
+    elsewhere = dict(total)
+    for misfit in [*misfits, np.nan]:
+        hits = dict(elsewhere)
+        if np.isfinite(misfit):
+            for name, runs in (("stored", stored), ("ours", ours)):
+                hits[name] = int(((runs["rmse_rps"] / misfit - 1).abs() < BASIN_GAP).sum())
+                elsewhere[name] -= hits[name]
+        row = {"rmse_rps": misfit}
+        for name, count in hits.items():
+            low, high = rate_interval(count, total[name])
+            row |= {f"runs_{name}": count, f"rate_{name}": count / total[name]}
+            row |= {f"rate_low_{name}": low, f"rate_high_{name}": high}
+        table = [[hits[name], total[name] - hits[name]] for name in ("stored", "ours")]
+        rows.append(row | {"p_same": stats.fisher_exact(table).pvalue})
+    return pd.DataFrame(rows)
+
+
+@dataclass(frozen=True)
+class Strategy:
+    """One way to spend function evaluations.
+
+    Attributes
+    ----------
+    name : str
+        What tables call it.
+    schedule : callable
+        From a generator to the searches in turn: (population, standard deviations over a quarter of the box).
+    budget : int
+        Function evaluations to stop at; the last search is cut short.
+    projected : bool
+        Search (t0, tau, omega, T2, T1) only, with the best A and v_t for each.
+    """
+
+    name: str
+    schedule: Callable[[np.random.Generator], Iterator[tuple[int, float]]]
+    budget: int
+    projected: bool = False
+
+
+def repeated(population: int) -> Callable[[np.random.Generator], Iterator[tuple[int, float]]]:
+    """The same search over and over."""
+
+    def schedule(_: np.random.Generator) -> Iterator[tuple[int, float]]:
+        while True:
+            yield population, 1.0
+
+    return schedule
+
+
+def growing(population: int) -> Callable[[np.random.Generator], Iterator[tuple[int, float]]]:
+    """IPOP (Auger and Hansen 2005): each search has twice the population of the one before."""
+
+    def schedule(_: np.random.Generator) -> Iterator[tuple[int, float]]:
+        size = population
+        while True:
+            yield size, 1.0
+            size *= 2
+
+    return schedule
+
+
+def alternating(population: int) -> Callable[[np.random.Generator], Iterator[tuple[int, float]]]:
+    """BIPOP (Hansen 2009), by turns: a growing population, and a small one with a narrow start."""
+
+    def schedule(generator: np.random.Generator) -> Iterator[tuple[int, float]]:
+        size = population
+        yield size, 1.0
+        while True:
+            size *= 2
+            yield size, 1.0
+            small = population * (size / population / 2) ** (generator.random() ** 2)
+            yield int(small), float(10 ** (-2 * generator.random()))
+
+    return schedule
+
+
+def strategies(budget: int = 60000) -> list[Strategy]:
+    """The settings that are compared: the authors' population, larger and smaller ones, restarts, fewer dimensions."""
+    return [
+        Strategy("population 300 (the authors'), restarted", repeated(300), budget),
+        Strategy("population 1000, restarted", repeated(1000), budget),
+        Strategy("population 100, restarted", repeated(100), budget),
+        Strategy("population 30, restarted", repeated(30), budget),
+        Strategy("IPOP from 30", growing(30), budget),
+        Strategy("BIPOP from 30", alternating(30), budget),
+        Strategy("A and v_t projected out, population 300, restarted", repeated(300), budget, projected=True),
+        Strategy("A and v_t projected out, population 100, restarted", repeated(100), budget, projected=True),
+        Strategy("A and v_t projected out, population 30, restarted", repeated(30), budget, projected=True),
+    ]
+
+
+def search(recording: Recording, protocol: Protocol, strategy: Strategy, seed: int, target_rmse: float) -> dict:
+    """Spend a strategy's budget on one record, or less if it reaches the target.
+
+    Every search starts in the middle of the box, as the paper's does.
+
+    Parameters
+    ----------
+    recording : Recording
+        The record.
+    protocol : Protocol
+        Timing, box and margin; its population and iterations are the strategy's.
+    strategy : Strategy
+        What to do.
+    seed : int
+        Seed of the run.
+    target_rmse : float
+        Misfit at which the search has found what it looks for [rps].
+
+    Returns
+    -------
+    dict
+        `rmse_rps`, `evaluations` spent, `searches` begun, `found` (the target was reached).
+    """
+    generator = np.random.default_rng(seed)
+    box, misfits = _problem(recording, protocol, strategy.projected)
+    best, spent, searches = np.inf, 0, 0
+    for population, breadth in strategy.schedule(generator):
+        searches += 1
+        evolution = _evolution(box, population, breadth, generator)
+        while not evolution.stop() and spent < strategy.budget and best > target_rmse:
+            genotypes = evolution.ask()
+            values = misfits(into_box(np.array(genotypes), box, protocol.margin))
+            evolution.tell(genotypes, values)
+            spent += len(values)
+            best = min(best, float(values.min()))
+        if spent >= strategy.budget or best <= target_rmse:
+            break
+    return {"rmse_rps": best, "evaluations": spent, "searches": searches, "found": best <= target_rmse}
+
+
+def _problem(recording: Recording, protocol: Protocol, projected: bool):
+    """Box and misfit of a population, in all dimensions or without A and v_t."""
+    box = protocol_box(recording, protocol)
+    if not projected:
+        return box, lambda X: population_rmse(recording.t, recording.v, X, protocol.timing)
+    kept = [i for i, name in enumerate(FREE_PARAMETERS) if name not in ("A_rps", "v_t_rps")]
+    rest = Box(box.lower[kept], box.upper[kept])
+    return rest, projected_rmse(recording.t, recording.v, protocol.timing, box.upper[0])
+
+
+def _evolution(box: Box, population: int, breadth: float, generator: np.random.Generator) -> cma.CMAEvolutionStrategy:
+    """CMA-ES from the middle of a box; its bounds are the caller's to keep."""
+    width = box.upper - box.lower
+    options = {
+        "popsize": population,
+        "CMA_stds": width / 4,
+        "maxstd": width / 3,
+        "seed": np.nan,
+        "randn": lambda *shape: generator.standard_normal(shape),
+        "verbose": -9,
+        "verb_log": 0,
+    }
+    return cma.CMAEvolutionStrategy((box.lower + box.upper) / 2, breadth, options)
+
+
+def study(
+    recording: Recording, protocol: Protocol, compared: Sequence[Strategy], seeds: Sequence[int], target_rmse: float
+) -> pd.DataFrame:
+    """Run every strategy with every seed, on all cores.
+
+    Parameters
+    ----------
+    recording, protocol, target_rmse
+        As for `search`.
+    compared : sequence of Strategy
+        What to compare.
+    seeds : sequence of int
+        One run each.
+
+    Returns
+    -------
+    DataFrame
+        A row a run: `strategy`, `seed` and what `search` gives.
+    """
+    keys = [(strategy, seed) for strategy in compared for seed in seeds]
+    # The schedules are closures, which only cloudpickle, loky's own, can send: joblib's default does.
+    results = Parallel(n_jobs=-1)(delayed(search)(recording, protocol, *key, target_rmse) for key in keys)
+    return pd.DataFrame(
+        [{"strategy": key[0].name, "seed": key[1]} | result for key, result in zip(keys, results, strict=True)]
+    )
+
+
+def strategy_table(results: pd.DataFrame) -> pd.DataFrame:
+    """What each strategy's success costs.
+
+    Parameters
+    ----------
+    results : DataFrame
+        Rows of `search` with the column `strategy`.
+
+    Returns
+    -------
+    DataFrame
+        A row a strategy: `runs, found, rate, rate_low, rate_high, mean_evaluations`, and `evaluations_per_success`
+        with its limits `…_low, …_high` from the rate's alone (infinite where nothing was found).
+    """
+    rows = []
+    for name, part in results.groupby("strategy", sort=False):
+        found, spent = int(part["found"].sum()), part["evaluations"].mean()
+        rate, (low, high) = found / len(part), rate_interval(found, len(part))
+        costs = [spent / r if r > 0 else np.inf for r in (rate, high, low)]
+        rows.append([name, len(part), found, rate, low, high, spent, *costs])
+    names = ["strategy", "runs", "found", "rate", "rate_low", "rate_high", "mean_evaluations"]
+    costs = ["evaluations_per_success", "evaluations_per_success_low", "evaluations_per_success_high"]
+    return pd.DataFrame(rows, columns=names + costs)
+
+
+def landscape(
+    recording: Recording,
+    protocol: Protocol,
+    X: FloatArray,
+    axes: tuple[str, str],
+    values: tuple[Sequence[float], Sequence[float]],
+) -> FloatArray:
+    """Misfit on a slice of the parameter space through X.
+
+    Parameters
+    ----------
+    recording : Recording
+        The record.
+    protocol : Protocol
+        Timing.
+    X : array of shape (7,)
+        Where the other five parameters are held.
+    axes : two of `FREE_PARAMETERS`
+        What varies along columns and rows.
+    values : two sequences
+        Where, of lengths n and m.
+
+    Returns
+    -------
+    array of shape (m, n)
+        Misfits [rps].
+    """
+    first, second = (np.asarray(value, dtype=float) for value in values)
+    population = np.tile(X, (second.size * first.size, 1))
+    population[:, FREE_PARAMETERS.index(axes[0])] = np.tile(first, second.size)
+    population[:, FREE_PARAMETERS.index(axes[1])] = np.repeat(second, first.size)
+    return population_rmse(recording.t, recording.v, population, protocol.timing).reshape(second.size, first.size)
+
+
+def slices(
+    recording: Recording, protocol: Protocol, X: FloatArray, points: int = 161
+) -> list[tuple[FloatArray, FloatArray, FloatArray]]:
+    """Two slices through X for a picture: A over t0 in the first turn, and T1 over T2.
+
+    Parameters
+    ----------
+    recording : Recording
+        The record.
+    protocol : Protocol
+        Timing and box.
+    X : array of shape (7,)
+        Where the slices cross.
+    points : int
+        Values along each axis.
+
+    Returns
+    -------
+    list of (columns, rows, misfit)
+        As `figures_beyond.landscape` takes them: t0 and A, T2 and T1 [s, rps], and misfits [rps].
+    """
+    box = protocol_box(recording, protocol)
+    ends = {
+        name: np.linspace(low, high, points)
+        for name, low, high in zip(FREE_PARAMETERS, box.lower, box.upper, strict=True)
+    }
+    ends["t0_s"] = recording.t[0] + np.linspace(0, protocol.T_f, points)
+    pairs = (("t0_s", "A_rps"), ("T2_s", "T1_s"))
+    return [(ends[a], ends[b], landscape(recording, protocol, X, (a, b), (ends[a], ends[b]))) for a, b in pairs]

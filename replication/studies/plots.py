@@ -1,0 +1,261 @@
+"""Plots of what goes past the paper: data frames and arrays in, a matplotlib figure out."""
+
+from collections.abc import Mapping, Sequence
+from itertools import cycle
+
+import numpy as np
+import pandas as pd
+from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator, NullLocator
+from numpy.typing import NDArray
+
+from replication.figures.style import BLUE, GREEN, INK, ORANGE, PINK, PRINTED, SKY, grid, in_style
+
+FloatArray = NDArray[np.float64]
+
+
+@in_style
+def landscape(
+    slices: Sequence[tuple[FloatArray, FloatArray, FloatArray]], runs: Sequence[pd.DataFrame], best: pd.Series
+) -> Figure:
+    """Show two slices of the misfit through the best fit, A over t0 and T1 over T2, and where runs ended.
+
+    Parameters
+    ----------
+    slices : two of (columns, rows, misfit)
+        Values along both axes, of lengths n and m, and the misfit [rps] of shape (m, n).
+    runs : sequence of DataFrame
+        The runs of each basin, the best first: columns `A_rps, t0_s, T1_s, T2_s`.
+    best : Series
+        The best fit, same entries.
+
+    Returns
+    -------
+    Figure
+    """
+    figure, axes = grid(1, 2, figsize=(10.0, 4.5))
+    names = (("t0_s", "A_rps"), ("T2_s", "T1_s"))
+    labels = (("$t_0$ [s]", "A [rps]"), ("$T_2$ [s]", "$T_1$ [s]"))
+    low, high = min(part[2].min() for part in slices), max(part[2].max() for part in slices)
+    markers, colours = "osv^Dx", (BLUE, ORANGE, GREEN, PINK, SKY, INK)
+    for axis, (columns, rows, misfit), (first, second), text in zip(axes[0], slices, names, labels, strict=True):
+        shade = axis.pcolormesh(columns, rows, misfit, cmap="Greys_r", vmin=low, vmax=high, rasterized=True)
+        for number, (part, marker, colour) in enumerate(zip(runs, markers, colours, strict=False)):
+            style = {"marker": marker, "color": colour, "linestyle": "none", "markersize": 4, "mfc": "none"}
+            axis.plot(part[first], part[second], label=f"basin {number + 1}, {len(part)} runs", **style)
+        axis.plot(best[first], best[second], marker="+", markersize=14, color=INK, label="global fit", linestyle="none")
+        axis.set(xlabel=text[0], ylabel=text[1])
+        axis.grid(False)
+    axes[0, 0].set_xlim(slices[0][0][0], slices[0][0][-1])
+    axes[0, 1].legend(fontsize=8, frameon=True, facecolor="white", framealpha=0.9)
+    figure.colorbar(shade, ax=axes[0].tolist(), label="RMSE [rps]")
+    return figure
+
+
+@in_style
+def strategy_costs(table: pd.DataFrame) -> Figure:
+    """Show the function evaluations that each search strategy spends for one success, with 95 % intervals.
+
+    Parameters
+    ----------
+    table : DataFrame
+        Columns `strategy, evaluations_per_success` and its limits `..._low, ..._high`.
+
+    Returns
+    -------
+    Figure
+    """
+    figure, axes = grid(figsize=(8.5, 3.8))
+    axis = axes[0, 0]
+    at = np.arange(len(table))[::-1]
+    middle, low, high = (table[f"evaluations_per_success{end}"].to_numpy() for end in ("", "_low", "_high"))
+    for y, centre, left, right in zip(at, middle, low, high, strict=True):
+        axis.plot([left, right if np.isfinite(right) else 100 * left], [y, y], color=BLUE, linewidth=1.2)
+        if np.isfinite(centre):
+            axis.plot(centre, y, "o", color=BLUE)
+    axis.set_yticks(at, table["strategy"])
+    finite = high[np.isfinite(high)]
+    axis.set(xscale="log", xlabel="function evaluations per success")
+    axis.set_xlim(low.min() / 1.5, 1.5 * max(finite.max(initial=0.0), low.max()))
+    ticks = [1e4, 2e4, 5e4, 1e5, 2e5, 5e5]
+    axis.set_xticks(ticks, labels=[f"{tick:,.0f}" for tick in ticks])
+    axis.xaxis.set_minor_locator(NullLocator())
+    return figure
+
+
+@in_style
+def amplitude_intervals(table: pd.DataFrame) -> Figure:
+    """Show the global fit's amplitudes with their intervals beside Table 2's printed means and SDs.
+
+    Parameters
+    ----------
+    table : DataFrame
+        Columns `delta_rad, theoretical_A_rps, printed_mean_A_rps, printed_sd_A_rps, A_rps, low_rps, high_rps`.
+
+    Returns
+    -------
+    Figure
+    """
+    figure, axes = grid(figsize=(8.0, 4.2))
+    axis = axes[0, 0]
+    delta, theory = 1e4 * table["delta_rad"].to_numpy(), table["theoretical_A_rps"].to_numpy()
+    middle = table["A_rps"].to_numpy()
+    ends = np.abs(table[["low_rps", "high_rps"]].to_numpy().T - middle)
+    style = {"linestyle": "none", "capsize": 3}
+    axis.errorbar(
+        delta - 0.15, middle / theory, ends / theory, marker="o", color=BLUE, label="global fit, 95 %", **style
+    )
+    printed, spread = (table[f"printed_{name}_A_rps"].to_numpy() / theory for name in ("mean", "sd"))
+    axis.errorbar(
+        delta + 0.15, printed, spread, elinewidth=1, capsize=3, **PRINTED | {"label": "printed mean, SD of runs"}
+    )
+    axis.axhline(1, color=INK, linewidth=0.8)
+    axis.set(xlabel="backlash $\\delta$ [1e-4 rad]", ylabel="A over theoretical A")
+    axis.legend()
+    return figure
+
+
+# A method has one colour and one mark in every figure.
+METHOD_STYLES = {
+    "equation 10": {"color": INK, "marker": "x"},
+    "amplitude": {"color": ORANGE, "marker": "s"},
+    "impact": {"color": GREEN, "marker": "v"},
+    "energy": {"color": PINK, "marker": "^"},
+    "waveform, noisy logs": {"color": "0.5", "marker": "d"},
+    "waveform": {"color": BLUE, "marker": "o"},
+    "joint": {"color": INK, "marker": "*"},
+    "joint, start angle free": {"color": SKY, "marker": "P"},
+    "joint, all nuisances free": {"color": SKY, "marker": "D"},
+}
+
+
+@in_style
+def cross_validation_errors(table: pd.DataFrame, targets_rad: Mapping[str, float]) -> Figure:
+    """Show the error of each method on each log, the mean size of each method's, and targets to meet.
+
+    Parameters
+    ----------
+    table : DataFrame
+        From `accuracy.cross_validation`.
+    targets_rad : mapping of str to float
+        Largest mean error allowed, by method [rad].
+
+    Returns
+    -------
+    Figure
+    """
+    figure, axes = grid(figsize=(8.5, 4.8))
+    axis = axes[0, 0]
+    methods = list(dict.fromkeys(table["method"]))
+    for row, method in enumerate(methods):
+        size = 1e6 * table.loc[table["method"] == method, "error_rad"].abs()
+        style = METHOD_STYLES[method]
+        axis.plot(size, np.full(size.size, row), linestyle="none", alpha=0.7, **style)
+        axis.plot([size.mean()] * 2, [row - 0.35, row + 0.35], color=INK, linewidth=2)
+        if method in targets_rad:
+            axis.plot([1e6 * targets_rad[method]] * 2, [row - 0.35, row + 0.35], color=INK, linewidth=1, linestyle=":")
+    axis.set(xscale="log", xlabel="error of backlash [1e-6 rad] (line: mean size, dotted: target)", xlim=(0.05, 400))
+    axis.set_yticks(range(len(methods)), methods)
+    axis.invert_yaxis()
+    return figure
+
+
+@in_style
+def error_limits(table: pd.DataFrame, axes_labels: Mapping[str, str]) -> Figure:
+    """Show measured errors as marks and Cramer-Rao bounds as lines, one panel for each thing that changes.
+
+    Parameters
+    ----------
+    table : DataFrame
+        From `accuracy.measured_errors`.
+    axes_labels : mapping of str to str
+        Label of each value of column `axis`.
+
+    Returns
+    -------
+    Figure
+    """
+    figure, axes = grid(2, 2, figsize=(9.0, 7.0), sharey=True)
+    for axis, (name, label) in zip(axes.flat, axes_labels.items(), strict=True):
+        part = table[table["axis"] == name]
+        for bound, line in (("bound, start free", "-"), ("bound, start known", "--")):
+            rows = part[part["method"] == bound]
+            axis.plot(rows["value"], 1e6 * rows["rmse_rad"], color=INK, linestyle=line, linewidth=1, label=bound)
+        for method in ("amplitude", "energy", "waveform", "joint"):
+            rows = part[part["method"] == method]
+            axis.plot(rows["value"], 1e6 * rows["rmse_rad"], linestyle="none", label=method, **METHOD_STYLES[method])
+        axis.set(xlabel=label, yscale="log", xscale="linear" if name == "encoder_bits" else "log")
+        axis.set_xticks(values := list(dict.fromkeys(part["value"])), [f"{value:g}" for value in values])
+        axis.xaxis.set_minor_locator(NullLocator())
+    for row in axes:
+        row[0].set_ylabel("RMS error of backlash [1e-6 rad]")
+    handles, labels = axes[0, 0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside upper center", ncols=6, fontsize=9)
+    return figure
+
+
+@in_style
+def detection_curves(tables: Sequence[pd.DataFrame], limits_rad: Sequence[float]) -> Figure:
+    """Show the share of records that are seen to have backlash, and what a filter that knows the waveform would see.
+
+    Parameters
+    ----------
+    tables : sequence of DataFrame
+        From `limits.detection`, one for each loudness of the noise.
+    limits_rad : sequence of float
+        From `limits.matched_filter_delta_rad`, in the same order.
+
+    Returns
+    -------
+    Figure
+    """
+    figure, axes = grid(figsize=(8.0, 4.2))
+    axis = axes[0, 0]
+    looks = cycle(zip((BLUE, ORANGE, PINK, INK), "os^D", strict=True))
+    for table, limit in zip(tables, limits_rad, strict=True):
+        colour, marker = next(looks)
+        spread = np.abs(table[["seen_low", "seen_high"]].to_numpy().T - table["seen"].to_numpy())
+        noise = table["noise_half_amplitude_rps"].iloc[0]
+        x = 1e4 * table["delta_rad"]
+        axis.errorbar(x, table["seen"], spread, color=colour, marker=marker, capsize=3, label=f"noise of {noise:g} rps")
+        axis.axvline(1e4 * limit, color=colour, linestyle=":", label=f"matched filter, {noise:g} rps")
+    axis.set(xlabel="backlash [1e-4 rad]", ylabel="share of records above the threshold [-]", ylim=(-0.03, 1.03))
+    axis.legend(loc="lower right")
+    return figure
+
+
+@in_style
+def tornado(table: pd.DataFrame, methods: Sequence[str]) -> Figure:
+    """Show the mean error of methods at the ends of what may change, the parameter with the largest on top.
+
+    Parameters
+    ----------
+    table : DataFrame
+        From `robustness.mean_errors`, two changes of each parameter at most.
+    methods : sequence of str
+        One panel each.
+
+    Returns
+    -------
+    Figure
+    """
+    size = table.assign(size=table["mean_error_rad"].abs()).groupby("parameter")["size"].max().sort_values()
+    rows = {name: row for row, name in enumerate(size.index)}
+    figure, axes = grid(1, len(methods), figsize=(11.0, 4.8), sharey=True, sharex=True)
+    for axis, method in zip(axes[0], methods, strict=True):
+        part = table[table["method"] == method]
+        for sign, colour, hatch in ((-1, ORANGE, "//"), (1, BLUE, "")):
+            side = part[np.sign(part["change"]) == sign]
+            y = [rows[name] + 0.2 * sign for name in side["parameter"]]
+            label = f"{100 * side['change'].abs().max():.0f} % {'more' if sign > 0 else 'less'}"
+            width = 1e6 * side["mean_error_rad"]
+            axis.barh(y, width, height=0.4, color=colour, hatch=hatch, edgecolor="white", label=label)
+        axis.axvline(0, color=INK, linewidth=0.8)
+        axis.set_title(method.replace(", ", ",\n"), fontsize=10)
+        axis.set_axisbelow(True)
+    axes[0, 0].set_yticks(range(len(rows)), list(rows))
+    axes[0, 0].xaxis.set_major_locator(MaxNLocator(3))
+    figure.supxlabel("mean error of backlash [1e-6 rad]", fontsize=10)
+    handles, labels = axes[0, 0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside upper right", ncols=2)
+    return figure

@@ -1,0 +1,270 @@
+"""A benchmark of methods that read the backlash off a record: fixed logs of known backlash, and a score."""
+
+import importlib
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from functools import lru_cache
+
+import numpy as np
+import pandas as pd
+from joblib import Parallel, delayed
+from numpy.polynomial import Polynomial
+from scipy.optimize import differential_evolution, dual_annealing
+from scipy.signal import butter, sosfiltfilt
+
+from replication.characteristic import equation_10, printed_levels_rad
+from replication.compiled.misfit import population_rmse
+from replication.datasets import DataUnavailable, Recording, add_uniform_noise, from_sample, level_delta_rad, load_noisy
+from replication.identify import paper_fit, protocol_box
+from replication.methods.calibration import default_calibration, fit_polynomial
+from replication.methods.joint_match import match_joint
+from replication.methods.readings import protocol_for, read
+from replication.simulator.recordings import simulate_recordings
+from replication.simulator.simulate import identified_joint
+from replication.studies.accuracy import JOINT_METHODS
+from replication.studies.robustness import CHANGES
+
+Method = Callable[[Recording], float]
+
+# The authors' logs at hand, and how many simulated ones there are of each kind.
+AUTHORS_LOGS = tuple((realisation, level) for realisation in (1, 2) for level in range(3, 12))
+SIMULATED_LOGS = 24
+
+# What may have changed in "drifted" logs, by up to this share to either side.
+DRIFTING = ("load mass", "stiffness", "speed gain", "integral gain", "torque lag")
+DRIFT = 0.05
+
+# Largest half-amplitude of the noise in simulated logs [rps], and the first samples that may be missing.
+NOISE_RPS, LATEST_START = (0.1, 0.25), 100
+
+SEED = 20
+COLUMNS = ["method", "logs", "mean_abs_error_rad", "max_abs_error_rad", "rmse_rad", "seconds_per_log"]
+
+
+class UnusableMethod(ValueError):
+    """What was to be scored is no method; the message says why in one line."""
+
+
+def simulated_logs(drifted: bool) -> list[tuple[str, float, Recording]]:
+    """Make the simulated logs: kind, backlash [rad] and record.
+
+    Backlash is drawn from Table 2's range, noise and start at random; `drifted` ones come from joints that no longer
+    are the identified one.
+    """
+    rng = np.random.default_rng([SEED, int(drifted)])
+    logs = []
+    for _ in range(SIMULATED_LOGS):
+        joint = identified_joint()
+        for name in DRIFTING if drifted else ():
+            joint = CHANGES[name](joint, rng.uniform(-DRIFT, DRIFT))
+        delta = float(rng.uniform(*printed_levels_rad()[[0, -1]]))
+        record = add_uniform_noise(simulate_recordings(joint, [delta])[0], rng.uniform(*NOISE_RPS), rng)
+        record = from_sample(record, int(rng.integers(LATEST_START)))
+        logs.append(("drifted" if drifted else "simulated", delta, replace(record, source="a simulated log")))
+    return logs
+
+
+def benchmark_logs() -> list[tuple[str, float, Recording]]:
+    """All logs of the benchmark: kind, backlash [rad] and record, whose source does not tell the backlash.
+
+    Raises
+    ------
+    DataUnavailable, DataCorrupt
+        The authors' logs are not to be had; see `datasets.authors_file`.
+    """
+    authors = [
+        ("authors", level_delta_rad(level), replace(load_noisy(level, R), source="an authors' log"))
+        for R, level in AUTHORS_LOGS
+    ]
+    return authors + simulated_logs(False) + simulated_logs(True)
+
+
+def logs_at_hand() -> tuple[list[tuple[str, float, Recording]], str]:
+    """Logs that can be had here, and what to say of those that cannot."""
+    try:
+        return benchmark_logs(), ""
+    except DataUnavailable as error:
+        return simulated_logs(False) + simulated_logs(True), f"without the authors' logs: {error}"
+
+
+# ---------------------------------------------------------------------------------------------------------------
+# Methods
+
+
+def _equation_10(amplitude_rps: float) -> float:
+    return float(equation_10().backlash_rad(abs(amplitude_rps)))
+
+
+def cma_es(recording: Recording) -> float:
+    """Paper's sensor, one search: CMA-ES and equation 10."""
+    return _equation_10(paper_fit(recording, protocol_for(recording), SEED).amplitude_rps)
+
+
+def cma_es_30(recording: Recording) -> float:
+    """Paper's sensor, the mean of 30 searches and equation 10."""
+    return _equation_10(read(recording, "paper").value)
+
+
+def _objective(recording: Recording) -> tuple[Callable, list[tuple[float, float]], int]:
+    """Paper's objective for one parameter vector or columns of them, its box, and the evaluations of a CMA-ES run."""
+    protocol = protocol_for(recording)
+    box = protocol_box(recording, protocol)
+
+    def rmse(x: np.ndarray) -> np.ndarray | float:
+        found = population_rmse(recording.t, recording.v, np.atleast_2d(x.T), protocol.timing)
+        return found if x.ndim > 1 else float(found[0])
+
+    return rmse, list(zip(box.lower, box.upper, strict=True)), protocol.population * protocol.iterations
+
+
+def scipy_differential_evolution(recording: Recording) -> float:
+    """SciPy's differential evolution on the paper's objective, with as many evaluations, and equation 10."""
+    rmse, bounds, evaluations = _objective(recording)
+    members = 15 * len(bounds)
+    found = differential_evolution(
+        rmse, bounds, maxiter=evaluations // members - 1, tol=0.0, polish=False, rng=np.random.default_rng(SEED),
+        vectorized=True, updating="deferred",
+    )  # fmt: skip
+    return _equation_10(found.x[0])
+
+
+def scipy_dual_annealing(recording: Recording) -> float:
+    """SciPy's dual annealing on the paper's objective, with as many evaluations, and equation 10."""
+    rmse, bounds, evaluations = _objective(recording)
+    found = dual_annealing(rmse, bounds, maxiter=evaluations, maxfun=evaluations, rng=np.random.default_rng(SEED))
+    return _equation_10(found.x[0])
+
+
+def _calibrated(method: str) -> Method:
+    def measured(recording: Recording) -> float:
+        calibration = default_calibration(method)
+        return calibration.backlash(read(recording, method, calibration.bank)).delta_rad
+
+    return measured
+
+
+def _through_joint(free: Sequence[str]) -> Method:
+    def measured(recording: Recording) -> float:
+        return match_joint(recording, identified_joint(), free).delta_rad
+
+    return measured
+
+
+def peak_to_peak(recording: Recording) -> float:
+    """Largest less least speed [rps], first turn left out."""
+    return float(np.ptp(recording.v[recording.t >= recording.turn_period_s]))
+
+
+def band_passed_rms(recording: Recording) -> float:
+    """RMS of the speed between 10 and 40 Hz [rps], an octave to either side of the ring, first turn left out."""
+    rate = (recording.t.size - 1) / (recording.t[-1] - recording.t[0])
+    passed = sosfiltfilt(butter(4, (10.0, 40.0), "bandpass", fs=rate, output="sos"), recording.v - recording.v.mean())
+    return float(np.sqrt(np.mean(passed[recording.t >= recording.turn_period_s] ** 2)))
+
+
+@lru_cache
+def _baseline_coefficients(value: Method) -> tuple[float, ...]:
+    """Cubic of a plain value, fitted to simulated logs with noise in the middle of the benchmark's range."""
+    deltas = np.arange(3e-4, 21.5e-4, 1e-4)
+    rng = np.random.default_rng([SEED, 2])
+    logs = [add_uniform_noise(r, sum(NOISE_RPS) / 2, rng) for r in simulate_recordings(identified_joint(), deltas)]
+    return fit_polynomial(np.array([value(log) for log in logs]), deltas, value.__name__)[0]
+
+
+def _baseline(value: Method) -> Method:
+    return lambda recording: float(Polynomial(_baseline_coefficients(value))(value(recording)))
+
+
+# Every method of the table, the plainest first.
+METHODS: Mapping[str, Method] = {
+    "peak to peak": _baseline(peak_to_peak),
+    "band-passed RMS": _baseline(band_passed_rms),
+    "CMA-ES, one run, equation 10": cma_es,
+    "CMA-ES, mean of 30 runs, equation 10": cma_es_30,
+    "differential evolution, equation 10": scipy_differential_evolution,
+    "dual annealing, equation 10": scipy_dual_annealing,
+    "global fit, amplitude": _calibrated("amplitude"),
+    "global fit, energy": _calibrated("energy"),
+    "waveform": _calibrated("waveform"),
+    **{name: _through_joint(free) for name, free in JOINT_METHODS.items() if free},
+}
+
+
+# ---------------------------------------------------------------------------------------------------------------
+# Scoring
+
+
+def _timed(method: Method, recording: Recording) -> tuple[float, float]:
+    begun = time.perf_counter()
+    found = float(method(recording))
+    return found, time.perf_counter() - begun
+
+
+def score_logs(name: str, method: Method, logs: Sequence[tuple[str, float, Recording]]) -> pd.DataFrame:
+    """Run a method on logs, one after another.
+
+    Returns
+    -------
+    DataFrame
+        `method, kind, log, delta_rad, found_rad, error_rad, seconds`.
+
+    Raises
+    ------
+    UnusableMethod
+        It fails on a log, or gives no finite number.
+    """
+    rows = []
+    for number, (kind, delta, recording) in enumerate(logs, start=1):
+        where = f"{name}, log {number} ({recording.source})"
+        try:
+            found, seconds = _timed(method, recording)
+        except Exception as error:
+            raise UnusableMethod(f"{where}: {type(error).__name__}: {' '.join(str(error).split())}") from error
+        if not np.isfinite(found):
+            raise UnusableMethod(f"{where}: {found} is no backlash; return radians, finite")
+        rows.append((name, kind, number, delta, found, found - delta, seconds))
+    return pd.DataFrame(rows, columns=["method", "kind", "log", "delta_rad", "found_rad", "error_rad", "seconds"])
+
+
+def summary(scores: pd.DataFrame) -> pd.DataFrame:
+    """Summarise scores by method: the columns of `results/benchmark.csv`."""
+    groups = scores.assign(size=scores["error_rad"].abs()).groupby("method", sort=False)
+    table = groups.agg(
+        logs=("size", "size"),
+        mean_abs_error_rad=("size", "mean"),
+        max_abs_error_rad=("size", "max"),
+        rmse_rad=("size", lambda size: np.sqrt(np.mean(size**2))),
+        seconds_per_log=("seconds", "median"),
+    )
+    return table.reset_index()[COLUMNS]
+
+
+def _one(name: str, number: int, log: tuple[str, float, Recording]) -> pd.DataFrame:
+    return score_logs(name, METHODS[name], [log]).assign(log=number)
+
+
+def run_benchmark(logs: Sequence[tuple[str, float, Recording]]) -> pd.DataFrame:
+    """Score every method of `METHODS` on logs, in parallel; rows as of `score_logs`."""
+    jobs = [(name, number, log) for name in METHODS for number, log in enumerate(logs, start=1)]
+    return pd.concat(Parallel(n_jobs=-1)(delayed(_one)(*job) for job in jobs), ignore_index=True)
+
+
+def load_method(name: str) -> Method:
+    """Import a method by `module:function`.
+
+    Raises
+    ------
+    UnusableMethod
+        There is no such module or function.
+    """
+    module, colon, function = name.partition(":")
+    if not (module and colon and function):
+        raise UnusableMethod(f"{name!r}: name the method as module:function")
+    try:
+        method = getattr(importlib.import_module(module), function)
+    except (ImportError, AttributeError) as error:
+        raise UnusableMethod(f"{name}: {error}; is it on the Python path?") from error
+    if not callable(method):
+        raise UnusableMethod(f"{name}: not a function of a Recording that returns radians")
+    return method

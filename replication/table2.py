@@ -1,0 +1,325 @@
+"""The paper's experiments as tidy data frames: repeated fits, Table 2, the protocol variants."""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
+
+import numpy as np
+import pandas as pd
+from joblib import Parallel, delayed
+from numpy.typing import NDArray
+from tqdm import tqdm
+
+from replication import published
+from replication.datasets import Recording, add_uniform_noise, constant_speed, from_sample, level_delta_rad, load_noisy
+from replication.identify import Protocol, margin_cma4, paper_fit
+from replication.signature import FREE_PARAMETERS
+from replication.simulator.parameters import JointParameters
+from replication.simulator.recordings import simulate_recordings
+
+FloatArray = NDArray[np.float64]
+
+# Runs whose misfits differ by less are the same basin: gates of the window's end move the misfit by up to 0.15 %.
+BASIN_GAP = 2e-3
+
+AUTHORS = Protocol()
+VARIANTS = (
+    AUTHORS,
+    replace(AUTHORS, name="start drawn per run", start="per run"),
+    replace(AUTHORS, name="start drawn per record", start="per record"),
+    replace(AUTHORS, name="A bound as printed", amplitude_factor=1.0),
+    replace(
+        AUTHORS,
+        name="T_d and T_f as printed",
+        T_d=published.value("table1.T_d.max"),
+        T_f=published.value("table1.T_f.max"),
+    ),
+    replace(AUTHORS, name="bound margins of cma 4", margin=margin_cma4),
+    replace(AUTHORS, name="population 1000", population=1000),
+)
+
+
+def start_samples(protocol: Protocol, seeds: Sequence[int], record_seed: int) -> list[int]:
+    """Draw each run's start sample.
+
+    Parameters
+    ----------
+    protocol : Protocol
+        Its `start` and `latest_start`.
+    seeds : sequence of int
+        Seeds of the runs.
+    record_seed : int
+        Seed of the draw made once for a record.
+
+    Returns
+    -------
+    list of int
+
+    Raises
+    ------
+    ValueError
+        The protocol's `start` is none of "whole", "per run", "per record".
+    """
+    if protocol.start == "whole":
+        return [0] * len(seeds)
+    if protocol.start == "per record":
+        return [int(np.random.default_rng(record_seed).integers(protocol.latest_start))] * len(seeds)
+    if protocol.start == "per run":
+        return [int(np.random.default_rng((record_seed, seed)).integers(protocol.latest_start)) for seed in seeds]
+    raise ValueError(f"start {protocol.start!r}: expected 'whole', 'per run' or 'per record'")
+
+
+def _run(recording: Recording, protocol: Protocol, seed: int, start: int) -> dict[str, float]:
+    fit = paper_fit(from_sample(recording, start), protocol, seed)
+    spent = {"rmse_rps": fit.rmse, "evaluations": fit.evaluations, "iterations": fit.iterations}
+    return {"seed": seed, "start_sample": start, **dict(zip(FREE_PARAMETERS, fit.X, strict=True)), **spent}
+
+
+def repeated_fits(
+    records: Sequence[tuple[dict, Recording]], protocols: Iterable[Protocol], seeds: Sequence[int], label: str
+) -> pd.DataFrame:
+    """Fit every record with every protocol and seed, on all cores.
+
+    Parameters
+    ----------
+    records : sequence of (dict, Recording)
+        The dict's entries become columns that say which record it is.
+    protocols : iterable of Protocol
+        Settings.
+    seeds : sequence of int
+        One run each.
+    label : str
+        What the progress bar says.
+
+    Returns
+    -------
+    DataFrame
+        A row a run: the record's entries, `protocol`, `seed`, `start_sample`, the free parameters, `rmse_rps`,
+        `evaluations`, `iterations`.
+    """
+    jobs, keys = [], []
+    for protocol in protocols:
+        for index, (key, recording) in enumerate(records):
+            starts = start_samples(protocol, seeds, record_seed=index)
+            for seed, start in zip(seeds, starts, strict=True):
+                jobs.append(delayed(_run)(recording, protocol, seed, start))
+                keys.append({**key, "protocol": protocol.name})
+    results = Parallel(n_jobs=-1, return_as="generator", batch_size=4)(jobs)
+    runs = list(tqdm(results, total=len(jobs), desc=label, mininterval=5))
+    return pd.DataFrame([{**key, **run} for key, run in zip(keys, runs, strict=True)])
+
+
+def basin_labels(rmse: FloatArray) -> NDArray[np.int64]:
+    """Number the basins that runs on one record ended in, from the lowest misfit (0) upwards.
+
+    Parameters
+    ----------
+    rmse : array of shape (runs,)
+        Final misfits [rps].
+
+    Returns
+    -------
+    array of shape (runs,)
+        A new basin begins where the sorted misfit jumps by more than `BASIN_GAP`, relatively.
+    """
+    order = np.argsort(rmse, kind="stable")
+    ranked = np.asarray(rmse)[order]
+    jumps = np.r_[0, np.cumsum(ranked[1:] > ranked[:-1] * (1 + BASIN_GAP))]
+    labels = np.empty(ranked.size, dtype=np.int64)
+    labels[order] = jumps
+    return labels
+
+
+def summarise_runs(runs: pd.DataFrame, theoretical_A_rps: float) -> pd.Series:
+    """Condense the runs on one record into a row of Table 2.
+
+    Parameters
+    ----------
+    runs : DataFrame
+        From `repeated_fits`.
+    theoretical_A_rps : float
+        What the mean is compared with; 0 for a record without backlash, whose A keeps its sign.
+
+    Returns
+    -------
+    Series
+        `mean_A_rps, sd_A_rps, relative_error_percent, best_A_rps, best_sd_A_rps, best_rmse_rps, best_basin_runs,
+        basins, runs`; `best_A_rps` and its SD are over the best basin's runs, because A is free within the window's
+        gate.
+    """
+    signed = runs["A_rps"].to_numpy()
+    # (A, t0) and (-A, t0 plus or minus T_d) are the same signal; only pure noise has no sign to lose.
+    amplitude = np.abs(signed) if theoretical_A_rps > 0 else signed
+    labels = basin_labels(runs["rmse_rps"].to_numpy())
+    mean = amplitude.mean()
+    error = 100 * abs(mean - theoretical_A_rps) / theoretical_A_rps if theoretical_A_rps > 0 else np.nan
+    return pd.Series(
+        {
+            "mean_A_rps": mean,
+            "sd_A_rps": amplitude.std(ddof=1),
+            "relative_error_percent": error,
+            "best_A_rps": np.abs(signed)[labels == 0].mean(),
+            "best_sd_A_rps": np.abs(signed)[labels == 0].std(),
+            "best_rmse_rps": runs["rmse_rps"].min(),
+            "best_basin_runs": int((labels == 0).sum()),
+            "basins": int(labels.max()) + 1,
+            "runs": len(runs),
+        }
+    )
+
+
+def table2_levels() -> range:
+    """Numbers K of the authors' records behind Table 2's ten rows."""
+    return range(2, 2 + int(published.value("text.levels")))
+
+
+def authors_table2_records(realisations: Sequence[int]) -> list[tuple[dict, Recording]]:
+    """Load the authors' noisy records of Table 2's ten rows, for each noise realisation R."""
+    return [
+        (_key(row, f"low, R = {realisation}"), load_noisy(level, realisation))
+        for realisation in realisations
+        for row, level in enumerate(table2_levels(), start=1)
+    ]
+
+
+def simulated_table2_records(joint: JointParameters, seed: int) -> list[tuple[dict, Recording]]:
+    """Simulate Table 2's ten records: the joint at each level, with uniform noise of the printed amplitude.
+
+    Parameters
+    ----------
+    joint : JointParameters
+        The joint.
+    seed : int
+        Seed of the noise.
+
+    Returns
+    -------
+    list of (dict, Recording)
+    """
+    noise = published.column("Table 2", "noise")
+    rng = np.random.default_rng(seed)
+    clean = simulate_recordings(joint, [level_delta_rad(level) for level in table2_levels()])
+    return [
+        (_key(row, f"low, seed {seed}"), add_uniform_noise(recording, noise[row - 1], rng))
+        for row, recording in enumerate(clean, start=1)
+    ]
+
+
+def noise_only_record(seed: int) -> tuple[dict, Recording]:
+    """Make Table 2's last record: constant speed with uniform noise of its printed amplitude."""
+    row = len(table2_levels()) + 1
+    noise = published.value(f"table2.row{row:02d}.noise")
+    base = constant_speed(samples=2401, dt=0.002)
+    return _key(row, f"noise only, seed {seed}"), add_uniform_noise(base, noise, np.random.default_rng(seed))
+
+
+def _key(row: int, noise_level: str) -> dict:
+    """What a record of Table 2's row is called in data frames."""
+    levels = list(table2_levels())
+    delta = level_delta_rad(levels[row - 1]) if row <= len(levels) else 0.0
+    return {"row": row, "delta_rad": delta, "noise_level": noise_level}
+
+
+def table2(runs: pd.DataFrame, source: str, noise_amplitude_rps: FloatArray) -> pd.DataFrame:
+    """Condense the runs on Table 2's records into the table.
+
+    Parameters
+    ----------
+    runs : DataFrame
+        From `repeated_fits`, with the entries `row, delta_rad, noise_level`.
+    source : str
+        Whose records: "authors" or "simulated".
+    noise_amplitude_rps : array of shape (rows,)
+        Noise of each row of Table 2 [rps].
+
+    Returns
+    -------
+    DataFrame
+        A row a level and realisation.
+    """
+    theoretical = published.column("Table 2", "theoretical")
+    rows = []
+    for (noise_level, row), part in runs.groupby(["noise_level", "row"], sort=False):
+        head = {
+            "source": source,
+            "noise_level": noise_level,
+            "row": row,
+            "delta_rad": part["delta_rad"].iloc[0],
+            "noise_amplitude_rps": noise_amplitude_rps[row - 1],
+            "theoretical_A_rps": theoretical[row - 1],
+        }
+        rows.append(head | summarise_runs(part, theoretical[row - 1]).to_dict())
+    return pd.DataFrame(rows).astype({"best_basin_runs": int, "basins": int, "runs": int})
+
+
+def table2_cells(table: pd.DataFrame) -> pd.Series:
+    """Values of Table 2's cells by id, from one realisation's ten rows and the noise-only row of `table2`."""
+    columns = {"noise": "noise_amplitude_rps", "mean": "mean_A_rps", "sd": "sd_A_rps"}
+    cells = {}
+    for row in table.to_dict("records"):
+        head = f"table2.row{row['row']:02d}"
+        cells |= {f"{head}.{name}": row[column] for name, column in columns.items()}
+        if row["theoretical_A_rps"] > 0:
+            cells[f"{head}.relative_error"] = row["relative_error_percent"]
+    return pd.Series(cells, name="reproduced")
+
+
+def best_basin_error_percent(table: pd.DataFrame) -> FloatArray:
+    """Best basin's A against the printed mean [%], for the ten rows with backlash of one realisation."""
+    rows = table[table["theoretical_A_rps"] > 0]
+    printed = published.column("Table 2", "mean")[rows["row"].to_numpy() - 1]
+    return 100 * (rows["best_A_rps"].to_numpy() / printed - 1)
+
+
+def variant_scores(runs: pd.DataFrame) -> pd.DataFrame:
+    """Compare each protocol variant's means and SDs with Table 2's, row by row.
+
+    Parameters
+    ----------
+    runs : DataFrame
+        From `repeated_fits` on the ten records of one realisation with several protocols.
+
+    Returns
+    -------
+    DataFrame
+        A row a protocol and level: `protocol, delta_rad, mean_A_rps, sd_A_rps, mean_error_percent, sd_ratio,
+        best_basin_share`.
+    """
+    means, sds = published.column("Table 2", "mean"), published.column("Table 2", "sd")
+    theoretical = published.column("Table 2", "theoretical")
+    rows = []
+    for (protocol, row), part in runs.groupby(["protocol", "row"], sort=False):
+        summary = summarise_runs(part, theoretical[row - 1])
+        rows.append(
+            {
+                "protocol": protocol,
+                "delta_rad": part["delta_rad"].iloc[0],
+                "mean_A_rps": summary["mean_A_rps"],
+                "sd_A_rps": summary["sd_A_rps"],
+                "mean_error_percent": 100 * (summary["mean_A_rps"] / means[row - 1] - 1),
+                "sd_ratio": summary["sd_A_rps"] / sds[row - 1],
+                "best_basin_share": summary["best_basin_runs"] / summary["runs"],
+            }
+        )
+    return pd.DataFrame(rows)
+
+
+def rank_variants(scores: pd.DataFrame) -> pd.DataFrame:
+    """Rank the protocol variants by how close they come to Table 2.
+
+    Parameters
+    ----------
+    scores : DataFrame
+        From `variant_scores`.
+
+    Returns
+    -------
+    DataFrame
+        A row a protocol, the closest first: `mean_abs_error_percent` of the means, `sd_factor` (the geometric mean
+        of SD over printed SD or its inverse, whichever is above 1).
+    """
+    grouped = scores.assign(
+        mean_abs_error_percent=scores["mean_error_percent"].abs(), log_sd=np.log(scores["sd_ratio"]).abs()
+    ).groupby("protocol", sort=False)
+    table = grouped[["mean_abs_error_percent", "log_sd", "best_basin_share"]].mean()
+    table = table.assign(sd_factor=np.exp(table.pop("log_sd")))
+    return table.sort_values("mean_abs_error_percent", kind="stable").reset_index()

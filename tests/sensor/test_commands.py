@@ -1,0 +1,305 @@
+import json
+import tomllib
+from dataclasses import replace
+
+import numpy as np
+import pandas as pd
+import pytest
+from made_logs import noisy, silent, write
+
+from replication import datasets, workbook
+from replication.__main__ import main
+from replication.methods.calibration import default_calibration
+from replication.sensor import commands, many
+from replication.sensor.tables import UnusableLog
+
+TURN = ["--turn-period", "0.4"]
+KEYS = [
+    "file", "verdict", "amplitude_rps", "amplitude_interval_rps", "backlash_rad", "backlash_interval_rad", "rmse_rps",
+    "method", "turn_period_s", "samples", "warnings",
+]  # fmt: skip
+
+
+@pytest.fixture
+def log(tmp_path):
+    return write(noisy(), tmp_path / "log.csv")
+
+
+def ran(capsys, *arguments):
+    """Exit status of a command, its output and what it said on the error stream."""
+    try:
+        status = main([str(argument) for argument in arguments])
+    except SystemExit as stopped:
+        status = stopped.code
+    captured = capsys.readouterr()
+    return status, captured.out, captured.err
+
+
+def refused(capsys, folder, *arguments):
+    """The one line of a refusal with exit status 2 that leaves a folder as it was."""
+    before = sorted(folder.rglob("*"))
+    status, out, err = ran(capsys, *arguments)
+    assert status == 2
+    assert out == ""
+    assert err.count("\n") == 1
+    assert sorted(folder.rglob("*")) == before
+    return err
+
+
+# ---------------------------------------------------------------------------------------------------------------
+# estimate
+
+
+def test_json_is_an_array_with_an_object_of_the_documented_keys_for_each_log(log, tmp_path, capsys):
+    write(silent(), tmp_path / "silent.csv")
+    status, out, _ = ran(capsys, "estimate", log, tmp_path / "silent.csv", *TURN, "--json", "--jobs", "1")
+    rows = json.loads(out)
+    assert status == 0
+    assert [list(row) for row in rows] == [KEYS, KEYS]
+    assert [row["verdict"] for row in rows] == ["backlash", "no backlash"]
+    status, out, _ = ran(capsys, "estimate", log, *TURN, "--json")
+    assert json.loads(out) == rows[:1]
+
+
+def test_text_is_for_people(log, capsys):
+    status, out, err = ran(capsys, "estimate", log, *TURN)
+    assert (status, err) == (0, "")
+    assert out.startswith(f"{log}: backlash 0.")
+    assert "mrad (95 %:" in out
+
+
+def test_every_option_of_a_log_reaches_its_reader(tmp_path, capsys):
+    record = noisy()
+    counts = np.floor(np.cumsum(record.v) * 2e-3 * 2**16) % 2**16
+    frame = pd.DataFrame({"a": record.t, "b": counts, "c": 60 * record.v})
+    frame.to_csv(tmp_path / "log.csv", index=False)
+    shared = ["--json", "--gear-ratio", "40", "--time", "a"]
+    position = ["--position", "b", "--unit", "counts", "--counts-per-turn", 2**16, "--commanded-speed", "100"]
+    speed = ["--speed", "c", "--unit", "rpm"]
+    for given in (position, speed):
+        status, out, _ = ran(capsys, "estimate", tmp_path / "log.csv", *shared, *given)
+        assert status == 0
+        assert json.loads(out)[0]["amplitude_rps"] == pytest.approx(0.58, abs=0.02)
+
+
+def test_the_papers_method_takes_repeats_and_seed(log, capsys):
+    found = {}
+    for seed in (1, 1, 2):
+        _, out, _ = ran(capsys, "estimate", log, *TURN, "--json", "--method", "paper", "--repeats", 2, "--seed", seed)
+        found.setdefault(seed, []).append(json.loads(out)[0])
+    assert found[1][0] == found[1][1]
+    assert found[1][0]["amplitude_interval_rps"] != found[2][0]["amplitude_interval_rps"]
+
+
+@pytest.mark.parametrize("ending", ["png", "svg", "pdf"])
+def test_a_plot_is_written_and_the_same_twice(ending, log, tmp_path, capsys):
+    contents = []
+    for name in ("a", "b"):
+        path = tmp_path / f"{name}.{ending}"
+        assert ran(capsys, "estimate", log, *TURN, "--plot", path)[0] == 0
+        contents.append(path.read_bytes())
+    assert contents[0] == contents[1]
+    assert not list(tmp_path.glob(".*"))
+
+
+def test_a_log_without_a_fit_gets_no_plot_and_that_is_said(tmp_path, capsys):
+    path = write(replace(noisy(), t=noisy().t[:400], v=noisy().v[:400]), tmp_path / "short.csv")
+    status, out, err = ran(capsys, "estimate", path, *TURN, "--plot", tmp_path / "plot.png")
+    assert status == 0
+    assert "cannot tell: too short" in out
+    assert "not written" in err
+    assert not (tmp_path / "plot.png").exists()
+
+
+def test_a_folder_becomes_a_table_with_a_row_for_each_log(log, tmp_path, capsys):
+    (tmp_path / "empty.csv").write_text("", encoding="utf-8")
+    table = tmp_path / "out" / "table.csv"
+    table.parent.mkdir()
+    status, _, err = ran(capsys, "estimate", tmp_path, *TURN, "--out", table)
+    found = pd.read_csv(table)
+    assert status == 0
+    assert "1 of 2 logs are not usable" in err
+    assert found["verdict"].tolist() == ["cannot tell", "backlash"]
+    assert "the file is empty" in found["reason"][0]
+    assert list(table.parent.iterdir()) == [table]
+
+
+def test_a_table_can_be_parquet(log, tmp_path, capsys):
+    pytest.importorskip("pyarrow", reason="Parquet needs the extra 'fleet'")
+    assert ran(capsys, "estimate", log, *TURN, "--out", tmp_path / "table.parquet")[0] == 0
+    assert pd.read_parquet(tmp_path / "table.parquet")["verdict"].tolist() == ["backlash"]
+
+
+def test_an_interrupted_table_says_how_to_go_on_and_does(log, tmp_path, capsys, monkeypatch):
+    other = write(silent(), tmp_path / "silent.csv")
+    table, whole, done = tmp_path / "table.csv", many.estimate, []
+
+    def interrupted(path, settings):
+        if done:
+            raise KeyboardInterrupt
+        done.append(path)
+        return whole(path, settings)
+
+    monkeypatch.setattr(many, "estimate", interrupted)
+    status, _, err = ran(capsys, "estimate", log, other, *TURN, "--out", table)
+    assert status == 1
+    assert "goes on from" in err
+    assert not table.exists()
+    monkeypatch.setattr(many, "estimate", lambda path, settings: whole(path, settings) if path == other else 1 / 0)
+    assert ran(capsys, "estimate", log, other, *TURN, "--out", table)[0] == 0
+    assert pd.read_csv(table)["verdict"].tolist() == ["backlash", "no backlash"]
+
+
+# ---------------------------------------------------------------------------------------------------------------
+# Refusals
+
+
+@pytest.mark.parametrize(
+    ("arguments", "expected"),
+    [
+        (["estimate", "LOG"], "--turn-period (in s) or --gear-ratio"),
+        (["estimate", "LOG", "--turn-period", "soon"], "invalid float value"),
+        (["estimate", "LOG", "--turn-period", "-1"], "above 0"),
+        (["estimate", "LOG", *TURN, "--method", "magic"], "invalid choice"),
+        (["estimate", "LOG", *TURN, "--unit", "rpm"], "says rps, --unit says rpm"),
+        (["estimate", "LOG", *TURN, "--speed", "x"], "no column 'x'"),
+        (["estimate", "LOG", *TURN, "--repeats", "0"], "1 or more"),
+        (["estimate", "LOG", *TURN, "--plot", "FOLDER/plot.gif"], "must end in"),
+        (["estimate", "LOG", *TURN, "--plot", "FOLDER/missing/plot.png"], "cannot be written"),
+        (["estimate", "LOG", *TURN, "--out", "FOLDER/table.xlsx"], "must end in"),
+        (["estimate", "LOG", "LOG2", *TURN, "--plot", "FOLDER/plot.png"], "it shows one"),
+        (["estimate", "EMPTY", *TURN, "--plot", "FOLDER/plot.png"], "the file is empty"),
+        (["estimate", "EMPTY", *TURN, "--out", "FOLDER/table.csv"], "the file is empty"),
+        (["estimate", "EMPTY", "EMPTY2", *TURN, "--out", "FOLDER/table.csv"], "none of 2 logs is usable"),
+        (["estimate", "FOLDER/void", *TURN], "no logs in this folder"),
+        (["estimate", "FOLDER/missing.csv", *TURN], "no such file"),
+        (["estimate", "LOG", *TURN, "--calibration", "LOG"], "not a calibration file"),
+        (["estimate", "LOG", *TURN, "--calibration", "FOLDER"], "cannot be read"),
+        (["calibrate", "LOG", *TURN, "--out", "FOLDER/c.json"], "columns log and backlash_rad"),
+        (["calibrate", "FOLDER/missing.csv", *TURN, "--out", "FOLDER/c.json"], "cannot be read"),
+        (["trend", "LOG", *TURN], "no date in its name"),
+        (["trend", "LOG", *TURN, "--dates", "LOG"], "columns file and date"),
+        (["nonsense"], "invalid choice"),
+        (["estimate"], "required"),
+    ],
+)
+def test_what_cannot_be_done_is_refused_in_one_line_and_nothing_is_written(arguments, expected, log, tmp_path, capsys):
+    places = {
+        "LOG": log, "LOG2": write(silent(), tmp_path / "log2.csv"), "FOLDER": tmp_path,
+        "EMPTY": tmp_path / "empty.csv", "EMPTY2": tmp_path / "empty2.csv",
+    }  # fmt: skip
+    places["EMPTY"].touch()
+    places["EMPTY2"].touch()
+    (tmp_path / "void").mkdir()
+    filled = [str(places[a]) if a in places else a.replace("FOLDER", str(tmp_path)) for a in arguments]
+    assert expected in refused(capsys, tmp_path, *filled)
+
+
+# ---------------------------------------------------------------------------------------------------------------
+# calibrate
+
+
+def calibration_table(folder, levels, method_noise=0.1):
+    rows = []
+    for k, delta in enumerate(levels):
+        write(noisy(delta, method_noise, seed=50 + k), folder / f"known{k}.csv")
+        rows.append((f"known{k}.csv", delta))
+    path = folder / "known.csv"
+    pd.DataFrame(rows, columns=["log", "backlash_rad"]).to_csv(path, index=False)
+    return path
+
+
+LEVELS = np.linspace(4e-4, 20e-4, 8)
+
+
+@pytest.mark.parametrize("method", ["energy", "waveform"])
+def test_a_calibration_goes_round_from_logs_to_a_file_to_an_estimate(method, tmp_path, capsys):
+    table, made = calibration_table(tmp_path, LEVELS), tmp_path / "joint.json"
+    status, out, _ = ran(capsys, "calibrate", table, *TURN, "--method", method, "--out", made)
+    assert status == 0
+    assert "0.400 to 2.000 mrad" in out
+    content = json.loads(made.read_text(encoding="utf-8"))
+    assert content["method"] == method
+    assert content["unit"] == "rad"
+    assert content["range_rad"] == [4e-4, 20e-4]
+    assert content["uncertainty_rad"] > 0
+    assert "8 logs of known.csv" in content["provenance"]
+    log = write(noisy(11e-4, seed=3), tmp_path / "new.csv")
+    status, out, _ = ran(capsys, "estimate", log, *TURN, "--calibration", made, "--json")
+    row = json.loads(out)[0]
+    assert row["method"] == method
+    assert row["backlash_rad"] == pytest.approx(11e-4, abs=1e-4)
+    assert not any("paper's joint" in warning for warning in row["warnings"])
+    worn = write(noisy(30e-4, seed=3), tmp_path / "worn.csv")
+    _, out, _ = ran(capsys, "estimate", worn, *TURN, "--calibration", made)
+    assert "cannot tell: extrapolated calibration" in out
+
+
+def test_a_calibration_file_is_read_as_it_was_written(tmp_path):
+    path = tmp_path / "joint.json"
+    path.write_text(default_calibration("energy").to_json(), encoding="utf-8")
+    assert commands.read_calibration(path).to_json() == default_calibration("energy").to_json()
+
+
+def test_a_relation_that_is_not_monotonic_is_refused(tmp_path, capsys):
+    table = calibration_table(tmp_path, LEVELS)
+    frame = pd.read_csv(table)
+    frame["backlash_rad"] = frame["backlash_rad"].to_numpy()[[0, 5, 2, 7, 4, 1, 6, 3]]
+    frame.to_csv(table, index=False)
+    for method in ("energy", "waveform"):
+        line = refused(capsys, tmp_path, "calibrate", table, *TURN, "--method", method, "--out", tmp_path / "c.json")
+        assert "known backlashes" in line
+
+
+def test_a_calibration_from_a_log_that_is_no_use_names_it(tmp_path, capsys):
+    table = calibration_table(tmp_path, LEVELS)
+    short = replace(noisy(), t=noisy().t[:300], v=noisy().v[:300])
+    write(short, tmp_path / "known3.csv")
+    line = refused(capsys, tmp_path, "calibrate", table, *TURN, "--out", tmp_path / "c.json")
+    assert "known3.csv: no use for a calibration: too short" in line
+    (tmp_path / "known3.csv").unlink()
+    line = refused(capsys, tmp_path, "calibrate", table, *TURN, "--out", tmp_path / "c.json")
+    assert "known3.csv: no such file" in line
+
+
+# ---------------------------------------------------------------------------------------------------------------
+# trend and the rest
+
+
+def test_dated_logs_become_a_trend_with_a_date_and_a_plot(tmp_path, capsys):
+    for month in range(1, 8):
+        write(noisy(4e-4 + 1.5e-4 * month, seed=month), tmp_path / f"axis4_2024-{month:02d}-15.csv")
+    options = [*TURN, "--method", "energy", "--limit", "0.0018"]
+    status, out, _ = ran(capsys, "trend", tmp_path, *options, "--plot", tmp_path / "trend.png", "--json")
+    found = json.loads(out)
+    assert status == 0
+    assert len(found["points"]) == 7
+    first, last = found["crossing_interval"]
+    assert first < found["crossing_date"] < last
+    assert "2024-09-15" < found["crossing_date"] < "2024-11-15"  # 0.0018 rad after 9.3 months
+    assert (tmp_path / "trend.png").exists()
+    assert "crossed on" in ran(capsys, "trend", tmp_path, *options)[1]
+
+
+def test_the_authors_workbook_is_answered_from_the_command_line(authors_data, capsys):
+    path = datasets.authors_file("Speeddata8.xlsx")
+    status, out, _ = ran(capsys, "estimate", path, *TURN, "--json")
+    row = json.loads(out)[0]
+    assert status == 0
+    assert row["verdict"] == "backlash"
+    assert row["samples"] == 2401
+    assert row["backlash_rad"] == pytest.approx(15e-4, abs=1e-4)
+
+
+def test_the_console_script_is_this_command_line():
+    project = tomllib.loads((workbook.ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    assert project["scripts"] == {"backlash": "replication.__main__:main"}
+    assert {"dask", "distributed", "pyarrow"} <= {
+        name.split(">")[0] for name in project["optional-dependencies"]["fleet"]
+    }
+
+
+def test_a_log_that_disappears_is_no_traceback(log, capsys, monkeypatch):
+    monkeypatch.setattr(commands, "examine", lambda *_: (_ for _ in ()).throw(UnusableLog("gone\nfor good")))
+    status, out, err = ran(capsys, "estimate", log, *TURN)
+    assert (status, out, err) == (2, "", "gone for good\n")

@@ -1,0 +1,210 @@
+import json
+import os
+import signal
+import threading
+import time
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+from made_logs import TURN, noisy, silent, write
+
+from replication.sensor import many
+from replication.sensor.tables import UnusableLog
+from replication.sensor.verdict import as_row, estimate, settings_for
+
+SETTINGS = settings_for(TURN)
+
+
+@pytest.fixture
+def folder(tmp_path):
+    """Five logs, one of them empty, one with text in its numbers."""
+    (tmp_path / "logs" / "deeper").mkdir(parents=True)
+    for k, delta in enumerate((5e-4, 9e-4)):
+        write(noisy(delta), tmp_path / "logs" / f"log{k}.csv")
+    write(silent(), tmp_path / "logs" / "deeper" / "silent.csv")
+    (tmp_path / "logs" / "empty.csv").write_text("", encoding="utf-8")
+    (tmp_path / "logs" / "text.csv").write_text("time,speed\n0,1\n1,x\n2,3\n", encoding="utf-8")
+    (tmp_path / "logs" / "notes.md").write_text("not a log", encoding="utf-8")
+    (tmp_path / "logs" / ".hidden.csv").write_text("not a log", encoding="utf-8")
+    return tmp_path / "logs"
+
+
+class Deadly(type(Path())):
+    """A path that ends any process that looks at it but the one whose number is in its name."""
+
+    def stat(self, **options):
+        if self.name.startswith("deadly") and self.stem != f"deadly{os.getpid()}":
+            os._exit(1)
+        return super().stat(**options)
+
+
+def test_a_folder_stands_for_all_logs_below_it_each_once(folder):
+    found = many.find_logs([folder, folder / "log1.csv", folder / "missing.csv"])
+    assert [path.name for path in found] == [
+        "silent.csv", "empty.csv", "log0.csv", "log1.csv", "text.csv", "missing.csv"
+    ]  # fmt: skip
+
+
+def test_a_folder_without_logs_is_refused(tmp_path):
+    with pytest.raises(UnusableLog, match="no logs in this folder"):
+        many.find_logs([tmp_path])
+
+
+def test_one_bad_log_never_stops_the_rest_and_its_row_says_why(folder):
+    paths = many.find_logs([folder])
+    rows = many.run_fleet(paths, SETTINGS, jobs=1)
+    assert [row["file"] for row in rows] == [str(path) for path in paths]
+    assert [row["verdict"] for row in rows] == ["no backlash", "cannot tell", "backlash", "backlash", "cannot tell"]
+    assert rows[1]["warnings"] == [f"unusable log: {paths[1]}: the file is empty; export the log again"]
+    assert rows[4]["warnings"][0].startswith("unusable log: ")
+
+
+def test_even_a_defect_of_the_program_costs_one_row_only(folder, monkeypatch):
+    def broken(path, settings):
+        if path.name == "log0.csv":
+            raise ZeroDivisionError("division\nby zero")
+        return estimate(path, settings)
+
+    monkeypatch.setattr(many, "estimate", broken)
+    rows = many.run_fleet(many.find_logs([folder]), SETTINGS, jobs=1)
+    assert rows[2]["warnings"][0].endswith("log0.csv: ZeroDivisionError: division by zero")
+    assert rows[3]["verdict"] == "backlash"
+
+
+def test_the_table_is_tidy(folder):
+    table = many.as_table(many.run_fleet(many.find_logs([folder]), SETTINGS, jobs=1))
+    assert len(table) == 5
+    assert table["file"].is_unique
+    measured = table[table["verdict"] == "backlash"]
+    assert (measured["backlash_low_rad"] < measured["backlash_rad"]).all()
+    assert (measured["backlash_high_rad"] > measured["backlash_rad"]).all()
+    assert (measured["reason"] == "").all()
+    assert table.loc[table["verdict"] == "cannot tell", "reason"].str.contains("unusable").all()
+    assert pd.api.types.is_float_dtype(table["backlash_rad"])
+
+
+def test_several_processes_give_the_same_rows_as_one_and_a_log_on_which_one_dies_costs_its_row_only(folder):
+    write(noisy(), folder / f"deadly{os.getpid()}.csv")
+    paths = [Deadly(path) for path in many.find_logs([folder])]
+    alone, together = (many.run_fleet(paths, SETTINGS, jobs=jobs) for jobs in (1, 2))
+    deadly = next(k for k, path in enumerate(paths) if path.name.startswith("deadly"))
+    assert alone[deadly]["verdict"] == "backlash"
+    assert "the process that read it died" in together[deadly]["warnings"][0]
+    assert [row for k, row in enumerate(alone) if k != deadly] == [
+        row for k, row in enumerate(together) if k != deadly
+    ]  # fmt: skip
+
+
+# ---------------------------------------------------------------------------------------------------------------
+# Resuming
+
+
+def counting(monkeypatch, stop_after=None):
+    """Names of the logs that are estimated; the run is interrupted after some of them."""
+    done = []
+
+    def counted(path, settings):
+        if stop_after is not None and len(done) == stop_after:
+            raise KeyboardInterrupt
+        done.append(path.name)
+        return estimate(path, settings)
+
+    monkeypatch.setattr(many, "estimate", counted)
+    return done
+
+
+def test_an_interrupted_run_goes_on_where_it_was(folder, tmp_path, monkeypatch):
+    paths, journal = many.find_logs([folder]), tmp_path / "journal"
+    whole = many.run_fleet(paths, SETTINGS, jobs=1)
+    first = counting(monkeypatch, stop_after=3)
+    with pytest.raises(KeyboardInterrupt):
+        many.run_fleet(paths, SETTINGS, 1, journal)
+    second = counting(monkeypatch)
+    assert many.run_fleet(paths, SETTINGS, 1, journal) == whole
+    assert sorted(first + second) == sorted(path.name for path in paths)
+
+
+def test_a_journal_line_that_was_cut_off_is_done_again(folder, tmp_path, monkeypatch):
+    paths, journal = many.find_logs([folder]), tmp_path / "journal"
+    whole = many.run_fleet(paths, SETTINGS, 1, journal)
+    journal.write_bytes(journal.read_bytes()[:-40])
+    done = counting(monkeypatch)
+    assert many.run_fleet(paths, SETTINGS, 1, journal) == whole
+    assert done == [paths[-1].name]
+
+
+def test_a_changed_log_or_other_settings_are_not_taken_from_the_journal(folder, tmp_path, monkeypatch):
+    paths, journal = many.find_logs([folder]), tmp_path / "journal"
+    many.run_fleet(paths, SETTINGS, 1, journal)
+    write(noisy(15e-4), folder / "log0.csv", digits=4)
+    done = counting(monkeypatch)
+    many.run_fleet(paths, SETTINGS, 1, journal)
+    assert done == ["log0.csv"]
+    many.run_fleet(paths, replace(SETTINGS, seed=2), 1, journal)
+    assert len(done) == 1 + len(paths)
+
+
+def test_the_rows_of_a_journal_are_those_of_the_logs(folder, tmp_path):
+    journal = tmp_path / "journal"
+    rows = many.run_fleet([folder / "log0.csv"], SETTINGS, 1, journal)
+    assert rows == [as_row(estimate(folder / "log0.csv", SETTINGS))]
+    assert many.from_row(rows[0]) == estimate(folder / "log0.csv", SETTINGS)
+    assert many.run_fleet([folder / "log0.csv"], SETTINGS, 1, journal) == rows
+
+
+# ---------------------------------------------------------------------------------------------------------------
+# A cluster
+
+
+def lines_of(journal):
+    return [line for line in journal.read_text(encoding="utf-8").splitlines() if line] if journal.exists() else []
+
+
+def test_on_a_cluster_nothing_is_lost_and_nothing_twice_when_a_worker_dies(tmp_path):
+    distributed = pytest.importorskip("distributed", reason="a Dask cluster needs the extra 'fleet'")
+    paths = []
+    for k, delta in enumerate(np.linspace(4e-4, 20e-4, 8)):
+        write(noisy(delta), tmp_path / f"log{k}.csv")
+    for k in range(32):  # the same eight logs under many names
+        path = tmp_path / f"name{k:02d}.csv"
+        path.hardlink_to(tmp_path / f"log{k % 8}.csv")
+        paths.append(path)
+    (tmp_path / "bad.csv").write_text("time,speed\n", encoding="utf-8")
+    paths.append(tmp_path / "bad.csv")
+    journal, killed = tmp_path / "journal", []
+
+    def kill_one(cluster):
+        while len(lines_of(journal)) < 5:
+            time.sleep(0.01)
+        worker = next(iter(cluster.workers.values()))
+        os.kill(worker.process.process.pid, signal.SIGKILL)
+        killed.append(len(lines_of(journal)))
+
+    with distributed.LocalCluster(n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None) as cluster:
+        killer = threading.Thread(target=kill_one, args=(cluster,), daemon=True)
+        killer.start()
+        rows = many.run_fleet(paths, SETTINGS, journal=journal, dask=cluster.scheduler_address)
+        killer.join(timeout=5)
+    assert killed
+    assert killed[0] < len(paths)
+    assert [row["file"] for row in rows] == [str(path) for path in paths]
+    keys = [json.loads(line)["key"] for line in lines_of(journal)]
+    assert len(keys) == len(set(keys)) == len(paths)
+    once = [as_row(estimate(tmp_path / f"log{k}.csv", SETTINGS)) for k in range(8)]
+    for k, row in enumerate(rows[:-1]):
+        assert row == once[k % 8] | {"file": str(paths[k])}
+    assert rows[-1]["warnings"][0].startswith("unusable log: ")
+
+
+def test_a_scheduler_that_does_not_answer_is_refused(monkeypatch):
+    distributed = pytest.importorskip("distributed", reason="a Dask cluster needs the extra 'fleet'")
+
+    def nobody(*_, **__):
+        raise OSError("timed out")
+
+    monkeypatch.setattr(distributed, "Client", nobody)
+    with pytest.raises(UnusableLog, match="no scheduler answers"):
+        many.run_fleet([Path("log.csv")], SETTINGS, dask="127.0.0.1:1")

@@ -1,0 +1,318 @@
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from replication.dead_zone import transmitted_torque
+from replication.simulator import core
+from replication.simulator import simulate as joint_module
+from replication.simulator.reference import solve_ivp_speed_rps
+from replication.simulator.simulate import (
+    DivergenceError,
+    JointParameters,
+    closed_loop_matrix,
+    encoder_position,
+    identified_joint,
+    joint_from_ratios,
+    settled_peak_rps,
+    simulate,
+    simulate_many,
+    with_ratios,
+)
+
+DELTA = 15e-4
+NO_DRIVE = {
+    "position_gain_per_s": 0.0,
+    "speed_gain_nms_per_rad": 0.0,
+    "integral_gain_nm_per_rad": 0.0,
+    "derivative_gain_nms2_per_rad": 0.0,
+    "leaky_gain_nm_per_rad": 0.0,
+}
+
+
+@pytest.fixture(scope="module")
+def joint() -> JointParameters:
+    return identified_joint()
+
+
+def free_response(p, y, periods, delta=0.0):
+    """States at each control period from any start, without gravity."""
+    record, gap, per = np.empty((periods + 1, 5)), np.empty(periods + 1, dtype=np.int64), 50
+    p = replace(p, gravity_arm_m=0.0, lead_s=0.0)
+    c, drive = joint_module.core_constants(p, delta), joint_module.core_drive(p)
+    run = (p.control_period_s / per, 0, per, per, p.control_delay_periods)
+    core.run(y, 3, periods * per, *run, c, drive, record, gap, np.empty((0, 2)))
+    return record
+
+
+@settings(max_examples=60, deadline=None)
+@given(x=st.floats(-5e-3, 5e-3), v=st.floats(-1, 1), delta=st.floats(1e-5, 4e-3), clamped=st.booleans())
+def test_the_compiled_torque_is_the_printed_one(x, v, delta, clamped):
+    # At the edges themselves the side is a matter of convention.
+    if min(abs(x), abs(abs(x) - delta)) < 1e-12:
+        return
+    region = int(np.searchsorted([-delta, 0.0, delta], x))
+    compiled = core.torque(x, v, region, delta, 2e4, 5.0, 1e6, clamped)
+    printed = float(transmitted_torque(x, v, delta, 2e4, 5.0, 1e6, clamped))
+    assert compiled == pytest.approx(printed, rel=1e-6, abs=1e-8)
+
+
+# Accuracy of the integration
+
+
+@pytest.mark.parametrize("method", ["Radau", "LSODA"])
+def test_the_simulation_agrees_with_solve_ivp(joint, method):
+    p = replace(joint, lead_s=0.02)
+    reference = solve_ivp_speed_rps(p, DELTA, 0.04, method, rtol=1e-9, atol=1e-12, max_step=2.5e-5)
+    simulated = simulate(p, DELTA, duration_s=0.04, sample_s=p.control_period_s)
+    assert simulated.impact_time_s.size == 1
+    assert simulated.motor_speed_rps == pytest.approx(reference, abs=1e-5)
+
+
+def test_located_contacts_keep_the_fourth_order(joint):
+    p = replace(joint, clamped=True)
+    speeds = [simulate(p, DELTA, duration_s=0.4, step_s=p.control_period_s / k).motor_speed_rps for k in (2, 4, 8, 64)]
+    coarse, middle, fine = (np.abs(v - speeds[-1]).max() for v in speeds[:3])
+    assert coarse / middle > 10
+    assert middle / fine > 10
+
+
+def test_the_default_step_keeps_the_error_far_below_a_thousandth_of_a_turn_per_second(joint):
+    for delta in (3e-4, 21e-4, 39e-4):
+        default = simulate(joint, delta, duration_s=1.0)
+        converged = simulate(joint, delta, duration_s=1.0, step_s=2.5e-6)
+        assert default.motor_speed_rps == pytest.approx(converged.motor_speed_rps, abs=5e-5)
+
+
+def test_a_sharper_edge_converges_to_the_clamped_dead_zone(joint):
+    limit = simulate(replace(joint, clamped=True), DELTA, duration_s=0.8).motor_speed_rps
+    errors = [
+        np.abs(simulate(replace(joint, alpha_per_rad=a), DELTA, duration_s=0.8).motor_speed_rps - limit).max()
+        for a in (1e4, 1e5, 1e6, 1e7)
+    ]
+    assert errors == sorted(errors, reverse=True)
+    assert errors[-1] < 1e-3
+
+
+# Limits
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {},
+        {"torque_lag_s": 0.0, "control_delay_periods": 0, "derivative_gain_nms2_per_rad": 0.0},
+        {"damping_nms_per_rad": 5.0, "motor_viscous_nms_per_rad": 1e-4, "load_viscous_nms_per_rad": 0.1},
+    ],
+    ids=["identified", "no lag or delay", "damped"],
+)
+def test_without_backlash_the_joint_is_its_linear_two_mass_system(joint, changes):
+    p = replace(joint, **changes)
+    # Friction is measured from the commanded speed in the matrix, so the simulation starts with it balanced.
+    steady = replace(p, gravity_arm_m=0.0)
+    y0, _ = joint_module.start_state(steady, 0.0)
+    kick = np.array([0.02, 1.0, 0.0, -0.01, 0.0])
+    record = free_response(p, tuple(np.array(y0) + kick), 200)
+    matrix, state = closed_loop_matrix(p), np.zeros(9 + p.control_delay_periods)
+    state[:5], state[8] = kick, kick[0]
+    state[9:] = kick[4]
+    expected = []
+    for _ in range(201):
+        expected.append(state[:5])
+        state = matrix @ state
+    deviation = record - np.array(y0)
+    rows = slice(1, None)
+    assert deviation[rows, :4] == pytest.approx(np.array(expected)[rows, :4], abs=1e-7)
+
+
+def test_without_a_drive_the_modes_are_those_of_two_masses_on_a_spring(joint):
+    p = replace(joint, torque_lag_s=0.0, **NO_DRIVE)
+    z = np.linalg.eigvals(closed_loop_matrix(p))
+    fastest = np.abs(np.angle(z)).max() / p.control_period_s
+    ratios = p.ratios
+    assert fastest == pytest.approx(math.sqrt(ratios["stiffness_per_s2"] * (1 + ratios["inertia_ratio"])))
+
+
+def test_a_rigid_coupling_moves_both_inertias_as_one(joint):
+    rigid = replace(joint, stiffness_nm_per_rad=1e9 * joint.stiffness_nm_per_rad)
+    one = joint.motor_inertia_kgm2 + joint.load_inertia_kgm2 / joint.gear_ratio**2
+    single = replace(joint, motor_inertia_kgm2=one)
+    modes = np.linalg.eigvals(closed_loop_matrix(rigid))
+    for mode in np.linalg.eigvals(closed_loop_matrix(single, in_contact=False)):
+        # The load's free motion (1) and the drive's unused memory (0) are no modes of the single mass.
+        if 1e-6 < abs(mode) < 1 - 1e-9:
+            assert np.abs(modes - mode).min() < 1e-4
+
+
+def test_without_gravity_there_are_no_impacts_and_no_ripple(joint):
+    run = simulate(replace(joint, gravity_arm_m=0.0), DELTA, duration_s=0.8)
+    assert run.impact_time_s.size == 0
+    assert run.motor_speed_rps == pytest.approx(np.full(401, 100.0), abs=1e-6)
+
+
+def test_without_drive_and_damping_the_energy_is_kept(joint):
+    # It starts hanging down, where no torque is needed and none stays in the drive.
+    p = replace(joint, clamped=True, start_angle_rad=0.0, lead_s=0.0, **NO_DRIVE)
+    run = simulate(p, DELTA, duration_s=0.8, sample_s=1e-3, step_s=1e-5)
+    twist = np.abs(run.motor_position_rad / p.gear_ratio - run.load_position_rad) - DELTA
+    energy = (
+        p.motor_inertia_kgm2 * run.motor_speed_rad_per_s**2 / 2
+        + p.load_inertia_kgm2 * run.load_speed_rad_per_s**2 / 2
+        - p.gravity_torque_nm * np.cos(run.load_position_rad)
+        + p.stiffness_nm_per_rad * np.maximum(twist, 0) ** 2 / 2
+    )
+    assert run.impact_time_s.size > 0
+    assert energy == pytest.approx(np.full(energy.size, energy[0]), abs=1e-6 * p.gravity_torque_nm)
+
+
+def test_the_two_impacts_of_a_small_gap_are_each_others_mirror_image(joint):
+    run = simulate(joint, 1e-5, duration_s=2.0)
+    ripple, half = run.motor_speed_rps[600:1000] - 100, 100
+    assert ripple[half:] == pytest.approx(-ripple[:-half], abs=0.04 * ripple.max())
+
+
+def test_the_positive_impact_comes_late_because_the_load_turns_with_its_gap(joint):
+    late = []
+    for delta in (5e-4, 15e-4, 25e-4):
+        run = simulate(joint, delta, duration_s=4.8)
+        negative, positive = run.impact_time_s[-4:-2] if run.impact_side[-4] > 0 else run.impact_time_s[-3:-1]
+        late.append(positive - negative - joint.turn_period_s / 2)
+    assert late == sorted(late)
+    assert 1e-4 < late[-1] < 2 * 25e-4 * joint.gear_ratio / joint.commanded_speed_rad_per_s
+
+
+def test_impacts_come_twice_a_turn_on_alternating_sides(joint):
+    run = simulate(joint, DELTA, duration_s=1.6)
+    assert run.impact_time_s.size == 8
+    assert (np.diff(run.impact_side) != 0).all()
+    parted = run.separation_time_s[run.separation_time_s > run.impact_time_s[0]]
+    assert (parted[:3] > run.impact_time_s[:3]).all()
+    assert (parted[:3] < run.impact_time_s[1:4]).all()
+
+
+def test_the_first_impact_is_negative_and_larger_than_those_that_follow(joint):
+    speed = simulate(joint, 19e-4, sample_s=5e-5, step_s=5e-5).motor_speed_rps
+    turn = 8000
+    assert abs(speed[:turn].argmin() - speed[:turn].argmax()) > 1000
+    assert 100 - speed[:turn].min() > 1.03 * (100 - speed[turn:].min())
+
+
+def test_contact_times_do_not_depend_on_the_step(joint):
+    coarse, fine = (simulate(joint, DELTA, duration_s=0.8, step_s=h).impact_time_s for h in (1e-4, 5e-6))
+    assert coarse == pytest.approx(fine, abs=1e-7)
+
+
+def test_the_gap_state_says_which_side_drives(joint):
+    run = simulate(joint, DELTA, duration_s=0.8, sample_s=1e-3)
+    twist = run.motor_position_rad / joint.gear_ratio - run.load_position_rad
+    assert (run.gap_state == np.where(np.abs(twist) < DELTA, 0, np.sign(twist))).all()
+
+
+# Parameters
+
+
+def test_only_ratios_show_in_the_motor_speed(joint):
+    heavy = joint_from_ratios(joint.ratios, load_mass_kg=50.0)
+    assert heavy.motor_inertia_kgm2 == pytest.approx(10 * joint.motor_inertia_kgm2)
+    light_run, heavy_run = (simulate(p, DELTA, duration_s=0.8) for p in (joint, heavy))
+    assert heavy_run.motor_speed_rps == pytest.approx(light_run.motor_speed_rps, abs=1e-7)
+
+
+def test_ratios_survive_the_way_through_physical_values(joint):
+    assert joint_from_ratios(joint.ratios).ratios == pytest.approx(joint.ratios)
+    changed = with_ratios(joint, {"stiffness_per_s2": 1e4})
+    assert changed.ratios == pytest.approx(joint.ratios | {"stiffness_per_s2": 1e4})
+
+
+def test_an_incomplete_or_unknown_ratio_is_named(joint):
+    with pytest.raises(ValueError, match="gravity_per_s2"):
+        joint_from_ratios({k: v for k, v in joint.ratios.items() if k != "gravity_per_s2"})
+    with pytest.raises(ValueError, match="colour"):
+        joint_from_ratios(joint.ratios | {"colour": 1.0})
+
+
+def test_the_peak_before_sampling_is_at_least_the_sampled_one(joint):
+    fine = simulate(joint, 5e-4, sample_s=5e-5, step_s=5e-5)
+    sampled = simulate(joint, 5e-4, step_s=5e-5)
+    assert settled_peak_rps(fine, joint) > 1.01 * settled_peak_rps(sampled, joint)
+
+
+def test_several_levels_at_once_give_the_same_bytes_on_any_number_of_threads(joint):
+    levels = [3e-4, 11e-4, 21e-4]
+    one, two = (simulate_many(joint, levels, duration_s=0.8, threads=n) for n in (1, 2))
+    for delta, a, b in zip(levels, one, two, strict=True):
+        alone = simulate(joint, delta, duration_s=0.8)
+        for name in ("motor_speed_rad_per_s", "motor_torque_nm", "impact_time_s", "gap_state"):
+            assert getattr(a, name).tobytes() == getattr(b, name).tobytes() == getattr(alone, name).tobytes()
+
+
+def test_the_encoder_rounds_down_to_its_grid_and_hardly_disturbs_the_drive(joint):
+    grid = 2 * math.pi / 2**19
+    assert encoder_position([0.0, 1.4 * grid, -0.1 * grid]) == pytest.approx([0.0, grid, -grid])
+    real = replace(joint, encoder_bits=19)
+    ideal_run, real_run = (simulate(p, DELTA, duration_s=0.8) for p in (joint, real))
+    error = np.abs(real_run.motor_speed_rps - ideal_run.motor_speed_rps).max()
+    assert 0 < error < 0.01
+
+
+def test_speed_by_differencing_delays_the_drive_by_half_a_period(joint):
+    softer = replace(joint, control_delay_periods=0)
+    differenced = replace(softer, speed_by_differencing=True)
+    runs = [simulate(p, DELTA, duration_s=0.8).motor_speed_rps for p in (softer, differenced)]
+    assert 0 < np.abs(runs[0] - runs[1]).max() < 0.5
+
+
+def test_the_torque_limit_holds(joint):
+    limit = 0.8 * np.abs(simulate(joint, DELTA, duration_s=0.8, sample_s=1e-4).motor_torque_nm).max()
+    run = simulate(replace(joint, torque_limit_nm=limit), DELTA, duration_s=0.8, sample_s=1e-4)
+    assert np.abs(run.motor_torque_nm).max() <= limit
+
+
+@pytest.mark.parametrize(
+    ("changes", "word"),
+    [
+        ({"motor_inertia_kgm2": -1e-5}, "motor_inertia_kgm2"),
+        ({"load_inertia_kgm2": 0.0}, "load_inertia_kgm2"),
+        ({"stiffness_nm_per_rad": math.nan}, "stiffness_nm_per_rad"),
+        ({"alpha_per_rad": math.inf}, "clamped"),
+        ({"damping_nms_per_rad": -1.0}, "damping_nms_per_rad"),
+        ({"control_delay_periods": -1}, "control_delay_periods"),
+        ({"control_delay_periods": 0.5}, "control_delay_periods"),
+        ({"torque_limit_nm": 0.0}, "torque_limit_nm"),
+        ({"lead_s": 1.23e-4}, "lead_s"),
+        ({"speed_gain_nms_per_rad": 1.0}, "unstable"),
+        ({"torque_lag_s": 1e-7}, "step_s"),
+        ({"stiffness_nm_per_rad": 1e8}, "step_s"),
+    ],
+)
+def test_a_bad_parameter_is_refused_by_name(joint, changes, word):
+    with pytest.raises(ValueError, match=word):
+        simulate(replace(joint, **changes), DELTA)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "word"),
+    [
+        ({"delta_rad": 4.0}, "turn"),
+        ({"delta_rad": -1e-4}, "delta_rad"),
+        ({"delta_rad": math.nan}, "delta_rad"),
+        ({"step_s": 5e-4}, "step_s"),
+        ({"step_s": 3e-5}, "control_period_s"),
+        ({"sample_s": 2.05e-3}, "sample_s"),
+        ({"duration_s": -1.0}, "duration_s"),
+    ],
+)
+def test_a_bad_run_is_refused_by_name(joint, arguments, word):
+    stiff = replace(joint, stiffness_nm_per_rad=1e6)
+    with pytest.raises(ValueError, match=word):
+        simulate(stiff if arguments == {"step_s": 5e-4} else joint, **({"delta_rad": DELTA} | arguments))
+
+
+def test_a_diverging_run_is_named_and_never_returned(joint, monkeypatch):
+    monkeypatch.setattr(joint_module, "_check_stability", lambda p: None)
+    wild = replace(joint, speed_gain_nms_per_rad=20 * joint.speed_gain_nms_per_rad)
+    with pytest.raises(DivergenceError, match=r"diverged at t = .* delta_rad = 0.0015"):
+        simulate(wild, DELTA)

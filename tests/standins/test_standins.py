@@ -1,0 +1,263 @@
+from dataclasses import replace
+
+import numpy as np
+import pandas as pd
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.integrate import solve_ivp
+
+from replication import characteristic, published, workbook
+from replication.methods.calibration import default_calibration
+from replication.simulator.parameters import TURN, JointParameters
+from replication.simulator.simulate import Disturbance, identified_joint, simulate
+from replication.standins import bench as bench_standin
+from replication.standins import joints, robots
+from replication.standins import wear as wear_standin
+
+DELTA = 10e-4
+RESULTS = workbook.ROOT / "results"
+
+
+@pytest.fixture(scope="module")
+def joint() -> JointParameters:
+    return identified_joint()
+
+
+@pytest.fixture(scope="module")
+def bench() -> joints.Bench:
+    return joints.draw_bench(np.random.default_rng(1))
+
+
+def shaken(joint, *waves, **run):
+    return simulate(replace(joint, disturbances=waves), 0.0, duration_s=0.8, **run)
+
+
+# Disturbances in the joint
+
+
+def test_a_disturbance_of_no_amplitude_changes_not_a_bit(joint):
+    with_one, without = shaken(joint, Disturbance(0.21)), shaken(joint)
+    for name in ("motor_speed_rad_per_s", "load_position_rad", "load_speed_rad_per_s", "motor_torque_nm"):
+        assert getattr(with_one, name).tobytes() == getattr(without, name).tobytes()
+
+
+@pytest.mark.parametrize(
+    "wave",
+    [
+        Disturbance(1.0, motor_torque_nm=0.01, phase_rad=0.3),
+        Disturbance(0.21, load_torque_nm=0.5, phase_rad=1.0),
+        Disturbance(0.21, transmission_error_rad=5e-5, phase_rad=2.0),
+    ],
+)
+def test_a_disturbed_joint_is_the_one_that_scipy_integrates_from_the_undisturbed_coordinates(joint, wave):
+    no_drive = ("position_gain_per_s", "speed_gain_nms_per_rad", "integral_gain_nm_per_rad")
+    no_drive += ("derivative_gain_nms2_per_rad", "leaky_gain_nm_per_rad")
+    p = replace(joint, **dict.fromkeys(no_drive, 0.0), lead_s=0.0, gravity_arm_m=1e-9, disturbances=(wave,))
+    run = simulate(p, 0.0, duration_s=0.1, step_s=2.5e-5)
+    n, omega = p.gear_ratio, p.commanded_speed_rad_per_s
+    frequency = wave.order * omega
+
+    def rates(t, y):
+        error = wave.transmission_error_rad * np.sin(frequency * t + wave.phase_rad)
+        torque = p.stiffness_nm_per_rad * (y[0] / n - y[2] - error)
+        ripple = wave.motor_torque_nm * np.sin(wave.order * (omega * t + y[0]) + wave.phase_rad)
+        load = wave.load_torque_nm * np.sin(frequency * t + wave.phase_rad)
+        return y[1], (ripple - torque / n) / p.motor_inertia_kgm2, y[3], (torque + load) / p.load_inertia_kgm2
+
+    first = [
+        0.0,
+        0.0,
+        run.load_position_rad[0] - p.start_angle_rad,
+        run.load_speed_rad_per_s[0] - omega / n,
+    ]
+    exact = solve_ivp(rates, (0, 0.1), first, t_eval=run.time_s, method="DOP853", rtol=1e-10, atol=1e-12).y
+    speed, load = run.motor_speed_rad_per_s - omega, run.load_position_rad - p.start_angle_rad - omega / n * run.time_s
+    np.testing.assert_allclose(speed, exact[1], atol=1e-3 * np.abs(exact[1]).max())
+    np.testing.assert_allclose(load, exact[2], atol=1e-3 * np.abs(exact[2]).max())
+
+
+def test_a_slow_transmission_error_moves_the_load_and_not_the_motor(joint):
+    weightless = replace(joint, gravity_arm_m=1e-9)
+    wave = Disturbance(0.01, transmission_error_rad=1e-4)
+    run = shaken(weightless, wave)
+    settled = run.time_s > 0.3
+    moved = (run.load_position_rad - run.motor_position_rad / joint.gear_ratio)[settled]
+    expected = -wave.transmission_error_rad * np.sin(TURN * run.time_s[settled])
+    np.testing.assert_allclose(moved, expected, atol=3e-6)
+
+
+@pytest.mark.parametrize(
+    ("wave", "complaint"),
+    [
+        (Disturbance(0.0, motor_torque_nm=0.1), "order above zero"),
+        (Disturbance(1.0, motor_torque_nm=np.nan), "finite numbers"),
+        (Disturbance(100.0, motor_torque_nm=0.1), "too large"),
+    ],
+)
+def test_a_disturbance_that_cannot_be_simulated_is_refused_in_one_line(joint, wave, complaint):
+    with pytest.raises(ValueError, match=complaint) as error:
+        shaken(joint, wave)
+    assert "\n" not in str(error.value)
+
+
+# Benches and their logs
+
+
+def test_a_bench_without_spread_is_the_identified_joint_with_an_encoder(joint):
+    none = joints.Spread(**dict.fromkeys(joints.Spread.__dataclass_fields__, 0.0))
+    drawn = joints.draw_bench(np.random.default_rng(1), none)
+    for name, value in joint.ratios.items():
+        if name != "lead_s":
+            assert drawn.joint.ratios[name] == pytest.approx(value, rel=1e-9)
+    assert drawn.joint.encoder_bits == published.value("text.encoder_bits")
+    assert drawn.noise_rps == 0
+
+
+def test_the_same_generator_draws_the_same_bench_and_the_same_log(bench):
+    again = joints.draw_bench(np.random.default_rng(1))
+    assert again == bench
+    logs = [joints.encoder_log(bench, DELTA, np.random.default_rng(5)).v for _ in range(2)]
+    assert logs[0].tobytes() == logs[1].tobytes()
+
+
+def test_a_noise_free_log_lies_on_the_encoders_grid(bench):
+    quiet = replace(bench, noise_rps=0.0)
+    log = joints.encoder_log(quiet, DELTA, np.random.default_rng(2))
+    counts = log.v * joints.SAMPLE_S * 2**bench.joint.encoder_bits
+    np.testing.assert_allclose(counts, np.round(counts), atol=1e-3)
+    assert log.t.size == log.v.size == 2400
+
+
+def test_logs_differ_in_where_they_start(bench):
+    quiet = replace(bench, noise_rps=0.0)
+    first, second = (joints.encoder_log(quiet, DELTA, np.random.default_rng(seed)).v for seed in (1, 2))
+    assert np.abs(first - second).max() > 0.1
+
+
+def test_the_wider_gap_is_read_as_the_larger_amplitude(bench):
+    table = joints.fitted_logs([(bench, 5e-4), (bench, 15e-4)], [(1,), (1,)])
+    assert table["A_rps"].is_monotonic_increasing
+    assert (table["low_rps"] < table["A_rps"]).all()
+    assert (table["A_rps"] < table["high_rps"]).all()
+
+
+# Table 3
+
+
+def test_the_printed_known_amplitudes_are_table_2_interpolated_and_not_equation_10():
+    known = characteristic.known_amplitudes()
+    np.testing.assert_allclose(1e4 * known["delta_rad"], [9, 10, 11])
+    half_digit = published.half_last_digit(published.cells().loc["table3.row02.known", "printed"])
+    interpolated = (known["interpolated_A_rps"] - known["printed_known_A_rps"]).abs()
+    by_equation = (known["equation_10_A_rps"] - known["printed_known_A_rps"]).abs()
+    assert (interpolated <= half_digit * (1 + 1e-6)).all()
+    assert (by_equation > half_digit).all()
+
+
+def test_table_3s_frame_has_the_printed_columns_beside_and_a_cell_for_each():
+    runs = pd.DataFrame({"A_rps": [0.6, -0.62, 0.61], "rmse_rps": [0.1, 0.1, 0.2]})
+    rows = [
+        runs.assign(row=row, delta_rad=delta, reading_rad=delta, known_A_rps=characteristic.known_amplitude_rps(delta))
+        for row, delta in enumerate(characteristic.static_levels_rad(), start=1)
+    ]
+    table = bench_standin.table3(pd.concat(rows))
+    np.testing.assert_array_equal(table["printed_mean_A_rps"], published.column("Table 3", "mean"))
+    np.testing.assert_allclose(table["mean_A_rps"], 0.61)
+    assert set(bench_standin.table3_cells(table)) == set(published.cells("Table 3").index)
+
+
+def test_friction_on_the_load_takes_amplitude_away():
+    study = bench_standin.load_friction_study([0.0, 0.02, 0.05], DELTA, seed=1)
+    assert study["change_percent"].is_monotonic_decreasing
+    assert study["change_percent"].iloc[-1] < -20
+
+
+# Wear
+
+
+@given(st.integers(0, 1000), st.floats(3e-4, 20e-4))
+def test_a_drawn_wear_grows_and_crosses_its_limit_within_the_eight_months(seed, limit):
+    wear = wear_standin.draw_wear(np.random.default_rng(seed), limit)
+    day = wear.crossing_day(limit)
+    assert 0 < day < wear.duration_days
+    assert wear.backlash_rad(day) == pytest.approx(limit, rel=1e-9)
+    assert (np.diff(wear.backlash_rad(wear.test_days)) > 0).all()
+
+
+def test_a_bench_that_is_the_calibrated_joint_is_called_for_at_the_right_test(joint):
+    wear = wear_standin.Wear(4e-4, 16e-4, 1.0, interval_days=60.0)
+    tests = wear_standin.wear_tests(
+        [joints.Bench(joint, 0.0, 0.0)], [wear], {"amplitude": default_calibration("amplitude")}, 11e-4, seed=1
+    )
+    assert tests["day"].tolist() == [0, 60, 120, 180, 240]
+    assert (tests["call_day"] == 180).all()
+    assert tests["truth_day"].iloc[0] == pytest.approx(140)
+    np.testing.assert_allclose(tests["estimate_rad"], tests["delta_rad"], atol=1e-4)
+
+
+def test_calls_are_counted_early_late_or_missed():
+    frame = pd.DataFrame(
+        {"bench": [0, 1, 2, 3], "sensor": "s", "truth_day": 50.0, "call_day": [42.0, 63.0, 84.0, np.nan]}
+    )
+    frame = frame.assign(delta_rad=1e-3, estimate_rad=1.1e-3, low_rad=0.9e-3, high_rad=1.2e-3)
+    tests = pd.concat([frame.assign(day=day) for day in (0.0, 21.0)])
+    row = wear_standin.maintenance_calls(tests).iloc[0]
+    assert (row["early"], row["late"], row["missed"]) == (1, 1, 1)
+    assert row["covered_percent"] == 100
+
+
+# Robots
+
+
+def test_the_area_under_the_curve_is_the_chance_to_rank_a_pair_rightly():
+    rng = np.random.default_rng(1)
+    healthy, excessive = rng.normal(0, 1, 50).round(1), rng.normal(1, 1, 60).round(1)
+    pairs = excessive[:, None] - healthy
+    chance = np.mean(pairs > 0) + 0.5 * np.mean(pairs == 0)
+    assert robots.area_under(robots.roc(healthy, excessive)) == pytest.approx(chance)
+
+
+def test_kinds_that_do_not_overlap_are_separated_by_the_best_threshold():
+    curve = robots.roc([0.1, 0.2, 0.3], [0.5, 0.6])
+    best = robots.best_threshold(curve)
+    assert robots.area_under(curve) == 1
+    assert (best["threshold_rps"], best["false_alarms"], best["detected"]) == (0.5, 0, 1)
+    assert robots.shares_at([0.1, 0.2, 0.3], [0.5, 0.6], 0.25) == (pytest.approx(1 / 3), 1.0)
+
+
+def test_robots_a_and_b_are_the_first_of_the_population():
+    spread = robots.RobotSpread()
+    population = robots.robot_population(1, spread, seed=3)
+    records = robots.table4_records(spread, seed=3)
+    assert [key["delta_rad"] for key, _ in records] == population["delta_rad"].tolist()
+    assert population["kind"].tolist() == list(robots.KINDS)
+    low, high = population["delta_rad"]
+    assert low <= spread.healthy_rad[1] < spread.excessive_rad[0] <= high
+
+
+def test_a_joint_without_backlash_is_called_backlash_in_step_with_the_turns_odd_multiple_only():
+    sweep = robots.disturbed_healthy_joint([20.0, 22.5], [0.05], gravity=0.5, noise_rps=0.02, seed=1)
+    out_of_step, in_step = sweep["A_rps"]
+    assert in_step > 2.5 * out_of_step
+    assert sweep["turns_used"].iloc[1] > 10
+
+
+# The committed results
+
+
+def test_every_cell_of_the_stand_ins_is_judged_a_stand_in_and_says_why():
+    verdicts = pd.read_csv(RESULTS / "verdicts.csv")
+    rows = verdicts[verdicts["id"].str.startswith(("table3.", "table4."))]
+    assert len(rows) == 16
+    assert (rows["verdict"] == "stand-in").all()
+    assert rows["reason"].str.contains("never published").all()
+    assert rows["reproduced"].notna().all()
+
+
+@pytest.mark.parametrize(("name", "rows"), [("table3", 3), ("table4", 2)])
+def test_the_tables_name_their_source_and_have_thirty_runs_a_row(name, rows):
+    table = pd.read_csv(RESULTS / f"{name}.csv")
+    assert len(table) == rows
+    assert (table["source"] == "stand-in").all()
+    assert (table["runs"] == published.value("text.runs")).all()

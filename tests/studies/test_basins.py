@@ -1,0 +1,82 @@
+from dataclasses import replace
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from replication import datasets, published
+from replication.identify import Protocol, margin_cma4, paper_fit
+from replication.signature import FREE_PARAMETERS, rmse, signature
+from replication.studies import basins
+from replication.studies.timings import reference_fit
+
+TRUE_X = np.array([-0.6, 0.0125, 15.0, 134.0, 100.0, 0.1515, 0.0125])
+STORED = {"window_start_s": "T1_s", "window_end_s": "T2_s", "final_rmse_rps": "rmse_rps"}
+
+
+@pytest.fixture(scope="module")
+def made_record():
+    base = datasets.constant_speed(samples=2401, dt=0.002)
+    clean = replace(base, v=base.v + signature(base.t, TRUE_X, Protocol().timing))
+    return datasets.add_uniform_noise(clean, 0.05, np.random.default_rng(5))
+
+
+def test_basins_are_told_apart_by_misfit_and_then_by_window():
+    rmse = np.array([0.1, 0.2, 0.10001, 0.2, 0.10002])
+    start = np.array([0.02, 0.3, 0.021, 0.1, 0.22])
+    np.testing.assert_array_equal(basins.label_basins(rmse, start), [0, 3, 0, 2, 1])
+
+
+def test_the_stored_runs_end_in_four_basins():
+    runs = published.authors_notebook_runs().rename(columns=STORED)
+    table = basins.basin_table(runs)
+    assert table["runs"].tolist() == [10, 1, 18, 1]
+    assert (table["rate_low"] < table["rate"]).all()
+    assert (table["rate"] < table["rate_high"]).all()
+
+
+def test_rates_of_the_same_runs_compare_as_the_same():
+    runs = published.authors_notebook_runs().rename(columns=STORED)
+    table = basins.compare_basins(runs, runs)
+    assert (table["p_same"] > 0.999).all()
+    assert table["runs_ours"].tolist() == [10, 1, 18, 1, 0]
+
+
+def test_the_exact_interval_of_none_and_of_all_is_one_sided():
+    assert basins.rate_interval(0, 10)[0] == 0
+    assert basins.rate_interval(10, 10)[1] == 1
+    assert basins.rate_interval(0, 10)[1] == pytest.approx(1 - 0.025**0.1)
+
+
+@pytest.mark.parametrize("strategy", basins.strategies(6000), ids=lambda strategy: strategy.name)
+def test_a_strategy_keeps_to_its_budget_and_depends_on_nothing_but_its_seed(made_record, strategy):
+    first, second = (basins.search(made_record, Protocol(), strategy, 3, 0.0) for _ in range(2))
+    assert first == second
+    assert 6000 <= first["evaluations"] < 6000 + 1000
+    assert not first["found"]
+
+
+def test_a_search_stops_at_its_target(made_record):
+    target = 1.002 * rmse(made_record.t, made_record.v, TRUE_X, Protocol().timing)
+    strategy = basins.strategies(60000)[-1]
+    results = [basins.search(made_record, Protocol(), strategy, seed, target) for seed in range(1, 4)]
+    assert all(result["found"] for result in results)
+    table = basins.strategy_table(pd.DataFrame(results).assign(strategy=strategy.name))
+    assert table.loc[0, "rate"] == 1
+    assert table.loc[0, "evaluations_per_success"] == table.loc[0, "mean_evaluations"]
+
+
+def test_a_landscape_holds_the_misfit_of_each_point(made_record):
+    A, t0 = [-0.6, 0.1], [0.0125, 0.1, 0.3]
+    grid = basins.landscape(made_record, Protocol(), TRUE_X, ("A_rps", "t0_s"), (A, t0))
+    assert grid.shape == (3, 2)
+    X = TRUE_X.copy()
+    X[[0, FREE_PARAMETERS.index("t0_s")]] = 0.1, 0.3
+    assert grid[2, 1] == pytest.approx(rmse(made_record.t, made_record.v, X, Protocol().timing), rel=1e-12)
+    assert grid.argmin() == 0
+
+
+def test_the_reference_fit_samples_like_the_fast_one(made_record):
+    short = replace(Protocol(), population=20, iterations=3, margin=margin_cma4)
+    fast = paper_fit(made_record, short, seed=2).rmse
+    assert reference_fit(made_record, short, seed=2) == pytest.approx(fast, rel=1e-9)

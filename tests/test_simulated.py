@@ -1,0 +1,33 @@
+import numpy as np
+import pytest
+
+from replication import datasets, published, table2
+from replication import simulated as simulations
+from replication.simulator.recordings import simulate_recordings
+from replication.simulator.simulate import identified_joint, with_ratios
+
+
+@pytest.fixture(scope="module")
+def joint():
+    return identified_joint()
+
+
+def test_a_simulated_record_has_the_time_stamps_of_the_authors(joint, record_12):
+    (simulated,) = simulate_recordings(joint, [datasets.level_delta_rad(12)])
+    assert simulated.t.size == record_12.t.size
+    np.testing.assert_allclose(simulated.t, record_12.t, rtol=0, atol=1e-9)
+
+
+def test_the_first_turn_of_the_simulated_joint_is_that_of_the_records(joint, authors_data):
+    records = simulations.clean_records(simulations.CLEAN_LEVELS)
+    assert simulations.first_turn_nrmse(joint, records).max() < simulations.FIRST_TURN_BAR
+    later = with_ratios(joint, {"lead_s": joint.lead_s + joint.control_period_s})
+    assert simulations.first_turn_nrmse(later, records).max() > simulations.FIRST_TURN_BAR
+
+
+def test_the_made_noise_has_the_printed_half_amplitudes(joint):
+    made = [*table2.simulated_table2_records(joint, 1), table2.noise_only_record(1)]
+    deltas = [key["delta_rad"] for key, _ in made]
+    quiet = [record.v for record in simulate_recordings(joint, deltas[:-1])] + [100.0]
+    halves = [np.ptp(record.v - clean) / 2 for (_, record), clean in zip(made, quiet, strict=True)]
+    np.testing.assert_allclose(halves, published.column("Table 2", "noise"), rtol=0.01)

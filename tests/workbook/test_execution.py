@@ -1,0 +1,155 @@
+import nbformat
+import pandas as pd
+import pytest
+
+from replication import workbook
+from replication.workbook import execution
+
+HEADINGS = ["Claim", "Method", "Parameters", "Result", "Verdict", "Try changing"]
+SOURCES = sorted((workbook.ROOT / "notebooks").glob("[0-9]*.py"))
+
+GOOD = """# %% tags=["parameters"]
+repeats = 30
+
+# %%
+import pandas as pd
+from replication import workbook
+workbook.save_table(pd.DataFrame({"repeats": [repeats]}), "small")
+workbook.save_outcome("small", {"authors": {"text.runs": repeats}}, seeds=[1])
+print("done")
+"""
+
+
+@pytest.fixture
+def notebook(tmp_path):
+    """Write a notebook's source, return its path."""
+
+    def write(text, name="small"):
+        source = tmp_path / "notebooks" / f"{name}.py"
+        source.parent.mkdir(exist_ok=True)
+        source.write_text(text, encoding="utf-8")
+        return source
+
+    return write
+
+
+def files_below(folder):
+    return sorted(str(path.relative_to(folder)) for path in folder.rglob("*") if path.is_file())
+
+
+def test_an_executed_notebook_leaves_its_tables_its_outcome_and_itself(notebook, tmp_path):
+    execution.execute(notebook(GOOD), destination=tmp_path / "out")
+    assert files_below(tmp_path / "out") == [
+        "notebooks/small.ipynb",
+        "results/outcomes/small.json",
+        "results/small.csv",
+    ]
+    executed = nbformat.read(tmp_path / "out" / "notebooks" / "small.ipynb", as_version=4)
+    assert executed.cells[-1].outputs[-1].text == "done\n"
+
+
+FIRST = workbook.ROOT / "notebooks" / "01_signature_figure6.py"
+
+
+@pytest.fixture(scope="module")
+def first_notebook(authors_data, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("first")
+    execution.execute(FIRST, destination=folder)
+    return folder
+
+
+def test_two_runs_of_a_notebook_give_the_same_bytes(first_notebook, tmp_path):
+    execution.execute(FIRST, destination=tmp_path)
+    names = files_below(tmp_path)
+    assert names == files_below(first_notebook)
+    assert {name.rpartition(".")[2] for name in names} == {"csv", "json", "ipynb", "png", "svg"}
+    for name in names:
+        assert (tmp_path / name).read_bytes() == (first_notebook / name).read_bytes(), name
+
+
+def test_the_committed_first_notebook_is_what_its_source_gives(first_notebook):
+    fresh = nbformat.read(first_notebook / "notebooks" / "01_signature_figure6.ipynb", as_version=4)
+    committed = nbformat.read(FIRST.with_suffix(".ipynb"), as_version=4)
+    for new, old in zip(fresh.cells, committed.cells, strict=True):
+        assert new.source == old.source
+        new_text = [out["data"]["text/plain"] for out in new.get("outputs", []) if "data" in out]
+        old_text = [out["data"]["text/plain"] for out in old.get("outputs", []) if "data" in out]
+        assert new_text == old_text
+
+
+def test_a_failing_cell_is_named_and_the_last_results_stay(notebook, tmp_path):
+    out = tmp_path / "out"
+    execution.execute(notebook(GOOD), destination=out)
+    before = {name: (out / name).read_bytes() for name in files_below(out)}
+    broken = notebook(GOOD.replace("[repeats]", "[99]") + "\n# %%\n1 / 0\n")
+    with pytest.raises(execution.NotebookFailed, match=r"small\.py, cell 3: ZeroDivisionError"):
+        execution.execute(broken, destination=out)
+    assert {name: (out / name).read_bytes() for name in files_below(out)} == before
+    partial = nbformat.read(broken.parent / "partial" / "small.ipynb", as_version=4)
+    assert partial.cells[1].outputs[-1].text == "done\n"
+
+
+def test_a_cell_that_takes_too_long_is_named(notebook, tmp_path):
+    source = notebook("# %%\nimport time\ntime.sleep(60)\n")
+    with pytest.raises(execution.NotebookFailed, match=r"small\.py, cell 1: took longer than 2 s"):
+        execution.execute(source, timeout=2, destination=tmp_path / "out")
+    assert files_below(tmp_path / "out") == []
+
+
+def test_a_dead_kernel_is_named(notebook, tmp_path):
+    source = notebook("# %%\nx = 1\n\n# %%\nimport os\nos._exit(1)\n")
+    with pytest.raises(execution.NotebookFailed, match=r"small\.py, cell 2: the kernel died"):
+        execution.execute(source, destination=tmp_path / "out")
+    assert files_below(tmp_path / "out") == []
+
+
+def test_missing_data_are_told_from_a_failure(notebook, tmp_path):
+    source = notebook("# %%\nfrom replication import datasets\ndatasets.authors_file('Speeddata99.xlsx')\n")
+    with pytest.raises(execution.NotebookNotRun, match=r"small: not run: Speeddata99\.xlsx"):
+        execution.execute(source, destination=tmp_path / "out")
+    assert files_below(tmp_path / "out") == []
+
+
+def test_a_quick_run_uses_the_quick_parameters(notebook, tmp_path):
+    header = "# ---\n# jupyter:\n#   replication:\n#     quick: {repeats: 3}\n# ---\n\n"
+    execution.execute(notebook(header + GOOD), quick=True, destination=tmp_path / "out")
+    assert pd.read_csv(tmp_path / "out" / "results" / "small.csv")["repeats"].tolist() == [3]
+
+
+def test_an_unknown_parameter_is_refused(notebook):
+    with pytest.raises(ValueError, match="no such parameter: repeat;"):
+        execution.with_parameters(execution.read_notebook(notebook(GOOD)), {"repeat": 3})
+
+
+def test_a_kernel_is_found_whatever_is_registered(notebook, tmp_path, monkeypatch):
+    kernels = tmp_path / "jupyter" / "kernels" / "python3"
+    kernels.mkdir(parents=True)
+    (kernels / "kernel.json").write_text('{"argv": ["/bin/false"], "display_name": "broken", "language": "python"}')
+    monkeypatch.setenv("JUPYTER_PATH", str(tmp_path / "jupyter"))
+    execution.execute(notebook(GOOD), destination=tmp_path / "out")
+
+
+# ----------------------------------------------------------------------------------------------- the notebooks
+
+
+@pytest.mark.parametrize("source", SOURCES, ids=lambda path: path.stem)
+def test_a_notebook_has_the_six_headings_in_order(source):
+    markdown = "\n".join(cell.source for cell in execution.read_notebook(source).cells if cell.cell_type == "markdown")
+    headings = [line[3:] for line in markdown.splitlines() if line.startswith("## ")]
+    assert headings == HEADINGS
+
+
+@pytest.mark.parametrize("source", SOURCES, ids=lambda path: path.stem)
+def test_a_notebook_has_one_parameters_cell_and_three_things_to_try(source):
+    cells = execution.read_notebook(source).cells
+    assert sum("parameters" in cell.metadata.get("tags", []) for cell in cells) == 1
+    assert [line[:2] for line in cells[-1].source.splitlines() if line[:1].isdigit()] == ["1.", "2.", "3."]
+
+
+@pytest.mark.parametrize("source", SOURCES, ids=lambda path: path.stem)
+def test_the_executed_notebook_beside_a_source_has_its_cells_and_no_error(source):
+    executed = nbformat.read(source.with_suffix(".ipynb"), as_version=4)
+    assert [cell.source for cell in executed.cells] == [cell.source for cell in execution.read_notebook(source).cells]
+    outputs = [out for cell in executed.cells for out in cell.get("outputs", [])]
+    assert outputs
+    assert all(out.output_type != "error" for out in outputs)

@@ -1,0 +1,100 @@
+import os
+import shutil
+import subprocess
+import sys
+
+import pytest
+
+from replication import workbook
+from replication.__main__ import main
+from replication.workbook import execution
+
+
+@pytest.fixture
+def without_data(tmp_path, monkeypatch):
+    """An empty folder in place of the authors' data."""
+    monkeypatch.setenv("BACKLASH_DATA", str(tmp_path))
+
+
+@pytest.mark.parametrize("command", ["data", "identify-joint", "bench"])
+def test_a_command_without_its_data_says_so_in_one_line_and_exits_with_2(command, without_data, capsys):
+    assert main([command]) == 2
+    said = capsys.readouterr().err.strip()
+    assert "BACKLASH_DATA" in said
+    assert "\n" not in said
+
+
+def test_a_notebook_without_its_data_is_not_run_and_leaves_no_stamp(without_data, tmp_path, capsys):
+    stamp = tmp_path / "stamp"
+    source = workbook.ROOT / "notebooks" / "01_signature_figure6.py"
+    executed = source.with_suffix(".ipynb")
+    before = executed.read_bytes()
+    assert main(["run", "--stamp", str(stamp), str(source)]) == 0
+    assert not stamp.exists()
+    assert executed.read_bytes() == before
+    assert "01_signature_figure6: not run" in capsys.readouterr().err
+
+
+def test_a_notebook_that_is_not_there_fails_by_name(capsys, tmp_path):
+    assert main(["run", str(tmp_path / "missing.py")]) == 1
+    assert "missing.py" in capsys.readouterr().err
+
+
+def test_check_prints_every_verdict_and_fails_while_a_cell_differs(capsys):
+    table = workbook.verdicts(workbook.ROOT / "results")
+    status = main(["check"])
+    assert status == int((table["verdict"] == "differs").any())
+    printed = capsys.readouterr().out
+    assert all(cell in printed for cell in table["id"])
+
+
+def test_sensitivity_without_its_data_says_so_in_one_line_and_exits_with_2(tmp_path):
+    environment = os.environ | {"BACKLASH_DATA": str(tmp_path), "PYTHONPATH": str(workbook.ROOT)}
+    command = [sys.executable, "-m", "replication", "sensitivity"]
+    done = subprocess.run(command, env=environment, capture_output=True, text=True)
+    assert done.returncode == 2
+    assert "BACKLASH_DATA" in done.stderr
+    assert done.stderr.count("\n") == 1
+
+
+def test_a_quick_run_never_overwrites_the_full_results(tmp_path, monkeypatch):
+    for module in (execution, workbook):
+        monkeypatch.setattr(module, "QUICK", tmp_path / "quick")
+    folders = [workbook.ROOT / name for name in ("results", "figures", "notebooks")]
+
+    def full():
+        files = {path for folder in folders for path in folder.rglob("*") if path.is_file()}
+        return {path: path.read_bytes() for path in files if workbook.ROOT / "results" / "quick" not in path.parents}
+
+    before = full()
+    source = workbook.ROOT / "notebooks" / "02_dead_zone_figure9.py"
+    assert main(["run", "--quick", str(source)]) == 0
+    for command in ("collect", "report"):
+        assert main([command, "--quick"]) == 0
+    assert full() == before
+    written = {path.name for path in (tmp_path / "quick").rglob("*")}
+    assert {"figure09_dead_zone.svg", "dead_zone_facts.csv", "verdicts.csv", "report.html"} <= written
+    page = (tmp_path / "quick" / "results" / "report.html").read_text(encoding="utf-8")
+    assert "A quick run: few repeats." in page
+    assert "A quick run" not in (workbook.ROOT / "results" / "report.html").read_text(encoding="utf-8")
+
+
+def test_compiled_code_is_kept_apart_for_each_state_of_the_compiled_sources(tmp_path):
+    package = tmp_path / "replication"
+    package.mkdir()
+    shutil.copy(workbook.ROOT / "replication" / "__init__.py", package)
+    environment = {name: value for name, value in os.environ.items() if name != "NUMBA_CACHE_DIR"}
+
+    def cache():
+        show = "import os, replication; print(os.environ['NUMBA_CACHE_DIR'])"
+        command = [sys.executable, "-c", show]
+        return subprocess.run(command, env=environment, cwd=tmp_path, capture_output=True, text=True, check=True).stdout
+
+    environment["PYTHONPATH"] = str(tmp_path)
+    (package / "compiled.py").write_text("import numba  # one")
+    (package / "other.py").write_text("x = 1")
+    before = cache()
+    (package / "other.py").write_text("x = 2")
+    assert cache() == before
+    (package / "compiled.py").write_text("import numba  # two")
+    assert cache() != before
