@@ -11,7 +11,7 @@ from replication.datasets import WORKBOOK_FILES, DataCorrupt, DataUnavailable, a
 from replication.sensor import commands
 from replication.sensor.tables import UnusableLog
 from replication.studies import scoreboard, sensitivity, timings
-from replication.workbook import flips, report
+from replication.workbook import files, flips, judging, provenance, report
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -103,13 +103,13 @@ def _results(options: argparse.Namespace) -> Path:
 
 
 def _collect(options: argparse.Namespace) -> int:
-    workbook.collect(_results(options))
+    provenance.collect(_results(options))
     return 0
 
 
 def _check(options: argparse.Namespace) -> int:
-    table = workbook.verdicts(_results(options))
-    print(workbook.verdict_text(table))
+    table = judging.verdicts(_results(options))
+    print(judging.verdict_text(table))
     return 1 if (table["verdict"] == "differs").any() else 0
 
 
@@ -133,7 +133,7 @@ def _diff(options: argparse.Namespace) -> int:
 
 def _sensitivity(_: argparse.Namespace) -> int:
     table = sensitivity.sensitivity()
-    workbook.write_csv(workbook.ROOT / "results" / "sensitivity.csv", table)
+    files.write_csv(workbook.ROOT / "results" / "sensitivity.csv", table)
     print(table.groupby(["constant", "changed"], sort=False)["group"].agg(lambda g: (g != "").sum()).to_string())
     return 0
 
@@ -144,13 +144,13 @@ def _readme(_: argparse.Namespace) -> int:
 
 
 def _identify_joint(_: argparse.Namespace) -> int:
-    workbook.write_text(workbook.ROOT / "replication" / "data" / "joint.json", simulated.calibrate())
+    files.write_text(workbook.ROOT / "replication" / "data" / "joint.json", simulated.calibrate())
     return 0
 
 
 def _bench(_: argparse.Namespace) -> int:
     table = timings.bench()
-    workbook.write_csv(workbook.ROOT / "results" / "bench.csv", table)
+    files.write_csv(workbook.ROOT / "results" / "bench.csv", table)
     print(table.drop(columns="note").to_string(index=False))
     return 0
 
@@ -159,8 +159,8 @@ def _benchmark(_: argparse.Namespace) -> int:
     scores = scoreboard.run_benchmark(scoreboard.benchmark_logs())
     table = scoreboard.summary(scores)
     folder = workbook.ROOT / "results"
-    workbook.write_csv(folder / "benchmark_logs.csv", scores.drop(columns="seconds"))
-    workbook.write_csv(folder / "benchmark.csv", table)
+    files.write_csv(folder / "benchmark_logs.csv", scores.drop(columns="seconds"))
+    files.write_csv(folder / "benchmark.csv", table)
     print(table.to_string(index=False))
     return 0
 

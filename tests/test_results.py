@@ -7,6 +7,7 @@ import pandas as pd
 import pytest
 
 from replication import datasets, published, table2, workbook
+from replication.workbook import judging
 
 RESULTS = workbook.ROOT / "results"
 VERDICTS = pd.read_csv(RESULTS / "verdicts.csv")
@@ -30,12 +31,12 @@ def test_the_cells_that_differ_are_exactly_those_with_a_known_reason():
 
 
 def test_the_verdicts_are_what_the_outcomes_give():
-    pd.testing.assert_frame_equal(workbook.verdicts(RESULTS), VERDICTS, rtol=1e-3, atol=1e-9, check_dtype=False)
+    pd.testing.assert_frame_equal(judging.verdicts(RESULTS), VERDICTS, rtol=1e-3, atol=1e-9, check_dtype=False)
 
 
 def test_every_printed_cell_has_a_verdict():
     assert set(VERDICTS["id"]) == set(published.cells().index)
-    assert set(VERDICTS["verdict"]) <= set(workbook.VERDICTS)
+    assert set(VERDICTS["verdict"]) <= set(judging.VERDICTS)
     assert VERDICTS["reason"].notna().all()
 
 
@@ -117,7 +118,7 @@ def test_no_protocol_variant_with_the_printed_turn_period_comes_near():
 
 def test_the_provenance_names_versions_seeds_and_verified_inputs():
     provenance = json.loads((RESULTS / "provenance.json").read_text(encoding="utf-8"))
-    assert set(workbook.PACKAGES) == set(provenance["packages"])
+    assert set(provenance.PACKAGES) == set(provenance["packages"])
     registry = datasets.authors_registry()
     inputs = {
         path: digest for notebook in provenance["notebooks"].values() for path, digest in notebook["inputs"].items()

@@ -14,7 +14,7 @@ import pytest
 
 from replication import published, workbook
 from replication.studies import basins
-from replication.workbook import execution
+from replication.workbook import execution, judging
 
 NOTEBOOKS = {path.stem: path for path in sorted((workbook.ROOT / "notebooks").glob("[0-9]*.py"))}
 
@@ -68,7 +68,7 @@ def committed(name):
 
 def verdict_of(found, cell):
     rows = [{"id": cell, "source": "authors", "reproduced": found[cell], "notebook": ""}]
-    return workbook.judge(pd.DataFrame(rows))["verdict"].item()
+    return judging.judge(pd.DataFrame(rows))["verdict"].item()
 
 
 # ----------------------------------------------------------------------------------------------------- the outcomes

@@ -13,7 +13,6 @@ import pandas as pd
 from matplotlib import pyplot as plt
 from matplotlib.figure import Figure
 
-from replication import workbook
 from replication.datasets import Recording
 from replication.methods.calibration import Calibration, calibrate
 from replication.methods.readings import METHODS
@@ -22,6 +21,7 @@ from replication.sensor.columns import UNITS, LogFormat
 from replication.sensor.prepare import CannotTell
 from replication.sensor.tables import UnusableLog
 from replication.sensor.verdict import Settings, as_row, as_text, examine, prepared, settings_for
+from replication.workbook import files
 
 _LARGEST_SMALL_FILE = 2**24  # of a calibration or a list of logs
 
@@ -153,15 +153,15 @@ def _write_figure(figure: Figure, path: Path) -> None:
     stamp = {"png": {}, "svg": {"Date": None}, "pdf": {"CreationDate": None}}[kind]
     with plt.rc_context({"svg.hashsalt": "backlash"}):
         figure.savefig(content, format=kind, dpi=150, metadata=stamp)
-    workbook.write_bytes(path, content.getvalue())
+    files.write_bytes(path, content.getvalue())
     plt.close(figure)
 
 
 def _write_table(table: pd.DataFrame, path: Path) -> None:
     if path.suffix.lower() == ".csv":
-        workbook.write_csv(path, table)
+        files.write_csv(path, table)
     else:
-        workbook.write_bytes(path, table.to_parquet(index=False))
+        files.write_bytes(path, table.to_parquet(index=False))
 
 
 def _print_json(content: object) -> None:
@@ -233,7 +233,7 @@ def _calibrate(options: argparse.Namespace) -> int:
         made = calibrate(recordings, known, options.method, provenance, options.repeats, options.seed)
     except ValueError as error:
         raise UnusableLog(f"{options.table}: {error}") from error
-    workbook.write_text(options.out, made.to_json())
+    files.write_text(options.out, made.to_json())
     low, high = (1e3 * end for end in made.range_rad)
     print(
         f"{options.out}: method {made.method}, {low:.3f} to {high:.3f} mrad, "

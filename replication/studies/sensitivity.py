@@ -28,6 +28,7 @@ from replication.identify import Protocol, first_generation_rmse, margin_cma4
 from replication.signature import rmse
 from replication.simulator.recordings import simulate_recordings
 from replication.simulator.simulate import DivergenceError, JointParameters, identified_joint, with_ratios
+from replication.workbook import judging
 
 # By kind ("cell", "claim", "test"), id and source: a number for a cell, and whether it holds for the others.
 Found = dict[tuple[str, str, str], float]
@@ -362,7 +363,7 @@ def _verdicts(values: Found) -> dict[tuple[str, str, str], str]:
     """Verdict of each cell."""
     keys = [key for key in values if key[0] == "cell"]
     rows = [{"id": name, "source": source, "reproduced": values[kind, name, source]} for kind, name, source in keys]
-    judged = workbook.judge(pd.DataFrame(rows).assign(notebook=""))
+    judged = judging.judge(pd.DataFrame(rows).assign(notebook=""))
     return dict(zip(keys, judged["verdict"], strict=True))
 
 

@@ -16,7 +16,7 @@ from jupyter_client.manager import AsyncKernelManager
 from nbclient import NotebookClient
 from nbclient.exceptions import CellExecutionError, CellTimeoutError, DeadKernelError
 
-from replication.workbook import QUICK, ROOT, write_json
+from replication.workbook.files import QUICK, ROOT, write_json
 
 # The same machine code on every x86-64 processor with AVX2, as far as libraries let themselves be pinned: CMA-ES
 # is chaotic in the last bit.

@@ -7,6 +7,7 @@ from pathlib import Path
 import pandas as pd
 
 from replication import workbook
+from replication.workbook import judging
 
 
 class NoCommit(RuntimeError):
@@ -54,7 +55,7 @@ def flips(results: Path, verdicts: pd.DataFrame, claims: pd.DataFrame) -> pd.Dat
         `id, source, before, after, value_before, value_after` of each cell and claim that the outcomes decide and whose
         verdict differs.
     """
-    now = workbook.verdicts(results)
+    now = judging.verdicts(results)
     cells = _flipped(
         verdicts.set_index(["id", "source"])[["verdict", "reproduced"]],
         now[now["verdict"] != "not-run"].set_index(["id", "source"])[["verdict", "reproduced"]],
@@ -64,7 +65,7 @@ def flips(results: Path, verdicts: pd.DataFrame, claims: pd.DataFrame) -> pd.Dat
         table.assign(source="claim", verdict=table["holds"].map(says)).set_index(["id", "source"])[
             ["verdict", "measured"]
         ]
-        for table in (claims, workbook.decided_claims(results))
+        for table in (claims, judging.decided_claims(results))
     )
     return pd.concat([cells, _flipped(before, after)], ignore_index=True)
 

@@ -12,6 +12,7 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
 from replication import published, workbook
+from replication.workbook import files, judging
 
 # Signs beside the words, so that colour is never the only one.
 SIGNS = {
@@ -216,8 +217,8 @@ def page(results: Path, notebooks: Path, quick: bool = False) -> str:
     str
         One HTML page that needs nothing else.
     """
-    verdicts = workbook.verdicts(results)
-    counts = workbook.verdict_counts(verdicts).reset_index()
+    verdicts = judging.verdicts(results)
+    counts = judging.verdict_counts(verdicts).reset_index()
     drawn = pictures(results.parent / "figures", notebooks)
     elements, claims = _elements(verdicts, drawn), _claims(results)
     sensitivity, columns = _sensitivity(results)
@@ -263,13 +264,13 @@ def write_page(results: Path) -> Path:
     """
     quick = results == workbook.QUICK / "results"
     path = results / "report.html"
-    workbook.write_text(path, page(results, workbook.ROOT / "notebooks", quick))
+    files.write_text(path, page(results, workbook.ROOT / "notebooks", quick))
     return path
 
 
 def status(results: Path) -> str:
     """Make the README's status block: verdicts by element and source."""
-    counts = workbook.verdict_counts(workbook.verdicts(results)).reset_index()
+    counts = judging.verdict_counts(judging.verdicts(results)).reset_index()
     total = counts.drop(columns=["element", "source"]).sum()
     summary = ", ".join(f"{number} {verdict}" for verdict, number in total.items())
     return f"{summary} (cells by source):\n\n{_markdown(counts)}"
@@ -333,4 +334,4 @@ def update_readme(readme: Path, results: Path) -> None:
         old = block(text, name)
         marks = f"<!-- {name}: begin -->{old}", f"<!-- {name}: begin -->\n{content}\n"
         text = text.replace(*marks)
-    workbook.write_text(readme, text)
+    files.write_text(readme, text)

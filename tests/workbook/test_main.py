@@ -7,7 +7,7 @@ import pytest
 
 from replication import workbook
 from replication.__main__ import main
-from replication.workbook import execution
+from replication.workbook import execution, judging
 
 
 @pytest.fixture
@@ -41,7 +41,7 @@ def test_a_notebook_that_is_not_there_fails_by_name(capsys, tmp_path):
 
 
 def test_check_prints_every_verdict_and_fails_while_a_cell_differs(capsys):
-    table = workbook.verdicts(workbook.ROOT / "results")
+    table = judging.verdicts(workbook.ROOT / "results")
     status = main(["check"])
     assert status == int((table["verdict"] == "differs").any())
     printed = capsys.readouterr().out

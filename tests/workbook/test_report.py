@@ -1,5 +1,6 @@
 """The report: its content, and its behaviour in a real browser where one is installed."""
 
+import importlib
 import json
 import re
 import shutil
@@ -13,7 +14,7 @@ import pytest
 import websocket
 
 from replication import published, workbook
-from replication.workbook import report
+from replication.workbook import files, provenance, report
 
 RESULTS = workbook.ROOT / "results"
 NOTEBOOKS = workbook.ROOT / "notebooks"
@@ -84,7 +85,7 @@ def test_text_from_the_data_is_escaped(tmp_path):
         (tmp_path / "results" / name).mkdir(parents=True)
     claims = published.claims().reset_index().assign(holds=True, measured="<b>1 & 2</b>", notebook="01_signature")
     claims.to_csv(tmp_path / "results" / "claims.csv", index=False)
-    workbook.collect(tmp_path / "results")
+    provenance.collect(tmp_path / "results")
     claims.to_csv(tmp_path / "results" / "claims.csv", index=False)
     assert "&lt;b&gt;1 &amp; 2&lt;/b&gt;" in report.page(tmp_path / "results", NOTEBOOKS)
 
@@ -113,15 +114,15 @@ def test_a_large_figure_goes_in_as_png(tmp_path):
 
 def test_the_sources_are_named_by_the_same_commit_until_they_change(tmp_path):
     first, second = tmp_path / "first", tmp_path / "second"
-    workbook.collect(first)
+    provenance.collect(first)
     sources = json.loads((first / "provenance.json").read_text(encoding="utf-8"))["sources"]
     assert re.fullmatch("[0-9a-f]{64}", sources["sha256"])
     noted = {"sources": sources | {"commit": "c" * 40}}
-    workbook.write_json(first / "provenance.json", noted)
-    workbook.collect(first)
+    files.write_json(first / "provenance.json", noted)
+    provenance.collect(first)
     assert json.loads((first / "provenance.json").read_text(encoding="utf-8"))["sources"]["commit"] == "c" * 40
-    workbook.write_json(second / "provenance.json", {"sources": noted["sources"] | {"sha256": "other"}})
-    workbook.collect(second)
+    files.write_json(second / "provenance.json", {"sources": noted["sources"] | {"sha256": "other"}})
+    provenance.collect(second)
     assert json.loads((second / "provenance.json").read_text(encoding="utf-8"))["sources"] == sources
 
 
@@ -156,8 +157,8 @@ def test_what_the_map_names_exists(row):
             kind = row["element"].split()[0].lower()
             assert re.search(rf"{kind}s?[^.]*\b{number}\b|{kind}0?{number}_", source, re.IGNORECASE)
     for name in row["functions"].split():
-        module, function = name.split(".")
-        assert callable(getattr(__import__(f"replication.{module}", fromlist=[module]), function))
+        module, _, function = name.rpartition(".")
+        assert callable(getattr(importlib.import_module(f"replication.{module}"), function))
     if row["test"]:
         file, _, test = row["test"].partition("::")
         assert f"def {test}(" in (workbook.ROOT / file).read_text(encoding="utf-8")

@@ -1,11 +1,12 @@
 import pandas as pd
 
-from replication import published, workbook
+from replication import published
+from replication.workbook import judging
 
 
 def judged(cell, reproduced, source="authors"):
     found = pd.DataFrame([{"id": cell, "source": source, "reproduced": reproduced, "notebook": "n"}])
-    return workbook.judge(found).iloc[0]
+    return judging.judge(found).iloc[0]
 
 
 def test_a_value_within_its_tolerance_is_reproduced_and_one_beyond_differs():
@@ -31,6 +32,6 @@ def test_a_stand_in_never_counts_as_reproduced():
 
 
 def test_a_cell_that_no_notebook_computes_is_not_run(tmp_path):
-    table = workbook.verdicts(tmp_path)
+    table = judging.verdicts(tmp_path)
     assert set(table["id"]) == set(published.cells().index)
     assert set(table["verdict"]) == {"not-run"}
