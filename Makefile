@@ -15,7 +15,8 @@ help:  ## list the targets
 	@grep -hE '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 12
 
 all: .venv/.installed  ## every notebook, figure, table, verdict and the report
-	$(MAKE) --no-print-directory --jobs=2 .make/workbook.done
+	@mkdir -p .make && rm -f .make/due
+	@$(MAKE) --no-print-directory --keep-going .make/workbook.done
 
 quick: .venv/.installed  ## the same figures from few repeats, into results/quick
 	$(RUN) run --quick
@@ -76,35 +77,20 @@ clean:  ## remove what can be made again and is not committed
 	$(PY) -m pip install --quiet --require-hashes --requirement requirements.lock
 	touch $@
 
-# What every notebook needs, then what each needs besides; a stamp says that its outputs are newer than these.
-module = $(addsuffix .py,$(addprefix replication/,$(1)))
-IDENTIFIED := $(addprefix replication/data/,joint.json simulator_attempts.csv)
-COMMON := $(call module,published figures/style figures/paper decisions workbook/__init__ workbook/execution) $(filter-out $(IDENTIFIED),$(wildcard replication/data/*))
-JOINT := $(call module,simulator/simulate simulator/core simulator/parameters datasets)
-FITS := $(JOINT) $(call module,signature identify table2 inspection)
-SIMULATIONS := $(JOINT) $(call module,characteristic simulator/identification simulated)
-SEARCHES := $(FITS) $(call module,studies/plots global_fit/folding global_fit/windows global_fit/fit studies/basins studies/coverage)
-METHODS := $(SEARCHES) $(call module,characteristic methods/readings methods/waveform methods/calibration methods/joint_match studies/limits studies/accuracy studies/robustness)
-STAND_INS := $(FITS) $(IDENTIFIED) $(call module,characteristic global_fit/folding global_fit/windows global_fit/fit standins/joints standins/plots)
-stamps = $(filter $(addprefix .make/,$(addsuffix _%,$(1))),$(STAMPS))
+# A stamp says that a notebook's outputs are newer than what they were made from: its source, the locked versions, and
+# what its kernel noted that it read, kept in .make/<notebook>.d. Due notebooks are noted, then run together.
+-include $(wildcard .make/*.d)
 
-$(call stamps,01 07 08): $(FITS)
-$(call stamps,02 03 04 05 06): $(SIMULATIONS)
-$(call stamps,02 03 04 05 06 08): $(IDENTIFIED)
-$(call stamps,09): $(SEARCHES)
-$(call stamps,13): $(METHODS) $(IDENTIFIED)
-$(call stamps,10 11 12): $(STAND_INS)
-$(call stamps,10): $(call module,standins/bench standins/wear methods/calibration methods/readings methods/waveform)
-$(call stamps,11): $(call module,standins/robots)
-$(call stamps,12): $(call module,methods/readings methods/waveform methods/calibration sensor/presence sensor/tables sensor/columns sensor/prepare sensor/verdict sensor/trend sensor/plots)
+$(STAMPS): .make/%.done: notebooks/%.py requirements.lock | .venv/.installed
+	@mkdir -p .make && echo $< >> .make/due
 
-$(STAMPS): .make/%.done: notebooks/%.py $(COMMON) | .venv/.installed
-	$(RUN) run --stamp $@ $<
+.make/notebooks.ran: $(STAMPS)
+	@if [ -s .make/due ]; then $(RUN) run --stamps .make --watch $$PPID $$(cat .make/due); fi
+	@touch $@
 
-.make/workbook.done: $(STAMPS) replication/workbook/report.py replication/workbook/templates/report.html.j2 $(wildcard results/sensitivity.csv)
+.make/workbook.done: .make/notebooks.ran $(wildcard replication/report/* replication/workbook/*.py replication/data/*.csv)
 	$(RUN) collect
 	$(RUN) report
 	$(RUN) readme
 	$(RUN) check || true
-	mkdir -p .make
-	touch $@
+	@touch $@

@@ -131,12 +131,7 @@ cells = {
     "text.turns": inspection.whole_turns(record),
     "text.commanded_speed": float(np.median(record.v)),
 }
-workbook.save_outcome("01_signature_figure6", {"authors": cells}, claims, inputs=datasets.authors_digests([record]))[
-    ["id", "printed", "reproduced", "difference", "tolerance", "verdict"]
-]
-
-# %%
-pd.DataFrame(claims, index=["holds", "measured"]).T
+workbook.verdict({"authors": cells}, claims)
 
 # %% [markdown]
 # ## Try changing

@@ -28,7 +28,6 @@
 # $\alpha$, so they are drawn for several, beside the plain clamped dead zone.
 
 # %%
-import pandas as pd
 
 from replication import simulated, workbook
 from replication.figures import paper
@@ -79,8 +78,7 @@ claims = {
         f"{sharpest['jump_nm']:.2g} N m for {sharpest['alpha_per_rad']:.0e}",
     ),
 }
-workbook.save_outcome("02_dead_zone_figure9", claims=claims)
-pd.DataFrame(claims, index=["holds", "measured"]).T
+workbook.verdict(claims=claims)
 
 # %% [markdown]
 # ## Try changing

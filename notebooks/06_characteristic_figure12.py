@@ -155,12 +155,7 @@ cells |= {
     "text.error_limit_percent": arithmetic["relative_error_percent"].max(),
 }
 from_simulation = decisions.equation10_cells(ours)
-workbook.save_outcome("06_characteristic_figure12", {"authors": cells, "simulated": from_simulation}, claims)[
-    ["id", "source", "printed", "reproduced", "difference", "tolerance", "verdict"]
-]
-
-# %%
-pd.DataFrame(claims, index=["holds", "measured"]).T
+workbook.verdict({"authors": cells, "simulated": from_simulation}, claims)
 
 # %% [markdown]
 # ## Try changing

@@ -31,7 +31,6 @@
 # the same seeds, and its means and SDs are laid beside the printed ones of Table 2.
 
 # %%
-import pandas as pd
 
 from replication import datasets, inspection, published, table2, workbook
 from replication.figures import paper
@@ -106,13 +105,7 @@ if variants == "all":
     drawn, whole = error["start drawn per run"], error[table2.AUTHORS.name]
     claims["random_start"] = (bool(drawn <= whole), f"means {drawn:.1f} % off, with the whole record {whole:.1f} %")
 cells = found_table1.to_dict() | {"text.latest_start": table2.AUTHORS.latest_start}
-inputs = datasets.authors_digests([clean, *(record for _, record in records)])
-workbook.save_outcome("07_protocol_table1", {"authors": cells}, claims, inputs, seeds)[
-    ["id", "printed", "reproduced", "difference", "tolerance", "verdict"]
-]
-
-# %%
-pd.DataFrame(claims, index=["holds", "measured"]).T
+workbook.verdict({"authors": cells}, claims)
 
 # %% [markdown]
 # ## Try changing

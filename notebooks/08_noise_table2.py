@@ -38,7 +38,7 @@
 # %%
 import pandas as pd
 
-from replication import datasets, decisions, inspection, published, table2, workbook
+from replication import decisions, inspection, published, table2, workbook
 from replication.figures import paper
 from replication.simulator.simulate import identified_joint
 
@@ -150,13 +150,7 @@ cells = {
     "authors": table2.table2_cells(of_first).to_dict() | {"text.runs": repeats, "text.levels": len(of_first)},
     "simulated": table2.table2_cells(of_simulated).drop(noise_cells).to_dict(),
 }
-inputs = datasets.authors_digests(record for _, record in of_authors)
-workbook.save_outcome("08_noise_table2", cells, claims, inputs, [*seeds, noise_seed])[
-    ["id", "source", "printed", "reproduced", "difference", "tolerance", "verdict"]
-]
-
-# %%
-pd.DataFrame(claims, index=["holds", "measured"]).T
+workbook.verdict(cells, claims)
 
 # %% [markdown]
 # ## Try changing

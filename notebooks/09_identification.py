@@ -144,9 +144,6 @@ covering.round(3)
 # more runs give, and the basin that every run should have ended in.
 
 # %%
-inputs = datasets.authors_digests([record, *(noisy for _, noisy in records)])
-seeds = range(1, max(replay_runs, strategy_runs) + 1)
-workbook.save_outcome("09_identification", inputs=inputs, seeds=seeds)
 pd.Series(
     {
         "rate of the best basin, stored runs": compared.loc[0, "rate_stored"],

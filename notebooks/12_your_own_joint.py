@@ -161,7 +161,6 @@ workbook.save_table(pd.DataFrame([(a.file, a.verdict) for a in answers], columns
 
 # %%
 errors = table.groupby("calibration", sort=False)["error_rad"]
-workbook.save_outcome("12_your_own_joint", seeds=[bench_seed])
 pd.DataFrame({"answers": errors.count(), "mean_abs_error_rad": errors.agg(lambda error: error.abs().mean())})
 
 # %% [markdown]

@@ -174,12 +174,6 @@ for method, target in targets_rad.items():
     print(f"{method}: mean error {mean_error[method]:.2e} rad, {verdict} {target:g}")
 print(f"equation 10 on the same logs: {mean_error['equation 10']:.2e} rad")
 print(f"least error over all changes: {ranked['method'][0]}, RMS {ranked['rmse_rad'][0]:.1e} rad")
-workbook.save_outcome(
-    "13_beyond_the_paper",
-    inputs=datasets.authors_digests(records.values()),
-    seeds=[1, *(round(1000 * noise) for noise in loudness_rps)],
-)
-
 # %% [markdown]
 # ## Try changing
 #

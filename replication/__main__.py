@@ -1,9 +1,8 @@
 """The command line: the virtual sensor on logs, and what the Makefile does, where there is no make."""
 
 import argparse
+import os
 import sys
-import time
-from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 from replication import simulated, workbook
@@ -32,8 +31,14 @@ def _parser() -> argparse.ArgumentParser:
     run = subparsers.add_parser("run", help="execute notebooks, in order; all of them if none is named")
     run.add_argument("notebook", nargs="*", type=Path, help="a notebook's .py source")
     run.add_argument("--quick", action="store_true", help="few repeats, into results/quick")
-    run.add_argument("--timeout", type=int, default=600, help="longest time of a cell [s] (default: 600)")
-    run.add_argument("--stamp", type=Path, help="touch this file if everything ran")
+    run.add_argument("--stamps", type=Path, help="leave <notebook>.done and <notebook>.d in this folder")
+    run.add_argument("--watch", type=int, help="end when this process, make, is gone")
+    run.add_argument(
+        "--stall-minutes",
+        type=float,
+        default=float(os.environ.get("STALL_MINUTES") or 15),
+        help="end a notebook after so long without progress (default: STALL_MINUTES, or 15)",
+    )
     run.set_defaults(command=_run)
 
     for name, command, text in (
@@ -68,34 +73,19 @@ def _parser() -> argparse.ArgumentParser:
 
 
 def _run(options: argparse.Namespace) -> int:
+    from replication.workbook import running  # takes a second and a half, which no other command should wait for
+
     sources = options.notebook or sorted((workbook.ROOT / "notebooks").glob("[0-9]*.py"))
-    # A quick run is mostly starting kernels, which leaves a core idle.
-    with ThreadPoolExecutor(2 if options.quick else 1) as pool:
-        ended = list(pool.map(lambda source: _run_one(source, options), sources))
-    if "failed" in ended:
-        return 1
-    if options.stamp and "not run" not in ended:
-        options.stamp.parent.mkdir(parents=True, exist_ok=True)
-        options.stamp.touch()
-    return 0
-
-
-def _run_one(source: Path, options: argparse.Namespace) -> str:
-    """Execute a notebook; say how it ended."""
-    from replication.workbook import execution  # takes a second and a half, which no other command should wait for
-
-    begun = time.perf_counter()
     try:
-        execution.execute(source, options.quick, options.timeout)
-    except execution.NotebookNotRun as error:
-        print(f"{error}; its last results stay as they are", file=sys.stderr)
-        return "not run"
-    except (execution.NotebookFailed, ValueError, OSError) as error:
-        print(f"failed: {error}", file=sys.stderr)
-        return "failed"
+        endings = running.run(sources, options.quick, options.stamps, 60 * options.stall_minutes, options.watch)
+    except KeyboardInterrupt:
+        print("interrupted; what was finished is kept", file=sys.stderr)
+        return 130
+    failed = [ending.why for ending in endings if ending.how == "failed"]
     if not options.quick:
-        execution.note_duration(source.stem, time.perf_counter() - begun)
-    return "done"
+        running.note_run(endings)
+    print("\n".join([running.slowest_cells(endings), *(f"failed: {why}" for why in failed)]), file=sys.stderr)
+    return 1 if failed else 0
 
 
 def _results(options: argparse.Namespace) -> Path:

@@ -5,7 +5,6 @@ import io
 import os
 import re
 import zipfile
-from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from importlib.resources import files
 from pathlib import Path
@@ -122,11 +121,9 @@ def authors_registry() -> dict[str, str]:
     return {path: digest for digest, path in (line.split("  ", 1) for line in lines)}
 
 
-def authors_digests(recordings: Iterable[Recording]) -> dict[str, str]:
-    """SHA-256 of the authors' files that recordings were read from, by path; others are left out."""
-    registry = authors_registry()
-    paths = (recording.source.partition("!")[0] for recording in recordings)
-    return {path: registry[path] for path in paths if path in registry}
+def data_folder() -> Path:
+    """Folder that the authors' data are read from: what `BACKLASH_DATA` names, or else the download cache."""
+    return Path(os.environ.get("BACKLASH_DATA") or pooch.os_cache("backlash-replication"))
 
 
 def authors_file(path: str, base_url: str = AUTHORS_URL, cache: Path | None = None) -> Path:
@@ -162,7 +159,7 @@ def authors_file(path: str, base_url: str = AUTHORS_URL, cache: Path | None = No
     if local:
         return _verified_local(Path(local) / path, registry[path])
     store = pooch.create(
-        path=cache or pooch.os_cache("backlash-replication"),
+        path=cache or data_folder(),
         base_url=base_url,
         registry={path: registry[path]},
         urls={path: base_url + quote(path)},

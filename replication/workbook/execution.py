@@ -1,12 +1,13 @@
-"""Execution of the notebooks, each in a fresh kernel; what they export is put in place only if all went well."""
+"""Execution of one notebook in a fresh kernel; what it exports is put in place only if all went well."""
 
+import ast
+import hashlib
 import json
 import os
-import platform
-import subprocess
-import sys
 import tempfile
-from collections.abc import Mapping
+import threading
+import time
+from collections.abc import Callable, Mapping
 from pathlib import Path
 
 import jupytext
@@ -14,8 +15,10 @@ import nbformat
 from jupyter_client.kernelspec import KernelSpecManager
 from jupyter_client.manager import AsyncKernelManager
 from nbclient import NotebookClient
-from nbclient.exceptions import CellExecutionError, CellTimeoutError, DeadKernelError
+from nbclient.exceptions import CellExecutionError, DeadKernelError
 
+from replication.datasets import data_folder
+from replication.workbook import guard
 from replication.workbook.files import QUICK, ROOT, write_json
 
 # The same machine code on every x86-64 processor with AVX2, as far as libraries let themselves be pinned: CMA-ES
@@ -34,6 +37,10 @@ PINNED_ENVIRONMENT = {
 }
 
 
+STALL_S = 900.0
+RECORDER = Path(__file__).with_name("recorder.py")
+
+
 class NotebookFailed(RuntimeError):
     """A notebook did not run to its end."""
 
@@ -43,14 +50,20 @@ class NotebookNotRun(RuntimeError):
 
 
 class _Client(NotebookClient):
-    """A client that shows a cell's standard error on the terminal and keeps it out of the notebook."""
+    """A client that notes every sign of progress, and keeps a cell's standard error out of the notebook."""
 
-    def output(self, outs, msg, display_id, cell_index):
-        if msg["msg_type"] == "stream" and msg["content"]["name"] == "stderr":
-            sys.stderr.write(msg["content"]["text"])
-            sys.stderr.flush()
-            return None
-        return super().output(outs, msg, display_id, cell_index)
+    def __init__(self, notebook, heard: Callable[[str], None], started: Callable[[int], None], **options):
+        super().__init__(notebook, **options)
+        self.heard, self.started = heard, started
+
+    async def async_start_new_kernel(self, **options):
+        await super().async_start_new_kernel(**options)
+        self.started(self.km.provisioner.pgid)
+
+    def process_message(self, msg, cell, cell_index):
+        is_error = msg["msg_type"] == "stream" and msg["content"]["name"] == "stderr"
+        self.heard(msg["content"]["text"] if is_error else "")
+        return None if is_error else super().process_message(msg, cell, cell_index)
 
 
 def read_notebook(source: Path) -> nbformat.NotebookNode:
@@ -70,8 +83,9 @@ def _parameters_cell(notebook: nbformat.NotebookNode) -> int:
 
 def settable(notebook: nbformat.NotebookNode) -> list[str]:
     """Names that a notebook's tagged parameters cell sets."""
-    source = notebook.cells[_parameters_cell(notebook)].source
-    return [line.split("=")[0].strip() for line in source.splitlines() if "=" in line]
+    body = ast.parse(notebook.cells[_parameters_cell(notebook)].source).body
+    targets = [target for node in body if isinstance(node, ast.Assign) for target in node.targets]
+    return [target.id for target in targets if isinstance(target, ast.Name)]
 
 
 def with_parameters(notebook: nbformat.NotebookNode, values: Mapping[str, object]) -> nbformat.NotebookNode:
@@ -101,10 +115,14 @@ def quick_parameters(notebook: nbformat.NotebookNode) -> dict[str, object]:
 def execute(
     source: Path,
     quick: bool = False,
-    timeout: int = 600,
     destination: Path | None = None,
     parameters: Mapping[str, object] | None = None,
-) -> None:
+    *,
+    stall_s: float = STALL_S,
+    environment: Mapping[str, str] | None = None,
+    keeper: guard.Guard | None = None,
+    progress: Callable[[int, int, str], None] = lambda cell, cells, text: None,
+) -> list[float]:
     """Execute a notebook; put what it exports and the executed copy in place if it ends well.
 
     Everything goes to a staging folder first, so that a failing notebook leaves the last good results alone.
@@ -115,21 +133,34 @@ def execute(
         The `.py` source.
     quick : bool
         Run with the notebook's quick parameters, into `results/quick`.
-    timeout : int
-        Longest time of a cell [s].
     destination : Path, optional
         Root of the folders `results`, `figures` and `notebooks` that are written; the project's own by default.
     parameters : mapping, optional
         Values of its parameters, over the quick ones.
+    stall_s : float
+        A cell may take as long as it makes progress; this long without a sign of it ends the notebook [s].
+    environment : mapping, optional
+        Environment variables over `PINNED_ENVIRONMENT`.
+    keeper : Guard, optional
+        Looks after the kernel's processes.
+    progress : callable
+        Told the cell (from 1), the number of cells, and the last line of its progress bar, if any.
+
+    Returns
+    -------
+    list of float
+        How long each cell took [s].
 
     Raises
     ------
     NotebookFailed
-        A cell failed or timed out, or the kernel died; the partial notebook is in `notebooks/partial`.
+        A cell failed or stalled, or the kernel died; the partial notebook is in `notebooks/partial`.
     NotebookNotRun
         The data that it needs are not to be had.
     ValueError
         It has no such parameter.
+    OSError
+        The results cannot be written.
     """
     destination = destination or (QUICK if quick else ROOT)
     notebook = read_notebook(source)
@@ -137,66 +168,122 @@ def execute(
     if values:
         notebook = with_parameters(notebook, values)
     destination.mkdir(parents=True, exist_ok=True)
-    with tempfile.TemporaryDirectory(dir=destination, prefix=".staging-") as staging:
-        _run_cells(notebook, source, Path(staging), quick, timeout)
+    with tempfile.TemporaryDirectory(dir=destination, prefix=".staging-") as folder:
+        staging = Path(folder)
+        record = staging / "made_from.json"
+        run = _Run(notebook, source, record, stall_s, progress, keeper)
+        variables = os.environ | PINNED_ENVIRONMENT | dict(environment or {})
+        variables |= {"REPLICATION_OUT": folder, "REPLICATION_QUICK": str(int(quick))}
+        variables |= {"REPLICATION_NOTEBOOK": source.stem}
+        variables["PYTHONPATH"] = os.pathsep.join([str(ROOT), *filter(None, [os.environ.get("PYTHONPATH")])])
+        run.to_the_end(variables)
         _strip(notebook)
-        executed = Path(staging) / "notebooks" / f"{source.stem}.ipynb"
-        executed.parent.mkdir()
+        _complete_outcome(staging / "results" / "outcomes" / f"{source.stem}.json", record, source)
+        executed = staging / "notebooks" / f"{source.stem}.ipynb"
+        executed.parent.mkdir(exist_ok=True)
         nbformat.write(notebook, executed)
-        _move_into(Path(staging), destination)
+        _move_into(staging, destination)
+    return run.seconds
 
 
-def note_duration(name: str, seconds: float) -> None:
-    """Keep how long a notebook took in `results/run.json`, with what else differs from run to run."""
-    path = ROOT / "results" / "run.json"
-    noted = json.loads(path.read_text(encoding="utf-8")) if path.exists() else {}
-    commit = subprocess.run(["git", "rev-parse", "HEAD"], cwd=ROOT, capture_output=True, text=True, check=False)
-    noted |= {"machine": platform.platform(), "cores": os.cpu_count(), "commit": commit.stdout.strip()}
-    noted["seconds"] = noted.get("seconds", {}) | {name: round(seconds, 1)}
-    write_json(path, noted)
+class _Run:
+    """One run of a notebook: its kernel's processes, its progress, and how it ended."""
+
+    def __init__(self, notebook, source, record, stall_s, progress, keeper):
+        self.notebook, self.source, self.record, self.stall_s = notebook, source, record, stall_s
+        self.progress, self.keeper = progress, keeper
+        self.cells = len(notebook.cells)
+        self.cell, self.begun, self.seconds = 0, time.monotonic(), [0.0] * self.cells
+        self.last_sign, self.group = time.monotonic(), None
+        self.ended, self.stalled = threading.Event(), False
+
+    def to_the_end(self, environment: dict[str, str]) -> None:
+        """Run all cells in a fresh kernel of this interpreter, whatever kernels are registered."""
+        ending = f"__import__('sys').modules['notebook_recorder'].write({str(self.record)!r}, globals())"
+        self.notebook.cells.append(nbformat.v4.new_code_cell(ending, id="recorder"))
+        client = _Client(
+            self.notebook,
+            self._heard,
+            self._started,
+            km=AsyncKernelManager(kernel_name="python3", kernel_spec_manager=KernelSpecManager(kernel_dirs=[])),
+            timeout=None,
+            record_timing=False,
+            extra_arguments=["--IPKernelApp.log_level=ERROR", f"--IPKernelApp.exec_lines={_watch_files()}"],
+            resources={"metadata": {"path": str(ROOT)}},
+            on_cell_start=self._cell_started,
+            on_cell_executed=self._cell_ended,
+        )
+        watchdog = threading.Thread(target=self._end_when_stalled, daemon=True)
+        watchdog.start()
+        try:
+            client.execute(env=environment)
+        except CellExecutionError as error:
+            if error.ename == "DataUnavailable":
+                raise NotebookNotRun(f"{self.source.stem}: not run: {error.evalue}") from error
+            self._fail(f"{error.ename}: {error.evalue}", error)
+        except DeadKernelError as error:
+            stall = f"no progress for {self.stall_s / 60:.3g} minutes (STALL_MINUTES=... allows more)"
+            self._fail(stall if self.stalled else "the kernel died", error)
+        finally:
+            self.ended.set()
+            if self.group is not None:
+                self.keeper.end(self.group) if self.keeper else guard.kill(self.group)
+            self.notebook.cells.pop()
+
+    def _started(self, group: int) -> None:
+        self.group = group
+        if self.keeper:
+            self.keeper.add(group)
+
+    def _heard(self, text: str) -> None:
+        self.last_sign = time.monotonic()
+        if text.strip():
+            self.progress(min(self.cell + 1, self.cells), self.cells, text)
+
+    def _cell_started(self, cell, cell_index) -> None:
+        self.cell, self.begun, self.last_sign = cell_index, time.monotonic(), time.monotonic()
+        self.progress(min(cell_index + 1, self.cells), self.cells, "")
+
+    def _cell_ended(self, cell, cell_index, execute_reply) -> None:
+        if cell_index < self.cells:
+            self.seconds[cell_index] = time.monotonic() - self.begun
+
+    def _end_when_stalled(self) -> None:
+        """Kill the kernel after `stall_s` without a message from it."""
+        while not self.ended.wait(min(1.0, self.stall_s / 4)):
+            if self.group is not None and time.monotonic() - self.last_sign > self.stall_s:
+                self.stalled = True
+                guard.kill(self.group)
+                return
+
+    def _fail(self, why: str, error: Exception) -> None:
+        """Keep the partial notebook and raise `NotebookFailed`."""
+        partial = self.source.parent / "partial" / f"{self.source.stem}.ipynb"
+        try:
+            partial.parent.mkdir(exist_ok=True)
+            nbformat.write(self.notebook, partial)
+            kept = f"what it got to is in {partial}"
+        except OSError as full:
+            kept = f"what it got to could not be kept ({full.strerror})"
+        raise NotebookFailed(f"{self.source.name}, cell {self.cell + 1}: {why}; {kept}") from error
 
 
-def _run_cells(notebook: nbformat.NotebookNode, source: Path, staging: Path, quick: bool, timeout: int) -> None:
-    """Run all cells in a fresh kernel of this interpreter, whatever kernels are registered."""
-    last = {"cell": 0}
-
-    def on_start(cell, cell_index):
-        last["cell"] = cell_index
-        print(f"\r{source.stem}: cell {cell_index + 1} of {len(notebook.cells)} ", end="", file=sys.stderr, flush=True)
-
-    manager = AsyncKernelManager(kernel_name="python3", kernel_spec_manager=KernelSpecManager(kernel_dirs=[]))
-    client = _Client(
-        notebook,
-        km=manager,
-        timeout=timeout,
-        record_timing=False,
-        extra_arguments=["--IPKernelApp.log_level=ERROR"],
-        resources={"metadata": {"path": str(ROOT)}},
-        on_cell_start=on_start,
-    )
-    environment = os.environ | PINNED_ENVIRONMENT | {"REPLICATION_OUT": str(staging)}
-    environment["REPLICATION_QUICK"] = "1" if quick else "0"
-    environment["PYTHONPATH"] = os.pathsep.join([str(ROOT), *filter(None, [os.environ.get("PYTHONPATH")])])
-    try:
-        client.execute(env=environment)
-    except CellExecutionError as error:
-        if error.ename == "DataUnavailable":
-            raise NotebookNotRun(f"{source.stem}: not run: {error.evalue}") from error
-        _fail(notebook, source, last["cell"], f"{error.ename}: {error.evalue}", error)
-    except CellTimeoutError as error:
-        _fail(notebook, source, last["cell"], f"took longer than {timeout} s", error)
-    except DeadKernelError as error:
-        _fail(notebook, source, last["cell"], "the kernel died", error)
-    finally:
-        print(file=sys.stderr)
+def _watch_files() -> str:
+    """Line of code that makes a kernel note the files that it reads."""
+    folders = {"sources": str(ROOT), "inputs": str(data_folder().absolute())}
+    return f"__import__('runpy').run_path({str(RECORDER)!r})['start']({folders!r})"
 
 
-def _fail(notebook: nbformat.NotebookNode, source: Path, cell: int, why: str, error: Exception) -> None:
-    """Keep the partial notebook and raise `NotebookFailed`."""
-    partial = source.parent / "partial" / f"{source.stem}.ipynb"
-    partial.parent.mkdir(exist_ok=True)
-    nbformat.write(notebook, partial)
-    raise NotebookFailed(f"{source.name}, cell {cell + 1}: {why}; what it got to is in {partial}") from error
+def _complete_outcome(path: Path, record: Path, source: Path) -> None:
+    """Add to a notebook's outcome what it was made from: the kernel's record, the notebook and the locked versions."""
+    outcome = json.loads(path.read_text(encoding="utf-8")) if path.exists() else {"cells": [], "claims": []}
+    made_from = json.loads(record.read_text(encoding="utf-8"))
+    record.unlink()
+    for file in (source.resolve(), ROOT / "requirements.lock"):
+        name = file.relative_to(ROOT).as_posix() if file.is_relative_to(ROOT) else file.name
+        made_from["sources"][name] = hashlib.sha256(file.read_bytes()).hexdigest()
+    made_from["sources"] = dict(sorted(made_from["sources"].items()))
+    write_json(path, outcome | {"made_from": made_from})
 
 
 def _strip(notebook: nbformat.NotebookNode) -> None:

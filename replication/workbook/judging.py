@@ -6,6 +6,7 @@ from pathlib import Path
 import pandas as pd
 
 from replication import published
+from replication.workbook.files import ROOT
 
 VERDICT_COLUMNS = [
     *("id", "source", "printed", "published", "reproduced", "difference", "tolerance"),
@@ -73,9 +74,13 @@ def _known_reasons() -> dict[tuple[str, str], str]:
 
 
 def outcomes(results: Path) -> dict[str, dict]:
-    """What each notebook exported about cells and claims, by its name."""
+    """What each notebook exported about cells and claims, and what it was made from, by the notebook's name.
+
+    What a notebook left that is no longer there is not counted.
+    """
     files = sorted((results / "outcomes").glob("*.json"))
-    return {file.stem: json.loads(file.read_text(encoding="utf-8")) for file in files}
+    there = {source.stem for source in (ROOT / "notebooks").glob("*.py")}
+    return {file.stem: json.loads(file.read_text(encoding="utf-8")) for file in files if file.stem in there}
 
 
 def verdicts(results: Path) -> pd.DataFrame:

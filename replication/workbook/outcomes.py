@@ -4,7 +4,7 @@ Exports go into the folder that the environment variable `REPLICATION_OUT` names
 """
 
 import os
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -39,43 +39,44 @@ def save_figure(figure: "Figure", name: str) -> None:
     style.save(figure, output_folder() / "figures", name, mark="quick run" if is_quick() else "")
 
 
-def save_outcome(
-    notebook: str,
-    cells: Mapping[str, Mapping[str, float]] | None = None,
-    claims: Mapping[str, tuple[bool, str]] | None = None,
-    inputs: Mapping[str, str] | None = None,
-    seeds: Iterable[int] = (),
+def notebook_name() -> str:
+    """Name of the notebook that runs; one that is run by hand in a server is known by its file."""
+    by_hand = os.environ.get("JPY_SESSION_NAME", "by_hand")
+    return os.environ.get("REPLICATION_NOTEBOOK", Path(by_hand).stem)
+
+
+def verdict(
+    cells: Mapping[str, Mapping[str, float]] | None = None, claims: Mapping[str, tuple[bool, str]] | None = None
 ) -> pd.DataFrame:
-    """Export what a notebook found about printed cells and claims, and what it was made from.
+    """Export what a notebook found about printed cells and claims.
 
     Parameters
     ----------
-    notebook : str
-        The notebook's name.
     cells : mapping of source to mapping of cell id to number
         Reproduced values in each cell's unit; a source is "authors", "simulated" or "stand-in".
     claims : mapping of claim id to (holds, what was measured)
         Decisions on prose claims.
-    inputs : mapping of path to SHA-256
-        Files of the authors' data that it read.
-    seeds : iterable of int
-        Seeds it used.
 
     Returns
     -------
     DataFrame
-        The verdicts on these cells, to be shown.
+        The verdicts on these cells and claims, to be shown.
     """
     rows = [
         {"id": cell, "source": source, "reproduced": float(FLOAT_FORMAT % number)}
         for source, numbers in (cells or {}).items()
         for cell, number in numbers.items()
     ]
-    outcome = {
-        "cells": rows,
-        "claims": [{"id": key, "holds": bool(ok), "measured": text} for key, (ok, text) in (claims or {}).items()],
-        "inputs": dict(sorted((inputs or {}).items())),
-        "seeds": sorted(set(seeds)),
-    }
-    write_json(output_folder() / "results" / "outcomes" / f"{notebook}.json", outcome)
-    return judge(pd.DataFrame(rows).assign(notebook=notebook)) if rows else pd.DataFrame()
+    decided = [{"id": key, "holds": bool(holds), "measured": text} for key, (holds, text) in (claims or {}).items()]
+    name = notebook_name()
+    write_json(output_folder() / "results" / "outcomes" / f"{name}.json", {"cells": rows, "claims": decided})
+    judged = judge(pd.DataFrame(rows).assign(notebook=name)) if rows else pd.DataFrame()
+    shown = ["id", "source", "printed", "reproduced", "difference", "tolerance", "verdict"]
+    said = pd.DataFrame(
+        [
+            {"id": row["id"], "reproduced": row["measured"], "verdict": "holds" if row["holds"] else "does not hold"}
+            for row in decided
+        ]
+    )
+    table = pd.concat([part for part in (judged, said) if not part.empty], ignore_index=True)
+    return table.reindex(columns=shown).astype(object).where(lambda t: t.notna(), "")

@@ -1,3 +1,7 @@
+import errno
+import hashlib
+import json
+
 import nbformat
 import pandas as pd
 import pytest
@@ -15,7 +19,7 @@ repeats = 30
 import pandas as pd
 from replication import workbook
 workbook.save_table(pd.DataFrame({"repeats": [repeats]}), "small")
-workbook.save_outcome("small", {"authors": {"text.runs": repeats}}, seeds=[1])
+workbook.verdict({"authors": {"text.runs": repeats}})
 print("done")
 """
 
@@ -89,11 +93,26 @@ def test_a_failing_cell_is_named_and_the_last_results_stay(notebook, tmp_path):
     assert partial.cells[1].outputs[-1].text == "done\n"
 
 
-def test_a_cell_that_takes_too_long_is_named(notebook, tmp_path):
+def test_a_cell_without_progress_is_named(notebook, tmp_path):
     source = notebook("# %%\nimport time\ntime.sleep(60)\n")
-    with pytest.raises(execution.NotebookFailed, match=r"small\.py, cell 1: took longer than 2 s"):
-        execution.execute(source, timeout=2, destination=tmp_path / "out")
+    with pytest.raises(
+        execution.NotebookFailed, match=r"small\.py, cell 1: no progress for .* minutes \(STALL_MINUTES"
+    ):
+        execution.execute(source, stall_s=3, destination=tmp_path / "out")
     assert files_below(tmp_path / "out") == []
+
+
+def test_a_cell_may_take_as_long_as_it_makes_progress(notebook, tmp_path):
+    steps = "for _ in tqdm(range(16), mininterval=0):\n    time.sleep(0.5)\n"
+    seen = []
+    source = notebook("# %%\nimport time\nfrom tqdm import tqdm\n" + steps)
+    seconds = execution.execute(
+        source, stall_s=4, destination=tmp_path / "out", progress=lambda *said: seen.append(said)
+    )
+    assert seconds[0] > 7
+    assert any("16/16" in text for _, _, text in seen)
+    executed = nbformat.read(tmp_path / "out" / "notebooks" / "small.ipynb", as_version=4)
+    assert executed.cells[0].outputs == []
 
 
 def test_a_dead_kernel_is_named(notebook, tmp_path):
@@ -101,6 +120,55 @@ def test_a_dead_kernel_is_named(notebook, tmp_path):
     with pytest.raises(execution.NotebookFailed, match=r"small\.py, cell 2: the kernel died"):
         execution.execute(source, destination=tmp_path / "out")
     assert files_below(tmp_path / "out") == []
+
+
+def test_a_killed_worker_of_a_parallel_loop_is_named(notebook, tmp_path):
+    source = notebook(
+        "# %%\nimport os\nfrom joblib import Parallel, delayed\nParallel(2)([delayed(os._exit)(9)] * 2)\n"
+    )
+    with pytest.raises(execution.NotebookFailed, match=r"small\.py, cell 1: TerminatedWorkerError"):
+        execution.execute(source, destination=tmp_path / "out")
+
+
+def test_a_full_disk_in_a_cell_leaves_the_last_results(notebook, tmp_path):
+    out = tmp_path / "out"
+    execution.execute(notebook(GOOD), destination=out)
+    before = {name: (out / name).read_bytes() for name in files_below(out)}
+    limit = "import resource\nresource.setrlimit(resource.RLIMIT_FSIZE, (10, 10))\n"
+    with pytest.raises(execution.NotebookFailed, match=r"cell 2: OSError"):
+        execution.execute(notebook(GOOD.replace("import pandas", limit + "import pandas")), destination=out)
+    assert {name: (out / name).read_bytes() for name in files_below(out)} == before
+
+
+def test_a_full_disk_after_the_last_cell_leaves_the_last_results(notebook, tmp_path, monkeypatch):
+    out = tmp_path / "out"
+    execution.execute(notebook(GOOD), destination=out)
+    before = {name: (out / name).read_bytes() for name in files_below(out)}
+
+    def full(*_):
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(execution.nbformat, "write", full)
+    with pytest.raises(OSError, match="No space left"):
+        execution.execute(notebook(GOOD.replace("[repeats]", "[99]")), destination=out)
+    assert {name: (out / name).read_bytes() for name in files_below(out)} == before
+
+
+def test_an_outcome_says_what_it_was_made_from(notebook, tmp_path):
+    read = "from replication import published\npublished.value('text.runs')\n"
+    seeds = "random_seed, seeds, reseed = 7, range(1, 4), 1.5\n"
+    execution.execute(notebook(GOOD + "\n# %%\n" + read + seeds), destination=tmp_path / "out")
+    outcome = json.loads((tmp_path / "out" / "results" / "outcomes" / "small.json").read_text(encoding="utf-8"))
+    made_from = outcome["made_from"]
+    assert {"small.py", "requirements.lock", "replication/published.py", "replication/data/cells.csv"} <= set(
+        made_from["sources"]
+    )
+    unread = {"replication/search.py", "replication/global_fit/fit.py", "replication/data/map.csv"}
+    assert not unread & set(made_from["sources"])
+    assert made_from["seeds"] == {"random_seed": 7, "seeds": "range(1, 4)"}
+    for name, digest in made_from["sources"].items():
+        path = workbook.ROOT / name if "/" in name or name == "requirements.lock" else tmp_path / "notebooks" / name
+        assert hashlib.sha256(path.read_bytes()).hexdigest() == digest
 
 
 def test_missing_data_are_told_from_a_failure(notebook, tmp_path):

@@ -1,0 +1,162 @@
+"""Execution of many notebooks, two at a time: one line of progress each, and nothing left behind."""
+
+import json
+import os
+import platform
+import re
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor, as_completed
+from dataclasses import dataclass
+from pathlib import Path
+
+from tqdm import tqdm
+
+from replication.workbook import execution, guard, provenance
+from replication.workbook.files import QUICK, ROOT, write_json, write_text
+
+SLOWEST = 5
+AT_A_TIME = 2  # notebooks
+
+
+@dataclass(frozen=True)
+class Ending:
+    """How a notebook ended.
+
+    Attributes
+    ----------
+    name : str
+        The notebook.
+    how : str
+        "done", "not run" (its data are not to be had) or "failed".
+    why : str
+        One line, empty if it is done.
+    seconds : tuple of float
+        How long each cell took [s].
+    """
+
+    name: str
+    how: str
+    why: str = ""
+    seconds: tuple[float, ...] = ()
+
+
+def run(
+    sources: Sequence[Path],
+    quick: bool = False,
+    stamps: Path | None = None,
+    stall_s: float = execution.STALL_S,
+    watched: int | None = None,
+    destination: Path | None = None,
+) -> list[Ending]:
+    """Execute notebooks; one that fails does not keep the others from running.
+
+    Parameters
+    ----------
+    sources : sequence of Path
+        The `.py` sources.
+    quick : bool
+        With their quick parameters, into `results/quick`.
+    stamps : Path, optional
+        Folder in which a notebook that is done leaves `<name>.done` and, for make, `<name>.d`.
+    stall_s : float
+        See `execution.execute`.
+    watched : int, optional
+        Process (make) without which this one ends.
+    destination : Path, optional
+        See `execution.execute`.
+
+    Returns
+    -------
+    list of Ending
+        In the order of the sources.
+    """
+    destination = destination or (QUICK if quick else ROOT)
+    _clear_staging(destination)
+    previous = signal.signal(signal.SIGTERM, _interrupt)
+    keeper, pool, slots = guard.Guard(watched), ThreadPoolExecutor(AT_A_TIME), list(range(AT_A_TIME))
+    try:
+        jobs = {
+            pool.submit(_run_one, source, quick, destination, stamps, stall_s, keeper, slots): source
+            for source in sources
+        }
+        for job in as_completed(jobs):
+            _say(job.result())
+        return [job.result() for job in jobs]
+    except BaseException:
+        keeper.end_all()
+        raise
+    finally:
+        pool.shutdown(wait=True, cancel_futures=True)
+        keeper.close()
+        signal.signal(signal.SIGTERM, previous)
+
+
+def _interrupt(number: int, frame: object) -> None:
+    raise KeyboardInterrupt
+
+
+def _run_one(source, quick, destination, stamps, stall_s, keeper, slots) -> Ending:
+    """Execute a notebook, show its progress on the terminal line of a free slot, and stamp it."""
+    slot = slots.pop(0)
+    bar = tqdm(desc=source.stem, position=slot, leave=False, disable=None, bar_format="{desc}: {postfix}")
+
+    def progress(cell: int, cells: int, text: str) -> None:
+        bar.set_postfix_str(f"cell {cell} of {cells} {_counted(text)}")
+
+    try:
+        seconds = execution.execute(source, quick, destination, stall_s=stall_s, keeper=keeper, progress=progress)
+        if stamps:
+            _stamp(stamps, source.stem, destination)
+        return Ending(source.stem, "done", seconds=tuple(seconds))
+    except execution.NotebookNotRun as error:
+        return Ending(source.stem, "not run", f"{error}; its last results stay as they are")
+    except (execution.NotebookFailed, ValueError, OSError) as error:
+        return Ending(source.stem, "failed", str(error))
+    finally:
+        bar.close()
+        slots.append(slot)
+
+
+def _counted(text: str) -> str:
+    """Count and time left of a progress bar's last state."""
+    found = re.findall(r"(\d+/\d+) \[[\d:]+<([\d:?]+)", text)
+    return f"({found[-1][0]}, {found[-1][1]} left)" if found else ""
+
+
+def _say(ending: Ending) -> None:
+    what = f"done in {sum(ending.seconds):.0f} s" if ending.how == "done" else ending.why
+    tqdm.write(f"{ending.name}: {what}" if ending.how == "done" else f"{ending.how}: {what}", file=sys.stderr)
+
+
+def _stamp(stamps: Path, name: str, destination: Path) -> None:
+    """Leave what make needs: that the notebook is done, and what it depends on."""
+    outcome = json.loads((destination / "results" / "outcomes" / f"{name}.json").read_text(encoding="utf-8"))
+    sources = list(outcome["made_from"]["sources"])
+    write_text(stamps / f"{name}.d", provenance.dependencies(stamps.name, name, sources))
+    write_text(stamps / f"{name}.done", "")
+
+
+def _clear_staging(destination: Path) -> None:
+    """Remove what a killed run left behind."""
+    for folder in destination.glob(".staging-*"):
+        shutil.rmtree(folder, ignore_errors=True)
+
+
+def note_run(endings: Sequence[Ending]) -> None:
+    """Keep what differs from run to run, times, machine and commit, in `results/run.json`, which git ignores."""
+    commit = subprocess.run(["git", "rev-parse", "HEAD"], cwd=ROOT, capture_output=True, text=True, check=False)
+    seconds = {ending.name: round(sum(ending.seconds), 1) for ending in endings if ending.how == "done"}
+    content = {"machine": platform.platform(), "cores": os.cpu_count(), "commit": commit.stdout.strip()}
+    write_json(ROOT / "results" / "run.json", content | {"ended": time.strftime("%Y-%m-%d %H:%M"), "seconds": seconds})
+
+
+def slowest_cells(endings: Sequence[Ending]) -> str:
+    """Say which cells took longest."""
+    cells = [(s, f"{e.name}, cell {k}") for e in endings for k, s in enumerate(e.seconds, start=1)]
+    longest = sorted(cells, reverse=True)[:SLOWEST]
+    return "slowest cells: " + "; ".join(f"{cell} ({seconds:.0f} s)" for seconds, cell in longest)

@@ -1,0 +1,90 @@
+"""The Makefile's dependencies are what the kernels noted that each notebook read."""
+
+import json
+import os
+import re
+import shutil
+import subprocess
+
+import pytest
+
+from replication import workbook
+from replication.workbook import judging, provenance
+
+OUTCOMES = judging.outcomes(workbook.ROOT / "results")
+SOURCES = sorted({name for outcome in OUTCOMES.values() for name in outcome["made_from"]["sources"]})
+
+
+@pytest.fixture(scope="module")
+def tree(tmp_path_factory):
+    """A copy of the sources in which everything has been made."""
+    folder = tmp_path_factory.mktemp("tree")
+    for name in {*SOURCES, "Makefile", *(f"notebooks/{path.name}" for path in _notebooks())}:
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
+        shutil.copy(workbook.ROOT / name, folder / name)
+    (folder / ".venv").mkdir()
+    (folder / ".make").mkdir()
+    for notebook, outcome in OUTCOMES.items():
+        rule = provenance.dependencies(".make", notebook, list(outcome["made_from"]["sources"]))
+        (folder / ".make" / f"{notebook}.d").write_text(rule, encoding="utf-8")
+    return folder
+
+
+def _notebooks():
+    return sorted((workbook.ROOT / "notebooks").glob("[0-9]*.py"))
+
+
+def due(folder, changed=None):
+    """Notebooks that `make all` would run after a change of one file."""
+    made = [".venv/.installed", *(f".make/{path.stem}.done" for path in _notebooks())]
+    for path in folder.rglob("*"):
+        os.utime(path, (1e9, 1e9))
+    for name in [*made, ".make/notebooks.ran", ".make/workbook.done"]:
+        (folder / name).touch()
+        os.utime(folder / name, (1.1e9, 1.1e9))
+    if changed:
+        (folder / changed).touch()
+    command = ["make", "--dry-run", "--no-print-directory", "all"]
+    said = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=True).stdout
+    return set(re.findall(r"echo notebooks/(\w+)\.py >> ", said))
+
+
+def test_after_a_change_exactly_the_notebooks_run_that_read_the_file(tree):
+    assert due(tree) == set()
+    read_by_all = set.intersection(*(set(outcome["made_from"]["sources"]) for outcome in OUTCOMES.values()))
+    for name in [name for name in SOURCES if name not in read_by_all] + ["requirements.lock"]:
+        readers = {notebook for notebook, outcome in OUTCOMES.items() if name in outcome["made_from"]["sources"]}
+        assert due(tree, name) == readers, name
+
+
+def test_a_source_that_is_gone_makes_its_readers_due(tree):
+    name = next(name for name in SOURCES if name.startswith("replication/global_fit/"))
+    kept = (tree / name).read_bytes()
+    (tree / name).unlink()
+    readers = {notebook for notebook, outcome in OUTCOMES.items() if name in outcome["made_from"]["sources"]}
+    assert due(tree) == readers
+    (tree / name).write_bytes(kept)
+
+
+def test_every_notebook_has_noted_itself_the_locked_versions_and_the_package():
+    assert set(OUTCOMES) == {path.stem for path in _notebooks()}
+    for notebook, outcome in OUTCOMES.items():
+        needed = {f"notebooks/{notebook}.py", "requirements.lock", "replication/__init__.py"}
+        assert needed <= set(outcome["made_from"]["sources"])
+
+
+def test_results_whose_sources_have_changed_since_are_stale(tmp_path):
+    outcome = json.loads((workbook.ROOT / "results" / "outcomes" / "02_dead_zone_figure9.json").read_text("utf-8"))
+    (tmp_path / "outcomes").mkdir()
+    path = tmp_path / "outcomes" / "02_dead_zone_figure9.json"
+    path.write_text(json.dumps(outcome), encoding="utf-8")
+    assert provenance.stale(tmp_path) == {}
+    outcome["made_from"]["sources"]["replication/dead_zone.py"] = "0" * 64
+    outcome["made_from"]["sources"]["replication/no_longer.py"] = "0" * 64
+    path.write_text(json.dumps(outcome), encoding="utf-8")
+    changed = ["replication/dead_zone.py", "replication/no_longer.py"]
+    assert provenance.stale(tmp_path) == {"02_dead_zone_figure9": changed}
+
+
+def test_no_committed_result_is_stale():
+    assert provenance.stale(workbook.ROOT / "results") == {}
