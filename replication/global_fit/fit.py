@@ -14,11 +14,11 @@ from replication.global_fit.folding import (
     Limits,
     best_misfit,
     descend,
+    factorise,
     fold_record,
     latest_t0,
     middle_of_gap,
     normal_equations,
-    solve_or_zero,
     t0_range,
 )
 from replication.global_fit.windows import (
@@ -97,17 +97,15 @@ def _window_starts(fold, limits, a, b, theta, reach):
                 limits.omega[0] < trial[2] < limits.omega[1],
             ]
         )
-        information = gram[0, 0]
-        if last - start < free.sum():  # fewer positions than unknowns: nothing is known of A
-            information = 0.0
-        elif free.any():
-            index = 1 + np.flatnonzero(free)
+        information = 0.0
+        if last - start >= free.sum():  # fewer positions than unknowns: nothing is known of A
+            index = np.append(1 + np.flatnonzero(free), 0)
             block = np.empty((index.size, index.size))
             for i in range(index.size):
                 for j in range(index.size):
                     block[i, j] = gram[index[i], index[j]]
-            side = gram[0][index]
-            information -= side @ solve_or_zero(block, side)
+            factorise(block)
+            information = block[-1, -1]  # what is left of A's once the others are projected out
         mid_gap = np.exp(trial[1] * (fold.x[start] - middle_of_gap(fold, start)))
         rows[r] = cost, abs(A) * mid_gap, information / mid_gap**2
     return rows
@@ -168,8 +166,9 @@ def _minima(t, v, timing, limits):
         a, b, theta, cost = refine(fold, limits, a, b, found[k, 2:].copy(), 8, 3)
         minima[a, b] = min(minima.get((a, b), (a, b, theta, cost)), (a, b, theta, cost), key=_cost)
     ranked = sorted(minima.values(), key=_cost)
-    ranked[:2] = [polish(fold, limits, minimum, 12) for minimum in ranked[:2] if minimum[3] < 1.2 * ranked[0][3]]
-    return fold, sorted(ranked, key=_cost)
+    near = [minimum for minimum in ranked[1:2] if minimum[3] < 1.2 * ranked[0][3]]
+    polished = [polish(fold, limits, minimum, 12) for minimum in ranked[:1] + near]
+    return fold, sorted(polished + ranked[len(polished) :], key=_cost)
 
 
 def _cost(minimum) -> float:
