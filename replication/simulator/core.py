@@ -4,11 +4,123 @@ Units are SI; the state is (motor position, motor speed, load position, load spe
 and speeds as deviations from the commanded motion, which keeps every digit for the small signal.
 """
 
+import math
+from typing import NamedTuple
+
 import numba as nb
 import numpy as np
+from numpy.typing import NDArray
+
+from replication.simulator.parameters import TURN, JointParameters
 
 # Beyond this multiple of the commanded speed no joint of this kind is running any more.
 DIVERGED = 1e3
+
+
+class Constants(NamedTuple):
+    """The joint as the equations of motion take it; `waves` has one row per disturbance, or is None."""
+
+    gear_ratio: float
+    omega: float
+    start_angle: float
+    motor_inertia: float
+    load_inertia: float
+    ks: float
+    ds: float
+    alpha: float
+    delta: float
+    clamped: float
+    gravity: float
+    motor_viscous: float
+    load_viscous: float
+    motor_coulomb: float
+    load_coulomb: float
+    torque_lag: float
+    waves: NDArray[np.float64] | None
+
+
+class Drive(NamedTuple):
+    """The drive's gains, its period, and what bounds its torque and its encoder (0: no encoder)."""
+
+    position_gain: float
+    speed_gain: float
+    integral_gain: float
+    derivative_gain: float
+    leaky_gain: float
+    leaky_rate: float
+    period: float
+    torque_limit: float
+    resolution: float
+    differencing: float
+
+
+def constants_of(p: JointParameters, delta_rad: float) -> Constants:
+    """Constants of a joint with a backlash."""
+    return Constants(
+        p.gear_ratio,
+        p.commanded_speed_rad_per_s,
+        p.start_angle_rad,
+        p.motor_inertia_kgm2,
+        p.load_inertia_kgm2,
+        p.stiffness_nm_per_rad,
+        p.damping_nms_per_rad,
+        p.alpha_per_rad,
+        delta_rad,
+        float(p.clamped),
+        p.gravity_torque_nm,
+        p.motor_viscous_nms_per_rad,
+        p.load_viscous_nms_per_rad,
+        p.motor_coulomb_nm,
+        p.load_coulomb_nm,
+        p.torque_lag_s,
+        _waves(p) if p.disturbances else None,
+    )
+
+
+def _waves(p: JointParameters) -> NDArray[np.float64]:
+    """Disturbances as `disturbance` takes them, one row each.
+
+    A transmission error e shakes the load's side of the coupling with its second derivative.
+    """
+    rows = [
+        (
+            d.order,
+            d.motor_torque_nm,
+            d.load_torque_nm / p.load_inertia_kgm2
+            - d.transmission_error_rad * (d.order * p.commanded_speed_rad_per_s) ** 2,
+            d.transmission_error_rad,
+            d.phase_rad,
+        )
+        for d in p.disturbances
+    ]
+    return np.array(rows, dtype=float).reshape(-1, 5)
+
+
+def drive_of(p: JointParameters) -> Drive:
+    """Drive of a joint."""
+    return Drive(
+        p.position_gain_per_s,
+        p.speed_gain_nms_per_rad,
+        p.integral_gain_nm_per_rad,
+        p.derivative_gain_nms2_per_rad,
+        p.leaky_gain_nm_per_rad,
+        p.leaky_rate_per_s,
+        p.control_period_s,
+        p.torque_limit_nm,
+        TURN / 2**p.encoder_bits if p.encoder_bits else 0.0,
+        float(p.speed_by_differencing),
+    )
+
+
+def start_state(p: JointParameters, delta_rad: float) -> tuple[tuple[float, ...], int]:
+    """State and region at -lead_s: commanded speed, teeth in contact, torques in balance."""
+    load_speed = p.commanded_speed_rad_per_s / p.gear_ratio
+    angle = p.start_angle_rad - load_speed * p.lead_s
+    torque = p.gravity_torque_nm * math.sin(angle) + p.load_viscous_nms_per_rad * load_speed + p.load_coulomb_nm
+    motor = p.motor_viscous_nms_per_rad * p.commanded_speed_rad_per_s + p.motor_coulomb_nm
+    side = -1 if torque < 0 else 1
+    twist = side * delta_rad + torque / p.stiffness_nm_per_rad
+    return (0.0, 0.0, -twist, 0.0, torque / p.gear_ratio + motor), 3 if side > 0 else 0
 
 
 @nb.njit(cache=True)
@@ -56,15 +168,18 @@ def derivative(t, y, command, region, c):
     y[2] is the load's position plus the transmission error, so that the displacement is y[0] / n - y[2] with or
     without one, and the error acts as an acceleration.
     """
-    n, omega, theta0, jm, jl, ks, ds, alpha, delta, clamped, mgr, bm, bl, cm, cl, lag, waves = c
-    ripple, push, error = disturbance(t, y[0], omega, waves)
-    tau = torque(y[0] / n - y[2], y[1] / n - y[3], region, delta, ks, ds, alpha, clamped > 0)
+    n, omega = c.gear_ratio, c.omega
+    ripple, push, error = disturbance(t, y[0], omega, c.waves)
+    x, v = y[0] / n - y[2], y[1] / n - y[3]
+    tau = torque(x, v, region, c.delta, c.ks, c.ds, c.alpha, c.clamped > 0)
     motor_speed, load_speed = omega + y[1], omega / n + y[3]
-    gravity = mgr * np.sin(theta0 + omega / n * t + y[2] - error)
-    motor_torque = (y[4] if lag > 0 else command) - tau / n - bm * motor_speed - cm * np.sign(motor_speed) + ripple
-    load_torque = tau - gravity - bl * load_speed - cl * np.sign(load_speed)
-    torque_rate = (command - y[4]) / lag if lag > 0 else 0.0
-    return y[1], motor_torque / jm, y[3], load_torque / jl + push, torque_rate
+    gravity = c.gravity * np.sin(c.start_angle + omega / n * t + y[2] - error)
+    motor_friction = c.motor_viscous * motor_speed, c.motor_coulomb * np.sign(motor_speed)
+    load_friction = c.load_viscous * load_speed, c.load_coulomb * np.sign(load_speed)
+    motor_torque = (y[4] if c.torque_lag > 0 else command) - tau / n - motor_friction[0] - motor_friction[1] + ripple
+    load_torque = tau - gravity - load_friction[0] - load_friction[1]
+    torque_rate = (command - y[4]) / c.torque_lag if c.torque_lag > 0 else 0.0
+    return y[1], motor_torque / c.motor_inertia, y[3], load_torque / c.load_inertia + push, torque_rate
 
 
 @nb.njit(cache=True)
@@ -85,14 +200,14 @@ def _runge_kutta(t, y, h, command, region, c):
 def _locate(t, y, h, end, edge, command, region, c):
     """Part of the step after which the displacement meets the edge, and the state there (Illinois method)."""
     lo, hi, side = 0.0, h, 0
-    g_lo, g_hi = y[0] / c[0] - y[2] - edge, end[0] / c[0] - end[2] - edge
+    g_lo, g_hi = y[0] / c.gear_ratio - y[2] - edge, end[0] / c.gear_ratio - end[2] - edge
     if g_lo * g_hi >= 0:
         return 0.0, y
     s = h
     for _ in range(60):
         s = (lo * g_hi - hi * g_lo) / (g_hi - g_lo)
         end = _runge_kutta(t, y, s, command, region, c)
-        g = end[0] / c[0] - end[2] - edge
+        g = end[0] / c.gear_ratio - end[2] - edge
         if abs(g) < 1e-14:
             break
         if g * g_hi > 0:
@@ -109,19 +224,19 @@ def _locate(t, y, h, end, edge, command, region, c):
 @nb.njit(cache=True)
 def control(t, y, memory, ring, count, drive, c):
     """Sample the drive: read the encoder, queue a torque, return the one to hold for the next period."""
-    kpos, kp, ki, kd, kw, rate, period, limit, resolution, differencing = drive
-    commanded = c[0] * c[2] + c[1] * t
+    commanded = c.gear_ratio * c.start_angle + c.omega * t
     position, speed = y[0], y[1]
-    if resolution > 0:
-        position = np.floor((commanded + position) / resolution) * resolution - commanded
-    if differencing > 0 and count > 0:
-        speed = (position - memory[3]) / period
-    error = -kpos * position - speed
-    integral = memory[0] + ki * period * error
-    leaky = memory[1] - period * (speed + rate * memory[1])
-    command = kp * error + integral + kw * leaky - kd * (speed - memory[2]) / period
-    if abs(command) > limit:
-        command = np.sign(command) * limit
+    if drive.resolution > 0:
+        position = np.floor((commanded + position) / drive.resolution) * drive.resolution - commanded
+    if drive.differencing > 0 and count > 0:
+        speed = (position - memory[3]) / drive.period
+    error = -drive.position_gain * position - speed
+    integral = memory[0] + drive.integral_gain * drive.period * error
+    leaky = memory[1] - drive.period * (speed + drive.leaky_rate * memory[1])
+    damping = drive.derivative_gain * (speed - memory[2]) / drive.period
+    command = drive.speed_gain * error + integral + drive.leaky_gain * leaky - damping
+    if abs(command) > drive.torque_limit:
+        command = np.sign(command) * drive.torque_limit
     else:
         memory[0], memory[1] = integral, leaky
     memory[2], memory[3] = speed, position
@@ -152,7 +267,7 @@ def run(y, region, steps, step, skip, every, per_period, delay, c, drive, record
     Returns the step at which the run diverged, or -1, and the number of events.
     """
     ring, memory = np.full(delay + 1, y[4]), np.array([y[4], 0.0, 0.0, y[0]])
-    edges = (-np.inf, -c[8], 0.0, c[8], np.inf)
+    edges = (-np.inf, -c.delta, 0.0, c.delta, np.inf)
     used, row, command = 0, 0, y[4]
     for i in range(steps + 1):
         t, left = (i - skip) * step, step
@@ -163,22 +278,22 @@ def run(y, region, steps, step, skip, every, per_period, delay, c, drive, record
             row += 1
         if i % per_period == 0:
             command = control(t, y, memory, ring, i // per_period, drive, c)
-            if c[15] == 0:
+            if c.torque_lag == 0:
                 y = (y[0], y[1], y[2], y[3], command)
         end = _runge_kutta(t, y, left, command, region, c)
         for _ in range(16):
-            x = end[0] / c[0] - end[2]
+            x = end[0] / c.gear_ratio - end[2]
             up = x > edges[region + 1]
             if not up and x >= edges[region]:
                 break
             s, y = _locate(t, y, left, end, edges[region + 1] if up else edges[region], command, region, c)
             before, region = region, (region + 1 if up else region - 1)
             t, left = t + s, left - s
-            if c[8] > 0 and (before in (0, 3) or region in (0, 3)) and used < len(events):
+            if c.delta > 0 and (before in (0, 3) or region in (0, 3)) and used < len(events):
                 events[used, 0], events[used, 1] = t, 1.0 if region == 3 else (-1.0 if region == 0 else 0.0)
                 used += 1
             end = _runge_kutta(t, y, left, command, region, c)
         y = end
-        if not abs(y[1]) < DIVERGED * c[1]:
+        if not abs(y[1]) < DIVERGED * c.omega:
             return i, used
     return -1, used

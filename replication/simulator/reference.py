@@ -5,7 +5,7 @@ from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
 from replication.simulator import core
-from replication.simulator.simulate import TURN, JointParameters, core_constants, core_drive, start_state
+from replication.simulator.parameters import TURN, JointParameters
 
 
 def solve_ivp_speed_rps(
@@ -31,13 +31,13 @@ def solve_ivp_speed_rps(
     array of shape (periods + 1,)
         Motor speed [rps].
     """
-    c, drive = core_constants(p, delta_rad), core_drive(p)
-    y, _ = start_state(p, delta_rad)
+    c, drive = core.constants_of(p, delta_rad), core.drive_of(p)
+    y, _ = core.start_state(p, delta_rad)
     ring, memory = np.full(p.control_delay_periods + 1, y[4]), np.array([y[4], 0.0, 0.0, y[0]])
     edges = np.array([-delta_rad, 0.0, delta_rad])
 
     def field(t, y, command):
-        return core.derivative(t, tuple(y), command, int(np.searchsorted(edges, y[0] / c[0] - y[2])), c)
+        return core.derivative(t, tuple(y), command, int(np.searchsorted(edges, y[0] / c.gear_ratio - y[2])), c)
 
     skip, speeds = round(p.lead_s / p.control_period_s), []
     for i in range(skip + round(duration_s / p.control_period_s) + 1):

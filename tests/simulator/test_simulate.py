@@ -7,13 +7,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from replication.dead_zone import transmitted_torque
-from replication.simulator import core
-from replication.simulator import simulate as joint_module
+from replication.simulator import checks, core
 from replication.simulator.reference import solve_ivp_speed_rps
 from replication.simulator.simulate import (
     DivergenceError,
     JointParameters,
-    closed_loop_matrix,
     encoder_position,
     identified_joint,
     joint_from_ratios,
@@ -42,7 +40,7 @@ def free_response(p, y, periods, delta=0.0):
     """States at each control period from any start, without gravity."""
     record, gap, per = np.empty((periods + 1, 5)), np.empty(periods + 1, dtype=np.int64), 50
     p = replace(p, gravity_arm_m=0.0, lead_s=0.0)
-    c, drive = joint_module.core_constants(p, delta), joint_module.core_drive(p)
+    c, drive = core.constants_of(p, delta), core.drive_of(p)
     run = (p.control_period_s / per, 0, per, per, p.control_delay_periods)
     core.run(y, 3, periods * per, *run, c, drive, record, gap, np.empty((0, 2)))
     return record
@@ -113,10 +111,10 @@ def test_without_backlash_the_joint_is_its_linear_two_mass_system(joint, changes
     p = replace(joint, **changes)
     # Friction is measured from the commanded speed in the matrix, so the simulation starts with it balanced.
     steady = replace(p, gravity_arm_m=0.0)
-    y0, _ = joint_module.start_state(steady, 0.0)
+    y0, _ = core.start_state(steady, 0.0)
     kick = np.array([0.02, 1.0, 0.0, -0.01, 0.0])
     record = free_response(p, tuple(np.array(y0) + kick), 200)
-    matrix, state = closed_loop_matrix(p), np.zeros(9 + p.control_delay_periods)
+    matrix, state = checks.closed_loop_matrix(p), np.zeros(9 + p.control_delay_periods)
     state[:5], state[8] = kick, kick[0]
     state[9:] = kick[4]
     expected = []
@@ -130,7 +128,7 @@ def test_without_backlash_the_joint_is_its_linear_two_mass_system(joint, changes
 
 def test_without_a_drive_the_modes_are_those_of_two_masses_on_a_spring(joint):
     p = replace(joint, torque_lag_s=0.0, **NO_DRIVE)
-    z = np.linalg.eigvals(closed_loop_matrix(p))
+    z = np.linalg.eigvals(checks.closed_loop_matrix(p))
     fastest = np.abs(np.angle(z)).max() / p.control_period_s
     ratios = p.ratios
     assert fastest == pytest.approx(math.sqrt(ratios["stiffness_per_s2"] * (1 + ratios["inertia_ratio"])))
@@ -140,8 +138,8 @@ def test_a_rigid_coupling_moves_both_inertias_as_one(joint):
     rigid = replace(joint, stiffness_nm_per_rad=1e9 * joint.stiffness_nm_per_rad)
     one = joint.motor_inertia_kgm2 + joint.load_inertia_kgm2 / joint.gear_ratio**2
     single = replace(joint, motor_inertia_kgm2=one)
-    modes = np.linalg.eigvals(closed_loop_matrix(rigid))
-    for mode in np.linalg.eigvals(closed_loop_matrix(single, in_contact=False)):
+    modes = np.linalg.eigvals(checks.closed_loop_matrix(rigid))
+    for mode in np.linalg.eigvals(checks.closed_loop_matrix(single, in_contact=False)):
         # The load's free motion (1) and the drive's unused memory (0) are no modes of the single mass.
         if 1e-6 < abs(mode) < 1 - 1e-9:
             assert np.abs(modes - mode).min() < 1e-4
@@ -312,7 +310,7 @@ def test_a_bad_run_is_refused_by_name(joint, arguments, word):
 
 
 def test_a_diverging_run_is_named_and_never_returned(joint, monkeypatch):
-    monkeypatch.setattr(joint_module, "_check_stability", lambda p: None)
+    monkeypatch.setattr(checks, "check_stability", lambda p: None)
     wild = replace(joint, speed_gain_nms_per_rad=20 * joint.speed_gain_nms_per_rad)
     with pytest.raises(DivergenceError, match=r"diverged at t = .* delta_rad = 0.0015"):
         simulate(wild, DELTA)
