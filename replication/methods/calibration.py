@@ -1,7 +1,7 @@
 """From what a method reads to the backlash: calibrations, made with the estimator that measures."""
 
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 
@@ -12,7 +12,8 @@ from scipy import stats
 
 from replication.characteristic import RPM_PER_RPS, equation_10, printed_levels_rad
 from replication.datasets import COMMANDED_SPEED_RPS, TURN_PERIOD_S, Recording
-from replication.methods.readings import METHODS, Reading, read
+from replication.global_fit.fit import GlobalFit
+from replication.methods.readings import METHODS, Reading, read, reading_of_fit
 from replication.methods.waveform import LEAST_LEVELS, WaveformBank, make_bank, match, mean_turn, samples_a_turn
 from replication.simulator.recordings import simulate_recordings
 from replication.simulator.simulate import identified_joint
@@ -173,26 +174,12 @@ def _fits(bank: WaveformBank) -> bool:
     return bool(shaped and (np.diff(delta) > 0).all() and np.isfinite(delta).all() and np.isfinite(waves).all())
 
 
-def measure(
-    recording: Recording,
-    calibration: Calibration,
-    repeats: int = 30,
-    seed: int = 1,
-    period_tolerance: float = 0.0,
-) -> Reading:
-    """Read off a record what a calibration needs; parameters as in `read`.
-
-    Raises
-    ------
-    ValueError
-        See `read`; also a record of another turn period than the calibration's.
-    """
-    if abs(recording.turn_period_s / calibration.turn_period_s - 1) > PERIOD_MISMATCH:
-        raise ValueError(
-            f"{recording.source}: a turn takes {recording.turn_period_s:g} s, in the calibration "
-            f"{calibration.turn_period_s:g} s; calibrate and measure at the same speed"
-        )
-    return read(recording, calibration.method, calibration.bank, repeats, seed, period_tolerance)
+def backlashes(recording: Recording, fit: GlobalFit, calibrations: Mapping[str, Calibration]) -> dict[str, Backlash]:
+    """Backlash of a record by several calibrations, from its one global fit; keys as in `calibrations`."""
+    return {
+        name: calibration.backlash(reading_of_fit(recording, calibration.method, fit, calibration.bank))
+        for name, calibration in calibrations.items()
+    }
 
 
 def _fitted(value: FloatArray, delta: FloatArray) -> Polynomial:

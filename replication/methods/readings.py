@@ -40,6 +40,8 @@ class Reading:
         T_f, given or found [s].
     at_bound : tuple of str
         What lies at a bound of its search.
+    shift_turns : float
+        For "waveform", the phase of the record against the bank [turns].
     """
 
     method: str
@@ -50,6 +52,7 @@ class Reading:
     rmse_rps: float
     turn_period_s: float
     at_bound: tuple[str, ...] = ()
+    shift_turns: float = 0.0
 
 
 def protocol_for(recording: Recording) -> Protocol:
@@ -139,9 +142,12 @@ def read(
 
 
 def reading_of_fit(recording: Recording, method: str, fit: GlobalFit, bank: WaveformBank | None = None) -> Reading:
-    """Read a method's value off a record whose global fit is there; any method but "paper", as in `read`."""
-    rmse, at_bound = fit.rmse, fit.at_bound
-    if method == "amplitude":
+    """Read a method's value off a record whose global fit is there, as in `read`.
+
+    "paper" takes the fit's amplitude here: the searches are for the same one.
+    """
+    rmse, at_bound, shift = fit.rmse, fit.at_bound, 0.0
+    if method in ("paper", "amplitude"):
         value, interval = fit.amplitude_rps, fit.amplitude_interval_rps
     elif method == "energy":
         value, interval = signature_rms(recording, fit, protocol_for(recording))
@@ -149,8 +155,8 @@ def reading_of_fit(recording: Recording, method: str, fit: GlobalFit, bank: Wave
         value, interval = _impact(recording, fit)
     else:
         found = match(replace(recording, turn_period_s=fit.turn_period_s), bank)
-        value, interval, rmse = found.delta_rad, found.interval_rad, found.rmse_rps
+        value, interval, rmse, shift = found.delta_rad, found.interval_rad, found.rmse_rps, found.shift_turns
         at_bound = ("backlash",) if found.at_end else ()
     return Reading(
-        method, value, interval, fit.amplitude_rps, fit.amplitude_interval_rps, rmse, fit.turn_period_s, at_bound
+        method, value, interval, fit.amplitude_rps, fit.amplitude_interval_rps, rmse, fit.turn_period_s, at_bound, shift
     )

@@ -18,7 +18,6 @@ from replication.datasets import Recording
 from replication.global_fit.fit import GlobalFit, global_fit
 from replication.methods.calibration import PERIOD_MISMATCH, Backlash, Calibration, default_calibration
 from replication.methods.readings import Reading, protocol_for, read, reading_of_fit
-from replication.methods.waveform import match
 from replication.sensor.columns import LogFormat
 from replication.sensor.prepare import CannotTell, read_log
 from replication.sensor.presence import (
@@ -271,9 +270,9 @@ def _measured(
     if doubt := _other_movement(recording, calibration):
         amplitude = reading_of_fit(recording, "amplitude", fit)
         return _with_amplitude(nothing, amplitude, str(doubt)), _signature_curve(recording, fit)
-    model = _model_curve(recording, calibration, fit)
-    share = explained_share(recording, model, presence)
     reading = _reading(recording, settings, fit)
+    model = _model_curve(recording, calibration, fit, reading)
+    share = explained_share(recording, model, presence)
     if share < _LEAST_SHARE:
         doubt = CannotTell(
             "no signature",
@@ -339,13 +338,12 @@ def _signature_curve(recording: Recording, fit: GlobalFit) -> FloatArray:
     return signature(recording.t, fit.X, protocol_for(recording).timing)
 
 
-def _model_curve(recording: Recording, calibration: Calibration, fit: GlobalFit) -> FloatArray:
+def _model_curve(recording: Recording, calibration: Calibration, fit: GlobalFit, reading: Reading) -> FloatArray:
     """What the method fits, at a record's samples, less its mean [rps]."""
     if calibration.bank is None:
         return _signature_curve(recording, fit)
-    found = match(recording, calibration.bank)
     turns = (recording.t - recording.t[0]) / recording.turn_period_s
-    return calibration.bank.at(found.delta_rad)((turns - found.shift_turns) % 1.0)
+    return calibration.bank.at(reading.value)((turns - reading.shift_turns) % 1.0)
 
 
 # ---------------------------------------------------------------------------------------------------------------

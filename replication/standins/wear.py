@@ -1,7 +1,7 @@
 """Eight months of wear on the stand-in bench: what the sensor reads at each test, and when it calls for maintenance."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 import pandas as pd
@@ -9,8 +9,7 @@ from joblib import Parallel, delayed
 from numpy.typing import NDArray
 
 from replication.global_fit.fit import global_fit
-from replication.methods.calibration import Calibration
-from replication.methods.readings import reading_of_fit
+from replication.methods.calibration import Calibration, backlashes
 from replication.standins.joints import Bench, encoder_log
 
 FloatArray = NDArray[np.float64]
@@ -76,14 +75,8 @@ def _read_log(
     """A [rps], and estimate, low and high end of the backlash [rad], by each calibration; one global fit for all."""
     record = encoder_log(bench, delta_rad, np.random.default_rng(seed))
     fit = global_fit(record)
-    found = []
-    for calibration in calibrations.values():
-        # Equation 10 takes the global fit's amplitude here: thirty searches a log would find the same.
-        method = "amplitude" if calibration.method == "paper" else calibration.method
-        reading = reading_of_fit(record, method, fit, calibration.bank)
-        backlash = calibration.backlash(replace(reading, method=calibration.method))
-        found.append((fit.amplitude_rps, backlash.delta_rad, *backlash.interval_rad))
-    return found
+    found = backlashes(record, fit, calibrations)
+    return [(fit.amplitude_rps, backlash.delta_rad, *backlash.interval_rad) for backlash in found.values()]
 
 
 def wear_tests(

@@ -10,7 +10,7 @@ from numpy.polynomial import Polynomial
 from replication import published
 from replication.datasets import Recording, add_uniform_noise, level_delta_rad
 from replication.global_fit.fit import global_fit
-from replication.methods.calibration import Calibration, calibrate, default_calibration, fit_polynomial
+from replication.methods.calibration import Calibration, backlashes, calibrate, default_calibration, fit_polynomial
 from replication.methods.joint_match import NUISANCES, match_joint
 from replication.methods.readings import protocol_for, reading_of_fit
 from replication.methods.waveform import make_bank, match, mean_turn
@@ -72,12 +72,12 @@ def cross_validation(
         ]
     )
     turns = {log: mean_turn(record, 200) for log, record in records.items()}
-    bank, printed = default_calibration("waveform").bank, default_calibration("paper")
+    calibrations = {"equation 10": default_calibration("paper"), "waveform": default_calibration("waveform")}
 
     def measured(log: tuple[int, int]) -> dict[str, float]:
         record = records[log]
-        found = {"equation 10": printed.delta_rad(fits[log].amplitude_rps)}
-        found |= _cross_validated(log, values, turns, record) | {"waveform": match(record, bank).delta_rad}
+        calibrated = {name: b.delta_rad for name, b in backlashes(record, fits[log], calibrations).items()}
+        found = {"equation 10": calibrated["equation 10"]} | _cross_validated(log, values, turns, record) | calibrated
         return found | {name: match_joint(record, joint, free).delta_rad for name, free in JOINT_METHODS.items()}
 
     logs = [log for log in records if log[1] in scored]
@@ -142,10 +142,7 @@ def _made(joint: JointParameters, delta: float, settings: Mapping[str, float], r
 def _errors(joint, delta, settings, calibrations: Mapping[str, Calibration], seed: int) -> dict[str, float]:
     record = _made(joint, delta, settings, np.random.default_rng(seed))
     fit = global_fit(record, protocol_for(record))
-    found = {
-        name: calibration.backlash(reading_of_fit(record, name, fit, calibration.bank)).delta_rad
-        for name, calibration in calibrations.items()
-    }
+    found = {name: backlash.delta_rad for name, backlash in backlashes(record, fit, calibrations).items()}
     if not settings["encoder_bits"]:
         found["joint"] = match_joint(record, joint).delta_rad
     return {name: value - delta for name, value in found.items()}

@@ -8,9 +8,9 @@ import pandas as pd
 from joblib import Parallel, delayed
 
 from replication.global_fit.fit import global_fit
-from replication.methods.calibration import Calibration, default_calibration
+from replication.methods.calibration import Calibration, backlashes, default_calibration
 from replication.methods.joint_match import NUISANCES, changed, match_joint
-from replication.methods.readings import protocol_for, reading_of_fit
+from replication.methods.readings import protocol_for
 from replication.simulator.recordings import simulate_recordings
 from replication.simulator.simulate import JointParameters
 
@@ -62,9 +62,7 @@ def _errors(
     """Error [rad] of each method on a record of the changed joint."""
     record = simulate_recordings(CHANGES[name](joint, share), [delta])[0]
     fit = global_fit(record, protocol_for(record))
-    found = {"equation 10": default_calibration("paper").delta_rad(fit.amplitude_rps)}
-    for method, calibration in calibrations.items():
-        found[method] = calibration.backlash(reading_of_fit(record, method, fit, calibration.bank)).delta_rad
+    found = {method: backlash.delta_rad for method, backlash in backlashes(record, fit, calibrations).items()}
     known = replace(joint, commanded_speed_rps=record.commanded_speed_rps)
     found[JOINT] = match_joint(record, known, tuple(NUISANCES)).delta_rad
     return {method: value - delta for method, value in found.items()}
@@ -91,7 +89,8 @@ def robustness(joint: JointParameters, deltas_rad: Sequence[float], shares: Sequ
     DataFrame
         `parameter, change, delta_rad, method, error_rad`; parameter "nothing" has no change.
     """
-    calibrations = {method: default_calibration(method) for method in ("amplitude", "energy", "waveform")}
+    calibrations = {"equation 10": default_calibration("paper")}
+    calibrations |= {method: default_calibration(method) for method in ("amplitude", "energy", "waveform")}
     jobs = [
         (name, share, delta)
         for name in CHANGES
