@@ -7,10 +7,12 @@ from pathlib import Path
 
 from replication import simulated, workbook
 from replication.datasets import WORKBOOK_FILES, DataCorrupt, DataUnavailable, authors_file
+from replication.report import flips
+from replication.report import page as report
 from replication.sensor import commands
 from replication.sensor.tables import UnusableLog
 from replication.studies import scoreboard, sensitivity, timings
-from replication.workbook import files, flips, judging, provenance, report
+from replication.workbook import files, judging, provenance
 
 
 def main(arguments: list[str] | None = None) -> int:

@@ -226,7 +226,7 @@ def page(results: Path, notebooks: Path, quick: bool = False) -> str:
     with_rows = [part["name"] for part in elements]
     kinds = [*counts.columns[2:], *dict.fromkeys(row["verdict"] for row in claims)]
     environment = Environment(
-        loader=PackageLoader("replication.workbook"), autoescape=True, undefined=StrictUndefined, trim_blocks=True
+        loader=PackageLoader("replication.report"), autoescape=True, undefined=StrictUndefined, trim_blocks=True
     )
     return environment.get_template("report.html.j2").render(
         quick=quick,

@@ -14,7 +14,8 @@ import pytest
 import websocket
 
 from replication import published, workbook
-from replication.workbook import files, provenance, report
+from replication.report import page as report
+from replication.workbook import files, provenance
 
 RESULTS = workbook.ROOT / "results"
 NOTEBOOKS = workbook.ROOT / "notebooks"

@@ -7,7 +7,7 @@ import pytest
 
 from replication import published, workbook
 from replication.__main__ import main
-from replication.workbook import flips
+from replication.report import flips
 
 RESULTS = workbook.ROOT / "results"
 
