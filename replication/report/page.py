@@ -12,7 +12,7 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
 from replication import published, workbook
-from replication.workbook import files, judging
+from replication.workbook import files, judging, provenance
 
 # Signs beside the words, so that colour is never the only one.
 SIGNS = {
@@ -187,13 +187,13 @@ def _sensitivity(results: Path) -> tuple[list[dict], list[str]]:
     return rows, columns
 
 
-def _made_from(sources: dict) -> str:
-    """Say which sources the results were made from."""
-    mark = f"sources with the fingerprint {sources['sha256'][:16]}"
-    if not sources["commit"]:
-        return f"Made from {mark}; no commit is known."
-    changed = ", with changes that were not committed then" if sources["local_changes"] else ""
-    return f"Made from commit {sources['commit'][:12]} of {sources['committed']}{changed}: {mark}."
+def _versions(made_from: dict[str, dict]) -> dict[str, str]:
+    """Versions of Python and of the packages that the results were made with, by name."""
+    found: dict[str, set[str]] = {}
+    for record in made_from.values():
+        for name, version in ({"Python": record["python"]} | record["packages"]).items():
+            found.setdefault(name, set()).add(version)
+    return {name: " and ".join(sorted(versions)) for name, versions in sorted(found.items())}
 
 
 # ---------------------------------------------------------------------------------------------------------------
@@ -222,7 +222,7 @@ def page(results: Path, notebooks: Path, quick: bool = False) -> str:
     drawn = pictures(results.parent / "figures", notebooks)
     elements, claims = _elements(verdicts, drawn), _claims(results)
     sensitivity, columns = _sensitivity(results)
-    provenance = json.loads((results / "provenance.json").read_text(encoding="utf-8"))
+    made_from = json.loads((results / "provenance.json").read_text(encoding="utf-8"))
     with_rows = [part["name"] for part in elements]
     kinds = [*counts.columns[2:], *dict.fromkeys(row["verdict"] for row in claims)]
     environment = Environment(
@@ -235,8 +235,8 @@ def page(results: Path, notebooks: Path, quick: bool = False) -> str:
         signs=SIGNS,
         totals=counts.drop(columns=["element", "source"]).sum().to_dict(),
         counts=counts.to_dict("records"),
-        made_from=_made_from(provenance["sources"]),
-        provenance=provenance,
+        versions=_versions(made_from),
+        stale=provenance.stale(results),
         filters={"verdict": kinds, "element": [*with_rows, "Claims"], "source": sorted(set(verdicts["source"]))},
         elements=elements,
         claims=claims,
