@@ -102,8 +102,8 @@ def _collect(options: argparse.Namespace) -> int:
 def _check(options: argparse.Namespace) -> int:
     table = judging.verdicts(_results(options))
     print(judging.verdict_text(table))
-    for notebook, files in provenance.stale(_results(options)).items():
-        print(f"stale: {notebook}: changed since: {', '.join(files)}")
+    for notebook, changed in provenance.stale(_results(options)).items():
+        print(f"stale: {notebook}: changed since: {', '.join(changed)}")
     return 1 if (table["verdict"] == "differs").any() else 0
 
 
