@@ -1,6 +1,8 @@
 """Every number the paper prints, once, from the data files beside this module."""
 
+from dataclasses import dataclass
 from decimal import Decimal
+from fnmatch import fnmatchcase
 from functools import cache
 from importlib.resources import files
 from importlib.resources.abc import Traversable
@@ -63,6 +65,51 @@ def tolerance(cell: str) -> float:
     """Largest difference from the printed value that still reproduces a cell, in the cell's unit."""
     row = _cells().loc[cell]
     return float(row["abs_tol"] + row["rel_tol"] * abs(row["value"]))
+
+
+def basis(cell: str, source: str) -> pd.Series:
+    """What an agreement with a cell would be worth.
+
+    Parameters
+    ----------
+    cell, source : str
+        Cell id, and where our number comes from: "authors", "chosen", "simulated" or "stand-in".
+
+    Returns
+    -------
+    Series
+        `basis` is "evidence", "consistent" (follows from other printed numbers), "given" (taken over from the paper)
+        or "undecided" (only unpublished data could tell). `fails_if` says what would have made the cell fail, or why
+        nothing could.
+
+    Raises
+    ------
+    KeyError
+        `basis.csv` says nothing of such a cell.
+    """
+    for _, row in _table("basis.csv").iterrows():
+        if fnmatchcase(cell, row["cells"]) and row["source"] in (source, "*"):
+            return row
+    raise KeyError(f"{cell}, {source}: no row of basis.csv is about it")
+
+
+@dataclass(frozen=True)
+class Correction:
+    """What a cell should print: the number, what its last digit leaves open, and the erratum's words."""
+
+    value: float
+    tolerance: float
+    corrected: str
+
+
+def correction(cell: str) -> Correction | None:
+    """Corrected value of a cell that an erratum names, if one does."""
+    for _, row in errata().iterrows():
+        for part in row["cells"].split():
+            name, _, number = part.partition("=")
+            if name == cell:
+                return Correction(float(number), half_last_digit(number), row["corrected"])
+    return None
 
 
 def half_last_digit(printed: str) -> float:

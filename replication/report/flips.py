@@ -60,11 +60,8 @@ def flips(results: Path, verdicts: pd.DataFrame, claims: pd.DataFrame) -> pd.Dat
         verdicts.set_index(["id", "source"])[["verdict", "reproduced"]],
         now[now["verdict"] != "not-run"].set_index(["id", "source"])[["verdict", "reproduced"]],
     )
-    says = {True: "holds", False: "does not hold"}
     before, after = (
-        table.assign(source="claim", verdict=table["holds"].map(says)).set_index(["id", "source"])[
-            ["verdict", "measured"]
-        ]
+        table.assign(source="claim").set_index(["id", "source"])[["verdict", "measured"]]
         for table in (claims, judging.decided_claims(results))
     )
     return pd.concat([cells, _flipped(before, after)], ignore_index=True)

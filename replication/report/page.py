@@ -24,6 +24,9 @@ SIGNS = {
     "holds": "✓",
     "does not hold": "✗",
     "not decided": "–",
+    "consistent": "=",
+    "given": "→",
+    "undecided": "?",
 }
 LARGEST_SVG = 300_000  # bytes; a larger figure goes in as PNG
 FIGURE_NAME = re.compile(r"(figure|table|equation)0*(\d+)_")
@@ -164,9 +167,8 @@ def _order(element: str) -> tuple[int, int]:
 def _claims(results: Path) -> list[dict]:
     """The claims with their checks and decisions."""
     decided = pd.read_csv(results / "claims.csv", keep_default_na=False).set_index("id")
-    rows = published.claims().join(decided[["holds", "measured", "notebook"]]).fillna("").reset_index()
-    says = {"True": "holds", "False": "does not hold"}
-    return [row | {"verdict": says.get(str(row["holds"]), "not decided")} for row in rows.to_dict("records")]
+    rows = published.claims().join(decided[["verdict", "measured", "notebook"]]).fillna("").reset_index()
+    return [row | {"verdict": row["verdict"] or "not decided"} for row in rows.to_dict("records")]
 
 
 def _sensitivity(results: Path) -> tuple[list[dict], list[str]]:

@@ -1,6 +1,7 @@
 """Verdicts: the notebooks' outcomes compared with what the paper prints."""
 
 import json
+import math
 from pathlib import Path
 
 import pandas as pd
@@ -9,10 +10,15 @@ from replication import published
 from replication.workbook.files import ROOT
 
 VERDICT_COLUMNS = [
-    *("id", "source", "printed", "published", "reproduced", "difference", "tolerance"),
-    *("verdict", "reason", "notebook"),
+    *("id", "source", "printed", "published", "reproduced", "difference", "tolerance", "low", "high"),
+    *("verdict", "by_tolerance", "reason", "fails_if", "notebook"),
 ]
-VERDICTS = ("reproduced", "erratum", "stand-in", "differs", "not-run")
+# What is decided by evidence comes first; the headlines count it alone.
+EVIDENCE = ("reproduced", "erratum", "differs")
+VERDICTS = (*EVIDENCE, "consistent", "given", "undecided", "stand-in", "not-run")
+CLAIM_VERDICTS = {True: "holds", False: "does not hold", None: "undecided"}
+# A region that holds so large a share of the same column's other printed numbers says nothing about its own.
+WIDEST_SHARE = 0.5
 
 
 def judge(found: pd.DataFrame) -> pd.DataFrame:
@@ -21,51 +27,68 @@ def judge(found: pd.DataFrame) -> pd.DataFrame:
     Parameters
     ----------
     found : DataFrame
-        Columns `id, source, reproduced, notebook`.
+        Columns `id, source, reproduced, notebook`; `low` and `high` where a predictive region says between which
+        numbers the printed one should lie.
 
     Returns
     -------
     DataFrame
-        Columns `id, source, printed, published, reproduced, difference, tolerance, verdict, reason, notebook`.
+        Columns `VERDICT_COLUMNS`. `low` to `high` is the region that decides, `by_tolerance` what the cell's tolerance
+        would decide, `fails_if` what would have made a cell fail that is decided by evidence.
     """
-    return pd.DataFrame([_judge_cell(**row) for row in found.to_dict("records")])
+    return pd.DataFrame([_judge_cell(row) for row in found.to_dict("records")])
 
 
-def _judge_cell(id: str, source: str, reproduced: float, notebook: str) -> dict:
-    cell = published.cells().loc[id]
-    value, tolerance = float(cell["value"]), published.tolerance(id)
-    difference = reproduced - value
-    close = difference <= tolerance if cell["kind"] == "bound" else abs(difference) <= tolerance
-    erratum = _errata_by_cell().get(id)
-    if source == "stand-in":
-        verdict, reason = (
-            "stand-in",
-            "the original logs were never published; a simulated stand-in cannot reproduce them",
-        )
-    elif close:
-        verdict, reason = "reproduced", cell["tol_reason"]
-    elif erratum:
-        verdict, reason = "erratum", erratum
-    else:
-        verdict, reason = "differs", _known_reasons().get((id, source), "no explanation known")
+def _judge_cell(row: dict) -> dict:
+    cell, basis = published.cells().loc[row["id"]], published.basis(row["id"], row["source"])
+    value, tolerance, ours = float(cell["value"]), published.tolerance(row["id"]), row["reproduced"]
+    by_tolerance = (ours - tolerance, math.inf if cell["kind"] == "bound" else ours + tolerance)
+    predicted = not pd.isna(row.get("low", math.nan))
+    region = (row["low"], row["high"]) if predicted else by_tolerance
+    verdict, reason = _verdict(cell, basis, row, region)
+    if verdict == "reproduced" and predicted:
+        verdict, reason = _unless_too_wide(cell, region)
     return {
-        "id": id,
-        "source": source,
+        "id": row["id"],
+        "source": row["source"],
         "printed": cell["printed"],
         "published": value,
-        "reproduced": reproduced,
-        "difference": difference,
+        "reproduced": ours,
+        "difference": ours - value,
         "tolerance": tolerance,
+        "low": region[0],
+        "high": region[1],
         "verdict": verdict,
+        "by_tolerance": _verdict(cell, basis, row, by_tolerance)[0] if predicted else verdict,
         "reason": reason,
-        "notebook": notebook,
+        "fails_if": basis["fails_if"] if verdict in EVIDENCE else "",
+        "notebook": row["notebook"],
     }
 
 
-def _errata_by_cell() -> dict[str, str]:
-    """Correction of each cell that an erratum names."""
-    errata = published.errata()
-    return {cell: row["corrected"] for _, row in errata.iterrows() for cell in row["cells"].split()}
+def _verdict(cell: pd.Series, basis: pd.Series, row: dict, region: tuple[float, float]) -> tuple[str, str]:
+    """Verdict on a cell, and its reason."""
+    if row["source"] == "stand-in":
+        return "stand-in", "the original logs were never published; a simulated stand-in cannot reproduce them"
+    if basis["basis"] == "undecided":
+        return "undecided", basis["fails_if"]
+    if region[0] <= float(cell["value"]) <= region[1]:
+        word = {"evidence": "reproduced"}.get(basis["basis"], basis["basis"])
+        return word, cell["tol_reason"] if basis["basis"] == "evidence" else basis["fails_if"]
+    erratum = published.correction(row["id"])
+    if erratum is not None and abs(row["reproduced"] - erratum.value) <= erratum.tolerance:
+        return "erratum", f"corrected: {erratum.corrected}"
+    return "differs", _known_reasons().get((row["id"], row["source"]), "no explanation known")
+
+
+def _unless_too_wide(cell: pd.Series, region: tuple[float, float]) -> tuple[str, str]:
+    """`reproduced`, unless the region would hold most of the other printed numbers of its column as well."""
+    others = published.column(cell["element"], cell["column"])
+    others = others[others != cell["value"]]
+    share = ((region[0] <= others) & (others <= region[1])).mean() if others.size else 0.0
+    if share >= WIDEST_SHARE:
+        return "undecided", f"the predictive region also holds {share:.0%} of the column's other printed numbers"
+    return "reproduced", "inside the region that holds 95 % of the tables which this protocol would print"
 
 
 def _known_reasons() -> dict[tuple[str, str], str]:
@@ -87,7 +110,7 @@ def verdicts(results: Path) -> pd.DataFrame:
     """Judge every printed cell from the notebooks' outcomes; cells that none has computed are `not-run`."""
     found = pd.DataFrame(
         [row | {"notebook": name} for name, outcome in outcomes(results).items() for row in outcome["cells"]],
-        columns=["id", "source", "reproduced", "notebook"],
+        columns=["id", "source", "reproduced", "low", "high", "notebook"],
     )
     judged = judge(found)
     cells = published.cells()
@@ -102,6 +125,8 @@ def verdicts(results: Path) -> pd.DataFrame:
             "published": missing["value"].to_numpy(),
             "tolerance": [published.tolerance(cell) for cell in missing.index],
             "verdict": "not-run",
+            "by_tolerance": "not-run",
+            "fails_if": "",
             "reason": "taken from the paper or never published; no notebook measures it",
         }
     )
@@ -112,9 +137,13 @@ def verdicts(results: Path) -> pd.DataFrame:
 
 
 def decided_claims(results: Path) -> pd.DataFrame:
-    """What the notebooks' outcomes say of the prose claims: `id, holds, measured, notebook`."""
-    rows = [row | {"notebook": name} for name, outcome in outcomes(results).items() for row in outcome["claims"]]
-    return pd.DataFrame(rows, columns=["id", "holds", "measured", "notebook"])
+    """What the notebooks' outcomes say of the prose claims: `id, verdict, measured, notebook`."""
+    rows = [
+        {"id": row["id"], "verdict": CLAIM_VERDICTS[row["holds"]], "measured": row["measured"], "notebook": name}
+        for name, outcome in outcomes(results).items()
+        for row in outcome["claims"]
+    ]
+    return pd.DataFrame(rows, columns=["id", "verdict", "measured", "notebook"])
 
 
 def verdict_counts(table: pd.DataFrame) -> pd.DataFrame:

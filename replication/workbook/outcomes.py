@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import pandas as pd
 
 from replication.workbook.files import FLOAT_FORMAT, ROOT, write_csv, write_json
-from replication.workbook.judging import judge
+from replication.workbook.judging import CLAIM_VERDICTS, judge
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -46,16 +46,20 @@ def notebook_name() -> str:
 
 
 def verdict(
-    cells: Mapping[str, Mapping[str, float]] | None = None, claims: Mapping[str, tuple[bool, str]] | None = None
+    cells: Mapping[str, Mapping[str, float]] | None = None,
+    claims: Mapping[str, tuple[bool | None, str]] | None = None,
+    regions: Mapping[str, Mapping[str, tuple[float, float]]] | None = None,
 ) -> pd.DataFrame:
     """Export what a notebook found about printed cells and claims.
 
     Parameters
     ----------
     cells : mapping of source to mapping of cell id to number
-        Reproduced values in each cell's unit; a source is "authors", "simulated" or "stand-in".
+        Reproduced values in each cell's unit; a source is "authors", "chosen", "simulated" or "stand-in".
     claims : mapping of claim id to (holds, what was measured)
-        Decisions on prose claims.
+        Decisions on prose claims; None in place of a truth value is "undecided".
+    regions : mapping of source to mapping of cell id to (low, high)
+        Between which numbers the printed one should lie, where not the cell's tolerance decides.
 
     Returns
     -------
@@ -63,20 +67,26 @@ def verdict(
         The verdicts on these cells and claims, to be shown.
     """
     rows = [
-        {"id": cell, "source": source, "reproduced": float(FLOAT_FORMAT % number)}
+        {"id": cell, "source": source, "reproduced": _kept(number)}
+        | dict(zip(("low", "high"), map(_kept, (regions or {}).get(source, {}).get(cell, ())), strict=False))
         for source, numbers in (cells or {}).items()
         for cell, number in numbers.items()
     ]
-    decided = [{"id": key, "holds": bool(holds), "measured": text} for key, (holds, text) in (claims or {}).items()]
+    decided = [
+        {"id": key, "holds": None if holds is None else bool(holds), "measured": text}
+        for key, (holds, text) in (claims or {}).items()
+    ]
     name = notebook_name()
     write_json(output_folder() / "results" / "outcomes" / f"{name}.json", {"cells": rows, "claims": decided})
     judged = judge(pd.DataFrame(rows).assign(notebook=name)) if rows else pd.DataFrame()
-    shown = ["id", "source", "printed", "reproduced", "difference", "tolerance", "verdict"]
     said = pd.DataFrame(
-        [
-            {"id": row["id"], "reproduced": row["measured"], "verdict": "holds" if row["holds"] else "does not hold"}
-            for row in decided
-        ]
+        [{"id": row["id"], "reproduced": row["measured"], "verdict": CLAIM_VERDICTS[row["holds"]]} for row in decided]
     )
     table = pd.concat([part for part in (judged, said) if not part.empty], ignore_index=True)
+    shown = ["id", "source", "printed", "reproduced", "low", "high", "verdict"]
     return table.reindex(columns=shown).astype(object).where(lambda t: t.notna(), "")
+
+
+def _kept(number: float) -> float:
+    """A number as the results keep it, to six digits."""
+    return float(FLOAT_FORMAT % number)

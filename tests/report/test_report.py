@@ -84,7 +84,7 @@ def test_the_sensitivity_matrix_has_the_order_of_the_paper_whatever_the_hash_see
 def test_text_from_the_data_is_escaped(tmp_path):
     for name in ("outcomes", "figures"):
         (tmp_path / "results" / name).mkdir(parents=True)
-    claims = published.claims().reset_index().assign(holds=True, measured="<b>1 & 2</b>", notebook="01_signature")
+    claims = published.claims().reset_index().assign(verdict="holds", measured="<b>1 & 2</b>", notebook="01_signature")
     claims.to_csv(tmp_path / "results" / "claims.csv", index=False)
     provenance.collect(tmp_path / "results")
     claims.to_csv(tmp_path / "results" / "claims.csv", index=False)
