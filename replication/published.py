@@ -147,3 +147,8 @@ def known_differences() -> pd.DataFrame:
 def authors_notebook_runs() -> pd.DataFrame:
     """Load the 30 runs that the authors' notebook stores, on their record 12 (one row a run)."""
     return _table("authors_notebook_runs.csv")
+
+
+def authors_notebook_generations() -> pd.DataFrame:
+    """Load what the authors' notebook prints of runs 1 to 20: a row a printed generation, some 17 of each run."""
+    return _table("authors_notebook_generations.csv")

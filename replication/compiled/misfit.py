@@ -26,9 +26,9 @@ def _first_at_or_after(t: FloatArray, instant: float, dt: float) -> int:
 def _subtract_window(error, t, dt, A, start, tau, omega, T1, T2, decay_cos, decay_sin):
     """Subtract one damped oscillation from `error` in place, by its tabulated powers."""
     first = _first_at_or_after(t, start + T1, dt)
-    last = first + decay_cos.size
+    last = min(first + decay_cos.size, t.size)
     gate = start + T2
-    while last > first and (last > t.size or t[last - 1] > gate):
+    while last > first and t[last - 1] > gate:
         last -= 1
     if last == first:
         return
@@ -36,8 +36,9 @@ def _subtract_window(error, t, dt, A, start, tau, omega, T1, T2, decay_cos, deca
     phase = omega * (t[first] - start)
     a = amplitude * np.sin(phase)
     b = amplitude * np.cos(phase)
-    for j in range(last - first):
-        error[first + j] -= a * decay_cos[j] + b * decay_sin[j]
+    part = error[first:last]  # an index that cannot be negative lets the loop be vectorised
+    for j in range(part.size):
+        part[j] -= a * decay_cos[j] + b * decay_sin[j]
 
 
 @numba.njit(cache=True)

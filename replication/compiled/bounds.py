@@ -1,0 +1,82 @@
+"""How unbounded samples get into a box: the identity inside, bent to a half-parabola in a margin at each bound.
+
+Beyond the margins the map goes back and forth periodically. Form and margins are those of the library `cma`.
+"""
+
+from collections.abc import Callable
+
+import numba
+import numpy as np
+from numpy.typing import NDArray
+
+from replication.signature import Box
+
+FloatArray = NDArray[np.float64]
+Margin = Callable[[FloatArray], FloatArray]
+
+
+def margin_2021(bound: FloatArray) -> FloatArray:
+    """Width of the margin at a bound in cma before 3.4, which the authors' seeds belong to."""
+    return (1 + np.abs(bound)) / 20
+
+
+def margin_today(bound: FloatArray) -> FloatArray:
+    """Width of the margin at a bound in cma from 3.4 on."""
+    return np.maximum(1, np.abs(bound)) / 20
+
+
+def into_box(samples: FloatArray, box: Box, margin: Margin = margin_2021) -> FloatArray:
+    """Map a whole population into the box.
+
+    Parameters
+    ----------
+    samples : array of shape (members, parameters)
+        Unbounded samples.
+    box : Box
+        Where they have to be.
+    margin : callable
+        Width of the margin at a bound; never more than half the box.
+
+    Returns
+    -------
+    array of shape (members, parameters)
+    """
+    return _into_box(np.ascontiguousarray(samples), box.lower, box.upper, *_margins(box, margin))
+
+
+def from_box(point: FloatArray, box: Box, margin: Margin = margin_2021) -> FloatArray:
+    """Sample whose image under `into_box` is a point of the box; shape (parameters,)."""
+    lower_margin, upper_margin = _margins(box, margin)
+    near_lower = (box.lower - lower_margin) + 2 * (lower_margin * (point - box.lower)) ** 0.5
+    near_upper = (box.upper + upper_margin) - 2 * (upper_margin * (box.upper - point)) ** 0.5
+    inner = np.where(point < box.upper - upper_margin, point, near_upper)
+    return np.where(point < box.lower + lower_margin, near_lower, inner)
+
+
+def _margins(box: Box, margin: Margin) -> tuple[FloatArray, FloatArray]:
+    half = (box.upper - box.lower) / 2
+    return np.minimum(half, margin(box.lower)), np.minimum(half, margin(box.upper))
+
+
+@numba.njit(cache=True)
+def _into_box(samples, lower, upper, lower_margin, upper_margin):
+    """Compiled body of `into_box`, in the library's order of operations."""
+    members = np.empty_like(samples)
+    for p in range(samples.shape[0]):
+        for i in range(samples.shape[1]):
+            y = samples[p, i]
+            lb, ub, al, au = lower[i], upper[i], lower_margin[i], upper_margin[i]
+            start = lb - 2 * al - (ub - lb) / 2.0
+            if y < start or y > ub + 2 * au + (ub - lb) / 2.0:
+                period = 2 * (ub - lb + al + au)
+                y -= period * ((y - start) // period)
+            if y > ub + au:
+                y -= 2 * (y - ub - au)
+            if y < lb - al:
+                y += 2 * (lb - al - y)
+            if y < lb + al:
+                y = lb + (y - (lb - al)) ** 2 / 4 / al
+            if y > ub - au:
+                y = ub - (y - (ub + au)) ** 2 / 4 / au
+            members[p, i] = y
+    return members

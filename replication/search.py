@@ -1,0 +1,251 @@
+"""The paper's search, CMA-ES (equations 12 to 17), as the library of the authors' time computed it.
+
+Equations and symbols are the paper's. Constants, damping, negative weights and stop rules are those of N. Hansen's
+tutorial (arXiv:1604.00772) with the values of `cma` 3.0 to 3.2. In equation 17, c_1 = c_cov / mu_cov and
+c_mu = c_cov (1 - 1 / mu_cov), and the sum runs over all members: the worse half has negative weights. No BLAS and no
+LAPACK take part, so that a seed gives the same run on every processor.
+"""
+
+import math
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from replication.compiled.bounds import from_box, into_box
+from replication.compiled.eigen import symmetric_eigen
+from replication.signature import Box
+
+FloatArray = NDArray[np.float64]
+
+# What a search keeps of each generation.
+HISTORY = ("best", "median", "upper_quartile", "sigma", "axis_ratio", "smallest_std", "largest_std")
+
+
+@dataclass(frozen=True)
+class Constants:
+    """What the population and the dimension n fix: w_i of the ranked members, then the equations' constants."""
+
+    weights: FloatArray  # mu positive ones of sum 1 (equation 13), then equation 17's negative ones
+    mu: int
+    n: int
+    mu_eff: float
+    chi_n: float  # expected length of a standard normal vector
+    c_sigma: float
+    d_sigma: float
+    c_c: float
+    c_1: float
+    c_mu: float
+
+
+def constants(population: int, n: int) -> Constants:
+    """The constants for a population and n dimensions."""
+    raw = np.array([math.log((population + 1) / 2) - math.log(i) for i in range(1, population + 1)])
+    positive, negative = raw[raw > 0] / raw[raw > 0].sum(), raw[raw <= 0]
+    mu_eff, mu_eff_negative = 1 / (positive**2).sum(), negative.sum() ** 2 / (negative**2).sum()
+    c_sigma = (mu_eff + 2) / (n + mu_eff + 3)
+    c_1 = min(1, population / 6) * 2 / ((n + 1.3) ** 2 + mu_eff)
+    c_mu = min(1 - c_1, 2 * (mu_eff - 1.75 + 1 / mu_eff) / ((n + 2) ** 2 + mu_eff))
+    # As much as keeps the size of C on average, but no more than keeps it positive definite.
+    total = min(1 + c_1 / c_mu, (1 - c_1 - c_mu) / c_mu / n, 1 + 2 * mu_eff_negative / (mu_eff + 2))
+    return Constants(
+        weights=np.r_[positive, total * negative / abs(negative.sum())],
+        mu=positive.size,
+        n=n,
+        mu_eff=mu_eff,
+        chi_n=n**0.5 * (1 - 1 / (4 * n) + 1 / (21 * n**2)),  # the paper's quotient of Gamma functions within 1e-4
+        c_sigma=c_sigma,
+        d_sigma=1 + 2 * max(0, ((mu_eff - 1) / (n + 1)) ** 0.5 - 1) + c_sigma,
+        c_c=(4 + mu_eff / n) / (n + 4 + 2 * mu_eff / n),
+        c_1=c_1,
+        c_mu=c_mu,
+    )
+
+
+@dataclass(frozen=True)
+class State:
+    """The distribution of the next samples, and the paths; `unit` is the length that sigma and C count along x_i."""
+
+    g: int  # generations so far
+    m: FloatArray
+    sigma: float
+    C: FloatArray
+    p_sigma: FloatArray
+    p_c: FloatArray
+    unit: FloatArray
+    B: FloatArray  # axes of the C that was sampled last, in columns
+    D: FloatArray  # their lengths, ascending: C = B D^2 B'
+
+    @property
+    def std(self) -> FloatArray:
+        """Standard deviations of the next samples, shape (n,)."""
+        return self.sigma * (self.unit * np.sqrt(np.diag(self.C)))
+
+
+@dataclass(frozen=True)
+class Generation:
+    """One generation: samples x drawn from `before`, members in the box, misfits, ranks, and the state `after`."""
+
+    before: State
+    x: FloatArray
+    members: FloatArray
+    misfits: FloatArray
+    ranking: NDArray[np.int64]  # numbers of the members, the best first
+    after: State
+
+
+def decompose(state: State) -> State:
+    """Find axes B and lengths D of C; variances of C more than a factor 1e8 apart first go into the units."""
+    C, unit, p_c = (state.C + state.C.T) / 2, state.unit, state.p_c
+    variances = np.diag(C)
+    if variances.max() / variances.min() > 1e8:
+        factors = np.sqrt(variances)
+        C, unit, p_c = C / factors / factors[:, None], unit * factors, p_c / factors
+        C = (C + C.T) / 2
+    squares, B = symmetric_eigen(C)
+    # Rounding may leave an eigenvalue at or below 0; the floor is beyond the condition at which the search stops.
+    return replace(state, C=C, unit=unit, p_c=p_c, B=B, D=np.sqrt(np.maximum(squares, 1e-15 * squares[-1])))
+
+
+def sample(state: State, z: FloatArray) -> FloatArray:
+    """Equation 12: samples x of N(m, sigma^2 C) from standard normal z, both of shape (population, n)."""
+    return state.m + state.sigma * (state.unit * np.einsum("ij,kj->ki", state.B, state.D * z))
+
+
+def update(state: State, ranked: FloatArray, c: Constants) -> State:
+    """Equations 13 to 17: the next state from the samples x_{1:lambda} to x_{lambda:lambda}, the best first."""
+    g, B, D = state.g + 1, state.B, state.D
+    # Equation 13.
+    m = state.m + ((c.weights[: c.mu, None] * ranked[: c.mu]).sum(axis=0) - state.m)
+    shift = (m - state.m) / state.unit / state.sigma
+    # Equation 14, C^(-1/2) = B D^-1 B'.
+    white = np.einsum("ij,j->i", B, np.einsum("ij,i->j", B, shift) / D)
+    p_sigma = (1 - c.c_sigma) * state.p_sigma + (c.c_sigma * (2 - c.c_sigma) * c.mu_eff) ** 0.5 * white
+    # Equation 15, by a factor e at most.
+    squared = (p_sigma**2).sum()
+    sigma = state.sigma * math.exp(min(1.0, c.c_sigma / c.d_sigma * (squared**0.5 / c.chi_n - 1)))
+    # Equation 16; h_sigma is 0, and the path stalls, while p_sigma is much too long.
+    h_sigma = squared / (1 - (1 - c.c_sigma) ** (2 * g)) / c.n < 2 + 4 / (c.n + 1)
+    p_c = (1 - c.c_c) * state.p_c + h_sigma * (c.c_c * (2 - c.c_c) * c.mu_eff) ** 0.5 * shift
+    # Equation 17; where the weight is negative, y gets the expected length of a sample.
+    y = (ranked - state.m) / (state.sigma * state.unit)
+    length = np.sqrt(((np.einsum("ij,ki->kj", B, y) / D) ** 2).sum(axis=1))
+    w = np.where(c.weights < 0, c.weights * c.n / (length + 1e-9) ** 2, c.weights)
+    lost = c.c_1 * (1 - h_sigma) * c.c_c * (2 - c.c_c)  # by a stalled path: the paper's delta(h_sigma)
+    C = (1 - c.c_1 + lost - c.c_mu * c.weights.sum()) * state.C + c.c_1 * p_c[:, None] * p_c
+    C += c.c_mu * np.einsum("ki,kj->ij", w[:, None] * y, y)
+    return State(g, m, sigma, C, p_sigma, p_c, state.unit, B, D)
+
+
+def random_normals(seed: int) -> Callable[[int, int], FloatArray]:
+    """Standard normal numbers in the order of the stored runs, from a generator of their own; a seed above 0."""
+    if seed <= 0:
+        raise ValueError(f"seed {seed}: a seed above 0 is needed (cma takes 0 for the clock)")
+    return np.random.RandomState(seed).randn
+
+
+def generations(
+    misfits: Callable[[FloatArray], FloatArray],
+    box: Box,
+    normals: Callable[[int, int], FloatArray],
+    population: int,
+    sigma: float = 1.0,
+    start: FloatArray | None = None,
+) -> Iterator[Generation]:
+    """Go through the search one generation at a time, without end.
+
+    Parameters
+    ----------
+    misfits : callable
+        From members of shape (population, n) in the box to misfits of shape (population,).
+    box : Box
+        Bounds, each of shape (n,).
+    normals : callable
+        Gives standard normal numbers of a shape, as `random_normals` does.
+    population : int
+        Members lambda of a generation, at least 4.
+    sigma : float
+        First standard deviations, in quarters of the box.
+    start : array of shape (n,), optional
+        First mean; the middle of the box by default.
+
+    Raises
+    ------
+    ValueError
+        The population is below 4, the box is empty, inverted or not finite, sigma is not above 0, the start lies
+        outside the box, or a misfit is not finite.
+    """
+    n, width = box.lower.size, box.upper - box.lower
+    start = (box.lower + box.upper) / 2 if start is None else np.asarray(start, dtype=float)
+    if population < 4:
+        raise ValueError(f"population {population}: at least 4 members are needed")
+    if n == 0 or not np.all(np.isfinite(width) & (width > 0)):
+        raise ValueError("the box is empty: every lower bound must lie below its upper one, both finite")
+    if start.shape != (n,) or not np.all((box.lower <= start) & (start <= box.upper)):
+        raise ValueError(f"the start {start} lies outside the box")
+    if not (math.isfinite(sigma) and sigma > 0):
+        raise ValueError(f"sigma {sigma}: a number above 0 is needed")
+    c, nothing = constants(population, n), np.zeros(n)
+    C = np.diag([math.exp(1e-4 * i / n) for i in range(n)])  # the identity, but for an order of the axes
+    after = State(0, from_box(start, box), sigma, C, nothing, nothing, width / 4, np.eye(n), np.ones(n))
+    while True:
+        before = decompose(after)
+        x = sample(before, normals(population, n))
+        members = into_box(x, box)
+        found = np.asarray(misfits(members), dtype=float)
+        if found.shape != (population,) or not np.isfinite(found).all():
+            raise ValueError(f"generation {before.g + 1}: each member needs one misfit, a finite number")
+        ranking = np.argsort(found, kind="stable")
+        after = update(before, x[ranking], c)
+        yield Generation(before, x, members, found, ranking, after)
+
+
+@dataclass(frozen=True)
+class Search:
+    """A finished search: its best member, the rule that ended it, and a row of `HISTORY` for each generation."""
+
+    best: FloatArray
+    misfit: float
+    evaluations: int
+    stop: str
+    history: FloatArray
+
+
+def search(steps: Iterator[Generation], iterations: int) -> Search:
+    """Follow `generations` until a stop rule holds, for at most `iterations` generations."""
+    history = np.empty((iterations, len(HISTORY)))
+    best, misfit, first = np.empty(0), math.inf, None
+    for g, now in enumerate(steps):
+        first = first or now
+        ranked, std = now.misfits[now.ranking], now.after.std
+        quartile, axis_ratio = ranked[int(0.75 * ranked.size)], now.before.D[-1] / now.before.D[0]
+        history[g] = ranked[0], np.median(ranked), quartile, now.after.sigma, axis_ratio, std.min(), std.max()
+        if ranked[0] < misfit:
+            best, misfit = now.members[now.ranking[0]], float(ranked[0])
+        if stop := stop_rule(now, first, history[: g + 1], iterations):
+            return Search(best, misfit, (g + 1) * ranked.size, stop, history[: g + 1].copy())
+    raise ValueError("the generations ended before a stop rule held")
+
+
+def stop_rule(now: Generation, first: Generation, history: FloatArray, iterations: int) -> str:
+    """Name of the library's stop rule that holds after a generation, or ""; `history` as in `Search`, so far."""
+    state, n, size = now.after, now.after.m.size, now.misfits.size
+    std, recent, flat = state.std, history[-10 - 30 * n // size :, 0], history[-2:, 2] <= history[-2:, 0]
+    axis = 0.1 * state.sigma * state.D[state.g % n] * state.unit * state.B[:, state.g % n]
+    fifth = history[4::5][::-1, :2]  # best and median of every fifth generation, the newest first
+    part = int(max(int(100 + 100 * n**1.5 / size) / 10, len(fifth) / 10))
+    rules = {
+        "maxiter": state.g >= iterations,
+        "tolfun": now.misfits.max() - recent[-1] < 1e-11 and np.ptp(recent) < 1e-11,
+        "tolfunhist": recent.size > 9 and np.ptp(recent) < 1e-12,
+        "tolx": (std < 1e-11).all() and (state.sigma * state.unit * state.p_c < 1e-11).all(),
+        "tolfacupx": (std > 1000 * first.before.sigma * first.before.unit).any(),
+        "tolconditioncov": state.D[-1] > 1e7 * state.D[0],
+        "tolflatfitness": flat.size == 2 and flat.all(),
+        "tolstagnation": len(fifth) > max(100, 2 * part)
+        and (np.median(fifth[:part], axis=0) >= np.median(fifth[part : 2 * part], axis=0)).all(),
+        "noeffectcoord": (state.m == state.m + 0.2 * std).any(),
+        "noeffectaxis": (state.m == state.m + axis).all(),
+    }
+    return next((name for name, holds in rules.items() if holds), "")

@@ -1,0 +1,223 @@
+import hashlib
+import os
+import subprocess
+import sys
+from itertools import islice
+
+import cma
+import numpy as np
+import pytest
+
+from replication import published
+from replication.compiled.misfit import population_rmse
+from replication.search import (
+    HISTORY,
+    constants,
+    generations,
+    random_normals,
+    search,
+    update,
+)
+from replication.signature import Box, Timing, table1_box
+
+UNIT = Box(np.full(7, -1.0), np.ones(7))
+
+
+def sphere(members):
+    return ((members - 0.3) ** 2).sum(axis=1)
+
+
+def valley(members):
+    x = 10 * members
+    return (100 * (x[:, 1:] - x[:, :-1] ** 2) ** 2 + (1 - x[:, :-1]) ** 2).sum(axis=1)
+
+
+@pytest.fixture(scope="module")
+def replayed(record_12):
+    """Our runs with the stored seeds, by the number of the run."""
+    t, v, timing = record_12.t, record_12.v, Timing(0.2, 0.4, 12)
+    box = table1_box(t, v, 0.204, 1.3)
+    return {
+        run["run"]: search(
+            generations(lambda X: population_rmse(t, v, X, timing), box, random_normals(run["cma_seed"]), 300), 200
+        )
+        for run in published.authors_notebook_runs().to_dict("records")
+    }
+
+
+def test_every_stored_generation_up_to_the_twentieth_replays(replayed):
+    stored = published.authors_notebook_generations()
+    early = stored[stored["generation"] <= 20]
+    ours = [replayed[run].history[g - 1, 0] for run, g in zip(early["run"], early["generation"], strict=True)]
+    assert len(early) > 100
+    np.testing.assert_allclose(ours, early["best_rmse_of_generation_rps"], rtol=0, atol=1e-9)
+
+
+def test_sigma_axis_ratio_and_standard_deviations_replay_to_their_printed_digits(replayed):
+    stored = published.authors_notebook_generations()
+    early = stored[stored["generation"] <= 20]
+    columns = ("axis_ratio", "sigma", "smallest_std", "largest_std")
+    for run, g, *printed in early[["run", "generation", *columns]].itertuples(index=False):
+        ours = replayed[run].history[g - 1, [HISTORY.index(name) for name in columns]]
+        for value, digits in zip(ours, printed, strict=True):
+            assert f"{value:.{decimals(digits)}e}" == f"{digits:.{decimals(digits)}e}", (run, g)
+
+
+def decimals(printed: float) -> int:
+    return len(f"{printed:.10e}".split("e")[0].rstrip("0").split(".")[1])
+
+
+def test_at_least_29_of_the_30_stored_runs_end_at_the_stored_misfit(replayed):
+    stored = published.authors_notebook_runs().set_index("run")["final_rmse_rps"]
+    off = np.array([abs(replayed[run].misfit - misfit) for run, misfit in stored.items()])
+    assert (off < 1e-9).sum() >= 29
+
+
+def test_a_run_is_the_same_to_the_last_bit_with_the_kernels_of_other_processors():
+    code = "from tests.test_search import digest; print(digest())"
+    other = {"OPENBLAS_CORETYPE": "Prescott", "NUMBA_CPU_NAME": "generic", "NUMBA_CPU_FEATURES": ""}
+    # The names of the groups in NumPy from 2.4 on; it warns of one that this processor has not.
+    other["NPY_DISABLE_CPU_FEATURES"] = "X86_V4 X86_V3"
+    found = subprocess.run(
+        [sys.executable, "-W", "ignore", "-c", code], env=os.environ | other, capture_output=True, text=True, check=True
+    )
+    assert found.stdout.strip() == digest()
+
+
+def digest() -> str:
+    run = search(generations(valley, UNIT, random_normals(4), 100), 150)
+    return hashlib.sha256(run.history.tobytes() + run.best.tobytes()).hexdigest()
+
+
+@pytest.mark.parametrize("population", [8, 31, 300])
+def test_the_constants_are_those_of_the_library_but_for_those_of_the_step_size(population):
+    c, library = constants(population, 7), strategy(population).sp
+    np.testing.assert_allclose(c.weights, library.weights, rtol=1e-12)
+    for name, ours in (("cc", c.c_c), ("c1", c.c_1), ("cmu", c.c_mu)):
+        assert ours == pytest.approx(getattr(library, name), rel=1e-12)
+    assert (c.mu, c.mu_eff) == (library.weights.mu, pytest.approx(library.weights.mueff, rel=1e-12))
+
+
+def test_equations_13_to_17_give_what_the_library_gives_with_the_constants_of_2021(monkeypatch):
+    library, c = strategy(40), constants(40, 7)
+    library.adapt_sigma.initialize(library)
+    library.adapt_sigma.cs, library.adapt_sigma.damps = c.c_sigma, c.d_sigma
+    monkeypatch.setattr(cma.sigma_adaptation.Mh, "chiN", lambda n: c.chi_n)
+    for now in islice(generations(sphere, UNIT, random_normals(9), 40), 12):
+        library.ask()
+        library.tell(list(now.x), list(now.misfits), check_points=False)
+        state = now.after
+        theirs = (library.mean, library.sigma, library.adapt_sigma.ps, library.pc, library.sm.C)
+        for ours, value in zip((state.m, state.sigma, state.p_sigma, state.p_c, state.C), theirs, strict=True):
+            np.testing.assert_allclose(ours, value, rtol=1e-8, atol=1e-12)
+
+
+def strategy(population: int) -> cma.CMAEvolutionStrategy:
+    options = {"popsize": population, "CMA_stds": np.full(7, 0.5), "seed": np.nan, "verbose": -9, "verb_log": 0}
+    return cma.CMAEvolutionStrategy(np.zeros(7), 1.0, options | {"randn": random_normals(1)})
+
+
+@pytest.mark.parametrize(("misfits", "population", "dimensions"), [(sphere, 4, 2), (sphere, 40, 7), (valley, 60, 5)])
+def test_the_search_finds_the_minimum(misfits, population, dimensions):
+    box = Box(np.full(dimensions, -1.0), np.ones(dimensions))
+    run = search(generations(misfits, box, random_normals(3), population), 1000)
+    assert run.misfit < 1e-10
+    assert run.stop.startswith("tol")
+    np.testing.assert_allclose(run.best, 0.3 if misfits is sphere else 0.1, atol=1e-4)
+    assert run.evaluations == population * len(run.history)
+
+
+def test_a_minimum_on_the_edge_of_the_box_is_found_and_no_member_leaves_it():
+    steps = list(islice(generations(lambda X: X.sum(axis=1), UNIT, random_normals(3), 30), 60))
+    assert all((now.members >= UNIT.lower).all() and (now.members <= UNIT.upper).all() for now in steps)
+    assert steps[-1].misfits.min() == pytest.approx(-7, abs=1e-3)
+
+
+def test_the_scale_of_a_parameter_makes_no_difference():
+    # Margins at the bounds depend on the scale, so the box is wide.
+    factors = np.array([1.0, 1e3, 1e-2, 5.0, 1.0, 1e2, 1.0])
+    wide = Box(np.full(7, -1e6), np.full(7, 1e6))
+    other = Box(wide.lower * factors, wide.upper * factors)
+    first = search(generations(sphere, wide, random_normals(5), 30), 40)
+    second = search(generations(lambda X: sphere(X / factors), other, random_normals(5), 30), 40)
+    np.testing.assert_allclose(first.history[:, 0], second.history[:, 0], rtol=1e-6)
+
+
+def test_a_generation_carries_the_samples_their_ranks_and_the_next_state():
+    first, second = islice(generations(sphere, UNIT, random_normals(2), 20), 2)
+    np.testing.assert_array_equal(first.misfits, sphere(first.members))
+    assert (np.diff(first.misfits[first.ranking]) >= 0).all()
+    np.testing.assert_array_equal(first.before.m, np.zeros(7))
+    np.testing.assert_array_equal(first.after.m, second.before.m)
+    again = update(first.before, first.x[first.ranking], constants(20, 7))
+    np.testing.assert_array_equal(again.C, first.after.C)
+    assert (first.before.g, first.after.g, second.after.g) == (0, 1, 2)
+
+
+def test_samples_have_the_mean_and_the_covariance_of_their_state():
+    now = next(islice(generations(valley, UNIT, random_normals(2), 20000), 3, None))
+    state = now.before
+    y = (now.x - state.m) / state.sigma / state.unit
+    np.testing.assert_allclose(y.mean(axis=0), 0, atol=0.05 * np.sqrt(np.diag(state.C)).max())
+    np.testing.assert_allclose(np.cov(y.T), state.C, atol=0.05 * np.diag(state.C).max())
+
+
+TURN = np.linalg.qr(np.random.default_rng(0).standard_normal((7, 7)))[0]
+HUGE = Box(np.full(7, -1e30), np.full(7, 1e30))
+
+
+@pytest.mark.parametrize(
+    ("misfits", "change", "stop"),
+    [
+        (sphere, {"iterations": 7}, "maxiter"),
+        (sphere, {}, "tolfun"),
+        (lambda X: np.floor(1e3 * sphere(X)), {}, "tolflatfitness"),
+        (lambda X: 1e9 * np.abs(X - 0.3).sum(axis=1), {"population": 20}, "tolx"),
+        (lambda X: ((X @ TURN) ** 2 * 10.0 ** np.arange(0, 28, 4)).sum(axis=1), {"population": 20}, "tolconditioncov"),
+        (lambda X: np.sin(1e7 * X).sum(axis=1), {}, "tolstagnation"),
+        (lambda X: -np.abs(X).sum(axis=1), {"box": HUGE, "sigma": 1e-20}, "tolfacupx"),
+    ],
+)
+def test_a_search_ends_by_the_rule_that_holds_first(misfits, change, stop):
+    setting = {"box": UNIT, "normals": random_normals(8), "population": 10} | change
+    iterations = setting.pop("iterations", 3000)
+    assert search(generations(misfits, **setting), iterations).stop == stop
+
+
+def test_a_seed_gives_the_same_run_twice_and_leaves_the_global_generator_alone():
+    np.random.seed(3)  # noqa: NPY002
+    before = np.random.get_state()[1].copy()  # noqa: NPY002
+    assert digest() == digest()
+    np.testing.assert_array_equal(np.random.get_state()[1], before)  # noqa: NPY002
+
+
+def some(members):
+    return np.where(np.arange(len(members)) == 3, np.nan, 1.0)
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"population": 3}, "population 3: at least 4"),
+        ({"box": Box(np.ones(7), -np.ones(7))}, "the box is empty"),
+        ({"box": Box(np.zeros(7), np.zeros(7))}, "the box is empty"),
+        ({"box": Box(np.zeros(7), np.full(7, np.inf))}, "the box is empty"),
+        ({"box": Box(np.zeros(0), np.zeros(0))}, "the box is empty"),
+        ({"start": np.full(7, 2.0)}, "lies outside the box"),
+        ({"start": np.zeros(6)}, "lies outside the box"),
+        ({"start": np.full(7, np.nan)}, "lies outside the box"),
+        ({"sigma": 0.0}, "sigma 0"),
+        ({"misfits": some}, "generation 1: each member needs one misfit, a finite number"),
+        ({"misfits": lambda X: 1.0}, "generation 1: each member needs one misfit"),
+    ],
+)
+def test_bad_input_is_one_clear_error(change, words):
+    good = {"misfits": sphere, "box": UNIT, "normals": random_normals(1), "population": 10}
+    with pytest.raises(ValueError, match=words):
+        next(generations(**good | change))
+
+
+@pytest.mark.parametrize("seed", [0, -3])
+def test_a_seed_that_means_the_clock_is_refused(seed):
+    with pytest.raises(ValueError, match=f"seed {seed}"):
+        random_normals(seed)
