@@ -61,7 +61,12 @@ timing = Timing(T_d=turn_period_s / 2, T_f=turn_period_s, n=turns)
 t = np.arange(0, turns * turn_period_s + 0.1, 1e-4)
 T2, T1 = X[5], X[6]
 figure = paper.signature_parameters(t, signature(t, X, timing), X[1], T1, T2, timing.T_d, timing.T_f)
-workbook.save_figure(figure, "figure06_signature")
+workbook.save_figure(
+    figure,
+    "figure06_signature",
+    caption="The signature of two turns at a stored run's parameters: two damped oscillations a turn, opposite "
+    "in sign, each in its window from t_0 + T_1 to t_0 + T_2.",
+)
 
 # %% [markdown]
 # ### The signature on a record
@@ -72,7 +77,12 @@ workbook.save_figure(figure, "figure06_signature")
 record = datasets.load_clean(12)
 fitted = X[4] + signature(record.t, X, Timing(stored["T_d_s"], stored["T_f_s"], 12))
 figure = paper.record_with_fit(record.t, record.v, fitted, ("authors' record 12", f"stored run {run}"), seconds=1.6)
-workbook.save_figure(figure, "figure05_record12_with_signature")
+workbook.save_figure(
+    figure,
+    "figure05_record12_with_signature",
+    caption="The authors' record 12 and the signature that one of their stored runs fitted to it lie on each "
+    "other; the residual peaks at the impacts, most at the start-up transient, which no signature has.",
+)
 
 # %% [markdown]
 # ### The 30 stored runs

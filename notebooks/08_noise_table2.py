@@ -101,7 +101,12 @@ by_source = {
     for (source, noise_level), part in backlash.groupby(["source", "noise_level"], sort=False)
 }
 figure = paper.table2(by_source, printed)
-workbook.save_figure(figure, "table2_amplitudes")
+workbook.save_figure(
+    figure,
+    "table2_amplitudes",
+    caption="Means over all runs carry wide bars where runs stray into other basins; the best basins beneath "
+    "stay close to the printed means, whichever record it is.",
+)
 
 # %% [markdown]
 # ### The best basin against the printed means
@@ -126,7 +131,12 @@ widest = int(of_first.loc[of_first["sd_A_rps"].idxmax(), "row"])
 of_widest = fits_of_authors[(fits_of_authors["row"] == widest) & (fits_of_authors["noise_level"] == first_level)]
 labels = table2.basin_labels(of_widest["rmse_rps"].to_numpy())
 figure = paper.basins(of_widest, labels, f"row {widest} of Table 2, {first_level}")
-workbook.save_figure(figure, "table2_basins")
+workbook.save_figure(
+    figure,
+    "table2_basins",
+    caption="Where the runs on the row of widest spread end: many in the best basin, others at a higher RMSE, "
+    "some with nearly the same amplitude and some with another altogether. The latter make the SD.",
+)
 
 # %% [markdown]
 # ## Verdict

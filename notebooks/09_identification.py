@@ -91,7 +91,12 @@ labels = basins.label_basins(replay["rmse_rps"].to_numpy(), (replay["t0_s"] + re
 commonest = sorted(pd.Series(labels).value_counts().index[:5])
 by_basin = [replay[labels == label] for label in commonest]
 figure = plots.landscape(slices, by_basin, found)
-workbook.save_figure(figure, "identification_landscape")
+workbook.save_figure(
+    figure,
+    "identification_landscape",
+    caption="The misfit over the start and the amplitude, and over the window: many valleys a part of a turn "
+    "away from each other. Runs end in several of them; the global fit ends in the deepest.",
+)
 
 # %% [markdown]
 # ### What raises the rate
@@ -109,7 +114,12 @@ costs.round(3)
 
 # %%
 figure = plots.strategy_costs(costs)
-workbook.save_figure(figure, "identification_strategies")
+workbook.save_figure(
+    figure,
+    "identification_strategies",
+    caption="What a search costs for each time that it finds the best basin: without A and v_t, which are "
+    "linear, it costs the least.",
+)
 
 # %% [markdown]
 # ### Table 2's records, by the global fit
@@ -124,7 +134,12 @@ intervals.drop(columns=["delta_rad"]).round(4)
 
 # %%
 figure = plots.amplitude_intervals(intervals)
-workbook.save_figure(figure, "identification_intervals")
+workbook.save_figure(
+    figure,
+    "identification_intervals",
+    caption="The global fit's interval of A holds the printed mean in most rows; both lie below the theoretical "
+    "A, because a damped sine is not quite the record's shape.",
+)
 
 # %% [markdown]
 # ### Does the interval hold what it promises

@@ -121,7 +121,12 @@ curves = {
     for share, each in ((coupling, curve), (loud_coupling, loud_curve))
 }
 figure = plots.robots(population, curves, marks)
-workbook.save_figure(figure, "table4_robots")
+workbook.save_figure(
+    figure,
+    "table4_robots",
+    caption="Simulated healthy and excessive robots: two heaps that hardly overlap, so that a threshold on A "
+    "tells them apart, unless the other axes shake the joint more.",
+)
 
 # %% [markdown]
 # The threshold depends on how loud the arm is: that of the quiet arm on the loud one, and the loud one's own.
@@ -161,7 +166,12 @@ sweep = robots.disturbed_healthy_joint(
 workbook.save_table(sweep, "table4_disturbance")
 lines = {"printed robot B": printed_B, "best threshold of the robots above": best["threshold_rps"]}
 figure = plots.robots_disturbance(sweep, lines, 1 / joint.turn_period_s)
-workbook.save_figure(figure, "table4_disturbance")
+workbook.save_figure(
+    figure,
+    "table4_disturbance",
+    caption="A disturbance near the ring's frequency, or at an odd multiple of the load's turn, makes a joint "
+    "without backlash look like one with it.",
+)
 
 # %%
 called = sweep.assign(

@@ -105,7 +105,11 @@ print(f"{own.method}: {own.range_rad[0]:.1e} to {own.range_rad[1]:.1e} rad, unce
 second = answer(log(backlash_rad, 0), ours)
 print(verdict.as_text(second.estimate))
 figure = plots.estimate_figure(second.recording, second.model_rps, "your joint, the waveform of its backlash")
-workbook.save_figure(figure, "own_joint_log")
+workbook.save_figure(
+    figure,
+    "own_joint_log",
+    caption="The answer's waveform drawn over the log: the residual is the log's noise and nothing else.",
+)
 
 # %% [markdown]
 # ### How much the calibration matters
@@ -132,7 +136,11 @@ logs = [verdict.as_row(answer(log(delta, 300 + k), ours).estimate) for k, delta 
 line = trend.fit_trend(logs, dates, limit_rad)
 print(trend.as_text(line))
 figure = plots.trend_figure(line)
-workbook.save_figure(figure, "own_joint_trend")
+workbook.save_figure(
+    figure,
+    "own_joint_trend",
+    caption="Dated answers, the line through them and the time at which it crosses the limit, with their intervals.",
+)
 
 # %% [markdown]
 # ### What it refuses

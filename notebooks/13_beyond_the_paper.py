@@ -81,7 +81,12 @@ summary
 # %%
 targets_rad = {"energy": 1.5e-5} | dict.fromkeys(["waveform", *accuracy.JOINT_METHODS], 1e-5)
 figure = plots.cross_validation_errors(errors, targets_rad)
-workbook.save_figure(figure, "beyond_features")
+workbook.save_figure(
+    figure,
+    "beyond_features",
+    caption="Error of each method on the authors' noisy logs, a log a mark: the amplitude is the worst feature, "
+    "energy is better, the whole waveform and the joint's own simulation are best.",
+)
 
 # %% [markdown]
 # What the noise alone must cost, on the same logs: the Cramér-Rao bound's mean size of error,
@@ -111,7 +116,12 @@ labels = {
     "encoder_bits": "motor encoder [bits], 500 Hz, no other noise",
 }
 figure = plots.error_limits(measured, labels)
-workbook.save_figure(figure, "beyond_limits")
+workbook.save_figure(
+    figure,
+    "beyond_limits",
+    caption="Error of four methods against noise, sampling rate, turns and encoder bits, with the Cramér-Rao "
+    "bound: the joint's match runs along it, the amplitude stays far above it.",
+)
 
 # %% [markdown]
 # With an encoder there is no other noise, and the methods are calibrated with a fine one whose positions are
@@ -139,7 +149,12 @@ detected
 
 # %%
 figure = plots.detection_curves(seen, filtered)
-workbook.save_figure(figure, "beyond_detection")
+workbook.save_figure(
+    figure,
+    "beyond_detection",
+    caption="Share of records in which backlash is seen: the smallest that is seen almost always grows with the "
+    "noise, and stays far above what a filter matched to the waveform would need.",
+)
 
 # %% [markdown]
 # ### A joint that has changed
@@ -154,7 +169,12 @@ ranked
 
 # %%
 figure = plots.tornado(ends[ends["change"] != 0], ["equation 10", "amplitude", "energy", "waveform", robustness.JOINT])
-workbook.save_figure(figure, "beyond_robustness")
+workbook.save_figure(
+    figure,
+    "beyond_robustness",
+    caption="What each method reads when the joint has changed and nobody knows: friction misleads every method "
+    "but the joint's match.",
+)
 
 # %% [markdown]
 # Friction moves the two impacts of a turn in opposite directions, so that the second no longer comes half a turn after

@@ -38,7 +38,11 @@ def in_style(plot: Callable[..., Figure]) -> Callable[..., Figure]:
     @wraps(plot)
     def styled(*args, **options) -> Figure:
         with mpl.rc_context(STYLE):
-            return plot(*args, **options)
+            figure = plot(*args, **options)
+            interactive = mpl.is_interactive()
+        # A notebook's backend switches this on with its first figure; switched back, no other figure would be shown.
+        mpl.interactive(interactive)
+        return figure
 
     return styled
 

@@ -32,11 +32,24 @@ def save_table(table: pd.DataFrame, name: str) -> None:
     write_csv(output_folder() / "results" / f"{name}.csv", table)
 
 
-def save_figure(figure: "Figure", name: str) -> None:
-    """Export a figure as `figures/<name>.svg` and `.png`, without anything that differs from run to run."""
+def save_figure(figure: "Figure", name: str, caption: str) -> None:
+    """Export a figure as `figures/<name>.svg` and `.png`, without anything that differs from run to run.
+
+    Parameters
+    ----------
+    figure : Figure
+        What to export.
+    name : str
+        File name without its ending; `figure12_...` and `table2_...` say which element of the paper it belongs to.
+    caption : str
+        A sentence or two that say what to see; kept with the axes in `results/figures/<name>.json`.
+    """
     from replication.figures import style  # Matplotlib takes a second that only a figure should cost
 
     style.save(figure, output_folder() / "figures", name, mark="quick run" if is_quick() else "")
+    about = {"notebook": notebook_name(), "caption": caption}
+    about["axes"] = style.description(figure)
+    write_json(output_folder() / "results" / "figures" / f"{name}.json", about)
 
 
 def notebook_name() -> str:
