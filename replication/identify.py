@@ -1,29 +1,20 @@
 """From a record to the signature's parameters: the paper's CMA-ES."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 import cma
-import numba
 import numpy as np
 from cma.evolution_strategy import get_CMASolutionDict
 from numpy.typing import NDArray
 
+from replication.compiled.bounds import from_box, into_box, margin_today
 from replication.compiled.misfit import population_rmse
 from replication.datasets import Recording
+from replication.search import Generation, generations, random_normals, search
 from replication.signature import DAMPING_PER_S, FREQUENCY_HZ, Box, Timing, table1_box
 
 FloatArray = NDArray[np.float64]
-
-
-def margin_cma3(bound: FloatArray) -> FloatArray:
-    """Width of the curved margin at a bound in cma before 3.4, which the authors' seeds belong to."""
-    return (1 + np.abs(bound)) / 20
-
-
-def margin_cma4(bound: FloatArray) -> FloatArray:
-    """Width of the curved margin at a bound in cma from 3.4 on."""
-    return np.maximum(1, np.abs(bound)) / 20
 
 
 @dataclass(frozen=True)
@@ -53,8 +44,8 @@ class Protocol:
         beginning, drawn anew for each run, or once for each record.
     latest_start : int
         Latest start sample.
-    margin : callable
-        Width of the bound transformation's margin.
+    engine : str
+        "2021" searches as the authors' library did, by `search`; "cma" by the library as it is installed.
     """
 
     name: str = "authors' notebook"
@@ -69,7 +60,7 @@ class Protocol:
     turns: int = 12
     start: str = "whole"
     latest_start: int = 100
-    margin: Callable[[FloatArray], FloatArray] = margin_cma3
+    engine: str = "2021"
 
     @property
     def timing(self) -> Timing:
@@ -102,113 +93,16 @@ class Fit:
         return float(abs(self.X[0]))
 
 
-@numba.njit(cache=True)
-def _into_box(genotypes, lower, upper, lower_margin, upper_margin):
-    """Compiled body of `into_box`: the arithmetic of cma's BoxConstraintsLinQuadTransformation."""
-    phenotypes = np.empty_like(genotypes)
-    for p in range(genotypes.shape[0]):
-        for i in range(genotypes.shape[1]):
-            y = genotypes[p, i]
-            lb, ub, al, au = lower[i], upper[i], lower_margin[i], upper_margin[i]
-            start = lb - 2 * al - (ub - lb) / 2.0
-            if y < start or y > ub + 2 * au + (ub - lb) / 2.0:
-                period = 2 * (ub - lb + al + au)
-                y -= period * ((y - start) // period)
-            if y > ub + au:
-                y -= 2 * (y - ub - au)
-            if y < lb - al:
-                y += 2 * (lb - al - y)
-            if y < lb + al:
-                y = lb + (y - (lb - al)) ** 2 / 4 / al
-            if y > ub - au:
-                y = ub - (y - (ub + au)) ** 2 / 4 / au
-            phenotypes[p, i] = y
-    return phenotypes
-
-
-def into_box(genotypes: FloatArray, box: Box, margin: Callable[[FloatArray], FloatArray]) -> FloatArray:
-    """Map a whole population into the box, each member exactly as cma's own bound handling would.
-
-    Parameters
-    ----------
-    genotypes : array of shape (members, parameters)
-        Unbounded samples.
-    box : Box
-        Where they have to be.
-    margin : callable
-        Width of the curved margin at a bound.
-
-    Returns
-    -------
-    array of shape (members, parameters)
-    """
-    return _into_box(np.ascontiguousarray(genotypes), box.lower, box.upper, *_margins(box, margin))
-
-
-def _margins(box: Box, margin: Callable[[FloatArray], FloatArray]) -> tuple[FloatArray, FloatArray]:
-    """Widths of the curved margins at the lower and upper bounds; at most half the box."""
-    half = (box.upper - box.lower) / 2
-    return np.minimum(half, margin(box.lower)), np.minimum(half, margin(box.upper))
-
-
-def _middle_genotype(box: Box, margin: Callable[[FloatArray], FloatArray]) -> FloatArray:
-    """Genotype of the box's middle, which may lie in a margin: the inverse of `into_box` there."""
-    middle = (box.lower + box.upper) / 2
-    al, au = _margins(box, margin)
-    near_lower = (box.lower - al) + 2 * (al * (middle - box.lower)) ** 0.5
-    near_upper = (box.upper + au) - 2 * (au * (box.upper - middle)) ** 0.5
-    inner = np.where(middle < box.upper - au, middle, near_upper)
-    return np.where(middle < box.lower + al, near_lower, inner)
-
-
 def protocol_box(recording: Recording, protocol: Protocol) -> Box:
     """Table 1's box for a record, as the protocol widens it."""
     p = protocol
     return table1_box(recording.t, recording.v, p.longest_window_s, p.amplitude_factor, p.damping_per_s, p.frequency_hz)
 
 
-def evolution_strategy(box: Box, protocol: Protocol, seed: int) -> cma.CMAEvolutionStrategy:
-    """Make the paper's CMA-ES for a box, without cma's slow bound handling (see `into_box`).
-
-    Tell it its own samples with `check_points=False`: it keeps no archive to know them by. The
-    random numbers are those of cma's `seed` option, from a generator of their own.
-
-    Parameters
-    ----------
-    box : Box
-        Bounds.
-    protocol : Protocol
-        Population, iterations and margin.
-    seed : int
-        Seed of the run, above 0 (cma takes 0 for "from the clock").
-
-    Returns
-    -------
-    cma.CMAEvolutionStrategy
-
-    Raises
-    ------
-    ValueError
-        The seed is not above 0.
-    """
-    if seed <= 0:
-        raise ValueError(f"seed {seed}: cma needs a seed above 0")
-    width = box.upper - box.lower
-    options = {
-        "popsize": protocol.population,
-        "maxiter": protocol.iterations,
-        "CMA_stds": width / 4,
-        "maxstd": width * (1 / 3),  # what cma sets for a bounded problem
-        "seed": np.nan,  # leave NumPy's global generator alone
-        "randn": np.random.RandomState(seed).randn,
-        "verbose": -9,
-        "verb_disp": 0,
-        "verb_log": 0,
-    }
-    strategy = cma.CMAEvolutionStrategy(_middle_genotype(box, protocol.margin), 1.0, options)
-    # The archive of samples serves cma's own bounds and injected solutions; keeping it costs a third of a run.
-    strategy.sent_solutions = get_CMASolutionDict(False)()
-    return strategy
+def paper_search(recording: Recording, protocol: Protocol, seed: int) -> Iterator[Generation]:
+    """The paper's search on a record, one generation at a time, without end; see `search.generations`."""
+    misfits = _misfits(recording, protocol)
+    return generations(misfits, protocol_box(recording, protocol), random_normals(seed), protocol.population)
 
 
 def paper_fit(recording: Recording, protocol: Protocol, seed: int) -> Fit:
@@ -226,23 +120,67 @@ def paper_fit(recording: Recording, protocol: Protocol, seed: int) -> Fit:
     Returns
     -------
     Fit
+
+    Raises
+    ------
+    ValueError
+        The seed is not above 0, the protocol has another engine than "2021" and "cma", or see `search.generations`.
     """
-    box = protocol_box(recording, protocol)
-    strategy = evolution_strategy(box, protocol, seed)
-    while not strategy.stop():
-        genotypes = strategy.ask()
-        strategy.tell(genotypes, _misfits(genotypes, recording, box, protocol), check_points=False)
-    best = into_box(np.atleast_2d(strategy.best.x), box, protocol.margin)[0]
-    return Fit(best, float(strategy.best.f), strategy.countevals, strategy.countiter)
+    if protocol.engine == "cma":
+        return _library_fit(recording, protocol, seed)
+    if protocol.engine != "2021":
+        raise ValueError(f"engine {protocol.engine!r}: expected '2021' or 'cma'")
+    found = search(paper_search(recording, protocol, seed), protocol.iterations)
+    return Fit(found.best, found.misfit, found.evaluations, len(found.history))
 
 
 def first_generation_rmse(recording: Recording, protocol: Protocol, seed: int) -> float:
-    """Lowest misfit [rps] of a run's first generation, which depends on nothing but the seed and the box."""
+    """Lowest misfit [rps] of a run's first generation, which depends on nothing but seed, box and bound margins."""
+    if protocol.engine == "cma":
+        members = _library_members(library_search(recording, protocol, seed).ask(), recording, protocol)
+        return float(_misfits(recording, protocol)(members).min())
+    return float(next(paper_search(recording, protocol, seed)).misfits.min())
+
+
+def library_search(recording: Recording, protocol: Protocol, seed: int) -> cma.CMAEvolutionStrategy:
+    """Today's `cma` on a record, without its slow bound handling: its samples still have to be put `into_box`.
+
+    Tell it its own samples with `check_points=False`: it keeps no archive to know them by. The random numbers are
+    those of cma's `seed` option, from a generator of their own.
+    """
     box = protocol_box(recording, protocol)
-    genotypes = evolution_strategy(box, protocol, seed).ask()
-    return float(_misfits(genotypes, recording, box, protocol).min())
+    width = box.upper - box.lower
+    options = {
+        "popsize": protocol.population,
+        "maxiter": protocol.iterations,
+        "CMA_stds": width / 4,
+        "maxstd": width * (1 / 3),  # what cma sets for a bounded problem
+        "seed": np.nan,  # leave NumPy's global generator alone
+        "randn": random_normals(seed),
+        "verbose": -9,
+        "verb_disp": 0,
+        "verb_log": 0,
+    }
+    middle = from_box((box.lower + box.upper) / 2, box, margin_today)
+    strategy = cma.CMAEvolutionStrategy(middle, 1.0, options)
+    # The archive of samples serves cma's own bounds and injected solutions; keeping it costs a third of a run.
+    strategy.sent_solutions = get_CMASolutionDict(False)()
+    return strategy
 
 
-def _misfits(genotypes: list[FloatArray], recording: Recording, box: Box, protocol: Protocol) -> FloatArray:
-    population = into_box(np.array(genotypes), box, protocol.margin)
-    return population_rmse(recording.t, recording.v, population, protocol.timing)
+def _library_fit(recording: Recording, protocol: Protocol, seed: int) -> Fit:
+    strategy, misfits = library_search(recording, protocol, seed), _misfits(recording, protocol)
+    while not strategy.stop():
+        samples = strategy.ask()
+        strategy.tell(samples, misfits(_library_members(samples, recording, protocol)), check_points=False)
+    best = _library_members([strategy.best.x], recording, protocol)[0]
+    return Fit(best, float(strategy.best.f), strategy.countevals, strategy.countiter)
+
+
+def _library_members(samples: list[FloatArray], recording: Recording, protocol: Protocol) -> FloatArray:
+    return into_box(np.array(samples), protocol_box(recording, protocol), margin_today)
+
+
+def _misfits(recording: Recording, protocol: Protocol) -> Callable[[FloatArray], FloatArray]:
+    """The cost function of a whole population."""
+    return lambda members: population_rmse(recording.t, recording.v, members, protocol.timing)

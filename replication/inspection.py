@@ -9,7 +9,7 @@ from scipy import stats
 
 from replication import published
 from replication.datasets import Recording, load_clean, load_noisy
-from replication.identify import Protocol, first_generation_rmse, margin_cma4, protocol_box
+from replication.identify import Protocol, first_generation_rmse, protocol_box
 from replication.signature import rmse
 from replication.table2 import AUTHORS, basin_labels, table2_levels
 
@@ -138,11 +138,11 @@ def replay_stored_runs(recording: Recording) -> pd.DataFrame:
     -------
     DataFrame
         A row a run: `run`, `stored_rmse_rps`, `rmse_rps` (the signature at the stored parameters),
-        `stored_first_rps`, `first_rps` and `first_cma4_rps` (our first generation, with the bound margins of cma
+        `stored_first_rps`, `first_rps` and `first_today_rps` (our first generation, with the bound margins of cma
         before 3.4 and from 3.4 on), `basin`.
     """
     stored = published.authors_notebook_runs()
-    newer = replace(AUTHORS, margin=margin_cma4)
+    newer = replace(AUTHORS, engine="cma")
     names = ("A_rps", "t0_s", "tau_per_s", "omega_rad_per_s", "c_rps", "window_end_s", "window_start_s")
     rows = []
     for run in stored.to_dict("records"):
@@ -155,7 +155,7 @@ def replay_stored_runs(recording: Recording) -> pd.DataFrame:
                 "rmse_rps": rmse(recording.t, recording.v, X, timing),
                 "stored_first_rps": run["generation_1_best_rmse_rps"],
                 "first_rps": first_generation_rmse(recording, AUTHORS, run["cma_seed"]),
-                "first_cma4_rps": first_generation_rmse(recording, newer, run["cma_seed"]),
+                "first_today_rps": first_generation_rmse(recording, newer, run["cma_seed"]),
                 "A_rps": run["A_rps"],
             }
         )

@@ -11,7 +11,7 @@ from tqdm import tqdm
 
 from replication import published
 from replication.datasets import Recording, add_uniform_noise, constant_speed, from_sample, level_delta_rad, load_noisy
-from replication.identify import Protocol, margin_cma4, paper_fit
+from replication.identify import Protocol, paper_fit
 from replication.signature import FREE_PARAMETERS
 from replication.simulator.parameters import JointParameters
 from replication.simulator.recordings import simulate_recordings
@@ -33,7 +33,7 @@ VARIANTS = (
         T_d=published.value("table1.T_d.max"),
         T_f=published.value("table1.T_f.max"),
     ),
-    replace(AUTHORS, name="bound margins of cma 4", margin=margin_cma4),
+    replace(AUTHORS, name="today's cma", engine="cma"),
     replace(AUTHORS, name="population 1000", population=1000),
 )
 

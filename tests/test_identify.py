@@ -6,20 +6,19 @@ import numpy as np
 import pytest
 
 from replication import datasets, published
+from replication.compiled.bounds import from_box, into_box, margin_2021, margin_today
 from replication.compiled.misfit import population_rmse
 from replication.identify import (
     Protocol,
-    evolution_strategy,
     first_generation_rmse,
-    into_box,
-    margin_cma3,
-    margin_cma4,
+    library_search,
     paper_fit,
+    paper_search,
     protocol_box,
 )
-from replication.signature import signature
+from replication.signature import Box, signature
 
-MARGINS = {margin_cma3: cma.transformations.margin_width1, margin_cma4: cma.transformations.margin_width2}
+MARGINS = {margin_2021: cma.transformations.margin_width1, margin_today: cma.transformations.margin_width2}
 TRUE_X = np.array([-0.6, 0.012, 15.0, 134.0, 100.0, 0.1507, 0.0113])
 
 
@@ -31,21 +30,51 @@ def made_record():
 
 
 @pytest.mark.parametrize("margin", MARGINS)
-def test_samples_and_their_images_are_those_of_cma_with_its_own_bounds(made_record, margin, monkeypatch):
+def test_samples_get_into_the_box_as_the_library_puts_them(margin, monkeypatch):
     monkeypatch.setattr(cma.transformations, "linquad_margin_width", MARGINS[margin])
-    protocol = Protocol(margin=margin, population=30, iterations=40)
+    box = Box(np.array([-1.5, 0.0, 5.0, 6.28, 99.0]), np.array([1.5, 4.8, 30.0, 251.0, 101.0]))
+    theirs = cma.transformations.BoxConstraintsLinQuadTransformation(list(zip(box.lower, box.upper, strict=True)))
+    samples = np.random.default_rng(3).uniform(-3, 4, (2000, 5)) * (box.upper - box.lower) + box.lower
+    np.testing.assert_array_equal(into_box(samples, box, margin), [theirs.transform(x) for x in samples])
+
+
+@pytest.mark.parametrize("margin", MARGINS)
+def test_a_point_of_the_box_comes_back_from_its_sample(margin):
+    box = Box(np.array([-1.5, 0.0, 5.0]), np.array([1.5, 0.102, 30.0]))
+    points = np.random.default_rng(3).uniform(box.lower, box.upper, (500, 3))
+    samples = np.array([from_box(point, box, margin) for point in points])
+    np.testing.assert_allclose(into_box(samples, box, margin), points, rtol=1e-12, atol=1e-15)
+
+
+def test_todays_library_is_followed_exactly_without_its_slow_bounds(made_record):
+    protocol = Protocol(engine="cma", population=30, iterations=40)
     box = protocol_box(made_record, protocol)
     width = box.upper - box.lower
     options = {"popsize": 30, "maxiter": 40, "seed": 7, "bounds": [box.lower, box.upper], "CMA_stds": width / 4}
     theirs = cma.CMAEvolutionStrategy((box.lower + box.upper) / 2, 1, options | {"verbose": -9, "verb_log": 0})
-    ours = evolution_strategy(box, protocol, seed=7)
+    ours = library_search(made_record, protocol, seed=7)
     while not theirs.stop():
-        expected, genotypes = np.array(theirs.ask()), ours.ask()
-        np.testing.assert_array_equal(into_box(np.array(genotypes), box, margin), expected)
+        expected, samples = np.array(theirs.ask()), ours.ask()
+        np.testing.assert_array_equal(into_box(np.array(samples), box, margin_today), expected)
         misfits = population_rmse(made_record.t, made_record.v, expected, protocol.timing)
         theirs.tell(list(expected), misfits)
-        ours.tell(genotypes, misfits, check_points=False)
+        ours.tell(samples, misfits, check_points=False)
     assert ours.countiter == 40
+    fit = paper_fit(made_record, protocol, seed=7)
+    assert (fit.rmse, fit.iterations, fit.evaluations) == (theirs.best.f, 40, 1200)
+
+
+def test_both_engines_search_but_not_alike(made_record):
+    library = Protocol(engine="cma", iterations=30)
+    assert paper_fit(made_record, library, 3).rmse != paper_fit(made_record, Protocol(iterations=30), 3).rmse
+    with pytest.raises(ValueError, match="engine 'cmaes'"):
+        paper_fit(made_record, Protocol(engine="cmaes"), 3)
+
+
+def test_the_fit_is_the_best_member_of_the_generations_that_can_be_gone_through(made_record):
+    protocol = Protocol(population=40, iterations=25)
+    lowest = [now.misfits.min() for now, _ in zip(paper_search(made_record, protocol, 6), range(25), strict=False)]
+    assert paper_fit(made_record, protocol, 6).rmse == min(lowest)
 
 
 def test_the_global_random_state_is_left_alone(made_record):
@@ -55,14 +84,14 @@ def test_the_global_random_state_is_left_alone(made_record):
     np.testing.assert_array_equal(np.random.get_state()[1], before)  # noqa: NPY002
 
 
-def test_every_stored_seed_gives_its_stored_first_generation_with_the_margins_of_old_cma(record_12):
+def test_every_stored_seed_gives_its_stored_first_generation(record_12):
     for run in published.authors_notebook_runs().to_dict("records"):
         found = first_generation_rmse(record_12, Protocol(), run["cma_seed"])
         assert abs(found - run["generation_1_best_rmse_rps"]) < 1e-12, run["run"]
 
 
-def test_with_the_margins_of_newer_cma_only_samples_away_from_the_bounds_agree(record_12):
-    newer = Protocol(margin=margin_cma4)
+def test_with_todays_cma_only_samples_away_from_the_bounds_agree(record_12):
+    newer = Protocol(engine="cma")
     stored = published.authors_notebook_runs().to_dict("records")
     off = [
         abs(first_generation_rmse(record_12, newer, r["cma_seed"]) - r["generation_1_best_rmse_rps"]) for r in stored
@@ -97,6 +126,7 @@ def test_every_fit_lies_in_the_box(made_record):
         assert (box.upper >= fit.X).all()
 
 
-def test_seed_zero_is_refused_because_cma_takes_it_for_the_clock(made_record):
+@pytest.mark.parametrize("engine", ["2021", "cma"])
+def test_seed_zero_is_refused_because_cma_takes_it_for_the_clock(made_record, engine):
     with pytest.raises(ValueError, match="seed 0"):
-        paper_fit(made_record, Protocol(), seed=0)
+        paper_fit(made_record, Protocol(engine=engine), seed=0)

@@ -1,9 +1,9 @@
 """Where repeated searches end: basins, their rates with intervals, and what raises the rate of the best one."""
 
+import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
-import cma
 import numpy as np
 import pandas as pd
 from joblib import Parallel, delayed
@@ -13,7 +13,9 @@ from scipy import stats
 from replication.compiled.misfit import population_rmse
 from replication.datasets import Recording
 from replication.global_fit.folding import projected_rmse
-from replication.identify import Protocol, into_box, protocol_box
+from replication.identify import Protocol, protocol_box
+from replication.search import generations
+from replication.search import search as follow
 from replication.signature import FREE_PARAMETERS, Box
 from replication.table2 import BASIN_GAP, basin_labels
 
@@ -212,7 +214,7 @@ def search(recording: Recording, protocol: Protocol, strategy: Strategy, seed: i
     recording : Recording
         The record.
     protocol : Protocol
-        Timing, box and margin; its population and iterations are the strategy's.
+        Timing and box; its population and iterations are the strategy's.
     strategy : Strategy
         What to do.
     seed : int
@@ -228,15 +230,15 @@ def search(recording: Recording, protocol: Protocol, strategy: Strategy, seed: i
     generator = np.random.default_rng(seed)
     box, misfits = _problem(recording, protocol, strategy.projected)
     best, spent, searches = np.inf, 0, 0
+
+    def normals(*shape: int) -> FloatArray:
+        return generator.standard_normal(shape)
+
     for population, breadth in strategy.schedule(generator):
         searches += 1
-        evolution = _evolution(box, population, breadth, generator)
-        while not evolution.stop() and spent < strategy.budget and best > target_rmse:
-            genotypes = evolution.ask()
-            values = misfits(into_box(np.array(genotypes), box, protocol.margin))
-            evolution.tell(genotypes, values)
-            spent += len(values)
-            best = min(best, float(values.min()))
+        steps = generations(misfits, box, normals, population, breadth)
+        run = follow(steps, math.ceil((strategy.budget - spent) / population), target_rmse)
+        spent, best = spent + run.evaluations, min(best, run.misfit)
         if spent >= strategy.budget or best <= target_rmse:
             break
     return {"rmse_rps": best, "evaluations": spent, "searches": searches, "found": best <= target_rmse}
@@ -250,21 +252,6 @@ def _problem(recording: Recording, protocol: Protocol, projected: bool):
     kept = [i for i, name in enumerate(FREE_PARAMETERS) if name not in ("A_rps", "v_t_rps")]
     rest = Box(box.lower[kept], box.upper[kept])
     return rest, projected_rmse(recording.t, recording.v, protocol.timing, box.upper[0])
-
-
-def _evolution(box: Box, population: int, breadth: float, generator: np.random.Generator) -> cma.CMAEvolutionStrategy:
-    """CMA-ES from the middle of a box; its bounds are the caller's to keep."""
-    width = box.upper - box.lower
-    options = {
-        "popsize": population,
-        "CMA_stds": width / 4,
-        "maxstd": width / 3,
-        "seed": np.nan,
-        "randn": lambda *shape: generator.standard_normal(shape),
-        "verbose": -9,
-        "verb_log": 0,
-    }
-    return cma.CMAEvolutionStrategy((box.lower + box.upper) / 2, breadth, options)
 
 
 def study(
