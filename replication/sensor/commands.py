@@ -5,6 +5,7 @@ import hashlib
 import io
 import json
 import os
+import shutil
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -180,16 +181,16 @@ def _estimate(options: argparse.Namespace) -> int:
     settings = _settings(options)
     if len(logs) == 1 and not options.out and not options.dask:
         return _estimate_one(logs[0], settings, options)
-    journal = options.out.with_name(f"{options.out.name}.journal") if options.out else None
+    kept = options.out.with_name(f"{options.out.name}.kept") if options.out else None
     try:
-        rows = many.run_fleet(logs, settings, options.jobs, journal, options.dask)
+        rows = many.run_fleet(logs, settings, options.jobs, kept, options.dask)
     except KeyboardInterrupt:
-        print("interrupted" + (f"; the same command goes on from {journal}" if journal else ""), file=sys.stderr)
+        print("interrupted" + (f"; the same command goes on from {kept}" if kept else ""), file=sys.stderr)
         return 1
     bad = [row for row in rows if row["warnings"] and row["warnings"][0].startswith(many.UNUSABLE)]
     if len(bad) == len(rows):
-        if journal:
-            journal.unlink(missing_ok=True)
+        if kept:
+            shutil.rmtree(kept, ignore_errors=True)
         why = bad[0]["warnings"][0].removeprefix(many.UNUSABLE)
         raise UnusableLog(why if len(bad) == 1 else f"none of {len(bad)} logs is usable; the first: {why}")
     if bad:
@@ -200,7 +201,7 @@ def _estimate(options: argparse.Namespace) -> int:
         print("\n".join(as_text(many.from_row(row)) for row in rows))
     if options.out:
         _write_table(many.as_table(rows), options.out)
-        journal.unlink(missing_ok=True)
+        shutil.rmtree(kept, ignore_errors=True)
     return 0
 
 

@@ -1,19 +1,13 @@
-"""Many logs: on all cores or on a Dask cluster, resumable, and no bad file stops the rest.
-
-Each finished log is a line of a journal beside the table, so that what was done is kept whatever happens; the table
-itself is written whole at the end, and the journal removed.
-"""
+"""Many logs: on all cores or on a Dask cluster, resumable, and no bad file stops the rest."""
 
 import hashlib
-import json
-import multiprocessing
-from collections.abc import Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures.process import BrokenProcessPool
+from functools import partial
 from pathlib import Path
 
 import pandas as pd
-from joblib import Parallel, delayed, effective_n_jobs
+from joblib import Memory, Parallel, delayed
 from tqdm import tqdm
 
 from replication.sensor.tables import UnusableLog
@@ -21,10 +15,11 @@ from replication.sensor.verdict import Estimate, Settings, as_row, estimate
 
 SUFFIXES = (".csv", ".tsv", ".txt", ".dat", ".log", ".parquet", ".xlsx")
 UNUSABLE = "unusable log: "
+_DIED = "the process that read it died; is it too large for the memory?"
 _WORTH_PROCESSES = 30  # fewer quick estimates take less time than starting processes
 
 Row = dict[str, object]
-Task = tuple[int, Path]
+Logs = dict[int, Path]
 
 
 def find_logs(paths: Sequence[Path]) -> list[Path]:
@@ -65,15 +60,11 @@ def _failed(path: Path, settings: Settings, why: str) -> Row:
     return as_row(Estimate(str(path), method=settings.calibration.method, warnings=(f"{UNUSABLE}{line}",)))
 
 
-def _task(index: int, path: Path, settings: Settings) -> tuple[int, Row]:
-    return index, estimate_or_reason(path, settings)
-
-
 def run_fleet(
     paths: Sequence[Path],
     settings: Settings,
     jobs: int = -1,
-    journal: Path | None = None,
+    kept: Path | None = None,
     dask: str | None = None,
     quiet: bool | None = None,
 ) -> list[Row]:
@@ -87,35 +78,34 @@ def run_fleet(
         How all of them are read and measured.
     jobs : int
         Processes; -1 for all cores where that is worth it.
-    journal : Path, optional
-        Where finished rows are kept until all are done; rows found there of unchanged logs are not made again.
+    kept : Path, optional
+        Folder in which answers are kept; those kept there of unchanged logs are not made again.
     dask : str, optional
-        Address of a Dask scheduler whose workers see the logs under the same paths.
+        Address of a Dask scheduler whose workers see the logs, and that folder, under the same paths.
     quiet : bool, optional
         No progress bar; by default there is one if a person watches.
 
     Returns
     -------
     list of dict
-        A row for each log, in their order: see `estimate.as_row`.
+        One row for each log, in their order: see `verdict.as_row`.
 
     Raises
     ------
     UnusableLog
         The Dask scheduler does not answer, or Dask is not installed.
     """
-    keys = [_key(path, settings) for path in paths]
-    known = _journalled(journal)
-    rows: dict[int, Row] = {k: known[key] for k, key in enumerate(keys) if key in known}
-    tasks = [(k, path) for k, path in enumerate(paths) if k not in rows]
-    source = _on_dask(tasks, settings, dask) if dask else _on_this_machine(tasks, settings, jobs)
-    with tqdm(total=len(paths), initial=len(rows), unit="log", disable=quiet) as bar:
-        for index, row in source:
-            if index not in rows:
-                rows[index] = row
-                _note(journal, keys[index], row)
-                bar.update()
-    return [rows[k] for k in range(len(paths))]
+    if jobs < 0 and len(paths) < _WORTH_PROCESSES and settings.calibration.method != "paper":
+        jobs = 1
+    answer = partial(_kept_answer, settings=settings, kept=kept)
+    logs = dict(enumerate(paths))
+    answers = _on_dask(logs, answer, dask) if dask else _on_this_machine(logs, answer, jobs)
+    rows: dict[int, Row] = {}
+    with tqdm(total=len(logs), unit="log", disable=quiet) as bar:
+        for number, row in answers:
+            rows[number] = row or _failed(paths[number], settings, f"{paths[number]}: {_DIED}")
+            bar.update()
+    return [rows[number] for number in logs]
 
 
 def from_row(row: Row) -> Estimate:
@@ -141,7 +131,16 @@ def as_table(rows: Sequence[Row]) -> pd.DataFrame:
 
 
 # ---------------------------------------------------------------------------------------------------------------
-# The journal
+# Answers that are kept
+
+
+def _kept_answer(path: Path, settings: Settings, kept: Path | None) -> Row:
+    return Memory(kept, verbose=0).cache(_answer, ignore=["path", "settings"])(path, settings, _key(path, settings))
+
+
+def _answer(path: Path, settings: Settings, key: str) -> Row:
+    """Answer for the log in the state, and with the settings, that the key stands for."""
+    return estimate_or_reason(path, settings)
 
 
 def _key(path: Path, settings: Settings) -> str:
@@ -158,70 +157,39 @@ def _key(path: Path, settings: Settings) -> str:
     return hashlib.sha256(whole.encode()).hexdigest()
 
 
-def _journalled(journal: Path | None) -> dict[str, Row]:
-    """Rows of a journal by key; a line that was being written when the run ended is left out."""
-    rows: dict[str, Row] = {}
-    if journal is None or not journal.exists():
-        return rows
-    for line in journal.read_text(encoding="utf-8", errors="replace").splitlines():
-        try:
-            entry = json.loads(line)
-            rows[entry["key"]] = entry["row"]
-        except (ValueError, KeyError, TypeError):
-            continue
-    return rows
-
-
-def _note(journal: Path | None, key: str, row: Row) -> None:
-    if journal is not None:
-        with journal.open("a", encoding="utf-8") as file:
-            file.write("\n" + json.dumps({"key": key, "row": row}, allow_nan=False))
-
-
 # ---------------------------------------------------------------------------------------------------------------
-# Where the work is done
+# Where the work is done; a log on which a process dies has no row
 
 
-def _on_this_machine(tasks: Sequence[Task], settings: Settings, jobs: int) -> Iterator[tuple[int, Row]]:
-    """Run on processes of this machine; logs on which a process dies are found out one by one."""
-    left = dict(tasks)
-    if jobs < 0 and len(left) < _WORTH_PROCESSES and settings.calibration.method != "paper":
-        jobs = 1
-    while left:
-        pool = Parallel(n_jobs=jobs, return_as="generator_unordered")
-        try:
-            for index, row in pool(delayed(_task)(index, path, settings) for index, path in list(left.items())):
-                del left[index]
-                yield index, row
-        except BrokenProcessPool:
-            in_flight = list(left.items())[: 2 * effective_n_jobs(jobs)]
-            for index, row in _one_by_one(in_flight, settings):
-                del left[index]
-                yield index, row
+def _on_this_machine(logs: Logs, answer: Callable[[Path], Row], jobs: int) -> Iterator[tuple[int, Row | None]]:
+    """Run on processes of this machine.
+
+    One that dies takes the others with it and does not say on which log: what is left is tried again in halves.
+    """
+    left = dict(logs)
+    try:
+        numbered = (delayed(_numbered)(number, path, answer) for number, path in logs.items())
+        for number, row in Parallel(n_jobs=jobs, return_as="generator_unordered")(numbered):
+            del left[number]
+            yield number, row
+    except BrokenProcessPool:
+        numbers = list(left)
+        if len(numbers) == 1:
+            yield numbers[0], None
+            return
+        for half in (numbers[::2], numbers[1::2]):
+            yield from _on_this_machine({number: left[number] for number in half}, answer, jobs)
 
 
-def _one_by_one(tasks: Sequence[Task], settings: Settings) -> Iterator[tuple[int, Row]]:
-    """Estimate logs in a process of their own, a new one after each that dies."""
-    context, pool = multiprocessing.get_context("spawn"), None
-    for index, path in tasks:
-        pool = pool or ProcessPoolExecutor(1, mp_context=context)
-        try:
-            yield pool.submit(_task, index, path, settings).result()
-        except BrokenProcessPool:
-            pool.shutdown()
-            pool = None
-            why = f"{path}: the process that read it died; is it too large for the memory?"
-            yield index, _failed(path, settings, why)
-    if pool:
-        pool.shutdown()
+def _numbered(number: int, path: Path, answer: Callable[[Path], Row]) -> tuple[int, Row]:
+    return number, answer(path)
 
 
-def _itself(settings: Settings) -> Settings:
-    return settings
+def _on_dask(logs: Logs, answer: Callable[[Path], Row], address: str) -> Iterator[tuple[int, Row | None]]:
+    """Run on a Dask cluster, which runs the tasks of a worker that dies again elsewhere.
 
-
-def _on_dask(tasks: Sequence[Task], settings: Settings, address: str) -> Iterator[tuple[int, Row]]:
-    """Run on a Dask cluster, which runs the tasks of a worker that dies again elsewhere."""
+    Not as joblib's backend: joblib 1.6 waits for ever for a task that Dask has given up.
+    """
     try:
         from distributed import Client, as_completed
     except ImportError as error:
@@ -231,13 +199,6 @@ def _on_dask(tasks: Sequence[Task], settings: Settings, address: str) -> Iterato
     except (OSError, ValueError, TypeError) as error:
         raise UnusableLog(f"--dask {address}: no scheduler answers there ({type(error).__name__})") from error
     with client:
-        # As the result of a task the settings travel once to each worker, and can be made again if one dies.
-        shared = client.submit(_itself, settings, pure=False)
-        futures = {client.submit(_task, k, path, shared, pure=False): (k, path) for k, path in tasks}
-        for future in as_completed(list(futures)):
-            index, path = futures.pop(future)
-            try:
-                yield future.result()
-            except Exception as error:  # what a cluster may say of a task that it gave up
-                yield index, _failed(path, settings, f"{path}: the cluster gave it up ({type(error).__name__})")
-            future.release()
+        numbers = dict(zip(client.map(answer, list(logs.values()), pure=False), logs, strict=True))
+        for future in as_completed(numbers):
+            yield numbers[future], None if future.exception() else future.result()

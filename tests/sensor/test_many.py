@@ -1,4 +1,3 @@
-import json
 import os
 import signal
 import threading
@@ -87,15 +86,13 @@ def test_the_table_is_tidy(folder):
 
 
 def test_several_processes_give_the_same_rows_as_one_and_a_log_on_which_one_dies_costs_its_row_only(folder):
-    write(noisy(), folder / f"deadly{os.getpid()}.csv")
-    paths = [Deadly(path) for path in many.find_logs([folder])]
+    deadly = f"deadly{os.getpid()}.csv"
+    write(noisy(), folder / deadly)
+    paths = [Deadly(folder / name) for name in ("log0.csv", deadly, "empty.csv")]
     alone, together = (many.run_fleet(paths, SETTINGS, jobs=jobs) for jobs in (1, 2))
-    deadly = next(k for k, path in enumerate(paths) if path.name.startswith("deadly"))
-    assert alone[deadly]["verdict"] == "backlash"
-    assert "the process that read it died" in together[deadly]["warnings"][0]
-    assert [row for k, row in enumerate(alone) if k != deadly] == [
-        row for k, row in enumerate(together) if k != deadly
-    ]  # fmt: skip
+    assert alone[1]["verdict"] == "backlash"
+    assert "the process that read it died" in together[1]["warnings"][0]
+    assert (alone[0], alone[2]) == (together[0], together[2])
 
 
 # ---------------------------------------------------------------------------------------------------------------
@@ -117,50 +114,37 @@ def counting(monkeypatch, stop_after=None):
 
 
 def test_an_interrupted_run_goes_on_where_it_was(folder, tmp_path, monkeypatch):
-    paths, journal = many.find_logs([folder]), tmp_path / "journal"
+    paths, kept = many.find_logs([folder]), tmp_path / "kept"
     whole = many.run_fleet(paths, SETTINGS, jobs=1)
     first = counting(monkeypatch, stop_after=3)
     with pytest.raises(KeyboardInterrupt):
-        many.run_fleet(paths, SETTINGS, 1, journal)
+        many.run_fleet(paths, SETTINGS, 1, kept)
     second = counting(monkeypatch)
-    assert many.run_fleet(paths, SETTINGS, 1, journal) == whole
+    assert many.run_fleet(paths, SETTINGS, 1, kept) == whole
     assert sorted(first + second) == sorted(path.name for path in paths)
 
 
-def test_a_journal_line_that_was_cut_off_is_done_again(folder, tmp_path, monkeypatch):
-    paths, journal = many.find_logs([folder]), tmp_path / "journal"
-    whole = many.run_fleet(paths, SETTINGS, 1, journal)
-    journal.write_bytes(journal.read_bytes()[:-40])
-    done = counting(monkeypatch)
-    assert many.run_fleet(paths, SETTINGS, 1, journal) == whole
-    assert done == [paths[-1].name]
-
-
-def test_a_changed_log_or_other_settings_are_not_taken_from_the_journal(folder, tmp_path, monkeypatch):
-    paths, journal = many.find_logs([folder]), tmp_path / "journal"
-    many.run_fleet(paths, SETTINGS, 1, journal)
+def test_a_changed_log_or_other_settings_are_not_taken_from_what_was_kept(folder, tmp_path, monkeypatch):
+    paths, kept = many.find_logs([folder]), tmp_path / "kept"
+    many.run_fleet(paths, SETTINGS, 1, kept)
     write(noisy(15e-4), folder / "log0.csv", digits=4)
     done = counting(monkeypatch)
-    many.run_fleet(paths, SETTINGS, 1, journal)
+    many.run_fleet(paths, SETTINGS, 1, kept)
     assert done == ["log0.csv"]
-    many.run_fleet(paths, replace(SETTINGS, seed=2), 1, journal)
+    many.run_fleet(paths, replace(SETTINGS, seed=2), 1, kept)
     assert len(done) == 1 + len(paths)
 
 
-def test_the_rows_of_a_journal_are_those_of_the_logs(folder, tmp_path):
-    journal = tmp_path / "journal"
-    rows = many.run_fleet([folder / "log0.csv"], SETTINGS, 1, journal)
+def test_the_rows_that_were_kept_are_those_of_the_logs(folder, tmp_path):
+    kept = tmp_path / "kept"
+    rows = many.run_fleet([folder / "log0.csv"], SETTINGS, 1, kept)
     assert rows == [as_row(estimate(folder / "log0.csv", SETTINGS))]
     assert many.from_row(rows[0]) == estimate(folder / "log0.csv", SETTINGS)
-    assert many.run_fleet([folder / "log0.csv"], SETTINGS, 1, journal) == rows
+    assert many.run_fleet([folder / "log0.csv"], SETTINGS, 1, kept) == rows
 
 
 # ---------------------------------------------------------------------------------------------------------------
 # A cluster
-
-
-def lines_of(journal):
-    return [line for line in journal.read_text(encoding="utf-8").splitlines() if line] if journal.exists() else []
 
 
 def test_on_a_cluster_nothing_is_lost_and_nothing_twice_when_a_worker_dies(tmp_path):
@@ -174,25 +158,24 @@ def test_on_a_cluster_nothing_is_lost_and_nothing_twice_when_a_worker_dies(tmp_p
         paths.append(path)
     (tmp_path / "bad.csv").write_text("time,speed\n", encoding="utf-8")
     paths.append(tmp_path / "bad.csv")
-    journal, killed = tmp_path / "journal", []
+    kept, killed = tmp_path / "kept", []
 
     def kill_one(cluster):
-        while len(lines_of(journal)) < 5:
+        while len(list(kept.rglob("output.pkl"))) < 5:
             time.sleep(0.01)
         worker = next(iter(cluster.workers.values()))
         os.kill(worker.process.process.pid, signal.SIGKILL)
-        killed.append(len(lines_of(journal)))
+        killed.append(len(list(kept.rglob("output.pkl"))))
 
     with distributed.LocalCluster(n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None) as cluster:
         killer = threading.Thread(target=kill_one, args=(cluster,), daemon=True)
         killer.start()
-        rows = many.run_fleet(paths, SETTINGS, journal=journal, dask=cluster.scheduler_address)
+        rows = many.run_fleet(paths, SETTINGS, kept=kept, dask=cluster.scheduler_address)
         killer.join(timeout=5)
     assert killed
     assert killed[0] < len(paths)
     assert [row["file"] for row in rows] == [str(path) for path in paths]
-    keys = [json.loads(line)["key"] for line in lines_of(journal)]
-    assert len(keys) == len(set(keys)) == len(paths)
+    assert len(list(kept.rglob("output.pkl"))) == len(paths)
     once = [as_row(estimate(tmp_path / f"log{k}.csv", SETTINGS)) for k in range(8)]
     for k, row in enumerate(rows[:-1]):
         assert row == once[k % 8] | {"file": str(paths[k])}
