@@ -139,6 +139,11 @@ def paper_map() -> pd.DataFrame:
     return _table("map.csv")
 
 
+def where() -> pd.DataFrame:
+    """What makes a cell's number: `id, source` (patterns; the first that fits), `cell, function, line` (texts in them)."""
+    return _table("where.csv")
+
+
 def known_differences() -> pd.DataFrame:
     """Cells known not to reproduce, with the reason: `id, source, reason`."""
     return _table("differences.csv")

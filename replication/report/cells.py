@@ -1,0 +1,185 @@
+"""Printed cells beside ours: one `Cell` for each number of the paper, with every judgement of it."""
+
+from dataclasses import dataclass
+from decimal import Decimal, InvalidOperation
+
+import pandas as pd
+
+from replication import published
+
+# A sign beside each word, so that colour is never the only difference.
+SIGNS = {
+    "reproduced": "✓",
+    "consistent": "=",
+    "given": "←",
+    "erratum": "‡",
+    "undecided": "?",
+    "stand-in": "≈",
+    "differs": "✗",
+    "not-run": "–",
+    "holds": "✓",
+    "does not hold": "✗",
+    "not decided": "–",
+}
+MEANINGS = {
+    "reproduced": "computed from data or simulation, could have failed, agrees within a region fixed beforehand",
+    "erratum": "printed wrong, and our computation gives the correction",
+    "differs": "computed, and outside the region fixed beforehand",
+    "consistent": "follows from other printed numbers",
+    "given": "taken over from the paper; no evidence",
+    "undecided": "nearly any number would pass, or only unpublished data could tell",
+    "stand-in": "the original data are not public; a simulated stand-in never counts as reproduced",
+    "not-run": "nothing computes it",
+}
+EVIDENCE = ("reproduced", "erratum", "differs")
+SOURCES = {"authors": "authors' data", "simulated": "our simulation", "stand-in": "stand-in"}
+KNOWN_COLUMNS = {
+    *("id", "source", "printed", "published", "reproduced", "difference", "tolerance", "verdict", "reason"),
+    *("notebook", "low", "high", "fails_if"),
+}
+
+
+@dataclass(frozen=True)
+class Judgement:
+    """What one source says of a cell: our number, the region that it was judged by, the verdict and why.
+
+    `others` are further verdicts on the same number, by name, such as those under another region.
+    """
+
+    source: str
+    ours: float
+    difference: float
+    low: float
+    high: float
+    verdict: str
+    reason: str
+    notebook: str
+    fails_if: str
+    others: tuple[tuple[str, str], ...]
+
+
+@dataclass(frozen=True)
+class Cell:
+    """A printed number with its judgements, the one of the authors' own data first."""
+
+    id: str
+    element: str
+    row: str
+    column: str
+    printed: str
+    value: float
+    unit: str
+    kind: str
+    tolerance: float
+    tolerance_reason: str
+    section: str
+    judgements: tuple[Judgement, ...]
+
+    @property
+    def deciding(self) -> Judgement:
+        """The judgement that counts most: the first that is evidence, on the authors' data if there is one."""
+        return next((each for each in self.judgements if each.verdict in EVIDENCE), self.judgements[0])
+
+
+def cells(verdicts: pd.DataFrame) -> list[Cell]:
+    """Bring together each printed number and what the verdicts say of it.
+
+    Parameters
+    ----------
+    verdicts : DataFrame
+        `verdicts.csv`; the columns `low`, `high`, `fails_if` and any whose name begins with `verdict_` may be there.
+
+    Returns
+    -------
+    list of Cell
+        In the order of `data/cells.csv`; none for a cell without a verdict.
+    """
+    judged: dict[str, list[dict]] = {}
+    for row in verdicts.to_dict("records"):
+        judged.setdefault(row["id"], []).append(row)
+    printed = published.cells()
+    return [_cell(name, printed.loc[name], judged[name]) for name in printed.index if name in judged]
+
+
+def _cell(name: str, printed: pd.Series, rows: list[dict]) -> Cell:
+    tolerance = published.tolerance(name)
+    order = list(SOURCES)
+    rows = sorted(rows, key=lambda row: order.index(row["source"]) if row["source"] in order else len(order))
+    return Cell(
+        id=name,
+        element=printed["element"],
+        row=str(printed["row"]),
+        column=printed["column"],
+        printed=printed["printed"],
+        value=float(printed["value"]),
+        unit=printed["unit"],
+        kind=printed["kind"],
+        tolerance=tolerance,
+        tolerance_reason=printed["tol_reason"],
+        section=printed["section"],
+        judgements=tuple(_judgement(row, printed, tolerance) for row in rows),
+    )
+
+
+def _judgement(row: dict, printed: pd.Series, tolerance: float) -> Judgement:
+    value = float(printed["value"])
+    low = -float("inf") if printed["kind"] == "bound" else value - tolerance
+    return Judgement(
+        source=row["source"],
+        ours=_float(row.get("reproduced")),
+        difference=_float(row.get("difference")),
+        low=_or(_float(row.get("low")), low),
+        high=_or(_float(row.get("high")), value + tolerance),
+        verdict=row["verdict"],
+        reason=_text(row.get("reason")),
+        notebook=_text(row.get("notebook")),
+        fails_if=_text(row.get("fails_if")),
+        others=tuple(
+            (name.removeprefix("verdict_").replace("_", " "), row[name])
+            for name in row
+            if name.startswith("verdict_") and _text(row[name])
+        ),
+    )
+
+
+def _float(value: object) -> float:
+    return float("nan") if value is None or value == "" else float(value)
+
+
+def _text(value: object) -> str:
+    return value if isinstance(value, str) else ""
+
+
+def _or(number: float, otherwise: float) -> float:
+    return otherwise if number != number else number
+
+
+def by_id(all_cells: list[Cell]) -> dict[str, Cell]:
+    """Look cells up by their id."""
+    return {cell.id: cell for cell in all_cells}
+
+
+def number(value: float, digits: int = 5) -> str:
+    """Write a number with so many significant digits; nothing for one that is missing."""
+    return "" if value != value else f"{value:.{digits}g}"
+
+
+def like_printed(value: float, printed: str) -> str:
+    """Write our number with the digits of the printed one; with four significant digits where that shows nothing."""
+    if value != value:
+        return ""
+    try:
+        digits = Decimal(printed.rstrip("%"))
+    except InvalidOperation:
+        return number(value, 4)
+    exponent = digits.as_tuple().exponent
+    text = f"{value:.{max(0, -exponent)}f}"
+    shown = "e" not in printed.lower() and abs(float(text) - value) <= 0.02 * abs(value)
+    return text if shown else number(value, 3)
+
+
+def counts(all_cells: list[Cell]) -> dict[str, int]:
+    """Count printed numbers by the verdict that decides each, those of evidence first."""
+    order = [*EVIDENCE, *(name for name in MEANINGS if name not in EVIDENCE)]
+    found = [cell.deciding.verdict for cell in all_cells]
+    return {name: found.count(name) for name in order if name in found}

@@ -1,0 +1,90 @@
+"""The figures that the notebooks exported: what each shows, which notebook made it, and the drawing."""
+
+import html
+import json
+import re
+from dataclasses import dataclass
+from pathlib import Path
+
+from markupsafe import Markup
+
+from replication.report import drawings, where
+
+FIGURE_NAME = re.compile(r"(figure|table|equation)0*(\d+)_")
+
+
+@dataclass(frozen=True)
+class Picture:
+    """A figure: its name, the notebook that made it, what to see, its axes in words, and the PNG file."""
+
+    name: str
+    notebook: str
+    caption: str
+    axes: str
+    file: Path
+
+    @property
+    def element(self) -> str:
+        """Element of the paper that its name belongs to; empty for what goes beyond it."""
+        found = FIGURE_NAME.match(self.name)
+        return f"{found[1].capitalize()} {found[2]}" if found else ""
+
+    @property
+    def anchor(self) -> str:
+        """Anchor of the figure within its notebook's page."""
+        return f"figure-{self.name.replace('_', '-')}"
+
+    @property
+    def alternative(self) -> str:
+        """What is read aloud in place of the figure: what to see, then the axes."""
+        return f"{self.caption} Axes: {self.axes}." if self.axes else self.caption
+
+    @property
+    def image(self) -> Markup:
+        """The drawing as an element of a page."""
+        width, height = drawings.size(self.file)
+        label = html.escape(self.alternative)
+        source = drawings.png_uri(self.file)
+        return Markup(f'<img alt="{label}" width="{width}" height="{height}" src="{source}">')
+
+
+def pictures(results: Path, figures: Path) -> list[Picture]:
+    """Load what the notebooks noted of the figures that they exported.
+
+    Parameters
+    ----------
+    results : Path
+        Folder of the results; `figures/<name>.json` in it says notebook, caption and axes.
+    figures : Path
+        Folder of the drawings.
+
+    Returns
+    -------
+    list of Picture
+        By notebook, then by name; none whose drawing is not there.
+    """
+    found = []
+    for note in sorted((results / "figures").glob("*.json")):
+        about = json.loads(note.read_text(encoding="utf-8"))
+        file = figures / f"{note.stem}.png"
+        if file.exists():
+            axes = plain(about["axes"])
+            found.append(Picture(note.stem, about["notebook"], about["caption"], axes, file))
+    return sorted(found, key=lambda picture: (picture.notebook, picture.name))
+
+
+def plain(label: str) -> str:
+    """An axis label without its mathematical markup, for reading aloud."""
+    for markup, sign in (("\\delta", "δ"), ("\\Delta", "Δ"), ("\\theta", "θ"), ("\\pm", "±")):
+        label = label.replace(markup, sign)
+    return re.sub(r"[${}\\]", "", label)
+
+
+def shown_in(notebook: Path, drawn: list[Picture]) -> dict[str, list[Picture]]:
+    """Figures of a notebook by the anchor of the cell that exports them."""
+    own = [picture for picture in drawn if picture.notebook == notebook.stem]
+    placed: dict[str, list[Picture]] = {}
+    for picture in own:
+        if anchor := where.cell_with(notebook, f'"{picture.name}"'):
+            placed.setdefault(anchor, []).append(picture)
+    return placed

@@ -1,0 +1,183 @@
+"""Every executed notebook as a page that a browser shows as it is: no script, no network, light, and linked."""
+
+import base64
+import re
+from dataclasses import dataclass
+from pathlib import Path
+
+import nbformat
+import pandas as pd
+from jinja2 import Environment, PackageLoader, StrictUndefined
+from nbconvert.filters import Highlight2HTML, ansi2html
+
+from replication import published
+from replication.report import drawings, figures, mathml, where
+from replication.workbook import files, judging
+
+TABLE_NUMBER = re.compile(r"<td>(-?\d+\.\d+(?:e[+-]?\d+)?|-?\d+e[+-]?\d+)</td>")
+DIGITS = 4  # of a number in a table; the exported CSV has six
+
+
+@dataclass(frozen=True)
+class PageCell:
+    """A cell of a page: its anchor, its kind ("markdown" or "code") and its parts as HTML."""
+
+    anchor: str
+    kind: str
+    body: str
+    outputs: tuple[str, ...]
+    pictures: tuple[figures.Picture, ...]
+
+
+def page_cells(notebook: Path, drawn: list[figures.Picture]) -> list[PageCell]:
+    """Turn an executed notebook's cells into HTML.
+
+    Parameters
+    ----------
+    notebook : Path
+        The `.ipynb`.
+    drawn : list of Picture
+        Figures that notebooks exported: they stand in the place of the cell's own, with their captions.
+
+    Returns
+    -------
+    list of PageCell
+    """
+    content = nbformat.read(notebook, as_version=4)
+    anchors = where.cell_anchors([(cell.cell_type, cell.source) for cell in content.cells])
+    placed = figures.shown_in(notebook, drawn)
+    highlight = Highlight2HTML(pygments_lexer="python3")
+    cells = []
+    for cell, anchor in zip(content.cells, anchors, strict=True):
+        pictures = tuple(placed.get(anchor, ()))
+        if cell.cell_type == "markdown":
+            cells.append(PageCell(anchor, "markdown", mathml.markdown(cell.source), (), ()))
+        elif cell.cell_type == "code":
+            outputs = [_output(output, bool(pictures)) for output in cell.outputs]
+            cells.append(PageCell(anchor, "code", highlight(cell.source), tuple(filter(None, outputs)), pictures))
+    return cells
+
+
+def _output(output: nbformat.NotebookNode, has_picture: bool) -> str:
+    """An output as HTML; nothing for a drawing that stands there as an exported figure."""
+    if output.output_type == "stream":
+        return f"<pre>{ansi2html(output.text)}</pre>"
+    if output.output_type == "error":
+        return f"<pre>{ansi2html(chr(10).join(output.traceback))}</pre>"
+    data = output.data
+    if "image/png" in data:
+        if has_picture:
+            return ""
+        picture = drawings.light_png(base64.b64decode(data["image/png"]))
+        return f'<img alt="a drawing that the cell above makes" src="{picture}">'
+    if "text/html" in data:
+        return _table(data["text/html"])
+    return f"<pre>{ansi2html(data.get('text/plain', ''))}</pre>"
+
+
+def _table(html: str) -> str:
+    """A data frame as a plain table that scrolls by itself where it is wide, with sensible digits."""
+    html = re.sub(r"<style.*?</style>", "", html, flags=re.DOTALL)
+    html = html.replace(' border="1" class="dataframe"', "").replace(' style="text-align: right;"', "")
+    html = re.sub(r"<th></th>", '<td class="corner"></td>', html)
+    html = TABLE_NUMBER.sub(lambda found: f'<td class="number">{float(found[1]):.{DIGITS}g}</td>', html)
+    html = re.sub(r"</?div>", "", html)
+    return f'<div class="wide" tabindex="0" role="region" aria-label="table, scrolls sideways">{html.strip()}</div>'
+
+
+def render(notebook: Path, results: Path, drawn: list[figures.Picture], all_names: list[str]) -> str:
+    """Render a notebook's page.
+
+    Parameters
+    ----------
+    notebook : Path
+        The executed notebook.
+    results : Path
+        Folder of the results, whose verdicts the page's head names.
+    drawn : list of Picture
+        Exported figures.
+    all_names : list of str
+        Names of all notebooks, for the links from page to page.
+
+    Returns
+    -------
+    str
+    """
+    cells = page_cells(notebook, drawn)
+    position = all_names.index(notebook.stem)
+    environment = Environment(
+        loader=PackageLoader("replication.report"), autoescape=True, undefined=StrictUndefined, trim_blocks=True
+    )
+    return environment.get_template("notebook.html.j2").render(
+        name=notebook.stem,
+        title=title(notebook),
+        cells=cells,
+        before=all_names[position - 1] if position else "",
+        after=all_names[position + 1] if position + 1 < len(all_names) else "",
+        decides=decides(notebook.stem, results),
+        contents=[(where.slug(text), text) for text in _sections(notebook)],
+    )
+
+
+def title(notebook: Path) -> str:
+    """A notebook's title: its first heading, formulas as they are written."""
+    return next(text for kind, source in where.notebook_cells(notebook) for text in where.headings(source))
+
+
+def _sections(notebook: Path) -> list[str]:
+    """Headings below the title."""
+    found = [
+        text for kind, source in where.notebook_cells(notebook) if kind == "markdown" for text in where.headings(source)
+    ]
+    return found[1:]
+
+
+def decides(name: str, results: Path) -> list[tuple[str, str, str]]:
+    """What a notebook decides: the anchor in the report, the element, and its verdicts counted in words."""
+    table = judging.verdicts(results)
+    own = table[table["notebook"] == name]
+    element = published.cells()["element"].reindex(own["id"]).to_numpy()
+    parts = [
+        (
+            where.slug(str(key)),
+            str(key),
+            ", ".join(f"{n} {verdict}" for verdict, n in part.value_counts(sort=False).items()),
+        )
+        for key, part in own["verdict"].groupby(element, sort=False)
+    ]
+    claims = judging.decided_claims(results)
+    held = claims[claims["notebook"] == name]
+    if len(held):
+        parts.append(("claims", "Claims", f"{len(held)} decided"))
+    return parts
+
+
+def write_pages(results: Path, notebooks: Path) -> list[Path]:
+    """Write a page for each executed notebook into the results' folder `pages`.
+
+    Parameters
+    ----------
+    results, notebooks : Path
+        Folders of the results and of the executed notebooks; the drawings are in the folder `figures` beside.
+
+    Returns
+    -------
+    list of Path
+    """
+    drawn = figures.pictures(results, results.parent / "figures")
+    executed = sorted(notebooks.glob("[0-9]*.ipynb"))
+    names = [notebook.stem for notebook in executed]
+    written = []
+    for notebook in executed:
+        path = results / "pages" / f"{notebook.stem}.html"
+        files.write_text(path, render(notebook, results, drawn, names))
+        written.append(path)
+    for stale in set((results / "pages").glob("*.html")) - set(written):
+        stale.unlink()
+    return written
+
+
+def contents(notebooks: Path) -> pd.DataFrame:
+    """Name and title of every executed notebook."""
+    rows = [(notebook.stem, title(notebook)) for notebook in sorted(notebooks.glob("[0-9]*.ipynb"))]
+    return pd.DataFrame(rows, columns=["notebook", "title"])
