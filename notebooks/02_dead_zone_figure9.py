@@ -29,7 +29,8 @@
 
 # %%
 
-from replication import simulated, workbook
+from replication import workbook
+from replication.dead_zone import dead_zone_curves, dead_zone_facts
 from replication.figures import paper
 from replication.simulator.simulate import identified_joint
 
@@ -45,7 +46,7 @@ alphas = [1e3, 1e4, 1e5, 1e6]  # sharpness of the edge, 1/rad
 
 # %%
 joint = identified_joint()
-curves = simulated.dead_zone_curves(joint, delta_rad, alphas)
+curves = dead_zone_curves(joint.stiffness_nm_per_rad, delta_rad, alphas)
 figure = paper.dead_zone(curves, delta_rad)
 workbook.save_figure(
     figure,
@@ -60,7 +61,7 @@ workbook.save_figure(
 # equation 9 changes.
 
 # %%
-facts = simulated.dead_zone_facts(joint, delta_rad, alphas)
+facts = dead_zone_facts(joint.stiffness_nm_per_rad, delta_rad, alphas)
 workbook.save_table(facts, "dead_zone_facts")
 facts
 

@@ -37,11 +37,18 @@
 import pandas as pd
 
 from replication import datasets, workbook
-from replication import simulated as simulations
 from replication.figures import paper
 from replication.simulator import identification
 from replication.simulator.recordings import simulate_recordings
 from replication.simulator.simulate import identified_joint
+from replication.simulator.study import (
+    CLEAN_LEVELS,
+    FIT_LEVELS,
+    alpha_study,
+    clean_records,
+    signals,
+    simulator_attempts,
+)
 
 # %% [markdown]
 # ## Parameters
@@ -57,9 +64,9 @@ profiled = ""  # a ratio to profile, such as "leaky_rate_per_s"; takes a minute
 
 # %%
 committed = identified_joint()
-records = simulations.clean_records(simulations.CLEAN_LEVELS)
-fit_deltas = [datasets.level_delta_rad(level) for level in simulations.FIT_LEVELS]
-fit = identification.identify_joint(simulations.signals({delta: records[delta] for delta in fit_deltas}), committed)
+records = clean_records(CLEAN_LEVELS)
+fit_deltas = [datasets.level_delta_rad(level) for level in FIT_LEVELS]
+fit = identification.identify_joint(signals({delta: records[delta] for delta in fit_deltas}), committed)
 ratios = pd.DataFrame(
     [
         {"ratio": name, "committed": committed.ratios[name], "fitted": value, "low_95": low, "high_95": high}
@@ -85,7 +92,7 @@ together
 
 # %%
 if profiled:
-    fitted_records = simulations.signals({delta: records[delta] for delta in fit_deltas})
+    fitted_records = signals({delta: records[delta] for delta in fit_deltas})
     display(identification.profile_ratio(profiled, (0.9, 1.0, 1.1), fitted_records, fit.parameters))  # noqa: F821
 
 # %% [markdown]
@@ -110,7 +117,7 @@ physical.to_frame()
 # From 1e6 per rad on nothing changes.
 
 # %%
-alpha = simulations.alpha_study(committed, records, alphas)
+alpha = alpha_study(committed, records, alphas)
 workbook.save_table(alpha, "joint_alpha")
 alpha
 
@@ -125,7 +132,7 @@ alpha
 # authors' loop; what it was in their model is not known. Friction, filters and damping add nothing.
 
 # %%
-attempts = simulations.simulator_attempts()
+attempts = simulator_attempts()
 attempts[attempts["kept"] != "no"]
 
 # %%

@@ -32,10 +32,11 @@
 # %%
 import pandas as pd
 
-from replication import datasets, decisions, simulated, workbook
+from replication import datasets, decisions, workbook
 from replication.figures import paper
 from replication.simulator.recordings import SIMULATION_STEP_S, simulate_recordings
 from replication.simulator.simulate import identified_joint, simulate
+from replication.simulator.study import CLEAN_LEVELS, changed_joint, clean_records, positive_impact_delay, validate
 
 # %% [markdown]
 # ## Parameters
@@ -48,8 +49,8 @@ changes = {}  # ratios of the joint to multiply, such as {"stiffness_per_s2": 1.
 # ## Result
 
 # %%
-joint = simulated.changed_joint(identified_joint(), changes)
-records = simulated.clean_records(simulated.CLEAN_LEVELS)
+joint = changed_joint(identified_joint(), changes)
+records = clean_records(CLEAN_LEVELS)
 delta_rad = datasets.level_delta_rad(level)
 run = simulate(joint, delta_rad, step_s=SIMULATION_STEP_S)
 shown = (run.time_s >= 2 * joint.turn_period_s) & (run.time_s <= 4 * joint.turn_period_s)
@@ -77,7 +78,7 @@ workbook.save_figure(
 # ### Level by level
 
 # %%
-table = simulated.validate(joint, records)
+table = validate(joint, records)
 workbook.save_table(table, "simulator_validation")
 table
 
@@ -102,8 +103,8 @@ lateness = pd.DataFrame(
     [
         {
             "delta_rad": delta,
-            "record_ms": 1e3 * simulated.positive_impact_delay(records[delta]),
-            "simulated_ms": 1e3 * simulated.positive_impact_delay(simulate_recordings(joint, [delta])[0]),
+            "record_ms": 1e3 * positive_impact_delay(records[delta]),
+            "simulated_ms": 1e3 * positive_impact_delay(simulate_recordings(joint, [delta])[0]),
         }
         for delta in list(records)[::2]
     ]

@@ -34,6 +34,7 @@ from replication import datasets, decisions, simulated, table2, workbook
 from replication.figures import paper
 from replication.simulator.recordings import simulate_recordings
 from replication.simulator.simulate import identified_joint
+from replication.simulator.study import ALL_LEVELS, changed_joint
 
 # %% [markdown]
 # ## Parameters
@@ -52,7 +53,7 @@ changes = {}  # ratios of the joint to multiply
 # The paper's signal comes from a robot or bench and is not public; this is the simulated joint's.
 
 # %%
-joint = simulated.changed_joint(identified_joint(), changes)
+joint = changed_joint(identified_joint(), changes)
 speed = simulate_recordings(joint, [datasets.level_delta_rad(speed_level)])[0]
 speed = datasets.add_uniform_noise(speed, noise_rps, np.random.default_rng(noise_seed))
 shown = speed.t <= 4 * speed.turn_period_s
@@ -69,7 +70,7 @@ workbook.save_figure(
 
 # %%
 ten = [datasets.level_delta_rad(level) for level in table2.table2_levels()]
-every = [datasets.level_delta_rad(level) for level in simulated.ALL_LEVELS]
+every = [datasets.level_delta_rad(level) for level in ALL_LEVELS]
 fine = simulate_recordings(joint, ten, sample_s=simulated.FINE_S)
 signals = simulated.disturbances(fine, ten)
 peaks = simulated.amplitudes(joint, every)

@@ -35,8 +35,10 @@ import pandas as pd
 
 from replication import characteristic, datasets, decisions, published, table2, workbook
 from replication import simulated as simulations
+from replication.characteristic import characteristic_difference
 from replication.figures import paper
 from replication.simulator.simulate import identified_joint
+from replication.simulator.study import changed_joint
 
 # %% [markdown]
 # ## Parameters
@@ -85,9 +87,9 @@ workbook.save_figure(
 # so the cubic's coefficients are others, and the line is nearly the same.
 
 # %%
-joint = simulations.changed_joint(identified_joint(), changes)
+joint = changed_joint(identified_joint(), changes)
 ours = characteristic.fit_characteristic(simulations.amplitudes(joint, delta)["amplitude_rps"], delta)
-difference = simulations.characteristic_difference(ours)
+difference = characteristic_difference(ours)
 workbook.save_table(difference.iloc[::20], "characteristic_difference")
 figure = paper.characteristic_difference(difference, simulations.printed_amplitudes())
 workbook.save_figure(

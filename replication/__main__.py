@@ -5,12 +5,13 @@ import os
 import sys
 from pathlib import Path
 
-from replication import simulated, workbook
-from replication.datasets import WORKBOOK_FILES, DataCorrupt, DataUnavailable, authors_file
+from replication import workbook
+from replication.data.authors import WORKBOOK_FILES, DataCorrupt, DataUnavailable, authors_file
 from replication.report import flips
 from replication.report import page as report
 from replication.sensor import commands
 from replication.sensor.tables import UnusableLog
+from replication.simulator.study import calibrate
 from replication.studies import scoreboard, sensitivity, timings
 from replication.workbook import files, judging, provenance
 
@@ -138,7 +139,7 @@ def _readme(_: argparse.Namespace) -> int:
 
 
 def _identify_joint(_: argparse.Namespace) -> int:
-    files.write_text(workbook.ROOT / "replication" / "data" / "joint.json", simulated.calibrate())
+    files.write_text(workbook.ROOT / "replication" / "data" / "joint.json", calibrate())
     return 0
 
 

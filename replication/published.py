@@ -140,7 +140,7 @@ def paper_map() -> pd.DataFrame:
 
 
 def where() -> pd.DataFrame:
-    """What makes a cell's number: `id, source` (patterns; the first that fits), `cell, function, line` (texts in them)."""
+    """Where each cell is computed: `id, source` (patterns, the first that fits), `cell, function, line` (texts there)."""
     return _table("where.csv")
 
 

@@ -1,95 +1,27 @@
 """The paper's experiments on the simulated joint: validation, growth of the disturbance, its amplitude."""
 
-from collections.abc import Mapping, Sequence
-from dataclasses import replace
-from importlib.metadata import version
+from collections.abc import Sequence
 
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from replication import characteristic, published
-from replication.datasets import Recording, authors_file, level_delta_rad, load_clean
-from replication.dead_zone import stiffness, transmitted_torque
-from replication.simulator.identification import FINE_S, identify_joint, identify_lead, joint_record, validation_table
-from replication.simulator.recordings import simulate_recordings
+from replication import published
+from replication.datasets import Recording, level_delta_rad
+from replication.simulator.identification import FINE_S
 from replication.simulator.simulate import (
     JointParameters,
-    joint_from_ratios,
     settled_peak_rps,
     simulate_many,
-    with_ratios,
 )
 
 FloatArray = NDArray[np.float64]
-
-# Levels K of the authors' data: published clean, used to identify the joint, and all that they made.
-CLEAN_LEVELS = range(3, 14)
-FIT_LEVELS = (3, 6, 9, 12)
-ALL_LEVELS = range(2, 21)
-
-# The first turn is not fitted but for when the joint started, to a period of the drive.
-FIRST_TURN_BAR = 0.085
-
-
-def clean_records(levels: Sequence[int]) -> dict[float, Recording]:
-    """Load the authors' clean records of some levels, by backlash [rad]."""
-    return {level_delta_rad(level): load_clean(level) for level in levels}
-
-
-def signals(records: dict[float, Recording]) -> dict[float, tuple[FloatArray, FloatArray]]:
-    """Time and speed of records, by backlash [rad]: what the identification takes."""
-    return {delta: (record.t, record.v) for delta, record in records.items()}
 
 
 def printed_amplitudes() -> dict[float, float]:
     """Table 2's theoretical A [rps] by backlash [rad]."""
     theoretical = published.column("Table 2", "theoretical")
     return {level_delta_rad(level): theoretical[level - 2] for level in range(2, 2 + theoretical.size - 1)}
-
-
-def validate(joint: JointParameters, records: dict[float, Recording]) -> pd.DataFrame:
-    """Compare the simulated joint with every clean record and every printed theoretical A.
-
-    Parameters
-    ----------
-    joint : JointParameters
-        The joint.
-    records : dict
-        From `clean_records`, all of `CLEAN_LEVELS`.
-
-    Returns
-    -------
-    DataFrame
-        See `simulator_fit.validation_table`; row K = 2 has no record to compare with.
-    """
-    levels = range(2, CLEAN_LEVELS.stop)
-    datasets = {level_delta_rad(level): f"Speeddata{level}" for level in levels}
-    used = [level_delta_rad(level) for level in FIT_LEVELS]
-    printed = printed_amplitudes()
-    return validation_table(joint, signals(records), datasets, used_in_fit=used, printed_a_rps=printed)
-
-
-def first_turn_nrmse(joint: JointParameters, records: dict[float, Recording]) -> FloatArray:
-    """Misfit of the simulated joint to the first turn of records, over its SD: the start-up transient tells `lead_s`.
-
-    Parameters
-    ----------
-    joint : JointParameters
-        The joint.
-    records : dict
-        From `clean_records`.
-
-    Returns
-    -------
-    array of shape (records,)
-    """
-    misfits = []
-    for record, simulated in zip(records.values(), simulate_recordings(joint, list(records)), strict=True):
-        first = record.t < record.turn_period_s - 1e-9
-        v = record.v[first]
-        misfits.append(np.sqrt(np.mean((v - simulated.v[: v.size]) ** 2)) / v.std())
-    return np.array(misfits)
 
 
 def amplitudes(joint: JointParameters, deltas_rad: Sequence[float]) -> pd.DataFrame:
@@ -126,160 +58,3 @@ def disturbances(recordings: Sequence[Recording], deltas_rad: Sequence[float]) -
             pd.DataFrame({"delta_rad": delta, "time_s": recording.t[rows] - begin, "disturbance_rps": disturbance})
         )
     return pd.concat(parts, ignore_index=True)
-
-
-def dead_zone_curves(joint: JointParameters, delta_rad: float, alphas: Sequence[float]) -> pd.DataFrame:
-    """Evaluate equations 8 and 9 over three gaps, for figure 9.
-
-    Returns
-    -------
-    DataFrame
-        `alpha_per_rad, delta_theta_rad, stiffness_nm_per_rad, torque_nm`; the clamped dead zone has alpha
-        infinite.
-    """
-    x = np.linspace(-3 * delta_rad, 3 * delta_rad, 1201)
-    ks = joint.stiffness_nm_per_rad
-    parts = []
-    for alpha in alphas:
-        torque = transmitted_torque(x, 0.0, delta_rad, ks, alpha_per_rad=alpha)
-        curve = {"alpha_per_rad": alpha, "delta_theta_rad": x, "torque_nm": torque}
-        parts.append(pd.DataFrame(curve | {"stiffness_nm_per_rad": stiffness(x, delta_rad, ks, alpha)}))
-    clamped = transmitted_torque(x, 0.0, delta_rad, ks, clamped=True)
-    curve = {"alpha_per_rad": np.inf, "delta_theta_rad": x, "torque_nm": clamped}
-    parts.append(pd.DataFrame(curve | {"stiffness_nm_per_rad": np.where(np.abs(x) > delta_rad, ks, 0.0)}))
-    return pd.concat(parts, ignore_index=True)
-
-
-def dead_zone_facts(joint: JointParameters, delta_rad: float, alphas: Sequence[float]) -> pd.DataFrame:
-    """Measure what equations 8 and 9 do where the text says otherwise.
-
-    Returns
-    -------
-    DataFrame
-        By `alpha_per_rad`: stiffness at the edge and mid-gap as shares of K_s, and the torque's jump at zero
-        displacement [N m].
-    """
-    ks = joint.stiffness_nm_per_rad
-    rows = []
-    for alpha in alphas:
-        edge, middle = stiffness([delta_rad, 0.0], delta_rad, ks, alpha) / ks
-        left, right = transmitted_torque([-1e-15, 1e-15], 0.0, delta_rad, ks, alpha_per_rad=alpha)
-        rows.append((alpha, edge, middle, left - right))
-    return pd.DataFrame(rows, columns=["alpha_per_rad", "edge_share", "middle_share", "jump_nm"])
-
-
-def characteristic_difference(fitted: characteristic.Characteristic) -> pd.DataFrame:
-    """Compare a characteristic with equation 10 as printed, over the range of the printed points.
-
-    Returns
-    -------
-    DataFrame
-        `amplitude_rps, fitted_rad, printed_rad, difference_rad`.
-    """
-    theoretical = np.array(list(printed_amplitudes().values()))
-    amplitude = np.linspace(theoretical.min(), theoretical.max(), 400)
-    ours, printed = fitted.backlash_rad(amplitude), characteristic.equation_10().backlash_rad(amplitude)
-    return pd.DataFrame(
-        {"amplitude_rps": amplitude, "fitted_rad": ours, "printed_rad": printed, "difference_rad": ours - printed}
-    )
-
-
-def alpha_study(joint: JointParameters, records: dict[float, Recording], alphas: Sequence[float]) -> pd.DataFrame:
-    """Misfit of the simulated joint as the edge of equation 8 softens, the rest kept.
-
-    Returns
-    -------
-    DataFrame
-        `alpha_per_rad, mean_nrmse_percent`; the clamped dead zone has alpha infinite.
-    """
-    joints = [(alpha, replace(joint, alpha_per_rad=alpha)) for alpha in alphas]
-    joints.append((np.inf, replace(joint, clamped=True)))
-    rows = [(alpha, 100 * validate(changed, records)["nrmse"].mean()) for alpha, changed in joints]
-    return pd.DataFrame(rows, columns=["alpha_per_rad", "mean_nrmse_percent"])
-
-
-def simulator_attempts() -> pd.DataFrame:
-    """Load the log of the models of the drive that were fitted on the way to the identified one.
-
-    Returns
-    -------
-    DataFrame
-        `attempt, what_changed, mean_nrmse_percent, max_nrmse_percent, max_abs_peak_error_percent, kept`: a refit
-        each. A log, not a result: the models that were not kept are not in the code.
-    """
-    with (published.DATA / "simulator_attempts.csv").open(encoding="utf-8") as file:
-        return pd.read_csv(file)
-
-
-def changed_joint(joint: JointParameters, factors: Mapping[str, float]) -> JointParameters:
-    """Multiply some of a joint's ratios by factors, for a student to play with.
-
-    Raises
-    ------
-    ValueError
-        There is no such ratio.
-    """
-    unknown = set(factors) - set(joint.ratios)
-    if unknown:
-        raise ValueError(f"no such ratio: {', '.join(sorted(unknown))}; there are {', '.join(joint.ratios)}")
-    return with_ratios(joint, {name: factor * joint.ratios[name] for name, factor in factors.items()})
-
-
-def positive_impact_delay(recording: Recording) -> float:
-    """How much later than half a turn after the negative impact the positive one comes [s].
-
-    From the phase between the two halves of the mean settled turn, weighted by their cross spectrum below 100 Hz.
-    """
-    dt = recording.t[1] - recording.t[0]
-    half_turn = round(recording.turn_period_s / 2 / dt)
-    settled = recording.v[2 * half_turn : 12 * half_turn] - recording.commanded_speed_rps
-    turn = settled.reshape(-1, 2 * half_turn).mean(axis=0)
-    negative, positive = turn[:half_turn], turn[half_turn:]
-    if np.abs(negative.min()) < np.abs(negative.max()):
-        negative, positive = positive, negative
-    spectrum = np.fft.rfft(-negative).conj() * np.fft.rfft(positive)
-    frequency = np.fft.rfftfreq(half_turn, dt)
-    band = (frequency > 0) & (frequency < 100)
-    weight = np.abs(spectrum[band])
-    phase = np.angle(spectrum[band])
-    return float(-np.sum(weight * phase * frequency[band]) / np.sum(weight * frequency[band] ** 2) / (2 * np.pi))
-
-
-# Rough values, from which the fit finds the identified ones; with all signs right, which it keeps.
-CALIBRATION_START = {
-    "stiffness_per_s2": 4.5e4,
-    "gravity_per_s2": 33.0,
-    "inertia_ratio": 5.0,
-    "speed_gain_per_s": 850.0,
-    "integral_gain_per_s2": 1.5e5,
-    "derivative_gain": 1.0,
-    "leaky_gain_per_s2": -4e4,
-    "position_gain_per_s": 25.0,
-    "leaky_rate_per_s": 30.0,
-    "torque_lag_s": 1.5e-3,
-    "start_angle_rad": 0.149,
-    "lead_s": 0.0455,
-}
-
-
-def calibrate() -> str:
-    """Identify the joint from the authors' clean records, from a rough start.
-
-    Returns
-    -------
-    str
-        The content of `data/joint.json`.
-
-    Raises
-    ------
-    DataUnavailable, DataCorrupt
-        See `datasets.authors_file`.
-    """
-    records = signals(clean_records(FIT_LEVELS))
-    start = joint_from_ratios(CALIBRATION_START)
-    fit = identify_joint(records, start)
-    leads = start.control_period_s * np.arange(0, 161)
-    lead = identify_lead(records, fit.parameters, leads)
-    fit = replace(fit, parameters=replace(fit.parameters, lead_s=float(round(lead, 9))))
-    sources = [authors_file(f"Speeddata{level}.xlsx") for level in FIT_LEVELS]
-    return joint_record(fit, sources, {name: version(name) for name in ("numpy", "scipy", "numba")})

@@ -3,6 +3,7 @@ import os
 import pytest
 
 from replication import datasets
+from replication.data.authors import WORKBOOK_FILES, DataUnavailable, authors_file
 
 # Tests that run side by side leave no core free for processes of their own.
 if "PYTEST_XDIST_WORKER" in os.environ:
@@ -13,9 +14,9 @@ if "PYTEST_XDIST_WORKER" in os.environ:
 def authors_data():
     """Skip a test where the authors' data are neither at hand nor to be downloaded."""
     try:
-        for path in datasets.WORKBOOK_FILES:
-            datasets.authors_file(path)
-    except datasets.DataUnavailable as error:
+        for path in WORKBOOK_FILES:
+            authors_file(path)
+    except DataUnavailable as error:
         pytest.skip(f"needs the authors' data: {error}")
 
 

@@ -10,6 +10,15 @@ import openpyxl
 import pytest
 
 from replication import datasets, inspection, published, table2
+from replication.data.authors import (
+    WORKBOOK_FILES,
+    DataCorrupt,
+    DataUnavailable,
+    authors_file,
+    authors_registry,
+    parse_speed_workbook,
+    read_zip_member,
+)
 
 
 def workbook_bytes(rows):
@@ -25,13 +34,13 @@ GOOD_ROWS = [(0.002 * k, 100.0 + k) for k in range(5)]
 
 
 def test_a_blank_first_row_is_dropped():
-    t, v = datasets.parse_speed_workbook(workbook_bytes([(None, None), *GOOD_ROWS]), "file")
+    t, v = parse_speed_workbook(workbook_bytes([(None, None), *GOOD_ROWS]), "file")
     np.testing.assert_allclose(t, [0, 0.002, 0.004, 0.006, 0.008])
     np.testing.assert_allclose(v, [100, 101, 102, 103, 104])
 
 
 def test_a_first_row_with_the_time_of_the_second_is_dropped():
-    t, v = datasets.parse_speed_workbook(workbook_bytes([(0.0, 98.5), *GOOD_ROWS]), "file")
+    t, v = parse_speed_workbook(workbook_bytes([(0.0, 98.5), *GOOD_ROWS]), "file")
     assert (t[0], v[0], t.size) == (0.0, 100.0, 5)
 
 
@@ -49,13 +58,13 @@ def test_a_first_row_with_the_time_of_the_second_is_dropped():
     ids=["empty", "two rows", "text", "gap in a row", "backwards", "three columns", "uneven"],
 )
 def test_a_bad_table_is_refused_by_name(rows):
-    with pytest.raises(datasets.DataCorrupt, match="this file"):
-        datasets.parse_speed_workbook(workbook_bytes(rows), "this file")
+    with pytest.raises(DataCorrupt, match="this file"):
+        parse_speed_workbook(workbook_bytes(rows), "this file")
 
 
 def test_bytes_that_are_no_workbook_are_refused():
-    with pytest.raises(datasets.DataCorrupt, match="not a workbook"):
-        datasets.parse_speed_workbook(b"no workbook", "this file")
+    with pytest.raises(DataCorrupt, match="not a workbook"):
+        parse_speed_workbook(b"no workbook", "this file")
 
 
 # ------------------------------------------------------------------------------------------- finding and download
@@ -90,10 +99,10 @@ def test_a_file_is_downloaded_verified_and_kept(registered, server, tmp_path):
     folder, url = server
     (folder / "Noisy data" / "a file.zip").write_bytes(registered)
     cache = tmp_path / "cache"
-    path = datasets.authors_file("Noisy data/a file.zip", base_url=url, cache=cache)
+    path = authors_file("Noisy data/a file.zip", base_url=url, cache=cache)
     assert path.read_bytes() == registered
     (folder / "Noisy data" / "a file.zip").unlink()
-    assert datasets.authors_file("Noisy data/a file.zip", base_url=url, cache=cache) == path
+    assert authors_file("Noisy data/a file.zip", base_url=url, cache=cache) == path
 
 
 @pytest.mark.parametrize("content", [b"other bytes", b"the authors'"], ids=["wrong", "truncated"])
@@ -101,21 +110,21 @@ def test_a_download_with_a_wrong_hash_is_refused_and_leaves_nothing(registered, 
     folder, url = server
     (folder / "Noisy data" / "a file.zip").write_bytes(content)
     cache = tmp_path / "cache"
-    with pytest.raises(datasets.DataCorrupt, match=r"a file\.zip.*SHA-256"):
-        datasets.authors_file("Noisy data/a file.zip", base_url=url, cache=cache)
+    with pytest.raises(DataCorrupt, match=r"a file\.zip.*SHA-256"):
+        authors_file("Noisy data/a file.zip", base_url=url, cache=cache)
     assert [path for path in cache.rglob("*") if path.is_file()] == []
 
 
 def test_a_file_that_the_server_does_not_have_is_named(registered, server, tmp_path):
     cache = tmp_path / "cache"
-    with pytest.raises(datasets.DataUnavailable, match=r"a file\.zip.*cannot be downloaded"):
-        datasets.authors_file("Noisy data/a file.zip", base_url=server[1], cache=cache)
+    with pytest.raises(DataUnavailable, match=r"a file\.zip.*cannot be downloaded"):
+        authors_file("Noisy data/a file.zip", base_url=server[1], cache=cache)
     assert [path for path in cache.rglob("*") if path.is_file()] == []
 
 
 def test_without_a_network_the_file_and_the_way_out_are_named(registered, tmp_path):
-    with pytest.raises(datasets.DataUnavailable, match=r"a file\.zip.*BACKLASH_DATA") as caught:
-        datasets.authors_file("Noisy data/a file.zip", base_url="http://127.0.0.1:9/", cache=tmp_path / "cache")
+    with pytest.raises(DataUnavailable, match=r"a file\.zip.*BACKLASH_DATA") as caught:
+        authors_file("Noisy data/a file.zip", base_url="http://127.0.0.1:9/", cache=tmp_path / "cache")
     assert "\n" not in str(caught.value)
 
 
@@ -124,26 +133,26 @@ def test_a_local_copy_is_used_where_backlash_data_says(registered, tmp_path, mon
     file = tmp_path / "Noisy data" / "a file.zip"
     file.write_bytes(registered)
     monkeypatch.setenv("BACKLASH_DATA", str(tmp_path))
-    assert datasets.authors_file("Noisy data/a file.zip", base_url="http://127.0.0.1:9/") == file
+    assert authors_file("Noisy data/a file.zip", base_url="http://127.0.0.1:9/") == file
 
 
 def test_a_changed_local_copy_is_refused(registered, tmp_path, monkeypatch):
     (tmp_path / "Noisy data").mkdir()
     (tmp_path / "Noisy data" / "a file.zip").write_bytes(b"changed")
     monkeypatch.setenv("BACKLASH_DATA", str(tmp_path))
-    with pytest.raises(datasets.DataCorrupt, match=r"a file\.zip.*SHA-256"):
-        datasets.authors_file("Noisy data/a file.zip")
+    with pytest.raises(DataCorrupt, match=r"a file\.zip.*SHA-256"):
+        authors_file("Noisy data/a file.zip")
 
 
 def test_a_file_missing_from_the_local_copy_is_named_and_not_downloaded(registered, tmp_path, monkeypatch):
     monkeypatch.setenv("BACKLASH_DATA", str(tmp_path))
-    with pytest.raises(datasets.DataUnavailable, match=r"a file\.zip.*BACKLASH_DATA"):
-        datasets.authors_file("Noisy data/a file.zip")
+    with pytest.raises(DataUnavailable, match=r"a file\.zip.*BACKLASH_DATA"):
+        authors_file("Noisy data/a file.zip")
 
 
 def test_a_file_that_is_not_registered_is_refused(registered):
-    with pytest.raises(datasets.DataUnavailable, match="no such file"):
-        datasets.authors_file("Speeddata99.xlsx")
+    with pytest.raises(DataUnavailable, match="no such file"):
+        authors_file("Speeddata99.xlsx")
 
 
 def test_a_truncated_archive_is_named(tmp_path):
@@ -151,21 +160,21 @@ def test_a_truncated_archive_is_named(tmp_path):
     with zipfile.ZipFile(archive, "w") as bundle:
         bundle.writestr("SpeeddataNoise1.xlsx", b"x" * 1000)
     archive.write_bytes(archive.read_bytes()[:-30])
-    with pytest.raises(datasets.DataCorrupt, match=r"bundle\.zip"):
-        datasets.read_zip_member(archive, ".*")
+    with pytest.raises(DataCorrupt, match=r"bundle\.zip"):
+        read_zip_member(archive, ".*")
 
 
 def test_an_archive_without_the_record_is_named(tmp_path):
     archive = tmp_path / "bundle.zip"
     with zipfile.ZipFile(archive, "w") as bundle:
         bundle.writestr("other.txt", b"x")
-    with pytest.raises(datasets.DataCorrupt, match=r"bundle\.zip: 0 members"):
-        datasets.read_zip_member(archive, r".*\.xlsx")
+    with pytest.raises(DataCorrupt, match=r"bundle\.zip: 0 members"):
+        read_zip_member(archive, r".*\.xlsx")
 
 
 def test_the_registry_covers_every_file_that_the_workbook_reads():
-    registry = datasets.authors_registry()
-    assert set(datasets.WORKBOOK_FILES) <= set(registry)
+    registry = authors_registry()
+    assert set(WORKBOOK_FILES) <= set(registry)
     assert all(len(digest) == 64 for digest in registry.values())
 
 
@@ -247,5 +256,5 @@ def test_the_first_negative_impact_is_a_start_up_transient(authors_data):
 
 
 def test_a_level_below_the_published_ones_is_refused(authors_data):
-    with pytest.raises(datasets.DataUnavailable, match=r"Speeddata2\.xlsx"):
+    with pytest.raises(DataUnavailable, match=r"Speeddata2\.xlsx"):
         datasets.load_clean(2)

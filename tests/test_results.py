@@ -6,7 +6,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from replication import datasets, published, table2, workbook
+from replication import published, table2, workbook
+from replication.data.authors import authors_registry
 from replication.workbook import judging
 
 RESULTS = workbook.ROOT / "results"
@@ -119,7 +120,7 @@ def test_no_protocol_variant_with_the_printed_turn_period_comes_near():
 def test_the_provenance_names_versions_seeds_and_verified_inputs():
     provenance = json.loads((RESULTS / "provenance.json").read_text(encoding="utf-8"))
     assert set(provenance.PACKAGES) == set(provenance["packages"])
-    registry = datasets.authors_registry()
+    registry = authors_registry()
     inputs = {
         path: digest for notebook in provenance["notebooks"].values() for path, digest in notebook["inputs"].items()
     }

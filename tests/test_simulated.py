@@ -2,9 +2,9 @@ import numpy as np
 import pytest
 
 from replication import datasets, published, table2
-from replication import simulated as simulations
 from replication.simulator.recordings import simulate_recordings
 from replication.simulator.simulate import identified_joint, with_ratios
+from replication.simulator.study import CLEAN_LEVELS, FIRST_TURN_BAR, clean_records, first_turn_nrmse
 
 
 @pytest.fixture(scope="module")
@@ -19,10 +19,10 @@ def test_a_simulated_record_has_the_time_stamps_of_the_authors(joint, record_12)
 
 
 def test_the_first_turn_of_the_simulated_joint_is_that_of_the_records(joint, authors_data):
-    records = simulations.clean_records(simulations.CLEAN_LEVELS)
-    assert simulations.first_turn_nrmse(joint, records).max() < simulations.FIRST_TURN_BAR
+    records = clean_records(CLEAN_LEVELS)
+    assert first_turn_nrmse(joint, records).max() < FIRST_TURN_BAR
     later = with_ratios(joint, {"lead_s": joint.lead_s + joint.control_period_s})
-    assert simulations.first_turn_nrmse(later, records).max() > simulations.FIRST_TURN_BAR
+    assert first_turn_nrmse(later, records).max() > FIRST_TURN_BAR
 
 
 def test_the_made_noise_has_the_printed_half_amplitudes(joint):

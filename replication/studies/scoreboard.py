@@ -15,7 +15,8 @@ from scipy.signal import butter, sosfiltfilt
 
 from replication.characteristic import equation_10, printed_levels_rad
 from replication.compiled.misfit import population_rmse
-from replication.datasets import DataUnavailable, Recording, add_uniform_noise, from_sample, level_delta_rad, load_noisy
+from replication.data.authors import DataUnavailable
+from replication.datasets import Recording, add_uniform_noise, from_sample, level_delta_rad, load_noisy
 from replication.identify import paper_fit, protocol_box
 from replication.methods.calibration import default_calibration, fit_polynomial
 from replication.methods.joint_match import match_joint
@@ -71,7 +72,7 @@ def benchmark_logs() -> list[tuple[str, float, Recording]]:
     Raises
     ------
     DataUnavailable, DataCorrupt
-        The authors' logs are not to be had; see `datasets.authors_file`.
+        The authors' logs are not to be had; see `data.authors.authors_file`.
     """
     authors = [
         ("authors", level_delta_rad(level), replace(load_noisy(level, R), source="an authors' log"))

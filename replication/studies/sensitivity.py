@@ -28,6 +28,7 @@ from replication.identify import Protocol, first_generation_rmse
 from replication.signature import rmse
 from replication.simulator.recordings import simulate_recordings
 from replication.simulator.simulate import DivergenceError, JointParameters, identified_joint, with_ratios
+from replication.simulator.study import CLEAN_LEVELS, FIRST_TURN_BAR, clean_records, first_turn_nrmse, validate
 from replication.workbook import judging
 
 # By kind ("cell", "claim", "test"), id and source: a number for a cell, and whether it holds for the others.
@@ -218,7 +219,7 @@ def _authors_records() -> list[tuple[dict, Recording]]:
 
 @cache
 def _clean_records() -> dict[float, Recording]:
-    return simulations.clean_records(simulations.CLEAN_LEVELS)
+    return clean_records(CLEAN_LEVELS)
 
 
 @cache
@@ -258,7 +259,7 @@ def _of_equation10(
 def _of_joint(joint: JointParameters, levels_rad: tuple[float, ...], sample_s: float) -> Found:
     """Notebooks 3 to 6: the simulated joint against the clean records and the printed amplitudes."""
     peaks = simulations.amplitudes(joint, levels_rad)
-    validation = simulations.validate(joint, _clean_records())
+    validation = validate(joint, _clean_records())
     rows = range(1, len(levels_rad) + 1)
     cells = {f"table2.row{row:02d}.theoretical": peak for row, peak in zip(rows, peaks["amplitude_rps"], strict=True)}
     cells |= decisions.equation10_cells(characteristic.fit_characteristic(peaks["amplitude_rps"], np.array(levels_rad)))
@@ -270,9 +271,9 @@ def _of_joint(joint: JointParameters, levels_rad: tuple[float, ...], sample_s: f
     within_bars = validation["nrmse"].max() < 0.03 and validation["peak_error_percent"].abs().max() < 1
     record, simulated = _record12(), simulate_recordings(joint, [level_delta_rad(12)], sample_s)[0]
     same_times = simulated.t.size == record.t.size and np.allclose(simulated.t, record.t, atol=1e-9)
-    first_turn = simulations.first_turn_nrmse(joint, _clean_records())
+    first_turn = first_turn_nrmse(joint, _clean_records())
     tests = _tests(
-        the_first_turn_of_the_simulated_joint_is_that_of_the_records=first_turn.max() < simulations.FIRST_TURN_BAR,
+        the_first_turn_of_the_simulated_joint_is_that_of_the_records=first_turn.max() < FIRST_TURN_BAR,
         the_simulator_meets_its_bars_on_every_record_and_every_printed_peak=within_bars,
         a_simulated_record_has_the_time_stamps_of_the_authors=same_times,
     )
@@ -401,7 +402,7 @@ def sensitivity() -> pd.DataFrame:
     Raises
     ------
     DataUnavailable, DataCorrupt
-        See `datasets.authors_file`.
+        See `data.authors.authors_file`.
     """
     base = nominal()
     before = found(base)

@@ -159,7 +159,7 @@ def bench() -> pd.DataFrame:
     Raises
     ------
     DataUnavailable, DataCorrupt
-        See `datasets.authors_file`.
+        See `data.authors.authors_file`.
     """
     records = [recording for _, recording in authors_table2_records([1])]
     return pd.concat([bench_identification(records), bench_simulator()], ignore_index=True)

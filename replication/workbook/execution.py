@@ -17,7 +17,7 @@ from jupyter_client.manager import AsyncKernelManager
 from nbclient import NotebookClient
 from nbclient.exceptions import CellExecutionError, DeadKernelError
 
-from replication.datasets import data_folder
+from replication.data.authors import data_folder
 from replication.workbook import guard
 from replication.workbook.files import QUICK, ROOT, write_json
 

@@ -103,10 +103,10 @@ def _interrupt(number: int, frame: object) -> None:
 def _run_one(source, quick, destination, stamps, stall_s, keeper, slots) -> Ending:
     """Execute a notebook, show its progress on the terminal line of a free slot, and stamp it."""
     slot = slots.pop(0)
-    bar = tqdm(desc=source.stem, position=slot, leave=False, disable=None, bar_format="{desc}: {postfix}")
+    bar = tqdm(position=slot, leave=False, disable=None, bar_format="{desc}")
 
     def progress(cell: int, cells: int, text: str) -> None:
-        bar.set_postfix_str(f"cell {cell} of {cells} {_counted(text)}")
+        bar.set_description_str(f"{source.stem}: cell {cell} of {cells} {_counted(text)}")
 
     try:
         seconds = execution.execute(source, quick, destination, stall_s=stall_s, keeper=keeper, progress=progress)
@@ -129,8 +129,8 @@ def _counted(text: str) -> str:
 
 
 def _say(ending: Ending) -> None:
-    what = f"done in {sum(ending.seconds):.0f} s" if ending.how == "done" else ending.why
-    tqdm.write(f"{ending.name}: {what}" if ending.how == "done" else f"{ending.how}: {what}", file=sys.stderr)
+    said = {"done": f"{ending.name}: done in {sum(ending.seconds):.0f} s", "not run": ending.why}
+    tqdm.write(said.get(ending.how, f"failed: {ending.why}"), file=sys.stderr)
 
 
 def _stamp(stamps: Path, name: str, destination: Path) -> None:

@@ -7,8 +7,9 @@ import pandas as pd
 import pytest
 from made_logs import noisy, silent, write
 
-from replication import datasets, workbook
+from replication import workbook
 from replication.__main__ import main
+from replication.data.authors import authors_file
 from replication.methods.calibration import default_calibration
 from replication.sensor import commands, many
 from replication.sensor.tables import UnusableLog
@@ -282,7 +283,7 @@ def test_dated_logs_become_a_trend_with_a_date_and_a_plot(tmp_path, capsys):
 
 
 def test_the_authors_workbook_is_answered_from_the_command_line(authors_data, capsys):
-    path = datasets.authors_file("Speeddata8.xlsx")
+    path = authors_file("Speeddata8.xlsx")
     status, out, _ = ran(capsys, "estimate", path, *TURN, "--json")
     row = json.loads(out)[0]
     assert status == 0

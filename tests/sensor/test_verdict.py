@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 from made_logs import TURN, clean, noisy, silent, table, write
 
 from replication import datasets
+from replication.data.authors import authors_file
 from replication.datasets import Recording, add_uniform_noise
 from replication.methods.calibration import calibrate, default_calibration
 from replication.sensor.columns import LogFormat
@@ -87,7 +88,7 @@ def test_a_log_file_is_answered_with_what_was_assumed(tmp_path):
 @pytest.mark.parametrize("level", [3, 8, 11])
 def test_the_authors_workbooks_are_answered_as_they_are(authors_data, level):
     for method in ("amplitude", "energy", "waveform"):
-        found = estimate(datasets.authors_file(f"Speeddata{level}.xlsx"), settings_for(TURN, method=method))
+        found = estimate(authors_file(f"Speeddata{level}.xlsx"), settings_for(TURN, method=method))
         check(found)
         assert found.verdict == "backlash"
         assert found.backlash_rad == pytest.approx(datasets.level_delta_rad(level), rel=0.12)

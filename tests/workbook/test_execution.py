@@ -172,7 +172,7 @@ def test_an_outcome_says_what_it_was_made_from(notebook, tmp_path):
 
 
 def test_missing_data_are_told_from_a_failure(notebook, tmp_path):
-    source = notebook("# %%\nfrom replication import datasets\ndatasets.authors_file('Speeddata99.xlsx')\n")
+    source = notebook("# %%\nfrom replication.data import authors\nauthors.authors_file('Speeddata99.xlsx')\n")
     with pytest.raises(execution.NotebookNotRun, match=r"small: not run: Speeddata99\.xlsx"):
         execution.execute(source, destination=tmp_path / "out")
     assert files_below(tmp_path / "out") == []

@@ -1,0 +1,1 @@
+"""Printed numbers, the identified joint, and the way to the authors' files."""
