@@ -140,7 +140,7 @@ def paper_map() -> pd.DataFrame:
 
 
 def where() -> pd.DataFrame:
-    """Where each cell is computed: `id, source` (patterns, the first that fits), `cell, function, line` (texts there)."""
+    """Where cells are computed: `id, source` (patterns, the first that fits), `cell, function, line` (texts there)."""
     return _table("where.csv")
 
 

@@ -1,0 +1,181 @@
+import functools
+import hashlib
+import http.server
+import io
+import threading
+import zipfile
+
+import numpy as np
+import openpyxl
+import pytest
+
+from replication.data import authors
+from replication.data.authors import (
+    WORKBOOK_FILES,
+    DataCorrupt,
+    DataUnavailable,
+    authors_file,
+    authors_registry,
+    parse_speed_workbook,
+    read_zip_member,
+)
+
+
+def workbook_bytes(rows):
+    book = openpyxl.Workbook()
+    for row in rows:
+        book.active.append(row)
+    buffer = io.BytesIO()
+    book.save(buffer)
+    return buffer.getvalue()
+
+
+GOOD_ROWS = [(0.002 * k, 100.0 + k) for k in range(5)]
+
+
+def test_a_blank_first_row_is_dropped():
+    t, v = parse_speed_workbook(workbook_bytes([(None, None), *GOOD_ROWS]), "file")
+    np.testing.assert_allclose(t, [0, 0.002, 0.004, 0.006, 0.008])
+    np.testing.assert_allclose(v, [100, 101, 102, 103, 104])
+
+
+def test_a_first_row_with_the_time_of_the_second_is_dropped():
+    t, v = parse_speed_workbook(workbook_bytes([(0.0, 98.5), *GOOD_ROWS]), "file")
+    assert (t[0], v[0], t.size) == (0.0, 100.0, 5)
+
+
+@pytest.mark.parametrize(
+    "rows",
+    [
+        [],
+        GOOD_ROWS[:2],
+        [*GOOD_ROWS, ("text", 1.0)],
+        [*GOOD_ROWS, (0.010, None)],
+        [*GOOD_ROWS, (0.002, 100.0)],
+        [(*row, 1.0) for row in GOOD_ROWS],
+        [*GOOD_ROWS, (0.020, 100.0)],
+    ],
+    ids=["empty", "two rows", "text", "gap in a row", "backwards", "three columns", "uneven"],
+)
+def test_a_bad_table_is_refused_by_name(rows):
+    with pytest.raises(DataCorrupt, match="this file"):
+        parse_speed_workbook(workbook_bytes(rows), "this file")
+
+
+def test_bytes_that_are_no_workbook_are_refused():
+    with pytest.raises(DataCorrupt, match="not a workbook"):
+        parse_speed_workbook(b"no workbook", "this file")
+
+
+# ------------------------------------------------------------------------------------------- finding and download
+
+
+@pytest.fixture
+def registered(monkeypatch):
+    """Register one small file instead of the authors'."""
+    content = b"the authors' bytes"
+    digest = hashlib.sha256(content).hexdigest()
+    monkeypatch.setattr(authors, "authors_registry", lambda: {"Noisy data/a file.zip": digest})
+    monkeypatch.delenv("BACKLASH_DATA", raising=False)
+    return content
+
+
+@pytest.fixture
+def server(tmp_path):
+    """Serve a folder on the loopback; yields the folder and its address."""
+    folder = tmp_path / "served"
+    (folder / "Noisy data").mkdir(parents=True)
+    handler = functools.partial(http.server.SimpleHTTPRequestHandler, directory=str(folder))
+    handler.log_message = lambda *_: None
+    httpd = http.server.ThreadingHTTPServer(("127.0.0.1", 0), handler)
+    thread = threading.Thread(target=httpd.serve_forever, daemon=True)
+    thread.start()
+    yield folder, f"http://127.0.0.1:{httpd.server_port}/"
+    httpd.shutdown()
+    httpd.server_close()
+
+
+def test_a_file_is_downloaded_verified_and_kept(registered, server, tmp_path):
+    folder, url = server
+    (folder / "Noisy data" / "a file.zip").write_bytes(registered)
+    cache = tmp_path / "cache"
+    path = authors_file("Noisy data/a file.zip", base_url=url, cache=cache)
+    assert path.read_bytes() == registered
+    (folder / "Noisy data" / "a file.zip").unlink()
+    assert authors_file("Noisy data/a file.zip", base_url=url, cache=cache) == path
+
+
+@pytest.mark.parametrize("content", [b"other bytes", b"the authors'"], ids=["wrong", "truncated"])
+def test_a_download_with_a_wrong_hash_is_refused_and_leaves_nothing(registered, server, tmp_path, content):
+    folder, url = server
+    (folder / "Noisy data" / "a file.zip").write_bytes(content)
+    cache = tmp_path / "cache"
+    with pytest.raises(DataCorrupt, match=r"a file\.zip.*SHA-256"):
+        authors_file("Noisy data/a file.zip", base_url=url, cache=cache)
+    assert [path for path in cache.rglob("*") if path.is_file()] == []
+
+
+def test_a_file_that_the_server_does_not_have_is_named(registered, server, tmp_path):
+    cache = tmp_path / "cache"
+    with pytest.raises(DataUnavailable, match=r"a file\.zip.*cannot be downloaded"):
+        authors_file("Noisy data/a file.zip", base_url=server[1], cache=cache)
+    assert [path for path in cache.rglob("*") if path.is_file()] == []
+
+
+def test_without_a_network_the_file_and_the_way_out_are_named(registered, tmp_path):
+    with pytest.raises(DataUnavailable, match=r"a file\.zip.*BACKLASH_DATA") as caught:
+        authors_file("Noisy data/a file.zip", base_url="http://127.0.0.1:9/", cache=tmp_path / "cache")
+    assert "\n" not in str(caught.value)
+
+
+def test_a_local_copy_is_used_where_backlash_data_says(registered, tmp_path, monkeypatch):
+    (tmp_path / "Noisy data").mkdir()
+    file = tmp_path / "Noisy data" / "a file.zip"
+    file.write_bytes(registered)
+    monkeypatch.setenv("BACKLASH_DATA", str(tmp_path))
+    assert authors_file("Noisy data/a file.zip", base_url="http://127.0.0.1:9/") == file
+
+
+def test_a_changed_local_copy_is_refused(registered, tmp_path, monkeypatch):
+    (tmp_path / "Noisy data").mkdir()
+    (tmp_path / "Noisy data" / "a file.zip").write_bytes(b"changed")
+    monkeypatch.setenv("BACKLASH_DATA", str(tmp_path))
+    with pytest.raises(DataCorrupt, match=r"a file\.zip.*SHA-256"):
+        authors_file("Noisy data/a file.zip")
+
+
+def test_a_file_missing_from_the_local_copy_is_named_and_not_downloaded(registered, tmp_path, monkeypatch):
+    monkeypatch.setenv("BACKLASH_DATA", str(tmp_path))
+    with pytest.raises(DataUnavailable, match=r"a file\.zip.*BACKLASH_DATA"):
+        authors_file("Noisy data/a file.zip")
+
+
+def test_a_file_that_is_not_registered_is_refused(registered):
+    with pytest.raises(DataUnavailable, match="no such file"):
+        authors_file("Speeddata99.xlsx")
+
+
+def test_a_truncated_archive_is_named(tmp_path):
+    archive = tmp_path / "bundle.zip"
+    with zipfile.ZipFile(archive, "w") as bundle:
+        bundle.writestr("SpeeddataNoise1.xlsx", b"x" * 1000)
+    archive.write_bytes(archive.read_bytes()[:-30])
+    with pytest.raises(DataCorrupt, match=r"bundle\.zip"):
+        read_zip_member(archive, ".*")
+
+
+def test_an_archive_without_the_record_is_named(tmp_path):
+    archive = tmp_path / "bundle.zip"
+    with zipfile.ZipFile(archive, "w") as bundle:
+        bundle.writestr("other.txt", b"x")
+    with pytest.raises(DataCorrupt, match=r"bundle\.zip: 0 members"):
+        read_zip_member(archive, r".*\.xlsx")
+
+
+def test_the_registry_covers_every_file_that_the_workbook_reads():
+    registry = authors_registry()
+    assert set(WORKBOOK_FILES) <= set(registry)
+    assert all(len(digest) == 64 for digest in registry.values())
+
+
+# ------------------------------------------------------------------------------------------------ the records
