@@ -21,6 +21,7 @@ from replication.global_fit.folding import (
     normal_equations,
     t0_range,
 )
+from replication.global_fit.gates import Fit, Record, at_bound, on_samples, part_fold
 from replication.global_fit.windows import (
     damping_frequency_grid,
     grid_search,
@@ -30,7 +31,7 @@ from replication.global_fit.windows import (
     scan_edge,
 )
 from replication.identify import Protocol, protocol_box
-from replication.signature import FREE_PARAMETERS, Timing, signature
+from replication.signature import FREE_PARAMETERS, signature
 
 FloatArray = NDArray[np.float64]
 
@@ -176,126 +177,27 @@ def _cost(minimum) -> float:
     return minimum[3]
 
 
-@numba.njit(cache=True)
-def _round_gates(t, samples, gains, instant, t0, T_d, T_f):
-    """The t0 and T2, to the last bits, whose rounded gates t0 + i T_f + T2 near an instant gain most.
-
-    gains[m] is what the sample of window m gains if it is let in. Returns t0, T2, and which samples are let in.
-    """
-    best, best_t0, best_T2 = -np.inf, t0, instant - t0
-    inside = np.zeros(samples.size, dtype=np.bool_)
-    for search in (True, False):
-        for phase in range(64 if search else 1):
-            trial_t0 = t0 + phase * 2.0**-55 if search else best_t0
-            for last_bits in range(-80, 81) if search else range(1):
-                T2 = instant - trial_t0 + last_bits * 2.0**-55 if search else best_T2
-                gain = 0.0
-                for m in range(samples.size):
-                    start = trial_t0 + (m // 2) * T_f
-                    inside[m] = t[samples[m]] <= (start + T_d if m % 2 else start) + T2
-                    gain += gains[m] if inside[m] else 0.0
-                if gain > best:
-                    best, best_t0, best_T2 = gain, trial_t0, T2
-    return best_t0, best_T2, inside
-
-
-def _end_on_sample(t, v, timing, limits, fold, best, b):
-    """Fit with T2 at its bound and windows that end on position b's samples, where rounding decides turn by turn.
-
-    Whether t <= t0 + i T_f + T2 holds there depends on the last bits, which so choose the turns whose window takes its
-    last sample in. The paper's cost has this freedom, and CMA-ES runs that are pressed against the bound use it.
-    Returns (a, b, theta, sum of squares) and T2, or `best` and no T2 if that is not better.
-    """
-    a, _, theta, best_cost = best
-    if fold.classes > 1 or b >= fold.x.size:
-        return best, None
-    low, high = t0_range(fold, limits, a, b)
-    if not low <= high or abs(theta[0] - low) > fold.x[1] - fold.x[0]:
-        return best, None
-    bounded, _ = descend(fold, limits, a, b - 1, np.array([low, *theta[1:]]), 8, True)
-    X = _parameters(t, v, timing, limits, fold, (a, b - 1, bounded, 0.0))
-    samples = b + np.round(timing.T_d / (fold.x[1] - fold.x[0]) * np.arange(2 * timing.n)).astype(np.int64)
-    samples = samples[samples < t.size]
-    signs = np.where(np.arange(samples.size) % 2, -1.0, 1.0)
-    since_t0 = fold.x[b] - low
-    last = signs * X[0] * np.exp(-X[2] * (since_t0 - X[6])) * np.sin(X[3] * since_t0)
-    error = v[samples] - X[4] - signature(t, X, timing)[samples]
-    t0, T2, inside = _round_gates(t, samples, error**2 - (error - last) ** 2, fold.x[b], low, timing.T_d, timing.T_f)
-    part = fold._replace(
-        value=fold.value.copy(), count=fold.count.copy(), sign=fold.sign.copy(), pairs=fold.pairs.copy()
-    )
-    part.value[b], part.count[b], part.sign[b] = (
-        (inside * signs) @ (v[samples] - v.mean()),
-        inside.sum(),
-        inside @ signs,
-    )
-    if fold.inverse[b] >= 0:
-        part.pairs[fold.inverse[b]] = inside[: 2 * timing.n - 1].sum()
-    bounded, cost = descend(part, limits, a, b, np.array([t0, *bounded[1:]]), 8, True)
-    return ((a, b, bounded, cost), T2) if cost < best_cost else (best, None)
-
-
-def _parameters(t, v, timing, limits, fold, best, T2=None) -> FloatArray:
-    """X of a minimum (a, b, theta, sum of squares): window edges in mid-gap unless T2 is given, A and v_t projected."""
-    a, b, (t0, tau, omega), _ = best
-    after = fold.x[b + 1] if b + 1 < fold.x.size else fold.x[b] + fold.x[1] - fold.x[0]
-    T2 = (fold.x[b] + min(after, t0 + limits.T2)) / 2 - t0 if T2 is None else T2
-    X = np.array([1.0, t0, tau, omega, 0.0, T2, np.clip(middle_of_gap(fold, a) - t0, 0.0, limits.T1)])
+def _parameters(record: Record, fit: Fit) -> FloatArray:
+    """X of a fit: window edges in mid-gap unless they are on a sample, A and v_t projected."""
+    t, v, timing, limits, fold = record
+    t0, tau, omega = fit.theta
+    after = fold.x[fit.b + 1] if fit.b + 1 < fold.x.size else fold.x[fit.b] + fold.x[1] - fold.x[0]
+    T2 = (fold.x[fit.b] + min(after, t0 + limits.T2)) / 2 - t0 if fit.T2 is None else fit.T2
+    T1 = np.clip(middle_of_gap(fold, fit.a) - t0, 0.0, limits.T1) if fit.T1 is None else fit.T1
+    X = np.array([1.0, t0, tau, omega, 0.0, T2, T1])
     unit = signature(t, X, timing)
     centred = unit - unit.mean()
-    A = centred @ v / (centred @ centred)
-    if abs(A) > limits.A:  # a later start in the same gap has a smaller A
-        X[6] = min(X[6] + np.log(abs(A) / limits.A) / tau, limits.T1, fold.x[a] - t0 - CLEARANCE_S)
+    A = (centred * v).sum() / (centred * centred).sum()
+    if abs(A) > limits.A:
+        if fit.T1 is None:  # a later start in the same gap has a smaller A
+            X[6] = min(T1 + np.log(abs(A) / limits.A) / tau, limits.T1, fold.x[fit.a] - t0 - CLEARANCE_S)
+            unit = signature(t, X, timing)
         A = np.clip(A, -limits.A, limits.A)
-        unit = signature(t, X, timing)
     X[0], X[4] = A, v.mean() - A * unit.mean()
     return X
 
 
-@numba.njit(cache=True)
-def _turn_energy(t, v, periods, bins):
-    """Sum of squares of the mean half turn, the second half of each turn taken negative, for each turn period."""
-    energy = np.zeros(periods.size)
-    for p in range(periods.size):
-        total, count = np.zeros(bins), np.zeros(bins)
-        for i in range(t.size):
-            position = (t[i] - t[0]) / periods[p] * 2 * bins
-            half, k = divmod(int(position), bins)
-            total[k] += v[i] if half % 2 == 0 else -v[i]
-            count[k] += 1
-        for k in range(bins):
-            energy[p] += total[k] ** 2 / max(count[k], 1.0)
-    return energy
-
-
-def _find_turn_period(t, v, protocol, limits, tolerance) -> float:
-    """The turn period within a relative tolerance of the protocol's that the signature fits best [s]."""
-    dt = (t[-1] - t[0]) / (t.size - 1)
-    step = protocol.T_f * dt / (t[-1] - t[0])
-    reach = int(np.ceil(tolerance * protocol.T_f / step))
-    periods = protocol.T_f + step * np.arange(-reach, reach + 1)
-    period = periods[np.argmax(_turn_energy(t, v - v.mean(), periods, round(protocol.T_d / dt)))]
-    best = None
-    while step > 1e-6 * period:
-        trials = period + step * np.array([0.0, -2.0, -1.0, 1.0, 2.0])
-        for trial in trials:
-            timing = Timing(trial / 2, trial, protocol.turns)
-            if best is None:
-                fold, minima = _minima(t, v, timing, limits)
-                best = minima[0]
-                edges = fold.x[best[0]], fold.x[best[1]]
-            moved = (period - trial) * protocol.turns / 2
-            fold = fold_record(t, v, timing)
-            a, b = np.clip(np.searchsorted(fold.x, np.array(edges) + moved), 0, fold.x.size - 1)
-            theta = best[2] + np.array([moved, 0.0, 0.0])
-            found = refine(fold, limits, int(a), int(b), theta, 8, 4)
-            if found[3] < best[3]:
-                best, edges, period = found, (fold.x[found[0]], fold.x[found[1]]), trial
-        step /= 2
-    return period
-
-
-def global_fit(recording: Recording, protocol: Protocol | None = None, period_tolerance: float = 0.0) -> GlobalFit:
+def global_fit(recording: Recording, protocol: Protocol | None = None) -> GlobalFit:
     """Find the signature with the least misfit to a record, in the box of a protocol of the paper.
 
     Parameters
@@ -304,8 +206,6 @@ def global_fit(recording: Recording, protocol: Protocol | None = None, period_to
         The record.
     protocol : Protocol, optional
         Timing and box; the paper's search settings do not matter. By default the authors' notebook.
-    period_tolerance : float
-        Search the turn period within this fraction of the protocol's T_f, with T_d half of it; 0 takes T_f as known.
 
     Returns
     -------
@@ -324,27 +224,22 @@ def global_fit(recording: Recording, protocol: Protocol | None = None, period_to
     A, t0, tau, omega, _, T2, T1 = zip(box.lower.tolist(), box.upper.tolist(), strict=True)
     limits = Limits(A[1], t0[0], T1[1], T2[1], tau, omega)
     timing = protocol.timing
-    if period_tolerance > 0:
-        period = _find_turn_period(t, v, protocol, limits, period_tolerance)
-        timing = Timing(period / 2, period, protocol.turns)
     fold, minima = _minima(t, v, timing, limits)
     if not minima:
         raise ValueError(f"{recording.source}: {t.size} samples are too few for the signature's windows; sample faster")
-    best = minima[0]
-    interval = _amplitude_interval(fold, limits, *best[:3])
-    on_sample, T2 = best, None
-    for b in (best[1], best[1] + 1):
-        trial, trial_T2 = _end_on_sample(t, v, timing, limits, fold, on_sample, b)
-        on_sample, T2 = (trial, trial_T2) if trial_T2 else (on_sample, T2)
-    X = _parameters(t, v, timing, limits, fold, on_sample, T2)
+    record, between = Record(t, v, timing, limits, fold), Fit(*minima[0])
+    best = on_samples(record, between)
+    interval = _amplitude_interval(part_fold(record, best), limits, best.a, best.b, best.theta)
+    best = at_bound(record, best) if best is between else best
+    X = _parameters(record, best)
     misfit = float(population_rmse(t, v, X[None, :], timing)[0])
-    rivals = (abs(_parameters(t, v, timing, limits, fold, m)[0]) for m in minima[1:] if m[3] < 1.01**2 * best[3])
+    rivals = (abs(_parameters(record, Fit(*m))[0]) for m in minima[1:] if m[3] < 1.01**2 * best.cost)
     near = np.minimum(X - box.lower, box.upper - X) <= 1e-6 * (box.upper - box.lower)
     return GlobalFit(
         X,
         misfit,
         timing.T_f,
-        float(abs(X[0]) * np.exp(X[2] * (X[1] + X[6] - middle_of_gap(fold, best[0])))),
+        float(abs(X[0]) * np.exp(X[2] * (X[1] + X[6] - middle_of_gap(fold, best.a)))),
         interval,
         tuple(name for name, bound in zip(FREE_PARAMETERS, near, strict=True) if bound),
         bool(X[0] < 0),

@@ -103,7 +103,7 @@ def fold_record(t: FloatArray, v: FloatArray, timing: Timing, whole_samples: boo
     inverse[partner[partner >= 0]] = np.flatnonzero(partner >= 0)
     centred = v - v.mean()
     columns = _fold(centred, first, group, phases.size)
-    return Fold(x, *columns, partner, inverse, phases.size, (float(centred @ centred), float(t.size)))
+    return Fold(x, *columns, partner, inverse, phases.size, (float((centred * centred).sum()), float(t.size)))
 
 
 @numba.njit(cache=True)
