@@ -148,7 +148,10 @@ def fit_trend(rows: Sequence[Mapping], dates: Sequence[pd.Timestamp], limit_rad:
     since = (points["date"] - points["date"].iloc[0]).dt.total_seconds().to_numpy() / 86400
     middle = float(weight @ since / weight.sum())
     days = since - middle
-    line, covariance, chi2 = _weighted(np.stack([np.ones_like(days), days], axis=1), delta, weight)
+    # Of the growth since the first log: equal estimates then have a slope of zero, to the last digit.
+    (growth, offset), covariance = np.polyfit(days, delta - delta[0], 1, w=np.sqrt(weight), cov="unscaled")
+    line, covariance = (delta[0] + offset, growth), covariance[::-1, ::-1]
+    chi2 = float(weight @ (delta - line[0] - line[1] * days) ** 2)
     freedom = delta.size - 2
     covariance = covariance * max(1.0, chi2 / freedom)
     if freedom > 2 and _is_curved(days, delta, weight, chi2):
@@ -177,25 +180,19 @@ def _points(rows: Sequence[Mapping], dates: Sequence[pd.Timestamp]) -> pd.DataFr
     return points.sort_values(["date", "file"], ignore_index=True)
 
 
-def _weighted(design: FloatArray, y: FloatArray, weight: FloatArray) -> tuple[FloatArray, FloatArray, float]:
-    """Weighted least squares: coefficients, their covariance for known deviations, and chi squared."""
-    covariance = np.linalg.inv(design.T @ (weight[:, None] * design))
-    found = covariance @ design.T @ (weight * y)
-    return found, covariance, float(weight @ (y - design @ found) ** 2)
-
-
 def _is_curved(days: FloatArray, delta: FloatArray, weight: FloatArray, chi2: float) -> bool:
     """Whether a parabola is better than the line, by an F test at 5 %."""
     scaled = days / np.abs(days).max()
     if np.unique(scaled).size < 4:
         return False
-    _, _, curved = _weighted(np.stack([np.ones_like(scaled), scaled, scaled**2], axis=1), delta, weight)
+    parabola = np.polyfit(scaled, delta, 2, w=np.sqrt(weight))
+    curved = float(weight @ (delta - np.polyval(parabola, scaled)) ** 2)
     freedom = delta.size - 3
     return (chi2 - curved) / max(curved / freedom, 1.0) > stats.f.ppf(0.95, 1, freedom)
 
 
 def _crossing(
-    line: FloatArray, covariance: FloatArray, quantile: float, limit: float
+    line: tuple[float, float], covariance: FloatArray, quantile: float, limit: float
 ) -> tuple[float | None, tuple[float | None, float | None] | None, list[str]]:
     """Days from the origin to the crossing, Fieller's interval, and what is to be said of it."""
     (a, b), q2 = line, quantile**2
