@@ -30,7 +30,7 @@
 # %%
 import numpy as np
 
-from replication import datasets, decisions, simulated, table2, workbook
+from replication import datasets, simulated, table2, workbook
 from replication.figures import paper
 from replication.simulator.recordings import simulate_recordings
 from replication.simulator.simulate import identified_joint
@@ -90,7 +90,15 @@ peaks.head(len(ten))
 # ## Verdict
 
 # %%
-claims = {"amplitude_grows": decisions.amplitude_grows(peaks)}
+amplitude = peaks["amplitude_rps"]
+growth = np.diff(amplitude)
+claims = {
+    "amplitude_grows": (
+        (growth > 0).all(),
+        f"from {amplitude.iloc[0]:.3f} to {amplitude.iloc[-1]:.3f} rps over "
+        f"{len(peaks)} levels, by steps of {growth.min():.3f} to {growth.max():.3f} rps",
+    )
+}
 cells = {"text.delta_step": ten[1] - ten[0]}
 workbook.verdict({"simulated": cells}, claims)
 
