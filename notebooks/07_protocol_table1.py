@@ -21,19 +21,29 @@
 #
 # The signature is fitted by CMA-ES inside the box of Table 1, on a record that begins at a sample drawn among its
 # first 100, 30 times (sections "Stochastic optimization algorithm" and "Experimental evaluation"). Table 1 fixes
-# $T_d$ = 0.204 s and $T_f$ = 0.408 s.
+# $T_d$ = 0.204 s and $T_f$ = 0.408 s. CMA-ES is equations 12 to 17.
 #
 # ## Method
 #
 # The authors' notebook stores what their runs really did: the whole record, the box of $A$ widened by 1.3,
 # $T_d$ = 0.2 s and $T_f$ = 0.4 s, a population of 300 and at most 200 generations. That is `Protocol()`; every
-# variant is a line of `experiments.VARIANTS`. Each is run on the same ten noisy records (realisation R = 1) with
+# variant is a line of `table2.VARIANTS`. Each is run on the same ten noisy records (realisation R = 1) with
 # the same seeds, and its means and SDs are laid beside the printed ones of Table 2.
+#
+# Equations 12 to 17 are `search.py`, a page of array code with the constants of the authors' library; notebook 1 shows
+# that it goes through their stored runs. Here one of its generations is taken apart.
 
 # %%
+from dataclasses import replace
+from itertools import islice
 
-from replication import datasets, inspection, published, table2, workbook
-from replication.figures import paper
+import numpy as np
+import pandas as pd
+
+from replication import datasets, inspection, published, search, table2, workbook
+from replication.figures import paper, searching
+from replication.identify import paper_search, protocol_box
+from replication.signature import FREE_PARAMETERS
 
 # %% [markdown]
 # ## Parameters
@@ -43,6 +53,9 @@ repeats = 3  # runs of each variant on each record
 realisation = 1  # the authors' noise realisation R
 rows = list(range(1, 11))  # rows of Table 2 whose records are fitted
 variants = "all"  # or a list of names
+population = 300  # members of the generation that is shown
+generation = 5  # which one
+seed = 823840  # of the run it belongs to: run 4 of the stored ones
 
 # %% [markdown]
 # ## Result
@@ -65,6 +78,98 @@ printed.assign(reproduced=found_table1)
 # %%
 turn_period_s = inspection.turn_period(clean)
 turn_period_s
+
+# %% [markdown]
+# ### One generation, step by step
+#
+# The record is the authors' clean record 12, the seed that of a stored run. Equation 12: the $\lambda$ members are
+# drawn from a normal distribution about the mean $\mathbf m$ with the covariance $\sigma^2 \mathbf C$. The
+# eigenvectors $\mathbf B$ and lengths $\mathbf D$ of $\mathbf C$ turn standard normal numbers $\mathbf z$ into such
+# samples: $\mathbf x = \mathbf m + \sigma\,\mathbf B \mathbf D\,\mathbf z$. Each is put into the box, its misfit
+# computed, and all are ranked. Nothing but the ranks is used from here on.
+
+# %%
+protocol = replace(table2.AUTHORS, population=population)
+box = protocol_box(clean, protocol)
+now = next(islice(paper_search(clean, protocol, seed), generation - 1, None))
+before, after, c = now.before, now.after, search.constants(population, len(FREE_PARAMETERS))
+ranked = now.x[now.ranking]
+pd.DataFrame(now.members[now.ranking], columns=FREE_PARAMETERS).assign(misfit_rps=now.misfits[now.ranking]).head()
+
+# %% [markdown]
+# Equation 13: the new mean is the better half's, weighted, the best the most. What it moved, in units of $\sigma$, and
+# in directions in which a sample is equally likely to lie everywhere ($\mathbf C^{-1/2}$), is added to the path
+# $\mathbf p_\sigma$ (equation 14). If the path is longer than that of a walk without aim, steps go the same way, and
+# $\sigma$ grows; if it is shorter, they take one another back, and $\sigma$ shrinks (equation 15).
+
+# %%
+m = (c.weights[: c.mu, None] * ranked[: c.mu]).sum(axis=0)  # equation 13
+shift = (m - before.m) / before.unit / before.sigma
+white = before.B @ (before.B.T @ shift / before.D)  # C^(-1/2) of equation 14
+p_sigma = (1 - c.c_sigma) * before.p_sigma + np.sqrt(c.c_sigma * (2 - c.c_sigma) * c.mu_eff) * white
+sigma = before.sigma * np.exp(c.c_sigma / c.d_sigma * (np.linalg.norm(p_sigma) / c.chi_n - 1))  # equation 15
+pd.Series(
+    {
+        "members that make the mean": c.mu,
+        "as many equal weights would be (mu_eff)": c.mu_eff,
+        "length of the path p_sigma": np.linalg.norm(p_sigma),
+        "length without aim (chi_n)": c.chi_n,
+        "sigma before": before.sigma,
+        "sigma after": sigma,
+    }
+).round(3).to_frame("")
+
+# %% [markdown]
+# Equations 16 and 17: $\mathbf C$ forgets a share of itself and learns from two sources. The path $\mathbf p_c$ of the
+# mean makes it longer where the mean keeps going; the samples of the better half make it longer where the good ones
+# lay, and those of the worse half, with negative weights, shorter where the bad ones lay. With a population of 300 the
+# second source is nearly all: $c_\mu$ is close to 1, and $\mathbf C$ is made nearly anew in every generation.
+
+# %%
+p_c = (1 - c.c_c) * before.p_c + np.sqrt(c.c_c * (2 - c.c_c) * c.mu_eff) * shift  # equation 16, path not stalled
+y = (ranked - before.m) / (before.sigma * before.unit)
+length = np.linalg.norm(y @ before.B / before.D, axis=1)
+w = np.where(c.weights < 0, c.weights * c.n / length**2, c.weights)
+C = (1 - c.c_1 - c.c_mu * c.weights.sum()) * before.C + c.c_1 * np.outer(p_c, p_c) + c.c_mu * (w * y.T) @ y
+pd.DataFrame(
+    {
+        "mean before": before.m,
+        "mean after": m,
+        "SD before": before.std,
+        "SD after": sigma * before.unit * np.sqrt(np.diag(C)),
+        "SD after, by search.py": after.std,
+    },
+    index=list(FREE_PARAMETERS),
+)
+
+# %%
+shown = [FREE_PARAMETERS.index(name) for name in ("tau_per_s", "omega_rad_per_s")]
+labels = ("$\\tau$ [1/s]", "$\\omega$ [rad/s]")
+figure = searching.one_generation(now, c.weights, box, shown, labels)
+workbook.save_figure(
+    figure,
+    "search_one_generation",
+    caption="One generation in two of its seven dimensions: samples and their better half, the new mean, and the "
+    "distribution of the next samples, narrower where the good ones agree. The frame is the box of Table 1; samples "
+    "beyond it are bent back.",
+)
+
+# %% [markdown]
+# And the whole run: the ellipse turns and shrinks until all members have the same misfit within 1e-11 rps.
+
+# %%
+steps = list(islice(paper_search(clean, protocol, seed), protocol.iterations))
+found = search.search(iter(steps), protocol.iterations)
+best = found.history[:, search.HISTORY.index("best")]
+picked = [g for g in (1, 10, 20, 40, 60) if g <= best.size]
+figure = searching.run([steps[g - 1].after for g in picked], best, box, shown, labels)
+workbook.save_figure(
+    figure,
+    "search_run",
+    caption="A run: mean and distribution in two dimensions after some generations, and how the lowest misfit "
+    "comes down to the run's best, slowly while the search looks round, then exponentially.",
+)
+pd.Series({"ended by": found.stop, "generations": best.size, "misfit [rps]": found.misfit}).to_frame("")
 
 # %% [markdown]
 # ### The variants

@@ -126,8 +126,8 @@ def table1_cells(recording: Recording, protocol: Protocol) -> pd.Series:
     return pd.Series(cells, name="reproduced")
 
 
-def replay_stored_runs(recording: Recording) -> pd.DataFrame:
-    """Put the 30 runs stored in the authors' notebook beside ours: stage one and the first generation.
+def stored_runs(recording: Recording) -> pd.DataFrame:
+    """Put what the authors' notebook stores of its 30 runs beside the transcription and today's first generation.
 
     Parameters
     ----------
@@ -138,8 +138,7 @@ def replay_stored_runs(recording: Recording) -> pd.DataFrame:
     -------
     DataFrame
         A row a run: `run`, `stored_rmse_rps`, `rmse_rps` (the signature at the stored parameters),
-        `stored_first_rps`, `first_rps` and `first_today_rps` (our first generation, with the bound margins of cma
-        before 3.4 and from 3.4 on), `basin`.
+        `stored_first_rps`, `first_today_rps` (the first generation of today's cma), `A_rps`, `basin`.
     """
     stored = published.authors_notebook_runs()
     newer = replace(AUTHORS, engine="cma")
@@ -154,7 +153,6 @@ def replay_stored_runs(recording: Recording) -> pd.DataFrame:
                 "stored_rmse_rps": run["final_rmse_rps"],
                 "rmse_rps": rmse(recording.t, recording.v, X, timing),
                 "stored_first_rps": run["generation_1_best_rmse_rps"],
-                "first_rps": first_generation_rmse(recording, AUTHORS, run["cma_seed"]),
                 "first_today_rps": first_generation_rmse(recording, newer, run["cma_seed"]),
                 "A_rps": run["A_rps"],
             }

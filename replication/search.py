@@ -1,9 +1,10 @@
 """The paper's search, CMA-ES (equations 12 to 17), as the library of the authors' time computed it.
 
 Equations and symbols are the paper's. Constants, damping, negative weights and stop rules are those of N. Hansen's
-tutorial (arXiv:1604.00772) with the values of `cma` 3.0 to 3.2. In equation 17, c_1 = c_cov / mu_cov and
-c_mu = c_cov (1 - 1 / mu_cov), and the sum runs over all members: the worse half has negative weights. No BLAS and no
-LAPACK take part, so that a seed gives the same run on every processor.
+tutorial (arXiv:1604.00772) with the values that `cma` had until 3.2; that nothing is done about an uneven C but to stop
+is as it was until 2.6. In equation 17, c_1 = c_cov / mu_cov and c_mu = c_cov (1 - 1 / mu_cov), and the sum runs over
+all members: the worse half has negative weights. No BLAS and no LAPACK take part, so that a seed gives the same run on
+every processor.
 """
 
 import math
@@ -96,16 +97,11 @@ class Generation:
 
 
 def decompose(state: State) -> State:
-    """Find axes B and lengths D of C; variances of C more than a factor 1e8 apart first go into the units."""
-    C, unit, p_c = (state.C + state.C.T) / 2, state.unit, state.p_c
-    variances = np.diag(C)
-    if variances.max() / variances.min() > 1e8:
-        factors = np.sqrt(variances)
-        C, unit, p_c = C / factors / factors[:, None], unit * factors, p_c / factors
-        C = (C + C.T) / 2
+    """Find axes B and lengths D of C."""
+    C = (state.C + state.C.T) / 2
     squares, B = symmetric_eigen(C)
     # Rounding may leave an eigenvalue at or below 0; the floor is beyond the condition at which the search stops.
-    return replace(state, C=C, unit=unit, p_c=p_c, B=B, D=np.sqrt(np.maximum(squares, 1e-15 * squares[-1])))
+    return replace(state, C=C, B=B, D=np.sqrt(np.maximum(squares, 1e-15 * squares[-1])))
 
 
 def sample(state: State, z: FloatArray) -> FloatArray:

@@ -8,17 +8,8 @@ import cma
 import numpy as np
 import pytest
 
-from replication import published
-from replication.compiled.misfit import population_rmse
-from replication.search import (
-    HISTORY,
-    constants,
-    generations,
-    random_normals,
-    search,
-    update,
-)
-from replication.signature import Box, Timing, table1_box
+from replication.search import constants, generations, random_normals, search, update
+from replication.signature import Box
 
 UNIT = Box(np.full(7, -1.0), np.ones(7))
 
@@ -30,47 +21,6 @@ def sphere(members):
 def valley(members):
     x = 10 * members
     return (100 * (x[:, 1:] - x[:, :-1] ** 2) ** 2 + (1 - x[:, :-1]) ** 2).sum(axis=1)
-
-
-@pytest.fixture(scope="module")
-def replayed(record_12):
-    """Our runs with the stored seeds, by the number of the run."""
-    t, v, timing = record_12.t, record_12.v, Timing(0.2, 0.4, 12)
-    box = table1_box(t, v, 0.204, 1.3)
-    return {
-        run["run"]: search(
-            generations(lambda X: population_rmse(t, v, X, timing), box, random_normals(run["cma_seed"]), 300), 200
-        )
-        for run in published.authors_notebook_runs().to_dict("records")
-    }
-
-
-def test_every_stored_generation_up_to_the_twentieth_replays(replayed):
-    stored = published.authors_notebook_generations()
-    early = stored[stored["generation"] <= 20]
-    ours = [replayed[run].history[g - 1, 0] for run, g in zip(early["run"], early["generation"], strict=True)]
-    assert len(early) > 100
-    np.testing.assert_allclose(ours, early["best_rmse_of_generation_rps"], rtol=0, atol=1e-9)
-
-
-def test_sigma_axis_ratio_and_standard_deviations_replay_to_their_printed_digits(replayed):
-    stored = published.authors_notebook_generations()
-    early = stored[stored["generation"] <= 20]
-    columns = ("axis_ratio", "sigma", "smallest_std", "largest_std")
-    for run, g, *printed in early[["run", "generation", *columns]].itertuples(index=False):
-        ours = replayed[run].history[g - 1, [HISTORY.index(name) for name in columns]]
-        for value, digits in zip(ours, printed, strict=True):
-            assert f"{value:.{decimals(digits)}e}" == f"{digits:.{decimals(digits)}e}", (run, g)
-
-
-def decimals(printed: float) -> int:
-    return len(f"{printed:.10e}".split("e")[0].rstrip("0").split(".")[1])
-
-
-def test_at_least_29_of_the_30_stored_runs_end_at_the_stored_misfit(replayed):
-    stored = published.authors_notebook_runs().set_index("run")["final_rmse_rps"]
-    off = np.array([abs(replayed[run].misfit - misfit) for run, misfit in stored.items()])
-    assert (off < 1e-9).sum() >= 29
 
 
 def test_a_run_is_the_same_to_the_last_bit_with_the_kernels_of_other_processors():

@@ -77,7 +77,7 @@ def verdict_of(found, cell):
 def a_run_of_the_commonest_basin(n):
     _, t0, _, _, _, T2, _ = n["X"]
     assert n["stored"]["final_rmse_rps"] == pytest.approx(0.159, abs=5e-4)
-    assert n["basins"]["runs"].idxmax() == n["replay"].set_index("run").loc[1, "basin"]
+    assert n["basins"]["runs"].idxmax() == n["stored_runs"].set_index("run").loc[1, "basin"]
     assert t0 < 1e-3
     assert pytest.approx(0.1, abs=0.01) == T2
 
