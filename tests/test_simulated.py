@@ -4,7 +4,7 @@ import pytest
 from replication import datasets, published, table2
 from replication.simulator.recordings import simulate_recordings
 from replication.simulator.simulate import identified_joint, with_ratios
-from replication.simulator.study import CLEAN_LEVELS, FIRST_TURN_BAR, clean_records, first_turn_nrmse
+from replication.simulator.study import CLEAN_LEVELS, FIRST_TURN_BAR, clean_records, first_turn_nrmse, validate
 
 
 @pytest.fixture(scope="module")
@@ -23,6 +23,12 @@ def test_the_first_turn_of_the_simulated_joint_is_that_of_the_records(joint, aut
     assert first_turn_nrmse(joint, records).max() < FIRST_TURN_BAR
     later = with_ratios(joint, {"lead_s": joint.lead_s + joint.control_period_s})
     assert first_turn_nrmse(later, records).max() > FIRST_TURN_BAR
+
+
+def test_the_simulated_joint_repeats_every_record_and_every_printed_peak(joint, authors_data):
+    table = validate(joint, clean_records(CLEAN_LEVELS))
+    assert table["nrmse"].max() < 0.03
+    assert table["peak_error_percent"].abs().max() < 1.0
 
 
 def test_the_made_noise_has_the_printed_half_amplitudes(joint):
