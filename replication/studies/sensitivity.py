@@ -23,7 +23,10 @@ from replication.identify import Protocol
 from replication.simulator.parameters import identified_joint
 
 # Where a constant is tried: the cheap notebooks that use it, with the parameters that make them cheap.
-SEARCH = {"01_signature_figure6": {}, "07_protocol_table1": {"repeats": 1, "rows": [1], "variants": ["none"]}}
+SEARCH = {
+    "01_signature_figure6": {},
+    "07_protocol_table1": {"repeats": 1, "rows": [1], "variants": ["authors' notebook"]},
+}
 RECORDS = {"01_signature_figure6": {}, "04_simulator_figure10": {}}
 SIMULATION = {"04_simulator_figure10": {}, "05_growth_figure11": {}, "06_characteristic_figure12": {}}
 EQUATION_10 = {"06_characteristic_figure12": {}}
@@ -119,16 +122,12 @@ PROTOCOL = {
 def _of_protocol() -> list[Change]:
     usual = {field.name: field.default for field in fields(Protocol)}
     code = "from replication.identify import Protocol\nProtocol.__init__.__defaults__ = {}"
-    return [
-        Change(
-            f"protocol, {name}",
-            str(usual[name]),
-            str(value),
-            code.format(tuple((usual | {name: value}).values())),
-            SEARCH,
-        )
-        for name, value in PROTOCOL.items()
-    ]
+
+    def changed(name: str, value: object) -> Change:
+        defaults = tuple((usual | {name: value}).values())
+        return Change(f"protocol, {name}", str(usual[name]), str(value), code.format(defaults), SEARCH)
+
+    return [changed(name, value) for name, value in PROTOCOL.items()]
 
 
 JOINT = {
@@ -183,6 +182,8 @@ def _executed(name: str, values: Mapping[str, object], code: str, folder: Path) 
     try:
         execute(source, quick=True, destination=folder, parameters=values)
     except NotebookFailed:
+        if not code:
+            raise
         return {}
     judged = pd.read_csv(folder / "results" / _JUDGED)
     cells = judged[judged["notebook"] == name]
@@ -221,7 +222,7 @@ def group(kind: str, name: str) -> str:
 def noticing(before: Found, after: Found) -> list[tuple[tuple[str, str, str], float, float]]:
     """Cells, claims and tests whose verdict flips, or whose value moves by more than the cell's tolerance.
 
-    What could not be computed any more notices too; only a cell that is reproduced can. With the value before and after.
+    What could not be computed any more notices too; only a cell that agrees can. Each with its value before and after.
     """
     is_bound = published.cells()["kind"] == "bound"
     hits = []
@@ -230,7 +231,7 @@ def noticing(before: Found, after: Found) -> list[tuple[tuple[str, str, str], fl
         now, verdict_now = after.get(key, (np.nan, ""))
         if kind == "cell":
             moved = not is_bound[name] and not abs(now - value) <= published.tolerance(name)
-            noticed = verdict == "reproduced" and (moved or verdict_now != verdict)
+            noticed = verdict in ("reproduced", "consistent") and (moved or verdict_now != verdict)
         else:
             noticed = now != value
         if noticed:
