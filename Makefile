@@ -9,10 +9,10 @@ NOTEBOOKS := $(sort $(basename $(notdir $(wildcard notebooks/[0-9]*.py))))
 STAMPS := $(NOTEBOOKS:%=.make/%.done)
 
 .DEFAULT_GOAL := help
-.PHONY: help all quick test check diff report sensitivity bench benchmark calibrate data lab lint lock clean
+.PHONY: help all quick test check diff report sensitivity bench scoreboard identify-joint data lab lint lock clean
 
 help:  ## list the targets
-	@grep -hE '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 12
+	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 16
 
 all: .venv/.installed  ## every notebook, figure, table, verdict and the report
 	@mkdir -p .make && rm -f .make/due
@@ -44,10 +44,10 @@ sensitivity: .venv/.installed  ## who notices a wrong constant, into results/sen
 bench: .venv/.installed  ## time what was made fast against a direct arm, into results/bench.csv
 	OPENBLAS_NUM_THREADS=1 $(RUN) bench
 
-benchmark: .venv/.installed  ## score every method on logs of known backlash, into results/benchmark.csv
-	OPENBLAS_NUM_THREADS=1 $(RUN) benchmark
+scoreboard: .venv/.installed  ## score every method on logs of known backlash, into results/scoreboard.csv
+	OPENBLAS_NUM_THREADS=1 $(RUN) scoreboard
 
-calibrate: .venv/.installed  ## identify the simulated joint anew from the authors' records
+identify-joint: .venv/.installed  ## identify the simulated joint anew from the authors' records
 	$(RUN) identify-joint
 
 data: .venv/.installed  ## fetch and verify the authors' data

@@ -30,7 +30,7 @@
 #
 # Only *ratios* can be identified: multiplying every inertia, stiffness, torque and gain by one factor changes
 # nothing in the motor speed. The 5 kg of the load, as a point mass, set the scale. The damping $D_s$ and friction are
-# zero: the records do not need them. `make calibrate` writes the set to `replication/data/joint.json`; everything else
+# zero: the records do not need them. `make identify-joint` writes the set to `replication/data/joint.json`; all else
 # uses it without the authors' data.
 
 # %%

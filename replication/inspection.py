@@ -137,7 +137,7 @@ def stored_runs(recording: Recording) -> pd.DataFrame:
     Returns
     -------
     DataFrame
-        A row a run: `run`, `stored_rmse_rps`, `rmse_rps` (the signature at the stored parameters),
+        One row per run: `run`, `stored_rmse_rps`, `rmse_rps` (the signature at the stored parameters),
         `stored_first_rps`, `first_today_rps` (the first generation of today's cma), `A_rps`, `basin`.
     """
     stored = published.authors_notebook_runs()

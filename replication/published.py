@@ -155,5 +155,5 @@ def authors_notebook_runs() -> pd.DataFrame:
 
 
 def authors_notebook_generations() -> pd.DataFrame:
-    """Load what the authors' notebook prints of runs 1 to 20: a row a printed generation, some 17 of each run."""
+    """Load what the authors' notebook prints of runs 1 to 20: one row per printed generation, some 17 of each run."""
     return _table("authors_notebook_generations.csv")

@@ -93,7 +93,7 @@ def repeated_fits(
     Returns
     -------
     DataFrame
-        A row a run: the record's entries, `protocol`, `seed`, `start_sample`, the free parameters, `rmse_rps`,
+        One row per run: the record's entries, `protocol`, `seed`, `start_sample`, the free parameters, `rmse_rps`,
         `evaluations`, `iterations`.
     """
     jobs, keys = [], []
@@ -234,7 +234,7 @@ def table2(runs: pd.DataFrame, source: str, noise_amplitude_rps: FloatArray) -> 
     Returns
     -------
     DataFrame
-        A row a level and realisation.
+        One row per level and realisation.
     """
     theoretical = published.column("Table 2", "theoretical")
     rows = []
@@ -281,7 +281,7 @@ def variant_scores(runs: pd.DataFrame) -> pd.DataFrame:
     Returns
     -------
     DataFrame
-        A row a protocol and level: `protocol, delta_rad, mean_A_rps, sd_A_rps, mean_error_percent, sd_ratio,
+        One row per protocol and level: `protocol, delta_rad, mean_A_rps, sd_A_rps, mean_error_percent, sd_ratio,
         best_basin_share`.
     """
     means, sds = published.column("Table 2", "mean"), published.column("Table 2", "sd")
@@ -314,7 +314,7 @@ def rank_variants(scores: pd.DataFrame) -> pd.DataFrame:
     Returns
     -------
     DataFrame
-        A row a protocol, the closest first: `mean_abs_error_percent` of the means, `sd_factor` (the geometric mean
+        One row per protocol, the closest first: `mean_abs_error_percent` of the means, `sd_factor` (the geometric mean
         of SD over printed SD or its inverse, whichever is above 1).
     """
     grouped = scores.assign(

@@ -21,7 +21,7 @@ def global_table2(records: Sequence[tuple[dict, Recording]]) -> pd.DataFrame:
     Returns
     -------
     DataFrame
-        A row a record: `row, delta_rad, theoretical_A_rps, printed_mean_A_rps, printed_sd_A_rps, A_rps, low_rps,
+        One row per record: `row, delta_rad, theoretical_A_rps, printed_mean_A_rps, printed_sd_A_rps, A_rps, low_rps,
         high_rps, rmse_rps`, `error_percent` against the theoretical A, `against_printed_percent`, and the flags
         `at_bound`, `sign_flipped`, `rivals`.
     """

@@ -172,7 +172,7 @@ def _claims(results: Path) -> list[dict]:
 
 
 def _sensitivity(results: Path) -> tuple[list[dict], list[str]]:
-    """The matrix of `sensitivity.csv`: a row a constant, how many cells of each group notice it."""
+    """The matrix of `sensitivity.csv`: one row per constant, how many cells of each group notice it."""
     file = results / "sensitivity.csv"
     if not file.exists():
         return [], []

@@ -43,7 +43,7 @@ def add_commands(commands: argparse._SubParsersAction) -> None:
     _add_measuring(sub)
     sub.add_argument("--json", action="store_true", help="print an array with an object for each log")
     sub.add_argument("--plot", type=Path, metavar="FILE", help="write a figure of the one log: .png, .svg or .pdf")
-    sub.add_argument("--out", type=Path, metavar="TABLE", help="write a table, a row for each log: .csv or .parquet")
+    sub.add_argument("--out", type=Path, metavar="TABLE", help="write a table, one row per log: .csv or .parquet")
     sub.set_defaults(command=_estimate)
 
     sub = commands.add_parser("calibrate", help="a calibration from logs of known backlash")
@@ -259,8 +259,8 @@ def _calibration_table(path: Path) -> tuple[list[Path], list[float]]:
 def _calibration_record(log: Path, form: LogFormat, seed: int) -> Recording:
     try:
         return prepared(log, form, seed, [])[0]
-    except CannotTell as doubt:
-        raise UnusableLog(f"{log}: no use for a calibration: {doubt}") from doubt
+    except CannotTell as refusal:
+        raise UnusableLog(f"{log}: no use for a calibration: {refusal}") from refusal
 
 
 def _trend(options: argparse.Namespace) -> int:

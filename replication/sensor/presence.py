@@ -91,7 +91,7 @@ def odd_harmonics(turn_period_s: float, sample_s: float) -> NDArray[np.int64]:
 
 
 def _coefficients(halves: FloatArray, harmonics: NDArray[np.int64]) -> ComplexArray:
-    """Fourier coefficients of half turns, a row each, at odd harmonics of the turn, without what is slow in them.
+    """Fourier coefficients of half turns, one row each, at odd harmonics of the turn, without what is slow in them.
 
     Mean, slope and first harmonic are taken off together, so that nothing of them leaks.
     """
@@ -103,7 +103,7 @@ def _coefficients(halves: FloatArray, harmonics: NDArray[np.int64]) -> ComplexAr
 
 
 def _mean_halves(rows: ComplexArray) -> ComplexArray:
-    """Mean coefficients of the first halves of the turns, and of the second ones, a row each."""
+    """Mean coefficients of the first halves of the turns, and of the second ones, one row each."""
     return np.stack([rows[::2].mean(axis=0), rows[1::2].mean(axis=0)])
 
 

@@ -136,27 +136,27 @@ def examine(path: Path, settings: Settings) -> Examined:
     notes: list[str] = []
     try:
         recording = read_log(path, settings.form, notes)
-    except CannotTell as doubt:
-        return Examined(Estimate(str(path), method=settings.calibration.method, warnings=(str(doubt), *notes)))
+    except CannotTell as refusal:
+        return Examined(Estimate(str(path), method=settings.calibration.method, warnings=(str(refusal), *notes)))
     return examine_recording(recording, settings, str(path), notes)
 
 
 def examine_recording(recording: Recording, settings: Settings, name: str, notes: list[str]) -> Examined:
     """Answer for a prepared record; `notes` become warnings after the reason."""
-    nothing = Estimate(
+    blank_answer = Estimate(
         name, method=settings.calibration.method, samples=recording.t.size, turn_period_s=recording.turn_period_s
     )
     model = None
     try:
         recording, presence = with_its_period(recording, settings.form, settings.seed, notes)
-        nothing = replace(nothing, turn_period_s=recording.turn_period_s)
+        blank_answer = replace(blank_answer, turn_period_s=recording.turn_period_s)
         if presence.found or (settings.calibration.bank is not None and presence.has_same_sign):
-            found, model = _measured(recording, presence, settings, nothing, notes)
+            answer, model = _measured(recording, presence, settings, blank_answer, notes)
         else:
-            found = _absent(recording, presence, settings, nothing)
-    except CannotTell as doubt:
-        found = replace(nothing, warnings=(str(doubt),))
-    return Examined(_finite(replace(found, warnings=(*found.warnings, *notes))), recording, model)
+            answer = _absent(recording, presence, settings, blank_answer)
+    except CannotTell as refusal:
+        answer = replace(blank_answer, warnings=(str(refusal),))
+    return Examined(_finite(replace(answer, warnings=(*answer.warnings, *notes))), recording, model)
 
 
 def prepared(path: Path, form: LogFormat, seed: int, notes: list[str]) -> tuple[Recording, Presence]:
@@ -228,11 +228,11 @@ def _least_energy(recording: Recording, calibration: Calibration) -> float:
     return amplitude**2 * band_energy(ring, period)
 
 
-def _absent(recording: Recording, presence: Presence, settings: Settings, nothing: Estimate) -> Estimate:
+def _absent(recording: Recording, presence: Presence, settings: Settings, blank_answer: Estimate) -> Estimate:
     """Answer where half turns have nothing in common: no backlash, or too much noise to say so."""
     calibration = settings.calibration
-    if doubt := _other_movement(recording, calibration):
-        raise doubt
+    if refusal := _other_movement(recording, calibration):
+        raise refusal
     if presence.has_same_sign:
         raise CannotTell(
             "no signature",
@@ -249,7 +249,7 @@ def _absent(recording: Recording, presence: Presence, settings: Settings, nothin
             f"stays hidden, more than a backlash of {least:.3g} rad makes; log more turns, or quieter",
         )
     return replace(
-        nothing, verdict="no backlash", amplitude_rps=0.0, amplitude_interval_rps=(0.0, hidden), backlash_rad=0.0,
+        blank_answer, verdict="no backlash", amplitude_rps=0.0, amplitude_interval_rps=(0.0, hidden), backlash_rad=0.0,
         backlash_interval_rad=(0.0, least), rmse_rps=rmse,
     )  # fmt: skip
 
@@ -259,7 +259,7 @@ def _absent(recording: Recording, presence: Presence, settings: Settings, nothin
 
 
 def _measured(
-    recording: Recording, presence: Presence, settings: Settings, nothing: Estimate, notes: list[str]
+    recording: Recording, presence: Presence, settings: Settings, blank_answer: Estimate, notes: list[str]
 ) -> tuple[Estimate, FloatArray]:
     """Answer where half turns have a pattern in common; also the model's curve [rps]."""
     calibration = settings.calibration
@@ -267,19 +267,19 @@ def _measured(
         fit = global_fit(recording, protocol_for(recording))
     except ValueError as error:
         raise CannotTell("too short", str(error)) from error
-    if doubt := _other_movement(recording, calibration):
+    if refusal := _other_movement(recording, calibration):
         amplitude = reading_of_fit(recording, "amplitude", fit)
-        return _with_amplitude(nothing, amplitude, str(doubt)), _signature_curve(recording, fit)
+        return _with_amplitude(blank_answer, amplitude, str(refusal)), _signature_curve(recording, fit)
     reading = _reading(recording, settings, fit)
     model = _model_curve(recording, calibration, fit, reading)
     share = explained_share(recording, model, presence)
     if share < _LEAST_SHARE:
-        doubt = CannotTell(
+        refusal = CannotTell(
             "no signature",
             f"a pattern repeats itself every turn, but the model explains {max(share, 0.0):.0%} of it; a faint "
             "backlash, much friction, or another cause",
         )
-        return _with_amplitude(nothing, reading, str(doubt)), model
+        return _with_amplitude(blank_answer, reading, str(refusal)), model
     if abs(reading.amplitude_rps - fit.amplitude_rps) > _OFF * fit.amplitude_rps:
         notes.append(
             f"searches ended in other minima: their mean is {reading.amplitude_rps:.3f} rps, the best fit has "
@@ -288,17 +288,17 @@ def _measured(
     backlash = calibration.backlash(reading)
     if _outside(reading, backlash, calibration):
         low, high = calibration.range_rad
-        doubt = CannotTell(
+        refusal = CannotTell(
             "extrapolated calibration",
             f"a signature is there, but {_value_text(reading, backlash)} lies outside {low:.3g} to {high:.3g} rad",
         )
-        return _with_amplitude(nothing, reading, str(doubt)), model
+        return _with_amplitude(blank_answer, reading, str(refusal)), model
     if backlash.extrapolated:
         notes.append("at the edge of the calibration's range")
     if not settings.is_own:
         notes.append("calibrated for the paper's joint, not for yours: give --calibration")
     answered = replace(
-        _with_amplitude(nothing, reading), verdict="backlash", backlash_rad=backlash.delta_rad,
+        _with_amplitude(blank_answer, reading), verdict="backlash", backlash_rad=backlash.delta_rad,
         backlash_interval_rad=(max(backlash.interval_rad[0], 0.0), backlash.interval_rad[1]),
     )  # fmt: skip
     return answered, model
@@ -311,10 +311,10 @@ def _reading(recording: Recording, settings: Settings, fit: GlobalFit) -> Readin
     return reading_of_fit(recording, calibration.method, fit, calibration.bank)
 
 
-def _with_amplitude(nothing: Estimate, reading: Reading, *doubts: str) -> Estimate:
+def _with_amplitude(blank_answer: Estimate, reading: Reading, *refusals: str) -> Estimate:
     return replace(
-        nothing, amplitude_rps=reading.amplitude_rps, amplitude_interval_rps=reading.amplitude_interval_rps,
-        rmse_rps=reading.rmse_rps, turn_period_s=reading.turn_period_s, warnings=doubts,
+        blank_answer, amplitude_rps=reading.amplitude_rps, amplitude_interval_rps=reading.amplitude_interval_rps,
+        rmse_rps=reading.rmse_rps, turn_period_s=reading.turn_period_s, warnings=refusals,
     )  # fmt: skip
 
 

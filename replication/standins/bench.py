@@ -55,7 +55,7 @@ def table3(runs: pd.DataFrame) -> pd.DataFrame:
     Returns
     -------
     DataFrame
-        A row a state: `source, row, delta_rad, reading_rad, known_A_rps`, what `experiments.summarise_runs` gives, and
+        One row per state: `source, row, delta_rad, reading_rad, known_A_rps`, what `summarise_runs` gives, and
         `printed_known_A_rps, printed_mean_A_rps, printed_sd_A_rps, printed_relative_error_percent`.
     """
     keys = ["row", "delta_rad", "reading_rad", "known_A_rps"]

@@ -173,7 +173,7 @@ def fitted_logs(cases: Sequence[tuple[Bench, float]], seeds: Sequence[Sequence[i
     Returns
     -------
     DataFrame
-        A row a case: `delta_rad, A_rps, low_rps, high_rps, frequency_hz, t0_s, rmse_rps` of the fit, and the log's
+        One row per case: `delta_rad, A_rps, low_rps, high_rps, frequency_hz, t0_s, rmse_rps` of the fit, and the log's
         SD `sd_rps`.
     """
     jobs = [delayed(_log_and_fit)(bench, delta, seed) for (bench, delta), seed in zip(cases, seeds, strict=True)]

@@ -107,7 +107,7 @@ def table4(runs: pd.DataFrame) -> pd.DataFrame:
     Returns
     -------
     DataFrame
-        A row a robot: `source, robot, kind, delta_rad`, what `experiments.summarise_runs` gives of |A| without the
+        One row per robot: `source, robot, kind, delta_rad`, what `experiments.summarise_runs` gives of |A| without the
         relative error, `printed_mean_A_rps` and `printed_sd_A_rps`.
     """
     keys = ["robot", "kind", "delta_rad"]

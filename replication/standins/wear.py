@@ -102,7 +102,7 @@ def wear_tests(
     Returns
     -------
     DataFrame
-        A row a bench, test and sensor: `bench, sensor, day, delta_rad, A_rps, estimate_rad`, its 95 % interval
+        One row per bench, test and sensor: `bench, sensor, day, delta_rad, A_rps, estimate_rad`, its 95 % interval
         `low_rad, high_rad`, `truth_day` and `call_day`: when the truth reached the limit, and the first test whose
         estimate did (NaN if none).
     """
@@ -124,7 +124,7 @@ def wear_tests(
 
 
 def maintenance_calls(tests: pd.DataFrame) -> pd.DataFrame:
-    """Condense `wear_tests` into a row a sensor: how the calls lie to the truth.
+    """Condense `wear_tests` into one row per sensor: how the calls lie to the truth.
 
     Returns
     -------

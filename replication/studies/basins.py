@@ -68,7 +68,7 @@ def basin_table(runs: pd.DataFrame) -> pd.DataFrame:
     Returns
     -------
     DataFrame
-        A row a basin, the lowest misfit first: `rmse_rps` (its lowest), `runs, rate, rate_low, rate_high`, the lowest
+        One row per basin, the lowest misfit first: `rmse_rps` (its lowest), `runs, rate, rate_low, rate_high`, lowest
         and highest |A| `A_low_rps, A_high_rps`, and the medians `t0_s, omega_rad_per_s, window_start_s, window_end_s`.
     """
     edges = runs.assign(
@@ -106,7 +106,7 @@ def compare_basins(stored: pd.DataFrame, ours: pd.DataFrame) -> pd.DataFrame:
     Returns
     -------
     DataFrame
-        A row for each basin of the stored runs: `rmse_rps`, and for both sets `runs_…, rate_…, rate_low_…,
+        One row per basin of the stored runs: `rmse_rps`, and for both sets `runs_…, rate_…, rate_low_…,
         rate_high_…`; `p_same` is Fisher's exact probability of a difference so large if the rates are the same. A
         last row, of rmse nan, holds the runs that ended in none of these.
     """
@@ -271,7 +271,7 @@ def study(
     Returns
     -------
     DataFrame
-        A row a run: `strategy`, `seed` and what `search` gives.
+        One row per run: `strategy`, `seed` and what `search` gives.
     """
     keys = [(strategy, seed) for strategy in compared for seed in seeds]
     # The schedules are closures, which only cloudpickle, loky's own, can send: joblib's default does.
@@ -292,7 +292,7 @@ def strategy_table(results: pd.DataFrame) -> pd.DataFrame:
     Returns
     -------
     DataFrame
-        A row a strategy: `runs, found, rate, rate_low, rate_high, mean_evaluations`, and `evaluations_per_success`
+        One row per strategy: `runs, found, rate, rate_low, rate_high, mean_evaluations`, and `evaluations_per_success`
         with its limits `…_low, …_high` from the rate's alone (infinite where nothing was found).
     """
     rows = []

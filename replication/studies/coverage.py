@@ -56,7 +56,7 @@ def coverage_runs(law: str, half_amplitude_rps: float, runs: int, generator: np.
     Returns
     -------
     DataFrame
-        A row a record: `law, half_amplitude_rps, true_A_rps, A_rps, low_rps, high_rps, covered`.
+        One row per record: `law, half_amplitude_rps, true_A_rps, A_rps, low_rps, high_rps, covered`.
     """
     t, protocol, rows = DT_S * np.arange(SAMPLES), Protocol(), []
     while len(rows) < runs:

@@ -1,4 +1,4 @@
-"""A benchmark of methods that read the backlash off a record: fixed logs of known backlash, and a score."""
+"""A scoreboard of methods that read the backlash off a record: fixed logs of known backlash, and a score."""
 
 import importlib
 import time
@@ -66,8 +66,8 @@ def simulated_logs(drifted: bool) -> list[tuple[str, float, Recording]]:
     return logs
 
 
-def benchmark_logs() -> list[tuple[str, float, Recording]]:
-    """All logs of the benchmark: kind, backlash [rad] and record, whose source does not tell the backlash.
+def scoreboard_logs() -> list[tuple[str, float, Recording]]:
+    """All logs of the scoreboard: kind, backlash [rad] and record, whose source does not tell the backlash.
 
     Raises
     ------
@@ -84,7 +84,7 @@ def benchmark_logs() -> list[tuple[str, float, Recording]]:
 def logs_at_hand() -> tuple[list[tuple[str, float, Recording]], str]:
     """Logs that can be had here, and what to say of those that cannot."""
     try:
-        return benchmark_logs(), ""
+        return scoreboard_logs(), ""
     except DataUnavailable as error:
         return simulated_logs(False) + simulated_logs(True), f"without the authors' logs: {error}"
 
@@ -166,7 +166,7 @@ def band_passed_rms(recording: Recording) -> float:
 
 @lru_cache
 def _baseline_coefficients(value: Method) -> tuple[float, ...]:
-    """Cubic of a plain value, fitted to simulated logs with noise in the middle of the benchmark's range."""
+    """Cubic of a plain value, fitted to simulated logs with noise in the middle of the scoreboard's range."""
     deltas = np.arange(3e-4, 21.5e-4, 1e-4)
     rng = np.random.default_rng([SEED, 2])
     logs = [add_uniform_noise(r, sum(NOISE_RPS) / 2, rng) for r in simulate_recordings(identified_joint(), deltas)]
@@ -229,7 +229,7 @@ def score_logs(name: str, method: Method, logs: Sequence[tuple[str, float, Recor
 
 
 def summary(scores: pd.DataFrame) -> pd.DataFrame:
-    """Summarise scores by method: the columns of `results/benchmark.csv`."""
+    """Summarise scores by method: the columns of `results/scoreboard.csv`."""
     groups = scores.assign(size=scores["error_rad"].abs()).groupby("method", sort=False)
     table = groups.agg(
         logs=("size", "size"),
@@ -245,7 +245,7 @@ def _one(name: str, number: int, log: tuple[str, float, Recording]) -> pd.DataFr
     return score_logs(name, METHODS[name], [log]).assign(log=number)
 
 
-def run_benchmark(logs: Sequence[tuple[str, float, Recording]]) -> pd.DataFrame:
+def score_all(logs: Sequence[tuple[str, float, Recording]]) -> pd.DataFrame:
     """Score every method of `METHODS` on logs, in parallel; rows as of `score_logs`."""
     jobs = [(name, number, log) for name in METHODS for number, log in enumerate(logs, start=1)]
     return pd.concat(Parallel(n_jobs=-1)(delayed(_one)(*job) for job in jobs), ignore_index=True)

@@ -65,10 +65,10 @@ def _parser() -> argparse.ArgumentParser:
         "identify-joint", help="identify the simulated joint anew, into data/joint.json"
     ).set_defaults(command=_identify_joint)
     subparsers.add_parser("bench", help="time what was made fast, into results/bench.csv").set_defaults(command=_bench)
-    subparsers.add_parser("benchmark", help="score every method, into results/benchmark.csv").set_defaults(
-        command=_benchmark
+    subparsers.add_parser("scoreboard", help="score every method, into results/scoreboard.csv").set_defaults(
+        command=_scoreboard
     )
-    score = subparsers.add_parser("score", help="score your own method on the benchmark's logs")
+    score = subparsers.add_parser("score", help="score your own method on the scoreboard's logs")
     score.add_argument("method", help="module:function; takes a Recording, returns the backlash [rad]")
     score.set_defaults(command=_score)
     subparsers.add_parser("data", help="fetch and verify the authors' data").set_defaults(command=_data)
@@ -150,12 +150,12 @@ def _bench(_: argparse.Namespace) -> int:
     return 0
 
 
-def _benchmark(_: argparse.Namespace) -> int:
-    scores = scoreboard.run_benchmark(scoreboard.benchmark_logs())
+def _scoreboard(_: argparse.Namespace) -> int:
+    scores = scoreboard.score_all(scoreboard.scoreboard_logs())
     table = scoreboard.summary(scores)
     folder = workbook.ROOT / "results"
-    files.write_csv(folder / "benchmark_logs.csv", scores.drop(columns="seconds"))
-    files.write_csv(folder / "benchmark.csv", table)
+    files.write_csv(folder / "scoreboard_logs.csv", scores.drop(columns="seconds"))
+    files.write_csv(folder / "scoreboard.csv", table)
     print(table.to_string(index=False))
     return 0
 

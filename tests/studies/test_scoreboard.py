@@ -81,16 +81,16 @@ def test_an_unusable_method_is_one_line_and_exit_2(name, words, monkeypatch, tmp
 
 
 def test_the_committed_table_has_every_method_on_every_log():
-    table = pd.read_csv(workbook.ROOT / "results" / "benchmark.csv")
+    table = pd.read_csv(workbook.ROOT / "results" / "scoreboard.csv")
     assert table.columns.tolist() == scoreboard.COLUMNS
     assert table["method"].tolist() == list(scoreboard.METHODS)
     assert (table["logs"] == len(scoreboard.AUTHORS_LOGS) + 2 * scoreboard.SIMULATED_LOGS).all()
-    scores = pd.read_csv(workbook.ROOT / "results" / "benchmark_logs.csv")
+    scores = pd.read_csv(workbook.ROOT / "results" / "scoreboard_logs.csv")
     again = scoreboard.summary(scores.assign(seconds=1.0)).drop(columns="seconds_per_log")
     pd.testing.assert_frame_equal(again, table.drop(columns="seconds_per_log"), rtol=1e-4)
 
 
 def test_plain_baselines_are_worse_than_the_waveform_in_the_committed_table():
-    error = pd.read_csv(workbook.ROOT / "results" / "benchmark.csv").set_index("method")["mean_abs_error_rad"]
+    error = pd.read_csv(workbook.ROOT / "results" / "scoreboard.csv").set_index("method")["mean_abs_error_rad"]
     assert error["waveform"] < min(error["peak to peak"], error["band-passed RMS"])
     assert np.isfinite(error).all()
