@@ -144,6 +144,16 @@ def where() -> pd.DataFrame:
     return _table("where.csv")
 
 
+def findings() -> pd.DataFrame:
+    """What the report begins with: `kind` ("finding" or "open"), `text` with names of numbers in braces, `proof`."""
+    return _table("findings.csv")
+
+
+def paper_figures() -> pd.DataFrame:
+    """What the paper's figures show, in our words, and what can be compared, indexed by figure: `shows, compare`."""
+    return _table("paper_figures.csv").set_index("figure")
+
+
 def known_differences() -> pd.DataFrame:
     """Cells known not to reproduce, with the reason: `id, source, reason`."""
     return _table("differences.csv")

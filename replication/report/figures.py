@@ -42,9 +42,17 @@ class Picture:
     @property
     def image(self) -> Markup:
         """The drawing as an element of a page."""
+        return self._element(drawings.data_uri(self.file))
+
+    @property
+    def light_image(self) -> Markup:
+        """The drawing for a page with many of them: at half its size if it is large."""
+        whole = drawings.data_uri(self.file)
+        return self._element(whole if len(whole) <= drawings.LARGEST else drawings.data_uri(self.file, 0.5))
+
+    def _element(self, source: str) -> Markup:
         width, height = drawings.size(self.file)
         label = html.escape(self.alternative)
-        source = drawings.png_uri(self.file)
         return Markup(f'<img alt="{label}" width="{width}" height="{height}" src="{source}">')
 
 

@@ -1,9 +1,6 @@
-"""Results to pages: the report, and the README's blocks."""
+"""The report: one page with everything that the paper prints beside ours, and the way to each proof."""
 
-import base64
-import html
 import json
-import re
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -12,172 +9,85 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
 from replication import published, workbook
-from replication.workbook import files, judging, provenance
+from replication.report import cells as cells_of
+from replication.report import facts as facts_of
+from replication.report import findings, pages, regions, tables, where
+from replication.report.cells import Cell, Judgement
+from replication.report.figures import Picture, pictures
+from replication.workbook import files, judging
 
-# Signs beside the words, so that colour is never the only one.
-SIGNS = {
-    "reproduced": "✓",
-    "erratum": "‡",
-    "stand-in": "≈",
-    "differs": "✗",
-    "not-run": "–",
-    "holds": "✓",
-    "does not hold": "✗",
-    "not decided": "–",
-    "consistent": "=",
-    "given": "→",
-    "undecided": "?",
-}
-LARGEST_SVG = 300_000  # bytes; a larger figure goes in as PNG
-FIGURE_NAME = re.compile(r"(figure|table|equation)0*(\d+)_")
+EQUATION_10 = (("A3", "A³"), ("A2", "A²"), ("A1", "A"), ("A0", ""))
 
 
 @dataclass(frozen=True)
-class Picture:
-    """A figure of the report: its name, the notebook that made it, what it shows and the drawing itself."""
+class Told:
+    """One judgement of a cell as text for a page."""
 
+    source: str
+    ours: str
+    exact: str
+    difference: str
+    region: str
+    picture: Markup
+    judgement: Judgement
+    made: where.Made
+
+
+@dataclass(frozen=True)
+class CellText:
+    """A cell as text for a page, with its footnote's number and every judgement."""
+
+    cell: Cell
+    number: int
     name: str
-    notebook: str
-    caption: str
-    drawing: Markup
-
-    @property
-    def element(self) -> str:
-        """Element of the paper that its file name belongs to; empty for what goes beyond it."""
-        found = FIGURE_NAME.match(self.name)
-        return f"{found[1].capitalize()} {found[2]}" if found else ""
+    told: tuple[Told, ...]
 
 
-# ---------------------------------------------------------------------------------------------------------------
-# Figures
+def cell_name(cell: Cell) -> str:
+    """Call a cell by its place: "Table 2, row 3, sd"."""
+    row = f"row {cell.row}" if cell.row.isdigit() else cell.row
+    column = "" if cell.column == "value" else f", {cell.column.replace('_', ' ')}"
+    return f"{cell.element}, {row}{column}"
 
 
-def pictures(figures: Path, notebooks: Path) -> list[Picture]:
-    """Every figure that a notebook's source exports by name, in the notebooks' order.
-
-    Parameters
-    ----------
-    figures, notebooks : Path
-        Folders of the SVG and PNG files, and of the notebooks' sources.
-
-    Returns
-    -------
-    list of Picture
-        Captioned by the heading above the cell that exports the figure, or else by the notebook's title.
-    """
-    found = []
-    for source in sorted(notebooks.glob("[0-9]*.py")):
-        heading = ""
-        for line in source.read_text(encoding="utf-8").splitlines():
-            if re.match(r"# (#|###) ", line):
-                heading = line.lstrip("# ")
-            for name in re.findall(r"save_figure\(\w+, \"(\w+)\"", line):
-                if (figures / f"{name}.svg").exists():
-                    found.append(Picture(name, source.stem, heading, _drawing(figures / f"{name}.svg", heading)))
-    return found
+def told(cell: Cell, number: int, notebooks: Path) -> CellText:
+    """Turn a cell into text."""
+    return CellText(
+        cell,
+        number,
+        cell_name(cell),
+        tuple(
+            Told(
+                source=cells_of.SOURCES.get(each.source, each.source),
+                ours=cells_of.like_printed(each.ours, cell.printed),
+                exact=cells_of.number(each.ours),
+                difference=f"{each.difference:+.3g}" if each.difference == each.difference else "",
+                region=regions.region(each),
+                picture=regions.picture(cell, each),
+                judgement=each,
+                made=where.made(cell.id, each.source, each.notebook, notebooks),
+            )
+            for each in cell.judgements
+        ),
+    )
 
 
-def _drawing(file: Path, caption: str) -> Markup:
-    """Inline a figure: its SVG, or its PNG where the SVG is large."""
-    text = file.read_text(encoding="utf-8")
-    described = re.search(r"<dc:description>(.*?)</dc:description>", text, re.DOTALL)
-    label = html.escape(caption) + (f": {_plain(described[1])}" if described else "")
-    if len(text) > LARGEST_SVG:
-        data = base64.b64encode(file.with_suffix(".png").read_bytes()).decode("ascii")
-        return Markup(f'<img alt="{label}" src="data:image/png;base64,{data}">')
-    text = re.sub(r"<metadata>.*?</metadata>", "", text[text.index("<svg") :], flags=re.DOTALL)
-    return Markup(_unique_ids(text, file.stem).replace("<svg", f'<svg role="img" aria-label="{label}"', 1))
-
-
-def _plain(label: str) -> str:
-    """An axis label without its mathematical markup, for reading aloud."""
-    for markup, sign in (("\\delta", "δ"), ("\\Delta", "Δ"), ("\\theta", "θ"), ("\\pm", "±")):
-        label = label.replace(markup, sign)
-    return re.sub(r"[${}\\]", "", label)
-
-
-def _unique_ids(svg: str, stem: str) -> str:
-    """Prefix an SVG's ids by its file's name, so that figures of one page do not share markers."""
-    for start in ('id="', 'href="#', "url(#"):
-        svg = svg.replace(start, f"{start}{stem}-")
-    return svg
-
-
-# ---------------------------------------------------------------------------------------------------------------
-# Tables
-
-
-def _number(value: float) -> str:
-    return "" if pd.isna(value) else f"{value:.5g}"
-
-
-def _cell_rows(table: pd.DataFrame) -> tuple[list[dict], dict[str, str]]:
-    """An element's verdicts as rows of text, and the reasons that their letters point to."""
-    printed = published.cells()
-    letters: dict[str, str] = {}
-
-    def letter(text: str) -> str:
-        return letters.setdefault(text, _letter(len(letters)))
-
-    rows = [
-        row
-        | {name: _number(row[name]) for name in ("reproduced", "difference")}
-        | {
-            "tolerance": f"± {row['tolerance']:.3g}",
-            "tolerance_note": letter(printed.loc[row["id"], "tol_reason"]),
-            "reason_note": "" if row["verdict"] == "reproduced" else letter(_why(row)),
-            "unit": printed.loc[row["id"], "unit"].replace("%", ""),
-            "notebook": row["notebook"] if isinstance(row["notebook"], str) else "",
-        }
-        for row in table.to_dict("records")
-    ]
-    return rows, {name: text for text, name in letters.items()}
-
-
-def _why(row: dict) -> str:
-    return f"corrected: {row['reason']}" if row["verdict"] == "erratum" else row["reason"]
-
-
-def _letter(position: int) -> str:
-    return ("" if position < 26 else _letter(position // 26 - 1)) + chr(ord("a") + position % 26)
-
-
-def _elements(verdicts: pd.DataFrame, drawn: list[Picture]) -> list[dict]:
-    """Tables, equation 10, figures and the text: each with its cells and figures, where it has any."""
-    mapped = published.paper_map().set_index("element")
-    element = published.cells()["element"].reindex(verdicts["id"]).to_numpy()
-    names = list(dict.fromkeys([*published.cells()["element"], *sorted({p.element for p in drawn} - {""}, key=_order)]))
-    parts = []
-    for name in sorted(names, key=_order):
-        rows, notes = _cell_rows(verdicts[element == name])
-        about = mapped.loc[name].to_dict() if name in mapped.index else {"what": "", "note": ""}
-        figures = [picture for picture in drawn if picture.element == name]
-        anchor = name.lower().replace(" ", "-")
-        parts.append({"name": name, "anchor": anchor, "rows": rows, "notes": notes, "figures": figures} | about)
-    return parts
-
-
-def _order(element: str) -> tuple[int, int]:
-    """Tables, equations, figures, then the rest, each by number."""
-    kind, number = re.match(r"(\w+) ?(\d*)", element).groups()
-    kinds = ["Table", "Equation", "Figure", "Text", "claims", "tests"]
-    return (kinds.index(kind) if kind in kinds else len(kinds), int(number) if number.isdigit() else 0)
-
-
-def _claims(results: Path) -> list[dict]:
-    """The claims with their checks and decisions."""
-    decided = pd.read_csv(results / "claims.csv", keep_default_na=False).set_index("id")
-    rows = published.claims().join(decided[["verdict", "measured", "notebook"]]).fillna("").reset_index()
-    return [row | {"verdict": row["verdict"] or "not decided"} for row in rows.to_dict("records")]
+def claim_rows(results: Path) -> list[dict]:
+    """The claims with criterion, decision, measured number and proof."""
+    decided = judging.decided_claims(results).set_index("id")
+    rows = published.claims().join(decided).fillna("").reset_index().to_dict("records")
+    says = {"True": "holds", "False": "does not hold"}
+    return [{"verdict": says.get(str(row["holds"]), "not decided")} | row for row in rows]
 
 
 def _sensitivity(results: Path) -> tuple[list[dict], list[str]]:
-    """The matrix of `sensitivity.csv`: one row per constant, how many cells of each group notice it."""
+    """The matrix of `sensitivity.csv`: a row a constant, how many cells of each group notice it."""
     file = results / "sensitivity.csv"
     if not file.exists():
         return [], []
     table = pd.read_csv(file, keep_default_na=False)
-    columns = sorted(dict.fromkeys(name for name in table["group"] if name), key=_order)
+    kinds = ["Table", "Equation", "Figure", "Text", "claims", "tests"]
+    columns = sorted(dict.fromkeys(name for name in table["group"] if name), key=lambda name: _order(name, kinds))
     rows = []
     for (constant, value, changed), part in table.groupby(["constant", "value", "changed"], sort=False):
         noticed = part[part["group"] != ""]
@@ -189,17 +99,34 @@ def _sensitivity(results: Path) -> tuple[list[dict], list[str]]:
     return rows, columns
 
 
-def _versions(made_from: dict[str, dict]) -> dict[str, str]:
-    """Versions of Python and of the packages that the results were made with, by name."""
-    found: dict[str, set[str]] = {}
-    for record in made_from.values():
-        for name, version in ({"Python": record["python"]} | record["packages"]).items():
-            found.setdefault(name, set()).add(version)
-    return {name: " and ".join(sorted(versions)) for name, versions in sorted(found.items())}
+def _order(group: str, kinds: list[str]) -> tuple[int, str]:
+    kind = group.split()[0].rstrip(",")
+    return (kinds.index(kind) if kind in kinds else len(kinds), group)
 
 
-# ---------------------------------------------------------------------------------------------------------------
-# Pages
+def made_from(sources: dict) -> str:
+    """Say which sources the results were made from."""
+    mark = f"sources with the fingerprint {sources['sha256'][:16]}"
+    if not sources["commit"]:
+        return f"Made from {mark}; no commit is known."
+    changed = ", with changes that were not committed then" if sources["local_changes"] else ""
+    return f"Made from commit {sources['commit'][:12]} of {sources['committed']}{changed}: {mark}."
+
+
+def _paper_figures(drawn: list[Picture]) -> list[dict]:
+    """The paper's figures that have a counterpart: what the paper shows, what can be compared, and ours."""
+    mapped = published.paper_map().set_index("element")
+    about = published.paper_figures()
+    return [
+        {
+            "element": element,
+            "what": mapped.loc[element, "what"],
+            "shows": about.loc[element, "shows"],
+            "compare": about.loc[element, "compare"],
+            "pictures": [picture for picture in drawn if picture.element == element],
+        }
+        for element in about.index
+    ]
 
 
 def page(results: Path, notebooks: Path, quick: bool = False) -> str:
@@ -210,50 +137,70 @@ def page(results: Path, notebooks: Path, quick: bool = False) -> str:
     results : Path
         Folder of the results; the figures are in the folder `figures` beside it.
     notebooks : Path
-        Folder of the notebooks' sources.
+        Folder of the executed notebooks.
     quick : bool
         Say that these are the results of a quick run.
 
     Returns
     -------
     str
-        One HTML page that needs nothing else.
+        One HTML page that needs nothing else; its links lead to the notebooks' pages and to files of the project.
     """
     verdicts = judging.verdicts(results)
-    counts = judging.verdict_counts(verdicts).reset_index()
-    drawn = pictures(results.parent / "figures", notebooks)
-    elements, claims = _elements(verdicts, drawn), _claims(results)
+    all_cells = cells_of.cells(verdicts)
+    by_id = {cell.id: told(cell, number, notebooks) for number, cell in enumerate(all_cells, start=1)}
+    drawn = pictures(results, results.parent / "figures")
+    found = findings.findings(facts_of.facts(results))
     sensitivity, columns = _sensitivity(results)
-    made_from = json.loads((results / "provenance.json").read_text(encoding="utf-8"))
-    with_rows = [part["name"] for part in elements]
-    kinds = [*counts.columns[2:], *dict.fromkeys(row["verdict"] for row in claims)]
+    mapped = published.paper_map()
+    provenance = json.loads((results / "provenance.json").read_text(encoding="utf-8"))
     environment = Environment(
         loader=PackageLoader("replication.report"), autoescape=True, undefined=StrictUndefined, trim_blocks=True
     )
     return environment.get_template("report.html.j2").render(
         quick=quick,
-        replicated=", ".join(with_rows[:-1]) + f" and the {with_rows[-1].lower()}'s claims",
         root="../../.." if quick else "..",
-        signs=SIGNS,
-        totals=counts.drop(columns=["element", "source"]).sum().to_dict(),
-        counts=counts.to_dict("records"),
-        versions=_versions(made_from),
-        stale=provenance.stale(results),
-        filters={"verdict": kinds, "element": [*with_rows, "Claims"], "source": sorted(set(verdicts["source"]))},
-        elements=elements,
-        claims=claims,
-        claims_hold=sum(row["verdict"] == "holds" for row in claims),
+        signs=cells_of.SIGNS,
+        sources=cells_of.SOURCES,
+        findings=[each for each in found if each.kind == "finding"],
+        open=[each for each in found if each.kind == "open"],
+        counts=cells_of.counts(all_cells),
+        meanings=cells_of.MEANINGS,
+        evidence=cells_of.EVIDENCE,
+        layouts=[(layout, tables.rows(layout, all_cells)) for layout in tables.LAYOUTS],
+        groups=tables.groups,
+        column_summary=tables.column_summary,
+        cells=by_id,
+        by_element={name: tables.others(all_cells, name) for name in ("Equation 10", "Text")},
+        equation10=EQUATION_10,
+        element_pictures={
+            element: [picture for picture in drawn if picture.element == element]
+            for element in ("Table 1", "Table 2", "Table 3", "Table 4", "Equation 10")
+        },
+        notes=mapped.set_index("element")["note"].to_dict(),
+        figures=_paper_figures(drawn),
+        not_computed=mapped[mapped["notebooks"] == ""].to_dict("records"),
+        beyond=[picture for picture in drawn if not picture.element],
+        claims=claim_rows(results),
         errata=published.errata().reset_index().to_dict("records"),
+        verdicts=verdicts.to_dict("records"),
+        filters={
+            "verdict": list(dict.fromkeys(verdicts["verdict"])),
+            "element": list(dict.fromkeys(cell.element for cell in all_cells)),
+            "source": sorted(set(verdicts["source"])),
+        },
         sensitivity=sensitivity,
         sensitivity_columns=columns,
         unnoticed=sum(not any(row["counts"].values()) for row in sensitivity),
-        beyond=[picture for picture in drawn if not picture.element],
-        map=published.paper_map().to_dict("records"),
+        map=mapped.to_dict("records"),
+        notebooks=pages.contents(notebooks).to_dict("records"),
+        made_from=made_from(provenance["sources"]),
+        provenance=provenance,
     )
 
 
 def write_page(results: Path) -> Path:
-    """Write `report.html` beside the results: one self-contained page.
+    """Write `report.html` beside the results, and the notebooks' pages that it links to.
 
     Parameters
     ----------
@@ -265,75 +212,9 @@ def write_page(results: Path) -> Path:
     Path
     """
     quick = results == workbook.QUICK / "results"
+    notebooks = results.parent / "notebooks"
+    where.notebook_cells.cache_clear()
+    pages.write_pages(results, notebooks)
     path = results / "report.html"
-    files.write_text(path, page(results, workbook.ROOT / "notebooks", quick))
+    files.write_text(path, page(results, notebooks, quick))
     return path
-
-
-def status(results: Path) -> str:
-    """Make the README's status block: verdicts by element and source."""
-    counts = judging.verdict_counts(judging.verdicts(results)).reset_index()
-    total = counts.drop(columns=["element", "source"]).sum()
-    summary = ", ".join(f"{number} {verdict}" for verdict, number in total.items())
-    return f"{summary} (cells by source):\n\n{_markdown(counts)}"
-
-
-def paper_map() -> str:
-    """Make the README's block that maps the paper to notebooks, functions and tests."""
-    table = published.paper_map()
-    number = {source.stem: source.stem[:2].lstrip("0") for source in (workbook.ROOT / "notebooks").glob("[0-9]*.py")}
-    shown = pd.DataFrame(
-        {
-            "paper": table["element"],
-            "what": table["what"],
-            "notebook": [
-                ", ".join(f"[{number[name]}](notebooks/{name}.ipynb)" for name in names.split())
-                for names in table["notebooks"]
-            ],
-            "function": [", ".join(f"`{name}`" for name in names.split()) for names in table["functions"]],
-            "test": [_test_link(test) for test in table["test"]],
-            "note": table["note"],
-        }
-    )
-    return _markdown(shown)
-
-
-def _test_link(test: str) -> str:
-    file, _, name = test.partition("::")
-    return f"[{name.removeprefix('test_').replace('_', ' ')}]({file})" if name else ""
-
-
-def _markdown(table: pd.DataFrame) -> str:
-    lines = ["| " + " | ".join(table.columns) + " |", "|" + "---|" * len(table.columns)]
-    lines += ["| " + " | ".join(str(cell) for cell in row) + " |" for row in table.itertuples(index=False)]
-    return "\n".join(lines)
-
-
-def block(text: str, name: str) -> str:
-    """Find a block of the README between its marks.
-
-    Raises
-    ------
-    ValueError
-        The marks are missing.
-    """
-    begin, end = f"<!-- {name}: begin -->", f"<!-- {name}: end -->"
-    if begin not in text or end not in text:
-        raise ValueError(f"the marks {begin} and {end} are missing")
-    return text.split(begin, 1)[1].split(end, 1)[0]
-
-
-def update_readme(readme: Path, results: Path) -> None:
-    """Replace the README's blocks with what the results and `data/map.csv` say.
-
-    Raises
-    ------
-    ValueError
-        The README lacks the marks of a block.
-    """
-    text = readme.read_text(encoding="utf-8")
-    for name, content in (("status", status(results)), ("map", paper_map())):
-        old = block(text, name)
-        marks = f"<!-- {name}: begin -->{old}", f"<!-- {name}: begin -->\n{content}\n"
-        text = text.replace(*marks)
-    files.write_text(readme, text)

@@ -68,7 +68,7 @@ def _output(output: nbformat.NotebookNode, has_picture: bool) -> str:
     if "image/png" in data:
         if has_picture:
             return ""
-        picture = drawings.light_png(base64.b64decode(data["image/png"]))
+        picture = drawings.light(base64.b64decode(data["image/png"]))
         return f'<img alt="a drawing that the cell above makes" src="{picture}">'
     if "text/html" in data:
         return _table(data["text/html"])

@@ -66,7 +66,9 @@ def cell_anchors(cells: list[tuple[str, str]]) -> list[str]:
 
 @cache
 def notebook_cells(notebook: Path) -> tuple[tuple[str, str], ...]:
-    """Kind and source of each cell of an executed notebook."""
+    """Kind and source of each cell of an executed notebook; none if it is not there."""
+    if not notebook.exists():
+        return ()
     content = json.loads(notebook.read_text(encoding="utf-8"))
     return tuple((cell["cell_type"], "".join(cell["source"])) for cell in content["cells"])
 
@@ -102,6 +104,7 @@ def made(cell: str, source: str, notebook: str, notebooks: Path = ROOT / "notebo
     return Made(notebook, "verdict")
 
 
+@cache
 def code_line(function: str, text: str) -> tuple[str, str, int, str]:
     """Find a line of a function.
 

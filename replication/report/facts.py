@@ -1,0 +1,160 @@
+"""Numbers that the report's and the article's sentences hold, each read from the results."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from replication import published
+from replication.report import cells as cells_of
+from replication.workbook import judging
+
+
+def facts(results: Path) -> dict[str, str]:
+    """Collect every number that a sentence may hold, as text with sensible digits.
+
+    Parameters
+    ----------
+    results : Path
+        Folder of the results.
+
+    Returns
+    -------
+    dict
+        Those whose results are there; a sentence that needs another is left out.
+    """
+    found: dict[str, str] = {}
+    for part in PARTS:
+        try:
+            found |= part(results)
+        except (FileNotFoundError, KeyError, IndexError):
+            continue
+    return found
+
+
+def _verdicts(results: Path) -> dict[str, str]:
+    all_cells = cells_of.cells(judging.verdicts(results))
+    counts = cells_of.counts(all_cells)
+    evidence = {name: counts.get(name, 0) for name in cells_of.EVIDENCE}
+    found = {"printed": len(all_cells), "evidence": sum(evidence.values()), **evidence}
+    sd = [cell for cell in all_cells if cell.element == "Table 2" and cell.column == "sd" and cell.row != "11"]
+    found["sd_reproduced"] = sum(cell.deciding.verdict == "reproduced" for cell in sd)
+    found["standins"] = counts.get("stand-in", 0)
+    claims = judging.decided_claims(results)
+    found |= {"claims": len(published.claims()), "claims_hold": int((claims["holds"] == True).sum())}  # noqa: E712
+    found["errata"] = len(published.errata())
+    return {name: str(value) for name, value in found.items()}
+
+
+def _table2(results: Path) -> dict[str, str]:
+    table = pd.read_csv(results / "table2.csv")
+    of_authors = table[(table["source"] == "authors") & (table["theoretical_A_rps"] > 0)]
+    rows = of_authors[of_authors["noise_level"] == of_authors["noise_level"].iloc[0]]
+    printed = published.column("Table 2", "mean")[rows["row"].to_numpy() - 1]
+    printed_sd = published.column("Table 2", "sd")[rows["row"].to_numpy() - 1]
+    error = 100 * (rows["best_A_rps"].to_numpy() / printed - 1)
+    share = rows["best_basin_runs"] / rows["runs"]
+    return {
+        "runs": str(rows["runs"].max()),
+        "best_worst": f"{np.abs(error).max():.1f}",
+        "best_rms": f"{np.sqrt(np.mean(error**2)):.1f}",
+        "best_share_low": f"{100 * share.min():.0f}",
+        "best_share_high": f"{100 * share.max():.0f}",
+        **_range("sd", rows["sd_A_rps"]),
+        **_range("sd_best", rows["best_sd_A_rps"]),
+        **_range("sd_printed", printed_sd),
+    }
+
+
+def _range(name: str, values: pd.Series | np.ndarray) -> dict[str, str]:
+    return {f"{name}_low": f"{np.min(values):.4f}", f"{name}_high": f"{np.max(values):.4f}"}
+
+
+def _power(value: float, digits: int = 1) -> str:
+    """A number with its power of ten, no zeros before the exponent's digits."""
+    mantissa, exponent = f"{value:.{digits}e}".split("e")
+    return f"{mantissa}e{int(exponent)}"
+
+
+def _stored_runs(results: Path) -> dict[str, str]:
+    basins = pd.read_csv(results / "stored_basins.csv")
+    runs = pd.read_csv(results / "stored_runs.csv")
+    same = np.abs(runs["first_rps"] / runs["stored_first_rps"] - 1) < 1e-5  # six digits are exported
+    return {
+        "stored_best": str(basins["runs"].iloc[0]),
+        "stored_runs": str(basins["runs"].sum()),
+        "first_generations": str(int(same.sum())),
+    }
+
+
+def _outcome(results: Path, cell: str, source: str = "authors") -> float:
+    table = judging.verdicts(results).set_index(["id", "source"])
+    return float(table.loc[(cell, source), "reproduced"])
+
+
+def _periods(results: Path) -> dict[str, str]:
+    printed = published.cells()["printed"]
+    return {
+        "T_d": f"{_outcome(results, 'table1.T_d.max'):.3f}",
+        "T_f": f"{_outcome(results, 'table1.T_f.max'):.3f}",
+        "printed_T_d": printed["table1.T_d.max"],
+        "printed_T_f": printed["table1.T_f.max"],
+    }
+
+
+def _equation10(results: Path) -> dict[str, str]:
+    rmse, printed = _outcome(results, "equation10.rmse"), published.value("equation10.rmse")
+    units = pd.read_csv(results / "equation10_units.csv")
+    return {
+        "rmse10": _power(rmse, 2),
+        "printed_rmse10": published.cells().loc["equation10.rmse", "printed"],
+        "rmse10_ratio": f"{float(f'{rmse / printed:.1g}'):.0f}",
+        "largest_in_rps": _power(units["equation 10 with A in rps"].max()),
+    }
+
+
+def _simulator(results: Path) -> dict[str, str]:
+    table = pd.read_csv(results / "simulator_validation.csv")
+    nrmse = 100 * table["nrmse"].dropna()
+    return {
+        "nrmse_mean": f"{nrmse.mean():.1f}",
+        "nrmse_largest": f"{nrmse.max():.1f}",
+        "nrmse_records": str(len(nrmse)),
+        "peak_error": f"{table['peak_error_percent'].abs().max():.1f}",
+    }
+
+
+def _dead_zone(results: Path) -> dict[str, str]:
+    table = pd.read_csv(results / "dead_zone_facts.csv")
+    soft = table.iloc[1]
+    return {
+        "soft_alpha": _power(soft["alpha_per_rad"], 0),
+        "soft_jump": f"{soft['jump_nm']:.1f}",
+        "soft_leak": f"{100 * soft['middle_share']:.1f}",
+    }
+
+
+def _friction(results: Path) -> dict[str, str]:
+    table = pd.read_csv(results / "table3_friction.csv").set_index("friction_share")
+    return {"friction_share": "2", "friction_change": f"{table.loc[0.02, 'change_percent']:.0f}"}
+
+
+def _features(results: Path) -> dict[str, str]:
+    table = pd.read_csv(results / "features.csv").set_index("method")["mean_abs_error_rad"]
+    return {
+        "eq10_error": _power(table["equation 10"]),
+        "joint_error": _power(table["joint, all nuisances free"]),
+        "error_ratio": f"{table['equation 10'] / table['joint, all nuisances free']:.0f}",
+    }
+
+
+def _protocols(results: Path) -> dict[str, str]:
+    table = pd.read_csv(results / "protocol_ranking.csv").set_index("protocol")["mean_abs_error_percent"]
+    return {"printed_period_error": f"{table['T_d and T_f as printed']:.0f}"}
+
+
+PARTS: tuple[Callable[[Path], dict[str, str]], ...] = (
+    *(_verdicts, _table2, _stored_runs, _periods, _equation10, _simulator, _dead_zone, _friction, _features),
+    _protocols,
+)
