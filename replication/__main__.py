@@ -2,7 +2,7 @@
 
 import sys
 
-from replication.workbook.commands import main
+from replication.commands.main import main
 
 if __name__ == "__main__":
     sys.exit(main())

@@ -42,7 +42,7 @@ def _verdicts(results: Path) -> dict[str, str]:
     found["sd_reproduced"] = sum(cell.deciding.verdict == "reproduced" for cell in sd)
     found["standins"] = counts.get("stand-in", 0)
     claims = judging.decided_claims(results)
-    found |= {"claims": len(published.claims()), "claims_hold": int((claims["holds"] == True).sum())}  # noqa: E712
+    found |= {"claims": len(published.claims()), "claims_hold": int((claims["verdict"] == "holds").sum())}
     found["errata"] = len(published.errata())
     return {name: str(value) for name, value in found.items()}
 

@@ -76,8 +76,7 @@ def claim_rows(results: Path) -> list[dict]:
     """The claims with criterion, decision, measured number and proof."""
     decided = judging.decided_claims(results).set_index("id")
     rows = published.claims().join(decided).fillna("").reset_index().to_dict("records")
-    says = {"True": "holds", "False": "does not hold"}
-    return [{"verdict": says.get(str(row["holds"]), "not decided")} | row for row in rows]
+    return [row | {"verdict": row["verdict"] or "not decided"} for row in rows]
 
 
 def _sensitivity(results: Path) -> tuple[list[dict], list[str]]:

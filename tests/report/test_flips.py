@@ -6,8 +6,8 @@ import pandas as pd
 import pytest
 
 from replication import published, workbook
+from replication.commands.main import main
 from replication.report import flips
-from replication.workbook.commands import main
 
 RESULTS = workbook.ROOT / "results"
 

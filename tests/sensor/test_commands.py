@@ -8,11 +8,11 @@ import pytest
 from made_logs import noisy, silent, write
 
 from replication import workbook
+from replication.commands.main import main
 from replication.data.authors import authors_file
 from replication.methods.calibration import default_calibration
 from replication.sensor import commands, many
 from replication.sensor.tables import UnusableLog
-from replication.workbook.commands import main
 
 TURN = ["--turn-period", "0.4"]
 KEYS = [
@@ -294,7 +294,7 @@ def test_the_authors_workbook_is_answered_from_the_command_line(authors_data, ca
 
 def test_the_console_script_is_this_command_line():
     project = tomllib.loads((workbook.ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
-    assert project["scripts"] == {"backlash": "replication.workbook.commands:main"}
+    assert project["scripts"] == {"backlash": "replication.commands.main:main"}
     assert {"dask", "distributed", "pyarrow"} <= {
         name.split(">")[0] for name in project["optional-dependencies"]["fleet"]
     }

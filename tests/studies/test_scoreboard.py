@@ -3,9 +3,9 @@ import pandas as pd
 import pytest
 
 from replication import workbook
+from replication.commands.main import main
 from replication.datasets import Recording
 from replication.studies import scoreboard
-from replication.workbook.commands import main
 
 
 def test_simulated_logs_are_the_same_every_time_and_do_not_tell_their_backlash():

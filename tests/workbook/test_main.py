@@ -6,8 +6,8 @@ import sys
 import pytest
 
 from replication import workbook
+from replication.commands.main import main
 from replication.workbook import execution, judging
-from replication.workbook.commands import main
 
 
 @pytest.fixture

@@ -7,13 +7,12 @@ from pathlib import Path
 
 from replication import workbook
 from replication.data.authors import WORKBOOK_FILES, DataCorrupt, DataUnavailable, authors_file
-from replication.report import flips
-from replication.report import page as report
+from replication.report import commands as report
 from replication.sensor import commands
 from replication.sensor.tables import UnusableLog
 from replication.simulator.study import calibrate
 from replication.studies import scoreboard, sensitivity, timings
-from replication.workbook import files, judging, provenance
+from replication.workbook import files, provenance
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -44,20 +43,10 @@ def _parser() -> argparse.ArgumentParser:
     )
     run.set_defaults(command=_run)
 
-    for name, command, text in (
-        ("collect", _collect, "verdicts.csv, claims.csv and provenance.json from the notebooks' outcomes"),
-        ("check", _check, "print the verdict table; exit 1 if any cell differs"),
-        ("report", _report, "results/report.html from the results"),
-    ):
-        sub = subparsers.add_parser(name, help=text)
-        sub.add_argument("--quick", action="store_true", help="of the quick run")
-        sub.set_defaults(command=command)
-    diff = subparsers.add_parser("diff", help="cells and claims whose verdict is not that of the last commit's results")
-    made = diff.add_mutually_exclusive_group()
-    made.add_argument("--quick", action="store_const", dest="made", const="quick", help="of the quick run")
-    made.add_argument("--lab", action="store_const", dest="made", const="lab", help="of notebooks run by hand")
-    diff.set_defaults(command=_diff)
-    subparsers.add_parser("readme", help="write the results' numbers into README.md").set_defaults(command=_readme)
+    collect = subparsers.add_parser("collect", help="verdicts.csv, claims.csv and provenance.json from the outcomes")
+    collect.add_argument("--quick", action="store_true", help="of the quick run")
+    collect.set_defaults(command=_collect)
+    report.add_commands(subparsers)
     subparsers.add_parser(
         "sensitivity", help="who notices a wrong constant, into results/sensitivity.csv"
     ).set_defaults(command=_sensitivity)
@@ -91,38 +80,8 @@ def _run(options: argparse.Namespace) -> int:
     return 1 if failed else 0
 
 
-def _results(options: argparse.Namespace) -> Path:
-    return (workbook.QUICK if options.quick else workbook.ROOT) / "results"
-
-
 def _collect(options: argparse.Namespace) -> int:
-    provenance.collect(_results(options))
-    return 0
-
-
-def _check(options: argparse.Namespace) -> int:
-    table = judging.verdicts(_results(options))
-    print(judging.verdict_text(table))
-    for notebook, changed in provenance.stale(_results(options)).items():
-        print(f"stale: {notebook}: changed since: {', '.join(changed)}")
-    return 1 if (table["verdict"] == "differs").any() else 0
-
-
-def _report(options: argparse.Namespace) -> int:
-    print(report.write_page(_results(options)))
-    return 0
-
-
-def _diff(options: argparse.Namespace) -> int:
-    results = workbook.ROOT / "results"
-    if options.made:
-        results = results / options.made / "results"
-    try:
-        table = flips.flips(results, flips.committed("verdicts.csv"), flips.committed("claims.csv"))
-    except flips.NoCommit as error:
-        print(error, file=sys.stderr)
-        return 1
-    print(table.to_string(index=False) if len(table) else "no verdict flipped")
+    provenance.collect(report.results_folder(options.quick))
     return 0
 
 
@@ -130,11 +89,6 @@ def _sensitivity(_: argparse.Namespace) -> int:
     table = sensitivity.sensitivity()
     files.write_csv(workbook.ROOT / "results" / "sensitivity.csv", table)
     print(table.groupby(["constant", "changed"], sort=False)["group"].agg(lambda g: (g != "").sum()).to_string())
-    return 0
-
-
-def _readme(_: argparse.Namespace) -> int:
-    report.update_readme(workbook.ROOT / "README.md", workbook.ROOT / "results")
     return 0
 
 
