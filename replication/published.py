@@ -125,8 +125,19 @@ def column(element: str, name: str) -> np.ndarray:
 
 
 def claims() -> pd.DataFrame:
-    """Prose claims, indexed by id: `claim, section, check`."""
+    """Prose claims, indexed by id: `claim, section, check, criterion, reason, alternative`."""
     return _table("claims.csv").set_index("id")
+
+
+def criterion(claim: str) -> float:
+    """The number that decides a prose claim, fixed before its result was seen; `check` says what it is compared with.
+
+    Raises
+    ------
+    KeyError
+        There is no such claim.
+    """
+    return float(claims().loc[claim, "criterion"])
 
 
 def errata() -> pd.DataFrame:
