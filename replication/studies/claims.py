@@ -1,0 +1,434 @@
+"""Decisions on the paper's prose claims that belong to no single figure or table (notebook 18).
+
+`data/claims.csv` gives each claim's criterion, the reason for it, and what would win otherwise. A study here gives a
+table; a decision is a pair: whether the claim holds (None: undecided), and what was measured.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+import pandas as pd
+from joblib import Parallel, delayed
+from numpy.typing import NDArray
+from scipy import stats
+
+from replication import inspection, published
+from replication.characteristic import equation_10, printed_levels_rad
+from replication.datasets import Recording, add_uniform_noise, constant_speed
+from replication.global_fit.fit import global_fit
+from replication.identify import Protocol, paper_fit
+from replication.simulator.parameters import TURN, JointParameters
+from replication.simulator.recordings import simulate_recordings
+from replication.simulator.simulate import encoder_position, simulate
+from replication.studies.basins import rate_interval
+
+FloatArray = NDArray[np.float64]
+Decision = tuple[bool | None, str]
+
+
+def by_interval(low: float, high: float, limit: float) -> bool | None:
+    """Whether an interval lies above a limit (True), below it (False), or holds it (None)."""
+    return True if low > limit else False if high < limit else None
+
+
+# ------------------------------------------------------------------------------------- the printed numbers themselves
+
+
+def noise_over_amplitude() -> FloatArray:
+    """Table 2's noise over its theoretical A, ten rows."""
+    noise, theoretical = (published.column("Table 2", name) for name in ("noise", "theoretical"))
+    return (noise / np.where(theoretical > 0, theoretical, np.nan))[theoretical > 0]
+
+
+def noise_proportional(ratio: FloatArray, limit: float) -> Decision:
+    """Whether the noise is proportional to the amplitude, from `noise_over_amplitude`."""
+    spread = ratio.max() / ratio.min()
+    return bool(spread <= limit), f"noise over A falls from {ratio[0]:.2f} to {ratio[-1]:.3f}, a factor {spread:.2f}"
+
+
+def quality_errors() -> pd.DataFrame:
+    """Errors of Table 2's printed means: `delta_rad, error_rad` (by equation 10), `error_percent` (of A)."""
+    delta = printed_levels_rad()
+    theoretical, mean = (published.column("Table 2", name)[: delta.size] for name in ("theoretical", "mean"))
+    return pd.DataFrame(
+        {
+            "delta_rad": delta,
+            "error_rad": np.abs(equation_10().backlash_rad(mean) - delta),
+            "error_percent": 100 * np.abs(mean / theoretical - 1),
+        }
+    )
+
+
+def quality_decreases(errors: pd.DataFrame, level: float) -> Decision:
+    """Whether the error in rad grows with the backlash, by Kendall's rank correlation."""
+    p, tau = {}, {}
+    for name in ("error_rad", "error_percent"):
+        tau[name] = stats.kendalltau(errors["delta_rad"], errors[name]).statistic
+        for side in ("greater", "less"):
+            test = stats.kendalltau(errors["delta_rad"], errors[name], method="exact", alternative=side)
+            p[name, side] = test.pvalue
+    holds = True if p["error_rad", "greater"] < level else False if p["error_rad", "less"] < level else None
+    return holds, (
+        f"error in rad: tau {tau['error_rad']:+.2f}, p of a growth {p['error_rad', 'greater']:.2f}, of a fall "
+        f"{p['error_rad', 'less']:.2f}; in percent of A: tau {tau['error_percent']:+.2f}, p of a fall "
+        f"{p['error_percent', 'less']:.2f}"
+    )
+
+
+# ------------------------------------------------------------------------------------------------ the authors' records
+
+
+def disturbance_growth(records: Mapping[float, Recording]) -> pd.DataFrame:
+    """Settled disturbance of clean records: `delta_rad, peak_rps` (largest excess of the samples), `rms_rps`."""
+    rows = []
+    for delta, record in sorted(records.items()):
+        settled = record.v[record.t >= record.turn_period_s - 1e-9] - record.commanded_speed_rps
+        rows.append((delta, settled.max(), np.sqrt(np.mean(settled**2))))
+    return pd.DataFrame(rows, columns=["delta_rad", "peak_rps", "rms_rps"])
+
+
+def amplitude_grows(growth: pd.DataFrame, printed_A_rps: FloatArray, limit: float) -> Decision:
+    """Whether the disturbance grows from each level to the next, from `disturbance_growth` and Table 2."""
+    least = {
+        "peak of the samples": growth["peak_rps"].diff().min(),
+        "RMS": growth["rms_rps"].diff().min(),
+        "printed A": np.diff(printed_A_rps).min(),
+    }
+    grows = {step > limit for step in least.values()}
+    said = ", ".join(f"{name} {step:.3f}" for name, step in least.items())
+    return (grows.pop() if len(grows) == 1 else None), f"least growth from level to level [rps]: {said}"
+
+
+def half_turn_spread(record: Recording) -> float:
+    """Largest over smallest RMS of a record's settled half turns, less one."""
+    half = round(record.turn_period_s / 2 / record.sample_s)
+    disturbance = record.v - record.commanded_speed_rps
+    halves = disturbance[2 * half : disturbance.size // half * half].reshape(-1, half)
+    rms = np.sqrt(np.mean(halves**2, axis=1))
+    return float(rms.max() / rms.min() - 1)
+
+
+def same_amplitude(spreads: Mapping[float, float], limit: float) -> Decision:
+    """Whether a record's oscillations have one amplitude, from each record's `half_turn_spread`."""
+    largest = max(spreads, key=spreads.__getitem__)
+    return (
+        bool(spreads[largest] < limit),
+        f"settled half turns differ by up to {100 * spreads[largest]:.1f} % in RMS ({largest:.1e} rad), "
+        f"{100 * min(spreads.values()):.1f} % in the best record",
+    )
+
+
+def noise_tests(levels: Sequence[int], realisations: Sequence[int]) -> pd.DataFrame:
+    """P-values of the added noise: `level, realisation, p_uniform, p_mean, p_lag_one, p_normal`."""
+    rows = []
+    for realisation in realisations:
+        for level in levels:
+            found = inspection.uniform_noise_test(level, realisation)
+            lag = found["lag_one_correlation"] * np.sqrt(inspection.added_noise(level, realisation).size)
+            rows.append(
+                {
+                    "level": level,
+                    "realisation": realisation,
+                    "p_uniform": found["p_uniform"],
+                    "p_mean": 2 * stats.norm.sf(abs(found["mean_over_standard_error"])),
+                    "p_lag_one": 2 * stats.norm.sf(abs(lag)),
+                    "p_normal": found["p_normal"],
+                }
+            )
+    return pd.DataFrame(rows)
+
+
+def uniform_noise(tests: pd.DataFrame, level: float) -> Decision:
+    """Whether the noise is uniform, white and of zero mean, from `noise_tests`, corrected for their number."""
+    p = tests[["p_uniform", "p_mean", "p_lag_one"]]
+    corrected = (p.min() * p.size).clip(upper=1.0)
+    return (
+        bool(corrected.min() > level),
+        f"smallest p of {len(p)} records times {p.size}: uniform {corrected['p_uniform']:.2g}, mean "
+        f"{corrected['p_mean']:.2g}, lag one {corrected['p_lag_one']:.2g}; normal noise: at most "
+        f"{tests['p_normal'].max():.1g} uncorrected",
+    )
+
+
+def simulator_recovered(validation: pd.DataFrame, limit: float) -> Decision:
+    """Whether our simulator gives the authors' records, from `simulated.validate`."""
+    nrmse = validation["nrmse"].dropna()
+    return (
+        bool(nrmse.max() < limit),
+        f"RMSE over SD: mean {100 * nrmse.mean():.2f} %, largest {100 * nrmse.max():.2f} % in {nrmse.size} records",
+    )
+
+
+# ----------------------------------------------------------------------------------------------------- made records
+
+
+def amplitudes_without_backlash(seeds: Sequence[int], noise_rps: float, n_jobs: int = -1) -> FloatArray:
+    """|A| [rps] that one run of the authors' search finds in noise alone, for each noise seed."""
+    base = constant_speed(samples=2401, dt=0.002)
+    jobs = [
+        delayed(paper_fit)(add_uniform_noise(base, noise_rps, np.random.default_rng(seed)), Protocol(), seed)
+        for seed in seeds
+    ]
+    return np.array([fit.amplitude_rps for fit in Parallel(n_jobs=n_jobs)(jobs)])
+
+
+def no_backlash(amplitude_rps: FloatArray, smallest_A_rps: float, share: float, recognised: float = 0.95) -> Decision:
+    """Whether noise alone is recognised: |A| below a share of the smallest A, in 95 % of noises."""
+    hits = int((amplitude_rps < share * smallest_A_rps).sum())
+    low, high = rate_interval(hits, amplitude_rps.size)
+    return by_interval(low, high, recognised), (
+        f"|A| below {share * smallest_A_rps:.3f} rps in {hits} of {amplitude_rps.size} noises (95 % interval "
+        f"{low:.2f} to {high:.2f}); mean |A| {amplitude_rps.mean():.3f}, largest {amplitude_rps.max():.3f} rps"
+    )
+
+
+def impact_phases(joint: JointParameters, deltas_rad: Sequence[float]) -> pd.DataFrame:
+    """When in the load's descent or ascent the teeth first meet on the new side.
+
+    Returns
+    -------
+    DataFrame
+        A row a settled half turn: `delta_rad, phase` ("descent": the load drives the motor), `share_passed` of the
+        phase, from its beginning at the top or the bottom; below 0 before it.
+    """
+    rows = []
+    for delta in deltas_rad:
+        run = simulate(joint, delta, step_s=5e-5)
+        angle = np.interp(run.impact_time_s, run.time_s, run.load_position_rad)
+        new_side = np.r_[False, run.impact_side[1:] != run.impact_side[:-1]]
+        for k in np.flatnonzero(new_side & (run.impact_time_s >= joint.turn_period_s)):
+            descends = run.impact_side[k] < 0
+            turned = (angle[k] - np.pi * descends + np.pi / 2) % TURN - np.pi / 2
+            rows.append((delta, "descent" if descends else "ascent", turned / np.pi))
+    return pd.DataFrame(rows, columns=["delta_rad", "phase", "share_passed"])
+
+
+def impacts_at_phase_start(phases: pd.DataFrame, limit: float) -> Decision:
+    """Whether each impact comes at the beginning of its phase, from `impact_phases`."""
+    passed = phases["share_passed"]
+    return (
+        bool(passed.min() > 0 and passed.max() < limit),
+        f"{100 * passed.min():.0f} to {100 * passed.max():.0f} % of the phase has passed at the impact",
+    )
+
+
+def noise_errors_by_turns(
+    joint: JointParameters, deltas_rad: Sequence[float], noises_rps: Sequence[float], turns: Sequence[int], seeds: int
+) -> pd.DataFrame:
+    """RMS error that noise makes in A, for records of several lengths.
+
+    Parameters
+    ----------
+    joint : JointParameters
+        The joint.
+    deltas_rad, noises_rps : sequences of float
+        Backlashes and the half-amplitude of the uniform noise on each.
+    turns : sequence of int
+        Turns n in the model, and in the record, which begins with the third turn.
+    seeds : int
+        Noises on each record.
+
+    Returns
+    -------
+    DataFrame
+        `delta_rad, turns, rms_error_rps`, against the fit of the same record without noise.
+    """
+    rows = []
+    for record, noise, delta in zip(
+        simulate_recordings(joint, deltas_rad, turns=2 + max(turns)), noises_rps, deltas_rad, strict=True
+    ):
+        turn = round(record.turn_period_s / record.sample_s)
+        for n in turns:
+            length = n * turn + 1
+            part = replace(record, t=record.t[:length], v=record.v[2 * turn : 2 * turn + length])
+            protocol = Protocol(turns=n)
+            clean = global_fit(part, protocol).amplitude_rps
+            rng = np.random.default_rng((n, round(1e7 * delta)))
+            noisy = [global_fit(add_uniform_noise(part, noise, rng), protocol).amplitude_rps for _ in range(seeds)]
+            rows.append((delta, n, float(np.sqrt(np.mean((np.array(noisy) - clean) ** 2)))))
+    return pd.DataFrame(rows, columns=["delta_rad", "turns", "rms_error_rps"])
+
+
+def turns_reduce_noise(errors: pd.DataFrame, seeds: int, limit: float) -> Decision:
+    """Whether the longest records have a smaller error than the shortest, from `noise_errors_by_turns`."""
+    table = errors.pivot(index="delta_rad", columns="turns", values="rms_error_rps")
+    few, many = table.columns.min(), table.columns.max()
+    ratio = (table[many] / table[few]).to_numpy()
+    half = np.sqrt(stats.f.ppf(0.975, seeds, seeds))  # F's own quantiles at 0.025 and 0.975 are inverses
+    verdicts = [by_interval(-r * half, -r / half, -limit) for r in ratio]
+    holds = True if all(v is True for v in verdicts) else False if any(v is False for v in verdicts) else None
+    said = ", ".join(f"{r:.2f}" for r in ratio)
+    return holds, f"error with {many} turns over that with {few}: {said} (each to a factor {half:.2f})"
+
+
+def encoder_record(joint: JointParameters, delta_rad: float, bits: int, offset_rad: float) -> Recording:
+    """Speed of the simulated joint as an encoder's positions give it, differenced over 2 ms."""
+    run = simulate(joint, delta_rad)
+    position = encoder_position(run.motor_position_rad + offset_rad, bits)
+    speed = np.diff(position) / (run.time_s[1] * TURN)
+    return Recording(run.time_s[:-1], speed, joint.commanded_speed_rps, joint.turn_period_s, f"{bits} bit encoder")
+
+
+def bits_study(
+    joint: JointParameters, deltas_rad: Sequence[float], bits: Sequence[int], offsets: int, finest: int = 40
+) -> pd.DataFrame:
+    """Change of A that an encoder's bits make against a very fine one: `bits, delta_rad, change_rps`, the largest.
+
+    Each backlash is read with the encoder mounted at `offsets` angles.
+    """
+    angles = np.random.default_rng(1).uniform(0, TURN, offsets)
+    rows = []
+    for delta in deltas_rad:
+        fine = global_fit(encoder_record(joint, delta, finest, 0.0)).amplitude_rps
+        for b in bits:
+            coarse = [global_fit(encoder_record(joint, delta, b, angle)).amplitude_rps for angle in angles]
+            rows.append((b, delta, np.abs(np.array(coarse) - fine).max()))
+    return pd.DataFrame(rows, columns=["bits", "delta_rad", "change_rps"])
+
+
+def bits_suffice(study: pd.DataFrame, bits: int, limit: float) -> Decision:
+    """Whether an encoder of so many bits leaves A alone, from `bits_study`."""
+    largest = study.groupby("bits")["change_rps"].max()
+    enough = [b for b in largest.index if (largest.loc[b:] < limit).all()]
+    least = f"{min(enough)} of those tried suffice" if enough else "none of those tried suffices"
+    return bool(largest[bits] < limit), f"{bits} bits change A by up to {largest[bits]:.2g} rps; {least}"
+
+
+def displacement_detection(
+    joint: JointParameters, displacements_rad: Sequence[float], bits: int, angles: int
+) -> pd.DataFrame:
+    """How often a ring of the motor's position shows through an encoder in a record of twelve turns.
+
+    The joint has no backlash; the ring has the form of Table 2's (20 Hz, damping 14 per s, two a turn). It is seen if
+    the differenced speed's projection on it exceeds that of 95 % of the start angles without a ring.
+
+    Returns
+    -------
+    DataFrame
+        `displacement_rad` (amplitude of the ring), `detected` (share of the start angles).
+    """
+    run = simulate(joint, 0.0)
+    t, dt = run.time_s, run.time_s[1]
+    half = joint.turn_period_s / 2
+    since, sign = t % half, 1 - 2 * (np.floor(t / half + 1e-9) % 2)
+    ring = sign * np.exp(-14 * since) * np.sin(TURN * 20 * since)
+    template = np.diff(ring) / dt
+    starts = np.random.default_rng(1).uniform(0, TURN, angles)
+
+    def projections(amplitude: float, offsets: FloatArray) -> FloatArray:
+        position = run.motor_position_rad + amplitude * ring
+        read = np.diff(encoder_position(position[None] + offsets[:, None], bits), axis=1) / dt
+        return (read - np.diff(run.motor_position_rad) / dt) @ template / (template @ template)
+
+    threshold = np.quantile(projections(0.0, np.random.default_rng(2).uniform(0, TURN, angles)), 0.95)
+    rows = [(d, float((projections(d, starts) > threshold).mean())) for d in displacements_rad]
+    return pd.DataFrame(rows, columns=["displacement_rad", "detected"])
+
+
+def encoder_detects(detection: pd.DataFrame, limit: float, power: float = 0.95) -> Decision:
+    """Whether the printed displacement is the smallest that shows, from `displacement_detection`."""
+    seen = detection.loc[detection["detected"] >= power, "displacement_rad"]
+    if seen.empty:
+        return None, "no displacement that was tried shows"
+    least = seen.min()
+    also = " or less" if least == detection["displacement_rad"].min() else ""
+    return bool(least >= limit), f"a ring of {least:.1g} rad{also} shows in a record of twelve turns"
+
+
+def discontinuities_destabilise(study: pd.DataFrame, limit: float) -> Decision:
+    """Whether a stepping torque spoils a simulation that the smooth one does not, from `stepping_torque_study`."""
+    spoilt = study.assign(bad=~(study["error"].abs() <= limit)).pivot(
+        index=["delta_rad", "step_s"], columns="model", values="bad"
+    )
+    worst = study.groupby("model")["error"].agg(lambda e: e.abs().max(skipna=False))
+    said = ", ".join(
+        f"{model} {'runs away' if np.isnan(error) else f'{100 * error:.1f} %'}" for model, error in worst.items()
+    )
+    only_stepping = (spoilt["stepping"] & ~spoilt["modified"]).any()
+    holds = True if only_stepping else False if not spoilt["stepping"].any() else None
+    return holds, f"largest error of the settled peak: {said}"
+
+
+# ----------------------------------------------------------------------------------------------------- the optimisers
+
+
+def cma_beats_swarms(compared: pd.DataFrame, level: float) -> Decision:
+    """Whether CMA-ES beats every swarm, from `optimizers.against_swarms`."""
+    each = level / len(compared)
+    holds = None
+    if (compared["p_cma_better"] < each).all():
+        holds = True
+    elif (compared["p_swarm_better"] < each).any():
+        holds = False
+    said = ", ".join(
+        f"{row['swarm']} {row['rate']:.2f} (p {row['p_cma_better']:.1g})" for _, row in compared.iterrows()
+    )
+    return holds, f"rates of the best basin: {said}"
+
+
+def classical_cannot(table: pd.DataFrame, limit: float) -> Decision:
+    """Whether no classical method is applicable as it comes, from `optimizers.success_table`."""
+    classical = table[table["kind"].isin(["classical", "deterministic"])]
+    verdicts = [
+        by_interval(low, high, limit) for low, high in zip(classical["rate_low"], classical["rate_high"], strict=True)
+    ]
+    holds = False if any(v is True for v in verdicts) else True if all(v is False for v in verdicts) else None
+    said = ", ".join(f"{row['method']} {row['found']} of {row['runs']}" for _, row in classical.iterrows())
+    return holds, f"best basin found: {said}"
+
+
+def little_tuning(table: pd.DataFrame, limit: float) -> Decision:
+    """Whether CMA-ES succeeds with its own settings, from `optimizers.success_table`."""
+    own = table[table["method"].str.startswith("CMA-ES, its own population")]
+    verdicts = [by_interval(low, high, limit) for low, high in zip(own["rate_low"], own["rate_high"], strict=True)]
+    holds = True if any(v is True for v in verdicts) else False if all(v is False for v in verdicts) else None
+    said = ", ".join(
+        f"{row['method']}: {row['rate']:.2f} ({row['rate_low']:.2f} to {row['rate_high']:.2f})"
+        for _, row in own.iterrows()
+    )
+    return holds, f"rate of the best basin, {said}"
+
+
+# ----------------------------------------------------------------------------- claims that other notebooks decide
+
+
+def random_start(odds: float, limit: float) -> Decision:
+    """Whether a random start is likelier than the whole record, from the odds of their likeliest protocols."""
+    holds = True if odds >= limit else False if odds <= 1 / limit else None
+    return holds, f"odds of a random start against the whole record {odds:.2g}"
+
+
+def error_below_10(runs: pd.DataFrame, limit: float, seed: int = 1, draws: int = 2000) -> Decision:
+    """Whether every row's error of A is below a limit, from runs on the authors' records of Table 2's rows.
+
+    Parameters
+    ----------
+    runs : DataFrame
+        From `table2.repeated_fits`: `row, noise_level, A_rps, rmse_rps`.
+    limit : float
+        Percent of the theoretical A.
+    seed, draws : int
+        Of the bootstrap over runs.
+
+    Returns
+    -------
+    Decision
+        The text begins with the largest error of a mean, which is the cell `text.error_limit_percent`'s number too.
+    """
+    largest, low, high = largest_error_percent(runs, seed, draws)
+    return by_interval(-high, -low, -limit), f"largest error of a mean {largest:.1f} % ({low:.1f} to {high:.1f} %)"
+
+
+def largest_error_percent(runs: pd.DataFrame, seed: int = 1, draws: int = 2000) -> tuple[float, float, float]:
+    """Largest relative error [%] of a row's mean |A|, and its 95 % bootstrap interval over the runs."""
+    theoretical = published.column("Table 2", "theoretical")
+    rng = np.random.default_rng(seed)
+    errors, drawn = [], []
+    for (_, row), part in runs[runs["row"] <= printed_levels_rad().size].groupby(["noise_level", "row"], sort=False):
+        amplitude, true = part["A_rps"].abs().to_numpy(), theoretical[row - 1]
+        means = amplitude[rng.integers(amplitude.size, size=(draws, amplitude.size))].mean(axis=1)
+        errors.append(100 * abs(amplitude.mean() / true - 1))
+        drawn.append(100 * np.abs(means / true - 1))
+    low, high = np.quantile(np.max(drawn, axis=0), [0.025, 0.975])
+    return max(errors), float(low), float(high)

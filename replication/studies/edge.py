@@ -1,0 +1,131 @@
+"""The edge of the dead zone: what alpha the records need, and what a torque that steps does to a simulation."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numba
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from replication.datasets import Recording
+from replication.simulated import signals
+from replication.simulator import core
+from replication.simulator.identification import identify_joint
+from replication.simulator.parameters import TURN, JointParameters
+from replication.simulator.simulate import settled_peak_rps, simulate
+
+FloatArray = NDArray[np.float64]
+
+
+def refit_alphas(joint: JointParameters, records: dict[float, Recording], alphas: Sequence[float]) -> pd.DataFrame:
+    """Identify the joint anew at each sharpness of equation 8's edge.
+
+    Parameters
+    ----------
+    joint : JointParameters
+        Where each fit starts.
+    records : dict
+        Clean records by backlash [rad].
+    alphas : sequence of float
+        Values of alpha [1/rad].
+
+    Returns
+    -------
+    DataFrame
+        A row an alpha: `alpha_per_rad, nrmse` (root mean square of the residual over the settled SD), and the ratios
+        of the refitted joint.
+    """
+    rows = []
+    for alpha in alphas:
+        fit = identify_joint(signals(records), replace(joint, alpha_per_rad=alpha))
+        rows.append({"alpha_per_rad": alpha, "nrmse": math.sqrt(fit.mean_square)} | fit.parameters.ratios)
+    return pd.DataFrame(rows)
+
+
+@numba.njit(cache=True)
+def _plain_steps(y, steps, step, skip, per_period, delay, c, drive, speeds):
+    """Runge-Kutta steps of one length, whatever the gap does within them; speeds at every control period."""
+    ring, memory = np.full(delay + 1, y[4]), np.array([y[4], 0.0, 0.0, y[0]])
+    edges = np.array([-c.delta, 0.0, c.delta])
+    command = y[4]
+    for i in range(steps):
+        t = (i - skip) * step
+        if i % per_period == 0:
+            speeds[i // per_period] = y[1]
+            command = core.control(t, y, memory, ring, i // per_period, drive, c)
+            if c.torque_lag == 0:
+                y = (y[0], y[1], y[2], y[3], command)
+        total, stage = y, y
+        for k in range(4):
+            late = step * (0.0, 0.5, 0.5, 1.0)[k]
+            region = np.searchsorted(edges, stage[0] / c.gear_ratio - stage[2])
+            rates = core.derivative(t + late, stage, command, region, c)
+            total = core._along(total, step * (1 / 6, 1 / 3, 1 / 3, 1 / 6)[k], rates)
+            stage = core._along(y, step * (0.5, 0.5, 1.0, 0.0)[k], rates)
+        y = total
+        if not abs(y[1]) < core.DIVERGED * c.omega:
+            return False
+    return True
+
+
+def plain_steps_speed_rps(joint: JointParameters, delta_rad: float, duration_s: float, step_s: float) -> FloatArray:
+    """Motor speed of the joint, integrated by Runge-Kutta steps that do not look for the contact.
+
+    Parameters
+    ----------
+    joint : JointParameters
+        The joint.
+    delta_rad, duration_s, step_s : float
+        Half the gap [rad], length of the record and step [s]; the control period is a multiple of the step.
+
+    Returns
+    -------
+    array of shape (control periods,)
+        Motor speed [rps] at every control period from t = 0 on; nan everywhere if the joint ran away.
+    """
+    skip, steps = round(joint.lead_s / step_s), round((joint.lead_s + duration_s) / step_s)
+    per_period = round(joint.control_period_s / step_s)
+    y, _ = core.start_state(joint, delta_rad)
+    speeds = np.empty(-(-steps // per_period))
+    c, drive = core.constants_of(joint, delta_rad), core.drive_of(joint)
+    if not _plain_steps(y, steps, step_s, skip, per_period, joint.control_delay_periods, c, drive, speeds):
+        return np.full(round(duration_s / joint.control_period_s), np.nan)
+    return joint.commanded_speed_rps + speeds[skip // per_period :] / TURN
+
+
+def stepping_torque_study(
+    joint: JointParameters, deltas_rad: Sequence[float], steps_s: Sequence[float], damping_ratio: float = 0.05
+) -> pd.DataFrame:
+    """Settled peaks from plain steps against those from fine steps that locate the contact.
+
+    Parameters
+    ----------
+    joint : JointParameters
+        The joint.
+    deltas_rad, steps_s : sequence of float
+        Backlashes [rad] and steps [s].
+    damping_ratio : float
+        Damping of the coupling over the critical one of load and spring; it makes the torque step at the edge.
+
+    Returns
+    -------
+    DataFrame
+        A row a model ("stepping" is the clamped dead zone with damping, "modified" is equation 9), backlash and
+        step: `model, delta_rad, step_s, peak_rps, reference_rps, error` (relative; nan if the joint ran away).
+    """
+    damping = 2 * damping_ratio * math.sqrt(joint.stiffness_nm_per_rad * joint.load_inertia_kgm2)
+    models = {"stepping": replace(joint, clamped=True, damping_nms_per_rad=damping), "modified": joint}
+    turns, rows = 4, []
+    for name, model in models.items():
+        for delta in deltas_rad:
+            period, duration = model.control_period_s, turns * model.turn_period_s
+            fine = simulate(model, delta, duration_s=duration, sample_s=period, step_s=period / 50)
+            reference = settled_peak_rps(fine, model)
+            for step in steps_s:
+                speed = plain_steps_speed_rps(model, delta, duration, step)
+                peak = speed[round(model.turn_period_s / period) :].max() - model.commanded_speed_rps
+                error = peak / reference - 1
+                rows.append((name, delta, step, peak, reference, error))
+    return pd.DataFrame(rows, columns=["model", "delta_rad", "step_s", "peak_rps", "reference_rps", "error"])
