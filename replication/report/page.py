@@ -14,7 +14,7 @@ from replication.report import facts as facts_of
 from replication.report import findings, pages, regions, tables, where
 from replication.report.cells import Cell, Judgement
 from replication.report.figures import Picture, pictures
-from replication.workbook import files, judging
+from replication.workbook import files, judging, provenance
 
 EQUATION_10 = (("A3", "A³"), ("A2", "A²"), ("A1", "A"), ("A0", ""))
 
@@ -103,13 +103,13 @@ def _order(group: str, kinds: list[str]) -> tuple[int, str]:
     return (kinds.index(kind) if kind in kinds else len(kinds), group)
 
 
-def made_from(sources: dict) -> str:
-    """Say which sources the results were made from."""
-    mark = f"sources with the fingerprint {sources['sha256'][:16]}"
-    if not sources["commit"]:
-        return f"Made from {mark}; no commit is known."
-    changed = ", with changes that were not committed then" if sources["local_changes"] else ""
-    return f"Made from commit {sources['commit'][:12]} of {sources['committed']}{changed}: {mark}."
+def _versions(made_from: dict[str, dict]) -> dict[str, str]:
+    """Versions of Python and of the packages that the results were made with, by name."""
+    found: dict[str, set[str]] = {}
+    for record in made_from.values():
+        for name, version in ({"Python": record["python"]} | record["packages"]).items():
+            found.setdefault(name, set()).add(version)
+    return {name: " and ".join(sorted(versions)) for name, versions in sorted(found.items())}
 
 
 def _paper_figures(drawn: list[Picture]) -> list[dict]:
@@ -152,7 +152,7 @@ def page(results: Path, notebooks: Path, quick: bool = False) -> str:
     found = findings.findings(facts_of.facts(results))
     sensitivity, columns = _sensitivity(results)
     mapped = published.paper_map()
-    provenance = json.loads((results / "provenance.json").read_text(encoding="utf-8"))
+    made_from = json.loads((results / "provenance.json").read_text(encoding="utf-8"))
     environment = Environment(
         loader=PackageLoader("replication.report"), autoescape=True, undefined=StrictUndefined, trim_blocks=True
     )
@@ -193,8 +193,8 @@ def page(results: Path, notebooks: Path, quick: bool = False) -> str:
         unnoticed=sum(not any(row["counts"].values()) for row in sensitivity),
         map=mapped.to_dict("records"),
         notebooks=pages.contents(notebooks).to_dict("records"),
-        made_from=made_from(provenance["sources"]),
-        provenance=provenance,
+        versions=_versions(made_from),
+        stale=provenance.stale(results),
     )
 
 
