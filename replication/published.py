@@ -1,8 +1,6 @@
 """Every number the paper prints, once, from the data files beside this module."""
 
-from dataclasses import dataclass
 from decimal import Decimal
-from fnmatch import fnmatchcase
 from functools import cache
 from importlib.resources import files
 from importlib.resources.abc import Traversable
@@ -67,51 +65,6 @@ def tolerance(cell: str) -> float:
     return float(row["abs_tol"] + row["rel_tol"] * abs(row["value"]))
 
 
-def basis(cell: str, source: str) -> pd.Series:
-    """What an agreement with a cell would be worth.
-
-    Parameters
-    ----------
-    cell, source : str
-        Cell id, and where our number comes from: "authors", "chosen", "simulated" or "stand-in".
-
-    Returns
-    -------
-    Series
-        `basis` is "evidence", "consistent" (follows from other printed numbers), "given" (taken over from the paper)
-        or "undecided" (only unpublished data could tell). `fails_if` says what would have made the cell fail, or why
-        nothing could.
-
-    Raises
-    ------
-    KeyError
-        `basis.csv` says nothing of such a cell.
-    """
-    for _, row in _table("basis.csv").iterrows():
-        if fnmatchcase(cell, row["cells"]) and row["source"] in (source, "*"):
-            return row
-    raise KeyError(f"{cell}, {source}: no row of basis.csv is about it")
-
-
-@dataclass(frozen=True)
-class Correction:
-    """What a cell should print: the number, what its last digit leaves open, and the erratum's words."""
-
-    value: float
-    tolerance: float
-    corrected: str
-
-
-def correction(cell: str) -> Correction | None:
-    """Corrected value of a cell that an erratum names, if one does."""
-    for _, row in errata().iterrows():
-        for part in row["cells"].split():
-            name, _, number = part.partition("=")
-            if name == cell:
-                return Correction(float(number), half_last_digit(number), row["corrected"])
-    return None
-
-
 def half_last_digit(printed: str) -> float:
     """Half a unit of a printed number's last digit, which is what rounding leaves open."""
     number = Decimal(printed.rstrip("%"))
@@ -163,6 +116,11 @@ def findings() -> pd.DataFrame:
 def paper_figures() -> pd.DataFrame:
     """What the paper's figures show, in our words, and what can be compared, indexed by figure: `shows, compare`."""
     return _table("paper_figures.csv").set_index("figure")
+
+
+def basis() -> pd.DataFrame:
+    """What agreements are worth: `cells` (a pattern), `source`, `basis`, `fails_if`, `test`."""
+    return _table("basis.csv")
 
 
 def known_differences() -> pd.DataFrame:

@@ -7,6 +7,7 @@ from pathlib import Path
 import pandas as pd
 
 from replication import published
+from replication.workbook import basis
 from replication.workbook.files import ROOT
 
 VERDICT_COLUMNS = [
@@ -40,12 +41,12 @@ def judge(found: pd.DataFrame) -> pd.DataFrame:
 
 
 def _judge_cell(row: dict) -> dict:
-    cell, basis = published.cells().loc[row["id"]], published.basis(row["id"], row["source"])
+    cell, worth = published.cells().loc[row["id"]], basis.of(row["id"], row["source"])
     value, tolerance, ours = float(cell["value"]), published.tolerance(row["id"]), row["reproduced"]
     by_tolerance = (ours - tolerance, math.inf if cell["kind"] == "bound" else ours + tolerance)
     predicted = not pd.isna(row.get("low", math.nan))
     region = (row["low"], row["high"]) if predicted else by_tolerance
-    verdict, reason = _verdict(cell, basis, row, region)
+    verdict, reason = _verdict(cell, worth, row, region)
     if verdict == "reproduced" and predicted:
         verdict, reason = _unless_too_wide(cell, region)
     return {
@@ -59,23 +60,23 @@ def _judge_cell(row: dict) -> dict:
         "low": region[0],
         "high": region[1],
         "verdict": verdict,
-        "by_tolerance": _verdict(cell, basis, row, by_tolerance)[0] if predicted else verdict,
+        "by_tolerance": _verdict(cell, worth, row, by_tolerance)[0] if predicted else verdict,
         "reason": reason,
-        "fails_if": basis["fails_if"] if verdict in EVIDENCE else "",
+        "fails_if": worth["fails_if"] if verdict in EVIDENCE else "",
         "notebook": row["notebook"],
     }
 
 
-def _verdict(cell: pd.Series, basis: pd.Series, row: dict, region: tuple[float, float]) -> tuple[str, str]:
+def _verdict(cell: pd.Series, worth: pd.Series, row: dict, region: tuple[float, float]) -> tuple[str, str]:
     """Verdict on a cell, and its reason."""
     if row["source"] == "stand-in":
         return "stand-in", "the original logs were never published; a simulated stand-in cannot reproduce them"
-    if basis["basis"] == "undecided":
-        return "undecided", basis["fails_if"]
+    if worth["basis"] == "undecided":
+        return "undecided", worth["fails_if"]
     if region[0] <= float(cell["value"]) <= region[1]:
-        word = {"evidence": "reproduced"}.get(basis["basis"], basis["basis"])
-        return word, cell["tol_reason"] if basis["basis"] == "evidence" else basis["fails_if"]
-    erratum = published.correction(row["id"])
+        word = {"evidence": "reproduced"}.get(worth["basis"], worth["basis"])
+        return word, cell["tol_reason"] if worth["basis"] == "evidence" else worth["fails_if"]
+    erratum = basis.correction(row["id"])
     if erratum is not None and abs(row["reproduced"] - erratum.value) <= erratum.tolerance:
         return "erratum", f"corrected: {erratum.corrected}"
     return "differs", _known_reasons().get((row["id"], row["source"]), "no explanation known")

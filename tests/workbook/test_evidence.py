@@ -8,7 +8,7 @@ import pytest
 
 from replication import characteristic, datasets, inspection, published, simulated, table1
 from replication.simulator.parameters import identified_joint, with_ratios
-from replication.workbook import judging
+from replication.workbook import basis, judging
 
 TABLE1 = published.cells("Table 1").index
 
@@ -19,8 +19,8 @@ def verdict(cell, reproduced, source="authors", **region):
 
 
 def test_every_basis_of_evidence_names_a_change_and_the_test_that_makes_it():
-    basis = published._table("basis.csv")
-    evidence = basis[basis["basis"] == "evidence"]
+    table = published.basis()
+    evidence = table[table["basis"] == "evidence"]
     assert (evidence["fails_if"] != "").all()
     here = {f"tests/workbook/test_evidence.py::{name}" for name in globals() if name.startswith("test_")}
     assert set(evidence["test"]) <= here
@@ -30,7 +30,7 @@ def test_every_verdict_by_evidence_says_what_would_have_made_it_fail():
     table = pd.read_csv(judging.ROOT / "results" / "verdicts.csv", keep_default_na=False)
     assert (table.loc[table["verdict"].isin(judging.EVIDENCE), "fails_if"] != "").all()
     for row in table.to_dict("records"):
-        published.basis(row["id"], row["source"])
+        basis.of(row["id"], row["source"])
 
 
 def test_another_turn_period_in_the_data_is_neither_printed_nor_corrected(record_12):
