@@ -29,6 +29,7 @@ from replication.global_fit.windows import (
     polish,
     refine,
     scan_edge,
+    turn_back,
 )
 from replication.identify import Protocol, protocol_box
 from replication.signature import FREE_PARAMETERS, signature
@@ -41,9 +42,9 @@ class GlobalFit:
     """The best signature of a record.
 
     The same signal has many parameter vectors. Of these, X has the window's start midway between the last sample
-    outside and the first inside it, or as near to that as the box lets it, and the latest t0 before that start. The
-    amplitude is |A|, because (A, t0) and (-A, t0 + pi/omega) are the same signal, and always that of a window that
-    starts midway.
+    outside and the first inside it, or as near to that as the box lets it, and the latest t0 before that start. If the
+    record shows that the window starts or ends on a sample, X does so to the last bit. The amplitude is |A|, because
+    (A, t0) and (-A, t0 + pi/omega) are the same signal, and always that of a window that starts midway.
 
     Attributes
     ----------
@@ -52,7 +53,7 @@ class GlobalFit:
     rmse : float
         Misfit, the paper's cost [rps].
     turn_period_s : float
-        T_f, given or found [s].
+        T_f of the protocol [s].
     amplitude_rps : float
         |A| for a window that starts midway between two samples [rps].
     amplitude_interval_rps : tuple of float
@@ -139,11 +140,15 @@ def _amplitude_interval(fold, limits, a, b, theta) -> tuple[float, float]:
     return float(low), float(high)
 
 
-def _candidates(found: FloatArray, apart: int, most: int) -> list[int]:
-    """Window starts that are the best within `apart` samples, the best of all first."""
+def _candidates(found: FloatArray, apart: int, most: int, power: float) -> list[int]:
+    """Window starts that are the best within `apart` samples, the best of all first.
+
+    Only those with less than twice the best sum of squares, or a part of the record's `power`: on a record without
+    noise the best is near zero, and below it where windows overlap, which the grid leaves out of account.
+    """
     order = np.argsort(found[:, 0], kind="stable")
     chosen: list[int] = []
-    for k in order[found[order, 0] < 2 * found[order[0], 0]]:
+    for k in order[found[order, 0] < max(2 * found[order[0], 0], 0.05 * power)]:
         if len(chosen) == most or found[k, 1] == 0:
             break
         if all(abs(k - other) > apart for other in chosen):
@@ -161,12 +166,15 @@ def _minima(t, v, timing, limits):
     thin = join_positions(coarse, joined)
     found = grid_search(thin, limits, joined * dt, taus, omegas)
     minima = {}
-    for k in _candidates(found, 2, 6):
+    for k in _candidates(found, 2, 6, fold.scale[0]):
         a = int(np.searchsorted(fold.x, thin.x[k] - joined * dt / 2))
         b = int(np.searchsorted(fold.x, thin.x[int(found[k, 1])] + joined * dt / 2)) - 1
         a, b, theta, cost = refine(fold, limits, a, b, found[k, 2:].copy(), 8, 3)
         minima[a, b] = min(minima.get((a, b), (a, b, theta, cost)), (a, b, theta, cost), key=_cost)
     ranked = sorted(minima.values(), key=_cost)
+    if ranked:
+        turned = turn_back(fold, limits, ranked[0])
+        ranked = sorted((minima | {turned[:2]: turned}).values(), key=_cost)
     near = [minimum for minimum in ranked[1:2] if minimum[3] < 1.2 * ranked[0][3]]
     polished = [polish(fold, limits, minimum, 12) for minimum in ranked[:1] + near]
     return fold, sorted(polished + ranked[len(polished) :], key=_cost)

@@ -151,17 +151,21 @@ def normal_equations(fold, a, b, t0, tau, omega):
         columns[0, j], columns[1, j] = s, -omega * c
         columns[2, j], columns[3, j] = -since_edge * s, since_t0 * c
     gram, data, offset = np.zeros((4, 4)), np.zeros(4), np.zeros(4)
-    for p in range(4):
-        for j in range(size):
-            data[p] += columns[p, j] * fold.value[a + j]
-            offset[p] += columns[p, j] * fold.sign[a + j]
-        for q in range(p + 1):
-            for j in range(size):
-                gram[p, q] += columns[p, j] * columns[q, j] * fold.count[a + j]
-                k = fold.partner[a + j] - a
-                if 0 <= k < size:  # the window before reaches this sample, with the opposite sign
+    for j in range(size):
+        value, count, sign = fold.value[a + j], fold.count[a + j], fold.sign[a + j]
+        for p in range(4):
+            data[p] += columns[p, j] * value
+            offset[p] += columns[p, j] * sign
+            for q in range(p + 1):
+                gram[p, q] += columns[p, j] * columns[q, j] * count
+        k = fold.partner[a + j] - a
+        if 0 <= k < size:  # the window before reaches this sample, with the opposite sign
+            for p in range(4):
+                for q in range(p + 1):
                     overlap = columns[p, j] * columns[q, k] + columns[p, k] * columns[q, j]
                     gram[p, q] -= fold.pairs[a + j] * overlap
+    for p in range(4):
+        for q in range(p + 1):
             gram[p, q] -= offset[p] * offset[q] / fold.scale[1]
             gram[q, p] = gram[p, q]
     return gram, data

@@ -18,8 +18,8 @@ from replication.signature import Timing
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
 
-# Steps of t0 that round t0 + i T_f in all possible ways, for turns from 0.2 s on and records up to 16 s.
-_PHASE_S, _PHASES = 2.0**-57, 512
+# Steps of t0 that round t0 + i T_f + T_d in all possible ways if T_d is 0.125 s or more.
+_STEP_S = 2.0**-57
 
 # A gate lies on a sample if that explains so many times what noise holds in the samples there.
 _BEYOND_NOISE = 4.0
@@ -197,14 +197,15 @@ def _window_starts(t0, T_d, T_f, windows):
 
 
 @numba.njit(cache=True)
-def _last_bits(t0, T_d, T_f, instants, gains):
+def _last_bits(t0, T_d, T_f, instants, gains, steps):
     """The t0 next to a given one, T1 and T2 whose rounded gates hold the windows that gain most; that gain first.
 
-    Rows of `instants` and `gains` are the start and the end; NaN where no gate lies on a sample.
+    Rows of `instants` and `gains` are the start and the end; NaN where no gate lies on a sample. So many `steps` of t0
+    are tried.
     """
     best, best_t0, T1, T2 = -np.inf, t0, np.nan, np.nan
-    for phase in range(_PHASES):
-        trial = (np.floor(t0 / _PHASE_S) + phase) * _PHASE_S
+    for step in range(steps):
+        trial = (np.floor(t0 / _STEP_S) + step) * _STEP_S
         starts = _window_starts(trial, T_d, T_f, instants.shape[1])
         trial_T1, gain_a = _best_distance(starts, instants[0], gains[0], True)
         trial_T2, gain_b = _best_distance(starts, instants[1], gains[1], False)
@@ -242,7 +243,8 @@ def _rounded(record: Record, fit: Fit, instants_t0: FloatArray) -> Fit:
             there, samples = _members(record, position)
             instants[edge, there] = record.t[samples]
             gains[edge] = _gains(record, fit, residual, A, position, holds)
-    bits = [_last_bits(t0, timing.T_d, timing.T_f, instants, gains) for t0 in instants_t0]
+    steps = round(np.spacing(record.t[-1]) / _STEP_S)  # after a last bit of the latest sum, roundings repeat
+    bits = [_last_bits(t0, timing.T_d, timing.T_f, instants, gains, steps) for t0 in instants_t0]
     _, t0, T1, T2 = max(bits, key=lambda found: found[0])
     starts = _window_starts(t0, timing.T_d, timing.T_f, windows)
     if fit.holds_a is not None:

@@ -37,7 +37,7 @@ class Reading:
     rmse_rps : float
         Misfit of the signature; of the waveform for that method [rps].
     turn_period_s : float
-        T_f, given or found [s].
+        T_f of the record [s].
     at_bound : tuple of str
         What lies at a bound of its search.
     shift_turns : float
@@ -108,7 +108,6 @@ def read(
     bank: WaveformBank | None = None,
     repeats: int = 30,
     seed: int = 1,
-    period_tolerance: float = 0.0,
 ) -> Reading:
     """Read a method's value off a record.
 
@@ -122,8 +121,6 @@ def read(
         For "waveform".
     repeats, seed : int
         CMA-ES runs of "paper", and the seed of the first.
-    period_tolerance : float
-        See `global_fit`; "paper" takes the turn period as given.
 
     Returns
     -------
@@ -138,7 +135,7 @@ def read(
         raise ValueError(f"method {method!r}: there are {', '.join(METHODS)}, and waveform alone needs a bank")
     if method == "paper":
         return _paper_reading(recording, protocol_for(recording), repeats, seed)
-    return reading_of_fit(recording, method, global_fit(recording, protocol_for(recording), period_tolerance), bank)
+    return reading_of_fit(recording, method, global_fit(recording, protocol_for(recording)), bank)
 
 
 def reading_of_fit(recording: Recording, method: str, fit: GlobalFit, bank: WaveformBank | None = None) -> Reading:
