@@ -13,7 +13,7 @@ from joblib import Parallel, delayed
 from numpy.typing import NDArray
 from scipy import stats
 
-from replication import inspection, published
+from replication import published
 from replication.characteristic import equation_10, printed_levels_rad
 from replication.datasets import Recording, add_uniform_noise, constant_speed
 from replication.global_fit.fit import global_fit
@@ -97,7 +97,7 @@ def amplitude_grows(growth: pd.DataFrame, printed_A_rps: FloatArray, limit: floa
     }
     grows = {step > limit for step in least.values()}
     said = ", ".join(f"{name} {step:.3f}" for name, step in least.items())
-    return (grows.pop() if len(grows) == 1 else None), f"least growth from level to level [rps]: {said}"
+    return (bool(grows.pop()) if len(grows) == 1 else None), f"least growth from level to level [rps]: {said}"
 
 
 def half_turn_spread(record: Recording) -> float:
@@ -119,23 +119,29 @@ def same_amplitude(spreads: Mapping[float, float], limit: float) -> Decision:
     )
 
 
-def noise_tests(levels: Sequence[int], realisations: Sequence[int]) -> pd.DataFrame:
-    """P-values of the added noise: `level, realisation, p_uniform, p_mean, p_lag_one, p_normal`."""
+def noise_tests(noises: Mapping[tuple[int, int], FloatArray]) -> pd.DataFrame:
+    """Test the noise that was added to records, by (level, realisation), against what the paper says of it.
+
+    Returns
+    -------
+    DataFrame
+        P-values, not corrected for their number: `level, realisation, p_uniform` and `p_normal` (Kolmogorov-Smirnov),
+        `p_mean` (zero), `p_lag_one` (neighbours not correlated).
+    """
     rows = []
-    for realisation in realisations:
-        for level in levels:
-            found = inspection.uniform_noise_test(level, realisation)
-            lag = found["lag_one_correlation"] * np.sqrt(inspection.added_noise(level, realisation).size)
-            rows.append(
-                {
-                    "level": level,
-                    "realisation": realisation,
-                    "p_uniform": found["p_uniform"],
-                    "p_mean": 2 * stats.norm.sf(abs(found["mean_over_standard_error"])),
-                    "p_lag_one": 2 * stats.norm.sf(abs(lag)),
-                    "p_normal": found["p_normal"],
-                }
-            )
+    for (level, realisation), noise in noises.items():
+        low, high = noise.min(), noise.max()
+        lag_one = np.corrcoef(noise[1:], noise[:-1])[0, 1]
+        rows.append(
+            {
+                "level": level,
+                "realisation": realisation,
+                "p_uniform": stats.kstest(noise, stats.uniform(low, high - low).cdf).pvalue,
+                "p_normal": stats.kstest(noise, stats.norm(noise.mean(), noise.std()).cdf).pvalue,
+                "p_mean": 2 * stats.norm.sf(abs(noise.mean()) / noise.std() * np.sqrt(noise.size)),
+                "p_lag_one": 2 * stats.norm.sf(abs(lag_one) * np.sqrt(noise.size - 1)),
+            }
+        )
     return pd.DataFrame(rows)
 
 
@@ -291,8 +297,8 @@ def bits_suffice(study: pd.DataFrame, bits: int, limit: float) -> Decision:
     """Whether an encoder of so many bits leaves A alone, from `bits_study`."""
     largest = study.groupby("bits")["change_rps"].max()
     enough = [b for b in largest.index if (largest.loc[b:] < limit).all()]
-    least = f"{min(enough)} of those tried suffice" if enough else "none of those tried suffices"
-    return bool(largest[bits] < limit), f"{bits} bits change A by up to {largest[bits]:.2g} rps; {least}"
+    least = f"; the fewest tried that suffice: {min(enough)}" if enough else ""
+    return bool(largest[bits] < limit), f"{bits} bits change A by up to {largest[bits]:.2g} rps{least}"
 
 
 def displacement_detection(
@@ -333,7 +339,7 @@ def encoder_detects(detection: pd.DataFrame, limit: float, power: float = 0.95) 
         return None, "no displacement that was tried shows"
     least = seen.min()
     also = " or less" if least == detection["displacement_rad"].min() else ""
-    return bool(least >= limit), f"a ring of {least:.1g} rad{also} shows in a record of twelve turns"
+    return bool(least >= limit), f"a ring of {least:.2g} rad{also} shows in a record of twelve turns"
 
 
 def discontinuities_destabilise(study: pd.DataFrame, limit: float) -> Decision:
