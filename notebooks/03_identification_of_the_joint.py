@@ -162,7 +162,6 @@ workbook.save_figure(
 # %%
 free = ratios[ratios["low_95"].notna()]
 moved = ((free["fitted"] - free["committed"]).abs() / (free["high_95"] - free["low_95"])).max()
-workbook.verdict({"simulated": {"text.load": committed.load_mass_kg}})
 
 # %%
 print(f"fitted again, the ratios move by at most {100 * moved:.1f} % of their intervals' widths")

@@ -99,8 +99,7 @@ claims = {
         f"{len(peaks)} levels, by steps of {growth.min():.3f} to {growth.max():.3f} rps",
     )
 }
-cells = {"text.delta_step": ten[1] - ten[0]}
-workbook.verdict({"simulated": cells}, claims)
+workbook.verdict(claims=claims)
 
 # %% [markdown]
 # ## Try changing

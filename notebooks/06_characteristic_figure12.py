@@ -33,7 +33,7 @@
 import numpy as np
 import pandas as pd
 
-from replication import characteristic, datasets, published, table2, workbook
+from replication import characteristic, published, workbook
 from replication import simulated as simulations
 from replication.characteristic import characteristic_difference
 from replication.figures import paper
@@ -192,14 +192,19 @@ def equation10_cells(cubic):
     return {f"equation10.A{k}": 1e6 * cubic.coefficients[k] for k in range(4)} | {"equation10.rmse": cubic.rmse_rad}
 
 
-levels = table2.table2_levels()  # of the authors' data sets
+by_equation = printed_equation.backlash_rad(theoretical)
 cells = equation10_cells(fitted) | {
+    f"{row.element.lower().replace(' ', '')}.row{row.row:>02}.relative_error": row.relative_error_percent
+    for row in arithmetic.itertuples()
+}
+cells |= {
     "text.error_rad_small": error.iloc[0],
     "text.error_rad_large": error.max(),
-    "text.delta_min": datasets.level_delta_rad(levels[0]),
-    "text.delta_max": datasets.level_delta_rad(levels[-1]),
+    "text.levels": theoretical.size,
+    "text.delta_min": by_equation[0],
+    "text.delta_max": by_equation[-1],
+    "text.delta_step": np.diff(by_equation).mean(),
     "text.encoder_step": step,
-    "text.error_limit_percent": arithmetic["relative_error_percent"].max(),
 }
 workbook.verdict({"authors": cells, "simulated": equation10_cells(ours)}, claims)
 

@@ -40,10 +40,13 @@ from itertools import islice
 import numpy as np
 import pandas as pd
 
-from replication import datasets, inspection, published, search, table2, workbook
+from replication import datasets, published, search, table2, workbook
 from replication.figures import paper, searching
 from replication.identify import paper_search, protocol_box
 from replication.signature import FREE_PARAMETERS
+from replication.studies import inspection
+from replication.studies.bounds import bounds_by_replay, table1_cells
+from replication.studies.variants import rank_variants, variant_scores
 
 # %% [markdown]
 # ## Parameters
@@ -60,13 +63,27 @@ seed = 823840  # of the run it belongs to: run 4 of the stored ones
 # %% [markdown]
 # ## Result
 #
-# ### Table 1, printed and as the program builds it
+# ### Table 1, told by the stored runs
 #
-# The bounds of $A$, $t_0$ and $v_t$ depend on the record; they are given as fractions of its range.
+# A bound leaves its mark on every sample: the first members are drawn about the middle of the box, a quarter of its
+# width apart, and bent back at its ends. So each bound is tried where Table 1 prints it and at places beside it, and
+# counted how many of the 30 stored runs then give their stored first generation. Columns are shifts in shares of the
+# printed range.
 
 # %%
 clean = datasets.load_clean(12)
-found_table1 = inspection.table1_cells(clean, table2.AUTHORS)
+tried = bounds_by_replay(clean, table2.AUTHORS.timing)
+workbook.save_table(tried, "table1_replay")
+tried.pivot(index="cell", columns="shift", values="replayed")
+
+# %% [markdown]
+# Twelve bounds stand where they are printed; a hundredth of the range beside them the runs are lost. The two of $A$ do
+# not: the stored runs had 1.3 times the printed box, which their notebook's own comment calls a later change. Which
+# box printed Table 2 is asked in notebook 17. The bounds of $A$, $t_0$ and $v_t$ are given as fractions of the
+# record's range.
+
+# %%
+found_table1 = table1_cells(clean, tried)
 printed = published.cells("Table 1")[["row", "column", "printed", "unit", "value"]]
 printed.assign(reproduced=found_table1)
 
@@ -179,9 +196,9 @@ seeds = range(1, repeats + 1)
 chosen = [p for p in table2.VARIANTS if variants == "all" or p.name in variants]
 records = [(key, record) for key, record in table2.authors_table2_records([realisation]) if key["row"] in rows]
 runs = table2.repeated_fits(records, chosen, seeds, label="protocol variants")
-scores = table2.variant_scores(runs)
+scores = variant_scores(runs)
 workbook.save_table(scores, "protocol_variants")
-ranking = table2.rank_variants(scores)
+ranking = rank_variants(scores)
 workbook.save_table(ranking, "protocol_ranking")
 ranking
 
@@ -214,8 +231,7 @@ if variants == "all":
     error = ranking.set_index("protocol")["mean_abs_error_percent"]
     drawn, whole = error["start drawn per run"], error[table2.AUTHORS.name]
     claims["random_start"] = (bool(drawn <= whole), f"means {drawn:.1f} % off, with the whole record {whole:.1f} %")
-cells = found_table1.to_dict() | {"text.latest_start": table2.AUTHORS.latest_start}
-workbook.verdict({"authors": cells}, claims)
+workbook.verdict({"authors": found_table1.to_dict()}, claims)
 
 # %% [markdown]
 # ## Try changing

@@ -1,10 +1,11 @@
 import numpy as np
 import pytest
 
-from replication import datasets, inspection, published, table2
+from replication import datasets, published, table2
 from replication.data.authors import (
     DataUnavailable,
 )
+from replication.studies import inspection
 
 
 def test_a_record_from_a_later_sample_starts_at_time_zero():

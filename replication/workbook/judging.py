@@ -116,25 +116,29 @@ def verdicts(results: Path) -> pd.DataFrame:
     judged = judge(found)
     cells = published.cells()
     missing = cells[~cells.index.isin(found["id"])]
-    not_run = pd.DataFrame(
-        {
-            "id": missing.index,
-            "source": [
-                "stand-in" if element in ("Table 3", "Table 4") else "authors" for element in missing["element"]
-            ],
-            "printed": missing["printed"].to_numpy(),
-            "published": missing["value"].to_numpy(),
-            "tolerance": [published.tolerance(cell) for cell in missing.index],
-            "verdict": "not-run",
-            "by_tolerance": "not-run",
-            "fails_if": "",
-            "reason": "taken from the paper or never published; no notebook measures it",
-        }
-    )
-    table = pd.concat([part for part in (judged, not_run) if not part.empty], ignore_index=True)
+    rest = pd.DataFrame([_not_computed(cell) for _, cell in missing.reset_index().iterrows()])
+    table = pd.concat([part for part in (judged, rest) if not part.empty], ignore_index=True)
     table = table.reindex(columns=VERDICT_COLUMNS)
     order = {cell: position for position, cell in enumerate(cells.index)}
     return table.sort_values(["id", "source"], key=lambda c: c.map(order) if c.name == "id" else c, ignore_index=True)
+
+
+def _not_computed(cell: pd.Series) -> dict:
+    """Verdict on a cell that no notebook computes: `given` where nothing could, else `not-run`."""
+    source = "stand-in" if cell["element"] in ("Table 3", "Table 4") else "authors"
+    worth = basis.of(cell["id"], source)
+    given = worth["basis"] == "given"
+    return {
+        "id": cell["id"],
+        "source": source,
+        "printed": cell["printed"],
+        "published": cell["value"],
+        "tolerance": published.tolerance(cell["id"]),
+        "verdict": "given" if given else "not-run",
+        "by_tolerance": "given" if given else "not-run",
+        "reason": worth["fails_if"] if given else "no notebook computes it",
+        "fails_if": "",
+    }
 
 
 def decided_claims(results: Path) -> pd.DataFrame:

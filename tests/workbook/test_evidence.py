@@ -6,8 +6,9 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from replication import characteristic, datasets, inspection, published, simulated, table1
+from replication import characteristic, datasets, published, simulated
 from replication.simulator.parameters import identified_joint, with_ratios
+from replication.studies import bounds, inspection
 from replication.workbook import basis, judging
 
 TABLE1 = published.cells("Table 1").index
@@ -36,21 +37,21 @@ def test_every_verdict_by_evidence_says_what_would_have_made_it_fail():
 def test_another_turn_period_in_the_data_is_neither_printed_nor_corrected(record_12):
     slower = replace(record_12, t=1.05 * record_12.t)
     tried = pd.DataFrame(columns=["cell", "shift", "bound", "replayed"])
-    for cell, value in table1.table1_cells(slower, tried).items():
+    for cell, value in bounds.table1_cells(slower, tried).items():
         assert verdict(cell, value) == "differs"
 
 
 @pytest.mark.parametrize("cell", [cell for cell in TABLE1 if cell.split(".")[1] not in ("A", "T_d", "T_f")])
 def test_a_bound_that_is_off_loses_the_stored_first_generations(record_12, cell):
-    tried = pd.DataFrame({"cell": cell, "shift": table1.SHIFTS})
+    tried = pd.DataFrame({"cell": cell, "shift": bounds.SHIFTS})
     printed = published.value(cell)
     lower, upper = (published.value(f"{cell.rpartition('.')[0]}.{side}") for side in ("min", "max"))
     t, v, name = record_12.t, record_12.v, cell.split(".")[1]
     scale, offset = {"t0": (np.ptp(t), t[0]), "v_t": (np.ptp(v), v.min())}.get(name, (1.0, 0.0))
-    bounds = offset + scale * (printed + (upper - lower) * tried["shift"])
+    places = offset + scale * (printed + (upper - lower) * tried["shift"])
     for best, expected in ((0.0, "reproduced"), (0.1, "differs")):
         counts = np.where(tried["shift"] == best, 30, 1)
-        value = table1.table1_cells(record_12, tried.assign(bound=bounds, replayed=counts))[cell]
+        value = bounds.table1_cells(record_12, tried.assign(bound=places, replayed=counts))[cell]
         assert verdict(cell, value) == expected
 
 
@@ -114,7 +115,7 @@ def test_another_rmse_of_equation_10_is_no_erratum():
 def test_another_speed_or_number_of_turns_is_noticed(record_12):
     assert verdict("text.commanded_speed", float(np.median(1.01 * record_12.v))) == "differs"
     half = replace(record_12, t=record_12.t[:1201], v=record_12.v[:1201])
-    counts = table1.turns_by_replay(half, range(5, 9))
+    counts = bounds.turns_by_replay(half, range(5, 9))
     assert (counts == 0).all()
     assert verdict("text.turns", inspection.whole_turns(half)) == "differs"
 

@@ -3,24 +3,25 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from replication import published, table1
+from replication import published
 from replication.signature import Timing, table1_box
+from replication.studies import bounds
 
 TIMING = Timing(0.2, 0.4, 12)
 
 
 @pytest.fixture(scope="module")
 def stored_box(record_12):
-    return table1_box(record_12.t, record_12.v, table1.LONGEST_WINDOW_S, table1.AMPLITUDE_FACTOR)
+    return table1_box(record_12.t, record_12.v, bounds.LONGEST_WINDOW_S, bounds.AMPLITUDE_FACTOR)
 
 
 def test_in_the_stored_runs_box_all_thirty_first_generations_replay(record_12, stored_box):
-    assert table1.replayed(record_12, stored_box, TIMING) == 30
+    assert bounds.replayed(record_12, stored_box, TIMING) == 30
 
 
 def test_in_table_1s_box_of_A_hardly_one_replays(record_12):
-    box = table1_box(record_12.t, record_12.v, table1.LONGEST_WINDOW_S)
-    assert table1.replayed(record_12, box, TIMING) <= 1
+    box = table1_box(record_12.t, record_12.v, bounds.LONGEST_WINDOW_S)
+    assert bounds.replayed(record_12, box, TIMING) <= 1
 
 
 @pytest.mark.parametrize("i", range(1, 7))
@@ -28,17 +29,17 @@ def test_in_table_1s_box_of_A_hardly_one_replays(record_12):
 def test_a_bound_that_is_a_hundredth_of_its_range_off_loses_first_generations(record_12, stored_box, i, end):
     bounds = getattr(stored_box, end).copy()
     bounds[i] += 0.01 * (stored_box.upper - stored_box.lower)[i]
-    assert table1.replayed(record_12, replace(stored_box, **{end: bounds}), TIMING) < 25
+    assert bounds.replayed(record_12, replace(stored_box, **{end: bounds}), TIMING) < 25
 
 
 def test_fewer_than_twelve_turns_do_not_give_the_stored_misfits(record_12):
-    counts = table1.turns_by_replay(record_12)
+    counts = bounds.turns_by_replay(record_12)
     assert counts[counts == 30].index.min() == published.value("text.turns")
     assert (counts.loc[:11] == 0).all()
 
 
 def test_where_two_places_replay_equally_many_the_bound_is_not_told(record_12):
-    tried = table1.pd.DataFrame(
+    tried = bounds.pd.DataFrame(
         {"cell": "table1.tau.max", "shift": [0.0, 0.1], "bound": [30.0, 32.5], "replayed": [30, 30]}
     )
-    assert np.isnan(table1.table1_cells(record_12, tried)["table1.tau.max"])
+    assert np.isnan(bounds.table1_cells(record_12, tried)["table1.tau.max"])

@@ -2,7 +2,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from replication import published, replay
+from replication import published
+from replication.studies import replay
 from replication.table2 import AUTHORS
 from replication.workbook import ROOT
 

@@ -9,7 +9,7 @@ from scipy import stats
 
 from replication import published
 from replication.datasets import Recording, load_clean, load_noisy
-from replication.identify import Protocol, first_generation_rmse, protocol_box
+from replication.identify import first_generation_rmse
 from replication.signature import rmse
 from replication.table2 import AUTHORS, basin_labels, table2_levels
 
@@ -94,36 +94,6 @@ def noise_amplitudes() -> FloatArray:
         else:
             amplitudes.append(np.ptp(np.r_[added_noise(level, 1), added_noise(level, 2)]) / 2)
     return np.array(amplitudes)
-
-
-def table1_cells(recording: Recording, protocol: Protocol) -> pd.Series:
-    """Read Table 1's cells off the box that the program builds, with the turn period measured on the record.
-
-    Parameters
-    ----------
-    recording : Recording
-        A clean record of the authors.
-    protocol : Protocol
-        Its box, at Table 1's own width.
-
-    Returns
-    -------
-    Series
-        Values in the cells' units, by cell id.
-    """
-    box = protocol_box(recording, replace(protocol, amplitude_factor=1.0))
-    t, v = recording.t, recording.v
-    names = ("A", "t0", "tau", "omega", "v_t", "T2", "T1")
-    shift = {"t0": t[0], "v_t": v.min()}
-    scale = {"A": np.ptp(v), "t0": np.ptp(t), "v_t": np.ptp(v)}
-    cells = {}
-    for name, lower, upper in zip(names, box.lower, box.upper, strict=True):
-        for bound, limit in (("min", lower), ("max", upper)):
-            cells[f"table1.{name}.{bound}"] = (limit - shift.get(name, 0.0)) / scale.get(name, 1.0)
-    period = turn_period(recording)
-    cells |= {f"table1.T_d.{bound}": period / 2 for bound in ("min", "max")}
-    cells |= {f"table1.T_f.{bound}": period for bound in ("min", "max")}
-    return pd.Series(cells, name="reproduced")
 
 
 def stored_runs(recording: Recording) -> pd.DataFrame:

@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 from replication import published
 from replication.compiled.misfit import population_rmse
 from replication.datasets import Recording
-from replication.inspection import turn_period
 from replication.search import generations, random_normals
 from replication.signature import Box, Timing, rmse, table1_box
+from replication.studies.inspection import turn_period
 
 FloatArray = NDArray[np.float64]
 
