@@ -203,9 +203,11 @@ def _last_bits(t0, T_d, T_f, instants, gains, steps):
     Rows of `instants` and `gains` are the start and the end; NaN where no gate lies on a sample. So many `steps` of t0
     are tried.
     """
-    best, best_t0, T1, T2 = -np.inf, t0, np.nan, np.nan
+    best, best_t0, T1, T2, trial = -np.inf, t0, np.nan, np.nan, np.nan
     for step in range(steps):
-        trial = (np.floor(t0 / _STEP_S) + step) * _STEP_S
+        before, trial = trial, (np.floor(t0 / _STEP_S) + step) * _STEP_S
+        if trial == before:  # t0 has no finer bits
+            continue
         starts = _window_starts(trial, T_d, T_f, instants.shape[1])
         trial_T1, gain_a = _best_distance(starts, instants[0], gains[0], True)
         trial_T2, gain_b = _best_distance(starts, instants[1], gains[1], False)
@@ -243,7 +245,7 @@ def _rounded(record: Record, fit: Fit, instants_t0: FloatArray) -> Fit:
             there, samples = _members(record, position)
             instants[edge, there] = record.t[samples]
             gains[edge] = _gains(record, fit, residual, A, position, holds)
-    steps = round(np.spacing(record.t[-1]) / _STEP_S)  # after a last bit of the latest sum, roundings repeat
+    steps = round(2 * np.spacing(record.t[-1]) / _STEP_S)  # after two last bits of the latest sum, roundings repeat
     bits = [_last_bits(t0, timing.T_d, timing.T_f, instants, gains, steps) for t0 in instants_t0]
     _, t0, T1, T2 = max(bits, key=lambda found: found[0])
     starts = _window_starts(t0, timing.T_d, timing.T_f, windows)
