@@ -48,12 +48,11 @@ _MEAN = np.array([0.0, 0.0, 0.0, *np.zeros(len(RATIO_PRIOR)), SMOOTHING_PRIOR[0]
 _SD = np.array([np.inf, np.inf, FRICTION_PRIOR, *RATIO_PRIOR.values(), SMOOTHING_PRIOR[1]])
 _STEP = np.array([0.01, np.nan, 1e-3, *np.full(len(RATIO_PRIOR), 3e-3), np.nan])
 
-# Where the fit starts: backlash [1e-4 rad], friction, and factor of the stiffness.
-_FIRST_BACKLASH = np.geomspace(1.0, 48.0, 14)
-_FIRST_FRICTION = (0.0, 0.1, 0.25)
-_FIRST_STIFFNESS = np.exp([-0.4, -0.2, 0.0, 0.2, 0.4])
-_STARTS = 4
-_SHORT, _LONG = 6, 40
+# Joints among which the fit looks for where to start: backlash evenly in its logarithm [1e-4 rad], friction, and SD of
+# the five ratios that a log tells most of.
+_LIBRARY, _LIBRARY_BACKLASH, _LIBRARY_FRICTION, _LIBRARY_SPREAD = 1200, (0.8, 48.0), 0.06, 0.2
+_STARTS, _SHORT, _LONG = 5, 5, 40
+_TOLD = 5
 _LEAST_BACKLASH = 0.01
 
 
@@ -129,9 +128,9 @@ class _Problem:
         data = self._whitened(self._measured(self._spectra(z[None]), z[None])[0] - self.target)
         return np.concatenate([data, ((z - _MEAN) / _SD)[2:]])
 
-    def slopes(self, z: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Residuals, and their derivative by each unknown, shape (unknowns, residuals)."""
-        moved = [k for k in range(_SIZE) if np.isfinite(_STEP[k])]
+    def slopes(self, z: FloatArray, free: int) -> tuple[FloatArray, FloatArray]:
+        """Residuals, and their derivative by each unknown, shape (unknowns, residuals); 0 from the one `free` on."""
+        moved = [k for k in range(free) if np.isfinite(_STEP[k])]
         batch = np.repeat(z[None], len(moved) + 1, axis=0)
         batch[np.arange(len(moved)), moved] += _STEP[moved]
         measured = self._measured(self._spectra(batch), batch)
@@ -144,11 +143,11 @@ class _Problem:
         return residual, np.concatenate([self._whitened(out), prior], axis=1)
 
 
-def _search(problem: _Problem, z: FloatArray, iterations: int) -> tuple[FloatArray, float, bool]:
+def _search(problem: _Problem, z: FloatArray, iterations: int, free: int = _SIZE) -> tuple[FloatArray, float, bool]:
     """Levenberg-Marquardt; unstable joints have no finite residual, and a step into one is not taken."""
     damping, converged = 1e-2, False
     for _ in range(iterations):
-        residual, slopes = problem.slopes(z)
+        residual, slopes = problem.slopes(z, free)
         cost = residual @ residual
         if not np.isfinite(slopes).all():
             return z, np.inf, False
@@ -164,7 +163,7 @@ def _search(problem: _Problem, z: FloatArray, iterations: int) -> tuple[FloatArr
                 break
             damping *= 5
         else:
-            return z, cost, cost - there > -0.01 * max(cost, 1.0)
+            return z, cost, there - cost < 0.01 * max(cost, 1.0)
         z, damping = trial, damping * 0.2
         converged = cost - there < 1e-3 * max(1.0, cost / residual.size)
         if converged:
@@ -175,10 +174,11 @@ def _search(problem: _Problem, z: FloatArray, iterations: int) -> tuple[FloatArr
 @lru_cache(maxsize=8)
 def _library(movement: Movement) -> tuple[FloatArray, FloatArray]:
     """Unknowns to start from, and their turns' spectra."""
-    grid = [(d, f, s) for d in _FIRST_BACKLASH for f in _FIRST_FRICTION for s in np.log(_FIRST_STIFFNESS)]
-    z = np.tile(_MEAN, (len(grid), 1))
-    for k, (delta, friction, stiffness) in enumerate(grid):
-        z[k, 0], z[k, 2], z[k, 3] = delta, friction, stiffness
+    rng = np.random.default_rng(1)
+    z = np.tile(_MEAN, (_LIBRARY, 1))
+    z[:, 0] = np.exp(rng.uniform(*np.log(_LIBRARY_BACKLASH), _LIBRARY))
+    z[:, 2] = _LIBRARY_FRICTION * np.abs(rng.standard_normal(_LIBRARY))
+    z[:, 3 : 3 + _TOLD] = _LIBRARY_SPREAD * rng.standard_normal((_LIBRARY, _TOLD))
     turns = settled_turns(_rows(z), movement)
     return z, np.fft.rfft(turns, axis=1) / turns.shape[1]
 
@@ -212,11 +212,10 @@ def fit_joint(recording: Recording) -> SelfFit:
     movement = Movement(float(recording.commanded_speed_rps * recording.turn_period_s), recording.turn_period_s)
     harmonics = turn_harmonics(recording)
     problem = _Problem(harmonics, movement, recording.sample_s)
-    tried = [_search(problem, start, _SHORT) for start in _starts(harmonics, movement)]
-    z, cost, converged = min(tried, key=lambda found: found[1])
-    if not converged and np.isfinite(cost):
-        z, cost, converged = _search(problem, z, _LONG)
-    residual, slopes = problem.slopes(z)
+    tried = [_search(problem, start, _SHORT, 3 + _TOLD) for start in _starts(harmonics, movement)]
+    z = min(tried, key=lambda found: found[1])[0]
+    z, cost, converged = _search(problem, z, _LONG)
+    residual, slopes = problem.slopes(z, _SIZE)
     covariance = np.linalg.inv(slopes @ slopes.T)
     data = residual[: 2 * harmonics.order.size]
     freedom = residual.size - _SIZE
