@@ -21,6 +21,13 @@ _OF_NYQUIST, _FASTEST_HZ = 0.9, 225.0
 # Orders of the motor's turn at which torque ripples and encoders err: once and twice a turn, and with the phases.
 MOTOR_ORDERS = (1, 2, 6)
 
+# Sinusoids that are taken off, and how far above the noise around them they must be: in noise alone, one log in a
+# thousand has one.
+_MOST_LINES, _HIGH_LINE = 3, 14.0
+
+# Where joints of this kind ring.
+_RING_HZ = (5.0, 60.0)
+
 # Harmonics to either side of one whose surroundings tell its noise.
 _NEIGHBOURS = 3
 
@@ -41,6 +48,9 @@ class TurnHarmonics:
         RMS of a sample's noise, in the band of the harmonics [rps].
     turns : int
         Settled turns averaged.
+    unrest : float
+        Noise in the ring's band over that above it (medians of power): about 1 where turns repeat themselves, more
+        where each turn rings on into the next.
     """
 
     order: NDArray[np.int64]
@@ -48,6 +58,7 @@ class TurnHarmonics:
     sd: FloatArray
     sample_rms_rps: float
     turns: int
+    unrest: float
 
 
 def turn_harmonics(recording: Recording) -> TurnHarmonics:
@@ -79,10 +90,14 @@ def turn_harmonics(recording: Recording) -> TurnHarmonics:
     phase, v = phase[:count], v[:count]
     v = v - v.mean()
     last = int(min(_OF_NYQUIST * 0.5 / dt, _FASTEST_HZ) * period)
-    bins = czt(v, (last + 1) * turns, np.exp(-2j * np.pi * dt / (turns * period))) / v.size
     order = np.arange(2, last + 1)
-    between = np.abs(bins) ** 2 / 2
-    between[::turns] = np.nan
+    bins, between = _spectrum(v, turns, last, turns * period / dt)
+    for _ in range(_MOST_LINES):
+        line = _line(v, bins, between, turns, dt / period)
+        if line is None:
+            break
+        v = v - line
+        bins, between = _spectrum(v, turns, last, turns * period / dt)
     variance = np.array([_noise(between, k, turns) for k in order])
     order_kept = ~np.isin(order, _motor_harmonics(recording, last))
     start = np.exp(-2j * np.pi * order * phase[0])
@@ -90,15 +105,55 @@ def turn_harmonics(recording: Recording) -> TurnHarmonics:
         order[order_kept],
         (bins[turns * order] * start)[order_kept],
         np.sqrt(variance)[order_kept],
-        float(np.sqrt(2 * count * np.median(variance))),
+        float(np.sqrt(2 * count * _floor(between, turns, last))),
         turns,
+        _unrest(between, turns, period),
     )
+
+
+def _spectrum(v: FloatArray, turns: int, last: int, samples: float) -> tuple[NDArray[np.complex128], FloatArray]:
+    """Fourier coefficients `turns` to a harmonic, and half their squares between the harmonics (NaN at them)."""
+    bins = czt(v, (last + 1) * turns, np.exp(-2j * np.pi / samples)) / v.size
+    between = np.abs(bins) ** 2 / 2
+    between[::turns] = np.nan
+    return bins, between
+
+
+def _line(v: FloatArray, bins, between: FloatArray, turns: int, step: float) -> FloatArray | None:
+    """The clearest sinusoid that is no harmonic of the turn, at the record's samples; None if there is none.
+
+    A belt or a fan: it leaks into the harmonics beside it.
+    """
+    floor = np.nanmedian(between) / np.log(2)
+    around = np.convolve(np.nan_to_num(between), np.ones(6 * turns + 1), mode="same") / (6 * (turns - 1))
+    height = between / np.maximum(around, floor)
+    peak = int(np.nanargmax(height))
+    if height[peak] < _HIGH_LINE:
+        return None
+    phase = 2 * np.pi * step * np.arange(v.size)
+    order = np.arange(2, bins.size // turns)
+    rest = v - 2 * np.real(np.exp(1j * np.outer(phase, order)) @ bins[turns * order])
+    tried = (peak + np.linspace(-0.9, 0.9, 37)) / turns
+    power = np.abs(np.exp(-1j * np.outer(tried, phase)) @ rest)
+    wave = np.exp(1j * tried[power.argmax()] * phase)
+    basis = np.stack([wave.real, wave.imag], axis=1)
+    return basis @ np.linalg.lstsq(basis, rest, rcond=None)[0]
 
 
 def _noise(between: FloatArray, order: int, turns: int) -> float:
     """Variance of the noise in each part of a harmonic: the mean between the harmonics around it."""
     near = between[max((order - _NEIGHBOURS) * turns, turns) : (order + _NEIGHBOURS) * turns + 1]
     return float(np.nanmean(near))
+
+
+def _floor(between: FloatArray, turns: int, last: int) -> float:
+    """Variance of the noise in each part of a coefficient in the upper half of the band: median, so free of lines."""
+    return float(np.nanmedian(between[last * turns // 2 :]) / np.log(2))
+
+
+def _unrest(between: FloatArray, turns: int, period: float) -> float:
+    first, end = (int(edge * period) * turns for edge in _RING_HZ)
+    return float(np.nanmedian(between[max(first, turns) : end]) / np.nanmedian(between[end:]))
 
 
 def _motor_harmonics(recording: Recording, last: int) -> NDArray[np.int64]:

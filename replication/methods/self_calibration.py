@@ -53,6 +53,9 @@ _STEP = np.array([0.01, np.nan, 1e-3, *np.full(len(RATIO_PRIOR), 3e-3), np.nan])
 _LIBRARY, _LIBRARY_BACKLASH, _LIBRARY_FRICTION, _LIBRARY_SPREAD = 1200, (0.8, 48.0), 0.06, 0.2
 _STARTS, _SHORT, _LONG = 5, 5, 40
 _TOLD = 5
+_NEAR_COST = 60.0  # a start that is worse by more than this (in chi squared) after its first steps is left
+# A harmonic whose residual alone has this improbable a square (times their number) belongs to the machine, not the joint.
+_MOST_DROPPED, _OUTLIER = 3, 1e-3
 _LEAST_BACKLASH = 0.01
 
 
@@ -110,6 +113,18 @@ class _Problem:
         self.target = harmonics.coefficient
         self.fade = -((2 * np.pi * harmonics.order / movement.turn_period_s) ** 2) * sample_s**2 / 24
         self.evaluations = 0
+
+    def drop_outlier(self, z: FloatArray) -> bool:
+        """Leave out the harmonic that fits worst, if noise can't explain it; say whether there was one."""
+        data = self.residual(z)[: 2 * self.order.size].reshape(2, -1)
+        square = (data**2).sum(axis=0) / 2
+        square /= max(1.0, float(np.median(square)) / np.log(2))
+        worst = int(square.argmax())
+        if self.order.size * np.exp(-square[worst]) > _OUTLIER:
+            return False
+        kept = np.arange(self.order.size) != worst
+        self.order, self.sd, self.target, self.fade = (a[kept] for a in (self.order, self.sd, self.target, self.fade))
+        return True
 
     def _spectra(self, z: FloatArray) -> NDArray[np.complex128]:
         turns = settled_turns(_rows(z), self.movement)
@@ -171,6 +186,19 @@ def _search(problem: _Problem, z: FloatArray, iterations: int, free: int = _SIZE
     return z, there, converged
 
 
+def _best(problem: _Problem, starts: list[FloatArray]) -> tuple[FloatArray, float, bool]:
+    """Lowest minimum: a few steps from every start, and from the best two to the end."""
+    tried = sorted((_search(problem, start, _SHORT, 3 + _TOLD) for start in starts), key=lambda found: found[1])
+    first = _search(problem, tried[0][0], _LONG)
+    others = [z for z, cost, _ in tried[1:] if cost < tried[0][1] + _NEAR_COST and _apart(z, tried[0][0])]
+    second = [_search(problem, z, _LONG) for z in others[:1]]
+    return min([first, *second], key=lambda found: found[1])
+
+
+def _apart(a: FloatArray, b: FloatArray) -> bool:
+    return abs(np.log(a[0] / b[0])) > 0.03
+
+
 @lru_cache(maxsize=8)
 def _library(movement: Movement) -> tuple[FloatArray, FloatArray]:
     """Unknowns to start from, and their turns' spectra."""
@@ -212,12 +240,14 @@ def fit_joint(recording: Recording) -> SelfFit:
     movement = Movement(float(recording.commanded_speed_rps * recording.turn_period_s), recording.turn_period_s)
     harmonics = turn_harmonics(recording)
     problem = _Problem(harmonics, movement, recording.sample_s)
-    tried = [_search(problem, start, _SHORT, 3 + _TOLD) for start in _starts(harmonics, movement)]
-    z = min(tried, key=lambda found: found[1])[0]
-    z, cost, converged = _search(problem, z, _LONG)
+    z, cost, converged = _best(problem, _starts(harmonics, movement))
+    for _ in range(_MOST_DROPPED):
+        if not problem.drop_outlier(z):
+            break
+        z, cost, converged = _search(problem, z, _LONG)
     residual, slopes = problem.slopes(z, _SIZE)
     covariance = np.linalg.inv(slopes @ slopes.T)
-    data = residual[: 2 * harmonics.order.size]
+    data = residual[: 2 * problem.order.size]
     freedom = residual.size - _SIZE
     chi2 = float(residual @ residual)
     values = {"friction": float(z[2]), "smoothing": float(z[-1])}
@@ -232,5 +262,5 @@ def fit_joint(recording: Recording) -> SelfFit:
         float(stats.chi2.sf(chi2, freedom)),
         converged,
         problem.evaluations,
-        data[: harmonics.order.size] + 1j * data[harmonics.order.size :],
+        data[: problem.order.size] + 1j * data[problem.order.size :],
     )

@@ -1,11 +1,9 @@
 """Settled turns of many joints at once, compiled: what a fit that asks for thousands of them needs.
 
-The joint is that of `simulate`, its edge the clamped dead zone (the limit of equation 8 for a large alpha), with a
-linear drive and one load friction. A turn is repeated exactly, because the drive's period is taken as a whole part of
+The joint is that of `simulate` with a linear drive and one load friction. A turn is repeated exactly, because the drive's period is taken as a whole part of
 it; the first turns, in which the drive settles, are left out.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numba as nb
@@ -38,9 +36,10 @@ COLUMNS = (
 # The drive's slowest modes, 13 per second in the paper's joint, are gone after this time to 3e-5.
 _SETTLING_S = 0.8
 _CONTROL_S = 5e-4
-_DELAY_PERIODS = 1
+DELAY_PERIODS = 1
+ALPHA_PER_RAD = 1e6
 # Two steps a control period: an RK4 step of an eighth of a radian of the fastest mode.
-_STEPS_PER_PERIOD = 2
+STEPS_PER_PERIOD = 2
 
 
 @dataclass(frozen=True)
@@ -56,33 +55,55 @@ class Movement:
         return max(round(self.turn_period_s / _CONTROL_S), 16)
 
 
+# What a joint's row means to `core`, with the load's inertia 1: only ratios count. Half of the load's friction is
+# Coulomb's, half viscous: at a constant speed only their sum shows.
+@nb.njit(cache=True)
+def constants(row, n, turn_s, angle):
+    """Constants of a joint in the order of `COLUMNS`."""
+    omega = n * TURN / turn_s
+    delta, friction, ks, gravity, inertia, damping, viscous = row[0], row[1], row[2], row[3], row[4], row[12], row[13]
+    jm = 1 / (n * n * inertia)
+    rubbing = 0.5 * friction * gravity
+    return core.Constants(
+        n, omega, angle, jm, 1.0, ks, damping * ks, ALPHA_PER_RAD, delta, 0.0, gravity, viscous * jm,
+        rubbing / (omega / n), 0.0, rubbing, row[11], None,
+    )  # fmt: skip
+
+
+@nb.njit(cache=True)
+def drive(row, n, period):
+    """Drive of a joint in the order of `COLUMNS`; it differences its encoder, as real ones do."""
+    jm = 1 / (n * n * row[4])
+    return core.Drive(
+        row[9], row[5] * jm, row[6] * jm, row[7] * jm, row[8] * jm, row[10], period, np.inf, 0.0, 1.0
+    )  # fmt: skip
+
+
+@nb.njit(cache=True)
+def start(c, friction):
+    """State and region in balance, as `core.start_state`."""
+    torque = c.gravity * np.sin(c.start_angle) + friction * c.gravity
+    side = -1.0 if torque < 0 else 1.0
+    motor = c.motor_viscous * c.omega
+    return (0.0, 0.0, -(side * c.delta + torque / c.ks), 0.0, torque / c.gear_ratio + motor), 3 if side > 0 else 0
+
+
 @nb.njit(cache=True, nogil=True)
-def _settled(rows, n, turn_s, periods, lead, delay, per_period):
+def _settled(rows, n, turn_s, periods, lead):
     out = np.empty((rows.shape[0], periods))
-    period, omega = turn_s / periods, n * 2 * np.pi / turn_s
-    step = period / per_period
+    period = turn_s / periods
     record, gap = np.empty((lead + periods + 1, 5)), np.empty(lead + periods + 1, dtype=np.int64)
     events = np.empty((0, 2))
-    steps = (lead + periods) * per_period
     for k in range(rows.shape[0]):
-        delta, friction, ks, gravity, inertia, kp, ki, kd, kw, kpos, rate, lag, damping, viscous = rows[k]
-        jm = 1 / (n * n * inertia)
-        load_speed = omega / n
-        # Half of the load's friction is Coulomb's, half viscous: at a constant speed only their sum shows.
-        cl, bl, bm = 0.5 * friction * gravity, 0.5 * friction * gravity / load_speed, viscous * jm
-        theta0 = -2 * np.pi * lead / periods
-        c = (n, omega, theta0, jm, 1.0, ks, damping * ks, 1e6, delta, 0.0, gravity, bm, bl, 0.0, cl, lag, None)
-        drive = (kpos, kp * jm, ki * jm, kd * jm, kw * jm, rate, period, np.inf, 0.0, 1.0)
-        torque = gravity * np.sin(theta0) + friction * gravity
-        side = -1.0 if torque < 0 else 1.0
-        y = (0.0, 0.0, -(side * delta + torque / ks), 0.0, torque / n + bm * omega)
-        region = 3 if side > 0 else 0
+        c = constants(rows[k], n, turn_s, -TURN * lead / periods)
+        y, region = start(c, rows[k, 1])
         status, _ = core.run(
-            y, region, steps, step, 0, per_period, per_period, delay, c, drive, record, gap, events
-        )
+            y, region, (lead + periods) * STEPS_PER_PERIOD, period / STEPS_PER_PERIOD, 0, STEPS_PER_PERIOD,
+            STEPS_PER_PERIOD, DELAY_PERIODS, c, drive(rows[k], n, period), record, gap, events,
+        )  # fmt: skip
         out[k] = np.nan
         if status < 0:
-            out[k] = record[lead : lead + periods, 1] / (2 * np.pi)
+            out[k] = record[lead : lead + periods, 1] / TURN
     return out
 
 
@@ -106,6 +127,4 @@ def settled_turns(rows: FloatArray, movement: Movement) -> FloatArray:
     periods = movement.periods
     turns = max(int(np.ceil(_SETTLING_S / movement.turn_period_s)), 1)
     rows = np.ascontiguousarray(rows, dtype=float)
-    return _settled(
-        rows, movement.gear_ratio, movement.turn_period_s, periods, turns * periods, _DELAY_PERIODS, _STEPS_PER_PERIOD
-    )
+    return _settled(rows, movement.gear_ratio, movement.turn_period_s, periods, turns * periods)
