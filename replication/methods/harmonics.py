@@ -131,13 +131,19 @@ def _line(v: FloatArray, bins, between: FloatArray, turns: int, step: float) -> 
     if height[peak] < _HIGH_LINE:
         return None
     phase = 2 * np.pi * step * np.arange(v.size)
-    order = np.arange(2, bins.size // turns)
-    rest = v - 2 * np.real(np.exp(1j * np.outer(phase, order)) @ bins[turns * order])
-    tried = (peak + np.linspace(-0.9, 0.9, 37)) / turns
-    power = np.abs(np.exp(-1j * np.outer(tried, phase)) @ rest)
-    wave = np.exp(1j * tried[power.argmax()] * phase)
-    basis = np.stack([wave.real, wave.imag], axis=1)
-    return basis @ np.linalg.lstsq(basis, rest, rcond=None)[0]
+    order = np.arange(1, bins.size // turns)
+    beside = np.abs(order - peak / turns) < 1.5  # not told from the line by the coefficients alone
+    others = order[~beside]
+    rest = v - 2 * np.real(np.exp(1j * np.outer(phase, others)) @ bins[turns * others])
+    fixed = np.exp(1j * np.outer(phase, order[beside]))
+    best = (np.inf, np.zeros_like(v))
+    for tried in (peak + np.linspace(-0.9, 0.9, 19)) / turns:
+        wave = np.exp(1j * tried * phase)
+        basis = np.column_stack([wave.real, wave.imag, fixed.real, fixed.imag])
+        found, *_ = np.linalg.lstsq(basis, rest, rcond=None)
+        misfit = float(((rest - basis @ found) ** 2).sum())
+        best = min(best, (misfit, basis[:, :2] @ found[:2]), key=lambda pair: pair[0])
+    return best[1]
 
 
 def _noise(between: FloatArray, order: int, turns: int) -> float:

@@ -41,12 +41,17 @@ FRICTION_PRIOR = 0.1
 # speed is differenced (1); a simulated one is not (0).
 SMOOTHING_PRIOR = (0.8, 0.3)
 
-_UNIT_RAD = 1e-4
-_NAMES = ("backlash", "phase", "friction", *RATIO_PRIOR, "smoothing")
-_SIZE = len(_NAMES)
-_MEAN = np.array([0.0, 0.0, 0.0, *np.zeros(len(RATIO_PRIOR)), SMOOTHING_PRIOR[0]])
-_SD = np.array([np.inf, np.inf, FRICTION_PRIOR, *RATIO_PRIOR.values(), SMOOTHING_PRIOR[1]])
-_STEP = np.array([0.01, np.nan, 1e-3, *np.full(len(RATIO_PRIOR), 3e-3), np.nan])
+# A transmission error in step with the turn (a belt, a gear), in 1e-5 rad on the load's side: SD of its two parts.
+ERROR_PRIOR = 2.0
+
+_UNIT_RAD, _ERROR_RAD = 1e-4, 1e-5
+_RATIOS = slice(3, 3 + len(RATIO_PRIOR))
+_SMOOTHING = _RATIOS.stop
+_SIZE = _SMOOTHING + 3
+_MEAN = np.array([*np.zeros(_SMOOTHING), SMOOTHING_PRIOR[0], 0.0, 0.0])
+_SD = np.array([np.inf, np.inf, FRICTION_PRIOR, *RATIO_PRIOR.values(), SMOOTHING_PRIOR[1], ERROR_PRIOR, ERROR_PRIOR])
+# Steps of the differences; phase and smoothing have slopes of their own.
+_STEP = np.array([0.01, np.nan, 1e-3, *np.full(len(RATIO_PRIOR), 3e-3), np.nan, 0.05, 0.05])
 
 # Joints among which the fit looks for where to start: backlash evenly in its logarithm [1e-4 rad], friction, and SD of
 # the five ratios that a log tells most of.
@@ -54,6 +59,10 @@ _LIBRARY, _LIBRARY_BACKLASH, _LIBRARY_FRICTION, _LIBRARY_SPREAD = 1200, (0.8, 48
 _STARTS, _SHORT, _LONG = 5, 5, 40
 _TOLD = 5
 _NEAR_COST = 60.0  # a start that is worse by more than this (in chi squared) after its first steps is left
+# Where a better minimum is looked for, in SDs of the backlash along the posterior's longest axis.
+_BESIDE, _FEW, _ROUNDS = (-4.0, -2.0, 2.0, 4.0), 3, 2
+# Transmission errors up to this frequency are looked for; one must be this improbable in noise alone.
+_FASTEST_ERROR_HZ, _CHANCE_OF_ERROR = 60.0, 0.01
 # A harmonic whose residual alone has this improbable a square (times their number) belongs to the machine, not the joint.
 _MOST_DROPPED, _OUTLIER = 3, 1e-3
 _LEAST_BACKLASH = 0.01
@@ -101,6 +110,7 @@ def _rows(z: FloatArray) -> FloatArray:
     columns = {"delta_rad": np.maximum(z[:, 0], _LEAST_BACKLASH) * _UNIT_RAD, "friction": z[:, 2]}
     for k, name in enumerate(RATIO_PRIOR, start=3):
         columns[name] = ratios[name] * np.exp(z[:, k])
+    columns["error_sine_rad"], columns["error_cosine_rad"] = (_ERROR_RAD * z[:, _SMOOTHING + 1 :]).T
     zero = np.zeros(len(z))
     return np.stack([columns.get(name, zero) for name in COLUMNS], axis=1)
 
@@ -112,7 +122,62 @@ class _Problem:
         self.movement, self.order, self.sd = movement, harmonics.order, harmonics.sd
         self.target = harmonics.coefficient
         self.fade = -((2 * np.pi * harmonics.order / movement.turn_period_s) ** 2) * sample_s**2 / 24
+        self.error_order = 0
         self.evaluations = 0
+
+    def _spectra(self, z: FloatArray, error_order: int) -> NDArray[np.complex128]:
+        turns = settled_turns(_rows(z), self.movement, error_order)
+        self.evaluations += len(z)
+        return np.fft.rfft(turns, axis=1)[:, self.order] / turns.shape[1]
+
+    def _measured(self, z: FloatArray, error_order: int | None = None) -> NDArray[np.complex128]:
+        spectra = self._spectra(z, self.error_order if error_order is None else error_order)
+        return spectra * np.exp(1j * self.order * z[:, 1:2] + self.fade * z[:, _SMOOTHING : _SMOOTHING + 1])
+
+    def _whitened(self, spectra: NDArray[np.complex128]) -> FloatArray:
+        spectra = spectra / self.sd
+        return np.concatenate([spectra.real, spectra.imag], axis=-1)
+
+    def residual(self, z: FloatArray) -> FloatArray:
+        """Data's and prior's residuals of one set of unknowns."""
+        data = self._whitened(self._measured(z[None])[0] - self.target)
+        return np.concatenate([data, ((z - _MEAN) / _SD)[2:]])
+
+    def slopes(self, z: FloatArray, free: int) -> tuple[FloatArray, FloatArray]:
+        """Residuals, and their derivative by each unknown, shape (unknowns, residuals); 0 from the one `free` on."""
+        last = free if self.error_order else min(free, _SMOOTHING)
+        moved = [k for k in range(last) if np.isfinite(_STEP[k])]
+        batch = np.repeat(z[None], len(moved) + 1, axis=0)
+        batch[np.arange(len(moved)), moved] += _STEP[moved]
+        measured = self._measured(batch)
+        here = measured[-1]
+        out = np.zeros((_SIZE, here.size), dtype=complex)
+        out[moved] = (measured[:-1] - here) / _STEP[moved][:, None]
+        out[1], out[_SMOOTHING] = 1j * self.order * here, self.fade * here
+        residual = np.concatenate([self._whitened(here - self.target), ((z - _MEAN) / _SD)[2:]])
+        return residual, np.concatenate([self._whitened(out), np.diag(1 / _SD)[:, 2:]], axis=1)
+
+    def find_error(self, z: FloatArray) -> bool:
+        """Take up a transmission error in step with the turn if one explains the residual better; say whether."""
+        residual, slopes = self.slopes(z, _SIZE)
+        tried = np.arange(2, int(_FASTEST_ERROR_HZ * self.movement.turn_period_s) + 1)
+        gain = np.zeros(tried.size)
+        for k, order in enumerate(tried):
+            batch = np.repeat(z[None], 2, axis=0)
+            batch[[0, 1], [_SMOOTHING + 1, _SMOOTHING + 2]] += _STEP[-1]
+            data = slice(0, 2 * self.order.size)
+            moved = self._whitened(self._measured(batch, int(order)) - self.target)
+            columns = np.zeros((2, residual.size))
+            columns[:, data] = (moved - residual[data]) / _STEP[-1]
+            onto = np.linalg.solve(slopes @ slopes.T, slopes @ columns.T)
+            columns -= onto.T @ slopes
+            along = columns @ residual
+            gain[k] = along @ np.linalg.solve(columns @ columns.T + np.eye(2) / ERROR_PRIOR**2, along)
+        scale = max(1.0, float(residual @ residual) / residual.size)
+        if self.error_order or tried.size * np.exp(-gain.max() / scale / 2) > _CHANCE_OF_ERROR:
+            return False
+        self.error_order = int(tried[gain.argmax()])
+        return True
 
     def drop_outlier(self, z: FloatArray) -> bool:
         """Leave out the harmonic that fits worst, if noise can't explain it; say whether there was one."""
@@ -126,37 +191,6 @@ class _Problem:
         self.order, self.sd, self.target, self.fade = (a[kept] for a in (self.order, self.sd, self.target, self.fade))
         return True
 
-    def _spectra(self, z: FloatArray) -> NDArray[np.complex128]:
-        turns = settled_turns(_rows(z), self.movement)
-        self.evaluations += len(z)
-        return np.fft.rfft(turns, axis=1)[:, self.order] / turns.shape[1]
-
-    def _measured(self, spectra, z: FloatArray):
-        return spectra * np.exp(1j * self.order * z[:, 1:2] + self.fade * z[:, -1:])
-
-    def _whitened(self, spectra: NDArray[np.complex128]) -> FloatArray:
-        spectra = spectra / self.sd
-        return np.concatenate([spectra.real, spectra.imag], axis=-1)
-
-    def residual(self, z: FloatArray) -> FloatArray:
-        """Data's and prior's residuals of one set of unknowns."""
-        data = self._whitened(self._measured(self._spectra(z[None]), z[None])[0] - self.target)
-        return np.concatenate([data, ((z - _MEAN) / _SD)[2:]])
-
-    def slopes(self, z: FloatArray, free: int) -> tuple[FloatArray, FloatArray]:
-        """Residuals, and their derivative by each unknown, shape (unknowns, residuals); 0 from the one `free` on."""
-        moved = [k for k in range(free) if np.isfinite(_STEP[k])]
-        batch = np.repeat(z[None], len(moved) + 1, axis=0)
-        batch[np.arange(len(moved)), moved] += _STEP[moved]
-        measured = self._measured(self._spectra(batch), batch)
-        here = measured[-1]
-        out = np.zeros((_SIZE, here.size), dtype=complex)
-        out[moved] = (measured[:-1] - here) / _STEP[moved][:, None]
-        out[1], out[-1] = 1j * self.order * here, self.fade * here
-        prior = np.diag(1 / _SD)[:, 2:]
-        residual = np.concatenate([self._whitened(here - self.target), ((z - _MEAN) / _SD)[2:]])
-        return residual, np.concatenate([self._whitened(out), prior], axis=1)
-
 
 def _search(problem: _Problem, z: FloatArray, iterations: int, free: int = _SIZE) -> tuple[FloatArray, float, bool]:
     """Levenberg-Marquardt; unstable joints have no finite residual, and a step into one is not taken."""
@@ -169,7 +203,7 @@ def _search(problem: _Problem, z: FloatArray, iterations: int, free: int = _SIZE
         normal, gradient = slopes @ slopes.T, slopes @ residual
         for _ in range(8):
             step = -np.linalg.solve(normal + damping * np.diag(np.diag(normal)), gradient)
-            step *= min(1.0, 0.5 / np.abs(step[1:-1]).max())
+            step *= min(1.0, 0.5 / np.abs(step[1:_SMOOTHING]).max())
             trial = z + step
             trial[0] = max(trial[0], 0.3 * z[0], _LEAST_BACKLASH)
             found = problem.residual(trial)
@@ -193,6 +227,25 @@ def _best(problem: _Problem, starts: list[FloatArray]) -> tuple[FloatArray, floa
     others = [z for z, cost, _ in tried[1:] if cost < tried[0][1] + _NEAR_COST and _apart(z, tried[0][0])]
     second = [_search(problem, z, _LONG) for z in others[:1]]
     return min([first, *second], key=lambda found: found[1])
+
+
+def _explored(problem: _Problem, z: FloatArray, cost: float, converged: bool) -> tuple[FloatArray, float, bool]:
+    """Look for a lower minimum beside one: the teeth bounce once more or less there, and the misfit has a kink."""
+    for _ in range(_ROUNDS):
+        _, slopes = problem.slopes(z, _SIZE)
+        covariance = np.linalg.inv(slopes @ slopes.T)
+        along = covariance[:, 0] / np.sqrt(covariance[0, 0])
+        best = (z, cost, converged)
+        for deviations in _BESIDE:
+            trial = z + deviations * along
+            trial[0] = max(trial[0], _LEAST_BACKLASH)
+            tried = _search(problem, trial, _FEW, 3 + _TOLD)
+            if tried[1] < best[1] - 0.1:
+                best = tried
+        if best[1] >= cost - 0.1:
+            break
+        z, cost, converged = _search(problem, best[0], _LONG)
+    return z, cost, converged
 
 
 def _apart(a: FloatArray, b: FloatArray) -> bool:
@@ -241,6 +294,9 @@ def fit_joint(recording: Recording) -> SelfFit:
     harmonics = turn_harmonics(recording)
     problem = _Problem(harmonics, movement, recording.sample_s)
     z, cost, converged = _best(problem, _starts(harmonics, movement))
+    if problem.find_error(z):
+        z, cost, converged = _search(problem, z, _LONG)
+    z, cost, converged = _explored(problem, z, cost, converged)
     for _ in range(_MOST_DROPPED):
         if not problem.drop_outlier(z):
             break
@@ -250,7 +306,7 @@ def fit_joint(recording: Recording) -> SelfFit:
     data = residual[: 2 * problem.order.size]
     freedom = residual.size - _SIZE
     chi2 = float(residual @ residual)
-    values = {"friction": float(z[2]), "smoothing": float(z[-1])}
+    values = {"friction": float(z[2]), "smoothing": float(z[_SMOOTHING])}
     values |= {name: float(_centre()[name] * np.exp(z[k])) for k, name in enumerate(RATIO_PRIOR, start=3)}
     return SelfFit(
         float(z[0] * _UNIT_RAD),

@@ -47,7 +47,7 @@ def innovations(rows, phases, n, turn_s, sample_s, per_sample, v, gains):
 
     Parameters
     ----------
-    rows : array of shape (joints, 14)
+    rows : array of shape (joints, 16)
         See `turns.COLUMNS`.
     phases : array of shape (joints,)
         The load's angle at the first sample [rad].
@@ -69,7 +69,7 @@ def innovations(rows, phases, n, turn_s, sample_s, per_sample, v, gains):
     period = sample_s / per_sample
     step = period / STEPS_PER_PERIOD
     for k in range(rows.shape[0]):
-        c, d = constants(rows[k], n, turn_s, phases[k]), drive(rows[k], n, period)
+        c, d = constants(rows[k], n, turn_s, phases[k], np.zeros((0, 5))), drive(rows[k], n, period)
         y, region = start(c, rows[k, 1])
         memory, ring = np.array([y[4], 0.0, 0.0, 0.0]), np.array([y[4], 0.0])
         for j in range(v.size):

@@ -15,7 +15,7 @@ from replication.simulator.parameters import TURN
 
 FloatArray = NDArray[np.float64]
 
-# Columns of a joint's row; all but the first two and the last two are `JointParameters.ratios`.
+# Columns of a joint's row; all but the first two and the last four are `JointParameters.ratios`.
 COLUMNS = (
     "delta_rad",
     "friction",
@@ -31,6 +31,8 @@ COLUMNS = (
     "torque_lag_s",
     "coupling_damping_s",
     "motor_damping_per_s",
+    "error_sine_rad",
+    "error_cosine_rad",
 )
 
 # The drive's slowest modes, 13 per second in the paper's joint, are gone after this time to 3e-5.
@@ -58,15 +60,15 @@ class Movement:
 # What a joint's row means to `core`, with the load's inertia 1: only ratios count. Half of the load's friction is
 # Coulomb's, half viscous: at a constant speed only their sum shows.
 @nb.njit(cache=True)
-def constants(row, n, turn_s, angle):
-    """Constants of a joint in the order of `COLUMNS`."""
+def constants(row, n, turn_s, angle, waves):
+    """Constants of a joint in the order of `COLUMNS`, and its disturbances as `core` takes them."""
     omega = n * TURN / turn_s
     delta, friction, ks, gravity, inertia, damping, viscous = row[0], row[1], row[2], row[3], row[4], row[12], row[13]
     jm = 1 / (n * n * inertia)
     rubbing = 0.5 * friction * gravity
     return core.Constants(
         n, omega, angle, jm, 1.0, ks, damping * ks, ALPHA_PER_RAD, delta, 0.0, gravity, viscous * jm,
-        rubbing / (omega / n), 0.0, rubbing, row[11], None,
+        rubbing / (omega / n), 0.0, rubbing, row[11], waves,
     )  # fmt: skip
 
 
@@ -89,13 +91,17 @@ def start(c, friction):
 
 
 @nb.njit(cache=True, nogil=True)
-def _settled(rows, n, turn_s, periods, lead):
+def _settled(rows, n, turn_s, periods, lead, order):
     out = np.empty((rows.shape[0], periods))
     period = turn_s / periods
     record, gap = np.empty((lead + periods + 1, 5)), np.empty(lead + periods + 1, dtype=np.int64)
     events = np.empty((0, 2))
+    waves = np.zeros((2 * min(order, 1), 5))
     for k in range(rows.shape[0]):
-        c = constants(rows[k], n, turn_s, -TURN * lead / periods)
+        for part in range(waves.shape[0]):
+            error = rows[k, 14 + part]
+            waves[part] = order / n, 0.0, -error * (order * TURN / turn_s) ** 2, error, part * TURN / 4
+        c = constants(rows[k], n, turn_s, -TURN * lead / periods, waves)
         y, region = start(c, rows[k, 1])
         status, _ = core.run(
             y, region, (lead + periods) * STEPS_PER_PERIOD, period / STEPS_PER_PERIOD, 0, STEPS_PER_PERIOD,
@@ -107,16 +113,18 @@ def _settled(rows, n, turn_s, periods, lead):
     return out
 
 
-def settled_turns(rows: FloatArray, movement: Movement) -> FloatArray:
+def settled_turns(rows: FloatArray, movement: Movement, order: int = 0) -> FloatArray:
     """Motor speed of each joint over one settled turn.
 
     Parameters
     ----------
-    rows : array of shape (joints, 14)
-        See `COLUMNS`: delta [rad], load friction over m g r, ratios, D_s / K_s [s], and the motor's viscous friction
-        over its inertia [1/s].
+    rows : array of shape (joints, 16)
+        See `COLUMNS`: delta [rad], load friction over m g r, ratios, D_s / K_s [s], the motor's viscous friction over
+        its inertia [1/s], and a transmission error in step with the turn, load side [rad].
     movement : Movement
         The test movement.
+    order : int
+        Periods a turn of the transmission error; 0 for none.
 
     Returns
     -------
@@ -127,4 +135,4 @@ def settled_turns(rows: FloatArray, movement: Movement) -> FloatArray:
     periods = movement.periods
     turns = max(int(np.ceil(_SETTLING_S / movement.turn_period_s)), 1)
     rows = np.ascontiguousarray(rows, dtype=float)
-    return _settled(rows, movement.gear_ratio, movement.turn_period_s, periods, turns * periods)
+    return _settled(rows, movement.gear_ratio, movement.turn_period_s, periods, turns * periods, order)
