@@ -29,7 +29,7 @@ RATIO_PRIOR = {
     "inertia_ratio": 0.3,
     "speed_gain_per_s": 0.3,
     "integral_gain_per_s2": 0.3,
-    "torque_lag_s": 0.05,
+    "torque_lag_s": 0.03,
     "derivative_gain": 0.02,
     "leaky_gain_per_s2": 0.02,
     "position_gain_per_s": 0.02,
@@ -39,7 +39,7 @@ RATIO_PRIOR = {
 FRICTION_PRIOR = 0.1
 # Smoothing of the measured speed, in units of what differencing over a sampling period does: mean and SD. A drive's
 # speed is differenced (1); a simulated one is not (0).
-SMOOTHING_PRIOR = (0.8, 0.3)
+SMOOTHING_PRIOR = (0.85, 0.2)
 
 # A transmission error in step with the turn (a belt, a gear), in 1e-5 rad on the load's side: SD of its two parts.
 ERROR_PRIOR = 2.0
@@ -61,8 +61,9 @@ _TOLD = 5
 _NEAR_COST = 60.0  # a start that is worse by more than this (in chi squared) after its first steps is left
 # Where a better minimum is looked for, in SDs of the backlash along the posterior's longest axis.
 _BESIDE, _FEW, _ROUNDS = (-4.0, -2.0, 2.0, 4.0), 3, 2
-# Transmission errors up to this frequency are looked for; one must be this improbable in noise alone.
-_FASTEST_ERROR_HZ, _CHANCE_OF_ERROR = 60.0, 0.01
+# Transmission errors up to this frequency are looked for; one must be this improbable in noise
+# alone, and the residual without it improbable too.
+_FASTEST_ERROR_HZ, _CHANCE_OF_ERROR, _SUSPECT = 60.0, 0.01, 0.3
 # A harmonic whose residual alone has this improbable a square (times their number) belongs to the machine, not the joint.
 _MOST_DROPPED, _OUTLIER = 3, 1e-3
 _LEAST_BACKLASH = 0.01
@@ -160,6 +161,8 @@ class _Problem:
     def find_error(self, z: FloatArray) -> bool:
         """Take up a transmission error in step with the turn if one explains the residual better; say whether."""
         residual, slopes = self.slopes(z, _SIZE)
+        if stats.chi2.sf(residual @ residual, residual.size - _SIZE) > _SUSPECT:
+            return False
         tried = np.arange(2, int(_FASTEST_ERROR_HZ * self.movement.turn_period_s) + 1)
         gain = np.zeros(tried.size)
         for k, order in enumerate(tried):
