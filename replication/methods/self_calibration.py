@@ -6,7 +6,7 @@ approximation) and widened by what the residual says; where the residual says th
 there is no answer.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
@@ -15,7 +15,8 @@ from scipy import stats
 
 from replication.datasets import Recording
 from replication.methods.harmonics import TurnHarmonics, turn_harmonics
-from replication.simulator.parameters import identified_joint
+from replication.simulator.checks import closed_loop_matrix
+from replication.simulator.parameters import identified_joint, joint_from_ratios
 from replication.simulator.turns import COLUMNS, Movement, settled_turns
 
 FloatArray = NDArray[np.float64]
@@ -69,35 +70,64 @@ _MOST_DROPPED, _OUTLIER = 3, 1e-3
 _LEAST_BACKLASH = 0.01
 
 
+# Beyond these there is no answer: residual (1 for noise alone), and noise in the ring's band over that above it.
+MOST_MISFIT, MOST_UNREST = 1.6, 1.5
+# Where the residual is improbable (5 %), what is left over may lie along the backlash too: this share of it is taken to.
+_IMPROBABLE, _SHARE_ALONG = 0.05, 0.3
+_NORMAL_95 = 1.96
+_SLOWEST_RING_HZ = 2.0
+
+
 @dataclass(frozen=True, eq=False)
 class SelfFit:
-    """A joint fitted to a record.
+    """A joint fitted to a record, and what that says of its backlash.
 
     Attributes
     ----------
-    delta_rad, sd_rad : float
-        Backlash and its posterior SD, not yet widened [rad].
-    values : dict
-        Friction of the load over m g r, the ratios, and the smoothing.
+    delta_rad, interval_rad : float, tuple of float
+        Backlash and its 95 % interval [rad].
+    sd_rad : float
+        Posterior SD of the backlash, before it was widened for what the residual says [rad].
+    ring_hz, damping : float
+        Slowest oscillation of the joint with its teeth in contact: frequency, and damping ratio.
+    friction : float
+        Friction of the load over m g r.
+    ratios : dict
+        What was found of `JointParameters.ratios`.
+    smoothing : float
+        Of the measured speed, 1 for differencing over a sampling period.
     covariance : array of shape (unknowns, unknowns)
-        Posterior covariance in the order of `NAMES`, the ratios' by their logarithms, the backlash's in 1e-4 rad.
+        Posterior covariance in the order of `UNKNOWNS`: backlash [1e-4 rad], phase [rad], friction, logarithms of the
+        ratios, smoothing, transmission error [1e-5 rad].
     misfit : float
-        Sum of the squared residuals over their noise and of the prior's, over the residuals less the unknowns that
-        the record tells: 1 for a joint that is right.
-    converged : bool
-        Whether the search ended in a minimum.
+        Mean square of the whitened residual, 1 for a joint that is right.
+    worst_phase : float
+        Where in the turn the joint fits worst [turns, from the load hanging down].
+    unrest : float
+        See `harmonics.TurnHarmonics`.
+    turn_rps : array of shape (phases,)
+        Fitted speed less its mean over one turn from the record's first sample [rps].
+    doubt : str
+        Why this is no answer; empty if it is one.
     """
 
     delta_rad: float
+    interval_rad: tuple[float, float]
     sd_rad: float
-    phase_rad: float
-    values: dict[str, float]
+    ring_hz: float
+    damping: float
+    friction: float
+    ratios: dict[str, float]
+    smoothing: float
     covariance: FloatArray
     misfit: float
-    p_value: float
-    converged: bool
-    evaluations: int
-    residual: NDArray[np.complex128]
+    worst_phase: float
+    unrest: float
+    turn_rps: FloatArray
+    doubt: str = ""
+
+
+UNKNOWNS = ("backlash", "phase", "friction", *RATIO_PRIOR, "smoothing", "error_sine", "error_cosine")
 
 
 @lru_cache(maxsize=1)
@@ -292,9 +322,27 @@ def _starts(harmonics: TurnHarmonics, movement: Movement) -> list[FloatArray]:
 
 
 def fit_joint(recording: Recording) -> SelfFit:
-    """Fit the joint to a record."""
+    """Find the backlash, and the joint besides, from one log.
+
+    Parameters
+    ----------
+    recording : Recording
+        Three turns or more at constant speed.
+
+    Returns
+    -------
+    SelfFit
+        Its `doubt` says whether it may be believed.
+
+    Raises
+    ------
+    ValueError
+        The record is too short or too coarse.
+    """
     movement = Movement(float(recording.commanded_speed_rps * recording.turn_period_s), recording.turn_period_s)
     harmonics = turn_harmonics(recording)
+    if harmonics.order.size < _SIZE:
+        raise ValueError(f"{recording.source}: sampled too coarsely, {harmonics.order.size} harmonics of the turn")
     problem = _Problem(harmonics, movement, recording.sample_s)
     z, cost, converged = _best(problem, _starts(harmonics, movement))
     if problem.find_error(z):
@@ -304,22 +352,63 @@ def fit_joint(recording: Recording) -> SelfFit:
         if not problem.drop_outlier(z):
             break
         z, cost, converged = _search(problem, z, _LONG)
+    return _result(problem, z, converged, harmonics.unrest)
+
+
+def _result(problem: _Problem, z: FloatArray, converged: bool, unrest: float) -> SelfFit:
     residual, slopes = problem.slopes(z, _SIZE)
     covariance = np.linalg.inv(slopes @ slopes.T)
-    data = residual[: 2 * problem.order.size]
-    freedom = residual.size - _SIZE
-    chi2 = float(residual @ residual)
-    values = {"friction": float(z[2]), "smoothing": float(z[_SMOOTHING])}
-    values |= {name: float(_centre()[name] * np.exp(z[k])) for k, name in enumerate(RATIO_PRIOR, start=3)}
+    chi2, freedom = float(residual @ residual), residual.size - _SIZE
+    sd = float(np.sqrt(covariance[0, 0]) * _UNIT_RAD)
+    left_over = chi2 - freedom if stats.chi2.sf(chi2, freedom) < _IMPROBABLE else 0.0
+    half = _NORMAL_95 * sd * float(np.sqrt(1 + _SHARE_ALONG * left_over))
+    delta = float(z[0] * _UNIT_RAD)
+    turn = settled_turns(_rows(z[None]), problem.movement, problem.error_order)[0]
+    ratios = _centre() | {name: float(_centre()[name] * np.exp(z[k])) for k, name in enumerate(RATIO_PRIOR, start=3)}
+    ring, damping = _ring(ratios, problem.movement)
+    phase = z[1] / (2 * np.pi)
     return SelfFit(
-        float(z[0] * _UNIT_RAD),
-        float(np.sqrt(covariance[0, 0]) * _UNIT_RAD),
-        float(z[1] % (2 * np.pi)),
-        values,
-        covariance,
-        chi2 / freedom,
-        float(stats.chi2.sf(chi2, freedom)),
-        converged,
-        problem.evaluations,
-        data[: problem.order.size] + 1j * data[problem.order.size :],
-    )
+        delta, (max(delta - half, 0.0), delta + half), sd, ring, damping, float(z[2]), ratios,
+        float(z[_SMOOTHING]), covariance, chi2 / freedom, _worst_phase(problem, residual, phase), unrest,
+        _shifted(turn - turn.mean(), phase), _doubt(chi2 / freedom, unrest, converged, sd),
+    )  # fmt: skip
+
+
+def _doubt(misfit: float, unrest: float, converged: bool, sd: float) -> str:
+    if not (converged and np.isfinite(misfit) and np.isfinite(sd)):
+        return "the search for the joint does not end"
+    if unrest > MOST_UNREST:
+        return (
+            f"turns do not repeat themselves (noise in the ring's band {unrest:.1f} times that above it): the drive "
+            "hardly damps, or something else moves"
+        )
+    if misfit > MOST_MISFIT:
+        return f"no joint of the paper's kind makes this record (residual {misfit:.1f} times the noise's)"
+    return ""
+
+
+def _shifted(turn: FloatArray, phase: float) -> FloatArray:
+    """A turn from another phase on."""
+    spectrum = np.fft.rfft(turn)
+    return np.fft.irfft(spectrum * np.exp(2j * np.pi * phase * np.arange(spectrum.size)), turn.size)
+
+
+def _worst_phase(problem: _Problem, residual: FloatArray, phase: float) -> float:
+    """Phase of the turn at which the residual is largest."""
+    real, imaginary = residual[: 2 * problem.order.size].reshape(2, -1)
+    spectrum = np.zeros(257, dtype=complex)
+    inside = problem.order < spectrum.size
+    spectrum[problem.order[inside]] = ((real + 1j * imaginary) * problem.sd)[inside]
+    return float((np.abs(np.fft.irfft(spectrum)).argmax() / 512 + phase) % 1.0)
+
+
+def _ring(ratios: dict[str, float], movement: Movement) -> tuple[float, float]:
+    """Frequency [Hz] and damping ratio of the slowest oscillation in contact; NaN if there is none."""
+    joint = joint_from_ratios(ratios | {"lead_s": 0.0}, gear_ratio=movement.gear_ratio, speed_by_differencing=True)
+    values = np.linalg.eigvals(closed_loop_matrix(joint)).astype(complex)
+    modes = np.log(values[np.abs(values) > 0]) / joint.control_period_s
+    rings = modes[(modes.imag > 2 * np.pi * _SLOWEST_RING_HZ) & (modes.real < 0)]
+    if rings.size == 0:
+        return float("nan"), float("nan")
+    slowest = rings[np.abs(rings.imag).argmin()]
+    return float(slowest.imag / (2 * np.pi)), float(-slowest.real / np.abs(slowest))

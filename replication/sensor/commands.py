@@ -21,7 +21,7 @@ from replication.sensor import many, plots, trend
 from replication.sensor.columns import UNITS, LogFormat
 from replication.sensor.prepare import CannotTell
 from replication.sensor.tables import UnusableLog
-from replication.sensor.verdict import Settings, as_row, as_text, examine, prepared, settings_for
+from replication.sensor.verdict import SENSOR_METHODS, Settings, as_row, as_text, examine, prepared, settings_for
 from replication.workbook import files
 
 _LARGEST_SMALL_FILE = 2**24  # of a calibration or a list of logs
@@ -84,8 +84,10 @@ def _add_searches(sub: argparse.ArgumentParser) -> None:
 
 def _add_measuring(sub: argparse.ArgumentParser) -> None:
     group = sub.add_argument_group("measuring")
-    group.add_argument("--calibration", type=Path, metavar="FILE", help="of your joint; default: the paper's joint")
-    group.add_argument("--method", choices=METHODS, help="default: the calibration's, else amplitude")
+    group.add_argument(
+        "--calibration", type=Path, metavar="FILE", help="of your joint; default: what the log tells of it"
+    )
+    group.add_argument("--method", choices=SENSOR_METHODS, help="default: the calibration's, else self")
     _add_searches(group)
     group.add_argument("--jobs", type=int, default=-1, help="processes for many logs (default: -1, all cores)")
     group.add_argument("--dask", metavar="ADDRESS", help="run many logs on the Dask cluster of this scheduler")

@@ -124,9 +124,10 @@ def as_table(rows: Sequence[Row]) -> pd.DataFrame:
             low, high = row[f"{name}_interval_{unit}"] or (None, None)
             part |= {f"{name}_{unit}": row[f"{name}_{unit}"], f"{name}_low_{unit}": low, f"{name}_high_{unit}": high}
         part |= {name: row[name] for name in ("rmse_rps", "method", "turn_period_s", "samples")}
+        part |= {name: row[name] for name in ("ring_hz", "damping_ratio", "friction_share")}
         flat.append(part | {"warnings": "; ".join(warnings)})
     table = pd.DataFrame(flat)
-    numbers = [name for name in table if name.endswith(("_rps", "_rad", "_s"))]
+    numbers = [name for name in table if name.endswith(("_rps", "_rad", "_s", "_hz", "_ratio", "_share"))]
     return table.astype(dict.fromkeys(numbers, float))
 
 

@@ -17,7 +17,9 @@ from replication.characteristic import first_rise
 from replication.datasets import Recording
 from replication.global_fit.fit import GlobalFit, global_fit
 from replication.methods.calibration import PERIOD_MISMATCH, Backlash, Calibration, default_calibration
-from replication.methods.readings import Reading, protocol_for, read, reading_of_fit
+from replication.methods.readings import METHODS, Reading, protocol_for, read, reading_of_fit
+from replication.methods.self_calibration import SelfFit, fit_joint
+from replication.methods.spread import widened
 from replication.sensor.columns import LogFormat
 from replication.sensor.prepare import CannotTell, read_log
 from replication.sensor.presence import (
@@ -33,7 +35,9 @@ from replication.signature import signature
 
 FloatArray = NDArray[np.float64]
 
-DEFAULT_METHOD = "amplitude"
+SELF = "self"
+SENSOR_METHODS = (*METHODS, SELF)
+DEFAULT_METHOD = SELF  # best on a log from nowhere: results/population.csv
 _LEAST_SHARE = 0.8  # of the pattern's energy, for the model to explain; it explains 0.96 or more in the paper's range
 _OFF = 0.05  # of the amplitude; searches that all end in the best minimum differ less from the global fit
 _FAR_OUTSIDE = 1.2  # times the value at the end of the range; a cubic beyond means nothing
@@ -64,7 +68,11 @@ class Settings:
 
 @dataclass(frozen=True)
 class Estimate:
-    """The answer on one log; what is not known is None. The attributes are the keys of the JSON output."""
+    """The answer on one log; what is not known is None. The attributes are the keys of the JSON output.
+
+    The last three are what method "self" found of the joint: the slowest oscillation with the teeth in contact, and the
+    load's friction over m g r.
+    """
 
     file: str
     verdict: str = "cannot tell"
@@ -77,6 +85,9 @@ class Estimate:
     turn_period_s: float | None = None
     samples: int = 0
     warnings: tuple[str, ...] = ()
+    ring_hz: float | None = None
+    damping_ratio: float | None = None
+    friction_share: float | None = None
 
 
 @dataclass(frozen=True)
@@ -91,7 +102,7 @@ class Examined:
 def settings_for(
     form: LogFormat, calibration: Calibration | None = None, method: str | None = None, repeats: int = 30, seed: int = 1
 ) -> Settings:
-    """Put settings together: the paper's joint where there is no calibration.
+    """Put settings together: without a calibration the log's own joint, or for another method the paper's.
 
     Raises
     ------
@@ -102,10 +113,17 @@ def settings_for(
         raise ValueError(f"--method {method}: the calibration is of method {calibration.method}")
     if repeats < 1 or seed < 1:
         raise ValueError("--repeats and --seed must be 1 or more")
-    used = calibration or default_calibration(method or DEFAULT_METHOD)
+    used = calibration or _without_calibration(method or DEFAULT_METHOD)
     return Settings(
         replace(form, usual_speed_rps=used.commanded_speed_rps), used, calibration is not None, repeats, seed
     )
+
+
+def _without_calibration(method: str) -> Calibration:
+    """Calibration of the paper's joint; "self" needs it only to say which backlash would have been seen."""
+    if method != SELF:
+        return default_calibration(method)
+    return replace(default_calibration("amplitude"), method=SELF, provenance="none: the log's own joint")
 
 
 def estimate(path: Path, settings: Settings) -> Estimate:
@@ -150,7 +168,8 @@ def examine_recording(recording: Recording, settings: Settings, name: str, notes
     try:
         recording, presence = with_its_period(recording, settings.form, settings.seed, notes)
         blank_answer = replace(blank_answer, turn_period_s=recording.turn_period_s)
-        if presence.found or (settings.calibration.bank is not None and presence.has_same_sign):
+        by_joint = settings.calibration.bank is not None or settings.calibration.method == SELF
+        if presence.found or (by_joint and presence.has_same_sign):
             answer, model = _measured(recording, presence, settings, blank_answer, notes)
         else:
             answer = _absent(recording, presence, settings, blank_answer)
@@ -267,6 +286,8 @@ def _measured(
         fit = global_fit(recording, protocol_for(recording))
     except ValueError as error:
         raise CannotTell("too short", str(error)) from error
+    if calibration.method == SELF:
+        return _self_measured(recording, presence, fit, blank_answer, notes)
     if refusal := _other_movement(recording, calibration):
         amplitude = reading_of_fit(recording, "amplitude", fit)
         return _with_amplitude(blank_answer, amplitude, str(refusal)), _signature_curve(recording, fit)
@@ -295,13 +316,59 @@ def _measured(
         return _with_amplitude(blank_answer, reading, str(refusal)), model
     if backlash.extrapolated:
         notes.append("at the edge of the calibration's range")
+    interval = backlash.interval_rad
     if not settings.is_own:
-        notes.append("calibrated for the paper's joint, not for yours: give --calibration")
+        interval = widened(calibration.method, backlash.delta_rad, interval)
+        notes.append("calibrated for the paper's joint, not for yours: give --calibration, or take method self")
     answered = replace(
         _with_amplitude(blank_answer, reading), verdict="backlash", backlash_rad=backlash.delta_rad,
-        backlash_interval_rad=(max(backlash.interval_rad[0], 0.0), backlash.interval_rad[1]),
+        backlash_interval_rad=(max(interval[0], 0.0), interval[1]),
     )  # fmt: skip
     return answered, model
+
+
+def _self_measured(
+    recording: Recording, presence: Presence, fit: GlobalFit, nothing: Estimate, notes: list[str]
+) -> tuple[Estimate, FloatArray]:
+    """Answer from the joint that the log itself tells of."""
+    amplitude = reading_of_fit(recording, "amplitude", fit)
+    try:
+        joint = fit_joint(replace(recording, turn_period_s=fit.turn_period_s))
+    except ValueError as error:
+        raise CannotTell("too short", str(error)) from error
+    phases = np.arange(joint.turn_rps.size + 1) / joint.turn_rps.size
+    turns = (recording.t - recording.t[0]) / recording.turn_period_s
+    model = np.interp(turns % 1.0, phases, np.append(joint.turn_rps, joint.turn_rps[0]))
+    rmse = float(np.std(recording.v - model))
+    found = replace(
+        _with_amplitude(nothing, amplitude), rmse_rps=rmse, ring_hz=joint.ring_hz, damping_ratio=joint.damping,
+        friction_share=joint.friction,
+    )  # fmt: skip
+    if joint.doubt:
+        where = f"worst at {joint.worst_phase:.2f} turns from the load hanging down"
+        return replace(found, warnings=(str(CannotTell("no such joint", f"{joint.doubt}, {where}")),)), model
+    if explained_share(recording, model, presence) < _LEAST_SHARE:
+        doubt = CannotTell("no signature", "a pattern repeats itself every turn, but no backlash that explains it")
+        return replace(found, warnings=(str(doubt),)), model
+    _note_disagreement(recording, amplitude, joint, notes)
+    return replace(
+        found, verdict="backlash", backlash_rad=joint.delta_rad, backlash_interval_rad=joint.interval_rad
+    ), model
+
+
+def _note_disagreement(recording: Recording, amplitude: Reading, joint: SelfFit, notes: list[str]) -> None:
+    """Say so where the amplitude, with what it may err on any joint, is another backlash than the joint's."""
+    calibration = default_calibration("amplitude")
+    if _other_movement(recording, calibration):
+        return
+    other = calibration.backlash(amplitude)
+    low, high = widened("amplitude", other.delta_rad, other.interval_rad)
+    if _outside(amplitude, other, calibration) or (low <= joint.interval_rad[1] and joint.interval_rad[0] <= high):
+        return
+    notes.append(
+        f"the amplitude alone says {low:.3g} to {high:.3g} rad on joints like the paper's: yours is another, or one of "
+        "the two is wrong"
+    )
 
 
 def _reading(recording: Recording, settings: Settings, fit: GlobalFit) -> Reading:
@@ -383,6 +450,11 @@ def as_text(found: Estimate) -> str:
     if found.amplitude_rps:
         low, high = found.amplitude_interval_rps
         lines.append(f"  amplitude {found.amplitude_rps:.3f} rps ({low:.3f} to {high:.3f}), method {found.method}")
+    if found.ring_hz is not None:
+        lines.append(
+            f"  the joint: rings at {found.ring_hz:.1f} Hz, damping ratio {found.damping_ratio:.3f}, "
+            f"load friction {max(found.friction_share, 0.0):.1%} of gravity"
+        )
     if found.rmse_rps is not None:
         lines.append(f"  misfit {found.rmse_rps:.3f} rps, {found.samples} samples, turn of {found.turn_period_s:.5g} s")
     notes = found.warnings[1:] if found.verdict == "cannot tell" else found.warnings

@@ -153,7 +153,9 @@ def _run(c, drive, notch, steps, step, per_period):
             leaky -= period * (speed + rate * leaky)
             wanted = kp * error + integral + kw * leaky - kd * (speed - last_speed) / period
             last_speed, last_position = speed, y[0]
-            passed = notch[0] * wanted + notch[1] * past[0] + notch[2] * past[1] - notch[3] * past[2] - notch[4] * past[3]
+            passed = (
+                notch[0] * wanted + notch[1] * past[0] + notch[2] * past[1] - notch[3] * past[2] - notch[4] * past[3]
+            )
             past[1], past[0], past[3], past[2] = past[0], wanted, past[2], passed
             command, pending = pending, passed
         k1 = _rates(t, y, command, c)
