@@ -1,7 +1,7 @@
 """Settled turns of many joints at once, compiled: what a fit that asks for thousands of them needs.
 
-The joint is that of `simulate` with a linear drive and one load friction. A turn is repeated exactly, because the drive's period is taken as a whole part of
-it; the first turns, in which the drive settles, are left out.
+The joint is that of `simulate` with a linear drive and one load friction. A turn repeats itself exactly, because the
+drive's period is taken as a whole part of it; the first turns, in which the drive settles, are left out.
 """
 
 from dataclasses import dataclass

@@ -12,8 +12,6 @@ from joblib import Parallel, delayed
 
 from replication.characteristic import printed_levels_rad
 from replication.datasets import Recording, level_delta_rad, load_noisy
-from replication.sensor.columns import LogFormat
-from replication.sensor.verdict import Settings, examine_recording, settings_for
 from replication.simulator.parameters import TURN
 from replication.simulator.turns import COLUMNS, Movement, settled_turns
 from replication.standins.joints import Bench, Spread, draw_bench, encoder_log
@@ -25,16 +23,12 @@ SPREADS = {
     "default spread": Spread(),
     "20 % spread, 5 % friction, double ripple": Spread(ratios=0.2, load_friction=0.05, ripple=0.04),
 }
-METHODS = ("self", "amplitude", "energy", "waveform")
+METHODS = ("self", "paper", "amplitude", "energy", "waveform")
 AUTHORS_LOGS = tuple((realisation, level) for realisation in (1, 2) for level in range(3, 12))
 
 DEVELOPMENT_SEED, FINAL_SEED = 1616, 20260
 _BOUND_STEPS = {"delta_rad": 2e-6, "friction": 1e-3}
 _BOUND_RATIOS = ("stiffness_per_s2", "gravity_per_s2", "inertia_ratio", "speed_gain_per_s", "integral_gain_per_s2")
-
-COLUMNS_OF_ROWS = [
-    "population", "number", "delta_rad", "bound_rad", "method", "verdict", "found_rad", "low_rad", "high_rad", "reason",
-]  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -109,24 +103,32 @@ def bench_bound_rad(bench: Bench, delta_rad: float, recording: Recording) -> flo
     return float(np.sqrt(inverse[0, 0]))
 
 
-def _settings(recording: Recording, method: str) -> Settings:
-    form = LogFormat(turn_period_s=recording.turn_period_s, unit="rps")
-    return settings_for(form, method=method)
-
-
 def measure_log(log: Log, methods: Sequence[str] = METHODS) -> pd.DataFrame:
     """Measure a log by each method, without a calibration of its joint; columns as of `measure_population`."""
-    rows = []
-    for method in methods:
-        found = examine_recording(log.recording, _settings(log.recording, method), "log", []).estimate
-        answered = found.verdict == "backlash"
-        low, high = found.backlash_interval_rad if answered else (np.nan, np.nan)
-        reason = "" if answered or not found.warnings else found.warnings[0].split(":")[0]
-        rows.append(
-            (log.population, log.number, log.delta_rad, log.bound_rad, method, found.verdict,
-             found.backlash_rad if answered else np.nan, low, high, reason)
-        )  # fmt: skip
-    return pd.DataFrame(rows, columns=COLUMNS_OF_ROWS)
+    rows = [_row(log, *_by_self(log.recording))] if "self" in methods else []
+    others = {name: default_calibration(name) for name in methods if name != "self"}
+    if others:
+        fit = global_fit(log.recording, protocol_for(log.recording))
+        for name, found in backlashes(log.recording, fit, others).items():
+            interval = widened(name, found.delta_rad, found.interval_rad)
+            reason = "extrapolated calibration" if found.extrapolated else ""
+            rows.append(_row(log, name, found.delta_rad, interval, reason))
+    return pd.DataFrame(rows)
+
+
+def _by_self(recording: Recording) -> tuple[str, float, tuple[float, float], str, float, float, float]:
+    found = fit_joint(recording)
+    return "self", found.delta_rad, found.interval_rad, found.doubt, found.sd_rad, found.misfit, found.unrest
+
+
+def _row(log: Log, method: str, found_rad: float, interval_rad: tuple[float, float], reason: str, *fitted) -> dict:
+    """A row of `measure_population`; what is not known is NaN."""
+    sd, misfit, unrest = fitted or (np.nan, np.nan, np.nan)
+    return {
+        "population": log.population, "number": log.number, "delta_rad": log.delta_rad, "bound_rad": log.bound_rad,
+        "method": method, "found_rad": found_rad, "low_rad": interval_rad[0], "high_rad": interval_rad[1],
+        "sd_rad": sd, "misfit": misfit, "unrest": unrest, "refused": bool(reason), "reason": reason.split(" (")[0],
+    }  # fmt: skip
 
 
 def _drawn_and_measured(population: str, number: int, seed: int, methods: Sequence[str]) -> pd.DataFrame:
@@ -141,8 +143,8 @@ def measure_population(
     Returns
     -------
     DataFrame
-        A row a log and method: `population, number, delta_rad, bound_rad, method, verdict, found_rad, low_rad,
-        high_rad, reason` (why it cannot be told).
+        A row a log and method: `population, number, delta_rad, bound_rad, method, found_rad, low_rad, high_rad`, for
+        "self" `sd_rad, misfit, unrest`, and `refused, reason` where there is no answer.
     """
     tasks = (delayed(_drawn_and_measured)(population, number, seed, methods) for number in numbers)
     return pd.concat(Parallel(n_jobs=jobs)(tasks), ignore_index=True)
@@ -159,16 +161,13 @@ def summary(rows: pd.DataFrame) -> pd.DataFrame:
     """
     table = []
     for (population, method), part in rows.groupby(["population", "method"], sort=False):
-        answered = part[part["verdict"] == "backlash"]
+        answered = part[~part["refused"]]
         error = answered["found_rad"] - answered["delta_rad"]
-        held = answered["delta_rad"].between(answered["low_rad"], answered["high_rad"])
-        # "no backlash" is an answer, and a wrong one.
-        wrong = part["verdict"].eq("no backlash").sum()
-        answers = len(answered) + wrong
-        interval = rate_interval(int(held.sum()), answers) if answers else (np.nan, np.nan)
+        held = int(answered["delta_rad"].between(answered["low_rad"], answered["high_rad"]).sum())
+        interval = rate_interval(held, len(answered)) if len(answered) else (np.nan, np.nan)
         table.append(
-            (population, method, len(part), 1 - answers / len(part), np.sqrt(np.mean(error**2)), error.abs().median(),
-             held.sum() / answers if answers else np.nan, *interval, 1 - (answers - held.sum()) / len(part),
+            (population, method, len(part), part["refused"].mean(), np.sqrt(np.mean(error**2)), error.abs().median(),
+             held / max(len(answered), 1), *interval, (held + part["refused"].sum()) / len(part),
              np.sqrt(np.mean(answered["bound_rad"] ** 2)))
         )  # fmt: skip
     columns = ["population", "method", "logs", "refused", "rmse_rad", "median_abs_error_rad", "coverage",

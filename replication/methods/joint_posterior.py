@@ -1,0 +1,151 @@
+"""What a log says of a joint: unknowns, their priors, and the whitened residuals of the mean turn's harmonics."""
+
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import stats
+
+from replication.methods.harmonics import TurnHarmonics
+from replication.simulator.parameters import identified_joint
+from replication.simulator.turns import COLUMNS, Movement, settled_turns
+
+FloatArray = NDArray[np.float64]
+
+# Relative SD (log-normal) of the prior of each ratio around the identified joint's. A joint of this kind may be
+# 30 % stiffer, heavier or more tightly controlled than the paper's. The drive's inner workings, which a log hardly
+# tells, are taken as known up to a few percent, or the error of the backlash would double.
+RATIO_PRIOR = {
+    "stiffness_per_s2": 0.3,
+    "gravity_per_s2": 0.3,
+    "inertia_ratio": 0.3,
+    "speed_gain_per_s": 0.3,
+    "integral_gain_per_s2": 0.3,
+    "torque_lag_s": 0.03,
+    "derivative_gain": 0.02,
+    "leaky_gain_per_s2": 0.02,
+    "position_gain_per_s": 0.02,
+    "leaky_rate_per_s": 0.02,
+}
+# Friction of the load over m g r.
+FRICTION_PRIOR = 0.1
+# Smoothing of the measured speed, in units of what differencing over a sampling period does: mean and SD. A drive's
+# speed is differenced (1); a simulated one is not (0).
+SMOOTHING_PRIOR = (0.85, 0.2)
+
+# A transmission error in step with the turn (a belt, a gear), in 1e-5 rad on the load's side: SD of its two parts.
+ERROR_PRIOR = 2.0
+
+UNIT_RAD, _ERROR_RAD = 1e-4, 1e-5
+_RATIOS = slice(3, 3 + len(RATIO_PRIOR))
+SMOOTHING = _RATIOS.stop
+SIZE = SMOOTHING + 3
+MEAN = np.array([*np.zeros(SMOOTHING), SMOOTHING_PRIOR[0], 0.0, 0.0])
+_SD = np.array([np.inf, np.inf, FRICTION_PRIOR, *RATIO_PRIOR.values(), SMOOTHING_PRIOR[1], ERROR_PRIOR, ERROR_PRIOR])
+# Steps of the differences; phase and smoothing have slopes of their own.
+_STEP = np.array([0.01, np.nan, 1e-3, *np.full(len(RATIO_PRIOR), 3e-3), np.nan, 0.05, 0.05])
+
+UNKNOWNS = ("backlash", "phase", "friction", *RATIO_PRIOR, "smoothing", "error_sine", "error_cosine")
+
+# Transmission errors up to this frequency are looked for; one must be this improbable in noise alone, and
+# the residual without it improbable too.
+_FASTEST_ERROR_HZ, _CHANCE_OF_ERROR, _SUSPECT = 60.0, 0.01, 0.3
+# A harmonic whose residual has a square this improbable, times their number, belongs to the machine, not the joint.
+_OUTLIER = 1e-3
+LEAST_BACKLASH = 0.01
+
+
+@lru_cache(maxsize=1)
+def centre() -> dict[str, float]:
+    """Ratios of the identified joint, the priors' medians."""
+    return identified_joint().ratios
+
+
+def rows_of(z: FloatArray) -> FloatArray:
+    """Rows of `settled_turns` for unknowns of shape (joints, unknowns)."""
+    ratios = centre()
+    columns = {"delta_rad": np.maximum(z[:, 0], LEAST_BACKLASH) * UNIT_RAD, "friction": z[:, 2]}
+    for k, name in enumerate(RATIO_PRIOR, start=3):
+        columns[name] = ratios[name] * np.exp(z[:, k])
+    columns["error_sine_rad"], columns["error_cosine_rad"] = (_ERROR_RAD * z[:, SMOOTHING + 1 :]).T
+    zero = np.zeros(len(z))
+    return np.stack([columns.get(name, zero) for name in COLUMNS], axis=1)
+
+
+class Problem:
+    """Weighted residuals of a record's harmonics and their slopes."""
+
+    def __init__(self, harmonics: TurnHarmonics, movement: Movement, sample_s: float):
+        self.movement, self.order, self.sd = movement, harmonics.order, harmonics.sd
+        self.target = harmonics.coefficient
+        self.fade = -((2 * np.pi * harmonics.order / movement.turn_period_s) ** 2) * sample_s**2 / 24
+        self.error_order = 0
+        self.evaluations = 0
+
+    def _spectra(self, z: FloatArray, error_order: int) -> NDArray[np.complex128]:
+        turns = settled_turns(rows_of(z), self.movement, error_order)
+        self.evaluations += len(z)
+        return np.fft.rfft(turns, axis=1)[:, self.order] / turns.shape[1]
+
+    def _measured(self, z: FloatArray, error_order: int | None = None) -> NDArray[np.complex128]:
+        spectra = self._spectra(z, self.error_order if error_order is None else error_order)
+        return spectra * np.exp(1j * self.order * z[:, 1:2] + self.fade * z[:, SMOOTHING : SMOOTHING + 1])
+
+    def _whitened(self, spectra: NDArray[np.complex128]) -> FloatArray:
+        spectra = spectra / self.sd
+        return np.concatenate([spectra.real, spectra.imag], axis=-1)
+
+    def residual(self, z: FloatArray) -> FloatArray:
+        """Data's and prior's residuals of one set of unknowns."""
+        data = self._whitened(self._measured(z[None])[0] - self.target)
+        return np.concatenate([data, ((z - MEAN) / _SD)[2:]])
+
+    def slopes(self, z: FloatArray, free: int) -> tuple[FloatArray, FloatArray]:
+        """Residuals, and their derivative by each unknown, shape (unknowns, residuals); 0 from the one `free` on."""
+        last = free if self.error_order else min(free, SMOOTHING)
+        moved = [k for k in range(last) if np.isfinite(_STEP[k])]
+        batch = np.repeat(z[None], len(moved) + 1, axis=0)
+        batch[np.arange(len(moved)), moved] += _STEP[moved]
+        measured = self._measured(batch)
+        here = measured[-1]
+        out = np.zeros((SIZE, here.size), dtype=complex)
+        out[moved] = (measured[:-1] - here) / _STEP[moved][:, None]
+        out[1], out[SMOOTHING] = 1j * self.order * here, self.fade * here
+        residual = np.concatenate([self._whitened(here - self.target), ((z - MEAN) / _SD)[2:]])
+        return residual, np.concatenate([self._whitened(out), np.diag(1 / _SD)[:, 2:]], axis=1)
+
+    def find_error(self, z: FloatArray) -> bool:
+        """Take up a transmission error in step with the turn if one explains the residual better; say whether."""
+        residual, slopes = self.slopes(z, SIZE)
+        if stats.chi2.sf(residual @ residual, residual.size - SIZE) > _SUSPECT:
+            return False
+        tried = np.arange(2, int(_FASTEST_ERROR_HZ * self.movement.turn_period_s) + 1)
+        gain = np.zeros(tried.size)
+        for k, order in enumerate(tried):
+            batch = np.repeat(z[None], 2, axis=0)
+            batch[[0, 1], [SMOOTHING + 1, SMOOTHING + 2]] += _STEP[-1]
+            data = slice(0, 2 * self.order.size)
+            moved = self._whitened(self._measured(batch, int(order)) - self.target)
+            columns = np.zeros((2, residual.size))
+            columns[:, data] = (moved - residual[data]) / _STEP[-1]
+            onto = np.linalg.solve(slopes @ slopes.T, slopes @ columns.T)
+            columns -= onto.T @ slopes
+            along = columns @ residual
+            gain[k] = along @ np.linalg.solve(columns @ columns.T + np.eye(2) / ERROR_PRIOR**2, along)
+        scale = max(1.0, float(residual @ residual) / residual.size)
+        if self.error_order or tried.size * np.exp(-gain.max() / scale / 2) > _CHANCE_OF_ERROR:
+            return False
+        self.error_order = int(tried[gain.argmax()])
+        return True
+
+    def drop_outlier(self, z: FloatArray) -> bool:
+        """Leave out the harmonic that fits worst, if noise can't explain it; say whether there was one."""
+        data = self.residual(z)[: 2 * self.order.size].reshape(2, -1)
+        square = (data**2).sum(axis=0) / 2
+        square /= max(1.0, float(np.median(square)) / np.log(2))
+        worst = int(square.argmax())
+        if self.order.size * np.exp(-square[worst]) > _OUTLIER:
+            return False
+        kept = np.arange(self.order.size) != worst
+        self.order, self.sd, self.target, self.fade = (a[kept] for a in (self.order, self.sd, self.target, self.fade))
+        return True
