@@ -12,6 +12,11 @@ from joblib import Parallel, delayed
 
 from replication.characteristic import printed_levels_rad
 from replication.datasets import Recording, level_delta_rad, load_noisy
+from replication.global_fit.fit import global_fit
+from replication.methods.calibration import backlashes, default_calibration
+from replication.methods.readings import protocol_for
+from replication.methods.self_calibration import fit_joint
+from replication.methods.spread import widened
 from replication.simulator.parameters import TURN
 from replication.simulator.turns import COLUMNS, Movement, settled_turns
 from replication.standins.joints import Bench, Spread, draw_bench, encoder_log
