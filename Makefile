@@ -9,7 +9,7 @@ NOTEBOOKS := $(sort $(basename $(notdir $(wildcard notebooks/[0-9]*.py))))
 STAMPS := $(NOTEBOOKS:%=.make/%.done)
 
 .DEFAULT_GOAL := help
-.PHONY: help all quick test check diff report sensitivity bench scoreboard identify-joint data lab lint lock clean
+.PHONY: help all quick test check diff report sensitivity bench scoreboard population identify-joint data lab lint lock clean
 
 help:  ## list the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 16
@@ -46,6 +46,9 @@ bench: .venv/.installed  ## time what was made fast against a direct arm, into r
 
 scoreboard: .venv/.installed  ## score every method on logs of known backlash, into results/scoreboard.csv
 	OPENBLAS_NUM_THREADS=1 $(RUN) scoreboard
+
+population: .venv/.installed  ## every method on joints that nobody calibrated, into results/population_logs.csv
+	OPENBLAS_NUM_THREADS=1 $(RUN) population
 
 identify-joint: .venv/.installed  ## identify the simulated joint anew from the authors' records
 	$(RUN) identify-joint

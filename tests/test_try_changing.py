@@ -302,6 +302,21 @@ def only_a_larger_backlash_is_seen(n):
     assert not loud <= quiet
 
 
+def another_joints_backlash_is_held(after):
+    assert after["fit"].doubt == ""
+    assert after["fit"].interval_rad[0] < after["backlash_rad"] < after["fit"].interval_rad[1]
+
+
+def a_smaller_error_for_a_smaller_gap(after):
+    another_joints_backlash_is_held(after)
+    assert after["fit"].sd_rad < 2.5e-5
+
+
+def the_friction_is_told(after):
+    another_joints_backlash_is_held(after)
+    assert 0.045 < after["fit"].friction < 0.07
+
+
 OUTCOMES = {
     "01_signature_figure6": {
         "run = 1": a_run_of_the_commonest_basin,
@@ -362,6 +377,11 @@ OUTCOMES = {
         'method = "amplitude"': the_amplitude_errs_more_than_the_waveform,
         "log_turns = 4": answers_with_wider_intervals,
         "bench_seed = 4": your_own_calibration_still_beats_the_papers,
+    },
+    "14_the_sensor_that_calibrates_itself": {
+        "bench_seed = 4": another_joints_backlash_is_held,
+        "backlash_rad = 5e-4": a_smaller_error_for_a_smaller_gap,
+        "friction_share = 0.05": the_friction_is_told,
     },
     "13_beyond_the_paper": {
         "scored = [3, 4, 5, 6]": the_error_with_a_free_start_shrinks,

@@ -11,7 +11,7 @@ from replication.report import commands as report
 from replication.sensor import commands
 from replication.sensor.tables import UnusableLog
 from replication.simulator.study import calibrate
-from replication.studies import scoreboard, sensitivity, timings
+from replication.studies import population, scoreboard, sensitivity, timings
 from replication.workbook import files, provenance
 
 
@@ -57,6 +57,9 @@ def _parser() -> argparse.ArgumentParser:
     subparsers.add_parser("scoreboard", help="score every method, into results/scoreboard.csv").set_defaults(
         command=_scoreboard
     )
+    subparsers.add_parser(
+        "population", help="every method on joints that nobody calibrated, into results/population_logs.csv"
+    ).set_defaults(command=_population)
     score = subparsers.add_parser("score", help="score your own method on the scoreboard's logs")
     score.add_argument("method", help="module:function; takes a Recording, returns the backlash [rad]")
     score.set_defaults(command=_score)
@@ -111,6 +114,15 @@ def _scoreboard(_: argparse.Namespace) -> int:
     files.write_csv(folder / "scoreboard_logs.csv", scores.drop(columns="seconds"))
     files.write_csv(folder / "scoreboard.csv", table)
     print(table.to_string(index=False))
+    return 0
+
+
+def _population(_: argparse.Namespace) -> int:
+    drawn = population.measure_population(*population.SPREAD_STUDY)
+    files.write_csv(workbook.ROOT / "replication" / "data" / "spread_of_joints.csv", population.spread_shares(drawn))
+    rows = population.run_study(population.FINAL_SIZES, population.FINAL_SEED)
+    files.write_csv(workbook.ROOT / "results" / "population_logs.csv", rows)
+    print(population.summary(rows).to_string(index=False))
     return 0
 
 

@@ -33,6 +33,10 @@ METHODS = ("self", "paper", "amplitude", "energy", "waveform")
 AUTHORS_LOGS = tuple((realisation, level) for realisation in (1, 2) for level in range(3, 12))
 
 DEVELOPMENT_SEED, FINAL_SEED = 1616, 20260
+# Logs of the default spread, of the wide one, and of each kind outside the model.
+FINAL_SIZES = (400, 150, 25)
+# What the other methods' intervals are made wide by: population, logs, seed, methods.
+SPREAD_STUDY = ("default spread", range(100), DEVELOPMENT_SEED, ("paper", "amplitude", "energy", "waveform"))
 NORMAL_95 = 1.96
 NOMINAL = (0.5, 0.6, 0.7, 0.8, 0.9, 0.95, 0.99)
 

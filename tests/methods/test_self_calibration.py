@@ -1,0 +1,122 @@
+"""A joint and its backlash from one log."""
+
+from dataclasses import replace
+from functools import lru_cache
+
+import numpy as np
+import pytest
+
+from replication.datasets import Recording
+from replication.methods.harmonics import turn_harmonics
+from replication.methods.self_calibration import fit_joint
+from replication.methods.spread import shares, widened
+from replication.simulator.simulate import identified_joint, simulate
+from replication.simulator.turns import COLUMNS, Movement, settled_turns
+from replication.standins.joints import draw_bench, encoder_log
+from replication.standins.odd_joints import KINDS, draw_odd_log
+
+
+@lru_cache
+def bench_log(seed: int = 5, delta_rad: float = 9e-4):
+    rng = np.random.default_rng(seed)
+    bench = draw_bench(rng)
+    return bench, encoder_log(bench, delta_rad, rng)
+
+
+def noise(seed: int = 1, sd: float = 0.06) -> Recording:
+    t = 2e-3 * np.arange(2400)
+    return Recording(t, 100 + np.random.default_rng(seed).normal(0, sd, t.size), 100.0, 0.4, "noise")
+
+
+def rows(joint, delta_rad: float) -> np.ndarray:
+    values = dict.fromkeys(COLUMNS, 0.0) | {name: v for name, v in joint.ratios.items() if name in COLUMNS}
+    return np.array([[(values | {"delta_rad": delta_rad})[name] for name in COLUMNS]])
+
+
+@pytest.mark.parametrize("delta_rad", [3e-4, 1e-3, 2e-3])
+def test_a_settled_turn_is_that_of_the_simulated_joint(delta_rad):
+    joint = replace(identified_joint(), start_angle_rad=0.0, lead_s=0.8, speed_by_differencing=True)
+    run = simulate(joint, delta_rad, duration_s=0.4, sample_s=5e-4, step_s=5e-5)
+    turn = settled_turns(rows(joint, delta_rad), Movement(40.0, 0.4))[0]
+    assert np.abs(turn - (run.motor_speed_rps[:-1] - 100)).max() < 2e-3
+
+
+def test_a_joint_that_runs_away_has_no_turn():
+    wild = rows(identified_joint(), 1e-3)
+    wild[0, COLUMNS.index("integral_gain_per_s2")] *= 1e3
+    assert np.isnan(settled_turns(wild, Movement(40.0, 0.4))).all()
+
+
+def test_white_noise_is_found_with_its_size_in_every_harmonic():
+    found = turn_harmonics(noise())
+    assert found.sample_rms_rps == pytest.approx(0.06, rel=0.1)
+    assert found.sd == pytest.approx(0.06 / np.sqrt(2 * 2200), rel=0.35)
+    assert found.unrest == pytest.approx(1.0, abs=0.3)
+    assert not set(found.order) & {0, 1, 40}
+
+
+def test_a_sinusoid_between_the_harmonics_does_not_leak_into_them():
+    quiet = noise()
+    belt = replace(quiet, v=quiet.v + 0.2 * np.sin(2 * np.pi * 26.1 * quiet.t + 1))
+    change = np.abs(turn_harmonics(belt).coefficient - turn_harmonics(quiet).coefficient)
+    assert change.max() < 4 * turn_harmonics(quiet).sd.max()
+
+
+@pytest.mark.parametrize("seed", [5, 6])
+def test_a_joint_that_nobody_calibrated_tells_its_backlash(seed):
+    bench, log = bench_log(seed)
+    found = fit_joint(log)
+    assert found.doubt == ""
+    assert abs(found.delta_rad - 9e-4) < 3 * found.sd_rad
+    assert found.sd_rad < 4e-5
+    assert 0.7 < found.misfit < 1.4
+    load_speed = bench.joint.commanded_speed_rad_per_s / bench.joint.gear_ratio
+    rubbing = bench.joint.load_coulomb_nm + bench.joint.load_viscous_nms_per_rad * load_speed
+    assert found.friction == pytest.approx(rubbing / bench.joint.gravity_torque_nm, abs=0.006)
+    assert 18 < found.ring_hz < 25
+
+
+def test_the_start_of_the_log_does_not_matter():
+    log = bench_log()[1]
+    later = replace(log, t=log.t[: 2000 - 77], v=log.v[77:2000])
+    assert fit_joint(later).delta_rad == pytest.approx(
+        fit_joint(replace(log, t=log.t[:2000], v=log.v[:2000])).delta_rad, abs=3e-5
+    )
+
+
+def test_the_same_log_gives_the_same_answer():
+    log = bench_log()[1]
+    assert fit_joint(log).delta_rad == fit_joint(log).delta_rad
+
+
+def test_a_drive_of_another_structure_is_refused():
+    log = draw_odd_log(KINDS[2], 9e-4, np.random.default_rng(4))
+    assert "no joint of the paper's kind" in fit_joint(log).doubt
+
+
+def test_a_record_that_rings_on_from_turn_to_turn_is_refused():
+    log = bench_log()[1]
+    rng = np.random.default_rng(2)
+    ringing = 0.2 * np.sin(2 * np.pi * 21.3 * log.t + np.cumsum(rng.normal(0, 0.15, log.t.size)))
+    assert "do not repeat" in fit_joint(replace(log, v=log.v + ringing)).doubt
+
+
+def test_too_few_turns_are_refused_in_words():
+    log = bench_log()[1]
+    with pytest.raises(ValueError, match="two turns"):
+        fit_joint(replace(log, t=log.t[:350], v=log.v[:350]))
+
+
+def test_an_interval_holds_the_spread_of_joints_and_the_noise():
+    low, high = widened("amplitude", 1e-3, (0.9e-3, 1.1e-3))
+    half = np.hypot(1e-4, shares()["amplitude"] * 1e-3)
+    assert (low, high) == (pytest.approx(1e-3 - half), pytest.approx(1e-3 + half))
+    assert all(0.01 < share < 1 for share in shares().values())
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_every_kind_of_odd_joint_can_be_drawn_again_alike(kind):
+    one, two = (draw_odd_log(kind, 9e-4, np.random.default_rng(3)) for _ in range(2))
+    assert np.array_equal(one.v, two.v)
+    assert abs(one.v.mean() - 100) < 0.1
+    assert one.v.std() > 0.05
