@@ -9,7 +9,7 @@ NOTEBOOKS := $(sort $(basename $(notdir $(wildcard notebooks/[0-9]*.py))))
 STAMPS := $(NOTEBOOKS:%=.make/%.done)
 
 .DEFAULT_GOAL := help
-.PHONY: help all quick test check diff report sensitivity bench scoreboard population identify-joint data lab lint lock clean
+.PHONY: help all quick test check diff report sensitivity claims bench scoreboard population identify-joint data lab lint lock clean
 
 help:  ## list the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 16
@@ -41,6 +41,9 @@ sensitivity: .venv/.installed  ## who notices a wrong constant, into results/sen
 	$(RUN) sensitivity
 	$(RUN) report
 
+claims: .venv/.installed  ## the slow studies behind claims, into results/optimizers.csv and results/alpha_refit.csv
+	OPENBLAS_NUM_THREADS=1 $(RUN) claims
+
 bench: .venv/.installed  ## time what was made fast against a direct arm, into results/bench.csv
 	OPENBLAS_NUM_THREADS=1 $(RUN) bench
 
@@ -66,7 +69,8 @@ lint: .venv/.installed  ## style and format
 lock: .venv/.installed  ## pin the newest versions that pyproject.toml allows
 	$(PY) -m pip install --quiet uv
 	$(PY) -m uv pip compile pyproject.toml --quiet --upgrade --universal --python-version 3.11 --extra dev \
-	  --extra lab --extra fleet --generate-hashes --no-emit-index-url --no-header --no-annotate --output-file requirements.lock
+	  --extra lab --extra fleet --extra studies --generate-hashes --no-emit-index-url --no-header --no-annotate \
+	  --output-file requirements.lock
 
 clean:  ## remove what can be made again and is not committed
 	rm -rf .make .staging-* results/quick results/lab notebooks/partial .pytest_cache .ruff_cache .hypothesis

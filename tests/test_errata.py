@@ -1,0 +1,94 @@
+"""The proofs of errata that no other test of a module makes; `errata.csv` names them."""
+
+import numpy as np
+import pytest
+
+from replication import published
+from replication.identify import Protocol, protocol_box
+from replication.search import constants, decompose, generations, random_normals, sample, update
+from replication.signature import Box, Timing, rmse, signature
+from replication.studies.claims import noise_over_amplitude
+from replication.table2 import noise_only_record, table2_levels
+
+STORED = ["A_rps", "t0_s", "tau_per_s", "omega_rad_per_s", "c_rps", "window_end_s", "window_start_s"]
+T = 0.002 * np.arange(2401)
+
+
+@pytest.mark.parametrize("reading", ["delta A is the range of A", "delta A is A's mean step", "delta A fits best"])
+def test_equation_19_as_printed_gives_none_of_the_printed_noise_amplitudes(reading):
+    theoretical, printed = (published.column("Table 2", name)[:10] for name in ("theoretical", "noise"))
+    above = published.value("text.noise_law_max") * (theoretical - theoretical.min())
+    scale = {
+        "delta A is the range of A": 1 / np.ptp(theoretical),
+        "delta A is A's mean step": 1 / np.diff(theoretical).mean(),
+        "delta A fits best": above @ printed / (above @ above),
+    }
+    half_amplitude = scale[reading] * above
+    assert half_amplitude[0] == 0
+    assert printed[0] > 0.1
+    off = np.abs(half_amplitude / printed - 1)
+    assert (off > 0.05).sum() >= 8  # a straight line through zero crosses the printed one once
+
+
+def test_equation_4_read_literally_misses_every_stored_run_that_can_tell(record_12):
+    can_tell = 0
+    for _, run in published.authors_notebook_runs().iterrows():
+        X, stored = run[STORED].to_numpy(float), run["final_rmse_rps"]
+        T_d, T_f, t0 = run["T_d_s"], run["T_f_s"], run["t0_s"]
+        assert rmse(record_12.t, record_12.v, X, Timing(T_d, T_f, 12)) == pytest.approx(stored, abs=1e-6)
+        literal = rmse(record_12.t, record_12.v, X, Timing(t0 + T_d, t0 + T_f, 12))
+        if t0 * 24 > T[1]:  # the last turn is off by a sample or more
+            can_tell += 1
+            assert literal > 2 * stored
+        else:
+            assert literal == pytest.approx(stored, rel=0.1)
+    assert can_tell >= 10
+
+
+def test_tau_has_the_unit_1_per_s():
+    X = np.array([1.0, 0.01, 14.0, 130.0, 100.0, 0.15, 0.0111])
+    in_ms = X * [1, 1e3, 1e-3, 1e-3, 1, 1e3, 1e3]
+    seconds = signature(T, X, Timing(0.2, 0.4, 12))
+    milliseconds = Timing(200.0, 400.0, 12)
+    np.testing.assert_allclose(signature(1e3 * T, in_ms, milliseconds), seconds, atol=1e-9)
+    without_unit = in_ms.copy()
+    without_unit[2] = X[2]
+    assert np.abs(signature(1e3 * T, without_unit, milliseconds)).max() < 0.1 * np.abs(seconds).max()
+
+
+def test_the_last_printed_sd_cannot_be_a_variance():
+    noise, runs = published.value("table2.row11.noise"), published.value("text.runs")
+    smallest = published.value("table2.row11.sd") - published.half_last_digit("0.0178")
+    _, record = noise_only_record(1)
+    box = protocol_box(record, Protocol()).upper[0]  # of A, the wider of the two boxes
+    assert 0.99 * Protocol().amplitude_factor * noise < box <= Protocol().amplitude_factor * noise
+    largest_sd = box * np.sqrt(runs / (runs - 1))  # half of the runs at either end
+    assert np.sqrt(smallest) > largest_sd
+    assert smallest < 0.2 * largest_sd
+
+
+def test_equation_13_needs_the_ranked_members_of_the_new_generation():
+    box, normals = Box(-np.ones(7), np.ones(7)), random_normals(1)
+    first = next(generations(lambda X: (X**2).sum(axis=1), box, normals, 300, start=np.full(7, 0.5)))
+    c = constants(300, 7)
+
+    def distance_after(ranked):
+        state, draw = first.before, random_normals(2)
+        for _ in range(20):
+            state = decompose(state)
+            x = sample(state, draw(300, 7))
+            state = update(state, x[np.argsort((x**2).sum(axis=1), kind="stable")] if ranked else x, c)
+        return np.linalg.norm(state.m)
+
+    start = np.linalg.norm(first.before.m)
+    assert distance_after(ranked=True) < 1e-2 * start
+    assert distance_after(ranked=False) > 0.3 * start
+
+
+def test_the_noise_is_not_proportional_to_the_amplitude():
+    ratio = noise_over_amplitude()
+    assert (np.diff(ratio) < 0).all()
+    assert ratio[0] / ratio[-1] > 2
+    printed = published.column("Table 2", "noise")[:10]
+    line = [0.1 + (level - 1) * 0.15 / 19 for level in table2_levels()]
+    np.testing.assert_allclose(printed, line, atol=1e-4)
