@@ -9,7 +9,7 @@ NOTEBOOKS := $(sort $(basename $(notdir $(wildcard notebooks/[0-9]*.py))))
 STAMPS := $(NOTEBOOKS:%=.make/%.done)
 
 .DEFAULT_GOAL := help
-.PHONY: help all quick test check diff report sensitivity claims bench scoreboard population identify-joint data lab lint lock clean
+.PHONY: help all quick test check diff report sensitivity claims bench scoreboard population protocols identify-joint data lab lint lock clean
 
 help:  ## list the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 16
@@ -52,6 +52,9 @@ scoreboard: .venv/.installed  ## score every method on logs of known backlash, i
 
 population: .venv/.installed  ## every method on joints that nobody calibrated, into results/population_logs.csv
 	OPENBLAS_NUM_THREADS=1 $(RUN) population
+
+protocols: .venv/.installed  ## runs of every protocol that may have printed Table 2, into results/protocols
+	OPENBLAS_NUM_THREADS=1 $(RUN) protocols
 
 identify-joint: .venv/.installed  ## identify the simulated joint anew from the authors' records
 	$(RUN) identify-joint

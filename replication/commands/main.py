@@ -12,7 +12,7 @@ from replication.sensor import commands
 from replication.sensor.tables import UnusableLog
 from replication.simulator.simulate import identified_joint
 from replication.simulator.study import FIT_LEVELS, calibrate, clean_records
-from replication.studies import edge, optimizers, population, scoreboard, sensitivity, timings
+from replication.studies import edge, optimizers, population, protocols, scoreboard, sensitivity, timings
 from replication.workbook import files, provenance
 
 
@@ -57,6 +57,9 @@ def _parser() -> argparse.ArgumentParser:
     subparsers.add_parser(
         "claims", help="the slow studies behind claims, into results/optimizers.csv and results/alpha_refit.csv"
     ).set_defaults(command=_claims)
+    pools = subparsers.add_parser("protocols", help="runs of every candidate protocol, into results/protocols")
+    pools.add_argument("--jobs", type=int, default=2, help="processes (default: 2)")
+    pools.set_defaults(command=_protocols)
     subparsers.add_parser("bench", help="time what was made fast, into results/bench.csv").set_defaults(command=_bench)
     subparsers.add_parser("scoreboard", help="score every method, into results/scoreboard.csv").set_defaults(
         command=_scoreboard
@@ -150,6 +153,11 @@ def _score(options: argparse.Namespace) -> int:
     print(f"all:\n{scoreboard.summary(scores).to_string(index=False)}")
     if missing:
         print(missing, file=sys.stderr)
+    return 0
+
+
+def _protocols(options: argparse.Namespace) -> int:
+    protocols.compute_pools(jobs=options.jobs, tell=lambda line: print(line, flush=True))
     return 0
 
 

@@ -10,7 +10,7 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from replication.compiled.bounds import _into_box, _margins, from_box, margin_2021
+from replication.compiled.bounds import Margin, _into_box, _margins, from_box, margin_2021
 from replication.compiled.eigen import diagonalise, tridiagonal
 from replication.compiled.folded import Fold, _misfits
 from replication.search import constants
@@ -27,7 +27,7 @@ class Run(NamedTuple):
     history: FloatArray
 
 
-def whole_run(fold: Fold, box: Box, seed: int, population: int, iterations: int) -> Run:
+def whole_run(fold: Fold, box: Box, seed: int, population: int, iterations: int, margin: Margin = margin_2021) -> Run:
     """Search a folded record from the middle of the box, as `search.search` does with `random_normals(seed)`.
 
     Parameters
@@ -40,6 +40,8 @@ def whole_run(fold: Fold, box: Box, seed: int, population: int, iterations: int)
         Seed of the run, above 0.
     population, iterations : int
         Members of a generation, and the most generations.
+    margin : callable
+        Width of the margin at a bound.
 
     Returns
     -------
@@ -54,8 +56,8 @@ def whole_run(fold: Fold, box: Box, seed: int, population: int, iterations: int)
         raise ValueError(f"seed {seed}, population {population}: a seed above 0 and at least 4 members are needed")
     c = constants(population, box.lower.size)
     rates = (c.mu_eff, c.chi_n, c.c_sigma, c.d_sigma, c.c_c, c.c_1, c.c_mu)
-    start = from_box((box.lower + box.upper) / 2, box)
-    bounds = (box.lower, box.upper, *_margins(box, margin_2021))
+    start = from_box((box.lower + box.upper) / 2, box, margin)
+    bounds = (box.lower, box.upper, *_margins(box, margin))
     unit = (box.upper - box.lower) / 4
     return Run(*_run(tuple(fold), bounds, start, unit, c.weights, c.mu, rates, seed, iterations))
 
@@ -65,7 +67,8 @@ def _run(fold, bounds, start, unit, weights, mu, rates, seed, iterations):
     """Compiled body of `whole_run`: equations 12 to 17, in the names of `search`."""
     mu_eff, chi_n, c_sigma, d_sigma, c_c, c_1, c_mu = rates
     size, n = weights.size, start.size
-    np.random.seed(seed)
+    # Numba's own generator: the same numbers as `random_normals`.
+    np.random.seed(seed)  # noqa: NPY002
     m, sigma, g = start.copy(), 1.0, 0
     C = np.diag(np.exp(1e-4 * np.arange(n) / n))
     p_sigma, p_c = np.zeros(n), np.zeros(n)
@@ -79,7 +82,7 @@ def _run(fold, bounds, start, unit, weights, mu, rates, seed, iterations):
         # Equation 12.
         for k in range(size):
             for j in range(n):
-                z[k, j] = np.random.standard_normal()
+                z[k, j] = np.random.standard_normal()  # noqa: NPY002
             for i in range(n):
                 along = 0.0
                 for j in range(n):
@@ -160,10 +163,9 @@ def _stops(history, worst, m, sigma, unit, C, p_c, D, B, g, size):
     part = int(max(int(100 + 100 * n**1.5 / size) / 10, fifths / 10))
     if fifths > max(100, 2 * part):
         fifth = history[4::5][::-1]
-        if (
-            np.median(fifth[:part, 0]) >= np.median(fifth[part : 2 * part, 0])
-            and np.median(fifth[:part, 1]) >= np.median(fifth[part : 2 * part, 1])
-        ):
+        if np.median(fifth[:part, 0]) >= np.median(fifth[part : 2 * part, 0]) and np.median(
+            fifth[:part, 1]
+        ) >= np.median(fifth[part : 2 * part, 1]):
             return True
     axis = 0.1 * sigma * D[g % n] * unit * B[:, g % n]
     return bool((m == m + 0.2 * std).any() or (m == m + axis).all())
