@@ -58,7 +58,7 @@ OTHER = 0.01
 OTHER_MEAN = 0.1  # half-width, relative to the theoretical A
 OTHER_SD_RPS = (0.0003, 0.3)
 LEAST_SD_WIDTH = 0.13
-SCREENED = 40  # runs a row, half on R = 1, half on R = 2; half as many of the slow ones with free T_d and T_f
+SCREENED = 20  # runs a row, half on R = 1, half on R = 2; half as many of the slow ones with free T_d and T_f
 CONTENDER = 200
 NOISES, NOISE_ONLY = 10, 30  # fresh noises over our simulated joint and over constant speed, `RUNS` runs each
 DROPPED_BELOW = 20.0
