@@ -259,3 +259,63 @@ def tornado(table: pd.DataFrame, methods: Sequence[str]) -> Figure:
     handles, labels = axes[0, 0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside upper right", ncols=2)
     return figure
+
+
+@in_style
+def protocol_ranking(table: pd.DataFrame, shown: int) -> Figure:
+    """Show how likely the first candidates make the printed table, from both realisations and from each alone.
+
+    Parameters
+    ----------
+    table : DataFrame
+        From `protocols.ranking`.
+    shown : int
+        How many candidates.
+
+    Returns
+    -------
+    Figure
+    """
+    part = table.head(shown)
+    figure, axes = grid(figsize=(8.5, 0.24 * shown + 1.2))
+    axis, at = axes[0, 0], np.arange(len(part))
+    looks = {"log_likelihood": ("both", BLUE, "o"), "log_likelihood_R1": ("R = 1", ORANGE, "s")}
+    looks |= {"log_likelihood_R2": ("R = 2", GREEN, "^")}
+    for column, (label, colour, marker) in looks.items():
+        axis.plot(part[column], at, color=colour, marker=marker, markersize=5, linestyle="none", label=label)
+    axis.set_yticks(at, part["protocol"], fontsize=8)
+    axis.invert_yaxis()
+    axis.set_xlabel("log-likelihood of the printed Table 2")
+    axis.legend(loc="upper left")
+    return figure
+
+
+@in_style
+def predicted_regions(tables: Mapping[str, pd.DataFrame]) -> Figure:
+    """Show 95 % regions of Table 2's means and SDs, and the printed numbers.
+
+    Parameters
+    ----------
+    tables : mapping of str to DataFrame
+        From `protocols.table2_regions`, by what the legend says.
+
+    Returns
+    -------
+    Figure
+    """
+    figure, axes = grid(1, 2, figsize=(10.0, 4.2))
+    for axis, column, label in zip(axes[0], ("mean", "sd"), ("mean over the printed one", "SD [rps]"), strict=True):
+        for number, (name, table) in enumerate(tables.items()):
+            part = table[table["column"] == column]
+            scale = part["printed"] if column == "mean" else 1.0
+            x = part["row"] + 0.3 * (number - (len(tables) - 1) / 2)
+            colour = (BLUE, ORANGE, GREEN, PINK)[number]
+            axis.vlines(x, part["low"] / scale, part["high"] / scale, color=colour, linewidth=2, label=name)
+            axis.plot(x, part["median"] / scale, color=colour, marker="os^D"[number], linestyle="none", markersize=4)
+        printed = part["printed"]
+        axis.plot(part["row"], printed / (printed if column == "mean" else 1.0), **PRINTED)
+        axis.set(xlabel="row of Table 2", ylabel=label, yscale="linear" if column == "mean" else "log")
+        axis.xaxis.set_major_locator(MaxNLocator(integer=True))
+    handles, labels = axes[0, 0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside upper center", ncols=4, fontsize=9)
+    return figure

@@ -25,363 +25,64 @@ The criteria, written down before any pool was computed:
 - Starts drawn at random against whole records: the odds of the likeliest of each, decided at 20 to 1.
 """
 
-import gzip
 import math
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
-from functools import cache
+from collections.abc import Callable, Mapping
+from itertools import combinations
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
-from joblib import Parallel, delayed
 from numpy.typing import NDArray
 
 from replication import published
-from replication.compiled.bounds import Margin, margin_2021, margin_today
-from replication.compiled.folded import fold
-from replication.compiled.misfit import population_rmse
-from replication.compiled.whole_run import whole_run
-from replication.datasets import Recording, from_sample, load_noisy
-from replication.identify import Protocol, protocol_box
-from replication.search import generations, random_normals, search
-from replication.signature import Box, Timing
-from replication.simulator.simulate import identified_joint
-from replication.table2 import basin_labels, noise_only_record, simulated_table2_records, table2_levels
-from replication.workbook.files import ROOT, write_bytes
+from replication.studies import pools
+from replication.studies.pools import AUTHORS, BENCHES, FOLDER, GRID, ROWS, STARTS, extend_pool, pool, realisations
+from replication.studies.predictive import DRAWS, RUNS, best_basins, log_likelihood, predicted, widths
 
 FloatArray = NDArray[np.float64]
+Width = tuple[float, float]
 
-RUNS = 30  # of a printed row
-DRAWS = 4000
-OTHER = 0.01
-OTHER_MEAN = 0.1  # half-width, relative to the theoretical A
-OTHER_SD_RPS = (0.0003, 0.3)
-LEAST_SD_WIDTH = 0.13
 SCREENED = 20  # runs a row, half on R = 1, half on R = 2; half as many of the slow ones with free T_d and T_f
 CONTENDER = 200
 NOISES, NOISE_ONLY = 10, 30  # fresh noises over our simulated joint and over constant speed, `RUNS` runs each
 DROPPED_BELOW = 20.0
-
-ROWS = range(1, 11)
-STARTS = ("whole", "per record", "per run")
-BLOCK = 10  # runs that share a start which is drawn once for a record: a block stands for another draw
-
-RPS, RPM = "rps", "rpm about the mean"
-PRINTED_T_S = (published.value("table1.T_d.max"), published.value("table1.T_f.max"))
-# T_d and T_f are free within this share of the data's; no bounds are printed.
-FREE_SHARE = 0.1
-SEED_STEP = 10_000  # between a run's restarts
-FOLDER = ROOT / "results" / "protocols"
-COLUMNS = ["record", "row", "seed", "A_rps", "omega_rad_per_s", "rmse_rps"]
+TABLES = 1000  # that a p-value counts
+OF_AUTHORS = ["R1", "R2"]
 
 
-@dataclass(frozen=True)
-class Candidate:
-    """A protocol that may have printed Table 2.
+def compute_pools(folder: Path = FOLDER, jobs: int = 2, tell: Callable[[str], None] = print) -> None:
+    """Compute all pools: every candidate is screened, those that are not dropped get `CONTENDER` runs a row.
 
-    Attributes
-    ----------
-    name : str
-        What tables call it.
-    protocol : Protocol
-        Population, iterations, box of A, T_d and T_f, start.
-    unit : str
-        `RPS`, the record as it is; or `RPM`, 60 (v - mean v), as equation 10 has A.
-    restarts : int
-        How often a run starts again with twice the population, and keeps its best end.
-    free_timing : bool
-        T_d and T_f are searched too.
-    positive : bool
-        The box of A begins at 0.
-    margin : callable
-        Width of the margin at a bound.
+    The likeliest of each kind of start gets them too, and the authors' notebook. The two likeliest and the authors'
+    notebook also get fresh noise over our simulated joint, records of noise alone, and stand-ins of Table 3's bench.
+    What is there is kept.
     """
-
-    name: str
-    protocol: Protocol
-    unit: str = RPS
-    restarts: int = 0
-    free_timing: bool = False
-    positive: bool = False
-    margin: Margin = margin_2021
-
-
-def default_iterations(population: int, n: int = 7) -> int:
-    """The most generations that the library allows if nothing is said."""
-    return int(100 + 150 * (n + 3) ** 2 / population**0.5)
-
-
-NO_LIMIT = 0  # iterations: the library's default for each population
-
-
-def _around(pole: str, unit: str, factor: float) -> list[Candidate]:
-    """Candidates that differ from a pole in one respect, or in two that go together."""
-    base = Protocol(amplitude_factor=factor)
-    other = 1.0 if factor != 1.0 else 1.3
-    # From 300 on, hardly a run needs 200 generations.
-    large = [
-        (f"population {size}{text}", Candidate("", replace(base, population=size, iterations=limit), unit))
-        for size, limit, text in (
-            *((size, 200, "") for size in (150, 600, 1000, 2000)),
-            *((size, NO_LIMIT, ", no limit") for size in (150, 300)),
-        )
-    ]
-    starts = [
-        (f"start {start}, population {size}", Candidate("", replace(base, population=size, start=start), unit))
-        for start in ("per record", "per run")
-        for size in (300, 1000, 2000)
-    ]
-    restarted = [
-        (f"{size} and {n} restarts", Candidate("", replace(base, population=size, iterations=NO_LIMIT), unit, n))
-        for size, n in ((9, 4), (9, 5), (9, 6), (9, 7), (150, 1), (150, 2), (300, 1), (300, 2))
-    ]
-    others = [
-        ("", Candidate("", base, unit)),
-        (
-            "box of A " + ("as printed" if other == 1.0 else "1.3"),
-            Candidate("", replace(base, amplitude_factor=other), unit),
-        ),
-        ("T_d and T_f printed", Candidate("", replace(base, T_d=PRINTED_T_S[0], T_f=PRINTED_T_S[1]), unit)),
-        ("T_d and T_f free", Candidate("", base, unit, free_timing=True)),
-        ("A positive", Candidate("", base, unit, positive=True)),
-        ("margins of cma 4", Candidate("", base, unit, margin=margin_today)),
-    ]
-    return [
-        replace(candidate, name=f"{pole}, {text}" if text else pole)
-        for text, candidate in (*others, *large, *starts, *restarted)
-    ]
+    found = {}
+    extend_pool(GRID[AUTHORS], OF_AUTHORS, CONTENDER // 2, folder, jobs)
+    width = widths(pool(AUTHORS, folder))
+    tell(f"R = 1 and R = 2 are {100 * width[0]:.2f} % apart in A, a factor {math.exp(width[1]):.2f} in its SD")
+    for name, candidate in GRID.items():
+        runs = SCREENED // 4 if candidate.free_timing else SCREENED // 2
+        screened = extend_pool(candidate, OF_AUTHORS, runs, folder, jobs)
+        found[name] = row_log_likelihoods(name, screened[screened["seed"] <= runs], width).sum()
+        tell(f"{name}: {found[name]:.1f}")
+    best = max(found.values())
+    starts = {max((n for n in GRID if GRID[n].protocol.start == start), key=found.get) for start in STARTS}
+    for name in found:
+        if found[name] >= best - DROPPED_BELOW or name in starts:
+            runs = extend_pool(GRID[name], OF_AUTHORS, CONTENDER // 2, folder, jobs)
+            tell(f"{name}: {row_log_likelihoods(name, runs, width).sum():.1f} with {CONTENDER} runs a row")
+    likelihoods = {name: row_log_likelihoods(name, pool(name, folder), width).sum() for name in contenders(folder)}
+    for name in {AUTHORS: 0} | dict.fromkeys(sorted(likelihoods, key=likelihoods.get)[-2:]):
+        for kind, numbers in (("S", range(1, NOISES + 1)), ("N", range(1, NOISE_ONLY + 1)), ("B", range(len(BENCHES)))):
+            extend_pool(GRID[name], [f"{kind}{number}" for number in numbers], RUNS, folder, jobs)
+        tell(f"{name}: our joint, noise alone, benches")
 
 
-AUTHORS, PAPER = "authors' notebook", "rpm"
-GRID = {c.name: c for c in (*_around(AUTHORS, RPS, 1.3), *_around(PAPER, RPM, 1.0))}
-
-
-def file_of(name: str, folder: Path = FOLDER) -> Path:
-    """File that keeps a candidate's pool."""
-    kept = "".join(letter if letter.isalnum() else " " for letter in name.replace("'", "").lower())
-    return folder / f"{'_'.join(kept.split())}.csv.gz"
-
-
-def pool(name: str, folder: Path = FOLDER) -> pd.DataFrame:
-    """Load a candidate's runs: `COLUMNS`, record "R1" (authors' realisation 1), "S3" (our joint), "N5" (noise only)."""
-    path = file_of(name, folder)
-    return pd.read_csv(path) if path.exists() else pd.DataFrame(columns=COLUMNS)
-
-
-@cache
-def records(label: str) -> dict[int, Recording]:
-    """The records that a pool calls by a label, by row of Table 2: "R1", "S3" or "N5", as in `pool`."""
-    kind, number = label[0], int(label[1:])
-    if kind == "R":
-        return {row: load_noisy(level, number) for row, level in zip(ROWS, table2_levels(), strict=True)}
-    found = simulated_table2_records(identified_joint(), number) if kind == "S" else [noise_only_record(number)]
-    return {key["row"]: recording for key, recording in found}
-
-
-def one_run(candidate: Candidate, recording: Recording, row: int, seed: int) -> tuple[float, float, float]:
-    """Fit a record of Table 2 once.
-
-    Parameters
-    ----------
-    candidate : Candidate
-        The protocol.
-    recording : Recording
-        The whole record [rps].
-    row : int
-        Row of Table 2, which the draw of the start depends on.
-    seed : int
-        Seed of the run, above 0.
-
-    Returns
-    -------
-    tuple of float
-        A [rps], with its sign, omega [rad/s] and RMSE [rps].
-    """
-    protocol = candidate.protocol
-    record = from_sample(recording, _start(protocol, row, seed))
-    scale = 1.0 if candidate.unit == RPS else 60.0
-    if candidate.unit == RPM:
-        record = replace(record, v=scale * (record.v - record.v.mean()))
-    box = protocol_box(record, protocol)
-    if candidate.positive:
-        box = Box(np.r_[0.0, box.lower[1:]], box.upper)
-    best, misfit = np.empty(0), math.inf
-    for restart in range(candidate.restarts + 1):
-        population = protocol.population * 2**restart
-        iterations = protocol.iterations or default_iterations(population)
-        settings = seed + SEED_STEP * restart, population, iterations
-        if candidate.free_timing:
-            found = _free_run(record, box, protocol.timing, *settings)
-        else:
-            run = whole_run(fold(record.t, record.v, protocol.timing), box, *settings, candidate.margin)
-            found = run.best, run.misfit
-        if found[1] < misfit:
-            best, misfit = found
-    return float(best[0] / scale), float(best[3]), float(misfit / scale)
-
-
-def _start(protocol: Protocol, row: int, seed: int) -> int:
-    if protocol.start == "whole":
-        return 0
-    key = (row, (seed - 1) // BLOCK) if protocol.start == "per record" else (row, seed)
-    return int(np.random.default_rng(key).integers(protocol.latest_start))
-
-
-def _free_run(record, box, timing, seed, population, iterations) -> tuple[FloatArray, float]:
-    middle = np.array([timing.T_d, timing.T_f])
-    wide = Box(np.r_[box.lower, (1 - FREE_SHARE) * middle], np.r_[box.upper, (1 + FREE_SHARE) * middle])
-
-    def misfits(members: FloatArray) -> FloatArray:
-        each = [population_rmse(record.t, record.v, X[None, :7], Timing(X[7], X[8], timing.n)) for X in members]
-        return np.concatenate(each)
-
-    found = search(generations(misfits, wide, random_normals(seed), population), iterations)
-    return found.best, found.misfit
-
-
-def extend_pool(
-    candidate: Candidate, labels: Sequence[str], runs: int, folder: Path = FOLDER, jobs: int = 2
-) -> pd.DataFrame:
-    """Compute what a candidate's pool lacks of the seeds 1 to `runs` on some records, and keep it.
-
-    Parameters
-    ----------
-    candidate : Candidate
-        The protocol.
-    labels : sequence of str
-        Records, as in `pool`.
-    runs : int
-        Runs on each record.
-    folder : Path
-        Where pools are kept.
-    jobs : int
-        Processes.
-
-    Returns
-    -------
-    DataFrame
-        The pool, as `pool` loads it.
-    """
-    known = pool(candidate.name, folder)
-    have = set(zip(known["record"], known["row"], known["seed"], strict=True))
-    todo = [
-        (label, row, recording, [seed for seed in range(1, runs + 1) if (label, row, seed) not in have])
-        for label in labels
-        for row, recording in records(label).items()
-    ]
-    todo = [part for part in todo if part[3]]
-    found = Parallel(n_jobs=jobs)(delayed(_runs)(candidate, *part) for part in todo)
-    if todo:
-        new = pd.DataFrame([row for part in found for row in part], columns=COLUMNS)
-        table = pd.concat([known, new], ignore_index=True) if len(known) else new
-        table = table.sort_values(["record", "row", "seed"], kind="stable", ignore_index=True)
-        text = table.to_csv(index=False, float_format="%.6g", lineterminator="\n")
-        write_bytes(file_of(candidate.name, folder), gzip.compress(text.encode(), mtime=0))
-    return pool(candidate.name, folder)
-
-
-def _runs(candidate: Candidate, label: str, row: int, recording: Recording, seeds: list[int]) -> list[tuple]:
-    return [(label, row, seed, *one_run(candidate, recording, row, seed)) for seed in seeds]
-
-
-def groups(runs: pd.DataFrame, row: int, candidate: Candidate, kind: str = "R") -> list[FloatArray]:
-    """|A| [rps] of a row's runs, one array for each realisation, or for each draw of a start made once for a record.
-
-    Parameters
-    ----------
-    runs : DataFrame
-        A pool.
-    row : int
-        Row of Table 2.
-    candidate : Candidate
-        Whose pool it is.
-    kind : str
-        First letter of the records: "R", "S" or "N", whose A keeps its sign.
-    """
-    part = runs[(runs["row"] == row) & runs["record"].str.startswith(kind)]
-    block = (part["seed"] - 1) // BLOCK if candidate.protocol.start == "per record" else 0
-    found = [one["A_rps"].to_numpy() for _, one in part.groupby([part["record"], block + 0 * part["seed"]])]
-    return found if kind == "N" else [np.abs(A) for A in found]
-
-
-def predicted(pools: Sequence[FloatArray], rng: np.random.Generator, draws: int = DRAWS) -> FloatArray:
-    """Draw what a table would print of a row.
-
-    Parameters
-    ----------
-    pools : sequence of arrays
-        Results of runs, one array a realisation.
-    rng : Generator
-        Where the draws come from.
-    draws : int
-        How many.
-
-    Returns
-    -------
-    array of shape (draws, 2)
-        Mean and SD of `RUNS` runs on a realisation drawn from the pools, its pool resampled first: it is finite.
-    """
-    which = rng.integers(len(pools), size=draws)
-    table = np.empty((draws, 2))
-    for index, pool_of_one in enumerate(pools):
-        rows = np.flatnonzero(which == index)
-        resampled = pool_of_one[rng.integers(pool_of_one.size, size=(rows.size, pool_of_one.size))]
-        drawn = np.take_along_axis(resampled, rng.integers(pool_of_one.size, size=(rows.size, RUNS)), axis=1)
-        table[rows] = np.column_stack([drawn.mean(axis=1), drawn.std(axis=1, ddof=1)])
-    return table
-
-
-def widths(runs: pd.DataFrame) -> tuple[float, float]:
-    """How far R = 1 and R = 2 are apart in the best basin, rms over the rows: ln mean and ln SD of |A|.
-
-    These are the kernel's widths, the SD's not below `LEAST_SD_WIDTH`.
-    """
-    best = best_basins(runs[runs["record"].isin(["R1", "R2"])])
-    apart = {
-        name: np.diff(np.log(best[name].unstack("record").to_numpy(float)), axis=1) for name in ("mean_rps", "sd_rps")
-    }
-    mean, sd = (float(np.sqrt(np.mean(apart[name] ** 2))) for name in ("mean_rps", "sd_rps"))
-    return mean, max(sd, LEAST_SD_WIDTH)
-
-
-def best_basins(runs: pd.DataFrame) -> pd.DataFrame:
-    """Best basin of each record and row of a pool: `mean_rps, sd_rps` of |A|, `share` of the runs, and all `runs`."""
-    rows = []
-    for (label, row), part in runs.groupby(["record", "row"]):
-        best = basin_labels(part["rmse_rps"].to_numpy()) == 0
-        A = part["A_rps"].abs().to_numpy()[best]
-        rows.append((label, row, A.mean(), A.std(ddof=1) if A.size > 1 else np.nan, best.mean(), best.size))
-    table = pd.DataFrame(rows, columns=["record", "row", "mean_rps", "sd_rps", "share", "runs"])
-    return table.set_index(["row", "record"])
-
-
-def log_likelihood(points: FloatArray, drawn: FloatArray, width: tuple[float, float], theoretical: float) -> FloatArray:
-    """Natural log of the kernel density of ln mean and ln SD at some points.
-
-    Parameters
-    ----------
-    points : array of shape (points, 2)
-        Means and SDs [rps].
-    drawn : array of shape (draws, 2)
-        From `predicted`.
-    width : two floats
-        From `widths`.
-    theoretical : float
-        The row's theoretical A [rps], which anything else lies around.
-
-    Returns
-    -------
-    array of shape (points,)
-    """
-    x, centres = np.log(points), np.log(drawn)
-    squared = sum(((x[:, None, i] - centres[None, :, i]) / width[i]) ** 2 for i in (0, 1))
-    kernel = np.exp(-squared / 2).mean(axis=1) / (2 * np.pi * width[0] * width[1])
-    area = math.log((1 + OTHER_MEAN) / (1 - OTHER_MEAN)) * math.log(OTHER_SD_RPS[1] / OTHER_SD_RPS[0])
-    low = theoretical * np.array([1 - OTHER_MEAN]), theoretical * np.array([1 + OTHER_MEAN])
-    inside = (low[0] <= points[:, 0]) & (points[:, 0] <= low[1])
-    inside &= (OTHER_SD_RPS[0] <= points[:, 1]) & (points[:, 1] <= OTHER_SD_RPS[1])
-    return np.log((1 - OTHER) * kernel + OTHER * np.where(inside, 1 / area, 1e-9))
+def contenders(folder: Path = FOLDER) -> list[str]:
+    """Names of the candidates with all `CONTENDER` runs a row."""
+    runs = {name: pool(name, folder) for name in GRID}
+    return [name for name in GRID if runs[name]["record"].isin(OF_AUTHORS).sum() >= CONTENDER * len(ROWS)]
 
 
 def printed_rows() -> FloatArray:
@@ -389,89 +90,320 @@ def printed_rows() -> FloatArray:
     return np.column_stack([published.column("Table 2", name)[:10] for name in ("mean", "sd", "theoretical")])
 
 
-def row_log_likelihoods(
-    candidate: Candidate, runs: pd.DataFrame, width: tuple[float, float], kind: str = "R", draws: int = DRAWS
-) -> FloatArray:
-    """Log-likelihood of each printed row under a candidate, shape (10,)."""
+def row_log_likelihoods(name: str, runs: pd.DataFrame, width: Width, kind: str = "R", draws: int = DRAWS) -> FloatArray:
+    """Log-likelihood of each printed row under a candidate with some runs, shape (10,)."""
     rng = np.random.default_rng(1)
     return np.array(
         [
             log_likelihood(
-                np.array([[mean, sd]]), predicted(groups(runs, row, candidate, kind), rng, draws), width, theoretical
+                np.array([[mean, sd]]), predicted(realisations(runs, row, GRID[name], kind), rng, draws), width, theory
             )[0]
-            for row, (mean, sd, theoretical) in zip(ROWS, printed_rows(), strict=True)
+            for row, (mean, sd, theory) in zip(ROWS, printed_rows(), strict=True)
         ]
     )
 
 
-def predicted_tables(
-    candidate: Candidate, runs: pd.DataFrame, width: tuple[float, float], kind: str = "R", draws: int = DRAWS
-) -> FloatArray:
-    """Means and SDs of tables in another realisation, shape (draws, 10, 2).
+def likelihood_table(folder: Path = FOLDER) -> pd.DataFrame:
+    """Log-likelihood of each printed row under every candidate: a row a candidate of `GRID`, columns `ROWS`."""
+    width = widths(pool(AUTHORS, folder))
+    table = {name: row_log_likelihoods(name, pool(name, folder), width) for name in GRID}
+    return pd.DataFrame(table, index=ROWS).T
 
-    With kind "R" the means move by the kernel's width along ln mean, as from one realisation to another; of kind "S"
-    there are enough realisations among the records.
+
+def shares(log_likelihoods: pd.Series) -> pd.Series:
+    """Posterior shares of the candidates: every one is as probable as any other before."""
+    odds = np.exp(log_likelihoods - log_likelihoods.max())
+    return odds / odds.sum()
+
+
+def ranking(likelihoods: pd.DataFrame, folder: Path = FOLDER) -> pd.DataFrame:
+    """Rank the candidates.
+
+    Parameters
+    ----------
+    likelihoods : DataFrame
+        From `likelihood_table`.
+
+    Returns
+    -------
+    DataFrame
+        A row a candidate, the likeliest first: `protocol`, what it is, `runs_a_row`, `log_likelihood` and from one
+        realisation alone, `share`, `best_basin_share` of its runs and `dropped` after screening.
+    """
+    width, part, rows = widths(pool(AUTHORS, folder)), shares(likelihoods.sum(axis=1)), []
+    kept = contenders(folder)
+    for name, candidate in GRID.items():
+        runs, protocol = pool(name, folder), candidate.protocol
+        of_authors = runs[runs["record"].isin(OF_AUTHORS)]
+        single = {
+            f"log_likelihood_{label}": row_log_likelihoods(name, runs[runs["record"] == label], width).sum()
+            for label in OF_AUTHORS
+        }
+        rows.append(
+            {
+                "protocol": name,
+                "unit": candidate.unit,
+                "amplitude_factor": protocol.amplitude_factor,
+                "population": protocol.population,
+                "iterations": protocol.iterations or "default",
+                "restarts": candidate.restarts,
+                "start": protocol.start,
+                "T_d_s": "free" if candidate.free_timing else protocol.T_d,
+                "runs_a_row": len(of_authors) // len(ROWS),
+                "log_likelihood": likelihoods.loc[name].sum(),
+                **single,
+                "share": part[name],
+                "best_basin_share": best_basins(of_authors)["share"].mean(),
+                "dropped": name not in kept,
+            }
+        )
+    return pd.DataFrame(rows).sort_values("log_likelihood", ascending=False, kind="stable", ignore_index=True)
+
+
+def predicted_tables(name: str, runs: pd.DataFrame, width: Width, kind: str = "R", draws: int = DRAWS) -> FloatArray:
+    """Means and SDs [rps] of tables in another realisation, shape (draws, 10, 2).
+
+    Of the authors' realisations there are two only, so the numbers move by the kernel's widths, as from one of them to
+    the other; of our joint's, kind "S", there are enough.
     """
     rng = np.random.default_rng(2)
-    table = np.stack([predicted(groups(runs, row, candidate, kind), rng, draws) for row in ROWS], axis=1)
-    if kind == "R":
-        table[:, :, 0] *= np.exp(width[0] * rng.standard_normal(table.shape[:2]))
-        table[:, :, 1] *= np.exp(width[1] * rng.standard_normal(table.shape[:2]))
-    return table
+    table = np.stack([predicted(realisations(runs, row, GRID[name], kind), rng, draws) for row in ROWS], axis=1)
+    return table * np.exp(width * rng.standard_normal(table.shape)) if kind == "R" else table
 
 
-def simulated_log_likelihoods(
-    candidate: Candidate, runs: pd.DataFrame, width: tuple[float, float], tables: int = 1000
-) -> FloatArray:
+def simulated_likelihoods(name: str, runs: pd.DataFrame, width: Width, tables: int = TABLES) -> FloatArray:
     """Log-likelihood of each row of tables that a candidate itself would print, shape (tables, 10)."""
-    made, rng = predicted_tables(candidate, runs, width, draws=tables), np.random.default_rng(3)
-    drawn = [predicted(groups(runs, row, candidate), rng, 2000) for row in ROWS]
-    theoretical = printed_rows()[:, 2]
-    return np.column_stack([log_likelihood(made[:, i], drawn[i], width, theoretical[i]) for i in range(len(ROWS))])
+    made, rng = predicted_tables(name, runs, width, draws=tables), np.random.default_rng(3)
+    drawn = [predicted(realisations(runs, row, GRID[name]), rng, DRAWS // 2) for row in ROWS]
+    theory = printed_rows()[:, 2]
+    return np.column_stack([log_likelihood(made[:, i], drawn[i], width, theory[i]) for i in range(len(ROWS))])
 
 
-def compute_pools(folder: Path = FOLDER, jobs: int = 2, tell: Callable[[str], None] = print) -> None:
-    """Compute all pools: every candidate is screened, those that are not dropped get `CONTENDER` runs a row.
+def joint_p(chosen: Mapping[int, str], likelihoods: pd.DataFrame, simulated: Mapping[str, FloatArray]) -> float:
+    """Share of predicted tables that are no likelier than the printed one.
 
-    The likeliest of each kind of start gets them too, and the authors' notebook. The two likeliest and the authors'
-    notebook also get fresh noise over our simulated joint, and records of noise alone. What is there is kept.
+    Parameters
+    ----------
+    chosen : mapping of row to name
+        The candidate that judges each row; rows that are not there are not judged.
+    likelihoods : DataFrame
+        From `likelihood_table`.
+    simulated : mapping of name to array
+        From `simulated_likelihoods`.
     """
-    found = {}
-    for name, candidate in GRID.items():
-        screened = SCREENED // 2 if candidate.free_timing else SCREENED
-        extend_pool(candidate, ["R1", "R2"], screened // 2, folder, jobs)
-        if name == AUTHORS:
-            extend_pool(candidate, ["R1", "R2"], CONTENDER // 2, folder, jobs)
-            width = widths(pool(name, folder))
-            tell(f"R = 1 and R = 2 are {100 * width[0]:.2f} % apart in A, a factor {math.exp(width[1]):.2f} in its SD")
-        found[name] = first_log_likelihood(candidate, width, folder)
-        tell(f"{name}: {found[name]:.1f}")
-    best = max(found.values())
-    starts = {max((n for n in GRID if GRID[n].protocol.start == start), key=found.get) for start in STARTS}
-    for name in found:
-        if found[name] >= best - DROPPED_BELOW or name in starts:
-            extend_pool(GRID[name], ["R1", "R2"], CONTENDER // 2, folder, jobs)
-            tell(
-                f"{name}: {row_log_likelihoods(GRID[name], pool(name, folder), width).sum():.1f} with {CONTENDER} runs"
-            )
-    for name in {AUTHORS, *likeliest(width, folder)}:
-        extend_pool(GRID[name], [f"S{seed}" for seed in range(1, NOISES + 1)], RUNS, folder, jobs)
-        extend_pool(GRID[name], [f"N{seed}" for seed in range(1, NOISE_ONLY + 1)], RUNS, folder, jobs)
+    printed = sum(likelihoods.loc[name, row] for row, name in chosen.items())
+    made = sum(simulated[name][:, row - 1] for row, name in chosen.items())
+    return float((made <= printed).mean())
 
 
-def first_log_likelihood(candidate: Candidate, width: tuple[float, float], folder: Path = FOLDER) -> float:
-    """Log-likelihood of the printed table from the runs that a candidate is screened with."""
-    runs = pool(candidate.name, folder)
-    return float(row_log_likelihoods(candidate, runs[runs["seed"] <= SCREENED // 2], width).sum())
+def chosen_by(likelihoods: pd.DataFrame, rows: tuple[int, ...]) -> str:
+    """Name of the candidate under which some rows are the likeliest."""
+    return str(likelihoods[list(rows)].sum(axis=1).idxmax())
 
 
-def contenders(folder: Path = FOLDER) -> list[str]:
-    """Names of the candidates with all `CONTENDER` runs a row."""
-    runs = {name: pool(name, folder) for name in GRID}
-    return [name for name in GRID if (runs[name]["record"].isin(["R1", "R2"])).sum() >= CONTENDER * len(ROWS)]
+def chosen_by_other_half(likelihoods: pd.DataFrame) -> dict[int, str]:
+    """The candidate that the odd rows choose for the even ones, and conversely, by row."""
+    odd, even = tuple(row for row in ROWS if row % 2), tuple(row for row in ROWS if row % 2 == 0)
+    return {row: chosen_by(likelihoods, even if row % 2 else odd) for row in ROWS}
 
 
-def likeliest(width: tuple[float, float], folder: Path = FOLDER) -> list[str]:
-    """Names of the two contenders that make the printed table likeliest."""
-    found = {n: row_log_likelihoods(GRID[n], pool(n, folder), width).sum() for n in contenders(folder)}
-    return sorted(found, key=found.get, reverse=True)[:2]
+def choices(likelihoods: pd.DataFrame, simulated: Mapping[str, FloatArray]) -> pd.DataFrame:
+    """Let any five rows choose a candidate and the other five judge it.
+
+    Parameters
+    ----------
+    likelihoods : DataFrame
+        From `likelihood_table`, of the contenders.
+    simulated : mapping of name to array
+        From `simulated_likelihoods`, of each of them.
+
+    Returns
+    -------
+    DataFrame
+        A row a choice of five: `choosing` (the rows), `protocol`, and the other five rows' `log_likelihood` and `p`.
+    """
+    found = []
+    for five in combinations(ROWS, len(ROWS) // 2):
+        name, others = chosen_by(likelihoods, five), [row for row in ROWS if row not in five]
+        p = joint_p(dict.fromkeys(others, name), likelihoods, simulated)
+        found.append((" ".join(map(str, five)), name, likelihoods.loc[name, others].sum(), p))
+    return pd.DataFrame(found, columns=["choosing", "protocol", "log_likelihood", "p"])
+
+
+def table2_regions(chosen: Mapping[int, str], kind: str = "R", folder: Path = FOLDER) -> pd.DataFrame:
+    """Between which numbers 95 % of the predicted tables lie.
+
+    Parameters
+    ----------
+    chosen : mapping of row to name
+        The candidate that judges each row.
+    kind : str
+        "R" predicts from the authors' records, "S" from our simulated joint's.
+
+    Returns
+    -------
+    DataFrame
+        `row, column, protocol, median, low, high, printed, inside, p`, column "mean" or "sd" [rps]; p is twice the
+        smaller tail.
+    """
+    width = widths(pool(AUTHORS, folder))
+    tables = {name: predicted_tables(name, pool(name, folder), width, kind) for name in set(chosen.values())}
+    rows = []
+    for row, name in chosen.items():
+        for index, column in enumerate(("mean", "sd")):
+            drawn, printed = tables[name][:, row - 1, index], printed_rows()[row - 1, index]
+            rows.append({"row": row, "column": column, "protocol": name, **_region(drawn, printed)})
+    return pd.DataFrame(rows)
+
+
+def _region(drawn: FloatArray, printed: float) -> dict[str, float | bool]:
+    low, median, high = np.quantile(drawn, [0.025, 0.5, 0.975])
+    p = min(1.0, 2 * min((drawn <= printed).mean(), (drawn >= printed).mean()))
+    where = {"median": median, "low": low, "high": high, "printed": printed}
+    return where | {"inside": bool(low <= printed <= high), "p": p}
+
+
+def noise_only_regions(name: str, folder: Path = FOLDER) -> pd.DataFrame:
+    """Table 2's last row over many noises: mean and SD of A with its sign, and what can be compared, the RMS of A.
+
+    Returns
+    -------
+    DataFrame
+        `row, column, protocol, median, low, high, printed, inside, p`, column "mean", "sd" or "rms" [rps].
+    """
+    row = len(ROWS) + 1
+    drawn = predicted(realisations(pool(name, folder), row, GRID[name], "N"), np.random.default_rng(4))
+    printed = [published.value(f"table2.row{row}.{column}") for column in ("mean", "sd")]
+    both = {"mean": (drawn[:, 0], printed[0]), "sd": (drawn[:, 1], printed[1]), "rms": (_rms(drawn), _rms(printed))}
+    return pd.DataFrame(
+        [{"row": row, "column": column, "protocol": name, **_region(*pair)} for column, pair in both.items()]
+    )
+
+
+def _rms(mean_and_sd) -> FloatArray:
+    mean, sd = np.moveaxis(np.asarray(mean_and_sd, dtype=float), -1, 0)
+    return np.sqrt(mean**2 + sd**2 * (RUNS - 1) / RUNS)
+
+
+def regions(name: str = AUTHORS, kind: str = "R", folder: Path = FOLDER) -> dict[str, tuple[float, float]]:
+    """Regions of Table 2's cells under one candidate, from its pool, as `workbook.verdict` takes them.
+
+    Parameters
+    ----------
+    name : str
+        A candidate of `pools.GRID`; the authors' notebook has all kinds of records.
+    kind : str
+        "R" for the authors' records, "S" for our simulated joint's, with the row without backlash.
+    folder : Path
+        Where pools are kept.
+
+    Returns
+    -------
+    dict of cell id to (low, high)
+    """
+    table = table2_regions(dict.fromkeys(ROWS, name), kind, folder)
+    if kind == "S":
+        noise = noise_only_regions(name, folder)
+        table = pd.concat([table, noise[noise["column"] != "rms"]], ignore_index=True)
+    return cells_of(table)
+
+
+def cells_of(table: pd.DataFrame) -> dict[str, tuple[float, float]]:
+    """Regions of a table of regions by cell id."""
+    return {
+        f"table2.row{row['row']:02d}.{row['column']}": (row["low"], row["high"]) for row in table.to_dict("records")
+    }
+
+
+def mean_tolerances(name: str, folder: Path = FOLDER) -> pd.DataFrame:
+    """What a row's mean may be off by in another realisation: what "2 % for gate and realisation" should be.
+
+    Returns
+    -------
+    DataFrame
+        By `row`: `best_A_rps` on R = 1 and 2, `apart_percent`, the gate's `best_sd_percent`, `half_region_percent` of the
+        predicted mean, and the SD of the best basin's A over our joint's noises, `noises_percent`.
+    """
+    runs = pool(name, folder)
+    best = best_basins(runs[runs["row"].isin(ROWS)])
+    mean, sd = best["mean_rps"].unstack("record"), best["sd_rps"].unstack("record")
+    noises = np.log(mean[[label for label in mean if label.startswith("S")]])
+    table = table2_regions(dict.fromkeys(ROWS, name), folder=folder)
+    half = table[table["column"] == "mean"].set_index("row")
+    return pd.DataFrame(
+        {
+            "R1_rps": mean["R1"],
+            "R2_rps": mean["R2"],
+            "apart_percent": 100 * np.log(mean["R2"] / mean["R1"]),
+            "gate_percent": 100 * (sd["R1"] / mean["R1"]),
+            "noises_percent": 100 * noises.std(axis=1, ddof=1),
+            "half_region_percent": 50 * (half["high"] - half["low"]) / half["median"],
+        }
+    ).reset_index(names="row")
+
+
+def stray_pattern(name: str, width: Width, quiet_share: float, folder: Path = FOLDER) -> pd.DataFrame:
+    """How often a row is as quiet as if no run had strayed: its SD below a share of its mean.
+
+    Returns
+    -------
+    DataFrame
+        By `row`: `printed_quiet`, `predicted_quiet`, the predicted share, and `best_basin_share` of the runs.
+    """
+    runs, printed = pool(name, folder), printed_rows()
+    tables = predicted_tables(name, runs, width)
+    best = best_basins(runs[runs["record"].isin(OF_AUTHORS)])["share"].groupby("row").mean()
+    return pd.DataFrame(
+        {
+            "row": ROWS,
+            "printed_quiet": printed[:, 1] < quiet_share * printed[:, 0],
+            "predicted_quiet": (tables[:, :, 1] < quiet_share * tables[:, :, 0]).mean(axis=0),
+            "best_basin_share": best.to_numpy(),
+        }
+    )
+
+
+def bench_sds(name: str, folder: Path = FOLDER) -> pd.DataFrame:
+    """How often stand-ins of Table 3's bench, under one candidate, have SDs as small and as large as the printed ones.
+
+    Returns
+    -------
+    DataFrame
+        A row for each of `pools.BENCHES`: `noise_rps, friction_share`, `median_sd_rps` of the three states, and the
+        shares of drawn SDs `at_most_0.0010` and `at_least_0.0879`.
+    """
+    printed, runs, rng, rows = published.column("Table 3", "sd"), pool(name, folder), np.random.default_rng(5), []
+    for number, (noise, friction) in enumerate(BENCHES):
+        drawn = [predicted(realisations(runs, row, GRID[name], f"B{number}"), rng)[:, 1] for row in (1, 2, 3)]
+        rows.append(
+            {
+                "protocol": name,
+                "noise_rps": noise,
+                "friction_share": friction,
+                "median_sd_rps": np.median(drawn),
+                f"at_most_{printed.min():.4f}": (np.array(drawn) <= printed.min()).mean(),
+                f"at_least_{printed.max():.4f}": (np.array(drawn) >= printed.max()).mean(),
+            }
+        )
+    return pd.DataFrame(rows)
+
+
+def recomputed(names: list[str], number: int, rng: np.random.Generator, folder: Path = FOLDER) -> pd.DataFrame:
+    """Run a few of the pools' runs again, drawn at random.
+
+    Returns
+    -------
+    DataFrame
+        A row a run: `protocol, record, row, seed`, what the pool keeps of it and `again`, as written, and whether they
+        are the `same`.
+    """
+    kept = pd.concat([pool(name, folder).assign(protocol=name) for name in names], ignore_index=True)
+    rows = []
+    for run in kept.iloc[np.sort(rng.choice(len(kept), size=number, replace=False))].to_dict("records"):
+        recording = pools.records(run["record"])[run["row"]]
+        found = pools.one_run(GRID[run["protocol"]], recording, run["row"], run["seed"])
+        before = " ".join(f"{run[column]:.6g}" for column in pools.COLUMNS[3:])
+        again = " ".join(f"{number:.6g}" for number in found)
+        key = {column: run[column] for column in ("protocol", "record", "row", "seed")}
+        rows.append(key | {"kept": before, "again": again, "same": before == again})
+    return pd.DataFrame(rows)
