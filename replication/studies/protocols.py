@@ -43,8 +43,8 @@ FloatArray = NDArray[np.float64]
 Width = tuple[float, float]
 
 SCREENED = 20  # runs a row, half on R = 1, half on R = 2; half as many of the slow ones with free T_d and T_f
-CONTENDER = 200
-NOISES, NOISE_ONLY = 10, 30  # fresh noises over our simulated joint and over constant speed, `RUNS` runs each
+CONTENDER, REFERENCE = 100, 200  # the authors' notebook, which the kernel comes from, has more
+NOISES, NOISE_ONLY = 6, 30  # fresh noises over our simulated joint and over constant speed, `RUNS` runs each
 DROPPED_BELOW = 20.0
 TABLES = 1000  # that a p-value counts
 OF_AUTHORS = ["R1", "R2"]
@@ -58,7 +58,7 @@ def compute_pools(folder: Path = FOLDER, jobs: int = 2, tell: Callable[[str], No
     What is there is kept.
     """
     found = {}
-    extend_pool(GRID[AUTHORS], OF_AUTHORS, CONTENDER // 2, folder, jobs)
+    extend_pool(GRID[AUTHORS], OF_AUTHORS, REFERENCE // 2, folder, jobs)
     width = widths(pool(AUTHORS, folder))
     tell(f"R = 1 and R = 2 are {100 * width[0]:.2f} % apart in A, a factor {math.exp(width[1]):.2f} in its SD")
     for name, candidate in GRID.items():
@@ -103,11 +103,21 @@ def row_log_likelihoods(name: str, runs: pd.DataFrame, width: Width, kind: str =
     )
 
 
-def likelihood_table(folder: Path = FOLDER) -> pd.DataFrame:
+def likelihood_table(width: Width, folder: Path = FOLDER) -> pd.DataFrame:
     """Log-likelihood of each printed row under every candidate: a row a candidate of `GRID`, columns `ROWS`."""
-    width = widths(pool(AUTHORS, folder))
     table = {name: row_log_likelihoods(name, pool(name, folder), width) for name in GRID}
     return pd.DataFrame(table, index=ROWS).T
+
+
+def odds_of_starts(log_likelihoods: pd.Series) -> tuple[float, str, str]:
+    """Odds of the likeliest candidate with a drawn start against the likeliest with the whole record, and their names.
+
+    Only populations from 300 on count.
+    """
+    large = {name: candidate.protocol for name, candidate in GRID.items() if candidate.protocol.population >= 300}
+    whole, drawn = ([n for n in large if (large[n].start == "whole") == is_whole] for is_whole in (True, False))
+    best = [str(log_likelihoods[names].idxmax()) for names in (drawn, whole)]
+    return float(np.exp(log_likelihoods[best[0]] - log_likelihoods[best[1]])), *best
 
 
 def shares(log_likelihoods: pd.Series) -> pd.Series:
@@ -116,13 +126,15 @@ def shares(log_likelihoods: pd.Series) -> pd.Series:
     return odds / odds.sum()
 
 
-def ranking(likelihoods: pd.DataFrame, folder: Path = FOLDER) -> pd.DataFrame:
+def ranking(likelihoods: pd.DataFrame, width: Width, folder: Path = FOLDER) -> pd.DataFrame:
     """Rank the candidates.
 
     Parameters
     ----------
     likelihoods : DataFrame
         From `likelihood_table`.
+    width : two floats
+        The kernel's, as for `likelihoods`.
 
     Returns
     -------
@@ -130,7 +142,7 @@ def ranking(likelihoods: pd.DataFrame, folder: Path = FOLDER) -> pd.DataFrame:
         A row a candidate, the likeliest first: `protocol`, what it is, `runs_a_row`, `log_likelihood` and from one
         realisation alone, `share`, `best_basin_share` of its runs and `dropped` after screening.
     """
-    width, part, rows = widths(pool(AUTHORS, folder)), shares(likelihoods.sum(axis=1)), []
+    part, rows = shares(likelihoods.sum(axis=1)), []
     kept = contenders(folder)
     for name, candidate in GRID.items():
         runs, protocol = pool(name, folder), candidate.protocol
@@ -207,6 +219,11 @@ def chosen_by_other_half(likelihoods: pd.DataFrame) -> dict[int, str]:
     return {row: chosen_by(likelihoods, even if row % 2 else odd) for row in ROWS}
 
 
+def fives() -> list[tuple[int, ...]]:
+    """All choices of five rows."""
+    return list(combinations(ROWS, len(ROWS) // 2))
+
+
 def choices(likelihoods: pd.DataFrame, simulated: Mapping[str, FloatArray]) -> pd.DataFrame:
     """Let any five rows choose a candidate and the other five judge it.
 
@@ -223,7 +240,7 @@ def choices(likelihoods: pd.DataFrame, simulated: Mapping[str, FloatArray]) -> p
         A row a choice of five: `choosing` (the rows), `protocol`, and the other five rows' `log_likelihood` and `p`.
     """
     found = []
-    for five in combinations(ROWS, len(ROWS) // 2):
+    for five in fives():
         name, others = chosen_by(likelihoods, five), [row for row in ROWS if row not in five]
         p = joint_p(dict.fromkeys(others, name), likelihoods, simulated)
         found.append((" ".join(map(str, five)), name, likelihoods.loc[name, others].sum(), p))
@@ -315,14 +332,32 @@ def cells_of(table: pd.DataFrame) -> dict[str, tuple[float, float]]:
     }
 
 
+def chosen_cells(chosen: Mapping[int, str], record: str = "R1", folder: Path = FOLDER) -> dict[str, float]:
+    """Mean and SD of |A| [rps] over the first `RUNS` runs on one realisation, by cell id.
+
+    Parameters
+    ----------
+    chosen : mapping of row to name
+        The candidate that computes each row.
+    record : str
+        The realisation, as in `pools.pool`.
+    """
+    cells = {}
+    for row, name in chosen.items():
+        runs = pool(name, folder)
+        part = runs[(runs["record"] == record) & (runs["row"] == row) & (runs["seed"] <= RUNS)]["A_rps"].abs()
+        cells |= {f"table2.row{row:02d}.mean": part.mean(), f"table2.row{row:02d}.sd": part.std(ddof=1)}
+    return cells
+
+
 def mean_tolerances(name: str, folder: Path = FOLDER) -> pd.DataFrame:
     """What a row's mean may be off by in another realisation: what "2 % for gate and realisation" should be.
 
     Returns
     -------
     DataFrame
-        By `row`: `best_A_rps` on R = 1 and 2, `apart_percent`, the gate's `best_sd_percent`, `half_region_percent` of the
-        predicted mean, and the SD of the best basin's A over our joint's noises, `noises_percent`.
+        By `row`: A in the best basin, `R1_rps` and `R2_rps`, and how far they are `apart_percent`; `gate_percent`, its
+        SD over runs; `noises_percent`, its SD over our joint's noises; `half_region_percent` of the predicted mean.
     """
     runs = pool(name, folder)
     best = best_basins(runs[runs["row"].isin(ROWS)])
