@@ -88,7 +88,7 @@ def log_likelihood(points: FloatArray, drawn: FloatArray, width: tuple[float, fl
     -------
     array of shape (points,)
     """
-    x, centres = np.log(points), np.log(drawn)
+    x, centres = np.log(points), np.log(np.maximum(drawn, 1e-9))  # a small pool may give runs that are all the same
     squared = sum(((x[:, None, i] - centres[None, :, i]) / width[i]) ** 2 for i in (0, 1))
     kernel = np.exp(-squared / 2).mean(axis=1) / (2 * np.pi * width[0] * width[1])
     area = math.log((1 + OTHER_MEAN) / (1 - OTHER_MEAN)) * math.log(OTHER_SD_RPS[1] / OTHER_SD_RPS[0])
