@@ -20,7 +20,7 @@ NOTEBOOKS = {path.stem: path for path in sorted((workbook.ROOT / "notebooks").gl
 
 # What a change is checked with, where the quick run is still long. A change's own parameter comes last.
 CHEAPER = {
-    "07_protocol_table1": {"repeats": 2, "rows": [3, 9]},
+    "07_protocol_table1": {"repeats": 2, "rows": [3, 9], "version_runs": 1},
     "08_noise_table2": {"repeats": 2, "realisations": [1]},
     "09_identification": {"replay_runs": 6, "strategy_runs": 1, "coverage_runs": 1, "budget": 3000},
     "10_bench_table3": {"benches": 20, "worn_benches": 1},

@@ -1,7 +1,7 @@
 """Where repeated searches end: basins, their rates with intervals, and what raises the rate of the best one."""
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -127,6 +127,40 @@ def compare_basins(stored: pd.DataFrame, ours: pd.DataFrame) -> pd.DataFrame:
             row |= {f"rate_low_{name}": low, f"rate_high_{name}": high}
         table = [[hits[name], total[name] - hits[name]] for name in ("stored", "ours")]
         rows.append(row | {"p_same": stats.fisher_exact(table).pvalue})
+    return pd.DataFrame(rows)
+
+
+def compare_searches(sets: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
+    """Compare sets of runs on the same records with the first of them: what another library, or other seeds, change.
+
+    Parameters
+    ----------
+    sets : mapping of name to DataFrame
+        Runs from `table2.repeated_fits`, with the entry `row`.
+
+    Returns
+    -------
+    DataFrame
+        A row a set: `search`, `runs`, `best_basin_runs` (within `table2.BASIN_GAP` of the lowest misfit that any set
+        has on that record), `rate` and its 95 % limits `rate_low, rate_high`; `means_apart_percent` and
+        `best_apart_percent`, rms over the records, of |A|'s mean over all runs and over those of the best basin
+        against the first set's.
+    """
+    lowest = pd.concat(sets.values()).groupby("row")["rmse_rps"].min()
+    rows, first = [], {}
+    for name, runs in sets.items():
+        A = runs["A_rps"].abs()
+        best = runs["rmse_rps"] <= runs["row"].map(lowest) * (1 + BASIN_GAP)
+        hits = int(best.sum())
+        low, high = rate_interval(hits, len(runs))
+        means = {"means": A.groupby(runs["row"]).mean(), "best": A[best].groupby(runs["row"]).mean()}
+        first = first or means
+        apart = {
+            f"{kind}_apart_percent": 100 * np.sqrt(((mean / first[kind] - 1) ** 2).mean())
+            for kind, mean in means.items()
+        }
+        head = {"search": name, "runs": len(runs), "best_basin_runs": hits, "rate": hits / len(runs)}
+        rows.append(head | {"rate_low": low, "rate_high": high} | apart)
     return pd.DataFrame(rows)
 
 
