@@ -46,7 +46,7 @@ import numpy as np
 import pandas as pd
 
 from replication import workbook
-from replication.datasets import DataUnavailable
+from replication.data.authors import DataUnavailable
 from replication.methods import joint_posterior, self_calibration
 from replication.sensor import plots, verdict
 from replication.sensor.columns import LogFormat

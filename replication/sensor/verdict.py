@@ -328,7 +328,7 @@ def _measured(
 
 
 def _self_measured(
-    recording: Recording, presence: Presence, fit: GlobalFit, nothing: Estimate, notes: list[str]
+    recording: Recording, presence: Presence, fit: GlobalFit, blank_answer: Estimate, notes: list[str]
 ) -> tuple[Estimate, FloatArray]:
     """Answer from the joint that the log itself tells of."""
     amplitude = reading_of_fit(recording, "amplitude", fit)
@@ -341,15 +341,15 @@ def _self_measured(
     model = np.interp(turns % 1.0, phases, np.append(joint.turn_rps, joint.turn_rps[0]))
     rmse = float(np.std(recording.v - model))
     found = replace(
-        _with_amplitude(nothing, amplitude), rmse_rps=rmse, ring_hz=joint.ring_hz, damping_ratio=joint.damping,
+        _with_amplitude(blank_answer, amplitude), rmse_rps=rmse, ring_hz=joint.ring_hz, damping_ratio=joint.damping,
         friction_share=joint.friction,
     )  # fmt: skip
     if joint.doubt:
         where = f"worst at {joint.worst_phase:.2f} turns from the load hanging down"
         return replace(found, warnings=(str(CannotTell("no such joint", f"{joint.doubt}, {where}")),)), model
     if explained_share(recording, model, presence) < _LEAST_SHARE:
-        doubt = CannotTell("no signature", "a pattern repeats itself every turn, but no backlash that explains it")
-        return replace(found, warnings=(str(doubt),)), model
+        refusal = CannotTell("no signature", "a pattern repeats itself every turn, but no backlash that explains it")
+        return replace(found, warnings=(str(refusal),)), model
     _note_disagreement(recording, amplitude, joint, notes)
     return replace(
         found, verdict="backlash", backlash_rad=joint.delta_rad, backlash_interval_rad=joint.interval_rad
