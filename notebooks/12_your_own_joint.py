@@ -28,7 +28,7 @@
 # *The movement*: a horizontal axis, so that gravity swings the load through the gap twice a turn; constant motor speed;
 # twelve load turns, four at least. *The log*: time and the encoder's position or speed, at 500 Hz if you can; the ring
 # after each impact lies near 21 Hz, and below 84 Hz nothing can be said. *The calibration*: logs of the same movement
-# at six or more known backlashes. Without one, the paper's joint is assumed, which yours is not.
+# at six or more known backlashes. You need none to begin: without one the joint is found from the log (notebook 14).
 #
 # Here your joint is a bench of notebook 10: other stiffness, gravity and gains than the paper's, some friction, an
 # encoder of 19 bits, and a log that starts anywhere. On the command line the steps below are
@@ -66,10 +66,10 @@ limit_rad = 10e-4  # backlash that calls for maintenance
 # %% [markdown]
 # ## Result
 #
-# ### One log, with the paper's calibration
+# ### One log, without a calibration
 #
-# The first line is the answer; a `note` says what was assumed. A shape that the calibration does not know is
-# no answer but `cannot tell`.
+# The first line is the answer; the joint's line says what the log tells of the joint besides; a `note` says what was
+# assumed. A log that no joint of this kind could have made is no answer but `cannot tell`.
 
 # %%
 bench = joints.draw_bench(np.random.default_rng(bench_seed))
@@ -87,8 +87,9 @@ def answer(record, settings, name="log"):
     return verdict.examine_recording(record, settings, name, [])
 
 
-papers = verdict.settings_for(form)
-first = answer(log(backlash_rad, 0), papers)
+uncalibrated = verdict.settings_for(form)
+papers = verdict.settings_for(form, method="amplitude")
+first = answer(log(backlash_rad, 0), uncalibrated)
 print(verdict.as_text(first.estimate))
 
 # %% [markdown]
@@ -119,7 +120,7 @@ true_rad = [5e-4, 8e-4, 11e-4, 14e-4, 17e-4]
 rows = [
     {"calibration": name, "true_rad": delta} | verdict.as_row(answer(log(delta, 200 + k), settings).estimate)
     for k, delta in enumerate(true_rad)
-    for name, settings in (("the paper's joint", papers), ("your own", ours))
+    for name, settings in (("none", uncalibrated), ("the paper's joint", papers), ("your own", ours))
 ]
 table = pd.DataFrame(rows)[["calibration", "true_rad", "verdict", "backlash_rad", "method"]]
 table["error_rad"] = table["backlash_rad"].astype(float) - table["true_rad"]

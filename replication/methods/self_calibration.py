@@ -24,8 +24,8 @@ FloatArray = NDArray[np.float64]
 
 # Beyond these there is no answer: residual (1 for noise alone), and noise in the ring's band over that above it.
 MOST_MISFIT, MOST_UNREST = 1.6, 1.5
-# Where the residual is improbable, what is left over may lie along the backlash too: this share of it is taken to.
-_IMPROBABLE, _SHARE_ALONG = 0.05, 0.3
+# Where the residual is as improbable as this, all that is left over may lie along the backlash too.
+_IMPROBABLE = 0.02
 _NORMAL_95 = 1.96
 _SLOWEST_RING_HZ = 2.0
 
@@ -112,7 +112,7 @@ def _result(problem: Problem, z: FloatArray, converged: bool, unrest: float) -> 
     chi2, freedom = float(residual @ residual), residual.size - SIZE
     sd = float(np.sqrt(covariance[0, 0]) * UNIT_RAD)
     left_over = chi2 - freedom if stats.chi2.sf(chi2, freedom) < _IMPROBABLE else 0.0
-    half = _NORMAL_95 * sd * float(np.sqrt(1 + _SHARE_ALONG * left_over))
+    half = _NORMAL_95 * sd * float(np.sqrt(1 + left_over))
     delta = float(z[0] * UNIT_RAD)
     turn = settled_turns(rows_of(z[None]), problem.movement, problem.error_order)[0]
     ratios = centre() | {name: float(centre()[name] * np.exp(z[k])) for k, name in enumerate(RATIO_PRIOR, start=3)}
