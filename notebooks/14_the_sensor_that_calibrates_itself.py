@@ -82,7 +82,11 @@ print("\n".join(verdict.as_text(answer.estimate) for answer in answers.values())
 
 # %%
 figure = plots.estimate_figure(log, answers["self"].model_rps, "a joint that nobody calibrated, and the one fitted")
-workbook.save_figure(figure, "self_log")
+workbook.save_figure(
+    figure,
+    "self_log",
+    caption="The fitted joint's speed over a log of a joint that nobody calibrated: the residual is noise.",
+)
 
 # %% [markdown]
 # ### What the log tells of the joint
@@ -127,7 +131,11 @@ lengths
 measured = pd.read_csv(workbook.ROOT / "results" / "population_logs.csv", keep_default_na=True)
 near, far = population.SPREADS
 titles = {near: "default spread", far: "20 % spread, 5 % friction, double ripple"}
-workbook.save_figure(population_plots.errors(measured, titles), "self_errors")
+workbook.save_figure(
+    population_plots.errors(measured, titles),
+    "self_errors",
+    caption="Error of the self-calibrated backlash with its 95 % interval, a mark a bench that nobody calibrated.",
+)
 
 # %%
 try:
@@ -147,7 +155,11 @@ summary
 
 # %%
 own = {name: measured[(measured["population"] == name) & (measured["method"] == "self")] for name in titles}
-workbook.save_figure(population_plots.calibration(measured, titles), "self_calibration")
+workbook.save_figure(
+    population_plots.calibration(measured, titles),
+    "self_calibration",
+    caption="Ranks of the true backlash in the stated posterior, even if it is right, and how often intervals hold.",
+)
 thirds = pd.concat([population.coverage_by_third(part).assign(population=name) for name, part in own.items()])
 workbook.save_table(thirds, "self_thirds")
 print({name: f"p = {population.evenness(part):.3f}" for name, part in own.items()})
