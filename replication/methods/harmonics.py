@@ -25,6 +25,9 @@ MOTOR_ORDERS = (1, 2, 6)
 # thousand has one.
 _MOST_LINES, _HIGH_LINE = 3, 14.0
 
+# No joint is simulated better than to this share of its signal; only records without noise come near it.
+MODEL_ERROR = 0.01
+
 # Where joints of this kind ring.
 _RING_HZ = (5.0, 60.0)
 
@@ -43,7 +46,7 @@ class TurnHarmonics:
     coefficient : complex array of shape (harmonics,)
         Of exp(i order angle), the angle being 0 where the record begins [rps].
     sd : array of shape (harmonics,)
-        SD of the noise in the real and in the imaginary part [rps].
+        SD of the noise in the real and in the imaginary part, or of the model's error where that is larger [rps].
     sample_rms_rps : float
         RMS of a sample's noise, in the band of the harmonics [rps].
     turns : int
@@ -104,7 +107,7 @@ def turn_harmonics(recording: Recording) -> TurnHarmonics:
     return TurnHarmonics(
         order[order_kept],
         (bins[turns * order] * start)[order_kept],
-        np.sqrt(variance)[order_kept],
+        np.maximum(np.sqrt(variance)[order_kept], MODEL_ERROR * v.std() / (2 * np.sqrt(order.size))),
         float(np.sqrt(2 * count * _floor(between, turns, last))),
         turns,
         _unrest(between, turns, period),

@@ -17,7 +17,7 @@ from replication.sensor.tables import UnusableLog
 TURN = ["--turn-period", "0.4"]
 KEYS = [
     "file", "verdict", "amplitude_rps", "amplitude_interval_rps", "backlash_rad", "backlash_interval_rad", "rmse_rps",
-    "method", "turn_period_s", "samples", "warnings",
+    "method", "turn_period_s", "samples", "warnings", "ring_hz", "damping_ratio", "friction_share",
 ]  # fmt: skip
 
 

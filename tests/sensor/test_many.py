@@ -14,7 +14,7 @@ from replication.sensor import many
 from replication.sensor.tables import UnusableLog
 from replication.sensor.verdict import as_row, estimate, settings_for
 
-SETTINGS = settings_for(TURN)
+SETTINGS = settings_for(TURN, method="amplitude")
 
 
 @pytest.fixture

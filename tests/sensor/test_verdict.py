@@ -12,21 +12,24 @@ from replication import datasets
 from replication.data.authors import authors_file
 from replication.datasets import Recording, add_uniform_noise
 from replication.methods.calibration import calibrate, default_calibration
+from replication.methods.spread import shares
 from replication.sensor.columns import LogFormat
 from replication.sensor.prepare import CannotTell, record_of
 from replication.sensor.tables import UnusableLog
 from replication.sensor.verdict import Estimate, as_row, as_text, estimate, examine_recording, settings_for, value_at
 from replication.simulator.recordings import simulate_recordings
 from replication.simulator.simulate import identified_joint
+from replication.standins.odd_joints import draw_odd_log
 from replication.studies.robustness import CHANGES
 
 KEYS = [
     "file", "verdict", "amplitude_rps", "amplitude_interval_rps", "backlash_rad", "backlash_interval_rad", "rmse_rps",
-    "method", "turn_period_s", "samples", "warnings",
+    "method", "turn_period_s", "samples", "warnings", "ring_hz", "damping_ratio", "friction_share",
 ]  # fmt: skip
 VERDICTS = ("backlash", "no backlash", "cannot tell")
 REASONS = (
     "too short", "too noisy", "wrong period", "not constant speed", "extrapolated calibration", "no signature",
+    "no such joint",
 )  # fmt: skip
 
 
@@ -82,7 +85,36 @@ def test_a_log_file_is_answered_with_what_was_assumed(tmp_path):
     assert found.verdict == "backlash"
     assert found.turn_period_s == pytest.approx(0.4, rel=1e-4)
     assert any("gear ratio 40" in warning for warning in found.warnings)
+
+
+def test_without_a_calibration_the_log_tells_its_joint(tmp_path):
+    found = estimate(write(noisy(), tmp_path / "log.csv"), settings_for(TURN))
+    check(found)
+    low, high = found.backlash_interval_rad
+    assert (found.method, found.verdict) == ("self", "backlash")
+    assert low < 9e-4 < high < low + 2e-4
+    assert found.ring_hz == pytest.approx(21, abs=2)
+    assert abs(found.friction_share) < 0.01
+    assert "the joint: rings at 2" in as_text(found)
+
+
+def test_another_joint_by_the_papers_calibration_has_an_interval_with_the_spread_of_joints():
+    found = answer(noisy(), method="energy")
+    low, high = found.backlash_interval_rad
+    assert high - low > 2 * shares()["energy"] * found.backlash_rad
     assert any("paper's joint" in warning for warning in found.warnings)
+
+
+def test_a_drive_of_another_structure_is_not_answered_by_the_log_alone():
+    odd = draw_odd_log("PI with current loop", 9e-4, np.random.default_rng(4))
+    found = answer(odd, method="self")
+    assert found.verdict == "cannot tell"
+    assert found.warnings[0].startswith("no such joint")
+    assert "turns from the load hanging down" in found.warnings[0]
+
+
+def test_a_silent_log_is_no_backlash_by_the_log_alone_too():
+    assert answer(silent(0.02), method="self").verdict == "no backlash"
 
 
 @pytest.mark.parametrize("level", [3, 8, 11])
