@@ -48,9 +48,9 @@ class SelfFit:
         What was found of `JointParameters.ratios`.
     smoothing : float
         Of the measured speed, 1 for differencing over a sampling period.
-    covariance : array of shape (unknowns, unknowns)
-        Posterior covariance in the order of `joint_posterior.UNKNOWNS`: backlash [1e-4 rad], phase [rad], friction,
-        logarithms of the ratios, smoothing, transmission error [1e-5 rad].
+    unknowns, covariance : arrays of shape (unknowns,) and (unknowns, unknowns)
+        The posterior's maximum and covariance in the order of `joint_posterior.UNKNOWNS`: backlash [1e-4 rad], phase
+        [rad], friction, logarithms of the ratios, smoothing, transmission error [1e-5 rad].
     misfit : float
         Mean square of the whitened residual, 1 for a joint that is right.
     worst_phase : float
@@ -71,6 +71,7 @@ class SelfFit:
     friction: float
     ratios: dict[str, float]
     smoothing: float
+    unknowns: FloatArray
     covariance: FloatArray
     misfit: float
     worst_phase: float
@@ -120,7 +121,7 @@ def _result(problem: Problem, z: FloatArray, converged: bool, unrest: float) -> 
     phase = z[1] / (2 * np.pi)
     return SelfFit(
         delta, (max(delta - half, 0.0), delta + half), sd, ring, damping, float(z[2]), ratios,
-        float(z[SMOOTHING]), covariance, chi2 / freedom, _worst_phase(problem, residual, phase), unrest,
+        float(z[SMOOTHING]), z, covariance, chi2 / freedom, _worst_phase(problem, residual, phase), unrest,
         _shifted(turn - turn.mean(), phase), _doubt(chi2 / freedom, unrest, converged, sd),
     )  # fmt: skip
 

@@ -21,7 +21,8 @@ from replication.sensor import many, plots, trend
 from replication.sensor.columns import UNITS, LogFormat
 from replication.sensor.prepare import CannotTell
 from replication.sensor.tables import UnusableLog
-from replication.sensor.verdict import SENSOR_METHODS, Settings, as_row, as_text, examine, prepared, settings_for
+from replication.sensor.shared import with_shared_joint
+from replication.sensor.verdict import SELF, SENSOR_METHODS, Settings, as_row, as_text, examine, prepared, settings_for
 from replication.workbook import files
 
 _LARGEST_SMALL_FILE = 2**24  # of a calibration or a list of logs
@@ -269,10 +270,13 @@ def _trend(options: argparse.Namespace) -> int:
     _check_output(options.plot, (".png", ".svg", ".pdf"), "--plot")
     logs = many.find_logs(options.log)
     dates = trend.dates_of(logs, options.dates)
-    rows = many.run_fleet(logs, _settings(options), options.jobs, None, options.dask)
+    settings = _settings(options)
+    rows = many.run_fleet(logs, settings, options.jobs, None, options.dask)
     for row in rows:
         if row["verdict"] == "cannot tell":
             print(f"{row['file']}: {row['warnings'][0]}", file=sys.stderr)
+    if settings.calibration.method == SELF:
+        rows = with_shared_joint(logs, rows, settings)
     found = trend.fit_trend(rows, list(dates.values()), options.limit)
     if options.plot:
         _write_figure(plots.trend_figure(found), options.plot)

@@ -9,6 +9,7 @@ import pytest
 from replication.datasets import Recording
 from replication.methods.harmonics import turn_harmonics
 from replication.methods.self_calibration import fit_joint
+from replication.methods.shared_joint import share_joint
 from replication.methods.spread import shares, widened
 from replication.simulator.simulate import identified_joint, simulate
 from replication.simulator.turns import COLUMNS, Movement, settled_turns
@@ -120,3 +121,21 @@ def test_every_kind_of_odd_joint_can_be_drawn_again_alike(kind):
     assert np.array_equal(one.v, two.v)
     assert abs(one.v.mean() - 100) < 0.1
     assert one.v.std() > 0.05
+
+
+def test_logs_of_one_joint_tell_it_together():
+    rng = np.random.default_rng(8)
+    bench = draw_bench(rng)
+    true_rad = np.linspace(6e-4, 12e-4, 5)
+    fits = [fit_joint(encoder_log(bench, delta, rng)) for delta in true_rad]
+    shared = share_joint(fits)
+    for fit, delta, (found, (low, high)) in zip(fits, true_rad, shared, strict=True):
+        assert abs(found - delta) < high - low
+        assert high - low < 0.8 * (fit.interval_rad[1] - fit.interval_rad[0])
+
+
+def test_one_log_alone_keeps_its_backlash_but_for_drift():
+    fit = fit_joint(bench_log()[1])
+    ((delta, (low, high)),) = share_joint([fit])
+    assert delta == pytest.approx(fit.delta_rad, abs=0.2 * fit.sd_rad)
+    assert high - low == pytest.approx(fit.interval_rad[1] - fit.interval_rad[0], rel=0.05)

@@ -1,0 +1,67 @@
+"""Several logs of one joint: what belongs to the joint is shared, the backlash is each log's own.
+
+Each log's posterior is normal; its prior taken out, it says what that log alone tells of the joint. Together the logs
+tell the joint far better than one does, and what is known of the joint then corrects each log's backlash. The joint's
+ratios may drift a little from log to log.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from replication.methods.joint_posterior import MEAN, RATIO_PRIOR, SD, SMOOTHING, UNIT_RAD
+from replication.methods.self_calibration import SelfFit
+
+FloatArray = NDArray[np.float64]
+
+# What belongs to the joint and its drive: friction changes with temperature, so it stays each log's own.
+_SHARED = np.array([*range(3, 3 + len(RATIO_PRIOR)), SMOOTHING])
+# Relative SD by which a ratio strays from log to log: other loads of the drive, temperature, months.
+DRIFT = 0.005
+_NORMAL_95 = 1.96
+
+
+def share_joint(fits: Sequence[SelfFit]) -> list[tuple[float, tuple[float, float]]]:
+    """Backlash of each log, the joint told by all of them.
+
+    Parameters
+    ----------
+    fits : sequence of SelfFit
+        Of logs of one joint in one movement, none in doubt.
+
+    Returns
+    -------
+    list of (float, (float, float))
+        Backlash and its 95 % interval [rad], in the order of the logs. An interval that was widened for its residual
+        stays wider by the same factor.
+    """
+    prior = np.diag(SD[_SHARED] ** -2.0)
+    drift = np.diag(np.where(_SHARED == SMOOTHING, 0.0, DRIFT) ** 2)
+    told = [_told(fit, prior, drift) for fit in fits]
+    precision = prior + sum(weight for weight, _ in told)
+    total = prior @ MEAN[_SHARED] + sum(pull for _, pull in told)
+    common, spread = np.linalg.solve(precision, total), np.linalg.inv(precision)
+    return [_corrected(fit, common, spread + drift) for fit in fits]
+
+
+def _told(fit: SelfFit, prior: FloatArray, drift: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Precision with which one log alone tells the common joint, and that times what it says."""
+    here = np.linalg.inv(fit.covariance[np.ix_(_SHARED, _SHARED)])
+    alone = here - prior
+    pull = here @ fit.unknowns[_SHARED] - prior @ MEAN[_SHARED]
+    # Drift comes on top of what the log does not know: (alone^-1 + drift)^-1 without inverting `alone`.
+    damp = np.linalg.inv(np.eye(len(_SHARED)) + alone @ drift)
+    return damp @ alone, damp @ pull
+
+
+def _corrected(fit: SelfFit, common: FloatArray, spread: FloatArray) -> tuple[float, tuple[float, float]]:
+    """Backlash of a log whose own posterior of the joint is replaced by that of all logs."""
+    here = fit.covariance[np.ix_(_SHARED, _SHARED)]
+    lean = np.linalg.solve(here, fit.covariance[_SHARED, 0])
+    delta = fit.unknowns[0] + lean @ (common - fit.unknowns[_SHARED])
+    variance = fit.covariance[0, 0] - lean @ (here - spread) @ lean
+    widened = (fit.interval_rad[1] - fit.delta_rad) / (_NORMAL_95 * fit.sd_rad)
+    half = _NORMAL_95 * UNIT_RAD * float(np.sqrt(min(variance, fit.covariance[0, 0]))) * widened
+    delta_rad = float(delta * UNIT_RAD)
+    return delta_rad, (max(delta_rad - half, 0.0), delta_rad + half)
