@@ -28,9 +28,10 @@
 # $\alpha$, so they are drawn for several, beside the plain clamped dead zone.
 
 # %%
+import numpy as np
+import pandas as pd
 
-from replication import workbook
-from replication.dead_zone import dead_zone_curves, dead_zone_facts
+from replication import dead_zone, workbook
 from replication.figures import paper
 from replication.simulator.simulate import identified_joint
 
@@ -45,8 +46,29 @@ alphas = [1e3, 1e4, 1e5, 1e6]  # sharpness of the edge, 1/rad
 # ## Result
 
 # %%
-joint = identified_joint()
-curves = dead_zone_curves(joint.stiffness_nm_per_rad, delta_rad, alphas)
+K_s = identified_joint().stiffness_nm_per_rad
+
+
+def K_BL(x, alpha):  # equation 8; x is the displacement theta_m / N - theta_l
+    return K_s / np.pi * (np.pi + (np.arctan(alpha * (x - delta_rad)) - np.arctan(alpha * (x + delta_rad))))
+
+
+def tau_l(x, alpha):  # equation 9, at rest
+    return (x - delta_rad * np.sign(x)) * K_BL(x, alpha)
+
+
+x = np.linspace(-3 * delta_rad, 3 * delta_rad, 1201)
+clamped = dead_zone.transmitted_torque(x, 0.0, delta_rad, K_s, clamped=True)
+curves = pd.concat(
+    [
+        pd.DataFrame({"alpha_per_rad": alpha, "delta_theta_rad": x, "torque_nm": torque, "stiffness_nm_per_rad": K})
+        for alpha, torque, K in [
+            *((alpha, tau_l(x, alpha), K_BL(x, alpha)) for alpha in alphas),
+            (np.inf, clamped, np.where(np.abs(x) > delta_rad, K_s, 0.0)),
+        ]
+    ],
+    ignore_index=True,
+)
 figure = paper.dead_zone(curves, delta_rad)
 workbook.save_figure(
     figure,
@@ -61,7 +83,17 @@ workbook.save_figure(
 # equation 9 changes.
 
 # %%
-facts = dead_zone_facts(joint.stiffness_nm_per_rad, delta_rad, alphas)
+facts = pd.DataFrame(
+    [
+        {
+            "alpha_per_rad": alpha,
+            "edge_share": K_BL(delta_rad, alpha) / K_s,
+            "middle_share": K_BL(0.0, alpha) / K_s,
+            "jump_nm": tau_l(-1e-15, alpha) - tau_l(1e-15, alpha),
+        }
+        for alpha in alphas
+    ]
+)
 workbook.save_table(facts, "dead_zone_facts")
 facts
 

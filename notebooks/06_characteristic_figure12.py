@@ -35,7 +35,6 @@ import pandas as pd
 
 from replication import characteristic, published, workbook
 from replication import simulated as simulations
-from replication.characteristic import characteristic_difference
 from replication.figures import paper
 from replication.simulator.simulate import identified_joint
 from replication.simulator.study import changed_joint
@@ -90,7 +89,15 @@ workbook.save_figure(
 # %%
 joint = changed_joint(identified_joint(), changes)
 ours = characteristic.fit_characteristic(simulations.amplitudes(joint, delta)["amplitude_rps"], delta)
-difference = characteristic_difference(ours)
+amplitude = np.linspace(theoretical.min(), theoretical.max(), 400)
+difference = pd.DataFrame(
+    {
+        "amplitude_rps": amplitude,
+        "fitted_rad": ours.backlash_rad(amplitude),
+        "printed_rad": characteristic.equation_10().backlash_rad(amplitude),
+    }
+)
+difference["difference_rad"] = difference["fitted_rad"] - difference["printed_rad"]
 workbook.save_table(difference.iloc[::20], "characteristic_difference")
 figure = paper.characteristic_difference(difference, simulations.printed_amplitudes())
 workbook.save_figure(

@@ -144,19 +144,3 @@ def table_arithmetic() -> pd.DataFrame:
                 }
             )
     return pd.DataFrame(rows).sort_values(["element", "row"], ignore_index=True)
-
-
-def characteristic_difference(fitted: Characteristic) -> pd.DataFrame:
-    """Compare a characteristic with equation 10 as printed, over the range of the printed points.
-
-    Returns
-    -------
-    DataFrame
-        `amplitude_rps, fitted_rad, printed_rad, difference_rad`.
-    """
-    theoretical = published.column("Table 2", "theoretical")[: printed_levels_rad().size]
-    amplitude = np.linspace(theoretical.min(), theoretical.max(), 400)
-    ours, printed = fitted.backlash_rad(amplitude), equation_10().backlash_rad(amplitude)
-    return pd.DataFrame(
-        {"amplitude_rps": amplitude, "fitted_rad": ours, "printed_rad": printed, "difference_rad": ours - printed}
-    )

@@ -12,10 +12,7 @@ All three vanish as alpha grows (the last but for D_s). The clamped dead zone ha
 the gap, K_s and D_s outside, and a torque that never pulls.
 """
 
-from collections.abc import Sequence
-
 import numpy as np
-import pandas as pd
 from numpy.typing import ArrayLike, NDArray
 
 
@@ -76,43 +73,3 @@ def transmitted_torque(
         return np.where(np.abs(x) > delta, pushing, 0.0)
     displacement = x - delta * np.sign(x) + damping / stiffness_nm_per_rad
     return displacement * stiffness(x, delta, stiffness_nm_per_rad, alpha_per_rad)
-
-
-def dead_zone_curves(stiffness_nm_per_rad: float, delta_rad: float, alphas: Sequence[float]) -> pd.DataFrame:
-    """Evaluate equations 8 and 9 over three gaps, for figure 9.
-
-    Returns
-    -------
-    DataFrame
-        `alpha_per_rad, delta_theta_rad, stiffness_nm_per_rad, torque_nm`; the clamped dead zone has alpha
-        infinite.
-    """
-    x = np.linspace(-3 * delta_rad, 3 * delta_rad, 1201)
-    ks = stiffness_nm_per_rad
-    parts = []
-    for alpha in alphas:
-        torque = transmitted_torque(x, 0.0, delta_rad, ks, alpha_per_rad=alpha)
-        curve = {"alpha_per_rad": alpha, "delta_theta_rad": x, "torque_nm": torque}
-        parts.append(pd.DataFrame(curve | {"stiffness_nm_per_rad": stiffness(x, delta_rad, ks, alpha)}))
-    clamped = transmitted_torque(x, 0.0, delta_rad, ks, clamped=True)
-    curve = {"alpha_per_rad": np.inf, "delta_theta_rad": x, "torque_nm": clamped}
-    parts.append(pd.DataFrame(curve | {"stiffness_nm_per_rad": np.where(np.abs(x) > delta_rad, ks, 0.0)}))
-    return pd.concat(parts, ignore_index=True)
-
-
-def dead_zone_facts(stiffness_nm_per_rad: float, delta_rad: float, alphas: Sequence[float]) -> pd.DataFrame:
-    """Measure what equations 8 and 9 do where the text says otherwise.
-
-    Returns
-    -------
-    DataFrame
-        By `alpha_per_rad`: stiffness at the edge and mid-gap as shares of K_s, and the torque's jump at zero
-        displacement [N m].
-    """
-    ks = stiffness_nm_per_rad
-    rows = []
-    for alpha in alphas:
-        edge, middle = stiffness([delta_rad, 0.0], delta_rad, ks, alpha) / ks
-        left, right = transmitted_torque([-1e-15, 1e-15], 0.0, delta_rad, ks, alpha_per_rad=alpha)
-        rows.append((alpha, edge, middle, left - right))
-    return pd.DataFrame(rows, columns=["alpha_per_rad", "edge_share", "middle_share", "jump_nm"])

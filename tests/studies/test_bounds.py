@@ -27,9 +27,9 @@ def test_in_table_1s_box_of_A_hardly_one_replays(record_12):
 @pytest.mark.parametrize("i", range(1, 7))
 @pytest.mark.parametrize("end", ["lower", "upper"])
 def test_a_bound_that_is_a_hundredth_of_its_range_off_loses_first_generations(record_12, stored_box, i, end):
-    bounds = getattr(stored_box, end).copy()
-    bounds[i] += 0.01 * (stored_box.upper - stored_box.lower)[i]
-    assert bounds.replayed(record_12, replace(stored_box, **{end: bounds}), TIMING) < 25
+    moved = getattr(stored_box, end).copy()
+    moved[i] += 0.01 * (stored_box.upper - stored_box.lower)[i]
+    assert bounds.replayed(record_12, replace(stored_box, **{end: moved}), TIMING) < 25
 
 
 def test_fewer_than_twelve_turns_do_not_give_the_stored_misfits(record_12):
