@@ -269,5 +269,5 @@ workbook.verdict({"authors": found_table1.to_dict()}, claims)
 # 1. `variants = ["authors' notebook", "T_d and T_f as printed"]`: two lines in the figure, and the second lies 30 %
 #    and more below the printed means.
 # 2. `realisation = 2`: another noise; the means of the authors' protocol move by a few percent, the SDs by factors.
-# 3. `population = 20`: ten members make the mean, and $c_\mu$ is 0.1 instead of 0.96, so that the ellipse changes little
-#    from one generation to the next; the run settles early, in a minimum with six times the misfit of the stored run.
+# 3. `population = 20`: ten members make the mean, and $c_\mu$ is 0.1 instead of 0.96, so that the ellipse changes
+#    little from one generation to the next; the run settles early, at six times the misfit of the stored run.
