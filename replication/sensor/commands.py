@@ -20,8 +20,8 @@ from replication.methods.readings import METHODS
 from replication.sensor import many, plots, trend
 from replication.sensor.columns import UNITS, LogFormat
 from replication.sensor.prepare import CannotTell
-from replication.sensor.tables import UnusableLog
 from replication.sensor.shared import with_shared_joint
+from replication.sensor.tables import UnusableLog
 from replication.sensor.verdict import SELF, SENSOR_METHODS, Settings, as_row, as_text, examine, prepared, settings_for
 from replication.workbook import files
 
