@@ -1,0 +1,151 @@
+import numpy as np
+import pandas as pd
+import pytest
+
+from replication import published
+from replication.datasets import Recording
+from replication.simulator.simulate import identified_joint
+from replication.studies import claims
+
+T = 0.002 * np.arange(2401)
+
+
+def made(v):
+    return Recording(T, v, 100.0, 0.4, "made")
+
+
+@pytest.mark.parametrize(("low", "high", "holds"), [(0.6, 0.9, True), (0.1, 0.4, False), (0.4, 0.6, None)])
+def test_an_interval_decides_only_on_one_side_of_the_limit(low, high, holds):
+    assert claims.by_interval(low, high, 0.5) is holds
+
+
+def test_proportional_noise_is_told_from_the_printed_one():
+    assert claims.noise_proportional(np.full(10, 0.2), 1.01)[0]
+    assert not claims.noise_proportional(claims.noise_over_amplitude(), 1.01)[0]
+
+
+@pytest.mark.parametrize(("order", "holds"), [(1, True), (-1, False), (0, None)])
+def test_errors_that_rise_fall_or_neither_are_told_apart(order, holds):
+    error = {1: np.arange(10.0), -1: -np.arange(10.0), 0: np.array([3.0, 1, 4, 1.5, 5, 9, 2, 6, 5.3, 3.5])}[order]
+    if order == 0:
+        error = np.tile([1.0, 2.0], 5) + 1e-3 * np.array([0, 9, 1, 8, 2, 7, 3, 6, 4, 5])
+    table = pd.DataFrame({"delta_rad": np.arange(10.0), "error_rad": error, "error_percent": error})
+    assert claims.quality_decreases(table, 0.05)[0] is holds
+
+
+def test_growth_is_undecided_where_peak_and_rms_disagree():
+    growth = pd.DataFrame({"peak_rps": [1.0, 2, 3], "rms_rps": [0.5, 0.6, 0.7]})
+    printed = np.array([1.0, 2.0])
+    assert claims.amplitude_grows(growth, printed, 0)[0] is True
+    assert claims.amplitude_grows(growth.assign(peak_rps=[1.0, 0.9, 3]), printed, 0)[0] is None
+    assert claims.amplitude_grows(growth.iloc[::-1], printed[::-1], 0)[0] is False
+
+
+def test_a_half_turn_that_is_a_tenth_louder_is_found_but_not_the_first_turn():
+    half = np.floor(T / 0.2 + 1e-9)
+    ring = np.sin(2 * np.pi * 20 * (T % 0.2)) * (1 - 2 * (half % 2))
+    assert claims.half_turn_spread(made(100 + ring * np.where(half == 5, 1.1, 1))) == pytest.approx(0.1, abs=1e-6)
+    assert claims.half_turn_spread(made(100 + ring * np.where(half == 0, 1.1, 1))) == pytest.approx(0, abs=1e-6)
+
+
+@pytest.mark.parametrize("fault", ["none", "normal", "mean", "lag one"])
+def test_noise_of_another_law_is_noticed(fault):
+    rng = np.random.default_rng(3)
+    noises = {(level, 1): rng.uniform(-0.1, 0.1, 2401) for level in range(9)}
+    faults = {
+        "normal": lambda n: rng.normal(0, 0.05, n.size),
+        "mean": lambda n: n + 0.01,
+        "lag one": lambda n: n + np.roll(n, 1),
+    }
+    if fault != "none":
+        noises = {key: faults[fault](noise) for key, noise in noises.items()}
+    assert claims.uniform_noise(claims.noise_tests(noises), 0.01)[0] is (fault == "none")
+
+
+@pytest.mark.parametrize(("A", "holds"), [(0.01, True), (0.2, False)])
+def test_an_amplitude_in_noise_alone_is_held_against_a_share_of_the_smallest(A, holds):
+    assert claims.no_backlash(np.full(100, A), 0.26, 0.25)[0] is holds
+    assert claims.no_backlash(np.full(10, 0.01), 0.26, 0.25)[0] is None  # ten noises cannot tell
+
+
+def test_the_search_finds_a_small_amplitude_in_faint_noise():
+    found = claims.amplitudes_without_backlash([1, 2], 0.001, n_jobs=1)
+    assert found.shape == (2,)
+    assert (found > 0).all()
+    assert found.max() <= 1.3 * 0.001
+
+
+def test_the_teeth_meet_twice_a_turn_on_alternate_sides():
+    phases = claims.impact_phases(identified_joint(), [9e-4])
+    assert len(phases) == 22
+    assert (phases["phase"] == "descent").sum() == 11
+    assert claims.impacts_at_phase_start(phases, 1.0)[0]
+    assert not claims.impacts_at_phase_start(phases.assign(share_passed=-0.1), 1.0)[0]
+
+
+def test_the_error_of_a_shorter_record_is_measured_against_its_own_fit_without_noise():
+    errors = claims.noise_errors_by_turns(identified_joint(), [9e-4], [1e-9], [1, 2], 2)
+    assert errors["turns"].tolist() == [1, 2]
+    assert errors["rms_error_rps"].max() < 1e-4
+
+
+@pytest.mark.parametrize(("ratio", "holds"), [(0.3, True), (3.0, False), (1.0, None)])
+def test_the_error_of_more_turns_is_compared_by_an_f_interval(ratio, holds):
+    errors = pd.DataFrame({"delta_rad": [1.0, 1.0], "turns": [1, 12], "rms_error_rps": [1.0, ratio]})
+    assert claims.turns_reduce_noise(errors, 40, 1.0)[0] is holds
+
+
+def test_an_encoder_of_many_bits_gives_the_speed_and_one_of_few_its_steps():
+    joint = identified_joint()
+    fine, coarse = (claims.encoder_record(joint, 9e-4, bits, 0.3) for bits in (40, 12))
+    assert fine.v.mean() == pytest.approx(100, abs=0.01)
+    assert np.abs(fine.v - coarse.v).max() > 1e3 * np.abs(fine.v - claims.encoder_record(joint, 9e-4, 30, 0.3).v).max()
+    steps = coarse.v * 2**12 * 0.002
+    np.testing.assert_allclose(steps, steps.round(), atol=1e-6)
+
+
+def test_the_fewest_bits_that_suffice_are_named():
+    study = pd.DataFrame({"bits": [12, 16, 19], "delta_rad": 1e-3, "change_rps": [0.1, 1e-4, 1e-5]})
+    assert claims.bits_suffice(study, 19, 9e-4)[0]
+    assert "16" in claims.bits_suffice(study, 19, 9e-4)[1]
+    assert not claims.bits_suffice(study, 12, 9e-4)[0]
+
+
+def test_a_large_displacement_shows_and_a_tiny_one_does_not():
+    detection = claims.displacement_detection(identified_joint(), [1e-9, 1e-3], 19, 40)
+    assert detection["detected"].iloc[0] < 0.3
+    assert detection["detected"].iloc[1] == 1
+    assert claims.encoder_detects(detection, 1e-5)[0] is True
+    assert claims.encoder_detects(detection, 1e-2)[0] is False
+    assert claims.encoder_detects(detection.iloc[:1], 1e-5)[0] is None
+
+
+@pytest.mark.parametrize(
+    ("stepping", "modified", "holds"), [(0.01, 0.0, False), (0.5, 0.0, True), (np.nan, 0.0, True), (0.5, 0.5, None)]
+)
+def test_a_stepping_torque_is_blamed_only_where_the_smooth_one_is_sound(stepping, modified, holds):
+    study = pd.DataFrame(
+        {"model": ["stepping", "modified"], "delta_rad": 1e-3, "step_s": 1e-4, "error": [stepping, modified]}
+    )
+    assert claims.discontinuities_destabilise(study, 0.1)[0] is holds
+
+
+@pytest.mark.parametrize(("odds", "holds"), [(50, True), (0.01, False), (3, None)])
+def test_the_start_is_decided_by_strong_odds_only(odds, holds):
+    assert claims.random_start(odds, 20)[0] is holds
+
+
+@pytest.mark.parametrize(("off", "holds"), [(0.02, True), (0.2, False), (0.1, None)])
+def test_an_error_near_the_limit_is_undecided(off, holds):
+    theoretical = published.column("Table 2", "theoretical")[:10]
+    rng = np.random.default_rng(1)
+    runs = pd.DataFrame(
+        [
+            {"noise_level": "low", "row": row, "A_rps": A * (1 - off + rng.normal(0, 0.01))}
+            for row, A in enumerate(theoretical, start=1)
+            for _ in range(30)
+        ]
+    )
+    decided, said = claims.error_below_10(runs, 10.0)
+    assert decided is holds
+    assert said.startswith(f"largest error of a mean {claims.largest_error_percent(runs)[0]:.1f} %")

@@ -1,0 +1,109 @@
+import numpy as np
+import pandas as pd
+import pytest
+
+from replication import workbook
+from replication.datasets import Recording
+from replication.identify import Protocol
+from replication.signature import Timing, rmse, signature
+from replication.studies import claims, optimizers
+
+T = 0.002 * np.arange(2401)
+X = np.array([1.0, 0.01, 14.0, 130.0, 100.0, 0.1507, 0.0113])
+
+
+@pytest.fixture
+def record():
+    noise = np.random.default_rng(1).uniform(-0.1, 0.1, T.size)
+    return Recording(T, 100 + signature(T, X, Timing(0.2, 0.4, 12)) + noise, 100.0, 0.4, "made")
+
+
+def result(method, kind, found, runs=30):
+    rows = {"method": method, "kind": kind, "level": 2, "realisation": 1, "evaluations": 1000}
+    return [rows | {"found": k < found} for k in range(runs)]
+
+
+def test_the_cost_and_the_residuals_are_the_papers(record):
+    cost = optimizers.Cost(record, 0.0, 1000)
+    unit = (X - cost.box.lower) / (cost.box.upper - cost.box.lower)
+    expected = rmse(T, record.v, X, Protocol().timing)
+    assert cost(unit) == pytest.approx(expected, rel=1e-9)
+    assert np.linalg.norm(cost.residuals(unit)) == pytest.approx(expected, rel=1e-9)
+    assert cost.of_members(X[None])[0] == pytest.approx(expected, rel=1e-9)
+    assert cost.evaluations == 3
+
+
+def test_the_cost_ends_the_search_at_the_target_and_at_the_budget(record):
+    cost = optimizers.Cost(record, 0.0, 2)
+    cost(np.full(7, 0.5))
+    with pytest.raises(optimizers.SearchEnded):
+        cost(np.full(7, 0.5))
+    with pytest.raises(optimizers.SearchEnded):
+        optimizers.Cost(record, 1e9, 1000)(np.full(7, 0.5))
+
+
+@pytest.mark.parametrize("method", list(optimizers.METHODS))
+def test_a_method_spends_its_budget_and_a_seed_gives_the_same_run(record, method):
+    kind, run = optimizers.METHODS[method]
+    if kind == "swarm":
+        pytest.importorskip("niapy", reason="the swarms need the extra `studies`")
+    best = []
+    for _ in range(2):
+        cost = optimizers.Cost(record, 0.0, 700)
+        with pytest.raises(optimizers.SearchEnded):
+            run(cost, 5)
+        assert 700 <= cost.evaluations < 700 + optimizers.POPULATION
+        best.append(cost.best)
+    assert best[0] == best[1]
+
+
+def test_every_method_has_thirty_runs_on_three_records_and_the_deterministic_one_twenty_records():
+    plan = pd.DataFrame(optimizers.plan(), columns=["method", "level", "realisation", "seed"])
+    assert len(plan.drop_duplicates()) == len(plan)
+    for method, part in plan.groupby("method"):
+        records = len(part.drop_duplicates(["level", "realisation"]))
+        assert (records, len(part)) == ((20, 20) if method == "DIRECT" else (3, 30))
+
+
+def test_the_own_population_is_that_of_seven_dimensions():
+    assert optimizers.default_population() == 9
+
+
+def test_a_swarm_is_compared_at_its_better_population():
+    rows = result("CMA-ES, population 300", "CMA-ES", 25)
+    for swarm in optimizers.SWARMS:
+        rows += result(f"{swarm}, population 300", "swarm", 3) + result(f"{swarm}, its own population", "swarm", 10)
+    compared = optimizers.against_swarms(optimizers.success_table(pd.DataFrame(rows)))
+    assert compared["method"].str.endswith("its own population").all()
+    assert claims.cma_beats_swarms(compared, 0.05)[0] is True
+
+
+@pytest.mark.parametrize(("cma", "swarm", "holds"), [(25, 2, True), (15, 14, None), (2, 25, False)])
+def test_cma_es_beats_the_swarms_only_if_chance_is_ruled_out(cma, swarm, holds):
+    rows = result("CMA-ES, population 300", "CMA-ES", cma)
+    for name in optimizers.SWARMS:
+        rows += result(f"{name}, population 300", "swarm", swarm)
+    compared = optimizers.against_swarms(optimizers.success_table(pd.DataFrame(rows)))
+    assert claims.cma_beats_swarms(compared, 0.05)[0] is holds
+
+
+@pytest.mark.parametrize(("found", "holds"), [((0, 1), True), ((29, 1), False), ((15, 1), None)])
+def test_one_classical_method_that_works_is_enough(found, holds):
+    rows = [row for k, count in enumerate(found) for row in result(f"method {k}", "classical", count)]
+    assert claims.classical_cannot(optimizers.success_table(pd.DataFrame(rows)), 0.5)[0] is holds
+
+
+@pytest.mark.parametrize(("found", "holds"), [((0, 29), True), ((1, 2), False), ((1, 15), None)])
+def test_cma_es_needs_no_tuning_if_it_succeeds_alone_or_restarted(found, holds):
+    names = ["CMA-ES, its own population", "CMA-ES, its own population, restarts doubling it"]
+    rows = [row for name, count in zip(names, found, strict=True) for row in result(name, "CMA-ES", count)]
+    assert claims.little_tuning(optimizers.success_table(pd.DataFrame(rows)), 0.5)[0] is holds
+
+
+def test_the_kept_runs_are_the_planned_ones_and_none_is_far_below_the_global_fit():
+    kept = pd.read_csv(workbook.ROOT / "results" / "optimizers.csv")
+    columns = ["method", "level", "realisation", "seed"]
+    assert sorted(kept[columns].itertuples(index=False, name=None)) == sorted(optimizers.plan())
+    assert (kept["found"] == (kept["rmse_over_best"] <= 1 + 2e-3)).all()
+    assert kept["rmse_over_best"].min() > 1 - 2e-3
+    assert (kept["evaluations"] <= optimizers.BUDGET).all()
