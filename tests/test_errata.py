@@ -46,7 +46,7 @@ def test_equation_4_read_literally_misses_every_stored_run_that_can_tell(record_
 
 
 def test_tau_has_the_unit_1_per_s():
-    X = np.array([1.0, 0.01, 14.0, 130.0, 100.0, 0.15, 0.0111])
+    X = np.array([1.0, 0.01, 14.0, 130.0, 100.0, 0.1507, 0.0111])
     in_ms = X * [1, 1e3, 1e-3, 1e-3, 1, 1e3, 1e3]
     seconds = signature(T, X, Timing(0.2, 0.4, 12))
     milliseconds = Timing(200.0, 400.0, 12)
