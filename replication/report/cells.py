@@ -6,12 +6,13 @@ from decimal import Decimal, InvalidOperation
 import pandas as pd
 
 from replication import published
+from replication.workbook.judging import EVIDENCE
 
 # A sign beside each word, so that colour is never the only difference.
 SIGNS = {
     "reproduced": "✓",
     "consistent": "=",
-    "given": "←",
+    "given": "→",
     "erratum": "‡",
     "undecided": "?",
     "stand-in": "≈",
@@ -31,19 +32,14 @@ MEANINGS = {
     "stand-in": "the original data are not public; a simulated stand-in never counts as reproduced",
     "not-run": "nothing computes it",
 }
-EVIDENCE = ("reproduced", "erratum", "differs")
 SOURCES = {"authors": "authors' data", "simulated": "our simulation", "stand-in": "stand-in"}
-KNOWN_COLUMNS = {
-    *("id", "source", "printed", "published", "reproduced", "difference", "tolerance", "verdict", "reason"),
-    *("notebook", "low", "high", "fails_if"),
-}
 
 
 @dataclass(frozen=True)
 class Judgement:
-    """What one source says of a cell: our number, the region that it was judged by, the verdict and why.
+    """What one source says of a cell: our number, the region that should hold the printed one, the verdict and why.
 
-    `others` are further verdicts on the same number, by name, such as those under another region.
+    `predicted` says that the region is a predictive one; `by_tolerance` is the verdict by the cell's tolerance then.
     """
 
     source: str
@@ -52,10 +48,11 @@ class Judgement:
     low: float
     high: float
     verdict: str
+    by_tolerance: str
+    predicted: bool
     reason: str
     notebook: str
     fails_if: str
-    others: tuple[tuple[str, str], ...]
 
 
 @dataclass(frozen=True)
@@ -87,7 +84,7 @@ def cells(verdicts: pd.DataFrame) -> list[Cell]:
     Parameters
     ----------
     verdicts : DataFrame
-        `verdicts.csv`; the columns `low`, `high`, `fails_if` and any whose name begins with `verdict_` may be there.
+        As from `judging.verdicts`.
 
     Returns
     -------
@@ -102,7 +99,6 @@ def cells(verdicts: pd.DataFrame) -> list[Cell]:
 
 
 def _cell(name: str, printed: pd.Series, rows: list[dict]) -> Cell:
-    tolerance = published.tolerance(name)
     order = list(SOURCES)
     rows = sorted(rows, key=lambda row: order.index(row["source"]) if row["source"] in order else len(order))
     return Cell(
@@ -114,32 +110,33 @@ def _cell(name: str, printed: pd.Series, rows: list[dict]) -> Cell:
         value=float(printed["value"]),
         unit=printed["unit"],
         kind=printed["kind"],
-        tolerance=tolerance,
+        tolerance=published.tolerance(name),
         tolerance_reason=printed["tol_reason"],
         section=printed["section"],
-        judgements=tuple(_judgement(row, printed, tolerance) for row in rows),
+        judgements=tuple(_judgement(row) for row in rows),
     )
 
 
-def _judgement(row: dict, printed: pd.Series, tolerance: float) -> Judgement:
-    value = float(printed["value"])
-    low = -float("inf") if printed["kind"] == "bound" else value - tolerance
+def _judgement(row: dict) -> Judgement:
     return Judgement(
         source=row["source"],
-        ours=_float(row.get("reproduced")),
-        difference=_float(row.get("difference")),
-        low=_or(_float(row.get("low")), low),
-        high=_or(_float(row.get("high")), value + tolerance),
+        ours=_float(row["reproduced"]),
+        difference=_float(row["difference"]),
+        low=_float(row["low"]),
+        high=_float(row["high"]),
         verdict=row["verdict"],
-        reason=_text(row.get("reason")),
-        notebook=_text(row.get("notebook")),
-        fails_if=_text(row.get("fails_if")),
-        others=tuple(
-            (name.removeprefix("verdict_").replace("_", " "), row[name])
-            for name in row
-            if name.startswith("verdict_") and _text(row[name])
-        ),
+        by_tolerance=row["by_tolerance"],
+        predicted=_predicted(row),
+        reason=_text(row["reason"]),
+        notebook=_text(row["notebook"]),
+        fails_if=_text(row["fails_if"]),
     )
+
+
+def _predicted(row: dict) -> bool:
+    """Whether the region is a predictive one, and not our number's tolerance."""
+    low, ours, tolerance = _float(row["low"]), _float(row["reproduced"]), _float(row["tolerance"])
+    return low == low and abs(ours - tolerance - low) > 1e-9 * max(abs(ours), abs(low), tolerance)
 
 
 def _float(value: object) -> float:
@@ -148,10 +145,6 @@ def _float(value: object) -> float:
 
 def _text(value: object) -> str:
     return value if isinstance(value, str) else ""
-
-
-def _or(number: float, otherwise: float) -> float:
-    return otherwise if number != number else number
 
 
 def by_id(all_cells: list[Cell]) -> dict[str, Cell]:

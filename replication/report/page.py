@@ -41,6 +41,7 @@ class CellText:
     number: int
     name: str
     told: tuple[Told, ...]
+    erratum: str
 
 
 def cell_name(cell: Cell) -> str:
@@ -69,7 +70,14 @@ def told(cell: Cell, number: int, notebooks: Path) -> CellText:
             )
             for each in cell.judgements
         ),
+        _erratum(cell.id),
     )
+
+
+def _erratum(cell: str) -> str:
+    """Name of the erratum that corrects a cell; empty if there is none."""
+    errata = published.errata()
+    return next((str(key) for key, cells in errata["cells"].items() if cell in cells.split()), "")
 
 
 def claim_rows(results: Path) -> list[dict]:

@@ -82,7 +82,7 @@ def _table(html: str) -> str:
     html = re.sub(r"<th></th>", '<td class="corner"></td>', html)
     html = TABLE_NUMBER.sub(lambda found: f'<td class="number">{float(found[1]):.{DIGITS}g}</td>', html)
     html = re.sub(r"</?div>", "", html)
-    return f'<div class="wide" tabindex="0" role="region" aria-label="table, scrolls sideways">{html.strip()}</div>'
+    return f'<div class="wide" tabindex="0" role="group" aria-label="table, scrolls sideways">{html.strip()}</div>'
 
 
 def render(notebook: Path, results: Path, drawn: list[figures.Picture], all_names: list[str]) -> str:

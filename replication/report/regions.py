@@ -57,7 +57,9 @@ def picture(cell: Cell, judgement: Judgement) -> Markup:
 
 
 def region(judgement: Judgement) -> str:
-    """The region in words."""
-    if not math.isfinite(judgement.low):
-        return f"up to {number(judgement.high)}"
+    """The region in words; nothing where there is none."""
+    if math.isnan(judgement.low):
+        return ""
+    if math.isinf(judgement.high):
+        return f"{number(judgement.low)} or more"
     return f"{number(judgement.low)} to {number(judgement.high)}"

@@ -173,7 +173,8 @@ def _cell(cell: Cell, results: Path, colour: bool) -> str:
         lines.append(("", ""))
         lines.append((each.source, f"{each.exact or '-'} {f'({each.difference})' if each.difference else ''}".strip()))
         lines.append(("verdict", paint(f"{SIGNS[judged.verdict]} {judged.verdict}", judged.verdict, colour)))
-        lines += [(name, verdict) for name, verdict in judged.others]
+        if judged.predicted:
+            lines.append(("by tolerance", judged.by_tolerance))
         lines.append(("region", regions.region(judged)))
         if judged.reason != cell.tolerance_reason:
             lines.append(("why", judged.reason))

@@ -1,0 +1,128 @@
+"""The report and a page in a real browser: widths, light and dark, keyboard, paper, no request."""
+
+import pytest
+from places import RESULTS
+
+from replication.report import cells as cells_of
+from replication.workbook import judging
+
+VERDICTS = judging.verdicts(RESULTS)
+WIDTHS = (390, 820, 1440)
+PAGES = ("report.html", "pages/08_noise_table2.html")
+SHOWN = "[...document.querySelectorAll('tr.row')].filter(row => !row.hidden).map(row => ({...row.dataset}))"
+
+
+@pytest.fixture
+def tab(browser):
+    """Open a page of the site at a width, light or dark; keep what it asks for and what it says."""
+    contexts = []
+
+    def opened(file, width=1440, scheme="light"):
+        context = browser.new_context(viewport={"width": width, "height": 900}, color_scheme=scheme)
+        contexts.append(context)
+        page = context.new_page()
+        page.said, page.asked = [], []
+        page.on("console", lambda message: page.said.append(message.text))
+        page.on("pageerror", lambda error: page.said.append(str(error)))
+        page.on("request", lambda request: page.asked.append(request.url))
+        page.goto(file.as_uri())
+        return page
+
+    yield opened
+    for context in contexts:
+        context.close()
+
+
+@pytest.mark.parametrize("name", PAGES)
+def test_a_page_opens_without_a_word_on_the_console_and_without_a_request(tab, site, name):
+    page = tab(site / name)
+    page.wait_for_timeout(200)
+    assert page.said == []
+    assert [url for url in page.asked if not url.startswith("data:")] == [(site / name).as_uri()]
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+@pytest.mark.parametrize("width", WIDTHS)
+def test_axe_finds_no_serious_violation(tab, site, width, scheme):
+    axe = pytest.importorskip("axe_playwright_python.sync_playwright", reason="axe is not installed (extra `dev`)")
+    for name in PAGES:
+        page = tab(site / name, width, scheme)
+        page.evaluate("document.querySelectorAll('details').forEach(each => each.open = true)")
+        page.evaluate("document.querySelector('.about')?.showPopover()")
+        found = axe.Axe().run(page, options={"runOnly": ["wcag2a", "wcag2aa", "wcag21aa"]}).response["violations"]
+        bad = [(each["id"], each["nodes"][0]["target"]) for each in found if each["impact"] in ("serious", "critical")]
+        assert bad == [], name
+
+
+@pytest.mark.parametrize("width", WIDTHS)
+def test_nothing_makes_a_page_wider_than_the_screen(tab, site, width):
+    for file in [site / "report.html", *sorted(site.glob("pages/*.html"))]:
+        page = tab(file, width)
+        page.evaluate("document.querySelectorAll('details').forEach(each => each.open = true)")
+        assert page.evaluate("document.documentElement.scrollWidth") <= width, file.name
+
+
+def test_a_cell_is_opened_read_and_closed_by_keyboard_alone(tab, site):
+    page = tab(site / "report.html")
+    page.locator("[id='table2.row02.sd']").focus()
+    page.keyboard.press("Tab")
+    page.keyboard.press("Tab")
+    assert page.evaluate("document.activeElement.id") == "table2.row03.theoretical"
+    page.locator("[id='table2.row03.sd']").focus()
+    page.keyboard.press("Enter")
+    about = page.locator("[id='about-table2.row03.sd']")
+    assert about.is_visible()
+    assert "0.0138" in about.inner_text()
+    assert "--rerun" in about.inner_text()
+    page.keyboard.press("Escape")
+    assert not about.is_visible()
+
+
+def test_every_cell_says_in_words_what_its_colour_says(tab, site):
+    page = tab(site / "report.html")
+    texts = page.evaluate(
+        "[...document.querySelectorAll('button.cell')].map(cell => [cell.className.split(' ')[1], cell.textContent])"
+    )
+    assert len(texts) == len(cells_of.cells(VERDICTS))
+    for verdict, text in texts:
+        assert verdict in text
+
+
+def test_the_filters_show_the_rows_that_the_verdicts_have_and_reset_shows_all(tab, site):
+    page = tab(site / "report.html")
+    page.evaluate("document.querySelectorAll('details').forEach(each => each.open = true)")
+    assert len(page.evaluate(SHOWN)) == len(VERDICTS)
+    page.get_by_label("verdict").select_option("differs")
+    assert len(page.evaluate(SHOWN)) == (VERDICTS["verdict"] == "differs").sum()
+    page.get_by_label("source").select_option("simulated")
+    both = ((VERDICTS["verdict"] == "differs") & (VERDICTS["source"] == "simulated")).sum()
+    assert {row["verdict"] for row in page.evaluate(SHOWN)} == {"differs"}
+    assert page.locator("#shown").text_content() == f"{both} of {len(VERDICTS)} rows shown"
+    page.get_by_label("element").select_option("Table 1")
+    assert page.evaluate(SHOWN) == []
+    page.get_by_role("button", name="show all").click()
+    page.wait_for_function("document.getElementById('shown').textContent === 'all rows shown'")
+    assert len(page.evaluate(SHOWN)) == len(VERDICTS)
+
+
+def test_a_click_leads_from_a_cell_to_the_notebooks_cell_and_back(tab, site):
+    page = tab(site / "report.html")
+    page.locator("[id='table2.row03.mean']").click()
+    page.locator("[id='about-table2.row03.mean'] a[href^='pages/']").first.click()
+    page.wait_for_url("**/pages/08_noise_table2.html#*")
+    anchor = page.evaluate("decodeURIComponent(location.hash.slice(1))")
+    assert "repeated_fits" in page.locator(f"[id='{anchor}']").inner_text()
+    page.get_by_role("link", name="The report").click()
+    page.wait_for_url("**/report.html")
+
+
+def test_on_paper_every_cell_has_its_footnote_and_no_table_is_cut(tab, site):
+    page = tab(site / "report.html", 718)  # as wide as A4 within its margins, at 96 dots per inch
+    page.emulate_media(media="print")
+    notes = page.evaluate("[...document.querySelectorAll('.about')].filter(each => each.checkVisibility()).length")
+    assert notes == len(cells_of.cells(VERDICTS))
+    cut = page.evaluate(
+        "[...document.querySelectorAll('table')].filter(t => t.checkVisibility())"
+        ".filter(t => t.getBoundingClientRect().right > 720).map(t => t.caption?.textContent ?? t.className)"
+    )
+    assert cut == []

@@ -1,0 +1,36 @@
+"""The errata sheet and the README's blocks."""
+
+import re
+
+import pytest
+from places import RESULTS
+
+from replication import published, workbook
+from replication.report import errata, readme
+
+
+def test_the_errata_sheet_is_what_the_data_give_and_fits_a_page():
+    sheet = errata.sheet()
+    assert (RESULTS / "errata.md").read_text(encoding="utf-8") == sheet, "run: make report"
+    rows = [line for line in sheet.splitlines() if re.match(r"\| E\d+ ", line)]
+    assert len(rows) == len(published.errata())
+    assert all(row.replace("\\|", "").count("|") == 7 for row in rows)
+    assert len(sheet.split()) < 900
+
+
+def test_every_proof_of_an_erratum_is_a_test_that_is_there():
+    for evidence in published.errata()["evidence"]:
+        file, _, test = evidence.partition("::")
+        assert f"def {test}(" in (workbook.ROOT / file).read_text(encoding="utf-8")
+
+
+def test_the_readmes_blocks_are_what_the_command_writes():
+    text = (workbook.ROOT / "README.md").read_text(encoding="utf-8")
+    assert readme.block(text, "status").strip() == readme.status(RESULTS).strip(), "run: python -m replication readme"
+    assert readme.block(text, "map").strip() == readme.paper_map().strip(), "run: python -m replication readme"
+
+
+def test_a_readme_without_the_marks_is_refused(tmp_path):
+    (tmp_path / "README.md").write_text("no marks")
+    with pytest.raises(ValueError, match="status: begin"):
+        readme.update_readme(tmp_path / "README.md", RESULTS)

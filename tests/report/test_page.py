@@ -1,0 +1,176 @@
+"""The report's content: everything is there, every link hits, nothing is fetched."""
+
+import re
+from collections import Counter
+from html.parser import HTMLParser
+from pathlib import Path
+from urllib.parse import unquote
+
+import pandas as pd
+import pytest
+from places import NOTEBOOKS, RESULTS
+
+from replication import published, workbook
+from replication.report import cells as cells_of
+from replication.report import facts, findings, page, tables
+from replication.workbook import judging, provenance
+
+VERDICTS = judging.verdicts(RESULTS)
+
+
+class _Links(HTMLParser):
+    """Every link and every id of a page."""
+
+    def __init__(self):
+        super().__init__()
+        self.links, self.ids = [], []
+
+    def handle_starttag(self, tag, attrs):
+        values = dict(attrs)
+        if tag == "a":
+            self.links.append(values["href"])
+        if "id" in values:
+            self.ids.append(values["id"])
+
+
+def read(text):
+    parser = _Links()
+    parser.feed(text)
+    return parser
+
+
+def test_the_committed_pages_are_what_the_results_give(site):
+    for made in [site / "report.html", *sorted((site / "pages").glob("*.html"))]:
+        committed = RESULTS / made.relative_to(site)
+        assert committed.read_text(encoding="utf-8") == made.read_text(encoding="utf-8"), "run: make report"
+
+
+def test_every_cell_claim_erratum_and_figure_is_on_the_page(report_page):
+    ids = set(read(report_page).ids)
+    assert set(published.cells().index) <= ids
+    assert {f"about-{cell}" for cell in published.cells().index} <= ids
+    assert {f"claim-{claim}" for claim in published.claims().index} <= ids
+    assert set(published.errata().index) <= ids
+    drawn = page.pictures(RESULTS, workbook.ROOT / "figures")
+    assert {picture.name for picture in drawn if picture.element} <= ids
+    assert all(f"#{picture.anchor}" in report_page for picture in drawn)
+
+
+def test_every_drawing_has_its_caption_and_its_notebook():
+    drawn = {picture.name: picture for picture in page.pictures(RESULTS, workbook.ROOT / "figures")}
+    assert set(drawn) == {path.stem for path in (workbook.ROOT / "figures").glob("*.svg")}
+    for name, picture in drawn.items():
+        assert len(picture.caption) > 30
+        assert picture.alternative.startswith(picture.caption)
+        assert f'"{name}"' in (NOTEBOOKS / f"{picture.notebook}.py").read_text(encoding="utf-8")
+
+
+def test_no_link_of_any_page_is_dead(site):
+    found = {
+        file: read(file.read_text(encoding="utf-8")) for file in [site / "report.html", *site.glob("pages/*.html")]
+    }
+    seen = 0
+    for file, parser in found.items():
+        assert max(Counter(parser.ids).values(), default=1) == 1, file.name
+        for link in parser.links:
+            address, _, anchor = unquote(link).partition("#")
+            target = (file.parent / address).resolve() if address else file
+            if target in found:
+                assert not anchor or anchor in found[target].ids, f"{file.name}: {link}"
+            else:
+                of_project = workbook.ROOT / "results" / Path(address) if file.parent == site else None
+                of_project = of_project or RESULTS / "pages" / Path(address)
+                assert of_project.exists(), f"{file.name}: {link}"
+            seen += 1
+    assert seen > 500
+
+
+def test_report_and_pages_are_light_and_fetch_nothing(site):
+    total = 0
+    for file in [site / "report.html", *site.glob("pages/*.html")]:
+        text = file.read_text(encoding="utf-8")
+        total += len(text.encode())
+        assert not re.search(r'(src|href)="(https?:)?//', text)
+        assert "@import" not in text
+        assert "default-src 'none'" in text
+    assert (site / "report.html").stat().st_size < 1_000_000
+    assert total < 5_000_000
+
+
+def test_a_notebooks_page_has_no_script_and_no_formula_left_as_it_is_typed(site):
+    for file in site.glob("pages/*.html"):
+        text = file.read_text(encoding="utf-8")
+        assert "<script" not in text
+        prose = re.sub(r'<div class="code">.*?</div>|<pre>.*?</pre>|alttext="[^"]*"', "", text, flags=re.DOTALL)
+        assert not re.search(r"\$[^$<\n]{1,80}\$", prose), file.name
+
+
+def test_the_findings_have_all_their_numbers_and_half_a_page():
+    found = findings.findings(facts.facts(RESULTS))
+    assert len(found) == len(published.findings()), "a finding's number is not in the results"
+    kinds = Counter(each.kind for each in found)
+    assert 8 <= kinds["finding"] <= 12
+    assert kinds["open"] >= 2
+    assert all(each.proofs for each in found)
+    assert sum(len(each.text.split()) for each in found) < 450
+
+
+def test_no_finding_types_a_number_that_results_could_change():
+    allowed = {"1", "10", "2", "30", "3", "4", "8", "13"}  # names: R = 1, equation 10, Table 2, 30 runs, of 30
+    for text in published.findings()["text"]:
+        typed = set(re.findall(r"(?<![\w.{])\d+(?:\.\d+)?(?:e-?\d+)?(?![\w}])", re.sub(r"\{\w+\}", "", text)))
+        assert typed <= allowed, text
+
+
+@pytest.mark.parametrize("layout", tables.LAYOUTS, ids=lambda layout: layout.element)
+def test_a_table_has_the_papers_rows_and_columns_and_every_cell_once(layout):
+    all_cells = cells_of.cells(VERDICTS)
+    placed = [
+        item.id for row in tables.rows(layout, all_cells) for item in row.entries if isinstance(item, cells_of.Cell)
+    ]
+    assert placed == list(published.cells(layout.element).index)
+    lengths = {column.heading: len(column.texts) for column in layout.columns if column.texts}
+    assert set(lengths.values()) <= {len(tables.rows(layout, all_cells))}
+
+
+def test_a_cells_number_is_told_with_the_digits_of_the_printed_one():
+    assert cells_of.like_printed(0.48991, "0.4925") == "0.4899"
+    assert cells_of.like_printed(14.0762, "8.93%") == "14.08"
+    assert cells_of.like_printed(0.00225, "0.0009") == "0.00225"
+    assert cells_of.like_printed(5.93e-6, "8.6983e-10") == "5.93e-06"
+    assert cells_of.like_printed(float("nan"), "0.1") == ""
+
+
+def test_evidence_decides_a_cell_before_what_follows_from_print():
+    table = pd.DataFrame(
+        {
+            **{name: [VERDICTS[name].iloc[0]] * 2 for name in VERDICTS.columns},
+            "source": ["authors", "simulated"],
+            "verdict": ["consistent", "differs"],
+        }
+    )
+    (cell,) = cells_of.cells(table)
+    assert cell.deciding.source == "simulated"
+    assert cells_of.counts([cell]) == {"differs": 1}
+
+
+def test_the_counts_are_those_of_the_printed_numbers():
+    assert sum(cells_of.counts(cells_of.cells(VERDICTS)).values()) == len(published.cells())
+
+
+def test_text_from_the_data_is_escaped(tmp_path, monkeypatch):
+    (tmp_path / "results" / "outcomes").mkdir(parents=True)
+    provenance.collect(tmp_path / "results")
+    claims = published.claims()
+    claims["claim"] = "<b>1 & 2</b>"
+    monkeypatch.setattr(published, "claims", lambda: claims)
+    assert "&lt;b&gt;1 &amp; 2&lt;/b&gt;" in page.page(tmp_path / "results", tmp_path)
+
+
+def test_the_sensitivity_matrix_has_the_order_of_the_paper_whatever_the_hash_seed(report_page):
+    head = report_page[report_page.index('<table class="matrix">') :].partition("</thead>")[0]
+    names = re.findall(r'<th scope="col">([^<]+)</th>', head)[3:-1]
+    kinds = [name.split()[0] for name in names]
+    order = ["Table", "Equation", "Text", "claims", "tests"]
+    assert kinds == sorted(kinds, key=order.index)
+    assert [name for name in names if name.startswith("Table")] == sorted(n for n in names if n.startswith("Table"))

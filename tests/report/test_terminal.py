@@ -1,0 +1,88 @@
+"""The commands `check` and `show`."""
+
+import pandas as pd
+import pytest
+from places import RESULTS
+
+from replication import published
+from replication.__main__ import main
+from replication.report import again, terminal
+from replication.workbook import judging
+
+VERDICTS = judging.verdicts(RESULTS)
+
+
+def test_check_prints_every_printed_number_and_ours(capsys):
+    main(["check"])
+    said = capsys.readouterr().out
+    for cell in published.cells().itertuples():
+        assert cell.printed in said
+    assert "decided by evidence" in said
+    assert "\033[" not in said, "no colour where there is no terminal"
+
+
+def test_check_ends_well_when_only_known_differences_differ(monkeypatch, capsys):
+    differs = VERDICTS[VERDICTS["verdict"] == "differs"]
+    known = differs[["id", "source"]].assign(reason="known")
+    monkeypatch.setattr(published, "known_differences", lambda: known)
+    assert main(["check"]) == 0
+    assert main(["check", "--strict"]) == int(len(differs) > 0)
+    monkeypatch.setattr(published, "known_differences", lambda: known.iloc[1:])
+    assert main(["check"]) == 1
+    assert f"{known['id'].iloc[0]} ({known['source'].iloc[0]}) differs" in capsys.readouterr().out
+
+
+def test_a_known_difference_that_is_gone_is_told_but_is_no_failure():
+    known = pd.DataFrame({"id": ["table2.row03.mean"], "source": ["authors"], "reason": ["once"]})
+    same = VERDICTS.assign(verdict="reproduced")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(published, "known_differences", lambda: known)
+        (said,) = terminal.unexpected(same)
+    assert "no longer differs" in said
+
+
+def test_colour_is_beside_the_sign_and_only_where_asked_for():
+    plain, coloured = (terminal.verdict_tables(VERDICTS, colour) for colour in (False, True))
+    assert "\033[" in coloured
+    assert "\033[" not in plain
+    assert "✓" in plain
+
+
+def test_show_tells_of_a_cell_what_is_printed_ours_the_verdict_and_where_it_is_made(capsys):
+    assert main(["show", "table2.row03.sd"]) == 0
+    said = capsys.readouterr().out
+    row = VERDICTS.set_index(["id", "source"]).loc[("table2.row03.sd", "authors")]
+    for part in ("0.0138 rps", row["verdict"], f"{row['reproduced']:.5g}", "notebooks/08_noise_table2.py", "--rerun"):
+        assert part in said
+    assert "replication/table2.py:" in said
+
+
+@pytest.mark.parametrize("name", ["Table 2", "table2", "Equation 10", "local_minima", "e3", "text"])
+def test_show_takes_elements_claims_and_errata_in_any_spelling(name, capsys):
+    assert main(["show", name]) == 0
+    assert len(capsys.readouterr().out) > 100
+
+
+def test_show_of_an_unknown_name_says_what_is_near_in_one_line(capsys):
+    assert main(["show", "row03.sd"]) == 2
+    said = capsys.readouterr().err.strip()
+    assert "table2.row03.sd" in said
+    assert "\n" not in said
+
+
+def test_a_rerun_of_a_row_of_table_2_gives_the_committed_numbers(authors_data, monkeypatch):
+    """With two runs instead of thirty: the first two of the committed ones."""
+    monkeypatch.setattr(again.published, "value", lambda cell: 2.0 if cell == "text.runs" else VALUE(cell))
+    judged = VERDICTS[(VERDICTS["id"] == "table2.row02.mean") & (VERDICTS["source"] == "authors")]
+    now = again._table2_row(2, judged).set_index("id")["reproduced"]
+    runs = pd.read_csv(RESULTS / "table2_runs_authors.csv")
+    same = runs[(runs["row"] == 2) & runs["noise_level"].str.endswith("R = 1") & (runs["seed"] <= 2)]
+    assert now["table2.row02.mean"] == pytest.approx(same["A_rps"].abs().mean(), rel=1e-5)
+
+
+VALUE = published.value
+
+
+def test_a_rerun_says_what_no_notebook_makes():
+    with pytest.raises(terminal.Unknown, match="no notebook makes it"):
+        again.again("text.encoder_bits", VERDICTS)
