@@ -92,7 +92,11 @@ ranking[[*shown, "best_basin_share", "dropped"]].head(24).round(3)
 
 # %%
 figure = plots.protocol_ranking(ranking, shown=32)
-workbook.save_figure(figure, "protocols_ranking")
+workbook.save_figure(
+    figure,
+    "protocols_ranking",
+    caption="How likely each candidate protocol makes the printed Table 2, the likeliest at the top.",
+)
 
 # %% [markdown]
 # ### Five rows choose, the other five judge
@@ -143,7 +147,12 @@ joint_p.to_frame().round(3)
 
 # %%
 figure = plots.predicted_regions(tables)
-workbook.save_figure(figure, "table2_regions")
+workbook.save_figure(
+    figure,
+    "table2_regions",
+    caption="Where 95 % of tables of 30 runs would print each row's mean and SD, with the printed numbers: a mark "
+    "outside its bar is a cell that this protocol does not explain.",
+)
 
 # %% [markdown]
 # ### What is left unexplained

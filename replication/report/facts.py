@@ -79,12 +79,38 @@ def _power(value: float, digits: int = 1) -> str:
 
 def _stored_runs(results: Path) -> dict[str, str]:
     basins = pd.read_csv(results / "stored_basins.csv")
-    runs = pd.read_csv(results / "stored_runs.csv")
-    same = np.abs(runs["first_rps"] / runs["stored_first_rps"] - 1) < 1e-5  # six digits are exported
+    return {"stored_best": str(basins["runs"].iloc[0]), "stored_runs": str(basins["runs"].sum())}
+
+
+def _replay(results: Path) -> dict[str, str]:
+    ends = pd.read_csv(results / "replay_ends.csv")
+    apart = ends["difference_rps"].abs()
+    same = apart < 1e-9  # far below what tells two basins apart, far above rounding
     return {
-        "stored_best": str(basins["runs"].iloc[0]),
-        "stored_runs": str(basins["runs"].sum()),
-        "first_generations": str(int(same.sum())),
+        "replayed": str(int(same.sum())),
+        "replay_apart": _power(apart[same].max(), 0),
+        "replay_generations": str(int(ends["agrees_until"].sum())),
+        "stored_generations": str(int(ends["stored_generations"].sum())),
+    }
+
+
+def _library(results: Path) -> dict[str, str]:
+    table = pd.read_csv(results / "library_versions.csv").set_index("search")
+    today = table[table.index.str.startswith("today")].iloc[0]
+    return {
+        "library_apart": f"{today['means_apart_percent']:.1f}",
+        "library_best_apart": f"{today['best_apart_percent']:.1f}",
+        "seeds_apart": f"{table.loc['the same, other seeds', 'means_apart_percent']:.1f}",
+    }
+
+
+def _candidates(results: Path) -> dict[str, str]:
+    table = pd.read_csv(results / "protocols.csv")
+    likeliest = table.iloc[0]
+    return {
+        "candidates": str(len(table)),
+        "likeliest": likeliest["protocol"],
+        "likeliest_share": f"{100 * likeliest['share']:.0f}",
     }
 
 
@@ -155,6 +181,6 @@ def _protocols(results: Path) -> dict[str, str]:
 
 
 PARTS: tuple[Callable[[Path], dict[str, str]], ...] = (
-    *(_verdicts, _table2, _stored_runs, _periods, _equation10, _simulator, _dead_zone, _friction, _features),
-    _protocols,
+    *(_verdicts, _table2, _stored_runs, _replay, _library, _candidates, _periods, _equation10),
+    *(_simulator, _dead_zone, _friction, _features, _protocols),
 )
