@@ -72,7 +72,7 @@ lint: .venv/.installed  ## style and format
 lock: .venv/.installed  ## pin the newest versions that pyproject.toml allows
 	$(PY) -m pip install --quiet uv
 	$(PY) -m uv pip compile pyproject.toml --quiet --upgrade --universal --python-version 3.11 --extra dev \
-	  --extra lab --extra fleet --extra studies --generate-hashes --no-emit-index-url --no-header --no-annotate \
+	  --extra lab --extra fleet --extra article --extra studies --generate-hashes --no-emit-index-url --no-header --no-annotate \
 	  --output-file requirements.lock
 
 clean:  ## remove what can be made again and is not committed
