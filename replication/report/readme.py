@@ -1,10 +1,9 @@
-"""The README's blocks, made from the results and from `data/map.csv`."""
+"""The README's block of verdicts, made from the results."""
 
 from pathlib import Path
 
 import pandas as pd
 
-from replication import published, workbook
 from replication.workbook import files, judging
 
 
@@ -14,31 +13,6 @@ def status(results: Path) -> str:
     total = counts.drop(columns=["element", "source"]).sum()
     summary = ", ".join(f"{number} {verdict}" for verdict, number in total.items())
     return f"{summary} (cells by source):\n\n{_markdown(counts)}"
-
-
-def paper_map() -> str:
-    """Make the README's block that maps the paper to notebooks, functions and tests."""
-    table = published.paper_map()
-    number = {source.stem: source.stem[:2].lstrip("0") for source in (workbook.ROOT / "notebooks").glob("[0-9]*.py")}
-    shown = pd.DataFrame(
-        {
-            "paper": table["element"],
-            "what": table["what"],
-            "notebook": [
-                ", ".join(f"[{number[name]}](notebooks/{name}.ipynb)" for name in names.split())
-                for names in table["notebooks"]
-            ],
-            "function": [", ".join(f"`{name}`" for name in names.split()) for names in table["functions"]],
-            "test": [_test_link(test) for test in table["test"]],
-            "note": table["note"],
-        }
-    )
-    return _markdown(shown)
-
-
-def _test_link(test: str) -> str:
-    file, _, name = test.partition("::")
-    return f"[{name.removeprefix('test_').replace('_', ' ')}]({file})" if name else ""
 
 
 def _markdown(table: pd.DataFrame) -> str:
@@ -62,16 +36,13 @@ def block(text: str, name: str) -> str:
 
 
 def update_readme(readme: Path, results: Path) -> None:
-    """Replace the README's blocks with what the results and `data/map.csv` say.
+    """Replace the README's block with what the results say.
 
     Raises
     ------
     ValueError
-        The README lacks the marks of a block.
+        The README lacks the marks of the block.
     """
     text = readme.read_text(encoding="utf-8")
-    for name, content in (("status", status(results)), ("map", paper_map())):
-        old = block(text, name)
-        marks = f"<!-- {name}: begin -->{old}", f"<!-- {name}: begin -->\n{content}\n"
-        text = text.replace(*marks)
-    files.write_text(readme, text)
+    marks = f"<!-- status: begin -->{block(text, 'status')}", f"<!-- status: begin -->\n{status(results)}\n"
+    files.write_text(readme, text.replace(*marks))

@@ -27,7 +27,6 @@ def test_every_proof_of_an_erratum_is_a_test_that_is_there():
 def test_the_readmes_blocks_are_what_the_command_writes():
     text = (workbook.ROOT / "README.md").read_text(encoding="utf-8")
     assert readme.block(text, "status").strip() == readme.status(RESULTS).strip(), "run: python -m replication readme"
-    assert readme.block(text, "map").strip() == readme.paper_map().strip(), "run: python -m replication readme"
 
 
 def test_a_readme_without_the_marks_is_refused(tmp_path):
