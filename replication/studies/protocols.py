@@ -13,9 +13,10 @@ The criteria, written down before any pool was computed:
 - With a probability of `OTHER` a row's numbers come from something else, evenly spread over ±10 % of the theoretical A
   (the text's limit) and, in ln SD, from 0.0003 to 0.3 rps. So no single row decides alone.
 - Prior: every candidate is as probable as any other.
-- Dropping: a candidate whose log-likelihood after `SCREENED` runs a row is more than `DROPPED_BELOW` below the best
-  gets no more runs. A row's log-likelihood has a range of about 9 and, from so few runs, an error of 1 or so; ten rows
-  make 3; 20 is more than six of those, and a share of exp(-20).
+- Dropping: a candidate whose log-likelihood after 20 runs a row is more than 30 below the best gets no more runs, nor
+  one that is more than 20 below after 50 (`STAGES`). So few runs miss rare strays, which costs 5 for each row that
+  needs one: the log-likelihood of the authors' notebook, whose pool is the largest, is 8 lower from its first 20 runs,
+  2 lower from its first 50.
 - A region: the middle 95 % of a row's predictive means, or SDs, in another realisation.
 - The table's p-value: the share of predicted tables whose log-likelihood is no higher than the printed table's.
 - A region that holds at least half of the other nine printed numbers of its column decides nothing
@@ -42,16 +43,17 @@ from replication.studies.predictive import DRAWS, RUNS, best_basins, log_likelih
 FloatArray = NDArray[np.float64]
 Width = tuple[float, float]
 
-SCREENED = 20  # runs a row, half on R = 1, half on R = 2; half as many of the slow ones with free T_d and T_f
+# Runs a row, half on R = 1, half on R = 2, and how far below the best a candidate then is dropped.
+STAGES = {20: 30.0, 50: 20.0}
+SLOW = 10  # runs a row of the slow ones with free T_d and T_f, before any is dropped
 CONTENDER, REFERENCE = 100, 200  # the authors' notebook, which the kernel comes from, has more
 NOISES, NOISE_ONLY = 6, 30  # fresh noises over our simulated joint and over constant speed, `RUNS` runs each
-DROPPED_BELOW = 20.0
 TABLES = 1000  # that a p-value counts
 OF_AUTHORS = ["R1", "R2"]
 
 
 def compute_pools(folder: Path = FOLDER, jobs: int = 2, tell: Callable[[str], None] = print) -> None:
-    """Compute all pools: every candidate is screened, those that are not dropped get `CONTENDER` runs a row.
+    """Compute all pools: candidates are dropped by `STAGES`, the others get `CONTENDER` runs a row.
 
     The likeliest of each kind of start gets them too, and the authors' notebook. The two likeliest and the authors'
     notebook also get fresh noise over our simulated joint, records of noise alone, and stand-ins of Table 3's bench.
@@ -61,22 +63,31 @@ def compute_pools(folder: Path = FOLDER, jobs: int = 2, tell: Callable[[str], No
     extend_pool(GRID[AUTHORS], OF_AUTHORS, REFERENCE // 2, folder, jobs)
     width = widths(pool(AUTHORS, folder))
     tell(f"R = 1 and R = 2 are {100 * width[0]:.2f} % apart in A, a factor {math.exp(width[1]):.2f} in its SD")
-    for name, candidate in GRID.items():
-        runs = SCREENED // 4 if candidate.free_timing else SCREENED // 2
-        screened = extend_pool(candidate, OF_AUTHORS, runs, folder, jobs)
-        found[name] = row_log_likelihoods(name, screened[screened["seed"] <= runs], width).sum()
-        tell(f"{name}: {found[name]:.1f}")
-    best = max(found.values())
-    starts = {max((n for n in GRID if GRID[n].protocol.start == start), key=found.get) for start in STARTS}
-    for name in found:
-        if found[name] >= best - DROPPED_BELOW or name in starts:
-            runs = extend_pool(GRID[name], OF_AUTHORS, CONTENDER // 2, folder, jobs)
-            tell(f"{name}: {row_log_likelihoods(name, runs, width).sum():.1f} with {CONTENDER} runs a row")
+    left = list(GRID)
+    for runs, dropped_below in STAGES.items():
+        found = {}
+        for name in left:
+            screened = extend_pool(GRID[name], OF_AUTHORS, first_runs(name, runs) // 2, folder, jobs)
+            part = screened[screened["seed"] <= first_runs(name, runs) // 2]
+            found[name] = row_log_likelihoods(name, part, width).sum()
+            tell(f"{name}, {runs} runs a row: {found[name]:.1f}")
+        best = max(found.values())
+        by_start = {start: [name for name in left if GRID[name].protocol.start == start] for start in STARTS}
+        spared = {max(names, key=found.get) for names in by_start.values()}
+        left = [name for name in left if found[name] >= best - dropped_below or name in spared]
+    for name in left:
+        runs = extend_pool(GRID[name], OF_AUTHORS, CONTENDER // 2, folder, jobs)
+        tell(f"{name}, {CONTENDER} runs a row: {row_log_likelihoods(name, runs, width).sum():.1f}")
     likelihoods = {name: row_log_likelihoods(name, pool(name, folder), width).sum() for name in contenders(folder)}
     for name in {AUTHORS: 0} | dict.fromkeys(sorted(likelihoods, key=likelihoods.get)[-2:]):
         for kind, numbers in (("S", range(1, NOISES + 1)), ("N", range(1, NOISE_ONLY + 1)), ("B", range(len(BENCHES)))):
             extend_pool(GRID[name], [f"{kind}{number}" for number in numbers], RUNS, folder, jobs)
         tell(f"{name}: our joint, noise alone, benches")
+
+
+def first_runs(name: str, runs: int) -> int:
+    """Runs a row that a candidate gets in a stage."""
+    return SLOW if GRID[name].free_timing and runs == min(STAGES) else runs
 
 
 def contenders(folder: Path = FOLDER) -> list[str]:
