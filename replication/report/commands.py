@@ -33,6 +33,9 @@ def add_commands(subparsers: "argparse._SubParsersAction") -> None:
     made.add_argument("--lab", action="store_const", dest="made", const="lab", help="of notebooks run by hand")
     diff.set_defaults(command=_diff)
 
+    subparsers.add_parser("article", help="results/article.pdf from article/article.typ and the results").set_defaults(
+        command=_article
+    )
     subparsers.add_parser("readme", help="write the results' numbers into README.md").set_defaults(command=_readme)
 
 
@@ -87,6 +90,17 @@ def _diff(options: argparse.Namespace) -> int:
         print(error, file=sys.stderr)
         return 1
     print(table.to_string(index=False) if len(table) else "no verdict flipped")
+    return 0
+
+
+def _article(_: argparse.Namespace) -> int:
+    from replication.report import article
+
+    try:
+        print(article.write_article(workbook.ROOT / "results"))
+    except (article.NotTypeset, ImportError) as error:
+        print(error, file=sys.stderr)
+        return 1
     return 0
 
 

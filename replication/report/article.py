@@ -1,0 +1,116 @@
+"""The replication article: typeset from a text whose every number comes from the results."""
+
+import json
+from pathlib import Path
+
+import pandas as pd
+
+from replication import published, workbook
+from replication.report import cells as cells_of
+from replication.report import facts, figures, findings, page
+from replication.workbook import files, judging
+
+SOURCE = workbook.ROOT / "article" / "article.typ"
+
+
+class NotTypeset(RuntimeError):
+    """The article's text asks for something that the results do not have."""
+
+
+def content(results: Path) -> dict:
+    """Collect what the article's text takes from the results.
+
+    Parameters
+    ----------
+    results : Path
+        Folder of the results.
+
+    Returns
+    -------
+    dict
+        `facts`, `table2`, `claims`, `errata`, `open`, `captions` and the `legend` of the verdicts' signs.
+    """
+    all_facts = facts.facts(results)
+    drawn = figures.pictures(results, results.parent / "figures")
+    rows = _table2(results)
+    signs = {sign for row in rows for sign in (row["mean_sign"], row["sd_sign"])}
+    return {
+        "facts": all_facts,
+        "table2": rows,
+        "errata": published.errata().reset_index()[["id", "location", "as_printed", "corrected"]].to_dict("records"),
+        "open": [each.text for each in findings.findings(all_facts) if each.kind == "open"],
+        "captions": {picture.name: picture.caption for picture in drawn},
+        "legend": ", ".join(
+            f"{cells_of.SIGNS[name]} {name}" for name in cells_of.MEANINGS if cells_of.SIGNS[name] in signs
+        ),
+        "claims": [
+            {name: row[name] for name in ("claim", "verdict", "measured")} | {"sign": cells_of.SIGNS[row["verdict"]]}
+            for row in page.claim_rows(results)
+        ],
+    }
+
+
+def _table2(results: Path) -> list[dict[str, str]]:
+    """Table 2's ten rows on the authors' records: printed, ours, the best basin, and the verdicts' signs."""
+    by_id = cells_of.by_id(cells_of.cells(judging.verdicts(results)))
+    table = pd.read_csv(results / "table2.csv")
+    of_authors = table[(table["source"] == "authors") & (table["theoretical_A_rps"] > 0)]
+    first = of_authors[of_authors["noise_level"] == of_authors["noise_level"].iloc[0]]
+    rows = []
+    for row in first.to_dict("records"):
+        head = f"table2.row{row['row']:02d}"
+        mean, sd = by_id[f"{head}.mean"], by_id[f"{head}.sd"]
+        rows.append(
+            {
+                "row": str(row["row"]),
+                "theoretical": by_id[f"{head}.theoretical"].printed,
+                "printed_mean": mean.printed,
+                "mean": f"{row['mean_A_rps']:.4f}",
+                "mean_sign": _sign(mean),
+                "best": f"{row['best_A_rps']:.4f}",
+                "printed_sd": sd.printed,
+                "sd": f"{row['sd_A_rps']:.4f}",
+                "sd_sign": _sign(sd),
+                "share": f"{row['best_basin_runs']} of {row['runs']}",
+            }
+        )
+    return rows
+
+
+def _sign(cell: cells_of.Cell) -> str:
+    judged = next(each for each in cell.judgements if each.source == "authors")
+    return cells_of.SIGNS[judged.verdict]
+
+
+def typeset(results: Path) -> bytes:
+    """Typeset the article.
+
+    Parameters
+    ----------
+    results : Path
+        Folder of the results; the figures are in the folder `figures` beside it.
+
+    Returns
+    -------
+    bytes
+        The PDF, the same for the same results.
+
+    Raises
+    ------
+    NotTypeset
+        The text names a number or a figure that the results do not have.
+    """
+    import typst  # only the article needs it
+
+    inputs = {"data": json.dumps(content(results))}
+    try:
+        return typst.compile(str(SOURCE), root=str(workbook.ROOT), sys_inputs=inputs)
+    except typst.TypstError as error:
+        raise NotTypeset(f"article/article.typ: {error}") from error
+
+
+def write_article(results: Path) -> Path:
+    """Write `article.pdf` into the results' folder."""
+    path = results / "article.pdf"
+    files.write_bytes(path, typeset(results))
+    return path

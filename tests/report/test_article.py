@@ -1,0 +1,53 @@
+"""The replication article: it is typeset from the results, and no place in it is empty."""
+
+import re
+
+import pytest
+from places import RESULTS
+
+from replication import published, workbook
+from replication.report import article, facts
+
+typst = pytest.importorskip("typst", reason="typst is not installed (extra `article`)")
+TEXT = (workbook.ROOT / "article" / "article.typ").read_text(encoding="utf-8")
+
+
+def test_the_article_is_typeset_the_same_each_time():
+    pdf = article.typeset(RESULTS)
+    assert pdf.startswith(b"%PDF")
+    assert article.typeset(RESULTS) == pdf
+
+
+def test_every_number_that_the_text_names_is_in_the_results():
+    named = set(re.findall(r'#n\("(\w+)"\)', TEXT))
+    found = facts.facts(RESULTS)
+    assert len(named) > 25
+    assert not {name for name in named if not found.get(name)}
+
+
+def test_a_number_that_is_not_there_stops_the_typesetting(monkeypatch):
+    whole = article.content(RESULTS)
+    monkeypatch.setattr(article, "content", lambda _: whole | {"facts": whole["facts"] | {"best_worst": ""}})
+    with pytest.raises(article.NotTypeset, match="best_worst"):
+        article.typeset(RESULTS)
+    short = {name: value for name, value in whole["facts"].items() if name != "printed"}
+    monkeypatch.setattr(article, "content", lambda _: whole | {"facts": short})
+    with pytest.raises(article.NotTypeset, match="printed"):
+        article.typeset(RESULTS)
+
+
+def test_no_number_with_decimals_is_typed_in_the_text():
+    prose = TEXT[TEXT.index("*Abstract.*") :]
+    prose = re.sub(r'#n\("\w+"\)|#figure\(.*?\n\) <\w+>', "", prose, flags=re.DOTALL)
+    assert not re.findall(r"\d+\.\d+", prose)
+
+
+def test_tables_and_captions_have_no_empty_place():
+    found = article.content(RESULTS)
+    assert len(found["table2"]) == 10
+    assert len(found["claims"]) == len(published.claims())
+    assert len(found["errata"]) == len(published.errata())
+    for rows in ("table2", "claims", "errata"):
+        for row in found[rows]:
+            assert all(str(value).strip() for name, value in row.items() if name != "measured"), row
+    assert len(found["open"]) >= 2
