@@ -9,7 +9,7 @@ NOTEBOOKS := $(sort $(basename $(notdir $(wildcard notebooks/[0-9]*.py))))
 STAMPS := $(NOTEBOOKS:%=.make/%.done)
 
 .DEFAULT_GOAL := help
-.PHONY: help all quick test check diff report sensitivity claims bench scoreboard population protocols identify-joint data lab lint lock clean
+.PHONY: help all quick test check diff report sensitivity claims bench scoreboard population protocols identify-joint portable data lab lint lock clean
 
 help:  ## list the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 16
@@ -58,6 +58,9 @@ protocols: .venv/.installed  ## runs of every protocol that may have printed Tab
 
 identify-joint: .venv/.installed  ## identify the simulated joint anew from the authors' records
 	$(RUN) identify-joint
+
+portable: .venv/.installed  ## tests and verdicts under other processors' settings
+	$(RUN) portable
 
 data: .venv/.installed  ## fetch and verify the authors' data
 	$(RUN) data

@@ -12,7 +12,7 @@ from replication.sensor import commands
 from replication.sensor.tables import UnusableLog
 from replication.simulator.simulate import identified_joint
 from replication.simulator.study import FIT_LEVELS, calibrate, clean_records
-from replication.studies import edge, optimizers, population, protocols, scoreboard, sensitivity, timings
+from replication.studies import edge, optimizers, population, portable, protocols, scoreboard, sensitivity, timings
 from replication.workbook import files, provenance
 
 
@@ -70,6 +70,9 @@ def _parser() -> argparse.ArgumentParser:
     score = subparsers.add_parser("score", help="score your own method on the scoreboard's logs")
     score.add_argument("method", help="module:function; takes a Recording, returns the backlash [rad]")
     score.set_defaults(command=_score)
+    settings = subparsers.add_parser("portable", help="tests and verdicts under other processors' settings")
+    settings.add_argument("--only-tests-of", metavar="SETTING", help="only the tests, under this one setting")
+    settings.set_defaults(command=_portable)
     subparsers.add_parser("data", help="fetch and verify the authors' data").set_defaults(command=_data)
     return parser
 
@@ -159,6 +162,15 @@ def _score(options: argparse.Namespace) -> int:
 def _protocols(options: argparse.Namespace) -> int:
     protocols.compute_pools(jobs=options.jobs, tell=lambda line: print(line, flush=True))
     return 0
+
+
+def _portable(options: argparse.Namespace) -> int:
+    try:
+        same = portable.portable(options.only_tests_of, tell=lambda line: print(line, flush=True))
+    except (ValueError, portable.OtherMachine) as error:
+        print(error, file=sys.stderr)
+        return 2
+    return 0 if same else 1
 
 
 def _data(_: argparse.Namespace) -> int:

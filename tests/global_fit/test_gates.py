@@ -16,8 +16,8 @@ from replication.global_fit.gates import Fit, Record, _best_distance, _last_dist
 from replication.identify import protocol_box
 from replication.methods.readings import protocol_for
 from replication.signature import signature
+from replication.studies.portable import kernels_here
 
-KERNELS = ("SkylakeX", "Haswell", "Zen", "Prescott")
 ALIGNED = ((False, False), (True, False), (False, True), (True, True))
 
 
@@ -102,7 +102,7 @@ def test_the_fit_has_the_same_bits_with_every_kernel_of_openblas():
     ]
     path = os.pathsep.join([os.path.dirname(__file__), *filter(None, sys.path)])
     printed = set()
-    for kernel in KERNELS:
+    for kernel in kernels_here():
         environment = os.environ | {"OPENBLAS_CORETYPE": kernel, "PYTHONPATH": path}
         command = [sys.executable, "-c", "\n".join(lines)]
         printed.add(subprocess.run(command, env=environment, capture_output=True, text=True, check=True).stdout)
