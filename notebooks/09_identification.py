@@ -78,6 +78,9 @@ workbook.save_table(table, "identification_basins")
 table.head(6).round(4)
 
 # %% [markdown]
+# The stored runs are runs of this very search (notebook 1), so what parts the two columns is chance, that of the seeds:
+# `p_same` is the probability of so much of it. Thirty runs say little about a rate, and a mean over them less.
+#
 # ### The landscape
 #
 # Two slices through the best fit, and the five commonest basins, the lowest misfit first; runs of other basins lie off
