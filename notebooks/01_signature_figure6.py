@@ -88,6 +88,19 @@ workbook.save_figure(
 )
 
 # %% [markdown]
+# The same with sliders for $A$, $\tau$ and $\omega$, where the notebook is run by hand with `make lab`.
+
+
+# %%
+def draw(A_rps, tau_per_s, omega_rad_per_s):
+    moved = np.array([A_rps, X[1], tau_per_s, omega_rad_per_s, *X[4:]])
+    model = X[4] + signature(record.t, moved, Timing(stored["T_d_s"], stored["T_f_s"], 12))
+    paper.record_with_fit(record.t, record.v, model, ("authors' record 12", "signature"), seconds=1.6)
+
+
+workbook.sliders(draw, A_rps=(X[0], -2.0, 2.0), tau_per_s=(X[2], 5.0, 30.0), omega_rad_per_s=(X[3], 6.0, 260.0))
+
+# %% [markdown]
 # ### The 30 stored runs
 #
 # `rmse_rps` is the transcription at the stored parameters, to be compared with `stored_rmse_rps`. `first_today_rps` is

@@ -30,6 +30,7 @@
 # %%
 import numpy as np
 import pandas as pd
+from matplotlib import pyplot as plt
 
 from replication import dead_zone, workbook
 from replication.figures import paper
@@ -76,6 +77,22 @@ workbook.save_figure(
     caption="With a small alpha the stiffness never falls to zero inside the gap, and the torque jumps at zero "
     "displacement; from 1e5 per rad on it is as good as a plain dead zone.",
 )
+
+# %% [markdown]
+# The same with sliders for $\alpha$ and $\delta$, where the notebook is run by hand with `make lab`.
+
+
+# %%
+def draw(log10_alpha, delta_mrad):
+    x, delta = np.linspace(-3e-3, 3e-3, 2001), 1e-3 * delta_mrad
+    figure, (left, right) = plt.subplots(1, 2, figsize=(7, 2.6), layout="constrained")
+    left.plot(1e3 * x, dead_zone.stiffness(x, delta, K_s, 10**log10_alpha))
+    left.set(xlabel="displacement [mrad]", ylabel="stiffness [N m/rad]")
+    right.plot(1e3 * x, dead_zone.transmitted_torque(x, 0.0, delta, K_s, alpha_per_rad=10**log10_alpha))
+    right.set(xlabel="displacement [mrad]", ylabel="torque [N m]")
+
+
+workbook.sliders(draw, log10_alpha=(4.0, 3.0, 6.0), delta_mrad=(1e3 * delta_rad, 0.3, 2.1))
 
 # %% [markdown]
 # At the edge the stiffness is half of $K_s$; in the middle of the gap a share of $2/(\pi\alpha\delta)$ is left, and it

@@ -66,6 +66,19 @@ workbook.save_figure(
 )
 
 # %% [markdown]
+# The speed with a slider for $\delta$, where the notebook is run by hand with `make lab`.
+
+
+# %%
+def draw(delta_mrad):
+    record = simulate_recordings(joint, [1e-3 * delta_mrad])[0]
+    first = record.t <= 4 * record.turn_period_s
+    paper.speed_signal(record.t[first], record.v[first], record.turn_period_s)
+
+
+workbook.sliders(draw, delta_mrad=(1e3 * datasets.level_delta_rad(speed_level), 0.1, 4.0))
+
+# %% [markdown]
 # ### Figure 11
 
 # %%

@@ -23,8 +23,9 @@ CHEAPER = {
     "07_protocol_table1": {"repeats": 2, "rows": [3, 9], "version_runs": 1},
     "08_noise_table2": {"repeats": 2, "realisations": [1]},
     "09_identification": {"replay_runs": 6, "strategy_runs": 1, "coverage_runs": 1, "budget": 3000},
-    "10_bench_table3": {"benches": 20, "worn_benches": 1},
+    "10_bench_table3": {"benches": 20},
     "11_robots_table4": {"robots_each": 100, "loud_robots_each": 50, "frequency_step_hz": 10.0},
+    "15_friction_and_wear": {"shares": [0.0, 0.005, 0.02, 0.05], "worn_benches": 1},
     "13_beyond_the_paper": {"scored": [3], "deltas_rad": [5e-4], "healthy": 20, "seen_records": 4},
 }
 
@@ -245,6 +246,18 @@ def the_errors_scatter_a_third_as_much(n):
     assert errors.std() < 0.5 * committed("table3_population")["error_percent"].std()
 
 
+def half_a_percent_of_friction_may_be_disregarded(n):
+    assert n["claims"]["friction_disregarded"][0]
+
+
+def five_percent_of_friction_takes_more_than_a_quarter(n):
+    assert n["change"] < -25
+
+
+def two_percent_of_friction_change_A_by_less(n):
+    assert n["claims"]["friction_disregarded"][0]
+
+
 def youden_errors(best):
     return best["false_alarms"] + 1 - best["detected"]
 
@@ -380,6 +393,11 @@ OUTCOMES = {
         'method = "amplitude"': the_amplitude_errs_more_than_the_waveform,
         "log_turns = 4": answers_with_wider_intervals,
         "bench_seed = 4": your_own_calibration_still_beats_the_papers,
+    },
+    "15_friction_and_wear": {
+        "judged_share = 0.005": half_a_percent_of_friction_may_be_disregarded,
+        "judged_share = 0.05": five_percent_of_friction_takes_more_than_a_quarter,
+        "most_percent = 10": two_percent_of_friction_change_A_by_less,
     },
     "14_the_sensor_that_calibrates_itself": {
         "bench_seed = 4": another_joints_backlash_is_held,

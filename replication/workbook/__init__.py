@@ -2,5 +2,6 @@
 
 from replication.workbook.files import QUICK, ROOT
 from replication.workbook.outcomes import is_quick, save_figure, save_table, verdict
+from replication.workbook.sliders import sliders
 
-__all__ = ["QUICK", "ROOT", "is_quick", "save_figure", "save_table", "verdict"]
+__all__ = ["QUICK", "ROOT", "is_quick", "save_figure", "save_table", "sliders", "verdict"]
