@@ -85,7 +85,7 @@ workbook.save_figure(
 # %%
 def draw(log10_alpha, delta_mrad):
     x, delta = np.linspace(-3e-3, 3e-3, 2001), 1e-3 * delta_mrad
-    figure, (left, right) = plt.subplots(1, 2, figsize=(7, 2.6), layout="constrained")
+    _, (left, right) = plt.subplots(1, 2, figsize=(7, 2.6), layout="constrained")
     left.plot(1e3 * x, dead_zone.stiffness(x, delta, K_s, 10**log10_alpha))
     left.set(xlabel="displacement [mrad]", ylabel="stiffness [N m/rad]")
     right.plot(1e3 * x, dead_zone.transmitted_torque(x, 0.0, delta, K_s, alpha_per_rad=10**log10_alpha))

@@ -20,6 +20,6 @@ def test_by_hand_there_is_a_slider_for_each_number_with_its_first_value_and_its_
     widgets.FloatSlider = lambda first, **options: (first, options["min"], options["max"])
     widgets.interact = lambda draw, **made: shown.update(made)
     monkeypatch.setitem(sys.modules, "ipywidgets", widgets)
-    monkeypatch.setattr("replication.workbook.sliders.find_spec", lambda name: widgets)
+    monkeypatch.setattr("replication.workbook.interactive.find_spec", lambda name: widgets)
     sliders(lambda **values: pytest.fail("drawn by the sliders alone"), alpha=(4.0, 3.0, 6.0))
     assert shown == {"alpha": (4.0, 3.0, 6.0)}
