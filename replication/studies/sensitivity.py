@@ -44,11 +44,16 @@ TESTS = (
 )
 
 _JUDGED = "judged.csv"
+# Judged in the notebook's own kernel, where the changed constant is.
 _JUDGE = f"""
 # %%
+import pandas as pd
 from replication.workbook import judging, outcomes
 
-judging.verdicts(outcomes.output_folder() / "results").to_csv(outcomes.output_folder() / "results/{_JUDGED}")
+results = outcomes.output_folder() / "results"
+cells = pd.DataFrame(judging.outcomes(results)[outcomes.notebook_name()]["cells"]).assign(notebook="")
+judged = judging.judge(cells) if len(cells) else pd.DataFrame(columns=["id", "source", "reproduced", "verdict"])
+judged.to_csv(results / "{_JUDGED}")
 """
 
 # By kind ("cell", "claim", "test"), id and source: the value and verdict of a cell, whether a claim or a test holds.
@@ -185,8 +190,7 @@ def _executed(name: str, values: Mapping[str, object], code: str, folder: Path) 
         if not code:
             raise
         return {}
-    judged = pd.read_csv(folder / "results" / _JUDGED)
-    cells = judged[judged["notebook"] == name]
+    cells = pd.read_csv(folder / "results" / _JUDGED)
     claims = json.loads((folder / "results" / "outcomes" / f"{name}.json").read_text(encoding="utf-8"))["claims"]
     found = {
         ("cell", row["id"], row["source"]): (row["reproduced"], row["verdict"]) for row in cells.to_dict("records")
