@@ -9,7 +9,11 @@ NOTEBOOKS := $(sort $(basename $(notdir $(wildcard notebooks/[0-9]*.py))))
 STAMPS := $(NOTEBOOKS:%=.make/%.done)
 
 .DEFAULT_GOAL := help
+<<<<<<< HEAD
 .PHONY: help all quick test check diff report sensitivity claims bench scoreboard population protocols identify-joint portable data lab lint lock clean
+=======
+.PHONY: help all quick test check diff report article sensitivity claims bench scoreboard population protocols identify-joint data lab lint lock clean
+>>>>>>> f2e580a (make article; the workflow; the packages that the report needs)
 
 help:  ## list the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 16
@@ -27,7 +31,7 @@ quick: .venv/.installed  ## the same figures from few repeats, into results/quic
 test: .venv/.installed  ## all tests, on the committed results
 	OPENBLAS_NUM_THREADS=1 $(PY) -m pytest --numprocesses 2 --dist worksteal
 
-check: .venv/.installed  ## print the verdict table; fails if a cell differs
+check: .venv/.installed  ## print the tables with their verdicts; fails if a cell differs unexpectedly
 	$(RUN) check
 
 diff: .venv/.installed  ## cells and claims whose verdict is not the last commit's
@@ -36,6 +40,9 @@ diff: .venv/.installed  ## cells and claims whose verdict is not the last commit
 report: .venv/.installed  ## results/report.html from the results
 	$(RUN) collect
 	$(RUN) report
+
+article: .venv/.installed  ## results/article.pdf, the replication article, from the results
+	$(RUN) article
 
 sensitivity: .venv/.installed  ## who notices a wrong constant, into results/sensitivity.csv and the report
 	$(RUN) sensitivity
@@ -75,7 +82,11 @@ lint: .venv/.installed  ## style and format
 lock: .venv/.installed  ## pin the newest versions that pyproject.toml allows
 	$(PY) -m pip install --quiet uv
 	$(PY) -m uv pip compile pyproject.toml --quiet --upgrade --universal --python-version 3.11 --extra dev \
+<<<<<<< HEAD
 	  --extra lab --extra fleet --extra article --extra studies --generate-hashes --no-emit-index-url --no-header --no-annotate \
+=======
+	  --extra article --extra lab --extra fleet --extra studies --generate-hashes --no-emit-index-url --no-header --no-annotate \
+>>>>>>> f2e580a (make article; the workflow; the packages that the report needs)
 	  --output-file requirements.lock
 
 clean:  ## remove what can be made again and is not committed
@@ -105,5 +116,6 @@ $(STAMPS): .make/%.done: notebooks/%.py requirements.lock | .venv/.installed
 	$(RUN) collect
 	$(RUN) report
 	$(RUN) readme
+	$(RUN) article
 	$(RUN) check || true
 	@touch $@

@@ -1,0 +1,38 @@
+"""What hosts and librarians read: the citation file, the article's metadata, the workflow."""
+
+import re
+
+import yaml
+
+from replication import workbook
+
+ROOT = workbook.ROOT
+
+
+def read(name):
+    return yaml.safe_load((ROOT / name).read_text(encoding="utf-8"))
+
+
+def test_the_citation_file_has_what_its_format_demands_and_cites_the_paper():
+    citation = read("CITATION.cff")
+    assert {"cff-version", "title", "message", "authors"} <= set(citation)
+    (paper,) = citation["references"]
+    assert paper["title"] == "A virtual sensor for backlash in robotic manipulators"
+    assert [author["family-names"] for author in paper["authors"]] == ["Giovannitti", "Nabavi", "Squillero", "Tonda"]
+    assert re.fullmatch(r"10\.\d+/\S+", paper["doi"])
+
+
+def test_the_articles_metadata_cite_the_same_paper():
+    metadata = read("article/metadata.yaml")
+    fields = {name: value for entry in metadata["replication"] for name, value in entry.items()}
+    assert fields["doi"] == read("CITATION.cff")["references"][0]["doi"]
+    assert metadata["title"].startswith("[Re] ")
+
+
+def test_the_workflow_runs_what_make_offers_and_keeps_what_is_there():
+    workflow = read(".github/workflows/test.yml")
+    targets = re.findall(r"^([a-z-]+):.*##", (ROOT / "Makefile").read_text(encoding="utf-8"), re.MULTILINE)
+    steps = workflow["jobs"]["test"]["steps"]
+    assert {step["run"] for step in steps if "run" in step} <= {f"make {target}" for target in targets}
+    kept = next(step["with"]["path"] for step in steps if "upload-artifact" in step.get("uses", ""))
+    assert all((ROOT / path).exists() for path in kept.split() if path != "results/article.pdf")
