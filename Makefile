@@ -9,11 +9,7 @@ NOTEBOOKS := $(sort $(basename $(notdir $(wildcard notebooks/[0-9]*.py))))
 STAMPS := $(NOTEBOOKS:%=.make/%.done)
 
 .DEFAULT_GOAL := help
-<<<<<<< HEAD
-.PHONY: help all quick test check diff report sensitivity claims bench scoreboard population protocols identify-joint portable data lab lint lock clean
-=======
-.PHONY: help all quick test check diff report article sensitivity claims bench scoreboard population protocols identify-joint data lab lint lock clean
->>>>>>> f2e580a (make article; the workflow; the packages that the report needs)
+.PHONY: $(shell sed -nE 's/^([a-z-]+):.*\#\# .*/\1/p' Makefile)
 
 help:  ## list the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 16
@@ -82,11 +78,7 @@ lint: .venv/.installed  ## style and format
 lock: .venv/.installed  ## pin the newest versions that pyproject.toml allows
 	$(PY) -m pip install --quiet uv
 	$(PY) -m uv pip compile pyproject.toml --quiet --upgrade --universal --python-version 3.11 --extra dev \
-<<<<<<< HEAD
 	  --extra lab --extra fleet --extra article --extra studies --generate-hashes --no-emit-index-url --no-header --no-annotate \
-=======
-	  --extra article --extra lab --extra fleet --extra studies --generate-hashes --no-emit-index-url --no-header --no-annotate \
->>>>>>> f2e580a (make article; the workflow; the packages that the report needs)
 	  --output-file requirements.lock
 
 clean:  ## remove what can be made again and is not committed

@@ -41,7 +41,7 @@ _RATIOS = slice(3, 3 + len(RATIO_PRIOR))
 SMOOTHING = _RATIOS.stop
 SIZE = SMOOTHING + 3
 MEAN = np.array([*np.zeros(SMOOTHING), SMOOTHING_PRIOR[0], 0.0, 0.0])
-_SD = np.array([np.inf, np.inf, FRICTION_PRIOR, *RATIO_PRIOR.values(), SMOOTHING_PRIOR[1], ERROR_PRIOR, ERROR_PRIOR])
+SD = np.array([np.inf, np.inf, FRICTION_PRIOR, *RATIO_PRIOR.values(), SMOOTHING_PRIOR[1], ERROR_PRIOR, ERROR_PRIOR])
 # Steps of the differences; phase and smoothing have slopes of their own.
 _STEP = np.array([0.01, np.nan, 1e-3, *np.full(len(RATIO_PRIOR), 3e-3), np.nan, 0.05, 0.05])
 
@@ -98,7 +98,7 @@ class Problem:
     def residual(self, z: FloatArray) -> FloatArray:
         """Data's and prior's residuals of one set of unknowns."""
         data = self._whitened(self._measured(z[None])[0] - self.target)
-        return np.concatenate([data, ((z - MEAN) / _SD)[2:]])
+        return np.concatenate([data, ((z - MEAN) / SD)[2:]])
 
     def slopes(self, z: FloatArray, free: int) -> tuple[FloatArray, FloatArray]:
         """Residuals, and their derivative by each unknown, shape (unknowns, residuals); 0 from the one `free` on."""
@@ -111,8 +111,8 @@ class Problem:
         out = np.zeros((SIZE, here.size), dtype=complex)
         out[moved] = (measured[:-1] - here) / _STEP[moved][:, None]
         out[1], out[SMOOTHING] = 1j * self.order * here, self.fade * here
-        residual = np.concatenate([self._whitened(here - self.target), ((z - MEAN) / _SD)[2:]])
-        return residual, np.concatenate([self._whitened(out), np.diag(1 / _SD)[:, 2:]], axis=1)
+        residual = np.concatenate([self._whitened(here - self.target), ((z - MEAN) / SD)[2:]])
+        return residual, np.concatenate([self._whitened(out), np.diag(1 / SD)[:, 2:]], axis=1)
 
     def find_error(self, z: FloatArray) -> bool:
         """Take up a transmission error in step with the turn if one explains the residual better; say whether."""
