@@ -205,7 +205,7 @@ reasons
 # ### The committed results, a few of them measured again
 
 # %%
-numbers = np.random.default_rng(bench_seed).choice(len(own[near]), size=checked, replace=False)
+numbers = np.random.default_rng(bench_seed).choice(own[near]["number"], size=checked, replace=False)
 again = population.measure_population(near, sorted(numbers), population.FINAL_SEED, ("self",), jobs=1)
 committed = own[near].set_index("number").loc[again["number"]]
 difference = np.abs(again["found_rad"].to_numpy() - committed["found_rad"].to_numpy())
