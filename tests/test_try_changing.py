@@ -34,6 +34,7 @@ TOGETHER = {
     "08_noise_table2": [["repeats = 3", "noise_seed = 2"]],
     "11_robots_table4": [["coupling = 0.0", "loud_coupling = 0.3"]],
     "13_beyond_the_paper": [["scored = [3, 4, 5, 6]", "changes = [-0.05, 0.05]", "loudness_rps = [0.1, 1.0]"]],
+    "17_protocols": [["sd_width = 0.13", "check_seed = 2"]],
 }
 
 
@@ -333,6 +334,24 @@ def the_friction_is_told(after):
     assert 0.045 < after["fit"].friction < 0.07
 
 
+def no_printed_mean_lies_inside(n):
+    table = n["tables"]["authors' notebook, T_d and T_f printed"]
+    assert not table.loc[table["column"] == "mean", "inside"].any()
+    assert n["joint_p"]["authors' notebook, T_d and T_f printed"] < 0.01
+
+
+def the_printed_turn_period_stays_last(n):
+    before = committed("protocols").set_index("protocol")["share"]
+    assert (n["ranking"].set_index("protocol")["share"] - before).abs().max() > 0.01
+    assert n["ranking"]["protocol"].iloc[-2:].str.contains("T_d and T_f printed").all()
+
+
+def other_runs_are_the_same(n):
+    assert n["again"]["same"].all()
+    first = n["protocols"].recomputed(list(n["GRID"]), n["checked_runs"], np.random.default_rng(1))
+    assert not first[["protocol", "seed"]].equals(n["again"][["protocol", "seed"]])
+
+
 OUTCOMES = {
     "01_signature_figure6": {
         "run = 1": a_run_of_the_commonest_basin,
@@ -408,6 +427,11 @@ OUTCOMES = {
         "scored = [3, 4, 5, 6]": the_error_with_a_free_start_shrinks,
         "changes = [-0.05, 0.05]": every_method_errs_less,
         "loudness_rps = [0.1, 1.0]": only_a_larger_backlash_is_seen,
+    },
+    "17_protocols": {
+        'compared = "authors\' notebook, T_d and T_f printed"': no_printed_mean_lies_inside,
+        "sd_width = 0.13": the_printed_turn_period_stays_last,
+        "check_seed = 2": other_runs_are_the_same,
     },
 }
 
