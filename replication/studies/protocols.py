@@ -13,10 +13,8 @@ The criteria, written down before any pool was computed:
 - With a probability of `OTHER` a row's numbers come from something else, evenly spread over ±10 % of the theoretical A
   (the text's limit) and, in ln SD, from 0.0003 to 0.3 rps. So no single row decides alone.
 - Prior: every candidate is as probable as any other.
-- Dropping: a candidate whose log-likelihood after 20 runs a row is more than 30 below the best gets no more runs, nor
-  one that is more than 20 below after 50 (`STAGES`). So few runs miss rare strays, which costs 5 for each row that
-  needs one: the log-likelihood of the authors' notebook, whose pool is the largest, is 8 lower from its first 20 runs,
-  2 lower from its first 50.
+- Dropping: a candidate whose log-likelihood after `SCREENED` runs a row is more than `DROPPED_BELOW` below the best
+  gets no more runs: a share of exp(-20).
 - A region: the middle 95 % of a row's predictive means, or SDs, in another realisation.
 - The table's p-value: the share of predicted tables whose log-likelihood is no higher than the printed table's.
 - A region that holds at least half of the other nine printed numbers of its column decides nothing
@@ -43,9 +41,9 @@ from replication.studies.predictive import DRAWS, RUNS, best_basins, log_likelih
 FloatArray = NDArray[np.float64]
 Width = tuple[float, float]
 
-# Runs a row, half on R = 1, half on R = 2, and how far below the best a candidate then is dropped.
-STAGES = {20: 30.0, 50: 20.0}
-SLOW = 10  # runs a row of the slow ones with free T_d and T_f, before any is dropped
+SCREENED = 20  # runs a row, half on R = 1, half on R = 2; half as many of the slow ones with free T_d and T_f
+DROPPED_BELOW = 20.0
+CONTROL = "rpm, population 600"  # gets all runs even if it is dropped: so far a dropped one may still rise
 CONTENDER, REFERENCE = 100, 200  # the authors' notebook, which the kernel comes from, has more
 NOISES, NOISE_ONLY = 6, 30  # fresh noises over our simulated joint and over constant speed, `RUNS` runs each
 TABLES = 1000  # that a p-value counts
@@ -53,7 +51,7 @@ OF_AUTHORS = ["R1", "R2"]
 
 
 def compute_pools(folder: Path = FOLDER, jobs: int = 2, tell: Callable[[str], None] = print) -> None:
-    """Compute all pools: candidates are dropped by `STAGES`, the others get `CONTENDER` runs a row.
+    """Compute all pools: every candidate is screened, those that are not dropped get `CONTENDER` runs a row.
 
     The likeliest of each kind of start gets them too, and the authors' notebook. The two likeliest and the authors'
     notebook also get fresh noise over our simulated joint, records of noise alone, and stand-ins of Table 3's bench.
@@ -63,21 +61,18 @@ def compute_pools(folder: Path = FOLDER, jobs: int = 2, tell: Callable[[str], No
     extend_pool(GRID[AUTHORS], OF_AUTHORS, REFERENCE // 2, folder, jobs)
     width = widths(pool(AUTHORS, folder))
     tell(f"R = 1 and R = 2 are {100 * width[0]:.2f} % apart in A, a factor {math.exp(width[1]):.2f} in its SD")
-    left = list(GRID)
-    for runs, dropped_below in STAGES.items():
-        found = {}
-        for name in left:
-            screened = extend_pool(GRID[name], OF_AUTHORS, first_runs(name, runs) // 2, folder, jobs)
-            part = screened[screened["seed"] <= first_runs(name, runs) // 2]
-            found[name] = row_log_likelihoods(name, part, width).sum()
-            tell(f"{name}, {runs} runs a row: {found[name]:.1f}")
-        best = max(found.values())
-        by_start = {start: [name for name in left if GRID[name].protocol.start == start] for start in STARTS}
-        spared = {max(names, key=found.get) for names in by_start.values()}
-        left = [name for name in left if found[name] >= best - dropped_below or name in spared]
-    for name in left:
-        runs = extend_pool(GRID[name], OF_AUTHORS, CONTENDER // 2, folder, jobs)
-        tell(f"{name}, {CONTENDER} runs a row: {row_log_likelihoods(name, runs, width).sum():.1f}")
+    for name, candidate in GRID.items():
+        screened = extend_pool(candidate, OF_AUTHORS, first_runs(name) // 2, folder, jobs)
+        part = screened[screened["seed"] <= first_runs(name) // 2]
+        found[name] = row_log_likelihoods(name, part, width).sum()
+        tell(f"{name}: {found[name]:.1f}")
+    best = max(found.values())
+    of_start = {start: [name for name in GRID if GRID[name].protocol.start == start] for start in STARTS}
+    spared = {max(names, key=found.get) for names in of_start.values()} | {CONTROL}
+    for name in sorted(found, key=found.get, reverse=True):
+        if found[name] >= best - DROPPED_BELOW or name in spared:
+            runs = extend_pool(GRID[name], OF_AUTHORS, CONTENDER // 2, folder, jobs)
+            tell(f"{name}, {CONTENDER} runs a row: {row_log_likelihoods(name, runs, width).sum():.1f}")
     likelihoods = {name: row_log_likelihoods(name, pool(name, folder), width).sum() for name in contenders(folder)}
     for name in {AUTHORS: 0} | dict.fromkeys(sorted(likelihoods, key=likelihoods.get)[-2:]):
         for kind, numbers in (("S", range(1, NOISES + 1)), ("N", range(1, NOISE_ONLY + 1)), ("B", range(len(BENCHES)))):
@@ -85,9 +80,9 @@ def compute_pools(folder: Path = FOLDER, jobs: int = 2, tell: Callable[[str], No
         tell(f"{name}: our joint, noise alone, benches")
 
 
-def first_runs(name: str, runs: int) -> int:
-    """Runs a row that a candidate gets in a stage."""
-    return SLOW if GRID[name].free_timing and runs == min(STAGES) else runs
+def first_runs(name: str) -> int:
+    """Runs a row that a candidate is screened with."""
+    return SCREENED // 2 if GRID[name].free_timing else SCREENED
 
 
 def contenders(folder: Path = FOLDER) -> list[str]:

@@ -197,7 +197,7 @@ def test_the_cells_of_the_chosen_are_those_of_thirty_runs(kept):
 def test_every_candidate_has_its_runs_and_the_pools_are_small():
     for name in GRID:
         runs = pools.pool(name)
-        least = protocols.first_runs(name, min(protocols.STAGES)) // 2
+        least = protocols.first_runs(name) // 2
         counts = runs[runs["record"].isin(protocols.OF_AUTHORS)].groupby(["record", "row"]).size()
         assert len(counts) == 20
         assert counts.min() >= least
@@ -208,5 +208,5 @@ def test_no_candidate_close_to_the_best_was_dropped():
     table = pd.read_csv(pools.FOLDER.parent / "protocols.csv")
     best = table["log_likelihood"].max()
     dropped = table[table["dropped"]]
-    assert (dropped["log_likelihood"] < best - min(protocols.STAGES.values()) / 2).all()
+    assert (dropped["log_likelihood"] < best - protocols.DROPPED_BELOW / 2).all()
     assert table.loc[~table["dropped"], "runs_a_row"].min() >= protocols.CONTENDER
