@@ -33,8 +33,8 @@ METHODS = ("self", "paper", "amplitude", "energy", "waveform")
 AUTHORS_LOGS = tuple((realisation, level) for realisation in (1, 2) for level in range(3, 12))
 
 DEVELOPMENT_SEED, FINAL_SEED = 1616, 20260
-# Logs of the default spread, of the wide one, and of each kind outside the model.
-FINAL_SIZES = (400, 150, 25)
+# Logs by "self" and by the other methods: of the default spread, of the wide one, and of each kind outside the model.
+FINAL_SIZES = ((400, 100), (150, 25), (25, 25))
 # What the other methods' intervals are made wide by: population, logs, seed, methods.
 SPREAD_STUDY = ("default spread", range(100), DEVELOPMENT_SEED, ("paper", "amplitude", "energy", "waveform"))
 NORMAL_95 = 1.96
@@ -270,21 +270,21 @@ def against_bars(table: pd.DataFrame) -> pd.DataFrame:
     return pd.DataFrame(rows, columns=["population", "figure", "bar", "measured", "met"])
 
 
-def run_study(sizes: Sequence[int], seed: int, jobs: int = -1) -> pd.DataFrame:
+def run_study(sizes: Sequence[tuple[int, int]], seed: int, jobs: int = -1) -> pd.DataFrame:
     """Measure all populations.
 
     Parameters
     ----------
-    sizes : three ints
-        Logs of the default spread and of the wide one by "self", and of each kind outside the model; the other methods
-        measure as many of each as the last says.
+    sizes : three pairs of ints
+        Logs by "self", and how many of them by the other methods too: of the default spread, of the wide one, and of
+        each kind outside the model.
     seed, jobs : int
         Of the draws, and processes.
     """
     first, second, odd = sizes
     parts = []
-    for population, size in (*zip(SPREADS, (first, second), strict=True), *((kind, odd) for kind in KINDS)):
-        parts.append(measure_population(population, range(min(odd, size)), seed, METHODS, jobs))
-        if size > odd:
-            parts.append(measure_population(population, range(odd, size), seed, ("self",), jobs))
+    for population, (size, others) in (*zip(SPREADS, (first, second), strict=True), *((kind, odd) for kind in KINDS)):
+        parts.append(measure_population(population, range(others), seed, METHODS, jobs))
+        if size > others:
+            parts.append(measure_population(population, range(others, size), seed, ("self",), jobs))
     return pd.concat(parts, ignore_index=True)
