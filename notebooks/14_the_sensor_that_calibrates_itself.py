@@ -218,7 +218,6 @@ assert difference.max() < 0.1 * committed["sd_rad"].max()
 # %%
 bars = population.against_bars(summary)
 workbook.save_table(bars, "self_bars")
-workbook.save_outcome("14_the_sensor_that_calibrates_itself", seeds=[bench_seed, population.FINAL_SEED])
 bars
 
 # %% [markdown]

@@ -39,7 +39,7 @@ def due(folder, changed=None):
     made = [".venv/.installed", *(f".make/{path.stem}.done" for path in _notebooks())]
     for path in folder.rglob("*"):
         os.utime(path, (1e9, 1e9))
-    for name in [*made, ".make/notebooks.ran", ".make/workbook.done"]:
+    for name in [*made, ".make/workbook.done"]:
         (folder / name).touch()
         os.utime(folder / name, (1.1e9, 1.1e9))
     if changed:
