@@ -26,6 +26,7 @@ CHEAPER = {
     "10_bench_table3": {"benches": 20},
     "11_robots_table4": {"robots_each": 100, "loud_robots_each": 50, "frequency_step_hz": 10.0},
     "15_friction_and_wear": {"shares": [0.0, 0.005, 0.02, 0.05], "worn_benches": 1},
+    "18_claims": {"noises": 4, "mountings": 1, "bits": [16, 19], "start_angles": 20, "checked_runs": 1},
     "13_beyond_the_paper": {"scored": [3], "deltas_rad": [5e-4], "healthy": 20, "seen_records": 4},
 }
 
@@ -352,6 +353,25 @@ def other_runs_are_the_same(n):
     assert not first[["protocol", "seed"]].equals(n["again"][["protocol", "seed"]])
 
 
+def the_quality_would_decrease(n):
+    p = re.search(r"p of a growth ([\d.]+)", n["holds"]["quality_decreases"][1])
+    assert 0.05 < float(p[1]) < 0.2
+    assert n["holds"]["quality_decreases"][0] is True
+
+
+def some_half_turns_differ(n):
+    assert n["holds"]["same_amplitude"][0] is False
+    assert min(n["spreads"].values()) < 0.005
+
+
+def the_error_falls_by_less(n):
+    fallen = n["by_turns"].pivot(index="delta_rad", columns="turns", values="rms_error_rps")
+    ratio = fallen[3] / fallen[1]
+    assert ratio.mean() < 1
+    kept = committed("claims_turns").pivot(index="delta_rad", columns="turns", values="rms_error_rps")
+    assert ratio.mean() > (kept[12] / kept[1]).mean()
+
+
 OUTCOMES = {
     "01_signature_figure6": {
         "run = 1": a_run_of_the_commonest_basin,
@@ -432,6 +452,11 @@ OUTCOMES = {
         'compared = "authors\' notebook, T_d and T_f printed"': no_printed_mean_lies_inside,
         "sd_width = 0.13": the_printed_turn_period_stays_last,
         "check_seed = 2": other_runs_are_the_same,
+    },
+    "18_claims": {
+        'criteria = {"quality_decreases": 0.2}': the_quality_would_decrease,
+        'criteria = {"same_amplitude": 0.005}': some_half_turns_differ,
+        "turns = [1, 3]": the_error_falls_by_less,
     },
 }
 
