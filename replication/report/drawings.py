@@ -8,7 +8,7 @@ from pathlib import Path
 from PIL import Image
 
 COLOURS = 48  # enough for lines and markers with smooth edges; a third of the size
-LARGEST = 44_000  # characters; a larger figure stands in the report at half its size, with a link to the whole
+LARGEST = 30_000  # characters; a larger figure stands in the report at half its size, with a link to the whole
 
 
 @cache
