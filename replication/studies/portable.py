@@ -245,7 +245,8 @@ def run_tests(setting: Setting, paths: Sequence[str] = ()) -> tuple[str, str, li
     effect = [line.removeprefix("in effect: ") for line in lines if line.startswith("in effect: ")]
     failures = [line for line in lines if line.startswith(("FAILED ", "ERROR "))]
     if done.returncode and not failures:
-        failures = (done.stderr.strip() or done.stdout.strip()).splitlines()[-1:] or ["the tests did not start"]
+        said = (done.stderr.strip() or done.stdout.strip()).splitlines()[-1:]
+        failures = [f"the tests ended early, with exit status {done.returncode}: {' '.join(said)}"]
     if not done.returncode and not effect:
         failures = ["no test process has checked the setting"]
     return "".join(effect), lines[-1].strip("= ") if lines else "", failures
