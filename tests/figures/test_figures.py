@@ -11,7 +11,10 @@ from replication.figures import style
 FIGURES = sorted((workbook.ROOT / "figures").glob("*.svg"))
 
 # Axes without a unit: ratios of like quantities, and counts.
-DIMENSIONLESS = {"A over theoretical A", "SD over printed SD", "function evaluations per success"}
+DIMENSIONLESS = {
+    *("A over theoretical A", "SD over printed SD", "function evaluations per success", "generation", "stored run"),
+    *("density", "rank of the truth in the posterior", "share of intervals that hold", "nominal level"),
+}
 
 
 def lightness(colour):
@@ -36,7 +39,7 @@ def test_a_figure_of_the_paper_has_its_number_in_its_name(figure):
     sources = {path.stem: path.read_text(encoding="utf-8") for path in (workbook.ROOT / "notebooks").glob("[0-9]*.py")}
     made_by = next(name for name, text in sources.items() if f'"{figure.stem}"' in text)
     in_paper = re.search(r"_(figure|table)\d+$", made_by)
-    numbered = re.match(r"(figure\d\d|table\d+|equation\d+)_[a-z]", figure.stem)
+    numbered = re.match(r"(figure\d\d|table\d+|equation\d+|search|replay)_[a-z]", figure.stem)
     assert numbered or not in_paper, f"{made_by} is of the paper"
 
 

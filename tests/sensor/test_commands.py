@@ -284,12 +284,19 @@ def test_dated_logs_become_a_trend_with_a_date_and_a_plot(tmp_path, capsys):
 
 def test_the_authors_workbook_is_answered_from_the_command_line(authors_data, capsys):
     path = authors_file("Speeddata8.xlsx")
-    status, out, _ = ran(capsys, "estimate", path, *TURN, "--json")
+    status, out, _ = ran(capsys, "estimate", path, *TURN, "--method", "amplitude", "--json")
     row = json.loads(out)[0]
     assert status == 0
     assert row["verdict"] == "backlash"
     assert row["samples"] == 2401
     assert row["backlash_rad"] == pytest.approx(15e-4, abs=1e-4)
+
+
+def test_a_record_without_noise_shows_the_model_error_of_the_joint_and_is_not_answered_by_it(authors_data, capsys):
+    _, out, _ = ran(capsys, "estimate", authors_file("Speeddata8.xlsx"), *TURN, "--json")
+    row = json.loads(out)[0]
+    assert row["verdict"] == "cannot tell"
+    assert "no such joint" in row["warnings"][0]
 
 
 def test_the_console_script_is_this_command_line():

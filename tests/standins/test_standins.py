@@ -248,7 +248,7 @@ def test_a_joint_without_backlash_is_called_backlash_in_step_with_the_turns_odd_
 
 def test_every_cell_of_the_stand_ins_is_judged_a_stand_in_and_says_why():
     verdicts = pd.read_csv(RESULTS / "verdicts.csv")
-    rows = verdicts[verdicts["id"].str.startswith(("table3.", "table4."))]
+    rows = verdicts[verdicts["id"].str.startswith(("table3.", "table4.")) & (verdicts["source"] != "authors")]
     assert len(rows) == 16
     assert (rows["verdict"] == "stand-in").all()
     assert rows["reason"].str.contains("never published").all()

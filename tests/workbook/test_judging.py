@@ -71,7 +71,7 @@ def test_without_a_region_the_tolerance_is_the_region():
 def test_a_cell_that_no_notebook_computes_is_not_run(tmp_path):
     table = judging.verdicts(tmp_path)
     assert set(table["id"]) == set(published.cells().index)
-    assert set(table["verdict"]) == {"not-run"}
+    assert set(table["verdict"]) == {"not-run", "given"}
 
 
 def test_an_undecided_claim_is_neither_true_nor_false(tmp_path, monkeypatch):
@@ -87,4 +87,4 @@ def test_the_outcome_of_a_notebook_that_is_gone_is_not_counted(tmp_path):
     (tmp_path / "outcomes").mkdir()
     outcome = '{"cells": [{"id": "text.runs", "source": "authors", "reproduced": 30}], "claims": []}'
     (tmp_path / "outcomes" / "00_renamed.json").write_text(outcome, encoding="utf-8")
-    assert set(judging.verdicts(tmp_path)["verdict"]) == {"not-run"}
+    assert set(judging.verdicts(tmp_path)["verdict"]) == {"not-run", "given"}
