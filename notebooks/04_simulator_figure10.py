@@ -44,7 +44,6 @@ from replication.simulator.study import CLEAN_LEVELS, changed_joint, clean_recor
 # %% tags=["parameters"]
 level = 8  # the authors' record K that is drawn
 changes = {}  # ratios of the joint to multiply, such as {"stiffness_per_s2": 1.05}
-mean_nrmse, largest_nrmse = 0.05, 0.065  # RMSE over SD of the records, up to which the simulator agrees with them
 
 # %% [markdown]
 # ## Result
@@ -117,16 +116,9 @@ lateness
 # ## Verdict
 
 # %%
-nrmse = table["nrmse"].dropna()
-claims = {
-    "simulator_agrees": (
-        nrmse.max() < largest_nrmse and nrmse.mean() < mean_nrmse,
-        f"RMSE over SD: mean {100 * nrmse.mean():.2f} %, largest {100 * nrmse.max():.2f} % in {nrmse.size} records",
-    )
-}
 printed_rows = table.dropna(subset="printed_A_rps")["peak_rps"].to_numpy()
 cells = {f"table2.row{row:02d}.theoretical": peak for row, peak in enumerate(printed_rows, start=1)}
-workbook.verdict({"simulated": cells}, claims)
+workbook.verdict({"simulated": cells})
 
 # %%
 print(f"largest peak error {table['peak_error_percent'].abs().max():.2f} %; the peaks were not fitted")

@@ -101,18 +101,11 @@ peaks.head(len(ten))
 
 # %% [markdown]
 # ## Verdict
+#
+# That the disturbance grows regularly is decided on the authors' own records, in notebook 18. Ours, over all levels:
 
 # %%
-amplitude = peaks["amplitude_rps"]
-growth = np.diff(amplitude)
-claims = {
-    "amplitude_grows": (
-        (growth > 0).all(),
-        f"from {amplitude.iloc[0]:.3f} to {amplitude.iloc[-1]:.3f} rps over "
-        f"{len(peaks)} levels, by steps of {growth.min():.3f} to {growth.max():.3f} rps",
-    )
-}
-workbook.verdict(claims=claims)
+peaks["amplitude_rps"].diff().describe()[["min", "max"]].to_frame("step [rps]").round(3)
 
 # %% [markdown]
 # ## Try changing
