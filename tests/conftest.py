@@ -1,9 +1,14 @@
 import os
 
 import pytest
+from hypothesis import settings
 
 from replication import datasets
 from replication.data.authors import WORKBOOK_FILES, DataUnavailable, authors_file
+
+# No test hangs on a clock: other machines are slower.
+settings.register_profile("no clock", deadline=None)
+settings.load_profile("no clock")
 
 # Tests that run side by side leave no core free for processes of their own.
 if "PYTEST_XDIST_WORKER" in os.environ:

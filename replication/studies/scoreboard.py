@@ -21,7 +21,6 @@ from replication.identify import paper_fit, protocol_box
 from replication.methods.calibration import default_calibration, fit_polynomial
 from replication.methods.joint_match import match_joint
 from replication.methods.readings import protocol_for, read
-from replication.methods.self_calibration import fit_joint
 from replication.simulator.recordings import simulate_recordings
 from replication.simulator.simulate import identified_joint
 from replication.studies.accuracy import JOINT_METHODS
@@ -146,11 +145,6 @@ def _calibrated(method: str) -> Method:
     return measured
 
 
-def self_calibrated(recording: Recording) -> float:
-    """Joint and backlash fitted to the log alone; its answer also where it would be refused."""
-    return fit_joint(recording).delta_rad
-
-
 def _through_joint(free: Sequence[str]) -> Method:
     def measured(recording: Recording) -> float:
         return match_joint(recording, identified_joint(), free).delta_rad
@@ -194,7 +188,6 @@ METHODS: Mapping[str, Method] = {
     "global fit, amplitude": _calibrated("amplitude"),
     "global fit, energy": _calibrated("energy"),
     "waveform": _calibrated("waveform"),
-    "self": self_calibrated,
     **{name: _through_joint(free) for name, free in JOINT_METHODS.items() if free},
 }
 

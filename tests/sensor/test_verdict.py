@@ -74,7 +74,8 @@ def test_searches_of_the_papers_method_that_missed_the_best_fit_are_said(delta):
     best = answer(noisy(delta, 0.15)).amplitude_rps
     missed = abs(found.amplitude_rps / best - 1) > 0.05
     assert missed == any("other minima" in warning for warning in found.warnings)
-    assert missed or found.backlash_rad == pytest.approx(delta, abs=1.5e-4)
+    low, high = found.backlash_interval_rad
+    assert missed or low <= delta <= high
 
 
 def test_a_log_file_is_answered_with_what_was_assumed(tmp_path):
@@ -333,6 +334,6 @@ def test_whatever_the_table_there_is_an_answer_or_a_refusal_and_never_a_nan(data
 
 def test_a_table_of_the_made_logs_is_what_the_file_would_be(tmp_path):
     path = write(noisy(), tmp_path / "log.csv", digits=12)
-    from_file = estimate(path, settings_for(TURN))
+    from_file = estimate(path, settings_for(TURN, method="amplitude"))
     record = record_of(table(noisy()), TURN, str(path), [])
     assert answer(record).backlash_rad == pytest.approx(from_file.backlash_rad, rel=1e-6)
