@@ -32,7 +32,12 @@ MEANINGS = {
     "stand-in": "the original data are not public; a simulated stand-in never counts as reproduced",
     "not-run": "nothing computes it",
 }
-SOURCES = {"authors": "authors' data", "simulated": "our simulation", "stand-in": "stand-in"}
+SOURCES = {
+    "authors": "authors' data",
+    "chosen": "authors' data by the protocol that the other rows choose",
+    "simulated": "our simulation",
+    "stand-in": "stand-in",
+}
 
 
 @dataclass(frozen=True)

@@ -39,7 +39,8 @@ def _verdicts(results: Path) -> dict[str, str]:
     evidence = {name: counts.get(name, 0) for name in cells_of.EVIDENCE}
     found = {"printed": len(all_cells), "evidence": sum(evidence.values()), **evidence}
     sd = [cell for cell in all_cells if cell.element == "Table 2" and cell.column == "sd" and cell.row != "11"]
-    found["sd_reproduced"] = sum(cell.deciding.verdict == "reproduced" for cell in sd)
+    told = [cell.deciding.verdict for cell in sd]
+    found |= {f"sd_{verdict}": told.count(verdict) for verdict in ("reproduced", "differs", "undecided")}
     found["standins"] = counts.get("stand-in", 0)
     claims = judging.decided_claims(results)
     found |= {"claims": len(published.claims()), "claims_hold": int((claims["verdict"] == "holds").sum())}
