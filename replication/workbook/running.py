@@ -108,10 +108,11 @@ def _run_one(source, quick, destination, stamps, stall_s, keeper, slots) -> Endi
     def progress(cell: int, cells: int, text: str) -> None:
         bar.set_description_str(f"{source.stem}: cell {cell} of {cells} {_counted(text)}")
 
+    begun = time.time()
     try:
         seconds = execution.execute(source, quick, destination, stall_s=stall_s, keeper=keeper, progress=progress)
         if stamps:
-            _stamp(stamps, source.stem, destination)
+            _stamp(stamps, source.stem, destination, begun)
         return Ending(source.stem, "done", seconds=tuple(seconds))
     except execution.NotebookNotRun as error:
         return Ending(source.stem, "not run", f"{error}; its last results stay as they are")
@@ -133,12 +134,13 @@ def _say(ending: Ending) -> None:
     tqdm.write(said.get(ending.how, f"failed: {ending.why}"), file=sys.stderr)
 
 
-def _stamp(stamps: Path, name: str, destination: Path) -> None:
-    """Leave what make needs: that the notebook is done, and what it depends on."""
+def _stamp(stamps: Path, name: str, destination: Path, begun: float) -> None:
+    """Leave what make needs: what the notebook depends on, and that it is done as of when it began."""
     outcome = json.loads((destination / "results" / "outcomes" / f"{name}.json").read_text(encoding="utf-8"))
     sources = list(outcome["made_from"]["sources"])
     write_text(stamps / f"{name}.d", provenance.dependencies(stamps.name, name, sources))
     write_text(stamps / f"{name}.done", "")
+    os.utime(stamps / f"{name}.done", (begun, begun))  # a source that was changed meanwhile is newer
 
 
 def _clear_staging(destination: Path) -> None:

@@ -94,6 +94,12 @@ def test_a_failing_notebook_does_not_keep_the_others_from_running(notebooks, tmp
     assert sorted(path.name for path in (tmp_path / ".make").glob("*.done")) == ["good.done", "later.done"]
 
 
+def test_a_source_that_changes_while_its_notebook_runs_is_newer_than_the_stamp(notebooks, tmp_path):
+    change = f"# %%\nfrom pathlib import Path\nPath({str(tmp_path / 'source')!r}).write_text('changed')\n"
+    running.run(notebooks(first=change), stamps=tmp_path / ".make", destination=tmp_path / "out")
+    assert (tmp_path / ".make" / "first.done").stat().st_mtime < (tmp_path / "source").stat().st_mtime
+
+
 @pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGINT, signal.SIGTERM])
 def test_when_the_run_ends_so_does_all_that_it_started(started, tmp_path, number):
     process, pids = started()
