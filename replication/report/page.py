@@ -77,7 +77,14 @@ def told(cell: Cell, number: int, notebooks: Path) -> CellText:
 def _erratum(cell: str) -> str:
     """Name of the erratum that corrects a cell; empty if there is none."""
     errata = published.errata()
-    return next((str(key) for key, cells in errata["cells"].items() if cell in cells.split()), "")
+    return next(
+        (
+            str(key)
+            for key, cells in errata["cells"].items()
+            if cell in [part.partition("=")[0] for part in cells.split()]
+        ),
+        "",
+    )
 
 
 def claim_rows(results: Path) -> list[dict]:

@@ -231,7 +231,7 @@ class _Run:
             self.notebook.cells.pop()
 
     def _started(self, group: int) -> None:
-        self.group = group
+        self.group, self.last_sign = group, time.monotonic()
         if self.keeper:
             self.keeper.add(group)
 

@@ -13,6 +13,7 @@ FIGURES = sorted((workbook.ROOT / "figures").glob("*.svg"))
 # Axes without a unit: ratios of like quantities, and counts.
 DIMENSIONLESS = {
     *("A over theoretical A", "SD over printed SD", "function evaluations per success", "generation", "stored run"),
+    *("log-likelihood of the printed Table 2", "mean over the printed one", "row of Table 2"),
     *("density", "rank of the truth in the posterior", "share of intervals that hold", "nominal level"),
 }
 

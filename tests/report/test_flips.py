@@ -44,7 +44,7 @@ def test_a_cell_and_a_claim_that_flip_are_listed_and_one_that_only_moves_is_not(
     table = flips.flips(results, *before)
     listed = table[["id", "source", "before", "after"]].to_numpy().tolist()
     assert listed == [
-        ["equation10.A2", "authors", "reproduced", "differs"],
+        ["equation10.A2", "authors", "consistent", "differs"],
         ["monotone", "claim", "holds", "does not hold"],
     ]
     assert table["value_after"].iloc[0] == 2 * printed

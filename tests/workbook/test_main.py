@@ -7,7 +7,7 @@ import pytest
 
 from replication import workbook
 from replication.commands.main import main
-from replication.workbook import execution, judging
+from replication.workbook import execution, judging, running
 
 
 @pytest.fixture
@@ -58,7 +58,7 @@ def test_sensitivity_without_its_data_says_so_in_one_line_and_exits_with_2(tmp_p
 
 
 def test_a_quick_run_never_overwrites_the_full_results(tmp_path, monkeypatch):
-    for module in (execution, workbook):
+    for module in (execution, running, workbook):
         monkeypatch.setattr(module, "QUICK", tmp_path / "quick")
     folders = [workbook.ROOT / name for name in ("results", "figures", "notebooks")]
 
