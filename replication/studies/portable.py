@@ -71,7 +71,7 @@ class Setting:
         others = ("NUMBA_CPU_", "NPY_DISABLE_CPU_", "NPY_ENABLE_CPU_", "PYTEST_")
         variables = {name: value for name, value in os.environ.items() if not name.startswith(others)}
         variables |= {"OPENBLAS_CORETYPE": self.kernel, "OPENBLAS_NUM_THREADS": "1", SETTING_VARIABLE: self.name}
-        variables |= {"MPLBACKEND": "Agg", "PYTHONHASHSEED": "0"}
+        variables |= {"MPLBACKEND": "Agg", "PYTHONHASHSEED": "0", "PYTHONUNBUFFERED": "1"}
         variables["PYTHONPATH"] = os.pathsep.join([str(ROOT), *filter(None, [os.environ.get("PYTHONPATH")])])
         if self.generic:
             variables["NUMBA_CPU_NAME"] = "generic"
