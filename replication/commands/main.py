@@ -72,6 +72,7 @@ def _parser() -> argparse.ArgumentParser:
     score.set_defaults(command=_score)
     settings = subparsers.add_parser("portable", help="tests and verdicts under other processors' settings")
     settings.add_argument("--only-tests-of", metavar="SETTING", help="only the tests, under this one setting")
+    settings.add_argument("tests", nargs="*", help="tests to run; by default all that compute")
     settings.set_defaults(command=_portable)
     subparsers.add_parser("data", help="fetch and verify the authors' data").set_defaults(command=_data)
     return parser
@@ -166,7 +167,7 @@ def _protocols(options: argparse.Namespace) -> int:
 
 def _portable(options: argparse.Namespace) -> int:
     try:
-        same = portable.portable(options.only_tests_of, tell=lambda line: print(line, flush=True))
+        same = portable.portable(options.only_tests_of, options.tests, tell=lambda line: print(line, flush=True))
     except (ValueError, portable.OtherMachine) as error:
         print(error, file=sys.stderr)
         return 2

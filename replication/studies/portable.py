@@ -30,8 +30,9 @@ NEEDS = {"SkylakeX": "avx512bw", "Haswell": "avx2", "Zen": "avx2"}
 # What OpenBLAS calls a kernel where another name stands for it: builds without Zen's own kernel use Haswell's for it,
 # and the first name of the kernel for processors without AVX is Katmai.
 ALIASES = {"Zen": "Haswell", "Prescott": "Katmai"}
-# The rest of the tests is about files and processes, and their notebooks run in pinned kernels anyway.
-LEFT_OUT = ("tests/workbook", "tests/report", "tests/sensor/test_many.py")
+# The first three are about files and processes, and their notebooks run in pinned kernels anyway; the last runs every
+# notebook dozens of times, and those that are cheap are run here to their verdicts.
+LEFT_OUT = ("tests/workbook", "tests/report", "tests/sensor/test_many.py", "tests/test_try_changing.py")
 SETTING_VARIABLE = "REPLICATION_SETTING"
 
 
@@ -311,13 +312,15 @@ def settings_here() -> tuple[list[Setting], list[str]]:
     return able, [f"{setting.name} not tried: this processor has no {NEEDS[setting.kernel]}" for setting in unable]
 
 
-def portable(only_tests_of: str | None = None, tell: Callable[[str], None] = print) -> bool:
+def portable(only_tests_of: str | None = None, tests: Sequence[str] = (), tell: Callable[[str], None] = print) -> bool:
     """Run the tests that compute, and the cheap notebooks to their verdicts, under each setting.
 
     Parameters
     ----------
     only_tests_of : str, optional
         Name of the only setting, whose tests alone are run.
+    tests : sequence of str, optional
+        The tests to run; by default all but `LEFT_OUT`.
     tell : callable
         Told one line for each setting as it ends, and a table at the end.
 
@@ -338,7 +341,7 @@ def portable(only_tests_of: str | None = None, tell: Callable[[str], None] = pri
         settings, unable = [setting_named(only_tests_of)], []
     outcomes = []
     for setting in settings:
-        outcomes.append(_try(setting, notebooks=not only_tests_of))
+        outcomes.append(_try(setting, tests, notebooks=not only_tests_of))
         tell(_line(outcomes[-1]))
     problems = [f"{outcome.setting}: {failure}" for outcome in outcomes for failure in outcome.failures]
     problems += differing(outcomes)
@@ -346,9 +349,9 @@ def portable(only_tests_of: str | None = None, tell: Callable[[str], None] = pri
     return not problems
 
 
-def _try(setting: Setting, notebooks: bool) -> Outcome:
+def _try(setting: Setting, paths: Sequence[str], notebooks: bool) -> Outcome:
     begun = time.perf_counter()
-    effect, tests, failures = run_tests(setting)
+    effect, tests, failures = run_tests(setting, paths)
     verdicts = None
     if notebooks:
         with tempfile.TemporaryDirectory() as folder:
