@@ -62,7 +62,7 @@ protocols: .venv/.installed  ## runs of every protocol that may have printed Tab
 identify-joint: .venv/.installed  ## identify the simulated joint anew from the authors' records
 	$(RUN) identify-joint
 
-portable: .venv/.installed  ## tests and verdicts under other processors' settings
+portable: .venv/.installed  ## tests and verdicts under other processors' settings, into results/portable.csv
 	$(RUN) portable
 
 data: .venv/.installed  ## fetch and verify the authors' data

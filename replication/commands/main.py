@@ -167,11 +167,14 @@ def _protocols(options: argparse.Namespace) -> int:
 
 def _portable(options: argparse.Namespace) -> int:
     try:
-        same = portable.portable(options.only_tests_of, options.tests, tell=lambda line: print(line, flush=True))
+        table, unable, problems = portable.portable(options.only_tests_of, lambda line: print(line, flush=True))
     except (ValueError, portable.OtherMachine) as error:
         print(error, file=sys.stderr)
         return 2
-    return 0 if same else 1
+    if not options.only_tests_of:
+        files.write_csv(workbook.ROOT / "results" / "portable.csv", table)
+    print("\n".join(["", table.to_string(index=False), *unable, *problems]))
+    return 1 if problems else 0
 
 
 def _data(_: argparse.Namespace) -> int:

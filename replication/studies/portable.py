@@ -312,22 +312,22 @@ def settings_here() -> tuple[list[Setting], list[str]]:
     return able, [f"{setting.name} not tried: this processor has no {NEEDS[setting.kernel]}" for setting in unable]
 
 
-def portable(only_tests_of: str | None = None, tests: Sequence[str] = (), tell: Callable[[str], None] = print) -> bool:
+def portable(
+    only_tests_of: str | None = None, tell: Callable[[str], None] = print
+) -> tuple[pd.DataFrame, list[str], list[str]]:
     """Run the tests that compute, and the cheap notebooks to their verdicts, under each setting.
 
     Parameters
     ----------
     only_tests_of : str, optional
         Name of the only setting, whose tests alone are run.
-    tests : sequence of str, optional
-        The tests to run; by default all but `LEFT_OUT`.
     tell : callable
-        Told one line for each setting as it ends, and a table at the end.
+        Told one line for each setting as it ends.
 
     Returns
     -------
-    bool
-        Whether all tests passed, and all verdicts were the same.
+    DataFrame, list of str, list of str
+        As of `table`; settings that this processor cannot run; tests that failed and verdicts that differ, a line each.
 
     Raises
     ------
@@ -341,17 +341,15 @@ def portable(only_tests_of: str | None = None, tests: Sequence[str] = (), tell: 
         settings, unable = [setting_named(only_tests_of)], []
     outcomes = []
     for setting in settings:
-        outcomes.append(_try(setting, tests, notebooks=not only_tests_of))
+        outcomes.append(_try(setting, notebooks=not only_tests_of))
         tell(_line(outcomes[-1]))
     problems = [f"{outcome.setting}: {failure}" for outcome in outcomes for failure in outcome.failures]
-    problems += differing(outcomes)
-    tell("\n".join(["", table(outcomes).to_string(index=False), *unable, *problems]))
-    return not problems
+    return table(outcomes), unable, problems + differing(outcomes)
 
 
-def _try(setting: Setting, paths: Sequence[str], notebooks: bool) -> Outcome:
+def _try(setting: Setting, notebooks: bool) -> Outcome:
     begun = time.perf_counter()
-    effect, tests, failures = run_tests(setting, paths)
+    effect, tests, failures = run_tests(setting)
     verdicts = None
     if notebooks:
         with tempfile.TemporaryDirectory() as folder:
@@ -366,15 +364,18 @@ def _line(outcome: Outcome) -> str:
 
 
 def table(outcomes: Sequence[Outcome]) -> pd.DataFrame:
-    """One row per setting: `setting, failures, tests, verdicts, differing, seconds`.
+    """One row per setting: `setting, in_effect, passed, skipped, failures, verdicts, differing`.
 
-    `differing` counts the verdicts that are not the first setting's.
+    `verdicts` counts those of the cheap notebooks, `differing` those that are not the first setting's.
     """
     first = next((outcome.verdicts for outcome in outcomes if outcome.verdicts is not None), {})
     rows = []
     for outcome in outcomes:
         verdicts = {} if outcome.verdicts is None else outcome.verdicts
-        off = sum(verdicts.get(key) != first.get(key) for key in verdicts.keys() | first.keys())
-        counts = [len(verdicts), off] if outcome.verdicts is not None else ["-", "-"]
-        rows.append([outcome.setting, len(outcome.failures), outcome.tests, *counts, round(outcome.seconds)])
-    return pd.DataFrame(rows, columns=["setting", "failures", "tests", "verdicts", "differing", "seconds"])
+        keys = verdicts.keys() | first.keys() if outcome.verdicts is not None else ()
+        off = sum(verdicts.get(key) != first.get(key) for key in keys)
+        counts = {word: int(count) for count, word in re.findall(r"(\d+) (passed|skipped)", outcome.tests)}
+        tests = [counts.get("passed", 0), counts.get("skipped", 0), len(outcome.failures)]
+        rows.append([outcome.setting, outcome.effect, *tests, len(verdicts), off])
+    columns = ["setting", "in_effect", "passed", "skipped", "failures", "verdicts", "differing"]
+    return pd.DataFrame(rows, columns=columns)
