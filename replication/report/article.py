@@ -30,9 +30,10 @@ def content(results: Path) -> dict:
     dict
         `facts`, `table2`, `claims`, `errata`, `open`, `captions` and the `legend` of the verdicts' signs.
     """
-    all_facts = facts.facts(results)
+    verdicts = judging.verdicts(results)
+    all_facts = facts.facts(results, verdicts)
     drawn = figures.pictures(results, results.parent / "figures")
-    rows = _table2(results)
+    rows = _table2(results, verdicts)
     signs = {sign for row in rows for sign in (row["mean_sign"], row["sd_sign"])}
     return {
         "facts": all_facts,
@@ -50,9 +51,9 @@ def content(results: Path) -> dict:
     }
 
 
-def _table2(results: Path) -> list[dict[str, str]]:
+def _table2(results: Path, verdicts: pd.DataFrame) -> list[dict[str, str]]:
     """Table 2's ten rows on the authors' records: printed, ours, the best basin, and the verdicts' signs."""
-    by_id = cells_of.by_id(cells_of.cells(judging.verdicts(results)))
+    by_id = cells_of.by_id(cells_of.cells(verdicts))
     table = pd.read_csv(results / "table2.csv")
     of_authors = table[(table["source"] == "authors") & (table["theoretical_A_rps"] > 0)]
     first = of_authors[of_authors["noise_level"] == of_authors["noise_level"].iloc[0]]

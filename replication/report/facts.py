@@ -11,13 +11,15 @@ from replication.report import cells as cells_of
 from replication.workbook import judging
 
 
-def facts(results: Path) -> dict[str, str]:
+def facts(results: Path, verdicts: pd.DataFrame) -> dict[str, str]:
     """Collect every number that a sentence may hold, as text with sensible digits.
 
     Parameters
     ----------
     results : Path
         Folder of the results.
+    verdicts : DataFrame
+        As from `judging.verdicts`.
 
     Returns
     -------
@@ -27,14 +29,14 @@ def facts(results: Path) -> dict[str, str]:
     found: dict[str, str] = {}
     for part in PARTS:
         try:
-            found |= part(results)
+            found |= part(results, verdicts) if part in OF_VERDICTS else part(results)
         except (FileNotFoundError, KeyError, IndexError):
             continue
     return found
 
 
-def _verdicts(results: Path) -> dict[str, str]:
-    all_cells = cells_of.cells(judging.verdicts(results))
+def _verdicts(results: Path, verdicts: pd.DataFrame) -> dict[str, str]:
+    all_cells = cells_of.cells(verdicts)
     counts = cells_of.counts(all_cells)
     evidence = {name: counts.get(name, 0) for name in cells_of.EVIDENCE}
     found = {"printed": len(all_cells), "evidence": sum(evidence.values()), **evidence}
@@ -115,23 +117,23 @@ def _candidates(results: Path) -> dict[str, str]:
     }
 
 
-def _outcome(results: Path, cell: str, source: str = "authors") -> float:
-    table = judging.verdicts(results).set_index(["id", "source"])
-    return float(table.loc[(cell, source), "reproduced"])
+def _outcome(verdicts: pd.DataFrame, cell: str) -> float:
+    """Our number from the authors' data."""
+    return float(verdicts.set_index(["id", "source"]).loc[(cell, "authors"), "reproduced"])
 
 
-def _periods(results: Path) -> dict[str, str]:
+def _periods(_: Path, verdicts: pd.DataFrame) -> dict[str, str]:
     printed = published.cells()["printed"]
     return {
-        "T_d": f"{_outcome(results, 'table1.T_d.max'):.3f}",
-        "T_f": f"{_outcome(results, 'table1.T_f.max'):.3f}",
+        "T_d": f"{_outcome(verdicts, 'table1.T_d.max'):.3f}",
+        "T_f": f"{_outcome(verdicts, 'table1.T_f.max'):.3f}",
         "printed_T_d": printed["table1.T_d.max"],
         "printed_T_f": printed["table1.T_f.max"],
     }
 
 
-def _equation10(results: Path) -> dict[str, str]:
-    rmse, printed = _outcome(results, "equation10.rmse"), published.value("equation10.rmse")
+def _equation10(results: Path, verdicts: pd.DataFrame) -> dict[str, str]:
+    rmse, printed = _outcome(verdicts, "equation10.rmse"), published.value("equation10.rmse")
     units = pd.read_csv(results / "equation10_units.csv")
     return {
         "rmse10": _power(rmse, 2),
@@ -181,7 +183,8 @@ def _protocols(results: Path) -> dict[str, str]:
     return {"printed_period_error": f"{table['T_d and T_f as printed']:.0f}"}
 
 
-PARTS: tuple[Callable[[Path], dict[str, str]], ...] = (
-    *(_verdicts, _table2, _stored_runs, _replay, _library, _candidates, _periods, _equation10),
+OF_VERDICTS: tuple[Callable[..., dict[str, str]], ...] = (_verdicts, _periods, _equation10)
+PARTS: tuple[Callable[..., dict[str, str]], ...] = (
+    *(*OF_VERDICTS, _table2, _stored_runs, _replay, _library, _candidates),
     *(_simulator, _dead_zone, _friction, _features, _protocols),
 )

@@ -11,11 +11,14 @@ from markupsafe import Markup
 from replication import published, workbook
 from replication.report import cells as cells_of
 from replication.report import facts as facts_of
-from replication.report import findings, pages, regions, tables, where
+from replication.report import findings, regions, tables, where
 from replication.report.cells import Cell, Judgement
 from replication.report.figures import Picture, pictures
 from replication.workbook import files, judging, provenance
 
+ENVIRONMENT = Environment(
+    loader=PackageLoader("replication.report"), autoescape=True, undefined=StrictUndefined, trim_blocks=True
+)
 EQUATION_10 = (("A3", "A³"), ("A2", "A²"), ("A1", "A"), ("A0", ""))
 
 
@@ -51,8 +54,8 @@ def cell_name(cell: Cell) -> str:
     return f"{cell.element}, {row}{column}"
 
 
-def told(cell: Cell, number: int, notebooks: Path) -> CellText:
-    """Turn a cell into text."""
+def told(cell: Cell, number: int, notebooks: Path, corrected: dict[str, str]) -> CellText:
+    """Turn a cell into text; `corrected` as from `corrected_cells`."""
     return CellText(
         cell,
         number,
@@ -70,21 +73,14 @@ def told(cell: Cell, number: int, notebooks: Path) -> CellText:
             )
             for each in cell.judgements
         ),
-        _erratum(cell.id),
+        corrected.get(cell.id, ""),
     )
 
 
-def _erratum(cell: str) -> str:
-    """Name of the erratum that corrects a cell; empty if there is none."""
-    errata = published.errata()
-    return next(
-        (
-            str(key)
-            for key, cells in errata["cells"].items()
-            if cell in [part.partition("=")[0] for part in cells.split()]
-        ),
-        "",
-    )
+def corrected_cells() -> dict[str, str]:
+    """The erratum that corrects a cell, by the cell's id."""
+    named = published.errata()["cells"].items()
+    return {part.partition("=")[0]: str(key) for key, cells in named for part in cells.split()}
 
 
 def claim_rows(results: Path) -> list[dict]:
@@ -144,7 +140,7 @@ def _paper_figures(drawn: list[Picture]) -> list[dict]:
     ]
 
 
-def page(results: Path, notebooks: Path, quick: bool = False) -> str:
+def page(results: Path, notebooks: Path, verdicts: pd.DataFrame, quick: bool = False) -> str:
     """Render the report.
 
     Parameters
@@ -153,6 +149,8 @@ def page(results: Path, notebooks: Path, quick: bool = False) -> str:
         Folder of the results; the figures are in the folder `figures` beside it.
     notebooks : Path
         Folder of the executed notebooks.
+    verdicts : DataFrame
+        As from `judging.verdicts`.
     quick : bool
         Say that these are the results of a quick run.
 
@@ -161,18 +159,15 @@ def page(results: Path, notebooks: Path, quick: bool = False) -> str:
     str
         One HTML page that needs nothing else; its links lead to the notebooks' pages and to files of the project.
     """
-    verdicts = judging.verdicts(results)
+    corrected = corrected_cells()
     all_cells = cells_of.cells(verdicts)
-    by_id = {cell.id: told(cell, number, notebooks) for number, cell in enumerate(all_cells, start=1)}
+    by_id = {cell.id: told(cell, number, notebooks, corrected) for number, cell in enumerate(all_cells, start=1)}
     drawn = pictures(results, results.parent / "figures")
-    found = findings.findings(facts_of.facts(results))
+    found = findings.findings(facts_of.facts(results, verdicts))
     sensitivity, columns = _sensitivity(results)
     mapped = published.paper_map()
     made_from = json.loads((results / "provenance.json").read_text(encoding="utf-8"))
-    environment = Environment(
-        loader=PackageLoader("replication.report"), autoescape=True, undefined=StrictUndefined, trim_blocks=True
-    )
-    return environment.get_template("report.html.j2").render(
+    return ENVIRONMENT.get_template("report.html.j2").render(
         quick=quick,
         root="../../.." if quick else "..",
         signs=cells_of.SIGNS,
@@ -208,7 +203,7 @@ def page(results: Path, notebooks: Path, quick: bool = False) -> str:
         sensitivity_columns=columns,
         unnoticed=sum(not any(row["counts"].values()) for row in sensitivity),
         map=mapped.to_dict("records"),
-        notebooks=pages.contents(notebooks).to_dict("records"),
+        notebooks=[(file.stem, where.title(file)) for file in sorted(notebooks.glob("[0-9]*.ipynb"))],
         versions=_versions(made_from),
         stale=provenance.stale(results),
     )
@@ -226,10 +221,13 @@ def write_page(results: Path) -> Path:
     -------
     Path
     """
+    from replication.report import pages  # nbconvert takes two seconds to load, which no other command should wait for
+
     quick = results == workbook.QUICK / "results"
     notebooks = results.parent / "notebooks"
     where.notebook_cells.cache_clear()
-    pages.write_pages(results, notebooks)
+    verdicts = judging.verdicts(results)
+    pages.write_pages(results, notebooks, verdicts)
     path = results / "report.html"
-    files.write_text(path, page(results, notebooks, quick))
+    files.write_text(path, page(results, notebooks, verdicts, quick))
     return path

@@ -7,11 +7,10 @@ from pathlib import Path
 
 import nbformat
 import pandas as pd
-from jinja2 import Environment, PackageLoader, StrictUndefined
 from nbconvert.filters import Highlight2HTML, ansi2html
 
 from replication import published
-from replication.report import drawings, figures, mathml, where
+from replication.report import drawings, figures, mathml, page, where
 from replication.workbook import files, judging
 
 TABLE_NUMBER = re.compile(r"<td>(-?\d+\.\d+(?:e[+-]?\d+)?|-?\d+e[+-]?\d+)</td>")
@@ -85,15 +84,17 @@ def _table(html: str) -> str:
     return f'<div class="wide" tabindex="0" role="group" aria-label="table, scrolls sideways">{html.strip()}</div>'
 
 
-def render(notebook: Path, results: Path, drawn: list[figures.Picture], all_names: list[str]) -> str:
+def render(
+    notebook: Path, decided: list[tuple[str, str, str]], drawn: list[figures.Picture], all_names: list[str]
+) -> str:
     """Render a notebook's page.
 
     Parameters
     ----------
     notebook : Path
         The executed notebook.
-    results : Path
-        Folder of the results, whose verdicts the page's head names.
+    decided : list of (anchor, element, counts)
+        What the page's head names, as from `decides`.
     drawn : list of Picture
         Exported figures.
     all_names : list of str
@@ -105,23 +106,15 @@ def render(notebook: Path, results: Path, drawn: list[figures.Picture], all_name
     """
     cells = page_cells(notebook, drawn)
     position = all_names.index(notebook.stem)
-    environment = Environment(
-        loader=PackageLoader("replication.report"), autoescape=True, undefined=StrictUndefined, trim_blocks=True
-    )
-    return environment.get_template("notebook.html.j2").render(
+    return page.ENVIRONMENT.get_template("notebook.html.j2").render(
         name=notebook.stem,
-        title=title(notebook),
+        title=where.title(notebook),
         cells=cells,
         before=all_names[position - 1] if position else "",
         after=all_names[position + 1] if position + 1 < len(all_names) else "",
-        decides=decides(notebook.stem, results),
+        decides=decided,
         contents=[(where.slug(text), text) for text in _sections(notebook)],
     )
-
-
-def title(notebook: Path) -> str:
-    """A notebook's title: its first heading, formulas as they are written."""
-    return next(text for kind, source in where.notebook_cells(notebook) for text in where.headings(source))
 
 
 def _sections(notebook: Path) -> list[str]:
@@ -132,10 +125,9 @@ def _sections(notebook: Path) -> list[str]:
     return found[1:]
 
 
-def decides(name: str, results: Path) -> list[tuple[str, str, str]]:
+def decides(name: str, verdicts: pd.DataFrame, claims: pd.DataFrame) -> list[tuple[str, str, str]]:
     """What a notebook decides: the anchor in the report, the element, and its verdicts counted in words."""
-    table = judging.verdicts(results)
-    own = table[table["notebook"] == name]
+    own = verdicts[verdicts["notebook"] == name]
     element = published.cells()["element"].reindex(own["id"]).to_numpy()
     parts = [
         (
@@ -145,20 +137,21 @@ def decides(name: str, results: Path) -> list[tuple[str, str, str]]:
         )
         for key, part in own["verdict"].groupby(element, sort=False)
     ]
-    claims = judging.decided_claims(results)
     held = claims[claims["notebook"] == name]
     if len(held):
         parts.append(("claims", "Claims", f"{len(held)} decided"))
     return parts
 
 
-def write_pages(results: Path, notebooks: Path) -> list[Path]:
+def write_pages(results: Path, notebooks: Path, verdicts: pd.DataFrame) -> list[Path]:
     """Write a page for each executed notebook into the results' folder `pages`.
 
     Parameters
     ----------
     results, notebooks : Path
         Folders of the results and of the executed notebooks; the drawings are in the folder `figures` beside.
+    verdicts : DataFrame
+        As from `judging.verdicts`.
 
     Returns
     -------
@@ -167,17 +160,12 @@ def write_pages(results: Path, notebooks: Path) -> list[Path]:
     drawn = figures.pictures(results, results.parent / "figures")
     executed = sorted(notebooks.glob("[0-9]*.ipynb"))
     names = [notebook.stem for notebook in executed]
+    claims = judging.decided_claims(results)
     written = []
     for notebook in executed:
         path = results / "pages" / f"{notebook.stem}.html"
-        files.write_text(path, render(notebook, results, drawn, names))
+        files.write_text(path, render(notebook, decides(notebook.stem, verdicts, claims), drawn, names))
         written.append(path)
     for stale in set((results / "pages").glob("*.html")) - set(written):
         stale.unlink()
     return written
-
-
-def contents(notebooks: Path) -> pd.DataFrame:
-    """Name and title of every executed notebook."""
-    rows = [(notebook.stem, title(notebook)) for notebook in sorted(notebooks.glob("[0-9]*.ipynb"))]
-    return pd.DataFrame(rows, columns=["notebook", "title"])

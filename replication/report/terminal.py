@@ -165,7 +165,7 @@ def show(name: str, results: Path, verdicts: pd.DataFrame, colour: bool) -> str:
 
 
 def _cell(cell: Cell, results: Path, colour: bool) -> str:
-    told = page.told(cell, 0, results.parent / "notebooks")
+    told = page.told(cell, 0, results.parent / "notebooks", page.corrected_cells())
     unit = f" {cell.unit}" if cell.unit not in ("1", "%") else ""
     lines = [("", f"{told.name} ({cell.section})"), ("printed", f"{cell.printed}{unit}")]
     for each in told.told:

@@ -73,6 +73,11 @@ def notebook_cells(notebook: Path) -> tuple[tuple[str, str], ...]:
     return tuple((cell["cell_type"], "".join(cell["source"])) for cell in content["cells"])
 
 
+def title(notebook: Path) -> str:
+    """A notebook's title: its first heading, formulas as they are written."""
+    return next(text for _, source in notebook_cells(notebook) for text in headings(source))
+
+
 def cell_with(notebook: Path, text: str) -> str | None:
     """Anchor of the first code cell whose source holds a text; None if there is none."""
     cells = notebook_cells(notebook)
@@ -97,11 +102,16 @@ def made(cell: str, source: str, notebook: str, notebooks: Path = ROOT / "notebo
     """
     if not notebook:
         return Made("", "")
-    for rule in published.where().to_dict("records"):
+    for rule in _rules():
         if fnmatchcase(cell, rule["id"]) and fnmatchcase(source, rule["source"]):
             anchor = cell_with(notebooks / f"{notebook}.ipynb", rule["cell"])
             return Made(notebook, anchor or "verdict", *code_line(rule["function"], rule["line"]))
     return Made(notebook, "verdict")
+
+
+@cache
+def _rules() -> list[dict]:
+    return published.where().to_dict("records")
 
 
 @cache

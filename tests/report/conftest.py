@@ -7,7 +7,9 @@ from places import NOTEBOOKS, RESULTS
 
 from replication import workbook
 from replication.report import page, pages
+from replication.workbook import judging
 
+VERDICTS = judging.verdicts(RESULTS)
 BROWSERS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
 FLAGS = (
     *("--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run", "--disable-background-networking"),
@@ -18,7 +20,7 @@ FLAGS = (
 @pytest.fixture(scope="session")
 def report_page():
     """The report, rendered anew."""
-    return page.page(RESULTS, NOTEBOOKS)
+    return page.page(RESULTS, NOTEBOOKS, VERDICTS)
 
 
 @pytest.fixture(scope="session")
@@ -31,8 +33,9 @@ def site(tmp_path_factory, report_page):
     drawn = page.pictures(RESULTS, workbook.ROOT / "figures")
     executed = sorted(NOTEBOOKS.glob("[0-9]*.ipynb"))
     names = [notebook.stem for notebook in executed]
+    claims = judging.decided_claims(RESULTS)
     for notebook in executed:
-        text = pages.render(notebook, RESULTS, drawn, names)
+        text = pages.render(notebook, pages.decides(notebook.stem, VERDICTS, claims), drawn, names)
         (results / "pages" / f"{notebook.stem}.html").write_text(text, encoding="utf-8")
     return results
 

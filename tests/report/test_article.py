@@ -7,6 +7,7 @@ from places import RESULTS
 
 from replication import published, workbook
 from replication.report import article, facts
+from replication.workbook import judging
 
 typst = pytest.importorskip("typst", reason="typst is not installed (extra `article`)")
 TEXT = (workbook.ROOT / "article" / "article.typ").read_text(encoding="utf-8")
@@ -20,7 +21,7 @@ def test_the_article_is_typeset_the_same_each_time():
 
 def test_every_number_that_the_text_names_is_in_the_results():
     named = set(re.findall(r'#n\("(\w+)"\)', TEXT))
-    found = facts.facts(RESULTS)
+    found = facts.facts(RESULTS, judging.verdicts(RESULTS))
     assert len(named) > 25
     assert not {name for name in named if not found.get(name)}
 

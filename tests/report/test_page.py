@@ -106,7 +106,7 @@ def test_a_notebooks_page_has_no_script_and_no_formula_left_as_it_is_typed(site)
 
 
 def test_the_findings_have_all_their_numbers_and_half_a_page():
-    found = findings.findings(facts.facts(RESULTS))
+    found = findings.findings(facts.facts(RESULTS, VERDICTS))
     assert len(found) == len(published.findings()), "a finding's number is not in the results"
     kinds = Counter(each.kind for each in found)
     assert 8 <= kinds["finding"] <= 12
@@ -164,7 +164,9 @@ def test_text_from_the_data_is_escaped(tmp_path, monkeypatch):
     claims = published.claims()
     claims["claim"] = "<b>1 & 2</b>"
     monkeypatch.setattr(published, "claims", lambda: claims)
-    assert "&lt;b&gt;1 &amp; 2&lt;/b&gt;" in page.page(tmp_path / "results", tmp_path)
+    assert "&lt;b&gt;1 &amp; 2&lt;/b&gt;" in page.page(
+        tmp_path / "results", tmp_path, judging.verdicts(tmp_path / "results")
+    )
 
 
 def test_the_sensitivity_matrix_has_the_order_of_the_paper_whatever_the_hash_seed(report_page):
