@@ -7,15 +7,17 @@ from pathlib import Path
 import pandas as pd
 
 from replication import published, table2, workbook
+from replication.report import cells
 from replication.report.terminal import Unknown
 from replication.simulator.simulate import identified_joint
 from replication.workbook import judging
 
 TABLE_2_RUNS = re.compile(r"table2\.row(\d+)\.(mean|sd|relative_error)$")
+RUNS = int(published.value("text.runs"))
 NOISE_SEED = 1  # of notebook 8's own records
 
 
-def again(name: str, verdicts: pd.DataFrame) -> pd.DataFrame:
+def again(name: str, verdicts: pd.DataFrame) -> tuple[str, pd.DataFrame]:
     """Make what decides a cell, an element or a claim again.
 
     Parameters
@@ -27,6 +29,8 @@ def again(name: str, verdicts: pd.DataFrame) -> pd.DataFrame:
 
     Returns
     -------
+    str
+        What was done.
     DataFrame
         `id, source, before, now, verdict` of each cell, or `id, before, now` of a claim.
 
@@ -36,8 +40,14 @@ def again(name: str, verdicts: pd.DataFrame) -> pd.DataFrame:
         No notebook makes it.
     """
     if found := TABLE_2_RUNS.match(name):
-        now = _table2_row(int(found[1]), verdicts[verdicts["id"] == name])
-        return _beside(verdicts, now[now["id"] == name])
+        own = verdicts[verdicts["id"] == name]
+        now = _table2_row(int(found[1]), own)
+        made = set(now["source"])
+        what = f"{RUNS} runs of the search, seeds 1 to {RUNS}, on row {found[1]}'s record of: {', '.join(sorted(made))}"
+        kept = sorted(set(own["source"]) - made)
+        if kept:
+            what += f"; not made again, because it reads a pool of runs (make protocols): {', '.join(kept)}"
+        return what, _beside(verdicts, now[now["id"] == name])
     wanted = _cells_of(name, verdicts)
     if wanted.empty:
         return _claim_again(name)
@@ -45,7 +55,8 @@ def again(name: str, verdicts: pd.DataFrame) -> pd.DataFrame:
     if not notebooks:
         raise Unknown(f"{name}: no notebook makes it")
     now = pd.concat([_outcome(notebook)[0] for notebook in notebooks], ignore_index=True)
-    return _beside(verdicts, now[now["id"].isin(wanted["id"])])
+    what = f"executed, apart from the results: {', '.join(notebooks)}"
+    return what, _beside(verdicts, now[now["id"].isin(wanted["id"])])
 
 
 def _cells_of(name: str, verdicts: pd.DataFrame) -> pd.DataFrame:
@@ -56,7 +67,7 @@ def _cells_of(name: str, verdicts: pd.DataFrame) -> pd.DataFrame:
 
 def _table2_row(row: int, judged: pd.DataFrame) -> pd.DataFrame:
     """Run the search on one row of Table 2, as notebook 8 does: the authors' record, and ours."""
-    seeds = range(1, int(published.value("text.runs")) + 1)
+    seeds = range(1, RUNS + 1)
     noise = published.column("Table 2", "noise")
     records = {}
     if "authors" in set(judged["source"]):
@@ -67,8 +78,8 @@ def _table2_row(row: int, judged: pd.DataFrame) -> pd.DataFrame:
     parts = []
     for source, chosen in records.items():
         runs = table2.repeated_fits(chosen, [table2.AUTHORS], seeds, label=f"row {row}, {source}")
-        cells = table2.table2_cells(table2.table2(runs, source, noise))
-        parts.append(pd.DataFrame({"id": cells.index, "source": source, "reproduced": cells.to_numpy()}))
+        found = table2.table2_cells(table2.table2(runs, source, noise))
+        parts.append(pd.DataFrame({"id": found.index, "source": source, "reproduced": found.to_numpy()}))
     return pd.concat(parts, ignore_index=True)
 
 
@@ -80,23 +91,29 @@ def _outcome(notebook: str) -> tuple[pd.DataFrame, pd.DataFrame]:
         execution.execute(workbook.ROOT / "notebooks" / f"{notebook}.py", destination=Path(folder))
         outcome = judging.outcomes(Path(folder) / "results")[notebook]
     return (
-        pd.DataFrame(outcome["cells"], columns=["id", "source", "reproduced"]),
+        pd.DataFrame(outcome["cells"], columns=["id", "source", "reproduced", "low", "high"]),
         pd.DataFrame(outcome["claims"], columns=["id", "holds", "measured"]),
     )
 
 
-def _claim_again(name: str) -> pd.DataFrame:
+def _claim_again(name: str) -> tuple[str, pd.DataFrame]:
     decided = judging.decided_claims(workbook.ROOT / "results").set_index("id")
     if name not in decided.index:
         raise Unknown(f"{name}: no notebook makes it")
     before = decided.loc[name]
     now = _outcome(before["notebook"])[1].set_index("id").loc[name]
-    return pd.DataFrame([{"id": name, "before": before["measured"], "now": now["measured"], "holds": now["holds"]}])
+    row = {"id": name, "before": before["measured"], "now": now["measured"], "holds": now["holds"]}
+    return f"executed, apart from the results: {before['notebook']}", pd.DataFrame([row])
 
 
 def _beside(verdicts: pd.DataFrame, now: pd.DataFrame) -> pd.DataFrame:
-    """Our numbers as they were and as they are now."""
-    judged = judging.judge(now.assign(notebook="again"))
-    before = verdicts.set_index(["id", "source"])["reproduced"]
-    judged["before"] = [before.get((row["id"], row["source"])) for _, row in judged.iterrows()]
+    """Our numbers as they were and as they are now, judged by the same regions."""
+    known = {(row["id"], row["source"]): row for row in verdicts.to_dict("records")}
+    rows = now.assign(notebook="again").to_dict("records")
+    for row in rows:
+        before = known[row["id"], row["source"]]
+        if cells.predicted(before) and pd.isna(row.get("low")):
+            row |= {"low": before["low"], "high": before["high"]}
+    judged = judging.judge(pd.DataFrame(rows))
+    judged["before"] = [known[row["id"], row["source"]]["reproduced"] for row in rows]
     return judged.rename(columns={"reproduced": "now"})[["id", "source", "printed", "before", "now", "verdict"]]

@@ -38,6 +38,7 @@ SOURCES = {
     "simulated": "our simulation",
     "stand-in": "stand-in",
 }
+SHORT_SOURCES = SOURCES | {"chosen": "chosen protocol"}
 
 
 @dataclass(frozen=True)
@@ -76,6 +77,11 @@ class Cell:
     tolerance_reason: str
     section: str
     judgements: tuple[Judgement, ...]
+
+    @property
+    def share_of(self) -> str:
+        """What the number is a share of, such as "v's range" where the paper prints max v; empty for most."""
+        return f"{self.unit.split()[2]}'s range" if self.unit.startswith("range of ") else ""
 
     @property
     def deciding(self) -> Judgement:
@@ -131,15 +137,15 @@ def _judgement(row: dict) -> Judgement:
         high=_float(row["high"]),
         verdict=row["verdict"],
         by_tolerance=row["by_tolerance"],
-        predicted=_predicted(row),
+        predicted=predicted(row),
         reason=_text(row["reason"]),
         notebook=_text(row["notebook"]),
         fails_if=_text(row["fails_if"]),
     )
 
 
-def _predicted(row: dict) -> bool:
-    """Whether the region is a predictive one, and not our number's tolerance."""
+def predicted(row: dict) -> bool:
+    """Whether a verdict's region is a predictive one, and not our number's tolerance."""
     low, ours, tolerance = _float(row["low"]), _float(row["reproduced"]), _float(row["tolerance"])
     return low == low and abs(ours - tolerance - low) > 1e-9 * max(abs(ours), abs(low), tolerance)
 
@@ -170,10 +176,11 @@ def like_printed(value: float, printed: str) -> str:
         digits = Decimal(printed.rstrip("%"))
     except InvalidOperation:
         return number(value, 4)
+    if "e" in printed.lower():
+        return f"{value:.2e}"
     exponent = digits.as_tuple().exponent
     text = f"{value:.{max(0, -exponent)}f}"
-    shown = "e" not in printed.lower() and abs(float(text) - value) <= 0.02 * abs(value)
-    return text if shown else number(value, 3)
+    return text if abs(float(text) - value) <= 0.02 * abs(value) else number(value, 3)
 
 
 def counts(all_cells: list[Cell]) -> dict[str, int]:

@@ -66,7 +66,8 @@ def _show(options: argparse.Namespace) -> int:
         if options.rerun:
             from replication.report.again import again  # the search takes a second to load
 
-            print(f"\nAgain:\n{again(options.name, table).to_string(index=False)}")
+            what, now = again(options.name, table)
+            print(f"\nAgain ({what}). Nothing in results was changed.\n{now.to_string(index=False)}")
     except terminal.Unknown as error:
         print(error, file=sys.stderr)
         return 2

@@ -10,6 +10,8 @@ from replication import published
 from replication.report import cells as cells_of
 from replication.workbook import judging
 
+RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+
 
 def facts(results: Path, verdicts: pd.DataFrame) -> dict[str, str]:
     """Collect every number that a sentence may hold, as text with sensible digits.
@@ -45,7 +47,9 @@ def _verdicts(results: Path, verdicts: pd.DataFrame) -> dict[str, str]:
     found |= {f"sd_{verdict}": told.count(verdict) for verdict in ("reproduced", "differs", "undecided")}
     found["standins"] = counts.get("stand-in", 0)
     claims = judging.decided_claims(results)
-    found |= {"claims": len(published.claims()), "claims_hold": int((claims["verdict"] == "holds").sum())}
+    told = list(claims["verdict"])
+    found |= {"claims": len(published.claims()), "claims_hold": told.count("holds")}
+    found |= {"claims_fail": told.count("does not hold"), "claims_open": told.count("undecided")}
     found["errata"] = len(published.errata())
     return {name: str(value) for name, value in found.items()}
 
@@ -75,9 +79,10 @@ def _range(name: str, values: pd.Series | np.ndarray) -> dict[str, str]:
 
 
 def _power(value: float, digits: int = 1) -> str:
-    """A number with its power of ten, no zeros before the exponent's digits."""
+    """A number with its power of ten, as it is written by hand: 5.93·10⁻⁶."""
     mantissa, exponent = f"{value:.{digits}e}".split("e")
-    return f"{mantissa}e{int(exponent)}"
+    raised = f"10{str(int(exponent)).translate(RAISED)}"
+    return raised if mantissa == "1" else f"{mantissa}·{raised}"
 
 
 def _stored_runs(results: Path) -> dict[str, str]:
@@ -87,13 +92,17 @@ def _stored_runs(results: Path) -> dict[str, str]:
 
 def _replay(results: Path) -> dict[str, str]:
     ends = pd.read_csv(results / "replay_ends.csv")
+    ours = pd.read_csv(results / "replay.csv").set_index(["run", "generation"])["best_rmse_rps"]
+    stored = published.authors_notebook_generations().set_index(["run", "generation"])["best_rmse_of_generation_rps"]
+    printed = (ours.reindex(stored.index) - stored).abs()
     apart = ends["difference_rps"].abs()
     same = apart < 1e-9  # far below what tells two basins apart, far above rounding
     return {
         "replayed": str(int(same.sum())),
         "replay_apart": _power(apart[same].max(), 0),
-        "replay_generations": str(int(ends["agrees_until"].sum())),
-        "stored_generations": str(int(ends["stored_generations"].sum())),
+        "stored_in_full": str(stored.index.get_level_values("run").nunique()),
+        "replay_generations": str(int((printed < 1e-9).sum())),
+        "stored_generations": str(len(printed)),
     }
 
 
@@ -137,7 +146,7 @@ def _equation10(results: Path, verdicts: pd.DataFrame) -> dict[str, str]:
     units = pd.read_csv(results / "equation10_units.csv")
     return {
         "rmse10": _power(rmse, 2),
-        "printed_rmse10": published.cells().loc["equation10.rmse", "printed"],
+        "printed_rmse10": _power(printed, 4),
         "rmse10_ratio": f"{float(f'{rmse / printed:.1g}'):.0f}",
         "largest_in_rps": _power(units["equation 10 with A in rps"].max()),
     }
@@ -166,7 +175,7 @@ def _dead_zone(results: Path) -> dict[str, str]:
 
 def _friction(results: Path) -> dict[str, str]:
     table = pd.read_csv(results / "table3_friction.csv").set_index("friction_share")
-    return {"friction_share": "2", "friction_change": f"{table.loc[0.02, 'change_percent']:.0f}"}
+    return {"friction_share": "2", "friction_change": f"{abs(table.loc[0.02, 'change_percent']):.0f}"}
 
 
 def _features(results: Path) -> dict[str, str]:

@@ -93,6 +93,6 @@ def shown_in(notebook: Path, drawn: list[Picture]) -> dict[str, list[Picture]]:
     own = [picture for picture in drawn if picture.notebook == notebook.stem]
     placed: dict[str, list[Picture]] = {}
     for picture in own:
-        if anchor := where.cell_with(notebook, f'"{picture.name}"'):
+        if anchor := where.cell_with(notebook, "save_figure(", f'"{picture.name}"'):
             placed.setdefault(anchor, []).append(picture)
     return placed

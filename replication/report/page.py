@@ -54,6 +54,12 @@ def cell_name(cell: Cell) -> str:
     return f"{cell.element}, {row}{column}"
 
 
+def ours(cell: Cell, judgement: Judgement) -> str:
+    """Write our number like the printed one; where that is a share, of what."""
+    number = cells_of.like_printed(judgement.ours, cell.printed)
+    return f"{number} of {cell.share_of}" if number and cell.share_of else number
+
+
 def told(cell: Cell, number: int, notebooks: Path, corrected: dict[str, str]) -> CellText:
     """Turn a cell into text; `corrected` as from `corrected_cells`."""
     return CellText(
@@ -63,7 +69,7 @@ def told(cell: Cell, number: int, notebooks: Path, corrected: dict[str, str]) ->
         tuple(
             Told(
                 source=cells_of.SOURCES.get(each.source, each.source),
-                ours=cells_of.like_printed(each.ours, cell.printed),
+                ours=ours(cell, each),
                 exact=cells_of.number(each.ours),
                 difference=f"{each.difference:+.3g}" if each.difference == each.difference else "",
                 region=regions.region(each),
@@ -171,7 +177,7 @@ def page(results: Path, notebooks: Path, verdicts: pd.DataFrame, quick: bool = F
         quick=quick,
         root="../../.." if quick else "..",
         signs=cells_of.SIGNS,
-        sources=cells_of.SOURCES,
+        sources=cells_of.SHORT_SOURCES,
         findings=[each for each in found if each.kind == "finding"],
         open=[each for each in found if each.kind == "open"],
         counts=cells_of.counts(all_cells),

@@ -14,6 +14,8 @@ from replication.report import drawings, figures, mathml, page, where
 from replication.workbook import files, judging
 
 TABLE_NUMBER = re.compile(r"<td>(-?\d+\.\d+(?:e[+-]?\d+)?|-?\d+e[+-]?\d+)</td>")
+LONG_NUMBER = re.compile(r"-?\d+\.\d{7,}(?!\d|e)")
+SHORT_HEAD = re.compile(r"<th>([^<]{1,14})</th>")
 DIGITS = 4  # of a number in a table; the exported CSV has six
 
 
@@ -71,7 +73,8 @@ def _output(output: nbformat.NotebookNode, has_picture: bool) -> str:
         return f'<img alt="a drawing that the cell above makes" src="{picture}">'
     if "text/html" in data:
         return _table(data["text/html"])
-    return f"<pre>{ansi2html(data.get('text/plain', ''))}</pre>"
+    plain = LONG_NUMBER.sub(lambda found: f"{float(found[0]):.{DIGITS}g}", data.get("text/plain", ""))
+    return f"<pre>{ansi2html(plain)}</pre>"
 
 
 def _table(html: str) -> str:
@@ -79,6 +82,8 @@ def _table(html: str) -> str:
     html = re.sub(r"<style.*?</style>", "", html, flags=re.DOTALL)
     html = html.replace(' border="1" class="dataframe"', "").replace(' style="text-align: right;"', "")
     html = re.sub(r"<th></th>", '<td class="corner"></td>', html)
+    html = html.replace("<td>NaN</td>", "<td>–</td>")
+    html = SHORT_HEAD.sub(r'<th class="short">\1</th>', html)
     html = TABLE_NUMBER.sub(lambda found: f'<td class="number">{float(found[1]):.{DIGITS}g}</td>', html)
     html = re.sub(r"</?div>", "", html)
     return f'<div class="wide" tabindex="0" role="group" aria-label="table, scrolls sideways">{html.strip()}</div>'

@@ -66,9 +66,7 @@ def _first(cell: Cell) -> str:
 
 def _entry(cell: Cell) -> list[str]:
     """A cell in short: printed, then ours with the sign of each verdict."""
-    ours = [
-        f"{cells_of.like_printed(each.ours, cell.printed) or ' '} {SIGNS[each.verdict]}" for each in cell.judgements
-    ]
+    ours = [f"{page.ours(cell, each) or ' '} {SIGNS[each.verdict]}" for each in cell.judgements]
     return [cell.printed, *ours]
 
 
@@ -171,7 +169,8 @@ def _cell(cell: Cell, results: Path, colour: bool) -> str:
     for each in told.told:
         judged = each.judgement
         lines.append(("", ""))
-        lines.append((each.source, f"{each.exact or '-'} {f'({each.difference})' if each.difference else ''}".strip()))
+        lines.append(("from", each.source))
+        lines.append(("ours", f"{each.exact or '-'} {f'({each.difference})' if each.difference else ''}".strip()))
         lines.append(("verdict", paint(f"{SIGNS[judged.verdict]} {judged.verdict}", judged.verdict, colour)))
         if judged.predicted:
             lines.append(("by tolerance", judged.by_tolerance))

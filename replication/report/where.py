@@ -78,11 +78,13 @@ def title(notebook: Path) -> str:
     return next(text for _, source in notebook_cells(notebook) for text in headings(source))
 
 
-def cell_with(notebook: Path, text: str) -> str | None:
-    """Anchor of the first code cell whose source holds a text; None if there is none."""
+def cell_with(notebook: Path, *texts: str) -> str | None:
+    """Anchor of the first code cell whose source holds all of the texts; None if there is none."""
     cells = notebook_cells(notebook)
     named = zip(cells, cell_anchors(list(cells)), strict=True)
-    return next((anchor for (kind, source), anchor in named if kind == "code" and text in source), None)
+    return next(
+        (anchor for (kind, source), anchor in named if kind == "code" and all(text in source for text in texts)), None
+    )
 
 
 def made(cell: str, source: str, notebook: str, notebooks: Path = ROOT / "notebooks") -> Made:
