@@ -14,7 +14,7 @@ STAMPS := $(NOTEBOOKS:%=.make/%.done)
 help:  ## list the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 16
 
-all: .venv/.installed  ## every notebook, figure, table, verdict and the report
+all: .venv/.installed  ## every notebook, figure, table, verdict, the report and the article
 	@mkdir -p .make && rm -f .make/due
 	@$(MAKE) --no-print-directory --keep-going .make/workbook.done
 
@@ -101,10 +101,11 @@ $(STAMPS): .make/%.done: notebooks/%.py requirements.lock | .venv/.installed
 	@mkdir -p .make && echo $< >> .make/due
 
 # A notebook that fails keeps neither the others nor the report from being made, but make from ending well.
-.make/workbook.done: $(STAMPS) $(wildcard replication/report/* replication/workbook/*.py replication/data/*.csv)
+.make/workbook.done: $(STAMPS) $(wildcard replication/report/* replication/report/templates/* article/* replication/workbook/*.py replication/data/*.csv)
 	@if [ -s .make/due ]; then $(RUN) run --stamps .make --watch $$PPID $$(cat .make/due); fi; echo $$? > .make/status
 	$(RUN) collect
 	$(RUN) report
+	$(RUN) article
 	$(RUN) readme
 	$(RUN) check || true
 	@exit $$(cat .make/status)

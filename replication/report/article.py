@@ -105,7 +105,8 @@ def typeset(results: Path) -> bytes:
 
     inputs = {"data": json.dumps(content(results))}
     try:
-        return typst.compile(str(SOURCE), root=str(workbook.ROOT), sys_inputs=inputs)
+        # Fonts that only this machine has would make other bytes elsewhere.
+        return typst.compile(str(SOURCE), root=str(workbook.ROOT), sys_inputs=inputs, ignore_system_fonts=True)
     except typst.TypstError as error:
         raise NotTypeset(f"article/article.typ: {error}") from error
 

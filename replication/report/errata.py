@@ -8,8 +8,8 @@ from replication.workbook import files
 HEAD = """# Errata for "A virtual sensor for backlash in robotic manipulators"
 
 E. Giovannitti, S. Nabavi, G. Squillero, A. Tonda, Journal of Intelligent Manufacturing, doi:10.1007/s10845-022-01934-z.
-Found while replicating the paper; each is proved by a test of the replication, named in the last column. Two entries, on
-the public read-me and on public data, concern the published data set and not the paper.
+Found while replicating the paper; each is proved by a test of the replication, named in the last column. Two
+entries, on the public read-me and on public data, concern the published data set and not the paper.
 
 | | where | as printed | correct | what follows | proof |
 |---|---|---|---|---|---|

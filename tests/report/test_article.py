@@ -19,6 +19,10 @@ def test_the_article_is_typeset_the_same_each_time():
     assert article.typeset(RESULTS) == pdf
 
 
+def test_the_committed_article_is_what_the_results_give():
+    assert (RESULTS / "article.pdf").read_bytes() == article.typeset(RESULTS), "run: make article"
+
+
 def test_every_number_that_the_text_names_is_in_the_results():
     named = set(re.findall(r'#n\("(\w+)"\)', TEXT))
     found = facts.facts(RESULTS, judging.verdicts(RESULTS))

@@ -109,7 +109,7 @@ def test_the_findings_have_all_their_numbers_and_half_a_page():
     found = findings.findings(facts.facts(RESULTS, VERDICTS))
     assert len(found) == len(published.findings()), "a finding's number is not in the results"
     kinds = Counter(each.kind for each in found)
-    assert 8 <= kinds["finding"] <= 12
+    assert 8 <= kinds["finding"] <= 10
     assert kinds["open"] >= 2
     assert all(each.proofs for each in found)
     assert sum(len(each.text.split()) for each in found) < 450
@@ -131,6 +131,24 @@ def test_a_table_has_the_papers_rows_and_columns_and_every_cell_once(layout):
     assert placed == list(published.cells(layout.element).index)
     lengths = {column.heading: len(column.texts) for column in layout.columns if column.texts}
     assert set(lengths.values()) <= {len(tables.rows(layout, all_cells))}
+
+
+def test_a_bound_that_is_a_share_says_of_what():
+    by_id = cells_of.by_id(cells_of.cells(VERDICTS))
+    cell = by_id["table1.A.max"]
+    assert page.ours(cell, cell.deciding) == f"{cell.deciding.ours:.3g} of v's range"
+    other = by_id["table1.tau.max"]
+    assert "of" not in page.ours(other, other.deciding)
+
+
+def test_an_exported_figure_stands_once_on_its_page(site):
+    drawn = page.pictures(RESULTS, workbook.ROOT / "figures")
+    for name in {picture.notebook for picture in drawn}:
+        text = (site / "pages" / f"{name}.html").read_text(encoding="utf-8")
+        for picture in (picture for picture in drawn if picture.notebook == name):
+            place = text.index(f'id="{picture.anchor}"')
+            above = text[:place].rpartition('<div class="code">')[2]
+            assert "save_figure" in above, f"{name}: {picture.name} stands under a cell that does not draw it"
 
 
 def test_a_cells_number_is_told_with_the_digits_of_the_printed_one():

@@ -9,6 +9,7 @@ from replication.__main__ import main
 from replication.report import again, terminal
 from replication.workbook import judging
 
+EVIDENCE = judging.EVIDENCE
 VERDICTS = judging.verdicts(RESULTS)
 
 
@@ -78,6 +79,14 @@ def test_a_rerun_of_a_row_of_table_2_gives_the_committed_numbers(authors_data, m
     runs = pd.read_csv(RESULTS / "table2_runs_authors.csv")
     same = runs[(runs["row"] == 2) & runs["noise_level"].str.endswith("R = 1") & (runs["seed"] <= 2)]
     assert now["table2.row02.mean"] == pytest.approx(same["A_rps"].abs().mean(), rel=1e-5)
+
+
+def test_a_rerun_is_judged_by_the_same_region_as_the_results():
+    predicted = VERDICTS[VERDICTS["verdict"].ne(VERDICTS["by_tolerance"]) & VERDICTS["verdict"].isin(EVIDENCE)]
+    assert len(predicted) > 0
+    now = predicted[["id", "source", "reproduced"]].reset_index(drop=True)
+    beside = again._beside(VERDICTS, now)
+    assert [verdict == "differs" for verdict in beside["verdict"]] == list(predicted["verdict"] == "differs")
 
 
 def test_a_rerun_says_what_no_notebook_makes():
