@@ -46,6 +46,11 @@ class CellText:
     told: tuple[Told, ...]
     erratum: str
 
+    @property
+    def is_made(self) -> bool:
+        """Whether a notebook makes any of our numbers."""
+        return any(each.made.notebook for each in self.told)
+
 
 def cell_name(cell: Cell) -> str:
     """Call a cell by its place: "Table 2, row 3, sd"."""

@@ -184,7 +184,8 @@ def _cell(cell: Cell, results: Path, colour: bool) -> str:
         if each.made.file:
             lines.append(("computed", f"{each.made.file}:{each.made.line}  {each.made.code}"))
     lines += [("", ""), ("tolerance", f"{cell.tolerance:.3g}: {cell.tolerance_reason}")]
-    lines.append(("again", f"python -m replication show {cell.id} --rerun"))
+    if told.is_made:
+        lines.append(("again", f"python -m replication show {cell.id} --rerun"))
     return _wrap(lines)
 
 
