@@ -15,7 +15,7 @@ from replication.workbook import files, judging
 
 TABLE_NUMBER = re.compile(r"<td>(-?\d+\.\d+(?:e[+-]?\d+)?|-?\d+e[+-]?\d+)</td>")
 LONG_NUMBER = re.compile(r"-?\d+\.\d{7,}(?!\d|e)")
-SHORT_HEAD = re.compile(r"<th>([^<]{1,14})</th>")
+SHORT_TEXT = re.compile(r"<(th)>([^<]{1,14})</th>|<(td)>([A-Za-z][^<]{0,40})</td>")  # not to be broken into lines
 DIGITS = 4  # of a number in a table; the exported CSV has six
 
 
@@ -83,7 +83,7 @@ def _table(html: str) -> str:
     html = html.replace(' border="1" class="dataframe"', "").replace(' style="text-align: right;"', "")
     html = re.sub(r"<th></th>", '<td class="corner"></td>', html)
     html = html.replace("<td>NaN</td>", "<td>–</td>")
-    html = SHORT_HEAD.sub(r'<th class="short">\1</th>', html)
+    html = SHORT_TEXT.sub(r'<\1\3 class="short">\2\4</\1\3>', html)
     html = TABLE_NUMBER.sub(lambda found: f'<td class="number">{float(found[1]):.{DIGITS}g}</td>', html)
     html = re.sub(r"</?div>", "", html)
     return f'<div class="wide" tabindex="0" role="group" aria-label="table, scrolls sideways">{html.strip()}</div>'

@@ -76,14 +76,14 @@ def _line(verdicts: list[str], texts: list[str], colour: bool) -> str:
 
 
 def _table(layout: tables.Layout, rows: list[tables.Row], colour: bool) -> str:
-    """A table: each cell as "printed > ours sign", ours from the authors' data, then from our simulation."""
+    """A table: each cell as "printed | ours sign", ours from the authors' data, then from our simulation."""
     grid = [[layout.row_heading, *(column.heading for column in layout.columns)]]
     verdicts = [[""] * len(grid[0])]
     for row in rows:
         texts, found = [row.heading], [""]
         for item in row.entries:
             is_cell = isinstance(item, Cell)
-            texts.append(" > ".join([_entry(item)[0], ", ".join(_entry(item)[1:])]) if is_cell else item or "")
+            texts.append(" | ".join([_entry(item)[0], ", ".join(_entry(item)[1:])]) if is_cell else item or "")
             found.append(_first(item) if is_cell else "")
         grid.append(texts)
         verdicts.append(found)
