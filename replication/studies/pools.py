@@ -85,7 +85,7 @@ def _around(pole: str, unit: str, factor: float) -> list[Candidate]:
     """Candidates that differ from a pole in one respect, or in two that go together."""
     base = Protocol(amplitude_factor=factor)
     other = 1.0 if factor != 1.0 else 1.3
-    # From 300 on, hardly a run needs 200 generations.
+    # From 600 on no limit is tried: a run there hardly needs 200 generations.
     large = [
         (f"population {size}{text}", Candidate("", replace(base, population=size, iterations=limit), unit))
         for size, limit, text in (
