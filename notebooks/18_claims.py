@@ -56,7 +56,7 @@ mountings = 3  # angles at which the encoder is mounted
 bits = [12, 14, 16, 19]  # encoders
 start_angles = 200  # start angles of the motor
 steps_s = [5e-5, 1e-4, 2.5e-4, 5e-4]  # plain integration steps
-checked_runs = 12  # runs of the optimisers that are made again
+checked_runs = 6  # runs of the optimisers that are made again
 check_seed = 1  # which runs these are
 criteria = {}  # criteria to try instead of those of claims.csv, such as {"quality_decreases": 0.2}
 
@@ -68,7 +68,8 @@ criteria = {}  # criteria to try instead of those of claims.csv, such as {"quali
 # %%
 limit = {claim: published.criterion(claim) for claim in published.claims().index} | criteria
 said = published.claims()
-said.loc[said["check"].str.contains("notebook 18"), ["claim", "criterion", "reason", "alternative"]]
+with pd.option_context("display.max_colwidth", None):
+    display(said.loc[said["check"].str.contains("notebook 18"), ["claim", "criterion", "reason", "alternative"]])
 
 # %% [markdown]
 # ### What the printed numbers say
