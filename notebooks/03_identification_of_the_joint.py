@@ -93,7 +93,7 @@ together
 # %%
 if profiled:
     fitted_records = signals({delta: records[delta] for delta in fit_deltas})
-    display(identification.profile_ratio(profiled, (0.9, 1.0, 1.1), fitted_records, fit.parameters))  # noqa: F821
+    display(identification.profile_ratio(profiled, (0.9, 1.0, 1.1), fitted_records, fit.parameters))
 
 # %% [markdown]
 # ### Physical values, for a load of 5 kg
