@@ -9,16 +9,15 @@ from replication.workbook import files, judging
 
 def status(results: Path) -> str:
     """Make the README's status block: verdicts by element and source."""
-    counts = judging.verdict_counts(judging.verdicts(results)).reset_index()
-    total = counts.drop(columns=["element", "source"]).sum()
-    summary = ", ".join(f"{number} {verdict}" for verdict, number in total.items())
-    return f"{summary} (cells by source):\n\n{_markdown(counts)}"
+    counts = judging.verdict_counts(judging.verdicts(results))
+    counts.loc[("all", ""), :] = counts.sum()
+    return _markdown(counts.astype(int).reset_index())
 
 
 def _markdown(table: pd.DataFrame) -> str:
-    lines = ["| " + " | ".join(table.columns) + " |", "|" + "---|" * len(table.columns)]
-    lines += ["| " + " | ".join(str(cell) for cell in row) + " |" for row in table.itertuples(index=False)]
-    return "\n".join(lines)
+    """Write a Markdown table; zeros are left blank."""
+    rows = [table.columns, ["-"] * len(table.columns), *table.itertuples(index=False)]
+    return "\n".join("|" + "".join(f" {cell} |" if cell else " |" for cell in row) for row in rows)
 
 
 def block(text: str, name: str) -> str:
