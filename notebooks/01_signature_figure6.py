@@ -37,6 +37,8 @@ import pandas as pd
 
 from replication import datasets, published, workbook
 from replication.figures import paper, searching
+from replication.identify import paper_search
+from replication.search import search
 from replication.signature import Timing, signature
 from replication.studies import inspection, replay
 from replication.studies.bounds import turns_by_replay
@@ -99,6 +101,24 @@ def draw(A_rps, tau_per_s, omega_rad_per_s):
 
 
 workbook.sliders(draw, A_rps=(X[0], -2.0, 2.0), tau_per_s=(X[2], 5.0, 30.0), omega_rad_per_s=(X[3], 6.0, 260.0))
+
+# %% [markdown]
+# ### The test in two stages, on this run
+#
+# The model at the stored parameters, then the search with the stored seed: both must end at the stored misfit.
+
+# %%
+model_rmse = np.sqrt(np.mean((record.v - fitted) ** 2))  # equation 11 and the cost function after it
+ran = search(paper_search(record, AUTHORS, int(stored["cma_seed"])), AUTHORS.iterations)
+pd.Series(
+    {
+        "stored RMSE [rps]": stored["final_rmse_rps"],
+        "model at the stored parameters": model_rmse,
+        "search with the stored seed": ran.misfit,
+        "its A [rps]": ran.best[0],
+        "stored A [rps]": X[0],
+    }
+).to_frame("")
 
 # %% [markdown]
 # ### The 30 stored runs

@@ -80,6 +80,26 @@ workbook.save_figure(
 )
 
 # %% [markdown]
+# Reading a backlash off an amplitude, with sliders for $A$ and its error, where the notebook is run by hand with
+# `make lab`.
+
+
+# %%
+def draw(A_rps, error_percent):
+    read_at = scale * A_rps * np.array([1, 1 + error_percent / 100])
+    read = fitted.backlash_rad(read_at)
+    paper.characteristic(
+        theoretical,
+        delta,
+        curve_A,
+        fitted.backlash_rad(scale * curve_A),
+        f"{read[0]:.2e} rad, with the error {read[1]:.2e} rad",
+    ).axes[0].plot(read_at / scale, 1e4 * read, "o-", markersize=9)
+
+
+workbook.sliders(draw, A_rps=(theoretical[4], 0.0, theoretical[-1]), error_percent=(10.0, -20.0, 20.0))
+
+# %% [markdown]
 # ### The same from our own simulations
 #
 # The identified joint (notebook 3) at the same ten levels. Its peaks lie on a much smoother line than the printed ones,
@@ -213,6 +233,5 @@ workbook.verdict({"authors": cells, "simulated": equation10_cells(ours)}, claims
 # ## Try changing
 #
 # 1. `rpm_per_rps = 1.0`: the coefficients of the cubic in rps; all but the constant are out of their tolerance.
-# 2. `left_out = [10]`: without the last point the cubic term changes its second digit, and equation 10 is no longer
-#    reproduced.
+# 2. `left_out = [10]`: without the last point the cubic term changes its second digit, and leaves its tolerance.
 # 3. `rpm_per_rps = 6.2832`: in rad/s the coefficients fit neither.

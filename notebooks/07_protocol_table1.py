@@ -27,8 +27,8 @@
 #
 # The authors' notebook stores what their runs really did: the whole record, the box of $A$ widened by 1.3,
 # $T_d$ = 0.2 s and $T_f$ = 0.4 s, a population of 300 and at most 200 generations. That is `Protocol()`; every
-# variant is a line of `table2.VARIANTS`. Each is run on the same ten noisy records (realisation R = 1) with
-# the same seeds, and its means and SDs are laid beside the printed ones of Table 2.
+# variant changes a setting or two of it (`table2.VARIANTS`). Each is run on the same ten noisy records (realisation
+# R = 1) with the same seeds, and its means and SDs are laid beside the printed ones of Table 2.
 #
 # Equations 12 to 17 are `search.py`, a page of array code with the constants of the authors' library; notebook 1 shows
 # that it goes through their stored runs. Here one of its generations is taken apart.
@@ -55,7 +55,16 @@ from replication.studies.variants import rank_variants, variant_scores
 repeats = 3  # runs of each variant on each record
 realisation = 1  # the authors' noise realisation R
 rows = list(range(1, 11))  # rows of Table 2 whose records are fitted
-variants = "all"  # or a list of names
+variants = [  # what is compared, of `table2.VARIANTS`
+    "authors' notebook",
+    "start drawn per run",
+    "start drawn per record",
+    "A bound as printed",
+    "T_d and T_f as printed",
+    "today's cma",
+    "population 1000",
+]
+your_variant = {}  # settings of one more, over the authors', such as {"population": 100}; see `identify.Protocol`
 version_runs = 6  # runs on each record, for the comparison of library versions
 population = 300  # members of the generation that is shown
 generation = 5  # which one
@@ -194,7 +203,9 @@ pd.Series({"ended by": found.stop, "generations": best.size, "misfit [rps]": fou
 
 # %%
 seeds = range(1, repeats + 1)
-chosen = [p for p in table2.VARIANTS if variants == "all" or p.name in variants]
+chosen = [protocol for protocol in table2.VARIANTS if protocol.name in variants]
+if your_variant:
+    chosen.append(replace(table2.AUTHORS, name="your variant", **your_variant))
 records = [(key, record) for key, record in table2.authors_table2_records([realisation]) if key["row"] in rows]
 runs = table2.repeated_fits(records, chosen, seeds, label="protocol variants")
 scores = variant_scores(runs)

@@ -52,7 +52,18 @@ from replication.studies import basins, coverage, plots
 # %% tags=["parameters"]
 level = 12  # the authors' clean record for replay, landscape and strategies
 replay_runs = 100  # runs of the authors' protocol on it
-strategy_runs = 10  # runs of each other strategy
+strategies = [  # ways to spend a budget of function evaluations, of `basins.strategies`
+    "population 300 (the authors'), restarted",
+    "population 1000, restarted",
+    "population 100, restarted",
+    "population 30, restarted",
+    "IPOP from 30",
+    "BIPOP from 30",
+    "A and v_t projected out, population 300, restarted",
+    "A and v_t projected out, population 100, restarted",
+    "A and v_t projected out, population 30, restarted",
+]
+strategy_runs = 10  # runs of each strategy
 budget = 40000  # function evaluations of each of these
 coverage_runs = 200  # made records for each noise law
 
@@ -110,7 +121,8 @@ workbook.save_figure(
 
 # %%
 target = best.rmse * (1 + table2.BASIN_GAP)
-searches = basins.study(record, protocol, basins.strategies(budget), range(1, strategy_runs + 1), target)
+compared_strategies = [strategy for strategy in basins.strategies(budget) if strategy.name in strategies]
+searches = basins.study(record, protocol, compared_strategies, range(1, strategy_runs + 1), target)
 costs = basins.strategy_table(searches)
 workbook.save_table(costs, "identification_strategies")
 costs.round(3)

@@ -74,8 +74,8 @@ one
 # ### Every change, and what each method reads
 
 # %%
-moved = robustness.robustness(joint, deltas_rad, changes)
-moved = moved[~moved["parameter"].isin(left_out)]
+changing = [name for name in robustness.CHANGES if name not in left_out]
+moved = robustness.robustness(joint, deltas_rad, changes, changing)
 ends = robustness.mean_errors(moved)
 workbook.save_table(ends, "robustness")
 ends.pivot(index=["parameter", "change"], columns="method", values="mean_error_rad")

@@ -20,7 +20,7 @@ NOTEBOOKS = {path.stem: path for path in sorted((workbook.ROOT / "notebooks").gl
 
 # What a change is checked with, where the quick run is still long. A change's own parameter comes last.
 CHEAPER = {
-    "07_protocol_table1": {"repeats": 2, "rows": [3, 9], "version_runs": 1},
+    "07_protocol_table1": {"repeats": 2, "rows": [3, 9], "version_runs": 1, "variants": ["authors' notebook"]},
     "08_noise_table2": {"repeats": 2, "realisations": [1]},
     "09_identification": {"replay_runs": 6, "strategy_runs": 1, "coverage_runs": 1, "budget": 3000},
     "10_bench_table3": {"benches": 20},
@@ -28,14 +28,25 @@ CHEAPER = {
     "15_friction_and_wear": {"shares": [0.0, 0.005, 0.02, 0.05], "worn_benches": 1},
     "18_claims": {"noises": 4, "mountings": 1, "bits": [16, 19], "start_angles": 20, "checked_runs": 1},
     "13_beyond_the_paper": {"scored": [3], "deltas_rad": [5e-4], "healthy": 20, "seen_records": 4},
+    "16_a_changed_joint": {
+        "left_out": sorted(
+            set(robustness.CHANGES) - {"load mass", "stiffness", "integral gain", "load Coulomb friction"}
+        )
+    },
 }
 
 # Changes that touch different results are made in one run, to save time.
 TOGETHER = {
+    "01_signature_figure6": [["run = 1", "turn_period_s = 0.408", "turns = 3"]],
+    "03_identification_of_the_joint": [["alphas = [1e3]", 'profiled = "leaky_rate_per_s"']],
+    "05_growth_figure11": [["noise_rps = 0.18", 'changes = {"gravity_per_s2": 1.2}']],
+    "07_protocol_table1": [["realisation = 2", "population = 20"]],
     "08_noise_table2": [["repeats = 3", "noise_seed = 2"]],
+    "09_identification": [["level = 13", "strategy_runs = 30"]],
     "11_robots_table4": [["coupling = 0.0", "loud_coupling = 0.3"]],
     "13_beyond_the_paper": [["scored = [3, 4, 5, 6]", "loudness_rps = [0.1, 1.0]"]],
     "17_protocols": [["sd_width = 0.13", "check_seed = 2"]],
+    "18_claims": [['criteria = {"quality_decreases": 0.2}', "turns = [1, 3]"]],
 }
 
 
@@ -86,13 +97,13 @@ def a_run_of_the_commonest_basin(n):
 
 
 def figure_6_barely_changes(n):
-    assert n["timing"].T_f / 0.4 - 1 < 0.021
+    assert 0 < n["timing"].T_f / 0.4 - 1 < 0.021
     assert n["cells"]["text.turns"] == 12
 
 
 def a_third_pair_of_oscillations(n):
-    t, h = n["t"], n["signature"](n["t"], n["X"], n["timing"])
-    turn = [np.abs(h[(t >= start) & (t < start + 0.4)]).max() for start in (0.0, 0.4, 0.8)]
+    t, T_f, h = n["t"], n["timing"].T_f, n["signature"](n["t"], n["X"], n["timing"])
+    turn = [np.abs(h[(t >= number * T_f) & (t < (number + 1) * T_f)]).max() for number in range(3)]
     assert turn[2] == pytest.approx(turn[0], rel=0.01)
 
 
@@ -161,7 +172,7 @@ def a_quarter_as_high(n):
 
 
 def all_but_the_constant_out_of_tolerance(n):
-    assert verdict_of(n["cells"], "equation10.A0") == "reproduced"
+    assert verdict_of(n["cells"], "equation10.A0") == "consistent"
     assert {verdict_of(n["cells"], f"equation10.A{k}") for k in (1, 2, 3)} == {"differs"}
 
 

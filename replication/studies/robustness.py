@@ -68,7 +68,9 @@ def _errors(
     return {method: value - delta for method, value in found.items()}
 
 
-def robustness(joint: JointParameters, deltas_rad: Sequence[float], shares: Sequence[float]) -> pd.DataFrame:
+def robustness(
+    joint: JointParameters, deltas_rad: Sequence[float], shares: Sequence[float], names: Sequence[str] = tuple(CHANGES)
+) -> pd.DataFrame:
     """Errors of the methods, calibrated on the joint as it is, when one thing about it has changed.
 
     Records are noise-free. "equation 10" is printed, of the global fit's amplitude. A changed speed changes the turn
@@ -83,6 +85,8 @@ def robustness(joint: JointParameters, deltas_rad: Sequence[float], shares: Sequ
         Backlashes [rad].
     shares : sequence of float
         Relative changes; friction takes the positive ones.
+    names : sequence of str
+        What changes, of `CHANGES`.
 
     Returns
     -------
@@ -93,7 +97,7 @@ def robustness(joint: JointParameters, deltas_rad: Sequence[float], shares: Sequ
     calibrations |= {method: default_calibration(method) for method in ("amplitude", "energy", "waveform")}
     jobs = [
         (name, share, delta)
-        for name in CHANGES
+        for name in names
         for share in shares
         if share > 0 or name not in GROWS_ONLY
         for delta in deltas_rad
