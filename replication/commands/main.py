@@ -48,25 +48,19 @@ def _parser() -> argparse.ArgumentParser:
     collect.add_argument("--quick", action="store_true", help="of the quick run")
     collect.set_defaults(command=_collect)
     report.add_commands(subparsers)
-    subparsers.add_parser(
-        "sensitivity", help="who notices a wrong constant, into results/sensitivity.csv"
-    ).set_defaults(command=_sensitivity)
-    subparsers.add_parser(
-        "identify-joint", help="identify the simulated joint anew, into data/joint.json"
-    ).set_defaults(command=_identify_joint)
-    subparsers.add_parser(
-        "claims", help="the slow studies behind claims, into results/optimizers.csv and results/alpha_refit.csv"
-    ).set_defaults(command=_claims)
+    for name, command, text in (
+        ("sensitivity", _sensitivity, "who notices a wrong constant, into results/sensitivity.csv"),
+        ("identify-joint", _identify_joint, "identify the simulated joint anew, into data/joint.json"),
+        ("claims", _claims, "the slow studies behind claims, into results/optimizers.csv and results/alpha_refit.csv"),
+        ("bench", _bench, "time what was made fast, into results/bench.csv"),
+        ("scoreboard", _scoreboard, "score every method, into results/scoreboard.csv"),
+        ("population", _population, "every method on joints that nobody calibrated, into results/population_logs.csv"),
+        ("data", _data, "fetch and verify the authors' data"),
+    ):
+        subparsers.add_parser(name, help=text).set_defaults(command=command)
     pools = subparsers.add_parser("protocols", help="runs of every candidate protocol, into results/protocols")
     pools.add_argument("--jobs", type=int, default=2, help="processes (default: 2)")
     pools.set_defaults(command=_protocols)
-    subparsers.add_parser("bench", help="time what was made fast, into results/bench.csv").set_defaults(command=_bench)
-    subparsers.add_parser("scoreboard", help="score every method, into results/scoreboard.csv").set_defaults(
-        command=_scoreboard
-    )
-    subparsers.add_parser(
-        "population", help="every method on joints that nobody calibrated, into results/population_logs.csv"
-    ).set_defaults(command=_population)
     score = subparsers.add_parser("score", help="score your own method on the scoreboard's logs")
     score.add_argument("method", help="module:function; takes a Recording, returns the backlash [rad]")
     score.set_defaults(command=_score)
@@ -74,7 +68,6 @@ def _parser() -> argparse.ArgumentParser:
     settings.add_argument("--only-tests-of", metavar="SETTING", help="only the tests, under this one setting")
     settings.add_argument("tests", nargs="*", help="tests to run; by default all that compute")
     settings.set_defaults(command=_portable)
-    subparsers.add_parser("data", help="fetch and verify the authors' data").set_defaults(command=_data)
     return parser
 
 

@@ -16,11 +16,6 @@ from replication.table2 import AUTHORS, basin_labels, table2_levels
 FloatArray = NDArray[np.float64]
 
 
-def whole_turns(recording: Recording) -> int:
-    """Whole load turns that a record holds."""
-    return round((recording.t[-1] - recording.t[0]) / recording.turn_period_s)
-
-
 def impacts_alternate(recording: Recording) -> bool:
     """Whether the largest excursion from the commanded speed changes its sign from half turn to half turn.
 

@@ -113,8 +113,8 @@ def _objective(recording: Recording) -> tuple[Callable, list[tuple[float, float]
     box = protocol_box(recording, protocol)
 
     def rmse(x: np.ndarray) -> np.ndarray | float:
-        found = population_rmse(recording.t, recording.v, np.atleast_2d(x.T), protocol.timing)
-        return found if x.ndim > 1 else float(found[0])
+        misfits = population_rmse(recording.t, recording.v, np.atleast_2d(x.T), protocol.timing)
+        return misfits if x.ndim > 1 else float(misfits[0])
 
     return rmse, list(zip(box.lower, box.upper, strict=True)), protocol.population * protocol.iterations
 
@@ -123,18 +123,18 @@ def scipy_differential_evolution(recording: Recording) -> float:
     """SciPy's differential evolution on the paper's objective, with as many evaluations, and equation 10."""
     rmse, bounds, evaluations = _objective(recording)
     members = 15 * len(bounds)
-    found = differential_evolution(
+    ended = differential_evolution(
         rmse, bounds, maxiter=evaluations // members - 1, tol=0.0, polish=False, rng=np.random.default_rng(SEED),
         vectorized=True, updating="deferred",
     )  # fmt: skip
-    return _equation_10(found.x[0])
+    return _equation_10(ended.x[0])
 
 
 def scipy_dual_annealing(recording: Recording) -> float:
     """SciPy's dual annealing on the paper's objective, with as many evaluations, and equation 10."""
     rmse, bounds, evaluations = _objective(recording)
-    found = dual_annealing(rmse, bounds, maxiter=evaluations, maxfun=evaluations, rng=np.random.default_rng(SEED))
-    return _equation_10(found.x[0])
+    ended = dual_annealing(rmse, bounds, maxiter=evaluations, maxfun=evaluations, rng=np.random.default_rng(SEED))
+    return _equation_10(ended.x[0])
 
 
 def _calibrated(method: str) -> Method:
@@ -146,10 +146,7 @@ def _calibrated(method: str) -> Method:
 
 
 def _through_joint(free: Sequence[str]) -> Method:
-    def measured(recording: Recording) -> float:
-        return match_joint(recording, identified_joint(), free).delta_rad
-
-    return measured
+    return lambda recording: match_joint(recording, identified_joint(), free).delta_rad
 
 
 def peak_to_peak(recording: Recording) -> float:
@@ -196,12 +193,6 @@ METHODS: Mapping[str, Method] = {
 # Scoring
 
 
-def _timed(method: Method, recording: Recording) -> tuple[float, float]:
-    begun = time.perf_counter()
-    found = float(method(recording))
-    return found, time.perf_counter() - begun
-
-
 def score_logs(name: str, method: Method, logs: Sequence[tuple[str, float, Recording]]) -> pd.DataFrame:
     """Run a method on logs, one after another.
 
@@ -218,13 +209,15 @@ def score_logs(name: str, method: Method, logs: Sequence[tuple[str, float, Recor
     rows = []
     for number, (kind, delta, recording) in enumerate(logs, start=1):
         where = f"{name}, log {number} ({recording.source})"
+        begun = time.perf_counter()
         try:
-            found, seconds = _timed(method, recording)
+            answer = float(method(recording))
         except Exception as error:
             raise UnusableMethod(f"{where}: {type(error).__name__}: {' '.join(str(error).split())}") from error
-        if not np.isfinite(found):
-            raise UnusableMethod(f"{where}: {found} is no backlash; return radians, finite")
-        rows.append((name, kind, number, delta, found, found - delta, seconds))
+        seconds = time.perf_counter() - begun
+        if not np.isfinite(answer):
+            raise UnusableMethod(f"{where}: {answer} is no backlash; return radians, finite")
+        rows.append((name, kind, number, delta, answer, answer - delta, seconds))
     return pd.DataFrame(rows, columns=["method", "kind", "log", "delta_rad", "found_rad", "error_rad", "seconds"])
 
 

@@ -57,12 +57,7 @@ def reference_fit(recording: Recording, protocol: Protocol, seed: int) -> Fit:
 def median_seconds(call: Callable[[], object], repeats: int) -> float:
     """Median wall time of a call [s], after one call that compiles."""
     call()
-    seconds = []
-    for _ in range(repeats):
-        begun = perf_counter()
-        call()
-        seconds.append(perf_counter() - begun)
-    return float(np.median(seconds))
+    return float(np.median([once(call) for _ in range(repeats)]))
 
 
 def once(call: Callable[[], object]) -> float:
@@ -114,9 +109,7 @@ def bench_identification(records: Sequence[Recording], runs: int = 30, repeats: 
         ("table2_300_fits", table, slow_evaluation * sum(f.evaluations for f in fits) / 2, "two cores; " + scaled),
         ("global_fit", whole, many, f"{runs} of our paper_fit, one core"),
     ]
-    frame = pd.DataFrame(rows, columns=["name", "ours_s", "reference_s", "note"])
-    frame.insert(3, "ratio", frame["reference_s"] / frame["ours_s"])
-    return frame
+    return _table(rows)
 
 
 def bench_simulator(repeats: int = 11) -> pd.DataFrame:
@@ -148,9 +141,12 @@ def bench_simulator(repeats: int = 11) -> pd.DataFrame:
         ("simulate_record", fast, slow, f"LSODA on the same field; errors {ours:.1e} and {theirs:.1e} rps"),
         ("simulate_ten_levels", two, one, "two threads against one"),
     ]
-    frame = pd.DataFrame(rows, columns=["name", "ours_s", "reference_s", "note"])
-    frame.insert(3, "ratio", frame["reference_s"] / frame["ours_s"])
-    return frame
+    return _table(rows)
+
+
+def _table(rows: list[tuple[str, float, float, str]]) -> pd.DataFrame:
+    columns = ["name", "ours_s", "reference_s", "ratio", "note"]
+    return pd.DataFrame([(name, ours, other, other / ours, note) for name, ours, other, note in rows], columns=columns)
 
 
 def bench() -> pd.DataFrame:
