@@ -200,6 +200,8 @@ pd.Series({"ended by": found.stop, "generations": best.size, "misfit [rps]": fou
 
 # %% [markdown]
 # ### The variants
+#
+# `variant_scores` puts the mean and the SD of the runs on each record, made as notebook 8 shows, beside the printed.
 
 # %%
 seeds = range(1, repeats + 1)
