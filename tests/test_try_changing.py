@@ -44,7 +44,7 @@ TOGETHER = {
     "08_noise_table2": [["repeats = 3", "noise_seed = 2"]],
     "09_identification": [["level = 13", "strategy_runs = 30"]],
     "11_robots_table4": [["coupling = 0.0", "loud_coupling = 0.3"]],
-    "13_beyond_the_paper": [["scored = [3, 4, 5, 6]", "loudness_rps = [0.1, 1.0]"]],
+    "13_beyond_the_paper": [["scored = [3, 4, 5, 6]", "false_alarm_rate = 0.1", "loudness_rps = [0.1, 1.0]"]],
     "17_protocols": [["sd_width = 0.13", "check_seed = 2"]],
     "18_claims": [['criteria = {"quality_decreases": 0.2}', "turns = [1, 3]"]],
 }
