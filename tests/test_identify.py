@@ -17,6 +17,7 @@ from replication.identify import (
     protocol_box,
 )
 from replication.signature import Box, signature
+from replication.table2 import start_samples
 
 MARGINS = {margin_2021: cma.transformations.margin_width1, margin_today: cma.transformations.margin_width2}
 TRUE_X = np.array([-0.6, 0.012, 15.0, 134.0, 100.0, 0.1507, 0.0113])
@@ -130,3 +131,11 @@ def test_every_fit_lies_in_the_box(made_record):
 def test_seed_zero_is_refused_because_cma_takes_it_for_the_clock(made_record, engine):
     with pytest.raises(ValueError, match="seed 0"):
         paper_fit(made_record, Protocol(engine=engine), seed=0)
+
+
+def test_a_drawn_start_lies_among_the_first_samples_that_the_paper_names():
+    first = range(int(published.value("text.latest_start")))
+    for start, records in (("per run", [1]), ("per record", range(3000))):
+        protocol = replace(Protocol(), start=start)
+        drawn = {sample for record in records for sample in start_samples(protocol, range(1, 3000), record)}
+        assert drawn == set(first)

@@ -13,7 +13,6 @@ from replication.data.authors import authors_file
 from replication.datasets import Recording, level_delta_rad, load_clean
 from replication.simulated import printed_amplitudes
 from replication.simulator.identification import identify_joint, identify_lead, joint_record, validation_table
-from replication.simulator.recordings import simulate_recordings
 from replication.simulator.simulate import (
     JointParameters,
     joint_from_ratios,
@@ -30,10 +29,6 @@ FIT_LEVELS = (3, 6, 9, 12)
 
 
 ALL_LEVELS = range(2, 21)
-
-
-# The first turn is not fitted but for when the joint started, to a period of the drive.
-FIRST_TURN_BAR = 0.085
 
 
 def clean_records(levels: Sequence[int]) -> dict[float, Recording]:
@@ -66,28 +61,6 @@ def validate(joint: JointParameters, records: dict[float, Recording]) -> pd.Data
     used = [level_delta_rad(level) for level in FIT_LEVELS]
     printed = printed_amplitudes()
     return validation_table(joint, signals(records), datasets, used_in_fit=used, printed_a_rps=printed)
-
-
-def first_turn_nrmse(joint: JointParameters, records: dict[float, Recording]) -> FloatArray:
-    """Misfit of the simulated joint to the first turn of records, over its SD: the start-up transient tells `lead_s`.
-
-    Parameters
-    ----------
-    joint : JointParameters
-        The joint.
-    records : dict
-        From `clean_records`.
-
-    Returns
-    -------
-    array of shape (records,)
-    """
-    misfits = []
-    for record, simulated in zip(records.values(), simulate_recordings(joint, list(records)), strict=True):
-        first = record.t < record.turn_period_s - 1e-9
-        v = record.v[first]
-        misfits.append(np.sqrt(np.mean((v - simulated.v[: v.size]) ** 2)) / v.std())
-    return np.array(misfits)
 
 
 def alpha_study(joint: JointParameters, records: dict[float, Recording], alphas: Sequence[float]) -> pd.DataFrame:

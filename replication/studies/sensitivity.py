@@ -35,6 +35,7 @@ EQUATION_10 = {"06_characteristic_figure12": {}}
 TESTS = (
     "tests/test_characteristic.py",
     "tests/test_datasets.py::test_the_turn_period_in_the_data_is_0_4_s",
+    "tests/test_identify.py::test_a_drawn_start_lies_among_the_first_samples_that_the_paper_names",
     "tests/test_identify.py::test_every_stored_seed_gives_its_stored_first_generation",
     "tests/test_results.py::test_the_runs_of_table_2_spent_what_the_protocol_allows",
     "tests/test_signature.py::test_the_signature_at_the_stored_parameters_has_the_stored_misfit",

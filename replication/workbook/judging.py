@@ -161,10 +161,3 @@ def verdict_counts(table: pd.DataFrame) -> pd.DataFrame:
     counts = counts.reindex(columns=[name for name in VERDICTS if name in counts])
     elements = list(dict.fromkeys(published.cells()["element"]))
     return counts.sort_index(key=lambda level: level.map(elements.index) if level.name == "element" else level)
-
-
-def verdict_text(table: pd.DataFrame) -> str:
-    """Render the verdict table for a terminal: each cell, then the counts."""
-    shown = table[["id", "source", "printed", "reproduced", "difference", "tolerance", "verdict"]]
-    cells = shown.to_string(index=False, na_rep="-", float_format=lambda number: f"{number:.4g}")
-    return f"{cells}\n\n{verdict_counts(table).to_string()}"
