@@ -7,8 +7,9 @@ from numpy.typing import NDArray
 from scipy import stats
 
 from replication.methods.harmonics import TurnHarmonics
-from replication.simulator.parameters import identified_joint
-from replication.simulator.turns import COLUMNS, Movement, settled_turns
+from replication.simulator.checks import closed_loop_matrix
+from replication.simulator.parameters import identified_joint, joint_from_ratios
+from replication.simulator.turns import COLUMNS, Movement, settled_turns, settling_turns
 
 FloatArray = NDArray[np.float64]
 
@@ -29,9 +30,11 @@ RATIO_PRIOR = {
 }
 # Friction of the load over m g r.
 FRICTION_PRIOR = 0.1
-# Smoothing of the measured speed, in units of what differencing over a sampling period does: mean and SD. A drive's
-# speed is differenced (1); a simulated one is not (0).
-SMOOTHING_PRIOR = (0.85, 0.2)
+# How a speed may have been measured: probability, mean and SD of its smoothing in units of what differencing over a
+# sampling period does. Drives difference their encoder (1); a tachometer or a simulation does not (0).
+MEASURED_AS = {"differenced": (0.9, 1.0, 0.03), "direct": (0.1, 0.0, 0.03)}
+# While the joint is looked for, between the two.
+_SEARCHED = (0.85, 0.2)
 
 # A transmission error in step with the turn (a belt, a gear), in 1e-5 rad on the load's side: SD of its two parts.
 ERROR_PRIOR = 2.0
@@ -40,8 +43,8 @@ UNIT_RAD, _ERROR_RAD = 1e-4, 1e-5
 _RATIOS = slice(3, 3 + len(RATIO_PRIOR))
 SMOOTHING = _RATIOS.stop
 SIZE = SMOOTHING + 3
-MEAN = np.array([*np.zeros(SMOOTHING), SMOOTHING_PRIOR[0], 0.0, 0.0])
-SD = np.array([np.inf, np.inf, FRICTION_PRIOR, *RATIO_PRIOR.values(), SMOOTHING_PRIOR[1], ERROR_PRIOR, ERROR_PRIOR])
+MEAN = np.array([*np.zeros(SMOOTHING), _SEARCHED[0], 0.0, 0.0])
+SD = np.array([np.inf, np.inf, FRICTION_PRIOR, *RATIO_PRIOR.values(), _SEARCHED[1], ERROR_PRIOR, ERROR_PRIOR])
 # Steps of the differences; phase and smoothing have slopes of their own.
 _STEP = np.array([0.01, np.nan, 1e-3, *np.full(len(RATIO_PRIOR), 3e-3), np.nan, 0.05, 0.05])
 
@@ -53,6 +56,9 @@ _FASTEST_ERROR_HZ, _CHANCE_OF_ERROR, _SUSPECT = 60.0, 0.01, 0.3
 # A harmonic whose residual has a square this improbable, times their number, belongs to the machine, not the joint.
 _OUTLIER = 1e-3
 LEAST_BACKLASH = 0.01
+# A simulated turn is settled where the ring of the start has decayed to exp(-5), after so many turns at most.
+_SLOWEST_RING_HZ = 2.0
+_DECAY, _MOST_TURNS = 5.0, 12
 
 
 @lru_cache(maxsize=1)
@@ -72,18 +78,45 @@ def rows_of(z: FloatArray) -> FloatArray:
     return np.stack([columns.get(name, zero) for name in COLUMNS], axis=1)
 
 
+def ratios_of(z: FloatArray) -> dict[str, float]:
+    """Ratios of a joint with these unknowns."""
+    return centre() | {name: float(centre()[name] * np.exp(z[k])) for k, name in enumerate(RATIO_PRIOR, start=3)}
+
+
+def contact_modes(ratios: dict[str, float], movement: Movement) -> NDArray[np.complex128]:
+    """Oscillations of a joint with its teeth in contact [1/s], those above 2 Hz with a positive frequency."""
+    joint = joint_from_ratios(ratios | {"lead_s": 0.0}, gear_ratio=movement.gear_ratio, speed_by_differencing=True)
+    values = np.linalg.eigvals(closed_loop_matrix(joint)).astype(complex)
+    modes = np.log(values[np.abs(values) > 0]) / joint.control_period_s
+    return modes[modes.imag > 2 * np.pi * _SLOWEST_RING_HZ]
+
+
 class Problem:
     """Weighted residuals of a record's harmonics and their slopes."""
 
     def __init__(self, harmonics: TurnHarmonics, movement: Movement, sample_s: float):
         self.movement, self.order, self.sd = movement, harmonics.order, harmonics.sd
         self.target = harmonics.coefficient
-        self.fade = -((2 * np.pi * harmonics.order / movement.turn_period_s) ** 2) * sample_s**2 / 24
-        self.error_order = 0
+        self.fade = np.log(np.sinc(harmonics.order * sample_s / movement.turn_period_s))
+        self.mean, self.spread = MEAN, SD
+        self.error_order, self.lead = 0, settling_turns(movement)
         self.evaluations = 0
 
+    def _settling(self, z: FloatArray) -> int:
+        """Turns after which a joint rings no more."""
+        least = settling_turns(self.movement)
+        rates = -contact_modes(ratios_of(z), self.movement).real
+        slowest = rates.min(initial=np.inf)
+        needed = _DECAY / max(slowest, 1e-9) / self.movement.turn_period_s
+        return int(np.clip(np.ceil(min(needed, _MOST_TURNS)), least, max(least, _MOST_TURNS)))
+
+    def measured_as(self, smoothing: tuple[float, float]) -> None:
+        """Take another prior of the smoothing, mean and SD."""
+        self.mean, self.spread = MEAN.copy(), SD.copy()
+        self.mean[SMOOTHING], self.spread[SMOOTHING] = smoothing
+
     def _spectra(self, z: FloatArray, error_order: int) -> NDArray[np.complex128]:
-        turns = settled_turns(rows_of(z), self.movement, error_order)
+        turns = settled_turns(rows_of(z), self.movement, error_order, self.lead)
         self.evaluations += len(z)
         return np.fft.rfft(turns, axis=1)[:, self.order] / turns.shape[1]
 
@@ -98,10 +131,11 @@ class Problem:
     def residual(self, z: FloatArray) -> FloatArray:
         """Data's and prior's residuals of one set of unknowns."""
         data = self._whitened(self._measured(z[None])[0] - self.target)
-        return np.concatenate([data, ((z - MEAN) / SD)[2:]])
+        return np.concatenate([data, ((z - self.mean) / self.spread)[2:]])
 
     def slopes(self, z: FloatArray, free: int) -> tuple[FloatArray, FloatArray]:
         """Residuals, and their derivative by each unknown, shape (unknowns, residuals); 0 from the one `free` on."""
+        self.lead = self._settling(z)
         last = free if self.error_order else min(free, SMOOTHING)
         moved = [k for k in range(last) if np.isfinite(_STEP[k])]
         batch = np.repeat(z[None], len(moved) + 1, axis=0)
@@ -111,8 +145,8 @@ class Problem:
         out = np.zeros((SIZE, here.size), dtype=complex)
         out[moved] = (measured[:-1] - here) / _STEP[moved][:, None]
         out[1], out[SMOOTHING] = 1j * self.order * here, self.fade * here
-        residual = np.concatenate([self._whitened(here - self.target), ((z - MEAN) / SD)[2:]])
-        return residual, np.concatenate([self._whitened(out), np.diag(1 / SD)[:, 2:]], axis=1)
+        residual = np.concatenate([self._whitened(here - self.target), ((z - self.mean) / self.spread)[2:]])
+        return residual, np.concatenate([self._whitened(out), np.diag(1 / self.spread)[:, 2:]], axis=1)
 
     def find_error(self, z: FloatArray) -> bool:
         """Take up a transmission error in step with the turn if one explains the residual better; say whether."""

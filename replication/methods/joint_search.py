@@ -1,5 +1,6 @@
 """Where the joint that made a log is looked for, so that no local minimum is taken for it."""
 
+from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
@@ -21,6 +22,34 @@ _NEAR_COST = 60.0  # a start that is worse by more than this (in chi squared) af
 _BESIDE, _FEW, _ROUNDS = (-4.0, -2.0, 2.0, 4.0), 3, 2
 # Harmonics that may be left out.
 _MOST_DROPPED = 3
+
+
+@dataclass(frozen=True, eq=False)
+class Peak:
+    """A maximum of the posterior: unknowns, covariance, residual, logarithm of the evidence but for a constant."""
+
+    z: FloatArray
+    covariance: FloatArray
+    residual: FloatArray
+    evidence: float
+    converged: bool
+
+
+def find_peak(problem: Problem, z: FloatArray, smoothing: tuple[float, float]) -> Peak:
+    """Maximum of the posterior near `z` under another prior of the smoothing, mean and SD."""
+    _, slopes = problem.slopes(z, SIZE)
+    covariance = np.linalg.inv(slopes @ slopes.T)
+    shift = (smoothing[0] - z[SMOOTHING]) / covariance[SMOOTHING, SMOOTHING]
+    start = z + shift * covariance[:, SMOOTHING]
+    start[0] = max(start[0], 0.5 * z[0], LEAST_BACKLASH)
+    problem.measured_as(smoothing)
+    z, cost, converged = _search(problem, start, _LONG)
+    residual, slopes = problem.slopes(z, SIZE)
+    normal = slopes @ slopes.T
+    if not np.isfinite(normal).all():
+        return Peak(start, covariance, residual, -np.inf, False)
+    evidence = -0.5 * cost - 0.5 * np.linalg.slogdet(normal)[1] - np.log(smoothing[1])
+    return Peak(z, np.linalg.inv(normal), residual, float(evidence), converged)
 
 
 def find_joint(problem: Problem, harmonics: TurnHarmonics, movement: Movement) -> tuple[FloatArray, bool]:

@@ -6,7 +6,7 @@ maximum (Laplace's approximation) and widened by what the residual says; where t
 made the record, there is no answer.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,10 +14,17 @@ from scipy import stats
 
 from replication.datasets import Recording
 from replication.methods.harmonics import turn_harmonics
-from replication.methods.joint_posterior import RATIO_PRIOR, SIZE, SMOOTHING, UNIT_RAD, Problem, centre, rows_of
-from replication.methods.joint_search import find_joint
-from replication.simulator.checks import closed_loop_matrix
-from replication.simulator.parameters import joint_from_ratios
+from replication.methods.joint_posterior import (
+    MEASURED_AS,
+    SIZE,
+    SMOOTHING,
+    UNIT_RAD,
+    Problem,
+    contact_modes,
+    ratios_of,
+    rows_of,
+)
+from replication.methods.joint_search import Peak, find_joint, find_peak
 from replication.simulator.turns import Movement, settled_turns
 
 FloatArray = NDArray[np.float64]
@@ -27,7 +34,6 @@ MOST_MISFIT, MOST_UNREST = 1.6, 1.5
 # Where the residual is as improbable as this, all that is left over may lie along the backlash too.
 _IMPROBABLE = 0.02
 _NORMAL_95 = 1.96
-_SLOWEST_RING_HZ = 2.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,25 +110,40 @@ def fit_joint(recording: Recording) -> SelfFit:
         raise ValueError(f"{recording.source}: sampled too coarsely, {harmonics.order.size} harmonics of the turn")
     problem = Problem(harmonics, movement, recording.sample_s)
     z, converged = find_joint(problem, harmonics, movement)
-    return _result(problem, z, converged, harmonics.unrest)
+    found = [(np.log(weight), find_peak(problem, z, (mean, sd))) for weight, mean, sd in MEASURED_AS.values()]
+    return _result(problem, found, converged, harmonics.unrest)
 
 
-def _result(problem: Problem, z: FloatArray, converged: bool, unrest: float) -> SelfFit:
-    residual, slopes = problem.slopes(z, SIZE)
-    covariance = np.linalg.inv(slopes @ slopes.T)
+def _mixed(found: list[tuple[float, Peak]]) -> tuple[Peak, FloatArray]:
+    """Most probable peak, and the covariance of all about it: how the speed was measured is weighed, not known."""
+    evidence = np.array([weight + peak.evidence for weight, peak in found])
+    share = np.exp(evidence - evidence.max())
+    share /= share.sum()
+    mean = sum(part * peak.z for part, (_, peak) in zip(share, found, strict=True))
+    covariance = sum(
+        part * (peak.covariance + np.outer(peak.z - mean, peak.z - mean))
+        for part, (_, peak) in zip(share, found, strict=True)
+    )
+    best = found[int(share.argmax())][1]
+    return replace(best, z=mean), covariance
+
+
+def _result(problem: Problem, found: list[tuple[float, Peak]], converged: bool, unrest: float) -> SelfFit:
+    peak, covariance = _mixed(found)
+    z, residual = peak.z, peak.residual
     chi2, freedom = float(residual @ residual), residual.size - SIZE
     sd = float(np.sqrt(covariance[0, 0]) * UNIT_RAD)
     left_over = chi2 - freedom if stats.chi2.sf(chi2, freedom) < _IMPROBABLE else 0.0
     half = _NORMAL_95 * sd * float(np.sqrt(1 + left_over))
     delta = float(z[0] * UNIT_RAD)
-    turn = settled_turns(rows_of(z[None]), problem.movement, problem.error_order)[0]
-    ratios = centre() | {name: float(centre()[name] * np.exp(z[k])) for k, name in enumerate(RATIO_PRIOR, start=3)}
+    turn = settled_turns(rows_of(z[None]), problem.movement, problem.error_order, problem.lead)[0]
+    ratios = ratios_of(z)
     ring, damping = _ring(ratios, problem.movement)
     phase = z[1] / (2 * np.pi)
     return SelfFit(
         delta, (max(delta - half, 0.0), delta + half), sd, ring, damping, float(z[2]), ratios,
         float(z[SMOOTHING]), z, covariance, chi2 / freedom, _worst_phase(problem, residual, phase), unrest,
-        _shifted(turn - turn.mean(), phase), _doubt(chi2 / freedom, unrest, converged, sd),
+        _shifted(turn - turn.mean(), phase), _doubt(chi2 / freedom, unrest, converged and peak.converged, sd),
     )  # fmt: skip
 
 
@@ -156,10 +177,8 @@ def _worst_phase(problem: Problem, residual: FloatArray, phase: float) -> float:
 
 def _ring(ratios: dict[str, float], movement: Movement) -> tuple[float, float]:
     """Frequency [Hz] and damping ratio of the slowest oscillation in contact; NaN if there is none."""
-    joint = joint_from_ratios(ratios | {"lead_s": 0.0}, gear_ratio=movement.gear_ratio, speed_by_differencing=True)
-    values = np.linalg.eigvals(closed_loop_matrix(joint)).astype(complex)
-    modes = np.log(values[np.abs(values) > 0]) / joint.control_period_s
-    rings = modes[(modes.imag > 2 * np.pi * _SLOWEST_RING_HZ) & (modes.real < 0)]
+    modes = contact_modes(ratios, movement)
+    rings = modes[modes.real < 0]
     if rings.size == 0:
         return float("nan"), float("nan")
     slowest = rings[np.abs(rings.imag).argmin()]

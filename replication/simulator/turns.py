@@ -113,7 +113,12 @@ def _settled(rows, n, turn_s, periods, lead, order):
     return out
 
 
-def settled_turns(rows: FloatArray, movement: Movement, order: int = 0) -> FloatArray:
+def settling_turns(movement: Movement) -> int:
+    """Turns after which the drive of a well damped joint has settled."""
+    return max(int(np.ceil(_SETTLING_S / movement.turn_period_s)), 1)
+
+
+def settled_turns(rows: FloatArray, movement: Movement, order: int = 0, lead: int | None = None) -> FloatArray:
     """Motor speed of each joint over one settled turn.
 
     Parameters
@@ -125,6 +130,8 @@ def settled_turns(rows: FloatArray, movement: Movement, order: int = 0) -> Float
         The test movement.
     order : int
         Periods a turn of the transmission error; 0 for none.
+    lead : int, optional
+        Turns before the one that is returned; `settling_turns` if not given.
 
     Returns
     -------
@@ -133,6 +140,6 @@ def settled_turns(rows: FloatArray, movement: Movement, order: int = 0) -> Float
         joint that runs away.
     """
     periods = movement.periods
-    turns = max(int(np.ceil(_SETTLING_S / movement.turn_period_s)), 1)
+    turns = settling_turns(movement) if lead is None else lead
     rows = np.ascontiguousarray(rows, dtype=float)
     return _settled(rows, movement.gear_ratio, movement.turn_period_s, periods, turns * periods, order)
