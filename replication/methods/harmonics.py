@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import stats
 from scipy.signal import czt
 
 from replication.datasets import Recording
@@ -30,6 +31,9 @@ MODEL_ERROR = 0.01
 
 # Where joints of this kind ring.
 _RING_HZ = (5.0, 60.0)
+
+# Phases at which turns are compared, and how improbable in noise alone the ring of a turn is that is left out.
+_PHASES, _CHANCE_OF_TRANSIENT = 256, 1e-3
 
 # Harmonics to either side of one whose surroundings tell its noise.
 _NEIGHBOURS = 3
@@ -62,6 +66,7 @@ class TurnHarmonics:
     sample_rms_rps: float
     turns: int
     unrest: float
+    is_quiet: bool
 
 
 def turn_harmonics(recording: Recording) -> TurnHarmonics:
@@ -82,7 +87,7 @@ def turn_harmonics(recording: Recording) -> TurnHarmonics:
         Fewer than three turns, or fewer than 16 samples in one.
     """
     dt, period = recording.sample_s, recording.turn_period_s
-    phase, v = settled(recording)
+    phase, v = _at_rest(*settled(recording), period)
     turns = int((phase[-1] - phase[0]) + dt / period + 1e-6)
     if turns < 2 or period < 16 * dt:
         raise ValueError(
@@ -103,15 +108,36 @@ def turn_harmonics(recording: Recording) -> TurnHarmonics:
         bins, between = _spectrum(v, turns, last, turns * period / dt)
     variance = np.array([_noise(between, k, turns) for k in order])
     order_kept = ~np.isin(order, _motor_harmonics(recording, last))
+    noise, model = np.sqrt(variance)[order_kept], MODEL_ERROR * v.std() / (2 * np.sqrt(order.size))
     start = np.exp(-2j * np.pi * order * phase[0])
     return TurnHarmonics(
         order[order_kept],
         (bins[turns * order] * start)[order_kept],
-        np.maximum(np.sqrt(variance)[order_kept], MODEL_ERROR * v.std() / (2 * np.sqrt(order.size))),
+        np.maximum(noise, model),
         float(np.sqrt(2 * count * _floor(between, turns, last))),
         turns,
         _unrest(between, turns, period),
+        bool(np.median(noise) < model),
     )
+
+
+def _at_rest(phase: FloatArray, v: FloatArray, period: float) -> tuple[FloatArray, FloatArray]:
+    """Leave out first turns that ring as the later half of them does not, up to half of them."""
+    turns = int(phase[-1] - phase[0] + 1e-6)
+    later = turns // 2
+    if later < 2:
+        return phase, v
+    even = np.arange(turns)[:, None] + np.arange(_PHASES) / _PHASES
+    low, high = (max(int(edge * period), 1) for edge in _RING_HZ)
+    ring = np.fft.rfft(np.interp(phase[0] + even, phase, v), axis=1)[:, low : min(high, _PHASES // 2) + 1]
+    power = (np.abs(ring - ring[-later:].mean(axis=0)) ** 2).sum(axis=1)
+    # Two degrees of freedom a harmonic; the later turns' own mean takes one turn's.
+    expected = power[-later:].sum() / (later - 1)
+    limit = expected * stats.f.isf(_CHANCE_OF_TRANSIENT, 2 * ring.shape[1], 2 * ring.shape[1] * (later - 1))
+    loud = np.flatnonzero(power[: turns - later] > limit)
+    first = loud[-1] + 1 if loud.size else 0
+    kept = phase >= phase[0] + first - 1e-9
+    return phase[kept], v[kept]
 
 
 def _spectrum(v: FloatArray, turns: int, last: int, samples: float) -> tuple[NDArray[np.complex128], FloatArray]:

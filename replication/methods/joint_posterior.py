@@ -28,6 +28,8 @@ RATIO_PRIOR = {
     "position_gain_per_s": 0.02,
     "leaky_rate_per_s": 0.02,
 }
+# The last of them are the drive's inner workings.
+DRIVE_UNKNOWNS = 5
 # Friction of the load over m g r.
 FRICTION_PRIOR = 0.1
 # How a speed may have been measured: probability, mean and SD of its smoothing in units of what differencing over a
@@ -38,27 +40,36 @@ _SEARCHED = (0.85, 0.2)
 
 # A transmission error in step with the turn (a belt, a gear), in 1e-5 rad on the load's side: SD of its two parts.
 ERROR_PRIOR = 2.0
+# A torque ripple once a motor turn, over m g r / N in percent: SD of its two parts.
+RIPPLE_PRIOR = 2.0
 
-UNIT_RAD, _ERROR_RAD = 1e-4, 1e-5
+UNIT_RAD, _ERROR_RAD, _RIPPLE = 1e-4, 1e-5, 0.01
 _RATIOS = slice(3, 3 + len(RATIO_PRIOR))
 SMOOTHING = _RATIOS.stop
-SIZE = SMOOTHING + 3
-MEAN = np.array([*np.zeros(SMOOTHING), _SEARCHED[0], 0.0, 0.0])
-SD = np.array([np.inf, np.inf, FRICTION_PRIOR, *RATIO_PRIOR.values(), _SEARCHED[1], ERROR_PRIOR, ERROR_PRIOR])
+SIZE = SMOOTHING + 5
+_ERROR, _RIPPLES = slice(SMOOTHING + 1, SMOOTHING + 3), slice(SMOOTHING + 3, SIZE)
+MEAN = np.array([*np.zeros(SMOOTHING), _SEARCHED[0], *np.zeros(4)])
+SD = np.array(
+    [np.inf, np.inf, FRICTION_PRIOR, *RATIO_PRIOR.values(), _SEARCHED[1], *[ERROR_PRIOR] * 2, *[RIPPLE_PRIOR] * 2]
+)
 # Steps of the differences; phase and smoothing have slopes of their own.
-_STEP = np.array([0.01, np.nan, 1e-3, *np.full(len(RATIO_PRIOR), 3e-3), np.nan, 0.05, 0.05])
+_STEP = np.array([0.01, np.nan, 1e-3, *np.full(len(RATIO_PRIOR), 3e-3), np.nan, 0.05, 0.05, 0.1, 0.1])
 
-UNKNOWNS = ("backlash", "phase", "friction", *RATIO_PRIOR, "smoothing", "error_sine", "error_cosine")
+UNKNOWNS = (
+    "backlash", "phase", "friction", *RATIO_PRIOR, "smoothing", "error_sine", "error_cosine", "ripple_sine",
+    "ripple_cosine",
+)  # fmt: skip
 
 # Transmission errors up to this frequency are looked for; one must be this improbable in noise alone, and
 # the residual without it improbable too.
 _FASTEST_ERROR_HZ, _CHANCE_OF_ERROR, _SUSPECT = 60.0, 0.01, 0.3
 # A harmonic whose residual has a square this improbable, times their number, belongs to the machine, not the joint.
 _OUTLIER = 1e-3
+_IMPROBABLE = 1e-3
 LEAST_BACKLASH = 0.01
 # A simulated turn is settled where the ring of the start has decayed to exp(-5), after so many turns at most.
 _SLOWEST_RING_HZ = 2.0
-_DECAY, _MOST_TURNS = 5.0, 12
+_DECAY, _MOST_TURNS = 5.0, 8
 
 
 @lru_cache(maxsize=1)
@@ -73,7 +84,8 @@ def rows_of(z: FloatArray) -> FloatArray:
     columns = {"delta_rad": np.maximum(z[:, 0], LEAST_BACKLASH) * UNIT_RAD, "friction": z[:, 2]}
     for k, name in enumerate(RATIO_PRIOR, start=3):
         columns[name] = ratios[name] * np.exp(z[:, k])
-    columns["error_sine_rad"], columns["error_cosine_rad"] = (_ERROR_RAD * z[:, SMOOTHING + 1 :]).T
+    columns["error_sine_rad"], columns["error_cosine_rad"] = (_ERROR_RAD * z[:, _ERROR]).T
+    columns["ripple_sine"], columns["ripple_cosine"] = (_RIPPLE * z[:, _RIPPLES]).T
     zero = np.zeros(len(z))
     return np.stack([columns.get(name, zero) for name in COLUMNS], axis=1)
 
@@ -100,15 +112,16 @@ class Problem:
         self.fade = np.log(np.sinc(harmonics.order * sample_s / movement.turn_period_s))
         self.mean, self.spread = MEAN, SD
         self.error_order, self.lead = 0, settling_turns(movement)
+        self.ripple = False
         self.evaluations = 0
 
-    def _settling(self, z: FloatArray) -> int:
-        """Turns after which a joint rings no more."""
+    def settle(self, z: FloatArray) -> None:
+        """Simulate as many turns from now on as this joint needs to ring no more."""
         least = settling_turns(self.movement)
         rates = -contact_modes(ratios_of(z), self.movement).real
         slowest = rates.min(initial=np.inf)
         needed = _DECAY / max(slowest, 1e-9) / self.movement.turn_period_s
-        return int(np.clip(np.ceil(min(needed, _MOST_TURNS)), least, max(least, _MOST_TURNS)))
+        self.lead = int(np.clip(np.ceil(min(needed, _MOST_TURNS)), least, max(least, _MOST_TURNS)))
 
     def measured_as(self, smoothing: tuple[float, float]) -> None:
         """Take another prior of the smoothing, mean and SD."""
@@ -135,9 +148,10 @@ class Problem:
 
     def slopes(self, z: FloatArray, free: int) -> tuple[FloatArray, FloatArray]:
         """Residuals, and their derivative by each unknown, shape (unknowns, residuals); 0 from the one `free` on."""
-        self.lead = self._settling(z)
-        last = free if self.error_order else min(free, SMOOTHING)
-        moved = [k for k in range(last) if np.isfinite(_STEP[k])]
+        moved = [k for k in range(min(free, SMOOTHING)) if np.isfinite(_STEP[k])]
+        if free == SIZE:
+            moved += range(_ERROR.start, _ERROR.stop) if self.error_order else ()
+            moved += range(_RIPPLES.start, _RIPPLES.stop) if self.ripple else ()
         batch = np.repeat(z[None], len(moved) + 1, axis=0)
         batch[np.arange(len(moved)), moved] += _STEP[moved]
         measured = self._measured(batch)
@@ -148,29 +162,42 @@ class Problem:
         residual = np.concatenate([self._whitened(here - self.target), ((z - self.mean) / self.spread)[2:]])
         return residual, np.concatenate([self._whitened(out), np.diag(1 / self.spread)[:, 2:]], axis=1)
 
-    def find_error(self, z: FloatArray) -> bool:
-        """Take up a transmission error in step with the turn if one explains the residual better; say whether."""
+    def is_improbable(self, cost: float) -> bool:
+        """Whether noise alone hardly leaves so large a sum of squares."""
+        return not stats.chi2.sf(cost, 2 * self.order.size - SMOOTHING) > _IMPROBABLE
+
+    def find_waves(self, z: FloatArray) -> bool:
+        """Take up a ripple of the motor's turn or an error in step with the load's; say whether one was found."""
         residual, slopes = self.slopes(z, SIZE)
         if stats.chi2.sf(residual @ residual, residual.size - SIZE) > _SUSPECT:
             return False
-        tried = np.arange(2, int(_FASTEST_ERROR_HZ * self.movement.turn_period_s) + 1)
-        gain = np.zeros(tried.size)
-        for k, order in enumerate(tried):
-            batch = np.repeat(z[None], 2, axis=0)
-            batch[[0, 1], [SMOOTHING + 1, SMOOTHING + 2]] += _STEP[-1]
-            data = slice(0, 2 * self.order.size)
-            moved = self._whitened(self._measured(batch, int(order)) - self.target)
-            columns = np.zeros((2, residual.size))
-            columns[:, data] = (moved - residual[data]) / _STEP[-1]
-            onto = np.linalg.solve(slopes @ slopes.T, slopes @ columns.T)
-            columns -= onto.T @ slopes
-            along = columns @ residual
-            gain[k] = along @ np.linalg.solve(columns @ columns.T + np.eye(2) / ERROR_PRIOR**2, along)
+        last = int(_FASTEST_ERROR_HZ * self.movement.turn_period_s)
+        tried = {} if self.error_order else dict.fromkeys(range(2, last + 1), _ERROR)
+        if not self.ripple:
+            tried[0] = _RIPPLES
+        gain = {order: self._gain(z, residual, slopes, order, part) for order, part in tried.items()}
         scale = max(1.0, float(residual @ residual) / residual.size)
-        if self.error_order or tried.size * np.exp(-gain.max() / scale / 2) > _CHANCE_OF_ERROR:
+        best = max(gain, key=lambda order: gain[order], default=-1)
+        if best < 0 or len(tried) * np.exp(-gain[best] / scale / 2) > _CHANCE_OF_ERROR:
             return False
-        self.error_order = int(tried[gain.argmax()])
+        if best == 0:
+            self.ripple = True
+        else:
+            self.error_order = best
         return True
+
+    def _gain(self, z: FloatArray, residual: FloatArray, slopes: FloatArray, order: int, part: slice) -> float:
+        """By how much chi squared falls if the two parts of a wave are let free."""
+        batch = np.repeat(z[None], 2, axis=0)
+        batch[[0, 1], [part.start, part.start + 1]] += _STEP[part]
+        data = slice(0, 2 * self.order.size)
+        moved = self._whitened(self._measured(batch, order or None) - self.target)
+        columns = np.zeros((2, residual.size))
+        columns[:, data] = (moved - residual[data]) / _STEP[part][:, None]
+        onto = np.linalg.solve(slopes @ slopes.T, slopes @ columns.T)
+        columns -= onto.T @ slopes
+        along = columns @ residual
+        return float(along @ np.linalg.solve(columns @ columns.T + np.diag(SD[part] ** -2.0), along))
 
     def drop_outlier(self, z: FloatArray) -> bool:
         """Leave out the harmonic that fits worst, if noise can't explain it; say whether there was one."""

@@ -15,11 +15,19 @@ FloatArray = NDArray[np.float64]
 # Joints among which the fit looks for where to start: backlash evenly in its logarithm [1e-4 rad], friction, and SD of
 # the five ratios that a log tells most of.
 _LIBRARY, _LIBRARY_BACKLASH, _LIBRARY_FRICTION, _LIBRARY_SPREAD = 1200, (0.8, 48.0), 0.06, 0.2
-_STARTS, _SHORT, _LONG = 5, 5, 40
+# How many of them, and how many more where these end in a residual that is improbable.
+_STARTS, _MORE_STARTS, _SHORT, _LONG = 5, 4, 5, 40
+_MOST_WAVES = 2
+# Nothing but another joint explains a residual that is as large as this, in squares a harmonic (2 for noise alone).
+_HOPELESS = 12.0
 _TOLD = 5
+# A step that lowers chi squared by less than this is the last: a tenth of an SD along any direction.
+_ENOUGH = 0.01
 _NEAR_COST = 60.0  # a start that is worse by more than this (in chi squared) after its first steps is left
 # Where a better minimum is looked for, in SDs of the backlash along the posterior's longest axis.
 _BESIDE, _FEW, _ROUNDS = (-4.0, -2.0, 2.0, 4.0), 3, 2
+# A place that is worse by less than this after a few steps, and still this many SDs away, gets a few more.
+_HOPEFUL, _ELSEWHERE = 25.0, 1.0
 # Harmonics that may be left out.
 _MOST_DROPPED = 3
 
@@ -54,10 +62,17 @@ def find_peak(problem: Problem, z: FloatArray, smoothing: tuple[float, float]) -
 
 def find_joint(problem: Problem, harmonics: TurnHarmonics, movement: Movement) -> tuple[FloatArray, bool]:
     """Unknowns of the joint that most probably made a record, and whether the search ended in a minimum."""
-    z, cost, converged = _best(problem, _starts(harmonics, movement))
-    if problem.find_error(z):
-        z, cost, converged = _search(problem, z, _LONG)
+    starts = _starts(harmonics, movement)
+    z, cost, converged = _best(problem, starts[:_STARTS])
+    if problem.is_improbable(cost) and len(starts) > _STARTS:
+        z, cost, converged = min((z, cost, converged), _best(problem, starts[_STARTS:]), key=lambda found: found[1])
+    if cost > _HOPELESS * problem.order.size:
+        return z, converged
     z, cost, converged = _explored(problem, z, cost, converged)
+    for _ in range(_MOST_WAVES):
+        if not problem.find_waves(z):
+            break
+        z, cost, converged = _search(problem, z, _LONG)
     for _ in range(_MOST_DROPPED):
         if not problem.drop_outlier(z):
             break
@@ -68,6 +83,7 @@ def find_joint(problem: Problem, harmonics: TurnHarmonics, movement: Movement) -
 def _search(problem: Problem, z: FloatArray, iterations: int, free: int = SIZE) -> tuple[FloatArray, float, bool]:
     """Levenberg-Marquardt; unstable joints have no finite residual, and a step into one is not taken."""
     damping, converged = 1e-2, False
+    problem.settle(z)
     for _ in range(iterations):
         residual, slopes = problem.slopes(z, free)
         cost = residual @ residual
@@ -87,7 +103,7 @@ def _search(problem: Problem, z: FloatArray, iterations: int, free: int = SIZE) 
         else:
             return z, cost, there - cost < 0.01 * max(cost, 1.0)
         z, damping = trial, damping * 0.2
-        converged = cost - there < 1e-3 * max(1.0, cost / residual.size)
+        converged = cost - there < _ENOUGH * max(1.0, cost / residual.size)
         if converged:
             break
     return z, there, converged
@@ -113,6 +129,8 @@ def _explored(problem: Problem, z: FloatArray, cost: float, converged: bool) -> 
             trial = z + deviations * along
             trial[0] = max(trial[0], LEAST_BACKLASH)
             tried = _search(problem, trial, _FEW, 3 + _TOLD)
+            if tried[1] < best[1] + _HOPEFUL and abs(tried[0][0] - z[0]) > _ELSEWHERE * np.sqrt(covariance[0, 0]):
+                tried = _search(problem, tried[0], _FEW)
             if tried[1] < best[1] - 0.1:
                 best = tried
         if best[1] >= cost - 0.1:
@@ -156,6 +174,6 @@ def _starts(harmonics: TurnHarmonics, movement: Movement) -> list[FloatArray]:
             start = z[k].copy()
             start[1] = -2 * np.pi * best[k] / phases
             starts.append(start)
-        if len(starts) == _STARTS:
+        if len(starts) == _STARTS + _MORE_STARTS:
             break
     return starts

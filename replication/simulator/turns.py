@@ -15,7 +15,7 @@ from replication.simulator.parameters import TURN
 
 FloatArray = NDArray[np.float64]
 
-# Columns of a joint's row; all but the first two and the last four are `JointParameters.ratios`.
+# Columns of a joint's row; all but the first two and the last six are `JointParameters.ratios`.
 COLUMNS = (
     "delta_rad",
     "friction",
@@ -33,6 +33,8 @@ COLUMNS = (
     "motor_damping_per_s",
     "error_sine_rad",
     "error_cosine_rad",
+    "ripple_sine",
+    "ripple_cosine",
 )
 
 # The drive's slowest modes, 13 per second in the paper's joint, are gone after this time to 3e-5.
@@ -96,11 +98,15 @@ def _settled(rows, n, turn_s, periods, lead, order):
     period = turn_s / periods
     record, gap = np.empty((lead + periods + 1, 5)), np.empty(lead + periods + 1, dtype=np.int64)
     events = np.empty((0, 2))
-    waves = np.zeros((2 * min(order, 1), 5))
+    # No wave at all compiles to less work than one of no height.
+    errors, ripples = 2 * min(order, 1), 2 if np.any(rows[:, 16:] != 0) else 0
+    waves = np.zeros((errors + ripples, 5))
     for k in range(rows.shape[0]):
-        for part in range(waves.shape[0]):
+        for part in range(errors):
             error = rows[k, 14 + part]
             waves[part] = order / n, 0.0, -error * (order * TURN / turn_s) ** 2, error, part * TURN / 4
+        for part in range(ripples):
+            waves[errors + part] = 1.0, rows[k, 16 + part] * rows[k, 3] / n, 0.0, 0.0, part * TURN / 4
         c = constants(rows[k], n, turn_s, -TURN * lead / periods, waves)
         y, region = start(c, rows[k, 1])
         status, _ = core.run(
@@ -123,9 +129,10 @@ def settled_turns(rows: FloatArray, movement: Movement, order: int = 0, lead: in
 
     Parameters
     ----------
-    rows : array of shape (joints, 16)
+    rows : array of shape (joints, 18)
         See `COLUMNS`: delta [rad], load friction over m g r, ratios, D_s / K_s [s], the motor's viscous friction over
-        its inertia [1/s], and a transmission error in step with the turn, load side [rad].
+        its inertia [1/s], a transmission error in step with the turn, load side [rad], and a torque ripple once a
+        motor turn, over m g r / N.
     movement : Movement
         The test movement.
     order : int

@@ -1,6 +1,7 @@
 """Every method on logs of joints that nobody calibrated: benches drawn at large, and joints outside the model.
 
-Criteria, fixed before the final logs were drawn, are those of `BARS`; methods were developed on other seeds.
+Criteria, fixed before the final logs were drawn, are those of `BARS`. Methods were developed on other seeds, among them
+20260, whose logs were the final ones of an earlier state of "self" and told where it erred.
 """
 
 from collections.abc import Sequence
@@ -32,7 +33,7 @@ SPREADS = {
 METHODS = ("self", "paper", "amplitude", "energy", "waveform")
 AUTHORS_LOGS = tuple((realisation, level) for realisation in (1, 2) for level in range(3, 12))
 
-DEVELOPMENT_SEED, FINAL_SEED = 1616, 20260
+DEVELOPMENT_SEED, FINAL_SEED = 1616, 20261
 # Logs by "self" and by the other methods: of the default spread, of the wide one, and of each kind outside the model.
 FINAL_SIZES = ((400, 100), (150, 25), (25, 25))
 # What the other methods' intervals are made wide by: population, logs, seed, methods.
