@@ -30,12 +30,20 @@
 # *The fit*: the simulated joint of notebook 3, with its differencing drive, is fitted to the harmonics of the log's
 # mean turn. The backlash has no prior. Stiffness, gravity, inertia ratio, speed and integral gain are log-normal around
 # the paper's joint with an SD of 30 %, load friction has an SD of 10 % of gravity, the rest of the drive is taken as
-# known up to 2 to 3 %. The noise of each harmonic comes from what lies between the harmonics. Once a turn and the
-# motor's orders are left out, lines between the harmonics are taken off, and a belt in step with the turn is fitted.
-# The search starts at the best of 1200 drawn joints, from several backlashes, and looks beside the minimum it finds.
+# known up to 2 to 3 %. The measured speed is either differenced over a sampling period or not smoothed at all: both
+# are fitted, and weighed by their evidence with a prior of nine to one. A prior between the two, as an earlier state
+# of the method had it, moved every backlash by a third of its SD.
 #
-# *The interval*: Laplace's approximation, widened where the residual is improbable. Where it is too large, or where
-# turns do not repeat, the answer is `cannot tell`.
+# The noise of each harmonic comes from what lies between the harmonics. First turns that still ring are left out. Once
+# a turn and the motor's orders are left out too, lines between the harmonics are taken off, and a belt in step with the
+# turn or a ripple of the motor's turn is fitted where it shows. A weakly damped joint is simulated until it rings no
+# more. The search starts at the best of 1200 drawn joints, from several backlashes, and looks beside the minimum it
+# finds.
+#
+# *The interval*: Laplace's approximation, widened where the residual is improbable. Where the residual is too large,
+# where turns do not repeat, or where the drive's inner workings stray from what is known of them, the answer is
+# `cannot tell`. In a record with hardly any noise the model's own error, 1 to 3 % of the signal, takes the noise's
+# place.
 #
 # *The judge*: benches drawn with seeds that no decision was made on. Bars were fixed before they were drawn.
 
@@ -150,7 +158,8 @@ monthly
 # %% [markdown]
 # ### The population
 #
-# `make population` draws the logs anew and measures them; that takes a quarter of an hour, so it is not done here.
+# `make population` draws the logs anew and measures them; that takes a quarter of an hour and more, so it is not
+# done here.
 
 # %%
 measured = pd.read_csv(workbook.ROOT / "results" / "population_logs.csv", keep_default_na=True)

@@ -188,6 +188,8 @@ def _floor(between: FloatArray, turns: int, last: int) -> float:
 
 def _unrest(between: FloatArray, turns: int, period: float) -> float:
     first, end = (int(edge * period) * turns for edge in _RING_HZ)
+    if end >= between.size:
+        return 1.0  # sampled so coarsely that there is nothing above the ring to compare with
     return float(np.nanmedian(between[max(first, turns) : end]) / np.nanmedian(between[end:]))
 
 

@@ -125,6 +125,8 @@ def fit_joint(recording: Recording) -> SelfFit:
 def _mixed(found: list[tuple[float, Peak]]) -> tuple[Peak, FloatArray]:
     """Most probable peak, and the covariance of all about it: how the speed was measured is weighed, not known."""
     evidence = np.array([weight + peak.evidence for weight, peak in found])
+    if not np.isfinite(evidence.max()):
+        return found[0][1], found[0][1].covariance
     share = np.exp(evidence - evidence.max())
     share /= share.sum()
     mean = sum(part * peak.z for part, (_, peak) in zip(share, found, strict=True))
@@ -140,7 +142,8 @@ def _result(problem: Problem, found: list[tuple[float, Peak]], converged: bool, 
     peak, covariance = _mixed(found)
     z, residual = peak.z, peak.residual
     chi2, freedom = float(residual @ residual), residual.size - SIZE
-    stretch = float(np.clip(chi2 / freedom, 1.0, MOST_MODEL_ERROR**2)) if quiet else 1.0
+    scatter = max(chi2 / freedom, 1.0)
+    stretch = float(min(scatter, MOST_MODEL_ERROR**2)) if quiet else 1.0
     chi2, covariance = chi2 / stretch, covariance * stretch
     sd = float(np.sqrt(covariance[0, 0]) * UNIT_RAD)
     left_over = chi2 - freedom if stats.chi2.sf(chi2, freedom) < _IMPROBABLE else 0.0
@@ -154,7 +157,7 @@ def _result(problem: Problem, found: list[tuple[float, Peak]], converged: bool, 
         delta, (max(delta - half, 0.0), delta + half), sd, ring, damping, float(z[2]), ratios,
         float(z[SMOOTHING]), z, covariance, chi2 / freedom, _worst_phase(problem, residual, phase), unrest,
         _shifted(turn - turn.mean(), phase),
-        _doubt(chi2 / freedom, unrest, converged and peak.converged, sd, _strain(peak, max(stretch, chi2 * stretch / freedom))),
+        _doubt(chi2 / freedom, unrest, converged and peak.converged, sd, _strain(peak, scatter)),
     )  # fmt: skip
 
 
@@ -180,6 +183,8 @@ def _strain(peak: Peak, scatter: float) -> float:
     `scatter` where the residual is larger than the noise.
     """
     known = slice(SMOOTHING - DRIVE_UNKNOWNS, SMOOTHING)
+    if not (np.isfinite(peak.covariance).all() and np.isfinite(scatter)):
+        return 0.0
     centre, scale = peak.z[known] / SD[known], np.outer(SD[known], SD[known])
     told, axes = np.linalg.eigh(np.eye(DRIVE_UNKNOWNS) - peak.covariance[known, known] / scale)
     seen = told > _LEAST_TOLD

@@ -10,13 +10,14 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from replication.methods.joint_posterior import MEAN, RATIO_PRIOR, SD, SMOOTHING, UNIT_RAD
+from replication.methods.joint_posterior import MEAN, RATIO_PRIOR, SD, UNIT_RAD
 from replication.methods.self_calibration import SelfFit
 
 FloatArray = NDArray[np.float64]
 
-# What belongs to the joint and its drive: friction changes with temperature, so it stays each log's own.
-_SHARED = np.array([*range(3, 3 + len(RATIO_PRIOR)), SMOOTHING])
+# What belongs to the joint and its drive: friction changes with temperature, so it stays each log's own; how the
+# speed is measured, each log knows well enough.
+_SHARED = np.arange(3, 3 + len(RATIO_PRIOR))
 # Relative SD by which a ratio strays from log to log: other loads of the drive, temperature, months.
 DRIFT = 0.005
 _NORMAL_95 = 1.96
@@ -37,7 +38,7 @@ def share_joint(fits: Sequence[SelfFit]) -> list[tuple[float, tuple[float, float
         stays wider by the same factor.
     """
     prior = np.diag(SD[_SHARED] ** -2.0)
-    drift = np.diag(np.where(_SHARED == SMOOTHING, 0.0, DRIFT) ** 2)
+    drift = DRIFT**2 * np.eye(_SHARED.size)
     told = [_told(fit, prior, drift) for fit in fits]
     precision = prior + sum(weight for weight, _ in told)
     total = prior @ MEAN[_SHARED] + sum(pull for _, pull in told)

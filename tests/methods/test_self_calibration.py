@@ -102,6 +102,31 @@ def test_a_record_that_rings_on_from_turn_to_turn_is_refused():
     assert "do not repeat" in fit_joint(replace(log, v=log.v + ringing)).doubt
 
 
+def test_turns_that_still_ring_from_the_start_are_left_out():
+    quiet = noise()
+    ring = np.exp(-2 * quiet.t) * np.sin(2 * np.pi * 20.7 * quiet.t)
+    assert turn_harmonics(quiet).turns == 11
+    assert 5 <= turn_harmonics(replace(quiet, v=quiet.v + 0.5 * ring)).turns < 11
+
+
+def test_a_record_without_noise_is_known_as_one():
+    wave = np.sin(2 * np.pi * 20 * noise().t)
+    assert not turn_harmonics(noise()).is_quiet
+    assert turn_harmonics(replace(noise(sd=1e-4), v=noise(sd=1e-4).v + wave)).is_quiet
+
+
+def test_a_differenced_speed_is_known_as_one():
+    assert fit_joint(bench_log()[1]).smoothing == pytest.approx(1.0, abs=0.1)
+
+
+def test_a_weakly_damped_joint_is_simulated_until_it_rings_no_more():
+    joint = identified_joint()
+    stiff = rows(joint, 1e-3)
+    stiff[0, COLUMNS.index("speed_gain_per_s")] *= 0.45
+    early, late, later = (settled_turns(stiff, Movement(40.0, 0.4), lead=lead)[0] for lead in (2, 11, 12))
+    assert np.abs(later - late).max() < np.abs(later - early).max()
+
+
 def test_too_few_turns_are_refused_in_words():
     log = bench_log()[1]
     with pytest.raises(ValueError, match="two turns"):
