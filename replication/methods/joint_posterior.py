@@ -33,7 +33,8 @@ DRIVE_UNKNOWNS = 5
 # Friction of the load over m g r.
 FRICTION_PRIOR = 0.1
 # How a speed may have been measured: probability, mean and SD of its smoothing in units of what differencing over a
-# sampling period does. Drives difference their encoder (1); a tachometer or a simulation does not (0).
+# sampling period does. Drives difference their encoder (1); a tachometer or a simulation does not (0), and then its
+# drive does not either.
 MEASURED_AS = {"differenced": (0.9, 1.0, 0.03), "direct": (0.1, 0.0, 0.03)}
 # While the joint is looked for, between the two.
 _SEARCHED = (0.85, 0.2)
@@ -112,7 +113,7 @@ class Problem:
         self.fade = np.log(np.sinc(harmonics.order * sample_s / movement.turn_period_s))
         self.mean, self.spread = MEAN, SD
         self.error_order, self.lead = 0, settling_turns(movement)
-        self.ripple = False
+        self.ripple, self.differencing = False, True
         self.evaluations = 0
 
     def settle(self, z: FloatArray) -> None:
@@ -127,9 +128,10 @@ class Problem:
         """Take another prior of the smoothing, mean and SD."""
         self.mean, self.spread = MEAN.copy(), SD.copy()
         self.mean[SMOOTHING], self.spread[SMOOTHING] = smoothing
+        self.differencing = smoothing[0] > 0.5
 
     def _spectra(self, z: FloatArray, error_order: int) -> NDArray[np.complex128]:
-        turns = settled_turns(rows_of(z), self.movement, error_order, self.lead)
+        turns = settled_turns(rows_of(z), self.movement, error_order, self.lead, self.differencing)
         self.evaluations += len(z)
         return np.fft.rfft(turns, axis=1)[:, self.order] / turns.shape[1]
 

@@ -34,13 +34,17 @@ _MOST_DROPPED = 3
 
 @dataclass(frozen=True, eq=False)
 class Peak:
-    """A maximum of the posterior: unknowns, covariance, residual, logarithm of the evidence but for a constant."""
+    """A maximum of the posterior: unknowns, covariance, residual, logarithm of the evidence but for a constant.
+
+    `differencing` says whether the drive differences its encoder.
+    """
 
     z: FloatArray
     covariance: FloatArray
     residual: FloatArray
     evidence: float
     converged: bool
+    differencing: bool
 
 
 def find_peak(problem: Problem, z: FloatArray, smoothing: tuple[float, float]) -> Peak:
@@ -55,9 +59,9 @@ def find_peak(problem: Problem, z: FloatArray, smoothing: tuple[float, float]) -
     residual, slopes = problem.slopes(z, SIZE)
     normal = slopes @ slopes.T
     if not np.isfinite(normal).all():
-        return Peak(start, covariance, residual, -np.inf, False)
+        return Peak(start, covariance, residual, -np.inf, False, problem.differencing)
     evidence = -0.5 * cost - 0.5 * np.linalg.slogdet(normal)[1] - np.log(smoothing[1])
-    return Peak(z, np.linalg.inv(normal), residual, float(evidence), converged)
+    return Peak(z, np.linalg.inv(normal), residual, float(evidence), converged, problem.differencing)
 
 
 def find_joint(problem: Problem, harmonics: TurnHarmonics, movement: Movement) -> tuple[FloatArray, bool]:

@@ -66,7 +66,8 @@ class SelfFit:
         The posterior's maximum and covariance in the order of `joint_posterior.UNKNOWNS`: backlash [1e-4 rad], phase
         [rad], friction, logarithms of the ratios, smoothing, transmission error [1e-5 rad].
     misfit : float
-        Mean square of the whitened residual, 1 for a joint that is right.
+        Mean square of the whitened residual, 1 for a joint that is right; of what exceeds the model's largest error,
+        in a record with hardly any noise.
     worst_phase : float
         Where in the turn the joint fits worst [turns, from the load hanging down].
     unrest : float
@@ -144,20 +145,19 @@ def _result(problem: Problem, found: list[tuple[float, Peak]], converged: bool, 
     chi2, freedom = float(residual @ residual), residual.size - SIZE
     scatter = max(chi2 / freedom, 1.0)
     stretch = float(min(scatter, MOST_MODEL_ERROR**2)) if quiet else 1.0
-    chi2, covariance = chi2 / stretch, covariance * stretch
     sd = float(np.sqrt(covariance[0, 0]) * UNIT_RAD)
     left_over = chi2 - freedom if stats.chi2.sf(chi2, freedom) < _IMPROBABLE else 0.0
     half = _NORMAL_95 * sd * float(np.sqrt(1 + left_over))
     delta = float(z[0] * UNIT_RAD)
-    turn = settled_turns(rows_of(z[None]), problem.movement, problem.error_order, problem.lead)[0]
+    turn = settled_turns(rows_of(z[None]), problem.movement, problem.error_order, problem.lead, peak.differencing)[0]
     ratios = ratios_of(z)
     ring, damping = _ring(ratios, problem.movement)
     phase = z[1] / (2 * np.pi)
     return SelfFit(
         delta, (max(delta - half, 0.0), delta + half), sd, ring, damping, float(z[2]), ratios,
-        float(z[SMOOTHING]), z, covariance, chi2 / freedom, _worst_phase(problem, residual, phase), unrest,
+        float(z[SMOOTHING]), z, covariance, chi2 / freedom / stretch, _worst_phase(problem, residual, phase), unrest,
         _shifted(turn - turn.mean(), phase),
-        _doubt(chi2 / freedom, unrest, converged and peak.converged, sd, _strain(peak, scatter)),
+        _doubt(chi2 / freedom / stretch, unrest, converged and peak.converged, sd, _strain(peak, scatter)),
     )  # fmt: skip
 
 

@@ -75,11 +75,11 @@ def constants(row, n, turn_s, angle, waves):
 
 
 @nb.njit(cache=True)
-def drive(row, n, period):
-    """Drive of a joint in the order of `COLUMNS`; it differences its encoder, as real ones do."""
+def drive(row, n, period, differencing):
+    """Drive of a joint in the order of `COLUMNS`; 1 if it differences its encoder, as real ones do, 0 if not."""
     jm = 1 / (n * n * row[4])
     return core.Drive(
-        row[9], row[5] * jm, row[6] * jm, row[7] * jm, row[8] * jm, row[10], period, np.inf, 0.0, 1.0
+        row[9], row[5] * jm, row[6] * jm, row[7] * jm, row[8] * jm, row[10], period, np.inf, 0.0, differencing
     )  # fmt: skip
 
 
@@ -93,7 +93,7 @@ def start(c, friction):
 
 
 @nb.njit(cache=True, nogil=True)
-def _settled(rows, n, turn_s, periods, lead, order):
+def _settled(rows, n, turn_s, periods, lead, order, differencing):
     out = np.empty((rows.shape[0], periods))
     period = turn_s / periods
     record, gap = np.empty((lead + periods + 1, 5)), np.empty(lead + periods + 1, dtype=np.int64)
@@ -111,7 +111,7 @@ def _settled(rows, n, turn_s, periods, lead, order):
         y, region = start(c, rows[k, 1])
         status, _ = core.run(
             y, region, (lead + periods) * STEPS_PER_PERIOD, period / STEPS_PER_PERIOD, 0, STEPS_PER_PERIOD,
-            STEPS_PER_PERIOD, DELAY_PERIODS, c, drive(rows[k], n, period), record, gap, events,
+            STEPS_PER_PERIOD, DELAY_PERIODS, c, drive(rows[k], n, period, differencing), record, gap, events,
         )  # fmt: skip
         out[k] = np.nan
         if status < 0:
@@ -124,7 +124,9 @@ def settling_turns(movement: Movement) -> int:
     return max(int(np.ceil(_SETTLING_S / movement.turn_period_s)), 1)
 
 
-def settled_turns(rows: FloatArray, movement: Movement, order: int = 0, lead: int | None = None) -> FloatArray:
+def settled_turns(
+    rows: FloatArray, movement: Movement, order: int = 0, lead: int | None = None, differencing: bool = True
+) -> FloatArray:
     """Motor speed of each joint over one settled turn.
 
     Parameters
@@ -139,6 +141,8 @@ def settled_turns(rows: FloatArray, movement: Movement, order: int = 0, lead: in
         Periods a turn of the transmission error; 0 for none.
     lead : int, optional
         Turns before the one that is returned; `settling_turns` if not given.
+    differencing : bool
+        The drive differences its encoder's position; if not, it is told the speed.
 
     Returns
     -------
@@ -149,4 +153,6 @@ def settled_turns(rows: FloatArray, movement: Movement, order: int = 0, lead: in
     periods = movement.periods
     turns = settling_turns(movement) if lead is None else lead
     rows = np.ascontiguousarray(rows, dtype=float)
-    return _settled(rows, movement.gear_ratio, movement.turn_period_s, periods, turns * periods, order)
+    return _settled(
+        rows, movement.gear_ratio, movement.turn_period_s, periods, turns * periods, order, float(differencing)
+    )

@@ -8,9 +8,11 @@ import pytest
 
 from replication.datasets import Recording
 from replication.methods.harmonics import turn_harmonics
+from replication.methods.joint_posterior import SIZE, UNKNOWNS, Problem
 from replication.methods.self_calibration import fit_joint
 from replication.methods.shared_joint import share_joint
 from replication.methods.spread import shares, widened
+from replication.simulator.recordings import simulate_recordings
 from replication.simulator.simulate import identified_joint, simulate
 from replication.simulator.turns import COLUMNS, Movement, settled_turns
 from replication.standins.joints import draw_bench, encoder_log
@@ -115,16 +117,28 @@ def test_a_record_without_noise_is_known_as_one():
     assert turn_harmonics(replace(noise(sd=1e-4), v=noise(sd=1e-4).v + wave)).is_quiet
 
 
-def test_a_differenced_speed_is_known_as_one():
+def test_how_the_speed_was_measured_is_told_from_the_log():
     assert fit_joint(bench_log()[1]).smoothing == pytest.approx(1.0, abs=0.1)
+    direct = simulate_recordings(identified_joint(), [9e-4])[0]
+    noisy = replace(direct, v=direct.v + np.random.default_rng(3).normal(0, 0.02, direct.v.size))
+    found = fit_joint(noisy)
+    assert found.smoothing == pytest.approx(0.0, abs=0.2)
+    assert found.doubt == ""
+    assert abs(found.delta_rad - 9e-4) < 3 * found.sd_rad
 
 
 def test_a_weakly_damped_joint_is_simulated_until_it_rings_no_more():
-    joint = identified_joint()
-    stiff = rows(joint, 1e-3)
-    stiff[0, COLUMNS.index("speed_gain_per_s")] *= 0.45
-    early, late, later = (settled_turns(stiff, Movement(40.0, 0.4), lead=lead)[0] for lead in (2, 11, 12))
-    assert np.abs(later - late).max() < np.abs(later - early).max()
+    movement = Movement(40.0, 0.4)
+    weak = rows(identified_joint(), 1e-3)
+    weak[0, COLUMNS.index("speed_gain_per_s")] *= 0.7
+    z = np.zeros(SIZE)
+    z[0], z[UNKNOWNS.index("speed_gain_per_s")] = 10.0, np.log(0.7)
+    problem = Problem(turn_harmonics(noise()), movement, 2e-3)
+    usual = problem.lead
+    problem.settle(z)
+    last = settled_turns(weak, movement, lead=14)[0]
+    early, late = (settled_turns(weak, movement, lead=lead)[0] for lead in (usual, problem.lead))
+    assert np.abs(late - last).max() < 0.1 * np.abs(early - last).max()
 
 
 def test_too_few_turns_are_refused_in_words():
