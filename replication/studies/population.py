@@ -35,7 +35,7 @@ AUTHORS_LOGS = tuple((realisation, level) for realisation in (1, 2) for level in
 
 DEVELOPMENT_SEED, FINAL_SEED = 1616, 20262
 # Logs by "self" and by the other methods: of the default spread, of the wide one, and of each kind outside the model.
-FINAL_SIZES = ((400, 20), (60, 5), (10, 5))
+FINAL_SIZES = ((400, 100), (150, 25), (25, 25))
 # What the other methods' intervals are made wide by: population, logs, seed, methods.
 SPREAD_STUDY = ("default spread", range(100), DEVELOPMENT_SEED, ("paper", "amplitude", "energy", "waveform"))
 NORMAL_95 = 1.96
