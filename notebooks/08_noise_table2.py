@@ -172,8 +172,8 @@ workbook.save_figure(
 # %%
 of_simulated = table[table["source"] == "simulated"]
 of_authors_table = table[table["source"] == "authors"]
-theory, best = of_authors_table["theoretical_A_rps"], of_authors_table["best_A_rps"]
-largest, largest_best = of_authors_table["relative_error_percent"].max(), (100 * (best - theory).abs() / theory).max()
+theory, best_A = of_authors_table["theoretical_A_rps"], of_authors_table["best_A_rps"]
+largest, largest_best = of_authors_table["relative_error_percent"].max(), (100 * (best_A - theory).abs() / theory).max()
 claims = {
     "error_below_10": (
         max(largest, largest_best) < limit_percent,

@@ -31,8 +31,7 @@
 # mean turn. The backlash has no prior. Stiffness, gravity, inertia ratio, speed and integral gain are log-normal around
 # the paper's joint with an SD of 30 %, load friction has an SD of 10 % of gravity, the rest of the drive is taken as
 # known up to 2 to 3 %. The measured speed is either differenced over a sampling period or not smoothed at all: both
-# are fitted, and weighed by their evidence with a prior of nine to one. A prior between the two, as an earlier state
-# of the method had it, moved every backlash by a third of its SD.
+# are fitted, and weighed by their evidence with a prior of nine to one, since drives difference their encoder.
 #
 # The noise of each harmonic comes from what lies between the harmonics. First turns that still ring are left out. Once
 # a turn and the motor's orders are left out too, lines between the harmonics are taken off, and a belt in step with the
@@ -113,7 +112,7 @@ told = pd.DataFrame(
         "posterior_sd": sd,
         "correlation_with_backlash": fit.covariance[0] / sd / sd[0],
     }
-).iloc[2:-2]
+).iloc[2:-4]  # without phase, transmission error and ripple
 told["told"] = 1 - told["posterior_sd"] / told["prior_sd"]
 workbook.save_table(told, "self_unknowns")
 told

@@ -182,6 +182,18 @@ def test_on_a_cluster_nothing_is_lost_and_nothing_twice_when_a_worker_dies(tmp_p
     assert rows[-1]["warnings"][0].startswith("unusable log: ")
 
 
+def test_joints_that_nobody_calibrated_get_the_same_answers_here_and_on_a_cluster(tmp_path):
+    distributed = pytest.importorskip("distributed", reason="a Dask cluster needs the extra 'fleet'")
+    paths = [tmp_path / f"log{k}.csv" for k in range(3)]
+    for path, delta in zip(paths, (5e-4, 9e-4, 15e-4), strict=True):
+        write(noisy(delta), path)
+    settings = settings_for(TURN, method="self")
+    here = many.run_fleet(paths, settings, jobs=1)
+    assert [row["method"] for row in here] == ["self"] * 3
+    with distributed.LocalCluster(n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None) as cluster:
+        assert many.run_fleet(paths, settings, dask=cluster.scheduler_address) == here
+
+
 def test_a_scheduler_that_does_not_answer_is_refused(monkeypatch):
     distributed = pytest.importorskip("distributed", reason="a Dask cluster needs the extra 'fleet'")
 
