@@ -58,7 +58,7 @@ from replication.methods import joint_posterior, self_calibration, shared_joint
 from replication.sensor import plots, verdict
 from replication.sensor.columns import LogFormat
 from replication.standins import joints
-from replication.studies import population, population_plots
+from replication.studies import population, population_plots, reach
 
 # %% [markdown]
 # ## Parameters
@@ -67,7 +67,12 @@ from replication.studies import population, population_plots
 bench_seed = 3  # which joint is drawn
 backlash_rad = 11e-4  # of the log that is looked at closely
 friction_share = 0.0  # Coulomb friction added to its load, over gravity
-turns = [4, 6, 8, 12]  # lengths of log that are compared
+harder = {  # what is made worse, and to what
+    "turns": [12, 6, 4, 3],
+    "samples made one": [1, 2, 4, 8],
+    "encoder bits": [19, 15, 13, 11],
+    "load friction": [0.0, 0.1, 0.3, 0.6],  # over gravity, on top of its own
+}
 months = 6  # logs of the joint as it wears
 checked = 4  # logs of the population that are measured again
 
@@ -118,17 +123,16 @@ workbook.save_table(told, "self_unknowns")
 told
 
 # %% [markdown]
-# ### How long a log must be
+# ### How far it reaches
+#
+# Shorter and coarser logs of the same joint, a coarser encoder, and more friction. The SD is the posterior's; the bound
+# is what any method could reach that knew the noise and the kind of joint, and nothing else.
 
 # %%
-rows = []
-for wanted in turns:
-    kept = round(wanted * log.turn_period_s / joints.SAMPLE_S)
-    found = self_calibration.fit_joint(replace(log, t=log.t[:kept], v=log.v[:kept]))
-    rows.append((wanted, found.delta_rad - backlash_rad, found.sd_rad, found.misfit))
-lengths = pd.DataFrame(rows, columns=["turns", "error_rad", "sd_rad", "misfit"])
-workbook.save_table(lengths, "self_lengths")
-lengths
+far_off = reach.limits(bench, backlash_rad, bench_seed, harder)
+far_off["sd_over_bound"] = far_off["sd_rad"] / far_off["bound_rad"]
+workbook.save_table(far_off, "self_reach")
+far_off
 
 # %% [markdown]
 # ### Over the months

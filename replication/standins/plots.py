@@ -81,7 +81,7 @@ def wear(tests: pd.DataFrame, limit_rad: float) -> Figure:
     Parameters
     ----------
     tests : DataFrame
-        From `wear_standin.wear_tests`; the left part shows bench 0.
+        From `wear.wear_tests` and `wear.wear_tests_by_self`; the left part shows bench 0.
     limit_rad : float
         Backlash that calls for maintenance [rad].
 

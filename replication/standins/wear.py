@@ -10,6 +10,9 @@ from numpy.typing import NDArray
 
 from replication.global_fit.fit import global_fit
 from replication.methods.calibration import Calibration, backlashes
+from replication.methods.self_calibration import SelfFit, fit_joint
+from replication.methods.shared_joint import share_joint
+from replication.methods.spread import widened
 from replication.standins.joints import Bench, encoder_log
 
 FloatArray = NDArray[np.float64]
@@ -75,8 +78,11 @@ def _read_log(
     """A [rps], and estimate, low and high end of the backlash [rad], by each calibration; one global fit for all."""
     record = encoder_log(bench, delta_rad, np.random.default_rng(seed))
     fit = global_fit(record)
-    found = backlashes(record, fit, calibrations)
-    return [(fit.amplitude_rps, backlash.delta_rad, *backlash.interval_rad) for backlash in found.values()]
+    return [
+        (fit.amplitude_rps, found.delta_rad,
+         *widened(calibrations[name].method, found.delta_rad, found.interval_rad))
+        for name, found in backlashes(record, fit, calibrations).items()
+    ]  # fmt: skip
 
 
 def wear_tests(
@@ -106,19 +112,62 @@ def wear_tests(
         `low_rad, high_rad`, `truth_day` and `call_day`: when the truth reached the limit, and the first test whose
         estimate did (NaN if none).
     """
-    tests = [(number, day, wear) for number, wear in enumerate(wears) for day in wear.test_days]
+    tests = _tests(wears)
     jobs = [
-        delayed(_read_log)(benches[number], float(wear.backlash_rad(day)), (seed, index), calibrations)
-        for index, (number, day, wear) in enumerate(tests)
+        delayed(_read_log)(benches[number], delta, (seed, index), calibrations)
+        for index, (number, _, delta) in enumerate(tests)
     ]
     readings = Parallel(n_jobs=-1, batch_size=4)(jobs)
     rows = [
-        (number, name, day, float(wear.backlash_rad(day)), *reading, wear.crossing_day(limit_rad))
-        for (number, day, wear), of_test in zip(tests, readings, strict=True)
+        (number, name, day, delta, *reading)
+        for (number, day, delta), of_test in zip(tests, readings, strict=True)
         for name, reading in zip(calibrations, of_test, strict=True)
     ]
-    columns = ["bench", "sensor", "day", "delta_rad", "A_rps", "estimate_rad", "low_rad", "high_rad", "truth_day"]
+    return _with_calls(rows, wears, limit_rad)
+
+
+def wear_tests_by_self(benches: Sequence[Bench], wears: Sequence[Wear], limit_rad: float, seed: int) -> pd.DataFrame:
+    """Read the logs of `wear_tests` by method "self": each alone, and with all logs of its bench until then.
+
+    Parameters
+    ----------
+    benches, wears, limit_rad, seed
+        As of `wear_tests`.
+
+    Returns
+    -------
+    DataFrame
+        As from `wear_tests`; the sensors are "self" and "self, shared joint", there is no A, and a log that gets no
+        answer has no row.
+    """
+    tests = _tests(wears)
+    jobs = [delayed(_fit_log)(benches[number], delta, (seed, index)) for index, (number, _, delta) in enumerate(tests)]
+    fits = Parallel(n_jobs=-1, batch_size=4)(jobs)
+    rows, answered = [], {number: [] for number in range(len(benches))}
+    for (number, day, delta), fit in zip(tests, fits, strict=True):
+        if fit.doubt:
+            continue
+        answered[number].append(fit)
+        shared, interval = share_joint(answered[number])[-1]
+        rows.append((number, "self", day, delta, np.nan, fit.delta_rad, *fit.interval_rad))
+        rows.append((number, "self, shared joint", day, delta, np.nan, shared, *interval))
+    return _with_calls(rows, wears, limit_rad)
+
+
+def _fit_log(bench: Bench, delta_rad: float, seed: Sequence[int]) -> SelfFit:
+    return fit_joint(encoder_log(bench, delta_rad, np.random.default_rng(seed)))
+
+
+def _tests(wears: Sequence[Wear]) -> list[tuple[int, float, float]]:
+    """Bench, day and true backlash [rad] of every test."""
+    return [(number, day, float(wear.backlash_rad(day))) for number, wear in enumerate(wears) for day in wear.test_days]
+
+
+def _with_calls(rows: list[tuple], wears: Sequence[Wear], limit_rad: float) -> pd.DataFrame:
+    """Rows of tests as a table, with the days on which the truth and each sensor reach the limit."""
+    columns = ["bench", "sensor", "day", "delta_rad", "A_rps", "estimate_rad", "low_rad", "high_rad"]
     table = pd.DataFrame(rows, columns=columns)
+    table["truth_day"] = table["bench"].map(lambda number: wears[number].crossing_day(limit_rad))
     called = table["day"].where(table["estimate_rad"] >= limit_rad)
     return table.assign(call_day=called.groupby([table["sensor"], table["bench"]]).transform("min"))
 

@@ -21,6 +21,7 @@ from replication.identify import paper_fit, protocol_box
 from replication.methods.calibration import default_calibration, fit_polynomial
 from replication.methods.joint_match import match_joint
 from replication.methods.readings import protocol_for, read
+from replication.methods.self_calibration import fit_joint
 from replication.simulator.recordings import simulate_recordings
 from replication.simulator.simulate import identified_joint
 from replication.studies.accuracy import JOINT_METHODS
@@ -186,6 +187,7 @@ METHODS: Mapping[str, Method] = {
     "global fit, energy": _calibrated("energy"),
     "waveform": _calibrated("waveform"),
     **{name: _through_joint(free) for name, free in JOINT_METHODS.items() if free},
+    "self-calibration": lambda recording: fit_joint(recording).delta_rad,
 }
 
 

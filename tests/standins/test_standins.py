@@ -196,6 +196,17 @@ def test_a_bench_that_is_the_calibrated_joint_is_called_for_at_the_right_test(jo
     np.testing.assert_allclose(tests["estimate_rad"], tests["delta_rad"], atol=1e-4)
 
 
+def test_a_bench_that_nobody_calibrated_is_read_alone_and_with_all_its_logs():
+    bench = joints.draw_bench(np.random.default_rng(5))
+    wear = wear_standin.Wear(4e-4, 16e-4, 1.0, interval_days=80.0)
+    tests = wear_standin.wear_tests_by_self([bench], [wear], 11e-4, seed=1)
+    assert tests["sensor"].tolist() == ["self", "self, shared joint"] * 4
+    assert tests["call_day"].tolist() == [160] * 8
+    np.testing.assert_allclose(tests["estimate_rad"], tests["delta_rad"], atol=1.2e-4)
+    first = tests[tests["day"] == 0].set_index("sensor")["estimate_rad"]
+    assert first["self"] == pytest.approx(first["self, shared joint"], rel=0.01)  # one log shares with none
+
+
 def test_calls_are_counted_early_late_or_missed():
     frame = pd.DataFrame(
         {"bench": [0, 1, 2, 3], "sensor": "s", "truth_day": 50.0, "call_day": [42.0, 63.0, 84.0, np.nan]}
