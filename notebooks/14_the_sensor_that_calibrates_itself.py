@@ -11,7 +11,7 @@
 #     language: python
 #     name: python3
 #   replication:
-#     quick: {turns: [4, 12], months: 2, checked: 1}
+#     quick: {harder: {turns: [12, 4]}, months: 2, checked: 1}
 # ---
 
 # %% [markdown]
@@ -161,7 +161,7 @@ monthly
 # %% [markdown]
 # ### The population
 #
-# `make population` draws the logs anew and measures them; that takes a quarter of an hour and more, so it is not
+# `make population` draws the logs anew and measures them; that takes minutes, so it is not
 # done here.
 
 # %%
