@@ -161,8 +161,7 @@ monthly
 # %% [markdown]
 # ### The population
 #
-# `make population` draws the logs anew and measures them; that takes minutes, so it is not
-# done here.
+# `make population` draws the logs anew and measures them; that takes minutes, so it is not done here.
 
 # %%
 measured = pd.read_csv(workbook.ROOT / "results" / "population_logs.csv", keep_default_na=True)
