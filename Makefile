@@ -16,6 +16,8 @@ help:  ## list the targets
 
 all: .venv/.installed  ## every notebook, figure, table, verdict, the report and the article
 	@mkdir -p .make && rm -f .make/due
+	@$(MAKE) --no-print-directory --keep-going .make/noted
+	@if [ -s .make/due ]; then rm -f .make/workbook.done; fi
 	@$(MAKE) --no-print-directory --keep-going .make/workbook.done
 
 quick: .venv/.installed  ## the same figures from few repeats, into results/quick
@@ -94,15 +96,20 @@ clean:  ## remove what can be made again and is not committed
 	touch $@
 
 # A stamp says that a notebook's outputs are newer than what they were made from: its source, the locked versions, and
-# what its kernel noted that it read, kept in .make/<notebook>.d. Due notebooks are noted, then run together.
+# what its kernel noted that it read, kept in .make/<notebook>.d. Due notebooks are noted, then run together: their
+# stamps are not new before that, so make has to be told that the workbook is due too.
 -include $(wildcard .make/*.d)
+
+.PHONY: .make/noted
+.make/noted: $(STAMPS)
+	@:
 
 $(STAMPS): .make/%.done: notebooks/%.py requirements.lock | .venv/.installed
 	@mkdir -p .make && echo $< >> .make/due
 
 # A notebook that fails keeps neither the others nor the report from being made, but make from ending well.
 .make/workbook.done: $(STAMPS) $(wildcard replication/report/*.py replication/report/templates/*.j2 article/*.* replication/workbook/*.py replication/data/*.csv)
-	@if [ -s .make/due ]; then $(RUN) run --stamps .make --watch $$PPID $$(cat .make/due); fi; echo $$? > .make/status
+	@if [ -s .make/due ]; then $(RUN) run --stamps .make --watch $$PPID $$(sort -u .make/due); fi; echo $$? > .make/status
 	$(RUN) collect
 	$(RUN) report
 	$(RUN) article || true

@@ -126,7 +126,7 @@ told
 # ### How far it reaches
 #
 # Shorter and coarser logs of the same joint, a coarser encoder, and more friction. The SD is the posterior's; the bound
-# is what any method could reach that knew the noise and the kind of joint, and nothing else.
+# is Cramér and Rao's, without any prior knowledge of the joint.
 
 # %%
 far_off = reach.limits(bench, backlash_rad, bench_seed, harder)

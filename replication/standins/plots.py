@@ -108,13 +108,13 @@ def wear(tests: pd.DataFrame, limit_rad: float) -> Figure:
         each = tests[tests["sensor"] == name].drop_duplicates("bench")
         delay = np.sort((each["call_day"] - each["truth_day"]).dropna())
         share = np.arange(1, delay.size + 1) / len(each)
-        right.step(delay, 100 * share, where="post", color=COLOURS[place], label=name)
+        right.step(delay, 100 * share, where="post", color=COLOURS[place])
     left.set(xlabel="time [days]", ylabel="backlash $\\delta$ [1e-4 rad]")
     left.legend(fontsize=8)
     interval = float(truth["day"].diff().max())
     right.axvspan(0, interval, color="0.9", label="a perfect sensor: the next test")
     right.set(xlabel="time from the truth to the call [days]", ylabel="benches called for by then [%]", ylim=(0, 102))
-    right.legend(fontsize=8, loc="lower right", frameon=True, framealpha=1, edgecolor="none")
+    right.legend(fontsize=8, loc="lower right")
     return figure
 
 

@@ -57,6 +57,37 @@ def test_after_a_change_exactly_the_notebooks_run_that_read_the_file(tree):
         assert due(tree, name) == readers, name
 
 
+# A stand-in for `python -m replication` that notes how it is called; a run stamps its notebooks, or fails.
+PROGRAM = """echo "$@" >> calls
+[ "$1" = run ] || exit 0
+[ ! -e failing ] || exit 1
+for word in "$@"; do case "$word" in notebooks/*) touch ".make/$(basename "$word" .py).done";; esac; done
+"""
+
+
+def calls(folder):
+    """Calls of the program by a real `make all`, and how make ended."""
+    (folder / "program").write_text(PROGRAM, encoding="utf-8")
+    (folder / "calls").write_text("", encoding="utf-8")
+    ended = subprocess.run(["make", "RUN=sh program", "all"], cwd=folder, capture_output=True, text=True, check=False)
+    said = (folder / "calls").read_text(encoding="utf-8").splitlines()
+    return [re.sub(r"--stamps .make --watch \d+ ", "", call) for call in said], ended.returncode
+
+
+def test_a_changed_notebook_is_run_once_and_the_report_made_until_it_succeeds(tree):
+    assert due(tree, "notebooks/05_growth_figure11.py") == {"05_growth_figure11"}
+    (tree / "failing").touch()
+    for _ in range(2):
+        (run, *others), status = calls(tree)
+        assert run == "run notebooks/05_growth_figure11.py"
+        assert "report" in others
+        assert status != 0
+    (tree / "failing").unlink()
+    (run, *_), status = calls(tree)
+    assert (run, status) == ("run notebooks/05_growth_figure11.py", 0)
+    assert calls(tree) == ([], 0)
+
+
 def test_a_source_that_is_gone_makes_its_readers_due(tree):
     name = next(name for name in SOURCES if name.startswith("replication/global_fit/"))
     kept = (tree / name).read_bytes()
