@@ -3,6 +3,7 @@
 PYTHON ?= python3
 PY := .venv/bin/python
 RUN := $(PY) -m replication
+PYTEST := OPENBLAS_NUM_THREADS=1 $(PY) -m pytest --numprocesses 2 --dist worksteal
 export PYTHONPATH := $(CURDIR)
 
 NOTEBOOKS := $(sort $(basename $(notdir $(wildcard notebooks/[0-9]*.py))))
@@ -26,8 +27,11 @@ quick: .venv/.installed  ## the same figures from few repeats, into results/quic
 	$(RUN) report --quick
 	$(RUN) check --quick || true
 
-test: .venv/.installed  ## all tests, on the committed results
-	OPENBLAS_NUM_THREADS=1 $(PY) -m pytest --numprocesses 2 --dist worksteal
+test: .venv/.installed  ## the tests, on the committed results
+	$(PYTEST) --ignore tests/test_try_changing.py
+
+changes: .venv/.installed  ## make every change that a notebook proposes, and check what it says of the outcome
+	$(PYTEST) tests/test_try_changing.py
 
 check: .venv/.installed  ## print the tables with their verdicts; fails if a cell differs unexpectedly
 	$(RUN) check

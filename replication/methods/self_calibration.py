@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from scipy import stats
 
 from replication.datasets import Recording
-from replication.methods.harmonics import turn_harmonics
+from replication.methods.harmonics import MODEL_ERROR, turn_harmonics
 from replication.methods.joint_posterior import (
     DRIVE_UNKNOWNS,
     MEASURED_AS,
@@ -149,6 +149,8 @@ def _result(problem: Problem, found: list[tuple[float, Peak]], converged: bool, 
     left_over = chi2 - freedom if stats.chi2.sf(chi2, freedom) < _IMPROBABLE else 0.0
     half = _NORMAL_95 * sd * float(np.sqrt(1 + left_over))
     delta = float(z[0] * UNIT_RAD)
+    # What the backlash does to the speed is proportional to it, and so may be what the model gets wrong.
+    half = float(np.hypot(half, MOST_MODEL_ERROR * MODEL_ERROR * delta)) if quiet else half
     turn = settled_turns(rows_of(z[None]), problem.movement, problem.error_order, problem.lead, peak.differencing)[0]
     ratios = ratios_of(z)
     ring, damping = _ring(ratios, problem.movement)

@@ -10,6 +10,7 @@ from made_logs import noisy, silent, write
 from replication import workbook
 from replication.commands.main import main
 from replication.data.authors import authors_file
+from replication.datasets import level_delta_rad
 from replication.methods.calibration import default_calibration
 from replication.sensor import commands, many
 from replication.sensor.tables import UnusableLog
@@ -292,11 +293,14 @@ def test_the_authors_workbook_is_answered_from_the_command_line(authors_data, ca
     assert row["backlash_rad"] == pytest.approx(15e-4, abs=1e-4)
 
 
-def test_a_record_without_noise_shows_the_model_error_of_the_joint_and_is_not_answered_by_it(authors_data, capsys):
-    _, out, _ = ran(capsys, "estimate", authors_file("Speeddata8.xlsx"), *TURN, "--json")
+@pytest.mark.parametrize("level", [4, 7, 10, 11])
+def test_a_record_without_noise_is_answered_with_the_models_own_error_in_its_interval(authors_data, capsys, level):
+    _, out, _ = ran(capsys, "estimate", authors_file(f"Speeddata{level}.xlsx"), *TURN, "--json")
     row = json.loads(out)[0]
-    assert row["verdict"] == "cannot tell"
-    assert "no such joint" in row["warnings"][0]
+    low, high = row["backlash_interval_rad"]
+    assert (row["verdict"], row["method"]) == ("backlash", "self")
+    assert low < level_delta_rad(level) < high
+    assert high - low > 0.06 * row["backlash_rad"]
 
 
 def test_the_console_script_is_this_command_line():
