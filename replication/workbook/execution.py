@@ -207,6 +207,7 @@ class _Run:
             self._started,
             km=AsyncKernelManager(kernel_name="python3", kernel_spec_manager=KernelSpecManager(kernel_dirs=[])),
             timeout=None,
+            startup_timeout=2**31,  # [s]; a kernel that never starts is a stall
             record_timing=False,
             extra_arguments=["--IPKernelApp.log_level=ERROR", f"--IPKernelApp.exec_lines={_watch_files()}"],
             resources={"metadata": {"path": str(ROOT)}},
@@ -221,7 +222,7 @@ class _Run:
             if error.ename == "DataUnavailable":
                 raise NotebookNotRun(f"{self.source.stem}: not run: {error.evalue}") from error
             self._fail(f"{error.ename}: {error.evalue}", error)
-        except DeadKernelError as error:
+        except (DeadKernelError, RuntimeError) as error:  # the latter if it dies while it starts
             stall = f"no progress for {self.stall_s / 60:.3g} minutes (STALL_MINUTES=... allows more)"
             self._fail(stall if self.stalled else "the kernel died", error)
         finally:

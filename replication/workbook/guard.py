@@ -20,11 +20,13 @@ class Guard:
     def __init__(self, watched: int | None = None):
         """Start the program; where the process `watched` (make) is gone, it asks this one to end."""
         command = [sys.executable, __file__, str(watched or os.getpid()), str(os.getpid())]
-        self.groups = set()
+        self.groups, self.is_over = set(), False
         self.program = subprocess.Popen(command, stdin=subprocess.PIPE, start_new_session=True, bufsize=0)
 
     def add(self, group: int) -> None:
-        """Look after a process group."""
+        """Look after a process group; one that started while all were ended, is ended too."""
+        if self.is_over:
+            kill(group)
         self.groups.add(group)
         self.program.stdin.write(f"+{group}\n".encode())
 
@@ -35,7 +37,8 @@ class Guard:
         self.program.stdin.write(f"-{group}\n".encode())
 
     def end_all(self) -> None:
-        """Kill every process group that is left."""
+        """Kill every process group that is left, and those that are still to come."""
+        self.is_over = True
         for group in tuple(self.groups):
             self.end(group)
 

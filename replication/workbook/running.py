@@ -8,9 +8,10 @@ import shutil
 import signal
 import subprocess
 import sys
+import threading
 import time
 from collections.abc import Sequence
-from concurrent.futures import ThreadPoolExecutor, as_completed
+from concurrent.futures import FIRST_COMPLETED, ThreadPoolExecutor, wait
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -21,6 +22,7 @@ from replication.workbook.files import QUICK, ROOT, write_json, write_text
 
 SLOWEST = 5
 AT_A_TIME = 2  # notebooks
+INTERRUPTS = (signal.SIGINT, signal.SIGTERM)
 
 
 @dataclass(frozen=True)
@@ -77,27 +79,32 @@ def run(
     """
     destination = destination or (QUICK if quick else ROOT)
     _clear_staging(destination)
-    previous = signal.signal(signal.SIGTERM, _interrupt)
+    # Noted, not raised: an exception in the middle of another line could leave a lock behind it closed.
+    interrupted = threading.Event()
+    previous = {number: signal.signal(number, lambda *_: interrupted.set()) for number in INTERRUPTS}
     keeper, pool, slots = guard.Guard(watched), ThreadPoolExecutor(AT_A_TIME), list(range(AT_A_TIME))
     try:
         jobs = {
             pool.submit(_run_one, source, quick, destination, stamps, stall_s, keeper, slots): source
             for source in sources
         }
-        for job in as_completed(jobs):
-            _say(job.result())
+        left = set(jobs)
+        while left:
+            done, left = wait(left, timeout=0.5, return_when=FIRST_COMPLETED)
+            for job in done:
+                _say(job.result())
+            if interrupted.is_set():
+                raise KeyboardInterrupt
         return [job.result() for job in jobs]
     except BaseException:
+        pool.shutdown(wait=False, cancel_futures=True)
         keeper.end_all()
         raise
     finally:
         pool.shutdown(wait=True, cancel_futures=True)
         keeper.close()
-        signal.signal(signal.SIGTERM, previous)
-
-
-def _interrupt(number: int, frame: object) -> None:
-    raise KeyboardInterrupt
+        for number, handler in previous.items():
+            signal.signal(number, handler)
 
 
 def _run_one(source, quick, destination, stamps, stall_s, keeper, slots) -> Ending:
