@@ -207,6 +207,7 @@ class _Run:
             self._started,
             km=AsyncKernelManager(kernel_name="python3", kernel_spec_manager=KernelSpecManager(kernel_dirs=[])),
             timeout=None,
+            coalesce_streams=True,  # in how many pieces a text arrives is a matter of time
             startup_timeout=2**31,  # [s]; a kernel that never starts is a stall
             record_timing=False,
             extra_arguments=["--IPKernelApp.log_level=ERROR", f"--IPKernelApp.exec_lines={_watch_files()}"],

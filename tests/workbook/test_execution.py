@@ -116,6 +116,13 @@ def test_a_cell_may_take_as_long_as_it_makes_progress(notebook, tmp_path):
     assert executed.cells[0].outputs == []
 
 
+def test_a_text_that_arrives_in_pieces_is_kept_as_one(notebook, tmp_path):
+    source = notebook("# %%\nimport time\nprint('one', flush=True)\ntime.sleep(1)\nprint('two')\n")
+    execution.execute(source, destination=tmp_path / "out")
+    executed = nbformat.read(tmp_path / "out" / "notebooks" / "small.ipynb", as_version=4)
+    assert [output["text"] for output in executed.cells[0].outputs] == ["one\ntwo\n"]
+
+
 def test_a_dead_kernel_is_named(notebook, tmp_path):
     source = notebook("# %%\nx = 1\n\n# %%\nimport os\nos._exit(1)\n")
     with pytest.raises(execution.NotebookFailed, match=r"small\.py, cell 2: the kernel died"):
