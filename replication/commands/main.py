@@ -66,7 +66,6 @@ def _parser() -> argparse.ArgumentParser:
     score.set_defaults(command=_score)
     settings = subparsers.add_parser("portable", help="tests and verdicts under other processors' settings")
     settings.add_argument("--only-tests-of", metavar="SETTING", help="only the tests, under this one setting")
-    settings.add_argument("tests", nargs="*", help="tests to run; by default all that compute")
     settings.set_defaults(command=_portable)
     return parser
 
