@@ -51,6 +51,10 @@ def test_every_claim_is_decided():
     assert claims["measured"].notna().all()
 
 
+def test_every_claim_is_decided_by_exactly_one_notebook():
+    assert sorted(judging.decided_claims(RESULTS)["id"]) == sorted(published.claims().index)
+
+
 def test_the_best_basin_is_within_2_percent_of_the_printed_mean_in_all_ten_rows():
     table = pd.read_csv(RESULTS / "table2.csv")
     first = table[(table["source"] == "authors") & (table["noise_level"] == "low, R = 1")]

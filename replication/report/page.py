@@ -97,7 +97,6 @@ def corrected_cells() -> dict[str, str]:
 def claim_rows(results: Path) -> list[dict]:
     """The claims with criterion, decision, measured number and proof."""
     decided = judging.decided_claims(results).set_index("id")
-    decided = decided[~decided.index.duplicated(keep="last")]
     rows = published.claims().join(decided).fillna("").reset_index().to_dict("records")
     return [row | {"verdict": row["verdict"] or "not decided"} for row in rows]
 
