@@ -183,21 +183,22 @@ def derivative(t, y, command, region, c):
 
 
 @nb.njit(cache=True)
-def _along(y, h, k):
+def along(y, h, k):
+    """State after a time h at the rates k."""
     return y[0] + h * k[0], y[1] + h * k[1], y[2] + h * k[2], y[3] + h * k[3], y[4] + h * k[4]
 
 
 @nb.njit(cache=True)
 def _runge_kutta(t, y, h, command, region, c):
     k1 = derivative(t, y, command, region, c)
-    k2 = derivative(t + h / 2, _along(y, h / 2, k1), command, region, c)
-    k3 = derivative(t + h / 2, _along(y, h / 2, k2), command, region, c)
-    k4 = derivative(t + h, _along(y, h, k3), command, region, c)
-    return _along(_along(_along(_along(y, h / 6, k1), h / 3, k2), h / 3, k3), h / 6, k4)
+    k2 = derivative(t + h / 2, along(y, h / 2, k1), command, region, c)
+    k3 = derivative(t + h / 2, along(y, h / 2, k2), command, region, c)
+    k4 = derivative(t + h, along(y, h, k3), command, region, c)
+    return along(along(along(along(y, h / 6, k1), h / 3, k2), h / 3, k3), h / 6, k4)
 
 
 @nb.njit(cache=True)
-def _locate(t, y, h, end, edge, command, region, c):
+def locate(t, y, h, end, edge, command, region, c):
     """Part of the step after which the displacement meets the edge, and the state there (Illinois method)."""
     lo, hi, side = 0.0, h, 0
     g_lo, g_hi = y[0] / c.gear_ratio - y[2] - edge, end[0] / c.gear_ratio - end[2] - edge
@@ -286,7 +287,7 @@ def run(y, region, steps, step, skip, every, per_period, delay, c, drive, record
             up = x > edges[region + 1]
             if not up and x >= edges[region]:
                 break
-            s, y = _locate(t, y, left, end, edges[region + 1] if up else edges[region], command, region, c)
+            s, y = locate(t, y, left, end, edges[region + 1] if up else edges[region], command, region, c)
             before, region = region, (region + 1 if up else region - 1)
             t, left = t + s, left - s
             if c.delta > 0 and (before in (0, 3) or region in (0, 3)) and used < len(events):

@@ -92,21 +92,28 @@ def start(c, friction):
     return (0.0, 0.0, -(side * c.delta + torque / c.ks), 0.0, torque / c.gear_ratio + motor), 3 if side > 0 else 0
 
 
+@nb.njit(cache=True)
+def waves_of(row, n, turn_s, order, with_ripple):
+    """Disturbances of a joint in the order of `COLUMNS`, a row each; no wave at all compiles to less work."""
+    errors = 2 if order > 0 else 0
+    waves = np.zeros((errors + (2 if with_ripple else 0), 5))
+    for part in range(errors):
+        error = row[14 + part]
+        waves[part] = order / n, 0.0, -error * (order * TURN / turn_s) ** 2, error, part * TURN / 4
+    for part in range(len(waves) - errors):
+        waves[errors + part] = 1.0, row[16 + part] * row[3] / n, 0.0, 0.0, part * TURN / 4
+    return waves
+
+
 @nb.njit(cache=True, nogil=True)
 def _settled(rows, n, turn_s, periods, lead, order, differencing):
     out = np.empty((rows.shape[0], periods))
     period = turn_s / periods
     record, gap = np.empty((lead + periods + 1, 5)), np.empty(lead + periods + 1, dtype=np.int64)
     events = np.empty((0, 2))
-    # No wave at all compiles to less work than one of no height.
-    errors, ripples = 2 * min(order, 1), 2 if np.any(rows[:, 16:] != 0) else 0
-    waves = np.zeros((errors + ripples, 5))
+    with_ripple = np.any(rows[:, 16:] != 0)
     for k in range(rows.shape[0]):
-        for part in range(errors):
-            error = rows[k, 14 + part]
-            waves[part] = order / n, 0.0, -error * (order * TURN / turn_s) ** 2, error, part * TURN / 4
-        for part in range(ripples):
-            waves[errors + part] = 1.0, rows[k, 16 + part] * rows[k, 3] / n, 0.0, 0.0, part * TURN / 4
+        waves = waves_of(rows[k], n, turn_s, order, with_ripple)
         c = constants(rows[k], n, turn_s, -TURN * lead / periods, waves)
         y, region = start(c, rows[k, 1])
         status, _ = core.run(
@@ -125,7 +132,7 @@ def settling_turns(movement: Movement) -> int:
 
 
 def settled_turns(
-    rows: FloatArray, movement: Movement, order: int = 0, lead: int | None = None, differencing: bool = True
+    rows: FloatArray, movement: Movement, order: float = 0, lead: int | None = None, differencing: bool = True
 ) -> FloatArray:
     """Motor speed of each joint over one settled turn.
 
@@ -137,7 +144,7 @@ def settled_turns(
         motor turn, over m g r / N.
     movement : Movement
         The test movement.
-    order : int
+    order : float
         Periods a turn of the transmission error; 0 for none.
     lead : int, optional
         Turns before the one that is returned; `settling_turns` if not given.
@@ -154,5 +161,5 @@ def settled_turns(
     turns = settling_turns(movement) if lead is None else lead
     rows = np.ascontiguousarray(rows, dtype=float)
     return _settled(
-        rows, movement.gear_ratio, movement.turn_period_s, periods, turns * periods, order, float(differencing)
+        rows, movement.gear_ratio, movement.turn_period_s, periods, turns * periods, float(order), float(differencing)
     )

@@ -89,8 +89,8 @@ def _plain_steps(y, steps, step, skip, per_period, delay, c, drive, speeds):
             late = step * (0.0, 0.5, 0.5, 1.0)[k]
             region = np.searchsorted(edges, stage[0] / c.gear_ratio - stage[2])
             rates = core.derivative(t + late, stage, command, region, c)
-            total = core._along(total, step * (1 / 6, 1 / 3, 1 / 3, 1 / 6)[k], rates)
-            stage = core._along(y, step * (0.5, 0.5, 1.0, 0.0)[k], rates)
+            total = core.along(total, step * (1 / 6, 1 / 3, 1 / 3, 1 / 6)[k], rates)
+            stage = core.along(y, step * (0.5, 0.5, 1.0, 0.0)[k], rates)
         y = total
         if not abs(y[1]) < core.DIVERGED * c.omega:
             return False
