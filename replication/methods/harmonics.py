@@ -57,7 +57,7 @@ class TurnHarmonics:
         Settled turns averaged.
     unrest : float
         Noise in the ring's band over that above it (medians of power): about 1 where turns repeat themselves, more
-        where each turn rings on into the next.
+        where each turn rings on into the next; 1 where there is hardly any noise.
     """
 
     order: NDArray[np.int64]
@@ -67,6 +67,7 @@ class TurnHarmonics:
     turns: int
     unrest: float
     is_quiet: bool
+    lines: tuple[tuple[float, float], ...]
 
 
 def turn_harmonics(recording: Recording) -> TurnHarmonics:
@@ -100,15 +101,19 @@ def turn_harmonics(recording: Recording) -> TurnHarmonics:
     last = int(min(_OF_NYQUIST * 0.5 / dt, _FASTEST_HZ) * period)
     order = np.arange(2, last + 1)
     bins, between = _spectrum(v, turns, last, turns * period / dt)
+    lines = []
     for _ in range(_MOST_LINES):
         line = _line(v, bins, between, turns, dt / period)
         if line is None:
             break
-        v = v - line
+        wave, *found = line
+        v = v - wave
+        lines.append(tuple(found))
         bins, between = _spectrum(v, turns, last, turns * period / dt)
     variance = np.array([_noise(between, k, turns) for k in order])
     order_kept = ~np.isin(order, _motor_harmonics(recording, last))
     noise, model = np.sqrt(variance)[order_kept], MODEL_ERROR * v.std() / (2 * np.sqrt(order.size))
+    quiet = bool(np.median(noise) < model)
     start = np.exp(-2j * np.pi * order * phase[0])
     return TurnHarmonics(
         order[order_kept],
@@ -116,8 +121,9 @@ def turn_harmonics(recording: Recording) -> TurnHarmonics:
         np.maximum(noise, model),
         float(np.sqrt(2 * count * _floor(between, turns, last))),
         turns,
-        _unrest(between, turns, period),
-        bool(np.median(noise) < model),
+        1.0 if quiet else _unrest(between, turns, period),
+        quiet,
+        tuple(lines),
     )
 
 
@@ -148,8 +154,8 @@ def _spectrum(v: FloatArray, turns: int, last: int, samples: float) -> tuple[NDA
     return bins, between
 
 
-def _line(v: FloatArray, bins, between: FloatArray, turns: int, step: float) -> FloatArray | None:
-    """The clearest sinusoid that is no harmonic of the turn, at the record's samples; None if there is none.
+def _line(v: FloatArray, bins, between: FloatArray, turns: int, step: float) -> tuple[FloatArray, float, float] | None:
+    """The clearest sinusoid that is no harmonic of the turn, its order and amplitude; None if there is none.
 
     A belt or a fan: it leaks into the harmonics beside it.
     """
@@ -165,14 +171,15 @@ def _line(v: FloatArray, bins, between: FloatArray, turns: int, step: float) -> 
     others = order[~beside]
     rest = v - 2 * np.real(np.exp(1j * np.outer(phase, others)) @ bins[turns * others])
     fixed = np.exp(1j * np.outer(phase, order[beside]))
-    best = (np.inf, np.zeros_like(v))
+    best = (np.inf, np.zeros_like(v), 0.0, 0.0)
     for tried in (peak + np.linspace(-0.9, 0.9, 19)) / turns:
         wave = np.exp(1j * tried * phase)
         basis = np.column_stack([wave.real, wave.imag, fixed.real, fixed.imag])
         found, *_ = np.linalg.lstsq(basis, rest, rcond=None)
         misfit = float(((rest - basis @ found) ** 2).sum())
-        best = min(best, (misfit, basis[:, :2] @ found[:2]), key=lambda pair: pair[0])
-    return best[1]
+        sine = basis[:, :2] @ found[:2], float(tried), float(np.hypot(*found[:2]))
+        best = min(best, (misfit, *sine), key=lambda one: one[0])
+    return best[1:]
 
 
 def _noise(between: FloatArray, order: int, turns: int) -> float:

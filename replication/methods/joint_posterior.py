@@ -1,5 +1,6 @@
 """What a log says of a joint: unknowns, their priors, and the whitened residuals of the mean turn's harmonics."""
 
+from collections.abc import Callable, Sequence
 from functools import lru_cache
 
 import numpy as np
@@ -9,19 +10,20 @@ from scipy import stats
 from replication.methods.harmonics import TurnHarmonics
 from replication.simulator.checks import closed_loop_matrix
 from replication.simulator.parameters import identified_joint, joint_from_ratios
+from replication.simulator.sensitivities import turn_and_slopes
 from replication.simulator.turns import COLUMNS, Movement, settled_turns, settling_turns
 
 FloatArray = NDArray[np.float64]
 
 # Relative SD (log-normal) of the prior of each ratio around the identified joint's. A joint of this kind may be
-# 30 % stiffer, heavier or more tightly controlled than the paper's. The drive's inner workings, which a log hardly
+# 20 % stiffer, heavier or more tightly controlled than the paper's. The drive's inner workings, which a log hardly
 # tells, are taken as known up to a few percent, or the error of the backlash would double.
 RATIO_PRIOR = {
-    "stiffness_per_s2": 0.3,
-    "gravity_per_s2": 0.3,
-    "inertia_ratio": 0.3,
-    "speed_gain_per_s": 0.3,
-    "integral_gain_per_s2": 0.3,
+    "stiffness_per_s2": 0.2,
+    "gravity_per_s2": 0.2,
+    "inertia_ratio": 0.2,
+    "speed_gain_per_s": 0.2,
+    "integral_gain_per_s2": 0.2,
     "torque_lag_s": 0.03,
     "derivative_gain": 0.02,
     "leaky_gain_per_s2": 0.02,
@@ -41,7 +43,8 @@ _SEARCHED = (0.85, 0.2)
 
 # A transmission error in step with the turn (a belt, a gear), in 1e-5 rad on the load's side: SD of its two parts.
 ERROR_PRIOR = 2.0
-# A torque ripple once a motor turn, over m g r / N in percent: SD of its two parts.
+# A torque ripple once a motor turn, over m g r / N in percent: SD of its two parts. Its own harmonic is left out, for
+# an encoder errs there too; what it does to the teeth shows in the others.
 RIPPLE_PRIOR = 2.0
 
 UNIT_RAD, _ERROR_RAD, _RIPPLE = 1e-4, 1e-5, 0.01
@@ -53,24 +56,42 @@ MEAN = np.array([*np.zeros(SMOOTHING), _SEARCHED[0], *np.zeros(4)])
 SD = np.array(
     [np.inf, np.inf, FRICTION_PRIOR, *RATIO_PRIOR.values(), _SEARCHED[1], *[ERROR_PRIOR] * 2, *[RIPPLE_PRIOR] * 2]
 )
-# Steps of the differences; phase and smoothing have slopes of their own.
-_STEP = np.array([0.01, np.nan, 1e-3, *np.full(len(RATIO_PRIOR), 3e-3), np.nan, 0.05, 0.05, 0.1, 0.1])
+# Step of an error's difference.
+_ERROR_STEP = 0.05
 
 UNKNOWNS = (
     "backlash", "phase", "friction", *RATIO_PRIOR, "smoothing", "error_sine", "error_cosine", "ripple_sine",
     "ripple_cosine",
 )  # fmt: skip
 
+# What the simulation takes: the column of each unknown, and what a unit of it is there (0: a ratio's is its own size).
+_TAKEN = {
+    "backlash": ("delta_rad", UNIT_RAD),
+    "friction": ("friction", 1.0),
+    **{name: (name, 0.0) for name in RATIO_PRIOR},
+    "error_sine": ("error_sine_rad", _ERROR_RAD),
+    "error_cosine": ("error_cosine_rad", _ERROR_RAD),
+    "ripple_sine": ("ripple_sine", _RIPPLE),
+    "ripple_cosine": ("ripple_cosine", _RIPPLE),
+}
+_SIMULATED = [UNKNOWNS.index(name) for name in _TAKEN]
+_COLUMN = [COLUMNS.index(column) for column, _ in _TAKEN.values()]
+_UNIT = np.array([unit for _, unit in _TAKEN.values()])
+
 # Transmission errors up to this frequency are looked for; one must be this improbable in noise alone, and
 # the residual without it improbable too.
 _FASTEST_ERROR_HZ, _CHANCE_OF_ERROR, _SUSPECT = 60.0, 0.01, 0.3
 # A harmonic whose residual has a square this improbable, times their number, belongs to the machine, not the joint.
 _OUTLIER = 1e-3
+# More starts are tried where noise alone leaves so large a residual in one log of a thousand: they cost a second.
 _IMPROBABLE = 1e-3
 LEAST_BACKLASH = 0.01
-# A simulated turn is settled where the ring of the start has decayed to exp(-5), after so many turns at most.
+# Samples and turns are in step if a sample's phase in the turn moves by less than this over the log [samples].
+_IN_STEP = 0.25
+# How well a turn has settled: to a hundredth of the noise of a mean turn, and to a tenth while starts are compared.
+_SETTLED_RPS, _NEARLY_RPS = 2e-4, 2e-3
+# An oscillation slower than this is the drive's, no ring.
 _SLOWEST_RING_HZ = 2.0
-_DECAY, _MOST_TURNS = 5.0, 8
 
 
 @lru_cache(maxsize=1)
@@ -105,24 +126,21 @@ def contact_modes(ratios: dict[str, float], movement: Movement) -> NDArray[np.co
 
 
 class Problem:
-    """Weighted residuals of a record's harmonics and their slopes."""
+    """Weighted residuals of a record's harmonics and their slopes.
+
+    `order`, `target` and `sd` are the harmonics, what the log has at them and its noise; `mean` and `spread` are the
+    unknowns' priors; `error_order` is that of the transmission error (0: none), and `lead` the turns that the last
+    joint took to settle.
+    """
 
     def __init__(self, harmonics: TurnHarmonics, movement: Movement, sample_s: float):
         self.movement, self.order, self.sd = movement, harmonics.order, harmonics.sd
         self.target = harmonics.coefficient
-        self.fade = np.log(np.sinc(harmonics.order * sample_s / movement.turn_period_s))
+        self.samples = movement.turn_period_s / sample_s
+        self.folded = abs(self.samples - round(self.samples)) * harmonics.turns < _IN_STEP
         self.mean, self.spread = MEAN, SD
         self.error_order, self.lead = 0, settling_turns(movement)
-        self.ripple, self.differencing = False, True
-        self.evaluations = 0
-
-    def settle(self, z: FloatArray) -> None:
-        """Simulate as many turns from now on as this joint needs to ring no more."""
-        least = settling_turns(self.movement)
-        rates = -contact_modes(ratios_of(z), self.movement).real
-        slowest = rates.min(initial=np.inf)
-        needed = _DECAY / max(slowest, 1e-9) / self.movement.turn_period_s
-        self.lead = int(np.clip(np.ceil(min(needed, _MOST_TURNS)), least, max(least, _MOST_TURNS)))
+        self.differencing = True
 
     def measured_as(self, smoothing: tuple[float, float]) -> None:
         """Take another prior of the smoothing, mean and SD."""
@@ -130,14 +148,10 @@ class Problem:
         self.mean[SMOOTHING], self.spread[SMOOTHING] = smoothing
         self.differencing = smoothing[0] > 0.5
 
-    def _spectra(self, z: FloatArray, error_order: int) -> NDArray[np.complex128]:
-        turns = settled_turns(rows_of(z), self.movement, error_order, self.lead, self.differencing)
-        self.evaluations += len(z)
-        return np.fft.rfft(turns, axis=1)[:, self.order] / turns.shape[1]
-
     def _measured(self, z: FloatArray, error_order: int | None = None) -> NDArray[np.complex128]:
-        spectra = self._spectra(z, self.error_order if error_order is None else error_order)
-        return spectra * np.exp(1j * self.order * z[:, 1:2] + self.fade * z[:, SMOOTHING : SMOOTHING + 1])
+        """Harmonics of joints, shape (joints, harmonics); all share the first one's phase and smoothing."""
+        order = self.error_order if error_order is None else error_order
+        return self._logged(settled_turns(rows_of(z), self.movement, order, self.lead, self.differencing), z[0])
 
     def _whitened(self, spectra: NDArray[np.complex128]) -> FloatArray:
         spectra = spectra / self.sd
@@ -148,58 +162,103 @@ class Problem:
         data = self._whitened(self._measured(z[None])[0] - self.target)
         return np.concatenate([data, ((z - self.mean) / self.spread)[2:]])
 
-    def slopes(self, z: FloatArray, free: int) -> tuple[FloatArray, FloatArray]:
+    def slopes(self, z: FloatArray, free: int = SIZE) -> tuple[FloatArray, FloatArray]:
         """Residuals, and their derivative by each unknown, shape (unknowns, residuals); 0 from the one `free` on."""
-        moved = [k for k in range(min(free, SMOOTHING)) if np.isfinite(_STEP[k])]
-        if free == SIZE:
-            moved += range(_ERROR.start, _ERROR.stop) if self.error_order else ()
-            moved += range(_RIPPLES.start, _RIPPLES.stop) if self.ripple else ()
-        batch = np.repeat(z[None], len(moved) + 1, axis=0)
-        batch[np.arange(len(moved)), moved] += _STEP[moved]
-        measured = self._measured(batch)
-        here = measured[-1]
-        out = np.zeros((SIZE, here.size), dtype=complex)
-        out[moved] = (measured[:-1] - here) / _STEP[moved][:, None]
-        out[1], out[SMOOTHING] = 1j * self.order * here, self.fade * here
+        row, whole = rows_of(z[None])[0], free == SIZE
+        (turn, _), by_column, self.lead = turn_and_slopes(
+            row, self.movement, self.error_order, self.differencing, whole, _SETTLED_RPS if whole else _NEARLY_RPS
+        )
+        by_unknown = np.where(_UNIT > 0, _UNIT, row[_COLUMN])[:, None] * by_column[_COLUMN]
+        order, parts, fade = self._folded(np.vstack([turn[None], by_unknown]), z)
+        here = parts[:, 0].sum(axis=0)
+        out = np.zeros((SIZE, self.order.size), dtype=complex)
+        out[_SIMULATED] = parts[:, 1:].sum(axis=0)
+        out[1], out[SMOOTHING] = (1j * order * parts[:, 0]).sum(axis=0), (fade * parts[:, 0]).sum(axis=0)
+        out[free:] = 0
         residual = np.concatenate([self._whitened(here - self.target), ((z - self.mean) / self.spread)[2:]])
         return residual, np.concatenate([self._whitened(out), np.diag(1 / self.spread)[:, 2:]], axis=1)
+
+    def push_slopes(self, z: FloatArray, pushes: Callable[[FloatArray, float, Movement], FloatArray]) -> FloatArray:
+        """Derivative of the residuals by pushes on the load, which follow from its speed; shape (pushes, residuals)."""
+        row = rows_of(z[None])[0]
+        rest = self.movement, self.error_order, self.differencing, True, _SETTLED_RPS
+        (_, load_speed), _, _ = turn_and_slopes(row, *rest)
+        gravity = row[COLUMNS.index("gravity_per_s2")]
+        _, slopes, _ = turn_and_slopes(row, *rest, pushes(load_speed, gravity, self.movement))
+        data = self._whitened(self._logged(slopes[len(COLUMNS) :], z))
+        return np.pad(data, ((0, 0), (0, SIZE - 2)))
+
+    def _logged(self, turns: FloatArray, z: FloatArray) -> NDArray[np.complex128]:
+        """Harmonics of turns as the log has them."""
+        return self._folded(turns, z)[1].sum(axis=0)
+
+    def _folded(self, turns: FloatArray, z: FloatArray):
+        """Harmonics of turns that a log shows at one, later by its phase, and smoothed; their orders and fading.
+
+        Where a turn has a whole number of samples, what is faster than half the sampling rate comes back at harmonics.
+        """
+        spectra = np.fft.rfft(turns, axis=1) / turns.shape[1]
+        order = self.order + round(self.samples) * np.array([[0], [-1], [1]][: 3 if self.folded else 1])
+        there = np.abs(order) < spectra.shape[1]
+        seen = np.moveaxis(spectra[:, np.where(there, np.abs(order), 0)], 1, 0)
+        seen = np.where(order[:, None] < 0, seen.conj(), seen) * there[:, None]
+        smoothed = np.sinc(order / self.samples)
+        fade = np.log(np.maximum(np.abs(smoothed), 1e-3))
+        sign = np.sign(smoothed) if z[SMOOTHING] > 0.5 else 1.0
+        seen = seen * (sign * np.exp(1j * order * z[1] + fade * z[SMOOTHING]))[:, None]
+        return order, seen, fade
 
     def is_improbable(self, cost: float) -> bool:
         """Whether noise alone hardly leaves so large a sum of squares."""
         return not stats.chi2.sf(cost, 2 * self.order.size - SMOOTHING) > _IMPROBABLE
 
-    def find_waves(self, z: FloatArray) -> bool:
-        """Take up a ripple of the motor's turn or an error in step with the load's; say whether one was found."""
-        residual, slopes = self.slopes(z, SIZE)
-        if stats.chi2.sf(residual @ residual, residual.size - SIZE) > _SUSPECT:
+    def find_error(self, z: FloatArray) -> bool:
+        """Take up an error in step with the load's turn, if the residual shows one; say whether it did."""
+        residual = self.residual(z)
+        if self.error_order or stats.chi2.sf(residual @ residual, residual.size - SIZE) > _SUSPECT:
             return False
-        last = int(_FASTEST_ERROR_HZ * self.movement.turn_period_s)
-        tried = {} if self.error_order else dict.fromkeys(range(2, last + 1), _ERROR)
-        if not self.ripple:
-            tried[0] = _RIPPLES
-        gain = {order: self._gain(z, residual, slopes, order, part) for order, part in tried.items()}
+        residual, slopes = self.slopes(z)
+        tried = range(2, int(_FASTEST_ERROR_HZ * self.movement.turn_period_s) + 1)
+        gain = {order: self._gain(z, residual, slopes, order) for order in tried}
         scale = max(1.0, float(residual @ residual) / residual.size)
-        best = max(gain, key=lambda order: gain[order], default=-1)
-        if best < 0 or len(tried) * np.exp(-gain[best] / scale / 2) > _CHANCE_OF_ERROR:
+        best = max(gain, key=lambda order: gain[order], default=0)
+        if not best or len(gain) * np.exp(-gain[best] / scale / 2) > _CHANCE_OF_ERROR:
             return False
-        if best == 0:
-            self.ripple = True
-        else:
-            self.error_order = best
+        self.error_order = best
         return True
 
-    def _gain(self, z: FloatArray, residual: FloatArray, slopes: FloatArray, order: int, part: slice) -> float:
-        """By how much chi squared falls if the two parts of a wave are let free."""
+    def shake(self, z: FloatArray, lines: Sequence[tuple[float, float]]) -> bool:
+        """Take off what errors out of step with the turn (a belt's) do to the mean turn; say whether there are any.
+
+        They pull the teeth apart sooner here and later there: on average that is no zero, but grows with their square.
+        How large they are, the sinusoids tell that they leave in the speed.
+        """
+        shaken = False
+        for order, amplitude in lines:
+            batch = np.repeat(z[None], 5, axis=0)
+            batch[range(4), [_ERROR.start] * 2 + [_ERROR.start + 1] * 2] += np.array([1.0, -1.0, 1.0, -1.0])
+            turns = settled_turns(rows_of(batch), self.movement, order, self.lead, self.differencing)
+            wave = np.exp(-2j * np.pi * order * np.arange(turns.shape[1]) / turns.shape[1])
+            response = ((turns[2] - turns[3]) + 1j * (turns[0] - turns[1])) / 2
+            size = amplitude / max(abs((response * wave).mean()), 1e-9)
+            if size < ERROR_PRIOR:
+                mean = size**2 * (turns[:4].mean(axis=0) - turns[4])
+                self.target = self.target - self._logged(mean[None], z)[0]
+                shaken = True
+        return shaken
+
+    def _gain(self, z: FloatArray, residual: FloatArray, slopes: FloatArray, order: int) -> float:
+        """By how much chi squared falls if the two parts of an error are let free."""
         batch = np.repeat(z[None], 2, axis=0)
-        batch[[0, 1], [part.start, part.start + 1]] += _STEP[part]
+        batch[[0, 1], [_ERROR.start, _ERROR.start + 1]] += _ERROR_STEP
         data = slice(0, 2 * self.order.size)
-        moved = self._whitened(self._measured(batch, order or None) - self.target)
+        moved = self._whitened(self._measured(batch, order) - self.target)
         columns = np.zeros((2, residual.size))
-        columns[:, data] = (moved - residual[data]) / _STEP[part][:, None]
+        columns[:, data] = (moved - residual[data]) / _ERROR_STEP
         onto = np.linalg.solve(slopes @ slopes.T, slopes @ columns.T)
         columns -= onto.T @ slopes
         along = columns @ residual
-        return float(along @ np.linalg.solve(columns @ columns.T + np.diag(SD[part] ** -2.0), along))
+        return float(along @ np.linalg.solve(columns @ columns.T + np.diag(SD[_ERROR] ** -2.0), along))
 
     def drop_outlier(self, z: FloatArray) -> bool:
         """Leave out the harmonic that fits worst, if noise can't explain it; say whether there was one."""
@@ -210,5 +269,5 @@ class Problem:
         if self.order.size * np.exp(-square[worst]) > _OUTLIER:
             return False
         kept = np.arange(self.order.size) != worst
-        self.order, self.sd, self.target, self.fade = (a[kept] for a in (self.order, self.sd, self.target, self.fade))
+        self.order, self.sd, self.target = (a[kept] for a in (self.order, self.sd, self.target))
         return True

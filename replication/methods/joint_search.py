@@ -17,7 +17,6 @@ FloatArray = NDArray[np.float64]
 _LIBRARY, _LIBRARY_BACKLASH, _LIBRARY_FRICTION, _LIBRARY_SPREAD = 1200, (0.8, 48.0), 0.06, 0.2
 # How many of them, and how many more where these end in a residual that is improbable.
 _STARTS, _MORE_STARTS, _SHORT, _LONG = 5, 4, 5, 40
-_MOST_WAVES = 2
 # Nothing but another joint explains a residual that is as large as this, in squares a harmonic (2 for noise alone).
 _HOPELESS = 12.0
 _TOLD = 5
@@ -47,35 +46,46 @@ class Peak:
     differencing: bool
 
 
-def find_peak(problem: Problem, z: FloatArray, smoothing: tuple[float, float]) -> Peak:
-    """Maximum of the posterior near `z` under another prior of the smoothing, mean and SD."""
+def find_peak(problem: Problem, z: FloatArray, smoothing: tuple[float, float], cost: float = np.inf) -> Peak:
+    """Maximum of the posterior near `z` under another prior of the smoothing, mean and SD.
+
+    It is not looked for to the end, and has no evidence, where a few steps leave it far above `cost`.
+    """
     _, slopes = problem.slopes(z, SIZE)
     covariance = np.linalg.inv(slopes @ slopes.T)
     shift = (smoothing[0] - z[SMOOTHING]) / covariance[SMOOTHING, SMOOTHING]
     start = z + shift * covariance[:, SMOOTHING]
     start[0] = max(start[0], 0.5 * z[0], LEAST_BACKLASH)
     problem.measured_as(smoothing)
-    z, cost, converged = _search(problem, start, _LONG)
-    residual, slopes = problem.slopes(z, SIZE)
+    z, there, converged = _search(problem, start, _SHORT)
+    if there < cost + _NEAR_COST and not converged:
+        z, there, converged = _search(problem, z, _LONG)
+    residual, slopes = problem.slopes(z)
     normal = slopes @ slopes.T
-    if not np.isfinite(normal).all():
+    if not (np.isfinite(normal).all() and there < cost + _NEAR_COST):
         return Peak(start, covariance, residual, -np.inf, False, problem.differencing)
-    evidence = -0.5 * cost - 0.5 * np.linalg.slogdet(normal)[1] - np.log(smoothing[1])
+    evidence = -0.5 * there - 0.5 * np.linalg.slogdet(normal)[1] - np.log(smoothing[1])
     return Peak(z, np.linalg.inv(normal), residual, float(evidence), converged, problem.differencing)
 
 
-def find_joint(problem: Problem, harmonics: TurnHarmonics, movement: Movement) -> tuple[FloatArray, bool]:
+def find_joint(problem: Problem, harmonics: TurnHarmonics) -> tuple[FloatArray, bool]:
     """Unknowns of the joint that most probably made a record, and whether the search ended in a minimum."""
-    starts = _starts(harmonics, movement)
+    starts = _starts(harmonics, problem.movement)
     z, cost, converged = _best(problem, starts[:_STARTS])
     if problem.is_improbable(cost) and len(starts) > _STARTS:
         z, cost, converged = min((z, cost, converged), _best(problem, starts[_STARTS:]), key=lambda found: found[1])
     if cost > _HOPELESS * problem.order.size:
         return z, converged
     z, cost, converged = _explored(problem, z, cost, converged)
-    for _ in range(_MOST_WAVES):
-        if not problem.find_waves(z):
-            break
+    unshaken = problem.target
+    if problem.shake(z, harmonics.lines):
+        tried = _search(problem, z, _LONG)
+        # What was taken for a belt may be one's image by the turn's own frequency: then the joint fits worse.
+        if tried[1] < cost:
+            z, cost, converged = tried
+        else:
+            problem.target = unshaken
+    if problem.find_error(z):
         z, cost, converged = _search(problem, z, _LONG)
     for _ in range(_MOST_DROPPED):
         if not problem.drop_outlier(z):
@@ -86,31 +96,30 @@ def find_joint(problem: Problem, harmonics: TurnHarmonics, movement: Movement) -
 
 def _search(problem: Problem, z: FloatArray, iterations: int, free: int = SIZE) -> tuple[FloatArray, float, bool]:
     """Levenberg-Marquardt; unstable joints have no finite residual, and a step into one is not taken."""
-    damping, converged = 1e-2, False
-    problem.settle(z)
+    damping = 1e-2
+    residual, slopes = problem.slopes(z, free)
+    cost = residual @ residual
+    if not np.isfinite(slopes).all():
+        return z, np.inf, False
     for _ in range(iterations):
-        residual, slopes = problem.slopes(z, free)
-        cost = residual @ residual
-        if not np.isfinite(slopes).all():
-            return z, np.inf, False
         normal, gradient = slopes @ slopes.T, slopes @ residual
         for _ in range(8):
             step = -np.linalg.solve(normal + damping * np.diag(np.diag(normal)), gradient)
             step *= min(1.0, 0.5 / np.abs(step[1:SMOOTHING]).max())
             trial = z + step
             trial[0] = max(trial[0], 0.3 * z[0], LEAST_BACKLASH)
-            found = problem.residual(trial)
-            there = found @ found
-            if there < cost:
+            found = problem.slopes(trial, free)
+            there = found[0] @ found[0]
+            if there < cost and np.isfinite(found[1]).all():
                 break
             damping *= 5
         else:
             return z, cost, there - cost < 0.01 * max(cost, 1.0)
-        z, damping = trial, damping * 0.2
-        converged = cost - there < _ENOUGH * max(1.0, cost / residual.size)
-        if converged:
-            break
-    return z, there, converged
+        fallen, z, cost, damping = cost - there, trial, there, damping * 0.2
+        residual, slopes = found
+        if fallen < _ENOUGH * max(1.0, cost / residual.size):
+            return z, cost, True
+    return z, cost, False
 
 
 def _best(problem: Problem, starts: list[FloatArray]) -> tuple[FloatArray, float, bool]:

@@ -2,8 +2,8 @@
 
 A maximum a posteriori fit of the joint of notebook 3 to the harmonics of a record's mean turn. The backlash has no
 prior; what else is not known has the wide ones of `joint_posterior`. The posterior is taken as normal around its
-maximum (Laplace's approximation) and widened by what the residual says; where the residual says that no such joint
-made the record, there is no answer.
+maximum (Laplace's approximation), mixed over how the speed was measured and what else may swing on the load, and
+widened by what the residual says; where the residual says that no such joint made the record, there is no answer.
 """
 
 from dataclasses import dataclass, replace
@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from scipy import stats
 
 from replication.datasets import Recording
-from replication.methods.harmonics import MODEL_ERROR, turn_harmonics
+from replication.methods.harmonics import MODEL_ERROR, TurnHarmonics, turn_harmonics
 from replication.methods.joint_posterior import (
     DRIVE_UNKNOWNS,
     MEASURED_AS,
@@ -27,6 +27,7 @@ from replication.methods.joint_posterior import (
     rows_of,
 )
 from replication.methods.joint_search import Peak, find_joint, find_peak
+from replication.methods.second_mass import with_second_mass
 from replication.simulator.turns import Movement, settled_turns
 
 FloatArray = NDArray[np.float64]
@@ -64,7 +65,7 @@ class SelfFit:
         Of the measured speed, 1 for differencing over a sampling period.
     unknowns, covariance : arrays of shape (unknowns,) and (unknowns, unknowns)
         The posterior's maximum and covariance in the order of `joint_posterior.UNKNOWNS`: backlash [1e-4 rad], phase
-        [rad], friction, logarithms of the ratios, smoothing, transmission error [1e-5 rad].
+        [rad], friction, logarithms of the ratios, smoothing, transmission error [1e-5 rad], the motor's ripple [%].
     misfit : float
         Mean square of the whitened residual, 1 for a joint that is right; of what exceeds the model's largest error,
         in a record with hardly any noise.
@@ -72,6 +73,9 @@ class SelfFit:
         Where in the turn the joint fits worst [turns, from the load hanging down].
     unrest : float
         See `harmonics.TurnHarmonics`.
+    peaks : tuple of (float, Peak)
+        The posterior's parts, as the speed most probably was measured: logarithm of the prior probability, and the
+        peak; without a second mass, then with one of each ring.
     turn_rps : array of shape (phases,)
         Fitted speed less its mean over one turn from the record's first sample [rps].
     doubt : str
@@ -91,6 +95,7 @@ class SelfFit:
     misfit: float
     worst_phase: float
     unrest: float
+    peaks: tuple[tuple[float, Peak], ...]
     turn_rps: FloatArray
     doubt: str = ""
 
@@ -113,18 +118,33 @@ def fit_joint(recording: Recording) -> SelfFit:
     ValueError
         The record is too short or too coarse.
     """
+    problem, harmonics = posed(recording)
+    z, converged = find_joint(problem, harmonics)
+    residual = problem.residual(z)
+    cost = float(residual @ residual) if np.isfinite(residual).all() else np.inf
+    found, second, peaks = [], (-np.inf, 1.0, np.nan), ()
+    for weight, mean, sd in MEASURED_AS.values():
+        peak = find_peak(problem, z, (mean, sd), cost)
+        each = [(0.0, peak)]
+        if np.isfinite(peak.evidence):
+            each, chance, ring_hz = with_second_mass(problem, peak)
+            if peak.evidence > second[0]:
+                second, peaks = (peak.evidence, chance, ring_hz), tuple(each)
+        found += [(np.log(weight) + prior, other) for prior, other in each]
+    return _result(problem, found, converged, harmonics, second[1:], peaks)
+
+
+def posed(recording: Recording) -> tuple[Problem, TurnHarmonics]:
+    """What a log asks of a joint, and the harmonics that it is made of; errors as of `fit_joint`."""
     movement = Movement(float(recording.commanded_speed_rps * recording.turn_period_s), recording.turn_period_s)
     harmonics = turn_harmonics(recording)
     if harmonics.order.size < SIZE:
         raise ValueError(f"{recording.source}: sampled too coarsely, {harmonics.order.size} harmonics of the turn")
-    problem = Problem(harmonics, movement, recording.sample_s)
-    z, converged = find_joint(problem, harmonics, movement)
-    found = [(np.log(weight), find_peak(problem, z, (mean, sd))) for weight, mean, sd in MEASURED_AS.values()]
-    return _result(problem, found, converged, harmonics.unrest, harmonics.is_quiet)
+    return Problem(harmonics, movement, recording.sample_s), harmonics
 
 
-def _mixed(found: list[tuple[float, Peak]]) -> tuple[Peak, FloatArray]:
-    """Most probable peak, and the covariance of all about it: how the speed was measured is weighed, not known."""
+def mixed(found: list[tuple[float, Peak]]) -> tuple[Peak, FloatArray]:
+    """Most probable peak, moved to the mean of all, and the covariance about it, each weighed by its evidence."""
     evidence = np.array([weight + peak.evidence for weight, peak in found])
     if not np.isfinite(evidence.max()):
         return found[0][1], found[0][1].covariance
@@ -139,8 +159,16 @@ def _mixed(found: list[tuple[float, Peak]]) -> tuple[Peak, FloatArray]:
     return replace(best, z=mean), covariance
 
 
-def _result(problem: Problem, found: list[tuple[float, Peak]], converged: bool, unrest: float, quiet: bool) -> SelfFit:
-    peak, covariance = _mixed(found)
+def _result(
+    problem: Problem,
+    found: list[tuple[float, Peak]],
+    converged: bool,
+    harmonics: TurnHarmonics,
+    second: tuple[float, float],
+    peaks: tuple[tuple[float, Peak], ...],
+) -> SelfFit:
+    peak, covariance = mixed(found)
+    quiet, unrest = harmonics.is_quiet, harmonics.unrest
     z, residual = peak.z, peak.residual
     chi2, freedom = float(residual @ residual), residual.size - SIZE
     scatter = max(chi2 / freedom, 1.0)
@@ -158,12 +186,12 @@ def _result(problem: Problem, found: list[tuple[float, Peak]], converged: bool, 
     return SelfFit(
         delta, (max(delta - half, 0.0), delta + half), sd, ring, damping, float(z[2]), ratios,
         float(z[SMOOTHING]), z, covariance, chi2 / freedom / stretch, _worst_phase(problem, residual, phase), unrest,
-        _shifted(turn - turn.mean(), phase),
-        _doubt(chi2 / freedom / stretch, unrest, converged and peak.converged, sd, _strain(peak, scatter)),
+        peaks, _shifted(turn - turn.mean(), phase),
+        _doubt(chi2 / freedom / stretch, unrest, converged and peak.converged, sd, _strain(peak, scatter), second),
     )  # fmt: skip
 
 
-def _doubt(misfit: float, unrest: float, converged: bool, sd: float, strain: float) -> str:
+def _doubt(misfit: float, unrest: float, converged: bool, sd: float, strain: float, second: tuple[float, float]) -> str:
     if not (converged and np.isfinite(misfit) and np.isfinite(sd)):
         return "the search for the joint does not end"
     if unrest > MOST_UNREST:
@@ -173,6 +201,8 @@ def _doubt(misfit: float, unrest: float, converged: bool, sd: float, strain: flo
         )
     if misfit > MOST_MISFIT:
         return f"no joint of the paper's kind makes this record (residual {misfit:.1f} times the noise's)"
+    if second[0] < _STRAINED:
+        return f"something else swings on the load (near {second[1]:.0f} Hz)"
     if strain < _STRAINED:
         return "the drive is not of the paper's kind (its inner workings stray from what is known of them)"
     return ""

@@ -1,17 +1,18 @@
 """Several logs of one joint: what belongs to the joint is shared, the backlash is each log's own.
 
 Each log's posterior is normal; its prior taken out, it says what that log alone tells of the joint. Together the logs
-tell the joint far better than one does, and what is known of the joint then corrects each log's backlash. The joint's
-ratios may drift a little from log to log.
+tell the joint far better than one does, and what is known of the joint then corrects each log's backlash. So is
+whether a second mass swings on it. The joint's ratios may drift a little from log to log.
 """
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from replication.methods.joint_posterior import MEAN, RATIO_PRIOR, SD, UNIT_RAD
-from replication.methods.self_calibration import SelfFit
+from replication.methods.self_calibration import SelfFit, mixed
 
 FloatArray = NDArray[np.float64]
 
@@ -37,6 +38,7 @@ def share_joint(fits: Sequence[SelfFit]) -> list[tuple[float, tuple[float, float
         Backlash and its 95 % interval [rad], in the order of the logs. An interval that was widened for its residual
         stays wider by the same factor.
     """
+    fits = _of_one_load(fits)
     prior = np.diag(SD[_SHARED] ** -2.0)
     drift = DRIFT**2 * np.eye(_SHARED.size)
     told = [_told(fit, prior, drift) for fit in fits]
@@ -44,6 +46,22 @@ def share_joint(fits: Sequence[SelfFit]) -> list[tuple[float, tuple[float, float
     total = prior @ MEAN[_SHARED] + sum(pull for _, pull in told)
     common, spread = np.linalg.solve(precision, total), np.linalg.inv(precision)
     return [_corrected(fit, common, spread + drift) for fit in fits]
+
+
+def _of_one_load(fits: Sequence[SelfFit]) -> list[SelfFit]:
+    """Weigh the second masses in each log's posterior by what all logs say of them."""
+    told = [fit for fit in fits if fit.peaks]
+    if len(told) < 2:
+        return list(fits)
+    prior = np.array([weight for weight, _ in told[0].peaks])
+    evidence = np.array([[peak.evidence for _, peak in fit.peaks] for fit in told])
+    common = prior + (evidence - evidence[:, :1]).sum(axis=0)
+    return [_weighed(fit, common) if fit.peaks else fit for fit in fits]
+
+
+def _weighed(fit: SelfFit, weight: FloatArray) -> SelfFit:
+    peak, covariance = mixed([(w - peak.evidence, peak) for w, (_, peak) in zip(weight, fit.peaks, strict=True)])
+    return replace(fit, unknowns=peak.z, covariance=covariance)
 
 
 def _told(fit: SelfFit, prior: FloatArray, drift: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -91,8 +91,9 @@ def test_a_log_file_is_answered_with_what_was_assumed(tmp_path):
 def test_without_a_calibration_the_log_tells_its_joint(tmp_path):
     found = estimate(write(noisy(), tmp_path / "log.csv"), settings_for(TURN))
     check(found)
+    low, high = found.backlash_interval_rad
     assert (found.method, found.verdict) == ("self", "backlash")
-    assert found.backlash_rad == pytest.approx(9e-4, abs=1e-4)
+    assert low < 9e-4 < high < low + 2e-4
     assert found.ring_hz == pytest.approx(21, abs=2)
     assert abs(found.friction_share) < 0.01
     assert "the joint: rings at 2" in as_text(found)

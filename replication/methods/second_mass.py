@@ -1,0 +1,84 @@
+"""Does a second mass swing on the load? A joint with one rings twice, and its backlash is misread by one without.
+
+To first order in its share of the load's inertia, a second mass on a spring pushes the load with what it lacks of the
+load's acceleration. That is known from the turn without it, so one linear step tells share, backlash and evidence.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import stats
+
+from replication.methods.joint_posterior import Problem
+from replication.methods.joint_search import Peak
+from replication.simulator.turns import Movement
+
+FloatArray = NDArray[np.float64]
+
+# Where a second mass may ring [Hz], and how it is damped: below, it swings with the load, and above it sits on it.
+_RINGS_HZ, _DAMPING = np.geomspace(8.0, 80.0, 31), 0.03
+# Probability that a joint has one at all: nobody knows. SD of its share of the inertia; of either sign, for it stands
+# for whatever else the load does that the joint of notebook 3 does not.
+_PROBABILITY, _SHARE = 0.5, 0.1
+
+
+def pushes(load_speed: FloatArray, gravity_per_s2: float, movement: Movement) -> FloatArray:
+    """What second masses do to the load, per share of the load's inertia [rad/s^2], shape (rings, phases).
+
+    A mass hangs on the load by a spring and swings by z'' + 2 zeta w z' + w^2 z = -(x'' + g sin), z being its angle
+    from the load's and x the load's; it pushes the load with -z''.
+
+    Parameters
+    ----------
+    load_speed : array of shape (phases,)
+        Deviation of the load's speed over a turn [rad/s].
+    gravity_per_s2 : float
+        m g r over the load's inertia.
+    movement : Movement
+        The turn.
+    """
+    phases = load_speed.size
+    w = 2 * np.pi * np.arange(phases // 2 + 1) / movement.turn_period_s
+    ring = 2 * np.pi * _RINGS_HZ[:, None]
+    gravity = gravity_per_s2 * np.sin(2 * np.pi * np.arange(phases) / phases)
+    moved = 1j * w * np.fft.rfft(load_speed) + np.fft.rfft(gravity)
+    return np.fft.irfft(-(w**2) * moved / (ring**2 - w**2 + 2j * _DAMPING * ring * w), phases)
+
+
+def with_second_mass(problem: Problem, peak: Peak) -> tuple[list[tuple[float, Peak]], float, float]:
+    """The posterior with a second mass of each ring beside the one without.
+
+    Parameters
+    ----------
+    problem : Problem
+        As it was where the peak was found.
+    peak : Peak
+        The posterior's maximum without a second mass.
+
+    Returns
+    -------
+    list of (float, Peak)
+        Logarithm of the prior probability, and the peak: without a second mass, then with each.
+    float, float
+        Probability that noise alone shows a second mass as clearly as the clearest, and where that rings [Hz].
+    """
+    residual, slopes = problem.slopes(peak.z)
+    columns = problem.push_slopes(peak.z, pushes)
+    normal = slopes @ slopes.T
+    along = np.linalg.solve(normal, slopes @ columns.T).T
+    left = columns - along @ slopes
+    information = (left**2).sum(axis=1) + _SHARE**-2
+    share, sd = -left @ residual / information, information**-0.5
+    gain = share**2 * information
+    evidence = np.log(sd / _SHARE) + gain / 2
+    prior = np.log(_PROBABILITY / _RINGS_HZ.size)
+    found = [(np.log(1 - _PROBABILITY), peak)]
+    for k in range(_RINGS_HZ.size):
+        covariance = peak.covariance + np.outer(along[k], along[k]) * sd[k] ** 2
+        there = replace(
+            peak, z=peak.z - share[k] * along[k], covariance=covariance, residual=residual + share[k] * left[k],
+            evidence=peak.evidence + float(evidence[k]),
+        )  # fmt: skip
+        found.append((prior, there))
+    return found, float(min(1.0, _RINGS_HZ.size * stats.chi2.sf(gain.max(), 1))), float(_RINGS_HZ[gain.argmax()])
