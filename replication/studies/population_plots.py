@@ -1,5 +1,6 @@
 """Plots of the populations: data frames in, a matplotlib figure out."""
 
+import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
@@ -33,7 +34,7 @@ def errors(rows: pd.DataFrame, populations: dict[str, str]) -> Figure:
             )  # fmt: skip
         axis.axhline(0, color=INK, linewidth=0.8)
         axis.set(xlabel="true backlash [mrad]", ylabel="error [mrad]", title=title)
-        axis.legend(fontsize=8)
+        axis.legend(fontsize=8, frameon=True, framealpha=0.9)
     return figure
 
 
@@ -54,4 +55,23 @@ def calibration(rows: pd.DataFrame, populations: dict[str, str]) -> Figure:
     axes[0, 1].plot([0.5, 1], [0.5, 1], color=INK, linewidth=0.8)
     axes[0, 1].set(xlabel="nominal level", ylabel="share of intervals that hold")
     axes[0, 1].legend(fontsize=8)
+    return figure
+
+
+@in_style
+def profile(rows: pd.DataFrame) -> Figure:
+    """Signed root of chi squared over the backlash, and Laplace's approximation of it.
+
+    Parameters
+    ----------
+    rows : DataFrame
+        From `reach.profile`.
+    """
+    figure, axes = grid(1, 1, figsize=(6.0, 4.2))
+    axis, delta = axes[0, 0], _MILLI * rows["delta_rad"]
+    root = np.sign(rows["deviation"]) * np.sqrt(rows["chi2"].clip(lower=0))
+    axis.plot(delta, rows["deviation"], color=INK, linewidth=0.8, label="Laplace's approximation")
+    axis.plot(delta, root, "o-", markersize=3, color=BLUE, label="all else fitted anew")
+    axis.set(xlabel="backlash [mrad]", ylabel="signed root of the gain in chi squared")
+    axis.legend(fontsize=8)
     return figure
