@@ -85,7 +85,7 @@ def turn_harmonics(recording: Recording) -> TurnHarmonics:
     Raises
     ------
     ValueError
-        Fewer than three turns, or fewer than 16 samples in one.
+        Fewer than three turns, or fewer than 16 samples in one; a speed that does not vary.
     """
     dt, period = recording.sample_s, recording.turn_period_s
     phase, v = _at_rest(*settled(recording), period)
@@ -98,6 +98,8 @@ def turn_harmonics(recording: Recording) -> TurnHarmonics:
     count = int(turns * period / dt + 0.5)
     phase, v = phase[:count], v[:count]
     v = v - v.mean()
+    if not v.any():
+        raise ValueError(f"{recording.source}: the speed does not vary")
     last = int(min(_OF_NYQUIST * 0.5 / dt, _FASTEST_HZ) * period)
     order = np.arange(2, last + 1)
     bins, between = _spectrum(v, turns, last, turns * period / dt)

@@ -183,6 +183,11 @@ def test_too_few_turns_are_refused_in_words():
         fit_joint(replace(log, t=log.t[:350], v=log.v[:350]))
 
 
+def test_a_speed_that_does_not_vary_is_refused_in_words():
+    with pytest.raises(ValueError, match="does not vary"):
+        fit_joint(replace(noise(), v=np.full(2400, 100.0)))
+
+
 def test_an_interval_holds_the_spread_of_joints_and_the_noise():
     low, high = widened("amplitude", 1e-3, (0.9e-3, 1.1e-3))
     half = np.hypot(1e-4, shares()["amplitude"] * 1e-3)
