@@ -14,6 +14,7 @@ FIGURES = sorted((workbook.ROOT / "figures").glob("*.svg"))
 DIMENSIONLESS = {
     *("A over theoretical A", "SD over printed SD", "function evaluations per success", "generation", "stored run"),
     *("log-likelihood of the printed Table 2", "mean over the printed one", "row of Table 2"),
+    "signed root of the gain in chi squared",
     *("density", "rank of the truth in the posterior", "share of intervals that hold", "nominal level"),
 }
 
