@@ -278,8 +278,8 @@ workbook.save_table(bars, "self_bars")
 bars
 
 # %% [markdown]
-# One bar cannot be met by any method that does not know the joint: the Cramér-Rao bound of the authors' logs, their
-# noise given, lies above it. Methods that do better there know the joint.
+# One bar cannot be met by an unbiased method that does not know the joint: the Cramér-Rao bound of the authors' logs,
+# their noise given, lies above it. Methods that do better there know the joint.
 
 # %%
 bounds_rad = [entry.bound_rad for entry in population.authors_logs()] if len(authors) else [np.nan]
