@@ -58,6 +58,10 @@ class TurnHarmonics:
     unrest : float
         Noise in the ring's band over that above it (medians of power): about 1 where turns repeat themselves, more
         where each turn rings on into the next; 1 where there is hardly any noise.
+    is_quiet : bool
+        There is hardly any noise: `sd` is mostly the model's error.
+    lines : tuple of (float, float)
+        Sinusoids that were taken off: periods a turn, and amplitude [rps].
     """
 
     order: NDArray[np.int64]

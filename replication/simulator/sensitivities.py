@@ -33,7 +33,7 @@ _LEAST_TURNS, _MOST_TURNS = 3, 14
 
 
 @nb.njit(cache=True)
-def _start_slopes(row, c, y, dy):
+def _start_slopes(row, c, dy):
     """Slopes of `turns.start` by the row's columns."""
     n, sine = c.gear_ratio, np.sin(c.start_angle)
     torque = c.gravity * (sine + row[_FRICTION])
@@ -70,6 +70,21 @@ def _forcing(t, y, rates, region, c, row, order, out):
 
 
 @nb.njit(cache=True)
+def _weighed(y, h, k1, k2, k3, k4):
+    """State after a Runge-Kutta step with these rates."""
+    return core.along(core.along(core.along(core.along(y, h / 6, k1), h / 3, k2), h / 3, k3), h / 6, k4)
+
+
+@nb.njit(cache=True)
+def _rates(x, command, line, on_motor, on_load, on_torque):
+    """Rates of a slope `x` of the state: the equations of motion, linear within a region, and what is forced on it."""
+    ks, ds, per_turn, push, own, swing, rub, lag = line
+    torque = ks * (per_turn * x[0] - x[2]) + ds * (per_turn * x[1] - x[3])
+    motor = push * (x[4] - per_turn * torque - own * x[1]) + on_motor
+    return x[1], motor, x[3], torque - swing * x[2] - rub * x[3] + on_load, lag * (command - x[4]) + on_torque
+
+
+@nb.njit(cache=True)
 def _step(t, y, dy, h, command, dcommand, region, c, row, order, forced):
     """One Runge-Kutta step of the state and its slopes, those in place; `forced` (3, 3, slopes) is memory."""
     b1 = core.derivative(t, y, command, region, c)
@@ -84,34 +99,19 @@ def _step(t, y, dy, h, command, dcommand, region, c, row, order, forced):
     _forcing(t + h, y4, b4, region, c, row, order, forced[2])
     touching = region == 0 or region == 3
     ks, ds = (c.ks, c.ds) if touching else (0.0, 0.0)
-    n, push, lag = c.gear_ratio, 1 / c.motor_inertia, 1 / c.torque_lag
-    swing = c.gravity * np.cos(c.start_angle + c.omega / n * (t + h / 2))
-    rub, own = c.load_viscous, c.motor_viscous
-    half, sixth, third, per_n = h / 2, h / 6, h / 3, 1 / n
+    swing = c.gravity * np.cos(c.start_angle + c.omega / c.gear_ratio * (t + h / 2))
+    line = (
+        ks, ds, 1 / c.gear_ratio, 1 / c.motor_inertia, c.motor_viscous, swing, c.load_viscous, 1 / c.torque_lag
+    )  # fmt: skip
     for p in range(dy.shape[1]):
-        x0, x1, x2, x3, x4 = dy[0, p], dy[1, p], dy[2, p], dy[3, p], dy[4, p]
-        f1, f3, f4, u = forced[0, 0, p], forced[0, 1, p], forced[0, 2, p], dcommand[p]
-        a = ks * (per_n * x0 - x2) + ds * (per_n * x1 - x3)
-        a0, a1, a2 = x1, push * (x4 - per_n * a - own * x1) + f1, x3
-        a3, a4 = a - swing * x2 - rub * x3 + f3, lag * (u - x4) + f4
-        z0, z1, z2, z3, z4 = x0 + half * a0, x1 + half * a1, x2 + half * a2, x3 + half * a3, x4 + half * a4
-        f1, f3, f4 = forced[1, 0, p], forced[1, 1, p], forced[1, 2, p]
-        a = ks * (per_n * z0 - z2) + ds * (per_n * z1 - z3)
-        b0, b1_, b2_ = z1, push * (z4 - per_n * a - own * z1) + f1, z3
-        b3_, b4_ = a - swing * z2 - rub * z3 + f3, lag * (u - z4) + f4
-        z0, z1, z2, z3, z4 = x0 + half * b0, x1 + half * b1_, x2 + half * b2_, x3 + half * b3_, x4 + half * b4_
-        a = ks * (per_n * z0 - z2) + ds * (per_n * z1 - z3)
-        c0, c1, c2 = z1, push * (z4 - per_n * a - own * z1) + f1, z3
-        c3, c4 = a - swing * z2 - rub * z3 + f3, lag * (u - z4) + f4
-        z0, z1, z2, z3, z4 = x0 + h * c0, x1 + h * c1, x2 + h * c2, x3 + h * c3, x4 + h * c4
-        f1, f3, f4 = forced[2, 0, p], forced[2, 1, p], forced[2, 2, p]
-        a = ks * (per_n * z0 - z2) + ds * (per_n * z1 - z3)
-        dy[0, p] = x0 + sixth * (a0 + z1) + third * (b0 + c0)
-        dy[1, p] = x1 + sixth * (a1 + push * (z4 - per_n * a - own * z1) + f1) + third * (b1_ + c1)
-        dy[2, p] = x2 + sixth * (a2 + z3) + third * (b2_ + c2)
-        dy[3, p] = x3 + sixth * (a3 + a - swing * z2 - rub * z3 + f3) + third * (b3_ + c3)
-        dy[4, p] = x4 + sixth * (a4 + lag * (u - z4) + f4) + third * (b4_ + c4)
-    return core.along(core.along(core.along(core.along(y, h / 6, b1), h / 3, b2), h / 3, b3), h / 6, b4)
+        x, u = (dy[0, p], dy[1, p], dy[2, p], dy[3, p], dy[4, p]), dcommand[p]
+        k1 = _rates(x, u, line, forced[0, 0, p], forced[0, 1, p], forced[0, 2, p])
+        middle = forced[1, 0, p], forced[1, 1, p], forced[1, 2, p]
+        k2 = _rates(core.along(x, h / 2, k1), u, line, *middle)
+        k3 = _rates(core.along(x, h / 2, k2), u, line, *middle)
+        k4 = _rates(core.along(x, h, k3), u, line, forced[2, 0, p], forced[2, 1, p], forced[2, 2, p])
+        dy[0, p], dy[1, p], dy[2, p], dy[3, p], dy[4, p] = _weighed(x, h, k1, k2, k3, k4)
+    return _weighed(y, h, b1, b2, b3, b4)
 
 
 @nb.njit(cache=True)
@@ -184,7 +184,7 @@ def _run(row, n, turn_s, periods, order, differencing, with_ripple, settled_rps,
     size = _P + pushes.shape[0]
     out, slopes = np.zeros((2, periods)), np.empty((size, periods))
     dy, dmemory, dring = np.zeros((5, size)), np.zeros((4, size)), np.zeros((DELAY_PERIODS + 1, size))
-    _start_slopes(row, c, y, dy)
+    _start_slopes(row, c, dy)
     dmemory[0], dring[:] = dy[4], dy[4]
     memory, ring = np.array([y[4], 0.0, 0.0, y[0]]), np.full(DELAY_PERIODS + 1, y[4])
     forced, kept = np.zeros((3, 3, size)), np.empty((5, size))
