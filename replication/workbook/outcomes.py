@@ -4,10 +4,11 @@ Exports go into the folder that the environment variable `REPLICATION_OUT` names
 """
 
 import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import numpy as np
 import pandas as pd
 
 from replication.workbook.files import FLOAT_FORMAT, ROOT, write_csv, write_json
@@ -59,31 +60,23 @@ def notebook_name() -> str:
 
 
 def verdict(
-    cells: Mapping[str, Mapping[str, float]] | None = None,
+    cells: Mapping[str, Mapping[str, float | Sequence[float]]] | None = None,
     claims: Mapping[str, tuple[bool | None, str]] | None = None,
-    regions: Mapping[str, Mapping[str, tuple[float, float]]] | None = None,
 ) -> pd.DataFrame:
-    """Export what a notebook found about printed cells and claims.
+    """Export what a notebook found about printed cells and claims, and return the verdicts on them.
 
     Parameters
     ----------
     cells : mapping of source to mapping of cell id to number
-        Reproduced values in each cell's unit; a source is "authors", "chosen", "simulated" or "stand-in".
+        Our numbers in each cell's unit; a source is "authors", "simulated" or "stand-in". A sequence holds one number
+        for each noise realisation.
     claims : mapping of claim id to (holds, what was measured)
         Decisions on prose claims; None in place of a truth value is "undecided".
-    regions : mapping of source to mapping of cell id to (low, high)
-        Between which numbers the printed one should lie, where not the cell's tolerance decides.
-
-    Returns
-    -------
-    DataFrame
-        The verdicts on these cells and claims, to be shown.
     """
     rows = [
-        {"id": cell, "source": source, "reproduced": _kept(number)}
-        | dict(zip(("low", "high"), map(_kept, (regions or {}).get(source, {}).get(cell, ())), strict=False))
-        for source, numbers in (cells or {}).items()
-        for cell, number in numbers.items()
+        {"id": cell, "source": source, "numbers": _kept(numbers)}
+        for source, of_source in (cells or {}).items()
+        for cell, numbers in of_source.items()
     ]
     decided = [
         {"id": key, "holds": None if holds is None else bool(holds), "measured": text}
@@ -100,6 +93,8 @@ def verdict(
     return table.reindex(columns=shown).astype(object).where(lambda t: t.notna(), "")
 
 
-def _kept(number: float) -> float:
-    """A number as the results keep it, to six digits."""
-    return float(FLOAT_FORMAT % number)
+def _kept(numbers: float | Sequence[float]) -> float | list[float]:
+    """Numbers as the results keep them, to six digits."""
+    if np.ndim(numbers):
+        return [float(FLOAT_FORMAT % number) for number in numbers]
+    return float(FLOAT_FORMAT % numbers)
