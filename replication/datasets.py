@@ -9,7 +9,8 @@ from replication.data.authors import authors_file, parse_speed_workbook, read_zi
 
 FloatArray = NDArray[np.float64]
 
-
+# The noisy records that are public: levels K, and realisations R at two levels of noise.
+NOISY_LEVELS, LOW_NOISE, HIGH_NOISE = range(1, 21), range(1, 6), range(11, 21)
 # What the logs are records of: the paper gives the commanded speed, the logs the turn period.
 COMMANDED_SPEED_RPS = 100.0
 TURN_PERIOD_S = 0.4
@@ -134,10 +135,16 @@ def load_noisy(level: int, realisation: int) -> Recording:
 
     Raises
     ------
+    ValueError
+        No such level or realisation is public.
     DataUnavailable, DataCorrupt
         See `authors_file` and `parse_speed_workbook`; also a zip archive that is broken or lacks the record.
     """
-    loudness = "Low" if realisation <= 5 else "High"
+    if level not in NOISY_LEVELS or realisation not in (*LOW_NOISE, *HIGH_NOISE):
+        raise ValueError(
+            f"K = {level}, R = {realisation}: public are K = 1 to 20, R = 1 to 5 (low) and 11 to 20 (high)"
+        )
+    loudness = "Low" if realisation in LOW_NOISE else "High"
     path = f"Noisy data/{loudness} level of noise/Data_with_Noise_{realisation}.zip"
     content = read_zip_member(authors_file(path), rf"(.*/)?SpeeddataNoise{level}(_\d+)?\.xlsx")
     return _authors_recording(content, f"{path}!SpeeddataNoise{level}")

@@ -10,7 +10,15 @@ from numpy.typing import NDArray
 from tqdm import tqdm
 
 from replication import published
-from replication.datasets import Recording, add_uniform_noise, constant_speed, from_sample, level_delta_rad, load_noisy
+from replication.datasets import (
+    LOW_NOISE,
+    Recording,
+    add_uniform_noise,
+    constant_speed,
+    from_sample,
+    level_delta_rad,
+    load_noisy,
+)
 from replication.identify import Protocol, paper_fit
 from replication.signature import FREE_PARAMETERS
 from replication.simulator.parameters import JointParameters
@@ -95,7 +103,14 @@ def repeated_fits(
     DataFrame
         One row per run: the record's entries, `protocol`, `seed`, `start_sample`, the free parameters, `rmse_rps`,
         `evaluations`, `iterations`.
+
+    Raises
+    ------
+    ValueError
+        There are no seeds, or see `start_samples` and `identify.paper_fit`.
     """
+    if not len(seeds):
+        raise ValueError("no seeds: at least one run of each record is needed")
     jobs, keys = [], []
     for protocol in protocols:
         for index, (key, recording) in enumerate(records):
@@ -173,33 +188,30 @@ def table2_levels() -> range:
 
 
 def authors_table2_records(realisations: Sequence[int]) -> list[tuple[dict, Recording]]:
-    """Load the authors' noisy records of Table 2's ten rows, for each noise realisation R."""
+    """Load the authors' noisy records of Table 2's ten rows, for each of some low-noise realisations R.
+
+    Raises
+    ------
+    ValueError
+        No realisation is named, or one that is not among `LOW_NOISE`.
+    """
+    wrong = [R for R in realisations if R not in LOW_NOISE]
+    if wrong or not realisations:
+        raise ValueError(f"realisations {list(realisations)}: name some of {list(LOW_NOISE)}, the published low noise")
     return [
-        (_key(row, f"low, R = {realisation}"), load_noisy(level, realisation))
+        (_key("authors", realisation, row), load_noisy(level, realisation))
         for realisation in realisations
         for row, level in enumerate(table2_levels(), start=1)
     ]
 
 
 def simulated_table2_records(joint: JointParameters, seed: int) -> list[tuple[dict, Recording]]:
-    """Simulate Table 2's ten records: the joint at each level, with uniform noise of the printed amplitude.
-
-    Parameters
-    ----------
-    joint : JointParameters
-        The joint.
-    seed : int
-        Seed of the noise.
-
-    Returns
-    -------
-    list of (dict, Recording)
-    """
+    """Simulate Table 2's ten records: the joint at each level, with uniform noise of the printed amplitude."""
     noise = published.column("Table 2", "noise")
     rng = np.random.default_rng(seed)
     clean = simulate_recordings(joint, [level_delta_rad(level) for level in table2_levels()])
     return [
-        (_key(row, f"low, seed {seed}"), add_uniform_noise(recording, noise[row - 1], rng))
+        (_key("simulated", seed, row), add_uniform_noise(recording, noise[row - 1], rng))
         for row, recording in enumerate(clean, start=1)
     ]
 
@@ -209,60 +221,52 @@ def noise_only_record(seed: int) -> tuple[dict, Recording]:
     row = len(table2_levels()) + 1
     noise = published.value(f"table2.row{row:02d}.noise")
     base = constant_speed(samples=2401, dt=0.002)
-    return _key(row, f"noise only, seed {seed}"), add_uniform_noise(base, noise, np.random.default_rng(seed))
+    return _key("simulated", seed, row), add_uniform_noise(base, noise, np.random.default_rng(seed))
 
 
-def _key(row: int, noise_level: str) -> dict:
-    """What a record of Table 2's row is called in data frames."""
+def _key(source: str, realisation: int, row: int) -> dict:
+    """What a record of Table 2's row is called in data frames; a simulated realisation is the seed of its noise."""
     levels = list(table2_levels())
     delta = level_delta_rad(levels[row - 1]) if row <= len(levels) else 0.0
-    return {"row": row, "delta_rad": delta, "noise_level": noise_level}
+    level = "low" if row <= len(levels) else "noise only"
+    return {"source": source, "realisation": realisation, "row": row, "delta_rad": delta, "noise_level": level}
 
 
-def table2(runs: pd.DataFrame, source: str, noise_amplitude_rps: FloatArray) -> pd.DataFrame:
+def table2(runs: pd.DataFrame) -> pd.DataFrame:
     """Condense the runs on Table 2's records into the table.
 
     Parameters
     ----------
     runs : DataFrame
-        From `repeated_fits`, with the entries `row, delta_rad, noise_level`.
-    source : str
-        Whose records: "authors" or "simulated".
-    noise_amplitude_rps : array of shape (rows,)
-        Noise of each row of Table 2 [rps].
+        From `repeated_fits`, with the entries of `authors_table2_records` or `simulated_table2_records`.
 
     Returns
     -------
     DataFrame
-        One row per level and realisation.
+        A row for each source, realisation and row of Table 2: what the record is, its noise as printed and the
+        theoretical A [rps], then `summarise_runs`.
     """
-    theoretical = published.column("Table 2", "theoretical")
+    noises, amplitudes = (published.column("Table 2", name) for name in ("noise", "theoretical"))
+    keys = ["source", "realisation", "noise_level", "row", "delta_rad"]
     rows = []
-    for (noise_level, row), part in runs.groupby(["noise_level", "row"], sort=False):
-        head = {
-            "source": source,
-            "noise_level": noise_level,
-            "row": row,
-            "delta_rad": part["delta_rad"].iloc[0],
-            "noise_amplitude_rps": noise_amplitude_rps[row - 1],
-            "theoretical_A_rps": theoretical[row - 1],
-        }
-        rows.append(head | summarise_runs(part, theoretical[row - 1]).to_dict())
+    for key, part in runs.groupby(keys, sort=False):
+        head = dict(zip(keys, key, strict=True))
+        noise, theoretical = noises[head["row"] - 1], amplitudes[head["row"] - 1]
+        head |= {"noise_amplitude_rps": noise, "theoretical_A_rps": theoretical}
+        rows.append(head | summarise_runs(part, theoretical).to_dict())
     return pd.DataFrame(rows).astype({"best_basin_runs": int, "basins": int, "runs": int})
 
 
-def table2_cells(table: pd.DataFrame) -> pd.Series:
-    """Values of Table 2's cells by id, from one realisation's ten rows and the noise-only row of `table2`."""
-    columns = {"noise": "noise_amplitude_rps", "mean": "mean_A_rps", "sd": "sd_A_rps"}
-    cells = {}
+def table2_cells(table: pd.DataFrame) -> dict[str, list[float]]:
+    """Our numbers for Table 2's means and SDs by cell id: one for each realisation in the table."""
+    cells: dict[str, list[float]] = {}
     for row in table.to_dict("records"):
-        head = f"table2.row{row['row']:02d}"
-        cells |= {f"{head}.{name}": row[column] for name, column in columns.items()}
-    return pd.Series(cells, name="reproduced")
+        for name, column in (("mean", "mean_A_rps"), ("sd", "sd_A_rps")):
+            cells.setdefault(f"table2.row{row['row']:02d}.{name}", []).append(row[column])
+    return cells
 
 
-def best_basin_error_percent(table: pd.DataFrame) -> FloatArray:
-    """Best basin's A against the printed mean [%], for the ten rows with backlash of one realisation."""
-    rows = table[table["theoretical_A_rps"] > 0]
-    printed = published.column("Table 2", "mean")[rows["row"].to_numpy() - 1]
-    return 100 * (rows["best_A_rps"].to_numpy() / printed - 1)
+def error_percent(table: pd.DataFrame, column: str) -> pd.Series:
+    """How far a column of A lies from the printed means [%], for the rows with backlash."""
+    printed = published.column("Table 2", "mean")[table["row"] - 1]
+    return (100 * (table[column] / printed - 1)).where(table["theoretical_A_rps"] > 0)

@@ -24,7 +24,7 @@ AUTHORS_URL = f"https://raw.githubusercontent.com/ElianaGiovannitti/Backlash-est
 
 WORKBOOK_FILES = (
     *(f"Speeddata{level}.xlsx" for level in range(3, 14)),
-    *(f"Noisy data/Low level of noise/Data_with_Noise_{realisation}.zip" for realisation in (1, 2)),
+    *(f"Noisy data/Low level of noise/Data_with_Noise_{realisation}.zip" for realisation in range(1, 6)),
 )
 
 

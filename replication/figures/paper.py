@@ -8,7 +8,7 @@ import pandas as pd
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from replication.figures.style import BLUE, GREEN, INK, ORANGE, PRINTED, grid, in_style
+from replication.figures.style import BLUE, INK, ORANGE, PRINTED, grid, in_style
 
 FloatArray = NDArray[np.float64]
 
@@ -75,48 +75,60 @@ def record_with_fit(t: FloatArray, v: FloatArray, fitted: FloatArray, labels: Se
 
 
 @in_style
-def table2(rows: Mapping[str, pd.DataFrame], printed: pd.DataFrame) -> Figure:
-    """Show Table 2's amplitudes: mean and SD of every source, their best basin and the printed marks.
+def table2(table: pd.DataFrame, regions: pd.DataFrame) -> Figure:
+    """Table 2: means and SDs of every realisation, with the region that the authors' five give, against the printed.
 
     Parameters
     ----------
-    rows : mapping of label to DataFrame
-        Ten rows each, columns `delta_rad, mean_A_rps, sd_A_rps, best_A_rps, theoretical_A_rps`.
-    printed : DataFrame
-        Ten rows, columns `mean, sd, theoretical`, in the same order.
+    table : DataFrame
+        Columns `source, row, theoretical_A_rps, mean_A_rps, sd_A_rps, best_A_rps`, rows with backlash.
+    regions : DataFrame
+        By row: `mean, mean_low, mean_high, sd, sd_low, sd_high` [rps], the first of each three as printed.
 
     Returns
     -------
     Figure
     """
-    figure, axes = grid(2, 1, sharex=True, figsize=(8.5, 6.5), height_ratios=(2, 1))
-    upper, lower = axes[:, 0]
-    delta = 1e4 * next(iter(rows.values()))["delta_rad"].to_numpy()
-    theory = printed["theoretical"].to_numpy()
-    upper.plot(delta, theory, "+-", color="0.5", linewidth=1, markersize=8, label="theoretical A, printed")
-    offsets = np.linspace(-0.25, 0.25, len(rows) + 1)
-    for (label, table), colour, marker, offset in zip(
-        rows.items(), (BLUE, ORANGE, GREEN), "os^", offsets, strict=False
+    figure, axes = grid(3, 1, sharex=True, figsize=(6.2, 8.0), height_ratios=(3, 3, 2.4))
+    for axis, source, colour, title in (
+        (axes[0, 0], "authors", BLUE, "(a) authors' records, R = 1 to 5"),
+        (axes[1, 0], "simulated", ORANGE, "(b) our simulated records, five noises"),
     ):
-        style = {"color": colour, "marker": marker, "markersize": 4, "linestyle": "none"}
-        at = delta + offset
-        upper.errorbar(at, table["mean_A_rps"], table["sd_A_rps"], capsize=3, label=label, **style)
-        upper.plot(at, table["best_A_rps"], marker="_", markersize=10, linestyle="none", color=colour)
-        difference = 100 * (table["best_A_rps"].to_numpy() / printed["mean"].to_numpy() - 1)
-        lower.plot(at, difference, label=f"best basin, {label}", **style)
-    at = delta + offsets[-1]
-    upper.errorbar(at, printed["mean"], printed["sd"], elinewidth=1, capsize=3, **PRINTED)
-    lower.axhspan(-2, 2, color="0.9", label="$\\pm$2 %: window gate and noise realisation")
-    lower.set(xlabel="backlash $\\delta$ [1e-4 rad]", ylabel="against printed\nmean [%]", ylim=(-10, 7))
-    upper.set(ylabel="A [rps], mean $\\pm$ SD of runs")
-    upper.legend(loc="upper left")
-    lower.legend(loc="lower right", fontsize=8, ncols=2)
+        part = table[table["source"] == source]
+        mean = regions["mean"].loc[part["row"]].to_numpy()
+        _percent(axis, part["row"] - 0.12, part["mean_A_rps"] / mean, "o", colour, "mean of the runs")
+        _percent(axis, part["row"] + 0.12, part["best_A_rps"] / mean, "s", colour, "best basin", mfc="none")
+        theory = part.drop_duplicates("row")
+        ratio = theory["theoretical_A_rps"] / regions["mean"].loc[theory["row"]].to_numpy()
+        _percent(axis, theory["row"], ratio, "+", INK, "theoretical A, printed", markersize=8)
+        axis.axhline(0, color=INK, linewidth=0.8, label="printed mean")
+        axis.set_title(title, loc="left", fontsize=10)
+        axis.set_ylabel("against printed mean [%]")
+    low, high = (100 * (regions[f"mean_{end}"] / regions["mean"] - 1) for end in ("low", "high"))
+    region = {"width": 0.7, "color": "0.88", "zorder": 0}
+    axes[0, 0].bar(regions.index, high - low, bottom=low, label="95 % region", **region)
+    axes[0, 0].legend(fontsize=8, ncols=3, loc="upper center")
+    axis = axes[2, 0]
+    axis.bar(regions.index, regions["sd_high"] - regions["sd_low"], bottom=regions["sd_low"], **region)
+    for source, colour, offset in (("authors", BLUE, -0.12), ("simulated", ORANGE, 0.12)):
+        part = table[table["source"] == source]
+        axis.plot(part["row"] + offset, part["sd_A_rps"], "o", color=colour, markersize=4, label=source)
+    axis.plot(regions.index, regions["sd"], **PRINTED)
+    axis.set_title("(c) SD over the runs", loc="left", fontsize=10)
+    axis.set(xlabel="row of Table 2", ylabel="SD of A [rps]", yscale="log", xticks=list(regions.index))
+    axis.legend(fontsize=8, ncols=3, loc="upper center")
     return figure
+
+
+def _percent(axis: plt.Axes, x: pd.Series, ratio: pd.Series, marker: str, colour: str, label: str, **style) -> None:
+    """Mark ratios as deviations from one in percent."""
+    style = {"markersize": 4, "linestyle": "none", "marker": marker, "color": colour} | style
+    axis.plot(x, 100 * (np.asarray(ratio) - 1), label=label, **style)
 
 
 @in_style
 def basins(runs: pd.DataFrame, labels: FloatArray, title: str) -> Figure:
-    """Show where repeated runs on one record end: misfit against amplitude, one marker a run.
+    """Show where repeated runs on one record end: RMSE against amplitude, a marker's area by its number of runs.
 
     Parameters
     ----------
@@ -131,14 +143,20 @@ def basins(runs: pd.DataFrame, labels: FloatArray, title: str) -> Figure:
     -------
     Figure
     """
-    figure, axes = grid(figsize=(7.0, 4.0))
+    figure, axes = grid(figsize=(6.2, 4.0))
     axis = axes[0, 0]
-    amplitude, rmse = runs["A_rps"].abs(), runs["rmse_rps"]
-    best = labels == 0
-    axis.plot(rmse[~best], amplitude[~best], "o", mfc="none", color=ORANGE, label=f"other basins, {(~best).sum()} runs")
-    axis.plot(rmse[best], amplitude[best], "s", color=BLUE, label=f"best basin, {best.sum()} runs")
+    ends = pd.DataFrame({"rmse": runs["rmse_rps"].round(5), "A": runs["A_rps"].abs().round(3), "best": labels == 0})
+    for best, colour, label in ((False, ORANGE, "other basins"), (True, BLUE, "best basin")):
+        part = ends[ends["best"] == best].value_counts().reset_index()
+        area, count = 30 * part["count"], part["count"].sum()
+        axis.scatter(part["rmse"], part["A"], area, color=colour, alpha=0.6, label=f"{label}, {count} runs")
+        for row in part[part["count"] > 1].itertuples():
+            axis.annotate(row.count, (row.rmse, row.A), ha="center", va="center", fontsize=8)
+    axis.margins(0.15)
     axis.set(xlabel="final RMSE [rps]", ylabel="|A| [rps]", title=title)
-    axis.legend()
+    legend = axis.legend(loc="best")
+    for handle in legend.legend_handles:
+        handle.set_sizes([40])
     return figure
 
 

@@ -6,6 +6,7 @@ from decimal import Decimal, InvalidOperation
 import pandas as pd
 
 from replication import published
+from replication.workbook import judging
 from replication.workbook.judging import EVIDENCE
 
 # A sign beside each word, so that colour is never the only difference.
@@ -34,11 +35,9 @@ MEANINGS = {
 }
 SOURCES = {
     "authors": "authors' data",
-    "chosen": "authors' data by the protocol that the other rows choose",
     "simulated": "our simulation",
     "stand-in": "stand-in",
 }
-SHORT_SOURCES = SOURCES | {"chosen": "chosen protocol"}
 
 
 @dataclass(frozen=True)
@@ -85,8 +84,8 @@ class Cell:
 
     @property
     def deciding(self) -> Judgement:
-        """The judgement that counts most: the first that is evidence, on the authors' data if there is one."""
-        return next((each for each in self.judgements if each.verdict in EVIDENCE), self.judgements[0])
+        """The judgement that counts: the authors' data if they judge it, else our simulation (rule 9 of `judging`)."""
+        return self.judgements[0]
 
 
 def cells(verdicts: pd.DataFrame) -> list[Cell]:
@@ -124,15 +123,17 @@ def _cell(name: str, printed: pd.Series, rows: list[dict]) -> Cell:
         tolerance=published.tolerance(name),
         tolerance_reason=printed["tol_reason"],
         section=printed["section"],
-        judgements=tuple(_judgement(row) for row in rows),
+        judgements=tuple(_judgement(name, row) for row in rows),
     )
 
 
-def _judgement(row: dict) -> Judgement:
+def _judgement(cell: str, row: dict) -> Judgement:
+    ours = _float(row["reproduced"])
+    evidence = row["verdict"] in EVIDENCE
     return Judgement(
         source=row["source"],
-        ours=_float(row["reproduced"]),
-        difference=_float(row["difference"]),
+        ours=ours,
+        difference=ours - float(row["published"]),
         low=_float(row["low"]),
         high=_float(row["high"]),
         verdict=row["verdict"],
@@ -140,14 +141,14 @@ def _judgement(row: dict) -> Judgement:
         predicted=predicted(row),
         reason=_text(row["reason"]),
         notebook=_text(row["notebook"]),
-        fails_if=_text(row["fails_if"]),
+        fails_if=judging.basis(cell, row["source"])["fails_if"] if evidence else "",
     )
 
 
 def predicted(row: dict) -> bool:
-    """Whether a verdict's region is a predictive one, and not our number's tolerance."""
-    low, ours, tolerance = _float(row["low"]), _float(row["reproduced"]), _float(row["tolerance"])
-    return low == low and abs(ours - tolerance - low) > 1e-9 * max(abs(ours), abs(low), tolerance)
+    """Whether a verdict's region comes from several realisations, and is not our number's tolerance."""
+    low, ours, tolerance = _float(row["low"]), _float(row["reproduced"]), published.tolerance(row["id"])
+    return low == low and abs(ours - tolerance - low) > 1e-4 * max(abs(ours), abs(low), tolerance)
 
 
 def _float(value: object) -> float:

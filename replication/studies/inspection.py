@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from scipy import stats
 
 from replication import published
-from replication.datasets import Recording, load_clean, load_noisy
+from replication.datasets import LOW_NOISE, Recording, load_clean, load_noisy
 from replication.identify import first_generation_rmse
 from replication.signature import rmse
 from replication.table2 import AUTHORS, basin_labels, table2_levels
@@ -76,18 +76,18 @@ def uniform_noise_test(level: int, realisation: int) -> pd.Series:
 
 
 def noise_amplitudes() -> FloatArray:
-    """Measure the half-amplitude of the noise [rps] in the authors' low-noise records of Table 2's ten rows.
+    """Half-amplitude of the noise [rps] in the authors' low-noise records of Table 2's ten rows, R = 1 to 5.
 
-    Where the clean record is public, half the range of what was added to it; for the first row, from the SD of the
-    difference of two realisations, whose variance is two thirds of the squared half-amplitude.
+    Half the range of what was added to the clean record; where that is not public, from the variance about the mean of
+    the five realisations, which is a third of the squared half-amplitude.
     """
     amplitudes = []
     for level in table2_levels():
         if level < 3:
-            difference = load_noisy(level, 1).v - load_noisy(level, 2).v
-            amplitudes.append(np.sqrt(1.5 * np.var(difference)))
+            v = np.array([load_noisy(level, realisation).v for realisation in LOW_NOISE])
+            amplitudes.append(np.sqrt(3 * v.var(axis=0, ddof=1).mean()))
         else:
-            amplitudes.append(np.ptp(np.r_[added_noise(level, 1), added_noise(level, 2)]) / 2)
+            amplitudes.append(np.ptp([added_noise(level, realisation) for realisation in LOW_NOISE]) / 2)
     return np.array(amplitudes)
 
 

@@ -5,17 +5,17 @@ had been seen by then, and so had the width of the regions of Table 2's means (`
 
 1. A notebook exports one number for a cell, or one for each noise realisation, all from runs of its own.
 2. The region of several numbers is where the number of one more realisation would lie with 95 %: the mean of their
-   logarithms ± t(n - 1) s sqrt(1 + 1/n), without logarithms where the sign counts; ours is its centre. The region of one
-   number is ours ± the cell's tolerance, whose reason stands in `cells.csv`.
+   logarithms ± t(n - 1) s sqrt(1 + 1/n), without logarithms where the sign counts; ours is its centre. The region of
+   one number is ours ± the cell's tolerance, whose reason stands in `cells.csv`.
 3. `reproduced`: the printed number and ours lie in the region, and the region is not too wide.
-4. Too wide, so `undecided`: the region also holds the next smaller or next larger printed number of the same column, or,
-   for a mean of Table 2, the theoretical A of its row. Such a region would have agreed with another number as well.
-5. `differs`: the printed number lies outside the region, and outside every region with one realisation left out. Outside
-   the first one only, the verdict would depend on one realisation: `undecided`.
+4. Too wide, so `undecided`: the region also holds the next smaller or next larger printed number of the same column,
+   or, for a mean of Table 2, the theoretical A of its row. It would have agreed with another number as well.
+5. `differs`: the printed number lies outside the region, and outside every region with one realisation left out.
+   Outside the first one only, the verdict would depend on one realisation: `undecided`.
 6. `erratum`: as `differs`, and our number is the correction that `errata.csv` gives.
 7. A printed limit is `reproduced` at or above its region, `undecided` inside it, and `differs` below it.
-8. What is no evidence has the word of `basis.csv`: `consistent`, `given`, `undecided`; a stand-in is a `stand-in`.
-9. A printed number has one verdict: by the authors' data where they judge it, else by our simulation, else a stand-in's.
+8. What is no evidence has the word of `basis.csv`: `consistent`, `given`, `undecided`, `stand-in`.
+9. A printed number has one verdict: by the authors' data where they judge it, else by our simulation, else a stand-in.
 
 Twenty regions of 95 % judge the means and SDs of Table 2's ten rows: by chance alone, one of them misses.
 """
