@@ -17,16 +17,6 @@ def closed_loop_matrix(parameters: JointParameters, *, in_contact: bool = True) 
 
     The state is motor position, motor speed, load position, load speed and torque, as deviations, then the
     drive's memory. Its eigenvalues are exp(s * control_period_s) of the joint's modes s.
-
-    Parameters
-    ----------
-    parameters : JointParameters
-    in_contact : bool
-        Couple the inertias by K_s and D_s (teeth in contact), or not at all (inside the gap).
-
-    Returns
-    -------
-    ndarray, shape (9 + delay, 9 + delay)
     """
     p = parameters
     n, period, delay = p.gear_ratio, p.control_period_s, p.control_delay_periods

@@ -27,22 +27,7 @@ _LARGEST_RPS = 10.0
 
 
 def draw_odd_log(kind: str, delta_rad: float, rng: np.random.Generator) -> Recording:
-    """Log twelve turns of a joint outside the model, as `joints.encoder_log` does; unstable draws are drawn again.
-
-    Parameters
-    ----------
-    kind : str
-        One of `KINDS`.
-    delta_rad : float
-        Its backlash [rad].
-    rng : Generator
-        Of the joint and its noise.
-
-    Raises
-    ------
-    ValueError
-        No such kind, or no stable draw.
-    """
+    """Log twelve turns of a joint outside the model, as `joints.encoder_log` does; unstable draws are drawn again."""
     if kind not in KINDS:
         raise ValueError(f"kind {kind!r}: there are {', '.join(KINDS)}")
     for _ in range(_MOST_TRIES):
