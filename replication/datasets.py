@@ -3,12 +3,9 @@
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from replication.arrays import FloatArray
 from replication.data.authors import authors_file, parse_speed_workbook, read_zip_member
-
-FloatArray = NDArray[np.float64]
-
 
 # What the logs are records of: the paper gives the commanded speed, the logs the turn period.
 COMMANDED_SPEED_RPS = 100.0

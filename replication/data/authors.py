@@ -12,9 +12,8 @@ from urllib.parse import quote
 import numpy as np
 import pandas as pd
 import pooch
-from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
+from replication.arrays import FloatArray
 
 AUTHORS_COMMIT = "7c81edefe3e61479d234d5080d4627dbbf584733"
 

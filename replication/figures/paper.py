@@ -6,11 +6,9 @@ import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
+from replication.arrays import FloatArray
 from replication.figures.style import BLUE, GREEN, INK, ORANGE, PRINTED, grid, in_style
-
-FloatArray = NDArray[np.float64]
 
 
 @in_style

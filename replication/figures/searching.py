@@ -6,13 +6,11 @@ import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
+from replication.arrays import FloatArray
 from replication.figures.style import BLUE, GREEN, INK, ORANGE, grid, in_style
 from replication.search import Generation, State
 from replication.signature import Box
-
-FloatArray = NDArray[np.float64]
 
 SMALLEST_RPS = 1e-17  # drawn for a difference of 0
 

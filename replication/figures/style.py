@@ -8,9 +8,6 @@ import matplotlib as mpl
 import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
-
-FloatArray = NDArray[np.float64]
 
 # Okabe and Ito's colours, ordered so that neighbours also differ in grey.
 INK, BLUE, ORANGE, GREEN, PINK, SKY = "#000000", "#0072B2", "#E69F00", "#009E73", "#CC79A7", "#56B4E9"

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from scipy.optimize import least_squares
 from scipy.stats import t as student
 
+from replication.arrays import FloatArray
 from replication.simulator.simulate import (
     DivergenceError,
     JointParameters,
@@ -28,7 +29,7 @@ from replication.simulator.simulate import (
     with_ratios,
 )
 
-Signal = tuple[NDArray[np.float64], NDArray[np.float64]]
+Signal = tuple[FloatArray, FloatArray]
 
 # Fine enough that the settled peak is not missed between samples.
 FINE_S = 5e-5
@@ -58,7 +59,7 @@ class JointFit:
     evaluations: int  # of the residual, those for the Jacobian not counted
 
 
-def _sampling(time_s: NDArray[np.float64]) -> tuple[float, float]:
+def _sampling(time_s: FloatArray) -> tuple[float, float]:
     """Return the sampling period and the duration of a record."""
     steps = np.diff(time_s)
     if steps.size < 2 or abs(time_s[0]) > 1e-9 or not np.allclose(steps, steps[0], rtol=1e-6):
@@ -66,7 +67,7 @@ def _sampling(time_s: NDArray[np.float64]) -> tuple[float, float]:
     return round(float(steps.mean()), 9), float(time_s[-1])
 
 
-def _third_turn(signal: Signal, turn_s: float) -> tuple[NDArray[np.int64], NDArray[np.float64], float]:
+def _third_turn(signal: Signal, turn_s: float) -> tuple[NDArray[np.int64], FloatArray, float]:
     """Return rows and speeds of the third turn (all from the second on repeat) and the settled SD."""
     time, speed = signal
     if _sampling(time)[1] < 3 * turn_s:
@@ -100,7 +101,7 @@ def identify_joint(
     targets = {delta: _third_turn(signal, turn) for delta, signal in recordings.items()}
     size = sum(target.size for _, target, _ in targets.values())
 
-    def residual(z: NDArray[np.float64]) -> NDArray[np.float64]:
+    def residual(z: FloatArray) -> FloatArray:
         try:
             runs, stride = _simulations(
                 with_ratios(start, dict(zip(names, values * z, strict=True))), recordings, 3 * turn

@@ -1,16 +1,16 @@
 """The joint integrated by SciPy: what the compiled simulator is checked and timed against."""
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
+from replication.arrays import FloatArray
 from replication.simulator import core
 from replication.simulator.parameters import TURN, JointParameters
 
 
 def solve_ivp_speed_rps(
     p: JointParameters, delta_rad: float, duration_s: float, method: str, **tolerances: float
-) -> NDArray[np.float64]:
+) -> FloatArray:
     """Motor speed at every control period, the compiled field integrated by `solve_ivp` between them."""
     c, drive = core.constants_of(p, delta_rad), core.drive_of(p)
     y, _ = core.start_state(p, delta_rad)

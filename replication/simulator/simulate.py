@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from replication.arrays import FloatArray
 from replication.simulator import checks, core
 from replication.simulator.parameters import (
     TURN,
@@ -42,7 +43,7 @@ class DivergenceError(ArithmeticError):
     """A simulated joint left every plausible speed; the message says when and at which backlash."""
 
 
-def encoder_position(position_rad: ArrayLike, bits: int = 19) -> NDArray[np.float64]:
+def encoder_position(position_rad: ArrayLike, bits: int = 19) -> FloatArray:
     """Position as an absolute encoder of `bits` bits per turn reports it [rad], rounded down to its grid."""
     step = TURN / 2**bits
     return np.floor(np.asarray(position_rad, dtype=float) / step) * step
@@ -68,19 +69,19 @@ class SimulatedJoint:
     """
 
     delta_rad: float
-    time_s: NDArray[np.float64]
-    motor_position_rad: NDArray[np.float64]
-    motor_speed_rad_per_s: NDArray[np.float64]
-    motor_torque_nm: NDArray[np.float64]
-    load_position_rad: NDArray[np.float64]
-    load_speed_rad_per_s: NDArray[np.float64]
+    time_s: FloatArray
+    motor_position_rad: FloatArray
+    motor_speed_rad_per_s: FloatArray
+    motor_torque_nm: FloatArray
+    load_position_rad: FloatArray
+    load_speed_rad_per_s: FloatArray
     gap_state: NDArray[np.int64]
-    impact_time_s: NDArray[np.float64]
+    impact_time_s: FloatArray
     impact_side: NDArray[np.int64]
-    separation_time_s: NDArray[np.float64]
+    separation_time_s: FloatArray
 
     @property
-    def motor_speed_rps(self) -> NDArray[np.float64]:
+    def motor_speed_rps(self) -> FloatArray:
         """Motor speed [turns/s]."""
         return self.motor_speed_rad_per_s / TURN
 
@@ -170,7 +171,7 @@ def _simulate_checked(p: JointParameters, delta: float, duration: float, sample:
     )
 
 
-def _transmission_error(p: JointParameters, time: NDArray[np.float64]) -> tuple[NDArray[np.float64], ...]:
+def _transmission_error(p: JointParameters, time: FloatArray) -> tuple[FloatArray, ...]:
     """Transmission error [rad] and its rate [rad/s], which the core keeps in the load's position and speed."""
     error, rate = np.zeros_like(time), np.zeros_like(time)
     for wave in p.disturbances:

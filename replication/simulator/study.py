@@ -6,20 +6,18 @@ from importlib.metadata import version
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
 from replication import published
+from replication.arrays import FloatArray
 from replication.data.authors import authors_file
 from replication.datasets import Recording, level_delta_rad, load_clean
-from replication.simulated import printed_amplitudes
+from replication.simulator.growth import printed_amplitudes
 from replication.simulator.identification import identify_joint, identify_lead, joint_record, validation_table
 from replication.simulator.simulate import (
     JointParameters,
     joint_from_ratios,
     with_ratios,
 )
-
-FloatArray = NDArray[np.float64]
 
 # Levels K of the authors' data: published clean, used to identify the joint, and all that they made.
 CLEAN_LEVELS = range(3, 14)
@@ -109,7 +107,7 @@ CALIBRATION_START = {
 }
 
 
-def calibrate() -> str:
+def reidentify_joint() -> str:
     """Identify the joint from the authors' clean records, from a rough start."""
     records = signals(clean_records(FIT_LEVELS))
     start = joint_from_ratios(CALIBRATION_START)

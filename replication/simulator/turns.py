@@ -8,12 +8,10 @@ from dataclasses import dataclass
 
 import numba as nb
 import numpy as np
-from numpy.typing import NDArray
 
+from replication.arrays import FloatArray
 from replication.simulator import core
 from replication.simulator.parameters import TURN
-
-FloatArray = NDArray[np.float64]
 
 # Columns of a joint's row; all but the first two and the last six are `JointParameters.ratios`. Friction is over m g r,
 # the motor's damping over its inertia, the coupling's damping over its stiffness, the ripple over m g r / N.

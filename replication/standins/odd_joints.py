@@ -8,14 +8,12 @@ from dataclasses import replace
 
 import numba as nb
 import numpy as np
-from numpy.typing import NDArray
 
+from replication.arrays import FloatArray
 from replication.datasets import Recording
 from replication.simulator.parameters import TURN, with_ratios
 from replication.simulator.simulate import encoder_position
 from replication.standins.joints import SAMPLE_S, Bench, draw_bench, encoder_log
-
-FloatArray = NDArray[np.float64]
 
 KINDS = ("two loads", "second ring", "PI with current loop", "notch filter")
 

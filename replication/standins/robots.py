@@ -9,15 +9,13 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
 from replication import published
+from replication.arrays import FloatArray
 from replication.datasets import Recording
 from replication.simulator.parameters import TURN, Disturbance, JointParameters, identified_joint
 from replication.standins.joints import Bench, Spread, draw_bench, encoder_log, fitted_logs
 from replication.table2 import summarise_runs
-
-FloatArray = NDArray[np.float64]
 
 KINDS = ("healthy", "excessive")
 

@@ -6,16 +6,14 @@ from dataclasses import dataclass
 import numpy as np
 import pandas as pd
 from joblib import Parallel, delayed
-from numpy.typing import NDArray
 
+from replication.arrays import FloatArray
 from replication.global_fit.fit import global_fit
 from replication.methods.calibration import Calibration, backlashes
 from replication.methods.self_calibration import SelfFit, fit_joint
 from replication.methods.shared_joint import share_joint
 from replication.methods.spread import widened
 from replication.standins.joints import Bench, encoder_log
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

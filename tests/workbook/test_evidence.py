@@ -6,7 +6,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from replication import characteristic, datasets, published, simulated
+from replication import characteristic, datasets, published
+from replication.simulator import growth
 from replication.simulator.parameters import identified_joint, with_ratios
 from replication.studies import bounds, inspection
 from replication.workbook import basis, judging
@@ -57,10 +58,10 @@ def test_a_bound_that_is_off_loses_the_stored_first_generations(record_12, cell)
 
 def test_another_joint_has_other_peaks():
     joint = identified_joint()
-    levels = list(simulated.printed_amplitudes())
-    ours = simulated.amplitudes(joint, levels)["amplitude_rps"]
+    levels = list(growth.printed_amplitudes())
+    ours = growth.amplitudes(joint, levels)["amplitude_rps"]
     softer = with_ratios(joint, {"stiffness_per_s2": 0.8 * joint.ratios["stiffness_per_s2"]})
-    softer = simulated.amplitudes(softer, levels)["amplitude_rps"]
+    softer = growth.amplitudes(softer, levels)["amplitude_rps"]
     for row, (peak, other) in enumerate(zip(ours, softer, strict=True), start=1):
         assert verdict(f"table2.row{row:02d}.theoretical", peak, "simulated") == "reproduced"
         assert verdict(f"table2.row{row:02d}.theoretical", other, "simulated") == "differs"
@@ -68,7 +69,7 @@ def test_another_joint_has_other_peaks():
 
 def test_another_joint_has_another_characteristic():
     delta = characteristic.printed_levels_rad()
-    peaks = simulated.amplitudes(identified_joint(), delta)["amplitude_rps"].to_numpy()
+    peaks = growth.amplitudes(identified_joint(), delta)["amplitude_rps"].to_numpy()
     fitted = characteristic.fit_characteristic(peaks, delta)  # of a joint whose peaks are within 1 % of the printed
     for k in range(4):
         assert verdict(f"equation10.A{k}", 1e6 * fitted.coefficients[k], "simulated") == "differs"

@@ -2,9 +2,7 @@
 
 from collections.abc import Sequence
 
-import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
 from replication import published
 from replication.datasets import Recording, level_delta_rad
@@ -14,8 +12,6 @@ from replication.simulator.simulate import (
     settled_peak_rps,
     simulate_many,
 )
-
-FloatArray = NDArray[np.float64]
 
 
 def printed_amplitudes() -> dict[float, float]:

@@ -6,8 +6,8 @@ continuous, so the slopes pass from region to region without a jump.
 
 import numba as nb
 import numpy as np
-from numpy.typing import NDArray
 
+from replication.arrays import FloatArray
 from replication.simulator import core
 from replication.simulator.parameters import TURN
 from replication.simulator.turns import (
@@ -20,8 +20,6 @@ from replication.simulator.turns import (
     start,
     waves_of,
 )
-
-FloatArray = NDArray[np.float64]
 
 _P = len(COLUMNS)
 _DELTA, _FRICTION, _STIFFNESS, _GRAVITY, _INERTIA = range(5)
