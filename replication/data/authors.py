@@ -16,11 +16,7 @@ import pooch
 from replication.arrays import FloatArray
 
 AUTHORS_COMMIT = "7c81edefe3e61479d234d5080d4627dbbf584733"
-
-
 AUTHORS_URL = f"https://raw.githubusercontent.com/ElianaGiovannitti/Backlash-estimation/{AUTHORS_COMMIT}/"
-
-
 WORKBOOK_FILES = (
     *(f"Speeddata{level}.xlsx" for level in range(3, 14)),
     *(f"Noisy data/Low level of noise/Data_with_Noise_{realisation}.zip" for realisation in (1, 2)),

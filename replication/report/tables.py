@@ -68,11 +68,7 @@ LAYOUTS = (
     Layout(
         "Table 3",
         "Results of the experimental evaluation, on real-world datasets (test bench)",
-        (
-            Column("Known value of A (rps)", "known"),
-            *MEAN_AND_SD,
-            Column("Mean relative error (%)", "relative_error"),
-        ),
+        (Column("Known value of A (rps)", "known"), *MEAN_AND_SD, Column("Mean relative error (%)", "relative_error")),
         row_heading="Row",
         note="Each row represents 30 runs of the proposed approach under the same conditions.",
     ),

@@ -7,11 +7,7 @@ import pandas as pd
 from replication import published
 from replication.datasets import Recording, level_delta_rad
 from replication.simulator.identification import FINE_S
-from replication.simulator.simulate import (
-    JointParameters,
-    settled_peak_rps,
-    simulate_many,
-)
+from replication.simulator.simulate import JointParameters, settled_peak_rps, simulate_many
 
 
 def printed_amplitudes() -> dict[float, float]:

@@ -34,15 +34,7 @@ Signal = tuple[FloatArray, FloatArray]
 # Fine enough that the settled peak is not missed between samples.
 FINE_S = 5e-5
 
-VALIDATION_COLUMNS = [
-    "dataset",
-    "delta_rad",
-    "used_in_fit",
-    "nrmse",
-    "peak_rps",
-    "printed_A_rps",
-    "peak_error_percent",
-]
+VALIDATION_COLUMNS = ["dataset", "delta_rad", "used_in_fit", "nrmse", "peak_rps", "printed_A_rps", "peak_error_percent"]
 
 # When the joint started shows in the first turn only, which `identify_joint` leaves to `identify_lead`.
 HELD = ("lead_s",)

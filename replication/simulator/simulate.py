@@ -51,33 +51,18 @@ def encoder_position(position_rad: ArrayLike, bits: int = 19) -> FloatArray:
 
 @dataclass(frozen=True, eq=False)
 class SimulatedJoint:
-    """What the joint did; n samples from t = 0.
+    """What the joint did: the true state at n samples from t = 0, and its contacts."""
 
-    Attributes
-    ----------
-    delta_rad : float
-        Half the gap.
-    time_s, motor_position_rad, motor_speed_rad_per_s, motor_torque_nm : ndarray, shape (n,)
-    load_position_rad, load_speed_rad_per_s : ndarray, shape (n,)
-        The true state. The commanded motor position is N times the start angle at t = 0.
-    gap_state : ndarray of int, shape (n,)
-        1 when the motor drives the load, -1 when the load drives the motor, 0 inside the gap.
-    impact_time_s, separation_time_s : ndarray
-        When the teeth met and parted, located to far less than a step.
-    impact_side : ndarray of int
-        The gap state after each impact.
-    """
-
-    delta_rad: float
+    delta_rad: float  # half the gap
     time_s: FloatArray
-    motor_position_rad: FloatArray
+    motor_position_rad: FloatArray  # the commanded one is N times the start angle at t = 0
     motor_speed_rad_per_s: FloatArray
     motor_torque_nm: FloatArray
     load_position_rad: FloatArray
     load_speed_rad_per_s: FloatArray
-    gap_state: NDArray[np.int64]
-    impact_time_s: FloatArray
-    impact_side: NDArray[np.int64]
+    gap_state: NDArray[np.int64]  # 1: the motor drives the load, -1: the load drives the motor, 0: inside the gap
+    impact_time_s: FloatArray  # when the teeth met, located to far less than a step
+    impact_side: NDArray[np.int64]  # the gap state after each impact
     separation_time_s: FloatArray
 
     @property
@@ -131,21 +116,8 @@ def _simulate_checked(p: JointParameters, delta: float, duration: float, sample:
     steps = skip + (samples - 1) * every
     events = np.empty((steps + 1, 2))
     per_period, delay = round(p.control_period_s / step), int(p.control_delay_periods)
-    status, used = core.run(
-        y,
-        region,
-        steps,
-        step,
-        skip,
-        every,
-        per_period,
-        delay,
-        core.constants_of(p, delta),
-        core.drive_of(p),
-        record,
-        gap,
-        events,
-    )
+    c, drive = core.constants_of(p, delta), core.drive_of(p)
+    status, used = core.run(y, region, steps, step, skip, every, per_period, delay, c, drive, record, gap, events)
     if status >= 0:
         raise DivergenceError(
             f"simulate: the joint diverged at t = {(status - skip) * step:.4f} s with delta_rad = {delta}; "

@@ -13,19 +13,11 @@ from replication.data.authors import authors_file
 from replication.datasets import Recording, level_delta_rad, load_clean
 from replication.simulator.growth import printed_amplitudes
 from replication.simulator.identification import identify_joint, identify_lead, joint_record, validation_table
-from replication.simulator.simulate import (
-    JointParameters,
-    joint_from_ratios,
-    with_ratios,
-)
+from replication.simulator.simulate import JointParameters, joint_from_ratios, with_ratios
 
 # Levels K of the authors' data: published clean, used to identify the joint, and all that they made.
 CLEAN_LEVELS = range(3, 14)
-
-
 FIT_LEVELS = (3, 6, 9, 12)
-
-
 ALL_LEVELS = range(2, 21)
 
 
