@@ -34,8 +34,8 @@ import numpy as np
 import pandas as pd
 
 from replication import characteristic, published, workbook
-from replication import simulated as simulations
 from replication.figures import paper
+from replication.simulator import growth
 from replication.simulator.simulate import identified_joint
 from replication.simulator.study import changed_joint
 
@@ -107,7 +107,7 @@ workbook.sliders(draw, A_rps=(theoretical[4], 0.0, theoretical[-1]), error_perce
 
 # %%
 joint = changed_joint(identified_joint(), changes)
-ours = characteristic.fit_characteristic(simulations.amplitudes(joint, delta)["amplitude_rps"], delta)
+ours = characteristic.fit_characteristic(growth.amplitudes(joint, delta)["amplitude_rps"], delta)
 amplitude = np.linspace(theoretical.min(), theoretical.max(), 400)
 difference = pd.DataFrame(
     {
@@ -118,7 +118,7 @@ difference = pd.DataFrame(
 )
 difference["difference_rad"] = difference["fitted_rad"] - difference["printed_rad"]
 workbook.save_table(difference.iloc[::20], "characteristic_difference")
-figure = paper.characteristic_difference(difference, simulations.printed_amplitudes())
+figure = paper.characteristic_difference(difference, growth.printed_amplitudes())
 workbook.save_figure(
     figure,
     "figure12_simulated",

@@ -6,11 +6,9 @@ from dataclasses import dataclass
 import numpy as np
 import pandas as pd
 from numpy.polynomial import Polynomial
-from numpy.typing import NDArray
 
 from replication import published
-
-FloatArray = NDArray[np.float64]
+from replication.arrays import FloatArray
 
 RPM_PER_RPS = 60.0
 

@@ -3,11 +3,9 @@
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from replication.arrays import FloatArray
 from replication.data.authors import authors_file, parse_speed_workbook, read_zip_member
-
-FloatArray = NDArray[np.float64]
 
 # The noisy records that are public: levels K, and realisations R at two levels of noise.
 NOISY_LEVELS, LOW_NOISE, HIGH_NOISE = range(1, 21), range(1, 6), range(11, 21)

@@ -7,9 +7,8 @@ Table 1 gives them equal lower and upper bounds, so the optimiser never sees the
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
+from replication.arrays import FloatArray
 
 # The order in which the authors' CMA-ES samples them: a seed means the same runs only in this order.
 FREE_PARAMETERS = ("A_rps", "t0_s", "tau_per_s", "omega_rad_per_s", "v_t_rps", "T2_s", "T1_s")

@@ -11,7 +11,7 @@ from replication.report import commands as report
 from replication.sensor import commands
 from replication.sensor.tables import UnusableLog
 from replication.simulator.simulate import identified_joint
-from replication.simulator.study import FIT_LEVELS, calibrate, clean_records
+from replication.simulator.study import FIT_LEVELS, clean_records, reidentify_joint
 from replication.studies import edge, optimizers, population, portable, protocols, scoreboard, sensitivity, timings
 from replication.workbook import files, provenance
 
@@ -99,7 +99,7 @@ def _sensitivity(_: argparse.Namespace) -> int:
 
 
 def _identify_joint(_: argparse.Namespace) -> int:
-    files.write_text(workbook.ROOT / "replication" / "data" / "joint.json", calibrate())
+    files.write_text(workbook.ROOT / "replication" / "data" / "joint.json", reidentify_joint())
     return 0
 
 

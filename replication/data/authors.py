@@ -12,16 +12,11 @@ from urllib.parse import quote
 import numpy as np
 import pandas as pd
 import pooch
-from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
+from replication.arrays import FloatArray
 
 AUTHORS_COMMIT = "7c81edefe3e61479d234d5080d4627dbbf584733"
-
-
 AUTHORS_URL = f"https://raw.githubusercontent.com/ElianaGiovannitti/Backlash-estimation/{AUTHORS_COMMIT}/"
-
-
 WORKBOOK_FILES = (
     *(f"Speeddata{level}.xlsx" for level in range(3, 14)),
     *(f"Noisy data/Low level of noise/Data_with_Noise_{realisation}.zip" for realisation in range(1, 6)),
@@ -52,26 +47,6 @@ def authors_file(path: str, base_url: str = AUTHORS_URL, cache: Path | None = No
 
     Looked for in the folder that the environment variable `BACKLASH_DATA` names; without that variable, in the
     download cache, and downloaded where it is not there yet.
-
-    Parameters
-    ----------
-    path : str
-        Path in the authors' repository.
-    base_url : str
-        Where to download from.
-    cache : Path, optional
-        Download folder; by default the user's cache folder.
-
-    Returns
-    -------
-    Path
-
-    Raises
-    ------
-    DataUnavailable
-        The file is not in `BACKLASH_DATA`, or cannot be downloaded.
-    DataCorrupt
-        The file's SHA-256 is not the registered one; nothing is kept of a bad download.
     """
     registry = authors_registry()
     if path not in registry:
@@ -111,23 +86,6 @@ def parse_speed_workbook(content: bytes, name: str) -> tuple[FloatArray, FloatAr
     """Read time and speed from the bytes of one of the authors' XLSX files.
 
     Blank rows are dropped, and so is a first row whose time stamp the second row repeats (it is no sample).
-
-    Parameters
-    ----------
-    content : bytes
-        The file.
-    name : str
-        What to call it in an error.
-
-    Returns
-    -------
-    t, v : arrays of shape (samples,)
-        Time [s] and motor speed [rps].
-
-    Raises
-    ------
-    DataCorrupt
-        It is no workbook, or does not hold two numeric columns on an even, increasing time grid.
     """
     try:
         frame = pd.read_excel(io.BytesIO(content), header=None).dropna(how="all")
@@ -146,13 +104,7 @@ def parse_speed_workbook(content: bytes, name: str) -> tuple[FloatArray, FloatAr
 
 
 def read_zip_member(archive: Path, pattern: str) -> bytes:
-    """Read the one member of a zip archive whose whole name matches a regular expression.
-
-    Raises
-    ------
-    DataCorrupt
-        The archive is broken, or not exactly one member matches.
-    """
+    """Read the one member of a zip archive whose whole name matches a regular expression."""
     try:
         with zipfile.ZipFile(archive) as bundle:
             names = [name for name in bundle.namelist() if re.fullmatch(pattern, name)]

@@ -6,30 +6,16 @@ import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
+from replication.arrays import FloatArray
 from replication.figures.style import BLUE, INK, ORANGE, PRINTED, grid, in_style
-
-FloatArray = NDArray[np.float64]
 
 
 @in_style
 def signature_parameters(
     t: FloatArray, h: FloatArray, t0: float, T1: float, T2: float, T_d: float, T_f: float
 ) -> Figure:
-    """Figure 6: the signature h(t) over two turns with its instants and intervals.
-
-    Parameters
-    ----------
-    t, h : arrays of shape (samples,)
-        Time [s] and signature [rps].
-    t0, T1, T2, T_d, T_f : float
-        Reference instant and intervals of equation 5 and 6 [s].
-
-    Returns
-    -------
-    Figure
-    """
+    """Figure 6: the signature h(t) over two turns with its instants and intervals."""
     figure, axes = grid(figsize=(8.5, 4.2))
     axis = axes[0, 0]
     axis.plot(t, h, color=BLUE)
@@ -48,21 +34,7 @@ def signature_parameters(
 
 @in_style
 def record_with_fit(t: FloatArray, v: FloatArray, fitted: FloatArray, labels: Sequence[str], seconds: float) -> Figure:
-    """Show a record, a fitted signature over it and the residual beneath.
-
-    Parameters
-    ----------
-    t, v, fitted : arrays of shape (samples,)
-        Time [s], recorded and fitted speed [rps].
-    labels : two strings
-        What record and fit are.
-    seconds : float
-        How much of the record to show, from its beginning.
-
-    Returns
-    -------
-    Figure
-    """
+    """Show a record, a fitted signature over it and the residual beneath."""
     figure, axes = grid(2, 1, sharex=True, figsize=(8.5, 5.0), height_ratios=(3, 1))
     upper, lower = axes[:, 0]
     upper.plot(t, v, color=ORANGE, linewidth=1.6, label=labels[0])
@@ -162,17 +134,7 @@ def basins(runs: pd.DataFrame, labels: FloatArray, title: str) -> Figure:
 
 @in_style
 def protocol_variants(scores: pd.DataFrame) -> Figure:
-    """Show each protocol variant's means and SDs over the printed ones, row by row of Table 2.
-
-    Parameters
-    ----------
-    scores : DataFrame
-        Columns `protocol, delta_rad, mean_error_percent, sd_ratio`.
-
-    Returns
-    -------
-    Figure
-    """
+    """Show each protocol variant's means and SDs over the printed ones, row by row of Table 2."""
     figure, axes = grid(1, 2, figsize=(9.5, 5.0))
     left, right = axes[0]
     markers = "osv^DxP*"
@@ -194,21 +156,7 @@ def protocol_variants(scores: pd.DataFrame) -> Figure:
 def characteristic(
     amplitude_rps: FloatArray, delta_rad: FloatArray, curve_A: FloatArray, curve_delta: FloatArray, label: str
 ) -> Figure:
-    """Figure 12: backlash against amplitude, the points and the cubic, with the residual beneath.
-
-    Parameters
-    ----------
-    amplitude_rps, delta_rad : arrays of shape (points,)
-        Printed points.
-    curve_A, curve_delta : arrays of shape (samples,)
-        The fitted cubic; its first `points` samples are at the points themselves.
-    label : str
-        What the curve is.
-
-    Returns
-    -------
-    Figure
-    """
+    """Figure 12: backlash against amplitude, the points and the cubic, with the residual beneath."""
     figure, axes = grid(2, 1, sharex=True, figsize=(7.5, 5.5), height_ratios=(3, 1))
     upper, lower = axes[:, 0]
     order = np.argsort(curve_A)
@@ -225,19 +173,7 @@ def characteristic(
 
 @in_style
 def dead_zone(curves: pd.DataFrame, delta_rad: float) -> Figure:
-    """Figure 9: stiffness and torque of equations 8 and 9 against the displacement, and the clamped dead zone.
-
-    Parameters
-    ----------
-    curves : DataFrame
-        Columns `alpha_per_rad, delta_theta_rad, stiffness_nm_per_rad, torque_nm`.
-    delta_rad : float
-        Half the gap [rad].
-
-    Returns
-    -------
-    Figure
-    """
+    """Figure 9: stiffness and torque of equations 8 and 9 against the displacement, and the clamped dead zone."""
     figure, axes = grid(1, 2, figsize=(9.5, 4.2))
     styles = ("-", "--", "-.", ":", (0, (6, 2)))
     for (alpha, curve), style in zip(curves.groupby("alpha_per_rad", sort=False), styles, strict=False):
@@ -261,21 +197,7 @@ def simulated_joint(
     signals: Sequence[tuple[str, FloatArray, FloatArray | None]],
     recorded_label: str = "authors' record",
 ) -> Figure:
-    """Figure 10: signals of the simulated joint, with the recorded one over it where there is one.
-
-    Parameters
-    ----------
-    time_s : array of shape (samples,)
-        Time [s].
-    signals : sequence of (label, simulated, recorded or None)
-        One panel each.
-    recorded_label : str
-        Whose the recorded signals are.
-
-    Returns
-    -------
-    Figure
-    """
+    """Figure 10: signals of the simulated joint, with the recorded one over it where there is one."""
     figure, axes = grid(len(signals), 1, sharex=True, figsize=(8.5, 1.9 * len(signals)))
     for axis, (label, simulated, recorded) in zip(axes[:, 0], signals, strict=True):
         if recorded is not None:
@@ -290,17 +212,7 @@ def simulated_joint(
 
 @in_style
 def validation(table: pd.DataFrame) -> Figure:
-    """Show the simulator's misfit and its peaks' errors, level by level.
-
-    Parameters
-    ----------
-    table : DataFrame
-        Columns `delta_rad, used_in_fit, nrmse, peak_error_percent`.
-
-    Returns
-    -------
-    Figure
-    """
+    """Show the simulator's misfit and its peaks' errors, level by level."""
     figure, axes = grid(1, 2, figsize=(9.5, 3.8))
     delta, used = 1e4 * table["delta_rad"], table["used_in_fit"]
     for axis, column, factor in ((axes[0, 0], "nrmse", 100), (axes[0, 1], "peak_error_percent", 1)):
@@ -319,19 +231,7 @@ def validation(table: pd.DataFrame) -> Figure:
 
 @in_style
 def speed_signal(t: FloatArray, v: FloatArray, turn_period_s: float) -> Figure:
-    """Figure 5: the motor speed with its superimposed oscillations.
-
-    Parameters
-    ----------
-    t, v : arrays of shape (samples,)
-        Time [s] and motor speed [rps].
-    turn_period_s : float
-        Load turn [s], marked.
-
-    Returns
-    -------
-    Figure
-    """
+    """Figure 5: the motor speed with its superimposed oscillations."""
     figure, axes = grid(figsize=(8.5, 3.4))
     axis = axes[0, 0]
     axis.plot(t, v, color=BLUE, linewidth=0.9)
@@ -343,21 +243,7 @@ def speed_signal(t: FloatArray, v: FloatArray, turn_period_s: float) -> Figure:
 
 @in_style
 def growth(disturbances: pd.DataFrame, peaks: pd.DataFrame, printed: Mapping[float, float]) -> Figure:
-    """Figure 11: the disturbance at growing backlash, and its peak over the printed theoretical A.
-
-    Parameters
-    ----------
-    disturbances : DataFrame
-        Columns `delta_rad, time_s, disturbance_rps`.
-    peaks : DataFrame
-        Columns `delta_rad, amplitude_rps, sampled_rps`.
-    printed : mapping of backlash [rad] to amplitude [rps]
-        Table 2's theoretical A.
-
-    Returns
-    -------
-    Figure
-    """
+    """Figure 11: the disturbance at growing backlash, and its peak over the printed theoretical A."""
     figure, axes = grid(1, 2, figsize=(10.0, 4.4), width_ratios=(3, 2))
     left, right = axes[0]
     levels = disturbances["delta_rad"].unique()
@@ -377,19 +263,7 @@ def growth(disturbances: pd.DataFrame, peaks: pd.DataFrame, printed: Mapping[flo
 
 @in_style
 def characteristic_difference(curve: pd.DataFrame, printed: Mapping[float, float]) -> Figure:
-    """Show our characteristic, equation 10 and its points as printed, and the difference of the two beneath.
-
-    Parameters
-    ----------
-    curve : DataFrame
-        Columns `amplitude_rps, fitted_rad, printed_rad, difference_rad`.
-    printed : mapping of backlash [rad] to amplitude [rps]
-        Table 2's theoretical A.
-
-    Returns
-    -------
-    Figure
-    """
+    """Show our characteristic, equation 10 and its points as printed, and the difference of the two beneath."""
     figure, axes = grid(2, 1, sharex=True, figsize=(7.5, 5.0), height_ratios=(3, 1))
     upper, lower = axes[:, 0]
     upper.plot(

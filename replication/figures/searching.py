@@ -6,32 +6,18 @@ import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
+from replication.arrays import FloatArray
 from replication.figures.style import BLUE, GREEN, INK, ORANGE, grid, in_style
 from replication.search import Generation, State
 from replication.signature import Box
-
-FloatArray = NDArray[np.float64]
 
 SMALLEST_RPS = 1e-17  # drawn for a difference of 0
 
 
 @in_style
 def replay(compared: pd.DataFrame, ended: pd.DataFrame, agree_rps: float) -> Figure:
-    """Show how far the replayed runs are from the stored ones, generation by generation and at their ends.
-
-    Parameters
-    ----------
-    compared, ended : DataFrame
-        From `replay.differences` and `replay.ends`.
-    agree_rps : float
-        Difference below which misfits are the same [rps].
-
-    Returns
-    -------
-    Figure
-    """
+    """Show how far the replayed runs are from the stored ones, generation by generation and at their ends."""
     figure, axes = grid(1, 2, figsize=(9.5, 4.2), sharey=True, width_ratios=(2, 1))
     left, right = axes[0]
     parted = iter((ORANGE, GREEN, INK))
@@ -55,25 +41,7 @@ def replay(compared: pd.DataFrame, ended: pd.DataFrame, agree_rps: float) -> Fig
 def one_generation(
     now: Generation, weights: FloatArray, box: Box, at: tuple[int, int], labels: Sequence[str]
 ) -> Figure:
-    """Show a generation in two of its dimensions: samples and ranks, the new mean, the new distribution.
-
-    Parameters
-    ----------
-    now : Generation
-        What to show.
-    weights : array of shape (population,)
-        Weights of the ranked members.
-    box : Box
-        Bounds, drawn as a frame.
-    at : two int
-        Numbers of the two parameters.
-    labels : two strings
-        What the axes say.
-
-    Returns
-    -------
-    Figure
-    """
+    """Show a generation in two of its dimensions: samples and ranks, the new mean, the new distribution."""
     figure, axes = grid(1, 3, figsize=(10.5, 4.0), sharex=True, sharey=True)
     i, j = at
     ranked, half = now.x[now.ranking], int((weights > 0).sum())
@@ -105,25 +73,7 @@ def one_generation(
 
 @in_style
 def run(states: Sequence[State], best: FloatArray, box: Box, at: tuple[int, int], labels: Sequence[str]) -> Figure:
-    """Show a run: its distribution in two dimensions at some generations, and what it finds.
-
-    Parameters
-    ----------
-    states : sequence of State
-        States to draw.
-    best : array of shape (generations,)
-        Lowest misfit of each generation [rps].
-    box : Box
-        Bounds, the picture's frame.
-    at : two int
-        Numbers of the two parameters.
-    labels : two strings
-        What the left picture's axes say.
-
-    Returns
-    -------
-    Figure
-    """
+    """Show a run: its distribution in two dimensions at some generations, and what it finds."""
     figure, axes = grid(1, 2, figsize=(9.5, 4.2))
     left, right = axes[0]
     i, j = at

@@ -8,9 +8,6 @@ import matplotlib as mpl
 import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
-
-FloatArray = NDArray[np.float64]
 
 # Okabe and Ito's colours, ordered so that neighbours also differ in grey.
 INK, BLUE, ORANGE, GREEN, PINK, SKY = "#000000", "#0072B2", "#E69F00", "#009E73", "#CC79A7", "#56B4E9"
@@ -48,19 +45,7 @@ def in_style(plot: Callable[..., Figure]) -> Callable[..., Figure]:
 
 
 def save(figure: Figure, folder: Path, name: str, mark: str = "") -> None:
-    """Write a figure as SVG and PNG, without anything that differs from run to run.
-
-    Parameters
-    ----------
-    figure : Figure
-        What to write.
-    folder : Path
-        Where; made if it is not there.
-    name : str
-        File name without its ending.
-    mark : str
-        Written across the figure.
-    """
+    """Write a figure as SVG and PNG, without anything that differs from run to run."""
     folder.mkdir(parents=True, exist_ok=True)
     if mark:
         figure.text(0.5, 0.5, mark, fontsize=40, color="0.6", alpha=0.4, ha="center", va="center", rotation=20)

@@ -10,7 +10,7 @@ from scipy import stats
 from replication.methods.harmonics import TurnHarmonics
 from replication.simulator.checks import closed_loop_matrix
 from replication.simulator.parameters import identified_joint, joint_from_ratios
-from replication.simulator.sensitivities import turn_and_slopes
+from replication.simulator.turn_slopes import turn_and_slopes
 from replication.simulator.turns import COLUMNS, Movement, settled_turns, settling_turns
 
 FloatArray = NDArray[np.float64]

@@ -18,27 +18,7 @@ NOISE_SEED = 1  # of notebook 8's own records
 
 
 def again(name: str, verdicts: pd.DataFrame) -> tuple[str, pd.DataFrame]:
-    """Make what decides a cell, an element or a claim again.
-
-    Parameters
-    ----------
-    name : str
-        A cell's id, an element or a claim's id.
-    verdicts : DataFrame
-        The verdicts that there are: they say which notebook made what.
-
-    Returns
-    -------
-    str
-        What was done.
-    DataFrame
-        `id, source, before, now, verdict` of each cell, or `id, before, now` of a claim.
-
-    Raises
-    ------
-    Unknown
-        No notebook makes it.
-    """
+    """Make what decides a cell, an element or a claim again."""
     if found := TABLE_2_RUNS.match(name):
         own = verdicts[verdicts["id"] == name]
         now = _table2_row(int(found[1]), own)

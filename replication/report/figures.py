@@ -57,20 +57,7 @@ class Picture:
 
 
 def pictures(results: Path, figures: Path) -> list[Picture]:
-    """Load what the notebooks noted of the figures that they exported.
-
-    Parameters
-    ----------
-    results : Path
-        Folder of the results; `figures/<name>.json` in it says notebook, caption and axes.
-    figures : Path
-        Folder of the drawings.
-
-    Returns
-    -------
-    list of Picture
-        By notebook, then by name; none whose drawing is not there.
-    """
+    """Load what the notebooks noted of the figures that they exported."""
     found = []
     for note in sorted((results / "figures").glob("*.json")):
         about = json.loads(note.read_text(encoding="utf-8"))

@@ -15,18 +15,7 @@ class Finding:
 
 
 def findings(facts: dict[str, str]) -> list[Finding]:
-    """Fill in the findings' numbers.
-
-    Parameters
-    ----------
-    facts : dict
-        Numbers by name, as text.
-
-    Returns
-    -------
-    list of Finding
-        In the order of `data/findings.csv`, without those whose numbers are not there.
-    """
+    """Fill in the findings' numbers."""
     found = []
     for row in published.findings().to_dict("records"):
         try:

@@ -151,24 +151,7 @@ def _paper_figures(drawn: list[Picture]) -> list[dict]:
 
 
 def page(results: Path, notebooks: Path, verdicts: pd.DataFrame, quick: bool = False) -> str:
-    """Render the report.
-
-    Parameters
-    ----------
-    results : Path
-        Folder of the results; the figures are in the folder `figures` beside it.
-    notebooks : Path
-        Folder of the executed notebooks.
-    verdicts : DataFrame
-        As from `judging.verdicts`.
-    quick : bool
-        Say that these are the results of a quick run.
-
-    Returns
-    -------
-    str
-        One HTML page that needs nothing else; its links lead to the notebooks' pages and to files of the project.
-    """
+    """Render the report."""
     corrected = corrected_cells()
     all_cells = cells_of.cells(verdicts)
     by_id = {cell.id: told(cell, number, notebooks, corrected) for number, cell in enumerate(all_cells, start=1)}
@@ -220,17 +203,7 @@ def page(results: Path, notebooks: Path, verdicts: pd.DataFrame, quick: bool = F
 
 
 def write_page(results: Path) -> Path:
-    """Write `report.html` beside the results, and the notebooks' pages that it links to.
-
-    Parameters
-    ----------
-    results : Path
-        Folder of the results.
-
-    Returns
-    -------
-    Path
-    """
+    """Write `report.html` beside the results, and the notebooks' pages that it links to."""
     from replication.report import pages  # nbconvert takes two seconds to load, which no other command should wait for
 
     quick = results == workbook.QUICK / "results"

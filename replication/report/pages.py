@@ -31,19 +31,7 @@ class PageCell:
 
 
 def page_cells(notebook: Path, drawn: list[figures.Picture]) -> list[PageCell]:
-    """Turn an executed notebook's cells into HTML.
-
-    Parameters
-    ----------
-    notebook : Path
-        The `.ipynb`.
-    drawn : list of Picture
-        Figures that notebooks exported: they stand in the place of the cell's own, with their captions.
-
-    Returns
-    -------
-    list of PageCell
-    """
+    """Turn an executed notebook's cells into HTML."""
     content = nbformat.read(notebook, as_version=4)
     anchors = where.cell_anchors([(cell.cell_type, cell.source) for cell in content.cells])
     placed = figures.shown_in(notebook, drawn)
@@ -92,23 +80,7 @@ def _table(html: str) -> str:
 def render(
     notebook: Path, decided: list[tuple[str, str, str]], drawn: list[figures.Picture], all_names: list[str]
 ) -> str:
-    """Render a notebook's page.
-
-    Parameters
-    ----------
-    notebook : Path
-        The executed notebook.
-    decided : list of (anchor, element, counts)
-        What the page's head names, as from `decides`.
-    drawn : list of Picture
-        Exported figures.
-    all_names : list of str
-        Names of all notebooks, for the links from page to page.
-
-    Returns
-    -------
-    str
-    """
+    """Render a notebook's page."""
     cells = page_cells(notebook, drawn)
     position = all_names.index(notebook.stem)
     return page.ENVIRONMENT.get_template("notebook.html.j2").render(
@@ -149,19 +121,7 @@ def decides(name: str, verdicts: pd.DataFrame, claims: pd.DataFrame) -> list[tup
 
 
 def write_pages(results: Path, notebooks: Path, verdicts: pd.DataFrame) -> list[Path]:
-    """Write a page for each executed notebook into the results' folder `pages`.
-
-    Parameters
-    ----------
-    results, notebooks : Path
-        Folders of the results and of the executed notebooks; the drawings are in the folder `figures` beside.
-    verdicts : DataFrame
-        As from `judging.verdicts`.
-
-    Returns
-    -------
-    list of Path
-    """
+    """Write a page for each executed notebook into the results' folder `pages`."""
     drawn = figures.pictures(results, results.parent / "figures")
     executed = sorted(notebooks.glob("[0-9]*.ipynb"))
     names = [notebook.stem for notebook in executed]

@@ -21,20 +21,7 @@ def span(cell: Cell, judgement: Judgement) -> tuple[float, float]:
 
 
 def picture(cell: Cell, judgement: Judgement) -> Markup:
-    """Draw the region as a bar, the printed number as a line across it and ours as a dot.
-
-    Parameters
-    ----------
-    cell : Cell
-        The printed number.
-    judgement : Judgement
-        What one source says of it.
-
-    Returns
-    -------
-    Markup
-        An SVG in the page's colours, with its content in words.
-    """
+    """Draw the region as a bar, the printed number as a line across it and ours as a dot."""
     low, high = span(cell, judgement)
 
     def at(value: float) -> float:

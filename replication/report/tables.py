@@ -68,11 +68,7 @@ LAYOUTS = (
     Layout(
         "Table 3",
         "Results of the experimental evaluation, on real-world datasets (test bench)",
-        (
-            Column("Known value of A (rps)", "known"),
-            *MEAN_AND_SD,
-            Column("Mean relative error (%)", "relative_error"),
-        ),
+        (Column("Known value of A (rps)", "known"), *MEAN_AND_SD, Column("Mean relative error (%)", "relative_error")),
         row_heading="Row",
         note="Each row represents 30 runs of the proposed approach under the same conditions.",
     ),
@@ -87,20 +83,7 @@ LAYOUTS = (
 
 
 def rows(layout: Layout, all_cells: list[Cell]) -> list[Row]:
-    """Put an element's cells into its table's rows and columns.
-
-    Parameters
-    ----------
-    layout : Layout
-        The table.
-    all_cells : list of Cell
-        Of any elements.
-
-    Returns
-    -------
-    list of Row
-        In the paper's order; None where the paper prints no number.
-    """
+    """Put an element's cells into its table's rows and columns."""
     own = [cell for cell in all_cells if cell.element == layout.element]
     placed = {(cell.row, cell.column): cell for cell in own}
     names = dict(layout.row_names)

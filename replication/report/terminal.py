@@ -36,19 +36,7 @@ def paint(text: str, verdict: str, colour: bool) -> str:
 
 
 def verdict_tables(verdicts: pd.DataFrame, colour: bool) -> str:
-    """Write every printed cell beside ours, table by table in the paper's shape, then the counts.
-
-    Parameters
-    ----------
-    verdicts : DataFrame
-        As from `judging.verdicts`.
-    colour : bool
-        Whether to colour the verdicts.
-
-    Returns
-    -------
-    str
-    """
+    """Write every printed cell beside ours, table by table in the paper's shape, then the counts."""
     all_cells = cells_of.cells(verdicts)
     parts = [_table(layout, tables.rows(layout, all_cells), colour) for layout in tables.LAYOUTS]
     for element in ("Equation 10", "Text"):
@@ -119,28 +107,7 @@ def unexpected(verdicts: pd.DataFrame) -> list[str]:
 
 
 def show(name: str, results: Path, verdicts: pd.DataFrame, colour: bool) -> str:
-    """Tell what there is to say of a cell, an element or a claim.
-
-    Parameters
-    ----------
-    name : str
-        "table2.row03.sd", "Table 2", "table2", "local_minima" or "E3"; small or capital letters.
-    results : Path
-        Folder of the results.
-    verdicts : DataFrame
-        As from `judging.verdicts`.
-    colour : bool
-        Whether to colour the verdicts.
-
-    Returns
-    -------
-    str
-
-    Raises
-    ------
-    Unknown
-        There is no such cell, element, claim or erratum.
-    """
+    """Tell what there is to say of a cell, an element or a claim."""
     all_cells = cells_of.cells(verdicts)
     wanted = name.lower()
     if cell := next((cell for cell in all_cells if cell.id.lower() == wanted), None):

@@ -45,15 +45,6 @@ def cell_anchors(cells: list[tuple[str, str]]) -> list[str]:
     """Name each cell of a notebook after the heading above it and its place there.
 
     Cells added elsewhere leave the name alone.
-
-    Parameters
-    ----------
-    cells : list of (kind, source)
-        Kind is "markdown" or "code".
-
-    Returns
-    -------
-    list of str
     """
     section, position, anchors = "top", 0, []
     for kind, source in cells:
@@ -88,20 +79,7 @@ def cell_with(notebook: Path, *texts: str) -> str | None:
 
 
 def made(cell: str, source: str, notebook: str, notebooks: Path = ROOT / "notebooks") -> Made:
-    """Look up where a printed cell's number is made.
-
-    Parameters
-    ----------
-    cell, source, notebook : str
-        As in a verdict.
-    notebooks : Path
-        Folder of the executed notebooks.
-
-    Returns
-    -------
-    Made
-        The notebook's Verdict, where every number is exported, if `data/where.csv` says no more.
-    """
+    """Look up where a printed cell's number is made."""
     if not notebook:
         return Made("", "")
     for rule in _rules():
@@ -118,25 +96,7 @@ def _rules() -> list[dict]:
 
 @cache
 def code_line(function: str, text: str) -> tuple[str, str, int, str]:
-    """Find a line of a function.
-
-    Parameters
-    ----------
-    function : str
-        Such as "table2.summarise_runs".
-    text : str
-        What the line holds; the function's first line if it is empty or not there.
-
-    Returns
-    -------
-    (function, file, line, code)
-        File from the project's folder, and the line with its number.
-
-    Raises
-    ------
-    KeyError
-        There is no such function.
-    """
+    """Find a line of a function."""
     module, _, name = function.rpartition(".")
     file = Path("replication", *module.split(".")).with_suffix(".py")
     code = (ROOT / file).read_text(encoding="utf-8")

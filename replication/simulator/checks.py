@@ -5,28 +5,18 @@ from dataclasses import astuple, fields
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import expm
 
+from replication.arrays import FloatArray
 from replication.simulator import core
 from replication.simulator.parameters import TURN, JointParameters
 
 
-def closed_loop_matrix(parameters: JointParameters, *, in_contact: bool = True) -> NDArray[np.float64]:
+def closed_loop_matrix(parameters: JointParameters, *, in_contact: bool = True) -> FloatArray:
     """One control period of the linear joint without gravity, as a matrix.
 
     The state is motor position, motor speed, load position, load speed and torque, as deviations, then the
     drive's memory. Its eigenvalues are exp(s * control_period_s) of the joint's modes s.
-
-    Parameters
-    ----------
-    parameters : JointParameters
-    in_contact : bool
-        Couple the inertias by K_s and D_s (teeth in contact), or not at all (inside the gap).
-
-    Returns
-    -------
-    ndarray, shape (9 + delay, 9 + delay)
     """
     p = parameters
     n, period, delay = p.gear_ratio, p.control_period_s, p.control_delay_periods

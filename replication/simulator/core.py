@@ -9,8 +9,8 @@ from typing import NamedTuple
 
 import numba as nb
 import numpy as np
-from numpy.typing import NDArray
 
+from replication.arrays import FloatArray
 from replication.simulator.parameters import TURN, JointParameters
 
 # Beyond this multiple of the commanded speed no joint of this kind is running any more.
@@ -36,7 +36,7 @@ class Constants(NamedTuple):
     motor_coulomb: float
     load_coulomb: float
     torque_lag: float
-    waves: NDArray[np.float64] | None
+    waves: FloatArray | None
 
 
 class Drive(NamedTuple):
@@ -77,7 +77,7 @@ def constants_of(p: JointParameters, delta_rad: float) -> Constants:
     )
 
 
-def _waves(p: JointParameters) -> NDArray[np.float64]:
+def _waves(p: JointParameters) -> FloatArray:
     """Disturbances as `disturbance` takes them, one row each.
 
     A transmission error e shakes the load's side of the coupling with its second derivative.

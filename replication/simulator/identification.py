@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from scipy.optimize import least_squares
 from scipy.stats import t as student
 
+from replication.arrays import FloatArray
 from replication.simulator.simulate import (
     DivergenceError,
     JointParameters,
@@ -28,20 +29,12 @@ from replication.simulator.simulate import (
     with_ratios,
 )
 
-Signal = tuple[NDArray[np.float64], NDArray[np.float64]]
+Signal = tuple[FloatArray, FloatArray]
 
 # Fine enough that the settled peak is not missed between samples.
 FINE_S = 5e-5
 
-VALIDATION_COLUMNS = [
-    "dataset",
-    "delta_rad",
-    "used_in_fit",
-    "nrmse",
-    "peak_rps",
-    "printed_A_rps",
-    "peak_error_percent",
-]
+VALIDATION_COLUMNS = ["dataset", "delta_rad", "used_in_fit", "nrmse", "peak_rps", "printed_A_rps", "peak_error_percent"]
 
 # When the joint started shows in the first turn only, which `identify_joint` leaves to `identify_lead`.
 HELD = ("lead_s",)
@@ -49,29 +42,16 @@ HELD = ("lead_s",)
 
 @dataclass(frozen=True)
 class JointFit:
-    """An identified joint.
-
-    Attributes
-    ----------
-    parameters : JointParameters
-    confidence : dict of str to (float, float)
-        95 % confidence interval of each identified ratio, from the linearised least squares.
-    correlation : DataFrame
-        Correlation of the ratios' estimates.
-    mean_square : float
-        Mean of the squared residuals: the mean over the levels of the squared normalised RMSE.
-    evaluations : int
-        Residual evaluations used, those for the Jacobian not counted.
-    """
+    """An identified joint."""
 
     parameters: JointParameters
-    confidence: dict[str, tuple[float, float]]
-    correlation: pd.DataFrame
-    mean_square: float
-    evaluations: int
+    confidence: dict[str, tuple[float, float]]  # 95 % interval of each ratio, from the linearised least squares
+    correlation: pd.DataFrame  # of the ratios' estimates
+    mean_square: float  # mean over the levels of the squared normalised RMSE
+    evaluations: int  # of the residual, those for the Jacobian not counted
 
 
-def _sampling(time_s: NDArray[np.float64]) -> tuple[float, float]:
+def _sampling(time_s: FloatArray) -> tuple[float, float]:
     """Return the sampling period and the duration of a record."""
     steps = np.diff(time_s)
     if steps.size < 2 or abs(time_s[0]) > 1e-9 or not np.allclose(steps, steps[0], rtol=1e-6):
@@ -79,7 +59,7 @@ def _sampling(time_s: NDArray[np.float64]) -> tuple[float, float]:
     return round(float(steps.mean()), 9), float(time_s[-1])
 
 
-def _third_turn(signal: Signal, turn_s: float) -> tuple[NDArray[np.int64], NDArray[np.float64], float]:
+def _third_turn(signal: Signal, turn_s: float) -> tuple[NDArray[np.int64], FloatArray, float]:
     """Return rows and speeds of the third turn (all from the second on repeat) and the settled SD."""
     time, speed = signal
     if _sampling(time)[1] < 3 * turn_s:
@@ -106,24 +86,6 @@ def identify_joint(
 
     Every level weighs the same: its settled waveform's error counts in units of the signal's SD.
     The peaks before sampling are not used, so they validate.
-
-    Parameters
-    ----------
-    recordings : mapping of float to (ndarray, ndarray)
-        By delta [rad]: time [s] from 0, evenly sampled, and motor speed [turns/s]; three turns or more.
-    start : JointParameters
-        Where to start; whatever is no ratio stays as it is.
-    held : iterable of str
-        Ratios that stay as they are.
-
-    Returns
-    -------
-    JointFit
-
-    Raises
-    ------
-    ValueError
-        If a recording is not evenly sampled from 0, or lasts less than three turns.
     """
     free = {name: value for name, value in start.ratios.items() if name not in set(held)}
     names, values = list(free), np.array(list(free.values()))
@@ -131,7 +93,7 @@ def identify_joint(
     targets = {delta: _third_turn(signal, turn) for delta, signal in recordings.items()}
     size = sum(target.size for _, target, _ in targets.values())
 
-    def residual(z: NDArray[np.float64]) -> NDArray[np.float64]:
+    def residual(z: FloatArray) -> FloatArray:
         try:
             runs, stride = _simulations(
                 with_ratios(start, dict(zip(names, values * z, strict=True))), recordings, 3 * turn
@@ -169,22 +131,7 @@ def identify_joint(
 
 
 def identify_lead(recordings: Mapping[float, Signal], parameters: JointParameters, leads_s: Iterable[float]) -> float:
-    """Find how long before the records the joint started: the lead whose worst first turn is best.
-
-    Parameters
-    ----------
-    recordings : mapping of float to (ndarray, ndarray)
-        As for `identify_joint`.
-    parameters : JointParameters
-        Identified from the settled turns, which do not depend on the lead.
-    leads_s : iterable of float
-        Candidates, multiples of the control period.
-
-    Returns
-    -------
-    float
-        One of the candidates.
-    """
+    """Find how long before the records the joint started: the lead whose worst first turn is best."""
 
     def worst_first_turn(lead: float) -> float:
         turn = parameters.turn_period_s
@@ -206,26 +153,7 @@ def validation_table(
     used_in_fit: Iterable[float] = (),
     printed_a_rps: Mapping[float, float] | None = None,
 ) -> pd.DataFrame:
-    """Compare the simulated joint with the records and with the printed amplitudes, level by level.
-
-    Parameters
-    ----------
-    parameters : JointParameters
-    recordings : mapping of float to (ndarray, ndarray)
-        As for `identify_joint`.
-    datasets : mapping of float to str
-        By delta [rad]: name of every level wanted, with or without a recording.
-    used_in_fit : iterable of float
-        Levels that the fit has seen.
-    printed_a_rps : mapping of float to float, optional
-        By delta [rad]: printed theoretical amplitude.
-
-    Returns
-    -------
-    DataFrame
-        ``dataset, delta_rad, used_in_fit, nrmse, peak_rps, printed_A_rps, peak_error_percent``: normalised
-        RMSE over the settled turns, and the settled peak before sampling. NaN where nothing can be compared.
-    """
+    """Compare the simulated joint with the records and with the printed amplitudes, level by level."""
     printed, used = printed_a_rps or {}, set(used_in_fit)
     grid = next(iter(recordings.values()))
     runs, stride = _simulations(parameters, {delta: recordings.get(delta, grid) for delta in datasets})
@@ -245,23 +173,7 @@ def validation_table(
 def profile_ratio(
     name: str, factors: Iterable[float], recordings: Mapping[float, Signal], best: JointParameters
 ) -> pd.DataFrame:
-    """Profile of the misfit along one ratio: the others are fitted anew at each value.
-
-    Parameters
-    ----------
-    name : str
-        A key of ``JointParameters.ratios``.
-    factors : iterable of float
-        Values of the ratio as multiples of the best.
-    recordings : mapping of float to (ndarray, ndarray)
-        As for `identify_joint`.
-    best : JointParameters
-
-    Returns
-    -------
-    DataFrame
-        ``factor, value, nrmse``; a flat profile means that the records do not fix this ratio.
-    """
+    """Profile of the misfit along one ratio: the others are fitted anew at each value."""
     rows = []
     for factor in factors:
         start = with_ratios(best, {name: best.ratios[name] * factor})
@@ -271,16 +183,7 @@ def profile_ratio(
 
 
 def joint_record(fit: JointFit, sources: Iterable[Path], versions: Mapping[str, str]) -> str:
-    """Return an identified joint with its provenance as the JSON text that `identified_joint` reads.
-
-    Parameters
-    ----------
-    fit : JointFit
-    sources : iterable of Path
-        Files that the fit has seen; their names and SHA-256 are recorded.
-    versions : mapping of str to str
-        Versions of the packages that made it.
-    """
+    """Return an identified joint with its provenance as the JSON text that `identified_joint` reads."""
     p = fit.parameters
     data = {
         "ratios": {name: float(f"{value:.7g}") for name, value in p.ratios.items()},

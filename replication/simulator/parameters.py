@@ -15,28 +15,14 @@ PLAIN_RATIOS = ("position_gain_per_s", "leaky_rate_per_s", "torque_lag_s", "star
 
 @dataclass(frozen=True)
 class Disturbance:
-    """A sinusoidal disturbance inside the joint.
+    """A sinusoidal disturbance inside the joint."""
 
-    Attributes
-    ----------
-    order : float
-        Periods per motor turn; the frequency over the commanded motor speed.
-    motor_torque_nm : float
-        Amplitude of a torque on the motor (cogging, torque ripple), in step with the motor's own angle.
-    load_torque_nm : float
-        Amplitude of a torque on the load (coupling from another joint), in step with the commanded motion.
-    transmission_error_rad : float
-        Amplitude of what an eccentric belt pulley or gear adds to theta_l in the coupling's displacement
-        theta_m / N - theta_l, load side, in step with the commanded motion.
-    phase_rad : float
-        Phase at t = 0.
-    """
-
-    order: float
-    motor_torque_nm: float = 0.0
-    load_torque_nm: float = 0.0
+    order: float  # periods per motor turn: the frequency over the commanded motor speed
+    motor_torque_nm: float = 0.0  # of a torque on the motor (cogging, ripple), in step with the motor's own angle
+    load_torque_nm: float = 0.0  # of a torque on the load (another joint's), in step with the commanded motion
+    # What an eccentric belt pulley or gear adds to theta_l in the displacement theta_m / N - theta_l, load side.
     transmission_error_rad: float = 0.0
-    phase_rad: float = 0.0
+    phase_rad: float = 0.0  # at t = 0
 
 
 @dataclass(frozen=True)
@@ -49,80 +35,37 @@ class JointParameters:
     The drive commands the torque K_p e + K_i integral(e) - K_d domega_m/dt + K_w w, where Omega is the
     commanded speed, e = K_pos (Omega t - theta_m) + Omega - omega_m, and w the leaky integral of
     Omega - omega_m.
-
-    Attributes
-    ----------
-    gear_ratio : float
-        N, motor turns per load turn.
-    motor_inertia_kgm2, load_inertia_kgm2 : float
-        J_m (motor side) and J_l (load side).
-    load_mass_kg, gravity_arm_m : float
-        m and r of the gravity torque m g r sin(theta_l).
-    stiffness_nm_per_rad, damping_nms_per_rad : float
-        K_s and D_s of the coupling, load side.
-    alpha_per_rad : float
-        Sharpness of the edge in equation 8.
-    clamped : bool
-        Use the clamped dead zone instead of equations 8 and 9.
-    motor_viscous_nms_per_rad, load_viscous_nms_per_rad : float
-        Viscous friction, each on its own side.
-    motor_coulomb_nm, load_coulomb_nm : float
-        Coulomb friction, each on its own side.
-    commanded_speed_rps : float
-        Commanded motor speed [turns/s].
-    start_angle_rad : float
-        Load angle at t = 0, from hanging straight down.
-    lead_s : float
-        How long before t = 0 the joint starts, at the commanded speed and with the teeth in contact.
-    position_gain_per_s : float
-        K_pos, speed correction per position error.
-    speed_gain_nms_per_rad, integral_gain_nm_per_rad, derivative_gain_nms2_per_rad : float
-        K_p, K_i, K_d of the speed loop, motor side. K_d acts on the measured speed only.
-    leaky_gain_nm_per_rad, leaky_rate_per_s : float
-        K_w and the rate at which w forgets; K_w may be negative.
-    control_period_s, control_delay_periods : float, int
-        The drive samples, computes, and applies the torque this many periods later, held for a period.
-    torque_lag_s : float
-        Time constant of the torque (current) loop; 0 for none.
-    torque_limit_nm : float
-        Largest commanded motor torque; the integrals stop while it binds.
-    encoder_bits : int
-        Resolution of the position that the drive sees; 0 for the true position.
-    speed_by_differencing : bool
-        The drive differences its position over one period instead of knowing the true speed.
-    disturbances : tuple of Disturbance
-        Periodic disturbances, added up.
     """
 
-    gear_ratio: float
-    motor_inertia_kgm2: float
-    load_inertia_kgm2: float
-    load_mass_kg: float
+    gear_ratio: float  # N, motor turns per load turn
+    motor_inertia_kgm2: float  # J_m, motor side
+    load_inertia_kgm2: float  # J_l, load side
+    load_mass_kg: float  # m and r of the gravity torque m g r sin(theta_l)
     gravity_arm_m: float
-    stiffness_nm_per_rad: float
-    position_gain_per_s: float
-    speed_gain_nms_per_rad: float
+    stiffness_nm_per_rad: float  # K_s of the coupling, load side
+    position_gain_per_s: float  # K_pos, speed correction per position error
+    speed_gain_nms_per_rad: float  # K_p, K_i, K_d of the speed loop, motor side
     integral_gain_nm_per_rad: float
-    derivative_gain_nms2_per_rad: float = 0.0
-    leaky_gain_nm_per_rad: float = 0.0
-    leaky_rate_per_s: float = 0.0
-    torque_lag_s: float = 0.0
-    control_period_s: float = 5e-4
-    control_delay_periods: int = 1
-    start_angle_rad: float = 0.0
-    lead_s: float = 0.0
-    damping_nms_per_rad: float = 0.0
-    alpha_per_rad: float = 1e6
-    clamped: bool = False
-    motor_viscous_nms_per_rad: float = 0.0
+    derivative_gain_nms2_per_rad: float = 0.0  # acts on the measured speed only
+    leaky_gain_nm_per_rad: float = 0.0  # K_w, which may be negative
+    leaky_rate_per_s: float = 0.0  # at which w forgets
+    torque_lag_s: float = 0.0  # time constant of the torque (current) loop; 0 for none
+    control_period_s: float = 5e-4  # the drive samples and computes once a period,
+    control_delay_periods: int = 1  # and applies the torque so many later, held for a period
+    start_angle_rad: float = 0.0  # load angle at t = 0, from hanging straight down
+    lead_s: float = 0.0  # how long before t = 0 the joint starts, at the commanded speed and with teeth in contact
+    damping_nms_per_rad: float = 0.0  # D_s of the coupling, load side
+    alpha_per_rad: float = 1e6  # sharpness of the edge in equation 8
+    clamped: bool = False  # the clamped dead zone in place of equations 8 and 9
+    motor_viscous_nms_per_rad: float = 0.0  # friction, each on its own side
     load_viscous_nms_per_rad: float = 0.0
     motor_coulomb_nm: float = 0.0
     load_coulomb_nm: float = 0.0
-    commanded_speed_rps: float = 100.0
-    torque_limit_nm: float = math.inf
-    encoder_bits: int = 0
-    speed_by_differencing: bool = False
-    disturbances: tuple[Disturbance, ...] = ()
+    commanded_speed_rps: float = 100.0  # of the motor
+    torque_limit_nm: float = math.inf  # of the motor; the integrals stop while it binds
+    encoder_bits: int = 0  # of the position that the drive sees; 0 for the true position
+    speed_by_differencing: bool = False  # the drive differences its position instead of knowing the true speed
+    disturbances: tuple[Disturbance, ...] = ()  # added up
 
     @property
     def commanded_speed_rad_per_s(self) -> float:

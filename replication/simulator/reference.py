@@ -1,36 +1,17 @@
 """The joint integrated by SciPy: what the compiled simulator is checked and timed against."""
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
+from replication.arrays import FloatArray
 from replication.simulator import core
 from replication.simulator.parameters import TURN, JointParameters
 
 
 def solve_ivp_speed_rps(
     p: JointParameters, delta_rad: float, duration_s: float, method: str, **tolerances: float
-) -> NDArray[np.float64]:
-    """Motor speed at every control period, the compiled field integrated by `solve_ivp` between them.
-
-    Parameters
-    ----------
-    p : JointParameters
-        The joint.
-    delta_rad : float
-        Half the gap [rad].
-    duration_s : float
-        Length of the record [s].
-    method : str
-        A method of `scipy.integrate.solve_ivp`.
-    **tolerances
-        Its `rtol`, `atol`, `max_step`.
-
-    Returns
-    -------
-    array of shape (periods + 1,)
-        Motor speed [rps].
-    """
+) -> FloatArray:
+    """Motor speed at every control period, the compiled field integrated by `solve_ivp` between them."""
     c, drive = core.constants_of(p, delta_rad), core.drive_of(p)
     y, _ = core.start_state(p, delta_rad)
     ring, memory = np.full(p.control_delay_periods + 1, y[4]), np.array([y[4], 0.0, 0.0, y[0]])

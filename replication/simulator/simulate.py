@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from replication.arrays import FloatArray
 from replication.simulator import checks, core
 from replication.simulator.parameters import (
     TURN,
@@ -42,7 +43,7 @@ class DivergenceError(ArithmeticError):
     """A simulated joint left every plausible speed; the message says when and at which backlash."""
 
 
-def encoder_position(position_rad: ArrayLike, bits: int = 19) -> NDArray[np.float64]:
+def encoder_position(position_rad: ArrayLike, bits: int = 19) -> FloatArray:
     """Position as an absolute encoder of `bits` bits per turn reports it [rad], rounded down to its grid."""
     step = TURN / 2**bits
     return np.floor(np.asarray(position_rad, dtype=float) / step) * step
@@ -50,37 +51,22 @@ def encoder_position(position_rad: ArrayLike, bits: int = 19) -> NDArray[np.floa
 
 @dataclass(frozen=True, eq=False)
 class SimulatedJoint:
-    """What the joint did; n samples from t = 0.
+    """What the joint did: the true state at n samples from t = 0, and its contacts."""
 
-    Attributes
-    ----------
-    delta_rad : float
-        Half the gap.
-    time_s, motor_position_rad, motor_speed_rad_per_s, motor_torque_nm : ndarray, shape (n,)
-    load_position_rad, load_speed_rad_per_s : ndarray, shape (n,)
-        The true state. The commanded motor position is N times the start angle at t = 0.
-    gap_state : ndarray of int, shape (n,)
-        1 when the motor drives the load, -1 when the load drives the motor, 0 inside the gap.
-    impact_time_s, separation_time_s : ndarray
-        When the teeth met and parted, located to far less than a step.
-    impact_side : ndarray of int
-        The gap state after each impact.
-    """
-
-    delta_rad: float
-    time_s: NDArray[np.float64]
-    motor_position_rad: NDArray[np.float64]
-    motor_speed_rad_per_s: NDArray[np.float64]
-    motor_torque_nm: NDArray[np.float64]
-    load_position_rad: NDArray[np.float64]
-    load_speed_rad_per_s: NDArray[np.float64]
-    gap_state: NDArray[np.int64]
-    impact_time_s: NDArray[np.float64]
-    impact_side: NDArray[np.int64]
-    separation_time_s: NDArray[np.float64]
+    delta_rad: float  # half the gap
+    time_s: FloatArray
+    motor_position_rad: FloatArray  # the commanded one is N times the start angle at t = 0
+    motor_speed_rad_per_s: FloatArray
+    motor_torque_nm: FloatArray
+    load_position_rad: FloatArray
+    load_speed_rad_per_s: FloatArray
+    gap_state: NDArray[np.int64]  # 1: the motor drives the load, -1: the load drives the motor, 0: inside the gap
+    impact_time_s: FloatArray  # when the teeth met, located to far less than a step
+    impact_side: NDArray[np.int64]  # the gap state after each impact
+    separation_time_s: FloatArray
 
     @property
-    def motor_speed_rps(self) -> NDArray[np.float64]:
+    def motor_speed_rps(self) -> FloatArray:
         """Motor speed [turns/s]."""
         return self.motor_speed_rad_per_s / TURN
 
@@ -130,21 +116,8 @@ def _simulate_checked(p: JointParameters, delta: float, duration: float, sample:
     steps = skip + (samples - 1) * every
     events = np.empty((steps + 1, 2))
     per_period, delay = round(p.control_period_s / step), int(p.control_delay_periods)
-    status, used = core.run(
-        y,
-        region,
-        steps,
-        step,
-        skip,
-        every,
-        per_period,
-        delay,
-        core.constants_of(p, delta),
-        core.drive_of(p),
-        record,
-        gap,
-        events,
-    )
+    c, drive = core.constants_of(p, delta), core.drive_of(p)
+    status, used = core.run(y, region, steps, step, skip, every, per_period, delay, c, drive, record, gap, events)
     if status >= 0:
         raise DivergenceError(
             f"simulate: the joint diverged at t = {(status - skip) * step:.4f} s with delta_rad = {delta}; "
@@ -170,7 +143,7 @@ def _simulate_checked(p: JointParameters, delta: float, duration: float, sample:
     )
 
 
-def _transmission_error(p: JointParameters, time: NDArray[np.float64]) -> tuple[NDArray[np.float64], ...]:
+def _transmission_error(p: JointParameters, time: FloatArray) -> tuple[FloatArray, ...]:
     """Transmission error [rad] and its rate [rad/s], which the core keeps in the load's position and speed."""
     error, rate = np.zeros_like(time), np.zeros_like(time)
     for wave in p.disturbances:

@@ -6,28 +6,18 @@ from importlib.metadata import version
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
 from replication import published
+from replication.arrays import FloatArray
 from replication.data.authors import authors_file
 from replication.datasets import Recording, level_delta_rad, load_clean
-from replication.simulated import printed_amplitudes
+from replication.simulator.growth import printed_amplitudes
 from replication.simulator.identification import identify_joint, identify_lead, joint_record, validation_table
-from replication.simulator.simulate import (
-    JointParameters,
-    joint_from_ratios,
-    with_ratios,
-)
-
-FloatArray = NDArray[np.float64]
+from replication.simulator.simulate import JointParameters, joint_from_ratios, with_ratios
 
 # Levels K of the authors' data: published clean, used to identify the joint, and all that they made.
 CLEAN_LEVELS = range(3, 14)
-
-
 FIT_LEVELS = (3, 6, 9, 12)
-
-
 ALL_LEVELS = range(2, 21)
 
 
@@ -42,20 +32,7 @@ def signals(records: dict[float, Recording]) -> dict[float, tuple[FloatArray, Fl
 
 
 def validate(joint: JointParameters, records: dict[float, Recording]) -> pd.DataFrame:
-    """Compare the simulated joint with every clean record and every printed theoretical A.
-
-    Parameters
-    ----------
-    joint : JointParameters
-        The joint.
-    records : dict
-        From `clean_records`, all of `CLEAN_LEVELS`.
-
-    Returns
-    -------
-    DataFrame
-        See `simulator_fit.validation_table`; row K = 2 has no record to compare with.
-    """
+    """Compare the simulated joint with every clean record and every printed theoretical A; K = 2 has no record."""
     levels = range(2, CLEAN_LEVELS.stop)
     datasets = {level_delta_rad(level): f"Speeddata{level}" for level in levels}
     used = [level_delta_rad(level) for level in FIT_LEVELS]
@@ -64,13 +41,7 @@ def validate(joint: JointParameters, records: dict[float, Recording]) -> pd.Data
 
 
 def alpha_study(joint: JointParameters, records: dict[float, Recording], alphas: Sequence[float]) -> pd.DataFrame:
-    """Misfit of the simulated joint as the edge of equation 8 softens, the rest kept.
-
-    Returns
-    -------
-    DataFrame
-        `alpha_per_rad, mean_nrmse_percent`; the clamped dead zone has alpha infinite.
-    """
+    """Misfit of the simulated joint as the edge of equation 8 softens, the rest kept."""
     joints = [(alpha, replace(joint, alpha_per_rad=alpha)) for alpha in alphas]
     joints.append((np.inf, replace(joint, clamped=True)))
     rows = [(alpha, 100 * validate(changed, records)["nrmse"].mean()) for alpha, changed in joints]
@@ -78,26 +49,13 @@ def alpha_study(joint: JointParameters, records: dict[float, Recording], alphas:
 
 
 def simulator_attempts() -> pd.DataFrame:
-    """Load the log of the models of the drive that were fitted on the way to the identified one.
-
-    Returns
-    -------
-    DataFrame
-        `attempt, what_changed, mean_nrmse_percent, max_nrmse_percent, max_abs_peak_error_percent, kept`: a refit
-        each. A log, not a result: the models that were not kept are not in the code.
-    """
+    """Load the log of the models of the drive that were fitted on the way to the identified one, kept or not."""
     with (published.DATA / "simulator_attempts.csv").open(encoding="utf-8") as file:
         return pd.read_csv(file)
 
 
 def changed_joint(joint: JointParameters, factors: Mapping[str, float]) -> JointParameters:
-    """Multiply some of a joint's ratios by factors, for a student to play with.
-
-    Raises
-    ------
-    ValueError
-        There is no such ratio.
-    """
+    """Multiply some of a joint's ratios by factors, for a student to play with."""
     unknown = set(factors) - set(joint.ratios)
     if unknown:
         raise ValueError(f"no such ratio: {', '.join(sorted(unknown))}; there are {', '.join(joint.ratios)}")
@@ -141,19 +99,8 @@ CALIBRATION_START = {
 }
 
 
-def calibrate() -> str:
-    """Identify the joint from the authors' clean records, from a rough start.
-
-    Returns
-    -------
-    str
-        The content of `data/joint.json`.
-
-    Raises
-    ------
-    DataUnavailable, DataCorrupt
-        See `data.authors.authors_file`.
-    """
+def reidentify_joint() -> str:
+    """Identify the joint from the authors' clean records, from a rough start."""
     records = signals(clean_records(FIT_LEVELS))
     start = joint_from_ratios(CALIBRATION_START)
     fit = identify_joint(records, start)

@@ -8,14 +8,13 @@ from dataclasses import dataclass
 
 import numba as nb
 import numpy as np
-from numpy.typing import NDArray
 
+from replication.arrays import FloatArray
 from replication.simulator import core
 from replication.simulator.parameters import TURN
 
-FloatArray = NDArray[np.float64]
-
-# Columns of a joint's row; all but the first two and the last six are `JointParameters.ratios`.
+# Columns of a joint's row; all but the first two and the last six are `JointParameters.ratios`. Friction is over m g r,
+# the motor's damping over its inertia, the coupling's damping over its stiffness, the ripple over m g r / N.
 COLUMNS = (
     "delta_rad",
     "friction",
@@ -134,28 +133,10 @@ def settling_turns(movement: Movement) -> int:
 def settled_turns(
     rows: FloatArray, movement: Movement, order: float = 0, lead: int | None = None, differencing: bool = True
 ) -> FloatArray:
-    """Motor speed of each joint over one settled turn.
+    """Deviation from the commanded speed [rps] of each joint over one settled turn; NaN for a joint that runs away.
 
-    Parameters
-    ----------
-    rows : array of shape (joints, 18)
-        See `COLUMNS`: delta [rad], load friction over m g r, ratios, D_s / K_s [s], the motor's viscous friction over
-        its inertia [1/s], a transmission error in step with the turn, load side [rad], and a torque ripple once a
-        motor turn, over m g r / N.
-    movement : Movement
-        The test movement.
-    order : float
-        Periods a turn of the transmission error; 0 for none.
-    lead : int, optional
-        Turns before the one that is returned; `settling_turns` if not given.
-    differencing : bool
-        The drive differences its encoder's position; if not, it is told the speed.
-
-    Returns
-    -------
-    array of shape (joints, movement.periods)
-        Deviation from the commanded speed [rps] at even phases, the load hanging straight down at phase 0; NaN for a
-        joint that runs away.
+    `order` is the transmission error's periods a turn (0: none), `lead` the turns before the one that is returned, and
+    `differencing` says that the drive differences its encoder instead of being told the speed.
     """
     periods = movement.periods
     turns = settling_turns(movement) if lead is None else lead

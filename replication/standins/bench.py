@@ -14,22 +14,7 @@ from replication.table2 import summarise_runs
 
 
 def table3_records(bench: Bench, deltas_rad: Sequence[float], seed: int) -> list[tuple[dict, Recording]]:
-    """Measure and log the bench in each state of wear.
-
-    Parameters
-    ----------
-    bench : Bench
-        The bench.
-    deltas_rad : sequence of float
-        True backlash of each state [rad].
-    seed : int
-        Seed of readings and logs.
-
-    Returns
-    -------
-    list of (dict, Recording)
-        The dict says `row, delta_rad, reading_rad, known_A_rps`.
-    """
+    """Measure and log the bench in each state of wear."""
     rng = np.random.default_rng(seed)
     records = []
     for row, delta in enumerate(deltas_rad, start=1):
@@ -45,19 +30,7 @@ def table3_records(bench: Bench, deltas_rad: Sequence[float], seed: int) -> list
 
 
 def table3(runs: pd.DataFrame) -> pd.DataFrame:
-    """Condense the runs on the bench's records into Table 3, the printed columns beside.
-
-    Parameters
-    ----------
-    runs : DataFrame
-        From `experiments.repeated_fits` on `table3_records`.
-
-    Returns
-    -------
-    DataFrame
-        One row per state: `source, row, delta_rad, reading_rad, known_A_rps`, what `summarise_runs` gives, and
-        `printed_known_A_rps, printed_mean_A_rps, printed_sd_A_rps, printed_relative_error_percent`.
-    """
+    """Condense the runs on the bench's records into Table 3, the printed columns beside."""
     keys = ["row", "delta_rad", "reading_rad", "known_A_rps"]
     rows = []
     for values, part in runs.groupby(keys, sort=False):
@@ -91,24 +64,7 @@ def table3_cells(table: pd.DataFrame) -> dict[str, float]:
 def bench_population(
     benches: int, deltas_rad: Sequence[float], seed: int, spread: Spread | None = None
 ) -> pd.DataFrame:
-    """Fit the logs of many benches in each state: what the spread alone makes of Table 3.
-
-    Parameters
-    ----------
-    benches : int
-        How many to draw.
-    deltas_rad : sequence of float
-        States of wear [rad].
-    seed : int
-        Seed of benches and logs.
-    spread : Spread, optional
-        Their spread.
-
-    Returns
-    -------
-    DataFrame
-        `bench`, the columns of `fitted_logs`, and `error_percent` of A against Table 2's A at the true backlash.
-    """
+    """Fit the logs of many benches in each state: what the spread alone makes of Table 3."""
     drawn = [draw_bench(np.random.default_rng((seed, number)), spread) for number in range(benches)]
     cases = [(bench, delta) for bench in drawn for delta in deltas_rad]
     table = fitted_logs(cases, [(seed, benches + index) for index in range(len(cases))])
@@ -121,20 +77,6 @@ def load_friction_study(shares: Sequence[float], delta_rad: float, seed: int) ->
     """Fit the identified joint's noise-free log as Coulomb friction on the load grows.
 
     The impacts come where gravity balances friction, so that friction moves them away from half a turn apart.
-
-    Parameters
-    ----------
-    shares : sequence of float
-        Friction torque over m g r, the first of them zero.
-    delta_rad : float
-        Backlash [rad].
-    seed : int
-        Seed of the start angles, the same four for each share.
-
-    Returns
-    -------
-    DataFrame
-        `friction_share`, the mean `A_rps` and `rmse_rps` of the four logs, and `change_percent` of A from the first.
     """
     joint = identified_joint()
     rows = [(share, start) for share in shares for start in range(4)]

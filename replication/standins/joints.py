@@ -27,49 +27,21 @@ BELT_ORDER = (0.2, 0.4)
 
 @dataclass(frozen=True)
 class Spread:
-    """How far a bench may be from the identified joint; uniform from zero where nothing else is said.
+    """How far a bench may be from the identified joint; uniform from zero where nothing else is said."""
 
-    Attributes
-    ----------
-    ratios : float
-        Relative SD (log-normal) of stiffness, gravity, inertia ratio and speed and integral gain.
-    load_friction : float
-        Largest Coulomb friction on the load, and largest viscous friction at the commanded speed, each over m g r.
-    motor_friction : float
-        The same on the motor, over m g r / N.
-    ripple : float
-        Largest torque ripple at one and at six periods a motor turn, over m g r / N.
-    belt_rad, gear_rad : float
-        Largest transmission error of the belt's turn (`BELT_ORDER`) and of the load's turn, load side [rad].
-    noise_rps : float
-        Largest SD of the measured speed's noise; the smallest is half of it [rps].
-    dial_gauge_rad : float
-        SD of the static measurement of the backlash: 0.01 mm at 0.3 m [rad].
-    """
-
-    ratios: float = 0.05
-    load_friction: float = 0.005
-    motor_friction: float = 0.5
-    ripple: float = 0.02
-    belt_rad: float = 1e-5
-    gear_rad: float = 1e-4
-    noise_rps: float = 0.08
-    dial_gauge_rad: float = 3e-5
+    ratios: float = 0.05  # relative SD (log-normal) of stiffness, gravity, inertia ratio, speed and integral gain
+    load_friction: float = 0.005  # largest Coulomb, and largest viscous at the commanded speed, each over m g r
+    motor_friction: float = 0.5  # the same on the motor, over m g r / N
+    ripple: float = 0.02  # largest torque ripple at one and at six periods a motor turn, over m g r / N
+    belt_rad: float = 1e-5  # largest transmission error of the belt's turn, load side
+    gear_rad: float = 1e-4  # largest transmission error of the load's turn
+    noise_rps: float = 0.08  # largest SD of the measured speed's noise; the smallest is half of it
+    dial_gauge_rad: float = 3e-5  # SD of the static measurement of the backlash: 0.01 mm at 0.3 m
 
 
 @dataclass(frozen=True)
 class Bench:
-    """A joint with its log's noise and the error of its static measurement.
-
-    Attributes
-    ----------
-    joint : JointParameters
-        The joint.
-    noise_rps : float
-        SD of the white noise on the logged speed [rps].
-    dial_gauge_rad : float
-        SD of a reading of the backlash [rad].
-    """
+    """A joint with the SDs of its log's white noise and of a static reading of its backlash."""
 
     joint: JointParameters
     noise_rps: float
@@ -80,17 +52,6 @@ def draw_bench(rng: np.random.Generator, spread: Spread | None = None) -> Bench:
     """Draw a bench around the identified joint.
 
     Its drive sees the encoder's 19 bits and differences them; it has turned once when its log begins.
-
-    Parameters
-    ----------
-    rng : Generator
-        Where the parameters come from.
-    spread : Spread, optional
-        How far they may lie.
-
-    Returns
-    -------
-    Bench
     """
     spread = spread or Spread()
     joint = identified_joint()
@@ -129,21 +90,7 @@ def _draw_disturbances(joint: JointParameters, spread: Spread, rng: np.random.Ge
 
 
 def encoder_log(bench: Bench, delta_rad: float, rng: np.random.Generator) -> Recording:
-    """Log twelve turns of a bench, as its controller would: the encoder's position every 2 ms, differenced, and noise.
-
-    Parameters
-    ----------
-    bench : Bench
-        The bench.
-    delta_rad : float
-        Its backlash [rad].
-    rng : Generator
-        Where the start angle, which the log does not tell, and the noise come from.
-
-    Returns
-    -------
-    Recording
-    """
+    """Log twelve turns of a bench from a random angle: the encoder's position every 2 ms, differenced, and noise."""
     joint = replace(bench.joint, start_angle_rad=float(rng.uniform(0, TURN)))
     run = simulate(joint, delta_rad, duration_s=12 * joint.turn_period_s, sample_s=SAMPLE_S)
     position = encoder_position(run.motor_position_rad, joint.encoder_bits or 52)
@@ -161,21 +108,7 @@ def _log_and_fit(bench: Bench, delta_rad: float, seed: Sequence[int]) -> tuple[f
 
 
 def fitted_logs(cases: Sequence[tuple[Bench, float]], seeds: Sequence[Sequence[int]]) -> pd.DataFrame:
-    """Log each case and fit it globally, on all cores.
-
-    Parameters
-    ----------
-    cases : sequence of (Bench, float)
-        Bench and backlash [rad].
-    seeds : sequence of sequences of int
-        Seed of each log's start angle and noise.
-
-    Returns
-    -------
-    DataFrame
-        One row per case: `delta_rad, A_rps, low_rps, high_rps, frequency_hz, t0_s, rmse_rps` of the fit, and the log's
-        SD `sd_rps`.
-    """
+    """Log each case and fit it globally, on all cores."""
     jobs = [delayed(_log_and_fit)(bench, delta, seed) for (bench, delta), seed in zip(cases, seeds, strict=True)]
     table = pd.DataFrame(
         Parallel(n_jobs=-1, batch_size=4)(jobs),

@@ -8,14 +8,13 @@ from dataclasses import replace
 
 import numba as nb
 import numpy as np
-from numpy.typing import NDArray
 
+from replication.arrays import FloatArray
 from replication.datasets import Recording
+from replication.simulator import core, turns
 from replication.simulator.parameters import TURN, with_ratios
 from replication.simulator.simulate import encoder_position
 from replication.standins.joints import SAMPLE_S, Bench, draw_bench, encoder_log
-
-FloatArray = NDArray[np.float64]
 
 KINDS = ("two loads", "second ring", "PI with current loop", "notch filter")
 
@@ -27,22 +26,7 @@ _LARGEST_RPS = 10.0
 
 
 def draw_odd_log(kind: str, delta_rad: float, rng: np.random.Generator) -> Recording:
-    """Log twelve turns of a joint outside the model, as `joints.encoder_log` does; unstable draws are drawn again.
-
-    Parameters
-    ----------
-    kind : str
-        One of `KINDS`.
-    delta_rad : float
-        Its backlash [rad].
-    rng : Generator
-        Of the joint and its noise.
-
-    Raises
-    ------
-    ValueError
-        No such kind, or no stable draw.
-    """
+    """Log twelve turns of a joint outside the model, as `joints.encoder_log` does; unstable draws are drawn again."""
     if kind not in KINDS:
         raise ValueError(f"kind {kind!r}: there are {', '.join(KINDS)}")
     for _ in range(_MOST_TRIES):
@@ -81,21 +65,13 @@ def _other_log(kind: str, bench: Bench, delta_rad: float, rng: np.random.Generat
         second = (rng.uniform(0.05, 0.15), TURN * rng.uniform(30.0, 80.0), rng.uniform(0.005, 0.03))
     else:
         notch = _notch(rng.uniform(40.0, 150.0), rng.uniform(0.5, 2.0), joint.control_period_s)
-    ratios, n = joint.ratios, joint.gear_ratio
-    jm = 1 / (n**2 * ratios["inertia_ratio"])
-    friction = ratios["gravity_per_s2"] * joint.load_coulomb_nm / joint.gravity_torque_nm
-    constants = np.array(
-        [n, joint.commanded_speed_rad_per_s, jm, ratios["stiffness_per_s2"], delta_rad, ratios["gravity_per_s2"],
-         friction, joint.torque_lag_s, rng.uniform(0, TURN), *second]
-    )  # fmt: skip
-    drive = np.array(
-        [ratios["position_gain_per_s"], *(jm * ratios[name] for name in (
-            "speed_gain_per_s", "integral_gain_per_s2", "derivative_gain", "leaky_gain_per_s2")),
-         ratios["leaky_rate_per_s"], joint.control_period_s]
-    )  # fmt: skip
-    turns = _TURNS + 2
-    steps = round(turns * joint.turn_period_s / _STEP_S)
-    position = _run(constants, drive, notch, steps, _STEP_S, round(joint.control_period_s / _STEP_S))
+    row = np.array([joint.ratios.get(name, 0.0) for name in turns.COLUMNS])
+    row[0], row[1] = delta_rad, joint.load_coulomb_nm / joint.gravity_torque_nm
+    steps = round((_TURNS + 2) * joint.turn_period_s / _STEP_S)
+    per_period = round(joint.control_period_s / _STEP_S)
+    position = _run(
+        row, joint.gear_ratio, joint.turn_period_s, rng.uniform(0, TURN), second, notch, steps, _STEP_S, per_period
+    )
     if not np.isfinite(position).all():
         raise ArithmeticError("diverged")
     every = round(SAMPLE_S / _STEP_S)
@@ -117,27 +93,30 @@ def _notch(frequency_hz: float, quality: float, period_s: float) -> FloatArray:
 
 
 @nb.njit(cache=True)
-def _rates(t, y, command, c):
+def _rates(t, y, command, c, friction, second):
     """Rates of motor, load, second load and torque; the load's whole inertia is 1."""
-    n, omega, jm, ks, delta, gravity, friction, lag, angle, share, frequency, damping = c
-    x = y[0] / n - y[2]
-    tau = ks * (x - delta) if x > delta else (ks * (x + delta) if x < -delta else 0.0)
-    turn = angle + omega / n * t
+    share, frequency, damping = second
+    x = y[0] / c.gear_ratio - y[2]
+    tau = c.ks * (x - c.delta) if x > c.delta else (c.ks * (x + c.delta) if x < -c.delta else 0.0)
+    turn = c.start_angle + c.omega / c.gear_ratio * t
     inner = share * frequency * (frequency * (y[2] - y[4]) + 2 * damping * (y[3] - y[5]))
-    first = (tau - friction - inner - (1 - share) * gravity * np.sin(turn + y[2])) / (1 - share)
-    second = inner / max(share, 1e-9) - gravity * np.sin(turn + y[4]) if share > 0 else 0.0
-    return np.array([y[1], (y[6] - tau / n) / jm, y[3], first, y[5], second, (command - y[6]) / lag])
+    first = (tau - friction - inner - (1 - share) * c.gravity * np.sin(turn + y[2])) / (1 - share)
+    far = inner / max(share, 1e-9) - c.gravity * np.sin(turn + y[4]) if share > 0 else 0.0
+    motor = (y[6] - tau / c.gear_ratio) / c.motor_inertia
+    return np.array([y[1], motor, y[3], first, y[5], far, (command - y[6]) / c.torque_lag])
 
 
 @nb.njit(cache=True, nogil=True)
-def _run(c, drive, notch, steps, step, per_period):
+def _run(row, n, turn_s, angle, second, notch, steps, step, per_period):
     """Motor position as deviation from the commanded motion, a row a step."""
-    kpos, kp, ki, kd, kw, rate, period = drive
+    c = turns.constants(row, n, turn_s, angle, None)
+    drive = turns.drive(row, n, per_period * step, 1.0)
+    friction = c.gravity * row[1]
     y = np.zeros(7)
-    y[6] = (c[5] * np.sin(c[8]) + c[6]) / c[0]
-    y[2] = -y[6] * c[0] / c[3] - np.sign(y[6]) * c[4]
+    y[6] = (c.gravity * np.sin(angle) + friction) / n
+    y[2] = -y[6] * n / c.ks - np.sign(y[6]) * c.delta
     y[4] = y[2]
-    integral, leaky, last_speed, last_position = y[6], 0.0, 0.0, 0.0
+    memory, now = np.array([y[6], 0.0, 0.0, 0.0]), np.empty(1)
     pending, command, past = y[6], y[6], np.full(4, y[6])
     out = np.empty(steps + 1)
     for i in range(steps + 1):
@@ -147,20 +126,15 @@ def _run(c, drive, notch, steps, step, per_period):
             out[i:] = np.nan
             break
         if i % per_period == 0:
-            speed = (y[0] - last_position) / period
-            error = -kpos * y[0] - speed
-            integral += ki * period * error
-            leaky -= period * (speed + rate * leaky)
-            wanted = kp * error + integral + kw * leaky - kd * (speed - last_speed) / period
-            last_speed, last_position = speed, y[0]
+            wanted = core.control(t, (y[0], y[1], y[2], y[3], y[6]), memory, now, i // per_period, drive, c)
             passed = (
                 notch[0] * wanted + notch[1] * past[0] + notch[2] * past[1] - notch[3] * past[2] - notch[4] * past[3]
             )
             past[1], past[0], past[3], past[2] = past[0], wanted, past[2], passed
             command, pending = pending, passed
-        k1 = _rates(t, y, command, c)
-        k2 = _rates(t + step / 2, y + step / 2 * k1, command, c)
-        k3 = _rates(t + step / 2, y + step / 2 * k2, command, c)
-        k4 = _rates(t + step, y + step * k3, command, c)
+        k1 = _rates(t, y, command, c, friction, second)
+        k2 = _rates(t + step / 2, y + step / 2 * k1, command, c, friction, second)
+        k3 = _rates(t + step / 2, y + step / 2 * k2, command, c, friction, second)
+        k4 = _rates(t + step, y + step * k3, command, c, friction, second)
         y = y + step / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
     return out

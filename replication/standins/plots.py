@@ -14,19 +14,7 @@ COLOURS = (BLUE, ORANGE, GREEN, PINK, SKY)
 
 @in_style
 def table3(table: pd.DataFrame, population: pd.DataFrame) -> Figure:
-    """Show Table 3: the stand-in's mean and SD, the printed ones, the known A, and what other benches give.
-
-    Parameters
-    ----------
-    table : DataFrame
-        From `bench_standin.table3`.
-    population : DataFrame
-        From `bench_standin.bench_population`.
-
-    Returns
-    -------
-    Figure
-    """
+    """Show Table 3: the stand-in's mean and SD, the printed ones, the known A, and what other benches give."""
     figure, axes = grid(figsize=(7.5, 4.5))
     axis = axes[0, 0]
     delta = 1e4 * table["delta_rad"].to_numpy()
@@ -55,17 +43,7 @@ def table3(table: pd.DataFrame, population: pd.DataFrame) -> Figure:
 
 @in_style
 def load_friction(study: pd.DataFrame) -> Figure:
-    """Show how the fitted A falls as Coulomb friction on the load grows.
-
-    Parameters
-    ----------
-    study : DataFrame
-        From `bench_standin.load_friction_study`.
-
-    Returns
-    -------
-    Figure
-    """
+    """Show how the fitted A falls as Coulomb friction on the load grows."""
     figure, axes = grid(figsize=(6.5, 3.6))
     axis = axes[0, 0]
     axis.plot(100 * study["friction_share"], study["change_percent"], "o-", color=BLUE)
@@ -76,19 +54,7 @@ def load_friction(study: pd.DataFrame) -> Figure:
 
 @in_style
 def wear(tests: pd.DataFrame, limit_rad: float) -> Figure:
-    """Show one bench's eight months as each sensor reads them, and how all benches' calls lie to the truth.
-
-    Parameters
-    ----------
-    tests : DataFrame
-        From `wear.wear_tests` and `wear.wear_tests_by_self`; the left part shows bench 0.
-    limit_rad : float
-        Backlash that calls for maintenance [rad].
-
-    Returns
-    -------
-    Figure
-    """
+    """Show one bench's eight months as each sensor reads them, and how all benches' calls lie to the truth."""
     figure, axes = grid(1, 2, figsize=(10.5, 4.4), width_ratios=(3, 2))
     left, right = axes[0]
     shown = tests[tests["bench"] == 0]
@@ -120,21 +86,7 @@ def wear(tests: pd.DataFrame, limit_rad: float) -> Figure:
 
 @in_style
 def robots(population: pd.DataFrame, curves: Mapping[str, tuple[pd.DataFrame, float]], marks: pd.DataFrame) -> Figure:
-    """Show A of healthy robots and of those with excessive backlash, and the ROC curve of a threshold on A.
-
-    Parameters
-    ----------
-    population : DataFrame
-        From `robots_standin.robot_population`.
-    curves : mapping of label to (DataFrame, float)
-        ROC curves from `robots_standin.roc`, each with its area; the first is that of `population`.
-    marks : DataFrame
-        Thresholds to mark: `name, threshold_rps, false_alarms, detected`.
-
-    Returns
-    -------
-    Figure
-    """
+    """Show A of healthy robots and of those with excessive backlash, and the ROC curve of a threshold on A."""
     figure, axes = grid(1, 2, figsize=(10.5, 4.6), width_ratios=(3, 2))
     left, right = axes[0]
     edges = np.linspace(0, 1.02 * population["A_rps"].max(), 40)
@@ -185,21 +137,7 @@ def robots(population: pd.DataFrame, curves: Mapping[str, tuple[pd.DataFrame, fl
 
 @in_style
 def robots_disturbance(sweep: pd.DataFrame, thresholds: Mapping[str, float], turn_hz: float) -> Figure:
-    """Show the A of a joint without backlash that a sinusoidal disturbance shakes.
-
-    Parameters
-    ----------
-    sweep : DataFrame
-        From `robots_standin.disturbed_healthy_joint`.
-    thresholds : mapping of name to amplitude [rps]
-        Lines across.
-    turn_hz : float
-        Frequency of the load's turn, whose odd multiples are marked [Hz].
-
-    Returns
-    -------
-    Figure
-    """
+    """Show the A of a joint without backlash that a sinusoidal disturbance shakes."""
     figure, axes = grid(figsize=(9.0, 4.6))
     axis = axes[0, 0]
     low, high = sweep["disturbance_hz"].min(), sweep["disturbance_hz"].max()

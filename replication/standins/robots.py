@@ -9,65 +9,32 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
 from replication import published
+from replication.arrays import FloatArray
 from replication.datasets import Recording
 from replication.simulator.parameters import TURN, Disturbance, JointParameters, identified_joint
 from replication.standins.joints import Bench, Spread, draw_bench, encoder_log, fitted_logs
 from replication.table2 import summarise_runs
-
-FloatArray = NDArray[np.float64]
 
 KINDS = ("healthy", "excessive")
 
 
 @dataclass(frozen=True)
 class RobotSpread:
-    """What a plant robot's axis 4 has besides a bench's spread; uniform between limits.
-
-    Attributes
-    ----------
-    bench : Spread
-        Spread of the joint itself.
-    gravity : tuple of float
-        Gravity torque over the bench's: axis 4 carries only the wrist and its tool.
-    couplings : int
-        Vibrations of the other joints that reach the axis as torques on its load.
-    coupling : float
-        Largest amplitude of each, over the axis's own m g r.
-    coupling_hz : tuple of float
-        Their frequencies [Hz].
-    healthy_rad, excessive_rad : tuple of float
-        Backlash of the two kinds [rad].
-    """
+    """What a plant robot's axis 4 has besides a bench's spread; uniform between limits."""
 
     bench: Spread = field(default_factory=Spread)
-    gravity: tuple[float, float] = (0.3, 0.8)
-    couplings: int = 3
-    coupling: float = 0.03
+    gravity: tuple[float, float] = (0.3, 0.8)  # torque over the bench's: axis 4 carries only the wrist and its tool
+    couplings: int = 3  # vibrations of the other joints that reach the axis as torques on its load
+    coupling: float = 0.03  # largest amplitude of each, over the axis's own m g r
     coupling_hz: tuple[float, float] = (2.5, 40.0)
     healthy_rad: tuple[float, float] = (0.0, 1e-4)
     excessive_rad: tuple[float, float] = (2e-4, 5e-4)
 
 
 def draw_robot(rng: np.random.Generator, spread: RobotSpread, kind: str) -> tuple[Bench, float]:
-    """Draw the axis 4 of a robot, and its backlash.
-
-    Parameters
-    ----------
-    rng : Generator
-        Where they come from.
-    spread : RobotSpread
-        How far they may lie.
-    kind : str
-        "healthy" or "excessive".
-
-    Returns
-    -------
-    Bench, float
-        The axis, and its backlash [rad].
-    """
+    """Draw the axis 4 of a robot, and its backlash."""
     bench = draw_bench(rng, spread.bench)
     joint = replace(bench.joint, load_mass_kg=bench.joint.load_mass_kg * rng.uniform(*spread.gravity))
     orders = rng.uniform(*spread.coupling_hz, spread.couplings) / joint.commanded_speed_rps
@@ -81,13 +48,7 @@ def draw_robot(rng: np.random.Generator, spread: RobotSpread, kind: str) -> tupl
 
 
 def table4_records(spread: RobotSpread, seed: int) -> list[tuple[dict, Recording]]:
-    """Log robots A and B: the first healthy and the first excessive one of a seed.
-
-    Returns
-    -------
-    list of (dict, Recording)
-        The dict says `robot, kind, delta_rad`.
-    """
+    """Log robots A and B: the first healthy and the first excessive one of a seed."""
     records = []
     for robot, kind in zip("AB", KINDS, strict=True):
         rng = np.random.default_rng((seed, KINDS.index(kind), 0))
@@ -97,19 +58,7 @@ def table4_records(spread: RobotSpread, seed: int) -> list[tuple[dict, Recording
 
 
 def table4(runs: pd.DataFrame) -> pd.DataFrame:
-    """Condense the runs on the two robots into Table 4, the printed columns beside.
-
-    Parameters
-    ----------
-    runs : DataFrame
-        From `experiments.repeated_fits` on `table4_records`.
-
-    Returns
-    -------
-    DataFrame
-        One row per robot: `source, robot, kind, delta_rad`, what `experiments.summarise_runs` gives of |A| without the
-        relative error, `printed_mean_A_rps` and `printed_sd_A_rps`.
-    """
+    """Condense the runs on the two robots into Table 4, the printed columns beside."""
     keys = ["robot", "kind", "delta_rad"]
     rows = []
     for values, part in runs.groupby(keys, sort=False):
@@ -129,22 +78,7 @@ def table4_cells(table: pd.DataFrame) -> dict[str, float]:
 
 
 def robot_population(each: int, spread: RobotSpread, seed: int) -> pd.DataFrame:
-    """Fit the logs of many robots of each kind; the first of each are robots A and B.
-
-    Parameters
-    ----------
-    each : int
-        Robots of each kind.
-    spread : RobotSpread
-        Their spread.
-    seed : int
-        Seed of robots and logs.
-
-    Returns
-    -------
-    DataFrame
-        `kind` and the columns of `standins.fitted_logs`.
-    """
+    """Fit the logs of many robots of each kind; the first of each are robots A and B."""
     kinds = [kind for kind in KINDS for _ in range(each)]
     seeds = [(seed, KINDS.index(kind), number) for kind in KINDS for number in range(each)]
     cases = [draw_robot(np.random.default_rng(stream), spread, kind) for stream, kind in zip(seeds, kinds, strict=True)]
@@ -154,19 +88,7 @@ def robot_population(each: int, spread: RobotSpread, seed: int) -> pd.DataFrame:
 
 
 def roc(healthy: FloatArray, excessive: FloatArray) -> pd.DataFrame:
-    """Receiver operating characteristic of the rule "A at or above a threshold is excessive backlash".
-
-    Parameters
-    ----------
-    healthy, excessive : arrays
-        A of the robots of each kind [rps].
-
-    Returns
-    -------
-    DataFrame
-        `threshold_rps, false_alarms, detected` (shares, growing), from a threshold that nothing reaches to one that
-        everything does; one row a distinct A.
-    """
+    """Receiver operating characteristic of the rule "A at or above a threshold is excessive backlash"."""
     thresholds = np.r_[np.inf, np.unique(np.concatenate([healthy, excessive]))[::-1]]
     shares = [np.mean(np.asarray(sample)[:, None] >= thresholds, axis=0) for sample in (healthy, excessive)]
     return pd.DataFrame({"threshold_rps": thresholds, "false_alarms": shares[0], "detected": shares[1]})
@@ -190,27 +112,7 @@ def shares_at(healthy: FloatArray, excessive: FloatArray, threshold_rps: float) 
 def disturbed_healthy_joint(
     frequencies_hz: Sequence[float], torque_shares: Sequence[float], gravity: float, noise_rps: float, seed: int
 ) -> pd.DataFrame:
-    """Fit a joint without backlash that one other joint shakes, over the disturbance's frequency and amplitude.
-
-    Parameters
-    ----------
-    frequencies_hz : sequence of float
-        Frequencies of the torque on the load [Hz].
-    torque_shares : sequence of float
-        Its amplitudes, over m g r.
-    gravity : float
-        Gravity torque over the identified joint's.
-    noise_rps : float
-        SD of the logged speed's noise [rps].
-    seed : int
-        Seed of the start angle and the noise, the same for all.
-
-    Returns
-    -------
-    DataFrame
-        `disturbance_hz, torque_share, disturbance_rps` (its amplitude in the log), the columns of
-        `standins.fitted_logs`, and `turns_used`: how many of the record's turns have a window of the fitted signature.
-    """
+    """Fit a joint without backlash that one other joint shakes, over the disturbance's frequency and amplitude."""
     identified = identified_joint()
     joint = replace(identified, load_mass_kg=gravity * identified.load_mass_kg)
     grid = [(0.0, 0.0), *((frequency, share) for share in torque_shares for frequency in frequencies_hz)]

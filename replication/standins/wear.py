@@ -6,8 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 import pandas as pd
 from joblib import Parallel, delayed
-from numpy.typing import NDArray
 
+from replication.arrays import FloatArray
 from replication.global_fit.fit import global_fit
 from replication.methods.calibration import Calibration, backlashes
 from replication.methods.self_calibration import SelfFit, fit_joint
@@ -15,22 +15,10 @@ from replication.methods.shared_joint import share_joint
 from replication.methods.spread import widened
 from replication.standins.joints import Bench, encoder_log
 
-FloatArray = NDArray[np.float64]
-
 
 @dataclass(frozen=True)
 class Wear:
-    """Backlash over the months under stress, delta(t) = first + (last - first) (t / duration)^exponent.
-
-    Attributes
-    ----------
-    first_rad, last_rad : float
-        Backlash on the first and on the last day [rad].
-    exponent : float
-        Above 1: wear speeds itself up.
-    duration_days, interval_days : float
-        How long, and how long from a test to the next [days].
-    """
+    """Backlash over the months under stress, delta(t) = first + (last - first) (t / duration)^exponent."""
 
     first_rad: float
     last_rad: float
@@ -55,19 +43,7 @@ class Wear:
 
 
 def draw_wear(rng: np.random.Generator, limit_rad: float) -> Wear:
-    """Draw a wear that starts well below a limit and passes it within the eight months.
-
-    Parameters
-    ----------
-    rng : Generator
-        Where it comes from.
-    limit_rad : float
-        Backlash that calls for maintenance [rad].
-
-    Returns
-    -------
-    Wear
-    """
+    """Draw a wear that starts well below a limit and passes it within the eight months."""
     first, last = limit_rad * rng.uniform(0.2, 0.5), limit_rad * rng.uniform(1.2, 1.6)
     return Wear(float(first), float(last), float(rng.uniform(1.0, 3.0)))
 
@@ -92,26 +68,7 @@ def wear_tests(
     limit_rad: float,
     seed: int,
 ) -> pd.DataFrame:
-    """Test worn benches every few weeks and read the backlash off each log.
-
-    Parameters
-    ----------
-    benches, wears : sequences
-        The benches, and how each wears.
-    calibrations : mapping of name to Calibration
-        The sensors.
-    limit_rad : float
-        Backlash that calls for maintenance [rad].
-    seed : int
-        Seed of the logs.
-
-    Returns
-    -------
-    DataFrame
-        One row per bench, test and sensor: `bench, sensor, day, delta_rad, A_rps, estimate_rad`, its 95 % interval
-        `low_rad, high_rad`, `truth_day` and `call_day`: when the truth reached the limit, and the first test whose
-        estimate did (NaN if none).
-    """
+    """Test worn benches every few weeks and read the backlash off each log."""
     tests = _tests(wears)
     jobs = [
         delayed(_read_log)(benches[number], delta, (seed, index), calibrations)
@@ -127,19 +84,7 @@ def wear_tests(
 
 
 def wear_tests_by_self(benches: Sequence[Bench], wears: Sequence[Wear], limit_rad: float, seed: int) -> pd.DataFrame:
-    """Read the logs of `wear_tests` by method "self": each alone, and with all logs of its bench until then.
-
-    Parameters
-    ----------
-    benches, wears, limit_rad, seed
-        As of `wear_tests`.
-
-    Returns
-    -------
-    DataFrame
-        As from `wear_tests`; the sensors are "self" and "self, shared joint", there is no A, and a log that gets no
-        answer has no row.
-    """
+    """Read the logs of `wear_tests` by method "self": each alone, and with all logs of its bench until then."""
     tests = _tests(wears)
     jobs = [delayed(_fit_log)(benches[number], delta, (seed, index)) for index, (number, _, delta) in enumerate(tests)]
     fits = Parallel(n_jobs=-1, batch_size=4)(jobs)
@@ -173,15 +118,7 @@ def _with_calls(rows: list[tuple], wears: Sequence[Wear], limit_rad: float) -> p
 
 
 def maintenance_calls(tests: pd.DataFrame) -> pd.DataFrame:
-    """Condense `wear_tests` into one row per sensor: how the calls lie to the truth.
-
-    Returns
-    -------
-    DataFrame
-        `sensor, benches, early, late, missed`, the median and largest `..._days` from the truth to the call (negative
-        is early), `mean_error_rad` and `sd_error_rad` of the estimates, and `covered_percent`: intervals of the tests
-        that hold the true backlash.
-    """
+    """Condense `wear_tests` into one row per sensor: how the calls lie to the truth."""
     rows = []
     for name, part in tests.groupby("sensor", sort=False):
         each = part.drop_duplicates("bench")

@@ -40,7 +40,7 @@ TESTS = (
     "tests/test_results.py::test_the_runs_of_table_2_spent_what_the_protocol_allows",
     "tests/test_signature.py::test_the_signature_at_the_stored_parameters_has_the_stored_misfit",
     "tests/test_signature.py::test_the_box_is_table_1",
-    "tests/test_simulated.py",
+    "tests/simulator/test_growth.py",
 )
 
 _JUDGED = "judged.csv"

@@ -89,13 +89,7 @@ def settable(notebook: nbformat.NotebookNode) -> list[str]:
 
 
 def with_parameters(notebook: nbformat.NotebookNode, values: Mapping[str, object]) -> nbformat.NotebookNode:
-    """Override values of a notebook's tagged parameters cell, by a cell inserted after it.
-
-    Raises
-    ------
-    ValueError
-        The notebook has no cell tagged `parameters`, or the cell does not set one of the names.
-    """
+    """Override values of a notebook's tagged parameters cell, by a cell inserted after it."""
     position = _parameters_cell(notebook)
     unknown = set(values) - set(settable(notebook))
     if unknown:
@@ -123,44 +117,9 @@ def execute(
     keeper: guard.Guard | None = None,
     progress: Callable[[int, int, str], None] = lambda cell, cells, text: None,
 ) -> list[float]:
-    """Execute a notebook; put what it exports and the executed copy in place if it ends well.
+    """Execute a notebook; put what it exports and the executed copy in place if it ends well; return seconds by cell.
 
     Everything goes to a staging folder first, so that a failing notebook leaves the last good results alone.
-
-    Parameters
-    ----------
-    source : Path
-        The `.py` source.
-    quick : bool
-        Run with the notebook's quick parameters, into `results/quick`.
-    destination : Path, optional
-        Root of the folders `results`, `figures` and `notebooks` that are written; the project's own by default.
-    parameters : mapping, optional
-        Values of its parameters, over the quick ones.
-    stall_s : float
-        A cell may take as long as it makes progress; this long without a sign of it ends the notebook [s].
-    environment : mapping, optional
-        Environment variables over `PINNED_ENVIRONMENT`.
-    keeper : Guard, optional
-        Looks after the kernel's processes.
-    progress : callable
-        Told the cell (from 1), the number of cells, and the last line of its progress bar, if any.
-
-    Returns
-    -------
-    list of float
-        How long each cell took [s].
-
-    Raises
-    ------
-    NotebookFailed
-        A cell failed or stalled, or the kernel died; the partial notebook is in `notebooks/partial`.
-    NotebookNotRun
-        The data that it needs are not to be had.
-    ValueError
-        It has no such parameter.
-    OSError
-        The results cannot be written.
     """
     destination = destination or (QUICK if quick else ROOT)
     notebook = read_notebook(source)

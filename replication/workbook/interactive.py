@@ -9,13 +9,6 @@ def sliders(draw: Callable[..., None], **ranges: tuple[float, float, float]) -> 
     """Draw a picture with a slider for each of its arguments.
 
     Without `ipywidgets` (in the extra `lab`), or in a run that makes the results, the picture is drawn once.
-
-    Parameters
-    ----------
-    draw : callable
-        Draws the picture from numbers given by name.
-    **ranges : tuple of float
-        Of each number, its value at first, its lowest and its highest.
     """
     if "REPLICATION_OUT" in os.environ or not find_spec("ipywidgets"):
         draw(**{name: first for name, (first, _, _) in ranges.items()})

@@ -11,13 +11,7 @@ from replication.workbook.judging import decided_claims, outcomes, verdicts
 
 
 def collect(results: Path) -> pd.DataFrame:
-    """Write `verdicts.csv`, `claims.csv` and `provenance.json` from what the notebooks exported.
-
-    Returns
-    -------
-    DataFrame
-        The verdicts.
-    """
+    """Write `verdicts.csv`, `claims.csv` and `provenance.json` from what the notebooks exported."""
     table = verdicts(results)
     write_csv(results / "verdicts.csv", table)
     claims = published.claims().reset_index()[["id", "claim", "section"]]
@@ -27,13 +21,7 @@ def collect(results: Path) -> pd.DataFrame:
 
 
 def stale(results: Path) -> dict[str, list[str]]:
-    """Find the notebooks whose results were made from sources that have changed since.
-
-    Returns
-    -------
-    dict
-        By notebook: the files of the project that are now others, or gone.
-    """
+    """Find the notebooks whose results were made from sources that have changed since."""
     now: dict[str, str] = {}
 
     def digest(name: str) -> str:

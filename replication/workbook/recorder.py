@@ -21,13 +21,7 @@ RECORDER = "notebook_recorder"  # its place in sys.modules
 
 
 def start(folders: Mapping[str, str]) -> None:
-    """Note the SHA-256 of every file below some folders at the moment when it is opened for reading.
-
-    Parameters
-    ----------
-    folders : mapping of str to str
-        Absolute folder by its name: "sources", the project, and "inputs", the authors' data.
-    """
+    """Note the SHA-256 of every file below some folders at the moment when it is opened for reading."""
     digests = {name: {} for name in folders}
     hashing = threading.local()
 
@@ -59,15 +53,7 @@ def _note_file(digests: dict[str, str], folder: Path, opened: str, flags: int) -
 
 
 def write(path: str, namespace: Mapping[str, object]) -> None:
-    """Write what was noted, the versions of the packages and the seeds among a notebook's variables.
-
-    Parameters
-    ----------
-    path : str
-        Where the JSON file goes.
-    namespace : mapping
-        The notebook's variables; those whose name ends in `seed` or `seeds` are seeds.
-    """
+    """Write what was noted, the versions of the packages and the seeds among a notebook's variables."""
     seeds = {name: value for name, value in namespace.items() if name.endswith(("seed", "seeds"))}
     loaded = {str(getattr(module, "__file__", "")) for module in list(sys.modules.values())}
     noted = sys.modules[RECORDER]

@@ -27,19 +27,7 @@ INTERRUPTS = (signal.SIGINT, signal.SIGTERM)
 
 @dataclass(frozen=True)
 class Ending:
-    """How a notebook ended.
-
-    Attributes
-    ----------
-    name : str
-        The notebook.
-    how : str
-        "done", "not run" (its data are not to be had) or "failed".
-    why : str
-        One line, empty if it is done.
-    seconds : tuple of float
-        How long each cell took [s].
-    """
+    """How a notebook ended: "done", "not run" (its data are not to be had) or "failed", and how long each cell took."""
 
     name: str
     how: str
@@ -55,28 +43,7 @@ def run(
     watched: int | None = None,
     destination: Path | None = None,
 ) -> list[Ending]:
-    """Execute notebooks; one that fails does not keep the others from running.
-
-    Parameters
-    ----------
-    sources : sequence of Path
-        The `.py` sources.
-    quick : bool
-        With their quick parameters, into `results/quick`.
-    stamps : Path, optional
-        Folder in which a notebook that is done leaves `<name>.done` and, for make, `<name>.d`.
-    stall_s : float
-        See `execution.execute`.
-    watched : int, optional
-        Process (make) without which this one ends.
-    destination : Path, optional
-        See `execution.execute`.
-
-    Returns
-    -------
-    list of Ending
-        In the order of the sources.
-    """
+    """Execute notebooks; one that fails does not keep the others from running."""
     destination = destination or (QUICK if quick else ROOT)
     _clear_staging(destination)
     # Noted, not raised: an exception in the middle of another line could leave a lock behind it closed.

@@ -6,7 +6,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from replication import characteristic, datasets, published, simulated, table2
+from replication import characteristic, datasets, published, table2
+from replication.simulator import growth
 from replication.simulator.parameters import identified_joint, with_ratios
 from replication.studies import bounds, inspection
 from replication.workbook import judging
@@ -121,10 +122,10 @@ def test_a_bound_that_is_off_loses_the_stored_first_generations(record_12, cell)
 
 def test_another_joint_has_other_peaks():
     joint = identified_joint()
-    levels = list(simulated.printed_amplitudes())
-    ours = simulated.amplitudes(joint, levels)["amplitude_rps"]
+    levels = list(growth.printed_amplitudes())
+    ours = growth.amplitudes(joint, levels)["amplitude_rps"]
     softer = with_ratios(joint, {"stiffness_per_s2": 0.8 * joint.ratios["stiffness_per_s2"]})
-    softer = simulated.amplitudes(softer, levels)["amplitude_rps"]
+    softer = growth.amplitudes(softer, levels)["amplitude_rps"]
     for row, (peak, other) in enumerate(zip(ours, softer, strict=True), start=1):
         assert verdict(f"table2.row{row:02d}.theoretical", peak, "simulated") == "reproduced"
         assert verdict(f"table2.row{row:02d}.theoretical", other, "simulated") == "differs"

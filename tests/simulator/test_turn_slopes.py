@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from replication.simulator.parameters import identified_joint
-from replication.simulator.sensitivities import turn_and_slopes
+from replication.simulator.turn_slopes import turn_and_slopes
 from replication.simulator.turns import COLUMNS, Movement, settled_turns
 
 MOVEMENT = Movement(40.0, 0.4)

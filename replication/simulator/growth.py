@@ -2,20 +2,12 @@
 
 from collections.abc import Sequence
 
-import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
 from replication import published
 from replication.datasets import Recording, level_delta_rad
 from replication.simulator.identification import FINE_S
-from replication.simulator.simulate import (
-    JointParameters,
-    settled_peak_rps,
-    simulate_many,
-)
-
-FloatArray = NDArray[np.float64]
+from replication.simulator.simulate import JointParameters, settled_peak_rps, simulate_many
 
 
 def printed_amplitudes() -> dict[float, float]:
@@ -25,13 +17,7 @@ def printed_amplitudes() -> dict[float, float]:
 
 
 def amplitudes(joint: JointParameters, deltas_rad: Sequence[float]) -> pd.DataFrame:
-    """Measure the theoretical A of the simulated joint: the settled peak before sampling at 2 ms.
-
-    Returns
-    -------
-    DataFrame
-        `delta_rad, amplitude_rps, sampled_rps`: the peak, and what of it the 2 ms samples show.
-    """
+    """Measure the theoretical A of the simulated joint: the settled peak before sampling at 2 ms."""
     fine = simulate_many(joint, deltas_rad, sample_s=FINE_S, step_s=FINE_S)
     coarse = simulate_many(joint, deltas_rad, step_s=FINE_S)
     rows = [
@@ -42,13 +28,7 @@ def amplitudes(joint: JointParameters, deltas_rad: Sequence[float]) -> pd.DataFr
 
 
 def disturbances(recordings: Sequence[Recording], deltas_rad: Sequence[float]) -> pd.DataFrame:
-    """Cut the third turn out of records: figure 11's signals.
-
-    Returns
-    -------
-    DataFrame
-        `delta_rad, time_s, disturbance_rps`, time from the beginning of the turn.
-    """
+    """Cut the third turn out of records: figure 11's signals."""
     parts = []
     for recording, delta in zip(recordings, deltas_rad, strict=True):
         begin, end = 2 * recording.turn_period_s, 3 * recording.turn_period_s

@@ -6,8 +6,8 @@ continuous, so the slopes pass from region to region without a jump.
 
 import numba as nb
 import numpy as np
-from numpy.typing import NDArray
 
+from replication.arrays import FloatArray
 from replication.simulator import core
 from replication.simulator.parameters import TURN
 from replication.simulator.turns import (
@@ -20,8 +20,6 @@ from replication.simulator.turns import (
     start,
     waves_of,
 )
-
-FloatArray = NDArray[np.float64]
 
 _P = len(COLUMNS)
 _DELTA, _FRICTION, _STIFFNESS, _GRAVITY, _INERTIA = range(5)
@@ -225,29 +223,11 @@ def turn_and_slopes(
     settled_rps: float,
     pushes: FloatArray | None = None,
 ) -> tuple[FloatArray, FloatArray, int]:
-    """Motor speed of a joint over one settled turn, and its slopes.
+    """Motor speed [rps] and load speed [rad/s] of a joint over one settled turn, the slopes, and the turns before it.
 
-    Parameters
-    ----------
-    row : array of shape (18,)
-        See `turns.COLUMNS`; the drive's speed and integral gain and the torque's lag are not 0.
-    movement, order, differencing
-        As of `turns.settled_turns`.
-    with_ripple : bool
-        The motor's torque has a ripple.
-    settled_rps : float
-        The turn has settled where the turns to come would change it by less than this (RMS) [rps].
-    pushes : array of shape (pushes, movement.periods), optional
-        What else may act on the load, as accelerations [rad/s^2] over a turn.
-
-    Returns
-    -------
-    turn : array of shape (2, movement.periods)
-        Motor speed as `turns.settled_turns` has it [rps], and the load's [rad/s]; NaN for a joint that runs away.
-    slopes : array of shape (18 + pushes, movement.periods)
-        The motor speed's derivatives by the columns [rps per the column's unit] and by the pushes [rps].
-    lead : int
-        Turns before the one that is returned: what was left of the start then changed the turn no more.
+    The slopes are the motor speed's derivatives by `COLUMNS` and by `pushes`, further accelerations of the load over a
+    turn. The turn has settled where turns to come would change it by less than `settled_rps` (RMS). The drive's speed
+    and integral gain and the torque's lag must not be 0; a joint that runs away gives NaN.
     """
     periods = movement.periods
     pushes = np.empty((0, periods)) if pushes is None else np.ascontiguousarray(pushes, dtype=float)
