@@ -45,35 +45,16 @@ class GlobalFit:
     outside and the first inside it, or as near to that as the box lets it, and the latest t0 before that start. If the
     record shows that the window starts or ends on a sample, X does so to the last bit. The amplitude is |A|, because
     (A, t0) and (-A, t0 + pi/omega) are the same signal, and always that of a window that starts midway.
-
-    Attributes
-    ----------
-    X : array of shape (7,)
-        Parameters in `signature.FREE_PARAMETERS` order.
-    rmse : float
-        Misfit, the paper's cost [rps].
-    turn_period_s : float
-        T_f of the protocol [s].
-    amplitude_rps : float
-        |A| for a window that starts midway between two samples [rps].
-    amplitude_interval_rps : tuple of float
-        Its 95 % confidence interval, if the signature is right and the noise white [rps].
-    at_bound : tuple of str
-        Names of the parameters at a bound of the box.
-    sign_flipped : bool
-        A is negative in X, so that `amplitude_rps` is -A.
-    rival_rps : tuple of float
-        |A| of other basins whose misfit is within 1 % and whose |A| lies outside the interval [rps].
     """
 
-    X: FloatArray
-    rmse: float
-    turn_period_s: float
-    amplitude_rps: float
-    amplitude_interval_rps: tuple[float, float]
-    at_bound: tuple[str, ...]
-    sign_flipped: bool
-    rival_rps: tuple[float, ...]
+    X: FloatArray  # in `signature.FREE_PARAMETERS` order
+    rmse: float  # the paper's cost [rps]
+    turn_period_s: float  # T_f of the protocol
+    amplitude_rps: float  # |A| for a window that starts midway between two samples
+    amplitude_interval_rps: tuple[float, float]  # 95 %, if the signature is right and the noise white
+    at_bound: tuple[str, ...]  # parameters at a bound of the box
+    sign_flipped: bool  # A is negative in X
+    rival_rps: tuple[float, ...]  # |A| of other basins: misfit within 1 %, |A| outside the interval
 
 
 @numba.njit(cache=True)
@@ -215,14 +196,8 @@ def global_fit(recording: Recording, protocol: Protocol | None = None) -> Global
     protocol : Protocol, optional
         Timing and box; the paper's search settings do not matter. By default the authors' notebook.
 
-    Returns
-    -------
-    GlobalFit
-
-    Raises
-    ------
-    ValueError
-        T_d is not half of T_f; the record is shorter than half a turn, constant, or sampled too rarely for any window.
+    Raises ------ ValueError T_d is not half of T_f; the record is shorter than half a turn, constant, or sampled too
+    rarely for any window.
     """
     protocol = Protocol() if protocol is None else protocol
     t, v = recording.t, recording.v
