@@ -198,10 +198,10 @@ def solve_or_zero(matrix, side):
 
 
 @numba.njit(cache=True)
-def descend(fold, limits, a, b, theta, steps, hold_t0=False):
+def descend(fold, limits, a, b, theta, steps):
     """Levenberg-Marquardt in theta = (t0, tau, omega), the window held; refined theta and its sum of squares."""
     low, high = np.empty(3), np.empty(3)
-    low[0], high[0] = (theta[0], theta[0]) if hold_t0 else t0_range(fold, limits, a, b)
+    low[0], high[0] = t0_range(fold, limits, a, b)
     low[1], high[1] = limits.tau
     low[2], high[2] = limits.omega
     theta = np.minimum(np.maximum(theta, low), high)
