@@ -26,7 +26,7 @@ from replication.simulator.recordings import simulate_recordings
 
 FloatArray = NDArray[np.float64]
 
-# Runs whose misfits differ by less are the same basin: gates of the window's end move the misfit by up to 0.15 %.
+# Runs whose misfits differ by less are the same basin: rounding at the window's end moves the misfit by up to 0.15 %.
 BASIN_GAP = 2e-3
 
 AUTHORS = Protocol()

@@ -11,6 +11,7 @@ from replication.compiled.misfit import population_rmse
 from replication.datasets import Recording
 from replication.global_fit.folding import (
     CLEARANCE_S,
+    Fold,
     Limits,
     best_misfit,
     descend,
@@ -21,7 +22,6 @@ from replication.global_fit.folding import (
     normal_equations,
     t0_range,
 )
-from replication.global_fit.gates import Fit, Record, at_bound, on_samples, part_fold
 from replication.global_fit.windows import (
     damping_frequency_grid,
     grid_search,
@@ -32,7 +32,7 @@ from replication.global_fit.windows import (
     turn_back,
 )
 from replication.identify import Protocol, protocol_box
-from replication.signature import FREE_PARAMETERS, signature
+from replication.signature import FREE_PARAMETERS, Timing, signature
 
 FloatArray = NDArray[np.float64]
 
@@ -42,38 +42,20 @@ class GlobalFit:
     """The best signature of a record.
 
     The same signal has many parameter vectors. Of these, X has the window's start midway between the last sample
-    outside and the first inside it, or as near to that as the box lets it, and the latest t0 before that start. If the
-    record shows that the window starts or ends on a sample, X does so to the last bit. The amplitude is |A|, because
-    (A, t0) and (-A, t0 + pi/omega) are the same signal, and always that of a window that starts midway.
-
-    Attributes
-    ----------
-    X : array of shape (7,)
-        Parameters in `signature.FREE_PARAMETERS` order.
-    rmse : float
-        Misfit, the paper's cost [rps].
-    turn_period_s : float
-        T_f of the protocol [s].
-    amplitude_rps : float
-        |A| for a window that starts midway between two samples [rps].
-    amplitude_interval_rps : tuple of float
-        Its 95 % confidence interval, if the signature is right and the noise white [rps].
-    at_bound : tuple of str
-        Names of the parameters at a bound of the box.
-    sign_flipped : bool
-        A is negative in X, so that `amplitude_rps` is -A.
-    rival_rps : tuple of float
-        |A| of other basins whose misfit is within 1 % and whose |A| lies outside the interval [rps].
+    outside and the first inside it, or as near to that as the box lets it, and the latest t0 before that start. The
+    amplitude is |A|, because (A, t0) and (-A, t0 + pi/omega) are the same signal. A window that starts or ends exactly
+    on a sample, so that rounding decides turn by turn whether it holds it, is not looked for: CMA-ES runs whose t0 ends
+    at its bound use that, for at most 0.15 % of the misfit.
     """
 
-    X: FloatArray
-    rmse: float
-    turn_period_s: float
-    amplitude_rps: float
-    amplitude_interval_rps: tuple[float, float]
-    at_bound: tuple[str, ...]
-    sign_flipped: bool
-    rival_rps: tuple[float, ...]
+    X: FloatArray  # in `signature.FREE_PARAMETERS` order
+    rmse: float  # the paper's cost [rps]
+    turn_period_s: float  # T_f of the protocol
+    amplitude_rps: float  # |A| for a window that starts midway between two samples
+    amplitude_interval_rps: tuple[float, float]  # 95 %, if the signature is right and the noise white
+    at_bound: tuple[str, ...]  # parameters at a bound of the box
+    sign_flipped: bool  # A is negative in X
+    rival_rps: tuple[float, ...]  # |A| of other basins: misfit within 1 %, |A| outside the interval
 
 
 @numba.njit(cache=True)
@@ -185,21 +167,19 @@ def _cost(minimum) -> float:
     return minimum[3]
 
 
-def _parameters(record: Record, fit: Fit) -> FloatArray:
-    """X of a fit: window edges in mid-gap unless they are on a sample, A and v_t projected."""
-    t, v, timing, limits, fold = record
-    t0, tau, omega = fit.theta
-    after = fold.x[fit.b + 1] if fit.b + 1 < fold.x.size else fold.x[fit.b] + fold.x[1] - fold.x[0]
-    T2 = (fold.x[fit.b] + min(after, t0 + limits.T2)) / 2 - t0 if fit.T2 is None else fit.T2
-    T1 = np.clip(middle_of_gap(fold, fit.a) - t0, 0.0, limits.T1) if fit.T1 is None else fit.T1
+def _parameters(t: FloatArray, v: FloatArray, timing: Timing, limits: Limits, fold: Fold, minimum) -> FloatArray:
+    """X of a minimum: window edges in mid-gap, A and v_t projected."""
+    a, b, (t0, tau, omega), _ = minimum
+    after = fold.x[b + 1] if b + 1 < fold.x.size else fold.x[b] + fold.x[1] - fold.x[0]
+    T2 = (fold.x[b] + min(after, t0 + limits.T2)) / 2 - t0
+    T1 = np.clip(middle_of_gap(fold, a) - t0, 0.0, limits.T1)
     X = np.array([1.0, t0, tau, omega, 0.0, T2, T1])
     unit = signature(t, X, timing)
     centred = unit - unit.mean()
     A = (centred * v).sum() / (centred * centred).sum()
-    if abs(A) > limits.A:
-        if fit.T1 is None:  # a later start in the same gap has a smaller A
-            X[6] = min(T1 + np.log(abs(A) / limits.A) / tau, limits.T1, fold.x[fit.a] - t0 - CLEARANCE_S)
-            unit = signature(t, X, timing)
+    if abs(A) > limits.A:  # a later start in the same gap has a smaller A
+        X[6] = min(T1 + np.log(abs(A) / limits.A) / tau, limits.T1, fold.x[a] - t0 - CLEARANCE_S)
+        unit = signature(t, X, timing)
         A = np.clip(A, -limits.A, limits.A)
     X[0], X[4] = A, v.mean() - A * unit.mean()
     return X
@@ -215,14 +195,8 @@ def global_fit(recording: Recording, protocol: Protocol | None = None) -> Global
     protocol : Protocol, optional
         Timing and box; the paper's search settings do not matter. By default the authors' notebook.
 
-    Returns
-    -------
-    GlobalFit
-
-    Raises
-    ------
-    ValueError
-        T_d is not half of T_f; the record is shorter than half a turn, constant, or sampled too rarely for any window.
+    Raises ------ ValueError T_d is not half of T_f; the record is shorter than half a turn, constant, or sampled too
+    rarely for any window.
     """
     protocol = Protocol() if protocol is None else protocol
     t, v = recording.t, recording.v
@@ -235,21 +209,18 @@ def global_fit(recording: Recording, protocol: Protocol | None = None) -> Global
     fold, minima = _minima(t, v, timing, limits)
     if not minima:
         raise ValueError(f"{recording.source}: {t.size} samples are too few for the signature's windows; sample faster")
-    record, between = Record(t, v, timing, limits, fold), Fit(*minima[0])
-    best = on_samples(record, between)
-    interval = _amplitude_interval(part_fold(record, best), limits, best.a, best.b, best.theta)
-    best = at_bound(record, best) if best is between else best
-    X = _parameters(record, best)
-    misfit = float(population_rmse(t, v, X[None, :], timing)[0])
-    rivals = (abs(_parameters(record, Fit(*m))[0]) for m in minima[1:] if m[3] < 1.01**2 * best.cost)
+    a, b, theta, cost = minima[0]
+    interval = _amplitude_interval(fold, limits, a, b, theta)
+    X = _parameters(t, v, timing, limits, fold, minima[0])
+    others = (_parameters(t, v, timing, limits, fold, m) for m in minima[1:] if m[3] < 1.01**2 * cost)
     near = np.minimum(X - box.lower, box.upper - X) <= 1e-6 * (box.upper - box.lower)
     return GlobalFit(
         X,
-        misfit,
+        float(population_rmse(t, v, X[None, :], timing)[0]),
         timing.T_f,
-        float(abs(X[0]) * np.exp(X[2] * (X[1] + X[6] - middle_of_gap(fold, best.a)))),
+        float(abs(X[0]) * np.exp(X[2] * (X[1] + X[6] - middle_of_gap(fold, a)))),
         interval,
         tuple(name for name, bound in zip(FREE_PARAMETERS, near, strict=True) if bound),
         bool(X[0] < 0),
-        tuple(float(rival) for rival in rivals if not interval[0] <= rival <= interval[1]),
+        tuple(float(abs(other[0])) for other in others if not interval[0] <= abs(other[0]) <= interval[1]),
     )

@@ -20,38 +20,21 @@ CLEARANCE_S = 1e-12
 
 
 class Fold(NamedTuple):
-    """A record folded on the signature's windows.
+    """A record folded on the signature's windows: arrays of shape (positions,).
 
-    Position x[i] after the first window's origin meets a sample in one or more of the 2 n windows; a window that
-    holds positions a to b is the sum over them, whatever the turn period is in samples.
-
-    Attributes
-    ----------
-    x : array of shape (positions,)
-        Instants [s] at which a first window's edge passes a sample of any window.
-    value : array of shape (positions,)
-        Sum over the windows of sign times (v - mean v) [rps].
-    count, sign : arrays of shape (positions,)
-        Samples there, and the sum of their signs.
-    pairs : array of shape (positions,)
-        Samples there that the preceding window holds too, if it reaches as far as `partner`.
-    partner, inverse : integer arrays of shape (positions,)
-        Position T_d later, and T_d earlier (-1 if there is none).
-    classes : int
-        Positions per sample interval.
-    scale : tuple of float
-        Sum of squares of v - mean v [rps^2], and the number of samples.
+    Position x[i] after the first window's origin meets a sample in one or more of the 2 n windows; a window that holds
+    positions a to b is the sum over them, whatever the turn period is in samples.
     """
 
-    x: FloatArray
-    value: FloatArray
-    count: FloatArray
-    sign: FloatArray
-    pairs: FloatArray
-    partner: NDArray[np.int64]
-    inverse: NDArray[np.int64]
-    classes: int
-    scale: tuple[float, float]
+    x: FloatArray  # instants [s] at which a first window's edge passes a sample of any window
+    value: FloatArray  # sum over the windows of sign times (v - mean v) [rps]
+    count: FloatArray  # samples there
+    sign: FloatArray  # sum of their signs
+    pairs: FloatArray  # samples there that the preceding window holds too, if it reaches as far as `partner`
+    partner: NDArray[np.int64]  # position T_d later, -1 if there is none
+    inverse: NDArray[np.int64]  # position T_d earlier, or -1
+    classes: int  # positions per sample interval
+    scale: tuple[float, float]  # sum of squares of v - mean v [rps^2], number of samples
 
 
 class Limits(NamedTuple):
@@ -66,25 +49,10 @@ class Limits(NamedTuple):
 
 
 def fold_record(t: FloatArray, v: FloatArray, timing: Timing, whole_samples: bool = False) -> Fold:
-    """Fold a record on the windows of a signature whose two oscillations lie half a turn apart.
+    """Fold an evenly sampled record on the windows of a signature whose two oscillations lie half a turn apart.
 
-    Parameters
-    ----------
-    t, v : array of shape (samples,)
-        Time [s], evenly sampled, and motor speed [rps].
-    timing : Timing
-        T_d, T_f and the number of turns.
-    whole_samples : bool
-        Round each window's delay to whole samples, for one position a sample: what a grid search can do with.
-
-    Returns
-    -------
-    Fold
-
-    Raises
-    ------
-    ValueError
-        T_d is not half of T_f.
+    With `whole_samples` each window's delay is rounded to whole samples, for one position a sample: what a grid search
+    can do with.
     """
     if abs(timing.T_d - timing.T_f / 2) > 1e-9 * timing.T_f:
         raise ValueError(f"T_d = {timing.T_d} s is not half of T_f = {timing.T_f} s: the turns do not fold")
@@ -230,13 +198,10 @@ def solve_or_zero(matrix, side):
 
 
 @numba.njit(cache=True)
-def descend(fold, limits, a, b, theta, steps, hold_t0=False):
-    """Levenberg-Marquardt in theta = (t0, tau, omega) with the window held at positions a to b.
-
-    Returns the refined theta and its sum of squares.
-    """
+def descend(fold, limits, a, b, theta, steps):
+    """Levenberg-Marquardt in theta = (t0, tau, omega), the window held; refined theta and its sum of squares."""
     low, high = np.empty(3), np.empty(3)
-    low[0], high[0] = (theta[0], theta[0]) if hold_t0 else t0_range(fold, limits, a, b)
+    low[0], high[0] = t0_range(fold, limits, a, b)
     low[1], high[1] = limits.tau
     low[2], high[2] = limits.omega
     theta = np.minimum(np.maximum(theta, low), high)
@@ -302,21 +267,6 @@ def _projected_rmse(fold, limit, population, dt):
 
 
 def projected_rmse(t: FloatArray, v: FloatArray, timing: Timing, limit: float) -> Callable[[FloatArray], FloatArray]:
-    """Make the misfit of (t0, tau, omega, T2, T1), each with its best A and v_t.
-
-    Parameters
-    ----------
-    t, v : arrays of shape (samples,)
-        Time [s], evenly sampled, and motor speed [rps].
-    timing : Timing
-        T_d, half of T_f, and the number of turns.
-    limit : float
-        Largest |A| [rps].
-
-    Returns
-    -------
-    callable
-        From an array of shape (members, 5) to misfits [rps] of shape (members,).
-    """
+    """Make the misfit [rps] of rows (t0, tau, omega, T2, T1), each with its best A up to `limit` and v_t."""
     fold, dt = fold_record(t, v, timing), (t[-1] - t[0]) / (t.size - 1)
     return lambda population: _projected_rmse(fold, limit, np.ascontiguousarray(population), dt)

@@ -11,20 +11,7 @@ from replication.table2 import table2_levels
 
 
 def global_table2(records: Sequence[tuple[dict, Recording]]) -> pd.DataFrame:
-    """The global fit of Table 2's records beside the printed means.
-
-    Parameters
-    ----------
-    records : sequence of (dict, Recording)
-        From `authors_table2_records`, one noise realisation.
-
-    Returns
-    -------
-    DataFrame
-        One row per record: `row, delta_rad, theoretical_A_rps, printed_mean_A_rps, printed_sd_A_rps, A_rps, low_rps,
-        high_rps, rmse_rps`, `error_percent` against the theoretical A, `against_printed_percent`, and the flags
-        `at_bound`, `sign_flipped`, `rivals`.
-    """
+    """The global fit of one realisation's `authors_table2_records` beside the printed means, a row each."""
     printed = {name: published.column("Table 2", name) for name in ("theoretical", "mean", "sd")}
     rows = []
     for key, recording in records:

@@ -40,14 +40,12 @@ def scan_edge(fold, limits, a, b, theta, move_start):
 
 
 @numba.njit(cache=True)
-def refine(fold, limits, a, b, theta, steps, rounds, hold_a=False, hold_b=False):
+def refine(fold, limits, a, b, theta, steps, rounds):
     """Alternate between descent and scans of the edges until nothing moves; returns a, b, theta, sum of squares."""
     theta, cost = descend(fold, limits, a, b, theta, steps)
     for _ in range(rounds):
         moved = False
         for move_start in (False, True):
-            if hold_a if move_start else hold_b:
-                continue
             new_a, new_b, new_cost = scan_edge(fold, limits, a, b, theta, move_start)
             if new_cost < cost and (new_a != a or new_b != b):
                 theta[0] = latest_t0(fold, limits, new_a, new_b, theta[0], theta[2])

@@ -38,50 +38,23 @@ class Backlash:
 
 @dataclass(frozen=True, eq=False)
 class Calibration:
-    """From the value that a method reads to the backlash, for one joint in one movement.
+    """From the value that a method reads to the backlash, for one joint in one movement."""
 
-    Attributes
-    ----------
-    method : str
-        The method that reads, and that read the calibration's own logs.
-    coefficients : tuple of float
-        Polynomial delta(value), from the constant upwards; empty for "waveform".
-    bank : WaveformBank or None
-        Waveforms of known backlash, for "waveform".
-    range_rad : tuple of float
-        Least and largest backlash of the logs it was made from [rad].
-    uncertainty_rad : float
-        RMS error of readings at inner levels that a calibration without them makes [rad], times Student's factor for
-        so few of them.
-    turn_period_s, commanded_speed_rps : float
-        The movement.
-    provenance : str
-        What it was made from.
-    """
-
-    method: str
-    coefficients: tuple[float, ...]
-    bank: WaveformBank | None
-    range_rad: tuple[float, float]
-    uncertainty_rad: float
+    method: str  # that reads, and that read the calibration's own logs
+    coefficients: tuple[float, ...]  # of delta(value), from the constant up; none for "waveform"
+    bank: WaveformBank | None  # for "waveform"
+    range_rad: tuple[float, float]  # least and largest backlash of its logs
+    uncertainty_rad: float  # RMS error at inner levels left out, times Student's factor for so few of them
     turn_period_s: float
     commanded_speed_rps: float
-    provenance: str
+    provenance: str  # what it was made from
 
     def delta_rad(self, value: float) -> float:
         """Backlash [rad] of a value, by the polynomial alone."""
         return float(Polynomial(self.coefficients)(value)) if self.bank is None else float(value)
 
     def backlash(self, reading: Reading) -> Backlash:
-        """Turn a reading into backlash.
-
-        The interval has the record's noise and, independent of it, the calibration's own uncertainty.
-
-        Raises
-        ------
-        ValueError
-            The reading is of another method.
-        """
+        """Turn a reading into backlash; the interval adds the record's noise and the calibration's uncertainty."""
         if reading.method != self.method:
             raise ValueError(f"a calibration of method {self.method} cannot use a reading of method {reading.method}")
         delta = self.delta_rad(reading.value)
@@ -110,20 +83,7 @@ class Calibration:
 
     @staticmethod
     def from_json(text: str, name: str) -> "Calibration":
-        """Read what `to_json` wrote.
-
-        Parameters
-        ----------
-        text : str
-            The content.
-        name : str
-            What to call it in an error.
-
-        Raises
-        ------
-        ValueError
-            It is no calibration; one line says what is wrong with it.
-        """
+        """Read what `to_json` wrote; a ValueError says in one line, after `name`, what is wrong with it."""
         try:
             content = json.loads(text)
             waves = content.get("waveforms")
@@ -200,25 +160,7 @@ def _uncertainty(errors_rad: FloatArray) -> float:
 
 
 def fit_polynomial(value: FloatArray, delta: FloatArray, method: str) -> tuple[tuple[float, ...], float]:
-    """Fit the cubic delta(value), equation 10's form.
-
-    Parameters
-    ----------
-    value, delta : arrays of shape (logs,)
-        What the method read, and the known backlash [rad].
-    method : str
-        What to call it in an error.
-
-    Returns
-    -------
-    tuple of float, float
-        Coefficients from the constant upwards, and the uncertainty by leaving out each inner level [rad].
-
-    Raises
-    ------
-    ValueError
-        The backlash does not grow with the value.
-    """
+    """Coefficients, from the constant up, of the cubic delta(value), and its leave-one-level-out error [rad]."""
     cubic = _fitted(value, delta)
     along = np.linspace(value.min(), value.max(), 400)
     if not (cubic.deriv()(along) > 0).all():
@@ -260,20 +202,14 @@ def calibrate(
     known_delta_rad : sequence of float
         Their backlashes [rad], six different ones or more.
     method : str
-        See `read`.
+        One of `METHODS`.
     provenance : str
         What the records are.
     repeats, seed : int
-        See `read`.
+        CMA-ES runs of "paper", and the seed of the first.
 
-    Returns
-    -------
-    Calibration
-
-    Raises
-    ------
-    ValueError
-        Too few levels, several movements, no finite or negative backlash, or no monotonic relation.
+    Raises ------ ValueError Too few levels, several movements, no finite or negative backlash, or no monotonic
+    relation.
     """
     delta = np.asarray(known_delta_rad, dtype=float)
     if delta.size != len(recordings) or not (np.isfinite(delta) & (delta >= 0)).all():
@@ -302,14 +238,8 @@ def calibrate(
 def default_calibration(method: str) -> Calibration:
     """Calibration of a method for the paper's joint.
 
-    "paper" has equation 10 with its printed coefficients, and for uncertainty the RMS error that it makes on simulated
-    records; the others are calibrated on simulated records, "amplitude" and "energy" over Table 2's range of backlash,
-    "waveform" a little beyond it.
-
-    Raises
-    ------
-    ValueError
-        No such method.
+    "paper" has equation 10 as printed, and the RMS error that it makes on simulated records; "amplitude" and "energy"
+    are calibrated on simulated records of Table 2's range of backlash, "waveform" a little beyond it.
     """
     if method not in METHODS:
         raise ValueError(f"method {method!r}: there are {', '.join(METHODS)}")

@@ -41,56 +41,20 @@ _NEIGHBOURS = 3
 
 @dataclass(frozen=True, eq=False)
 class TurnHarmonics:
-    """The mean settled turn of a record.
+    """The mean settled turn of a record: arrays of shape (harmonics,), without the first order and the motor's own."""
 
-    Attributes
-    ----------
-    order : array of shape (harmonics,)
-        Periods a turn; once a turn and the motor's own orders are left out.
-    coefficient : complex array of shape (harmonics,)
-        Of exp(i order angle), the angle being 0 where the record begins [rps].
-    sd : array of shape (harmonics,)
-        SD of the noise in the real and in the imaginary part, or of the model's error where that is larger [rps].
-    sample_rms_rps : float
-        RMS of a sample's noise, in the band of the harmonics [rps].
-    turns : int
-        Settled turns averaged.
-    unrest : float
-        Noise in the ring's band over that above it (medians of power): about 1 where turns repeat themselves, more
-        where each turn rings on into the next; 1 where there is hardly any noise.
-    is_quiet : bool
-        There is hardly any noise: `sd` is mostly the model's error.
-    lines : tuple of (float, float)
-        Sinusoids that were taken off: periods a turn, and amplitude [rps].
-    """
-
-    order: NDArray[np.int64]
-    coefficient: NDArray[np.complex128]
-    sd: FloatArray
-    sample_rms_rps: float
-    turns: int
-    unrest: float
-    is_quiet: bool
-    lines: tuple[tuple[float, float], ...]
+    order: NDArray[np.int64]  # periods a turn
+    coefficient: NDArray[np.complex128]  # of exp(i order angle), the angle 0 where the record begins [rps]
+    sd: FloatArray  # noise in each of its parts, or the model's error where that is larger [rps]
+    sample_rms_rps: float  # of a sample's noise in the band of the harmonics
+    turns: int  # settled turns averaged
+    unrest: float  # noise in the ring's band over that above it, about 1 where turns repeat or nothing is noisy
+    is_quiet: bool  # there is hardly any noise: `sd` is mostly the model's error
+    lines: tuple[tuple[float, float], ...]  # sinusoids taken off: periods a turn, and amplitude [rps]
 
 
 def turn_harmonics(recording: Recording) -> TurnHarmonics:
-    """Average a record's settled turns in the frequency domain.
-
-    Parameters
-    ----------
-    recording : Recording
-        Three turns or more; the first is left out.
-
-    Returns
-    -------
-    TurnHarmonics
-
-    Raises
-    ------
-    ValueError
-        Fewer than three turns, or fewer than 16 samples in one; a speed that does not vary.
-    """
+    """Average a record's settled turns in the frequency domain; refuse it where too short, coarse or still."""
     dt, period = recording.sample_s, recording.turn_period_s
     phase, v = _at_rest(*settled(recording), period)
     turns = int((phase[-1] - phase[0]) + dt / period + 1e-6)

@@ -36,37 +36,16 @@ _FIRST_FRICTION = (0.0, 0.1, 0.2, 0.3)
 
 @dataclass(frozen=True)
 class JointMatch:
-    """A record matched by the simulated joint.
-
-    Attributes
-    ----------
-    delta_rad : float
-        Backlash [rad].
-    interval_rad : tuple of float
-        Its 95 % interval, if the joint is right and the noise white [rad].
-    nuisances : dict
-        What was found of the free nuisances, as `changed` takes them.
-    rmse_rps : float
-        Misfit to the settled turns [rps].
-    """
+    """A record matched by the simulated joint; the 95 % interval holds if the joint is right and the noise white."""
 
     delta_rad: float
     interval_rad: tuple[float, float]
-    nuisances: dict[str, float]
-    rmse_rps: float
+    nuisances: dict[str, float]  # the free ones, as `changed` takes them
+    rmse_rps: float  # misfit to the settled turns
 
 
 def changed(joint: JointParameters, nuisances: Mapping[str, float]) -> JointParameters:
-    """Change what may be unknown of a joint.
-
-    Parameters
-    ----------
-    joint : JointParameters
-        As identified.
-    nuisances : mapping
-        `start_angle`: added to the start angle [rad]. `friction`: Coulomb friction of the load, as a share of the
-        gravity torque. `load`: factor of the point load's mass, and with it of the load's inertia.
-    """
+    """Joint with start angle added [rad], friction as a share of gravity's torque, load mass and inertia scaled."""
     unknown = set(nuisances) - set(NUISANCES)
     if unknown:
         raise ValueError(f"no such nuisance: {', '.join(sorted(unknown))}; there are {', '.join(NUISANCES)}")
@@ -105,26 +84,7 @@ def _start(joint: JointParameters, target: FloatArray, free: Sequence[str]) -> d
 
 
 def match_joint(recording: Recording, joint: JointParameters, free: Sequence[str] = ()) -> JointMatch:
-    """Find the backlash with which the simulated joint repeats a record's settled turns.
-
-    Parameters
-    ----------
-    recording : Recording
-        The record. Unless `start_angle` is free, it starts where the joint does.
-    joint : JointParameters
-        The joint, in the record's movement.
-    free : sequence of str
-        Which of `NUISANCES` are not known.
-
-    Returns
-    -------
-    JointMatch
-
-    Raises
-    ------
-    ValueError
-        The record is shorter than a turn; no such nuisance.
-    """
+    """Find backlash, and the `free` ones of `NUISANCES`, with which the joint repeats a record's settled turns."""
     changed(joint, dict.fromkeys(free, 1.0))
     turns, v = settled(recording)
     centred = v - v.mean()

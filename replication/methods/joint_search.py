@@ -33,10 +33,7 @@ _MOST_DROPPED = 3
 
 @dataclass(frozen=True, eq=False)
 class Peak:
-    """A maximum of the posterior: unknowns, covariance, residual, logarithm of the evidence but for a constant.
-
-    `differencing` says whether the drive differences its encoder.
-    """
+    """A maximum of the posterior: `evidence` is a logarithm, `differencing` says what the drive does."""
 
     z: FloatArray
     covariance: FloatArray
@@ -49,7 +46,7 @@ class Peak:
 def find_peak(problem: Problem, z: FloatArray, smoothing: tuple[float, float], cost: float = np.inf) -> Peak:
     """Maximum of the posterior near `z` under another prior of the smoothing, mean and SD.
 
-    It is not looked for to the end, and has no evidence, where a few steps leave it far above `cost`.
+    Without evidence, and not looked for to the end, where a few steps leave it far above `cost`.
     """
     _, slopes = problem.slopes(z, SIZE)
     covariance = np.linalg.inv(slopes @ slopes.T)

@@ -21,38 +21,17 @@ _AUTHORS = Protocol()
 
 @dataclass(frozen=True)
 class Reading:
-    """What one method read off a record.
+    """What one method read off a record."""
 
-    Attributes
-    ----------
-    method : str
-        One of `METHODS`, or "impact".
-    value : float
-        |A| [rps] for "paper" and "amplitude", the signature's RMS [rps] for "energy", the oscillation's first
-        instant t0 [s] for "impact", the backlash itself [rad] for "waveform".
-    interval : tuple of float
-        95 % interval of the value from the record's noise; for "paper" the spread of the searches instead.
-    amplitude_rps, amplitude_interval_rps : float, tuple of float
-        |A| and its interval [rps].
-    rmse_rps : float
-        Misfit of the signature; of the waveform for that method [rps].
-    turn_period_s : float
-        T_f of the record [s].
-    at_bound : tuple of str
-        What lies at a bound of its search.
-    shift_turns : float
-        For "waveform", the phase of the record against the bank [turns].
-    """
-
-    method: str
-    value: float
-    interval: tuple[float, float]
+    method: str  # one of `METHODS`, or "impact"
+    value: float  # |A| or RMS [rps], for "impact" t0 [s], for "waveform" the backlash [rad]
+    interval: tuple[float, float]  # 95 %, from the record's noise; for "paper" the spread of the searches
     amplitude_rps: float
     amplitude_interval_rps: tuple[float, float]
-    rmse_rps: float
-    turn_period_s: float
-    at_bound: tuple[str, ...] = ()
-    shift_turns: float = 0.0
+    rmse_rps: float  # misfit of the signature, or of the waveform
+    turn_period_s: float  # T_f
+    at_bound: tuple[str, ...] = ()  # what lies at a bound of its search
+    shift_turns: float = 0.0  # for "waveform", the phase of the record against the bank
 
 
 def protocol_for(recording: Recording) -> Protocol:
@@ -65,13 +44,9 @@ def protocol_for(recording: Recording) -> Protocol:
 
 
 def signature_rms(recording: Recording, fit: GlobalFit, protocol: Protocol) -> tuple[float, tuple[float, float]]:
-    """RMS of the fitted signature, root of its mean power, over the whole turns from t0 on [rps].
+    """RMS of the fitted signature over the whole turns from t0 on, and its 95 % interval [rps].
 
-    Returns
-    -------
-    float, tuple of float
-        The RMS and its 95 % interval: white noise of SD s in n samples moves it by s / sqrt(n), because only its part
-        along the signature counts.
+    White noise of SD s in n samples moves it by s / sqrt(n), because only its part along the signature counts.
     """
     timing = replace(protocol, T_f=fit.turn_period_s, T_d=fit.turn_period_s / 2).timing
     since = (recording.t - fit.X[1]) / fit.turn_period_s
@@ -82,10 +57,7 @@ def signature_rms(recording: Recording, fit: GlobalFit, protocol: Protocol) -> t
 
 
 def _impact(recording: Recording, fit: GlobalFit) -> tuple[float, tuple[float, float]]:
-    """First instant t0 of the oscillation within half a turn, as far as the box's bound lets it [s].
-
-    Its interval is that of a sine of this amplitude and damping in white noise, half a turn long.
-    """
+    """First instant t0 of the oscillation within half a turn [s], and the interval of half a turn in white noise."""
     A, t0, tau, omega = fit.X[:4]
     oscillations = 2 * (recording.t[-1] - recording.t[0]) / fit.turn_period_s
     deviation = fit.rmse * np.sqrt(4 * tau * recording.sample_s / oscillations) / (abs(A) * omega)
@@ -109,27 +81,9 @@ def read(
     repeats: int = 30,
     seed: int = 1,
 ) -> Reading:
-    """Read a method's value off a record.
+    """Value that a method reads off a record; "waveform" needs a bank, "paper" runs `repeats` searches from `seed` on.
 
-    Parameters
-    ----------
-    recording : Recording
-        The record; its turn period scales the protocol.
-    method : str
-        One of `METHODS`, or "impact", which needs records that all start at the same angle of the load.
-    bank : WaveformBank, optional
-        For "waveform".
-    repeats, seed : int
-        CMA-ES runs of "paper", and the seed of the first.
-
-    Returns
-    -------
-    Reading
-
-    Raises
-    ------
-    ValueError
-        The record is too short or constant; no such method; no bank for "waveform".
+    "impact" needs records that all start at the same angle of the load.
     """
     if method not in (*METHODS, "impact") or (method == "waveform") != (bank is not None):
         raise ValueError(f"method {method!r}: there are {', '.join(METHODS)}, and waveform alone needs a bank")
@@ -139,10 +93,7 @@ def read(
 
 
 def reading_of_fit(recording: Recording, method: str, fit: GlobalFit, bank: WaveformBank | None = None) -> Reading:
-    """Read a method's value off a record whose global fit is there, as in `read`.
-
-    "paper" takes the fit's amplitude here: the searches are for the same one.
-    """
+    """Reading of a record whose global fit is there; "paper" takes its amplitude, which the searches look for."""
     rmse, at_bound, shift = fit.rmse, fit.at_bound, 0.0
     if method in ("paper", "amplitude"):
         value, interval = fit.amplitude_rps, fit.amplitude_interval_rps

@@ -24,19 +24,10 @@ _PROBABILITY, _SHARE = 0.5, 0.1
 
 
 def pushes(load_speed: FloatArray, gravity_per_s2: float, movement: Movement) -> FloatArray:
-    """What second masses do to the load, per share of the load's inertia [rad/s^2], shape (rings, phases).
+    """What second masses do to the load, per share of its inertia [rad/s^2], shape (rings, phases).
 
     A mass hangs on the load by a spring and swings by z'' + 2 zeta w z' + w^2 z = -(x'' + g sin), z being its angle
-    from the load's and x the load's; it pushes the load with -z''.
-
-    Parameters
-    ----------
-    load_speed : array of shape (phases,)
-        Deviation of the load's speed over a turn [rad/s].
-    gravity_per_s2 : float
-        m g r over the load's inertia.
-    movement : Movement
-        The turn.
+    from the load's and x the load's, whose speed [rad/s] is given over a turn; it pushes the load with -z''.
     """
     phases = load_speed.size
     w = 2 * np.pi * np.arange(phases // 2 + 1) / movement.turn_period_s
@@ -47,21 +38,9 @@ def pushes(load_speed: FloatArray, gravity_per_s2: float, movement: Movement) ->
 
 
 def with_second_mass(problem: Problem, peak: Peak) -> tuple[list[tuple[float, Peak]], float, float]:
-    """The posterior with a second mass of each ring beside the one without.
+    """The posterior without a second mass, then with one of each ring: logarithms of the prior probability, and peaks.
 
-    Parameters
-    ----------
-    problem : Problem
-        As it was where the peak was found.
-    peak : Peak
-        The posterior's maximum without a second mass.
-
-    Returns
-    -------
-    list of (float, Peak)
-        Logarithm of the prior probability, and the peak: without a second mass, then with each.
-    float, float
-        Probability that noise alone shows a second mass as clearly as the clearest, and where that rings [Hz].
+    Also the probability that noise alone shows a second mass as clearly as the clearest, and where that rings [Hz].
     """
     residual, slopes = problem.slopes(peak.z)
     columns = problem.push_slopes(peak.z, pushes)

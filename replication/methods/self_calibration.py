@@ -47,57 +47,24 @@ _NORMAL_95 = 1.96
 
 @dataclass(frozen=True, eq=False)
 class SelfFit:
-    """A joint fitted to a record, and what that says of its backlash.
-
-    Attributes
-    ----------
-    delta_rad, interval_rad : float, tuple of float
-        Backlash and its 95 % interval [rad].
-    sd_rad : float
-        Posterior SD of the backlash, before it was widened for what the residual says [rad].
-    ring_hz, damping : float
-        Slowest oscillation of the joint with its teeth in contact: frequency, and damping ratio.
-    friction : float
-        Friction of the load over m g r.
-    ratios : dict
-        What was found of `JointParameters.ratios`.
-    smoothing : float
-        Of the measured speed, 1 for differencing over a sampling period.
-    unknowns, covariance : arrays of shape (unknowns,) and (unknowns, unknowns)
-        The posterior's maximum and covariance in the order of `joint_posterior.UNKNOWNS`: backlash [1e-4 rad], phase
-        [rad], friction, logarithms of the ratios, smoothing, transmission error [1e-5 rad], the motor's ripple [%].
-    misfit : float
-        Mean square of the whitened residual, 1 for a joint that is right; of what exceeds the model's largest error,
-        in a record with hardly any noise.
-    worst_phase : float
-        Where in the turn the joint fits worst [turns, from the load hanging down].
-    unrest : float
-        See `harmonics.TurnHarmonics`.
-    peaks : tuple of (float, Peak)
-        The posterior's parts, as the speed most probably was measured: logarithm of the prior probability, and the
-        peak; without a second mass, then with one of each ring.
-    turn_rps : array of shape (phases,)
-        Fitted speed less its mean over one turn from the record's first sample [rps].
-    doubt : str
-        Why this is no answer; empty if it is one.
-    """
+    """A joint fitted to a record, and what that says of its backlash."""
 
     delta_rad: float
-    interval_rad: tuple[float, float]
-    sd_rad: float
-    ring_hz: float
-    damping: float
-    friction: float
-    ratios: dict[str, float]
-    smoothing: float
-    unknowns: FloatArray
-    covariance: FloatArray
-    misfit: float
-    worst_phase: float
-    unrest: float
-    peaks: tuple[tuple[float, Peak], ...]
-    turn_rps: FloatArray
-    doubt: str = ""
+    interval_rad: tuple[float, float]  # 95 %
+    sd_rad: float  # of the posterior, before it was widened for what the residual says
+    ring_hz: float  # slowest oscillation with the teeth in contact
+    damping: float  # its damping ratio
+    friction: float  # of the load over m g r
+    ratios: dict[str, float]  # of `JointParameters.ratios`
+    smoothing: float  # of the measured speed, 1 for differencing over a sampling period
+    unknowns: FloatArray  # the posterior's maximum, in the order of `joint_posterior.UNKNOWNS`
+    covariance: FloatArray  # about it
+    misfit: float  # mean square of the whitened residual, 1 if right; of a quiet record, beyond the model's error
+    worst_phase: float  # where the joint fits worst [turns, from the load hanging down]
+    unrest: float  # see `harmonics.TurnHarmonics`
+    peaks: tuple[tuple[float, Peak], ...]  # by log prior probability: no second mass, then one of each ring
+    turn_rps: FloatArray  # fitted speed less its mean, at even phases from the record's first sample
+    doubt: str = ""  # why this is no answer; empty if it is one
 
 
 def fit_joint(recording: Recording) -> SelfFit:
@@ -108,15 +75,9 @@ def fit_joint(recording: Recording) -> SelfFit:
     recording : Recording
         Three turns or more at constant speed.
 
-    Returns
-    -------
-    SelfFit
-        Its `doubt` says whether it may be believed.
+    Returns ------- SelfFit Its `doubt` says whether it may be believed.
 
-    Raises
-    ------
-    ValueError
-        The record is too short or too coarse.
+    Raises ------ ValueError The record is too short or too coarse.
     """
     problem, harmonics = posed(recording)
     z, converged = find_joint(problem, harmonics)

@@ -25,18 +25,9 @@ _NORMAL_95 = 1.96
 
 
 def share_joint(fits: Sequence[SelfFit]) -> list[tuple[float, tuple[float, float]]]:
-    """Backlash of each log, the joint told by all of them.
+    """Backlash and 95 % interval [rad] of each log of one joint in one movement, the joint told by all of them.
 
-    Parameters
-    ----------
-    fits : sequence of SelfFit
-        Of logs of one joint in one movement, none in doubt.
-
-    Returns
-    -------
-    list of (float, (float, float))
-        Backlash and its 95 % interval [rad], in the order of the logs. An interval that was widened for its residual
-        stays wider by the same factor.
+    An interval that was widened for its residual stays wider by the same factor.
     """
     fits = _of_one_load(fits)
     prior = np.diag(SD[_SHARED] ** -2.0)

@@ -19,17 +19,7 @@ def shares() -> dict[str, float]:
 
 
 def widened(method: str, delta_rad: float, interval_rad: tuple[float, float]) -> tuple[float, float]:
-    """Interval of a backlash [rad] with the spread of joints added to what the record's noise makes it.
-
-    Parameters
-    ----------
-    method : str
-        "paper", "amplitude", "energy" or "waveform".
-    delta_rad : float
-        Backlash by the paper's joint's calibration [rad].
-    interval_rad : tuple of float
-        Its 95 % interval, had the log's joint been that one [rad].
-    """
+    """Interval [rad] of a backlash by the paper's joint's calibration, the spread of joints added to the noise."""
     other = shares()[method] * delta_rad
     low, high = interval_rad
     return float(delta_rad - np.hypot(delta_rad - low, other)), float(delta_rad + np.hypot(high - delta_rad, other))

@@ -29,18 +29,10 @@ def periodic(turn: FloatArray) -> CubicSpline:
 
 @dataclass(frozen=True, eq=False)
 class WaveformBank:
-    """Settled waveforms of one joint at known backlashes, aligned with one another.
+    """Settled waveforms of one joint at known backlashes, aligned with one another."""
 
-    Attributes
-    ----------
-    delta_rad : array of shape (levels,)
-        Backlash [rad], increasing.
-    waveform_rps : array of shape (levels, phases)
-        Motor speed less its mean over one turn [rps], at even phases from 0.
-    """
-
-    delta_rad: FloatArray
-    waveform_rps: FloatArray
+    delta_rad: FloatArray  # increasing, shape (levels,)
+    waveform_rps: FloatArray  # less its mean, at even phases from 0, shape (levels, phases)
 
     @cached_property
     def _coefficients(self) -> FloatArray:
@@ -71,27 +63,13 @@ class WaveformBank:
 
 @dataclass(frozen=True)
 class WaveformMatch:
-    """A record matched against a bank.
-
-    Attributes
-    ----------
-    delta_rad : float
-        Backlash [rad].
-    interval_rad : tuple of float
-        Its 95 % interval, if the bank is right and the noise white [rad].
-    shift_turns : float
-        Phase of the record against the bank [turns], 0 to 1.
-    rmse_rps : float
-        Misfit [rps].
-    at_end : bool
-        The backlash is the bank's first or last.
-    """
+    """A record matched against a bank; the 95 % interval holds if the bank is right and the noise white."""
 
     delta_rad: float
     interval_rad: tuple[float, float]
-    shift_turns: float
+    shift_turns: float  # phase of the record against the bank, 0 to 1
     rmse_rps: float
-    at_end: bool
+    at_end: bool  # the backlash is the bank's first or last
 
 
 def settled(recording: Recording) -> tuple[FloatArray, FloatArray]:
@@ -108,13 +86,7 @@ def samples_a_turn(recording: Recording) -> int:
 
 
 def mean_turn(recording: Recording, phases: int) -> FloatArray:
-    """Mean settled turn of a record less its mean [rps], at `phases` even phases from 0; empty ones interpolated.
-
-    Raises
-    ------
-    ValueError
-        The record is shorter than a turn, or has fewer samples in a turn than `phases`.
-    """
+    """Mean settled turn of a record less its mean [rps], at `phases` even phases from 0; empty ones interpolated."""
     turns, v = settled(recording)
     dt = (turns[-1] - turns[0]) / (turns.size - 1)
     if turns[-1] - turns[0] < 1 - 1.5 * dt or dt * phases > 1 + 1e-6:
@@ -148,24 +120,7 @@ def _best_shift(waveforms: FloatArray, turn: FloatArray) -> tuple[int, float]:
 
 
 def make_bank(delta_rad: Sequence[float], turns_rps: Sequence[FloatArray]) -> WaveformBank:
-    """Align waveforms of known backlash with one another; those of one backlash are averaged.
-
-    Parameters
-    ----------
-    delta_rad : sequence of float
-        Backlash of each waveform [rad].
-    turns_rps : sequence of arrays of shape (phases,)
-        One turn each, from `mean_turn`, at whatever phase they start.
-
-    Returns
-    -------
-    WaveformBank
-
-    Raises
-    ------
-    ValueError
-        Fewer than six different backlashes.
-    """
+    """Align waveforms (from `mean_turn`, at any phase) of known backlash; those of one backlash are averaged."""
     order = np.argsort(delta_rad, kind="stable")
     aligned: dict[float, list[FloatArray]] = {}
     for k in order:
@@ -180,24 +135,7 @@ def make_bank(delta_rad: Sequence[float], turns_rps: Sequence[FloatArray]) -> Wa
 
 
 def match(recording: Recording, bank: WaveformBank) -> WaveformMatch:
-    """Find the backlash and the phase at which a bank's waveform comes nearest to a record's settled turns.
-
-    Parameters
-    ----------
-    recording : Recording
-        The record; its first turn is left out if it has three or more.
-    bank : WaveformBank
-        Of the same joint in the same movement.
-
-    Returns
-    -------
-    WaveformMatch
-
-    Raises
-    ------
-    ValueError
-        The record is shorter than a turn, or sampled less than 16 times in it.
-    """
+    """Find the backlash and the phase at which a bank's waveform comes nearest to a record's settled turns."""
     turns, v = settled(recording)
     phases = min(max(samples_a_turn(recording), 16), bank.waveform_rps.shape[1])
     grid = np.linspace(0.0, 1.0, phases, endpoint=False)

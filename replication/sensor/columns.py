@@ -35,10 +35,8 @@ class LogFormat:
         Columns, by name or by number from 1; of speed and position at most one.
     unit : str or None
         Unit of the speed, one of `UNITS`; of a position the turns, radians or counts that go with it.
-    counts_per_turn : float or None
-        Encoder counts of a motor turn.
-    commanded_speed_rps : float or None
-        Commanded motor speed [rps].
+    counts_per_turn, commanded_speed_rps : float or None
+        Encoder counts of a motor turn; commanded motor speed [rps].
     turn_period_s, gear_ratio : float or None
         Period of a load turn [s], or motor turns in it; one is needed.
     usual_speed_rps : float or None
@@ -56,13 +54,7 @@ class LogFormat:
     usual_speed_rps: float | None = None
 
     def __post_init__(self):
-        """Refuse what no log could be read with.
-
-        Raises
-        ------
-        UnusableLog
-            One line says what.
-        """
+        """Refuse what no log could be read with, in one line."""
         numbers = ("counts_per_turn", "commanded_speed_rps", "turn_period_s", "gear_ratio")
         for name in numbers:
             value = getattr(self, name)

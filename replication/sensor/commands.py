@@ -111,13 +111,7 @@ def _settings(options: argparse.Namespace) -> Settings:
 
 
 def read_calibration(path: Path) -> Calibration:
-    """Read a calibration file.
-
-    Raises
-    ------
-    UnusableLog
-        It is none.
-    """
+    """Read a calibration file; refuse in one line what is none."""
     try:
         return Calibration.from_json(_small_text(path), str(path))
     except ValueError as error:

@@ -23,13 +23,7 @@ Logs = dict[int, Path]
 
 
 def find_logs(paths: Sequence[Path]) -> list[Path]:
-    """List the logs that files and folders stand for, folders with all that is below them, each log once.
-
-    Raises
-    ------
-    UnusableLog
-        A folder holds none.
-    """
+    """Logs that files and folders stand for, folders with all below them, each once; an empty folder is refused."""
     found: dict[Path, Path] = {}
     for path in paths:
         inside = [path]

@@ -16,21 +16,7 @@ _SHOWN_TURNS = 3
 
 @in_style
 def estimate_figure(recording: Recording, model_rps: FloatArray, title: str) -> Figure:
-    """Show three turns in the middle of a record with the fitted model, and what is left of the whole record.
-
-    Parameters
-    ----------
-    recording : Recording
-        The record.
-    model_rps : array of shape (samples,)
-        The model at its samples [rps].
-    title : str
-        The answer, in a line.
-
-    Returns
-    -------
-    Figure
-    """
+    """Show three turns in the middle of a record with the fitted model [rps], and the residual of the whole record."""
     figure, axes = grid(2, 1, figsize=(9.0, 5.6), height_ratios=(3, 2))
     t, disturbance = recording.t - recording.t[0], recording.v - recording.v.mean()
     model = model_rps - model_rps.mean()
@@ -48,17 +34,7 @@ def estimate_figure(recording: Recording, model_rps: FloatArray, title: str) -> 
 
 @in_style
 def trend_figure(trend: Trend) -> Figure:
-    """Show dated estimates with their intervals, the line through them with its band, and the limit.
-
-    Parameters
-    ----------
-    trend : Trend
-        The line and what it goes through.
-
-    Returns
-    -------
-    Figure
-    """
+    """Show dated estimates with their intervals, the line through them with its band, and the limit."""
     figure, axes = grid(figsize=(8.5, 4.5))
     axis, points = axes[0, 0], trend.points
     delta = 1e3 * points["backlash_rad"].to_numpy()

@@ -34,35 +34,14 @@ _SPIKE = 0.3
 
 
 class CannotTell(Exception):
-    """A log that can be read and still has no answer; `reason` is one of the reasons, `detail` says more."""
+    """A log that can be read and still has no answer: one of the reasons, and what says more."""
 
     def __init__(self, reason: str, detail: str):
         super().__init__(f"{reason}: {detail}")
 
 
 def read_log(path: Path, form: LogFormat, notes: list[str]) -> Recording:
-    """Read a log and prepare its record.
-
-    Parameters
-    ----------
-    path : Path
-        See `log_tables.read_table`.
-    form : LogFormat
-        What is known of it.
-    notes : list of str
-        Gets a sentence for each step that changed or assumed something.
-
-    Returns
-    -------
-    Recording
-
-    Raises
-    ------
-    UnusableLog
-        The file or its content is not usable.
-    CannotTell
-        It holds no constant-speed stretch that is long enough.
-    """
+    """Read a log and prepare its record; `notes` gets a sentence for each step that changed or assumed something."""
     return record_of(read_table(path), form, str(path), notes)
 
 

@@ -50,27 +50,13 @@ _TYPICAL_RING = (15.0, 134.0)
 
 @dataclass(frozen=True)
 class Presence:
-    """What the half turns of a record have in common.
+    """What the half turns of a record have in common; `pattern` has shape (2, harmonics)."""
 
-    Attributes
-    ----------
-    p_value : float
-        How often random signs give as much energy.
-    p_same_sign : float
-        The same for a pattern that comes with the same sign in both halves of a turn, as no signature does.
-    noise_rps : float
-        RMS noise of a sample in the band, from the scatter between half turns [rps].
-    detectable_rps2 : float
-        Energy of the pattern [rps^2], as `band_energy` counts it, that is found with probability `POWER`.
-    pattern : complex array of shape (2, harmonics)
-        Coefficients of the mean first and second half of a turn, the second taken negative [rps].
-    """
-
-    p_value: float
-    p_same_sign: float
-    noise_rps: float
-    detectable_rps2: float
-    pattern: ComplexArray
+    p_value: float  # how often random signs give as much energy
+    p_same_sign: float  # the same for a pattern with one sign in both halves of a turn, as no signature has
+    noise_rps: float  # RMS noise of a sample in the band, from the scatter between half turns
+    detectable_rps2: float  # energy, as `band_energy` counts it, that is found with probability `POWER`
+    pattern: ComplexArray  # of the mean first and second half of a turn, the second negated [rps]
 
     @property
     def found(self) -> bool:
@@ -91,10 +77,7 @@ def odd_harmonics(turn_period_s: float, sample_s: float) -> NDArray[np.int64]:
 
 
 def _coefficients(halves: FloatArray, harmonics: NDArray[np.int64]) -> ComplexArray:
-    """Fourier coefficients of half turns, one row each, at odd harmonics of the turn, without what is slow in them.
-
-    Mean, slope and first harmonic are taken off together, so that nothing of them leaks.
-    """
+    """Fourier coefficients of half turns (rows) at odd harmonics, without mean, slope and first harmonic."""
     phases = np.arange(halves.shape[1]) / halves.shape[1]
     slow = np.stack([np.ones_like(phases), phases, np.cos(np.pi * phases), np.sin(np.pi * phases)], axis=1)
     basis, _ = np.linalg.qr(slow)
@@ -108,13 +91,7 @@ def _mean_halves(rows: ComplexArray) -> ComplexArray:
 
 
 def half_turns(recording: Recording) -> FloatArray:
-    """Cut a record into its whole half turns, each second one taken negative.
-
-    Returns
-    -------
-    array of shape (half turns, samples in one)
-        Speed less its mean [rps].
-    """
+    """Whole half turns of a record less its mean [rps], each second one negated, shape (half turns, samples)."""
     dt = recording.sample_s
     half = recording.turn_period_s / 2
     phases = int(half / dt + 1e-6)
@@ -150,20 +127,7 @@ def _signs(count: int, rng: np.random.Generator) -> FloatArray:
 
 
 def find_pattern(recording: Recording, seed: int = 1) -> Presence | None:
-    """Test whether half turns have a pattern in common, in the band of a backlash's oscillation.
-
-    Parameters
-    ----------
-    recording : Recording
-        The record.
-    seed : int
-        Of the random signs.
-
-    Returns
-    -------
-    Presence or None
-        None if a turn is too short to hold an oscillation.
-    """
+    """Test whether half turns share a pattern in the band of a backlash's ring; None if a turn is too short."""
     harmonics = odd_harmonics(recording.turn_period_s, recording.sample_s)
     if harmonics.size < _LEAST_HARMONICS:
         return None
@@ -189,8 +153,8 @@ def find_pattern(recording: Recording, seed: int = 1) -> Presence | None:
 def _detectable(above: float, deviation: float, count: int) -> float:
     """Energy that is found with probability `POWER` [rps^2], from the threshold's height above the mean noise.
 
-    Noise moves the root of the energy by `deviation`. A pattern also raises the threshold itself, because random signs
-    leave some of it: at most by its energy over the number of half turns times a chi-squared quantile.
+    Noise moves the energy's root by `deviation`. A pattern also raises the threshold, because random signs leave some
+    of it: at most its energy over the number of half turns, times a chi-squared quantile.
     """
     left = 1 - chi2.ppf(1 - FALSE_ALARMS, 1) / count
     if left <= 0:
@@ -200,17 +164,7 @@ def _detectable(above: float, deviation: float, count: int) -> float:
 
 
 def explained_share(recording: Recording, model_rps: FloatArray, presence: Presence) -> float:
-    """How much of the pattern's energy a fitted signature explains; 1 if all of it, 0 or less if none.
-
-    Parameters
-    ----------
-    recording : Recording
-        The record that `presence` was found in.
-    model_rps : array of shape (samples,)
-        The signature at its samples [rps].
-    presence : Presence
-        What `find_pattern` found.
-    """
+    """Share of the pattern's energy that a model [rps, at the samples] explains: 1 if all, 0 or less if none."""
     harmonics = odd_harmonics(recording.turn_period_s, recording.sample_s)
     halves = half_turns(replace(recording, v=model_rps))
     fitted = _mean_halves(_coefficients(halves, harmonics))
@@ -255,13 +209,12 @@ def _line_sums(
 
 
 def own_period(recording: Recording) -> float | None:
-    """Period [s] that a record repeats itself with; the given one if nothing speaks against it; None if none is found.
+    """Period [s] that a record repeats itself with: the given one if nothing speaks against it, None if none is found.
 
-    For each period of a fine grid the power at its odd harmonics is summed, over the background, each line by its
-    first few times the background only and without the loudest, so that mains hum is no period. Under noise that sum
-    is at most Gamma distributed; a period counts if its
-    probability, times the number of periods tried, is below `FALSE_ALARMS`. Every odd multiple of the right period
-    repeats too, so a given period stands if it has nearly as much power as the best one.
+    For each period of a fine grid the power at its odd harmonics is summed over the background, each line clipped and
+    the loudest left out, so that mains hum is no period. Under noise that sum is at most Gamma distributed; a period
+    counts if its probability, times the number of periods tried, is below `FALSE_ALARMS`. Odd multiples of the right
+    period repeat too, so a given period stands if it has nearly as much power as the best one.
     """
     dt = recording.sample_s
     lasts, given = recording.t[-1] - recording.t[0] + dt, recording.turn_period_s

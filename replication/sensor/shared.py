@@ -10,17 +10,7 @@ from replication.sensor.verdict import Settings, prepared
 
 
 def with_shared_joint(logs: Sequence[Path], rows: Sequence[Row], settings: Settings) -> list[Row]:
-    """Correct the backlashes of estimates by what all logs tell of their joint.
-
-    Parameters
-    ----------
-    logs : sequence of Path
-        Logs of one joint in one movement.
-    rows : sequence of dict
-        Their estimates by method "self"; those without a backlash stay as they are.
-    settings : Settings
-        As for the estimates.
-    """
+    """Correct estimates by method self by what all logs tell of their joint; rows without a backlash stay."""
     answered = [k for k, row in enumerate(rows) if row["verdict"] == "backlash"]
     fits = [fit_joint(prepared(logs[k], settings.form, settings.seed, [])[0]) for k in answered]
     corrected = list(rows)

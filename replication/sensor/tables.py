@@ -36,23 +36,7 @@ class UnusableLog(ValueError):
 
 
 def read_table(path: Path) -> pd.DataFrame:
-    """Read the columns of a log file.
-
-    Parameters
-    ----------
-    path : Path
-        A CSV (any common delimiter, decimal point or comma), Parquet or XLSX file.
-
-    Returns
-    -------
-    DataFrame
-        Columns by name, or "1", "2", … if the file has no header; the index is the row in the file, from 1.
-
-    Raises
-    ------
-    UnusableLog
-        It is not there, no file, not readable, too large, no table, or a workbook that holds macros.
-    """
+    """Columns of a CSV, Parquet or XLSX file by name, or from 1 without a header; the index is the file's row."""
     kind = _kind(path)
     try:
         if kind == "parquet":
@@ -249,10 +233,7 @@ def _inspect_workbook(path: Path) -> None:
 
 
 def _workbook_rows(path: Path) -> list[tuple]:
-    """Rows of a workbook's first sheet, blank ones too; formulas by their stored results, nothing is executed.
-
-    openpyxl reads XML through defusedxml, which refuses entities.
-    """
+    """Rows of a workbook's first sheet, blank ones too; formulas by stored results (defusedxml refuses entities)."""
     from openpyxl import load_workbook
 
     with warnings.catch_warnings():

@@ -27,38 +27,16 @@ _DAYS_AHEAD = 36525  # a century; further off, a date says nothing
 
 @dataclass(frozen=True)
 class Trend:
-    """A line through dated estimates of backlash.
+    """A line through dated estimates of backlash."""
 
-    Attributes
-    ----------
-    points : DataFrame
-        `date, file, backlash_rad, low_rad, high_rad` of the logs that have an estimate, by date.
-    origin : Timestamp
-        The line's time zero, the weighted mean date.
-    line_rad : tuple of float
-        Backlash at `origin` [rad], and its growth [rad/day].
-    covariance : array of shape (2, 2)
-        Of the two.
-    quantile : float
-        Of the t distribution, for two-sided intervals at `CONFIDENCE`.
-    limit_rad : float or None
-        The limit.
-    crossing : Timestamp or None
-        When the line reaches it.
-    crossing_interval : tuple of Timestamp or None
-        Its interval; an end is None where there is none within a century.
-    warnings : tuple of str
-        What to bear in mind.
-    """
-
-    points: pd.DataFrame
-    origin: pd.Timestamp
-    line_rad: tuple[float, float]
-    covariance: FloatArray
-    quantile: float
+    points: pd.DataFrame  # `date, file, backlash_rad, low_rad, high_rad`, by date
+    origin: pd.Timestamp  # the line's time zero, the weighted mean date
+    line_rad: tuple[float, float]  # backlash at `origin` [rad], and its growth [rad/day]
+    covariance: FloatArray  # of the two
+    quantile: float  # of the t distribution, for two-sided intervals at `CONFIDENCE`
     limit_rad: float | None
-    crossing: pd.Timestamp | None
-    crossing_interval: tuple[pd.Timestamp | None, pd.Timestamp | None] | None
+    crossing: pd.Timestamp | None  # when the line reaches the limit
+    crossing_interval: tuple[pd.Timestamp | None, pd.Timestamp | None] | None  # None: no end in a century
     warnings: tuple[str, ...]
 
     @property
@@ -75,20 +53,7 @@ class Trend:
 
 
 def dates_of(files: Sequence[Path], table: Path | None = None) -> dict[Path, pd.Timestamp]:
-    """Find the date of each log: in a table, or else in its name, as in `axis4_2024-03-17.csv`.
-
-    Parameters
-    ----------
-    files : sequence of Path
-        The logs.
-    table : Path, optional
-        A CSV file with the columns `file` (a log's name) and `date`.
-
-    Raises
-    ------
-    UnusableLog
-        A log has no date, or the table is none.
-    """
+    """Date of each log, by the table's columns `file` and `date`, else by its name, as in `axis4_2024-03-17.csv`."""
     known = _dates_in(table) if table else {}
     found = {}
     for file in files:
@@ -118,20 +83,13 @@ def fit_trend(rows: Sequence[Mapping], dates: Sequence[pd.Timestamp], limit_rad:
     Parameters
     ----------
     rows : sequence of mapping
-        Estimates, see `estimate.as_row`; only those with a backlash above zero count.
+        Estimates, see `verdict.as_row`; only those with a backlash above zero count.
     dates : sequence of Timestamp
         Theirs.
     limit_rad : float, optional
         The limit [rad].
 
-    Returns
-    -------
-    Trend
-
-    Raises
-    ------
-    UnusableLog
-        Fewer than three estimates at different dates, or no finite limit above zero.
+    Raises ------ UnusableLog Fewer than three estimates at different dates, or no finite limit above zero.
     """
     if limit_rad is not None and not (np.isfinite(limit_rad) and limit_rad > 0):
         raise UnusableLog(f"--limit {limit_rad:g}: give a finite backlash above 0 [rad]")

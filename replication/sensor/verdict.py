@@ -45,33 +45,21 @@ _FAR_OUTSIDE = 1.2  # times the value at the end of the range; a cubic beyond me
 
 @dataclass(frozen=True)
 class Settings:
-    """How logs are read and measured.
-
-    Attributes
-    ----------
-    form : LogFormat
-        What is known of the logs.
-    calibration : Calibration
-        Of the joint; it holds the method.
-    is_own : bool
-        Whether the user made it; the other one is that of the paper's joint.
-    repeats, seed : int
-        Searches of method "paper", and the first seed, above 0.
-    """
+    """How logs are read and measured; the calibration, the user's own or the paper's joint's, holds the method."""
 
     form: LogFormat
     calibration: Calibration
-    is_own: bool = False
-    repeats: int = 30
-    seed: int = 1
+    is_own: bool = False  # the user made the calibration; else it is that of the paper's joint
+    repeats: int = 30  # searches of method "paper"
+    seed: int = 1  # of the first of them, above 0
 
 
 @dataclass(frozen=True)
 class Estimate:
     """The answer on one log; what is not known is None. The attributes are the keys of the JSON output.
 
-    The last three are what method "self" found of the joint: the slowest oscillation with the teeth in contact, and the
-    load's friction over m g r.
+    Method "self" finds the last three: the slowest oscillation with the teeth in contact, and the load's friction over
+    m g r.
     """
 
     file: str
@@ -104,10 +92,18 @@ def settings_for(
 ) -> Settings:
     """Put settings together: without a calibration the log's own joint, or for another method the paper's.
 
-    Raises
-    ------
-    ValueError
-        The calibration is of another method, or a number is out of its range.
+    Parameters
+    ----------
+    form : LogFormat
+        What is known of the logs.
+    calibration : Calibration, optional
+        Of the user's joint; it holds the method.
+    method : str, optional
+        One of `SENSOR_METHODS`.
+    repeats, seed : int
+        Searches of method "paper", and the first seed, above 0.
+
+    Raises ------ ValueError The calibration is of another method, or a number is out of its range.
     """
     if calibration is not None and method not in (None, calibration.method):
         raise ValueError(f"--method {method}: the calibration is of method {calibration.method}")
@@ -127,19 +123,7 @@ def _without_calibration(method: str) -> Calibration:
 
 
 def estimate(path: Path, settings: Settings) -> Estimate:
-    """Estimate the backlash that a log tells of.
-
-    Parameters
-    ----------
-    path : Path
-        The log.
-    settings : Settings
-        How it is read and measured.
-
-    Returns
-    -------
-    Estimate
-        Its first warning is the reason where the verdict is "cannot tell".
+    """Estimate the backlash that a log tells of; the first warning is the reason where the verdict is "cannot tell".
 
     Raises
     ------
@@ -150,7 +134,7 @@ def estimate(path: Path, settings: Settings) -> Estimate:
 
 
 def examine(path: Path, settings: Settings) -> Examined:
-    """Do what `estimate` does, and keep the record and the fit; parameters and errors as there."""
+    """Do what `estimate` does, and keep the record and the fit."""
     notes: list[str] = []
     try:
         recording = read_log(path, settings.form, notes)
@@ -179,18 +163,12 @@ def examine_recording(recording: Recording, settings: Settings, name: str, notes
 
 
 def prepared(path: Path, form: LogFormat, seed: int, notes: list[str]) -> tuple[Recording, Presence]:
-    """Read a log as `estimate` does, up to the pattern found in it; errors as in `logs.read_log`."""
+    """Read a log as `estimate` does, up to the pattern found in it."""
     return with_its_period(read_log(path, form, notes), form, seed, notes)
 
 
 def with_its_period(recording: Recording, form: LogFormat, seed: int, notes: list[str]) -> tuple[Recording, Presence]:
-    """Check the turn period against the record's own, which is taken where the two differ by little.
-
-    Raises
-    ------
-    CannotTell
-        The record repeats itself with another period, or a turn has no room for an oscillation.
-    """
+    """Check the turn period against the record's own, and take that where the two differ by little."""
     period, given = own_period(recording), recording.turn_period_s
     if period is not None and abs(period / given - 1) > PERIOD_TOLERANCE:
         instead = f"--turn-period {period:.4f}"

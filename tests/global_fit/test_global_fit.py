@@ -1,3 +1,7 @@
+import os
+import platform
+import subprocess
+import sys
 from dataclasses import replace
 
 import numpy as np
@@ -9,11 +13,13 @@ from replication import datasets
 from replication.compiled.misfit import population_rmse
 from replication.datasets import Recording
 from replication.global_fit.fit import global_fit
-from replication.global_fit.folding import projected_rmse, solve_or_zero
+from replication.global_fit.folding import factorise, projected_rmse, solve_or_zero
 from replication.identify import Protocol, paper_fit, protocol_box
+from replication.methods.readings import protocol_for
 from replication.signature import Timing, signature
 from replication.simulator.recordings import simulate_recordings
 from replication.simulator.simulate import identified_joint
+from replication.studies.portable import kernels_here
 
 PROTOCOL = Protocol()
 TRUE_X = np.array([-0.6, 0.0125, 15.0, 134.0, 100.0, 0.1515, 0.0125])
@@ -41,6 +47,27 @@ def random_record(generator):
     return made(
         X, generator.uniform(0.02, 0.2), int(generator.integers(1000)), samples=int(generator.integers(1500, 2402))
     )
+
+
+def drawn(seed, on_samples=(False, False), dt=0.002, turn_s=0.4, turns=12, noise=0.0):
+    """A signature in the box that its record gives, its window's start and end on samples or anywhere; that record."""
+    generator = np.random.default_rng([seed, *on_samples])
+    t = dt * np.arange(int(turns * turn_s / dt) + 1)
+    protocol = protocol_for(Recording(t, t, 100.0, turn_s, "empty"))
+    while True:
+        start = generator.uniform(0, 0.9 * turn_s)
+        start = t[round(start / dt)] if on_samples[0] else start
+        end = start + generator.uniform(0.08, 0.45) * turn_s
+        end = t[round(end / dt)] if on_samples[1] else end
+        t0 = start - generator.uniform(0, min(start, 0.15 * turn_s))
+        A, tau = generator.choice([-1, 1]) * generator.uniform(0.3, 1.5), generator.uniform(5, 30)
+        X = np.array([A, t0, tau, generator.uniform(8 * np.pi, 80 * np.pi), 100.0, end - t0, start - t0])
+        v = 100 + signature(t, X, protocol.timing)
+        record = Recording(t, v, 100.0, turn_s, "made")
+        box = protocol_box(record, protocol)
+        if (box.lower <= X).all() and (box.upper >= X).all():
+            noisy = v + generator.uniform(-noise, noise, v.size) if noise else v
+            return X, Recording(t, noisy, 100.0, turn_s, "made"), protocol
 
 
 def test_a_noise_free_signature_is_recovered_to_rounding():
@@ -177,3 +204,71 @@ def test_the_folded_misfit_is_the_papers_with_the_best_amplitude_and_offset(unit
     found = projected_rmse(t, v, timing, limit=1e6)(np.array([[t0, tau, omega, T2, T1]]))[0]
     near_gate = np.abs(((t[:, None] - t0 - np.array([T1, T2])) / (T_f / 2) + 0.5) % 1 - 0.5).min() < 1e-9
     assert near_gate or found == pytest.approx(expected, rel=1e-9)
+
+
+@pytest.mark.parametrize("block", range(4))
+def test_a_noise_free_signature_is_recovered_to_rounding_wherever_its_windows_start_and_end(block):
+    missed = {}
+    for seed in range(20 * block, 20 * (block + 1)):
+        _, record, protocol = drawn(seed)
+        fit, box = global_fit(record, protocol), protocol_box(record, protocol)
+        if not (fit.rmse < 1e-7 and (box.lower <= fit.X).all() and (box.upper >= fit.X).all()):
+            missed[seed] = fit.rmse
+    assert missed == {}
+
+
+@pytest.mark.parametrize(
+    ("dt", "turn_s", "turns"), [(1 / 512, 0.4, 12), (0.004, 0.4, 12), (0.002, 0.3337, 12), (0.002, 0.4, 3)]
+)
+def test_it_is_recovered_whatever_the_turn_is_in_samples(dt, turn_s, turns):
+    for seed in range(8):
+        _, record, protocol = drawn(seed, dt=dt, turn_s=turn_s, turns=turns)
+        assert global_fit(record, protocol).rmse < 1e-7, seed
+
+
+@pytest.mark.parametrize("turn_s", [0.8, 1.3])
+def test_the_window_of_a_long_turn_is_not_taken_half_a_turn_late(turn_s):
+    for seed in range(8):
+        _, record, protocol = drawn(seed, turn_s=turn_s)
+        assert global_fit(record, protocol).rmse < 1e-7, seed
+
+
+def test_a_noisy_record_is_fitted_as_well_as_by_what_it_was_made_from():
+    for seed in range(10):
+        X, record, protocol = drawn(seed, noise=0.1)
+        at_truth = population_rmse(record.t, record.v, X[None], protocol.timing)[0]
+        assert global_fit(record, protocol).rmse <= at_truth, seed
+
+
+def test_the_fit_has_the_same_bits_with_every_kernel_of_openblas():
+    if platform.machine() not in ("x86_64", "AMD64"):
+        pytest.skip("these kernels are x86-64's")
+    lines = [
+        "from test_global_fit import drawn, global_fit",
+        "for starts in (False, True):",
+        "    for noise in (0.0, 0.1):",
+        "        _, record, protocol = drawn(1, (starts, False), noise=noise)",
+        "        fit = global_fit(record, protocol)",
+        "        print(fit.X.tobytes().hex(), fit.rmse.hex(), [end.hex() for end in fit.amplitude_interval_rps])",
+    ]
+    path = os.pathsep.join([os.path.dirname(__file__), *filter(None, sys.path)])
+    printed = set()
+    for kernel in kernels_here():
+        environment = os.environ | {"OPENBLAS_CORETYPE": kernel, "PYTHONPATH": path}
+        command = [sys.executable, "-c", "\n".join(lines)]
+        printed.add(subprocess.run(command, env=environment, capture_output=True, text=True, check=True).stdout)
+    assert len(printed) == 1
+    assert printed.pop().count("\n") == 4
+
+
+def test_factors_give_the_matrix_back_and_drop_what_is_not_independent():
+    root = np.random.default_rng(1).normal(size=(4, 4))
+    matrix = root @ root.T
+    factors = matrix.copy()
+    factorise(factors)
+    lower = np.tril(factors, -1) + np.eye(4)
+    np.testing.assert_allclose(lower @ np.diag(np.diag(factors)) @ lower.T, matrix, rtol=1e-12)
+    assert factors[-1, -1] == pytest.approx(1 / np.linalg.inv(matrix)[-1, -1])
+    singular = np.ones((2, 2))
+    factorise(singular)
+    assert singular[1, 1] == 0.0
