@@ -16,7 +16,7 @@ from replication.global_fit.gates import Fit, Record, _best_distance, _last_dist
 from replication.identify import protocol_box
 from replication.methods.readings import protocol_for
 from replication.signature import signature
-from replication.studies.portable import kernels_here
+from tests.processors import kernels_here
 
 ALIGNED = ((False, False), (True, False), (False, True), (True, True))
 
