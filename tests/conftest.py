@@ -15,6 +15,17 @@ if "PYTEST_XDIST_WORKER" in os.environ:
     os.environ.setdefault("LOKY_MAX_CPU_COUNT", "1")
 
 
+# Tests of files and processes, and of notebooks, whose kernels are pinned: they say nothing of other processors.
+NOT_PORTABLE = ("tests/workbook/", "tests/report/", "tests/sensor/test_many.py", "tests/test_try_changing.py")
+
+
+def pytest_collection_modifyitems(items):
+    """Mark the tests that compute: `make portable` runs them as on other processors."""
+    for item in items:
+        if not item.nodeid.startswith(NOT_PORTABLE):
+            item.add_marker("portable")
+
+
 @pytest.fixture(scope="session")
 def authors_data():
     """Skip a test where the authors' data are neither at hand nor to be downloaded."""

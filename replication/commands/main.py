@@ -12,7 +12,7 @@ from replication.sensor import commands
 from replication.sensor.tables import UnusableLog
 from replication.simulator.simulate import identified_joint
 from replication.simulator.study import FIT_LEVELS, clean_records, reidentify_joint
-from replication.studies import edge, optimizers, population, portable, protocols, scoreboard, sensitivity, timings
+from replication.studies import edge, optimizers, population, protocols, scoreboard, sensitivity, timings
 from replication.workbook import files, provenance
 
 
@@ -64,9 +64,6 @@ def _parser() -> argparse.ArgumentParser:
     score = subparsers.add_parser("score", help="score your own method on the scoreboard's logs")
     score.add_argument("method", help="module:function; takes a Recording, returns the backlash [rad]")
     score.set_defaults(command=_score)
-    settings = subparsers.add_parser("portable", help="tests and verdicts under other processors' settings")
-    settings.add_argument("--only-tests-of", metavar="SETTING", help="only the tests, under this one setting")
-    settings.set_defaults(command=_portable)
     return parser
 
 
@@ -155,18 +152,6 @@ def _score(options: argparse.Namespace) -> int:
 def _protocols(options: argparse.Namespace) -> int:
     protocols.compute_pools(jobs=options.jobs, tell=lambda line: print(line, flush=True))
     return 0
-
-
-def _portable(options: argparse.Namespace) -> int:
-    try:
-        table, unable, problems = portable.portable(options.only_tests_of, lambda line: print(line, flush=True))
-    except (ValueError, portable.OtherMachine) as error:
-        print(error, file=sys.stderr)
-        return 2
-    if not options.only_tests_of:
-        files.write_csv(workbook.ROOT / "results" / "portable.csv", table)
-    print("\n".join(["", table.to_string(index=False), *unable, *problems]))
-    return 1 if problems else 0
 
 
 def _data(_: argparse.Namespace) -> int:

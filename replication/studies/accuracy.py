@@ -48,20 +48,6 @@ def cross_validation(
     "amplitude", "energy", "impact" and "waveform, noisy logs" are calibrated anew for each log, on the other
     realisations' logs of the other levels. "equation 10" is printed. "waveform" and the joint's methods come from the
     simulated joint, which was identified from clean records.
-
-    Parameters
-    ----------
-    records : mapping of (realisation, level) to Recording
-        All logs; those of levels that are not scored only calibrate.
-    joint : JointParameters
-        The identified joint.
-    scored : sequence of int
-        Levels.
-
-    Returns
-    -------
-    DataFrame
-        `method, realisation, level, delta_rad, found_rad, error_rad`.
     """
     fits = {log: global_fit(record, protocol_for(record)) for log, record in records.items()}
     values = pd.DataFrame(
@@ -97,13 +83,7 @@ def cross_validation(
 
 
 def summarise_errors(table: pd.DataFrame, by: Sequence[str] = ("method",)) -> pd.DataFrame:
-    """Summarise errors by method.
-
-    Returns
-    -------
-    DataFrame
-        `logs, mean_abs_error_rad, max_abs_error_rad, rmse_rad`, in the order in which the groups first occur.
-    """
+    """Summarise errors by method."""
     groups = table.assign(size=table["error_rad"].abs()).groupby(list(by), sort=False)
     summary = groups.agg(logs=("size", "size"), mean_abs_error_rad=("size", "mean"), max_abs_error_rad=("size", "max"))
     summary["rmse_rad"] = groups["error_rad"].apply(lambda error: np.sqrt(np.mean(error**2)))
@@ -165,28 +145,7 @@ def measured_errors(
     repeats: int,
     seed: int,
 ) -> pd.DataFrame:
-    """Errors of the methods on simulated records as one thing changes at a time, beside the Cramer-Rao bounds.
-
-    Parameters
-    ----------
-    joint : JointParameters
-        The joint; the methods have its default calibrations, and for encoders those made
-        with a fine one, differenced alike.
-    deltas_rad : sequence of float
-        Backlashes, over which errors are pooled.
-    sweeps : mapping
-        Values to try, by name in `USUAL`.
-    repeats : int
-        Records of each setting and backlash.
-    seed : int
-        Of the records' noise.
-
-    Returns
-    -------
-    DataFrame
-        `axis, value, method, rmse_rad`; for the bounds, methods "bound, start known" and "bound, start free", the
-        root mean square over the backlashes.
-    """
+    """Errors of the methods on simulated records as one thing changes at a time, beside the Cramer-Rao bounds."""
     calibrations = {encoder: _calibrations(joint, encoder) for encoder in (False, True)}
     jobs = [
         (axis, value, delta, seed + run)
@@ -235,13 +194,7 @@ def _bound(slopes: limits.Slopes, settings: Mapping[str, float]) -> float:
 
 
 def noise_bound_rad(joint: JointParameters, levels: Sequence[int]) -> pd.DataFrame:
-    """Mean size of error that white noise as loud as Table 2's must leave, over levels K = 2 to 11.
-
-    Returns
-    -------
-    DataFrame
-        `start, mean_abs_error_rad`: for a known start, and for one that is fitted too.
-    """
+    """Mean size of error that white noise as loud as Table 2's must leave, over levels K = 2 to 11."""
     rows = []
     for start, free in (("known", ()), ("free", ("start_angle",))):
         bounds = []

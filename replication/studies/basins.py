@@ -26,19 +26,7 @@ START_GAP_S = 0.01
 
 
 def label_basins(rmse: FloatArray, window_start_s: FloatArray) -> NDArray[np.int64]:
-    """Number the basins that runs ended in by misfit and window, the lowest misfit first.
-
-    Parameters
-    ----------
-    rmse, window_start_s : arrays of shape (runs,)
-        Final misfits [rps] and t0 + T1 [s].
-
-    Returns
-    -------
-    array of shape (runs,)
-        Like `experiments.basin_labels`, with runs of one misfit told apart where their windows start more than
-        `START_GAP_S` apart.
-    """
+    """Number the basins of runs, lowest misfit first: `table2.basin_labels`, split where windows start apart."""
     by_misfit = basin_labels(rmse)
     labels = np.empty(by_misfit.size, dtype=np.int64)
     following = 0
@@ -58,19 +46,7 @@ def rate_interval(hits: int, runs: int) -> tuple[float, float]:
 
 
 def basin_table(runs: pd.DataFrame) -> pd.DataFrame:
-    """Summarise the basins that runs on one record ended in.
-
-    Parameters
-    ----------
-    runs : DataFrame
-        Columns `rmse_rps, A_rps, t0_s, omega_rad_per_s, T1_s, T2_s`.
-
-    Returns
-    -------
-    DataFrame
-        One row per basin, the lowest misfit first: `rmse_rps` (its lowest), `runs, rate, rate_low, rate_high`, lowest
-        and highest |A| `A_low_rps, A_high_rps`, and the medians `t0_s, omega_rad_per_s, window_start_s, window_end_s`.
-    """
+    """One row per basin that runs on one record ended in: its rate, amplitudes and median window."""
     edges = runs.assign(
         A_rps=runs["A_rps"].abs(),
         window_start_s=runs["t0_s"] + runs["T1_s"],
@@ -96,20 +72,7 @@ def basin_table(runs: pd.DataFrame) -> pd.DataFrame:
 
 
 def compare_basins(stored: pd.DataFrame, ours: pd.DataFrame) -> pd.DataFrame:
-    """Set the rates of the basins of two sets of runs on one record side by side.
-
-    Parameters
-    ----------
-    stored, ours : DataFrame
-        Runs, columns as for `basin_table`.
-
-    Returns
-    -------
-    DataFrame
-        One row per basin of the stored runs: `rmse_rps`, and for both sets `runs_…, rate_…, rate_low_…,
-        rate_high_…`; `p_same` is Fisher's exact probability of a difference so large if the rates are the same. A
-        last row, of rmse nan, holds the runs that ended in none of these.
-    """
+    """Rates of the stored runs' basins in two sets of runs, and Fisher's p; the last row is elsewhere."""
     rows = []
     total = {"stored": len(stored), "ours": len(ours)}
     misfits = basin_table(stored)["rmse_rps"].tolist()
@@ -131,21 +94,7 @@ def compare_basins(stored: pd.DataFrame, ours: pd.DataFrame) -> pd.DataFrame:
 
 
 def compare_searches(sets: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
-    """Compare sets of runs on the same records with the first of them: what another library, or other seeds, change.
-
-    Parameters
-    ----------
-    sets : mapping of name to DataFrame
-        Runs from `table2.repeated_fits`, with the entry `row`.
-
-    Returns
-    -------
-    DataFrame
-        A row a set: `search`, `runs`, `best_basin_runs` (within `table2.BASIN_GAP` of the lowest misfit that any set
-        has on that record), `rate` and its 95 % limits `rate_low, rate_high`; `means_apart_percent` and
-        `best_apart_percent`, rms over the records, of |A|'s mean over all runs and over those of the best basin
-        against the first set's.
-    """
+    """Compare sets of runs on the same records with the first of them: what another library, or other seeds, change."""
     lowest = pd.concat(sets.values()).groupby("row")["rmse_rps"].min()
     rows, first = [], {}
     for name, runs in sets.items():
@@ -166,19 +115,7 @@ def compare_searches(sets: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
 
 @dataclass(frozen=True)
 class Strategy:
-    """One way to spend function evaluations.
-
-    Attributes
-    ----------
-    name : str
-        What tables call it.
-    schedule : callable
-        From a generator to the searches in turn: (population, standard deviations over a quarter of the box).
-    budget : int
-        Function evaluations to stop at; the last search is cut short.
-    projected : bool
-        Search (t0, tau, omega, T2, T1) only, with the best A and v_t for each.
-    """
+    """One way to spend function evaluations; its schedule gives population and breadth of each search."""
 
     name: str
     schedule: Callable[[np.random.Generator], Iterator[tuple[int, float]]]
@@ -239,28 +176,7 @@ def strategies(budget: int = 60000) -> list[Strategy]:
 
 
 def search(recording: Recording, protocol: Protocol, strategy: Strategy, seed: int, target_rmse: float) -> dict:
-    """Spend a strategy's budget on one record, or less if it reaches the target.
-
-    Every search starts in the middle of the box, as the paper's does.
-
-    Parameters
-    ----------
-    recording : Recording
-        The record.
-    protocol : Protocol
-        Timing and box; its population and iterations are the strategy's.
-    strategy : Strategy
-        What to do.
-    seed : int
-        Seed of the run.
-    target_rmse : float
-        Misfit at which the search has found what it looks for [rps].
-
-    Returns
-    -------
-    dict
-        `rmse_rps`, `evaluations` spent, `searches` begun, `found` (the target was reached).
-    """
+    """Search from the middle of the box, over and over, until the target or the strategy's budget is reached."""
     generator = np.random.default_rng(seed)
     box, misfits = _problem(recording, protocol, strategy.projected)
     best, spent, searches = np.inf, 0, 0
@@ -278,7 +194,9 @@ def search(recording: Recording, protocol: Protocol, strategy: Strategy, seed: i
     return {"rmse_rps": best, "evaluations": spent, "searches": searches, "found": best <= target_rmse}
 
 
-def _problem(recording: Recording, protocol: Protocol, projected: bool):
+def _problem(
+    recording: Recording, protocol: Protocol, projected: bool
+) -> tuple[Box, Callable[[FloatArray], FloatArray]]:
     """Box and misfit of a population, in all dimensions or without A and v_t."""
     box = protocol_box(recording, protocol)
     if not projected:
@@ -291,22 +209,7 @@ def _problem(recording: Recording, protocol: Protocol, projected: bool):
 def study(
     recording: Recording, protocol: Protocol, compared: Sequence[Strategy], seeds: Sequence[int], target_rmse: float
 ) -> pd.DataFrame:
-    """Run every strategy with every seed, on all cores.
-
-    Parameters
-    ----------
-    recording, protocol, target_rmse
-        As for `search`.
-    compared : sequence of Strategy
-        What to compare.
-    seeds : sequence of int
-        One run each.
-
-    Returns
-    -------
-    DataFrame
-        One row per run: `strategy`, `seed` and what `search` gives.
-    """
+    """Run every strategy with every seed, on all cores."""
     keys = [(strategy, seed) for strategy in compared for seed in seeds]
     # The schedules are closures, which only cloudpickle, loky's own, can send: joblib's default does.
     results = Parallel(n_jobs=-1)(delayed(search)(recording, protocol, *key, target_rmse) for key in keys)
@@ -316,19 +219,7 @@ def study(
 
 
 def strategy_table(results: pd.DataFrame) -> pd.DataFrame:
-    """What each strategy's success costs.
-
-    Parameters
-    ----------
-    results : DataFrame
-        Rows of `search` with the column `strategy`.
-
-    Returns
-    -------
-    DataFrame
-        One row per strategy: `runs, found, rate, rate_low, rate_high, mean_evaluations`, and `evaluations_per_success`
-        with its limits `…_low, …_high` from the rate's alone (infinite where nothing was found).
-    """
+    """Success rate of each strategy, and evaluations per success with limits from the rate's alone."""
     rows = []
     for name, part in results.groupby("strategy", sort=False):
         found, spent = int(part["found"].sum()), part["evaluations"].mean()
@@ -347,26 +238,7 @@ def landscape(
     axes: tuple[str, str],
     values: tuple[Sequence[float], Sequence[float]],
 ) -> FloatArray:
-    """Misfit on a slice of the parameter space through X.
-
-    Parameters
-    ----------
-    recording : Recording
-        The record.
-    protocol : Protocol
-        Timing.
-    X : array of shape (7,)
-        Where the other five parameters are held.
-    axes : two of `FREE_PARAMETERS`
-        What varies along columns and rows.
-    values : two sequences
-        Where, of lengths n and m.
-
-    Returns
-    -------
-    array of shape (m, n)
-        Misfits [rps].
-    """
+    """Misfits [rps] on a slice through X, the first axis along columns, the second along rows."""
     first, second = (np.asarray(value, dtype=float) for value in values)
     population = np.tile(X, (second.size * first.size, 1))
     population[:, FREE_PARAMETERS.index(axes[0])] = np.tile(first, second.size)
@@ -377,24 +249,7 @@ def landscape(
 def slices(
     recording: Recording, protocol: Protocol, X: FloatArray, points: int = 161
 ) -> list[tuple[FloatArray, FloatArray, FloatArray]]:
-    """Two slices through X for a picture: A over t0 in the first turn, and T1 over T2.
-
-    Parameters
-    ----------
-    recording : Recording
-        The record.
-    protocol : Protocol
-        Timing and box.
-    X : array of shape (7,)
-        Where the slices cross.
-    points : int
-        Values along each axis.
-
-    Returns
-    -------
-    list of (columns, rows, misfit)
-        As `figures_beyond.landscape` takes them: t0 and A, T2 and T1 [s, rps], and misfits [rps].
-    """
+    """Two slices through X for `plots.landscape`: A over t0 in the first turn, and T1 over T2."""
     box = protocol_box(recording, protocol)
     ends = {
         name: np.linspace(low, high, points)

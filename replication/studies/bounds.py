@@ -31,21 +31,7 @@ SHIFTS = (-0.15, -0.1, -0.01, 0.0, 0.01, 0.1, 0.15)
 
 
 def replayed(recording: Recording, box: Box, timing: Timing) -> int:
-    """How many of the 30 stored runs give their stored first generation in a box.
-
-    Parameters
-    ----------
-    recording : Recording
-        The authors' clean record 12.
-    box : Box
-        Bounds of the search.
-    timing : Timing
-        T_d, T_f and the number of turns.
-
-    Returns
-    -------
-    int
-    """
+    """How many of the 30 stored runs give their stored first generation in a box."""
     count = 0
     for run in published.authors_notebook_runs().to_dict("records"):
         steps = generations(
@@ -59,21 +45,7 @@ def replayed(recording: Recording, box: Box, timing: Timing) -> int:
 
 
 def bounds_by_replay(recording: Recording, timing: Timing) -> pd.DataFrame:
-    """Try each bound of the box at several places, the others as the stored runs had them.
-
-    Parameters
-    ----------
-    recording : Recording
-        The authors' clean record 12.
-    timing : Timing
-        T_d, T_f and the number of turns.
-
-    Returns
-    -------
-    DataFrame
-        One row per bound and shift: `cell` (its id), `shift` (share of the printed range), `bound` (in the
-        parameter's unit), `replayed` (first generations of 30).
-    """
+    """First generations of 30 that replay with each bound shifted, the others as the stored runs had them."""
     printed = table1_box(recording.t, recording.v, LONGEST_WINDOW_S)
     stored = table1_box(recording.t, recording.v, LONGEST_WINDOW_S, AMPLITUDE_FACTOR)
     width, rows = printed.upper - printed.lower, []
@@ -88,20 +60,7 @@ def bounds_by_replay(recording: Recording, timing: Timing) -> pd.DataFrame:
 
 
 def table1_cells(recording: Recording, tried: pd.DataFrame) -> pd.Series:
-    """Table 1's cells: the bound at which most stored runs replay, and the turn period of a record.
-
-    Parameters
-    ----------
-    recording : Recording
-        The authors' clean record 12.
-    tried : DataFrame
-        From `bounds_by_replay`.
-
-    Returns
-    -------
-    Series
-        Values in the cells' units, by cell id; not a number where two places replay equally many.
-    """
+    """Table 1's cells: the bound at which most stored runs replay (NaN if two do), and the turn period of a record."""
     t, v = recording.t, recording.v
     shift = {"t0": t[0], "v_t": v.min()}
     scale = {"A": np.ptp(v), "t0": np.ptp(t), "v_t": np.ptp(v)}
@@ -118,22 +77,7 @@ def table1_cells(recording: Recording, tried: pd.DataFrame) -> pd.Series:
 
 
 def turns_by_replay(recording: Recording, turns: range = range(8, 17)) -> pd.Series:
-    """How many of the 30 stored runs have their stored misfit with a number of turns in the model.
-
-    A turn that begins after the record's end changes nothing, so only the smallest number can be told.
-
-    Parameters
-    ----------
-    recording : Recording
-        The authors' clean record 12.
-    turns : range
-        Numbers of turns n to try.
-
-    Returns
-    -------
-    Series
-        Runs whose misfit is the stored one, by n.
-    """
+    """Stored runs whose misfit is reproduced, by the model's number of turns; more than recorded are alike."""
     runs = published.authors_notebook_runs()
     found = {
         n: [

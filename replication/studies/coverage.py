@@ -38,26 +38,7 @@ def midway_amplitude(X: FloatArray) -> float:
 
 
 def coverage_runs(law: str, half_amplitude_rps: float, runs: int, generator: np.random.Generator) -> pd.DataFrame:
-    """Fit made records whose A is known.
-
-    Draws whose A lies outside the box that the record gives itself are drawn again: the fit could not find them.
-
-    Parameters
-    ----------
-    law : str
-        "uniform" or "Gaussian".
-    half_amplitude_rps : float
-        Of the uniform noise; the Gaussian has its SD.
-    runs : int
-        Records.
-    generator : Generator
-        Of parameters and noise.
-
-    Returns
-    -------
-    DataFrame
-        One row per record: `law, half_amplitude_rps, true_A_rps, A_rps, low_rps, high_rps, covered`.
-    """
+    """Fit made records whose A is known and lies in the box that the record gives."""
     t, protocol, rows = DT_S * np.arange(SAMPLES), Protocol(), []
     while len(rows) < runs:
         X = draw_signature(generator)
@@ -74,21 +55,7 @@ def coverage_runs(law: str, half_amplitude_rps: float, runs: int, generator: np.
 
 
 def coverage_table(runs: int, seed: int) -> pd.DataFrame:
-    """How often the 95 % interval covers, for both noise laws at three noise levels.
-
-    Parameters
-    ----------
-    runs : int
-        Records for each.
-    seed : int
-        Of parameters and noise; each row draws its own.
-
-    Returns
-    -------
-    DataFrame
-        A row for each: `law, half_amplitude_rps, runs, rate, rate_low, rate_high`, and the median relative width of the
-        interval `relative_width`.
-    """
+    """How often the 95 % interval covers, for both noise laws at three noise levels."""
     settings = [(law, half_amplitude) for law in ("uniform", "Gaussian") for half_amplitude in (0.05, 0.15, 0.3)]
     seeds = np.random.SeedSequence(seed).spawn(len(settings))  # rows that shared draws would err together
     jobs = [

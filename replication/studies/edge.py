@@ -24,28 +24,10 @@ ALPHAS = (1e6, 1e5, 1e4, 1e3)
 
 
 def refit_alphas(joint: JointParameters, records: dict[float, Recording], alphas: Sequence[float]) -> pd.DataFrame:
-    """Identify the joint anew at each sharpness of equation 8's edge.
-
-    Every fit starts twice, from the joint and from the fit of the alpha before, and the better one counts: with a soft
-    edge the misfit has several minima.
-
-    Parameters
-    ----------
-    joint : JointParameters
-        Where the fits start.
-    records : dict
-        Clean records by backlash [rad].
-    alphas : sequence of float
-        Values of alpha [1/rad], falling.
-
-    Returns
-    -------
-    DataFrame
-        A row an alpha: `alpha_per_rad, nrmse` (root mean square of the residual over the settled SD), `nrmse_kept`
-        (with the joint's own ratios), and the ratios of the refitted joint.
-    """
+    """Identify the joint anew at each falling alpha: misfit, misfit with the joint's own ratios, new ratios."""
     rows, last = [], joint
     for alpha in alphas:
+        # With a soft edge the misfit has several minima: two starts, the better fit counts.
         starts = [replace(start, alpha_per_rad=alpha) for start in (joint, last)]
         fits = [identify_joint(signals(records), start) for start in starts[: 1 + (last is not joint)]]
         fit = min(fits, key=lambda found: found.mean_square)
@@ -98,20 +80,7 @@ def _plain_steps(y, steps, step, skip, per_period, delay, c, drive, speeds):
 
 
 def plain_steps_speed_rps(joint: JointParameters, delta_rad: float, duration_s: float, step_s: float) -> FloatArray:
-    """Motor speed of the joint, integrated by Runge-Kutta steps that do not look for the contact.
-
-    Parameters
-    ----------
-    joint : JointParameters
-        The joint.
-    delta_rad, duration_s, step_s : float
-        Half the gap [rad], length of the record and step [s]; the control period is a multiple of the step.
-
-    Returns
-    -------
-    array of shape (control periods,)
-        Motor speed [rps] at every control period from t = 0 on; nan everywhere if the joint ran away.
-    """
+    """Motor speed [rps] by control period from steps that do not locate the contact; NaN if it diverged."""
     skip, steps = round(joint.lead_s / step_s), round((joint.lead_s + duration_s) / step_s)
     per_period = round(joint.control_period_s / step_s)
     y, _ = core.start_state(joint, delta_rad)
@@ -125,23 +94,7 @@ def plain_steps_speed_rps(joint: JointParameters, delta_rad: float, duration_s: 
 def stepping_torque_study(
     joint: JointParameters, deltas_rad: Sequence[float], steps_s: Sequence[float], damping_ratio: float = 0.05
 ) -> pd.DataFrame:
-    """Settled peaks from plain steps against those from fine steps that locate the contact.
-
-    Parameters
-    ----------
-    joint : JointParameters
-        The joint.
-    deltas_rad, steps_s : sequence of float
-        Backlashes [rad] and steps [s].
-    damping_ratio : float
-        Damping of the coupling over the critical one of load and spring; it makes the torque step at the edge.
-
-    Returns
-    -------
-    DataFrame
-        A row a model ("stepping" is the clamped dead zone with damping, "modified" is equation 9), backlash and
-        step: `model, delta_rad, step_s, peak_rps, reference_rps, error` (relative; nan if the joint ran away).
-    """
+    """Settled peaks from plain steps against fine ones that locate the contact, with a stepping torque or not."""
     damping = 2 * damping_ratio * math.sqrt(joint.stiffness_nm_per_rad * joint.load_inertia_kgm2)
     models = {"stepping": replace(joint, clamped=True, damping_nms_per_rad=damping), "modified": joint}
     turns, rows = 4, []

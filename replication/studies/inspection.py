@@ -17,10 +17,7 @@ FloatArray = NDArray[np.float64]
 
 
 def impacts_alternate(recording: Recording) -> bool:
-    """Whether the largest excursion from the commanded speed changes its sign from half turn to half turn.
-
-    The first turn is left out: its first impact is a start-up transient.
-    """
+    """Whether the largest excursion alternates its sign by half turns; the first turn, a transient, is left out."""
     half_turn = round(recording.turn_period_s / 2 / (recording.t[1] - recording.t[0]))
     disturbance = recording.v - recording.commanded_speed_rps
     halves = disturbance[2 * half_turn : disturbance.size // half_turn * half_turn].reshape(-1, half_turn)
@@ -29,10 +26,7 @@ def impacts_alternate(recording: Recording) -> bool:
 
 
 def turn_period(recording: Recording) -> float:
-    """Turn period [s]: the lag at which a record best resembles itself, the first turn left out.
-
-    Found among lags within 20 % of the recording's own figure, to a tenth of a sample by a parabola.
-    """
+    """Turn period [s]: the lag, within 20 % of the recording's own, at which its settled part best resembles itself."""
     dt = recording.t[1] - recording.t[0]
     expected = recording.turn_period_s / dt
     settled = recording.v[round(expected) :]
@@ -56,13 +50,7 @@ def added_noise(level: int, realisation: int) -> FloatArray:
 
 
 def uniform_noise_test(level: int, realisation: int) -> pd.Series:
-    """Test the noise that was added to a record against a uniform and a normal law.
-
-    Returns
-    -------
-    Series
-        `p_uniform` and `p_normal` (Kolmogorov-Smirnov), `mean_over_standard_error`, `lag_one_correlation`.
-    """
+    """Kolmogorov-Smirnov p of a record's noise for two laws, its mean in standard errors, its correlation."""
     noise = added_noise(level, realisation)
     low, high = noise.min(), noise.max()
     return pd.Series(
@@ -92,19 +80,7 @@ def noise_amplitudes() -> FloatArray:
 
 
 def stored_runs(recording: Recording) -> pd.DataFrame:
-    """Put what the authors' notebook stores of its 30 runs beside the transcription and today's first generation.
-
-    Parameters
-    ----------
-    recording : Recording
-        The authors' clean record 12.
-
-    Returns
-    -------
-    DataFrame
-        One row per run: `run`, `stored_rmse_rps`, `rmse_rps` (the signature at the stored parameters),
-        `stored_first_rps`, `first_today_rps` (the first generation of today's cma), `A_rps`, `basin`.
-    """
+    """Stored misfits of the authors' 30 runs beside ours at their parameters, and today's first generations."""
     stored = published.authors_notebook_runs()
     newer = replace(AUTHORS, engine="cma")
     names = ("A_rps", "t0_s", "tau_per_s", "omega_rad_per_s", "c_rps", "window_end_s", "window_start_s")

@@ -24,17 +24,7 @@ _STEP_RAD = 1e-6
 
 @dataclass(frozen=True, eq=False)
 class Slopes:
-    """How the settled speed of a turn changes with each unknown.
-
-    Attributes
-    ----------
-    turn_period_s : float
-        Duration of the turn [s].
-    names : tuple of str
-        "backlash" and nuisances.
-    slope : array of shape (unknowns, phases)
-        Derivative of the waveform by each unknown, at even phases [rps per rad, or per unit of the nuisance].
-    """
+    """How the settled speed of a turn changes with each unknown."""
 
     turn_period_s: float
     names: tuple[str, ...]
@@ -69,24 +59,7 @@ def _bound(columns: FloatArray, noise_sd: float) -> float:
 
 
 def speed_bound_rad(slopes: Slopes, noise_sd_rps: float, sampling_hz: float, turns: int) -> float:
-    """Least SD of an unbiased backlash from settled speed samples in white Gaussian noise.
-
-    Parameters
-    ----------
-    slopes : Slopes
-        What is unknown; the mean speed is unknown besides.
-    noise_sd_rps : float
-        SD of the noise [rps].
-    sampling_hz : float
-        Sampling rate [Hz], no averaging before the samples are taken.
-    turns : int
-        Settled turns.
-
-    Returns
-    -------
-    float
-        SD of delta [rad].
-    """
+    """Least SD of an unbiased backlash from settled speed samples in white Gaussian noise."""
     phase = np.arange(round(turns * slopes.turn_period_s * sampling_hz)) / (slopes.turn_period_s * sampling_hz) % 1.0
     grid = np.arange(slopes.slope.shape[1]) / slopes.slope.shape[1]
     return _bound(np.array([np.interp(phase, grid, slope, period=1.0) for slope in slopes.slope]), noise_sd_rps)
@@ -96,20 +69,6 @@ def encoder_bound_rad(slopes: Slopes, bits: int, sampling_hz: float, turns: int)
     """Least SD of an unbiased backlash from an encoder's positions, their rounding taken for white noise.
 
     The information is in the position; speeds by differencing carry no more than that.
-
-    Parameters
-    ----------
-    slopes : Slopes
-        What is unknown; start position and mean speed are unknown besides.
-    bits : int
-        Resolution of the motor encoder, positions a turn as a power of two.
-    sampling_hz, turns : float, int
-        As for `speed_bound_rad`.
-
-    Returns
-    -------
-    float
-        SD of delta [rad].
     """
     t = np.arange(round(turns * slopes.turn_period_s * sampling_hz)) / sampling_hz
     size = slopes.slope.shape[1]
@@ -139,29 +98,7 @@ def detection(
     repeats: int,
     seed: int,
 ) -> pd.DataFrame:
-    """How often backlash is seen by the signature's energy, with a threshold from records without backlash.
-
-    Parameters
-    ----------
-    joint : JointParameters
-        The joint; a sensor knows its healthy self.
-    deltas_rad : sequence of float
-        Backlashes [rad].
-    half_amplitude_rps : float
-        Of the uniform noise [rps].
-    rate : float
-        Wanted share of false alarms.
-    healthy, repeats : int
-        Records without backlash, as many again to try the threshold, and records of each backlash.
-    seed : int
-        Of the noise; each record has its own.
-
-    Returns
-    -------
-    DataFrame
-        `noise_half_amplitude_rps, delta_rad, threshold_rps, seen, seen_low, seen_high`: the share of records above
-        the threshold with its 95 % interval; for backlash 0 that of false alarms on the fresh records.
-    """
+    """How often backlash is seen by the signature's energy, with a threshold from records without backlash."""
     seeds = np.random.default_rng(seed).integers(2**31, size=2 * healthy + len(deltas_rad) * repeats).tolist()
     first, fresh, others = seeds[:healthy], seeds[healthy : 2 * healthy], seeds[2 * healthy :]
     clean = simulate_recordings(joint, [0.0, *deltas_rad])
@@ -191,24 +128,7 @@ def smallest_seen_rad(table: pd.DataFrame, power: float) -> float:
 def matched_filter_delta_rad(
     joint: JointParameters, deltas_rad: Sequence[float], noise_sd_rps: float, samples: int, rate: float, power: float
 ) -> float:
-    """Smallest backlash that a filter which knows the waveform sees in white Gaussian noise.
-
-    Parameters
-    ----------
-    joint : JointParameters
-        The joint; without backlash it is the healthy one.
-    deltas_rad : sequence of float
-        Increasing backlashes to try; the answer is interpolated among them [rad].
-    noise_sd_rps, samples : float, int
-        SD of the noise [rps] and settled samples.
-    rate, power : float
-        Share of false alarms, and of backlash that is seen.
-
-    Returns
-    -------
-    float
-        Backlash [rad]; NaN if none of those tried is seen.
-    """
+    """Smallest backlash that a filter which knows the waveform sees in white Gaussian noise."""
     needed = stats.norm.isf(rate) + stats.norm.ppf(power)
     healthy = settled_turn(joint, 0.0, PHASES)
     distance = [
@@ -220,23 +140,7 @@ def matched_filter_delta_rad(
 
 
 def detection_summary(tables: Sequence[pd.DataFrame], filtered_rad: Sequence[float], power: float) -> pd.DataFrame:
-    """Summarise detection at each loudness of the noise.
-
-    Parameters
-    ----------
-    tables : sequence of DataFrame
-        From `detection`.
-    filtered_rad : sequence of float
-        From `matched_filter_delta_rad`, in the same order.
-    power : float
-        Share of backlash that is to be seen.
-
-    Returns
-    -------
-    DataFrame
-        `noise_half_amplitude_rps, false_alarms, false_alarms_low, false_alarms_high, smallest_seen_rad,
-        matched_filter_rad`.
-    """
+    """Summarise detection at each loudness of the noise."""
     rows = [
         (
             *table.iloc[0][["noise_half_amplitude_rps", "seen", "seen_low", "seen_high"]],

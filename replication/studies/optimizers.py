@@ -44,17 +44,7 @@ class SearchEnded(Exception):
 
 
 class Cost:
-    """The paper's cost over the unit cube, counting evaluations; raises `SearchEnded` when there is no more to do.
-
-    Parameters
-    ----------
-    recording : Recording
-        The record.
-    target_rmse : float
-        Misfit at which the best basin is found [rps].
-    budget : int
-        Function evaluations.
-    """
+    """The paper's cost over the unit cube, counting evaluations; raises `SearchEnded` when there is no more to do."""
 
     def __init__(self, recording: Recording, target_rmse: float, budget: int):
         protocol = Protocol()
@@ -91,7 +81,7 @@ class Cost:
 
 
 @numba.njit(cache=True)
-def _in_box(unit, lower, upper):
+def _in_box(unit: FloatArray, lower: FloatArray, upper: FloatArray) -> FloatArray:
     return lower + np.minimum(np.maximum(unit, 0.0), 1.0) * (upper - lower)
 
 
@@ -214,25 +204,7 @@ def swarms_installed() -> bool:
 
 
 def run_method(method: str, level: int, realisation: int, seed: int, budget: int = BUDGET) -> dict:
-    """Let one method look for the best basin of one of the authors' noisy records.
-
-    Parameters
-    ----------
-    method : str
-        A key of `METHODS`.
-    level, realisation : int
-        K and R of the record.
-    seed : int
-        Seed of the run.
-    budget : int
-        Function evaluations.
-
-    Returns
-    -------
-    dict
-        `method, kind, level, realisation, seed, found, rmse_over_best, evaluations`: the best basin is found when the
-        misfit is within `table2.BASIN_GAP` of the global fit's.
-    """
+    """Let a method look for a record's best basin: found within `BASIN_GAP` of the global fit's misfit."""
     recording = load_noisy(level, realisation)
     best = global_fit(recording).rmse
     kind, run = METHODS[method]
@@ -268,19 +240,7 @@ def run_all(jobs: Sequence[tuple[str, int, int, int]], n_jobs: int = -1) -> pd.D
 
 
 def success_table(runs: pd.DataFrame) -> pd.DataFrame:
-    """How often each method finds the best basin.
-
-    Parameters
-    ----------
-    runs : DataFrame
-        From `run_all`.
-
-    Returns
-    -------
-    DataFrame
-        A row a method: `method, kind, records, runs, found, rate, rate_low, rate_high` (95 %, Clopper and Pearson),
-        `evaluations_per_success`.
-    """
+    """Rate at which each method finds the best basin, its interval, and evaluations per success."""
     rows = []
     for (method, kind), part in runs.groupby(["method", "kind"], sort=False):
         found = int(part["found"].sum())
@@ -302,19 +262,7 @@ def success_table(runs: pd.DataFrame) -> pd.DataFrame:
 
 
 def against_swarms(table: pd.DataFrame) -> pd.DataFrame:
-    """CMA-ES with the authors' population against each swarm at the better of its populations.
-
-    Parameters
-    ----------
-    table : DataFrame
-        From `success_table`.
-
-    Returns
-    -------
-    DataFrame
-        A row a swarm: `swarm, method, rate`, and the one-sided p-values of Fisher's exact test `p_cma_better,
-        p_swarm_better`.
-    """
+    """CMA-ES with the authors' population against each swarm at its better population: one-sided p-values of Fisher."""
     ours = table.set_index("method").loc["CMA-ES, population 300"]
     rows = []
     for swarm in SWARMS:

@@ -18,21 +18,7 @@ FloatArray = NDArray[np.float64]
 def landscape(
     slices: Sequence[tuple[FloatArray, FloatArray, FloatArray]], runs: Sequence[pd.DataFrame], best: pd.Series
 ) -> Figure:
-    """Show two slices of the misfit through the best fit, A over t0 and T1 over T2, and where runs ended.
-
-    Parameters
-    ----------
-    slices : two of (columns, rows, misfit)
-        Values along both axes, of lengths n and m, and the misfit [rps] of shape (m, n).
-    runs : sequence of DataFrame
-        The runs of each basin, the best first: columns `A_rps, t0_s, T1_s, T2_s`.
-    best : Series
-        The best fit, same entries.
-
-    Returns
-    -------
-    Figure
-    """
+    """Show two slices of the misfit through the best fit, A over t0 and T1 over T2, and where runs ended."""
     figure, axes = grid(1, 2, figsize=(10.0, 4.5))
     names = (("t0_s", "A_rps"), ("T2_s", "T1_s"))
     labels = (("$t_0$ [s]", "A [rps]"), ("$T_2$ [s]", "$T_1$ [s]"))
@@ -54,17 +40,7 @@ def landscape(
 
 @in_style
 def strategy_costs(table: pd.DataFrame) -> Figure:
-    """Show the function evaluations that each search strategy spends for one success, with 95 % intervals.
-
-    Parameters
-    ----------
-    table : DataFrame
-        Columns `strategy, evaluations_per_success` and its limits `..._low, ..._high`.
-
-    Returns
-    -------
-    Figure
-    """
+    """Show the function evaluations that each search strategy spends for one success, with 95 % intervals."""
     figure, axes = grid(figsize=(8.5, 3.8))
     axis = axes[0, 0]
     at = np.arange(len(table))[::-1]
@@ -85,17 +61,7 @@ def strategy_costs(table: pd.DataFrame) -> Figure:
 
 @in_style
 def amplitude_intervals(table: pd.DataFrame) -> Figure:
-    """Show the global fit's amplitudes with their intervals beside Table 2's printed means and SDs.
-
-    Parameters
-    ----------
-    table : DataFrame
-        Columns `delta_rad, theoretical_A_rps, printed_mean_A_rps, printed_sd_A_rps, A_rps, low_rps, high_rps`.
-
-    Returns
-    -------
-    Figure
-    """
+    """Show the global fit's amplitudes with their intervals beside Table 2's printed means and SDs."""
     figure, axes = grid(figsize=(8.0, 4.2))
     axis = axes[0, 0]
     delta, theory = 1e4 * table["delta_rad"].to_numpy(), table["theoretical_A_rps"].to_numpy()
@@ -131,19 +97,7 @@ METHOD_STYLES = {
 
 @in_style
 def cross_validation_errors(table: pd.DataFrame, targets_rad: Mapping[str, float]) -> Figure:
-    """Show the error of each method on each log, the mean size of each method's, and targets to meet.
-
-    Parameters
-    ----------
-    table : DataFrame
-        From `accuracy.cross_validation`.
-    targets_rad : mapping of str to float
-        Largest mean error allowed, by method [rad].
-
-    Returns
-    -------
-    Figure
-    """
+    """Show the error of each method on each log, the mean size of each method's, and targets to meet."""
     figure, axes = grid(figsize=(8.5, 4.8))
     axis = axes[0, 0]
     methods = list(dict.fromkeys(table["method"]))
@@ -162,19 +116,7 @@ def cross_validation_errors(table: pd.DataFrame, targets_rad: Mapping[str, float
 
 @in_style
 def error_limits(table: pd.DataFrame, axes_labels: Mapping[str, str]) -> Figure:
-    """Show measured errors as marks and Cramer-Rao bounds as lines, one panel for each thing that changes.
-
-    Parameters
-    ----------
-    table : DataFrame
-        From `accuracy.measured_errors`.
-    axes_labels : mapping of str to str
-        Label of each value of column `axis`.
-
-    Returns
-    -------
-    Figure
-    """
+    """Show measured errors as marks and Cramer-Rao bounds as lines, one panel for each thing that changes."""
     figure, axes = grid(2, 2, figsize=(9.0, 7.0), sharey=True)
     for axis, (name, label) in zip(axes.flat, axes_labels.items(), strict=True):
         part = table[table["axis"] == name]
@@ -196,19 +138,7 @@ def error_limits(table: pd.DataFrame, axes_labels: Mapping[str, str]) -> Figure:
 
 @in_style
 def detection_curves(tables: Sequence[pd.DataFrame], limits_rad: Sequence[float]) -> Figure:
-    """Show the share of records that are seen to have backlash, and what a filter that knows the waveform would see.
-
-    Parameters
-    ----------
-    tables : sequence of DataFrame
-        From `limits.detection`, one for each loudness of the noise.
-    limits_rad : sequence of float
-        From `limits.matched_filter_delta_rad`, in the same order.
-
-    Returns
-    -------
-    Figure
-    """
+    """Show the share of records that are seen to have backlash, and what a filter that knows the waveform would see."""
     figure, axes = grid(figsize=(8.0, 4.2))
     axis = axes[0, 0]
     looks = cycle(zip((BLUE, ORANGE, PINK, INK), "os^D", strict=True))
@@ -226,19 +156,7 @@ def detection_curves(tables: Sequence[pd.DataFrame], limits_rad: Sequence[float]
 
 @in_style
 def tornado(table: pd.DataFrame, methods: Sequence[str]) -> Figure:
-    """Show the mean error of methods at the ends of what may change, the parameter with the largest on top.
-
-    Parameters
-    ----------
-    table : DataFrame
-        From `robustness.mean_errors`, two changes of each parameter at most.
-    methods : sequence of str
-        One panel each.
-
-    Returns
-    -------
-    Figure
-    """
+    """Show the mean error of methods at the ends of what may change, the parameter with the largest on top."""
     size = table.assign(size=table["mean_error_rad"].abs()).groupby("parameter")["size"].max().sort_values()
     rows = {name: row for row, name in enumerate(size.index)}
     figure, axes = grid(1, len(methods), figsize=(11.0, 4.8), sharey=True, sharex=True)
@@ -263,19 +181,7 @@ def tornado(table: pd.DataFrame, methods: Sequence[str]) -> Figure:
 
 @in_style
 def protocol_ranking(table: pd.DataFrame, shown: int) -> Figure:
-    """Show how likely the first candidates make the printed table, from both realisations and from each alone.
-
-    Parameters
-    ----------
-    table : DataFrame
-        From `protocols.ranking`.
-    shown : int
-        How many candidates.
-
-    Returns
-    -------
-    Figure
-    """
+    """Show how likely the first candidates make the printed table, from both realisations and from each alone."""
     part = table.head(shown)
     figure, axes = grid(figsize=(8.5, 0.24 * shown + 1.2))
     axis, at = axes[0, 0], np.arange(len(part))
@@ -292,17 +198,7 @@ def protocol_ranking(table: pd.DataFrame, shown: int) -> Figure:
 
 @in_style
 def predicted_regions(tables: Mapping[str, pd.DataFrame]) -> Figure:
-    """Show 95 % regions of Table 2's means and SDs, and the printed numbers.
-
-    Parameters
-    ----------
-    tables : mapping of str to DataFrame
-        From `protocols.table2_regions`, by what the legend says.
-
-    Returns
-    -------
-    Figure
-    """
+    """Show 95 % regions of Table 2's means and SDs, and the printed numbers."""
     figure, axes = grid(1, 2, figsize=(10.0, 4.2))
     for axis, column, label in zip(axes[0], ("mean", "sd"), ("mean over the printed one", "SD [rps]"), strict=True):
         for number, (name, table) in enumerate(tables.items()):

@@ -77,13 +77,6 @@ def draw_log(population: str, number: int, seed: int) -> Log:
     """Draw a log of a population; backlash is drawn evenly from Table 2's range.
 
     Benches whose drive is unstable are drawn again: nobody runs one.
-
-    Parameters
-    ----------
-    population : str
-        A key of `SPREADS`, or one of `odd_joints.KINDS`.
-    number, seed : int
-        Which log, of which draw of the population.
     """
     rng = np.random.default_rng((seed, [*SPREADS, *KINDS].index(population), number))
     delta = float(rng.uniform(*printed_levels_rad()[[0, -1]]))
@@ -107,13 +100,6 @@ def restlessness_rps(population: str, number: int, seed: int) -> float:
 
     After 40 turns, what a start leaves behind is gone: a joint whose turns still change never repeats one, and has no
     mean turn that a fit could meet.
-
-    Parameters
-    ----------
-    population : str
-        A key of `SPREADS`.
-    number, seed : int
-        As of `draw_log`.
     """
     rng = np.random.default_rng((seed, [*SPREADS, *KINDS].index(population), number))
     delta = float(rng.uniform(*printed_levels_rad()[[0, -1]]))
@@ -199,27 +185,13 @@ def _drawn_and_measured(population: str, number: int, seed: int, methods: Sequen
 def measure_population(
     population: str, numbers: Sequence[int], seed: int, methods: Sequence[str] = METHODS, jobs: int = -1
 ) -> pd.DataFrame:
-    """Draw logs of a population and measure them.
-
-    Returns
-    -------
-    DataFrame
-        A row a log and method: `population, number, delta_rad, bound_rad, method, found_rad, low_rad, high_rad`, for
-        "self" `sd_rad, misfit, unrest`, and `refused, reason` where there is no answer.
-    """
+    """Draw logs of a population and measure them."""
     tasks = (delayed(_drawn_and_measured)(population, number, seed, methods) for number in numbers)
     return pd.concat(Parallel(n_jobs=jobs)(tasks), ignore_index=True)
 
 
 def summary(rows: pd.DataFrame) -> pd.DataFrame:
-    """Error, coverage and refusals of each method on each population.
-
-    Returns
-    -------
-    DataFrame
-        `population, method, logs, refused, rmse_rad, mean_abs_error_rad, coverage, coverage_low, coverage_high,
-        held_or_refused, bound_rad` (root mean square of the answered logs' bounds).
-    """
+    """Error, coverage and refusals of each method on each population."""
     table = []
     for (population, method), part in rows.groupby(["population", "method"], sort=False):
         answered = part[~part["refused"]]
@@ -304,16 +276,7 @@ def against_bars(table: pd.DataFrame) -> pd.DataFrame:
 
 
 def run_study(sizes: Sequence[tuple[int, int]], seed: int, jobs: int = -1) -> pd.DataFrame:
-    """Measure all populations.
-
-    Parameters
-    ----------
-    sizes : three pairs of ints
-        Logs by "self", and how many of them by the other methods too: of the default spread, of the wide one, and of
-        each kind outside the model.
-    seed, jobs : int
-        Of the draws, and processes.
-    """
+    """Measure all populations."""
     first, second, odd = sizes
     parts = []
     for population, (size, others) in (*zip(SPREADS, (first, second), strict=True), *((kind, odd) for kind in KINDS)):

@@ -12,15 +12,7 @@ _MILLI = 1e3
 
 @in_style
 def errors(rows: pd.DataFrame, populations: dict[str, str]) -> Figure:
-    """Error of method "self" over the true backlash with its 95 % interval, a panel a population.
-
-    Parameters
-    ----------
-    rows : DataFrame
-        From `population.run_study`.
-    populations : dict of str to str
-        Title of each panel by population.
-    """
+    """Error of method "self" over the true backlash with its 95 % interval, a panel a population."""
     figure, axes = grid(1, len(populations), figsize=(5.0 * len(populations), 4.2))
     for axis, (population, title) in zip(axes[0], populations.items(), strict=True):
         part = rows[(rows["population"] == population) & (rows["method"] == "self") & ~rows["refused"]]
@@ -60,13 +52,7 @@ def calibration(rows: pd.DataFrame, populations: dict[str, str]) -> Figure:
 
 @in_style
 def profile(rows: pd.DataFrame) -> Figure:
-    """Signed root of chi squared over the backlash, and Laplace's approximation of it.
-
-    Parameters
-    ----------
-    rows : DataFrame
-        From `reach.profile`.
-    """
+    """Signed root of chi squared over the backlash, and Laplace's approximation of it."""
     figure, axes = grid(1, 1, figsize=(6.0, 4.2))
     axis, delta = axes[0, 0], _MILLI * rows["delta_rad"]
     root = np.sign(rows["deviation"]) * np.sqrt(rows["chi2"].clip(lower=0))

@@ -16,26 +16,7 @@ from replication.studies.population import bench_bound_rad
 
 
 def limits(bench: Bench, delta_rad: float, seed: int, harder: Mapping[str, Sequence[float]]) -> pd.DataFrame:
-    """Measure a bench's log as one thing after the other gets worse.
-
-    Parameters
-    ----------
-    bench : Bench
-        The joint.
-    delta_rad : float
-        Its backlash [rad].
-    seed : int
-        Of the logs' start and noise, the same for all.
-    harder : mapping of str to sequence of float
-        What is made worse, and to what: `turns` in the log, `samples made one`, `encoder bits`, `load friction`
-        (Coulomb friction added to the load, over m g r).
-
-    Returns
-    -------
-    DataFrame
-        `what, value, error_rad, sd_rad, bound_rad, answer`; where the log cannot be fitted, error, SD and bound
-        are NaN, and `answer` says why.
-    """
+    """Measure a bench's log as one thing after the other gets worse."""
     rows = []
     for what, values in harder.items():
         for value in values:
@@ -72,23 +53,7 @@ def _made_harder(
 
 
 def profile(recording: Recording, deviations: Sequence[float], steps: int = 12) -> pd.DataFrame:
-    """What a log says of each backlash, all else being fitted anew: the posterior without Laplace's approximation.
-
-    Parameters
-    ----------
-    recording : Recording
-        A log whose speed is differenced.
-    deviations : sequence of float
-        Distance from the most probable backlash, in posterior SDs.
-    steps : int
-        Gauss-Newton steps of the other unknowns at each.
-
-    Returns
-    -------
-    DataFrame
-        `deviation, delta_rad, chi2`: how much larger the sum of squares is than at its minimum; Laplace's
-        approximation says deviation squared.
-    """
+    """What a log says of each backlash, all else being fitted anew: the posterior without Laplace's approximation."""
     problem, harmonics = posed(recording)
     peak = find_peak(problem, find_joint(problem, harmonics)[0], MEASURED_AS["differenced"][1:])
     along = peak.covariance[:, 0] / np.sqrt(peak.covariance[0, 0])

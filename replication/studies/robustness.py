@@ -76,22 +76,6 @@ def robustness(
     Records are noise-free. "equation 10" is printed, of the global fit's amplitude. A changed speed changes the turn
     period; the sensor refuses such a log, here it is measured all the same. The joint with free nuisances is simulated
     at the speed that was commanded.
-
-    Parameters
-    ----------
-    joint : JointParameters
-        The joint that the default calibrations are of.
-    deltas_rad : sequence of float
-        Backlashes [rad].
-    shares : sequence of float
-        Relative changes; friction takes the positive ones.
-    names : sequence of str
-        What changes, of `CHANGES`.
-
-    Returns
-    -------
-    DataFrame
-        `parameter, change, delta_rad, method, error_rad`; parameter "nothing" has no change.
     """
     calibrations = {"equation 10": default_calibration("paper")}
     calibrations |= {method: default_calibration(method) for method in ("amplitude", "energy", "waveform")}
@@ -115,26 +99,14 @@ def robustness(
 
 
 def mean_errors(table: pd.DataFrame) -> pd.DataFrame:
-    """Average `robustness` over the backlashes.
-
-    Returns
-    -------
-    DataFrame
-        `parameter, method, change, mean_error_rad, max_abs_error_rad`.
-    """
+    """Average `robustness` over the backlashes."""
     groups = table.groupby(["parameter", "method", "change"], sort=False)["error_rad"]
     summary = groups.agg(mean_error_rad="mean", max_abs_error_rad=lambda error: error.abs().max())
     return summary.reset_index()
 
 
 def ranking(table: pd.DataFrame) -> pd.DataFrame:
-    """Rank the methods by their RMS error over all changes of `robustness`.
-
-    Returns
-    -------
-    DataFrame
-        `method, rmse_rad, max_abs_error_rad, worst_parameter, unchanged_rmse_rad`, the best first.
-    """
+    """Rank the methods by their RMS error over all changes of `robustness`."""
     rows = []
     for method, part in table.groupby("method", sort=False):
         moved, still = part[part["change"] != 0], part[part["change"] == 0]

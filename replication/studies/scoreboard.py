@@ -68,13 +68,7 @@ def simulated_logs(drifted: bool) -> list[tuple[str, float, Recording]]:
 
 
 def scoreboard_logs() -> list[tuple[str, float, Recording]]:
-    """All logs of the scoreboard: kind, backlash [rad] and record, whose source does not tell the backlash.
-
-    Raises
-    ------
-    DataUnavailable, DataCorrupt
-        The authors' logs are not to be had; see `data.authors.authors_file`.
-    """
+    """All logs of the scoreboard: kind, backlash [rad] and record, whose source does not tell the backlash."""
     authors = [
         ("authors", level_delta_rad(level), replace(load_noisy(level, R), source="an authors' log"))
         for R, level in AUTHORS_LOGS
@@ -196,18 +190,7 @@ METHODS: Mapping[str, Method] = {
 
 
 def score_logs(name: str, method: Method, logs: Sequence[tuple[str, float, Recording]]) -> pd.DataFrame:
-    """Run a method on logs, one after another.
-
-    Returns
-    -------
-    DataFrame
-        `method, kind, log, delta_rad, found_rad, error_rad, seconds`.
-
-    Raises
-    ------
-    UnusableMethod
-        It fails on a log, or gives no finite number.
-    """
+    """Run a method on logs, one after another."""
     rows = []
     for number, (kind, delta, recording) in enumerate(logs, start=1):
         where = f"{name}, log {number} ({recording.source})"
@@ -247,13 +230,7 @@ def score_all(logs: Sequence[tuple[str, float, Recording]]) -> pd.DataFrame:
 
 
 def load_method(name: str) -> Method:
-    """Import a method by `module:function`.
-
-    Raises
-    ------
-    UnusableMethod
-        There is no such module or function.
-    """
+    """Import a method by `module:function`."""
     module, colon, function = name.partition(":")
     if not (module and colon and function):
         raise UnusableMethod(f"{name!r}: name the method as module:function")

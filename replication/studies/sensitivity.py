@@ -246,26 +246,7 @@ def noticing(before: Found, after: Found) -> list[tuple[tuple[str, str, str], fl
 def sensitivity(
     chosen: Sequence[Change] | None = None, notebooks: Mapping[str, Mapping[str, object]] = SEARCH | SIMULATION
 ) -> pd.DataFrame:
-    """Change each constant and list who notices.
-
-    Parameters
-    ----------
-    chosen : sequence of Change, optional
-        All of `changes()` by default.
-    notebooks : mapping
-        The notebooks that these use, with their parameters.
-
-    Returns
-    -------
-    DataFrame
-        One row per constant and cell, claim or test that notices it: `constant, value, changed, group, kind, id,
-        source, before, after`; a constant that nothing notices has one row with an empty group.
-
-    Raises
-    ------
-    DataUnavailable, DataCorrupt
-        See `data.authors.authors_file`.
-    """
+    """Change each constant and list who notices."""
     for path in WORKBOOK_FILES:
         authors_file(path)
     chosen = changes() if chosen is None else chosen

@@ -1,0 +1,44 @@
+"""What must hold under any x86-64 processor's settings; `make portable` and the GitHub workflow set them."""
+
+import os
+import re
+
+import pandas as pd
+import pytest
+
+from replication.workbook import ROOT, judging
+from tests.processors import ALIASES, numba_target, numpy_simd, openblas_kernels
+
+KERNEL = os.environ.get("OPENBLAS_CORETYPE")
+needs_settings = pytest.mark.skipif(not KERNEL, reason="this processor's own settings; `make portable` sets others")
+SOURCES = sorted((ROOT / "notebooks").glob("[0-9]*.py"))
+# Those whose quick run is their whole run.
+CHEAP = [source for source in SOURCES if re.search(r"^#\s+quick: \{\}$", source.read_text(encoding="utf-8"), re.M)]
+NAMES = [source.stem for source in CHEAP]
+
+
+@needs_settings
+def test_the_settings_that_the_environment_asks_for_are_in_effect():
+    assert openblas_kernels() <= {KERNEL, ALIASES.get(KERNEL)}
+    if "NUMBA_CPU_NAME" in os.environ:
+        assert numba_target() == os.environ["NUMBA_CPU_NAME"]
+    disabled = set(re.split("[ ,]", os.environ.get("NPY_DISABLE_CPU_FEATURES", "")))
+    assert not disabled & set(numpy_simd())
+
+
+@needs_settings
+def test_the_cheap_notebooks_reach_their_committed_verdicts(authors_data, tmp_path, monkeypatch):
+    assert len(CHEAP) == 6
+    monkeypatch.setenv("MPLBACKEND", "Agg")
+    monkeypatch.setenv("REPLICATION_OUT", str(tmp_path))
+    monkeypatch.setenv("REPLICATION_QUICK", "0")
+    for source in CHEAP:
+        monkeypatch.setenv("REPLICATION_NOTEBOOK", source.stem)
+        code = compile(source.read_text(encoding="utf-8"), str(source), "exec")
+        exec(code, {"__name__": "__main__", "display": lambda *shown, **options: None})
+    for table, name in ((judging.verdicts, "verdicts.csv"), (judging.decided_claims, "claims.csv")):
+        committed, here = pd.read_csv(ROOT / "results" / name), table(tmp_path / "results")
+        key = [column for column in ("id", "source", "notebook") if column in here]
+        both = here[here["notebook"].isin(NAMES)].merge(committed, on=key, suffixes=("", "_committed"))
+        assert len(both) > 1
+        assert both["verdict"].tolist() == both["verdict_committed"].tolist()
