@@ -51,7 +51,7 @@ from replication.table2 import AUTHORS, BASIN_GAP
 run = 8  # which of the 30 stored runs to draw
 turns = 2  # turns in figure 6
 turn_period_s = 0.4  # T_f of the picture
-largest_mismatch = 0.05  # of half turns a turn's half apart, over the record's SD, for the claim to hold
+criteria = {}  # limits to try in place of those of claims.csv, such as {"half_turn": 0.03}
 
 # %% [markdown]
 # ## Result
@@ -219,22 +219,20 @@ basins
 
 # %% [markdown]
 # ## Verdict
+#
+# Whether the search avoids local minima is decided on the noisy records of Table 2 (notebook 8), not on these 30 runs:
+# record 12 has no noise, and its backlash is larger than any in the paper's tables.
 
 # %%
-best = int(basins.loc[0, "runs"])
 mismatch = inspection.half_turn_mismatch(record)
 claims = {
     "two_impacts": (
-        inspection.impacts_alternate(record),
+        published.decide("two_impacts", float(inspection.impacts_alternate(record)), criteria),
         "record 12: the largest excursion changes its sign from each settled half turn to the next",
     ),
     "half_turn": (
-        mismatch < largest_mismatch,
+        published.decide("half_turn", mismatch, criteria),
         f"record 12, inverted and half a turn later, differs by {100 * mismatch:.1f} % of its SD",
-    ),
-    "local_minima": (
-        best > len(stored_runs) / 2,
-        f"{best} of the authors' {len(stored_runs)} stored runs end in the best basin",
     ),
 }
 replayed_turns = turns_by_replay(record)

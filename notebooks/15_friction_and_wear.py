@@ -35,7 +35,7 @@
 import numpy as np
 import pandas as pd
 
-from replication import characteristic, workbook
+from replication import characteristic, published, workbook
 from replication.methods import calibration
 from replication.standins import bench as bench_standin
 from replication.standins import joints, plots, wear
@@ -48,9 +48,9 @@ bench_seed = 1  # which bench is drawn
 row = 2  # of Table 3, whose backlash the bench has
 shares = [0.0, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2]  # of the gravity torque
 judged_share = 0.02  # one of these shares, at which the claim is judged
-most_percent = 3  # by which A may change there for the claim to hold
 worn_benches = 8  # benches that wear for eight months
 limit_rad = 10e-4  # backlash that calls for maintenance
+criteria = {}  # limits to try in place of those of claims.csv, such as {"friction_disregarded": 10}
 
 # %% [markdown]
 # ## Result
@@ -113,13 +113,17 @@ calls.set_index("sensor").T
 
 # %% [markdown]
 # ## Verdict
+#
+# The claim is decided on simulated logs only: the bench is drawn around the joint that was identified from the authors'
+# simulated records. What friction does to the real bench cannot be decided without its logs.
 
 # %%
 change = friction.set_index("friction_share").loc[judged_share, "change_percent"]
 claims = {
     "friction_disregarded": (
-        abs(change) < most_percent,
-        f"A changes by {change:.0f} % at a friction of {100 * judged_share:.0f} %",
+        published.decide("friction_disregarded", abs(change), criteria),
+        f"on simulated logs of the joint identified from the authors' records, A changes by {change:.0f} % at a "
+        f"friction of {100 * judged_share:.2g} % of gravity",
     )
 }
 workbook.verdict(claims=claims)
@@ -129,4 +133,4 @@ workbook.verdict(claims=claims)
 #
 # 1. `judged_share = 0.005`: at half a percent of gravity as friction $A$ hardly changes, and the claim holds.
 # 2. `judged_share = 0.05`: at five percent $A$ falls by more than a quarter.
-# 3. `most_percent = 10`: whoever calls a change of 10 % nothing may disregard friction of two percent.
+# 3. `criteria = {"friction_disregarded": 10}`: if a change of 10 % is accepted, the claim holds at two percent.

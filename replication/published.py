@@ -1,5 +1,7 @@
-"""Every number the paper prints, once, from the data files beside this module."""
+"""Every number the paper prints, once, from the data files beside this module; and the rules that decide its claims."""
 
+import math
+from collections.abc import Mapping
 from decimal import Decimal
 from functools import cache
 from importlib.resources import files
@@ -78,19 +80,67 @@ def column(element: str, name: str) -> np.ndarray:
 
 
 def claims() -> pd.DataFrame:
-    """Prose claims, indexed by id: `claim, section, check, criterion, reason, alternative`."""
+    """The paper's prose claims and what decides each, indexed by id.
+
+    Columns `claim, section, decided_in` (the notebook's number), `check, rule, criterion, reason, alternative`, and the
+    days on which rule and limit were `fixed` and the `first_result` was committed.
+    """
     return _table("claims.csv").set_index("id")
 
 
-def criterion(claim: str) -> float:
-    """The number that decides a prose claim, fixed before its result was seen; `check` says what it is compared with.
+def criterion(claim: str, criteria: Mapping[str, float] | None = None) -> float:
+    """The limit that decides a claim: that of `claims.csv`, or the one that `criteria` tries in its place.
 
     Raises
     ------
     KeyError
-        There is no such claim.
+        There is no such claim, or `criteria` names one that there is not.
     """
-    return float(claims().loc[claim, "criterion"])
+    known = claims()["criterion"]
+    if unknown := {claim, *(criteria or {})} - set(known.index):
+        raise KeyError(f"{', '.join(sorted(unknown))}: no such claim; there are {', '.join(known.index)}")
+    return float((criteria or {}).get(claim, known[claim]))
+
+
+def decide(
+    claim: str, measured: float | tuple[float, float], criteria: Mapping[str, float] | None = None
+) -> bool | None:
+    """Decide a claim by its rule in `claims.csv`.
+
+    Parameters
+    ----------
+    claim : str
+        Its id.
+    measured : float or (float, float)
+        What the rule compares with the limit: one number; the two ends of an interval where the rule's name begins with
+        "interval"; p of the claim and p of its opposite for "p below". A number within 1e-9 of the limit, relatively,
+        is the limit: that is rounding in the last bits.
+    criteria : mapping of claim to limit, optional
+        Limits to try in place of those of `claims.csv`.
+
+    Returns
+    -------
+    bool or None
+        Whether the claim holds; None is undecided, as is whatever was not measured (nan).
+    """
+    limit, rule = criterion(claim, criteria), claims().loc[claim, "rule"]
+    if np.size(measured) != (2 if rule.startswith(("interval", "p ")) else 1):
+        raise ValueError(f"{claim}: the rule {rule!r} does not take {measured}")
+    numbers = np.ravel(measured).astype(float)
+    low, high = (limit if math.isclose(x, limit, rel_tol=1e-9) else x for x in (numbers[0], numbers[-1]))
+    digit = half_last_digit(str(limit)) * (1 + 1e-9)
+    holds, fails = {
+        "below": (low < limit, low >= limit),
+        "at most": (low <= limit, low > limit),
+        "above": (low > limit, low <= limit),
+        "at least": (low >= limit, low < limit),
+        "rounds to": (abs(low - limit) <= digit, abs(low - limit) > digit),
+        "odds at least": (low >= limit, low * limit <= 1),
+        "p below": (low < limit, high < limit),
+        "interval below": (high < limit, low > limit),
+        "interval above": (low > limit, high < limit),
+    }[rule]
+    return True if holds else False if fails else None
 
 
 def errata() -> pd.DataFrame:

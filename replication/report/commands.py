@@ -27,7 +27,7 @@ def add_commands(subparsers: "argparse._SubParsersAction") -> None:
     report.add_argument("--quick", action="store_true", help="of the quick run")
     report.set_defaults(command=_report)
 
-    diff = subparsers.add_parser("diff", help="cells and claims whose verdict is not that of the last commit's results")
+    diff = subparsers.add_parser("diff", help="cells and claims whose value or verdict is not the last commit's")
     made = diff.add_mutually_exclusive_group()
     made.add_argument("--quick", action="store_const", dest="made", const="quick", help="of the quick run")
     made.add_argument("--lab", action="store_const", dest="made", const="lab", help="of notebooks run by hand")
@@ -86,11 +86,11 @@ def _diff(options: argparse.Namespace) -> int:
     if options.made:
         results = results / options.made / "results"
     try:
-        table = flips.flips(results, flips.committed("verdicts.csv"), flips.committed("claims.csv"))
-    except flips.NoCommit as error:
+        table = flips.changes(results, flips.committed("verdicts.csv"), flips.committed("claims.csv"))
+    except flips.NotComparable as error:
         print(error, file=sys.stderr)
         return 1
-    print(table.to_string(index=False) if len(table) else "no verdict flipped")
+    print("\n".join(map(flips.describe, table.to_dict("records"))) or "nothing moved")
     return 0
 
 

@@ -1,4 +1,4 @@
-"""What changed: cells and claims whose verdict is another than in the committed results."""
+"""What changed: cells and claims whose value or verdict is another than in the committed results."""
 
 import io
 import subprocess
@@ -8,68 +8,60 @@ import pandas as pd
 
 from replication import workbook
 from replication.workbook import judging
+from replication.workbook.files import FLOAT_FORMAT
+
+COLUMNS = ["flips", "id", "source", "value_before", "value_now", "verdict_before", "verdict_now"]
 
 
-class NoCommit(RuntimeError):
-    """There are no committed results to compare with."""
+class NotComparable(RuntimeError):
+    """There are no results to compare, or no committed ones to compare with."""
 
 
 def committed(name: str, root: Path = workbook.ROOT) -> pd.DataFrame:
-    """Load a table of the results as the last commit has it.
-
-    Parameters
-    ----------
-    name : str
-        File name in `results`.
-    root : Path
-        The project's folder.
-
-    Raises
-    ------
-    NoCommit
-        There is no git, no repository, or no such file in the last commit.
-    """
+    """Load a table of the results as the last commit has it; `NotComparable` if it has none."""
     command = ["git", "show", f"HEAD:./results/{name}"]
     try:
         shown = subprocess.run(command, cwd=root, capture_output=True, text=True, encoding="utf-8", check=True).stdout
     except (OSError, subprocess.CalledProcessError) as error:
-        raise NoCommit(
+        raise NotComparable(
             f"results/{name}: no committed copy to compare with; this needs git and a clone of the repository"
         ) from error
     return pd.read_csv(io.StringIO(shown))
 
 
-def flips(results: Path, verdicts: pd.DataFrame, claims: pd.DataFrame) -> pd.DataFrame:
-    """Compare what is in a results folder with a table of verdicts and one of claims.
+def changes(results: Path, verdicts: pd.DataFrame, claims: pd.DataFrame) -> pd.DataFrame:
+    """List the cells and claims that the notebooks in a results folder decide otherwise than the committed tables.
 
-    Parameters
-    ----------
-    results : Path
-        Folder with the notebooks' outcomes.
-    verdicts, claims : DataFrame
-        What to compare with: `verdicts.csv` and `claims.csv`.
-
-    Returns
-    -------
-    DataFrame
-        `id, source, before, after, value_before, value_after` of each cell and claim that the outcomes decide and whose
-        verdict differs.
+    `verdicts` and `claims` are the committed tables. A value is a number with six digits, or a claim's measured text;
+    `flips` marks another verdict. What a notebook decided before and no longer exports is `not-run` now.
     """
-    now = judging.verdicts(results)
-    cells = _flipped(
-        verdicts.set_index(["id", "source"])[["verdict", "reproduced"]],
-        now[now["verdict"] != "not-run"].set_index(["id", "source"])[["verdict", "reproduced"]],
-    )
-    before, after = (
-        table.assign(source="claim").set_index(["id", "source"])[["verdict", "measured"]]
-        for table in (claims, judging.decided_claims(results))
-    )
-    return pd.concat([cells, _flipped(before, after)], ignore_index=True)
+    folder = results.relative_to(workbook.ROOT) if results.is_relative_to(workbook.ROOT) else results
+    try:
+        outcomes, cells, decided = judging.outcomes(results), judging.verdicts(results), judging.decided_claims(results)
+    except (ValueError, KeyError, TypeError) as error:
+        raise NotComparable(f"{folder}: what a notebook exported cannot be read: {error}") from error
+    if not outcomes:
+        raise NotComparable(f"{folder}: no notebook has been run there")
+    before = pd.concat([_values(verdicts, "reproduced"), _values(claims.assign(source="claim"), "measured")])
+    now = pd.concat([_values(cells, "reproduced"), _values(decided.assign(source="claim"), "measured")])
+    before = before[before["notebook"].isin(outcomes) | before.index.isin(now.index)].drop(columns="notebook")
+    both = before.add_suffix("_before").join(now.drop(columns="notebook").add_suffix("_now"), how="outer")
+    both = both.fillna({"verdict_before": "not-run", "verdict_now": "not-run"}).fillna("").reset_index()
+    both["flips"] = both["verdict_before"] != both["verdict_now"]
+    changed = both.loc[both["flips"] | (both["value_before"] != both["value_now"]), COLUMNS]
+    return changed.sort_values("flips", ascending=False, kind="stable", ignore_index=True)
 
 
-def _flipped(before: pd.DataFrame, after: pd.DataFrame) -> pd.DataFrame:
-    """Rows of two tables of verdict and value, by id and source, whose verdicts differ."""
-    before.columns, after.columns = ["before", "value_before"], ["after", "value_after"]
-    both = after.join(before, how="left").fillna({"before": "not-run"}).reset_index()
-    names = ["id", "source", "before", "after", "value_before", "value_after"]
-    return both.loc[both["before"] != both["after"], names].astype(object)
+def _values(table: pd.DataFrame, column: str) -> pd.DataFrame:
+    """Value (as text; a number with six digits), verdict and notebook of what has been run, by id and source."""
+    made = table[table["verdict"] != "not-run"].set_index(["id", "source"])
+    values = made[column].map(lambda value: value if isinstance(value, str) else FLOAT_FORMAT % value)
+    return pd.DataFrame({"value": values.replace("nan", ""), "verdict": made["verdict"], "notebook": made["notebook"]})
+
+
+def describe(row: dict) -> str:
+    """One line of text on a row of `changes`."""
+    verdict = f"{row['verdict_before']} -> {row['verdict_now']}" if row["flips"] else row["verdict_now"]
+    value = f"{row['value_before'] or '(none)'} -> {row['value_now'] or '(none)'}"
+    value = row["value_now"] if row["value_before"] == row["value_now"] else value
+    return f"{'FLIPS' if row['flips'] else 'moved'} {row['id']} ({row['source']}): {verdict}; {value}"

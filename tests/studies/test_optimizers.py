@@ -75,7 +75,7 @@ def test_a_swarm_is_compared_at_its_better_population():
         rows += result(f"{swarm}, population 300", "swarm", 3) + result(f"{swarm}, its own population", "swarm", 10)
     compared = optimizers.against_swarms(optimizers.success_table(pd.DataFrame(rows)))
     assert compared["method"].str.endswith("its own population").all()
-    assert claims.cma_beats_swarms(compared, 0.05)[0] is True
+    assert claims.cma_beats_swarms(compared)[0] is True
 
 
 @pytest.mark.parametrize(("cma", "swarm", "holds"), [(25, 2, True), (15, 14, None), (2, 25, False)])
@@ -84,20 +84,20 @@ def test_cma_es_beats_the_swarms_only_if_chance_is_ruled_out(cma, swarm, holds):
     for name in optimizers.SWARMS:
         rows += result(f"{name}, population 300", "swarm", swarm)
     compared = optimizers.against_swarms(optimizers.success_table(pd.DataFrame(rows)))
-    assert claims.cma_beats_swarms(compared, 0.05)[0] is holds
+    assert claims.cma_beats_swarms(compared)[0] is holds
 
 
 @pytest.mark.parametrize(("found", "holds"), [((0, 1), True), ((29, 1), False), ((15, 1), None)])
 def test_one_classical_method_that_works_is_enough(found, holds):
     rows = [row for k, count in enumerate(found) for row in result(f"method {k}", "classical", count)]
-    assert claims.classical_cannot(optimizers.success_table(pd.DataFrame(rows)), 0.5)[0] is holds
+    assert claims.classical_cannot(optimizers.success_table(pd.DataFrame(rows)))[0] is holds
 
 
 @pytest.mark.parametrize(("found", "holds"), [((0, 29), True), ((1, 2), False), ((1, 15), None)])
 def test_cma_es_needs_no_tuning_if_it_succeeds_alone_or_restarted(found, holds):
     names = ["CMA-ES, its own population", "CMA-ES, its own population, restarts doubling it"]
     rows = [row for name, count in zip(names, found, strict=True) for row in result(name, "CMA-ES", count)]
-    assert claims.little_tuning(optimizers.success_table(pd.DataFrame(rows)), 0.5)[0] is holds
+    assert claims.little_tuning(optimizers.success_table(pd.DataFrame(rows)))[0] is holds
 
 
 def test_the_kept_runs_are_the_planned_ones_and_none_is_far_below_the_global_fit():
