@@ -94,7 +94,7 @@ def criterion(claim: str) -> float:
 
 
 def errata() -> pd.DataFrame:
-    """Errata, indexed by id: `location, as_printed, corrected, evidence, effect`."""
+    """Errata, indexed by id: `kind, location, as_printed, corrected, evidence, effect, cells`."""
     return _table("errata.csv").set_index("id")
 
 
