@@ -19,7 +19,7 @@ from replication.methods.readings import protocol_for
 from replication.signature import Timing, signature
 from replication.simulator.recordings import simulate_recordings
 from replication.simulator.simulate import identified_joint
-from replication.studies.portable import kernels_here
+from tests.processors import kernels_here
 
 PROTOCOL = Protocol()
 TRUE_X = np.array([-0.6, 0.0125, 15.0, 134.0, 100.0, 0.1515, 0.0125])
