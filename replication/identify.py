@@ -3,9 +3,7 @@
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
-import cma
 import numpy as np
-from cma.evolution_strategy import get_CMASolutionDict
 from numpy.typing import NDArray
 
 from replication.compiled.bounds import from_box, into_box, margin_today
@@ -142,12 +140,15 @@ def first_generation_rmse(recording: Recording, protocol: Protocol, seed: int) -
     return float(next(paper_search(recording, protocol, seed)).misfits.min())
 
 
-def library_search(recording: Recording, protocol: Protocol, seed: int) -> cma.CMAEvolutionStrategy:
+def library_search(recording: Recording, protocol: Protocol, seed: int) -> "cma.CMAEvolutionStrategy":  # noqa: F821
     """Today's `cma` on a record, without its slow bound handling: its samples still have to be put `into_box`.
 
     Tell it its own samples with `check_points=False`: it keeps no archive to know them by. The random numbers are
     those of cma's `seed` option, from a generator of their own.
     """
+    import cma  # brings matplotlib, a second that no other engine needs
+    from cma.evolution_strategy import get_CMASolutionDict
+
     box = protocol_box(recording, protocol)
     width = box.upper - box.lower
     options = {

@@ -5,33 +5,69 @@ import os
 import sys
 from pathlib import Path
 
-from replication import workbook
-from replication.data.authors import WORKBOOK_FILES, DataCorrupt, DataUnavailable, authors_file
-from replication.report import commands as report
-from replication.sensor import commands
-from replication.sensor.tables import UnusableLog
-from replication.simulator.simulate import identified_joint
-from replication.simulator.study import FIT_LEVELS, clean_records, reidentify_joint
-from replication.studies import edge, optimizers, population, protocols, scoreboard, sensitivity, timings
-from replication.workbook import files, provenance
+from replication.commands.parser import OneLineParser, add_command, run_command
+from replication.sensor.options import add_sensor_commands
+
+_REPORT = "replication.report.commands"
+_WORKBOOK, _STUDIES = "replication.commands.workbook", "replication.commands.studies"
+
+# Commands without options, and those whose only option is --quick.
+_PLAIN = {
+    "data": (_WORKBOOK, "fetch and verify the authors' data"),
+    "article": (_REPORT, "results/article.pdf from article/article.typ and the results"),
+    "readme": (_REPORT, "write the results' numbers into README.md"),
+    "sensitivity": (_STUDIES, "who notices a wrong constant, into results/sensitivity.csv"),
+    "identify-joint": (_STUDIES, "identify the simulated joint anew, into data/joint.json"),
+    "calibrations": (_STUDIES, "the sensor's default calibrations anew, into data/default_calibrations.json"),
+    "claims": (_STUDIES, "the slow studies behind claims, into results/optimizers.csv and results/alpha_refit.csv"),
+    "bench": (_STUDIES, "time what was made fast, into results/bench.csv"),
+    "scoreboard": (_STUDIES, "score every method, into results/scoreboard.csv"),
+    "population": (_STUDIES, "every method on joints that nobody calibrated, into results/population_logs.csv"),
+}
+_WITH_QUICK = {
+    "collect": (_WORKBOOK, "verdicts.csv, claims.csv and provenance.json from the outcomes"),
+    "check": (_REPORT, "print the tables with their verdicts; exit 1 if a cell differs unexpectedly"),
+    "report": (_REPORT, "results/report.html, the notebooks' pages and errata.md"),
+}
 
 
 def main(arguments: list[str] | None = None) -> int:
     """Run one command; return its exit status: 0 done, 2 the input is not usable, 1 anything else."""
     options = _parser().parse_args(arguments)
     try:
-        return options.command(options)
-    except (DataUnavailable, DataCorrupt, UnusableLog, scoreboard.UnusableMethod) as error:
+        return run_command(options)
+    except Exception as error:
+        if not hasattr(error, "exit_status"):  # of errors whose message is the one line that a user needs
+            raise
         print(error, file=sys.stderr)
-        return 2
+        return error.exit_status
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = commands.OneLineParser(prog="python -m replication", description=__doc__)
-    subparsers = parser.add_subparsers(required=True, metavar="COMMAND")
-    commands.add_commands(subparsers)
+    parser = OneLineParser(prog="python -m replication", description=__doc__)
+    commands = parser.add_subparsers(required=True, metavar="COMMAND")
+    add_sensor_commands(commands)
+    made = {name: add_command(commands, name, *rest) for name, rest in (_WITH_QUICK | _PLAIN).items()}
+    for name in _WITH_QUICK:
+        made[name].add_argument("--quick", action="store_true", help="of the quick run")
+    made["check"].add_argument("--strict", action="store_true", help="exit 1 if any cell differs, expected or not")
+    _add_run_options(add_command(commands, "run", _WORKBOOK, "execute notebooks, in order; all if none is named"))
 
-    run = subparsers.add_parser("run", help="execute notebooks, in order; all of them if none is named")
+    show = add_command(commands, "show", _REPORT, "a cell, an element or a claim: printed, ours, verdict and why")
+    show.add_argument("name", help="such as table2.row03.sd, 'Table 2', local_minima or E3")
+    show.add_argument("--rerun", action="store_true", help="make just that again, and show it beside")
+    diff = add_command(commands, "diff", _REPORT, "cells and claims whose value or verdict is not the last commit's")
+    which = diff.add_mutually_exclusive_group()
+    which.add_argument("--quick", action="store_const", dest="made", const="quick", help="of the quick run")
+    which.add_argument("--lab", action="store_const", dest="made", const="lab", help="of notebooks run by hand")
+    pools = add_command(commands, "protocols", _STUDIES, "runs of every candidate protocol, into results/protocols")
+    pools.add_argument("--jobs", type=int, default=2, help="processes (default: 2)")
+    score = add_command(commands, "score", _STUDIES, "score your own method on the scoreboard's logs")
+    score.add_argument("method", help="module:function; takes a Recording, returns the backlash [rad]")
+    return parser
+
+
+def _add_run_options(run: argparse.ArgumentParser) -> None:
     run.add_argument("notebook", nargs="*", type=Path, help="a notebook's .py source")
     run.add_argument("--quick", action="store_true", help="few repeats, into results/quick")
     run.add_argument("--stamps", type=Path, help="leave <notebook>.done and <notebook>.d in this folder")
@@ -42,119 +78,3 @@ def _parser() -> argparse.ArgumentParser:
         default=float(os.environ.get("STALL_MINUTES") or 15),
         help="end a notebook after so long without progress (default: STALL_MINUTES, or 15)",
     )
-    run.set_defaults(command=_run)
-
-    collect = subparsers.add_parser("collect", help="verdicts.csv, claims.csv and provenance.json from the outcomes")
-    collect.add_argument("--quick", action="store_true", help="of the quick run")
-    collect.set_defaults(command=_collect)
-    report.add_commands(subparsers)
-    for name, command, text in (
-        ("sensitivity", _sensitivity, "who notices a wrong constant, into results/sensitivity.csv"),
-        ("identify-joint", _identify_joint, "identify the simulated joint anew, into data/joint.json"),
-        ("claims", _claims, "the slow studies behind claims, into results/optimizers.csv and results/alpha_refit.csv"),
-        ("bench", _bench, "time what was made fast, into results/bench.csv"),
-        ("scoreboard", _scoreboard, "score every method, into results/scoreboard.csv"),
-        ("population", _population, "every method on joints that nobody calibrated, into results/population_logs.csv"),
-        ("data", _data, "fetch and verify the authors' data"),
-    ):
-        subparsers.add_parser(name, help=text).set_defaults(command=command)
-    pools = subparsers.add_parser("protocols", help="runs of every candidate protocol, into results/protocols")
-    pools.add_argument("--jobs", type=int, default=2, help="processes (default: 2)")
-    pools.set_defaults(command=_protocols)
-    score = subparsers.add_parser("score", help="score your own method on the scoreboard's logs")
-    score.add_argument("method", help="module:function; takes a Recording, returns the backlash [rad]")
-    score.set_defaults(command=_score)
-    return parser
-
-
-def _run(options: argparse.Namespace) -> int:
-    from replication.workbook import running  # takes a second and a half, which no other command should wait for
-
-    sources = options.notebook or sorted((workbook.ROOT / "notebooks").glob("[0-9]*.py"))
-    try:
-        endings = running.run(sources, options.quick, options.stamps, 60 * options.stall_minutes, options.watch)
-    except KeyboardInterrupt:
-        print("interrupted; what was finished is kept", file=sys.stderr)
-        return 130
-    failed = [ending.why for ending in endings if ending.how == "failed"]
-    if not options.quick:
-        running.note_run(endings)
-    print("\n".join([running.slowest_cells(endings), *(f"failed: {why}" for why in failed)]), file=sys.stderr)
-    return 1 if failed else 0
-
-
-def _collect(options: argparse.Namespace) -> int:
-    provenance.collect(report.results_folder(options.quick))
-    return 0
-
-
-def _sensitivity(_: argparse.Namespace) -> int:
-    table = sensitivity.sensitivity()
-    files.write_csv(workbook.ROOT / "results" / "sensitivity.csv", table)
-    print(table.groupby(["constant", "changed"], sort=False)["group"].agg(lambda g: (g != "").sum()).to_string())
-    return 0
-
-
-def _identify_joint(_: argparse.Namespace) -> int:
-    files.write_text(workbook.ROOT / "replication" / "data" / "joint.json", reidentify_joint())
-    return 0
-
-
-def _claims(_: argparse.Namespace) -> int:
-    results, clean = workbook.ROOT / "results", clean_records(FIT_LEVELS)
-    files.write_csv(results / "alpha_refit.csv", edge.refit_alphas(identified_joint(), clean, edge.ALPHAS))
-    if not optimizers.swarms_installed():
-        print("the swarms need the extra `studies` (pip install .[studies]): optimizers.csv is kept", file=sys.stderr)
-        return 1
-    runs = optimizers.run_all(optimizers.plan())
-    files.write_csv(results / "optimizers.csv", runs)
-    print(optimizers.success_table(runs).to_string(index=False))
-    return 0
-
-
-def _bench(_: argparse.Namespace) -> int:
-    table = timings.bench()
-    files.write_csv(workbook.ROOT / "results" / "bench.csv", table)
-    print(table.drop(columns="note").to_string(index=False))
-    return 0
-
-
-def _scoreboard(_: argparse.Namespace) -> int:
-    scores = scoreboard.score_all(scoreboard.scoreboard_logs())
-    table = scoreboard.summary(scores)
-    folder = workbook.ROOT / "results"
-    files.write_csv(folder / "scoreboard_logs.csv", scores.drop(columns="seconds"))
-    files.write_csv(folder / "scoreboard.csv", table)
-    print(table.to_string(index=False))
-    return 0
-
-
-def _population(_: argparse.Namespace) -> int:
-    drawn = population.measure_population(*population.SPREAD_STUDY)
-    files.write_csv(workbook.ROOT / "replication" / "data" / "spread_of_joints.csv", population.spread_shares(drawn))
-    rows = population.run_study(population.FINAL_SIZES, population.FINAL_SEED)
-    files.write_csv(workbook.ROOT / "results" / "population_logs.csv", rows)
-    print(population.summary(rows).to_string(index=False))
-    return 0
-
-
-def _score(options: argparse.Namespace) -> int:
-    logs, missing = scoreboard.logs_at_hand()
-    scores = scoreboard.score_logs(options.method, scoreboard.load_method(options.method), logs)
-    for kind, part in scores.groupby("kind", sort=False):
-        print(f"{kind}:\n{scoreboard.summary(part).to_string(index=False)}")
-    print(f"all:\n{scoreboard.summary(scores).to_string(index=False)}")
-    if missing:
-        print(missing, file=sys.stderr)
-    return 0
-
-
-def _protocols(options: argparse.Namespace) -> int:
-    protocols.compute_pools(jobs=options.jobs, tell=lambda line: print(line, flush=True))
-    return 0
-
-
-def _data(_: argparse.Namespace) -> int:
-    for path in WORKBOOK_FILES:
-        print(authors_file(path))
-    return 0

@@ -26,9 +26,13 @@ WORKBOOK_FILES = (
 class DataUnavailable(RuntimeError):
     """The authors' data are neither in `BACKLASH_DATA` nor to be downloaded."""
 
+    exit_status = 2
+
 
 class DataCorrupt(RuntimeError):
     """A file of the authors' data is not what it should be."""
+
+    exit_status = 2
 
 
 def authors_registry() -> dict[str, str]:

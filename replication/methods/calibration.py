@@ -2,8 +2,9 @@
 
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields
 from functools import lru_cache
+from importlib.resources import files
 
 import numpy as np
 from numpy.polynomial import Polynomial
@@ -22,6 +23,8 @@ FloatArray = NDArray[np.float64]
 
 # Most phases in a turn that a waveform keeps: those of the default one, sampled at 0.5 ms.
 _MOST_PHASES = 800
+
+_KEPT = "data/default_calibrations.json"
 
 # How far a log's turn may be from that of the calibration: the waveform scales with the speed.
 PERIOD_MISMATCH = 0.02
@@ -66,20 +69,16 @@ class Calibration:
 
     def to_json(self) -> str:
         """Write as text, for `from_json`."""
-        content = {
-            "method": self.method,
-            "unit": "rad",
-            "coefficients": list(self.coefficients),
-            "range_rad": list(self.range_rad),
-            "uncertainty_rad": self.uncertainty_rad,
-            "turn_period_s": self.turn_period_s,
-            "commanded_speed_rps": self.commanded_speed_rps,
-            "provenance": self.provenance,
-        }
+        return json.dumps(self.content(), indent=1) + "\n"
+
+    def content(self) -> dict:
+        """What the file holds."""
+        found = {field.name: getattr(self, field.name) for field in fields(self) if field.name != "bank"}
+        found = {"method": found.pop("method"), "unit": "rad"} | found
         if self.bank is not None:
             rounded = [[float(f"{v:.6g}") for v in row] for row in self.bank.waveform_rps]
-            content["waveforms"] = {"delta_rad": self.bank.delta_rad.tolist(), "waveform_rps": rounded}
-        return json.dumps(content, indent=1) + "\n"
+            found["waveforms"] = {"delta_rad": self.bank.delta_rad.tolist(), "waveform_rps": rounded}
+        return found
 
     @staticmethod
     def from_json(text: str, name: str) -> "Calibration":
@@ -87,15 +86,11 @@ class Calibration:
         try:
             content = json.loads(text)
             waves = content.get("waveforms")
-            bank = (
-                WaveformBank(np.array(waves["delta_rad"], float), np.array(waves["waveform_rps"], float))
-                if waves
-                else None
-            )
+            parts = [np.array(waves[key], float) for key in ("delta_rad", "waveform_rps")] if waves else []
             calibration = Calibration(
                 str(content["method"]),
                 tuple(float(c) for c in content["coefficients"]),
-                bank,
+                WaveformBank(*parts) if parts else None,
                 tuple(float(end) for end in content["range_rad"]),
                 *(float(content[key]) for key in ("uncertainty_rad", "turn_period_s", "commanded_speed_rps")),
                 str(content["provenance"]),
@@ -236,28 +231,44 @@ def calibrate(
 
 @lru_cache(maxsize=len(METHODS))
 def default_calibration(method: str) -> Calibration:
-    """Calibration of a method for the paper's joint.
+    """Calibration of a method for the paper's joint, as `python -m replication calibrations` wrote it.
+
+    That of "waveform", which is too large to be kept, is computed.
+    """
+    if method not in METHODS:
+        raise ValueError(f"method {method!r}: there are {', '.join(METHODS)}")
+    if method == "waveform":
+        return compute_default(method)
+    kept = json.loads(files("replication").joinpath(_KEPT).read_text(encoding="utf-8"))
+    return Calibration.from_json(json.dumps(kept[method]), _KEPT)
+
+
+def default_calibrations_text() -> str:
+    """What `data/default_calibrations.json` is to hold."""
+    kept = {name: compute_default(name).content() for name in METHODS if name != "waveform"}
+    return json.dumps(kept, indent=1) + "\n"
+
+
+def compute_default(method: str) -> Calibration:
+    """Calibrate a method for the paper's joint.
 
     "paper" has equation 10 as printed, and the RMS error that it makes on simulated records; "amplitude" and "energy"
     are calibrated on simulated records of Table 2's range of backlash, "waveform" a little beyond it.
     """
-    if method not in METHODS:
-        raise ValueError(f"method {method!r}: there are {', '.join(METHODS)}")
     joint, levels = identified_joint(), printed_levels_rad()
-    fine = np.round(np.arange(levels[0], levels[-1] + 0.5e-4, 1e-4), 6)
+    simulated = "the paper's joint as identified, simulated"
     if method == "waveform":
         deltas = np.round(np.arange(1e-4, levels[-1] + 4.5e-4, 1e-4), 6)
-        records = simulate_recordings(joint, deltas, sample_s=TURN_PERIOD_S / _MOST_PHASES)
-        settled = [replace(r, t=r.t[: 3 * _MOST_PHASES + 1], v=r.v[: 3 * _MOST_PHASES + 1]) for r in records]
-        return calibrate(settled, deltas, method, "the paper's joint as identified, simulated")
+        records = simulate_recordings(joint, deltas, TURN_PERIOD_S / _MOST_PHASES, turns=3)
+        return calibrate(records, deltas, method, simulated)
+    fine = np.round(np.arange(levels[0], levels[-1] + 0.5e-4, 1e-4), 6)
     records = simulate_recordings(joint, fine)
     if method != "paper":
-        return calibrate(records, fine, method, "the paper's joint as identified, simulated")
+        return calibrate(records, fine, method, simulated)
     coefficients = equation_10().coefficients * RPM_PER_RPS ** np.arange(4)
     amplitude = np.array([read(record, "amplitude").value for record in records])
-    error = Polynomial(coefficients)(amplitude) - fine
     return Calibration(
         method, tuple(coefficients.tolist()), None, (float(levels[0]), float(levels[-1])),
-        _uncertainty(error), TURN_PERIOD_S, COMMANDED_SPEED_RPS,
-        "equation 10 as printed; its error is that on the paper's joint as identified, simulated",
+        _uncertainty(Polynomial(coefficients)(amplitude) - fine), TURN_PERIOD_S, COMMANDED_SPEED_RPS,
+        f"equation 10 as printed; its error is that on {simulated}",
     )  # fmt: skip

@@ -8,13 +8,11 @@ from numpy.typing import NDArray
 from replication.datasets import Recording
 from replication.global_fit.fit import GlobalFit, global_fit
 from replication.identify import Protocol, paper_fit
+from replication.methods import METHODS
 from replication.methods.waveform import WaveformBank, match
 from replication.signature import signature
 
 FloatArray = NDArray[np.float64]
-
-# The methods of the virtual sensor. "impact" comes besides: it needs records that all start at one angle of the load.
-METHODS = ("paper", "amplitude", "energy", "waveform")
 
 _AUTHORS = Protocol()
 

@@ -9,42 +9,13 @@ from replication.report import errata, flips, page, readme, terminal
 from replication.workbook import judging, provenance
 
 
-def add_commands(subparsers: "argparse._SubParsersAction") -> None:
-    """Add the commands to the program's."""
-    check = subparsers.add_parser(
-        "check", help="print the tables with their verdicts; exit 1 if a cell differs unexpectedly"
-    )
-    check.add_argument("--quick", action="store_true", help="of the quick run")
-    check.add_argument("--strict", action="store_true", help="exit 1 if any cell differs, expected or not")
-    check.set_defaults(command=_check)
-
-    show = subparsers.add_parser("show", help="a cell, an element or a claim: printed, ours, verdict and why")
-    show.add_argument("name", help="such as table2.row03.sd, 'Table 2', local_minima or E3")
-    show.add_argument("--rerun", action="store_true", help="make just that again, and show it beside")
-    show.set_defaults(command=_show)
-
-    report = subparsers.add_parser("report", help="results/report.html, the notebooks' pages and errata.md")
-    report.add_argument("--quick", action="store_true", help="of the quick run")
-    report.set_defaults(command=_report)
-
-    diff = subparsers.add_parser("diff", help="cells and claims whose value or verdict is not the last commit's")
-    made = diff.add_mutually_exclusive_group()
-    made.add_argument("--quick", action="store_const", dest="made", const="quick", help="of the quick run")
-    made.add_argument("--lab", action="store_const", dest="made", const="lab", help="of notebooks run by hand")
-    diff.set_defaults(command=_diff)
-
-    subparsers.add_parser("article", help="results/article.pdf from article/article.typ and the results").set_defaults(
-        command=_article
-    )
-    subparsers.add_parser("readme", help="write the results' numbers into README.md").set_defaults(command=_readme)
-
-
 def results_folder(quick: bool) -> Path:
     """Folder of the results, or of the quick run's."""
     return (workbook.QUICK if quick else workbook.ROOT) / "results"
 
 
-def _check(options: argparse.Namespace) -> int:
+def run_check(options: argparse.Namespace) -> int:
+    """Print the tables with their verdicts."""
     table = judging.verdicts(results_folder(options.quick))
     print(terminal.verdict_tables(table, terminal.colourful()))
     surprises = terminal.unexpected(table)
@@ -58,7 +29,8 @@ def _check(options: argparse.Namespace) -> int:
     return int(any_differs if options.strict else any("differs, and" in line for line in surprises))
 
 
-def _show(options: argparse.Namespace) -> int:
+def run_show(options: argparse.Namespace) -> int:
+    """Print a cell, an element or a claim."""
     results = workbook.ROOT / "results"
     table = judging.verdicts(results)
     try:
@@ -74,14 +46,16 @@ def _show(options: argparse.Namespace) -> int:
     return 0
 
 
-def _report(options: argparse.Namespace) -> int:
+def run_report(options: argparse.Namespace) -> int:
+    """Write the report, the notebooks' pages and the errata."""
     results = results_folder(options.quick)
     errata.write_sheet(results)
     print(page.write_page(results))
     return 0
 
 
-def _diff(options: argparse.Namespace) -> int:
+def run_diff(options: argparse.Namespace) -> int:
+    """Print what flipped since the last commit's results."""
     results = workbook.ROOT / "results"
     if options.made:
         results = results / options.made / "results"
@@ -94,7 +68,8 @@ def _diff(options: argparse.Namespace) -> int:
     return 0
 
 
-def _article(_: argparse.Namespace) -> int:
+def run_article(_: argparse.Namespace) -> int:
+    """Typeset the article."""
     from replication.report import article
 
     try:
@@ -105,6 +80,7 @@ def _article(_: argparse.Namespace) -> int:
     return 0
 
 
-def _readme(_: argparse.Namespace) -> int:
+def run_readme(_: argparse.Namespace) -> int:
+    """Write the results' numbers into the README."""
     readme.update_readme(workbook.ROOT / "README.md", workbook.ROOT / "results")
     return 0

@@ -7,11 +7,11 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from replication.sensor import UNITS
 from replication.sensor.tables import UnusableLog
 
 FloatArray = NDArray[np.float64]
 
-UNITS = ("rps", "rpm", "rad/s", "counts")
 # What a position is measured in where the speed is in a unit of `UNITS`, and further units that headers name.
 PER_TURN = {"rps": 1.0, "rpm": 60.0, "rad/s": 2 * np.pi, "turns": 1.0, "rad": 2 * np.pi, "deg": 360.0, "deg/s": 360.0}
 _SECONDS = {"s": 1.0, "sec": 1.0, "seconds": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "ns": 1e-9, "min": 60.0}

@@ -11,87 +11,17 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import pandas as pd
-from matplotlib import pyplot as plt
-from matplotlib.figure import Figure
 
 from replication.datasets import Recording
 from replication.methods.calibration import Calibration, calibrate
-from replication.methods.readings import METHODS
-from replication.sensor import many, plots, trend
-from replication.sensor.columns import UNITS, LogFormat
+from replication.sensor import many, trend
+from replication.sensor.columns import LogFormat
 from replication.sensor.prepare import CannotTell
 from replication.sensor.shared import with_shared_joint
 from replication.sensor.tables import UnusableLog
-from replication.sensor.verdict import SELF, SENSOR_METHODS, Settings, as_row, as_text, examine, prepared, settings_for
-from replication.workbook import files
+from replication.sensor.verdict import SELF, Settings, as_row, as_text, examine, prepared, settings_for
 
 _LARGEST_SMALL_FILE = 2**24  # of a calibration or a list of logs
-
-
-class OneLineParser(argparse.ArgumentParser):
-    """A parser that says in one line what is wrong with its arguments."""
-
-    def error(self, message: str):
-        """Exit with 2."""
-        self.exit(2, f"{self.prog}: {message}; see --help\n")
-
-
-def add_commands(commands: argparse._SubParsersAction) -> None:
-    """Add the sensor's commands to the command line."""
-    sub = commands.add_parser("estimate", help="backlash from logs of the motor encoder")
-    sub.add_argument("log", nargs="+", type=Path, help="CSV, Parquet or XLSX files, or folders of them")
-    _add_log_options(sub)
-    _add_measuring(sub)
-    sub.add_argument("--json", action="store_true", help="print an array with an object for each log")
-    sub.add_argument("--plot", type=Path, metavar="FILE", help="write a figure of the one log: .png, .svg or .pdf")
-    sub.add_argument("--out", type=Path, metavar="TABLE", help="write a table, one row per log: .csv or .parquet")
-    sub.set_defaults(command=_estimate)
-
-    sub = commands.add_parser("calibrate", help="a calibration from logs of known backlash")
-    sub.add_argument("table", type=Path, help="CSV with the columns log (its file) and backlash_rad")
-    sub.add_argument("--out", type=Path, required=True, metavar="FILE", help="the calibration, .json")
-    sub.add_argument("--method", choices=METHODS, default="waveform", help="default: waveform")
-    _add_log_options(sub)
-    _add_searches(sub)
-    sub.set_defaults(command=_calibrate)
-
-    sub = commands.add_parser("trend", help="growth of the backlash over dated logs, and when it crosses a limit")
-    sub.add_argument("log", nargs="+", type=Path, help="logs or folders; dates in their names, like 2024-03-17")
-    sub.add_argument("--dates", type=Path, metavar="TABLE", help="CSV with the columns file and date instead")
-    sub.add_argument("--limit", type=float, metavar="RAD", help="the backlash whose date is wanted [rad]")
-    _add_log_options(sub)
-    _add_measuring(sub)
-    sub.add_argument("--json", action="store_true", help="print an object")
-    sub.add_argument("--plot", type=Path, metavar="FILE", help="write a figure: .png, .svg or .pdf")
-    sub.set_defaults(command=_trend)
-
-
-def _add_log_options(sub: argparse.ArgumentParser) -> None:
-    group = sub.add_argument_group("the logs")
-    group.add_argument("--time", metavar="COLUMN", help="by name, or by number from 1; found by name otherwise")
-    group.add_argument("--speed", metavar="COLUMN", help="of the motor")
-    group.add_argument("--position", metavar="COLUMN", help="of the motor, instead of its speed")
-    group.add_argument("--unit", choices=UNITS, help="of the speed; of a position: rps for turns, rad/s for rad")
-    group.add_argument("--counts-per-turn", type=float, metavar="N", help="encoder counts of a motor turn")
-    group.add_argument("--commanded-speed", type=float, metavar="RPS", help="of the motor [rps], to check the unit by")
-    group.add_argument("--turn-period", type=float, metavar="S", help="of the load [s]")
-    group.add_argument("--gear-ratio", type=float, metavar="N", help="motor turns in a load turn, instead")
-
-
-def _add_searches(sub: argparse.ArgumentParser) -> None:
-    sub.add_argument("--repeats", type=int, default=30, help="searches of method paper (default: 30)")
-    sub.add_argument("--seed", type=int, default=1, help="of the first search (default: 1)")
-
-
-def _add_measuring(sub: argparse.ArgumentParser) -> None:
-    group = sub.add_argument_group("measuring")
-    group.add_argument(
-        "--calibration", type=Path, metavar="FILE", help="of your joint; default: what the log tells of it"
-    )
-    group.add_argument("--method", choices=SENSOR_METHODS, help="default: the calibration's, else self")
-    _add_searches(group)
-    group.add_argument("--jobs", type=int, default=-1, help="processes for many logs (default: -1, all cores)")
-    group.add_argument("--dask", metavar="ADDRESS", help="run many logs on the Dask cluster of this scheduler")
 
 
 def _form(options: argparse.Namespace) -> LogFormat:
@@ -144,10 +74,14 @@ def _check_output(path: Path | None, endings: Sequence[str], option: str) -> Non
             raise UnusableLog(f"{option} {path}: Parquet needs pyarrow; name a .csv instead") from error
 
 
-def _write_figure(figure: Figure, path: Path) -> None:
-    """Write a figure whole or not at all, the same bytes each time."""
-    content = io.BytesIO()
-    kind = path.suffix[1:].lower()
+def _write_figure(figure_of: str, path: Path, *shown) -> None:
+    """Write a figure of `plots` whole or not at all, the same bytes each time."""
+    from matplotlib import pyplot as plt
+
+    from replication.sensor import plots
+    from replication.workbook import files
+
+    figure, content, kind = getattr(plots, figure_of)(*shown), io.BytesIO(), path.suffix[1:].lower()
     stamp = {"png": {}, "svg": {"Date": None}, "pdf": {"CreationDate": None}}[kind]
     with plt.rc_context({"svg.hashsalt": "backlash"}):
         figure.savefig(content, format=kind, dpi=150, metadata=stamp)
@@ -156,6 +90,8 @@ def _write_figure(figure: Figure, path: Path) -> None:
 
 
 def _write_table(table: pd.DataFrame, path: Path) -> None:
+    from replication.workbook import files
+
     if path.suffix.lower() == ".csv":
         files.write_csv(path, table)
     else:
@@ -169,7 +105,8 @@ def _print_json(content: object) -> None:
 # ---------------------------------------------------------------------------------------------------------------
 
 
-def _estimate(options: argparse.Namespace) -> int:
+def run_estimate(options: argparse.Namespace) -> int:
+    """Print or write what logs tell of their backlash."""
     _check_output(options.plot, (".png", ".svg", ".pdf"), "--plot")
     _check_output(options.out, (".csv", ".parquet"), "--out")
     logs = many.find_logs(options.log)
@@ -210,7 +147,7 @@ def _estimate_one(log: Path, settings: Settings, options: argparse.Namespace) ->
             print(f"--plot: not written, there is no fit to show ({examined.estimate.verdict})", file=sys.stderr)
         else:
             title = text.splitlines()[0].removeprefix(str(log)).lstrip(": ")
-            _write_figure(plots.estimate_figure(examined.recording, examined.model_rps, title), options.plot)
+            _write_figure("estimate_figure", options.plot, examined.recording, examined.model_rps, title)
     if options.json:
         _print_json([as_row(examined.estimate)])
     else:
@@ -218,7 +155,10 @@ def _estimate_one(log: Path, settings: Settings, options: argparse.Namespace) ->
     return 0
 
 
-def _calibrate(options: argparse.Namespace) -> int:
+def run_calibrate(options: argparse.Namespace) -> int:
+    """Make a calibration file."""
+    from replication.workbook import files
+
     _check_output(options.out, (".json",), "--out")
     form = _form(options)
     if options.repeats < 1 or options.seed < 1:
@@ -260,7 +200,8 @@ def _calibration_record(log: Path, form: LogFormat, seed: int) -> Recording:
         raise UnusableLog(f"{log}: no use for a calibration: {refusal}") from refusal
 
 
-def _trend(options: argparse.Namespace) -> int:
+def run_trend(options: argparse.Namespace) -> int:
+    """Print how the backlash grows."""
     _check_output(options.plot, (".png", ".svg", ".pdf"), "--plot")
     logs = many.find_logs(options.log)
     dates = trend.dates_of(logs, options.dates)
@@ -273,7 +214,7 @@ def _trend(options: argparse.Namespace) -> int:
         rows = with_shared_joint(logs, rows, settings)
     found = trend.fit_trend(rows, list(dates.values()), options.limit)
     if options.plot:
-        _write_figure(plots.trend_figure(found), options.plot)
+        _write_figure("trend_figure", options.plot, found)
     if options.json:
         _print_json(trend.as_object(found))
     else:

@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
 
 from replication.datasets import Recording
-from replication.sensor.columns import PER_TURN, UNITS, LogFormat, chosen_columns, numbers, seconds, units_per_turn
+from replication.sensor import UNITS
+from replication.sensor.columns import PER_TURN, LogFormat, chosen_columns, numbers, seconds, units_per_turn
 from replication.sensor.tables import UnusableLog, read_table
 
 __all__ = ["LEAST_TURNS", "CannotTell", "LogFormat", "UnusableLog", "read_log", "record_of"]

@@ -31,6 +31,8 @@ _UNIT_WORD = re.compile(r"[\[(<]?\s*[A-Za-z°µ%/.^\-0-9]{0,8}\s*[\])>]?")
 class UnusableLog(ValueError):
     """A file that no answer can be had from; the message is one line: what is wrong, where, what to do."""
 
+    exit_status = 2
+
     def __init__(self, message: str):
         super().__init__(" ".join(message.split()))
 

@@ -17,9 +17,10 @@ from replication.characteristic import first_rise
 from replication.datasets import Recording
 from replication.global_fit.fit import GlobalFit, global_fit
 from replication.methods.calibration import PERIOD_MISMATCH, Backlash, Calibration, default_calibration
-from replication.methods.readings import METHODS, Reading, protocol_for, read, reading_of_fit
+from replication.methods.readings import Reading, protocol_for, read, reading_of_fit
 from replication.methods.self_calibration import SelfFit, fit_joint
 from replication.methods.spread import widened
+from replication.sensor import SELF
 from replication.sensor.columns import LogFormat
 from replication.sensor.prepare import CannotTell, read_log
 from replication.sensor.presence import (
@@ -35,8 +36,6 @@ from replication.signature import signature
 
 FloatArray = NDArray[np.float64]
 
-SELF = "self"
-SENSOR_METHODS = (*METHODS, SELF)
 DEFAULT_METHOD = SELF  # best on a log from nowhere: results/population.csv
 _LEAST_SHARE = 0.8  # of the pattern's energy, for the model to explain; it explains 0.96 or more in the paper's range
 _OFF = 0.05  # of the amplitude; searches that all end in the best minimum differ less from the global fit

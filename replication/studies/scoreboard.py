@@ -47,6 +47,8 @@ COLUMNS = ["method", "logs", "mean_abs_error_rad", "max_abs_error_rad", "rmse_ra
 class UnusableMethod(ValueError):
     """What was to be scored is no method; the message says why in one line."""
 
+    exit_status = 2
+
 
 def simulated_logs(drifted: bool) -> list[tuple[str, float, Recording]]:
     """Make the simulated logs: kind, backlash [rad] and record.

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from replication import published
 from replication.characteristic import RPM_PER_RPS, equation_10
 from replication.datasets import Recording, add_uniform_noise, from_sample, level_delta_rad, load_noisy
-from replication.methods.calibration import Calibration, calibrate, default_calibration
+from replication.methods.calibration import Calibration, calibrate, compute_default, default_calibration
 from replication.methods.readings import METHODS, Reading, protocol_for, read
 from replication.simulator.recordings import simulate_recordings
 from replication.simulator.simulate import identified_joint
@@ -57,6 +57,14 @@ def test_outside_its_range_a_calibration_says_extrapolated(method):
     for value in values:
         delta = calibration.delta_rad(value)
         assert calibration.backlash(reading(method, float(value))).extrapolated == (not low <= delta <= high)
+
+
+@pytest.mark.parametrize("method", ["paper", "amplitude", "energy"])
+def test_the_committed_calibration_is_what_the_code_computes(method):
+    kept, now = default_calibration(method), compute_default(method)
+    assert kept.coefficients == pytest.approx(now.coefficients, rel=1e-6)
+    assert kept.uncertainty_rad == pytest.approx(now.uncertainty_rad, rel=1e-4)
+    assert (kept.range_rad, kept.provenance) == (now.range_rad, now.provenance)
 
 
 def test_the_default_of_the_paper_is_equation_10_which_takes_rpm():
