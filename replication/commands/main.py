@@ -15,20 +15,24 @@ from replication.simulator.study import FIT_LEVELS, clean_records, reidentify_jo
 from replication.studies import edge, optimizers, population, portable, protocols, scoreboard, sensitivity, timings
 from replication.workbook import files, provenance
 
+ANYWHERE = ("estimate", "calibrate", "trend", "data")  # commands that need no checkout of the project
+
 
 def main(arguments: list[str] | None = None) -> int:
     """Run one command; return its exit status: 0 done, 2 the input is not usable, 1 anything else."""
     options = _parser().parse_args(arguments)
     try:
+        if options.command_name not in ANYWHERE:
+            files.require_checkout()
         return options.command(options)
-    except (DataUnavailable, DataCorrupt, UnusableLog, scoreboard.UnusableMethod) as error:
+    except (DataUnavailable, DataCorrupt, UnusableLog, scoreboard.UnusableMethod, files.NoCheckout) as error:
         print(error, file=sys.stderr)
         return 2
 
 
 def _parser() -> argparse.ArgumentParser:
     parser = commands.OneLineParser(prog="python -m replication", description=__doc__)
-    subparsers = parser.add_subparsers(required=True, metavar="COMMAND")
+    subparsers = parser.add_subparsers(required=True, metavar="COMMAND", dest="command_name")
     commands.add_commands(subparsers)
 
     run = subparsers.add_parser("run", help="execute notebooks, in order; all of them if none is named")
