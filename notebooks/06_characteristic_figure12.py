@@ -160,7 +160,8 @@ units
 # %% [markdown]
 # ### What Table 2's errors of A mean in rad
 #
-# `error_of_A` is the effect of the error in $A$ alone; `error` is against the true level, with the cubic's own misfit.
+# `error_of_A_rad` is the effect of the error in $A$ alone; `error_rad` is against the true level, with the
+# cubic's own misfit.
 
 # %%
 mean = published.column("Table 2", "mean")[: delta.size]

@@ -32,7 +32,7 @@
 # three sinusoidal torques on its load, of any frequency from 2.5 to 40 Hz: what reaches it from the other joints. A
 # healthy axis has up to 1e-4 rad of backlash, a bad one 2e-4 to 5e-4 rad. Equation 10 makes 2.3e-4 rad of robot B's
 # printed $A$, which is less than the smallest level of Table 2. All of these are assumptions (`RobotSpread` in
-# `robots_standin`).
+# `standins.robots`).
 #
 # Two robots say little about a threshold. Many of each kind give a ROC curve: how many bad ones each threshold on $A$
 # finds, and how many healthy ones it calls bad. These are fitted by the global fit (notebook 9), one fit a robot. The

@@ -153,11 +153,6 @@ def paper_map() -> pd.DataFrame:
     return _table("map.csv")
 
 
-def where() -> pd.DataFrame:
-    """Where cells are computed: `id, source` (patterns, the first that fits), `cell, function, line` (texts there)."""
-    return _table("where.csv")
-
-
 def findings() -> pd.DataFrame:
     """What the report begins with: `kind` ("finding" or "open"), `text` with names of numbers in braces, `proof`."""
     return _table("findings.csv")

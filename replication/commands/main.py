@@ -30,11 +30,17 @@ _WITH_QUICK = {
     "report": (_REPORT, "results/report.html, the notebooks' pages and errata.md"),
 }
 
+ANYWHERE = ("estimate", "calibrate", "trend", "data")  # commands that need no checkout of the project
+
 
 def main(arguments: list[str] | None = None) -> int:
     """Run one command; return its exit status: 0 done, 2 the input is not usable, 1 anything else."""
     options = _parser().parse_args(arguments)
     try:
+        if options.command_name not in ANYWHERE:
+            from replication.workbook.files import require_checkout  # what the sensor does not wait for
+
+            require_checkout()
         return run_command(options)
     except Exception as error:
         if not hasattr(error, "exit_status"):  # of errors whose message is the one line that a user needs
@@ -45,7 +51,7 @@ def main(arguments: list[str] | None = None) -> int:
 
 def _parser() -> argparse.ArgumentParser:
     parser = OneLineParser(prog="python -m replication", description=__doc__)
-    commands = parser.add_subparsers(required=True, metavar="COMMAND")
+    commands = parser.add_subparsers(required=True, metavar="COMMAND", dest="command_name")
     add_sensor_commands(commands)
     made = {name: add_command(commands, name, *rest) for name, rest in (_WITH_QUICK | _PLAIN).items()}
     for name in _WITH_QUICK:

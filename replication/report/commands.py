@@ -36,13 +36,22 @@ def run_show(options: argparse.Namespace) -> int:
     try:
         print(terminal.show(options.name, results, table, terminal.colourful()))
         if options.rerun:
-            from replication.report.again import again  # the search takes a second to load
-
-            what, now = again(options.name, table)
-            print(f"\nAgain ({what}). Nothing in results was changed.\n{now.to_string(index=False)}")
+            return _rerun(options.name, results)
     except terminal.Unknown as error:
         print(error, file=sys.stderr)
         return 2
+    return 0
+
+
+def _rerun(name: str, results: Path) -> int:
+    from replication.workbook import rerun  # the kernel's client takes a second and a half to load
+
+    try:
+        table = rerun.rerun(name, results)
+    except rerun.NotMade as error:
+        print(error, file=sys.stderr)
+        return 2
+    print(f"\nExecuted again, apart from the results, which stay as they are.\n{table.to_string(index=False)}")
     return 0
 
 

@@ -24,7 +24,7 @@ def counts() -> dict[str, int]:
 
 def counted() -> str:
     """Say how many errata there are of each kind."""
-    return ", ".join(f"{number} of the kind \"{kind}\"" for kind, number in counts().items())
+    return ", ".join(f'{number} of the kind "{kind}"' for kind, number in counts().items())
 
 
 def sheet() -> str:

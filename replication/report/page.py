@@ -1,55 +1,20 @@
 """The report: one page with everything that the paper prints beside ours, and the way to each proof."""
 
 import json
-from dataclasses import dataclass
+import math
 from pathlib import Path
 
 import pandas as pd
-from jinja2 import Environment, PackageLoader, StrictUndefined
-from markupsafe import Markup
 
 from replication import published, workbook
 from replication.report import cells as cells_of
 from replication.report import facts as facts_of
-from replication.report import findings, regions, tables, where
+from replication.report import findings, regions, tables, web
 from replication.report.cells import Cell, Judgement
 from replication.report.figures import Picture, pictures
 from replication.workbook import files, judging, provenance
 
-ENVIRONMENT = Environment(
-    loader=PackageLoader("replication.report"), autoescape=True, undefined=StrictUndefined, trim_blocks=True
-)
 EQUATION_10 = (("A3", "A³"), ("A2", "A²"), ("A1", "A"), ("A0", ""))
-
-
-@dataclass(frozen=True)
-class Told:
-    """One judgement of a cell as text for a page."""
-
-    source: str
-    ours: str
-    exact: str
-    difference: str
-    region: str
-    picture: Markup
-    judgement: Judgement
-    made: where.Made
-
-
-@dataclass(frozen=True)
-class CellText:
-    """A cell as text for a page, with its footnote's number and every judgement."""
-
-    cell: Cell
-    number: int
-    name: str
-    told: tuple[Told, ...]
-    erratum: str
-
-    @property
-    def is_made(self) -> bool:
-        """Whether a notebook makes any of our numbers."""
-        return any(each.made.notebook for each in self.told)
 
 
 def cell_name(cell: Cell) -> str:
@@ -65,27 +30,9 @@ def ours(cell: Cell, judgement: Judgement) -> str:
     return f"{number} of {cell.share_of}" if number and cell.share_of else number
 
 
-def told(cell: Cell, number: int, notebooks: Path, corrected: dict[str, str]) -> CellText:
-    """Turn a cell into text; `corrected` as from `corrected_cells`."""
-    return CellText(
-        cell,
-        number,
-        cell_name(cell),
-        tuple(
-            Told(
-                source=cells_of.SOURCES.get(each.source, each.source),
-                ours=ours(cell, each),
-                exact=cells_of.number(each.ours),
-                difference=f"{each.difference:+.3g}" if each.difference == each.difference else "",
-                region=regions.region(each),
-                picture=regions.picture(cell, each),
-                judgement=each,
-                made=where.made(cell.id, each.source, each.notebook, notebooks),
-            )
-            for each in cell.judgements
-        ),
-        corrected.get(cell.id, ""),
-    )
+def difference(judgement: Judgement) -> str:
+    """Write what our number is off the printed one; nothing where there is no number."""
+    return "" if math.isnan(judgement.difference) else f"{judgement.difference:+.3g}"
 
 
 def corrected_cells() -> dict[str, str]:
@@ -152,19 +99,25 @@ def _paper_figures(drawn: list[Picture]) -> list[dict]:
 
 def page(results: Path, notebooks: Path, verdicts: pd.DataFrame, quick: bool = False) -> str:
     """Render the report."""
-    corrected = corrected_cells()
     all_cells = cells_of.cells(verdicts)
-    by_id = {cell.id: told(cell, number, notebooks, corrected) for number, cell in enumerate(all_cells, start=1)}
     drawn = pictures(results, results.parent / "figures")
     found = findings.findings(facts_of.facts(results, verdicts))
     sensitivity, columns = _sensitivity(results)
     mapped = published.paper_map()
     made_from = json.loads((results / "provenance.json").read_text(encoding="utf-8"))
-    return ENVIRONMENT.get_template("report.html.j2").render(
+    return web.ENVIRONMENT.get_template("report.html.j2").render(
         quick=quick,
         root="../../.." if quick else "..",
         signs=cells_of.SIGNS,
         sources=cells_of.SHORT_SOURCES,
+        source_names=cells_of.SOURCES,
+        number=cells_of.number,
+        ours=ours,
+        cell_name=cell_name,
+        difference=difference,
+        region=regions.region,
+        region_picture=regions.picture,
+        corrected=corrected_cells(),
         findings=[each for each in found if each.kind == "finding"],
         open=[each for each in found if each.kind == "open"],
         counts=cells_of.counts(all_cells),
@@ -173,7 +126,8 @@ def page(results: Path, notebooks: Path, verdicts: pd.DataFrame, quick: bool = F
         layouts=[(layout, tables.rows(layout, all_cells)) for layout in tables.LAYOUTS],
         groups=tables.groups,
         column_summary=tables.column_summary,
-        cells=by_id,
+        cells=cells_of.by_id(all_cells),
+        footnotes={cell.id: position for position, cell in enumerate(all_cells, start=1)},
         by_element={name: tables.others(all_cells, name) for name in ("Equation 10", "Text")},
         equation10=EQUATION_10,
         element_pictures={
@@ -196,7 +150,7 @@ def page(results: Path, notebooks: Path, verdicts: pd.DataFrame, quick: bool = F
         sensitivity_columns=columns,
         unnoticed=sum(not any(row["counts"].values()) for row in sensitivity),
         map=mapped.to_dict("records"),
-        notebooks=[(file.stem, where.title(file)) for file in sorted(notebooks.glob("[0-9]*.ipynb"))],
+        notebooks=[(file.stem, web.title(file)) for file in sorted(notebooks.glob("[0-9]*.ipynb"))],
         versions=_versions(made_from),
         stale=provenance.stale(results),
     )
@@ -208,7 +162,7 @@ def write_page(results: Path) -> Path:
 
     quick = results == workbook.QUICK / "results"
     notebooks = results.parent / "notebooks"
-    where.notebook_cells.cache_clear()
+    web.notebook_cells.cache_clear()
     verdicts = judging.verdicts(results)
     pages.write_pages(results, notebooks, verdicts)
     path = results / "report.html"

@@ -111,7 +111,7 @@ def show(name: str, results: Path, verdicts: pd.DataFrame, colour: bool) -> str:
     all_cells = cells_of.cells(verdicts)
     wanted = name.lower()
     if cell := next((cell for cell in all_cells if cell.id.lower() == wanted), None):
-        return _cell(cell, results, colour)
+        return _cell(cell, colour)
     if claim := next((row for row in page.claim_rows(results) if row["id"].lower() == wanted), None):
         return _claim(claim, colour)
     errata = published.errata()
@@ -129,29 +129,25 @@ def show(name: str, results: Path, verdicts: pd.DataFrame, colour: bool) -> str:
     raise Unknown(f"{name}: no such cell, element, claim or erratum{hint}")
 
 
-def _cell(cell: Cell, results: Path, colour: bool) -> str:
-    told = page.told(cell, 0, results.parent / "notebooks", page.corrected_cells())
+def _cell(cell: Cell, colour: bool) -> str:
     unit = f" {cell.unit}" if cell.unit not in ("1", "%") else ""
-    lines = [("", f"{told.name} ({cell.section})"), ("printed", f"{cell.printed}{unit}")]
-    for each in told.told:
-        judged = each.judgement
-        lines.append(("", ""))
-        lines.append(("from", each.source))
-        lines.append(("ours", f"{each.exact or '-'} {f'({each.difference})' if each.difference else ''}".strip()))
-        lines.append(("verdict", paint(f"{SIGNS[judged.verdict]} {judged.verdict}", judged.verdict, colour)))
-        if judged.predicted:
-            lines.append(("by tolerance", judged.by_tolerance))
-        lines.append(("region", regions.region(judged)))
-        if judged.reason != cell.tolerance_reason:
-            lines.append(("why", judged.reason))
-        if judged.fails_if:
-            lines.append(("fails if", judged.fails_if))
-        if each.made.notebook:
-            lines.append(("made in", f"notebooks/{each.made.notebook}.py; results/{each.made.link}"))
-        if each.made.file:
-            lines.append(("computed", f"{each.made.file}:{each.made.line}  {each.made.code}"))
+    lines = [("", f"{page.cell_name(cell)} ({cell.section})"), ("printed", f"{cell.printed}{unit}")]
+    for each in cell.judgements:
+        off = f" ({page.difference(each)})" if page.difference(each) else ""
+        lines += [("", ""), ("from", cells_of.SOURCES.get(each.source, each.source))]
+        lines.append(("ours", f"{cells_of.number(each.ours) or '-'}{off}"))
+        lines.append(("verdict", paint(f"{SIGNS[each.verdict]} {each.verdict}", each.verdict, colour)))
+        if each.predicted:
+            lines.append(("by tolerance", each.by_tolerance))
+        lines.append(("region", regions.region(each)))
+        if each.reason != cell.tolerance_reason:
+            lines.append(("why", each.reason))
+        if each.fails_if:
+            lines.append(("fails if", each.fails_if))
+        if each.notebook:
+            lines.append(("made in", f"notebooks/{each.notebook}.py; results/pages/{each.notebook}.html#verdict"))
     lines += [("", ""), ("tolerance", f"{cell.tolerance:.3g}: {cell.tolerance_reason}")]
-    if told.is_made:
+    if any(each.notebook for each in cell.judgements):
         lines.append(("again", f"python -m replication show {cell.id} --rerun"))
     return _wrap(lines)
 

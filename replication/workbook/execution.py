@@ -1,11 +1,14 @@
 """Execution of one notebook in a fresh kernel; what it exports is put in place only if all went well."""
 
 import ast
+import atexit
+import contextlib
 import hashlib
 import json
+import math
 import os
+import signal
 import tempfile
-import threading
 import time
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -18,7 +21,6 @@ from nbclient import NotebookClient
 from nbclient.exceptions import CellExecutionError, DeadKernelError
 
 from replication.data.authors import data_folder
-from replication.workbook import guard
 from replication.workbook.files import QUICK, ROOT, write_json
 
 # The same machine code on every x86-64 processor with AVX2, as far as libraries let themselves be pinned: CMA-ES
@@ -36,7 +38,6 @@ PINNED_ENVIRONMENT = {
     "MPLBACKEND": "module://matplotlib_inline.backend_inline",
 }
 
-
 STALL_S = 900.0
 RECORDER = Path(__file__).with_name("recorder.py")
 
@@ -50,20 +51,70 @@ class NotebookNotRun(RuntimeError):
 
 
 class _Client(NotebookClient):
-    """A client that notes every sign of progress, and keeps a cell's standard error out of the notebook."""
+    """Runs all cells in a fresh kernel of this interpreter, and notes every sign of progress.
 
-    def __init__(self, notebook, heard: Callable[[str], None], started: Callable[[int], None], **options):
-        super().__init__(notebook, **options)
-        self.heard, self.started = heard, started
+    Private names of nbclient are overridden; the tests of stalled and killed kernels notice if they change.
+    """
+
+    def __init__(self, notebook, stall_s: float, progress: Callable[[int, int, str], None], kernels: set[int]):
+        super().__init__(
+            notebook,
+            # Whatever kernels are registered.
+            km=AsyncKernelManager(kernel_name="python3", kernel_spec_manager=KernelSpecManager(kernel_dirs=[])),
+            timeout=None,
+            coalesce_streams=True,  # in how many pieces a text arrives is a matter of time
+            startup_timeout=math.ceil(stall_s),
+            record_timing=False,
+            # `recorder` ends the kernel and its workers with the run; ipykernel would end the kernel alone.
+            extra_arguments=["--IPKernelApp.log_level=ERROR", "--IPKernelApp.parent_handle=0",
+                             f"--IPKernelApp.exec_lines={_first_line()}"],
+            resources={"metadata": {"path": str(ROOT)}},
+        )  # fmt: skip
+        self.stall_s, self.progress, self.kernels = stall_s, progress, kernels
+        self.cells, self.cell, self.seconds, self.stalled = len(notebook.cells), 0, [], False
 
     async def async_start_new_kernel(self, **options):
         await super().async_start_new_kernel(**options)
-        self.started(self.km.provisioner.pgid)
+        self.group, self.last_sign = self.km.provisioner.pgid, time.monotonic()
+        self.kernels.add(self.group)
+
+    async def async_execute_cell(self, cell, cell_index, **options):
+        self.cell, begun = cell_index, time.monotonic()
+        self._heard("")
+        await super().async_execute_cell(cell, cell_index, **options)
+        self.seconds.append(time.monotonic() - begun)
+        return cell
+
+    async def _async_check_alive(self):
+        """End a cell whose kernel is dead or has stalled; called every second."""
+        self.stalled = time.monotonic() - self.last_sign > self.stall_s
+        if self.stalled:
+            raise DeadKernelError("stalled")
+        await super()._async_check_alive()
 
     def process_message(self, msg, cell, cell_index):
+        """Take in a message; standard error is progress, and does not belong to the notebook."""
         is_error = msg["msg_type"] == "stream" and msg["content"]["name"] == "stderr"
-        self.heard(msg["content"]["text"] if is_error else "")
+        self._heard(msg["content"]["text"].strip() if is_error else None)
         return None if is_error else super().process_message(msg, cell, cell_index)
+
+    def _heard(self, text: str | None) -> None:
+        self.last_sign = time.monotonic()
+        if text is not None:
+            self.progress(min(self.cell + 1, self.cells), self.cells, text)
+
+    def end(self) -> None:
+        """Kill what is left of the kernel and its workers."""
+        if group := getattr(self, "group", None):
+            end_group(group)
+            self.kernels.discard(group)
+        atexit.unregister(self._cleanup_kernel)  # nbclient leaves it behind where a kernel did not start
+
+
+def end_group(group: int) -> None:
+    """Kill every process of a group, if any is left."""
+    with contextlib.suppress(ProcessLookupError):
+        os.killpg(group, signal.SIGKILL)
 
 
 def read_notebook(source: Path) -> nbformat.NotebookNode:
@@ -114,12 +165,13 @@ def execute(
     *,
     stall_s: float = STALL_S,
     environment: Mapping[str, str] | None = None,
-    keeper: guard.Guard | None = None,
+    kernels: set[int] | None = None,
     progress: Callable[[int, int, str], None] = lambda cell, cells, text: None,
 ) -> list[float]:
     """Execute a notebook; put what it exports and the executed copy in place if it ends well; return seconds by cell.
 
-    Everything goes to a staging folder first, so that a failing notebook leaves the last good results alone.
+    Everything goes to a staging folder first, so that a failing notebook leaves the last good results alone. While it
+    runs, `kernels` holds its kernel's process group.
     """
     destination = destination or (QUICK if quick else ROOT)
     notebook = read_notebook(source)
@@ -130,109 +182,56 @@ def execute(
     with tempfile.TemporaryDirectory(dir=destination, prefix=".staging-") as folder:
         staging = Path(folder)
         record = staging / "made_from.json"
-        run = _Run(notebook, source, record, stall_s, progress, keeper)
         variables = os.environ | PINNED_ENVIRONMENT | dict(environment or {})
         variables |= {"REPLICATION_OUT": folder, "REPLICATION_QUICK": str(int(quick))}
         variables |= {"REPLICATION_NOTEBOOK": source.stem}
         variables["PYTHONPATH"] = os.pathsep.join([str(ROOT), *filter(None, [os.environ.get("PYTHONPATH")])])
-        run.to_the_end(variables)
+        client = _Client(notebook, stall_s, progress, set() if kernels is None else kernels)
+        _run_to_the_end(client, variables, source, record)
         _strip(notebook)
         _complete_outcome(staging / "results" / "outcomes" / f"{source.stem}.json", record, source)
         executed = staging / "notebooks" / f"{source.stem}.ipynb"
         executed.parent.mkdir(exist_ok=True)
         nbformat.write(notebook, executed)
         _move_into(staging, destination)
-    return run.seconds
+    return client.seconds[: client.cells]
 
 
-class _Run:
-    """One run of a notebook: its kernel's processes, its progress, and how it ended."""
-
-    def __init__(self, notebook, source, record, stall_s, progress, keeper):
-        self.notebook, self.source, self.record, self.stall_s = notebook, source, record, stall_s
-        self.progress, self.keeper = progress, keeper
-        self.cells = len(notebook.cells)
-        self.cell, self.begun, self.seconds = 0, time.monotonic(), [0.0] * self.cells
-        self.last_sign, self.group = time.monotonic(), None
-        self.ended, self.stalled = threading.Event(), False
-
-    def to_the_end(self, environment: dict[str, str]) -> None:
-        """Run all cells in a fresh kernel of this interpreter, whatever kernels are registered."""
-        ending = f"__import__('sys').modules['notebook_recorder'].write({str(self.record)!r}, globals())"
-        self.notebook.cells.append(nbformat.v4.new_code_cell(ending, id="recorder"))
-        client = _Client(
-            self.notebook,
-            self._heard,
-            self._started,
-            km=AsyncKernelManager(kernel_name="python3", kernel_spec_manager=KernelSpecManager(kernel_dirs=[])),
-            timeout=None,
-            coalesce_streams=True,  # in how many pieces a text arrives is a matter of time
-            startup_timeout=2**31,  # [s]; a kernel that never starts is a stall
-            record_timing=False,
-            extra_arguments=["--IPKernelApp.log_level=ERROR", f"--IPKernelApp.exec_lines={_watch_files()}"],
-            resources={"metadata": {"path": str(ROOT)}},
-            on_cell_start=self._cell_started,
-            on_cell_executed=self._cell_ended,
-        )
-        watchdog = threading.Thread(target=self._end_when_stalled, daemon=True)
-        watchdog.start()
-        try:
-            client.execute(env=environment)
-        except CellExecutionError as error:
-            if error.ename == "DataUnavailable":
-                raise NotebookNotRun(f"{self.source.stem}: not run: {error.evalue}") from error
-            self._fail(f"{error.ename}: {error.evalue}", error)
-        except (DeadKernelError, RuntimeError) as error:  # the latter if it dies while it starts
-            stall = f"no progress for {self.stall_s / 60:.3g} minutes (STALL_MINUTES=... allows more)"
-            self._fail(stall if self.stalled else "the kernel died", error)
-        finally:
-            self.ended.set()
-            if self.group is not None:
-                self.keeper.end(self.group) if self.keeper else guard.kill(self.group)
-            self.notebook.cells.pop()
-
-    def _started(self, group: int) -> None:
-        self.group, self.last_sign = group, time.monotonic()
-        if self.keeper:
-            self.keeper.add(group)
-
-    def _heard(self, text: str) -> None:
-        self.last_sign = time.monotonic()
-        if text.strip():
-            self.progress(min(self.cell + 1, self.cells), self.cells, text)
-
-    def _cell_started(self, cell, cell_index) -> None:
-        self.cell, self.begun, self.last_sign = cell_index, time.monotonic(), time.monotonic()
-        self.progress(min(cell_index + 1, self.cells), self.cells, "")
-
-    def _cell_ended(self, cell, cell_index, execute_reply) -> None:
-        if cell_index < self.cells:
-            self.seconds[cell_index] = time.monotonic() - self.begun
-
-    def _end_when_stalled(self) -> None:
-        """Kill the kernel after `stall_s` without a message from it."""
-        while not self.ended.wait(min(1.0, self.stall_s / 4)):
-            if self.group is not None and time.monotonic() - self.last_sign > self.stall_s:
-                self.stalled = True
-                guard.kill(self.group)
-                return
-
-    def _fail(self, why: str, error: Exception) -> None:
-        """Keep the partial notebook and raise `NotebookFailed`."""
-        partial = self.source.parent / "partial" / f"{self.source.stem}.ipynb"
-        try:
-            partial.parent.mkdir(exist_ok=True)
-            nbformat.write(self.notebook, partial)
-            kept = f"what it got to is in {partial}"
-        except OSError as full:
-            kept = f"what it got to could not be kept ({full.strerror})"
-        raise NotebookFailed(f"{self.source.name}, cell {self.cell + 1}: {why}; {kept}") from error
+def _run_to_the_end(client: _Client, environment: dict[str, str], source: Path, record: Path) -> None:
+    """Run a notebook's cells and then the recorder's; say what went wrong in the workbook's words."""
+    ending = f"__import__('sys').modules['notebook_recorder'].write({str(record)!r}, globals())"
+    client.nb.cells.append(nbformat.v4.new_code_cell(ending, id="recorder"))
+    try:
+        client.execute(env=environment)
+    except CellExecutionError as error:
+        if error.ename == "DataUnavailable":
+            raise NotebookNotRun(f"{source.stem}: not run: {error.evalue}") from error
+        raise _failure(client, source, f"{error.ename}: {error.evalue}") from error
+    except (DeadKernelError, RuntimeError) as error:  # the latter if it dies or stalls while it starts
+        stall = f"no progress for {client.stall_s / 60:.3g} minutes (STALL_MINUTES=... allows more)"
+        has_stalled = client.stalled or "didn't respond" in str(error)
+        raise _failure(client, source, stall if has_stalled else "the kernel died") from error
+    finally:
+        client.end()
+        client.nb.cells.pop()
 
 
-def _watch_files() -> str:
-    """Line of code that makes a kernel note the files that it reads."""
+def _failure(client: _Client, source: Path, why: str) -> NotebookFailed:
+    """Keep the partial notebook; return the exception that says where it is."""
+    partial = source.parent / "partial" / f"{source.stem}.ipynb"
+    try:
+        partial.parent.mkdir(exist_ok=True)
+        nbformat.write(client.nb, partial)
+        kept = f"what it got to is in {partial}"
+    except OSError as full:
+        kept = f"what it got to could not be kept ({full.strerror})"
+    return NotebookFailed(f"{source.name}, cell {client.cell + 1}: {why}; {kept}")
+
+
+def _first_line() -> str:
+    """Line of code that makes a kernel note the files that it reads, and end when this process is gone."""
     folders = {"sources": str(ROOT), "inputs": str(data_folder().absolute())}
-    return f"__import__('runpy').run_path({str(RECORDER)!r})['start']({folders!r})"
+    return f"__import__('runpy').run_path({str(RECORDER)!r})['start']({folders!r}, {os.getpid()})"
 
 
 def _complete_outcome(path: Path, record: Path, source: Path) -> None:

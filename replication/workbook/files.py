@@ -9,6 +9,20 @@ import pandas as pd
 ROOT = Path(__file__).resolve().parents[2]
 QUICK = ROOT / "results" / "quick"
 FLOAT_FORMAT = "%.6g"
+PROJECT = 'name = "backlash-replication"'  # as its pyproject.toml has it
+
+
+class NoCheckout(RuntimeError):
+    """The package is installed without the project's notebooks and results around it."""
+
+    exit_status = 2
+
+
+def require_checkout(root: Path = ROOT) -> None:
+    """Refuse a folder that is not the project's, such as that of an installed package."""
+    project = root / "pyproject.toml"
+    if not project.is_file() or PROJECT not in project.read_text(encoding="utf-8"):
+        raise NoCheckout(f"{root} is not the project's folder: clone the project and run this command from its folder")
 
 
 def write_bytes(path: Path, content: bytes) -> None:

@@ -1,4 +1,6 @@
-"""Notes which files a notebook's results are made from. The kernel executes this file by its path.
+"""Notes which files a notebook's results are made from, and ends the kernel with its run.
+
+The kernel executes this file by its path.
 
 It is not imported as a module of the package: what a notebook loads is what its results depend on, and this is no
 part of them.
@@ -9,8 +11,10 @@ import importlib.util
 import json
 import os
 import platform
+import signal
 import sys
 import threading
+import time
 import types
 from collections.abc import Mapping
 from importlib.metadata import version
@@ -20,8 +24,9 @@ PACKAGES = ("cma", "joblib", "matplotlib", "numba", "numpy", "openpyxl", "pandas
 RECORDER = "notebook_recorder"  # its place in sys.modules
 
 
-def start(folders: Mapping[str, str]) -> None:
-    """Note the SHA-256 of every file below some folders at the moment when it is opened for reading."""
+def start(folders: Mapping[str, str], run: int) -> None:
+    """Note the SHA-256 of every file below some folders when it is opened for reading; end with the process `run`."""
+    threading.Thread(target=_end_with, args=(run,), daemon=True).start()
     digests = {name: {} for name in folders}
     hashing = threading.local()
 
@@ -37,6 +42,13 @@ def start(folders: Mapping[str, str]) -> None:
 
     sys.addaudithook(note)
     sys.modules[RECORDER] = types.SimpleNamespace(folders=folders, digests=digests, write=write)
+
+
+def _end_with(run: int) -> None:
+    """Kill this kernel and its workers, which are one process group, when the parent that started it is gone."""
+    while os.getppid() == run:
+        time.sleep(0.5)
+    os.killpg(os.getpgid(0), signal.SIGKILL)
 
 
 def _note_file(digests: dict[str, str], folder: Path, opened: str, flags: int) -> None:

@@ -15,9 +15,10 @@ from concurrent.futures import FIRST_COMPLETED, ThreadPoolExecutor, wait
 from dataclasses import dataclass
 from pathlib import Path
 
+import psutil
 from tqdm import tqdm
 
-from replication.workbook import execution, guard, provenance
+from replication.workbook import execution, provenance
 from replication.workbook.files import QUICK, ROOT, write_json, write_text
 
 SLOWEST = 5
@@ -49,42 +50,46 @@ def run(
     # Noted, not raised: an exception in the middle of another line could leave a lock behind it closed.
     interrupted = threading.Event()
     previous = {number: signal.signal(number, lambda *_: interrupted.set()) for number in INTERRUPTS}
-    keeper, pool, slots = guard.Guard(watched), ThreadPoolExecutor(AT_A_TIME), list(range(AT_A_TIME))
+    pool, kernels, jobs = ThreadPoolExecutor(AT_A_TIME), set(), []
     try:
-        jobs = {
-            pool.submit(_run_one, source, quick, destination, stamps, stall_s, keeper, slots): source
-            for source in sources
-        }
+        for source in sources:
+            jobs.append(pool.submit(_run_one, source, quick, destination, stamps, stall_s, kernels))
         left = set(jobs)
         while left:
             done, left = wait(left, timeout=0.5, return_when=FIRST_COMPLETED)
             for job in done:
                 _say(job.result())
-            if interrupted.is_set():
+            if interrupted.is_set() or (watched and not _is_alive(watched)):
                 raise KeyboardInterrupt
         return [job.result() for job in jobs]
-    except BaseException:
-        pool.shutdown(wait=False, cancel_futures=True)
-        keeper.end_all()
-        raise
     finally:
-        pool.shutdown(wait=True, cancel_futures=True)
-        keeper.close()
+        pool.shutdown(wait=False, cancel_futures=True)
+        while not all(job.done() for job in jobs):  # a kernel may be starting
+            for group in tuple(kernels):
+                execution.end_group(group)
+            wait(jobs, timeout=0.2)
         for number, handler in previous.items():
             signal.signal(number, handler)
 
 
-def _run_one(source, quick, destination, stamps, stall_s, keeper, slots) -> Ending:
-    """Execute a notebook, show its progress on the terminal line of a free slot, and stamp it."""
-    slot = slots.pop(0)
-    bar = tqdm(position=slot, leave=False, disable=None, bar_format="{desc}")
+def _is_alive(process: int) -> bool:
+    """Whether a process runs: a dead one that nobody has waited for does not."""
+    try:
+        return psutil.Process(process).status() != psutil.STATUS_ZOMBIE
+    except psutil.NoSuchProcess:
+        return False
+
+
+def _run_one(source, quick, destination, stamps, stall_s, kernels) -> Ending:
+    """Execute a notebook, show its progress on a line of the terminal, and stamp it."""
+    bar = tqdm(leave=False, disable=None, bar_format="{desc}")
 
     def progress(cell: int, cells: int, text: str) -> None:
         bar.set_description_str(f"{source.stem}: cell {cell} of {cells} {_counted(text)}")
 
     begun = time.time()
     try:
-        seconds = execution.execute(source, quick, destination, stall_s=stall_s, keeper=keeper, progress=progress)
+        seconds = execution.execute(source, quick, destination, stall_s=stall_s, kernels=kernels, progress=progress)
         if stamps:
             _stamp(stamps, source.stem, destination, begun)
         return Ending(source.stem, "done", seconds=tuple(seconds))
@@ -94,7 +99,6 @@ def _run_one(source, quick, destination, stamps, stall_s, keeper, slots) -> Endi
         return Ending(source.stem, "failed", str(error))
     finally:
         bar.close()
-        slots.append(slot)
 
 
 def _counted(text: str) -> str:

@@ -105,13 +105,13 @@ def test_the_filters_show_the_rows_that_the_verdicts_have_and_reset_shows_all(ta
     assert len(page.evaluate(SHOWN)) == len(VERDICTS)
 
 
-def test_a_click_leads_from_a_cell_to_the_notebooks_cell_and_back(tab, site):
+def test_a_click_leads_from_a_cell_to_its_notebooks_verdict_and_back(tab, site):
     page = tab(site / "report.html")
     page.locator("[id='table2.row03.mean']").click()
     page.locator("[id='about-table2.row03.mean'] a[href^='pages/']").first.click()
     page.wait_for_url("**/pages/08_noise_table2.html#*")
     anchor = page.evaluate("decodeURIComponent(location.hash.slice(1))")
-    assert "repeated_fits" in page.locator(f"[id='{anchor}']").inner_text()
+    assert page.locator(f"[id='{anchor}']").inner_text() == "Verdict"
     page.get_by_role("link", name="The report").click()
     page.wait_for_url("**/report.html")
 

@@ -6,7 +6,7 @@ from places import RESULTS
 
 from replication import published
 from replication.__main__ import main
-from replication.report import again, terminal
+from replication.report import terminal
 from replication.workbook import judging
 
 EVIDENCE = judging.EVIDENCE
@@ -55,7 +55,7 @@ def test_show_tells_of_a_cell_what_is_printed_ours_the_verdict_and_where_it_is_m
     row = VERDICTS.set_index(["id", "source"]).loc[("table2.row03.sd", "authors")]
     for part in ("0.0138 rps", row["verdict"], f"{row['reproduced']:.5g}", "notebooks/08_noise_table2.py", "--rerun"):
         assert part in said
-    assert "replication/table2.py:" in said
+    assert "results/pages/08_noise_table2.html#verdict" in said
 
 
 @pytest.mark.parametrize("name", ["Table 2", "table2", "Equation 10", "local_minima", "e3", "text"])
@@ -69,26 +69,3 @@ def test_show_of_an_unknown_name_says_what_is_near_in_one_line(capsys):
     said = capsys.readouterr().err.strip()
     assert "table2.row03.sd" in said
     assert "\n" not in said
-
-
-def test_a_rerun_of_a_row_of_table_2_gives_the_committed_numbers(authors_data, monkeypatch):
-    """With two runs instead of thirty: the first two of the committed ones."""
-    monkeypatch.setattr(again, "RUNS", 2)
-    judged = VERDICTS[(VERDICTS["id"] == "table2.row02.mean") & (VERDICTS["source"] == "authors")]
-    now = again._table2_row(2, judged).set_index("id")["reproduced"]
-    runs = pd.read_csv(RESULTS / "table2_runs_authors.csv")
-    same = runs[(runs["row"] == 2) & runs["noise_level"].str.endswith("R = 1") & (runs["seed"] <= 2)]
-    assert now["table2.row02.mean"] == pytest.approx(same["A_rps"].abs().mean(), rel=1e-5)
-
-
-def test_a_rerun_is_judged_by_the_same_region_as_the_results():
-    predicted = VERDICTS[VERDICTS["verdict"].ne(VERDICTS["by_tolerance"]) & VERDICTS["verdict"].isin(EVIDENCE)]
-    assert len(predicted) > 0
-    now = predicted[["id", "source", "reproduced"]].reset_index(drop=True)
-    beside = again._beside(VERDICTS, now)
-    assert [verdict == "differs" for verdict in beside["verdict"]] == list(predicted["verdict"] == "differs")
-
-
-def test_a_rerun_says_what_no_notebook_makes():
-    with pytest.raises(terminal.Unknown, match="no notebook makes it"):
-        again.again("text.encoder_bits", VERDICTS)

@@ -7,7 +7,7 @@ import pytest
 
 from replication import workbook
 from replication.commands.main import main
-from replication.workbook import execution, judging, running
+from replication.workbook import execution, files, judging, running
 
 
 @pytest.fixture
@@ -55,6 +55,28 @@ def test_sensitivity_without_its_data_says_so_in_one_line_and_exits_with_2(tmp_p
     assert done.returncode == 2
     assert "BACKLASH_DATA" in done.stderr
     assert done.stderr.count("\n") == 1
+
+
+@pytest.mark.parametrize("command", ["run", "check", "report"])
+def test_outside_a_checkout_the_workbooks_commands_say_so_in_one_line_and_exit_with_2(command, tmp_path):
+    shutil.copytree(
+        workbook.ROOT / "replication", tmp_path / "replication", ignore=shutil.ignore_patterns("__pycache__")
+    )
+    environment = os.environ | {"PYTHONPATH": str(tmp_path)}
+    done = subprocess.run(
+        [sys.executable, "-m", "replication", command], cwd=tmp_path, env=environment, capture_output=True, text=True
+    )
+    assert done.returncode == 2
+    assert done.stdout == ""
+    assert "is not the project's folder" in done.stderr
+    assert done.stderr.count("\n") == 1
+
+
+def test_a_folder_with_another_projects_file_is_no_checkout(tmp_path):
+    (tmp_path / "pyproject.toml").write_text('[project]\nname = "other"\n', encoding="utf-8")
+    with pytest.raises(files.NoCheckout):
+        files.require_checkout(tmp_path)
+    files.require_checkout(workbook.ROOT)
 
 
 def test_a_quick_run_never_overwrites_the_full_results(tmp_path, monkeypatch):
