@@ -144,7 +144,7 @@ def decide(
 
 
 def errata() -> pd.DataFrame:
-    """Errata, indexed by id: `location, as_printed, corrected, evidence, effect`."""
+    """Errata, indexed by id: `kind, location, as_printed, corrected, evidence, effect, cells`."""
     return _table("errata.csv").set_index("id")
 
 

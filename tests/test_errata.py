@@ -4,9 +4,12 @@ import numpy as np
 import pytest
 
 from replication import published
+from replication.characteristic import equation_10, printed_levels_rad
+from replication.dead_zone import stiffness, transmitted_torque
 from replication.identify import Protocol, protocol_box
 from replication.search import constants, decompose, generations, random_normals, sample, update
 from replication.signature import Box, Timing, rmse, signature
+from replication.simulator.simulate import identified_joint
 from replication.studies.claims import noise_over_amplitude
 from replication.table2 import noise_only_record, table2_levels
 
@@ -30,6 +33,27 @@ def test_equation_19_as_printed_gives_none_of_the_printed_noise_amplitudes(readi
     assert (off > 0.05).sum() >= 8  # a straight line through zero crosses the printed one once
 
 
+def test_equation_19_gives_the_printed_noise_amplitudes_for_no_a_min_and_delta_a():
+    theoretical, printed = (published.column("Table 2", name)[:10] for name in ("theoretical", "noise"))
+    best_line = np.polyval(np.polyfit(theoretical, printed, 1), theoretical)  # every A_min and dA is a straight line
+    rounding = published.half_last_digit("0.1079")
+    assert (np.abs(best_line - printed) > 5 * rounding).sum() >= 7
+    in_the_number = np.polyval(np.polyfit(range(10), printed, 1), range(10))
+    assert (np.abs(in_the_number - printed) < 2 * rounding).all()
+
+
+def test_equation_4_read_literally_contradicts_equations_6_and_7():
+    def literal(X, t0):  # equations 1 to 4: d_b starts at t0 + T1, and is shifted by t0 + T_d and t0 + T_f
+        return signature(T, X, Timing(t0 + 0.2, t0 + 0.4, 6))
+
+    def shifted(X):  # equations 5 to 7
+        return signature(T, X, Timing(0.2, 0.4, 6))
+
+    for t0, same in ((0.0, True), (0.01, False)):
+        X = np.array([1.0, t0, 14.0, 130.0, 100.0, 0.1507, 0.0111])
+        assert np.allclose(literal(X, t0), shifted(X)) == same
+
+
 def test_equation_4_read_literally_misses_every_stored_run_that_can_tell(record_12):
     can_tell = 0
     for _, run in published.authors_notebook_runs().iterrows():
@@ -43,6 +67,24 @@ def test_equation_4_read_literally_misses_every_stored_run_that_can_tell(record_
         else:
             assert literal == pytest.approx(stored, rel=0.1)
     assert can_tell >= 10
+
+
+def test_the_numbers_that_the_errata_quote_are_those_that_are_computed():
+    effect = published.errata()["effect"]
+    off = np.abs(equation_10().backlash_rad(published.column("Table 2", "theoretical")[:10]) - printed_levels_rad())
+    assert off.max() == pytest.approx(1.8e-5, abs=0.05e-5)
+    assert "1.8e-5 rad" in effect["E2"]
+    joint = identified_joint()
+    assert joint.gravity_torque_nm == pytest.approx(14, abs=0.5)
+    for alpha, leak_percent, jump_nm in ((1e5, 0.42, 0.25), (1e6, 0.042, 0.025)):
+        assert 100 * stiffness(0.0, 15e-4, 1.0, alpha) == pytest.approx(leak_percent, rel=0.02)
+        assert f"{leak_percent:g} %" in effect["E8"]
+        below, above = transmitted_torque([-1e-12, 1e-12], 0.0, 15e-4, joint.stiffness_nm_per_rad, alpha_per_rad=alpha)
+        assert below - above == pytest.approx(jump_nm, rel=0.02)
+        assert f"{jump_nm:g} N m" in effect["E9"]
+    sds = published.column("Table 2", "sd")
+    assert np.sqrt([sds[sds > 0].min(), sds.max()]) == pytest.approx([0.03, 0.24], abs=0.005)
+    assert 100 * noise_over_amplitude()[[0, -1]] == pytest.approx([39, 16], abs=0.5)
 
 
 def test_tau_has_the_unit_1_per_s():

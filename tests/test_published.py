@@ -75,7 +75,12 @@ def test_the_printed_rmse_of_equation_10_is_no_rmse_in_rad():
     best_possible = characteristic.fit_characteristic(amplitude, delta).rmse_rad
     printed = published.value("equation10.rmse")
     assert best_possible > 1000 * printed
-    assert 5e-6 < best_possible < 7e-6
+    assert best_possible == pytest.approx(5.93e-6, abs=0.005e-6)
+    of_freedom = best_possible * np.sqrt(delta.size / (delta.size - 4))  # a cubic has four coefficients
+    assert of_freedom == pytest.approx(7.66e-6, abs=0.005e-6)
+    corrected = published.errata().loc["E2", "corrected"]
+    assert "5.93e-6" in corrected
+    assert "7.66e-6" in corrected
 
 
 def test_the_printed_relative_errors_follow_from_the_printed_means():

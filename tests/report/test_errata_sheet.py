@@ -14,8 +14,16 @@ def test_the_errata_sheet_is_what_the_data_give_and_fits_a_page():
     assert (RESULTS / "errata.md").read_text(encoding="utf-8") == sheet, "run: make report"
     rows = [line for line in sheet.splitlines() if re.match(r"\| E\d+ ", line)]
     assert len(rows) == len(published.errata())
-    assert all(row.replace("\\|", "").count("|") == 7 for row in rows)
+    assert all(row.replace("\\|", "").count("|") == 8 for row in rows)
     assert len(sheet.split()) < 900
+
+
+def test_every_erratum_has_one_of_three_kinds_and_the_sheet_says_how_many_are_of_each():
+    found = errata.counts()
+    assert set(found) == {"paper", "against the public data", "public repository"}
+    assert sum(found.values()) == len(published.errata())
+    for kind, number in found.items():
+        assert f'{number} of the kind "{kind}"' in errata.sheet()
 
 
 def test_every_proof_of_an_erratum_is_a_test_that_is_there():
