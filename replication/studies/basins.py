@@ -93,24 +93,75 @@ def compare_basins(stored: pd.DataFrame, ours: pd.DataFrame) -> pd.DataFrame:
     return pd.DataFrame(rows)
 
 
-def compare_searches(sets: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
-    """Compare sets of runs on the same records with the first of them: what another library, or other seeds, change."""
+def compare_searches(sets: Mapping[str, pd.DataFrame], draws: int = 4000, seed: int = 1) -> pd.DataFrame:
+    """Compare sets of runs on the same records with the first set: what another library, or other seeds, change.
+
+    `sets` holds runs from `table2.repeated_fits` by name. A row a set: `records` that it shares with the first, its
+    `runs` on them, `best_basin_runs` (within `table2.BASIN_GAP` of the lowest misfit that any set has on the record),
+    their `rate` with its 95 % limits, and `first_rate` of the first set on these records. `shift_percent` is how far
+    the means over a record's runs lie from the first set's, on average over the records, `best_shift_percent` that of
+    the best basin; their 95 % limits are a bootstrap's over the runs. `apart_percent` is the rms over the records, and
+    `chance_percent`, with 95 % limits, what it is if both sets are drawn from all runs together: chance alone.
+    """
     lowest = pd.concat(sets.values()).groupby("row")["rmse_rps"].min()
-    rows, first = [], {}
-    for name, runs in sets.items():
-        A = runs["A_rps"].abs()
-        best = runs["rmse_rps"] <= runs["row"].map(lowest) * (1 + BASIN_GAP)
-        hits = int(best.sum())
-        low, high = rate_interval(hits, len(runs))
-        means = {"means": A.groupby(runs["row"]).mean(), "best": A[best].groupby(runs["row"]).mean()}
-        first = first or means
-        apart = {
-            f"{kind}_apart_percent": 100 * np.sqrt(((mean / first[kind] - 1) ** 2).mean())
-            for kind, mean in means.items()
-        }
-        head = {"search": name, "runs": len(runs), "best_basin_runs": hits, "rate": hits / len(runs)}
-        rows.append(head | {"rate_low": low, "rate_high": high} | apart)
-    return pd.DataFrame(rows)
+    by_row = {name: _amplitudes(runs, lowest) for name, runs in sets.items()}
+    first, generator, table = next(iter(by_row.values())), np.random.default_rng(seed), []
+    for name, runs in by_row.items():
+        pairs = [(first[row], runs[row]) for row in sorted(first.keys() & runs.keys())]
+        table.append({"search": name, "records": len(pairs)} | _rates(pairs))
+        if runs is not first:
+            all_runs = [(before["A_rps"], after["A_rps"]) for before, after in pairs]
+            best = [(before["A_rps"][before["best"]], after["A_rps"][after["best"]]) for before, after in pairs]
+            table[-1] |= _shift("shift", all_runs, draws, generator) | _shift("best_shift", best, draws, generator)
+            table[-1] |= _apart(all_runs, draws, generator)
+    return pd.DataFrame(table)
+
+
+def _amplitudes(runs: pd.DataFrame, lowest: pd.Series) -> dict[int, pd.DataFrame]:
+    """|A| of the runs on each record, and whether they ended in its best basin."""
+    best = runs["rmse_rps"] <= runs["row"].map(lowest) * (1 + BASIN_GAP)
+    return dict(list(runs[["row"]].assign(A_rps=runs["A_rps"].abs(), best=best).groupby("row")))
+
+
+def _rates(pairs: list[tuple[pd.DataFrame, pd.DataFrame]]) -> dict[str, float]:
+    """How many runs of the second sets end in the best basin, and the share of the first sets'."""
+    before, after = (np.concatenate([part["best"] for part in parts]) for parts in zip(*pairs, strict=True))
+    low, high = rate_interval(int(after.sum()), after.size)
+    found = {"runs": after.size, "best_basin_runs": int(after.sum()), "rate": after.mean()}
+    return found | {"rate_low": low, "rate_high": high, "first_rate": before.mean()}
+
+
+def _shift(name: str, pairs: list[tuple[pd.Series, pd.Series]], draws: int, generator: np.random.Generator) -> dict:
+    """Mean over the records of how far the second mean lies from the first, with bootstrap limits."""
+    pairs = [pair for pair in pairs if all(part.size for part in pair)]
+    shift = np.mean([after.mean() / before.mean() - 1 for before, after in pairs])
+    drawn = [
+        _means(after, after.size, draws, generator) / _means(before, before.size, draws, generator) - 1
+        for before, after in pairs
+    ]
+    return _percent(name, shift, np.mean(drawn, axis=0))
+
+
+def _apart(pairs: list[tuple[pd.Series, pd.Series]], draws: int, generator: np.random.Generator) -> dict:
+    """RMS over the records of how far the means are apart, and what chance gives for sets of these sizes."""
+    apart = np.sqrt(np.mean([(after.mean() / before.mean() - 1) ** 2 for before, after in pairs]))
+    drawn = []
+    for pair in pairs:
+        before, after = (_means(pd.concat(pair), part.size, draws, generator) for part in pair)
+        drawn.append((after / before - 1) ** 2)
+    chance = np.sqrt(np.mean(drawn, axis=0))
+    return {"apart_percent": 100 * apart} | _percent("chance", np.median(chance), chance)
+
+
+def _means(values: pd.Series, size: int, draws: int, generator: np.random.Generator) -> FloatArray:
+    """Means of so many values drawn with replacement."""
+    return generator.choice(values.to_numpy(), (draws, size)).mean(axis=1)
+
+
+def _percent(name: str, value: float, drawn: FloatArray) -> dict[str, float]:
+    """A share and its 95 % limits in percent."""
+    low, high = np.percentile(drawn, [2.5, 97.5])
+    return {f"{name}_percent": 100 * value, f"{name}_low_percent": 100 * low, f"{name}_high_percent": 100 * high}
 
 
 @dataclass(frozen=True)

@@ -48,6 +48,45 @@ def test_the_exact_interval_of_none_and_of_all_is_one_sided():
     assert basins.rate_interval(0, 10)[1] == pytest.approx(1 - 0.025**0.1)
 
 
+def made_runs(seed, runs, rows=(1, 2, 3), shift=0.0):
+    generator = np.random.default_rng(seed)
+    A = generator.choice([0.5, 0.55], (len(rows), runs), p=[0.6, 0.4]) * (1 + shift)
+    parts = [
+        pd.DataFrame({"row": row, "A_rps": a, "rmse_rps": np.where(a < 0.525 * (1 + shift), 0.05, 0.06)})
+        for row, a in zip(rows, A, strict=True)
+    ]
+    return pd.concat(parts, ignore_index=True)
+
+
+def test_sets_of_one_search_lie_apart_by_no_more_than_chance_and_a_shifted_set_by_more():
+    sets = {"first": made_runs(1, 30), "same": made_runs(2, 30), "shifted": made_runs(3, 30, shift=0.1)}
+    table = basins.compare_searches(sets).set_index("search")
+    assert np.isnan(table.loc["first", "shift_percent"])
+    same, shifted = table.loc["same"], table.loc["shifted"]
+    assert same["shift_low_percent"] < 0 < same["shift_high_percent"]
+    assert same["chance_low_percent"] < same["apart_percent"] < same["chance_high_percent"]
+    assert shifted["shift_low_percent"] < 10 < shifted["shift_high_percent"]
+    assert shifted["shift_low_percent"] > 5
+    assert shifted["apart_percent"] > shifted["chance_high_percent"]
+    assert shifted["best_shift_percent"] == pytest.approx(10)
+    assert (table["runs"] == 90).all()
+
+
+def test_a_set_on_fewer_records_is_compared_on_those_alone():
+    sets = {"first": made_runs(1, 30), "few": made_runs(2, 12, rows=(2,))}
+    few = basins.compare_searches(sets).set_index("search").loc["few"]
+    assert (few["records"], few["runs"]) == (1, 12)
+    assert few["first_rate"] == (sets["first"].query("row == 2")["rmse_rps"] == 0.05).mean()
+
+
+def test_more_runs_narrow_what_chance_gives():
+    few, many = (
+        basins.compare_searches({"first": made_runs(1, runs), "same": made_runs(2, runs)}).iloc[1] for runs in (6, 96)
+    )
+    ratio = few["chance_percent"] / many["chance_percent"]
+    assert ratio == pytest.approx(4, rel=0.25)
+
+
 @pytest.mark.parametrize("strategy", basins.strategies(6000), ids=lambda strategy: strategy.name)
 def test_a_strategy_keeps_to_its_budget_and_depends_on_nothing_but_its_seed(made_record, strategy):
     first, second = (basins.search(made_record, Protocol(), strategy, 3, 0.0) for _ in range(2))
