@@ -88,9 +88,9 @@ tried.pivot(index="cell", columns="shift", values="replayed")
 
 # %% [markdown]
 # Twelve bounds are where they are printed: there all 30 stored runs replay, and a hundredth of the range beside it
-# fewer do, mostly none or one. The two of $A$ are not: the stored runs had 1.3 times the printed box, which their notebook's own comment calls a later change. Which
-# box printed Table 2 cannot be determined (notebook 17). The bounds of $A$, $t_0$ and $v_t$ are given as fractions of
-# the record's range.
+# fewer do, mostly none or one. The two of $A$ are not: the stored runs had 1.3 times the printed box, which their
+# notebook's own comment calls a later change. Which box printed Table 2 cannot be determined (notebook 17). The bounds
+# of $A$, $t_0$ and $v_t$ are given as fractions of the record's range.
 
 # %%
 found_table1 = table1_cells(clean, tried)
@@ -231,8 +231,8 @@ workbook.save_figure(
 # %% [markdown]
 # With a larger population more runs end in the best basin, and the means lie closer to the printed ones. The SD over
 # repeated runs depends on which few runs leave the best basin and where they end. With 300 members a third of
-# the runs or more leave it, and our SDs lie on both sides of the printed ones, by factors. With 1000 members hardly any run
-# leaves it, and nearly all of our SDs lie below: what the window's gate leaves free.
+# the runs or more leave it, and our SDs lie on both sides of the printed ones, by factors. With 1000 members hardly
+# any run leaves it, and nearly all of our SDs lie below: what the window's gate leaves free.
 #
 # A start sample drawn anew for each run, as the text says, makes many runs end in other basins and pulls the means far
 # below the printed ones; drawn once for a record it does so on some records. The turn period of Table 1 fails outright.

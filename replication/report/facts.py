@@ -7,7 +7,9 @@ import numpy as np
 import pandas as pd
 
 from replication import published
-from replication.report import cells as cells_of
+from replication.characteristic import fit_characteristic, printed_levels_rad
+from replication.report import errata
+from replication.simulator.study import simulator_attempts
 from replication.workbook import judging
 
 RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
@@ -38,44 +40,65 @@ def facts(results: Path, verdicts: pd.DataFrame) -> dict[str, str]:
 
 
 def _verdicts(results: Path, verdicts: pd.DataFrame) -> dict[str, str]:
-    all_cells = cells_of.cells(verdicts)
-    counts = cells_of.counts(all_cells)
-    evidence = {name: counts.get(name, 0) for name in cells_of.EVIDENCE}
-    found = {"printed": len(all_cells), "evidence": sum(evidence.values()), **evidence}
-    sd = [cell for cell in all_cells if cell.element == "Table 2" and cell.column == "sd" and cell.row != "11"]
-    told = [cell.deciding.verdict for cell in sd]
-    found |= {f"sd_{verdict}": told.count(verdict) for verdict in ("reproduced", "differs", "undecided")}
-    found["standins"] = counts.get("stand-in", 0)
-    claims = judging.decided_claims(results)
-    told = list(claims["verdict"])
-    found |= {"claims": len(published.claims()), "claims_hold": told.count("holds")}
-    found |= {"claims_fail": told.count("does not hold"), "claims_open": told.count("undecided")}
-    found["errata"] = len(published.errata())
+    decided = judging.deciding(verdicts)
+    found = {"printed": len(decided), "evidence": int(decided["verdict"].isin(judging.EVIDENCE).sum())}
+    for name in judging.VERDICTS:
+        found[name.replace("-", "")] = int((decided["verdict"] == name).sum())
+    for name in judging.EVIDENCE:
+        found[f"tolerance_{name}"] = int((decided["by_tolerance"] == name).sum())
+    claims = list(judging.decided_claims(results)["verdict"])
+    found |= {"claims": len(published.claims()), "claims_hold": claims.count("holds")}
+    found |= {"claims_fail": claims.count("does not hold"), "claims_open": claims.count("undecided")}
+    known = published.claims()
+    found["claims_changed"] = int((known["fixed"] > known["first_result"]).sum())
+    return {name: str(value) for name, value in found.items()}
+
+
+def _errata(_: Path) -> dict[str, str]:
+    counted = errata.counts()
+    found = {f"errata_{kind.split()[-1]}": str(number) for kind, number in counted.items()}
+    return {"errata": str(sum(counted.values()))} | found
+
+
+def _regions(_: Path, verdicts: pd.DataFrame) -> dict[str, str]:
+    """How many of the regions of Table 2's rows decide what, and where the theoretical A lies."""
+    printed = published.cells("Table 2")
+    decided = judging.deciding(verdicts).set_index("id").reindex(printed.index)
+    rows = printed["row"].astype(str) != "11"
+    found = {}
+    for name in ("mean", "sd"):
+        told = list(decided.loc[rows & (printed["column"] == name), "verdict"])
+        found |= {f"{name}_{verdict}": told.count(verdict) for verdict in ("reproduced", "differs", "undecided")}
+    means = decided[rows & (printed["column"] == "mean")]
+    theoretical = printed.loc[rows & (printed["column"] == "theoretical"), "value"].to_numpy(float)
+    inside = (means["low"] <= means["published"]) & (means["published"] <= means["high"])
+    half_percent = 100 * (np.sqrt(means["high"] / means["low"]) - 1)
+    found |= {"means_inside": int(inside.sum()), "level": f"{100 * judging.LEVEL:.0f}"}
+    found["theory_outside"] = int(((theoretical < means["low"]) | (means["high"] < theoretical)).sum())
+    found["regions"] = int((rows & printed["column"].isin(["mean", "sd"])).sum())
+    found["regions_missed_by_chance"] = f"{(1 - judging.LEVEL) * found['regions']:.0f}"
+    found |= {"region_half_low": f"{half_percent.min():.1f}", "region_half_high": f"{half_percent.max():.0f}"}
     return {name: str(value) for name, value in found.items()}
 
 
 def _table2(results: Path) -> dict[str, str]:
     table = pd.read_csv(results / "table2.csv")
-    of_authors = table[(table["source"] == "authors") & (table["theoretical_A_rps"] > 0)]
-    rows = of_authors[of_authors["noise_level"] == of_authors["noise_level"].iloc[0]]
-    printed = published.column("Table 2", "mean")[rows["row"].to_numpy() - 1]
-    printed_sd = published.column("Table 2", "sd")[rows["row"].to_numpy() - 1]
-    error = 100 * (rows["best_A_rps"].to_numpy() / printed - 1)
-    share = rows["best_basin_runs"] / rows["runs"]
-    return {
-        "runs": str(rows["runs"].max()),
-        "best_worst": f"{np.abs(error).max():.1f}",
-        "best_rms": f"{np.sqrt(np.mean(error**2)):.1f}",
-        "best_share_low": f"{100 * share.min():.0f}",
-        "best_share_high": f"{100 * share.max():.0f}",
-        **_range("sd", rows["sd_A_rps"]),
-        **_range("sd_best", rows["best_sd_A_rps"]),
-        **_range("sd_printed", printed_sd),
-    }
+    table = table[table["theoretical_A_rps"] > 0]
+    table["error"] = 100 * (table["best_A_rps"] / published.column("Table 2", "mean")[table["row"] - 1] - 1)
+    authors = table[table["source"] == "authors"]
+    share = 100 * authors["best_basin_runs"] / authors["runs"]
+    found = {"runs": str(authors["runs"].max()), "realisations": str(authors["realisation"].nunique())}
+    for source, prefix in (("authors", "best"), ("simulated", "simulated")):
+        error = table[table["source"] == source].groupby("realisation")["error"]
+        found |= _range(f"{prefix}_worst", error.agg(lambda part: part.abs().max()), 1)
+        found |= _range(f"{prefix}_rms", error.agg(lambda part: np.sqrt((part**2).mean())), 1)
+    found |= _range("best_share", share, 0) | _range("sd", authors["sd_A_rps"])
+    found |= _range("sd_best", authors["best_sd_A_rps"])
+    return found | _range("sd_printed", published.column("Table 2", "sd")[:10])
 
 
-def _range(name: str, values: pd.Series | np.ndarray) -> dict[str, str]:
-    return {f"{name}_low": f"{np.min(values):.4f}", f"{name}_high": f"{np.max(values):.4f}"}
+def _range(name: str, values: pd.Series | np.ndarray, digits: int = 4) -> dict[str, str]:
+    return {f"{name}_low": f"{np.min(values):.{digits}f}", f"{name}_high": f"{np.max(values):.{digits}f}"}
 
 
 def _power(value: float, digits: int = 1) -> str:
@@ -108,12 +131,22 @@ def _replay(results: Path) -> dict[str, str]:
 
 def _library(results: Path) -> dict[str, str]:
     table = pd.read_csv(results / "library_versions.csv").set_index("search")
-    today = table[table.index.str.startswith("today")].iloc[0]
-    return {
-        "library_apart": f"{today['means_apart_percent']:.1f}",
-        "library_best_apart": f"{today['best_apart_percent']:.1f}",
-        "seeds_apart": f"{table.loc['the same, other seeds', 'means_apart_percent']:.1f}",
+    seeds, today = table.loc["the same, other seeds"], table.loc["today's cma"]
+    found = {
+        "seeds_runs": str(seeds["runs"] // seeds["records"]),
+        "seeds_chance": f"{seeds['chance_percent']:.1f}",
+        "seeds_chance_low": f"{seeds['chance_low_percent']:.1f}",
+        "seeds_chance_high": f"{seeds['chance_high_percent']:.1f}",
+        "today_runs": str(today["runs"] // today["records"]),
+        "today_records": str(today["records"]),
+        "today_apart": f"{today['apart_percent']:.1f}",
+        "today_chance_low": f"{today['chance_low_percent']:.1f}",
+        "today_chance_high": f"{today['chance_high_percent']:.1f}",
     }
+    more = today["apart_percent"] > today["chance_high_percent"]
+    found["today_against_chance"] = "more than" if more else "no more than"
+    found |= {f"today_best_shift_{end}": f"{today[f'best_shift_{end}_percent']:+.1f}" for end in ("low", "high")}
+    return found
 
 
 def _candidates(results: Path) -> dict[str, str]:
@@ -146,16 +179,25 @@ def _equation10(results: Path, verdicts: pd.DataFrame) -> dict[str, str]:
     units = pd.read_csv(results / "equation10_units.csv")
     return {
         "rmse10": _power(rmse, 2),
+        "rmse10_of_freedom": _power(_rmse_of_freedom(), 2),
         "printed_rmse10": _power(printed, 4),
         "rmse10_ratio": f"{float(f'{rmse / printed:.1g}'):.0f}",
         "largest_in_rps": _power(units["equation 10 with A in rps"].max()),
     }
 
 
+def _rmse_of_freedom() -> float:
+    """RMSE of the cubic through the printed points with n - 4 degrees of freedom [rad]."""
+    delta = printed_levels_rad()
+    fitted = fit_characteristic(published.column("Table 2", "theoretical")[: delta.size], delta)
+    return fitted.rmse_rad * float(np.sqrt(delta.size / (delta.size - 4)))
+
+
 def _simulator(results: Path) -> dict[str, str]:
     table = pd.read_csv(results / "simulator_validation.csv")
     nrmse = 100 * table["nrmse"].dropna()
     return {
+        "models_tried": str(len(simulator_attempts())),
         "nrmse_mean": f"{nrmse.mean():.1f}",
         "nrmse_largest": f"{nrmse.max():.1f}",
         "nrmse_records": str(len(nrmse)),
@@ -164,12 +206,17 @@ def _simulator(results: Path) -> dict[str, str]:
 
 
 def _dead_zone(results: Path) -> dict[str, str]:
-    table = pd.read_csv(results / "dead_zone_facts.csv")
-    soft = table.iloc[1]
+    """Leak and jump at the softest edge that the records allow."""
+    table = pd.read_csv(results / "dead_zone_facts.csv").set_index("alpha_per_rad")
+    refitted = pd.read_csv(results / "alpha_refit.csv").set_index("alpha_per_rad")["nrmse"]
+    alpha, softer = 1e5, 1e4
     return {
-        "soft_alpha": _power(soft["alpha_per_rad"], 0),
-        "soft_jump": f"{soft['jump_nm']:.1f}",
-        "soft_leak": f"{100 * soft['middle_share']:.1f}",
+        "alpha": _power(alpha, 0),
+        "alpha_jump": f"{table.loc[alpha, 'jump_nm']:.2f}",
+        "alpha_leak": f"{100 * table.loc[alpha, 'middle_share']:.1f}",
+        "alpha_misfit": f"{100 * refitted[alpha]:.1f}",
+        "softer_alpha": _power(softer, 0),
+        "softer_misfit": f"{100 * refitted[softer]:.1f}",
     }
 
 
@@ -192,8 +239,8 @@ def _protocols(results: Path) -> dict[str, str]:
     return {"printed_period_error": f"{table['T_d and T_f as printed']:.0f}"}
 
 
-OF_VERDICTS: tuple[Callable[..., dict[str, str]], ...] = (_verdicts, _periods, _equation10)
+OF_VERDICTS: tuple[Callable[..., dict[str, str]], ...] = (_verdicts, _regions, _periods, _equation10)
 PARTS: tuple[Callable[..., dict[str, str]], ...] = (
-    *(*OF_VERDICTS, _table2, _stored_runs, _replay, _library, _candidates),
+    *(*OF_VERDICTS, _errata, _table2, _stored_runs, _replay, _library, _candidates),
     *(_simulator, _dead_zone, _friction, _features, _protocols),
 )

@@ -134,6 +134,8 @@ def _rates(pairs: list[tuple[pd.DataFrame, pd.DataFrame]]) -> dict[str, float]:
 def _shift(name: str, pairs: list[tuple[pd.Series, pd.Series]], draws: int, generator: np.random.Generator) -> dict:
     """Mean over the records of how far the second mean lies from the first, with bootstrap limits."""
     pairs = [pair for pair in pairs if all(part.size for part in pair)]
+    if not pairs:
+        return _percent(name, np.nan, np.array([np.nan]))
     shift = np.mean([after.mean() / before.mean() - 1 for before, after in pairs])
     drawn = [
         _means(after, after.size, draws, generator) / _means(before, before.size, draws, generator) - 1
