@@ -12,7 +12,7 @@ from replication.sensor import commands
 from replication.sensor.tables import UnusableLog
 from replication.simulator.simulate import identified_joint
 from replication.simulator.study import FIT_LEVELS, calibrate, clean_records
-from replication.studies import edge, optimizers, population, protocols, scoreboard, sensitivity, timings
+from replication.studies import edge, optimizers, population, protocols, scoreboard, timings
 from replication.workbook import files, provenance
 
 
@@ -49,7 +49,6 @@ def _parser() -> argparse.ArgumentParser:
     collect.set_defaults(command=_collect)
     report.add_commands(subparsers)
     for name, command, text in (
-        ("sensitivity", _sensitivity, "who notices a wrong constant, into results/sensitivity.csv"),
         ("identify-joint", _identify_joint, "identify the simulated joint anew, into data/joint.json"),
         ("claims", _claims, "the slow studies behind claims, into results/optimizers.csv and results/alpha_refit.csv"),
         ("bench", _bench, "time what was made fast, into results/bench.csv"),
@@ -85,13 +84,6 @@ def _run(options: argparse.Namespace) -> int:
 
 def _collect(options: argparse.Namespace) -> int:
     provenance.collect(report.results_folder(options.quick))
-    return 0
-
-
-def _sensitivity(_: argparse.Namespace) -> int:
-    table = sensitivity.sensitivity()
-    files.write_csv(workbook.ROOT / "results" / "sensitivity.csv", table)
-    print(table.groupby(["constant", "changed"], sort=False)["group"].agg(lambda g: (g != "").sum()).to_string())
     return 0
 
 
