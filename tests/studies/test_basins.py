@@ -42,12 +42,6 @@ def test_rates_of_the_same_runs_compare_as_the_same():
     assert table["runs_ours"].tolist() == [10, 1, 18, 1, 0]
 
 
-def test_the_exact_interval_of_none_and_of_all_is_one_sided():
-    assert basins.rate_interval(0, 10)[0] == 0
-    assert basins.rate_interval(10, 10)[1] == 1
-    assert basins.rate_interval(0, 10)[1] == pytest.approx(1 - 0.025**0.1)
-
-
 @pytest.mark.parametrize("strategy", basins.strategies(6000), ids=lambda strategy: strategy.name)
 def test_a_strategy_keeps_to_its_budget_and_depends_on_nothing_but_its_seed(made_record, strategy):
     first, second = (basins.search(made_record, Protocol(), strategy, 3, 0.0) for _ in range(2))
