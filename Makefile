@@ -47,7 +47,7 @@ article: .venv/.installed  ## results/article.pdf, the replication article, from
 	$(RUN) article
 
 sensitivity: .venv/.installed  ## who notices a wrong constant, into results/sensitivity.csv and the report
-	$(RUN) sensitivity
+	$(PY) -m tests.tools.sensitivity
 	$(RUN) report
 
 claims: .venv/.installed  ## the slow studies behind claims, into results/optimizers.csv and results/alpha_refit.csv

@@ -42,7 +42,7 @@ import numpy as np
 
 from replication import datasets, workbook
 from replication.simulator.simulate import identified_joint
-from replication.studies import accuracy, limits, plots
+from replication.studies import accuracy, benchmark, limits, plots
 
 # %% [markdown]
 # ## Parameters
@@ -67,9 +67,9 @@ joint = identified_joint()
 records = {(R, K): datasets.load_noisy(K, R) for R in (1, 2) for K in range(2, 13)}
 errors = accuracy.cross_validation(records, joint, scored)
 workbook.save_table(errors, "features_logs")
-summary = accuracy.summarise_errors(errors)
+summary = benchmark.summarise_errors(errors)
 fresh = errors[~errors["level"].isin([3, 6, 9, 12])]
-summary["mean_abs_error_fresh_levels_rad"] = accuracy.summarise_errors(fresh)["mean_abs_error_rad"]
+summary["mean_abs_error_fresh_levels_rad"] = benchmark.summarise_errors(fresh)["mean_abs_error_rad"]
 workbook.save_table(summary, "features")
 summary
 
@@ -77,12 +77,12 @@ summary
 # The targets are a mean error of 1.5e-5 rad for the energy and of 1e-5 rad for the waveform, both on these logs.
 
 # %%
-targets_rad = {"energy": 1.5e-5} | dict.fromkeys(["waveform", *accuracy.JOINT_METHODS], 1e-5)
+targets_rad = {"energy": 1.5e-5} | dict.fromkeys(["waveform", *benchmark.JOINT_METHODS], 1e-5)
 figure = plots.cross_validation_errors(errors, targets_rad)
 workbook.save_figure(
     figure,
     "beyond_features",
-    caption="Error of each method on the authors' noisy logs, a log a mark: the amplitude is the worst feature, "
+    caption="Error of each method on the authors' noisy logs, one marker per log: the amplitude is the worst feature, "
     "energy is better, the whole waveform and the joint's own simulation are best.",
 )
 

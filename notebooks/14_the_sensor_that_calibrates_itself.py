@@ -34,12 +34,12 @@
 # are fitted, and weighed by their evidence with a prior of nine to one, since drives difference their encoder. What is
 # faster than half the sampling rate comes back at lower harmonics, in the fit as in the log.
 #
-# The slopes are integrated with the turn, turn after turn until it has settled. The noise of each harmonic comes from
-# what lies between the harmonics. First turns that still ring are left out. Once a turn and the motor's orders are left
-# out too, but the ripple of the motor's torque is fitted, because it also moves the impacts. Lines between the
-# harmonics are taken off; such a line tells how large a belt's error is, and so what its square does to the mean turn.
-# A belt in step with the turn is fitted where it shows. The search starts at the best of 1200 drawn joints, from
-# several backlashes, and looks beside the minimum it finds.
+# Sensitivities are integrated along with the state, turn after turn until it has settled. The noise of each harmonic
+# comes from what lies between the harmonics. First turns that still ring are left out. The first load harmonic and the
+# motor's harmonics are excluded, but the ripple of the motor's torque is fitted, because it also moves the impacts.
+# Lines between the harmonics are taken off; such a line tells how large a belt's error is, and so what its square does
+# to the mean turn. A belt at a harmonic of the load's rotation is fitted where it shows. The search starts at the best
+# of 1200 drawn joints, from several backlashes, and looks beside the minimum it finds.
 #
 # *The interval*: Laplace's approximation. A joint on whose load a second mass swings stands beside the one without, at
 # even odds, for every ring from 8 to 80 Hz: to first order in the mass that is one linear step each, and the answer is
@@ -48,7 +48,8 @@
 # is known of them, the answer is `cannot tell`. In a record with hardly any noise the model's own error, 1 to 3 % of
 # the signal, takes the noise's place, and the largest of it (3 % of the backlash) is added to the interval.
 #
-# *The judge*: benches drawn with seeds that no decision was made on. Bars were fixed before they were drawn.
+# *The judge*: benches drawn with seeds that no decision was made on. Acceptance criteria were fixed before they were
+# drawn.
 
 # %%
 from dataclasses import replace
@@ -73,7 +74,7 @@ backlash_rad = 11e-4  # of the log that is looked at closely
 friction_share = 0.0  # Coulomb friction added to its load, over gravity
 harder = {  # what is made worse, and to what
     "turns": [12, 6, 4, 3],
-    "samples made one": [1, 2, 4, 8],
+    "decimation factor": [1, 2, 4, 8],
     "encoder bits": [19, 15, 13, 11],
     "load friction": [0.0, 0.1, 0.3, 0.6],  # over gravity, on top of its own
 }
@@ -115,7 +116,7 @@ workbook.save_figure(
 # %%
 fit = self_calibration.fit_joint(log)
 sd = np.sqrt(np.diag(fit.covariance))
-told = pd.DataFrame(
+unknowns = pd.DataFrame(
     {
         "unknown": joint_posterior.UNKNOWNS,
         "prior_sd": joint_posterior.SD,
@@ -123,9 +124,9 @@ told = pd.DataFrame(
         "correlation_with_backlash": fit.covariance[0] / sd / sd[0],
     }
 ).iloc[2:-4]  # without phase, transmission error and ripple
-told["told"] = 1 - told["posterior_sd"] / told["prior_sd"]
-workbook.save_table(told, "self_unknowns")
-told
+unknowns["told"] = 1 - unknowns["posterior_sd"] / unknowns["prior_sd"]
+workbook.save_table(unknowns, "self_unknowns")
+unknowns
 
 # %% [markdown]
 # The profile of the backlash: at each, all else is fitted anew. Laplace's approximation takes its root for a straight
@@ -137,7 +138,7 @@ workbook.save_table(profile, "self_profile")
 workbook.save_figure(
     population_plots.profile(profile),
     "self_profile",
-    caption="Root of what chi squared gains away from the most probable backlash, and what the interval takes it for.",
+    caption="Signed root of the gain in chi squared, all else fitted anew, and Laplace's approximation.",
 )
 
 # %% [markdown]
@@ -148,7 +149,7 @@ workbook.save_figure(
 
 # %%
 far_off = pd.concat(
-    reach.limits(joints.draw_bench(np.random.default_rng(seed)), backlash_rad, seed, harder).assign(joint=seed)
+    reach.degrade_logs(joints.draw_bench(np.random.default_rng(seed)), backlash_rad, seed, harder).assign(joint=seed)
     for seed in range(bench_seed, bench_seed + reached)
 )
 far_off["sd_over_bound"] = far_off["sd_rad"] / far_off["bound_rad"]
@@ -193,17 +194,16 @@ titles = {near: "default spread", far: "20 % spread, 5 % friction, double ripple
 workbook.save_figure(
     population_plots.errors(measured, titles),
     "self_errors",
-    caption="Error of the self-calibrated backlash with its 95 % interval, a mark a bench that nobody calibrated.",
+    caption="Error of the self-calibrated backlash with its 95 % interval, one marker per bench.",
 )
 
 # %%
 try:
-    authors = pd.concat(
-        [population.measure_log(entry, ("self",)) for entry in population.authors_logs()], ignore_index=True
-    )
+    logs = population.authors_logs()
+    authors = population.measure_logs(logs, ("self",))
 except DataUnavailable as error:
     print(error)
-    authors = measured[:0]
+    logs, authors = [], measured[:0]
 summary = population.summary(pd.concat([measured, authors]).astype({"refused": bool}))
 workbook.save_table(summary, "population")
 summary
@@ -211,16 +211,17 @@ summary
 # %% [markdown]
 # ### Do the intervals tell the truth?
 #
-# If they do, the truth's rank in the posterior is even from 0 to 1, and intervals of every nominal level hold as often
-# as they say. The first table says for how many logs the posterior was widened because their residual is improbable,
-# and what that brought. No interval of "self" is calibrated on drawn joints: the likelihood is enough.
+# If they do, the rank of the true backlash in the posterior is uniform from 0 to 1, and intervals of every nominal
+# level hold as often as they say. The first table says for how many logs the posterior was widened because their
+# residual is improbable, and what that brought. No interval of "self" is calibrated on drawn joints: the likelihood is
+# enough.
 
 # %%
 own = {name: measured[(measured["population"] == name) & (measured["method"] == "self")] for name in titles}
 workbook.save_figure(
     population_plots.calibration(measured, titles),
     "self_calibration",
-    caption="Ranks of the true backlash in the stated posterior, even if it is right, and how often intervals hold.",
+    caption="Rank of the true backlash in the posterior, uniform if calibrated, and coverage by nominal level.",
 )
 thirds = pd.concat([population.coverage_by_third(part).assign(population=name) for name, part in own.items()])
 workbook.save_table(thirds, "self_thirds")
@@ -233,7 +234,7 @@ for name, part in own.items():
 widening = pd.DataFrame(rows, columns=["population", "widened", "held_by_the_posterior", "held_by_the_interval"])
 workbook.save_table(widening, "self_widening")
 print(widening.round(3).to_string(index=False))
-print({name: f"p = {population.evenness(part):.3f}" for name, part in own.items()})
+print({name: f"p = {population.rank_uniformity_p(part):.3f}" for name, part in own.items()})
 thirds
 
 # %% [markdown]
@@ -251,7 +252,7 @@ reasons
 
 # %%
 unanswered = refused[refused["population"] == far]
-changes = [population.restlessness_rps(far, number, population.FINAL_SEED) for number in unanswered["number"]]
+changes = [population.turn_change_rps(far, number, population.FINAL_SEED) for number in unanswered["number"]]
 restless = unanswered[["number", "delta_rad", "reason"]].assign(change_rps=changes)
 workbook.save_table(restless, "self_restless")
 never = int((restless["change_rps"] > 1e-3).sum())
@@ -263,9 +264,9 @@ restless
 
 # %%
 numbers = np.random.default_rng(bench_seed).choice(own[near]["number"], size=checked, replace=False)
-again = population.measure_population(near, sorted(numbers), population.FINAL_SEED, ("self",), jobs=1)
-committed = own[near].set_index("number").loc[again["number"]]
-difference = np.abs(again["found_rad"].to_numpy() - committed["found_rad"].to_numpy())
+remeasured = population.measure_population(near, sorted(numbers), population.FINAL_SEED, ("self",), jobs=1)
+committed = own[near].set_index("number").loc[remeasured["number"]]
+difference = np.abs(remeasured["found_rad"].to_numpy() - committed["found_rad"].to_numpy())
 print(f"{checked} logs measured again: largest difference {difference.max():.1e} rad")
 assert difference.max() < 0.1 * committed["sd_rad"].max()
 
@@ -273,18 +274,19 @@ assert difference.max() < 0.1 * committed["sd_rad"].max()
 # ## Verdict
 
 # %%
-bars = population.against_bars(summary)
+bars = population.against_criteria(summary)
 workbook.save_table(bars, "self_bars")
 bars
 
 # %% [markdown]
-# One bar cannot be met by an unbiased method that does not know the joint: the Cramér-Rao bound of the authors' logs,
-# their noise given, lies above it. Methods that do better there know the joint.
+# One criterion cannot be met by an unbiased method that does not know the joint: the Cramér-Rao bound of the authors'
+# logs, their noise given, lies above it. Methods that do better there know the joint.
 
 # %%
-bounds_rad = [entry.bound_rad for entry in population.authors_logs()] if len(authors) else [np.nan]
+bounds_rad = [entry.labels["bound_rad"] for entry in logs] or [np.nan]
 least_rad = np.sqrt(2 / np.pi) * np.mean(bounds_rad)
-bar = next(bar for name, figure, _, bar in population.BARS if (name, figure) == ("authors' logs", "mean_abs_error_rad"))
+limits = {(name, figure): limit for name, figure, _, limit in population.ACCEPTANCE_CRITERIA}
+bar = limits["authors' logs", "mean_abs_error_rad"]
 print(f"authors' logs: mean |error| at the bound {least_rad:.2e} rad, bar {bar:.1e} rad")
 
 # %% [markdown]

@@ -33,27 +33,26 @@
 import pandas as pd
 
 from replication import workbook
-from replication.global_fit.fit import global_fit
-from replication.methods.calibration import backlashes, default_calibration
+from replication.methods.calibration import default_calibration
 from replication.methods.joint_match import NUISANCES, match_joint
-from replication.methods.readings import protocol_for
 from replication.simulator.recordings import simulate_recordings
 from replication.simulator.simulate import identified_joint
 from replication.studies import plots, robustness
+from replication.studies.benchmark import JOINT_ALL_FREE, calibrated_answers
 
 # %% [markdown]
 # ## Parameters
 
 # %% tags=["parameters"]
-shown = "load Coulomb friction"  # the change of the one record in plain sight, one of `robustness.CHANGES`
-changes = [-0.2, 0.2]  # relative changes of the joint; the largest is that of the record in plain sight
+shown = "load Coulomb friction"  # the change in the worked example, one of `robustness.CHANGES`
+changes = [-0.2, 0.2]  # relative changes of the joint; the largest is that of the worked example
 deltas_rad = [5e-4, 15e-4]  # backlashes of the changed joint
 left_out = []  # parameters, of `robustness.CHANGES`, that do not change
 
 # %% [markdown]
 # ## Result
 #
-# ### One record of a changed joint
+# ### Worked example: one record of a changed joint
 
 # %%
 joint = identified_joint()
@@ -63,9 +62,8 @@ record = simulate_recordings(changed_joint, [delta_rad])[0]
 
 calibrations = {name: default_calibration(name) for name in ("amplitude", "energy", "waveform")}
 calibrations |= {"equation 10": default_calibration("paper")}
-readings = backlashes(record, global_fit(record, protocol_for(record)), calibrations)
-answers_rad = {method: reading.delta_rad for method, reading in readings.items()}
-answers_rad[robustness.JOINT] = match_joint(record, joint, tuple(NUISANCES)).delta_rad
+answers_rad = calibrated_answers(record, calibrations)
+answers_rad[JOINT_ALL_FREE] = match_joint(record, joint, tuple(NUISANCES)).delta_rad
 one = pd.DataFrame(answers_rad.items(), columns=["method", "backlash_rad"])
 one["error_rad"] = one["backlash_rad"] - delta_rad
 one
@@ -89,7 +87,7 @@ workbook.save_table(ranked, "robustness_ranking")
 ranked
 
 # %%
-figure = plots.tornado(ends[ends["change"] != 0], ["equation 10", "amplitude", "energy", "waveform", robustness.JOINT])
+figure = plots.tornado(ends[ends["change"] != 0], ["equation 10", "amplitude", "energy", "waveform", JOINT_ALL_FREE])
 workbook.save_figure(
     figure,
     "beyond_robustness",

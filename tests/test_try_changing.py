@@ -13,7 +13,9 @@ import pandas as pd
 import pytest
 
 from replication import published, workbook
-from replication.studies import basins, robustness
+from replication.statistics import rate_interval
+from replication.studies import robustness
+from replication.studies.benchmark import JOINT_ALL_FREE
 from replication.workbook import execution, judging
 
 NOTEBOOKS = {path.stem: path for path in sorted((workbook.ROOT / "notebooks").glob("[0-9]*.py"))}
@@ -234,7 +236,7 @@ def the_intervals_narrow(n):
     assert (n["costs"]["runs"] == 30).all()
     runs = committed("identification_strategies")["runs"].unique().item()
     for found in (0, 10, 20, 30):  # the same rate from the runs of the full notebook and from 30
-        few, many = (np.diff(basins.rate_interval(found * size // 30, size)) for size in (runs, 30))
+        few, many = (np.diff(rate_interval(found * size // 30, size)) for size in (runs, 30))
         assert many < 0.7 * few
 
 
@@ -340,14 +342,14 @@ def every_method_errs_less(n):
 def without_friction_all_but_the_joint_err_less(n):
     now, before = (table.set_index("method")["rmse_rad"] for table in (n["ranked"], committed("robustness_ranking")))
     assert (now / before)[["equation 10", "amplitude", "energy", "waveform"]].max() < 0.75
-    assert now[robustness.JOINT] > 0.75 * before[robustness.JOINT]
+    assert now[JOINT_ALL_FREE] > 0.75 * before[JOINT_ALL_FREE]
 
 
 def friction_hides_two_thirds_from_the_waveform(n):
     under_friction = n["moved"][n["moved"]["parameter"].str.contains("friction")]
     errors = under_friction.groupby("method")["error_rad"].mean() / 3e-4
     assert errors["waveform"] == pytest.approx(-2 / 3, abs=0.07)
-    assert abs(errors[robustness.JOINT]) < 0.02
+    assert abs(errors[JOINT_ALL_FREE]) < 0.02
 
 
 def only_a_larger_backlash_is_seen(n):

@@ -16,7 +16,6 @@ _PLAIN = {
     "data": (_WORKBOOK, "fetch and verify the authors' data"),
     "article": (_REPORT, "results/article.pdf from article/article.typ and the results"),
     "readme": (_REPORT, "write the results' numbers into README.md"),
-    "sensitivity": (_STUDIES, "who notices a wrong constant, into results/sensitivity.csv"),
     "identify-joint": (_STUDIES, "identify the simulated joint anew, into data/joint.json"),
     "calibrations": (_STUDIES, "the sensor's default calibrations anew, into data/default_calibrations.json"),
     "claims": (_STUDIES, "the slow studies behind claims, into results/optimizers.csv and results/alpha_refit.csv"),

@@ -7,16 +7,8 @@ from replication import workbook
 from replication.methods.calibration import default_calibrations_text
 from replication.simulator.simulate import identified_joint
 from replication.simulator.study import FIT_LEVELS, clean_records, reidentify_joint
-from replication.studies import edge, optimizers, population, protocols, scoreboard, sensitivity, timings
+from replication.studies import edge, optimizers, population, protocols, scoreboard, timings
 from replication.workbook import files
-
-
-def run_sensitivity(_: argparse.Namespace) -> int:
-    """Count which checks notice a wrong constant."""
-    table = sensitivity.sensitivity()
-    files.write_csv(workbook.ROOT / "results" / "sensitivity.csv", table)
-    print(table.groupby(["constant", "changed"], sort=False)["group"].agg(lambda g: (g != "").sum()).to_string())
-    return 0
 
 
 def run_identify_joint(_: argparse.Namespace) -> int:

@@ -30,6 +30,7 @@ __all__ = [
     "JointParameters",
     "SimulatedJoint",
     "encoder_position",
+    "encoder_speed_rps",
     "identified_joint",
     "joint_from_ratios",
     "settled_peak_rps",
@@ -47,6 +48,11 @@ def encoder_position(position_rad: ArrayLike, bits: int = 19) -> FloatArray:
     """Position as an absolute encoder of `bits` bits per turn reports it [rad], rounded down to its grid."""
     step = TURN / 2**bits
     return np.floor(np.asarray(position_rad, dtype=float) / step) * step
+
+
+def encoder_speed_rps(position_rad: ArrayLike, bits: int, sample_s: float) -> NDArray[np.float64]:
+    """Speed as a controller differences it from an encoder's positions [turns/s], one sample shorter."""
+    return np.diff(encoder_position(position_rad, bits)) / sample_s / TURN
 
 
 @dataclass(frozen=True, eq=False)

@@ -17,7 +17,7 @@ from replication import published
 from replication.datasets import Recording
 from replication.global_fit.fit import global_fit
 from replication.simulator.parameters import TURN, Disturbance, JointParameters, identified_joint, with_ratios
-from replication.simulator.simulate import encoder_position, simulate
+from replication.simulator.simulate import encoder_speed_rps, simulate
 
 SAMPLE_S = 2e-3
 
@@ -93,8 +93,7 @@ def encoder_log(bench: Bench, delta_rad: float, rng: np.random.Generator) -> Rec
     """Log twelve turns of a bench from a random angle: the encoder's position every 2 ms, differenced, and noise."""
     joint = replace(bench.joint, start_angle_rad=float(rng.uniform(0, TURN)))
     run = simulate(joint, delta_rad, duration_s=12 * joint.turn_period_s, sample_s=SAMPLE_S)
-    position = encoder_position(run.motor_position_rad, joint.encoder_bits or 52)
-    speed = np.diff(position) / SAMPLE_S / TURN
+    speed = encoder_speed_rps(run.motor_position_rad, joint.encoder_bits or 52, SAMPLE_S)
     noisy = speed + rng.normal(0.0, bench.noise_rps, speed.size)
     name = f"simulated encoder log, {delta_rad:g} rad"
     return Recording(run.time_s[:-1], noisy, joint.commanded_speed_rps, joint.turn_period_s, name)

@@ -13,7 +13,7 @@ from replication.arrays import FloatArray
 from replication.datasets import Recording
 from replication.simulator import core, turns
 from replication.simulator.parameters import TURN, with_ratios
-from replication.simulator.simulate import encoder_position
+from replication.simulator.simulate import encoder_speed_rps
 from replication.standins.joints import SAMPLE_S, Bench, draw_bench, encoder_log
 
 KINDS = ("two loads", "second ring", "PI with current loop", "notch filter")
@@ -78,7 +78,7 @@ def _other_log(kind: str, bench: Bench, delta_rad: float, rng: np.random.Generat
     skip = round(2 * joint.turn_period_s / _STEP_S)
     seen = position[skip::every]
     t = SAMPLE_S * np.arange(seen.size)
-    speed = np.diff(encoder_position(seen + joint.commanded_speed_rad_per_s * t, 19)) / SAMPLE_S / TURN
+    speed = encoder_speed_rps(seen + joint.commanded_speed_rad_per_s * t, 19, SAMPLE_S)
     noisy = speed + rng.normal(0.0, bench.noise_rps, speed.size)
     return Recording(t[:-1], noisy, joint.commanded_speed_rps, joint.turn_period_s, f"simulated: {kind}")
 

@@ -3,6 +3,7 @@
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import count, repeat
 
 import numpy as np
 import pandas as pd
@@ -17,6 +18,7 @@ from replication.identify import Protocol, protocol_box
 from replication.search import generations
 from replication.search import search as follow
 from replication.signature import FREE_PARAMETERS, Box
+from replication.statistics import rate_columns, rate_interval
 from replication.table2 import BASIN_GAP, basin_labels
 
 FloatArray = NDArray[np.float64]
@@ -39,12 +41,6 @@ def label_basins(rmse: FloatArray, window_start_s: FloatArray) -> NDArray[np.int
     return labels
 
 
-def rate_interval(hits: int, runs: int) -> tuple[float, float]:
-    """95 % interval of a rate, after Clopper and Pearson."""
-    interval = stats.binomtest(hits, runs).proportion_ci(0.95, method="exact")
-    return float(interval.low), float(interval.high)
-
-
 def basin_table(runs: pd.DataFrame) -> pd.DataFrame:
     """One row per basin that runs on one record ended in: its rate, amplitudes and median window."""
     edges = runs.assign(
@@ -55,17 +51,10 @@ def basin_table(runs: pd.DataFrame) -> pd.DataFrame:
     labels = label_basins(edges["rmse_rps"].to_numpy(), edges["window_start_s"].to_numpy())
     rows = []
     for _, part in edges.groupby(labels):
-        low, high = rate_interval(len(part), len(runs))
         rows.append(
-            {
-                "rmse_rps": part["rmse_rps"].min(),
-                "runs": len(part),
-                "rate": len(part) / len(runs),
-                "rate_low": low,
-                "rate_high": high,
-                "A_low_rps": part["A_rps"].min(),
-                "A_high_rps": part["A_rps"].max(),
-            }
+            {"rmse_rps": part["rmse_rps"].min(), "runs": len(part)}
+            | rate_columns(len(part), len(runs))
+            | {"A_low_rps": part["A_rps"].min(), "A_high_rps": part["A_rps"].max()}
             | part[["t0_s", "omega_rad_per_s", "window_start_s", "window_end_s"]].median().to_dict()
         )
     return pd.DataFrame(rows)
@@ -84,9 +73,9 @@ def compare_basins(stored: pd.DataFrame, ours: pd.DataFrame) -> pd.DataFrame:
                 hits[name] = int(((runs["rmse_rps"] / misfit - 1).abs() < BASIN_GAP).sum())
                 elsewhere[name] -= hits[name]
         row = {"rmse_rps": misfit}
-        for name, count in hits.items():
-            low, high = rate_interval(count, total[name])
-            row |= {f"runs_{name}": count, f"rate_{name}": count / total[name]}
+        for name, number in hits.items():
+            low, high = rate_interval(number, total[name])
+            row |= {f"runs_{name}": number, f"rate_{name}": number / total[name]}
             row |= {f"rate_low_{name}": low, f"rate_high_{name}": high}
         table = [[hits[name], total[name] - hits[name]] for name in ("stored", "ours")]
         rows.append(row | {"p_same": stats.fisher_exact(table).pvalue})
@@ -166,39 +155,31 @@ def _percent(name: str, value: float, drawn: FloatArray) -> dict[str, float]:
     return {f"{name}_percent": 100 * value, f"{name}_low_percent": 100 * low, f"{name}_high_percent": 100 * high}
 
 
+# From a generator to the population and the breadth of each search in turn.
+Schedule = Callable[[np.random.Generator], Iterator[tuple[int, float]]]
+
+
 @dataclass(frozen=True)
 class Strategy:
-    """One way to spend function evaluations; its schedule gives population and breadth of each search."""
+    """One way to spend function evaluations."""
 
     name: str
-    schedule: Callable[[np.random.Generator], Iterator[tuple[int, float]]]
+    schedule: Schedule
     budget: int
     projected: bool = False
 
 
-def repeated(population: int) -> Callable[[np.random.Generator], Iterator[tuple[int, float]]]:
+def repeated(population: int) -> Schedule:
     """The same search over and over."""
-
-    def schedule(_: np.random.Generator) -> Iterator[tuple[int, float]]:
-        while True:
-            yield population, 1.0
-
-    return schedule
+    return lambda _: repeat((population, 1.0))
 
 
-def growing(population: int) -> Callable[[np.random.Generator], Iterator[tuple[int, float]]]:
+def growing(population: int) -> Schedule:
     """IPOP (Auger and Hansen 2005): each search has twice the population of the one before."""
-
-    def schedule(_: np.random.Generator) -> Iterator[tuple[int, float]]:
-        size = population
-        while True:
-            yield size, 1.0
-            size *= 2
-
-    return schedule
+    return lambda _: ((population * 2**k, 1.0) for k in count())
 
 
-def alternating(population: int) -> Callable[[np.random.Generator], Iterator[tuple[int, float]]]:
+def alternating(population: int) -> Schedule:
     """BIPOP (Hansen 2009), by turns: a growing population, and a small one with a narrow start."""
 
     def schedule(generator: np.random.Generator) -> Iterator[tuple[int, float]]:
@@ -215,16 +196,16 @@ def alternating(population: int) -> Callable[[np.random.Generator], Iterator[tup
 
 def strategies(budget: int = 60000) -> list[Strategy]:
     """The settings that are compared: the authors' population, larger and smaller ones, restarts, fewer dimensions."""
+    whole = {
+        "population 300 (the authors'), restarted": repeated(300),
+        **{f"population {size}, restarted": repeated(size) for size in (1000, 100, 30)},
+        "IPOP from 30": growing(30),
+        "BIPOP from 30": alternating(30),
+    }
+    projected = {f"A and v_t projected out, population {size}, restarted": repeated(size) for size in (300, 100, 30)}
     return [
-        Strategy("population 300 (the authors'), restarted", repeated(300), budget),
-        Strategy("population 1000, restarted", repeated(1000), budget),
-        Strategy("population 100, restarted", repeated(100), budget),
-        Strategy("population 30, restarted", repeated(30), budget),
-        Strategy("IPOP from 30", growing(30), budget),
-        Strategy("BIPOP from 30", alternating(30), budget),
-        Strategy("A and v_t projected out, population 300, restarted", repeated(300), budget, projected=True),
-        Strategy("A and v_t projected out, population 100, restarted", repeated(100), budget, projected=True),
-        Strategy("A and v_t projected out, population 30, restarted", repeated(30), budget, projected=True),
+        *(Strategy(name, schedule, budget) for name, schedule in whole.items()),
+        *(Strategy(name, schedule, budget, projected=True) for name, schedule in projected.items()),
     ]
 
 

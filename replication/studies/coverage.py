@@ -9,7 +9,7 @@ from replication.datasets import Recording
 from replication.global_fit.fit import global_fit
 from replication.identify import Protocol, protocol_box
 from replication.signature import signature
-from replication.studies.basins import rate_interval
+from replication.statistics import rate_interval
 
 FloatArray = NDArray[np.float64]
 

@@ -14,7 +14,7 @@ from replication.methods.joint_match import NUISANCES, PHASES, changed, settled_
 from replication.methods.readings import read
 from replication.simulator.recordings import simulate_recordings
 from replication.simulator.simulate import JointParameters
-from replication.studies.basins import rate_interval
+from replication.statistics import rate_columns
 
 FloatArray = NDArray[np.float64]
 
@@ -24,18 +24,14 @@ _STEP_RAD = 1e-6
 
 @dataclass(frozen=True, eq=False)
 class Slopes:
-    """How the settled speed of a turn changes with each unknown."""
+    """Settled speed of a turn at even phases, differentiated by the backlash and by nuisances, a row each."""
 
     turn_period_s: float
-    names: tuple[str, ...]
     slope: FloatArray
 
 
 def waveform_slopes(joint: JointParameters, delta_rad: float, free: Sequence[str] = ("start_angle",)) -> Slopes:
-    """Differentiate the joint's settled waveform by the backlash and by nuisances, by central differences.
-
-    Friction is differentiated forwards: it cannot be negative.
-    """
+    """Differentiate the joint's settled waveform by the backlash and by nuisances."""
 
     def turn(delta: float, **unknown: float) -> FloatArray:
         return settled_turn(changed(joint, unknown), delta, PHASES)
@@ -43,40 +39,40 @@ def waveform_slopes(joint: JointParameters, delta_rad: float, free: Sequence[str
     slopes = [(turn(delta_rad + _STEP_RAD) - turn(delta_rad - _STEP_RAD)) / (2 * _STEP_RAD)]
     for name in free:
         value, (low, _), step = NUISANCES[name]
-        before = value if value - step < low else value - step
+        before = value if value - step < low else value - step  # friction cannot be negative
         slopes.append(
             (turn(delta_rad, **{name: value + step}) - turn(delta_rad, **{name: before})) / (value + step - before)
         )
-    return Slopes(joint.turn_period_s, ("backlash", *free), np.array(slopes))
+    return Slopes(joint.turn_period_s, np.array(slopes))
 
 
-def _bound(columns: FloatArray, noise_sd: float) -> float:
-    """Cramer-Rao bound of the first unknown's SD, a constant offset unknown too, in white Gaussian noise."""
-    centred = columns - columns.mean(axis=1, keepdims=True)
-    if centred.shape[1] <= len(centred):
+def cramer_rao_sd(slopes: FloatArray, noise_sd: float) -> float:
+    """Least SD of the first unknown (slopes: unknowns by samples) in white noise, a constant offset unknown too."""
+    if slopes.shape[1] <= len(slopes):
         return np.inf
-    return float(noise_sd * np.sqrt(np.linalg.inv(centred @ centred.T)[0, 0]))
+    centred = slopes - slopes.mean(axis=1, keepdims=True)
+    information = centred @ centred.T
+    scale = np.sqrt(np.diag(information))  # unknowns in units of their own, so that the inverse is well conditioned
+    inverse = np.linalg.inv(information / np.outer(scale, scale))
+    return float(noise_sd * np.sqrt(inverse[0, 0]) / scale[0])
 
 
 def speed_bound_rad(slopes: Slopes, noise_sd_rps: float, sampling_hz: float, turns: int) -> float:
     """Least SD of an unbiased backlash from settled speed samples in white Gaussian noise."""
     phase = np.arange(round(turns * slopes.turn_period_s * sampling_hz)) / (slopes.turn_period_s * sampling_hz) % 1.0
     grid = np.arange(slopes.slope.shape[1]) / slopes.slope.shape[1]
-    return _bound(np.array([np.interp(phase, grid, slope, period=1.0) for slope in slopes.slope]), noise_sd_rps)
+    return cramer_rao_sd(np.array([np.interp(phase, grid, slope, period=1.0) for slope in slopes.slope]), noise_sd_rps)
 
 
 def encoder_bound_rad(slopes: Slopes, bits: int, sampling_hz: float, turns: int) -> float:
-    """Least SD of an unbiased backlash from an encoder's positions, their rounding taken for white noise.
-
-    The information is in the position; speeds by differencing carry no more than that.
-    """
+    """Least SD of an unbiased backlash from an encoder's positions, their rounding taken for white noise."""
     t = np.arange(round(turns * slopes.turn_period_s * sampling_hz)) / sampling_hz
     size = slopes.slope.shape[1]
     dt = slopes.turn_period_s / size
     swing = [np.cumsum(slope - slope.mean()) * dt for slope in slopes.slope]
     grid = np.arange(size) * dt
     columns = [np.interp(t, grid, position, period=slopes.turn_period_s) for position in swing]
-    return _bound(np.array([*columns, t - t.mean()]), 2.0**-bits / np.sqrt(12))
+    return cramer_rao_sd(np.array([*columns, t - t.mean()]), 2.0**-bits / np.sqrt(12))
 
 
 def noisy_energy(clean: Recording, half_amplitude_rps: float, seeds: Sequence[int]) -> FloatArray:
@@ -107,16 +103,13 @@ def detection(
     rows = []
     for delta, record, group in zip([0.0, *deltas_rad], clean, groups, strict=True):
         seen = int((noisy_energy(record, half_amplitude_rps, group) > threshold).sum())
-        rows.append((half_amplitude_rps, delta, threshold, seen / len(group), *rate_interval(seen, len(group))))
-    columns = ["noise_half_amplitude_rps", "delta_rad", "threshold_rps", "seen", "seen_low", "seen_high"]
-    return pd.DataFrame(rows, columns=columns)
+        settings = {"noise_half_amplitude_rps": half_amplitude_rps, "delta_rad": delta, "threshold_rps": threshold}
+        rows.append(settings | rate_columns(seen, len(group), "seen"))
+    return pd.DataFrame(rows)
 
 
 def smallest_seen_rad(table: pd.DataFrame, power: float) -> float:
-    """Backlash from which on the share of `detection` that is seen stays at `power` or above; NaN if it never does.
-
-    Interpolated between the last backlash below and the next.
-    """
+    """Backlash, interpolated, from which on the share that `detection` sees stays at `power`; NaN if it never does."""
     below = np.flatnonzero(table["seen"].to_numpy() < power)
     last = below[-1] if below.size else 0
     if last == len(table) - 1:

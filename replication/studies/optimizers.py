@@ -8,6 +8,7 @@ import contextlib
 import math
 from collections.abc import Callable, Iterator, Sequence
 from importlib.util import find_spec
+from itertools import count
 
 import numba
 import numpy as np
@@ -16,12 +17,12 @@ from joblib import Parallel, delayed
 from numpy.typing import NDArray
 from scipy import optimize, stats
 
-from replication.compiled.misfit import _population_rmse, _subtract_window, population_rmse
+from replication.compiled.misfit import _subtract_window, population_rmse
 from replication.datasets import Recording, load_noisy
 from replication.global_fit.fit import global_fit
 from replication.identify import Protocol, protocol_box
 from replication.search import generations, stop_rule
-from replication.studies.basins import rate_interval
+from replication.statistics import rate_columns
 from replication.table2 import BASIN_GAP, table2_levels
 
 FloatArray = NDArray[np.float64]
@@ -29,7 +30,7 @@ FloatArray = NDArray[np.float64]
 # What the authors' notebook spends: 300 members in 200 generations.
 BUDGET = 60_000
 POPULATION = 300
-RUNS = 10  # on each record
+RUNS_PER_RECORD = 10
 LEVELS = (2, 6, 11)  # Table 2's first, middle and last row, realisation R = 1
 SWARMS = {
     "particle swarm": "ParticleSwarmAlgorithm",
@@ -50,7 +51,6 @@ class Cost:
         protocol = Protocol()
         self.recording, self.target, self.budget = recording, target_rmse, budget
         self.box, self.timing = protocol_box(recording, protocol), protocol.timing
-        self.bounds = self.box.lower, self.box.upper
         self.best, self.evaluations = math.inf, 0
 
     def of_members(self, X: FloatArray) -> FloatArray:
@@ -61,17 +61,17 @@ class Cost:
 
     def __call__(self, unit: FloatArray) -> float:
         """Misfit [rps] at a point of the unit cube."""
-        t, v, timing = self.recording.t, self.recording.v, self.timing
-        misfit = _misfit(np.ascontiguousarray(unit), *self.bounds, t, v, timing.T_d, timing.T_f, timing.n)
-        self._count(misfit, 1)
-        return misfit
+        return float(self.of_members(self._in_box(unit)[None])[0])
 
     def residuals(self, unit: FloatArray) -> FloatArray:
         """Residuals over the root of their number, whose norm is the misfit: what least squares takes."""
         t, v, timing = self.recording.t, self.recording.v, self.timing
-        found = _residual(np.ascontiguousarray(unit), *self.bounds, t, v, timing.T_d, timing.T_f, timing.n)
+        found = _residual(self._in_box(unit), t, v, timing.T_d, timing.T_f, timing.n)
         self._count(math.sqrt(found @ found), 1)
         return found
+
+    def _in_box(self, unit: FloatArray) -> FloatArray:
+        return self.box.lower + np.clip(unit, 0.0, 1.0) * (self.box.upper - self.box.lower)
 
     def _count(self, misfit: float, evaluations: int) -> None:
         self.evaluations += evaluations
@@ -81,20 +81,9 @@ class Cost:
 
 
 @numba.njit(cache=True)
-def _in_box(unit: FloatArray, lower: FloatArray, upper: FloatArray) -> FloatArray:
-    return lower + np.minimum(np.maximum(unit, 0.0), 1.0) * (upper - lower)
-
-
-@numba.njit(cache=True)
-def _misfit(unit, lower, upper, t, v, T_d, T_f, n):
-    """The paper's cost [rps] at a point of the unit cube."""
-    return _population_rmse(t, v, _in_box(unit, lower, upper).reshape(1, -1), T_d, T_f, n)[0]
-
-
-@numba.njit(cache=True)
-def _residual(unit, lower, upper, t, v, T_d, T_f, n):
-    """Residual r(t) - h(t) over the root of the samples at a point of the unit cube: `signature.signature` compiled."""
-    A, t0, tau, omega, v_t, T2, T1 = _in_box(unit, lower, upper)
+def _residual(X: FloatArray, t: FloatArray, v: FloatArray, T_d: float, T_f: float, n: int) -> FloatArray:
+    """Residual r(t) - h(t) over the root of the samples: `signature.signature` compiled."""
+    A, t0, tau, omega, v_t, T2, T1 = X
     dt = (t[-1] - t[0]) / (t.size - 1)
     length = int(min(max((T2 - T1) / dt + 2.0, 0.0), float(t.size)))
     powers = np.exp((-tau + 1j * omega) * dt * np.arange(length))
@@ -123,13 +112,6 @@ def _covariance(populations: Callable[[], Iterator[int]]) -> Callable[[Cost, int
                     break
 
     return run
-
-
-def _doubling(first: int) -> Iterator[int]:
-    population = first
-    while True:
-        yield population
-        population *= 2
 
 
 def default_population(parameters: int = 7) -> int:
@@ -170,30 +152,27 @@ def _least_squares(cost: Cost, start: FloatArray) -> object:
     return optimize.least_squares(cost.residuals, start, bounds=(0, 1))
 
 
-def _quasi_newton(cost: Cost, start: FloatArray) -> object:
-    return optimize.minimize(cost, start, method="L-BFGS-B", bounds=[(0, 1)] * start.size)
-
-
-def _simplex(cost: Cost, start: FloatArray) -> object:
-    return optimize.minimize(cost, start, method="Nelder-Mead", bounds=[(0, 1)] * start.size)
+def _minimize(method: str) -> Callable[[Cost, FloatArray], object]:
+    """One of SciPy's local methods."""
+    return lambda cost, start: optimize.minimize(cost, start, method=method, bounds=[(0, 1)] * start.size)
 
 
 def _rectangles(cost: Cost, seed: int) -> None:
     optimize.direct(cost, [(0, 1)] * cost.box.lower.size, maxfun=2 * cost.budget, maxiter=cost.budget, vol_tol=0)
 
 
-METHODS: dict[str, tuple[str, Callable[[Cost, int], None]]] = {
+OPTIMIZERS: dict[str, tuple[str, Callable[[Cost, int], None]]] = {
     "CMA-ES, population 300": ("CMA-ES", _covariance(lambda: iter([POPULATION]))),
     "CMA-ES, its own population": ("CMA-ES", _covariance(lambda: iter([default_population()]))),
     "CMA-ES, its own population, restarts doubling it": (
         "CMA-ES",
-        _covariance(lambda: _doubling(default_population())),
+        _covariance(lambda: (default_population() * 2**k for k in count())),
     ),
     **{f"{name}, population 300": ("swarm", _swarm(algorithm, POPULATION)) for name, algorithm in SWARMS.items()},
     **{f"{name}, its own population": ("swarm", _swarm(algorithm, None)) for name, algorithm in SWARMS.items()},
     "least squares, restarted": ("classical", _restarted(_least_squares)),
-    "L-BFGS-B, restarted": ("classical", _restarted(_quasi_newton)),
-    "Nelder-Mead, restarted": ("classical", _restarted(_simplex)),
+    "L-BFGS-B, restarted": ("classical", _restarted(_minimize("L-BFGS-B"))),
+    "Nelder-Mead, restarted": ("classical", _restarted(_minimize("Nelder-Mead"))),
     "DIRECT": ("deterministic", _rectangles),
 }
 
@@ -207,27 +186,20 @@ def run_method(method: str, level: int, realisation: int, seed: int, budget: int
     """Let a method look for a record's best basin: found within `BASIN_GAP` of the global fit's misfit."""
     recording = load_noisy(level, realisation)
     best = global_fit(recording).rmse
-    kind, run = METHODS[method]
+    kind, run = OPTIMIZERS[method]
     cost = Cost(recording, best * (1 + BASIN_GAP), budget)
     with contextlib.suppress(SearchEnded):
         run(cost, seed)
-    return {
-        "method": method,
-        "kind": kind,
-        "level": level,
-        "realisation": realisation,
-        "seed": seed,
-        "found": cost.best <= cost.target,
-        "rmse_over_best": cost.best / best,
-        "evaluations": min(cost.evaluations, budget),
-    }
+    run_key = {"method": method, "kind": kind, "level": level, "realisation": realisation, "seed": seed}
+    outcome = {"found": cost.best <= cost.target, "rmse_over_best": cost.best / best}
+    return run_key | outcome | {"evaluations": min(cost.evaluations, budget)}
 
 
-def plan(methods: Sequence[str] = tuple(METHODS), runs: int = RUNS) -> list[tuple[str, int, int, int]]:
+def plan(methods: Sequence[str] = tuple(OPTIMIZERS), runs: int = RUNS_PER_RECORD) -> list[tuple[str, int, int, int]]:
     """Every run of the comparison: method, level, realisation, seed. A deterministic method gets more records."""
     jobs = []
     for method in methods:
-        if METHODS[method][0] == "deterministic":
+        if OPTIMIZERS[method][0] == "deterministic":
             jobs += [(method, level, realisation, 0) for realisation in (1, 2) for level in table2_levels()]
         else:
             jobs += [(method, level, 1, seed) for level in LEVELS for seed in range(1, runs + 1)]
@@ -244,19 +216,11 @@ def success_table(runs: pd.DataFrame) -> pd.DataFrame:
     rows = []
     for (method, kind), part in runs.groupby(["method", "kind"], sort=False):
         found = int(part["found"].sum())
-        low, high = rate_interval(found, len(part))
+        records = part.groupby(["level", "realisation"]).ngroups
         rows.append(
-            {
-                "method": method,
-                "kind": kind,
-                "records": part.groupby(["level", "realisation"]).ngroups,
-                "runs": len(part),
-                "found": found,
-                "rate": found / len(part),
-                "rate_low": low,
-                "rate_high": high,
-                "evaluations_per_success": part["evaluations"].sum() / found if found else np.inf,
-            }
+            {"method": method, "kind": kind, "records": records, "runs": len(part), "found": found}
+            | rate_columns(found, len(part))
+            | {"evaluations_per_success": part["evaluations"].sum() / found if found else np.inf}
         )
     return pd.DataFrame(rows)
 
@@ -268,13 +232,6 @@ def against_swarms(table: pd.DataFrame) -> pd.DataFrame:
     for swarm in SWARMS:
         theirs = table[table["method"].str.startswith(f"{swarm},")].sort_values("rate", kind="stable").iloc[-1]
         counts = [[row["found"], row["runs"] - row["found"]] for row in (ours, theirs)]
-        rows.append(
-            {
-                "swarm": swarm,
-                "method": theirs["method"],
-                "rate": theirs["rate"],
-                "p_cma_better": stats.fisher_exact(counts, alternative="greater").pvalue,
-                "p_swarm_better": stats.fisher_exact(counts, alternative="less").pvalue,
-            }
-        )
-    return pd.DataFrame(rows)
+        p_values = [stats.fisher_exact(counts, alternative=side).pvalue for side in ("greater", "less")]
+        rows.append((swarm, theirs["method"], theirs["rate"], *p_values))
+    return pd.DataFrame(rows, columns=["swarm", "method", "rate", "p_cma_better", "p_swarm_better"])

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pandas as pd
@@ -12,48 +13,57 @@ from replication.methods.joint_posterior import LEAST_BACKLASH, UNIT_RAD
 from replication.methods.joint_search import find_joint, find_peak
 from replication.methods.self_calibration import MEASURED_AS, fit_joint, posed
 from replication.standins.joints import Bench, encoder_log
+from replication.studies.benchmark import Log, logs_by_methods
 from replication.studies.population import bench_bound_rad
 
 
-def limits(bench: Bench, delta_rad: float, seed: int, harder: Mapping[str, Sequence[float]]) -> pd.DataFrame:
-    """Measure a bench's log as one thing after the other gets worse."""
-    rows = []
-    for what, values in harder.items():
-        for value in values:
-            worse, log = _made_harder(bench, delta_rad, np.random.default_rng(seed), what, value)
-            try:
-                found = fit_joint(log)
-            except ValueError as error:
-                rows.append((what, value, np.nan, np.nan, np.nan, str(error).split(": ", 1)[-1]))
-                continue
-            bound = bench_bound_rad(worse, delta_rad, log)
-            answer = found.doubt.split(" (")[0] or "yes"
-            rows.append((what, value, found.delta_rad - delta_rad, found.sd_rad, bound, answer))
-    return pd.DataFrame(rows, columns=["what", "value", "error_rad", "sd_rad", "bound_rad", "answer"])
+def degrade_logs(bench: Bench, delta_rad: float, seed: int, harder: Mapping[str, Sequence[float]]) -> pd.DataFrame:
+    """Measure a bench's log as one thing after the other gets worse, its start and noise the same."""
+    logs = [
+        partial(_degraded_log, bench, delta_rad, seed, what, value)
+        for what, values in harder.items()
+        for value in values
+    ]
+    return logs_by_methods(logs, _answer)[["what", "value", "error_rad", "sd_rad", "bound_rad", "answer"]]
 
 
-def _made_harder(
-    bench: Bench, delta_rad: float, rng: np.random.Generator, what: str, value: float
-) -> tuple[Bench, Recording]:
-    joint = bench.joint
+def _answer(log: Log) -> dict[str, dict[str, object]]:
+    """Answer of "self"; without a fit error, SD and bound are NaN, and `answer` says why."""
+    try:
+        fit = fit_joint(log.recording)
+    except ValueError as error:
+        unknown = dict.fromkeys(("found_rad", "sd_rad", "bound_rad"), np.nan)
+        return {"self": unknown | {"answer": str(error).split(": ", 1)[-1]}}
+    answer = fit.doubt.split(" (")[0] or "yes"
+    return {"self": {"found_rad": fit.delta_rad, "sd_rad": fit.sd_rad, "answer": answer}}
+
+
+def _degraded_log(bench: Bench, delta_rad: float, seed: int, what: str, value: float) -> Log:
+    """Log a bench with fewer turns, a decimation factor, a coarser encoder, or load friction (of m g r)."""
     if what == "encoder bits":
-        bench = replace(bench, joint=replace(joint, encoder_bits=int(value)))
+        bench = replace(bench, joint=replace(bench.joint, encoder_bits=int(value)))
     elif what == "load friction":
-        bench = replace(bench, joint=changed(joint, {"friction": value}))
-    log = encoder_log(bench, delta_rad, rng)
+        bench = replace(bench, joint=changed(bench.joint, {"friction": value}))
+    recording = encoder_log(bench, delta_rad, np.random.default_rng(seed))
     if what == "turns":
-        kept = round(value * log.turn_period_s / log.sample_s)
-        log = replace(log, t=log.t[:kept], v=log.v[:kept])
-    elif what == "samples made one":
-        # The mean of differenced positions is the position differenced over the longer period.
-        size, each = log.t.size // int(value), int(value)
-        log = replace(log, t=log.t[::each][:size], v=log.v[: size * each].reshape(size, each).mean(axis=1))
-        bench = replace(bench, noise_rps=bench.noise_rps / np.sqrt(each))
-    return bench, log
+        kept = round(value * recording.turn_period_s / recording.sample_s)
+        recording = replace(recording, t=recording.t[:kept], v=recording.v[:kept])
+    elif what == "decimation factor":
+        recording = _decimated(recording, int(value))
+        bench = replace(bench, noise_rps=bench.noise_rps / np.sqrt(value))
+    bound = bench_bound_rad(bench, delta_rad, recording)
+    return Log({"what": what, "value": value, "bound_rad": bound}, delta_rad, recording)
+
+
+def _decimated(recording: Recording, factor: int) -> Recording:
+    """Average groups of samples, which is to difference the encoder's position over the longer period."""
+    size = recording.t.size // factor
+    speed = recording.v[: size * factor].reshape(size, factor).mean(axis=1)
+    return replace(recording, t=recording.t[::factor][:size], v=speed)
 
 
 def profile(recording: Recording, deviations: Sequence[float], steps: int = 12) -> pd.DataFrame:
-    """What a log says of each backlash, all else being fitted anew: the posterior without Laplace's approximation."""
+    """Gain of chi squared, all else fitted, at deviations from the best backlash in SDs; Laplace's is their square."""
     problem, harmonics = posed(recording)
     peak = find_peak(problem, find_joint(problem, harmonics)[0], MEASURED_AS["differenced"][1:])
     along = peak.covariance[:, 0] / np.sqrt(peak.covariance[0, 0])

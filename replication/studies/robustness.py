@@ -1,21 +1,28 @@
 """What a joint that is not quite the calibrated one does to each method's backlash."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import partial
 
-import numpy as np
 import pandas as pd
-from joblib import Parallel, delayed
 
-from replication.global_fit.fit import global_fit
-from replication.methods.calibration import Calibration, backlashes, default_calibration
-from replication.methods.joint_match import NUISANCES, changed, match_joint
-from replication.methods.readings import protocol_for
+from replication.methods.calibration import default_calibration
+from replication.methods.joint_match import changed, match_joint
 from replication.simulator.recordings import simulate_recordings
 from replication.simulator.simulate import JointParameters
+from replication.studies.benchmark import (
+    JOINT_ALL_FREE,
+    JOINT_METHODS,
+    Log,
+    calibrated_answers,
+    logs_by_methods,
+    summarise_errors,
+)
+
+Change = Callable[[JointParameters, float], JointParameters]
 
 
-def _scaled(*names: str) -> Callable[[JointParameters, float], JointParameters]:
+def _scaled(*names: str) -> Change:
     """Multiply fields by 1 + change."""
 
     def change(joint: JointParameters, share: float) -> JointParameters:
@@ -24,7 +31,7 @@ def _scaled(*names: str) -> Callable[[JointParameters, float], JointParameters]:
     return change
 
 
-def _friction(field: str, per_unit: Callable[[JointParameters], float]):
+def _friction(field: str, per_unit: Callable[[JointParameters], float]) -> Change:
     """Add friction where the identified joint has none: a share of the torque that `per_unit` gives it."""
 
     def change(joint: JointParameters, share: float) -> JointParameters:
@@ -51,67 +58,44 @@ CHANGES = {
     "load Coulomb friction": _friction("load_coulomb_nm", lambda j: j.gravity_torque_nm),
     "load viscous friction": _friction("load_viscous_nms_per_rad", lambda j: j.gravity_torque_nm / _load_speed(j)),
 }
-# Methods, and the one that simulates with start angle, friction and load unknown.
-JOINT = "joint, all nuisances free"
 GROWS_ONLY = tuple(name for name in CHANGES if "friction" in name)
 
 
-def _errors(
-    joint: JointParameters, name: str, share: float, delta: float, calibrations: Mapping[str, Calibration]
-) -> dict[str, float]:
-    """Error [rad] of each method on a record of the changed joint."""
-    record = simulate_recordings(CHANGES[name](joint, share), [delta])[0]
-    fit = global_fit(record, protocol_for(record))
-    found = {method: backlash.delta_rad for method, backlash in backlashes(record, fit, calibrations).items()}
-    known = replace(joint, commanded_speed_rps=record.commanded_speed_rps)
-    found[JOINT] = match_joint(record, known, tuple(NUISANCES)).delta_rad
-    return {method: value - delta for method, value in found.items()}
+def _draw_log(joint: JointParameters, name: str, share: float, delta_rad: float) -> Log:
+    record = simulate_recordings(CHANGES[name](joint, share), [delta_rad])[0]
+    return Log({"parameter": name if share else "nothing", "change": share}, delta_rad, record)
 
 
 def robustness(
     joint: JointParameters, deltas_rad: Sequence[float], shares: Sequence[float], names: Sequence[str] = tuple(CHANGES)
 ) -> pd.DataFrame:
-    """Errors of the methods, calibrated on the joint as it is, when one thing about it has changed.
-
-    Records are noise-free. "equation 10" is printed, of the global fit's amplitude. A changed speed changes the turn
-    period; the sensor refuses such a log, here it is measured all the same. The joint with free nuisances is simulated
-    at the speed that was commanded.
-    """
+    """Errors on noise-free records of methods that are calibrated on the joint before one thing about it changed."""
     calibrations = {"equation 10": default_calibration("paper")}
     calibrations |= {method: default_calibration(method) for method in ("amplitude", "energy", "waveform")}
-    jobs = [
-        (name, share, delta)
-        for name in names
-        for share in shares
-        if share > 0 or name not in GROWS_ONLY
-        for delta in deltas_rad
-    ]
-    jobs += [("stiffness", 0.0, delta) for delta in deltas_rad]
-    found = Parallel(n_jobs=-1, batch_size=4)(delayed(_errors)(joint, *job, calibrations) for job in jobs)
-    return pd.DataFrame(
-        [
-            {"parameter": name if share else "nothing", "change": share, "delta_rad": delta}
-            | {"method": method, "error_rad": error}
-            for (name, share, delta), errors in zip(jobs, found, strict=True)
-            for method, error in errors.items()
-        ]
-    )
+
+    def answers(log: Log) -> dict[str, float]:
+        # The commanded speed is known; the sensor refuses a log of another one, here it is measured all the same.
+        known = replace(joint, commanded_speed_rps=log.recording.commanded_speed_rps)
+        by_joint = match_joint(log.recording, known, JOINT_METHODS[JOINT_ALL_FREE]).delta_rad
+        return calibrated_answers(log.recording, calibrations) | {JOINT_ALL_FREE: by_joint}
+
+    changes = [(name, share) for name in names for share in shares if share > 0 or name not in GROWS_ONLY]
+    logs = [partial(_draw_log, joint, *change, d) for change in (*changes, ("stiffness", 0.0)) for d in deltas_rad]
+    return logs_by_methods(logs, answers)
 
 
 def mean_errors(table: pd.DataFrame) -> pd.DataFrame:
-    """Average `robustness` over the backlashes."""
+    """Mean and largest error of each method at each change of `robustness`, over the backlashes."""
     groups = table.groupby(["parameter", "method", "change"], sort=False)["error_rad"]
     summary = groups.agg(mean_error_rad="mean", max_abs_error_rad=lambda error: error.abs().max())
     return summary.reset_index()
 
 
 def ranking(table: pd.DataFrame) -> pd.DataFrame:
-    """Rank the methods by their RMS error over all changes of `robustness`."""
-    rows = []
-    for method, part in table.groupby("method", sort=False):
-        moved, still = part[part["change"] != 0], part[part["change"] == 0]
-        worst = moved.loc[moved["error_rad"].abs().idxmax()]
-        rms, unchanged = (float(np.sqrt(np.mean(p["error_rad"] ** 2))) for p in (moved, still))
-        rows.append((method, rms, abs(worst["error_rad"]), worst["parameter"], unchanged))
-    columns = ["method", "rmse_rad", "max_abs_error_rad", "worst_parameter", "unchanged_rmse_rad"]
-    return pd.DataFrame(rows, columns=columns).sort_values("rmse_rad", ignore_index=True)
+    """Rank the methods by their RMS error over all changes of `robustness`, beside that on the joint as it was."""
+    moved, still = table[table["change"] != 0], table[table["change"] == 0]
+    ranked = summarise_errors(moved)[["method", "rmse_rad", "max_abs_error_rad"]]
+    worst = moved["error_rad"].abs().groupby(moved["method"]).idxmax()
+    ranked["worst_parameter"] = moved["parameter"].loc[worst.loc[ranked["method"]]].to_numpy()
+    ranked["unchanged_rmse_rad"] = summarise_errors(still)["rmse_rad"]
+    return ranked.sort_values("rmse_rad", ignore_index=True)

@@ -8,7 +8,6 @@ from functools import lru_cache
 
 import numpy as np
 import pandas as pd
-from joblib import Parallel, delayed
 from numpy.polynomial import Polynomial
 from scipy.optimize import differential_evolution, dual_annealing
 from scipy.signal import butter, sosfiltfilt
@@ -24,14 +23,12 @@ from replication.methods.readings import protocol_for, read
 from replication.methods.self_calibration import fit_joint
 from replication.simulator.recordings import simulate_recordings
 from replication.simulator.simulate import identified_joint
-from replication.studies.accuracy import JOINT_METHODS
+from replication.studies.benchmark import AUTHORS_LOGS, JOINT_METHODS, Log, logs_by_methods, summarise_errors
 from replication.studies.robustness import CHANGES
 
 Method = Callable[[Recording], float]
 
-# The authors' logs at hand, and how many simulated ones there are of each kind.
-AUTHORS_LOGS = tuple((realisation, level) for realisation in (1, 2) for level in range(3, 12))
-SIMULATED_LOGS = 24
+SIMULATED_LOGS = 24  # of each kind
 
 # What may have changed in "drifted" logs, by up to this share to either side.
 DRIFTING = ("load mass", "stiffness", "speed gain", "integral gain", "torque lag")
@@ -50,12 +47,8 @@ class UnusableMethod(ValueError):
     exit_status = 2
 
 
-def simulated_logs(drifted: bool) -> list[tuple[str, float, Recording]]:
-    """Make the simulated logs: kind, backlash [rad] and record.
-
-    Backlash is drawn from Table 2's range, noise and start at random; `drifted` ones come from joints that no longer
-    are the identified one.
-    """
+def simulated_logs(drifted: bool) -> list[Log]:
+    """Simulated logs with drawn backlash, noise and start; `drifted` ones are of joints that have changed."""
     rng = np.random.default_rng([SEED, int(drifted)])
     logs = []
     for _ in range(SIMULATED_LOGS):
@@ -65,20 +58,21 @@ def simulated_logs(drifted: bool) -> list[tuple[str, float, Recording]]:
         delta = float(rng.uniform(*printed_levels_rad()[[0, -1]]))
         record = add_uniform_noise(simulate_recordings(joint, [delta])[0], rng.uniform(*NOISE_RPS), rng)
         record = from_sample(record, int(rng.integers(LATEST_START)))
-        logs.append(("drifted" if drifted else "simulated", delta, replace(record, source="a simulated log")))
+        kind = {"kind": "drifted" if drifted else "simulated"}
+        logs.append(Log(kind, delta, replace(record, source="a simulated log")))
     return logs
 
 
-def scoreboard_logs() -> list[tuple[str, float, Recording]]:
-    """All logs of the scoreboard: kind, backlash [rad] and record, whose source does not tell the backlash."""
+def scoreboard_logs() -> list[Log]:
+    """All logs of the scoreboard, whose sources do not tell the backlash; errors as of `datasets.load_noisy`."""
     authors = [
-        ("authors", level_delta_rad(level), replace(load_noisy(level, R), source="an authors' log"))
+        Log({"kind": "authors"}, level_delta_rad(level), replace(load_noisy(level, R), source="an authors' log"))
         for R, level in AUTHORS_LOGS
     ]
     return authors + simulated_logs(False) + simulated_logs(True)
 
 
-def logs_at_hand() -> tuple[list[tuple[str, float, Recording]], str]:
+def logs_at_hand() -> tuple[list[Log], str]:
     """Logs that can be had here, and what to say of those that cannot."""
     try:
         return scoreboard_logs(), ""
@@ -172,7 +166,7 @@ def _baseline(value: Method) -> Method:
 
 
 # Every method of the table, the plainest first.
-METHODS: Mapping[str, Method] = {
+SCORED_METHODS: Mapping[str, Method] = {
     "peak to peak": _baseline(peak_to_peak),
     "band-passed RMS": _baseline(band_passed_rms),
     "CMA-ES, one run, equation 10": cma_es,
@@ -191,48 +185,39 @@ METHODS: Mapping[str, Method] = {
 # Scoring
 
 
-def score_logs(name: str, method: Method, logs: Sequence[tuple[str, float, Recording]]) -> pd.DataFrame:
-    """Run a method on logs, one after another."""
-    rows = []
-    for number, (kind, delta, recording) in enumerate(logs, start=1):
-        where = f"{name}, log {number} ({recording.source})"
+def score_logs(name: str, method: Method, logs: Sequence[Log], jobs: int = 1) -> pd.DataFrame:
+    """Errors and seconds of a method on logs; raise `UnusableMethod` if it fails or gives no finite number."""
+
+    def answer(log: Log) -> dict[str, dict[str, float]]:
+        where = f"{name}, log {log.labels['log']} ({log.recording.source})"
         begun = time.perf_counter()
         try:
-            answer = float(method(recording))
+            found = float(method(log.recording))
         except Exception as error:
             raise UnusableMethod(f"{where}: {type(error).__name__}: {' '.join(str(error).split())}") from error
         seconds = time.perf_counter() - begun
-        if not np.isfinite(answer):
-            raise UnusableMethod(f"{where}: {answer} is no backlash; return radians, finite")
-        rows.append((name, kind, number, delta, answer, answer - delta, seconds))
-    return pd.DataFrame(rows, columns=["method", "kind", "log", "delta_rad", "found_rad", "error_rad", "seconds"])
+        if not np.isfinite(found):
+            raise UnusableMethod(f"{where}: {found} is no backlash; return radians, finite")
+        return {name: {"found_rad": found, "seconds": seconds}}
+
+    numbered = [replace(log, labels={**log.labels, "log": number}) for number, log in enumerate(logs, start=1)]
+    return logs_by_methods(numbered, answer, jobs)
+
+
+def score_all(logs: Sequence[Log]) -> pd.DataFrame:
+    """Score every method on logs, in parallel; rows as of `score_logs`."""
+    scores = [score_logs(name, method, logs, jobs=-1) for name, method in SCORED_METHODS.items()]
+    return pd.concat(scores, ignore_index=True)
 
 
 def summary(scores: pd.DataFrame) -> pd.DataFrame:
     """Summarise scores by method: the columns of `results/scoreboard.csv`."""
-    groups = scores.assign(size=scores["error_rad"].abs()).groupby("method", sort=False)
-    table = groups.agg(
-        logs=("size", "size"),
-        mean_abs_error_rad=("size", "mean"),
-        max_abs_error_rad=("size", "max"),
-        rmse_rad=("size", lambda size: np.sqrt(np.mean(size**2))),
-        seconds_per_log=("seconds", "median"),
-    )
-    return table.reset_index()[COLUMNS]
-
-
-def _one(name: str, number: int, log: tuple[str, float, Recording]) -> pd.DataFrame:
-    return score_logs(name, METHODS[name], [log]).assign(log=number)
-
-
-def score_all(logs: Sequence[tuple[str, float, Recording]]) -> pd.DataFrame:
-    """Score every method of `METHODS` on logs, in parallel; rows as of `score_logs`."""
-    jobs = [(name, number, log) for name in METHODS for number, log in enumerate(logs, start=1)]
-    return pd.concat(Parallel(n_jobs=-1)(delayed(_one)(*job) for job in jobs), ignore_index=True)
+    seconds = scores.groupby("method", sort=False)["seconds"].median()
+    return summarise_errors(scores).assign(seconds_per_log=seconds.to_numpy())[COLUMNS]
 
 
 def load_method(name: str) -> Method:
-    """Import a method by `module:function`."""
+    """Import a method by `module:function`, or raise `UnusableMethod`."""
     module, colon, function = name.partition(":")
     if not (module and colon and function):
         raise UnusableMethod(f"{name!r}: name the method as module:function")

@@ -5,8 +5,9 @@ import pytest
 from replication import workbook
 from replication.datasets import load_noisy
 from replication.simulator.simulate import identified_joint
-from replication.studies.accuracy import cross_validation, summarise_errors
-from replication.studies.robustness import CHANGES, JOINT, ranking, robustness
+from replication.studies.accuracy import cross_validation
+from replication.studies.benchmark import JOINT_ALL_FREE, summarise_errors
+from replication.studies.robustness import CHANGES, ranking, robustness
 
 RESULTS = workbook.ROOT / "results"
 
@@ -64,16 +65,16 @@ def test_every_change_moves_the_joint_and_friction_only_grows(moved):
 
 def test_friction_ruins_the_half_turn_symmetry_and_only_the_joint_with_nuisances_survives_it(moved):
     friction = moved[moved["parameter"] == "load Coulomb friction"].set_index("method")["error_rad"].abs()
-    assert friction[JOINT] < 1e-6
-    assert (friction.drop(JOINT) > 2e-4).all()
+    assert friction[JOINT_ALL_FREE] < 1e-6
+    assert (friction.drop(JOINT_ALL_FREE) > 2e-4).all()
 
 
 def test_load_and_speed_do_not_matter_to_the_joint_with_nuisances(moved):
-    known = moved[moved["parameter"].isin(["load mass", "commanded speed"]) & (moved["method"] == JOINT)]
+    known = moved[moved["parameter"].isin(["load mass", "commanded speed"]) & (moved["method"] == JOINT_ALL_FREE)]
     assert known["error_rad"].abs().max() < 1e-6
 
 
 def test_the_ranking_s_first_has_the_least_error_over_all_changes(moved):
     table = ranking(moved)
     assert table["rmse_rad"].is_monotonic_increasing
-    assert table["method"][0] == JOINT
+    assert table["method"][0] == JOINT_ALL_FREE

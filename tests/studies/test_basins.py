@@ -42,12 +42,6 @@ def test_rates_of_the_same_runs_compare_as_the_same():
     assert table["runs_ours"].tolist() == [10, 1, 18, 1, 0]
 
 
-def test_the_exact_interval_of_none_and_of_all_is_one_sided():
-    assert basins.rate_interval(0, 10)[0] == 0
-    assert basins.rate_interval(10, 10)[1] == 1
-    assert basins.rate_interval(0, 10)[1] == pytest.approx(1 - 0.025**0.1)
-
-
 def made_runs(seed, runs, rows=(1, 2, 3), shift=0.0):
     generator = np.random.default_rng(seed)
     A = generator.choice([0.5, 0.55], (len(rows), runs), p=[0.6, 0.4]) * (1 + shift)

@@ -5,8 +5,8 @@ import pytest
 from replication import published
 from replication.datasets import Recording
 from replication.simulator.simulate import identified_joint
+from replication.statistics import rate_interval
 from replication.studies import claims
-from replication.studies.basins import rate_interval
 
 T = 0.002 * np.arange(2401)
 

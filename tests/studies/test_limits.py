@@ -22,7 +22,7 @@ JOINT = identified_joint()
 
 def sine_slopes(size=1.0):
     """One unknown that scales a sine: its bound is known by hand."""
-    return Slopes(0.4, ("backlash",), size * np.sin(2 * np.pi * np.arange(800) / 800)[None, :])
+    return Slopes(0.4, size * np.sin(2 * np.pi * np.arange(800) / 800)[None, :])
 
 
 def test_the_bound_of_a_sine_s_size_is_the_textbook_s():

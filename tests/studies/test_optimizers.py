@@ -42,9 +42,9 @@ def test_the_cost_ends_the_search_at_the_target_and_at_the_budget(record):
         optimizers.Cost(record, 1e9, 1000)(np.full(7, 0.5))
 
 
-@pytest.mark.parametrize("method", list(optimizers.METHODS))
+@pytest.mark.parametrize("method", list(optimizers.OPTIMIZERS))
 def test_a_method_spends_its_budget_and_a_seed_gives_the_same_run(record, method):
-    kind, run = optimizers.METHODS[method]
+    kind, run = optimizers.OPTIMIZERS[method]
     if kind == "swarm":
         pytest.importorskip("niapy", reason="the swarms need the extra `studies`")
     best = []

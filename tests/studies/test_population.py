@@ -27,7 +27,7 @@ def measured(size: int = 4000, shift: float = 0.0, scale: float = 1.0) -> pd.Dat
 def test_a_log_is_drawn_again_alike():
     one, two, other = (population.draw_log(NEAR, number, 7) for number in (3, 3, 4))
     assert np.array_equal(one.recording.v, two.recording.v)
-    assert one.bound_rad == two.bound_rad
+    assert one.labels == two.labels
     assert not np.array_equal(one.recording.v, other.recording.v)
 
 
@@ -41,16 +41,18 @@ def test_the_bound_grows_with_the_noise():
 
 
 def test_the_authors_logs_have_a_bound_above_the_bar_on_their_error(authors_data):
-    bounds = np.array([log.bound_rad for log in population.authors_logs()])
-    bar = next(bar for name, figure, _, bar in population.BARS if name == "authors' logs" and "error" in figure)
+    bounds = np.array([log.labels["bound_rad"] for log in population.authors_logs()])
+    bar = next(
+        bar for name, figure, _, bar in population.ACCEPTANCE_CRITERIA if name == "authors' logs" and "error" in figure
+    )
     assert bounds.size == 18
     assert np.sqrt(2 / np.pi) * bounds.mean() > bar
 
 
-def test_ranks_are_even_where_the_intervals_are_right_and_only_there():
-    assert population.evenness(measured()) > 0.01
-    assert population.evenness(measured(shift=0.15)) < 0.01
-    assert population.evenness(measured(scale=1.3)) < 0.01
+def test_ranks_are_uniform_where_the_intervals_are_right_and_only_there():
+    assert population.rank_uniformity_p(measured()) > 0.01
+    assert population.rank_uniformity_p(measured(shift=0.15)) < 0.01
+    assert population.rank_uniformity_p(measured(scale=1.3)) < 0.01
 
 
 def test_coverage_is_the_share_of_intervals_that_hold():
@@ -61,7 +63,7 @@ def test_coverage_is_the_share_of_intervals_that_hold():
 
 
 def test_a_bar_is_met_or_missed_by_what_was_measured():
-    good, bad = (population.against_bars(population.summary(measured(scale=scale))) for scale in (1.0, 5.0))
+    good, bad = (population.against_criteria(population.summary(measured(scale=scale))) for scale in (1.0, 5.0))
     met = good.set_index("figure")["met"]
     assert met["rmse_rad"]
     assert met["rmse_over_bound"]
@@ -69,5 +71,5 @@ def test_a_bar_is_met_or_missed_by_what_was_measured():
 
 
 def test_the_turns_of_the_papers_kind_of_bench_settle_and_those_of_one_that_hardly_damps_do_not():
-    assert population.restlessness_rps(NEAR, 0, 7) < 1e-6
-    assert population.restlessness_rps(FAR, 54, 20262) > 1e-2
+    assert population.turn_change_rps(NEAR, 0, 7) < 1e-6
+    assert population.turn_change_rps(FAR, 54, 20262) > 1e-2

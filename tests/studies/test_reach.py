@@ -7,13 +7,13 @@ from replication.studies import reach
 
 @pytest.fixture(scope="module")
 def table():
-    harder = {"turns": [12, 4, 1], "samples made one": [4]}
-    return reach.limits(draw_bench(np.random.default_rng(5)), 9e-4, 1, harder).set_index(["what", "value"])
+    harder = {"turns": [12, 4, 1], "decimation factor": [4]}
+    return reach.degrade_logs(draw_bench(np.random.default_rng(5)), 9e-4, 1, harder).set_index(["what", "value"])
 
 
 def test_fewer_turns_and_coarser_samples_tell_less(table):
     whole = table.loc[("turns", 12)]
-    for harder in (("turns", 4), ("samples made one", 4)):
+    for harder in (("turns", 4), ("decimation factor", 4)):
         assert table.loc[harder, "sd_rad"] > whole["sd_rad"]
         assert table.loc[harder, "bound_rad"] > whole["bound_rad"]
 

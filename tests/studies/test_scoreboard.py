@@ -11,17 +11,19 @@ from replication.studies import scoreboard
 def test_simulated_logs_are_the_same_every_time_and_do_not_tell_their_backlash():
     first, second = scoreboard.simulated_logs(True), scoreboard.simulated_logs(True)
     assert len(first) == scoreboard.SIMULATED_LOGS
-    for (_, delta, record), (_, again, other) in zip(first, second, strict=True):
-        assert delta == again
-        assert (record.v == other.v).all()
-        assert f"{delta:g}" not in record.source
-        assert 3e-4 <= delta <= 21e-4
+    for one, again in zip(first, second, strict=True):
+        assert one.delta_rad == again.delta_rad
+        assert (one.recording.v == again.recording.v).all()
+        assert f"{one.delta_rad:g}" not in one.recording.source
+        assert 3e-4 <= one.delta_rad <= 21e-4
 
 
 def test_every_method_takes_a_record_and_gives_a_plausible_backlash():
     record = scoreboard.simulated_logs(False)[0]
     quick = {
-        name: method for name, method in scoreboard.METHODS.items() if "CMA" not in name and "annealing" not in name
+        name: method
+        for name, method in scoreboard.SCORED_METHODS.items()
+        if "CMA" not in name and "annealing" not in name
     }
     for name, method in quick.items():
         scores = scoreboard.score_logs(name, method, [record])
@@ -30,7 +32,7 @@ def test_every_method_takes_a_record_and_gives_a_plausible_backlash():
 
 def test_the_summary_has_the_promised_columns_and_knows_a_perfect_method():
     logs = scoreboard.simulated_logs(False)[:3]
-    truth = {id(record): delta for _, delta, record in logs}
+    truth = {id(log.recording): log.delta_rad for log in logs}
     table = scoreboard.summary(scoreboard.score_logs("truth", lambda record: truth[id(record)], logs))
     assert table.columns.tolist() == [
         "method", "logs", "mean_abs_error_rad", "max_abs_error_rad", "rmse_rad", "seconds_per_log",
@@ -83,7 +85,7 @@ def test_an_unusable_method_is_one_line_and_exit_2(name, words, monkeypatch, tmp
 def test_the_committed_table_has_every_method_on_every_log():
     table = pd.read_csv(workbook.ROOT / "results" / "scoreboard.csv")
     assert table.columns.tolist() == scoreboard.COLUMNS
-    assert table["method"].tolist() == list(scoreboard.METHODS)
+    assert table["method"].tolist() == list(scoreboard.SCORED_METHODS)
     assert (table["logs"] == len(scoreboard.AUTHORS_LOGS) + 2 * scoreboard.SIMULATED_LOGS).all()
     scores = pd.read_csv(workbook.ROOT / "results" / "scoreboard_logs.csv")
     again = scoreboard.summary(scores.assign(seconds=1.0)).drop(columns="seconds_per_log")

@@ -50,7 +50,7 @@ def test_check_prints_every_printed_number_and_fails_only_if_asked_to_be_strict(
 
 def test_sensitivity_without_its_data_says_so_in_one_line_and_exits_with_2(tmp_path):
     environment = os.environ | {"BACKLASH_DATA": str(tmp_path), "PYTHONPATH": str(workbook.ROOT)}
-    command = [sys.executable, "-m", "replication", "sensitivity"]
+    command = [sys.executable, "-m", "tests.tools.sensitivity"]
     done = subprocess.run(command, env=environment, capture_output=True, text=True)
     assert done.returncode == 2
     assert "BACKLASH_DATA" in done.stderr

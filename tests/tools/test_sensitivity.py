@@ -6,7 +6,7 @@ import pytest
 from replication import workbook
 from replication.identify import Protocol
 from replication.simulator.parameters import JointParameters, identified_joint
-from replication.studies import sensitivity
+from tests.tools import sensitivity
 
 MATRIX = workbook.ROOT / "results" / "sensitivity.csv"
 COMMITTED = pd.read_csv(MATRIX, keep_default_na=False) if MATRIX.exists() else None

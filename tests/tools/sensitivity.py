@@ -1,7 +1,6 @@
-"""Tests with teeth: which cells, claims and tests notice when a constant of the model or the protocol is wrong.
+"""Mutation test of constants: which cells, claims and tests notice a wrong one. `make sensitivity` runs it.
 
-Each constant is changed alone, before anything else is imported, in the notebooks themselves and in the tests
-themselves: what they find is compared with what they find unchanged.
+Each constant is changed alone, before anything else is imported, in the notebooks and the tests themselves.
 """
 
 import json
@@ -18,9 +17,11 @@ import pandas as pd
 from tqdm import tqdm
 
 from replication import characteristic, datasets, published, workbook
-from replication.data.authors import WORKBOOK_FILES, authors_file
+from replication.data.authors import WORKBOOK_FILES, DataCorrupt, DataUnavailable, authors_file
 from replication.identify import Protocol
 from replication.simulator.parameters import identified_joint
+from replication.workbook import files
+from replication.workbook.execution import NotebookFailed, execute
 
 # Where a constant is tried: the cheap notebooks that use it, with the parameters that make them cheap.
 SEARCH = {
@@ -72,10 +73,7 @@ class Change:
 
 
 def changes() -> list[Change]:
-    """Every constant, changed by the amount stated.
-
-    Coefficients and ratios by 5 %; what has to be whole, or a multiple of something, by a step of it.
-    """
+    """Every constant, changed: coefficients and ratios by 5 %, what is whole or a multiple by a step."""
     first, step = datasets.level_delta_rad(2), datasets.level_delta_rad(3) - datasets.level_delta_rad(2)
     levels = "from replication import datasets\ndatasets.level_delta_rad = lambda level: {} + {} * (level - 2)"
     noise = (
@@ -177,8 +175,6 @@ def found_by(change: Change, folder: Path) -> dict[str, Found]:
 
 
 def _executed(name: str, values: Mapping[str, object], code: str, folder: Path) -> Found:
-    from replication.workbook.execution import NotebookFailed, execute
-
     whole = (workbook.ROOT / "notebooks" / f"{name}.py").read_text(encoding="utf-8")
     head, cell, rest = whole.partition("\n# %%")
     source = folder / f"{name}.py"
@@ -224,10 +220,7 @@ def group(kind: str, name: str) -> str:
 
 
 def noticing(before: Found, after: Found) -> list[tuple[tuple[str, str, str], float, float]]:
-    """Cells, claims and tests whose verdict flips, or whose value moves by more than the cell's tolerance.
-
-    What could not be computed any more notices too; only a cell that agrees can. Each with its value before and after.
-    """
+    """Agreeing cells, claims and tests whose verdict flips, or value moves by more than its tolerance or is missing."""
     is_bound = published.cells()["kind"] == "bound"
     hits = []
     for key, (value, verdict) in before.items():
@@ -246,7 +239,7 @@ def noticing(before: Found, after: Found) -> list[tuple[tuple[str, str, str], fl
 def sensitivity(
     chosen: Sequence[Change] | None = None, notebooks: Mapping[str, Mapping[str, object]] = SEARCH | SIMULATION
 ) -> pd.DataFrame:
-    """Change each constant and list who notices."""
+    """Change each constant: a row for each cell, claim or test that notices it, one of an empty group if none does."""
     for path in WORKBOOK_FILES:
         authors_file(path)
     chosen = changes() if chosen is None else chosen
@@ -267,3 +260,19 @@ def sensitivity(
         if not hits:
             rows.append(head | {"group": "", "kind": "", "id": "", "source": ""})
     return pd.DataFrame(rows)
+
+
+def main() -> int:
+    """Write `results/sensitivity.csv`."""
+    try:
+        table = sensitivity()
+    except (DataUnavailable, DataCorrupt) as error:
+        print(error, file=sys.stderr)
+        return 2
+    files.write_csv(workbook.ROOT / "results" / "sensitivity.csv", table)
+    print(table.groupby(["constant", "changed"], sort=False)["group"].agg(lambda g: (g != "").sum()).to_string())
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,27 @@
+"""95 % intervals that several parts of the project need."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from scipy import stats
+
+
+def rate_interval(hits: int, runs: int) -> tuple[float, float]:
+    """95 % interval of a rate, after Clopper and Pearson; NaN without runs."""
+    if not runs:
+        return np.nan, np.nan
+    interval = stats.binomtest(hits, runs).proportion_ci(0.95, method="exact")
+    return float(interval.low), float(interval.high)
+
+
+def rate_columns(hits: int, runs: int, name: str = "rate") -> dict[str, float]:
+    """A rate and its 95 % interval as columns `name, name_low, name_high`."""
+    low, high = rate_interval(hits, runs)
+    return {name: hits / max(runs, 1), f"{name}_low": low, f"{name}_high": high}
+
+
+def another_interval(values: Sequence[float]) -> tuple[float, float]:
+    """95 % interval in which another value like these lies: mean ± t(n - 1) s sqrt(1 + 1/n)."""
+    size = len(values)
+    half = stats.t.ppf(0.975, size - 1) * np.std(values, ddof=1) * np.sqrt(1 + 1 / size)
+    return float(np.mean(values) - half), float(np.mean(values) + half)
