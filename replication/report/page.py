@@ -42,10 +42,15 @@ def corrected_cells() -> dict[str, str]:
 
 
 def claim_rows(results: Path) -> list[dict]:
-    """The claims with criterion, decision, measured number and proof."""
+    """The claims with check and rule, decision, measured number and proof."""
     decided = judging.decided_claims(results).set_index("id")
     rows = published.claims().join(decided).fillna("").reset_index().to_dict("records")
-    return [row | {"verdict": row["verdict"] or "not decided"} for row in rows]
+    return [
+        row
+        | {"verdict": row["verdict"] or "not decided"}
+        | {"check": f"{row['check']} Rule: {row['rule']} {row['criterion']:g}."}
+        for row in rows
+    ]
 
 
 def _sensitivity(results: Path) -> tuple[list[dict], list[str]]:
