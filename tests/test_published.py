@@ -16,7 +16,7 @@ def test_every_cell_has_a_tolerance_and_a_reason_for_it():
     assert (cells["tol_reason"].str.len() > 0).all()
     assert (cells["abs_tol"] >= 0).all()
     assert (cells["rel_tol"] >= 0).all()
-    assert set(cells["kind"]) == {"exact", "rounded", "stochastic", "bound"}
+    assert set(cells["kind"]) == {"exact", "rounded", "stochastic", "signed", "bound"}
 
 
 def test_cell_ids_are_unique():

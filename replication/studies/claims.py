@@ -411,7 +411,7 @@ def largest_error_percent(runs: pd.DataFrame, seed: int = 1, draws: int = 20000)
     """Largest relative error [%] of a record's mean |A|, and its 95 % bootstrap interval, all records together."""
     theoretical = published.column("Table 2", "theoretical")
     rng = np.random.default_rng(seed)
-    rows = runs[runs["row"] <= printed_levels_rad().size].groupby(["noise_level", "row"], sort=False)
+    rows = runs[runs["row"] <= printed_levels_rad().size].groupby(["realisation", "row"], sort=False)
     tail = 0.025 / rows.ngroups
     found = []
     for (_, row), part in rows:
