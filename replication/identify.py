@@ -9,9 +9,11 @@ from cma.evolution_strategy import get_CMASolutionDict
 from numpy.typing import NDArray
 
 from replication.compiled.bounds import from_box, into_box, margin_today
-from replication.compiled.misfit import population_rmse
+from replication.compiled.folded import fold
+from replication.compiled.misfit import folded_rmse
+from replication.compiled.whole_run import whole_run
 from replication.datasets import Recording
-from replication.search import Generation, generations, random_normals, search
+from replication.search import Generation, checked, generations, random_normals
 from replication.signature import DAMPING_PER_S, FREQUENCY_HZ, Box, Timing, table1_box
 
 FloatArray = NDArray[np.float64]
@@ -126,11 +128,13 @@ def paper_fit(recording: Recording, protocol: Protocol, seed: int) -> Fit:
     ValueError
         The seed is not above 0, the protocol has another engine than "2021" and "cma", or see `search.generations`.
     """
+    record, box = fold(recording.t, recording.v, protocol.timing), protocol_box(recording, protocol)
+    checked(box, protocol.population, protocol.iterations, seed)
     if protocol.engine == "cma":
         return _library_fit(recording, protocol, seed)
     if protocol.engine != "2021":
         raise ValueError(f"engine {protocol.engine!r}: expected '2021' or 'cma'")
-    found = search(paper_search(recording, protocol, seed), protocol.iterations)
+    found = whole_run(record, box, seed, protocol.population, protocol.iterations)
     return Fit(found.best, found.misfit, found.evaluations, len(found.history))
 
 
@@ -183,4 +187,5 @@ def _library_members(samples: list[FloatArray], recording: Recording, protocol: 
 
 def _misfits(recording: Recording, protocol: Protocol) -> Callable[[FloatArray], FloatArray]:
     """The cost function of a whole population."""
-    return lambda members: population_rmse(recording.t, recording.v, members, protocol.timing)
+    record = fold(recording.t, recording.v, protocol.timing)
+    return lambda members: folded_rmse(members, record)

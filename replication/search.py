@@ -106,7 +106,7 @@ def decompose(state: State) -> State:
 
 def sample(state: State, z: FloatArray) -> FloatArray:
     """Equation 12: samples x of N(m, sigma^2 C) from standard normal z, both of shape (population, n)."""
-    return state.m + state.sigma * (state.unit * np.einsum("ij,kj->ki", state.B, state.D * z))
+    return state.m + state.sigma * (state.unit * (state.B * (state.D * z)[:, None]).sum(axis=-1))
 
 
 def update(state: State, ranked: FloatArray, c: Constants) -> State:
@@ -116,14 +116,14 @@ def update(state: State, ranked: FloatArray, c: Constants) -> State:
     m = state.m + ((c.weights[: c.mu, None] * ranked[: c.mu]).sum(axis=0) - state.m)
     shift = (m - state.m) / state.unit / state.sigma
     # Equation 14, C^(-1/2) = B D^-1 B'.
-    white = np.einsum("ij,j->i", B, np.einsum("ij,i->j", B, shift) / D)
-    p_sigma = (1 - c.c_sigma) * state.p_sigma + (c.c_sigma * (2 - c.c_sigma) * c.mu_eff) ** 0.5 * white
+    white = (B * (np.einsum("ij,i->j", B, shift) / D)).sum(axis=1)
+    p_sigma = (1 - c.c_sigma) * state.p_sigma + math.sqrt(c.c_sigma * (2 - c.c_sigma) * c.mu_eff) * white
     # Equation 15, by a factor e at most.
     squared = (p_sigma**2).sum()
-    sigma = state.sigma * math.exp(min(1.0, c.c_sigma / c.d_sigma * (squared**0.5 / c.chi_n - 1)))
+    sigma = state.sigma * math.exp(min(1.0, c.c_sigma / c.d_sigma * (math.sqrt(squared) / c.chi_n - 1)))
     # Equation 16; h_sigma is 0, and the path stalls, while p_sigma is much too long.
     h_sigma = squared / (1 - (1 - c.c_sigma) ** (2 * g)) / c.n < 2 + 4 / (c.n + 1)
-    p_c = (1 - c.c_c) * state.p_c + h_sigma * (c.c_c * (2 - c.c_c) * c.mu_eff) ** 0.5 * shift
+    p_c = (1 - c.c_c) * state.p_c + h_sigma * math.sqrt(c.c_c * (2 - c.c_c) * c.mu_eff) * shift
     # Equation 17; where the weight is negative, y gets the expected length of a sample.
     y = (ranked - state.m) / (state.sigma * state.unit)
     length = np.sqrt(((np.einsum("ij,ki->kj", B, y) / D) ** 2).sum(axis=1))
@@ -132,6 +132,19 @@ def update(state: State, ranked: FloatArray, c: Constants) -> State:
     C = (1 - c.c_1 + lost - c.c_mu * c.weights.sum()) * state.C + c.c_1 * p_c[:, None] * p_c
     C += c.c_mu * np.einsum("ki,kj->ij", w[:, None] * y, y)
     return State(g, m, sigma, C, p_sigma, p_c, state.unit, B, D)
+
+
+def checked(box: Box, population: int, iterations: int = 1, seed: int = 1) -> None:
+    """Refuse settings that no search can be run with, by a ValueError that names the first one."""
+    width = box.upper - box.lower
+    if seed <= 0:
+        raise ValueError(f"seed {seed}: a seed above 0 is needed (cma takes 0 for the clock)")
+    if population < 4:
+        raise ValueError(f"population {population}: at least 4 members are needed")
+    if iterations < 1:
+        raise ValueError(f"iterations {iterations}: at least one generation is needed")
+    if width.size == 0 or not np.all(np.isfinite(width) & (width > 0)):
+        raise ValueError("the box is empty: every lower bound must lie below its upper one, both finite")
 
 
 def random_normals(seed: int) -> Callable[[int, int], FloatArray]:
@@ -172,12 +185,9 @@ def generations(
         The population is below 4, the box is empty, inverted or not finite, sigma is not above 0, the start lies
         outside the box, or a misfit is not finite.
     """
+    checked(box, population)
     n, width = box.lower.size, box.upper - box.lower
     start = (box.lower + box.upper) / 2 if start is None else np.asarray(start, dtype=float)
-    if population < 4:
-        raise ValueError(f"population {population}: at least 4 members are needed")
-    if n == 0 or not np.all(np.isfinite(width) & (width > 0)):
-        raise ValueError("the box is empty: every lower bound must lie below its upper one, both finite")
     if start.shape != (n,) or not np.all((box.lower <= start) & (start <= box.upper)):
         raise ValueError(f"the start {start} lies outside the box")
     if not (math.isfinite(sigma) and sigma > 0):
