@@ -112,9 +112,9 @@ def sample(state: State, z: FloatArray) -> FloatArray:
 def update(state: State, ranked: FloatArray, c: Constants) -> State:
     """Equations 13 to 17: the next state from the samples x_{1:lambda} to x_{lambda:lambda}, the best first."""
     g, B, D = state.g + 1, state.B, state.D
-    # Equation 13.
-    m = state.m + ((c.weights[: c.mu, None] * ranked[: c.mu]).sum(axis=0) - state.m)
-    shift = (m - state.m) / state.unit / state.sigma
+    # Equation 13, as a step from the last mean: the difference of two means has lost digits.
+    step = (c.weights[: c.mu, None] * (ranked[: c.mu] - state.m)).sum(axis=0)
+    shift = step / state.unit / state.sigma
     # Equation 14, C^(-1/2) = B D^-1 B'.
     white = (B * (np.einsum("ij,i->j", B, shift) / D)).sum(axis=1)
     p_sigma = (1 - c.c_sigma) * state.p_sigma + math.sqrt(c.c_sigma * (2 - c.c_sigma) * c.mu_eff) * white
@@ -131,14 +131,13 @@ def update(state: State, ranked: FloatArray, c: Constants) -> State:
     lost = c.c_1 * (1 - h_sigma) * c.c_c * (2 - c.c_c)  # by a stalled path: the paper's delta(h_sigma)
     C = (1 - c.c_1 + lost - c.c_mu * c.weights.sum()) * state.C + c.c_1 * p_c[:, None] * p_c
     C += c.c_mu * np.einsum("ki,kj->ij", w[:, None] * y, y)
-    return State(g, m, sigma, C, p_sigma, p_c, state.unit, B, D)
+    return State(g, state.m + step, sigma, C, p_sigma, p_c, state.unit, B, D)
 
 
 def checked(box: Box, population: int, iterations: int = 1, seed: int = 1) -> None:
     """Refuse settings that no search can be run with, by a ValueError that names the first one."""
     width = box.upper - box.lower
-    if seed <= 0:
-        raise ValueError(f"seed {seed}: a seed above 0 is needed (cma takes 0 for the clock)")
+    _check_seed(seed)
     if population < 4:
         raise ValueError(f"population {population}: at least 4 members are needed")
     if iterations < 1:
@@ -147,10 +146,14 @@ def checked(box: Box, population: int, iterations: int = 1, seed: int = 1) -> No
         raise ValueError("the box is empty: every lower bound must lie below its upper one, both finite")
 
 
-def random_normals(seed: int) -> Callable[[int, int], FloatArray]:
-    """Standard normal numbers in the order of the stored runs, from a generator of their own; a seed above 0."""
+def _check_seed(seed: int) -> None:
     if seed <= 0:
         raise ValueError(f"seed {seed}: a seed above 0 is needed (cma takes 0 for the clock)")
+
+
+def random_normals(seed: int) -> Callable[[int, int], FloatArray]:
+    """Standard normal numbers in the order of the stored runs, from a generator of their own; a seed above 0."""
+    _check_seed(seed)
     return np.random.RandomState(seed).randn
 
 

@@ -87,12 +87,12 @@ def _run(fold, bounds, start, unit, weights, mu, rates, seed, iterations):
         misfits = _misfits(members, fold)
         ranking = np.argsort(misfits, kind="mergesort")
         # Equation 13.
-        mean = np.zeros(n)
+        step = np.zeros(n)
         for k in range(mu):
             for i in range(n):
-                mean[i] += weights[k] * x[i, ranking[k]]
-        before, m = m, m + (mean - m)
-        shift = (m - before) / unit / sigma
+                step[i] += weights[k] * (x[i, ranking[k]] - m[i])
+        before, m = m, m + step
+        shift = step / unit / sigma
         # Equation 14.
         white, along = np.zeros((n, 1)), np.zeros((n, 1))
         _turn(B.T, shift.reshape(-1, 1), along)

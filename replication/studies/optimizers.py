@@ -9,14 +9,13 @@ import math
 from collections.abc import Callable, Iterator, Sequence
 from importlib.util import find_spec
 
-import numba
 import numpy as np
 import pandas as pd
 from joblib import Parallel, delayed
 from numpy.typing import NDArray
 from scipy import optimize, stats
 
-from replication.compiled.misfit import _population_rmse, _subtract_window, population_rmse
+from replication.compiled.misfit import population_rmse, residual
 from replication.datasets import Recording, load_noisy
 from replication.global_fit.fit import global_fit
 from replication.identify import Protocol, protocol_box
@@ -60,7 +59,6 @@ class Cost:
         protocol = Protocol()
         self.recording, self.target, self.budget = recording, target_rmse, budget
         self.box, self.timing = protocol_box(recording, protocol), protocol.timing
-        self.bounds = self.box.lower, self.box.upper
         self.best, self.evaluations = math.inf, 0
 
     def of_members(self, X: FloatArray) -> FloatArray:
@@ -71,50 +69,25 @@ class Cost:
 
     def __call__(self, unit: FloatArray) -> float:
         """Misfit [rps] at a point of the unit cube."""
-        t, v, timing = self.recording.t, self.recording.v, self.timing
-        misfit = _misfit(np.ascontiguousarray(unit), *self.bounds, t, v, timing.T_d, timing.T_f, timing.n)
+        misfit = float(population_rmse(self.recording.t, self.recording.v, self._in_box(unit)[None], self.timing)[0])
         self._count(misfit, 1)
         return misfit
 
     def residuals(self, unit: FloatArray) -> FloatArray:
         """Residuals over the root of their number, whose norm is the misfit: what least squares takes."""
-        t, v, timing = self.recording.t, self.recording.v, self.timing
-        found = _residual(np.ascontiguousarray(unit), *self.bounds, t, v, timing.T_d, timing.T_f, timing.n)
+        found = residual(self.recording.t, self.recording.v, self._in_box(unit), self.timing)
+        found /= math.sqrt(found.size)
         self._count(math.sqrt(found @ found), 1)
         return found
+
+    def _in_box(self, unit: FloatArray) -> FloatArray:
+        return self.box.lower + np.clip(unit, 0.0, 1.0) * (self.box.upper - self.box.lower)
 
     def _count(self, misfit: float, evaluations: int) -> None:
         self.evaluations += evaluations
         self.best = min(self.best, misfit)
         if self.best <= self.target or self.evaluations >= self.budget:
             raise SearchEnded
-
-
-@numba.njit(cache=True)
-def _in_box(unit, lower, upper):
-    return lower + np.minimum(np.maximum(unit, 0.0), 1.0) * (upper - lower)
-
-
-@numba.njit(cache=True)
-def _misfit(unit, lower, upper, t, v, T_d, T_f, n):
-    """The paper's cost [rps] at a point of the unit cube."""
-    return _population_rmse(t, v, _in_box(unit, lower, upper).reshape(1, -1), T_d, T_f, n)[0]
-
-
-@numba.njit(cache=True)
-def _residual(unit, lower, upper, t, v, T_d, T_f, n):
-    """Residual r(t) - h(t) over the root of the samples at a point of the unit cube: `signature.signature` compiled."""
-    A, t0, tau, omega, v_t, T2, T1 = _in_box(unit, lower, upper)
-    dt = (t[-1] - t[0]) / (t.size - 1)
-    length = int(min(max((T2 - T1) / dt + 2.0, 0.0), float(t.size)))
-    powers = np.exp((-tau + 1j * omega) * dt * np.arange(length))
-    decay_cos, decay_sin = powers.real.copy(), powers.imag.copy()
-    error = v - v_t
-    for i in range(n):
-        start = t0 + i * T_f
-        _subtract_window(error, t, dt, A, start, tau, omega, T1, T2, decay_cos, decay_sin)
-        _subtract_window(error, t, dt, -A, start + T_d, tau, omega, T1, T2, decay_cos, decay_sin)
-    return error / np.sqrt(t.size)
 
 
 def _covariance(populations: Callable[[], Iterator[int]]) -> Callable[[Cost, int], None]:
