@@ -7,9 +7,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from replication.compiled.bounds import from_box, into_box, margin_today
-from replication.compiled.misfit import population_rmse
+from replication.compiled.folded import fold
+from replication.compiled.misfit import folded_rmse
+from replication.compiled.whole_run import whole_run
 from replication.datasets import Recording
-from replication.search import Generation, generations, random_normals, search
+from replication.search import Generation, Search, checked, generations, random_normals
 from replication.signature import DAMPING_PER_S, FREQUENCY_HZ, Box, Timing, table1_box
 
 FloatArray = NDArray[np.float64]
@@ -103,6 +105,12 @@ def paper_search(recording: Recording, protocol: Protocol, seed: int) -> Iterato
     return generations(misfits, protocol_box(recording, protocol), random_normals(seed), protocol.population)
 
 
+def paper_run(recording: Recording, protocol: Protocol, seed: int) -> Search:
+    """The same search as a whole, compiled; see `compiled.whole_run`."""
+    record = fold(recording.t, recording.v, protocol.timing)
+    return whole_run(record, protocol_box(recording, protocol), seed, protocol.population, protocol.iterations)
+
+
 def paper_fit(recording: Recording, protocol: Protocol, seed: int) -> Fit:
     """Fit the signature to a record by CMA-ES, as the paper does.
 
@@ -122,13 +130,13 @@ def paper_fit(recording: Recording, protocol: Protocol, seed: int) -> Fit:
     Raises
     ------
     ValueError
-        The seed is not above 0, the protocol has another engine than "2021" and "cma", or see `search.generations`.
+        The protocol has another engine than "2021" and "cma", or see `search.checked` and `folded.fold`.
     """
     if protocol.engine == "cma":
         return _library_fit(recording, protocol, seed)
     if protocol.engine != "2021":
         raise ValueError(f"engine {protocol.engine!r}: expected '2021' or 'cma'")
-    found = search(paper_search(recording, protocol, seed), protocol.iterations)
+    found = paper_run(recording, protocol, seed)
     return Fit(found.best, found.misfit, found.evaluations, len(found.history))
 
 
@@ -150,6 +158,7 @@ def library_search(recording: Recording, protocol: Protocol, seed: int) -> "cma.
     from cma.evolution_strategy import get_CMASolutionDict
 
     box = protocol_box(recording, protocol)
+    checked(box, protocol.population, protocol.iterations, seed)
     width = box.upper - box.lower
     options = {
         "popsize": protocol.population,
@@ -170,7 +179,7 @@ def library_search(recording: Recording, protocol: Protocol, seed: int) -> "cma.
 
 
 def _library_fit(recording: Recording, protocol: Protocol, seed: int) -> Fit:
-    strategy, misfits = library_search(recording, protocol, seed), _misfits(recording, protocol)
+    misfits, strategy = _misfits(recording, protocol), library_search(recording, protocol, seed)
     while not strategy.stop():
         samples = strategy.ask()
         strategy.tell(samples, misfits(_library_members(samples, recording, protocol)), check_points=False)
@@ -184,4 +193,5 @@ def _library_members(samples: list[FloatArray], recording: Recording, protocol: 
 
 def _misfits(recording: Recording, protocol: Protocol) -> Callable[[FloatArray], FloatArray]:
     """The cost function of a whole population."""
-    return lambda members: population_rmse(recording.t, recording.v, members, protocol.timing)
+    record = fold(recording.t, recording.v, protocol.timing)
+    return lambda members: folded_rmse(members, record)

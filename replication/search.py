@@ -106,24 +106,24 @@ def decompose(state: State) -> State:
 
 def sample(state: State, z: FloatArray) -> FloatArray:
     """Equation 12: samples x of N(m, sigma^2 C) from standard normal z, both of shape (population, n)."""
-    return state.m + state.sigma * (state.unit * np.einsum("ij,kj->ki", state.B, state.D * z))
+    return state.m + state.sigma * (state.unit * (state.B * (state.D * z)[:, None]).sum(axis=-1))
 
 
 def update(state: State, ranked: FloatArray, c: Constants) -> State:
     """Equations 13 to 17: the next state from the samples x_{1:lambda} to x_{lambda:lambda}, the best first."""
     g, B, D = state.g + 1, state.B, state.D
-    # Equation 13.
-    m = state.m + ((c.weights[: c.mu, None] * ranked[: c.mu]).sum(axis=0) - state.m)
-    shift = (m - state.m) / state.unit / state.sigma
+    # Equation 13, as a step from the last mean: the difference of two means has lost digits.
+    step = (c.weights[: c.mu, None] * (ranked[: c.mu] - state.m)).sum(axis=0)
+    shift = step / state.unit / state.sigma
     # Equation 14, C^(-1/2) = B D^-1 B'.
-    white = np.einsum("ij,j->i", B, np.einsum("ij,i->j", B, shift) / D)
-    p_sigma = (1 - c.c_sigma) * state.p_sigma + (c.c_sigma * (2 - c.c_sigma) * c.mu_eff) ** 0.5 * white
+    white = (B * (np.einsum("ij,i->j", B, shift) / D)).sum(axis=1)
+    p_sigma = (1 - c.c_sigma) * state.p_sigma + math.sqrt(c.c_sigma * (2 - c.c_sigma) * c.mu_eff) * white
     # Equation 15, by a factor e at most.
     squared = (p_sigma**2).sum()
-    sigma = state.sigma * math.exp(min(1.0, c.c_sigma / c.d_sigma * (squared**0.5 / c.chi_n - 1)))
+    sigma = state.sigma * math.exp(min(1.0, c.c_sigma / c.d_sigma * (math.sqrt(squared) / c.chi_n - 1)))
     # Equation 16; h_sigma is 0, and the path stalls, while p_sigma is much too long.
     h_sigma = squared / (1 - (1 - c.c_sigma) ** (2 * g)) / c.n < 2 + 4 / (c.n + 1)
-    p_c = (1 - c.c_c) * state.p_c + h_sigma * (c.c_c * (2 - c.c_c) * c.mu_eff) ** 0.5 * shift
+    p_c = (1 - c.c_c) * state.p_c + h_sigma * math.sqrt(c.c_c * (2 - c.c_c) * c.mu_eff) * shift
     # Equation 17; where the weight is negative, y gets the expected length of a sample.
     y = (ranked - state.m) / (state.sigma * state.unit)
     length = np.sqrt(((np.einsum("ij,ki->kj", B, y) / D) ** 2).sum(axis=1))
@@ -131,13 +131,29 @@ def update(state: State, ranked: FloatArray, c: Constants) -> State:
     lost = c.c_1 * (1 - h_sigma) * c.c_c * (2 - c.c_c)  # by a stalled path: the paper's delta(h_sigma)
     C = (1 - c.c_1 + lost - c.c_mu * c.weights.sum()) * state.C + c.c_1 * p_c[:, None] * p_c
     C += c.c_mu * np.einsum("ki,kj->ij", w[:, None] * y, y)
-    return State(g, m, sigma, C, p_sigma, p_c, state.unit, B, D)
+    return State(g, state.m + step, sigma, C, p_sigma, p_c, state.unit, B, D)
+
+
+def checked(box: Box, population: int, iterations: int = 1, seed: int = 1) -> None:
+    """Refuse settings that no search can be run with, by a ValueError that names the first one."""
+    width = box.upper - box.lower
+    _check_seed(seed)
+    if population < 4:
+        raise ValueError(f"population {population}: at least 4 members are needed")
+    if iterations < 1:
+        raise ValueError(f"iterations {iterations}: at least one generation is needed")
+    if width.size == 0 or not np.all(np.isfinite(width) & (width > 0)):
+        raise ValueError("the box is empty: every lower bound must lie below its upper one, both finite")
+
+
+def _check_seed(seed: int) -> None:
+    if seed <= 0:
+        raise ValueError(f"seed {seed}: a seed above 0 is needed (cma takes 0 for the clock)")
 
 
 def random_normals(seed: int) -> Callable[[int, int], FloatArray]:
     """Standard normal numbers in the order of the stored runs, from a generator of their own; a seed above 0."""
-    if seed <= 0:
-        raise ValueError(f"seed {seed}: a seed above 0 is needed (cma takes 0 for the clock)")
+    _check_seed(seed)
     return np.random.RandomState(seed).randn
 
 
@@ -172,12 +188,9 @@ def generations(
         The population is below 4, the box is empty, inverted or not finite, sigma is not above 0, the start lies
         outside the box, or a misfit is not finite.
     """
+    checked(box, population)
     n, width = box.lower.size, box.upper - box.lower
     start = (box.lower + box.upper) / 2 if start is None else np.asarray(start, dtype=float)
-    if population < 4:
-        raise ValueError(f"population {population}: at least 4 members are needed")
-    if n == 0 or not np.all(np.isfinite(width) & (width > 0)):
-        raise ValueError("the box is empty: every lower bound must lie below its upper one, both finite")
     if start.shape != (n,) or not np.all((box.lower <= start) & (start <= box.upper)):
         raise ValueError(f"the start {start} lies outside the box")
     if not (math.isfinite(sigma) and sigma > 0):

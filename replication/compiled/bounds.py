@@ -62,12 +62,12 @@ def _margins(box: Box, margin: Margin) -> tuple[FloatArray, FloatArray]:
 def _into_box(samples, lower, upper, lower_margin, upper_margin):
     """Compiled body of `into_box`, in the library's order of operations."""
     members = np.empty_like(samples)
-    for p in range(samples.shape[0]):
-        for i in range(samples.shape[1]):
+    for i in range(samples.shape[1]):
+        lb, ub, al, au = lower[i], upper[i], lower_margin[i], upper_margin[i]
+        start, end = lb - 2 * al - (ub - lb) / 2.0, ub + 2 * au + (ub - lb) / 2.0
+        for p in range(samples.shape[0]):
             y = samples[p, i]
-            lb, ub, al, au = lower[i], upper[i], lower_margin[i], upper_margin[i]
-            start = lb - 2 * al - (ub - lb) / 2.0
-            if y < start or y > ub + 2 * au + (ub - lb) / 2.0:
+            if y < start or y > end:
                 period = 2 * (ub - lb + al + au)
                 y -= period * ((y - start) // period)
             if y > ub + au:

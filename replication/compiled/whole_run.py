@@ -1,10 +1,7 @@
-"""Whole runs of the search in compiled code: the fast twin of `search.search` for the pools of many runs.
+"""Whole runs of the search in compiled code: the fast twin of `search.search`, equal to it to the last bit.
 
-At populations of some hundred, more than half the time of a run is Python's, once the record is folded. Sums are
-rounded in another order than in `search`, so runs part late, at ties; in which basin a run ends is decided before.
+Each sum is taken in the order of `search`. Samples are columns here, so that loops over the members are vectorised.
 """
-
-from typing import NamedTuple
 
 import numba
 import numpy as np
@@ -12,23 +9,22 @@ from numpy.typing import NDArray
 
 from replication.compiled.bounds import Margin, _into_box, _margins, from_box, margin_2021
 from replication.compiled.eigen import diagonalise, tridiagonal
-from replication.compiled.folded import Fold, _misfits
-from replication.search import constants
+from replication.compiled.folded import Fold
+from replication.compiled.misfit import _misfits
+from replication.search import Search, checked, constants
 from replication.signature import Box
 
 FloatArray = NDArray[np.float64]
 
-
-class Run(NamedTuple):
-    """A finished run: its best member, the misfit of that, and the best misfit of each generation."""
-
-    best: FloatArray
-    misfit: float
-    history: FloatArray
+# Those of `search.stop_rule`, in its order.
+RULES = ("", "maxiter", "tolfun", "tolfunhist", "tolx", "tolfacupx", "tolconditioncov", "tolflatfitness")
+RULES += ("tolstagnation", "noeffectcoord", "noeffectaxis")
 
 
-def whole_run(fold: Fold, box: Box, seed: int, population: int, iterations: int, margin: Margin = margin_2021) -> Run:
-    """Search a folded record from the middle of the box, as `search.search` does with `random_normals(seed)`.
+def whole_run(
+    fold: Fold, box: Box, seed: int, population: int, iterations: int, margin: Margin = margin_2021
+) -> Search:
+    """Search a record from the middle of the box, as `search.search` does with `random_normals(seed)`.
 
     Parameters
     ----------
@@ -45,127 +41,163 @@ def whole_run(fold: Fold, box: Box, seed: int, population: int, iterations: int,
 
     Returns
     -------
-    Run
+    Search
 
     Raises
     ------
     ValueError
-        The seed is not above 0, or the population is below 4.
+        See `search.checked`.
     """
-    if seed <= 0 or population < 4:
-        raise ValueError(f"seed {seed}, population {population}: a seed above 0 and at least 4 members are needed")
+    checked(box, population, iterations, seed)
     c = constants(population, box.lower.size)
-    rates = (c.mu_eff, c.chi_n, c.c_sigma, c.d_sigma, c.c_c, c.c_1, c.c_mu)
+    rates = (c.mu_eff, c.chi_n, c.c_sigma, c.d_sigma, c.c_c, c.c_1, c.c_mu, c.weights.sum())
     start = from_box((box.lower + box.upper) / 2, box, margin)
     bounds = (box.lower, box.upper, *_margins(box, margin))
     unit = (box.upper - box.lower) / 4
-    return Run(*_run(tuple(fold), bounds, start, unit, c.weights, c.mu, rates, seed, iterations))
+    best, misfit, rule, history = _run(fold, bounds, start, unit, c.weights, c.mu, rates, seed, iterations)
+    return Search(best, misfit, population * len(history), RULES[rule], history)
 
 
 @numba.njit(cache=True)
 def _run(fold, bounds, start, unit, weights, mu, rates, seed, iterations):
     """Compiled body of `whole_run`: equations 12 to 17, in the names of `search`."""
-    mu_eff, chi_n, c_sigma, d_sigma, c_c, c_1, c_mu = rates
+    mu_eff, chi_n, c_sigma, d_sigma, c_c, c_1, c_mu, total = rates
     size, n = weights.size, start.size
     # Numba's own generator: the same numbers as `random_normals`.
     np.random.seed(seed)  # noqa: NPY002
-    m, sigma, g = start.copy(), 1.0, 0
+    m, sigma = start, 1.0
     C = np.diag(np.exp(1e-4 * np.arange(n) / n))
     p_sigma, p_c = np.zeros(n), np.zeros(n)
-    z, x, y = np.empty((size, n)), np.empty((size, n)), np.empty(n)
-    history = np.empty((iterations, 3))
-    best, misfit, total = m, np.inf, weights.sum()
-    while True:
-        D, beside, B = tridiagonal((C + C.T) / 2)
+    z, x = np.empty((n, size)), np.empty((n, size))
+    history = np.empty((iterations, 7))
+    best, misfit = m, np.inf
+    for g in range(1, iterations + 1):
+        C = (C + C.T) / 2
+        D, beside, B = tridiagonal(C.copy())
         diagonalise(D, beside, B)
         D = np.sqrt(np.maximum(D, 1e-15 * D[-1]))
         # Equation 12.
-        for k in range(size):
-            for j in range(n):
-                z[k, j] = np.random.standard_normal()  # noqa: NPY002
-            for i in range(n):
-                along = 0.0
-                for j in range(n):
-                    along += B[i, j] * (D[j] * z[k, j])
-                x[k, i] = m[i] + sigma * (unit[i] * along)
-        members = _into_box(x, *bounds)
-        misfits = _misfits(members, *fold)
+        _draw(z)
+        for i in range(n):
+            z[i] *= D[i]
+        _turn(B, z, x)
+        for i in range(n):
+            x[i] = m[i] + sigma * (unit[i] * x[i])
+        members = _into_box(x.T, *bounds)
+        misfits = _misfits(members, fold)
         ranking = np.argsort(misfits, kind="mergesort")
-        ranked = misfits[ranking]
-        g += 1
         # Equation 13.
-        shift = np.zeros(n)
+        step = np.zeros(n)
         for k in range(mu):
             for i in range(n):
-                shift[i] += weights[k] * (x[ranking[k], i] - m[i])
-        previous = m.copy()
-        m = m + shift
-        shift = shift / unit / sigma
+                step[i] += weights[k] * (x[i, ranking[k]] - m[i])
+        before, m = m, m + step
+        shift = step / unit / sigma
         # Equation 14.
-        white = np.zeros(n)
-        for j in range(n):
-            along = 0.0
-            for i in range(n):
-                along += B[i, j] * shift[i]
-            for i in range(n):
-                white[i] += B[i, j] * (along / D[j])
-        p_sigma = (1 - c_sigma) * p_sigma + (c_sigma * (2 - c_sigma) * mu_eff) ** 0.5 * white
+        white, along = np.zeros((n, 1)), np.zeros((n, 1))
+        _turn(B.T, shift.reshape(-1, 1), along)
+        _turn(B, along / D.reshape(-1, 1), white)
+        p_sigma = (1 - c_sigma) * p_sigma + np.sqrt(c_sigma * (2 - c_sigma) * mu_eff) * white[:, 0]
         # Equation 15.
         squared = (p_sigma**2).sum()
         old = sigma
-        sigma *= np.exp(min(1.0, c_sigma / d_sigma * (squared**0.5 / chi_n - 1)))
+        sigma *= np.exp(min(1.0, c_sigma / d_sigma * (np.sqrt(squared) / chi_n - 1)))
         # Equation 16.
         h_sigma = 1.0 if squared / (1 - (1 - c_sigma) ** (2 * g)) / n < 2 + 4 / (n + 1) else 0.0
-        p_c = (1 - c_c) * p_c + h_sigma * (c_c * (2 - c_c) * mu_eff) ** 0.5 * shift
+        p_c = (1 - c_c) * p_c + h_sigma * np.sqrt(c_c * (2 - c_c) * mu_eff) * shift
         # Equation 17.
+        learnt = _spread(x, ranking, before, old * unit, weights, mu, B, D)
         lost = c_1 * (1 - h_sigma) * c_c * (2 - c_c)
-        C *= 1 - c_1 + lost - c_mu * total
+        kept = 1 - c_1 + lost - c_mu * total
         for i in range(n):
             for j in range(n):
-                C[i, j] += c_1 * p_c[i] * p_c[j]
-        for k in range(size):
-            w = weights[k]
-            for i in range(n):
-                y[i] = (x[ranking[k], i] - previous[i]) / (old * unit[i])
-            if w < 0:
-                length = 0.0
-                for j in range(n):
-                    length += z[ranking[k], j] ** 2
-                w *= n / (np.sqrt(length) + 1e-9) ** 2
-            for i in range(n):
-                for j in range(n):
-                    C[i, j] += c_mu * w * y[i] * y[j]
-        half = size // 2
+                C[i, j] = kept * C[i, j] + c_1 * p_c[i] * p_c[j] + c_mu * learnt[i, j]
+        std = sigma * (unit * np.sqrt(np.diag(C)))
+        ranked, half = misfits[ranking], size // 2
         median = ranked[half] if size % 2 else (ranked[half - 1] + ranked[half]) / 2
-        history[g - 1] = ranked[0], median, ranked[int(0.75 * size)]
+        history[g - 1] = (ranked[0], median, ranked[int(0.75 * size)], sigma, D[-1] / D[0], std.min(), std.max())
         if ranked[0] < misfit:
             best, misfit = members[ranking[0]].copy(), ranked[0]
-        if g == iterations or _stops(history[:g], ranked[-1], m, sigma, unit, C, p_c, D, B, g, size):
-            return best, misfit, history[:g, 0].copy()
+        rule = _stop_rule(history[:g], ranked[-1], m, sigma, unit, std, p_c, D, B, size)
+        if rule or g == iterations:
+            return best, misfit, 1 if g == iterations else rule, history[:g].copy()
 
 
 @numba.njit(cache=True)
-def _stops(history, worst, m, sigma, unit, C, p_c, D, B, g, size):
-    """Whether one of the rules of `search.stop_rule` holds; the most generations are the caller's."""
-    n = m.size
-    std = sigma * (unit * np.sqrt(np.diag(C)))
+def _draw(z):
+    """Fill the columns of z by Marsaglia's polar method, as NumPy's legacy generator does."""
+    n, kept, spare = z.shape[0], False, 0.0
+    for k in range(z.size):
+        if not kept:
+            square = 0.0
+            while square >= 1.0 or square == 0.0:
+                first = 2.0 * np.random.random() - 1.0  # noqa: NPY002
+                second = 2.0 * np.random.random() - 1.0  # noqa: NPY002
+                square = first * first + second * second
+            factor = np.sqrt(-2.0 * np.log(square) / square)
+            spare = factor * first
+        z[k % n, k // n] = spare if kept else factor * second
+        kept = not kept
+
+
+@numba.njit(cache=True)
+def _turn(axes, columns, turned):
+    """Product of a small matrix and columns."""
+    turned[:] = 0.0
+    for i in range(axes.shape[0]):
+        for j in range(axes.shape[1]):
+            row, part, factor = turned[i], columns[j], axes[i, j]
+            for k in range(row.size):
+                row[k] += factor * part[k]
+
+
+@numba.njit(cache=True)
+def _spread(x, ranking, m, scale, weights, mu, B, D):
+    """Equation 17's weighted sum of y y'; where the weight is negative, y gets the expected length of a sample."""
+    n, size = x.shape
+    y = np.empty((n, size))
+    for i in range(n):
+        for k in range(size):
+            y[i, k] = (x[i, ranking[k]] - m[i]) / scale[i]
+    along, length = np.empty((n, size - mu)), np.zeros(size - mu)
+    _turn(B.T, y[:, mu:], along)
+    for i in range(n):
+        length += (along[i] / D[i]) ** 2
+    w = weights.copy()
+    w[mu:] = w[mu:] * n / (np.sqrt(length) + 1e-9) ** 2
+    learnt = np.zeros((n, n))
+    for k in range(size):
+        for i in range(n):
+            for j in range(n):
+                learnt[i, j] += w[k] * y[i, k] * y[j, k]
+    return learnt
+
+
+@numba.njit(cache=True)
+def _stop_rule(history, worst, m, sigma, unit, std, p_c, D, B, size):
+    """Index in `RULES` of the rule of `search.stop_rule` that holds; the most generations are the caller's."""
+    n, g = m.size, history.shape[0]
     recent = history[max(0, g - 10 - 30 * n // size) :, 0]
     spread = recent.max() - recent.min()
-    if (worst - recent[-1] < 1e-11 and spread < 1e-11) or (recent.size > 9 and spread < 1e-12):
-        return True
+    if worst - recent[-1] < 1e-11 and spread < 1e-11:
+        return 2
+    if recent.size > 9 and spread < 1e-12:
+        return 3
     if (std < 1e-11).all() and (sigma * unit * p_c < 1e-11).all():
-        return True
-    if (std > 1000 * unit).any() or D[-1] > 1e7 * D[0]:
-        return True
+        return 4
+    if (std > 1000 * unit).any():
+        return 5
+    if D[-1] > 1e7 * D[0]:
+        return 6
     if g > 1 and history[-1, 2] <= history[-1, 0] and history[-2, 2] <= history[-2, 0]:
-        return True
-    fifths = g // 5
-    part = int(max(int(100 + 100 * n**1.5 / size) / 10, fifths / 10))
-    if fifths > max(100, 2 * part):
+        return 7
+    part = int(max(int(100 + 100 * n**1.5 / size) / 10, g // 5 / 10))
+    if g // 5 > max(100, 2 * part):
         fifth = history[4::5][::-1]
-        if np.median(fifth[:part, 0]) >= np.median(fifth[part : 2 * part, 0]) and np.median(
-            fifth[:part, 1]
-        ) >= np.median(fifth[part : 2 * part, 1]):
-            return True
+        new, old = fifth[:part], fifth[part : 2 * part]
+        if np.median(new[:, 0]) >= np.median(old[:, 0]) and np.median(new[:, 1]) >= np.median(old[:, 1]):
+            return 8
+    if (m == m + 0.2 * std).any():
+        return 9
     axis = 0.1 * sigma * D[g % n] * unit * B[:, g % n]
-    return bool((m == m + 0.2 * std).any() or (m == m + axis).all())
+    return 10 if (m == m + axis).all() else 0

@@ -10,14 +10,13 @@ from collections.abc import Callable, Iterator, Sequence
 from importlib.util import find_spec
 from itertools import count
 
-import numba
 import numpy as np
 import pandas as pd
 from joblib import Parallel, delayed
 from numpy.typing import NDArray
 from scipy import optimize, stats
 
-from replication.compiled.misfit import _subtract_window, population_rmse
+from replication.compiled.misfit import population_rmse, residual
 from replication.datasets import Recording, load_noisy
 from replication.global_fit.fit import global_fit
 from replication.identify import Protocol, protocol_box
@@ -65,8 +64,8 @@ class Cost:
 
     def residuals(self, unit: FloatArray) -> FloatArray:
         """Residuals over the root of their number, whose norm is the misfit: what least squares takes."""
-        t, v, timing = self.recording.t, self.recording.v, self.timing
-        found = _residual(self._in_box(unit), t, v, timing.T_d, timing.T_f, timing.n)
+        found = residual(self.recording.t, self.recording.v, self._in_box(unit), self.timing)
+        found /= math.sqrt(found.size)
         self._count(math.sqrt(found @ found), 1)
         return found
 
@@ -78,22 +77,6 @@ class Cost:
         self.best = min(self.best, misfit)
         if self.best <= self.target or self.evaluations >= self.budget:
             raise SearchEnded
-
-
-@numba.njit(cache=True)
-def _residual(X: FloatArray, t: FloatArray, v: FloatArray, T_d: float, T_f: float, n: int) -> FloatArray:
-    """Residual r(t) - h(t) over the root of the samples: `signature.signature` compiled."""
-    A, t0, tau, omega, v_t, T2, T1 = X
-    dt = (t[-1] - t[0]) / (t.size - 1)
-    length = int(min(max((T2 - T1) / dt + 2.0, 0.0), float(t.size)))
-    powers = np.exp((-tau + 1j * omega) * dt * np.arange(length))
-    decay_cos, decay_sin = powers.real.copy(), powers.imag.copy()
-    error = v - v_t
-    for i in range(n):
-        start = t0 + i * T_f
-        _subtract_window(error, t, dt, A, start, tau, omega, T1, T2, decay_cos, decay_sin)
-        _subtract_window(error, t, dt, -A, start + T_d, tau, omega, T1, T2, decay_cos, decay_sin)
-    return error / np.sqrt(t.size)
 
 
 def _covariance(populations: Callable[[], Iterator[int]]) -> Callable[[Cost, int], None]:

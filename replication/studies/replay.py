@@ -6,8 +6,8 @@ import pandas as pd
 from replication import published
 from replication.compiled.eigen import symmetric_eigen
 from replication.datasets import Recording
-from replication.identify import Protocol, paper_search
-from replication.search import HISTORY, Generation, search
+from replication.identify import Protocol, paper_run, paper_search
+from replication.search import HISTORY, Generation
 
 AGREE_RPS = 1e-9  # misfits closer than this are the same generation of the same run
 ROUNDINGS = 20  # times that a covariance matrix is rounded otherwise
@@ -31,7 +31,7 @@ def replay(recording: Recording, protocol: Protocol) -> pd.DataFrame:
     """
     parts = []
     for run in published.authors_notebook_runs().to_dict("records"):
-        history = search(paper_search(recording, protocol, run["cma_seed"]), protocol.iterations).history
+        history = paper_run(recording, protocol, run["cma_seed"]).history
         table = pd.DataFrame(history, columns=HISTORY).rename(columns={"best": "best_rmse_rps"})
         table = table.drop(columns=["median", "upper_quartile"])
         table.insert(0, "generation", np.arange(1, len(history) + 1))
