@@ -5,10 +5,9 @@ from math import erf, sqrt
 
 import numba
 import numpy as np
-from numpy.typing import NDArray
 
 from replication.compiled.misfit import population_rmse
-from replication.datasets import Recording
+from replication.datasets import FloatArray, Recording
 from replication.global_fit.folding import (
     CLEARANCE_S,
     Fold,
@@ -33,8 +32,6 @@ from replication.global_fit.windows import (
 )
 from replication.identify import Protocol, protocol_box
 from replication.signature import FREE_PARAMETERS, Timing, signature
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -5,12 +5,10 @@ from dataclasses import dataclass
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
+from replication.datasets import FloatArray
 from replication.sensor import UNITS
 from replication.sensor.tables import UnusableLog
-
-FloatArray = NDArray[np.float64]
 
 # What a position is measured in where the speed is in a unit of `UNITS`, and further units that headers name.
 PER_TURN = {"rps": 1.0, "rpm": 60.0, "rad/s": 2 * np.pi, "turns": 1.0, "rad": 2 * np.pi, "deg": 360.0, "deg/s": 360.0}

@@ -11,10 +11,9 @@ from dataclasses import dataclass, fields, replace
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from replication.characteristic import first_rise
-from replication.datasets import Recording
+from replication.datasets import FloatArray, Recording
 from replication.global_fit.fit import GlobalFit, global_fit
 from replication.methods.calibration import PERIOD_MISMATCH, Backlash, Calibration, default_calibration
 from replication.methods.readings import Reading, protocol_for, read, reading_of_fit
@@ -33,8 +32,6 @@ from replication.sensor.presence import (
     typical_half_turn,
 )
 from replication.signature import signature
-
-FloatArray = NDArray[np.float64]
 
 DEFAULT_METHOD = SELF  # best on a log from nowhere: results/population.csv
 _LEAST_SHARE = 0.8  # of the pattern's energy, for the model to explain; it explains 0.96 or more in the paper's range
@@ -321,9 +318,9 @@ def _self_measured(
         _with_amplitude(blank_answer, amplitude), rmse_rps=rmse, ring_hz=joint.ring_hz, damping_ratio=joint.damping,
         friction_share=joint.friction,
     )  # fmt: skip
-    if joint.doubt:
+    if joint.refusal_reason:
         where = f"worst at {joint.worst_phase:.2f} turns from the load hanging down"
-        return replace(found, warnings=(str(CannotTell("no such joint", f"{joint.doubt}, {where}")),)), model
+        return replace(found, warnings=(str(CannotTell("no such joint", f"{joint.refusal_reason}, {where}")),)), model
     if explained_share(recording, model, presence) < _LEAST_SHARE:
         refusal = CannotTell("no signature", "a pattern repeats itself every turn, but no backlash that explains it")
         return replace(found, warnings=(str(refusal),)), model

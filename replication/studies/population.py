@@ -179,7 +179,15 @@ def measure_log(log: Log, methods: Sequence[str] = METHODS) -> pd.DataFrame:
 
 def _by_self(recording: Recording) -> tuple[str, float, tuple[float, float], str, float, float, float]:
     found = fit_joint(recording)
-    return "self", found.delta_rad, found.interval_rad, found.doubt, found.sd_rad, found.misfit, found.unrest
+    return (
+        "self",
+        found.delta_rad,
+        found.interval_rad,
+        found.refusal_reason,
+        found.sd_rad,
+        found.misfit,
+        found.ring_noise_ratio,
+    )
 
 
 def _row(log: Log, method: str, found_rad: float, interval_rad: tuple[float, float], reason: str, *fitted) -> dict:

@@ -46,7 +46,7 @@ def limits(bench: Bench, delta_rad: float, seed: int, harder: Mapping[str, Seque
                 rows.append((what, value, np.nan, np.nan, np.nan, str(error).split(": ", 1)[-1]))
                 continue
             bound = bench_bound_rad(worse, delta_rad, log)
-            answer = found.doubt.split(" (")[0] or "yes"
+            answer = found.refusal_reason.split(" (")[0] or "yes"
             rows.append((what, value, found.delta_rad - delta_rad, found.sd_rad, bound, answer))
     return pd.DataFrame(rows, columns=["what", "value", "error_rad", "sd_rad", "bound_rad", "answer"])
 

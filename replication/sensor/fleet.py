@@ -10,8 +10,10 @@ import pandas as pd
 from joblib import Memory, Parallel, delayed
 from tqdm import tqdm
 
+from replication.methods.self_calibration import fit_joint
+from replication.methods.shared_joint import share_joint
 from replication.sensor.tables import UnusableLog
-from replication.sensor.verdict import Estimate, Settings, as_row, estimate
+from replication.sensor.verdict import Estimate, Settings, as_row, estimate, prepared
 
 SUFFIXES = (".csv", ".tsv", ".txt", ".dat", ".log", ".parquet", ".xlsx")
 UNUSABLE = "unusable log: "
@@ -123,6 +125,16 @@ def as_table(rows: Sequence[Row]) -> pd.DataFrame:
     table = pd.DataFrame(flat)
     numbers = [name for name in table if name.endswith(("_rps", "_rad", "_s", "_hz", "_ratio", "_share"))]
     return table.astype(dict.fromkeys(numbers, float))
+
+
+def with_shared_joint(logs: Sequence[Path], rows: Sequence[Row], settings: Settings) -> list[Row]:
+    """Correct estimates by method self by what all logs tell of their joint; rows without a backlash stay."""
+    answered = [k for k, row in enumerate(rows) if row["verdict"] == "backlash"]
+    fits = [fit_joint(prepared(logs[k], settings.form, settings.seed, [])[0]) for k in answered]
+    corrected = list(rows)
+    for k, (delta, interval) in zip(answered, share_joint(fits) if fits else [], strict=True):
+        corrected[k] = rows[k] | {"backlash_rad": delta, "backlash_interval_rad": list(interval)}
+    return corrected
 
 
 # ---------------------------------------------------------------------------------------------------------------
