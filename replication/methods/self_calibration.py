@@ -27,6 +27,7 @@ from replication.methods.joint_posterior import (
 )
 from replication.methods.joint_search import Peak, find_joint, find_peak
 from replication.methods.second_mass import SecondMass, with_second_mass
+from replication.methods.waveform import delayed
 from replication.simulator.turns import Movement, settled_turns
 
 # Beyond these there is no answer: residual (1 for noise alone), and noise in the ring's band over that above it.
@@ -146,7 +147,7 @@ def _result(
     return SelfFit(
         delta, (max(delta - half, 0.0), delta + half), sd, ring, damping, float(z[2]), ratios,
         float(z[SMOOTHING_INDEX]), z, covariance, misfit, _worst_phase(problem, residual, phase),
-        harmonics.ring_noise_ratio, peaks, _shifted(turn - turn.mean(), phase), refusal,
+        harmonics.ring_noise_ratio, peaks, delayed(turn - turn.mean(), -phase), refusal,
     )  # fmt: skip
 
 
@@ -180,12 +181,6 @@ def _drive_prior_p(peak: Peak, scatter: float) -> float:
     seen = information > _LEAST_INFORMATION
     square = float(((axes.T @ centre)[seen] ** 2 / information[seen]).sum()) / scatter
     return float(stats.chi2.sf(square, max(int(seen.sum()), 1)))
-
-
-def _shifted(turn: FloatArray, phase: float) -> FloatArray:
-    """A turn from another phase on."""
-    spectrum = np.fft.rfft(turn)
-    return np.fft.irfft(spectrum * np.exp(2j * np.pi * phase * np.arange(spectrum.size)), turn.size)
 
 
 def _worst_phase(problem: Problem, residual: FloatArray, phase: float) -> float:

@@ -99,7 +99,7 @@ def mean_turn(recording: Recording, phases: int) -> FloatArray:
     return turn - turn.mean()
 
 
-def _shifted(waveform: FloatArray, turns: float) -> FloatArray:
+def delayed(waveform: FloatArray, turns: float) -> FloatArray:
     """Delay a periodic waveform by a part of a turn, band-limited."""
     harmonics = np.arange(waveform.size // 2 + 1)
     return np.fft.irfft(np.fft.rfft(waveform) * np.exp(-2j * np.pi * harmonics * turns), waveform.size)
@@ -124,7 +124,7 @@ def make_bank(delta_rad: Sequence[float], turns_rps: Sequence[FloatArray]) -> Wa
         turn = np.asarray(turns_rps[k])
         if aligned:
             last = np.mean(next(reversed(aligned.values())), axis=0)
-            turn = _shifted(turn, -_best_shift(last[None, :], turn)[1])
+            turn = delayed(turn, -_best_shift(last[None, :], turn)[1])
         aligned.setdefault(float(delta_rad[k]), []).append(turn)
     if len(aligned) < LEAST_LEVELS:
         raise ValueError(f"{len(aligned)} different backlashes; waveforms need {LEAST_LEVELS} or more")

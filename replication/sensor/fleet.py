@@ -68,10 +68,8 @@ def run_fleet(
 
     Parameters
     ----------
-    paths : sequence of Path
-        The logs.
-    settings : Settings
-        How all of them are read and measured.
+    paths, settings : sequence of Path, Settings
+        The logs, and how all of them are read and measured.
     jobs : int
         Processes; -1 for all cores where that is worth it.
     kept : Path, optional
@@ -85,11 +83,6 @@ def run_fleet(
     -------
     list of dict
         One row for each log, in their order: see `verdict.as_row`.
-
-    Raises
-    ------
-    UnusableLog
-        The Dask scheduler does not answer, or Dask is not installed.
     """
     if jobs < 0 and len(paths) < _WORTH_PROCESSES and settings.calibration.method != "paper":
         jobs = 1
