@@ -358,7 +358,7 @@ def only_a_larger_backlash_is_seen(n):
 
 
 def another_joints_backlash_is_held(after):
-    assert after["fit"].doubt == ""
+    assert after["fit"].refusal_reason == ""
     assert after["fit"].interval_rad[0] < after["backlash_rad"] < after["fit"].interval_rad[1]
 
 

@@ -1,14 +1,14 @@
 """Deterministic global fit of the signature: the paper's cost function, in the paper's box, without chance."""
 
 from dataclasses import dataclass
-from math import erf, sqrt
 
 import numba
 import numpy as np
-from numpy.typing import NDArray
+from scipy.optimize import brentq
+from scipy.special import ndtr
 
 from replication.compiled.misfit import population_rmse
-from replication.datasets import Recording
+from replication.datasets import FloatArray, Recording
 from replication.global_fit.folding import (
     CLEARANCE_S,
     Fold,
@@ -33,8 +33,6 @@ from replication.global_fit.windows import (
 )
 from replication.identify import Protocol, protocol_box
 from replication.signature import FREE_PARAMETERS, Timing, signature
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -95,19 +93,6 @@ def _window_starts(fold, limits, a, b, theta, reach):
     return rows
 
 
-@numba.njit(cache=True)
-def _mixture_quantile(probability, weights, means, deviations):
-    """Quantile of a mixture of normal distributions, by bisection."""
-    low, high = (means - 12 * deviations).min(), (means + 12 * deviations).max()
-    for _ in range(60):
-        middle = (low + high) / 2
-        below = 0.0
-        for i in range(means.size):
-            below += weights[i] * (1 + erf((middle - means[i]) / (deviations[i] * sqrt(2.0)))) / 2
-        low, high = (middle, high) if below < probability else (low, middle)
-    return (low + high) / 2
-
-
 def _amplitude_interval(fold, limits, a, b, theta) -> tuple[float, float]:
     """95 % interval of |A|: normal about each possible window start, these weighted by their likelihood."""
     cost, A, information = _window_starts(fold, limits, a, b, theta, 8).T
@@ -118,8 +103,13 @@ def _amplitude_interval(fold, limits, a, b, theta) -> tuple[float, float]:
     variance = cost.min() / (fold.scale[1] - 7)
     weights = np.exp(-(cost - cost.min()) / (2 * variance))
     deviations = np.sqrt(variance / information)
-    low, high = (_mixture_quantile(p, weights / weights.sum(), A, deviations) for p in (0.025, 0.975))
-    return float(low), float(high)
+    ends = (A - 12 * deviations).min(), (A + 12 * deviations).max()
+
+    def excess(amplitude: float, probability: float) -> float:
+        return float(weights @ ndtr((amplitude - A) / deviations) / weights.sum() - probability)
+
+    low, high = (brentq(excess, *ends, (probability,), xtol=1e-14) for probability in (0.025, 0.975))
+    return low, high
 
 
 def _candidates(found: FloatArray, apart: int, most: int, power: float) -> list[int]:

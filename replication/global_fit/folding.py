@@ -11,9 +11,8 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from replication.datasets import FloatArray
 from replication.signature import Timing
-
-FloatArray = NDArray[np.float64]
 
 # Distance kept from a sample at which a window would open or close: far above rounding, far below any effect.
 CLEARANCE_S = 1e-12

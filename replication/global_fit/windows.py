@@ -2,11 +2,9 @@
 
 import numba
 import numpy as np
-from numpy.typing import NDArray
 
+from replication.datasets import FloatArray
 from replication.global_fit.folding import CLEARANCE_S, Fold, descend, latest_t0, t0_range
-
-FloatArray = NDArray[np.float64]
 
 
 @numba.njit(cache=True)

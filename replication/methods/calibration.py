@@ -8,18 +8,15 @@ from importlib.resources import files
 
 import numpy as np
 from numpy.polynomial import Polynomial
-from numpy.typing import NDArray
 from scipy import stats
 
 from replication.characteristic import RPM_PER_RPS, equation_10, printed_levels_rad
-from replication.datasets import COMMANDED_SPEED_RPS, TURN_PERIOD_S, Recording
+from replication.datasets import COMMANDED_SPEED_RPS, TURN_PERIOD_S, FloatArray, Recording
 from replication.global_fit.fit import GlobalFit
 from replication.methods.readings import METHODS, Reading, read, reading_of_fit
 from replication.methods.waveform import LEAST_LEVELS, WaveformBank, make_bank, match, mean_turn, samples_a_turn
 from replication.simulator.recordings import simulate_recordings
 from replication.simulator.simulate import identified_joint
-
-FloatArray = NDArray[np.float64]
 
 # Most phases in a turn that a waveform keeps: those of the default one, sampled at 0.5 ms.
 _MOST_PHASES = 800

@@ -11,10 +11,8 @@ from numpy.typing import NDArray
 from scipy import stats
 from scipy.signal import czt
 
-from replication.datasets import Recording
+from replication.datasets import FloatArray, Recording
 from replication.methods.waveform import settled
-
-FloatArray = NDArray[np.float64]
 
 # Harmonics above this share of half the sampling rate, or above this frequency, are left out.
 _OF_NYQUIST, _FASTEST_HZ = 0.9, 225.0
@@ -48,7 +46,9 @@ class TurnHarmonics:
     sd: FloatArray  # noise in each of its parts, or the model's error where that is larger [rps]
     sample_rms_rps: float  # of a sample's noise in the band of the harmonics
     turns: int  # settled turns averaged
-    unrest: float  # noise in the ring's band over that above it, about 1 where turns repeat or nothing is noisy
+    ring_noise_ratio: (
+        float  # noise in the ring's band over that above it, about 1 where turns repeat or nothing is noisy
+    )
     is_quiet: bool  # there is hardly any noise: `sd` is mostly the model's error
     lines: tuple[tuple[float, float], ...]  # sinusoids taken off: periods a turn, and amplitude [rps]
 
@@ -56,7 +56,7 @@ class TurnHarmonics:
 def turn_harmonics(recording: Recording) -> TurnHarmonics:
     """Average a record's settled turns in the frequency domain; refuse it where too short, coarse or still."""
     dt, period = recording.sample_s, recording.turn_period_s
-    phase, v = _at_rest(*settled(recording), period)
+    phase, v = _without_transient(*settled(recording), period)
     turns = int((phase[-1] - phase[0]) + dt / period + 1e-6)
     if turns < 2 or period < 16 * dt:
         raise ValueError(
@@ -73,14 +73,14 @@ def turn_harmonics(recording: Recording) -> TurnHarmonics:
     bins, between = _spectrum(v, turns, last, turns * period / dt)
     lines = []
     for _ in range(_MOST_LINES):
-        line = _line(v, bins, between, turns, dt / period)
+        line = _clearest_sinusoid(v, bins, between, turns, dt / period)
         if line is None:
             break
         wave, *found = line
         v = v - wave
         lines.append(tuple(found))
         bins, between = _spectrum(v, turns, last, turns * period / dt)
-    variance = np.array([_noise(between, k, turns) for k in order])
+    variance = np.array([_noise_near(between, k, turns) for k in order])
     order_kept = ~np.isin(order, _motor_harmonics(recording, last))
     noise, model = np.sqrt(variance)[order_kept], MODEL_ERROR * v.std() / (2 * np.sqrt(order.size))
     quiet = bool(np.median(noise) < model)
@@ -89,15 +89,15 @@ def turn_harmonics(recording: Recording) -> TurnHarmonics:
         order[order_kept],
         (bins[turns * order] * start)[order_kept],
         np.maximum(noise, model),
-        float(np.sqrt(2 * count * _floor(between, turns, last))),
+        float(np.sqrt(2 * count * _noise_floor(between, turns, last))),
         turns,
-        1.0 if quiet else _unrest(between, turns, period),
+        1.0 if quiet else _ring_noise_ratio(between, turns, period),
         quiet,
         tuple(lines),
     )
 
 
-def _at_rest(phase: FloatArray, v: FloatArray, period: float) -> tuple[FloatArray, FloatArray]:
+def _without_transient(phase: FloatArray, v: FloatArray, period: float) -> tuple[FloatArray, FloatArray]:
     """Leave out first turns that ring as the later half of them does not, up to half of them."""
     turns = int(phase[-1] - phase[0] + 1e-6)
     later = turns // 2
@@ -124,7 +124,9 @@ def _spectrum(v: FloatArray, turns: int, last: int, samples: float) -> tuple[NDA
     return bins, between
 
 
-def _line(v: FloatArray, bins, between: FloatArray, turns: int, step: float) -> tuple[FloatArray, float, float] | None:
+def _clearest_sinusoid(
+    v: FloatArray, bins, between: FloatArray, turns: int, step: float
+) -> tuple[FloatArray, float, float] | None:
     """The clearest sinusoid that is no harmonic of the turn, its order and amplitude; None if there is none.
 
     A belt or a fan: it leaks into the harmonics beside it.
@@ -152,18 +154,18 @@ def _line(v: FloatArray, bins, between: FloatArray, turns: int, step: float) -> 
     return best[1:]
 
 
-def _noise(between: FloatArray, order: int, turns: int) -> float:
+def _noise_near(between: FloatArray, order: int, turns: int) -> float:
     """Variance of the noise in each part of a harmonic: the mean between the harmonics around it."""
     near = between[max((order - _NEIGHBOURS) * turns, turns) : (order + _NEIGHBOURS) * turns + 1]
     return float(np.nanmean(near))
 
 
-def _floor(between: FloatArray, turns: int, last: int) -> float:
+def _noise_floor(between: FloatArray, turns: int, last: int) -> float:
     """Variance of the noise in each part of a coefficient in the upper half of the band: median, so free of lines."""
     return float(np.nanmedian(between[last * turns // 2 :]) / np.log(2))
 
 
-def _unrest(between: FloatArray, turns: int, period: float) -> float:
+def _ring_noise_ratio(between: FloatArray, turns: int, period: float) -> float:
     first, end = (int(edge * period) * turns for edge in _RING_HZ)
     if end >= between.size:
         return 1.0  # sampled so coarsely that there is nothing above the ring to compare with

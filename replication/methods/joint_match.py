@@ -4,16 +4,13 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 from scipy.optimize import least_squares
 
-from replication.datasets import Recording
+from replication.datasets import FloatArray, Recording
 from replication.methods.waveform import mean_turn, periodic, samples_a_turn, settled
 from replication.simulator.recordings import SIMULATION_STEP_S
 from replication.simulator.simulate import JointParameters, simulate
-
-FloatArray = NDArray[np.float64]
 
 # What may be unknown besides the backlash: value at which the joint is as identified, bounds, and a step that shows.
 NUISANCES = {

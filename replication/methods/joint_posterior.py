@@ -7,13 +7,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import stats
 
+from replication.datasets import FloatArray
 from replication.methods.harmonics import TurnHarmonics
 from replication.simulator.checks import closed_loop_matrix
 from replication.simulator.parameters import identified_joint, joint_from_ratios
 from replication.simulator.turn_slopes import turn_and_slopes
 from replication.simulator.turns import COLUMNS, Movement, settled_turns, settling_turns
-
-FloatArray = NDArray[np.float64]
 
 # Relative SD (log-normal) of the prior of each ratio around the identified joint's. A joint of this kind may be
 # 20 % stiffer, heavier or more tightly controlled than the paper's. The drive's inner workings, which a log hardly
@@ -49,10 +48,10 @@ RIPPLE_PRIOR = 2.0
 
 UNIT_RAD, _ERROR_RAD, _RIPPLE = 1e-4, 1e-5, 0.01
 _RATIOS = slice(3, 3 + len(RATIO_PRIOR))
-SMOOTHING = _RATIOS.stop
-SIZE = SMOOTHING + 5
-_ERROR, _RIPPLES = slice(SMOOTHING + 1, SMOOTHING + 3), slice(SMOOTHING + 3, SIZE)
-MEAN = np.array([*np.zeros(SMOOTHING), _SEARCHED[0], *np.zeros(4)])
+SMOOTHING_INDEX = _RATIOS.stop
+SIZE = SMOOTHING_INDEX + 5
+_ERROR, _RIPPLES = slice(SMOOTHING_INDEX + 1, SMOOTHING_INDEX + 3), slice(SMOOTHING_INDEX + 3, SIZE)
+MEAN = np.array([*np.zeros(SMOOTHING_INDEX), _SEARCHED[0], *np.zeros(4)])
 SD = np.array(
     [np.inf, np.inf, FRICTION_PRIOR, *RATIO_PRIOR.values(), _SEARCHED[1], *[ERROR_PRIOR] * 2, *[RIPPLE_PRIOR] * 2]
 )
@@ -95,14 +94,14 @@ _SLOWEST_RING_HZ = 2.0
 
 
 @lru_cache(maxsize=1)
-def centre() -> dict[str, float]:
+def prior_medians() -> dict[str, float]:
     """Ratios of the identified joint, the priors' medians."""
     return identified_joint().ratios
 
 
 def rows_of(z: FloatArray) -> FloatArray:
     """Rows of `settled_turns` for unknowns of shape (joints, unknowns)."""
-    ratios = centre()
+    ratios = prior_medians()
     columns = {"delta_rad": np.maximum(z[:, 0], LEAST_BACKLASH) * UNIT_RAD, "friction": z[:, 2]}
     for k, name in enumerate(RATIO_PRIOR, start=3):
         columns[name] = ratios[name] * np.exp(z[:, k])
@@ -114,7 +113,9 @@ def rows_of(z: FloatArray) -> FloatArray:
 
 def ratios_of(z: FloatArray) -> dict[str, float]:
     """Ratios of a joint with these unknowns."""
-    return centre() | {name: float(centre()[name] * np.exp(z[k])) for k, name in enumerate(RATIO_PRIOR, start=3)}
+    return prior_medians() | {
+        name: float(prior_medians()[name] * np.exp(z[k])) for k, name in enumerate(RATIO_PRIOR, start=3)
+    }
 
 
 def contact_modes(ratios: dict[str, float], movement: Movement) -> NDArray[np.complex128]:
@@ -145,7 +146,7 @@ class Problem:
     def measured_as(self, smoothing: tuple[float, float]) -> None:
         """Take another prior of the smoothing, mean and SD."""
         self.mean, self.spread = MEAN.copy(), SD.copy()
-        self.mean[SMOOTHING], self.spread[SMOOTHING] = smoothing
+        self.mean[SMOOTHING_INDEX], self.spread[SMOOTHING_INDEX] = smoothing
         self.differencing = smoothing[0] > 0.5
 
     def _measured(self, z: FloatArray, error_order: int | None = None) -> NDArray[np.complex128]:
@@ -173,7 +174,7 @@ class Problem:
         here = parts[:, 0].sum(axis=0)
         out = np.zeros((SIZE, self.order.size), dtype=complex)
         out[_SIMULATED] = parts[:, 1:].sum(axis=0)
-        out[1], out[SMOOTHING] = (1j * order * parts[:, 0]).sum(axis=0), (fade * parts[:, 0]).sum(axis=0)
+        out[1], out[SMOOTHING_INDEX] = (1j * order * parts[:, 0]).sum(axis=0), (fade * parts[:, 0]).sum(axis=0)
         out[free:] = 0
         residual = np.concatenate([self._whitened(here - self.target), ((z - self.mean) / self.spread)[2:]])
         return residual, np.concatenate([self._whitened(out), np.diag(1 / self.spread)[:, 2:]], axis=1)
@@ -204,13 +205,13 @@ class Problem:
         seen = np.where(order[:, None] < 0, seen.conj(), seen) * there[:, None]
         smoothed = np.sinc(order / self.samples)
         fade = np.log(np.maximum(np.abs(smoothed), 1e-3))
-        sign = np.sign(smoothed) if z[SMOOTHING] > 0.5 else 1.0
-        seen = seen * (sign * np.exp(1j * order * z[1] + fade * z[SMOOTHING]))[:, None]
+        sign = np.sign(smoothed) if z[SMOOTHING_INDEX] > 0.5 else 1.0
+        seen = seen * (sign * np.exp(1j * order * z[1] + fade * z[SMOOTHING_INDEX]))[:, None]
         return order, seen, fade
 
     def is_improbable(self, cost: float) -> bool:
         """Whether noise alone hardly leaves so large a sum of squares."""
-        return not stats.chi2.sf(cost, 2 * self.order.size - SMOOTHING) > _IMPROBABLE
+        return not stats.chi2.sf(cost, 2 * self.order.size - SMOOTHING_INDEX) > _IMPROBABLE
 
     def find_error(self, z: FloatArray) -> bool:
         """Take up an error in step with the load's turn, if the residual shows one; say whether it did."""
@@ -227,13 +228,13 @@ class Problem:
         self.error_order = best
         return True
 
-    def shake(self, z: FloatArray, lines: Sequence[tuple[float, float]]) -> bool:
+    def subtract_belt_bias(self, z: FloatArray, lines: Sequence[tuple[float, float]]) -> bool:
         """Take off what errors out of step with the turn (a belt's) do to the mean turn; say whether there are any.
 
         They pull the teeth apart sooner here and later there: on average that is no zero, but grows with their square.
         How large they are, the sinusoids tell that they leave in the speed.
         """
-        shaken = False
+        subtracted = False
         for order, amplitude in lines:
             batch = np.repeat(z[None], 5, axis=0)
             batch[range(4), [_ERROR.start] * 2 + [_ERROR.start + 1] * 2] += np.array([1.0, -1.0, 1.0, -1.0])
@@ -244,8 +245,8 @@ class Problem:
             if size < ERROR_PRIOR:
                 mean = size**2 * (turns[:4].mean(axis=0) - turns[4])
                 self.target = self.target - self._logged(mean[None], z)[0]
-                shaken = True
-        return shaken
+                subtracted = True
+        return subtracted
 
     def _gain(self, z: FloatArray, residual: FloatArray, slopes: FloatArray, order: int) -> float:
         """By how much chi squared falls if the two parts of an error are let free."""

@@ -2,33 +2,42 @@
 
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from replication.datasets import FloatArray
 from replication.methods.harmonics import TurnHarmonics
-from replication.methods.joint_posterior import LEAST_BACKLASH, MEAN, SIZE, SMOOTHING, Problem, rows_of
+from replication.methods.joint_posterior import LEAST_BACKLASH, MEAN, SIZE, SMOOTHING_INDEX, Problem, rows_of
 from replication.simulator.turns import Movement, settled_turns
 
-FloatArray = NDArray[np.float64]
 
-# Joints among which the fit looks for where to start: backlash evenly in its logarithm [1e-4 rad], friction, and SD of
-# the five ratios that a log tells most of.
-_LIBRARY, _LIBRARY_BACKLASH, _LIBRARY_FRICTION, _LIBRARY_SPREAD = 1200, (0.8, 48.0), 0.06, 0.2
-# How many of them, and how many more where these end in a residual that is improbable.
-_STARTS, _MORE_STARTS, _SHORT, _LONG = 5, 4, 5, 40
-# Nothing but another joint explains a residual that is as large as this, in squares a harmonic (2 for noise alone).
-_HOPELESS = 12.0
-_TOLD = 5
-# A step that lowers chi squared by less than this is the last: a tenth of an SD along any direction.
-_ENOUGH = 0.01
-_NEAR_COST = 60.0  # a start that is worse by more than this (in chi squared) after its first steps is left
-# Where a better minimum is looked for, in SDs of the backlash along the posterior's longest axis.
-_BESIDE, _FEW, _ROUNDS = (-4.0, -2.0, 2.0, 4.0), 3, 2
-# A place that is worse by less than this after a few steps, and still this many SDs away, gets a few more.
-_HOPEFUL, _ELSEWHERE = 25.0, 1.0
-# Harmonics that may be left out.
-_MOST_DROPPED = 3
+class SearchSettings(NamedTuple):
+    """What bounds the search for a joint; chi squared is the sum of squares of the whitened residuals."""
+
+    library_size: int = 1200  # joints among which the fit looks for where to start
+    library_backlash: tuple[float, float] = (0.8, 48.0)  # [1e-4 rad], evenly in its logarithm
+    library_friction: float = 0.06
+    library_ratio_sd: float = 0.2  # of the logarithms of the ratios searched
+    ratios_searched: int = 5  # those that a log tells most of; the others wait until the last steps
+    starts: int = 5
+    more_starts: int = 4  # where the first ones end in an improbable residual
+    start_apart: float = 0.2  # in the logarithm of the backlash
+    first_steps: int = 5
+    last_steps: int = 40
+    hopeless_chi2: float = 12.0  # a harmonic (2 for noise alone): nothing but another joint explains more
+    least_fall: float = 0.01  # of chi squared; a smaller step is the last: a tenth of an SD along any direction
+    far_chi2: float = 60.0  # a start that is worse by more than this after its first steps is left
+    probe_sds: tuple[float, ...] = (-4.0, -2.0, 2.0, 4.0)  # of the backlash, where a better minimum is looked for
+    probe_steps: int = 3
+    probe_rounds: int = 2
+    probe_hopeful_chi2: float = 25.0  # a probe that is worse by less, and still `probe_apart_sds` away, goes on
+    probe_apart_sds: float = 1.0
+    most_dropped: int = 3  # harmonics that may be left out
+
+
+SETTINGS = SearchSettings()
+_SEARCHED = 3 + SETTINGS.ratios_searched  # unknowns free in the first steps
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,124 +52,143 @@ class Peak:
     differencing: bool
 
 
-def find_peak(problem: Problem, z: FloatArray, smoothing: tuple[float, float], cost: float = np.inf) -> Peak:
+class Found(NamedTuple):
+    """Where a search ended: unknowns, chi squared, and whether in a minimum."""
+
+    z: FloatArray
+    chi2: float
+    converged: bool
+
+
+def find_peak(problem: Problem, z: FloatArray, smoothing: tuple[float, float], chi2: float = np.inf) -> Peak:
     """Maximum of the posterior near `z` under another prior of the smoothing, mean and SD.
 
-    Without evidence, and not looked for to the end, where a few steps leave it far above `cost`.
+    Without evidence, and not looked for to the end, where a few steps leave it far above `chi2`.
     """
-    _, slopes = problem.slopes(z, SIZE)
-    covariance = np.linalg.inv(slopes @ slopes.T)
-    shift = (smoothing[0] - z[SMOOTHING]) / covariance[SMOOTHING, SMOOTHING]
-    start = z + shift * covariance[:, SMOOTHING]
+    covariance = _covariance(problem, z)
+    shift = (smoothing[0] - z[SMOOTHING_INDEX]) / covariance[SMOOTHING_INDEX, SMOOTHING_INDEX]
+    start = z + shift * covariance[:, SMOOTHING_INDEX]
     start[0] = max(start[0], 0.5 * z[0], LEAST_BACKLASH)
     problem.measured_as(smoothing)
-    z, there, converged = _search(problem, start, _SHORT)
-    if there < cost + _NEAR_COST and not converged:
-        z, there, converged = _search(problem, z, _LONG)
-    residual, slopes = problem.slopes(z)
+    limit = chi2 + SETTINGS.far_chi2
+    found = _search(problem, start, SETTINGS.first_steps)
+    if found.chi2 < limit and not found.converged:
+        found = _search(problem, found.z, SETTINGS.last_steps)
+    residual, slopes = problem.slopes(found.z)
     normal = slopes @ slopes.T
-    if not (np.isfinite(normal).all() and there < cost + _NEAR_COST):
+    if not (np.isfinite(normal).all() and found.chi2 < limit):
         return Peak(start, covariance, residual, -np.inf, False, problem.differencing)
-    evidence = -0.5 * there - 0.5 * np.linalg.slogdet(normal)[1] - np.log(smoothing[1])
-    return Peak(z, np.linalg.inv(normal), residual, float(evidence), converged, problem.differencing)
+    evidence = -0.5 * found.chi2 - 0.5 * np.linalg.slogdet(normal)[1] - np.log(smoothing[1])
+    return Peak(found.z, np.linalg.inv(normal), residual, float(evidence), found.converged, problem.differencing)
 
 
 def find_joint(problem: Problem, harmonics: TurnHarmonics) -> tuple[FloatArray, bool]:
     """Unknowns of the joint that most probably made a record, and whether the search ended in a minimum."""
     starts = _starts(harmonics, problem.movement)
-    z, cost, converged = _best(problem, starts[:_STARTS])
-    if problem.is_improbable(cost) and len(starts) > _STARTS:
-        z, cost, converged = min((z, cost, converged), _best(problem, starts[_STARTS:]), key=lambda found: found[1])
-    if cost > _HOPELESS * problem.order.size:
-        return z, converged
-    z, cost, converged = _explored(problem, z, cost, converged)
-    unshaken = problem.target
-    if problem.shake(z, harmonics.lines):
-        tried = _search(problem, z, _LONG)
+    found = _best(problem, starts[: SETTINGS.starts])
+    if problem.is_improbable(found.chi2) and len(starts) > SETTINGS.starts:
+        found = min(found, _best(problem, starts[SETTINGS.starts :]), key=_chi2)
+    if found.chi2 > SETTINGS.hopeless_chi2 * problem.order.size:
+        return found.z, found.converged
+    found = _explored(problem, found)
+    unsubtracted = problem.target
+    if problem.subtract_belt_bias(found.z, harmonics.lines):
+        tried = _search(problem, found.z, SETTINGS.last_steps)
         # What was taken for a belt may be one's image by the turn's own frequency: then the joint fits worse.
-        if tried[1] < cost:
-            z, cost, converged = tried
+        if tried.chi2 < found.chi2:
+            found = tried
         else:
-            problem.target = unshaken
-    if problem.find_error(z):
-        z, cost, converged = _search(problem, z, _LONG)
-    for _ in range(_MOST_DROPPED):
-        if not problem.drop_outlier(z):
+            problem.target = unsubtracted
+    if problem.find_error(found.z):
+        found = _search(problem, found.z, SETTINGS.last_steps)
+    for _ in range(SETTINGS.most_dropped):
+        if not problem.drop_outlier(found.z):
             break
-        z, cost, converged = _search(problem, z, _LONG)
-    return z, converged
+        found = _search(problem, found.z, SETTINGS.last_steps)
+    return found.z, found.converged
 
 
-def _search(problem: Problem, z: FloatArray, iterations: int, free: int = SIZE) -> tuple[FloatArray, float, bool]:
-    """Levenberg-Marquardt; unstable joints have no finite residual, and a step into one is not taken."""
+def _chi2(found: Found) -> float:
+    return found.chi2
+
+
+def _covariance(problem: Problem, z: FloatArray) -> FloatArray:
+    _, slopes = problem.slopes(z)
+    return np.linalg.inv(slopes @ slopes.T)
+
+
+def _search(problem: Problem, z: FloatArray, steps: int, free: int = SIZE) -> Found:
+    """Levenberg-Marquardt of the first `free` unknowns.
+
+    Not SciPy's: a run of the simulation gives residual and slopes at once, a start gets a few short steps only, and
+    a step into an unstable joint, which has no finite residual, is not taken.
+    """
     damping = 1e-2
     residual, slopes = problem.slopes(z, free)
-    cost = residual @ residual
+    chi2 = residual @ residual
     if not np.isfinite(slopes).all():
-        return z, np.inf, False
-    for _ in range(iterations):
+        return Found(z, np.inf, False)
+    for _ in range(steps):
         normal, gradient = slopes @ slopes.T, slopes @ residual
         for _ in range(8):
             step = -np.linalg.solve(normal + damping * np.diag(np.diag(normal)), gradient)
-            step *= min(1.0, 0.5 / np.abs(step[1:SMOOTHING]).max())
+            step *= min(1.0, 0.5 / np.abs(step[1:SMOOTHING_INDEX]).max())
             trial = z + step
             trial[0] = max(trial[0], 0.3 * z[0], LEAST_BACKLASH)
-            found = problem.slopes(trial, free)
-            there = found[0] @ found[0]
-            if there < cost and np.isfinite(found[1]).all():
+            tried_residual, tried_slopes = problem.slopes(trial, free)
+            tried = tried_residual @ tried_residual
+            if tried < chi2 and np.isfinite(tried_slopes).all():
                 break
             damping *= 5
         else:
-            return z, cost, there - cost < 0.01 * max(cost, 1.0)
-        fallen, z, cost, damping = cost - there, trial, there, damping * 0.2
-        residual, slopes = found
-        if fallen < _ENOUGH * max(1.0, cost / residual.size):
-            return z, cost, True
-    return z, cost, False
+            return Found(z, chi2, tried - chi2 < 0.01 * max(chi2, 1.0))
+        fallen, z, chi2, damping = chi2 - tried, trial, tried, damping * 0.2
+        residual, slopes = tried_residual, tried_slopes
+        if fallen < SETTINGS.least_fall * max(1.0, chi2 / residual.size):
+            return Found(z, chi2, True)
+    return Found(z, chi2, False)
 
 
-def _best(problem: Problem, starts: list[FloatArray]) -> tuple[FloatArray, float, bool]:
-    """Lowest minimum: a few steps from every start, and from the best two to the end."""
-    tried = sorted((_search(problem, start, _SHORT, 3 + _TOLD) for start in starts), key=lambda found: found[1])
-    first = _search(problem, tried[0][0], _LONG)
-    others = [z for z, cost, _ in tried[1:] if cost < tried[0][1] + _NEAR_COST and _apart(z, tried[0][0])]
-    second = [_search(problem, z, _LONG) for z in others[:1]]
-    return min([first, *second], key=lambda found: found[1])
+def _best(problem: Problem, starts: list[FloatArray]) -> Found:
+    """Lowest minimum: a few steps from every start, and from the best two of different backlash to the end."""
+    tried = sorted((_search(problem, start, SETTINGS.first_steps, _SEARCHED) for start in starts), key=_chi2)
+    first = tried[0]
+    others = [
+        other.z for other in tried[1:]
+        if other.chi2 < first.chi2 + SETTINGS.far_chi2 and abs(np.log(other.z[0] / first.z[0])) > 0.03
+    ]  # fmt: skip
+    return min((_search(problem, z, SETTINGS.last_steps) for z in [first.z, *others[:1]]), key=_chi2)
 
 
-def _explored(problem: Problem, z: FloatArray, cost: float, converged: bool) -> tuple[FloatArray, float, bool]:
+def _explored(problem: Problem, found: Found) -> Found:
     """Look for a lower minimum beside one: the teeth bounce once more or less there, and the misfit has a kink."""
-    for _ in range(_ROUNDS):
-        _, slopes = problem.slopes(z, SIZE)
-        covariance = np.linalg.inv(slopes @ slopes.T)
-        along = covariance[:, 0] / np.sqrt(covariance[0, 0])
-        best = (z, cost, converged)
-        for deviations in _BESIDE:
-            trial = z + deviations * along
+    for _ in range(SETTINGS.probe_rounds):
+        covariance = _covariance(problem, found.z)
+        sd = np.sqrt(covariance[0, 0])
+        best = found
+        for deviations in SETTINGS.probe_sds:
+            trial = found.z + deviations * (covariance[:, 0] / sd)
             trial[0] = max(trial[0], LEAST_BACKLASH)
-            tried = _search(problem, trial, _FEW, 3 + _TOLD)
-            if tried[1] < best[1] + _HOPEFUL and abs(tried[0][0] - z[0]) > _ELSEWHERE * np.sqrt(covariance[0, 0]):
-                tried = _search(problem, tried[0], _FEW)
-            if tried[1] < best[1] - 0.1:
+            tried = _search(problem, trial, SETTINGS.probe_steps, _SEARCHED)
+            is_apart = abs(tried.z[0] - found.z[0]) > SETTINGS.probe_apart_sds * sd
+            if tried.chi2 < best.chi2 + SETTINGS.probe_hopeful_chi2 and is_apart:
+                tried = _search(problem, tried.z, SETTINGS.probe_steps)
+            if tried.chi2 < best.chi2 - 0.1:
                 best = tried
-        if best[1] >= cost - 0.1:
+        if best is found:
             break
-        z, cost, converged = _search(problem, best[0], _LONG)
-    return z, cost, converged
-
-
-def _apart(a: FloatArray, b: FloatArray) -> bool:
-    return abs(np.log(a[0] / b[0])) > 0.03
+        found = _search(problem, best.z, SETTINGS.last_steps)
+    return found
 
 
 @lru_cache(maxsize=8)
 def _library(movement: Movement) -> tuple[FloatArray, FloatArray]:
     """Unknowns to start from, and their turns' spectra."""
-    rng = np.random.default_rng(1)
-    z = np.tile(MEAN, (_LIBRARY, 1))
-    z[:, 0] = np.exp(rng.uniform(*np.log(_LIBRARY_BACKLASH), _LIBRARY))
-    z[:, 2] = _LIBRARY_FRICTION * np.abs(rng.standard_normal(_LIBRARY))
-    z[:, 3 : 3 + _TOLD] = _LIBRARY_SPREAD * rng.standard_normal((_LIBRARY, _TOLD))
+    rng, size = np.random.default_rng(1), SETTINGS.library_size
+    z = np.tile(MEAN, (size, 1))
+    z[:, 0] = np.exp(rng.uniform(*np.log(SETTINGS.library_backlash), size))
+    z[:, 2] = SETTINGS.library_friction * np.abs(rng.standard_normal(size))
+    z[:, 3:_SEARCHED] = SETTINGS.library_ratio_sd * rng.standard_normal((size, SETTINGS.ratios_searched))
     turns = settled_turns(rows_of(z), movement)
     return z, np.fft.rfft(turns, axis=1) / turns.shape[1]
 
@@ -169,21 +197,17 @@ def _starts(harmonics: TurnHarmonics, movement: Movement) -> list[FloatArray]:
     """Best starts of different backlash: the library's turns at their best phase."""
     rounded = Movement(float(f"{movement.gear_ratio:.3g}"), float(f"{movement.turn_period_s:.3g}"))
     z, spectra = _library(rounded)
-    spectra = spectra[:, harmonics.order]
-    phases = 512
+    spectra, weight, phases = spectra[:, harmonics.order], harmonics.sd**-2, 512
     product = np.zeros((len(z), phases), dtype=complex)
-    weight = harmonics.sd**-2
     product[:, harmonics.order] = np.conj(spectra) * harmonics.coefficient * weight
     overlap = np.fft.ifft(product, axis=1).real * phases  # at the phase -2 pi k / phases
-    # The sign convention of ifft: sum over orders of product * exp(+2 pi i k m / phases).
     best = overlap.argmax(axis=1)
     misfit = (np.abs(spectra) ** 2 * weight).sum(axis=1) - 2 * overlap[np.arange(len(z)), best]
-    order, starts = np.argsort(misfit), []
-    for k in order:
-        if np.isfinite(misfit[k]) and all(abs(np.log(z[k, 0] / other[0])) > 0.2 for other in starts):
-            start = z[k].copy()
-            start[1] = -2 * np.pi * best[k] / phases
-            starts.append(start)
-        if len(starts) == _STARTS + _MORE_STARTS:
+    starts: list[FloatArray] = []
+    for k in np.argsort(misfit):
+        if np.isfinite(misfit[k]) and all(abs(np.log(z[k, 0] / other[0])) > SETTINGS.start_apart for other in starts):
+            starts.append(z[k].copy())
+            starts[-1][1] = -2 * np.pi * best[k] / phases
+        if len(starts) == SETTINGS.starts + SETTINGS.more_starts:
             break
     return starts

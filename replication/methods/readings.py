@@ -3,7 +3,6 @@
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from replication.datasets import Recording
 from replication.global_fit.fit import GlobalFit, global_fit
@@ -11,8 +10,6 @@ from replication.identify import Protocol, paper_fit
 from replication.methods import METHODS
 from replication.methods.waveform import WaveformBank, match
 from replication.signature import signature
-
-FloatArray = NDArray[np.float64]
 
 _AUTHORS = Protocol()
 

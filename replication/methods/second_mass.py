@@ -5,22 +5,28 @@ load's acceleration. That is known from the turn without it, so one linear step 
 """
 
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import stats
 
+from replication.datasets import FloatArray
 from replication.methods.joint_posterior import Problem
 from replication.methods.joint_search import Peak
 from replication.simulator.turns import Movement
-
-FloatArray = NDArray[np.float64]
 
 # Where a second mass may ring [Hz], and how it is damped: below, it swings with the load, and above it sits on it.
 _RINGS_HZ, _DAMPING = np.geomspace(8.0, 80.0, 31), 0.03
 # Probability that a joint has one at all: nobody knows. SD of its share of the inertia; of either sign, for it stands
 # for whatever else the load does that the joint of notebook 3 does not.
 _PROBABILITY, _SHARE = 0.5, 0.1
+
+
+class SecondMass(NamedTuple):
+    """The clearest second mass: probability that noise alone shows one so clearly, and where it rings."""
+
+    chance: float
+    ring_hz: float
 
 
 def pushes(load_speed: FloatArray, gravity_per_s2: float, movement: Movement) -> FloatArray:
@@ -37,11 +43,8 @@ def pushes(load_speed: FloatArray, gravity_per_s2: float, movement: Movement) ->
     return np.fft.irfft(-(w**2) * moved / (ring**2 - w**2 + 2j * _DAMPING * ring * w), phases)
 
 
-def with_second_mass(problem: Problem, peak: Peak) -> tuple[list[tuple[float, Peak]], float, float]:
-    """The posterior without a second mass, then with one of each ring: logarithms of the prior probability, and peaks.
-
-    Also the probability that noise alone shows a second mass as clearly as the clearest, and where that rings [Hz].
-    """
+def with_second_mass(problem: Problem, peak: Peak) -> tuple[list[tuple[float, Peak]], SecondMass]:
+    """Logarithm of the prior probability, and peak: without a second mass, then with one of each ring; the clearest."""
     residual, slopes = problem.slopes(peak.z)
     columns = problem.push_slopes(peak.z, pushes)
     normal = slopes @ slopes.T
@@ -60,4 +63,5 @@ def with_second_mass(problem: Problem, peak: Peak) -> tuple[list[tuple[float, Pe
             evidence=peak.evidence + float(evidence[k]),
         )  # fmt: skip
         found.append((prior, there))
-    return found, float(min(1.0, _RINGS_HZ.size * stats.chi2.sf(gain.max(), 1))), float(_RINGS_HZ[gain.argmax()])
+    chance = float(min(1.0, _RINGS_HZ.size * stats.chi2.sf(gain.max(), 1)))
+    return found, SecondMass(chance, float(_RINGS_HZ[gain.argmax()]))

@@ -9,17 +9,16 @@ widened by what the residual says; where the residual says that no such joint ma
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import stats
 
-from replication.datasets import Recording
+from replication.datasets import FloatArray, Recording
 from replication.methods.harmonics import MODEL_ERROR, TurnHarmonics, turn_harmonics
 from replication.methods.joint_posterior import (
     DRIVE_UNKNOWNS,
     MEASURED_AS,
     SD,
     SIZE,
-    SMOOTHING,
+    SMOOTHING_INDEX,
     UNIT_RAD,
     Problem,
     contact_modes,
@@ -27,19 +26,18 @@ from replication.methods.joint_posterior import (
     rows_of,
 )
 from replication.methods.joint_search import Peak, find_joint, find_peak
-from replication.methods.second_mass import with_second_mass
+from replication.methods.second_mass import SecondMass, with_second_mass
+from replication.methods.waveform import delayed
 from replication.simulator.turns import Movement, settled_turns
 
-FloatArray = NDArray[np.float64]
-
 # Beyond these there is no answer: residual (1 for noise alone), and noise in the ring's band over that above it.
-MOST_MISFIT, MOST_UNREST = 1.6, 1.5
+MOST_MISFIT, MOST_RING_NOISE = 1.6, 1.5
 # A record with hardly any noise shows the model's own error, up to this many times `harmonics.MODEL_ERROR`: the
 # identified joint itself leaves 1 to 3 % of the authors' noise-free records.
 MOST_MODEL_ERROR = 3.0
 # A drive whose inner workings stray from what is known of them as noise makes it in one log of a thousand is another.
 # Directions of which a log takes less than this from the prior's variance say nothing.
-_STRAINED, _LEAST_TOLD = 1e-3, 0.05
+_IMPROBABLE_DRIVE, _LEAST_INFORMATION = 1e-3, 0.05
 # Where the residual is as improbable as this, all that is left over may lie along the backlash too.
 _IMPROBABLE = 0.02
 _NORMAL_95 = 1.96
@@ -61,10 +59,10 @@ class SelfFit:
     covariance: FloatArray  # about it
     misfit: float  # mean square of the whitened residual, 1 if right; of a quiet record, beyond the model's error
     worst_phase: float  # where the joint fits worst [turns, from the load hanging down]
-    unrest: float  # see `harmonics.TurnHarmonics`
+    ring_noise_ratio: float  # see `harmonics.TurnHarmonics`
     peaks: tuple[tuple[float, Peak], ...]  # by log prior probability: no second mass, then one of each ring
     turn_rps: FloatArray  # fitted speed less its mean, at even phases from the record's first sample
-    doubt: str = ""  # why this is no answer; empty if it is one
+    refusal_reason: str = ""  # why this is no answer; empty if it is one
 
 
 def fit_joint(recording: Recording) -> SelfFit:
@@ -75,24 +73,25 @@ def fit_joint(recording: Recording) -> SelfFit:
     recording : Recording
         Three turns or more at constant speed.
 
-    Returns ------- SelfFit Its `doubt` says whether it may be believed.
+    Returns ------- SelfFit Its `refusal_reason` says whether it may be believed.
 
     Raises ------ ValueError The record is too short or too coarse.
     """
     problem, harmonics = posed(recording)
     z, converged = find_joint(problem, harmonics)
     residual = problem.residual(z)
-    cost = float(residual @ residual) if np.isfinite(residual).all() else np.inf
-    found, second, peaks = [], (-np.inf, 1.0, np.nan), ()
+    chi2 = float(residual @ residual) if np.isfinite(residual).all() else np.inf
+    found, peaks, second = [], (), SecondMass(1.0, np.nan)
+    most = -np.inf
     for weight, mean, sd in MEASURED_AS.values():
-        peak = find_peak(problem, z, (mean, sd), cost)
+        peak = find_peak(problem, z, (mean, sd), chi2)
         each = [(0.0, peak)]
         if np.isfinite(peak.evidence):
-            each, chance, ring_hz = with_second_mass(problem, peak)
-            if peak.evidence > second[0]:
-                second, peaks = (peak.evidence, chance, ring_hz), tuple(each)
+            each, clearest = with_second_mass(problem, peak)
+            if peak.evidence > most:
+                most, peaks, second = peak.evidence, tuple(each), clearest
         found += [(np.log(weight) + prior, other) for prior, other in each]
-    return _result(problem, found, converged, harmonics, second[1:], peaks)
+    return _result(problem, found, converged, harmonics, second, peaks)
 
 
 def posed(recording: Recording) -> tuple[Problem, TurnHarmonics]:
@@ -125,70 +124,63 @@ def _result(
     found: list[tuple[float, Peak]],
     converged: bool,
     harmonics: TurnHarmonics,
-    second: tuple[float, float],
+    second: SecondMass,
     peaks: tuple[tuple[float, Peak], ...],
 ) -> SelfFit:
     peak, covariance = mixed(found)
-    quiet, unrest = harmonics.is_quiet, harmonics.unrest
     z, residual = peak.z, peak.residual
     chi2, freedom = float(residual @ residual), residual.size - SIZE
     scatter = max(chi2 / freedom, 1.0)
-    stretch = float(min(scatter, MOST_MODEL_ERROR**2)) if quiet else 1.0
-    sd = float(np.sqrt(covariance[0, 0]) * UNIT_RAD)
+    misfit = chi2 / freedom / (float(min(scatter, MOST_MODEL_ERROR**2)) if harmonics.is_quiet else 1.0)
+    delta, sd = float(z[0] * UNIT_RAD), float(np.sqrt(covariance[0, 0]) * UNIT_RAD)
     left_over = chi2 - freedom if stats.chi2.sf(chi2, freedom) < _IMPROBABLE else 0.0
     half = _NORMAL_95 * sd * float(np.sqrt(1 + left_over))
-    delta = float(z[0] * UNIT_RAD)
-    # What the backlash does to the speed is proportional to it, and so may be what the model gets wrong.
-    half = float(np.hypot(half, MOST_MODEL_ERROR * MODEL_ERROR * delta)) if quiet else half
+    if harmonics.is_quiet:  # the speed's part from backlash grows with it, and so may what the model gets wrong
+        half = float(np.hypot(half, MOST_MODEL_ERROR * MODEL_ERROR * delta))
     turn = settled_turns(rows_of(z[None]), problem.movement, problem.error_order, problem.lead, peak.differencing)[0]
-    ratios = ratios_of(z)
+    ratios, phase = ratios_of(z), z[1] / (2 * np.pi)
     ring, damping = _ring(ratios, problem.movement)
-    phase = z[1] / (2 * np.pi)
+    if not (converged and peak.converged and np.isfinite(misfit) and np.isfinite(sd)):
+        refusal = "the search for the joint does not end"
+    else:
+        refusal = _refusal_reason(misfit, harmonics.ring_noise_ratio, _drive_prior_p(peak, scatter), second)
     return SelfFit(
         delta, (max(delta - half, 0.0), delta + half), sd, ring, damping, float(z[2]), ratios,
-        float(z[SMOOTHING]), z, covariance, chi2 / freedom / stretch, _worst_phase(problem, residual, phase), unrest,
-        peaks, _shifted(turn - turn.mean(), phase),
-        _doubt(chi2 / freedom / stretch, unrest, converged and peak.converged, sd, _strain(peak, scatter), second),
+        float(z[SMOOTHING_INDEX]), z, covariance, misfit, _worst_phase(problem, residual, phase),
+        harmonics.ring_noise_ratio, peaks, delayed(turn - turn.mean(), -phase), refusal,
     )  # fmt: skip
 
 
-def _doubt(misfit: float, unrest: float, converged: bool, sd: float, strain: float, second: tuple[float, float]) -> str:
-    if not (converged and np.isfinite(misfit) and np.isfinite(sd)):
-        return "the search for the joint does not end"
-    if unrest > MOST_UNREST:
+def _refusal_reason(misfit: float, ring_noise_ratio: float, drive_p: float, second: SecondMass) -> str:
+    """Why a fit that has ended is no answer; empty if it is one."""
+    if ring_noise_ratio > MOST_RING_NOISE:
         return (
-            f"turns do not repeat themselves (noise in the ring's band {unrest:.1f} times that above it): the drive "
-            "hardly damps, or something else moves"
+            f"turns do not repeat themselves (noise in the ring's band {ring_noise_ratio:.1f} times that above it): "
+            "the drive hardly damps, or something else moves"
         )
     if misfit > MOST_MISFIT:
         return f"no joint of the paper's kind makes this record (residual {misfit:.1f} times the noise's)"
-    if second[0] < _STRAINED:
-        return f"something else swings on the load (near {second[1]:.0f} Hz)"
-    if strain < _STRAINED:
+    if second.chance < _IMPROBABLE_DRIVE:
+        return f"something else swings on the load (near {second.ring_hz:.0f} Hz)"
+    if drive_p < _IMPROBABLE_DRIVE:
         return "the drive is not of the paper's kind (its inner workings stray from what is known of them)"
     return ""
 
 
-def _strain(peak: Peak, scatter: float) -> float:
+def _drive_prior_p(peak: Peak, scatter: float) -> float:
     """Probability that the drive's inner workings, as the log tells them, stray so far from what was known.
 
     In units of the prior's SD, the posterior's centre has the variance that the log takes from the prior's, times
     `scatter` where the residual is larger than the noise.
     """
-    known = slice(SMOOTHING - DRIVE_UNKNOWNS, SMOOTHING)
+    known = slice(SMOOTHING_INDEX - DRIVE_UNKNOWNS, SMOOTHING_INDEX)
     if not (np.isfinite(peak.covariance).all() and np.isfinite(scatter)):
         return 0.0
     centre, scale = peak.z[known] / SD[known], np.outer(SD[known], SD[known])
-    told, axes = np.linalg.eigh(np.eye(DRIVE_UNKNOWNS) - peak.covariance[known, known] / scale)
-    seen = told > _LEAST_TOLD
-    square = float(((axes.T @ centre)[seen] ** 2 / told[seen]).sum()) / scatter
+    information, axes = np.linalg.eigh(np.eye(DRIVE_UNKNOWNS) - peak.covariance[known, known] / scale)
+    seen = information > _LEAST_INFORMATION
+    square = float(((axes.T @ centre)[seen] ** 2 / information[seen]).sum()) / scatter
     return float(stats.chi2.sf(square, max(int(seen.sum()), 1)))
-
-
-def _shifted(turn: FloatArray, phase: float) -> FloatArray:
-    """A turn from another phase on."""
-    spectrum = np.fft.rfft(turn)
-    return np.fft.irfft(spectrum * np.exp(2j * np.pi * phase * np.arange(spectrum.size)), turn.size)
 
 
 def _worst_phase(problem: Problem, residual: FloatArray, phase: float) -> float:

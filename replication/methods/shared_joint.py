@@ -9,12 +9,10 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from replication.datasets import FloatArray
 from replication.methods.joint_posterior import MEAN, RATIO_PRIOR, SD, UNIT_RAD
 from replication.methods.self_calibration import SelfFit, mixed
-
-FloatArray = NDArray[np.float64]
 
 # What belongs to the joint and its drive: friction changes with temperature, so it stays each log's own; how the
 # speed is measured, each log knows well enough.
@@ -29,23 +27,23 @@ def share_joint(fits: Sequence[SelfFit]) -> list[tuple[float, tuple[float, float
 
     An interval that was widened for its residual stays wider by the same factor.
     """
-    fits = _of_one_load(fits)
+    fits = _with_common_load(fits)
     prior = np.diag(SD[_SHARED] ** -2.0)
     drift = DRIFT**2 * np.eye(_SHARED.size)
-    told = [_told(fit, prior, drift) for fit in fits]
-    precision = prior + sum(weight for weight, _ in told)
-    total = prior @ MEAN[_SHARED] + sum(pull for _, pull in told)
+    own = [_own_information(fit, prior, drift) for fit in fits]
+    precision = prior + sum(weight for weight, _ in own)
+    total = prior @ MEAN[_SHARED] + sum(pull for _, pull in own)
     common, spread = np.linalg.solve(precision, total), np.linalg.inv(precision)
     return [_corrected(fit, common, spread + drift) for fit in fits]
 
 
-def _of_one_load(fits: Sequence[SelfFit]) -> list[SelfFit]:
+def _with_common_load(fits: Sequence[SelfFit]) -> list[SelfFit]:
     """Weigh the second masses in each log's posterior by what all logs say of them."""
-    told = [fit for fit in fits if fit.peaks]
-    if len(told) < 2:
+    peaked = [fit for fit in fits if fit.peaks]
+    if len(peaked) < 2:
         return list(fits)
-    prior = np.array([weight for weight, _ in told[0].peaks])
-    evidence = np.array([[peak.evidence for _, peak in fit.peaks] for fit in told])
+    prior = np.array([weight for weight, _ in peaked[0].peaks])
+    evidence = np.array([[peak.evidence for _, peak in fit.peaks] for fit in peaked])
     common = prior + (evidence - evidence[:, :1]).sum(axis=0)
     return [_weighed(fit, common) if fit.peaks else fit for fit in fits]
 
@@ -55,7 +53,7 @@ def _weighed(fit: SelfFit, weight: FloatArray) -> SelfFit:
     return replace(fit, unknowns=peak.z, covariance=covariance)
 
 
-def _told(fit: SelfFit, prior: FloatArray, drift: FloatArray) -> tuple[FloatArray, FloatArray]:
+def _own_information(fit: SelfFit, prior: FloatArray, drift: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Precision with which one log alone tells the common joint, and that times what it says."""
     here = np.linalg.inv(fit.covariance[np.ix_(_SHARED, _SHARED)])
     alone = here - prior

@@ -6,13 +6,10 @@ from functools import cached_property
 
 import numpy as np
 from numpy.polynomial import chebyshev
-from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 from scipy.optimize import least_squares
 
-from replication.datasets import Recording
-
-FloatArray = NDArray[np.float64]
+from replication.datasets import FloatArray, Recording
 
 # Each phase of aligned waveforms is a polynomial of the backlash. The fourth degree leaves 1e-6 rad on noise-free
 # waveforms of Table 2's range, and averages the noise of logs that an interpolation would keep.
@@ -102,7 +99,7 @@ def mean_turn(recording: Recording, phases: int) -> FloatArray:
     return turn - turn.mean()
 
 
-def _shifted(waveform: FloatArray, turns: float) -> FloatArray:
+def delayed(waveform: FloatArray, turns: float) -> FloatArray:
     """Delay a periodic waveform by a part of a turn, band-limited."""
     harmonics = np.arange(waveform.size // 2 + 1)
     return np.fft.irfft(np.fft.rfft(waveform) * np.exp(-2j * np.pi * harmonics * turns), waveform.size)
@@ -127,7 +124,7 @@ def make_bank(delta_rad: Sequence[float], turns_rps: Sequence[FloatArray]) -> Wa
         turn = np.asarray(turns_rps[k])
         if aligned:
             last = np.mean(next(reversed(aligned.values())), axis=0)
-            turn = _shifted(turn, -_best_shift(last[None, :], turn)[1])
+            turn = delayed(turn, -_best_shift(last[None, :], turn)[1])
         aligned.setdefault(float(delta_rad[k]), []).append(turn)
     if len(aligned) < LEAST_LEVELS:
         raise ValueError(f"{len(aligned)} different backlashes; waveforms need {LEAST_LEVELS} or more")

@@ -5,12 +5,10 @@ from dataclasses import dataclass
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
+from replication.datasets import FloatArray
 from replication.sensor import UNITS
 from replication.sensor.tables import UnusableLog
-
-FloatArray = NDArray[np.float64]
 
 # What a position is measured in where the speed is in a unit of `UNITS`, and further units that headers name.
 PER_TURN = {"rps": 1.0, "rpm": 60.0, "rad/s": 2 * np.pi, "turns": 1.0, "rad": 2 * np.pi, "deg": 360.0, "deg/s": 360.0}
@@ -55,12 +53,10 @@ class LogFormat:
 
     def __post_init__(self):
         """Refuse what no log could be read with, in one line."""
-        numbers = ("counts_per_turn", "commanded_speed_rps", "turn_period_s", "gear_ratio")
-        for name in numbers:
-            value = getattr(self, name)
+        for option in ("counts-per-turn", "commanded-speed_rps", "turn-period_s", "gear-ratio"):
+            value = getattr(self, option.replace("-", "_"))
             if value is not None and not (np.isfinite(value) and value > 0):
-                raise UnusableLog(f"--{name.removesuffix('_rps').removesuffix('_s').replace('_', '-')} {value:g}: "
-                                  "give a finite number above 0")  # fmt: skip
+                raise UnusableLog(f"--{option.partition('_')[0]} {value:g}: give a finite number above 0")
         if self.turn_period_s is None and self.gear_ratio is None:
             raise UnusableLog("the load's turn is not known: give --turn-period (in s) or --gear-ratio")
         if self.speed is not None and self.position is not None:

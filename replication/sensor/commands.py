@@ -14,10 +14,9 @@ import pandas as pd
 
 from replication.datasets import Recording
 from replication.methods.calibration import Calibration, calibrate
-from replication.sensor import many, trend
+from replication.sensor import fleet, trend
 from replication.sensor.columns import LogFormat
 from replication.sensor.prepare import CannotTell
-from replication.sensor.shared import with_shared_joint
 from replication.sensor.tables import UnusableLog
 from replication.sensor.verdict import SELF, Settings, as_row, as_text, examine, prepared, settings_for
 
@@ -109,7 +108,7 @@ def run_estimate(options: argparse.Namespace) -> int:
     """Print or write what logs tell of their backlash."""
     _check_output(options.plot, (".png", ".svg", ".pdf"), "--plot")
     _check_output(options.out, (".csv", ".parquet"), "--out")
-    logs = many.find_logs(options.log)
+    logs = fleet.find_logs(options.log)
     if options.plot and len(logs) > 1:
         raise UnusableLog(f"--plot: {len(logs)} logs; it shows one")
     settings = _settings(options)
@@ -117,24 +116,24 @@ def run_estimate(options: argparse.Namespace) -> int:
         return _estimate_one(logs[0], settings, options)
     kept = options.out.with_name(f"{options.out.name}.kept") if options.out else None
     try:
-        rows = many.run_fleet(logs, settings, options.jobs, kept, options.dask)
+        rows = fleet.run_fleet(logs, settings, options.jobs, kept, options.dask)
     except KeyboardInterrupt:
         print("interrupted" + (f"; the same command goes on from {kept}" if kept else ""), file=sys.stderr)
         return 1
-    bad = [row for row in rows if row["warnings"] and row["warnings"][0].startswith(many.UNUSABLE)]
+    bad = [row for row in rows if row["warnings"] and row["warnings"][0].startswith(fleet.UNUSABLE)]
     if len(bad) == len(rows):
         if kept:
             shutil.rmtree(kept, ignore_errors=True)
-        why = bad[0]["warnings"][0].removeprefix(many.UNUSABLE)
+        why = bad[0]["warnings"][0].removeprefix(fleet.UNUSABLE)
         raise UnusableLog(why if len(bad) == 1 else f"none of {len(bad)} logs is usable; the first: {why}")
     if bad:
         print(f"{len(bad)} of {len(rows)} logs are not usable; their rows say why", file=sys.stderr)
     if options.json:
         _print_json(rows)
     elif not options.out:
-        print("\n".join(as_text(many.from_row(row)) for row in rows))
+        print("\n".join(as_text(fleet.from_row(row)) for row in rows))
     if options.out:
-        _write_table(many.as_table(rows), options.out)
+        _write_table(fleet.as_table(rows), options.out)
         shutil.rmtree(kept, ignore_errors=True)
     return 0
 
@@ -203,15 +202,15 @@ def _calibration_record(log: Path, form: LogFormat, seed: int) -> Recording:
 def run_trend(options: argparse.Namespace) -> int:
     """Print how the backlash grows."""
     _check_output(options.plot, (".png", ".svg", ".pdf"), "--plot")
-    logs = many.find_logs(options.log)
+    logs = fleet.find_logs(options.log)
     dates = trend.dates_of(logs, options.dates)
     settings = _settings(options)
-    rows = many.run_fleet(logs, settings, options.jobs, None, options.dask)
+    rows = fleet.run_fleet(logs, settings, options.jobs, None, options.dask)
     for row in rows:
         if row["verdict"] == "cannot tell":
             print(f"{row['file']}: {row['warnings'][0]}", file=sys.stderr)
     if settings.calibration.method == SELF:
-        rows = with_shared_joint(logs, rows, settings)
+        rows = fleet.with_shared_joint(logs, rows, settings)
     found = trend.fit_trend(rows, list(dates.values()), options.limit)
     if options.plot:
         _write_figure("trend_figure", options.plot, found)

@@ -3,13 +3,10 @@
 import numpy as np
 from matplotlib.dates import AutoDateLocator, ConciseDateFormatter
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
-from replication.datasets import Recording
+from replication.datasets import FloatArray, Recording
 from replication.figures.style import BLUE, INK, ORANGE, PINK, grid, in_style
 from replication.sensor.trend import Trend
-
-FloatArray = NDArray[np.float64]
 
 _SHOWN_TURNS = 3
 

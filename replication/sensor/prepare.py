@@ -10,14 +10,13 @@ import pandas as pd
 from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
 
-from replication.datasets import Recording
+from replication.datasets import FloatArray, Recording
 from replication.sensor import UNITS
 from replication.sensor.columns import PER_TURN, LogFormat, chosen_columns, numbers, seconds, units_per_turn
 from replication.sensor.tables import UnusableLog, read_table
 
 __all__ = ["LEAST_TURNS", "CannotTell", "LogFormat", "UnusableLog", "read_log", "record_of"]
 
-FloatArray = NDArray[np.float64]
 
 # The ring that the signature models: 21 Hz in the paper's joint.
 RING_HZ = 21.0

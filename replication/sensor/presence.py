@@ -20,9 +20,8 @@ from scipy.ndimage import median_filter
 from scipy.signal import butter, detrend, get_window, sosfiltfilt
 from scipy.stats import chi2, gamma
 
-from replication.datasets import Recording
+from replication.datasets import FloatArray, Recording
 
-FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 
 FALSE_ALARMS = 0.01  # how often noise alone may pass for a pattern

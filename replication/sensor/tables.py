@@ -1,6 +1,6 @@
-"""From a file that somebody hands in to a table of columns: CSV, Parquet and XLSX, told apart by their content.
+"""From a log file to a table of columns: CSV, Parquet and XLSX.
 
-Nothing about the file is taken on trust: not its name's ending, not its size, not what a zip directory declares.
+Log files are untrusted input: their kind is told by content, and size and archive headers are verified.
 """
 
 import io
@@ -39,13 +39,12 @@ class UnusableLog(ValueError):
 
 def read_table(path: Path) -> pd.DataFrame:
     """Columns of a CSV, Parquet or XLSX file by name, or from 1 without a header; the index is the file's row."""
-    kind = _kind(path)
     try:
-        if kind == "parquet":
-            return _read_parquet(path)
-        if kind == "workbook":
-            return _read_workbook(path)
-        return _read_text(path)
+        return {"parquet": _read_parquet, "workbook": _read_workbook, "text": _read_text}[_kind(path)](path)
+    except FileNotFoundError as error:
+        raise UnusableLog(f"{path}: no such file; check the name") from error
+    except PermissionError as error:
+        raise UnusableLog(f"{path}: no permission to read it; ask its owner for it") from error
     except OSError as error:
         raise UnusableLog(f"{path}: cannot be read ({error.strerror or error}); check the file") from error
     except MemoryError as error:
@@ -56,22 +55,16 @@ def _kind(path: Path) -> str:
     """Tell a file's kind from its first bytes, having checked that it is one."""
     try:
         status = path.stat()
-        if S_ISDIR(status.st_mode):
-            raise UnusableLog(f"{path}: a folder where a log file is needed; name a file in it")
-        if not S_ISREG(status.st_mode):
-            raise UnusableLog(f"{path}: not a regular file; copy the log into one")
-        if status.st_size == 0:
-            raise UnusableLog(f"{path}: the file is empty; export the log again")
-        with path.open("rb") as file:
-            head = file.read(_LONGEST_LINE)
-    except FileNotFoundError as error:
-        raise UnusableLog(f"{path}: no such file; check the name") from error
-    except PermissionError as error:
-        raise UnusableLog(f"{path}: no permission to read it; ask its owner for it") from error
-    except UnusableLog:
-        raise
-    except (OSError, ValueError) as error:
+    except ValueError as error:  # a name that no file can have
         raise UnusableLog(f"{path}: cannot be read ({error}); check the name") from error
+    if S_ISDIR(status.st_mode):
+        raise UnusableLog(f"{path}: a folder where a log file is needed; name a file in it")
+    if not S_ISREG(status.st_mode):
+        raise UnusableLog(f"{path}: not a regular file; copy the log into one")
+    if status.st_size == 0:
+        raise UnusableLog(f"{path}: the file is empty; export the log again")
+    with path.open("rb") as file:
+        head = file.read(_LONGEST_LINE)
     if head.startswith(b"PAR1"):
         return "parquet"
     if status.st_size > MOST_BYTES:

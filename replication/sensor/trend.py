@@ -12,12 +12,10 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 from scipy import stats
 
+from replication.datasets import FloatArray
 from replication.sensor.tables import UnusableLog
-
-FloatArray = NDArray[np.float64]
 
 CONFIDENCE = 0.95
 LEAST_POINTS = 3

@@ -11,10 +11,9 @@ from dataclasses import dataclass, fields, replace
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from replication.characteristic import first_rise
-from replication.datasets import Recording
+from replication.datasets import FloatArray, Recording
 from replication.global_fit.fit import GlobalFit, global_fit
 from replication.methods.calibration import PERIOD_MISMATCH, Backlash, Calibration, default_calibration
 from replication.methods.readings import Reading, protocol_for, read, reading_of_fit
@@ -33,8 +32,6 @@ from replication.sensor.presence import (
     typical_half_turn,
 )
 from replication.signature import signature
-
-FloatArray = NDArray[np.float64]
 
 DEFAULT_METHOD = SELF  # best on a log from nowhere: results/population.csv
 _LEAST_SHARE = 0.8  # of the pattern's energy, for the model to explain; it explains 0.96 or more in the paper's range
@@ -84,6 +81,10 @@ class Examined:
     estimate: Estimate
     recording: Recording | None = None
     model_rps: FloatArray | None = None
+
+
+# An answer, the model's curve at the record's samples [rps], and why the answer is none.
+Measured = tuple[Estimate, FloatArray, CannotTell | None]
 
 
 def settings_for(
@@ -143,22 +144,25 @@ def examine(path: Path, settings: Settings) -> Examined:
 
 
 def examine_recording(recording: Recording, settings: Settings, name: str, notes: list[str]) -> Examined:
-    """Answer for a prepared record; `notes` become warnings after the reason."""
-    blank_answer = Estimate(
+    """Answer for a prepared record: detect a pattern, fit it, judge the fit; `notes` follow the reason."""
+    answer = Estimate(
         name, method=settings.calibration.method, samples=recording.t.size, turn_period_s=recording.turn_period_s
     )
-    model = None
+    model, refusal = None, None
     try:
         recording, presence = with_its_period(recording, settings.form, settings.seed, notes)
-        blank_answer = replace(blank_answer, turn_period_s=recording.turn_period_s)
+        answer = replace(answer, turn_period_s=recording.turn_period_s)
         by_joint = settings.calibration.bank is not None or settings.calibration.method == SELF
-        if presence.found or (by_joint and presence.has_same_sign):
-            answer, model = _measured(recording, presence, settings, blank_answer, notes)
+        if not presence.found and not (by_joint and presence.has_same_sign):
+            answer = _absent(recording, presence, settings.calibration, answer)
         else:
-            answer = _absent(recording, presence, settings, blank_answer)
-    except CannotTell as refusal:
-        answer = replace(blank_answer, warnings=(str(refusal),))
-    return Examined(_finite(replace(answer, warnings=(*answer.warnings, *notes))), recording, model)
+            fit = _signature_fit(recording)
+            measured = _by_joint if settings.calibration.method == SELF else _by_calibration
+            answer, model, refusal = measured(recording, presence, fit, settings, answer, notes)
+    except CannotTell as found:
+        refusal = found
+    reason = () if refusal is None else (str(refusal),)
+    return Examined(_finite(replace(answer, warnings=(*reason, *notes))), recording, model)
 
 
 def prepared(path: Path, form: LogFormat, seed: int, notes: list[str]) -> tuple[Recording, Presence]:
@@ -224,9 +228,8 @@ def _least_energy(recording: Recording, calibration: Calibration) -> float:
     return amplitude**2 * band_energy(ring, period)
 
 
-def _absent(recording: Recording, presence: Presence, settings: Settings, blank_answer: Estimate) -> Estimate:
+def _absent(recording: Recording, presence: Presence, calibration: Calibration, answer: Estimate) -> Estimate:
     """Answer where half turns have nothing in common: no backlash, or too much noise to say so."""
-    calibration = settings.calibration
     if refusal := _other_movement(recording, calibration):
         raise refusal
     if presence.has_same_sign:
@@ -245,7 +248,7 @@ def _absent(recording: Recording, presence: Presence, settings: Settings, blank_
             f"stays hidden, more than a backlash of {least:.3g} rad makes; log more turns, or quieter",
         )
     return replace(
-        blank_answer, verdict="no backlash", amplitude_rps=0.0, amplitude_interval_rps=(0.0, hidden), backlash_rad=0.0,
+        answer, verdict="no backlash", amplitude_rps=0.0, amplitude_interval_rps=(0.0, hidden), backlash_rad=0.0,
         backlash_interval_rad=(0.0, least), rmse_rps=rmse,
     )  # fmt: skip
 
@@ -254,21 +257,23 @@ def _absent(recording: Recording, presence: Presence, settings: Settings, blank_
 # A pattern found
 
 
-def _measured(
-    recording: Recording, presence: Presence, settings: Settings, blank_answer: Estimate, notes: list[str]
-) -> tuple[Estimate, FloatArray]:
-    """Answer where half turns have a pattern in common; also the model's curve [rps]."""
-    calibration = settings.calibration
+def _signature_fit(recording: Recording) -> GlobalFit:
     try:
-        fit = global_fit(recording, protocol_for(recording))
+        return global_fit(recording, protocol_for(recording))
     except ValueError as error:
         raise CannotTell("too short", str(error)) from error
-    if calibration.method == SELF:
-        return _self_measured(recording, presence, fit, blank_answer, notes)
+
+
+def _by_calibration(
+    recording: Recording, presence: Presence, fit: GlobalFit, settings: Settings, answer: Estimate, notes: list[str]
+) -> Measured:
+    """Answer by what the calibration makes of the method's reading."""
+    calibration = settings.calibration
     if refusal := _other_movement(recording, calibration):
         amplitude = reading_of_fit(recording, "amplitude", fit)
-        return _with_amplitude(blank_answer, amplitude, str(refusal)), _signature_curve(recording, fit)
+        return _with_amplitude(answer, amplitude), _signature_curve(recording, fit), refusal
     reading = _reading(recording, settings, fit)
+    answer = _with_amplitude(answer, reading)
     model = _model_curve(recording, calibration, fit, reading)
     share = explained_share(recording, model, presence)
     if share < _LEAST_SHARE:
@@ -277,7 +282,7 @@ def _measured(
             f"a pattern repeats itself every turn, but the model explains {max(share, 0.0):.0%} of it; a faint "
             "backlash, much friction, or another cause",
         )
-        return _with_amplitude(blank_answer, reading, str(refusal)), model
+        return answer, model, refusal
     if abs(reading.amplitude_rps - fit.amplitude_rps) > _OFF * fit.amplitude_rps:
         notes.append(
             f"searches ended in other minima: their mean is {reading.amplitude_rps:.3f} rps, the best fit has "
@@ -290,23 +295,19 @@ def _measured(
             "extrapolated calibration",
             f"a signature is there, but {_value_text(reading, backlash)} lies outside {low:.3g} to {high:.3g} rad",
         )
-        return _with_amplitude(blank_answer, reading, str(refusal)), model
+        return answer, model, refusal
     if backlash.extrapolated:
         notes.append("at the edge of the calibration's range")
-    interval = backlash.interval_rad
+    low, high = backlash.interval_rad
     if not settings.is_own:
-        interval = widened(calibration.method, backlash.delta_rad, interval)
+        low, high = widened(calibration.method, backlash.delta_rad, backlash.interval_rad)
         notes.append("calibrated for the paper's joint, not for yours: give --calibration, or take method self")
-    answered = replace(
-        _with_amplitude(blank_answer, reading), verdict="backlash", backlash_rad=backlash.delta_rad,
-        backlash_interval_rad=(max(interval[0], 0.0), interval[1]),
-    )  # fmt: skip
-    return answered, model
+    return _with_backlash(answer, backlash.delta_rad, (max(low, 0.0), high)), model, None
 
 
-def _self_measured(
-    recording: Recording, presence: Presence, fit: GlobalFit, blank_answer: Estimate, notes: list[str]
-) -> tuple[Estimate, FloatArray]:
+def _by_joint(
+    recording: Recording, presence: Presence, fit: GlobalFit, _: Settings, answer: Estimate, notes: list[str]
+) -> Measured:
     """Answer from the joint that the log itself tells of."""
     amplitude = reading_of_fit(recording, "amplitude", fit)
     try:
@@ -316,21 +317,18 @@ def _self_measured(
     phases = np.arange(joint.turn_rps.size + 1) / joint.turn_rps.size
     turns = (recording.t - recording.t[0]) / recording.turn_period_s
     model = np.interp(turns % 1.0, phases, np.append(joint.turn_rps, joint.turn_rps[0]))
-    rmse = float(np.std(recording.v - model))
-    found = replace(
-        _with_amplitude(blank_answer, amplitude), rmse_rps=rmse, ring_hz=joint.ring_hz, damping_ratio=joint.damping,
-        friction_share=joint.friction,
+    answer = replace(
+        _with_amplitude(answer, amplitude), rmse_rps=float(np.std(recording.v - model)), ring_hz=joint.ring_hz,
+        damping_ratio=joint.damping, friction_share=joint.friction,
     )  # fmt: skip
-    if joint.doubt:
+    if joint.refusal_reason:
         where = f"worst at {joint.worst_phase:.2f} turns from the load hanging down"
-        return replace(found, warnings=(str(CannotTell("no such joint", f"{joint.doubt}, {where}")),)), model
+        return answer, model, CannotTell("no such joint", f"{joint.refusal_reason}, {where}")
     if explained_share(recording, model, presence) < _LEAST_SHARE:
         refusal = CannotTell("no signature", "a pattern repeats itself every turn, but no backlash that explains it")
-        return replace(found, warnings=(str(refusal),)), model
+        return answer, model, refusal
     _note_disagreement(recording, amplitude, joint, notes)
-    return replace(
-        found, verdict="backlash", backlash_rad=joint.delta_rad, backlash_interval_rad=joint.interval_rad
-    ), model
+    return _with_backlash(answer, joint.delta_rad, joint.interval_rad), model, None
 
 
 def _note_disagreement(recording: Recording, amplitude: Reading, joint: SelfFit, notes: list[str]) -> None:
@@ -355,11 +353,15 @@ def _reading(recording: Recording, settings: Settings, fit: GlobalFit) -> Readin
     return reading_of_fit(recording, calibration.method, fit, calibration.bank)
 
 
-def _with_amplitude(blank_answer: Estimate, reading: Reading, *refusals: str) -> Estimate:
+def _with_amplitude(answer: Estimate, reading: Reading) -> Estimate:
     return replace(
-        blank_answer, amplitude_rps=reading.amplitude_rps, amplitude_interval_rps=reading.amplitude_interval_rps,
-        rmse_rps=reading.rmse_rps, turn_period_s=reading.turn_period_s, warnings=refusals,
+        answer, amplitude_rps=reading.amplitude_rps, amplitude_interval_rps=reading.amplitude_interval_rps,
+        rmse_rps=reading.rmse_rps, turn_period_s=reading.turn_period_s,
     )  # fmt: skip
+
+
+def _with_backlash(answer: Estimate, delta_rad: float, interval_rad: tuple[float, float]) -> Estimate:
+    return replace(answer, verdict="backlash", backlash_rad=delta_rad, backlash_interval_rad=interval_rad)
 
 
 def _value_text(reading: Reading, backlash: Backlash) -> str:

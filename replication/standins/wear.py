@@ -90,7 +90,7 @@ def wear_tests_by_self(benches: Sequence[Bench], wears: Sequence[Wear], limit_ra
     fits = Parallel(n_jobs=-1, batch_size=4)(jobs)
     rows, answered = [], {number: [] for number in range(len(benches))}
     for (number, day, delta), fit in zip(tests, fits, strict=True):
-        if fit.doubt:
+        if fit.refusal_reason:
             continue
         answered[number].append(fit)
         shared, interval = share_joint(answered[number])[-1]

@@ -153,8 +153,8 @@ def answers_to(log: Log, methods: Sequence[str] = COMPARED_METHODS) -> dict[str,
 
 def _answer_of_self(recording: Recording) -> dict[str, object]:
     fit = fit_joint(recording)
-    details = {"sd_rad": fit.sd_rad, "misfit": fit.misfit, "unrest": fit.unrest}
-    return _answer(fit.delta_rad, fit.interval_rad, fit.doubt) | details
+    details = {"sd_rad": fit.sd_rad, "misfit": fit.misfit, "unrest": fit.ring_noise_ratio}
+    return _answer(fit.delta_rad, fit.interval_rad, fit.refusal_reason) | details
 
 
 def _answer(found_rad: float, interval_rad: tuple[float, float], reason: str) -> dict[str, object]:

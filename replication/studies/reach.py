@@ -34,7 +34,7 @@ def _answer(log: Log) -> dict[str, dict[str, object]]:
     except ValueError as error:
         unknown = dict.fromkeys(("found_rad", "sd_rad", "bound_rad"), np.nan)
         return {"self": unknown | {"answer": str(error).split(": ", 1)[-1]}}
-    answer = fit.doubt.split(" (")[0] or "yes"
+    answer = fit.refusal_reason.split(" (")[0] or "yes"
     return {"self": {"found_rad": fit.delta_rad, "sd_rad": fit.sd_rad, "answer": answer}}
 
 

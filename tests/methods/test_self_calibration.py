@@ -55,7 +55,7 @@ def test_white_noise_is_found_with_its_size_in_every_harmonic():
     found = turn_harmonics(noise())
     assert found.sample_rms_rps == pytest.approx(0.06, rel=0.1)
     assert found.sd == pytest.approx(0.06 / np.sqrt(2 * 2200), rel=0.35)
-    assert found.unrest == pytest.approx(1.0, abs=0.3)
+    assert found.ring_noise_ratio == pytest.approx(1.0, abs=0.3)
     assert not set(found.order) & {0, 1, 40}
 
 
@@ -70,7 +70,7 @@ def test_a_sinusoid_between_the_harmonics_does_not_leak_into_them():
 def test_a_joint_that_nobody_calibrated_tells_its_backlash(seed):
     bench, log = bench_log(seed)
     found = fit_joint(log)
-    assert found.doubt == ""
+    assert found.refusal_reason == ""
     assert abs(found.delta_rad - 9e-4) < 3 * found.sd_rad
     assert found.sd_rad < 4e-5
     assert 0.7 < found.misfit < 1.4
@@ -96,7 +96,7 @@ def test_the_same_log_gives_the_same_answer():
 def test_clean_records_are_told_to_a_few_percent_of_the_backlash():
     for delta in (5e-4, 1.2e-3):
         found = fit_joint(simulate_recordings(identified_joint(), [delta])[0])
-        assert found.doubt == ""
+        assert found.refusal_reason == ""
         assert found.interval_rad[0] < delta < found.interval_rad[1]
         assert found.delta_rad == pytest.approx(delta, rel=0.01)
 
@@ -106,14 +106,14 @@ def test_a_second_mass_is_found_or_held_by_the_interval():
     for number in range(6):
         log = draw_odd_log("second ring", 9e-4, np.random.default_rng((3, number)))
         found = fit_joint(log)
-        told += bool(found.doubt) or found.interval_rad[0] < 9e-4 < found.interval_rad[1]
+        told += bool(found.refusal_reason) or found.interval_rad[0] < 9e-4 < found.interval_rad[1]
     # Of 90 % told, fewer than four of six come once in a hundred times.
     assert told >= 4
 
 
 def test_a_clear_second_mass_is_named():
     log = draw_odd_log("two loads", 9e-4, np.random.default_rng(6))
-    assert fit_joint(log).doubt
+    assert fit_joint(log).refusal_reason
 
 
 def test_a_push_of_a_second_mass_is_what_it_lacks_of_the_load():
@@ -130,14 +130,14 @@ def test_a_push_of_a_second_mass_is_what_it_lacks_of_the_load():
 
 def test_a_drive_of_another_structure_is_refused():
     log = draw_odd_log(KINDS[2], 9e-4, np.random.default_rng(4))
-    assert "no joint of the paper's kind" in fit_joint(log).doubt
+    assert "no joint of the paper's kind" in fit_joint(log).refusal_reason
 
 
 def test_a_record_that_rings_on_from_turn_to_turn_is_refused():
     log = bench_log()[1]
     rng = np.random.default_rng(2)
     ringing = 0.2 * np.sin(2 * np.pi * 21.3 * log.t + np.cumsum(rng.normal(0, 0.15, log.t.size)))
-    assert "do not repeat" in fit_joint(replace(log, v=log.v + ringing)).doubt
+    assert "do not repeat" in fit_joint(replace(log, v=log.v + ringing)).refusal_reason
 
 
 def test_turns_that_still_ring_from_the_start_are_left_out():
@@ -159,7 +159,7 @@ def test_how_the_speed_was_measured_is_told_from_the_log():
     noisy = replace(direct, v=direct.v + np.random.default_rng(3).normal(0, 0.02, direct.v.size))
     found = fit_joint(noisy)
     assert found.smoothing == pytest.approx(0.0, abs=0.2)
-    assert found.doubt == ""
+    assert found.refusal_reason == ""
     assert abs(found.delta_rad - 9e-4) < 3 * found.sd_rad
 
 

@@ -12,7 +12,7 @@ from replication.commands.main import main
 from replication.data.authors import authors_file
 from replication.datasets import level_delta_rad
 from replication.methods.calibration import default_calibration
-from replication.sensor import commands, many
+from replication.sensor import commands, fleet
 from replication.sensor.tables import UnusableLog
 
 TURN = ["--turn-period", "0.4"]
@@ -134,7 +134,7 @@ def test_a_table_can_be_parquet(log, tmp_path, capsys):
 
 def test_an_interrupted_table_says_how_to_go_on_and_does(log, tmp_path, capsys, monkeypatch):
     other = write(silent(), tmp_path / "silent.csv")
-    table, whole, done = tmp_path / "table.csv", many.estimate, []
+    table, whole, done = tmp_path / "table.csv", fleet.estimate, []
 
     def interrupted(path, settings):
         if done:
@@ -142,12 +142,12 @@ def test_an_interrupted_table_says_how_to_go_on_and_does(log, tmp_path, capsys, 
         done.append(path)
         return whole(path, settings)
 
-    monkeypatch.setattr(many, "estimate", interrupted)
+    monkeypatch.setattr(fleet, "estimate", interrupted)
     status, _, err = ran(capsys, "estimate", log, other, *TURN, "--out", table)
     assert status == 1
     assert "goes on from" in err
     assert not table.exists()
-    monkeypatch.setattr(many, "estimate", lambda path, settings: whole(path, settings) if path == other else 1 / 0)
+    monkeypatch.setattr(fleet, "estimate", lambda path, settings: whole(path, settings) if path == other else 1 / 0)
     assert ran(capsys, "estimate", log, other, *TURN, "--out", table)[0] == 0
     assert pd.read_csv(table)["verdict"].tolist() == ["backlash", "no backlash"]
 

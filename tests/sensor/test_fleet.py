@@ -10,7 +10,7 @@ import pandas as pd
 import pytest
 from made_logs import TURN, noisy, silent, write
 
-from replication.sensor import many
+from replication.sensor import fleet
 from replication.sensor.tables import UnusableLog
 from replication.sensor.verdict import as_row, estimate, settings_for
 
@@ -41,7 +41,7 @@ class Deadly(type(Path())):
 
 
 def test_a_folder_stands_for_all_logs_below_it_each_once(folder):
-    found = many.find_logs([folder, folder / "log1.csv", folder / "missing.csv"])
+    found = fleet.find_logs([folder, folder / "log1.csv", folder / "missing.csv"])
     assert [path.name for path in found] == [
         "silent.csv", "empty.csv", "log0.csv", "log1.csv", "text.csv", "missing.csv"
     ]  # fmt: skip
@@ -49,12 +49,12 @@ def test_a_folder_stands_for_all_logs_below_it_each_once(folder):
 
 def test_a_folder_without_logs_is_refused(tmp_path):
     with pytest.raises(UnusableLog, match="no logs in this folder"):
-        many.find_logs([tmp_path])
+        fleet.find_logs([tmp_path])
 
 
 def test_one_bad_log_never_stops_the_rest_and_its_row_says_why(folder):
-    paths = many.find_logs([folder])
-    rows = many.run_fleet(paths, SETTINGS, jobs=1)
+    paths = fleet.find_logs([folder])
+    rows = fleet.run_fleet(paths, SETTINGS, jobs=1)
     assert [row["file"] for row in rows] == [str(path) for path in paths]
     assert [row["verdict"] for row in rows] == ["no backlash", "cannot tell", "backlash", "backlash", "cannot tell"]
     assert rows[1]["warnings"] == [f"unusable log: {paths[1]}: the file is empty; export the log again"]
@@ -67,14 +67,14 @@ def test_even_a_defect_of_the_program_costs_one_row_only(folder, monkeypatch):
             raise ZeroDivisionError("division\nby zero")
         return estimate(path, settings)
 
-    monkeypatch.setattr(many, "estimate", broken)
-    rows = many.run_fleet(many.find_logs([folder]), SETTINGS, jobs=1)
+    monkeypatch.setattr(fleet, "estimate", broken)
+    rows = fleet.run_fleet(fleet.find_logs([folder]), SETTINGS, jobs=1)
     assert rows[2]["warnings"][0].endswith("log0.csv: ZeroDivisionError: division by zero")
     assert rows[3]["verdict"] == "backlash"
 
 
 def test_the_table_is_tidy(folder):
-    table = many.as_table(many.run_fleet(many.find_logs([folder]), SETTINGS, jobs=1))
+    table = fleet.as_table(fleet.run_fleet(fleet.find_logs([folder]), SETTINGS, jobs=1))
     assert len(table) == 5
     assert table["file"].is_unique
     measured = table[table["verdict"] == "backlash"]
@@ -89,7 +89,7 @@ def test_several_processes_give_the_same_rows_as_one_and_a_log_on_which_one_dies
     deadly = f"deadly{os.getpid()}.csv"
     write(noisy(), folder / deadly)
     paths = [Deadly(folder / name) for name in ("log0.csv", deadly, "empty.csv")]
-    alone, together = (many.run_fleet(paths, SETTINGS, jobs=jobs) for jobs in (1, 2))
+    alone, together = (fleet.run_fleet(paths, SETTINGS, jobs=jobs) for jobs in (1, 2))
     assert alone[1]["verdict"] == "backlash"
     assert "the process that read it died" in together[1]["warnings"][0]
     assert (alone[0], alone[2]) == (together[0], together[2])
@@ -109,38 +109,38 @@ def counting(monkeypatch, stop_after=None):
         done.append(path.name)
         return estimate(path, settings)
 
-    monkeypatch.setattr(many, "estimate", counted)
+    monkeypatch.setattr(fleet, "estimate", counted)
     return done
 
 
 def test_an_interrupted_run_goes_on_where_it_was(folder, tmp_path, monkeypatch):
-    paths, kept = many.find_logs([folder]), tmp_path / "kept"
-    whole = many.run_fleet(paths, SETTINGS, jobs=1)
+    paths, kept = fleet.find_logs([folder]), tmp_path / "kept"
+    whole = fleet.run_fleet(paths, SETTINGS, jobs=1)
     first = counting(monkeypatch, stop_after=3)
     with pytest.raises(KeyboardInterrupt):
-        many.run_fleet(paths, SETTINGS, 1, kept)
+        fleet.run_fleet(paths, SETTINGS, 1, kept)
     second = counting(monkeypatch)
-    assert many.run_fleet(paths, SETTINGS, 1, kept) == whole
+    assert fleet.run_fleet(paths, SETTINGS, 1, kept) == whole
     assert sorted(first + second) == sorted(path.name for path in paths)
 
 
 def test_a_changed_log_or_other_settings_are_not_taken_from_what_was_kept(folder, tmp_path, monkeypatch):
-    paths, kept = many.find_logs([folder]), tmp_path / "kept"
-    many.run_fleet(paths, SETTINGS, 1, kept)
+    paths, kept = fleet.find_logs([folder]), tmp_path / "kept"
+    fleet.run_fleet(paths, SETTINGS, 1, kept)
     write(noisy(15e-4), folder / "log0.csv", digits=4)
     done = counting(monkeypatch)
-    many.run_fleet(paths, SETTINGS, 1, kept)
+    fleet.run_fleet(paths, SETTINGS, 1, kept)
     assert done == ["log0.csv"]
-    many.run_fleet(paths, replace(SETTINGS, seed=2), 1, kept)
+    fleet.run_fleet(paths, replace(SETTINGS, seed=2), 1, kept)
     assert len(done) == 1 + len(paths)
 
 
 def test_the_rows_that_were_kept_are_those_of_the_logs(folder, tmp_path):
     kept = tmp_path / "kept"
-    rows = many.run_fleet([folder / "log0.csv"], SETTINGS, 1, kept)
+    rows = fleet.run_fleet([folder / "log0.csv"], SETTINGS, 1, kept)
     assert rows == [as_row(estimate(folder / "log0.csv", SETTINGS))]
-    assert many.from_row(rows[0]) == estimate(folder / "log0.csv", SETTINGS)
-    assert many.run_fleet([folder / "log0.csv"], SETTINGS, 1, kept) == rows
+    assert fleet.from_row(rows[0]) == estimate(folder / "log0.csv", SETTINGS)
+    assert fleet.run_fleet([folder / "log0.csv"], SETTINGS, 1, kept) == rows
 
 
 # ---------------------------------------------------------------------------------------------------------------
@@ -170,7 +170,7 @@ def test_on_a_cluster_nothing_is_lost_and_nothing_twice_when_a_worker_dies(tmp_p
     with distributed.LocalCluster(n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None) as cluster:
         killer = threading.Thread(target=kill_one, args=(cluster,), daemon=True)
         killer.start()
-        rows = many.run_fleet(paths, SETTINGS, kept=kept, dask=cluster.scheduler_address)
+        rows = fleet.run_fleet(paths, SETTINGS, kept=kept, dask=cluster.scheduler_address)
         killer.join(timeout=5)
     assert killed
     assert killed[0] < len(paths)
@@ -188,10 +188,10 @@ def test_joints_that_nobody_calibrated_get_the_same_answers_here_and_on_a_cluste
     for path, delta in zip(paths, (5e-4, 9e-4, 15e-4), strict=True):
         write(noisy(delta), path)
     settings = settings_for(TURN, method="self")
-    here = many.run_fleet(paths, settings, jobs=1)
+    here = fleet.run_fleet(paths, settings, jobs=1)
     assert [row["method"] for row in here] == ["self"] * 3
     with distributed.LocalCluster(n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None) as cluster:
-        assert many.run_fleet(paths, settings, dask=cluster.scheduler_address) == here
+        assert fleet.run_fleet(paths, settings, dask=cluster.scheduler_address) == here
 
 
 def test_a_scheduler_that_does_not_answer_is_refused(monkeypatch):
@@ -202,4 +202,4 @@ def test_a_scheduler_that_does_not_answer_is_refused(monkeypatch):
 
     monkeypatch.setattr(distributed, "Client", nobody)
     with pytest.raises(UnusableLog, match="no scheduler answers"):
-        many.run_fleet([Path("log.csv")], SETTINGS, dask="127.0.0.1:1")
+        fleet.run_fleet([Path("log.csv")], SETTINGS, dask="127.0.0.1:1")

@@ -10,8 +10,10 @@ import pandas as pd
 from joblib import Memory, Parallel, delayed
 from tqdm import tqdm
 
+from replication.methods.self_calibration import fit_joint
+from replication.methods.shared_joint import share_joint
 from replication.sensor.tables import UnusableLog
-from replication.sensor.verdict import Estimate, Settings, as_row, estimate
+from replication.sensor.verdict import Estimate, Settings, as_row, estimate, prepared
 
 SUFFIXES = (".csv", ".tsv", ".txt", ".dat", ".log", ".parquet", ".xlsx")
 UNUSABLE = "unusable log: "
@@ -66,10 +68,8 @@ def run_fleet(
 
     Parameters
     ----------
-    paths : sequence of Path
-        The logs.
-    settings : Settings
-        How all of them are read and measured.
+    paths, settings : sequence of Path, Settings
+        The logs, and how all of them are read and measured.
     jobs : int
         Processes; -1 for all cores where that is worth it.
     kept : Path, optional
@@ -83,11 +83,6 @@ def run_fleet(
     -------
     list of dict
         One row for each log, in their order: see `verdict.as_row`.
-
-    Raises
-    ------
-    UnusableLog
-        The Dask scheduler does not answer, or Dask is not installed.
     """
     if jobs < 0 and len(paths) < _WORTH_PROCESSES and settings.calibration.method != "paper":
         jobs = 1
@@ -123,6 +118,16 @@ def as_table(rows: Sequence[Row]) -> pd.DataFrame:
     table = pd.DataFrame(flat)
     numbers = [name for name in table if name.endswith(("_rps", "_rad", "_s", "_hz", "_ratio", "_share"))]
     return table.astype(dict.fromkeys(numbers, float))
+
+
+def with_shared_joint(logs: Sequence[Path], rows: Sequence[Row], settings: Settings) -> list[Row]:
+    """Correct estimates by method self by what all logs tell of their joint; rows without a backlash stay."""
+    answered = [k for k, row in enumerate(rows) if row["verdict"] == "backlash"]
+    fits = [fit_joint(prepared(logs[k], settings.form, settings.seed, [])[0]) for k in answered]
+    corrected = list(rows)
+    for k, (delta, interval) in zip(answered, share_joint(fits) if fits else [], strict=True):
+        corrected[k] = rows[k] | {"backlash_rad": delta, "backlash_interval_rad": list(interval)}
+    return corrected
 
 
 # ---------------------------------------------------------------------------------------------------------------
