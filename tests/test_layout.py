@@ -74,3 +74,15 @@ def test_importing_the_core_loads_no_room_beyond_it(modules, kept_out):
     code = f"import sys; from replication import {modules}; print(*sys.modules, sep='\\n')"
     loaded = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=ROOT).stdout
     assert not [name for name in loaded.splitlines() if name.startswith(kept_out)]
+
+
+def test_no_module_imports_itself_by_way_of_others():
+    names = {".".join(file.relative_to(ROOT).with_suffix("").parts): file for file in PACKAGE.rglob("*.py")}
+    left = {}
+    for name, file in names.items():
+        found = imported(file)
+        left[name] = (found | {each.rpartition(".")[0] for each in found}) & set(names) - {name}
+    while left:
+        free = {name for name, others in left.items() if not others & set(left)}
+        assert free, f"a circle among {sorted(left)}"
+        left = {name: others for name, others in left.items() if name not in free}

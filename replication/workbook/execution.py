@@ -95,7 +95,7 @@ class _Client(NotebookClient):
     def process_message(self, msg, cell, cell_index):
         """Take in a message; standard error is progress, and does not belong to the notebook."""
         is_error = msg["msg_type"] == "stream" and msg["content"]["name"] == "stderr"
-        self._heard(msg["content"]["text"].strip() if is_error else None)
+        self._heard(msg["content"]["text"].strip() or None if is_error else None)
         return None if is_error else super().process_message(msg, cell, cell_index)
 
     def _heard(self, text: str | None) -> None:

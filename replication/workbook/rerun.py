@@ -37,4 +37,4 @@ def _made_by_notebooks(results: Path) -> pd.DataFrame:
     """Cells and claims that notebooks made; what a claim measured is its number."""
     cells = judging.verdicts(results).reindex(columns=COLUMNS)
     claims = judging.decided_claims(results).rename(columns={"measured": "reproduced"}).assign(source="")
-    return pd.concat([cells[cells["notebook"].fillna("") != ""], claims[COLUMNS]], ignore_index=True)
+    return pd.concat([cells[cells["notebook"].notna() & cells["notebook"].ne("")], claims[COLUMNS]], ignore_index=True)

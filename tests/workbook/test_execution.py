@@ -1,6 +1,9 @@
 import errno
 import hashlib
 import json
+import os
+import subprocess
+import sys
 
 import nbformat
 import pandas as pd
@@ -128,6 +131,22 @@ def test_a_dead_kernel_is_named(notebook, tmp_path):
     with pytest.raises(execution.NotebookFailed, match=r"small\.py, cell 2: the kernel died"):
         execution.execute(source, destination=tmp_path / "out")
     assert files_below(tmp_path / "out") == []
+
+
+def test_a_kernel_that_does_not_start_is_named_and_leaves_nothing_to_fail_at_exit(notebook, tmp_path):
+    source, out = notebook("# %%\nx = 1\n"), tmp_path / "out"
+    code = f"""
+from pathlib import Path
+from replication.workbook import execution
+try:
+    execution.execute(Path({str(source)!r}), destination=Path({str(out)!r}), environment={{"PYTHONHOME": "/nowhere"}})
+except execution.NotebookFailed as error:
+    print(error)
+"""
+    environment = os.environ | {"PYTHONPATH": str(workbook.ROOT)}
+    done = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True, check=True)
+    assert "small.py, cell 1: the kernel died" in done.stdout
+    assert "Traceback" not in done.stderr
 
 
 def test_a_killed_worker_of_a_parallel_loop_is_named(notebook, tmp_path):
