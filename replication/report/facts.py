@@ -10,6 +10,7 @@ from replication import published
 from replication.characteristic import fit_characteristic, printed_levels_rad
 from replication.report import errata
 from replication.simulator.study import simulator_attempts
+from replication.table2 import AUTHORS
 from replication.workbook import judging
 
 RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
@@ -88,6 +89,7 @@ def _table2(results: Path) -> dict[str, str]:
     authors = table[table["source"] == "authors"]
     share = 100 * authors["best_basin_runs"] / authors["runs"]
     found = {"runs": str(authors["runs"].max()), "realisations": str(authors["realisation"].nunique())}
+    found |= {"population": str(AUTHORS.population), "iterations": str(AUTHORS.iterations)}
     for source, prefix in (("authors", "best"), ("simulated", "simulated")):
         error = table[table["source"] == source].groupby("realisation")["error"]
         found |= _range(f"{prefix}_worst", error.agg(lambda part: part.abs().max()), 1)
