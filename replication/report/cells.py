@@ -24,9 +24,9 @@ SIGNS = {
     "not decided": "–",
 }
 MEANINGS = {
-    "reproduced": "computed from data or simulation, could have failed, agrees within a region fixed beforehand",
+    "reproduced": "computed from data or simulation, could have failed, agrees within its region; the rule for regions was fixed on 2026-11-22, after verdicts by tolerance had been seen",
     "erratum": "printed wrong, and our computation gives the correction",
-    "differs": "computed, and outside the region fixed beforehand",
+    "differs": "computed, and the printed number lies outside the region; fixed as above",
     "consistent": "follows from other printed numbers",
     "given": "taken over from the paper; no evidence",
     "undecided": "nearly any number would pass, or only unpublished data could tell",

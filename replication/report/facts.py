@@ -135,12 +135,12 @@ def _library(results: Path) -> dict[str, str]:
     table = pd.read_csv(results / "library_versions.csv").set_index("search")
     seeds, today = table.loc["the same, other seeds"], table.loc["today's cma"]
     found = {
-        "seeds_runs": str(seeds["runs"] // seeds["records"]),
+        "seeds_runs": f"{seeds['runs'] / seeds['records']:.0f}",
         "seeds_chance": f"{seeds['chance_percent']:.1f}",
         "seeds_chance_low": f"{seeds['chance_low_percent']:.1f}",
         "seeds_chance_high": f"{seeds['chance_high_percent']:.1f}",
-        "today_runs": str(today["runs"] // today["records"]),
-        "today_records": str(today["records"]),
+        "today_runs": f"{today['runs'] / today['records']:.0f}",
+        "today_records": f"{today['records']:.0f}",
         "today_apart": f"{today['apart_percent']:.1f}",
         "today_chance_low": f"{today['chance_low_percent']:.1f}",
         "today_chance_high": f"{today['chance_high_percent']:.1f}",
