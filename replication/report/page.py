@@ -8,8 +8,8 @@ import pandas as pd
 
 from replication import published, workbook
 from replication.report import cells as cells_of
-from replication.report import facts as facts_of
 from replication.report import errata, findings, regions, tables, web
+from replication.report import facts as facts_of
 from replication.report.cells import Cell, Judgement
 from replication.report.figures import Picture, pictures
 from replication.workbook import files, judging, provenance
