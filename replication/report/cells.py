@@ -30,7 +30,7 @@ MEANINGS = {
     "differs": "computed, and the printed number lies outside its region, whose rule was fixed on the same day",
     "consistent": "follows from other printed numbers",
     "given": "taken over from the paper; no evidence",
-    "undecided": "its region holds other numbers too or depends on one realisation, or only unpublished data could tell",
+    "undecided": "its region holds other numbers too or depends on one realisation, or the data are not public",
     "stand-in": "the original data are not public; a simulated stand-in never counts as reproduced",
     "not-run": "nothing computes it",
 }
