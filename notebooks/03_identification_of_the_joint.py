@@ -26,7 +26,9 @@
 #
 # The signals that the model made are public: eleven noise-free records. Two inertias, equations 8 and 9, gravity and a
 # digital drive are fitted to the third turn of four of them (K = 3, 6, 9, 12); only the backlash differs between
-# records. The other seven records, and all the printed theoretical $A$, are not seen by the fit and validate it.
+# records. The fit of the ratios does not use the other seven records, nor the printed theoretical $A$. The *structure*
+# of the model was chosen with all of them in view, among the models listed below, so none of them validates it
+# independently.
 #
 # Only *ratios* can be identified: multiplying every inertia, stiffness, torque and gain by one factor changes
 # nothing in the motor speed. The 5 kg of the load, as a point mass, set the scale. The damping $D_s$ and friction are
@@ -81,7 +83,8 @@ ratios
 
 # %% [markdown]
 # The intervals are those of the linearised least squares and take the residual for white, which it is not: read them
-# as lower limits. `lead_s`, when the joint started before the record, shows in the first turn only and is found there.
+# as lower limits. `lead_s`, the time from the joint's start to the record's, shows in the first turn only and is
+# identified there.
 #
 # Some ratios are known only together: four of the drive's form one shallow valley.
 
@@ -116,8 +119,8 @@ physical.to_frame()
 # %% [markdown]
 # ### The sharpness of the edge
 #
-# From 1e6 per rad on nothing changes. One record in plain sight: the misfit over its settled turns, as a share of its
-# SD.
+# From 1e6 per rad on nothing changes. Worked example: the misfit to one record over its settled turns, as a share of
+# its SD.
 
 # %%
 record = records[datasets.level_delta_rad(13)]
@@ -139,12 +142,12 @@ alpha
 # %% [markdown]
 # ### What helped, and what did not
 #
-# The log of the models that were fitted on the way. Two figures judge a model together: the waveform (normalised RMSE
-# over all records) and the peaks before sampling (against the printed $A$). A continuous drive gets the peaks to 2 %
-# and the waveform to 5 %; a drive that is sampled at 2 ms has a better waveform, and peaks that depend on its clock.
-# About 1 ms of delay in the loop *and* a derivative repair the first 10 ms after an impact; freedom at the
-# once-a-turn frequency, a second, forgetful integral, brings both figures down at once. That integral describes the
-# authors' loop; what it was in their model is not known. Friction, filters and damping add nothing.
+# The log of the models that were fitted on the way. The structure was chosen by two figures together: the waveform
+# (normalised RMSE over all records) and the peaks before sampling (against the printed $A$). A continuous drive
+# reproduces the peaks within 2 % and the waveform within 5 %; a drive sampled at 2 ms has a better waveform, and peaks
+# that depend on its clock. About 1 ms of delay in the loop *and* a derivative reduce the misfit in the first 10 ms
+# after an impact; a leaky integrator, which adds freedom at the once-a-turn frequency, lowers both figures. It
+# describes the authors' loop; what it was in their model is not known. Friction, filters and damping add nothing.
 
 # %%
 attempts = simulator_attempts()
@@ -156,7 +159,7 @@ attempts.nsmallest(8, "max_nrmse_percent")
 # %% [markdown]
 # ### The residual
 #
-# The largest level left out of the fit, and what is left over.
+# The largest level, which the fit of the ratios does not use.
 
 # %%
 simulated = simulate_recordings(committed, [datasets.level_delta_rad(13)])[0]

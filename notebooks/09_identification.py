@@ -28,9 +28,10 @@
 # record, sort the runs into basins by misfit and window, and compare rates with exact (Clopper-Pearson) intervals.
 # Then other ways to spend function evaluations, counted per success.
 #
-# The global fit uses no chance. $A$ and $v_t$ are linear given the rest and projected out; the window's edges matter
-# only by the samples they take in; the 24 windows fold onto one. A grid over $\tau$ and $\omega$ for every window
-# start, then descents in every window near the best ones. It minimises the paper's cost in the paper's box.
+# The global fit is deterministic. $A$ and $v_t$ are linear given the rest and projected out; the window's edges matter
+# only by the samples they take in; all 24 half-turn windows are averaged into one. A grid over $\tau$ and $\omega$ for
+# every window start, then descents in every window near the best ones. It minimises the paper's cost in the paper's
+# box.
 #
 # $A$'s interval mixes a normal distribution for each possible window start, weighted by its likelihood. $A$ is given
 # for a window that starts midway between two samples, and without its sign. The interval holds if the signature is the
@@ -89,8 +90,8 @@ workbook.save_table(table, "identification_basins")
 table.head(6).round(4)
 
 # %% [markdown]
-# The stored runs are runs of this very search (notebook 1), so what parts the two columns is chance, that of the seeds:
-# `p_same` is the probability of so much of it. Thirty runs say little about a rate, and a mean over them less.
+# The stored runs are runs of this same search (notebook 1), so the two columns differ by their seeds alone: `p_same` is
+# the probability of so large a difference. Thirty runs say little about a rate, and a mean over them less.
 #
 # ### The landscape
 #
@@ -116,8 +117,8 @@ workbook.save_figure(
 # ### What raises the rate
 #
 # Success is a misfit within 0.2 % of the global fit's.
-# A population of 1000 needs some hundred generations, more than this budget buys; given them it hardly ever fails
-# (notebook 7), at about the price per success of the authors' 300.
+# A population of 1000 needs some hundred generations, more than this budget allows; with them it rarely fails
+# (notebook 7), at about the cost per success of the authors' 300.
 
 # %%
 target = best.rmse * (1 + table2.BASIN_GAP)
@@ -157,7 +158,7 @@ workbook.save_figure(
 )
 
 # %% [markdown]
-# ### Does the interval hold what it promises
+# ### Does the interval cover the true amplitude?
 #
 # On records made from the signature itself. A few hundred records a row give the rate to some 3 %: enough to see an
 # interval that is wrong, not enough to tell 93 % from 95 %.
@@ -170,8 +171,8 @@ covering.round(3)
 # %% [markdown]
 # ## Verdict
 #
-# Whether CMA-ES avoids the local minima is decided in notebook 1, on the authors' own runs; here are the rates that
-# more runs give, and the basin that every run should have ended in.
+# The rates are those of one record without noise, outside Table 2. `claims.csv` names the notebook that decides whether
+# CMA-ES avoids the local minima.
 
 # %%
 pd.Series(
@@ -190,4 +191,4 @@ pd.Series(
 #
 # 1. `level = 13`: the basins have other rates; the global fit still ends at or below the lowest run.
 # 2. `strategy_runs = 30`: the intervals of the rates narrow by a third or more; three times as long.
-# 3. `budget = 120000`: restarts get the time to pay, and every restarted strategy comes near a rate of 1.
+# 3. `budget = 120000`: restarts have time to succeed, and every restarted strategy comes near a rate of 1.

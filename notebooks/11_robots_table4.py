@@ -124,12 +124,13 @@ figure = plots.robots(population, curves, marks)
 workbook.save_figure(
     figure,
     "table4_robots",
-    caption="Simulated healthy and excessive robots: two heaps that hardly overlap, so that a threshold on A "
-    "tells them apart, unless the other axes shake the joint more.",
+    caption="Simulated healthy and excessive robots: two barely overlapping distributions, so that a threshold on A "
+    "separates them, unless the coupling torques are larger.",
 )
 
 # %% [markdown]
-# The threshold depends on how loud the arm is: that of the quiet arm on the loud one, and the loud one's own.
+# The threshold depends on the amplitude of the coupling torques: that of the quiet arm applied to the loud one, and the
+# loud one's own.
 
 # %%
 of_quiet, loud_best = best["threshold_rps"], robots.best_threshold(loud_curve)
@@ -150,11 +151,10 @@ cases
 # A joint without any backlash, shaken by one sinusoidal torque. The coupling's own frequency with the teeth in
 # contact is where the joint answers loudest, and it is also where the signature rings.
 #
-# Two things go wrong. In step with an odd multiple of the load's turn, a disturbance repeats with opposite sign half
-# a turn later, which is all that the signature asks for: its amplitude is read as $A$, and the misfit is as low as
-# with backlash. Out of step it averages out over twelve turns, until it is loud enough for a fit that begins in the
-# record's last turn: Table 1 lets $t_0$ be as late as the record's end, so that one or two windows are all that the
-# signature has to fit.
+# Two things go wrong. At an odd harmonic of the load's rotation a disturbance repeats with opposite sign half a turn
+# later, as the signature does: its amplitude is read as $A$, and the misfit is as low as with backlash. At other
+# frequencies it averages out over twelve turns, unless it is large enough for a fit that begins in the record's last
+# turn: Table 1 allows $t_0$ up to the record's end, so that the signature has only one or two windows to fit.
 
 # %%
 joint = identified_joint()
@@ -169,7 +169,7 @@ figure = plots.robots_disturbance(sweep, lines, 1 / joint.turn_period_s)
 workbook.save_figure(
     figure,
     "table4_disturbance",
-    caption="A disturbance near the ring's frequency, or at an odd multiple of the load's turn, makes a joint "
+    caption="A disturbance near the ring's frequency, or at an odd harmonic of the load's rotation, makes a joint "
     "without backlash look like one with it.",
 )
 
@@ -208,4 +208,4 @@ workbook.verdict({"stand-in": robots.table4_cells(table)})
 #    from arm to arm, and that alone makes the kinds overlap.
 # 2. `robot_seed = 2`: two other robots, B with half the backlash; its mean $A$ halves, and the best threshold of the
 #    population falls by a fifth.
-# 3. `loud_coupling = 0.3`: $A$ hardly tells the kinds apart; the area is near the 0.5 of a coin.
+# 3. `loud_coupling = 0.3`: $A$ hardly separates the kinds; the area is near 0.5, that of guessing.

@@ -30,8 +30,8 @@
 # after each impact lies near 21 Hz, and below 84 Hz nothing can be said. *The calibration*: logs of the same movement
 # at six or more known backlashes. You need none to begin: without one the joint is found from the log (notebook 14).
 #
-# Here your joint is a bench of notebook 10: other stiffness, gravity and gains than the paper's, some friction, an
-# encoder of 19 bits, and a log that starts anywhere. On the command line the steps below are
+# Here your joint is a simulated bench of notebook 10: other stiffness, gravity and gains than the paper's, some
+# friction, an encoder of 19 bits, and a log that starts anywhere. On the command line the steps below are
 #
 # ```
 # python -m replication estimate log.csv --turn-period 0.4 --plot log.png
@@ -68,8 +68,8 @@ limit_rad = 10e-4  # backlash that calls for maintenance
 #
 # ### One log, without a calibration
 #
-# The first line is the answer; the joint's line says what the log tells of the joint besides; a `note` says what was
-# assumed. A log that no joint of this kind could have made is no answer but `cannot tell`.
+# The first line is the answer; the joint's line gives what else the log shows of the joint; a `note` says what was
+# assumed. For a log that no joint of this kind could have made, the answer is `cannot tell`.
 
 # %%
 bench = joints.draw_bench(np.random.default_rng(bench_seed))
@@ -109,7 +109,7 @@ figure = plots.estimate_figure(second.recording, second.model_rps, "your joint, 
 workbook.save_figure(
     figure,
     "own_joint_log",
-    caption="The answer's waveform drawn over the log: the residual is the log's noise and nothing else.",
+    caption="The waveform of the estimate over the log: the residual is the log's noise.",
 )
 
 # %% [markdown]
@@ -146,7 +146,7 @@ workbook.save_figure(
 # %% [markdown]
 # ### What it refuses
 #
-# A sensor that always answers is no sensor. What your calibration says of logs that it should not trust:
+# A sensor must refuse logs that it cannot judge. Its answers on five such logs:
 
 # %%
 good = log(backlash_rad, 0)

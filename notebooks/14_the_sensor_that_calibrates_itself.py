@@ -31,8 +31,8 @@
 # mean turn. The backlash has no prior. Stiffness, gravity, inertia ratio, speed and integral gain are log-normal around
 # the paper's joint with an SD of 20 %, load friction has an SD of 10 % of gravity, the rest of the drive is taken as
 # known up to 2 to 3 %. The measured speed is either differenced over a sampling period or not smoothed at all: both
-# are fitted, and weighed by their evidence with a prior of nine to one, since drives difference their encoder. What is
-# faster than half the sampling rate comes back at lower harmonics, in the fit as in the log.
+# are fitted, and weighed by their evidence with a prior of nine to one, since drives difference their encoder. Above
+# half the sampling rate harmonics are aliased, in the fit as in the log.
 #
 # Sensitivities are integrated along with the state, turn after turn until it has settled. The noise of each harmonic
 # comes from what lies between the harmonics. First turns that still ring are left out. The first load harmonic and the
@@ -110,8 +110,9 @@ workbook.save_figure(
 # %% [markdown]
 # ### What the log tells of the joint
 #
-# SD before the log (prior) and after it, and how much each unknown goes with the backlash. What keeps its prior SD
-# cannot be told; what is strongly correlated with the backlash is what a calibration would have known.
+# SD before the log (prior) and after it, and the correlation of each unknown with the backlash. An unknown that keeps
+# its prior SD cannot be estimated from the log; those strongly correlated with the backlash are what a calibration
+# would determine.
 
 # %%
 fit = self_calibration.fit_joint(log)
@@ -209,7 +210,7 @@ workbook.save_table(summary, "population")
 summary
 
 # %% [markdown]
-# ### Do the intervals tell the truth?
+# ### Do the intervals cover the true backlash?
 #
 # If they do, the rank of the true backlash in the posterior is uniform from 0 to 1, and intervals of every nominal
 # level hold as often as they say. The first table says for how many logs the posterior was widened because their
@@ -247,8 +248,8 @@ workbook.save_table(reasons, "self_refused")
 reasons
 
 # %% [markdown]
-# Some benches far from the paper's hardly damp: with backlash their turns never repeat, even without noise, encoder and
-# disturbances. Such a record has no mean turn that a fit could meet.
+# Some benches far from the paper's have little damping: with backlash their turns never repeat, even without noise,
+# encoder and disturbances. Such a record has no mean turn that a fit could meet.
 
 # %%
 unanswered = refused[refused["population"] == far]

@@ -91,16 +91,16 @@ figure = plots.tornado(ends[ends["change"] != 0], ["equation 10", "amplitude", "
 workbook.save_figure(
     figure,
     "beyond_robustness",
-    caption="What each method reads when the joint has changed and nobody knows: friction misleads every method "
-    "but the joint's match.",
+    caption="Error of each method on a changed joint without recalibration: friction misleads every method but the "
+    "full joint model.",
 )
 
 # %% [markdown]
 # Friction moves the two impacts of a turn in opposite directions, so that the second no longer comes half a turn after
 # the first. The signature has that built in ($T_d = T_f/2$), and so has any waveform of the joint without friction:
-# all of them fail when friction is 20 % of the gravity torque. Only the simulated joint, with friction unknown, does
-# not. It is the one to deploy without recalibration, where the drive's gains are known; these shift it as they shift
-# the others.
+# all of them fail when friction is 20 % of the gravity torque. The joint model with friction unknown does not. All of
+# this is on simulated logs of the identified joint, which that model describes exactly but for the change; on joints
+# of another structure it is not known. A change of the drive's gains shifts it as it shifts the others.
 #
 # ## Verdict
 #

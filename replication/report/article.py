@@ -10,6 +10,7 @@ from replication.report import cells as cells_of
 from replication.report import facts, figures, findings, page
 from replication.workbook import files, judging
 
+ERRATUM = ("id", "kind", "location", "as_printed", "corrected")
 SOURCE = workbook.ROOT / "article" / "article.typ"
 
 
@@ -38,7 +39,7 @@ def content(results: Path) -> dict:
     return {
         "facts": all_facts,
         "table2": rows,
-        "errata": published.errata().reset_index()[["id", "location", "as_printed", "corrected"]].to_dict("records"),
+        "errata": published.errata().reset_index()[list(ERRATUM)].to_dict("records"),
         "open": [each.text for each in findings.findings(all_facts) if each.kind == "open"],
         "captions": {picture.name: picture.caption for picture in drawn},
         "legend": ", ".join(
@@ -52,35 +53,34 @@ def content(results: Path) -> dict:
 
 
 def _table2(results: Path, verdicts: pd.DataFrame) -> list[dict[str, str]]:
-    """Table 2's ten rows on the authors' records: printed, ours, the best basin, and the verdicts' signs."""
+    """Table 2's ten rows on the authors' records: printed, ours over the realisations, and the verdicts' signs."""
     by_id = cells_of.by_id(cells_of.cells(verdicts))
     table = pd.read_csv(results / "table2.csv")
     of_authors = table[(table["source"] == "authors") & (table["theoretical_A_rps"] > 0)]
-    first = of_authors[of_authors["noise_level"] == of_authors["noise_level"].iloc[0]]
     rows = []
-    for row in first.to_dict("records"):
-        head = f"table2.row{row['row']:02d}"
+    for row, part in of_authors.groupby("row"):
+        head = f"table2.row{row:02d}"
         mean, sd = by_id[f"{head}.mean"], by_id[f"{head}.sd"]
         rows.append(
             {
-                "row": str(row["row"]),
+                "row": str(row),
                 "theoretical": by_id[f"{head}.theoretical"].printed,
                 "printed_mean": mean.printed,
-                "mean": f"{row['mean_A_rps']:.4f}",
-                "mean_sign": _sign(mean),
-                "best": f"{row['best_A_rps']:.4f}",
+                "mean_sign": cells_of.SIGNS[mean.deciding.verdict],
+                "mean": _from_to(part["mean_A_rps"], 3),
+                "region": _from_to(pd.Series([mean.deciding.low, mean.deciding.high]), 3),
+                "best": _from_to(part["best_A_rps"], 3),
                 "printed_sd": sd.printed,
-                "sd": f"{row['sd_A_rps']:.4f}",
-                "sd_sign": _sign(sd),
-                "share": f"{row['best_basin_runs']} of {row['runs']}",
+                "sd_sign": cells_of.SIGNS[sd.deciding.verdict],
+                "sd": _from_to(part["sd_A_rps"], 4),
+                "share": f"{part['best_basin_runs'].sum()} of {part['runs'].sum()}",
             }
         )
     return rows
 
 
-def _sign(cell: cells_of.Cell) -> str:
-    judged = next(each for each in cell.judgements if each.source == "authors")
-    return cells_of.SIGNS[judged.verdict]
+def _from_to(values: pd.Series, digits: int) -> str:
+    return f"{values.min():.{digits}f}–{values.max():.{digits}f}"
 
 
 def typeset(results: Path) -> bytes:

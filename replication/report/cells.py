@@ -24,12 +24,13 @@ SIGNS = {
     "not decided": "–",
 }
 MEANINGS = {
-    "reproduced": "computed from data or simulation, could have failed, agrees within a region fixed beforehand",
+    "reproduced": "computed from data or simulation, could have failed, agrees within its region; the rule for regions "
+    "was fixed on 2026-11-22, after verdicts by tolerance had been seen",
     "erratum": "printed wrong, and our computation gives the correction",
-    "differs": "computed, and outside the region fixed beforehand",
+    "differs": "computed, and the printed number lies outside its region, whose rule was fixed on the same day",
     "consistent": "follows from other printed numbers",
     "given": "taken over from the paper; no evidence",
-    "undecided": "nearly any number would pass, or only unpublished data could tell",
+    "undecided": "its region holds other numbers too or depends on one realisation, or the data are not public",
     "stand-in": "the original data are not public; a simulated stand-in never counts as reproduced",
     "not-run": "nothing computes it",
 }

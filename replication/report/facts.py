@@ -10,6 +10,7 @@ from replication import published
 from replication.characteristic import fit_characteristic, printed_levels_rad
 from replication.report import errata
 from replication.simulator.study import simulator_attempts
+from replication.table2 import AUTHORS
 from replication.workbook import judging
 
 RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
@@ -88,6 +89,7 @@ def _table2(results: Path) -> dict[str, str]:
     authors = table[table["source"] == "authors"]
     share = 100 * authors["best_basin_runs"] / authors["runs"]
     found = {"runs": str(authors["runs"].max()), "realisations": str(authors["realisation"].nunique())}
+    found |= {"population": str(AUTHORS.population), "iterations": str(AUTHORS.iterations)}
     for source, prefix in (("authors", "best"), ("simulated", "simulated")):
         error = table[table["source"] == source].groupby("realisation")["error"]
         found |= _range(f"{prefix}_worst", error.agg(lambda part: part.abs().max()), 1)
@@ -133,12 +135,12 @@ def _library(results: Path) -> dict[str, str]:
     table = pd.read_csv(results / "library_versions.csv").set_index("search")
     seeds, today = table.loc["the same, other seeds"], table.loc["today's cma"]
     found = {
-        "seeds_runs": str(seeds["runs"] // seeds["records"]),
+        "seeds_runs": f"{seeds['runs'] / seeds['records']:.0f}",
         "seeds_chance": f"{seeds['chance_percent']:.1f}",
         "seeds_chance_low": f"{seeds['chance_low_percent']:.1f}",
         "seeds_chance_high": f"{seeds['chance_high_percent']:.1f}",
-        "today_runs": str(today["runs"] // today["records"]),
-        "today_records": str(today["records"]),
+        "today_runs": f"{today['runs'] / today['records']:.0f}",
+        "today_records": f"{today['records']:.0f}",
         "today_apart": f"{today['apart_percent']:.1f}",
         "today_chance_low": f"{today['chance_low_percent']:.1f}",
         "today_chance_high": f"{today['chance_high_percent']:.1f}",

@@ -8,8 +8,8 @@ import pandas as pd
 
 from replication import published, workbook
 from replication.report import cells as cells_of
+from replication.report import errata, findings, regions, tables, web
 from replication.report import facts as facts_of
-from replication.report import findings, regions, tables, web
 from replication.report.cells import Cell, Judgement
 from replication.report.figures import Picture, pictures
 from replication.workbook import files, judging, provenance
@@ -145,6 +145,7 @@ def page(results: Path, notebooks: Path, verdicts: pd.DataFrame, quick: bool = F
         beyond=[picture for picture in drawn if not picture.element],
         claims=claim_rows(results),
         errata=published.errata().reset_index().to_dict("records"),
+        errata_counted=errata.counted(),
         verdicts=verdicts.to_dict("records"),
         filters={
             "verdict": list(dict.fromkeys(verdicts["verdict"])),

@@ -4,14 +4,24 @@ from pathlib import Path
 
 import pandas as pd
 
+from replication.report import facts
 from replication.workbook import files, judging
+
+MULTIPLICITY = (
+    "{regions} regions of {level} % judge Table 2's means and SDs: by chance alone, {regions_missed_by_chance} is\n"
+    "expected to miss."
+)
 
 
 def status(results: Path) -> str:
-    """Make the README's status block: verdicts by element and source."""
-    counts = judging.verdict_counts(judging.verdicts(results))
-    counts.loc[("all", ""), :] = counts.sum()
-    return _markdown(counts.astype(int).reset_index())
+    """Make the README's status block: printed numbers by element and verdict, and all by the former tolerances."""
+    verdicts = judging.verdicts(results)
+    counts = judging.verdict_counts(verdicts)
+    counts.loc["all"] = counts.sum()
+    former = judging.deciding(verdicts)["by_tolerance"].value_counts()
+    counts.loc["all, by the tolerances before"] = former.reindex(counts.columns, fill_value=0)
+    table = _markdown(counts.astype(int).rename_axis("printed numbers").reset_index())
+    return f"{table}\n\n{MULTIPLICITY.format_map(facts.facts(results, verdicts))}"
 
 
 def _markdown(table: pd.DataFrame) -> str:

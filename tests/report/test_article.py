@@ -3,6 +3,7 @@
 import re
 
 import pytest
+from derived import derived, says
 from places import RESULTS
 
 from replication import published, workbook
@@ -30,10 +31,27 @@ def test_every_number_that_the_text_names_is_in_the_results():
     assert not {name for name in named if not found.get(name)}
 
 
+def test_every_number_of_the_article_is_what_the_results_give_when_it_is_derived_anew():
+    found, anew = facts.facts(RESULTS, judging.verdicts(RESULTS)), derived()
+    named = set(re.findall(r'#n\("(\w+)"\)', TEXT))
+    assert not named - anew.keys(), "a number without a derivation of its own"
+    for name in sorted(named):
+        value = anew[name]
+        assert found[name].startswith(value) if isinstance(value, str) else says(found[name], value), name
+
+
+def test_a_number_that_is_off_in_its_last_digit_is_not_what_a_text_says():
+    assert says("5.93·10⁻⁶", 5.934e-6)
+    assert not says("5.93·10⁻⁶", 5.941e-6)
+    assert says("10⁵", 1e5)
+    assert not says("12.3", 12.36)
+    assert not says("7", 8)
+
+
 def test_a_number_that_is_not_there_stops_the_typesetting(monkeypatch):
     whole = article.content(RESULTS)
-    monkeypatch.setattr(article, "content", lambda _: whole | {"facts": whole["facts"] | {"best_worst": ""}})
-    with pytest.raises(article.NotTypeset, match="best_worst"):
+    monkeypatch.setattr(article, "content", lambda _: whole | {"facts": whole["facts"] | {"best_worst_high": ""}})
+    with pytest.raises(article.NotTypeset, match="best_worst_high"):
         article.typeset(RESULTS)
     short = {name: value for name, value in whole["facts"].items() if name != "printed"}
     monkeypatch.setattr(article, "content", lambda _: whole | {"facts": short})
