@@ -80,5 +80,5 @@ def run_score(options: argparse.Namespace) -> int:
 
 def run_protocols(options: argparse.Namespace) -> int:
     """Run every candidate protocol."""
-    protocols.compute_pools(jobs=options.jobs, tell=lambda line: print(line, flush=True))
+    protocols.compute_runs(options.jobs, lambda line: print(line, flush=True))
     return 0
