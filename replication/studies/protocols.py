@@ -13,7 +13,6 @@ of the authors' notebook; a fixed window, or T_d and T_f as printed, gives an A 
    does; it does not hold if it is the other way round; otherwise it is undecided.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
@@ -22,6 +21,7 @@ import numpy as np
 import pandas as pd
 from joblib import Parallel, delayed
 from numpy.typing import NDArray
+from scipy import stats
 
 from replication import published
 from replication.compiled.folded import fold, folded_rmse
@@ -32,45 +32,33 @@ from replication.identify import Protocol, protocol_box
 from replication.search import generations, random_normals, search
 from replication.signature import Box
 from replication.table2 import AUTHORS, basin_labels, table2_levels
-from replication.workbook.files import ROOT, write_csv
+from replication.workbook.files import FLOAT_FORMAT, ROOT, write_csv
 
 FloatArray = NDArray[np.float64]
 
 ROWS = range(1, 11)
 REALISATIONS = range(1, 6)
+COLUMNS = ("mean_A_rps", "sd_A_rps")
+LEVEL = published.criterion("random_start")
 RUNS = ROOT / "results" / "protocol_runs.csv"
-PRINTED_T_S = (published.value("table1.T_d.max"), published.value("table1.T_f.max"))
+PRINTED = np.stack([published.column("Table 2", name)[: len(ROWS)] for name in ("mean", "sd")])  # [rps], (2, rows)
 WIDE = 1e3  # a box so much wider than Table 1's that no sample comes near its bounds
 
 
 @dataclass(frozen=True)
 class Candidate:
-    """A protocol that may have printed Table 2.
-
-    Attributes
-    ----------
-    name : str
-        What tables call it.
-    protocol : Protocol
-        Population, iterations, box of A, T_d and T_f, start.
-    rpm : bool
-        The record is fitted as 60 (v - mean v), as equation 10 has A, and not in rps.
-    fixed_T2_s : float, optional
-        T1 = 0 and T2 are fixed and the five other parameters have no bounds; the search begins as it does in the box.
-    runs : int
-        Runs of each row and realisation.
-    """
+    """A protocol that may have printed Table 2."""
 
     name: str
     protocol: Protocol = AUTHORS
-    rpm: bool = False
-    fixed_T2_s: float | None = None
-    runs: int = 30
+    rpm: bool = False  # the record is fitted as 60 (v - mean v), as equation 10 has A, and not in rps
+    fixed_T2_s: float | None = None  # T1 = 0 and this T2 are fixed, and the five other parameters have no bounds
+    runs: int = 30  # of each row and realisation
 
 
 def _candidates() -> tuple[Candidate, ...]:
     as_printed = replace(AUTHORS, amplitude_factor=1.0)
-    printed_T = replace(AUTHORS, T_d=PRINTED_T_S[0], T_f=PRINTED_T_S[1])
+    printed_T = replace(AUTHORS, T_d=published.value("table1.T_d.max"), T_f=published.value("table1.T_f.max"))
     # The line says T_d and the window; its T_f is taken as Table 1 has it, 2 T_d. Its runs take 30 times as long.
     line = Candidate("switched-off line", replace(printed_T, population=2000), fixed_T2_s=0.218, runs=10)
     return (
@@ -142,11 +130,104 @@ def summarise(candidate: Candidate, row: int, realisation: int) -> dict[str, str
     return key | {"mean_A_rps": A.mean(), "sd_A_rps": A.std(ddof=1), "best_basin_share": best.mean()}
 
 
-def compute_runs(jobs: int = 2, tell: Callable[[str], None] = print, path: Path = RUNS) -> None:
-    """Summarise every candidate's runs on every row and realisation; write the table after each candidate."""
-    rows: list[dict] = []
-    for candidate in CANDIDATES.values():
-        todo = [delayed(summarise)(candidate, row, R) for row in ROWS for R in REALISATIONS]
-        rows += Parallel(n_jobs=jobs)(todo)
-        write_csv(path, pd.DataFrame(rows))
-        tell(f"{candidate.name}: done")
+def compute_runs(jobs: int = 2) -> None:
+    """Summarise every candidate's runs on every row and realisation into `RUNS`."""
+    records = [(row, realisation) for row in ROWS for realisation in REALISATIONS]
+    found = Parallel(jobs, verbose=10)(delayed(_summaries)(*record) for record in records)
+    write_csv(RUNS, pd.DataFrame([row for of_candidate in zip(*found, strict=True) for row in of_candidate]))
+
+
+def _summaries(row: int, realisation: int) -> list[dict]:
+    """All candidates on one record: reading it takes a second."""
+    return [summarise(candidate, row, realisation) for candidate in CANDIDATES.values()]
+
+
+def recomputed(runs: pd.DataFrame, number: int, rng: np.random.Generator) -> pd.DataFrame:
+    """Make a few summaries again, drawn at random; `same` says that they agree to the digits that are kept."""
+    rows = []
+    for kept in runs.iloc[np.sort(rng.choice(len(runs), size=number, replace=False))].to_dict("records"):
+        again = summarise(CANDIDATES[kept["protocol"]], kept["row"], kept["realisation"])
+        numbers = {f"again_{name}": float(FLOAT_FORMAT % again[name]) for name in COLUMNS}
+        rows.append(kept | numbers | {"same": all(numbers[f"again_{name}"] == kept[name] for name in COLUMNS)})
+    return pd.DataFrame(rows)
+
+
+# ------------------------------------------------------------------------------------------------------ the judgement
+
+
+def numbers_of(runs: pd.DataFrame, name: str) -> FloatArray:
+    """Means and SDs [rps] of a candidate, shape (2, rows, realisations)."""
+    part = runs[runs["protocol"] == name]
+    return np.stack([part.pivot(index="row", columns="realisation", values=column) for column in COLUMNS])
+
+
+def student_t(numbers: FloatArray, judged: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Criterion 2: t and two-sided p of judged numbers among those of n realisations, the last axis."""
+    n, logs = numbers.shape[-1], np.log(numbers)
+    t = (np.log(judged) - logs.mean(axis=-1)) / (logs.std(axis=-1, ddof=1) * np.sqrt(1 + 1 / n))
+    return t, 2 * stats.t.sf(np.abs(t), n - 1)
+
+
+def table_p(numbers: FloatArray, judged: FloatArray) -> tuple[float, float, float]:
+    """Criterion 3: p_means, p_sds and p of a whole table of shape (2, rows), among tables of n realisations."""
+    p_means, p_sds = (stats.combine_pvalues(p, "fisher").pvalue for p in student_t(numbers, judged)[1])
+    return p_means, p_sds, min(1.0, 2 * min(p_means, p_sds))
+
+
+def leave_one_out(numbers: FloatArray) -> FloatArray:
+    """Criterion 4: p_means, p_sds and p of each realisation's table among the others', shape (realisations, 3)."""
+    n = numbers.shape[-1]
+    return np.array([table_p(np.delete(numbers, k, axis=-1), numbers[..., k]) for k in range(n)])
+
+
+def residuals(runs: pd.DataFrame) -> pd.DataFrame:
+    """Compare each printed number with each candidate: `protocol, column` ("mean" or "sd") `, row, t, p`."""
+    found = [
+        {"protocol": name, "column": column, "row": ROWS, "t": t, "p": p}
+        for name in runs["protocol"].unique()
+        for column, t, p in zip(("mean", "sd"), *student_t(numbers_of(runs, name), PRINTED), strict=True)
+    ]
+    return pd.concat(map(pd.DataFrame, found), ignore_index=True)
+
+
+def judge(runs: pd.DataFrame, level: float = LEVEL) -> pd.DataFrame:
+    """Judge every candidate by the criterion above: its settings and p-values, a row each, the largest p first."""
+    table, realisations, rows = residuals(runs), sorted(runs["realisation"].unique()), []
+    outside = table[table["p"] < 0.05].groupby(["protocol", "column"]).size()
+    for name, part in runs.groupby("protocol", sort=False):
+        candidate, numbers = CANDIDATES[name], numbers_of(runs, name)
+        settings, left_out = candidate.protocol, leave_one_out(numbers)
+        p_means, p_sds, p = table_p(numbers, PRINTED)
+        of = {"protocol": name, "population": settings.population, "start": settings.start}
+        of |= {"amplitude_factor": settings.amplitude_factor, "T_d_s": settings.T_d, "T_f_s": settings.T_f}
+        of |= {"rpm": candidate.rpm, "bounds": candidate.fixed_T2_s is None, "runs": part["runs"].iloc[0]}
+        of |= {"p_means": p_means, "p_sds": p_sds, "p": p, "explains": p >= level}
+        of |= {f"p_left_out_R{R}": left_out[k, 2] for k, R in enumerate(realisations)}
+        of |= {"p_left_out_smallest": left_out[:, 2].min(), "p_left_out_median": np.median(left_out[:, 2])}
+        for k, column in enumerate(("mean", "sd")):
+            of[f"{column}s_outside"] = outside.get((name, column), 0)
+            of[f"left_out_{column}s_rejected"] = (left_out[:, k] < 0.05).sum()
+        rows.append(of | {"best_basin_share": part["best_basin_share"].mean()})
+    return pd.DataFrame(rows).sort_values("p", ascending=False, kind="stable", ignore_index=True)
+
+
+def random_start(judged: pd.DataFrame) -> tuple[bool | None, str]:
+    """Criterion 6: whether the start was drawn, from `judge`'s table, and what was measured."""
+    best = judged.sort_values("p", ascending=False).groupby(judged["start"] != "whole").first()
+    drawn, whole = best.loc[True], best.loc[False]
+    holds = {(True, False): True, (False, True): False}.get((drawn["explains"], whole["explains"]))
+    text = "largest p of Table 2 with a drawn start {:.2g} ({}), with the whole record {:.2g} ({})"
+    return holds, text.format(drawn["p"], drawn["protocol"], whole["p"], whole["protocol"])
+
+
+def whole_table_p(results: Path) -> pd.DataFrame:
+    """What the report reads: `p_means, p_sds, p, explains` of every candidate, the largest p first, by its name."""
+    return pd.read_csv(results / "protocols.csv").set_index("protocol")[["p_means", "p_sds", "p", "explains"]]
+
+
+def finding(judged: pd.DataFrame) -> str:
+    """The finding in one sentence, from `whole_table_p`."""
+    explaining = [f"{name} (p = {p:.2g})" for name, p in judged.loc[judged["explains"], "p"].items()]
+    names = f": {', '.join(explaining)}" if explaining else ""
+    apart = "; the table cannot tell them apart" if len(explaining) > 1 else ""
+    return f"{len(explaining) or 'None'} of {len(judged)} candidate protocols can have printed Table 2{names}{apart}."
