@@ -127,7 +127,7 @@ rows.round(3)
 print(protocols.finding(judged.set_index("protocol")))
 
 # %%
-claims = {"random_start": protocols.random_start(judged)}
+claims = {"random_start": protocols.random_start(judged, {"random_start": level})}
 workbook.verdict(claims=claims)
 
 # %% [markdown]
