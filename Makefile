@@ -62,7 +62,7 @@ scoreboard: .venv/.installed  ## score every method on logs of known backlash, i
 population: .venv/.installed  ## every method on joints that nobody calibrated, into results/population_logs.csv
 	OPENBLAS_NUM_THREADS=1 $(RUN) population
 
-protocols: .venv/.installed  ## runs of every protocol that may have printed Table 2, into results/protocols
+protocols: .venv/.installed  ## run every protocol that may have printed Table 2, into results/protocol_runs.csv
 	OPENBLAS_NUM_THREADS=1 $(RUN) protocols
 
 identify-joint: .venv/.installed  ## identify the simulated joint anew from the authors' records

@@ -65,8 +65,8 @@ def _parser() -> argparse.ArgumentParser:
     which = diff.add_mutually_exclusive_group()
     which.add_argument("--quick", action="store_const", dest="made", const="quick", help="of the quick run")
     which.add_argument("--lab", action="store_const", dest="made", const="lab", help="of notebooks run by hand")
-    pools = add_command(commands, "protocols", _STUDIES, "runs of every candidate protocol, into results/protocols")
-    pools.add_argument("--jobs", type=int, default=2, help="processes (default: 2)")
+    runs = add_command(commands, "protocols", _STUDIES, "runs of every candidate protocol, into protocol_runs.csv")
+    runs.add_argument("--jobs", type=int, default=2, help="processes (default: 2)")
     score = add_command(commands, "score", _STUDIES, "score your own method on the scoreboard's logs")
     score.add_argument("method", help="module:function; takes a Recording, returns the backlash [rad]")
     return parser

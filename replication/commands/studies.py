@@ -1,6 +1,7 @@
 """What the commands of studies do; each writes its results."""
 
 import argparse
+import os
 import sys
 
 from replication import workbook
@@ -80,5 +81,8 @@ def run_score(options: argparse.Namespace) -> int:
 
 def run_protocols(options: argparse.Namespace) -> int:
     """Run every candidate protocol."""
-    protocols.compute_pools(jobs=options.jobs, tell=lambda line: print(line, flush=True))
+    from replication.workbook.execution import PINNED_ENVIRONMENT  # as slow to import as `running`
+
+    os.environ.update(PINNED_ENVIRONMENT)  # what runs there again, notebook 17, has to find the same to the last bit
+    protocols.compute_runs(options.jobs)
     return 0

@@ -10,6 +10,7 @@ from replication import published
 from replication.characteristic import fit_characteristic, printed_levels_rad
 from replication.report import errata
 from replication.simulator.study import simulator_attempts
+from replication.studies import protocols
 from replication.table2 import AUTHORS
 from replication.workbook import judging
 
@@ -152,13 +153,11 @@ def _library(results: Path) -> dict[str, str]:
 
 
 def _candidates(results: Path) -> dict[str, str]:
-    table = pd.read_csv(results / "protocols.csv")
-    likeliest = table.iloc[0]
-    return {
-        "candidates": str(len(table)),
-        "likeliest": likeliest["protocol"],
-        "likeliest_share": f"{100 * likeliest['share']:.0f}",
-    }
+    judged = protocols.whole_table_p(results)
+    found = {"candidates": str(len(judged)), "candidates_explaining": str(judged["explains"].sum())}
+    of_notebook = judged.loc["authors' notebook"]
+    numbers = {f"notebook_{name}": f"{of_notebook[name]:.2g}" for name in ("p_means", "p_sds", "p")}
+    return found | numbers | {"protocol_finding": protocols.finding(judged)}
 
 
 def _outcome(verdicts: pd.DataFrame, cell: str) -> float:

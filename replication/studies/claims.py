@@ -374,11 +374,6 @@ def little_tuning(table: pd.DataFrame, criteria: Criteria = None) -> Decision:
 # ----------------------------------------------------------------------------- claims that other notebooks decide
 
 
-def random_start(odds: float, criteria: Criteria = None) -> Decision:
-    """Whether a random start is likelier than the whole record, from the odds of their likeliest protocols."""
-    return published.decide("random_start", odds, criteria), f"odds of a random start over the whole record {odds:.2g}"
-
-
 def local_minima(table: pd.DataFrame, criteria: Criteria = None) -> Decision:
     """Whether runs avoid local minima, from `table2.table2` of the authors' records, all realisations.
 

@@ -8,6 +8,7 @@ import pandas as pd
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator, NullLocator
 from numpy.typing import NDArray
+from scipy import stats
 
 from replication.figures.style import BLUE, GREEN, INK, ORANGE, PINK, PRINTED, SKY, grid, in_style
 
@@ -180,38 +181,37 @@ def tornado(table: pd.DataFrame, methods: Sequence[str]) -> Figure:
 
 
 @in_style
-def protocol_ranking(table: pd.DataFrame, shown: int) -> Figure:
-    """Show how likely the first candidates make the printed table, from both realisations and from each alone."""
-    part = table.head(shown)
-    figure, axes = grid(figsize=(8.5, 0.24 * shown + 1.2))
-    axis, at = axes[0, 0], np.arange(len(part))
-    looks = {"log_likelihood": ("both", BLUE, "o"), "log_likelihood_R1": ("R = 1", ORANGE, "s")}
-    looks |= {"log_likelihood_R2": ("R = 2", GREEN, "^")}
-    for column, (label, colour, marker) in looks.items():
-        axis.plot(part[column], at, color=colour, marker=marker, markersize=5, linestyle="none", label=label)
-    axis.set_yticks(at, part["protocol"], fontsize=8)
-    axis.invert_yaxis()
-    axis.set_xlabel("log-likelihood of the printed Table 2")
-    axis.legend(loc="upper left")
-    return figure
+def protocol_residuals(table: pd.DataFrame, judged: pd.DataFrame, level: float, degrees: int) -> Figure:
+    """Show how far Table 2's means (a) and SDs (b) lie from each candidate's, in t, and the p of the whole table.
 
+    Parameters
+    ----------
+    table : DataFrame
+        From `protocols.residuals`.
+    judged : DataFrame
+        From `protocols.judge`: one row of the figure each, in this order.
+    level : float
+        Inside the grey band one number's p is above this.
+    degrees : int
+        Degrees of freedom of t.
 
-@in_style
-def predicted_regions(tables: Mapping[str, pd.DataFrame]) -> Figure:
-    """Show 95 % regions of Table 2's means and SDs, and the printed numbers."""
-    figure, axes = grid(1, 2, figsize=(10.0, 4.2))
-    for axis, column, label in zip(axes[0], ("mean", "sd"), ("mean over the printed one", "SD [rps]"), strict=True):
-        for number, (name, table) in enumerate(tables.items()):
-            part = table[table["column"] == column]
-            scale = part["printed"] if column == "mean" else 1.0
-            x = part["row"] + 0.3 * (number - (len(tables) - 1) / 2)
-            colour = (BLUE, ORANGE, GREEN, PINK)[number]
-            axis.vlines(x, part["low"] / scale, part["high"] / scale, color=colour, linewidth=2, label=name)
-            axis.plot(x, part["median"] / scale, color=colour, marker="os^D"[number], linestyle="none", markersize=4)
-        printed = part["printed"]
-        axis.plot(part["row"], printed / (printed if column == "mean" else 1.0), **PRINTED)
-        axis.set(xlabel="row of Table 2", ylabel=label, yscale="linear" if column == "mean" else "log")
-        axis.xaxis.set_major_locator(MaxNLocator(integer=True))
-    handles, labels = axes[0, 0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside upper center", ncols=4, fontsize=9)
+    Returns
+    -------
+    Figure
+    """
+    figure, axes = grid(1, 2, figsize=(5.4, 0.36 * len(judged) + 1.2), sharey=True)
+    edge = stats.t.isf(level / 2, degrees)
+    for axis, letter, column, text in zip(axes[0], "ab", ("mean", "sd"), ("means", "SDs"), strict=True):
+        axis.axvspan(-edge, edge, color="0.9", zorder=0)
+        beside = {"xycoords": ("axes fraction", "data"), "va": "center"}
+        axis.annotate("p", (1.03, -0.9), style="italic", annotation_clip=False, **beside)
+        for at, (candidate, p) in enumerate(zip(judged["protocol"], judged[f"p_{column}s"], strict=True)):
+            part = table[(table["protocol"] == candidate) & (table["column"] == column)]
+            axis.plot(part["t"], np.full(len(part), at), "o", color=BLUE, markersize=4.5, alpha=0.6)
+            axis.annotate(f"{p:.1g}", (1.03, at), weight="bold" if p < level / 2 else "normal", **beside)
+        axis.set_title(f"({letter}) {text}", fontsize=10, loc="left")
+        axis.set(xscale="symlog", xlabel="t [-]", ylim=(len(judged) - 0.4, -0.6))
+        axis.set_xticks([-10, -1, 0, 1, 10], ["-10", "-1", "0", "1", "10"])
+        axis.xaxis.set_minor_locator(NullLocator())
+    axes[0, 0].set_yticks(range(len(judged)), judged["protocol"].str.replace(", ", ",\n"), linespacing=0.9)
     return figure

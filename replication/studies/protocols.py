@@ -1,450 +1,233 @@
-"""Which protocol printed Table 2? Candidates, their pools of runs, and how likely each makes the printed table.
+"""Which protocol printed Table 2? A dozen candidates that could exist before 2022, judged on the authors' five noises.
 
-The criteria, written down before any pool was computed:
-
-- Summary of a row: mean and SD of |A| over 30 runs. Strays, runs outside the best basin (`table2.basin_labels`), are
-  counted too, but nothing of them is printed.
-- Predictive distribution: a row's realisation is drawn among R = 1 and 2, its pool is resampled (the pool is finite),
-  and 30 runs are drawn from that. Rows are independent: each has its own noise.
-- Likelihood of a row: a Gaussian kernel in ln mean and ln SD around each of `DRAWS` draws. Its width along ln mean is
-  how far R = 1 and R = 2 are apart in the best basin's A, rms over the rows: the printed realisation is unknown, and so
-  far it is from ours. Along ln SD it is how far they are apart in the best basin's SD, but not less than 0.13, what an
-  SD of 30 normal runs leaves open. Both are derived once, from the pool of the authors' notebook.
-- With a probability of `OTHER` a row's numbers come from something else, evenly spread over ±10 % of the theoretical A
-  (the text's limit) and, in ln SD, from 0.0003 to 0.3 rps. So no single row decides alone.
-- Prior: every candidate is as probable as any other.
-- Dropping: a candidate whose log-likelihood after `SCREENED` runs a row is more than `DROPPED_BELOW` below the best
-  gets no more runs: a share of exp(-20).
-- A region: the middle 95 % of a row's predictive means, or SDs, in another realisation.
-- The table's p-value: the share of predicted tables whose log-likelihood is no higher than the printed table's.
-- A region that holds at least half of the other nine printed numbers of its column decides nothing
-  (`workbook.judging`).
-- Choice: five rows choose the candidate, the other five judge it; odd rows for even ones and conversely, and all 252
-  choices of five.
-- Starts drawn at random against whole records: the odds of the likeliest of each, decided at 20 to 1.
+The criterion, fixed before any number was computed with it. Known before: all ten printed means lie in the intervals
+of the authors' notebook; a fixed window, or T_d and T_f as printed, gives an A far below them on R = 1 and 2.
+1. A candidate runs on the records R = 1 to 5 of each row; a row's numbers are mean and SD of |A| over the runs.
+2. For each row, t = (ln printed - m) / (s sqrt(1 + 1/5)), m and s from the five ln means, and likewise from the five
+   ln SDs: the printed table has another noise. Two-sided p by Student's t with 4 degrees of freedom.
+3. Ten p make one by Fisher's method, as each row has its own noise: p_means and p_sds. The candidate's p is
+   min(1, 2 min(p_means, p_sds)). It explains the table if p >= 0.05.
+4. Calibration: each realisation in turn takes the printed table's place, judged by the other four: five p.
+5. Multiplicity: no correction; of twelve candidates, each tested at 5 %, all right, 0.6 would fail by chance.
+6. Claim `random_start`: it holds if a candidate with a drawn start explains the table and none with the whole record
+   does; it does not hold if it is the other way round; otherwise it is undecided.
 """
 
-import math
-from collections.abc import Callable, Mapping
-from itertools import combinations
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import cache
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
+from joblib import Parallel, delayed
 from numpy.typing import NDArray
+from scipy import stats
 
 from replication import published
-from replication.studies import pools
-from replication.studies.pools import AUTHORS, BENCHES, FOLDER, GRID, ROWS, STARTS, extend_pool, pool, realisations
-from replication.studies.predictive import DRAWS, RUNS, best_basins, log_likelihood, predicted, widths
+from replication.compiled.folded import fold
+from replication.compiled.misfit import folded_rmse
+from replication.compiled.whole_run import whole_run
+from replication.datasets import Recording, from_sample, load_noisy
+from replication.identify import Protocol, protocol_box
+from replication.search import generations, random_normals, search
+from replication.signature import Box
+from replication.table2 import AUTHORS, basin_labels, table2_levels
+from replication.workbook.files import FLOAT_FORMAT, ROOT, write_csv
 
 FloatArray = NDArray[np.float64]
-Width = tuple[float, float]
 
-SCREENED = 20  # runs a row, half on R = 1, half on R = 2; half as many of the slow ones with free T_d and T_f
-DROPPED_BELOW = 20.0
-CONTROL = "rpm, population 600"  # gets all runs even if it is dropped: so far a dropped one may still rise
-CONTENDER, REFERENCE = 100, 200  # the authors' notebook, which the kernel comes from, has more
-NOISES, NOISE_ONLY = 6, 30  # fresh noises over our simulated joint and over constant speed, `RUNS` runs each
-TABLES = 1000  # that a p-value counts
-OF_AUTHORS = ["R1", "R2"]
-
-
-def compute_pools(folder: Path = FOLDER, jobs: int = 2, tell: Callable[[str], None] = print) -> None:
-    """Compute all pools: every candidate is screened, those that are not dropped get `CONTENDER` runs a row.
-
-    The likeliest of each kind of start gets them too, and the authors' notebook. The two likeliest and the authors'
-    notebook also get fresh noise over our simulated joint, records of noise alone, and stand-ins of Table 3's bench.
-    What is there is kept.
-    """
-    found = {}
-    extend_pool(GRID[AUTHORS], OF_AUTHORS, REFERENCE // 2, folder, jobs)
-    width = widths(pool(AUTHORS, folder))
-    tell(f"R = 1 and R = 2 are {100 * width[0]:.2f} % apart in A, a factor {math.exp(width[1]):.2f} in its SD")
-    for name, candidate in GRID.items():
-        screened = extend_pool(candidate, OF_AUTHORS, first_runs(name) // 2, folder, jobs)
-        part = screened[screened["seed"] <= first_runs(name) // 2]
-        found[name] = row_log_likelihoods(name, part, width).sum()
-        tell(f"{name}: {found[name]:.1f}")
-    best = max(found.values())
-    of_start = {start: [name for name in GRID if GRID[name].protocol.start == start] for start in STARTS}
-    spared = {max(names, key=found.get) for names in of_start.values()} | {CONTROL}
-    for name in sorted(found, key=found.get, reverse=True):
-        if found[name] >= best - DROPPED_BELOW or name in spared:
-            runs = extend_pool(GRID[name], OF_AUTHORS, CONTENDER // 2, folder, jobs)
-            tell(f"{name}, {CONTENDER} runs a row: {row_log_likelihoods(name, runs, width).sum():.1f}")
-    likelihoods = {name: row_log_likelihoods(name, pool(name, folder), width).sum() for name in contenders(folder)}
-    for name in {AUTHORS: 0} | dict.fromkeys(sorted(likelihoods, key=likelihoods.get)[-2:]):
-        for kind, numbers in (("S", range(1, NOISES + 1)), ("N", range(1, NOISE_ONLY + 1)), ("B", range(len(BENCHES)))):
-            extend_pool(GRID[name], [f"{kind}{number}" for number in numbers], RUNS, folder, jobs)
-        tell(f"{name}: our joint, noise alone, benches")
+ROWS = range(1, 11)
+REALISATIONS = range(1, 6)
+COLUMNS = ("mean_A_rps", "sd_A_rps")
+LEVEL = published.criterion("random_start")
+RUNS = ROOT / "results" / "protocol_runs.csv"
+PRINTED = np.stack([published.column("Table 2", name)[: len(ROWS)] for name in ("mean", "sd")])  # [rps], (2, rows)
+WIDE = 1e3  # a box so much wider than Table 1's that no sample comes near its bounds
 
 
-def first_runs(name: str) -> int:
-    """Runs a row that a candidate is screened with."""
-    return SCREENED // 2 if GRID[name].free_timing else SCREENED
+@dataclass(frozen=True)
+class Candidate:
+    """A protocol that may have printed Table 2."""
+
+    name: str
+    protocol: Protocol = AUTHORS
+    rpm: bool = False  # the record is fitted as 60 (v - mean v), as equation 10 has A, and not in rps
+    fixed_T2_s: float | None = None  # T1 = 0 and this T2 are fixed, and the five other parameters have no bounds
+    runs: int = 30  # of each row and realisation
 
 
-def contenders(folder: Path = FOLDER) -> list[str]:
-    """Names of the candidates with all `CONTENDER` runs a row."""
-    runs = {name: pool(name, folder) for name in GRID}
-    return [name for name in GRID if runs[name]["record"].isin(OF_AUTHORS).sum() >= CONTENDER * len(ROWS)]
-
-
-def printed_rows() -> FloatArray:
-    """Printed mean, SD and theoretical A of Table 2's ten rows [rps], shape (10, 3)."""
-    return np.column_stack([published.column("Table 2", name)[:10] for name in ("mean", "sd", "theoretical")])
-
-
-def row_log_likelihoods(name: str, runs: pd.DataFrame, width: Width, kind: str = "R", draws: int = DRAWS) -> FloatArray:
-    """Log-likelihood of each printed row under a candidate with some runs, shape (10,)."""
-    rng = np.random.default_rng(1)
-    return np.array(
-        [
-            log_likelihood(
-                np.array([[mean, sd]]), predicted(realisations(runs, row, GRID[name], kind), rng, draws), width, theory
-            )[0]
-            for row, (mean, sd, theory) in zip(ROWS, printed_rows(), strict=True)
-        ]
+def _candidates() -> tuple[Candidate, ...]:
+    as_printed = replace(AUTHORS, amplitude_factor=1.0)
+    printed_T = replace(AUTHORS, T_d=published.value("table1.T_d.max"), T_f=published.value("table1.T_f.max"))
+    # The line says T_d and the window; its T_f is taken as Table 1 has it, 2 T_d. Its runs take 30 times as long: there are fewer.
+    line = Candidate("switched-off line", replace(printed_T, population=2000), fixed_T2_s=0.218, runs=5)
+    return (
+        Candidate("authors' notebook"),
+        *(Candidate(f"population {size}", replace(AUTHORS, population=size)) for size in (600, 1000, 2000)),
+        Candidate("box of A as printed", as_printed),
+        Candidate("rpm about the mean", as_printed, rpm=True),
+        Candidate("rpm about the mean, population 2000", replace(as_printed, population=2000), rpm=True),
+        *(Candidate(f"start drawn {start}", replace(AUTHORS, start=start)) for start in ("per run", "per record")),
+        Candidate("T_d and T_f as printed", printed_T),
+        line,
+        replace(line, name="switched-off line, T_d = 0.2 s", protocol=replace(AUTHORS, population=2000)),
     )
 
 
-def likelihood_table(width: Width, folder: Path = FOLDER) -> pd.DataFrame:
-    """Log-likelihood of each printed row under every candidate: a row a candidate of `GRID`, columns `ROWS`."""
-    table = {name: row_log_likelihoods(name, pool(name, folder), width) for name in GRID}
-    return pd.DataFrame(table, index=ROWS).T
+CANDIDATES = {candidate.name: candidate for candidate in _candidates()}
 
 
-def odds_of_starts(log_likelihoods: pd.Series) -> tuple[float, str, str]:
-    """Odds of the likeliest candidate with a drawn start against the likeliest with the whole record, and their names.
-
-    Only populations from 300 on count.
-    """
-    large = {name: candidate.protocol for name, candidate in GRID.items() if candidate.protocol.population >= 300}
-    whole, drawn = ([n for n in large if (large[n].start == "whole") == is_whole] for is_whole in (True, False))
-    best = [str(log_likelihoods[names].idxmax()) for names in (drawn, whole)]
-    return float(np.exp(log_likelihoods[best[0]] - log_likelihoods[best[1]])), *best
+@cache
+def _record(row: int, realisation: int) -> Recording:
+    return load_noisy(table2_levels()[row - 1], realisation)
 
 
-def shares(log_likelihoods: pd.Series) -> pd.Series:
-    """Posterior shares of the candidates: every one is as probable as any other before."""
-    odds = np.exp(log_likelihoods - log_likelihoods.max())
-    return odds / odds.sum()
+def one_run(candidate: Candidate, row: int, realisation: int, seed: int) -> tuple[float, float]:
+    """Fit the authors' record of a row and a realisation once: |A| and RMSE [rps]."""
+    protocol, scale = candidate.protocol, 60.0 if candidate.rpm else 1.0
+    key = {"per run": (row, realisation, seed), "per record": (row, realisation)}.get(protocol.start)
+    start = int(np.random.default_rng(key).integers(protocol.latest_start)) if key else 0
+    record = from_sample(_record(row, realisation), start)
+    if candidate.rpm:
+        record = replace(record, v=scale * (record.v - record.v.mean()))
+    if candidate.fixed_T2_s is not None:
+        A, misfit = _run_without_bounds(candidate, record, seed)
+    else:
+        folded, box = fold(record.t, record.v, protocol.timing), protocol_box(record, protocol)
+        run = whole_run(folded, box, seed, protocol.population, protocol.iterations)
+        A, misfit = run.best[0], run.misfit
+    return abs(float(A)) / scale, float(misfit) / scale
 
 
-def ranking(likelihoods: pd.DataFrame, width: Width, folder: Path = FOLDER) -> pd.DataFrame:
-    """Rank the candidates.
+def _run_without_bounds(candidate: Candidate, record: Recording, seed: int) -> tuple[float, float]:
+    """A and misfit of a run over A, t0, tau, omega and v_t, from Table 1's box but not bounded by it."""
+    protocol = candidate.protocol
+    table1, timing = protocol_box(record, protocol), protocol.timing
+    middle, half = ((table1.upper + sign * table1.lower)[:5] / 2 for sign in (1, -1))
+    folded = fold(record.t, record.v, timing)
 
-    Parameters
-    ----------
-    likelihoods : DataFrame
-        From `likelihood_table`.
-    width : two floats
-        The kernel's, as for `likelihoods`.
+    def misfits(members: FloatArray) -> FloatArray:
+        if (np.abs(members - middle) > WIDE / 2 * half).any():
+            raise ValueError("a sample came near the bounds, which were not to be felt")
+        window = np.tile([candidate.fixed_T2_s, 0.0], (len(members), 1))
+        return folded_rmse(np.column_stack([members, window]), folded)
 
-    Returns
-    -------
-    DataFrame
-        A row a candidate, the likeliest first: `protocol`, what it is, `runs_a_row`, `log_likelihood` and from one
-        realisation alone, `share`, `best_basin_share` of its runs and `dropped` after screening.
-    """
-    part, rows = shares(likelihoods.sum(axis=1)), []
-    kept = contenders(folder)
-    for name, candidate in GRID.items():
-        runs, protocol = pool(name, folder), candidate.protocol
-        of_authors = runs[runs["record"].isin(OF_AUTHORS)]
-        single = {
-            f"log_likelihood_{label}": row_log_likelihoods(name, runs[runs["record"] == label], width).sum()
-            for label in OF_AUTHORS
-        }
-        rows.append(
-            {
-                "protocol": name,
-                "unit": candidate.unit,
-                "amplitude_factor": protocol.amplitude_factor,
-                "population": protocol.population,
-                "iterations": protocol.iterations or "default",
-                "restarts": candidate.restarts,
-                "start": protocol.start,
-                "T_d_s": "free" if candidate.free_timing else protocol.T_d,
-                "runs_a_row": len(of_authors) // len(ROWS),
-                "log_likelihood": likelihoods.loc[name].sum(),
-                **single,
-                "share": part[name],
-                "best_basin_share": best_basins(of_authors)["share"].mean(),
-                "dropped": name not in kept,
-            }
-        )
-    return pd.DataFrame(rows).sort_values("log_likelihood", ascending=False, kind="stable", ignore_index=True)
+    box = Box(middle - WIDE * half, middle + WIDE * half)
+    steps = generations(misfits, box, random_normals(seed), protocol.population, sigma=1 / WIDE)
+    found = search(steps, protocol.iterations)
+    return found.best[0], found.misfit
 
 
-def predicted_tables(name: str, runs: pd.DataFrame, width: Width, kind: str = "R", draws: int = DRAWS) -> FloatArray:
-    """Means and SDs [rps] of tables in another realisation, shape (draws, 10, 2).
-
-    Of the authors' realisations there are two only, so the numbers move by the kernel's widths, as from one of them to
-    the other; of our joint's, kind "S", there are enough.
-    """
-    rng = np.random.default_rng(2)
-    table = np.stack([predicted(realisations(runs, row, GRID[name], kind), rng, draws) for row in ROWS], axis=1)
-    return table * np.exp(width * rng.standard_normal(table.shape)) if kind == "R" else table
+def summarise(candidate: Candidate, row: int, realisation: int) -> dict[str, str | float]:
+    """Mean and SD of |A| [rps] and the best basin's share over a candidate's runs on one record."""
+    ends = np.array([one_run(candidate, row, realisation, seed) for seed in range(1, candidate.runs + 1)])
+    A, best = ends[:, 0], basin_labels(ends[:, 1]) == 0
+    key = {"protocol": candidate.name, "row": row, "realisation": realisation, "runs": len(A)}
+    return key | {"mean_A_rps": A.mean(), "sd_A_rps": A.std(ddof=1), "best_basin_share": best.mean()}
 
 
-def simulated_likelihoods(name: str, runs: pd.DataFrame, width: Width, tables: int = TABLES) -> FloatArray:
-    """Log-likelihood of each row of tables that a candidate itself would print, shape (tables, 10)."""
-    made, rng = predicted_tables(name, runs, width, draws=tables), np.random.default_rng(3)
-    drawn = [predicted(realisations(runs, row, GRID[name]), rng, DRAWS // 2) for row in ROWS]
-    theory = printed_rows()[:, 2]
-    return np.column_stack([log_likelihood(made[:, i], drawn[i], width, theory[i]) for i in range(len(ROWS))])
+def compute_runs(jobs: int = 2) -> None:
+    """Summarise every candidate's runs on every row and realisation into `RUNS`."""
+    records = [(row, realisation) for row in ROWS for realisation in REALISATIONS]
+    found = Parallel(jobs, verbose=10)(delayed(_summaries)(*record) for record in records)
+    write_csv(RUNS, pd.DataFrame([row for of_candidate in zip(*found, strict=True) for row in of_candidate]))
 
 
-def joint_p(chosen: Mapping[int, str], likelihoods: pd.DataFrame, simulated: Mapping[str, FloatArray]) -> float:
-    """Share of predicted tables that are no likelier than the printed one.
-
-    Parameters
-    ----------
-    chosen : mapping of row to name
-        The candidate that judges each row; rows that are not there are not judged.
-    likelihoods : DataFrame
-        From `likelihood_table`.
-    simulated : mapping of name to array
-        From `simulated_likelihoods`.
-    """
-    printed = sum(likelihoods.loc[name, row] for row, name in chosen.items())
-    made = sum(simulated[name][:, row - 1] for row, name in chosen.items())
-    return float((made <= printed).mean())
+def _summaries(row: int, realisation: int) -> list[dict]:
+    """All candidates on one record: reading it takes a second."""
+    return [summarise(candidate, row, realisation) for candidate in CANDIDATES.values()]
 
 
-def chosen_by(likelihoods: pd.DataFrame, rows: tuple[int, ...]) -> str:
-    """Name of the candidate under which some rows are the likeliest."""
-    return str(likelihoods[list(rows)].sum(axis=1).idxmax())
-
-
-def chosen_by_other_half(likelihoods: pd.DataFrame) -> dict[int, str]:
-    """The candidate that the odd rows choose for the even ones, and conversely, by row."""
-    odd, even = tuple(row for row in ROWS if row % 2), tuple(row for row in ROWS if row % 2 == 0)
-    return {row: chosen_by(likelihoods, even if row % 2 else odd) for row in ROWS}
-
-
-def fives() -> list[tuple[int, ...]]:
-    """All choices of five rows."""
-    return list(combinations(ROWS, len(ROWS) // 2))
-
-
-def choices(likelihoods: pd.DataFrame, simulated: Mapping[str, FloatArray]) -> pd.DataFrame:
-    """Let any five rows choose a candidate and the other five judge it.
-
-    Parameters
-    ----------
-    likelihoods : DataFrame
-        From `likelihood_table`, of the contenders.
-    simulated : mapping of name to array
-        From `simulated_likelihoods`, of each of them.
-
-    Returns
-    -------
-    DataFrame
-        A row a choice of five: `choosing` (the rows), `protocol`, and the other five rows' `log_likelihood` and `p`.
-    """
-    found = []
-    for five in fives():
-        name, others = chosen_by(likelihoods, five), [row for row in ROWS if row not in five]
-        p = joint_p(dict.fromkeys(others, name), likelihoods, simulated)
-        found.append((" ".join(map(str, five)), name, likelihoods.loc[name, others].sum(), p))
-    return pd.DataFrame(found, columns=["choosing", "protocol", "log_likelihood", "p"])
-
-
-def table2_regions(chosen: Mapping[int, str], kind: str = "R", folder: Path = FOLDER) -> pd.DataFrame:
-    """Between which numbers 95 % of the predicted tables lie.
-
-    Parameters
-    ----------
-    chosen : mapping of row to name
-        The candidate that judges each row.
-    kind : str
-        "R" predicts from the authors' records, "S" from our simulated joint's.
-
-    Returns
-    -------
-    DataFrame
-        `row, column, protocol, median, low, high, printed, inside, p`, column "mean" or "sd" [rps]; p is twice the
-        smaller tail.
-    """
-    width = widths(pool(AUTHORS, folder))
-    tables = {name: predicted_tables(name, pool(name, folder), width, kind) for name in set(chosen.values())}
+def recomputed(runs: pd.DataFrame, number: int, rng: np.random.Generator) -> pd.DataFrame:
+    """Make a few summaries again, drawn at random; `same` says that they agree to the digits that are kept."""
     rows = []
-    for row, name in chosen.items():
-        for index, column in enumerate(("mean", "sd")):
-            drawn, printed = tables[name][:, row - 1, index], printed_rows()[row - 1, index]
-            rows.append({"row": row, "column": column, "protocol": name, **_region(drawn, printed)})
+    for kept in runs.iloc[np.sort(rng.choice(len(runs), size=number, replace=False))].to_dict("records"):
+        again = summarise(CANDIDATES[kept["protocol"]], kept["row"], kept["realisation"])
+        numbers = {f"again_{name}": float(FLOAT_FORMAT % again[name]) for name in COLUMNS}
+        rows.append(kept | numbers | {"same": all(numbers[f"again_{name}"] == kept[name] for name in COLUMNS)})
     return pd.DataFrame(rows)
 
 
-def _region(drawn: FloatArray, printed: float) -> dict[str, float | bool]:
-    low, median, high = np.quantile(drawn, [0.025, 0.5, 0.975])
-    p = min(1.0, 2 * min((drawn <= printed).mean(), (drawn >= printed).mean()))
-    where = {"median": median, "low": low, "high": high, "printed": printed}
-    return where | {"inside": bool(low <= printed <= high), "p": p}
+# ------------------------------------------------------------------------------------------------------ the judgement
 
 
-def noise_only_regions(name: str, folder: Path = FOLDER) -> pd.DataFrame:
-    """Table 2's last row over many noises: mean and SD of A with its sign, and what can be compared, the RMS of A.
+def numbers_of(runs: pd.DataFrame, name: str) -> FloatArray:
+    """Means and SDs [rps] of a candidate, shape (2, rows, realisations)."""
+    part = runs[runs["protocol"] == name]
+    return np.stack([part.pivot(index="row", columns="realisation", values=column) for column in COLUMNS])
 
-    Returns
-    -------
-    DataFrame
-        `row, column, protocol, median, low, high, printed, inside, p`, column "mean", "sd" or "rms" [rps].
-    """
-    row = len(ROWS) + 1
-    drawn = predicted(realisations(pool(name, folder), row, GRID[name], "N"), np.random.default_rng(4))
-    printed = [published.value(f"table2.row{row}.{column}") for column in ("mean", "sd")]
-    both = {"mean": (drawn[:, 0], printed[0]), "sd": (drawn[:, 1], printed[1]), "rms": (_rms(drawn), _rms(printed))}
-    return pd.DataFrame(
-        [{"row": row, "column": column, "protocol": name, **_region(*pair)} for column, pair in both.items()]
+
+def student_t(numbers: FloatArray, judged: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Criterion 2: t and two-sided p of judged numbers among those of n realisations, the last axis."""
+    n, logs = numbers.shape[-1], np.log(numbers)
+    t = (np.log(judged) - logs.mean(axis=-1)) / (logs.std(axis=-1, ddof=1) * np.sqrt(1 + 1 / n))
+    return t, 2 * stats.t.sf(np.abs(t), n - 1)
+
+
+def table_p(numbers: FloatArray, judged: FloatArray) -> tuple[float, float, float]:
+    """Criterion 3: p_means, p_sds and p of a whole table of shape (2, rows), among tables of n realisations."""
+    p_means, p_sds = (stats.combine_pvalues(p, "fisher").pvalue for p in student_t(numbers, judged)[1])
+    return p_means, p_sds, min(1.0, 2 * min(p_means, p_sds))
+
+
+def leave_one_out(numbers: FloatArray) -> FloatArray:
+    """Criterion 4: p_means, p_sds and p of each realisation's table among the others', shape (realisations, 3)."""
+    n = numbers.shape[-1]
+    return np.array([table_p(np.delete(numbers, k, axis=-1), numbers[..., k]) for k in range(n)])
+
+
+def residuals(runs: pd.DataFrame) -> pd.DataFrame:
+    """Compare each printed number with each candidate: `protocol, column` ("mean" or "sd") `, row, t, p`."""
+    found = [
+        {"protocol": name, "column": column, "row": ROWS, "t": t, "p": p}
+        for name in runs["protocol"].unique()
+        for column, t, p in zip(("mean", "sd"), *student_t(numbers_of(runs, name), PRINTED), strict=True)
+    ]
+    return pd.concat(map(pd.DataFrame, found), ignore_index=True)
+
+
+def judge(runs: pd.DataFrame, level: float = LEVEL) -> pd.DataFrame:
+    """Judge every candidate by the criterion above: its settings and p-values, a row each, the largest p first."""
+    table, realisations, rows = residuals(runs), sorted(runs["realisation"].unique()), []
+    outside = table[table["p"] < 0.05].groupby(["protocol", "column"]).size()
+    for name, part in runs.groupby("protocol", sort=False):
+        candidate, numbers = CANDIDATES[name], numbers_of(runs, name)
+        settings, left_out = candidate.protocol, leave_one_out(numbers)
+        p_means, p_sds, p = table_p(numbers, PRINTED)
+        of = {"protocol": name, "population": settings.population, "start": settings.start}
+        of |= {"amplitude_factor": settings.amplitude_factor, "T_d_s": settings.T_d, "T_f_s": settings.T_f}
+        of |= {"rpm": candidate.rpm, "bounds": candidate.fixed_T2_s is None, "runs": part["runs"].iloc[0]}
+        of |= {"p_means": p_means, "p_sds": p_sds, "p": p, "explains": p >= level}
+        of |= {f"p_left_out_R{R}": left_out[k, 2] for k, R in enumerate(realisations)}
+        of |= {"p_left_out_smallest": left_out[:, 2].min(), "p_left_out_median": np.median(left_out[:, 2])}
+        for k, column in enumerate(("mean", "sd")):
+            of[f"{column}s_outside"] = outside.get((name, column), 0)
+            of[f"left_out_{column}s_rejected"] = (left_out[:, k] < 0.05).sum()
+        rows.append(of | {"best_basin_share": part["best_basin_share"].mean()})
+    return pd.DataFrame(rows).sort_values("p", ascending=False, kind="stable", ignore_index=True)
+
+
+def random_start(judged: pd.DataFrame, criteria: Mapping[str, float] | None = None) -> tuple[bool | None, str]:
+    """Criterion 6: whether the start was drawn, from `judge`'s table, and what was measured."""
+    best = judged.sort_values("p", ascending=False).groupby(judged["start"] != "whole").first()
+    drawn, whole = best.loc[True], best.loc[False]
+    text = "largest p of Table 2 with a drawn start {:.2g} ({}), with the whole record {:.2g} ({})"
+    neither = max(drawn["p"], whole["p"]) < published.criterion("random_start", criteria)
+    measured = (np.nan, np.nan) if neither else (whole["p"], drawn["p"])
+    return published.decide("random_start", measured, criteria), text.format(
+        drawn["p"], drawn["protocol"], whole["p"], whole["protocol"]
     )
 
 
-def _rms(mean_and_sd) -> FloatArray:
-    mean, sd = np.moveaxis(np.asarray(mean_and_sd, dtype=float), -1, 0)
-    return np.sqrt(mean**2 + sd**2 * (RUNS - 1) / RUNS)
+def whole_table_p(results: Path) -> pd.DataFrame:
+    """What the report reads: `p_means, p_sds, p, explains` of every candidate, the largest p first, by its name."""
+    return pd.read_csv(results / "protocols.csv").set_index("protocol")[["p_means", "p_sds", "p", "explains"]]
 
 
-def regions(name: str = AUTHORS, kind: str = "R", folder: Path = FOLDER) -> dict[str, tuple[float, float]]:
-    """Regions of Table 2's cells under one candidate, from its pool, as `workbook.verdict` takes them.
-
-    Parameters
-    ----------
-    name : str
-        A candidate of `pools.GRID`; the authors' notebook has all kinds of records.
-    kind : str
-        "R" for the authors' records, "S" for our simulated joint's, with the row without backlash.
-    folder : Path
-        Where pools are kept.
-
-    Returns
-    -------
-    dict of cell id to (low, high)
-    """
-    table = table2_regions(dict.fromkeys(ROWS, name), kind, folder)
-    if kind == "S":
-        noise = noise_only_regions(name, folder)
-        table = pd.concat([table, noise[noise["column"] != "rms"]], ignore_index=True)
-    return cells_of(table)
-
-
-def cells_of(table: pd.DataFrame) -> dict[str, tuple[float, float]]:
-    """Regions of a table of regions by cell id."""
-    return {
-        f"table2.row{row['row']:02d}.{row['column']}": (row["low"], row["high"]) for row in table.to_dict("records")
-    }
-
-
-def chosen_cells(chosen: Mapping[int, str], record: str = "R1", folder: Path = FOLDER) -> dict[str, float]:
-    """Mean and SD of |A| [rps] over the first `RUNS` runs on one realisation, by cell id.
-
-    Parameters
-    ----------
-    chosen : mapping of row to name
-        The candidate that computes each row.
-    record : str
-        The realisation, as in `pools.pool`.
-    """
-    cells = {}
-    for row, name in chosen.items():
-        runs = pool(name, folder)
-        part = runs[(runs["record"] == record) & (runs["row"] == row) & (runs["seed"] <= RUNS)]["A_rps"].abs()
-        cells |= {f"table2.row{row:02d}.mean": part.mean(), f"table2.row{row:02d}.sd": part.std(ddof=1)}
-    return cells
-
-
-def mean_tolerances(name: str, folder: Path = FOLDER) -> pd.DataFrame:
-    """What a row's mean may be off by in another realisation: what "2 % for gate and realisation" should be.
-
-    Returns
-    -------
-    DataFrame
-        By `row`: A in the best basin, `R1_rps` and `R2_rps`, and how far they are `apart_percent`; `gate_percent`, its
-        SD over runs; `noises_percent`, its SD over our joint's noises; `half_region_percent` of the predicted mean.
-    """
-    runs = pool(name, folder)
-    best = best_basins(runs[runs["row"].isin(ROWS)])
-    mean, sd = best["mean_rps"].unstack("record"), best["sd_rps"].unstack("record")
-    noises = np.log(mean[[label for label in mean if label.startswith("S")]])
-    table = table2_regions(dict.fromkeys(ROWS, name), folder=folder)
-    half = table[table["column"] == "mean"].set_index("row")
-    return pd.DataFrame(
-        {
-            "R1_rps": mean["R1"],
-            "R2_rps": mean["R2"],
-            "apart_percent": 100 * np.log(mean["R2"] / mean["R1"]),
-            "gate_percent": 100 * (sd["R1"] / mean["R1"]),
-            "noises_percent": 100 * noises.std(axis=1, ddof=1),
-            "half_region_percent": 50 * (half["high"] - half["low"]) / half["median"],
-        }
-    ).reset_index(names="row")
-
-
-def stray_pattern(name: str, width: Width, quiet_share: float, folder: Path = FOLDER) -> pd.DataFrame:
-    """How often a row is as quiet as if no run had strayed: its SD below a share of its mean.
-
-    Returns
-    -------
-    DataFrame
-        By `row`: `printed_quiet`, `predicted_quiet`, the predicted share, and `best_basin_share` of the runs.
-    """
-    runs, printed = pool(name, folder), printed_rows()
-    tables = predicted_tables(name, runs, width)
-    best = best_basins(runs[runs["record"].isin(OF_AUTHORS)])["share"].groupby("row").mean()
-    return pd.DataFrame(
-        {
-            "row": ROWS,
-            "printed_quiet": printed[:, 1] < quiet_share * printed[:, 0],
-            "predicted_quiet": (tables[:, :, 1] < quiet_share * tables[:, :, 0]).mean(axis=0),
-            "best_basin_share": best.to_numpy(),
-        }
-    )
-
-
-def bench_sds(name: str, folder: Path = FOLDER) -> pd.DataFrame:
-    """How often stand-ins of Table 3's bench, under one candidate, have SDs as small and as large as the printed ones.
-
-    Returns
-    -------
-    DataFrame
-        A row for each of `pools.BENCHES`: `noise_rps, friction_share`, `median_sd_rps` of the three states, and the
-        shares of drawn SDs `at_most_0.0010` and `at_least_0.0879`.
-    """
-    printed, runs, rng, rows = published.column("Table 3", "sd"), pool(name, folder), np.random.default_rng(5), []
-    for number, (noise, friction) in enumerate(BENCHES):
-        drawn = [predicted(realisations(runs, row, GRID[name], f"B{number}"), rng)[:, 1] for row in (1, 2, 3)]
-        rows.append(
-            {
-                "protocol": name,
-                "noise_rps": noise,
-                "friction_share": friction,
-                "median_sd_rps": np.median(drawn),
-                f"at_most_{printed.min():.4f}": (np.array(drawn) <= printed.min()).mean(),
-                f"at_least_{printed.max():.4f}": (np.array(drawn) >= printed.max()).mean(),
-            }
-        )
-    return pd.DataFrame(rows)
-
-
-def recomputed(names: list[str], number: int, rng: np.random.Generator, folder: Path = FOLDER) -> pd.DataFrame:
-    """Run a few of the pools' runs again, drawn at random.
-
-    Returns
-    -------
-    DataFrame
-        A row a run: `protocol, record, row, seed`, what the pool keeps of it and `again`, as written, and whether they
-        are the `same`.
-    """
-    kept = pd.concat([pool(name, folder).assign(protocol=name) for name in names], ignore_index=True)
-    rows = []
-    for run in kept.iloc[np.sort(rng.choice(len(kept), size=number, replace=False))].to_dict("records"):
-        recording = pools.records(run["record"])[run["row"]]
-        found = pools.one_run(GRID[run["protocol"]], recording, run["row"], run["seed"])
-        before = " ".join(f"{run[column]:.6g}" for column in pools.COLUMNS[3:])
-        again = " ".join(f"{number:.6g}" for number in found)
-        key = {column: run[column] for column in ("protocol", "record", "row", "seed")}
-        rows.append(key | {"kept": before, "again": again, "same": before == again})
-    return pd.DataFrame(rows)
+def finding(judged: pd.DataFrame) -> str:
+    """The finding in one sentence, from `whole_table_p`."""
+    explaining = [f"{name} (p = {p:.2g})" for name, p in judged.loc[judged["explains"], "p"].items()]
+    names = f": {', '.join(explaining)}" if explaining else ""
+    apart = "; the table cannot tell them apart" if len(explaining) > 1 else ""
+    return f"{len(explaining) or 'None'} of {len(judged)} candidate protocols can have printed Table 2{names}{apart}."

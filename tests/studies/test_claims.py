@@ -132,11 +132,6 @@ def test_a_stepping_torque_is_blamed_only_where_the_smooth_one_is_sound(stepping
     assert claims.discontinuities_destabilise(study)[0] is holds
 
 
-@pytest.mark.parametrize(("odds", "holds"), [(50, True), (0.01, False), (3, None)])
-def test_the_start_is_decided_by_strong_odds_only(odds, holds):
-    assert claims.random_start(odds)[0] is holds
-
-
 @pytest.mark.parametrize(("off", "holds"), [(0.02, True), (0.2, False), (0.099, None)])
 def test_an_error_near_the_limit_is_undecided(off, holds):
     theoretical = published.column("Table 2", "theoretical")[:10]
