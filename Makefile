@@ -68,6 +68,9 @@ protocols: .venv/.installed  ## runs of every protocol that may have printed Tab
 identify-joint: .venv/.installed  ## identify the simulated joint anew from the authors' records
 	$(RUN) identify-joint
 
+calibrations: .venv/.installed  ## the sensor's default calibrations anew, from the identified joint
+	$(RUN) calibrations
+
 portable: .venv/.installed  ## tests and verdicts under other processors' settings, into results/portable.csv
 	$(RUN) portable
 
