@@ -68,6 +68,9 @@ protocols: .venv/.installed  ## run every protocol that may have printed Table 2
 identify-joint: .venv/.installed  ## identify the simulated joint anew from the authors' records
 	$(RUN) identify-joint
 
+calibrations: .venv/.installed  ## the sensor's default calibrations anew, from the identified joint
+	$(RUN) calibrations
+
 # NumPy without SIMD and numba for a generic processor; of the kernels, Katmai (Prescott) needs no AVX.
 KERNELS ?= Haswell Prescott
 portable: .venv/.installed  ## the tests that compute, and the cheap notebooks' verdicts, as on other processors
