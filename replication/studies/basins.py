@@ -11,6 +11,7 @@ from joblib import Parallel, delayed
 from numpy.typing import NDArray
 from scipy import stats
 
+from replication.arrays import FloatArray
 from replication.compiled.misfit import population_rmse
 from replication.datasets import Recording
 from replication.global_fit.folding import projected_rmse
@@ -20,8 +21,6 @@ from replication.search import search as follow
 from replication.signature import FREE_PARAMETERS, Box
 from replication.statistics import rate_columns, rate_interval
 from replication.table2 import BASIN_GAP, basin_labels
-
-FloatArray = NDArray[np.float64]
 
 # Runs of one misfit whose windows start further apart are in different basins: a quarter of the oscillation.
 START_GAP_S = 0.01
@@ -115,9 +114,8 @@ def _amplitudes(runs: pd.DataFrame, lowest: pd.Series) -> dict[int, pd.DataFrame
 def _rates(pairs: list[tuple[pd.DataFrame, pd.DataFrame]]) -> dict[str, float]:
     """How many runs of the second sets end in the best basin, and the share of the first sets'."""
     before, after = (np.concatenate([part["best"] for part in parts]) for parts in zip(*pairs, strict=True))
-    low, high = rate_interval(int(after.sum()), after.size)
-    found = {"runs": after.size, "best_basin_runs": int(after.sum()), "rate": after.mean()}
-    return found | {"rate_low": low, "rate_high": high, "first_rate": before.mean()}
+    found = {"runs": after.size, "best_basin_runs": int(after.sum())}
+    return found | rate_columns(int(after.sum()), after.size) | {"first_rate": before.mean()}
 
 
 def _shift(name: str, pairs: list[tuple[pd.Series, pd.Series]], draws: int, generator: np.random.Generator) -> dict:

@@ -3,15 +3,13 @@
 import numpy as np
 import pandas as pd
 from joblib import Parallel, delayed
-from numpy.typing import NDArray
 
+from replication.arrays import FloatArray
 from replication.datasets import Recording
 from replication.global_fit.fit import global_fit
 from replication.identify import Protocol, protocol_box
 from replication.signature import signature
 from replication.statistics import rate_interval
-
-FloatArray = NDArray[np.float64]
 
 DT_S, SAMPLES, OFFSET_RPS = 0.002, 2401, 100.0
 
