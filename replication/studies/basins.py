@@ -11,6 +11,7 @@ from joblib import Parallel, delayed
 from numpy.typing import NDArray
 from scipy import stats
 
+from replication.arrays import FloatArray
 from replication.compiled.misfit import population_rmse
 from replication.datasets import Recording
 from replication.global_fit.folding import projected_rmse
@@ -20,8 +21,6 @@ from replication.search import search as follow
 from replication.signature import FREE_PARAMETERS, Box
 from replication.statistics import rate_columns, rate_interval
 from replication.table2 import BASIN_GAP, basin_labels
-
-FloatArray = NDArray[np.float64]
 
 # Runs of one misfit whose windows start further apart are in different basins: a quarter of the oscillation.
 START_GAP_S = 0.01
@@ -62,24 +61,22 @@ def basin_table(runs: pd.DataFrame) -> pd.DataFrame:
 
 def compare_basins(stored: pd.DataFrame, ours: pd.DataFrame) -> pd.DataFrame:
     """Rates of the stored runs' basins in two sets of runs, and Fisher's p; the last row is elsewhere."""
-    rows = []
-    total = {"stored": len(stored), "ours": len(ours)}
-    misfits = basin_table(stored)["rmse_rps"].tolist()
-    elsewhere = dict(total)
-    for misfit in [*misfits, np.nan]:
-        hits = dict(elsewhere)
-        if np.isfinite(misfit):
-            for name, runs in (("stored", stored), ("ours", ours)):
-                hits[name] = int(((runs["rmse_rps"] / misfit - 1).abs() < BASIN_GAP).sum())
-                elsewhere[name] -= hits[name]
-        row = {"rmse_rps": misfit}
-        for name, number in hits.items():
-            low, high = rate_interval(number, total[name])
-            row |= {f"runs_{name}": number, f"rate_{name}": number / total[name]}
-            row |= {f"rate_low_{name}": low, f"rate_high_{name}": high}
-        table = [[hits[name], total[name] - hits[name]] for name in ("stored", "ours")]
-        rows.append(row | {"p_same": stats.fisher_exact(table).pvalue})
-    return pd.DataFrame(rows)
+    sets, rows = {"stored": stored, "ours": ours}, []
+    elsewhere = {name: len(runs) for name, runs in sets.items()}
+    for misfit in basin_table(stored)["rmse_rps"]:
+        hits = {name: int(((runs["rmse_rps"] / misfit - 1).abs() < BASIN_GAP).sum()) for name, runs in sets.items()}
+        elsewhere = {name: elsewhere[name] - hits[name] for name in sets}
+        rows.append({"rmse_rps": misfit} | _compare_rates(hits, sets))
+    return pd.DataFrame([*rows, {"rmse_rps": np.nan} | _compare_rates(elsewhere, sets)])
+
+
+def _compare_rates(hits: Mapping[str, int], sets: Mapping[str, pd.DataFrame]) -> dict[str, float]:
+    row = {}
+    for name, runs in sets.items():
+        rates = rate_columns(hits[name], len(runs))
+        row |= {f"runs_{name}": hits[name]} | {f"{column}_{name}": rate for column, rate in rates.items()}
+    table = [[hits[name], len(runs) - hits[name]] for name, runs in sets.items()]
+    return row | {"p_same": stats.fisher_exact(table).pvalue}
 
 
 def compare_searches(sets: Mapping[str, pd.DataFrame], draws: int = 4000, seed: int = 1) -> pd.DataFrame:
@@ -115,9 +112,8 @@ def _amplitudes(runs: pd.DataFrame, lowest: pd.Series) -> dict[int, pd.DataFrame
 def _rates(pairs: list[tuple[pd.DataFrame, pd.DataFrame]]) -> dict[str, float]:
     """How many runs of the second sets end in the best basin, and the share of the first sets'."""
     before, after = (np.concatenate([part["best"] for part in parts]) for parts in zip(*pairs, strict=True))
-    low, high = rate_interval(int(after.sum()), after.size)
-    found = {"runs": after.size, "best_basin_runs": int(after.sum()), "rate": after.mean()}
-    return found | {"rate_low": low, "rate_high": high, "first_rate": before.mean()}
+    found = {"runs": after.size, "best_basin_runs": int(after.sum())}
+    return found | rate_columns(int(after.sum()), after.size) | {"first_rate": before.mean()}
 
 
 def _shift(name: str, pairs: list[tuple[pd.Series, pd.Series]], draws: int, generator: np.random.Generator) -> dict:

@@ -4,19 +4,15 @@ from dataclasses import replace
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
 from replication import published
 from replication.compiled.misfit import population_rmse
 from replication.datasets import Recording
 from replication.search import generations, random_normals
-from replication.signature import Box, Timing, rmse, table1_box
-from replication.studies.inspection import turn_period
-
-FloatArray = NDArray[np.float64]
+from replication.signature import Box, Timing, table1_box
+from replication.studies.inspection import stored_misfits, turn_period
 
 NAMES = ("A", "t0", "tau", "omega", "v_t", "T2", "T1")
-STORED_NAMES = ("A_rps", "t0_s", "tau_per_s", "omega_rad_per_s", "c_rps", "window_end_s", "window_start_s")
 
 # Of the stored runs; the notebook that stores them says that it had widened A's box for a comparison.
 POPULATION = 300
@@ -78,15 +74,5 @@ def table1_cells(recording: Recording, tried: pd.DataFrame) -> pd.Series:
 
 def turns_by_replay(recording: Recording, turns: range = range(8, 17)) -> pd.Series:
     """Stored runs whose misfit is reproduced, by the model's number of turns; more than recorded are alike."""
-    runs = published.authors_notebook_runs()
-    found = {
-        n: [
-            rmse(
-                recording.t, recording.v, run[list(STORED_NAMES)].to_numpy(float), Timing(run["T_d_s"], run["T_f_s"], n)
-            )
-            for _, run in runs.iterrows()
-        ]
-        for n in turns
-    }
-    stored = runs["final_rmse_rps"].to_numpy()
-    return pd.Series({n: int((np.abs(misfits - stored) < SAME_STORED_RPS).sum()) for n, misfits in found.items()})
+    stored = published.authors_notebook_runs()["final_rmse_rps"].to_numpy()
+    return pd.Series({n: int((np.abs(stored_misfits(recording, n) - stored) < SAME_STORED_RPS).sum()) for n in turns})

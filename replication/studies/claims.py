@@ -20,7 +20,7 @@ from replication.global_fit.fit import global_fit
 from replication.identify import Protocol, paper_fit
 from replication.simulator.parameters import TURN, JointParameters
 from replication.simulator.recordings import simulate_recordings
-from replication.simulator.simulate import encoder_position, simulate
+from replication.simulator.simulate import encoder_position, encoder_speed_rps, simulate
 from replication.table2 import basin_labels
 
 FloatArray = NDArray[np.float64]
@@ -262,8 +262,7 @@ def turns_reduce_noise(errors: pd.DataFrame, seeds: int, criteria: Criteria = No
 def encoder_record(joint: JointParameters, delta_rad: float, bits: int, offset_rad: float) -> Recording:
     """Speed of the simulated joint as an encoder's positions give it, differenced over 2 ms."""
     run = simulate(joint, delta_rad)
-    position = encoder_position(run.motor_position_rad + offset_rad, bits)
-    speed = np.diff(position) / (run.time_s[1] * TURN)
+    speed = encoder_speed_rps(run.motor_position_rad + offset_rad, bits, run.time_s[1])
     return Recording(run.time_s[:-1], speed, joint.commanded_speed_rps, joint.turn_period_s, f"{bits} bit encoder")
 
 

@@ -3,15 +3,13 @@
 import numpy as np
 import pandas as pd
 from joblib import Parallel, delayed
-from numpy.typing import NDArray
 
+from replication.arrays import FloatArray
 from replication.datasets import Recording
 from replication.global_fit.fit import global_fit
 from replication.identify import Protocol, protocol_box
 from replication.signature import signature
-from replication.statistics import rate_interval
-
-FloatArray = NDArray[np.float64]
+from replication.statistics import rate_columns
 
 DT_S, SAMPLES, OFFSET_RPS = 0.002, 2401, 100.0
 
@@ -64,8 +62,7 @@ def coverage_table(runs: int, seed: int) -> pd.DataFrame:
     ]
     rows = []
     for setting, part in zip(settings, Parallel(n_jobs=-1)(jobs), strict=True):
-        covered = int(part["covered"].sum())
         width = ((part["high_rps"] - part["low_rps"]) / part["true_A_rps"]).median()
-        rows.append([*setting, runs, covered / runs, *rate_interval(covered, runs), width])
-    names = ["law", "half_amplitude_rps", "runs", "rate", "rate_low", "rate_high", "relative_width"]
-    return pd.DataFrame(rows, columns=names)
+        head = dict(zip(("law", "half_amplitude_rps"), setting, strict=True)) | {"runs": runs}
+        rows.append(head | rate_columns(int(part["covered"].sum()), runs) | {"relative_width": width})
+    return pd.DataFrame(rows)

@@ -7,8 +7,8 @@ from dataclasses import replace
 import numba
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
+from replication.arrays import FloatArray
 from replication.datasets import Recording
 from replication.simulator import core
 from replication.simulator.identification import identify_joint
@@ -16,8 +16,6 @@ from replication.simulator.parameters import TURN, JointParameters
 from replication.simulator.recordings import SIMULATION_STEP_S
 from replication.simulator.simulate import settled_peak_rps, simulate, simulate_many
 from replication.simulator.study import signals
-
-FloatArray = NDArray[np.float64]
 
 # Sharpness of the edge [1/rad] at which the joint is identified anew, from sharp to soft.
 ALPHAS = (1e6, 1e5, 1e4, 1e3)

@@ -4,16 +4,17 @@ from dataclasses import replace
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 from scipy import stats
 
 from replication import published
+from replication.arrays import FloatArray
 from replication.datasets import LOW_NOISE, Recording, load_clean, load_noisy
 from replication.identify import first_generation_rmse
-from replication.signature import rmse
+from replication.signature import Timing, rmse
 from replication.table2 import AUTHORS, basin_labels, table2_levels
 
-FloatArray = NDArray[np.float64]
+# Parameters of a stored run, in `signature.FREE_PARAMETERS` order.
+STORED_NAMES = ("A_rps", "t0_s", "tau_per_s", "omega_rad_per_s", "c_rps", "window_end_s", "window_start_s")
 
 
 def impacts_alternate(recording: Recording) -> bool:
@@ -79,24 +80,32 @@ def noise_amplitudes() -> FloatArray:
     return np.array(amplitudes)
 
 
+def stored_misfits(recording: Recording, turns: int = AUTHORS.turns) -> FloatArray:
+    """Misfits [rps] of a record at the parameters of the stored runs, with so many turns in the model."""
+    return np.array(
+        [
+            rmse(
+                recording.t,
+                recording.v,
+                run[list(STORED_NAMES)].to_numpy(float),
+                Timing(run["T_d_s"], run["T_f_s"], turns),
+            )
+            for _, run in published.authors_notebook_runs().iterrows()
+        ]
+    )
+
+
 def stored_runs(recording: Recording) -> pd.DataFrame:
     """Stored misfits of the authors' 30 runs beside ours at their parameters, and today's first generations."""
-    stored = published.authors_notebook_runs()
-    newer = replace(AUTHORS, engine="cma")
-    names = ("A_rps", "t0_s", "tau_per_s", "omega_rad_per_s", "c_rps", "window_end_s", "window_start_s")
-    rows = []
-    for run in stored.to_dict("records"):
-        X = np.array([run[name] for name in names])
-        timing = replace(AUTHORS, T_d=run["T_d_s"], T_f=run["T_f_s"]).timing
-        rows.append(
-            {
-                "run": run["run"],
-                "stored_rmse_rps": run["final_rmse_rps"],
-                "rmse_rps": rmse(recording.t, recording.v, X, timing),
-                "stored_first_rps": run["generation_1_best_rmse_rps"],
-                "first_today_rps": first_generation_rmse(recording, newer, run["cma_seed"]),
-                "A_rps": run["A_rps"],
-            }
-        )
-    table = pd.DataFrame(rows)
-    return table.assign(basin=basin_labels(table["stored_rmse_rps"].to_numpy()))
+    stored, newer = published.authors_notebook_runs(), replace(AUTHORS, engine="cma")
+    return pd.DataFrame(
+        {
+            "run": stored["run"],
+            "stored_rmse_rps": stored["final_rmse_rps"],
+            "rmse_rps": stored_misfits(recording),
+            "stored_first_rps": stored["generation_1_best_rmse_rps"],
+            "first_today_rps": [first_generation_rmse(recording, newer, seed) for seed in stored["cma_seed"]],
+            "A_rps": stored["A_rps"],
+            "basin": basin_labels(stored["final_rmse_rps"].to_numpy()),
+        }
+    )

@@ -6,17 +6,15 @@ from dataclasses import dataclass
 import numpy as np
 import pandas as pd
 from joblib import Parallel, delayed
-from numpy.typing import NDArray
 from scipy import stats
 
+from replication.arrays import FloatArray
 from replication.datasets import Recording, add_uniform_noise
 from replication.methods.joint_match import NUISANCES, PHASES, changed, settled_turn
 from replication.methods.readings import read
 from replication.simulator.recordings import simulate_recordings
 from replication.simulator.simulate import JointParameters
 from replication.statistics import rate_columns
-
-FloatArray = NDArray[np.float64]
 
 # Step in backlash of central differences.
 _STEP_RAD = 1e-6

@@ -13,9 +13,9 @@ from itertools import count
 import numpy as np
 import pandas as pd
 from joblib import Parallel, delayed
-from numpy.typing import NDArray
 from scipy import optimize, stats
 
+from replication.arrays import FloatArray
 from replication.compiled.misfit import population_rmse, residual
 from replication.datasets import Recording, load_noisy
 from replication.global_fit.fit import global_fit
@@ -23,8 +23,6 @@ from replication.identify import Protocol, protocol_box
 from replication.search import generations, stop_rule
 from replication.statistics import rate_columns
 from replication.table2 import BASIN_GAP, table2_levels
-
-FloatArray = NDArray[np.float64]
 
 # What the authors' notebook spends: 300 members in 200 generations.
 BUDGET = 60_000

@@ -7,12 +7,10 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator, NullLocator
-from numpy.typing import NDArray
 from scipy import stats
 
+from replication.arrays import FloatArray
 from replication.figures.style import BLUE, GREEN, INK, ORANGE, PINK, PRINTED, SKY, grid, in_style
-
-FloatArray = NDArray[np.float64]
 
 
 @in_style
