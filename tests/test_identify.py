@@ -7,7 +7,8 @@ import pytest
 
 from replication import datasets, published
 from replication.compiled.bounds import from_box, into_box, margin_2021, margin_today
-from replication.compiled.misfit import population_rmse
+from replication.compiled.folded import fold
+from replication.compiled.misfit import folded_rmse, population_rmse
 from replication.identify import (
     Protocol,
     first_generation_rmse,
@@ -54,10 +55,11 @@ def test_todays_library_is_followed_exactly_without_its_slow_bounds(made_record)
     options = {"popsize": 30, "maxiter": 40, "seed": 7, "bounds": [box.lower, box.upper], "CMA_stds": width / 4}
     theirs = cma.CMAEvolutionStrategy((box.lower + box.upper) / 2, 1, options | {"verbose": -9, "verb_log": 0})
     ours = library_search(made_record, protocol, seed=7)
+    record = fold(made_record.t, made_record.v, protocol.timing)
     while not theirs.stop():
         expected, samples = np.array(theirs.ask()), ours.ask()
         np.testing.assert_array_equal(into_box(np.array(samples), box, margin_today), expected)
-        misfits = population_rmse(made_record.t, made_record.v, expected, protocol.timing)
+        misfits = folded_rmse(expected, record)
         theirs.tell(list(expected), misfits)
         ours.tell(samples, misfits, check_points=False)
     assert ours.countiter == 40
@@ -125,6 +127,24 @@ def test_every_fit_lies_in_the_box(made_record):
         fit = paper_fit(made_record, protocol, seed)
         assert (box.lower <= fit.X).all()
         assert (box.upper >= fit.X).all()
+
+
+@pytest.mark.parametrize("engine", ["2021", "cma"])
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"population": 3}, "population 3"),
+        ({"iterations": 0}, "iterations 0"),
+        ({"amplitude_factor": 0.0}, "the box is empty"),
+        ({"amplitude_factor": -1.0}, "the box is empty"),
+        ({"T_d": 0.0}, "must lie above 0"),
+        ({"T_f": -0.4}, "must lie above 0"),
+        ({"T_f": 9.0}, "shorter than one turn"),
+    ],
+)
+def test_settings_that_cannot_be_searched_with_are_one_clear_error(made_record, engine, change, words):
+    with pytest.raises(ValueError, match=words):
+        paper_fit(made_record, Protocol(engine=engine, **change), 1)
 
 
 @pytest.mark.parametrize("engine", ["2021", "cma"])

@@ -70,14 +70,14 @@ def _run(fold, bounds, start, unit, weights, mu, rates, seed, iterations):
     p_sigma, p_c = np.zeros(n), np.zeros(n)
     z, x = np.empty((n, size)), np.empty((n, size))
     history = np.empty((iterations, 7))
-    best, misfit = m, np.inf
+    best, misfit, spare = m, np.inf, np.nan
     for g in range(1, iterations + 1):
         C = (C + C.T) / 2
         D, beside, B = tridiagonal(C.copy())
         diagonalise(D, beside, B)
         D = np.sqrt(np.maximum(D, 1e-15 * D[-1]))
         # Equation 12.
-        _draw(z)
+        spare = _draw(z, spare)
         for i in range(n):
             z[i] *= D[i]
         _turn(B, z, x)
@@ -124,10 +124,14 @@ def _run(fold, bounds, start, unit, weights, mu, rates, seed, iterations):
 
 
 @numba.njit(cache=True)
-def _draw(z):
-    """Fill the columns of z by Marsaglia's polar method, as NumPy's legacy generator does."""
-    n, kept, spare = z.shape[0], False, 0.0
+def _draw(z, spare):
+    """Fill the columns of z by Marsaglia's polar method, as NumPy's legacy generator does; return what is left over.
+
+    It makes two numbers at a time; the second, `spare`, is nan where none waits for the next generation.
+    """
+    n = z.shape[0]
     for k in range(z.size):
+        kept = not np.isnan(spare)
         if not kept:
             square = 0.0
             while square >= 1.0 or square == 0.0:
@@ -135,9 +139,9 @@ def _draw(z):
                 second = 2.0 * np.random.random() - 1.0  # noqa: NPY002
                 square = first * first + second * second
             factor = np.sqrt(-2.0 * np.log(square) / square)
-            spare = factor * first
         z[k % n, k // n] = spare if kept else factor * second
-        kept = not kept
+        spare = np.nan if kept else factor * first
+    return spare
 
 
 @numba.njit(cache=True)
