@@ -62,33 +62,31 @@ def table2(table: pd.DataFrame, regions: pd.DataFrame) -> Figure:
     Figure
     """
     figure, axes = grid(3, 1, sharex=True, figsize=(6.2, 8.0), height_ratios=(3, 3, 2.4))
-    for axis, source, colour, title in (
-        (axes[0, 0], "authors", BLUE, "(a) authors' records, R = 1 to 5"),
-        (axes[1, 0], "simulated", ORANGE, "(b) our simulated records, five noises"),
+    shade = {"width": 0.7, "color": "0.88", "zorder": 0, "label": "95 % region of the authors' records"}
+    low, high = (100 * (regions[f"mean_{end}"] / regions["mean"] - 1) for end in ("low", "high"))
+    axes[0, 0].bar(regions.index, high - low, bottom=low, **shade)
+    axes[2, 0].bar(regions.index, regions["sd_high"] - regions["sd_low"], bottom=regions["sd_low"], **shade)
+    for axis, source, colour, side, title in (
+        (axes[0, 0], "authors", BLUE, -0.12, "(a) authors' records, R = 1 to 5"),
+        (axes[1, 0], "simulated", ORANGE, 0.12, "(b) our simulated records, five noises"),
     ):
         part = table[table["source"] == source]
         mean = regions["mean"].loc[part["row"]].to_numpy()
-        _percent(axis, part["row"] - 0.12, part["mean_A_rps"] / mean, "o", colour, "mean of the runs")
-        _percent(axis, part["row"] + 0.12, part["best_A_rps"] / mean, "s", colour, "best basin", mfc="none")
-        theory = part.drop_duplicates("row")
-        ratio = theory["theoretical_A_rps"] / regions["mean"].loc[theory["row"]].to_numpy()
-        _percent(axis, theory["row"], ratio, "+", INK, "theoretical A, printed", markersize=8)
+        theory = part["theoretical_A_rps"] / mean
         axis.axhline(0, color=INK, linewidth=0.8, label="printed mean")
+        _percent(axis, part["row"], theory, "+", INK, "theoretical A, printed", markersize=8)
+        _percent(axis, part["row"] - 0.12, part["mean_A_rps"] / mean, "o", colour, f"mean of the runs, {source}")
+        _percent(axis, part["row"] + 0.12, part["best_A_rps"] / mean, "s", colour, f"best basin, {source}", mfc="none")
         axis.set_title(title, loc="left", fontsize=10)
         axis.set_ylabel("against printed mean [%]")
-    low, high = (100 * (regions[f"mean_{end}"] / regions["mean"] - 1) for end in ("low", "high"))
-    region = {"width": 0.7, "color": "0.88", "zorder": 0}
-    axes[0, 0].bar(regions.index, high - low, bottom=low, label="95 % region", **region)
-    axes[0, 0].legend(fontsize=8, ncols=3, loc="upper center")
-    axis = axes[2, 0]
-    axis.bar(regions.index, regions["sd_high"] - regions["sd_low"], bottom=regions["sd_low"], **region)
-    for source, colour, offset in (("authors", BLUE, -0.12), ("simulated", ORANGE, 0.12)):
-        part = table[table["source"] == source]
-        axis.plot(part["row"] + offset, part["sd_A_rps"], "o", color=colour, markersize=4, label=source)
-    axis.plot(regions.index, regions["sd"], **PRINTED)
-    axis.set_title("(c) SD over the runs", loc="left", fontsize=10)
-    axis.set(xlabel="row of Table 2", ylabel="SD of A [rps]", yscale="log", xticks=list(regions.index))
-    axis.legend(fontsize=8, ncols=3, loc="upper center")
+        axes[2, 0].plot(part["row"] + side, part["sd_A_rps"], "o", color=colour, markersize=4)
+    axes[2, 0].plot(regions.index, regions["sd"], **PRINTED | {"label": "printed SD"})
+    axes[2, 0].set_title("(c) SD over the runs, both", loc="left", fontsize=10)
+    axes[2, 0].set(xlabel="row of Table 2", ylabel="SD of A [rps]", yscale="log", xticks=list(regions.index))
+    named = {
+        label: handle for axis in axes[:, 0] for handle, label in zip(*axis.get_legend_handles_labels(), strict=True)
+    }
+    figure.legend(named.values(), named.keys(), loc="outside lower center", ncols=2, fontsize=8)
     return figure
 
 
