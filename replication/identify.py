@@ -4,8 +4,8 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from replication.arrays import FloatArray
 from replication.compiled.bounds import from_box, into_box, margin_today
 from replication.compiled.folded import fold
 from replication.compiled.misfit import folded_rmse
@@ -13,8 +13,6 @@ from replication.compiled.whole_run import whole_run
 from replication.datasets import Recording
 from replication.search import Generation, Search, checked, generations, random_normals
 from replication.signature import DAMPING_PER_S, FREQUENCY_HZ, Box, Timing, table1_box
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -14,11 +14,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from replication.arrays import FloatArray
 from replication.compiled.bounds import from_box, into_box
 from replication.compiled.eigen import symmetric_eigen
 from replication.signature import Box
-
-FloatArray = NDArray[np.float64]
 
 # What a search keeps of each generation.
 HISTORY = ("best", "median", "upper_quartile", "sigma", "axis_ratio", "smallest_std", "largest_std")

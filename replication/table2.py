@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from tqdm import tqdm
 
 from replication import published
+from replication.arrays import FloatArray
 from replication.datasets import (
     LOW_NOISE,
     Recording,
@@ -23,8 +24,6 @@ from replication.identify import Protocol, paper_fit
 from replication.signature import FREE_PARAMETERS
 from replication.simulator.parameters import JointParameters
 from replication.simulator.recordings import simulate_recordings
-
-FloatArray = NDArray[np.float64]
 
 # Runs whose misfits differ by less are the same basin: rounding at the window's end moves the misfit by up to 0.15 %.
 BASIN_GAP = 2e-3

@@ -7,11 +7,10 @@ from collections.abc import Callable
 
 import numba
 import numpy as np
-from numpy.typing import NDArray
 
+from replication.arrays import FloatArray
 from replication.signature import Box
 
-FloatArray = NDArray[np.float64]
 Margin = Callable[[FloatArray], FloatArray]
 
 

@@ -6,11 +6,9 @@ All windows then hold the same values, so that a member of a population costs on
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from replication.arrays import FloatArray
 from replication.signature import Timing
-
-FloatArray = NDArray[np.float64]
 
 
 class Fold(NamedTuple):

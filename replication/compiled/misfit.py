@@ -5,12 +5,10 @@ Equal to `rmse` but for rounding, for windows that overlap, lie partly or wholly
 
 import numba
 import numpy as np
-from numpy.typing import NDArray
 
+from replication.arrays import FloatArray
 from replication.compiled.folded import Fold, unfolded
 from replication.signature import Timing
-
-FloatArray = NDArray[np.float64]
 
 CANCELLED = 1e-3  # a smaller share of the record's square, left over by a difference, has lost digits
 

@@ -5,7 +5,6 @@ Each sum is taken in the order of `search`. Samples are columns here, so that lo
 
 import numba
 import numpy as np
-from numpy.typing import NDArray
 
 from replication.compiled.bounds import Margin, _into_box, _margins, from_box, margin_2021
 from replication.compiled.eigen import diagonalise, tridiagonal
@@ -13,8 +12,6 @@ from replication.compiled.folded import Fold
 from replication.compiled.misfit import _misfits
 from replication.search import Search, checked, constants
 from replication.signature import Box
-
-FloatArray = NDArray[np.float64]
 
 # Those of `search.stop_rule`, in its order.
 RULES = ("", "maxiter", "tolfun", "tolfunhist", "tolx", "tolfacupx", "tolconditioncov", "tolflatfitness")

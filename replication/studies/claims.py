@@ -10,10 +10,10 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 from joblib import Parallel, delayed
-from numpy.typing import NDArray
 from scipy import stats
 
 from replication import published
+from replication.arrays import FloatArray
 from replication.characteristic import equation_10, printed_levels_rad
 from replication.datasets import Recording, add_uniform_noise, constant_speed
 from replication.global_fit.fit import global_fit
@@ -23,7 +23,6 @@ from replication.simulator.recordings import simulate_recordings
 from replication.simulator.simulate import encoder_position, encoder_speed_rps, simulate
 from replication.table2 import basin_labels
 
-FloatArray = NDArray[np.float64]
 Decision = tuple[bool | None, str]
 Criteria = Mapping[str, float] | None
 
