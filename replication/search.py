@@ -124,7 +124,7 @@ def update(state: State, ranked: FloatArray, c: Constants) -> State:
     h_sigma = squared / (1 - (1 - c.c_sigma) ** (2 * g)) / c.n < 2 + 4 / (c.n + 1)
     p_c = (1 - c.c_c) * state.p_c + h_sigma * math.sqrt(c.c_c * (2 - c.c_c) * c.mu_eff) * shift
     # Equation 17; where the weight is negative, y gets the expected length of a sample.
-    y = (ranked - state.m) / (state.sigma * state.unit)
+    y = (ranked - state.m) / state.sigma / state.unit
     length = np.sqrt(((np.einsum("ij,ki->kj", B, y) / D) ** 2).sum(axis=1))
     w = np.where(c.weights < 0, c.weights * c.n / (length + 1e-9) ** 2, c.weights)
     lost = c.c_1 * (1 - h_sigma) * c.c_c * (2 - c.c_c)  # by a stalled path: the paper's delta(h_sigma)

@@ -103,7 +103,7 @@ def _run(fold, bounds, start, unit, weights, mu, rates, seed, iterations):
         h_sigma = 1.0 if squared / (1 - (1 - c_sigma) ** (2 * g)) / n < 2 + 4 / (n + 1) else 0.0
         p_c = (1 - c_c) * p_c + h_sigma * np.sqrt(c_c * (2 - c_c) * mu_eff) * shift
         # Equation 17.
-        learnt = _spread(x, ranking, before, old * unit, weights, mu, B, D)
+        learnt = _spread(x, ranking, before, old, unit, weights, mu, B, D)
         lost = c_1 * (1 - h_sigma) * c_c * (2 - c_c)
         kept = 1 - c_1 + lost - c_mu * total
         for i in range(n):
@@ -153,13 +153,13 @@ def _turn(axes, columns, turned):
 
 
 @numba.njit(cache=True)
-def _spread(x, ranking, m, scale, weights, mu, B, D):
+def _spread(x, ranking, m, sigma, unit, weights, mu, B, D):
     """Equation 17's weighted sum of y y'; where the weight is negative, y gets the expected length of a sample."""
     n, size = x.shape
     y = np.empty((n, size))
     for i in range(n):
         for k in range(size):
-            y[i, k] = (x[i, ranking[k]] - m[i]) / scale[i]
+            y[i, k] = (x[i, ranking[k]] - m[i]) / sigma / unit[i]
     along, length = np.empty((n, size - mu)), np.zeros(size - mu)
     _turn(B.T, y[:, mu:], along)
     for i in range(n):
