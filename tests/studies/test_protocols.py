@@ -6,8 +6,8 @@ import pandas as pd
 import pytest
 from scipy import stats
 
-from replication.compiled.misfit import population_rmse
-from replication.identify import Protocol
+from replication.identify import Protocol, protocol_box
+from replication.signature import rmse
 from replication.studies import protocols
 from replication.studies.protocols import CANDIDATES, REALISATIONS, ROWS, RUNS
 from replication.table2 import AUTHORS
@@ -119,28 +119,29 @@ def test_a_drawn_start_is_another_one_for_each_run_or_one_for_each_record(author
     assert len(set(starts[10:])) > 2
 
 
-def test_the_run_without_bounds_goes_where_the_box_would_not_let_it(authors_data):
+def test_the_run_without_bounds_goes_where_the_box_would_not_let_it_and_no_sample_is_bent(authors_data, monkeypatch):
     line = CANDIDATES["switched-off line, T_d = 0.2 s"]
-    small = replace(line, protocol=replace(line.protocol, population=60))
-    record = protocols._record(5, 1)
-    seen = []
-    plain = protocols.generations
+    seen, plain = [], protocols.generations
 
-    def watched(misfits, box, *rest, **options):
-        for now in plain(misfits, box, *rest, **options):
+    def watched(*arguments, **options):
+        for now in plain(*arguments, **options):
             seen.append(now)
             yield now
 
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(protocols, "generations", watched)
-        A, misfit = protocols._run_without_bounds(small, record, 1)
-    members = np.concatenate([now.members for now in seen])
-    assert (members[:, 1] < 0).any()  # t0 below Table 1's bound
-    assert all((now.x == now.members).all() for now in seen)  # no sample was bent
-    best = seen[-1].members[seen[-1].ranking[0]]
-    X = np.r_[best, 0.218, 0.0][None]
-    assert misfit <= population_rmse(record.t, record.v, X, small.protocol.timing)[0] * (1 + 1e-9)
-    assert abs(A) > 0.1
+    monkeypatch.setattr(protocols, "generations", watched)
+    A, misfit = protocols.one_run(replace(line, protocol=replace(line.protocol, population=60)), 5, 1, 1)
+    assert min(now.members[:, 1].min() for now in seen) < 0  # t0 below Table 1's bound
+    assert all((now.x == now.members).all() for now in seen)
+    best = min(seen, key=lambda now: now.misfits.min())
+    member = best.members[best.ranking[0]]
+    assert abs(member[0]) == A
+    record = protocols._record(5, 1)
+    X = np.r_[member, line.fixed_T2_s, 0.0]
+    assert misfit == pytest.approx(rmse(record.t, record.v, X, line.protocol.timing), rel=1e-9)
+    first = seen[0].before
+    box = protocol_box(record, line.protocol)
+    assert first.m == pytest.approx((box.lower + box.upper)[:5] / 2)  # x0 and sigma0 as in the box
+    assert first.std == pytest.approx((box.upper - box.lower)[:5] / 4, rel=1e-3)
 
 
 # -------------------------------------------------------------------------------------------------- the committed runs
