@@ -22,7 +22,7 @@ Twenty regions of 95 % judge the means and SDs of Table 2's ten rows: by chance 
 
 import json
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from fnmatch import fnmatchcase
 from pathlib import Path
 
@@ -147,6 +147,15 @@ def judge(found: pd.DataFrame) -> pd.DataFrame:
         Columns `VERDICT_COLUMNS`. `by_tolerance` is what the cell's tolerance alone would say, as before 2026-11-22.
     """
     return pd.DataFrame([_judge(row) for row in found.to_dict("records")], columns=VERDICT_COLUMNS)
+
+
+def judge_cells(cells: Mapping[str, float | Sequence[float]], source: str, notebook: str = "") -> pd.DataFrame:
+    """`judge` our numbers from one source by cell id: one number, or a sequence with one for each realisation."""
+    rows = [
+        {"id": cell, "source": source, "numbers": list(numbers) if np.ndim(numbers) else numbers, "notebook": notebook}
+        for cell, numbers in cells.items()
+    ]
+    return judge(pd.DataFrame(rows))
 
 
 def _judge(row: dict) -> dict:
