@@ -207,13 +207,13 @@ def a_small_population_settles_early_in_a_bad_minimum(n):
 
 
 def flipped(n, column):
-    """Cells of a column of Table 2 by the authors' data: the verdict before, as committed, and now, where they differ."""
+    """Committed verdict and the one now of the cells of a column of Table 2, by the authors' data, where they differ."""
     before = committed("verdicts").query(f"source == 'authors' and id.str.endswith('.{column}')").set_index("id")
     now = n["verdicts"].query("source == 'authors'").set_index("id")["verdict"]
     both = pd.DataFrame({"before": before["verdict"], "now": now.reindex(before.index)}).loc[
         lambda t: t.index.str[:6] == "table2"
     ]
-    return both[both["before"] != both["now"]].dropna()
+    return both[both["before"] != both["now"]]
 
 
 def two_realisations_decide_nothing(n):
