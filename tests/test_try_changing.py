@@ -207,7 +207,7 @@ def a_small_population_settles_early_in_a_bad_minimum(n):
 
 
 def flipped(n, column):
-    """Committed verdict and the one now of the cells of a column of Table 2, by the authors' data, where they differ."""
+    """Verdicts on a column of Table 2 by the authors' data that are not the committed ones: before and now."""
     before = committed("verdicts").query(f"source == 'authors' and id.str.endswith('.{column}')").set_index("id")
     now = n["verdicts"].query("source == 'authors'").set_index("id")["verdict"]
     both = pd.DataFrame({"before": before["verdict"], "now": now.reindex(before.index)}).loc[

@@ -97,6 +97,8 @@ def _table2(results: Path) -> dict[str, str]:
         found |= _range(f"{prefix}_rms", error.agg(lambda part: np.sqrt((part**2).mean())), 1)
     found |= _range("best_share", share, 0) | _range("sd", authors["sd_A_rps"])
     found |= _range("sd_best", authors["best_sd_A_rps"])
+    seeds = pd.read_csv(results / "table2_other_seeds.csv")
+    found["seeds_flipped"] = str((seeds["verdict"] != seeds["verdict_other_seeds"]).sum())
     return found | _range("sd_printed", published.column("Table 2", "sd")[:10])
 
 

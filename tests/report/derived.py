@@ -94,6 +94,8 @@ def of_table2():
     found = {f"{name}_low": min(values) for name, values in ends.items()}
     found |= {f"{name}_high": max(values) for name, values in ends.items()}
     found |= {"population": 300, "iterations": 200, "realisations": len(worst["authors"])}
+    seeds = read("table2_other_seeds")
+    found["seeds_flipped"] = sum(a != b for a, b in zip(seeds["verdict"], seeds["verdict_other_seeds"], strict=True))
     return found | {"runs": int(read("table2_runs").groupby(["source", "realisation", "row"])["seed"].nunique().max())}
 
 
