@@ -85,3 +85,9 @@ def test_the_first_negative_impact_is_a_start_up_transient(authors_data):
 def test_a_level_below_the_published_ones_is_refused(authors_data):
     with pytest.raises(DataUnavailable, match=r"Speeddata2\.xlsx"):
         datasets.load_clean(2)
+
+
+@pytest.mark.parametrize(("level", "realisation"), [(3, 7), (3, 0), (21, 1), (0, 11)])
+def test_a_noisy_record_that_is_not_public_is_refused_in_one_line(level, realisation):
+    with pytest.raises(ValueError, match=rf"^no noisy record K = {level}, R = {realisation}: .*$"):
+        datasets.load_noisy(level, realisation)

@@ -38,8 +38,8 @@ def test_nothing_has_moved_in_the_results_themselves(results, before):
 def test_what_moves_is_listed_and_what_flips_is_marked_and_comes_first(results, before):
     notebook = "06_characteristic_figure12"
     printed = published.value("equation10.A2")
-    change(results, notebook, "cells", "equation10.A2", reproduced=2 * printed)
-    change(results, notebook, "cells", "equation10.A1", reproduced=published.value("equation10.A1") + 1e-5)
+    change(results, notebook, "cells", "equation10.A2", numbers=2 * printed)
+    change(results, notebook, "cells", "equation10.A1", numbers=published.value("equation10.A1") + 1e-5)
     change(results, notebook, "claims", "monotone", holds=False)
     change(results, notebook, "claims", "error_rad_small", measured="1.9e-05 rad at 3e-04 rad")
     table = flips.changes(results, *before)
@@ -60,7 +60,7 @@ def test_what_moves_is_listed_and_what_flips_is_marked_and_comes_first(results, 
 
 def test_a_change_beyond_the_sixth_digit_is_none(results, before):
     kept = before[0].set_index(["id", "source"]).loc[("equation10.A2", "authors"), "reproduced"]
-    change(results, "06_characteristic_figure12", "cells", "equation10.A2", reproduced=kept * (1 + 1e-8))
+    change(results, "06_characteristic_figure12", "cells", "equation10.A2", numbers=kept * (1 + 1e-8))
     assert flips.changes(results, *before).empty
 
 
