@@ -139,7 +139,7 @@ def load_noisy(level: int, realisation: int) -> Recording:
         See `authors_file` and `parse_speed_workbook`; also a zip archive that is broken or lacks the record.
     """
     if level not in NOISY_LEVELS or realisation not in (*LOW_NOISE, *HIGH_NOISE):
-        raise ValueError(f"no noisy record K = {level}, R = {realisation}: there are K = 1 to 20, R = 1 to 5 and 11 to 20")
+        raise ValueError(f"no noisy record K = {level}, R = {realisation}: K is 1 to 20, R is 1 to 5 or 11 to 20")
     loudness = "Low" if realisation in LOW_NOISE else "High"
     path = f"Noisy data/{loudness} level of noise/Data_with_Noise_{realisation}.zip"
     content = read_zip_member(authors_file(path), rf"(.*/)?SpeeddataNoise{level}(_\d+)?\.xlsx")
