@@ -49,7 +49,7 @@ TOGETHER = {
     "09_identification": [["level = 13", "strategy_runs = 30"]],
     "11_robots_table4": [["coupling = 0.0", "loud_coupling = 0.3"]],
     "13_beyond_the_paper": [["scored = [3, 4, 5, 6]", "false_alarm_rate = 0.1", "loudness_rps = [0.1, 1.0]"]],
-    "17_protocols": [['shown = "switched-off line"', 'criteria = {"random_start": 1e-6}']],
+    "17_protocols": [['shown = "switched-off line, T_d = 0.2 s"', 'criteria = {"random_start": 0.001}']],
     "18_claims": [['criteria = {"quality_decreases": 0.2}', "turns = [1, 3]"]],
 }
 
@@ -382,22 +382,19 @@ def the_friction_is_told(after):
     assert 0.045 < after["fit"].friction < 0.07
 
 
-def every_printed_mean_lies_outside(n):
-    assert (n["rows"]["p"]["mean"] < 0.05).sum() == 10
+def every_printed_mean_lies_above_the_switched_off_lines(n):
     assert (n["rows"]["t"]["mean"] > 0).all()
+    assert (n["rows"]["p"]["mean"] < 0.05).sum() > 5
 
 
-def more_candidates_explain_the_table(n):
-    before = committed("protocols").set_index("protocol")["explains"]
-    now = n["judged"].set_index("protocol")["explains"]
-    assert now.sum() > before.sum()
-    assert now[before[before].index].all()
+def explaining(judged):
+    return set(judged.loc[judged["explains"], "protocol"])
 
 
-def three_noises_reject_less(n):
-    before = committed("protocols").set_index("protocol")
-    now = n["judged"].set_index("protocol")
-    assert now["explains"].sum() >= before["explains"].sum()
+def the_notebook_and_a_population_of_1000_explain_the_table_too(n):
+    added = explaining(n["judged"]) - explaining(committed("protocols"))
+    assert added == {"authors' notebook", "population 1000"}
+    assert explaining(n["judged"]) >= explaining(committed("protocols"))
 
 
 def the_quality_would_decrease(n):
@@ -501,9 +498,9 @@ OUTCOMES = {
         "deltas_rad = [3e-4]": friction_hides_two_thirds_from_the_waveform,
     },
     "17_protocols": {
-        'shown = "switched-off line"': every_printed_mean_lies_outside,
-        'criteria = {"random_start": 1e-6}': more_candidates_explain_the_table,
-        "left_out = [1, 2]": three_noises_reject_less,
+        'shown = "switched-off line, T_d = 0.2 s"': every_printed_mean_lies_above_the_switched_off_lines,
+        'criteria = {"random_start": 0.001}': the_notebook_and_a_population_of_1000_explain_the_table_too,
+        "left_out = [1, 2]": the_notebook_and_a_population_of_1000_explain_the_table_too,
     },
     "18_claims": {
         'criteria = {"quality_decreases": 0.2}': the_quality_would_decrease,

@@ -21,10 +21,10 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 from joblib import Parallel, delayed
-from numpy.typing import NDArray
 from scipy import stats
 
 from replication import published
+from replication.arrays import FloatArray
 from replication.compiled.folded import Fold, fold
 from replication.compiled.misfit import folded_rmse
 from replication.compiled.whole_run import whole_run
@@ -34,8 +34,6 @@ from replication.search import Search, generations, random_normals, search
 from replication.signature import Box
 from replication.table2 import AUTHORS, basin_labels, table2_levels
 from replication.workbook.files import FLOAT_FORMAT, ROOT, write_csv
-
-FloatArray = NDArray[np.float64]
 
 ROWS = range(1, 11)
 REALISATIONS = range(1, 6)
