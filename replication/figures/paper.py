@@ -98,30 +98,18 @@ def _percent(axis: plt.Axes, x: pd.Series, ratio: pd.Series, marker: str, colour
 
 @in_style
 def basins(runs: pd.DataFrame, labels: FloatArray, title: str) -> Figure:
-    """Show where repeated runs on one record end: RMSE against amplitude, a marker's area by its number of runs.
-
-    Parameters
-    ----------
-    runs : DataFrame
-        Columns `A_rps, rmse_rps`.
-    labels : array of shape (runs,)
-        Basin of each run, 0 the best.
-    title : str
-        Which record.
-
-    Returns
-    -------
-    Figure
-    """
+    """Where the runs on one record end: RMSE and |A| of each basin, the area and a count for its runs, 0 the best."""
     figure, axes = grid(figsize=(6.2, 4.0))
     axis = axes[0, 0]
-    ends = pd.DataFrame({"rmse": runs["rmse_rps"].round(5), "A": runs["A_rps"].abs().round(3), "best": labels == 0})
-    for best, colour, label in ((False, ORANGE, "other basins"), (True, BLUE, "best basin")):
-        part = ends[ends["best"] == best].value_counts().reset_index()
-        area, count = 30 * part["count"], part["count"].sum()
-        axis.scatter(part["rmse"], part["A"], area, color=colour, alpha=0.6, label=f"{label}, {count} runs")
-        for row in part[part["count"] > 1].itertuples():
-            axis.annotate(row.count, (row.rmse, row.A), ha="center", va="center", fontsize=8)
+    ends = pd.DataFrame({"rmse": runs["rmse_rps"], "A": runs["A_rps"].abs(), "basin": labels})
+    near = ends.groupby(["basin", ends["A"].round(1)], as_index=False).agg(
+        rmse=("rmse", "mean"), A=("A", "mean"), runs=("A", "size"), basin=("basin", "first")
+    )
+    for best, colour, label in ((True, BLUE, "best basin"), (False, ORANGE, "other basins")):
+        part = near[(near["basin"] == 0) == best]
+        axis.scatter(part["rmse"], part["A"], 30 * part["runs"], color=colour, alpha=0.6, label=label)
+        for row in part[part["runs"] > 1].itertuples():
+            axis.annotate(f"{row.runs} runs", (row.rmse, row.A), (12, -14), textcoords="offset points", fontsize=8)
     axis.margins(0.15)
     axis.set(xlabel="final RMSE [rps]", ylabel="|A| [rps]", title=title)
     legend = axis.legend(loc="best")
