@@ -167,7 +167,9 @@ class _Renderer(IPythonRenderer):
 
 def formula(latex: str, display: str = "inline") -> str:
     """Turn a formula into MathML, its source as what is read where MathML is not known."""
-    return convert(latex.strip(), display=display).replace("<math ", f'<math alttext="{html.escape(latex.strip())}" ')
+    focus = ' tabindex="0"' if display == "block" else ""  # a wide one scrolls, so the keyboard must reach it
+    named = f'<math alttext="{html.escape(latex.strip())}"{focus} '
+    return convert(latex.strip(), display=display).replace("<math ", named)
 
 
 def markdown(source: str) -> str:

@@ -58,7 +58,7 @@ class Candidate:
 def _candidates() -> tuple[Candidate, ...]:
     as_printed, many = replace(AUTHORS, amplitude_factor=1.0), replace(AUTHORS, population=2000)
     printed_T = {"T_d": published.value("table1.T_d.max"), "T_f": published.value("table1.T_f.max")}
-    # The line does not say T_f: 2 T_d, as in Table 1. A run of it takes 30 times as long as the notebook's.
+    # The line does not say T_f: 2 T_d, as in Table 1. A run of it takes 20 times as long as the notebook's.
     line = Candidate("switched-off line", replace(many, **printed_T), fixed_T2_s=0.218, runs=3)
     return (
         Candidate("authors' notebook"),
