@@ -229,7 +229,8 @@ workbook.save_figure(
 # %% [markdown]
 # ## Try changing
 #
-# 1. `realisations = [1, 2]`: two realisations give regions so wide that no mean is decided any more; those that were
-#    `reproduced`, and the SDs that differed, become `undecided`.
-# 2. `population = 30`: many more off-basin runs. Most means fall so far below the printed ones that they differ.
+# 1. `realisations = [1, 2]`: from two realisations the regions are wide. Means that were `reproduced` become
+#    `undecided`, but for row 5, where the two happen to agree; so do the SDs that differed.
+# 2. `population = 30`: many more off-basin runs. More than half of the means fall so far below the printed ones that
+#    they differ.
 # 3. `criteria = {"local_minima": 0.7}`: who calls it avoiding only if 70 % of the runs succeed, sees the claim fail.
