@@ -3,11 +3,13 @@
 PYTHON ?= python3
 PY := .venv/bin/python
 RUN := $(PY) -m replication
+STUDY := OPENBLAS_NUM_THREADS=1 $(PY) -m backlash.studies
 PYTEST := OPENBLAS_NUM_THREADS=1 $(PY) -m pytest --numprocesses 2 --dist worksteal
 export PYTHONPATH := $(CURDIR)
 
-NOTEBOOKS := $(sort $(basename $(notdir $(wildcard notebooks/[0-9]*.py))))
-STAMPS := $(NOTEBOOKS:%=.make/%.done)
+PAPER := $(wildcard notebooks/[0-9]*.py)
+BEYOND := $(wildcard notebooks/beyond/[0-9]*.py)
+STAMPS := $(sort $(PAPER:notebooks/%.py=.make/%.done) $(BEYOND:notebooks/beyond/%.py=.make/%.done))
 
 .DEFAULT_GOAL := help
 .PHONY: $(shell sed -nE 's/^([a-z-]+):.*\#\# .*/\1/p' Makefile)
@@ -27,8 +29,11 @@ quick: .venv/.installed  ## the same figures from few repeats, into results/quic
 	$(RUN) report --quick
 	$(RUN) check --quick || true
 
-test: .venv/.installed  ## the tests, on the committed results
-	$(PYTEST) --ignore tests/test_try_changing.py
+test: .venv/.installed  ## the tests, on the committed results, but for the slow ones
+	$(PYTEST) -m "not slow" --ignore tests/test_try_changing.py
+
+slow: .venv/.installed  ## the slow tests: notebooks executed again, browsers, long searches
+	$(PYTEST) -m slow --ignore tests/test_try_changing.py
 
 changes: .venv/.installed  ## make every change that a notebook proposes, and check what it says of the outcome
 	$(PYTEST) tests/test_try_changing.py
@@ -51,25 +56,25 @@ sensitivity: .venv/.installed  ## who notices a wrong constant, into results/sen
 	$(RUN) report
 
 claims: .venv/.installed  ## the slow studies behind claims, into results/optimizers.csv and results/alpha_refit.csv
-	OPENBLAS_NUM_THREADS=1 $(RUN) claims
+	$(STUDY) claims
 
 bench: .venv/.installed  ## time what was made fast against a direct arm, into results/bench.csv
-	OPENBLAS_NUM_THREADS=1 $(RUN) bench
+	OPENBLAS_NUM_THREADS=1 $(PY) -m tests.tools.timings
 
 scoreboard: .venv/.installed  ## score every method on logs of known backlash, into results/scoreboard.csv
-	OPENBLAS_NUM_THREADS=1 $(RUN) scoreboard
+	$(STUDY) scoreboard
 
 population: .venv/.installed  ## every method on joints that nobody calibrated, into results/population_logs.csv
-	OPENBLAS_NUM_THREADS=1 $(RUN) population
+	$(STUDY) population
 
 protocols: .venv/.installed  ## run every protocol that may have printed Table 2, into results/protocol_runs.csv
-	OPENBLAS_NUM_THREADS=1 $(RUN) protocols
+	$(STUDY) protocols
 
 identify-joint: .venv/.installed  ## identify the simulated joint anew from the authors' records
 	$(RUN) identify-joint
 
 calibrations: .venv/.installed  ## the sensor's default calibrations anew, from the identified joint
-	$(RUN) calibrations
+	$(STUDY) calibrations
 
 # NumPy without SIMD and numba for a generic processor; of the kernels, Katmai (Prescott) needs no AVX.
 KERNELS ?= Haswell Prescott
@@ -85,9 +90,11 @@ data: .venv/.installed  ## fetch and verify the authors' data
 lab: .venv/.installed  ## JupyterLab on the notebooks
 	$(PY) -m jupyterlab notebooks
 
-lint: .venv/.installed  ## style and format
+lint: .venv/.installed  ## style, format, types and spelling
 	$(PY) -m ruff check .
 	$(PY) -m ruff format --check .
+	$(PY) -m mypy
+	$(PY) -m codespell_lib
 
 lock: .venv/.installed  ## pin the newest versions that pyproject.toml allows
 	$(PY) -m pip install --quiet uv
@@ -96,7 +103,7 @@ lock: .venv/.installed  ## pin the newest versions that pyproject.toml allows
 	  --output-file requirements.lock
 
 clean:  ## remove what can be made again and is not committed
-	rm -rf .make .staging-* results/quick results/lab notebooks/partial .pytest_cache .ruff_cache .hypothesis
+	rm -rf .make .staging-* results/quick results/lab notebooks/partial notebooks/beyond/partial .pytest_cache .ruff_cache .hypothesis
 	find . -name __pycache__ -not -path './.venv/*' -prune -exec rm -rf {} +
 
 # ---------------------------------------------------------------------------------------------------------------
@@ -116,7 +123,9 @@ clean:  ## remove what can be made again and is not committed
 .make/noted: $(STAMPS)
 	@:
 
-$(STAMPS): .make/%.done: notebooks/%.py requirements.lock | .venv/.installed
+$(PAPER:notebooks/%.py=.make/%.done): .make/%.done: notebooks/%.py requirements.lock | .venv/.installed
+	@mkdir -p .make && echo $< >> .make/due
+$(BEYOND:notebooks/beyond/%.py=.make/%.done): .make/%.done: notebooks/beyond/%.py requirements.lock | .venv/.installed
 	@mkdir -p .make && echo $< >> .make/due
 
 # A notebook that fails keeps neither the others nor the report from being made, but make from ending well.

@@ -38,10 +38,10 @@ import pandas as pd
 from replication import datasets, published, workbook
 from replication.figures import paper, searching
 from replication.identify import paper_search
+from replication.replay import inspection, replay
+from replication.replay.bounds import turns_by_replay
 from replication.search import search
 from replication.signature import Timing, signature
-from replication.studies import inspection, replay
-from replication.studies.bounds import turns_by_replay
 from replication.table2 import AUTHORS, BASIN_GAP
 
 # %% [markdown]
@@ -149,11 +149,11 @@ pd.Series(
 # Their notebook prints some 17 generations of each of the runs 1 to 20, to 16 digits, and the end of all 30.
 
 # %%
-generations = replay.replay(record, AUTHORS)
+generations = replay.replay_stored_runs(record)
 to_16_digits = {name: generations[name].map("{:.15e}".format) for name in ("best_rmse_rps", "sigma")}
 kept = generations[["run", "cma_seed", "generation", "best_rmse_rps", "sigma"]]
 workbook.save_table(kept.assign(**to_16_digits), "replay")
-compared, ended = replay.differences(generations), replay.ends(generations)
+compared, ended = replay.compare_generations(generations), replay.compare_ends(generations)
 workbook.save_table(ended, "replay_ends")
 figure = searching.replay(compared, ended, replay.AGREE_RPS)
 workbook.save_figure(
@@ -187,7 +187,7 @@ pd.Series(
 # one of the same distribution.
 
 # %%
-parted = replay.partings(record, AUTHORS, ended, np.random.default_rng(1))
+parted = replay.first_divergences(record, ended, np.random.default_rng(1))
 workbook.save_table(parted, "replay_partings")
 parted
 
@@ -240,7 +240,7 @@ cells = {
     "text.turns": replayed_turns.idxmax(),  # the fewest turns that give every stored misfit; the record ends after 12
     "text.commanded_speed": float(np.median(record.v)),
 }
-workbook.verdict({"authors": cells}, claims)
+workbook.record_verdicts({"authors": cells}, claims)
 
 # %% [markdown]
 # ## Try changing

@@ -135,7 +135,7 @@ claims = {
         f"{sharpest['jump_nm']:.2g} N m for {sharpest['alpha_per_rad']:.0e}",
     ),
 }
-workbook.verdict(claims=claims)
+workbook.record_verdicts(claims=claims)
 
 # %% [markdown]
 # ## Try changing

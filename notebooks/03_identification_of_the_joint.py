@@ -50,7 +50,6 @@ from replication.simulator.study import (
     FIT_LEVELS,
     alpha_study,
     clean_records,
-    signals,
     simulator_attempts,
 )
 
@@ -70,7 +69,7 @@ profiled = ""  # a ratio to profile, such as "leaky_rate_per_s"; takes a minute
 committed = identified_joint()
 records = clean_records(CLEAN_LEVELS)
 fit_deltas = [datasets.level_delta_rad(level) for level in FIT_LEVELS]
-fit = identification.identify_joint(signals({delta: records[delta] for delta in fit_deltas}), committed)
+fit = identification.identify_joint({delta: records[delta] for delta in fit_deltas}, committed)
 ratios = pd.DataFrame(
     [
         {"ratio": name, "committed": committed.ratios[name], "fitted": value, "low_95": low, "high_95": high}
@@ -97,7 +96,7 @@ together
 
 # %%
 if profiled:
-    fitted_records = signals({delta: records[delta] for delta in fit_deltas})
+    fitted_records = {delta: records[delta] for delta in fit_deltas}
     display(identification.profile_ratio(profiled, (0.9, 1.0, 1.1), fitted_records, fit.parameters))
 
 # %% [markdown]

@@ -136,7 +136,7 @@ lateness
 # %%
 printed_rows = table.dropna(subset="printed_A_rps")["peak_rps"].to_numpy()
 cells = {f"table2.row{row:02d}.theoretical": peak for row, peak in enumerate(printed_rows, start=1)}
-workbook.verdict({"simulated": cells})
+workbook.record_verdicts({"simulated": cells})
 
 # %%
 print(f"largest peak error {table['peak_error_percent'].abs().max():.2f} %; peaks helped to choose the structure")

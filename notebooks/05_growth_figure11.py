@@ -32,7 +32,7 @@ import numpy as np
 
 from replication import datasets, table2, workbook
 from replication.figures import paper
-from replication.simulator import growth
+from replication.simulator import study
 from replication.simulator.recordings import simulate_recordings
 from replication.simulator.simulate import identified_joint
 from replication.simulator.study import ALL_LEVELS, changed_joint
@@ -85,11 +85,11 @@ workbook.sliders(draw, delta_mrad=(1e3 * datasets.level_delta_rad(speed_level), 
 # %%
 ten = [datasets.level_delta_rad(level) for level in table2.table2_levels()]
 every = [datasets.level_delta_rad(level) for level in ALL_LEVELS]
-fine = simulate_recordings(joint, ten, sample_s=growth.FINE_S)
-signals = growth.disturbances(fine, ten)
-peaks = growth.amplitudes(joint, every)
+fine = simulate_recordings(joint, ten, sample_s=study.FINE_S)
+signals = study.disturbances(fine, ten)
+peaks = study.amplitudes(joint, every)
 workbook.save_table(peaks, "growth")
-figure = paper.growth(signals, peaks, growth.printed_amplitudes())
+figure = paper.growth(signals, peaks, study.printed_amplitudes())
 workbook.save_figure(
     figure,
     "figure11_growth",

@@ -35,7 +35,7 @@ import pandas as pd
 
 from replication import characteristic, published, workbook
 from replication.figures import paper
-from replication.simulator import growth
+from replication.simulator import study
 from replication.simulator.simulate import identified_joint
 from replication.simulator.study import changed_joint
 
@@ -108,7 +108,7 @@ workbook.sliders(draw, A_rps=(theoretical[4], 0.0, theoretical[-1]), error_perce
 
 # %%
 joint = changed_joint(identified_joint(), changes)
-ours = characteristic.fit_characteristic(growth.amplitudes(joint, delta)["amplitude_rps"], delta)
+ours = characteristic.fit_characteristic(study.amplitudes(joint, delta)["amplitude_rps"], delta)
 amplitude = np.linspace(theoretical.min(), theoretical.max(), 400)
 difference = pd.DataFrame(
     {
@@ -119,7 +119,7 @@ difference = pd.DataFrame(
 )
 difference["difference_rad"] = difference["fitted_rad"] - difference["printed_rad"]
 workbook.save_table(difference.iloc[::20], "characteristic_difference")
-figure = paper.characteristic_difference(difference, growth.printed_amplitudes())
+figure = paper.characteristic_difference(difference, study.printed_amplitudes())
 workbook.save_figure(
     figure,
     "figure12_simulated",
@@ -240,7 +240,7 @@ cells |= {
     "text.delta_step": np.diff(by_equation).mean(),
     "text.encoder_step": step,
 }
-workbook.verdict({"authors": cells}, claims)
+workbook.record_verdicts({"authors": cells}, claims)
 
 # %% [markdown]
 # ## Try changing

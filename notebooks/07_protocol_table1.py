@@ -27,7 +27,7 @@
 #
 # The authors' notebook stores what their runs really did: the whole record, the box of $A$ widened by 1.3,
 # $T_d$ = 0.2 s and $T_f$ = 0.4 s, a population of 300 and at most 200 generations. That is `Protocol()`; every
-# variant changes a setting or two of it (`table2.VARIANTS`). Each is run on the same ten noisy records (realisation
+# variant changes a setting or two of it (`variants.VARIANTS`). Each is run on the same ten noisy records (realisation
 # R = 1) with the same seeds, and its means and SDs are compared with the printed ones of Table 2.
 #
 # Equations 12 to 17 are `search.py`, a page of array code with the constants of the authors' library; notebook 1 shows
@@ -40,13 +40,14 @@ from itertools import islice
 import numpy as np
 import pandas as pd
 
+from backlash.studies import basins
 from replication import datasets, published, search, table2, workbook
 from replication.figures import paper, searching
 from replication.identify import paper_search, protocol_box
+from replication.replay import inspection
+from replication.replay.bounds import bounds_by_replay, table1_cells
+from replication.replay.variants import VARIANTS, rank_variants, variant_scores
 from replication.signature import FREE_PARAMETERS
-from replication.studies import basins, inspection
-from replication.studies.bounds import bounds_by_replay, table1_cells
-from replication.studies.variants import rank_variants, variant_scores
 
 # %% [markdown]
 # ## Parameters
@@ -55,7 +56,7 @@ from replication.studies.variants import rank_variants, variant_scores
 repeats = 3  # runs of each variant on each record
 realisation = 1  # the authors' noise realisation R
 rows = list(range(1, 11))  # rows of Table 2 whose records are fitted
-variants = [  # what is compared, of `table2.VARIANTS`
+variants = [  # what is compared, of `VARIANTS`
     "authors' notebook",
     "start drawn per run",
     "start drawn per record",
@@ -82,7 +83,7 @@ seed = 823840  # of the run it belongs to: run 4 of the stored ones
 
 # %%
 clean = datasets.load_clean(12)
-tried = bounds_by_replay(clean, table2.AUTHORS.timing)
+tried = bounds_by_replay(clean)
 workbook.save_table(tried, "table1_replay")
 tried.pivot(index="cell", columns="shift", values="replayed")
 
@@ -208,7 +209,7 @@ pd.Series({"ended by": found.stop, "generations": best.size, "misfit [rps]": fou
 
 # %%
 seeds = range(1, repeats + 1)
-chosen = [protocol for protocol in table2.VARIANTS if protocol.name in variants]
+chosen = [protocol for protocol in VARIANTS if protocol.name in variants]
 if your_variant:
     chosen.append(replace(table2.AUTHORS, name="your variant", **your_variant))
 records = [(key, record) for key, record in table2.authors_table2_records([realisation]) if key["row"] in rows]
@@ -248,7 +249,7 @@ workbook.save_figure(
 # `chance_percent`, with its interval, the rms shift that chance alone gives to sets of these sizes.
 
 # %%
-todays_cma = next(p for p in table2.VARIANTS if p.engine == "cma")
+todays_cma = next(p for p in VARIANTS if p.engine == "cma")
 every_third = [(key, record) for key, record in records if key["row"] in (rows[1::3] or rows)]
 all_seeds = range(1, 2 * seed_runs + 1)
 of_2021 = table2.repeated_fits(records, [table2.AUTHORS], all_seeds, label="the search of 2021")
@@ -272,7 +273,7 @@ versions.set_index("search").round(2).T
 # ## Verdict
 
 # %%
-workbook.verdict({"authors": found_table1.to_dict()})
+workbook.record_verdicts({"authors": found_table1.to_dict()})
 
 # %% [markdown]
 # ## Try changing

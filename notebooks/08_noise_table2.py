@@ -52,9 +52,8 @@ import pandas as pd
 
 from replication import published, table2, workbook
 from replication.figures import paper
+from replication.replay import inspection
 from replication.simulator.simulate import identified_joint
-from replication.studies import claims as decide
-from replication.studies import inspection
 from replication.workbook.judging import judge_cells, region
 
 # %% [markdown]
@@ -80,7 +79,8 @@ noise = inspection.noise_amplitudes()
 pd.DataFrame({"printed": published.column("Table 2", "noise")[: len(noise)], "measured": noise}).round(4)
 
 # %%
-noise_law = pd.DataFrame({f"K = {level}": inspection.uniform_noise_test(level, 1) for level in range(3, 12)}).T
+noise = {f"K = {level}": inspection.added_noise(level, 1) for level in range(3, 12)}
+noise_law = pd.DataFrame({level: inspection.uniform_noise_test(added) for level, added in noise.items()}).T
 noise_law.round(3)
 
 # %% [markdown]
@@ -201,10 +201,10 @@ cells = {
     "simulated": table2.table2_cells(of_source["simulated"]),
 }
 claims = {
-    "error_below_10": decide.error_below_10(fits[fits["source"] == "authors"], criteria),
-    "local_minima": decide.local_minima(backlash[backlash["source"] == "authors"], criteria),
+    "error_below_10": table2.decide_error_below_10(fits[fits["source"] == "authors"], criteria),
+    "local_minima": table2.decide_local_minima(backlash[backlash["source"] == "authors"], criteria),
 }
-verdicts = workbook.verdict(cells, claims)
+verdicts = workbook.record_verdicts(cells, claims)
 verdicts
 
 # %% tags=["export"]

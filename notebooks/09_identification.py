@@ -40,12 +40,11 @@
 # %%
 import pandas as pd
 
+from backlash.fitting.global_fit import global_fit
+from backlash.studies import basins, optimizers, plots
 from replication import datasets, published, table2, workbook
-from replication.global_fit.fit import global_fit
-from replication.global_fit.printed import global_table2
 from replication.identify import Protocol
 from replication.signature import FREE_PARAMETERS
-from replication.studies import basins, coverage, plots
 
 # %% [markdown]
 # ## Parameters
@@ -53,7 +52,7 @@ from replication.studies import basins, coverage, plots
 # %% tags=["parameters"]
 level = 12  # the authors' clean record for replay, landscape and strategies
 replay_runs = 100  # runs of the authors' protocol on it
-strategies = [  # ways to spend a budget of function evaluations, of `basins.strategies`
+strategies = [  # ways to spend a budget of function evaluations, of `optimizers.METHODS`
     "population 300 (the authors'), restarted",
     "population 1000, restarted",
     "population 100, restarted",
@@ -101,7 +100,7 @@ table.head(6).round(4)
 # %%
 best = global_fit(record)
 found = pd.Series(dict(zip(FREE_PARAMETERS, best.X, strict=True)))
-slices = basins.slices(record, protocol, best.X)
+slices = basins.landscape_slices(record, protocol, best.X)
 labels = basins.label_basins(replay["rmse_rps"].to_numpy(), (replay["t0_s"] + replay["T1_s"]).to_numpy())
 commonest = sorted(pd.Series(labels).value_counts().index[:5])
 by_basin = [replay[labels == label] for label in commonest]
@@ -122,9 +121,8 @@ workbook.save_figure(
 
 # %%
 target = best.rmse * (1 + table2.BASIN_GAP)
-compared_strategies = [strategy for strategy in basins.strategies(budget) if strategy.name in strategies]
-searches = basins.study(record, protocol, compared_strategies, range(1, strategy_runs + 1), target)
-costs = basins.strategy_table(searches)
+searches = optimizers.compare_strategies(record, strategies, range(1, strategy_runs + 1), target, budget)
+costs = optimizers.strategy_table(searches)
 workbook.save_table(costs, "identification_strategies")
 costs.round(3)
 
@@ -143,8 +141,27 @@ workbook.save_figure(
 # The measured seconds of a fit are in `results/bench.csv`.
 
 # %%
-records = table2.authors_table2_records([1])
-intervals = global_table2(records)
+fits = [global_fit(recording) for _, recording in table2.authors_table2_records([1])]
+printed = {name: published.column("Table 2", name)[: len(fits)] for name in ("theoretical", "mean", "sd")}
+amplitude = pd.Series([fit.amplitude_rps for fit in fits])
+intervals = pd.DataFrame(
+    {
+        "row": range(1, len(fits) + 1),
+        "delta_rad": [datasets.level_delta_rad(level) for level in table2.table2_levels()],
+        "theoretical_A_rps": printed["theoretical"],
+        "printed_mean_A_rps": printed["mean"],
+        "printed_sd_A_rps": printed["sd"],
+        "A_rps": amplitude,
+        "low_rps": [fit.amplitude_interval_rps[0] for fit in fits],
+        "high_rps": [fit.amplitude_interval_rps[1] for fit in fits],
+        "rmse_rps": [fit.rmse for fit in fits],
+        "error_percent": 100 * (amplitude / printed["theoretical"] - 1),
+        "against_printed_percent": 100 * (amplitude / printed["mean"] - 1),
+        "at_bound": [" ".join(fit.at_bound) for fit in fits],
+        "sign_flipped": [fit.sign_flipped for fit in fits],
+        "rivals": [len(fit.rival_rps) for fit in fits],
+    }
+)
 workbook.save_table(intervals, "identification_table2")
 intervals.drop(columns=["delta_rad"]).round(4)
 
@@ -164,7 +181,7 @@ workbook.save_figure(
 # interval that is wrong, not enough to tell 93 % from 95 %.
 
 # %%
-covering = coverage.coverage_table(coverage_runs, seed=1)
+covering = basins.coverage_table(coverage_runs, seed=1)
 workbook.save_table(covering, "identification_coverage")
 covering.round(3)
 

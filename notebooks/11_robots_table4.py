@@ -44,6 +44,7 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 
+from backlash.fitting.global_fit import global_fit
 from replication import characteristic, published, table2, workbook
 from replication.simulator.simulate import identified_joint
 from replication.standins import plots, robots
@@ -95,8 +96,8 @@ table.set_index("robot").T
 # ### Many robots
 
 # %%
-population = robots.robot_population(robots_each, spread, robot_seed)
-loud = robots.robot_population(loud_robots_each, replace(spread, coupling=loud_coupling), robot_seed)
+population = robots.robot_population(global_fit, robots_each, spread, robot_seed)
+loud = robots.robot_population(global_fit, loud_robots_each, replace(spread, coupling=loud_coupling), robot_seed)
 workbook.save_table(population, "table4_population")
 by_kind = population.groupby("kind", sort=False)["A_rps"]
 by_kind.describe()
@@ -161,7 +162,7 @@ joint = identified_joint()
 middle_gravity = float(np.mean(spread.gravity))
 frequencies = np.arange(12.5, 30.01, frequency_step_hz)
 sweep = robots.disturbed_healthy_joint(
-    frequencies, torque_shares, middle_gravity, spread.bench.noise_rps / 2, robot_seed
+    global_fit, frequencies, torque_shares, middle_gravity, spread.bench.noise_rps / 2, robot_seed
 )
 workbook.save_table(sweep, "table4_disturbance")
 lines = {"printed robot B": printed_B, "best threshold of the robots above": best["threshold_rps"]}
@@ -199,7 +200,7 @@ pd.DataFrame(
 # All cells are `stand-in`.
 
 # %%
-workbook.verdict({"stand-in": robots.table4_cells(table)})
+workbook.record_verdicts({"stand-in": robots.table4_cells(table)})
 
 # %% [markdown]
 # ## Try changing

@@ -1,4 +1,4 @@
-"""The command line: the virtual sensor on logs, and what the Makefile does, where there is no make."""
+"""The workbook's command line."""
 
 import sys
 

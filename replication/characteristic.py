@@ -13,7 +13,7 @@ from replication.arrays import FloatArray
 RPM_PER_RPS = 60.0
 
 
-def first_rise(coefficients: Sequence[float], level: float) -> float | None:
+def first_rise(coefficients: Sequence[float] | FloatArray, level: float) -> float | None:
     """Smallest positive argument at which a polynomial rises through a level; None if it never does."""
     polynomial = Polynomial(coefficients)
     roots = (polynomial - level).roots()
@@ -24,18 +24,10 @@ def first_rise(coefficients: Sequence[float], level: float) -> float | None:
 
 @dataclass(frozen=True)
 class Characteristic:
-    """Polynomial delta(A), equation 10's form.
+    """Polynomial delta(A), equation 10's form."""
 
-    Attributes
-    ----------
-    coefficients : array of shape (degree + 1,)
-        From the constant upwards [rad/rpm^k].
-    rmse_rad : float
-        Root mean square residual of the fit [rad]; NaN where it is not from a fit.
-    """
-
-    coefficients: FloatArray
-    rmse_rad: float
+    coefficients: FloatArray  # [rad/rpm^k], shape (degree + 1,), from the constant upwards
+    rmse_rad: float  # root mean square residual of the fit; NaN where it is not from a fit
 
     def backlash_rad(self, amplitude_rps: FloatArray | float) -> FloatArray | float:
         """Backlash delta [rad] of an amplitude A [rps]; the polynomial itself takes rpm."""
@@ -56,21 +48,11 @@ class Characteristic:
 
 
 def fit_characteristic(amplitude_rps: FloatArray, backlash_rad: FloatArray) -> Characteristic:
-    """Fit a cubic delta(A) by least squares, as the paper fits equation 10.
-
-    Parameters
-    ----------
-    amplitude_rps, backlash_rad : arrays of shape (points,)
-        Points of figure 12.
-
-    Returns
-    -------
-    Characteristic
-    """
+    """Fit a cubic delta(A) to figure 12's points by least squares, as the paper fits equation 10."""
     rpm = RPM_PER_RPS * np.asarray(amplitude_rps)
     cubic = Polynomial.fit(rpm, backlash_rad, deg=3).convert()
     residual = cubic(rpm) - backlash_rad
-    return Characteristic(cubic.coef, float(np.sqrt(np.mean(residual**2))))
+    return Characteristic(cubic.coef.astype(float), float(np.sqrt(np.mean(residual**2))))
 
 
 def equation_10() -> Characteristic:
@@ -82,7 +64,7 @@ def equation_10() -> Characteristic:
 def printed_levels_rad() -> FloatArray:
     """Backlash of Table 2's ten rows [rad], from the range and step that the text prints."""
     first, step = published.value("text.delta_min"), published.value("text.delta_step")
-    return first + step * np.arange(int(published.value("text.levels")))
+    return first + step * np.arange(published.value("text.levels"))
 
 
 def known_amplitude_rps(backlash_rad: float) -> float:
@@ -97,13 +79,7 @@ def static_levels_rad() -> FloatArray:
 
 
 def known_amplitudes() -> pd.DataFrame:
-    """Compare Table 3's known A with the two ways that lead to them from a round backlash.
-
-    Returns
-    -------
-    DataFrame
-        `row, delta_rad, printed_known_A_rps, interpolated_A_rps` (Table 2's theoretical A) and `equation_10_A_rps`.
-    """
+    """Compare Table 3's known A with the two ways that lead to them from a round backlash: Table 2, equation 10."""
     delta = static_levels_rad()
     return pd.DataFrame(
         {
@@ -119,26 +95,20 @@ def known_amplitudes() -> pd.DataFrame:
 def table_arithmetic() -> pd.DataFrame:
     """Recompute the relative errors of Tables 2 and 3 from their printed means.
 
-    Returns
-    -------
-    DataFrame
-        `element, row, printed_percent, relative_error_percent, rounding_percent`: what the rounding of the printed
-        mean and of the printed error leaves open.
+    `rounding_percent` is what the rounding of the printed mean and of the printed error leaves open.
     """
     rows = []
     for element, reference in (("Table 2", "theoretical"), ("Table 3", "known")):
-        table = published.cells(element).pivot(index="row", columns="column", values="value")
-        printed = published.cells(element).pivot(index="row", columns="column", values="printed")
-        for row in table.index[table[reference] > 0]:
-            values, digits = table.loc[row], printed.loc[row]
-            rounding = 100 * published.half_last_digit(digits["mean"]) / values[reference]
-            rows.append(
-                {
-                    "element": element,
-                    "row": row,
-                    "printed_percent": values["relative_error"],
-                    "relative_error_percent": 100 * abs(values["mean"] - values[reference]) / values[reference],
-                    "rounding_percent": rounding + published.half_last_digit(digits["relative_error"]),
-                }
-            )
-    return pd.DataFrame(rows).sort_values(["element", "row"], ignore_index=True)
+        for row, cells in published.cells(element).set_index("column").groupby("row"):
+            values, digits = cells["value"], cells["printed"].map(published.half_last_digit)
+            if values[reference] > 0:
+                rows.append(
+                    {
+                        "element": element,
+                        "row": row,
+                        "printed_percent": values["relative_error"],
+                        "relative_error_percent": 100 * abs(values["mean"] - values[reference]) / values[reference],
+                        "rounding_percent": 100 * digits["mean"] / values[reference] + digits["relative_error"],
+                    }
+                )
+    return pd.DataFrame(rows)

@@ -16,27 +16,13 @@ TURN_PERIOD_S = 0.4
 
 @dataclass(frozen=True)
 class Recording:
-    """An evenly sampled record of a joint's motor speed during the test movement.
+    """An evenly sampled record of a joint's motor speed during the test movement."""
 
-    Attributes
-    ----------
-    t : array of shape (samples,)
-        Time [s].
-    v : array of shape (samples,)
-        Motor speed [rps].
-    commanded_speed_rps : float
-        Commanded motor speed v_t of equation 11 [rps].
-    turn_period_s : float
-        Period of a load turn [s].
-    source : str
-        Where it comes from; for the authors' data the file's path, and after "!" the member of a zip archive.
-    """
-
-    t: FloatArray
-    v: FloatArray
-    commanded_speed_rps: float
-    turn_period_s: float
-    source: str
+    t: FloatArray  # time [s], shape (samples,)
+    v: FloatArray  # motor speed [rps], shape (samples,)
+    commanded_speed_rps: float  # v_t of equation 11
+    turn_period_s: float  # of the load
+    source: str  # where it comes from; of the authors' data the file's path, and after "!" the member of an archive
 
     @property
     def sample_s(self) -> float:
@@ -45,36 +31,18 @@ class Recording:
 
 
 def from_sample(recording: Recording, start: int) -> Recording:
-    """Drop a record's first `start` samples; time starts from zero again.
-
-    Raises
-    ------
-    ValueError
-        Fewer than three samples would be left.
-    """
+    """Drop a record's first `start` samples; at least three must be left, and time starts from zero again."""
     if not 0 <= start <= recording.t.size - 3:
         raise ValueError(f"start sample {start}: the record has {recording.t.size} samples")
     if start == 0:
         return recording
-    t = recording.t[start:] - recording.t[start]
-    return replace(recording, t=t, v=recording.v[start:])
+    return replace(recording, t=recording.t[start:] - recording.t[start], v=recording.v[start:])
 
 
 def add_uniform_noise(recording: Recording, half_amplitude_rps: float, rng: np.random.Generator) -> Recording:
     """Add uniform white noise n(t) to a record (equation 18), as the authors' noisy logs have it.
 
-    Parameters
-    ----------
-    recording : Recording
-        The clean record.
-    half_amplitude_rps : float
-        Table 2's noise amplitude [rps]: n lies between plus and minus this.
-    rng : Generator
-        Where the noise comes from.
-
-    Returns
-    -------
-    Recording
+    n lies between plus and minus `half_amplitude_rps`, which Table 2 calls the noise amplitude.
     """
     noise = rng.uniform(-half_amplitude_rps, half_amplitude_rps, recording.v.size)
     return replace(recording, v=recording.v + noise, source=f"{recording.source} + uniform noise")
@@ -83,7 +51,7 @@ def add_uniform_noise(recording: Recording, half_amplitude_rps: float, rng: np.r
 def constant_speed(samples: int, dt: float) -> Recording:
     """Make a record without backlash, the commanded speed and nothing else, to add noise to."""
     v = np.full(samples, COMMANDED_SPEED_RPS)
-    return Recording(dt * np.arange(samples), v, COMMANDED_SPEED_RPS, TURN_PERIOD_S, "constant speed")
+    return Recording(dt * np.arange(samples, dtype=float), v, COMMANDED_SPEED_RPS, TURN_PERIOD_S, "constant speed")
 
 
 def level_delta_rad(level: int) -> float:
@@ -91,22 +59,8 @@ def level_delta_rad(level: int) -> float:
     return (2 * level - 1) * 1e-4
 
 
-def _authors_recording(content: bytes, name: str) -> Recording:
-    t, v = parse_speed_workbook(content, name)
-    return Recording(t, v, COMMANDED_SPEED_RPS, TURN_PERIOD_S, name)
-
-
 def load_clean(level: int) -> Recording:
     """Load the authors' noise-free record of level K (`SpeeddataK.xlsx`; K = 3 to 13 are public).
-
-    Parameters
-    ----------
-    level : int
-        K; the backlash is `level_delta_rad(level)`.
-
-    Returns
-    -------
-    Recording
 
     Raises
     ------
@@ -118,18 +72,7 @@ def load_clean(level: int) -> Recording:
 
 
 def load_noisy(level: int, realisation: int) -> Recording:
-    """Load one of the authors' noisy records.
-
-    Parameters
-    ----------
-    level : int
-        K, 1 to 20.
-    realisation : int
-        R: 1 to 5 at low noise, 11 to 20 at high noise.
-
-    Returns
-    -------
-    Recording
+    """Load the authors' noisy record of level K, 1 to 20, and realisation R, 1 to 5 (low noise) or 11 to 20 (high).
 
     Raises
     ------
@@ -144,3 +87,8 @@ def load_noisy(level: int, realisation: int) -> Recording:
     path = f"Noisy data/{loudness} level of noise/Data_with_Noise_{realisation}.zip"
     content = read_zip_member(authors_file(path), rf"(.*/)?SpeeddataNoise{level}(_\d+)?\.xlsx")
     return _authors_recording(content, f"{path}!SpeeddataNoise{level}")
+
+
+def _authors_recording(content: bytes, name: str) -> Recording:
+    t, v = parse_speed_workbook(content, name)
+    return Recording(t, v, COMMANDED_SPEED_RPS, TURN_PERIOD_S, name)

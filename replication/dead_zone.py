@@ -19,22 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 def stiffness(
     delta_theta_rad: ArrayLike, delta_rad: ArrayLike, stiffness_nm_per_rad: float, alpha_per_rad: float
 ) -> NDArray[np.float64]:
-    """Variable coupling stiffness K_BL, equation 8 as printed.
-
-    Parameters
-    ----------
-    delta_theta_rad : array_like
-        theta_m / N - theta_l [rad].
-    delta_rad : array_like
-        Half the gap [rad], broadcast against the first argument.
-    stiffness_nm_per_rad, alpha_per_rad : float
-        K_s [N m/rad] and the sharpness of the edge [1/rad].
-
-    Returns
-    -------
-    ndarray
-        K_BL [N m/rad]: K_s far outside the gap, K_s / 2 at its edge, 2 K_s / (pi alpha delta) in its middle.
-    """
+    """Variable coupling stiffness K_BL [N m/rad], equation 8 as printed; the arguments are those of equation 9."""
     x, delta = np.asarray(delta_theta_rad, dtype=float), np.asarray(delta_rad, dtype=float)
     arctans = np.arctan(alpha_per_rad * (x - delta)) - np.arctan(alpha_per_rad * (x + delta))
     return stiffness_nm_per_rad / np.pi * (np.pi + arctans)
@@ -49,21 +34,16 @@ def transmitted_torque(
     alpha_per_rad: float = 1e6,
     clamped: bool = False,
 ) -> NDArray[np.float64]:
-    """Torque on the load tau_l, equation 9 as printed, or that of the clamped dead zone.
+    """Torque on the load tau_l [N m], equation 9 as printed, or that of the clamped dead zone.
 
     Parameters
     ----------
     delta_theta_rad, delta_omega_rad_per_s, delta_rad : array_like
-        Displacement, its rate and half the gap; broadcast together.
+        Displacement theta_m / N - theta_l, its rate and half the gap; broadcast together.
     stiffness_nm_per_rad, damping_nms_per_rad, alpha_per_rad : float
         K_s, D_s and the sharpness of the edge.
     clamped : bool
         No torque inside the gap, K_s and D_s outside, never pulling.
-
-    Returns
-    -------
-    ndarray
-        tau_l [N m]. As printed it jumps by 2 K_s / (pi alpha) to either side of zero.
     """
     x, delta = np.asarray(delta_theta_rad, dtype=float), np.asarray(delta_rad, dtype=float)
     damping = damping_nms_per_rad * np.asarray(delta_omega_rad_per_s, dtype=float)

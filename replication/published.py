@@ -3,7 +3,7 @@
 import math
 from collections.abc import Mapping
 from decimal import Decimal
-from functools import cache
+from functools import cache, partial
 from importlib.resources import files
 from importlib.resources.abc import Traversable
 
@@ -13,23 +13,41 @@ import pandas as pd
 DATA: Traversable = files("replication") / "data"
 
 
-def _table(name: str) -> pd.DataFrame:
-    with (DATA / name).open(encoding="utf-8") as file:
-        return pd.read_csv(file, keep_default_na=False)
-
-
 @cache
-def _cells() -> pd.DataFrame:
-    return _table("cells.csv").set_index("id")
+def _kept(name: str, index: str | None = None) -> pd.DataFrame:
+    with (DATA / name).open(encoding="utf-8") as file:
+        return pd.read_csv(file, keep_default_na=False, index_col=index)
+
+
+def _read(name: str, index: str | None = None) -> pd.DataFrame:
+    return _kept(name, index).copy()
+
+
+# The paper's prose claims and what decides each: `claim, section, decided_in` (the notebook's number), `check, rule,
+# criterion, reason, alternative`, the days on which rule and limit were `fixed` and the `first_result` was committed.
+claims = partial(_read, "claims.csv", "id")
+# `kind, location, as_printed, corrected, evidence, effect, cells`.
+errata = partial(_read, "errata.csv", "id")
+# Where each figure, table and numbered equation is: `element, what, notebooks, functions, test, note`.
+paper_map = partial(_read, "map.csv")
+# What the report begins with: `kind` ("finding" or "open"), `text` with names of numbers in braces, `proof`.
+findings = partial(_read, "findings.csv")
+# What the paper's figures show, in our words, and what can be compared: `shows, compare`.
+paper_figures = partial(_read, "paper_figures.csv", "figure")
+# What agreements are worth: `cells` (a pattern), `source, basis, fails_if, test`.
+basis = partial(_read, "basis.csv")
+# Cells known not to reproduce: `id, source, reason`.
+known_differences = partial(_read, "differences.csv")
+# The 30 runs that the authors' notebook stores, on their clean record 12, and what it prints of runs 1 to 20: one row
+# per printed generation, some 17 of each run.
+authors_notebook_runs = partial(_read, "authors_notebook_runs.csv")
+authors_notebook_generations = partial(_read, "authors_notebook_generations.csv")
+
+_cells = partial(_kept, "cells.csv", "id")
 
 
 def cells(element: str | None = None) -> pd.DataFrame:
-    """Load the printed numbers, indexed by cell id.
-
-    Parameters
-    ----------
-    element : str, optional
-        Only this element, such as "Table 2".
+    """Load the printed numbers, indexed by cell id, of one element, such as "Table 2", or of all.
 
     Returns
     -------
@@ -51,13 +69,7 @@ def cells(element: str | None = None) -> pd.DataFrame:
 
 
 def value(cell: str) -> float:
-    """Printed value of a cell, in the cell's unit.
-
-    Raises
-    ------
-    KeyError
-        There is no such cell.
-    """
+    """Printed value of a cell, in the cell's unit; a KeyError if there is no such cell."""
     return float(_cells().loc[cell, "value"])
 
 
@@ -69,8 +81,7 @@ def tolerance(cell: str) -> float:
 
 def half_last_digit(printed: str) -> float:
     """Half a unit of a printed number's last digit, which is what rounding leaves open."""
-    number = Decimal(printed.rstrip("%"))
-    return 0.5 * 10.0 ** number.as_tuple().exponent
+    return 0.5 * 10.0 ** int(Decimal(printed.rstrip("%")).as_tuple().exponent)
 
 
 def column(element: str, name: str) -> np.ndarray:
@@ -79,23 +90,8 @@ def column(element: str, name: str) -> np.ndarray:
     return table.loc[table["column"] == name, "value"].to_numpy(float)
 
 
-def claims() -> pd.DataFrame:
-    """The paper's prose claims and what decides each, indexed by id.
-
-    Columns `claim, section, decided_in` (the notebook's number), `check, rule, criterion, reason, alternative`, and the
-    days on which rule and limit were `fixed` and the `first_result` was committed.
-    """
-    return _table("claims.csv").set_index("id")
-
-
 def criterion(claim: str, criteria: Mapping[str, float] | None = None) -> float:
-    """The limit that decides a claim: that of `claims.csv`, or the one that `criteria` tries in its place.
-
-    Raises
-    ------
-    KeyError
-        There is no such claim, or `criteria` names one that there is not.
-    """
+    """The limit that decides a claim: that of `claims.csv`, or the one that `criteria` tries in its place."""
     known = claims()["criterion"]
     if unknown := {claim, *(criteria or {})} - set(known.index):
         raise KeyError(f"{', '.join(sorted(unknown))}: no such claim; there are {', '.join(known.index)}")
@@ -114,7 +110,7 @@ def decide(
     measured : float or (float, float)
         What the rule compares with the limit: one number; the two ends of an interval where the rule's name begins with
         "interval"; p of the claim and p of its opposite for "p below". A number within 1e-9 of the limit, relatively,
-        is the limit: that is rounding in the last bits.
+        is the limit: the last bits do not decide.
     criteria : mapping of claim to limit, optional
         Limits to try in place of those of `claims.csv`.
 
@@ -141,43 +137,3 @@ def decide(
         "interval above": (low > limit, high < limit),
     }[rule]
     return True if holds else False if fails else None
-
-
-def errata() -> pd.DataFrame:
-    """Errata, indexed by id: `kind, location, as_printed, corrected, evidence, effect, cells`."""
-    return _table("errata.csv").set_index("id")
-
-
-def paper_map() -> pd.DataFrame:
-    """Where each figure, table and numbered equation is: `element, what, notebooks, functions, test, note`."""
-    return _table("map.csv")
-
-
-def findings() -> pd.DataFrame:
-    """What the report begins with: `kind` ("finding" or "open"), `text` with names of numbers in braces, `proof`."""
-    return _table("findings.csv")
-
-
-def paper_figures() -> pd.DataFrame:
-    """What the paper's figures show, in our words, and what can be compared, indexed by figure: `shows, compare`."""
-    return _table("paper_figures.csv").set_index("figure")
-
-
-def basis() -> pd.DataFrame:
-    """What agreements are worth: `cells` (a pattern), `source`, `basis`, `fails_if`, `test`."""
-    return _table("basis.csv")
-
-
-def known_differences() -> pd.DataFrame:
-    """Cells known not to reproduce, with the reason: `id, source, reason`."""
-    return _table("differences.csv")
-
-
-def authors_notebook_runs() -> pd.DataFrame:
-    """Load the 30 runs that the authors' notebook stores, on their record 12 (one row a run)."""
-    return _table("authors_notebook_runs.csv")
-
-
-def authors_notebook_generations() -> pd.DataFrame:
-    """Load what the authors' notebook prints of runs 1 to 20: one row per printed generation, some 17 of each run."""
-    return _table("authors_notebook_generations.csv")

@@ -10,6 +10,7 @@ every processor.
 import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,8 +24,7 @@ from replication.signature import Box
 HISTORY = ("best", "median", "upper_quartile", "sigma", "axis_ratio", "smallest_std", "largest_std")
 
 
-@dataclass(frozen=True)
-class Constants:
+class Constants(NamedTuple):
     """What the population and the dimension n fix: w_i of the ranked members, then the equations' constants."""
 
     weights: FloatArray  # mu positive ones of sum 1 (equation 13), then equation 17's negative ones
@@ -133,7 +133,7 @@ def update(state: State, ranked: FloatArray, c: Constants) -> State:
     return State(g, state.m + step, sigma, C, p_sigma, p_c, state.unit, B, D)
 
 
-def checked(box: Box, population: int, iterations: int = 1, seed: int = 1) -> None:
+def check_settings(box: Box, population: int, iterations: int = 1, seed: int = 1) -> None:
     """Refuse settings that no search can be run with, by a ValueError that names the first one."""
     width = box.upper - box.lower
     _check_seed(seed)
@@ -162,9 +162,8 @@ def generations(
     normals: Callable[[int, int], FloatArray],
     population: int,
     sigma: float = 1.0,
-    start: FloatArray | None = None,
 ) -> Iterator[Generation]:
-    """Go through the search one generation at a time, without end.
+    """Go through the search from the middle of the box, one generation at a time, without end.
 
     Parameters
     ----------
@@ -178,25 +177,20 @@ def generations(
         Members lambda of a generation, at least 4.
     sigma : float
         First standard deviations, in quarters of the box.
-    start : array of shape (n,), optional
-        First mean; the middle of the box by default.
 
     Raises
     ------
     ValueError
-        The population is below 4, the box is empty, inverted or not finite, sigma is not above 0, the start lies
-        outside the box, or a misfit is not finite.
+        Settings that `check_settings` refuses, sigma not above 0, or a misfit that is not finite.
     """
-    checked(box, population)
-    n, width = box.lower.size, box.upper - box.lower
-    start = (box.lower + box.upper) / 2 if start is None else np.asarray(start, dtype=float)
-    if start.shape != (n,) or not np.all((box.lower <= start) & (start <= box.upper)):
-        raise ValueError(f"the start {start} lies outside the box")
+    check_settings(box, population)
+    n = box.lower.size
     if not (math.isfinite(sigma) and sigma > 0):
         raise ValueError(f"sigma {sigma}: a number above 0 is needed")
     c, nothing = constants(population, n), np.zeros(n)
     C = np.diag([math.exp(1e-4 * i / n) for i in range(n)])  # the identity, but for an order of the axes
-    after = State(0, from_box(start, box), sigma, C, nothing, nothing, width / 4, np.eye(n), np.ones(n))
+    middle, unit = from_box((box.lower + box.upper) / 2, box), (box.upper - box.lower) / 4
+    after = State(0, middle, sigma, C, nothing, nothing, unit, np.eye(n), np.ones(n))
     while True:
         before = decompose(after)
         x = sample(before, normals(population, n))

@@ -1,7 +1,9 @@
 """The backlash signature h(t) and its misfit (equations 1 to 7 and 11, the cost function, Table 1).
 
-A parameter vector X lists the free parameters in the order of `FREE_PARAMETERS`. T_d and T_f are not free:
-Table 1 gives them equal lower and upper bounds, so the optimiser never sees them.
+Symbols are the paper's: t0, T1, T2, T_d and T_f in s, the damping tau in 1/s, the angular frequency omega in rad/s,
+the amplitude factor A and the motor speed v in rps. Time t and v are arrays of shape (samples,). A parameter vector X
+of shape (7,) lists the free parameters in the order of `FREE_PARAMETERS`. T_d and T_f are not free: Table 1 gives them
+equal lower and upper bounds, so the optimiser never sees them.
 """
 
 from dataclasses import dataclass
@@ -20,21 +22,11 @@ FREQUENCY_HZ = (1.0, 40.0)
 
 @dataclass(frozen=True)
 class Timing:
-    """What of the signature the test movement fixes (section "Backlash signature", Table 1).
+    """What of the signature the test movement fixes (section "Backlash signature", Table 1)."""
 
-    Attributes
-    ----------
-    T_d : float
-        Delay of a turn's second oscillation [s]; half a turn.
-    T_f : float
-        Period of a load turn [s].
-    n : int
-        Turns in the model (12 in the paper).
-    """
-
-    T_d: float
-    T_f: float
-    n: int
+    T_d: float  # delay of a turn's second oscillation [s], half a turn
+    T_f: float  # period of a load turn [s]
+    n: int  # turns in the model, 12 in the paper
 
 
 @dataclass(frozen=True)
@@ -48,48 +40,17 @@ class Box:
 def damped_oscillation(
     t: FloatArray, A: float, t0: float, tau: float, omega: float, T1: float, T2: float
 ) -> FloatArray:
-    """Equation 5: one damped oscillation d_b(t - t0), zero outside t0 + T1 <= t <= t0 + T2.
-
-    Parameters
-    ----------
-    t : array of shape (samples,)
-        Time [s].
-    A : float
-        Amplitude factor, in the unit of the result.
-    t0, T1, T2 : float
-        Reference instant, start and end of the window after it [s].
-    tau : float
-        Damping factor [1/s].
-    omega : float
-        Angular frequency [rad/s].
-
-    Returns
-    -------
-    array of shape (samples,)
-    """
+    """Equation 5: one damped oscillation d_b(t - t0), zero outside t0 + T1 <= t <= t0 + T2; shape (samples,)."""
     inside = (t >= t0 + T1) & (t <= t0 + T2)
     elapsed = np.where(inside, t - (t0 + T1), 0.0)
     return np.where(inside, A * np.exp(-elapsed * tau) * np.sin(omega * (t - t0)), 0.0)
 
 
 def signature(t: FloatArray, X: FloatArray, timing: Timing) -> FloatArray:
-    """Equation 7: the signature h(t), n turns of equation 6, as the paper writes it.
+    """Equation 7: the signature h(t) [rps], n turns of equation 6, as the paper writes it; shape (samples,).
 
-    This direct transcription is the reference; `compiled.misfit.population_rmse` is what a search calls.
-
-    Parameters
-    ----------
-    t : array of shape (samples,)
-        Time [s].
-    X : array of shape (7,)
-        Parameters in `FREE_PARAMETERS` order; v_t does not enter.
-    timing : Timing
-        T_d, T_f and the number of turns.
-
-    Returns
-    -------
-    array of shape (samples,)
-        Speed disturbance [rps].
+    This direct transcription is the reference; `compiled.misfit.population_rmse` is what a search calls. The fifth
+    element of X, v_t, does not enter.
     """
     A, t0, tau, omega, _, T2, T1 = X
     h = np.zeros_like(t)
@@ -101,22 +62,7 @@ def signature(t: FloatArray, X: FloatArray, timing: Timing) -> FloatArray:
 
 
 def rmse(t: FloatArray, v: FloatArray, X: FloatArray, timing: Timing) -> float:
-    """Root mean square of r(t) - h(t), the paper's cost function, with r(t) = v(t) - v_t (equation 11).
-
-    Parameters
-    ----------
-    t, v : array of shape (samples,)
-        Time [s] and motor speed [rps].
-    X : array of shape (7,)
-        Parameters in `FREE_PARAMETERS` order.
-    timing : Timing
-        T_d, T_f and the number of turns.
-
-    Returns
-    -------
-    float
-        Misfit [rps].
-    """
+    """Root mean square of r(t) - h(t) [rps], the paper's cost function, with r(t) = v(t) - v_t (equation 11)."""
     return float(np.sqrt(np.mean((v - X[4] - signature(t, X, timing)) ** 2)))
 
 
@@ -133,17 +79,13 @@ def table1_box(
     Parameters
     ----------
     t, v : array of shape (samples,)
-        Time [s] and motor speed [rps].
+        The record.
     longest_window_s : float
         Upper bound of T2, and twice that of T1; Table 1 prints its T_d there.
     amplitude_factor : float
         Widens the range of A; Table 1 has 1.
     damping_per_s, frequency_hz : two floats
-        Bounds of tau [1/s] and of omega over 2 pi [Hz].
-
-    Returns
-    -------
-    Box
+        Bounds of tau, and of omega over 2 pi.
     """
     half_range = amplitude_factor * (v.max() - v.min()) / 2
     (tau_min, tau_max), (omega_min, omega_max) = damping_per_s, (2 * np.pi * f for f in frequency_hz)

@@ -1,16 +1,18 @@
-"""95 % intervals that several parts of the project need."""
+"""Intervals that several parts of the project need, all of one level."""
 
 from collections.abc import Sequence
 
 import numpy as np
 from scipy import stats
 
+LEVEL = 0.95
+
 
 def rate_interval(hits: int, runs: int) -> tuple[float, float]:
     """95 % interval of a rate, after Clopper and Pearson; NaN without runs."""
     if not runs:
         return np.nan, np.nan
-    interval = stats.binomtest(hits, runs).proportion_ci(0.95, method="exact")
+    interval = stats.binomtest(hits, runs).proportion_ci(LEVEL, method="exact")
     return float(interval.low), float(interval.high)
 
 
@@ -23,5 +25,5 @@ def rate_columns(hits: int, runs: int, name: str = "rate") -> dict[str, float]:
 def another_interval(values: Sequence[float]) -> tuple[float, float]:
     """95 % interval in which another value like these lies: mean ± t(n - 1) s sqrt(1 + 1/n)."""
     size = len(values)
-    half = stats.t.ppf(0.975, size - 1) * np.std(values, ddof=1) * np.sqrt(1 + 1 / size)
+    half = stats.t.ppf((1 + LEVEL) / 2, size - 1) * np.std(values, ddof=1) * np.sqrt(1 + 1 / size)
     return float(np.mean(values) - half), float(np.mean(values) + half)

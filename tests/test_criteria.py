@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 from replication import published
+from replication.files import notebook_files
 from replication.workbook import ROOT, judging
 
 RULES = {
@@ -16,7 +17,7 @@ ORDER = (
     "Committed together with the first result.",
     "Changed after a first result was seen:",
 )
-NOTEBOOKS = {int(path.name[:2]): path for path in (ROOT / "notebooks").glob("[0-9]*.py")}
+NOTEBOOKS = {int(name[:2]): path for name, path in notebook_files("py").items()}
 
 
 @pytest.fixture

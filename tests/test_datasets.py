@@ -2,10 +2,8 @@ import numpy as np
 import pytest
 
 from replication import datasets, published, table2
-from replication.data.authors import (
-    DataUnavailable,
-)
-from replication.studies import inspection
+from replication.data.authors import DataUnavailable
+from replication.replay import inspection
 
 
 def test_a_record_from_a_later_sample_starts_at_time_zero():
@@ -52,21 +50,24 @@ def test_the_turn_period_of_a_made_record_is_found_to_a_tenth_of_a_sample():
     assert inspection.turn_period(record) == pytest.approx(0.4137, abs=2e-4)
 
 
-def test_the_added_noise_is_uniform_with_the_printed_half_amplitude(authors_data):
+@pytest.fixture(scope="module")
+def noise_laws(authors_data):
+    return {level: inspection.uniform_noise_test(inspection.added_noise(level, 1)) for level in range(3, 12)}
+
+
+def test_the_added_noise_is_uniform_with_the_printed_half_amplitude(noise_laws):
     printed = published.column("Table 2", "noise")
     for row, level in enumerate(table2.table2_levels()):
         formula = 0.1 + (level - 1) * 0.15 / 19
         assert abs(formula - printed[row]) <= 1e-4
         if level >= 3:
-            law = inspection.uniform_noise_test(level, 1)
-            assert law["p_uniform"] > 0.01
-            assert abs(law["mean_over_standard_error"]) < 3
+            assert noise_laws[level]["p_uniform"] > 0.01
+            assert abs(noise_laws[level]["mean_over_standard_error"]) < 3
             assert np.ptp(inspection.added_noise(level, 1)) / 2 == pytest.approx(formula, rel=0.005)
 
 
-def test_the_added_noise_is_not_gaussian(authors_data):
-    for level in range(3, 12):
-        assert inspection.uniform_noise_test(level, 1)["p_normal"] < 1e-3
+def test_the_added_noise_is_not_gaussian(noise_laws):
+    assert max(law["p_normal"] for law in noise_laws.values()) < 1e-3
 
 
 def test_level_1_is_not_free_of_backlash(authors_data):

@@ -7,11 +7,9 @@ import pytest
 
 from replication import datasets, published
 from replication.compiled.bounds import from_box, into_box, margin_2021, margin_today
-from replication.compiled.folded import fold
-from replication.compiled.misfit import folded_rmse, population_rmse
+from replication.compiled.misfit import fold, folded_rmse, population_rmse
 from replication.identify import (
     Protocol,
-    first_generation_rmse,
     library_search,
     paper_fit,
     paper_search,
@@ -83,22 +81,20 @@ def test_the_fit_is_the_best_member_of_the_generations_that_can_be_gone_through(
 def test_the_global_random_state_is_left_alone(made_record):
     np.random.seed(3)  # noqa: NPY002
     before = np.random.get_state()[1].copy()  # noqa: NPY002
-    first_generation_rmse(made_record, Protocol(), seed=11)
+    paper_fit(made_record, Protocol(iterations=1), seed=11)
     np.testing.assert_array_equal(np.random.get_state()[1], before)  # noqa: NPY002
 
 
 def test_every_stored_seed_gives_its_stored_first_generation(record_12):
     for run in published.authors_notebook_runs().to_dict("records"):
-        found = first_generation_rmse(record_12, Protocol(), run["cma_seed"])
-        assert abs(found - run["generation_1_best_rmse_rps"]) < 1e-12, run["run"]
+        found = paper_fit(record_12, Protocol(iterations=1), run["cma_seed"])
+        assert abs(found.rmse - run["generation_1_best_rmse_rps"]) < 1e-12, run["run"]
 
 
 def test_with_todays_cma_only_samples_away_from_the_bounds_agree(record_12):
-    newer = Protocol(engine="cma")
+    newer = Protocol(engine="cma", iterations=1)
     stored = published.authors_notebook_runs().to_dict("records")
-    off = [
-        abs(first_generation_rmse(record_12, newer, r["cma_seed"]) - r["generation_1_best_rmse_rps"]) for r in stored
-    ]
+    off = [abs(paper_fit(record_12, newer, r["cma_seed"]).rmse - r["generation_1_best_rmse_rps"]) for r in stored]
     same = np.array(off) < 1e-12
     assert 10 <= same.sum() < 30
     assert max(off) < 1e-2

@@ -6,12 +6,13 @@ import re
 import pandas as pd
 import pytest
 
+from replication.files import notebook_files
 from replication.workbook import ROOT, judging
 from tests.processors import ALIASES, numba_target, numpy_simd, openblas_kernels
 
 KERNEL = os.environ.get("OPENBLAS_CORETYPE")
 needs_settings = pytest.mark.skipif(not KERNEL, reason="this processor's own settings; `make portable` sets others")
-SOURCES = sorted((ROOT / "notebooks").glob("[0-9]*.py"))
+SOURCES = list(notebook_files("py").values())
 # Those whose quick run is their whole run.
 CHEAP = [source for source in SOURCES if re.search(r"^#\s+quick: \{\}$", source.read_text(encoding="utf-8"), re.M)]
 NAMES = [source.stem for source in CHEAP]

@@ -8,6 +8,7 @@ import pytest
 
 from replication import datasets, published, table2, workbook
 from replication.data.authors import authors_registry
+from replication.files import notebook_files
 from replication.workbook import judging
 
 RESULTS = workbook.ROOT / "results"
@@ -170,5 +171,5 @@ def test_the_locked_versions_are_those_that_made_the_results():
 @pytest.mark.parametrize("figure", sorted(path.stem for path in (workbook.ROOT / "figures").glob("*.svg")))
 def test_a_figure_is_there_as_svg_and_png_and_named_in_a_notebook(figure):
     assert (workbook.ROOT / "figures" / f"{figure}.png").stat().st_size > 5000
-    sources = [path.read_text(encoding="utf-8") for path in (workbook.ROOT / "notebooks").glob("[0-9]*.py")]
+    sources = [path.read_text(encoding="utf-8") for path in notebook_files("py").values()]
     assert any(f'"{figure}"' in source for source in sources)

@@ -5,16 +5,16 @@ from hypothesis import strategies as st
 
 from replication import published
 from replication.compiled.misfit import population_rmse
+from replication.replay.inspection import STORED_NAMES
 from replication.signature import Timing, damped_oscillation, rmse, signature, table1_box
 
 TIMING = Timing(T_d=0.2, T_f=0.4, n=12)
 T = 0.002 * np.arange(2401)
 V = 100 + np.sin(7 * T) + 0.3 * np.cos(140 * T)
-STORED = ["A_rps", "t0_s", "tau_per_s", "omega_rad_per_s", "c_rps", "window_end_s", "window_start_s"]
 
 
 def stored_runs():
-    return [(run[STORED].to_numpy(float), run) for _, run in published.authors_notebook_runs().iterrows()]
+    return [(run[list(STORED_NAMES)].to_numpy(float), run) for _, run in published.authors_notebook_runs().iterrows()]
 
 
 def test_the_oscillation_is_zero_outside_its_window_and_equation_5_inside():

@@ -1,3 +1,4 @@
+import numpy as np
 import pandas as pd
 import pytest
 
@@ -15,6 +16,7 @@ def test_no_runs_are_refused_before_anything_is_computed():
         table2.repeated_fits([], [table2.AUTHORS], range(1, 1), label="none")
 
 
+@pytest.mark.slow
 def test_the_five_realisations_give_fifty_records_of_their_own(authors_data):
     records = table2.authors_table2_records(datasets.LOW_NOISE)
     assert len({(key["realisation"], key["row"]) for key, _ in records}) == 50
@@ -36,3 +38,46 @@ def test_the_error_against_the_printed_mean_is_of_the_rows_with_backlash():
     error = table2.error_percent(pd.DataFrame(rows), "A")
     assert error.tolist()[:2] == pytest.approx([2.0, 2.0])
     assert error.isna().tolist() == [False, False, True]
+
+
+@pytest.mark.parametrize(("off", "holds"), [(0.02, True), (0.2, False), (0.099, None)])
+def test_an_error_near_the_limit_is_undecided(off, holds):
+    theoretical = published.column("Table 2", "theoretical")[:10]
+    rng = np.random.default_rng(1)
+    runs = pd.DataFrame(
+        [
+            {"realisation": 1, "row": row, "A_rps": A * (1 - off + rng.normal(0, 0.01))}
+            for row, A in enumerate(theoretical, start=1)
+            for _ in range(30)
+        ]
+    )
+    decided, said = table2.decide_error_below_10(runs)
+    assert decided is holds
+    largest = max(100 * abs(part["A_rps"].mean() / theoretical[row - 1] - 1) for row, part in runs.groupby("row"))
+    assert said.startswith(f"largest error of a mean {largest:.1f} %")
+
+
+def test_one_realisation_with_a_large_error_decides_on_all_of_them():
+    theoretical = published.column("Table 2", "theoretical")[:10]
+    runs = pd.DataFrame(
+        [
+            {"realisation": R, "row": row, "A_rps": A * (0.98 if (R, row) != (4, 7) else 0.8)}
+            for R in range(1, 6)
+            for row, A in enumerate(theoretical, start=1)
+            for _ in range(3)
+        ]
+    )
+    assert table2.decide_error_below_10(runs)[0] is False
+    assert table2.decide_error_below_10(runs[runs["realisation"] != 4])[0] is True
+
+
+@pytest.mark.parametrize(("hits", "holds"), [([24, 20, 22], True), ([3, 6, 5], False), ([30, 2, 20], None)])
+def test_the_share_of_runs_in_the_best_basin_varies_with_the_record(hits, holds):
+    decided, said = table2.decide_local_minima(pd.DataFrame({"best_basin_runs": hits, "runs": 30}))
+    assert decided is holds
+    assert said.startswith(f"{sum(hits)} of 90 runs on 3 noisy records")
+    assert "stored runs on the noise-free record 12, 10 do" in said
+
+
+def test_one_record_alone_does_not_decide_on_local_minima():
+    assert table2.decide_local_minima(pd.DataFrame({"best_basin_runs": [30], "runs": [30]}))[0] is None

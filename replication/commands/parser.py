@@ -1,7 +1,11 @@
-"""A parser that says in one line what is wrong, and commands whose code is imported when they run."""
+"""Command lines: parsers that say in one line what is wrong, and commands whose code is imported when they run."""
 
 import argparse
+import sys
+from collections.abc import Container, Sequence
 from importlib import import_module
+
+from replication.files import require_checkout
 
 
 class OneLineParser(argparse.ArgumentParser):
@@ -19,6 +23,18 @@ def add_command(commands: argparse._SubParsersAction, name: str, module: str, te
     return sub
 
 
-def run_command(options: argparse.Namespace) -> int:
-    """Do what the parsed command says, and return its exit status."""
-    return getattr(import_module(options.module), options.function)(options)
+def run_command(parser: argparse.ArgumentParser, arguments: Sequence[str] | None, anywhere: Container[str]) -> int:
+    """Do what the arguments say; return the exit status: 0 done, 2 the input is not usable, 1 anything else.
+
+    Commands that are not in `anywhere` need a checkout of the project.
+    """
+    options = parser.parse_args(arguments)
+    try:
+        if options.command_name not in anywhere:
+            require_checkout()
+        return getattr(import_module(options.module), options.function)(options)
+    except Exception as error:
+        if not hasattr(error, "exit_status"):  # of errors whose message is the one line that a user needs
+            raise
+        print(error, file=sys.stderr)
+        return error.exit_status

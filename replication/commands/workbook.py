@@ -1,10 +1,11 @@
-"""What the workbook's commands do: run, collect, data."""
+"""What the workbook's commands do: run, collect, data, identify-joint."""
 
 import argparse
 import sys
 
 from replication import workbook
 from replication.data.authors import WORKBOOK_FILES, authors_file
+from replication.files import notebook_files, write_text
 from replication.report.commands import results_folder
 from replication.workbook import provenance
 
@@ -13,17 +14,17 @@ def run_run(options: argparse.Namespace) -> int:
     """Execute notebooks."""
     from replication.workbook import running  # takes a second and a half, which no other command should wait for
 
-    sources = options.notebook or sorted((workbook.ROOT / "notebooks").glob("[0-9]*.py"))
+    sources = options.notebook or list(notebook_files("py").values())
+    destination = workbook.QUICK if options.quick else workbook.ROOT
+    limits = {"stall_s": 60 * options.stall_minutes, "watched": options.watch}
     try:
-        endings = running.run(sources, options.quick, options.stamps, 60 * options.stall_minutes, options.watch)
+        endings = running.run_notebooks(sources, destination, options.quick, options.stamps, **limits)
     except KeyboardInterrupt:
         print("interrupted; what was finished is kept", file=sys.stderr)
         return 130
-    failed = [ending.why for ending in endings if ending.how == "failed"]
     if not options.quick:
         running.note_run(endings)
-    print("\n".join([running.slowest_cells(endings), *(f"failed: {why}" for why in failed)]), file=sys.stderr)
-    return 1 if failed else 0
+    return int(any(ending.how == "failed" for ending in endings))
 
 
 def run_collect(options: argparse.Namespace) -> int:
@@ -34,6 +35,13 @@ def run_collect(options: argparse.Namespace) -> int:
 
 def run_data(_: argparse.Namespace) -> int:
     """Fetch and verify the authors' files."""
-    for path in WORKBOOK_FILES:
-        print(authors_file(path))
+    print(*(authors_file(path) for path in WORKBOOK_FILES), sep="\n")
+    return 0
+
+
+def run_identify_joint(_: argparse.Namespace) -> int:
+    """Identify the simulated joint anew."""
+    from replication.simulator.study import reidentify_joint  # compiled code, which nothing else here needs
+
+    write_text(workbook.ROOT / "replication" / "data" / "joint.json", reidentify_joint())
     return 0

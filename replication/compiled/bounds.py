@@ -1,6 +1,6 @@
-"""How unbounded samples get into a box: the identity inside, bent to a half-parabola in a margin at each bound.
+"""How unbounded samples get into a box, as in the library `cma`.
 
-Beyond the margins the map goes back and forth periodically. Form and margins are those of the library `cma`.
+The identity inside, bent to a half-parabola in a margin at each bound; beyond the margins the map goes back and forth.
 """
 
 from collections.abc import Callable
@@ -25,40 +25,27 @@ def margin_today(bound: FloatArray) -> FloatArray:
 
 
 def into_box(samples: FloatArray, box: Box, margin: Margin = margin_2021) -> FloatArray:
-    """Map a whole population into the box.
-
-    Parameters
-    ----------
-    samples : array of shape (members, parameters)
-        Unbounded samples.
-    box : Box
-        Where they have to be.
-    margin : callable
-        Width of the margin at a bound; never more than half the box.
-
-    Returns
-    -------
-    array of shape (members, parameters)
-    """
-    return _into_box(np.ascontiguousarray(samples), box.lower, box.upper, *_margins(box, margin))
+    """Map a population of unbounded samples, shape (members, parameters), into the box."""
+    return bend_into(samples, box.lower, box.upper, *margins_of(box, margin))
 
 
 def from_box(point: FloatArray, box: Box, margin: Margin = margin_2021) -> FloatArray:
-    """Sample whose image under `into_box` is a point of the box; shape (parameters,)."""
-    lower_margin, upper_margin = _margins(box, margin)
+    """Sample whose image under `into_box` is a point of the box."""
+    lower_margin, upper_margin = margins_of(box, margin)
     near_lower = (box.lower - lower_margin) + 2 * (lower_margin * (point - box.lower)) ** 0.5
     near_upper = (box.upper + upper_margin) - 2 * (upper_margin * (box.upper - point)) ** 0.5
     inner = np.where(point < box.upper - upper_margin, point, near_upper)
     return np.where(point < box.lower + lower_margin, near_lower, inner)
 
 
-def _margins(box: Box, margin: Margin) -> tuple[FloatArray, FloatArray]:
+def margins_of(box: Box, margin: Margin = margin_2021) -> tuple[FloatArray, FloatArray]:
+    """Widths of the margins at the lower and upper bounds, never more than half the box."""
     half = (box.upper - box.lower) / 2
     return np.minimum(half, margin(box.lower)), np.minimum(half, margin(box.upper))
 
 
 @numba.njit(cache=True)
-def _into_box(samples, lower, upper, lower_margin, upper_margin):
+def bend_into(samples, lower, upper, lower_margin, upper_margin):
     """Compiled body of `into_box`, in the library's order of operations."""
     members = np.empty_like(samples)
     for i in range(samples.shape[1]):

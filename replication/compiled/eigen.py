@@ -1,51 +1,25 @@
-"""Eigenvectors of a small symmetric matrix, with the signs of LAPACK before 3.10 on every machine.
+"""Eigenvectors of a small symmetric matrix, with the signs of LAPACK's `dsyev` before 3.10 on every machine.
 
 An eigenvector's sign is free, and a search that draws its samples along eigenvectors is another one if a sign flips.
-LAPACK's own choice changed with its plane rotation (3.10); here the old rotation stays.
+LAPACK's own choice changed with its plane rotation (3.10); here the old rotation stays. The method is in Golub and Van
+Loan, "Matrix Computations", sections 5.1 and 8.3; every sum is taken in order, without BLAS.
 """
 
 import numba
 import numpy as np
-from numpy.typing import NDArray
-
-FloatArray = NDArray[np.float64]
 
 EPSILON = 2.0**-53  # relative rounding error
 TINY = 2.0**-1022  # smallest normal number
 MOST_SWEEPS = 30  # for each eigenvalue; two or three are usual
 
 
-def symmetric_eigen(matrix: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Eigenvalues and eigenvectors of a symmetric matrix.
-
-    Householder's reduction of the lower triangle to a tridiagonal matrix, then implicit QL or QR sweeps (Golub and
-    Van Loan, "Matrix Computations", sections 8.3 and 5.1), each step and each sign as in LAPACK's `dsyev` before
-    version 3.10, in plain loops.
-
-    Parameters
-    ----------
-    matrix : array of shape (n, n)
-        Its upper triangle is not read.
-
-    Returns
-    -------
-    values : array of shape (n,)
-        Eigenvalues, ascending.
-    vectors : array of shape (n, n)
-        Column i belongs to eigenvalue i.
-
-    Raises
-    ------
-    ValueError
-        The matrix is not square, not finite, or its eigenvalues are not found.
-    """
-    matrix = np.array(matrix, dtype=float, order="C")
-    if matrix.ndim != 2 or matrix.shape[0] != matrix.shape[1] or not np.isfinite(matrix).all():
-        raise ValueError(f"no eigenvalues: a finite square matrix is needed, this one has the shape {matrix.shape}")
-    diagonal, beside, vectors = tridiagonal(matrix)
-    if not diagonalise(diagonal, beside, vectors):
-        raise ValueError("no eigenvalues: the sweeps do not converge")
-    return diagonal, vectors
+@numba.njit(cache=True)
+def symmetric_eigen(matrix):
+    """Eigenvalues of a symmetric matrix, ascending, and its eigenvectors in columns."""
+    diagonal, beside, vectors = make_tridiagonal(matrix.copy())
+    make_diagonal(diagonal, beside, vectors)
+    order = np.argsort(diagonal, kind="mergesort")
+    return diagonal[order], vectors[:, order]
 
 
 @numba.njit(cache=True)
@@ -56,48 +30,27 @@ def length(x, y):
 
 
 @numba.njit(cache=True)
-def tridiagonal(a):
+def make_tridiagonal(a):
     """Householder's reduction: diagonal, subdiagonal and the orthogonal matrix Q of Q T Q' = a; `a` is used up."""
     n = a.shape[0]
-    tau = np.zeros(n)
-    w = np.zeros(n)
-    beside = np.zeros(n)
+    tau, beside, q = np.zeros(n), np.zeros(n), np.eye(n)
     for i in range(n - 1):
-        below = 0.0
-        for k in range(i + 2, n):
-            below += a[k, i] * a[k, i]
-        below = np.sqrt(below)
-        beside[i] = a[i + 1, i]
+        v, rest = a[i + 1 :, i], a[i + 1 :, i + 1 :]
+        beside[i] = v[0]
+        below = np.sqrt((v[1:] * v[1:]).sum())
         if below == 0.0:
             continue
-        beta = -np.copysign(length(a[i + 1, i], below), a[i + 1, i])
-        tau[i] = (beta - a[i + 1, i]) / beta
-        for k in range(i + 2, n):
-            a[k, i] /= a[i + 1, i] - beta
-        beside[i] = beta
-        a[i + 1, i] = 1.0  # v, the reflection's direction, stays in the column
-        dot = 0.0
-        for j in range(i + 1, n):
-            w[j] = 0.0
-            for k in range(i + 1, n):
-                w[j] += a[max(j, k), min(j, k)] * a[k, i]
-            w[j] *= tau[i]
-            dot += w[j] * a[j, i]
-        for j in range(i + 1, n):
-            w[j] -= tau[i] / 2 * dot * a[j, i]
-        for j in range(i + 1, n):
-            for k in range(j, n):
-                a[k, j] -= a[k, i] * w[j] + w[k] * a[j, i]
-    diagonal = np.diag(a).copy()
-    q = np.eye(n)
+        beside[i] = -np.copysign(length(v[0], below), v[0])
+        tau[i] = (beside[i] - v[0]) / beside[i]
+        v[1:] /= v[0] - beside[i]
+        v[0] = 1.0  # the reflection's direction stays in the column
+        w = tau[i] * (rest * v).sum(axis=1)
+        w -= tau[i] / 2 * (w * v).sum() * v
+        rest -= np.outer(v, w) + np.outer(w, v)
     for i in range(n - 2, -1, -1):
-        for j in range(i + 1, n):
-            dot = 0.0
-            for k in range(i + 1, n):
-                dot += a[k, i] * q[k, j]
-            for k in range(i + 1, n):
-                q[k, j] -= tau[i] * dot * a[k, i]
-    return diagonal, beside, q
+        v, block = a[i + 1 :, i], q[i + 1 :, i + 1 :]
+        block -= np.outer(v, tau[i] * (v * block.T).sum(axis=1))
+    return np.diag(a).copy(), beside, q
 
 
 @numba.njit(cache=True)
@@ -108,10 +61,9 @@ def plane_rotation(f, g):
     if f == 0.0:
         return 0.0, 1.0, g
     r = np.sqrt(f * f + g * g)
-    c, s = f / r, g / r
-    if abs(f) > abs(g) and c < 0.0:
-        return -c, -s, -r
-    return c, s, r
+    if abs(f) > abs(g) and f < 0.0:
+        r = -r
+    return f / r, g / r, r
 
 
 @numba.njit(cache=True)
@@ -119,34 +71,29 @@ def two_by_two(a, b, c):
     """Eigenvalues of [[a, b], [b, c]], the larger in size first, and the cosine and sine of its eigenvector."""
     total, difference = a + c, a - c
     root = length(difference, 2 * b)
-    negative = total < 0.0
-    first = 0.5 * (total - root) if negative else 0.5 * (total + root)
+    sign = -1.0 if total < 0.0 else 1.0
+    first = 0.5 * (total + sign * root)
     large, small = (a, c) if abs(a) > abs(c) else (c, a)
     second = large / first * small - b / first * b if total != 0.0 else -0.5 * root
-    ahead = difference >= 0.0
-    cs = difference + root if ahead else difference - root
+    side = 1.0 if difference >= 0.0 else -1.0
+    cs = difference + side * root
     if abs(cs) > abs(2 * b):
         t = -2 * b / cs
-        s = 1 / np.sqrt(1 + t * t)
-        c1, s1 = t * s, s
-    elif b == 0.0:
-        c1, s1 = 1.0, 0.0
+        sine = 1 / np.sqrt(1 + t * t)
+        cosine = t * sine
     else:
         t = -cs / (2 * b)
-        c1 = 1 / np.sqrt(1 + t * t)
-        s1 = t * c1
-    if ahead != negative:
-        c1, s1 = -s1, c1
-    return first, second, c1, s1
+        cosine = 1 / np.sqrt(1 + t * t)
+        sine = t * cosine
+    return (first, second, -sine, cosine) if side == sign else (first, second, cosine, sine)
 
 
 @numba.njit(cache=True)
 def turn_columns(vectors, i, j, c, s):
     """Apply a plane rotation to two columns."""
-    for k in range(vectors.shape[0]):
-        x, y = vectors[k, i], vectors[k, j]
-        vectors[k, i] = c * x + s * y
-        vectors[k, j] = c * y - s * x
+    x, y = vectors[:, i].copy(), vectors[:, j].copy()
+    vectors[:, i] = c * x + s * y
+    vectors[:, j] = c * y - s * x
 
 
 @numba.njit(cache=True)
@@ -173,20 +120,19 @@ def sweep(d, e, vectors, start, end, way):
 
 
 @numba.njit(cache=True)
-def diagonalise(d, e, vectors):
-    """Bring a tridiagonal matrix to diagonal form in place, ascending; False if it does not converge."""
-    n = d.size
-    left = MOST_SWEEPS * n
+def make_diagonal(d, e, vectors):
+    """Bring a tridiagonal matrix to diagonal form in place, one block without zeros beside the diagonal at a time."""
+    left = MOST_SWEEPS * d.size
     first = 0
-    while first < n:
+    while first < d.size:
         last = first
-        while last < n - 1:
+        while last < d.size - 1:
             if abs(e[last]) <= np.sqrt(abs(d[last])) * np.sqrt(abs(d[last + 1])) * EPSILON:
                 e[last] = 0.0
                 break
             last += 1
-        following = last + 1
         start, end = (last, first) if abs(d[last]) < abs(d[first]) else (first, last)
+        first = last + 1
         way = 1 if end >= start else -1
         at = min(0, way)
         while (end - start) * way >= 0:
@@ -204,15 +150,7 @@ def diagonalise(d, e, vectors):
                 turn_columns(vectors, low, low + 1, c, s)
                 start += 2 * way
             elif left == 0:
-                return False
+                raise ValueError("no eigenvalues: the sweeps do not converge")
             else:
                 left -= 1
                 sweep(d, e, vectors, start, m, way)
-        first = following
-    for i in range(n - 1):
-        k = i + np.argmin(d[i:])
-        if k != i:
-            d[i], d[k] = d[k], d[i]
-            for row in range(n):
-                vectors[row, i], vectors[row, k] = vectors[row, k], vectors[row, i]
-    return True

@@ -11,7 +11,6 @@ from urllib.parse import quote
 
 import numpy as np
 import pandas as pd
-import pooch
 
 from replication.arrays import FloatArray
 
@@ -43,6 +42,8 @@ def authors_registry() -> dict[str, str]:
 
 def data_folder() -> Path:
     """Folder that the authors' data are read from: what `BACKLASH_DATA` names, or else the download cache."""
+    import pooch  # slow to import, and not used by the sensor
+
     return Path(os.environ.get("BACKLASH_DATA") or pooch.os_cache("backlash-replication"))
 
 
@@ -58,6 +59,8 @@ def authors_file(path: str, base_url: str = AUTHORS_URL, cache: Path | None = No
     local = os.environ.get("BACKLASH_DATA")
     if local:
         return _verified_local(Path(local) / path, registry[path])
+    import pooch  # slow to import, and not used by the sensor
+
     store = pooch.create(
         path=cache or data_folder(),
         base_url=base_url,

@@ -1,14 +1,16 @@
 """Pictures of the search: the replay of the stored runs, one generation in two dimensions, and a whole run."""
 
 from collections.abc import Sequence
+from typing import Any
 
+import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from replication.arrays import FloatArray
-from replication.figures.style import BLUE, GREEN, INK, ORANGE, grid, in_style
+from replication.figures.style import BLUE, GREEN, INK, ORANGE, in_style
 from replication.search import Generation, State
 from replication.signature import Box
 
@@ -18,8 +20,7 @@ SMALLEST_RPS = 1e-17  # drawn for a difference of 0
 @in_style
 def replay(compared: pd.DataFrame, ended: pd.DataFrame, agree_rps: float) -> Figure:
     """Show how far the replayed runs are from the stored ones, generation by generation and at their ends."""
-    figure, axes = grid(1, 2, figsize=(9.5, 4.2), sharey=True, width_ratios=(2, 1))
-    left, right = axes[0]
+    figure, (left, right) = plt.subplots(1, 2, figsize=(9.5, 4.2), sharey=True, width_ratios=(2, 1))
     parted = iter((ORANGE, GREEN, INK))
     for run, part in compared.dropna().groupby("run"):
         shown = np.maximum(part["difference_rps"], SMALLEST_RPS)
@@ -42,29 +43,27 @@ def one_generation(
     now: Generation, weights: FloatArray, box: Box, at: tuple[int, int], labels: Sequence[str]
 ) -> Figure:
     """Show a generation in two of its dimensions: samples and ranks, the new mean, the new distribution."""
-    figure, axes = grid(1, 3, figsize=(10.5, 4.0), sharex=True, sharey=True)
+    figure, axes = plt.subplots(1, 3, figsize=(10.5, 4.0), sharex=True, sharey=True)
     i, j = at
     ranked, half = now.x[now.ranking], int((weights > 0).sum())
     before, after = now.before, now.after
-    for axis in axes[0]:
+    for axis in axes:
         ellipse(axis, before, at, color=INK, linestyle="--", label="2 $\\sigma$, before")
         corners = [(box.lower, box.lower), (box.upper, box.lower), (box.upper, box.upper), (box.lower, box.upper)]
         axis.plot(*np.array([(x[i], y[j]) for x, y in [*corners, corners[0]]]).T, color="0.7", linewidth=0.8)
         axis.set_xlabel(labels[0])
-    first, second, third = axes[0]
+    first, second, third = axes
     first.plot(ranked[half:, i], ranked[half:, j], ".", color="0.6", markersize=4, label="worse half")
     first.plot(ranked[:half, i], ranked[:half, j], ".", color=BLUE, markersize=4, label="better half")
     sizes = 60 * weights[:half] / weights[0]
-    second.scatter(
-        ranked[:half, i], ranked[:half, j], s=sizes, color=BLUE, linewidths=0, label="better half, by weight"
-    )
+    better = ranked[:half].T
+    second.scatter(better[i], better[j], s=sizes, color=BLUE, linewidths=0, label="better half, by weight")
     step = {"arrowstyle": "->", "color": ORANGE, "linewidth": 2}
     second.annotate("", (after.m[i], after.m[j]), (before.m[i], before.m[j]), arrowprops=step)
     second.plot(after.m[i], after.m[j], "s", color=ORANGE, label="new mean")
     third.plot(after.m[i], after.m[j], "s", color=ORANGE)
     ellipse(third, after, at, color=ORANGE, label="2 $\\sigma$, after")
-    titles = ("equation 12, and ranks", "equation 13", "equations 14 to 17")
-    for axis, title in zip(axes[0], titles, strict=True):
+    for axis, title in zip(axes, ("equation 12, and ranks", "equation 13", "equations 14 to 17"), strict=True):
         axis.set_title(title)
         axis.legend(loc="lower center", fontsize=7, ncols=2)
     first.set_ylabel(labels[1])
@@ -74,8 +73,7 @@ def one_generation(
 @in_style
 def run(states: Sequence[State], best: FloatArray, box: Box, at: tuple[int, int], labels: Sequence[str]) -> Figure:
     """Show a run: its distribution in two dimensions at some generations, and what it finds."""
-    figure, axes = grid(1, 2, figsize=(9.5, 4.2))
-    left, right = axes[0]
+    figure, (left, right) = plt.subplots(1, 2, figsize=(9.5, 4.2))
     i, j = at
     for state, shade in zip(states, np.linspace(0.25, 1, len(states)), strict=True):
         ellipse(left, state, at, color=BLUE, alpha=shade)
@@ -88,7 +86,7 @@ def run(states: Sequence[State], best: FloatArray, box: Box, at: tuple[int, int]
     return figure
 
 
-def ellipse(axis: Axes, state: State, at: tuple[int, int], **style: object) -> None:
+def ellipse(axis: Axes, state: State, at: tuple[int, int], **style: Any) -> None:
     """Draw where 2 standard deviations of the next samples lie in two dimensions, whatever the others are."""
     pick = np.ix_(at, at)
     scale = state.sigma * state.unit[list(at)]

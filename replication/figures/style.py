@@ -3,17 +3,20 @@
 from collections.abc import Callable
 from functools import wraps
 from pathlib import Path
+from typing import Any
 
 import matplotlib as mpl
 import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.figure import Figure
+from matplotlib.rcsetup import cycler
 
 # Okabe and Ito's colours, ordered so that neighbours also differ in grey.
 INK, BLUE, ORANGE, GREEN, PINK, SKY = "#000000", "#0072B2", "#E69F00", "#009E73", "#CC79A7", "#56B4E9"
-PRINTED = {"color": INK, "marker": "x", "linestyle": "none", "markersize": 7, "label": "printed in the paper"}
+Style = dict[str, Any]
+PRINTED: Style = {"color": INK, "marker": "x", "linestyle": "none", "markersize": 7, "label": "printed in the paper"}
 
-STYLE = {
+STYLE: dict[Any, Any] = {
     "figure.figsize": (8.0, 4.5),
     "figure.dpi": 100,
     "figure.constrained_layout.use": True,
@@ -21,7 +24,7 @@ STYLE = {
     "axes.grid": True,
     "axes.spines.top": False,
     "axes.spines.right": False,
-    "axes.prop_cycle": mpl.cycler(color=[BLUE, ORANGE, GREEN, PINK, SKY, INK]),
+    "axes.prop_cycle": cycler(color=[BLUE, ORANGE, GREEN, PINK, SKY, INK]),
     "grid.color": "0.9",
     "legend.frameon": False,
     "svg.hashsalt": "backlash",

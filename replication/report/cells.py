@@ -1,11 +1,17 @@
-"""Printed cells beside ours: one `Cell` for each number of the paper, with every judgement of it."""
+"""Printed numbers and claims beside ours: a `Cell` for each number of the paper, with every judgement of it."""
 
+import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from decimal import Decimal, InvalidOperation
+from functools import cached_property
+from pathlib import Path
 
 import pandas as pd
 
 from replication import published
+from replication.files import ROOT, notebook_files
+from replication.report import TEMPLATES
 from replication.workbook import judging
 from replication.workbook.judging import EVIDENCE
 
@@ -34,36 +40,53 @@ MEANINGS = {
     "stand-in": "the original data are not public; a simulated stand-in never counts as reproduced",
     "not-run": "nothing computes it",
 }
-SOURCES = {
-    "authors": "authors' data",
-    "simulated": "our simulation",
-    "stand-in": "stand-in",
-}
+SOURCES = {"authors": "authors' data", "simulated": "our simulation", "stand-in": "stand-in"}
 
 
 @dataclass(frozen=True)
 class Judgement:
-    """What one source says of a cell: our number, the region that should hold the printed one, the verdict and why.
+    """What one source says of a printed number: a row of the verdicts."""
 
-    `predicted` says that the region is a predictive one; `by_tolerance` is the verdict by the cell's tolerance then.
-    """
-
+    id: str
     source: str
-    ours: float
-    difference: float
+    printed: str
+    published: float
+    reproduced: float
     low: float
     high: float
     verdict: str
     by_tolerance: str
-    predicted: bool
     reason: str
     notebook: str
-    fails_if: str
+
+    @property
+    def difference(self) -> str:
+        """What our number is off the printed one; empty where there is no number."""
+        return "" if math.isnan(self.reproduced) else f"{self.reproduced - self.published:+.3g}"
+
+    @property
+    def region(self) -> str:
+        """Where the printed number should lie, in words; empty where there is no region."""
+        if math.isnan(self.low):
+            return ""
+        return number(self.low) + (" or more" if math.isinf(self.high) else f" to {number(self.high)}")
+
+    @property
+    def predicted(self) -> bool:
+        """Whether the region comes from several realisations, and is not our number's tolerance."""
+        tolerance = published.tolerance(self.id)
+        scale = max(abs(self.reproduced), abs(self.low), tolerance)
+        return not math.isnan(self.low) and abs(self.reproduced - tolerance - self.low) > 1e-4 * scale
+
+    @cached_property
+    def fails_if(self) -> str:
+        """What would have given another verdict; empty for what is no evidence."""
+        return judging.evidence_rule(self.id, self.source)["fails_if"] if self.verdict in EVIDENCE else ""
 
 
 @dataclass(frozen=True)
 class Cell:
-    """A printed number with its judgements, the one of the authors' own data first."""
+    """A printed number, a row of `cells.csv`, with its judgements: the one of the authors' own data first."""
 
     id: str
     element: str
@@ -73,106 +96,77 @@ class Cell:
     value: float
     unit: str
     kind: str
-    tolerance: float
-    tolerance_reason: str
+    abs_tol: float
+    rel_tol: float
+    tol_reason: str
     section: str
     judgements: tuple[Judgement, ...]
 
     @property
-    def share_of(self) -> str:
-        """What the number is a share of, such as "v's range" where the paper prints max v; empty for most."""
-        return f"{self.unit.split()[2]}'s range" if self.unit.startswith("range of ") else ""
+    def name(self) -> str:
+        """Its place in the paper: "Table 2, row 3, sd"."""
+        row = f"row {self.row}" if self.row.isdigit() else self.row
+        return f"{self.element}, {row}" + ("" if self.column == "value" else f", {self.column.replace('_', ' ')}")
+
+    @property
+    def tolerance(self) -> float:
+        """Largest difference from the printed number that is none."""
+        return published.tolerance(self.id)
 
     @property
     def deciding(self) -> Judgement:
         """The judgement that counts: the authors' data if they judge it, else our simulation (rule 9 of `judging`)."""
         return self.judgements[0]
 
+    def ours(self, judgement: Judgement) -> str:
+        """Write our number like the printed one; where that is a share, of what: "0.65 of v's range"."""
+        text = like_printed(judgement.reproduced, self.printed)
+        return f"{text} of {self.unit.split()[2]}'s range" if text and self.unit.startswith("range of ") else text
 
-def cells(verdicts: pd.DataFrame) -> list[Cell]:
-    """Bring together each printed number and what the verdicts say of it.
-
-    Parameters
-    ----------
-    verdicts : DataFrame
-        As from `judging.verdicts`.
-
-    Returns
-    -------
-    list of Cell
-        In the order of `data/cells.csv`; none for a cell without a verdict.
-    """
-    judged: dict[str, list[dict]] = {}
-    for row in verdicts.to_dict("records"):
-        judged.setdefault(row["id"], []).append(row)
-    printed = published.cells()
-    return [_cell(name, printed.loc[name], judged[name]) for name in printed.index if name in judged]
+    def scale(self, judgement: Judgement) -> Callable[[float], float]:
+        """From a number to its place in a picture, 240 wide, of the region, the printed number and ours."""
+        points = [self.value, *filter(math.isfinite, (judgement.low, judgement.high, judgement.reproduced))]
+        margin = 0.08 * (max(points) - min(points)) or abs(max(points)) or 1.0
+        low, high = min(points) - margin, max(points) + margin
+        return lambda value: round(240 * (min(max(value, low), high) - low) / (high - low), 1)
 
 
-def _cell(name: str, printed: pd.Series, rows: list[dict]) -> Cell:
+def judged_cells(verdicts: pd.DataFrame) -> dict[str, Cell]:
+    """Bring together each printed number that has a verdict with what the verdicts say of it, by id."""
+    judged: dict[str, list[Judgement]] = {}
+    texts = verdicts[["reason", "notebook"]].astype(object).fillna("")
+    for row in verdicts.assign(**texts).to_dict("records"):
+        judged.setdefault(row["id"], []).append(Judgement(**row))
     order = list(SOURCES)
-    rows = sorted(rows, key=lambda row: order.index(row["source"]) if row["source"] in order else len(order))
-    return Cell(
-        id=name,
-        element=printed["element"],
-        row=str(printed["row"]),
-        column=printed["column"],
-        printed=printed["printed"],
-        value=float(printed["value"]),
-        unit=printed["unit"],
-        kind=printed["kind"],
-        tolerance=published.tolerance(name),
-        tolerance_reason=printed["tol_reason"],
-        section=printed["section"],
-        judgements=tuple(_judgement(name, row) for row in rows),
-    )
+    return {
+        row["id"]: Cell(**row, judgements=tuple(sorted(judged[row["id"]], key=lambda each: order.index(each.source))))
+        for row in published.cells().reset_index().to_dict("records")
+        if row["id"] in judged
+    }
 
 
-def _judgement(cell: str, row: dict) -> Judgement:
-    ours = _float(row["reproduced"])
-    evidence = row["verdict"] in EVIDENCE
-    return Judgement(
-        source=row["source"],
-        ours=ours,
-        difference=ours - float(row["published"]),
-        low=_float(row["low"]),
-        high=_float(row["high"]),
-        verdict=row["verdict"],
-        by_tolerance=row["by_tolerance"],
-        predicted=predicted(row),
-        reason=_text(row["reason"]),
-        notebook=_text(row["notebook"]),
-        fails_if=judging.basis(cell, row["source"])["fails_if"] if evidence else "",
-    )
+def judged_claims(results: Path) -> list[dict]:
+    """The claims with check and rule, decision, measured number and proof."""
+    decided = judging.decided_claims(results).set_index("id")
+    table = published.claims().join(decided).astype(object).fillna("").reset_index()
+    table["verdict"] = table["verdict"].replace("", "not decided")
+    table["check"] = [f"{row.check} Rule: {row.rule} {row.criterion:g}." for row in table.itertuples()]
+    return table.to_dict("records")
 
 
-def predicted(row: dict) -> bool:
-    """Whether a verdict's region comes from several realisations, and is not our number's tolerance."""
-    low, ours, tolerance = _float(row["low"]), _float(row["reproduced"]), published.tolerance(row["id"])
-    return low == low and abs(ours - tolerance - low) > 1e-4 * max(abs(ours), abs(low), tolerance)
-
-
-def _float(value: object) -> float:
-    return float("nan") if value is None or value == "" else float(value)
-
-
-def _text(value: object) -> str:
-    return value if isinstance(value, str) else ""
-
-
-def by_id(all_cells: list[Cell]) -> dict[str, Cell]:
-    """Look cells up by their id."""
-    return {cell.id: cell for cell in all_cells}
+def notebook_source(name: str) -> str:
+    """Path of a notebook's source within the project."""
+    return notebook_files("py")[name].relative_to(ROOT).as_posix()
 
 
 def number(value: float, digits: int = 5) -> str:
     """Write a number with so many significant digits; nothing for one that is missing."""
-    return "" if value != value else f"{value:.{digits}g}"
+    return "" if math.isnan(value) else f"{value:.{digits}g}"
 
 
 def like_printed(value: float, printed: str) -> str:
     """Write our number with the digits of the printed one; with four significant digits where that shows nothing."""
-    if value != value:
+    if math.isnan(value):
         return ""
     try:
         digits = Decimal(printed.rstrip("%"))
@@ -180,13 +174,8 @@ def like_printed(value: float, printed: str) -> str:
         return number(value, 4)
     if "e" in printed.lower():
         return f"{value:.2e}"
-    exponent = digits.as_tuple().exponent
-    text = f"{value:.{max(0, -exponent)}f}"
+    text = f"{value:.{max(0, -int(digits.as_tuple().exponent))}f}"
     return text if abs(float(text) - value) <= 0.02 * abs(value) else number(value, 3)
 
 
-def counts(all_cells: list[Cell]) -> dict[str, int]:
-    """Count printed numbers by the verdict that decides each, those of evidence first."""
-    order = [*EVIDENCE, *(name for name in MEANINGS if name not in EVIDENCE)]
-    found = [cell.deciding.verdict for cell in all_cells]
-    return {name: found.count(name) for name in order if name in found}
+TEMPLATES.globals.update(signs=SIGNS, meanings=MEANINGS, sources=SOURCES, evidence=EVIDENCE, number=number)

@@ -4,6 +4,7 @@ import base64
 import html
 import io
 import json
+import math
 import re
 from dataclasses import dataclass
 from functools import cache
@@ -12,11 +13,9 @@ from pathlib import Path
 from markupsafe import Markup
 from PIL import Image
 
-from replication.report import web
-
 FIGURE_NAME = re.compile(r"(figure|table|equation)0*(\d+)_")
 COLOURS = 48  # enough for lines and markers with smooth edges; a third of the size
-LARGEST = 30_000  # characters; a larger figure stands in the report at half its size, with a link to the whole
+DOTS_PER_SHOWN_DOT = 1.5
 
 
 @dataclass(frozen=True)
@@ -45,59 +44,38 @@ class Picture:
         """What is read aloud in place of the figure: what to see, then the axes."""
         return f"{self.caption} Axes: {self.axes}." if self.axes else self.caption
 
-    @property
-    def image(self) -> Markup:
-        """The drawing as an element of a page."""
-        return self._element(data_uri(self.file))
-
-    @property
-    def light_image(self) -> Markup:
-        """The drawing for a page with many of them: at half its size if it is large."""
-        whole = data_uri(self.file)
-        return self._element(whole if len(whole) <= LARGEST else data_uri(self.file, 0.5))
-
-    def _element(self, source: str) -> Markup:
-        width, height = size(self.file)
+    def image(self, longest: float = math.inf) -> Markup:
+        """The drawing as an element of a page, at half its size if its data address is longer than this."""
+        content = self.file.read_bytes()
+        source = reduce_png(content)
+        if len(source) > longest:
+            source = reduce_png(content, 0.5)
+        with Image.open(self.file) as image:
+            width, height = (round(dots / DOTS_PER_SHOWN_DOT) for dots in image.size)
         label = html.escape(self.alternative)
         return Markup(f'<img alt="{label}" width="{width}" height="{height}" src="{source}">')
 
 
-def pictures(results: Path, figures: Path) -> list[Picture]:
-    """Load what the notebooks noted of the figures that they exported."""
+def load_pictures(results: Path) -> list[Picture]:
+    """Load what the notebooks noted of the figures that they exported into the folder beside the results."""
     found = []
-    for note in sorted((results / "figures").glob("*.json")):
+    for note in (results / "figures").glob("*.json"):
         about = json.loads(note.read_text(encoding="utf-8"))
-        file = figures / f"{note.stem}.png"
+        file = results.parent / "figures" / f"{note.stem}.png"
         if file.exists():
-            axes = plain(about["axes"])
-            found.append(Picture(note.stem, about["notebook"], about["caption"], axes, file))
+            found.append(Picture(note.stem, about["notebook"], about["caption"], _plain_label(about["axes"]), file))
     return sorted(found, key=lambda picture: (picture.notebook, picture.name))
 
 
-def plain(label: str) -> str:
+def _plain_label(label: str) -> str:
     """An axis label without its mathematical markup, for reading aloud."""
     for markup, sign in (("\\delta", "δ"), ("\\Delta", "Δ"), ("\\theta", "θ"), ("\\pm", "±")):
         label = label.replace(markup, sign)
     return re.sub(r"[${}\\]", "", label)
 
 
-def shown_in(notebook: Path, drawn: list[Picture]) -> dict[str, list[Picture]]:
-    """Figures of a notebook by the anchor of the cell that exports them."""
-    own = [picture for picture in drawn if picture.notebook == notebook.stem]
-    placed: dict[str, list[Picture]] = {}
-    for picture in own:
-        if anchor := web.cell_with(notebook, "save_figure(", f'"{picture.name}"'):
-            placed.setdefault(anchor, []).append(picture)
-    return placed
-
-
 @cache
-def data_uri(file: Path, scale: float = 1.0) -> str:
-    """Read a drawing as a data address, with few colours."""
-    return light(file.read_bytes(), scale)
-
-
-def light(content: bytes, scale: float = 1.0) -> str:
+def reduce_png(content: bytes, scale: float = 1.0) -> str:
     """Turn a PNG into a data address, with few colours."""
     image = Image.open(io.BytesIO(content)).convert("RGB")
     if scale != 1:
@@ -106,9 +84,3 @@ def light(content: bytes, scale: float = 1.0) -> str:
     buffer = io.BytesIO()
     few.save(buffer, "WEBP", lossless=True, quality=80, method=4)
     return "data:image/webp;base64," + base64.b64encode(buffer.getvalue()).decode("ascii")
-
-
-def size(file: Path) -> tuple[int, int]:
-    """Width and height of a drawing as it is to be shown, at 100 dots per inch."""
-    with Image.open(file) as image:
-        return round(image.width / 1.5), round(image.height / 1.5)

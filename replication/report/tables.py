@@ -1,8 +1,13 @@
 """The paper's tables in the paper's shape: headings, rows and columns, and which printed number stands where."""
 
+from collections import Counter
+from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import groupby
 
-from replication.report.cells import Cell
+from replication.report.cells import SOURCES, Cell
+
+Entry = Cell | str
 
 
 @dataclass(frozen=True)
@@ -21,106 +26,79 @@ class Layout:
 
     element: str
     caption: str
+    row_heading: str
     columns: tuple[Column, ...]
-    row_heading: str = ""
     row_names: tuple[tuple[str, str], ...] = ()
     note: str = ""
 
+    def rows(self, cells: dict[str, Cell]) -> list[tuple[str, list[Entry]]]:
+        """The table's rows: each a heading and, column by column, a cell or a text."""
+        placed = {(cell.row, cell.column): cell for cell in cells.values() if cell.element == self.element}
+        names = dict(self.row_names)
+        rows = []
+        for place, row in enumerate(dict.fromkeys(row for row, _ in placed)):
+            entries = [c.texts[place] if c.texts else placed.get((row, c.cells), "–") for c in self.columns]
+            rows.append((names.get(row, row), entries))
+        return rows
 
-@dataclass(frozen=True)
-class Row:
-    """A row of a table: its heading and, column by column, a cell, a text or nothing."""
+    @property
+    def groups(self) -> list[tuple[str, int]]:
+        """The upper line of the head: each heading over columns and over how many, empty where there is none."""
+        return [(over, len(list(part))) for over, part in groupby(column.over for column in self.columns)]
 
-    heading: str
-    entries: tuple[Cell | str | None, ...]
+    def count_verdicts(self, cells: dict[str, Cell]) -> dict[str, list[Counter[str]]]:
+        """Each column's verdicts, counted for each source that judges the table."""
+        columns = list(zip(*(entries for _, entries in self.rows(cells)), strict=True))
+        counted = {source: [_count_verdicts(column, source) for column in columns] for source in SOURCES}
+        return {source: counts for source, counts in counted.items() if any(counts)}
 
 
-MEAN_AND_SD = (
-    Column("Mean", "mean", "Experimental value of A (rps)"),
-    Column("SD", "sd", "Experimental value of A (rps)"),
-)
+def _count_verdicts(column: Sequence[Entry], source: str) -> Counter[str]:
+    judgements = [each for entry in column if isinstance(entry, Cell) for each in entry.judgements]
+    return Counter(each.verdict for each in judgements if each.source == source)
+
+
+THIRTY_RUNS = "Each row represents 30 runs of the proposed approach under the same conditions."
+MEAN_AND_SD = tuple(Column(name, name.lower(), "Experimental value of A (rps)") for name in ("Mean", "SD"))
+RELATIVE_ERROR = Column("Mean relative error (%)", "relative_error")
 LAYOUTS = (
     Layout(
         "Table 1",
         "Acceptable ranges of the model's parameters",
+        "Symbol",
         (
             Column("Min value", "min"),
             Column("Max value", "max"),
             Column("Units", texts=("rps", "s", "–", "rad/s", "rps", "s", "s", "s", "s")),
         ),
-        row_heading="Symbol",
         row_names=(("t_0", "t₀"), ("tau", "τ"), ("omega", "ω"), ("v_t", "v_t"), ("T_1", "T₁"), ("T_2", "T₂")),
         note="t is the time vector of the measured signal v(t)",
     ),
     Layout(
         "Table 2",
         "Results of the experimental evaluation, on artificial datasets with noise, and different values of A",
+        "Row",
         (
             Column("Theoretical value of A (rps)", "theoretical"),
             Column("Noise amplitude", "noise"),
             *MEAN_AND_SD,
-            Column("Mean relative error (%)", "relative_error"),
+            RELATIVE_ERROR,
         ),
-        row_heading="Row",
         row_names=(("11", "11 (no backlash)"),),
         note="The last line is a dataset including just random noise. Values are in rps.",
     ),
     Layout(
         "Table 3",
         "Results of the experimental evaluation, on real-world datasets (test bench)",
-        (Column("Known value of A (rps)", "known"), *MEAN_AND_SD, Column("Mean relative error (%)", "relative_error")),
-        row_heading="Row",
-        note="Each row represents 30 runs of the proposed approach under the same conditions.",
+        "Row",
+        (Column("Known value of A (rps)", "known"), *MEAN_AND_SD, RELATIVE_ERROR),
+        note=THIRTY_RUNS,
     ),
     Layout(
         "Table 4",
         "Results of the experimental evaluation, on datasets from two robots working in an industrial plant",
+        "Robot",
         (Column("Affected by excessive backlash", texts=("No", "Yes")), *MEAN_AND_SD),
-        row_heading="Robot",
-        note="Each row represents 30 runs of the proposed approach under the same conditions.",
+        note=THIRTY_RUNS,
     ),
 )
-
-
-def rows(layout: Layout, all_cells: list[Cell]) -> list[Row]:
-    """Put an element's cells into its table's rows and columns."""
-    own = [cell for cell in all_cells if cell.element == layout.element]
-    placed = {(cell.row, cell.column): cell for cell in own}
-    names = dict(layout.row_names)
-    return [
-        Row(
-            names.get(row, row),
-            tuple(
-                column.texts[position] if column.texts else placed.get((row, column.cells)) for column in layout.columns
-            ),
-        )
-        for position, row in enumerate(dict.fromkeys(cell.row for cell in own))
-    ]
-
-
-def groups(layout: Layout) -> list[tuple[str, int]]:
-    """The upper line of a table's head: each heading over columns and how many, empty where none."""
-    spans: list[tuple[str, int]] = []
-    for column in layout.columns:
-        if column.over and spans and spans[-1][0] == column.over:
-            spans[-1] = (column.over, spans[-1][1] + 1)
-        else:
-            spans.append((column.over, 1))
-    return spans
-
-
-def column_summary(table: list[Row], position: int, source: str) -> dict[str, int]:
-    """Count a column's verdicts from one source."""
-    found = [
-        judgement.verdict
-        for row in table
-        if isinstance(entry := row.entries[position], Cell)
-        for judgement in entry.judgements
-        if judgement.source == source
-    ]
-    return {verdict: found.count(verdict) for verdict in dict.fromkeys(found)}
-
-
-def others(all_cells: list[Cell], element: str) -> list[Cell]:
-    """Cells of an element that has no table, such as equation 10 and the text."""
-    return [cell for cell in all_cells if cell.element == element]

@@ -20,21 +20,14 @@ from scipy.optimize import least_squares
 from scipy.stats import t as student
 
 from replication.arrays import FloatArray
-from replication.simulator.simulate import (
-    DivergenceError,
-    JointParameters,
-    SimulatedJoint,
-    settled_peak_rps,
-    simulate_many,
-    with_ratios,
-)
+from replication.datasets import Recording
+from replication.simulator.parameters import JointParameters, with_ratios
+from replication.simulator.simulate import DivergenceError, SimulatedJoint, simulate_many
 
-Signal = tuple[FloatArray, FloatArray]
+Records = Mapping[float, Recording]  # by backlash [rad]
 
 # Fine enough that the settled peak is not missed between samples.
 FINE_S = 5e-5
-
-VALIDATION_COLUMNS = ["dataset", "delta_rad", "used_in_fit", "nrmse", "peak_rps", "printed_A_rps", "peak_error_percent"]
 
 # When the joint started shows in the first turn only, which `identify_joint` leaves to `identify_lead`.
 HELD = ("lead_s",)
@@ -48,40 +41,36 @@ class JointFit:
     confidence: dict[str, tuple[float, float]]  # 95 % interval of each ratio, from the linearised least squares
     correlation: pd.DataFrame  # of the ratios' estimates
     mean_square: float  # mean over the levels of the squared normalised RMSE
-    evaluations: int  # of the residual, those for the Jacobian not counted
 
 
-def _sampling(time_s: FloatArray) -> tuple[float, float]:
-    """Return the sampling period and the duration of a record."""
-    steps = np.diff(time_s)
-    if steps.size < 2 or abs(time_s[0]) > 1e-9 or not np.allclose(steps, steps[0], rtol=1e-6):
+def fine_per_sample(record: Recording) -> int:
+    """Count the fine samples that make one of a record's, which must be even and start at t = 0."""
+    steps = np.diff(record.t)
+    if steps.size < 2 or abs(record.t[0]) > 1e-9 or not np.allclose(steps, steps[0], rtol=1e-6):
         raise ValueError("a recording must start at t = 0 and be sampled evenly; resample it first")
-    return round(float(steps.mean()), 9), float(time_s[-1])
+    return round(float(steps.mean()) / FINE_S)
 
 
-def _third_turn(signal: Signal, turn_s: float) -> tuple[NDArray[np.int64], FloatArray, float]:
-    """Return rows and speeds of the third turn (all from the second on repeat) and the settled SD."""
-    time, speed = signal
-    if _sampling(time)[1] < 3 * turn_s:
-        raise ValueError(f"a recording of {time[-1]} s is too short: three turns of {turn_s} s are needed")
-    rows = np.flatnonzero((time >= 2 * turn_s - 1e-9) & (time < 3 * turn_s - 1e-9))
-    return rows, speed[rows], float(speed[time >= turn_s - 1e-9].std())
+def simulate_finely(joint: JointParameters, deltas_rad: Iterable[float], duration_s: float) -> list[SimulatedJoint]:
+    """Simulate each backlash with nothing missed between samples."""
+    return simulate_many(joint, list(deltas_rad), duration_s=duration_s, sample_s=FINE_S, step_s=FINE_S)
 
 
-def _simulations(
-    parameters: JointParameters, recordings: Mapping[float, Signal], duration_s: float | None = None
-) -> tuple[list[SimulatedJoint], int]:
-    """Simulate every level finely; also return how many fine samples make one of the recordings'."""
-    sample, duration = _sampling(next(iter(recordings.values()))[0])
-    runs = simulate_many(
-        parameters, list(recordings), duration_s=duration_s or duration, sample_s=FINE_S, step_s=FINE_S
-    )
-    return runs, round(sample / FINE_S)
+def settled_sd(record: Recording, turn_s: float) -> float:
+    """SD of a record's speed after its first turn [rps]."""
+    return float(record.v[record.t >= turn_s - 1e-9].std())
 
 
-def identify_joint(
-    recordings: Mapping[float, Signal], start: JointParameters, *, held: Iterable[str] = HELD
-) -> JointFit:
+def _third_turn(record: Recording, turn_s: float) -> tuple[NDArray[np.int64], FloatArray, float, int]:
+    """Rows and speeds of the third turn (all from the second on repeat), the settled SD, and `fine_per_sample`."""
+    stride = fine_per_sample(record)
+    if record.t[-1] < 3 * turn_s:
+        raise ValueError(f"a recording of {record.t[-1]} s is too short: three turns of {turn_s} s are needed")
+    rows = np.flatnonzero((record.t >= 2 * turn_s - 1e-9) & (record.t < 3 * turn_s - 1e-9))
+    return rows, record.v[rows], settled_sd(record, turn_s), stride
+
+
+def identify_joint(records: Records, start: JointParameters, *, held: Iterable[str] = HELD) -> JointFit:
     """Fit the ratios of a joint to clean motor-speed records by least squares.
 
     Every level weighs the same: its settled waveform's error counts in units of the signal's SD.
@@ -90,22 +79,16 @@ def identify_joint(
     free = {name: value for name, value in start.ratios.items() if name not in set(held)}
     names, values = list(free), np.array(list(free.values()))
     turn = start.turn_period_s
-    targets = {delta: _third_turn(signal, turn) for delta, signal in recordings.items()}
-    size = sum(target.size for _, target, _ in targets.values())
+    targets = [_third_turn(record, turn) for record in records.values()]
+    size = sum(rows.size for rows, *_ in targets)
 
     def residual(z: FloatArray) -> FloatArray:
         try:
-            runs, stride = _simulations(
-                with_ratios(start, dict(zip(names, values * z, strict=True))), recordings, 3 * turn
-            )
+            runs = simulate_finely(with_ratios(start, dict(zip(names, values * z, strict=True))), records, 3 * turn)
         except (ValueError, DivergenceError):
             return np.full(size, 10.0)
-        return np.concatenate(
-            [
-                (run.motor_speed_rps[::stride][rows] - v) / sd
-                for run, (rows, v, sd) in zip(runs, targets.values(), strict=True)
-            ]
-        )
+        pairs = zip(runs, targets, strict=True)
+        return np.concatenate([(run.motor_speed_rps[::stride][rows] - v) / sd for run, (rows, v, sd, stride) in pairs])
 
     fit = least_squares(
         residual,
@@ -126,58 +109,29 @@ def identify_joint(
         confidence={name: (best[name] - h, best[name] + h) for name, h in zip(names, half.tolist(), strict=True)},
         correlation=pd.DataFrame(inverse / np.outer(spread, spread), index=names, columns=names),
         mean_square=2 * fit.cost / size,
-        evaluations=int(fit.nfev),
     )
 
 
-def identify_lead(recordings: Mapping[float, Signal], parameters: JointParameters, leads_s: Iterable[float]) -> float:
+def identify_lead(records: Records, parameters: JointParameters, leads_s: Iterable[float]) -> float:
     """Find how long before the records the joint started: the lead whose worst first turn is best."""
+    turn = parameters.turn_period_s
 
     def worst_first_turn(lead: float) -> float:
-        turn = parameters.turn_period_s
-        runs, stride = _simulations(replace(parameters, lead_s=lead), recordings, turn)
-        errors = []
-        for (time, speed), run in zip(recordings.values(), runs, strict=True):
-            v = run.motor_speed_rps[::stride]
-            errors.append(np.sqrt(np.mean((v - speed[: v.size]) ** 2)) / speed[time >= turn - 1e-9].std())
+        runs, errors = simulate_finely(replace(parameters, lead_s=lead), records, turn), []
+        for record, run in zip(records.values(), runs, strict=True):
+            v = run.motor_speed_rps[:: fine_per_sample(record)]
+            errors.append(np.sqrt(np.mean((v - record.v[: v.size]) ** 2)) / settled_sd(record, turn))
         return max(errors)
 
     return min(leads_s, key=worst_first_turn)
 
 
-def validation_table(
-    parameters: JointParameters,
-    recordings: Mapping[float, Signal],
-    datasets: Mapping[float, str],
-    *,
-    used_in_fit: Iterable[float] = (),
-    printed_a_rps: Mapping[float, float] | None = None,
-) -> pd.DataFrame:
-    """Compare the simulated joint with the records and with the printed amplitudes, level by level."""
-    printed, used = printed_a_rps or {}, set(used_in_fit)
-    grid = next(iter(recordings.values()))
-    runs, stride = _simulations(parameters, {delta: recordings.get(delta, grid) for delta in datasets})
-    rows = []
-    for (delta, name), run in zip(datasets.items(), runs, strict=True):
-        nrmse = math.nan
-        if delta in recordings:
-            time, speed = recordings[delta]
-            settled = time >= parameters.turn_period_s - 1e-9
-            error = (run.motor_speed_rps[::stride] - speed)[settled]
-            nrmse = float(np.sqrt(np.mean(error**2)) / speed[settled].std())
-        peak, a = settled_peak_rps(run, parameters), printed.get(delta, math.nan)
-        rows.append((name, delta, delta in used, nrmse, peak, a, 100 * (peak / a - 1)))
-    return pd.DataFrame(rows, columns=VALIDATION_COLUMNS)
-
-
-def profile_ratio(
-    name: str, factors: Iterable[float], recordings: Mapping[float, Signal], best: JointParameters
-) -> pd.DataFrame:
+def profile_ratio(name: str, factors: Iterable[float], records: Records, best: JointParameters) -> pd.DataFrame:
     """Profile of the misfit along one ratio: the others are fitted anew at each value."""
     rows = []
     for factor in factors:
         start = with_ratios(best, {name: best.ratios[name] * factor})
-        fit = identify_joint(recordings, start, held={name, *HELD})
+        fit = identify_joint(records, start, held={name, *HELD})
         rows.append((factor, start.ratios[name], math.sqrt(fit.mean_square)))
     return pd.DataFrame(rows, columns=["factor", "value", "nrmse"])
 

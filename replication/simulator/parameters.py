@@ -5,6 +5,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from importlib.resources import files
+from typing import Any
 
 GRAVITY = 9.80665
 TURN = 2 * math.pi
@@ -98,7 +99,7 @@ class JointParameters:
         }
 
 
-def _physical(ratios: Mapping[str, float], gear_ratio: float, load_mass_kg: float) -> dict[str, float]:
+def _physical(ratios: Mapping[str, float], gear_ratio: float, load_mass_kg: float) -> dict[str, Any]:
     """Fields of a joint with a point load: J_l = m r**2, so g / r gives the arm and the mass the scale."""
     r = dict(ratios)
     try:
@@ -121,27 +122,11 @@ def _physical(ratios: Mapping[str, float], gear_ratio: float, load_mass_kg: floa
 
 
 def joint_from_ratios(
-    ratios: Mapping[str, float], *, gear_ratio: float = 40.0, load_mass_kg: float = 5.0, **others: float
+    ratios: Mapping[str, float], *, gear_ratio: float = 40.0, load_mass_kg: float = 5.0, **others: Any
 ) -> JointParameters:
-    """Physical parameters of a joint with a point load that has these ratios.
+    """Physical parameters of a joint with a point load that has all ratios of ``JointParameters.ratios``.
 
-    Parameters
-    ----------
-    ratios : mapping
-        The keys of ``JointParameters.ratios``, all of them.
-    gear_ratio, load_mass_kg : float
-        N, and m [kg], which sets the scale of all torques.
-    **others
-        Further fields of `JointParameters`, as they are.
-
-    Returns
-    -------
-    JointParameters
-
-    Raises
-    ------
-    ValueError
-        If a ratio is missing, zero where it divides, or unknown.
+    The load's mass sets the scale of all torques; `others` are further fields of `JointParameters`.
     """
     physical = _physical(ratios, gear_ratio, load_mass_kg)
     return JointParameters(gear_ratio=gear_ratio, load_mass_kg=load_mass_kg, **physical, **others)

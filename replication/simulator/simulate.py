@@ -15,29 +15,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from replication.arrays import FloatArray
 from replication.simulator import checks, core
-from replication.simulator.parameters import (
-    TURN,
-    Disturbance,
-    JointParameters,
-    identified_joint,
-    joint_from_ratios,
-    with_ratios,
-)
-
-__all__ = [
-    "Disturbance",
-    "DivergenceError",
-    "JointParameters",
-    "SimulatedJoint",
-    "encoder_position",
-    "encoder_speed_rps",
-    "identified_joint",
-    "joint_from_ratios",
-    "settled_peak_rps",
-    "simulate",
-    "simulate_many",
-    "with_ratios",
-]
+from replication.simulator.parameters import TURN, JointParameters
+from replication.simulator.parameters import identified_joint as identified_joint  # what is simulated most
 
 
 class DivergenceError(ArithmeticError):
@@ -93,6 +72,7 @@ def simulate(
     Parameters
     ----------
     parameters : JointParameters
+        The joint.
     delta_rad : float
         Half the gap [rad], load side.
     duration_s, sample_s, step_s : float
@@ -129,7 +109,7 @@ def _simulate_checked(p: JointParameters, delta: float, duration: float, sample:
             f"simulate: the joint diverged at t = {(status - skip) * step:.4f} s with delta_rad = {delta}; "
             "lower the gains or the step"
         )
-    time = np.arange(samples) * sample
+    time = np.arange(samples, dtype=float) * sample
     commanded = p.commanded_speed_rad_per_s * time
     error, error_rate = _transmission_error(p, time)
     events = events[:used][events[:used, 0] >= 0]
@@ -169,38 +149,15 @@ def simulate_many(
     step_s: float = 1e-4,
     threads: int = 2,
 ) -> list[SimulatedJoint]:
-    """Simulate several backlashes at once, each as `simulate` does.
-
-    Parameters
-    ----------
-    parameters : JointParameters
-    delta_rad : sequence of float
-        Half the gap of each run [rad].
-    duration_s, sample_s, step_s : float
-        As for `simulate`.
-    threads : int
-        Runs at the same time; the results are the same bytes for any number.
-
-    Returns
-    -------
-    list of SimulatedJoint
-        In the order of `delta_rad`.
-
-    Raises
-    ------
-    ValueError, DivergenceError
-        As `simulate` does.
-    """
+    """Simulate several backlashes, each as `simulate` does; the same bytes for any number of threads."""
     checks.check_values(parameters)
     for delta in delta_rad:
         checks.check_run(parameters, delta, duration_s, sample_s, step_s)
     checks.check_stability(parameters)
     with ThreadPoolExecutor(threads) as pool:
-        jobs = [
-            pool.submit(_simulate_checked, parameters, float(delta), duration_s, sample_s, step_s)
-            for delta in delta_rad
-        ]
-        return [job.result() for job in jobs]
+        return list(
+            pool.map(lambda delta: _simulate_checked(parameters, float(delta), duration_s, sample_s, step_s), delta_rad)
+        )
 
 
 def settled_peak_rps(record: SimulatedJoint, parameters: JointParameters) -> float:

@@ -1,5 +1,6 @@
-"""The identified joint against the authors' records, and its identification from a rough start."""
+"""The identified joint against the authors' records and the printed amplitudes, and its identification."""
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from importlib.metadata import version
@@ -8,12 +9,19 @@ import numpy as np
 import pandas as pd
 
 from replication import published
-from replication.arrays import FloatArray
 from replication.data.authors import authors_file
 from replication.datasets import Recording, level_delta_rad, load_clean
-from replication.simulator.growth import printed_amplitudes
-from replication.simulator.identification import identify_joint, identify_lead, joint_record, validation_table
-from replication.simulator.simulate import JointParameters, joint_from_ratios, with_ratios
+from replication.simulator.identification import (
+    FINE_S,
+    fine_per_sample,
+    identify_joint,
+    identify_lead,
+    joint_record,
+    settled_sd,
+    simulate_finely,
+)
+from replication.simulator.parameters import JointParameters, joint_from_ratios, with_ratios
+from replication.simulator.simulate import settled_peak_rps, simulate_many
 
 # Levels K of the authors' data: published clean, used to identify the joint, and all that they made.
 CLEAN_LEVELS = range(3, 14)
@@ -26,18 +34,47 @@ def clean_records(levels: Sequence[int]) -> dict[float, Recording]:
     return {level_delta_rad(level): load_clean(level) for level in levels}
 
 
-def signals(records: dict[float, Recording]) -> dict[float, tuple[FloatArray, FloatArray]]:
-    """Time and speed of records, by backlash [rad]: what the identification takes."""
-    return {delta: (record.t, record.v) for delta, record in records.items()}
+def printed_amplitudes() -> dict[float, float]:
+    """Table 2's theoretical A [rps] by backlash [rad]."""
+    theoretical = published.column("Table 2", "theoretical")
+    return {level_delta_rad(level): theoretical[level - 2] for level in range(2, 2 + theoretical.size - 1)}
 
 
 def validate(joint: JointParameters, records: dict[float, Recording]) -> pd.DataFrame:
     """Compare the simulated joint with every clean record and every printed theoretical A; K = 2 has no record."""
-    levels = range(2, CLEAN_LEVELS.stop)
-    datasets = {level_delta_rad(level): f"Speeddata{level}" for level in levels}
-    used = [level_delta_rad(level) for level in FIT_LEVELS]
-    printed = printed_amplitudes()
-    return validation_table(joint, signals(records), datasets, used_in_fit=used, printed_a_rps=printed)
+    levels = {level_delta_rad(level): level for level in range(2, CLEAN_LEVELS.stop)}
+    printed, turn = printed_amplitudes(), joint.turn_period_s
+    runs = simulate_finely(joint, levels, float(next(iter(records.values())).t[-1]))
+    rows = []
+    for (delta, level), run in zip(levels.items(), runs, strict=True):
+        nrmse = math.nan
+        if delta in records:
+            record = records[delta]
+            error = (run.motor_speed_rps[:: fine_per_sample(record)] - record.v)[record.t >= turn - 1e-9]
+            nrmse = float(np.sqrt(np.mean(error**2)) / settled_sd(record, turn))
+        peak, a = settled_peak_rps(run, joint), printed.get(delta, math.nan)
+        rows.append((f"Speeddata{level}", delta, level in FIT_LEVELS, nrmse, peak, a, 100 * (peak / a - 1)))
+    columns = ["dataset", "delta_rad", "used_in_fit", "nrmse", "peak_rps", "printed_A_rps", "peak_error_percent"]
+    return pd.DataFrame(rows, columns=columns)
+
+
+def amplitudes(joint: JointParameters, deltas_rad: Sequence[float]) -> pd.DataFrame:
+    """Measure the theoretical A of the simulated joint: the settled peak before sampling at 2 ms, and after."""
+    fine = simulate_many(joint, deltas_rad, sample_s=FINE_S, step_s=FINE_S)
+    coarse = simulate_many(joint, deltas_rad, step_s=FINE_S)
+    before, after = ([settled_peak_rps(run, joint) for run in runs] for runs in (fine, coarse))
+    return pd.DataFrame({"delta_rad": deltas_rad, "amplitude_rps": before, "sampled_rps": after})
+
+
+def disturbances(recordings: Sequence[Recording], deltas_rad: Sequence[float]) -> pd.DataFrame:
+    """Cut the third turn out of records: figure 11's signals."""
+    parts = []
+    for recording, delta in zip(recordings, deltas_rad, strict=True):
+        begin, end = 2 * recording.turn_period_s, 3 * recording.turn_period_s
+        rows = (recording.t >= begin - 1e-9) & (recording.t < end - 1e-9)
+        v = recording.v[rows] - recording.commanded_speed_rps
+        parts.append(pd.DataFrame({"delta_rad": delta, "time_s": recording.t[rows] - begin, "disturbance_rps": v}))
+    return pd.concat(parts, ignore_index=True)
 
 
 def alpha_study(joint: JointParameters, records: dict[float, Recording], alphas: Sequence[float]) -> pd.DataFrame:
@@ -50,8 +87,7 @@ def alpha_study(joint: JointParameters, records: dict[float, Recording], alphas:
 
 def simulator_attempts() -> pd.DataFrame:
     """Load the log of the models of the drive that were fitted on the way to the identified one, kept or not."""
-    with (published.DATA / "simulator_attempts.csv").open(encoding="utf-8") as file:
-        return pd.read_csv(file)
+    return pd.read_csv(published.DATA / "simulator_attempts.csv")
 
 
 def changed_joint(joint: JointParameters, factors: Mapping[str, float]) -> JointParameters:
@@ -101,7 +137,7 @@ CALIBRATION_START = {
 
 def reidentify_joint() -> str:
     """Identify the joint from the authors' clean records, from a rough start."""
-    records = signals(clean_records(FIT_LEVELS))
+    records = clean_records(FIT_LEVELS)
     start = joint_from_ratios(CALIBRATION_START)
     fit = identify_joint(records, start)
     leads = start.control_period_s * np.arange(0, 161)

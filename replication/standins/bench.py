@@ -9,8 +9,16 @@ import pandas as pd
 from replication import characteristic, published
 from replication.datasets import Recording
 from replication.simulator.parameters import identified_joint
-from replication.standins.joints import Bench, Spread, draw_bench, encoder_log, fitted_logs
+from replication.standins.joints import Bench, FitRecord, Spread, draw_bench, encoder_log, fitted_logs
 from replication.table2 import summarise_runs
+
+# Table 3's cells, by their names among the printed ones, and our columns.
+TABLE3_COLUMNS = {
+    "known": "known_A_rps",
+    "mean": "mean_A_rps",
+    "sd": "sd_A_rps",
+    "relative_error": "relative_error_percent",
+}
 
 
 def table3_records(bench: Bench, deltas_rad: Sequence[float], seed: int) -> list[tuple[dict, Recording]]:
@@ -19,12 +27,8 @@ def table3_records(bench: Bench, deltas_rad: Sequence[float], seed: int) -> list
     records = []
     for row, delta in enumerate(deltas_rad, start=1):
         reading = delta + rng.normal(0.0, bench.dial_gauge_rad)
-        key = {
-            "row": row,
-            "delta_rad": delta,
-            "reading_rad": reading,
-            "known_A_rps": characteristic.known_amplitude_rps(reading),
-        }
+        known = characteristic.known_amplitude_rps(reading)
+        key = {"row": row, "delta_rad": delta, "reading_rad": reading, "known_A_rps": known}
         records.append((key, encoder_log(bench, delta, rng)))
     return records
 
@@ -36,55 +40,42 @@ def table3(runs: pd.DataFrame) -> pd.DataFrame:
     for values, part in runs.groupby(keys, sort=False):
         head = {"source": "stand-in", **dict(zip(keys, values, strict=True))}
         rows.append(head | summarise_runs(part, head["known_A_rps"]).to_dict())
-    printed = {
-        "printed_known_A_rps": "known",
-        "printed_mean_A_rps": "mean",
-        "printed_sd_A_rps": "sd",
-        "printed_relative_error_percent": "relative_error",
-    }
-    columns = {name: published.column("Table 3", column) for name, column in printed.items()}
-    return pd.DataFrame(rows).assign(**columns).astype({"best_basin_runs": int, "basins": int, "runs": int})
+    printed = {f"printed_{column}": published.column("Table 3", cell) for cell, column in TABLE3_COLUMNS.items()}
+    return pd.DataFrame(rows).assign(**printed).astype({"best_basin_runs": int, "basins": int, "runs": int})
 
 
 def table3_cells(table: pd.DataFrame) -> dict[str, float]:
     """Values of Table 3's cells by id, from `table3`."""
-    columns = {
-        "known": "known_A_rps",
-        "mean": "mean_A_rps",
-        "sd": "sd_A_rps",
-        "relative_error": "relative_error_percent",
-    }
+    rows = table.set_index("row")
     return {
-        f"table3.row{row['row']:02d}.{cell}": row[column]
-        for row in table.to_dict("records")
-        for cell, column in columns.items()
+        f"table3.row{row:02d}.{cell}": rows.at[row, column]
+        for row in rows.index
+        for cell, column in TABLE3_COLUMNS.items()
     }
 
 
 def bench_population(
-    benches: int, deltas_rad: Sequence[float], seed: int, spread: Spread | None = None
+    fit_record: FitRecord, benches: int, deltas_rad: Sequence[float], seed: int, spread: Spread | None = None
 ) -> pd.DataFrame:
     """Fit the logs of many benches in each state: what the spread alone makes of Table 3."""
     drawn = [draw_bench(np.random.default_rng((seed, number)), spread) for number in range(benches)]
     cases = [(bench, delta) for bench in drawn for delta in deltas_rad]
-    table = fitted_logs(cases, [(seed, benches + index) for index in range(len(cases))])
+    table = fitted_logs(fit_record, cases, [(seed, benches + index) for index in range(len(cases))])
     known = np.array([characteristic.known_amplitude_rps(delta) for delta in table["delta_rad"]])
     table.insert(0, "bench", np.repeat(np.arange(benches), len(deltas_rad)))
     return table.assign(error_percent=100 * (table["A_rps"] / known - 1))
 
 
-def load_friction_study(shares: Sequence[float], delta_rad: float, seed: int) -> pd.DataFrame:
+def load_friction_study(fit_record: FitRecord, shares: Sequence[float], delta_rad: float, seed: int) -> pd.DataFrame:
     """Fit the identified joint's noise-free log as Coulomb friction on the load grows.
 
     The impacts come where gravity balances friction, so that friction moves them away from half a turn apart.
     """
     joint = identified_joint()
     rows = [(share, start) for share in shares for start in range(4)]
-    cases = [
-        (Bench(replace(joint, load_coulomb_nm=share * joint.gravity_torque_nm), 0.0, 0.0), delta_rad)
-        for share, _ in rows
-    ]
-    fits = fitted_logs(cases, [(seed, start) for _, start in rows])
+    rubbing = [replace(joint, load_coulomb_nm=share * joint.gravity_torque_nm) for share, _ in rows]
+    cases = [(Bench(each, 0.0, 0.0), delta_rad) for each in rubbing]
+    fits = fitted_logs(fit_record, cases, [(seed, start) for _, start in rows])
     fits["friction_share"] = [share for share, _ in rows]
     table = fits.groupby("friction_share", sort=False)[["A_rps", "rmse_rps"]].mean().reset_index()
     return table.assign(change_percent=100 * (table["A_rps"] / table["A_rps"].iloc[0] - 1))

@@ -6,8 +6,9 @@ one function beside `datasets.load_clean`, from a log's file to a `Recording`, t
 nothing that comes after asks where a record is from.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -15,7 +16,6 @@ from joblib import Parallel, delayed
 
 from replication import published
 from replication.datasets import Recording
-from replication.global_fit.fit import global_fit
 from replication.simulator.parameters import TURN, Disturbance, JointParameters, identified_joint, with_ratios
 from replication.simulator.simulate import encoder_speed_rps, simulate
 
@@ -23,6 +23,8 @@ SAMPLE_S = 2e-3
 
 # Turns of the motor belt per motor turn: a belt of two and a half to five pulleys' circumference.
 BELT_ORDER = (0.2, 0.4)
+
+FitRecord = Callable[[Recording], Any]  # such as `backlash.fitting.global_fit`, which the paper does not have
 
 
 @dataclass(frozen=True)
@@ -99,19 +101,18 @@ def encoder_log(bench: Bench, delta_rad: float, rng: np.random.Generator) -> Rec
     return Recording(run.time_s[:-1], noisy, joint.commanded_speed_rps, joint.turn_period_s, name)
 
 
-def _log_and_fit(bench: Bench, delta_rad: float, seed: Sequence[int]) -> tuple[float, ...]:
+def _log_and_fit(fit_record: FitRecord, bench: Bench, delta_rad: float, seed: Sequence[int]) -> tuple[float, ...]:
     recording = encoder_log(bench, delta_rad, np.random.default_rng(seed))
-    fit = global_fit(recording)
+    fit = fit_record(recording)
     _, t0, _, omega, *_ = fit.X
-    return (fit.amplitude_rps, *fit.amplitude_interval_rps, omega / TURN, t0, fit.rmse, recording.v.std())
+    return (delta_rad, fit.amplitude_rps, *fit.amplitude_interval_rps, omega / TURN, t0, fit.rmse, recording.v.std())
 
 
-def fitted_logs(cases: Sequence[tuple[Bench, float]], seeds: Sequence[Sequence[int]]) -> pd.DataFrame:
-    """Log each case and fit it globally, on all cores."""
-    jobs = [delayed(_log_and_fit)(bench, delta, seed) for (bench, delta), seed in zip(cases, seeds, strict=True)]
-    table = pd.DataFrame(
-        Parallel(n_jobs=-1, batch_size=4)(jobs),
-        columns=["A_rps", "low_rps", "high_rps", "frequency_hz", "t0_s", "rmse_rps", "sd_rps"],
-    )
-    table.insert(0, "delta_rad", [delta for _, delta in cases])
-    return table
+def fitted_logs(
+    fit_record: FitRecord, cases: Sequence[tuple[Bench, float]], seeds: Sequence[Sequence[int]]
+) -> pd.DataFrame:
+    """Log each case and fit it, on all cores."""
+    pairs = zip(cases, seeds, strict=True)
+    jobs = [delayed(_log_and_fit)(fit_record, bench, delta, seed) for (bench, delta), seed in pairs]
+    columns = ["delta_rad", "A_rps", "low_rps", "high_rps", "frequency_hz", "t0_s", "rmse_rps", "sd_rps"]
+    return pd.DataFrame(Parallel(n_jobs=-1, batch_size=4)(jobs), columns=columns)

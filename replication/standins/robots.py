@@ -14,7 +14,7 @@ from replication import published
 from replication.arrays import FloatArray
 from replication.datasets import Recording
 from replication.simulator.parameters import TURN, Disturbance, JointParameters, identified_joint
-from replication.standins.joints import Bench, Spread, draw_bench, encoder_log, fitted_logs
+from replication.standins.joints import Bench, FitRecord, Spread, draw_bench, encoder_log, fitted_logs
 from replication.table2 import summarise_runs
 
 KINDS = ("healthy", "excessive")
@@ -70,19 +70,16 @@ def table4(runs: pd.DataFrame) -> pd.DataFrame:
 
 def table4_cells(table: pd.DataFrame) -> dict[str, float]:
     """Values of Table 4's cells by id, from `table4`."""
-    return {
-        f"table4.row{row:02d}.{name}": table[f"{name}_A_rps"].iloc[row - 1]
-        for row in range(1, len(table) + 1)
-        for name in ("mean", "sd")
-    }
+    rows = enumerate(table.to_dict("records"), start=1)
+    return {f"table4.row{row:02d}.{name}": values[f"{name}_A_rps"] for row, values in rows for name in ("mean", "sd")}
 
 
-def robot_population(each: int, spread: RobotSpread, seed: int) -> pd.DataFrame:
+def robot_population(fit_record: FitRecord, each: int, spread: RobotSpread, seed: int) -> pd.DataFrame:
     """Fit the logs of many robots of each kind; the first of each are robots A and B."""
     kinds = [kind for kind in KINDS for _ in range(each)]
     seeds = [(seed, KINDS.index(kind), number) for kind in KINDS for number in range(each)]
     cases = [draw_robot(np.random.default_rng(stream), spread, kind) for stream, kind in zip(seeds, kinds, strict=True)]
-    table = fitted_logs(cases, [(*stream, 1) for stream in seeds])
+    table = fitted_logs(fit_record, cases, [(*stream, 1) for stream in seeds])
     table.insert(0, "kind", kinds)
     return table
 
@@ -110,14 +107,19 @@ def shares_at(healthy: FloatArray, excessive: FloatArray, threshold_rps: float) 
 
 
 def disturbed_healthy_joint(
-    frequencies_hz: Sequence[float], torque_shares: Sequence[float], gravity: float, noise_rps: float, seed: int
+    fit_record: FitRecord,
+    frequencies_hz: Sequence[float],
+    torque_shares: Sequence[float],
+    gravity: float,
+    noise_rps: float,
+    seed: int,
 ) -> pd.DataFrame:
     """Fit a joint without backlash that one other joint shakes, over the disturbance's frequency and amplitude."""
     identified = identified_joint()
     joint = replace(identified, load_mass_kg=gravity * identified.load_mass_kg)
     grid = [(0.0, 0.0), *((frequency, share) for share in torque_shares for frequency in frequencies_hz)]
     cases = [(Bench(_shaken(joint, frequency, share), noise_rps, 0.0), 0.0) for frequency, share in grid]
-    table = fitted_logs(cases, [(seed,)] * len(cases))
+    table = fitted_logs(fit_record, cases, [(seed,)] * len(cases))
     heard = np.sqrt(2 * np.maximum(table["sd_rps"] ** 2 - table["sd_rps"].iloc[0] ** 2, 0.0))
     frequencies, shares = np.array(grid).T
     table = table.assign(turns_used=12 - table["t0_s"] / joint.turn_period_s)

@@ -1,17 +1,18 @@
-"""What a notebook calls to export its tables, its figures and what it found.
+"""What a notebook calls: to export its tables, its figures and what it found, and to draw with sliders.
 
 Exports go into the folder that the environment variable `REPLICATION_OUT` names; `execution.execute` sets it.
 """
 
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from importlib.util import find_spec
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pandas as pd
 
-from replication.workbook.files import FLOAT_FORMAT, ROOT, write_csv, write_json
+from replication.files import FLOAT_FORMAT, ROOT, write_csv, write_json
 from replication.workbook.judging import CLAIM_VERDICTS, judge
 
 if TYPE_CHECKING:
@@ -23,9 +24,10 @@ def output_folder() -> Path:
     return Path(os.environ.get("REPLICATION_OUT", ROOT / "results" / "lab"))
 
 
-def is_quick() -> bool:
-    """Whether this is a quick run, whose figures say so."""
-    return os.environ.get("REPLICATION_QUICK") == "1"
+def notebook_name() -> str:
+    """Name of the notebook that runs; one that is run by hand in a server is known by its file."""
+    by_hand = os.environ.get("JPY_SESSION_NAME", "by_hand")
+    return os.environ.get("REPLICATION_NOTEBOOK", Path(by_hand).stem)
 
 
 def save_table(table: pd.DataFrame, name: str) -> None:
@@ -47,19 +49,13 @@ def save_figure(figure: "Figure", name: str, caption: str) -> None:
     """
     from replication.figures import style  # Matplotlib takes a second that only a figure should cost
 
-    style.save(figure, output_folder() / "figures", name, mark="quick run" if is_quick() else "")
-    about = {"notebook": notebook_name(), "caption": caption}
-    about["axes"] = style.description(figure)
+    is_quick = os.environ.get("REPLICATION_QUICK") == "1"
+    style.save(figure, output_folder() / "figures", name, mark="quick run" if is_quick else "")
+    about = {"notebook": notebook_name(), "caption": caption, "axes": style.description(figure)}
     write_json(output_folder() / "results" / "figures" / f"{name}.json", about)
 
 
-def notebook_name() -> str:
-    """Name of the notebook that runs; one that is run by hand in a server is known by its file."""
-    by_hand = os.environ.get("JPY_SESSION_NAME", "by_hand")
-    return os.environ.get("REPLICATION_NOTEBOOK", Path(by_hand).stem)
-
-
-def verdict(
+def record_verdicts(
     cells: Mapping[str, Mapping[str, float | Sequence[float]]] | None = None,
     claims: Mapping[str, tuple[bool | None, str]] | None = None,
 ) -> pd.DataFrame:
@@ -74,27 +70,42 @@ def verdict(
         Decisions on prose claims; None in place of a truth value is "undecided".
     """
     rows = [
-        {"id": cell, "source": source, "numbers": _kept(numbers)}
+        {"id": cell, "source": source, "numbers": _round_to_six_digits(numbers)}
         for source, of_source in (cells or {}).items()
         for cell, numbers in of_source.items()
     ]
-    decided = [
-        {"id": key, "holds": None if holds is None else bool(holds), "measured": text}
-        for key, (holds, text) in (claims or {}).items()
+    decided: list[dict[str, Any]] = [
+        {"id": claim, "holds": None if holds is None else bool(holds), "measured": measured}
+        for claim, (holds, measured) in (claims or {}).items()
     ]
     name = notebook_name()
     write_json(output_folder() / "results" / "outcomes" / f"{name}.json", {"cells": rows, "claims": decided})
-    judged = judge(pd.DataFrame(rows).assign(notebook=name)) if rows else pd.DataFrame()
-    said = pd.DataFrame(
-        [{"id": row["id"], "reproduced": row["measured"], "verdict": CLAIM_VERDICTS[row["holds"]]} for row in decided]
-    )
-    table = pd.concat([part for part in (judged, said) if not part.empty], ignore_index=True)
+    judged = judge(pd.DataFrame(rows).assign(notebook=name)).to_dict("records") if rows else []
+    judged += [
+        {"id": row["id"], "reproduced": row["measured"], "verdict": CLAIM_VERDICTS[row["holds"]]} for row in decided
+    ]
     shown = ["id", "source", "printed", "reproduced", "low", "high", "verdict"]
-    return table.reindex(columns=shown).astype(object).where(lambda t: t.notna(), "")
+    return pd.DataFrame(judged, columns=shown).astype(object).fillna("")
 
 
-def _kept(numbers: float | Sequence[float]) -> float | list[float]:
-    """Numbers as the results keep them, to six digits."""
-    if np.ndim(numbers):
-        return [float(FLOAT_FORMAT % number) for number in numbers]
-    return float(FLOAT_FORMAT % numbers)
+def _round_to_six_digits(numbers: float | Sequence[float]) -> float | list[float]:
+    """Numbers as the results keep them."""
+    kept = [float(FLOAT_FORMAT % number) for number in np.ravel(numbers)]
+    return kept if np.ndim(numbers) else kept[0]
+
+
+def sliders(draw: Callable[..., None], **ranges: tuple[float, float, float]) -> None:
+    """Draw a picture with a slider for each of its arguments, from the argument's first value, its ends after it.
+
+    Without `ipywidgets` (in the extra `lab`), or in a run that makes the results, the picture is drawn once.
+    """
+    if "REPLICATION_OUT" in os.environ or not find_spec("ipywidgets"):
+        draw(**{name: first for name, (first, _, _) in ranges.items()})
+        return
+    from ipywidgets import FloatSlider, interact
+
+    made = {
+        name: FloatSlider(first, min=low, max=high, step=(high - low) / 100, continuous_update=False)
+        for name, (first, low, high) in ranges.items()
+    }
+    interact(draw, **made)

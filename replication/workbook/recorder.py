@@ -1,13 +1,10 @@
 """Notes which files a notebook's results are made from, and ends the kernel with its run.
 
-The kernel executes this file by its path.
-
-It is not imported as a module of the package: what a notebook loads is what its results depend on, and this is no
-part of them.
+The kernel executes this file by its path: what a notebook imports is what its results depend on, and this is no part
+of them.
 """
 
 import hashlib
-import importlib.util
 import json
 import os
 import platform
@@ -21,77 +18,64 @@ from importlib.metadata import version
 from pathlib import Path
 
 PACKAGES = ("cma", "joblib", "matplotlib", "numba", "numpy", "openpyxl", "pandas", "scipy")
-RECORDER = "notebook_recorder"  # its place in sys.modules
 
 
-def start(folders: Mapping[str, str], run: int) -> None:
-    """Note the SHA-256 of every file below some folders when it is opened for reading; end with the process `run`."""
+def start(run: int, root: str, data: str, notebook: str) -> None:
+    """Note the SHA-256 of every file below two folders when it is opened for reading; end with the process `run`."""
     threading.Thread(target=_end_with, args=(run,), daemon=True).start()
-    digests = {name: {} for name in folders}
-    hashing = threading.local()
+    sources = {
+        _name_below(root, file) or Path(file).name: _sha256(file) for file in (notebook, f"{root}/requirements.lock")
+    }
+    inputs: dict[str, str] = {}
 
-    def note(event, arguments):
-        if event != "open" or getattr(hashing, "now", False) or not isinstance(arguments[0], str):
+    def note(event: str, arguments: tuple) -> None:
+        if event != "open" or not isinstance(arguments[0], str) or arguments[2] & (os.O_WRONLY | os.O_RDWR):
             return
-        hashing.now = True
-        try:
-            for name, folder in folders.items():
-                _note_file(digests[name], Path(folder), arguments[0], arguments[2])
-        finally:
-            hashing.now = False
+        for folder, digests in ((root, sources), (data, inputs)):
+            name = _name_below(folder, arguments[0])
+            if name and name not in digests and not name.endswith(".py") and os.path.isfile(arguments[0]):
+                digests[name] = ""  # hashing opens the file again
+                digests[name] = _sha256(arguments[0])
+
+    def write(outcome: str, variables: Mapping[str, object]) -> None:
+        """Add to a notebook's outcome what it was made from; of Python files, the modules that are loaded."""
+        loaded = {str(getattr(module, "__file__", "")) for module in list(sys.modules.values())}
+        modules = {name: _sha256(file) for file in loaded if (name := _name_below(root, file)).endswith(".py")}
+        seeds = {name: value for name, value in variables.items() if name.endswith(("seed", "seeds"))}
+        made_from = {
+            "sources": dict(sorted((sources | modules).items())),
+            "inputs": dict(sorted(inputs.items())),
+            "python": platform.python_version(),
+            "packages": {name: version(name) for name in PACKAGES if name in sys.modules},
+            "seeds": {name: value for name, value in sorted(seeds.items()) if _is_seed(value)},
+        }
+        path = Path(outcome)
+        exported = json.loads(path.read_text(encoding="utf-8")) if path.exists() else {"cells": [], "claims": []}
+        path.parent.mkdir(parents=True, exist_ok=True)
+        content = json.dumps(exported | {"made_from": made_from}, indent=1, default=str)  # a range as text
+        path.write_text(content + "\n", encoding="utf-8")
 
     sys.addaudithook(note)
-    sys.modules[RECORDER] = types.SimpleNamespace(folders=folders, digests=digests, write=write)
+    sys.modules["notebook_recorder"] = types.SimpleNamespace(write=write)  # type: ignore[assignment]
 
 
 def _end_with(run: int) -> None:
-    """Kill this kernel and its workers, which are one process group, when the parent that started it is gone."""
+    """Kill this kernel and its workers, which are one process group, when the process that started it is gone."""
     while os.getppid() == run:
         time.sleep(0.5)
     os.killpg(os.getpgid(0), signal.SIGKILL)
 
 
-def _note_file(digests: dict[str, str], folder: Path, opened: str, flags: int) -> None:
-    """Keep a file's SHA-256, once, if it lies in the folder and is not opened for writing."""
-    if not opened.startswith(str(folder)) or flags & (os.O_WRONLY | os.O_RDWR):
-        return
-    path = Path(opened)
-    if path.parent.name == "__pycache__" and path.suffix == ".pyc":
-        path = Path(importlib.util.source_from_cache(opened))
-    inside = path.relative_to(folder)
-    private = any(part.startswith((".", "__pycache__")) for part in inside.parts)
-    if not private and str(inside) not in digests and path.is_file():
-        digests[inside.as_posix()] = hashlib.sha256(path.read_bytes()).hexdigest()
+def _name_below(folder: str, file: str) -> str:
+    """Name of a file as seen from a folder; empty if it lies elsewhere, or in a hidden folder or a cache."""
+    name = file.removeprefix(folder + os.sep)
+    parts = Path(name).parts
+    return "" if name == file or any(part.startswith((".", "__pycache__")) for part in parts) else name
 
 
-def write(path: str, namespace: Mapping[str, object]) -> None:
-    """Write what was noted, the versions of the packages and the seeds among a notebook's variables."""
-    seeds = {name: value for name, value in namespace.items() if name.endswith(("seed", "seeds"))}
-    loaded = {str(getattr(module, "__file__", "")) for module in list(sys.modules.values())}
-    noted = sys.modules[RECORDER]
-    record = {
-        **{
-            name: {file: digest for file, digest in sorted(files.items()) if _counts(noted.folders[name], file, loaded)}
-            for name, files in noted.digests.items()
-        },
-        "python": platform.python_version(),
-        "packages": {name: version(name) for name in PACKAGES if name in sys.modules},
-        "seeds": {name: _plain(value) for name, value in sorted(seeds.items()) if _is_seed(value)},
-    }
-    Path(path).parent.mkdir(parents=True, exist_ok=True)
-    Path(path).write_text(json.dumps(record, indent=1) + "\n", encoding="utf-8")
-
-
-def _counts(folder: str, file: str, loaded: set[str]) -> bool:
-    """Whether results depend on a file that was read: of Python files only those that were loaded."""
-    return not file.endswith(".py") or str(Path(folder) / file) in loaded
+def _sha256(file: str) -> str:
+    return hashlib.sha256(Path(file).read_bytes()).hexdigest()
 
 
 def _is_seed(value: object) -> bool:
-    return isinstance(value, int) or (
-        isinstance(value, list | tuple | range) and all(isinstance(item, int) for item in value)
-    )
-
-
-def _plain(value: int | list | tuple | range) -> int | str | list[int]:
-    return str(value) if isinstance(value, range) else value if isinstance(value, int) else list(value)
+    return all(isinstance(item, int) for item in (value if isinstance(value, list | tuple | range) else [value]))

@@ -7,6 +7,7 @@ from matplotlib.colors import to_rgb
 
 from replication import workbook
 from replication.figures import style
+from replication.files import notebook_files
 
 FIGURES = sorted((workbook.ROOT / "figures").glob("*.svg"))
 
@@ -38,7 +39,7 @@ def test_every_axis_of_a_figure_has_a_unit_or_is_known_to_have_none(figure):
 
 @pytest.mark.parametrize("figure", FIGURES, ids=lambda path: path.stem)
 def test_a_figure_of_the_paper_has_its_number_in_its_name(figure):
-    sources = {path.stem: path.read_text(encoding="utf-8") for path in (workbook.ROOT / "notebooks").glob("[0-9]*.py")}
+    sources = {name: path.read_text(encoding="utf-8") for name, path in notebook_files("py").items()}
     made_by = next(name for name, text in sources.items() if f'"{figure.stem}"' in text)
     in_paper = re.search(r"_(figure|table)\d+$", made_by)
     numbered = re.match(r"(figure\d\d|table\d+|equation\d+|search|replay)_[a-z]", figure.stem)

@@ -5,7 +5,6 @@ import shutil
 import pytest
 from places import NOTEBOOKS, RESULTS
 
-from replication import workbook
 from replication.report import page, pages
 from replication.workbook import judging
 
@@ -20,7 +19,7 @@ FLAGS = (
 @pytest.fixture(scope="session")
 def report_page():
     """The report, rendered anew."""
-    return page.page(RESULTS, NOTEBOOKS, VERDICTS)
+    return page.render_report(RESULTS, NOTEBOOKS, VERDICTS)
 
 
 @pytest.fixture(scope="session")
@@ -30,13 +29,8 @@ def site(tmp_path_factory, report_page):
     results = root / "results"
     (results / "pages").mkdir(parents=True)
     (results / "report.html").write_text(report_page, encoding="utf-8")
-    drawn = page.pictures(RESULTS, workbook.ROOT / "figures")
-    executed = sorted(NOTEBOOKS.glob("[0-9]*.ipynb"))
-    names = [notebook.stem for notebook in executed]
-    claims = judging.decided_claims(RESULTS)
-    for notebook in executed:
-        text = pages.render(notebook, pages.decides(notebook.stem, VERDICTS, claims), drawn, names)
-        (results / "pages" / f"{notebook.stem}.html").write_text(text, encoding="utf-8")
+    for name, text in pages.render_pages(RESULTS, NOTEBOOKS, VERDICTS).items():
+        (results / "pages" / f"{name}.html").write_text(text, encoding="utf-8")
     return results
 
 

@@ -2,6 +2,7 @@
 
 import re
 
+import pandas as pd
 import pytest
 from derived import derived, says
 from places import RESULTS
@@ -14,6 +15,7 @@ typst = pytest.importorskip("typst", reason="typst is not installed (extra `arti
 TEXT = (workbook.ROOT / "article" / "article.typ").read_text(encoding="utf-8")
 
 
+@pytest.mark.slow
 def test_the_article_is_typeset_the_same_each_time():
     pdf = article.typeset(RESULTS)
     assert pdf.startswith(b"%PDF")
@@ -26,13 +28,14 @@ def test_the_committed_article_is_what_the_results_give():
 
 def test_every_number_that_the_text_names_is_in_the_results():
     named = set(re.findall(r'#n\("(\w+)"\)', TEXT))
-    found = facts.facts(RESULTS, judging.verdicts(RESULTS))
+    found = facts.collect_facts(RESULTS, judging.verdicts(RESULTS))
     assert len(named) > 25
     assert not {name for name in named if not found.get(name)}
 
 
+@pytest.mark.slow
 def test_every_number_of_the_article_is_what_the_results_give_when_it_is_derived_anew():
-    found, anew = facts.facts(RESULTS, judging.verdicts(RESULTS)), derived()
+    found, anew = facts.collect_facts(RESULTS, judging.verdicts(RESULTS)), derived()
     named = set(re.findall(r'#n\("(\w+)"\)', TEXT))
     assert not named - anew.keys(), "a number without a derivation of its own"
     for name in sorted(named):
@@ -48,13 +51,15 @@ def test_a_number_that_is_off_in_its_last_digit_is_not_what_a_text_says():
     assert not says("7", 8)
 
 
+@pytest.mark.slow
 def test_a_number_that_is_not_there_stops_the_typesetting(monkeypatch):
-    whole = article.content(RESULTS)
-    monkeypatch.setattr(article, "content", lambda _: whole | {"facts": whole["facts"] | {"best_worst_high": ""}})
+    whole = article.collect_content(RESULTS)
+    empty = whole["facts"] | {"best_worst_high": ""}
+    monkeypatch.setattr(article, "collect_content", lambda _: whole | {"facts": empty})
     with pytest.raises(article.NotTypeset, match="best_worst_high"):
         article.typeset(RESULTS)
     short = {name: value for name, value in whole["facts"].items() if name != "printed"}
-    monkeypatch.setattr(article, "content", lambda _: whole | {"facts": short})
+    monkeypatch.setattr(article, "collect_content", lambda _: whole | {"facts": short})
     with pytest.raises(article.NotTypeset, match="printed"):
         article.typeset(RESULTS)
 
@@ -65,8 +70,16 @@ def test_no_number_with_decimals_is_typed_in_the_text():
     assert not re.findall(r"\d+\.\d+", prose)
 
 
+def test_the_finding_names_the_protocols_that_explain_the_table():
+    judged = pd.DataFrame({"p": [0.4, 0.2, 0.01], "explains": [True, True, False]}, index=["a", "b", "c"])
+    said = facts.describe_protocols(judged)
+    assert said.startswith("2 of 3 candidate protocols can have printed Table 2: a (p = 0.4), b")
+    assert "cannot tell them apart" in said
+    assert facts.describe_protocols(judged.iloc[2:]) == "None of 1 candidate protocols can have printed Table 2."
+
+
 def test_tables_and_captions_have_no_empty_place():
-    found = article.content(RESULTS)
+    found = article.collect_content(RESULTS)
     assert len(found["table2"]) == 10
     assert len(found["claims"]) == len(published.claims())
     assert len(found["errata"]) == len(published.errata())

@@ -33,6 +33,7 @@ def tab(browser):
         context.close()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", PAGES)
 def test_a_page_opens_without_a_word_on_the_console_and_without_a_request(tab, site, name):
     page = tab(site / name)
@@ -41,6 +42,7 @@ def test_a_page_opens_without_a_word_on_the_console_and_without_a_request(tab, s
     assert [url for url in page.asked if not url.startswith("data:")] == [(site / name).as_uri()]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("width", "scheme"), [(390, "dark"), (820, "light"), (1440, "dark")])
 def test_axe_finds_no_serious_violation(tab, site, width, scheme):
     axe = pytest.importorskip("axe_playwright_python.sync_playwright", reason="axe is not installed (extra `dev`)")
@@ -53,6 +55,7 @@ def test_axe_finds_no_serious_violation(tab, site, width, scheme):
         assert bad == [], name
 
 
+@pytest.mark.slow
 def test_nothing_makes_a_page_wider_than_the_screen(tab, site):
     for file in [site / "report.html", *sorted(site.glob("pages/*.html"))]:
         page = tab(file)
@@ -83,7 +86,7 @@ def test_every_cell_says_in_words_what_its_colour_says(tab, site):
     texts = page.evaluate(
         "[...document.querySelectorAll('button.cell')].map(cell => [cell.className.split(' ')[1], cell.textContent])"
     )
-    assert len(texts) == len(cells_of.cells(VERDICTS))
+    assert len(texts) == len(cells_of.judged_cells(VERDICTS))
     for verdict, text in texts:
         assert verdict in text
 
@@ -120,7 +123,7 @@ def test_on_paper_every_cell_has_its_footnote_and_no_table_is_cut(tab, site):
     page = tab(site / "report.html", 718)  # as wide as A4 within its margins, at 96 dots per inch
     page.emulate_media(media="print")
     notes = page.evaluate("[...document.querySelectorAll('.about')].filter(each => each.checkVisibility()).length")
-    assert notes == len(cells_of.cells(VERDICTS))
+    assert notes == len(cells_of.judged_cells(VERDICTS))
     cut = page.evaluate(
         "[...document.querySelectorAll('table')].filter(t => t.checkVisibility())"
         ".filter(t => t.getBoundingClientRect().right > 720).map(t => t.caption?.textContent ?? t.className)"

@@ -4,9 +4,9 @@ import importlib
 import re
 
 import pytest
-from places import NOTEBOOKS
 
 from replication import published, workbook
+from replication.files import notebook_files
 
 
 def test_the_map_covers_every_figure_table_and_numbered_equation_of_the_paper():
@@ -18,8 +18,8 @@ def test_the_map_covers_every_figure_table_and_numbered_equation_of_the_paper():
 @pytest.mark.parametrize("row", published.paper_map().to_dict("records"), ids=lambda row: row["element"])
 def test_what_the_map_names_exists(row):
     for name in row["notebooks"].split():
-        source = (NOTEBOOKS / f"{name}.py").read_text(encoding="utf-8")
-        assert (NOTEBOOKS / f"{name}.ipynb").exists()
+        source = notebook_files("py")[name].read_text(encoding="utf-8")
+        assert name in notebook_files("ipynb")
         number = re.search(r"\d+", row["element"])[0]
         if row["element"].startswith(("Figure", "Table")):
             kind = row["element"].split()[0].lower()

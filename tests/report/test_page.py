@@ -7,11 +7,13 @@ from pathlib import Path
 from urllib.parse import unquote
 
 import pytest
-from places import NOTEBOOKS, RESULTS
+from places import RESULTS
 
 from replication import published, workbook
+from replication.files import notebook_files
 from replication.report import cells as cells_of
-from replication.report import facts, findings, page, tables
+from replication.report import facts, page, tables
+from replication.report.figures import load_pictures
 from replication.workbook import judging, provenance
 
 VERDICTS = judging.verdicts(RESULTS)
@@ -50,18 +52,18 @@ def test_every_cell_claim_erratum_and_figure_is_on_the_page(report_page):
     assert {f"about-{cell}" for cell in published.cells().index} <= ids
     assert {f"claim-{claim}" for claim in published.claims().index} <= ids
     assert set(published.errata().index) <= ids
-    drawn = page.pictures(RESULTS, workbook.ROOT / "figures")
+    drawn = load_pictures(RESULTS)
     assert {picture.name for picture in drawn if picture.element} <= ids
     assert all(f"#{picture.anchor}" in report_page for picture in drawn)
 
 
 def test_every_drawing_has_its_caption_and_its_notebook():
-    drawn = {picture.name: picture for picture in page.pictures(RESULTS, workbook.ROOT / "figures")}
+    drawn = {picture.name: picture for picture in load_pictures(RESULTS)}
     assert set(drawn) == {path.stem for path in (workbook.ROOT / "figures").glob("*.svg")}
     for name, picture in drawn.items():
         assert len(picture.caption) > 30
         assert picture.alternative.startswith(picture.caption)
-        assert f'"{name}"' in (NOTEBOOKS / f"{picture.notebook}.py").read_text(encoding="utf-8")
+        assert f'"{name}"' in notebook_files("py")[picture.notebook].read_text(encoding="utf-8")
 
 
 def test_no_link_of_any_page_is_dead(site):
@@ -105,13 +107,13 @@ def test_a_notebooks_page_has_no_script_and_no_formula_left_as_it_is_typed(site)
 
 
 def test_the_findings_have_all_their_numbers_and_half_a_page():
-    found = findings.findings(facts.facts(RESULTS, VERDICTS))
+    found = facts.fill_in_findings(facts.collect_facts(RESULTS, VERDICTS))
     assert len(found) == len(published.findings()), "a finding's number is not in the results"
-    kinds = Counter(each.kind for each in found)
+    kinds = Counter(each["kind"] for each in found)
     assert 8 <= kinds["finding"] <= 10
     assert kinds["open"] >= 2
-    assert all(each.proofs for each in found)
-    assert sum(len(each.text.split()) for each in found) < 450
+    assert all(each["proofs"] for each in found)
+    assert sum(len(each["text"].split()) for each in found) < 450
 
 
 def test_no_finding_types_a_number_that_results_could_change():
@@ -123,25 +125,24 @@ def test_no_finding_types_a_number_that_results_could_change():
 
 @pytest.mark.parametrize("layout", tables.LAYOUTS, ids=lambda layout: layout.element)
 def test_a_table_has_the_papers_rows_and_columns_and_every_cell_once(layout):
-    all_cells = cells_of.cells(VERDICTS)
-    placed = [
-        item.id for row in tables.rows(layout, all_cells) for item in row.entries if isinstance(item, cells_of.Cell)
-    ]
+    all_cells = cells_of.judged_cells(VERDICTS)
+    rows = layout.rows(all_cells)
+    placed = [item.id for _, entries in rows for item in entries if isinstance(item, cells_of.Cell)]
     assert placed == list(published.cells(layout.element).index)
     lengths = {column.heading: len(column.texts) for column in layout.columns if column.texts}
-    assert set(lengths.values()) <= {len(tables.rows(layout, all_cells))}
+    assert set(lengths.values()) <= {len(rows)}
 
 
 def test_a_bound_that_is_a_share_says_of_what():
-    by_id = cells_of.by_id(cells_of.cells(VERDICTS))
-    cell = by_id["table1.A.max"]
-    assert page.ours(cell, cell.deciding) == f"{cell.deciding.ours:.3g} of v's range"
-    other = by_id["table1.tau.max"]
-    assert "of" not in page.ours(other, other.deciding)
+    cells = cells_of.judged_cells(VERDICTS)
+    cell = cells["table1.A.max"]
+    assert cell.ours(cell.deciding) == f"{cell.deciding.reproduced:.3g} of v's range"
+    other = cells["table1.tau.max"]
+    assert "of" not in other.ours(other.deciding)
 
 
 def test_an_exported_figure_stands_once_on_its_page(site):
-    drawn = page.pictures(RESULTS, workbook.ROOT / "figures")
+    drawn = load_pictures(RESULTS)
     for name in {picture.notebook for picture in drawn}:
         text = (site / "pages" / f"{name}.html").read_text(encoding="utf-8")
         for picture in (picture for picture in drawn if picture.notebook == name):
@@ -161,13 +162,13 @@ def test_a_cells_number_is_told_with_the_digits_of_the_printed_one():
 def test_the_authors_data_decide_a_cell_before_our_simulation():
     own = VERDICTS[VERDICTS["id"] == "table2.row10.sd"].sort_values("source", ascending=False)
     table = own.assign(verdict=["differs", "undecided"])  # by our simulation, by the authors' data
-    (cell,) = cells_of.cells(table)
-    assert cell.deciding.source == "authors"
-    assert cells_of.counts([cell]) == {"undecided": 1}
+    cells = cells_of.judged_cells(table)
+    assert cells["table2.row10.sd"].deciding.source == "authors"
+    assert judging.verdict_counts(table).sum().to_dict() == {"undecided": 1}
 
 
 def test_the_counts_are_those_of_the_printed_numbers():
-    assert sum(cells_of.counts(cells_of.cells(VERDICTS)).values()) == len(published.cells())
+    assert judging.verdict_counts(VERDICTS).sum().sum() == len(published.cells())
 
 
 def test_text_from_the_data_is_escaped(tmp_path, monkeypatch):
@@ -176,7 +177,7 @@ def test_text_from_the_data_is_escaped(tmp_path, monkeypatch):
     claims = published.claims()
     claims["claim"] = "<b>1 & 2</b>"
     monkeypatch.setattr(published, "claims", lambda: claims)
-    assert "&lt;b&gt;1 &amp; 2&lt;/b&gt;" in page.page(
+    assert "&lt;b&gt;1 &amp; 2&lt;/b&gt;" in page.render_report(
         tmp_path / "results", tmp_path, judging.verdicts(tmp_path / "results")
     )
 

@@ -38,8 +38,9 @@ def test_a_known_difference_that_is_gone_is_told_but_is_no_failure():
     same = VERDICTS.assign(verdict="reproduced")
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(published, "known_differences", lambda: known)
-        (said,) = terminal.unexpected(same)
-    assert "no longer differs" in said
+        new, (gone,) = terminal.find_surprises(same)
+    assert new == []
+    assert "no longer differs" in gone
 
 
 def test_colour_is_beside_the_sign_and_only_where_asked_for():
@@ -58,6 +59,7 @@ def test_show_tells_of_a_cell_what_is_printed_ours_the_verdict_and_where_it_is_m
     assert "results/pages/08_noise_table2.html#verdict" in said
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["Table 2", "table2", "Equation 10", "local_minima", "e3", "text"])
 def test_show_takes_elements_claims_and_errata_in_any_spelling(name, capsys):
     assert main(["show", name]) == 0

@@ -7,13 +7,13 @@ import pandas as pd
 import pytest
 from made_logs import noisy, silent, write
 
+from backlash import commands, fleet
+from backlash.calibration import default_calibration
+from backlash.main import main
+from backlash.reading.tables import UnusableLog
 from replication import workbook
-from replication.commands.main import main
 from replication.data.authors import authors_file
 from replication.datasets import level_delta_rad
-from replication.methods.calibration import default_calibration
-from replication.sensor import commands, fleet
-from replication.sensor.tables import UnusableLog
 
 TURN = ["--turn-period", "0.4"]
 KEYS = [
@@ -93,6 +93,7 @@ def test_the_papers_method_takes_repeats_and_seed(log, capsys):
     assert found[1][0]["amplitude_interval_rps"] != found[2][0]["amplitude_interval_rps"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("ending", ["png", "svg", "pdf"])
 def test_a_plot_is_written_and_the_same_twice(ending, log, tmp_path, capsys):
     contents = []
@@ -293,6 +294,7 @@ def test_the_authors_workbook_is_answered_from_the_command_line(authors_data, ca
     assert row["backlash_rad"] == pytest.approx(15e-4, abs=1e-4)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("level", [4, 7, 10, 11])
 def test_a_record_without_noise_is_answered_with_the_models_own_error_in_its_interval(authors_data, capsys, level):
     _, out, _ = ran(capsys, "estimate", authors_file(f"Speeddata{level}.xlsx"), *TURN, "--json")
@@ -305,10 +307,8 @@ def test_a_record_without_noise_is_answered_with_the_models_own_error_in_its_int
 
 def test_the_console_script_is_this_command_line():
     project = tomllib.loads((workbook.ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
-    assert project["scripts"] == {"backlash": "replication.commands.main:main"}
-    assert {"dask", "distributed", "pyarrow"} <= {
-        name.split(">")[0] for name in project["optional-dependencies"]["fleet"]
-    }
+    assert project["scripts"] == {"backlash": "backlash.main:main"}
+    assert "pyarrow" in {name.split(">")[0] for name in project["optional-dependencies"]["fleet"]}
 
 
 def test_a_log_that_disappears_is_no_traceback(log, capsys, monkeypatch):

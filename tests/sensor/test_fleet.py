@@ -1,18 +1,14 @@
 import os
-import signal
-import threading
-import time
 from dataclasses import replace
 from pathlib import Path
 
-import numpy as np
 import pandas as pd
 import pytest
 from made_logs import TURN, noisy, silent, write
 
-from replication.sensor import fleet
-from replication.sensor.tables import UnusableLog
-from replication.sensor.verdict import as_row, estimate, settings_for
+from backlash import fleet
+from backlash.estimation import estimate, settings_for
+from backlash.reading.tables import UnusableLog
 
 SETTINGS = settings_for(TURN, method="amplitude")
 
@@ -55,10 +51,10 @@ def test_a_folder_without_logs_is_refused(tmp_path):
 def test_one_bad_log_never_stops_the_rest_and_its_row_says_why(folder):
     paths = fleet.find_logs([folder])
     rows = fleet.run_fleet(paths, SETTINGS, jobs=1)
-    assert [row["file"] for row in rows] == [str(path) for path in paths]
-    assert [row["verdict"] for row in rows] == ["no backlash", "cannot tell", "backlash", "backlash", "cannot tell"]
-    assert rows[1]["warnings"] == [f"unusable log: {paths[1]}: the file is empty; export the log again"]
-    assert rows[4]["warnings"][0].startswith("unusable log: ")
+    assert [row.file for row in rows] == [str(path) for path in paths]
+    assert [row.verdict for row in rows] == ["no backlash", "cannot tell", "backlash", "backlash", "cannot tell"]
+    assert rows[1].warnings == (f"unusable log: {paths[1]}: the file is empty; export the log again",)
+    assert rows[4].warnings[0].startswith("unusable log: ")
 
 
 def test_even_a_defect_of_the_program_costs_one_row_only(folder, monkeypatch):
@@ -69,8 +65,8 @@ def test_even_a_defect_of_the_program_costs_one_row_only(folder, monkeypatch):
 
     monkeypatch.setattr(fleet, "estimate", broken)
     rows = fleet.run_fleet(fleet.find_logs([folder]), SETTINGS, jobs=1)
-    assert rows[2]["warnings"][0].endswith("log0.csv: ZeroDivisionError: division by zero")
-    assert rows[3]["verdict"] == "backlash"
+    assert rows[2].warnings[0].endswith("log0.csv: ZeroDivisionError: division by zero")
+    assert rows[3].verdict == "backlash"
 
 
 def test_the_table_is_tidy(folder):
@@ -85,13 +81,14 @@ def test_the_table_is_tidy(folder):
     assert pd.api.types.is_float_dtype(table["backlash_rad"])
 
 
+@pytest.mark.slow
 def test_several_processes_give_the_same_rows_as_one_and_a_log_on_which_one_dies_costs_its_row_only(folder):
     deadly = f"deadly{os.getpid()}.csv"
     write(noisy(), folder / deadly)
     paths = [Deadly(folder / name) for name in ("log0.csv", deadly, "empty.csv")]
     alone, together = (fleet.run_fleet(paths, SETTINGS, jobs=jobs) for jobs in (1, 2))
-    assert alone[1]["verdict"] == "backlash"
-    assert "the process that read it died" in together[1]["warnings"][0]
+    assert alone[1].verdict == "backlash"
+    assert "the process that read it died" in together[1].warnings[0]
     assert (alone[0], alone[2]) == (together[0], together[2])
 
 
@@ -138,68 +135,5 @@ def test_a_changed_log_or_other_settings_are_not_taken_from_what_was_kept(folder
 def test_the_rows_that_were_kept_are_those_of_the_logs(folder, tmp_path):
     kept = tmp_path / "kept"
     rows = fleet.run_fleet([folder / "log0.csv"], SETTINGS, 1, kept)
-    assert rows == [as_row(estimate(folder / "log0.csv", SETTINGS))]
-    assert fleet.from_row(rows[0]) == estimate(folder / "log0.csv", SETTINGS)
+    assert rows == [estimate(folder / "log0.csv", SETTINGS)]
     assert fleet.run_fleet([folder / "log0.csv"], SETTINGS, 1, kept) == rows
-
-
-# ---------------------------------------------------------------------------------------------------------------
-# A cluster
-
-
-def test_on_a_cluster_nothing_is_lost_and_nothing_twice_when_a_worker_dies(tmp_path):
-    distributed = pytest.importorskip("distributed", reason="a Dask cluster needs the extra 'fleet'")
-    paths = []
-    for k, delta in enumerate(np.linspace(4e-4, 20e-4, 8)):
-        write(noisy(delta), tmp_path / f"log{k}.csv")
-    for k in range(32):  # the same eight logs under many names
-        path = tmp_path / f"name{k:02d}.csv"
-        path.hardlink_to(tmp_path / f"log{k % 8}.csv")
-        paths.append(path)
-    (tmp_path / "bad.csv").write_text("time,speed\n", encoding="utf-8")
-    paths.append(tmp_path / "bad.csv")
-    kept, killed = tmp_path / "kept", []
-
-    def kill_one(cluster):
-        while len(list(kept.rglob("output.pkl"))) < 5:
-            time.sleep(0.01)
-        worker = next(iter(cluster.workers.values()))
-        os.kill(worker.process.process.pid, signal.SIGKILL)
-        killed.append(len(list(kept.rglob("output.pkl"))))
-
-    with distributed.LocalCluster(n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None) as cluster:
-        killer = threading.Thread(target=kill_one, args=(cluster,), daemon=True)
-        killer.start()
-        rows = fleet.run_fleet(paths, SETTINGS, kept=kept, dask=cluster.scheduler_address)
-        killer.join(timeout=5)
-    assert killed
-    assert killed[0] < len(paths)
-    assert [row["file"] for row in rows] == [str(path) for path in paths]
-    assert len(list(kept.rglob("output.pkl"))) == len(paths)
-    once = [as_row(estimate(tmp_path / f"log{k}.csv", SETTINGS)) for k in range(8)]
-    for k, row in enumerate(rows[:-1]):
-        assert row == once[k % 8] | {"file": str(paths[k])}
-    assert rows[-1]["warnings"][0].startswith("unusable log: ")
-
-
-def test_joints_that_nobody_calibrated_get_the_same_answers_here_and_on_a_cluster(tmp_path):
-    distributed = pytest.importorskip("distributed", reason="a Dask cluster needs the extra 'fleet'")
-    paths = [tmp_path / f"log{k}.csv" for k in range(3)]
-    for path, delta in zip(paths, (5e-4, 9e-4, 15e-4), strict=True):
-        write(noisy(delta), path)
-    settings = settings_for(TURN, method="self")
-    here = fleet.run_fleet(paths, settings, jobs=1)
-    assert [row["method"] for row in here] == ["self"] * 3
-    with distributed.LocalCluster(n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None) as cluster:
-        assert fleet.run_fleet(paths, settings, dask=cluster.scheduler_address) == here
-
-
-def test_a_scheduler_that_does_not_answer_is_refused(monkeypatch):
-    distributed = pytest.importorskip("distributed", reason="a Dask cluster needs the extra 'fleet'")
-
-    def nobody(*_, **__):
-        raise OSError("timed out")
-
-    monkeypatch.setattr(distributed, "Client", nobody)
-    with pytest.raises(UnusableLog, match="no scheduler answers"):
-        fleet.run_fleet([Path("log.csv")], SETTINGS, dask="127.0.0.1:1")

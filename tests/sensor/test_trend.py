@@ -4,20 +4,21 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from replication.sensor import trend
-from replication.sensor.plots import trend_figure
-from replication.sensor.tables import UnusableLog
+from backlash import trend
+from backlash.estimation import Estimate
+from backlash.plots import trend_figure
+from backlash.reading.tables import UnusableLog
 
 START = pd.Timestamp("2023-01-01")
 GROWTH, FIRST, SIGMA = 2e-6, 4e-4, 3e-5
 
 
 def rows_of(delta, sigma=SIGMA):
+    half = 1.96 * sigma
     return [
-        {"file": f"log{k}", "verdict": "backlash", "backlash_rad": d,
-         "backlash_interval_rad": (d - 1.96 * sigma, d + 1.96 * sigma)}
+        Estimate(f"log{k}", "backlash", backlash_rad=d, backlash_interval_rad=(d - half, d + half))
         for k, d in enumerate(delta)
-    ]  # fmt: skip
+    ]
 
 
 def made(count=10, growth=GROWTH, seed=None, every=30.0, sigma=SIGMA):
@@ -64,7 +65,7 @@ def test_more_logs_make_the_date_surer():
 
 def test_logs_that_scatter_more_than_their_intervals_say_widen_the_interval():
     rows, dates = made(seed=1)
-    wild = rows_of([row["backlash_rad"] for row in made(seed=1, sigma=1e-4)[0]])
+    wild = rows_of([row.backlash_rad for row in made(seed=1, sigma=1e-4)[0]])
     assert np.diff(trend.fit_trend(wild, dates).growth_interval) > np.diff(trend.fit_trend(rows, dates).growth_interval)
 
 
@@ -97,8 +98,8 @@ def test_a_growth_that_is_no_line_is_said():
 
 def test_logs_without_backlash_are_left_out_and_counted():
     rows, dates = made()
-    rows[0] |= {"verdict": "no backlash", "backlash_rad": 0.0, "backlash_interval_rad": (0.0, 3e-4)}
-    rows[1] |= {"verdict": "cannot tell", "backlash_rad": None, "backlash_interval_rad": None}
+    rows[0] = Estimate("log0", "no backlash", backlash_rad=0.0, backlash_interval_rad=(0.0, 3e-4))
+    rows[1] = Estimate("log1", "cannot tell")
     found = trend.fit_trend(rows, dates)
     assert len(found.points) == 8
     assert any("2 of 10 logs" in warning for warning in found.warnings)

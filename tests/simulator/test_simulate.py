@@ -8,18 +8,15 @@ from hypothesis import strategies as st
 
 from replication.dead_zone import transmitted_torque
 from replication.simulator import checks, core
-from replication.simulator.reference import solve_ivp_speed_rps
+from replication.simulator.parameters import JointParameters, identified_joint, joint_from_ratios, with_ratios
 from replication.simulator.simulate import (
     DivergenceError,
-    JointParameters,
     encoder_position,
-    identified_joint,
-    joint_from_ratios,
     settled_peak_rps,
     simulate,
     simulate_many,
-    with_ratios,
 )
+from tests.tools.reference import solve_ivp_speed_rps
 
 DELTA = 15e-4
 NO_DRIVE = {
@@ -61,6 +58,7 @@ def test_the_compiled_torque_is_the_printed_one(x, v, delta, clamped):
 # Accuracy of the integration
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", ["Radau", "LSODA"])
 def test_the_simulation_agrees_with_solve_ivp(joint, method):
     p = replace(joint, lead_s=0.02)

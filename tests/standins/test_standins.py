@@ -7,13 +7,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
+from backlash.calibration import default_calibration
+from backlash.fitting.global_fit import global_fit
+from backlash.studies import wear as wear_standin
 from replication import characteristic, published, workbook
-from replication.methods.calibration import default_calibration
-from replication.simulator.parameters import TURN, JointParameters
-from replication.simulator.simulate import Disturbance, identified_joint, simulate
+from replication.simulator.parameters import TURN, Disturbance, JointParameters, identified_joint
+from replication.simulator.simulate import simulate
 from replication.standins import bench as bench_standin
 from replication.standins import joints, robots
-from replication.standins import wear as wear_standin
 
 DELTA = 10e-4
 RESULTS = workbook.ROOT / "results"
@@ -136,7 +137,7 @@ def test_logs_differ_in_where_they_start(bench):
 
 
 def test_the_wider_gap_is_read_as_the_larger_amplitude(bench):
-    table = joints.fitted_logs([(bench, 5e-4), (bench, 15e-4)], [(1,), (1,)])
+    table = joints.fitted_logs(global_fit, [(bench, 5e-4), (bench, 15e-4)], [(1,), (1,)])
     assert table["A_rps"].is_monotonic_increasing
     assert (table["low_rps"] < table["A_rps"]).all()
     assert (table["A_rps"] < table["high_rps"]).all()
@@ -168,7 +169,7 @@ def test_table_3s_frame_has_the_printed_columns_beside_and_a_cell_for_each():
 
 
 def test_friction_on_the_load_takes_amplitude_away():
-    study = bench_standin.load_friction_study([0.0, 0.02, 0.05], DELTA, seed=1)
+    study = bench_standin.load_friction_study(global_fit, [0.0, 0.02, 0.05], DELTA, seed=1)
     assert study["change_percent"].is_monotonic_decreasing
     assert study["change_percent"].iloc[-1] < -20
 
@@ -239,7 +240,7 @@ def test_kinds_that_do_not_overlap_are_separated_by_the_best_threshold():
 
 def test_robots_a_and_b_are_the_first_of_the_population():
     spread = robots.RobotSpread()
-    population = robots.robot_population(1, spread, seed=3)
+    population = robots.robot_population(global_fit, 1, spread, seed=3)
     records = robots.table4_records(spread, seed=3)
     assert [key["delta_rad"] for key, _ in records] == population["delta_rad"].tolist()
     assert population["kind"].tolist() == list(robots.KINDS)
@@ -248,7 +249,7 @@ def test_robots_a_and_b_are_the_first_of_the_population():
 
 
 def test_a_joint_without_backlash_is_called_backlash_in_step_with_the_turns_odd_multiple_only():
-    sweep = robots.disturbed_healthy_joint([20.0, 22.5], [0.05], gravity=0.5, noise_rps=0.02, seed=1)
+    sweep = robots.disturbed_healthy_joint(global_fit, [20.0, 22.5], [0.05], gravity=0.5, noise_rps=0.02, seed=1)
     out_of_step, in_step = sweep["A_rps"]
     assert in_step > 2.5 * out_of_step
     assert sweep["turns_used"].iloc[1] > 10

@@ -2,12 +2,11 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from backlash.studies.accuracy import CHANGES, cross_validation, errors_after_changes, ranking
+from backlash.studies.benchmark import JOINT_ALL_FREE, summarise_errors
 from replication import workbook
 from replication.datasets import load_noisy
 from replication.simulator.simulate import identified_joint
-from replication.studies.accuracy import cross_validation
-from replication.studies.benchmark import JOINT_ALL_FREE, summarise_errors
-from replication.studies.robustness import CHANGES, ranking, robustness
 
 RESULTS = workbook.ROOT / "results"
 
@@ -17,6 +16,7 @@ def summary():
     return pd.read_csv(RESULTS / "features.csv").set_index("method")
 
 
+@pytest.mark.slow
 def test_the_committed_errors_are_what_the_authors_noisy_logs_give(authors_data, summary):
     records = {(R, K): load_noisy(K, R) for R in (1, 2) for K in range(2, 13)}
     found = cross_validation(records, identified_joint(), [7])
@@ -52,9 +52,10 @@ def test_a_summary_has_the_mean_the_largest_and_the_root_mean_square():
 
 @pytest.fixture(scope="module")
 def moved():
-    return robustness(identified_joint(), [11e-4], [0.2])
+    return errors_after_changes(identified_joint(), [11e-4], [0.2])
 
 
+@pytest.mark.slow
 def test_every_change_moves_the_joint_and_friction_only_grows(moved):
     assert set(moved["parameter"]) == {*CHANGES, "nothing"}
     assert (moved.loc[moved["parameter"].str.contains("friction"), "change"] > 0).all()
@@ -63,17 +64,20 @@ def test_every_change_moves_the_joint_and_friction_only_grows(moved):
         assert at[name, 0.2, "waveform"] != at["nothing", 0.0, "waveform"], name
 
 
+@pytest.mark.slow
 def test_friction_ruins_the_half_turn_symmetry_and_only_the_joint_with_nuisances_survives_it(moved):
     friction = moved[moved["parameter"] == "load Coulomb friction"].set_index("method")["error_rad"].abs()
     assert friction[JOINT_ALL_FREE] < 1e-6
     assert (friction.drop(JOINT_ALL_FREE) > 2e-4).all()
 
 
+@pytest.mark.slow
 def test_load_and_speed_do_not_matter_to_the_joint_with_nuisances(moved):
     known = moved[moved["parameter"].isin(["load mass", "commanded speed"]) & (moved["method"] == JOINT_ALL_FREE)]
     assert known["error_rad"].abs().max() < 1e-6
 
 
+@pytest.mark.slow
 def test_the_ranking_s_first_has_the_least_error_over_all_changes(moved):
     table = ranking(moved)
     assert table["rmse_rad"].is_monotonic_increasing

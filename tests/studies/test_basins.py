@@ -4,11 +4,11 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from backlash.studies import basins, optimizers
 from replication import datasets, published
 from replication.identify import Protocol, paper_fit
 from replication.signature import FREE_PARAMETERS, rmse, signature
-from replication.studies import basins
-from replication.studies.timings import reference_fit
+from tests.tools.timings import reference_fit
 
 TRUE_X = np.array([-0.6, 0.0125, 15.0, 134.0, 100.0, 0.1515, 0.0125])
 STORED = {"window_start_s": "T1_s", "window_end_s": "T2_s", "final_rmse_rps": "rmse_rps"}
@@ -81,9 +81,9 @@ def test_more_runs_narrow_what_chance_gives():
     assert ratio == pytest.approx(4, rel=0.25)
 
 
-@pytest.mark.parametrize("strategy", basins.strategies(6000), ids=lambda strategy: strategy.name)
+@pytest.mark.parametrize("strategy", [name for name, (kind, _) in optimizers.METHODS.items() if "restarts" in kind])
 def test_a_strategy_keeps_to_its_budget_and_depends_on_nothing_but_its_seed(made_record, strategy):
-    first, second = (basins.search(made_record, Protocol(), strategy, 3, 0.0) for _ in range(2))
+    first, second = (optimizers.run_method(strategy, made_record, 0.0, 6000, 3) for _ in range(2))
     assert first == second
     assert 6000 <= first["evaluations"] < 6000 + 1000
     assert not first["found"]
@@ -91,17 +91,17 @@ def test_a_strategy_keeps_to_its_budget_and_depends_on_nothing_but_its_seed(made
 
 def test_a_search_stops_at_its_target(made_record):
     target = 1.002 * rmse(made_record.t, made_record.v, TRUE_X, Protocol().timing)
-    strategy = basins.strategies(60000)[-1]
-    results = [basins.search(made_record, Protocol(), strategy, seed, target) for seed in range(1, 4)]
+    strategy = "A and v_t projected out, population 30, restarted"
+    results = [optimizers.run_method(strategy, made_record, target, 60000, seed) for seed in range(1, 4)]
     assert all(result["found"] for result in results)
-    table = basins.strategy_table(pd.DataFrame(results).assign(strategy=strategy.name))
+    table = optimizers.strategy_table(pd.DataFrame(results))
     assert table.loc[0, "rate"] == 1
     assert table.loc[0, "evaluations_per_success"] == table.loc[0, "mean_evaluations"]
 
 
 def test_a_landscape_holds_the_misfit_of_each_point(made_record):
-    A, t0 = [-0.6, 0.1], [0.0125, 0.1, 0.3]
-    grid = basins.landscape(made_record, Protocol(), TRUE_X, ("A_rps", "t0_s"), (A, t0))
+    axes = {"A_rps": [-0.6, 0.1], "t0_s": [0.0125, 0.1, 0.3]}
+    grid = basins.landscape(made_record, Protocol(), TRUE_X, axes)
     assert grid.shape == (3, 2)
     X = TRUE_X.copy()
     X[[0, FREE_PARAMETERS.index("t0_s")]] = 0.1, 0.3

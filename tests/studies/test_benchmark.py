@@ -6,8 +6,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from backlash.studies.benchmark import Log, logs_by_methods, summarise_intervals
 from replication.datasets import Recording
-from replication.studies.benchmark import Log, logs_by_methods, summarise_intervals
 
 
 def made(number, delta_rad):
@@ -30,10 +30,9 @@ def test_each_log_has_a_row_for_each_method_with_its_labels_its_error_and_what_t
 
 def test_refused_logs_count_as_refused_and_not_as_errors():
     rows = pd.DataFrame({"method": "a", "delta_rad": 1.0, "found_rad": [1.1, 0.8, 9.0], "bound_rad": 0.1})
-    rows = rows.assign(
-        low_rad=rows["found_rad"] - 0.15, high_rad=rows["found_rad"] + 0.15, refused=[False, False, True]
-    )
-    summary = summarise_intervals(rows, ["method"]).iloc[0]
+    rows = rows.assign(low_rad=rows["found_rad"] - 0.15, high_rad=rows["found_rad"] + 0.15)
+    rows = rows.assign(population="all", refused=[False, False, True])
+    summary = summarise_intervals(rows).iloc[0]
     assert summary["refused"] == pytest.approx(1 / 3)
     assert summary["rmse_rad"] == pytest.approx(np.sqrt(0.025))
     assert summary["coverage"] == 0.5

@@ -2,11 +2,11 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from replication import published
+from backlash.studies import claims
+from backlash.studies.accuracy import encoder_recording
 from replication.datasets import Recording
 from replication.simulator.simulate import identified_joint
 from replication.statistics import rate_interval
-from replication.studies import claims
 
 T = 0.002 * np.arange(2401)
 
@@ -102,9 +102,9 @@ def test_the_error_of_more_turns_is_compared_by_an_f_interval(ratio, holds):
 
 def test_an_encoder_of_many_bits_gives_the_speed_and_one_of_few_its_steps():
     joint = identified_joint()
-    fine, coarse = (claims.encoder_record(joint, 9e-4, bits, 0.3) for bits in (40, 12))
+    fine, coarse = (encoder_recording(joint, 9e-4, bits, 0.3) for bits in (40, 12))
     assert fine.v.mean() == pytest.approx(100, abs=0.01)
-    assert np.abs(fine.v - coarse.v).max() > 1e3 * np.abs(fine.v - claims.encoder_record(joint, 9e-4, 30, 0.3).v).max()
+    assert np.abs(fine.v - coarse.v).max() > 1e3 * np.abs(fine.v - encoder_recording(joint, 9e-4, 30, 0.3).v).max()
     steps = coarse.v * 2**12 * 0.002
     np.testing.assert_allclose(steps, steps.round(), atol=1e-6)
 
@@ -130,45 +130,3 @@ def test_a_stepping_torque_is_blamed_only_where_the_smooth_one_is_sound(stepping
         {"model": ["stepping", "modified"], "delta_rad": 1e-3, "step_s": 1e-4, "error": [stepping, modified]}
     )
     assert claims.discontinuities_destabilise(study)[0] is holds
-
-
-@pytest.mark.parametrize(("off", "holds"), [(0.02, True), (0.2, False), (0.099, None)])
-def test_an_error_near_the_limit_is_undecided(off, holds):
-    theoretical = published.column("Table 2", "theoretical")[:10]
-    rng = np.random.default_rng(1)
-    runs = pd.DataFrame(
-        [
-            {"realisation": 1, "row": row, "A_rps": A * (1 - off + rng.normal(0, 0.01))}
-            for row, A in enumerate(theoretical, start=1)
-            for _ in range(30)
-        ]
-    )
-    decided, said = claims.error_below_10(runs)
-    assert decided is holds
-    assert said.startswith(f"largest error of a mean {claims.largest_error_percent(runs)[0]:.1f} %")
-
-
-def test_one_realisation_with_a_large_error_decides_on_all_of_them():
-    theoretical = published.column("Table 2", "theoretical")[:10]
-    runs = pd.DataFrame(
-        [
-            {"realisation": R, "row": row, "A_rps": A * (0.98 if (R, row) != (4, 7) else 0.8)}
-            for R in range(1, 6)
-            for row, A in enumerate(theoretical, start=1)
-            for _ in range(3)
-        ]
-    )
-    assert claims.error_below_10(runs)[0] is False
-    assert claims.error_below_10(runs[runs["realisation"] != 4])[0] is True
-
-
-@pytest.mark.parametrize(("hits", "holds"), [([24, 20, 22], True), ([3, 6, 5], False), ([30, 2, 20], None)])
-def test_the_share_of_runs_in_the_best_basin_varies_with_the_record(hits, holds):
-    decided, said = claims.local_minima(pd.DataFrame({"best_basin_runs": hits, "runs": 30}))
-    assert decided is holds
-    assert said.startswith(f"{sum(hits)} of 90 runs on 3 noisy records")
-    assert "stored runs on the noise-free record 12, 10 do" in said
-
-
-def test_one_record_alone_does_not_decide_on_local_minima():
-    assert claims.local_minima(pd.DataFrame({"best_basin_runs": [30], "runs": [30]}))[0] is None

@@ -2,11 +2,11 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from backlash.studies import claims, optimizers
 from replication import workbook
 from replication.datasets import Recording
 from replication.identify import Protocol
 from replication.signature import Timing, rmse, signature
-from replication.studies import claims, optimizers
 
 T = 0.002 * np.arange(2401)
 X = np.array([1.0, 0.01, 14.0, 130.0, 100.0, 0.1507, 0.0113])
@@ -42,9 +42,9 @@ def test_the_cost_ends_the_search_at_the_target_and_at_the_budget(record):
         optimizers.Cost(record, 1e9, 1000)(np.full(7, 0.5))
 
 
-@pytest.mark.parametrize("method", list(optimizers.OPTIMIZERS))
+@pytest.mark.parametrize("method", dict.fromkeys(job[0] for job in optimizers.planned_runs()))
 def test_a_method_spends_its_budget_and_a_seed_gives_the_same_run(record, method):
-    kind, run = optimizers.OPTIMIZERS[method]
+    kind, run = optimizers.METHODS[method]
     if kind == "swarm":
         pytest.importorskip("niapy", reason="the swarms need the extra `studies`")
     best = []
@@ -58,7 +58,7 @@ def test_a_method_spends_its_budget_and_a_seed_gives_the_same_run(record, method
 
 
 def test_every_method_has_thirty_runs_on_three_records_and_the_deterministic_one_twenty_records():
-    plan = pd.DataFrame(optimizers.plan(), columns=["method", "level", "realisation", "seed"])
+    plan = pd.DataFrame(optimizers.planned_runs(), columns=["method", "level", "realisation", "seed"])
     assert len(plan.drop_duplicates()) == len(plan)
     for method, part in plan.groupby("method"):
         records = len(part.drop_duplicates(["level", "realisation"]))
@@ -66,7 +66,7 @@ def test_every_method_has_thirty_runs_on_three_records_and_the_deterministic_one
 
 
 def test_the_own_population_is_that_of_seven_dimensions():
-    assert optimizers.default_population() == 9
+    assert optimizers.OWN_POPULATION == 9
 
 
 def test_a_swarm_is_compared_at_its_better_population():
@@ -103,7 +103,7 @@ def test_cma_es_needs_no_tuning_if_it_succeeds_alone_or_restarted(found, holds):
 def test_the_kept_runs_are_the_planned_ones_and_none_is_far_below_the_global_fit():
     kept = pd.read_csv(workbook.ROOT / "results" / "optimizers.csv")
     columns = ["method", "level", "realisation", "seed"]
-    assert sorted(kept[columns].itertuples(index=False, name=None)) == sorted(optimizers.plan())
+    assert sorted(kept[columns].itertuples(index=False, name=None)) == sorted(optimizers.planned_runs())
     assert (kept["found"] == (kept["rmse_over_best"] <= 1 + 2e-3)).all()
     assert kept["rmse_over_best"].min() > 1 - 2e-3
     assert (kept["evaluations"] <= optimizers.BUDGET).all()

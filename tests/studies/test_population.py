@@ -6,8 +6,9 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from backlash.studies import population
+from backlash.studies.benchmark import summarise_intervals
 from replication.standins.joints import draw_bench, encoder_log
-from replication.studies import population
 
 NEAR, FAR = population.SPREADS
 
@@ -40,6 +41,7 @@ def test_the_bound_grows_with_the_noise():
     assert twice == pytest.approx(2 * once)
 
 
+@pytest.mark.slow
 def test_the_authors_logs_have_a_bound_above_the_bar_on_their_error(authors_data):
     bounds = np.array([log.labels["bound_rad"] for log in population.authors_logs()])
     bar = next(
@@ -56,14 +58,14 @@ def test_ranks_are_uniform_where_the_intervals_are_right_and_only_there():
 
 
 def test_coverage_is_the_share_of_intervals_that_hold():
-    summary = population.summary(measured()).iloc[0]
+    summary = summarise_intervals(measured()).iloc[0]
     assert summary["coverage"] == pytest.approx(0.95, abs=0.015)
     assert summary["coverage_low"] < summary["coverage"] < summary["coverage_high"]
     assert summary["rmse_rad"] == pytest.approx(1e-5, rel=0.05)
 
 
 def test_a_bar_is_met_or_missed_by_what_was_measured():
-    good, bad = (population.against_criteria(population.summary(measured(scale=scale))) for scale in (1.0, 5.0))
+    good, bad = (population.against_criteria(summarise_intervals(measured(scale=scale))) for scale in (1.0, 5.0))
     met = good.set_index("figure")["met"]
     assert met["rmse_rad"]
     assert met["rmse_over_bound"]

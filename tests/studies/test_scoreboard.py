@@ -2,10 +2,10 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from backlash.studies import scoreboard
+from backlash.studies.__main__ import main
 from replication import workbook
-from replication.commands.main import main
 from replication.datasets import Recording
-from replication.studies import scoreboard
 
 
 def test_simulated_logs_are_the_same_every_time_and_do_not_tell_their_backlash():

@@ -16,11 +16,10 @@ import numpy as np
 import pandas as pd
 from tqdm import tqdm
 
-from replication import characteristic, datasets, published, workbook
+from replication import characteristic, datasets, files, published, workbook
 from replication.data.authors import WORKBOOK_FILES, DataCorrupt, DataUnavailable, authors_file
 from replication.identify import Protocol
 from replication.simulator.parameters import identified_joint
-from replication.workbook import files
 from replication.workbook.execution import NotebookFailed, execute
 
 # Where a constant is tried: the cheap notebooks that use it, with the parameters that make them cheap.
@@ -41,7 +40,7 @@ TESTS = (
     "tests/test_results.py::test_the_runs_of_table_2_spent_what_the_protocol_allows",
     "tests/test_signature.py::test_the_signature_at_the_stored_parameters_has_the_stored_misfit",
     "tests/test_signature.py::test_the_box_is_table_1",
-    "tests/simulator/test_growth.py",
+    "tests/simulator/test_study.py",
 )
 
 _JUDGED = "judged.csv"

@@ -53,6 +53,7 @@ def test_every_test_in_the_matrix_exists():
         assert f"def {name}(" in tests, name
 
 
+@pytest.mark.slow
 @needs_matrix
 def test_wrong_constants_are_noticed_by_a_notebook_and_the_tests_as_the_committed_matrix_says(authors_data):
     wrong = ["text.encoder_bits", "equation10.A3"]

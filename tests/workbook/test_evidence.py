@@ -7,12 +7,13 @@ import pandas as pd
 import pytest
 
 from replication import characteristic, datasets, published, table2
-from replication.simulator import growth
+from replication.files import ROOT
+from replication.replay import bounds, inspection
+from replication.simulator import study
 from replication.simulator.parameters import identified_joint, with_ratios
-from replication.studies import bounds, inspection
 from replication.workbook import judging
 
-RESULTS = judging.ROOT / "results"
+RESULTS = ROOT / "results"
 TABLE1 = published.cells("Table 1").index
 
 
@@ -122,15 +123,16 @@ def test_a_bound_that_is_off_loses_the_stored_first_generations(record_12, cell)
 
 def test_another_joint_has_other_peaks():
     joint = identified_joint()
-    levels = list(growth.printed_amplitudes())
-    ours = growth.amplitudes(joint, levels)["amplitude_rps"]
+    levels = list(study.printed_amplitudes())
+    ours = study.amplitudes(joint, levels)["amplitude_rps"]
     softer = with_ratios(joint, {"stiffness_per_s2": 0.8 * joint.ratios["stiffness_per_s2"]})
-    softer = growth.amplitudes(softer, levels)["amplitude_rps"]
+    softer = study.amplitudes(softer, levels)["amplitude_rps"]
     for row, (peak, other) in enumerate(zip(ours, softer, strict=True), start=1):
         assert verdict(f"table2.row{row:02d}.theoretical", peak, "simulated") == "reproduced"
         assert verdict(f"table2.row{row:02d}.theoretical", other, "simulated") == "differs"
 
 
+@pytest.mark.slow
 def test_another_noise_in_the_records_is_noticed(authors_data, monkeypatch):
     loaded = inspection.load_noisy
 

@@ -5,9 +5,9 @@ import sys
 
 import pytest
 
-from replication import workbook
+from replication import files, workbook
 from replication.commands.main import main
-from replication.workbook import execution, files, judging, running
+from replication.workbook import judging
 
 
 @pytest.fixture
@@ -16,7 +16,7 @@ def without_data(tmp_path, monkeypatch):
     monkeypatch.setenv("BACKLASH_DATA", str(tmp_path))
 
 
-@pytest.mark.parametrize("command", ["data", "identify-joint", "bench"])
+@pytest.mark.parametrize("command", ["data", "identify-joint"])
 def test_a_command_without_its_data_says_so_in_one_line_and_exits_with_2(command, without_data, capsys):
     assert main([command]) == 2
     said = capsys.readouterr().err.strip()
@@ -40,6 +40,7 @@ def test_a_notebook_that_is_not_there_fails_by_name(capsys, tmp_path):
     assert "missing.py" in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_check_prints_every_printed_number_and_fails_only_if_asked_to_be_strict(capsys):
     table = judging.verdicts(workbook.ROOT / "results")
     assert main(["check"]) == 0
@@ -48,6 +49,7 @@ def test_check_prints_every_printed_number_and_fails_only_if_asked_to_be_strict(
     assert main(["check", "--strict"]) == int((table["verdict"] == "differs").any())
 
 
+@pytest.mark.slow
 def test_sensitivity_without_its_data_says_so_in_one_line_and_exits_with_2(tmp_path):
     environment = os.environ | {"BACKLASH_DATA": str(tmp_path), "PYTHONPATH": str(workbook.ROOT)}
     command = [sys.executable, "-m", "tests.tools.sensitivity"]
@@ -79,9 +81,10 @@ def test_a_folder_with_another_projects_file_is_no_checkout(tmp_path):
     files.require_checkout(workbook.ROOT)
 
 
+@pytest.mark.slow
 def test_a_quick_run_never_overwrites_the_full_results(tmp_path, monkeypatch):
-    for module in (execution, running, workbook):
-        monkeypatch.setattr(module, "QUICK", tmp_path / "quick")
+    for owner in ("workbook", "report.commands", "files"):
+        monkeypatch.setattr(f"replication.{owner}.QUICK", tmp_path / "quick")
     folders = [workbook.ROOT / name for name in ("results", "figures", "notebooks")]
 
     def full():

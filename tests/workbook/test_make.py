@@ -9,7 +9,8 @@ import subprocess
 import pytest
 
 from replication import workbook
-from replication.workbook import judging, provenance
+from replication.files import notebook_files
+from replication.workbook import judging, provenance, running
 
 OUTCOMES = judging.outcomes(workbook.ROOT / "results")
 SOURCES = sorted({name for outcome in OUTCOMES.values() for name in outcome["made_from"]["sources"]})
@@ -19,19 +20,19 @@ SOURCES = sorted({name for outcome in OUTCOMES.values() for name in outcome["mad
 def tree(tmp_path_factory):
     """A copy of the sources in which everything has been made."""
     folder = tmp_path_factory.mktemp("tree")
-    for name in {*SOURCES, "Makefile", *(f"notebooks/{path.name}" for path in _notebooks())}:
+    for name in {*SOURCES, "Makefile", *(str(path.relative_to(workbook.ROOT)) for path in _notebooks())}:
         (folder / name).parent.mkdir(parents=True, exist_ok=True)
         shutil.copy(workbook.ROOT / name, folder / name)
     (folder / ".venv").mkdir()
     (folder / ".make").mkdir()
     for notebook, outcome in OUTCOMES.items():
-        rule = provenance.dependencies(".make", notebook, list(outcome["made_from"]["sources"]))
+        rule = running.dependencies(".make", notebook, list(outcome["made_from"]["sources"]))
         (folder / ".make" / f"{notebook}.d").write_text(rule, encoding="utf-8")
     return folder
 
 
 def _notebooks():
-    return sorted((workbook.ROOT / "notebooks").glob("[0-9]*.py"))
+    return list(notebook_files("py").values())
 
 
 def due(folder, changed=None):
@@ -46,9 +47,10 @@ def due(folder, changed=None):
         (folder / changed).touch()
     command = ["make", "--dry-run", "--no-print-directory", "all"]
     said = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=True).stdout
-    return set(re.findall(r"echo notebooks/(\w+)\.py >> ", said))
+    return set(re.findall(r"echo notebooks/(?:beyond/)?(\w+)\.py >> ", said))
 
 
+@pytest.mark.slow
 def test_after_a_change_exactly_the_notebooks_run_that_read_the_file(tree):
     assert due(tree) == set()
     read_by_all = set.intersection(*(set(outcome["made_from"]["sources"]) for outcome in OUTCOMES.values()))
@@ -89,7 +91,7 @@ def test_a_changed_notebook_is_run_once_and_the_report_made_until_it_succeeds(tr
 
 
 def test_a_source_that_is_gone_makes_its_readers_due(tree):
-    name = next(name for name in SOURCES if name.startswith("replication/global_fit/"))
+    name = next(name for name in SOURCES if name.startswith("backlash/fitting/"))
     kept = (tree / name).read_bytes()
     (tree / name).unlink()
     readers = {notebook for notebook, outcome in OUTCOMES.items() if name in outcome["made_from"]["sources"]}
@@ -99,9 +101,9 @@ def test_a_source_that_is_gone_makes_its_readers_due(tree):
 
 def test_every_notebook_has_noted_itself_the_locked_versions_and_the_package():
     assert set(OUTCOMES) == {path.stem for path in _notebooks()}
-    for notebook, outcome in OUTCOMES.items():
-        needed = {f"notebooks/{notebook}.py", "requirements.lock", "replication/__init__.py"}
-        assert needed <= set(outcome["made_from"]["sources"])
+    for source in _notebooks():
+        needed = {str(source.relative_to(workbook.ROOT)), "requirements.lock", "replication/__init__.py"}
+        assert needed <= set(OUTCOMES[source.stem]["made_from"]["sources"])
 
 
 def test_results_whose_sources_have_changed_since_are_stale(tmp_path):

@@ -10,7 +10,7 @@ import psutil
 import pytest
 
 from replication import workbook
-from replication.workbook import running
+from replication.workbook import execution, running
 
 GOOD = "# %%\nprint('done')\n"
 BAD = "# %%\n1 / 0\n"
@@ -32,7 +32,7 @@ from pathlib import Path
 from replication.workbook import running
 folder = Path({folder!r})
 try:
-    running.run(sorted(folder.glob("*.py")), stamps=folder / ".make", destination=folder / "out", watched={watched})
+    running.run_notebooks(sorted(folder.glob("*.py")), folder / "out", stamps=folder / ".make", watched={watched})
 except KeyboardInterrupt:
     sys.exit(130)
 """
@@ -86,20 +86,21 @@ def started(notebooks, tmp_path):
         process.kill()
 
 
-def test_a_failing_notebook_does_not_keep_the_others_from_running(notebooks, tmp_path):
+def test_a_failing_notebook_does_not_keep_the_others_from_running(notebooks, tmp_path, capsys):
     sources = notebooks(bad=BAD, good=GOOD, later=GOOD)
-    endings = running.run(sources, stamps=tmp_path / ".make", destination=tmp_path / "out")
+    endings = running.run_notebooks(sources, tmp_path / "out", stamps=tmp_path / ".make")
     assert [ending.how for ending in endings] == ["failed", "done", "done"]
-    assert "bad.py, cell 1: ZeroDivisionError" in endings[0].why
+    assert "bad.py, cell 1: ZeroDivisionError" in capsys.readouterr().err
     assert sorted(path.name for path in (tmp_path / ".make").glob("*.done")) == ["good.done", "later.done"]
 
 
 def test_a_source_that_changes_while_its_notebook_runs_is_newer_than_the_stamp(notebooks, tmp_path):
     change = f"# %%\nfrom pathlib import Path\nPath({str(tmp_path / 'source')!r}).write_text('changed')\n"
-    running.run(notebooks(first=change), stamps=tmp_path / ".make", destination=tmp_path / "out")
+    running.run_notebooks(notebooks(first=change), tmp_path / "out", stamps=tmp_path / ".make")
     assert (tmp_path / ".make" / "first.done").stat().st_mtime < (tmp_path / "source").stat().st_mtime
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGINT, signal.SIGTERM])
 def test_when_the_run_ends_so_does_all_that_it_started(started, tmp_path, number):
     process, pids = started()
@@ -112,6 +113,7 @@ def test_when_the_run_ends_so_does_all_that_it_started(started, tmp_path, number
     assert not (tmp_path / "out" / "notebooks" / "second.ipynb").exists()
 
 
+@pytest.mark.slow
 def test_when_make_is_killed_the_run_ends_and_all_that_it_started(started):
     process, pids = started(shell=True)
     run = psutil.Process(process.pid).children()[0]
@@ -119,6 +121,7 @@ def test_when_make_is_killed_the_run_ends_and_all_that_it_started(started):
     wait_until(lambda: not alive([*pids, run.pid]))
 
 
+@pytest.mark.slow
 def test_a_killed_kernel_takes_its_workers_along_and_is_named(started, notebooks, tmp_path):
     process, pids = started()
     workers = [pid for pid in pids if psutil.Process(pid).ppid() in pids]
@@ -129,16 +132,17 @@ def test_a_killed_kernel_takes_its_workers_along_and_is_named(started, notebooks
     wait_until(lambda: not alive(pids))
 
 
+@pytest.mark.slow
 def test_what_a_killed_run_left_half_done_is_removed_by_the_next(started, notebooks, tmp_path):
     process, _ = started()
     process.kill()
     process.wait()
     assert list((tmp_path / "out").glob(".staging-*"))
     second = notebooks(second=GOOD)
-    assert [ending.how for ending in running.run(second, destination=tmp_path / "out")] == ["done"]
+    assert [ending.how for ending in running.run_notebooks(second, tmp_path / "out")] == ["done"]
     assert not list((tmp_path / "out").glob(".staging-*"))
 
 
 def test_count_and_time_left_are_read_off_a_progress_bar():
-    assert running._counted("fits:  45%|####  | 45/100 [00:10<00:12, 4.4it/s]") == "(45/100, 00:12 left)"
-    assert running._counted("no bar") == ""
+    assert execution.count_and_time_left("fits:  45%|####  | 45/100 [00:10<00:12, 4.4it/s]") == "45/100, 00:12 left"
+    assert execution.count_and_time_left("no bar") == ""

@@ -1,0 +1,277 @@
+"""From what a method reads to the backlash: calibrations, made with the estimator that measures."""
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
+from functools import lru_cache
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+from numpy.polynomial import Polynomial
+from scipy.special import ndtri, stdtrit
+
+from backlash.fitting.global_fit import GlobalFit
+from backlash.fitting.readings import METHODS, Reading, read, reading_of_fit
+from backlash.fitting.waveform import LEAST_LEVELS, WaveformBank, make_bank, match, mean_turn, samples_a_turn
+from replication.arrays import FloatArray
+from replication.characteristic import RPM_PER_RPS, equation_10, first_rise, printed_levels_rad
+from replication.datasets import COMMANDED_SPEED_RPS, TURN_PERIOD_S, Recording
+from replication.simulator.recordings import simulate_recordings
+from replication.simulator.simulate import identified_joint
+
+# Most phases in a turn that a waveform keeps: those of the default one, sampled at 0.5 ms.
+_MOST_PHASES = 800
+
+_DATA = Path(__file__).with_name("data")
+
+# How far a log's turn may be from that of the calibration: the waveform scales with the speed.
+PERIOD_MISMATCH = 0.02
+
+
+@dataclass(frozen=True)
+class Backlash:
+    """Backlash with its 95 % interval [rad], and whether the calibration had to be extrapolated."""
+
+    delta_rad: float
+    interval_rad: tuple[float, float]
+    extrapolated: bool
+
+
+@dataclass(frozen=True, eq=False)
+class Calibration:
+    """From the value that a method reads to the backlash, for one joint in one movement; made by `calibrate`."""
+
+    method: str  # that reads, and that read the calibration's own logs
+    coefficients: tuple[float, ...]  # of delta(value), from the constant up; none for "waveform"
+    range_rad: tuple[float, float]  # least and largest backlash of its logs
+    uncertainty_rad: float  # RMS error at inner levels left out, times Student's factor for so few of them
+    turn_period_s: float
+    commanded_speed_rps: float
+    provenance: str  # what it was made from
+    bank: WaveformBank | None = None  # for "waveform"
+
+    def delta_rad(self, value: float) -> float:
+        """Backlash [rad] of a value, by the polynomial alone."""
+        return float(Polynomial(self.coefficients)(value)) if self.bank is None else float(value)
+
+    def value_at(self, delta_rad: float) -> float:
+        """Value that the polynomial gives a backlash: the smallest positive one where it grows."""
+        return first_rise(self.coefficients, delta_rad) or 0.0
+
+    def backlash(self, reading: Reading) -> Backlash:
+        """Turn a reading into backlash; the interval adds the record's noise and the calibration's uncertainty."""
+        if reading.method != self.method:
+            raise ValueError(f"a calibration of method {self.method} cannot use a reading of method {reading.method}")
+        delta = self.delta_rad(reading.value)
+        ends = [self.delta_rad(end) for end in reading.interval]
+        own = 1.96 * self.uncertainty_rad
+        low, high = delta - np.hypot(delta - min(ends), own), delta + np.hypot(max(ends) - delta, own)
+        outside = not self.range_rad[0] <= delta <= self.range_rad[1] or "backlash" in reading.at_bound
+        return Backlash(delta, (float(low), float(high)), bool(outside))
+
+    def other_movement(self, recording: Recording) -> str:
+        """How a record's movement differs from the calibration's; empty if it does not."""
+        speed = float(recording.v.mean())
+        if abs(recording.turn_period_s / self.turn_period_s - 1) > PERIOD_MISMATCH:
+            return f"a load turn takes {recording.turn_period_s:.4g} s, in the calibration {self.turn_period_s:.4g} s"
+        if abs(speed / self.commanded_speed_rps - 1) > PERIOD_MISMATCH:
+            return f"the motor makes {speed:.4g} rps, in the calibration {self.commanded_speed_rps:.4g} rps"
+        return ""
+
+    def to_json(self) -> str:
+        """Write as text, for `from_json`."""
+        content = {"method": self.method, "unit": "rad"} | asdict(self)
+        del content["bank"]
+        if self.bank is not None:
+            rounded = [[float(f"{v:.6g}") for v in row] for row in self.bank.waveform_rps]
+            content["waveforms"] = {"delta_rad": self.bank.delta_rad.tolist(), "waveform_rps": rounded}
+        return json.dumps(content, indent=1) + "\n"
+
+    @staticmethod
+    def from_json(text: str, name: str) -> "Calibration":
+        """Read what `to_json` wrote; a ValueError says in one line, after `name`, what is wrong with it."""
+        try:
+            content = json.loads(text)
+            waves = content.get("waveforms")
+            low, high = content["range_rad"]
+            levels = [np.array(waves[key], float) for key in ("delta_rad", "waveform_rps")] if waves else []
+            found = Calibration(
+                str(content["method"]), tuple(map(float, content["coefficients"])), (float(low), float(high)),
+                float(content["uncertainty_rad"]), float(content["turn_period_s"]),
+                float(content["commanded_speed_rps"]), str(content["provenance"]),
+                WaveformBank(*levels) if levels else None,
+            )  # fmt: skip
+        except (ValueError, KeyError, TypeError, AttributeError) as error:
+            problem = f"{type(error).__name__}: {error}"
+            raise ValueError(f"{name}: not a calibration file ({problem}); make one anew") from None
+        if why := _defect(found):
+            raise ValueError(f"{name}: not a usable calibration: {why}; make one anew")
+        return found
+
+
+def _defect(found: Calibration) -> str:
+    """What no calibration of ours could have; empty if there is nothing of the kind."""
+    bank, (low, high) = found.bank, found.range_rad
+    checks = (
+        (found.method in METHODS, f"method {found.method!r} is none of {', '.join(METHODS)}"),
+        ((bank is not None) == (found.method == "waveform"), "only method waveform has waveforms"),
+        (bank is not None or len(found.coefficients) >= 2, "no polynomial"),
+        (np.isfinite([*found.coefficients, low, high, found.uncertainty_rad]).all(), "a number is not finite"),
+        (0 <= low < high, "no range"),
+        (min(found.turn_period_s, found.commanded_speed_rps) > 0, "no movement"),
+        (found.uncertainty_rad >= 0, "a negative uncertainty"),
+        (bank is None or _fits(bank.delta_rad, bank.waveform_rps), "the waveforms do not fit their backlashes"),
+    )
+    return next((why for is_right, why in checks if not is_right), "")
+
+
+def _fits(delta: FloatArray, waves: FloatArray) -> bool:
+    """Whether there is a finite waveform for each of a bank's increasing backlashes."""
+    shaped = delta.ndim == 1 and waves.ndim == 2 and len(waves) == delta.size >= LEAST_LEVELS
+    return bool(shaped and (np.diff(delta) > 0).all() and np.isfinite(delta).all() and np.isfinite(waves).all())
+
+
+def backlashes(recording: Recording, fit: GlobalFit, calibrations: Mapping[str, Calibration]) -> dict[str, Backlash]:
+    """Backlash of a record by several calibrations, from its one global fit; keys as in `calibrations`."""
+    return {
+        name: calibration.backlash(reading_of_fit(recording, calibration.method, fit, calibration.bank))
+        for name, calibration in calibrations.items()
+    }
+
+
+def _fitted(value: FloatArray, delta: FloatArray) -> Polynomial:
+    """Cubic delta(value), equation 10's form."""
+    return Polynomial.fit(value, delta, 3).convert()
+
+
+def _uncertainty(errors_rad: FloatArray) -> float:
+    """SD that a normal error would have, had it the 95 % range of Student's for this RMS of so many errors."""
+    return float(np.sqrt(np.mean(errors_rad**2)) * stdtrit(errors_rad.size, 0.975) / ndtri(0.975))
+
+
+def fit_polynomial(value: FloatArray, delta: FloatArray, method: str) -> tuple[tuple[float, ...], float]:
+    """Coefficients, from the constant up, of the cubic delta(value), and its leave-one-level-out error [rad]."""
+    cubic = _fitted(value, delta)
+    along = np.linspace(value.min(), value.max(), 400)
+    if not (cubic.deriv()(along) > 0).all():
+        problem = "the backlash does not grow with the value over the range of these logs"
+        cure = "check the known backlashes, add levels, or use another method"
+        raise ValueError(f"method {method}: {problem}, so a value would have two meanings; {cure}")
+    inner = np.unique(delta)[1:-1]
+    errors = [_fitted(value[delta != d], delta[delta != d])(value[delta == d]) - d for d in inner]
+    return tuple(cubic.coef.tolist()), _uncertainty(np.concatenate(errors))
+
+
+def _bank_uncertainty(recordings: Sequence[Recording], delta: FloatArray, bank: WaveformBank) -> float:
+    """Leave-one-level-out error of a bank [rad]; refused where readings do not grow with the backlash."""
+    level = np.searchsorted(bank.delta_rad, delta)
+    inner = np.flatnonzero((level > 0) & (level < bank.delta_rad.size - 1)).tolist()
+    found = np.array([match(recordings[k], bank.without(int(level[k]))).delta_rad for k in inner])
+    by_level = [found[delta[inner] == d].mean() for d in bank.delta_rad[1:-1]]
+    if not (np.diff(by_level) > 0).all():
+        problem = "logs that the others predict do not come in the order of their backlashes"
+        raise ValueError(f"method waveform: {problem}; check the known backlashes, or use another method")
+    return _uncertainty(found - delta[inner])
+
+
+def calibrate(
+    recordings: Sequence[Recording],
+    known_delta_rad: Sequence[float] | FloatArray,
+    method: str,
+    provenance: str = "",
+    repeats: int = 30,
+    seed: int = 1,
+) -> Calibration:
+    """Calibrate a method on records of known backlash.
+
+    Parameters
+    ----------
+    recordings : sequence of Recording
+        Records of one joint in one movement.
+    known_delta_rad : sequence of float
+        Their backlashes [rad], six different ones or more.
+    method, provenance : str
+        One of `METHODS`; what the records are.
+    repeats, seed : int
+        CMA-ES runs of "paper", and the seed of the first.
+
+    Raises
+    ------
+    ValueError
+        Too few levels, several movements, no finite or negative backlash, or no monotonic relation.
+    """
+    delta = np.asarray(known_delta_rad, dtype=float)
+    if delta.size != len(recordings) or not (np.isfinite(delta) & (delta >= 0)).all():
+        raise ValueError("each log needs a known backlash, finite and not negative [rad]")
+    if np.unique(delta).size < LEAST_LEVELS:
+        raise ValueError(f"{np.unique(delta).size} different backlashes; a calibration needs {LEAST_LEVELS} or more")
+    periods = np.array([recording.turn_period_s for recording in recordings])
+    if np.ptp(periods) > PERIOD_MISMATCH * periods.mean():
+        raise ValueError("the logs have different turn periods; calibrate one movement at a time")
+    coefficients: tuple[float, ...] = ()
+    bank = None
+    if method == "waveform":
+        phases = min(_MOST_PHASES, *(samples_a_turn(recording) for recording in recordings))
+        bank = make_bank(delta.tolist(), [mean_turn(recording, phases) for recording in recordings])
+        uncertainty = _bank_uncertainty(recordings, delta, bank)
+    else:
+        value = np.array([read(recording, method, None, repeats, seed).value for recording in recordings])
+        coefficients, uncertainty = fit_polynomial(value, delta, method)
+    speed = float(np.mean([recording.commanded_speed_rps for recording in recordings]))
+    range_rad = float(delta.min()), float(delta.max())
+    return Calibration(method, coefficients, range_rad, uncertainty, float(periods.mean()), speed, provenance, bank)
+
+
+@lru_cache(maxsize=len(METHODS))
+def default_calibration(method: str) -> Calibration:
+    """Calibration of a method for the paper's joint; that of "waveform" is too large to be kept, and computed."""
+    if method not in METHODS:
+        raise ValueError(f"method {method!r}: there are {', '.join(METHODS)}")
+    if method == "waveform":
+        return compute_default(method)
+    kept = json.loads((_DATA / "default_calibrations.json").read_text(encoding="utf-8"))
+    return Calibration.from_json(json.dumps(kept[method]), "default_calibrations.json")
+
+
+def default_calibrations_text() -> str:
+    """What `data/default_calibrations.json` is to hold."""
+    kept = {name: json.loads(compute_default(name).to_json()) for name in METHODS if name != "waveform"}
+    return json.dumps(kept, indent=1) + "\n"
+
+
+def compute_default(method: str) -> Calibration:
+    """Calibrate a method for the paper's joint, on simulated records of Table 2's range of backlash.
+
+    "waveform" goes a little beyond that; "paper" has equation 10 as printed, and the RMS error that it makes on them.
+    """
+    joint, levels = identified_joint(), printed_levels_rad()
+    simulated = "the paper's joint as identified, simulated"
+    if method == "waveform":
+        wide = np.round(np.arange(1e-4, levels[-1] + 4.5e-4, 1e-4), 6).tolist()
+        records = simulate_recordings(joint, wide, TURN_PERIOD_S / _MOST_PHASES, turns=3)
+        return calibrate(records, wide, method, simulated)
+    fine = np.round(np.arange(levels[0], levels[-1] + 0.5e-4, 1e-4), 6).tolist()
+    records = simulate_recordings(joint, fine)
+    if method != "paper":
+        return calibrate(records, fine, method, simulated)
+    coefficients = equation_10().coefficients * RPM_PER_RPS ** np.arange(4)
+    amplitude = np.array([read(record, "amplitude").value for record in records])
+    return Calibration(
+        method, tuple(coefficients.tolist()), (float(levels[0]), float(levels[-1])),
+        _uncertainty(Polynomial(coefficients)(amplitude) - fine), TURN_PERIOD_S, COMMANDED_SPEED_RPS,
+        f"equation 10 as printed; its error is that on {simulated}",
+    )  # fmt: skip
+
+
+@lru_cache(maxsize=1)
+def shares() -> dict[str, float]:
+    """By method: 95 % of the errors on uncalibrated benches are below this share of the backlash found."""
+    return pd.read_csv(_DATA / "spread_of_joints.csv", index_col="method")["share_95"].to_dict()
+
+
+def widened(method: str, delta_rad: float, interval_rad: tuple[float, float]) -> tuple[float, float]:
+    """Interval [rad] of a backlash by the paper's joint's calibration, the spread of joints added to the noise."""
+    other = shares()[method] * delta_rad
+    low, high = interval_rad
+    return float(delta_rad - np.hypot(delta_rad - low, other)), float(delta_rad + np.hypot(high - delta_rad, other))

@@ -1,0 +1,360 @@
+"""The virtual sensor on one log: is there backlash, how much, how sure; or why that cannot be told.
+
+A log is read, prepared, searched for a pattern, fitted and judged. Without a pattern in its half turns the verdict is
+"no backlash" only where this noise could not have hidden the calibration's least backlash. With one, the method's model
+must explain most of it, and the calibration must hold the reading in its range.
+"""
+
+import math
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from backlash.calibration import Backlash, Calibration, default_calibration, widened
+from backlash.fitting import SELF
+from backlash.fitting.global_fit import GlobalFit, global_fit
+from backlash.fitting.readings import Reading, protocol_for, read, reading_of_fit
+from backlash.fitting.self_calibration import SelfFit, fit_joint
+from backlash.reading.columns import LogFormat
+from backlash.reading.detect import Presence, band_energy, detect_pattern, explained_share, typical_half_turn
+from backlash.reading.prepare import CannotTell, read_log
+from replication.arrays import FloatArray
+from replication.datasets import Recording
+from replication.signature import signature
+
+_LEAST_SHARE = 0.8  # of the pattern's energy, for the model to explain; it explains 0.96 or more in the paper's range
+_OFF = 0.05  # of the amplitude; searches that all end in the best minimum differ less from the global fit
+_FAR_OUTSIDE = 1.2  # times the value at the end of the range; a cubic beyond means nothing
+
+
+@dataclass(frozen=True)
+class Settings:
+    """How logs are read and measured; the calibration, the user's own or the paper's joint's, holds the method."""
+
+    form: LogFormat
+    calibration: Calibration
+    is_own: bool  # the user made the calibration; else it is that of the paper's joint
+    repeats: int  # searches of method "paper"
+    seed: int  # of the first of them, above 0
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """The answer on one log; what is not known is None. The attributes are the keys of the JSON output."""
+
+    file: str
+    verdict: str = "cannot tell"  # or "backlash", "no backlash"
+    amplitude_rps: float | None = None  # of the oscillation after an impact
+    amplitude_interval_rps: tuple[float, float] | None = None  # 95 %
+    backlash_rad: float | None = None
+    backlash_interval_rad: tuple[float, float] | None = None  # 95 %
+    rmse_rps: float | None = None  # misfit of the fitted model
+    method: str = SELF
+    turn_period_s: float | None = None  # of the load
+    samples: int = 0  # of the record that was used
+    warnings: tuple[str, ...] = ()  # the reason first where the verdict is "cannot tell", then what was assumed
+    ring_hz: float | None = None  # by method self: slowest oscillation with the teeth in contact
+    damping_ratio: float | None = None  # of that
+    friction_share: float | None = None  # of the load, over m g r
+
+
+@dataclass(frozen=True)
+class Examined:
+    """An estimate with what it was made from, for a plot: the record and the fitted model at its samples [rps]."""
+
+    estimate: Estimate
+    recording: Recording | None = None
+    model_rps: FloatArray | None = None
+
+
+def settings_for(
+    form: LogFormat, calibration: Calibration | None = None, method: str | None = None, repeats: int = 30, seed: int = 1
+) -> Settings:
+    """Put settings together: without a calibration the log's own joint, or for another method the paper's.
+
+    Parameters
+    ----------
+    form : LogFormat
+        What is known of the logs.
+    calibration : Calibration, optional
+        Of the user's joint; it holds the method.
+    method : str, optional
+        One of `SENSOR_METHODS`.
+    repeats, seed : int
+        Searches of method "paper", and the first seed, above 0.
+
+    Raises
+    ------
+    ValueError
+        The calibration is of another method, or a number is out of its range.
+    """
+    if calibration is not None and method not in (None, calibration.method):
+        raise ValueError(f"--method {method}: the calibration is of method {calibration.method}")
+    if repeats < 1 or seed < 1:
+        raise ValueError("--repeats and --seed must be 1 or more")
+    used = calibration
+    if used is None and method in (None, SELF):  # needed only to say which backlash would have been seen
+        used = replace(default_calibration("amplitude"), method=SELF, provenance="none: the log's own joint")
+    elif used is None:
+        used = default_calibration(method)
+    form = replace(form, usual_speed_rps=used.commanded_speed_rps)
+    return Settings(form, used, calibration is not None, repeats, seed)
+
+
+def estimate(path: Path, settings: Settings) -> Estimate:
+    """Estimate the backlash that a log tells of.
+
+    Parameters
+    ----------
+    path : Path
+        CSV, Parquet or XLSX file.
+    settings : Settings
+        From `settings_for`.
+
+    Raises
+    ------
+    UnusableLog
+        The file is no usable log.
+    """
+    return examine(path, settings).estimate
+
+
+def examine(path: Path, settings: Settings) -> Examined:
+    """Do what `estimate` does, and keep the record and the fit."""
+    try:
+        recording, notes = read_log(path, settings.form)
+    except CannotTell as refusal:
+        return Examined(_refused(Estimate(str(path), method=settings.calibration.method), refusal))
+    return examine_recording(recording, settings, str(path), notes)
+
+
+def examine_recording(recording: Recording, settings: Settings, name: str, notes: tuple[str, ...] = ()) -> Examined:
+    """Answer for a prepared record: detect a pattern, fit it, judge the fit; `notes` are those of its preparation."""
+    calibration = settings.calibration
+    answer = Estimate(
+        name, method=calibration.method, samples=recording.t.size, turn_period_s=recording.turn_period_s, warnings=notes
+    )
+    model = None
+    try:
+        recording, presence, note = detect_pattern(recording, settings.form, settings.seed)
+        answer = replace(answer, turn_period_s=recording.turn_period_s, warnings=notes + note)
+        by_joint = calibration.bank is not None or calibration.method == SELF
+        if not presence.found and not (by_joint and presence.has_same_sign):
+            answer = _judge_absence(recording, presence, calibration, answer)
+        elif calibration.method == SELF:
+            amplitude, joint, model = _fit_joint(recording)
+            answer = replace(
+                _with_amplitude(answer, amplitude), rmse_rps=float(np.std(recording.v - model)), ring_hz=joint.ring_hz,
+                damping_ratio=joint.damping, friction_share=joint.friction,
+            )  # fmt: skip
+            answer = _judge_joint(recording, presence, amplitude, joint, model, answer)
+        else:
+            fit, reading, model = _fit_reading(recording, settings)
+            answer = _with_amplitude(answer, reading)
+            answer = _judge_reading(recording, presence, fit, reading, model, settings, answer)
+    except CannotTell as refusal:
+        answer = _refused(answer, refusal)
+    return Examined(_finite(answer), recording, model)
+
+
+def prepared_record(path: Path, form: LogFormat, seed: int) -> Recording:
+    """Read a log as `estimate` does, up to the pattern that must be found in it."""
+    return detect_pattern(read_log(path, form)[0], form, seed)[0]
+
+
+def _refused(answer: Estimate, refusal: CannotTell) -> Estimate:
+    return replace(answer, warnings=(str(refusal), *answer.warnings, *refusal.notes))
+
+
+def _finite(found: Estimate) -> Estimate:
+    """An estimate with None for what is not finite."""
+    kept = vars(found).copy()
+    for name, value in kept.items():
+        numbers = value if isinstance(value, tuple) else (value,)
+        if not all(math.isfinite(number) for number in numbers if isinstance(number, float)):
+            kept[name] = None
+    return Estimate(**kept)
+
+
+def _fit_signature(recording: Recording) -> GlobalFit:
+    try:
+        return global_fit(recording, protocol_for(recording))
+    except ValueError as error:
+        raise CannotTell("too short", str(error)) from error
+
+
+def _fit_reading(recording: Recording, settings: Settings) -> tuple[GlobalFit, Reading, FloatArray]:
+    """The signature, what the calibration's method reads, and its model at the samples, less its mean [rps]."""
+    fit, calibration = _fit_signature(recording), settings.calibration
+    curve = signature(recording.t, fit.X, protocol_for(recording).timing)
+    if calibration.other_movement(recording):  # the amplitude can be read all the same
+        return fit, reading_of_fit(recording, "amplitude", fit), curve
+    if calibration.method == "paper":
+        return fit, read(recording, "paper", None, settings.repeats, settings.seed), curve
+    reading = reading_of_fit(recording, calibration.method, fit, calibration.bank)
+    if calibration.bank is not None:
+        turns = (recording.t - recording.t[0]) / recording.turn_period_s
+        curve = calibration.bank.at(reading.value)((turns - reading.shift_turns) % 1.0)
+    return fit, reading, curve
+
+
+def _fit_joint(recording: Recording) -> tuple[Reading, SelfFit, FloatArray]:
+    """The amplitude, the joint that the log itself tells of, and its speed at the samples, less its mean [rps]."""
+    fit = _fit_signature(recording)
+    amplitude = reading_of_fit(recording, "amplitude", fit)
+    try:
+        joint = fit_joint(replace(recording, turn_period_s=fit.turn_period_s))
+    except ValueError as error:
+        raise CannotTell("too short", str(error)) from error
+    phases = np.arange(joint.turn_rps.size + 1) / joint.turn_rps.size
+    turns = (recording.t - recording.t[0]) / recording.turn_period_s
+    return amplitude, joint, np.interp(turns % 1.0, phases, np.append(joint.turn_rps, joint.turn_rps[0]))
+
+
+def _with_amplitude(answer: Estimate, reading: Reading) -> Estimate:
+    return replace(
+        answer, amplitude_rps=reading.amplitude_rps, amplitude_interval_rps=reading.amplitude_interval_rps,
+        rmse_rps=reading.rmse_rps, turn_period_s=reading.turn_period_s,
+    )  # fmt: skip
+
+
+def _check_movement(recording: Recording, calibration: Calibration) -> None:
+    if difference := calibration.other_movement(recording):
+        raise CannotTell("extrapolated calibration", f"{difference}; calibrate at the speed of the logs")
+
+
+def _least_energy(recording: Recording, calibration: Calibration) -> float:
+    """Energy [rps^2] that the calibration's least backlash puts into a record's pattern."""
+    period = recording.turn_period_s
+    ring = typical_half_turn(recording)
+    least = calibration.range_rad[0]
+    if calibration.bank is not None:
+        phases = np.arange(ring.size) / (2 * ring.size)
+        return band_energy(calibration.bank.at(least)(phases), period)
+    amplitude = calibration.value_at(least)
+    if calibration.method == "energy":
+        amplitude /= float(np.sqrt(np.mean(ring**2)))
+    return amplitude**2 * band_energy(ring, period)
+
+
+def _judge_absence(recording: Recording, presence: Presence, calibration: Calibration, answer: Estimate) -> Estimate:
+    """Answer where half turns have nothing in common: no backlash, or too much noise to say so."""
+    _check_movement(recording, calibration)
+    if presence.has_same_sign:
+        what = "something repeats itself every turn, but not with the opposite sign half a turn later, as backlash"
+        cause = "is there much friction, another axis moving, or mains hum in step with the turn?"
+        raise CannotTell("no signature", f"{what} under gravity alone does; {cause}")
+    typical = band_energy(typical_half_turn(recording), recording.turn_period_s)
+    hidden = float(np.sqrt(presence.detectable_rps2 / typical))
+    least, rmse = calibration.range_rad[0], float(recording.v.std())
+    if presence.detectable_rps2 > _least_energy(recording, calibration):
+        noise = f"in this noise ({presence.noise_rps:.3g} rps) an oscillation of up to {hidden:.3g} rps stays hidden"
+        backlash = f"more than a backlash of {least:.3g} rad makes"
+        raise CannotTell("too noisy", f"nothing found, but {noise}, {backlash}; log more turns, or quieter")
+    return replace(
+        answer, verdict="no backlash", amplitude_rps=0.0, amplitude_interval_rps=(0.0, hidden), backlash_rad=0.0,
+        backlash_interval_rad=(0.0, least), rmse_rps=rmse,
+    )  # fmt: skip
+
+
+def _judge_reading(
+    recording: Recording, presence: Presence, fit: GlobalFit, reading: Reading, model: FloatArray, settings: Settings,
+    answer: Estimate,
+) -> Estimate:  # fmt: skip
+    """Answer by what the calibration makes of the method's reading."""
+    calibration = settings.calibration
+    _check_movement(recording, calibration)
+    share = explained_share(recording, model, presence)
+    if share < _LEAST_SHARE:
+        what = f"a pattern repeats itself every turn, but the model explains {max(share, 0.0):.0%} of it"
+        raise CannotTell("no signature", f"{what}; a faint backlash, much friction, or another cause")
+    notes: tuple[str, ...] = ()
+    if abs(reading.amplitude_rps - fit.amplitude_rps) > _OFF * fit.amplitude_rps:
+        means = f"their mean is {reading.amplitude_rps:.3f} rps, the best fit has {fit.amplitude_rps:.3f} rps"
+        notes += (f"searches ended in other minima: {means}; method amplitude is not prone to this",)
+    found = calibration.backlash(reading)
+    if _is_outside(reading, found, calibration):
+        low, high = calibration.range_rad
+        is_match = reading.method == "waveform"
+        what = f"the best match, {found.delta_rad:.3g} rad," if is_match else f"its reading, {reading.value:.3g} rps,"
+        detail = f"a signature is there, but {what} lies outside {low:.3g} to {high:.3g} rad"
+        raise CannotTell("extrapolated calibration", detail, notes)
+    if found.extrapolated:
+        notes += ("at the edge of the calibration's range",)
+    low, high = found.interval_rad
+    if not settings.is_own:
+        low, high = widened(calibration.method, found.delta_rad, found.interval_rad)
+        notes += ("calibrated for the paper's joint, not for yours: give --calibration, or take method self",)
+    return replace(
+        answer, verdict="backlash", backlash_rad=found.delta_rad, backlash_interval_rad=(max(low, 0.0), high),
+        warnings=answer.warnings + notes,
+    )  # fmt: skip
+
+
+def _is_outside(reading: Reading, backlash: Backlash, calibration: Calibration) -> bool:
+    """Whether a reading lies outside the calibration's range by more than its standard deviation."""
+    low, high = calibration.range_rad
+    if calibration.bank is not None:
+        return backlash.extrapolated
+    one_sigma = (backlash.interval_rad[1] - backlash.interval_rad[0]) / 4
+    beyond = reading.value > _FAR_OUTSIDE * calibration.value_at(high)
+    return beyond or not low - one_sigma <= backlash.delta_rad <= high + one_sigma
+
+
+def _judge_joint(
+    recording: Recording, presence: Presence, amplitude: Reading, joint: SelfFit, model: FloatArray, answer: Estimate
+) -> Estimate:
+    """Answer by the joint that the log itself tells of."""
+    if joint.refusal_reason:
+        where = f"worst at {joint.worst_phase:.2f} turns from the load hanging down"
+        raise CannotTell("no such joint", f"{joint.refusal_reason}, {where}")
+    if explained_share(recording, model, presence) < _LEAST_SHARE:
+        raise CannotTell("no signature", "a pattern repeats itself every turn, but no backlash that explains it")
+    return replace(
+        answer, verdict="backlash", backlash_rad=joint.delta_rad, backlash_interval_rad=joint.interval_rad,
+        warnings=answer.warnings + _disagreement(recording, amplitude, joint),
+    )  # fmt: skip
+
+
+def _disagreement(recording: Recording, amplitude: Reading, joint: SelfFit) -> tuple[str, ...]:
+    """A note where the amplitude, with what it may err on any joint, is another backlash than the joint's."""
+    calibration = default_calibration("amplitude")
+    if calibration.other_movement(recording):
+        return ()
+    other = calibration.backlash(amplitude)
+    low, high = widened("amplitude", other.delta_rad, other.interval_rad)
+    agree = low <= joint.interval_rad[1] and joint.interval_rad[0] <= high
+    if agree or _is_outside(amplitude, other, calibration):
+        return ()
+    says = f"the amplitude alone says {low:.3g} to {high:.3g} rad on joints like the paper's"
+    return (f"{says}: yours is another, or one of the two is wrong",)
+
+
+def as_row(found: Estimate) -> dict[str, object]:
+    """An estimate as an object for JSON: the attributes in order, tuples as lists."""
+    return {name: list(value) if isinstance(value, tuple) else value for name, value in vars(found).items()}
+
+
+def as_text(found: Estimate) -> str:
+    """An estimate for people: a line with the answer, then one for each number and each warning."""
+    notes = found.warnings
+    if found.backlash_rad is None or found.backlash_interval_rad is None:
+        answer, notes = f"cannot tell: {notes[0]}", notes[1:]
+    elif found.verdict == "no backlash":
+        answer = f"no backlash (less than {1e3 * found.backlash_interval_rad[1]:.3f} mrad)"
+    else:
+        low, high = (1e3 * end for end in found.backlash_interval_rad)
+        answer = f"backlash {1e3 * found.backlash_rad:.3f} mrad (95 %: {low:.3f} to {high:.3f})"
+    lines = [f"{found.file}: {answer}"]
+    if found.amplitude_rps and found.amplitude_interval_rps:
+        low, high = found.amplitude_interval_rps
+        lines.append(f"  amplitude {found.amplitude_rps:.3f} rps ({low:.3f} to {high:.3f}), method {found.method}")
+    if found.ring_hz is not None and found.friction_share is not None:
+        lines.append(
+            f"  the joint: rings at {found.ring_hz:.1f} Hz, damping ratio {found.damping_ratio:.3f}, "
+            f"load friction {max(found.friction_share, 0.0):.1%} of gravity"
+        )
+    if found.rmse_rps is not None:
+        lines.append(f"  misfit {found.rmse_rps:.3f} rps, {found.samples} samples, turn of {found.turn_period_s:.5g} s")
+    return "\n".join([*lines, *(f"  note: {note}" for note in notes)])

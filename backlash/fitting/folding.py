@@ -1,0 +1,263 @@
+"""A record folded on the signature's windows: the paper's misfit, A and v_t projected out, by the few folded samples.
+
+Given the rest, A and v_t are linear. The window's start and end matter only by the samples they take in, so they are
+indices. What is left is theta = (t0, tau, omega).
+"""
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numba
+import numpy as np
+from numpy.typing import NDArray
+
+from replication.arrays import FloatArray
+from replication.signature import Timing
+
+# Distance kept from a sample at which a window would open or close: far above rounding, far below any effect.
+CLEARANCE_S = 1e-12
+
+
+class Fold(NamedTuple):
+    """A record folded on the signature's windows, arrays of shape (positions,), whatever the turn is in samples.
+
+    Position x[i] after the first window's origin meets a sample in one or more of the 2 n windows.
+    """
+
+    x: FloatArray  # instants [s] at which a first window's edge passes a sample of any window
+    value: FloatArray  # sum over the windows of sign times (v - mean v) [rps]
+    samples: FloatArray  # how many samples there
+    sign: FloatArray  # sum of their signs
+    pairs: FloatArray  # samples there that the preceding window holds too, if it reaches as far as `partner`
+    partner: NDArray[np.int64]  # position T_d later, -1 if there is none
+    inverse: NDArray[np.int64]  # position T_d earlier, or -1
+    classes: int  # positions per sample interval
+    scale: tuple[float, float]  # sum of squares of v - mean v [rps^2], number of samples
+
+
+class Limits(NamedTuple):
+    """The box in the form the search needs: |A|, first t0, longest T1 and T2 [s], tau and omega from and to."""
+
+    A: float
+    t0: float
+    T1: float
+    T2: float
+    tau: tuple[float, float]
+    omega: tuple[float, float]
+
+
+def fold_record(t: FloatArray, v: FloatArray, timing: Timing, whole_samples: bool = False) -> Fold:
+    """Fold an evenly sampled record on windows half a turn apart.
+
+    With `whole_samples` each window's delay is rounded to whole samples: one position a sample, for a grid search.
+    """
+    if abs(timing.T_d - timing.T_f / 2) > 1e-9 * timing.T_f:
+        raise ValueError(f"T_d = {timing.T_d} s is not half of T_f = {timing.T_f} s: the turns do not fold")
+    dt = (t[-1] - t[0]) / (t.size - 1)
+    delays = timing.T_d / dt * np.arange(2 * timing.n)
+    if whole_samples:
+        delays = np.round(delays)
+    fractions = np.round(-delays % 1.0, 9) % 1.0
+    phases, group = np.unique(fractions, return_inverse=True)
+    first = np.round(delays + phases[group]).astype(np.int64)
+    x = t[0] + (np.arange(t.size)[:, None] + phases).ravel() * dt
+    partner = np.searchsorted(x, x + timing.T_d - 1e-6 * dt)
+    partner[partner == x.size] = -1
+    partner[np.abs(x[partner] - x - timing.T_d) > 1e-6 * dt] = -1
+    inverse = np.full(x.size, -1)
+    inverse[partner[partner >= 0]] = np.flatnonzero(partner >= 0)
+    centred = v - v.mean()
+    value, samples, sign, pairs = _sum_windows(centred, first, group, phases.size)
+    scale = float((centred * centred).sum()), float(t.size)
+    return Fold(x, value, samples, sign, pairs, partner, inverse, phases.size, scale)
+
+
+@numba.njit(cache=True)
+def _sum_windows(v, first, group, classes):
+    """Sums over the windows, at each position."""
+    value = np.zeros(v.size * classes)
+    samples, sign, pairs = np.zeros_like(value), np.zeros_like(value), np.zeros_like(value)
+    for m in range(first.size):
+        direction = 1.0 - 2.0 * (m % 2)
+        for sample in range(first[m], v.size):
+            i = (sample - first[m]) * classes + group[m]
+            value[i] += direction * v[sample]
+            samples[i] += 1.0
+            sign[i] += direction
+            pairs[i] += 1.0 if m > 0 else 0.0
+    return value, samples, sign, pairs
+
+
+@numba.njit(cache=True)
+def t0_range(fold, limits, a, b):
+    """Lowest and highest t0 that let a window hold exactly the positions a to b."""
+    before = fold.x[a - 1] if a > 0 else fold.x[0]
+    low = max(limits.t0, before - limits.T1 + CLEARANCE_S, fold.x[b] - limits.T2 + CLEARANCE_S)
+    return low, max(fold.x[a] - CLEARANCE_S, limits.t0)
+
+
+@numba.njit(cache=True)
+def theta_bounds(fold, limits, a, b):
+    """Lowest and highest theta = (t0, tau, omega) of a window."""
+    low, high = t0_range(fold, limits, a, b)
+    return np.array([low, limits.tau[0], limits.omega[0]]), np.array([high, limits.tau[1], limits.omega[1]])
+
+
+@numba.njit(cache=True)
+def latest_t0(fold, limits, a, b, t0, omega):
+    """The latest admissible t0 a whole number of half oscillations from the one given, or NaN."""
+    low, high = t0_range(fold, limits, a, b)
+    half = np.pi / omega
+    latest = t0 + np.floor((high - t0) / half) * half
+    return latest if low <= latest <= high else np.nan
+
+
+@numba.njit(cache=True)
+def normal_equations(fold, a, b, t0, tau, omega):
+    """Gram matrix of the unit signature and its derivatives by theta, v_t projected out, and their products with v."""
+    size = b - a + 1
+    columns = np.empty((4, size))
+    for j in range(size):
+        since_edge, since_t0 = fold.x[a + j] - fold.x[a], fold.x[a + j] - t0
+        decay = np.exp(-tau * since_edge)
+        s, c = decay * np.sin(omega * since_t0), decay * np.cos(omega * since_t0)
+        columns[0, j], columns[1, j] = s, -omega * c
+        columns[2, j], columns[3, j] = -since_edge * s, since_t0 * c
+    gram, data, offset = np.zeros((4, 4)), np.zeros(4), np.zeros(4)
+    for j in range(size):
+        value, count, sign = fold.value[a + j], fold.samples[a + j], fold.sign[a + j]
+        for p in range(4):
+            data[p] += columns[p, j] * value
+            offset[p] += columns[p, j] * sign
+            for q in range(p + 1):
+                gram[p, q] += columns[p, j] * columns[q, j] * count
+        k = fold.partner[a + j] - a
+        if 0 <= k < size:  # the window before reaches this sample, with the opposite sign
+            for p in range(4):
+                for q in range(p + 1):
+                    overlap = columns[p, j] * columns[q, k] + columns[p, k] * columns[q, j]
+                    gram[p, q] -= fold.pairs[a + j] * overlap
+    for p in range(4):
+        for q in range(p + 1):
+            gram[p, q] -= offset[p] * offset[q] / fold.scale[1]
+            gram[q, p] = gram[p, q]
+    return gram, data
+
+
+@numba.njit(cache=True)
+def best_misfit(gram, data, fold, limit):
+    """Sum of squares at the best A up to `limit`, and that A (at the window's first position)."""
+    A = min(max(data / gram, -limit), limit) if gram > 0 else 0.0
+    return fold.scale[0] - 2 * A * data + A * A * gram, A
+
+
+@numba.njit(cache=True)
+def factorise(matrix):
+    """Factors L and D of a symmetric matrix L D L', in place: D on the diagonal, L below it.
+
+    A pivot that rounding cannot tell from zero is set to zero, and its column of L too. Written out here, because the
+    last bits of a library's solver change from processor to processor.
+    """
+    for k in range(matrix.shape[0]):
+        diagonal = matrix[k, k]
+        for j in range(k):
+            matrix[k, k] -= matrix[k, j] ** 2 * matrix[j, j]
+        defined = matrix[k, k] > 1e-14 * diagonal
+        for i in range(k + 1, matrix.shape[0]):
+            for j in range(k):
+                matrix[i, k] -= matrix[i, j] * matrix[k, j] * matrix[j, j]
+            matrix[i, k] = matrix[i, k] / matrix[k, k] if defined else 0.0
+        if not defined:
+            matrix[k, k] = 0.0
+
+
+@numba.njit(cache=True)
+def solve_or_zero(matrix, side):
+    """Solution of a symmetric positive definite system; zeros if it is singular, as very few samples make it."""
+    factors, solution = matrix.copy(), side.copy()
+    factorise(factors)
+    size = side.size
+    for i in range(size):
+        if factors[i, i] == 0.0:
+            return np.zeros(size)
+        for j in range(i):
+            solution[i] -= factors[i, j] * solution[j]
+    for i in range(size - 1, -1, -1):
+        solution[i] /= factors[i, i]
+        for j in range(i + 1, size):
+            solution[i] -= factors[j, i] * solution[j]
+    return solution
+
+
+@numba.njit(cache=True)
+def descend(fold, limits, a, b, theta, steps):
+    """Levenberg-Marquardt in theta = (t0, tau, omega), the window held; refined theta and its sum of squares."""
+    low, high = theta_bounds(fold, limits, a, b)
+    theta = np.minimum(np.maximum(theta, low), high)
+    gram, data = normal_equations(fold, a, b, theta[0], theta[1], theta[2])
+    cost, A = best_misfit(gram[0, 0], data[0], fold, limits.A)
+    damping = 1e-3
+    for _ in range(steps):
+        slope = A * (A * gram[1:, 0] - data[1:])
+        hessian = gram[1:, 1:].copy()
+        if abs(A) < limits.A and gram[0, 0] > 0:  # A is projected out unless it is at its bound
+            hessian -= np.outer(gram[0, 1:], gram[0, 1:]) / gram[0, 0]
+        hessian *= A * A
+        for i in range(3):
+            held = (theta[i] <= low[i] and slope[i] >= 0) or (theta[i] >= high[i] and slope[i] <= 0)
+            hessian[i, i] = hessian[i, i] * (1 + damping) + 1e-300
+            if held:
+                hessian[i, :], hessian[:, i], slope[i] = 0.0, 0.0, 0.0
+                hessian[i, i] = 1.0
+        trial = np.minimum(np.maximum(theta - solve_or_zero(hessian, slope), low), high)
+        trial_gram, trial_data = normal_equations(fold, a, b, trial[0], trial[1], trial[2])
+        trial_cost, trial_A = best_misfit(trial_gram[0, 0], trial_data[0], fold, limits.A)
+        if trial_cost < cost:
+            settled = cost - trial_cost < 1e-13 * cost
+            theta, cost, A, gram, data = trial, trial_cost, trial_A, trial_gram, trial_data
+            damping = max(damping / 10, 1e-9)
+            if settled:
+                break
+        else:
+            damping *= 10
+            if damping > 1e6:
+                break
+    return theta, cost
+
+
+@numba.njit(cache=True)
+def middle_of_gap(fold, a):
+    """Midway between the last instant at which a window's start would take in one more sample, and position a."""
+    return (fold.x[a] + fold.x[a - 1]) / 2 if a > 0 else fold.x[0] - (fold.x[1] - fold.x[0]) / 2
+
+
+@numba.njit(cache=True)
+def _projected_rmse(fold, limit, population, dt):
+    """Compiled body of `projected_rmse`."""
+    misfits = np.empty(population.shape[0])
+    for p in range(population.shape[0]):
+        t0, tau, omega, T2, T1 = population[p]
+        data = gram = offset = 0.0
+        first = max(np.ceil((t0 + T1 - fold.x[0]) / dt - 1.0), 0.0) * fold.classes
+        for i in range(int(first), fold.x.size):
+            if fold.x[i] < t0 + T1:
+                continue
+            if fold.x[i] > t0 + T2:
+                break
+            unit = np.exp(-tau * (fold.x[i] - t0 - T1)) * np.sin(omega * (fold.x[i] - t0))
+            k = fold.partner[i]
+            data += unit * fold.value[i]
+            gram += unit * unit * fold.samples[i]
+            offset += unit * fold.sign[i]
+            if k >= 0 and fold.x[k] <= t0 + T2:
+                later = np.exp(-tau * (fold.x[k] - t0 - T1)) * np.sin(omega * (fold.x[k] - t0))
+                gram -= 2 * fold.pairs[i] * unit * later
+        square, _ = best_misfit(gram - offset * offset / fold.scale[1], data, fold, limit)
+        misfits[p] = np.sqrt(max(square, 0.0) / fold.scale[1])
+    return misfits
+
+
+def projected_rmse(t: FloatArray, v: FloatArray, timing: Timing, limit: float) -> Callable[[FloatArray], FloatArray]:
+    """Make the misfit [rps] of rows (t0, tau, omega, T2, T1), each with its best A up to `limit` and v_t."""
+    fold, dt = fold_record(t, v, timing), (t[-1] - t[0]) / (t.size - 1)
+    return lambda population: _projected_rmse(fold, limit, np.ascontiguousarray(population), dt)

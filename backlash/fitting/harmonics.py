@@ -1,0 +1,163 @@
+"""A record as the Fourier coefficients of its mean turn, with the noise that the record itself shows in each.
+
+What repeats itself from turn to turn lies at the harmonics of the turn; between them lies noise alone, of whatever
+colour.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.fft import fft, ifft, next_fast_len
+from scipy.special import fdtri
+
+from backlash.fitting.waveform import settled
+from replication.arrays import FloatArray
+from replication.datasets import Recording
+
+# Harmonics above this share of half the sampling rate, or above this frequency, are left out.
+_OF_NYQUIST, _FASTEST_HZ = 0.9, 225.0
+# Orders of the motor's turn at which torque ripples and encoders err: once and twice a turn, and with the phases.
+_MOTOR_ORDERS = (1, 2, 6)
+# Sinusoids that are taken off, and how far above the noise around them they must be: in noise alone, one log in a
+# thousand has one.
+_MOST_LINES, _HIGH_LINE = 3, 14.0
+# No joint is simulated better than to this share of its signal; only records without noise come near it.
+MODEL_ERROR = 0.01
+# Where joints of this kind ring.
+_RING_HZ = (5.0, 60.0)
+# Phases at which turns are compared, and how improbable in noise alone the ring of a turn is that is left out.
+_PHASES, _CHANCE_OF_TRANSIENT = 256, 1e-3
+# Harmonics to either side of one whose surroundings tell its noise.
+_NEIGHBOURS = 3
+
+
+@dataclass(frozen=True, eq=False)
+class TurnHarmonics:
+    """The mean settled turn of a record: arrays of shape (harmonics,), without the first order and the motor's own."""
+
+    order: NDArray[np.int64]  # periods a turn
+    coefficient: NDArray[np.complex128]  # of exp(i order angle), the angle 0 where the record begins [rps]
+    sd: FloatArray  # noise in each of its parts, or the model's error where that is larger [rps]
+    turns: int  # settled turns averaged
+    ring_noise_ratio: float  # noise in the ring's band over that above it, about 1 where turns repeat
+    is_quiet: bool  # there is hardly any noise: `sd` is mostly the model's error
+    lines: tuple[tuple[float, float], ...]  # sinusoids taken off: periods a turn, and amplitude [rps]
+
+
+def turn_harmonics(recording: Recording) -> TurnHarmonics:
+    """Average a record's settled turns in the frequency domain; refuse it where too short, coarse or still."""
+    dt, period = recording.sample_s, recording.turn_period_s
+    phase, v = _without_transient(*settled(recording), period)
+    turns = int((phase[-1] - phase[0]) + dt / period + 1e-6)
+    if turns < 2 or period < 16 * dt:
+        raise ValueError(
+            f"{recording.source}: {turns} settled turns at {period / dt:.0f} samples a turn; two turns and 16 samples "
+            "in each are needed"
+        )
+    count = int(turns * period / dt + 0.5)
+    phase, v = phase[:count], v[:count]
+    v = v - v.mean()
+    if not v.any():
+        raise ValueError(f"{recording.source}: the speed does not vary")
+    last = int(min(_OF_NYQUIST * 0.5 / dt, _FASTEST_HZ) * period)
+    order = np.arange(2, last + 1)
+    bins, between = _spectrum(v, turns, last, turns * period / dt)
+    lines: list[tuple[float, float]] = []
+    while len(lines) < _MOST_LINES and (line := _clearest_sinusoid(v, bins, between, turns, dt / period)):
+        wave, tried, amplitude = line
+        v = v - wave
+        lines.append((tried, amplitude))
+        bins, between = _spectrum(v, turns, last, turns * period / dt)
+    model = MODEL_ERROR * v.std() / (2 * np.sqrt(order.size))
+    order = order[~np.isin(order, _motor_harmonics(recording, last))]
+    first = np.maximum((order - _NEIGHBOURS) * turns, turns)
+    end = (order + _NEIGHBOURS) * turns + 1
+    noise = np.sqrt([np.nanmean(between[low:high]) for low, high in zip(first, end, strict=True)])
+    quiet = bool(np.median(noise) < model)
+    return TurnHarmonics(
+        order=order,
+        coefficient=bins[turns * order] * np.exp(-2j * np.pi * order * phase[0]),
+        sd=np.maximum(noise, model),
+        turns=turns,
+        ring_noise_ratio=1.0 if quiet else _ring_noise_ratio(between, turns, period),
+        is_quiet=quiet,
+        lines=tuple(lines),
+    )
+
+
+def _without_transient(phase: FloatArray, v: FloatArray, period: float) -> tuple[FloatArray, FloatArray]:
+    """Leave out first turns that ring as the later half of them does not, up to half of them."""
+    turns = int(phase[-1] - phase[0] + 1e-6)
+    later = turns // 2
+    if later < 2:
+        return phase, v
+    even = np.arange(turns)[:, None] + np.arange(_PHASES) / _PHASES
+    low, high = (max(int(edge * period), 1) for edge in _RING_HZ)
+    ring = np.fft.rfft(np.interp(phase[0] + even, phase, v), axis=1)[:, low : min(high, _PHASES // 2) + 1]
+    power = (np.abs(ring - ring[-later:].mean(axis=0)) ** 2).sum(axis=1)
+    # Two degrees of freedom a harmonic; the later turns' own mean takes one turn's.
+    expected = power[-later:].sum() / (later - 1)
+    limit = expected * fdtri(2 * ring.shape[1], 2 * ring.shape[1] * (later - 1), 1 - _CHANCE_OF_TRANSIENT)
+    loud = np.flatnonzero(power[: turns - later] > limit)
+    first = loud[-1] + 1 if loud.size else 0
+    kept = phase >= phase[0] + first - 1e-9
+    return phase[kept], v[kept]
+
+
+def _spectrum(v: FloatArray, turns: int, last: int, samples: float) -> tuple[NDArray[np.complex128], FloatArray]:
+    """Fourier coefficients `turns` to a harmonic, and half their squares between the harmonics (NaN at them).
+
+    Bluestein's transform: to rounding SciPy's `czt`, which is slow to import.
+    """
+    count = (last + 1) * turns
+    chirp = np.exp(-2j * np.pi / samples) ** (np.arange(max(count, v.size)) ** 2 / 2)
+    size = next_fast_len(v.size + count - 1)
+    kernel = fft(1 / np.concatenate([chirp[v.size - 1 : 0 : -1], chirp[:count]]), size)
+    convolved = ifft(kernel * fft(v * chirp[: v.size], size))
+    bins = convolved[v.size - 1 : v.size + count - 1] * chirp[:count] / v.size
+    between = np.abs(bins) ** 2 / 2
+    between[::turns] = np.nan
+    return bins, between
+
+
+def _clearest_sinusoid(
+    v: FloatArray, bins: NDArray[np.complex128], between: FloatArray, turns: int, step: float
+) -> tuple[FloatArray, float, float] | None:
+    """The clearest sinusoid (a belt, a fan) that is no harmonic of the turn, its order and amplitude, if any."""
+    floor = np.nanmedian(between) / np.log(2)
+    around = np.convolve(np.nan_to_num(between), np.ones(6 * turns + 1), mode="same") / (6 * (turns - 1))
+    height = between / np.maximum(around, floor)
+    peak = int(np.nanargmax(height))
+    if height[peak] < _HIGH_LINE:
+        return None
+    phase = 2 * np.pi * step * np.arange(v.size)
+    order = np.arange(1, bins.size // turns)
+    beside = np.abs(order - peak / turns) < 1.5  # not told from the line by the coefficients alone
+    others = order[~beside]
+    rest = v - 2 * np.real(np.exp(1j * np.outer(phase, others)) @ bins[turns * others])
+    fixed = np.exp(1j * np.outer(phase, order[beside]))
+    least, best = np.inf, None
+    for tried in (peak + np.linspace(-0.9, 0.9, 19)) / turns:
+        wave = np.exp(1j * tried * phase)
+        basis = np.column_stack([wave.real, wave.imag, fixed.real, fixed.imag])
+        found, *_ = np.linalg.lstsq(basis, rest, rcond=None)
+        misfit = float(((rest - basis @ found) ** 2).sum())
+        if misfit < least:
+            least, best = misfit, (basis[:, :2] @ found[:2], float(tried), float(np.hypot(*found[:2])))
+    return best
+
+
+def _ring_noise_ratio(between: FloatArray, turns: int, period: float) -> float:
+    first, end = (int(edge * period) * turns for edge in _RING_HZ)
+    if end >= between.size:
+        return 1.0  # sampled so coarsely that there is nothing above the ring to compare with
+    return float(np.nanmedian(between[max(first, turns) : end]) / np.nanmedian(between[end:]))
+
+
+def _motor_harmonics(recording: Recording, last: int) -> NDArray[np.int64]:
+    """Harmonics of the turn at which the motor's orders appear, those above half the sampling rate folded down."""
+    rate, period = 1 / recording.sample_s, recording.turn_period_s
+    frequency = np.array(_MOTOR_ORDERS) * recording.commanded_speed_rps
+    seen = np.abs(frequency - rate * np.round(frequency / rate)) * period
+    return np.rint(seen[seen <= last + 0.5]).astype(np.int64)

@@ -1,0 +1,235 @@
+"""Where the joint that made a log is looked for, so that no local minimum is taken for it."""
+
+import hashlib
+import io
+import os
+from contextlib import suppress
+from dataclasses import dataclass
+from functools import lru_cache
+from operator import attrgetter
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from numba.core.registry import cpu_target
+from numpy.typing import NDArray
+
+from backlash.fitting.harmonics import TurnHarmonics
+from backlash.fitting.joint_posterior import LEAST_BACKLASH, MEAN, SIZE, SMOOTHING_INDEX, Problem, rows_of
+from backlash.fitting.turns import Movement, settled_turns
+from replication import CODE_HASH
+from replication.arrays import FloatArray
+from replication.files import write_bytes
+
+
+class SearchSettings(NamedTuple):
+    """What bounds the search for a joint; chi squared is the sum of squares of the whitened residuals."""
+
+    library_size: int = 1200  # joints among which the fit looks for where to start
+    library_backlash: tuple[float, float] = (0.8, 48.0)  # [1e-4 rad], evenly in its logarithm
+    library_friction: float = 0.06
+    library_ratio_sd: float = 0.2  # of the logarithms of the ratios searched
+    ratios_searched: int = 5  # those that a log tells most of; the others wait until the last steps
+    starts: int = 5
+    more_starts: int = 4  # where the first ones end in an improbable residual
+    start_apart: float = 0.2  # in the logarithm of the backlash
+    first_steps: int = 5
+    last_steps: int = 40
+    hopeless_chi2: float = 12.0  # a harmonic (2 for noise alone): nothing but another joint explains more
+    least_fall: float = 0.01  # of chi squared; a smaller step is the last: a tenth of an SD along any direction
+    far_chi2: float = 60.0  # a start that is worse by more than this after its first steps is left
+    probe_sds: tuple[float, ...] = (-4.0, -2.0, 2.0, 4.0)  # of the backlash, where a better minimum is looked for
+    probe_steps: int = 3
+    probe_rounds: int = 2
+    probe_hopeful_chi2: float = 25.0  # a probe that is worse by less, and still `probe_apart_sds` away, goes on
+    probe_apart_sds: float = 1.0
+    most_dropped: int = 3  # harmonics that may be left out
+
+
+SETTINGS = SearchSettings()
+_SEARCHED = 3 + SETTINGS.ratios_searched  # unknowns free in the first steps
+
+
+@dataclass(frozen=True, eq=False)
+class Peak:
+    """A maximum of the posterior: `evidence` is a logarithm, `differencing` says what the drive does."""
+
+    z: FloatArray
+    covariance: FloatArray
+    residual: FloatArray
+    evidence: float
+    converged: bool
+    differencing: bool
+
+
+class Found(NamedTuple):
+    """Where a search ended: unknowns, chi squared, and whether in a minimum."""
+
+    z: FloatArray
+    chi2: float
+    converged: bool
+
+
+_chi2 = attrgetter("chi2")
+
+
+def find_peak(problem: Problem, z: FloatArray, smoothing: tuple[float, float], chi2: float = np.inf) -> Peak:
+    """Maximum of the posterior near `z` under another prior of the smoothing, mean and SD.
+
+    Without evidence, and not looked for to the end, where a few steps leave it far above `chi2`.
+    """
+    covariance = _covariance(problem.slopes(z)[1])
+    shift = (smoothing[0] - z[SMOOTHING_INDEX]) / covariance[SMOOTHING_INDEX, SMOOTHING_INDEX]
+    start = z + shift * covariance[:, SMOOTHING_INDEX]
+    start[0] = max(start[0], 0.5 * z[0], LEAST_BACKLASH)
+    problem.measured_as(smoothing)
+    limit = chi2 + SETTINGS.far_chi2
+    found = _search(problem, start, SETTINGS.first_steps)
+    if found.chi2 < limit and not found.converged:
+        found = _search(problem, found.z, SETTINGS.last_steps)
+    residual, slopes = problem.slopes(found.z)
+    normal = slopes @ slopes.T
+    if not (np.isfinite(normal).all() and found.chi2 < limit):
+        return Peak(start, covariance, residual, -np.inf, False, problem.differencing)
+    evidence = -0.5 * found.chi2 - 0.5 * np.linalg.slogdet(normal)[1] - np.log(smoothing[1])
+    return Peak(found.z, _covariance(slopes), residual, float(evidence), found.converged, problem.differencing)
+
+
+def find_joint(problem: Problem, harmonics: TurnHarmonics) -> tuple[FloatArray, bool]:
+    """Unknowns of the joint that most probably made a record, and whether the search ended in a minimum."""
+    starts = _choose_starts(harmonics, problem.movement)
+    found = _search_best(problem, starts[: SETTINGS.starts])
+    if problem.is_improbable(found.chi2) and len(starts) > SETTINGS.starts:
+        found = min(found, _search_best(problem, starts[SETTINGS.starts :]), key=_chi2)
+    if found.chi2 > SETTINGS.hopeless_chi2 * problem.order.size:
+        return found.z, found.converged
+    found = _explore_nearby(problem, found)
+    unsubtracted = problem.target
+    if problem.subtract_belt_bias(found.z, harmonics.lines):
+        tried = _search(problem, found.z, SETTINGS.last_steps)
+        # What was taken for a belt may be one's image by the turn's own frequency: then the joint fits worse.
+        if tried.chi2 < found.chi2:
+            found = tried
+        else:
+            problem.target = unsubtracted
+    if problem.find_error(found.z):
+        found = _search(problem, found.z, SETTINGS.last_steps)
+    for _ in range(SETTINGS.most_dropped):
+        if not problem.drop_outlier(found.z):
+            break
+        found = _search(problem, found.z, SETTINGS.last_steps)
+    return found.z, found.converged
+
+
+def _covariance(slopes: FloatArray) -> FloatArray:
+    return np.asarray(np.linalg.inv(slopes @ slopes.T), dtype=float)
+
+
+def _search(problem: Problem, z: FloatArray, steps: int, free: int = SIZE) -> Found:
+    """Levenberg-Marquardt of the first `free` unknowns.
+
+    Unlike SciPy's, it takes residual and slopes from one simulation, and no step into a joint that runs away.
+    """
+    damping = 1e-2
+    residual, slopes = problem.slopes(z, free)
+    chi2 = float(residual @ residual)
+    if not np.isfinite(slopes).all():
+        return Found(z, np.inf, False)
+    for _ in range(steps):
+        normal, gradient = slopes @ slopes.T, slopes @ residual
+        for _ in range(8):
+            step = -np.linalg.solve(normal + damping * np.diag(np.diag(normal)), gradient)
+            step *= min(1.0, 0.5 / np.abs(step[1:SMOOTHING_INDEX]).max())
+            trial = z + step
+            trial[0] = max(trial[0], 0.3 * z[0], LEAST_BACKLASH)
+            tried_residual, tried_slopes = problem.slopes(trial, free)
+            tried = float(tried_residual @ tried_residual)
+            if tried < chi2 and np.isfinite(tried_slopes).all():
+                break
+            damping *= 5
+        else:
+            return Found(z, chi2, tried - chi2 < 0.01 * max(chi2, 1.0))
+        fallen, z, chi2, damping = chi2 - tried, trial, tried, damping * 0.2
+        residual, slopes = tried_residual, tried_slopes
+        if fallen < SETTINGS.least_fall * max(1.0, chi2 / residual.size):
+            return Found(z, chi2, True)
+    return Found(z, chi2, False)
+
+
+def _search_best(problem: Problem, starts: list[FloatArray]) -> Found:
+    """Lowest minimum: a few steps from every start, and from the best two of different backlash to the end."""
+    first, *rest = sorted((_search(problem, start, SETTINGS.first_steps, _SEARCHED) for start in starts), key=_chi2)
+    limit = first.chi2 + SETTINGS.far_chi2
+    others = [other.z for other in rest if other.chi2 < limit and abs(np.log(other.z[0] / first.z[0])) > 0.03]
+    return min((_search(problem, z, SETTINGS.last_steps) for z in [first.z, *others[:1]]), key=_chi2)
+
+
+def _explore_nearby(problem: Problem, found: Found) -> Found:
+    """Look for a lower minimum beside one, where the teeth bounce once more or less."""
+    for _ in range(SETTINGS.probe_rounds):
+        covariance = _covariance(problem.slopes(found.z)[1])
+        sd = np.sqrt(covariance[0, 0])
+        best = found
+        for deviations in SETTINGS.probe_sds:
+            trial = found.z + deviations * (covariance[:, 0] / sd)
+            trial[0] = max(trial[0], LEAST_BACKLASH)
+            tried = _search(problem, trial, SETTINGS.probe_steps, _SEARCHED)
+            is_apart = abs(tried.z[0] - found.z[0]) > SETTINGS.probe_apart_sds * sd
+            if tried.chi2 < best.chi2 + SETTINGS.probe_hopeful_chi2 and is_apart:
+                tried = _search(problem, tried.z, SETTINGS.probe_steps)
+            if tried.chi2 < best.chi2 - 0.1:
+                best = tried
+        if best is found:
+            break
+        found = _search(problem, best.z, SETTINGS.last_steps)
+    return found
+
+
+@lru_cache(maxsize=8)
+def _draw_library(movement: Movement) -> tuple[FloatArray, NDArray[np.complex128]]:
+    """Unknowns to start from, and their turns' spectra."""
+    rng, size = np.random.default_rng(1), SETTINGS.library_size
+    z = np.tile(MEAN, (size, 1))
+    low, high = np.log(SETTINGS.library_backlash)
+    z[:, 0] = np.exp(rng.uniform(low, high, size))
+    z[:, 2] = SETTINGS.library_friction * np.abs(rng.standard_normal(size))
+    z[:, 3:_SEARCHED] = SETTINGS.library_ratio_sd * rng.standard_normal((size, SETTINGS.ratios_searched))
+    return z, _turn_spectra(rows_of(z), movement)
+
+
+def _turn_spectra(rows: FloatArray, movement: Movement) -> NDArray[np.complex128]:
+    """Spectra of joints' settled turns, kept beside the compiled code that simulates them for a second.
+
+    The name holds the code and the processor that it is compiled for: their last bits differ.
+    """
+    machine = cpu_target.target_context.codegen().magic_tuple()
+    made_from = hashlib.sha256(rows.tobytes() + repr((movement, CODE_HASH, machine)).encode()).hexdigest()[:16]
+    kept, content = Path(os.environ["NUMBA_CACHE_DIR"]) / f"turns-{made_from}.npy", io.BytesIO()
+    with suppress(OSError, EOFError, ValueError):  # not there yet, or broken off
+        return np.load(kept)
+    turns = settled_turns(rows, movement)
+    spectra = np.fft.rfft(turns, axis=1) / turns.shape[1]
+    np.save(content, spectra)
+    with suppress(OSError):
+        write_bytes(kept, content.getvalue())
+    return spectra
+
+
+def _choose_starts(harmonics: TurnHarmonics, movement: Movement) -> list[FloatArray]:
+    """Best starts of different backlash: the library's turns at their best phase."""
+    rounded = Movement(float(f"{movement.gear_ratio:.3g}"), float(f"{movement.turn_period_s:.3g}"))
+    z, spectra = _draw_library(rounded)
+    spectra, weight, phases = spectra[:, harmonics.order], harmonics.sd**-2, 512
+    product = np.zeros((len(z), phases), dtype=complex)
+    product[:, harmonics.order] = np.conj(spectra) * harmonics.coefficient * weight
+    overlap = np.fft.ifft(product, axis=1).real * phases  # at the phase -2 pi k / phases
+    best = overlap.argmax(axis=1)
+    misfit = (np.abs(spectra) ** 2 * weight).sum(axis=1) - 2 * overlap[np.arange(len(z)), best]
+    starts: list[FloatArray] = []
+    for k in np.argsort(misfit):
+        if np.isfinite(misfit[k]) and all(abs(np.log(z[k, 0] / other[0])) > SETTINGS.start_apart for other in starts):
+            starts.append(z[k].copy())
+            starts[-1][1] = -2 * np.pi * best[k] / phases
+        if len(starts) == SETTINGS.starts + SETTINGS.more_starts:
+            break
+    return starts

@@ -1,0 +1,96 @@
+"""What a record tells of the backlash: amplitude, energy, impact time and waveform."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from backlash.fitting import METHODS
+from backlash.fitting.global_fit import GlobalFit, global_fit
+from backlash.fitting.waveform import WaveformBank, match
+from replication.datasets import Recording
+from replication.identify import Protocol, paper_fit
+from replication.signature import signature
+
+
+@dataclass(frozen=True)
+class Reading:
+    """What one method read off a record."""
+
+    method: str  # one of `METHODS`, or "impact"
+    value: float  # |A| or RMS [rps], for "impact" t0 [s], for "waveform" the backlash [rad]
+    interval: tuple[float, float]  # 95 %, from the record's noise; for "paper" the spread of the searches
+    amplitude_rps: float
+    amplitude_interval_rps: tuple[float, float]
+    rmse_rps: float  # misfit of the signature, or of the waveform
+    turn_period_s: float  # T_f
+    at_bound: tuple[str, ...] = ()  # what lies at a bound of its search
+    shift_turns: float = 0.0  # for "waveform", the phase of the record against the bank
+
+
+def protocol_for(recording: Recording) -> Protocol:
+    """Scale the paper's protocol to a record: its turn period, as many turns as it lasts, windows in proportion."""
+    authors, period = Protocol(), recording.turn_period_s
+    turns = max(1, int(np.ceil((recording.t[-1] - recording.t[0]) / period - 1e-6)))
+    longest_window_s = authors.longest_window_s * period / authors.T_f
+    return Protocol(T_d=period / 2, T_f=period, turns=turns, longest_window_s=longest_window_s)
+
+
+def _energy(recording: Recording, fit: GlobalFit) -> tuple[float, tuple[float, float]]:
+    """RMS of the fitted signature over the whole turns from t0 on, and its 95 % interval [rps].
+
+    White noise of SD s in n samples moves it by s / sqrt(n), because only its part along the signature counts.
+    """
+    timing = replace(protocol_for(recording), T_f=fit.turn_period_s, T_d=fit.turn_period_s / 2).timing
+    since = (recording.t - fit.X[1]) / fit.turn_period_s
+    whole = (since >= 0) & (since < max(np.floor(since[-1] + 1 / recording.t.size), 1.0))
+    h = signature(recording.t, fit.X, timing)[whole]
+    rms, half_width = float(np.sqrt(np.mean(h**2))), 1.96 * fit.rmse / np.sqrt(h.size)
+    return rms, (max(rms - half_width, 0.0), rms + half_width)
+
+
+def _impact(recording: Recording, fit: GlobalFit) -> tuple[float, tuple[float, float]]:
+    """First instant t0 of the oscillation within half a turn [s], and the interval of half a turn in white noise."""
+    A, t0, tau, omega = fit.X[:4]
+    oscillations = 2 * (recording.t[-1] - recording.t[0]) / fit.turn_period_s
+    deviation = fit.rmse * np.sqrt(4 * tau * recording.sample_s / oscillations) / (abs(A) * omega)
+    value = float(t0 % (fit.turn_period_s / 2))
+    return value, (value - 1.96 * deviation, value + 1.96 * deviation)
+
+
+def read(
+    recording: Recording, method: str, bank: WaveformBank | None = None, repeats: int = 30, seed: int = 1
+) -> Reading:
+    """Value that a method reads off a record; "waveform" needs a bank, "paper" runs `repeats` searches from `seed` on.
+
+    "impact" needs records that all start at the same angle of the load.
+    """
+    if method not in (*METHODS, "impact") or (method == "waveform") != (bank is not None):
+        raise ValueError(f"method {method!r}: there are {', '.join(METHODS)}, and waveform alone needs a bank")
+    protocol = protocol_for(recording)
+    if method != "paper":
+        return reading_of_fit(recording, method, global_fit(recording, protocol), bank)
+    fits = [paper_fit(recording, protocol, seed + run) for run in range(repeats)]
+    amplitude = np.array([fit.amplitude_rps for fit in fits])
+    mean, spread = float(amplitude.mean()), 1.96 * float(amplitude.std(ddof=1)) if repeats > 1 else 0.0
+    interval, rmse = (max(mean - spread, 0.0), mean + spread), float(min(fit.rmse for fit in fits))
+    return Reading(method, mean, interval, mean, interval, rmse, recording.turn_period_s)
+
+
+def reading_of_fit(recording: Recording, method: str, fit: GlobalFit, bank: WaveformBank | None = None) -> Reading:
+    """Reading of a record whose global fit is there; "paper" takes its amplitude, which the searches look for."""
+    rmse, at_bound, shift = fit.rmse, fit.at_bound, 0.0
+    if method in ("paper", "amplitude"):
+        value, interval = fit.amplitude_rps, fit.amplitude_interval_rps
+    elif method == "energy":
+        value, interval = _energy(recording, fit)
+    elif method == "impact":
+        value, interval = _impact(recording, fit)
+    elif bank is None:
+        raise ValueError("waveform needs a bank")
+    else:
+        found = match(replace(recording, turn_period_s=fit.turn_period_s), bank)
+        value, interval, rmse, shift = found.delta_rad, found.interval_rad, found.rmse_rps, found.shift_turns
+        at_bound = ("backlash",) if found.at_end else ()
+    return Reading(
+        method, value, interval, fit.amplitude_rps, fit.amplitude_interval_rps, rmse, fit.turn_period_s, at_bound, shift
+    )

@@ -1,0 +1,184 @@
+"""The backlash of a joint that nobody calibrated: the whole simulated joint fitted to one log.
+
+A maximum a posteriori fit of the joint of notebook 3 to the harmonics of a record's mean turn. The posterior is taken
+as normal around its maximum (Laplace's approximation), mixed over how the speed was measured and what else may swing on
+the load, and widened by what the residual says.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.special import chdtrc
+
+from backlash.fitting import joint_posterior
+from backlash.fitting.harmonics import MODEL_ERROR, TurnHarmonics, turn_harmonics
+from backlash.fitting.joint_posterior import SMOOTHING_INDEX, Problem, ratios_of, rows_of
+from backlash.fitting.joint_search import Peak, find_joint, find_peak
+from backlash.fitting.second_mass import SecondMass, WeightedPeak, with_second_mass
+from backlash.fitting.turns import Movement, settled_turns
+from backlash.fitting.waveform import delayed
+from replication.arrays import FloatArray
+from replication.datasets import Recording
+from replication.simulator.checks import closed_loop_matrix
+from replication.simulator.parameters import joint_from_ratios
+
+# Beyond these there is no answer: residual (1 for noise alone), and noise in the ring's band over that above it.
+MOST_MISFIT, MOST_RING_NOISE = 1.6, 1.5
+# A record with hardly any noise shows the model's own error, up to this many times `harmonics.MODEL_ERROR`: the
+# identified joint itself leaves 1 to 3 % of the authors' noise-free records.
+MOST_MODEL_ERROR = 3.0
+# A drive whose inner workings stray from what is known of them as noise makes it in one log of a thousand is another.
+# Directions of which a log takes less than this from the prior's variance say nothing.
+_IMPROBABLE_DRIVE, _LEAST_INFORMATION = 1e-3, 0.05
+# Where the residual is as improbable as this, all that is left over may lie along the backlash too.
+_IMPROBABLE = 0.02
+NORMAL_95 = 1.96
+
+
+@dataclass(frozen=True, eq=False)
+class SelfFit:
+    """A joint fitted to a record, and what that says of its backlash."""
+
+    delta_rad: float
+    interval_rad: tuple[float, float]  # 95 %
+    sd_rad: float  # of the posterior, before it was widened for what the residual says
+    ring_hz: float  # slowest oscillation with the teeth in contact
+    damping: float  # its damping ratio
+    friction: float  # of the load over m g r
+    unknowns: FloatArray  # the posterior's maximum, in the order of `joint_posterior.UNKNOWNS`
+    covariance: FloatArray  # about it
+    misfit: float  # mean square of the whitened residual, 1 if right; of a quiet record, beyond the model's error
+    worst_phase: float  # where the joint fits worst [turns, from the load hanging down]
+    ring_noise_ratio: float  # see `harmonics.TurnHarmonics`
+    peaks: list[WeightedPeak]  # no second mass, then one of each ring
+    turn_rps: FloatArray  # fitted speed less its mean, at even phases from the record's first sample
+    refusal_reason: str = ""  # why this is no answer; empty if it is one
+
+
+def fit_joint(recording: Recording) -> SelfFit:
+    """Find the backlash, and the joint besides, from one log; ValueError where it is too short or too coarse."""
+    problem, harmonics = pose_problem(recording)
+    z, converged = find_joint(problem, harmonics)
+    residual = problem.residual(z)
+    chi2 = float(residual @ residual) if np.isfinite(residual).all() else np.inf
+    found: list[WeightedPeak] = []
+    peaks: list[WeightedPeak] = []
+    most, second = -np.inf, SecondMass(1.0, np.nan)
+    for weight, mean, sd in joint_posterior.MEASURED_AS.values():
+        peak = find_peak(problem, z, (mean, sd), chi2)
+        each = [(0.0, peak)]
+        if np.isfinite(peak.evidence):
+            each, clearest = with_second_mass(problem, peak)
+            if peak.evidence > most:
+                most, peaks, second = peak.evidence, each, clearest
+        found += [(np.log(weight) + prior, other) for prior, other in each]
+    return _result(problem, found, converged, harmonics, second, peaks)
+
+
+def pose_problem(recording: Recording) -> tuple[Problem, TurnHarmonics]:
+    """What a log asks of a joint, and the harmonics that it is made of."""
+    movement = Movement(float(recording.commanded_speed_rps * recording.turn_period_s), recording.turn_period_s)
+    harmonics = turn_harmonics(recording)
+    if harmonics.order.size < joint_posterior.SIZE:
+        raise ValueError(f"{recording.source}: sampled too coarsely, {harmonics.order.size} harmonics of the turn")
+    return Problem(harmonics, movement, recording.sample_s), harmonics
+
+
+def mix_peaks(found: Sequence[WeightedPeak]) -> tuple[Peak, FloatArray]:
+    """Most probable peak, moved to the mean of all, and the covariance about it, each weighed by its evidence."""
+    evidence = np.array([weight + peak.evidence for weight, peak in found])
+    if not np.isfinite(evidence.max()):
+        return found[0][1], found[0][1].covariance
+    share = np.exp(evidence - evidence.max())
+    share /= share.sum()
+    weighted = [(part, peak) for part, (_, peak) in zip(share, found, strict=True)]
+    mean = sum(part * peak.z for part, peak in weighted)
+    covariance = sum(part * (peak.covariance + np.outer(peak.z - mean, peak.z - mean)) for part, peak in weighted)
+    return replace(found[int(share.argmax())][1], z=mean), covariance
+
+
+def _result(
+    problem: Problem,
+    found: list[WeightedPeak],
+    converged: bool,
+    harmonics: TurnHarmonics,
+    second: SecondMass,
+    peaks: list[WeightedPeak],
+) -> SelfFit:
+    peak, covariance = mix_peaks(found)
+    z, residual = peak.z, peak.residual
+    chi2, freedom = float(residual @ residual), residual.size - joint_posterior.SIZE
+    scatter = max(chi2 / freedom, 1.0)
+    misfit = chi2 / freedom / (float(min(scatter, MOST_MODEL_ERROR**2)) if harmonics.is_quiet else 1.0)
+    delta, sd = float(z[0] * joint_posterior.UNIT_RAD), float(np.sqrt(covariance[0, 0]) * joint_posterior.UNIT_RAD)
+    left_over = chi2 - freedom if chdtrc(freedom, chi2) < _IMPROBABLE else 0.0
+    half = NORMAL_95 * sd * float(np.sqrt(1 + left_over))
+    if harmonics.is_quiet:  # the speed's part from backlash grows with it, and so may what the model gets wrong
+        half = float(np.hypot(half, MOST_MODEL_ERROR * MODEL_ERROR * delta))
+    turn = settled_turns(rows_of(z[None]), problem.movement, problem.error_order, problem.lead, peak.differencing)[0]
+    phase = z[1] / (2 * np.pi)
+    ring, damping = _slowest_ring(z, problem.movement)
+    if not (converged and peak.converged and np.isfinite(misfit) and np.isfinite(sd)):
+        refusal = "the search for the joint does not end"
+    else:
+        refusal = _refusal_reason(misfit, harmonics.ring_noise_ratio, _drive_prior_p(peak, scatter), second)
+    interval, worst_phase = (max(delta - half, 0.0), delta + half), _worst_phase(problem, residual, phase)
+    turn = delayed(turn - turn.mean(), -phase)
+    return SelfFit(
+        delta, interval, sd, ring, damping, float(z[2]), z, covariance, misfit, worst_phase,
+        harmonics.ring_noise_ratio, peaks, turn, refusal,
+    )  # fmt: skip
+
+
+def _refusal_reason(misfit: float, ring_noise_ratio: float, drive_p: float, second: SecondMass) -> str:
+    """Why a fit that has ended is no answer; empty if it is one."""
+    if ring_noise_ratio > MOST_RING_NOISE:
+        return (
+            f"turns do not repeat themselves (noise in the ring's band {ring_noise_ratio:.1f} times that above it): "
+            "the drive hardly damps, or something else moves"
+        )
+    if misfit > MOST_MISFIT:
+        return f"no joint of the paper's kind makes this record (residual {misfit:.1f} times the noise's)"
+    if second.chance < _IMPROBABLE_DRIVE:
+        return f"something else swings on the load (near {second.ring_hz:.0f} Hz)"
+    if drive_p < _IMPROBABLE_DRIVE:
+        return "the drive is not of the paper's kind (its inner workings stray from what is known of them)"
+    return ""
+
+
+def _drive_prior_p(peak: Peak, scatter: float) -> float:
+    """Probability that the drive's inner workings, as the log tells them, stray so far from what was known."""
+    if not (np.isfinite(peak.covariance).all() and np.isfinite(scatter)):
+        return 0.0
+    known = slice(SMOOTHING_INDEX - joint_posterior.DRIVE_UNKNOWNS, SMOOTHING_INDEX)
+    prior_sd = joint_posterior.SD[known]
+    # In units of the prior's SD, the posterior's centre has the variance that the log takes from the prior's.
+    centre, relative = peak.z[known] / prior_sd, peak.covariance[known, known] / np.outer(prior_sd, prior_sd)
+    information, axes = np.linalg.eigh(np.eye(prior_sd.size) - relative)
+    seen = information > _LEAST_INFORMATION
+    square = float(((axes.T @ centre)[seen] ** 2 / information[seen]).sum()) / scatter
+    return float(chdtrc(max(int(seen.sum()), 1), square))
+
+
+def _worst_phase(problem: Problem, residual: FloatArray, phase: float) -> float:
+    """Phase of the turn at which the residual is largest."""
+    real, imaginary = residual[: 2 * problem.order.size].reshape(2, -1)
+    spectrum = np.zeros(257, dtype=complex)
+    inside = problem.order < spectrum.size
+    spectrum[problem.order[inside]] = ((real + 1j * imaginary) * problem.sd)[inside]
+    return float((np.abs(np.fft.irfft(spectrum)).argmax() / 512 + phase) % 1.0)
+
+
+def _slowest_ring(z: FloatArray, movement: Movement) -> tuple[float, float]:
+    """Frequency [Hz] and damping ratio of the slowest oscillation in contact; NaN if there is none."""
+    ratios = ratios_of(z) | {"lead_s": 0.0}
+    joint = joint_from_ratios(ratios, gear_ratio=movement.gear_ratio, speed_by_differencing=True)
+    values = np.linalg.eigvals(closed_loop_matrix(joint)).astype(complex)
+    modes = np.log(values[np.abs(values) > 0]) / joint.control_period_s
+    # A slower oscillation than 2 Hz is the drive's.
+    rings = modes[(modes.imag > 2 * np.pi * 2.0) & (modes.real < 0)]
+    if rings.size == 0:
+        return np.nan, np.nan
+    slowest = rings[rings.imag.argmin()]
+    return float(slowest.imag / (2 * np.pi)), float(-slowest.real / np.abs(slowest))

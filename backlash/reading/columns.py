@@ -1,0 +1,186 @@
+"""Which columns of a log's table are what, in which units: names, options and numbers."""
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+
+from backlash.reading import UNITS
+from backlash.reading.tables import UnusableLog
+from replication.arrays import FloatArray
+
+PER_TURN = {"rps": 1.0, "rpm": 60.0, "rad/s": 2 * np.pi, "turns": 1.0, "rad": 2 * np.pi, "deg": 360.0, "deg/s": 360.0}
+_SECONDS = {"s": 1.0, "sec": 1.0, "seconds": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "ns": 1e-9, "min": 60.0}
+_UNIT_NAMES = {
+    "rps": "rps", "rev/s": "rps", "1/s": "rps", "rpm": "rpm", "rev/min": "rpm", "1/min": "rpm", "rad/s": "rad/s",
+    "radps": "rad/s", "counts": "counts", "counts/s": "counts", "count": "counts", "cnt": "counts", "ticks": "counts",
+    "rad": "rad", "deg": "deg", "°": "deg", "deg/s": "deg/s", "°/s": "deg/s", "turns": "turns", "rev": "turns",
+}  # fmt: skip
+_POSITIVE = {
+    "counts_per_turn": "--counts-per-turn", "commanded_speed_rps": "--commanded-speed",
+    "turn_period_s": "--turn-period", "gear_ratio": "--gear-ratio",
+}  # fmt: skip
+_TIME_NAMES = {"t", "time", "timestamp", "zeit", "tempo", "clock", "date", "datetime", *_SECONDS}
+_SPEED_NAMES = {"v", "speed", "velocity", "vel", "omega", "rpm", "rps", "geschwindigkeit", "drehzahl", "velocità"}
+_POSITION_NAMES = {"position", "pos", "angle", "theta", "encoder", "counts", "phi", "turns"}
+
+
+@dataclass(frozen=True)
+class LogFormat:
+    """What the user says of a log; None is left to be found.
+
+    Columns go by name or by number from 1; `turn_period_s` or `gear_ratio` is needed.
+    """
+
+    time: str | None = None
+    speed: str | None = None  # of the motor
+    position: str | None = None  # of the motor, instead of its speed
+    unit: str | None = None  # of the speed, one of `UNITS`; of a position the turns, radians or counts that go with it
+    counts_per_turn: float | None = None  # of the encoder, in a motor turn
+    commanded_speed_rps: float | None = None  # of the motor
+    turn_period_s: float | None = None  # of the load
+    gear_ratio: float | None = None  # motor turns in a load turn
+    usual_speed_rps: float | None = None  # of the calibration's logs; only a wrong unit is judged by it
+
+    def __post_init__(self):
+        """Refuse what no log could be read with, in one line."""
+        for name, option in _POSITIVE.items():
+            value = getattr(self, name)
+            if value is not None and not (np.isfinite(value) and value > 0):
+                raise UnusableLog(f"{option} {value:g}: give a finite number above 0")
+        if self.turn_period_s is None and self.gear_ratio is None:
+            raise UnusableLog("the load's turn is not known: give --turn-period (in s) or --gear-ratio")
+        if self.speed is not None and self.position is not None:
+            raise UnusableLog("--speed and --position: give one of them")
+        if self.unit is not None and self.unit not in UNITS:
+            raise UnusableLog(f"--unit {self.unit}: there are {', '.join(UNITS)}")
+
+    @property
+    def expected_speed_rps(self) -> float | None:
+        """Motor speed that the rest implies [rps]."""
+        if self.commanded_speed_rps is None and self.gear_ratio and self.turn_period_s:
+            return self.gear_ratio / self.turn_period_s
+        return self.commanded_speed_rps
+
+    def period_s(self, speed_rps: float) -> float:
+        """Period of a load turn [s]: the one given, or by the gear ratio at a motor speed."""
+        return self.turn_period_s or (self.gear_ratio or np.nan) / speed_rps
+
+
+def _plain(column: str) -> tuple[str, str]:
+    """Name of a column in lower case without its unit, and the unit: from "Motor speed [rpm]" and "speed_rpm"."""
+    text = column.strip().lower()
+    bracketed = re.fullmatch(r"(.*?)[\s_]*[\[(<](.*)[\])>]", text)
+    if bracketed:
+        return bracketed[1], bracketed[2].strip()
+    words = re.split(r"[\s_]+", text)
+    if len(words) > 1 and words[-1] in _UNIT_NAMES | _SECONDS:
+        return " ".join(words[:-1]), words[-1]
+    return text, text if text in _UNIT_NAMES | _SECONDS else ""
+
+
+def _listed(columns: Sequence[str]) -> str:
+    return ", ".join(map(repr, columns))[:300]
+
+
+def _given_column(columns: Sequence[str], given: str) -> str:
+    """Find a column by its name, or by its number from 1."""
+    if given in columns:
+        return given
+    same = [column for column in columns if column.lower() == given.lower()]
+    if len(same) == 1:
+        return same[0]
+    if given.isdigit() and 1 <= int(given) <= len(columns):
+        return columns[int(given) - 1]
+    raise UnusableLog(f"no column {given!r}; there are {_listed(columns)}")
+
+
+def _column_like(columns: Sequence[str], names: set[str], what: str) -> str | None:
+    """Find the only column, or the motor's, that is called one of `names` or has one in its name."""
+    words = {column: set(re.split(r"[\s_./]+", _plain(column)[0])) for column in columns}
+    exact = [column for column in columns if _plain(column)[0] in names]
+    fitting = exact or [column for column in columns if words[column] & names]
+    fitting = [column for column in fitting if "motor" in words[column]] or fitting
+    if len(fitting) > 1:
+        raise UnusableLog(f"which column is the {what}: {_listed(fitting)}? give --{what}")
+    return fitting[0] if fitting else None
+
+
+def choose_columns(table: pd.DataFrame, form: LogFormat) -> tuple[str, str, bool]:
+    """Columns of time and of speed or position, and whether it is a position."""
+    columns = list(table.columns)
+    if len(columns) < 2:
+        raise UnusableLog("one column; a log needs time and motor speed, or time and position")
+    given = form.speed or form.position
+    nameless = all(column.isdigit() for column in columns)
+    if nameless and given is None:
+        if len(columns) > 2:
+            raise UnusableLog(f"{len(columns)} columns without names; give --time and --speed by number")
+        return columns[0], columns[1], False
+    given_time = form.time or ("1" if nameless else None)
+    time = _given_column(columns, given_time) if given_time else _column_like(columns, _TIME_NAMES, "time")
+    if time is None:
+        raise UnusableLog(f"no column of time among {_listed(columns)}; give --time")
+    if given is not None:
+        column = _given_column(columns, given)
+        if column == time:
+            raise UnusableLog(f"column {column!r} cannot be both the time and the signal")
+        return time, column, form.position is not None
+    rest = [column for column in columns if column != time]
+    speed = _column_like(rest, _SPEED_NAMES, "speed")
+    signal = speed or _column_like(rest, _POSITION_NAMES, "position")
+    if signal is None:
+        raise UnusableLog(f"no column of speed or position among {_listed(columns)}; give --speed")
+    return time, signal, speed is None
+
+
+def numbers(table: pd.DataFrame, column: str) -> FloatArray:
+    """A column as finite numbers."""
+    values = table[column]
+    found = pd.to_numeric(values, errors="coerce").to_numpy(dtype=float, na_value=np.nan)
+    bad = np.flatnonzero(~np.isfinite(found))
+    if bad.size:
+        cell = values.iloc[bad[0]]
+        what = "is missing or not a number (NaN)" if pd.isna(cell) else f"is {str(cell)[:40]!r}, no finite number"
+        raise UnusableLog(f"{column} {what}; mend or cut the log there", table.index[bad[0]])
+    if np.abs(found).max(initial=0.0) > 1e30:
+        raise UnusableLog(f"{column} has values above 1e30; that is no measurement")
+    return found
+
+
+def seconds(table: pd.DataFrame, column: str) -> tuple[FloatArray, tuple[str, ...]]:
+    """Time stamps [s] from the first one on, from date-times too, and a note on their unit."""
+    values = table[column]
+    if not pd.api.types.is_numeric_dtype(values):
+        dates = pd.to_datetime(values, errors="coerce", utc=True, format="ISO8601")
+        if dates.notna().mean() > 0.5:
+            if dates.isna().any():
+                row = table.index[np.flatnonzero(dates.isna())[0]]
+                raise UnusableLog(f"{column} is no date-time; mend or cut the log there", row)
+            return (dates - dates.iloc[0]).dt.total_seconds().to_numpy(dtype=float), ()
+    stamps = numbers(table, column)
+    unit = _plain(column)[1]
+    scale = _SECONDS.get(unit, 1.0)
+    notes = () if scale == 1.0 else (f"time stamps read in {unit}",)
+    return (scale * (stamps - stamps[0]) if stamps.size else stamps), notes
+
+
+def units_per_turn(column: str, is_position: bool, form: LogFormat) -> tuple[float, tuple[str, ...]]:
+    """How many of the column's units a motor turn, or a turn a second, has, and a note if that is a guess."""
+    said = _UNIT_NAMES.get(_plain(column)[1])
+    if said and form.unit and PER_TURN.get(said, 0.0) != PER_TURN.get(form.unit, 0.0):
+        raise UnusableLog(f"column {column!r} says {said}, --unit says {form.unit}; leave --unit out, or rename")
+    unit = form.unit or said
+    if unit is None and is_position:
+        raise UnusableLog(f"the unit of {column!r} is not known; give --unit (rps for turns, rad/s for rad)")
+    if unit is None:
+        return 1.0, ("unit of the speed not said: taken as rps",)
+    if unit == "counts":
+        if form.counts_per_turn is None:
+            raise UnusableLog("counts need the encoder's counts of a motor turn; give --counts-per-turn")
+        return form.counts_per_turn, ()
+    if is_position and unit == "rpm":
+        raise UnusableLog("a position has no unit rpm; give --unit rps for turns, rad/s for rad, or counts")
+    return PER_TURN[unit], ()

@@ -1,0 +1,247 @@
+"""From a log file to a table of columns: CSV, Parquet and XLSX.
+
+Log files are untrusted input: their kind is told by content, and size and archive headers are verified.
+"""
+
+import io
+import re
+import warnings
+import zipfile
+from collections.abc import Callable, Sequence
+from contextlib import closing
+from pathlib import Path
+from stat import S_ISDIR, S_ISREG
+
+import numpy as np
+import pandas as pd
+
+# An hour at 500 Hz is 1.8 million rows, and a log needs some 5 s of it.
+MOST_ROWS = 2_000_000
+MOST_BYTES = 64 * 2**20
+MOST_COLUMNS = 64
+# What a workbook of that size may unpack to; its XML takes some 100 bytes a cell.
+MOST_UNPACKED_BYTES = 512 * 2**20
+MOST_ZIP_MEMBERS = 1000
+_LONGEST_LINE = 2**16
+_CUT = "cut it to the test movement, a minute at most"
+
+_NOT_READ = {
+    b"\xd0\xcf\x11\xe0": "an old Excel file, which may hold macros; save it as .xlsx or CSV",
+    b"\x1f\x8b": "compressed; unpack it first",
+    b"%PDF": "a PDF; export the log as CSV",
+}
+_UTF16 = (b"\xff\xfe", b"\xfe\xff")
+_DIALECTS = (*((delimiter, mark) for delimiter in "\t;|" for mark in ".,"), (",", "."), (r"\s+", "."), (r"\s+", ","))
+_DATE = re.compile(r"\d{4}-\d\d-\d\d[T ]\d\d:\d\d(:\d\d([.,]\d+)?)?(Z|[+-]\d\d:?\d\d)?")
+_NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?|[+-]?(nan|inf|infinity)", re.IGNORECASE)
+_UNIT_WORD = re.compile(r"[\[(<]?\s*[A-Za-z°µ%/.^\-0-9]{0,8}\s*[\])>]?")
+
+
+class UnusableLog(ValueError):
+    """A file that no answer can be had from; the message is one line: what is wrong, where, what to do."""
+
+    exit_status = 2
+
+    def __init__(self, problem: str, row: int | None = None):
+        self.row = row
+        super().__init__(" ".join((problem if row is None else f"row {row}: {problem}").split()))
+
+    def in_file(self, name: str) -> "UnusableLog":
+        """The same refusal with the file's name before it."""
+        return UnusableLog(f"{name}: {self}" if self.row is None else f"{name}, {self}")
+
+
+def read_table(path: Path) -> pd.DataFrame:
+    """Columns of a CSV, Parquet or XLSX file by name, or from 1 without a header; the index is the file's row."""
+    try:
+        return _reader_of(path)(path)
+    except FileNotFoundError as error:
+        raise UnusableLog("no such file; check the name") from error
+    except PermissionError as error:
+        raise UnusableLog("no permission to read it; ask its owner for it") from error
+    except OSError as error:
+        raise UnusableLog(f"cannot be read ({error.strerror or error}); check the file") from error
+    except MemoryError as error:
+        raise UnusableLog("too large for this machine's memory; cut it to the test movement") from error
+
+
+def _reader_of(path: Path) -> Callable[[Path], pd.DataFrame]:
+    """Choose the reader by a file's first bytes, having checked that it is one of bearable size."""
+    try:
+        status = path.stat()
+    except ValueError as error:  # a name that no file can have
+        raise UnusableLog(f"cannot be read ({error}); check the name") from error
+    if S_ISDIR(status.st_mode):
+        raise UnusableLog("a folder where a log file is needed; name a file in it")
+    if not S_ISREG(status.st_mode):
+        raise UnusableLog("not a regular file; copy the log into one")
+    if status.st_size == 0:
+        raise UnusableLog("the file is empty; export the log again")
+    with path.open("rb") as file:
+        head = file.read(_LONGEST_LINE)
+    if head.startswith(b"PAR1"):
+        return _read_parquet
+    if status.st_size > MOST_BYTES:
+        size = f"{status.st_size / 2**20:.0f} MiB, above the {MOST_BYTES // 2**20} MiB that are read"
+        raise UnusableLog(f"{size}; {_CUT}")
+    for magic, what in _NOT_READ.items():
+        if head.startswith(magic):
+            raise UnusableLog(what)
+    if head.startswith(b"PK"):
+        return _read_workbook
+    if b"\0" in head and not head.startswith(_UTF16):
+        raise UnusableLog("neither text nor Parquet nor a workbook; export the log as CSV")
+    return _read_text
+
+
+def _check_size(rows: int, columns: int) -> None:
+    if rows > MOST_ROWS:
+        raise UnusableLog(f"more than {MOST_ROWS:,} rows; {_CUT}")
+    if columns > MOST_COLUMNS:
+        raise UnusableLog(f"more than {MOST_COLUMNS} columns; export time and speed alone")
+
+
+def _named(frame: pd.DataFrame, above: Sequence[Sequence[str]], first: int) -> pd.DataFrame:
+    """Name columns by the rows above the numbers, number rows as the file does, and drop blank rows and columns."""
+    _check_size(*frame.shape)
+    names = [name or str(number + 1) for number, name in enumerate(_header_names(above, frame.shape[1]))]
+    frame.columns = [name if names.count(name) == 1 else f"{name} ({k + 1})" for k, name in enumerate(names)]
+    frame.index = frame.index + first + 1
+    return frame.dropna(how="all").dropna(how="all", axis=1)
+
+
+def _header_names(rows: Sequence[Sequence[str]], columns: int) -> list[str]:
+    """Names of the columns from the rows above the numbers; a row of units goes to the row of names above it."""
+    fitting = [[str(field).strip().strip('"') for field in row] for row in rows if len(row) == columns]
+    names = fitting[-1] if fitting else [""] * columns
+    if len(fitting) > 1 and all(_UNIT_WORD.fullmatch(field) for field in names):
+        units = [unit.strip("[]()") for unit in names]
+        if any(len(field) > len(unit) for field, unit in zip(fitting[-2], units, strict=True)):
+            names = [f"{field} [{unit}]" for field, unit in zip(fitting[-2], units, strict=True)]
+    return names
+
+
+def _split(line: str, delimiter: str) -> list[str]:
+    return line.split() if delimiter == r"\s+" else [field.strip() for field in line.split(delimiter)]
+
+
+def _count_numbers(line: str, delimiter: str, decimal: str) -> int:
+    """How many fields of a line are numbers or date-times."""
+    fields = [field.strip().strip('"') for field in _split(line, delimiter)]
+    return sum(bool(_NUMBER.fullmatch(field.replace(decimal, ".")) or _DATE.fullmatch(field)) for field in fields)
+
+
+def _find_dialect(lines: Sequence[str]) -> tuple[str, str]:
+    """Delimiter and decimal mark that read most lines as two numbers or more."""
+    best, most = None, 0.0
+    for dialect in _DIALECTS:
+        counts = [_count_numbers(line, *dialect) for line in lines]
+        score = sum(count >= 2 for count in counts) + 1e-3 * sum(min(count, 10) for count in counts)
+        if score > most and max(counts) >= 2:
+            best, most = dialect, score
+    if best is None:
+        raise UnusableLog("no rows with two numbers (header only, or no table); export the log again")
+    return best
+
+
+def _read_text(path: Path) -> pd.DataFrame:
+    content = path.read_bytes()
+    try:
+        text = content.decode("utf-8-sig")
+    except UnicodeDecodeError:  # Latin-1 takes any bytes
+        text = content.decode("utf-16" if content.startswith(_UTF16) else "latin-1", errors="replace")
+    head = re.split(r"\r\n|\r|\n", text[:_LONGEST_LINE])[:400]
+    if len(head) < 2 and len(text) >= _LONGEST_LINE:
+        raise UnusableLog(f"its first line is longer than {_LONGEST_LINE} characters; that is no log")
+    filled = [(number, line.lstrip("#").strip()) for number, line in enumerate(head) if line.strip("#,;\t \r")]
+    if not filled:
+        raise UnusableLog("nothing but blank lines; export the log again")
+    delimiter, decimal = _find_dialect([line for _, line in filled[-50:]])
+    first = next(number for number, line in filled if _count_numbers(line, delimiter, decimal) >= 2)
+    above = [_split(line, delimiter) for number, line in filled if number < first]
+    try:
+        frame = pd.read_csv(
+            io.StringIO(text), sep=delimiter, decimal=decimal, header=None, skiprows=first, nrows=MOST_ROWS + 1,
+            skip_blank_lines=False, skipinitialspace=True, low_memory=False,
+        )  # fmt: skip
+    except (ValueError, pd.errors.ParserError, OverflowError) as error:
+        raise UnusableLog(f"not a table ({error}); export the log again") from error
+    return _named(frame, above, first)
+
+
+def _read_parquet(path: Path) -> pd.DataFrame:
+    try:
+        from pyarrow import ArrowException
+        from pyarrow.parquet import ParquetFile
+    except ImportError as error:
+        needed = "pyarrow; pip install 'backlash-replication[fleet]', or export CSV"
+        raise UnusableLog(f"reading Parquet needs {needed}") from error
+    # Text and nested columns hold no speed, and may unpack to anything.
+    numeric = ("int", "uint", "float", "double", "halffloat", "timestamp", "decimal")
+    try:
+        with ParquetFile(path) as file:
+            flat = [field.name for field in file.schema_arrow if str(field.type).startswith(numeric)]
+            _check_size(file.metadata.num_rows, len(flat))
+            if len(set(flat)) != len(flat):
+                raise UnusableLog("two columns have one name; export the log again")
+            frame = file.read(columns=flat).to_pandas(ignore_metadata=True)
+    except UnusableLog:
+        raise
+    except (ArrowException, ValueError, TypeError, OverflowError) as error:
+        raise UnusableLog(f"a broken Parquet file ({error}); export the log again") from error
+    frame.index = np.arange(1, len(frame) + 1)
+    return frame
+
+
+def _inspect_workbook(path: Path) -> None:
+    """See by its directory that a workbook is one, without macros and not too large; no part unpacks to more."""
+    refused = "a zip archive that is no plain workbook"
+    with zipfile.ZipFile(path) as bundle:
+        members = bundle.infolist()
+        names = {member.filename for member in members}
+        if "xl/workbook.xml" not in names:
+            raise UnusableLog(f"{refused} (it has no xl/workbook.xml); unpack it, or save the log as CSV")
+        declared = sum(member.file_size for member in members)
+        if len(members) > MOST_ZIP_MEMBERS or declared > MOST_UNPACKED_BYTES:
+            size = f"{declared / 2**20:,.0f} MiB, above {MOST_UNPACKED_BYTES // 2**20}"
+            parts = f"{refused}: {len(members)} parts that unpack to {size}"
+            raise UnusableLog(f"{parts}; save the test movement alone, as CSV")
+        macros = any(name.lower().endswith("vbaproject.bin") for name in names)
+        if macros or b"macroEnabled" in bundle.read("[Content_Types].xml"):
+            raise UnusableLog("a workbook with macros; save it as .xlsx without them")
+
+
+def _workbook_rows(path: Path) -> list[tuple]:
+    """Rows of a workbook's first sheet, blank ones too; formulas by stored results (defusedxml refuses entities)."""
+    from openpyxl import load_workbook
+
+    rows: list[tuple] = []
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        with closing(load_workbook(path, read_only=True, data_only=True, keep_links=False)) as book:
+            book.worksheets[0].reset_dimensions()
+            for row in book.worksheets[0].iter_rows(values_only=True):
+                rows.append(row)
+                _check_size(len(rows), len(row))
+    return rows
+
+
+def _read_workbook(path: Path) -> pd.DataFrame:
+    try:
+        _inspect_workbook(path)
+        rows = _workbook_rows(path)
+    except UnusableLog:
+        raise
+    except Exception as error:  # whatever hostile bytes make zipfile, the XML parser or openpyxl raise
+        raise UnusableLog(f"not a readable workbook ({type(error).__name__}: {error}); save the log as CSV") from error
+    first = next((number for number, row in enumerate(rows) if sum(map(_is_number, row)) >= 2), None)
+    if first is None:
+        raise UnusableLog("no rows with two numbers in its first sheet; export the log again")
+    frame = pd.DataFrame(rows[first:])
+    above = [["" if cell is None else str(cell) for cell in row] for row in rows[:first]]
+    above = [[*row, *[""] * (frame.shape[1] - len(row))] for row in above if any(row)]
+    return _named(frame, above, first)
+
+
+def _is_number(cell: object) -> bool:
+    return (isinstance(cell, int | float) and not isinstance(cell, bool)) or hasattr(cell, "year")

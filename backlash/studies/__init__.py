@@ -1,0 +1,1 @@
+"""What the notebooks beyond the paper compute."""

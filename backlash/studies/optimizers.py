@@ -1,0 +1,275 @@
+"""CMA-ES, with other populations and restarts, against swarm algorithms and classical methods.
+
+The swarms are NiaPy's (the optional extra `studies`), the classical methods SciPy's. All minimise the paper's cost in
+the box of the authors' notebook, and stop when they find the best basin or have spent the budget.
+"""
+
+import contextlib
+import math
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from importlib.util import find_spec
+from itertools import count, repeat
+
+import numpy as np
+import pandas as pd
+from joblib import Parallel, delayed
+from scipy import optimize, stats
+
+from backlash.fitting.folding import projected_rmse
+from backlash.fitting.global_fit import global_fit
+from replication.arrays import FloatArray
+from replication.compiled.misfit import population_rmse, residual
+from replication.datasets import Recording, load_noisy
+from replication.identify import Protocol, protocol_box
+from replication.search import generations, search
+from replication.signature import FREE_PARAMETERS, Box
+from replication.statistics import rate_columns
+from replication.table2 import AUTHORS, BASIN_GAP, table2_levels
+
+BUDGET, POPULATION = 60_000, 300  # what the authors' notebook spends: 300 members in 200 generations
+OWN_POPULATION = 4 + int(3 * math.log(7))  # what CMA-ES takes by itself for seven parameters
+RUNS_PER_RECORD = 10
+LEVELS = (2, 6, 11)  # Table 2's first, middle and last row, realisation R = 1
+SWARMS = {
+    "particle swarm": "ParticleSwarmAlgorithm",
+    "artificial bee colony": "ArtificialBeeColonyAlgorithm",
+    "grey wolf": "GreyWolfOptimizer",
+    "bat": "BatAlgorithm",
+}
+
+
+class SearchEnded(Exception):
+    """The budget is spent, or the best basin found."""
+
+
+class Cost:
+    """The paper's cost, counting evaluations; raises `SearchEnded` when there is no more to do."""
+
+    def __init__(
+        self, recording: Recording, target: float, budget: int, protocol: Protocol = AUTHORS, projected: bool = False
+    ):
+        self.recording, self.timing, self.target, self.budget = recording, protocol.timing, target, budget
+        self.box = protocol_box(recording, protocol)
+        self.best, self.evaluations = math.inf, 0
+        self._misfits: Callable[[FloatArray], FloatArray]
+        self._misfits = lambda X: population_rmse(recording.t, recording.v, X, protocol.timing)
+        if projected:  # A and v_t are linear: the search is over the others alone
+            kept = [name not in ("A_rps", "v_t_rps") for name in FREE_PARAMETERS]
+            self._misfits = projected_rmse(recording.t, recording.v, protocol.timing, self.box.upper[0])
+            self.box = Box(self.box.lower[kept], self.box.upper[kept])
+
+    def of_members(self, X: FloatArray) -> FloatArray:
+        """Misfits [rps] of a population of shape (members, parameters), in the box's own units."""
+        misfits = self._misfits(X)
+        self._count(float(misfits.min()), misfits.size)
+        return misfits
+
+    def __call__(self, unit: FloatArray) -> float:
+        """Misfit [rps] at a point of the unit cube."""
+        return float(self.of_members(self._in_box(unit)[None])[0])
+
+    def residuals(self, unit: FloatArray) -> FloatArray:
+        """Residuals over the root of their number, whose norm is the misfit: what least squares takes."""
+        found = residual(self.recording.t, self.recording.v, self._in_box(unit), self.timing)
+        found /= math.sqrt(found.size)
+        self._count(math.sqrt(found @ found), 1)
+        return found
+
+    def _in_box(self, unit: FloatArray) -> FloatArray:
+        return self.box.lower + np.clip(unit, 0.0, 1.0) * (self.box.upper - self.box.lower)
+
+    def _count(self, misfit: float, evaluations: int) -> None:
+        self.evaluations += evaluations
+        self.best = min(self.best, misfit)
+        if self.best <= self.target or self.evaluations >= self.budget:
+            raise SearchEnded
+
+
+# A way to search: spends a cost with a seed.
+Method = Callable[[Cost, int], None]
+# Population and breadth of each search in turn, from the first population and a generator.
+Schedule = Callable[[int, np.random.Generator], Iterable[tuple[int, float]]]
+
+
+def _covariance(schedule: Schedule, first: int) -> Method:
+    """CMA-ES from the middle of the box, each search of a schedule until its stop rule or the end."""
+
+    def run(cost: Cost, seed: int) -> None:
+        generator = np.random.default_rng(seed)
+
+        def normals(*shape: int) -> FloatArray:
+            return generator.standard_normal(shape)
+
+        for population, breadth in schedule(first, generator):
+            search(generations(cost.of_members, cost.box, normals, population, breadth), cost.budget)
+
+    return run
+
+
+def _once(population: int, _: np.random.Generator) -> Iterator[tuple[int, float]]:
+    yield population, 1.0
+
+
+def _repeated(population: int, _: np.random.Generator) -> Iterator[tuple[int, float]]:
+    return repeat((population, 1.0))
+
+
+def _ipop(population: int, _: np.random.Generator) -> Iterator[tuple[int, float]]:
+    """Auger and Hansen 2005: each search has twice the population of the one before."""
+    return ((population * 2**k, 1.0) for k in count())
+
+
+def _bipop(population: int, generator: np.random.Generator) -> Iterator[tuple[int, float]]:
+    """Hansen 2009, by turns: a growing population, and a small one with a narrow start."""
+    yield population, 1.0
+    for k in count(1):
+        yield population * 2**k, 1.0
+        small = population * (2**k / 2) ** (generator.random() ** 2)
+        yield int(small), float(10 ** (-2 * generator.random()))
+
+
+def _swarm(algorithm: str, population: int | None) -> Method:
+    """One of NiaPy's swarms, its settings but for the population left alone."""
+    settings = {} if population is None else {"population_size": population}
+
+    def run(cost: Cost, seed: int) -> None:
+        from niapy.algorithms import basic
+        from niapy.problems import Problem
+        from niapy.task import Task
+
+        class UnitCube(Problem):
+            def _evaluate(self, x: FloatArray) -> float:
+                return cost(x)
+
+        getattr(basic, algorithm)(seed=seed, **settings).run(Task(UnitCube(cost.box.lower.size, 0.0, 1.0)))
+
+    return run
+
+
+def _restarted(descend: Callable[[Cost, FloatArray], object]) -> Method:
+    """A local method from random points of the box, over and over."""
+
+    def run(cost: Cost, seed: int) -> None:
+        generator = np.random.default_rng(seed)
+        while True:
+            descend(cost, generator.random(cost.box.lower.size))
+
+    return run
+
+
+def _minimize(method: str) -> Method:
+    return _restarted(lambda cost, start: optimize.minimize(cost, start, method=method, bounds=[(0, 1)] * start.size))
+
+
+def _rectangles(cost: Cost, seed: int) -> None:
+    optimize.direct(cost, [(0, 1)] * cost.box.lower.size, maxfun=2 * cost.budget, maxiter=cost.budget, vol_tol=0)
+
+
+# Each with its kind; the last are ways to restart CMA-ES, with fewer dimensions where projected.
+METHODS: dict[str, tuple[str, Method]] = {
+    "CMA-ES, population 300": ("CMA-ES", _covariance(_once, POPULATION)),
+    "CMA-ES, its own population": ("CMA-ES", _covariance(_once, OWN_POPULATION)),
+    "CMA-ES, its own population, restarts doubling it": ("CMA-ES", _covariance(_ipop, OWN_POPULATION)),
+    **{f"{name}, population 300": ("swarm", _swarm(algorithm, POPULATION)) for name, algorithm in SWARMS.items()},
+    **{f"{name}, its own population": ("swarm", _swarm(algorithm, None)) for name, algorithm in SWARMS.items()},
+    "least squares, restarted": (
+        "classical",
+        _restarted(lambda cost, start: optimize.least_squares(cost.residuals, start, bounds=(0, 1))),
+    ),
+    "L-BFGS-B, restarted": ("classical", _minimize("L-BFGS-B")),
+    "Nelder-Mead, restarted": ("classical", _minimize("Nelder-Mead")),
+    "DIRECT": ("deterministic", _rectangles),
+    "population 300 (the authors'), restarted": ("restarts", _covariance(_repeated, POPULATION)),
+    **{f"population {size}, restarted": ("restarts", _covariance(_repeated, size)) for size in (1000, 100, 30)},
+    "IPOP from 30": ("restarts", _covariance(_ipop, 30)),
+    "BIPOP from 30": ("restarts", _covariance(_bipop, 30)),
+    **{
+        f"A and v_t projected out, population {size}, restarted": ("projected restarts", _covariance(_repeated, size))
+        for size in (300, 100, 30)
+    },
+}
+
+
+def swarms_installed() -> bool:
+    """Whether the optional extra `studies` is there."""
+    return find_spec("niapy") is not None
+
+
+def run_method(method: str, recording: Recording, target_rmse: float, budget: int, seed: int) -> dict:
+    """Let one of `METHODS` look for a record's best basin until the target or the budget is reached."""
+    kind, run = METHODS[method]
+    cost = Cost(recording, target_rmse, budget, projected=kind == "projected restarts")
+    with contextlib.suppress(SearchEnded):
+        run(cost, seed)
+    outcome = {"found": cost.best <= target_rmse, "rmse_rps": cost.best, "evaluations": cost.evaluations}
+    return {"method": method, "kind": kind, "seed": seed} | outcome
+
+
+def planned_runs() -> list[tuple[str, int, int, int]]:
+    """Every run of the comparison: method, level, realisation, seed. A deterministic method gets more records."""
+    jobs = []
+    for method, (kind, _) in METHODS.items():
+        if kind == "deterministic":
+            jobs += [(method, level, realisation, 0) for realisation in (1, 2) for level in table2_levels()]
+        elif "restarts" not in kind:
+            jobs += [(method, level, 1, seed) for level in LEVELS for seed in range(1, RUNS_PER_RECORD + 1)]
+    return jobs
+
+
+def run_jobs(jobs: Sequence[tuple[str, int, int, int]]) -> pd.DataFrame:
+    """Run methods side by side on the authors' records, a row a run: the columns of `results/optimizers.csv`."""
+    columns = ["method", "kind", "level", "realisation", "seed", "found", "rmse_over_best", "evaluations"]
+    return pd.DataFrame(Parallel(n_jobs=-1)(delayed(_run_on_authors_record)(*job) for job in jobs), columns=columns)
+
+
+def _run_on_authors_record(method: str, level: int, realisation: int, seed: int) -> dict:
+    """Found is the best basin: within `BASIN_GAP` of the global fit's misfit."""
+    recording = load_noisy(level, realisation)
+    best = global_fit(recording).rmse
+    run = run_method(method, recording, best * (1 + BASIN_GAP), BUDGET, seed)
+    spent = {"rmse_over_best": run["rmse_rps"] / best, "evaluations": min(run["evaluations"], BUDGET)}
+    return run | {"level": level, "realisation": realisation} | spent
+
+
+def compare_strategies(
+    recording: Recording, strategies: Sequence[str], seeds: Sequence[int], target_rmse: float, budget: int
+) -> pd.DataFrame:
+    """Run every strategy with every seed, on all cores; one row a run, as `run_method` gives it."""
+    run = delayed(run_method)
+    jobs = [run(name, recording, target_rmse, budget, seed) for name in strategies for seed in seeds]
+    return pd.DataFrame(Parallel(n_jobs=-1)(jobs))
+
+
+def strategy_table(runs: pd.DataFrame) -> pd.DataFrame:
+    """Success rate of each strategy, and evaluations per success with limits from the rate's alone."""
+    rows = []
+    for name, part in runs.groupby("method", sort=False):
+        found, spent = int(part["found"].sum()), part["evaluations"].mean()
+        rate = rate_columns(found, len(part))
+        ends = {"": rate["rate"], "_low": rate["rate_high"], "_high": rate["rate_low"]}
+        costs = {f"evaluations_per_success{end}": spent / r if r > 0 else np.inf for end, r in ends.items()}
+        rows.append({"strategy": name, "runs": len(part), "found": found} | rate | {"mean_evaluations": spent} | costs)
+    return pd.DataFrame(rows)
+
+
+def success_table(runs: pd.DataFrame) -> pd.DataFrame:
+    """Rate at which each method finds the best basin, its interval, and evaluations per success."""
+    rows = []
+    for (method, kind), part in runs.groupby(["method", "kind"], sort=False):
+        found, records = int(part["found"].sum()), part.groupby(["level", "realisation"]).ngroups
+        row = {"method": method, "kind": kind, "records": records, "runs": len(part), "found": found}
+        cost = part["evaluations"].sum() / found if found else np.inf
+        rows.append(row | rate_columns(found, len(part)) | {"evaluations_per_success": cost})
+    return pd.DataFrame(rows)
+
+
+def against_swarms(table: pd.DataFrame) -> pd.DataFrame:
+    """CMA-ES with the authors' population against each swarm at its better population: one-sided p-values of Fisher."""
+    ours = table.set_index("method").loc["CMA-ES, population 300"]
+    rows = []
+    for swarm in SWARMS:
+        theirs = table[table["method"].str.startswith(f"{swarm},")].sort_values("rate", kind="stable").iloc[-1]
+        counts = [[row["found"], row["runs"] - row["found"]] for row in (ours, theirs)]
+        p_values = [stats.fisher_exact(counts, alternative=side).pvalue for side in ("greater", "less")]
+        rows.append((swarm, theirs["method"], theirs["rate"], *p_values))
+    return pd.DataFrame(rows, columns=["swarm", "method", "rate", "p_cma_better", "p_swarm_better"])

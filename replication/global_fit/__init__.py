@@ -1,1 +1,0 @@
-"""A deterministic global fit of the signature, with an interval of A."""

@@ -1,0 +1,105 @@
+"""The edge of the dead zone: what alpha the records need, and what a torque that steps does to a simulation."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numba
+import numpy as np
+import pandas as pd
+
+from replication.arrays import FloatArray
+from replication.datasets import Recording
+from replication.simulator import core
+from replication.simulator.identification import identify_joint
+from replication.simulator.parameters import TURN, JointParameters, identified_joint
+from replication.simulator.recordings import SIMULATION_STEP_S
+from replication.simulator.simulate import settled_peak_rps, simulate, simulate_many
+from replication.simulator.study import FIT_LEVELS, clean_records
+
+# Sharpness of the edge [1/rad] at which the joint is identified anew, from sharp to soft.
+ALPHAS = (1e6, 1e5, 1e4, 1e3)
+
+
+def refit_alphas() -> pd.DataFrame:
+    """Identify the joint anew at each of `ALPHAS`: misfit, misfit with the joint's own ratios, new ratios."""
+    joint, records, rows = identified_joint(), clean_records(FIT_LEVELS), []
+    last = joint
+    for alpha in ALPHAS:
+        # With a soft edge the misfit has several minima: two starts, the better fit counts.
+        starts = [replace(start, alpha_per_rad=alpha) for start in (joint, last)]
+        fits = [identify_joint(records, start) for start in starts[: 1 + (last is not joint)]]
+        fit = min(fits, key=lambda found: found.mean_square)
+        last = fit.parameters
+        misfits = {"nrmse": math.sqrt(fit.mean_square), "nrmse_kept": third_turn_nrmse(starts[0], records)}
+        rows.append({"alpha_per_rad": alpha} | misfits | fit.parameters.ratios)
+    return pd.DataFrame(rows)
+
+
+def third_turn_nrmse(joint: JointParameters, records: dict[float, Recording]) -> float:
+    """Misfit that `identify_joint` minimises: RMS over records of the third turn's residual over the settled SD."""
+    turn, squares = joint.turn_period_s, []
+    step = SIMULATION_STEP_S
+    runs = simulate_many(joint, list(records), duration_s=3 * turn, sample_s=step, step_s=step)
+    for run, record in zip(runs, records.values(), strict=True):
+        stride = round(record.sample_s / step)
+        rows = np.flatnonzero((record.t >= 2 * turn - 1e-9) & (record.t < 3 * turn - 1e-9))
+        settled = record.v[record.t >= turn - 1e-9].std()
+        squares.append(np.mean((run.motor_speed_rps[::stride][rows] - record.v[rows]) ** 2) / settled**2)
+    return math.sqrt(np.mean(squares))
+
+
+@numba.njit(cache=True)
+def _plain_steps(y, steps, step, skip, per_period, delay, c, drive, speeds):
+    """Runge-Kutta steps of one length, whatever the gap does within them; speeds at every control period."""
+    ring, memory = np.full(delay + 1, y[4]), np.array([y[4], 0.0, 0.0, y[0]])
+    edges = np.array([-c.delta, 0.0, c.delta])
+    command = y[4]
+    for i in range(steps):
+        t = (i - skip) * step
+        if i % per_period == 0:
+            speeds[i // per_period] = y[1]
+            command = core.control(t, y, memory, ring, i // per_period, drive, c)
+            if c.torque_lag == 0:
+                y = (y[0], y[1], y[2], y[3], command)
+        total, stage = y, y
+        for k in range(4):
+            late = step * (0.0, 0.5, 0.5, 1.0)[k]
+            region = np.searchsorted(edges, stage[0] / c.gear_ratio - stage[2])
+            rates = core.derivative(t + late, stage, command, region, c)
+            total = core.along(total, step * (1 / 6, 1 / 3, 1 / 3, 1 / 6)[k], rates)
+            stage = core.along(y, step * (0.5, 0.5, 1.0, 0.0)[k], rates)
+        y = total
+        if not abs(y[1]) < core.DIVERGED * c.omega:
+            return False
+    return True
+
+
+def plain_steps_speed_rps(joint: JointParameters, delta_rad: float, duration_s: float, step_s: float) -> FloatArray:
+    """Motor speed [rps] by control period from steps that do not locate the contact; NaN if it diverged."""
+    skip, steps = round(joint.lead_s / step_s), round((joint.lead_s + duration_s) / step_s)
+    per_period = round(joint.control_period_s / step_s)
+    y, _ = core.start_state(joint, delta_rad)
+    speeds = np.empty(-(-steps // per_period))
+    c, drive = core.constants_of(joint, delta_rad), core.drive_of(joint)
+    if not _plain_steps(y, steps, step_s, skip, per_period, joint.control_delay_periods, c, drive, speeds):
+        return np.full(round(duration_s / joint.control_period_s), np.nan)
+    return joint.commanded_speed_rps + speeds[skip // per_period :] / TURN
+
+
+def stepping_torque_study(
+    joint: JointParameters, deltas_rad: Sequence[float], steps_s: Sequence[float], damping_ratio: float = 0.05
+) -> pd.DataFrame:
+    """Settled peaks from plain steps against fine ones that locate the contact, with a stepping torque or not."""
+    damping = 2 * damping_ratio * math.sqrt(joint.stiffness_nm_per_rad * joint.load_inertia_kgm2)
+    models = {"stepping": replace(joint, clamped=True, damping_nms_per_rad=damping), "modified": joint}
+    period, duration, rows = joint.control_period_s, 4 * joint.turn_period_s, []
+    for name, model in models.items():
+        for delta in deltas_rad:
+            fine = simulate(model, delta, duration_s=duration, sample_s=period, step_s=period / 50)
+            reference = settled_peak_rps(fine, model)
+            for step in steps_s:
+                speed = plain_steps_speed_rps(model, delta, duration, step)
+                peak = speed[round(model.turn_period_s / period) :].max() - model.commanded_speed_rps
+                rows.append((name, delta, step, peak, reference, peak / reference - 1))
+    return pd.DataFrame(rows, columns=["model", "delta_rad", "step_s", "peak_rps", "reference_rps", "error"])

@@ -1,1 +1,0 @@
-"""What goes beyond the paper: where searches end, limits, accuracy, robustness, scores, timings."""

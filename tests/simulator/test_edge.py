@@ -1,0 +1,55 @@
+from dataclasses import replace
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from replication import workbook
+from replication.simulator import edge
+from replication.simulator.parameters import with_ratios
+from replication.simulator.simulate import identified_joint, simulate
+from replication.simulator.study import FIT_LEVELS, clean_records
+
+
+def test_plain_fine_steps_give_the_speed_of_located_ones():
+    joint = identified_joint()
+    plain = edge.plain_steps_speed_rps(joint, 9e-4, 0.8, 1e-5)
+    located = simulate(joint, 9e-4, duration_s=0.8, sample_s=joint.control_period_s, step_s=5e-5).motor_speed_rps
+    np.testing.assert_allclose(plain, located[: plain.size], atol=1e-3)
+
+
+def test_a_joint_that_runs_away_gives_no_speed():
+    joint = identified_joint()
+    wild = replace(joint, speed_gain_nms_per_rad=-50 * joint.speed_gain_nms_per_rad)
+    assert np.isnan(edge.plain_steps_speed_rps(wild, 9e-4, 0.8, 1e-4)).all()
+
+
+def test_coarser_plain_steps_are_compared_with_the_located_peak():
+    study = edge.stepping_torque_study(identified_joint(), [9e-4], [1e-4, 5e-4])
+    assert study["model"].tolist() == ["stepping"] * 2 + ["modified"] * 2
+    assert study["reference_rps"].between(0.4, 0.8).all()
+    assert study.loc[study["model"] == "modified", "error"].abs().max() < 0.01
+
+
+def test_a_soft_edge_misses_the_records_even_when_the_joint_is_fitted_anew(authors_data):
+    table = pd.read_csv(workbook.ROOT / "results" / "alpha_refit.csv")
+    misfit = table.set_index("alpha_per_rad")["nrmse"]
+    assert misfit[1e4] > 3 * misfit[1e5]
+    assert misfit[1e3] > misfit[1e4]
+    assert (table["nrmse"] <= table["nrmse_kept"] * (1 + 1e-6)).all()
+    records, joint = clean_records(FIT_LEVELS), identified_joint()
+    for row in table.to_dict("records"):
+        refitted = with_ratios(replace(joint, alpha_per_rad=row["alpha_per_rad"]), {k: row[k] for k in joint.ratios})
+        assert edge.third_turn_nrmse(refitted, records) == pytest.approx(row["nrmse"], rel=1e-2)
+
+
+def test_the_refit_at_a_soft_edge_is_a_minimum_in_every_ratio(authors_data):
+    row = pd.read_csv(workbook.ROOT / "results" / "alpha_refit.csv").set_index("alpha_per_rad").loc[1e4]
+    records, joint = clean_records(FIT_LEVELS), identified_joint()
+    best = with_ratios(replace(joint, alpha_per_rad=1e4), {name: row[name] for name in joint.ratios})
+    for name, value in best.ratios.items():
+        if name == "lead_s":
+            continue
+        for factor in (0.98, 1.02):
+            moved = edge.third_turn_nrmse(with_ratios(best, {name: factor * value}), records)
+            assert moved > row["nrmse"] * (1 - 1e-3), name
