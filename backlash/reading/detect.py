@@ -203,12 +203,17 @@ def _line_spectrum(recording: Recording) -> tuple[FloatArray, float]:
     return power / np.maximum(background, 1e-300), spacing
 
 
-def _line_sums(power: FloatArray, spacing: float, periods: FloatArray, dt: float) -> tuple[FloatArray, FloatArray]:
-    """Sum over the odd harmonics in the band but for the loudest, and how many these are, for each turn period."""
+def _line_sums(
+    power: FloatArray, spacing: float, periods: FloatArray, dt: float, orders: int
+) -> tuple[FloatArray, FloatArray]:
+    """Sum over harmonics in the band but for the loudest, and how many these are, for each turn period.
+
+    They are the odd harmonics, each second one, or from the third all: `orders` is 2 or 1.
+    """
     fastest = min(_FASTEST_HZ, 0.4 / dt)
     total, loudest, count = np.zeros(periods.size), np.zeros(periods.size), np.zeros(periods.size)
-    for odd in range(3, int(fastest * periods.max()) + 1, 2):
-        frequency = odd / periods
+    for order in range(3, int(fastest * periods.max()) + 1, orders):
+        frequency = order / periods
         inside = (frequency >= _SLOWEST_HZ) & (frequency <= fastest)
         line = power[np.rint(frequency[inside] / spacing).astype(np.int64)]
         total[inside] += line
@@ -220,9 +225,10 @@ def _line_sums(power: FloatArray, spacing: float, periods: FloatArray, dt: float
 def own_period(recording: Recording) -> float | None:
     """Period [s] that a record repeats itself with: the given one if nothing speaks against it, None if none is found.
 
-    Power at the odd harmonics of each period of a grid is summed, each line clipped and the loudest left out, so that
-    mains hum is no period. Under noise the sum is at most Gamma distributed. Odd multiples of the right period repeat
-    too, so a given period stands if it has nearly as much power as the best one.
+    Power at the odd harmonics of each period of a grid, or at all of them (friction), is summed, each line clipped and
+    the loudest left out, so that mains hum is no period. Under noise the sum is at most Gamma distributed. Multiples of
+    the right period repeat too, so the shortest one with nearly as much power is taken. The given period stands if
+    its harmonics, of either parity, explain what speaks for the one found.
     """
     dt = recording.sample_s
     lasts, given = recording.t[-1] - recording.t[0] + dt, recording.turn_period_s
@@ -234,31 +240,51 @@ def own_period(recording: Recording) -> float | None:
     if most <= least:
         return given
     periods = np.exp(np.arange(np.log(least), np.log(most), step))
-    total, count = _line_sums(clipped, spacing, periods, dt)
-    with np.errstate(divide="ignore"):  # far out the probability is zero
-        chance = np.where(count >= _LEAST_HARMONICS, np.log(gammaincc(np.maximum(count, 1), total)), 0.0)
+    by_odd, by_all = (_chance(*_line_sums(clipped, spacing, periods, dt, orders)) for orders in (2, 1))
+    orders, chance = (2, by_odd) if by_odd.min() <= by_all.min() else (1, by_all)
     best = int(chance.argmin())
-    if chance[best] + np.log(periods.size) > np.log(FALSE_ALARMS):
+    if chance[best] + np.log(2 * periods.size) > np.log(FALSE_ALARMS):
         return None
-    excess = _line_sums(np.log1p(power) - _LOG_OF_NOISE, spacing, periods, dt)[0]
+    excess = _line_sums(np.log1p(power) - _LOG_OF_NOISE, spacing, periods, dt, orders)[0]
     excess[chance > chance[best] / 2] = 0.0
     enough = _SAME_PATTERN * excess.max()
     shortest = np.flatnonzero(excess >= enough)[0]
     peak = shortest + int(excess[shortest : shortest + _PEAK_STEPS].argmax())
-    found = _refined(power, spacing, periods[peak], 2 * step, dt)
-    return given if _stands(power, spacing, given, found, lasts, dt) else found
+    found = _refined(power, spacing, periods[peak], 2 * step, dt, orders)
+    if abs(found / given - 1) <= _PERIOD_TOLERANCE:
+        gain = _line_sums(power, spacing, np.array([found, given]), dt, orders)[0]
+        is_as_good = gain[0] - gain[1] < _GAIN_OF_PERIOD or abs(found / given - 1) * lasts < _DRIFT_S
+        return given if is_as_good else found
+    if given > found and not _has_lines_beside(clipped, spacing, given, found, recording, 1):
+        return found
+    return found if _has_lines_beside(clipped, spacing, found, given, recording, 2 * periods.size) else given
 
 
-def _stands(power, spacing, given: float, found: float, lasts: float, sample_s: float) -> bool:
-    """Whether the given period is as good as the one found near it, or so near that it makes no difference."""
-    gain = _line_sums(power, spacing, np.array([found, given]), sample_s)[0]
-    apart = abs(found / given - 1)
-    return apart <= _PERIOD_TOLERANCE and (gain[0] - gain[1] < _GAIN_OF_PERIOD or apart * lasts < _DRIFT_S)
+def _chance(total: FloatArray, count: FloatArray) -> FloatArray:
+    """Logarithm of the probability that noise alone has so much power at so many harmonics."""
+    with np.errstate(divide="ignore"):  # far out the probability is zero
+        return np.where(count >= _LEAST_HARMONICS, np.log(gammaincc(np.maximum(count, 1), total)), 0.0)
 
 
-def _refined(power: FloatArray, spacing: float, period: float, reach: float, sample_s: float) -> float:
-    """The period with the most power at its odd harmonics within a relative reach of the one given."""
+def _has_lines_beside(
+    clipped: FloatArray, spacing: float, period: float, other: float, recording: Recording, tried: int
+) -> bool:
+    """Whether there is power at odd harmonics of a period that are no harmonics, of either parity, of the other one.
+
+    The loudest does not count; `tried` is the number of periods among which this one was chosen.
+    """
+    lasts, fastest = recording.t[-1] - recording.t[0], min(_FASTEST_HZ, 0.4 / recording.sample_s)
+    frequency = np.arange(3, int(fastest * period) + 1, 2) / period
+    off = np.abs(frequency - np.rint(frequency * other) / other)
+    beside = frequency[(frequency >= _SLOWEST_HZ) & (off * lasts > 1)]
+    line = clipped[np.rint(beside / spacing).astype(np.int64)]
+    count = line.size - 1
+    return count >= 2 and bool(gammaincc(count, line.sum() - line.max()) * tried < FALSE_ALARMS)
+
+
+def _refined(power: FloatArray, spacing: float, period: float, reach: float, dt: float, orders: int) -> float:
+    """The period with the most power at its harmonics within a relative reach of the one given."""
     periods = period * (1 + np.linspace(-reach, reach, 81))
-    total, _ = _line_sums(np.log1p(power), spacing, periods, sample_s)
+    total, _ = _line_sums(np.log1p(power), spacing, periods, dt, orders)
     weight = np.maximum(total - total.max() + 0.1 * np.ptp(total), 0.0)
     return float(periods @ weight / weight.sum()) if weight.sum() > 0 else float(period)
