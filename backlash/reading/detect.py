@@ -255,9 +255,9 @@ def own_period(recording: Recording) -> float | None:
         gain = _line_sums(power, spacing, np.array([found, given]), dt, orders)[0]
         is_as_good = gain[0] - gain[1] < _GAIN_OF_PERIOD or abs(found / given - 1) * lasts < _DRIFT_S
         return given if is_as_good else found
-    if given > found and not _has_lines_beside(clipped, spacing, given, found, recording, 1):
+    if given > found and not _has_lines_beside(power, spacing, given, found, recording, 1):
         return found
-    return found if _has_lines_beside(clipped, spacing, found, given, recording, 2 * periods.size) else given
+    return found if _has_lines_beside(power, spacing, found, given, recording, 2 * periods.size) else given
 
 
 def _chance(total: FloatArray, count: FloatArray) -> FloatArray:
@@ -267,17 +267,20 @@ def _chance(total: FloatArray, count: FloatArray) -> FloatArray:
 
 
 def _has_lines_beside(
-    clipped: FloatArray, spacing: float, period: float, other: float, recording: Recording, tried: int
+    power: FloatArray, spacing: float, period: float, other: float, recording: Recording, tried: int
 ) -> bool:
     """Whether there is power at odd harmonics of a period that are no harmonics, of either parity, of the other one.
 
-    The loudest does not count; `tried` is the number of periods among which this one was chosen.
+    The loudest does not count; `tried` is the number of periods among which this one was chosen. A line's skirts are
+    three bins wide: where they meet, the higher one is the line.
     """
     lasts, fastest = recording.t[-1] - recording.t[0], min(_FASTEST_HZ, 0.4 / recording.sample_s)
     frequency = np.arange(3, int(fastest * period) + 1, 2) / period
-    off = np.abs(frequency - np.rint(frequency * other) / other)
-    beside = frequency[(frequency >= _SLOWEST_HZ) & (off * lasts > 1)]
-    line = clipped[np.rint(beside / spacing).astype(np.int64)]
+    frequency = frequency[frequency >= _SLOWEST_HZ]
+    nearest = np.rint(frequency * other) / other
+    here, there = (power[np.rint(hz / spacing).astype(np.int64)] for hz in (frequency, nearest))
+    bins = np.abs(frequency - nearest) * lasts
+    line = np.minimum(here[(bins > 1) & ((here > there) | (bins > 3))], _MOST_OF_A_LINE)
     count = line.size - 1
     return count >= 2 and bool(gammaincc(count, line.sum() - line.max()) * tried < FALSE_ALARMS)
 
