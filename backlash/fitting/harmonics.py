@@ -16,7 +16,7 @@ from replication.arrays import FloatArray
 from replication.datasets import Recording
 
 # Harmonics above this share of half the sampling rate, or above this frequency, are left out.
-_OF_NYQUIST, _FASTEST_HZ = 0.9, 225.0
+_OF_NYQUIST, FASTEST_HZ = 0.9, 225.0
 # Orders of the motor's turn at which torque ripples and encoders err: once and twice a turn, and with the phases.
 _MOTOR_ORDERS = (1, 2, 6)
 # Sinusoids that are taken off, and how far above the noise around them they must be: in noise alone, one log in a
@@ -60,7 +60,7 @@ def turn_harmonics(recording: Recording) -> TurnHarmonics:
     v = v - v.mean()
     if not v.any():
         raise ValueError(f"{recording.source}: the speed does not vary")
-    last = int(min(_OF_NYQUIST * 0.5 / dt, _FASTEST_HZ) * period)
+    last = int(min(_OF_NYQUIST * 0.5 / dt, FASTEST_HZ) * period)
     order = np.arange(2, last + 1)
     bins, between = _spectrum(v, turns, last, turns * period / dt)
     lines: list[tuple[float, float]] = []

@@ -9,7 +9,7 @@ from scipy.special import chdtrc
 from backlash.fitting.harmonics import TurnHarmonics
 from backlash.fitting.turns import COLUMNS, DELTA, GRAVITY, Movement, settled_turns, settling_turns, turn_and_slopes
 from replication.arrays import FloatArray
-from replication.simulator.parameters import identified_joint
+from replication.simulator.parameters import TURN, identified_joint
 
 # Relative SD (log-normal) of the prior of each ratio around the identified joint's. The drive's inner workings, the
 # last five, are taken as known up to a few percent, or the error of the backlash would double: a log hardly tells them.
@@ -27,10 +27,18 @@ RATIO_PRIOR = {
 }
 DRIVE_UNKNOWNS = 5
 # How a speed may have been measured: probability, mean and SD of its smoothing in units of what differencing over a
-# sampling period does. Drives difference their encoder (1); a tachometer or a simulation does not (0), and then its
-# drive does not either. While the joint is looked for, the smoothing is between the two.
-MEASURED_AS = {"differenced": (0.9, 1.0, 0.03), "direct": (0.1, 0.0, 0.03)}
+# sampling period does, SD of a low-pass's squared time constant [ms^2]. Drives difference their encoder (1), and some filter it;
+# a tachometer or a simulation does not (0), and then its drive does not either. While the joint is looked for, the
+# smoothing is between the two.
+_NO_FILTER, _FILTER_MS2 = 1e-3, 8.0
+MEASURED_AS = {
+    "differenced": (0.8, 1.0, 0.03, _NO_FILTER),
+    "filtered": (0.1, 1.0, 0.03, _FILTER_MS2),
+    "direct": (0.1, 0.0, 0.03, _NO_FILTER),
+}
 _SEARCHED_SMOOTHING = (0.85, 0.2)
+
+ComplexArray = NDArray[np.complex128]
 
 UNIT_RAD, LEAST_BACKLASH = 1e-4, 0.01
 # Of each unknown: the prior's SD, the column of `settled_turns` that it sets, and its unit there (0: relative).
@@ -47,8 +55,11 @@ _UNKNOWNS = {
     # there too; what it does to the teeth shows in the others.
     "ripple_sine": (2.0, "ripple_sine", 0.01),
     "ripple_cosine": (2.0, "ripple_cosine", 0.01),
+    # Squared time constant [ms^2] of a low-pass between encoder and log, its delay taken out: zero unless let free.
+    "low_pass": (_NO_FILTER, "", 0.0),
 }
 UNKNOWNS, SIZE = tuple(_UNKNOWNS), len(_UNKNOWNS)
+LOW_PASS_INDEX = SIZE - 1
 SMOOTHING_INDEX, _ERROR_SINE, _ERROR_COSINE = map(UNKNOWNS.index, ("smoothing", "error_sine", "error_cosine"))
 SD = np.array([sd for sd, _, _ in _UNKNOWNS.values()])
 MEAN = np.where(np.arange(SIZE) == SMOOTHING_INDEX, _SEARCHED_SMOOTHING[0], 0.0)
@@ -93,24 +104,26 @@ class Problem:
         self.movement, self.order, self.sd = movement, harmonics.order, harmonics.sd
         self.target = harmonics.coefficient
         self.samples = movement.turn_period_s / sample_s
+        self._rad_per_ms = 1e-3 * TURN / movement.turn_period_s  # of the first harmonic
         self.folded = abs(self.samples - round(self.samples)) * harmonics.turns < _IN_STEP
         self.mean, self.spread = MEAN, SD  # of the unknowns' priors
         self.error_order = 0  # of the transmission error, periods a turn; 0 for none
         self.lead = settling_turns(movement)  # turns that the last joint took to settle
         self.differencing = True  # what the drive does to its encoder
 
-    def measured_as(self, smoothing: tuple[float, float]) -> None:
-        """Take another prior of the smoothing, mean and SD."""
+    def measured_as(self, smoothing: float, smoothing_sd: float, low_pass_sd: float) -> None:
+        """Take another prior of how the speed was measured; see `MEASURED_AS`."""
         self.mean, self.spread = MEAN.copy(), SD.copy()
-        self.mean[SMOOTHING_INDEX], self.spread[SMOOTHING_INDEX] = smoothing
-        self.differencing = smoothing[0] > 0.5
+        self.mean[SMOOTHING_INDEX] = smoothing
+        self.spread[[SMOOTHING_INDEX, LOW_PASS_INDEX]] = smoothing_sd, low_pass_sd
+        self.differencing = smoothing > 0.5
 
     def settled(self, z: FloatArray, error_order: float | None = None) -> FloatArray:
         """Settled turns [rps] of joints, shape (joints, periods)."""
         order = self.error_order if error_order is None else error_order
         return settled_turns(rows_of(z), self.movement, order, self.lead, self.differencing)
 
-    def _whitened(self, spectra: NDArray[np.complex128]) -> FloatArray:
+    def _whitened(self, spectra: ComplexArray) -> FloatArray:
         spectra = spectra / self.sd
         return np.concatenate([spectra.real, spectra.imag], axis=-1)
 
@@ -132,11 +145,12 @@ class Problem:
             row, self.movement, self.error_order, self.differencing, whole, _SETTLED_RPS if whole else _NEARLY_RPS
         )
         by_unknown = np.where(_UNIT > 0, _UNIT, row[_COLUMN])[:, None] * by_column[_COLUMN]
-        order, parts, fade = self._folded(np.vstack([turn[None], by_unknown]), z)
-        here = parts[:, 0].sum(axis=0)
+        order, parts, fade, lag = self._folded(np.vstack([turn[None], by_unknown]), z)
+        here, seen = parts[:, 0].sum(axis=0), parts[:, 0]
         out = np.zeros((SIZE, self.order.size), dtype=complex)
         out[_SIMULATED] = parts[:, 1:].sum(axis=0)
-        out[1], out[SMOOTHING_INDEX] = (1j * order * parts[:, 0]).sum(axis=0), (fade * parts[:, 0]).sum(axis=0)
+        out[1], out[SMOOTHING_INDEX] = (1j * order * seen).sum(axis=0), (fade * seen).sum(axis=0)
+        out[LOW_PASS_INDEX] = (-0.5 * (self._rad_per_ms * order) ** 2 / (1 + lag) * seen).sum(axis=0)
         out[free:] = 0
         residual = np.concatenate([self._whitened(here - self.target), self._of_prior(z)])
         return residual, np.concatenate([self._whitened(out), np.diag(1 / self.spread)[:, 2:]], axis=1)
@@ -150,13 +164,16 @@ class Problem:
         data = self._whitened(self._logged(slopes[len(COLUMNS) :], z))
         return np.pad(data, ((0, 0), (0, SIZE - 2)))
 
-    def _logged(self, turns: FloatArray, z: FloatArray) -> NDArray[np.complex128]:
+    def _logged(self, turns: FloatArray, z: FloatArray) -> ComplexArray:
         """Harmonics of turns as the log has them."""
         return self._folded(turns, z)[1].sum(axis=0)
 
-    def _folded(self, turns: FloatArray, z: FloatArray) -> tuple[NDArray[np.int64], NDArray[np.complex128], FloatArray]:
-        """Harmonics of turns that a log shows at one, later by its phase, and smoothed; their orders and fading.
+    def _folded(
+        self, turns: FloatArray, z: FloatArray
+    ) -> tuple[NDArray[np.int64], ComplexArray, FloatArray, ComplexArray]:
+        """Harmonics of turns that a log shows at one, later by its phase, smoothed and low-passed.
 
+        Also their orders, what smoothing does to their logarithm, and i times the low-pass's phase.
         Where a turn has a whole number of samples, what is faster than half the sampling rate comes back at harmonics.
         """
         spectra = np.fft.rfft(turns, axis=1) / turns.shape[1]
@@ -165,10 +182,11 @@ class Problem:
         seen = np.moveaxis(spectra[:, np.where(there, np.abs(order), 0)], 1, 0)
         seen = np.where(order[:, None] < 0, seen.conj(), seen) * there[:, None]
         smoothed = np.sinc(order / self.samples)
+        lag = 1j * self._rad_per_ms * order * np.sqrt(max(z[LOW_PASS_INDEX], 0.0))
         fade = np.log(np.maximum(np.abs(smoothed), 1e-3))
         sign = np.sign(smoothed) if z[SMOOTHING_INDEX] > 0.5 else 1.0
-        seen = seen * (sign * np.exp(1j * order * z[1] + fade * z[SMOOTHING_INDEX]))[:, None]
-        return order, seen, fade
+        seen = seen * (sign * np.exp(1j * order * z[1] + fade * z[SMOOTHING_INDEX] + lag) / (1 + lag))[:, None]
+        return order, seen, fade, lag
 
     def is_improbable(self, chi2: float) -> bool:
         """Whether noise alone hardly leaves so large a sum of squares."""

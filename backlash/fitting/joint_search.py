@@ -13,9 +13,18 @@ from typing import NamedTuple
 import numpy as np
 from numba.core.registry import cpu_target
 from numpy.typing import NDArray
+from scipy.fft import next_fast_len
 
-from backlash.fitting.harmonics import TurnHarmonics
-from backlash.fitting.joint_posterior import LEAST_BACKLASH, MEAN, SIZE, SMOOTHING_INDEX, Problem, rows_of
+from backlash.fitting.harmonics import FASTEST_HZ, TurnHarmonics
+from backlash.fitting.joint_posterior import (
+    LEAST_BACKLASH,
+    LOW_PASS_INDEX,
+    MEAN,
+    SIZE,
+    SMOOTHING_INDEX,
+    Problem,
+    rows_of,
+)
 from backlash.fitting.turns import Movement, settled_turns
 from replication import CODE_HASH
 from replication.arrays import FloatArray
@@ -73,16 +82,16 @@ class Found(NamedTuple):
 _chi2 = attrgetter("chi2")
 
 
-def find_peak(problem: Problem, z: FloatArray, smoothing: tuple[float, float], chi2: float = np.inf) -> Peak:
-    """Maximum of the posterior near `z` under another prior of the smoothing, mean and SD.
+def find_peak(problem: Problem, z: FloatArray, measured: tuple[float, float, float], chi2: float = np.inf) -> Peak:
+    """Maximum of the posterior near `z` for a speed measured in a way, three of `joint_posterior.MEASURED_AS`.
 
     Without evidence, and not looked for to the end, where a few steps leave it far above `chi2`.
     """
     covariance = _covariance(problem.slopes(z)[1])
-    shift = (smoothing[0] - z[SMOOTHING_INDEX]) / covariance[SMOOTHING_INDEX, SMOOTHING_INDEX]
+    shift = (measured[0] - z[SMOOTHING_INDEX]) / covariance[SMOOTHING_INDEX, SMOOTHING_INDEX]
     start = z + shift * covariance[:, SMOOTHING_INDEX]
     start[0] = max(start[0], 0.5 * z[0], LEAST_BACKLASH)
-    problem.measured_as(smoothing)
+    problem.measured_as(*measured)
     limit = chi2 + SETTINGS.far_chi2
     found = _search(problem, start, SETTINGS.first_steps)
     if found.chi2 < limit and not found.converged:
@@ -91,7 +100,7 @@ def find_peak(problem: Problem, z: FloatArray, smoothing: tuple[float, float], c
     normal = slopes @ slopes.T
     if not (np.isfinite(normal).all() and found.chi2 < limit):
         return Peak(start, covariance, residual, -np.inf, False, problem.differencing)
-    evidence = -0.5 * found.chi2 - 0.5 * np.linalg.slogdet(normal)[1] - np.log(smoothing[1])
+    evidence = -0.5 * found.chi2 - 0.5 * np.linalg.slogdet(normal)[1] - np.log(measured[1:]).sum()
     return Peak(found.z, _covariance(slopes), residual, float(evidence), found.converged, problem.differencing)
 
 
@@ -142,6 +151,7 @@ def _search(problem: Problem, z: FloatArray, steps: int, free: int = SIZE) -> Fo
             step *= min(1.0, 0.5 / np.abs(step[1:SMOOTHING_INDEX]).max())
             trial = z + step
             trial[0] = max(trial[0], 0.3 * z[0], LEAST_BACKLASH)
+            trial[LOW_PASS_INDEX] = max(trial[LOW_PASS_INDEX], 0.0)
             tried_residual, tried_slopes = problem.slopes(trial, free)
             tried = float(tried_residual @ tried_residual)
             if tried < chi2 and np.isfinite(tried_slopes).all():
@@ -208,7 +218,7 @@ def _turn_spectra(rows: FloatArray, movement: Movement) -> NDArray[np.complex128
     with suppress(OSError, EOFError, ValueError):  # not there yet, or broken off
         return np.load(kept)
     turns = settled_turns(rows, movement)
-    spectra = np.fft.rfft(turns, axis=1) / turns.shape[1]
+    spectra = np.fft.rfft(turns, axis=1)[:, : int(FASTEST_HZ * movement.turn_period_s) + 2] / turns.shape[1]
     np.save(content, spectra)
     with suppress(OSError):
         write_bytes(kept, content.getvalue())
@@ -219,7 +229,8 @@ def _choose_starts(harmonics: TurnHarmonics, movement: Movement) -> list[FloatAr
     """Best starts of different backlash: the library's turns at their best phase."""
     rounded = Movement(float(f"{movement.gear_ratio:.3g}"), float(f"{movement.turn_period_s:.3g}"))
     z, spectra = _draw_library(rounded)
-    spectra, weight, phases = spectra[:, harmonics.order], harmonics.sd**-2, 512
+    phases = max(512, next_fast_len(2 * int(harmonics.order[-1]) + 2))
+    spectra, weight = spectra[:, harmonics.order], harmonics.sd**-2
     product = np.zeros((len(z), phases), dtype=complex)
     product[:, harmonics.order] = np.conj(spectra) * harmonics.coefficient * weight
     overlap = np.fft.ifft(product, axis=1).real * phases  # at the phase -2 pi k / phases

@@ -65,8 +65,8 @@ def fit_joint(recording: Recording) -> SelfFit:
     found: list[WeightedPeak] = []
     peaks: list[WeightedPeak] = []
     most, second = -np.inf, SecondMass(1.0, np.nan)
-    for weight, mean, sd in joint_posterior.MEASURED_AS.values():
-        peak = find_peak(problem, z, (mean, sd), chi2)
+    for weight, *measured in joint_posterior.MEASURED_AS.values():
+        peak = find_peak(problem, z, tuple(measured), chi2)
         each = [(0.0, peak)]
         if np.isfinite(peak.evidence):
             each, clearest = with_second_mass(problem, peak)

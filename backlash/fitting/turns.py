@@ -33,7 +33,7 @@ _SETTLING_S = 0.8
 _CONTROL_S = 5e-4
 DELAY_PERIODS = 1
 _ALPHA_PER_RAD = 1e6
-# Turns with slopes: the first ones are the drive's; a joint that has not settled after the last never does.
+# Turns with slopes: the first two at most are the drive's; one that has not settled after the last never does.
 _LEAST_TURNS, _MOST_TURNS = 3, 14
 
 
@@ -273,7 +273,7 @@ def _run(row, n, turn_s, periods, order, differencing, with_ripple, settled_rps,
     dmemory[0], dring[:] = dy[4], dy[4]
     memory, ring = np.array([y[4], 0.0, 0.0, y[0]]), np.full(DELAY_PERIODS + 1, y[4])
     forced, kept = np.zeros((3, 3, size)), np.empty((5, size))
-    before = np.inf
+    before, least = np.inf, min(_LEAST_TURNS, int(np.ceil(_SETTLING_S / turn_s)) + 1)
     for turn in range(_MOST_TURNS):
         square = 0.0
         for i in range(periods):
@@ -290,7 +290,7 @@ def _run(row, n, turn_s, periods, order, differencing, with_ripple, settled_rps,
         change = np.sqrt(square / periods)
         # What is still to come, if it goes on shrinking as from the last turn to this one.
         shrinking = change / before
-        if turn >= _LEAST_TURNS - 1 and shrinking < 1 and change * shrinking < settled_rps * (1 - shrinking):
+        if turn >= least - 1 and shrinking < 1 and change * shrinking < settled_rps * (1 - shrinking):
             return out, slopes, turn
         before = change
     return out, slopes, _MOST_TURNS - 1
