@@ -79,8 +79,8 @@ noise = inspection.noise_amplitudes()
 pd.DataFrame({"printed": published.column("Table 2", "noise")[: len(noise)], "measured": noise}).round(4)
 
 # %%
-noise = {f"K = {level}": inspection.added_noise(level, 1) for level in range(3, 12)}
-noise_law = pd.DataFrame({level: inspection.uniform_noise_test(added) for level, added in noise.items()}).T
+added = {f"K = {level}": inspection.added_noise(level, 1) for level in range(3, 12)}
+noise_law = pd.DataFrame({level: inspection.uniform_noise_test(noise_rps) for level, noise_rps in added.items()}).T
 noise_law.round(3)
 
 # %% [markdown]

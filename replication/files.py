@@ -30,7 +30,8 @@ def require_checkout(root: Path = ROOT) -> None:
 
 def notebook_files(ending: str, folder: Path = NOTEBOOKS) -> dict[str, Path]:
     """Files of the paper's notebooks and of those beyond it by name, in the order of their numbers."""
-    return {path.stem: path for path in sorted(folder.rglob(f"[0-9]*.{ending}"), key=lambda path: path.name)}
+    found = [path for place in (folder, folder / "beyond") for path in place.glob(f"[0-9]*.{ending}")]
+    return {path.stem: path for path in sorted(found, key=lambda path: path.name)}
 
 
 def write_bytes(path: Path, content: bytes) -> None:

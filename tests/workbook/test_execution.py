@@ -97,6 +97,16 @@ def test_a_failing_cell_is_named_and_the_last_results_stay(notebook, tmp_path):
     assert {name: (out / name).read_bytes() for name in files_below(out)} == before
     partial = nbformat.read(broken.parent / "partial" / "small.ipynb", as_version=4)
     assert partial.cells[1].outputs[-1].text == "done\n"
+    execution.execute(notebook(GOOD), destination=out)
+    assert not (broken.parent / "partial" / "small.ipynb").exists()
+
+
+def test_what_a_failed_run_got_to_is_no_notebook(tmp_path):
+    for name in ("01_of_the_paper.ipynb", "beyond/12_of_the_sensor.ipynb", "partial/01_of_the_paper.ipynb"):
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        (tmp_path / name).touch()
+    found = {"01_of_the_paper": "01_of_the_paper.ipynb", "12_of_the_sensor": "beyond/12_of_the_sensor.ipynb"}
+    assert notebook_files("ipynb", tmp_path) == {name: tmp_path / path for name, path in found.items()}
 
 
 @pytest.mark.parametrize("stall_s", [0.3, 3])  # the first is over before the kernel has started
