@@ -1,7 +1,8 @@
 """Joints that the simulated joint is not: what a sensor built on it must refuse, or hold in its interval.
 
-Two loads one behind the other, a second ring, a PI drive with a current loop, and a notch filter in the torque command.
-Each is drawn around a bench of `joints.draw_bench`.
+Two loads one behind the other, a second ring, a PI drive with a current loop, and a notch filter in the torque command,
+each drawn around a bench of `joints.draw_bench`. Also benches that make another movement, joints under a cascade of
+loops that has nothing of the paper's, and logs with the motor's torque.
 """
 
 from contextlib import suppress
@@ -14,14 +15,92 @@ from backlash.fitting import turns
 from replication.arrays import FloatArray
 from replication.datasets import Recording
 from replication.simulator import core
-from replication.simulator.parameters import TURN, with_ratios
-from replication.simulator.simulate import encoder_speed_rps
-from replication.standins.joints import SAMPLE_S, Bench, draw_bench, encoder_log
+from replication.simulator.checks import check_stability, closed_loop_matrix
+from replication.simulator.parameters import GRAVITY, TURN, with_ratios
+from replication.simulator.simulate import encoder_speed_rps, simulate
+from replication.standins.joints import SAMPLE_S, Bench, Spread, draw_bench, encoder_log
 
 KINDS = ("two loads", "second ring", "PI with current loop", "notch filter")
 
 _STEP_S, _TURNS, _MOST_TRIES = 5e-5, 12, 200
 _LARGEST_RPS = 10.0  # no joint of this kind runs so far from its commanded speed
+
+# Of other movements: motor turns in a load turn, the load turn [s], and the motor's speed that both give [rps].
+_GEAR_RATIOS, _TURNS_S, _SPEEDS_RPS = (30.0, 160.0), (0.4, 3.2), (8.0, 110.0)
+# A slower start than this is part of the log of no bench; who tunes a cascade leaves its ring this damping at least.
+_LEAST_LEAD_S, _LEAST_DAMPING = 0.8, 0.02
+
+
+def draw_movement(rng: np.random.Generator) -> tuple[float, float]:
+    """Draw a gear ratio and a load turn [s] that a motor can make."""
+    while True:
+        gear_ratio, turn_s = (float(np.exp(rng.uniform(*np.log(ends)))) for ends in (_GEAR_RATIOS, _TURNS_S))
+        if _SPEEDS_RPS[0] <= gear_ratio / turn_s <= _SPEEDS_RPS[1]:
+            return gear_ratio, turn_s
+
+
+def move_bench(bench: Bench, gear_ratio: float, turn_s: float) -> Bench:
+    """Give a bench another gear and load turn; its ratios, and all torques over gravity's, stay."""
+    joint, per_gear = bench.joint, bench.joint.gear_ratio / gear_ratio
+    speed = gear_ratio / turn_s
+    disturbances = tuple(
+        replace(each, motor_torque_nm=per_gear * each.motor_torque_nm, order=each.order * (per_gear if slow else 1))
+        for each in joint.disturbances
+        for slow in [abs(each.order * joint.gear_ratio - 1) < 1e-9]
+    )
+    slower = joint.commanded_speed_rps / speed
+    moved = replace(
+        with_ratios(replace(joint, gear_ratio=gear_ratio), joint.ratios),
+        commanded_speed_rps=speed,
+        lead_s=1e-3 * np.ceil(1e3 * max(turn_s, _LEAST_LEAD_S)),
+        motor_coulomb_nm=per_gear * joint.motor_coulomb_nm,
+        motor_viscous_nms_per_rad=per_gear * slower * joint.motor_viscous_nms_per_rad,
+        load_viscous_nms_per_rad=slower / per_gear * joint.load_viscous_nms_per_rad,
+        disturbances=disturbances,
+    )
+    return replace(bench, joint=moved)
+
+
+def draw_cascade(rng: np.random.Generator) -> Bench:
+    """Draw a joint under P position, PI speed and current loops tuned to it, its encoder of 17 to 20 bits."""
+    for _ in range(_MOST_TRIES):
+        bench = move_bench(draw_bench(rng, Spread(load_friction=0.02)), *draw_movement(rng))
+        ring, bandwidth = TURN * np.exp(rng.uniform(*np.log([12.0, 50.0]))), TURN * rng.uniform(15.0, 60.0)
+        inertia_ratio = float(np.exp(rng.uniform(*np.log([0.5, 5.0]))))
+        gain = bandwidth * (1 + inertia_ratio)
+        joint = with_ratios(
+            bench.joint,
+            bench.joint.ratios | dict.fromkeys(("derivative_gain", "leaky_gain_per_s2", "leaky_rate_per_s"), 0.0) | {
+                "stiffness_per_s2": ring**2, "gravity_per_s2": GRAVITY / rng.uniform(0.15, 0.5),
+                "inertia_ratio": inertia_ratio, "speed_gain_per_s": gain,
+                "integral_gain_per_s2": gain * bandwidth / rng.uniform(4.0, 10.0),
+                "position_gain_per_s": bandwidth * rng.uniform(0.03, 0.2), "torque_lag_s": rng.uniform(3e-4, 1e-3),
+            },
+        )  # fmt: skip
+        damping = 2 * rng.uniform(0.01, 0.06) * ring * joint.load_inertia_kgm2
+        joint = replace(joint, damping_nms_per_rad=damping, encoder_bits=int(rng.integers(17, 21)))
+        with suppress(ValueError):
+            check_stability(joint)
+            modes = np.log(np.linalg.eigvals(closed_loop_matrix(joint)).astype(complex) + 1e-300)
+            ringing = modes[(modes.imag > TURN * 2.0 * joint.control_period_s)]
+            if (-ringing.real >= _LEAST_DAMPING * np.abs(ringing)).all():
+                return replace(bench, joint=joint)
+    raise ValueError(f"cascade: no stable joint in {_MOST_TRIES} draws")
+
+
+def log_with_torque(
+    bench: Bench, delta_rad: float, rng: np.random.Generator, sample_s: float = SAMPLE_S, torque_noise: float = 0.01
+) -> tuple[Recording, FloatArray]:
+    """Log a bench as `joints.encoder_log` does, with its torque [N m]; the torque's noise is over m g r / N."""
+    joint = replace(bench.joint, start_angle_rad=float(rng.uniform(0, TURN)))
+    samples = round(_TURNS * joint.turn_period_s / sample_s)
+    run = simulate(joint, delta_rad, duration_s=samples * sample_s, sample_s=sample_s)
+    speed = encoder_speed_rps(run.motor_position_rad, joint.encoder_bits or 52, sample_s)
+    noisy = speed + rng.normal(0.0, bench.noise_rps, speed.size)
+    torque_sd = torque_noise * joint.gravity_torque_nm / joint.gear_ratio
+    torque = run.motor_torque_nm[:-1] + rng.normal(0.0, torque_sd, speed.size)
+    name = f"simulated log with torque, {delta_rad:g} rad"
+    return Recording(run.time_s[:-1], noisy, joint.commanded_speed_rps, joint.turn_period_s, name), torque
 
 
 def draw_odd_log(kind: str, delta_rad: float, rng: np.random.Generator) -> Recording:
