@@ -15,7 +15,7 @@ from backlash.calibration import Backlash, Calibration, default_calibration, wid
 from backlash.fitting import SELF
 from backlash.fitting.global_fit import GlobalFit, global_fit
 from backlash.fitting.readings import Reading, protocol_for, read, reading_of_fit
-from backlash.fitting.self_calibration import SelfFit, fit_joint
+from backlash.fitting.self_calibration import SelfFit, fit_joint, weak_turn
 from backlash.reading.columns import LogFormat
 from backlash.reading.detect import Presence, band_energy, detect_pattern, explained_share, typical_half_turn
 from backlash.reading.prepare import CannotTell, read_log
@@ -148,7 +148,7 @@ def examine_recording(recording: Recording, settings: Settings, name: str, notes
                 _with_amplitude(answer, amplitude), rmse_rps=float(np.std(recording.v - model)), ring_hz=joint.ring_hz,
                 damping_ratio=joint.damping, friction_share=joint.friction,
             )  # fmt: skip
-            answer = _judge_joint(recording, presence, amplitude, joint, model, answer)
+            answer = _judge_joint(recording, presence, amplitude, joint, model, calibration.range_rad[0], answer)
         else:
             fit, reading, model = _fit_reading(recording, settings)
             answer = _with_amplitude(answer, reading)
@@ -225,27 +225,30 @@ def _check_movement(recording: Recording, calibration: Calibration) -> None:
 
 
 def _least_energy(recording: Recording, calibration: Calibration) -> float:
-    """Energy [rps^2] that the calibration's least backlash puts into a record's pattern."""
-    period = recording.turn_period_s
+    """Energy [rps^2] that the calibration's least backlash puts into a record's pattern; for "self" see `weak_turn`."""
+    if calibration.method == SELF:
+        halves = weak_turn(recording, calibration.range_rad[0]).reshape(2, -1)
+        return band_energy((halves[0] - halves[1]) / 2, recording)
     ring = typical_half_turn(recording)
     least = calibration.range_rad[0]
     if calibration.bank is not None:
         phases = np.arange(ring.size) / (2 * ring.size)
-        return band_energy(calibration.bank.at(least)(phases), period)
+        return band_energy(calibration.bank.at(least)(phases), recording)
     amplitude = calibration.value_at(least)
     if calibration.method == "energy":
         amplitude /= float(np.sqrt(np.mean(ring**2)))
-    return amplitude**2 * band_energy(ring, period)
+    return amplitude**2 * band_energy(ring, recording)
 
 
 def _judge_absence(recording: Recording, presence: Presence, calibration: Calibration, answer: Estimate) -> Estimate:
     """Answer where half turns have nothing in common: no backlash, or too much noise to say so."""
-    _check_movement(recording, calibration)
+    if calibration.method != SELF:
+        _check_movement(recording, calibration)
     if presence.has_same_sign:
         what = "something repeats itself every turn, but not with the opposite sign half a turn later, as backlash"
         cause = "is there much friction, another axis moving, or mains hum in step with the turn?"
         raise CannotTell("no signature", f"{what} under gravity alone does; {cause}")
-    typical = band_energy(typical_half_turn(recording), recording.turn_period_s)
+    typical = band_energy(typical_half_turn(recording), recording)
     hidden = float(np.sqrt(presence.detectable_rps2 / typical))
     least, rmse = calibration.range_rad[0], float(recording.v.std())
     if presence.detectable_rps2 > _least_energy(recording, calibration):
@@ -303,16 +306,23 @@ def _is_outside(reading: Reading, backlash: Backlash, calibration: Calibration) 
 
 
 def _judge_joint(
-    recording: Recording, presence: Presence, amplitude: Reading, joint: SelfFit, model: FloatArray, answer: Estimate
-) -> Estimate:
-    """Answer by the joint that the log itself tells of."""
+    recording: Recording, presence: Presence, amplitude: Reading, joint: SelfFit, model: FloatArray, least_rad: float,
+    answer: Estimate,
+) -> Estimate:  # fmt: skip
+    """Answer by the joint that the log itself tells of; a backlash that may be zero is none, or not known."""
     if joint.refusal_reason:
         where = f"worst at {joint.worst_phase:.2f} turns from the load hanging down"
         raise CannotTell("no such joint", f"{joint.refusal_reason}, {where}")
-    if explained_share(recording, model, presence) < _LEAST_SHARE:
+    low, high = joint.interval_rad
+    if low <= 0 and high > least_rad:
+        raise CannotTell("too noisy", f"none fits as well as up to {high:.3g} rad; log more turns, or quieter")
+    if high <= least_rad and not presence.found:  # the pattern that called for a fit has another cause
+        low = 0.0
+    if presence.found and explained_share(recording, model, presence) < _LEAST_SHARE:
         raise CannotTell("no signature", "a pattern repeats itself every turn, but no backlash that explains it")
     return replace(
-        answer, verdict="backlash", backlash_rad=joint.delta_rad, backlash_interval_rad=joint.interval_rad,
+        answer, verdict="backlash" if low > 0 else "no backlash", backlash_rad=joint.delta_rad if low > 0 else 0.0,
+        backlash_interval_rad=(low, high),
         warnings=answer.warnings + _disagreement(recording, amplitude, joint),
     )  # fmt: skip
 

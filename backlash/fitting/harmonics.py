@@ -12,20 +12,19 @@ from scipy.fft import fft, ifft, next_fast_len
 from scipy.special import fdtri
 
 from backlash.fitting.waveform import settled
+from backlash.reading.detect import MOTOR_ORDERS
 from replication.arrays import FloatArray
 from replication.datasets import Recording
 
 # Harmonics above this share of half the sampling rate, or above this frequency, are left out.
 _OF_NYQUIST, FASTEST_HZ = 0.9, 225.0
-# Orders of the motor's turn at which torque ripples and encoders err: once and twice a turn, and with the phases.
-_MOTOR_ORDERS = (1, 2, 6)
 # Sinusoids that are taken off, and how far above the noise around them they must be: in noise alone, one log in a
 # thousand has one.
 _MOST_LINES, _HIGH_LINE = 3, 14.0
 # No joint is simulated better than to this share of its signal; only records without noise come near it.
 MODEL_ERROR = 0.01
 # Where joints of this kind ring.
-_RING_HZ = (5.0, 60.0)
+RING_HZ = (5.0, 60.0)
 # Phases at which turns are compared, and how improbable in noise alone the ring of a turn is that is left out.
 _PHASES, _CHANCE_OF_TRANSIENT = 256, 1e-3
 # Harmonics to either side of one whose surroundings tell its noise.
@@ -93,7 +92,7 @@ def _without_transient(phase: FloatArray, v: FloatArray, period: float) -> tuple
     if later < 2:
         return phase, v
     even = np.arange(turns)[:, None] + np.arange(_PHASES) / _PHASES
-    low, high = (max(int(edge * period), 1) for edge in _RING_HZ)
+    low, high = (max(int(edge * period), 1) for edge in RING_HZ)
     ring = np.fft.rfft(np.interp(phase[0] + even, phase, v), axis=1)[:, low : min(high, _PHASES // 2) + 1]
     power = (np.abs(ring - ring[-later:].mean(axis=0)) ** 2).sum(axis=1)
     # Two degrees of freedom a harmonic; the later turns' own mean takes one turn's.
@@ -149,7 +148,7 @@ def _clearest_sinusoid(
 
 
 def _ring_noise_ratio(between: FloatArray, turns: int, period: float) -> float:
-    first, end = (int(edge * period) * turns for edge in _RING_HZ)
+    first, end = (int(edge * period) * turns for edge in RING_HZ)
     if end >= between.size:
         return 1.0  # sampled so coarsely that there is nothing above the ring to compare with
     return float(np.nanmedian(between[max(first, turns) : end]) / np.nanmedian(between[end:]))
@@ -158,6 +157,6 @@ def _ring_noise_ratio(between: FloatArray, turns: int, period: float) -> float:
 def _motor_harmonics(recording: Recording, last: int) -> NDArray[np.int64]:
     """Harmonics of the turn at which the motor's orders appear, those above half the sampling rate folded down."""
     rate, period = 1 / recording.sample_s, recording.turn_period_s
-    frequency = np.array(_MOTOR_ORDERS) * recording.commanded_speed_rps
+    frequency = np.array(MOTOR_ORDERS) * recording.commanded_speed_rps
     seen = np.abs(frequency - rate * np.round(frequency / rate)) * period
     return np.rint(seen[seen <= last + 0.5]).astype(np.int64)

@@ -27,9 +27,9 @@ RATIO_PRIOR = {
 }
 DRIVE_UNKNOWNS = 5
 # How a speed may have been measured: probability, mean and SD of its smoothing in units of what differencing over a
-# sampling period does, SD of a low-pass's squared time constant [ms^2]. Drives difference their encoder (1), and some filter it;
-# a tachometer or a simulation does not (0), and then its drive does not either. While the joint is looked for, the
-# smoothing is between the two.
+# sampling period does, SD of a low-pass's squared time constant [ms^2]. Drives difference their encoder (1), and some
+# filter it; a tachometer or a simulation does not (0), and then its drive does not either. While the joint is looked
+# for, the smoothing is between the two.
 _NO_FILTER, _FILTER_MS2 = 1e-3, 8.0
 MEASURED_AS = {
     "differenced": (0.8, 1.0, 0.03, _NO_FILTER),

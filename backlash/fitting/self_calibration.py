@@ -9,11 +9,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.special import chdtrc
+from scipy.special import chdtrc, chdtri
 
 from backlash.fitting import joint_posterior
-from backlash.fitting.harmonics import MODEL_ERROR, TurnHarmonics, turn_harmonics
-from backlash.fitting.joint_posterior import SMOOTHING_INDEX, Problem, ratios_of, rows_of
+from backlash.fitting.harmonics import MODEL_ERROR, RING_HZ, TurnHarmonics, turn_harmonics
+from backlash.fitting.joint_posterior import LOW_PASS_INDEX, SMOOTHING_INDEX, Problem, ratios_of, rows_of
 from backlash.fitting.joint_search import Peak, find_joint, find_peak
 from backlash.fitting.second_mass import SecondMass, WeightedPeak, with_second_mass
 from backlash.fitting.turns import Movement, settled_turns
@@ -21,19 +21,29 @@ from backlash.fitting.waveform import delayed
 from replication.arrays import FloatArray
 from replication.datasets import Recording
 from replication.simulator.checks import closed_loop_matrix
-from replication.simulator.parameters import joint_from_ratios
+from replication.simulator.parameters import TURN, joint_from_ratios
 
-# Beyond these there is no answer: residual (1 for noise alone), and noise in the ring's band over that above it.
-MOST_MISFIT, MOST_RING_NOISE = 1.6, 1.5
+# Noise in the ring's band over that above it, a low-pass taken out, beyond which there is no answer.
+MOST_RING_NOISE = 1.5
+# Noise alone leaves a residual as large as that of a joint of another kind in one log of so many. Intervals are
+# widened long before, so that a right joint with small causes of its own still gets an answer.
+_IMPOSSIBLE_RESIDUAL = 1e-5
 # A record with hardly any noise shows the model's own error, up to this many times `harmonics.MODEL_ERROR`: the
 # identified joint itself leaves 1 to 3 % of the authors' noise-free records.
 MOST_MODEL_ERROR = 3.0
-# A drive whose inner workings stray from what is known of them as noise makes it in one log of a thousand is another.
+# A joint, or a drive's inner workings, that stray from what is known of them as this share of joints of the paper's
+# kind do are of another kind: one right joint in a hundred gets no answer for it.
+_IMPROBABLE_JOINT, _IMPROBABLE_DRIVE = 0.01, 1e-3
+_JOINT = slice(2, SMOOTHING_INDEX)
+_DRIVE = slice(SMOOTHING_INDEX - joint_posterior.DRIVE_UNKNOWNS, SMOOTHING_INDEX)
+_IMPROBABLE_SECOND_MASS = 1e-3
 # Directions of which a log takes less than this from the prior's variance say nothing.
-_IMPROBABLE_DRIVE, _LEAST_INFORMATION = 1e-3, 0.05
-# Where the residual is as improbable as this, all that is left over may lie along the backlash too.
-_IMPROBABLE = 0.02
+_LEAST_INFORMATION = 0.05
+# What is left over beyond the residual that noise alone exceeds in one log of ten may lie along the backlash too.
+_LARGE_RESIDUAL = 0.1
 NORMAL_95 = 1.96
+# Low-passes that the noise is compared with, and what that may count: the drive's loops colour noise too.
+_TIME_CONSTANTS_MS, _MOST_LOG_ODDS = (0.5, 0.8, 1.2, 1.8, 2.7, 4.0), 5.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,21 +75,36 @@ def fit_joint(recording: Recording) -> SelfFit:
     found: list[WeightedPeak] = []
     peaks: list[WeightedPeak] = []
     most, second = -np.inf, SecondMass(1.0, np.nan)
-    for weight, *measured in joint_posterior.MEASURED_AS.values():
+    for name, (weight, *measured) in joint_posterior.MEASURED_AS.items():
         peak = find_peak(problem, z, tuple(measured), chi2)
         each = [(0.0, peak)]
         if np.isfinite(peak.evidence):
             each, clearest = with_second_mass(problem, peak)
             if peak.evidence > most:
                 most, peaks, second = peak.evidence, each, clearest
-        found += [(np.log(weight) + prior, other) for prior, other in each]
+        odds = np.log(weight) + (_low_pass_log_odds(harmonics, recording.turn_period_s) if name == "filtered" else 0.0)
+        found += [(odds + prior, other) for prior, other in each]
     return _result(problem, found, converged, harmonics, second, peaks)
+
+
+def weak_turn(recording: Recording, delta_rad: float) -> FloatArray:
+    """Settled turn [rps] of a joint like the paper's in a record's movement, half as loud as the paper's joint.
+
+    Joints drawn around it, drives a third slower among them, are louder than this.
+    """
+    z = joint_posterior.MEAN.copy()
+    z[0] = delta_rad / joint_posterior.UNIT_RAD
+    turn = settled_turns(rows_of(z[None]), _movement(recording))[0]
+    return 0.5 * turn[: turn.size // 2 * 2]
+
+
+def _movement(recording: Recording) -> Movement:
+    return Movement(float(recording.commanded_speed_rps * recording.turn_period_s), recording.turn_period_s)
 
 
 def pose_problem(recording: Recording) -> tuple[Problem, TurnHarmonics]:
     """What a log asks of a joint, and the harmonics that it is made of."""
-    movement = Movement(float(recording.commanded_speed_rps * recording.turn_period_s), recording.turn_period_s)
-    harmonics = turn_harmonics(recording)
+    movement, harmonics = _movement(recording), turn_harmonics(recording)
     if harmonics.order.size < joint_posterior.SIZE:
         raise ValueError(f"{recording.source}: sampled too coarsely, {harmonics.order.size} harmonics of the turn")
     return Problem(harmonics, movement, recording.sample_s), harmonics
@@ -110,9 +135,10 @@ def _result(
     z, residual = peak.z, peak.residual
     chi2, freedom = float(residual @ residual), residual.size - joint_posterior.SIZE
     scatter = max(chi2 / freedom, 1.0)
-    misfit = chi2 / freedom / (float(min(scatter, MOST_MODEL_ERROR**2)) if harmonics.is_quiet else 1.0)
+    model_error = float(min(scatter, MOST_MODEL_ERROR**2)) if harmonics.is_quiet else 1.0
+    misfit = chi2 / freedom / model_error
     delta, sd = float(z[0] * joint_posterior.UNIT_RAD), float(np.sqrt(covariance[0, 0]) * joint_posterior.UNIT_RAD)
-    left_over = chi2 - freedom if chdtrc(freedom, chi2) < _IMPROBABLE else 0.0
+    left_over = max(chi2 - float(chdtri(freedom, _LARGE_RESIDUAL)), 0.0)
     half = NORMAL_95 * sd * float(np.sqrt(1 + left_over))
     if harmonics.is_quiet:  # the speed's part from backlash grows with it, and so may what the model gets wrong
         half = float(np.hypot(half, MOST_MODEL_ERROR * MODEL_ERROR * delta))
@@ -122,7 +148,12 @@ def _result(
     if not (converged and peak.converged and np.isfinite(misfit) and np.isfinite(sd)):
         refusal = "the search for the joint does not end"
     else:
-        refusal = _refusal_reason(misfit, harmonics.ring_noise_ratio, _drive_prior_p(peak, scatter), second)
+        ring_noise_ratio = harmonics.ring_noise_ratio / _low_pass_gain(problem, found)
+        residual_p = float(chdtrc(freedom, chi2 / model_error))
+        ring_noise_ratio = harmonics.ring_noise_ratio / _low_pass_gain(problem, found)
+        residual_p = float(chdtrc(freedom, chi2 / model_error))
+        drive_p, joint_p = (_prior_p(peak, scatter, known) for known in (_DRIVE, _JOINT))
+        refusal = _refusal_reason(residual_p, ring_noise_ratio, drive_p, joint_p, second)
     interval, worst_phase = (max(delta - half, 0.0), delta + half), _worst_phase(problem, residual, phase)
     turn = delayed(turn - turn.mean(), -phase)
     return SelfFit(
@@ -131,27 +162,54 @@ def _result(
     )  # fmt: skip
 
 
-def _refusal_reason(misfit: float, ring_noise_ratio: float, drive_p: float, second: SecondMass) -> str:
+def _refusal_reason(
+    residual_p: float, ring_noise_ratio: float, drive_p: float, joint_p: float, second: SecondMass
+) -> str:
     """Why a fit that has ended is no answer; empty if it is one."""
     if ring_noise_ratio > MOST_RING_NOISE:
         return (
             f"turns do not repeat themselves (noise in the ring's band {ring_noise_ratio:.1f} times that above it): "
             "the drive hardly damps, or something else moves"
         )
-    if misfit > MOST_MISFIT:
-        return f"no joint of the paper's kind makes this record (residual {misfit:.1f} times the noise's)"
-    if second.chance < _IMPROBABLE_DRIVE:
+    if residual_p < _IMPOSSIBLE_RESIDUAL:
+        return f"no joint of the paper's kind makes this record (a residual like its one: p = {residual_p:.0e})"
+    if second.chance < _IMPROBABLE_SECOND_MASS:
         return f"something else swings on the load (near {second.ring_hz:.0f} Hz)"
     if drive_p < _IMPROBABLE_DRIVE:
-        return "the drive is not of the paper's kind (its inner workings stray from what is known of them)"
+        return f"the drive is not of the paper's kind (its inner workings stray from what is known: p = {drive_p:.0e})"
+    if joint_p < _IMPROBABLE_JOINT:
+        return f"the joint is not of the paper's kind (stiffness, inertias, gains stray from it: p = {joint_p:.0e})"
     return ""
 
 
-def _drive_prior_p(peak: Peak, scatter: float) -> float:
-    """Probability that the drive's inner workings, as the log tells them, stray so far from what was known."""
+def _low_pass_log_odds(harmonics: TurnHarmonics, turn_period_s: float) -> float:
+    """How much the noise speaks for a low-pass: its log-likelihood above that of white noise, up to a limit."""
+    if harmonics.is_quiet:
+        return 0.0
+    power, hz = harmonics.sd**2, harmonics.order / turn_period_s
+    shapes = 1 / (1 + (1e-3 * TURN * hz * np.array(_TIME_CONSTANTS_MS)[:, None]) ** 2)
+    level = (power / shapes).mean(axis=1)
+    gain = (harmonics.turns - 1) * np.log(power.mean() / (level[:, None] * shapes)).sum(axis=1)
+    return float(np.clip(gain.max(), 0.0, _MOST_LOG_ODDS))
+
+
+def _low_pass_gain(problem: Problem, found: Sequence[WeightedPeak]) -> float:
+    """White noise in the ring's band over that above it, after as strong a low-pass as the log allows."""
+    low_passed = [peak for _, peak in found if peak.covariance[LOW_PASS_INDEX, LOW_PASS_INDEX] > 1e-4]
+    best = max(low_passed, key=lambda peak: peak.evidence, default=None)
+    if best is None or not np.isfinite(best.evidence):
+        return 1.0
+    most_ms2 = max(best.z[LOW_PASS_INDEX], 0.0) + 2 * np.sqrt(best.covariance[LOW_PASS_INDEX, LOW_PASS_INDEX])
+    hz = problem.order / problem.movement.turn_period_s
+    power = 1 / (1 + (1e-3 * TURN * hz) ** 2 * most_ms2)
+    in_ring = (hz > RING_HZ[0]) & (hz < RING_HZ[1])
+    return float(np.median(power[in_ring]) / np.median(power[hz >= RING_HZ[1]])) if (hz >= RING_HZ[1]).any() else 1.0
+
+
+def _prior_p(peak: Peak, scatter: float, known: slice) -> float:
+    """Probability that unknowns, as the log tells them, stray so far from what was known of them."""
     if not (np.isfinite(peak.covariance).all() and np.isfinite(scatter)):
         return 0.0
-    known = slice(SMOOTHING_INDEX - joint_posterior.DRIVE_UNKNOWNS, SMOOTHING_INDEX)
     prior_sd = joint_posterior.SD[known]
     # In units of the prior's SD, the posterior's centre has the variance that the log takes from the prior's.
     centre, relative = peak.z[known] / prior_sd, peak.covariance[known, known] / np.outer(prior_sd, prior_sd)

@@ -22,6 +22,9 @@ from backlash.reading.prepare import CannotTell
 from replication.arrays import FloatArray
 from replication.datasets import Recording
 
+# Orders of the motor's turn at which torque ripples and encoders err: once and twice a turn, and with the phases.
+MOTOR_ORDERS = (1, 2, 6)
+
 ComplexArray = NDArray[np.complex128]
 
 FALSE_ALARMS = 0.01  # how often noise alone may pass for a pattern
@@ -68,11 +71,13 @@ class Presence:
         return self.p_same_sign <= FALSE_ALARMS
 
 
-def _odd_harmonics(turn_period_s: float, sample_s: float) -> NDArray[np.int64]:
-    """Odd harmonics of a turn that the test looks at."""
-    fastest = min(_FASTEST_HZ, 0.4 / sample_s)
-    odd = np.arange(3, max(int(fastest * turn_period_s) + 1, 4), 2)
-    return odd[(odd >= _SLOWEST_HZ * turn_period_s) & (odd <= fastest * turn_period_s)]
+def _odd_harmonics(recording: Recording) -> NDArray[np.int64]:
+    """Odd harmonics of a turn that the test looks at: those in the band that are not next to the motor's own."""
+    period, gear_ratio = recording.turn_period_s, recording.commanded_speed_rps * recording.turn_period_s
+    fastest = min(_FASTEST_HZ, 0.4 / recording.sample_s)
+    odd = np.arange(3, max(int(fastest * period) + 1, 4), 2)
+    beside_motor = np.abs(odd[:, None] - gear_ratio * np.array(MOTOR_ORDERS)) < 1
+    return odd[(odd >= _SLOWEST_HZ * period) & (odd <= fastest * period) & ~beside_motor.any(axis=1)]
 
 
 def _coefficients(halves: FloatArray, harmonics: NDArray[np.int64]) -> ComplexArray:
@@ -103,10 +108,9 @@ def _half_turns(recording: Recording) -> FloatArray:
     return v * np.where(np.arange(count) % 2, -1.0, 1.0)[:, None]
 
 
-def band_energy(half_turn: FloatArray, turn_period_s: float) -> float:
-    """Energy of one half turn's pattern [rps^2] as the test counts it: its squared coefficients' sum."""
-    harmonics = _odd_harmonics(turn_period_s, turn_period_s / 2 / half_turn.size)
-    return float((np.abs(_coefficients(half_turn[None, :], harmonics)) ** 2).sum())
+def band_energy(half_turn: FloatArray, recording: Recording) -> float:
+    """Energy of one half turn's pattern [rps^2] as the test of a record counts it: its squared coefficients' sum."""
+    return float((np.abs(_coefficients(half_turn[None, :], _odd_harmonics(recording))) ** 2).sum())
 
 
 def typical_half_turn(recording: Recording) -> FloatArray:
@@ -143,7 +147,7 @@ def detect_pattern(recording: Recording, form: LogFormat, seed: int) -> tuple[Re
 
 def find_pattern(recording: Recording, seed: int = 1) -> Presence:
     """Test whether half turns share a pattern in the band of a backlash's ring."""
-    harmonics = _odd_harmonics(recording.turn_period_s, recording.sample_s)
+    harmonics = _odd_harmonics(recording)
     if harmonics.size < _LEAST_HARMONICS:
         raise CannotTell("too short", f"a turn of {recording.turn_period_s:.3g} s has no room for an oscillation")
     halves = _half_turns(recording)
@@ -177,7 +181,7 @@ def _detectable(above: float, deviation: float, count: int) -> float:
 
 def explained_share(recording: Recording, model_rps: FloatArray, presence: Presence) -> float:
     """Share of the pattern's energy that a model [rps, at the samples] explains: 1 if all, 0 or less if none."""
-    harmonics = _odd_harmonics(recording.turn_period_s, recording.sample_s)
+    harmonics = _odd_harmonics(recording)
     halves = _half_turns(replace(recording, v=model_rps))
     fitted = _mean_halves(_coefficients(halves, harmonics))
     noise = 16 * harmonics.size / halves.size * presence.noise_rps**2

@@ -64,7 +64,7 @@ def test_noise_in_a_healthy_joint_passes_for_a_pattern_no_more_often_than_promis
 @pytest.mark.parametrize("noise", [0.1, 0.5])
 def test_a_signature_of_the_detectable_energy_is_found_as_often_as_promised(noise):
     unit = signature(T, np.array([1.0, 0.0125, 15.0, 134.0, 100.0, 0.2, 0.0125]), Timing(0.2, 0.4, 12))
-    energy = band_energy(unit[: 100 * (T.size // 100)].reshape(-1, 100)[2], 0.4)
+    energy = band_energy(unit[: 100 * (T.size // 100)].reshape(-1, 100)[2], silent())
     found = 0
     for seed in range(TRIALS):
         blank = silent(noise, seed)
@@ -119,7 +119,7 @@ def test_a_turn_without_room_for_an_oscillation_is_told_apart():
 def test_what_noise_hides_grows_with_the_noise():
     def hidden(noise):
         record = add_uniform_noise(silent(1e-9), noise, np.random.default_rng(1))
-        return find_pattern(record).detectable_rps2 / band_energy(typical_half_turn(record), 0.4)
+        return find_pattern(record).detectable_rps2 / band_energy(typical_half_turn(record), record)
 
     quiet, loud = hidden(0.1), hidden(0.2)
     assert loud == pytest.approx(4 * quiet, rel=1e-3)
