@@ -18,6 +18,8 @@ from replication.datasets import Recording
 
 # Harmonics above this share of half the sampling rate, or above this frequency, are left out.
 _OF_NYQUIST, FASTEST_HZ = 0.9, 225.0
+# The ripple of the phases is modulated by the speed: so far to either side, above the ring, harmonics say more of it.
+_SIDEBANDS_HZ = 40.0
 # Sinusoids that are taken off, and how far above the noise around them they must be: in noise alone, one log in a
 # thousand has one.
 _MOST_LINES, _HIGH_LINE = 3, 14.0
@@ -69,7 +71,9 @@ def turn_harmonics(recording: Recording) -> TurnHarmonics:
         lines.append((tried, amplitude))
         bins, between = _spectrum(v, turns, last, turns * period / dt)
     model = MODEL_ERROR * v.std() / (2 * np.sqrt(order.size))
-    order = order[~np.isin(order, _motor_harmonics(recording, last))]
+    hz, sixth_hz = order / period, MOTOR_ORDERS[-1] * recording.commanded_speed_rps
+    modulated = (np.abs(hz - sixth_hz) < _SIDEBANDS_HZ) & (hz > RING_HZ[1])
+    order = order[~np.isin(order, _motor_harmonics(recording, last)) & ~modulated]
     first = np.maximum((order - _NEIGHBOURS) * turns, turns)
     end = (order + _NEIGHBOURS) * turns + 1
     noise = np.sqrt([np.nanmean(between[low:high]) for low, high in zip(first, end, strict=True)])

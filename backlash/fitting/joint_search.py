@@ -3,6 +3,7 @@
 import hashlib
 import io
 import os
+from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import lru_cache
@@ -82,7 +83,7 @@ class Found(NamedTuple):
 _chi2 = attrgetter("chi2")
 
 
-def find_peak(problem: Problem, z: FloatArray, measured: tuple[float, float, float], chi2: float = np.inf) -> Peak:
+def find_peak(problem: Problem, z: FloatArray, measured: Sequence[float], chi2: float = np.inf) -> Peak:
     """Maximum of the posterior near `z` for a speed measured in a way, three of `joint_posterior.MEASURED_AS`.
 
     Without evidence, and not looked for to the end, where a few steps leave it far above `chi2`.

@@ -27,7 +27,7 @@ from replication.simulator.parameters import TURN, joint_from_ratios
 MOST_RING_NOISE = 1.5
 # Noise alone leaves a residual as large as that of a joint of another kind in one log of so many. Intervals are
 # widened long before, so that a right joint with small causes of its own still gets an answer.
-_IMPOSSIBLE_RESIDUAL = 1e-5
+_IMPOSSIBLE_RESIDUAL = 1e-8
 # A record with hardly any noise shows the model's own error, up to this many times `harmonics.MODEL_ERROR`: the
 # identified joint itself leaves 1 to 3 % of the authors' noise-free records.
 MOST_MODEL_ERROR = 3.0
@@ -76,7 +76,7 @@ def fit_joint(recording: Recording) -> SelfFit:
     peaks: list[WeightedPeak] = []
     most, second = -np.inf, SecondMass(1.0, np.nan)
     for name, (weight, *measured) in joint_posterior.MEASURED_AS.items():
-        peak = find_peak(problem, z, tuple(measured), chi2)
+        peak = find_peak(problem, z, measured, chi2)
         each = [(0.0, peak)]
         if np.isfinite(peak.evidence):
             each, clearest = with_second_mass(problem, peak)

@@ -14,10 +14,14 @@ from replication.datasets import Recording
 
 if TYPE_CHECKING:
     from scipy.interpolate import CubicSpline
+    from scipy.optimize import OptimizeResult
 
 # Each phase of aligned waveforms is a polynomial of the backlash. The fourth degree leaves 1e-6 rad on noise-free
 # waveforms of Table 2's range, and averages the noise of logs that an interpolation would keep.
 _DEGREE = 4
+# Time constants [s] from which a low-pass is looked for, and the share of the misfit's square that one must take: it
+# takes the noise of the bank's own waveforms too, which is up to a twentieth.
+_LOW_PASSES_S, _LEAST_GAIN = (1e-3, 4e-3), 0.1
 # One more than the polynomial's coefficients, so that leaving one out can tell how good it is.
 LEAST_LEVELS = _DEGREE + 2
 
@@ -49,11 +53,14 @@ class WaveformBank:
         """From the first to the last backlash [rad]."""
         return float(self.delta_rad[-1] - self.delta_rad[0])
 
-    def at(self, delta_rad: float, derivative: int = 0) -> "CubicSpline":
-        """Waveform [rps] at a backlash, or its derivative by that, as a periodic spline of the phase in turns."""
+    def at(self, delta_rad: float, derivative: int = 0, low_pass: float = 0.0) -> "CubicSpline":
+        """Waveform [rps] at a backlash, or its derivative by that, as a periodic spline of the phase in turns.
+
+        `low_pass` is the square of its time constant [turns^2].
+        """
         coefficients = chebyshev.chebder(self._coefficients, derivative)
         values = chebyshev.chebval(self._position(delta_rad), coefficients)
-        return periodic((2 / self.span_rad) ** derivative * values)
+        return periodic((2 / self.span_rad) ** derivative * low_passed(np.asarray(values, dtype=float), low_pass))
 
     def without(self, level: int) -> "WaveformBank":
         """Return the bank without one of its levels, by position."""
@@ -69,6 +76,7 @@ class WaveformMatch:
     shift_turns: float  # phase of the record against the bank, 0 to 1
     rmse_rps: float
     at_end: bool  # the backlash is the bank's first or last
+    low_pass_s: float  # time constant of a low-pass that the bank's logs did not have; 0 for none
 
 
 def settled(recording: Recording) -> tuple[FloatArray, FloatArray]:
@@ -107,6 +115,14 @@ def delayed(waveform: FloatArray, turns: float) -> FloatArray:
     return np.fft.irfft(np.fft.rfft(waveform) * np.exp(-2j * np.pi * harmonics * turns), waveform.size)
 
 
+def low_passed(waveform: FloatArray, low_pass: float) -> FloatArray:
+    """Take a periodic waveform through a first-order low-pass, its delay taken out; see `WaveformBank.at`."""
+    if low_pass <= 0:
+        return waveform
+    lag = 2j * np.pi * np.sqrt(low_pass) * np.arange(waveform.size // 2 + 1)
+    return np.fft.irfft(np.fft.rfft(waveform) * np.exp(lag) / (1 + lag), waveform.size)
+
+
 def _best_shift(waveforms: FloatArray, turn: FloatArray) -> tuple[int, float]:
     """Row of `waveforms` and delay [turns] that come nearest to a turn; between phases by a parabola."""
     spectrum = np.fft.rfft(turn) * np.conj(np.fft.rfft(waveforms, axis=-1))
@@ -134,36 +150,62 @@ def make_bank(delta_rad: Sequence[float], turns_rps: Sequence[FloatArray]) -> Wa
 
 
 def match(recording: Recording, bank: WaveformBank) -> WaveformMatch:
-    """Find the backlash and the phase at which a bank's waveform comes nearest to a record's settled turns."""
+    """Find the backlash and the phase at which a bank's waveform comes nearest to a record's settled turns.
+
+    The log may have a low-pass that the bank's logs did not have: it is looked for from two time constants, and
+    taken where the misfit falls by more than that makes of noise alone.
+    """
+    turns, v = settled(recording)
+    centred = v - v.mean()
+    starts = [(time_constant / recording.turn_period_s) ** 2 for time_constant in _LOW_PASSES_S]
+    plain, *low_passed_ones = (_match_from(recording, bank, low_pass) for low_pass in (0.0, *starts))
+    best = min(low_passed_ones, key=lambda found: found.cost)
+    found = best if best.cost < (1 - _LEAST_GAIN) * plain.cost else plain
+    slopes, span = _slopes(found.x, turns, bank), bank.span_rad
+    variance = 2 * found.cost / max(turns.size - 1 - found.x.size, 1) * np.linalg.pinv(slopes.T @ slopes)[0, 0]
+    delta, half_width = bank.delta_rad[0] + span * found.x[0], 1.96 * span * np.sqrt(variance)
+    return WaveformMatch(
+        float(delta),
+        (float(delta - half_width), float(delta + half_width)),
+        float(found.x[1] % 1.0),
+        float(np.sqrt(2 * found.cost / centred.size)),
+        bool(min(found.x[0], 1 - found.x[0]) < 1e-6),
+        float(recording.turn_period_s * np.sqrt(found.x[2])) if found.x.size > 2 else 0.0,
+    )
+
+
+def _match_from(recording: Recording, bank: WaveformBank, low_pass: float) -> "OptimizeResult":
+    """Least squares in the place in the bank, the phase and, unless it is 0, the low-pass to start from."""
     from scipy.optimize import least_squares  # slow to import, and not used by method self
 
     turns, v = settled(recording)
     phases = min(max(samples_a_turn(recording), 16), bank.waveform_rps.shape[1])
     grid = np.linspace(0.0, 1.0, phases, endpoint=False)
     fine = np.linspace(bank.delta_rad[0], bank.delta_rad[-1], 4 * bank.delta_rad.size)
-    candidates = np.array([bank.at(delta)(grid) for delta in fine])
+    candidates = np.array([bank.at(delta, 0, low_pass)(grid) for delta in fine])
     row, shift = _best_shift(candidates, mean_turn(recording, phases))
-    span = bank.span_rad
+    place = np.clip((fine[row] - bank.delta_rad[0]) / bank.span_rad, 1e-9, 1 - 1e-9)
+    start, size = [place, shift, low_pass], 3 if low_pass > 0 else 2
+    scale, most = (1.0, 0.1, max(low_pass, 1.0)), [1.0, 2.0, 4 * _LOW_PASSES_S[-1] ** 2 / recording.turn_period_s**2]
     centred = v - v.mean()
 
-    def model(x: FloatArray) -> FloatArray:
-        wave = bank.at(bank.delta_rad[0] + span * x[0])((turns - x[1]) % 1.0)
+    def residual(x: FloatArray) -> FloatArray:
+        wave = bank.at(bank.delta_rad[0] + bank.span_rad * x[0], 0, *x[2:])((turns - x[1]) % 1.0)
         return wave - wave.mean() - centred
 
-    def jacobian(x: FloatArray) -> FloatArray:
-        delta, phase = bank.delta_rad[0] + span * x[0], (turns - x[1]) % 1.0
-        slopes = np.stack([span * bank.at(delta, 1)(phase), -bank.at(delta)(phase, 1)], axis=1)
-        return slopes - slopes.mean(axis=0)
+    return least_squares(
+        residual, start[:size], jac=lambda x: _slopes(x, turns, bank), bounds=([0.0, -1.0, 0.0][:size], most[:size]),
+        x_scale=scale[:size], xtol=1e-12,
+    )  # fmt: skip
 
-    start = [np.clip((fine[row] - bank.delta_rad[0]) / span, 1e-9, 1 - 1e-9), shift]
-    found = least_squares(model, start, jac=jacobian, bounds=([0.0, -1.0], [1.0, 2.0]), x_scale=(1.0, 0.1), xtol=1e-12)
-    slopes = jacobian(found.x)
-    variance = (found.fun @ found.fun) / max(turns.size - 3, 1) * np.linalg.pinv(slopes.T @ slopes)[0, 0]
-    delta, half_width = bank.delta_rad[0] + span * found.x[0], 1.96 * span * np.sqrt(variance)
-    return WaveformMatch(
-        float(delta),
-        (float(delta - half_width), float(delta + half_width)),
-        float(found.x[1] % 1.0),
-        float(np.sqrt(np.mean(found.fun**2))),
-        bool(min(found.x[0], 1 - found.x[0]) < 1e-6),
-    )
+
+def _slopes(x: FloatArray, turns: FloatArray, bank: WaveformBank) -> FloatArray:
+    """Derivatives of the model's turns by place, phase and, where free, low-pass; shape (samples, unknowns)."""
+    delta, phase, low_pass = bank.delta_rad[0] + bank.span_rad * x[0], (turns - x[1]) % 1.0, x[2:]
+    wave = bank.at(delta, 0, *low_pass)
+    slopes = [bank.span_rad * bank.at(delta, 1, *low_pass)(phase), -wave(phase, 1)]
+    for value in low_pass:
+        step = 1e-3 * value + 1e-9
+        slopes.append((bank.at(delta, 0, value + step)(phase) - wave(phase)) / step)
+    columns = np.stack(slopes, axis=1)
+    return columns - columns.mean(axis=0)
