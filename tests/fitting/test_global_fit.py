@@ -6,17 +6,15 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
-from backlash.fitting.folding import factorise, projected_rmse, solve_or_zero
+from backlash.fitting.folding import factorise, solve_or_zero
 from backlash.fitting.global_fit import global_fit
 from backlash.fitting.readings import protocol_for
 from replication import datasets
 from replication.compiled.misfit import population_rmse
 from replication.datasets import Recording
 from replication.identify import Protocol, paper_fit, protocol_box
-from replication.signature import Timing, signature
+from replication.signature import signature
 from replication.simulator.recordings import simulate_recordings
 from replication.simulator.simulate import identified_joint
 from tests.processors import kernels_here
@@ -182,28 +180,6 @@ def test_what_cannot_be_fitted_is_refused():
         global_fit(replace(record, v=np.full(record.t.size, 100.0)))
     with pytest.raises(ValueError, match="do not fold"):
         global_fit(record, replace(PROTOCOL, T_d=0.15))
-
-
-@settings(max_examples=60, deadline=None)
-@given(
-    unit=st.lists(st.floats(0, 1), min_size=5, max_size=5),
-    dt=st.sampled_from([0.001, 0.002, 0.0037]),
-    T_f=st.sampled_from([0.4, 0.391, 0.408]),
-)
-def test_the_folded_misfit_is_the_papers_with_the_best_amplitude_and_offset(unit, dt, T_f):
-    t = dt * np.arange(1200)
-    v = 100 + np.sin(7 * t) + 0.3 * np.cos(140 * t)
-    timing = Timing(T_f / 2, T_f, 12)
-    low, high = np.array([0.0, 5.0, 6.3, 0.0, 0.0]), np.array([2.3, 30.0, 251.0, 0.35, 0.102])
-    t0, tau, omega, T2, T1 = low + np.array(unit) * (high - low)
-    h = signature(t, np.array([1.0, t0, tau, omega, 100.0, T2, T1]), timing)
-    if h.std() < 1e-3:
-        return
-    design = np.stack([h, np.ones_like(t)], axis=1)
-    expected = np.std(v - design @ np.linalg.lstsq(design, v)[0])
-    found = projected_rmse(t, v, timing, limit=1e6)(np.array([[t0, tau, omega, T2, T1]]))[0]
-    near_gate = np.abs(((t[:, None] - t0 - np.array([T1, T2])) / (T_f / 2) + 0.5) % 1 - 0.5).min() < 1e-9
-    assert near_gate or found == pytest.approx(expected, rel=1e-9)
 
 
 @pytest.mark.parametrize("block", range(4))
