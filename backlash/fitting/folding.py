@@ -4,7 +4,6 @@ Given the rest, A and v_t are linear. The window's start and end matter only by 
 indices. What is left is theta = (t0, tau, omega).
 """
 
-from collections.abc import Callable
 from typing import NamedTuple
 
 import numba
@@ -152,41 +151,20 @@ def best_misfit(gram, data, fold, limit):
 
 
 @numba.njit(cache=True)
-def factorise(matrix):
-    """Factors L and D of a symmetric matrix L D L', in place: D on the diagonal, L below it.
-
-    A pivot that rounding cannot tell from zero is set to zero, and its column of L too. Written out here, because the
-    last bits of a library's solver change from processor to processor.
-    """
-    for k in range(matrix.shape[0]):
-        diagonal = matrix[k, k]
-        for j in range(k):
-            matrix[k, k] -= matrix[k, j] ** 2 * matrix[j, j]
-        defined = matrix[k, k] > 1e-14 * diagonal
-        for i in range(k + 1, matrix.shape[0]):
-            for j in range(k):
-                matrix[i, k] -= matrix[i, j] * matrix[k, j] * matrix[j, j]
-            matrix[i, k] = matrix[i, k] / matrix[k, k] if defined else 0.0
-        if not defined:
-            matrix[k, k] = 0.0
-
-
-@numba.njit(cache=True)
 def solve_or_zero(matrix, side):
-    """Solution of a symmetric positive definite system; zeros if it is singular, as very few samples make it."""
-    factors, solution = matrix.copy(), side.copy()
-    factorise(factors)
-    size = side.size
-    for i in range(size):
-        if factors[i, i] == 0.0:
-            return np.zeros(size)
-        for j in range(i):
-            solution[i] -= factors[i, j] * solution[j]
-    for i in range(size - 1, -1, -1):
-        solution[i] /= factors[i, i]
-        for j in range(i + 1, size):
-            solution[i] -= factors[j, i] * solution[j]
-    return solution
+    """Solution of a symmetric positive definite system; zeros if it is singular, as very few samples make it.
+
+    Written out here, because the last bits of a library's solver change from processor to processor.
+    """
+    rows = np.column_stack((matrix, side))
+    for k in range(side.size):
+        if not rows[k, k] > 1e-14 * matrix[k, k]:
+            return np.zeros(side.size)
+        rows[k] /= rows[k, k]
+        for i in range(side.size):
+            if i != k:
+                rows[i] -= rows[i, k] * rows[k]
+    return rows[:, -1].copy()
 
 
 @numba.njit(cache=True)
@@ -229,35 +207,3 @@ def descend(fold, limits, a, b, theta, steps):
 def middle_of_gap(fold, a):
     """Midway between the last instant at which a window's start would take in one more sample, and position a."""
     return (fold.x[a] + fold.x[a - 1]) / 2 if a > 0 else fold.x[0] - (fold.x[1] - fold.x[0]) / 2
-
-
-@numba.njit(cache=True)
-def _projected_rmse(fold, limit, population, dt):
-    """Compiled body of `projected_rmse`."""
-    misfits = np.empty(population.shape[0])
-    for p in range(population.shape[0]):
-        t0, tau, omega, T2, T1 = population[p]
-        data = gram = offset = 0.0
-        first = max(np.ceil((t0 + T1 - fold.x[0]) / dt - 1.0), 0.0) * fold.classes
-        for i in range(int(first), fold.x.size):
-            if fold.x[i] < t0 + T1:
-                continue
-            if fold.x[i] > t0 + T2:
-                break
-            unit = np.exp(-tau * (fold.x[i] - t0 - T1)) * np.sin(omega * (fold.x[i] - t0))
-            k = fold.partner[i]
-            data += unit * fold.value[i]
-            gram += unit * unit * fold.samples[i]
-            offset += unit * fold.sign[i]
-            if k >= 0 and fold.x[k] <= t0 + T2:
-                later = np.exp(-tau * (fold.x[k] - t0 - T1)) * np.sin(omega * (fold.x[k] - t0))
-                gram -= 2 * fold.pairs[i] * unit * later
-        square, _ = best_misfit(gram - offset * offset / fold.scale[1], data, fold, limit)
-        misfits[p] = np.sqrt(max(square, 0.0) / fold.scale[1])
-    return misfits
-
-
-def projected_rmse(t: FloatArray, v: FloatArray, timing: Timing, limit: float) -> Callable[[FloatArray], FloatArray]:
-    """Make the misfit [rps] of rows (t0, tau, omega, T2, T1), each with its best A up to `limit` and v_t."""
-    fold, dt = fold_record(t, v, timing), (t[-1] - t[0]) / (t.size - 1)
-    return lambda population: _projected_rmse(fold, limit, np.ascontiguousarray(population), dt)

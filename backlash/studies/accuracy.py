@@ -3,7 +3,7 @@
 The Cramer-Rao bound says how well a record can tell the backlash at all; detection, from which backlash on it is seen.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from itertools import product
@@ -11,14 +11,11 @@ from itertools import product
 import numpy as np
 import pandas as pd
 from joblib import Parallel, delayed
-from numpy.polynomial import Polynomial
 from scipy import stats
 
-from backlash.calibration import backlashes, calibrate, default_calibration, fit_polynomial
-from backlash.fitting.global_fit import global_fit
-from backlash.fitting.joint_match import NUISANCES, PHASES, changed, match_joint, settled_turn
-from backlash.fitting.readings import protocol_for, read, reading_of_fit
-from backlash.fitting.waveform import make_bank, match, mean_turn
+from backlash.calibration import calibrate, default_calibration
+from backlash.fitting.joint_match import PHASES, changed, match_joint, settled_turn
+from backlash.fitting.readings import read
 from backlash.studies import benchmark
 from backlash.studies.benchmark import JOINT_ALL_FREE, JOINT_METHODS, Log, calibrated_answers, logs_by_methods
 from replication import published
@@ -28,57 +25,36 @@ from replication.simulator.recordings import simulate_recordings
 from replication.simulator.simulate import TURN, JointParameters, encoder_speed_rps, simulate
 from replication.statistics import rate_columns
 
-POLYNOMIAL_METHODS = ("amplitude", "energy", "impact")
 CALIBRATED_METHODS = ("amplitude", "energy", "waveform")
-BOUNDS: dict[str, tuple[str, ...]] = {"bound, start known": (), "bound, start free": ("start_angle",)}
+BOUNDS = {"bound, start known": False, "bound, start free": True}
 
 # Backlashes that calibrations on simulated records are made at [rad].
 CALIBRATED_RAD = np.arange(3e-4, 21.5e-4, 1e-4).tolist()
 # The authors' records, around which one thing is changed at a time.
 USUAL: dict[str, float] = {"noise_half_amplitude_rps": 0.1, "sampling_hz": 500.0, "turns": 12, "encoder_bits": 0}
-# Step in backlash of central differences.
-_STEP_RAD = 1e-6
 
 
 def cross_validation(
     records: Mapping[tuple[int, int], Recording], joint: JointParameters, scored: Sequence[int]
 ) -> pd.DataFrame:
-    """Errors on noisy logs (realisation, level) of the scored levels, none of which is known to what measures it."""
-    fits = {log: global_fit(record, protocol_for(record)) for log, record in records.items()}
-    left_out = _left_out_answers(records, fits)
-    calibrations = {"equation 10": default_calibration("paper"), "waveform": default_calibration("waveform")}
+    """Errors on noisy logs (realisation, level) of the scored levels, none of which is known to what measures it.
+
+    Calibrations on noisy logs are made on the other realisations' logs of the other levels.
+    """
 
     def answers(log: Log) -> dict[str, float]:
-        key = log.labels["realisation"], log.labels["level"]
-        found = {name: b.delta_rad for name, b in backlashes(log.recording, fits[key], calibrations).items()}
+        others = [key for key in records if key[0] != log.labels["realisation"] and key[1] != log.labels["level"]]
+        known, deltas = [records[key] for key in others], [level_delta_rad(level) for _, level in others]
+        calibrations = {"equation 10": default_calibration("paper")}
+        calibrations |= {method: calibrate(known, deltas, method) for method in ("amplitude", "energy", "impact")}
+        calibrations |= {"waveform, noisy logs": calibrate(known, deltas, "waveform")}
+        calibrations |= {"waveform": default_calibration("waveform")}
         by_joint = {name: match_joint(log.recording, joint, free).delta_rad for name, free in JOINT_METHODS.items()}
-        return {"equation 10": found["equation 10"], **left_out(key), "waveform": found["waveform"], **by_joint}
+        return calibrated_answers(log.recording, calibrations) | by_joint
 
     kept = [(*log, record) for log, record in records.items() if log[1] in scored]
     logs = [Log({"realisation": R, "level": level}, level_delta_rad(level), record) for R, level, record in kept]
     return logs_by_methods(logs, answers)
-
-
-def _left_out_answers(
-    records: Mapping[tuple[int, int], Recording], fits: Mapping
-) -> Callable[[tuple[int, int]], dict[str, float]]:
-    """Answers to a log by calibrations on the other realisations' logs of the other levels."""
-    values = {
-        method: {log: reading_of_fit(records[log], method, fit).value for log, fit in fits.items()}
-        for method in POLYNOMIAL_METHODS
-    }
-    turns = {log: mean_turn(record, 200) for log, record in records.items()}
-
-    def answers(log: tuple[int, int]) -> dict[str, float]:
-        others = [key for key in records if key[0] != log[0] and key[1] != log[1]]
-        deltas, found = np.array([level_delta_rad(level) for _, level in others]), {}
-        for method, value in values.items():
-            coefficients, _ = fit_polynomial(np.array([value[key] for key in others]), deltas, method)
-            found[method] = float(Polynomial(coefficients)(value[log]))
-        bank = make_bank(deltas.tolist(), [turns[key] for key in others])
-        return found | {"waveform, noisy logs": match(records[log], bank).delta_rad}
-
-    return answers
 
 
 def encoder_recording(
@@ -127,8 +103,8 @@ def measured_errors(
     drawn = product(settings, deltas_rad, range(repeats))
     logs = [partial(_draw_log, joint, *setting, delta, seed + run) for setting, delta, run in drawn]
     bounds = []
-    for name, free in BOUNDS.items():
-        slopes = [waveform_slopes(joint, delta, free) for delta in deltas_rad]
+    for name, start_is_free in BOUNDS.items():
+        slopes = [waveform_slopes(joint, delta, start_is_free) for delta in deltas_rad]
         for axis, value in settings:
             errors = [_bound_rad(slope, joint.turn_period_s, USUAL | {axis: value}) for slope in slopes]
             bounds.append(pd.DataFrame({"axis": axis, "value": value, "method": name, "error_rad": errors}))
@@ -148,10 +124,10 @@ def _bound_rad(slopes: FloatArray, turn_s: float, settings: Mapping[str, float])
 def noise_bound_rad(joint: JointParameters, levels: Sequence[int]) -> pd.DataFrame:
     """Mean size of error that white noise as loud as Table 2's must leave, with the start known and fitted."""
     noise, rows = published.column("Table 2", "noise"), []
-    for name, free in BOUNDS.items():
+    for name, start_is_free in BOUNDS.items():
         bounds = []
         for level in levels:
-            slopes = waveform_slopes(joint, level_delta_rad(level), free)
+            slopes = waveform_slopes(joint, level_delta_rad(level), start_is_free)
             settings = USUAL | {"noise_half_amplitude_rps": noise[level - 2]}
             bounds.append(_bound_rad(slopes, joint.turn_period_s, settings))
         rows.append((name.removeprefix("bound, start "), np.sqrt(2 / np.pi) * np.mean(bounds)))
@@ -187,11 +163,6 @@ CHANGES: dict[str, Change] = {
 }
 
 
-def _draw_changed_log(joint: JointParameters, name: str, share: float, delta_rad: float) -> Log:
-    record = simulate_recordings(CHANGES[name](joint, share), [delta_rad])[0]
-    return Log({"parameter": name if share else "nothing", "change": share}, delta_rad, record)
-
-
 def errors_after_changes(
     joint: JointParameters, deltas_rad: Sequence[float], shares: Sequence[float], names: Sequence[str] = tuple(CHANGES)
 ) -> pd.DataFrame:
@@ -207,7 +178,11 @@ def errors_after_changes(
 
     changes = [(name, share) for name in names for share in shares if share > 0 or "friction" not in name]
     changes.append(("stiffness", 0.0))
-    logs = [partial(_draw_changed_log, joint, *change, delta) for change in changes for delta in deltas_rad]
+    logs = [
+        Log({"parameter": name if share else "nothing", "change": share}, delta, record)
+        for name, share in changes
+        for delta, record in zip(deltas_rad, simulate_recordings(CHANGES[name](joint, share), deltas_rad), strict=True)
+    ]
     return logs_by_methods(logs, answers)
 
 
@@ -227,19 +202,17 @@ def ranking(table: pd.DataFrame) -> pd.DataFrame:
     return ranked.sort_values("rmse_rad", ignore_index=True)
 
 
-def waveform_slopes(joint: JointParameters, delta_rad: float, free: Sequence[str] = ("start_angle",)) -> FloatArray:
-    """Settled speed of a turn at even phases, differentiated by the backlash and by nuisances, a row each."""
+def waveform_slopes(joint: JointParameters, delta_rad: float, start_is_free: bool) -> FloatArray:
+    """Settled speed of a turn at even phases, differentiated by the backlash and, where free, the start angle."""
 
-    def turn(delta: float, **unknown: float) -> FloatArray:
-        return settled_turn(changed(joint, unknown), delta, PHASES)
+    def slope(step_rad: float, angle_step_rad: float) -> FloatArray:
+        ends = [
+            settled_turn(changed(joint, {"start_angle": sign * angle_step_rad}), delta_rad + sign * step_rad, PHASES)
+            for sign in (1, -1)
+        ]
+        return (ends[0] - ends[1]) / (2 * (step_rad + angle_step_rad))
 
-    slopes = [(turn(delta_rad + _STEP_RAD) - turn(delta_rad - _STEP_RAD)) / (2 * _STEP_RAD)]
-    for name in free:
-        value, (low, _), step = NUISANCES[name]
-        before = value if value - step < low else value - step  # friction cannot be negative
-        change = turn(delta_rad, **{name: value + step}) - turn(delta_rad, **{name: before})
-        slopes.append(change / (value + step - before))
-    return np.array(slopes)
+    return np.array([slope(1e-6, 0.0), slope(0.0, 1e-3)] if start_is_free else [slope(1e-6, 0.0)])
 
 
 def cramer_rao_sd(slopes: FloatArray, noise_sd: float) -> float:
@@ -270,7 +243,7 @@ def encoder_bound_rad(slopes: FloatArray, turn_s: float, bits: int, sampling_hz:
     return cramer_rao_sd(np.array([*columns, t - t.mean()]), 2.0**-bits / np.sqrt(12))
 
 
-def noisy_energy(clean: Recording, half_amplitude_rps: float, seeds: Sequence[int]) -> FloatArray:
+def noisy_energy(clean: Recording, half_amplitude_rps: float, seeds: Iterable[int]) -> FloatArray:
     """RMS of the signature fitted to a record with uniform noise [rps], once for each seed."""
 
     def value(seed: int) -> float:
@@ -289,16 +262,14 @@ def detection_rates(
     seed: int,
 ) -> pd.DataFrame:
     """How often backlash is seen by the signature's energy, with a threshold from records without backlash."""
-    sizes = [healthy, healthy, *[repeats] * len(deltas_rad)]
-    seeds = np.random.default_rng(seed).integers(2**31, size=sum(sizes))
-    first, *groups = (group.tolist() for group in np.split(seeds, np.cumsum(sizes)[:-1]))
-    clean = simulate_recordings(joint, [0.0, *deltas_rad])
-    threshold = float(np.quantile(noisy_energy(clean[0], half_amplitude_rps, first), 1 - rate))
-    rows = []
-    for delta, record, group in zip([0.0, *deltas_rad], clean, groups, strict=True):
-        seen = int((noisy_energy(record, half_amplitude_rps, group) > threshold).sum())
+    clean, rng, rows = simulate_recordings(joint, [0.0, *deltas_rad]), np.random.default_rng(seed), []
+    first = noisy_energy(clean[0], half_amplitude_rps, rng.integers(2**31, size=healthy))
+    threshold = float(np.quantile(first, 1 - rate))
+    for k, (delta, record) in enumerate(zip([0.0, *deltas_rad], clean, strict=True)):
+        energy = noisy_energy(record, half_amplitude_rps, rng.integers(2**31, size=repeats if k else healthy))
+        seen = int((energy > threshold).sum())
         settings = {"noise_half_amplitude_rps": half_amplitude_rps, "delta_rad": delta, "threshold_rps": threshold}
-        rows.append(settings | rate_columns(seen, len(group), "seen"))
+        rows.append(settings | rate_columns(seen, energy.size, "seen"))
     return pd.DataFrame(rows)
 
 

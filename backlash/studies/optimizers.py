@@ -6,23 +6,22 @@ the box of the authors' notebook, and stop when they find the best basin or have
 
 import contextlib
 import math
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from importlib.util import find_spec
-from itertools import count, repeat
+from itertools import count
 
 import numpy as np
 import pandas as pd
 from joblib import Parallel, delayed
 from scipy import optimize, stats
 
-from backlash.fitting.folding import projected_rmse
 from backlash.fitting.global_fit import global_fit
 from replication.arrays import FloatArray
 from replication.compiled.misfit import population_rmse, residual
 from replication.datasets import Recording, load_noisy
 from replication.identify import Protocol, protocol_box
 from replication.search import generations, search
-from replication.signature import FREE_PARAMETERS, Box
+from replication.signature import FREE_PARAMETERS, Box, Timing
 from replication.statistics import rate_columns
 from replication.table2 import AUTHORS, BASIN_GAP, table2_levels
 
@@ -40,6 +39,20 @@ SWARMS = {
 
 class SearchEnded(Exception):
     """The budget is spent, or the best basin found."""
+
+
+def projected_rmse(t: FloatArray, v: FloatArray, timing: Timing, limit: float) -> Callable[[FloatArray], FloatArray]:
+    """Make the misfit [rps] of rows (t0, tau, omega, T2, T1), each with its best A up to `limit` and v_t."""
+    centred, zeros = v - v.mean(), np.zeros_like(v)
+
+    def misfit(X: FloatArray) -> float:
+        unit = -residual(t, zeros, X, timing)
+        unit -= unit.mean()
+        gram, data = (unit * unit).sum(), (unit * centred).sum()
+        A = min(max(data / gram, -limit), limit) if gram > 0 else 0.0
+        return math.sqrt(((centred - A * unit) ** 2).mean())
+
+    return lambda population: np.array([misfit(X) for X in np.insert(population, (0, 3), (1.0, 0.0), axis=1)])
 
 
 class Cost:
@@ -87,12 +100,13 @@ class Cost:
 
 # A way to search: spends a cost with a seed.
 Method = Callable[[Cost, int], None]
-# Population and breadth of each search in turn, from the first population and a generator.
-Schedule = Callable[[int, np.random.Generator], Iterable[tuple[int, float]]]
 
 
-def _covariance(schedule: Schedule, first: int) -> Method:
-    """CMA-ES from the middle of the box, each search of a schedule until its stop rule or the end."""
+def _covariance(first: int, growth: int = 0, with_small: bool = False) -> Method:
+    """CMA-ES from the middle of the box: once, or until the end with a population that grows by a factor.
+
+    Doubled each time it is Auger and Hansen's IPOP (2005); by turns with a small one of narrow start, Hansen's BIPOP.
+    """
 
     def run(cost: Cost, seed: int) -> None:
         generator = np.random.default_rng(seed)
@@ -100,32 +114,17 @@ def _covariance(schedule: Schedule, first: int) -> Method:
         def normals(*shape: int) -> FloatArray:
             return generator.standard_normal(shape)
 
-        for population, breadth in schedule(first, generator):
+        def descend(population: int, breadth: float = 1.0) -> None:
             search(generations(cost.of_members, cost.box, normals, population, breadth), cost.budget)
 
+        descend(first)
+        for k in count(1) if growth else ():
+            descend(first * growth**k)
+            if with_small:
+                small = first * (2**k / 2) ** (generator.random() ** 2)
+                descend(int(small), float(10 ** (-2 * generator.random())))
+
     return run
-
-
-def _once(population: int, _: np.random.Generator) -> Iterator[tuple[int, float]]:
-    yield population, 1.0
-
-
-def _repeated(population: int, _: np.random.Generator) -> Iterator[tuple[int, float]]:
-    return repeat((population, 1.0))
-
-
-def _ipop(population: int, _: np.random.Generator) -> Iterator[tuple[int, float]]:
-    """Auger and Hansen 2005: each search has twice the population of the one before."""
-    return ((population * 2**k, 1.0) for k in count())
-
-
-def _bipop(population: int, generator: np.random.Generator) -> Iterator[tuple[int, float]]:
-    """Hansen 2009, by turns: a growing population, and a small one with a narrow start."""
-    yield population, 1.0
-    for k in count(1):
-        yield population * 2**k, 1.0
-        small = population * (2**k / 2) ** (generator.random() ** 2)
-        yield int(small), float(10 ** (-2 * generator.random()))
 
 
 def _swarm(algorithm: str, population: int | None) -> Method:
@@ -167,9 +166,9 @@ def _rectangles(cost: Cost, seed: int) -> None:
 
 # Each with its kind; the last are ways to restart CMA-ES, with fewer dimensions where projected.
 METHODS: dict[str, tuple[str, Method]] = {
-    "CMA-ES, population 300": ("CMA-ES", _covariance(_once, POPULATION)),
-    "CMA-ES, its own population": ("CMA-ES", _covariance(_once, OWN_POPULATION)),
-    "CMA-ES, its own population, restarts doubling it": ("CMA-ES", _covariance(_ipop, OWN_POPULATION)),
+    "CMA-ES, population 300": ("CMA-ES", _covariance(POPULATION)),
+    "CMA-ES, its own population": ("CMA-ES", _covariance(OWN_POPULATION)),
+    "CMA-ES, its own population, restarts doubling it": ("CMA-ES", _covariance(OWN_POPULATION, growth=2)),
     **{f"{name}, population 300": ("swarm", _swarm(algorithm, POPULATION)) for name, algorithm in SWARMS.items()},
     **{f"{name}, its own population": ("swarm", _swarm(algorithm, None)) for name, algorithm in SWARMS.items()},
     "least squares, restarted": (
@@ -179,12 +178,12 @@ METHODS: dict[str, tuple[str, Method]] = {
     "L-BFGS-B, restarted": ("classical", _minimize("L-BFGS-B")),
     "Nelder-Mead, restarted": ("classical", _minimize("Nelder-Mead")),
     "DIRECT": ("deterministic", _rectangles),
-    "population 300 (the authors'), restarted": ("restarts", _covariance(_repeated, POPULATION)),
-    **{f"population {size}, restarted": ("restarts", _covariance(_repeated, size)) for size in (1000, 100, 30)},
-    "IPOP from 30": ("restarts", _covariance(_ipop, 30)),
-    "BIPOP from 30": ("restarts", _covariance(_bipop, 30)),
+    "population 300 (the authors'), restarted": ("restarts", _covariance(POPULATION, growth=1)),
+    **{f"population {size}, restarted": ("restarts", _covariance(size, growth=1)) for size in (1000, 100, 30)},
+    "IPOP from 30": ("restarts", _covariance(30, growth=2)),
+    "BIPOP from 30": ("restarts", _covariance(30, growth=2, with_small=True)),
     **{
-        f"A and v_t projected out, population {size}, restarted": ("projected restarts", _covariance(_repeated, size))
+        f"A and v_t projected out, population {size}, restarted": ("projected restarts", _covariance(size, growth=1))
         for size in (300, 100, 30)
     },
 }

@@ -33,7 +33,7 @@ def test_the_bound_of_a_sine_s_size_is_the_textbook_s():
 
 
 def test_the_bound_falls_with_the_root_of_samples_and_turns_and_grows_with_the_noise():
-    slopes = waveform_slopes(JOINT, 9e-4)
+    slopes = waveform_slopes(JOINT, 9e-4, True)
     usual = speed_bound_rad(slopes, JOINT.turn_period_s, 0.06, 500.0, 11)
     assert speed_bound_rad(slopes, JOINT.turn_period_s, 0.12, 500.0, 11) == pytest.approx(2 * usual)
     assert speed_bound_rad(slopes, JOINT.turn_period_s, 0.06, 500.0, 44) == pytest.approx(usual / 2)
@@ -48,13 +48,11 @@ def test_an_encoder_s_bound_halves_with_each_bit_and_is_the_sine_s_in_position()
     assert bounds[0] == pytest.approx(2.0**-10 / np.sqrt(12) / swing * np.sqrt(2 / 2000), rel=0.01)
 
 
-def test_what_is_unknown_besides_can_only_widen_the_bound():
-    bounds = [
-        speed_bound_rad(waveform_slopes(JOINT, 9e-4, free), 0.4, 0.06, 500.0, 11)
-        for free in ((), ("start_angle",), ("start_angle", "friction", "load"))
-    ]
-    assert bounds == sorted(bounds)
-    assert bounds[1] > 1.5 * bounds[0]  # the start angle is what costs
+def test_an_unknown_start_widens_the_bound():
+    known, unknown = (
+        speed_bound_rad(waveform_slopes(JOINT, 9e-4, free), 0.4, 0.06, 500.0, 11) for free in (False, True)
+    )
+    assert unknown > 1.5 * known
 
 
 @pytest.mark.slow
@@ -64,7 +62,7 @@ def test_the_matched_joint_scatters_as_the_bound_says():
         match_joint(add_uniform_noise(clean, 0.15, np.random.default_rng(seed)), JOINT).delta_rad - 9e-4
         for seed in range(20)
     ]
-    bound = speed_bound_rad(waveform_slopes(JOINT, 9e-4, ()), 0.4, 0.15 / np.sqrt(3), 500.0, 11)
+    bound = speed_bound_rad(waveform_slopes(JOINT, 9e-4, False), 0.4, 0.15 / np.sqrt(3), 500.0, 11)
     # 20 errors know their RMS to 16 %; three of these.
     assert 0.52 < np.sqrt(np.mean(np.square(errors))) / bound < 1.48
 
@@ -100,7 +98,7 @@ def test_measured_errors_stand_beside_the_bounds_of_the_same_settings():
         "amplitude", "energy", "waveform", "joint", "bound, start known", "bound, start free",
     }  # fmt: skip
     bound = table.set_index(["axis", "method"])["rmse_rad"]["turns", "bound, start known"]
-    slopes = waveform_slopes(JOINT, 9e-4, ())
+    slopes = waveform_slopes(JOINT, 9e-4, False)
     noise_sd = USUAL["noise_half_amplitude_rps"] / np.sqrt(3)
     assert bound == pytest.approx(speed_bound_rad(slopes, JOINT.turn_period_s, noise_sd, 500.0, 3))
 

@@ -1,6 +1,8 @@
 import numpy as np
 import pandas as pd
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from backlash.studies import claims, optimizers
 from replication import workbook
@@ -31,6 +33,27 @@ def test_the_cost_and_the_residuals_are_the_papers(record):
     assert np.linalg.norm(cost.residuals(unit)) == pytest.approx(expected, rel=1e-9)
     assert cost.of_members(X[None])[0] == pytest.approx(expected, rel=1e-9)
     assert cost.evaluations == 3
+
+
+@settings(max_examples=60, deadline=None)
+@given(
+    unit=st.lists(st.floats(0, 1), min_size=5, max_size=5),
+    dt=st.sampled_from([0.001, 0.002, 0.0037]),
+    T_f=st.sampled_from([0.4, 0.391, 0.408]),
+)
+def test_the_projected_misfit_is_the_papers_with_the_best_amplitude_and_offset(unit, dt, T_f):
+    t = dt * np.arange(1200)
+    v = 100 + np.sin(7 * t) + 0.3 * np.cos(140 * t)
+    timing = Timing(T_f / 2, T_f, 12)
+    low, high = np.array([0.0, 5.0, 6.3, 0.0, 0.0]), np.array([2.3, 30.0, 251.0, 0.35, 0.102])
+    t0, tau, omega, T2, T1 = low + np.array(unit) * (high - low)
+    h = signature(t, np.array([1.0, t0, tau, omega, 100.0, T2, T1]), timing)
+    if h.std() < 1e-3:
+        return
+    design = np.stack([h, np.ones_like(t)], axis=1)
+    expected = np.std(v - design @ np.linalg.lstsq(design, v)[0])
+    found = optimizers.projected_rmse(t, v, timing, limit=1e6)(np.array([[t0, tau, omega, T2, T1]]))[0]
+    assert found == pytest.approx(expected, rel=1e-9)
 
 
 def test_the_cost_ends_the_search_at_the_target_and_at_the_budget(record):
