@@ -1,7 +1,8 @@
 """Logs of measuring systems and robots: each kind of file through the library that is made for it."""
 
 import json
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -52,18 +53,23 @@ def read_matlab(path: Path, check: Check) -> pd.DataFrame:
 
 def _of_one_length(arrays: Mapping[str, np.ndarray]) -> pd.DataFrame:
     """Columns from the arrays of numbers that have the greatest length which two columns share."""
-    columns: dict[str, np.ndarray] = {}
-    for name, array in arrays.items():
-        for field in array.dtype.names or ("",):
-            wide = np.squeeze(array[field] if field else array)
-            wide = wide.T if wide.ndim == 2 and wide.shape[0] < wide.shape[1] else wide
-            if wide.dtype.kind in "iuf" and wide.ndim == 1:
-                columns[f"{name} {field}".strip()] = wide
-            elif wide.dtype.kind in "iuf" and wide.ndim == 2 and wide.shape[1] <= _WIDEST:
-                columns |= {f"{name}[{k}]": part for k, part in enumerate(wide.T)}
+    fields = {f"{name} {field}": array[field] for name, array in arrays.items() for field in array.dtype.names or ()}
+    flat = {name: np.squeeze(array) for name, array in {**arrays, **fields}.items()}
+    columns = _columns({name: a.T if a.ndim == 2 and a.shape[0] < a.shape[1] else a for name, a in flat.items()})
     sizes = [column.size for column in columns.values()]
     length = max((size for size in sizes if sizes.count(size) > 1), default=0)
     return pd.DataFrame({name: column for name, column in columns.items() if column.size == length})
+
+
+def _columns(arrays: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """Arrays of numbers, those of several columns one by one."""
+    columns = {}
+    for name, array in arrays.items():
+        if array.dtype.kind in "iuf" and array.ndim == 1:
+            columns[name] = array
+        elif array.dtype.kind in "iuf" and array.ndim == 2 and array.shape[1] <= _WIDEST:
+            columns |= {f"{name}[{k}]": part for k, part in enumerate(array.T)}
+    return columns
 
 
 def read_mdf(path: Path, check: Check) -> pd.DataFrame:
@@ -85,20 +91,17 @@ def _side_by_side(parts: Iterable[pd.Series | pd.DataFrame], time: str) -> pd.Da
 
 
 def read_mcap(path: Path, check: Check) -> pd.DataFrame:
-    """Read the messages of an MCAP file, of ROS 2 or in JSON."""
+    """Read the messages of an MCAP file, in JSON or else of ROS 2."""
     from mcap.reader import make_reader
-    from mcap_ros2.decoder import DecoderFactory
-
-    ros2 = DecoderFactory()
 
     def messages() -> Iterable[tuple[str, int, Any]]:
         with path.open("rb") as file:
-            for schema, channel, message in make_reader(file).iter_messages():
-                is_json = channel.message_encoding == "json"
-                if decode := json.loads if is_json else ros2.decoder_for(channel.message_encoding, schema):
-                    yield channel.topic, message.log_time, decode(message.data)
+            for _, channel, message in make_reader(file).iter_messages():
+                if channel.message_encoding == "json":
+                    yield channel.topic, message.log_time, json.loads(message.data)
 
-    return _of_messages(messages(), check)
+    found = _of_messages(messages(), check)
+    return read_rosbag(path, check) if found.empty else found
 
 
 def read_rosbag(path: Path, check: Check) -> pd.DataFrame:
@@ -108,33 +111,24 @@ def read_rosbag(path: Path, check: Check) -> pd.DataFrame:
     def messages() -> Iterable[tuple[str, int, Any]]:
         with AnyReader([path]) as reader:
             for connection, stamp_ns, content in reader.messages():
-                yield connection.topic, stamp_ns, reader.deserialize(content, connection.msgtype)
+                yield connection.topic, stamp_ns, asdict(reader.deserialize(content, connection.msgtype))
 
     return _of_messages(messages(), check)
 
 
 def _of_messages(messages: Iterable[tuple[str, int, Any]], check: Check) -> pd.DataFrame:
     """Columns of the numbers in messages, at the stamps of their headers, else at those of the recorder."""
-    topics: dict[str, dict[int, dict[str, float]]] = {}
+    topics: dict[str, list[dict]] = {}
     for count, (topic, stamp_ns, message) in enumerate(messages):
         check(count, 1)
-        row = _numbers_in(message, topic)
-        sec, nanosec = (int(row.pop(f"{topic}.header.stamp.{part}", 0)) for part in ("sec", "nanosec"))
-        stamp_ns = 10**9 * sec + nanosec or stamp_ns
-        topics.setdefault(topic, {}).setdefault(stamp_ns, row)
-    return _side_by_side((pd.DataFrame(list(rows.values()), list(rows)) for rows in topics.values()), "time [ns]")
-
-
-def _numbers_in(node: Any, name: str) -> dict[str, float]:
-    """All numbers of a message, by names like "topic.velocity[0]"."""
-    if isinstance(node, int | float | np.number):
-        return {name: float(node)}
-    if isinstance(node, str | bytes | None):
-        return {}
-    if isinstance(node, Sequence | np.ndarray):
-        parts = [(f"{name}[{k}]", part) for k, part in enumerate(node)] if len(node) <= _WIDEST else []
-    elif isinstance(node, Mapping):
-        parts = [(f"{name}.{key}", part) for key, part in node.items()]
-    else:
-        parts = [(f"{name}.{key}", getattr(node, key)) for key in getattr(node, "__slots__", None) or vars(node)]
-    return {key: number for full, part in parts for key, number in _numbers_in(part, full).items()}
+        topics.setdefault(topic, []).append({"recorded_ns": stamp_ns} | message)
+    frames = [pd.DataFrame()]
+    for topic, rows in topics.items():
+        flat = pd.json_normalize(rows)
+        stamps = flat.pop("recorded_ns")
+        if "header.stamp.sec" in flat:
+            stamps = 10**9 * flat.pop("header.stamp.sec") + flat.pop("header.stamp.nanosec")
+        even = [name for name in flat if flat[name].map(np.size).nunique() == 1]
+        columns = _columns({f"{topic}.{name}": np.array(flat[name].tolist()) for name in even})
+        frames.append(pd.DataFrame(columns, index=stamps.to_numpy()))
+    return _side_by_side(frames, "time [ns]")

@@ -77,7 +77,9 @@ def record_of(table: pd.DataFrame, form: LogFormat, name: str) -> tuple[Recordin
         samples = _at_constant_speed(samples, is_position, dt, form)
         samples = _on_even_grid(samples, dt)
         if is_position:
-            samples = _differentiated(samples)
+            speed = np.diff(samples.v) / np.diff(samples.t)
+            note = "speed differentiated from the position, between neighbouring samples"
+            samples = samples.changed(note, t=samples.t[1:], v=speed, rows=samples.rows[1:])
         return _recording(_averaged(samples), form, name)
     except CannotTell as refusal:
         refusal.notes = samples.notes
@@ -129,7 +131,7 @@ def _unwrapped(samples: _Samples, form: LogFormat) -> _Samples:
         return samples
     speed = form.expected_speed_rps or 0.0
     ways = [steps - modulus * np.round((steps - way * speed * dt) / modulus) for way in (1.0, -1.0)]
-    best = min(ways, key=lambda way: abs(abs(float(np.median(way / dt))) - speed)) if speed else ways[0]
+    best = min(ways, key=lambda way: abs(abs(float(np.median(way / dt))) - speed))
     short = dt <= 1.5 * np.median(dt)  # where samples are missing, the speed is that of the neighbours
     near = np.interp(np.arange(dt.size), np.flatnonzero(short), best[short] / dt[short])
     best = np.where(short, best, steps - modulus * np.round((steps - near * dt) / modulus))
@@ -140,13 +142,6 @@ def _unwrapped(samples: _Samples, form: LogFormat) -> _Samples:
     note = f"the position starts anew every {modulus:g} motor turns: unwrapped {jumps} times"
     turns = turns[0] + np.concatenate([[0.0], np.cumsum(best)])
     return samples.changed(note, v=turns) if jumps else samples
-
-
-def _differentiated(samples: _Samples) -> _Samples:
-    """Speed midway between the samples of a position [turns]."""
-    t = samples.t
-    note = "speed differentiated from the position, between neighbouring samples"
-    return samples.changed(note, t=(t[1:] + t[:-1]) / 2, v=np.diff(samples.v) / np.diff(t), rows=samples.rows[1:])
 
 
 def _sampling_period(samples: _Samples) -> float:
@@ -206,22 +201,19 @@ def _on_even_grid(samples: _Samples, dt: float) -> _Samples:
     if abs(nominal * dt - 1) * k[-1] * np.sqrt(t.size) < 12 * stray.std() + 1e-6:
         dt = 1 / nominal
     even = np.arange(k[-1] + 1)
-    v, places = np.interp(even, k, samples.v), np.interp(even, k, stray)
-    off = f"time stamps up to {1e3 * dt * np.abs(stray).max():.2g} ms off an even {1 / dt:.6g} Hz"
-    if np.abs(stray).max() < 0.01:
-        places = k
-    elif np.abs(stray).max() > 1 or _follows_stamps(v, places):
-        places, samples = k + stray, samples.changed(f"{off}: resampled")
-    else:
-        places, samples = k, samples.changed(f"{off}: taken as even")
+    places, v, most = k, samples.v, float(np.abs(stray).max())
+    if most > 0.01:
+        is_true = most > 1 or _follows_stamps(np.interp(even, k, v), np.interp(even, k, stray))
+        places = k + stray if is_true else k
+        off = f"time stamps up to {1e3 * dt * most:.2g} ms off an even {1 / dt:.6g} Hz"
+        samples = samples.changed(f"{off}: {'resampled' if is_true else 'taken as even'}")
     if even.size > k.size:
         samples = samples.changed(f"missing samples filled from their neighbours: {even.size - k.size}")
     if even.size > k.size or places is not k:
         from scipy.interpolate import CubicSpline
 
-        v = CubicSpline(places, samples.v)(even)
-    nearest = np.clip(np.searchsorted(k, even), 0, k.size - 1)
-    return replace(samples, t=dt * even, v=v, rows=samples.rows[nearest])
+        v = CubicSpline(places, v)(even)
+    return replace(samples, t=dt * even, v=v, rows=samples.rows[np.searchsorted(k, even)])
 
 
 def _averaged(samples: _Samples) -> _Samples:

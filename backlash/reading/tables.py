@@ -14,7 +14,6 @@ import zlib
 from collections.abc import Sequence
 from contextlib import closing
 from pathlib import Path
-from stat import S_ISDIR, S_ISREG
 from typing import BinaryIO
 
 import pandas as pd
@@ -31,21 +30,17 @@ MOST_ZIP_MEMBERS = 1000
 _LONGEST_LINE = 2**16
 _CUT = "cut it to the test movement, a minute at most"
 
-# First bytes, kind, reader, and the packages and the extra that it needs.
-_BY_LIBRARY: tuple[tuple[bytes, str, formats.Reader, str, str], ...] = (
-    (b"PAR1", "Parquet", formats.read_parquet, "pyarrow", "fleet"),
-    (b"\x89HDF", "HDF5", formats.read_hdf5, "h5py", "hdf5"),
-    (b"MATLAB 7.3", "MATLAB", formats.read_hdf5, "h5py", "hdf5"),
-    (b"MATLAB", "MATLAB", formats.read_matlab, "scipy", "hdf5"),
-    (b"MDF ", "MDF", formats.read_mdf, "asammdf", "mdf"),
-    (b"\x89MCAP", "MCAP", formats.read_mcap, "mcap and mcap-ros2-support", "mcap"),
-    (b"#ROSBAG", "ROS bag", formats.read_rosbag, "rosbags", "ros"),
-    (b"SQLite format 3", "ROS bag", formats.read_rosbag, "rosbags", "ros"),
+# First bytes, kind, reader, and the extra that it needs.
+_BY_LIBRARY: tuple[tuple, ...] = (
+    (b"PAR1", "Parquet", formats.read_parquet, "fleet"),
+    (b"\x89HDF", "HDF5", formats.read_hdf5, "hdf5"),
+    (b"MATLAB 7.3", "MATLAB", formats.read_hdf5, "hdf5"),
+    (b"MATLAB", "MATLAB", formats.read_matlab, "hdf5"),
+    (b"MDF ", "MDF", formats.read_mdf, "mdf"),
+    (b"\x89MCAP", "MCAP", formats.read_mcap, "mcap"),
+    (b"#ROSBAG", "ROS bag", formats.read_rosbag, "ros"),
+    (b"SQLite format 3", "ROS bag", formats.read_rosbag, "ros"),
 )
-_NOT_READ = {
-    b"\xd0\xcf\x11\xe0": "an old Excel file, which may hold macros; save it as .xlsx or CSV",
-    b"%PDF": "a PDF; export the log as CSV",
-}
 _UTF16 = (b"\xff\xfe", b"\xfe\xff")
 _DIALECTS = (*((delimiter, mark) for delimiter in "\t;|" for mark in ".,"), (",", "."), (r"\s+", "."), (r"\s+", ","))
 _DATE = re.compile(r"(\d{4}-\d\d-\d\d[T ]|\d\d\.\d\d\.\d{4}[T ])?\d\d:\d\d(:\d\d([.,]\d+)?)?(Z|[+-]\d\d:?\d\d)?")
@@ -71,64 +66,48 @@ class UnusableLog(ValueError):
 def read_table(path: Path) -> pd.DataFrame:
     """Columns of a log file by name, or from 1 without a header; the index is the file's row. "-" is standard input."""
     try:
-        return _read_text(_bounded(sys.stdin.buffer)) if str(path) == "-" else _read_file(path)
+        return _read_text(sys.stdin.buffer) if str(path) == "-" else _read_file(path)
+    except UnusableLog:
+        raise
     except FileNotFoundError as error:
         raise UnusableLog("no such file; check the name") from error
     except PermissionError as error:
         raise UnusableLog("no permission to read it; ask its owner for it") from error
-    except (EOFError, zlib.error, gzip.BadGzipFile) as error:
-        raise UnusableLog(f"a broken gzip file ({error}); copy or export it again") from error
-    except OSError as error:
-        raise UnusableLog(f"cannot be read ({error.strerror or error}); check the file") from error
+    except (OSError, EOFError, zlib.error, ValueError) as error:  # broken gzip, or a name that no file can have
+        raise UnusableLog(f"cannot be read ({error}); check its name, or export it again") from error
     except MemoryError as error:
         raise UnusableLog("too large for this machine's memory; cut it to the test movement") from error
 
 
-def _bounded(file: BinaryIO | gzip.GzipFile) -> bytes:
-    """All of a file, if that is bearable."""
-    content = file.read(MOST_BYTES + 1)
-    if len(content) > MOST_BYTES:
-        raise UnusableLog(f"more than the {MOST_BYTES // 2**20} MiB that are read; {_CUT}")
-    return content
-
-
 def _read_file(path: Path) -> pd.DataFrame:
-    """Read a file by its first bytes, having checked that it is one of bearable size."""
-    try:
-        status = path.stat()
-    except ValueError as error:  # a name that no file can have
-        raise UnusableLog(f"cannot be read ({error}); check the name") from error
-    if S_ISDIR(status.st_mode):
+    """Read a file of bearable size by its first bytes."""
+    if path.is_dir():
         raise UnusableLog("a folder where a log file is needed; name a file in it")
-    if not S_ISREG(status.st_mode):
+    if path.exists() and not path.is_file():
         raise UnusableLog("not a regular file; copy the log into one")
-    if status.st_size == 0:
-        raise UnusableLog("the file is empty; export the log again")
     with path.open("rb") as file:
         head = file.read(32)
-    if status.st_size > MOST_BYTES and not head.startswith(b"PAR1"):
-        size = f"{status.st_size / 2**20:.0f} MiB, above the {MOST_BYTES // 2**20} MiB that are read"
-        raise UnusableLog(f"{size}; {_CUT}")
-    for magic, kind, reader, library, extra in _BY_LIBRARY:
+    if not head:
+        raise UnusableLog("the file is empty; export the log again")
+    if not head.startswith(b"PAR1"):
+        _check_bytes(path.stat().st_size)
+    for magic, *how in _BY_LIBRARY:
         if head.startswith(magic):
-            return _read_by_library(path, kind, reader, library, extra)
-    for magic, what in _NOT_READ.items():
-        if head.startswith(magic):
-            raise UnusableLog(what)
+            return _read_by_library(path, *how)
     if head.startswith(b"PK"):
         return _read_workbook(path)
     with gzip.open(path) if head.startswith(b"\x1f\x8b") else path.open("rb") as file:
-        return _read_text(_bounded(file))
+        return _read_text(file)
 
 
-def _read_by_library(path: Path, kind: str, reader: formats.Reader, library: str, extra: str) -> pd.DataFrame:
+def _read_by_library(path: Path, kind: str, reader: formats.Reader, extra: str) -> pd.DataFrame:
     """Read a kind of file whose library may be missing, or not understand it."""
     try:
         frame = reader(path, _check_size)
     except UnusableLog:
         raise
     except ImportError as error:
-        needed = f"{library}; pip install 'backlash-replication[{extra}]', or export CSV"
+        needed = f"{error.name}; pip install 'backlash-replication[{extra}]', or export CSV"
         raise UnusableLog(f"reading {kind} needs {needed}") from error
     except Exception as error:  # whatever hostile bytes make the library raise
         problem = f"a broken {kind} file ({type(error).__name__}: {str(error)[:200]})"
@@ -138,6 +117,11 @@ def _read_by_library(path: Path, kind: str, reader: formats.Reader, library: str
         raise UnusableLog(f"no two columns of numbers in this {kind} file; export time and speed as CSV")
     frame.index = frame.index + 1
     return frame
+
+
+def _check_bytes(size: int) -> None:
+    if size > MOST_BYTES:
+        raise UnusableLog(f"more than the {MOST_BYTES // 2**20} MiB that are read; {_CUT}")
 
 
 def _check_size(rows: int, columns: int) -> None:
@@ -194,17 +178,20 @@ def _find_dialect(lines: Sequence[str]) -> tuple[str, str]:
 
 
 def _decode(content: bytes) -> str:
+    """Text in the encodings of loggers and spreadsheets."""
     if content.startswith(_UTF16):
         return content.decode("utf-16", errors="replace")
-    if b"\0" in content[:_LONGEST_LINE]:
-        raise UnusableLog("neither text nor a workbook nor another known kind of log; export the log as CSV")
+    if b"\0" in content[:_LONGEST_LINE] or content.startswith(b"%PDF"):
+        raise UnusableLog("neither text nor .xlsx nor another known kind of log; export the log as CSV")
     try:
         return content.decode("utf-8-sig")
     except UnicodeDecodeError:  # Latin-1 takes any bytes
         return content.decode("latin-1")
 
 
-def _read_text(content: bytes) -> pd.DataFrame:
+def _read_text(file: BinaryIO | gzip.GzipFile) -> pd.DataFrame:
+    content = file.read(MOST_BYTES + 1)
+    _check_bytes(len(content))
     text = _decode(content)
     head = re.split(r"\r\n|\r|\n", text[:_LONGEST_LINE])[:400]
     if len(head) < 2 and len(text) >= _LONGEST_LINE:

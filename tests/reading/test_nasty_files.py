@@ -107,8 +107,8 @@ REFUSED = {
     "one column": ("speed\n" + "\n".join(f"{v:.4f}" for v in plain().v), "no rows with two numbers"),
     "prose": ("The robot was fine.\nNothing to report.\n", "no rows with two numbers"),
     "binary": (bytes(range(256)) * 9, "export the log as CSV"),
-    "a PDF": (b"%PDF-1.7\n", "a PDF; export the log as CSV"),
-    "an old Excel file": (b"\xd0\xcf\x11\xe0" + bytes(99), "an old Excel file"),
+    "a PDF": (b"%PDF-1.7\n", "neither text nor .xlsx"),
+    "an old Excel file": (b"\xd0\xcf\x11\xe0" + bytes(99), "neither text nor .xlsx"),
     "text among numbers": (line(500, "0.996,error"), "row 500: speed [rps] is 'error', no finite number"),
     "an infinite speed": (line(500, "0.996,-inf"), "row 500: speed [rps] is '-inf'"),
     "a huge speed": (line(500, "0.996,1e200"), "above 1e30; that is no measurement"),
@@ -134,7 +134,7 @@ REFUSED = {
         text("time,speed", "2024-03-17T12:00:0{t:.3f}Z,{v:.5f}").replace("T12:00:01.000Z", "Tnever"),
         "row 502: time is no date-time",
     ),
-    "a broken gzip file": (gzip.compress(text().encode())[:9000], "a broken gzip file"),
+    "a broken gzip file": (gzip.compress(text().encode())[:9000], "or export it again"),
     "a compressed binary": (gzip.compress(bytes(999)), "export the log as CSV"),
     "a broken zip": (b"PK\x03\x04" + bytes(99), "not a readable workbook"),
 }
@@ -168,7 +168,7 @@ def test_what_cannot_be_read_is_refused_in_one_line_that_says_why(kind, tmp_path
 def test_a_folder_a_missing_file_and_a_forbidden_one_are_refused(tmp_path, monkeypatch):
     assert "a folder where a log file is needed; name a file in it" in refusal(tmp_path)
     assert "no such file; check the name" in refusal(tmp_path / "missing.csv")
-    assert "check the name" in refusal(Path("log\0.csv"))
+    assert "check its name" in refusal(Path("log\0.csv"))
     path = written(text(), tmp_path / "log")
 
     def forbidden(*_, **__):

@@ -330,9 +330,9 @@ def test_a_folder_a_missing_file_and_an_unreadable_one_are_refused(tmp_path, mon
     ("content", "expected"),
     [
         (bytes(range(256)), "neither text nor"),
-        (b"\x1f\x8b" + bytes(50), "broken gzip"),
-        (b"\xd0\xcf\x11\xe0" + bytes(50), "macros"),
-        (b"%PDF-1.7 ...", "PDF"),
+        (b"\x1f\x8b" + bytes(50), "cannot be read"),
+        (b"\xd0\xcf\x11\xe0" + bytes(50), "neither text nor"),
+        (b"%PDF-1.7 ...", "neither text nor"),
         (b"PAR1" + bytes(50), "broken Parquet"),
         (b"PK\x03\x04" + bytes(50), "not a readable workbook"),
         (b"1," * 100_000, "first line is longer"),
@@ -350,7 +350,7 @@ def test_ten_million_rows_are_refused_before_they_are_parsed(tmp_path, monkeypat
     path = tmp_path / "log.csv"
     path.write_bytes(b"0.002,100.1\n" * 10_000_000)
     monkeypatch.setattr(pd, "read_csv", lambda *_, **__: pytest.fail("parsed"))
-    assert "114 MiB" in refused(path)
+    assert "more than the 64 MiB" in refused(path)
 
 
 def test_many_short_rows_are_refused_when_the_limit_is_reached(tmp_path, monkeypatch):
