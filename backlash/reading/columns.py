@@ -219,8 +219,6 @@ def unit_of(column: str, is_position: bool, form: LogFormat) -> tuple[str, tuple
     said = _plain(column)[1]
     if said in _SPELLINGS and form.unit and PER_TURN.get(said) != PER_TURN.get(form.unit):
         raise UnusableLog(f"column {column!r} says {said}, --unit says {form.unit}; leave --unit out, or rename")
-    if said == "min" and column.lower().endswith("_min"):  # the least speed
-        said = ""
     unit = form.unit or said or ("counts" if form.counts_per_turn else "")
     if unit not in ("", *_SPELLINGS):
         raise UnusableLog(f"the unit {unit!r} of {column!r} is not known; give --unit, one of {', '.join(UNITS)}")

@@ -166,13 +166,13 @@ def _numbers(line: str, delimiter: str, decimal: str) -> list[str]:
 
 def _find_dialect(lines: Sequence[str]) -> tuple[str, str]:
     """Delimiter and decimal mark that read most lines as two numbers or more."""
-    best, most = None, 0.0
-    for dialect in _DIALECTS:
+
+    def score(dialect: tuple[str, str]) -> float:
         counts = [len(_numbers(line, *dialect)) for line in lines]
-        score = sum(count >= 2 for count in counts) + 1e-3 * sum(min(count, 10) for count in counts)
-        if score > most and max(counts) >= 2:
-            best, most = dialect, score
-    if best is None:
+        return sum(count >= 2 for count in counts) + 1e-3 * sum(min(count, 10) for count in counts)
+
+    best = max(_DIALECTS, key=score)
+    if score(best) < 1:
         raise UnusableLog("no rows with two numbers (header only, or no table); export the log again")
     return best
 
@@ -192,7 +192,11 @@ def _decode(content: bytes) -> str:
 def _read_text(file: BinaryIO | gzip.GzipFile) -> pd.DataFrame:
     content = file.read(MOST_BYTES + 1)
     _check_bytes(len(content))
-    text = _decode(content)
+    return _table_of(_decode(content))
+
+
+def _table_of(text: str) -> pd.DataFrame:
+    """Find the table in a text."""
     head = re.split(r"\r\n|\r|\n", text[:_LONGEST_LINE])[:400]
     if len(head) < 2 and len(text) >= _LONGEST_LINE:
         raise UnusableLog(f"its first line is longer than {_LONGEST_LINE} characters; that is no log")
@@ -233,37 +237,24 @@ def _inspect_workbook(path: Path) -> None:
             raise UnusableLog("a workbook with macros; save it as .xlsx without them")
 
 
-def _workbook_rows(path: Path) -> list[tuple]:
-    """Rows of a workbook's first sheet, blank ones too; formulas by stored results (defusedxml refuses entities)."""
+def _read_workbook(path: Path) -> pd.DataFrame:
+    """Read a workbook's first sheet as text; formulas by stored results (defusedxml refuses entities)."""
     from openpyxl import load_workbook
 
-    rows: list[tuple] = []
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        with closing(load_workbook(path, read_only=True, data_only=True, keep_links=False)) as book:
-            book.worksheets[0].reset_dimensions()
-            for row in book.worksheets[0].iter_rows(values_only=True):
-                rows.append(row)
-                _check_size(len(rows), len(row))
-    return rows
-
-
-def _read_workbook(path: Path) -> pd.DataFrame:
+    text = io.StringIO()
+    writer = csv.writer(text, delimiter="\t", lineterminator="\n")
     try:
         _inspect_workbook(path)
-        rows = _workbook_rows(path)
+        with (
+            warnings.catch_warnings(action="ignore"),
+            closing(load_workbook(path, read_only=True, data_only=True, keep_links=False)) as book,
+        ):
+            book.worksheets[0].reset_dimensions()
+            for number, row in enumerate(book.worksheets[0].iter_rows(values_only=True)):
+                _check_size(number, len(row))
+                writer.writerow(row)
     except UnusableLog:
         raise
     except Exception as error:  # whatever hostile bytes make zipfile, the XML parser or openpyxl raise
         raise UnusableLog(f"not a readable workbook ({type(error).__name__}: {error}); save the log as CSV") from error
-    first = next((number for number, row in enumerate(rows) if sum(map(_is_number, row)) >= 2), None)
-    if first is None:
-        raise UnusableLog("no rows with two numbers in its first sheet; export the log again")
-    frame = pd.DataFrame(rows[first:])
-    above = [["" if cell is None else str(cell) for cell in row] for row in rows[:first]]
-    above = [[*row, *[""] * (frame.shape[1] - len(row))] for row in above if any(row)]
-    return _named(frame, above, first)
-
-
-def _is_number(cell: object) -> bool:
-    return (isinstance(cell, int | float) and not isinstance(cell, bool)) or hasattr(cell, "year")
+    return _table_of(text.getvalue())
