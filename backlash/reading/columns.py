@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 
 from backlash.reading import UNITS
-from backlash.reading.tables import UnusableLog
+from backlash.reading.tables import MOST_COLUMNS, UnusableLog
 from replication.arrays import FloatArray
 
 PER_TURN = {
@@ -161,14 +161,15 @@ def choose_columns(table: pd.DataFrame, form: LogFormat) -> tuple[str, str, bool
     return time, signal, speed is None
 
 
-def tidy(table: pd.DataFrame) -> pd.DataFrame:
+def tidy(table: pd.DataFrame, form: LogFormat) -> pd.DataFrame:
     """A table with a column for each signal, and one for a stamp that comes in seconds and nanoseconds."""
     plain = {_plain(column)[0]: column for column in table.columns}
-    signals, values = (set(plain) & names for names in (_SIGNAL_NAMES, _VALUE_NAMES))
-    if len(signals) == len(values) == 1:
-        signal, value = plain[signals.pop()], plain[values.pop()]
-        time = [column for column in table.columns if column not in (signal, value)]
-        table = table.pivot_table(values=value, index=time, columns=signal, aggfunc="first").reset_index()
+    signal, value = ("".join(plain[name] for name in names if name in plain) for names in (_SIGNAL_NAMES, _VALUE_NAMES))
+    if signal in table and value in table and table[signal].nunique() <= MOST_COLUMNS:
+        rest = [column for column in table.columns if column not in (signal, value)]
+        if time := form.time or _column_like(rest, _TIME_NAMES, "time"):
+            index = _given_column(rest, time)
+            table = table.pivot_table(values=value, index=index, columns=signal, aggfunc="first").reset_index()
     for nano in [column for column in table.columns if re.search(r"stamp\Wn(ano)?secs?$", column)]:
         whole = re.sub("n(ano)?sec", "sec", nano)
         if whole in table:

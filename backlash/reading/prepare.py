@@ -62,7 +62,7 @@ def read_log(path: Path, form: LogFormat) -> tuple[Recording, tuple[str, ...]]:
 
 def record_of(table: pd.DataFrame, form: LogFormat, name: str) -> tuple[Recording, tuple[str, ...]]:
     """Prepare the record of a table; see `read_log`."""
-    table = tidy(table)
+    table = tidy(table, form)
     time, column, is_position = choose_columns(table, form)
     unit, guess = unit_of(column, is_position, form)
     if not guess:

@@ -73,7 +73,13 @@ def read_table(path: Path) -> pd.DataFrame:
         raise UnusableLog("no such file; check the name") from error
     except PermissionError as error:
         raise UnusableLog("no permission to read it; ask its owner for it") from error
-    except (OSError, EOFError, zlib.error, ValueError) as error:  # broken gzip, or a name that no file can have
+    except (
+        OSError,
+        EOFError,
+        zlib.error,
+        csv.Error,
+        ValueError,
+    ) as error:  # broken gzip, or a name that no file can have
         raise UnusableLog(f"cannot be read ({error}); check its name, or export it again") from error
     except MemoryError as error:
         raise UnusableLog("too large for this machine's memory; cut it to the test movement") from error

@@ -229,9 +229,12 @@ def test_of_a_robots_joints_the_user_is_asked_for_one():
         record_of(frame, TURN, "log")
 
 
-def test_a_long_table_is_turned(tmp_path):
+@pytest.mark.parametrize("more", ["", ",NaN"])
+def test_a_long_table_is_turned(more, tmp_path):
     path = tmp_path / "log.csv"
-    rows = [f"{t:.4f},{name},{v}" for t, v in zip(plain().t, plain().v, strict=True)
+    rows = [f"{t:.4f},{name},{v}{more}" for t, v in zip(plain().t, plain().v, strict=True)
             for name, v in (("temperature", 20), ("speed [rps]", v))]  # fmt: skip
-    path.write_text("\n".join(["time,signal,value", *rows]), encoding="utf-8")
+    path.write_text("\n".join(["time,signal,value" + (",quality" if more else ""), *rows]), encoding="utf-8")
     assert_is_plain(read(path))
+    path.write_text("signal,value,v\n" + "\n".join(f"speed,{v},{v}" for v in plain().v), encoding="utf-8")
+    assert "no column of time among 'signal', 'value', 'v'; give --time" in refusal(path)
