@@ -1,6 +1,7 @@
 """Which columns of a log's table are what, in which units: names, options and numbers."""
 
 import re
+import unicodedata
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -8,23 +9,36 @@ import numpy as np
 import pandas as pd
 
 from backlash.reading import UNITS
-from backlash.reading.tables import UnusableLog
+from backlash.reading.tables import MOST_COLUMNS, UnusableLog
 from replication.arrays import FloatArray
 
-PER_TURN = {"rps": 1.0, "rpm": 60.0, "rad/s": 2 * np.pi, "turns": 1.0, "rad": 2 * np.pi, "deg": 360.0, "deg/s": 360.0}
-_SECONDS = {"s": 1.0, "sec": 1.0, "seconds": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "ns": 1e-9, "min": 60.0}
-_UNIT_NAMES = {
-    "rps": "rps", "rev/s": "rps", "1/s": "rps", "rpm": "rpm", "rev/min": "rpm", "1/min": "rpm", "rad/s": "rad/s",
-    "radps": "rad/s", "counts": "counts", "counts/s": "counts", "count": "counts", "cnt": "counts", "ticks": "counts",
-    "rad": "rad", "deg": "deg", "°": "deg", "deg/s": "deg/s", "°/s": "deg/s", "turns": "turns", "rev": "turns",
+PER_TURN = {
+    "rps": 1.0, "rpm": 60.0, "rad/s": 2 * np.pi, "deg/s": 360.0, "turns": 1.0, "rad": 2 * np.pi, "deg": 360.0,
 }  # fmt: skip
+_SECONDS = {"s": 1.0, "sec": 1.0, "seconds": 1.0, "ms": 1e-3, "us": 1e-6, "μs": 1e-6, "ns": 1e-9, "min": 60.0}
+_PER_SECOND, _PER_MINUTE = (
+    rf"[\s_*·.]*(/|per|p)?[\s_]*({word})(\^?[-−]1)?" for word in ("s|sec|seconds?", "min|minutes?")
+)
+_SPELLINGS = {
+    "rps": rf"rps|hz|(rev|revs|turns?|u|r|1)?{_PER_SECOND}",
+    "rpm": rf"rpm|upm|(rev|revs|turns?|u|r|1)?{_PER_MINUTE}",
+    "rad/s": rf"(rads?|radians?){_PER_SECOND}",
+    "deg/s": rf"dps|(deg|degrees?|°){_PER_SECOND}",
+    "counts": rf"(counts?|cnts?|cts|ticks?|inc|increments?)({_PER_SECOND})?",
+    "turns": "rev|revs|revolutions?|turns?",
+    "rad": "rads?|radians?",
+    "deg": "deg|degrees?|°",
+}
 _POSITIVE = {
     "counts_per_turn": "--counts-per-turn", "commanded_speed_rps": "--commanded-speed",
     "turn_period_s": "--turn-period", "gear_ratio": "--gear-ratio",
 }  # fmt: skip
-_TIME_NAMES = {"t", "time", "timestamp", "zeit", "tempo", "clock", "date", "datetime", *_SECONDS}
-_SPEED_NAMES = {"v", "speed", "velocity", "vel", "omega", "rpm", "rps", "geschwindigkeit", "drehzahl", "velocità"}
-_POSITION_NAMES = {"position", "pos", "angle", "theta", "encoder", "counts", "phi", "turns"}
+_TIME_NAMES = {"t", "time", "timestamp", "stamp", "zeit", "tempo", "clock", "date", "datetime", *_SECONDS}
+_SPEED_NAMES = {
+    "v", "speed", "velocity", "vel", "omega", "rpm", "rps", "geschwindigkeit", "drehzahl", "velocità", "dq", "qd",
+}  # fmt: skip
+_POSITION_NAMES = {"position", "pos", "angle", "theta", "encoder", "counts", "phi", "turns", "q", "winkel"}
+_SIGNAL_NAMES, _VALUE_NAMES = {"signal", "name", "channel", "variable"}, {"value", "wert"}  # of a long table
 
 
 @dataclass(frozen=True)
@@ -42,7 +56,9 @@ class LogFormat:
     commanded_speed_rps: float | None = None  # of the motor
     turn_period_s: float | None = None  # of the load
     gear_ratio: float | None = None  # motor turns in a load turn
-    usual_speed_rps: float | None = None  # of the calibration's logs; only a wrong unit is judged by it
+    usual_speed_rps: float | None = None  # of the calibration's logs; only a guessed unit is judged by it
+    start_s: float | None = None  # of the part to use, from the log's first sample on
+    end_s: float | None = None
 
     def __post_init__(self):
         """Refuse what no log could be read with, in one line."""
@@ -56,6 +72,8 @@ class LogFormat:
             raise UnusableLog("--speed and --position: give one of them")
         if self.unit is not None and self.unit not in UNITS:
             raise UnusableLog(f"--unit {self.unit}: there are {', '.join(UNITS)}")
+        if not (self.start_s or 0.0) < (np.inf if self.end_s is None else self.end_s):
+            raise UnusableLog(f"--from {self.start_s} --to {self.end_s}: give seconds, the end after the start")
 
     @property
     def expected_speed_rps(self) -> float | None:
@@ -69,16 +87,23 @@ class LogFormat:
         return self.turn_period_s or (self.gear_ratio or np.nan) / speed_rps
 
 
+def _known_unit(text: str) -> str:
+    """A unit's one name, from any of its spellings; "" if it is none."""
+    text = unicodedata.normalize("NFKC", text.strip()).lower()
+    spelled = (unit for unit, spelling in _SPELLINGS.items() if re.fullmatch(spelling, text))
+    return text if text in _SECONDS else next(spelled, "")
+
+
 def _plain(column: str) -> tuple[str, str]:
-    """Name of a column in lower case without its unit, and the unit: from "Motor speed [rpm]" and "speed_rpm"."""
-    text = column.strip().lower()
+    """Name of a column in lower case without its unit, and the unit: from "Motor speed [rpm]" and "speed_rad_s"."""
+    text = re.sub(r"(?<=[a-z])(?=[A-Z])", "_", re.sub(r"\s*[\[(]\d+[\])]$", "", column)).strip(" _%").lower()
     bracketed = re.fullmatch(r"(.*?)[\s_]*[\[(<](.*)[\])>]", text)
     if bracketed:
-        return bracketed[1], bracketed[2].strip()
-    words = re.split(r"[\s_]+", text)
-    if len(words) > 1 and words[-1] in _UNIT_NAMES | _SECONDS:
-        return " ".join(words[:-1]), words[-1]
-    return text, text if text in _UNIT_NAMES | _SECONDS else ""
+        return bracketed[1], _known_unit(bracketed[2]) or bracketed[2].strip()
+    for gap in re.finditer(r"[\s_]+", text):
+        if unit := _known_unit(text[gap.end() :]):
+            return text[: gap.start()].replace("_", " "), unit
+    return text, _known_unit(text)
 
 
 def _listed(columns: Sequence[str]) -> str:
@@ -99,7 +124,7 @@ def _given_column(columns: Sequence[str], given: str) -> str:
 
 def _column_like(columns: Sequence[str], names: set[str], what: str) -> str | None:
     """Find the only column, or the motor's, that is called one of `names` or has one in its name."""
-    words = {column: set(re.split(r"[\s_./]+", _plain(column)[0])) for column in columns}
+    words = {column: set(re.split(r"[\s_./]+|(?<=[a-z])(?=[\d\[])", _plain(column)[0])) for column in columns}
     exact = [column for column in columns if _plain(column)[0] in names]
     fitting = exact or [column for column in columns if words[column] & names]
     fitting = [column for column in fitting if "motor" in words[column]] or fitting
@@ -136,6 +161,23 @@ def choose_columns(table: pd.DataFrame, form: LogFormat) -> tuple[str, str, bool
     return time, signal, speed is None
 
 
+def tidy(table: pd.DataFrame, form: LogFormat) -> pd.DataFrame:
+    """A table with a column for each signal, and one for a stamp that comes in seconds and nanoseconds."""
+    plain = {_plain(column)[0]: column for column in table.columns}
+    signal, value = ("".join(plain[name] for name in names if name in plain) for names in (_SIGNAL_NAMES, _VALUE_NAMES))
+    if signal in table and value in table and table[signal].nunique() <= MOST_COLUMNS:
+        rest = [column for column in table.columns if column not in (signal, value)]
+        if time := form.time or _column_like(rest, _TIME_NAMES, "time"):
+            index = _given_column(rest, time)
+            table = table.pivot_table(values=value, index=index, columns=signal, aggfunc="first").reset_index()
+    for nano in [column for column in table.columns if re.search(r"stamp\Wn(ano)?secs?$", column)]:
+        whole = re.sub("n(ano)?sec", "sec", nano)
+        if whole in table:
+            table = table.assign(**{nano: 10**9 * table[whole] + table[nano]}).drop(columns=whole)
+            table = table.rename(columns={nano: "stamp [ns]"})
+    return table
+
+
 def numbers(table: pd.DataFrame, column: str) -> FloatArray:
     """A column as finite numbers."""
     values = table[column]
@@ -154,33 +196,37 @@ def seconds(table: pd.DataFrame, column: str) -> tuple[FloatArray, tuple[str, ..
     """Time stamps [s] from the first one on, from date-times too, and a note on their unit."""
     values = table[column]
     if not pd.api.types.is_numeric_dtype(values):
-        dates = pd.to_datetime(values, errors="coerce", utc=True, format="ISO8601")
+        text = values.astype(str).str.replace(",", ".").str.replace(r"^(?=\d\d:)", "1970-01-01 ", regex=True)
+        text = text.str.replace(r"^(\d\d)\.(\d\d)\.(\d{4})", r"\3-\2-\1", regex=True)
+        dates = pd.to_datetime(text, errors="coerce", utc=True, format="ISO8601")
         if dates.notna().mean() > 0.5:
             if dates.isna().any():
                 row = table.index[np.flatnonzero(dates.isna())[0]]
                 raise UnusableLog(f"{column} is no date-time; mend or cut the log there", row)
             return (dates - dates.iloc[0]).dt.total_seconds().to_numpy(dtype=float), ()
-    stamps = numbers(table, column)
-    unit = _plain(column)[1]
-    scale = _SECONDS.get(unit, 1.0)
-    notes = () if scale == 1.0 else (f"time stamps read in {unit}",)
-    return (scale * (stamps - stamps[0]) if stamps.size else stamps), notes
+    stamps, unit = numbers(table, column), _plain(column)[1]
+    if unit and unit not in _SECONDS:
+        raise UnusableLog(f"the unit {unit!r} of {column!r} is not known; there are {', '.join(_SECONDS)}")
+    if not unit and stamps.size:  # since 1970, from 2001 on
+        unit = next((u for u in ("ms", "us", "ns") if 1e9 <= stamps[0] * _SECONDS[u] < 1e10), "")
+    if pd.api.types.is_integer_dtype(values):  # nanoseconds since 1970 are more than a float holds
+        stamps = (values - values.iloc[0]).to_numpy(dtype=float)
+    notes = () if unit in ("", "s", "sec", "seconds") else (f"time stamps read in {unit}",)
+    return (_SECONDS.get(unit, 1.0) * (stamps - stamps[0]) if stamps.size else stamps), notes
 
 
-def units_per_turn(column: str, is_position: bool, form: LogFormat) -> tuple[float, tuple[str, ...]]:
-    """How many of the column's units a motor turn, or a turn a second, has, and a note if that is a guess."""
-    said = _UNIT_NAMES.get(_plain(column)[1])
-    if said and form.unit and PER_TURN.get(said, 0.0) != PER_TURN.get(form.unit, 0.0):
+def unit_of(column: str, is_position: bool, form: LogFormat) -> tuple[str, tuple[str, ...]]:
+    """Unit of a speed or position, and a note if that is a guess."""
+    said = _plain(column)[1]
+    if said in _SPELLINGS and form.unit and PER_TURN.get(said) != PER_TURN.get(form.unit):
         raise UnusableLog(f"column {column!r} says {said}, --unit says {form.unit}; leave --unit out, or rename")
-    unit = form.unit or said
-    if unit is None and is_position:
+    unit = form.unit or said or ("counts" if form.counts_per_turn else "")
+    if unit not in ("", *_SPELLINGS):
+        raise UnusableLog(f"the unit {unit!r} of {column!r} is not known; give --unit, one of {', '.join(UNITS)}")
+    if unit == "" and is_position:
         raise UnusableLog(f"the unit of {column!r} is not known; give --unit (rps for turns, rad/s for rad)")
-    if unit is None:
-        return 1.0, ("unit of the speed not said: taken as rps",)
-    if unit == "counts":
-        if form.counts_per_turn is None:
-            raise UnusableLog("counts need the encoder's counts of a motor turn; give --counts-per-turn")
-        return form.counts_per_turn, ()
+    if unit == "counts" and form.counts_per_turn is None:
+        raise UnusableLog("counts need the encoder's counts of a motor turn; give --counts-per-turn")
     if is_position and unit == "rpm":
         raise UnusableLog("a position has no unit rpm; give --unit rps for turns, rad/s for rad, or counts")
-    return PER_TURN[unit], ()
+    return unit or "rps", () if unit else ("unit of the speed not said: taken as rps",)

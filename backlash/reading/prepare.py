@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
 
 from backlash.reading import UNITS
-from backlash.reading.columns import PER_TURN, LogFormat, choose_columns, numbers, seconds, units_per_turn
+from backlash.reading.columns import PER_TURN, LogFormat, choose_columns, numbers, seconds, tidy, unit_of
 from backlash.reading.tables import UnusableLog, read_table
 from replication.arrays import FloatArray
 from replication.datasets import Recording
@@ -41,7 +41,7 @@ class _Samples:
     """A log on its way to a record: arrays of shape (samples,), and a sentence for each thing done to it."""
 
     t: FloatArray  # [s]
-    v: FloatArray  # motor speed [rps]
+    v: FloatArray  # motor speed [rps], at first perhaps position [turns]
     rows: NDArray[np.int64]  # of the file
     notes: tuple[str, ...]
 
@@ -62,30 +62,49 @@ def read_log(path: Path, form: LogFormat) -> tuple[Recording, tuple[str, ...]]:
 
 def record_of(table: pd.DataFrame, form: LogFormat, name: str) -> tuple[Recording, tuple[str, ...]]:
     """Prepare the record of a table; see `read_log`."""
-    samples = _speed_samples(table, form)
+    table = tidy(table, form)
+    time, column, is_position = choose_columns(table, form)
+    unit, guess = unit_of(column, is_position, form)
+    if not guess:
+        form = replace(form, usual_speed_rps=None)  # a unit that is named is not doubted
+    samples = _read_samples(table, time, column, form)
+    per_turn = {**PER_TURN, "counts": form.counts_per_turn or 1.0}[unit]
+    samples = replace(samples, v=samples.v / per_turn, notes=samples.notes + guess)
     try:
-        samples = _evenly_sampled(samples, form)
-        samples = _at_constant_speed(samples, form)
-        return _recording(samples, form, name)
+        dt = _sampling_period(samples)
+        if is_position:
+            samples = _unwrapped(samples, form)
+        samples = _at_constant_speed(samples, is_position, dt, form)
+        samples = _on_even_grid(samples, dt)
+        if is_position:
+            speed = np.diff(samples.v) / np.diff(samples.t)
+            note = "speed differentiated from the position, between neighbouring samples"
+            samples = samples.changed(note, t=samples.t[1:], v=speed, rows=samples.rows[1:])
+        return _recording(_averaged(samples), form, name)
     except CannotTell as refusal:
         refusal.notes = samples.notes
         raise
 
 
-def _speed_samples(table: pd.DataFrame, form: LogFormat) -> _Samples:
-    """Motor speed of a table at its time stamps."""
-    time_column, column, is_position = choose_columns(table, form)
-    t, notes = seconds(table, time_column)
-    samples = _Samples(t, numbers(table, column), table.index.to_numpy(), notes)
-    if t.size > 2 and t[1] == t[0]:
+def _read_samples(table: pd.DataFrame, time: str, column: str, form: LogFormat) -> _Samples:
+    """The signal of a table, in its own unit, at its time stamps."""
+    missing = table[[time, column]].isna().any(axis=1)
+    table = table[~missing]
+    t, notes = seconds(table, time)
+    if missing.any():
+        notes += (f"left out {missing.sum()} rows without {time} or {column}",)
+    kept = (t >= (form.start_s or 0.0)) & (t <= (np.inf if form.end_s is None else form.end_s))
+    if not kept.all():
+        notes += (f"used {kept.sum()} of {t.size} samples, by --from and --to",)
+        if not kept.any():
+            raise UnusableLog(f"no samples between --from and --to; the log lasts {t[-1]:.6g} s")
+    samples = _Samples(t[kept], numbers(table[kept], column), table.index.to_numpy()[kept], notes)
+    if samples.t.size > 2 and samples.t[1] == samples.t[0]:
         samples = samples.part(slice(1, None), "dropped the first row: its time stamp is that of the second")
     _check_clock(samples)
-    signal = samples.v
-    if np.ptp(signal) == 0:
-        raise UnusableLog(f"{column} never changes, it is {signal[0]:g} throughout; is it the right column?")
-    per_turn, notes = units_per_turn(column, is_position, form)
-    samples = replace(samples, v=signal / per_turn, notes=samples.notes + notes)
-    return _differentiated(samples, form) if is_position else samples
+    if np.ptp(samples.v) == 0:
+        raise UnusableLog(f"{column} never changes, it is {samples.v[0]:g} throughout; is it the right column?")
+    return samples
 
 
 def _check_clock(samples: _Samples) -> None:
@@ -100,39 +119,33 @@ def _check_clock(samples: _Samples) -> None:
         raise UnusableLog(f"its time stamp {what} ({wrong.size} such rows); {cure}", samples.rows[k])
 
 
-def _unwrapped_steps(turns: FloatArray, dt: FloatArray, form: LogFormat) -> tuple[FloatArray, float]:
-    """Steps of a position [turns] that starts anew after a turn or 2^n counts, and that modulus (0 if it does not)."""
+def _unwrapped(samples: _Samples, form: LogFormat) -> _Samples:
+    """A position [turns] that goes on where it started anew after a turn or 2^n counts."""
+    turns, dt = samples.v, np.diff(samples.t)
     steps, span = np.diff(turns), float(np.ptp(turns))
     moduli = [1.0]
     if form.counts_per_turn:
         moduli += (2.0 ** np.arange(8, 33) / form.counts_per_turn).tolist()
     modulus = min((m for m in moduli if 0.5 * m < span <= m * (1 + 1e-9)), default=0.0)
     if modulus == 0:
-        return steps, 0.0
+        return samples
     speed = form.expected_speed_rps or 0.0
     ways = [steps - modulus * np.round((steps - way * speed * dt) / modulus) for way in (1.0, -1.0)]
-    best = min(ways, key=lambda way: abs(abs(float(np.median(way / dt))) - speed)) if speed else ways[0]
-    return best, modulus
-
-
-def _differentiated(samples: _Samples, form: LogFormat) -> _Samples:
-    """Speed midway between the samples of a position [turns], unwrapped."""
-    t, turns = samples.t, samples.v
-    dt = np.diff(t)
-    steps, modulus = _unwrapped_steps(turns, dt, form)
-    jumps = int(np.count_nonzero(np.abs(steps - np.diff(turns)) > 1e-9))
-    speed = steps / dt
-    if np.count_nonzero(speed * np.median(speed) < 0) > 0.2 * speed.size:
+    best = min(ways, key=lambda way: abs(abs(float(np.median(way / dt))) - speed))
+    short = dt <= 1.5 * np.median(dt)  # where samples are missing, the speed is that of the neighbours
+    near = np.interp(np.arange(dt.size), np.flatnonzero(short), best[short] / dt[short])
+    best = np.where(short, best, steps - modulus * np.round((steps - near * dt) / modulus))
+    if np.count_nonzero(best * np.median(best) < 0) > 0.2 * best.size:
         problem = "the position starts anew faster than it is sampled, or moves to and fro"
         raise UnusableLog(f"{problem}; give --commanded-speed, or sample faster")
-    if jumps:
-        samples = samples.changed(f"the position starts anew every {modulus:g} motor turns: unwrapped {jumps} times")
-    note = "speed differentiated from the position, between neighbouring samples"
-    return samples.changed(note, t=(t[1:] + t[:-1]) / 2, v=speed, rows=samples.rows[1:])
+    jumps = int(np.count_nonzero(np.abs(best - steps) > 1e-9))
+    note = f"the position starts anew every {modulus:g} motor turns: unwrapped {jumps} times"
+    turns = turns[0] + np.concatenate([[0.0], np.cumsum(best)])
+    return samples.changed(note, v=turns) if jumps else samples
 
 
-def _evenly_sampled(samples: _Samples, form: LogFormat) -> _Samples:
-    """Check the sampling rate, and put the speed on an even grid that is not too fine."""
+def _sampling_period(samples: _Samples) -> float:
+    """Mean sampling period [s] but for gaps, where that is short enough."""
     steps = np.diff(samples.t)
     dt = float(steps[steps <= _LONGEST_STEP * np.median(steps)].mean())
     rate = 1.0 / dt
@@ -140,46 +153,74 @@ def _evenly_sampled(samples: _Samples, form: LogFormat) -> _Samples:
         needed = f"{_LEAST_RATE_HZ:g} Hz at least, {_GOOD_RATE_HZ:.0f} Hz to be measured well"
         what = f"sampled at {rate:.3g} Hz; the {_RING_HZ:g} Hz oscillation after an impact needs {needed}"
         raise UnusableLog(f"{what} (are the time stamps in s? if not, name the column like 'time [ms]')")
-    if rate < _GOOD_RATE_HZ:
-        note = f"sampled at {rate:.0f} Hz: below {_GOOD_RATE_HZ:.0f} Hz the peaks are read too low"
-        samples = samples.changed(note)
-    _refuse_gaps(samples, dt, form)
-    return _averaged(_on_even_grid(samples, dt), rate)
+    return dt
 
 
-def _refuse_gaps(samples: _Samples, dt: float, form: LogFormat) -> None:
-    """Refuse a gap that cuts the constant speed in two; elsewhere gaps do no harm."""
-    t, v = samples.t, samples.v
-    gaps = np.flatnonzero(np.diff(t) > _LONGEST_STEP * dt)
-    if gaps.size > 0.05 * t.size:
-        raise UnusableLog(f"{gaps.size} gaps in {t.size} samples; log at an even rate")
-    level = _level(v, form.expected_speed_rps)
-    for k in gaps:
-        around = v[max(k - 20, 0) : k + 1], v[k + 1 : k + 21]
-        if all(abs(abs(part.mean()) / level - 1) < _SPEED_TOLERANCE for part in around):
-            gap = f"a gap of {t[k + 1] - t[k]:.3g} s in the constant speed, at t = {t[k] - t[0]:.4g} s"
-            raise UnusableLog(f"{gap}; log again, or cut the log to one side of it", samples.rows[k + 1])
+def _refuse_gaps(samples: _Samples, dt: float) -> None:
+    """Refuse gaps in the constant speed; elsewhere they do no harm."""
+    steps = np.diff(samples.t)
+    for k in np.flatnonzero(steps > _LONGEST_STEP * dt)[:1]:
+        gap = f"a gap of {steps[k]:.3g} s in the constant speed, at t = {samples.t[k]:.4g} s"
+        raise UnusableLog(f"{gap}; log again, or use one side of it by --from and --to", samples.rows[k + 1])
+
+
+def _grid_numbers(t: FloatArray, dt: float) -> NDArray[np.int64]:
+    """Numbers of samples on the even grid that they were taken on; their order if there is no such grid.
+
+    The grid's period is what brings the stamps in phase, at first those of a short part, then of longer ones.
+    """
+    reach, size, start = 0.1, 0, t[0]
+    while size < t.size:
+        size = min(max(64, 4 * size), t.size)
+        trials = dt * (1 + reach * np.linspace(-1, 1, 81))
+        phases = np.exp(2j * np.pi * (t[: size : max(1, size // 2048)] - t[0]) / trials[:, None]).sum(axis=1)
+        best = int(np.abs(phases).argmax())
+        dt, start, reach = trials[best], t[0] + trials[best] * np.angle(phases[best]) / (2 * np.pi), 1.5 / size
+    k = np.rint((t - start) / dt).astype(np.int64)
+    return k - k[0] if (np.diff(k) > 0).all() else np.arange(t.size)
+
+
+def _follows_stamps(v: FloatArray, stray: FloatArray) -> bool:
+    """Whether samples tell that they were taken at the stamps, which stray from an even grid by shares of its period.
+
+    Their deviations from the neighbours' course then are its slope times the stray, else they have nothing in common.
+    """
+    curve = np.convolve(v, np.array([1, -4, 6, -4, 1]) / 6, mode="valid")
+    slope = np.convolve(v, np.array([2, 1, 0, -1, -2]) / 10, mode="valid")
+    moved = slope * stray[2:-2]
+    return float(moved @ curve) > 0.5 * float(moved @ moved)
 
 
 def _on_even_grid(samples: _Samples, dt: float) -> _Samples:
-    """Take stamps that are only rounded as even, and resample the speed where they are not even."""
+    """Put the samples on the even grid that they were taken on, and fill its holes; resample what has no such grid."""
     t = samples.t
-    even = t[0] + (t[-1] - t[0]) / (t.size - 1) * np.arange(t.size)
-    stray = float(np.abs(t - even).max())
-    if stray <= 1e-6 * dt:
-        return replace(samples, t=even)
-    digit = next((10.0**-k for k in range(10) if np.abs(t / 10.0**-k - np.rint(t / 10.0**-k)).max() < 1e-3), 0.0)
-    if stray <= 1.01 * digit and digit <= dt:
-        note = f"time stamps rounded to {digit:g} s: taken as even, {1 / (even[1] - even[0]):.6g} Hz"
-        return samples.changed(note, t=even)
-    even = t[0] + dt * np.arange(int((t[-1] - t[0]) / dt + 1e-6) + 1)
-    nearest = np.clip(np.searchsorted(t, even - dt / 2), 0, t.size - 1)
-    note = f"uneven time stamps: resampled at {1.0 / dt:.6g} Hz by straight lines"
-    return samples.changed(note, t=even, v=np.interp(even, t, samples.v), rows=samples.rows[nearest])
+    k = _grid_numbers(t, dt)
+    dt, start = np.polyfit(k, t, 1)
+    stray = (t - start) / dt - k
+    nominal = float(f"{1 / dt:.3g}")
+    if abs(nominal * dt - 1) * k[-1] * np.sqrt(t.size) < 12 * stray.std() + 1e-6:
+        dt = 1 / nominal
+    even = np.arange(k[-1] + 1)
+    places, v, most = k, samples.v, float(np.abs(stray).max())
+    if most > 0.01:
+        is_true = most > 1 or _follows_stamps(np.interp(even, k, v), np.interp(even, k, stray))
+        places = k + stray if is_true else k
+        off = f"time stamps up to {1e3 * dt * most:.2g} ms off an even {1 / dt:.6g} Hz"
+        samples = samples.changed(f"{off}: {'resampled' if is_true else 'taken as even'}")
+    if even.size > k.size:
+        samples = samples.changed(f"missing samples filled from their neighbours: {even.size - k.size}")
+    if even.size > k.size or places is not k:
+        from scipy.interpolate import CubicSpline
+
+        v = CubicSpline(places, v)(even)
+    return replace(samples, t=dt * even, v=v, rows=samples.rows[np.searchsorted(k, even)])
 
 
-def _averaged(samples: _Samples, rate: float) -> _Samples:
+def _averaged(samples: _Samples) -> _Samples:
     """Average neighbouring samples of a fast log."""
+    rate = 1.0 / (samples.t[1] - samples.t[0])
+    if rate < _GOOD_RATE_HZ:
+        return samples.changed(f"sampled at {rate:.0f} Hz: below {_GOOD_RATE_HZ:.0f} Hz the peaks are read too low")
     if rate <= _FASTEST_HZ:
         return samples
     together = int(rate // (_FASTEST_HZ / 2))
@@ -204,25 +245,28 @@ def _level(v: FloatArray, expected: float | None) -> float:
     return float(np.median(near))
 
 
-def _at_constant_speed(samples: _Samples, form: LogFormat) -> _Samples:
+def _at_constant_speed(samples: _Samples, is_position: bool, dt: float, form: LogFormat) -> _Samples:
     """Cut out the longest stretch at constant speed, turned forward."""
     t, v = samples.t, samples.v
     if v.size < _LEAST_SAMPLES:
-        lasts = t[-1] - t[0] if t.size else 0.0  # averaging may leave none
-        raise CannotTell("too short", f"{lasts:.3g} s in {t.size} samples; {_LEAST_TURNS} load turns are needed")
-    _refuse_spikes(samples, form)
-    dt = (t[-1] - t[0]) / (t.size - 1)
+        lasts = f"{t[-1] - t[0]:.3g} s in {t.size} samples; {_LEAST_TURNS} load turns are needed"
+        raise CannotTell("too short", lasts)
+    if is_position:
+        v = np.gradient(v, t)
+    if 1 / dt > _FASTEST_HZ:
+        v = uniform_filter1d(v, int(2 / _FASTEST_HZ / dt))
+    _refuse_spikes(v, samples.rows, form)
     width = max(3, round(_SMOOTHING_S / dt))
     smooth = uniform_filter1d(v, width, mode="nearest")
     level = _level(smooth, form.expected_speed_rps)
-    if level <= np.std(v) or level == 0:
+    if level <= np.std(v - smooth) or level == 0:
         raise CannotTell("not constant speed", "the motor stands still, or turns both ways")
     _check_speed(level, form)
     first, last = _longest_run(np.where(np.abs(np.abs(smooth) / level - 1) < _SPEED_TOLERANCE, np.sign(smooth), 0.0))
     settle = 2 * width
     first, last = (first + settle if first > 0 else 0), (last - settle if last < v.size else v.size)
     period = form.period_s(level)
-    turns = max(last - first, 0) * dt / period
+    turns = (t[last - 1] - t[first]) / period if last > first else 0.0
     if period < _LEAST_SAMPLES * dt:
         raise CannotTell("too short", f"a load turn of {period:.3g} s is {period / dt:.1f} samples long")
     if turns < _LEAST_TURNS - 1.5 * dt / period:
@@ -235,9 +279,10 @@ def _at_constant_speed(samples: _Samples, form: LogFormat) -> _Samples:
     if turns > _MOST_TURNS:
         whole = slice(round(_MOST_TURNS * period / dt) + 1)
         samples = samples.part(whole, f"{turns:.0f} turns: used the first {_MOST_TURNS}")
-    if samples.v.mean() < 0:
+    if smooth[first] < 0:
         samples = samples.changed("the motor turns backward: the speed's sign is changed", v=-samples.v)
-    return replace(samples, t=samples.t - samples.t[0])
+    _refuse_gaps(samples, dt)
+    return samples
 
 
 def _longest_run(state: FloatArray) -> tuple[int, int]:
@@ -262,7 +307,7 @@ def _recording(samples: _Samples, form: LogFormat, name: str) -> tuple[Recording
     elif ratio is not None and abs(ratio / mean / period - 1) > _SPEED_TOLERANCE:
         turn = f"gear ratio {ratio:g} at {mean:.5g} rps makes turns of {ratio / mean:.4g} s"
         raise CannotTell("wrong period", f"{turn}, not the {period:g} s given")
-    return Recording(samples.t, v, form.commanded_speed_rps or mean, period, name), samples.notes
+    return Recording(samples.t - samples.t[0], v, form.commanded_speed_rps or mean, period, name), samples.notes
 
 
 def _check_speed(level: float, form: LogFormat) -> None:
@@ -281,9 +326,8 @@ def _check_speed(level: float, form: LogFormat) -> None:
         raise CannotTell("not constant speed", f"the log keeps {level:.4g} rps longest, not {expected:.4g} rps, {why}")
 
 
-def _refuse_spikes(samples: _Samples, form: LogFormat) -> None:
+def _refuse_spikes(v: FloatArray, rows: NDArray[np.int64], form: LogFormat) -> None:
     """Refuse single samples that no motor could follow."""
-    v = samples.v
     level = _level(v, form.expected_speed_rps)
     before, after = np.abs(np.diff(v)[:-1]), np.abs(np.diff(v)[1:])
     away = np.flatnonzero(np.minimum(before, after) > _SPIKE * level)
@@ -291,7 +335,7 @@ def _refuse_spikes(samples: _Samples, form: LogFormat) -> None:
     if 0 < away.size <= 0.01 * v.size:
         k = away[0] + 1
         spike = f"a spike, {v[k]:.4g} rps beside {v[k - 1]:.4g} ({away.size} such samples)"
-        raise UnusableLog(f"{spike}; mend or cut the log there", samples.rows[k])
+        raise UnusableLog(f"{spike}; mend or cut the log there", rows[k])
 
 
 def _refuse_clipping(samples: _Samples) -> None:

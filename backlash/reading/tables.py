@@ -1,19 +1,24 @@
-"""From a log file to a table of columns: CSV, Parquet and XLSX.
+"""From a log file to a table of columns: text, XLSX, and what `formats` reads.
 
 Log files are untrusted input: their kind is told by content, and size and archive headers are verified.
 """
 
+import csv
+import gzip
 import io
 import re
+import sys
 import warnings
 import zipfile
-from collections.abc import Callable, Sequence
+import zlib
+from collections.abc import Sequence
 from contextlib import closing
 from pathlib import Path
-from stat import S_ISDIR, S_ISREG
+from typing import BinaryIO
 
-import numpy as np
 import pandas as pd
+
+from backlash.reading import formats
 
 # An hour at 500 Hz is 1.8 million rows, and a log needs some 5 s of it.
 MOST_ROWS = 2_000_000
@@ -25,16 +30,23 @@ MOST_ZIP_MEMBERS = 1000
 _LONGEST_LINE = 2**16
 _CUT = "cut it to the test movement, a minute at most"
 
-_NOT_READ = {
-    b"\xd0\xcf\x11\xe0": "an old Excel file, which may hold macros; save it as .xlsx or CSV",
-    b"\x1f\x8b": "compressed; unpack it first",
-    b"%PDF": "a PDF; export the log as CSV",
-}
+# First bytes, kind, reader, and the extra that it needs.
+_BY_LIBRARY: tuple[tuple, ...] = (
+    (b"PAR1", "Parquet", formats.read_parquet, "fleet"),
+    (b"\x89HDF", "HDF5", formats.read_hdf5, "hdf5"),
+    (b"MATLAB 7.3", "MATLAB", formats.read_hdf5, "hdf5"),
+    (b"MATLAB", "MATLAB", formats.read_matlab, "hdf5"),
+    (b"MDF ", "MDF", formats.read_mdf, "mdf"),
+    (b"\x89MCAP", "MCAP", formats.read_mcap, "mcap"),
+    (b"#ROSBAG", "ROS bag", formats.read_rosbag, "ros"),
+    (b"SQLite format 3", "ROS bag", formats.read_rosbag, "ros"),
+)
 _UTF16 = (b"\xff\xfe", b"\xfe\xff")
 _DIALECTS = (*((delimiter, mark) for delimiter in "\t;|" for mark in ".,"), (",", "."), (r"\s+", "."), (r"\s+", ","))
-_DATE = re.compile(r"\d{4}-\d\d-\d\d[T ]\d\d:\d\d(:\d\d([.,]\d+)?)?(Z|[+-]\d\d:?\d\d)?")
-_NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?|[+-]?(nan|inf|infinity)", re.IGNORECASE)
-_UNIT_WORD = re.compile(r"[\[(<]?\s*[A-Za-z°µ%/.^\-0-9]{0,8}\s*[\])>]?")
+_DATE = re.compile(r"(\d{4}-\d\d-\d\d[T ]|\d\d\.\d\d\.\d{4}[T ])?\d\d:\d\d(:\d\d([.,]\d+)?)?(Z|[+-]\d\d:?\d\d)?")
+_GROUPED = r"[+-]?\d{1,3}(,\d{3})+\.\d+"  # with marks of thousands
+_NUMBER = re.compile(rf"{_GROUPED}|[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?|[+-]?(nan|inf|infinity)", re.IGNORECASE)
+_UNIT_WORD = re.compile(r"[\[(<]?\s*[A-Za-z°µ%/.^\-0-9]{0,8}( ?s\^?-1)?\s*[\])>]?")
 
 
 class UnusableLog(ValueError):
@@ -52,46 +64,70 @@ class UnusableLog(ValueError):
 
 
 def read_table(path: Path) -> pd.DataFrame:
-    """Columns of a CSV, Parquet or XLSX file by name, or from 1 without a header; the index is the file's row."""
+    """Columns of a log file by name, or from 1 without a header; the index is the file's row. "-" is standard input."""
     try:
-        return _reader_of(path)(path)
+        return _read_text(sys.stdin.buffer) if str(path) == "-" else _read_file(path)
+    except UnusableLog:
+        raise
     except FileNotFoundError as error:
         raise UnusableLog("no such file; check the name") from error
     except PermissionError as error:
         raise UnusableLog("no permission to read it; ask its owner for it") from error
-    except OSError as error:
-        raise UnusableLog(f"cannot be read ({error.strerror or error}); check the file") from error
+    except (
+        OSError,
+        EOFError,
+        zlib.error,
+        csv.Error,
+        ValueError,
+    ) as error:  # broken gzip, or a name that no file can have
+        raise UnusableLog(f"cannot be read ({error}); check its name, or export it again") from error
     except MemoryError as error:
         raise UnusableLog("too large for this machine's memory; cut it to the test movement") from error
 
 
-def _reader_of(path: Path) -> Callable[[Path], pd.DataFrame]:
-    """Choose the reader by a file's first bytes, having checked that it is one of bearable size."""
-    try:
-        status = path.stat()
-    except ValueError as error:  # a name that no file can have
-        raise UnusableLog(f"cannot be read ({error}); check the name") from error
-    if S_ISDIR(status.st_mode):
+def _read_file(path: Path) -> pd.DataFrame:
+    """Read a file of bearable size by its first bytes."""
+    if path.is_dir():
         raise UnusableLog("a folder where a log file is needed; name a file in it")
-    if not S_ISREG(status.st_mode):
+    if path.exists() and not path.is_file():
         raise UnusableLog("not a regular file; copy the log into one")
-    if status.st_size == 0:
-        raise UnusableLog("the file is empty; export the log again")
     with path.open("rb") as file:
-        head = file.read(_LONGEST_LINE)
-    if head.startswith(b"PAR1"):
-        return _read_parquet
-    if status.st_size > MOST_BYTES:
-        size = f"{status.st_size / 2**20:.0f} MiB, above the {MOST_BYTES // 2**20} MiB that are read"
-        raise UnusableLog(f"{size}; {_CUT}")
-    for magic, what in _NOT_READ.items():
+        head = file.read(32)
+    if not head:
+        raise UnusableLog("the file is empty; export the log again")
+    if not head.startswith(b"PAR1"):
+        _check_bytes(path.stat().st_size)
+    for magic, *how in _BY_LIBRARY:
         if head.startswith(magic):
-            raise UnusableLog(what)
+            return _read_by_library(path, *how)
     if head.startswith(b"PK"):
-        return _read_workbook
-    if b"\0" in head and not head.startswith(_UTF16):
-        raise UnusableLog("neither text nor Parquet nor a workbook; export the log as CSV")
-    return _read_text
+        return _read_workbook(path)
+    with gzip.open(path) if head.startswith(b"\x1f\x8b") else path.open("rb") as file:
+        return _read_text(file)
+
+
+def _read_by_library(path: Path, kind: str, reader: formats.Reader, extra: str) -> pd.DataFrame:
+    """Read a kind of file whose library may be missing, or not understand it."""
+    try:
+        frame = reader(path, _check_size)
+    except UnusableLog:
+        raise
+    except ImportError as error:
+        needed = f"{error.name}; pip install 'backlash-replication[{extra}]', or export CSV"
+        raise UnusableLog(f"reading {kind} needs {needed}") from error
+    except Exception as error:  # whatever hostile bytes make the library raise
+        problem = f"a broken {kind} file ({type(error).__name__}: {str(error)[:200]})"
+        raise UnusableLog(f"{problem}; export the log again, or as CSV") from error
+    _check_size(*frame.shape)
+    if frame.shape[1] < 2:
+        raise UnusableLog(f"no two columns of numbers in this {kind} file; export time and speed as CSV")
+    frame.index = frame.index + 1
+    return frame
+
+
+def _check_bytes(size: int) -> None:
+    if size > MOST_BYTES:
+        raise UnusableLog(f"more than the {MOST_BYTES // 2**20} MiB that are read; {_CUT}")
 
 
 def _check_size(rows: int, columns: int) -> None:
@@ -122,75 +158,71 @@ def _header_names(rows: Sequence[Sequence[str]], columns: int) -> list[str]:
 
 
 def _split(line: str, delimiter: str) -> list[str]:
-    return line.split() if delimiter == r"\s+" else [field.strip() for field in line.split(delimiter)]
+    if delimiter == r"\s+":
+        return line.split()
+    return [field.strip() for field in next(csv.reader([line], delimiter=delimiter, skipinitialspace=True), [])]
 
 
-def _count_numbers(line: str, delimiter: str, decimal: str) -> int:
-    """How many fields of a line are numbers or date-times."""
-    fields = [field.strip().strip('"') for field in _split(line, delimiter)]
-    return sum(bool(_NUMBER.fullmatch(field.replace(decimal, ".")) or _DATE.fullmatch(field)) for field in fields)
+def _numbers(line: str, delimiter: str, decimal: str) -> list[str]:
+    """Fields of a line that are numbers, with "." as decimal mark, or date-times."""
+    fields = [field.strip('"') for field in _split(line, delimiter)]
+    swapped = [field.translate(str.maketrans(",.", ".,")) if decimal == "," else field for field in fields]
+    return [s for s, field in zip(swapped, fields, strict=True) if _NUMBER.fullmatch(s) or _DATE.fullmatch(field)]
 
 
 def _find_dialect(lines: Sequence[str]) -> tuple[str, str]:
     """Delimiter and decimal mark that read most lines as two numbers or more."""
-    best, most = None, 0.0
-    for dialect in _DIALECTS:
-        counts = [_count_numbers(line, *dialect) for line in lines]
-        score = sum(count >= 2 for count in counts) + 1e-3 * sum(min(count, 10) for count in counts)
-        if score > most and max(counts) >= 2:
-            best, most = dialect, score
-    if best is None:
+
+    def score(dialect: tuple[str, str]) -> float:
+        counts = [len(_numbers(line, *dialect)) for line in lines]
+        return sum(count >= 2 for count in counts) + 1e-3 * sum(min(count, 10) for count in counts)
+
+    best = max(_DIALECTS, key=score)
+    if score(best) < 1:
         raise UnusableLog("no rows with two numbers (header only, or no table); export the log again")
     return best
 
 
-def _read_text(path: Path) -> pd.DataFrame:
-    content = path.read_bytes()
+def _decode(content: bytes) -> str:
+    """Text in the encodings of loggers and spreadsheets."""
+    if content.startswith(_UTF16):
+        return content.decode("utf-16", errors="replace")
+    if b"\0" in content[:_LONGEST_LINE] or content.startswith(b"%PDF"):
+        raise UnusableLog("neither text nor .xlsx nor another known kind of log; export the log as CSV")
     try:
-        text = content.decode("utf-8-sig")
+        return content.decode("utf-8-sig")
     except UnicodeDecodeError:  # Latin-1 takes any bytes
-        text = content.decode("utf-16" if content.startswith(_UTF16) else "latin-1", errors="replace")
+        return content.decode("latin-1")
+
+
+def _read_text(file: BinaryIO | gzip.GzipFile) -> pd.DataFrame:
+    content = file.read(MOST_BYTES + 1)
+    _check_bytes(len(content))
+    return _table_of(_decode(content))
+
+
+def _table_of(text: str) -> pd.DataFrame:
+    """Find the table in a text."""
     head = re.split(r"\r\n|\r|\n", text[:_LONGEST_LINE])[:400]
     if len(head) < 2 and len(text) >= _LONGEST_LINE:
         raise UnusableLog(f"its first line is longer than {_LONGEST_LINE} characters; that is no log")
-    filled = [(number, line.lstrip("#").strip()) for number, line in enumerate(head) if line.strip("#,;\t \r")]
+    filled = [(number, line.lstrip("#%").strip()) for number, line in enumerate(head) if line.strip("#%,;\t \r")]
     if not filled:
         raise UnusableLog("nothing but blank lines; export the log again")
-    delimiter, decimal = _find_dialect([line for _, line in filled[-50:]])
-    first = next(number for number, line in filled if _count_numbers(line, delimiter, decimal) >= 2)
+    last = [line for _, line in filled[-50:]]
+    delimiter, decimal = _find_dialect(last)
+    grouped = any(re.fullmatch(_GROUPED, field) for line in last for field in _numbers(line, delimiter, decimal))
+    first = next(number for number, line in filled if len(_numbers(line, delimiter, decimal)) >= 2)
     above = [_split(line, delimiter) for number, line in filled if number < first]
     try:
         frame = pd.read_csv(
             io.StringIO(text), sep=delimiter, decimal=decimal, header=None, skiprows=first, nrows=MOST_ROWS + 1,
             skip_blank_lines=False, skipinitialspace=True, low_memory=False,
+            thousands={",": ".", ".": ","}[decimal] if grouped else None,
         )  # fmt: skip
     except (ValueError, pd.errors.ParserError, OverflowError) as error:
         raise UnusableLog(f"not a table ({error}); export the log again") from error
     return _named(frame, above, first)
-
-
-def _read_parquet(path: Path) -> pd.DataFrame:
-    try:
-        from pyarrow import ArrowException
-        from pyarrow.parquet import ParquetFile
-    except ImportError as error:
-        needed = "pyarrow; pip install 'backlash-replication[fleet]', or export CSV"
-        raise UnusableLog(f"reading Parquet needs {needed}") from error
-    # Text and nested columns hold no speed, and may unpack to anything.
-    numeric = ("int", "uint", "float", "double", "halffloat", "timestamp", "decimal")
-    try:
-        with ParquetFile(path) as file:
-            flat = [field.name for field in file.schema_arrow if str(field.type).startswith(numeric)]
-            _check_size(file.metadata.num_rows, len(flat))
-            if len(set(flat)) != len(flat):
-                raise UnusableLog("two columns have one name; export the log again")
-            frame = file.read(columns=flat).to_pandas(ignore_metadata=True)
-    except UnusableLog:
-        raise
-    except (ArrowException, ValueError, TypeError, OverflowError) as error:
-        raise UnusableLog(f"a broken Parquet file ({error}); export the log again") from error
-    frame.index = np.arange(1, len(frame) + 1)
-    return frame
 
 
 def _inspect_workbook(path: Path) -> None:
@@ -211,37 +243,24 @@ def _inspect_workbook(path: Path) -> None:
             raise UnusableLog("a workbook with macros; save it as .xlsx without them")
 
 
-def _workbook_rows(path: Path) -> list[tuple]:
-    """Rows of a workbook's first sheet, blank ones too; formulas by stored results (defusedxml refuses entities)."""
+def _read_workbook(path: Path) -> pd.DataFrame:
+    """Read a workbook's first sheet as text; formulas by stored results (defusedxml refuses entities)."""
     from openpyxl import load_workbook
 
-    rows: list[tuple] = []
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        with closing(load_workbook(path, read_only=True, data_only=True, keep_links=False)) as book:
-            book.worksheets[0].reset_dimensions()
-            for row in book.worksheets[0].iter_rows(values_only=True):
-                rows.append(row)
-                _check_size(len(rows), len(row))
-    return rows
-
-
-def _read_workbook(path: Path) -> pd.DataFrame:
+    text = io.StringIO()
+    writer = csv.writer(text, delimiter="\t", lineterminator="\n")
     try:
         _inspect_workbook(path)
-        rows = _workbook_rows(path)
+        with (
+            warnings.catch_warnings(action="ignore"),
+            closing(load_workbook(path, read_only=True, data_only=True, keep_links=False)) as book,
+        ):
+            book.worksheets[0].reset_dimensions()
+            for number, row in enumerate(book.worksheets[0].iter_rows(values_only=True)):
+                _check_size(number, len(row))
+                writer.writerow(row)
     except UnusableLog:
         raise
     except Exception as error:  # whatever hostile bytes make zipfile, the XML parser or openpyxl raise
         raise UnusableLog(f"not a readable workbook ({type(error).__name__}: {error}); save the log as CSV") from error
-    first = next((number for number, row in enumerate(rows) if sum(map(_is_number, row)) >= 2), None)
-    if first is None:
-        raise UnusableLog("no rows with two numbers in its first sheet; export the log again")
-    frame = pd.DataFrame(rows[first:])
-    above = [["" if cell is None else str(cell) for cell in row] for row in rows[:first]]
-    above = [[*row, *[""] * (frame.shape[1] - len(row))] for row in above if any(row)]
-    return _named(frame, above, first)
-
-
-def _is_number(cell: object) -> bool:
-    return (isinstance(cell, int | float) and not isinstance(cell, bool)) or hasattr(cell, "year")
+    return _table_of(text.getvalue())

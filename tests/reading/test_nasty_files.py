@@ -1,0 +1,205 @@
+"""Every kind of log that engineers' loggers and spreadsheets write, and what is none: read rightly or refused."""
+
+import gzip
+import zipfile
+from pathlib import Path
+
+import numpy as np
+import openpyxl
+import pytest
+from plain_logs import TURN, plain, refusal, text
+
+from backlash.reading.columns import LogFormat
+from backlash.reading.prepare import CannotTell, read_log
+from replication.datasets import Recording
+
+RPM = ("Zeit [s];Drehzahl [U/min]", "{t:.4f};{rpm:.2f}")
+
+
+def line(number: int, changed: str | None) -> str:
+    """The plain log with one line changed, or left out."""
+    rows = text().splitlines()
+    rows[number - 1 : number] = [] if changed is None else [changed]
+    return "\n".join(rows)
+
+
+def spoilt(t=None, v=None, header="time [s],speed [rps]") -> str:
+    t, v = plain().t if t is None else t, plain().v if v is None else v
+    return text(header, record=Recording(t, v, 100.0, 0.4, "log"))
+
+
+def dropped(*places: int) -> str:
+    return spoilt(np.delete(plain().t, places), np.delete(plain().v, places))
+
+
+def with_value(place: int, value: float) -> np.ndarray:
+    v = plain().v.copy()
+    v[place] = value
+    return v
+
+
+def to_and_fro() -> np.ndarray:
+    ramp = np.linspace(0, 100, 200)
+    parts = [np.zeros(200), ramp, plain().v, ramp[::-1], -ramp, -plain().v[:900], -ramp[::-1], np.zeros(100)]
+    return np.concatenate(parts) + np.random.default_rng(0).normal(0, 0.01, 4401)
+
+
+def grouped(separator: str, decimal: str, between: str) -> str:
+    """Speeds in rpm with marks of thousands, quoted."""
+    rows = (f"{t:.4f}|{60 * v:,.3f}" for t, v in zip(plain().t, plain().v, strict=True))
+    swapped = (row.translate(str.maketrans(",.", separator + decimal)).split("|") for row in rows)
+    return "\n".join(["time" + between + "speed [rpm]", *(f'{t}{between}"{v}"' for t, v in swapped)])
+
+
+TURNS = np.concatenate([[0.25], 0.25 + np.cumsum(plain().v[1:]) * 2e-3])
+JITTER = np.random.default_rng(5).uniform(-3e-4, 3e-4, plain().t.size)
+
+ANSWERED = {
+    "a plain log": text(),
+    "UTF-16": text().encode("utf-16"),
+    "a byte order mark": text().encode("utf-8-sig"),
+    "Latin-1": text("time,velocità [rps]").encode("latin-1"),
+    "lines that end as in DOS": text().replace("\n", "\r\n").encode(),
+    "lines that end as on old Macs": text().replace("\n", "\r").encode(),
+    "semicolons and decimal commas": text(*RPM).replace(".", ","),
+    "tabs": text("time\tspeed", "{t:.4f}\t{v:.5f}"),
+    "blanks": text("  time   speed", "  {t:.4f}   {v:.5f}"),
+    "comments": "# logger 4.2\n% axis 4\n" + text(),
+    "a row of units": text("Time,Speed\ns,rpm", "{t:.4f},{rpm:.2f}"),
+    "a row of units with exponents": text("Time;Speed\ns;rad s^-1", "{t:.4f};{rad:.4f}"),
+    "quoted numbers": text('"time","speed"', '"{t:.4f}","{v:.5f}"'),
+    "thousands in English": grouped(",", ".", ","),
+    "thousands in German": grouped(".", ",", ";"),
+    "rows without a number": line(500, "0.996,NaN"),
+    "a row without a stamp": line(500, ",100.0"),
+    "NaN in the time": line(500, "nan,100.0"),
+    "a dropped sample": dropped(1000),
+    "several dropped samples": dropped(7, 800, 801, 1500, 2200),
+    "jitter of the stamps": spoilt(plain().t + JITTER),
+    "milliseconds": spoilt(1000 * plain().t, header="time [ms],speed [rps]"),
+    "negative speed": spoilt(v=-plain().v),
+    "to and fro": spoilt(2e-3 * np.arange(4401), to_and_fro()),
+    "a position that wraps": spoilt(v=TURNS % 1.0, header="time,position [rev]"),
+    "a position that wraps, with samples dropped": spoilt(
+        np.delete(plain().t, [600, 601]), np.delete(TURNS, [600, 601]) % 1.0, "time,position [rev]"
+    ),
+    "a position in degrees": spoilt(v=360 * TURNS, header="time,angle_deg"),
+    "degrees a second": text("t,speed_deg_s", "{t:.4f},{deg:.3f}"),
+    "radians a second": text("t,motor_vel_rad_per_s", "{t:.4f},{rad:.5f}"),
+    "no header": text(""),
+    "blank rows": text().replace("\n", "\n\n"),
+    "blank columns": text(",time,,speed,", ",{t:.4f},,{v:.5f},"),
+    "a compressed log": gzip.compress(text().encode()),
+    "nanoseconds since 1970": text("timestamp,speed_rps", "17100000{ns:011d},{v:.5f}"),
+    "German dates": text("Zeit;speed", "17.03.2024 12:00:0{t:.3f};{v:.5f}").replace(".", ",").replace(
+        "17,03,2024", "17.03.2024"
+    ),
+    "dates with a zone": text("time,speed", "2024-03-17T12:00:0{t:.3f}Z,{v:.5f}"),
+    "a long table": text("time,name,value", "{t:.4f},load,20\n{t:.4f},speed [rps],{v:.5f}"),
+    "names of ROS": text("header.stamp.sec,header.stamp.nanosec,velocity[0]", "1710000000,{ns},{v:.5f}"),
+    "two rows where one stamp is repeated at the start": line(2, f"{plain().t[1]:.6f},100.0"),
+}  # fmt: skip
+
+REFUSED = {
+    "empty": ("", "the file is empty; export the log again"),
+    "blank": (" \n\n", "nothing but blank lines"),
+    "header only": ("time,speed\n", "no rows with two numbers (header only"),
+    "one column": ("speed\n" + "\n".join(f"{v:.4f}" for v in plain().v), "no rows with two numbers"),
+    "prose": ("The robot was fine.\nNothing to report.\n", "no rows with two numbers"),
+    "binary": (bytes(range(256)) * 9, "export the log as CSV"),
+    "a PDF": (b"%PDF-1.7\n", "neither text nor .xlsx"),
+    "an old Excel file": (b"\xd0\xcf\x11\xe0" + bytes(99), "neither text nor .xlsx"),
+    "text among numbers": (line(500, "0.996,error"), "row 500: speed [rps] is 'error', no finite number"),
+    "an infinite speed": (line(500, "0.996,-inf"), "row 500: speed [rps] is '-inf'"),
+    "a huge speed": (line(500, "0.996,1e200"), "above 1e30; that is no measurement"),
+    "a repeated stamp": (line(500, "0.994000,100.0"), "row 500: its time stamp repeats the one before"),
+    "a stamp that goes backward": (line(500, "0.5,100.0"), "row 500: its time stamp goes backward"),
+    "a clipped speed": (spoilt(v=np.minimum(plain().v, 100.2)), "the speed is clipped at 100.2 rps"),
+    "a spike": (spoilt(v=with_value(500, 900.0)), "row 502: a spike, 900 rps"),
+    "a gap": (dropped(*range(1000, 1100)), "row 1002: a gap of 0.202 s in the constant speed"),
+    "a speed that never changes": (spoilt(v=np.full(2401, 100.0)), "never changes, it is 100 throughout"),
+    "ten hertz": (spoilt(0.1 * np.arange(2401)), "sampled at 10 Hz"),
+    "a very long line": (b"1," * 100_000, "first line is longer than 65536 characters"),
+    "a very long line further down": (line(500, "0.996," + "1" * 200_000), "row 500: speed [rps] is"),
+    "a row with too many fields": (line(500, "0.996,100.0,5"), "not a table (Error tokenizing data"),
+    "two columns of one name": (text("time,speed,speed", "{t:.4f},{v:.4f},{v:.4f}"), "which column is the speed"),
+    "three columns without names": (text("", "{t:.4f},{v:.4f},7"), "give --time and --speed by number"),
+    "no time": (text("a,speed"), "no column of time among 'a', 'speed'; give --time"),
+    "no speed": (text("time,current"), "no column of speed or position among 'time', 'current'; give --speed"),
+    "an unknown unit": (text("time,speed [m/s]"), "the unit 'm/s' of 'speed [m/s]' is not known; give --unit"),
+    "an unknown unit of time": (text("time [ticks],speed"), "is not known; there are s,"),
+    "counts of an unknown encoder": (text("time,speed [counts/s]"), "give --counts-per-turn"),
+    "a position without a unit": (spoilt(v=TURNS, header="time,position"), "the unit of 'position' is not known"),
+    "dates that break off": (
+        text("time,speed", "2024-03-17T12:00:0{t:.3f}Z,{v:.5f}").replace("T12:00:01.000Z", "Tnever"),
+        "row 502: time is no date-time",
+    ),
+    "a broken gzip file": (gzip.compress(text().encode())[:9000], "or export it again"),
+    "a compressed binary": (gzip.compress(bytes(999)), "export the log as CSV"),
+    "a broken zip": (b"PK\x03\x04" + bytes(99), "not a readable workbook"),
+}
+
+
+def written(content: str | bytes, path: Path) -> Path:
+    path.write_bytes(content if isinstance(content, bytes) else content.encode())
+    return path
+
+
+@pytest.mark.parametrize("kind", ANSWERED)
+def test_a_log_is_read_however_it_is_written(kind, tmp_path):
+    found, _ = read_log(written(ANSWERED[kind], tmp_path / "log"), TURN)
+    whole = plain().v - 100
+    start = int(np.correlate(whole, found.v[:2000] - 100, mode="valid").argmax())
+    apart = np.abs(found.v[:2000] - plain().v[start : start + 2000])
+    assert np.quantile(apart, 0.98) < 0.03
+    assert found.t[1] == pytest.approx(2e-3, rel=1e-6)
+    assert found.v.size >= 2150
+
+
+@pytest.mark.parametrize("kind", REFUSED)
+def test_what_cannot_be_read_is_refused_in_one_line_that_says_why(kind, tmp_path):
+    content, why = REFUSED[kind]
+    path = written(content, tmp_path / "log")
+    said = refusal(path)
+    assert said.startswith(str(path))
+    assert why in said
+
+
+def test_a_folder_a_missing_file_and_a_forbidden_one_are_refused(tmp_path, monkeypatch):
+    assert "a folder where a log file is needed; name a file in it" in refusal(tmp_path)
+    assert "no such file; check the name" in refusal(tmp_path / "missing.csv")
+    assert "check its name" in refusal(Path("log\0.csv"))
+    path = written(text(), tmp_path / "log")
+
+    def forbidden(*_, **__):
+        raise PermissionError(13, "Permission denied")
+
+    monkeypatch.setattr(Path, "open", forbidden)
+    assert "no permission to read it; ask its owner for it" in refusal(path)
+
+
+def test_workbooks_that_are_none_or_hold_macros_are_refused(tmp_path):
+    with zipfile.ZipFile(tmp_path / "log.zip", "w") as bundle:
+        bundle.writestr("log.csv", text())
+    assert "unpack it, or save the log as CSV" in refusal(tmp_path / "log.zip")
+    openpyxl.Workbook().save(tmp_path / "log.xlsx")
+    assert "nothing but blank lines" in refusal(tmp_path / "log.xlsx")
+    with zipfile.ZipFile(tmp_path / "log.xlsx", "a") as bundle:
+        bundle.writestr("xl/vbaProject.bin", b"Sub Auto_Open()")
+    assert "a workbook with macros; save it as .xlsx without them" in refusal(tmp_path / "log.xlsx")
+
+
+@pytest.mark.parametrize(
+    ("v", "form", "why"),
+    [
+        (plain().v[:500], TURN, "too short"),
+        (plain().v - 100, TURN, "the motor stands still"),
+        (100 * np.sin(3 * plain().t) + 0.1 * plain().v, TURN, "not constant speed"),
+        (plain().v + 0.8 * (plain().t - 2.4), TURN, "it drifts"),
+        (plain().v, LogFormat(turn_period_s=0.4, gear_ratio=20.0), "the log keeps 100 rps longest, not 50 rps"),
+    ],
+)
+def test_a_log_of_another_movement_has_no_answer_and_that_is_said(v, form, why, tmp_path):
+    path = written(spoilt(2e-3 * np.arange(v.size), v), tmp_path / "log")
+    with pytest.raises(CannotTell, match=why):
+        read_log(path, form)
