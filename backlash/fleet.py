@@ -17,7 +17,9 @@ from backlash.reading.columns import LogFormat
 from backlash.reading.detect import detect_pattern
 from backlash.reading.tables import UnusableLog
 
-SUFFIXES = (".csv", ".tsv", ".txt", ".dat", ".log", ".parquet", ".xlsx")
+SUFFIXES = (
+    ".csv", ".tsv", ".txt", ".dat", ".log", ".gz", ".parquet", ".xlsx", ".h5", ".hdf5", ".mat", ".mf4", ".mcap", ".bag"
+)  # fmt: skip
 UNUSABLE = "unusable log: "
 _DIED = "the process that read it died; is it too large for the memory?"
 _WORTH_PROCESSES = 30  # fewer quick estimates take less time than starting processes

@@ -11,6 +11,7 @@ from made_logs import noisy, silent, write
 import backlash
 from backlash import commands
 from backlash.calibration import default_calibration, read_calibration
+from backlash.estimation import settings_for
 from backlash.main import main
 from backlash.reading.tables import UnusableLog
 from replication import workbook
@@ -179,6 +180,15 @@ def test_the_play_and_where_the_answer_comes_from_are_in_the_json(log, capsys):
     assert row["sha256"] == hashlib.sha256(log.read_bytes()).hexdigest()
     assert row["calibration"] == default_calibration("energy").provenance
     assert (row["relative_index_rps"], row["version"]) == (None, backlash.__version__)
+
+
+def test_a_part_of_a_log_is_had_by_its_times_and_a_period_can_be_trusted(log, capsys, monkeypatch):
+    given = []
+    monkeypatch.setattr(commands, "settings_for", lambda form, **how: given.append(form) or settings_for(form, **how))
+    how = ["--method", "energy", "--from", "1", "--to", "3.5", "--trust-period", "--json"]
+    row = json.loads(ran(capsys, "estimate", log, *TURN, *how)[1])[0]
+    assert row["samples"] == 1251
+    assert given[0].trust_period
 
 
 def test_a_defect_is_one_line_that_says_where(log, capsys, monkeypatch):

@@ -66,7 +66,9 @@ def test_more_logs_make_the_date_surer():
 def test_logs_that_scatter_more_than_their_intervals_say_widen_the_interval():
     rows, dates = made(seed=1)
     wild = rows_of([row.backlash_rad for row in made(seed=1, sigma=1e-4)[0]])
-    assert np.diff(trend_line.fit_trend(wild, dates).growth_interval) > np.diff(trend_line.fit_trend(rows, dates).growth_interval)
+    assert np.diff(trend_line.fit_trend(wild, dates).growth_interval) > np.diff(
+        trend_line.fit_trend(rows, dates).growth_interval
+    )
 
 
 def test_a_growth_that_is_not_sure_leaves_the_crossing_open():
@@ -123,7 +125,10 @@ def test_dates_come_from_names_or_from_a_table(tmp_path):
     table.write_text(
         "file,date\naxis4_2024-03-17.csv,2020-01-01\n20240401_run.csv,2020-02-01T12:00\n", encoding="utf-8"
     )
-    assert list(trend_line.dates_of(logs, table).values()) == [pd.Timestamp("2020-01-01"), pd.Timestamp("2020-02-01T12:00")]
+    assert list(trend_line.dates_of(logs, table).values()) == [
+        pd.Timestamp("2020-01-01"),
+        pd.Timestamp("2020-02-01T12:00"),
+    ]
 
 
 def test_a_log_without_a_date_is_refused(tmp_path):
