@@ -120,7 +120,10 @@ class Calibration:
         return found
 
 
-def read_calibration(source: Calibration | str | PathLike[str] | None) -> Calibration | None:
+OwnCalibration = Calibration | str | PathLike[str] | None
+
+
+def read_calibration(source: OwnCalibration) -> Calibration | None:
     """Read a calibration file; refuse in one line what is none."""
     if source is None or isinstance(source, Calibration):
         return source
@@ -198,13 +201,9 @@ def _bank_uncertainty(recordings: Sequence[Recording], delta: FloatArray, bank: 
 
 
 def calibrate(
-    recordings: Sequence[Recording],
-    known_delta_rad: Sequence[float] | FloatArray,
-    method: str,
-    provenance: str = "",
-    repeats: int = 30,
-    seed: int = 1,
-) -> Calibration:
+    recordings: Sequence[Recording], known_delta_rad: Sequence[float] | FloatArray, method: str, provenance: str = "",
+    repeats: int = 30, seed: int = 1,
+) -> Calibration:  # fmt: skip
     """Calibrate a method on records of known backlash; an UnusableLog says why that cannot be done."""
     delta = np.asarray(known_delta_rad, dtype=float)
     if delta.size != len(recordings) or not (np.isfinite(delta) & (delta >= 0)).all():

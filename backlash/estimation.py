@@ -6,14 +6,13 @@ must explain most of it, and the calibration must hold the reading in its range.
 """
 
 import math
-import os
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from backlash import __version__
-from backlash.calibration import Backlash, Calibration, default_calibration, read_calibration, widened
+from backlash.calibration import Backlash, Calibration, OwnCalibration, default_calibration, read_calibration, widened
 from backlash.fitting import SELF
 from backlash.fitting.global_fit import GlobalFit, global_fit
 from backlash.fitting.readings import Reading, protocol_for, read, reading_of_fit
@@ -125,11 +124,7 @@ class Examined:
 
 
 def settings_for(
-    form: LogFormat,
-    calibration: Calibration | str | os.PathLike[str] | None = None,
-    method: str | None = None,
-    repeats: int = 30,
-    seed: int = 1,
+    form: LogFormat, calibration: OwnCalibration = None, method: str | None = None, repeats: int = 30, seed: int = 1
 ) -> Settings:
     """Put settings together: without a calibration the log's own joint, or for another method the paper's."""
     calibration = read_calibration(calibration)

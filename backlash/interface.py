@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike
 
 from backlash import calibration as calibrations
 from backlash import fleet, trend_line
-from backlash.calibration import Calibration
+from backlash.calibration import Calibration, OwnCalibration
 from backlash.estimation import Estimate, examine, settings_for
 from backlash.fitting import SELF
 from backlash.logs import Log, name_of, open_log
@@ -39,12 +39,7 @@ def _form(log: object, said: dict[str, Any]) -> LogFormat:
 
 
 def read_log(log: object, v: ArrayLike | None = None, **said: Any) -> Log:
-    """Read a log's stretch of constant speed; parameters are those of `estimate`.
-
-    Returns
-    -------
-    Log
-        `recording.t` [s] and `recording.v` [rps], and notes on what was changed or assumed.
+    """Read a log's stretch of constant speed, `recording.t` [s] and `recording.v` [rps]; parameters as in `estimate`.
 
     Raises
     ------
@@ -68,7 +63,7 @@ def estimate(
     log: object,
     v: ArrayLike | None = None,
     *,
-    calibration: Calibration | str | PathLike[str] | None = None,
+    calibration: OwnCalibration = None,
     method: str | None = None,
     repeats: int = 30,
     seed: int = 1,
@@ -109,14 +104,9 @@ def estimate(
 
 
 def calibrate(
-    logs: Sequence[object],
-    known_backlash_rad: Sequence[float],
-    *,
-    method: str = "waveform",
-    seed: int = 1,
-    repeats: int = 30,
-    **said: Any,
-) -> Calibration:
+    logs: Sequence[object], known_backlash_rad: Sequence[float], *, method: str = "waveform", repeats: int = 30,
+    seed: int = 1, **said: Any,
+) -> Calibration:  # fmt: skip
     """Calibrate a method on logs of one joint in one movement; parameters not named here are those of `estimate`.
 
     Parameters
@@ -154,14 +144,9 @@ def calibrate(
 
 
 def trend(
-    logs: Sequence[object],
-    dates: Sequence[Any] | str | PathLike[str] | None = None,
-    *,
-    limit_rad: float | None = None,
-    relative: bool = False,
-    jobs: int = 1,
-    **said: Any,
-) -> Trend:
+    logs: Sequence[object], dates: Sequence[Any] | str | PathLike[str] | None = None, *,
+    limit_rad: float | None = None, relative: bool = False, jobs: int = 1, **said: Any,
+) -> Trend:  # fmt: skip
     """Fit a line to the backlashes of dated logs of one joint; parameters not named here are those of `estimate`.
 
     Parameters

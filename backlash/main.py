@@ -29,10 +29,13 @@ def main(arguments: list[str] | None = None) -> int:
     except BrokenPipeError:  # whoever reads the output has seen enough; nothing is left to be flushed at the end
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 1
-    except KeyboardInterrupt as stop:
-        print(f"interrupted{stop}", file=sys.stderr)
-        return _INTERRUPTED
-    except Exception as error:
+    except (Exception, KeyboardInterrupt) as error:
+        stopped = next(
+            (e for e in (error, error.__cause__, error.__context__) if isinstance(e, KeyboardInterrupt)), None
+        )
+        if stopped is not None:
+            print(f"interrupted{stopped}", file=sys.stderr)
+            return _INTERRUPTED
         import traceback
 
         place = traceback.extract_tb(error.__traceback__)[-1]

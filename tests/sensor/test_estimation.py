@@ -124,10 +124,15 @@ def test_a_drive_of_another_structure_is_not_answered_by_the_log_alone():
     assert found.verdict == "cannot tell"
     assert found.warnings[0].startswith("no such joint")
     assert "turns from the load hanging down" in found.warnings[0]
+    assert "backlash calibrate, with its logs at 6 or more known backlashes" in found.warnings[1]
+    assert found.relative_index_rps == found.amplitude_rps > 0
+    assert "a relative index" in as_text(found)
 
 
 def test_a_silent_log_is_no_backlash_by_the_log_alone_too():
-    assert answer(silent(0.02), method="self").verdict == "no backlash"
+    found = answer(silent(0.02), method="self")
+    assert found.verdict == "no backlash"
+    assert "no backlash (less than 0.300 mrad, half of the play)" in as_text(found)
 
 
 @pytest.mark.parametrize("level", [3, 8, 11])

@@ -17,7 +17,8 @@ def test_the_examples_of_the_documentation_run(name, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     write(noisy(), tmp_path / "log.csv")
     shown = {
-        "t": noisy().t, "v": noisy().v, "known_rad": KNOWN_RAD, "dates": pd.date_range("2024-01-15", periods=7, freq="MS"),
+        "t": noisy().t, "v": noisy().v, "known_rad": KNOWN_RAD,
+        "dates": pd.date_range("2024-01-15", periods=7, freq="MS"),
         "logs": [table(noisy(delta, seed=k)) for k, delta in enumerate(KNOWN_RAD)],
     }  # fmt: skip
     tests = doctest.DocTestFinder(recurse=False).find(getattr(interface, name), name, globs=shown)
