@@ -41,8 +41,8 @@ class LogFormat:
     counts_per_turn: float | None = None  # of the encoder, in a motor turn
     commanded_speed_rps: float | None = None  # of the motor
     turn_period_s: float | None = None  # of the load
+    trust_period: bool = False  # whether the turn is taken as it is given
     gear_ratio: float | None = None  # motor turns in a load turn
-    trust_period: bool = False  # the given turn is taken as it is
     usual_speed_rps: float | None = None  # of the calibration's logs; only a wrong unit is judged by it
 
     def __post_init__(self):
