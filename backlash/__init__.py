@@ -1,10 +1,9 @@
-"""The virtual sensor on an engineer's own logs, and what goes beyond the paper.
+"""The virtual sensor for backlash on an engineer's own logs, and what goes beyond the paper.
 
-How to ask for a log::
+In three lines, with time [s] and motor speed [rps] as arrays, a table, or a log file::
 
-    from pathlib import Path
-    from backlash import LogFormat, estimate, settings_for
-    answer = estimate(Path("log.csv"), settings_for(LogFormat(turn_period_s=0.4)))
+    import backlash
+    answer = backlash.estimate(t, v, turn_period_s=0.4)
     print(answer.verdict, answer.backlash_rad, answer.backlash_interval_rad)
 """
 
@@ -12,11 +11,11 @@ from importlib import import_module
 
 import replication  # noqa: F401  first: it says where compiled code is kept
 
+__version__ = "0.1.0"
 _MODULE_OF = {
-    "Calibration": "calibration", "Estimate": "estimation", "LogFormat": "reading.columns", "Settings": "estimation",
-    "Trend": "trend", "UnusableLog": "reading.tables", "calibrate": "calibration", "dates_of": "trend",
-    "estimate": "estimation", "find_logs": "fleet", "fit_trend": "trend", "prepared_record": "estimation",
-    "run_fleet": "fleet", "settings_for": "estimation",
+    "Calibration": "calibration", "Estimate": "estimation", "Log": "logs", "Trend": "trend_line",
+    "UnusableLog": "reading.tables", "calibrate": "interface", "estimate": "interface", "read_log": "interface",
+    "trend": "interface",
 }  # fmt: skip
 __all__ = list(_MODULE_OF)
 

@@ -4,7 +4,9 @@ import json
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from functools import lru_cache
+from os import PathLike
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -14,6 +16,7 @@ from scipy.special import ndtri, stdtrit
 from backlash.fitting.global_fit import GlobalFit
 from backlash.fitting.readings import METHODS, Reading, read, reading_of_fit
 from backlash.fitting.waveform import LEAST_LEVELS, WaveformBank, make_bank, match, mean_turn, samples_a_turn
+from backlash.reading.tables import UnusableLog
 from replication.arrays import FloatArray
 from replication.characteristic import RPM_PER_RPS, equation_10, first_rise, printed_levels_rad
 from replication.datasets import COMMANDED_SPEED_RPS, TURN_PERIOD_S, Recording
@@ -24,6 +27,9 @@ from replication.simulator.simulate import identified_joint
 _MOST_PHASES = 800
 
 _DATA = Path(__file__).with_name("data")
+
+# Of a calibration's range, the most uncertainty: the 95 % interval is then as wide as the range, and says nothing.
+_MOST_UNCERTAINTY = 0.25
 
 # How far a log's turn may be from that of the calibration: the waveform scales with the speed.
 PERIOD_MISMATCH = 0.02
@@ -79,18 +85,22 @@ class Calibration:
             return f"the motor makes {speed:.4g} rps, in the calibration {self.commanded_speed_rps:.4g} rps"
         return ""
 
-    def to_json(self) -> str:
-        """Write as text, for `from_json`."""
-        content = {"method": self.method, "unit": "rad"} | asdict(self)
+    def to_dict(self) -> dict[str, object]:
+        """What `from_json` reads, ready for JSON."""
+        content: dict[str, Any] = {"method": self.method, "unit": "rad"} | asdict(self)
         del content["bank"]
         if self.bank is not None:
             rounded = [[float(f"{v:.6g}") for v in row] for row in self.bank.waveform_rps]
             content["waveforms"] = {"delta_rad": self.bank.delta_rad.tolist(), "waveform_rps": rounded}
-        return json.dumps(content, indent=1) + "\n"
+        return content
+
+    def to_json(self) -> str:
+        """Write as text, for `from_json`."""
+        return json.dumps(self.to_dict(), indent=1) + "\n"
 
     @staticmethod
     def from_json(text: str, name: str) -> "Calibration":
-        """Read what `to_json` wrote; a ValueError says in one line, after `name`, what is wrong with it."""
+        """Read what `to_json` wrote; an UnusableLog says after `name` what is wrong with it."""
         try:
             content = json.loads(text)
             waves = content.get("waveforms")
@@ -104,10 +114,25 @@ class Calibration:
             )  # fmt: skip
         except (ValueError, KeyError, TypeError, AttributeError) as error:
             problem = f"{type(error).__name__}: {error}"
-            raise ValueError(f"{name}: not a calibration file ({problem}); make one anew") from None
+            raise UnusableLog(f"{name}: not a calibration file ({problem}); make one anew") from None
         if why := _defect(found):
-            raise ValueError(f"{name}: not a usable calibration: {why}; make one anew")
+            raise UnusableLog(f"{name}: not a usable calibration: {why}; make one anew")
         return found
+
+
+OwnCalibration = Calibration | str | PathLike[str] | None
+
+
+def read_calibration(source: OwnCalibration) -> Calibration | None:
+    """Read a calibration file; refuse in one line what is none."""
+    if source is None or isinstance(source, Calibration):
+        return source
+    try:
+        return Calibration.from_json(Path(source).read_text(encoding="utf-8"), str(source))
+    except OSError as error:
+        raise UnusableLog(f"{source}: cannot be read ({error.strerror}); check the name") from error
+    except UnicodeDecodeError as error:
+        raise UnusableLog(f"{source}: no text; is it the right file?") from error
 
 
 def _defect(found: Calibration) -> str:
@@ -157,7 +182,7 @@ def fit_polynomial(value: FloatArray, delta: FloatArray, method: str) -> tuple[t
     if not (cubic.deriv()(along) > 0).all():
         problem = "the backlash does not grow with the value over the range of these logs"
         cure = "check the known backlashes, add levels, or use another method"
-        raise ValueError(f"method {method}: {problem}, so a value would have two meanings; {cure}")
+        raise UnusableLog(f"method {method}: {problem}, so a value would have two meanings; {cure}")
     inner = np.unique(delta)[1:-1]
     errors = [_fitted(value[delta != d], delta[delta != d])(value[delta == d]) - d for d in inner]
     return tuple(cubic.coef.tolist()), _uncertainty(np.concatenate(errors))
@@ -171,44 +196,23 @@ def _bank_uncertainty(recordings: Sequence[Recording], delta: FloatArray, bank: 
     by_level = [found[delta[inner] == d].mean() for d in bank.delta_rad[1:-1]]
     if not (np.diff(by_level) > 0).all():
         problem = "logs that the others predict do not come in the order of their backlashes"
-        raise ValueError(f"method waveform: {problem}; check the known backlashes, or use another method")
+        raise UnusableLog(f"method waveform: {problem}; check the known backlashes, or use another method")
     return _uncertainty(found - delta[inner])
 
 
 def calibrate(
-    recordings: Sequence[Recording],
-    known_delta_rad: Sequence[float] | FloatArray,
-    method: str,
-    provenance: str = "",
-    repeats: int = 30,
-    seed: int = 1,
-) -> Calibration:
-    """Calibrate a method on records of known backlash.
-
-    Parameters
-    ----------
-    recordings : sequence of Recording
-        Records of one joint in one movement.
-    known_delta_rad : sequence of float
-        Their backlashes [rad], six different ones or more.
-    method, provenance : str
-        One of `METHODS`; what the records are.
-    repeats, seed : int
-        CMA-ES runs of "paper", and the seed of the first.
-
-    Raises
-    ------
-    ValueError
-        Too few levels, several movements, no finite or negative backlash, or no monotonic relation.
-    """
+    recordings: Sequence[Recording], known_delta_rad: Sequence[float] | FloatArray, method: str, provenance: str = "",
+    repeats: int = 30, seed: int = 1,
+) -> Calibration:  # fmt: skip
+    """Calibrate a method on records of known backlash; an UnusableLog says why that cannot be done."""
     delta = np.asarray(known_delta_rad, dtype=float)
     if delta.size != len(recordings) or not (np.isfinite(delta) & (delta >= 0)).all():
-        raise ValueError("each log needs a known backlash, finite and not negative [rad]")
+        raise UnusableLog("each log needs a known backlash, finite and not negative [rad]")
     if np.unique(delta).size < LEAST_LEVELS:
-        raise ValueError(f"{np.unique(delta).size} different backlashes; a calibration needs {LEAST_LEVELS} or more")
+        raise UnusableLog(f"{np.unique(delta).size} different backlashes; a calibration needs {LEAST_LEVELS} or more")
     periods = np.array([recording.turn_period_s for recording in recordings])
     if np.ptp(periods) > PERIOD_MISMATCH * periods.mean():
-        raise ValueError("the logs have different turn periods; calibrate one movement at a time")
+        raise UnusableLog("the logs have different turn periods; calibrate one movement at a time")
     coefficients: tuple[float, ...] = ()
     bank = None
     if method == "waveform":
@@ -220,6 +224,9 @@ def calibrate(
         coefficients, uncertainty = fit_polynomial(value, delta, method)
     speed = float(np.mean([recording.commanded_speed_rps for recording in recordings]))
     range_rad = float(delta.min()), float(delta.max())
+    if (share := uncertainty / np.ptp(delta)) > _MOST_UNCERTAINTY:
+        known = f"the uncertainty, {1e3 * uncertainty:.3f} mrad, is {share:.0%} of the range of the known backlashes"
+        raise UnusableLog(f"method {method}: {known}; check them, add logs, or use another method")
     return Calibration(method, coefficients, range_rad, uncertainty, float(periods.mean()), speed, provenance, bank)
 
 
@@ -227,7 +234,7 @@ def calibrate(
 def default_calibration(method: str) -> Calibration:
     """Calibration of a method for the paper's joint; that of "waveform" is too large to be kept, and computed."""
     if method not in METHODS:
-        raise ValueError(f"method {method!r}: there are {', '.join(METHODS)}")
+        raise UnusableLog(f"method {method!r}: there are {', '.join(METHODS)}")
     if method == "waveform":
         return compute_default(method)
     kept = json.loads((_DATA / "default_calibrations.json").read_text(encoding="utf-8"))

@@ -1,56 +1,54 @@
 """The virtual sensor's commands: `estimate`, `calibrate` and `trend`."""
 
 import argparse
-import hashlib
 import io
 import json
 import os
+import re
 import shutil
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import fields
 from importlib.util import find_spec
 from pathlib import Path
+from typing import Any
 
+import numpy as np
 import pandas as pd
 
-from backlash import fleet, trend
-from backlash.calibration import Calibration, calibrate
-from backlash.estimation import Settings, as_row, as_text, examine, prepared_record, settings_for
-from backlash.fitting import SELF
+from backlash import fleet, interface
+from backlash.calibration import read_calibration
+from backlash.estimation import Estimate, Settings, as_text, examine, settings_for
+from backlash.logs import STDIN
+from backlash.main import ends_on_interrupt
 from backlash.reading.columns import LogFormat
-from backlash.reading.prepare import CannotTell
 from backlash.reading.tables import UnusableLog
 from replication import files
 
+_SHORT_NAMES = {"period": "turn_period_s", "speed": "commanded_speed_rps"}  # of columns of --batch
+_OF_A_LOG = {"turn_period_s", "gear_ratio", "commanded_speed_rps", "counts_per_turn", "start_s", "end_s"}
+_FAIL_ON = re.compile(r"cannot-tell|no-backlash|backlash( *> *(\d*\.?\d+) *(m?)rad)?")
+_FAILED = 3  # exit status
 _FIGURE_STAMPS = {".png": {}, ".svg": {"Date": None}, ".pdf": {"CreationDate": None}}  # none, for the same bytes
 
 
-def _form(options: argparse.Namespace) -> LogFormat:
-    return LogFormat(
-        options.time, options.speed, options.position, options.unit, options.counts_per_turn,
-        options.commanded_speed, options.turn_period, options.gear_ratio,
-    )  # fmt: skip
+def _said(options: argparse.Namespace) -> dict[str, Any]:
+    """What the options say of the logs, by the fields of `LogFormat`."""
+    said = {field.name: getattr(options, field.name, None) for field in fields(LogFormat)}
+    return {name: value for name, value in said.items() if value is not None}
 
 
-def _settings(options: argparse.Namespace) -> Settings:
-    form = _form(options)
-    calibration = read_calibration(options.calibration) if options.calibration else None
-    try:
-        return settings_for(form, calibration, options.method, options.repeats, options.seed)
-    except ValueError as error:
-        raise UnusableLog(str(error)) from error
+def _how(options: argparse.Namespace) -> dict[str, Any]:
+    """How the options say that logs are measured, as `settings_for` and `interface` take it."""
+    how = {name: getattr(options, name) for name in ("method", "repeats", "seed")}
+    return how | {"calibration": read_calibration(options.calibration)}
 
 
-def read_calibration(path: Path) -> Calibration:
-    """Read a calibration file; refuse in one line what is none."""
-    try:
-        return Calibration.from_json(path.read_text(encoding="utf-8"), str(path))
-    except OSError as error:
-        raise UnusableLog(f"{path}: cannot be read ({error.strerror}); check the name") from error
-    except UnicodeDecodeError as error:
-        raise UnusableLog(f"{path}: no text; is it the right file?") from error
-    except ValueError as error:
-        raise UnusableLog(str(error)) from error
+def _announce_compiling() -> None:
+    """Say that the first command on a machine takes long, to those who wait for it."""
+    is_compiled = any(Path(os.environ["NUMBA_CACHE_DIR"]).rglob("*.nbi"))
+    if sys.stderr.isatty() and not is_compiled:
+        print("compiling, once for this machine: about a minute", file=sys.stderr, flush=True)
 
 
 def _check_output(path: Path | None, endings: Sequence[str], option: str) -> None:
@@ -86,16 +84,61 @@ def run_estimate(options: argparse.Namespace) -> int:
     """Print or write what logs tell of their backlash."""
     _check_output(options.plot, tuple(_FIGURE_STAMPS), "--plot")
     _check_output(options.out, (".csv", ".parquet"), "--out")
-    logs = fleet.find_logs(options.log)
+    failures = _failures(options.fail_on)
+    if bool(options.log) == bool(options.batch):
+        raise UnusableLog("give logs, or --batch with a table of them")
+    if options.batch:
+        logs, forms = _batch(options.batch, _said(options))
+    else:
+        logs = fleet.find_logs(options.log)
+        forms = [LogFormat(**_said(options))] * len(logs)
+    if Path(STDIN) in logs and (len(logs) > 1 or options.out):
+        raise UnusableLog("- (the standard input) goes alone, and without --out")
     if options.plot and len(logs) > 1:
         raise UnusableLog(f"--plot: {len(logs)} logs; it shows one")
-    settings = _settings(options)
+    how = _how(options)
+    settings = [settings_for(form, **how) for form in forms]
+    _announce_compiling()
     if len(logs) == 1 and not options.out:
-        return _estimate_one(logs[0], settings, options)
-    return _estimate_many(logs, settings, options)
+        answers = [_estimate_one(logs[0], settings[0], options)]
+    else:
+        answers = _estimate_many(logs, settings, options)
+    met = (
+        answer.verdict == verdict and (answer.backlash_rad or 0.0) > limit
+        for answer in answers for verdict, limit in failures
+    )  # fmt: skip
+    return _FAILED if any(met) else 0
 
 
-def _estimate_one(log: Path, settings: Settings, options: argparse.Namespace) -> int:
+def _failures(text: str | None) -> list[tuple[str, float]]:
+    """Verdicts of --fail-on, each with the backlash [rad] above which it counts."""
+    found = []
+    for term in text.split(",") if text is not None else ():
+        match = _FAIL_ON.fullmatch(term.strip())
+        if match is None:
+            raise UnusableLog(f"--fail-on {term!r}: give cannot-tell, no-backlash, backlash or backlash>0.5mrad")
+        limit = float(match[2]) * (1e-3 if match[3] else 1.0) if match[2] else -1.0
+        found.append((term.partition(">")[0].strip().replace("-", " "), limit))
+    return found
+
+
+def _batch(path: Path, said: Mapping[str, Any]) -> tuple[list[Path], list[LogFormat]]:
+    """Logs of a table, and what is said of each by its row, else by the options."""
+    logs, table = _listed_logs(path, "file")
+    names = [name.strip().lower().replace(" ", "_") for name in table]
+    table.columns = [_SHORT_NAMES.get(name, name) for name in names]
+    if unknown := set(table) - _OF_A_LOG:
+        raise UnusableLog(f"{path}: column {min(unknown)!r}; there are file, period [s], gear_ratio and speed [rps]")
+    forms = []
+    for log, row in zip(logs, table.to_dict("records"), strict=True):
+        try:
+            forms.append(LogFormat(**{**said, **{name: value for name, value in row.items() if not np.isnan(value)}}))
+        except UnusableLog as error:
+            raise error.in_file(f"{path}, {log.name}") from error
+    return logs, forms
+
+
+def _estimate_one(log: Path, settings: Settings, options: argparse.Namespace) -> Estimate:
     examined = examine(log, settings)
     text = as_text(examined.estimate)
     if options.plot and examined.model_rps is None:
@@ -103,23 +146,20 @@ def _estimate_one(log: Path, settings: Settings, options: argparse.Namespace) ->
     elif options.plot:
         title = text.splitlines()[0].removeprefix(str(log)).lstrip(": ")
         _write_figure("estimate_figure", options.plot, examined.recording, examined.model_rps, title)
-    _print_answer(options.json, [as_row(examined.estimate)], text)
-    return 0
+    _print_answer(options.json, [examined.estimate.to_dict()], text)
+    return examined.estimate
 
 
-def _estimate_many(logs: Sequence[Path], settings: Settings, options: argparse.Namespace) -> int:
+def _estimate_many(logs: Sequence[Path], settings: Sequence[Settings], options: argparse.Namespace) -> list[Estimate]:
     kept = options.out.with_name(f"{options.out.name}.kept") if options.out else None
-    try:
+    with ends_on_interrupt(f"; the same command goes on from {kept}" if kept else ""):
         answers = fleet.run_fleet(logs, settings, options.jobs, kept)
-    except KeyboardInterrupt:
-        print("interrupted" + (f"; the same command goes on from {kept}" if kept else ""), file=sys.stderr)
-        return 1
     bad = [answer.warnings[0] for answer in answers if "".join(answer.warnings[:1]).startswith(fleet.UNUSABLE)]
     if len(bad) < len(answers):
         if bad:
             print(f"{len(bad)} of {len(answers)} logs are not usable; their rows say why", file=sys.stderr)
         if options.json or not options.out:
-            _print_answer(options.json, [as_row(answer) for answer in answers], "\n".join(map(as_text, answers)))
+            _print_answer(options.json, [answer.to_dict() for answer in answers], "\n".join(map(as_text, answers)))
         if options.out and options.out.suffix.lower() == ".csv":
             files.write_csv(options.out, fleet.as_table(answers))
         elif options.out:
@@ -129,28 +169,18 @@ def _estimate_many(logs: Sequence[Path], settings: Settings, options: argparse.N
     if len(bad) == len(answers):
         why = bad[0].removeprefix(fleet.UNUSABLE)
         raise UnusableLog(why if len(bad) == 1 else f"none of {len(bad)} logs is usable; the first: {why}")
-    return 0
+    return answers
 
 
 def run_calibrate(options: argparse.Namespace) -> int:
     """Make a calibration file."""
     _check_output(options.out, (".json",), "--out")
-    form = _form(options)
-    if options.repeats < 1 or options.seed < 1:
-        raise UnusableLog("--repeats and --seed must be 1 or more")
-    logs, known = _calibration_table(options.table)
-    recordings = []
-    for log in logs:
-        try:
-            recordings.append(prepared_record(log, form, options.seed))
-        except CannotTell as refusal:
-            raise UnusableLog(f"{log}: no use for a calibration: {refusal}") from refusal
-    digest = hashlib.sha256(b"".join(log.read_bytes() for log in logs)).hexdigest()
-    provenance = f"{len(logs)} logs of {options.table.name}, SHA-256 one after another {digest}"
-    try:
-        made = calibrate(recordings, known, options.method, provenance, options.repeats, options.seed)
-    except ValueError as error:
-        raise UnusableLog(f"{options.table}: {error}") from error
+    said = _said(options)
+    settings_for(LogFormat(**said), None, None, options.repeats, options.seed)  # refuses what cannot be
+    logs, table = _listed_logs(options.table, "log", "backlash_rad")
+    _announce_compiling()
+    how = {"method": options.method, "repeats": options.repeats, "seed": options.seed}
+    made = interface.calibrate(logs, table["backlash_rad"].tolist(), **how, **said)
     files.write_text(options.out, made.to_json())
     low, high, spread = (1e3 * part for part in (*made.range_rad, made.uncertainty_rad))
     known_range = f"method {made.method}, {low:.3f} to {high:.3f} mrad"
@@ -158,32 +188,27 @@ def run_calibrate(options: argparse.Namespace) -> int:
     return 0
 
 
-def _calibration_table(path: Path) -> tuple[list[Path], list[float]]:
-    """Logs and their backlashes [rad]; names are relative to the table's folder."""
+def _listed_logs(path: Path, logs: str, *columns: str) -> tuple[list[Path], pd.DataFrame]:
+    """Logs of a table, by names relative to its folder, and some columns of numbers, or all others."""
     try:
-        table = pd.read_csv(path, dtype={"log": str})
-        known = pd.to_numeric(table["backlash_rad"]).to_numpy(dtype=float).tolist()
-        return [path.parent / name for name in table["log"].str.strip()], known
+        table = pd.read_csv(path, dtype={logs: str})
+        found = [path.parent / name for name in table.pop(logs).str.strip()]
+        return found, table[list(columns) or list(table)].apply(pd.to_numeric).astype(float)
     except OSError as error:
         raise UnusableLog(f"{path}: cannot be read ({error.strerror}); check the name") from error
     except (ValueError, KeyError, TypeError, AttributeError) as error:
-        raise UnusableLog(f"{path}: no table with the columns log and backlash_rad ({error})") from error
+        wanted = " and ".join([logs, *(columns or ["numbers"])])
+        raise UnusableLog(f"{path}: no table with the columns {wanted} ({error})") from error
 
 
 def run_trend(options: argparse.Namespace) -> int:
     """Print how the backlash grows."""
     _check_output(options.plot, tuple(_FIGURE_STAMPS), "--plot")
-    logs = fleet.find_logs(options.log)
-    dates = trend.dates_of(logs, options.dates)
-    settings = _settings(options)
-    answers = fleet.run_fleet(logs, settings, options.jobs)
-    for answer in answers:
-        if answer.verdict == "cannot tell":
-            print(f"{answer.file}: {answer.warnings[0]}", file=sys.stderr)
-    if settings.calibration.method == SELF:
-        answers = fleet.with_shared_joint(logs, answers, settings)
-    found = trend.fit_trend(answers, list(dates.values()), options.limit)
+    logs, how = fleet.find_logs(options.log), _how(options) | _said(options)
+    _announce_compiling()
+    shown = {"limit_rad": options.limit, "relative": options.relative, "jobs": options.jobs}
+    found = interface.trend(logs, options.dates, **shown, **how)
     if options.plot:
         _write_figure("trend_figure", options.plot, found)
-    _print_answer(options.json, trend.as_object(found), trend.as_text(found))
+    _print_answer(options.json, found.to_dict(), str(found))
     return 0

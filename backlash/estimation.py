@@ -7,18 +7,22 @@ must explain most of it, and the calibration must hold the reading in its range.
 
 import math
 from dataclasses import dataclass, replace
-from pathlib import Path
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from backlash.calibration import Backlash, Calibration, default_calibration, widened
+from backlash import __version__
+from backlash.calibration import Backlash, Calibration, OwnCalibration, default_calibration, read_calibration, widened
 from backlash.fitting import SELF
 from backlash.fitting.global_fit import GlobalFit, global_fit
 from backlash.fitting.readings import Reading, protocol_for, read, reading_of_fit
 from backlash.fitting.self_calibration import SelfFit, fit_joint, weak_turn
+from backlash.fitting.waveform import LEAST_LEVELS
+from backlash.logs import hash_file, name_of, open_log
 from backlash.reading.columns import LogFormat
 from backlash.reading.detect import Presence, band_energy, detect_pattern, explained_share, typical_half_turn
-from backlash.reading.prepare import CannotTell, read_log
+from backlash.reading.prepare import CannotTell
+from backlash.reading.tables import UnusableLog
 from replication.arrays import FloatArray
 from replication.datasets import Recording
 from replication.signature import signature
@@ -26,6 +30,10 @@ from replication.signature import signature
 _LEAST_SHARE = 0.8  # of the pattern's energy, for the model to explain; it explains 0.96 or more in the paper's range
 _OFF = 0.05  # of the amplitude; searches that all end in the best minimum differ less from the global fit
 _FAR_OUTSIDE = 1.2  # times the value at the end of the range; a cubic beyond means nothing
+_ADVICE = (
+    "method self knows joints under a drive of the paper's kind; for any other, calibrate on the joint itself: "
+    f"backlash calibrate, with its logs at {LEAST_LEVELS} or more known backlashes, method waveform"
+)
 
 
 @dataclass(frozen=True)
@@ -41,13 +49,13 @@ class Settings:
 
 @dataclass(frozen=True)
 class Estimate:
-    """The answer on one log; what is not known is None. The attributes are the keys of the JSON output."""
+    """The answer on one log; what is not known is None. The backlash is half of the total play; `print` shows it."""
 
     file: str
     verdict: str = "cannot tell"  # or "backlash", "no backlash"
     amplitude_rps: float | None = None  # of the oscillation after an impact
     amplitude_interval_rps: tuple[float, float] | None = None  # 95 %
-    backlash_rad: float | None = None
+    backlash_rad: float | None = None  # half of the play: the teeth are free over twice that
     backlash_interval_rad: tuple[float, float] | None = None  # 95 %
     rmse_rps: float | None = None  # misfit of the fitted model
     method: str = SELF
@@ -57,6 +65,53 @@ class Estimate:
     ring_hz: float | None = None  # by method self: slowest oscillation with the teeth in contact
     damping_ratio: float | None = None  # of that
     friction_share: float | None = None  # of the load, over m g r
+    sha256: str | None = None  # of the log file's bytes
+    calibration: str = ""  # what it was made from
+
+    @property
+    def relative_index_rps(self) -> float | None:
+        """The amplitude where it is all there is: only comparable between logs of one joint in one movement."""
+        return self.amplitude_rps if self.verdict == "cannot tell" else None
+
+    def to_dict(self) -> dict[str, object]:
+        """The attributes in order, ready for JSON, then the play, the relative index and the program's version."""
+        half, ends = self.backlash_rad, self.backlash_interval_rad
+        row = {name: list(value) if isinstance(value, tuple) else value for name, value in vars(self).items()}
+        return row | {
+            "half_play_rad": half, "half_play_interval_rad": ends and list(ends),
+            "total_play_rad": None if half is None else 2 * half,
+            "total_play_interval_rad": ends and [2 * end for end in ends],
+            "relative_index_rps": self.relative_index_rps, "version": __version__,
+        }  # fmt: skip
+
+    def __str__(self) -> str:
+        """The answer for people: a line with it, then one for each number and each warning."""
+        notes = self.warnings
+        if self.backlash_rad is None or self.backlash_interval_rad is None:
+            answer, notes = f"cannot tell: {notes[0]}", notes[1:]
+        elif self.verdict == "no backlash":
+            answer = f"no backlash (less than {1e3 * self.backlash_interval_rad[1]:.3f} mrad, half of the play)"
+        else:
+            low, high = (1e3 * end for end in self.backlash_interval_rad)
+            answer = f"backlash {1e3 * self.backlash_rad:.3f} mrad (half of the play; 95 %: {low:.3f} to {high:.3f})"
+        lines = [f"{self.file}: {answer}"]
+        if self.amplitude_rps and self.amplitude_interval_rps:
+            low, high = self.amplitude_interval_rps
+            lines.append(f"  amplitude {self.amplitude_rps:.3f} rps ({low:.3f} to {high:.3f}), method {self.method}")
+            if self.relative_index_rps:
+                lines[-1] += "; a relative index: compare it only with logs of this joint in this movement"
+        if self.ring_hz is not None and self.friction_share is not None:
+            lines.append(
+                f"  the joint: rings at {self.ring_hz:.1f} Hz, damping ratio {self.damping_ratio:.3f}, "
+                f"load friction {max(self.friction_share, 0.0):.1%} of gravity"
+            )
+        if self.rmse_rps is not None:
+            turn = f"turn of {self.turn_period_s:.5g} s"
+            lines.append(f"  misfit {self.rmse_rps:.3f} rps, {self.samples} samples, {turn}")
+        return "\n".join([*lines, *(f"  note: {note}" for note in notes)])
+
+
+as_row, as_text = Estimate.to_dict, Estimate.__str__
 
 
 @dataclass(frozen=True)
@@ -69,30 +124,14 @@ class Examined:
 
 
 def settings_for(
-    form: LogFormat, calibration: Calibration | None = None, method: str | None = None, repeats: int = 30, seed: int = 1
+    form: LogFormat, calibration: OwnCalibration = None, method: str | None = None, repeats: int = 30, seed: int = 1
 ) -> Settings:
-    """Put settings together: without a calibration the log's own joint, or for another method the paper's.
-
-    Parameters
-    ----------
-    form : LogFormat
-        What is known of the logs.
-    calibration : Calibration, optional
-        Of the user's joint; it holds the method.
-    method : str, optional
-        One of `SENSOR_METHODS`.
-    repeats, seed : int
-        Searches of method "paper", and the first seed, above 0.
-
-    Raises
-    ------
-    ValueError
-        The calibration is of another method, or a number is out of its range.
-    """
+    """Put settings together: without a calibration the log's own joint, or for another method the paper's."""
+    calibration = read_calibration(calibration)
     if calibration is not None and method not in (None, calibration.method):
-        raise ValueError(f"--method {method}: the calibration is of method {calibration.method}")
+        raise UnusableLog(f"--method {method}: the calibration is of method {calibration.method}")
     if repeats < 1 or seed < 1:
-        raise ValueError("--repeats and --seed must be 1 or more")
+        raise UnusableLog("--repeats and --seed must be 1 or more")
     used = calibration
     if used is None and method in (None, SELF):  # needed only to say which backlash would have been seen
         used = replace(default_calibration("amplitude"), method=SELF, provenance="none: the log's own joint")
@@ -102,39 +141,25 @@ def settings_for(
     return Settings(form, used, calibration is not None, repeats, seed)
 
 
-def estimate(path: Path, settings: Settings) -> Estimate:
-    """Estimate the backlash that a log tells of.
-
-    Parameters
-    ----------
-    path : Path
-        CSV, Parquet or XLSX file.
-    settings : Settings
-        From `settings_for`.
-
-    Raises
-    ------
-    UnusableLog
-        The file is no usable log.
-    """
-    return examine(path, settings).estimate
-
-
-def examine(path: Path, settings: Settings) -> Examined:
-    """Do what `estimate` does, and keep the record and the fit."""
+def examine(source: object, settings: Settings, v: ArrayLike | None = None) -> Examined:
+    """Estimate the backlash that a log tells of (see `open_log`), and keep the record and the fit."""
     try:
-        recording, notes = read_log(path, settings.form)
+        log = open_log(source, settings.form, v)
     except CannotTell as refusal:
-        return Examined(_refused(Estimate(str(path), method=settings.calibration.method), refusal))
-    return examine_recording(recording, settings, str(path), notes)
+        used = settings.calibration
+        known = Estimate(name_of(source), method=used.method, calibration=used.provenance, sha256=hash_file(source))
+        return Examined(_refused(known, refusal))
+    found = examine_recording(log.recording, settings, log.file, log.notes)
+    return replace(found, estimate=replace(found.estimate, sha256=log.sha256))
 
 
 def examine_recording(recording: Recording, settings: Settings, name: str, notes: tuple[str, ...] = ()) -> Examined:
     """Answer for a prepared record: detect a pattern, fit it, judge the fit; `notes` are those of its preparation."""
     calibration = settings.calibration
     answer = Estimate(
-        name, method=calibration.method, samples=recording.t.size, turn_period_s=recording.turn_period_s, warnings=notes
-    )
+        name, method=calibration.method, samples=recording.t.size, turn_period_s=recording.turn_period_s,
+        warnings=notes, calibration=calibration.provenance,
+    )  # fmt: skip
     model = None
     try:
         recording, presence, note = detect_pattern(recording, settings.form, settings.seed)
@@ -158,13 +183,10 @@ def examine_recording(recording: Recording, settings: Settings, name: str, notes
     return Examined(_finite(answer), recording, model)
 
 
-def prepared_record(path: Path, form: LogFormat, seed: int) -> Recording:
-    """Read a log as `estimate` does, up to the pattern that must be found in it."""
-    return detect_pattern(read_log(path, form)[0], form, seed)[0]
-
-
 def _refused(answer: Estimate, refusal: CannotTell) -> Estimate:
-    return replace(answer, warnings=(str(refusal), *answer.warnings, *refusal.notes))
+    other_joint = answer.method == SELF and str(refusal).startswith(("no such joint", "no signature"))
+    advice = (_ADVICE,) if other_joint else ()
+    return replace(answer, warnings=(str(refusal), *advice, *answer.warnings, *refusal.notes))
 
 
 def _finite(found: Estimate) -> Estimate:
@@ -339,32 +361,3 @@ def _disagreement(recording: Recording, amplitude: Reading, joint: SelfFit) -> t
         return ()
     says = f"the amplitude alone says {low:.3g} to {high:.3g} rad on joints like the paper's"
     return (f"{says}: yours is another, or one of the two is wrong",)
-
-
-def as_row(found: Estimate) -> dict[str, object]:
-    """An estimate as an object for JSON: the attributes in order, tuples as lists."""
-    return {name: list(value) if isinstance(value, tuple) else value for name, value in vars(found).items()}
-
-
-def as_text(found: Estimate) -> str:
-    """An estimate for people: a line with the answer, then one for each number and each warning."""
-    notes = found.warnings
-    if found.backlash_rad is None or found.backlash_interval_rad is None:
-        answer, notes = f"cannot tell: {notes[0]}", notes[1:]
-    elif found.verdict == "no backlash":
-        answer = f"no backlash (less than {1e3 * found.backlash_interval_rad[1]:.3f} mrad)"
-    else:
-        low, high = (1e3 * end for end in found.backlash_interval_rad)
-        answer = f"backlash {1e3 * found.backlash_rad:.3f} mrad (95 %: {low:.3f} to {high:.3f})"
-    lines = [f"{found.file}: {answer}"]
-    if found.amplitude_rps and found.amplitude_interval_rps:
-        low, high = found.amplitude_interval_rps
-        lines.append(f"  amplitude {found.amplitude_rps:.3f} rps ({low:.3f} to {high:.3f}), method {found.method}")
-    if found.ring_hz is not None and found.friction_share is not None:
-        lines.append(
-            f"  the joint: rings at {found.ring_hz:.1f} Hz, damping ratio {found.damping_ratio:.3f}, "
-            f"load friction {max(found.friction_share, 0.0):.1%} of gravity"
-        )
-    if found.rmse_rps is not None:
-        lines.append(f"  misfit {found.rmse_rps:.3f} rps, {found.samples} samples, turn of {found.turn_period_s:.5g} s")
-    return "\n".join([*lines, *(f"  note: {note}" for note in notes)])

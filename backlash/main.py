@@ -1,6 +1,11 @@
 """The virtual sensor's command line: `backlash estimate`, `calibrate` and `trend`."""
 
 import argparse
+import os
+import signal
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 from backlash.fitting import METHODS, SENSOR_METHODS
@@ -8,23 +13,78 @@ from backlash.reading import UNITS
 from replication.commands.parser import OneLineParser, add_command, run_command
 
 _COMMANDS = "backlash.commands"
+_ABOUT = "Backlash, half of the total play, of a robot's joint from logs of the motor encoder."
+_INTERRUPTED = 130
+_STATUS = f"Exit status: 0 done, 1 a defect, 2 unusable input, 3 --fail-on holds, {_INTERRUPTED} interrupted."
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Run one command of the sensor."""
-    parser = OneLineParser(prog="backlash", description="Backlash of a robot's joint from logs of the motor encoder.")
+    """Run one command of the sensor; whatever happens, no traceback."""
+    try:
+        with ends_on_interrupt():
+            try:
+                return run_command(_parser(), arguments, anywhere=("estimate", "calibrate", "trend"))
+            finally:
+                sys.stdout.flush()
+    except BrokenPipeError:  # whoever reads the output has seen enough; nothing is left to be flushed at the end
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 1
+    except (Exception, KeyboardInterrupt) as error:
+        stopped = next(
+            (e for e in (error, error.__cause__, error.__context__) if isinstance(e, KeyboardInterrupt)), None
+        )
+        if stopped is not None:
+            print(f"interrupted{stopped}", file=sys.stderr)
+            return _INTERRUPTED
+        import traceback
+
+        place = traceback.extract_tb(error.__traceback__)[-1]
+        what = f"{type(error).__name__}: {error} ({Path(place.filename).name}, line {place.lineno})"
+        print(f"a defect of the program, please report it: {' '.join(what.split())}", file=sys.stderr)
+        return 1
+
+
+@contextmanager
+def ends_on_interrupt(note: str = "") -> Iterator[None]:
+    """End the program on Ctrl-C, with one line; compiled code would make an exception another."""
+
+    def end(number: int, frame: object) -> None:
+        from multiprocessing import active_children
+
+        if active_children():  # they compute, this process waits for them and has to end them
+            raise KeyboardInterrupt(note)
+        os.write(2, f"interrupted{note}\n".encode())
+        os._exit(_INTERRUPTED)
+
+    before = signal.signal(signal.SIGINT, end)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = OneLineParser(prog="backlash", description=_ABOUT, epilog=_STATUS)
     commands = parser.add_subparsers(required=True, metavar="COMMAND", dest="command_name")
 
-    sub = add_command(commands, "estimate", _COMMANDS, "backlash from logs of the motor encoder")
-    sub.add_argument("log", nargs="+", type=Path, help="CSV, Parquet or XLSX files, or folders of them")
+    sub = add_command(commands, "estimate", _COMMANDS, "backlash (half of the play) from logs of the motor encoder")
+    logs = "CSV, XLSX, Parquet, HDF5, MATLAB, MDF or MCAP files, or folders of them; - is the standard input"
+    sub.add_argument("log", nargs="*", type=Path, help=logs)
+    each = "CSV with the columns file, and period [s], gear_ratio, speed (commanded) [rps]: each log with its own"
+    sub.add_argument("--batch", type=Path, metavar="TABLE", help=each)
     _add_log_options(sub)
     _add_measuring(sub)
     sub.add_argument("--json", action="store_true", help="print an array with an object for each log")
     sub.add_argument("--plot", type=Path, metavar="FILE", help="write a figure of the one log: .png, .svg or .pdf")
     sub.add_argument("--out", type=Path, metavar="TABLE", help="write a table, one row per log: .csv or .parquet")
+    fails = (
+        "exit with 3 if a log is one of these: cannot-tell, no-backlash, backlash, backlash>0.5mrad (half of the play)"
+    )
+    sub.add_argument("--fail-on", metavar="LIST", help=fails)
 
     sub = add_command(commands, "calibrate", _COMMANDS, "a calibration from logs of known backlash")
-    sub.add_argument("table", type=Path, help="CSV with the columns log (its file) and backlash_rad")
+    known = "CSV with the columns log (its file) and backlash_rad (half of the play), six different ones or more"
+    sub.add_argument("table", type=Path, help=known)
     sub.add_argument("--out", type=Path, required=True, metavar="FILE", help="the calibration, .json")
     sub.add_argument("--method", choices=METHODS, default="waveform", help="default: waveform")
     _add_log_options(sub)
@@ -33,24 +93,34 @@ def main(arguments: list[str] | None = None) -> int:
     sub = add_command(commands, "trend", _COMMANDS, "growth of the backlash, and when it crosses a limit")
     sub.add_argument("log", nargs="+", type=Path, help="logs or folders; dates in their names, like 2024-03-17")
     sub.add_argument("--dates", type=Path, metavar="TABLE", help="CSV with the columns file and date instead")
-    sub.add_argument("--limit", type=float, metavar="RAD", help="the backlash whose date is wanted [rad]")
+    sub.add_argument("--limit", type=float, metavar="RAD", help="the backlash (half of the play) whose date is wanted")
+    index = "growth of the oscillation's amplitude in percent, for a joint whose backlash cannot be told"
+    sub.add_argument("--relative", action="store_true", help=index)
     _add_log_options(sub)
     _add_measuring(sub)
     sub.add_argument("--json", action="store_true", help="print an object")
     sub.add_argument("--plot", type=Path, metavar="FILE", help="write a figure: .png, .svg or .pdf")
-    return run_command(parser, arguments, anywhere=("estimate", "calibrate", "trend"))
+    return parser
 
 
 def _add_log_options(sub: argparse.ArgumentParser) -> None:
+    """Options that are fields of `LogFormat`, under their names there."""
     group = sub.add_argument_group("the logs")
     group.add_argument("--time", metavar="COLUMN", help="by name, or by number from 1; found by name otherwise")
     group.add_argument("--speed", metavar="COLUMN", help="of the motor")
     group.add_argument("--position", metavar="COLUMN", help="of the motor, instead of its speed")
     group.add_argument("--unit", choices=UNITS, help="of the speed; of a position: rps for turns, rad/s for rad")
-    group.add_argument("--counts-per-turn", type=float, metavar="N", help="encoder counts of a motor turn")
-    group.add_argument("--commanded-speed", type=float, metavar="RPS", help="of the motor [rps], to check the unit by")
-    group.add_argument("--turn-period", type=float, metavar="S", help="of the load [s]")
-    group.add_argument("--gear-ratio", type=float, metavar="N", help="motor turns in a load turn, instead")
+    for option, name, metavar, text in (
+        ("--counts-per-turn", "counts_per_turn", "N", "encoder counts of a motor turn"),
+        ("--commanded-speed", "commanded_speed_rps", "RPS", "of the motor [rps], to check the unit by"),
+        ("--turn-period", "turn_period_s", "S", "of the load [s]"),
+        ("--gear-ratio", "gear_ratio", "N", "motor turns in a load turn, instead"),
+        ("--from", "start_s", "S", "leave out what is before this time [s from the first sample]"),
+        ("--to", "end_s", "S", "leave out what is after this time"),
+    ):
+        group.add_argument(option, dest=name, type=float, metavar=metavar, help=text)
+    trusted = "the turn that is given is right, whatever the record seems to repeat itself by"
+    group.add_argument("--trust-period", action="store_true", help=trusted)
 
 
 def _add_searches(sub: argparse._ActionsContainer) -> None:
@@ -61,6 +131,7 @@ def _add_searches(sub: argparse._ActionsContainer) -> None:
 def _add_measuring(sub: argparse.ArgumentParser) -> None:
     group = sub.add_argument_group("measuring")
     group.add_argument("--calibration", type=Path, metavar="FILE", help="of your joint; default: what the log tells")
-    group.add_argument("--method", choices=SENSOR_METHODS, help="default: the calibration's, else self")
+    methods = "default: the calibration's, else self, for a joint under a drive of the paper's kind"
+    group.add_argument("--method", choices=SENSOR_METHODS, help=methods)
     _add_searches(group)
     group.add_argument("--jobs", type=int, default=-1, help="processes for many logs (default: -1, all cores)")

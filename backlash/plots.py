@@ -4,7 +4,7 @@ import numpy as np
 from matplotlib.dates import AutoDateLocator, ConciseDateFormatter
 from matplotlib.figure import Figure
 
-from backlash.trend import Trend
+from backlash.trend_line import Trend
 from replication.arrays import FloatArray
 from replication.datasets import Recording
 from replication.figures.style import BLUE, INK, ORANGE, PINK, grid, in_style
@@ -35,8 +35,9 @@ def trend_figure(trend: Trend) -> Figure:
     """Show dated estimates with their intervals, the line through them with its band, and the limit."""
     figure, axes = grid(figsize=(8.5, 4.5))
     axis, points = axes[0, 0], trend.points
-    delta = 1e3 * points["backlash_rad"].to_numpy()
-    ends = np.abs(1e3 * points[["low_rad", "high_rad"]].to_numpy().T - delta)
+    scale, unit = trend.shown_in
+    delta = scale * points["value"].to_numpy()
+    ends = np.abs(scale * points[["low", "high"]].to_numpy().T - delta)
     axis.errorbar(points["date"], delta, ends, fmt="o", color=INK, markersize=4, capsize=3, label="estimate, 95 %")
     since = (points["date"] - trend.origin).dt.total_seconds().to_numpy() / 86400
     last = since[-1]
@@ -46,8 +47,9 @@ def trend_figure(trend: Trend) -> Figure:
     days = np.linspace(since[0], last, 200)
     line, half = trend.band(days)
     dates = trend.origin + np.round(days * 86400).astype("timedelta64[s]")
-    axis.plot(dates, 1e3 * line, color=BLUE, label="line")
-    axis.fill_between(dates, 1e3 * (line - half), 1e3 * (line + half), color=BLUE, alpha=0.15, lw=0, label="its 95 %")
+    axis.plot(dates, scale * line, color=BLUE, label="line")
+    low, high = scale * (line - half), scale * (line + half)
+    axis.fill_between(dates, low, high, color=BLUE, alpha=0.15, lw=0, label="its 95 %")
     if trend.limit_rad is not None:
         axis.axhline(1e3 * trend.limit_rad, color=PINK, label="limit")
         first, after = trend.crossing_interval or (None, None)
@@ -57,7 +59,8 @@ def trend_figure(trend: Trend) -> Figure:
     locator = AutoDateLocator()
     axis.xaxis.set_major_locator(locator)
     axis.xaxis.set_major_formatter(ConciseDateFormatter(locator))
-    axis.set(ylabel="backlash $\\delta$ [mrad]", xlim=(dates[0] - (dates[-1] - dates[0]) * 0.03, dates[-1]))
+    name = "amplitude" if trend.is_relative else "backlash $\\delta$"
+    axis.set(ylabel=f"{name} [{unit}]", xlim=(dates[0] - (dates[-1] - dates[0]) * 0.03, dates[-1]))
     axis.set_ylim(bottom=0)
     axis.legend(loc="lower right")
     return figure

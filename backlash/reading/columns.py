@@ -55,6 +55,7 @@ class LogFormat:
     counts_per_turn: float | None = None  # of the encoder, in a motor turn
     commanded_speed_rps: float | None = None  # of the motor
     turn_period_s: float | None = None  # of the load
+    trust_period: bool = False  # whether the turn is taken as it is given
     gear_ratio: float | None = None  # motor turns in a load turn
     usual_speed_rps: float | None = None  # of the calibration's logs; only a guessed unit is judged by it
     start_s: float | None = None  # of the part to use, from the log's first sample on

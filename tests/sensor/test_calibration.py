@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 
 from backlash.calibration import Calibration, calibrate, compute_default, default_calibration
 from backlash.fitting.readings import METHODS, Reading, protocol_for, read
+from backlash.reading.tables import UnusableLog
 from replication import published
 from replication.characteristic import RPM_PER_RPS, equation_10
 from replication.datasets import Recording, add_uniform_noise, from_sample, level_delta_rad, load_noisy
@@ -102,6 +103,12 @@ def test_logs_of_one_backlash_under_two_names_are_refused_as_not_monotonic(recor
 def test_unusable_backlashes_are_refused(records, deltas, words):
     with pytest.raises(ValueError, match=words):
         calibrate(records, deltas, "energy")
+
+
+def test_a_calibration_that_says_hardly_more_than_its_range_is_refused(records):
+    scattered = [4e-4, 12e-4, 5e-4, 13e-4, 9e-4, 17e-4, 10e-4, 18e-4]
+    with pytest.raises(UnusableLog, match=r"the uncertainty, 0.7\d\d mrad, is 5\d% of the range"):
+        calibrate(records, scattered, "energy")
 
 
 def test_logs_of_two_movements_are_refused(records):

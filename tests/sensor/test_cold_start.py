@@ -1,5 +1,6 @@
 import subprocess
 import sys
+import tomllib
 
 import numpy as np
 import pytest
@@ -38,7 +39,11 @@ def test_what_is_written_out_to_save_an_import_is_what_scipy_computes():
 
 def test_the_public_names_are_these_and_each_is_there():
     assert sorted(backlash.__all__) == [
-        "Calibration", "Estimate", "LogFormat", "Settings", "Trend", "UnusableLog", "calibrate", "dates_of",
-        "estimate", "find_logs", "fit_trend", "prepared_record", "run_fleet", "settings_for",
+        "Calibration", "Estimate", "Log", "Trend", "UnusableLog", "calibrate", "estimate", "read_log", "trend"
     ]  # fmt: skip
     assert all(getattr(backlash, name).__doc__ for name in backlash.__all__)
+
+
+def test_the_version_is_the_projects():
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    assert backlash.__version__ == project["version"]

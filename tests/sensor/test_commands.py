@@ -1,3 +1,4 @@
+import hashlib
 import json
 import tomllib
 from dataclasses import replace
@@ -7,8 +8,10 @@ import pandas as pd
 import pytest
 from made_logs import noisy, silent, write
 
-from backlash import commands, fleet
-from backlash.calibration import default_calibration
+import backlash
+from backlash import commands
+from backlash.calibration import default_calibration, read_calibration
+from backlash.estimation import settings_for
 from backlash.main import main
 from backlash.reading.tables import UnusableLog
 from replication import workbook
@@ -19,6 +22,8 @@ TURN = ["--turn-period", "0.4"]
 KEYS = [
     "file", "verdict", "amplitude_rps", "amplitude_interval_rps", "backlash_rad", "backlash_interval_rad", "rmse_rps",
     "method", "turn_period_s", "samples", "warnings", "ring_hz", "damping_ratio", "friction_share",
+    "sha256", "calibration", "half_play_rad", "half_play_interval_rad", "total_play_rad", "total_play_interval_rad",
+    "relative_index_rps", "version",
 ]  # fmt: skip
 
 
@@ -67,7 +72,7 @@ def test_text_is_for_people(log, capsys):
     status, out, err = ran(capsys, "estimate", log, *TURN)
     assert (status, err) == (0, "")
     assert out.startswith(f"{log}: backlash 0.")
-    assert "mrad (95 %:" in out
+    assert "mrad (half of the play; 95 %:" in out
 
 
 def test_every_option_of_a_log_reaches_its_reader(tmp_path, capsys):
@@ -133,24 +138,64 @@ def test_a_table_can_be_parquet(log, tmp_path, capsys):
     assert pd.read_parquet(tmp_path / "table.parquet")["verdict"].tolist() == ["backlash"]
 
 
-def test_an_interrupted_table_says_how_to_go_on_and_does(log, tmp_path, capsys, monkeypatch):
-    other = write(silent(), tmp_path / "silent.csv")
-    table, whole, done = tmp_path / "table.csv", fleet.estimate, []
+@pytest.mark.parametrize(
+    ("fail_on", "status"),
+    [
+        ("backlash", 3),
+        ("cannot-tell, backlash > 0.8mrad", 3),
+        ("backlash>0.0008rad", 3),
+        ("cannot-tell,no-backlash", 0),
+        ("backlash>1.0mrad", 0),
+    ],
+)
+def test_a_script_is_told_by_the_exit_status_of_a_log_that_it_must_not_pass(fail_on, status, log, capsys):
+    ended, out, _ = ran(capsys, "estimate", log, *TURN, "--method", "energy", "--fail-on", fail_on, "--json")
+    assert ended == status
+    assert json.loads(out)[0]["verdict"] == "backlash"
 
-    def interrupted(path, settings):
-        if done:
-            raise KeyboardInterrupt
-        done.append(path)
-        return whole(path, settings)
 
-    monkeypatch.setattr(fleet, "estimate", interrupted)
-    status, _, err = ran(capsys, "estimate", log, other, *TURN, "--out", table)
-    assert status == 1
-    assert "goes on from" in err
-    assert not table.exists()
-    monkeypatch.setattr(fleet, "estimate", lambda path, settings: whole(path, settings) if path == other else 1 / 0)
-    assert ran(capsys, "estimate", log, other, *TURN, "--out", table)[0] == 0
-    assert pd.read_csv(table)["verdict"].tolist() == ["backlash", "no backlash"]
+def test_each_log_of_a_table_is_read_by_its_own_row_and_else_by_the_options(tmp_path, capsys):
+    write(noisy(), tmp_path / "a.csv")
+    write(silent(), tmp_path / "b.csv")
+    batch = tmp_path / "batch.csv"
+    batch.write_text("file,period,gear ratio,speed\na.csv,,40,100\nb.csv,0.4,,\n", encoding="utf-8")
+    how = ["--method", "energy", "--json", "--jobs", 1]
+    status, out, _ = ran(capsys, "estimate", "--batch", batch, *how)
+    rows = json.loads(out)
+    assert status == 0
+    assert [row["verdict"] for row in rows] == ["backlash", "no backlash"]
+    assert rows[0]["file"] == str(tmp_path / "a.csv")
+    assert any("gear ratio 40" in warning for warning in rows[0]["warnings"])
+    batch.write_text("file,gear_ratio\na.csv,\n", encoding="utf-8")
+    assert f"{batch}, a.csv: the load's turn is not known" in refused(capsys, tmp_path, "estimate", "--batch", batch)
+    batch.write_text("file,period,shoe_size\na.csv,0.4,42\n", encoding="utf-8")
+    assert "column 'shoe_size'" in refused(capsys, tmp_path, "estimate", "--batch", batch)
+
+
+def test_the_play_and_where_the_answer_comes_from_are_in_the_json(log, capsys):
+    row = json.loads(ran(capsys, "estimate", log, *TURN, "--method", "energy", "--json")[1])[0]
+    assert row["half_play_rad"] == row["backlash_rad"]
+    assert row["total_play_rad"] == 2 * row["backlash_rad"]
+    assert row["total_play_interval_rad"] == [2 * end for end in row["backlash_interval_rad"]]
+    assert row["sha256"] == hashlib.sha256(log.read_bytes()).hexdigest()
+    assert row["calibration"] == default_calibration("energy").provenance
+    assert (row["relative_index_rps"], row["version"]) == (None, backlash.__version__)
+
+
+def test_a_part_of_a_log_is_had_by_its_times_and_a_period_can_be_trusted(log, capsys, monkeypatch):
+    given = []
+    monkeypatch.setattr(commands, "settings_for", lambda form, **how: given.append(form) or settings_for(form, **how))
+    how = ["--method", "energy", "--from", "1", "--to", "3.5", "--trust-period", "--json"]
+    row = json.loads(ran(capsys, "estimate", log, *TURN, *how)[1])[0]
+    assert row["samples"] == 1251
+    assert given[0].trust_period
+
+
+def test_a_defect_is_one_line_that_says_where(log, capsys, monkeypatch):
+    monkeypatch.setattr(commands, "examine", lambda *_: 1 / 0)
+    status, out, err = ran(capsys, "estimate", log, *TURN)
+    assert (status, out, err.count("\n")) == (1, "", 1)
+    assert "please report it: ZeroDivisionError: division by zero (test_commands.py, line" in err
 
 
 # ---------------------------------------------------------------------------------------------------------------
@@ -183,7 +228,13 @@ def test_an_interrupted_table_says_how_to_go_on_and_does(log, tmp_path, capsys, 
         (["trend", "LOG", *TURN], "no date in its name"),
         (["trend", "LOG", *TURN, "--dates", "LOG"], "columns file and date"),
         (["nonsense"], "invalid choice"),
-        (["estimate"], "required"),
+        (["estimate"], "give logs, or --batch"),
+        (["estimate", "LOG", *TURN, "--batch", "LOG"], "give logs, or --batch"),
+        (["estimate", "--batch", "LOG", *TURN], "no table with the columns file"),
+        (["estimate", "LOG", "-", *TURN], "goes alone"),
+        (["estimate", "LOG", *TURN, "--fail-on", "backlash>0.5"], "--fail-on 'backlash>0.5': give"),
+        (["estimate", "LOG", *TURN, "--fail-on", "cannot-tell,"], "--fail-on '': give"),
+        (["estimate", "LOG", *TURN, "--fail-on", "no-backlash>1mrad"], "--fail-on 'no-backlash>1mrad': give"),
     ],
 )
 def test_what_cannot_be_done_is_refused_in_one_line_and_nothing_is_written(arguments, expected, log, tmp_path, capsys):
@@ -226,7 +277,7 @@ def test_a_calibration_goes_round_from_logs_to_a_file_to_an_estimate(method, tmp
     assert content["unit"] == "rad"
     assert content["range_rad"] == [4e-4, 20e-4]
     assert content["uncertainty_rad"] > 0
-    assert "8 logs of known.csv" in content["provenance"]
+    assert "8 logs, SHA-256" in content["provenance"]
     log = write(noisy(11e-4, seed=3), tmp_path / "new.csv")
     status, out, _ = ran(capsys, "estimate", log, *TURN, "--calibration", made, "--json")
     row = json.loads(out)[0]
@@ -241,7 +292,7 @@ def test_a_calibration_goes_round_from_logs_to_a_file_to_an_estimate(method, tmp
 def test_a_calibration_file_is_read_as_it_was_written(tmp_path):
     path = tmp_path / "joint.json"
     path.write_text(default_calibration("energy").to_json(), encoding="utf-8")
-    assert commands.read_calibration(path).to_json() == default_calibration("energy").to_json()
+    assert read_calibration(path).to_json() == default_calibration("energy").to_json()
 
 
 def test_a_relation_that_is_not_monotonic_is_refused(tmp_path, capsys):
@@ -282,6 +333,33 @@ def test_dated_logs_become_a_trend_with_a_date_and_a_plot(tmp_path, capsys):
     assert "2024-09-15" < found["crossing_date"] < "2024-11-15"  # 0.0018 rad after 9.3 months
     assert (tmp_path / "trend.png").exists()
     assert "crossed on" in ran(capsys, "trend", tmp_path, *options)[1]
+
+
+def test_where_no_backlash_can_be_told_the_amplitudes_growth_in_percent_is_an_alarm(tmp_path, capsys):
+    for month in range(1, 8):
+        slow = noisy(4e-4 + 1.5e-4 * month, seed=month)
+        write(replace(slow, t=1.5 * slow.t), tmp_path / f"axis4_2024-{month:02d}-15.csv")
+    options = ["--turn-period", "0.6", "--method", "energy", "--limit", "0.0018"]
+    status, out, err = ran(capsys, "trend", tmp_path, *options, "--json")
+    found = json.loads(out)
+    assert (status, err) == (0, "")
+    assert (found["is_relative"], found["alarm"], found["limit_rad"]) == (True, True, None)
+    assert found["points"][0]["relative_index_percent"] == 100
+    assert found["points"][-1]["relative_index_percent"] > 150
+    assert "growth_rad_per_day" not in found
+    text = ran(capsys, "trend", tmp_path, *options)[1]
+    assert "% of the first a year" in text
+    assert "alarm: it grows" in text
+    assert "not the backlash" in text
+
+
+def test_a_relative_trend_of_logs_with_a_backlash_is_had_by_asking(tmp_path, capsys):
+    for month in range(1, 5):
+        write(noisy(9e-4, seed=month), tmp_path / f"axis4_2024-{month:02d}-15.csv")
+    _, out, _ = ran(capsys, "trend", tmp_path, *TURN, "--relative", "--json", "--plot", tmp_path / "trend.svg")
+    found = json.loads(out)
+    assert (found["is_relative"], found["alarm"], len(found["points"])) == (True, False, 4)
+    assert (tmp_path / "trend.svg").exists()
 
 
 def test_the_authors_workbook_is_answered_from_the_command_line(authors_data, capsys):

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from made_logs import TURN, clean, noisy, silent, table, write
 
 from backlash.calibration import calibrate, default_calibration, shares
-from backlash.estimation import Estimate, as_row, as_text, estimate, examine_recording, settings_for
+from backlash.estimation import Estimate, as_row, as_text, examine, examine_recording, settings_for
 from backlash.reading.columns import LogFormat
 from backlash.reading.prepare import CannotTell, record_of
 from backlash.reading.tables import UnusableLog
@@ -24,6 +24,8 @@ from replication.simulator.simulate import identified_joint
 KEYS = [
     "file", "verdict", "amplitude_rps", "amplitude_interval_rps", "backlash_rad", "backlash_interval_rad", "rmse_rps",
     "method", "turn_period_s", "samples", "warnings", "ring_hz", "damping_ratio", "friction_share",
+    "sha256", "calibration", "half_play_rad", "half_play_interval_rad", "total_play_rad", "total_play_interval_rad",
+    "relative_index_rps", "version",
 ]  # fmt: skip
 VERDICTS = ("backlash", "no backlash", "cannot tell")
 REASONS = (
@@ -79,7 +81,7 @@ def test_searches_of_the_papers_method_that_missed_the_best_fit_are_said(delta):
 
 def test_a_log_file_is_answered_with_what_was_assumed(tmp_path):
     path = write(noisy(), tmp_path / "log.csv")
-    found = estimate(path, settings_for(LogFormat(gear_ratio=40.0)))
+    found = examine(path, settings_for(LogFormat(gear_ratio=40.0))).estimate
     check(found)
     assert found.file == str(path)
     assert found.verdict == "backlash"
@@ -88,7 +90,7 @@ def test_a_log_file_is_answered_with_what_was_assumed(tmp_path):
 
 
 def test_without_a_calibration_the_log_tells_its_joint(tmp_path):
-    found = estimate(write(noisy(), tmp_path / "log.csv"), settings_for(TURN))
+    found = examine(write(noisy(), tmp_path / "log.csv"), settings_for(TURN)).estimate
     check(found)
     low, high = found.backlash_interval_rad
     assert (found.method, found.verdict) == ("self", "backlash")
@@ -102,7 +104,7 @@ def test_without_a_calibration_the_log_tells_its_joint(tmp_path):
 def test_intervals_without_a_calibration_hold_the_truth(tmp_path):
     held = 0
     for seed in range(1, 7):
-        found = estimate(write(noisy(seed=seed), tmp_path / "log.csv"), settings_for(TURN))
+        found = examine(write(noisy(seed=seed), tmp_path / "log.csv"), settings_for(TURN)).estimate
         low, high = found.backlash_interval_rad
         assert high - low < 2e-4
         held += low < 9e-4 < high
@@ -122,16 +124,21 @@ def test_a_drive_of_another_structure_is_not_answered_by_the_log_alone():
     assert found.verdict == "cannot tell"
     assert found.warnings[0].startswith("no such joint")
     assert "turns from the load hanging down" in found.warnings[0]
+    assert "backlash calibrate, with its logs at 6 or more known backlashes" in found.warnings[1]
+    assert found.relative_index_rps == found.amplitude_rps > 0
+    assert "a relative index" in as_text(found)
 
 
 def test_a_silent_log_is_no_backlash_by_the_log_alone_too():
-    assert answer(silent(0.02), method="self").verdict == "no backlash"
+    found = answer(silent(0.02), method="self")
+    assert found.verdict == "no backlash"
+    assert "no backlash (less than 0.300 mrad, half of the play)" in as_text(found)
 
 
 @pytest.mark.parametrize("level", [3, 8, 11])
 def test_the_authors_workbooks_are_answered_as_they_are(authors_data, level):
     for method in ("amplitude", "energy", "waveform"):
-        found = estimate(authors_file(f"Speeddata{level}.xlsx"), settings_for(TURN, method=method))
+        found = examine(authors_file(f"Speeddata{level}.xlsx"), settings_for(TURN, method=method)).estimate
         check(found)
         assert found.verdict == "backlash"
         assert found.backlash_rad == pytest.approx(datasets.level_delta_rad(level), rel=0.12)
@@ -275,7 +282,7 @@ def test_waveforms_calibrated_with_the_friction_measure_with_it():
 def test_too_short_a_log_is_told_by_its_turns(tmp_path):
     record = noisy()
     path = write(replace(record, t=record.t[:500], v=record.v[:500]), tmp_path / "log.csv")
-    found = estimate(path, settings_for(TURN))
+    found = examine(path, settings_for(TURN)).estimate
     check(found)
     assert found.warnings[0].startswith("too short: 2.5 load turns")
 
@@ -346,6 +353,6 @@ def test_whatever_the_table_there_is_an_answer_or_a_refusal_and_never_a_nan(data
 
 def test_a_table_of_the_made_logs_is_what_the_file_would_be(tmp_path):
     path = write(noisy(), tmp_path / "log.csv", digits=12)
-    from_file = estimate(path, settings_for(TURN, method="amplitude"))
+    from_file = examine(path, settings_for(TURN, method="amplitude")).estimate
     record, _ = record_of(table(noisy()), TURN, str(path))
     assert answer(record).backlash_rad == pytest.approx(from_file.backlash_rad, rel=1e-6)

@@ -7,7 +7,7 @@ import pytest
 from made_logs import TURN, noisy, silent, write
 
 from backlash import fleet
-from backlash.estimation import estimate, settings_for
+from backlash.estimation import examine, settings_for
 from backlash.reading.tables import UnusableLog
 
 SETTINGS = settings_for(TURN, method="amplitude")
@@ -61,9 +61,9 @@ def test_even_a_defect_of_the_program_costs_one_row_only(folder, monkeypatch):
     def broken(path, settings):
         if path.name == "log0.csv":
             raise ZeroDivisionError("division\nby zero")
-        return estimate(path, settings)
+        return examine(path, settings)
 
-    monkeypatch.setattr(fleet, "estimate", broken)
+    monkeypatch.setattr(fleet, "examine", broken)
     rows = fleet.run_fleet(fleet.find_logs([folder]), SETTINGS, jobs=1)
     assert rows[2].warnings[0].endswith("log0.csv: ZeroDivisionError: division by zero")
     assert rows[3].verdict == "backlash"
@@ -104,9 +104,9 @@ def counting(monkeypatch, stop_after=None):
         if stop_after is not None and len(done) == stop_after:
             raise KeyboardInterrupt
         done.append(path.name)
-        return estimate(path, settings)
+        return examine(path, settings)
 
-    monkeypatch.setattr(fleet, "estimate", counted)
+    monkeypatch.setattr(fleet, "examine", counted)
     return done
 
 
@@ -135,5 +135,5 @@ def test_a_changed_log_or_other_settings_are_not_taken_from_what_was_kept(folder
 def test_the_rows_that_were_kept_are_those_of_the_logs(folder, tmp_path):
     kept = tmp_path / "kept"
     rows = fleet.run_fleet([folder / "log0.csv"], SETTINGS, 1, kept)
-    assert rows == [estimate(folder / "log0.csv", SETTINGS)]
+    assert rows == [examine(folder / "log0.csv", SETTINGS).estimate]
     assert fleet.run_fleet([folder / "log0.csv"], SETTINGS, 1, kept) == rows

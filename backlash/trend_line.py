@@ -1,7 +1,8 @@
 """Backlash over time from dated logs, and the date at which it crosses a limit.
 
 The line through the dated estimates is weighted by their intervals, widened where they scatter more. The crossing's
-interval is that of Fieller's theorem: the dates at which the line's confidence band holds the limit.
+interval is that of Fieller's theorem: the dates at which the line's confidence band holds the limit. Where no log has
+an absolute backlash, the line goes through the amplitudes instead, in percent of the first.
 """
 
 import re
@@ -13,6 +14,8 @@ import numpy as np
 import pandas as pd
 from scipy.special import fdtri, ndtri, stdtrit
 
+from backlash import __version__
+from backlash.calibration import PERIOD_MISMATCH
 from backlash.estimation import Estimate
 from backlash.reading.tables import UnusableLog
 from replication.arrays import FloatArray
@@ -25,27 +28,77 @@ _DAYS_AHEAD = 36525  # a century; further off, a date says nothing
 
 @dataclass(frozen=True)
 class Trend:
-    """A line through dated estimates of backlash."""
+    """A line through dated backlashes (half of the play) [rad] or relative indices [%]; `print` shows it."""
 
-    points: pd.DataFrame  # `date, file, backlash_rad, low_rad, high_rad`, by date
+    points: pd.DataFrame  # `date, file, value, low, high`, by date
     origin: pd.Timestamp  # the line's time zero, the weighted mean date
-    line_rad: tuple[float, float]  # backlash at `origin` [rad], and its growth [rad/day]
+    line: tuple[float, float]  # value at `origin`, and its growth per day
     covariance: FloatArray  # of the two
     quantile: float  # of the t distribution, for two-sided intervals at `CONFIDENCE`
     limit_rad: float | None
     crossing: pd.Timestamp | None  # when the line reaches the limit
     crossing_interval: tuple[pd.Timestamp | None, pd.Timestamp | None] | None  # None: no end in a century
     warnings: tuple[str, ...]
+    is_relative: bool = False  # the values are amplitudes, in percent of the first log's
+
+    @property
+    def alarm(self) -> bool:
+        """Whether the growth is significant."""
+        return self.growth_interval[0] > 0
+
+    @property
+    def shown_in(self) -> tuple[float, str]:
+        """What values are multiplied by to be shown, and the unit that they have then."""
+        return (1.0, "% of the first") if self.is_relative else (1e3, "mrad")
+
+    def to_dict(self) -> dict[str, object]:
+        """The points, growth and crossing, ready for JSON; keys say the unit."""
+        name, unit = ("relative_index", "percent") if self.is_relative else ("backlash", "rad")
+        points = [
+            {"file": row.file, "date": _day(row.date), f"{name}_{unit}": row.value,
+             f"{name}_interval_{unit}": [row.low, row.high]}
+            for row in self.points.itertuples()
+        ]  # fmt: skip
+        return {
+            "points": points,
+            f"growth_{unit}_per_day": self.line[1],
+            f"growth_interval_{unit}_per_day": list(self.growth_interval),
+            "limit_rad": self.limit_rad,
+            "crossing_date": _day(self.crossing),
+            "crossing_interval": self.crossing_interval and [_day(end) for end in self.crossing_interval],
+            "confidence": CONFIDENCE,
+            "warnings": list(self.warnings),
+            "is_relative": self.is_relative,
+            "alarm": self.alarm,
+            "version": __version__,
+        }
+
+    def __str__(self) -> str:
+        """The trend for people."""
+        scale, unit = self.shown_in
+        lines = [
+            f"{row.date:%Y-%m-%d}  {scale * row.value:.3f} {unit} ({scale * row.low:.3f} to {scale * row.high:.3f})"
+            f"  {row.file}"
+            for row in self.points.itertuples()
+        ]
+        growth, low, high = (scale * 365.25 * rate for rate in (self.line[1], *self.growth_interval))
+        sure = "; alarm: it grows" if self.alarm else ""
+        lines.append(f"growth {growth:.3f} {unit} a year (95 %: {low:.3f} to {high:.3f}){sure}")
+        if self.limit_rad is not None and self.crossing is not None:
+            first, last = (_day(end) or "no date" for end in self.crossing_interval or (None, None))
+            crossed = f"{1e3 * self.limit_rad:.3f} mrad crossed on {self.crossing:%Y-%m-%d}"
+            lines.append(f"{crossed} (95 %: {first} to {last})")
+        return "\n".join([*lines, *(f"note: {warning}" for warning in self.warnings)])
 
     @property
     def growth_interval(self) -> tuple[float, float]:
-        """Interval of the growth [rad/day]."""
+        """Interval of the growth per day."""
         half = self.quantile * float(np.sqrt(self.covariance[1, 1]))
-        return self.line_rad[1] - half, self.line_rad[1] + half
+        return self.line[1] - half, self.line[1] + half
 
     def band(self, days: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """The line [rad] at days from `origin`, and half the width of its confidence band."""
-        a, b = self.line_rad
+        """The line at days from `origin`, and half the width of its confidence band."""
+        a, b = self.line
         variance = self.covariance[0, 0] + 2 * days * self.covariance[0, 1] + days**2 * self.covariance[1, 1]
         return a + b * days, self.quantile * np.sqrt(np.maximum(variance, 0.0))
 
@@ -75,36 +128,27 @@ def _dates_in(table: Path) -> dict[str, pd.Timestamp]:
         raise UnusableLog(f"{table}: no table with columns file and date ({error}); dates like 2024-03-17") from error
 
 
-def fit_trend(answers: Sequence[Estimate], dates: Sequence[pd.Timestamp], limit_rad: float | None = None) -> Trend:
-    """Fit a line to dated estimates.
-
-    Parameters
-    ----------
-    answers, dates : sequence of Estimate, sequence of Timestamp
-        Those without a backlash do not count.
-    limit_rad : float, optional
-        The backlash whose date is wanted [rad].
-
-    Raises
-    ------
-    UnusableLog
-        Fewer than three estimates at different dates, or no finite limit above zero.
-    """
+def fit_trend(
+    answers: Sequence[Estimate], dates: Sequence[pd.Timestamp], limit_rad: float | None = None, relative: bool = False
+) -> Trend:
+    """Fit a line to dated backlashes; to amplitudes if `relative`, or if no log has an answer."""
     if limit_rad is not None and not (np.isfinite(limit_rad) and limit_rad > 0):
         raise UnusableLog(f"--limit {limit_rad:g}: give a finite backlash above 0 [rad]")
-    found = [
-        (date, answer.file, answer.backlash_rad, *(answer.backlash_interval_rad or ()))
-        for answer, date in zip(answers, dates, strict=True)
-        if answer.verdict == "backlash"
-    ]
-    points = pd.DataFrame(found, columns=["date", "file", "backlash_rad", "low_rad", "high_rad"])
-    points = points.sort_values(["date", "file"], ignore_index=True)
+    relative = relative or all(answer.verdict == "cannot tell" for answer in answers)
+    points = _points(answers, dates, relative)
     count, left_out = points["date"].nunique(), len(answers) - len(points)
     if count < _LEAST_DATES:
-        raise UnusableLog(f"{count} dates with an estimate of backlash; a trend needs {_LEAST_DATES} or more")
-    warnings = [f"{left_out} of {len(answers)} logs have no backlash to go by: left out"] if left_out else []
-    delta = points["backlash_rad"].to_numpy()
-    deviation = (points["high_rad"] - points["low_rad"]).to_numpy() / 2 / ndtri((1 + CONFIDENCE) / 2)
+        why = "; ".join(f"{answer.file}: {answer.warnings[0]}" for answer in answers[:1] if answer.warnings)
+        raise UnusableLog(f"{count} dates with an estimate; a trend needs {_LEAST_DATES} or more ({why})")
+    warnings = [f"{left_out} of {len(answers)} logs are left out"] if left_out else []
+    unused = [answer for answer in answers if answer.file not in set(points["file"])]
+    warnings += [f"{answer.file}: {''.join(answer.warnings[:1]) or answer.verdict}" for answer in unused]
+    if relative:
+        warnings.append("relative: the oscillation's amplitude in percent of the first log's, not the backlash")
+        warnings += ["a limit in rad says nothing of a relative trend"] if limit_rad is not None else []
+        limit_rad = None
+    delta = points["value"].to_numpy()
+    deviation = (points["high"] - points["low"]).to_numpy() / 2 / ndtri((1 + CONFIDENCE) / 2)
     weight = 1 / np.maximum(deviation, 1e-3 * delta.max()) ** 2
     since = (points["date"] - points["date"].iloc[0]).dt.total_seconds().to_numpy() / 86400
     middle = float(weight @ since / weight.sum())
@@ -132,7 +176,27 @@ def fit_trend(answers: Sequence[Estimate], dates: Sequence[pd.Timestamp], limit_
         if when > days.max() + np.ptp(days):
             warnings.append("the crossing lies further ahead than the logs go back")
     a, b = (float(part) for part in line)
-    return Trend(points, origin, (a, b), covariance, quantile, limit_rad, crossing, interval, tuple(warnings))
+    return Trend(points, origin, (a, b), covariance, quantile, limit_rad, crossing, interval, tuple(warnings), relative)
+
+
+def _points(answers: Sequence[Estimate], dates: Sequence[pd.Timestamp], relative: bool) -> pd.DataFrame:
+    """Dated backlashes [rad], or amplitudes in percent of the first, by date."""
+    used = []
+    for answer, date in zip(answers, dates, strict=True):
+        value, ends = answer.backlash_rad, answer.backlash_interval_rad
+        if relative:
+            value, ends = answer.amplitude_rps, answer.amplitude_interval_rps
+        if value and ends:
+            used.append((date, answer.file, value, *ends, answer.turn_period_s))
+    points = pd.DataFrame(used, columns=["date", "file", "value", "low", "high", "turn_period_s"])
+    points = points.sort_values(["date", "file"], ignore_index=True)
+    turns = points.pop("turn_period_s")
+    if relative and turns.max() > (1 + PERIOD_MISMATCH) * turns.min():
+        found = f"turns of {turns.min():.4g} to {turns.max():.4g} s"
+        raise UnusableLog(f"{found}: amplitudes are only comparable between logs of one movement")
+    if relative and len(points):
+        points[["value", "low", "high"]] *= 100 / points["value"].iloc[0]
+    return points
 
 
 def _is_curved(days: FloatArray, delta: FloatArray, weight: FloatArray, chi2: float) -> bool:
@@ -170,37 +234,3 @@ def _date(origin: pd.Timestamp, days: float | None) -> pd.Timestamp | None:
 
 def _day(stamp: pd.Timestamp | None) -> str | None:
     return None if stamp is None else stamp.strftime("%Y-%m-%d")
-
-
-def as_object(trend: Trend) -> dict:
-    """A trend as an object for JSON."""
-    points = [
-        {"file": row.file, "date": _day(row.date), "backlash_rad": row.backlash_rad,
-         "backlash_interval_rad": [row.low_rad, row.high_rad]}
-        for row in trend.points.itertuples()
-    ]  # fmt: skip
-    return {
-        "points": points,
-        "growth_rad_per_day": trend.line_rad[1],
-        "growth_interval_rad_per_day": list(trend.growth_interval),
-        "limit_rad": trend.limit_rad,
-        "crossing_date": _day(trend.crossing),
-        "crossing_interval": trend.crossing_interval and [_day(end) for end in trend.crossing_interval],
-        "confidence": CONFIDENCE,
-        "warnings": list(trend.warnings),
-    }
-
-
-def as_text(trend: Trend) -> str:
-    """A trend for people."""
-    lines = [
-        f"{row.date:%Y-%m-%d}  {1e3 * row.backlash_rad:.3f} mrad ({1e3 * row.low_rad:.3f} to {1e3 * row.high_rad:.3f})"
-        f"  {row.file}"
-        for row in trend.points.itertuples()
-    ]
-    growth, low, high = (1e3 * 365.25 * rate for rate in (trend.line_rad[1], *trend.growth_interval))
-    lines.append(f"growth {growth:.3f} mrad a year (95 %: {low:.3f} to {high:.3f})")
-    if trend.limit_rad is not None and trend.crossing is not None:
-        first, last = (_day(end) or "no date" for end in trend.crossing_interval or (None, None))
-        lines.append(f"{1e3 * trend.limit_rad:.3f} mrad crossed on {trend.crossing:%Y-%m-%d} (95 %: {first} to {last})")
-    return "\n".join([*lines, *(f"note: {warning}" for warning in trend.warnings)])

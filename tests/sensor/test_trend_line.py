@@ -4,7 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from backlash import trend
+from backlash import trend_line
 from backlash.estimation import Estimate
 from backlash.plots import trend_figure
 from backlash.reading.tables import UnusableLog
@@ -37,8 +37,8 @@ def in_days(stamp):
 
 
 def test_an_even_growth_is_recovered_and_its_crossing_dated():
-    found = trend.fit_trend(*made(), 1.2e-3)
-    assert found.line_rad[1] == pytest.approx(GROWTH)
+    found = trend_line.fit_trend(*made(), 1.2e-3)
+    assert found.line[1] == pytest.approx(GROWTH)
     assert in_days(found.crossing) == pytest.approx(crossing_day(), abs=1e-3)
     first, last = found.crossing_interval
     assert first < found.crossing < last
@@ -47,7 +47,7 @@ def test_an_even_growth_is_recovered_and_its_crossing_dated():
 def test_the_interval_of_the_crossing_holds_the_true_date_95_times_in_100():
     held = 0
     for seed in range(300):
-        found = trend.fit_trend(*made(seed=seed), 1.2e-3)
+        found = trend_line.fit_trend(*made(seed=seed), 1.2e-3)
         first, last = found.crossing_interval
         held += (first is None or in_days(first) <= crossing_day()) and (
             last is None or crossing_day() <= in_days(last)
@@ -57,7 +57,7 @@ def test_the_interval_of_the_crossing_holds_the_true_date_95_times_in_100():
 
 def test_more_logs_make_the_date_surer():
     def width(count):
-        first, last = trend.fit_trend(*made(count=count, every=300 / count, seed=3), 1.2e-3).crossing_interval
+        first, last = trend_line.fit_trend(*made(count=count, every=300 / count, seed=3), 1.2e-3).crossing_interval
         return last - first
 
     assert width(40) < width(10)
@@ -66,11 +66,13 @@ def test_more_logs_make_the_date_surer():
 def test_logs_that_scatter_more_than_their_intervals_say_widen_the_interval():
     rows, dates = made(seed=1)
     wild = rows_of([row.backlash_rad for row in made(seed=1, sigma=1e-4)[0]])
-    assert np.diff(trend.fit_trend(wild, dates).growth_interval) > np.diff(trend.fit_trend(rows, dates).growth_interval)
+    assert np.diff(trend_line.fit_trend(wild, dates).growth_interval) > np.diff(
+        trend_line.fit_trend(rows, dates).growth_interval
+    )
 
 
 def test_a_growth_that_is_not_sure_leaves_the_crossing_open():
-    found = trend.fit_trend(*made(count=4, growth=2e-7, every=30.0), 1.2e-3)
+    found = trend_line.fit_trend(*made(count=4, growth=2e-7, every=30.0), 1.2e-3)
     assert found.crossing is not None
     assert found.crossing_interval[1] is None
     assert any("not sure" in warning for warning in found.warnings)
@@ -78,73 +80,76 @@ def test_a_growth_that_is_not_sure_leaves_the_crossing_open():
 
 @pytest.mark.parametrize("growth", [0.0, -1e-6])
 def test_without_growth_there_is_no_crossing(growth):
-    found = trend.fit_trend(*made(growth=growth), 1.2e-3)
+    found = trend_line.fit_trend(*made(growth=growth), 1.2e-3)
     assert found.crossing is None
     assert any("does not grow" in warning for warning in found.warnings)
 
 
 def test_a_limit_crossed_long_ago_is_dated_in_the_past():
-    found = trend.fit_trend(*made(), 5e-4)
+    found = trend_line.fit_trend(*made(), 5e-4)
     assert in_days(found.crossing) == pytest.approx(50.0, abs=1e-3)
 
 
 def test_a_growth_that_is_no_line_is_said():
     days = 30.0 * np.arange(12)
     dates = [START + pd.Timedelta(days=day) for day in days]
-    curved = trend.fit_trend(rows_of(FIRST + 1e-8 * days**2), dates, 2.5e-3)
+    curved = trend_line.fit_trend(rows_of(FIRST + 1e-8 * days**2), dates, 2.5e-3)
     assert any("no straight line" in warning for warning in curved.warnings)
-    assert not any("no straight line" in warning for warning in trend.fit_trend(*made(12), 2.5e-3).warnings)
+    assert not any("no straight line" in warning for warning in trend_line.fit_trend(*made(12), 2.5e-3).warnings)
 
 
 def test_logs_without_backlash_are_left_out_and_counted():
     rows, dates = made()
     rows[0] = Estimate("log0", "no backlash", backlash_rad=0.0, backlash_interval_rad=(0.0, 3e-4))
     rows[1] = Estimate("log1", "cannot tell")
-    found = trend.fit_trend(rows, dates)
+    found = trend_line.fit_trend(rows, dates)
     assert len(found.points) == 8
     assert any("2 of 10 logs" in warning for warning in found.warnings)
 
 
 def test_too_few_dates_and_a_senseless_limit_are_refused():
     with pytest.raises(UnusableLog, match="2 dates"):
-        trend.fit_trend(*made(count=2))
+        trend_line.fit_trend(*made(count=2))
     rows, dates = made()
     with pytest.raises(UnusableLog, match="1 dates"):
-        trend.fit_trend(rows, [dates[0]] * 10)
+        trend_line.fit_trend(rows, [dates[0]] * 10)
     for limit in (0.0, -1.0, float("nan")):
         with pytest.raises(UnusableLog, match="--limit"):
-            trend.fit_trend(rows, dates, limit)
+            trend_line.fit_trend(rows, dates, limit)
 
 
 def test_dates_come_from_names_or_from_a_table(tmp_path):
     logs = [tmp_path / "axis4_2024-03-17.csv", tmp_path / "20240401_run.csv"]
-    assert list(trend.dates_of(logs).values()) == [pd.Timestamp("2024-03-17"), pd.Timestamp("2024-04-01")]
+    assert list(trend_line.dates_of(logs).values()) == [pd.Timestamp("2024-03-17"), pd.Timestamp("2024-04-01")]
     table = tmp_path / "dates.csv"
     table.write_text(
         "file,date\naxis4_2024-03-17.csv,2020-01-01\n20240401_run.csv,2020-02-01T12:00\n", encoding="utf-8"
     )
-    assert list(trend.dates_of(logs, table).values()) == [pd.Timestamp("2020-01-01"), pd.Timestamp("2020-02-01T12:00")]
+    assert list(trend_line.dates_of(logs, table).values()) == [
+        pd.Timestamp("2020-01-01"),
+        pd.Timestamp("2020-02-01T12:00"),
+    ]
 
 
 def test_a_log_without_a_date_is_refused(tmp_path):
     with pytest.raises(UnusableLog, match="no date in its name"):
-        trend.dates_of([tmp_path / "log7.csv"])
+        trend_line.dates_of([tmp_path / "log7.csv"])
     with pytest.raises(UnusableLog, match="no date in its name"):
-        trend.dates_of([tmp_path / "log_2024-13-45.csv"])
+        trend_line.dates_of([tmp_path / "log_2024-13-45.csv"])
     table = tmp_path / "dates.csv"
     table.write_text("file,when\na,2020\n", encoding="utf-8")
     with pytest.raises(UnusableLog, match="columns file and date"):
-        trend.dates_of([tmp_path / "log_2024-03-17.csv"], table)
+        trend_line.dates_of([tmp_path / "log_2024-03-17.csv"], table)
     table.write_text("file,date\nother.csv,2020-01-01\n", encoding="utf-8")
     with pytest.raises(UnusableLog, match="no date in"):
-        trend.dates_of([tmp_path / "log_2024-03-17.csv"], table)
+        trend_line.dates_of([tmp_path / "log_2024-03-17.csv"], table)
 
 
 @pytest.mark.parametrize("limit", [None, 1.2e-3, 5e-4])
 def test_a_trend_can_be_printed_stored_and_drawn(limit):
-    for found in (trend.fit_trend(*made(seed=2), limit), trend.fit_trend(*made(count=4, growth=2e-7), limit)):
-        stored = trend.as_object(found)
+    for found in (trend_line.fit_trend(*made(seed=2), limit), trend_line.fit_trend(*made(count=4, growth=2e-7), limit)):
+        stored = found.to_dict()
         json.dumps(stored, allow_nan=False)
-        assert trend.as_text(found).startswith("2023-01-01")
+        assert str(found).startswith("2023-01-01")
         assert (stored["crossing_date"] is None) == (found.crossing is None)
         trend_figure(found)

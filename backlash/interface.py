@@ -1,0 +1,188 @@
+"""The sensor from Python: `read_log`, `estimate`, `calibrate` and `trend`.
+
+A log is a path (str or Path), a table (DataFrame) whose columns are named as in a file, or what `read_log` returned.
+What is said of logs (`said`) are the fields of `LogFormat`, as on the command line: `turn_period_s` or `gear_ratio`,
+one of which is needed, and `time`, `speed`, `position` (columns), `unit`, `counts_per_turn`, `commanded_speed_rps`,
+`start_s`, `end_s`, `trust_period`. How they are measured (`how`): `calibration`, `method`, `repeats` and `seed`.
+An UnusableLog is a ValueError whose message is one line: what is wrong, where, what to do.
+"""
+
+import hashlib
+from collections.abc import Sequence
+from inspect import signature
+from os import PathLike
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+from numpy.typing import ArrayLike
+
+from backlash import calibration as calibrations
+from backlash import fleet, trend_line
+from backlash.calibration import Calibration, OwnCalibration
+from backlash.estimation import Estimate, examine, settings_for
+from backlash.fitting import SELF
+from backlash.logs import Log, name_of, open_log
+from backlash.reading.columns import LogFormat
+from backlash.reading.prepare import CannotTell
+from backlash.reading.tables import UnusableLog
+from backlash.trend_line import Trend
+
+
+def _form(log: object, said: dict[str, Any]) -> LogFormat:
+    """What is said of a log; `position=True` says it of arrays, and a log that was read has it all."""
+    if isinstance(log, Log) and said:
+        raise UnusableLog(f"{log.file} was read already: give {', '.join(said)} to read_log")
+    if said.get("position") is True:
+        said = said | {"position": "position"}
+    return log.form if isinstance(log, Log) else LogFormat(**said)
+
+
+def read_log(log: object, v: ArrayLike | None = None, **said: Any) -> Log:
+    """Read a log's stretch of constant speed, `recording.t` [s] and `recording.v` [rps]; parameters as in `estimate`.
+
+    Raises
+    ------
+    UnusableLog
+        The file is no usable log, or too short or uneven for any answer.
+
+    Examples
+    --------
+    >>> import backlash
+    >>> log = backlash.read_log("log.csv", gear_ratio=40)
+    >>> print(log.recording.v.size, round(log.recording.turn_period_s, 4))
+    2401 0.4
+    """
+    try:
+        return open_log(log, _form(log, said), v)
+    except CannotTell as refusal:
+        raise UnusableLog(str(refusal)) from refusal
+
+
+def estimate(
+    log: object,
+    v: ArrayLike | None = None,
+    *,
+    calibration: OwnCalibration = None,
+    method: str | None = None,
+    repeats: int = 30,
+    seed: int = 1,
+    **said: Any,
+) -> Estimate:
+    """Estimate the backlash, which is half of the total play, that a log tells of.
+
+    Parameters
+    ----------
+    log : str, Path, DataFrame, Log, or array of shape (samples,)
+        A file, "-" for the standard input, a table, what `read_log` returned, or the time stamps [s] of `v`.
+    v : array of shape (samples,), optional
+        Motor speed, in rps or in `unit`; with `position=True` its position, in the turns (rps), rad (rad/s) or counts
+        that go with `unit`.
+    calibration : Calibration or path, optional
+        Of your joint. Without one, method "self" takes the joint from the log; it knows joints under a drive of the
+        paper's kind.
+    method : str, optional
+        "self", "waveform", "energy", "amplitude" or "paper"; default: the calibration's, else "self".
+    repeats, seed : int
+        Searches of method "paper", and the first seed.
+    **said
+        The fields of `LogFormat`: `turn_period_s` [s] or `gear_ratio`, and more.
+
+    Raises
+    ------
+    UnusableLog
+        The log, the calibration or what is said of them cannot be used.
+
+    Examples
+    --------
+    >>> import backlash
+    >>> answer = backlash.estimate(t, v, turn_period_s=0.4, unit="rps")
+    >>> print(f"{answer.verdict}, {1e3 * answer.backlash_rad:.1f} mrad to each side")
+    backlash, 0.9 mrad to each side
+    """
+    return examine(log, settings_for(_form(log, said), calibration, method, repeats, seed), v).estimate
+
+
+def calibrate(
+    logs: Sequence[object], known_backlash_rad: Sequence[float], *, method: str = "waveform", repeats: int = 30,
+    seed: int = 1, **said: Any,
+) -> Calibration:  # fmt: skip
+    """Calibrate a method on logs of one joint in one movement; parameters not named here are those of `estimate`.
+
+    Parameters
+    ----------
+    logs : sequence of logs
+        Paths, tables, or what `read_log` returned.
+    known_backlash_rad : sequence of float
+        Their backlashes, half of the total play [rad]; six different ones or more.
+    method : str
+        Any but "self".
+
+    Raises
+    ------
+    UnusableLog
+        A log cannot be used, there are too few levels, several movements, a negative backlash, no monotonic relation,
+        or the uncertainty is more than a quarter of the range.
+
+    Examples
+    --------
+    >>> import backlash
+    >>> own = backlash.calibrate(logs, known_rad, method="energy", turn_period_s=0.4)
+    >>> print(own.method, own.range_rad)
+    energy (0.0004, 0.0016)
+    """
+    read = []
+    for log in logs:
+        try:
+            read.append(fleet.prepare_log(log, _form(log, said), seed))
+        except CannotTell as refusal:
+            raise UnusableLog(f"{name_of(log)}: no use for a calibration: {refusal}") from refusal
+    digests = "".join(log.sha256 or "" for log in read)
+    made_of = f"{len(read)} logs, SHA-256 of theirs {hashlib.sha256(digests.encode()).hexdigest()}"
+    records = [log.recording for log in read]
+    return calibrations.calibrate(records, known_backlash_rad, method, made_of, repeats, seed)
+
+
+def trend(
+    logs: Sequence[object], dates: Sequence[Any] | str | PathLike[str] | None = None, *,
+    limit_rad: float | None = None, relative: bool = False, jobs: int = 1, **said: Any,
+) -> Trend:  # fmt: skip
+    """Fit a line to the backlashes of dated logs of one joint; parameters not named here are those of `estimate`.
+
+    Parameters
+    ----------
+    logs : sequence of logs
+        Paths, tables, or what `read_log` returned; one without a backlash is left out, and a warning says why.
+    dates : sequence of dates, or path, optional
+        As pandas reads them, or a table with columns file and date; else those in the files' names, like 2024-03-17.
+    limit_rad : float, optional
+        The backlash, half of the total play, whose date is wanted [rad].
+    relative : bool
+        Take the oscillations' amplitudes, in percent of the first; so it is by itself where no log has an answer.
+    jobs : int
+        Processes; -1 for all cores where that is worth it.
+
+    Raises
+    ------
+    UnusableLog
+        A date is missing, there are fewer than three, or the limit is not finite and above zero.
+
+    Examples
+    --------
+    >>> import backlash
+    >>> worn = backlash.trend(logs, dates, method="energy", turn_period_s=0.4, limit_rad=2e-3)
+    >>> print(worn.alarm, worn.crossing.year)
+    True 2024
+    """
+    how = {name: said.pop(name) for name in signature(settings_for).parameters if name in said}
+    how["calibration"] = calibrations.read_calibration(how.get("calibration"))
+    settings = [settings_for(_form(log, said), **how) for log in logs]
+    if dates is None or isinstance(dates, str | PathLike):
+        table = Path(dates) if dates is not None else None
+        days = list(trend_line.dates_of([Path(name_of(log)) for log in logs], table).values())
+    else:
+        days = list(pd.DatetimeIndex(dates))
+    answers = fleet.run_fleet(logs, settings, jobs)
+    if not relative and all(each.calibration.method == SELF for each in settings):
+        answers = fleet.with_shared_joint(logs, answers, settings)
+    return trend_line.fit_trend(answers, days, limit_rad, relative)

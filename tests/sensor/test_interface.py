@@ -1,0 +1,96 @@
+import doctest
+import json
+
+import numpy as np
+import pandas as pd
+import pytest
+from made_logs import noisy, silent, table, write
+
+import backlash
+from backlash import interface
+
+KNOWN_RAD = np.linspace(4e-4, 16e-4, 7).tolist()
+
+
+@pytest.mark.parametrize("name", ["read_log", "estimate", "calibrate", "trend"])
+def test_the_examples_of_the_documentation_run(name, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    write(noisy(), tmp_path / "log.csv")
+    shown = {
+        "t": noisy().t, "v": noisy().v, "known_rad": KNOWN_RAD,
+        "dates": pd.date_range("2024-01-15", periods=7, freq="MS"),
+        "logs": [table(noisy(delta, seed=k)) for k, delta in enumerate(KNOWN_RAD)],
+    }  # fmt: skip
+    tests = doctest.DocTestFinder(recurse=False).find(getattr(interface, name), name, globs=shown)
+    assert [len(test.examples) for test in tests] == [3]
+    said = []
+    doctest.DocTestRunner().run(tests[0], out=said.append)
+    assert not said, "".join(said)
+
+
+def test_arrays_a_table_a_file_and_a_log_that_was_read_have_one_answer(tmp_path):
+    path = write(noisy(), tmp_path / "log.csv")
+    how = {"turn_period_s": 0.4, "unit": "rps"}
+    frame = pd.read_csv(path)
+    logs = [(frame,), (frame.set_index("time [s]"),), (path,), (str(path),), (frame["time [s]"], frame["speed [rps]"])]
+    answers = [backlash.estimate(*log, method="energy", **how) for log in logs]
+    answers.append(backlash.estimate(backlash.read_log(path, **how), method="energy"))
+    assert len({answer.backlash_rad for answer in answers}) == 1
+    assert [answer.file for answer in answers] == ["log", "log", str(path), str(path), "log", str(path)]
+    assert {answer.sha256 is None for answer in answers[2:4]} == {False}
+    assert str(answers[0]).startswith("log: backlash 0.")
+
+
+def test_positions_are_said_to_be_positions():
+    record = noisy()
+    turns = np.cumsum(record.v) * 2e-3
+    how = {"turn_period_s": 0.4, "unit": "rps", "method": "energy"}
+    found = backlash.estimate(record.t, turns, position=True, **how)
+    assert found.backlash_rad == pytest.approx(backlash.estimate(record.t, record.v, **how).backlash_rad, rel=0.05)
+
+
+def test_results_are_ready_for_json_and_cannot_be_changed(tmp_path):
+    log = backlash.read_log(write(noisy(), tmp_path / "log.csv"), turn_period_s=0.4)
+    logs = [table(noisy(delta, seed=k)) for k, delta in enumerate(KNOWN_RAD)]
+    own = backlash.calibrate(logs, KNOWN_RAD, method="energy", turn_period_s=0.4)
+    found = backlash.trend(logs, pd.date_range("2024-01-15", periods=7), calibration=own, turn_period_s=0.4)
+    for result in (log, backlash.estimate(log, calibration=own), own, found):
+        json.dumps(result.to_dict(), allow_nan=False)
+        with pytest.raises(AttributeError):
+            result.method = "other"
+    (tmp_path / "own.json").write_text(own.to_json(), encoding="utf-8")
+    by_file = backlash.estimate(log, calibration=tmp_path / "own.json")
+    assert by_file == backlash.estimate(log, calibration=own)
+    assert by_file.calibration == own.provenance
+
+
+@pytest.mark.parametrize(
+    ("call", "words"),
+    [
+        (lambda log: backlash.estimate([0, 1], [1, 2, 3], turn_period_s=0.4), r"shapes \(2,\) and \(3,\)"),
+        (lambda log: backlash.estimate(np.ones(9), turn_period_s=0.4), "give time and speed"),
+        (lambda log: backlash.estimate(log), "load's turn is not known"),
+        (lambda log: backlash.estimate(log, turn_period_s=0.4, method="magic"), "method 'magic'"),
+        (lambda log: backlash.estimate(log, turn_period_s=0.4, calibration=log), "not a calibration file"),
+        (lambda log: backlash.read_log(log, turn_period_s=2.0), "too short: 2.4 load turns"),
+        (lambda log: backlash.trend([log] * 3, ["2024-01-01"] * 3, turn_period_s=0.4, method="energy"), "1 dates"),
+        (lambda log: backlash.trend([log], turn_period_s=0.4), "no date in its name"),
+        (lambda log: backlash.calibrate([log], [1e-3], turn_period_s=0.4), "needs 6 or more"),
+        (lambda log: backlash.estimate(backlash.read_log(log, turn_period_s=0.4), gear_ratio=40), "was read already"),
+    ],
+)
+def test_what_cannot_be_used_is_an_error_of_one_line(call, words, tmp_path):
+    path = write(noisy(), tmp_path / "log.csv")
+    with pytest.raises(backlash.UnusableLog, match=words) as caught:
+        call(path)
+    assert "\n" not in str(caught.value)
+
+
+def test_a_log_that_cannot_be_used_is_left_out_of_a_trend_and_named(tmp_path):
+    logs = [write(noisy(seed=k), tmp_path / f"axis_2024-0{k}-01.csv") for k in range(1, 6)]
+    logs[2].write_text("", encoding="utf-8")
+    write(silent(), logs[3])
+    found = backlash.trend(logs, turn_period_s=0.4, method="energy")
+    assert len(found.points) == 3
+    assert any("2024-03-01.csv: the file is empty" in warning for warning in found.warnings)
+    assert any("2024-04-01.csv: no backlash" in warning for warning in found.warnings)

@@ -1,0 +1,111 @@
+"""The command line as a process of its own: interrupted, in a pipe, and the first time on a machine."""
+
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import time
+
+import joblib
+import pytest
+from made_logs import noisy, write
+
+from backlash import commands, fleet
+from backlash.estimation import settings_for
+from backlash.main import ends_on_interrupt, main
+from backlash.reading.columns import LogFormat
+from replication.workbook import ROOT
+
+PIPES = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
+
+
+def started(*arguments, **how):
+    """A process of the command line that leads a group, as it does at a terminal."""
+    command = [sys.executable, "-m", "backlash", *map(str, arguments)]
+    environment = os.environ | {"PYTHONPATH": str(ROOT)}
+    return subprocess.Popen(command, cwd=ROOT, env=environment, start_new_session=True, **PIPES | how)
+
+
+@pytest.fixture
+def logs(tmp_path):
+    """Sixty logs of one joint, for half a minute of fits."""
+    (tmp_path / "logs").mkdir()
+    first = write(noisy(), tmp_path / "logs" / "log0.csv")
+    for k in range(1, 60):
+        shutil.copy(first, first.with_name(f"log{k}.csv"))
+    return tmp_path / "logs"
+
+
+@pytest.mark.parametrize("jobs", [1, pytest.param(2, marks=pytest.mark.slow)])
+def test_an_interrupt_ends_a_fleet_in_one_line_and_spoils_no_row(jobs, logs, tmp_path):
+    kept = tmp_path / "table.csv.kept"
+    process = started("estimate", logs, "--turn-period", "0.4", "--jobs", jobs, "--out", tmp_path / "table.csv")
+    while process.poll() is None and not list(kept.rglob("output.pkl")):
+        time.sleep(0.05)
+    time.sleep(0.2)  # it computes now, whatever it does
+    os.killpg(process.pid, signal.SIGINT)
+    out, err = process.communicate(timeout=120)
+    assert (process.returncode, out) == (130, "")
+    assert err == f"interrupted; the same command goes on from {kept}\n"
+    assert not (tmp_path / "table.csv").exists()
+    done = [joblib.load(answer) for answer in kept.rglob("output.pkl")]
+    assert 1 <= len(done) < 60
+    assert {answer.verdict for answer in done} == {"backlash"}
+
+
+def test_an_interrupted_run_from_python_writes_no_log_down_as_unusable(tmp_path, monkeypatch):
+    def interrupted(log, settings):
+        try:
+            raise KeyboardInterrupt
+        except KeyboardInterrupt as error:
+            raise SystemError("returned a result with an exception set") from error
+
+    monkeypatch.setattr(fleet, "examine", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        fleet.run_fleet([tmp_path / "log.csv"], settings_for(LogFormat(turn_period_s=0.4)), 1)
+
+
+def test_what_is_done_on_an_interrupt_is_so_while_a_command_runs_only():
+    before = signal.getsignal(signal.SIGINT)
+    with ends_on_interrupt():
+        assert signal.getsignal(signal.SIGINT) is not before
+    assert signal.getsignal(signal.SIGINT) is before
+
+
+@pytest.mark.parametrize("arguments", [("estimate", "--help"), ("estimate", "LOG", "--gear-ratio", "40", "--json")])
+def test_a_reader_that_has_seen_enough_makes_no_noise(arguments, tmp_path):
+    log = write(noisy(), tmp_path / "log.csv")
+    process = started(*(log if argument == "LOG" else argument for argument in arguments))
+    process.stdout.close()
+    assert process.wait(timeout=300) in (0, 1)
+    assert process.stderr.read() == ""
+
+
+def test_the_standard_input_is_a_log(tmp_path):
+    log = write(noisy(), tmp_path / "log.csv")
+    with log.open(encoding="utf-8") as stdin:
+        process = started("estimate", "-", "--turn-period", "0.4", "--method", "energy", stdin=stdin)
+        assert process.communicate(timeout=300)[0].startswith("-: backlash 0.")
+    process = started("estimate", "-", "--turn-period", "0.4", stdin=subprocess.DEVNULL)
+    assert process.communicate(timeout=300) == ("", "-: the file is empty; export the log again\n")
+    assert process.returncode == 2
+
+
+@pytest.mark.parametrize(("seen_by", "cached", "line"), [
+    ("a person", False, "compiling, once for this machine: about a minute\n"),
+    ("a person", True, ""),
+    ("a file", False, ""),
+])  # fmt: skip
+def test_a_person_is_told_that_the_first_command_on_a_machine_compiles(
+    seen_by, cached, line, tmp_path, capsys, monkeypatch
+):
+    log = write(noisy(), tmp_path / "log.csv")
+    if cached:
+        (tmp_path / "turns.nbi").touch()
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
+    monkeypatch.setattr(commands.sys.stderr, "isatty", lambda: seen_by == "a person")
+    assert main(["estimate", str(log), "--turn-period", "0.4", "--method", "energy", "--json"]) == 0
+    captured = capsys.readouterr()
+    assert captured.err == line
+    assert captured.out.startswith("[\n {")
