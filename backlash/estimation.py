@@ -6,6 +6,7 @@ must explain most of it, and the calibration must hold the reading in its range.
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -67,6 +68,9 @@ class Estimate:
     friction_share: float | None = None  # of the load, over m g r
     sha256: str | None = None  # of the log file's bytes
     calibration: str = ""  # what it was made from
+    backlash_intervals_rad: tuple[
+        tuple[float, float], ...
+    ] = ()  # by method self, where separate ones fit: likely first
 
     @property
     def relative_index_rps(self) -> float | None:
@@ -335,7 +339,8 @@ def _judge_joint(
     if joint.refusal_reason:
         where = f"worst at {joint.worst_phase:.2f} turns from the load hanging down"
         raise CannotTell("no such joint", f"{joint.refusal_reason}, {where}")
-    low, high = joint.interval_rad
+    separate = (joint.interval_rad, *joint.other_intervals_rad)
+    low, high = min(ends[0] for ends in separate), max(ends[1] for ends in separate)
     if low <= 0 and high > least_rad:
         raise CannotTell("too noisy", f"none fits as well as up to {high:.3g} rad; log more turns, or quieter")
     if high <= least_rad and not presence.found:  # the pattern that called for a fit has another cause
@@ -344,9 +349,15 @@ def _judge_joint(
         raise CannotTell("no signature", "a pattern repeats itself every turn, but no backlash that explains it")
     return replace(
         answer, verdict="backlash" if low > 0 else "no backlash", backlash_rad=joint.delta_rad if low > 0 else 0.0,
-        backlash_interval_rad=(low, high),
-        warnings=answer.warnings + _disagreement(recording, amplitude, joint),
+        backlash_interval_rad=(low, high), backlash_intervals_rad=separate if len(separate) > 1 else (),
+        warnings=answer.warnings + _tell_apart(separate) + _disagreement(recording, amplitude, joint),
     )  # fmt: skip
+
+
+def _tell_apart(separate: Sequence[tuple[float, float]]) -> tuple[str, ...]:
+    """A note where backlashes that do not overlap fit, the more probable one first."""
+    ranges = " or ".join(f"{1e3 * low:.3f} to {1e3 * high:.3f} mrad" for low, high in separate)
+    return (f"separate backlashes fit: {ranges}",) if len(separate) > 1 else ()
 
 
 def _disagreement(recording: Recording, amplitude: Reading, joint: SelfFit) -> tuple[str, ...]:

@@ -17,7 +17,7 @@ from backlash.fitting.joint_posterior import LOW_PASS_INDEX, SMOOTHING_INDEX, Pr
 from backlash.fitting.joint_search import Peak, find_joint, find_peak
 from backlash.fitting.second_mass import SecondMass, WeightedPeak, with_second_mass
 from backlash.fitting.turns import Movement, settled_turns
-from backlash.fitting.waveform import delayed
+from backlash.fitting.waveform import delayed, low_passed
 from replication.arrays import FloatArray
 from replication.datasets import Recording
 from replication.simulator.checks import closed_loop_matrix
@@ -42,6 +42,8 @@ _LEAST_INFORMATION = 0.05
 # What is left over beyond the residual that noise alone exceeds in one log of ten may lie along the backlash too.
 _LARGE_RESIDUAL = 0.1
 NORMAL_95 = 1.96
+# Peaks further apart than this many of their SDs are separate; what is less probable than this is no answer.
+_APART_SDS, _LEAST_GROUP = 3.0, 0.05
 # Low-passes that the noise is compared with, and what that may count: the drive's loops colour noise too.
 _TIME_CONSTANTS_MS, _MOST_LOG_ODDS = (0.5, 0.8, 1.2, 1.8, 2.7, 4.0), 5.0
 
@@ -63,6 +65,7 @@ class SelfFit:
     ring_noise_ratio: float  # see `harmonics.TurnHarmonics`
     peaks: list[WeightedPeak]  # no second mass, then one of each ring
     turn_rps: FloatArray  # fitted speed less its mean, at even phases from the record's first sample
+    other_intervals_rad: tuple[tuple[float, float], ...]  # of separate peaks, less probable than `interval_rad`
     refusal_reason: str = ""  # why this is no answer; empty if it is one
 
 
@@ -123,6 +126,29 @@ def mix_peaks(found: Sequence[WeightedPeak]) -> tuple[Peak, FloatArray]:
     return replace(found[int(share.argmax())][1], z=mean), covariance
 
 
+def _share_of_each(groups: Sequence[Sequence[WeightedPeak]]) -> FloatArray:
+    """Posterior probability of each group of peaks."""
+    evidence = np.array([np.logaddexp.reduce([weight + peak.evidence for weight, peak in group]) for group in groups])
+    share = np.exp(evidence - evidence.max())
+    return share / share.sum()
+
+
+def _separate_peaks(found: list[WeightedPeak]) -> list[list[WeightedPeak]]:
+    """Groups of peaks whose backlashes overlap, the most probable group first; improbable groups are left out."""
+    finite = sorted((each for each in found if np.isfinite(each[1].evidence)), key=lambda each: each[1].z[0])
+    groups = [finite[:1]]
+    for each in finite[1:]:
+        last = groups[-1][-1][1]
+        sds = np.sqrt(each[1].covariance[0, 0]), np.sqrt(last.covariance[0, 0])
+        if each[1].z[0] - last.z[0] > _APART_SDS * sum(sds):
+            groups.append([])
+        groups[-1].append(each)
+    if not finite:
+        return [found]
+    share = _share_of_each(groups)
+    return [groups[k] for k in np.argsort(-share) if share[k] >= _LEAST_GROUP]
+
+
 def _result(
     problem: Problem,
     found: list[WeightedPeak],
@@ -131,7 +157,8 @@ def _result(
     second: SecondMass,
     peaks: list[WeightedPeak],
 ) -> SelfFit:
-    peak, covariance = mix_peaks(found)
+    groups = _separate_peaks(found)
+    peak, covariance = mix_peaks(groups[0])
     z, residual = peak.z, peak.residual
     chi2, freedom = float(residual @ residual), residual.size - joint_posterior.SIZE
     scatter = max(chi2 / freedom, 1.0)
@@ -139,7 +166,8 @@ def _result(
     misfit = chi2 / freedom / model_error
     delta, sd = float(z[0] * joint_posterior.UNIT_RAD), float(np.sqrt(covariance[0, 0]) * joint_posterior.UNIT_RAD)
     left_over = max(chi2 - float(chdtri(freedom, _LARGE_RESIDUAL)), 0.0)
-    half = NORMAL_95 * sd * float(np.sqrt(1 + left_over))
+    widening = NORMAL_95 * float(np.sqrt(1 + left_over))
+    half = widening * sd
     if harmonics.is_quiet:  # the speed's part from backlash grows with it, and so may what the model gets wrong
         half = float(np.hypot(half, MOST_MODEL_ERROR * MODEL_ERROR * delta))
     turn = settled_turns(rows_of(z[None]), problem.movement, problem.error_order, problem.lead, peak.differencing)[0]
@@ -155,11 +183,21 @@ def _result(
         drive_p, joint_p = (_prior_p(peak, scatter, known) for known in (_DRIVE, _JOINT))
         refusal = _refusal_reason(residual_p, ring_noise_ratio, drive_p, joint_p, second)
     interval, worst_phase = (max(delta - half, 0.0), delta + half), _worst_phase(problem, residual, phase)
-    turn = delayed(turn - turn.mean(), -phase)
+    low_pass = max(float(z[LOW_PASS_INDEX]), 0.0) * (1e-3 / problem.movement.turn_period_s) ** 2
+    turn = low_passed(delayed(turn - turn.mean(), -phase), low_pass)
+    others = [_interval_rad(mix_peaks(group), widening) for group in groups[1:]]
     return SelfFit(
         delta, interval, sd, ring, damping, float(z[2]), z, covariance, misfit, worst_phase,
-        harmonics.ring_noise_ratio, peaks, turn, refusal,
+        harmonics.ring_noise_ratio, peaks, turn, tuple(others), refusal,
     )  # fmt: skip
+
+
+def _interval_rad(peak_and_covariance: tuple[Peak, FloatArray], widening: float) -> tuple[float, float]:
+    """Interval of the backlash about a peak [rad]."""
+    peak, covariance = peak_and_covariance
+    half = widening * float(np.sqrt(covariance[0, 0]))
+    low, high = (float(joint_posterior.UNIT_RAD * (peak.z[0] + sign * half)) for sign in (-1, 1))
+    return max(low, 0.0), high
 
 
 def _refusal_reason(
