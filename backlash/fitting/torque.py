@@ -24,12 +24,8 @@ from backlash.fitting.waveform import settled
 from replication.arrays import FloatArray
 from replication.datasets import Recording
 
-ComplexArray = NDArray[np.complex128]
-
-MOST_SD = 0.15  # of the backlash; beyond there is no answer
-NORMAL_95 = 1.96
-# Teeth touch where the torque is above this share of gravity's; rings are slower than this.
-_IN_CONTACT, _FASTEST_HZ = 0.2, 100.0
+MOST_SD, NORMAL_95 = 0.15, 1.96  # SD over the backlash, above which there is no answer; half width over SD
+_IN_CONTACT, _FASTEST_HZ = 0.15, 100.0  # the teeth touch above this share of the largest torque; the fastest ring
 # Shares of the wind-up that no noise explains, and of the backlash that the method errs by without noise.
 _ROUGHNESS, _METHOD_ERROR = 0.2, 0.02
 _FREE_HARMONICS, _LEAST_HARMONICS, _LEAST_GRAVITY, _DRAWS = 2, 12, 10.0, 200
@@ -63,17 +59,15 @@ class TorqueFit:
 
 
 class _Turn(NamedTuple):
-    """Angular frequencies, and coefficients of the mean turn with their SDs, from order 0; the speed in rad/s."""
+    """Harmonics of the mean turn from order 0, and their SDs: a row for the speed [rad/s], one for the torque."""
 
     omega: FloatArray
     gear_ratio: float
-    speed: ComplexArray
-    speed_sd: FloatArray
-    torque: ComplexArray
-    torque_sd: FloatArray
+    mean: NDArray[np.complex128]
+    sd: FloatArray
 
 
-def _harmonics(recording: Recording, count: int) -> tuple[ComplexArray, FloatArray]:
+def _harmonics(recording: Recording, count: int) -> tuple[NDArray[np.complex128], FloatArray]:
     """Coefficients and SDs; 0 where `turn_harmonics` leaves one out, but for the first."""
     found, (phase, v) = turn_harmonics(recording), settled(recording)
     order = found.order[found.order < count]
@@ -87,19 +81,19 @@ def _harmonics(recording: Recording, count: int) -> tuple[ComplexArray, FloatArr
 def _regression(turn: _Turn, load: LoadData, first: complex) -> tuple[FloatArray, FloatArray, float]:
     """Regressors and wind-up at even phases of a turn, and J_m; `first` is the wind-up's first harmonic."""
     omega, n, rho = turn.omega[1:], turn.gear_ratio, load.inertia_ratio
-    a, motor = 1j * turn.omega * turn.speed, turn.speed[1:] / (1j * omega) / n
-    gravity = 0.5 * load.gravity_per_s2 * turn.torque[1] / abs(turn.torque[1])
-    load_first = gravity - omega[0] ** 2 * (motor[0] - first)
-    inertia = 1 / float(np.real((n * rho * load_first + a[1]) / turn.torque[1]))
-    contact = turn.torque / inertia - a
+    speed, torque = turn.mean
+    a, motor = 1j * turn.omega * speed, speed[1:] / (1j * omega) / n
+    load_first = 0.5 * load.gravity_per_s2 * torque[1] / abs(torque[1]) - omega[0] ** 2 * (motor[0] - first)
+    inertia = 1 / float(np.real((n * rho * load_first + a[1]) / torque[1]))
+    contact = torque / inertia - a
     count, size = contact.size, 3 * contact.size
     waves = np.zeros((4, size // 2 + 1), dtype=complex)
     waves[0, 1:count] = motor + contact[1:] / (n * rho * omega**2)
     waves[0, : _FREE_HARMONICS + 1] = 0  # with gravity, which has the first alone
-    waves[1:, :count] = 1j * turn.omega * contact, turn.speed, contact
-    x, rate, speed, c = np.fft.irfft(waves, size) * size
+    waves[1:, :count] = 1j * turn.omega * contact, speed, contact
+    x, rate, lag, c = np.fft.irfft(waves, size) * size
     angle = 2 * np.pi * np.outer(np.arange(1, _FREE_HARMONICS + 1), np.arange(size)) / size
-    columns = np.array([np.ones(size), *np.cos(angle), *np.sin(angle), rate, speed, c, np.sign(c)])
+    columns = np.array([np.ones(size), *np.cos(angle), *np.sin(angle), rate, lag, c, np.sign(c)])
     return (columns / np.abs(columns).max(axis=1, keepdims=True)).T, x, inertia
 
 
@@ -107,12 +101,10 @@ def _instruments(turn: _Turn, load: LoadData) -> FloatArray:
     """Regressors where the teeth touch, whitened by the wind-up's noise, for generalised least squares."""
     basis, x, inertia = _regression(turn, load, 0j)
     omega, through = turn.omega[1:], 1 / (turn.gear_ratio * load.inertia_ratio)
-    by_speed = turn.speed_sd[1:] / omega * (1 / turn.gear_ratio + through)
+    by_speed, by_torque = turn.sd[:, 1:] / omega * np.array([[1 / turn.gear_ratio + through], [through / inertia]])
     variance = np.zeros(x.size // 2 + 1)
-    variance[1 : turn.omega.size] = 2 * (by_speed**2 + (turn.torque_sd[1:] / inertia * through / omega**2) ** 2)
-    variance[: _FREE_HARMONICS + 1] = 0
-    contact = basis[:, -2] / (np.sqrt(2) * basis[:, -2].std())  # over gravity's
-    touching = np.flatnonzero(np.abs(contact) > _IN_CONTACT)
+    variance[_FREE_HARMONICS + 1 : turn.omega.size] = 2 * (by_speed**2 + (by_torque / omega) ** 2)[_FREE_HARMONICS:]
+    touching = np.flatnonzero(np.abs(basis[:, -2]) > _IN_CONTACT)
     covariance = toeplitz(np.fft.irfft(variance, x.size) * x.size)[np.ix_(touching, touching)]
     covariance += (_ROUGHNESS * x.std()) ** 2 * np.eye(touching.size)
     whitened = np.zeros_like(basis)
@@ -124,53 +116,35 @@ def _solve(turn: _Turn, load: LoadData, instruments: FloatArray, first: complex)
     """Backlash [rad], J_m and the wind-up's first harmonic, from a guess of the last."""
     basis, x, inertia = _regression(turn, load, first)
     found = np.linalg.solve(instruments.T @ basis, instruments.T @ x)
-    once = np.exp(-2j * np.pi * np.arange(x.size) / x.size)
-    return float(found[-1]), inertia, complex(np.mean(basis[:, -2:] @ found[-2:] * once))
-
-
-def _drawn(turn: _Turn, load: LoadData, rng: np.random.Generator) -> tuple[_Turn, LoadData]:
-    """Another turn and load that the log's noise and the load's SDs allow."""
-    noise = np.array([1, 1j]) @ rng.standard_normal((2, 2, turn.omega.size))
-    rho, g = np.exp(rng.standard_normal(2) * (load.sd_inertia, load.sd_gravity))
-    drawn = replace(load, inertia_ratio=load.inertia_ratio * rho, gravity_per_s2=load.gravity_per_s2 * g)
-    speed, torque = turn.speed + turn.speed_sd * noise[0], turn.torque + turn.torque_sd * noise[1]
-    return turn._replace(speed=speed, torque=torque), drawn
+    return float(found[-1]), inertia, complex(np.fft.fft(basis[:, -2:] @ found[-2:])[1] / x.size)
 
 
 def fit_torque(recording: Recording, torque: FloatArray, load: LoadData, rng: np.random.Generator) -> TorqueFit:
-    """Find the backlash of a joint under any drive that logs its torque; ValueError if the log is none for it.
+    """Find the backlash from the motor's speed and torque; ValueError where they cannot tell it.
 
-    Parameters
-    ----------
-    recording : Recording
-        Motor speed at a constant commanded speed.
-    torque : ndarray, shape (samples,)
-        Of the motor at the same samples, positive where it drives forward; in any unit, as its current.
-    load : LoadData
-        Inertia ratio and gravity; their errors pass on to the backlash almost one to one.
-    rng : numpy.random.Generator
-        Draws the noise and the load data for the interval.
+    The torque, shape (samples,), is the motor's at the same samples, positive where it drives forward, in any unit, as
+    its current. The generator draws noise and load data for the interval.
     """
-    torque, period = np.asarray(torque, dtype=float), recording.turn_period_s
+    torque, period, name = np.asarray(torque, dtype=float), recording.turn_period_s, recording.source
     count = int(min(_FASTEST_HZ, 0.45 / recording.sample_s) * period) + 1
-    problem = ""
-    if torque.shape != recording.v.shape or not np.isfinite(torque).all() or np.ptp(torque) == 0:
-        problem = f"the torque must be {recording.v.size} finite numbers that vary"
-    elif count <= _LEAST_HARMONICS:
-        problem = f"{count - 1} harmonics of the turn, {_LEAST_HARMONICS} are needed; sample faster"
-    if problem:
-        raise ValueError(f"{recording.source}: {problem}")
-    speed = _harmonics(replace(recording, v=2 * np.pi * recording.v), count)
-    omega = np.asarray(2 * np.pi / period * np.arange(count), dtype=float)
-    turn = _Turn(
-        omega, recording.commanded_speed_rps * period, *speed, *_harmonics(replace(recording, v=torque), count)
-    )
-    if abs(turn.torque[1]) < _LEAST_GRAVITY * turn.torque_sd[1]:
-        raise ValueError(f"{recording.source}: the torque does not show gravity once a turn; is it this motor's?")
+    if not (torque.shape == recording.v.shape and 0 < np.ptp(torque) < np.inf and count > _LEAST_HARMONICS):
+        needed = f"{recording.v.size} finite numbers that vary, and {_LEAST_HARMONICS} harmonics of the turn to 100 Hz"
+        raise ValueError(f"{name}: the torque needs {needed}")
+    both = [_harmonics(replace(recording, v=v), count) for v in (2 * np.pi * recording.v, torque)]
+    mean, sd = np.array([each[0] for each in both]), np.array([each[1] for each in both])
+    turn = _Turn(np.float64(2 * np.pi / period) * np.arange(count), recording.commanded_speed_rps * period, mean, sd)
+    if abs(mean[1, 1]) < _LEAST_GRAVITY * sd[1, 1] or torque.mean() < 0:
+        raise ValueError(f"{name}: the torque shows no gravity, or drives backward; is it this motor's, with its sign?")
     instruments, first = _instruments(turn, load), 0j
     for _ in range(2):  # what the wind-up adds to gravity once a turn is small
         delta, inertia, first = _solve(turn, load, instruments, first)
-    draws = [_solve(*_drawn(turn, load, rng), instruments, first)[0] for _ in range(_DRAWS)]
-    sd = float(np.hypot(np.std(draws), _METHOD_ERROR * delta))
-    reason = "" if sd <= MOST_SD * delta else f"the torque tells {delta:.2g} rad with an SD of {sd:.2g}, over 15 %"
-    return TorqueFit(delta, (max(delta - NORMAL_95 * sd, 0.0), max(delta + NORMAL_95 * sd, 0.0)), sd, inertia, reason)
+    draws = []
+    for _ in range(_DRAWS):  # turns and loads that the log's noise and the load's SDs allow
+        noise = rng.standard_normal((2, count)) + 1j * rng.standard_normal((2, count))
+        rho, g = np.exp(rng.standard_normal(2) * (load.sd_inertia, load.sd_gravity))
+        other = replace(load, inertia_ratio=rho * load.inertia_ratio, gravity_per_s2=g * load.gravity_per_s2)
+        draws.append(_solve(turn._replace(mean=mean + sd * noise), other, instruments, first)[0])
+    deviation = float(np.hypot(np.std(draws), _METHOD_ERROR * delta))
+    interval = max(delta - NORMAL_95 * deviation, 0.0), max(delta + NORMAL_95 * deviation, 0.0)
+    reason = f"the torque tells {delta:.2g} rad with an SD of {deviation:.2g}, above {MOST_SD:.0%}"
+    return TorqueFit(delta, interval, deviation, inertia, "" if deviation <= MOST_SD * delta else reason)
