@@ -19,7 +19,7 @@ def main(arguments: list[str] | None = None) -> int:
         "calibrations": "the sensor's default calibrations anew, into backlash/data/default_calibrations.json",
         "claims": "the slow studies behind claims, into results/optimizers.csv and results/alpha_refit.csv",
         "scoreboard": "score every method, into results/scoreboard.csv",
-        "population": "every method on joints that nobody calibrated, into results/population_logs.csv",
+        "population": "every method on joints that nobody calibrated, into population_logs.csv and datasheet.csv",
     }.items():
         add_command(commands, name, _HERE, text)
     runs = add_command(commands, "protocols", _HERE, "runs of every candidate protocol, into protocol_runs.csv")
@@ -73,6 +73,9 @@ def run_population(_: argparse.Namespace) -> int:
     rows = population.measure_final_logs()
     files.write_csv(_RESULTS / "population_logs.csv", rows)
     print(benchmark.summarise_intervals(rows).to_string(index=False))
+    sheet = population.summarise_sensor(population.measure_sensor(population.DATASHEET, population.FINAL_SEED))
+    files.write_csv(_RESULTS / "datasheet.csv", sheet)
+    print(f"{sheet.to_string(index=False)}\n{population.against_criteria(sheet).to_string(index=False)}")
     return 0
 
 

@@ -75,3 +75,49 @@ def test_a_bar_is_met_or_missed_by_what_was_measured():
 def test_the_turns_of_the_papers_kind_of_bench_settle_and_those_of_one_that_hardly_damps_do_not():
     assert population.turn_change_rps(NEAR, 0, 7) < 1e-6
     assert population.turn_change_rps(FAR, 54, 20262) > 1e-2
+
+
+def sensor_rows(held: int, missed: int, refused: int, population: str = "faults") -> pd.DataFrame:
+    """Rows of the whole sensor: logs of 1e-3 rad whose interval holds it or not, and logs without an answer."""
+    size = held + missed + refused
+    low = np.array([9e-4] * held + [1.1e-3] * missed + [np.nan] * refused)
+    return pd.DataFrame(
+        {"population": population, "number": range(size), "delta_rad": 1e-3, "found_rad": low + 1e-4,
+         "low_rad": low, "high_rad": low + 2e-4, "refused": np.isnan(low), "verdict": "backlash"}
+    )  # fmt: skip
+
+
+def test_the_datasheet_counts_answers_among_logs_and_held_truths_among_answers():
+    healthy = sensor_rows(0, 2, 1, "healthy").assign(delta_rad=1e-5)
+    by_torque = sensor_rows(0, 5, 0, population.BY_TORQUE[0])
+    sheet = population.summarise_sensor(pd.concat([sensor_rows(6, 2, 2), healthy, by_torque])).set_index("population")
+    assert sheet.loc["faults", ["logs", "answered", "covered", "wrong_healthy"]].tolist() == [10, 0.8, 0.75, 0]
+    assert sheet.loc["faults", "rmse_rad"] == pytest.approx(1e-4)
+    assert sheet.loc["healthy", "wrong_healthy"] == 2
+    assert sheet.loc["all by speed", ["logs", "covered"]].tolist() == [13, 0.6]
+    assert (sheet["answered_low"] < sheet["answered"]).all()
+
+
+def test_the_datasheets_criteria_are_met_or_missed_by_what_the_whole_sensor_answered():
+    good, bad = (
+        population.against_criteria(population.summarise_sensor(sensor_rows(*counts, population.CHANGED[0])))
+        for counts in ((20, 0, 0), (10, 5, 5))
+    )
+    assert good["met"].all()
+    assert set(good["figure"]) == {"answered", "covered", "wrong_healthy"}
+    assert not bad.set_index("figure").loc[["answered", "covered"], "met"].any()
+
+
+def test_every_criterion_is_about_a_population_that_is_drawn():
+    drawn = {*population.FINAL_SIZES, *population.DATASHEET, "authors' logs", "all by speed"}
+    assert {name for name, *_ in population.ACCEPTANCE_CRITERIA} <= drawn
+
+
+@pytest.mark.slow
+def test_the_whole_sensor_answers_a_log_of_each_population_or_says_why_not():
+    rows = population.measure_sensor(dict.fromkeys(population.DATASHEET, 1), 7)
+    assert rows["population"].tolist() == list(population.DATASHEET)
+    assert (rows["refused"] == (rows["reason"] != "")).all()
+    assert (rows.loc[~rows["refused"], "low_rad"] <= rows.loc[~rows["refused"], "found_rad"]).all()
+    again = population.measure_sensor({"faults": 1}, 7)
+    assert again["delta_rad"][0] == rows.set_index("population").loc["faults", "delta_rad"]
