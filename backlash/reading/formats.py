@@ -1,8 +1,11 @@
 """Logs of measuring systems and robots: each kind of file through the library that is made for it."""
 
+import gc
 import json
 from collections.abc import Callable, Iterable, Mapping
+from contextlib import redirect_stderr
 from dataclasses import asdict
+from io import StringIO
 from pathlib import Path
 from typing import Any
 
@@ -76,7 +79,16 @@ def read_mdf(path: Path, check: Check) -> pd.DataFrame:
     """Read the channels of an MDF file (ASAM), each at its own stamps."""
     from asammdf import MDF
 
-    with MDF(path) as file:
+    opened, problem = None, ""
+    try:
+        opened = MDF(path)
+    except Exception as error:
+        problem = str(error)
+    if opened is None:
+        with redirect_stderr(StringIO()):  # where asammdf prints a traceback when what it could not open is deleted
+            gc.collect()
+        raise ValueError(problem)
+    with opened as file:
         check(max((group.channel_group.cycles_nr for group in file.groups), default=0), 1)
         signals = [part for part in file.iter_channels() if part.samples.ndim == 1 and part.samples.dtype.kind in "iuf"]
     names = [f"{part.name} [{part.unit}]" if part.unit else part.name for part in signals]

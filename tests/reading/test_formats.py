@@ -1,5 +1,6 @@
 import gzip
 import json
+import subprocess
 import sys
 from dataclasses import replace
 from io import BytesIO, TextIOWrapper
@@ -13,6 +14,7 @@ from plain_logs import TURN, plain, read, refusal, text
 from backlash.reading import tables
 from backlash.reading.prepare import record_of
 from replication.datasets import Recording
+from replication.workbook import ROOT
 
 
 def assert_is_plain(record: Recording, atol: float = 1e-4):
@@ -179,6 +181,17 @@ def test_a_missing_library_is_named_with_what_installs_it_and_a_broken_file_as_b
     assert f"pip install 'backlash-replication[{extra}]'" in line
     pytest.importorskip(module, reason=f"reading {kind} needs the extra {extra!r}")
     assert f"a broken {kind} file" in refusal(path)
+
+
+def test_a_broken_mdf_file_leaves_no_traceback_of_its_library_behind(tmp_path):
+    pytest.importorskip("asammdf", reason="reading MDF needs the extra 'mdf'")
+    path = tmp_path / "log.mf4"
+    path.write_bytes(b"MDF     4.10" + bytes(9))
+    command = [sys.executable, "-m", "backlash", "estimate", str(path), "--turn-period", "0.4"]
+    said = subprocess.run(command, capture_output=True, text=True, cwd=ROOT)
+    assert said.returncode == 2
+    assert "Traceback" not in said.stderr
+    assert "a broken MDF file" in said.stderr
 
 
 def test_a_broken_older_matlab_file_is_refused(tmp_path):
