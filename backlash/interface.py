@@ -39,7 +39,7 @@ def _form(log: object, said: dict[str, Any]) -> LogFormat:
 
 
 def read_log(log: object, v: ArrayLike | None = None, **said: Any) -> Log:
-    """Read a log's stretch of constant speed, `recording.t` [s] and `recording.v` [rps]; parameters as in `estimate`.
+    """Read a log's stretch of constant speed, its recording's t [s] and v [rps]; parameters as in `estimate`.
 
     Raises
     ------

@@ -25,7 +25,7 @@ STDIN = "-"
 class Log:
     """A log that was read: its record of constant speed, and what was said and assumed of it.
 
-    `recording.t` [s] and `recording.v` [rps] are the samples that an estimate uses.
+    Its recording's t [s] and v [rps] are the samples that an estimate uses.
     """
 
     file: str

@@ -28,12 +28,13 @@ def folder(tmp_path):
 
 
 class Deadly(type(Path())):
-    """A path that ends any process that looks at it but the one whose number is in its name."""
+    """A path that ends any process that asks for it but the one whose number is in its name."""
 
-    def stat(self, **options):
-        if self.name.startswith("deadly") and self.stem != f"deadly{os.getpid()}":
+    def __str__(self):
+        path = super().__str__()
+        if "deadly" in path and f"deadly{os.getpid()}" not in path:
             os._exit(1)
-        return super().stat(**options)
+        return path
 
 
 def test_a_folder_stands_for_all_logs_below_it_each_once(folder):
