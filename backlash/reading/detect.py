@@ -132,13 +132,15 @@ def _signs(count: int, rng: np.random.Generator) -> FloatArray:
 
 def detect_pattern(recording: Recording, form: LogFormat, seed: int) -> tuple[Recording, Presence, tuple[str, ...]]:
     """Test for a pattern, after correcting the turn period, with a note, to the record's own where they are near."""
-    period, given = own_period(recording), recording.turn_period_s
+    given = recording.turn_period_s
+    period = given if form.trust_period else own_period(recording)
     if period is None or period == given:
         return recording, find_pattern(recording, seed), ()
     if abs(period / given - 1) > _PERIOD_TOLERANCE:
         ratio = form.gear_ratio
         instead = f"--gear-ratio {ratio * period / given:.4g}" if ratio else f"--turn-period {period:.4f}"
-        detail = f"the record repeats itself every {period:.4f} s, not every {given:.4f} s; is it {instead}?"
+        repeats = f"the record repeats itself every {period:.4f} s, not every {given:.4f} s"
+        detail = f"{repeats}; is it {instead}? if the one given is right, --trust-period"
         raise CannotTell("wrong period", detail)
     recording = replace(recording, turn_period_s=period)
     note = f"the record repeats itself every {period:.5f} s, not every {given:.5f} s: used that"
