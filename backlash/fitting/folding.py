@@ -151,20 +151,41 @@ def best_misfit(gram, data, fold, limit):
 
 
 @numba.njit(cache=True)
-def solve_or_zero(matrix, side):
-    """Solution of a symmetric positive definite system; zeros if it is singular, as very few samples make it.
+def factorise(matrix):
+    """Factors L and D of a symmetric matrix L D L', in place: D on the diagonal, L below it.
 
-    Written out here, because the last bits of a library's solver change from processor to processor.
+    A pivot that rounding cannot tell from zero is set to zero, and its column of L too. Written out here, because the
+    last bits of a library's solver change from processor to processor.
     """
-    rows = np.column_stack((matrix, side))
-    for k in range(side.size):
-        if not rows[k, k] > 1e-14 * matrix[k, k]:
-            return np.zeros(side.size)
-        rows[k] /= rows[k, k]
-        for i in range(side.size):
-            if i != k:
-                rows[i] -= rows[i, k] * rows[k]
-    return rows[:, -1].copy()
+    for k in range(matrix.shape[0]):
+        diagonal = matrix[k, k]
+        for j in range(k):
+            matrix[k, k] -= matrix[k, j] ** 2 * matrix[j, j]
+        defined = matrix[k, k] > 1e-14 * diagonal
+        for i in range(k + 1, matrix.shape[0]):
+            for j in range(k):
+                matrix[i, k] -= matrix[i, j] * matrix[k, j] * matrix[j, j]
+            matrix[i, k] = matrix[i, k] / matrix[k, k] if defined else 0.0
+        if not defined:
+            matrix[k, k] = 0.0
+
+
+@numba.njit(cache=True)
+def solve_or_zero(matrix, side):
+    """Solution of a symmetric positive definite system; zeros if it is singular, as very few samples make it."""
+    factors, solution = matrix.copy(), side.copy()
+    factorise(factors)
+    size = side.size
+    for i in range(size):
+        if factors[i, i] == 0.0:
+            return np.zeros(size)
+        for j in range(i):
+            solution[i] -= factors[i, j] * solution[j]
+    for i in range(size - 1, -1, -1):
+        solution[i] /= factors[i, i]
+        for j in range(i + 1, size):
+            solution[i] -= factors[j, i] * solution[j]
+    return solution
 
 
 @numba.njit(cache=True)

@@ -57,9 +57,10 @@ def _window_starts(fold, limits, a, b, theta):
         free = (low < trial) & (trial < high)
         information = 0.0
         if last - start >= free.sum():  # fewer positions than unknowns: nothing is known of A
-            index = 1 + np.flatnonzero(free)
-            along = folding.solve_or_zero(gram[index][:, index], gram[index, 0])
-            information = gram[0, 0] - (gram[index, 0] * along).sum() if along.any() or index.size == 0 else 0.0
+            index = np.append(1 + np.flatnonzero(free), 0)
+            block = gram[index][:, index]
+            folding.factorise(block)
+            information = block[-1, -1]  # what is left of A's once the others are projected out
         mid_gap = np.exp(trial[1] * (fold.x[start] - middle_of_gap(fold, start)))
         rows[r] = cost, abs(A) * mid_gap, information / mid_gap**2
     return rows
@@ -100,22 +101,6 @@ def _candidates(found: FloatArray, power: float) -> list[int]:
     return chosen
 
 
-def _turn_back(fold: Fold, limits: Limits, best: Minimum, half_turn_s: float) -> Minimum:
-    """The best of a minimum and the same oscillation half a turn and a turn earlier and later.
-
-    A window half a turn late misses one oscillation of the record: the commonest wrong basin.
-    """
-    found = [best]
-    for delay in half_turn_s * np.array([-2, -1, 1, 2]):
-        a, b = np.searchsorted(
-            fold.x, fold.x[[best[0], best[1]]] + delay - 1e-9
-        )  # a sample met again, but for rounding
-        theta, cost = windows.descend_in_window(fold, limits, a, b, best[2] + [delay, 0.0, 0.0], 8)
-        if cost < np.inf:
-            found.append(windows.refine(fold, limits, a, b, theta, 8, 3))
-    return min(found, key=_cost)
-
-
 def _minima(t: FloatArray, v: FloatArray, timing: Timing, limits: Limits) -> tuple[Fold, list[Minimum]]:
     """A folded record, and refined local minima of its misfit, the best first."""
     fold = folding.fold_record(t, v, timing)
@@ -134,7 +119,7 @@ def _minima(t: FloatArray, v: FloatArray, timing: Timing, limits: Limits) -> tup
             minima[a, b] = a, b, theta, cost
     ranked = sorted(minima.values(), key=_cost)
     if ranked:
-        turned = _turn_back(fold, limits, ranked[0], timing.T_d)
+        turned = windows.turn_back(fold, limits, ranked[0])
         ranked = sorted((minima | {turned[:2]: turned}).values(), key=_cost)
     near = [minimum for minimum in ranked[1:2] if minimum[3] < 1.2 * ranked[0][3]]
     polished = [windows.polish(fold, limits, minimum) for minimum in ranked[:1] + near]

@@ -3,7 +3,7 @@
 import numba
 import numpy as np
 
-from backlash.fitting.folding import Fold, best_misfit, descend, latest_t0, t0_range
+from backlash.fitting.folding import CLEARANCE_S, Fold, best_misfit, descend, latest_t0, t0_range
 from replication.arrays import FloatArray
 
 
@@ -74,6 +74,18 @@ def _try_window(fold, limits, best, a, b):
 
 
 @numba.njit(cache=True)
+def _reachable_end(fold, limits, a, best):
+    """The end of the best window, or as far as T2 reaches if the window starts on position a at the same phase."""
+    b = best[1]
+    if 0 <= a < fold.x.size:
+        half = np.pi / best[2][2]
+        t0 = fold.x[a] - (fold.x[a] - best[2][0]) % half
+        while b > a and fold.x[b] > t0 + limits.T2 - CLEARANCE_S:
+            b -= 1
+    return b
+
+
+@numba.njit(cache=True)
 def polish(fold, limits, best):
     """Try every end, every start within twelve samples, and all nearest pairs, until nothing is better."""
     before = np.inf
@@ -84,12 +96,39 @@ def polish(fold, limits, best):
                 break
             best = _try_window(fold, limits, best, best[0], b)
         for a in range(best[0] - 12 * fold.classes, best[0] + 12 * fold.classes + 1, fold.classes):
-            best = _try_window(fold, limits, best, a, best[1])
+            best = _try_window(fold, limits, best, a, _reachable_end(fold, limits, a, best))
         a, b = best[0], best[1]
         for near_a in range(a - 2, a + 3):
             for near_b in range(b - 2, b + 3):
                 best = _try_window(fold, limits, best, near_a, near_b)
     return refine(fold, limits, best[0], best[1], best[2], 30, 5)
+
+
+@numba.njit(cache=True)
+def turn_back(fold, limits, best):
+    """Try the same oscillation half a turn and a turn earlier and later, as long as that is better.
+
+    A window half a turn late misses one oscillation of the record: the commonest wrong basin.
+    """
+    before = np.inf
+    while best[3] < before:
+        before = best[3]
+        for move in (fold.inverse, fold.partner):
+            a, b, _, _ = best
+            for _ in range(2):
+                if move[a] < 0 or move[b] < 0:
+                    break
+                theta = best[2].copy()
+                theta[0] += fold.x[move[a]] - fold.x[best[0]]
+                a, b = move[a], move[b]
+                theta[0] = latest_t0(fold, limits, a, b, theta[0], theta[2])
+                if np.isnan(theta[0]):
+                    break
+                trial = refine(fold, limits, a, b, theta, 8, 3)
+                if trial[3] < best[3] * (1 - 1e-12):
+                    best = trial
+                    break
+    return best
 
 
 @numba.njit(cache=True)
