@@ -27,18 +27,30 @@
 #
 # *The movement*: a horizontal axis, so that gravity swings the load through the gap twice a turn; constant motor speed;
 # twelve load turns, four at least. *The log*: time and the encoder's position or speed, at 500 Hz if you can; the ring
-# after each impact lies near 21 Hz, and below 84 Hz nothing can be said. *The calibration*: logs of the same movement
-# at six or more known backlashes. You need none to begin: without one the joint is found from the log (notebook 14).
+# after each impact lies near 21 Hz, and below 84 Hz nothing can be said. *The backlash* $\delta$ is half of the total
+# play: the teeth are free over $2 \delta$.
+#
+# *The calibration*: logs of the same movement at six or more known backlashes of your joint. Calibrate first if you
+# can: it holds for any drive. Without one, method `self` finds the joint from the log (notebook 14). It knows a joint
+# under a drive of the paper's kind, the drive within 2 to 3 % and the mechanics within 20 %, and says `cannot tell` for
+# others. Where the motor's torque is logged too, `backlash.fitting.torque` needs no model of the drive.
 #
 # Here your joint is a simulated bench of notebook 10: other stiffness, gravity and gains than the paper's, some
 # friction, an encoder of 19 bits, and a log that starts anywhere. On the command line the steps below are
 #
 # ```
-# backlash estimate log.csv --turn-period 0.4 --plot log.png
 # backlash calibrate table.csv --out joint.json --turn-period 0.4
+# backlash estimate log.csv --turn-period 0.4 --calibration joint.json --plot log.png
 # backlash estimate logs/ --turn-period 0.4 --calibration joint.json --out backlash.csv
 # backlash trend logs/ --turn-period 0.4 --calibration joint.json --limit 0.001 --plot trend.png
 # ```
+#
+# and from Python `backlash.calibrate`, `backlash.estimate(t, v, turn_period_s=0.4)` and `backlash.trend`, on files,
+# tables or arrays. `--from 2 --to 9` uses a part of a log; `--trust-period` says that the given turn is right;
+# `--batch logs.csv` reads each log with its own period, gear ratio and speed; `-` is the standard input.
+# `--fail-on "cannot-tell,backlash>0.5mrad"` ends with exit status 3 for scripts. Where the backlash cannot be told, the
+# amplitude is a relative index: compare it only between logs of one joint in one movement; `backlash trend --relative`
+# follows it. The first call on a machine compiles for about a minute, and says so.
 
 # %%
 from dataclasses import replace
@@ -46,7 +58,7 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 
-from backlash import calibration, plots, trend
+from backlash import calibration, plots, trend_line
 from backlash import estimation as verdict
 from backlash.reading.columns import LogFormat
 from replication import workbook
@@ -66,10 +78,7 @@ limit_rad = 10e-4  # backlash that calls for maintenance
 # %% [markdown]
 # ## Result
 #
-# ### One log, without a calibration
-#
-# The first line is the answer; the joint's line gives what else the log shows of the joint; a `note` says what was
-# assumed. For a log that no joint of this kind could have made, the answer is `cannot tell`.
+# ### The logs
 
 # %%
 bench = joints.draw_bench(np.random.default_rng(bench_seed))
@@ -87,11 +96,6 @@ def answer(record, settings, name="log"):
     return verdict.examine_recording(record, settings, name)
 
 
-uncalibrated = verdict.settings_for(form)
-papers = verdict.settings_for(form, method="amplitude")
-first = answer(log(backlash_rad, 0), uncalibrated)
-print(verdict.as_text(first.estimate))
-
 # %% [markdown]
 # ### Your own calibration
 #
@@ -103,14 +107,26 @@ known_rad = np.linspace(3e-4, 19e-4, calibration_levels)
 own = calibration.calibrate([log(delta, 100 + k, turns=12) for k, delta in enumerate(known_rad)], known_rad, method)
 ours = verdict.settings_for(form, own)
 print(f"{own.method}: {own.range_rad[0]:.1e} to {own.range_rad[1]:.1e} rad, uncertainty {own.uncertainty_rad:.1e} rad")
-second = answer(log(backlash_rad, 0), ours)
-print(verdict.as_text(second.estimate))
-figure = plots.estimate_figure(second.recording, second.model_rps, "your joint, the waveform of its backlash")
+calibrated = answer(log(backlash_rad, 0), ours)
+print(verdict.as_text(calibrated.estimate))
+figure = plots.estimate_figure(calibrated.recording, calibrated.model_rps, "your joint, the waveform of its backlash")
 workbook.save_figure(
     figure,
     "own_joint_log",
     caption="The waveform of the estimate over the log: the residual is the log's noise.",
 )
+
+# %% [markdown]
+# ### One log, without a calibration
+#
+# The first line is the answer; the joint's line gives what else the log shows of the joint; a `note` says what was
+# assumed. For a log that no joint of this kind could have made, the answer is `cannot tell`.
+
+# %%
+uncalibrated = verdict.settings_for(form)
+papers = verdict.settings_for(form, method="amplitude")
+first = answer(log(backlash_rad, 0), uncalibrated)
+print(verdict.as_text(first.estimate))
 
 # %% [markdown]
 # ### How much the calibration matters
@@ -134,8 +150,8 @@ table.sort_values(["calibration", "true_rad"])
 dates = pd.date_range("2026-01-05", periods=8, freq="28D")
 worn_rad = np.linspace(5e-4, 9.2e-4, dates.size)
 logs = [answer(log(delta, 300 + k), ours).estimate for k, delta in enumerate(worn_rad)]
-line = trend.fit_trend(logs, dates, limit_rad)
-print(trend.as_text(line))
+line = trend_line.fit_trend(logs, dates, limit_rad)
+print(line)
 figure = plots.trend_figure(line)
 workbook.save_figure(
     figure,
