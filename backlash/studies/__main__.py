@@ -73,7 +73,7 @@ def run_population(_: argparse.Namespace) -> int:
     rows = population.measure_final_logs()
     files.write_csv(_RESULTS / "population_logs.csv", rows)
     print(benchmark.summarise_intervals(rows).to_string(index=False))
-    sheet = population.summarise_sensor(population.measure_sensor(population.DATASHEET, population.FINAL_SEED))
+    sheet = population.summarise_sensor(population.measure_sensor(population.DATASHEET, population.DATASHEET_SEED))
     files.write_csv(_RESULTS / "datasheet.csv", sheet)
     print(f"{sheet.to_string(index=False)}\n{population.against_criteria(sheet).to_string(index=False)}")
     return 0
