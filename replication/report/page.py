@@ -21,6 +21,7 @@ def render_report(results: Path, notebooks: Path, verdicts: pd.DataFrame, quick:
     cells = judged_cells(verdicts)
     paper_map = published.paper_map()
     sensitivity, sensitivity_columns = _sensitivity(results)
+    sheet = results / "datasheet.csv"
     return TEMPLATES.get_template("report.html.j2").render(
         quick=quick,
         root="../../.." if quick else "..",
@@ -41,6 +42,7 @@ def render_report(results: Path, notebooks: Path, verdicts: pd.DataFrame, quick:
             "element": list(dict.fromkeys(cell.element for cell in cells.values())),
             "source": sorted(verdicts["source"].unique()),
         },
+        datasheet=pd.read_csv(sheet).to_dict("records") if sheet.exists() else [],
         sensitivity=sensitivity,
         sensitivity_columns=sensitivity_columns,
         notebooks={name: pages.headings(found)[0] for name, found in pages.executed_cells(notebooks).items()},
@@ -51,8 +53,7 @@ def render_report(results: Path, notebooks: Path, verdicts: pd.DataFrame, quick:
 
 def _sensitivity(results: Path) -> tuple[list[dict], list[str]]:
     """The rows of `sensitivity.csv`, a constant each with how many cells of each group notice it; and the groups."""
-    file = results / "sensitivity.csv"
-    if not file.exists():
+    if not (file := results / "sensitivity.csv").exists():
         return [], []
     table, keys = pd.read_csv(file, keep_default_na=False), ["constant", "value", "changed"]
     rows = []

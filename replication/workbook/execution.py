@@ -178,8 +178,6 @@ def execute(
 
 def _run_to_the_end(client: _Client, source: Path, environment: Mapping[str, str]) -> None:
     """Run a notebook; where that fails, keep the partial notebook and say what went wrong in the workbook's words."""
-    partial = source.parent / "partial" / f"{source.stem}.ipynb"
-    partial.unlink(missing_ok=True)
     try:
         client.run(environment)
     except (CellExecutionError, RuntimeError) as error:
@@ -192,6 +190,7 @@ def _run_to_the_end(client: _Client, source: Path, environment: Mapping[str, str
             why = "the kernel died"
         if why.startswith("DataUnavailable: "):
             raise NotebookNotRun(f"{source.stem}: not run: {why.removeprefix('DataUnavailable: ')}") from error
+        partial = source.parent / "partial" / f"{source.stem}.ipynb"
         partial.parent.mkdir(exist_ok=True)
         nbformat.write(client.nb, partial)
         raise NotebookFailed(f"{source.name}, cell {client.cell + 1}: {why}; what it got to is in {partial}") from error
