@@ -256,7 +256,7 @@ def own_period(recording: Recording) -> float | None:
     enough = _SAME_PATTERN * excess.max()
     shortest = np.flatnonzero(excess >= enough)[0]
     peak = shortest + int(excess[shortest : shortest + _PEAK_STEPS].argmax())
-    found = _refined(power, spacing, periods[peak], 2 * step, dt, orders)
+    found = _refined(power, spacing, periods[peak], 2 * step, dt)
     if abs(found / given - 1) <= _PERIOD_TOLERANCE:
         gain = _line_sums(power, spacing, np.array([found, given]), dt, orders)[0]
         is_as_good = gain[0] - gain[1] < _GAIN_OF_PERIOD or abs(found / given - 1) * lasts < _DRIFT_S
@@ -291,9 +291,9 @@ def _has_lines_beside(
     return count >= 2 and bool(gammaincc(count, line.sum() - line.max()) * tried < FALSE_ALARMS)
 
 
-def _refined(power: FloatArray, spacing: float, period: float, reach: float, dt: float, orders: int) -> float:
-    """The period with the most power at its harmonics within a relative reach of the one given."""
+def _refined(power: FloatArray, spacing: float, period: float, reach: float, dt: float) -> float:
+    """The period with the most power at its odd harmonics within a relative reach of the one given."""
     periods = period * (1 + np.linspace(-reach, reach, 81))
-    total, _ = _line_sums(np.log1p(power), spacing, periods, dt, orders)
+    total, _ = _line_sums(np.log1p(power), spacing, periods, dt, 2)
     weight = np.maximum(total - total.max() + 0.1 * np.ptp(total), 0.0)
     return float(periods @ weight / weight.sum()) if weight.sum() > 0 else float(period)

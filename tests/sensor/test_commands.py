@@ -22,7 +22,8 @@ TURN = ["--turn-period", "0.4"]
 KEYS = [
     "file", "verdict", "amplitude_rps", "amplitude_interval_rps", "backlash_rad", "backlash_interval_rad", "rmse_rps",
     "method", "turn_period_s", "samples", "warnings", "ring_hz", "damping_ratio", "friction_share",
-    "sha256", "calibration", "backlash_intervals_rad", "half_play_rad", "half_play_interval_rad", "total_play_rad", "total_play_interval_rad",
+    "sha256", "calibration", "backlash_intervals_rad",
+    "half_play_rad", "half_play_interval_rad", "total_play_rad", "total_play_interval_rad",
     "relative_index_rps", "version",
 ]  # fmt: skip
 
