@@ -59,6 +59,7 @@ class LogFormat:
     gear_ratio: float | None = None  # motor turns in a load turn
     usual_speed_rps: float | None = None  # of the calibration's logs; only a guessed unit is judged by it
     start_s: float | None = None  # of the part to use, from the log's first sample on
+    torque: str | None = None  # of the motor, in any unit
     end_s: float | None = None
 
     def __post_init__(self):
@@ -134,6 +135,11 @@ def _column_like(columns: Sequence[str], names: set[str], what: str) -> str | No
     return fitting[0] if fitting else None
 
 
+def torque_of(table: pd.DataFrame, form: LogFormat) -> str | None:
+    """Column of the motor's torque, if one is given."""
+    return None if form.torque is None else _given_column(list(table.columns), form.torque)
+
+
 def choose_columns(table: pd.DataFrame, form: LogFormat) -> tuple[str, str, bool]:
     """Columns of time and of speed or position, and whether it is a position."""
     columns = list(table.columns)
@@ -151,10 +157,10 @@ def choose_columns(table: pd.DataFrame, form: LogFormat) -> tuple[str, str, bool
         raise UnusableLog(f"no column of time among {_listed(columns)}; give --time")
     if given is not None:
         column = _given_column(columns, given)
-        if column == time:
-            raise UnusableLog(f"column {column!r} cannot be both the time and the signal")
+        if column in (time, torque_of(table, form)):
+            raise UnusableLog(f"column {column!r} cannot be both the time or torque and the signal")
         return time, column, form.position is not None
-    rest = [column for column in columns if column != time]
+    rest = [column for column in columns if column not in (time, torque_of(table, form))]
     speed = _column_like(rest, _SPEED_NAMES, "speed")
     signal = speed or _column_like(rest, _POSITION_NAMES, "position")
     if signal is None:
