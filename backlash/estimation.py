@@ -144,10 +144,7 @@ def settings_for(
             raise UnusableLog("method torque goes without a calibration or another method: leave out one of them")
         if inertia_ratio is None or gravity_per_s2 is None or missing:
             raise UnusableLog(f"method torque needs the torque and the load's data: give {' and '.join(missing)} too")
-        try:
-            method, load = TORQUE, LoadData(inertia_ratio, gravity_per_s2, inertia_sd, gravity_sd)
-        except ValueError as error:
-            raise UnusableLog(str(error)) from error
+        method, load = TORQUE, LoadData(inertia_ratio, gravity_per_s2, inertia_sd, gravity_sd)
     if calibration is not None and method not in (None, calibration.method):
         raise UnusableLog(f"--method {method}: the calibration is of method {calibration.method}")
     if repeats < 1 or seed < 1:
@@ -162,12 +159,10 @@ def settings_for(
     return Settings(form, used, calibration is not None, repeats, seed, load)
 
 
-def examine(
-    source: object, settings: Settings, v: ArrayLike | None = None, torque: ArrayLike | None = None
-) -> Examined:
+def examine(source: object, settings: Settings, *arrays: ArrayLike | None) -> Examined:
     """Estimate the backlash that a log tells of (see `open_log`), and keep the record and the fit."""
     try:
-        log = open_log(source, settings.form, v, torque)
+        log = open_log(source, settings.form, *arrays)
     except CannotTell as refusal:
         used = settings.calibration
         known = Estimate(name_of(source), method=used.method, calibration=used.provenance, sha256=hash_file(source))

@@ -70,10 +70,6 @@ def estimate(
     method: str | None = None,
     repeats: int = 30,
     seed: int = 1,
-    inertia_ratio: float | None = None,
-    gravity_per_s2: float | None = None,
-    inertia_sd: float = 0.1,
-    gravity_sd: float = 0.05,
     **said: Any,
 ) -> Estimate:
     """Estimate the backlash, which is half of the total play, that a log tells of.
@@ -93,11 +89,11 @@ def estimate(
         torque is given, else "self".
     repeats, seed : int
         Searches of method "paper", and the first seed.
-    inertia_ratio, gravity_per_s2, inertia_sd, gravity_sd : float, optional
-        For method "torque", under any drive: J_l / (N^2 J_m) and m g r / J_l [1/s^2] of the load, and their relative
-        SDs. It needs `torque` too: the motor's, positive where it drives forward, a column's name or an array as `v`.
     **said
-        The fields of `LogFormat`: `turn_period_s` [s] or `gear_ratio`, and more.
+        The fields of `LogFormat`: `turn_period_s` [s] or `gear_ratio`, and more. For method "torque", under any drive:
+        `torque`, the motor's, positive where it drives forward, a column's name or an array like `v`; of the load
+        `inertia_ratio`, J_l / (N^2 J_m), and `gravity_per_s2`, m g r / J_l; their relative SDs `inertia_sd` (0.1) and
+        `gravity_sd` (0.05).
 
     Raises
     ------
@@ -111,8 +107,8 @@ def estimate(
     >>> print(f"{answer.verdict}, {1e3 * answer.backlash_rad:.1f} mrad to each side")
     backlash, 0.9 mrad to each side
     """
-    load = (inertia_ratio, gravity_per_s2, inertia_sd, gravity_sd)
-    settings = settings_for(_form(log, said), calibration, method, repeats, seed, *load)
+    load = {name: said.pop(name) for name in signature(settings_for).parameters if name in said}
+    settings = settings_for(_form(log, said), calibration, method, repeats, seed, **load)
     return examine(log, settings, v, said.get("torque")).estimate
 
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
 
 from backlash.reading import UNITS
-from backlash.reading.columns import PER_TURN, LogFormat, choose_columns, numbers, seconds, tidy, torque_of, unit_of
+from backlash.reading.columns import PER_TURN, LogFormat, choose_columns, given_column, numbers, seconds, tidy, unit_of
 from backlash.reading.tables import UnusableLog, read_table
 from replication.arrays import FloatArray
 from replication.datasets import Recording
@@ -76,6 +76,8 @@ def read_log(path: Path, form: LogFormat) -> tuple[Recording, tuple[str, ...]]:
 def record_of(table: pd.DataFrame, form: LogFormat, name: str) -> tuple[Recording, tuple[str, ...]]:
     """Prepare the record of a table; see `read_log`."""
     table = tidy(table, form)
+    if form.torque is not None:
+        form = replace(form, torque=given_column(list(table.columns), form.torque))
     time, column, is_position = choose_columns(table, form)
     unit, guess = unit_of(column, is_position, form)
     if not guess:
@@ -90,21 +92,18 @@ def record_of(table: pd.DataFrame, form: LogFormat, name: str) -> tuple[Recordin
         samples = _at_constant_speed(samples, is_position, dt, form)
         samples = _on_even_grid(samples, dt)
         if is_position:
+            if samples.torque is not None:  # its mean between samples, as that of the speed
+                from scipy.interpolate import CubicSpline
+
+                integral = CubicSpline(samples.t, samples.torque).antiderivative()
+                samples = replace(samples, torque=np.diff(integral(samples.t)) / np.diff(samples.t))
             speed = np.diff(samples.v) / np.diff(samples.t)
             note = "speed differentiated from the position, between neighbouring samples"
-            torque = None if samples.torque is None else _mean_between(samples.t, samples.torque)
-            samples = replace(samples, torque=torque).changed(note, t=samples.t[1:], v=speed, rows=samples.rows[1:])
+            samples = samples.changed(note, t=samples.t[1:], v=speed, rows=samples.rows[1:])
         return _recording(_averaged(samples), form, name)
     except CannotTell as refusal:
         refusal.notes = samples.notes
         raise
-
-
-def _mean_between(t: FloatArray, signal: FloatArray) -> FloatArray:
-    """Means of a signal between neighbouring samples, as a differentiated position is the speed's."""
-    from scipy.interpolate import CubicSpline
-
-    return np.diff(CubicSpline(t, signal).antiderivative()(t)) / np.diff(t)
 
 
 def _read_samples(table: pd.DataFrame, time: str, column: str, form: LogFormat) -> _Samples:
@@ -119,8 +118,7 @@ def _read_samples(table: pd.DataFrame, time: str, column: str, form: LogFormat) 
         notes += (f"used {kept.sum()} of {t.size} samples, by --from and --to",)
         if not kept.any():
             raise UnusableLog(f"no samples between --from and --to; the log lasts {t[-1]:.6g} s")
-    by_torque = torque_of(table, form)
-    torque = None if by_torque is None else numbers(table[kept], by_torque)
+    torque = None if form.torque is None else numbers(table[kept], form.torque)
     samples = _Samples(t[kept], numbers(table[kept], column), table.index.to_numpy()[kept], notes, torque)
     if samples.t.size > 2 and samples.t[1] == samples.t[0]:
         samples = samples.part(slice(1, None), "dropped the first row: its time stamp is that of the second")
@@ -248,12 +246,10 @@ def _averaged(samples: _Samples) -> _Samples:
         return samples
     together = int(rate // (_FASTEST_HZ / 2))
     whole = samples.v.size // together * together
-
-    def mean(signal: FloatArray) -> FloatArray:
-        return signal[:whole].reshape(-1, together).mean(axis=1)
-
+    t = samples.t[:whole].reshape(-1, together).mean(axis=1)
+    samples = samples.both(lambda signal: signal[:whole].reshape(-1, together).mean(axis=1))
     note = f"sampled at {rate:.6g} Hz: averaged over {together} samples each"
-    return samples.both(mean).changed(note, t=mean(samples.t), rows=samples.rows[:whole:together])
+    return samples.changed(note, t=t, rows=samples.rows[:whole:together])
 
 
 def _level(v: FloatArray, expected: float | None) -> float:
