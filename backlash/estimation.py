@@ -23,7 +23,7 @@ from backlash.fitting.waveform import LEAST_LEVELS
 from backlash.logs import hash_file, name_of, open_log
 from backlash.reading.columns import LogFormat
 from backlash.reading.detect import Presence, band_energy, detect_pattern, explained_share, typical_half_turn
-from backlash.reading.prepare import CannotTell, RecordingWithTorque
+from backlash.reading.prepare import CannotTell
 from backlash.reading.tables import UnusableLog
 from replication.arrays import FloatArray
 from replication.datasets import Recording
@@ -34,8 +34,7 @@ _OFF = 0.05  # of the amplitude; searches that all end in the best minimum diffe
 _FAR_OUTSIDE = 1.2  # times the value at the end of the range; a cubic beyond means nothing
 _ADVICE = (
     "method self knows joints under a drive of the paper's kind; for any other, calibrate on the joint itself: "
-    f"backlash calibrate, with its logs at {LEAST_LEVELS} or more known backlashes, method waveform; "
-    "or log the motor's torque too (--torque)"
+    f"backlash calibrate, with its logs at {LEAST_LEVELS} or more known backlashes, method waveform, or --torque"
 )
 
 
@@ -151,8 +150,7 @@ def settings_for(
         raise UnusableLog("--repeats and --seed must be 1 or more")
     used = calibration
     if used is None and method in (None, SELF, TORQUE):  # needed only to say which backlash would have been seen
-        made_of = "none: the log's own joint" if load is None else "none: the log's torque and the load's data"
-        used = replace(default_calibration("amplitude"), method=method or SELF, provenance=made_of)
+        used = replace(default_calibration("amplitude"), method=method or SELF, provenance="none: the log's own joint")
     elif used is None:
         used = default_calibration(method)
     form = replace(form, usual_speed_rps=used.commanded_speed_rps)
@@ -195,10 +193,7 @@ def examine_recording(recording: Recording, settings: Settings, name: str, notes
         else:
             fit, reading, model = _fit_reading(recording, settings)
             answer = _with_amplitude(answer, reading)
-            if settings.load is None:
-                answer = _judge_reading(recording, presence, fit, reading, model, settings, answer)
-            else:
-                answer = _judge_torque(recording, settings.load, settings.seed, answer)
+            answer = _judge_reading(recording, presence, fit, reading, model, settings, answer)
     except CannotTell as refusal:
         answer = _refused(answer, refusal)
     return Examined(_finite(answer), recording, model)
@@ -308,7 +303,9 @@ def _judge_reading(
     recording: Recording, presence: Presence, fit: GlobalFit, reading: Reading, model: FloatArray, settings: Settings,
     answer: Estimate,
 ) -> Estimate:  # fmt: skip
-    """Answer by what the calibration makes of the method's reading."""
+    """Answer by what the calibration makes of the method's reading, or by the torque."""
+    if settings.load is not None:
+        return _judge_torque(recording, settings.load, settings.seed, answer)
     calibration = settings.calibration
     _check_movement(recording, calibration)
     share = explained_share(recording, model, presence)
@@ -340,21 +337,17 @@ def _judge_reading(
 
 def _judge_torque(recording: Recording, load: LoadData, seed: int, answer: Estimate) -> Estimate:
     """Answer by the speed and torque of a log, and name what was said of the load."""
-    if not isinstance(recording, RecordingWithTorque):
-        raise CannotTell("wrong torque", "the record has none")
     ratio = f"an inertia ratio of {load.inertia_ratio:g} (SD {load.sd_inertia:.0%})"
     said = f"by the torque, {ratio} and m g r / J_l of {load.gravity_per_s2:g} per s^2 (SD {load.sd_gravity:.0%})"
     try:
-        fit = fit_torque(recording, recording.torque, load, np.random.default_rng(seed))
+        fit = fit_torque(recording, getattr(recording, "torque", np.empty(0)), load, np.random.default_rng(seed))
     except ValueError as error:
         raise CannotTell("wrong torque", str(error), (said,)) from error
     if fit.refusal_reason:
         raise CannotTell("too noisy", fit.refusal_reason, (said,))
     inertia = f"the motor's inertia is then {fit.motor_inertia:.3g}, in the torque's unit over rad/s^2: is that right?"
-    return replace(
-        answer, verdict="backlash", backlash_rad=fit.delta_rad, backlash_interval_rad=fit.interval_rad,
-        warnings=(*answer.warnings, said, inertia),
-    )  # fmt: skip
+    answer = replace(answer, verdict="backlash", warnings=(*answer.warnings, said, inertia))
+    return replace(answer, backlash_rad=fit.delta_rad, backlash_interval_rad=fit.interval_rad)
 
 
 def _is_outside(reading: Reading, backlash: Backlash, calibration: Calibration) -> bool:

@@ -37,7 +37,7 @@ def _form(log: object, said: dict[str, Any]) -> LogFormat:
     if said.get("position") is True:
         said = said | {"position": "position"}
     if not isinstance(said.get("torque", ""), str | None):
-        said = said | {"torque": "torque"}
+        said = said | {"torque": "torque array"}
     return log.form if isinstance(log, Log) else LogFormat(**said)
 
 
@@ -85,15 +85,13 @@ def estimate(
         Of your joint. Without one, method "self" takes the joint from the log; it knows joints under a drive of the
         paper's kind.
     method : str, optional
-        "self", "torque", "waveform", "energy", "amplitude" or "paper"; default: the calibration's, "torque" where a
-        torque is given, else "self".
+        "self", "torque", "waveform", "energy", "amplitude" or "paper"; default: the calibration's, else "self".
     repeats, seed : int
         Searches of method "paper", and the first seed.
     **said
-        The fields of `LogFormat`: `turn_period_s` [s] or `gear_ratio`, and more. For method "torque", under any drive:
-        `torque`, the motor's, positive where it drives forward, a column's name or an array like `v`; of the load
-        `inertia_ratio`, J_l / (N^2 J_m), and `gravity_per_s2`, m g r / J_l; their relative SDs `inertia_sd` (0.1) and
-        `gravity_sd` (0.05).
+        The fields of `LogFormat`: `turn_period_s` [s] or `gear_ratio`, and more. Method "torque", for any drive, needs
+        `torque`, a column or an array, positive where it drives forward; `inertia_ratio`, J_l / (N^2 J_m), and
+        `gravity_per_s2`, m g r / J_l, of the load; `inertia_sd` (0.1) and `gravity_sd` (0.05), their relative SDs.
 
     Raises
     ------

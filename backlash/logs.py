@@ -59,8 +59,7 @@ def open_log(source: object, form: LogFormat, v: ArrayLike | None = None, torque
         arrays = {name: np.asarray(each) for name, each in zip(names, (source, v, torque), strict=True) if name}
         shapes = [each.shape for each in arrays.values()]
         if len(shapes[0]) != 1 or len(set(shapes)) > 1:
-            given = " and ".join(map(str, shapes))
-            raise UnusableLog(f"arrays of shapes {given}; give time and speed, of one length")
+            raise UnusableLog(f"arrays of shapes {' and '.join(map(str, shapes))}; give time and speed, of one length")
         table = pd.DataFrame(arrays)
     return Log(name, *record_of(table, form, name), form)
 

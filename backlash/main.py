@@ -134,12 +134,10 @@ def _add_measuring(sub: argparse.ArgumentParser) -> None:
     methods = "default: the calibration's, torque with --torque, else self, for a drive of the paper's kind"
     group.add_argument("--method", choices=SENSOR_METHODS, help=methods)
     _add_searches(group)
-    torque = "of the motor's torque or current, for method torque under any drive, with the two that follow"
-    group.add_argument("--torque", metavar="COLUMN", help=torque)
-    source = "from a data sheet or the drive's autotune"
+    group.add_argument("--torque", metavar="COLUMN", help="of the motor, with the next two; for any drive")
     for option, name, metavar, usual, text in (
-        ("--inertia-ratio", "inertia_ratio", "RHO", None, f"J_l/(N^2 J_m) of load and motor, {source}"),
-        ("--gravity", "gravity_per_s2", "PER_S2", None, f"m g r/J_l of the load [1/s^2], {source}"),
+        ("--inertia-ratio", "inertia_ratio", "RHO", None, "J_l/(N^2 J_m), from a data sheet or the drive's autotune"),
+        ("--gravity", "gravity_per_s2", "PER_S2", None, "m g r/J_l [1/s^2], from a data sheet or autotune"),
         ("--inertia-sd", "inertia_sd", "SHARE", 0.1, "relative SD of --inertia-ratio (default: 0.1)"),
         ("--gravity-sd", "gravity_sd", "SHARE", 0.05, "relative SD of --gravity (default: 0.05)"),
     ):

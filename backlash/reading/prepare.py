@@ -76,8 +76,7 @@ def read_log(path: Path, form: LogFormat) -> tuple[Recording, tuple[str, ...]]:
 def record_of(table: pd.DataFrame, form: LogFormat, name: str) -> tuple[Recording, tuple[str, ...]]:
     """Prepare the record of a table; see `read_log`."""
     table = tidy(table, form)
-    if form.torque is not None:
-        form = replace(form, torque=given_column(list(table.columns), form.torque))
+    form = replace(form, torque=form.torque and given_column(list(table.columns), form.torque))
     time, column, is_position = choose_columns(table, form)
     unit, guess = unit_of(column, is_position, form)
     if not guess:
@@ -92,14 +91,13 @@ def record_of(table: pd.DataFrame, form: LogFormat, name: str) -> tuple[Recordin
         samples = _at_constant_speed(samples, is_position, dt, form)
         samples = _on_even_grid(samples, dt)
         if is_position:
-            if samples.torque is not None:  # its mean between samples, as that of the speed
+            if samples.torque is not None:  # its mean between samples, as that of the speed, is by its integral
                 from scipy.interpolate import CubicSpline
 
-                integral = CubicSpline(samples.t, samples.torque).antiderivative()
-                samples = replace(samples, torque=np.diff(integral(samples.t)) / np.diff(samples.t))
-            speed = np.diff(samples.v) / np.diff(samples.t)
+                samples = replace(samples, torque=CubicSpline(samples.t, samples.torque).antiderivative()(samples.t))
+            samples = samples.both(lambda signal: np.diff(signal) / np.diff(samples.t))
             note = "speed differentiated from the position, between neighbouring samples"
-            samples = samples.changed(note, t=samples.t[1:], v=speed, rows=samples.rows[1:])
+            samples = samples.changed(note, t=samples.t[1:], rows=samples.rows[1:])
         return _recording(_averaged(samples), form, name)
     except CannotTell as refusal:
         refusal.notes = samples.notes
