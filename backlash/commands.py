@@ -40,7 +40,8 @@ def _said(options: argparse.Namespace) -> dict[str, Any]:
 
 def _how(options: argparse.Namespace) -> dict[str, Any]:
     """How the options say that logs are measured, as `settings_for` and `interface` take it."""
-    how = {name: getattr(options, name) for name in ("method", "repeats", "seed")}
+    load = ("inertia_ratio", "gravity_per_s2", "inertia_sd", "gravity_sd")
+    how = {name: getattr(options, name) for name in ("method", "repeats", "seed", *load)}
     return how | {"calibration": read_calibration(options.calibration)}
 
 

@@ -14,10 +14,11 @@ from numpy.typing import ArrayLike
 
 from backlash import __version__
 from backlash.calibration import Backlash, Calibration, OwnCalibration, default_calibration, read_calibration, widened
-from backlash.fitting import SELF
+from backlash.fitting import SELF, TORQUE
 from backlash.fitting.global_fit import GlobalFit, global_fit
 from backlash.fitting.readings import Reading, protocol_for, read, reading_of_fit
 from backlash.fitting.self_calibration import SelfFit, fit_joint, weak_turn
+from backlash.fitting.torque import LoadData, fit_torque
 from backlash.fitting.waveform import LEAST_LEVELS
 from backlash.logs import hash_file, name_of, open_log
 from backlash.reading.columns import LogFormat
@@ -33,7 +34,7 @@ _OFF = 0.05  # of the amplitude; searches that all end in the best minimum diffe
 _FAR_OUTSIDE = 1.2  # times the value at the end of the range; a cubic beyond means nothing
 _ADVICE = (
     "method self knows joints under a drive of the paper's kind; for any other, calibrate on the joint itself: "
-    f"backlash calibrate, with its logs at {LEAST_LEVELS} or more known backlashes, method waveform"
+    f"backlash calibrate, with its logs at {LEAST_LEVELS} or more known backlashes, method waveform, or --torque"
 )
 
 
@@ -45,7 +46,8 @@ class Settings:
     calibration: Calibration
     is_own: bool  # the user made the calibration; else it is that of the paper's joint
     repeats: int  # searches of method "paper"
-    seed: int  # of the first of them, above 0
+    seed: int  # of the first of them, and of what method "torque" draws, above 0
+    load: LoadData | None = None  # for method "torque"
 
 
 @dataclass(frozen=True)
@@ -128,27 +130,37 @@ class Examined:
 
 
 def settings_for(
-    form: LogFormat, calibration: OwnCalibration = None, method: str | None = None, repeats: int = 30, seed: int = 1
-) -> Settings:
+    form: LogFormat, calibration: OwnCalibration = None, method: str | None = None, repeats: int = 30, seed: int = 1,
+    inertia_ratio: float | None = None, gravity_per_s2: float | None = None, inertia_sd: float = 0.1,
+    gravity_sd: float = 0.05,
+) -> Settings:  # fmt: skip
     """Put settings together: without a calibration the log's own joint, or for another method the paper's."""
-    calibration = read_calibration(calibration)
+    calibration, load = read_calibration(calibration), None
+    given = {"--torque": form.torque, "--inertia-ratio": inertia_ratio, "--gravity": gravity_per_s2}
+    missing = [option for option, value in given.items() if value is None]
+    if method == TORQUE or len(missing) < len(given):
+        if calibration is not None or method not in (None, TORQUE):
+            raise UnusableLog("method torque goes without a calibration or another method: leave out one of them")
+        if inertia_ratio is None or gravity_per_s2 is None or missing:
+            raise UnusableLog(f"method torque needs the torque and the load's data: give {' and '.join(missing)} too")
+        method, load = TORQUE, LoadData(inertia_ratio, gravity_per_s2, inertia_sd, gravity_sd)
     if calibration is not None and method not in (None, calibration.method):
         raise UnusableLog(f"--method {method}: the calibration is of method {calibration.method}")
     if repeats < 1 or seed < 1:
         raise UnusableLog("--repeats and --seed must be 1 or more")
     used = calibration
-    if used is None and method in (None, SELF):  # needed only to say which backlash would have been seen
-        used = replace(default_calibration("amplitude"), method=SELF, provenance="none: the log's own joint")
+    if used is None and method in (None, SELF, TORQUE):  # needed only to say which backlash would have been seen
+        used = replace(default_calibration("amplitude"), method=method or SELF, provenance="none: the log's own joint")
     elif used is None:
         used = default_calibration(method)
     form = replace(form, usual_speed_rps=used.commanded_speed_rps)
-    return Settings(form, used, calibration is not None, repeats, seed)
+    return Settings(form, used, calibration is not None, repeats, seed, load)
 
 
-def examine(source: object, settings: Settings, v: ArrayLike | None = None) -> Examined:
+def examine(source: object, settings: Settings, *arrays: ArrayLike | None) -> Examined:
     """Estimate the backlash that a log tells of (see `open_log`), and keep the record and the fit."""
     try:
-        log = open_log(source, settings.form, v)
+        log = open_log(source, settings.form, *arrays)
     except CannotTell as refusal:
         used = settings.calibration
         known = Estimate(name_of(source), method=used.method, calibration=used.provenance, sha256=hash_file(source))
@@ -214,7 +226,7 @@ def _fit_reading(recording: Recording, settings: Settings) -> tuple[GlobalFit, R
     """The signature, what the calibration's method reads, and its model at the samples, less its mean [rps]."""
     fit, calibration = _fit_signature(recording), settings.calibration
     curve = signature(recording.t, fit.X, protocol_for(recording).timing)
-    if calibration.other_movement(recording):  # the amplitude can be read all the same
+    if settings.load is not None or calibration.other_movement(recording):  # the amplitude can be read all the same
         return fit, reading_of_fit(recording, "amplitude", fit), curve
     if calibration.method == "paper":
         return fit, read(recording, "paper", None, settings.repeats, settings.seed), curve
@@ -251,8 +263,8 @@ def _check_movement(recording: Recording, calibration: Calibration) -> None:
 
 
 def _least_energy(recording: Recording, calibration: Calibration) -> float:
-    """Energy [rps^2] that the calibration's least backlash puts into a record's pattern; for "self" see `weak_turn`."""
-    if calibration.method == SELF:
+    """Energy [rps^2] that the calibration's least backlash puts into a record's pattern; else see `weak_turn`."""
+    if calibration.method in (SELF, TORQUE):
         halves = weak_turn(recording, calibration.range_rad[0]).reshape(2, -1)
         return band_energy((halves[0] - halves[1]) / 2, recording)
     ring = typical_half_turn(recording)
@@ -268,7 +280,7 @@ def _least_energy(recording: Recording, calibration: Calibration) -> float:
 
 def _judge_absence(recording: Recording, presence: Presence, calibration: Calibration, answer: Estimate) -> Estimate:
     """Answer where half turns have nothing in common: no backlash, or too much noise to say so."""
-    if calibration.method != SELF:
+    if calibration.method not in (SELF, TORQUE):
         _check_movement(recording, calibration)
     if presence.has_same_sign:
         what = "something repeats itself every turn, but not with the opposite sign half a turn later, as backlash"
@@ -291,7 +303,9 @@ def _judge_reading(
     recording: Recording, presence: Presence, fit: GlobalFit, reading: Reading, model: FloatArray, settings: Settings,
     answer: Estimate,
 ) -> Estimate:  # fmt: skip
-    """Answer by what the calibration makes of the method's reading."""
+    """Answer by what the calibration makes of the method's reading, or by the torque."""
+    if settings.load is not None:
+        return _judge_torque(recording, settings.load, settings.seed, answer)
     calibration = settings.calibration
     _check_movement(recording, calibration)
     share = explained_share(recording, model, presence)
@@ -319,6 +333,21 @@ def _judge_reading(
         answer, verdict="backlash", backlash_rad=found.delta_rad, backlash_interval_rad=(max(low, 0.0), high),
         warnings=answer.warnings + notes,
     )  # fmt: skip
+
+
+def _judge_torque(recording: Recording, load: LoadData, seed: int, answer: Estimate) -> Estimate:
+    """Answer by the speed and torque of a log, and name what was said of the load."""
+    ratio = f"an inertia ratio of {load.inertia_ratio:g} (SD {load.sd_inertia:.0%})"
+    said = f"by the torque, {ratio} and m g r / J_l of {load.gravity_per_s2:g} per s^2 (SD {load.sd_gravity:.0%})"
+    try:
+        fit = fit_torque(recording, getattr(recording, "torque", np.empty(0)), load, np.random.default_rng(seed))
+    except ValueError as error:
+        raise CannotTell("wrong torque", str(error), (said,)) from error
+    if fit.refusal_reason:
+        raise CannotTell("too noisy", fit.refusal_reason, (said,))
+    inertia = f"the motor's inertia is then {fit.motor_inertia:.3g}, in the torque's unit over rad/s^2: is that right?"
+    answer = replace(answer, verdict="backlash", warnings=(*answer.warnings, said, inertia))
+    return replace(answer, backlash_rad=fit.delta_rad, backlash_interval_rad=fit.interval_rad)
 
 
 def _is_outside(reading: Reading, backlash: Backlash, calibration: Calibration) -> bool:

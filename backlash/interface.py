@@ -3,7 +3,8 @@
 A log is a path (str or Path), a table (DataFrame) whose columns are named as in a file, or what `read_log` returned.
 What is said of logs (`said`) are the fields of `LogFormat`, as on the command line: `turn_period_s` or `gear_ratio`,
 one of which is needed, and `time`, `speed`, `position` (columns), `unit`, `counts_per_turn`, `commanded_speed_rps`,
-`start_s`, `end_s`, `trust_period`. How they are measured (`how`): `calibration`, `method`, `repeats` and `seed`.
+`start_s`, `end_s`, `trust_period`, `torque`. How they are measured (`how`): `calibration`, `method`, `repeats`, `seed`,
+and with a torque `inertia_ratio`, `gravity_per_s2`, `inertia_sd` and `gravity_sd`.
 An UnusableLog is a ValueError whose message is one line: what is wrong, where, what to do.
 """
 
@@ -35,6 +36,8 @@ def _form(log: object, said: dict[str, Any]) -> LogFormat:
         raise UnusableLog(f"{log.file} was read already: give {', '.join(said)} to read_log")
     if said.get("position") is True:
         said = said | {"position": "position"}
+    if not isinstance(said.get("torque", ""), str | None):
+        said = said | {"torque": "torque array"}
     return log.form if isinstance(log, Log) else LogFormat(**said)
 
 
@@ -54,7 +57,7 @@ def read_log(log: object, v: ArrayLike | None = None, **said: Any) -> Log:
     2401 0.4
     """
     try:
-        return open_log(log, _form(log, said), v)
+        return open_log(log, _form(log, said), v, said.get("torque"))
     except CannotTell as refusal:
         raise UnusableLog(str(refusal)) from refusal
 
@@ -82,11 +85,13 @@ def estimate(
         Of your joint. Without one, method "self" takes the joint from the log; it knows joints under a drive of the
         paper's kind.
     method : str, optional
-        "self", "waveform", "energy", "amplitude" or "paper"; default: the calibration's, else "self".
+        "self", "torque", "waveform", "energy", "amplitude" or "paper"; default: the calibration's, else "self".
     repeats, seed : int
         Searches of method "paper", and the first seed.
     **said
-        The fields of `LogFormat`: `turn_period_s` [s] or `gear_ratio`, and more.
+        The fields of `LogFormat`: `turn_period_s` [s] or `gear_ratio`, and more. Method "torque", for any drive, needs
+        `torque`, a column or an array, positive where it drives forward; `inertia_ratio`, J_l / (N^2 J_m), and
+        `gravity_per_s2`, m g r / J_l, of the load; `inertia_sd` (0.1) and `gravity_sd` (0.05), their relative SDs.
 
     Raises
     ------
@@ -100,7 +105,9 @@ def estimate(
     >>> print(f"{answer.verdict}, {1e3 * answer.backlash_rad:.1f} mrad to each side")
     backlash, 0.9 mrad to each side
     """
-    return examine(log, settings_for(_form(log, said), calibration, method, repeats, seed), v).estimate
+    load = {name: said.pop(name) for name in signature(settings_for).parameters if name in said}
+    settings = settings_for(_form(log, said), calibration, method, repeats, seed, **load)
+    return examine(log, settings, v, said.get("torque")).estimate
 
 
 def calibrate(

@@ -43,8 +43,8 @@ class Log:
         }  # fmt: skip
 
 
-def open_log(source: object, form: LogFormat, v: ArrayLike | None = None) -> Log:
-    """Read a log: a path ("-" is the standard input), a table, time and speed as arrays, or one that was read."""
+def open_log(source: object, form: LogFormat, v: ArrayLike | None = None, torque: ArrayLike | None = None) -> Log:
+    """Read a log: a path ("-": standard input), a table, time, speed and torque as arrays, or one that was read."""
     if isinstance(source, Log):
         return source
     name = name_of(source)
@@ -55,10 +55,12 @@ def open_log(source: object, form: LogFormat, v: ArrayLike | None = None) -> Log
     if isinstance(source, pd.DataFrame):
         table = source.reset_index(drop=source.index.name is None).rename(columns=str)
     else:
-        t, speed = np.asarray(source), np.asarray(v)
-        if t.ndim != 1 or t.shape != speed.shape:
-            raise UnusableLog(f"arrays of shapes {t.shape} and {speed.shape}; give time and speed, of one length")
-        table = pd.DataFrame({form.time or "time": t, form.position or form.speed or "speed": speed})
+        names = [form.time or "time", form.position or form.speed or "speed", form.torque]
+        arrays = {name: np.asarray(each) for name, each in zip(names, (source, v, torque), strict=True) if name}
+        shapes = [each.shape for each in arrays.values()]
+        if len(shapes[0]) != 1 or len(set(shapes)) > 1:
+            raise UnusableLog(f"arrays of shapes {' and '.join(map(str, shapes))}; give time and speed, of one length")
+        table = pd.DataFrame(arrays)
     return Log(name, *record_of(table, form, name), form)
 
 

@@ -131,7 +131,15 @@ def _add_searches(sub: argparse._ActionsContainer) -> None:
 def _add_measuring(sub: argparse.ArgumentParser) -> None:
     group = sub.add_argument_group("measuring")
     group.add_argument("--calibration", type=Path, metavar="FILE", help="of your joint; default: what the log tells")
-    methods = "default: the calibration's, else self, for a joint under a drive of the paper's kind"
+    methods = "default: the calibration's, torque with --torque, else self, for a drive of the paper's kind"
     group.add_argument("--method", choices=SENSOR_METHODS, help=methods)
     _add_searches(group)
+    group.add_argument("--torque", metavar="COLUMN", help="of the motor, with the next two; for any drive")
+    for option, name, metavar, usual, text in (
+        ("--inertia-ratio", "inertia_ratio", "RHO", None, "J_l/(N^2 J_m), from a data sheet or the drive's autotune"),
+        ("--gravity", "gravity_per_s2", "PER_S2", None, "m g r/J_l [1/s^2], from a data sheet or autotune"),
+        ("--inertia-sd", "inertia_sd", "SHARE", 0.1, "relative SD of --inertia-ratio (default: 0.1)"),
+        ("--gravity-sd", "gravity_sd", "SHARE", 0.05, "relative SD of --gravity (default: 0.05)"),
+    ):
+        group.add_argument(option, dest=name, type=float, metavar=metavar, default=usual, help=text)
     group.add_argument("--jobs", type=int, default=-1, help="processes for many logs (default: -1, all cores)")

@@ -2,5 +2,5 @@
 
 # Those with a calibration. "impact" comes besides: it needs records that all start at one angle of the load.
 METHODS = ("paper", "amplitude", "energy", "waveform")
-SELF = "self"
-SENSOR_METHODS = (*METHODS, SELF)
+SELF, TORQUE = "self", "torque"
+SENSOR_METHODS = (*METHODS, SELF, TORQUE)

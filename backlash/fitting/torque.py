@@ -21,6 +21,7 @@ from scipy.linalg import cho_factor, cho_solve, toeplitz
 
 from backlash.fitting.harmonics import turn_harmonics
 from backlash.fitting.waveform import settled
+from backlash.reading.tables import UnusableLog
 from replication.arrays import FloatArray
 from replication.datasets import Recording
 
@@ -44,7 +45,7 @@ class LoadData:
         """Refuse what no load has."""
         values, sds = (self.inertia_ratio, self.gravity_per_s2), (self.sd_inertia, self.sd_gravity)
         if not (all(0 < value < np.inf for value in values) and all(0 <= sd <= 0.5 for sd in sds)):
-            raise ValueError(f"{self}: inertia ratio and gravity must be above 0, their SDs shares up to 0.5")
+            raise UnusableLog(f"{self}: inertia ratio and gravity must be above 0, their SDs shares up to 0.5")
 
 
 @dataclass(frozen=True)

@@ -59,6 +59,7 @@ class LogFormat:
     gear_ratio: float | None = None  # motor turns in a load turn
     usual_speed_rps: float | None = None  # of the calibration's logs; only a guessed unit is judged by it
     start_s: float | None = None  # of the part to use, from the log's first sample on
+    torque: str | None = None  # of the motor, in any unit
     end_s: float | None = None
 
     def __post_init__(self):
@@ -111,7 +112,7 @@ def _listed(columns: Sequence[str]) -> str:
     return ", ".join(map(repr, columns))[:300]
 
 
-def _given_column(columns: Sequence[str], given: str) -> str:
+def given_column(columns: Sequence[str], given: str) -> str:
     """Find a column by its name, or by its number from 1."""
     if given in columns:
         return given
@@ -146,15 +147,15 @@ def choose_columns(table: pd.DataFrame, form: LogFormat) -> tuple[str, str, bool
             raise UnusableLog(f"{len(columns)} columns without names; give --time and --speed by number")
         return columns[0], columns[1], False
     given_time = form.time or ("1" if nameless else None)
-    time = _given_column(columns, given_time) if given_time else _column_like(columns, _TIME_NAMES, "time")
+    time = given_column(columns, given_time) if given_time else _column_like(columns, _TIME_NAMES, "time")
     if time is None:
         raise UnusableLog(f"no column of time among {_listed(columns)}; give --time")
     if given is not None:
-        column = _given_column(columns, given)
-        if column == time:
-            raise UnusableLog(f"column {column!r} cannot be both the time and the signal")
+        column = given_column(columns, given)
+        if column in (time, form.torque):
+            raise UnusableLog(f"column {column!r} cannot be both the time or torque and the signal")
         return time, column, form.position is not None
-    rest = [column for column in columns if column != time]
+    rest = [column for column in columns if column not in (time, form.torque)]
     speed = _column_like(rest, _SPEED_NAMES, "speed")
     signal = speed or _column_like(rest, _POSITION_NAMES, "position")
     if signal is None:
@@ -169,7 +170,7 @@ def tidy(table: pd.DataFrame, form: LogFormat) -> pd.DataFrame:
     if signal in table and value in table and table[signal].nunique() <= MOST_COLUMNS:
         rest = [column for column in table.columns if column not in (signal, value)]
         if time := form.time or _column_like(rest, _TIME_NAMES, "time"):
-            index = _given_column(rest, time)
+            index = given_column(rest, time)
             table = table.pivot_table(values=value, index=index, columns=signal, aggfunc="first").reset_index()
     for nano in [column for column in table.columns if re.search(r"stamp\Wn(ano)?secs?$", column)]:
         whole = re.sub("n(ano)?sec", "sec", nano)

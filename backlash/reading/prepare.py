@@ -1,5 +1,6 @@
 """From the table of a log to a record of the test movement: columns, units, clock, and the constant-speed stretch."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -9,7 +10,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
 
 from backlash.reading import UNITS
-from backlash.reading.columns import PER_TURN, LogFormat, choose_columns, numbers, seconds, tidy, unit_of
+from backlash.reading.columns import PER_TURN, LogFormat, choose_columns, given_column, numbers, seconds, tidy, unit_of
 from backlash.reading.tables import UnusableLog, read_table
 from replication.arrays import FloatArray
 from replication.datasets import Recording
@@ -37,6 +38,13 @@ class CannotTell(Exception):
 
 
 @dataclass(frozen=True)
+class RecordingWithTorque(Recording):
+    """A record with the motor's torque at its samples, in the log's unit."""
+
+    torque: FloatArray
+
+
+@dataclass(frozen=True)
 class _Samples:
     """A log on its way to a record: arrays of shape (samples,), and a sentence for each thing done to it."""
 
@@ -44,12 +52,17 @@ class _Samples:
     v: FloatArray  # motor speed [rps], at first perhaps position [turns]
     rows: NDArray[np.int64]  # of the file
     notes: tuple[str, ...]
+    torque: FloatArray | None = None  # of the motor
 
     def changed(self, note: str, **parts: NDArray) -> "_Samples":
         return replace(self, notes=(*self.notes, note), **parts)
 
     def part(self, kept: slice, note: str) -> "_Samples":
-        return self.changed(note, t=self.t[kept], v=self.v[kept], rows=self.rows[kept])
+        return self.both(lambda signal: signal[kept]).changed(note, t=self.t[kept], rows=self.rows[kept])
+
+    def both(self, change: Callable[[FloatArray], FloatArray]) -> "_Samples":
+        """Change speed and torque alike."""
+        return replace(self, v=change(self.v), torque=None if self.torque is None else change(self.torque))
 
 
 def read_log(path: Path, form: LogFormat) -> tuple[Recording, tuple[str, ...]]:
@@ -63,6 +76,7 @@ def read_log(path: Path, form: LogFormat) -> tuple[Recording, tuple[str, ...]]:
 def record_of(table: pd.DataFrame, form: LogFormat, name: str) -> tuple[Recording, tuple[str, ...]]:
     """Prepare the record of a table; see `read_log`."""
     table = tidy(table, form)
+    form = replace(form, torque=form.torque and given_column(list(table.columns), form.torque))
     time, column, is_position = choose_columns(table, form)
     unit, guess = unit_of(column, is_position, form)
     if not guess:
@@ -77,9 +91,13 @@ def record_of(table: pd.DataFrame, form: LogFormat, name: str) -> tuple[Recordin
         samples = _at_constant_speed(samples, is_position, dt, form)
         samples = _on_even_grid(samples, dt)
         if is_position:
-            speed = np.diff(samples.v) / np.diff(samples.t)
+            if samples.torque is not None:  # its mean between samples, as that of the speed, is by its integral
+                from scipy.interpolate import CubicSpline
+
+                samples = replace(samples, torque=CubicSpline(samples.t, samples.torque).antiderivative()(samples.t))
+            samples = samples.both(lambda signal: np.diff(signal) / np.diff(samples.t))
             note = "speed differentiated from the position, between neighbouring samples"
-            samples = samples.changed(note, t=samples.t[1:], v=speed, rows=samples.rows[1:])
+            samples = samples.changed(note, t=samples.t[1:], rows=samples.rows[1:])
         return _recording(_averaged(samples), form, name)
     except CannotTell as refusal:
         refusal.notes = samples.notes
@@ -98,7 +116,8 @@ def _read_samples(table: pd.DataFrame, time: str, column: str, form: LogFormat) 
         notes += (f"used {kept.sum()} of {t.size} samples, by --from and --to",)
         if not kept.any():
             raise UnusableLog(f"no samples between --from and --to; the log lasts {t[-1]:.6g} s")
-    samples = _Samples(t[kept], numbers(table[kept], column), table.index.to_numpy()[kept], notes)
+    torque = None if form.torque is None else numbers(table[kept], form.torque)
+    samples = _Samples(t[kept], numbers(table[kept], column), table.index.to_numpy()[kept], notes, torque)
     if samples.t.size > 2 and samples.t[1] == samples.t[0]:
         samples = samples.part(slice(1, None), "dropped the first row: its time stamp is that of the second")
     _check_clock(samples)
@@ -212,8 +231,8 @@ def _on_even_grid(samples: _Samples, dt: float) -> _Samples:
     if even.size > k.size or places is not k:
         from scipy.interpolate import CubicSpline
 
-        v = CubicSpline(places, v)(even)
-    return replace(samples, t=dt * even, v=v, rows=samples.rows[np.searchsorted(k, even)])
+        samples = samples.both(lambda signal: CubicSpline(places, signal)(even))
+    return replace(samples, t=dt * even, rows=samples.rows[np.searchsorted(k, even)])
 
 
 def _averaged(samples: _Samples) -> _Samples:
@@ -225,9 +244,10 @@ def _averaged(samples: _Samples) -> _Samples:
         return samples
     together = int(rate // (_FASTEST_HZ / 2))
     whole = samples.v.size // together * together
-    t, v = (part[:whole].reshape(-1, together).mean(axis=1) for part in (samples.t, samples.v))
+    t = samples.t[:whole].reshape(-1, together).mean(axis=1)
+    samples = samples.both(lambda signal: signal[:whole].reshape(-1, together).mean(axis=1))
     note = f"sampled at {rate:.6g} Hz: averaged over {together} samples each"
-    return samples.changed(note, t=t, v=v, rows=samples.rows[:whole:together])
+    return samples.changed(note, t=t, rows=samples.rows[:whole:together])
 
 
 def _level(v: FloatArray, expected: float | None) -> float:
@@ -280,7 +300,7 @@ def _at_constant_speed(samples: _Samples, is_position: bool, dt: float, form: Lo
         whole = slice(round(_MOST_TURNS * period / dt) + 1)
         samples = samples.part(whole, f"{turns:.0f} turns: used the first {_MOST_TURNS}")
     if smooth[first] < 0:
-        samples = samples.changed("the motor turns backward: the speed's sign is changed", v=-samples.v)
+        samples = samples.both(np.negative).changed("the motor turns backward: the speed's sign is changed")
     _refuse_gaps(samples, dt)
     return samples
 
@@ -307,7 +327,8 @@ def _recording(samples: _Samples, form: LogFormat, name: str) -> tuple[Recording
     elif ratio is not None and abs(ratio / mean / period - 1) > _SPEED_TOLERANCE:
         turn = f"gear ratio {ratio:g} at {mean:.5g} rps makes turns of {ratio / mean:.4g} s"
         raise CannotTell("wrong period", f"{turn}, not the {period:g} s given")
-    return Recording(samples.t - samples.t[0], v, form.commanded_speed_rps or mean, period, name), samples.notes
+    found = Recording(samples.t - samples.t[0], v, form.commanded_speed_rps or mean, period, name)
+    return found if samples.torque is None else RecordingWithTorque(**vars(found), torque=samples.torque), samples.notes
 
 
 def _check_speed(level: float, form: LogFormat) -> None:

@@ -1,0 +1,144 @@
+import json
+
+import numpy as np
+import pandas as pd
+import pytest
+
+import backlash
+from backlash.calibration import default_calibration
+from backlash.main import main
+from backlash.reading.columns import LogFormat
+from backlash.reading.prepare import record_of
+from backlash.reading.tables import UnusableLog
+from backlash.studies.odd_joints import draw_cascade, log_with_torque
+
+DELTA = 1e-3
+
+
+def logged(number: int, delta: float = DELTA, sample_s: float = 2e-3):
+    """A table of a joint under a cascade, and what is known of its load."""
+    bench = draw_cascade(np.random.default_rng((11, number)))
+    recording, torque = log_with_torque(bench, delta, np.random.default_rng(1), sample_s)
+    frame = pd.DataFrame({"time [s]": recording.t, "speed [rps]": recording.v, "torque [Nm]": torque})
+    ratios = bench.joint.ratios
+    known = {"turn_period_s": recording.turn_period_s, "commanded_speed_rps": recording.commanded_speed_rps}
+    return frame, known | {name: ratios[name] for name in ("inertia_ratio", "gravity_per_s2")}
+
+
+@pytest.fixture(scope="module")
+def joint():
+    return logged(3)
+
+
+def options_of(known) -> list[str]:
+    names = {"turn_period_s": "turn-period", "commanded_speed_rps": "commanded-speed", "gravity_per_s2": "gravity"}
+    return [part for name, value in known.items() for part in (f"--{names.get(name, 'inertia-ratio')}", str(value))]
+
+
+def test_a_file_a_table_and_arrays_have_one_answer_that_holds_the_truth(joint, tmp_path, capsys):
+    frame, known = joint
+    path = tmp_path / "log.csv"
+    frame.to_csv(path, index=False)
+    assert main(["estimate", str(path), "--torque", "3", "--json", *options_of(known)]) == 0
+    from_file = json.loads(capsys.readouterr().out)[0]
+    assert (from_file["method"], from_file["verdict"]) == ("torque", "backlash")
+    low, high = from_file["backlash_interval_rad"]
+    assert low < DELTA < high
+    assert any("inertia ratio of 0.6" in note and "(SD 10%)" in note for note in from_file["warnings"])
+    t, v, torque = frame.to_numpy().T
+    answers = [
+        backlash.estimate(t, v, torque=torque, unit="rps", **known),
+        backlash.estimate(frame, torque="torque [Nm]", **known),
+        backlash.estimate(backlash.read_log(t, v, torque=torque, **{k: known[k] for k in list(known)[:2]}),
+                          **{k: known[k] for k in list(known)[2:]}),
+    ]  # fmt: skip
+    assert {answer.backlash_interval_rad for answer in answers} == {(low, high)}
+    sure = backlash.estimate(t, v, torque=torque, unit="rps", inertia_sd=0.0, gravity_sd=0.0, **known)
+    assert np.ptp(sure.backlash_interval_rad) < 0.8 * (high - low)
+
+
+def test_the_torque_goes_through_all_that_is_done_to_the_speed():
+    """A torque that is a multiple of the speed still is one after cutting, filling, resampling and averaging."""
+    rng = np.random.default_rng(1)
+    for sample_s, jitter, backward in ((2e-3, 0.0, False), (2e-3, 0.3, True), (2e-4, 0.0, False)):
+        k = np.arange(round(8 / sample_s))
+        v = 100 + np.sin(9 * k * sample_s) + 0.01 * rng.standard_normal(k.size)
+        v[: k.size // 10] = np.linspace(0, 100, k.size // 10)
+        v *= -1 if backward else 1
+        t = sample_s * (k + jitter * rng.uniform(-1, 1, k.size))
+        frame = pd.DataFrame({"time": t, "speed": v, "torque": 7 * v}).drop(index=[k.size // 2, k.size // 3])
+        found, _ = record_of(frame, LogFormat(turn_period_s=0.4, unit="rps", torque="torque"), "log")
+        assert found.v.size < k.size
+        np.testing.assert_allclose(found.torque, 7 * found.v, rtol=1e-12)
+
+
+def test_a_differentiated_position_has_the_torque_at_the_instants_of_its_speed():
+    t = 2e-3 * np.arange(2000)
+    position, torque = 100 * t - 0.1 * np.cos(60 * t) / 60, 5 * (100 + 0.1 * np.sin(60 * t))
+    frame = pd.DataFrame({"time": t, "position [turns]": position, "torque": torque})
+    found, _ = record_of(frame, LogFormat(turn_period_s=0.4, torque="torque"), "log")
+    np.testing.assert_allclose(found.torque, 5 * found.v, rtol=1e-6)
+
+
+def test_a_dropped_sample_and_a_motor_that_turns_backward_change_little(joint):
+    frame, known = joint
+    whole = backlash.estimate(frame, torque="torque [Nm]", **known)
+    changed = frame.drop(index=500)
+    changed[["speed [rps]", "torque [Nm]"]] *= -1
+    found = backlash.estimate(changed, torque="torque [Nm]", **known)
+    assert "missing samples filled from their neighbours: 1" in found.warnings
+    width = np.ptp(whole.backlash_interval_rad)
+    assert found.backlash_rad == pytest.approx(whole.backlash_rad, abs=0.2 * width)
+
+
+@pytest.mark.parametrize(
+    ("changed", "words"),
+    [
+        ({"inertia_ratio": None}, "give --inertia-ratio too"),
+        ({"inertia_ratio": None, "gravity_per_s2": None}, "give --inertia-ratio and --gravity too"),
+        ({"torque": None}, "give --torque too"),
+        ({"torque": None, "inertia_ratio": None, "gravity_per_s2": None, "method": "torque"}, "give --torque and"),
+        ({"torque": "moment"}, "no column 'moment'"),
+        ({"torque": "speed [rps]", "speed": "speed [rps]"}, "cannot be both"),
+        ({"method": "self"}, "leave out one of them"),
+        ({"calibration": default_calibration("energy")}, "leave out one of them"),
+        ({"gravity_per_s2": -1.0}, "must be above 0"),
+    ],
+)
+def test_inputs_that_are_missing_or_wrong_are_named_in_one_line(joint, changed, words):
+    frame, known = joint
+    with pytest.raises(UnusableLog, match=words) as error:
+        backlash.estimate(frame, **({"torque": "torque [Nm]"} | known | changed))
+    assert "\n" not in str(error.value)
+
+
+def test_a_torque_with_a_hole_is_refused_in_one_line(joint):
+    frame, known = joint
+    holed = frame.assign(**{"torque [Nm]": frame["torque [Nm]"].where(frame.index != 700)})
+    with pytest.raises(UnusableLog, match=r"torque \[Nm\] is missing or not a number \(NaN\)") as error:
+        backlash.estimate(holed, torque="torque [Nm]", **known)
+    assert "\n" not in str(error.value)
+
+
+def test_a_torque_of_the_wrong_sign_is_no_answer_and_says_so(joint):
+    frame, known = joint
+    t, v, torque = frame.to_numpy().T
+    found = backlash.estimate(t, v, torque=-torque, **known)
+    assert found.verdict == "cannot tell"
+    assert "with its sign?" in found.warnings[0]
+
+
+@pytest.mark.parametrize(("number", "verdict"), [(0, "cannot tell"), (1, "no backlash"), (3, "no backlash")])
+def test_a_healthy_joint_has_no_backlash_or_no_answer(number, verdict):
+    frame, known = logged(number, 0.0)
+    found = backlash.estimate(frame, torque="torque [Nm]", **known)
+    assert (found.verdict, found.method) == (verdict, "torque")
+
+
+def test_a_trend_of_logs_with_torque_goes_through_the_truths(capsys, tmp_path):
+    for month, delta in enumerate((8e-4, 1.2e-3, 1.6e-3), 1):
+        frame, known = logged(3, delta)
+        frame.to_csv(tmp_path / f"axis_2024-0{month}-01.csv", index=False)
+    assert main(["trend", str(tmp_path), "--torque", "torque [Nm]", "--json", *options_of(known)]) == 0
+    points = json.loads(capsys.readouterr().out)["points"]
+    assert [point["backlash_rad"] for point in points] == pytest.approx([8e-4, 1.2e-3, 1.6e-3], rel=0.1)
