@@ -157,17 +157,13 @@ def factorise(matrix):
     A pivot that rounding cannot tell from zero is set to zero, and its column of L too. Written out here, because the
     last bits of a library's solver change from processor to processor.
     """
+    least = 1e-14 * np.diag(matrix)
     for k in range(matrix.shape[0]):
-        diagonal = matrix[k, k]
-        for j in range(k):
-            matrix[k, k] -= matrix[k, j] ** 2 * matrix[j, j]
-        defined = matrix[k, k] > 1e-14 * diagonal
-        for i in range(k + 1, matrix.shape[0]):
-            for j in range(k):
-                matrix[i, k] -= matrix[i, j] * matrix[k, j] * matrix[j, j]
-            matrix[i, k] = matrix[i, k] / matrix[k, k] if defined else 0.0
-        if not defined:
-            matrix[k, k] = 0.0
+        if matrix[k, k] > least[k]:
+            matrix[k + 1 :, k] /= matrix[k, k]
+        else:
+            matrix[k:, k] = 0.0
+        matrix[k + 1 :, k + 1 :] -= np.outer(matrix[k + 1 :, k], matrix[k + 1 :, k]) * matrix[k, k]
 
 
 @numba.njit(cache=True)
@@ -179,8 +175,7 @@ def solve_or_zero(matrix, side):
     for i in range(size):
         if factors[i, i] == 0.0:
             return np.zeros(size)
-        for j in range(i):
-            solution[i] -= factors[i, j] * solution[j]
+        solution[i + 1 :] -= factors[i + 1 :, i] * solution[i]
     for i in range(size - 1, -1, -1):
         solution[i] /= factors[i, i]
         for j in range(i + 1, size):

@@ -106,28 +106,21 @@ def polish(fold, limits, best):
 
 @numba.njit(cache=True)
 def turn_back(fold, limits, best):
-    """Try the same oscillation half a turn and a turn earlier and later, as long as that is better.
+    """Try the same oscillation half a turn earlier and later, as long as that is better.
 
     A window half a turn late misses one oscillation of the record: the commonest wrong basin.
     """
-    before = np.inf
-    while best[3] < before:
-        before = best[3]
-        for move in (fold.inverse, fold.partner):
-            a, b, _, _ = best
-            for _ in range(2):
-                if move[a] < 0 or move[b] < 0:
-                    break
-                theta = best[2].copy()
-                theta[0] += fold.x[move[a]] - fold.x[best[0]]
-                a, b = move[a], move[b]
-                theta[0] = latest_t0(fold, limits, a, b, theta[0], theta[2])
-                if np.isnan(theta[0]):
-                    break
-                trial = refine(fold, limits, a, b, theta, 8, 3)
-                if trial[3] < best[3] * (1 - 1e-12):
-                    best = trial
-                    break
+    for move in (fold.inverse, fold.partner):
+        while min(move[best[0]], move[best[1]]) >= 0:
+            a, b, theta = move[best[0]], move[best[1]], best[2].copy()
+            t0 = latest_t0(fold, limits, a, b, theta[0] + fold.x[a] - fold.x[best[0]], theta[2])
+            if np.isnan(t0):
+                break
+            theta[0] = t0
+            trial = refine(fold, limits, a, b, theta, 8, 3)
+            if trial[3] >= best[3] * (1 - 1e-12):
+                break
+            best = trial
     return best
 
 
