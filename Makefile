@@ -64,7 +64,7 @@ bench: .venv/.installed  ## time what was made fast against a direct arm, into r
 scoreboard: .venv/.installed  ## score every method on logs of known backlash, into results/scoreboard.csv
 	$(STUDY) scoreboard
 
-population: .venv/.installed  ## every method on joints that nobody calibrated, into results/population_logs.csv
+population: .venv/.installed  ## every method on joints that nobody calibrated, and the sensor's datasheet
 	$(STUDY) population
 
 protocols: .venv/.installed  ## run every protocol that may have printed Table 2, into results/protocol_runs.csv
