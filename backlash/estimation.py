@@ -230,7 +230,7 @@ def _fit_reading(recording: Recording, settings: Settings) -> tuple[GlobalFit, R
         return fit, reading_of_fit(recording, "amplitude", fit), curve
     if calibration.method == "paper":
         return fit, read(recording, "paper", None, settings.repeats, settings.seed), curve
-    reading = reading_of_fit(recording, calibration.method, fit, calibration.bank)
+    reading = reading_of_fit(recording, calibration.method, fit, calibration.bank, settings.is_own)
     if calibration.bank is not None:
         turns = (recording.t - recording.t[0]) / recording.turn_period_s
         curve = calibration.bank.at(reading.value)((turns - reading.shift_turns) % 1.0)

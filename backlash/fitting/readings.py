@@ -76,8 +76,13 @@ def read(
     return Reading(method, mean, interval, mean, interval, rmse, recording.turn_period_s)
 
 
-def reading_of_fit(recording: Recording, method: str, fit: GlobalFit, bank: WaveformBank | None = None) -> Reading:
-    """Reading of a record whose global fit is there; "paper" takes its amplitude, which the searches look for."""
+def reading_of_fit(
+    recording: Recording, method: str, fit: GlobalFit, bank: WaveformBank | None = None, is_own: bool = False
+) -> Reading:
+    """Reading of a record whose global fit is there; "paper" takes its amplitude, which the searches look for.
+
+    Where the bank `is_own`, of the record's joint, a low-pass is looked for too.
+    """
     rmse, at_bound, shift = fit.rmse, fit.at_bound, 0.0
     if method in ("paper", "amplitude"):
         value, interval = fit.amplitude_rps, fit.amplitude_interval_rps
@@ -88,7 +93,7 @@ def reading_of_fit(recording: Recording, method: str, fit: GlobalFit, bank: Wave
     elif bank is None:
         raise ValueError("waveform needs a bank")
     else:
-        found = match(replace(recording, turn_period_s=fit.turn_period_s), bank)
+        found = match(replace(recording, turn_period_s=fit.turn_period_s), bank, is_own)
         value, interval, rmse, shift = found.delta_rad, found.interval_rad, found.rmse_rps, found.shift_turns
         at_bound = ("backlash",) if found.at_end else ()
     return Reading(

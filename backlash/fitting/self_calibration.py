@@ -133,7 +133,7 @@ def _share_of_each(groups: Sequence[Sequence[WeightedPeak]]) -> FloatArray:
     return share / share.sum()
 
 
-def _separate_peaks(found: list[WeightedPeak]) -> list[list[WeightedPeak]]:
+def separate_peaks(found: list[WeightedPeak]) -> list[list[WeightedPeak]]:
     """Groups of peaks whose backlashes overlap, the most probable group first; improbable groups are left out."""
     finite = sorted((each for each in found if np.isfinite(each[1].evidence)), key=lambda each: each[1].z[0])
     groups = [finite[:1]]
@@ -157,7 +157,7 @@ def _result(
     second: SecondMass,
     peaks: list[WeightedPeak],
 ) -> SelfFit:
-    groups = _separate_peaks(found)
+    groups = separate_peaks(found)
     peak, covariance = mix_peaks(groups[0])
     z, residual = peak.z, peak.residual
     chi2, freedom = float(residual @ residual), residual.size - joint_posterior.SIZE
@@ -165,8 +165,7 @@ def _result(
     model_error = float(min(scatter, MOST_MODEL_ERROR**2)) if harmonics.is_quiet else 1.0
     misfit = chi2 / freedom / model_error
     delta, sd = float(z[0] * joint_posterior.UNIT_RAD), float(np.sqrt(covariance[0, 0]) * joint_posterior.UNIT_RAD)
-    left_over = max(chi2 - float(chdtri(freedom, _LARGE_RESIDUAL)), 0.0)
-    widening = NORMAL_95 * float(np.sqrt(1 + left_over))
+    widening = NORMAL_95 * widening_factor(chi2, freedom)
     half = widening * sd
     if harmonics.is_quiet:  # the speed's part from backlash grows with it, and so may what the model gets wrong
         half = float(np.hypot(half, MOST_MODEL_ERROR * MODEL_ERROR * delta))
@@ -190,6 +189,11 @@ def _result(
         delta, interval, sd, ring, damping, float(z[2]), z, covariance, misfit, worst_phase,
         harmonics.ring_noise_ratio, peaks, turn, tuple(others), refusal,
     )  # fmt: skip
+
+
+def widening_factor(chi2: float, freedom: int) -> float:
+    """By how much an interval is wider for a residual that noise alone hardly leaves; without a jump."""
+    return float(np.sqrt(1 + max(chi2 - float(chdtri(freedom, _LARGE_RESIDUAL)), 0.0)))
 
 
 def _interval_rad(peak_and_covariance: tuple[Peak, FloatArray], widening: float) -> tuple[float, float]:

@@ -19,9 +19,9 @@ if TYPE_CHECKING:
 # Each phase of aligned waveforms is a polynomial of the backlash. The fourth degree leaves 1e-6 rad on noise-free
 # waveforms of Table 2's range, and averages the noise of logs that an interpolation would keep.
 _DEGREE = 4
-# Time constants [s] from which a low-pass is looked for, and the share of the misfit's square that one must take: it
-# takes the noise of the bank's own waveforms too, which is up to a twentieth.
-_LOW_PASSES_S, _LEAST_GAIN = (1e-3, 4e-3), 0.1
+# Time constants [s] from which a low-pass is looked for, and by how many variances of the noise the sum of squares must
+# fall for one: without a low-pass it does in one log of four hundred. It takes the noise of the bank's waveforms too.
+_LOW_PASSES_S, _LEAST_GAIN = (1e-3, 4e-3), 8.0
 # One more than the polynomial's coefficients, so that leaving one out can tell how good it is.
 LEAST_LEVELS = _DEGREE + 2
 
@@ -43,6 +43,13 @@ class WaveformBank:
     @cached_property
     def _coefficients(self) -> FloatArray:
         return np.asarray(chebyshev.chebfit(self._position(self.delta_rad), self.waveform_rps, _DEGREE), dtype=float)
+
+    @cached_property
+    def noise_rps2(self) -> float:
+        """Variance of the noise that is left of the waveforms in the polynomials."""
+        fitted = chebyshev.chebval(self._position(self.delta_rad), self._coefficients)
+        levels, used = self.delta_rad.size, _DEGREE + 1
+        return float(((self.waveform_rps - fitted.T) ** 2).mean() * levels / (levels - used) * used / levels)
 
     def _position(self, delta_rad: ArrayLike) -> FloatArray:
         """Backlash on the scale of -1 to 1 over the bank."""
@@ -149,18 +156,19 @@ def make_bank(delta_rad: Sequence[float], turns_rps: Sequence[FloatArray]) -> Wa
     return WaveformBank(np.array(list(aligned)), np.array([np.mean(turns, axis=0) for turns in aligned.values()]))
 
 
-def match(recording: Recording, bank: WaveformBank) -> WaveformMatch:
+def match(recording: Recording, bank: WaveformBank, low_pass: bool = False) -> WaveformMatch:
     """Find the backlash and the phase at which a bank's waveform comes nearest to a record's settled turns.
 
-    The log may have a low-pass that the bank's logs did not have: it is looked for from two time constants, and
-    taken where the misfit falls by more than that makes of noise alone.
+    With `low_pass` one that the bank's logs did not have is looked for, and taken where the misfit falls by more than
+    it makes of noise alone. That is for a bank of the log's own joint: another joint's misfit would pass for one.
     """
     turns, v = settled(recording)
     centred = v - v.mean()
-    starts = [(time_constant / recording.turn_period_s) ** 2 for time_constant in _LOW_PASSES_S]
-    plain, *low_passed_ones = (_match_from(recording, bank, low_pass) for low_pass in (0.0, *starts))
-    best = min(low_passed_ones, key=lambda found: found.cost)
-    found = best if best.cost < (1 - _LEAST_GAIN) * plain.cost else plain
+    starts = [(time_constant / recording.turn_period_s) ** 2 for time_constant in _LOW_PASSES_S if low_pass]
+    plain, *low_passed_ones = (_match_from(recording, bank, start) for start in (0.0, *starts))
+    best = min(low_passed_ones, key=lambda found: found.cost, default=plain)
+    gain = 2 * (plain.cost - best.cost) - turns.size * bank.noise_rps2
+    found = best if gain > _LEAST_GAIN * 2 * best.cost / turns.size else plain
     slopes, span = _slopes(found.x, turns, bank), bank.span_rad
     variance = 2 * found.cost / max(turns.size - 1 - found.x.size, 1) * np.linalg.pinv(slopes.T @ slopes)[0, 0]
     delta, half_width = bank.delta_rad[0] + span * found.x[0], 1.96 * span * np.sqrt(variance)

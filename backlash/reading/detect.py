@@ -104,8 +104,16 @@ def _half_turns(recording: Recording) -> FloatArray:
     v = recording.v - recording.v.mean()
     if 0.4 / dt > 1.3 * _FASTEST_HZ:  # else what is above the band would leak into it with the slow part
         v = low_pass(v, 1.3 * _FASTEST_HZ, dt)
-    v = np.interp(instants, recording.t, v)
+    v = np.interp(instants, recording.t, v - _motor_lines(recording, v))
     return v * np.where(np.arange(count) % 2, -1.0, 1.0)[:, None]
+
+
+def _motor_lines(recording: Recording, v: FloatArray) -> FloatArray:
+    """What the motor's own orders in the band leave in a speed: it would leak into the load's harmonics."""
+    hz = np.array([order * recording.commanded_speed_rps for order in MOTOR_ORDERS])
+    waves = np.exp(2j * np.pi * np.outer(recording.t, hz[hz < 1.3 * _FASTEST_HZ]))
+    basis = np.hstack([waves.real, waves.imag])
+    return basis @ np.linalg.lstsq(basis, v)[0] if basis.size else np.zeros_like(v)
 
 
 def band_energy(half_turn: FloatArray, recording: Recording) -> float:

@@ -9,11 +9,13 @@ import pytest
 from backlash.calibration import shares, widened
 from backlash.fitting.harmonics import turn_harmonics
 from backlash.fitting.joint_posterior import SIZE, SMOOTHING_INDEX, UNKNOWNS, Problem
+from backlash.fitting.joint_search import Peak
 from backlash.fitting.second_mass import pushes
-from backlash.fitting.self_calibration import fit_joint
+from backlash.fitting.self_calibration import fit_joint, separate_peaks, widening_factor
 from backlash.fitting.shared_joint import share_joint
 from backlash.fitting.turns import COLUMNS, Movement, settled_turns
-from backlash.studies.odd_joints import KINDS, draw_odd_log
+from backlash.fitting.waveform import low_passed
+from backlash.studies.odd_joints import KINDS, draw_cascade, draw_odd_log, move_bench
 from replication.datasets import Recording
 from replication.simulator.recordings import simulate_recordings
 from replication.simulator.simulate import identified_joint, simulate
@@ -222,3 +224,54 @@ def test_one_log_alone_keeps_its_backlash_but_for_drift():
     ((delta, (low, high)),) = share_joint([fit])
     assert delta == pytest.approx(fit.delta_rad, abs=0.2 * fit.sd_rad)
     assert high - low == pytest.approx(fit.interval_rad[1] - fit.interval_rad[0], rel=0.05)
+
+
+def test_a_turn_of_almost_three_seconds_is_fitted():
+    rng = np.random.default_rng(9)
+    bench = move_bench(draw_bench(rng), 100.0, 2.9)
+    found = fit_joint(encoder_log(bench, 9e-4, rng))
+    assert found.refusal_reason == ""
+    assert found.interval_rad[0] <= 9e-4 <= found.interval_rad[1]
+
+
+@pytest.mark.parametrize("edge_hz", [200, 100, 40])
+def test_a_low_passed_speed_keeps_the_backlash_in_its_interval(edge_hz):
+    log = bench_log()[1]
+    filtered = log.v - log.v.mean()
+    pole = np.exp(-2 * np.pi * edge_hz * log.sample_s)
+    for k in range(1, filtered.size):
+        filtered[k] = (1 - pole) * filtered[k] + pole * filtered[k - 1]
+    found = fit_joint(replace(log, v=filtered + log.v.mean()))
+    assert found.refusal_reason == ""
+    assert found.interval_rad[0] <= 9e-4 <= found.interval_rad[1]
+    assert low_passed(found.turn_rps, 1.0).std() < found.turn_rps.std()
+
+
+def test_a_joint_far_from_what_is_known_is_no_answer():
+    refused = 0
+    for seed in range(3):
+        rng = np.random.default_rng(seed)
+        while (bench := draw_cascade(rng)).joint.turn_period_s > 1:
+            pass
+        refused += fit_joint(encoder_log(bench, 9e-4, rng)).refusal_reason != ""
+    assert refused == 3
+
+
+def test_an_interval_widens_without_a_jump():
+    chi2 = np.linspace(60, 200, 2000)
+    widths = np.array([widening_factor(value, 85) for value in chi2])
+    assert widths[0] == 1
+    assert (np.diff(widths) >= 0).all()
+    assert np.diff(widths**2).max() < 1.01 * (chi2[1] - chi2[0])
+
+
+def test_backlashes_that_do_not_overlap_are_kept_apart():
+    def peak(delta, evidence):
+        z = np.zeros(SIZE)
+        z[0] = delta
+        return 0.0, Peak(z, 0.01 * np.eye(SIZE), np.zeros(1), evidence, True, True)
+
+    alone = separate_peaks([peak(5.0, 0.0), peak(5.1, -0.5), peak(9.0, -10.0)])
+    assert [len(group) for group in alone] == [2]
+    two = separate_peaks([peak(5.0, -1.0), peak(9.0, 0.0)])
+    assert [group[0][1].z[0] for group in two] == [9.0, 5.0]

@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from backlash.calibration import default_calibration
-from backlash.fitting.waveform import WaveformBank, make_bank, match, mean_turn, settled
+from backlash.fitting.waveform import WaveformBank, low_passed, make_bank, match, mean_turn, periodic, settled
 from replication.datasets import Recording, add_uniform_noise, from_sample, level_delta_rad, load_clean
 
 PERIOD_S = 0.4
@@ -104,3 +104,17 @@ def test_five_levels_make_no_bank(bank):
 def test_the_simulated_bank_reads_the_authors_clean_records_within_three_microradians(authors_data, bank, level):
     # The identified joint leaves about 1 % of the signal: a few 1e-6 rad.
     assert match(load_clean(level), bank).delta_rad == pytest.approx(level_delta_rad(level), abs=3e-6)
+
+
+@pytest.mark.parametrize("edge_hz", [40, 60])
+def test_a_low_pass_that_the_bank_does_not_have_is_found(bank, edge_hz):
+    record = made(bank, 9e-4, noise=0.1)
+    seconds = 1 / (2 * np.pi * edge_hz)
+    turn = low_passed(bank.at(9e-4)(np.arange(800) / 800), (seconds / PERIOD_S) ** 2)
+    filtered = replace(
+        record, v=record.v + periodic(turn)(record.t / PERIOD_S % 1) - bank.at(9e-4)(record.t / PERIOD_S % 1)
+    )
+    found = match(filtered, bank, low_pass=True)
+    assert found.low_pass_s == pytest.approx(seconds, rel=0.1)
+    assert found.interval_rad[0] <= 9e-4 <= found.interval_rad[1]
+    assert match(record, bank, low_pass=True).low_pass_s == 0

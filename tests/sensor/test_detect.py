@@ -6,18 +6,21 @@ from made_logs import clean, noisy, silent
 from scipy.signal import lfilter
 from scipy.stats import binom
 
+from backlash.reading.columns import LogFormat
 from backlash.reading.detect import (
     FALSE_ALARMS,
     POWER,
     band_energy,
+    detect_pattern,
     explained_share,
     find_pattern,
     own_period,
     typical_half_turn,
 )
 from backlash.reading.prepare import CannotTell
-from replication.datasets import add_uniform_noise
+from replication.datasets import Recording, add_uniform_noise
 from replication.signature import Timing, signature
+from replication.standins.joints import Spread, draw_bench, encoder_log
 
 T = clean().t
 TRIALS = 100
@@ -123,3 +126,27 @@ def test_what_noise_hides_grows_with_the_noise():
 
     quiet, loud = hidden(0.1), hidden(0.2)
     assert loud == pytest.approx(4 * quiet, rel=1e-3)
+
+
+@pytest.mark.parametrize("seed", [3, 11, 19])
+def test_the_right_period_stands_where_friction_makes_even_harmonics(seed):
+    rng = np.random.default_rng((2, seed))
+    delta = float(rng.uniform(3e-4, 21e-4))
+    log = encoder_log(draw_bench(rng, Spread(ratios=0.2, load_friction=0.05, ripple=0.04)), delta, rng)
+    assert own_period(log) == 0.4
+    assert own_period(replace(log, turn_period_s=0.41)) == pytest.approx(0.4, rel=2e-3)
+
+
+def test_a_period_that_is_trusted_is_not_looked_for():
+    wrong = replace(noisy(), turn_period_s=0.5)
+    with pytest.raises(CannotTell, match="wrong period"):
+        detect_pattern(wrong, LogFormat(turn_period_s=0.5), 1)
+    trusted, _, notes = detect_pattern(wrong, LogFormat(turn_period_s=0.5, trust_period=True), 1)
+    assert (trusted.turn_period_s, notes) == (0.5, ())
+
+
+def test_the_motors_own_harmonics_are_no_pattern_of_the_load():
+    t = 2e-3 * np.arange(6001)
+    log = Recording(t, 45 + 0.3 * np.sin(2 * np.pi * 45 * t), 45.0, 1.0, "a motor's ripple at an odd harmonic")
+    log = replace(log, v=log.v + np.random.default_rng(1).normal(0, 0.05, t.size))
+    assert not find_pattern(log).found

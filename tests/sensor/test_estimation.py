@@ -14,12 +14,13 @@ from backlash.reading.columns import LogFormat
 from backlash.reading.prepare import CannotTell, record_of
 from backlash.reading.tables import UnusableLog
 from backlash.studies.accuracy import CHANGES
-from backlash.studies.odd_joints import draw_odd_log
+from backlash.studies.odd_joints import draw_odd_log, move_bench
 from replication import datasets
 from replication.data.authors import authors_file
 from replication.datasets import Recording, add_uniform_noise
 from replication.simulator.recordings import simulate_recordings
 from replication.simulator.simulate import identified_joint
+from replication.standins.joints import draw_bench, encoder_log
 
 KEYS = [
     "file", "verdict", "amplitude_rps", "amplitude_interval_rps", "backlash_rad", "backlash_interval_rad", "rmse_rps",
@@ -357,3 +358,12 @@ def test_a_table_of_the_made_logs_is_what_the_file_would_be(tmp_path):
     from_file = examine(path, settings_for(TURN, method="amplitude")).estimate
     record, _ = record_of(table(noisy()), TURN, str(path))
     assert answer(record).backlash_rad == pytest.approx(from_file.backlash_rad, rel=1e-6)
+
+
+@pytest.mark.parametrize("turn_s", [0.4, 1.0, 2.0])
+def test_a_healthy_joint_has_no_backlash_in_any_movement(turn_s):
+    rng = np.random.default_rng(21)
+    log = encoder_log(move_bench(draw_bench(rng), 80.0 * turn_s, turn_s), 0.0, rng)
+    found = examine_recording(log, settings_for(LogFormat(turn_period_s=turn_s)), "log").estimate
+    assert (found.verdict, found.backlash_rad) == ("no backlash", 0.0)
+    assert found.backlash_interval_rad[1] <= 3e-4
