@@ -30,6 +30,8 @@ from replication.datasets import Recording
 from replication.signature import signature
 
 _LEAST_SHARE = 0.8  # of the pattern's energy, for the model to explain; it explains 0.96 or more in the paper's range
+# A backlash below this counts as none: 0.015 mm at an arm of 0.3 m, a sixth of Table 2's least.
+_NEGLIGIBLE_RAD = 5e-5
 _OFF = 0.05  # of the amplitude; searches that all end in the best minimum differ less from the global fit
 _FAR_OUTSIDE = 1.2  # times the value at the end of the range; a cubic beyond means nothing
 _ADVICE = (
@@ -372,7 +374,7 @@ def _judge_joint(
     low, high = min(ends[0] for ends in separate), max(ends[1] for ends in separate)
     if low <= 0 and high > least_rad:
         raise CannotTell("too noisy", f"none fits as well as up to {high:.3g} rad; log more turns, or quieter")
-    if high <= least_rad and not presence.found:  # the pattern that called for a fit has another cause
+    if high <= _NEGLIGIBLE_RAD or (high <= least_rad and not presence.found):  # such a pattern has another cause
         low = 0.0
     if presence.found and explained_share(recording, model, presence) < _LEAST_SHARE:
         raise CannotTell("no signature", "a pattern repeats itself every turn, but no backlash that explains it")

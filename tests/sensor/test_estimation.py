@@ -367,3 +367,11 @@ def test_a_healthy_joint_has_no_backlash_in_any_movement(turn_s):
     found = examine_recording(log, settings_for(LogFormat(turn_period_s=turn_s)), "log").estimate
     assert (found.verdict, found.backlash_rad) == ("no backlash", 0.0)
     assert found.backlash_interval_rad[1] <= 3e-4
+
+
+def test_a_backlash_below_a_twentieth_of_a_milliradian_is_none():
+    rng = np.random.default_rng(1)
+    log = encoder_log(draw_bench(rng), 2e-5, rng)
+    found = examine_recording(log, settings_for(LogFormat(turn_period_s=0.4)), "log").estimate
+    assert found.verdict == "no backlash"
+    assert found.backlash_interval_rad[0] == 0
