@@ -49,7 +49,7 @@ def cross_validation(
         calibrations |= {method: calibrate(known, deltas, method) for method in ("amplitude", "energy", "impact")}
         calibrations |= {"waveform, noisy logs": calibrate(known, deltas, "waveform")}
         calibrations |= {"waveform": default_calibration("waveform")}
-        by_joint = {name: match_joint(log.recording, joint, free).delta_rad for name, free in JOINT_METHODS.items()}
+        by_joint = {name: match_joint(log.recording, joint, free)["delta_rad"] for name, free in JOINT_METHODS.items()}
         return calibrated_answers(log.recording, calibrations) | by_joint
 
     kept = [(*log, record) for log, record in records.items() if log[1] in scored]
@@ -97,7 +97,7 @@ def measured_errors(
     def answers(log: Log) -> dict[str, float]:
         if log.labels["axis"] == "encoder_bits":
             return calibrated_answers(log.recording, of_encoder)
-        return calibrated_answers(log.recording, of_speed) | {"joint": match_joint(log.recording, joint).delta_rad}
+        return calibrated_answers(log.recording, of_speed) | {"joint": match_joint(log.recording, joint)["delta_rad"]}
 
     settings = [(axis, value) for axis, values in sweeps.items() for value in values]
     drawn = product(settings, deltas_rad, range(repeats))
@@ -173,7 +173,7 @@ def errors_after_changes(
     def answers(log: Log) -> dict[str, float]:
         # The commanded speed is known; the sensor refuses a log of another one, here it is measured all the same.
         known = replace(joint, commanded_speed_rps=log.recording.commanded_speed_rps)
-        by_joint = match_joint(log.recording, known, JOINT_METHODS[JOINT_ALL_FREE]).delta_rad
+        by_joint = match_joint(log.recording, known, JOINT_METHODS[JOINT_ALL_FREE])["delta_rad"]
         return calibrated_answers(log.recording, calibrations) | {JOINT_ALL_FREE: by_joint}
 
     changes = [(name, share) for name in names for share in shares if share > 0 or "friction" not in name]
