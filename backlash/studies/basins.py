@@ -1,6 +1,6 @@
 """Where searches end: basins, their rates and landscape; and how often the global fit's interval holds the true A."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -138,26 +138,21 @@ def _percent(name: str, value: float, drawn: FloatArray) -> dict[str, float]:
     return {f"{name}_percent": 100 * value, f"{name}_low_percent": 100 * low, f"{name}_high_percent": 100 * high}
 
 
-def landscape(
-    recording: Recording, protocol: Protocol, X: FloatArray, axes: Mapping[str, Sequence[float]]
-) -> FloatArray:
-    """Misfits [rps] on a slice through X: values of one parameter along columns, of another along rows."""
-    points = np.meshgrid(*axes.values())
-    population = np.tile(X, (points[0].size, 1))
-    for name, values in zip(axes, points, strict=True):
-        population[:, FREE_PARAMETERS.index(name)] = values.ravel()
-    return population_rmse(recording.t, recording.v, population, protocol.timing).reshape(points[0].shape)
-
-
 def landscape_slices(
     recording: Recording, protocol: Protocol, X: FloatArray, points: int = 161
 ) -> list[tuple[FloatArray, FloatArray, FloatArray]]:
-    """Two slices through X for `plots.landscape`: A over t0 in the first turn, and T1 over T2."""
+    """Misfits [rps] on two slices through X for `plots.landscape`: A over t0 in the first turn, and T1 over T2."""
     box = protocol_box(recording, protocol)
     ends = dict(zip(FREE_PARAMETERS, np.linspace(box.lower, box.upper, points, axis=1), strict=True))
     ends["t0_s"] = recording.t[0] + np.linspace(0, protocol.T_f, points)
-    pairs = (("t0_s", "A_rps"), ("T2_s", "T1_s"))
-    return [(ends[a], ends[b], landscape(recording, protocol, X, {a: ends[a], b: ends[b]})) for a, b in pairs]
+    slices = []
+    for columns, rows in (("t0_s", "A_rps"), ("T2_s", "T1_s")):
+        population = np.tile(X, (points, points, 1))
+        population[..., FREE_PARAMETERS.index(columns)] = ends[columns]
+        population[..., FREE_PARAMETERS.index(rows)] = ends[rows][:, None]
+        misfit = population_rmse(recording.t, recording.v, population.reshape(-1, X.size), protocol.timing)
+        slices.append((ends[columns], ends[rows], misfit.reshape(points, points)))
+    return slices
 
 
 def coverage_runs(law: str, half_amplitude_rps: float, runs: int, generator: np.random.Generator) -> pd.DataFrame:
