@@ -30,9 +30,6 @@ _FIRST_FRICTION = (0.0, 0.1, 0.2, 0.3)
 
 def changed(joint: JointParameters, nuisances: Mapping[str, float]) -> JointParameters:
     """Joint with start angle added [rad], friction as a share of gravity's torque, load mass and inertia scaled."""
-    unknown = set(nuisances) - set(NUISANCES)
-    if unknown:
-        raise ValueError(f"no such nuisance: {', '.join(sorted(unknown))}; there are {', '.join(NUISANCES)}")
     load = nuisances.get("load", 1.0)
     return replace(
         joint,
@@ -70,7 +67,6 @@ def _choose_start(joint: JointParameters, target: FloatArray, free: Sequence[str
 
 def match_joint(recording: Recording, joint: JointParameters, free: Sequence[str] = ()) -> dict[str, float]:
     """Find `delta_rad`, and the `free` ones of `NUISANCES`, with which the joint repeats a record's settled turns."""
-    changed(joint, dict.fromkeys(free, 1.0))
     turns, v = settled(recording)
     centred = v - v.mean()
 

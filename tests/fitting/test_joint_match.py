@@ -51,12 +51,6 @@ def test_the_settled_turn_is_the_record_s_third():
     assert turn == pytest.approx(record.v[400:600] - record.v[400:600].mean(), abs=1e-9)
 
 
-def test_no_such_nuisance_is_refused():
-    record = simulate_recordings(JOINT, [9e-4], turns=3)[0]
-    with pytest.raises(ValueError, match="no such nuisance: weather; there are start_angle, friction, load"):
-        match_joint(record, JOINT, ("weather",))
-
-
 @pytest.mark.parametrize("level", [4, 8, 13])
 def test_clean_records_that_the_joint_was_not_identified_from_are_matched_to_a_microradian(authors_data, level):
     # The identified joint misses 1 % of their signal.
