@@ -1,7 +1,7 @@
 """The settled waveform of a record matched by simulating the joint: the backlash, and what else is not known."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from scipy.interpolate import CubicSpline
@@ -28,21 +28,8 @@ _FIRST_LOOK = np.arange(1.0, 42.0, 2.0)
 _FIRST_FRICTION = (0.0, 0.1, 0.2, 0.3)
 
 
-@dataclass(frozen=True)
-class JointMatch:
-    """A record matched by the simulated joint; the 95 % interval holds if the joint is right and the noise white."""
-
-    delta_rad: float
-    interval_rad: tuple[float, float]
-    nuisances: dict[str, float]  # the free ones, as `changed` takes them
-    rmse_rps: float  # misfit to the settled turns
-
-
 def changed(joint: JointParameters, nuisances: Mapping[str, float]) -> JointParameters:
     """Joint with start angle added [rad], friction as a share of gravity's torque, load mass and inertia scaled."""
-    unknown = set(nuisances) - set(NUISANCES)
-    if unknown:
-        raise ValueError(f"no such nuisance: {', '.join(sorted(unknown))}; there are {', '.join(NUISANCES)}")
     load = nuisances.get("load", 1.0)
     return replace(
         joint,
@@ -78,9 +65,8 @@ def _choose_start(joint: JointParameters, target: FloatArray, free: Sequence[str
     return best
 
 
-def match_joint(recording: Recording, joint: JointParameters, free: Sequence[str] = ()) -> JointMatch:
-    """Find backlash, and the `free` ones of `NUISANCES`, with which the joint repeats a record's settled turns."""
-    changed(joint, dict.fromkeys(free, 1.0))
+def match_joint(recording: Recording, joint: JointParameters, free: Sequence[str] = ()) -> dict[str, float]:
+    """Find `delta_rad`, and the `free` ones of `NUISANCES`, with which the joint repeats a record's settled turns."""
     turns, v = settled(recording)
     centred = v - v.mean()
 
@@ -96,12 +82,4 @@ def match_joint(recording: Recording, joint: JointParameters, free: Sequence[str
     scale = [0.1, *(10 * NUISANCES[name][2] for name in free)]
     inside = np.clip(start, np.array(low) + 1e-4, np.array(high) - 1e-4)
     found = least_squares(residual, inside, bounds=(low, high), x_scale=scale, diff_step=1e-3, xtol=1e-7)
-    variance = 2 * found.cost / (turns.size - 2 - len(free)) * np.linalg.pinv(found.jac.T @ found.jac)[0, 0]
-    half_width = float(1.96 * _UNIT_RAD * np.sqrt(variance))
-    delta_rad = float(_UNIT_RAD * found.x[0])
-    return JointMatch(
-        delta_rad,
-        (delta_rad - half_width, delta_rad + half_width),
-        dict(zip(free, found.x[1:].tolist(), strict=True)),
-        float(np.sqrt(2 * found.cost / turns.size)),
-    )
+    return {"delta_rad": float(_UNIT_RAD * found.x[0])} | dict(zip(free, found.x[1:].tolist(), strict=True))

@@ -48,21 +48,13 @@ def _energy(recording: Recording, fit: GlobalFit) -> tuple[float, tuple[float, f
     return rms, (max(rms - half_width, 0.0), rms + half_width)
 
 
-def _impact(recording: Recording, fit: GlobalFit) -> tuple[float, tuple[float, float]]:
-    """First instant t0 of the oscillation within half a turn [s], and the interval of half a turn in white noise."""
-    A, t0, tau, omega = fit.X[:4]
-    oscillations = 2 * (recording.t[-1] - recording.t[0]) / fit.turn_period_s
-    deviation = fit.rmse * np.sqrt(4 * tau * recording.sample_s / oscillations) / (abs(A) * omega)
-    value = float(t0 % (fit.turn_period_s / 2))
-    return value, (value - 1.96 * deviation, value + 1.96 * deviation)
-
-
 def read(
     recording: Recording, method: str, bank: WaveformBank | None = None, repeats: int = 30, seed: int = 1
 ) -> Reading:
     """Value that a method reads off a record; "waveform" needs a bank, "paper" runs `repeats` searches from `seed` on.
 
-    "impact" needs records that all start at the same angle of the load.
+    "impact", the first instant of the oscillation within half a turn, needs records that all start at the same angle of
+    the load; it has no interval.
     """
     if method not in (*METHODS, "impact") or (method == "waveform") != (bank is not None):
         raise ValueError(f"method {method!r}: there are {', '.join(METHODS)}, and waveform alone needs a bank")
@@ -89,7 +81,8 @@ def reading_of_fit(
     elif method == "energy":
         value, interval = _energy(recording, fit)
     elif method == "impact":
-        value, interval = _impact(recording, fit)
+        value = float(fit.X[1] % (fit.turn_period_s / 2))
+        interval = value, value
     elif bank is None:
         raise ValueError("waveform needs a bank")
     else:

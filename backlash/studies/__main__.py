@@ -15,13 +15,8 @@ def main(arguments: list[str] | None = None) -> int:
     """Run one study."""
     parser = OneLineParser(prog="python -m backlash.studies", description=__doc__)
     commands = parser.add_subparsers(required=True, metavar="COMMAND", dest="command_name")
-    for name, text in {
-        "calibrations": "the sensor's default calibrations anew, into backlash/data/default_calibrations.json",
-        "claims": "the slow studies behind claims, into results/optimizers.csv and results/alpha_refit.csv",
-        "scoreboard": "score every method, into results/scoreboard.csv",
-        "population": "every method on joints that nobody calibrated, into population_logs.csv and datasheet.csv",
-    }.items():
-        add_command(commands, name, _HERE, text)
+    for run in (run_calibrations, run_claims, run_scoreboard, run_population):
+        add_command(commands, run.__name__.removeprefix("run_"), _HERE, run.__doc__ or "")
     runs = add_command(commands, "protocols", _HERE, "runs of every candidate protocol, into protocol_runs.csv")
     runs.add_argument("--jobs", type=int, default=2, help="processes (default: 2)")
     score = add_command(commands, "score", _HERE, "score your own method on the scoreboard's logs")
@@ -30,7 +25,7 @@ def main(arguments: list[str] | None = None) -> int:
 
 
 def run_calibrations(_: argparse.Namespace) -> int:
-    """Compute the sensor's default calibrations anew."""
+    """The sensor's default calibrations anew, into backlash/data/default_calibrations.json."""
     from backlash.calibration import default_calibrations_text
 
     files.write_text(_DATA / "default_calibrations.json", default_calibrations_text())
@@ -38,7 +33,7 @@ def run_calibrations(_: argparse.Namespace) -> int:
 
 
 def run_claims(_: argparse.Namespace) -> int:
-    """Run the slow studies behind claims."""
+    """The slow studies behind claims, into results/optimizers.csv and results/alpha_refit.csv."""
     from backlash.studies import optimizers
     from replication.simulator import edge
 
@@ -53,7 +48,7 @@ def run_claims(_: argparse.Namespace) -> int:
 
 
 def run_scoreboard(_: argparse.Namespace) -> int:
-    """Score every method."""
+    """Score every method, into results/scoreboard.csv."""
     from backlash.studies import scoreboard
 
     scores = scoreboard.score_all()
@@ -65,7 +60,7 @@ def run_scoreboard(_: argparse.Namespace) -> int:
 
 
 def run_population(_: argparse.Namespace) -> int:
-    """Measure every method on joints that nobody calibrated."""
+    """Every method on joints that nobody calibrated, into results/population_logs.csv."""
     from backlash.studies import benchmark, population
 
     drawn = population.measure_population(*population.SPREAD_STUDY)

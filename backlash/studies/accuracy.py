@@ -49,7 +49,7 @@ def cross_validation(
         calibrations |= {method: calibrate(known, deltas, method) for method in ("amplitude", "energy", "impact")}
         calibrations |= {"waveform, noisy logs": calibrate(known, deltas, "waveform")}
         calibrations |= {"waveform": default_calibration("waveform")}
-        by_joint = {name: match_joint(log.recording, joint, free).delta_rad for name, free in JOINT_METHODS.items()}
+        by_joint = {name: match_joint(log.recording, joint, free)["delta_rad"] for name, free in JOINT_METHODS.items()}
         return calibrated_answers(log.recording, calibrations) | by_joint
 
     kept = [(*log, record) for log, record in records.items() if log[1] in scored]
@@ -97,7 +97,7 @@ def measured_errors(
     def answers(log: Log) -> dict[str, float]:
         if log.labels["axis"] == "encoder_bits":
             return calibrated_answers(log.recording, of_encoder)
-        return calibrated_answers(log.recording, of_speed) | {"joint": match_joint(log.recording, joint).delta_rad}
+        return calibrated_answers(log.recording, of_speed) | {"joint": match_joint(log.recording, joint)["delta_rad"]}
 
     settings = [(axis, value) for axis, values in sweeps.items() for value in values]
     drawn = product(settings, deltas_rad, range(repeats))
@@ -106,19 +106,10 @@ def measured_errors(
     for name, start_is_free in BOUNDS.items():
         slopes = [waveform_slopes(joint, delta, start_is_free) for delta in deltas_rad]
         for axis, value in settings:
-            errors = [_bound_rad(slope, joint.turn_period_s, USUAL | {axis: value}) for slope in slopes]
+            errors = [bound_rad(slope, joint.turn_period_s, USUAL | {axis: value}) for slope in slopes]
             bounds.append(pd.DataFrame({"axis": axis, "value": value, "method": name, "error_rad": errors}))
     rows = pd.concat([logs_by_methods(logs, answers), *bounds])
     return benchmark.summarise_errors(rows, ("axis", "value", "method"))[["axis", "value", "method", "rmse_rad"]]
-
-
-def _bound_rad(slopes: FloatArray, turn_s: float, settings: Mapping[str, float]) -> float:
-    turns = max(int(settings["turns"]) - 1, 1)
-    if settings["encoder_bits"]:
-        bits = int(settings["encoder_bits"])
-        return encoder_bound_rad(slopes, turn_s, bits, settings["sampling_hz"], turns)
-    noise_sd = settings["noise_half_amplitude_rps"] / np.sqrt(3)
-    return speed_bound_rad(slopes, turn_s, noise_sd, settings["sampling_hz"], turns)
 
 
 def noise_bound_rad(joint: JointParameters, levels: Sequence[int]) -> pd.DataFrame:
@@ -129,7 +120,7 @@ def noise_bound_rad(joint: JointParameters, levels: Sequence[int]) -> pd.DataFra
         for level in levels:
             slopes = waveform_slopes(joint, level_delta_rad(level), start_is_free)
             settings = USUAL | {"noise_half_amplitude_rps": noise[level - 2]}
-            bounds.append(_bound_rad(slopes, joint.turn_period_s, settings))
+            bounds.append(bound_rad(slopes, joint.turn_period_s, settings))
         rows.append((name.removeprefix("bound, start "), np.sqrt(2 / np.pi) * np.mean(bounds)))
     return pd.DataFrame(rows, columns=["start", "mean_abs_error_rad"])
 
@@ -173,7 +164,7 @@ def errors_after_changes(
     def answers(log: Log) -> dict[str, float]:
         # The commanded speed is known; the sensor refuses a log of another one, here it is measured all the same.
         known = replace(joint, commanded_speed_rps=log.recording.commanded_speed_rps)
-        by_joint = match_joint(log.recording, known, JOINT_METHODS[JOINT_ALL_FREE]).delta_rad
+        by_joint = match_joint(log.recording, known, JOINT_METHODS[JOINT_ALL_FREE])["delta_rad"]
         return calibrated_answers(log.recording, calibrations) | {JOINT_ALL_FREE: by_joint}
 
     changes = [(name, share) for name in names for share in shares if share > 0 or "friction" not in name]
@@ -226,21 +217,19 @@ def cramer_rao_sd(slopes: FloatArray, noise_sd: float) -> float:
     return float(noise_sd * np.sqrt(inverse[0, 0]) / scale[0])
 
 
-def speed_bound_rad(slopes: FloatArray, turn_s: float, noise_sd_rps: float, sampling_hz: float, turns: int) -> float:
-    """Least SD of an unbiased backlash from settled speed samples in white Gaussian noise."""
-    phase = np.arange(round(turns * turn_s * sampling_hz)) / (turn_s * sampling_hz) % 1.0
-    grid = np.arange(slopes.shape[1]) / slopes.shape[1]
-    return cramer_rao_sd(np.array([np.interp(phase, grid, slope, period=1.0) for slope in slopes]), noise_sd_rps)
+def bound_rad(slopes: FloatArray, turn_s: float, settings: Mapping[str, float]) -> float:
+    """Least SD of an unbiased backlash from a log with `settings`, its first turn left out.
 
-
-def encoder_bound_rad(slopes: FloatArray, turn_s: float, bits: int, sampling_hz: float, turns: int) -> float:
-    """Least SD of an unbiased backlash from an encoder's positions, their rounding taken for white noise."""
-    t = np.arange(round(turns * turn_s * sampling_hz)) / sampling_hz
-    dt = turn_s / slopes.shape[1]
-    grid = np.arange(slopes.shape[1]) * dt
-    swing = [np.cumsum(slope - slope.mean()) * dt for slope in slopes]
-    columns = [np.interp(t, grid, position, period=turn_s) for position in swing]
-    return cramer_rao_sd(np.array([*columns, t - t.mean()]), 2.0**-bits / np.sqrt(12))
+    In the speed's noise, taken for white; with an encoder in the rounding of its positions, taken for white noise.
+    """
+    turns, rate, phases = max(int(settings["turns"]) - 1, 1), settings["sampling_hz"], slopes.shape[1]
+    t, drift = np.arange(round(turns * turn_s * rate)) / rate, []
+    noise_sd = settings["noise_half_amplitude_rps"] / np.sqrt(3)
+    if settings["encoder_bits"]:
+        slopes = np.cumsum(slopes - slopes.mean(axis=1, keepdims=True), axis=1) * turn_s / phases
+        noise_sd, drift = 2.0 ** -settings["encoder_bits"] / np.sqrt(12), [t - t.mean()]
+    grid = np.arange(phases) * turn_s / phases
+    return cramer_rao_sd(np.array([*(np.interp(t, grid, slope, period=turn_s) for slope in slopes), *drift]), noise_sd)
 
 
 def noisy_energy(clean: Recording, half_amplitude_rps: float, seeds: Iterable[int]) -> FloatArray:

@@ -1,6 +1,6 @@
 """Where searches end: basins, their rates and landscape; and how often the global fit's interval holds the true A."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -28,13 +28,10 @@ _LEAST, _LARGEST = (0.3, 0.002, 10, 100, 0.002, 0.1), (1.5, 0.15, 25, 170, 0.02,
 def label_basins(rmse: FloatArray, window_start_s: FloatArray) -> NDArray[np.int64]:
     """Number the basins of runs, lowest misfit first: `table2.basin_labels`, split where windows start apart."""
     by_misfit = basin_labels(rmse)
-    labels, following = np.empty(by_misfit.size, dtype=np.int64), 0
-    for label in range(by_misfit.max() + 1):
-        members = np.flatnonzero(by_misfit == label)
-        members = members[np.argsort(window_start_s[members], kind="stable")]
-        part = np.r_[0, np.cumsum(np.diff(window_start_s[members]) > START_GAP_S)]
-        labels[members] = following + part
-        following += part[-1] + 1
+    order = np.lexsort((window_start_s, by_misfit))
+    is_next = (np.diff(by_misfit[order]) > 0) | (np.diff(window_start_s[order]) > START_GAP_S)
+    labels = np.empty(by_misfit.size, dtype=np.int64)
+    labels[order] = np.r_[0, np.cumsum(is_next)]
     return labels
 
 
@@ -56,22 +53,15 @@ def basin_table(runs: pd.DataFrame) -> pd.DataFrame:
 
 def compare_basins(stored: pd.DataFrame, ours: pd.DataFrame) -> pd.DataFrame:
     """Rates of the stored runs' basins in two sets of runs, and Fisher's p; the last row is elsewhere."""
-    sets, rows = {"stored": stored, "ours": ours}, []
-    elsewhere = {name: len(runs) for name, runs in sets.items()}
-    for misfit in basin_table(stored)["rmse_rps"]:
-        hits = {name: int(((runs["rmse_rps"] / misfit - 1).abs() < BASIN_GAP).sum()) for name, runs in sets.items()}
-        elsewhere = {name: elsewhere[name] - hits[name] for name in sets}
-        rows.append({"rmse_rps": misfit} | _compare_rates(hits, sets))
-    return pd.DataFrame([*rows, {"rmse_rps": np.nan} | _compare_rates(elsewhere, sets)])
-
-
-def _compare_rates(hits: Mapping[str, int], sets: Mapping[str, pd.DataFrame]) -> dict[str, float]:
-    row: dict[str, float] = {}
-    for name, runs in sets.items():
-        rates = rate_columns(hits[name], len(runs))
-        row |= {f"runs_{name}": hits[name]} | {f"{column}_{name}": rate for column, rate in rates.items()}
-    table = [[hits[name], len(runs) - hits[name]] for name, runs in sets.items()]
-    return row | {"p_same": stats.fisher_exact(table).pvalue}
+    misfits = basin_table(stored)["rmse_rps"]
+    table, counts = pd.DataFrame({"rmse_rps": [*misfits, np.nan]}), []
+    for name, runs in (("stored", stored), ("ours", ours)):
+        hits = [int(((runs["rmse_rps"] / misfit - 1).abs() < BASIN_GAP).sum()) for misfit in misfits]
+        hits.append(len(runs) - sum(hits))
+        rates = pd.DataFrame([{"runs": count} | rate_columns(count, len(runs)) for count in hits])
+        table = table.join(rates.add_suffix(f"_{name}"))
+        counts.append([(count, len(runs) - count) for count in hits])
+    return table.assign(p_same=[stats.fisher_exact(pair).pvalue for pair in zip(*counts, strict=True)])
 
 
 def compare_searches(sets: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
@@ -112,9 +102,8 @@ def _shift(name: str, pairs: list[tuple[pd.Series, pd.Series]], generator: np.ra
     if not pairs:
         return _percent(name, np.nan, np.array([np.nan]))
     shift = np.mean([after.mean() / before.mean() - 1 for before, after in pairs])
-    ratios = [_means(after, after.size, generator) / _means(before, before.size, generator) for before, after in pairs]
-    drawn = np.array(ratios) - 1
-    return _percent(name, shift, np.mean(drawn, axis=0))
+    drawn = [_means(after, after.size, generator) / _means(before, before.size, generator) for before, after in pairs]
+    return _percent(name, shift, np.mean(np.array(drawn) - 1, axis=0))
 
 
 def _apart(pairs: list[tuple[pd.Series, pd.Series]], generator: np.random.Generator) -> dict:
@@ -138,26 +127,21 @@ def _percent(name: str, value: float, drawn: FloatArray) -> dict[str, float]:
     return {f"{name}_percent": 100 * value, f"{name}_low_percent": 100 * low, f"{name}_high_percent": 100 * high}
 
 
-def landscape(
-    recording: Recording, protocol: Protocol, X: FloatArray, axes: Mapping[str, Sequence[float]]
-) -> FloatArray:
-    """Misfits [rps] on a slice through X: values of one parameter along columns, of another along rows."""
-    points = np.meshgrid(*axes.values())
-    population = np.tile(X, (points[0].size, 1))
-    for name, values in zip(axes, points, strict=True):
-        population[:, FREE_PARAMETERS.index(name)] = values.ravel()
-    return population_rmse(recording.t, recording.v, population, protocol.timing).reshape(points[0].shape)
-
-
 def landscape_slices(
     recording: Recording, protocol: Protocol, X: FloatArray, points: int = 161
 ) -> list[tuple[FloatArray, FloatArray, FloatArray]]:
-    """Two slices through X for `plots.landscape`: A over t0 in the first turn, and T1 over T2."""
+    """Misfits [rps] on two slices through X for `plots.landscape`: A over t0 in the first turn, and T1 over T2."""
     box = protocol_box(recording, protocol)
     ends = dict(zip(FREE_PARAMETERS, np.linspace(box.lower, box.upper, points, axis=1), strict=True))
     ends["t0_s"] = recording.t[0] + np.linspace(0, protocol.T_f, points)
-    pairs = (("t0_s", "A_rps"), ("T2_s", "T1_s"))
-    return [(ends[a], ends[b], landscape(recording, protocol, X, {a: ends[a], b: ends[b]})) for a, b in pairs]
+    slices = []
+    for columns, rows in (("t0_s", "A_rps"), ("T2_s", "T1_s")):
+        population = np.tile(X, (points, points, 1))
+        population[..., FREE_PARAMETERS.index(columns)] = ends[columns]
+        population[..., FREE_PARAMETERS.index(rows)] = ends[rows][:, None]
+        misfit = population_rmse(recording.t, recording.v, population.reshape(-1, X.size), protocol.timing)
+        slices.append((ends[columns], ends[rows], misfit.reshape(points, points)))
+    return slices
 
 
 def coverage_runs(law: str, half_amplitude_rps: float, runs: int, generator: np.random.Generator) -> pd.DataFrame:

@@ -1,7 +1,6 @@
 """Plots of what goes past the paper: data frames and arrays in, a matplotlib figure out."""
 
 from collections.abc import Mapping, Sequence
-from itertools import cycle
 
 import numpy as np
 import pandas as pd
@@ -78,9 +77,6 @@ def amplitude_intervals(table: pd.DataFrame) -> Figure:
     return figure
 
 
-_MILLI = 1e3
-
-
 def _arms(table: pd.DataFrame, name: str) -> FloatArray:
     """Arms of a rate's error bars, shape (2, rows)."""
     return np.abs(table[[f"{name}_low", f"{name}_high"]].to_numpy().T - table[name].to_numpy())
@@ -143,8 +139,7 @@ def error_limits(table: pd.DataFrame, axes_labels: Mapping[str, str]) -> Figure:
 def detection_curves(tables: Sequence[pd.DataFrame], limits_rad: Sequence[float]) -> Figure:
     """Show the share of records that are seen to have backlash, and what a filter that knows the waveform would see."""
     figure, ((axis,),) = grid(figsize=(8.0, 4.2))
-    styles = cycle(zip((BLUE, ORANGE, PINK, INK), "os^D", strict=True))
-    for table, limit, (colour, marker) in zip(tables, limits_rad, styles, strict=False):
+    for table, limit, colour, marker in zip(tables, limits_rad, (BLUE, ORANGE, PINK, INK), "os^D", strict=False):
         noise = table["noise_half_amplitude_rps"].iloc[0]
         style = {"color": colour, "marker": marker, "capsize": 3, "label": f"noise of {noise:g} rps"}
         axis.errorbar(1e4 * table["delta_rad"], table["seen"], _arms(table, "seen"), **style)
@@ -208,13 +203,13 @@ def population_errors(rows: pd.DataFrame, populations: dict[str, str]) -> Figure
     figure, axes = grid(1, len(populations), figsize=(5.0 * len(populations), 4.2))
     for axis, (population, title) in zip(axes[0], populations.items(), strict=True):
         part = rows[(rows["population"] == population) & (rows["method"] == "self") & ~rows["refused"]]
-        error = _MILLI * (part["found_rad"] - part["delta_rad"])
-        half = _MILLI * (part["high_rad"] - part["found_rad"])
+        error = 1e3 * (part["found_rad"] - part["delta_rad"])
+        half = 1e3 * (part["high_rad"] - part["found_rad"])
         held = error.abs() <= half
         for kept, colour, label in ((held, BLUE, "interval holds the truth"), (~held, ORANGE, "does not")):
             style = {"fmt": "o", "markersize": 3, "linewidth": 0.7, "color": colour}
             label = f"{label} ({int(kept.sum())})"
-            axis.errorbar(_MILLI * part["delta_rad"][kept], error[kept], half[kept], label=label, **style)
+            axis.errorbar(1e3 * part["delta_rad"][kept], error[kept], half[kept], label=label, **style)
         axis.axhline(0, color=INK, linewidth=0.8)
         axis.set(xlabel="true backlash [mrad]", ylabel="error [mrad]", title=title)
         axis.legend(fontsize=8, frameon=True, framealpha=0.9)
@@ -243,7 +238,7 @@ def posterior_calibration(rows: pd.DataFrame, populations: dict[str, str]) -> Fi
 def backlash_profile(rows: pd.DataFrame) -> Figure:
     """Signed root of chi squared over the backlash, and Laplace's approximation of it."""
     figure, ((axis,),) = grid(figsize=(6.0, 4.2))
-    delta = _MILLI * rows["delta_rad"]
+    delta = 1e3 * rows["delta_rad"]
     root = np.sign(rows["deviation"]) * np.sqrt(rows["chi2"].clip(lower=0))
     axis.plot(delta, rows["deviation"], color=INK, linewidth=0.8, label="Laplace's approximation")
     axis.plot(delta, root, "o-", markersize=3, color=BLUE, label="all else fitted anew")

@@ -101,7 +101,7 @@ def _calibrated(method: str, recording: Recording) -> float:
 
 
 def _by_joint(method: str, recording: Recording) -> float:
-    return match_joint(recording, identified_joint(), JOINT_METHODS[method]).delta_rad
+    return match_joint(recording, identified_joint(), JOINT_METHODS[method])["delta_rad"]
 
 
 def peak_to_peak(recording: Recording) -> float:

@@ -63,7 +63,7 @@ record = simulate_recordings(changed_joint, [delta_rad])[0]
 calibrations = {name: default_calibration(name) for name in ("amplitude", "energy", "waveform")}
 calibrations |= {"equation 10": default_calibration("paper")}
 answers_rad = calibrated_answers(record, calibrations)
-answers_rad[JOINT_ALL_FREE] = match_joint(record, joint, tuple(NUISANCES)).delta_rad
+answers_rad[JOINT_ALL_FREE] = match_joint(record, joint, tuple(NUISANCES))["delta_rad"]
 one = pd.DataFrame(answers_rad.items(), columns=["method", "backlash_rad"])
 one["error_rad"] = one["backlash_rad"] - delta_rad
 one

@@ -100,13 +100,15 @@ def test_a_search_stops_at_its_target(made_record):
 
 
 def test_a_landscape_holds_the_misfit_of_each_point(made_record):
-    axes = {"A_rps": [-0.6, 0.1], "t0_s": [0.0125, 0.1, 0.3]}
-    grid = basins.landscape(made_record, Protocol(), TRUE_X, axes)
-    assert grid.shape == (3, 2)
-    X = TRUE_X.copy()
-    X[[0, FREE_PARAMETERS.index("t0_s")]] = 0.1, 0.3
-    assert grid[2, 1] == pytest.approx(rmse(made_record.t, made_record.v, X, Protocol().timing), rel=1e-12)
-    assert grid.argmin() == 0
+    for names, (columns, rows, grid) in zip(
+        (("t0_s", "A_rps"), ("T2_s", "T1_s")),
+        basins.landscape_slices(made_record, Protocol(), TRUE_X, points=5),
+        strict=True,
+    ):
+        X = TRUE_X.copy()
+        X[[FREE_PARAMETERS.index(name) for name in names]] = columns[3], rows[1]
+        assert grid.shape == (5, 5)
+        assert grid[1, 3] == pytest.approx(rmse(made_record.t, made_record.v, X, Protocol().timing), rel=1e-12)
 
 
 def test_the_reference_fit_samples_like_the_fast_one(made_record):

@@ -5,13 +5,12 @@ import pytest
 from backlash.fitting.joint_match import match_joint
 from backlash.studies.accuracy import (
     USUAL,
+    bound_rad,
     detection_rates,
-    encoder_bound_rad,
     matched_filter_delta_rad,
     measured_errors,
     noise_bound_rad,
     smallest_seen_rad,
-    speed_bound_rad,
     waveform_slopes,
 )
 from replication.datasets import add_uniform_noise
@@ -26,22 +25,31 @@ def sine_slopes(size=1.0):
     return size * np.sin(2 * np.pi * np.arange(800) / 800)[None, :]
 
 
+def usual(**changed):
+    """Settings of a log with the noise's SD in place of its half-amplitude."""
+    half_amplitude = np.sqrt(3) * changed.pop("noise_sd", 0.06)
+    return USUAL | {"noise_half_amplitude_rps": half_amplitude} | changed
+
+
 def test_the_bound_of_a_sine_s_size_is_the_textbook_s():
     # var = 2 sigma^2 / n for the amplitude of a sine in n samples.
-    bound = speed_bound_rad(sine_slopes(), 0.4, 0.1, 500.0, 10)
+    bound = bound_rad(sine_slopes(), 0.4, usual(noise_sd=0.1, turns=11))
     assert bound == pytest.approx(0.1 * np.sqrt(2 / 2000), rel=1e-9)
 
 
 def test_the_bound_falls_with_the_root_of_samples_and_turns_and_grows_with_the_noise():
     slopes = waveform_slopes(JOINT, 9e-4, True)
-    usual = speed_bound_rad(slopes, JOINT.turn_period_s, 0.06, 500.0, 11)
-    assert speed_bound_rad(slopes, JOINT.turn_period_s, 0.12, 500.0, 11) == pytest.approx(2 * usual)
-    assert speed_bound_rad(slopes, JOINT.turn_period_s, 0.06, 500.0, 44) == pytest.approx(usual / 2)
-    assert speed_bound_rad(slopes, JOINT.turn_period_s, 0.06, 2000.0, 11) == pytest.approx(usual / 2, rel=0.02)
+    bounds = [
+        bound_rad(slopes, JOINT.turn_period_s, usual(**changed))
+        for changed in ({}, {"noise_sd": 0.12}, {"turns": 45}, {"sampling_hz": 2000.0})
+    ]
+    assert bounds[1] == pytest.approx(2 * bounds[0])
+    assert bounds[2] == pytest.approx(bounds[0] / 2)
+    assert bounds[3] == pytest.approx(bounds[0] / 2, rel=0.02)
 
 
 def test_an_encoder_s_bound_halves_with_each_bit_and_is_the_sine_s_in_position():
-    bounds = [encoder_bound_rad(sine_slopes(), 0.4, bits, 500.0, 10) for bits in (10, 11)]
+    bounds = [bound_rad(sine_slopes(), 0.4, usual(encoder_bits=bits, turns=11)) for bits in (10, 11)]
     assert bounds[0] == pytest.approx(2 * bounds[1])
     swing = 0.4 / (2 * np.pi)  # a speed of 1 rps swings the position by T / (2 pi) turns
     # An unknown slope over whole turns takes a little of a sine away.
@@ -49,9 +57,7 @@ def test_an_encoder_s_bound_halves_with_each_bit_and_is_the_sine_s_in_position()
 
 
 def test_an_unknown_start_widens_the_bound():
-    known, unknown = (
-        speed_bound_rad(waveform_slopes(JOINT, 9e-4, free), 0.4, 0.06, 500.0, 11) for free in (False, True)
-    )
+    known, unknown = (bound_rad(waveform_slopes(JOINT, 9e-4, free), 0.4, usual()) for free in (False, True))
     assert unknown > 1.5 * known
 
 
@@ -59,10 +65,10 @@ def test_an_unknown_start_widens_the_bound():
 def test_the_matched_joint_scatters_as_the_bound_says():
     clean = simulate_recordings(JOINT, [9e-4])[0]
     errors = [
-        match_joint(add_uniform_noise(clean, 0.15, np.random.default_rng(seed)), JOINT).delta_rad - 9e-4
+        match_joint(add_uniform_noise(clean, 0.15, np.random.default_rng(seed)), JOINT)["delta_rad"] - 9e-4
         for seed in range(20)
     ]
-    bound = speed_bound_rad(waveform_slopes(JOINT, 9e-4, False), 0.4, 0.15 / np.sqrt(3), 500.0, 11)
+    bound = bound_rad(waveform_slopes(JOINT, 9e-4, False), 0.4, USUAL | {"noise_half_amplitude_rps": 0.15})
     # 20 errors know their RMS to 16 %; three of these.
     assert 0.52 < np.sqrt(np.mean(np.square(errors))) / bound < 1.48
 
@@ -99,8 +105,7 @@ def test_measured_errors_stand_beside_the_bounds_of_the_same_settings():
     }  # fmt: skip
     bound = table.set_index(["axis", "method"])["rmse_rad"]["turns", "bound, start known"]
     slopes = waveform_slopes(JOINT, 9e-4, False)
-    noise_sd = USUAL["noise_half_amplitude_rps"] / np.sqrt(3)
-    assert bound == pytest.approx(speed_bound_rad(slopes, JOINT.turn_period_s, noise_sd, 500.0, 3))
+    assert bound == pytest.approx(bound_rad(slopes, JOINT.turn_period_s, USUAL | {"turns": 4}))
 
 
 def test_the_bound_on_the_authors_noise_is_larger_with_a_free_start():
