@@ -42,6 +42,8 @@ _LEAST_INFORMATION = 0.05
 # What is left over beyond the residual that noise alone exceeds in one log of ten may lie along the backlash too.
 _LARGE_RESIDUAL = 0.1
 NORMAL_95 = 1.96
+# Between these frequencies joints of the paper's kind ring; noise that is more than so many times that below peaks there.
+_BELOW_RING_HZ, _ABOVE_RING_HZ, _MOST_BUMP = 12.0, 45.0, 2.0
 # Peaks further apart than this many of their SDs are separate; what is less probable than this is no answer.
 _APART_SDS, _LEAST_GROUP = 3.0, 0.05
 # Low-passes that the noise is compared with, and what that may count: the drive's loops colour noise too.
@@ -175,9 +177,9 @@ def _result(
     if not (converged and peak.converged and np.isfinite(misfit) and np.isfinite(sd)):
         refusal = "the search for the joint does not end"
     else:
-        ring_noise_ratio = harmonics.ring_noise_ratio / _low_pass_gain(problem, found)
+        ring_noise_ratio = harmonics.ring_noise_ratio / _low_pass_gain(problem, harmonics, found)
         residual_p = float(chdtrc(freedom, chi2 / model_error))
-        ring_noise_ratio = harmonics.ring_noise_ratio / _low_pass_gain(problem, found)
+        ring_noise_ratio = harmonics.ring_noise_ratio / _low_pass_gain(problem, harmonics, found)
         residual_p = float(chdtrc(freedom, chi2 / model_error))
         drive_p, joint_p = (_prior_p(peak, scatter, known) for known in (_DRIVE, _JOINT))
         refusal = _refusal_reason(residual_p, ring_noise_ratio, drive_p, joint_p, second)
@@ -235,8 +237,15 @@ def _low_pass_log_odds(harmonics: TurnHarmonics, turn_period_s: float) -> float:
     return float(np.clip(gain.max(), 0.0, _MOST_LOG_ODDS))
 
 
-def _low_pass_gain(problem: Problem, found: Sequence[WeightedPeak]) -> float:
-    """White noise in the ring's band over that above it, after as strong a low-pass as the log allows."""
+def _low_pass_gain(problem: Problem, harmonics: TurnHarmonics, found: Sequence[WeightedPeak]) -> float:
+    """White noise in the ring's band over that above it, after as strong a low-pass as the log allows.
+
+    Noise that peaks in the band is a drive that hardly damps: no low-pass.
+    """
+    noise, all_hz = harmonics.sd**2, harmonics.order / problem.movement.turn_period_s
+    below, within = all_hz < _BELOW_RING_HZ, (all_hz >= _BELOW_RING_HZ) & (all_hz < _ABOVE_RING_HZ)
+    if not below.any() or noise[within].mean() > _MOST_BUMP * noise[below].mean():
+        return 1.0
     low_passed = [peak for _, peak in found if peak.covariance[LOW_PASS_INDEX, LOW_PASS_INDEX] > 1e-4]
     best = max(low_passed, key=lambda peak: peak.evidence, default=None)
     if best is None or not np.isfinite(best.evidence):
