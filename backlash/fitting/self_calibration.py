@@ -42,7 +42,7 @@ _LEAST_INFORMATION = 0.05
 # What is left over beyond the residual that noise alone exceeds in one log of ten may lie along the backlash too.
 _LARGE_RESIDUAL = 0.1
 NORMAL_95 = 1.96
-# Between these frequencies joints of the paper's kind ring; noise that is more than so many times that below peaks there.
+# Between these frequencies joints of this kind ring; noise that is more than so many times that below peaks there.
 _BELOW_RING_HZ, _ABOVE_RING_HZ, _MOST_BUMP = 12.0, 45.0, 2.0
 # Peaks further apart than this many of their SDs are separate; what is less probable than this is no answer.
 _APART_SDS, _LEAST_GROUP = 3.0, 0.05
