@@ -87,8 +87,9 @@ portable: .venv/.installed  ## the tests that compute, and the cheap notebooks' 
 data: .venv/.installed  ## fetch and verify the authors' data
 	$(RUN) data
 
-lab: .venv/.installed  ## JupyterLab on the notebooks
-	$(PY) -m jupyterlab notebooks
+lab: .venv/.installed  ## JupyterLab on copies of the notebooks, in lab/
+	$(RUN) lab
+	JUPYTERLAB_SETTINGS_DIR=lab/.settings $(PY) -m jupyterlab --ServerApp.root_dir=lab --LabApp.default_url=/lab/tree/00_start_here.ipynb
 
 lint: .venv/.installed  ## style, format, types and spelling
 	$(PY) -m ruff check .

@@ -15,6 +15,7 @@ _COMMANDS = {
     "readme": (_REPORT, "write the results' numbers into README.md"),
     "show": (_REPORT, "a cell, an element or a claim: printed, ours, verdict and why"),
     "diff": (_REPORT, "cells and claims whose value or verdict is not the last commit's"),
+    "lab": (_WORKBOOK, "copy the notebooks to lab/, to change and run them there"),
     "data": (_WORKBOOK, "fetch and verify the authors' data"),
     "identify-joint": (_WORKBOOK, "identify the simulated joint anew, into data/joint.json"),
 }

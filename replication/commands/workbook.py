@@ -1,4 +1,4 @@
-"""What the workbook's commands do: run, collect, data, identify-joint."""
+"""What the workbook's commands do: run, collect, lab, data, identify-joint."""
 
 import argparse
 import sys
@@ -30,6 +30,15 @@ def run_run(options: argparse.Namespace) -> int:
 def run_collect(options: argparse.Namespace) -> int:
     """Collect the outcomes of a run."""
     provenance.collect(results_folder(options.quick))
+    return 0
+
+
+def run_lab(_: argparse.Namespace) -> int:
+    """Copy the notebooks for JupyterLab."""
+    from replication.workbook.lab import LAB, copy_notebooks
+
+    for copy in copy_notebooks():
+        print(f"{copy.relative_to(LAB.parent)} is kept as you left it; delete it for a new copy")
     return 0
 
 

@@ -1,5 +1,6 @@
 """Every executed notebook as a page that a browser shows as it is: no script, no network, light, and linked."""
 
+import ast
 import base64
 import html
 import re
@@ -77,17 +78,38 @@ def cell_anchors(cells: Sequence[nbformat.NotebookNode]) -> list[str]:
 
 
 def _page_cells(cells: Sequence[nbformat.NotebookNode], pictures: list[Picture]) -> Iterator[dict]:
-    """A notebook's cells as HTML; an exported figure stands under the cell that exports it."""
+    """A notebook's cells as HTML, without those that export; an exported figure stands under the cell that draws it."""
     highlight = Highlight2HTML(pygments_lexer="python3")
-    for cell, anchor in zip(cells, cell_anchors(cells), strict=True):
+    drawn = drawing_cells(cells)
+    for position, (cell, anchor) in enumerate(zip(cells, cell_anchors(cells), strict=True)):
+        tags = cell.metadata.get("tags", [])
         if cell.cell_type == "markdown":
             yield {"anchor": anchor, "kind": "markdown", "body": render_markdown(cell.source)}
-        elif cell.cell_type == "code":
-            exports = "save_figure(" in cell.source
-            own = [picture for picture in pictures if exports and f'"{picture.name}"' in cell.source]
+        elif cell.cell_type == "code" and "plumbing" not in tags:
+            own = [picture for picture in pictures if drawn.get(picture.name) == position]
             outputs = list(filter(None, (_render_output(output, bool(own)) for output in cell.outputs)))
-            body = highlight(cell.source)
-            yield {"anchor": anchor, "kind": "code", "body": body, "outputs": outputs, "pictures": own}
+            kind = "solution" if "solution" in tags else "code"
+            yield {"anchor": anchor, "kind": kind, "body": highlight(cell.source), "outputs": outputs, "pictures": own}
+
+
+def drawing_cells(cells: Sequence[nbformat.NotebookNode]) -> dict[str, int]:
+    """Position of the last cell that assigns each figure that the closing cell exports, by the exported name."""
+    trees = [ast.parse(cell.source if cell.cell_type == "code" else "") for cell in cells]
+    assigned = {
+        node.id: position
+        for position, tree in enumerate(trees)
+        for node in ast.walk(tree)
+        if isinstance(node, ast.Name) and isinstance(node.ctx, ast.Store)
+    }
+    exported = [
+        (key.value, value.elts[0].id)
+        for tree in trees
+        for node in ast.walk(tree)
+        if isinstance(node, ast.keyword) and node.arg == "figures" and isinstance(node.value, ast.Dict)
+        for key, value in zip(node.value.keys, node.value.values, strict=True)
+        if isinstance(key, ast.Constant) and isinstance(value, ast.Tuple) and isinstance(value.elts[0], ast.Name)
+    ]
+    return {str(name): assigned[variable] for name, variable in exported}
 
 
 def _render_output(output: nbformat.NotebookNode, has_picture: bool) -> str:

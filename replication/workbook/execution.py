@@ -112,11 +112,16 @@ def count_and_time_left(text: str) -> str:
     return f"{found[-1][0]}, {found[-1][1]} left" if found else ""
 
 
+FOLDED = {"plumbing", "solution"}  # tags of cells whose source JupyterLab and the pages fold
+
+
 def read_notebook(source: Path) -> nbformat.NotebookNode:
     """Read a notebook's py:percent source, with cell ids that do not change from run to run."""
     notebook = jupytext.read(source)
     for position, cell in enumerate(notebook.cells):
         cell["id"] = f"cell-{position:02d}"
+        if tags := FOLDED.intersection(cell.metadata.get("tags", [])):
+            cell.metadata["jupyter"] = {"source_hidden": True, "outputs_hidden": "solution" in tags}
     return notebook
 
 

@@ -1,10 +1,12 @@
-"""What a notebook calls: to export its tables, its figures and what it found, and to draw with sliders.
+"""What a notebook calls: to check its parameters, judge and export what it found, and draw with sliders.
 
 Exports go into the folder that the environment variable `REPLICATION_OUT` names; `execution.execute` sets it.
 """
 
+import math
 import os
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -13,10 +15,15 @@ import numpy as np
 import pandas as pd
 
 from replication.files import FLOAT_FORMAT, ROOT, write_csv, write_json
-from replication.workbook.judging import CLAIM_VERDICTS, judge
+from replication.workbook import judging
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+
+Cells = Mapping[str, Mapping[str, float | Sequence[float]]]
+Claims = Mapping[str, tuple[bool | None, str]]
+
+pd.set_option("display.max_colwidth", None, "display.max_columns", None, "display.max_rows", 200)  # tables in full
 
 
 def output_folder() -> Path:
@@ -30,36 +37,41 @@ def notebook_name() -> str:
     return os.environ.get("REPLICATION_NOTEBOOK", Path(by_hand).stem)
 
 
-def save_table(table: pd.DataFrame, name: str) -> None:
-    """Export a result table as `results/<name>.csv`."""
-    write_csv(output_folder() / "results" / f"{name}.csv", table)
-
-
-def save_figure(figure: "Figure", name: str, caption: str) -> None:
-    """Export a figure as `figures/<name>.svg` and `.png`, without anything that differs from run to run.
+def export(
+    tables: Mapping[str, pd.DataFrame] | None = None,
+    figures: "Mapping[str, tuple[Figure, str]] | None" = None,
+    cells: Cells | None = None,
+    claims: Claims | None = None,
+) -> None:
+    """Write what a notebook found to `results/` and `figures/`, without anything that differs from run to run.
 
     Parameters
     ----------
-    figure : Figure
-        What to export.
-    name : str
-        File name without its ending; `figure12_...` and `table2_...` say which element of the paper it belongs to.
-    caption : str
-        A sentence or two that say what to see; kept with the axes in `results/figures/<name>.json`.
+    tables : mapping of name to table
+        Result tables, to `results/<name>.csv`.
+    figures : mapping of name to (figure, caption)
+        To `figures/<name>.svg` and `.png`; `figure12_...` and `table2_...` say which element of the paper one belongs
+        to. The caption, a sentence or two that say what to see, is kept in `results/figures/<name>.json`.
+    cells, claims
+        What `judge` takes; to `results/outcomes/<notebook>.json`.
     """
-    from replication.figures import style  # Matplotlib takes a second that only a figure should cost
+    results = output_folder() / "results"
+    for name, table in (tables or {}).items():
+        write_csv(results / f"{name}.csv", table)
+    for name, (figure, caption) in (figures or {}).items():
+        from replication.figures import style  # Matplotlib takes a second that only a figure should cost
 
-    is_quick = os.environ.get("REPLICATION_QUICK") == "1"
-    style.save(figure, output_folder() / "figures", name, mark="quick run" if is_quick else "")
-    about = {"notebook": notebook_name(), "caption": caption, "axes": style.description(figure)}
-    write_json(output_folder() / "results" / "figures" / f"{name}.json", about)
+        is_quick = os.environ.get("REPLICATION_QUICK") == "1"
+        style.save(figure, output_folder() / "figures", name, mark="quick run" if is_quick else "")
+        about = {"notebook": notebook_name(), "caption": caption, "axes": style.description(figure)}
+        write_json(results / "figures" / f"{name}.json", about)
+    if cells or claims:
+        outcome = {"cells": _cell_rows(cells or {}), "claims": _claim_rows(claims or {})}
+        write_json(results / "outcomes" / f"{notebook_name()}.json", outcome)
 
 
-def record_verdicts(
-    cells: Mapping[str, Mapping[str, float | Sequence[float]]] | None = None,
-    claims: Mapping[str, tuple[bool | None, str]] | None = None,
-) -> pd.DataFrame:
-    """Export what a notebook found about printed cells and claims, and return the verdicts on them.
+def judge(cells: Cells | None = None, claims: Claims | None = None) -> pd.DataFrame:
+    """Judge what a notebook found about printed cells and claims: printed beside reproduced, region and verdict.
 
     Parameters
     ----------
@@ -69,23 +81,29 @@ def record_verdicts(
     claims : mapping of claim id to (holds, what was measured)
         Decisions on prose claims; None in place of a truth value is "undecided".
     """
-    rows = [
-        {"id": cell, "source": source, "numbers": _round_to_six_digits(numbers)}
-        for source, of_source in (cells or {}).items()
-        for cell, numbers in of_source.items()
-    ]
-    decided: list[dict[str, Any]] = [
-        {"id": claim, "holds": None if holds is None else bool(holds), "measured": measured}
-        for claim, (holds, measured) in (claims or {}).items()
-    ]
-    name = notebook_name()
-    write_json(output_folder() / "results" / "outcomes" / f"{name}.json", {"cells": rows, "claims": decided})
-    judged = judge(pd.DataFrame(rows).assign(notebook=name)).to_dict("records") if rows else []
+    rows = _cell_rows(cells or {})
+    judged = judging.judge(pd.DataFrame(rows).assign(notebook=notebook_name())).to_dict("records") if rows else []
     judged += [
-        {"id": row["id"], "reproduced": row["measured"], "verdict": CLAIM_VERDICTS[row["holds"]]} for row in decided
+        {"id": row["id"], "reproduced": row["measured"], "verdict": judging.CLAIM_VERDICTS[row["holds"]]}
+        for row in _claim_rows(claims or {})
     ]
     shown = ["id", "source", "printed", "reproduced", "low", "high", "verdict"]
     return pd.DataFrame(judged, columns=shown).astype(object).fillna("")
+
+
+def _cell_rows(cells: Cells) -> list[dict[str, Any]]:
+    return [
+        {"id": cell, "source": source, "numbers": _round_to_six_digits(numbers)}
+        for source, of_source in cells.items()
+        for cell, numbers in of_source.items()
+    ]
+
+
+def _claim_rows(claims: Claims) -> list[dict[str, Any]]:
+    return [
+        {"id": claim, "holds": None if holds is None else bool(holds), "measured": measured}
+        for claim, (holds, measured) in claims.items()
+    ]
 
 
 def _round_to_six_digits(numbers: float | Sequence[float]) -> float | list[float]:
@@ -94,13 +112,46 @@ def _round_to_six_digits(numbers: float | Sequence[float]) -> float | list[float
     return kept if np.ndim(numbers) else kept[0]
 
 
-def sliders(draw: Callable[..., None], **ranges: tuple[float, float, float]) -> None:
-    """Draw a picture with a slider for each of its arguments, from the argument's first value, its ends after it.
+@dataclass(frozen=True)
+class Interval:
+    """Numbers from `low` to `high`, as what a parameter may be."""
 
-    Without `ipywidgets` (in the extra `lab`), or in a run that makes the results, the picture is drawn once.
+    low: float
+    high: float = math.inf
+
+    def __contains__(self, value: object) -> bool:
+        return isinstance(value, int | float) and self.low <= value <= self.high
+
+    def __str__(self) -> str:
+        return f"a number from {self.low:g} to {self.high:g}" if math.isfinite(self.high) else f"{self.low:g} or more"
+
+
+def check_parameters(**parameters: tuple[object, Any]) -> None:
+    """Refuse in one sentence a parameter whose value is not allowed; of a list each item, of a mapping each key.
+
+    Each parameter comes with its value and what is allowed: an `Interval` or a collection. A list of one of these asks
+    for a list.
     """
+    for name, (value, allowed) in parameters.items():
+        if is_list := isinstance(allowed, list):
+            (allowed,) = allowed
+        choices = str(allowed) if isinstance(allowed, Interval) else "one of " + ", ".join(map(repr, allowed))
+        if is_list != isinstance(value, list | tuple | range | Mapping):
+            wanted = f"a list, each item {choices}" if is_list else choices
+            raise ValueError(f"{name} = {value!r}: it should be {wanted}")
+        wrong = [item for item in (value if is_list else [value]) if item not in allowed]
+        if wrong:
+            raise ValueError(f"{name} = {value!r}: {wrong[0]!r} should be {choices}")
+
+
+def sliders(draw: Callable[..., None], **ranges: tuple[float, float, float]) -> None:
+    """Draw a picture, and below it, by hand in JupyterLab, the same with a slider for each of its arguments.
+
+    A range holds an argument's first value and its ends. The picture that is drawn without sliders stays in the saved
+    notebook.
+    """
+    draw(**{name: first for name, (first, _, _) in ranges.items()})
     if "REPLICATION_OUT" in os.environ or not find_spec("ipywidgets"):
-        draw(**{name: first for name, (first, _, _) in ranges.items()})
         return
     from ipywidgets import FloatSlider, interact
 
