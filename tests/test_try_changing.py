@@ -57,8 +57,9 @@ TOGETHER = {
 
 
 def changes(notebook):
-    """Changes of a notebook's last cell, as written."""
-    text = execution.read_notebook(NOTEBOOKS[notebook]).cells[-1].source
+    """Changes that a notebook proposes, as written."""
+    cells = execution.read_notebook(NOTEBOOKS[notebook]).cells
+    text = next(cell.source for cell in cells if cell.source.startswith("## Try changing"))
     return [match[1] for line in text.splitlines() if (match := re.match(r"\d\. `([^`]+)`", line))]
 
 

@@ -126,7 +126,7 @@ class Interval:
         return f"a number from {self.low:g} to {self.high:g}" if math.isfinite(self.high) else f"{self.low:g} or more"
 
 
-def check_parameters(**parameters: tuple[object, Any]) -> None:
+def check_parameters(**parameters: tuple[Any, Any]) -> None:
     """Refuse in one sentence a parameter whose value is not allowed; of a list each item, of a mapping each key.
 
     Each parameter comes with its value and what is allowed: an `Interval` or a collection. A list of one of these asks

@@ -22,8 +22,7 @@ repeats = 30
 # %%
 import pandas as pd
 from replication import workbook
-workbook.save_table(pd.DataFrame({"repeats": [repeats]}), "small")
-workbook.record_verdicts({"authors": {"text.runs": repeats}})
+workbook.export({"small": pd.DataFrame({"repeats": [repeats]})}, cells={"authors": {"text.runs": repeats}})
 print("done")
 """
 

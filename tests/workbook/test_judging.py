@@ -134,7 +134,9 @@ def test_the_counts_are_of_printed_numbers(tmp_path):
 def test_an_undecided_claim_is_neither_true_nor_false(tmp_path, monkeypatch):
     monkeypatch.setenv("REPLICATION_OUT", str(tmp_path))
     monkeypatch.setenv("REPLICATION_NOTEBOOK", "01_signature_figure6")
-    shown = workbook.record_verdicts(claims={"monotone": (None, "no data"), "half_turn": (True, "yes")})
+    claims = {"monotone": (None, "no data"), "half_turn": (True, "yes")}
+    workbook.export(claims=claims)
+    shown = workbook.judge(claims=claims)
     assert shown["verdict"].tolist() == ["undecided", "holds"]
     claims = judging.decided_claims(tmp_path / "results").set_index("id")["verdict"]
     assert claims.to_dict() == {"monotone": "undecided", "half_turn": "holds"}

@@ -1,0 +1,26 @@
+"""A wrong value of a notebook's parameter gets one sentence with what there is."""
+
+import pytest
+
+from replication.workbook import Interval, check_parameters
+
+
+@pytest.mark.parametrize(
+    ("value", "allowed", "sentence"),
+    [
+        (14, range(3, 6), "shown = 14: 14 should be one of 3, 4, 5"),
+        ([2, "x"], [Interval(1, 5)], "shown = [2, 'x']: 'x' should be a number from 1 to 5"),
+        (3.0, [Interval(0)], "shown = 3.0: it should be a list, each item 0 or more"),
+        ([1], range(3), "shown = [1]: it should be one of 0, 1, 2"),
+        ({"stifness": 2}, [("stiffness",)], "shown = {'stifness': 2}: 'stifness' should be one of 'stiffness'"),
+        (float("nan"), Interval(0, 1), "shown = nan: nan should be a number from 0 to 1"),
+    ],
+)
+def test_a_value_that_is_not_allowed_is_refused_with_what_is(value, allowed, sentence):
+    with pytest.raises(ValueError) as caught:  # noqa: PT011
+        check_parameters(shown=(value, allowed))
+    assert str(caught.value) == sentence
+
+
+def test_what_is_allowed_passes():
+    check_parameters(a=(3, range(5)), b=([0.1, 2], [Interval(0, 2)]), c=({}, [("x",)]), d=([], [Interval(0)]))
