@@ -102,9 +102,11 @@ def dependencies(stamps: str, notebook: str, sources: Iterable[str]) -> str:
 def note_run(endings: Sequence[Ending]) -> None:
     """Keep what differs from run to run, times, machine and commit, in `results/run.json`, which git ignores."""
     commit = subprocess.run(["git", "rev-parse", "HEAD"], cwd=ROOT, capture_output=True, text=True, check=False)
-    seconds = {ending.name: round(ending.seconds, 1) for ending in endings if ending.how == "done"}
+    path = ROOT / "results" / "run.json"
+    before = json.loads(path.read_text(encoding="utf-8"))["seconds"] if path.exists() else {}
+    seconds = before | {ending.name: round(ending.seconds, 1) for ending in endings if ending.how == "done"}
     content = {"machine": platform.platform(), "cores": os.cpu_count(), "commit": commit.stdout.strip()}
-    write_json(ROOT / "results" / "run.json", content | {"ended": time.strftime("%Y-%m-%d %H:%M"), "seconds": seconds})
+    write_json(path, content | {"ended": time.strftime("%Y-%m-%d %H:%M"), "seconds": seconds})
 
 
 # ---------------------------------------------------------------------------------------------------------------

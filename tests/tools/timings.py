@@ -1,5 +1,6 @@
 """What speed the workbook's own code gains over a direct one: both arms of each row in one run."""
 
+import json
 from collections.abc import Callable, Sequence
 from time import perf_counter
 
@@ -11,7 +12,7 @@ from joblib import Parallel, delayed
 from backlash.fitting.global_fit import global_fit
 from replication.compiled.misfit import population_rmse
 from replication.datasets import Recording
-from replication.files import ROOT, write_csv
+from replication.files import ROOT, notebook_files, write_csv
 from replication.identify import Fit, Protocol, paper_fit, protocol_box
 from replication.signature import rmse
 from replication.simulator.simulate import identified_joint, simulate, simulate_many
@@ -162,7 +163,15 @@ def bench() -> pd.DataFrame:
     return pd.concat([bench_identification(records), bench_simulator()], ignore_index=True)
 
 
+def notebook_times() -> pd.DataFrame:
+    """Collect the seconds of each notebook's last full run, two at a time, as `make all` noted them."""
+    run = json.loads((ROOT / "results" / "run.json").read_text(encoding="utf-8"))
+    rows = [(name, run["seconds"][name], run["cores"], run["machine"]) for name in notebook_files("py")]
+    return pd.DataFrame(rows, columns=["notebook", "seconds", "cores", "machine"])
+
+
 if __name__ == "__main__":
+    write_csv(ROOT / "results" / "notebook_times.csv", notebook_times())
     measured = bench()
     write_csv(ROOT / "results" / "bench.csv", measured)
     print(measured.drop(columns="note").to_string(index=False))

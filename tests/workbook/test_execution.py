@@ -13,9 +13,6 @@ from replication import workbook
 from replication.files import notebook_files
 from replication.workbook import execution
 
-HEADINGS = ["Claim", "Method", "Parameters", "Result", "Verdict", "Try changing"]
-SOURCES = list(notebook_files("py").values())
-
 GOOD = """# %% tags=["parameters"]
 repeats = 30
 
@@ -231,29 +228,3 @@ def test_a_kernel_is_found_whatever_is_registered(notebook, tmp_path, monkeypatc
     (kernels / "kernel.json").write_text('{"argv": ["/bin/false"], "display_name": "broken", "language": "python"}')
     monkeypatch.setenv("JUPYTER_PATH", str(tmp_path / "jupyter"))
     execution.execute(notebook(GOOD), destination=tmp_path / "out")
-
-
-# ----------------------------------------------------------------------------------------------- the notebooks
-
-
-@pytest.mark.parametrize("source", SOURCES, ids=lambda path: path.stem)
-def test_a_notebook_has_the_six_headings_in_order(source):
-    markdown = "\n".join(cell.source for cell in execution.read_notebook(source).cells if cell.cell_type == "markdown")
-    headings = [line[3:] for line in markdown.splitlines() if line.startswith("## ")]
-    assert headings == HEADINGS
-
-
-@pytest.mark.parametrize("source", SOURCES, ids=lambda path: path.stem)
-def test_a_notebook_has_one_parameters_cell_and_three_things_to_try(source):
-    cells = execution.read_notebook(source).cells
-    assert sum("parameters" in cell.metadata.get("tags", []) for cell in cells) == 1
-    assert [line[:2] for line in cells[-1].source.splitlines() if line[:1].isdigit()] == ["1.", "2.", "3."]
-
-
-@pytest.mark.parametrize("source", SOURCES, ids=lambda path: path.stem)
-def test_the_executed_notebook_beside_a_source_has_its_cells_and_no_error(source):
-    executed = nbformat.read(source.with_suffix(".ipynb"), as_version=4)
-    assert [cell.source for cell in executed.cells] == [cell.source for cell in execution.read_notebook(source).cells]
-    outputs = [out for cell in executed.cells for out in cell.get("outputs", [])]
-    assert outputs
-    assert all(out.output_type != "error" for out in outputs)

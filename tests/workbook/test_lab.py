@@ -6,9 +6,12 @@ import shutil
 import subprocess
 import sys
 
+import nbformat
 import pytest
 
 from replication import workbook
+from replication.files import notebook_files
+from replication.workbook import lab as lab_copies
 
 pytest.importorskip("jupyter_server", reason="JupyterLab's server is not installed (extra `lab`)")
 
@@ -56,6 +59,42 @@ def test_an_edited_source_shows_in_the_notebook_which_keeps_its_outputs(lab, tmp
     content = lab.get(f"notebooks/{NAME}.ipynb")["content"]
     assert any("nearly true" in cell["source"] for cell in content["cells"])
     assert any(cell.get("outputs") for cell in content["cells"])
+
+
+@pytest.fixture
+def copies(tmp_path):
+    """A project's copies of its notebooks."""
+    folder = tmp_path / "lab"
+    lab_copies.copy_notebooks(folder)
+    return folder
+
+
+def test_copies_have_every_notebook_with_an_empty_answer_before_each_folded_solution(copies):
+    for name, file in notebook_files("ipynb", copies).items():
+        cells = nbformat.read(file, as_version=4).cells
+        solved = [k for k, cell in enumerate(cells) if "solution" in cell.metadata.get("tags", [])]
+        assert len(solved) == 3, name
+        for k in solved:
+            assert cells[k - 1].source == "# your answer"
+            assert cells[k].metadata["jupyter"]["source_hidden"]
+            assert cells[k].outputs == []
+    assert set(notebook_files("ipynb", copies)) == set(notebook_files("ipynb"))
+    assert (copies / "glossary.md").exists()
+
+
+def test_a_copy_that_is_there_stays_as_it_was_left(copies):
+    mine = next(iter(notebook_files("ipynb", copies).values()))
+    mine.write_text("mine", encoding="utf-8")
+    kept = lab_copies.copy_notebooks(copies)
+    assert mine in kept
+    assert mine.read_text(encoding="utf-8") == "mine"
+
+
+def test_git_ignores_the_copies():
+    ignored = subprocess.run(
+        ["git", "check-ignore", "lab/x.ipynb"], cwd=workbook.ROOT, capture_output=True, check=False
+    )
+    assert ignored.stdout.strip() == b"lab/x.ipynb"
 
 
 def test_the_browser_environment_is_the_locked_one():
