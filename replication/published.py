@@ -26,11 +26,13 @@ def _read(name: str, index: str | None = None) -> pd.DataFrame:
 # The paper's prose claims and what decides each: `claim, section, decided_in` (the notebook's number), `check, rule,
 # criterion, reason, alternative`, the days on which rule and limit were `fixed` and the `first_result` was committed.
 claims = partial(_read, "claims.csv", "id")
-# `kind, location, as_printed, corrected, evidence, effect, cells`.
+# `kind, location, as_printed, corrected, evidence, effect, cells, computed` (with names of numbers in braces), `figure`.
 errata = partial(_read, "errata.csv", "id")
 # Where each figure, table and numbered equation is: `element, what, notebooks, functions, test, note`.
 paper_map = partial(_read, "map.csv")
-# What the report begins with: `kind` ("finding" or "open"), `text` with names of numbers in braces, `proof`.
+# The rules: when each was `fixed`, its `first_result`, the commits of both, what was `known_before`, its `counts`.
+trail = partial(_read, "trail.csv")
+# What the report says: `kind` (of the answer, "finding" or "open"), `text` with names of numbers in braces, `proof`.
 findings = partial(_read, "findings.csv")
 # What the paper's figures show, in our words, and what can be compared: `shows, compare`.
 paper_figures = partial(_read, "paper_figures.csv", "figure")

@@ -150,6 +150,7 @@ def judged_claims(results: Path) -> list[dict]:
     decided = judging.decided_claims(results).set_index("id")
     table = published.claims().join(decided).astype(object).fillna("").reset_index()
     table["verdict"] = table["verdict"].replace("", "not decided")
+    table["changed_later"] = table["fixed"] > table["first_result"]
     table["check"] = [f"{row.check} Rule: {row.rule} {row.criterion:g}." for row in table.itertuples()]
     return table.to_dict("records")
 

@@ -104,11 +104,18 @@ def describe_protocols(judged: pd.DataFrame) -> str:
     return f"{len(explaining) or 'None'} of {len(judged)} candidate protocols can have printed Table 2{names}{apart}."
 
 
+def fill(text: str, facts: dict[str, str]) -> str:
+    """Put the facts' numbers into a text; empty where one of them is not there."""
+    with suppress(KeyError):
+        return text.format_map(facts)
+    return ""
+
+
 def fill_in_findings(facts: dict[str, str]) -> list[dict]:
-    """The findings whose numbers are there: `kind` ("finding" or "open"), `text`, label and address of each proof."""
+    """The findings whose numbers are there: `kind` ("holds", "finding", "open" ...), `text`, label and address of each proof."""
     found = []
     for row in published.findings().to_dict("records"):
         proofs = [proof.strip().split("|") for proof in row["proof"].split(";")]
-        with suppress(KeyError):
-            found.append({"kind": row["kind"], "text": row["text"].format_map(facts), "proofs": proofs})
+        if text := fill(row["text"], facts):
+            found.append({"kind": row["kind"], "text": text, "proofs": proofs})
     return found

@@ -55,6 +55,11 @@ class Picture:
         label = html.escape(self.alternative)
         return Markup(f'<img alt="{label}" width="{width}" height="{height}" src="{source}">')
 
+    def thumbnail(self) -> Markup:
+        """The drawing small, as part of a link."""
+        source = reduce_png(self.file.read_bytes(), 0.2)
+        return Markup(f'<img class="thumbnail" alt="{html.escape(self.caption)}" src="{source}">')
+
 
 def load_pictures(results: Path) -> list[Picture]:
     """Load what the notebooks noted of the figures that they exported into the folder beside the results."""

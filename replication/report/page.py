@@ -6,9 +6,9 @@ from pathlib import Path
 import pandas as pd
 
 from replication import files, published
-from replication.report import TEMPLATES, markdown, pages
+from replication.report import TEMPLATES, answers, markdown, pages
 from replication.report.cells import judged_cells, judged_claims
-from replication.report.facts import collect_facts, fill_in_findings
+from replication.report.facts import collect_facts, fill, fill_in_findings
 from replication.report.figures import load_pictures
 from replication.report.tables import LAYOUTS
 from replication.workbook import judging, provenance
@@ -19,13 +19,14 @@ SENSITIVITY_GROUPS = ("Table", "Equation", "Figure", "Text", "claims", "tests")
 def render_report(results: Path, notebooks: Path, verdicts: pd.DataFrame, quick: bool = False) -> str:
     """Render the report."""
     cells = judged_cells(verdicts)
-    paper_map = published.paper_map()
+    paper_map, errata = published.paper_map(), published.errata().reset_index()
     sensitivity, sensitivity_columns = _sensitivity(results)
     sheet = results / "datasheet.csv"
+    facts = collect_facts(results, verdicts)
     return TEMPLATES.get_template("report.html.j2").render(
         quick=quick,
         root="../../.." if quick else "..",
-        findings=fill_in_findings(collect_facts(results, verdicts)),
+        findings=fill_in_findings(facts),
         counts=judging.verdict_counts(verdicts).sum().astype(int).to_dict(),
         layouts=LAYOUTS,
         cells=cells,
@@ -35,7 +36,14 @@ def render_report(results: Path, notebooks: Path, verdicts: pd.DataFrame, quick:
         figures=published.paper_figures().reset_index().to_dict("records"),
         map=paper_map.to_dict("records"),
         claims=judged_claims(results),
-        errata=published.errata().reset_index().to_dict("records"),
+        errata=[row | {"computed": fill(row["computed"], facts)} for row in errata.to_dict("records")],
+        trail=[row | {"counts": fill(row["counts"], facts)} for row in published.trail().to_dict("records")],
+        table2_rows=answers.table2_dumbbells(results, cells),
+        runs=answers.runs_of_cells(results, cells),
+        functions=paper_map.set_index("element")["functions"].to_dict() | {"Text": ""},
+        code_line=answers.code_line,
+        disagreement=answers.disagreement,
+        times=answers.run_times(results),
         errata_counted=markdown.count_errata(),
         filters={
             "verdict": list(verdicts["verdict"].unique()),
@@ -43,6 +51,7 @@ def render_report(results: Path, notebooks: Path, verdicts: pd.DataFrame, quick:
             "source": sorted(verdicts["source"].unique()),
         },
         datasheet=pd.read_csv(sheet).to_dict("records") if sheet.exists() else [],
+        refusals=_refusals(results),
         sensitivity=sensitivity,
         sensitivity_columns=sensitivity_columns,
         notebooks={name: pages.headings(found)[0] for name, found in pages.executed_cells(notebooks).items()},
@@ -64,6 +73,14 @@ def _sensitivity(results: Path) -> tuple[list[dict], list[str]]:
         rows.append(dict(zip(keys, constant, strict=True)) | {"counts": counts, "examples": examples})
     groups = set(table["group"]) - {""}
     return rows, sorted(groups, key=lambda group: (SENSITIVITY_GROUPS.index(group.split()[0]), group))
+
+
+def _refusals(results: Path) -> list[dict]:
+    """Why the self-calibrating sensor refused logs, and how many, the commonest reason first."""
+    if not (file := results / "self_refused.csv").exists():
+        return []
+    counts = pd.read_csv(file).groupby("reason", as_index=False)["logs"].sum()
+    return counts.sort_values("logs", ascending=False, kind="stable").to_dict("records")
 
 
 def _versions(results: Path) -> dict[str, str]:

@@ -1,0 +1,81 @@
+"""What the report draws of Table 2, where code stands, and how long a notebook runs."""
+
+import ast
+import math
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from replication.files import ROOT
+from replication.report.cells import Cell
+
+WIDEST_PERCENT = 20.0  # of a dumbbell's axis; the widest region of a mean ends there
+
+
+@dataclass(frozen=True)
+class Dumbbell:
+    """A row of Table 2: region and means of each realisation, in percent of the printed mean; its verdict."""
+
+    row: int
+    low: float
+    high: float
+    theoretical: float
+    means: tuple[float, ...]
+    verdict: str
+
+
+def table2_dumbbells(results: Path, cells: dict[str, Cell]) -> list[Dumbbell]:
+    """Set the means of the runs on the authors' realisations against Table 2's ten printed means."""
+    if not (results / "table2.csv").exists():
+        return []
+    table = pd.read_csv(results / "table2.csv").query("source == 'authors' and row <= 10")
+    rows = []
+    for row, part in table.groupby("row"):
+        mean, theoretical = (cells[f"table2.row{row:02d}.{name}"] for name in ("mean", "theoretical"))
+        judged = mean.deciding
+        numbers = np.array([judged.low, judged.high, theoretical.value, *part["mean_A_rps"]])
+        low, high, theory, *means = (100 * (numbers / mean.value - 1)).tolist()
+        rows.append(Dumbbell(int(row), low, high, theory, tuple(means), judged.verdict))
+    return rows
+
+
+def runs_of_cells(results: Path, cells: dict[str, Cell]) -> dict[str, list[tuple[int, list[float]]]]:
+    """|A| [rps] of the runs behind each mean and SD of Table 2 that the authors' data judge, by realisation."""
+    if not (results / "table2_runs.csv").exists():
+        return {}
+    runs = pd.read_csv(results / "table2_runs.csv").query("source == 'authors' and row <= 10")
+    found = {}
+    for row, part in runs.groupby("row"):
+        strips = [(int(number), each["A_rps"].abs().tolist()) for number, each in part.groupby("realisation")]
+        found |= {name: strips for kind in ("mean", "sd") if (name := f"table2.row{row:02d}.{kind}") in cells}
+    return found
+
+
+def disagreement(cell: Cell) -> float:
+    """How far a printed number is from ours, in halves of its region's width; nan where nothing judges it."""
+    judged = cell.deciding
+    half = (judged.high - judged.low) / 2
+    return abs(judged.reproduced - cell.value) / half if math.isfinite(half) and half > 0 else math.nan
+
+
+@cache
+def code_line(name: str) -> str:
+    """Address of a function of the package, or of a test "file::name", with the line at which it begins."""
+    file, _, function = name.partition("::")
+    if not function:
+        module, _, function = name.rpartition(".")
+        file = f"replication/{module.replace('.', '/')}.py"
+    tree = ast.parse((ROOT / file).read_text(encoding="utf-8"))
+    return next(f"{file}#L{node.lineno}" for node in ast.walk(tree) if getattr(node, "name", "") == function)
+
+
+def run_times(results: Path) -> dict[str, str]:
+    """How long each notebook ran when that was measured, by its name."""
+    file = results / "notebook_times.csv"
+    if not file.exists():
+        return {}
+    rows = pd.read_csv(file).to_dict("records")
+    return {row["notebook"]: f"{row['seconds']:.0f} s on {row['cores']} cores ({row['machine']})" for row in rows}
