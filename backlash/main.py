@@ -22,13 +22,7 @@ def main(arguments: list[str] | None = None) -> int:
     """Run one command of the sensor; whatever happens, no traceback."""
     try:
         with ends_on_interrupt():
-            try:
-                return run_command(_parser(), arguments, anywhere=("estimate", "calibrate", "trend"))
-            finally:
-                sys.stdout.flush()
-    except BrokenPipeError:  # whoever reads the output has seen enough; nothing is left to be flushed at the end
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        return 1
+            return run_command(_parser(), arguments, anywhere=("estimate", "calibrate", "trend"))
     except (Exception, KeyboardInterrupt) as error:
         stopped = next(
             (e for e in (error, error.__cause__, error.__context__) if isinstance(e, KeyboardInterrupt)), None

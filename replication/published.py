@@ -26,7 +26,7 @@ def _read(name: str, index: str | None = None) -> pd.DataFrame:
 # The paper's prose claims and what decides each: `claim, section, decided_in` (the notebook's number), `check, rule,
 # criterion, reason, alternative`, the days on which rule and limit were `fixed` and the `first_result` was committed.
 claims = partial(_read, "claims.csv", "id")
-# `kind, location, as_printed, corrected, evidence, effect, cells, computed` (with names of numbers in braces), `figure`.
+# `kind, location, as_printed, corrected, evidence, effect, cells, computed` (numbers by name in braces), `figure`.
 errata = partial(_read, "errata.csv", "id")
 # Where each figure, table and numbered equation is: `element, what, notebooks, functions, test, note`.
 paper_map = partial(_read, "map.csv")

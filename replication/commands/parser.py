@@ -1,6 +1,7 @@
 """Command lines: parsers that say in one line what is wrong, and commands whose code is imported when they run."""
 
 import argparse
+import os
 import sys
 from collections.abc import Container, Sequence
 from importlib import import_module
@@ -32,7 +33,12 @@ def run_command(parser: argparse.ArgumentParser, arguments: Sequence[str] | None
     try:
         if options.command_name not in anywhere:
             require_checkout()
-        return getattr(import_module(options.module), options.function)(options)
+        status = getattr(import_module(options.module), options.function)(options)
+        sys.stdout.flush()
+        return status
+    except BrokenPipeError:  # whoever reads the output has seen enough; nothing is left to be flushed at the end
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 1
     except Exception as error:
         if not hasattr(error, "exit_status"):  # of errors whose message is the one line that a user needs
             raise

@@ -47,7 +47,7 @@ def runs_of_cells(results: Path, cells: dict[str, Cell]) -> dict[str, list[tuple
     if not (results / "table2_runs.csv").exists():
         return {}
     runs = pd.read_csv(results / "table2_runs.csv").query("source == 'authors' and row <= 10")
-    found = {}
+    found: dict[str, list[tuple[int, list[float]]]] = {}
     for row, part in runs.groupby("row"):
         strips = [(int(number), each["A_rps"].abs().tolist()) for number, each in part.groupby("realisation")]
         found |= {name: strips for kind in ("mean", "sd") if (name := f"table2.row{row:02d}.{kind}") in cells}
@@ -69,7 +69,8 @@ def code_line(name: str) -> str:
         module, _, function = name.rpartition(".")
         file = f"replication/{module.replace('.', '/')}.py"
     tree = ast.parse((ROOT / file).read_text(encoding="utf-8"))
-    return next(f"{file}#L{node.lineno}" for node in ast.walk(tree) if getattr(node, "name", "") == function)
+    defined = (node for node in ast.walk(tree) if isinstance(node, ast.FunctionDef | ast.ClassDef))
+    return next(f"{file}#L{node.lineno}" for node in defined if node.name == function)
 
 
 def run_times(results: Path) -> dict[str, str]:

@@ -30,12 +30,13 @@ def run_check(options: argparse.Namespace) -> int:
 
 def run_show(options: argparse.Namespace) -> int:
     """Print a cell, an element or a claim."""
-    print(terminal.show(options.name, RESULTS, judging.verdicts(RESULTS), terminal.has_colour()))
+    said = terminal.show(options.name, RESULTS, judging.verdicts(RESULTS), terminal.has_colour())
     if options.rerun:
         from replication.workbook.running import rerun  # the kernel's client takes a second and a half to load
 
         table = rerun(options.name, RESULTS)
-        print(f"\nExecuted again, apart from the results, which stay as they are.\n{table.to_string(index=False)}")
+        said += f"\n\nExecuted again, apart from the results, which stay as they are.\n{table.to_string(index=False)}"
+    print(said)
     return 0
 
 

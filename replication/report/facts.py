@@ -112,7 +112,7 @@ def fill(text: str, facts: dict[str, str]) -> str:
 
 
 def fill_in_findings(facts: dict[str, str]) -> list[dict]:
-    """The findings whose numbers are there: `kind` ("holds", "finding", "open" ...), `text`, label and address of each proof."""
+    """The findings whose numbers are there: `kind` ("holds", "open" ...), `text`, label and address of each proof."""
     found = []
     for row in published.findings().to_dict("records"):
         proofs = [proof.strip().split("|") for proof in row["proof"].split(";")]

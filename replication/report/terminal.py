@@ -10,6 +10,7 @@ import pandas as pd
 from replication import published
 from replication.report import TEMPLATES
 from replication.report.cells import SIGNS, Cell, judged_cells, judged_claims, notebook_source
+from replication.report.facts import collect_facts, fill
 from replication.report.tables import LAYOUTS, Entry
 from replication.workbook import judging
 
@@ -42,7 +43,9 @@ def verdict_tables(verdicts: pd.DataFrame, colour: bool) -> str:
     evidence = sum(counts.get(name, 0) for name in judging.EVIDENCE)
     signs = ", ".join(f"{SIGNS[name]} {name} {count}" for name, count in counts.items())
     summary = f"{evidence} of {len(cells)} printed numbers decided by evidence: {signs}"
-    return "\n\n".join([*(_element(name, cells, colour) for name in elements), summary])
+    legend = "Each number: printed | ours, from the authors' data where they have any, then from our simulation.\n"
+    legend += f"{', '.join(f'{SIGNS[name]} {name}' for name in counts)}."
+    return "\n\n".join([legend, *(_element(name, cells, colour) for name in elements), summary])
 
 
 def _element(element: str, cells: dict[str, Cell], colour: bool) -> str:
@@ -55,7 +58,10 @@ def _element(element: str, cells: dict[str, Cell], colour: bool) -> str:
         grid += [[heading, *entries] for heading, entries in layout.rows(cells)]
     else:
         title = element
-        grid = [[cell.id, cell] for cell in cells.values() if cell.element == element]
+        own = [cell for cell in cells.values() if cell.element == element]
+        names = [cell.row if cell.column == "value" else cell.column for cell in own]
+        units = ["" if cell.unit == "1" else cell.unit for cell in own]
+        grid = [[name, cell, unit, cell.id] for name, cell, unit in zip(names, own, units, strict=True)]
     widths = [max(len(_short(line[place])) for line in grid) for place in range(len(grid[0]))]
     lines = [title]
     for line in grid:
@@ -90,11 +96,12 @@ def find_surprises(verdicts: pd.DataFrame) -> tuple[list[str], list[str]]:
 def show(name: str, results: Path, verdicts: pd.DataFrame, colour: bool) -> str:
     """Tell what there is to say of a cell, an element, a claim or an erratum."""
     wanted = name.lower().replace(" ", "")
-    cells = judged_cells(verdicts)
-    kinds = {
+    cells, facts = judged_cells(verdicts), collect_facts(results, verdicts)
+    errata = {row["id"]: row for row in published.errata().reset_index().to_dict("records")}
+    kinds: dict[str, dict] = {
         "cell": cells,
         "claim": {row["id"]: row for row in judged_claims(results)},
-        "erratum": published.errata().to_dict("index"),
+        "erratum": {key: row | {"computed": fill(row["computed"], facts)} for key, row in errata.items()},
     }
     for kind, found in kinds.items():
         for key, item in found.items():

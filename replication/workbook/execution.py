@@ -44,9 +44,13 @@ STALL_S = 900.0
 class NotebookFailed(RuntimeError):
     """A notebook did not run to its end."""
 
+    exit_status = 1
+
 
 class NotebookNotRun(RuntimeError):
     """A notebook needs data that are not to be had."""
+
+    exit_status = 1
 
 
 class _Client(NotebookClient):

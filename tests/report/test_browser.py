@@ -95,7 +95,7 @@ def test_the_filters_show_the_rows_that_the_verdicts_have_and_reset_shows_all(ta
     page = tab(site / "report.html")
     page.evaluate("document.querySelectorAll('details').forEach(each => each.open = true)")
     assert len(page.evaluate(SHOWN)) == len(VERDICTS)
-    page.get_by_label("verdict").select_option("differs")
+    page.get_by_label("verdict", exact=True).select_option("differs")
     assert len(page.evaluate(SHOWN)) == (VERDICTS["verdict"] == "differs").sum()
     page.get_by_label("source").select_option("simulated")
     both = ((VERDICTS["verdict"] == "differs") & (VERDICTS["source"] == "simulated")).sum()
