@@ -17,6 +17,9 @@
 # %% [markdown]
 # # 7 · The search: Table 1's box and the protocol
 #
+# *You will take one generation of CMA-ES apart, equation by equation, and see what population, first step size and box
+# do to a run. Run time: 3 min.*
+#
 # ## Claim
 #
 # The signature is fitted by CMA-ES inside the box of Table 1, on a record that begins at a sample drawn among its
@@ -25,15 +28,21 @@
 #
 # ## Method
 #
-# The authors' notebook stores what their runs really did: the whole record, the box of $A$ widened by 1.3,
-# $T_d$ = 0.2 s and $T_f$ = 0.4 s, a population of 300 and at most 200 generations. That is `Protocol()`; every
-# variant changes a setting or two of it (`variants.VARIANTS`). Each is run on the same ten noisy records (realisation
-# R = 1) with the same seeds, and its means and SDs are compared with the printed ones of Table 2.
+# A search looks for the seven parameters $X = [A, t_0, \tau, \omega, v_t, T_2, T_1]$ of the
+# [signature](glossary.md#signature) that have the lowest RMSE (equations 7 and 11, notebook 1). CMA-ES (N. Hansen's
+# [tutorial](https://doi.org/10.48550/arXiv.1604.00772)) draws $\lambda$ *members* in a *generation*, ranks them by
+# their RMSE, the *misfit*, and moves and reshapes the normal distribution that the next generation is drawn from.
+# Equations 12 to 17 stand below, each beside the cell that computes it. `search.py` is the same in a page of array
+# code, with the constants of the authors' library; notebook 1 shows that it reproduces their stored runs.
 #
-# Equations 12 to 17 are `search.py`, a page of array code with the constants of the authors' library; notebook 1 shows
-# that it reproduces their stored runs. Here one of its generations is shown step by step.
+# The authors' notebook stores what their [runs](glossary.md#run) really did: the whole record, the box of $A$ widened
+# by 1.3, $T_d$ = 0.2 s and $T_f$ = 0.4 s, a population of 300 and at most 200 generations. That is `Protocol()`; every
+# variant changes a setting or two of it (`variants.VARIANTS`). Each is run on the same ten noisy records
+# ([realisation](glossary.md#realisation) R = 1) with the same seeds, and its means and SDs are compared with the
+# printed ones of Table 2.
 
 # %%
+import math
 from dataclasses import replace
 from itertools import islice
 
@@ -42,17 +51,25 @@ import pandas as pd
 
 from backlash.studies import basins
 from replication import datasets, published, search, table2, workbook
+from replication.compiled.bounds import into_box
+from replication.compiled.misfit import fold, folded_rmse
 from replication.figures import paper, searching
-from replication.identify import paper_search, protocol_box
+from replication.identify import paper_run, protocol_box
 from replication.replay import inspection
 from replication.replay.bounds import bounds_by_replay, table1_cells
-from replication.replay.variants import VARIANTS, rank_variants, variant_scores
+from replication.replay.variants import VARIANTS, variant_scores
 from replication.signature import FREE_PARAMETERS
+from replication.workbook import Interval
 
 # %% [markdown]
 # ## Parameters
 
 # %% tags=["parameters"]
+population = 300  # members of a generation, in the run that is taken apart
+sigma = 0.25  # its first standard deviations, as a share of the box
+box = {}  # other bounds for it, such as {"frequency_hz": (1.0, 15.0)} or {"longest_window_s": 0.3}; see `Protocol`
+generation = 5  # which generation is shown
+seed = 823840  # of the run: that of the stored run 4
 repeats = 3  # runs of each variant on each record
 realisation = 1  # the authors' noise realisation R
 rows = list(range(1, 11))  # rows of Table 2 whose records are fitted
@@ -67,9 +84,38 @@ variants = [  # what is compared, of `VARIANTS`
 your_variant = {}  # settings of one more, over the authors', such as {"population": 100}; see `identify.Protocol`
 seed_runs = 30  # runs on each record with one set of seeds, and as many with another set
 today_runs = 12  # runs of today's cma, a second each, on every third record
-population = 300  # members of the generation that is shown
-generation = 5  # which one
-seed = 823840  # of the run it belongs to: run 4 of the stored ones
+
+# %% tags=["plumbing"]
+settings = {
+    "amplitude_factor": Interval(0.01, 100),
+    "longest_window_s": Interval(0.01, 4.8),
+    "damping_per_s": [Interval(0)],
+    "frequency_hz": [Interval(0)],
+    "population": Interval(4, 100000),
+    "iterations": Interval(1, 10000),
+    "T_d": Interval(0.01, 2),
+    "T_f": Interval(0.01, 4),
+    "turns": Interval(1, 100),
+    "start": ("whole", "per run", "per record"),
+    "latest_start": Interval(1, 2000),
+    "engine": ("2021", "cma"),
+}
+workbook.check_parameters(
+    population=(population, settings["population"]),
+    sigma=(sigma, Interval(1e-6, 10)),
+    box=(box, [tuple(settings)[:4]]),
+    generation=(generation, Interval(1, 200)),
+    seed=(seed, tuple(published.authors_notebook_runs()["cma_seed"].tolist())),
+    repeats=(repeats, Interval(1)),
+    realisation=(realisation, datasets.LOW_NOISE),
+    rows=(rows, [range(1, 11)]),
+    variants=(variants, [tuple(variant.name for variant in VARIANTS)]),
+    your_variant=(your_variant, [tuple(settings)]),
+    seed_runs=(seed_runs, Interval(1)),
+    today_runs=(today_runs, Interval(1)),
+)
+for chosen_settings in (box, your_variant):
+    workbook.check_parameters(**{name: (value, settings[name]) for name, value in chosen_settings.items()})
 
 # %% [markdown]
 # ## Result
@@ -77,21 +123,21 @@ seed = 823840  # of the run it belongs to: run 4 of the stored ones
 # ### Table 1, read from the stored runs
 #
 # Every sample depends on every bound: the first members are drawn about the middle of the box with a quarter of its
-# width as SD, and reflected at its ends. So each bound is tried where Table 1 prints it and beside it. The table counts
-# how many of the 30 stored runs then give their stored first generation. Columns: shift divided by the width of the
-# bound.
+# width as SD, and reflected at its ends. So `bounds_by_replay` tries each bound where Table 1 prints it and beside it,
+# and counts how many of the 30 stored runs then give their stored first generation. Columns: shift divided by the width
+# of the bound.
 
 # %%
 clean = datasets.load_clean(12)
 tried = bounds_by_replay(clean)
-workbook.save_table(tried, "table1_replay")
-tried.pivot(index="cell", columns="shift", values="replayed")
+tried.pivot(index="cell", columns="shift", values="replayed").loc[tried["cell"].unique()]
 
 # %% [markdown]
 # Twelve bounds are where they are printed: there all 30 stored runs replay, and a hundredth of the range beside it
 # fewer do, mostly none or one. The two of $A$ are not: the stored runs had 1.3 times the printed box, which their
-# notebook's own comment calls a later change. Which box printed Table 2 cannot be determined (notebook 17). The bounds
-# of $A$, $t_0$ and $v_t$ are given as fractions of the record's range.
+# notebook's own comment calls a later change. Which box printed Table 2 cannot be determined (notebook 17).
+# `table1_cells` takes the bound at which most runs replay; those of $A$, $t_0$ and $v_t$ are given as fractions of the
+# record's range.
 
 # %%
 found_table1 = table1_cells(clean, tried)
@@ -101,72 +147,140 @@ printed.assign(reproduced=found_table1)
 # %% [markdown]
 # ### The turn period in the data
 #
-# The turn period is the lag at which the record correlates best with itself. It is that of the public data. Whether the
-# printed 0.408 s is a misprint is not proved: a switched-off line of the authors' notebook has $T_d$ = 0.204 s too.
+# The turn period is the lag at which the record, after its first turn, differs least from itself. It is that of the
+# public data. Whether the printed 0.408 s is a misprint is not proved: a switched-off line of the authors' notebook has
+# $T_d$ = 0.204 s too.
 
 # %%
-turn_period_s = inspection.turn_period(clean)
-turn_period_s
+lags = np.arange(180, 221)  # samples of 2 ms
+settled_rps = clean.v[200:]
+differs_rps = [np.sqrt(np.mean((settled_rps[lag:] - settled_rps[:-lag]) ** 2)) for lag in lags]
+best_lag = lags[np.argmin(differs_rps)]
+turn_period_s = inspection.turn_period(clean)  # the same, with a parabola through the three lowest
+print(f"to a sample: {best_lag * 0.002:.3f} s, between samples: {turn_period_s:.5f} s")
 
 # %% [markdown]
 # ### One generation, step by step
 #
-# The record is the authors' clean record 12, the seed that of a stored run. Equation 12: the $\lambda$ members are
-# drawn from a normal distribution about the mean $\mathbf m$ with the covariance $\sigma^2 \mathbf C$. The
-# eigenvectors $\mathbf B$ and lengths $\mathbf D$ of $\mathbf C$ turn standard normal numbers $\mathbf z$ into such
-# samples: $\mathbf x = \mathbf m + \sigma\,\mathbf B \mathbf D\,\mathbf z$. Each is put into the box, its misfit
-# is computed, and all are ranked. Only the ranks are used from here on.
+# The record is the authors' clean record 12, the seed that of a stored run. `search.generations` is the search, one
+# generation at a time. `population`, `sigma` and `box` above are its settings.
 
 # %%
-protocol = replace(table2.AUTHORS, population=population)
-box = protocol_box(clean, protocol)
-drawn = next(islice(paper_search(clean, protocol, seed), generation - 1, None))
-before, after, c = drawn.before, drawn.after, search.constants(population, len(FREE_PARAMETERS))
-ranked = drawn.x[drawn.ranking]
-members = pd.DataFrame(drawn.members[drawn.ranking], columns=FREE_PARAMETERS)
-members.assign(misfit_rps=drawn.misfits[drawn.ranking]).head()
+protocol = replace(table2.AUTHORS, population=population, **box)
+record, bounds = fold(clean.t, clean.v, protocol.timing), protocol_box(clean, protocol)
+
+
+def misfits(members):  # RMSE of each member; `fold` sums the record over its 24 windows once, to save time
+    return folded_rmse(members, record)
+
+
+def start():
+    normals = search.random_normals(seed)
+    return search.generations(misfits, bounds, normals, population, sigma=4 * sigma)  # counted in quarters of the box
+
+
+drawn = next(islice(start(), generation - 1, None))
+before, after = drawn.before, drawn.after
+c = search.constants(population, len(FREE_PARAMETERS))
 
 # %% [markdown]
-# Equation 13: the new mean is the weighted mean of the better half; the best has the largest weight. Its step, in units
-# of $\sigma$ and whitened by $\mathbf C^{-1/2}$, is added to the path $\mathbf p_\sigma$ (equation 14). If the path is
-# longer than that of a random walk, successive steps agree, and $\sigma$ grows; if it is shorter, they cancel, and
-# $\sigma$ shrinks (equation 15).
+# **Sampling.** The members $\mathbf x_k$ of the generation $g + 1$ are drawn from a normal distribution about the mean
+# $\mathbf m^{(g)}$; $\sigma^{(g)}$ is the step size, $\mathbf C^{(g)}$ the covariance matrix:
+#
+# $$\mathbf x_k^{(g+1)} \sim \mathcal N\left(\mathbf m^{(g)}, (\sigma^{(g)})^2\,\mathbf C^{(g)}\right), \quad
+# k = 1, \ldots, \lambda \tag{12}$$
+#
+# The eigenvectors $\mathbf B$ and lengths $\mathbf D$ of $\mathbf C = \mathbf B \mathbf D^2 \mathbf B^T$ turn standard
+# normal numbers $\mathbf z$ into such samples: $\mathbf x = \mathbf m + \sigma\,\mathbf B \mathbf D\,\mathbf z$. The
+# parameters have different units, so each is counted in a quarter of its box's width (`unit`). A sample beyond the box
+# is reflected into it. Then the misfits are computed and ranked; $\mathbf x_{i:\lambda}$ is the sample of rank $i$.
+# Only the ranks are used from here on.
 
 # %%
-m = (c.weights[: c.mu, None] * ranked[: c.mu]).sum(axis=0)  # equation 13
-shift = (m - before.m) / before.unit / before.sigma
-white = before.B @ (before.B.T @ shift / before.D)  # C^(-1/2) of equation 14
-p_sigma = (1 - c.c_sigma) * before.p_sigma + np.sqrt(c.c_sigma * (2 - c.c_sigma) * c.mu_eff) * white
-sigma = before.sigma * np.exp(c.c_sigma / c.d_sigma * (np.linalg.norm(p_sigma) / c.chi_n - 1))  # equation 15
+normals = search.random_normals(seed)
+z = [normals(population, c.n) for _ in range(generation)][-1]
+x = before.m + before.sigma * before.unit * (z * before.D @ before.B.T)  # equation 12
+members = into_box(x, bounds)
+ranking = np.argsort(misfits(members), kind="stable")
+ranked = x[ranking]
+print(f"largest difference from search.py, in units: {np.abs((x - drawn.x) / before.unit).max():.1g}")
+pd.DataFrame(members, columns=FREE_PARAMETERS).assign(misfit_rps=misfits(members)).loc[ranking].head()
+
+# %% [markdown]
+# **The mean.** The new mean is the weighted mean of the $\mu$ best; the best has the largest weight $w_1$:
+#
+# $$\mathbf m^{(g+1)} = \sum_{i=1}^{\mu} w_i\,\mathbf x_{i:\lambda}^{(g+1)}, \quad w_1 \ge \ldots \ge w_\mu > 0, \quad
+# \sum_{i=1}^{\mu} w_i = 1 \tag{13}$$
+
+# %%
+w = c.weights[: c.mu]
+m = w @ ranked[: c.mu]  # equation 13
+print(f"{c.mu} of {population} members make the mean; the weights are worth mu_eff = {c.mu_eff:.1f} equal ones")
+
+# %% [markdown]
+# **The step size.** The path $\mathbf p_\sigma$ sums the steps of the mean, whitened by $\mathbf C^{-1/2}$ and with
+# $c_\sigma$ as the rate of forgetting; $\mu_\text{eff} = 1 / \sum w_i^2$:
+#
+# $$\mathbf p_\sigma^{(g+1)} = (1 - c_\sigma)\,\mathbf p_\sigma^{(g)} + \sqrt{c_\sigma (2 - c_\sigma)\,\mu_\text{eff}}
+# \;\mathbf C^{(g)\,-\frac 12}\,\frac{\mathbf m^{(g+1)} - \mathbf m^{(g)}}{\sigma^{(g)}} \tag{14}$$
+#
+# If the path is longer than that of a random walk, successive steps agree, and $\sigma$ grows; if it is shorter, they
+# cancel, and $\sigma$ shrinks. $d_\sigma$ damps it, and the quotient of Gamma functions (`chi_n`) is the mean length of
+# a standard normal vector in $n$ = 7 dimensions:
+#
+# $$\sigma^{(g+1)} = \sigma^{(g)} \exp\left(\frac{c_\sigma}{d_\sigma} \left(\frac{\|\mathbf p_\sigma^{(g+1)}\|}
+# {\sqrt 2\,\Gamma(\frac{n+1}{2}) / \Gamma(\frac n2)} - 1\right)\right) \tag{15}$$
+
+# %%
+step = (m - before.m) / before.unit / before.sigma
+white = before.B @ (before.B.T @ step / before.D)  # C^(-1/2) = B D^-1 B^T
+p_sigma = (1 - c.c_sigma) * before.p_sigma + np.sqrt(c.c_sigma * (2 - c.c_sigma) * c.mu_eff) * white  # equation 14
+growth = c.c_sigma / c.d_sigma * (np.linalg.norm(p_sigma) / c.chi_n - 1)
+new_sigma = before.sigma * np.exp(min(1, growth))  # equation 15; the library lets it grow by a factor e at most
 pd.Series(
     {
-        "members that make the mean": c.mu,
-        "effective number of members (mu_eff)": c.mu_eff,
         "length of the path p_sigma": np.linalg.norm(p_sigma),
         "length of a random walk's (chi_n)": c.chi_n,
         "sigma before": before.sigma,
-        "sigma after": sigma,
+        "sigma after": new_sigma,
     }
 ).round(3).to_frame("")
 
 # %% [markdown]
-# Equations 16 and 17: $\mathbf C$ is a weighted mean of itself and of two updates. The path $\mathbf p_c$ stretches it
-# along the direction in which the mean keeps moving. The better half of the samples stretches it towards themselves;
-# the worse half, with negative weights, shrinks it. With a population of 300 the samples dominate: $c_\mu$ is close
-# to 1, and $\mathbf C$ is nearly replaced in every generation.
+# **The covariance matrix.** The second path $\mathbf p_c$ sums the steps as they are:
+#
+# $$\mathbf p_c^{(g+1)} = (1 - c_c)\,\mathbf p_c^{(g)} + \sqrt{c_c (2 - c_c)\,\mu_\text{eff}}
+# \;\frac{\mathbf m^{(g+1)} - \mathbf m^{(g)}}{\sigma^{(g)}} \tag{16}$$
+#
+# $\mathbf C$ becomes a weighted mean of itself and two updates, with $\text{OP}(\mathbf y) = \mathbf y \mathbf y^T$:
+#
+# $$\mathbf C^{(g+1)} = (1 - c_\text{cov})\,\mathbf C^{(g)} + \frac{c_\text{cov}}{\mu_\text{cov}} \left(
+# \mathbf p_c^{(g+1)} \mathbf p_c^{(g+1)\,T} + \delta(h_\sigma^{(g+1)})\,\mathbf C^{(g)}\right) + c_\text{cov}
+# \left(1 - \frac{1}{\mu_\text{cov}}\right) \sum_{i=1}^{\mu} w_i\,\text{OP}\left(\frac{\mathbf x_{i:\lambda}^{(g+1)} -
+# \mathbf m^{(g)}}{\sigma^{(g)}}\right) \tag{17}$$
+#
+# The path stretches $\mathbf C$ along the direction in which the mean keeps moving, with the rate $c_1 = c_\text{cov} /
+# \mu_\text{cov}$. The better half of the samples stretches it towards themselves, with the rate $c_\mu = c_\text{cov}
+# (1 - 1/\mu_\text{cov})$. In the authors' library the sum runs over all $\lambda$ members: the worse half has negative
+# weights and shrinks $\mathbf C$. $h_\sigma$ is 0, and $\mathbf p_c$ stalls, while $\mathbf p_\sigma$ is much too long;
+# $\delta(h_\sigma)$ makes up for what is lost by that.
 
 # %%
-p_c = (1 - c.c_c) * before.p_c + np.sqrt(c.c_c * (2 - c.c_c) * c.mu_eff) * shift  # equation 16, path not stalled
-y = (ranked - before.m) / (before.sigma * before.unit)
+fresh = 1 - (1 - c.c_sigma) ** (2 * (before.g + 1))
+h_sigma = p_sigma @ p_sigma / fresh / c.n < 2 + 4 / (c.n + 1)
+p_c = (1 - c.c_c) * before.p_c + h_sigma * np.sqrt(c.c_c * (2 - c.c_c) * c.mu_eff) * step  # equation 16
+y = (ranked - before.m) / before.unit / before.sigma
 length = np.linalg.norm(y @ before.B / before.D, axis=1)
-w = np.where(c.weights < 0, c.weights * c.n / length**2, c.weights)
-C = (1 - c.c_1 - c.c_mu * c.weights.sum()) * before.C + c.c_1 * np.outer(p_c, p_c) + c.c_mu * (w * y.T) @ y
+w = np.where(c.weights < 0, c.weights * c.n / length**2, c.weights)  # a negative weight counts at the mean length
+made_up = c.c_1 * (1 - h_sigma) * c.c_c * (2 - c.c_c)
+C = (1 - c.c_1 + made_up - c.c_mu * c.weights.sum()) * before.C + c.c_1 * np.outer(p_c, p_c) + c.c_mu * (w * y.T) @ y
+print(f"c_1 = {c.c_1:.3f}, c_mu = {c.c_mu:.3f}: the samples of one generation make up {100 * c.c_mu:.0f} % of C")
 pd.DataFrame(
     {
         "mean before": before.m,
         "mean after": m,
         "SD before": before.std,
-        "SD after": sigma * before.unit * np.sqrt(np.diag(C)),
+        "SD after": new_sigma * before.unit * np.sqrt(np.diag(C)),
         "SD after, by search.py": after.std,
     },
     index=list(FREE_PARAMETERS),
@@ -175,82 +289,108 @@ pd.DataFrame(
 # %%
 shown = [FREE_PARAMETERS.index(name) for name in ("tau_per_s", "omega_rad_per_s")]
 labels = ("$\\tau$ [1/s]", "$\\omega$ [rad/s]")
-figure = searching.one_generation(drawn, c.weights, box, shown, labels)
-workbook.save_figure(
-    figure,
-    "search_one_generation",
-    caption="One generation in two of its seven dimensions: samples and their better half, the new mean, and the "
-    "distribution of the next samples, narrower where the good ones agree. The frame is the box of Table 1; samples "
-    "beyond it are reflected.",
-)
+one_generation = searching.one_generation(drawn, c.weights, bounds, shown, labels)
 
 # %% [markdown]
-# The whole run: the ellipse turns and shrinks until all members have the same misfit within 1e-11 rps.
+# ### The whole run
+#
+# `search.search` follows the generations until a stop rule holds: `tolfun` says that all members have the same misfit
+# within 1e-11 rps, `tolconditioncov` that the ellipse is 1e7 times as long as wide, `maxiter` that 200 generations are
+# made. The stored run is shown beside it; its stop rule is that of its replay (`paper_run`).
 
 # %%
-steps = list(islice(paper_search(clean, protocol, seed), protocol.iterations))
+steps = list(islice(start(), protocol.iterations))
 found = search.search(iter(steps), protocol.iterations)
 best = found.history[:, search.HISTORY.index("best")]
 picked = [g for g in (1, 10, 20, 40, 60) if g <= best.size]
-figure = searching.run([steps[g - 1].after for g in picked], best, box, shown, labels)
-workbook.save_figure(
-    figure,
-    "search_run",
-    caption="A run: mean and distribution in two dimensions after some generations, and how the lowest misfit "
-    "comes down to the run's best, slowly while the search explores, then exponentially.",
+whole_run = searching.run([steps[g - 1].after for g in picked], best, bounds, shown, labels)
+
+# %%
+stored = published.authors_notebook_runs().set_index("cma_seed").loc[seed]
+stored_X = stored[list(inspection.STORED_NAMES)].to_numpy(float)
+authors_box, authors_stop = protocol_box(clean, table2.AUTHORS), paper_run(clean, table2.AUTHORS, seed).stop
+
+
+def at_bounds(X, box):
+    edge = 1e-4 * (box.upper - box.lower)
+    return ", ".join(np.array(FREE_PARAMETERS)[(X - box.lower < edge) | (box.upper - X < edge)])
+
+
+ends = {
+    "stored run": (stored["final_rmse_rps"], int(stored["iterations"]), authors_stop, stored_X, authors_box),
+    "this run": (found.misfit, best.size, found.stop, found.best, bounds),
+}
+pd.DataFrame(
+    {
+        name: {"RMSE [rps]": misfit, "generations": size, "ended by": stop}
+        | {"at a bound": at_bounds(X, of)}
+        | dict(zip(FREE_PARAMETERS, X, strict=True))
+        for name, (misfit, size, stop, X, of) in ends.items()
+    },
+    dtype=object,
 )
-pd.Series({"ended by": found.stop, "generations": best.size, "misfit [rps]": found.misfit}).to_frame("")
+
+# %%
+ratio = found.misfit / stored["final_rmse_rps"]
+lies = "above" if ratio > 1 else "below"
+where = "the same basin" if abs(ratio - 1) < table2.BASIN_GAP else f"another minimum, {lies} the stored one"
+print(
+    f"With {population} members, first SDs of {sigma:g} of the box and {box or 'the bounds of the stored run'}, the "
+    f"run ends after {best.size} generations ({found.stop}) at {ratio:.3f} times the stored RMSE: {where}. "
+    f"The stored run took {int(stored['iterations'])} ({authors_stop}). "
+    f"|A| = {abs(found.best[0]):.3f} rps, stored {abs(stored['A_rps']):.3f} rps."
+)
 
 # %% [markdown]
 # ### The variants
 #
-# `variant_scores` sets the mean and the SD of the runs on each record beside the printed ones. With few runs a record
-# and one noise realisation, the table ranks clear failures; it does not choose between similar variants.
+# `repeated_fits` makes the runs of each variant on each record. `variant_scores` sets their mean and SD beside the
+# printed ones. With few runs a record and one noise realisation, the table ranks clear failures; it does not choose
+# between similar variants. `sd_factor` is the geometric mean of SD over printed SD or its inverse, whichever is above
+# 1.
 
 # %%
-seeds = range(1, repeats + 1)
-chosen = [protocol for protocol in VARIANTS if protocol.name in variants]
+chosen = [variant for variant in VARIANTS if variant.name in variants]
 if your_variant:
     chosen.append(replace(table2.AUTHORS, name="your variant", **your_variant))
-records = [(key, record) for key, record in table2.authors_table2_records([realisation]) if key["row"] in rows]
-runs = table2.repeated_fits(records, chosen, seeds, label="protocol variants")
+records = [(key, noisy) for key, noisy in table2.authors_table2_records([realisation]) if key["row"] in rows]
+runs = table2.repeated_fits(records, chosen, range(1, repeats + 1), label="protocol variants")
 scores = variant_scores(runs)
-workbook.save_table(scores, "protocol_variants")
-ranking = rank_variants(scores)
-workbook.save_table(ranking, "protocol_ranking")
-ranking
 
 # %%
-figure = paper.protocol_variants(scores)
-workbook.save_figure(
-    figure,
-    "table2_protocols",
-    caption="Variants of the protocol against Table 2: with the printed turn period every mean falls far short, "
-    "a start drawn at random is worse than the whole record, and no variant gives the printed SDs.",
-)
+off = scores.assign(mean_abs_error_percent=scores["mean_error_percent"].abs(), log_sd=np.log(scores["sd_ratio"]).abs())
+ranking_of_means = off.groupby("protocol", sort=False)[["mean_abs_error_percent", "log_sd", "best_basin_share"]].mean()
+ranking_of_means = ranking_of_means.assign(sd_factor=np.exp(ranking_of_means.pop("log_sd")))
+variant_ranking = ranking_of_means.sort_values("mean_abs_error_percent", kind="stable").reset_index()
+variant_ranking.round(2)
+
+# %%
+protocols = paper.protocol_variants(scores)
 
 # %% [markdown]
-# With a larger population more runs end in the best basin, and the means lie closer to the printed ones. The SD over
-# repeated runs depends on which few runs leave the best basin and where they end. With 300 members a third of
-# the runs or more leave it, and our SDs lie on both sides of the printed ones, by factors. With 1000 members hardly
-# any run leaves it, and nearly all of our SDs lie below: what the window's gate leaves free.
+# With a larger population more runs end in the [best basin](glossary.md#best-basin), and the means lie closer to the
+# printed ones. The SD over repeated runs depends on which few runs leave the best basin and where they end. With 300
+# members a third of the runs or more leave it, and our SDs lie on both sides of the printed ones, by factors. With 1000
+# members hardly any run leaves it, and nearly all of our SDs lie below: what the window's [gate](glossary.md#gate)
+# leaves free.
 #
 # A start sample drawn anew for each run, as the text says, makes many runs end in other basins and pulls the means far
-# below the printed ones; drawn once for a record it does so on some records. The turn period of Table 1 fails outright.
-
-# %% [markdown]
+# below the printed ones; drawn once for a record it does so on some records. With the turn period of Table 1 every mean
+# falls far short.
+#
 # ### Other seeds, another version of the library
 #
 # How far do the means of such a table move with the seeds, and how far with the version of the library? The 2021
 # search runs with two sets of seeds on every record; today's `cma`, which is slow, on every third record.
+# `basins.compare_searches` compares each set with the first.
 #
 # `shift_percent` is the average shift of the means against the first set, with a 95 % interval (bootstrap over the
 # runs); `best_shift_percent` is that of the runs in the best basin. `apart_percent` is the rms shift, and
 # `chance_percent`, with its interval, the rms shift that chance alone gives to sets of these sizes.
 
 # %%
-todays_cma = next(p for p in VARIANTS if p.engine == "cma")
-every_third = [(key, record) for key, record in records if key["row"] in (rows[1::3] or rows)]
+todays_cma = next(variant for variant in VARIANTS if variant.engine == "cma")
+every_third = [(key, noisy) for key, noisy in records if key["row"] in (rows[1::3] or rows)]
 all_seeds = range(1, 2 * seed_runs + 1)
 of_2021 = table2.repeated_fits(records, [table2.AUTHORS], all_seeds, label="the search of 2021")
 sets = {
@@ -259,8 +399,7 @@ sets = {
     "today's cma": table2.repeated_fits(every_third, [todays_cma], range(1, today_runs + 1), label="today's cma"),
 }
 versions = basins.compare_searches(sets)
-workbook.save_table(versions, "library_versions")
-versions.set_index("search").round(2).T
+versions.set_index("search").round(2).astype(object).T.fillna("")
 
 # %% [markdown]
 # What the table can tell: how far other seeds alone move means over 30 runs, and that in the best basin both versions
@@ -273,13 +412,86 @@ versions.set_index("search").round(2).T
 # ## Verdict
 
 # %%
-workbook.record_verdicts({"authors": found_table1.to_dict()})
+cells = found_table1.to_dict()
+judged = workbook.judge({"authors": cells})
+display(judged)
+counts = judged["verdict"].value_counts()
+print(
+    f"Of Table 1's {len(judged)} bounds {counts.get('reproduced', 0)} are those of the stored runs, "
+    f"{counts.get('undecided', 0)} are undecided and {counts.get('differs', 0)} differ. The stored runs had a box of A "
+    f"{cells['table1.A.max'] / published.value('table1.A.max'):.2g} times as wide as printed; which one printed "
+    f"Table 2 is unknown. The records turn in {cells['table1.T_f.max']:.4f} s, not in the printed "
+    f"{published.value('table1.T_f.max'):g} s."
+)
+
+# %% tags=["plumbing"]
+workbook.export(
+    tables={
+        "table1_replay": tried,
+        "protocol_variants": scores,
+        "protocol_ranking": variant_ranking,
+        "library_versions": versions,
+    },
+    figures={
+        "search_one_generation": (
+            one_generation,
+            "One generation in two of its seven dimensions: samples and their better half, the new mean, and the "
+            "distribution of the next samples, narrower where the good ones agree. The frame is the search's box; "
+            "samples beyond it are reflected.",
+        ),
+        "search_run": (
+            whole_run,
+            "A run: mean and distribution in two dimensions after some generations, and how the lowest misfit comes "
+            "down to the run's best, slowly while the search explores, then exponentially.",
+        ),
+        "table2_protocols": (
+            protocols,
+            "Variants of the protocol against Table 2: with the printed turn period every mean falls far short, a "
+            "start drawn at random is worse than the whole record, and no variant gives the printed SDs.",
+        ),
+    },
+    cells={"authors": cells},
+)
 
 # %% [markdown]
 # ## Try changing
 #
 # 1. `variants = ["authors' notebook", "T_d and T_f as printed"]`: two lines in the figure; the second lies 30 % or
 #    more below the printed means.
-# 2. `realisation = 2`: another noise; the means of the authors' protocol move by a few percent, the SDs by factors.
+# 2. `sigma = 0.02`: the first members lie about the middle of the box, $t_0$ = 2.4 s, and later ones stay near it. The
+#    run ends with a signature that begins in the middle of the record, at 4.6 times the stored RMSE.
 # 3. `population = 20`: ten members make the mean, and $c_\mu$ is 0.1 instead of 0.96, so that the ellipse changes
 #    little from one generation to the next; the run settles early, at six times the misfit of the stored run.
+#
+# ## Exercises
+#
+# **1.** Equation 15 compares $\|\mathbf p_\sigma\|$ with the mean length of a standard normal vector. Compute it for
+# $n$ = 7 from the Gamma functions and from random vectors, and compare it with $\sqrt n$.
+
+# %% tags=["solution"]
+exact = np.sqrt(2) * math.gamma((c.n + 1) / 2) / math.gamma(c.n / 2)
+drawn_lengths = np.linalg.norm(np.random.default_rng(1).standard_normal((100000, c.n)), axis=1)
+assert np.isclose(exact, drawn_lengths.mean(), rtol=0.005)
+assert np.isclose(exact, c.chi_n, rtol=1e-3)
+print(f"{exact:.4f}, {drawn_lengths.mean():.3f} drawn; sqrt(n) = {np.sqrt(c.n):.4f} is the rms length, which is larger")
+
+# %% [markdown]
+# **2.** If the misfits told nothing, the ranks would be random. How long is the step of the mean then, in units of
+# $\sigma$, with $\mathbf C = \mathbf I$? Check $\chi_n / \sqrt{\mu_\text{eff}}$ by drawing; it is what the factor
+# $\sqrt{\mu_\text{eff}}$ in equation 14 is for.
+
+# %% tags=["solution"]
+samples = np.random.default_rng(2).standard_normal((2000, c.mu, c.n))
+random_steps = np.linalg.norm(np.einsum("i,kij->kj", c.weights[: c.mu], samples), axis=1)
+assert np.isclose(random_steps.mean(), c.chi_n / np.sqrt(c.mu_eff), rtol=0.05)
+print(f"{random_steps.mean():.4f}, expected {c.chi_n / np.sqrt(c.mu_eff):.4f}")
+
+# %% [markdown]
+# **3.** From which population on do the samples of a single generation make up more than half of $\mathbf C$?
+
+# %% tags=["solution"]
+c_mu = {size: search.constants(size, c.n).c_mu for size in range(4, 301)}
+smallest = next(size for size, rate in c_mu.items() if rate > 0.5)
+assert c_mu[smallest - 1] <= 0.5 < c_mu[smallest]
+assert all(c_mu[size] < c_mu[size + 1] for size in range(10, smallest))
+print(f"from {smallest} members on; with 300, {100 * c_mu[300]:.0f} %")

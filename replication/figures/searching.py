@@ -32,7 +32,7 @@ def replay(compared: pd.DataFrame, ended: pd.DataFrame, agree_rps: float) -> Fig
     for axis in (left, right):
         axis.axhline(agree_rps, color=INK, linewidth=0.8, linestyle=":")
     left.set(xlabel="generation", ylabel="|our lowest misfit - stored| [rps]", yscale="log")
-    left.legend(title="runs that part for a while", fontsize=8)
+    left.legend(title="runs that diverge temporarily", fontsize=8)
     right.set(xlabel="stored run", title="lowest misfit of the whole run")
     left.set_title("generations that the authors' notebook prints")
     return figure

@@ -1,4 +1,4 @@
-"""Table 1: which bounds and how many turns the authors' stored runs had, found by replaying them."""
+"""Table 1: which bounds the authors' stored runs had, found by replaying them."""
 
 from dataclasses import replace
 
@@ -11,13 +11,12 @@ from replication.compiled.misfit import population_rmse
 from replication.datasets import Recording
 from replication.identify import protocol_box
 from replication.replay import AGREE_RPS
-from replication.replay.inspection import stored_misfits, turn_period
+from replication.replay.inspection import turn_period
 from replication.search import generations, random_normals
 from replication.signature import Box
 from replication.table2 import AUTHORS
 
 NAMES = ("A", "t0", "tau", "omega", "v_t", "T2", "T1")
-SAME_STORED_RPS = 1e-6  # the stored parameters have nine digits
 
 # Each bound is tried where Table 1 has it and moved by these shares of the parameter's printed range; 0.15 at both
 # ends makes A's box 1.3 times as wide.
@@ -65,9 +64,3 @@ def table1_cells(recording: Recording, tried: pd.DataFrame) -> pd.Series:
     cells |= {f"table1.T_d.{side}": period / 2 for side in ("min", "max")}
     cells |= {f"table1.T_f.{side}": period for side in ("min", "max")}
     return pd.Series(cells, name="reproduced")
-
-
-def turns_by_replay(recording: Recording, turns: range = range(8, 17)) -> pd.Series:
-    """Stored runs whose misfit is reproduced, by the model's number of turns; more than recorded are alike."""
-    stored = published.authors_notebook_runs()["final_rmse_rps"].to_numpy()
-    return pd.Series({n: int((np.abs(stored_misfits(recording, n) - stored) < SAME_STORED_RPS).sum()) for n in turns})

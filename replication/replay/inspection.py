@@ -1,29 +1,15 @@
-"""What the authors' records and stored runs show by themselves: turns, impacts, noise, first generations."""
-
-from dataclasses import replace
+"""What the authors' records show by themselves: their turn period and their noise."""
 
 import numpy as np
 import pandas as pd
 from scipy import stats
 
-from replication import published
 from replication.arrays import FloatArray
 from replication.datasets import LOW_NOISE, Recording, load_clean, load_noisy
-from replication.identify import paper_fit
-from replication.signature import Timing, rmse
-from replication.table2 import AUTHORS, basin_labels, table2_levels
+from replication.table2 import table2_levels
 
 # Parameters of a stored run, in `signature.FREE_PARAMETERS` order.
 STORED_NAMES = ("A_rps", "t0_s", "tau_per_s", "omega_rad_per_s", "c_rps", "window_end_s", "window_start_s")
-
-
-def impacts_alternate(recording: Recording) -> bool:
-    """Whether the largest excursion alternates its sign by half turns; the first turn, a transient, is left out."""
-    half_turn = round(recording.turn_period_s / 2 / recording.sample_s)
-    disturbance = recording.v - recording.commanded_speed_rps
-    halves = disturbance[2 * half_turn : disturbance.size // half_turn * half_turn].reshape(-1, half_turn)
-    signs = np.sign(halves[np.arange(len(halves)), np.abs(halves).argmax(axis=1)])
-    return bool((signs[1:] == -signs[:-1]).all())
 
 
 def turn_period(recording: Recording) -> float:
@@ -36,13 +22,6 @@ def turn_period(recording: Recording) -> float:
     best = int(np.clip(mismatch.argmin(), 1, lags.size - 2))
     before, at, after = mismatch[best - 1 : best + 2]
     return float((lags[best] + 0.5 * (before - after) / (before - 2 * at + after)) * dt)
-
-
-def half_turn_mismatch(recording: Recording) -> float:
-    """How far a settled record differs from itself inverted and half a turn later, over its SD."""
-    half_turn = round(recording.turn_period_s / 2 / recording.sample_s)
-    settled = recording.v[2 * half_turn :] - recording.commanded_speed_rps
-    return float(np.sqrt(np.mean((settled[half_turn:] + settled[:-half_turn]) ** 2)) / settled.std())
 
 
 def added_noise(level: int, realisation: int) -> FloatArray:
@@ -77,26 +56,3 @@ def noise_amplitudes() -> FloatArray:
         else:
             amplitudes.append(np.ptp([added_noise(level, realisation) for realisation in LOW_NOISE]) / 2)
     return np.array(amplitudes)
-
-
-def stored_misfits(recording: Recording, turns: int = AUTHORS.turns) -> FloatArray:
-    """Misfits [rps] of a record at the parameters of the stored runs, with so many turns in the model."""
-    runs, t, v = published.authors_notebook_runs(), recording.t, recording.v
-    found = zip(runs[list(STORED_NAMES)].to_numpy(), runs["T_d_s"], runs["T_f_s"], strict=True)
-    return np.array([rmse(t, v, X, Timing(T_d, T_f, turns)) for X, T_d, T_f in found])
-
-
-def stored_runs(recording: Recording) -> pd.DataFrame:
-    """Stored misfits of the authors' 30 runs beside ours at their parameters, and today's first generations."""
-    stored, first = published.authors_notebook_runs(), replace(AUTHORS, engine="cma", iterations=1)
-    return pd.DataFrame(
-        {
-            "run": stored["run"],
-            "stored_rmse_rps": stored["final_rmse_rps"],
-            "rmse_rps": stored_misfits(recording),
-            "stored_first_rps": stored["generation_1_best_rmse_rps"],
-            "first_today_rps": [paper_fit(recording, first, seed).rmse for seed in stored["cma_seed"]],
-            "A_rps": stored["A_rps"],
-            "basin": basin_labels(stored["final_rmse_rps"].to_numpy()),
-        }
-    )

@@ -1,8 +1,7 @@
-"""Variants of the protocol, ranked by how close they come to Table 2."""
+"""Variants of the protocol, and how close they come to Table 2."""
 
 from dataclasses import replace
 
-import numpy as np
 import pandas as pd
 
 from replication import published
@@ -33,16 +32,3 @@ def variant_scores(runs: pd.DataFrame) -> pd.DataFrame:
         scores.insert(0, "protocol", protocol)
         parts.append(scores)
     return pd.concat(parts, ignore_index=True)
-
-
-def rank_variants(scores: pd.DataFrame) -> pd.DataFrame:
-    """Rank the variants of `variant_scores`, the closest to Table 2's means first.
-
-    `sd_factor` is the geometric mean of SD over printed SD or its inverse, whichever is above 1.
-    """
-    grouped = scores.assign(
-        mean_abs_error_percent=scores["mean_error_percent"].abs(), log_sd=np.log(scores["sd_ratio"]).abs()
-    ).groupby("protocol", sort=False)
-    table = grouped[["mean_abs_error_percent", "log_sd", "best_basin_share"]].mean()
-    table = table.assign(sd_factor=np.exp(table.pop("log_sd")))
-    return table.sort_values("mean_abs_error_percent", kind="stable").reset_index()

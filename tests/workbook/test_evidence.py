@@ -155,11 +155,8 @@ def test_another_rmse_of_equation_10_is_no_erratum():
     assert verdict("equation10.rmse", characteristic.fit_characteristic(moved, delta).rmse_rad) == "differs"
 
 
-def test_another_speed_or_number_of_turns_is_noticed(record_12):
+def test_another_speed_is_noticed(record_12):
     assert verdict("text.commanded_speed", float(np.median(1.01 * record_12.v))) == "differs"
-    counts = bounds.turns_by_replay(record_12, range(11, 20))
-    assert counts[11] == 0
-    assert (counts.loc[12:] == 30).all()  # so the number of turns is undecided: a later turn changes nothing
 
 
 def test_a_worse_mean_breaks_the_limit_on_errors():
