@@ -116,7 +116,7 @@ def evidence_rule(cell: str, source: str) -> dict[str, str]:
     return next(about, dict.fromkeys(rules[0], ""))
 
 
-def judge(found: pd.DataFrame) -> pd.DataFrame:
+def judge_rows(found: pd.DataFrame) -> pd.DataFrame:
     """Compare what notebooks computed, `id, source, numbers, notebook`, with the printed numbers: `VERDICT_COLUMNS`.
 
     `numbers` is one number, or a list with one for each realisation. `by_tolerance` is what the cell's tolerance alone
@@ -127,9 +127,9 @@ def judge(found: pd.DataFrame) -> pd.DataFrame:
 
 
 def judge_cells(cells: Mapping[str, float | Sequence[float]], source: str) -> pd.DataFrame:
-    """`judge` our numbers from one source by cell id: one number, or a sequence with one for each realisation."""
+    """Judge our numbers from one source by cell id: one number, or a sequence with one for each realisation."""
     numbers = [np.asarray(each, dtype=float).tolist() for each in cells.values()]
-    return judge(pd.DataFrame({"id": list(cells), "source": source, "numbers": numbers, "notebook": ""}))
+    return judge_rows(pd.DataFrame({"id": list(cells), "source": source, "numbers": numbers, "notebook": ""}))
 
 
 def _judge(row: dict) -> dict:
@@ -185,7 +185,7 @@ def verdicts(results: Path) -> pd.DataFrame:
     missing = cells[~cells.index.isin(found["id"])]
     source = missing["element"].isin(["Table 3", "Table 4"]).map({True: "stand-in", False: "authors"})
     not_computed = pd.DataFrame({"id": missing.index, "source": source.to_numpy(), "numbers": math.nan})
-    table = judge(pd.concat([found.astype(object), not_computed]))
+    table = judge_rows(pd.concat([found.astype(object), not_computed]))
     order = {cell: position for position, cell in enumerate(cells.index)}
     return table.sort_values(["id", "source"], key=lambda c: c.map(order) if c.name == "id" else c, ignore_index=True)
 

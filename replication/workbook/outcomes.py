@@ -15,7 +15,7 @@ import numpy as np
 import pandas as pd
 
 from replication.files import FLOAT_FORMAT, ROOT, write_csv, write_json
-from replication.workbook import judging
+from replication.workbook.judging import CLAIM_VERDICTS, judge_rows
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -82,9 +82,9 @@ def judge(cells: Cells | None = None, claims: Claims | None = None) -> pd.DataFr
         Decisions on prose claims; None in place of a truth value is "undecided".
     """
     rows = _cell_rows(cells or {})
-    judged = judging.judge(pd.DataFrame(rows).assign(notebook=notebook_name())).to_dict("records") if rows else []
+    judged = judge_rows(pd.DataFrame(rows).assign(notebook=notebook_name())).to_dict("records") if rows else []
     judged += [
-        {"id": row["id"], "reproduced": row["measured"], "verdict": judging.CLAIM_VERDICTS[row["holds"]]}
+        {"id": row["id"], "reproduced": row["measured"], "verdict": CLAIM_VERDICTS[row["holds"]]}
         for row in _claim_rows(claims or {})
     ]
     shown = ["id", "source", "printed", "reproduced", "low", "high", "verdict"]

@@ -52,7 +52,7 @@ from replication.workbook import judging, outcomes
 
 results = outcomes.output_folder() / "results"
 cells = pd.DataFrame(judging.outcomes(results)[outcomes.notebook_name()]["cells"]).assign(notebook="")
-judged = judging.judge(cells) if len(cells) else pd.DataFrame(columns=["id", "source", "reproduced", "verdict"])
+judged = judging.judge_rows(cells) if len(cells) else pd.DataFrame(columns=["id", "source", "reproduced", "verdict"])
 judged.to_csv(results / "{_JUDGED}")
 """
 

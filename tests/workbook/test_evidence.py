@@ -19,7 +19,7 @@ TABLE1 = published.cells("Table 1").index
 
 def verdict(cell, numbers, source="authors"):
     found = pd.DataFrame([{"id": cell, "source": source, "numbers": numbers, "notebook": "n"}])
-    return judging.judge(found).iloc[0]["verdict"]
+    return judging.judge_rows(found).iloc[0]["verdict"]
 
 
 def exported():

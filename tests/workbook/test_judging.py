@@ -11,7 +11,7 @@ from replication.workbook import judging
 
 def judged(cell, numbers, source="authors"):
     found = pd.DataFrame([{"id": cell, "source": source, "numbers": numbers, "notebook": "n"}])
-    return judging.judge(found).iloc[0]
+    return judging.judge_rows(found).iloc[0]
 
 
 def five(value, spread=0.01):
@@ -123,7 +123,7 @@ def test_each_printed_number_counts_once_by_the_authors_data_first():
             for source, factor in (("simulated", 1.0), ("authors", 2.0))
         ]
     )
-    decided = judging.deciding(judging.judge(found))
+    decided = judging.deciding(judging.judge_rows(found))
     assert decided[["source", "verdict"]].to_numpy().tolist() == [["authors", "differs"]]
 
 
