@@ -24,7 +24,7 @@
 # The modified dead zone model has the stiffness $K_s$ outside the [backlash](glossary.md#backlash) gap and 0 inside it,
 # and "unlike the typical dead zone models, it does not present discontinuities" (section "Matlab/Simulink model of the
 # robotic joint"). The model is that of Papageorgiou et al.
-# ([2019](https://doi.org/10.1016/j.conengprac.2018.11.018)); Nordin and Gutman
+# ([2019](https://doi.org/10.1109/TCST.2018.2837642)); Nordin and Gutman
 # ([2002](https://doi.org/10.1016/S0005-1098(02)00047-X)) compare models of backlash.
 #
 # ## Method

@@ -17,7 +17,7 @@ def signature_parameters(
     t: FloatArray, h: FloatArray, t0: float, T1: float, T2: float, T_d: float, T_f: float
 ) -> Figure:
     """Figure 6: the signature h(t) over two turns with its instants and intervals."""
-    figure, axis = plt.subplots(figsize=(8.5, 4.2))
+    figure, axis = plt.subplots(figsize=(6.9, 2.9))
     axis.plot(t, h, color=BLUE)
     top = np.abs(h).max()
     axis.axvline(t0, color=INK, linewidth=0.8, linestyle=":")
@@ -51,7 +51,7 @@ def table2(table: pd.DataFrame, regions: pd.DataFrame) -> Figure:
 
     `regions` has a row for each of the table: `mean, mean_low, mean_high, sd, sd_low, sd_high`, two of them printed.
     """
-    figure, (first, second, third) = plt.subplots(3, 1, sharex=True, figsize=(6.2, 8.0), height_ratios=(3, 3, 2.4))
+    figure, (first, second, third) = plt.subplots(3, 1, sharex=True, figsize=(6.5, 6.6), height_ratios=(3, 3, 2.4))
     shade = {"width": 0.7, "color": "0.88", "zorder": 0, "label": "95 % region of the authors' records"}
     low, high = (100 * (regions[f"mean_{end}"] / regions["mean"] - 1) for end in ("low", "high"))
     first.bar(regions.index, high - low, bottom=low, **shade)
@@ -128,7 +128,7 @@ def characteristic(
     amplitude_rps: FloatArray, delta_rad: FloatArray, curve_A: FloatArray, curve_delta: FloatArray, label: str
 ) -> Figure:
     """Figure 12: backlash against amplitude, the points and the cubic, with the residual beneath."""
-    figure, (upper, lower) = plt.subplots(2, 1, sharex=True, figsize=(7.5, 5.5), height_ratios=(3, 1))
+    figure, (upper, lower) = plt.subplots(2, 1, sharex=True, figsize=(6.5, 3.3), height_ratios=(3, 1))
     order = np.argsort(curve_A)
     upper.plot(curve_A[order], 1e4 * curve_delta[order], color=BLUE, label=label)
     upper.plot(amplitude_rps, 1e4 * delta_rad, **PRINTED)
@@ -183,7 +183,7 @@ def simulated_joint(
 @in_style
 def validation(table: pd.DataFrame) -> Figure:
     """Show the simulator's misfit and its peaks' errors, level by level."""
-    figure, (left, right) = plt.subplots(1, 2, figsize=(9.5, 3.8))
+    figure, (left, right) = plt.subplots(1, 2, figsize=(6.9, 2.9))
     delta, used = 1e4 * table["delta_rad"], table["used_in_fit"]
     for axis, values in ((left, 100 * table["nrmse"]), (right, table["peak_error_percent"])):
         axis.plot(delta[used], values[used], "s", color=BLUE, label="level used in the fit")
@@ -211,7 +211,7 @@ def speed_signal(t: FloatArray, v: FloatArray, turn_period_s: float) -> Figure:
 @in_style
 def growth(disturbances: pd.DataFrame, peaks: pd.DataFrame, printed: Mapping[float, float]) -> Figure:
     """Figure 11: the disturbance at growing backlash, and its peak over the printed theoretical A."""
-    figure, (left, right) = plt.subplots(1, 2, figsize=(10.0, 4.4), width_ratios=(3, 2))
+    figure, (left, right) = plt.subplots(1, 2, figsize=(6.5, 3.3), width_ratios=(3, 2))
     levels = disturbances.groupby("delta_rad", sort=False)
     for (delta, part), share in zip(levels, 0.9 * np.arange(len(levels)) / max(len(levels) - 1, 1), strict=True):
         style = {"color": plt.cm.viridis(share), "linewidth": 0.9, "label": f"{1e4 * delta:.0f}"}

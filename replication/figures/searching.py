@@ -20,7 +20,7 @@ SMALLEST_RPS = 1e-17  # drawn for a difference of 0
 @in_style
 def replay(compared: pd.DataFrame, ended: pd.DataFrame, agree_rps: float) -> Figure:
     """Show how far the replayed runs are from the stored ones, generation by generation and at their ends."""
-    figure, (left, right) = plt.subplots(1, 2, figsize=(9.5, 4.2), sharey=True, width_ratios=(2, 1))
+    figure, (left, right) = plt.subplots(1, 2, figsize=(6.9, 3.2), sharey=True, width_ratios=(3, 2))
     parted = iter((ORANGE, GREEN, INK))
     for run, part in compared.dropna().groupby("run"):
         shown = np.maximum(part["difference_rps"], SMALLEST_RPS)
@@ -34,7 +34,8 @@ def replay(compared: pd.DataFrame, ended: pd.DataFrame, agree_rps: float) -> Fig
     left.set(xlabel="generation", ylabel="|our lowest misfit - stored| [rps]", yscale="log")
     left.legend(title="runs that diverge temporarily", fontsize=8)
     right.set(xlabel="stored run", title="lowest misfit of the whole run")
-    left.set_title("generations that the authors' notebook prints")
+    left.set_title("generations that the authors' notebook prints", fontsize=9)
+    right.title.set_fontsize(9)
     return figure
 
 

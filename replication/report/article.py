@@ -6,7 +6,7 @@ from pathlib import Path
 import pandas as pd
 
 from replication import files, published
-from replication.report.cells import MEANINGS, SIGNS, judged_cells, judged_claims
+from replication.report.cells import MEANINGS, SIGNS, Cell, judged_cells, judged_claims
 from replication.report.facts import collect_facts, fill_in_findings
 from replication.report.figures import load_pictures
 from replication.workbook import judging
@@ -23,49 +23,50 @@ class NotTypeset(RuntimeError):
 def collect_content(results: Path) -> dict:
     """Collect what the article's text takes from the results."""
     verdicts = judging.verdicts(results)
-    facts = collect_facts(results, verdicts)
-    table2 = _table2(results, verdicts)
-    signs = {row[name] for row in table2 for name in ("mean_sign", "sd_sign")}
-    legend = [f"{SIGNS[name]} {name}" for name in MEANINGS if SIGNS[name] in signs]
-    claims = [row | {"sign": SIGNS[row["verdict"]]} for row in judged_claims(results)]
+    facts, cells = collect_facts(results, verdicts), judged_cells(verdicts)
+    tables = {name: _beside(cells, name) for name in ("Table 1", "Table 2", "Table 3", "Table 4")}
+    ranges = _table2_ranges(results, cells)
+    tables["Table 2"] = [row | ranges[row["row"]] for row in tables["Table 2"]]
+    claims = pd.DataFrame(judged_claims(results)).assign(sign=lambda table: table["verdict"].map(SIGNS))
+    errata = ["kind", "location", "as_printed", "corrected", "evidence"]
     return {
         "facts": facts,
-        "table2": table2,
-        "legend": ", ".join(legend),
-        "claims": [{name: row[name] for name in ("claim", "sign", "verdict", "measured")} for row in claims],
-        "errata": published.errata()[["kind", "location", "as_printed", "corrected"]].reset_index().to_dict("records"),
+        "tables": tables,
+        "signs": {name: SIGNS[name] for name in MEANINGS},
+        "claims": claims[["claim", "sign", "verdict", "measured", "decided_in"]].to_dict("records"),
+        "errata": published.errata()[errata].reset_index().to_dict("records"),
         "open": [each["text"] for each in fill_in_findings(facts) if each["kind"] == "open"],
         "captions": {picture.name: picture.caption for picture in load_pictures(results)},
     }
 
 
-def _table2(results: Path, verdicts: pd.DataFrame) -> list[dict[str, str]]:
-    """Table 2's ten rows on the authors' records: printed, ours over the realisations, and the verdicts' signs."""
-    cells = judged_cells(verdicts)
-    table = pd.read_csv(results / "table2.csv").query("source == 'authors' and row <= 10")
-    rows = []
-    for row, part in table.groupby("row"):
-        theoretical, mean, sd = (cells[f"table2.row{row:02d}.{name}"] for name in ("theoretical", "mean", "sd"))
-        rows.append(
-            {
-                "row": str(row),
-                "theoretical": theoretical.printed,
-                "printed_mean": mean.printed,
-                "mean_sign": SIGNS[mean.deciding.verdict],
-                "mean": _from_to(part["mean_A_rps"], 3),
-                "region": _from_to(pd.Series([mean.deciding.low, mean.deciding.high]), 3),
-                "best": _from_to(part["best_A_rps"], 3),
-                "printed_sd": sd.printed,
-                "sd_sign": SIGNS[sd.deciding.verdict],
-                "sd": _from_to(part["sd_A_rps"], 4),
-                "share": f"{part['best_basin_runs'].sum()} of {part['runs'].sum()}",
-            }
-        )
-    return rows
+def _beside(cells: dict[str, Cell], element: str) -> list[dict]:
+    """The rows of a table of the paper: by column, the printed number, ours and the sign of its verdict."""
+    rows: dict[str, dict] = {}
+    for cell in cells.values():
+        if cell.element == element:
+            beside = {"printed": cell.printed, "ours": cell.ours(cell.deciding), "sign": SIGNS[cell.deciding.verdict]}
+            rows.setdefault(cell.row, {"row": cell.row})[cell.column] = beside | {"unit": cell.unit}
+    return list(rows.values())
+
+
+def _table2_ranges(results: Path, cells: dict[str, Cell]) -> dict[str, dict[str, str]]:
+    """Lowest to highest of our realisations for each row of Table 2, and the region of its mean."""
+    ranges = {}
+    for row, part in pd.read_csv(results / "table2.csv").query("source == 'authors' or row == 11").groupby("row"):
+        mean = cells[f"table2.row{row:02d}.mean"].deciding
+        ranges[str(row)] = {
+            "means": _from_to(part["mean_A_rps"], 3),
+            "region": _from_to(pd.Series([mean.low, mean.high]), 3),
+            "best": _from_to(part["best_A_rps"], 3),
+            "sds": _from_to(part["sd_A_rps"], 4),
+            "share": f"{part['best_basin_runs'].sum()} of {part['runs'].sum()}",
+        }
+    return ranges
 
 
 def _from_to(values: pd.Series, digits: int) -> str:
-    return f"{values.min():.{digits}f}–{values.max():.{digits}f}"
+    return f"{values.min():.{digits}f} to {values.max():.{digits}f}".replace("-", "−")
 
 
 def typeset(results: Path) -> bytes:

@@ -12,6 +12,7 @@ from replication.workbook import judging
 
 NORMAL = str.maketrans("⁻⁰¹²³⁴⁵⁶⁷⁸⁹", "-0123456789")
 FIRST_SOURCE = ["authors", "simulated", "stand-in"]
+REPRODUCED = {"theory_reproduced": "theoretical", "noise_reproduced": "noise"}
 
 
 def read(name):
@@ -47,7 +48,13 @@ def counted():
         found[name] = sum(row["verdict"] == name for row in of)
         found[f"tolerance_{name}"] = sum(row["by_tolerance"] == name for row in of)
     found["evidence"] = found["reproduced"] + found["erratum"] + found["differs"]
-    found["undecided"] = sum(row["verdict"] == "undecided" for row in of)
+    for name, word in (("undecided",) * 2, ("consistent",) * 2, ("given",) * 2, ("standin", "stand-in")):
+        found[name] = sum(row["verdict"] == word for row in of)
+    for word in ("reproduced", "differs", "undecided"):
+        found[f"table1_{word}"] = sum(row["id"].startswith("table1.") and row["verdict"] == word for row in of)
+    good = [row["id"] for row in of if row["verdict"] == "reproduced"]
+    found |= {name: sum(cell.endswith(f".{end}") for cell in good) for name, end in REPRODUCED.items()}
+    found["text_reproduced"] = sum(cell.startswith("text.") for cell in good)
     table = pd.read_csv(published.DATA / "claims.csv")
     found |= {"claims": len(table), "claims_hold": claims.count(True), "claims_fail": claims.count(False)}
     found |= {"claims_open": claims.count(None)}
@@ -71,6 +78,9 @@ def regions():
         found["means_inside"] += low <= float(printed[f"table2.row{row:02d}.mean"]) <= high
         found["theory_outside"] += not low <= float(printed[f"table2.row{row:02d}.theoretical"]) <= high
         halves.append(100 * ((high / low) ** 0.5 - 1))
+    sds = [verdicts[f"table2.row{row:02d}.sd"] for row in range(1, 11)]
+    factors = [float(f"{sd['high'] / sd['low']:.1g}") for sd in sds]
+    found |= {"sd_factor_low": min(factors), "sd_factor_high": max(factors)}
     return found | {"region_half_low": min(halves), "region_half_high": max(halves)}
 
 
@@ -96,6 +106,7 @@ def of_table2():
     found |= {"population": 300, "iterations": 200, "realisations": len(worst["authors"])}
     seeds = read("table2_other_seeds")
     found["seeds_flipped"] = sum(a != b for a, b in zip(seeds["verdict"], seeds["verdict_other_seeds"], strict=True))
+    found["runs_all"] = read("table2")["runs"].sum()
     return found | {"runs": int(read("table2_runs").groupby(["source", "realisation", "row"])["seed"].nunique().max())}
 
 
@@ -159,6 +170,8 @@ def of_the_simulator():
     return {
         "models_tried": len(pd.read_csv(published.DATA / "simulator_attempts.csv")),
         "nrmse_records": len(nrmse),
+        "nrmse_used": (table["used_in_fit"] & table["nrmse"].notna()).sum(),
+        "nrmse_left_out": 100 * table.loc[~table["used_in_fit"], "nrmse"].max(),
         "nrmse_mean": 100 * nrmse.mean(),
         "nrmse_largest": 100 * nrmse.max(),
         "peak_error": (100 * (table["peak_rps"] / table["printed_A_rps"] - 1)).abs().max(),
@@ -178,6 +191,12 @@ def of_the_simulator():
     }
 
 
+def of_other_processors():
+    table = read("portable").to_dict("list")
+    sums = {f"portable_{name}": sum(table[name]) for name in ("failures", "differing")}
+    return sums | {"portable_settings": len(table["setting"]), "portable_verdicts": max(table["verdicts"])}
+
+
 def of_protocols():
     """The finding's sentence names how many of the candidates explain the table."""
     table = read("protocols")
@@ -189,4 +208,5 @@ def of_protocols():
 def derived():
     """All of them by name; a text stands for itself or for the beginning of a sentence."""
     parts = (counted, regions, of_table2, of_stored_runs, of_versions, of_equation_10, of_the_simulator, of_protocols)
+    parts += (of_other_processors,)
     return {name: value for part in parts for name, value in part().items()}

@@ -1,14 +1,17 @@
 """The replication article: it is typeset from the results, and no place in it is empty."""
 
+import json
 import re
 
 import pandas as pd
 import pytest
+import yaml
 from derived import derived, says
 from places import RESULTS
 
 from replication import published, workbook
 from replication.report import article, facts
+from replication.report.cells import SIGNS
 from replication.workbook import judging
 
 typst = pytest.importorskip("typst", reason="typst is not installed (extra `article`)")
@@ -80,10 +83,52 @@ def test_the_finding_names_the_protocols_that_explain_the_table():
 
 def test_tables_and_captions_have_no_empty_place():
     found = article.collect_content(RESULTS)
-    assert len(found["table2"]) == 10
     assert len(found["claims"]) == len(published.claims())
     assert len(found["errata"]) == len(published.errata())
-    for rows in ("table2", "claims", "errata"):
+    for rows in ("claims", "errata"):
         for row in found[rows]:
             assert all(str(value).strip() for name, value in row.items() if name != "measured"), row
     assert len(found["open"]) >= 2
+
+
+def test_the_papers_four_tables_stand_whole_beside_ours():
+    tables = article.collect_content(RESULTS)["tables"]
+    for element, cells in published.cells().groupby("element"):
+        if element.startswith("Table "):
+            beside = [each for row in tables[element] for each in row.values() if isinstance(each, dict)]
+            assert sorted(each["printed"] for each in beside) == sorted(cells["printed"])
+            assert all(each["sign"] for each in beside)
+    stand_ins = [row for element in ("Table 3", "Table 4") for row in tables[element]]
+    assert {row[name]["sign"] for row in stand_ins for name in ("mean", "sd")} == {SIGNS["stand-in"]}
+    assert all(row["means"] and row["region"] and row["sds"] for row in tables["Table 2"])
+
+
+def test_what_the_article_quotes_is_in_the_reference_list_with_its_place():
+    listed = yaml.safe_load((workbook.ROOT / "article" / "references.yml").read_text(encoding="utf-8"))
+    cited = set(re.findall(r"@([a-z\d-]+)", TEXT)) - set(re.findall(r"<([a-z\d-]+)>", TEXT))
+    assert cited == set(listed)
+    assert len(listed) >= 15
+    for name, entry in listed.items():
+        assert {"title", "author", "date"} <= set(entry), name
+        if entry.get("parent", {}).get("type") == "periodical":
+            assert "volume" in entry["parent"], name
+
+
+def test_each_proof_of_an_erratum_is_a_test_that_exists():
+    for row in article.collect_content(RESULTS)["errata"]:
+        file, name = row["evidence"].split("::")
+        assert f"def {name}(" in (workbook.ROOT / file).read_text(encoding="utf-8")
+
+
+def test_no_label_of_a_figure_is_smaller_than_7_pt():
+    drawn = json.loads(
+        typst.query(
+            str(article.SOURCE),
+            "<drawing>",
+            field="value",
+            root=str(workbook.ROOT),
+            sys_inputs={"data": json.dumps(article.collect_content(RESULTS))},
+        )
+    )
+    assert len(drawn) >= 5
+    assert not [each["name"] for each in drawn if each["smallest"] < 7 - 1e-6]

@@ -12,7 +12,7 @@ from replication.workbook import Interval, check_parameters
         ([2, "x"], [Interval(1, 5)], "shown = [2, 'x']: 'x' should be a number from 1 to 5"),
         (3.0, [Interval(0)], "shown = 3.0: it should be a list, each item 0 or more"),
         ([1], range(3), "shown = [1]: it should be one of 0, 1, 2"),
-        ({"stifness": 2}, [("stiffness",)], "shown = {'stifness': 2}: 'stifness' should be one of 'stiffness'"),
+        ({"rigidity": 2}, [("stiffness",)], "shown = {'rigidity': 2}: 'rigidity' should be one of 'stiffness'"),
         (float("nan"), Interval(0, 1), "shown = nan: nan should be a number from 0 to 1"),
     ],
 )
