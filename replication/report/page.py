@@ -8,6 +8,7 @@ import pandas as pd
 from replication import files, published
 from replication.report import TEMPLATES, answers, markdown, pages
 from replication.report.cells import judged_cells, judged_claims
+from replication.report.explorers import render_signature_explorer
 from replication.report.facts import collect_facts, fill, fill_in_findings
 from replication.report.figures import load_pictures
 from replication.report.tables import LAYOUTS
@@ -44,6 +45,7 @@ def render_report(results: Path, notebooks: Path, verdicts: pd.DataFrame, quick:
         code_line=answers.code_line,
         disagreement=answers.disagreement,
         times=answers.run_times(results),
+        has_explorer=(results / "start_log.csv").exists(),
         errata_counted=markdown.count_errata(),
         filters={
             "verdict": list(verdicts["verdict"].unique()),
@@ -98,6 +100,8 @@ def write_report(results: Path) -> Path:
     quick = results == files.QUICK / "results"
     notebooks, verdicts = results.parent / "notebooks", judging.verdicts(results)
     rendered = pages.render_pages(results, notebooks, verdicts)
+    if explorer := render_signature_explorer(results):
+        rendered["signature_explorer"] = explorer
     for name, text in rendered.items():
         files.write_text(results / "pages" / f"{name}.html", text)
     for file in (results / "pages").glob("*.html"):

@@ -1,0 +1,34 @@
+"""Pages that a reader can play with: the signature over a record of our own simulator."""
+
+from pathlib import Path
+
+import pandas as pd
+
+from replication.report import TEMPLATES
+
+# Name, symbol, unit and ends of each slider, and its step.
+SLIDERS = (
+    ("A", "A", "rps", -1.5, 1.5, 0.005),
+    ("t0", "t<sub>0</sub>", "s", -0.2, 0.6, 0.001),
+    ("tau", "τ", "1/s", 5.0, 30.0, 0.1),
+    ("omega", "ω", "rad/s", 6.3, 251.3, 0.1),
+    ("T1", "T<sub>1</sub>", "s", 0.0, 0.102, 0.0005),
+    ("T2", "T<sub>2</sub>", "s", 0.0, 0.204, 0.0005),
+    ("T_f", "T<sub>f</sub>", "s", 0.392, 0.412, 0.0005),
+)
+
+
+def render_signature_explorer(results: Path) -> str:
+    """Render the page with the log of notebook 0 and the signature fitted to it; empty if they are not there."""
+    log, fit = results / "start_log.csv", results / "start_fit.csv"
+    if not (log.exists() and fit.exists()):
+        return ""
+    record, fitted = pd.read_csv(log), pd.read_csv(fit).iloc[0].to_dict()
+    dt = round(float(record["time_s"].iloc[-1]) / (len(record) - 1), 9)
+    return TEMPLATES.get_template("signature.html.j2").render(
+        record=record["speed_rps"].tolist(),
+        dt=dt,
+        fitted=fitted,
+        turns=12,
+        sliders=[(*slider, fitted[slider[0]]) for slider in SLIDERS],
+    )
