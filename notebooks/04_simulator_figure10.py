@@ -101,7 +101,7 @@ workbook.check_parameters(factors=(list(changes.values()), [Interval(0, 100)]))
 # %%
 committed = identified_joint()
 joint = changed_joint(committed, changes)
-joint = replace(joint, load_coulomb_nm=friction_share * joint.gravity_torque_nm)
+joint = replace(joint, load_coulomb_nm=joint.load_coulomb_nm + friction_share * joint.gravity_torque_nm)
 records = clean_records(CLEAN_LEVELS)
 compared = np.isclose(
     [joint.commanded_speed_rps, joint.turn_period_s], [datasets.COMMANDED_SPEED_RPS, datasets.TURN_PERIOD_S]
