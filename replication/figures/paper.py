@@ -216,7 +216,7 @@ def growth(disturbances: pd.DataFrame, peaks: pd.DataFrame, printed: Mapping[flo
     for (delta, part), share in zip(levels, 0.9 * np.arange(len(levels)) / max(len(levels) - 1, 1), strict=True):
         style = {"color": plt.cm.viridis(share), "linewidth": 0.9, "label": f"{1e4 * delta:.0f}"}
         left.plot(part["time_s"], part["disturbance_rps"], **style)
-    left.set(xlabel="time in a settled turn [s]", ylabel="disturbance v - 100 [rps]")
+    left.set(xlabel="time in a settled turn [s]", ylabel="disturbance $v - v_t$ [rps]")
     left.legend(title="$\\delta$ [1e-4 rad]", fontsize=7, ncols=2)
     right.plot(1e4 * peaks["delta_rad"], peaks["amplitude_rps"], "o-", color=BLUE, label="peak before sampling")
     right.plot(1e4 * peaks["delta_rad"], peaks["sampled_rps"], "s--", color=ORANGE, ms=4, label="peak of 2 ms samples")

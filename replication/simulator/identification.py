@@ -18,6 +18,7 @@ import pandas as pd
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 from scipy.stats import t as student
+from tqdm import tqdm
 
 from replication.arrays import FloatArray
 from replication.datasets import Recording
@@ -41,6 +42,7 @@ class JointFit:
     confidence: dict[str, tuple[float, float]]  # 95 % interval of each ratio, from the linearised least squares
     correlation: pd.DataFrame  # of the ratios' estimates
     mean_square: float  # mean over the levels of the squared normalised RMSE
+    evaluations: int  # simulations of all records, those for the Jacobian among them
 
 
 def fine_per_sample(record: Recording) -> int:
@@ -109,6 +111,7 @@ def identify_joint(records: Records, start: JointParameters, *, held: Iterable[s
         confidence={name: (best[name] - h, best[name] + h) for name, h in zip(names, half.tolist(), strict=True)},
         correlation=pd.DataFrame(inverse / np.outer(spread, spread), index=names, columns=names),
         mean_square=2 * fit.cost / size,
+        evaluations=fit.nfev + 2 * len(names) * fit.njev,
     )
 
 
@@ -129,7 +132,7 @@ def identify_lead(records: Records, parameters: JointParameters, leads_s: Iterab
 def profile_ratio(name: str, factors: Iterable[float], records: Records, best: JointParameters) -> pd.DataFrame:
     """Profile of the misfit along one ratio: the others are fitted anew at each value."""
     rows = []
-    for factor in factors:
+    for factor in tqdm(list(factors), desc=f"profile of {name}"):
         start = with_ratios(best, {name: best.ratios[name] * factor})
         fit = identify_joint(records, start, held={name, *HELD})
         rows.append((factor, start.ratios[name], math.sqrt(fit.mean_square)))
