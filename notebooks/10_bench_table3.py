@@ -143,7 +143,7 @@ known
 #
 # ### The bench
 #
-# What was drawn, against the identified joint; ratios that are zero in both are left out.
+# What was drawn, against the identified joint: first the ratios that its motion depends on, then friction.
 
 # %%
 drawn_spread = replace(joints.Spread(), **spread)

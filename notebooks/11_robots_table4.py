@@ -210,17 +210,19 @@ lines = {"printed robot B": printed_B, "best threshold of the robots above": bes
 disturbance_figure = plots.robots_disturbance(sweep, lines, 1 / joint.turn_period_s)
 
 # %% [markdown]
-# The fitted $A$ [rps] at the harmonics of the load's turn; columns are the torque over $m g r$.
+# The fitted $A$ [rps] at the harmonics of the load's turn, and how many of the twelve turns the fit uses; columns are
+# the torque over $m g r$.
 
 # %%
 order = sweep["disturbance_hz"] * joint.turn_period_s
 harmonics = sweep[np.isclose(order, order.round())].assign(k=order.round().astype(int))
 harmonics["parity"] = np.where(harmonics["k"] % 2 == 1, "odd", "even")
-harmonics.pivot(index=["k", "disturbance_hz", "parity"], columns="torque_share", values="A_rps")
+harmonics.pivot(index=["k", "disturbance_hz", "parity"], columns="torque_share", values=["A_rps", "turns_used"])
 
 # %% [markdown]
-# At other frequencies a disturbance can be large enough for a fit that begins in the record's last turn: Table 1 allows
-# $t_0$ up to the record's end, so that the signature has only one or two windows to fit.
+# Away from the odd harmonics a disturbance can still be large enough for a fit that begins in the record's last turn:
+# Table 1 allows $t_0$ up to the record's end, so that the signature has only one or two windows to fit, too few for the
+# disturbance to cancel.
 
 # %%
 called = sweep.assign(

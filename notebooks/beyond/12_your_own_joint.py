@@ -240,12 +240,12 @@ odd_table = pd.DataFrame([(found.file, found.verdict) for found in answers], col
 errors = table.groupby("calibration", sort=False)["error_rad"]
 summary = pd.DataFrame({"answers": errors.count(), "mean_abs_error_rad": errors.agg(lambda error: error.abs().mean())})
 display(summary)
-size = 1e6 * summary["mean_abs_error_rad"]
+none, of_the_papers, yours = 1e6 * summary["mean_abs_error_rad"]
 others = [found.verdict for found in answers if found.verdict != "cannot tell"]
 print(
-    f"The mean error is {size['your own']:.0f}e-6 rad with your own calibration, {size["the paper's joint"]:.0f}e-6 "
-    f"rad with the paper's joint's and {size['none']:.0f}e-6 rad without any. Of {len(answers)} odd logs the sensor "
-    f"refuses {len(answers) - len(others)}; of the others it says: {', '.join(others) or 'nothing'}."
+    f"The mean error is {yours:.0f}e-6 rad with your own calibration, {of_the_papers:.0f}e-6 rad with that of the "
+    f"paper's joint, and {none:.0f}e-6 rad without any. Of {len(answers)} odd logs the sensor refuses "
+    f"{len(answers) - len(others)}; of the others it says: {', '.join(others) or 'nothing'}."
 )
 
 # %% tags=["plumbing"]
