@@ -17,26 +17,42 @@
 # %% [markdown]
 # # 11 · Two robots in a plant (Table 4), as stand-ins
 #
-# **The robots' logs were never published. Everything below comes from simulated robots, and none of it counts as
-# reproduced.**
+# *You will see how a threshold on $A$ is chosen, and which disturbance looks like backlash. Run time: 40 s.*
+#
+# **The robots' logs were never published. Everything below comes from simulated robots,
+# [stand-ins](glossary.md#stand-in), and none of it counts as reproduced.**
 #
 # ## Claim
 #
-# On axis 4 of two robots of one model, 30 runs each, $A$ tells the one with excessive backlash from the other,
-# although the other joints' disturbances may hide the signature (section "Testing on real-world data from robots",
-# Table 4).
+# On axis 4 of two robots of one model, 30 [runs](glossary.md#run) each, $A$ tells the one with excessive
+# [backlash](glossary.md#backlash) from the other, although the other joints' disturbances may hide the signature
+# (section "Testing on real-world data from robots", Table 4).
 #
 # ## Method
 #
+# What an amplitude $A$ [rps] means in rad, the paper's static characteristic says,
+#
+# $$\delta = f(A) = a_0 + a_1 \cdot 60A + a_2 (60A)^2 + a_3 (60A)^3 \tag{10}$$
+#
+# with the printed coefficients $a_k$ [rad/rpm$^k$] (notebook 6).
+#
 # A stand-in axis is a bench of notebook 10 with less gravity (axis 4 carries the wrist and a tool only), and with
 # three sinusoidal torques on its load, of any frequency from 2.5 to 40 Hz: what reaches it from the other joints. A
-# healthy axis has up to 1e-4 rad of backlash, a bad one 2e-4 to 5e-4 rad. Equation 10 makes 2.3e-4 rad of robot B's
-# printed $A$, which is less than the smallest level of Table 2. All of these are assumptions (`RobotSpread` in
-# `standins.robots`).
+# healthy axis has up to 1e-4 rad of backlash, a bad one 2e-4 to 5e-4 rad. All of these are assumptions
+# (`RobotSpread` in `standins.robots`).
 #
-# Two robots say little about a threshold. Many of each kind give a ROC curve: how many bad ones each threshold on $A$
-# finds, and how many healthy ones it calls bad. These are fitted by the global fit (notebook 9), one fit a robot. The
-# real logs' loader would go where the bench's goes (notebook 10).
+# Two robots say little about a threshold $T$ [rps]. Many of each kind give its rates of detection and of false alarms,
+#
+# $$d(T) = P(A \ge T \mid \text{excessive}), \qquad f(T) = P(A \ge T \mid \text{healthy}).$$
+#
+# The curve of $d$ over $f$ for all $T$ is the receiver operating characteristic (ROC). The area under it is the
+# probability that an excessive robot has a larger $A$ than a healthy one. Youden's index
+# ([1950](https://doi.org/10.1002/1097-0142%281950%293:1%3C32::AID-CNCR2820030106%3E3.0.CO;2-3)) selects
+#
+# $$T^* = \arg\max_T \left[ d(T) - f(T) \right].$$
+#
+# These robots are fitted by the global fit (notebook 9), one fit a robot. The real logs' loader would go where the
+# bench's goes (notebook 10).
 
 # %%
 from dataclasses import replace
@@ -45,9 +61,10 @@ import numpy as np
 import pandas as pd
 
 from backlash.fitting.global_fit import global_fit
-from replication import characteristic, published, table2, workbook
+from replication import published, table2, workbook
 from replication.simulator.simulate import identified_joint
 from replication.standins import plots, robots
+from replication.workbook import Interval
 
 # %% [markdown]
 # ## Parameters
@@ -62,22 +79,32 @@ loud_robots_each = 50  # robots of each kind with louder arms
 frequency_step_hz = 0.5  # of the sweep of one disturbance
 torque_shares = [0.02, 0.05, 0.1]  # its torque over m g r
 
+# %% tags=["plumbing"]
+workbook.check_parameters(
+    repeats=(repeats, range(2, 1001)),
+    robots_each=(robots_each, range(2, 10001)),
+    robot_seed=(robot_seed, range(0, 10**6)),
+    coupling=(coupling, Interval(0, 1)),
+    loud_coupling=(loud_coupling, Interval(0, 1)),
+    loud_robots_each=(loud_robots_each, range(2, 10001)),
+    frequency_step_hz=(frequency_step_hz, Interval(0.1, 17.5)),
+    torque_shares=(torque_shares, [Interval(1e-4, 1)]),
+)
+
 # %% [markdown]
 # ## Result
 #
 # ### What the printed amplitudes mean in rad
 
 # %%
+a = 1e-6 * np.array([published.value(f"equation10.A{k}") for k in range(4)])  # rad/rpm^k
 printed_A, printed_B = published.column("Table 4", "mean")
-pd.DataFrame(
-    {
-        "A_rps": [printed_A, printed_B],
-        "equation_10_rad": characteristic.equation_10().backlash_rad([printed_A, printed_B]),
-    },
-    index=["robot A", "robot B"],
-)
+printed = pd.DataFrame({"A_rps": [printed_A, printed_B]}, index=["robot A", "robot B"])
+printed.assign(equation_10_rad=sum(a[k] * (60 * printed["A_rps"]) ** k for k in range(4)))  # equation 10
 
 # %% [markdown]
+# Robot B's backlash, "excessive", would be less than the smallest of Table 2, 3e-4 rad.
+#
 # ### Table 4
 #
 # Robots A and B are the first healthy and the first bad one of the population below. As in notebook 8, the sign of
@@ -89,73 +116,93 @@ seeds = range(1, repeats + 1)
 records = robots.table4_records(spread, robot_seed)
 fits = table2.repeated_fits(records, [table2.AUTHORS], seeds, label="Table 4, stand-in robots")
 table = robots.table4(fits)
-workbook.save_table(table, "table4")
-table.set_index("robot").T
+table.astype(object).set_index("robot").T
 
 # %% [markdown]
 # ### Many robots
+#
+# $A$ [rps] of the two kinds, in arms with little and with much coupling.
 
 # %%
 population = robots.robot_population(global_fit, robots_each, spread, robot_seed)
 loud = robots.robot_population(global_fit, loud_robots_each, replace(spread, coupling=loud_coupling), robot_seed)
-workbook.save_table(population, "table4_population")
-by_kind = population.groupby("kind", sort=False)["A_rps"]
-by_kind.describe()
+arms = pd.concat([population.assign(coupling=coupling), loud.assign(coupling=loud_coupling)])
+arms.groupby(["coupling", "kind"], sort=False)["A_rps"].agg(["count", "mean", "std", "min", "max"])
+
+# %% [markdown]
+# ### The threshold
+#
+# The ROC has one point for each $A$ that occurs, taken as the threshold.
+
 
 # %%
-healthy, excessive = (part.to_numpy() for _, part in by_kind)
-curve = robots.roc(healthy, excessive)
-loud_kinds = [part.to_numpy() for _, part in loud.groupby("kind", sort=False)["A_rps"]]
-loud_curve = robots.roc(*loud_kinds)
-best = robots.best_threshold(curve)
+def roc(healthy, excessive):
+    thresholds = np.r_[np.inf, np.unique(np.r_[healthy, excessive])[::-1]]
+    false_alarms, detected = (np.mean(A[:, None] >= thresholds, axis=0) for A in (healthy, excessive))
+    return pd.DataFrame({"threshold_rps": thresholds, "false_alarms": false_alarms, "detected": detected})
+
+
+def area_under(curve):
+    return np.trapezoid(curve["detected"], curve["false_alarms"])
+
+
+def youden(curve):  # the row of the best threshold
+    return curve.loc[(curve["detected"] - curve["false_alarms"]).idxmax()]
+
+
+healthy, excessive = (population.loc[population["kind"] == kind, "A_rps"].to_numpy() for kind in robots.KINDS)
+loud_healthy, loud_excessive = (loud.loc[loud["kind"] == kind, "A_rps"].to_numpy() for kind in robots.KINDS)
+curve, loud_curve = roc(healthy, excessive), roc(loud_healthy, loud_excessive)
+best, loud_best = youden(curve), youden(loud_curve)
 thresholds = {"printed robot A": printed_A, "printed robot B": printed_B, "best (Youden)": best["threshold_rps"]}
 marks = pd.DataFrame(
-    [(name, threshold, *robots.shares_at(healthy, excessive, threshold)) for name, threshold in thresholds.items()],
+    [(name, T, np.mean(healthy >= T), np.mean(excessive >= T)) for name, T in thresholds.items()],
     columns=["name", "threshold_rps", "false_alarms", "detected"],
 )
-workbook.save_table(marks, "table4_thresholds")
+index = curve["detected"] - curve["false_alarms"]
+nearly_best = curve.loc[index >= index.max() - 0.011, "threshold_rps"]
+print(f"thresholds from {nearly_best.min():.3f} to {nearly_best.max():.3f} rps come within 0.01 of the best index")
 marks
 
 # %%
 curves = {
-    f"couplings up to {100 * share:.0f} %": (each, robots.area_under(each))
+    f"couplings up to {100 * share:.0f} %": (each, area_under(each))
     for share, each in ((coupling, curve), (loud_coupling, loud_curve))
 }
-figure = plots.robots(population, curves, marks)
-workbook.save_figure(
-    figure,
-    "table4_robots",
-    caption="Simulated healthy and excessive robots: two barely overlapping distributions, so that a threshold on A "
-    "separates them, unless the coupling torques are larger.",
-)
+robots_figure = plots.robots(population, curves, marks)
 
 # %% [markdown]
 # The threshold depends on the amplitude of the coupling torques: that of the quiet arm applied to the loud one, and the
 # loud one's own.
 
 # %%
-of_quiet, loud_best = best["threshold_rps"], robots.best_threshold(loud_curve)
+T = best["threshold_rps"]
+quiet_best, louder_best = ([row["threshold_rps"], row["false_alarms"], row["detected"]] for row in (best, loud_best))
+loud_area = area_under(loud_curve)
 cases = pd.DataFrame(
     [
-        (coupling, "its best", of_quiet, best["false_alarms"], best["detected"]),
-        (loud_coupling, "the quiet arm's", of_quiet, *robots.shares_at(*loud_kinds, of_quiet)),
-        (loud_coupling, "its best", loud_best["threshold_rps"], loud_best["false_alarms"], loud_best["detected"]),
+        (coupling, "its best", *quiet_best, area_under(curve)),
+        (loud_coupling, "the quiet arm's", T, np.mean(loud_healthy >= T), np.mean(loud_excessive >= T), loud_area),
+        (loud_coupling, "its best", *louder_best, loud_area),
     ],
-    columns=["coupling", "threshold", "threshold_rps", "false_alarms", "detected"],
-).assign(area=[robots.area_under(each) for each in (curve, loud_curve, loud_curve)])
-workbook.save_table(cases, "table4_loudness")
+    columns=["coupling", "threshold", "threshold_rps", "false_alarms", "detected", "area"],
+)
 cases
 
 # %% [markdown]
 # ### A healthy joint with a loud disturbance near 21 Hz
 #
-# A joint without any backlash, shaken by one sinusoidal torque. The coupling's own frequency with the teeth in
-# contact is where the joint answers loudest, and it is also where the signature rings.
+# A joint without any backlash, shaken by one sinusoidal torque of amplitude $\tau_0$ [N m] and phase $\varphi$ [rad].
+# If it goes through $k$ periods in a load turn of $T_f$ [s], then half a turn later it is
 #
-# Two things go wrong. At an odd harmonic of the load's rotation a disturbance repeats with opposite sign half a turn
-# later, as the signature does: its amplitude is read as $A$, and the misfit is as low as with backlash. At other
-# frequencies it averages out over twelve turns, unless it is large enough for a fit that begins in the record's last
-# turn: Table 1 allows $t_0$ up to the record's end, so that the signature has only one or two windows to fit.
+# $$\tau\left(t + \frac{T_f}{2}\right) = \tau_0 \sin\left(2\pi k\,\frac{t + T_f/2}{T_f} + \varphi\right)
+# = \tau_0 \sin\left(\frac{2\pi k t}{T_f} + \varphi + \pi k\right) = (-1)^k\,\tau(t).$$
+#
+# At an odd $k$ it repeats with opposite sign half a turn later. So does the [signature](glossary.md#signature), because
+# gravity pulls the teeth from one side to the other: no number of turns tells the two apart by their sign, and the
+# disturbance is read as $A$. At an even $k$ the two half turns of the signature cancel it, and at other frequencies it
+# averages out over twelve turns. The response is largest near the coupling's own frequency with the teeth in contact,
+# where the signature rings too.
 
 # %%
 joint = identified_joint()
@@ -164,15 +211,23 @@ frequencies = np.arange(12.5, 30.01, frequency_step_hz)
 sweep = robots.disturbed_healthy_joint(
     global_fit, frequencies, torque_shares, middle_gravity, spread.bench.noise_rps / 2, robot_seed
 )
-workbook.save_table(sweep, "table4_disturbance")
 lines = {"printed robot B": printed_B, "best threshold of the robots above": best["threshold_rps"]}
-figure = plots.robots_disturbance(sweep, lines, 1 / joint.turn_period_s)
-workbook.save_figure(
-    figure,
-    "table4_disturbance",
-    caption="A disturbance near the ring's frequency, or at an odd harmonic of the load's rotation, makes a joint "
-    "without backlash look like one with it.",
-)
+disturbance_figure = plots.robots_disturbance(sweep, lines, 1 / joint.turn_period_s)
+
+# %% [markdown]
+# The fitted $A$ [rps] at the harmonics of the load's turn, and how many of the twelve turns the fit uses; columns are
+# the torque over $m g r$.
+
+# %%
+order = sweep["disturbance_hz"] * joint.turn_period_s
+harmonics = sweep[np.isclose(order, order.round())].assign(k=order.round().astype(int))
+harmonics["parity"] = np.where(harmonics["k"] % 2 == 1, "odd", "even")
+harmonics.pivot(index=["k", "disturbance_hz", "parity"], columns="torque_share", values=["A_rps", "turns_used"])
+
+# %% [markdown]
+# Away from the odd harmonics a disturbance can still be large enough for a fit that begins in the record's last turn:
+# Table 1 allows $t_0$ up to the record's end, so that the signature has only one or two windows to fit, too few for the
+# disturbance to cancel.
 
 # %%
 called = sweep.assign(
@@ -180,7 +235,7 @@ called = sweep.assign(
     late=sweep["turns_used"] < 2,
     cannot_tell=sweep["low_rps"] <= 0,
 ).groupby("torque_share")
-pd.DataFrame(
+summary = pd.DataFrame(
     {
         "loudest_rps": called["disturbance_rps"].max(),
         "largest_A_rps": called["A_rps"].max(),
@@ -189,10 +244,11 @@ pd.DataFrame(
         "interval_contains_zero_percent": 100 * called["cannot_tell"].mean(),
     }
 )
+summary
 
 # %% [markdown]
-# A large $A$ whose interval contains zero is the slow answer to gravity, fitted at the lowest frequency of Table 1's
-# box, where $A$ and the window trade off: the interval says that it tells nothing, the amplitude alone does not.
+# A large $A$ whose interval contains zero is the slow response to gravity, fitted at the lowest frequency of Table 1's
+# box, where $A$ and the window trade off: the interval says that nothing is known, the amplitude alone does not.
 
 # %% [markdown]
 # ## Verdict
@@ -200,13 +256,83 @@ pd.DataFrame(
 # All cells are `stand-in`.
 
 # %%
-workbook.record_verdicts({"stand-in": robots.table4_cells(table)})
+cells = {"stand-in": robots.table4_cells(table)}
+display(workbook.judge(cells))
+by_kind = table.set_index("kind")["mean_A_rps"]
+mistaken = summary["called_excessive_percent"].iloc[-1]
+print(
+    f"Robot B's mean A is {by_kind['excessive'] / by_kind['healthy']:.1f} times robot A's. Of {robots_each} robots of "
+    f"each kind the best threshold, {best['threshold_rps']:.3f} rps, finds {100 * best['detected']:.0f} % of the bad "
+    f"ones with {100 * best['false_alarms']:.0f} % false alarms (area {area_under(curve):.3f}); with couplings of up "
+    f"to {100 * loud_coupling:.3g} % of gravity the area is {area_under(loud_curve):.3f}. One sinusoidal torque of "
+    f"{100 * torque_shares[-1]:.3g} % makes {mistaken:.0f} % of the joints without backlash look excessive"
+    f"{': A alone does not tell a coupling torque from backlash' if mistaken > 0 else ''}."
+)
+
+# %% tags=["plumbing"]
+workbook.export(
+    tables={
+        "table4": table,
+        "table4_population": population,
+        "table4_thresholds": marks,
+        "table4_loudness": cases,
+        "table4_disturbance": sweep,
+    },
+    figures={
+        "table4_robots": (
+            robots_figure,
+            "Left: A of simulated healthy and excessive robots, two barely overlapping distributions, and thresholds. "
+            "Right: the larger the coupling torques, the smaller the area under the curve.",
+        ),
+        "table4_disturbance": (
+            disturbance_figure,
+            "A of a joint without backlash that one sinusoidal torque shakes: it is largest near the ring's frequency "
+            "and at odd harmonics of the load's rotation, up to above the threshold.",
+        ),
+    },
+    cells=cells,
+)
 
 # %% [markdown]
 # ## Try changing
 #
 # 1. `coupling = 0.0`: without couplings the best threshold errs nearly as often, because gravity and friction differ
 #    from arm to arm, and that alone makes the kinds overlap.
-# 2. `robot_seed = 2`: two other robots, B with half the backlash; its mean $A$ halves, and the best threshold of the
-#    population falls by a fifth.
+# 2. `robot_seed = 2`: two other robots, B with half the backlash; its mean $A$ halves, while the best threshold of the
+#    population moves by less than a tenth.
 # 3. `loud_coupling = 0.3`: $A$ hardly separates the kinds; the area is near 0.5, that of guessing.
+#
+# ## Exercises
+#
+# **1.** Count, over all pairs of an excessive and a healthy robot, how often the excessive one has the larger $A$
+# (an equal $A$ counts as half). Compare with the area under the ROC.
+
+# %% tags=["solution"]
+difference = excessive[:, None] - healthy
+chance = np.mean(difference > 0) + np.mean(difference == 0) / 2
+assert np.isclose(chance, area_under(curve))
+print(f"{chance:.4f}")
+
+# %% [markdown]
+# **2.** In a plant 2 % of the robots are bad. Which share of the robots that the best threshold calls excessive are so
+# (Bayes)? From which share of bad robots on is a call more often right than wrong?
+
+# %% tags=["solution"]
+d, f = best["detected"], best["false_alarms"]
+right = 0.02 * d / (0.02 * d + 0.98 * f)
+even = f / (d + f)
+assert 0 <= right <= 1
+assert np.isclose(even * d, (1 - even) * f)
+print(f"{100 * right:.0f} % of the calls are right; half of them where {100 * even:.1f} % of the robots are bad")
+
+# %% [markdown]
+# **3.** Split a disturbance into the part that repeats with opposite sign half a turn later and the rest. What is left
+# of it in the first part at $k = 8$, at $k = 9$ and at $k = 8.5$, averaged over twelve turns?
+
+# %% tags=["solution"]
+sample = np.arange(2400)  # 2 ms apart; a half turn has 100
+t, sign = 2e-3 * sample, np.where(sample // 100 % 2 == 0, 1.0, -1.0)
+parts = {k: (sign * np.sin(2 * np.pi * k * t / 0.4)).reshape(24, 100).mean(axis=0) for k in (8, 8.5, 9)}
+kept = {k: np.sqrt(np.mean(part**2)) for k, part in parts.items()}
+assert np.isclose(kept[9], np.sqrt(0.5))  # all of it; nothing of the others
+assert max(kept[8], kept[8.5]) < 1e-9

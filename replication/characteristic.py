@@ -78,20 +78,6 @@ def static_levels_rad() -> FloatArray:
     return 1e-4 * np.round(1e4 * equation_10().backlash_rad(published.column("Table 3", "known")))
 
 
-def known_amplitudes() -> pd.DataFrame:
-    """Compare Table 3's known A with the two ways that lead to them from a round backlash: Table 2, equation 10."""
-    delta = static_levels_rad()
-    return pd.DataFrame(
-        {
-            "row": np.arange(1, delta.size + 1),
-            "delta_rad": delta,
-            "printed_known_A_rps": published.column("Table 3", "known"),
-            "interpolated_A_rps": [known_amplitude_rps(level) for level in delta],
-            "equation_10_A_rps": [equation_10().amplitude_rps(level) for level in delta],
-        }
-    )
-
-
 def table_arithmetic() -> pd.DataFrame:
     """Recompute the relative errors of Tables 2 and 3 from their printed means.
 

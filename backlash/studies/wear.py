@@ -12,7 +12,7 @@ from backlash.calibration import Calibration
 from backlash.fitting.global_fit import global_fit
 from backlash.fitting.self_calibration import fit_joint
 from backlash.fitting.shared_joint import share_joint
-from backlash.studies.benchmark import Log, hold_truth, interval_answer, logs_by_methods, widened_answers
+from backlash.studies.benchmark import Log, interval_answer, logs_by_methods, widened_answers
 from replication.arrays import FloatArray
 from replication.standins.joints import Bench, encoder_log
 
@@ -102,19 +102,3 @@ def _with_calls(rows: pd.DataFrame, wears: Sequence[Wear], limit_rad: float) -> 
     table["truth_day"] = table["bench"].map(lambda number: wears[number].crossing_day(limit_rad))
     called = table["day"].where(table["estimate_rad"] >= limit_rad)
     return table.assign(call_day=called.groupby([table["sensor"], table["bench"]]).transform("min"))
-
-
-def maintenance_calls(tests: pd.DataFrame) -> pd.DataFrame:
-    """Condense `wear_tests` into one row per sensor: how the calls lie to the truth."""
-    rows = []
-    for name, part in tests.groupby("sensor", sort=False):
-        each = part.drop_duplicates("bench")
-        delay = each["call_day"] - each["truth_day"]
-        error = part["estimate_rad"] - part["delta_rad"]
-        late = int((delay > part["day"].drop_duplicates().diff().max()).sum())
-        calls = {"early": int((delay < 0).sum()), "late": late, "missed": int(delay.isna().sum())}
-        days = {"median_days": delay.median(), "earliest_days": delay.min(), "latest_days": delay.max()}
-        errors = {"mean_error_rad": error.mean(), "sd_error_rad": error.std()}
-        covered = 100 * (hold_truth(part) / len(part))
-        rows.append({"sensor": name, "benches": len(each)} | calls | days | errors | {"covered_percent": covered})
-    return pd.DataFrame(rows)

@@ -17,23 +17,42 @@
 # %% [markdown]
 # # 12 · Measure your own joint
 #
+# *You will calibrate the sensor for a joint, read logs with it, and see when it refuses; then measure a log of your
+# own. Run time: 20 s.*
+#
 # **A guide to the virtual sensor. The joint is a simulated one that plays yours; nothing of the paper is judged here.**
 #
 # ## Claim
 #
-# The backlash of a joint can be read off its motor encoder alone, without taking it apart.
+# The [backlash](../glossary.md#backlash) of a joint can be read off its motor encoder alone, without taking it apart.
 #
 # ## Method
 #
 # *The movement*: a horizontal axis, so that gravity swings the load through the gap twice a turn; constant motor speed;
-# twelve load turns, four at least. *The log*: time and the encoder's position or speed, at 500 Hz if you can; the ring
-# after each impact lies near 21 Hz, and below 84 Hz nothing can be said. *The backlash* $\delta$ is half of the total
-# play: the teeth are free over $2 \delta$.
+# twelve load turns, four at least. *The log*: time and the encoder's position or speed, at 500 Hz if you can; the
+# oscillation after each impact lies near 21 Hz, and below 84 Hz nothing can be said. *The backlash* $\delta$ is half of
+# the total play: the teeth are free over $2 \delta$.
 #
-# *The calibration*: logs of the same movement at six or more known backlashes of your joint. Calibrate first if you
-# can: it holds for any drive. Without one, method `self` finds the joint from the log (notebook 14). It knows a joint
-# under a drive of the paper's kind, the drive within 2 to 3 % and the mechanics within 20 %, and says `cannot tell` for
-# others. Where the motor's torque is logged too, `backlash.fitting.torque` needs no model of the drive.
+# *The calibration*: logs of the same movement at six or more known backlashes of your joint. Method `waveform` makes
+# of them the settled motor speed $w(\varphi; \delta)$ [rps], less its mean, at each phase $\varphi$ of a load turn, a
+# polynomial in $\delta$. A log of speeds $v_i$ [rps] at times $t_i$ [s], with the turn period $T_f$ [s], has the
+# backlash and the phase that fit best,
+#
+# $$\hat\delta, \hat\varphi = \arg\min_{\delta, \varphi} \sum_i
+# \left[v_i - \bar v - w\left(\frac{t_i}{T_f} - \varphi; \delta\right)\right]^2.$$
+#
+# Methods `amplitude` and `energy` read one number $x$ [rps] off the fitted signature instead, and have
+# $\hat\delta = \sum_{k=0}^{3} c_k x^k$, the form of equation 10. The 95 % interval is
+#
+# $$\hat\delta \pm 1.96 \sqrt{\sigma_n^2 + \sigma_c^2}$$
+#
+# with the SD $\sigma_n$ [rad] that the log's noise gives $\hat\delta$, and the calibration's own uncertainty
+# $\sigma_c$ [rad], from the errors at levels that were left out.
+#
+# Calibrate first if you can: it holds for any drive. Without a calibration, method `self` finds the joint from the log
+# (notebook 14). It knows a joint under a drive of the paper's kind, the drive within 2 to 3 % and the mechanics within
+# 20 %, and says `cannot tell` for others. Where the motor's torque is logged too, `backlash.fitting.torque` needs no
+# model of the drive.
 #
 # Here your joint is a simulated bench of notebook 10: other stiffness, gravity and gains than the paper's, some
 # friction, an encoder of 19 bits, and a log that starts anywhere. On the command line the steps below are
@@ -41,33 +60,35 @@
 # ```
 # backlash calibrate table.csv --out joint.json --turn-period 0.4
 # backlash estimate log.csv --turn-period 0.4 --calibration joint.json --plot log.png
-# backlash estimate logs/ --turn-period 0.4 --calibration joint.json --out backlash.csv
 # backlash trend logs/ --turn-period 0.4 --calibration joint.json --limit 0.001 --plot trend.png
 # ```
 #
-# and from Python `backlash.calibrate`, `backlash.estimate(t, v, turn_period_s=0.4)` and `backlash.trend`, on files,
-# tables or arrays. `--from 2 --to 9` uses a part of a log; `--trust-period` says that the given turn is right;
-# `--batch logs.csv` reads each log with its own period, gear ratio and speed; `-` is the standard input.
-# `--fail-on "cannot-tell,backlash>0.5mrad"` ends with exit status 3 for scripts. Where the backlash cannot be told, the
-# amplitude is a relative index: compare it only between logs of one joint in one movement; `backlash trend --relative`
-# follows it. The first call on a machine compiles for about a minute, and says so.
+# and from Python `backlash.calibrate`, `backlash.estimate` and `backlash.trend`, on files, tables or arrays;
+# `backlash estimate --help` lists the options. Where the backlash cannot be told, the amplitude is a relative index:
+# compare it only between logs of one joint in one movement. The first call on a machine compiles for about a minute,
+# and says so.
 
 # %%
 from dataclasses import replace
 
 import numpy as np
 import pandas as pd
+from matplotlib import pyplot as plt
 
+import backlash
 from backlash import calibration, plots, trend_line
 from backlash import estimation as verdict
 from backlash.reading.columns import LogFormat
 from replication import workbook
 from replication.standins import joints
+from replication.workbook import Interval
 
 # %% [markdown]
 # ## Parameters
 
 # %% tags=["parameters"]
+my_log = ""  # path of a log of your own (CSV, XLSX, Parquet and others), which is measured first
+my_turn_period_s = 0.4  # time of a load turn in it
 bench_seed = 3  # which joint is drawn
 backlash_rad = 11e-4  # of the log that is looked at closely
 method = "waveform"  # of your own calibration: "amplitude", "energy" or "waveform"
@@ -75,9 +96,45 @@ calibration_levels = 9  # logs of known backlash
 log_turns = 12  # load turns of the logs that are measured
 limit_rad = 10e-4  # backlash that calls for maintenance
 
+# %% tags=["plumbing"]
+workbook.check_parameters(
+    my_log=(my_log, (my_log,)),  # reading it says what is wrong with a path
+    my_turn_period_s=(my_turn_period_s, Interval(1e-3, 1e3)),
+    bench_seed=(bench_seed, range(0, 10**6)),
+    backlash_rad=(backlash_rad, Interval(3e-4, 19e-4)),
+    method=(method, ("amplitude", "energy", "waveform")),
+    calibration_levels=(calibration_levels, range(6, 101)),
+    log_turns=(log_turns, Interval(4, 12)),
+    limit_rad=(limit_rad, Interval(1e-5, 1e-2)),
+)
+
 # %% [markdown]
 # ## Result
 #
+# ### A log of your own
+#
+# With `my_log` the first answer is yours, by method `self`, which needs no calibration. A `note` says what was assumed
+# or left out.
+
+# %%
+my_answer = None
+if my_log:
+    my_record = backlash.read_log(my_log, turn_period_s=my_turn_period_s)
+    my_answer = backlash.estimate(my_record)
+    print(my_answer)
+    print(
+        f"assumed: a load turn of {my_turn_period_s:g} s, gravity and backlash alone, a drive of the paper's kind; "
+        f"calibration {my_answer.calibration}"
+    )
+    seen = my_record.recording
+    part = seen.t < seen.t[0] + 3 * seen.turn_period_s
+    plt.plot(seen.t[part], seen.v[part], lw=0.8)
+    plt.gca().set(xlabel="time [s]", ylabel="motor speed [rps]", title="three load turns of my_log")
+    plt.show()
+else:
+    print("my_log is empty: the simulated joint below plays yours")
+
+# %% [markdown]
 # ### The logs
 
 # %%
@@ -100,7 +157,7 @@ def answer(record, settings, name="log"):
 # ### Your own calibration
 #
 # The same estimator reads the logs of known backlash and the one to be measured, so that what it gets wrong each time
-# cancels. The uncertainty is the RMS error at levels that were left out.
+# cancels. The uncertainty is the RMS error at levels that were left out, times Student's factor for so few of them.
 
 # %%
 known_rad = np.linspace(3e-4, 19e-4, calibration_levels)
@@ -109,11 +166,8 @@ ours = verdict.settings_for(form, own)
 print(f"{own.method}: {own.range_rad[0]:.1e} to {own.range_rad[1]:.1e} rad, uncertainty {own.uncertainty_rad:.1e} rad")
 calibrated = answer(log(backlash_rad, 0), ours)
 print(verdict.as_text(calibrated.estimate))
-figure = plots.estimate_figure(calibrated.recording, calibrated.model_rps, "your joint, the waveform of its backlash")
-workbook.save_figure(
-    figure,
-    "own_joint_log",
-    caption="The waveform of the estimate over the log: the residual is the log's noise.",
+log_figure = plots.estimate_figure(
+    calibrated.recording, calibrated.model_rps, "your joint, the waveform of its backlash"
 )
 
 # %% [markdown]
@@ -130,21 +184,24 @@ print(verdict.as_text(first.estimate))
 
 # %% [markdown]
 # ### How much the calibration matters
+#
+# The same five logs read without a calibration (method `self`), with the paper's joint's, and with your own.
 
 # %%
 true_rad = [5e-4, 8e-4, 11e-4, 14e-4, 17e-4]
 rows = [
-    {"calibration": name, "true_rad": delta} | verdict.as_row(answer(log(delta, 200 + k), settings).estimate)
+    verdict.as_row(answer(log(delta, 200 + k), settings).estimate) | {"calibration": name, "true_rad": delta}
     for k, delta in enumerate(true_rad)
     for name, settings in (("none", uncalibrated), ("the paper's joint", papers), ("your own", ours))
 ]
 table = pd.DataFrame(rows)[["calibration", "true_rad", "verdict", "backlash_rad", "method"]]
 table["error_rad"] = table["backlash_rad"].astype(float) - table["true_rad"]
-workbook.save_table(table, "own_joint")
 table.sort_values(["calibration", "true_rad"])
 
 # %% [markdown]
 # ### Over the months
+#
+# Dated answers, and the line through them, weighed by their intervals.
 
 # %%
 dates = pd.date_range("2026-01-05", periods=8, freq="28D")
@@ -152,12 +209,7 @@ worn_rad = np.linspace(5e-4, 9.2e-4, dates.size)
 logs = [answer(log(delta, 300 + k), ours).estimate for k, delta in enumerate(worn_rad)]
 line = trend_line.fit_trend(logs, dates, limit_rad)
 print(line)
-figure = plots.trend_figure(line)
-workbook.save_figure(
-    figure,
-    "own_joint_trend",
-    caption="Dated answers, the line through them and the time at which it crosses the limit, with their intervals.",
-)
+trend_figure = plots.trend_figure(line)
 
 # %% [markdown]
 # ### What it refuses
@@ -177,7 +229,7 @@ odd = {
 }
 answers = [answer(record, ours, name).estimate for name, record in odd.items()]
 print("\n".join(verdict.as_text(found) for found in answers))
-workbook.save_table(pd.DataFrame([(a.file, a.verdict) for a in answers], columns=["log", "verdict"]), "own_joint_odd")
+odd_table = pd.DataFrame([(found.file, found.verdict) for found in answers], columns=["log", "verdict"])
 
 # %% [markdown]
 # ## Verdict
@@ -186,7 +238,30 @@ workbook.save_table(pd.DataFrame([(a.file, a.verdict) for a in answers], columns
 
 # %%
 errors = table.groupby("calibration", sort=False)["error_rad"]
-pd.DataFrame({"answers": errors.count(), "mean_abs_error_rad": errors.agg(lambda error: error.abs().mean())})
+summary = pd.DataFrame({"answers": errors.count(), "mean_abs_error_rad": errors.agg(lambda error: error.abs().mean())})
+display(summary)
+none, of_the_papers, yours = 1e6 * summary["mean_abs_error_rad"]
+others = [found.verdict for found in answers if found.verdict != "cannot tell"]
+print(
+    f"The mean error is {yours:.0f}e-6 rad with your own calibration, {of_the_papers:.0f}e-6 rad with that of the "
+    f"paper's joint, and {none:.0f}e-6 rad without any. Of {len(answers)} odd logs the sensor refuses "
+    f"{len(answers) - len(others)}; of the others it says: {', '.join(others) or 'nothing'}."
+)
+
+# %% tags=["plumbing"]
+workbook.export(
+    tables={"own_joint": table, "own_joint_odd": odd_table},
+    figures={
+        "own_joint_log": (
+            log_figure,
+            "A log of a simulated joint with the model that its own calibration fits, and the residual of the log.",
+        ),
+        "own_joint_trend": (
+            trend_figure,
+            "Dated answers, the line through them and the time at which it crosses the limit, with their intervals.",
+        ),
+    },
+)
 
 # %% [markdown]
 # ## Try changing
@@ -194,3 +269,37 @@ pd.DataFrame({"answers": errors.count(), "mean_abs_error_rad": errors.agg(lambda
 # 1. `method = "amplitude"`: the paper's feature with your own calibration; it errs more than the waveform.
 # 2. `log_turns = 4`: a third of the log; there are still answers, with wider intervals.
 # 3. `bench_seed = 4`: another joint; your own calibration still beats the paper's.
+#
+# `my_log = "log.csv"`, with its `my_turn_period_s`, measures a log of your own.
+#
+# ## Exercises
+#
+# **1.** Which share of the variance of $\hat\delta$ in the calibrated answer above comes from the log's noise, which
+# from the calibration? Which of the two would a longer log reduce?
+
+# %% tags=["solution"]
+estimate = calibrated.estimate
+total_sd = max(np.abs(np.array(estimate.backlash_interval_rad) - estimate.backlash_rad)) / 1.96
+noise_share = 1 - (own.uncertainty_rad / total_sd) ** 2  # a longer log reduces this part only
+assert 0 <= noise_share < 1
+print(f"noise {100 * noise_share:.0f} %, calibration {100 * (1 - noise_share):.0f} %")
+
+# %% [markdown]
+# **2.** An oscillation of 21 Hz is sampled at $f_s$. By how much can the largest sample miss a peak, at 500 Hz and at
+# 84 Hz?
+
+# %% tags=["solution"]
+most_missed = {rate: 1 - np.cos(np.pi * 21 / rate) for rate in (500, 84)}  # half a sampling period from the peak
+assert np.isclose(most_missed[84], 1 - np.sqrt(0.5))
+assert most_missed[500] < 0.01
+print({rate: f"{100 * share:.1f} %" for rate, share in most_missed.items()})
+
+# %% [markdown]
+# **3.** The trend's line is $\delta(t) = a + b t$, $t$ in days from its origin. Find the day on which it reaches the
+# limit. Why is its interval wider on the late side than on the early one?
+
+# %% tags=["solution"]
+level, growth = line.line
+crossing = line.origin + pd.Timedelta(days=(limit_rad - level) / growth)
+assert line.crossing is None or abs(crossing - line.crossing) < pd.Timedelta(minutes=1)
+print(crossing.date(), line.crossing_interval)  # a slope that is a little smaller moves the crossing further

@@ -1,14 +1,12 @@
-"""The stand-in of the test bench: Table 3, a population of benches around it, and what friction does to it."""
+"""The stand-in of the test bench: Table 3, and a population of benches around it."""
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 import pandas as pd
 
 from replication import characteristic, published
 from replication.datasets import Recording
-from replication.simulator.parameters import identified_joint
 from replication.standins.joints import Bench, FitRecord, Spread, draw_bench, encoder_log, fitted_logs
 from replication.table2 import summarise_runs
 
@@ -64,18 +62,3 @@ def bench_population(
     known = np.array([characteristic.known_amplitude_rps(delta) for delta in table["delta_rad"]])
     table.insert(0, "bench", np.repeat(np.arange(benches), len(deltas_rad)))
     return table.assign(error_percent=100 * (table["A_rps"] / known - 1))
-
-
-def load_friction_study(fit_record: FitRecord, shares: Sequence[float], delta_rad: float, seed: int) -> pd.DataFrame:
-    """Fit the identified joint's noise-free log as Coulomb friction on the load grows.
-
-    The impacts come where gravity balances friction, so that friction moves them away from half a turn apart.
-    """
-    joint = identified_joint()
-    rows = [(share, start) for share in shares for start in range(4)]
-    rubbing = [replace(joint, load_coulomb_nm=share * joint.gravity_torque_nm) for share, _ in rows]
-    cases = [(Bench(each, 0.0, 0.0), delta_rad) for each in rubbing]
-    fits = fitted_logs(fit_record, cases, [(seed, start) for _, start in rows])
-    fits["friction_share"] = [share for share, _ in rows]
-    table = fits.groupby("friction_share", sort=False)[["A_rps", "rmse_rps"]].mean().reset_index()
-    return table.assign(change_percent=100 * (table["A_rps"] / table["A_rps"].iloc[0] - 1))

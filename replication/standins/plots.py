@@ -74,7 +74,7 @@ def robots_disturbance(sweep: pd.DataFrame, thresholds: Mapping[str, float], tur
     low, high = sweep["disturbance_hz"].min(), sweep["disturbance_hz"].max()
     odd = turn_hz * np.arange(1, high / turn_hz + 1, 2)
     for place, frequency in enumerate(odd[odd >= low]):
-        label = "odd multiples of the load's turn" if place == 0 else None
+        label = "odd harmonics of the load's turn" if place == 0 else None
         axis.axvline(frequency, color="0.7", linewidth=4, alpha=0.5, label=label)
     for (share, part), colour, marker in zip(sweep.groupby("torque_share", sort=False), COLOURS, MARKERS, strict=False):
         heard = part["disturbance_rps"].max()

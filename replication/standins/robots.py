@@ -11,7 +11,6 @@ import numpy as np
 import pandas as pd
 
 from replication import published
-from replication.arrays import FloatArray
 from replication.datasets import Recording
 from replication.simulator.parameters import TURN, Disturbance, JointParameters, identified_joint
 from replication.standins.joints import Bench, FitRecord, Spread, draw_bench, encoder_log, fitted_logs
@@ -82,28 +81,6 @@ def robot_population(fit_record: FitRecord, each: int, spread: RobotSpread, seed
     table = fitted_logs(fit_record, cases, [(*stream, 1) for stream in seeds])
     table.insert(0, "kind", kinds)
     return table
-
-
-def roc(healthy: FloatArray, excessive: FloatArray) -> pd.DataFrame:
-    """Receiver operating characteristic of the rule "A at or above a threshold is excessive backlash"."""
-    thresholds = np.r_[np.inf, np.unique(np.concatenate([healthy, excessive]))[::-1]]
-    shares = [np.mean(np.asarray(sample)[:, None] >= thresholds, axis=0) for sample in (healthy, excessive)]
-    return pd.DataFrame({"threshold_rps": thresholds, "false_alarms": shares[0], "detected": shares[1]})
-
-
-def area_under(curve: pd.DataFrame) -> float:
-    """Area under a ROC curve: the chance that an excessive robot has a larger A than a healthy one, ties halved."""
-    return float(np.trapezoid(curve["detected"], curve["false_alarms"]))
-
-
-def best_threshold(curve: pd.DataFrame) -> pd.Series:
-    """Row of a ROC curve with the largest Youden index, detected less false alarms; the highest threshold of equals."""
-    return curve.loc[(curve["detected"] - curve["false_alarms"]).idxmax()]
-
-
-def shares_at(healthy: FloatArray, excessive: FloatArray, threshold_rps: float) -> tuple[float, float]:
-    """Shares of false alarms and of detected robots at a threshold."""
-    return float(np.mean(np.asarray(healthy) >= threshold_rps)), float(np.mean(np.asarray(excessive) >= threshold_rps))
 
 
 def disturbed_healthy_joint(

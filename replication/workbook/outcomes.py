@@ -136,6 +136,8 @@ def check_parameters(**parameters: tuple[Any, Any]) -> None:
         if is_list := isinstance(allowed, list):
             (allowed,) = allowed
         choices = str(allowed) if isinstance(allowed, Interval) else "one of " + ", ".join(map(repr, allowed))
+        if isinstance(allowed, range) and len(allowed) > 20:
+            choices = f"a whole number from {allowed[0]} to {allowed[-1]}"
         if is_list != isinstance(value, list | tuple | range | Mapping):
             wanted = f"a list, each item {choices}" if is_list else choices
             raise ValueError(f"{name} = {value!r}: it should be {wanted}")
