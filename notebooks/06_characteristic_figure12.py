@@ -17,8 +17,8 @@
 # %% [markdown]
 # # 6 · From amplitude to backlash (equation 10, figure 12)
 #
-# *You will fit the sensor's characteristic, see in which unit it takes the amplitude, and read the same signals in other
-# ways. Run time: 5 s.*
+# *You will fit the sensor's characteristic, see in which unit it takes the amplitude, and read the same signals in
+# other ways. Run time: 5 s.*
 #
 # ## Claim
 #
@@ -36,8 +36,8 @@
 # The tables give $A$ in rps; 1 rps is 60 rpm.
 #
 # The ten points $(A_i, \delta_i)$ of figure 12 are printed: Table 2's
-# [theoretical A](glossary.md#theoretical-a) and the levels of section "Dataset creation". A polynomial of degree $d$ with
-# the coefficients $c_k$ is linear in them, so least squares has a direct solution, and one measure of the misfit:
+# [theoretical A](glossary.md#theoretical-a) and the levels of section "Dataset creation". A polynomial of degree $d$
+# with the coefficients $c_k$ is linear in them, so least squares has a direct solution, and one measure of the misfit:
 #
 # $$\min_c \sum_{i=1}^{n} \left(\sum_{k=0}^{d} c_k A_i^k - \delta_i\right)^2, \qquad
 # \text{RMSE} = \sqrt{\frac{1}{n} \sum_{i=1}^{n} \left(f(A_i) - \delta_i\right)^2}.$$
@@ -223,9 +223,9 @@ plt.show()
 unseen = 1e-6 * goodness.loc[reading, "unseen [1e-6 rad]"]
 best_reading = goodness["unseen [1e-6 rad]"].idxmin()
 print(
-    f"Read as the {reading}, a polynomial of degree {degree} misses the ten backlashes by {reading_rmse:.2g} rad (RMSE) "
-    f"and one that it has not seen by at most {unseen:.2g} rad. Of the three readings of these noise-free signals "
-    f"the {best_reading} is the most accurate at an unseen backlash."
+    f"Read as the {reading}, a polynomial of degree {degree} misses the ten backlashes by {reading_rmse:.2g} rad "
+    f"(RMSE) and one that it has not seen by at most {unseen:.2g} rad. Of the three readings of these noise-free "
+    f"signals the {best_reading} is the most accurate at an unseen backlash."
 )
 
 # %% [markdown]

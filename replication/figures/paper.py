@@ -47,7 +47,7 @@ def record_with_fit(t: FloatArray, v: FloatArray, fitted: FloatArray, labels: Se
 
 @in_style
 def table2(table: pd.DataFrame, regions: pd.DataFrame) -> Figure:
-    """Table 2: means and SDs of every realisation, with the region that the authors' five give, against the printed.
+    """Table 2: means and SDs of every realisation, with the region that the authors' give, against the printed.
 
     `regions` has a row for each of the table: `mean, mean_low, mean_high, sd, sd_low, sd_high`, two of them printed.
     """
@@ -57,8 +57,8 @@ def table2(table: pd.DataFrame, regions: pd.DataFrame) -> Figure:
     first.bar(regions.index, high - low, bottom=low, **shade)
     third.bar(regions.index, regions["sd_high"] - regions["sd_low"], bottom=regions["sd_low"], **shade)
     for axis, source, colour, side, title in (
-        (first, "authors", BLUE, -0.12, "(a) authors' records, R = 1 to 5"),
-        (second, "simulated", ORANGE, 0.12, "(b) our simulated records, five noises"),
+        (first, "authors", BLUE, -0.12, "(a) authors' records"),
+        (second, "simulated", ORANGE, 0.12, "(b) our simulated records"),
     ):
         part = table[table["source"] == source]
         mean = regions["mean"].loc[part["row"]].to_numpy()
