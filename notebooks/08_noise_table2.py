@@ -213,9 +213,10 @@ error, share = spread["mean error of a mean [%]"], spread["runs in the best basi
 noise_only = table.loc[table["delta_rad"] == 0, "mean_A_rps"]
 print(
     f"With {noise_factor:g} times the printed noise the means on our simulated records are "
-    f"{error['simulated']:.1f} % off the theoretical A, and {share['simulated']:.0f} % of the runs end in the best basin. "
-    f"On the authors' records, whose noise is as published, it is {error['authors']:.1f} % and "
-    f"{share['authors']:.0f} %. On our noise alone the means of A are {noise_only.min():.3f} to {noise_only.max():.3f} rps."
+    f"{error['simulated']:.1f} % off the theoretical A, and {share['simulated']:.0f} % of the runs end in the best "
+    f"basin. On the authors' records, whose noise is as published, it is {error['authors']:.1f} % and "
+    f"{share['authors']:.0f} %. On our noise alone the means of A are {noise_only.min():.3f} to "
+    f"{noise_only.max():.3f} rps."
 )
 
 # %% [markdown]
@@ -302,9 +303,9 @@ widths = 50 * (regions["mean_high"] - regions["mean_low"]) / regions["mean"]
 print(
     f"{inside} of Table 2's {len(regions)} means lie in the regions that {len(realisations)} realisations give, "
     f"± {widths.min():.0f} to {widths.max():.0f} %: {means[0]} are reproduced and {means[1]} differ, the others are "
-    f"undecided. Of the SDs {sds[0]} are reproduced and {sds[1]} differ: an SD depends on where the off-basin runs end, "
-    f"which are {100 - share['authors']:.0f} % of all runs. Other seeds change {len(flipped)} of these {len(by_seeds)} "
-    "verdicts."
+    f"undecided. Of the SDs {sds[0]} are reproduced and {sds[1]} differ: an SD depends on where the off-basin runs "
+    f"end, which are {100 - share['authors']:.0f} % of all runs. Other seeds change {len(flipped)} of these "
+    f"{len(by_seeds)} verdicts."
 )
 
 # %% tags=["plumbing"]
