@@ -186,7 +186,7 @@ pd.concat([each["mean"], beside[mean_columns]], axis=1).round(4)
 # The SD of $A$ [rps] over the runs. It depends on which few runs leave the best basin, so its region is wide.
 
 # %%
-pd.concat([each["sd"], beside[["sd region, low", "sd region, high", "printed sd"]]], axis=1).map("{:.2g}".format)
+pd.concat([each["sd"], beside[["sd region, low", "sd region, high", "printed sd"]]], axis=1).map("{:.3g}".format)
 
 # %%
 table2_amplitudes = paper.table2(backlash, regions)
@@ -212,7 +212,7 @@ display(spread.round(3))
 error, share = spread["mean error of a mean [%]"], spread["runs in the best basin [%]"]
 noise_only = table.loc[table["delta_rad"] == 0, "mean_A_rps"]
 print(
-    f"With {noise_factor:g} times the printed noise the means on our simulated records are "
+    f"With {noise_factor:g} times the printed noise the means on our simulated records are on average "
     f"{error['simulated']:.1f} % off the theoretical A, and {share['simulated']:.0f} % of the runs end in the best "
     f"basin. On the authors' records, whose noise is as published, it is {error['authors']:.1f} % and "
     f"{share['authors']:.0f} %. On our noise alone the means of A are {noise_only.min():.3f} to "
@@ -291,12 +291,12 @@ claims = {
 verdicts = workbook.judge(cells, claims)
 of_table2 = verdicts[verdicts["id"].str.startswith("table2")]
 parts = of_table2["id"].str.extract(r"row(?P<row>\d+)\.(?P<column>\w+)").astype({"row": int})
-by_row = of_table2.join(parts).pivot(index="row", columns=["source", "column"], values="verdict").fillna("")
-display(by_row)
+verdict_by_row = of_table2.join(parts).pivot(index="row", columns=["source", "column"], values="verdict").fillna("")
+display(verdict_by_row)
 display(verdicts[~verdicts["id"].str.startswith("table2")])
 
 means, sds = (
-    [(by_row["authors", name] == word).sum() for word in ("reproduced", "differs")] for name in ("mean", "sd")
+    [(verdict_by_row["authors", name] == word).sum() for word in ("reproduced", "differs")] for name in ("mean", "sd")
 )
 inside = regions["mean"].between(regions["mean_low"], regions["mean_high"]).sum()
 widths = 50 * (regions["mean_high"] - regions["mean_low"]) / regions["mean"]

@@ -33,13 +33,7 @@ class Characteristic:
         return Polynomial(self.coefficients)(RPM_PER_RPS * np.asarray(amplitude_rps))
 
     def amplitude_rps(self, backlash_rad: float) -> float:
-        """Amplitude A [rps] of a backlash delta [rad]: the smallest positive root where delta grows with A.
-
-        Raises
-        ------
-        ValueError
-            No positive amplitude has that backlash.
-        """
+        """Smallest positive amplitude A [rps] of a backlash delta [rad] where delta grows with A; or ValueError."""
         amplitude_rpm = first_rise(self.coefficients, backlash_rad)
         if amplitude_rpm is None:
             raise ValueError(f"backlash {backlash_rad:g} rad: no positive amplitude gives it")
