@@ -18,7 +18,7 @@
 # # 8 · Noise sensitivity (Table 2)
 #
 # *You will see what thirty runs on one noisy record say about $A$, what they leave out, and how a region for a printed
-# number follows from several noises. Run time: 3 min.*
+# number follows from several noises. Run time: 2 min.*
 #
 # ## Claim
 #
@@ -345,8 +345,8 @@ workbook.export(
 #
 # ## Exercises
 #
-# **1.** Which SD has uniform noise between $-a$ and $a$? Check it on the noise that was added to the record K = 5, R =
-# 1.
+# **1.** Which SD has uniform noise between $-a$ and $a$? Check it on the noise that was added to the record of level
+# K = 5, R = 1.
 
 # %% tags=["solution"]
 a = 0.1 + (5 - 1) * 0.15 / 19

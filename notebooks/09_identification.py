@@ -18,7 +18,7 @@
 # # 9 · Identification: where the search ends
 #
 # *You will see into which minima the search runs, how two linear parameters can be solved for directly, and what each
-# optimiser spends for one success. Run time: 2 min.*
+# optimiser spends for one success. Run time: 3 min.*
 #
 # ## Claim
 #
@@ -382,8 +382,8 @@ workbook.export(
         ),
         "identification_intervals": (
             amplitude_intervals,
-            f"The global fit's interval of A holds the printed mean in {holds_mean} of {len(intervals)} rows; most of "
-            "them lie below the theoretical A, because a damped sine is not quite the record's shape.",
+            f"The global fit's interval of A holds the printed mean in {holds_mean} of {len(intervals)} rows; both mostly "
+            "lie below the theoretical A, because a damped sine is not quite the record's shape.",
         ),
     },
 )
