@@ -17,85 +17,122 @@
 # %% [markdown]
 # # 6 · From amplitude to backlash (equation 10, figure 12)
 #
+# *You will fit the sensor's characteristic, see in which unit it takes the amplitude, and read the same signals in
+# other ways. Run time: 5 s.*
+#
 # ## Claim
 #
-# Backlash is a cubic of the amplitude,
-# $\delta = 10^{-6}(-0.0018 A^3 + 0.4323 A^2 + 9.2524 A + 34.0313)$, fitted to ten simulations with an RMSE of
-# 8.6983e-10 rad (section "Backlash signature behaviour"). Table 2's errors of $A$ mean less than 0.0002 rad at the
-# smallest backlash, and 0.0004 rad at the largest.
+# [Backlash](glossary.md#backlash) is a cubic of the amplitude, fitted to ten simulations with an RMSE of 8.6983e-10 rad
+# (section "Backlash signature behaviour"). Table 2's errors of $A$ mean less than 0.0002 rad at the smallest backlash,
+# and 0.0004 rad at the largest.
 #
 # ## Method
 #
-# The ten points of figure 12 are printed: Table 2's theoretical $A$ and the levels of section "Dataset creation". A
-# least-squares cubic through them must give the printed coefficients.
+# The characteristic as printed, with the amplitude $A$ and the backlash $\delta$ [rad]:
+#
+# $$\delta = f(A) = 10^{-6}\left(-0.0018\,A^3 + 0.4323\,A^2 + 9.2524\,A + 34.0313\right) \tag{10}$$
+#
+# The paper prints no unit of $A$. It turns out to be rpm (erratum E1), so the coefficient of $A^k$ is in rad/rpm$^k$.
+# The tables give $A$ in rps; 1 rps is 60 rpm.
+#
+# The ten points $(A_i, \delta_i)$ of figure 12 are printed: Table 2's
+# [theoretical A](glossary.md#theoretical-a) and the levels of section "Dataset creation". A polynomial of degree $d$
+# with the coefficients $c_k$ is linear in them, so least squares has a direct solution, and one measure of the misfit:
+#
+# $$\min_c \sum_{i=1}^{n} \left(\sum_{k=0}^{d} c_k A_i^k - \delta_i\right)^2, \qquad
+# \text{RMSE} = \sqrt{\frac{1}{n} \sum_{i=1}^{n} \left(f(A_i) - \delta_i\right)^2}.$$
+#
+# The least-squares cubic through the printed points must have the printed coefficients.
 
 # %%
 import numpy as np
 import pandas as pd
+from matplotlib import pyplot as plt
 
 from replication import characteristic, published, workbook
 from replication.figures import paper
 from replication.simulator import study
-from replication.simulator.simulate import identified_joint
-from replication.simulator.study import changed_joint
+from replication.simulator.simulate import identified_joint, simulate_many
+from replication.workbook import Interval
 
 # %% [markdown]
 # ## Parameters
 
 # %% tags=["parameters"]
-rpm_per_rps = 60.0  # what equation 10 multiplies the tables' A by
+rpm_per_rps = 60.0  # what the tables' A [rps] is multiplied by before the fit
 left_out = []  # rows of Table 2 to leave out of the fit
-changes = {}  # ratios of the simulated joint to multiply
+changes = {}  # ratios of the simulated joint to multiply, such as {"stiffness_per_s2": 1.05}
+reading = "peak"  # what is read off our simulated signals: "peak", "sampled peak" or "energy"
+degree = 3  # of the polynomial of that reading
 criteria = {}  # limits to try in place of those of claims.csv, such as {"error_rad_small": 1e-5}
+
+# %% tags=["plumbing"]
+workbook.check_parameters(
+    rpm_per_rps=(rpm_per_rps, Interval(1e-3, 1e4)),
+    left_out=(left_out, [range(1, 11)]),
+    changes=(changes, [identified_joint().ratios]),
+    reading=(reading, ("peak", "sampled peak", "energy")),
+    degree=(degree, range(1, 7)),
+    criteria=(criteria, [("error_rad_small", "error_rad_large", "monotone", "encoder_step")]),
+)
+if len(left_out) > 5:
+    raise ValueError(f"left_out = {left_out!r}: leave out at most five of the ten rows")
 
 # %% [markdown]
 # ## Result
 #
 # ### The cubic
 
+
 # %%
+def polynomial(A, coefficients):
+    """delta [rad] of the amplitude A; the constant's coefficient comes first."""
+    return sum(c * np.asarray(A) ** k for k, c in enumerate(coefficients))
+
+
+def fit_polynomial(A, delta_rad, degree=3):
+    """Coefficients and RMSE [rad] of the polynomial delta(A) by least squares."""
+    powers = np.asarray(A)[:, None] ** np.arange(degree + 1)
+    coefficients, *_ = np.linalg.lstsq(powers, delta_rad)
+    return coefficients, np.sqrt(np.mean((powers @ coefficients - delta_rad) ** 2))
+
+
 delta = characteristic.printed_levels_rad()
 theoretical = published.column("Table 2", "theoretical")[: delta.size]
 keep = ~np.isin(np.arange(1, delta.size + 1), left_out)
-scale = rpm_per_rps / characteristic.RPM_PER_RPS
-fitted = characteristic.fit_characteristic(scale * theoretical[keep], delta[keep])
+fitted, fitted_rmse = fit_polynomial(rpm_per_rps * theoretical[keep], delta[keep])
+printed = 1e-6 * np.array([published.value(f"equation10.A{k}") for k in range(4)])
 coefficients = pd.DataFrame(
-    {
-        "printed": [published.value(f"equation10.A{k}") for k in range(4)],
-        "fitted": 1e6 * fitted.coefficients,
-    },
-    index=[f"A^{k}" for k in range(4)],
+    {"printed": 1e6 * printed, "fitted": 1e6 * fitted}, index=[f"A^{k} [1e-6 rad/rpm^{k}]" for k in range(4)]
 )
+coefficients.loc["RMSE [1e-6 rad]"] = 1e6 * published.value("equation10.rmse"), 1e6 * fitted_rmse
 coefficients
 
 # %%
 curve_A = np.r_[theoretical, np.linspace(0, theoretical[-1], 200)]
-figure = paper.characteristic(
-    theoretical, delta, curve_A, fitted.backlash_rad(scale * curve_A), "cubic through the printed points"
-)
-workbook.save_figure(
-    figure,
-    "figure12_characteristic",
-    caption="The cubic passes through all ten printed points; the residuals beneath are thousands of times the "
-    "printed RMSE.",
-)
+curve_delta = polynomial(rpm_per_rps * curve_A, fitted)
+figure12 = paper.characteristic(theoretical, delta, curve_A, curve_delta, "cubic through the printed points")
 
 # %% [markdown]
-# Reading a backlash off an amplitude, with sliders for $A$ and its error, where the notebook is run by hand with
-# `make lab`.
+# Reading a backlash off an amplitude. With `make lab` $A$ and its error have sliders.
 
 
 # %%
 def draw(A_rps, error_percent):
-    read_at = scale * A_rps * np.array([1, 1 + error_percent / 100])
-    read = fitted.backlash_rad(read_at)
-    paper.characteristic(
-        theoretical,
-        delta,
-        curve_A,
-        fitted.backlash_rad(scale * curve_A),
-        f"{read[0]:.2e} rad, with the error {read[1]:.2e} rad",
-    ).axes[0].plot(read_at / scale, 1e4 * read, "o-", markersize=9)
+    read_at = A_rps * np.array([1, 1 + error_percent / 100])
+    true, read = polynomial(rpm_per_rps * read_at, fitted)
+    _, axis = plt.subplots(figsize=(6, 3.2), layout="constrained")
+    A = np.linspace(0, 1.2 * theoretical[-1], 200)
+    axis.plot(A, 1e4 * polynomial(rpm_per_rps * A, fitted))
+    axis.plot(theoretical, 1e4 * delta, "k+", label="printed points")
+    axis.plot(read_at, [1e4 * true, 1e4 * read], "o-", label="true A, and with its error")
+    axis.set(xlabel="amplitude A [rps]", ylabel=r"backlash $\delta$ [1e-4 rad]", xlim=(0, A[-1]), ylim=(0, 30))
+    axis.set_title(
+        f"{true:.3e} rad, with the error {read:.3e} rad ({100 * (read / true - 1):+.1f} %); "
+        f"RMSE of the fit {fitted_rmse:.2g} rad",
+        fontsize=9,
+    )
+    axis.legend()
 
 
 workbook.sliders(draw, A_rps=(theoretical[4], 0.0, theoretical[-1]), error_percent=(10.0, -20.0, 20.0))
@@ -103,41 +140,93 @@ workbook.sliders(draw, A_rps=(theoretical[4], 0.0, theoretical[-1]), error_perce
 # %% [markdown]
 # ### The same from our own simulations
 #
-# The identified joint (notebook 3) at the same ten levels. Its peaks lie on a much smoother line than the printed ones,
-# so the cubic's coefficients are others, and the line is nearly the same.
+# The identified joint (notebook 3) at the same ten levels. $A$ is the largest disturbance $v - v_t$ [rps] of the
+# [settled](glossary.md#settled) turns, before it is sampled at 2 ms; $v$ is the motor's speed, and $v_t$ the commanded
+# one. These peaks lie on a much smoother line than the printed ones. The cubic's coefficients are others, and the line
+# is nearly the same.
 
 # %%
-joint = changed_joint(identified_joint(), changes)
-ours = characteristic.fit_characteristic(study.amplitudes(joint, delta)["amplitude_rps"], delta)
-amplitude = np.linspace(theoretical.min(), theoretical.max(), 400)
+joint = study.changed_joint(identified_joint(), changes)
+runs = simulate_many(joint, delta, sample_s=5e-5, step_s=5e-5)  # forty samples in 2 ms
+settled = runs[0].time_s >= joint.turn_period_s
+disturbances = np.array([run.motor_speed_rps[settled] - joint.commanded_speed_rps for run in runs])
+peaks = disturbances.max(axis=1)
+ours, ours_rmse = fit_polynomial(60 * peaks, delta)
+
+A = np.linspace(theoretical.min(), theoretical.max(), 400)
 difference = pd.DataFrame(
-    {
-        "amplitude_rps": amplitude,
-        "fitted_rad": ours.backlash_rad(amplitude),
-        "printed_rad": characteristic.equation_10().backlash_rad(amplitude),
-    }
-)
-difference["difference_rad"] = difference["fitted_rad"] - difference["printed_rad"]
-workbook.save_table(difference.iloc[::20], "characteristic_difference")
-figure = paper.characteristic_difference(difference, study.printed_amplitudes())
-workbook.save_figure(
-    figure,
-    "figure12_simulated",
-    caption="The characteristic from our simulated peaks stays beside equation 10 over its whole range, though "
-    "its coefficients differ; the difference beneath is largest at the largest amplitude.",
-)
+    {"amplitude_rps": A, "fitted_rad": polynomial(60 * A, ours), "printed_rad": polynomial(60 * A, printed)}
+).assign(difference_rad=lambda table: table["fitted_rad"] - table["printed_rad"])
+figure12_simulated = paper.characteristic_difference(difference, study.printed_amplitudes())
 
 # %%
 largest_difference = difference["difference_rad"].abs().max()
 simulated = pd.DataFrame(
     {
-        "printed points": [*(1e6 * fitted.coefficients), fitted.rmse_rad, np.nan],
-        "simulated points": [*(1e6 * ours.coefficients), ours.rmse_rad, largest_difference],
+        "printed points": [*(1e6 * fitted), fitted_rmse, np.nan],
+        "simulated points": [*(1e6 * ours), ours_rmse, largest_difference],
     },
     index=[*(f"A^{k} [1e-6 rad/rpm^{k}]" for k in range(4)), "RMSE [rad]", "largest difference from equation 10 [rad]"],
 )
-workbook.save_table(simulated.reset_index(names="quantity"), "characteristic_simulated")
-simulated
+simulated.map("{:.4g}".format)
+
+# %% [markdown]
+# ### Other readings of the same signals
+#
+# The peak is one number that grows with the backlash. A characteristic can be fitted to another one as well: the
+# largest of the 2 ms samples, or the signal's energy, taken as the RMS of the disturbance over its $m$ samples,
+#
+# $$E = \sqrt{\frac{1}{m} \sum_{j=1}^{m} \left(v(t_j) - v_t\right)^2}.$$
+#
+# `RMSE` is the misfit at the ten points. `unseen` is the largest error at a point that was left out of the fit.
+
+
+# %%
+def largest_unseen_error(A, delta_rad, degree):
+    others = [np.arange(len(A)) != i for i in range(len(A))]
+    fits = [fit_polynomial(A[other], delta_rad[other], degree)[0] for other in others]
+    return max(abs(polynomial(a, fit) - true) for a, fit, true in zip(A, fits, delta_rad, strict=True))
+
+
+readings = {
+    "peak": peaks,
+    "sampled peak": disturbances[:, ::40].max(axis=1),
+    "energy": np.sqrt(np.mean(disturbances**2, axis=1)),
+}
+goodness = pd.DataFrame(
+    {
+        name: {
+            "smallest [rps]": values.min(),
+            "largest [rps]": values.max(),
+            "RMSE [1e-6 rad]": 1e6 * fit_polynomial(60 * values, delta, degree)[1],
+            "unseen [1e-6 rad]": 1e6 * largest_unseen_error(60 * values, delta, degree),
+        }
+        for name, values in readings.items()
+    }
+).T
+goodness.round(3)
+
+# %%
+read = readings[reading]
+of_reading, reading_rmse = fit_polynomial(60 * read, delta, degree)
+figure, (upper, lower) = plt.subplots(2, 1, sharex=True, figsize=(6, 4), height_ratios=(3, 1), layout="constrained")
+dense = np.linspace(read.min(), read.max(), 200)
+upper.plot(dense, 1e4 * polynomial(60 * dense, of_reading), label=f"polynomial of degree {degree}")
+upper.plot(read, 1e4 * delta, "o", label="simulated joint")
+upper.set(ylabel=r"backlash $\delta$ [1e-4 rad]", title=f"{reading}, RMSE {reading_rmse:.2g} rad")
+upper.legend()
+lower.plot(read, 1e6 * (polynomial(60 * read, of_reading) - delta), "o")
+lower.axhline(0, color="0.5", linewidth=0.8)
+lower.set(xlabel=f"{reading} of the disturbance [rps]", ylabel="fit - point\n[1e-6 rad]")
+plt.show()
+
+unseen = 1e-6 * goodness.loc[reading, "unseen [1e-6 rad]"]
+best_reading = goodness["unseen [1e-6 rad]"].idxmin()
+print(
+    f"Read as the {reading}, a polynomial of degree {degree} misses the ten backlashes by {reading_rmse:.2g} rad "
+    f"(RMSE) and one that it has not seen by at most {unseen:.2g} rad. Of the three readings of these noise-free "
+    f"signals the {best_reading} is the most accurate at an unseen backlash."
+)
 
 # %% [markdown]
 # ### The unit of A
@@ -145,17 +234,15 @@ simulated
 # The tables give $A$ in rps; equation 10 is right only with rpm.
 
 # %%
-printed_equation = characteristic.equation_10()
 units = pd.DataFrame(
     {
         "delta_rad": delta,
         "A_rps": theoretical,
-        "equation 10 with A in rpm": printed_equation.backlash_rad(theoretical),
-        "equation 10 with A in rps": printed_equation.backlash_rad(theoretical / characteristic.RPM_PER_RPS),
+        "equation 10 with A in rpm": polynomial(60 * theoretical, printed),
+        "equation 10 with A in rps": polynomial(theoretical, printed),
     }
 )
-workbook.save_table(units, "equation10_units")
-units
+units.map("{:.4g}".format)
 
 # %% [markdown]
 # ### What Table 2's errors of A mean in rad
@@ -165,26 +252,26 @@ units
 
 # %%
 mean = published.column("Table 2", "mean")[: delta.size]
-estimated = printed_equation.backlash_rad(mean)
+estimated = polynomial(60 * mean, printed)
 errors = pd.DataFrame(
     {
         "delta_rad": delta,
         "printed_mean_A_rps": mean,
-        "error_of_A_rad": estimated - printed_equation.backlash_rad(theoretical),
+        "error_of_A_rad": estimated - polynomial(60 * theoretical, printed),
         "error_rad": estimated - delta,
     }
 )
-workbook.save_table(errors, "equation10_errors")
-errors
+errors.map("{:.4g}".format)
 
 # %% [markdown]
 # ### The tables' arithmetic
 #
-# Every printed relative error follows from the printed mean within the rounding of the mean.
+# Every printed relative error [%] follows from the printed mean within the rounding of the mean.
+# `characteristic.table_arithmetic` computes $100\,|\bar A - A| / A$ of every row of Tables 2 and 3, with the mean
+# $\bar A$ and the known $A$ as printed.
 
 # %%
 arithmetic = characteristic.table_arithmetic()
-workbook.save_table(arithmetic, "table_arithmetic")
 arithmetic
 
 # %% [markdown]
@@ -198,7 +285,7 @@ arithmetic
 error = errors["error_rad"].abs()
 as_a_bound = "holds" if error.max() <= published.criterion("error_rad_large", criteria) else "does not hold"
 A_rps = np.linspace(0, theoretical.max(), 1000)
-slope = np.gradient(printed_equation.backlash_rad(A_rps), A_rps).min()
+slope = np.gradient(polynomial(60 * A_rps, printed), A_rps).min()
 bits = published.value("text.encoder_bits")
 step = 2 * np.pi / 2**bits
 claims = {
@@ -221,30 +308,99 @@ claims = {
     ),
 }
 
-
-def equation10_cells(cubic):
-    return {f"equation10.A{k}": 1e6 * cubic.coefficients[k] for k in range(4)} | {"equation10.rmse": cubic.rmse_rad}
-
-
-by_equation = printed_equation.backlash_rad(theoretical)
-cells = equation10_cells(fitted) | {
-    f"{row.element.lower().replace(' ', '')}.row{row.row:>02}.relative_error": row.relative_error_percent
+# %% tags=["plumbing"]
+by_equation = units["equation 10 with A in rpm"]
+cells = {f"equation10.A{k}": 1e6 * fitted[k] for k in range(4)} | {"equation10.rmse": fitted_rmse}
+cells |= {
+    f"{row.element.lower().replace(' ', '')}.row{row.row:02d}.relative_error": row.relative_error_percent
     for row in arithmetic.itertuples()
 }
 cells |= {
     "text.error_rad_small": error.iloc[0],
     "text.error_rad_large": error.max(),
     "text.levels": theoretical.size,
-    "text.delta_min": by_equation[0],
-    "text.delta_max": by_equation[-1],
-    "text.delta_step": np.diff(by_equation).mean(),
+    "text.delta_min": by_equation.iloc[0],
+    "text.delta_max": by_equation.iloc[-1],
+    "text.delta_step": by_equation.diff().mean(),
     "text.encoder_step": step,
 }
-workbook.record_verdicts({"authors": cells}, claims)
+
+# %%
+verdicts = workbook.judge({"authors": cells}, claims)
+display(verdicts)
+of_equation = verdicts[verdicts["id"].str.match(r"equation10\.A")]
+agreeing = (of_equation["verdict"] != "differs").sum()
+off = np.abs(polynomial(60 * theoretical, printed) - delta).max()
+print(
+    f"{agreeing} of the {len(of_equation)} printed coefficients are those of the least-squares cubic of "
+    f"{rpm_per_rps:g} times the tables' A, and its RMSE is {fitted_rmse:.3g} rad, not "
+    f"{published.value('equation10.rmse'):.4e} rad. As printed, with A in rpm, equation 10 misses its ten points by at "
+    f"most {off:.2g} rad, and Table 2's errors of A mean errors of delta of up to "
+    f"{errors['error_of_A_rad'].abs().max():.2g} rad."
+)
+
+# %% tags=["plumbing"]
+workbook.export(
+    tables={
+        "characteristic_difference": difference.iloc[::20],
+        "characteristic_simulated": simulated.reset_index(names="quantity"),
+        "equation10_units": units,
+        "equation10_errors": errors,
+        "table_arithmetic": arithmetic,
+    },
+    figures={
+        "figure12_characteristic": (
+            figure12,
+            "The cubic passes through all ten printed points; the residuals beneath are thousands of times the "
+            "printed RMSE.",
+        ),
+        "figure12_simulated": (
+            figure12_simulated,
+            "The characteristic from our simulated peaks stays beside equation 10 over its whole range, though its "
+            "coefficients differ; the difference beneath is largest at the largest amplitude.",
+        ),
+    },
+    cells={"authors": cells},
+    claims=claims,
+)
 
 # %% [markdown]
 # ## Try changing
 #
 # 1. `rpm_per_rps = 1.0`: the coefficients of the cubic in rps; all but the constant are out of their tolerance.
 # 2. `left_out = [10]`: without the last point the cubic term changes its second digit, and leaves its tolerance.
-# 3. `rpm_per_rps = 6.2832`: in rad/s the coefficients fit neither.
+# 3. `reading = "energy"`: the RMS of the disturbance is a smaller number than the peak, and a cubic of it finds the
+#    backlashes within 1e-5 rad too.
+#
+# ## Exercises
+#
+# **1.** By how much does $\delta$ change for a small error $\Delta A$? Give the relative error of $\delta$ for 1 % of
+# $A$ at the first and at the last row of Table 2.
+
+# %% tags=["solution"]
+A_rpm = 60 * theoretical[[0, -1]]
+slope_rad_per_rpm = printed[1] + 2 * printed[2] * A_rpm + 3 * printed[3] * A_rpm**2
+percent = slope_rad_per_rpm * A_rpm / polynomial(A_rpm, printed)  # of delta for 1 % of A
+assert np.allclose(polynomial(1.0001 * A_rpm, printed) / polynomial(A_rpm, printed) - 1, 1e-4 * percent, rtol=1e-3)
+print(f"{percent[0]:.2f} % and {percent[1]:.2f} %")
+
+# %% [markdown]
+# **2.** The printed coefficients have four decimals. How far can their rounding alone move $\delta$ at the last row?
+# Compare it with the RMSE of the fit.
+
+# %% tags=["solution"]
+rounding_rad = 1e-6 * 0.5e-4 * (60 * theoretical[-1]) ** np.arange(4)
+print("from A^0 to A^3:", ", ".join(f"{each:.1e} rad" for each in rounding_rad))
+points_rmse = fit_polynomial(60 * theoretical, delta)[1]
+assert rounding_rad[3] > 2 * points_rmse > 1000 * published.value("equation10.rmse")
+
+# %% [markdown]
+# **3.** A sensor reads $A$ = 0.9 rps. Which backlash is it? And which $A$ will it read when the backlash has reached
+# 2e-3 rad? Invert equation 10 numerically, and check that it grows over the range, so that there is one answer.
+
+# %% tags=["solution"]
+roots = np.roots([*printed[:0:-1], printed[0] - 2e-3])
+(A_limit,) = (root.real / 60 for root in roots if abs(root.imag) < 1e-9 and 0 < root.real < 60 * theoretical[-1])
+assert np.isclose(polynomial(60 * A_limit, printed), 2e-3)
+assert slope > 0
+print(f"{polynomial(54.0, printed):.2e} rad; {A_limit:.3f} rps")

@@ -17,6 +17,9 @@
 # %% [markdown]
 # # 9 · Identification: where the search ends
 #
+# *You will see into which minima the search runs, how two linear parameters can be solved for directly, and what each
+# optimiser spends for one success. Run time: 3 min.*
+#
 # ## Claim
 #
 # CMA-ES avoids the many local minima of the fit (section "Conclusions"), and the SD over repeated runs says how well
@@ -24,27 +27,60 @@
 #
 # ## Method
 #
-# The authors' notebook stores 30 runs on their clean record 12. We run their protocol many more times on the same
-# record, sort the runs into basins by misfit and window, and compare rates with exact (Clopper-Pearson) intervals.
-# Then other ways to spend function evaluations, counted per success.
+# The authors' notebook stores 30 [runs](glossary.md#run) on their clean record 12. We run their protocol many more
+# times on the same record, sort the runs into [basins](glossary.md#basin) by misfit and window, and compare rates with
+# exact (Clopper-Pearson) intervals. Basin 1 is the [best basin](glossary.md#best-basin). Then other ways to spend
+# function evaluations, counted per success.
 #
-# The global fit is deterministic. $A$ and $v_t$ are linear given the rest and projected out; the window's edges matter
-# only by the samples they take in; all 24 half-turn windows are averaged into one. A grid over $\tau$ and $\omega$ for
-# every window start, then descents in every window near the best ones. It minimises the paper's cost in the paper's
-# box.
+# **Projection.** The model of the speed $v(t_k)$ [rps] at the samples $k = 1, \dots, m$ is $A\,u(t_k) + v_t$, where $u$
+# is the [signature](glossary.md#signature) of unit amplitude with the start $t_0$ [s], the damping $\tau$ [1/s], the
+# angular frequency $\omega$ [rad/s] and the window from $T_1$ to $T_2$ [s]. The amplitude $A$ [rps] and the speed $v_t$
+# [rps] are linear. For given other parameters least squares has a direct solution, and the misfit depends on these five
+# alone. A bar is the mean over the samples:
 #
-# $A$'s interval mixes a normal distribution for each possible window start, weighted by its likelihood. $A$ is given
-# for a window that starts midway between two samples, and without its sign. The interval holds if the signature is the
-# true waveform and the noise is white; on these records it is not quite the true waveform.
+# $$\hat A = \frac{\sum_k (u_k - \bar u)(v_k - \bar v)}{\sum_k (u_k - \bar u)^2}, \qquad
+# \hat v_t = \bar v - \hat A\,\bar u, \qquad
+# \text{RMSE}^2(t_0, \tau, \omega, T_1, T_2) = \frac{1}{m} \sum_k \left(v_k - \hat A u_k - \hat v_t\right)^2.$$
+#
+# **Global fit.** `global_fit` is deterministic. The window's edges matter only by the samples they take in, and all 24
+# half-turn windows are averaged into one. It evaluates a grid over $\tau$ and $\omega$ for every window start, then
+# descends in every window near the best ones. It minimises the paper's cost in the paper's box.
+#
+# **Interval of A.** The record allows several window starts $j$. Each gives an amplitude $\hat A_j$ with a standard
+# deviation $s_j$ and a sum of squares $S_j$ [rps²]; the smallest is $S$. The interval goes from the 2.5 to the 97.5 %
+# point of the mixture
+#
+# $$F(a) = \frac{\sum_j w_j\, \Phi\!\left((a - \hat A_j) / s_j\right)}{\sum_j w_j}, \qquad
+# w_j = \exp\left(-\frac{S_j - S}{2 \hat\sigma^2}\right), \qquad \hat\sigma^2 = \frac{S}{m - 7},$$
+#
+# with the normal distribution $\Phi$. $A$ is given for a window that starts midway between two samples, and without its
+# sign. The interval holds if the signature is the true waveform and the noise is white; on these records it is not
+# quite the true waveform.
+#
+# **Another optimiser** is any function of a misfit [rps] of X, the bounds of X, the evaluations to spend and a seed. X
+# holds the seven parameters in the order of `FREE_PARAMETERS`. It returns the best X. This one is SciPy's:
 
 # %%
+import numpy as np
 import pandas as pd
+from matplotlib import pyplot as plt
+from scipy import optimize, stats
 
+from backlash.fitting import windows
 from backlash.fitting.global_fit import global_fit
 from backlash.studies import basins, optimizers, plots
 from replication import datasets, published, table2, workbook
-from replication.identify import Protocol
-from replication.signature import FREE_PARAMETERS
+from replication.compiled.misfit import population_rmse
+from replication.identify import Protocol, protocol_box
+from replication.signature import FREE_PARAMETERS, signature
+from replication.statistics import rate_columns
+from replication.workbook import Interval
+
+
+def differential_evolution(misfit, lower, upper, evaluations, seed):
+    bounds = list(zip(lower, upper, strict=True))
+    return optimize.differential_evolution(misfit, bounds, maxiter=evaluations, tol=0, polish=False, seed=seed).x
+
 
 # %% [markdown]
 # ## Parameters
@@ -63,14 +99,35 @@ strategies = [  # ways to spend a budget of function evaluations, of `optimizers
     "A and v_t projected out, population 100, restarted",
     "A and v_t projected out, population 30, restarted",
 ]
+optimiser = None  # one more: a function (misfit, lower, upper, evaluations, seed), such as differential_evolution
 strategy_runs = 10  # runs of each strategy
 budget = 40000  # function evaluations of each of these
 coverage_runs = 200  # made records for each noise law
+
+# %% tags=["plumbing"]
+A_FUNCTION = "a function (misfit, lower, upper, evaluations, seed) that returns the best X"
+installed = [name for name, (kind, _) in optimizers.METHODS.items() if kind != "swarm" or optimizers.swarms_installed()]
+workbook.check_parameters(
+    level=(level, range(3, 14)),
+    replay_runs=(replay_runs, Interval(2, 1e5)),
+    strategies=(strategies, [installed]),
+    optimiser=(A_FUNCTION if callable(optimiser) else optimiser, (None, A_FUNCTION)),
+    strategy_runs=(strategy_runs, Interval(1, 1e4)),
+    budget=(budget, Interval(100, 1e7)),
+    coverage_runs=(coverage_runs, Interval(1, 1e5)),
+)
+if not strategies:
+    raise ValueError("strategies = []: name at least one")
 
 # %% [markdown]
 # ## Result
 #
 # ### The basins of the stored runs, and of ours
+#
+# How many runs end within 0.2 % of the misfit of each basin of the stored runs. `p_same` is Fisher's exact
+# probability of so large a difference between the two rates, if both sets are runs of one search whose seeds are drawn
+# at random. `table2.repeated_fits` runs the search of notebook 7 with every seed, on all cores; `basins.basin_table`
+# numbers the basins and condenses the runs in each.
 
 # %%
 protocol = Protocol()
@@ -79,66 +136,151 @@ replay = table2.repeated_fits([({}, record)], [protocol], range(1, replay_runs +
 stored = published.authors_notebook_runs().rename(
     columns={"window_start_s": "T1_s", "window_end_s": "T2_s", "final_rmse_rps": "rmse_rps"}
 )
-compared = basins.compare_basins(stored, replay)
-workbook.save_table(compared, "identification_replay")
-compared.round(4)
+of_stored = basins.basin_table(stored)
+
+
+def count_runs(runs):
+    """How many runs end in each basin of the stored ones, and at last how many elsewhere."""
+    near = [int(((runs["rmse_rps"] / misfit - 1).abs() < table2.BASIN_GAP).sum()) for misfit in of_stored["rmse_rps"]]
+    return [*near, len(runs) - sum(near)]
+
+
+compared = pd.DataFrame({"basin": [*of_stored["basin"], "elsewhere"], "rmse_rps": [*of_stored["rmse_rps"], np.nan]})
+for name, runs in (("stored", stored), ("ours", replay)):
+    rates = pd.DataFrame([{"runs": count} | rate_columns(count, len(runs)) for count in count_runs(runs)])
+    compared = compared.join(rates.add_suffix(f"_{name}"))
+compared["p_same"] = [
+    stats.fisher_exact([[a, len(stored) - a], [b, len(replay) - b]]).pvalue
+    for a, b in zip(compared["runs_stored"], compared["runs_ours"], strict=True)
+]
+display(compared.round(4))
+widest = compared.loc[compared["p_same"].idxmin()]
+p_any = min(1.0, len(compared) * widest["p_same"])
+print(
+    f"The two sets differ most in the row '{widest['basin']}': {widest['runs_stored']} of {len(stored)} stored runs "
+    f"and {widest['runs_ours']} of {len(replay)} of ours end there, p = {widest['p_same']:.2g}. "
+    + (
+        f"One of {len(compared)} rows is that different by chance with a probability of at most {p_any:.2g}: "
+        f"chance {'may explain it' if p_any > 0.05 else 'is an unlikely explanation'}."
+        if level == 12
+        else f"They are runs on different records, 12 and {level}, so they need not agree."
+    )
+)
+
+# %% [markdown]
+# The stored runs are runs of this same search (notebook 1), with 30 seeds that we did not draw.
+#
+# The basins of our runs; of many basins the six with the lowest misfit:
 
 # %%
 table = basins.basin_table(replay)
-workbook.save_table(table, "identification_basins")
-table.head(6).round(4)
+table.head(6).set_index("basin").round(4)
 
 # %% [markdown]
-# The stored runs are runs of this same search (notebook 1), so the two columns differ by their seeds alone: `p_same` is
-# the probability of so large a difference. Thirty runs say little about a rate, and a mean over them less.
+# ### A and v_t projected out
 #
-# ### The landscape
-#
-# Two slices through the best fit, and the five commonest basins, the lowest misfit first; runs of other basins lie off
-# the slices in the other parameters.
+# At the best fit's other parameters, least squares over two columns gives the same $A$, $v_t$ and misfit. `global_fit`
+# searches the five others alone. The curve is the projected misfit over $t_0$, the window moving with it.
 
 # %%
 best = global_fit(record)
 found = pd.Series(dict(zip(FREE_PARAMETERS, best.X, strict=True)))
-slices = basins.landscape_slices(record, protocol, best.X)
+
+
+def project(t0, tau, omega, T2, T1):
+    """The best A and v_t [rps] for the other parameters, and the misfit [rps]."""
+    u = signature(record.t, np.array([1.0, t0, tau, omega, 0.0, T2, T1]), protocol.timing)
+    columns = np.column_stack([u, np.ones_like(u)])
+    linear, *_ = np.linalg.lstsq(columns, record.v)
+    return [*linear, np.sqrt(np.mean((record.v - columns @ linear) ** 2))]
+
+
+others = found.drop(["A_rps", "v_t_rps"])
+pd.DataFrame(
+    {"least squares": project(*others), "global fit": [found["A_rps"], found["v_t_rps"], best.rmse]},
+    index=["A [rps]", "v_t [rps]", "RMSE [rps]"],
+).round(6)
+
+# %%
+starts = np.linspace(0, protocol.T_f, 401)
+misfits = np.array([project(t0, *others[1:])[2] for t0 in starts])
+minima = np.flatnonzero((misfits[1:-1] < misfits[:-2]) & (misfits[1:-1] < misfits[2:])) + 1
+_, axis = plt.subplots(figsize=(7, 2.4), layout="constrained")
+axis.plot(starts, misfits)
+axis.plot(starts[minima], misfits[minima], "o", label=f"{minima.size} local minima")
+axis.set(xlabel="$t_0$ [s], over one turn", ylabel="RMSE [rps]")
+axis.legend()
+plt.show()
+taus, omegas = windows.damping_frequency_grid()
+print(
+    f"The grid of the global fit has {taus.size} pairs of tau, {taus.min():g} to {taus.max():g} per s, and omega, "
+    f"{omegas.min():.3g} to {omegas.max():.3g} rad/s, for each window start."
+)
+
+# %% [markdown]
+# ### The landscape
+#
+# Two slices through the best fit, and the five commonest basins; runs of other basins lie off the slices in the other
+# parameters.
+
+
+# %%
+def misfits_over(columns, rows, points=161):
+    """Misfits [rps] over two parameters, the others as in the best fit; t0 in the first turn."""
+    box = protocol_box(record, protocol)
+    ends = dict(zip(FREE_PARAMETERS, np.linspace(box.lower, box.upper, points, axis=1), strict=True))
+    ends["t0_s"] = starts[0] + np.linspace(0, protocol.T_f, points)
+    X = np.tile(best.X, (points, points, 1))
+    X[..., FREE_PARAMETERS.index(columns)] = ends[columns]
+    X[..., FREE_PARAMETERS.index(rows)] = ends[rows][:, None]
+    misfit = population_rmse(record.t, record.v, X.reshape(-1, best.X.size), protocol.timing)
+    return ends[columns], ends[rows], misfit.reshape(points, points)
+
+
+slices = [misfits_over("t0_s", "A_rps"), misfits_over("T2_s", "T1_s")]
 labels = basins.label_basins(replay["rmse_rps"].to_numpy(), (replay["t0_s"] + replay["T1_s"]).to_numpy())
 commonest = sorted(pd.Series(labels).value_counts().index[:5])
-by_basin = [replay[labels == label] for label in commonest]
-figure = plots.landscape(slices, by_basin, found)
-workbook.save_figure(
-    figure,
-    "identification_landscape",
-    caption="The misfit over the start and the amplitude, and over the window: many valleys a part of a turn "
-    "away from each other. Runs end in several of them; the global fit ends in the deepest.",
-)
+landscape = plots.landscape(slices, {label: replay[labels == label] for label in commonest}, found)
 
 # %% [markdown]
 # ### What raises the rate
 #
-# Success is a misfit within 0.2 % of the global fit's.
-# A population of 1000 needs some hundred generations, more than this budget allows; with them it rarely fails
-# (notebook 7), at about the cost per success of the authors' 300.
+# Success is a misfit within 0.2 % of the global fit's; a search stops there, or where its budget is spent. With the
+# rate of success $p$ and the mean number $n$ of evaluations of a search, a success costs $n / p$ evaluations.
+# `optimizers.compare_strategies` lets every strategy search with every seed, on all cores. A population of 1000 needs
+# some hundred generations, more than the budget of 40000 allows; with them it rarely fails (notebook 7), at about the
+# cost per success of the authors' 300.
 
 # %%
 target = best.rmse * (1 + table2.BASIN_GAP)
-searches = optimizers.compare_strategies(record, strategies, range(1, strategy_runs + 1), target, budget)
-costs = optimizers.strategy_table(searches)
-workbook.save_table(costs, "identification_strategies")
-costs.round(3)
+tried = [*strategies, optimiser] if optimiser else strategies
+searches = optimizers.compare_strategies(record, tried, range(1, strategy_runs + 1), target, budget)
+costs = pd.DataFrame(
+    {"strategy": name, "runs": len(part), "found": part["found"].sum()}
+    | rate_columns(part["found"].sum(), len(part))
+    | {"mean_evaluations": part["evaluations"].mean()}
+    for name, part in searches.groupby("method", sort=False)
+)
+for end, rate in (("", "rate"), ("_low", "rate_high"), ("_high", "rate_low")):
+    costs[f"evaluations_per_success{end}"] = costs["mean_evaluations"] / costs[rate]
+evaluations = [name for name in costs if "evaluations" in name]
+display(costs.round(3).assign(**{name: costs[name].map("{:,.0f}".format) for name in evaluations}))
+cheapest, last = costs.loc[costs["evaluations_per_success"].idxmin()], costs.iloc[-1]
+print(
+    f"A success costs least with {cheapest['strategy']}: {cheapest['evaluations_per_success']:,.0f} evaluations."
+    if costs["found"].any()
+    else f"With {budget} evaluations none of {len(searches)} searches succeeds."
+)
+if optimiser:
+    print(f"Your {last['strategy']} finds the best basin in {last['found']} of {last['runs']} searches.")
 
 # %%
-figure = plots.strategy_costs(costs)
-workbook.save_figure(
-    figure,
-    "identification_strategies",
-    caption="What a search costs for each time that it finds the best basin: without A and v_t, which are "
-    "linear, it costs the least.",
-)
+strategy_costs = plots.strategy_costs(costs)
 
 # %% [markdown]
 # ### Table 2's records, by the global fit
 #
-# The measured seconds of a fit are in `results/bench.csv`.
+# The authors' low noise, R = 1. The measured seconds of a fit are in `results/bench.csv`.
 
 # %%
 fits = [global_fit(recording) for _, recording in table2.authors_table2_records([1])]
@@ -162,27 +304,28 @@ intervals = pd.DataFrame(
         "rivals": [len(fit.rival_rps) for fit in fits],
     }
 )
-workbook.save_table(intervals, "identification_table2")
 intervals.drop(columns=["delta_rad"]).round(4)
 
 # %%
-figure = plots.amplitude_intervals(intervals)
-workbook.save_figure(
-    figure,
-    "identification_intervals",
-    caption="The global fit's interval of A holds the printed mean in most rows; both lie below the theoretical "
-    "A, because a damped sine is not quite the record's shape.",
+amplitude_intervals = plots.amplitude_intervals(intervals)
+holds_mean, holds_theory = (
+    intervals[name].between(intervals["low_rps"], intervals["high_rps"]).sum()
+    for name in ("printed_mean_A_rps", "theoretical_A_rps")
+)
+print(
+    f"The interval holds the printed mean in {holds_mean} of {len(intervals)} rows and the theoretical A in "
+    f"{holds_theory}: the fitted A is that of a damped sine, which is not quite the record's shape."
 )
 
 # %% [markdown]
 # ### Does the interval cover the true amplitude?
 #
 # On records made from the signature itself. A few hundred records a row give the rate to some 3 %: enough to see an
-# interval that is wrong, not enough to tell 93 % from 95 %.
+# interval that is wrong, not enough to tell 93 % from 95 %. `relative_width` is the interval's median width over the
+# true amplitude.
 
 # %%
 covering = basins.coverage_table(coverage_runs, seed=1)
-workbook.save_table(covering, "identification_coverage")
 covering.round(3)
 
 # %% [markdown]
@@ -192,16 +335,58 @@ covering.round(3)
 # CMA-ES avoids the local minima.
 
 # %%
-pd.Series(
-    {
-        "rate of the best basin, stored runs": compared.loc[0, "rate_stored"],
-        "rate of the best basin, our runs": compared.loc[0, "rate_ours"],
-        "95 % interval, from": compared.loc[0, "rate_low_ours"],
-        "95 % interval, to": compared.loc[0, "rate_high_ours"],
-        "lowest misfit of all runs, rps": min(stored["rmse_rps"].min(), replay["rmse_rps"].min()),
-        "misfit of the global fit, rps": best.rmse,
-    }
-).to_frame("value").round(6)
+lowest = min(stored["rmse_rps"].min(), replay["rmse_rps"].min()) if level == 12 else replay["rmse_rps"].min()
+of_best = table.iloc[0]
+display(
+    pd.Series(
+        {
+            "rate of the best basin, stored runs (record 12)": compared.loc[0, "rate_stored"],
+            "rate of the best basin, our runs": of_best["rate"],
+            "95 % interval, from": of_best["rate_low"],
+            "95 % interval, to": of_best["rate_high"],
+            "lowest misfit of all runs [rps]": lowest,
+            "misfit of the global fit [rps]": best.rmse,
+        }
+    )
+    .to_frame("value")
+    .round(6)
+)
+covered = covering["rate"] * covering["runs"]
+print(
+    f"{of_best['runs']:.0f} of {len(replay)} runs of the authors' protocol end in the best basin and the others in "
+    f"{len(table) - 1} more. One run finds it with a probability of {100 * of_best['rate_low']:.0f} to "
+    f"{100 * of_best['rate_high']:.0f} %, so several have to be compared by their misfit. The global fit ends "
+    f"{'at or below' if best.rmse <= lowest * (1 + 1e-6) else 'above'} the lowest misfit of all runs. Its 95 % "
+    f"interval holds the true amplitude of {100 * covered.sum() / covering['runs'].sum():.0f} % of the made records."
+)
+
+# %% tags=["plumbing"]
+workbook.export(
+    tables={
+        "identification_replay": compared,
+        "identification_basins": table,
+        "identification_strategies": costs,
+        "identification_table2": intervals,
+        "identification_coverage": covering,
+    },
+    figures={
+        "identification_landscape": (
+            landscape,
+            "The misfit over the start and the amplitude, and over the window: many valleys a part of a turn "
+            "away from each other. Runs end in several of them; the global fit ends in the deepest.",
+        ),
+        "identification_strategies": (
+            strategy_costs,
+            "What a search costs for each time that it finds the best basin: without A and v_t, which are linear, it "
+            "costs the least.",
+        ),
+        "identification_intervals": (
+            amplitude_intervals,
+            f"The global fit's interval of A holds the printed mean in {holds_mean} of {len(intervals)} rows; both mostly "
+            "lie below the theoretical A, because a damped sine is not quite the record's shape.",
+        ),
+    },
+)
 
 # %% [markdown]
 # ## Try changing
@@ -209,3 +394,42 @@ pd.Series(
 # 1. `level = 13`: the basins have other rates; the global fit still ends at or below the lowest run.
 # 2. `strategy_runs = 30`: the intervals of the rates narrow by a third or more; three times as long.
 # 3. `budget = 120000`: restarts have time to succeed, and every restarted strategy comes near a rate of 1.
+#
+# And `optimiser = differential_evolution`, the function above, joins the comparison; write your own in its place.
+#
+# ## Exercises
+#
+# **1.** A run ends in the best basin with the probability $p$. How many runs make it 99 % sure that at least one does?
+# Compare $p$ of the stored runs with that of ours.
+
+# %% tags=["solution"]
+p = np.array([1 / 3, 0.54])
+runs_needed = np.ceil(np.log(0.01) / np.log(1 - p)).astype(int)
+assert ((1 - p) ** runs_needed <= 0.01).all()
+assert ((1 - p) ** (runs_needed - 1) > 0.01).all()
+print(runs_needed)
+
+# %% [markdown]
+# **2.** Why do $(A, t_0)$ and $(-A, t_0 + T_d)$ have nearly the same misfit, and why not quite? Check it at the best
+# fit.
+
+# %% tags=["solution"]
+turned = best.X.copy()
+turned[0] *= -1
+turned[1] += protocol.T_d
+same, later = (signature(record.t, X, protocol.timing) for X in (best.X, turned))
+begun = record.t > turned[1] + turned[6]  # before this, the later one has no oscillation yet
+assert np.allclose(same[begun], later[begun], atol=1e-9)
+assert (later[~begun] == 0).all()
+assert (same[~begun] != 0).any()
+
+# %% [markdown]
+# **3.** The window's start $T_1$ may move between two samples without any change of the signal if $A$ changes with it.
+# By which factor? How well can $A$ then be known from samples 2 ms apart?
+
+# %% tags=["solution"]
+moved, shift_s = best.X.copy(), 0.5e-3
+moved[6] += shift_s
+moved[0] *= np.exp(-found["tau_per_s"] * shift_s)
+assert np.allclose(signature(record.t, moved, protocol.timing), same, atol=1e-9)
+print(f"A is free by {100 * (np.exp(0.002 * found['tau_per_s']) - 1):.1f} %")

@@ -27,38 +27,22 @@ class Characteristic:
     """Polynomial delta(A), equation 10's form."""
 
     coefficients: FloatArray  # [rad/rpm^k], shape (degree + 1,), from the constant upwards
-    rmse_rad: float  # root mean square residual of the fit; NaN where it is not from a fit
 
     def backlash_rad(self, amplitude_rps: FloatArray | float) -> FloatArray | float:
         """Backlash delta [rad] of an amplitude A [rps]; the polynomial itself takes rpm."""
         return Polynomial(self.coefficients)(RPM_PER_RPS * np.asarray(amplitude_rps))
 
     def amplitude_rps(self, backlash_rad: float) -> float:
-        """Amplitude A [rps] of a backlash delta [rad]: the smallest positive root where delta grows with A.
-
-        Raises
-        ------
-        ValueError
-            No positive amplitude has that backlash.
-        """
+        """Smallest positive amplitude A [rps] of a backlash delta [rad] where delta grows with A; or ValueError."""
         amplitude_rpm = first_rise(self.coefficients, backlash_rad)
         if amplitude_rpm is None:
             raise ValueError(f"backlash {backlash_rad:g} rad: no positive amplitude gives it")
         return amplitude_rpm / RPM_PER_RPS
 
 
-def fit_characteristic(amplitude_rps: FloatArray, backlash_rad: FloatArray) -> Characteristic:
-    """Fit a cubic delta(A) to figure 12's points by least squares, as the paper fits equation 10."""
-    rpm = RPM_PER_RPS * np.asarray(amplitude_rps)
-    cubic = Polynomial.fit(rpm, backlash_rad, deg=3).convert()
-    residual = cubic(rpm) - backlash_rad
-    return Characteristic(cubic.coef.astype(float), float(np.sqrt(np.mean(residual**2))))
-
-
 def equation_10() -> Characteristic:
     """Equation 10 with its printed coefficients."""
-    coefficients = 1e-6 * np.array([published.value(f"equation10.A{k}") for k in range(4)])
-    return Characteristic(coefficients, np.nan)
+    return Characteristic(1e-6 * np.array([published.value(f"equation10.A{k}") for k in range(4)]))
 
 
 def printed_levels_rad() -> FloatArray:
@@ -85,7 +69,7 @@ def table_arithmetic() -> pd.DataFrame:
     """
     rows = []
     for element, reference in (("Table 2", "theoretical"), ("Table 3", "known")):
-        for row, cells in published.cells(element).set_index("column").groupby("row"):
+        for row, cells in published.cells(element).set_index("column").astype({"row": int}).groupby("row"):
             values, digits = cells["value"], cells["printed"].map(published.half_last_digit)
             if values[reference] > 0:
                 rows.append(

@@ -1,4 +1,3 @@
-import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -15,11 +14,3 @@ def test_amplitude_and_backlash_are_inverse_over_the_printed_range(amplitude):
 def test_a_backlash_below_the_constant_has_no_amplitude():
     with pytest.raises(ValueError, match="no positive amplitude"):
         characteristic.equation_10().amplitude_rps(1e-5)
-
-
-def test_a_cubic_is_found_again_from_points_on_it():
-    truth = characteristic.Characteristic(1e-6 * np.array([30.0, 10.0, 0.5, -0.002]), np.nan)
-    amplitude = np.linspace(0.2, 1.2, 10)
-    fitted = characteristic.fit_characteristic(amplitude, truth.backlash_rad(amplitude))
-    np.testing.assert_allclose(fitted.coefficients, truth.coefficients, rtol=1e-6)
-    assert fitted.rmse_rad < 1e-15

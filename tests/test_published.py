@@ -11,6 +11,13 @@ def points():
     return published.column("Table 2", "theoretical")[: delta.size], delta
 
 
+def cubic(amplitude_rps, delta_rad):
+    """Coefficients [rad/rpm^k] of the least-squares cubic, the constant first, and its RMSE [rad]."""
+    rpm = characteristic.RPM_PER_RPS * amplitude_rps
+    falling = np.polyfit(rpm, delta_rad, 3)
+    return falling[::-1], np.sqrt(np.mean((np.polyval(falling, rpm) - delta_rad) ** 2))
+
+
 def test_every_cell_has_a_tolerance_and_a_reason_for_it():
     cells = published.cells()
     assert (cells["tol_reason"].str.len() > 0).all()
@@ -64,15 +71,15 @@ def test_equation_10_takes_rpm_not_rps():
 
 
 def test_a_cubic_through_the_printed_points_has_the_printed_coefficients():
-    fitted = characteristic.fit_characteristic(*points())
+    coefficients, _ = cubic(*points())
     for power in range(4):
         cell = f"equation10.A{power}"
-        assert abs(1e6 * fitted.coefficients[power] - published.value(cell)) <= published.tolerance(cell)
+        assert abs(1e6 * coefficients[power] - published.value(cell)) <= published.tolerance(cell)
 
 
 def test_the_printed_rmse_of_equation_10_is_no_rmse_in_rad():
     amplitude, delta = points()
-    best_possible = characteristic.fit_characteristic(amplitude, delta).rmse_rad
+    _, best_possible = cubic(amplitude, delta)
     printed = published.value("equation10.rmse")
     assert best_possible > 1000 * printed
     assert best_possible == pytest.approx(5.93e-6, abs=0.005e-6)

@@ -76,7 +76,7 @@ def test_the_reasons_why_sds_of_table_2_differ_are_what_the_runs_show():
         row = int(cell[10:12])
         far, deepest = [], 0.0
         for _, part in runs[(runs["source"] == source) & (runs["row"] == row)].groupby("realisation"):
-            best = table2.basin_labels(part["rmse_rps"].to_numpy()) == 0
+            best = table2.basin_labels(part["rmse_rps"].to_numpy()) == 1
             below = 1 - part["A"] / part["A"][best].mean()
             far.append(int((below.abs() > 0.05).sum()))
             deepest = max(deepest, below.max())

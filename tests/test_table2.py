@@ -5,10 +5,24 @@ import pytest
 from replication import datasets, published, table2
 
 
-@pytest.mark.parametrize("realisations", [[], [7], [1, 11]])
-def test_table_2_is_made_of_the_published_low_noise_or_refused_in_one_line(realisations):
-    with pytest.raises(ValueError, match=r"^realisations \[.*\]: name some of \[1, 2, 3, 4, 5\], .*$"):
+@pytest.mark.parametrize("realisations", [[], [7], [21]])
+def test_table_2_is_made_of_published_noise_or_refused_in_one_line(realisations):
+    with pytest.raises(ValueError, match=r"^(realisations \[\]: name some of 1 to 5|no noisy record K = 2, R = )"):
         table2.authors_table2_records(realisations)
+
+
+def test_a_record_is_labelled_by_its_noise_and_how_loud_it_is(monkeypatch):
+    monkeypatch.setattr(table2, "load_noisy", lambda level, R: (level, R))
+    (low, *_), (high, *_) = (table2.authors_table2_records([R])[9] for R in (1, 11))
+    assert (low["noise_level"], high["noise_level"]) == ("low", "high")
+    assert low["noise_amplitude_rps"] == published.value("table2.row10.noise")
+    assert high["noise_amplitude_rps"] / low["noise_amplitude_rps"] == pytest.approx(1.5)
+
+
+def test_the_noise_of_our_records_is_made_louder_by_a_factor():
+    (_, once), (key, twice) = (table2.noise_only_record(1, factor) for factor in (1.0, 2.0))
+    assert twice.v - 100 == pytest.approx(2 * (once.v - 100))
+    assert (key["noise_level"], key["noise_amplitude_rps"]) == ("noise only", 0.2)
 
 
 def test_no_runs_are_refused_before_anything_is_computed():

@@ -1,4 +1,4 @@
-"""Where searches end: basins, their rates and landscape; and how often the global fit's interval holds the true A."""
+"""Where searches end: basins and their rates; and how often the global fit's interval holds the true A."""
 
 from collections.abc import Mapping
 from dataclasses import replace
@@ -7,14 +7,13 @@ import numpy as np
 import pandas as pd
 from joblib import Parallel, delayed
 from numpy.typing import NDArray
-from scipy import stats
+from tqdm import tqdm
 
 from backlash.fitting.global_fit import global_fit
 from replication.arrays import FloatArray
-from replication.compiled.misfit import population_rmse
-from replication.datasets import Recording, constant_speed
+from replication.datasets import constant_speed
 from replication.identify import Protocol, protocol_box
-from replication.signature import FREE_PARAMETERS, signature
+from replication.signature import signature
 from replication.statistics import rate_columns
 from replication.table2 import BASIN_GAP, basin_labels
 
@@ -26,12 +25,12 @@ _LEAST, _LARGEST = (0.3, 0.002, 10, 100, 0.002, 0.1), (1.5, 0.15, 25, 170, 0.02,
 
 
 def label_basins(rmse: FloatArray, window_start_s: FloatArray) -> NDArray[np.int64]:
-    """Number the basins of runs, lowest misfit first: `table2.basin_labels`, split where windows start apart."""
+    """Number the basins of runs from 1, lowest misfit first: `table2.basin_labels`, split where windows start apart."""
     by_misfit = basin_labels(rmse)
     order = np.lexsort((window_start_s, by_misfit))
     is_next = (np.diff(by_misfit[order]) > 0) | (np.diff(window_start_s[order]) > START_GAP_S)
     labels = np.empty(by_misfit.size, dtype=np.int64)
-    labels[order] = np.r_[0, np.cumsum(is_next)]
+    labels[order] = np.r_[1, 1 + np.cumsum(is_next)]
     return labels
 
 
@@ -41,27 +40,14 @@ def basin_table(runs: pd.DataFrame) -> pd.DataFrame:
     edges = runs.assign(A_rps=runs["A_rps"].abs(), window_start_s=start, window_end_s=end)
     labels = label_basins(edges["rmse_rps"].to_numpy(), edges["window_start_s"].to_numpy())
     rows = []
-    for _, part in edges.groupby(labels):
+    for basin, part in edges.groupby(labels):
         rows.append(
-            {"rmse_rps": part["rmse_rps"].min(), "runs": len(part)}
+            {"basin": basin, "rmse_rps": part["rmse_rps"].min(), "runs": len(part)}
             | rate_columns(len(part), len(runs))
             | {"A_low_rps": part["A_rps"].min(), "A_high_rps": part["A_rps"].max()}
             | part[["t0_s", "omega_rad_per_s", "window_start_s", "window_end_s"]].median().to_dict()
         )
     return pd.DataFrame(rows)
-
-
-def compare_basins(stored: pd.DataFrame, ours: pd.DataFrame) -> pd.DataFrame:
-    """Rates of the stored runs' basins in two sets of runs, and Fisher's p; the last row is elsewhere."""
-    misfits = basin_table(stored)["rmse_rps"]
-    table, counts = pd.DataFrame({"rmse_rps": [*misfits, np.nan]}), []
-    for name, runs in (("stored", stored), ("ours", ours)):
-        hits = [int(((runs["rmse_rps"] / misfit - 1).abs() < BASIN_GAP).sum()) for misfit in misfits]
-        hits.append(len(runs) - sum(hits))
-        rates = pd.DataFrame([{"runs": count} | rate_columns(count, len(runs)) for count in hits])
-        table = table.join(rates.add_suffix(f"_{name}"))
-        counts.append([(count, len(runs) - count) for count in hits])
-    return table.assign(p_same=[stats.fisher_exact(pair).pvalue for pair in zip(*counts, strict=True)])
 
 
 def compare_searches(sets: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
@@ -127,23 +113,6 @@ def _percent(name: str, value: float, drawn: FloatArray) -> dict[str, float]:
     return {f"{name}_percent": 100 * value, f"{name}_low_percent": 100 * low, f"{name}_high_percent": 100 * high}
 
 
-def landscape_slices(
-    recording: Recording, protocol: Protocol, X: FloatArray, points: int = 161
-) -> list[tuple[FloatArray, FloatArray, FloatArray]]:
-    """Misfits [rps] on two slices through X for `plots.landscape`: A over t0 in the first turn, and T1 over T2."""
-    box = protocol_box(recording, protocol)
-    ends = dict(zip(FREE_PARAMETERS, np.linspace(box.lower, box.upper, points, axis=1), strict=True))
-    ends["t0_s"] = recording.t[0] + np.linspace(0, protocol.T_f, points)
-    slices = []
-    for columns, rows in (("t0_s", "A_rps"), ("T2_s", "T1_s")):
-        population = np.tile(X, (points, points, 1))
-        population[..., FREE_PARAMETERS.index(columns)] = ends[columns]
-        population[..., FREE_PARAMETERS.index(rows)] = ends[rows][:, None]
-        misfit = population_rmse(recording.t, recording.v, population.reshape(-1, X.size), protocol.timing)
-        slices.append((ends[columns], ends[rows], misfit.reshape(points, points)))
-    return slices
-
-
 def coverage_runs(law: str, half_amplitude_rps: float, runs: int, generator: np.random.Generator) -> pd.DataFrame:
     """Fit made records whose A is known and lies in the box that the record gives.
 
@@ -175,7 +144,8 @@ def coverage_table(runs: int, seed: int) -> pd.DataFrame:
     seeds = np.random.SeedSequence(seed).spawn(len(settings))  # rows that shared draws would err together
     generators, rows = [np.random.default_rng(own) for own in seeds], []
     jobs = [delayed(coverage_runs)(*each, runs, own) for each, own in zip(settings, generators, strict=True)]
-    for (law, half_amplitude), part in zip(settings, Parallel(n_jobs=-1)(jobs), strict=True):
+    parts = tqdm(Parallel(n_jobs=-1, return_as="generator")(jobs), total=len(jobs), desc="made records")
+    for (law, half_amplitude), part in zip(settings, parts, strict=True):
         width = ((part["high_rps"] - part["low_rps"]) / part["true_A_rps"]).median()
         rate = rate_columns(int(part["covered"].sum()), runs)
         rows.append({"law": law, "half_amplitude_rps": half_amplitude, "runs": runs, **rate, "relative_width": width})

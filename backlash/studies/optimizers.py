@@ -14,6 +14,7 @@ import numpy as np
 import pandas as pd
 from joblib import Parallel, delayed
 from scipy import optimize, stats
+from tqdm import tqdm
 
 from backlash.fitting.global_fit import global_fit
 from replication.arrays import FloatArray
@@ -100,6 +101,8 @@ class Cost:
 
 # A way to search: spends a cost with a seed.
 Method = Callable[[Cost, int], None]
+# One of the reader's own: misfit [rps] of X, its bounds, evaluations and seed, to the best X in the box's own units.
+Optimiser = Callable[[Callable[[FloatArray], float], FloatArray, FloatArray, int, int], FloatArray]
 
 
 def _covariance(first: int, growth: int = 0, with_small: bool = False) -> Method:
@@ -164,6 +167,18 @@ def _rectangles(cost: Cost, seed: int) -> None:
     optimize.direct(cost, [(0, 1)] * cost.box.lower.size, maxfun=2 * cost.budget, maxiter=cost.budget, vol_tol=0)
 
 
+def _of_function(optimiser: Optimiser) -> Method:
+    """A function as a method; what it returns is evaluated too."""
+
+    def run(cost: Cost, seed: int) -> None:
+        def misfit(X: FloatArray) -> float:
+            return float(cost.of_members(np.clip(X, cost.box.lower, cost.box.upper)[None])[0])
+
+        misfit(optimiser(misfit, cost.box.lower, cost.box.upper, cost.budget, seed))
+
+    return run
+
+
 # Each with its kind; the last are ways to restart CMA-ES, with fewer dimensions where projected.
 METHODS: dict[str, tuple[str, Method]] = {
     "CMA-ES, population 300": ("CMA-ES", _covariance(POPULATION)),
@@ -194,14 +209,15 @@ def swarms_installed() -> bool:
     return find_spec("niapy") is not None
 
 
-def run_method(method: str, recording: Recording, target_rmse: float, budget: int, seed: int) -> dict:
-    """Let one of `METHODS` look for a record's best basin until the target or the budget is reached."""
-    kind, run = METHODS[method]
+def run_method(method: str | Optimiser, recording: Recording, target_rmse: float, budget: int, seed: int) -> dict:
+    """Let one of `METHODS`, or a function, look for a record's best basin until the target or the budget is reached."""
+    name = method if isinstance(method, str) else method.__name__
+    kind, run = METHODS[method] if isinstance(method, str) else ("function", _of_function(method))
     cost = Cost(recording, target_rmse, budget, projected=kind == "projected restarts")
     with contextlib.suppress(SearchEnded):
         run(cost, seed)
     outcome = {"found": cost.best <= target_rmse, "rmse_rps": cost.best, "evaluations": cost.evaluations}
-    return {"method": method, "kind": kind, "seed": seed} | outcome
+    return {"method": name, "kind": kind, "seed": seed} | outcome
 
 
 def planned_runs() -> list[tuple[str, int, int, int]]:
@@ -231,24 +247,13 @@ def _run_on_authors_record(method: str, level: int, realisation: int, seed: int)
 
 
 def compare_strategies(
-    recording: Recording, strategies: Sequence[str], seeds: Sequence[int], target_rmse: float, budget: int
+    recording: Recording, strategies: Sequence[str | Optimiser], seeds: Sequence[int], target_rmse: float, budget: int
 ) -> pd.DataFrame:
     """Run every strategy with every seed, on all cores; one row a run, as `run_method` gives it."""
     run = delayed(run_method)
     jobs = [run(name, recording, target_rmse, budget, seed) for name in strategies for seed in seeds]
-    return pd.DataFrame(Parallel(n_jobs=-1)(jobs))
-
-
-def strategy_table(runs: pd.DataFrame) -> pd.DataFrame:
-    """Success rate of each strategy, and evaluations per success with limits from the rate's alone."""
-    rows = []
-    for name, part in runs.groupby("method", sort=False):
-        found, spent = int(part["found"].sum()), part["evaluations"].mean()
-        rate = rate_columns(found, len(part))
-        ends = {"": rate["rate"], "_low": rate["rate_high"], "_high": rate["rate_low"]}
-        costs = {f"evaluations_per_success{end}": spent / r if r > 0 else np.inf for end, r in ends.items()}
-        rows.append({"strategy": name, "runs": len(part), "found": found} | rate | {"mean_evaluations": spent} | costs)
-    return pd.DataFrame(rows)
+    results = Parallel(n_jobs=-1, return_as="generator")(jobs)
+    return pd.DataFrame(tqdm(results, total=len(jobs), desc="searches", mininterval=5))
 
 
 def success_table(runs: pd.DataFrame) -> pd.DataFrame:

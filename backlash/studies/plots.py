@@ -17,9 +17,9 @@ from replication.standins.plots import COLOURS, MARKERS
 
 @in_style
 def landscape(
-    slices: Sequence[tuple[FloatArray, FloatArray, FloatArray]], runs: Sequence[pd.DataFrame], best: pd.Series
+    slices: Sequence[tuple[FloatArray, FloatArray, FloatArray]], runs: Mapping[int, pd.DataFrame], best: pd.Series
 ) -> Figure:
-    """Show two slices of the misfit through the best fit, A over t0 and T1 over T2, and where runs ended."""
+    """Show two slices of the misfit through the best fit, A over t0 and T1 over T2, and where runs ended, by basin."""
     figure, axes = grid(1, 2, figsize=(10.0, 4.5))
     names = (("t0_s", "A_rps"), ("T2_s", "T1_s"))
     labels = (("$t_0$ [s]", "A [rps]"), ("$T_2$ [s]", "$T_1$ [s]"))
@@ -27,7 +27,7 @@ def landscape(
     colours = (BLUE, ORANGE, GREEN, PINK, SKY, INK)
     for axis, (columns, rows, misfit), (first, second), text in zip(axes[0], slices, names, labels, strict=True):
         shade = axis.pcolormesh(columns, rows, misfit, cmap="Greys_r", vmin=low, vmax=high, rasterized=True)
-        for number, (part, marker, colour) in enumerate(zip(runs, "osv^Dx", colours, strict=False), start=1):
+        for (number, part), marker, colour in zip(runs.items(), "osv^Dx", colours, strict=False):
             style = {"marker": marker, "color": colour, "linestyle": "none", "markersize": 4, "mfc": "none"}
             axis.plot(part[first], part[second], label=f"basin {number}, {len(part)} runs", **style)
         axis.plot(best[first], best[second], marker="+", markersize=14, color=INK, label="global fit", linestyle="none")

@@ -47,7 +47,7 @@ def record_with_fit(t: FloatArray, v: FloatArray, fitted: FloatArray, labels: Se
 
 @in_style
 def table2(table: pd.DataFrame, regions: pd.DataFrame) -> Figure:
-    """Table 2: means and SDs of every realisation, with the region that the authors' five give, against the printed.
+    """Table 2: means and SDs of every realisation, with the region that the authors' give, against the printed.
 
     `regions` has a row for each of the table: `mean, mean_low, mean_high, sd, sd_low, sd_high`, two of them printed.
     """
@@ -57,8 +57,8 @@ def table2(table: pd.DataFrame, regions: pd.DataFrame) -> Figure:
     first.bar(regions.index, high - low, bottom=low, **shade)
     third.bar(regions.index, regions["sd_high"] - regions["sd_low"], bottom=regions["sd_low"], **shade)
     for axis, source, colour, side, title in (
-        (first, "authors", BLUE, -0.12, "(a) authors' records, R = 1 to 5"),
-        (second, "simulated", ORANGE, 0.12, "(b) our simulated records, five noises"),
+        (first, "authors", BLUE, -0.12, "(a) authors' records"),
+        (second, "simulated", ORANGE, 0.12, "(b) our simulated records"),
     ):
         part = table[table["source"] == source]
         mean = regions["mean"].loc[part["row"]].to_numpy()
@@ -88,14 +88,14 @@ def _percent(axis: plt.Axes, x: pd.Series, ratio: pd.Series, marker: str, colour
 
 @in_style
 def basins(runs: pd.DataFrame, labels: FloatArray, title: str) -> Figure:
-    """Where the runs on one record end: RMSE and |A| of each basin, the area and a count for its runs, 0 the best."""
+    """Where the runs on one record end: RMSE and |A| of each basin, the area and a count for its runs, 1 the best."""
     figure, axis = plt.subplots(figsize=(6.2, 4.0))
     ends = pd.DataFrame({"rmse": runs["rmse_rps"], "A": runs["A_rps"].abs(), "basin": labels})
     near = ends.groupby(["basin", ends["A"].round(1)], as_index=False).agg(
         rmse=("rmse", "mean"), A=("A", "mean"), runs=("A", "size"), basin=("basin", "first")
     )
     for best, colour, label in ((True, BLUE, "best basin"), (False, ORANGE, "other basins")):
-        part = near[(near["basin"] == 0) == best]
+        part = near[(near["basin"] == 1) == best]
         axis.scatter(part["rmse"], part["A"], 30 * part["runs"], color=colour, alpha=0.6, label=label)
         for row in part[part["runs"] > 1].itertuples():
             axis.annotate(f"{row.runs} runs", (row.rmse, row.A), (12, -14), textcoords="offset points", fontsize=8)

@@ -111,7 +111,7 @@ def _run_without_bounds(T2_s: float, folded: Fold, box: Box, seed: int, populati
 def summarise(candidate: Candidate, row: int, realisation: int) -> dict[str, Any]:
     """Mean and SD of |A| [rps] and the best basin's share over a candidate's runs on one record."""
     ends = np.array([one_run(candidate, row, realisation, seed) for seed in range(1, candidate.runs + 1)])
-    A, best = ends[:, 0], basin_labels(ends[:, 1]) == 0
+    A, best = ends[:, 0], basin_labels(ends[:, 1]) == 1
     key = {"protocol": candidate.name, "row": row, "realisation": realisation, "runs": len(A)}
     return key | {"mean_A_rps": A.mean(), "sd_A_rps": A.std(ddof=1), "best_basin_share": best.mean()}
 

@@ -6,8 +6,8 @@ import pytest
 
 from backlash.studies import basins, optimizers
 from replication import datasets, published
-from replication.identify import Protocol, paper_fit
-from replication.signature import FREE_PARAMETERS, rmse, signature
+from replication.identify import Protocol, paper_fit, protocol_box
+from replication.signature import rmse, signature
 from tests.tools.timings import reference_fit
 
 TRUE_X = np.array([-0.6, 0.0125, 15.0, 134.0, 100.0, 0.1515, 0.0125])
@@ -24,22 +24,16 @@ def made_record():
 def test_basins_are_told_apart_by_misfit_and_then_by_window():
     rmse = np.array([0.1, 0.2, 0.10001, 0.2, 0.10002])
     start = np.array([0.02, 0.3, 0.021, 0.1, 0.22])
-    np.testing.assert_array_equal(basins.label_basins(rmse, start), [0, 3, 0, 2, 1])
+    np.testing.assert_array_equal(basins.label_basins(rmse, start), [1, 4, 1, 3, 2])
 
 
 def test_the_stored_runs_end_in_four_basins():
     runs = published.authors_notebook_runs().rename(columns=STORED)
     table = basins.basin_table(runs)
     assert table["runs"].tolist() == [10, 1, 18, 1]
+    assert table["basin"].tolist() == [1, 2, 3, 4]
     assert (table["rate_low"] < table["rate"]).all()
     assert (table["rate"] < table["rate_high"]).all()
-
-
-def test_rates_of_the_same_runs_compare_as_the_same():
-    runs = published.authors_notebook_runs().rename(columns=STORED)
-    table = basins.compare_basins(runs, runs)
-    assert (table["p_same"] > 0.999).all()
-    assert table["runs_ours"].tolist() == [10, 1, 18, 1, 0]
 
 
 def made_runs(seed, runs, rows=(1, 2, 3), shift=0.0):
@@ -94,21 +88,24 @@ def test_a_search_stops_at_its_target(made_record):
     strategy = "A and v_t projected out, population 30, restarted"
     results = [optimizers.run_method(strategy, made_record, target, 60000, seed) for seed in range(1, 4)]
     assert all(result["found"] for result in results)
-    table = optimizers.strategy_table(pd.DataFrame(results))
-    assert table.loc[0, "rate"] == 1
-    assert table.loc[0, "evaluations_per_success"] == table.loc[0, "mean_evaluations"]
 
 
-def test_a_landscape_holds_the_misfit_of_each_point(made_record):
-    for names, (columns, rows, grid) in zip(
-        (("t0_s", "A_rps"), ("T2_s", "T1_s")),
-        basins.landscape_slices(made_record, Protocol(), TRUE_X, points=5),
-        strict=True,
-    ):
-        X = TRUE_X.copy()
-        X[[FREE_PARAMETERS.index(name) for name in names]] = columns[3], rows[1]
-        assert grid.shape == (5, 5)
-        assert grid[1, 3] == pytest.approx(rmse(made_record.t, made_record.v, X, Protocol().timing), rel=1e-12)
+def the_middle(misfit, lower, upper, evaluations, seed):
+    """An optimiser that tries too large an A and the middle of the box, and returns the lower bounds."""
+    assert misfit(np.append(10 * upper[0], upper[1:])) == misfit(upper)
+    misfit((lower + upper) / 2)
+    return lower
+
+
+def test_a_function_is_an_optimiser_and_what_it_returns_is_evaluated_too(made_record):
+    run = optimizers.run_method(the_middle, made_record, 0.0, 6000, 1)
+    assert (run["method"], run["kind"], run["evaluations"], run["found"]) == ("the_middle", "function", 4, False)
+    box = protocol_box(made_record, Protocol())
+    tried = (box.upper, (box.lower + box.upper) / 2, box.lower)
+    misfits = [rmse(made_record.t, made_record.v, X, Protocol().timing) for X in tried]
+    assert run["rmse_rps"] == pytest.approx(min(misfits), rel=1e-9)
+    target = 1.1 * rmse(made_record.t, made_record.v, TRUE_X, Protocol().timing)
+    assert optimizers.run_method(lambda *_: TRUE_X, made_record, target, 6000, 1)["found"]
 
 
 def test_the_reference_fit_samples_like_the_fast_one(made_record):

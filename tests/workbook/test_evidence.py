@@ -149,10 +149,14 @@ def test_another_noise_in_the_records_is_noticed(authors_data, monkeypatch):
 def test_another_rmse_of_equation_10_is_no_erratum():
     delta = characteristic.printed_levels_rad()
     theoretical = published.column("Table 2", "theoretical")[: delta.size]
-    fitted = characteristic.fit_characteristic(theoretical, delta)
-    assert verdict("equation10.rmse", fitted.rmse_rad) == "erratum"
+
+    def rmse(amplitude):
+        cubic = np.polyfit(amplitude, delta, 3)
+        return float(np.sqrt(np.mean((np.polyval(cubic, amplitude) - delta) ** 2)))
+
+    assert verdict("equation10.rmse", rmse(theoretical)) == "erratum"
     moved = np.where(np.arange(delta.size) == 4, 1.01 * theoretical, theoretical)
-    assert verdict("equation10.rmse", characteristic.fit_characteristic(moved, delta).rmse_rad) == "differs"
+    assert verdict("equation10.rmse", rmse(moved)) == "differs"
 
 
 def test_another_speed_is_noticed(record_12):
