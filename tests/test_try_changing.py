@@ -372,8 +372,16 @@ def only_a_larger_backlash_is_seen(n):
 
 
 def another_joints_backlash_is_held(after):
+    the_profile_is_near_laplaces_parabola(after)
     assert after["fit"].refusal_reason == ""
     assert after["fit"].interval_rad[0] < after["backlash_rad"] < after["fit"].interval_rad[1]
+
+
+def the_profile_is_near_laplaces_parabola(after):
+    profile = after["profile"].set_index("deviation")
+    assert abs(profile.loc[0, "chi2"]) < 0.1
+    assert profile.loc[[-2, 2], "chi2"].to_numpy() == pytest.approx(4, abs=2)
+    assert profile["delta_rad"].is_monotonic_increasing
 
 
 def a_smaller_error_for_a_smaller_gap(after):
