@@ -165,7 +165,7 @@ fitted_log = log_plots.estimate_figure(
 # ### Laplace's SD
 #
 # `problem.slopes` returns $r$ and $J^\top$ at any $z$. The SD of the backlash with all other unknowns free is in the
-# corner of $\Sigma$. The mixture over the alternatives, which `fit_joint` computes, is hardly wider.
+# corner of $\Sigma$. `fit_joint` computes the mixture over all alternatives.
 
 # %%
 problem, harmonics = self_calibration.pose_problem(log)
@@ -193,10 +193,10 @@ def refitted_chi2(deviation):  # at a backlash so many SDs from the best one
     z, chi2 = peak.z + deviation * covariance[:, 0] / np.sqrt(covariance[0, 0]), np.inf
     z[0] = max(z[0], joint_posterior.LEAST_BACKLASH)
     for _ in range(12):
-        r, J = problem.slopes(z)
+        r, J_T = problem.slopes(z)
         if not r @ r < chi2:
             break
-        chi2, others = r @ r, J[1:]
+        chi2, others = r @ r, J_T[1:]
         z = np.r_[z[0], z[1:] - np.linalg.solve(others @ others.T, others @ r)]
     return z[0] * joint_posterior.UNIT_RAD, chi2
 
@@ -240,7 +240,9 @@ degraded = pd.concat(
 )
 degraded["sd_over_bound"] = degraded["sd_rad"] / degraded["bound_rad"]
 means = degraded.assign(
-    answered=degraded["answer"] == "yes", error_over_sd=degraded["error_rad"].abs() / degraded["sd_rad"]
+    value=degraded["value"].map("{:g}".format),
+    answered=degraded["answer"] == "yes",
+    error_over_sd=degraded["error_rad"].abs() / degraded["sd_rad"],
 )
 means.groupby(["what", "value"], sort=False)[["answered", "sd_rad", "sd_over_bound", "error_over_sd"]].mean()
 
