@@ -33,10 +33,7 @@ CHEAPER = {
     "10_bench_table3": {"benches": 20},
     "11_robots_table4": {"robots_each": 100, "loud_robots_each": 50, "frequency_step_hz": 10.0},
     "15_friction_and_wear": {"shares": [0.0, 0.005, 0.02, 0.05], "worn_benches": 1},
-    "18_claims": {
-        **{"noises": 4, "noise_seeds": 40, "mountings": 1, "bits": [16, 19], "start_angles": 20},
-        "checked_runs": 1,
-    },
+    "18_claims": {"noises": 4, "noise_seeds": 40, "mountings": 1, "bits": [16, 19], "start_angles": 20},
     "13_beyond_the_paper": {"scored": [3], "deltas_rad": [5e-4], "healthy": 20, "seen_records": 4},
     "16_a_changed_joint": {
         "left_out": sorted(set(accuracy.CHANGES) - {"load mass", "stiffness", "integral gain", "load Coulomb friction"})
@@ -380,8 +377,16 @@ def only_a_larger_backlash_is_seen(n):
 
 
 def another_joints_backlash_is_held(after):
+    the_profile_is_near_laplaces_parabola(after)
     assert after["fit"].refusal_reason == ""
     assert after["fit"].interval_rad[0] < after["backlash_rad"] < after["fit"].interval_rad[1]
+
+
+def the_profile_is_near_laplaces_parabola(after):
+    profile = after["profile"].set_index("deviation")
+    assert abs(profile.loc[0, "chi2"]) < 0.1
+    assert profile.loc[[-2, 2], "chi2"].to_numpy() == pytest.approx(4, abs=2)
+    assert profile["delta_rad"].is_monotonic_increasing
 
 
 def a_smaller_error_for_a_smaller_gap(after):
@@ -410,14 +415,14 @@ def the_notebook_and_a_population_of_1000_explain_the_table_too(n):
 
 
 def the_quality_would_decrease(n):
-    p = re.search(r"p of an increase ([\d.]+)", n["holds"]["quality_decreases"][1])
+    p = re.search(r"p of an increase ([\d.]+)", n["claims"]["quality_decreases"][1])
     assert 0.05 < float(p[1]) < 0.2
-    assert n["holds"]["quality_decreases"][0] is True
+    assert n["claims"]["quality_decreases"][0] is True
 
 
 def some_half_turns_differ(n):
-    assert n["holds"]["same_amplitude"][0] is False
-    assert min(n["spreads"].values()) < 0.005
+    assert n["claims"]["same_amplitude"][0] is False
+    assert n["growth"]["half_turn_spread"].min() < 0.005
 
 
 def the_error_falls_by_less(n):

@@ -96,7 +96,7 @@ def run_protocols(options: argparse.Namespace) -> int:
     from replication.replay import protocols
     from replication.workbook.execution import PINNED_ENVIRONMENT
 
-    os.environ.update(PINNED_ENVIRONMENT)  # what runs there again, notebook 17, has to find the same to the last bit
+    os.environ.update(PINNED_ENVIRONMENT)  # the slow test that runs some again has to find the same digits
     protocols.compute_runs(options.jobs)
     return 0
 

@@ -1,4 +1,4 @@
-"""Decisions on the paper's prose claims that belong to no single figure or table (notebooks 17 and 18).
+"""Decisions on the paper's prose claims that belong to no single figure or table (notebook 18).
 
 A study gives a table. A decision reduces it to the numbers that the claim's rule in `data/claims.csv` reads, and is a
 pair: whether the claim holds (`published.decide`), and what was measured. `criteria` are limits to try.
@@ -6,18 +6,19 @@ pair: whether the claim holds (`published.decide`), and what was measured. `crit
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from itertools import product
 
 import numpy as np
 import pandas as pd
 from joblib import Parallel, delayed
 from scipy import stats
+from tqdm import tqdm
 
 from backlash.fitting.global_fit import global_fit
 from backlash.studies.accuracy import encoder_recording
 from replication import published
 from replication.arrays import FloatArray
-from replication.characteristic import equation_10, printed_levels_rad
-from replication.datasets import Recording, add_uniform_noise, constant_speed
+from replication.datasets import add_uniform_noise, constant_speed
 from replication.identify import Protocol, paper_fit
 from replication.replay.inspection import uniform_noise_test
 from replication.simulator.parameters import TURN, JointParameters
@@ -26,75 +27,6 @@ from replication.simulator.simulate import encoder_position, simulate
 
 Decision = tuple[bool | None, str]
 Criteria = Mapping[str, float] | None
-
-
-def noise_over_amplitude() -> FloatArray:
-    """Table 2's noise over its theoretical A, ten rows."""
-    noise, theoretical = (published.column("Table 2", name) for name in ("noise", "theoretical"))
-    return noise[theoretical > 0] / theoretical[theoretical > 0]
-
-
-def noise_proportional(ratio: FloatArray, criteria: Criteria = None) -> Decision:
-    """Whether the noise is proportional to the amplitude, from `noise_over_amplitude`."""
-    spread = ratio.max() / ratio.min()
-    holds = published.decide("noise_proportional", spread, criteria)
-    return holds, f"noise over A falls from {ratio[0]:.2f} to {ratio[-1]:.3f}, a factor {spread:.2f}"
-
-
-def quality_errors() -> pd.DataFrame:
-    """Errors of Table 2's printed means: `delta_rad, error_rad` (by equation 10), `error_percent` (of A)."""
-    delta = printed_levels_rad()
-    theoretical, mean = (published.column("Table 2", name)[: delta.size] for name in ("theoretical", "mean"))
-    error, percent = np.abs(equation_10().backlash_rad(mean) - delta), 100 * np.abs(mean / theoretical - 1)
-    return pd.DataFrame({"delta_rad": delta, "error_rad": error, "error_percent": percent})
-
-
-def quality_decreases(errors: pd.DataFrame, criteria: Criteria = None) -> Decision:
-    """Whether the error in rad grows with the backlash, by Kendall's rank correlation."""
-    tests = (("error_rad", "greater"), ("error_rad", "less"), ("error_percent", "less"))
-    growing, falling, percent = (
-        stats.kendalltau(errors["delta_rad"], errors[name], method="exact", alternative=side) for name, side in tests
-    )
-    return published.decide("quality_decreases", (growing.pvalue, falling.pvalue), criteria), (
-        f"error in rad: tau {growing.statistic:+.2f}, p of an increase {growing.pvalue:.2f}, of a decrease "
-        f"{falling.pvalue:.2f}; in percent of A: tau {percent.statistic:+.2f}, p of a decrease {percent.pvalue:.2f}"
-    )
-
-
-def disturbance_growth(records: Mapping[float, Recording]) -> pd.DataFrame:
-    """Settled disturbance of clean records: `delta_rad, peak_rps` (largest excess of the samples), `rms_rps`."""
-    rows = []
-    for delta, record in sorted(records.items()):
-        settled = record.v[record.t >= record.turn_period_s - 1e-9] - record.commanded_speed_rps
-        rows.append((delta, settled.max(), np.sqrt(np.mean(settled**2))))
-    return pd.DataFrame(rows, columns=["delta_rad", "peak_rps", "rms_rps"])
-
-
-def amplitude_grows(growth: pd.DataFrame, printed_A_rps: FloatArray, criteria: Criteria = None) -> Decision:
-    """Whether the disturbance grows from each level to the next, from `disturbance_growth` and Table 2."""
-    least = {"peak of the samples": growth["peak_rps"].diff().min(), "RMS": growth["rms_rps"].diff().min()}
-    least["printed A"] = np.diff(printed_A_rps).min()
-    holds = published.decide("amplitude_grows", (min(least.values()), max(least.values())), criteria)
-    said = ", ".join(f"{name} {step:.3f}" for name, step in least.items())
-    return holds, f"smallest increase from level to level [rps]: {said}"
-
-
-def half_turn_spread(record: Recording) -> float:
-    """Largest over smallest RMS of a record's settled half turns, less one."""
-    half = round(record.turn_period_s / 2 / record.sample_s)
-    disturbance = record.v - record.commanded_speed_rps
-    halves = disturbance[2 * half : disturbance.size // half * half].reshape(-1, half)
-    rms = np.sqrt(np.mean(halves**2, axis=1))
-    return float(rms.max() / rms.min() - 1)
-
-
-def same_amplitude(spreads: Mapping[float, float], criteria: Criteria = None) -> Decision:
-    """Whether a record's oscillations have one amplitude, from each record's `half_turn_spread`."""
-    largest = max(spreads, key=spreads.__getitem__)
-    return published.decide("same_amplitude", spreads[largest], criteria), (
-        f"settled half turns differ by up to {100 * spreads[largest]:.1f} % in RMS ({largest:.1e} rad), "
-        f"{100 * min(spreads.values()):.1f} % in the best record"
-    )
 
 
 def noise_tests(noises: Mapping[tuple[int, int], FloatArray]) -> pd.DataFrame:
@@ -126,7 +58,8 @@ def amplitudes_without_backlash(seeds: Sequence[int], noise_rps: float, n_jobs: 
     base = constant_speed(samples=2401, dt=0.002)
     noises = [add_uniform_noise(base, noise_rps, np.random.default_rng(seed)) for seed in seeds]
     jobs = [delayed(paper_fit)(noise, Protocol(), seed) for noise, seed in zip(noises, seeds, strict=True)]
-    return np.array([fit.amplitude_rps for fit in Parallel(n_jobs=n_jobs)(jobs)])
+    fits = Parallel(n_jobs=n_jobs, return_as="generator")(jobs)
+    return np.array([fit.amplitude_rps for fit in tqdm(fits, total=len(jobs), desc="noises", mininterval=5)])
 
 
 def no_backlash(amplitude_rps: FloatArray, smallest_A_rps: float, criteria: Criteria = None) -> Decision:
@@ -175,16 +108,16 @@ def noise_errors_by_turns(
     The record begins with the third turn; the error is against its own fit without noise.
     """
     records, rows = simulate_recordings(joint, deltas_rad, turns=2 + max(turns)), []
-    for record, noise, delta in zip(records, noises_rps, deltas_rad, strict=True):
+    cases = product(zip(records, noises_rps, deltas_rad, strict=True), turns)
+    for (record, noise, delta), n in tqdm(list(cases), desc="errors by turns"):
         turn = round(record.turn_period_s / record.sample_s)
-        for n in turns:
-            length = n * turn + 1
-            part = replace(record, t=record.t[:length], v=record.v[2 * turn : 2 * turn + length])
-            protocol = Protocol(turns=n)
-            clean = global_fit(part, protocol).amplitude_rps
-            rng = np.random.default_rng((n, round(1e7 * delta)))
-            noisy = [global_fit(add_uniform_noise(part, noise, rng), protocol).amplitude_rps for _ in range(seeds)]
-            rows.append((delta, n, float(np.sqrt(np.mean((np.array(noisy) - clean) ** 2)))))
+        length = n * turn + 1
+        part = replace(record, t=record.t[:length], v=record.v[2 * turn : 2 * turn + length])
+        rng = np.random.default_rng((n, round(1e7 * delta)))
+        noisy = [add_uniform_noise(part, noise, rng) for _ in range(seeds)]
+        fits = Parallel(n_jobs=-1)(delayed(global_fit)(each, Protocol(turns=n)) for each in [part, *noisy])
+        A = np.array([fit.amplitude_rps for fit in fits])
+        rows.append((delta, n, float(np.sqrt(np.mean((A[1:] - A[0]) ** 2)))))
     return pd.DataFrame(rows, columns=["delta_rad", "turns", "rms_error_rps"])
 
 
@@ -207,7 +140,7 @@ def bits_study(joint: JointParameters, deltas_rad: Sequence[float], bits: Sequen
 
     angles = np.random.default_rng(1).uniform(0, TURN, offsets)
     rows = []
-    for delta in deltas_rad:
+    for delta in tqdm(deltas_rad, desc="encoders"):
         fine = amplitude(delta, 40, 0.0)
         rows += [(b, delta, max(abs(amplitude(delta, b, angle) - fine) for angle in angles)) for b in bits]
     return pd.DataFrame(rows, columns=["bits", "delta_rad", "change_rps"])

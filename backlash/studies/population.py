@@ -18,10 +18,8 @@ from backlash.calibration import default_calibration
 from backlash.estimation import examine_recording, settings_for
 from backlash.fitting.global_fit import global_fit
 from backlash.fitting.joint_match import changed
-from backlash.fitting.joint_posterior import LEAST_BACKLASH, MEASURED_AS, UNIT_RAD
-from backlash.fitting.joint_search import find_joint, find_peak
 from backlash.fitting.readings import protocol_for
-from backlash.fitting.self_calibration import fit_joint, pose_problem
+from backlash.fitting.self_calibration import fit_joint
 from backlash.fitting.torque import LoadData, fit_torque
 from backlash.fitting.turns import COLUMNS, Movement, settled_turns
 from backlash.reading.columns import LogFormat
@@ -35,7 +33,6 @@ from replication.arrays import FloatArray
 from replication.characteristic import printed_levels_rad
 from replication.datasets import Recording, level_delta_rad, load_clean, load_noisy
 from replication.simulator.parameters import TURN, Disturbance, identified_joint
-from replication.simulator.simulate import simulate
 from replication.standins.joints import SAMPLE_S, Bench, Spread, draw_bench, encoder_log
 from replication.statistics import rate_columns
 
@@ -98,38 +95,22 @@ _BOUND_STEPS = {"delta_rad": 2e-6, "friction": 1e-3}
 _BOUND_RATIOS = ("stiffness_per_s2", "gravity_per_s2", "inertia_ratio", "speed_gain_per_s", "integral_gain_per_s2")
 
 
-def _draw_backlash(population: str, number: int, seed: int) -> tuple[float, np.random.Generator]:
-    """Backlash [rad] of a population's log, uniform over Table 2's range, and the generator of what else is drawn."""
-    rng = np.random.default_rng((seed, [*SPREADS, *KINDS].index(population), number))
-    return float(rng.uniform(*printed_levels_rad()[[0, -1]])), rng
-
-
 def draw_log(population: str, number: int, seed: int) -> Log:
-    """Draw a log of a population, one of `SPREADS` or `odd_joints.KINDS`, with its Cramer-Rao bound where known."""
-    delta, rng = _draw_backlash(population, number, seed)
+    """Draw a log of a population, one of `SPREADS` or `odd_joints.KINDS`; its bench and Cramer-Rao bound where known.
+
+    Its backlash is uniform over Table 2's range.
+    """
+    rng = np.random.default_rng((seed, [*SPREADS, *KINDS].index(population), number))
+    delta, labels = float(rng.uniform(*printed_levels_rad()[[0, -1]])), {"population": population, "number": number}
     if population in KINDS:
-        bound, recording = np.nan, draw_odd_log(population, delta, rng)
-    else:
-        bench, recording = _draw_bench_and_log(SPREADS[population], delta, rng)
-        bound = bench_bound_rad(bench, delta, recording)
-    return Log({"population": population, "number": number, "bound_rad": bound}, delta, recording)
-
-
-def _draw_bench_and_log(spread: Spread, delta_rad: float, rng: np.random.Generator) -> tuple[Bench, Recording]:
+        return Log(labels | {"bound_rad": np.nan}, delta, draw_odd_log(population, delta, rng))
     while True:
-        bench = draw_bench(rng, spread)
+        bench = draw_bench(rng, SPREADS[population])
         with suppress(ValueError, ArithmeticError):  # an unstable drive: nobody runs one
-            return bench, encoder_log(bench, delta_rad, rng)
-
-
-def turn_change_rps(population: str, number: int, seed: int) -> float:
-    """Change [rps, RMS] from a drawn bench's 39th to its 40th turn, without noise, encoder and disturbances."""
-    delta, rng = _draw_backlash(population, number, seed)
-    joint = _draw_bench_and_log(SPREADS[population], delta, rng)[0].joint
-    quiet = replace(joint, disturbances=(), encoder_bits=0)
-    speed = simulate(quiet, delta, duration_s=40 * joint.turn_period_s, sample_s=SAMPLE_S).motor_speed_rps
-    a_turn = round(joint.turn_period_s / SAMPLE_S)
-    return float(np.std(speed[-a_turn:] - speed[-2 * a_turn : -a_turn]))
+            recording = encoder_log(bench, delta, rng)
+            break
+    bound = bench_bound_rad(bench, delta, recording)
+    return Log(labels | {"bench": bench, "bound_rad": bound}, delta, recording)
 
 
 def authors_logs() -> list[Log]:
@@ -389,24 +370,3 @@ def _degraded_log(bench: Bench, delta_rad: float, seed: int, what: str, value: f
         bench = replace(bench, noise_rps=bench.noise_rps / np.sqrt(value))
     bound = bench_bound_rad(bench, delta_rad, recording)
     return Log({"what": what, "value": value, "bound_rad": bound}, delta_rad, recording)
-
-
-def profile_backlash(recording: Recording, deviations: Sequence[float], steps: int = 12) -> pd.DataFrame:
-    """Gain of chi squared, all else fitted, at deviations from the best backlash in SDs; Laplace's is their square."""
-    problem, harmonics = pose_problem(recording)
-    peak = find_peak(problem, find_joint(problem, harmonics)[0], MEASURED_AS["differenced"][1:])
-    along = peak.covariance[:, 0] / np.sqrt(peak.covariance[0, 0])
-    least, rows = float(peak.residual @ peak.residual), []
-    for deviation in deviations:
-        z = peak.z + deviation * along
-        z[0] = max(z[0], LEAST_BACKLASH)
-        cost = np.inf
-        for _ in range(steps):
-            residual, slopes = problem.slopes(z)
-            if not residual @ residual < cost:
-                break
-            cost, others = float(residual @ residual), slopes[1:]
-            z = z.copy()
-            z[1:] -= np.linalg.solve(others @ others.T, others @ residual)
-        rows.append((deviation, z[0] * UNIT_RAD, cost - least))
-    return pd.DataFrame(rows, columns=["deviation", "delta_rad", "chi2"])

@@ -28,7 +28,7 @@ from replication.arrays import FloatArray
 from replication.compiled.misfit import Fold, fold, folded_rmse
 from replication.compiled.whole_run import whole_run
 from replication.datasets import Recording, from_sample, load_noisy
-from replication.files import FLOAT_FORMAT, ROOT, write_csv
+from replication.files import ROOT, write_csv
 from replication.identify import Protocol, protocol_box
 from replication.search import Search, generations, random_normals, search
 from replication.signature import Box
@@ -125,16 +125,6 @@ def compute_runs(jobs: int = 2) -> None:
 
     found = Parallel(jobs, verbose=10)(delayed(summaries)(*record) for record in records)
     write_csv(RUNS, pd.DataFrame([row for of_candidate in zip(*found, strict=True) for row in of_candidate]))
-
-
-def recomputed(runs: pd.DataFrame, number: int, rng: np.random.Generator) -> pd.DataFrame:
-    """Make a few summaries again, drawn at random; `same` says that they agree to the digits that are kept."""
-    rows = []
-    for kept in runs.iloc[np.sort(rng.choice(len(runs), size=number, replace=False))].to_dict("records"):
-        again = summarise(CANDIDATES[kept["protocol"]], kept["row"], kept["realisation"])
-        numbers = {f"again_{name}": float(FLOAT_FORMAT % again[name]) for name in COLUMNS}
-        rows.append(kept | numbers | {"same": all(numbers[f"again_{name}"] == kept[name] for name in COLUMNS)})
-    return pd.DataFrame(rows)
 
 
 def numbers_of(runs: pd.DataFrame, name: str) -> FloatArray:

@@ -1,4 +1,7 @@
 import math
+import os
+import subprocess
+import sys
 from dataclasses import replace
 
 import numpy as np
@@ -6,11 +9,13 @@ import pandas as pd
 import pytest
 from scipy import stats
 
+from replication.files import FLOAT_FORMAT, ROOT
 from replication.identify import Protocol, protocol_box
 from replication.replay import protocols
 from replication.replay.protocols import CANDIDATES, REALISATIONS, ROWS, RUNS
 from replication.signature import rmse
 from replication.table2 import AUTHORS
+from replication.workbook.execution import PINNED_ENVIRONMENT
 
 NOTEBOOK = "authors' notebook"
 
@@ -152,3 +157,24 @@ def test_every_candidate_has_its_runs_on_every_row_and_realisation():
     assert runs.groupby("protocol", sort=False).size().to_dict() == dict.fromkeys(CANDIDATES, 50)
     for name, part in runs.groupby("protocol"):
         assert (part["runs"] == CANDIDATES[name].runs).all()
+
+
+RUN_AGAIN = """
+import sys
+from replication.replay.protocols import CANDIDATES, summarise
+name, row, realisation = sys.argv[1:]
+found = summarise(CANDIDATES[name], int(row), int(realisation))
+print(found["mean_A_rps"], found["sd_A_rps"])
+"""
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("number", np.random.default_rng(1).choice(600, size=3, replace=False))
+def test_a_summary_drawn_from_the_committed_ones_comes_out_the_same_again(authors_data, number):
+    kept = pd.read_csv(RUNS).iloc[number]
+    drawn = [str(kept[name]) for name in ("protocol", "row", "realisation")]
+    environment = os.environ | PINNED_ENVIRONMENT
+    done = subprocess.run(
+        [sys.executable, "-c", RUN_AGAIN, *drawn], env=environment, cwd=ROOT, capture_output=True, text=True, check=True
+    )
+    assert [float(FLOAT_FORMAT % float(number)) for number in done.stdout.split()] == [*kept[list(protocols.COLUMNS)]]

@@ -4,44 +4,8 @@ import pytest
 
 from backlash.studies import claims
 from backlash.studies.accuracy import encoder_recording
-from replication.datasets import Recording
 from replication.simulator.simulate import identified_joint
 from replication.statistics import rate_interval
-
-T = 0.002 * np.arange(2401)
-
-
-def made(v):
-    return Recording(T, v, 100.0, 0.4, "made")
-
-
-def test_proportional_noise_is_told_from_the_printed_one():
-    assert claims.noise_proportional(np.full(10, 0.2))[0]
-    assert not claims.noise_proportional(claims.noise_over_amplitude())[0]
-
-
-@pytest.mark.parametrize(("order", "holds"), [(1, True), (-1, False), (0, None)])
-def test_errors_that_rise_fall_or_neither_are_told_apart(order, holds):
-    error = {1: np.arange(10.0), -1: -np.arange(10.0), 0: np.array([3.0, 1, 4, 1.5, 5, 9, 2, 6, 5.3, 3.5])}[order]
-    if order == 0:
-        error = np.tile([1.0, 2.0], 5) + 1e-3 * np.array([0, 9, 1, 8, 2, 7, 3, 6, 4, 5])
-    table = pd.DataFrame({"delta_rad": np.arange(10.0), "error_rad": error, "error_percent": error})
-    assert claims.quality_decreases(table)[0] is holds
-
-
-def test_growth_is_undecided_where_peak_and_rms_disagree():
-    growth = pd.DataFrame({"peak_rps": [1.0, 2, 3], "rms_rps": [0.5, 0.6, 0.7]})
-    printed = np.array([1.0, 2.0])
-    assert claims.amplitude_grows(growth, printed)[0] is True
-    assert claims.amplitude_grows(growth.assign(peak_rps=[1.0, 0.9, 3]), printed)[0] is None
-    assert claims.amplitude_grows(growth.iloc[::-1], printed[::-1])[0] is False
-
-
-def test_a_half_turn_that_is_a_tenth_louder_is_found_but_not_the_first_turn():
-    half = np.floor(T / 0.2 + 1e-9)
-    ring = np.sin(2 * np.pi * 20 * (T % 0.2)) * (1 - 2 * (half % 2))
-    assert claims.half_turn_spread(made(100 + ring * np.where(half == 5, 1.1, 1))) == pytest.approx(0.1, abs=1e-6)
-    assert claims.half_turn_spread(made(100 + ring * np.where(half == 0, 1.1, 1))) == pytest.approx(0, abs=1e-6)
 
 
 @pytest.mark.parametrize("fault", ["none", "normal", "mean", "lag one"])

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from backlash.studies import population
-from replication.standins.joints import draw_bench, encoder_log
+from replication.standins.joints import draw_bench
 
 
 @pytest.fixture(scope="module")
@@ -27,11 +27,3 @@ def test_errors_are_those_that_the_sd_says(table):
 def test_a_log_without_turns_enough_says_so(table):
     assert "two turns" in table.loc[("turns", 1), "answer"]
     assert np.isnan(table.loc[("turns", 1), "error_rad"])
-
-
-def test_the_profile_is_least_at_the_most_probable_backlash_and_near_laplaces_parabola():
-    log = encoder_log(draw_bench(np.random.default_rng(5)), 9e-4, np.random.default_rng(6))
-    profile = population.profile_backlash(log, [-2, 0, 2]).set_index("deviation")
-    assert abs(profile.loc[0, "chi2"]) < 0.1
-    assert profile.loc[[-2, 2], "chi2"].to_numpy() == pytest.approx(4, abs=2)
-    assert profile["delta_rad"].is_monotonic_increasing

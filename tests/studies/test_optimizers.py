@@ -130,3 +130,13 @@ def test_the_kept_runs_are_the_planned_ones_and_none_is_far_below_the_global_fit
     assert (kept["found"] == (kept["rmse_over_best"] <= 1 + 2e-3)).all()
     assert kept["rmse_over_best"].min() > 1 - 2e-3
     assert (kept["evaluations"] <= optimizers.BUDGET).all()
+
+
+@pytest.mark.slow
+def test_kept_runs_drawn_at_random_find_the_best_basin_again_or_not(authors_data):
+    kept = pd.read_csv(workbook.ROOT / "results" / "optimizers.csv")
+    if not optimizers.swarms_installed():
+        kept = kept[kept["kind"] != "swarm"]
+    drawn = kept.sample(6, random_state=1)
+    jobs = list(drawn[["method", "level", "realisation", "seed"]].itertuples(index=False, name=None))
+    assert optimizers.run_jobs(jobs)["found"].tolist() == drawn["found"].tolist()
