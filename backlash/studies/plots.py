@@ -111,7 +111,7 @@ def cross_validation_errors(table: pd.DataFrame, targets_rad: Mapping[str, float
         axis.plot([size.mean()] * 2, [row - 0.35, row + 0.35], color=INK, linewidth=2)
         if method in targets_rad:
             axis.plot([1e6 * targets_rad[method]] * 2, [row - 0.35, row + 0.35], color=INK, linewidth=1, linestyle=":")
-    axis.set(xscale="log", xlabel="error of backlash [1e-6 rad] (line: mean size, dotted: target)", xlim=(0.05, 400))
+    axis.set(xscale="log", xlabel="error of backlash [1e-6 rad] (line: mean size, dotted: target)", xlim=(0.05, 600))
     axis.set_yticks(range(len(methods)), methods)
     axis.invert_yaxis()
     return figure
@@ -164,6 +164,7 @@ def tornado(table: pd.DataFrame, methods: Sequence[str]) -> Figure:
         bars = bars.loc[order].rename(columns="{:+.0%}".format)
         bars.plot.barh(ax=axis, color=[ORANGE, BLUE], width=0.8, legend=False, ylabel="")
         axis.axvline(0, color=INK, linewidth=0.8)
+        axis.set_axisbelow(True)
         axis.set_title(method.replace(", ", ",\n"), fontsize=10)
     axes[0, 0].xaxis.set_major_locator(MaxNLocator(3))
     figure.supxlabel("mean error of backlash [1e-6 rad]", fontsize=10)
