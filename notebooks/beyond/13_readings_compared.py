@@ -398,7 +398,8 @@ beyond_robustness = plots.tornado(ends[ends["change"] != 0], shown)
 # all of them fail when friction is 20 % of the gravity torque. The joint model with friction unknown does not. All of
 # this is on simulated logs of the identified joint, which that model describes exactly but for the change; on joints
 # of another structure it is not known. A change of the drive's gains shifts it as it shifts the others.
-#
+
+# %% [markdown]
 # ## Verdict
 #
 # No number of the paper is judged here. The answers:
