@@ -7,7 +7,6 @@ from typing import Any
 import numpy as np
 import pandas as pd
 from joblib import Parallel, delayed
-from tqdm import tqdm
 
 from backlash.calibration import Calibration, backlashes, widened
 from backlash.fitting.global_fit import GlobalFit, global_fit
@@ -41,7 +40,7 @@ def logs_by_methods(
     logs: Iterable[Log | Callable[[], Log]], answers: Callable[[Log], Answers], jobs: int = -1
 ) -> pd.DataFrame:
     """One row per log and method: labels, true and found backlash, error; logs may be functions that draw them."""
-    found = Parallel(n_jobs=jobs)(delayed(_rows)(log, answers) for log in tqdm(logs, desc="logs", mininterval=5))
+    found = Parallel(n_jobs=jobs)(delayed(_rows)(log, answers) for log in logs)
     return pd.DataFrame([row for rows in found for row in rows])
 
 
