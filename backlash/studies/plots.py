@@ -92,6 +92,7 @@ METHOD_STYLES: dict[str, Style] = {
     "energy": {"color": PINK, "marker": "^"},
     "waveform, noisy logs": {"color": "0.5", "marker": "d"},
     "waveform": {"color": BLUE, "marker": "o"},
+    "time in the gap": {"color": GREEN, "marker": "<"},
     "joint": {"color": INK, "marker": "*"},
     "joint, start angle free": {"color": SKY, "marker": "P"},
     "joint, all nuisances free": {"color": SKY, "marker": "D"},
@@ -110,7 +111,7 @@ def cross_validation_errors(table: pd.DataFrame, targets_rad: Mapping[str, float
         axis.plot([size.mean()] * 2, [row - 0.35, row + 0.35], color=INK, linewidth=2)
         if method in targets_rad:
             axis.plot([1e6 * targets_rad[method]] * 2, [row - 0.35, row + 0.35], color=INK, linewidth=1, linestyle=":")
-    axis.set(xscale="log", xlabel="error of backlash [1e-6 rad] (line: mean size, dotted: target)", xlim=(0.05, 400))
+    axis.set(xscale="log", xlabel="error of backlash [1e-6 rad] (line: mean size, dotted: target)", xlim=(0.05, 600))
     axis.set_yticks(range(len(methods)), methods)
     axis.invert_yaxis()
     return figure
@@ -136,13 +137,15 @@ def error_limits(table: pd.DataFrame, axes_labels: Mapping[str, str]) -> Figure:
 
 
 @in_style
-def detection_curves(tables: Sequence[pd.DataFrame], limits_rad: Sequence[float]) -> Figure:
+def detection_curves(table: pd.DataFrame, limits_rad: Sequence[float]) -> Figure:
     """Show the share of records that are seen to have backlash, and what a filter that knows the waveform would see."""
     figure, ((axis,),) = grid(figsize=(8.0, 4.2))
-    for table, limit, colour, marker in zip(tables, limits_rad, (BLUE, ORANGE, PINK, INK), "os^D", strict=False):
-        noise = table["noise_half_amplitude_rps"].iloc[0]
+    loudness = table.groupby("noise_half_amplitude_rps", sort=False)
+    for (noise, part), limit, colour, marker in zip(
+        loudness, limits_rad, (BLUE, ORANGE, PINK, INK), "os^D", strict=False
+    ):
         style = {"color": colour, "marker": marker, "capsize": 3, "label": f"noise of {noise:g} rps"}
-        axis.errorbar(1e4 * table["delta_rad"], table["seen"], _arms(table, "seen"), **style)
+        axis.errorbar(1e4 * part["delta_rad"], part["seen"], _arms(part, "seen"), **style)
         axis.axvline(1e4 * limit, color=colour, linestyle=":", label=f"matched filter, {noise:g} rps")
     axis.set(xlabel="backlash [1e-4 rad]", ylabel="share of records above the threshold [-]", ylim=(-0.03, 1.03))
     axis.legend(loc="lower right")
@@ -152,21 +155,17 @@ def detection_curves(tables: Sequence[pd.DataFrame], limits_rad: Sequence[float]
 @in_style
 def tornado(table: pd.DataFrame, methods: Sequence[str]) -> Figure:
     """Show the mean error of methods at the ends of what may change, the parameter with the largest on top."""
-    size = table.assign(size=table["mean_error_rad"].abs()).groupby("parameter")["size"].max().sort_values()
-    rows = {name: row for row, name in enumerate(size.index)}
+    order = table["mean_error_rad"].abs().groupby(table["parameter"]).max().sort_values().index
     figure, axes = grid(1, len(methods), figsize=(11.0, 4.8), sharey=True, sharex=True)
     for axis, method in zip(axes[0], methods, strict=True):
-        part = table[table["method"] == method]
-        for sign, colour, hatch in ((-1, ORANGE, "//"), (1, BLUE, "")):
-            side = part[np.sign(part["change"]) == sign]
-            y = [rows[name] + 0.2 * sign for name in side["parameter"]]
-            label = f"{100 * side['change'].abs().max():.0f} % {'more' if sign > 0 else 'less'}"
-            width = 1e6 * side["mean_error_rad"]
-            axis.barh(y, width, height=0.4, color=colour, hatch=hatch, edgecolor="white", label=label)
+        bars = 1e6 * table[table["method"] == method].pivot(
+            index="parameter", columns="change", values="mean_error_rad"
+        )
+        bars = bars.loc[order].rename(columns="{:+.0%}".format)
+        bars.plot.barh(ax=axis, color=[ORANGE, BLUE], width=0.8, legend=False, ylabel="")
         axis.axvline(0, color=INK, linewidth=0.8)
-        axis.set_title(method.replace(", ", ",\n"), fontsize=10)
         axis.set_axisbelow(True)
-    axes[0, 0].set_yticks(range(len(rows)), list(rows))
+        axis.set_title(method.replace(", ", ",\n"), fontsize=10)
     axes[0, 0].xaxis.set_major_locator(MaxNLocator(3))
     figure.supxlabel("mean error of backlash [1e-6 rad]", fontsize=10)
     figure.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside upper right", ncols=2)
