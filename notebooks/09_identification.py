@@ -382,8 +382,8 @@ workbook.export(
         ),
         "identification_intervals": (
             amplitude_intervals,
-            f"The global fit's interval of A holds the printed mean in {holds_mean} of {len(intervals)} rows; both mostly "
-            "lie below the theoretical A, because a damped sine is not quite the record's shape.",
+            f"The global fit's interval of A holds the printed mean in {holds_mean} of {len(intervals)} rows; both "
+            "mostly lie below the theoretical A, because a damped sine is not quite the record's shape.",
         ),
     },
 )

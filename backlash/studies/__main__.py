@@ -93,7 +93,7 @@ def run_score(options: argparse.Namespace) -> int:
 
 def run_protocols(options: argparse.Namespace) -> int:
     """Run every candidate protocol."""
-    from replication.replay import protocols
+    from backlash.studies import protocols
     from replication.workbook.execution import PINNED_ENVIRONMENT
 
     os.environ.update(PINNED_ENVIRONMENT)  # the slow test that runs some again has to find the same digits

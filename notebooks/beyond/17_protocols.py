@@ -50,9 +50,8 @@ import numpy as np
 import pandas as pd
 from scipy import stats
 
-from backlash.studies import plots
+from backlash.studies import plots, protocols
 from replication import published, workbook
-from replication.replay import protocols
 
 # %% [markdown]
 # ## Parameters

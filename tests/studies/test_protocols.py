@@ -9,10 +9,10 @@ import pandas as pd
 import pytest
 from scipy import stats
 
+from backlash.studies import protocols
+from backlash.studies.protocols import CANDIDATES, REALISATIONS, ROWS, RUNS
 from replication.files import FLOAT_FORMAT, ROOT
 from replication.identify import Protocol, protocol_box
-from replication.replay import protocols
-from replication.replay.protocols import CANDIDATES, REALISATIONS, ROWS, RUNS
 from replication.signature import rmse
 from replication.table2 import AUTHORS
 from replication.workbook.execution import PINNED_ENVIRONMENT
@@ -161,7 +161,7 @@ def test_every_candidate_has_its_runs_on_every_row_and_realisation():
 
 RUN_AGAIN = """
 import sys
-from replication.replay.protocols import CANDIDATES, summarise
+from backlash.studies.protocols import CANDIDATES, summarise
 name, row, realisation = sys.argv[1:]
 found = summarise(CANDIDATES[name], int(row), int(realisation))
 print(found["mean_A_rps"], found["sd_A_rps"])
