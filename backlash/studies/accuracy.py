@@ -8,7 +8,6 @@ from itertools import product
 import numpy as np
 import pandas as pd
 from joblib import Parallel, delayed
-from tqdm import tqdm
 
 from backlash.calibration import Calibration, calibrate, default_calibration
 from backlash.fitting.joint_match import PHASES, changed, match_joint, settled_turn
@@ -56,7 +55,7 @@ def cross_validation(
 
     kept = [(*log, record) for log, record in records.items() if log[1] in scored]
     logs = [Log({"realisation": R, "level": level}, level_delta_rad(level), record) for R, level, record in kept]
-    return logs_by_methods(tqdm(logs, desc="logs", mininterval=5), answers)
+    return logs_by_methods(logs, answers)
 
 
 def encoder_recording(
@@ -99,7 +98,7 @@ def measured_errors(
     settings = [(axis, value) for axis, values in sweeps.items() for value in values]
     drawn = product(settings, deltas_rad, range(repeats))
     logs = [partial(_draw_log, joint, *setting, delta, seed + run) for setting, delta, run in drawn]
-    return logs_by_methods(tqdm(logs, desc="logs", mininterval=5), answers)
+    return logs_by_methods(logs, answers)
 
 
 def errors_after_changes(logs: Sequence[Log], joint: JointParameters) -> pd.DataFrame:
@@ -112,7 +111,7 @@ def errors_after_changes(logs: Sequence[Log], joint: JointParameters) -> pd.Data
         known = replace(joint, commanded_speed_rps=log.recording.commanded_speed_rps)
         return _answers(log.recording, calibrations, known, {JOINT_ALL_FREE: JOINT_METHODS[JOINT_ALL_FREE]})
 
-    return logs_by_methods(tqdm(logs, desc="logs", mininterval=5), answers)
+    return logs_by_methods(logs, answers)
 
 
 def _scaled(field: str) -> Callable[[JointParameters, float], JointParameters]:

@@ -42,7 +42,8 @@ def logs_by_methods(
 ) -> pd.DataFrame:
     """One row per log and method: labels, true and found backlash, error; logs may be functions that draw them."""
     work = [delayed(_rows)(log, answers) for log in logs]
-    found = tqdm(Parallel(n_jobs=jobs, return_as="generator")(work), total=len(work), desc="logs", mininterval=5)
+    results = Parallel(n_jobs=jobs, return_as="generator")(work)
+    found = tqdm(results, total=len(work), desc="logs", mininterval=5, disable=jobs == 1)  # a score prints errors there
     return pd.DataFrame([row for rows in found for row in rows])
 
 
