@@ -3,6 +3,7 @@
 PYTHON ?= python3
 PY := .venv/bin/python
 RUN := $(PY) -m replication
+CHANGES := tests/test_try_changing.py tests/test_ten_changes.py
 STUDY := OPENBLAS_NUM_THREADS=1 $(PY) -m backlash.studies
 PYTEST := OPENBLAS_NUM_THREADS=1 $(PY) -m pytest --numprocesses 2 --dist worksteal
 export PYTHONPATH := $(CURDIR)
@@ -30,13 +31,13 @@ quick: .venv/.installed  ## the same figures from few repeats, into results/quic
 	$(RUN) check --quick || true
 
 test: .venv/.installed  ## the tests, on the committed results, but for the slow ones
-	$(PYTEST) -m "not slow" --ignore tests/test_try_changing.py
+	$(PYTEST) -m "not slow" $(CHANGES:%=--ignore %)
 
 slow: .venv/.installed  ## the slow tests: notebooks executed again, browsers, long searches
-	$(PYTEST) -m slow --ignore tests/test_try_changing.py
+	$(PYTEST) -m slow $(CHANGES:%=--ignore %)
 
 changes: .venv/.installed  ## make every change that a notebook proposes, and check what it says of the outcome
-	$(PYTEST) tests/test_try_changing.py
+	$(PYTEST) $(CHANGES)
 
 check: .venv/.installed  ## print the tables with their verdicts; fails if a cell differs unexpectedly
 	$(RUN) check

@@ -79,7 +79,7 @@ changes = {}  # factors for the joint's ratios or physical quantities, as in not
 workbook.check_parameters(
     speed_level=(speed_level, ALL_LEVELS),
     noise_rps=(noise_rps, Interval(0, 10)),
-    noise_seed=(noise_seed, Interval(0)),
+    noise_seed=(noise_seed, Interval(0, whole=True)),
     commanded_speed_rps=(commanded_speed_rps, Interval(10, 300)),
     changes=(changes, [changeable(identified_joint())]),
 )

@@ -106,13 +106,13 @@ workbook.check_parameters(
     box=(box, [tuple(settings)[:4]]),
     generation=(generation, Interval(1, 200)),
     seed=(seed, tuple(published.authors_notebook_runs()["cma_seed"].tolist())),
-    repeats=(repeats, Interval(1)),
+    repeats=(repeats, Interval(1, whole=True)),
     realisation=(realisation, datasets.LOW_NOISE),
     rows=(rows, [range(1, 11)]),
     variants=(variants, [tuple(variant.name for variant in VARIANTS)]),
     your_variant=(your_variant, [tuple(settings)]),
-    seed_runs=(seed_runs, Interval(1)),
-    today_runs=(today_runs, Interval(1)),
+    seed_runs=(seed_runs, Interval(1, whole=True)),
+    today_runs=(today_runs, Interval(1, whole=True)),
 )
 for chosen_settings in (box, your_variant):
     workbook.check_parameters(**{name: (value, settings[name]) for name, value in chosen_settings.items()})

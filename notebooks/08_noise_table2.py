@@ -90,11 +90,11 @@ criteria = {}  # limits to try instead of those of claims.csv, such as {"local_m
 
 # %% tags=["plumbing"]
 workbook.check_parameters(
-    repeats=(repeats, Interval(2, 1000)),
+    repeats=(repeats, Interval(2, 1000, whole=True)),
     realisations=(realisations, [(*LOW_NOISE, *HIGH_NOISE)]),
-    noise_seeds=(noise_seeds, [Interval(1, 1e6)]),
+    noise_seeds=(noise_seeds, [Interval(1, 1e6, whole=True)]),
     noise_factor=(noise_factor, Interval(0.01, 100)),
-    population=(population, Interval(4, 10000)),
+    population=(population, Interval(4, 10000, whole=True)),
     shown_row=(shown_row, range(1, 11)),
     criteria=(criteria, [("error_below_10", "local_minima")]),
 )

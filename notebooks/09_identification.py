@@ -109,12 +109,12 @@ A_FUNCTION = "a function (misfit, lower, upper, evaluations, seed) that returns 
 installed = [name for name, (kind, _) in optimizers.METHODS.items() if kind != "swarm" or optimizers.swarms_installed()]
 workbook.check_parameters(
     level=(level, range(3, 14)),
-    replay_runs=(replay_runs, Interval(2, 1e5)),
+    replay_runs=(replay_runs, Interval(2, 1e5, whole=True)),
     strategies=(strategies, [installed]),
     optimiser=(A_FUNCTION if callable(optimiser) else optimiser, (None, A_FUNCTION)),
-    strategy_runs=(strategy_runs, Interval(1, 1e4)),
+    strategy_runs=(strategy_runs, Interval(1, 1e4, whole=True)),
     budget=(budget, Interval(100, 1e7)),
-    coverage_runs=(coverage_runs, Interval(1, 1e5)),
+    coverage_runs=(coverage_runs, Interval(1, 1e5, whole=True)),
 )
 if not strategies:
     raise ValueError("strategies = []: name at least one")

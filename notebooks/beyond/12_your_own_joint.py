@@ -104,7 +104,7 @@ workbook.check_parameters(
     backlash_rad=(backlash_rad, Interval(3e-4, 19e-4)),
     method=(method, ("amplitude", "energy", "waveform")),
     calibration_levels=(calibration_levels, range(6, 101)),
-    log_turns=(log_turns, Interval(4, 12)),
+    log_turns=(log_turns, Interval(4, 12, whole=True)),
     limit_rad=(limit_rad, Interval(1e-5, 1e-2)),
 )
 

@@ -118,7 +118,7 @@ workbook.check_parameters(
     deltas_rad=(deltas_rad, [Interval(1e-4, 25e-4)]),
     repeats=(repeats, range(1, 31)),
     smoothing_s=(smoothing_s, Interval(4e-3, 0.05)),
-    healthy=(healthy, Interval(10, 10000)),
+    healthy=(healthy, Interval(10, 10000, whole=True)),
     seen_records=(seen_records, Interval(1, 10000)),
     loudness_rps=(loudness_rps, [Interval(1e-3, 10)]),
     false_alarm_rate=(false_alarm_rate, Interval(1e-4, 0.5)),

@@ -128,7 +128,7 @@ months = 6  # logs of the joint as it wears
 
 # %% tags=["plumbing"]
 workbook.check_parameters(
-    bench_seed=(bench_seed, Interval(0)),
+    bench_seed=(bench_seed, Interval(0, whole=True)),
     backlash_rad=(backlash_rad, Interval(1e-4, 1e-2)),
     friction_share=(friction_share, Interval(0, 1)),
     harder=(harder, [{"turns", "decimation factor", "encoder bits", "load friction"}]),

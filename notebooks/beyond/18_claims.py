@@ -78,8 +78,8 @@ criteria = {}  # limits to try in place of those of claims.csv, such as {"qualit
 decided_here = published.claims().query("decided_in == 18")
 encoder_bits = int(published.value("text.encoder_bits"))
 workbook.check_parameters(
-    noises=(noises, Interval(2)),
-    noise_seeds=(noise_seeds, Interval(2)),
+    noises=(noises, Interval(2, whole=True)),
+    noise_seeds=(noise_seeds, Interval(2, whole=True)),
     turns=(turns, [range(1, 25)]),
     mountings=(mountings, Interval(1)),
     bits=(bits, [range(8, 33)]),

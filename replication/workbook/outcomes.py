@@ -118,12 +118,14 @@ class Interval:
 
     low: float
     high: float = math.inf
+    whole: bool = False
 
     def __contains__(self, value: object) -> bool:
-        return isinstance(value, int | float) and self.low <= value <= self.high
+        return isinstance(value, int if self.whole else int | float) and self.low <= value <= self.high
 
     def __str__(self) -> str:
-        return f"a number from {self.low:g} to {self.high:g}" if math.isfinite(self.high) else f"{self.low:g} or more"
+        above = f" to {self.high:g}" if math.isfinite(self.high) else " on"
+        return f"a {'whole ' if self.whole else ''}number from {self.low:g}{above}"
 
 
 def check_parameters(**parameters: tuple[Any, Any]) -> None:
@@ -135,9 +137,9 @@ def check_parameters(**parameters: tuple[Any, Any]) -> None:
     for name, (value, allowed) in parameters.items():
         if is_list := isinstance(allowed, list):
             (allowed,) = allowed
-        choices = str(allowed) if isinstance(allowed, Interval) else "one of " + ", ".join(map(repr, allowed))
         if isinstance(allowed, range) and len(allowed) > 20:
-            choices = f"a whole number from {allowed[0]} to {allowed[-1]}"
+            allowed = Interval(allowed[0], allowed[-1], whole=True)
+        choices = str(allowed) if isinstance(allowed, Interval) else "one of " + ", ".join(map(repr, allowed))
         if is_list != isinstance(value, list | tuple | range | Mapping):
             wanted = f"a list, each item {choices}" if is_list else choices
             raise ValueError(f"{name} = {value!r}: it should be {wanted}")

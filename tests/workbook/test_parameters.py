@@ -10,9 +10,10 @@ from replication.workbook import Interval, check_parameters
     [
         (14, range(3, 6), "shown = 14: 14 should be one of 3, 4, 5"),
         ([2, "x"], [Interval(1, 5)], "shown = [2, 'x']: 'x' should be a number from 1 to 5"),
-        (3.0, [Interval(0)], "shown = 3.0: it should be a list, each item 0 or more"),
+        (3.0, [Interval(0)], "shown = 3.0: it should be a list, each item a number from 0 on"),
         ([1], range(3), "shown = [1]: it should be one of 0, 1, 2"),
         ({"rigidity": 2}, [("stiffness",)], "shown = {'rigidity': 2}: 'rigidity' should be one of 'stiffness'"),
+        (2.5, Interval(1, 9, whole=True), "shown = 2.5: 2.5 should be a whole number from 1 to 9"),
         (float("nan"), Interval(0, 1), "shown = nan: nan should be a number from 0 to 1"),
     ],
 )

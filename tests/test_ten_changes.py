@@ -1,0 +1,127 @@
+"""Ten changes that a reader may want to make: each is one edit of a parameter, and the notebook says what happened.
+
+The tenth, a log of one's own in notebook 12, is in `test_try_changing`. Run by `make changes`.
+"""
+
+import numpy as np
+import pytest
+from test_try_changing import run
+
+from replication import published
+
+
+def population_of_twenty(n):
+    assert n["c"].mu == 10
+    assert n["found"].stop == "tolfun"
+    assert n["ratio"] == pytest.approx(6.1, abs=0.6)
+
+
+def narrow_box(n):
+    assert n["ratio"] == pytest.approx(4, abs=0.3)
+    assert n["found"].best[3] == pytest.approx(2 * np.pi * 15, rel=1e-3)  # omega ends at its bound
+
+
+def small_steps(n):
+    assert n["ratio"] == pytest.approx(4.6, abs=0.3)
+
+
+def absolute_residuals(n):
+    usual, yours = n["fits"].iloc[0], n["fits"].iloc[-1]
+    assert (usual["cost"], yours["cost"]) == ("RMSE", "L1")
+    assert yours["|A| [rps]"] / usual["|A| [rps]"] == pytest.approx(1.05, abs=0.02)
+    assert yours["mean |residual| [rps]"] < usual["mean |residual| [rps]"]
+
+
+def printed_turn_period(n):
+    usual, yours = n["fits"].iloc[0], n["fits"].iloc[-1]
+    assert yours["RMSE [rps]"] / usual["RMSE [rps]"] == pytest.approx(6, abs=1)
+
+
+def another_speed(n):
+    assert n["T_f"] == pytest.approx(0.8)
+    assert n["against"].mean() == pytest.approx(-14.3, abs=1)
+
+
+def friction(n):
+    assert 0.2 < n["table"]["nrmse"].mean() < 0.4
+
+
+def the_motors_inertia(n):
+    assert n["peak_change_percent"].mean() == pytest.approx(13, abs=1.5)
+
+
+def the_inertia_ratio(n):
+    assert n["peak_change_percent"].mean() == pytest.approx(-35, abs=1.5)
+    assert n["joint"].speed_gain_nms_per_rad == pytest.approx(2 * n["committed"].speed_gain_nms_per_rad)
+
+
+def another_gear(n):
+    assert not n["compared"]
+    assert n["cells"] == {}
+    assert n["peak_change_percent"].mean() == pytest.approx(-7.4, abs=1)
+
+
+def louder_noise(n):
+    ours, theirs = (n["fits"][n["fits"]["source"] == source] for source in ("simulated", "authors"))
+    printed = published.column("Table 2", "noise")
+    assert np.allclose(ours["noise_amplitude_rps"], 2 * printed[ours["row"] - 1])
+    assert np.allclose(theirs["noise_amplitude_rps"], printed[theirs["row"] - 1])
+    lowest = n["spread"]["median lowest RMSE [rps]"]
+    assert 1.7 < lowest["simulated"] / lowest["authors"] < 2.3
+
+
+def another_reading(n):
+    assert (n["read"] == n["readings"]["energy"]).all()
+    assert n["reading_rmse"] < n["unseen"] < 1e-5
+
+
+class _Name:
+    """A function of the notebook, as the parameter cell would name it."""
+
+    def __repr__(self):
+        return "differential_evolution"
+
+
+def another_optimiser(n):
+    row = n["costs"].set_index("strategy").loc["differential_evolution"]
+    assert row["runs"] == n["strategy_runs"]
+    assert row["mean_evaluations"] <= n["budget"]
+
+
+def half_a_milliradian(n):
+    assert n["delta_rad"] == pytest.approx(5e-4)
+    assert abs(n["error_percent"]) < 30
+    low, high = n["answer"].backlash_interval_rad
+    assert low < 5e-4 < high
+
+
+TEN = {
+    "population": ("07_protocol_table1", {"population": 20}, population_of_twenty),
+    "box": ("07_protocol_table1", {"box": {"frequency_hz": (1.0, 15.0)}}, narrow_box),
+    "sigma": ("07_protocol_table1", {"sigma": 0.02}, small_steps),
+    "cost": ("01_signature_figure6", {"cost": "L1"}, absolute_residuals),
+    "turn period of the fit": ("01_signature_figure6", {"turn_period_s": 0.408}, printed_turn_period),
+    "turn period of the joint": ("05_growth_figure11", {"commanded_speed_rps": 50.0}, another_speed),
+    "friction": ("04_simulator_figure10", {"friction_share": 0.02}, friction),
+    "motor inertia": ("04_simulator_figure10", {"changes": {"motor_inertia_kgm2": 2.0}}, the_motors_inertia),
+    "inertia ratio": ("04_simulator_figure10", {"changes": {"inertia_ratio": 0.5}}, the_inertia_ratio),
+    "noise": ("08_noise_table2", {"noise_factor": 2.0, "realisations": [1, 2], "noise_seeds": [1, 2]}, louder_noise),
+    "reading": ("06_characteristic_figure12", {"reading": "energy"}, another_reading),
+    "optimiser": (
+        "09_identification",
+        {
+            **{"optimiser": _Name(), "replay_runs": 6, "strategy_runs": 2, "budget": 5000, "coverage_runs": 1},
+            "strategies": ["population 100, restarted"],
+        },
+        another_optimiser,
+    ),
+    "0.5 mrad end to end": ("00_start_here", {"backlash_mrad": 0.5}, half_a_milliradian),
+    "gear ratio": ("04_simulator_figure10", {"changes": {"gear_ratio": 1.25}}, another_gear),
+}
+
+
+@pytest.mark.parametrize("change", TEN)
+def test_a_change_is_one_edit_and_the_notebook_says_what_happened(change, authors_data, tmp_path, capsys):
+    notebook, parameters, check = TEN[change]
+    check(run(notebook, parameters, tmp_path))
+    assert len(capsys.readouterr().out.strip().splitlines()[-1]) > 40
