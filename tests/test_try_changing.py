@@ -92,6 +92,26 @@ def verdict_of(found, cell):
 # ----------------------------------------------------------------------------------------------------- the outcomes
 
 
+def a_larger_ring_and_a_smaller_error(n):
+    assert n["A"] > 2 * 0.3825
+    assert abs(n["error_percent"]) < 4
+    low, high = n["answer"].backlash_interval_rad
+    assert low < n["delta_rad"] == 1.5e-3 < high
+
+
+def equation_10_finds_little_more_than_half(n):
+    spacing = np.diff(n["impact_time"])[0]
+    assert abs(spacing - 0.2) > 2e-3
+    assert 0.5 < n["found_rad"] / n["delta_rad"] < 0.65
+    low, high = n["answer"].backlash_interval_rad
+    assert low < n["delta_rad"] < high
+
+
+def equation_10_errs_as_much_without_noise(n):
+    assert np.array_equal(n["log"].v, n["clean"].v)
+    assert -13 < n["error_percent"] < -7
+
+
 def a_run_of_the_commonest_basin(n):
     _, t0, _, _, _, T2, _ = n["X"]
     assert n["stored"]["final_rmse_rps"] == pytest.approx(0.159, abs=5e-4)
@@ -417,6 +437,11 @@ def the_error_falls_by_less(n):
 
 
 OUTCOMES = {
+    "00_start_here": {
+        "backlash_mrad = 1.5": a_larger_ring_and_a_smaller_error,
+        "friction_share = 0.05": equation_10_finds_little_more_than_half,
+        "noise_rps = 0.0": equation_10_errs_as_much_without_noise,
+    },
     "01_signature_figure6": {
         "run = 1": a_run_of_the_commonest_basin,
         "turn_period_s = 0.408": figure_6_barely_changes_and_the_fit_misses_half_of_A,

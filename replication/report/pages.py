@@ -3,6 +3,7 @@
 import ast
 import base64
 import html
+import posixpath
 import re
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -26,6 +27,7 @@ TAG = re.compile(r"<[^>]+>")
 TABLE_NUMBER = re.compile(r"<td>(-?\d+\.\d+(?:e[+-]?\d+)?|-?\d+e[+-]?\d+)</td>")
 LONG_NUMBER = re.compile(r"-?\d+\.\d{7,}(?!\d|e)")
 SHORT_TEXT = re.compile(r"<(th)>([^<]{1,14})</th>|<(td)>([A-Za-z][^<]{0,40})</td>")  # not to be broken into lines
+SCRIPT = "<script"  # an animation has one
 DIGITS = 4  # of a number in a table; the exported CSV has six
 
 
@@ -38,10 +40,13 @@ def render_pages(results: Path, notebooks: Path, verdicts: pd.DataFrame) -> dict
     pages = {}
     for (name, cells), before, after in zip(executed.items(), names, names[2:], strict=False):
         title, *sections = headings(cells)
+        source = notebook_source(name)
+        shown = list(_page_cells(cells, source, [picture for picture in pictures if picture.notebook == name]))
         pages[name] = TEMPLATES.get_template("notebook.html.j2").render(
-            source=notebook_source(name),
+            source=source,
             title=title,
-            cells=_page_cells(cells, [picture for picture in pictures if picture.notebook == name]),
+            cells=shown,
+            has_script=any(SCRIPT in output for cell in shown for output in cell.get("outputs", [])),
             before=before,
             after=after,
             decides=_decides(name, verdicts, claims),
@@ -77,14 +82,14 @@ def cell_anchors(cells: Sequence[nbformat.NotebookNode]) -> list[str]:
     return anchors
 
 
-def _page_cells(cells: Sequence[nbformat.NotebookNode], pictures: list[Picture]) -> Iterator[dict]:
+def _page_cells(cells: Sequence[nbformat.NotebookNode], source: str, pictures: list[Picture]) -> Iterator[dict]:
     """A notebook's cells as HTML, without those that export; an exported figure stands under the cell that draws it."""
     highlight = Highlight2HTML(pygments_lexer="python3")
     drawn = drawing_cells(cells)
     for position, (cell, anchor) in enumerate(zip(cells, cell_anchors(cells), strict=True)):
         tags = cell.metadata.get("tags", [])
         if cell.cell_type == "markdown":
-            yield {"anchor": anchor, "kind": "markdown", "body": render_markdown(cell.source)}
+            yield {"anchor": anchor, "kind": "markdown", "body": render_markdown(cell.source, source)}
         elif cell.cell_type == "code" and "plumbing" not in tags:
             own = [picture for picture in pictures if drawn.get(picture.name) == position]
             outputs = list(filter(None, (_render_output(output, bool(own)) for output in cell.outputs)))
@@ -124,7 +129,8 @@ def _render_output(output: nbformat.NotebookNode, has_picture: bool) -> str:
         picture = reduce_png(base64.b64decode(data["image/png"]))
         return f'<img alt="a drawing that the cell above makes" src="{picture}">'
     if "text/html" in data:
-        return _render_table(data["text/html"])
+        text = data["text/html"]
+        return text if SCRIPT in text else _render_table(text)
     plain = LONG_NUMBER.sub(lambda found: f"{float(found[0]):.{DIGITS}g}", data.get("text/plain", ""))
     return f"<pre>{ansi2html(plain)}</pre>"
 
@@ -156,10 +162,17 @@ def _decides(name: str, verdicts: pd.DataFrame, claims: pd.DataFrame) -> list[tu
 
 
 class _Renderer(IPythonRenderer):
-    """Renders formulas as MathML and headings with anchors that are theirs alone."""
+    """Renders formulas as MathML, headings with anchors that are theirs alone, links as they lead from a page."""
 
-    def __init__(self) -> None:
+    def __init__(self, notebook: str) -> None:
         super().__init__(escape=False, exclude_anchor_links=True)
+        self.notebook = notebook
+
+    def link(self, text: str, url: str, title: str | None = None) -> str:
+        if not re.match(r"#|\w+:", url):
+            url = posixpath.normpath(posixpath.join("../..", self.notebook, "..", url))
+            url = re.sub(r".*/(\d\d_\w+)\.ipynb", r"\1.html", url)
+        return super().link(text, url, title)
 
     def inline_math(self, body: str) -> str:
         return _render_formula(body, "inline")
@@ -182,6 +195,6 @@ def _render_formula(latex: str, display: str) -> str:
     return convert(latex.strip(), display=display).replace("<math ", named)
 
 
-def render_markdown(source: str) -> str:
-    """Turn a notebook's markdown into HTML: formulas between dollar signs as MathML, headings with their slug as id."""
-    return str(MarkdownWithMath(renderer=_Renderer())(source))
+def render_markdown(source: str, notebook: str) -> str:
+    """Turn a notebook's markdown into a page's HTML: formulas as MathML, headings with their slug as id."""
+    return str(MarkdownWithMath(renderer=_Renderer(notebook))(source))

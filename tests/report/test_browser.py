@@ -8,7 +8,7 @@ from replication.workbook import judging
 
 VERDICTS = judging.verdicts(RESULTS)
 WIDTHS = (390, 820, 1440)
-PAGES = ("report.html", "pages/08_noise_table2.html")
+PAGES = ("report.html", "pages/00_start_here.html", "pages/08_noise_table2.html")
 SHOWN = "[...document.querySelectorAll('tr.row')].filter(row => !row.hidden).map(row => ({...row.dataset}))"
 
 
