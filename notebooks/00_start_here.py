@@ -37,8 +37,8 @@
 # $$\delta = 10^{-6} \left(-0.0018\, A^3 + 0.4323\, A^2 + 9.2524\, A + 34.0313\right)
 # \quad\text{with } A \text{ in rpm}. \tag{10}$$
 #
-# Other methods measure the time in the gap or the speed there: Villwock and Pacas
-# ([2009](https://doi.org/10.1109/TIE.2008.2003495)) use the motor's speed alone, too. Nordin and Gutman
+# Other methods measure the time in the gap or the speed there: Villwock and Pacas (IEEE Transactions on Industrial
+# Electronics, 2009) use the motor's speed alone, too. Nordin and Gutman
 # ([2002](https://doi.org/10.1016/S0005-1098(02)00047-X)) survey models and control of systems with backlash.
 #
 # The first run on a machine compiles the simulator and the sensor, which takes two minutes.
@@ -458,14 +458,20 @@ else:
     print(f"The fit of the whole joint says: {answer.verdict}.")
 
 # %% tags=["plumbing"]
+best = min(fits, key=lambda fit: fit.rmse)
+names = ["A", "t0", "tau", "omega", "v_t", "T2", "T1"]
 workbook.export(
+    tables={
+        "start_log": pd.DataFrame({"time_s": log.t, "speed_rps": log.v}),
+        "start_fit": pd.DataFrame([[*best.X, log.turn_period_s]], columns=[*names, "T_f"]),
+    },
     figures={
         "start_joint": (
             start_joint,
             "The joint, and the motor's tooth between the two flanks of the load: the backlash is the way to either "
             "side, half of the play.",
         )
-    }
+    },
 )
 
 # %% [markdown]
