@@ -17,7 +17,7 @@
 # %% [markdown]
 # # 0 · Start here: from a drawing of the joint to the whole sensor
 #
-# *You will see what backlash is, why it shows in the motor speed, and how a log gives it. Run time: 7 s.*
+# *You will see what backlash is, why it shows in the motor speed, and how a log gives it. Run time: 6 s.*
 #
 # ## Claim
 #

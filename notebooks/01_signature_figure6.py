@@ -18,7 +18,7 @@
 # # 1 · The signature of backlash (figure 6)
 #
 # *You will write the signature in ten lines, fit it to a record with the cost of your choice, and see the authors'
-# stored runs replayed. Run time: 8 s.*
+# stored runs replayed. Run time: 7 s.*
 #
 # ## Claim
 #

@@ -17,7 +17,7 @@
 # %% [markdown]
 # # 2 · Stiffness and torque in the gap (equations 8 and 9, figure 9)
 #
-# *You will see what a dead zone is, and why a smooth formula for it leaks. Run time: 2 s.*
+# *You will see what a dead zone is, and why a smooth formula for it leaks. Run time: 3 s.*
 #
 # ## Claim
 #

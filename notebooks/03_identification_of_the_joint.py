@@ -18,7 +18,7 @@
 # # 3 · The joint, identified from the published signals
 #
 # *You will know the joint's equations of motion and its drive, and which of their parameters the motor speed tells.
-# Run time: 15 s.*
+# Run time: 12 s.*
 #
 # ## Claim
 #

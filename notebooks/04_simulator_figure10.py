@@ -18,7 +18,7 @@
 # # 4 · The simulator against the published signals (figure 10)
 #
 # *You will see how far a simulated joint agrees with the published speed, and what friction, inertia and gear ratio
-# change. Run time: 6 s.*
+# change. Run time: 8 s.*
 #
 # ## Claim
 #

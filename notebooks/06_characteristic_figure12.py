@@ -18,7 +18,7 @@
 # # 6 · From amplitude to backlash (equation 10, figure 12)
 #
 # *You will fit the sensor's characteristic, see in which unit it takes the amplitude, and read the same signals in
-# other ways. Run time: 5 s.*
+# other ways. Run time: 4 s.*
 #
 # ## Claim
 #

@@ -18,7 +18,7 @@
 # # 7 · The search: Table 1's box and the protocol
 #
 # *You will take one generation of CMA-ES apart, equation by equation, and see what population, first step size and box
-# do to a run. Run time: 3 min.*
+# do to a run. Run time: 50 s.*
 #
 # ## Claim
 #

@@ -18,7 +18,7 @@
 # # 9 · Identification: where the search ends
 #
 # *You will see into which minima the search runs, how two linear parameters can be solved for directly, and what each
-# optimiser spends for one success. Run time: 3 min.*
+# optimiser spends for one success. Run time: 60 s.*
 #
 # ## Claim
 #

@@ -18,7 +18,7 @@
 # # 10 · The test bench (Table 3), as a stand-in
 #
 # *You will see what stands between the simulated joint and a log of a real one, and how far that moves $A$.
-# Run time: 20 s.*
+# Run time: 14 s.*
 #
 # **The bench's logs were never published. Everything below but the arithmetic of the printed numbers comes from a
 # simulated bench, a [stand-in](glossary.md#stand-in), and none of it counts as reproduced.**

@@ -18,7 +18,7 @@
 # # 12 · Measure your own joint
 #
 # *You will calibrate the sensor for a joint, read logs with it, and see when it refuses; then measure a log of your
-# own. Run time: 20 s.*
+# own. Run time: 11 s.*
 #
 # **A guide to the virtual sensor. The joint is a simulated one that plays yours; nothing of the paper is judged here.**
 #

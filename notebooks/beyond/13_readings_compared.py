@@ -19,7 +19,7 @@
 # # 13 · Readings compared: on the paper's joint, and on changed ones
 #
 # *You will see which reading of the motor speed tells the [backlash](../glossary.md#backlash) best, how well it could
-# be told at all, and what a changed joint does to each reading. Run time: 2 min.*
+# be told at all, and what a changed joint does to each reading. Run time: 80 s.*
 #
 # ## Claim
 #

@@ -17,7 +17,7 @@
 # %% [markdown]
 # # 17 · Which protocol printed Table 2?
 #
-# *You will see how a published table is tested against candidate protocols when its noise is unknown. Run time: 4 s.*
+# *You will see how a published table is tested against candidate protocols when its noise is unknown. Run time: 5 s.*
 #
 # ## Claim
 #

@@ -27,12 +27,13 @@ def copy_notebooks(folder: Path = LAB) -> list[Path]:
 
 
 def with_empty_answers(notebook: nbformat.NotebookNode) -> nbformat.NotebookNode:
-    """Put an empty cell before each folded solution, and take the solution's outputs away."""
+    """Put an empty cell before each solution, and fold the solution into a text that no run executes."""
     cells = []
     for cell in notebook.cells:
         if "solution" in cell.metadata.get("tags", []):
             cells.append(nbformat.v4.new_code_cell("# your answer", id=f"{cell.id}-answer"))
-            cell.outputs = []
+            text = f"<details><summary>Solution</summary>\n\n```python\n{cell.source}\n```\n\n</details>"
+            cell = nbformat.v4.new_markdown_cell(text, id=cell.id, metadata=cell.metadata)
         cells.append(cell)
     notebook.cells = cells
     return notebook

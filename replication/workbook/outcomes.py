@@ -43,17 +43,9 @@ def export(
     cells: Cells | None = None,
     claims: Claims | None = None,
 ) -> None:
-    """Write what a notebook found to `results/` and `figures/`, without anything that differs from run to run.
+    """Write a notebook's tables, figures with captions, and what `judge` takes, without what differs between runs.
 
-    Parameters
-    ----------
-    tables : mapping of name to table
-        Result tables, to `results/<name>.csv`.
-    figures : mapping of name to (figure, caption)
-        To `figures/<name>.svg` and `.png`; `figure12_...` and `table2_...` say which element of the paper one belongs
-        to. The caption, a sentence or two that say what to see, is kept in `results/figures/<name>.json`.
-    cells, claims
-        What `judge` takes; to `results/outcomes/<notebook>.json`.
+    The name of a figure, such as `figure12_...` or `table2_...`, says which element of the paper it belongs to.
     """
     results = output_folder() / "results"
     for name, table in (tables or {}).items():
@@ -71,15 +63,10 @@ def export(
 
 
 def judge(cells: Cells | None = None, claims: Claims | None = None) -> pd.DataFrame:
-    """Judge what a notebook found about printed cells and claims: printed beside reproduced, region and verdict.
+    """Judge our numbers by source and cell id, and decisions on claims with what was measured, by claim id.
 
-    Parameters
-    ----------
-    cells : mapping of source to mapping of cell id to number
-        Our numbers in each cell's unit; a source is "authors", "simulated" or "stand-in". A sequence holds one number
-        for each noise realisation.
-    claims : mapping of claim id to (holds, what was measured)
-        Decisions on prose claims; None in place of a truth value is "undecided".
+    A source is "authors", "simulated" or "stand-in"; a sequence of numbers holds one for each noise realisation. A
+    claim whose truth value is None is undecided.
     """
     rows = _cell_rows(cells or {})
     judged = judge_rows(pd.DataFrame(rows).assign(notebook=notebook_name())).to_dict("records") if rows else []

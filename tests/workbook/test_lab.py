@@ -76,8 +76,8 @@ def test_copies_have_every_notebook_with_an_empty_answer_before_each_folded_solu
         assert len(solved) == 3, name
         for k in solved:
             assert cells[k - 1].source == "# your answer"
-            assert cells[k].metadata["jupyter"]["source_hidden"]
-            assert cells[k].outputs == []
+            assert cells[k].cell_type == "markdown"
+            assert cells[k].source.startswith("<details><summary>Solution</summary>")
     assert set(notebook_files("ipynb", copies)) == set(notebook_files("ipynb"))
     assert (copies / "glossary.md").exists()
 
