@@ -28,7 +28,7 @@
 #
 # ## Method
 #
-# ### One damped oscillation, and $2n$ of them
+# ### One damped oscillation, and all of them
 #
 # Time $t$ and all instants are in s, the disturbance $d_b$ of the motor speed in rps. An oscillation begins at $t_1$
 # and ends at $t_2$. It has the amplitude factor $A$ [rps], the damping $\tau$ [1/s] and the angular frequency $\omega$

@@ -302,7 +302,8 @@ rmse = summary.pivot(index="population", columns="method", values="rmse_rad").lo
 # %% [markdown]
 # ### Do the intervals cover the true backlash?
 #
-# If they do, the rank of the true backlash in the posterior is uniform from 0 to 1, and intervals of every nominal
+# This is simulation-based calibration (Talts et al., [2018](https://doi.org/10.48550/arXiv.1804.06788)): if they
+# do, the rank of the true backlash in the posterior is uniform from 0 to 1, and intervals of every nominal
 # level cover as often as they say. No interval of `self` is calibrated on drawn joints: the likelihood is enough.
 
 # %%

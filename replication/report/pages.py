@@ -192,7 +192,7 @@ def _render_formula(latex: str, display: str) -> str:
     """Turn a formula into MathML, its source as what is read where MathML is not known."""
     focus = ' tabindex="0"' if display == "block" else ""  # a wide one scrolls, so the keyboard must reach it
     named = f'<math alttext="{html.escape(latex.strip())}"{focus} '
-    return convert(latex.strip(), display=display).replace("<math ", named)
+    return convert(latex.strip().replace("\\tag{", "\\qquad\\tag{"), display=display).replace("<math ", named)
 
 
 def render_markdown(source: str, notebook: str) -> str:
