@@ -18,7 +18,7 @@
 # # 14 · The sensor that calibrates itself
 #
 # *You will see how a whole simulated joint is fitted to one log, and what its posterior says of the backlash.
-# Run time: 70 s.*
+# Run time: 50 s.*
 #
 # **All joints here are simulated [stand-ins](../glossary.md#stand-in), but for the authors' noisy logs. Nothing printed
 # is judged.**
