@@ -6,15 +6,15 @@ import pandas as pd
 
 from replication.report import TEMPLATES
 
-# Name, symbol, unit and ends of each slider, and its step.
+# Name, symbol, unit and ends of each slider.
 SLIDERS = (
-    ("A", "A", "rps", -1.5, 1.5, 0.005),
-    ("t0", "t<sub>0</sub>", "s", -0.2, 0.6, 0.001),
-    ("tau", "τ", "1/s", 5.0, 30.0, 0.1),
-    ("omega", "ω", "rad/s", 6.3, 251.3, 0.1),
-    ("T1", "T<sub>1</sub>", "s", 0.0, 0.102, 0.0005),
-    ("T2", "T<sub>2</sub>", "s", 0.0, 0.204, 0.0005),
-    ("T_f", "T<sub>f</sub>", "s", 0.392, 0.412, 0.0005),
+    ("A", "A", "rps", -1.5, 1.5),
+    ("t0", "t<sub>0</sub>", "s", -0.2, 0.6),
+    ("tau", "τ", "1/s", 5.0, 30.0),
+    ("omega", "ω", "rad/s", 6.3, 251.3),
+    ("T1", "T<sub>1</sub>", "s", 0.0, 0.102),
+    ("T2", "T<sub>2</sub>", "s", 0.0, 0.204),
+    ("T_f", "T<sub>f</sub>", "s", 0.392, 0.412),
 )
 
 

@@ -8,7 +8,6 @@ import pandas as pd
 from replication import files, published
 from replication.report import TEMPLATES, answers, markdown, pages
 from replication.report.cells import judged_cells, judged_claims
-from replication.report.explorers import render_signature_explorer
 from replication.report.facts import collect_facts, fill, fill_in_findings
 from replication.report.figures import load_pictures
 from replication.report.tables import LAYOUTS
@@ -100,8 +99,6 @@ def write_report(results: Path) -> Path:
     quick = results == files.QUICK / "results"
     notebooks, verdicts = results.parent / "notebooks", judging.verdicts(results)
     rendered = pages.render_pages(results, notebooks, verdicts)
-    if explorer := render_signature_explorer(results):
-        rendered["signature_explorer"] = explorer
     for name, text in rendered.items():
         files.write_text(results / "pages" / f"{name}.html", text)
     for file in (results / "pages").glob("*.html"):
