@@ -38,3 +38,15 @@ def test_the_workflow_runs_what_make_offers_and_keeps_what_is_there():
     steps = workflow["jobs"]["test"]["steps"]
     kept = next(step["with"]["path"] for step in steps if "upload-artifact" in step.get("uses", ""))
     assert all((ROOT / path).exists() for path in kept.split())
+
+
+def test_a_codechecker_finds_every_output_that_is_listed():
+    listed = [entry["file"] for entry in read("codecheck.yml")["manifest"]]
+    assert len(listed) > 10
+    assert [name for name in listed if not (ROOT / name).exists()] == []
+
+
+def test_the_pages_workflow_may_publish():
+    workflow = read(".github/workflows/pages.yml")
+    assert workflow["permissions"]["pages"] == "write"
+    assert any("deploy-pages" in step.get("uses", "") for step in workflow["jobs"]["publish"]["steps"])
