@@ -408,7 +408,7 @@ beyond_robustness = plots.tornado(ends[ends["change"] != 0], shown)
 mean_error = summary.set_index("method")["mean_abs_error_rad"]
 for method, target in targets_rad.items():
     verdict = "meets" if mean_error[method] <= target else "misses"
-    print(f"{method}: mean error {mean_error[method]:.1e} rad, {verdict} {target:g}")
+    print(f"{method}: mean error {mean_error[method]:.2e} rad, {verdict} {target:g}")
 best, rival = mean_error.idxmin(), mean_error["time in the gap"]
 print(
     f"On the authors' noisy logs the method '{best}' errs least, by {mean_error[best]:.1e} rad on average; equation 10 "
