@@ -29,13 +29,14 @@ def run_command(parser: argparse.ArgumentParser, arguments: Sequence[str] | None
 
     Commands that are not in `anywhere` need a checkout of the project.
     """
-    options = parser.parse_args(arguments)
     try:
-        if options.command_name not in anywhere:
-            require_checkout()
-        status = getattr(import_module(options.module), options.function)(options)
-        sys.stdout.flush()
-        return status
+        try:
+            options = parser.parse_args(arguments)
+            if options.command_name not in anywhere:
+                require_checkout()
+            return getattr(import_module(options.module), options.function)(options)
+        finally:
+            sys.stdout.flush()
     except BrokenPipeError:  # whoever reads the output has seen enough; nothing is left to be flushed at the end
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 1

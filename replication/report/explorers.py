@@ -24,10 +24,9 @@ def render_signature_explorer(results: Path) -> str:
     if not (log.exists() and fit.exists()):
         return ""
     record, fitted = pd.read_csv(log), pd.read_csv(fit).iloc[0].to_dict()
-    dt = round(float(record["time_s"].iloc[-1]) / (len(record) - 1), 9)
     return TEMPLATES.get_template("signature.html.j2").render(
         record=record["speed_rps"].tolist(),
-        dt=dt,
+        dt=round(float(record["time_s"].iloc[-1]) / (len(record) - 1), 9),
         fitted=fitted,
         turns=12,
         sliders=[(*slider, fitted[slider[0]]) for slider in SLIDERS],
