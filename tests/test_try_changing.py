@@ -81,6 +81,11 @@ def run(notebook, parameters, folder):
     return variables
 
 
+def says_what_happened(printed):
+    """Whether a notebook prints a sentence, not numbers alone."""
+    return max(len(line) for line in printed.splitlines()) > 60
+
+
 def committed(name):
     return pd.read_csv(workbook.ROOT / "results" / f"{name}.csv")
 
@@ -550,11 +555,12 @@ def runs():
 
 
 @pytest.mark.parametrize(("notebook", "changed"), runs())
-def test_a_change_does_what_its_notebook_says(notebook, changed, authors_data, tmp_path):
+def test_a_change_does_what_its_notebook_says(notebook, changed, authors_data, tmp_path, capsys):
     parameters = {name: value for change in changed for name, value in parse(change).items()}
     variables = run(notebook, parameters, tmp_path)
     for change in changed:
         OUTCOMES[notebook][change](variables)
+    assert says_what_happened(capsys.readouterr().out)
 
 
 def write_log(path, delta_rad):

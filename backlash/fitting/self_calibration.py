@@ -179,8 +179,6 @@ def _result(
     else:
         ring_noise_ratio = harmonics.ring_noise_ratio / _low_pass_gain(problem, harmonics, found)
         residual_p = float(chdtrc(freedom, chi2 / model_error))
-        ring_noise_ratio = harmonics.ring_noise_ratio / _low_pass_gain(problem, harmonics, found)
-        residual_p = float(chdtrc(freedom, chi2 / model_error))
         drive_p, joint_p = (_prior_p(peak, scatter, known) for known in (_DRIVE, _JOINT))
         refusal = _refusal_reason(residual_p, ring_noise_ratio, drive_p, joint_p, second)
     interval, worst_phase = (max(delta - half, 0.0), delta + half), _worst_phase(problem, residual, phase)

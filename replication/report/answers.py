@@ -12,8 +12,6 @@ import pandas as pd
 from replication.files import ROOT
 from replication.report.cells import Cell
 
-WIDEST_PERCENT = 20.0  # of a dumbbell's axis; the widest region of a mean ends there
-
 
 @dataclass(frozen=True)
 class Dumbbell:
@@ -42,7 +40,7 @@ def table2_dumbbells(results: Path, cells: dict[str, Cell]) -> list[Dumbbell]:
     return rows
 
 
-def runs_of_cells(results: Path, cells: dict[str, Cell]) -> dict[str, list[tuple[int, list[float]]]]:
+def runs_of_cells(results: Path) -> dict[str, list[tuple[int, list[float]]]]:
     """|A| [rps] of the runs behind each mean and SD of Table 2 that the authors' data judge, by realisation."""
     if not (results / "table2_runs.csv").exists():
         return {}
@@ -50,7 +48,7 @@ def runs_of_cells(results: Path, cells: dict[str, Cell]) -> dict[str, list[tuple
     found: dict[str, list[tuple[int, list[float]]]] = {}
     for row, part in runs.groupby("row"):
         strips = [(int(number), each["A_rps"].abs().tolist()) for number, each in part.groupby("realisation")]
-        found |= {name: strips for kind in ("mean", "sd") if (name := f"table2.row{row:02d}.{kind}") in cells}
+        found |= {f"table2.row{row:02d}.{kind}": strips for kind in ("mean", "sd")}
     return found
 
 
@@ -75,8 +73,7 @@ def code_line(name: str) -> str:
 
 def run_times(results: Path) -> dict[str, str]:
     """How long each notebook ran when that was measured, by its name."""
-    file = results / "notebook_times.csv"
-    if not file.exists():
+    if not (file := results / "notebook_times.csv").exists():
         return {}
-    rows = pd.read_csv(file).to_dict("records")
-    return {row["notebook"]: f"{row['seconds']:.0f} s on {row['cores']} cores ({row['machine']})" for row in rows}
+    rows = pd.read_csv(file).itertuples()
+    return {row.notebook: f"{row.seconds:.0f} s on {row.cores} cores ({row.machine})" for row in rows}

@@ -4,7 +4,9 @@ from pathlib import Path
 
 import pandas as pd
 
+from replication import published
 from replication.report import TEMPLATES
+from replication.table2 import AUTHORS
 
 # Name, symbol, unit and ends of each slider.
 SLIDERS = (
@@ -28,6 +30,7 @@ def render_signature_explorer(results: Path) -> str:
         record=record["speed_rps"].tolist(),
         dt=round(float(record["time_s"].iloc[-1]) / (len(record) - 1), 9),
         fitted=fitted,
-        turns=12,
+        protocol=AUTHORS,
+        printed_T_f=published.value("table1.T_f.max"),
         sliders=[(*slider, fitted[slider[0]]) for slider in SLIDERS],
     )

@@ -21,7 +21,6 @@ def render_report(results: Path, notebooks: Path, verdicts: pd.DataFrame, quick:
     cells = judged_cells(verdicts)
     paper_map, errata = published.paper_map(), published.errata().reset_index()
     sensitivity, sensitivity_columns = _sensitivity(results)
-    sheet = results / "datasheet.csv"
     facts = collect_facts(results, verdicts)
     return TEMPLATES.get_template("report.html.j2").render(
         quick=quick,
@@ -39,7 +38,7 @@ def render_report(results: Path, notebooks: Path, verdicts: pd.DataFrame, quick:
         errata=[row | {"computed": fill(row["computed"], facts)} for row in errata.to_dict("records")],
         trail=[row | {"counts": fill(row["counts"], facts)} for row in published.trail().to_dict("records")],
         table2_rows=answers.table2_dumbbells(results, cells),
-        runs=answers.runs_of_cells(results, cells),
+        runs=answers.runs_of_cells(results),
         functions=paper_map.set_index("element")["functions"].to_dict() | {"Text": ""},
         code_line=answers.code_line,
         disagreement=answers.disagreement,
@@ -51,7 +50,7 @@ def render_report(results: Path, notebooks: Path, verdicts: pd.DataFrame, quick:
             "element": list(dict.fromkeys(cell.element for cell in cells.values())),
             "source": sorted(verdicts["source"].unique()),
         },
-        datasheet=pd.read_csv(sheet).to_dict("records") if sheet.exists() else [],
+        datasheet=pd.read_csv(sheet).to_dict("records") if (sheet := results / "datasheet.csv").exists() else [],
         refusals=_refusals(results),
         sensitivity=sensitivity,
         sensitivity_columns=sensitivity_columns,

@@ -96,16 +96,17 @@ def find_surprises(verdicts: pd.DataFrame) -> tuple[list[str], list[str]]:
 def show(name: str, results: Path, verdicts: pd.DataFrame, colour: bool) -> str:
     """Tell what there is to say of a cell, an element, a claim or an erratum."""
     wanted = name.lower().replace(" ", "")
-    cells, facts = judged_cells(verdicts), collect_facts(results, verdicts)
-    errata = {row["id"]: row for row in published.errata().reset_index().to_dict("records")}
+    cells = judged_cells(verdicts)
     kinds: dict[str, dict] = {
         "cell": cells,
         "claim": {row["id"]: row for row in judged_claims(results)},
-        "erratum": {key: row | {"computed": fill(row["computed"], facts)} for key, row in errata.items()},
+        "erratum": published.errata().to_dict("index"),
     }
     for kind, found in kinds.items():
         for key, item in found.items():
             if key.lower() == wanted:
+                if kind == "erratum":
+                    item["computed"] = fill(item["computed"], collect_facts(results, verdicts))
                 return _describe(kind, item, colour)
     for element in (cell.element for cell in cells.values()):
         if element.lower().replace(" ", "") == wanted:
