@@ -18,7 +18,7 @@
 # # 1 · The signature of backlash (figure 6)
 #
 # *You will write the signature in ten lines, fit it to a record with the cost of your choice, and see the authors'
-# stored runs replayed. Run time: 7 s.*
+# stored runs replayed. Run time: 10 s.*
 #
 # ## Claim
 #
@@ -92,6 +92,7 @@ from replication.figures import paper, searching
 from replication.identify import paper_fit, protocol_box
 from replication.replay import inspection, replay
 from replication.search import generations, random_normals, search
+from replication.signature import FREE_PARAMETERS
 from replication.table2 import AUTHORS, BASIN_GAP, basin_labels
 from replication.workbook import Interval
 
@@ -283,7 +284,8 @@ shown.assign(closest_ranks_rps=parted["closest_ranks_rps"].map("{:.1e}".format))
 # ### The basins of the stored runs
 #
 # The 30 runs end in different basins; a mean over them hides that. `replayed_runs` are ours with the same seeds: the
-# same basins, run by run, but for the one run that ends elsewhere.
+# same basins, run by run, but for the one run that ends elsewhere. The
+# [replay explorer](../results/pages/replay_explorer.html) plays every run generation by generation.
 
 # %%
 basins = stored_runs.groupby("basin").agg(
@@ -391,6 +393,8 @@ workbook.export(
     tables={
         "stored_runs": stored_runs,
         "replay": made[["run", "cma_seed", "generation", "best_rmse_rps", "sigma"]].assign(**to_16_digits),
+        "replay_frames": replay.replay_frames(record, made),
+        "replay_box": pd.DataFrame({"parameter": FREE_PARAMETERS, **vars(protocol_box(record, AUTHORS))}),
         "replay_ends": ended,
         "replay_partings": parted,
         "stored_basins": basins.reset_index(),
