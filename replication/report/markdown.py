@@ -9,8 +9,8 @@ from replication.workbook import judging
 
 BEGIN, END = "<!-- status: begin -->\n", "\n<!-- status: end -->"
 MULTIPLICITY = (
-    "{regions} regions of {level} % judge Table 2's means and SDs: by chance alone, {regions_missed_by_chance} is\n"
-    "expected to miss. With 30 other seeds {seeds_flipped} of these verdicts are different ones."
+    "{regions} regions of {level} % judge Table 2's means and SDs; {regions_missed_by_chance} is expected to miss by "
+    "chance.\nThirty other seeds change {seeds_flipped} of these verdicts."
 )
 
 
@@ -28,12 +28,12 @@ def render_errata() -> str:
 
 
 def render_status(results: Path) -> str:
-    """Write the README's status: printed numbers by element and verdict, and all by the former tolerances."""
+    """Write the README's status: printed numbers by element and verdict, and all by tolerance alone."""
     verdicts = judging.verdicts(results)
     counts = judging.verdict_counts(verdicts)
     counts.loc["all"] = counts.sum()
     former = judging.deciding(verdicts)["by_tolerance"].value_counts()
-    counts.loc["all, by the tolerances before"] = former.reindex(counts.columns, fill_value=0)
+    counts.loc["all, by tolerance alone"] = former.reindex(counts.columns, fill_value=0)
     table = counts.astype(int).rename_axis("printed numbers").reset_index()
     lines = [table.columns, ["-"] * len(table.columns), *table.itertuples(index=False)]
     rows = ["|" + "".join(f" {entry} |" if entry else " |" for entry in line) for line in lines]  # zeros are left blank
