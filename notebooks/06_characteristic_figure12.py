@@ -109,9 +109,10 @@ coefficients.loc["RMSE [1e-6 rad]"] = 1e6 * published.value("equation10.rmse"), 
 coefficients
 
 # %%
-curve_A = np.r_[theoretical, np.linspace(0, theoretical[-1], 200)]
-curve_delta = polynomial(rpm_per_rps * curve_A, fitted)
-figure12 = paper.characteristic(theoretical, delta, curve_A, curve_delta, "cubic through the printed points")
+points, curve_A = (theoretical, delta), np.linspace(0, theoretical[-1], 200)
+curves = {"cubic through the printed points": (curve_A, polynomial(rpm_per_rps * curve_A, fitted))}
+residual = theoretical, polynomial(rpm_per_rps * theoretical, fitted) - delta
+figure12 = paper.characteristic(curves, points, residual, "cubic $-$ point")
 
 # %% [markdown]
 # Reading a backlash off an amplitude. With `make lab` $A$ and its error have sliders.
@@ -157,7 +158,11 @@ A = np.linspace(theoretical.min(), theoretical.max(), 400)
 difference = pd.DataFrame(
     {"amplitude_rps": A, "fitted_rad": polynomial(60 * A, ours), "printed_rad": polynomial(60 * A, printed)}
 ).assign(difference_rad=lambda table: table["fitted_rad"] - table["printed_rad"])
-figure12_simulated = paper.characteristic_difference(difference, study.printed_amplitudes())
+curves = {
+    "cubic through our simulated peaks": (A, difference["fitted_rad"]),
+    "equation 10, printed": (A, difference["printed_rad"]),
+}
+figure12_simulated = paper.characteristic(curves, points, (A, difference["difference_rad"]), "ours $-$ printed")
 
 # %%
 largest_difference = difference["difference_rad"].abs().max()

@@ -32,9 +32,8 @@ def replay(compared: pd.DataFrame, ended: pd.DataFrame, agree_rps: float) -> Fig
             left.plot(part["generation"], shown, ".-", color=BLUE, alpha=0.5, markersize=3, linewidth=0.5, zorder=1)
     left.plot([], [], ".-", color=BLUE, alpha=0.5, markersize=3, linewidth=0.5, label="other runs")
     right.plot(ended["run"], np.maximum(ended["difference_rps"], SMALLEST_RPS), "o", color=BLUE, markersize=4)
-    for axis in (left, right):
-        limit = axis.axhline(agree_rps, color=INK, linewidth=0.8, linestyle=":")
-    limit.set_label("limit of agreement")
+    for axis, label in (left, None), (right, "limit of agreement"):
+        axis.axhline(agree_rps, color=INK, linewidth=0.8, linestyle=":", label=label)
     left.set(xlabel="generation [-]", ylabel="|ours $-$ stored| [rps]", yscale="log", title="printed generations")
     right.set(xlabel="stored run", title="end of each run")
     figure.legend(loc="outside lower center", ncols=2)
