@@ -58,14 +58,14 @@ def _above_residual(x: FloatArray, residual: FloatArray, labels: tuple[str, str]
     lower.axhline(0, color=INK, linewidth=0.8)
     lower.plot(x, residual, line, color=BLUE, markersize=4, linewidth=0.9)
     lower.set(xlabel=labels[0], ylabel=labels[1])
-    _centre(lower, residual)
+    _centre(lower)
     letter_panels((upper, lower))
     return figure, upper
 
 
-def _centre(axis: Axes, residual: FloatArray) -> None:
+def _centre(axis: Axes) -> None:
     """Put zero into the middle of a residual's axis."""
-    limit = 1.1 * np.nan_to_num(np.abs(residual)).max() or 1.0
+    limit = np.abs(axis.get_ylim()).max()
     axis.set_ylim(-limit, limit)
 
 
@@ -206,7 +206,7 @@ def simulated_joint(
         axis.plot(time_s, simulated, color=INK, linewidth=0.8, label="simulated joint")
         axis.set(ylabel=label, xlim=(time_s[0], time_s[-1]))
         if simulated.min() < 0 < simulated.max():
-            _centre(axis, simulated)
+            _centre(axis)
     axes[-1, 0].set(xlabel="time [s]")
     figure.legend(*axes[1, 0].get_legend_handles_labels(), loc="outside upper right", ncols=2)
     figure.align_ylabels()
@@ -226,7 +226,7 @@ def validation(table: pd.DataFrame) -> Figure:
     left.set(ylabel="RMSE over the record's SD [%]", ylim=(0, None))
     right.set(ylabel="deviation from printed $A$ [%]")
     right.axhline(0, color=INK, linewidth=0.8)
-    _centre(right, table["peak_error_percent"])
+    _centre(right)
     figure.legend(*left.get_legend_handles_labels(), loc="outside upper center", ncols=2)
     letter_panels((left, right))
     return figure
