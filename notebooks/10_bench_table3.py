@@ -277,8 +277,9 @@ workbook.export(
     figures={
         "figure10_bench_standin": (
             figure10,
-            "The simulated joint beside a stand-in of the bench with friction, ripple and noise: in both the motor "
-            "speed rings after each impact. The bench's own logs are not public.",
+            "Two turns of the simulated joint and of a stand-in of the bench with friction, ripple and noise: (a) "
+            "motor position less the commanded one, (b) motor speed, (c) motor torque (the current times a constant). "
+            "In both the speed rings after each impact. The bench's own logs are not public.",
         ),
         "table3_bench": (
             table3_figure,
