@@ -7,7 +7,6 @@ import csv
 import gzip
 import io
 import re
-import sys
 import warnings
 import zipfile
 import zlib
@@ -69,9 +68,9 @@ class UnusableLog(ValueError):
 
 
 def read_table(path: Path) -> pd.DataFrame:
-    """Columns of a log file by name, or from 1 without a header; the index is the file's row. "-" is standard input."""
+    """Columns of a log file by name, or from 1 without a header; the index is the file's row."""
     try:
-        return _read_text(sys.stdin.buffer) if str(path) == "-" else _read_file(path)
+        return _read_file(path)
     except UnusableLog:
         raise
     except (OSError, EOFError, zlib.error, csv.Error, ValueError, MemoryError) as error:
