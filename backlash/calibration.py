@@ -160,26 +160,21 @@ def backlashes(recording: Recording, fit: GlobalFit, calibrations: Mapping[str, 
     }
 
 
-def _fitted(value: FloatArray, delta: FloatArray) -> Polynomial:
-    """Cubic delta(value), equation 10's form."""
-    return Polynomial.fit(value, delta, 3).convert()
-
-
 def _uncertainty(errors_rad: FloatArray) -> float:
     """SD that a normal error would have, had it the 95 % range of Student's for this RMS of so many errors."""
     return float(np.sqrt(np.mean(errors_rad**2)) * stdtrit(errors_rad.size, 0.975) / ndtri(0.975))
 
 
 def fit_polynomial(value: FloatArray, delta: FloatArray, method: str) -> tuple[tuple[float, ...], float]:
-    """Coefficients, from the constant up, of the cubic delta(value), and its leave-one-level-out error [rad]."""
-    cubic = _fitted(value, delta)
+    """Cubic delta(value), equation 10's form, from the constant up, and its leave-one-level-out error [rad]."""
+    cubic = Polynomial.fit(value, delta, 3).convert()
     along = np.linspace(value.min(), value.max(), 400)
     if not (cubic.deriv()(along) > 0).all():
         problem = "the backlash does not grow with the value over the range of these logs"
         cure = "check the known backlashes, add levels, or use another method"
         raise UnusableLog(f"method {method}: {problem}, so a value would have two meanings; {cure}")
     inner = np.unique(delta)[1:-1]
-    errors = [_fitted(value[delta != d], delta[delta != d])(value[delta == d]) - d for d in inner]
+    errors = [Polynomial.fit(value[delta != d], delta[delta != d], 3).convert()(value[delta == d]) - d for d in inner]
     return tuple(cubic.coef.tolist()), _uncertainty(np.concatenate(errors))
 
 
