@@ -16,9 +16,6 @@ from backlash.fitting.readings import protocol_for
 from replication.datasets import Recording
 from replication.statistics import rate_columns
 
-# The authors' logs that methods are tried on: realisation and level.
-AUTHORS_LOGS = tuple((realisation, level) for realisation in (1, 2) for level in range(3, 12))
-
 # Methods through the joint: what is unknown besides the backlash.
 JOINT_ALL_FREE = "joint, all nuisances free"
 JOINT_METHODS = {"joint": (), "joint, start angle free": ("start_angle",), JOINT_ALL_FREE: tuple(NUISANCES)}

@@ -8,6 +8,7 @@ from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from functools import partial
+from itertools import product
 
 import numpy as np
 import pandas as pd
@@ -27,7 +28,7 @@ from backlash.reading.prepare import CannotTell, record_of
 from backlash.reading.tables import UnusableLog
 from backlash.studies import benchmark, odd_joints
 from backlash.studies.accuracy import cramer_rao_sd
-from backlash.studies.benchmark import AUTHORS_LOGS, Log, hold_truth, interval_answer, logs_by_methods, widened_answers
+from backlash.studies.benchmark import Log, hold_truth, interval_answer, logs_by_methods, widened_answers
 from backlash.studies.odd_joints import KINDS, draw_odd_log
 from replication.arrays import FloatArray
 from replication.characteristic import printed_levels_rad
@@ -116,7 +117,7 @@ def draw_log(population: str, number: int, seed: int) -> Log:
 def authors_logs() -> list[Log]:
     """The authors' noisy logs of levels 3 to 11; errors as of `datasets.load_noisy`."""
     logs = []
-    for number, (realisation, level) in enumerate(AUTHORS_LOGS):
+    for number, (realisation, level) in enumerate(product((1, 2), range(3, 12))):
         recording, delta = load_noisy(level, realisation), level_delta_rad(level)
         noise = float(np.std(recording.v - load_clean(level).v))
         bound = bench_bound_rad(Bench(identified_joint(), noise, np.nan), delta, recording)

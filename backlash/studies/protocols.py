@@ -28,7 +28,7 @@ from replication.arrays import FloatArray
 from replication.compiled.misfit import Fold, fold, folded_rmse
 from replication.compiled.whole_run import whole_run
 from replication.datasets import Recording, from_sample, load_noisy
-from replication.files import ROOT, write_csv
+from replication.files import ROOT
 from replication.identify import Protocol, protocol_box
 from replication.search import Search, generations, random_normals, search
 from replication.signature import Box
@@ -116,15 +116,15 @@ def summarise(candidate: Candidate, row: int, realisation: int) -> dict[str, Any
     return key | {"mean_A_rps": A.mean(), "sd_A_rps": A.std(ddof=1), "best_basin_share": best.mean()}
 
 
-def compute_runs(jobs: int = 2) -> None:
-    """Summarise every candidate's runs on every row and realisation into `RUNS`."""
+def compute_runs() -> pd.DataFrame:
+    """Summarise every candidate's runs on every row and realisation, for `RUNS`."""
     records = [(row, realisation) for row in ROWS for realisation in REALISATIONS]
 
     def summaries(row: int, realisation: int) -> list[dict]:  # one record at a time: reading it takes a second
         return [summarise(candidate, row, realisation) for candidate in CANDIDATES.values()]
 
-    found = Parallel(jobs, verbose=10)(delayed(summaries)(*record) for record in records)
-    write_csv(RUNS, pd.DataFrame([row for of_candidate in zip(*found, strict=True) for row in of_candidate]))
+    found = Parallel(n_jobs=-1, verbose=10)(delayed(summaries)(*record) for record in records)
+    return pd.DataFrame([row for of_candidate in zip(*found, strict=True) for row in of_candidate])
 
 
 def numbers_of(runs: pd.DataFrame, name: str) -> FloatArray:
