@@ -44,11 +44,14 @@ def run_claims(_: argparse.Namespace) -> int:
 
 def run_population(_: argparse.Namespace) -> int:
     """Every method on joints that nobody calibrated, into results/population_logs.csv and results/datasheet.csv."""
+    import pandas as pd
+
     from backlash.studies import benchmark, population
 
     drawn = population.measure_population(*population.SPREAD_STUDY)
     files.write_csv(_DATA / "spread_of_joints.csv", population.spread_shares(drawn))
-    rows = population.measure_final_logs()
+    studies = [population.measure_population(*study) for study in population.FINAL_STUDIES]
+    rows = pd.concat(studies, ignore_index=True)
     files.write_csv(_RESULTS / "population_logs.csv", rows)
     print(benchmark.summarise_intervals(rows).to_string(index=False))
     sheet = population.summarise_sensor(population.measure_sensor(population.DATASHEET, population.DATASHEET_SEED))
