@@ -310,7 +310,8 @@ rmse = summary.pivot(index="population", columns="method", values="rmse_rad").lo
 own = {name: measured[(measured["population"] == name) & (measured["method"] == "self")] for name in titles}
 calibration_figure = plots.posterior_calibration(measured, titles)
 for name, part in own.items():
-    print(f"{titles[name]}: p of uniform ranks {population.rank_uniformity_p(part):.3f}")
+    uniformity = stats.kstest(population.ranks(part), "uniform")
+    print(f"{titles[name]}: p of uniform ranks {uniformity.pvalue:.3f}")
 
 # %% [markdown]
 # The share of answered logs whose interval was widened, and how often the interval covers before and after that; then
