@@ -142,9 +142,10 @@ workbook.export(
     figures={
         "protocols_residuals": (
             residuals,
-            "Table 2's ten printed means (a) and SDs (b) in each candidate's predictive distribution from five "
-            "realisations. Points in the grey band lie inside the 95 % interval; p is that of all ten, bold where it "
-            "rejects the candidate.",
+            "Deviation t of Table 2's ten printed means (a) and ten SDs (b) from the mean of "
+            f"{used['realisation'].nunique()} realisations, {len(judged)} candidates. Points in the grey band lie inside "
+            f"the 95 % interval; p is that of all ten. A candidate is rejected if either p is below {level / 2:g}: those "
+            "below the dashed line.",
         )
     },
     claims=claims,

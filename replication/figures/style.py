@@ -85,3 +85,12 @@ def letter_panels(axes: Iterable[Axes]) -> None:
     """Put (a), (b), ... before the titles of a figure's panels."""
     for letter, axis in zip("abcdefgh", axes, strict=False):
         axis.set_title(f"({letter}) {axis.get_title(loc='left')}".rstrip(), loc="left")
+
+
+def legend_below(figure: Figure, axes: Axes | Iterable[Axes], columns: int) -> None:
+    """Put one legend of axes, each label once, below a figure."""
+    listed = [axes] if isinstance(axes, Axes) else axes
+    entries = {
+        label: handle for axis in listed for handle, label in zip(*axis.get_legend_handles_labels(), strict=True)
+    }
+    figure.legend(entries.values(), entries.keys(), loc="outside lower center", ncols=columns)
