@@ -184,7 +184,7 @@ if least["explained_percent"] < 50:
     print(
         f"It ends in another basin there, in an oscillation of {least['frequency_hz']:.0f} Hz in place of "
         f"{first['frequency_hz']:.0f} Hz, whose A says nothing of the backlash. At a friction of "
-        f"{100 * most['friction_share']:.3g} % {most['opposite_percent']:.0f} % of the variance repeats with opposite "
+        f"{100 * most['friction_share']:.3g} %, {most['opposite_percent']:.0f} % of the variance repeats with opposite "
         f"sign, and the fit explains {most['explained_percent']:.0f} % at {most['frequency_hz']:.0f} Hz."
     )
 
@@ -285,7 +285,7 @@ workbook.export(
             f"(a) A fitted to {len(logs) // len(shares)} simulated logs without noise at each of {len(shares)} shares "
             f"of Coulomb friction on the load: at {100 * judged_share:.2g} % of gravity A changes by {change:.0f} %. "
             "(b) The signature can fit no more of the speed's variance than what repeats with opposite sign half a "
-            f"turn later. This is least, {least['opposite_percent']:.0f} %, at {100 * least['friction_share']:.3g} % of "
+            f"turn later: least, {least['opposite_percent']:.0f} %, at {100 * least['friction_share']:.3g} % of "
             "gravity, where the two oscillations of a turn cancel most. Open circles: the fit explains less than half "
             "of the variance, and A is not the amplitude of these oscillations.",
         ),

@@ -143,9 +143,9 @@ workbook.export(
         "protocols_residuals": (
             residuals,
             "Deviation t of Table 2's ten printed means (a) and ten SDs (b) from the mean of "
-            f"{used['realisation'].nunique()} realisations, {len(judged)} candidates. Points in the grey band lie inside "
-            f"the 95 % interval; p is that of all ten. A candidate is rejected if either p is below {level / 2:g}: those "
-            "below the dashed line.",
+            f"{used['realisation'].nunique()} realisations, for {len(judged)} candidates. Points in the grey band lie "
+            "inside the 95 % interval; p is that of all ten. Candidates below the dashed line are rejected: one of "
+            f"their two p lies below {level / 2:g}.",
         )
     },
     claims=claims,
