@@ -7,7 +7,7 @@ from matplotlib.figure import Figure
 from backlash.trend_line import Trend
 from replication.arrays import FloatArray
 from replication.datasets import Recording
-from replication.figures.style import BLUE, INK, ORANGE, PINK, grid, in_style, legend_below, letter_panels
+from replication.figures.style import BLUE, INK, ORANGE, PINK, finish, grid, in_style
 
 _SHOWN_TURNS = 3
 
@@ -21,14 +21,12 @@ def estimate_figure(recording: Recording, model_rps: FloatArray, title: str) -> 
     middle, half = t[-1] / 2, min(_SHOWN_TURNS * recording.turn_period_s, t[-1]) / 2
     axes[0, 0].plot(t, disturbance, color="0.55", linewidth=0.9, label="record, less its mean")
     axes[0, 0].plot(t, model, color=BLUE, linewidth=1.4, label="fitted model")
-    axes[0, 0].set(xlim=(middle - half, middle + half), xlabel="time [s]", ylabel="motor speed [rps]", title=title)
     top = 1.05 * max(np.abs(disturbance).max(), 1e-9)
-    axes[0, 0].set_ylim(-top, top)
+    axes[0, 0].set(xlim=(middle - half, middle + half), ylim=(-top, top), title=title)
+    axes[0, 0].set(xlabel="time [s]", ylabel="motor speed [rps]")
     axes[1, 0].plot(t, disturbance - model, color=ORANGE, linewidth=0.7)
     axes[1, 0].set(xlim=(0, t[-1]), ylim=(-top, top), xlabel="time [s]", ylabel="residual [rps]")
-    letter_panels(axes.flat)
-    legend_below(figure, axes[0, 0], 2)
-    return figure
+    return finish(figure, 2)
 
 
 @in_style
@@ -63,5 +61,4 @@ def trend_figure(trend: Trend) -> Figure:
     name = "amplitude" if trend.is_relative else "backlash $\\delta$"
     axis.set(ylabel=f"{name} [{unit}]", xlim=(dates[0] - (dates[-1] - dates[0]) * 0.03, dates[-1]))
     axis.set_ylim(bottom=0)
-    legend_below(figure, axis, 3)
-    return figure
+    return finish(figure, 3)

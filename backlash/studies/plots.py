@@ -13,21 +13,8 @@ from scipy import stats
 
 from backlash.studies.population import NORMAL_95, coverage_curve, ranks
 from replication.arrays import FloatArray
-from replication.figures.style import (
-    BACKLASH_LABEL,
-    BLUE,
-    GREEN,
-    INK,
-    ORANGE,
-    PINK,
-    PRINTED,
-    SKY,
-    Style,
-    grid,
-    in_style,
-    legend_below,
-    letter_panels,
-)
+from replication.figures import style as house
+from replication.figures.style import BLUE, GREEN, INK, ORANGE, PINK, SKY, Style, grid, in_style
 from replication.standins.plots import COLOURS, LINES, MARKERS
 
 
@@ -35,10 +22,7 @@ from replication.standins.plots import COLOURS, LINES, MARKERS
 def landscape(
     slices: Sequence[tuple[FloatArray, FloatArray, FloatArray]], runs: pd.DataFrame, best: pd.Series
 ) -> Figure:
-    """Show two slices of the misfit through the best fit, A over t0 and T1 over T2, and the basins of the runs.
-
-    `runs` says each run's `basin`; the three with most runs have a symbol of their own.
-    """
+    """Show two slices of the misfit through the best fit, and each `basin` of the runs with their number as area."""
     figure, axes = grid(1, 2, height_in=3.4)
     names = (("t0_s", "A_rps"), ("T2_s", "T1_s"))
     labels = (("$t_0$ [s]", "A [rps]"), ("$T_2$ [s]", "$T_1$ [s]"))
@@ -52,21 +36,19 @@ def landscape(
     halo = [withStroke(linewidth=2.8, foreground="white")]
     for axis, (columns, rows, misfit), (first, second), text in zip(axes[0], slices, names, labels, strict=True):
         shade = axis.pcolormesh(columns, rows, misfit, cmap="Greys_r", vmin=low, vmax=high, rasterized=True)
-        box = (columns[0], rows[0]), np.ptp(columns), np.ptp(rows)
-        axis.add_patch(Rectangle(*box, fill=False, linewidth=0.8))
+        axis.add_patch(Rectangle((columns[0], rows[0]), np.ptp(columns), np.ptp(rows), fill=False, linewidth=0.8))
         for (label, group), marker, colour in zip(groups.items(), "ovsD", (BLUE, ORANGE, GREEN, PINK), strict=True):
             style = {"marker": marker, "facecolors": "none", "edgecolors": colour, "linewidths": 1.4, "label": label}
             place = ends.loc[group, [first, second]].to_numpy().T
-            axis.scatter(*place, s=18 + 4 * sizes[group], path_effects=halo, **style)
-        axis.plot(*best[[first, second]], "x", color=INK, markersize=5, path_effects=halo, label="global fit")
+            axis.scatter(*place, s=18 + 4 * sizes[group], path_effects=halo, zorder=3, **style)
+        style = {"color": INK, "markersize": 14, "mew": 0.8, "path_effects": halo}
+        axis.plot(*best[[first, second]], "+", label="global fit", **style)
         axis.use_sticky_edges = False
         axis.margins(0.08)
         axis.set(xlabel=text[0], ylabel=text[1])
         axis.grid(False)
     figure.colorbar(shade, ax=axes[0].tolist(), label="RMSE [rps]")
-    legend_below(figure, axes[0, 0], 2)
-    letter_panels(axes.flat)
-    return figure
+    return house.finish(figure, 2)
 
 
 @in_style
@@ -82,19 +64,17 @@ def strategy_costs(table: pd.DataFrame) -> Figure:
             axis.plot([low, high], [at, at], color=BLUE, linewidth=1.2, label="95 % interval")
             axis.plot(row.evaluations_per_success, at, "o", color=BLUE, label="estimate")
         else:
-            axis.plot([low, right], [at, at], color=ORANGE, linestyle="--", label="no success: above this limit (95 %)")
-            axis.plot([low, right], [at, at], color=ORANGE, marker=">", markevery=[1], linestyle="none", clip_on=False)
-            axis.plot(low, at, "|", color=ORANGE, markersize=9)
+            arrow = {"linestyle": "--", "marker": ">", "markevery": [1], "clip_on": False, "color": ORANGE}
+            axis.plot([low, right], [at, at], label="no success: above this limit (95 %)", **arrow)
         axis.annotate(f"{row.found} of {row.runs}", (1.04, at), xycoords=("axes fraction", "data"), va="center")
     axis.annotate("found in", (1.04, -0.8), xycoords=("axes fraction", "data"), va="center", annotation_clip=False)
     axis.set_yticks(range(len(table)), [textwrap.fill(name, 32) for name in table["strategy"]], linespacing=1.1)
-    axis.set(xscale="log", xlabel="function evaluations per success [$10^3$]", xlim=(left, right))
-    axis.set_ylim(len(table) - 0.5, -0.5)
+    axis.set(xscale="log", xlabel="function evaluations per success [$10^3$]")
+    axis.set(xlim=(left, right), ylim=(len(table) - 0.5, -0.5))
     ticks = [tick for tick in (1e4, 2e4, 5e4, 1e5, 2e5, 5e5, 1e6) if left < tick < right]
     axis.set_xticks(ticks, labels=[f"{tick / 1e3:g}" for tick in ticks])
     axis.xaxis.set_minor_locator(NullLocator())
-    legend_below(figure, axis, 3)
-    return figure
+    return house.finish(figure, 3)
 
 
 @in_style
@@ -107,12 +87,11 @@ def amplitude_intervals(table: pd.DataFrame) -> Figure:
     style = {"linestyle": "none", "capsize": 3, "marker": "o", "color": BLUE, "label": "global fit, 95 % interval"}
     axis.errorbar(delta - 0.15, middle / theory, ends / theory, **style)
     printed, spread = (table[f"printed_{name}_A_rps"].to_numpy() / theory for name in ("mean", "sd"))
-    style = PRINTED | {"elinewidth": 1, "capsize": 3, "label": "printed mean, SD of 30 runs"}
+    style = house.PRINTED | {"elinewidth": 1, "capsize": 3, "label": "printed mean, SD of 30 runs"}
     axis.errorbar(delta + 0.15, printed, spread, **style)
     axis.axhline(1, color=INK, linewidth=0.8, label="theoretical A")
-    axis.set(xlabel=BACKLASH_LABEL, ylabel="A over theoretical A [-]", xticks=np.round(delta))
-    legend_below(figure, axis, 3)
-    return figure
+    axis.set(xlabel=house.BACKLASH_LABEL, ylabel="A over theoretical A [-]", xticks=np.round(delta))
+    return house.finish(figure, 3)
 
 
 def _arms(table: pd.DataFrame, name: str) -> FloatArray:
@@ -147,15 +126,12 @@ def cross_validation_errors(table: pd.DataFrame, targets_rad: Mapping[str, float
         axis.plot(size, np.full(size.size, row), linestyle="none", alpha=0.7, markersize=5, **METHOD_STYLES[method])
         axis.plot([size.mean()] * 2, beside, color=INK, linewidth=2, label="mean size")
         if method in targets_rad:
-            target = 1e6 * targets_rad[method]
-            axis.plot(
-                [target] * 2, beside, color=ORANGE, linewidth=2, linestyle=(0, (1, 1)), label="target of the mean"
-            )
+            style = {"color": ORANGE, "linewidth": 2, "linestyle": (0, (1, 1)), "label": "target of the mean"}
+            axis.plot([1e6 * targets_rad[method]] * 2, beside, **style)
     axis.set(xscale="log", xlabel="size of the error of the backlash [$10^{-6}$ rad]")
     axis.set_yticks(range(len(methods)), methods)
     axis.invert_yaxis()
-    legend_below(figure, axis, 2)
-    return figure
+    return house.finish(figure, 2)
 
 
 @in_style
@@ -174,32 +150,27 @@ def error_limits(table: pd.DataFrame, axes_labels: Mapping[str, str]) -> Figure:
         axis.set_xticks(values := list(dict.fromkeys(part["value"])), [f"{value:g}" for value in values])
         axis.xaxis.set_minor_locator(NullLocator())
     figure.supylabel("RMS error of the backlash [$10^{-6}$ rad]", fontsize=9)
-    legend_below(figure, axes[0, 0], 3)
-    letter_panels(axes.flat)
-    return figure
+    return house.finish(figure, 3)
 
 
 @in_style
 def detection_curves(table: pd.DataFrame, limits_rad: Sequence[float]) -> Figure:
     """Show the share of records that are seen to have backlash, and what a filter that knows the waveform would see."""
     figure, ((axis,),) = grid()
-    loudness = table.groupby("noise_half_amplitude_rps", sort=False)
-    for (noise, part), limit, colour, marker, line in zip(
-        loudness, limits_rad, (BLUE, ORANGE, PINK, INK), "os^D", (":", "--", "-.", "-"), strict=False
-    ):
+    parts = table.groupby("noise_half_amplitude_rps", sort=False)
+    for (noise, part), limit, colour, marker, line in zip(parts, limits_rad, COLOURS, MARKERS, LINES[1:], strict=False):
         style = {"color": colour, "marker": marker, "capsize": 3, "label": f"energy, noise of {noise:g} rps"}
         axis.errorbar(1e4 * part["delta_rad"], part["seen"], _arms(part, "seen"), **style)
         axis.axvline(1e4 * limit, color=colour, linestyle=line, label=f"matched filter, {noise:g} rps")
-    axis.set(xlabel=BACKLASH_LABEL, ylabel="share of records above\nthe threshold [-]", ylim=(-0.03, 1.03))
-    legend_below(figure, axis, 2)
-    return figure
+    axis.set(xlabel=house.BACKLASH_LABEL, ylabel="share of records above\nthe threshold [-]", ylim=(-0.03, 1.03))
+    return house.finish(figure, 2)
 
 
 @in_style
 def tornado(table: pd.DataFrame, methods: Sequence[str]) -> Figure:
     """Show the mean error of methods at the ends of what may change, the parameter with the largest on top."""
     order = table["mean_error_rad"].abs().groupby(table["parameter"]).max().sort_values().index
-    figure, axes = grid(2, -(-len(methods) // 2), height_in=5.4, sharey=True, sharex=True)
+    figure, axes = grid(2, 3, height_in=5.4, sharey=True, sharex=True)
     for axis, method in zip(axes.flat, methods, strict=False):
         changes = table[table["method"] == method].groupby("change")
         for number, ((change, part), marker) in enumerate(zip(changes, MARKERS, strict=False)):
@@ -212,20 +183,14 @@ def tornado(table: pd.DataFrame, methods: Sequence[str]) -> Figure:
         axis.set_title(textwrap.fill(method, 16))
         axis.tick_params(labelbottom=True)
     axes[0, 0].xaxis.set_major_locator(MaxNLocator(3))
-    letter_panels(axes.flat[: len(methods)])
-    for spare in axes.flat[len(methods) :]:
-        spare.axis("off")
+    axes[1, 2].set_visible(len(methods) > 5)
     figure.supxlabel("mean error of the backlash [$10^{-6}$ rad]", fontsize=9)
-    figure.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside upper center", ncols=2)
-    return figure
+    return house.finish(figure, 2, "outside upper center")
 
 
 @in_style
 def protocol_residuals(table: pd.DataFrame, judged: pd.DataFrame, level: float, degrees: int) -> Figure:
-    """Show how far Table 2's means (a) and SDs (b) lie from each candidate's, in t, and the p of the whole table.
-
-    Candidates are in the order of `judged`; in the grey band the p of one number is above `level`.
-    """
+    """Show how far Table 2's numbers lie from each candidate's, in t (grey: p above `level`), and the p of all ten."""
     figure, axes = grid(1, 2, height_in=0.4 * len(judged) + 1.0, sharex=True, sharey=True)
     edge, beside = stats.t.isf(level / 2, degrees), {"xycoords": ("axes fraction", "data"), "va": "center"}
     for axis, column, text in zip(axes[0], ("mean", "sd"), ("means", "SDs"), strict=True):
@@ -243,8 +208,7 @@ def protocol_residuals(table: pd.DataFrame, judged: pd.DataFrame, level: float, 
         axis.xaxis.set_minor_locator(NullLocator())
     figure.supxlabel("t [-], linear from −2 to 2, logarithmic beyond", fontsize=9)
     axes[0, 0].set_yticks(range(len(judged)), judged["protocol"].str.replace(", ", ",\n"))
-    letter_panels(axes.flat)
-    return figure
+    return house.finish(figure, 1)
 
 
 @in_style
@@ -253,11 +217,8 @@ def population_errors(rows: pd.DataFrame, populations: Mapping[str, str]) -> Fig
     figure, axes = grid(len(populations), 2, height_in=2.5 * len(populations), width_ratios=(3, 2), sharex="col")
     for (left, right), (population, title) in zip(axes, populations.items(), strict=True):
         part = rows[(rows["population"] == population) & (rows["method"] == "self") & ~rows["refused"]]
-        delta, error, half = (
-            1e4 * part["delta_rad"],
-            1e4 * (part["found_rad"] - part["delta_rad"]),
-            1e4 * (part["high_rad"] - part["found_rad"]),
-        )
+        delta, found, high = (1e4 * part[f"{name}_rad"] for name in ("delta", "found", "high"))
+        error, half = found - delta, high - found
         held = error.abs() <= half
         left.plot(delta[held], error[held], ".", color="0.65", markersize=3, label="truth in the 95 % interval")
         left.plot(delta[~held], error[~held], "x", color=ORANGE, markersize=5, label="truth outside")
@@ -274,36 +235,29 @@ def population_errors(rows: pd.DataFrame, populations: Mapping[str, str]) -> Fig
         expected = len(part) * np.diff(stats.norm.cdf(around))
         right.plot((around[1:] + around[:-1]) / 2, expected, ".-", color=BLUE, label="normal distribution")
         right.set(ylabel="number of logs [-]", axisbelow=True)
-    axes[-1, 0].set_xlabel(f"true {BACKLASH_LABEL}")
+    axes[-1, 0].set_xlabel(f"true {house.BACKLASH_LABEL}")
     axes[-1, 1].set_xlabel("error over stated SD [-]")
-    legend_below(figure, [axes[0, 0], axes[0, 1]], 3)
-    letter_panels(axes.flat)
-    return figure
+    return house.finish(figure, 3)
 
 
 @in_style
 def posterior_calibration(rows: pd.DataFrame, populations: Mapping[str, str]) -> Figure:
     """Ranks of the truth in the posterior with their binomial band, and coverage against the nominal level."""
     figure, axes = grid(2, len(populations), height_in=5.0, sharex="row", sharey="row")
-    bins = 10
     for (top, bottom), (population, title) in zip(axes.T, populations.items(), strict=True):
         part = rows[(rows["population"] == population) & (rows["method"] == "self")]
-        rank = ranks(part)
-        low, high = stats.binom.interval(0.95, rank.size, 1 / bins)
-        top.axhspan(bins * low / rank.size, bins * high / rank.size, color="0.88", label="95 % of uniform ranks")
-        top.hist(rank, bins=bins, range=(0, 1), histtype="step", density=True, color=BLUE, label="ranks")
+        rank, curve = ranks(part), coverage_curve(part)
+        low, high = 10 / rank.size * np.array(stats.binom.interval(0.95, rank.size, 0.1))
+        top.axhspan(low, high, color="0.88", label="95 % of uniform ranks")
+        top.hist(rank, bins=10, range=(0, 1), histtype="step", density=True, color=BLUE, label="ranks")
         top.axhline(1, color=INK, linewidth=0.8)
-        top.set(xlabel="rank of the true backlash [-]", title=textwrap.fill(f"{title}, n = {rank.size}", 28))
-        curve = coverage_curve(part)
+        top.set_title(textwrap.fill(f"{title}, n = {rank.size}", 28))
+        top.set(xlabel="rank of the true backlash [-]", ylabel="density [-]")
         style = {"fmt": "o", "markersize": 3, "capsize": 2, "color": ORANGE, "label": "coverage, 95 % interval"}
         bottom.errorbar(curve["nominal"], curve["coverage"], _arms(curve, "coverage"), **style)
         bottom.plot([0.5, 1], [0.5, 1], color=INK, linewidth=0.8, label="expected")
-        bottom.set(xlabel="nominal level [-]")
-    axes[0, 0].set_ylabel("density [-]")
-    axes[1, 0].set_ylabel("share of intervals that\nhold the truth [-]")
-    legend_below(figure, axes[:, 0], 2)
-    letter_panels(axes.flat)
-    return figure
+        bottom.set(xlabel="nominal level [-]", ylabel="share of intervals that\nhold the truth [-]")
+    return house.finish(figure, 2)
 
 
 @in_style
@@ -314,9 +268,8 @@ def backlash_profile(rows: pd.DataFrame) -> Figure:
     root = np.sign(rows["deviation"]) * np.sqrt(rows["chi2"].clip(lower=0))
     axis.plot(delta, rows["deviation"], color=INK, linewidth=0.8, label="Laplace's approximation")
     axis.plot(delta, root, "o", markersize=4, color=BLUE, label="all else fitted anew")
-    axis.set(xlabel=BACKLASH_LABEL, ylabel="signed root of the\nincrease of $\\chi^2$ [-]")
-    legend_below(figure, axis, 2)
-    return figure
+    axis.set(xlabel=house.BACKLASH_LABEL, ylabel="signed root of the\nincrease of $\\chi^2$ [-]")
+    return house.finish(figure, 2)
 
 
 @in_style
@@ -326,27 +279,22 @@ def wear(tests: pd.DataFrame, limit_rad: float) -> Figure:
     *panels, last = axes.flat
     shown = tests[tests["bench"] == 0]
     truth = shown.drop_duplicates("day")
-    for axis, (name, part), marker, colour, line in zip(
-        panels, shown.groupby("sensor", sort=False), MARKERS, COLOURS, LINES, strict=True
-    ):
+    sensors = shown.groupby("sensor", sort=False)
+    for axis, (name, part), marker, colour, line in zip(panels, sensors, MARKERS, COLOURS, LINES, strict=True):
         axis.plot(truth["day"], 1e4 * truth["delta_rad"], color=INK, linewidth=1, label="true backlash")
         axis.axhline(1e4 * limit_rad, color="0.5", linestyle="--", linewidth=1, label="limit")
         middle = 1e4 * part["estimate_rad"].to_numpy()
         ends = np.abs(1e4 * part[["low_rad", "high_rad"]].to_numpy().T - middle)
         style = {"marker": marker, "color": colour, "linestyle": "none", "capsize": 2, "markersize": 4}
         axis.errorbar(part["day"], middle, ends, **style)
-        if np.isfinite(call := part["call_day"].iloc[0]):
-            axis.axvline(call, color=colour, linestyle=":", label="call")
+        axis.axvline(part["call_day"].iloc[0], color=colour, linestyle=":", label="call")
         each = tests[tests["sensor"] == name].drop_duplicates("bench")
         delay = np.sort((each["call_day"] - each["truth_day"]).dropna())
         share = 100 * np.arange(delay.size + 1) / len(each)
         last.step([*delay[:1], *delay], share, where="post", color=colour, linestyle=line, label=name)
-        axis.set(title=name, xlabel="time [days]", ylabel=BACKLASH_LABEL if axis in axes[:, 0] else "")
+        axis.set(title=name, xlabel="time [days]", ylabel=house.BACKLASH_LABEL if axis in axes[:, 0] else "")
         axis.sharey(panels[0])
-    interval = float(truth["day"].diff().max())
-    last.axvspan(0, interval, color="0.9", label="perfect sensor")
-    n = tests["bench"].nunique()
-    last.set(xlabel="from the truth to the call [days]", ylabel="benches called for [%]", title=f"calls, {n} benches")
-    legend_below(figure, [panels[0], last], 3)
-    letter_panels(axes.flat)
-    return figure
+    last.axvspan(0, truth["day"].diff().max(), color="0.9", label="perfect sensor")
+    last.set(xlabel="from the truth to the call [days]", ylabel="benches called for [%]")
+    last.set_title(f"calls, {tests['bench'].nunique()} benches")
+    return house.finish(figure, 3)

@@ -87,10 +87,13 @@ def letter_panels(axes: Iterable[Axes]) -> None:
         axis.set_title(f"({letter}) {axis.get_title(loc='left')}".rstrip(), loc="left")
 
 
-def legend_below(figure: Figure, axes: Axes | Iterable[Axes], columns: int) -> None:
-    """Put one legend of axes, each label once, below a figure."""
-    listed = [axes] if isinstance(axes, Axes) else axes
-    entries = {
-        label: handle for axis in listed for handle, label in zip(*axis.get_legend_handles_labels(), strict=True)
-    }
-    figure.legend(entries.values(), entries.keys(), loc="outside lower center", ncols=columns)
+def finish(figure: Figure, columns: int, loc: Any = "outside lower center") -> Figure:
+    """Letter the panels of a figure, and put one legend of all of them, each label once, beside them."""
+    panels = [axis for axis in figure.axes if axis.get_visible() and axis.get_label() != "<colorbar>"]
+    if len(panels) > 1:
+        letter_panels(panels)
+    listed = [zip(*axis.get_legend_handles_labels(), strict=True) for axis in panels]
+    entries = {label: handle for handles in listed for handle, label in handles}
+    if entries:
+        figure.legend(entries.values(), entries.keys(), loc=loc, ncols=columns)
+    return figure

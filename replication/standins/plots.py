@@ -6,21 +6,8 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
-from replication.figures.style import (
-    BACKLASH_LABEL,
-    BLUE,
-    GREEN,
-    INK,
-    ORANGE,
-    PINK,
-    PRINTED,
-    SKY,
-    Style,
-    grid,
-    in_style,
-    legend_below,
-    letter_panels,
-)
+from replication.figures import style as house
+from replication.figures.style import BLUE, GREEN, INK, ORANGE, PINK, SKY, grid, in_style
 
 MARKERS, LINES = "osv^D", ("-", "--", "-.", ":", (0, (5, 1, 1, 1, 1, 1)))
 COLOURS = (BLUE, ORANGE, GREEN, PINK, SKY)
@@ -31,26 +18,24 @@ def table3(table: pd.DataFrame, population: pd.DataFrame) -> Figure:
     """Show Table 3: the stand-in's mean and SD, the printed ones, the known A, and what other benches give."""
     figure, ((axis,),) = grid(height_in=3.6)
     delta = 1e4 * table["delta_rad"].to_numpy()
-    style: Style = {"linestyle": "none", "capsize": 3, "marker": "s", "color": BLUE}
+    style = {"linestyle": "none", "capsize": 3, "marker": "s", "color": BLUE}
     label = f"{population['bench'].nunique()} other benches, global fit"
     others = 1e4 * population["delta_rad"] - 0.12, population["A_rps"]
     axis.plot(*others, "o", color="0.6", mfc="none", markersize=4, label=label)
-    runs = f"{table['runs'].iloc[0]} runs"
-    axis.errorbar(delta, table["mean_A_rps"], table["sd_A_rps"], label=f"stand-in bench, {runs}", **style)
+    label = f"stand-in bench, {table['runs'].iloc[0]} runs"
+    axis.errorbar(delta, table["mean_A_rps"], table["sd_A_rps"], label=label, **style)
     axis.plot(delta, table["best_A_rps"], "_", color=GREEN, markersize=14, mew=2, label="its best basin")
     printed = table["printed_mean_A_rps"], table["printed_sd_A_rps"]
-    axis.errorbar(delta + 0.12, *printed, capsize=3, elinewidth=1, **PRINTED | {"label": "printed mean and SD"})
+    axis.errorbar(delta + 0.12, *printed, capsize=3, elinewidth=1, **house.PRINTED | {"label": "printed mean and SD"})
     axis.plot(delta + 0.2, table["printed_known_A_rps"], "+", color=ORANGE, markersize=10, label="printed known A")
-    axis.set(xlabel=BACKLASH_LABEL, ylabel="A [rps]", xticks=delta, xlim=(delta.min() - 0.4, delta.max() + 0.4))
-    legend_below(figure, axis, 2)
-    return figure
+    axis.set(xlabel=house.BACKLASH_LABEL, ylabel="A [rps]", xticks=delta, xlim=(delta.min() - 0.4, delta.max() + 0.4))
+    return house.finish(figure, 2)
 
 
 @in_style
 def load_friction(logs: pd.DataFrame, study: pd.DataFrame) -> Figure:
     """Show A over friction on the load, and the shares of variance that the fit explains and could explain at most."""
-    figure, axes = grid(2, 1, height_in=4.4, sharex=True, height_ratios=(3, 2))
-    (above,), (below,) = axes
+    figure, ((above,), (below,)) = grid(2, 1, height_in=4.4, sharex=True, height_ratios=(3, 2))
     explained = 100 * (1 - (logs["rmse_rps"] / logs["sd_rps"]) ** 2)
     share = 100 * logs["friction_share"]
     above.plot(100 * study["friction_share"], study["A_rps"], color=BLUE, linewidth=0.9, label="mean")
@@ -61,16 +46,13 @@ def load_friction(logs: pd.DataFrame, study: pd.DataFrame) -> Figure:
     below.plot(share, explained, "s", color=ORANGE, markersize=4, label="explained by the fit")
     above.set(ylabel="fitted A [rps]", ylim=(0, None))
     below.set(xlabel="friction on the load, share of m g r [%]", ylabel="share of variance [%]", ylim=(0, 102))
-    legend_below(figure, axes[:, 0], 3)
-    letter_panels(axes.flat)
-    return figure
+    return house.finish(figure, 2)
 
 
 @in_style
 def robots(population: pd.DataFrame, curves: Mapping[str, tuple[pd.DataFrame, float]], marks: pd.DataFrame) -> Figure:
     """Show A of healthy robots and of those with excessive backlash, and the ROC curve of a threshold on A."""
-    figure, axes = grid(1, 2, height_in=3.8)
-    left, right = axes[0]
+    figure, ((left, right),) = grid(1, 2, height_in=3.8)
     edges = np.linspace(0, 1.02 * population["A_rps"].max(), 40)
     kinds = population.groupby("kind", sort=False)
     for (kind, part), colour, hatch in zip(kinds, (BLUE, ORANGE), ("////", ""), strict=True):
@@ -78,7 +60,7 @@ def robots(population: pd.DataFrame, curves: Mapping[str, tuple[pd.DataFrame, fl
         left.hist(part["A_rps"], edges, label=f"{kind}, {len(part)} robots", **style)
     for (label, (curve, area)), line, colour in zip(curves.items(), ("-", "--", ":"), (BLUE, PINK, PINK), strict=False):
         shares = 100 * curve["false_alarms"], 100 * curve["detected"]
-        right.plot(*shares, line, color=colour, label=f"{label},\narea {area:.3f}")
+        right.plot(*shares, line, color=colour, label=f"{label}, area {area:.3f}")
     for mark, marker, line in zip(marks.to_dict("records"), "xPD", (":", "-.", "-"), strict=False):
         label = f"{mark['name']}: {mark['threshold_rps']:.4f} rps"
         left.axvline(mark["threshold_rps"], color=INK, linestyle=line, linewidth=1.2, label=label)
@@ -86,10 +68,7 @@ def robots(population: pd.DataFrame, curves: Mapping[str, tuple[pd.DataFrame, fl
         right.plot(100 * mark["false_alarms"], 100 * mark["detected"], marker, **style)
     left.set(xlabel="fitted A [rps]", ylabel="number of robots [-]")
     right.set(xlabel="healthy called excessive [%]", ylabel="excessive robots found [%]", ylim=(0, 102))
-    for axis in axes[0]:
-        axis.legend(loc="upper center", bbox_to_anchor=(0.45, -0.2))
-    letter_panels(axes.flat)
-    return figure
+    return house.finish(figure, 2)
 
 
 @in_style
@@ -111,5 +90,4 @@ def robots_disturbance(sweep: pd.DataFrame, thresholds: Mapping[str, float], tur
     for (name, amplitude), style in zip(thresholds.items(), ("--", "-."), strict=False):
         axis.axhline(amplitude, color=INK, linestyle=style, linewidth=1, label=name)
     axis.set(xlabel="frequency of the disturbance [Hz]", ylabel="fitted A without backlash [rps]", ylim=(0, None))
-    legend_below(figure, axis, 2)
-    return figure
+    return house.finish(figure, 2)
