@@ -60,3 +60,17 @@ def test_a_figure_says_what_its_axes_are(tmp_path):
     style.save(figure, tmp_path, "small")
     written = (tmp_path / "small.svg").read_text(encoding="utf-8")
     assert "speed [rps] versus time [s]; time [s]; backlash [rad]" in written
+
+
+def test_a_finished_figure_has_letters_and_each_label_once():
+    figure, axes = style.grid(1, 2)
+    for axis in axes.flat:
+        axis.plot([0, 1], label="speed")
+    style.finish(figure, 1)
+    assert [axis.get_title(loc="left") for axis in axes.flat] == ["(a)", "(b)"]
+    (legend,) = figure.legends
+    assert [text.get_text() for text in legend.get_texts()] == ["speed"]
+    alone, ((axis,),) = style.grid()
+    style.finish(alone, 1)
+    assert not axis.get_title(loc="left")
+    assert not alone.legends
