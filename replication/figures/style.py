@@ -78,7 +78,7 @@ def description(figure: Figure) -> str:
 
 def grid(rows: int = 1, columns: int = 1, height_in: float = 3.2, **options) -> tuple[Figure, np.ndarray]:
     """Make a figure and its axes, always as an array of shape (rows, columns)."""
-    return plt.subplots(rows, columns, squeeze=False, **{"figsize": (WIDTH_IN, height_in)} | options)
+    return plt.subplots(rows, columns, squeeze=False, figsize=(WIDTH_IN, height_in), **options)
 
 
 def letter_panels(axes: Iterable[Axes]) -> None:
