@@ -49,7 +49,9 @@ def test_a_figure_is_narrow_enough_to_be_read_in_a_column_of_85_mm(figure):
 
 def test_no_plot_has_text_below_8_pt():
     for path in (path for pattern in PLOTS for path in workbook.ROOT.glob(pattern)):
-        sizes = re.findall(r'(?:fontsize=|[ (]size=|"font.size": |labelsize": )([\d.]+)', path.read_text(encoding="utf-8"))
+        sizes = re.findall(
+            r'(?:fontsize=|[ (]size=|"font.size": |labelsize": )([\d.]+)', path.read_text(encoding="utf-8")
+        )
         assert all(float(size) >= 8 for size in sizes), path
 
 
