@@ -11,12 +11,12 @@ from rocrate.rocrate import ROCrate
 
 from replication.data.authors import AUTHORS_URL
 from replication.files import ROOT
+from replication.report import TEMPLATES
 from replication.report.cells import notebook_source
 from replication.report.figures import load_pictures
 
-FORMATS = {"json": "application/json", "md": "text/markdown", "pdf": "application/pdf"}  # others: text/ and the ending
+FORMATS = {"json": "application/json", "md": "text/markdown", "pdf": "application/pdf"}  # of others: text/ and ending
 NOT_ARCHIVED = re.compile(r"(lab|quick)/|(run|ro-crate-metadata)\.json|(.*/)?\.")  # what git ignores; the crate itself
-PROFILE, LICENSES = "https://w3id.org/ro/wfrun/process/0.5", "https://spdx.org/licenses/"
 
 
 def describe_results(results: Path) -> dict:
@@ -29,6 +29,8 @@ def describe_results(results: Path) -> dict:
     comments = {entry["file"].removeprefix("results/"): entry["comment"] for entry in checked["manifest"]}
     crate = ROCrate(version="1.1")
     crate.metadata.extra_terms["sha256"] = "http://schema.org/sha256"  # newer than the terms of RO-Crate 1.1
+    for entity in json.loads(TEMPLATES.get_template("crate.json.j2").render(cited=cited)):
+        crate.add_or_update_jsonld(entity)
 
     def add(kind: str, identifier: str, name: str, **properties: object) -> ContextEntity:
         return crate.add(ContextEntity(crate, identifier, {"@type": kind, "name": name, **properties}))
@@ -38,13 +40,11 @@ def describe_results(results: Path) -> dict:
             ending = file.rpartition(".")[2]
             about = {"name": comments.get(file, file), "encodingFormat": FORMATS.get(ending, f"text/{ending}")}
             crate.add_file(dest_path=file, properties=about)
-    licenses = {name: add("CreativeWork", LICENSES + name, name) for name in (cited["license"], "EUPL-1.2")}
-    authors = [add("Organization", f"#author-{n}", one["name"]) for n, one in enumerate(cited["authors"], 1)]
-    runs, pictures = [], load_pictures(results)
+    pictures = load_pictures(results)
     for notebook, made_from in json.loads((results / "provenance.json").read_text("utf-8")).items():
         read = []
         for name, digest in made_from["inputs"].items():
-            about = {"name": name, "sha256": digest, "license": licenses["EUPL-1.2"]}
+            about = {"name": name, "sha256": digest, "license": crate.get("https://spdx.org/licenses/EUPL-1.2")}
             read.append(crate.add_file(AUTHORS_URL + quote(name), properties=about))
         for name, digest in made_from["sources"].items():
             if not name.endswith(".py"):  # the digests of the modules, which are many, are in provenance.json
@@ -59,19 +59,6 @@ def describe_results(results: Path) -> dict:
         made = [*filter(None, map(crate.get, tables)), crate.get(f"outcomes/{notebook}.json")]
         for picture in (picture for picture in pictures if picture.notebook == notebook):
             made.append(add("ImageObject", f"#figures/{picture.name}.svg", picture.name, caption=picture.caption))
-        about = {"agent": authors, "instrument": program, "object": read, "result": made}
-        runs.append(add("CreateAction", f"#run-{notebook}", f"Run of {source}", **about))
-    paper = cited["references"][0]
-    described = {
-        "name": cited["title"],
-        "description": cited["abstract"],
-        "datePublished": str(cited["date-released"]),
-        "license": licenses[cited["license"]],
-        "author": authors,
-        "citation": add("ScholarlyArticle", f"https://doi.org/{paper['doi']}", paper["title"]),
-        "conformsTo": add("CreativeWork", PROFILE, "Process Run Crate", version=PROFILE.rpartition("/")[2]),
-        "mentions": runs,
-    }
-    for name, value in described.items():
-        crate.root_dataset[name] = value
+        about = {"agent": crate.root_dataset["author"], "instrument": program, "object": read, "result": made}
+        crate.root_dataset.append_to("mentions", add("CreateAction", f"#run-{notebook}", f"Run of {source}", **about))
     return crate.metadata.generate()
