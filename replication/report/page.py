@@ -8,6 +8,7 @@ import pandas as pd
 from replication import files, published
 from replication.report import TEMPLATES, answers, markdown, pages
 from replication.report.cells import judged_cells, judged_claims
+from replication.report.crate import describe_results
 from replication.report.facts import collect_facts, fill, fill_in_findings
 from replication.report.figures import load_pictures
 from replication.report.tables import LAYOUTS
@@ -106,4 +107,5 @@ def write_report(results: Path) -> Path:
             file.unlink()
     files.write_text(results / "errata.md", markdown.render_errata())
     files.write_text(results / "report.html", render_report(results, notebooks, verdicts, quick))
+    files.write_json(results / "ro-crate-metadata.json", describe_results(results))
     return results / "report.html"

@@ -129,3 +129,12 @@ def test_on_paper_every_cell_has_its_footnote_and_no_table_is_cut(tab, site):
         ".filter(t => t.getBoundingClientRect().right > 720).map(t => t.caption?.textContent ?? t.className)"
     )
     assert cut == []
+
+
+def test_on_paper_there_is_nothing_dark_and_nothing_to_click(tab, site):
+    page = tab(site / "report.html", 718, "dark")
+    page.emulate_media(media="print", color_scheme="dark")
+    assert page.evaluate("getComputedStyle(document.body).backgroundColor") == "rgb(255, 255, 255)"
+    hidden = "nav, form, .close, .copy, .about .again, .about .strip, summary"
+    shown = page.evaluate(f"[...document.querySelectorAll('{hidden}')].filter(each => each.checkVisibility()).length")
+    assert shown == 0

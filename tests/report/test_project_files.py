@@ -1,6 +1,7 @@
 """What hosts and librarians read: the citation file, the article's metadata, the workflow."""
 
 import re
+from datetime import date
 
 import yaml
 
@@ -16,6 +17,11 @@ def read(name):
 def test_the_citation_file_has_what_its_format_demands_and_cites_the_paper():
     citation = read("CITATION.cff")
     assert {"cff-version", "title", "message", "authors"} <= set(citation)
+    assert citation["cff-version"] == "1.2.0"
+    assert citation["abstract"]
+    assert isinstance(citation["date-released"], date)
+    assert citation["license"] in (ROOT / "pyproject.toml").read_text(encoding="utf-8")
+    assert f'version = "{citation["version"]}"' in (ROOT / "pyproject.toml").read_text(encoding="utf-8")
     (paper,) = citation["references"]
     assert paper["title"] == "A virtual sensor for backlash in robotic manipulators"
     assert [author["family-names"] for author in paper["authors"]] == ["Giovannitti", "Nabavi", "Squillero", "Tonda"]
@@ -43,6 +49,7 @@ def test_the_workflow_runs_what_make_offers_and_keeps_what_is_there():
 def test_a_codechecker_finds_every_output_that_is_listed():
     listed = [entry["file"] for entry in read("codecheck.yml")["manifest"]]
     assert len(listed) > 10
+    assert (ROOT / "codecheck.yml").read_text(encoding="utf-8").startswith("%YAML 1.1\n---\n")  # its specification asks
     assert [name for name in listed if not (ROOT / name).exists()] == []
 
 

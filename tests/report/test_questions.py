@@ -1,0 +1,65 @@
+"""Seven questions of a reviewer: each is answered by the report in at most two clicks and two screens."""
+
+import csv
+from pathlib import Path
+
+import pytest
+from places import RESULTS
+
+from replication.report import answers, cells, facts
+from replication.workbook import judging
+
+VERDICTS = judging.verdicts(RESULTS)
+QUESTIONS = list(csv.DictReader(Path(__file__).with_name("questions.csv").open(encoding="utf-8")))
+SCREENS = 2
+
+
+@pytest.fixture(scope="module")
+def numbers():
+    """What the answers must say, by name: from the results, not typed."""
+    judged = cells.judged_cells(VERDICTS).values()
+    differing = [cell for cell in judged if cell.element == "Table 2" and cell.deciding.verdict == "differs"]
+    largest = max(differing, key=answers.disagreement)
+    return facts.collect_facts(RESULTS, VERDICTS) | {
+        "largest": largest.id,
+        "largest_printed": f"printed {largest.printed}, ours {largest.ours(largest.deciding)}",
+        "largest_reason": largest.deciding.reason,
+        "misfit_line": answers.code_line("signature.rmse").replace("#L", ", line "),
+    }
+
+
+def screens_down(element, height):
+    """How many screens below the top of the window the end of an element is."""
+    box = element.bounding_box()
+    assert box, "it is not shown"
+    assert box["y"] >= 0, "it is above what is shown"
+    return (box["y"] + box["height"]) / height
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("width", "height"), [(1440, 900), (390, 844)])
+@pytest.mark.parametrize("asked", QUESTIONS, ids=lambda asked: asked["question"])
+def test_a_question_is_answered_after_one_click_and_its_evidence_after_two(
+    browser, site, numbers, asked, width, height
+):
+    context = browser.new_context(viewport={"width": width, "height": height})
+    page = context.new_page()
+    page.goto((site / "report.html").as_uri())
+    first = page.locator("nav.contents a", has_text="Questions")
+    assert screens_down(first, height) <= 1
+    first.click()
+    entry = page.locator(".questions > div").filter(has=page.locator("dt", has_text=asked["question"]))
+    assert asked["answer"].format_map(numbers) in entry.inner_text()
+    assert screens_down(entry, height) <= SCREENS
+    entry.locator(asked["click"].format_map(numbers)).first.click()
+    page.wait_for_timeout(100)
+    evidence = page.locator(asked["evidence"].format_map(numbers)).first
+    assert asked["shows"].format_map(numbers) in evidence.inner_text()
+    assert screens_down(evidence, height) <= SCREENS
+    context.close()
+
+
+def test_the_seven_questions_are_asked_once_each(report_page):
+    assert len(QUESTIONS) == 7
+    for asked in QUESTIONS:
+        assert report_page.count(f"<dt>{asked['question'].replace(chr(39), '&#39;')}</dt>") == 1
