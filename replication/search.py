@@ -214,8 +214,8 @@ class Search:
     history: FloatArray
 
 
-def search(steps: Iterator[Generation], iterations: int, target: float = -math.inf) -> Search:
-    """Follow `generations` until a stop rule holds or a misfit reaches the target, `iterations` at the most."""
+def search(steps: Iterator[Generation], iterations: int) -> Search:
+    """Follow `generations` until a stop rule holds, `iterations` at the most."""
     history = np.empty((iterations, len(HISTORY)))
     best, misfit, first = np.empty(0), math.inf, None
     for g, now in enumerate(steps):
@@ -225,8 +225,7 @@ def search(steps: Iterator[Generation], iterations: int, target: float = -math.i
         history[g] = ranked[0], np.median(ranked), quartile, now.after.sigma, axis_ratio, std.min(), std.max()
         if ranked[0] < misfit:
             best, misfit = now.members[now.ranking[0]], float(ranked[0])
-        stop = "target" if misfit <= target else stop_rule(now, first, history[: g + 1], iterations)
-        if stop:
+        if stop := stop_rule(now, first, history[: g + 1], iterations):
             return Search(best, misfit, (g + 1) * ranked.size, stop, history[: g + 1].copy())
     raise ValueError("the generations ended before a stop rule held")
 
