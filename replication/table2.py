@@ -93,29 +93,10 @@ def _run(recording: Recording, protocol: Protocol, seed: int, start: int) -> dic
 def repeated_fits(
     records: Sequence[tuple[dict, Recording]], protocols: Iterable[Protocol], seeds: Sequence[int], label: str
 ) -> pd.DataFrame:
-    """Fit every record with every protocol and seed, on all cores.
+    """Fit every record with every protocol and seed, on all cores; the label stands beside the progress bar.
 
-    Parameters
-    ----------
-    records : sequence of (dict, Recording)
-        The dict's entries become columns that say which record it is.
-    protocols : iterable of Protocol
-        Settings.
-    seeds : sequence of int
-        One run each.
-    label : str
-        What the progress bar says.
-
-    Returns
-    -------
-    DataFrame
-        One row per run: the record's entries, `protocol`, `seed`, `start_sample`, the free parameters, `rmse_rps`,
-        `evaluations`, `iterations`.
-
-    Raises
-    ------
-    ValueError
-        There are no seeds, or see `identify.paper_fit`.
+    Each record comes with a dict that says which it is. The table has a row for each run: these entries, `protocol`,
+    `seed`, `start_sample`, the free parameters, `rmse_rps`, `evaluations`, `iterations`.
     """
     if not len(seeds):
         raise ValueError("no seeds: at least one run of each record is needed")
