@@ -23,14 +23,11 @@ from replication.datasets import COMMANDED_SPEED_RPS, TURN_PERIOD_S, Recording
 from replication.simulator.recordings import simulate_recordings
 from replication.simulator.simulate import identified_joint
 
+_DATA = Path(__file__).with_name("data")
 # Most phases in a turn that a waveform keeps: those of the default one, sampled at 0.5 ms.
 _MOST_PHASES = 800
-
-_DATA = Path(__file__).with_name("data")
-
 # Of a calibration's range, the most uncertainty: the 95 % interval is then as wide as the range, and says nothing.
 _MOST_UNCERTAINTY = 0.25
-
 # How far a log's turn may be from that of the calibration: the waveform scales with the speed.
 PERIOD_MISMATCH = 0.02
 
@@ -138,6 +135,10 @@ def read_calibration(source: OwnCalibration) -> Calibration | None:
 def _defect(found: Calibration) -> str:
     """What no calibration of ours could have; empty if there is nothing of the kind."""
     bank, (low, high) = found.bank, found.range_rad
+    if bank is not None:
+        delta, waves = bank.delta_rad, bank.waveform_rps
+        is_shaped = delta.ndim == 1 and waves.ndim == 2 and len(waves) == delta.size >= LEAST_LEVELS
+        is_bank = is_shaped and np.isfinite(waves).all() and (np.diff(delta) > 0).all() and np.isfinite(delta).all()
     checks = (
         (found.method in METHODS, f"method {found.method!r} is none of {', '.join(METHODS)}"),
         ((bank is not None) == (found.method == "waveform"), "only method waveform has waveforms"),
@@ -146,15 +147,9 @@ def _defect(found: Calibration) -> str:
         (0 <= low < high, "no range"),
         (min(found.turn_period_s, found.commanded_speed_rps) > 0, "no movement"),
         (found.uncertainty_rad >= 0, "a negative uncertainty"),
-        (bank is None or _fits(bank.delta_rad, bank.waveform_rps), "the waveforms do not fit their backlashes"),
+        (bank is None or is_bank, "the waveforms do not fit their backlashes"),
     )
     return next((why for is_right, why in checks if not is_right), "")
-
-
-def _fits(delta: FloatArray, waves: FloatArray) -> bool:
-    """Whether there is a finite waveform for each of a bank's increasing backlashes."""
-    shaped = delta.ndim == 1 and waves.ndim == 2 and len(waves) == delta.size >= LEAST_LEVELS
-    return bool(shaped and (np.diff(delta) > 0).all() and np.isfinite(delta).all() and np.isfinite(waves).all())
 
 
 def backlashes(recording: Recording, fit: GlobalFit, calibrations: Mapping[str, Calibration]) -> dict[str, Backlash]:
@@ -165,26 +160,21 @@ def backlashes(recording: Recording, fit: GlobalFit, calibrations: Mapping[str, 
     }
 
 
-def _fitted(value: FloatArray, delta: FloatArray) -> Polynomial:
-    """Cubic delta(value), equation 10's form."""
-    return Polynomial.fit(value, delta, 3).convert()
-
-
 def _uncertainty(errors_rad: FloatArray) -> float:
     """SD that a normal error would have, had it the 95 % range of Student's for this RMS of so many errors."""
     return float(np.sqrt(np.mean(errors_rad**2)) * stdtrit(errors_rad.size, 0.975) / ndtri(0.975))
 
 
 def fit_polynomial(value: FloatArray, delta: FloatArray, method: str) -> tuple[tuple[float, ...], float]:
-    """Coefficients, from the constant up, of the cubic delta(value), and its leave-one-level-out error [rad]."""
-    cubic = _fitted(value, delta)
+    """Cubic delta(value), equation 10's form, from the constant up, and its leave-one-level-out error [rad]."""
+    cubic = Polynomial.fit(value, delta, 3).convert()
     along = np.linspace(value.min(), value.max(), 400)
     if not (cubic.deriv()(along) > 0).all():
         problem = "the backlash does not grow with the value over the range of these logs"
         cure = "check the known backlashes, add levels, or use another method"
         raise UnusableLog(f"method {method}: {problem}, so a value would have two meanings; {cure}")
     inner = np.unique(delta)[1:-1]
-    errors = [_fitted(value[delta != d], delta[delta != d])(value[delta == d]) - d for d in inner]
+    errors = [Polynomial.fit(value[delta != d], delta[delta != d], 3).convert()(value[delta == d]) - d for d in inner]
     return tuple(cubic.coef.tolist()), _uncertainty(np.concatenate(errors))
 
 
@@ -243,7 +233,7 @@ def default_calibration(method: str) -> Calibration:
 
 def default_calibrations_text() -> str:
     """What `data/default_calibrations.json` is to hold."""
-    kept = {name: json.loads(compute_default(name).to_json()) for name in METHODS if name != "waveform"}
+    kept = {name: compute_default(name).to_dict() for name in METHODS if name != "waveform"}
     return json.dumps(kept, indent=1) + "\n"
 
 

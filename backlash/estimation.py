@@ -6,8 +6,8 @@ must explain most of it, and the calibration must hold the reading in its range.
 """
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -72,9 +72,7 @@ class Estimate:
     friction_share: float | None = None  # of the load, over m g r
     sha256: str | None = None  # of the log file's bytes
     calibration: str = ""  # what it was made from
-    backlash_intervals_rad: tuple[
-        tuple[float, float], ...
-    ] = ()  # by method self, where separate ones fit: likely first
+    backlash_intervals_rad: tuple[tuple[float, float], ...] = ()  # by method self, if separate: likely first
 
     @property
     def relative_index_rps(self) -> float | None:
@@ -150,10 +148,11 @@ def settings_for(
         raise UnusableLog(f"--method {method}: the calibration is of method {calibration.method}")
     if repeats < 1 or seed < 1:
         raise UnusableLog("--repeats and --seed must be 1 or more")
-    used = calibration
-    if used is None and method in (None, SELF, TORQUE):  # needed only to say which backlash would have been seen
+    if calibration is not None:
+        used = calibration
+    elif method in (None, SELF, TORQUE):  # needed only to say which backlash would have been seen
         used = replace(default_calibration("amplitude"), method=method or SELF, provenance="none: the log's own joint")
-    elif used is None:
+    else:
         used = default_calibration(method)
     form = replace(form, usual_speed_rps=used.commanded_speed_rps)
     return Settings(form, used, calibration is not None, repeats, seed, load)
@@ -185,17 +184,22 @@ def examine_recording(recording: Recording, settings: Settings, name: str, notes
         by_joint = calibration.bank is not None or calibration.method == SELF
         if not presence.found and not (by_joint and presence.has_same_sign):
             answer = _judge_absence(recording, presence, calibration, answer)
-        elif calibration.method == SELF:
-            amplitude, joint, model = _fit_joint(recording)
-            answer = replace(
-                _with_amplitude(answer, amplitude), rmse_rps=float(np.std(recording.v - model)), ring_hz=joint.ring_hz,
-                damping_ratio=joint.damping, friction_share=joint.friction,
-            )  # fmt: skip
-            answer = _judge_joint(recording, presence, amplitude, joint, model, calibration.range_rad[0], answer)
         else:
-            fit, reading, model = _fit_reading(recording, settings)
-            answer = _with_amplitude(answer, reading)
-            answer = _judge_reading(recording, presence, fit, reading, model, settings, answer)
+            fit, reading, joint, model = _fit_models(recording, settings)
+            answer = replace(
+                answer, amplitude_rps=reading.amplitude_rps, amplitude_interval_rps=reading.amplitude_interval_rps,
+                rmse_rps=reading.rmse_rps,
+            )  # fmt: skip
+            if joint is not None:
+                answer = replace(
+                    answer, rmse_rps=float(np.std(recording.v - model)), ring_hz=joint.ring_hz,
+                    damping_ratio=joint.damping, friction_share=joint.friction,
+                )  # fmt: skip
+                answer = _judge_joint(recording, presence, reading, joint, model, calibration.range_rad[0], answer)
+            elif settings.load is not None:
+                answer = _judge_torque(recording, settings.load, settings.seed, answer)
+            else:
+                answer = _judge_reading(recording, presence, fit, reading, model, settings, answer)
     except CannotTell as refusal:
         answer = _refused(answer, refusal)
     return Examined(_finite(answer), recording, model)
@@ -209,54 +213,41 @@ def _refused(answer: Estimate, refusal: CannotTell) -> Estimate:
 
 def _finite(found: Estimate) -> Estimate:
     """An estimate with None for what is not finite."""
-    kept = vars(found).copy()
-    for name, value in kept.items():
+
+    def is_finite(value: object) -> bool:
         numbers = value if isinstance(value, tuple) else (value,)
-        if not all(math.isfinite(number) for number in numbers if isinstance(number, float)):
-            kept[name] = None
+        return all(math.isfinite(number) for number in numbers if isinstance(number, float))
+
+    kept: dict[str, Any] = {name: value if is_finite(value) else None for name, value in vars(found).items()}
     return Estimate(**kept)
 
 
-def _fit_signature(recording: Recording) -> GlobalFit:
+def _fit_models(recording: Recording, settings: Settings) -> tuple[GlobalFit, Reading, SelfFit | None, FloatArray]:
+    """The signature, a reading, the joint by method self, and the method's model at the samples, less its mean [rps].
+
+    The reading is of the calibration's method where that knows the movement, else the amplitude.
+    """
+    calibration, protocol, joint = settings.calibration, protocol_for(recording), None
     try:
-        return global_fit(recording, protocol_for(recording))
+        fit = global_fit(recording, protocol)
+        if calibration.method == SELF:
+            joint = fit_joint(recording)
     except ValueError as error:
         raise CannotTell("too short", str(error)) from error
-
-
-def _fit_reading(recording: Recording, settings: Settings) -> tuple[GlobalFit, Reading, FloatArray]:
-    """The signature, what the calibration's method reads, and its model at the samples, less its mean [rps]."""
-    fit, calibration = _fit_signature(recording), settings.calibration
-    curve = signature(recording.t, fit.X, protocol_for(recording).timing)
-    if settings.load is not None or calibration.other_movement(recording):  # the amplitude can be read all the same
-        return fit, reading_of_fit(recording, "amplitude", fit), curve
-    if calibration.method == "paper":
-        return fit, read(recording, "paper", None, settings.repeats, settings.seed), curve
-    reading = reading_of_fit(recording, calibration.method, fit, calibration.bank, settings.is_own)
-    if calibration.bank is not None:
-        turns = (recording.t - recording.t[0]) / recording.turn_period_s
-        curve = calibration.bank.at(reading.value)((turns - reading.shift_turns) % 1.0)
-    return fit, reading, curve
-
-
-def _fit_joint(recording: Recording) -> tuple[Reading, SelfFit, FloatArray]:
-    """The amplitude, the joint that the log itself tells of, and its speed at the samples, less its mean [rps]."""
-    fit = _fit_signature(recording)
-    amplitude = reading_of_fit(recording, "amplitude", fit)
-    try:
-        joint = fit_joint(replace(recording, turn_period_s=fit.turn_period_s))
-    except ValueError as error:
-        raise CannotTell("too short", str(error)) from error
-    phases = np.arange(joint.turn_rps.size + 1) / joint.turn_rps.size
+    reading = reading_of_fit(recording, "amplitude", fit)
+    model = signature(recording.t, fit.X, protocol.timing)
     turns = (recording.t - recording.t[0]) / recording.turn_period_s
-    return amplitude, joint, np.interp(turns % 1.0, phases, np.append(joint.turn_rps, joint.turn_rps[0]))
-
-
-def _with_amplitude(answer: Estimate, reading: Reading) -> Estimate:
-    return replace(
-        answer, amplitude_rps=reading.amplitude_rps, amplitude_interval_rps=reading.amplitude_interval_rps,
-        rmse_rps=reading.rmse_rps, turn_period_s=reading.turn_period_s,
-    )  # fmt: skip
+    if joint is not None:
+        phases = np.arange(joint.turn_rps.size + 1) / joint.turn_rps.size
+        model = np.interp(turns % 1.0, phases, np.append(joint.turn_rps, joint.turn_rps[0]))
+    elif settings.load is None and not calibration.other_movement(recording):
+        if calibration.method == "paper":
+            reading = read(recording, "paper", None, settings.repeats, settings.seed)
+        else:
+            reading = reading_of_fit(recording, calibration.method, fit, calibration.bank, settings.is_own)
+        if calibration.bank is not None:
+            model = calibration.bank.at(reading.value)((turns - reading.shift_turns) % 1.0)
+    return fit, reading, joint, model
 
 
 def _check_movement(recording: Recording, calibration: Calibration) -> None:
@@ -269,8 +260,7 @@ def _least_energy(recording: Recording, calibration: Calibration) -> float:
     if calibration.method in (SELF, TORQUE):
         halves = weak_turn(recording, calibration.range_rad[0]).reshape(2, -1)
         return band_energy((halves[0] - halves[1]) / 2, recording)
-    ring = typical_half_turn(recording)
-    least = calibration.range_rad[0]
+    ring, least = typical_half_turn(recording), calibration.range_rad[0]
     if calibration.bank is not None:
         phases = np.arange(ring.size) / (2 * ring.size)
         return band_energy(calibration.bank.at(least)(phases), recording)
@@ -305,9 +295,7 @@ def _judge_reading(
     recording: Recording, presence: Presence, fit: GlobalFit, reading: Reading, model: FloatArray, settings: Settings,
     answer: Estimate,
 ) -> Estimate:  # fmt: skip
-    """Answer by what the calibration makes of the method's reading, or by the torque."""
-    if settings.load is not None:
-        return _judge_torque(recording, settings.load, settings.seed, answer)
+    """Answer by what the calibration makes of the method's reading."""
     calibration = settings.calibration
     _check_movement(recording, calibration)
     share = explained_share(recording, model, presence)
@@ -378,17 +366,13 @@ def _judge_joint(
         low = 0.0
     if presence.found and explained_share(recording, model, presence) < _LEAST_SHARE:
         raise CannotTell("no signature", "a pattern repeats itself every turn, but no backlash that explains it")
+    ranges = " or ".join(f"{1e3 * first:.3f} to {1e3 * last:.3f} mrad" for first, last in separate)
+    notes = (f"separate backlashes fit: {ranges}",) if joint.other_intervals_rad else ()
     return replace(
         answer, verdict="backlash" if low > 0 else "no backlash", backlash_rad=joint.delta_rad if low > 0 else 0.0,
-        backlash_interval_rad=(low, high), backlash_intervals_rad=separate if len(separate) > 1 else (),
-        warnings=answer.warnings + _tell_apart(separate) + _disagreement(recording, amplitude, joint),
+        backlash_interval_rad=(low, high), backlash_intervals_rad=separate if joint.other_intervals_rad else (),
+        warnings=answer.warnings + notes + _disagreement(recording, amplitude, joint),
     )  # fmt: skip
-
-
-def _tell_apart(separate: Sequence[tuple[float, float]]) -> tuple[str, ...]:
-    """A note where backlashes that do not overlap fit, the more probable one first."""
-    ranges = " or ".join(f"{1e3 * low:.3f} to {1e3 * high:.3f} mrad" for low, high in separate)
-    return (f"separate backlashes fit: {ranges}",) if len(separate) > 1 else ()
 
 
 def _disagreement(recording: Recording, amplitude: Reading, joint: SelfFit) -> tuple[str, ...]:

@@ -127,9 +127,8 @@ def _failed(log: object, settings: Settings, why: str) -> Estimate:
 
 def as_table(answers: Sequence[Estimate]) -> pd.DataFrame:
     """Answers as a tidy table: intervals in two columns each, the first warning of "cannot tell" as the reason."""
-    table = pd.DataFrame([answer.to_dict() for answer in answers]).drop(
-        columns="backlash_intervals_rad"
-    )  # in a warning
+    table = pd.DataFrame([answer.to_dict() for answer in answers])
+    table.pop("backlash_intervals_rad")  # a warning names them
     refused = table["verdict"] == "cannot tell"
     table.insert(2, "reason", table["warnings"].str[0].where(refused, ""))
     table["warnings"] = table["warnings"].where(~refused, table["warnings"].str[1:]).str.join("; ")

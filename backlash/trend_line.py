@@ -60,18 +60,13 @@ class Trend:
             for row in self.points.itertuples()
         ]  # fmt: skip
         return {
-            "points": points,
-            f"growth_{unit}_per_day": self.line[1],
+            "points": points, f"growth_{unit}_per_day": self.line[1],
             f"growth_interval_{unit}_per_day": list(self.growth_interval),
-            "limit_rad": self.limit_rad,
-            "crossing_date": _day(self.crossing),
+            "limit_rad": self.limit_rad, "crossing_date": _day(self.crossing),
             "crossing_interval": self.crossing_interval and [_day(end) for end in self.crossing_interval],
-            "confidence": CONFIDENCE,
-            "warnings": list(self.warnings),
-            "is_relative": self.is_relative,
-            "alarm": self.alarm,
-            "version": __version__,
-        }
+            "confidence": CONFIDENCE, "warnings": list(self.warnings), "is_relative": self.is_relative,
+            "alarm": self.alarm, "version": __version__,
+        }  # fmt: skip
 
     def __str__(self) -> str:
         """The trend for people."""

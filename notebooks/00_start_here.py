@@ -100,7 +100,7 @@ seed = int(seed)
 @style.in_style
 def draw_joint(delta):
     """Draw the joint: motor with encoder, gear, load on an arm under gravity; and the teeth, delta to each side."""
-    figure, (left, right) = plt.subplots(1, 2, figsize=(9.0, 3.2), width_ratios=(5, 4))
+    figure, ((left,), (right,)) = style.grid(2, 1, height_in=4.2)
     teeth.draw_arm(left, 0.9)
     left.plot([-3.9, -0.8], [0, 0], color=style.INK, linewidth=3, zorder=0)
     for x, radius, colour in ((-0.8, 0.2, style.BLUE), (0, 0.6, "0.5")):
@@ -116,6 +116,7 @@ def draw_joint(delta):
         right.text(x * delta, y, text, ha="center", color="k" if x else "w")
     for side in (-delta, delta):
         right.annotate("", (2 * side, 0.9), (side, 0.9), arrowprops={"arrowstyle": "<->"})
+    style.letter_panels((left, right))
     return figure
 
 
@@ -468,8 +469,8 @@ workbook.export(
     figures={
         "start_joint": (
             start_joint,
-            "The joint, and the motor's tooth between the two flanks of the load: the backlash is the way to either "
-            "side, half of the play.",
+            "(a) The joint: the encoder measures the motor's angle, and nothing measures the load's. (b) The motor's "
+            "tooth between the two flanks of the load: the backlash is the way to either side, half of the play.",
         )
     },
 )

@@ -18,7 +18,7 @@
 # # 1 · The signature of backlash (figure 6)
 #
 # *You will write the signature in ten lines, fit it to a record with the cost of your choice, and see the authors'
-# stored runs replayed. Run time: 7 s.*
+# stored runs replayed. Run time: 10 s.*
 #
 # ## Claim
 #
@@ -92,6 +92,7 @@ from replication.figures import paper, searching
 from replication.identify import paper_fit, protocol_box
 from replication.replay import inspection, replay
 from replication.search import generations, random_normals, search
+from replication.signature import FREE_PARAMETERS
 from replication.table2 import AUTHORS, BASIN_GAP, basin_labels
 from replication.workbook import Interval
 
@@ -151,8 +152,7 @@ print(f"largest difference: {np.abs(shape - signature.signature(t, X, timing)).m
 # ### Figure 6
 
 # %%
-_, t0, _, _, _, T2, T1 = X
-figure6 = paper.signature_parameters(t, shape, t0, T1, T2, timing.T_d, timing.T_f)
+figure6 = paper.signature_parameters(t, shape, X, timing)
 
 # %% [markdown]
 # ### The signature on a record
@@ -283,7 +283,8 @@ shown.assign(closest_ranks_rps=parted["closest_ranks_rps"].map("{:.1e}".format))
 # ### The basins of the stored runs
 #
 # The 30 runs end in different basins; a mean over them hides that. `replayed_runs` are ours with the same seeds: the
-# same basins, run by run, but for the one run that ends elsewhere.
+# same basins, run by run, but for the one run that ends elsewhere. The
+# [replay explorer](../results/pages/replay_explorer.html) plays every run generation by generation.
 
 # %%
 basins = stored_runs.groupby("basin").agg(
@@ -391,6 +392,8 @@ workbook.export(
     tables={
         "stored_runs": stored_runs,
         "replay": made[["run", "cma_seed", "generation", "best_rmse_rps", "sigma"]].assign(**to_16_digits),
+        "replay_frames": replay.replay_frames(record, made),
+        "replay_box": pd.DataFrame({"parameter": FREE_PARAMETERS, **vars(protocol_box(record, AUTHORS))}),
         "replay_ends": ended,
         "replay_partings": parted,
         "stored_basins": basins.reset_index(),
@@ -398,19 +401,23 @@ workbook.export(
     figures={
         "figure06_signature": (
             figure6,
-            "The signature of two turns at a stored run's parameters: two damped oscillations a turn, opposite in "
-            "sign, each in its window from t_0 + T_1 to t_0 + T_2.",
+            f"(a) The signature h(t) of {turns} turns at the parameters of stored run {run}: two damped oscillations a "
+            "turn, opposite in sign and T_d apart; a turn takes T_f. (b) The first oscillation lasts from t_0 + T_1 to "
+            "t_0 + T_2. Its envelope (dashed) decays from the amplitude A.",
         ),
         "figure05_record12_with_signature": (
             figure5,
-            "The authors' record 12, and over it the signature that one of their stored runs fitted to it; the "
-            "residual peaks at the impacts, most at the start-up transient, which no signature has.",
+            f"(a) The first four of twelve turns of the authors' record 12, and over them the signature that stored "
+            f"run {run} of {len(stored_X)} fitted to the record. (b) The residual peaks at the impacts, most at the "
+            "start-up transient, which no signature has.",
         ),
         "replay_differences": (
             replay_figure,
-            f"The replayed runs against the stored ones: of {len(compared)} printed generations {agreeing.size} agree, "
-            f"within {agreeing.max():.0e} rps; the others belong to runs that diverge temporarily. "
-            f"{(ended['difference_rps'] >= replay.AGREE_RPS).sum()} of {len(ended)} runs ends elsewhere.",
+            f"The lowest misfits of the replayed runs against the stored ones. (a) Of {len(compared)} printed "
+            f"generations of {compared['run'].nunique()} runs {agreeing.size} agree within {agreeing.max():.0e} rps; "
+            "the others belong to the named runs, which diverge temporarily. (b) Of the ends of all "
+            f"{len(ended)} runs {(ended['difference_rps'] < replay.AGREE_RPS).sum()} agree. The limit of agreement is "
+            f"{replay.AGREE_RPS:.0e} rps; a difference of 0 is drawn at {searching.SMALLEST_RPS:.0e} rps.",
         ),
     },
     cells={"authors": cells},

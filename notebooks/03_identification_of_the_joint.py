@@ -285,8 +285,10 @@ workbook.export(
     figures={
         "joint_residual": (
             residual,
-            "The identified joint against the authors' record 13: apart from the start-up transient the residual is "
-            "the size of the record's rounding.",
+            "(a) The first four of twelve turns of the authors' record 13, which the fit of the ratios does not use, "
+            "and of the identified joint. (b) The residual: after the first turn its RMS is "
+            f"{np.sqrt(np.mean((record.v - simulated.v)[settled] ** 2)):.2g} rps. The record is rounded to 0.01 rps "
+            "from 100 rps on, to 0.001 rps below.",
         )
     },
 )

@@ -130,13 +130,13 @@ motion = run.motor_position_rad - joint.commanded_speed_rad_per_s * run.time_s
 displacement = run.motor_position_rad / joint.gear_ratio - run.load_position_rad
 recorded = records[delta_rad].v if compared else None
 signals = [
-    ("motor position less\nconstant speed [rad]", motion[shown], None),
-    ("motor speed [rps]", run.motor_speed_rps[shown], recorded[shown] if compared else None),
-    ("motor torque [N m]\n(current)", run.motor_torque_nm[shown], None),
-    ("motor - load\n[1e-4 rad]", 1e4 * displacement[shown], None),
+    ("$\\theta_m - \\Omega t$\n[rad]", motion[shown], None),
+    ("motor speed\n[rps]", run.motor_speed_rps[shown], recorded[shown] if compared else None),
+    ("motor torque\n[N m]", run.motor_torque_nm[shown], None),
+    ("$\\theta_m / N - \\theta_l$\n[$10^{-4}$ rad]", 1e4 * displacement[shown], None),
 ]
 if compared:
-    signals.insert(2, ("simulated -\nrecord [rps]", (run.motor_speed_rps - recorded)[shown], None))
+    signals.insert(2, ("simulated $-$\nrecord [rps]", (run.motor_speed_rps - recorded)[shown], None))
 figure10 = paper.simulated_joint(run.time_s[shown], signals)
 
 # %% [markdown]
@@ -257,21 +257,24 @@ print(
 )
 
 # %% tags=["plumbing"]
+panels = ["motor position less the commanded one", "motor speed", "motor torque (the current times a constant)"]
+panels.append("motor position on the load's side less the load's position")
+if compared:
+    panels.insert(2, f"simulated less recorded speed, at most {np.abs(signals[2][1]).max():.2g} rps")
+listed = ", ".join(f"({letter}) {panel}" for letter, panel in zip("abcde", panels, strict=False))
 workbook.export(
     tables={"simulator_validation": table, "positive_impact_delay": lateness},
     figures={
         "figure10_simulator": (
             figure10,
-            "Position, speed and torque of our joint over two turns. "
-            + ("Only the speed is published: " if compared else "It turns at another speed than the published record.")
-            + ("record and simulation coincide; " if compared and not changed else "")
-            + ("the third panel shows their difference." if compared else ""),
+            f"Two settled turns of our joint at level {level}, a backlash of {1e4 * delta_rad:g}e-4 rad: {listed}. "
+            + ("Only the speed is published." if compared else "It turns at another speed than the published records."),
         ),
         "figure10_validation": (
             validation,
-            "Simulation against every published clean record: the misfit is as small on the levels that the fit "
-            "of the ratios does not use (open) as on those that it uses, and the peaks lie close to the printed "
-            "amplitudes. The model's structure was chosen with all of these in view.",
+            f"{name} (a) against the {len(records)} published clean records and (b) against the {len(peaks)} printed "
+            "amplitudes. The levels that the fit of the ratios does not use (circles) show errors of the same size as "
+            "those that it uses (squares). The model's structure was chosen with all of these in view.",
         ),
     },
     cells=cells,

@@ -435,19 +435,24 @@ workbook.export(
     figures={
         "search_one_generation": (
             one_generation,
-            "One generation in two of its seven dimensions: samples and their better half, the new mean, and the "
-            "distribution of the next samples, narrower where the good ones agree. The frame is the search's box; "
-            "samples beyond it are reflected.",
+            f"Generation {generation} of one run in two of its seven dimensions: (a) its {population} samples, (b) the "
+            "new mean, to which each sample of the better half adds by its weight, (c) the distribution of the next "
+            "samples. Ellipses show 2 SD; samples beyond the bounds are reflected.",
         ),
         "search_run": (
             whole_run,
-            "A run: mean and distribution in two dimensions after some generations, and how the lowest misfit comes "
-            "down to the run's best, slowly while the search explores, then exponentially.",
+            f"One run of {best.size} generations of {population} members: (a) mean and distribution (2 SD) after some "
+            "generations, in two of seven dimensions, (b) the lowest misfit of each generation above that of the run. "
+            "It falls slowly while the ellipse shrinks, then exponentially.",
         ),
         "table2_protocols": (
             protocols,
-            "Variants of the protocol against Table 2: with the printed turn period every mean falls far short, a "
-            "start drawn at random is worse than the whole record, and no variant gives the printed SDs.",
+            f"Variants of the protocol against Table 2, {repeats} runs on each of {len(rows)} records, R = "
+            f"{realisation}: (a) the means and (b) the SDs over the runs, the printed ones at the black lines. Each "
+            "band has one mark for each row of Table 2, row 1 on top. The bands are sorted by the mean absolute "
+            "deviation in (a). "
+            "With the printed turn period every mean falls far short, a start drawn at random is worse than the whole "
+            "record, and no variant gives the printed SDs.",
         ),
     },
     cells={"authors": cells},
@@ -456,7 +461,7 @@ workbook.export(
 # %% [markdown]
 # ## Try changing
 #
-# 1. `variants = ["authors' notebook", "T_d and T_f as printed"]`: two lines in the figure; the second lies 30 % or
+# 1. `variants = ["authors' notebook", "T_d and T_f as printed"]`: two bands in the figure; the second lies 29 % or
 #    more below the printed means.
 # 2. `sigma = 0.02`: the first members lie about the middle of the box, $t_0$ = 2.4 s, and later ones stay near it. The
 #    run ends with a signature that begins in the middle of the record, at 4.6 times the stored RMSE.

@@ -249,7 +249,7 @@ first = backlash[(backlash["source"] == "authors") & (backlash["realisation"] ==
 widest = int(first.loc[first["sd_A_rps"].idxmax(), "row"])
 of_widest = fits[(fits["source"] == "authors") & (fits["realisation"] == realisations[0]) & (fits["row"] == widest)]
 labels = table2.basin_labels(of_widest["rmse_rps"].to_numpy())
-table2_basins = paper.basins(of_widest, labels, f"row {widest} of Table 2, R = {realisations[0]}, {repeats} runs")
+table2_basins = paper.basins(of_widest, labels, f"row {widest} of Table 2, $R$ = {realisations[0]}, {repeats} runs")
 
 # %% [markdown]
 # ### Other seeds
@@ -319,15 +319,17 @@ workbook.export(
     figures={
         "table2_amplitudes": (
             table2_amplitudes,
-            f"Table 2 against the runs on {len(realisations)} noise realisations: (a) means of {repeats} runs and best "
-            "basins on the authors' records, with the region for one more realisation, (b) the same on our simulated "
-            "records, (c) the SDs. A printed mean is decided only where its region holds neither the theoretical A nor "
-            "a neighbouring printed mean.",
+            f"Table 2 against the runs, {repeats} on each record; a marker is one noise realisation. (a) Means of all "
+            f"runs and of those in the best basin on the authors' records, {len(realisations)} realisations, with the "
+            f"95 % region for one more; (b) the same on our simulated records, {len(noise_seeds)} realisations; (c) "
+            "the SDs. A printed mean is decided only where its region holds neither the theoretical A nor a "
+            "neighbouring printed mean.",
         ),
         "table2_basins": (
             table2_basins,
-            f"Where the {repeats} runs end on row {widest}, R = {realisations[0]}, the row of widest spread: the area "
-            "of a marker shows how many runs share it. Runs at another amplitude make the SD.",
+            f"Where the {repeats} runs end on row {widest}, R = {realisations[0]}, the row of widest spread: "
+            f"{(labels == 1).sum()} in the best basin. The area of a marker is in proportion to its number of runs. "
+            "Runs at another amplitude make the SD.",
         ),
     },
     cells=cells,

@@ -210,9 +210,9 @@ noise = np.random.default_rng(bench_seed).normal(0, bench.noise_rps, runs[1].tim
 constant = identified.gear_ratio * start + identified.commanded_speed_rad_per_s * runs[0].time_s
 simulator, stand_in = runs
 signals = [
-    ("motor position less\nconstant speed [rad]", *((run.motor_position_rad - constant)[shown] for run in runs)),
-    ("motor speed [rps]", simulator.motor_speed_rps[shown], (stand_in.motor_speed_rps + noise)[shown]),
-    ("motor torque [N m]\n(current)", *(run.motor_torque_nm[shown] for run in runs)),
+    ("$\\theta_m - N \\theta_0 - \\Omega t$\n[rad]", *((run.motor_position_rad - constant)[shown] for run in runs)),
+    ("motor speed\n[rps]", simulator.motor_speed_rps[shown], (stand_in.motor_speed_rps + noise)[shown]),
+    ("motor torque\n[N m]", *(run.motor_torque_nm[shown] for run in runs)),
 ]
 figure10 = paper.simulated_joint(simulator.time_s[shown], signals, "stand-in bench")
 
@@ -277,8 +277,9 @@ workbook.export(
     figures={
         "figure10_bench_standin": (
             figure10,
-            "The simulated joint beside a stand-in of the bench with friction, ripple and noise: in both the motor "
-            "speed rings after each impact. The bench's own logs are not public.",
+            "Two turns of the simulated joint and of a stand-in of the bench with friction, ripple and noise: (a) "
+            "motor position less the commanded one, (b) motor speed, (c) motor torque (the current times a constant). "
+            "In both the speed rings after each impact. The bench's own logs are not public.",
         ),
         "table3_bench": (
             table3_figure,

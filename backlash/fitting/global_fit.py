@@ -32,7 +32,6 @@ class GlobalFit:
 
     X: FloatArray  # in `signature.FREE_PARAMETERS` order
     rmse: float  # the paper's cost [rps]
-    turn_period_s: float  # T_f of the protocol
     amplitude_rps: float  # |A| for a window that starts midway between two samples
     amplitude_interval_rps: tuple[float, float]  # 95 %, if the signature is right and the noise white
     at_bound: tuple[str, ...]  # parameters at a bound of the box
@@ -168,7 +167,6 @@ def global_fit(recording: Recording, protocol: Protocol | None = None) -> Global
     return GlobalFit(
         X,
         float(population_rmse(t, v, X[None, :], timing)[0]),
-        timing.T_f,
         float(abs(X[0]) * np.exp(X[2] * (X[1] + X[6] - middle_of_gap(fold, a)))),
         interval,
         tuple(name for name, bound in zip(FREE_PARAMETERS, near, strict=True) if bound),

@@ -8,7 +8,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.fft import fft, ifft, next_fast_len
 from scipy.special import fdtri
 
 from backlash.fitting.waveform import settled
@@ -109,16 +108,10 @@ def _without_transient(phase: FloatArray, v: FloatArray, period: float) -> tuple
 
 
 def _spectrum(v: FloatArray, turns: int, last: int, samples: float) -> tuple[NDArray[np.complex128], FloatArray]:
-    """Fourier coefficients `turns` to a harmonic, and half their squares between the harmonics (NaN at them).
+    """Fourier coefficients `turns` to a harmonic, and half their squares between the harmonics (NaN at them)."""
+    from scipy.signal import czt  # slow to import, and not needed to refuse a file
 
-    Bluestein's transform: to rounding SciPy's `czt`, which is slow to import.
-    """
-    count = (last + 1) * turns
-    chirp = np.exp(-2j * np.pi / samples) ** (np.arange(max(count, v.size)) ** 2 / 2)
-    size = next_fast_len(v.size + count - 1)
-    kernel = fft(1 / np.concatenate([chirp[v.size - 1 : 0 : -1], chirp[:count]]), size)
-    convolved = ifft(kernel * fft(v * chirp[: v.size], size))
-    bins = convolved[v.size - 1 : v.size + count - 1] * chirp[:count] / v.size
+    bins = czt(v, (last + 1) * turns, np.exp(-2j * np.pi / samples)) / v.size
     between = np.abs(bins) ** 2 / 2
     between[::turns] = np.nan
     return bins, between

@@ -14,16 +14,10 @@ from replication.simulator.parameters import TURN, identified_joint
 # Relative SD (log-normal) of the prior of each ratio around the identified joint's. The drive's inner workings, the
 # last five, are taken as known up to a few percent, or the error of the backlash would double: a log hardly tells them.
 RATIO_PRIOR = {
-    "stiffness_per_s2": 0.2,
-    "gravity_per_s2": 0.2,
-    "inertia_ratio": 0.2,
-    "speed_gain_per_s": 0.2,
-    "integral_gain_per_s2": 0.2,
+    **dict.fromkeys(("stiffness_per_s2", "gravity_per_s2", "inertia_ratio"), 0.2),
+    **dict.fromkeys(("speed_gain_per_s", "integral_gain_per_s2"), 0.2),
     "torque_lag_s": 0.03,
-    "derivative_gain": 0.02,
-    "leaky_gain_per_s2": 0.02,
-    "position_gain_per_s": 0.02,
-    "leaky_rate_per_s": 0.02,
+    **dict.fromkeys(("derivative_gain", "leaky_gain_per_s2", "position_gain_per_s", "leaky_rate_per_s"), 0.02),
 }
 DRIVE_UNKNOWNS = 5
 # How a speed may have been measured: probability, mean and SD of its smoothing in units of what differencing over a

@@ -17,15 +17,7 @@ from numpy.typing import NDArray
 from scipy.fft import next_fast_len
 
 from backlash.fitting.harmonics import FASTEST_HZ, TurnHarmonics
-from backlash.fitting.joint_posterior import (
-    LEAST_BACKLASH,
-    LOW_PASS_INDEX,
-    MEAN,
-    SIZE,
-    SMOOTHING_INDEX,
-    Problem,
-    rows_of,
-)
+from backlash.fitting.joint_posterior import LEAST_BACKLASH, LOW_PASS_INDEX, MEAN, SMOOTHING_INDEX, Problem, rows_of
 from backlash.fitting.turns import Movement, settled_turns
 from replication import CODE_HASH
 from replication.arrays import FloatArray
@@ -135,7 +127,7 @@ def _covariance(slopes: FloatArray) -> FloatArray:
     return np.asarray(np.linalg.inv(slopes @ slopes.T), dtype=float)
 
 
-def _search(problem: Problem, z: FloatArray, steps: int, free: int = SIZE) -> Found:
+def _search(problem: Problem, z: FloatArray, steps: int, free: int = MEAN.size) -> Found:
     """Levenberg-Marquardt of the first `free` unknowns.
 
     Unlike SciPy's, it takes residual and slopes from one simulation, and no step into a joint that runs away.

@@ -22,7 +22,6 @@ class Reading:
     amplitude_rps: float
     amplitude_interval_rps: tuple[float, float]
     rmse_rps: float  # misfit of the signature, or of the waveform
-    turn_period_s: float  # T_f
     at_bound: tuple[str, ...] = ()  # what lies at a bound of its search
     shift_turns: float = 0.0  # for "waveform", the phase of the record against the bank
 
@@ -40,10 +39,9 @@ def _energy(recording: Recording, fit: GlobalFit) -> tuple[float, tuple[float, f
 
     White noise of SD s in n samples moves it by s / sqrt(n), because only its part along the signature counts.
     """
-    timing = replace(protocol_for(recording), T_f=fit.turn_period_s, T_d=fit.turn_period_s / 2).timing
-    since = (recording.t - fit.X[1]) / fit.turn_period_s
+    since = (recording.t - fit.X[1]) / recording.turn_period_s
     whole = (since >= 0) & (since < max(np.floor(since[-1] + 1 / recording.t.size), 1.0))
-    h = signature(recording.t, fit.X, timing)[whole]
+    h = signature(recording.t, fit.X, protocol_for(recording).timing)[whole]
     rms, half_width = float(np.sqrt(np.mean(h**2))), 1.96 * fit.rmse / np.sqrt(h.size)
     return rms, (max(rms - half_width, 0.0), rms + half_width)
 
@@ -65,7 +63,7 @@ def read(
     amplitude = np.array([fit.amplitude_rps for fit in fits])
     mean, spread = float(amplitude.mean()), 1.96 * float(amplitude.std(ddof=1)) if repeats > 1 else 0.0
     interval, rmse = (max(mean - spread, 0.0), mean + spread), float(min(fit.rmse for fit in fits))
-    return Reading(method, mean, interval, mean, interval, rmse, recording.turn_period_s)
+    return Reading(method, mean, interval, mean, interval, rmse)
 
 
 def reading_of_fit(
@@ -75,20 +73,20 @@ def reading_of_fit(
 
     Where the bank `is_own`, of the record's joint, a low-pass is looked for too.
     """
-    rmse, at_bound, shift = fit.rmse, fit.at_bound, 0.0
-    if method in ("paper", "amplitude"):
-        value, interval = fit.amplitude_rps, fit.amplitude_interval_rps
-    elif method == "energy":
+    amplitude, interval = fit.amplitude_rps, fit.amplitude_interval_rps
+    found = Reading(method, amplitude, interval, amplitude, interval, fit.rmse, fit.at_bound)
+    if method == "energy":
         value, interval = _energy(recording, fit)
-    elif method == "impact":
-        value = float(fit.X[1] % (fit.turn_period_s / 2))
-        interval = value, value
-    elif bank is None:
-        raise ValueError("waveform needs a bank")
-    else:
-        found = match(replace(recording, turn_period_s=fit.turn_period_s), bank, is_own)
-        value, interval, rmse, shift = found.delta_rad, found.interval_rad, found.rmse_rps, found.shift_turns
-        at_bound = ("backlash",) if found.at_end else ()
-    return Reading(
-        method, value, interval, fit.amplitude_rps, fit.amplitude_interval_rps, rmse, fit.turn_period_s, at_bound, shift
-    )
+        return replace(found, value=value, interval=interval)
+    if method == "impact":
+        value = float(fit.X[1] % (recording.turn_period_s / 2))
+        return replace(found, value=value, interval=(value, value))
+    if method == "waveform":
+        if bank is None:
+            raise ValueError("waveform needs a bank")
+        best = match(recording, bank, is_own)
+        return replace(
+            found, value=best.delta_rad, interval=best.interval_rad, rmse_rps=best.rmse_rps,
+            at_bound=("backlash",) if best.at_end else (), shift_turns=best.shift_turns,
+        )  # fmt: skip
+    return found

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.special import chdtrc, chdtri
+from scipy.special import chdtrc, chdtri, softmax
 
 from backlash.fitting import joint_posterior
 from backlash.fitting.harmonics import MODEL_ERROR, RING_HZ, TurnHarmonics, turn_harmonics
@@ -77,8 +77,7 @@ def fit_joint(recording: Recording) -> SelfFit:
     z, converged = find_joint(problem, harmonics)
     residual = problem.residual(z)
     chi2 = float(residual @ residual) if np.isfinite(residual).all() else np.inf
-    found: list[WeightedPeak] = []
-    peaks: list[WeightedPeak] = []
+    found, peaks = [], []
     most, second = -np.inf, SecondMass(1.0, np.nan)
     for name, (weight, *measured) in joint_posterior.MEASURED_AS.items():
         peak = find_peak(problem, z, measured, chi2)
@@ -120,24 +119,18 @@ def mix_peaks(found: Sequence[WeightedPeak]) -> tuple[Peak, FloatArray]:
     evidence = np.array([weight + peak.evidence for weight, peak in found])
     if not np.isfinite(evidence.max()):
         return found[0][1], found[0][1].covariance
-    share = np.exp(evidence - evidence.max())
-    share /= share.sum()
+    share = softmax(evidence)
     weighted = [(part, peak) for part, (_, peak) in zip(share, found, strict=True)]
     mean = sum(part * peak.z for part, peak in weighted)
     covariance = sum(part * (peak.covariance + np.outer(peak.z - mean, peak.z - mean)) for part, peak in weighted)
     return replace(found[int(share.argmax())][1], z=mean), covariance
 
 
-def _share_of_each(groups: Sequence[Sequence[WeightedPeak]]) -> FloatArray:
-    """Posterior probability of each group of peaks."""
-    evidence = np.array([np.logaddexp.reduce([weight + peak.evidence for weight, peak in group]) for group in groups])
-    share = np.exp(evidence - evidence.max())
-    return share / share.sum()
-
-
 def separate_peaks(found: list[WeightedPeak]) -> list[list[WeightedPeak]]:
     """Groups of peaks whose backlashes overlap, the most probable group first; improbable groups are left out."""
     finite = sorted((each for each in found if np.isfinite(each[1].evidence)), key=lambda each: each[1].z[0])
+    if not finite:
+        return [found]
     groups = [finite[:1]]
     for each in finite[1:]:
         last = groups[-1][-1][1]
@@ -145,20 +138,15 @@ def separate_peaks(found: list[WeightedPeak]) -> list[list[WeightedPeak]]:
         if each[1].z[0] - last.z[0] > _APART_SDS * sum(sds):
             groups.append([])
         groups[-1].append(each)
-    if not finite:
-        return [found]
-    share = _share_of_each(groups)
+    share = softmax([np.logaddexp.reduce([weight + peak.evidence for weight, peak in group]) for group in groups])
     return [groups[k] for k in np.argsort(-share) if share[k] >= _LEAST_GROUP]
 
 
 def _result(
-    problem: Problem,
-    found: list[WeightedPeak],
-    converged: bool,
-    harmonics: TurnHarmonics,
-    second: SecondMass,
+    problem: Problem, found: list[WeightedPeak], converged: bool, harmonics: TurnHarmonics, second: SecondMass,
     peaks: list[WeightedPeak],
-) -> SelfFit:
+) -> SelfFit:  # fmt: skip
+    """What the peaks of a record's posterior say, and whether that is an answer."""
     groups = separate_peaks(found)
     peak, covariance = mix_peaks(groups[0])
     z, residual = peak.z, peak.residual

@@ -297,14 +297,9 @@ def _run(row, n, turn_s, periods, order, differencing, with_ripple, settled_rps,
 
 
 def turn_and_slopes(
-    row: FloatArray,
-    movement: Movement,
-    order: float,
-    differencing: bool,
-    with_ripple: bool,
-    settled_rps: float,
+    row: FloatArray, movement: Movement, order: float, differencing: bool, with_ripple: bool, settled_rps: float,
     pushes: FloatArray | None = None,
-) -> tuple[FloatArray, FloatArray, int]:
+) -> tuple[FloatArray, FloatArray, int]:  # fmt: skip
     """Motor speed [rps] and load speed [rad/s] of a joint over one settled turn, the slopes, and the turns before it.
 
     The slopes are the motor speed's derivatives by `COLUMNS` and by `pushes`, further accelerations of the load over a

@@ -3,18 +3,15 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.polynomial import chebyshev
 from numpy.typing import ArrayLike, NDArray
+from scipy.interpolate import CubicSpline
+from scipy.optimize import OptimizeResult, least_squares
 
 from replication.arrays import FloatArray
 from replication.datasets import Recording
-
-if TYPE_CHECKING:
-    from scipy.interpolate import CubicSpline
-    from scipy.optimize import OptimizeResult
 
 # Each phase of aligned waveforms is a polynomial of the backlash. The fourth degree leaves 1e-6 rad on noise-free
 # waveforms of Table 2's range, and averages the noise of logs that an interpolation would keep.
@@ -26,10 +23,8 @@ _LOW_PASSES_S, _LEAST_GAIN = (1e-3, 4e-3), 8.0
 LEAST_LEVELS = _DEGREE + 2
 
 
-def periodic(turn: NDArray[np.floating]) -> "CubicSpline":
+def periodic(turn: NDArray[np.floating]) -> CubicSpline:
     """Interpolate a turn at even phases from 0, as a function of the phase in turns from 0 to 1."""
-    from scipy.interpolate import CubicSpline  # slow to import, and not used by method self
-
     return CubicSpline(np.linspace(0.0, 1.0, turn.size + 1), np.append(turn, turn[0]), bc_type="periodic")
 
 
@@ -60,7 +55,7 @@ class WaveformBank:
         """From the first to the last backlash [rad]."""
         return float(self.delta_rad[-1] - self.delta_rad[0])
 
-    def at(self, delta_rad: float, derivative: int = 0, low_pass: float = 0.0) -> "CubicSpline":
+    def at(self, delta_rad: float, derivative: int = 0, low_pass: float = 0.0) -> CubicSpline:
         """Waveform [rps] at a backlash, or its derivative by that, as a periodic spline of the phase in turns.
 
         `low_pass` is the square of its time constant [turns^2].
@@ -162,8 +157,7 @@ def match(recording: Recording, bank: WaveformBank, low_pass: bool = False) -> W
     With `low_pass` one that the bank's logs did not have is looked for, and taken where the misfit falls by more than
     it makes of noise alone. That is for a bank of the log's own joint: another joint's misfit would pass for one.
     """
-    turns, v = settled(recording)
-    centred = v - v.mean()
+    turns, _ = settled(recording)
     starts = [(time_constant / recording.turn_period_s) ** 2 for time_constant in _LOW_PASSES_S if low_pass]
     plain, *low_passed_ones = (_match_from(recording, bank, start) for start in (0.0, *starts))
     best = min(low_passed_ones, key=lambda found: found.cost, default=plain)
@@ -176,16 +170,14 @@ def match(recording: Recording, bank: WaveformBank, low_pass: bool = False) -> W
         float(delta),
         (float(delta - half_width), float(delta + half_width)),
         float(found.x[1] % 1.0),
-        float(np.sqrt(2 * found.cost / centred.size)),
+        float(np.sqrt(2 * found.cost / turns.size)),
         bool(min(found.x[0], 1 - found.x[0]) < 1e-6),
         float(recording.turn_period_s * np.sqrt(found.x[2])) if found.x.size > 2 else 0.0,
     )
 
 
-def _match_from(recording: Recording, bank: WaveformBank, low_pass: float) -> "OptimizeResult":
+def _match_from(recording: Recording, bank: WaveformBank, low_pass: float) -> OptimizeResult:
     """Least squares in the place in the bank, the phase and, unless it is 0, the low-pass to start from."""
-    from scipy.optimize import least_squares  # slow to import, and not used by method self
-
     turns, v = settled(recording)
     phases = min(max(samples_a_turn(recording), 16), bank.waveform_rps.shape[1])
     grid = np.linspace(0.0, 1.0, phases, endpoint=False)

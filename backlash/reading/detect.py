@@ -17,7 +17,6 @@ from scipy.ndimage import median_filter
 from scipy.special import gammaincc, gammaincinv
 
 from backlash.reading.columns import LogFormat
-from backlash.reading.low_pass import low_pass
 from backlash.reading.prepare import CannotTell
 from replication.arrays import FloatArray
 from replication.datasets import Recording
@@ -55,7 +54,7 @@ class Presence:
     """What the half turns of a record have in common; `pattern` has shape (2, harmonics)."""
 
     p_value: float  # how often random signs give as much energy
-    p_same_sign: float  # the same for a pattern with one sign in both halves of a turn, as no signature has
+    has_same_sign: bool  # whether there is one with the same sign in both halves of a turn, as no signature has
     noise_rps: float  # RMS noise of a sample in the band, from the scatter between half turns
     detectable_rps2: float  # energy, as `band_energy` counts it, that is found with probability `POWER`
     pattern: ComplexArray  # of the mean first and second half of a turn, the second negated [rps]
@@ -64,11 +63,6 @@ class Presence:
     def found(self) -> bool:
         """Whether there is a pattern, at the level `FALSE_ALARMS`."""
         return self.p_value <= FALSE_ALARMS
-
-    @property
-    def has_same_sign(self) -> bool:
-        """Whether there is a pattern with the same sign in both halves, at the level `FALSE_ALARMS`."""
-        return self.p_same_sign <= FALSE_ALARMS
 
 
 def _odd_harmonics(recording: Recording) -> NDArray[np.int64]:
@@ -103,7 +97,9 @@ def _half_turns(recording: Recording) -> FloatArray:
     instants = recording.t[0] + half * (np.arange(count)[:, None] + np.arange(phases) / phases)
     v = recording.v - recording.v.mean()
     if 0.4 / dt > 1.3 * _FASTEST_HZ:  # else what is above the band would leak into it with the slow part
-        v = low_pass(v, 1.3 * _FASTEST_HZ, dt)
+        from scipy import signal  # slow to import, and not needed to refuse a file
+
+        v = signal.sosfiltfilt(signal.butter(6, 1.3 * _FASTEST_HZ, output="sos", fs=1 / dt), v)
     v = np.interp(instants, recording.t, v - _motor_lines(recording, v))
     return v * np.where(np.arange(count) % 2, -1.0, 1.0)[:, None]
 
@@ -172,7 +168,7 @@ def find_pattern(recording: Recording, seed: int = 1) -> Presence:
     threshold = max(float(np.quantile(energy, 1 - FALSE_ALARMS)), a_mean)
     return Presence(
         float(np.mean(energy >= energy[0] * (1 - 1e-12))),
-        float(np.mean(energy >= same_sign * (1 - 1e-12))),
+        bool(np.mean(energy >= same_sign * (1 - 1e-12)) <= FALSE_ALARMS),
         float(np.sqrt(scatter * halves.shape[1] / (4 * harmonics.size))),
         _detectable(threshold - a_mean, deviation, len(rows)),
         pattern,

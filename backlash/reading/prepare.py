@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline
 from scipy.ndimage import uniform_filter1d
 
 from backlash.reading import UNITS
@@ -92,8 +93,6 @@ def record_of(table: pd.DataFrame, form: LogFormat, name: str) -> tuple[Recordin
         samples = _on_even_grid(samples, dt)
         if is_position:
             if samples.torque is not None:  # its mean between samples, as that of the speed, is by its integral
-                from scipy.interpolate import CubicSpline
-
                 samples = replace(samples, torque=CubicSpline(samples.t, samples.torque).antiderivative()(samples.t))
             samples = samples.both(lambda signal: np.diff(signal) / np.diff(samples.t))
             note = "speed differentiated from the position, between neighbouring samples"
@@ -229,8 +228,6 @@ def _on_even_grid(samples: _Samples, dt: float) -> _Samples:
     if even.size > k.size:
         samples = samples.changed(f"missing samples filled from their neighbours: {even.size - k.size}")
     if even.size > k.size or places is not k:
-        from scipy.interpolate import CubicSpline
-
         samples = samples.both(lambda signal: CubicSpline(places, signal)(even))
     return replace(samples, t=dt * even, rows=samples.rows[np.searchsorted(k, even)])
 

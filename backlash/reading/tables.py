@@ -7,7 +7,6 @@ import csv
 import gzip
 import io
 import re
-import sys
 import warnings
 import zipfile
 import zlib
@@ -29,6 +28,11 @@ MOST_UNPACKED_BYTES = 512 * 2**20
 MOST_ZIP_MEMBERS = 1000
 _LONGEST_LINE = 2**16
 _CUT = "cut it to the test movement, a minute at most"
+_UNREADABLE = {
+    FileNotFoundError: "no such file; check the name",
+    PermissionError: "no permission to read it; ask its owner for it",
+    MemoryError: "too large for this machine's memory; cut it to the test movement",
+}
 
 # First bytes, kind, reader, and the extra that it needs.
 _BY_LIBRARY: tuple[tuple, ...] = (
@@ -64,25 +68,14 @@ class UnusableLog(ValueError):
 
 
 def read_table(path: Path) -> pd.DataFrame:
-    """Columns of a log file by name, or from 1 without a header; the index is the file's row. "-" is standard input."""
+    """Columns of a log file by name, or from 1 without a header; the index is the file's row."""
     try:
-        return _read_text(sys.stdin.buffer) if str(path) == "-" else _read_file(path)
+        return _read_file(path)
     except UnusableLog:
         raise
-    except FileNotFoundError as error:
-        raise UnusableLog("no such file; check the name") from error
-    except PermissionError as error:
-        raise UnusableLog("no permission to read it; ask its owner for it") from error
-    except (
-        OSError,
-        EOFError,
-        zlib.error,
-        csv.Error,
-        ValueError,
-    ) as error:  # broken gzip, or a name that no file can have
-        raise UnusableLog(f"cannot be read ({error}); check its name, or export it again") from error
-    except MemoryError as error:
-        raise UnusableLog("too large for this machine's memory; cut it to the test movement") from error
+    except (OSError, EOFError, zlib.error, csv.Error, ValueError, MemoryError) as error:
+        other = f"cannot be read ({error}); check its name, or export it again"  # broken gzip, an impossible name
+        raise UnusableLog(_UNREADABLE.get(type(error), other)) from error
 
 
 def _read_file(path: Path) -> pd.DataFrame:
@@ -183,22 +176,19 @@ def _find_dialect(lines: Sequence[str]) -> tuple[str, str]:
     return best
 
 
-def _decode(content: bytes) -> str:
-    """Text in the encodings of loggers and spreadsheets."""
+def _read_text(file: BinaryIO | gzip.GzipFile) -> pd.DataFrame:
+    """Read text in the encodings of loggers and spreadsheets."""
+    content = file.read(MOST_BYTES + 1)
+    _check_bytes(len(content))
     if content.startswith(_UTF16):
-        return content.decode("utf-16", errors="replace")
+        return _table_of(content.decode("utf-16", errors="replace"))
     if b"\0" in content[:_LONGEST_LINE] or content.startswith(b"%PDF"):
         raise UnusableLog("neither text nor .xlsx nor another known kind of log; export the log as CSV")
     try:
-        return content.decode("utf-8-sig")
+        text = content.decode("utf-8-sig")
     except UnicodeDecodeError:  # Latin-1 takes any bytes
-        return content.decode("latin-1")
-
-
-def _read_text(file: BinaryIO | gzip.GzipFile) -> pd.DataFrame:
-    content = file.read(MOST_BYTES + 1)
-    _check_bytes(len(content))
-    return _table_of(_decode(content))
+        text = content.decode("latin-1")
+    return _table_of(text)
 
 
 def _table_of(text: str) -> pd.DataFrame:

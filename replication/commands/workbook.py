@@ -38,7 +38,7 @@ def run_lab(_: argparse.Namespace) -> int:
     from replication.workbook.lab import LAB, copy_notebooks
 
     for copy in copy_notebooks():
-        print(f"{copy.relative_to(LAB.parent)} is kept as you left it; delete it for a new copy")
+        print(f"{copy.relative_to(LAB.parent)} is unchanged; delete it to get a new copy")
     return 0
 
 

@@ -1,48 +1,72 @@
 """The paper's figures and tables as plots: data frames and arrays in, a matplotlib figure out."""
 
+import re
 from collections.abc import Mapping, Sequence
 from typing import Any
 
 import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from replication.arrays import FloatArray
-from replication.figures.style import BLUE, INK, ORANGE, PRINTED, grid, in_style
+from replication.figures.style import BACKLASH_LABEL, BLUE, INK, ORANGE, PRINTED, grid, in_style, letter_panels
+from replication.signature import Timing
 
 
 @in_style
-def signature_parameters(
-    t: FloatArray, h: FloatArray, t0: float, T1: float, T2: float, T_d: float, T_f: float
-) -> Figure:
-    """Figure 6: the signature h(t) over two turns with its instants and intervals."""
-    figure, axis = plt.subplots(figsize=(6.9, 2.9))
-    axis.plot(t, h, color=BLUE)
+def signature_parameters(t: FloatArray, h: FloatArray, X: FloatArray, timing: Timing) -> Figure:
+    """Figure 6: the signature h(t) over some turns, and its first oscillation, with the instants and intervals."""
+    figure, ((turns,), (first,)) = grid(2, 1, height_in=4.2)
+    A, t0, tau, _, _, T2, T1 = X
     top = np.abs(h).max()
-    axis.axvline(t0, color=INK, linewidth=0.8, linestyle=":")
-    axis.text(t0 + 0.005, -1.15 * top, "$t_0$", ha="left", va="center")
-    spans = ((T1, 1.15, "$T_1$"), (T2, 1.4, "$T_2$"), (T_d, 1.65, "$T_d$"), (T_f, 1.9, "$T_f$"))
-    for length, height, name in spans:
-        y = height * top
-        axis.annotate("", (t0 + length, y), (t0, y), arrowprops={"arrowstyle": "<->", "color": INK, "lw": 0.8})
-        axis.plot([t0 + length] * 2, [y, 0], color="0.6", linewidth=0.8, linestyle=":")
-        axis.text(t0 + length + 0.005, y, name, ha="left", va="center")
-    axis.set(xlabel="time [s]", ylabel="h(t) [rps]", ylim=(-1.35 * top, 2.1 * top))
+    for axis, spans in (turns, {"T_d": timing.T_d, "T_f": timing.T_f}), (first, {"T_1": T1, "T_2": T2}):
+        axis.plot(t, h, color=BLUE)
+        axis.axvline(t0, color=INK, linewidth=0.8, linestyle=":")
+        axis.annotate("$t_0$", (t0, 1.35 * top), (-4, 0), textcoords="offset points", ha="right", va="center")
+        for (name, length), height in zip(spans.items(), (1.35, 1.75), strict=True):
+            end, y = t0 + length, height * top
+            style = {"arrowstyle": "<->", "color": INK, "linewidth": 0.8, "shrinkA": 0, "shrinkB": 0}
+            axis.annotate("", (end, y), (t0, y), arrowprops=style)
+            axis.plot([end, end], [y, 0], color="0.6", linewidth=0.8, linestyle=":")
+            axis.annotate(f"${name}$", (end, y), (4, 0), textcoords="offset points", va="center")
+        axis.set(xlabel="time $t$ [s]", ylabel="$h(t)$ [rps]", ylim=(-1.4 * top, 2.05 * top))
+    since = np.linspace(T1, T2, 200)
+    envelope = np.outer(A * np.exp(-tau * (since - T1)), (-1, 1))
+    first.plot(t0 + since, envelope, color="0.5", linewidth=0.8, linestyle="--")
+    first.annotate("$A$", (t0 + T1, A), (-4, 0), textcoords="offset points", ha="right", va="center")
+    first.set_xlim(t0 - 0.02, t0 + 1.05 * max(T2, timing.T_d))
+    letter_panels((turns, first))
     return figure
 
 
 @in_style
 def record_with_fit(t: FloatArray, v: FloatArray, fitted: FloatArray, labels: Sequence[str], seconds: float) -> Figure:
-    """Show a record, a fitted signature over it and the residual beneath."""
-    figure, (upper, lower) = plt.subplots(2, 1, sharex=True, figsize=(8.5, 5.0), height_ratios=(3, 1))
-    upper.plot(t, v, color=ORANGE, linewidth=1.6, label=labels[0])
-    upper.plot(t, fitted, color=BLUE, linewidth=0.9, label=labels[1])
-    upper.set(ylabel="motor speed [rps]")
-    upper.legend(loc="lower right", bbox_to_anchor=(1, 1), ncols=2)
-    lower.plot(t, v - fitted, color=INK, linewidth=0.7)
-    lower.set(xlabel="time [s]", ylabel="residual [rps]", xlim=(t[0], t[0] + seconds))
+    """Show a record, what was fitted to it over it, and the residual beneath."""
+    figure, upper = _above_residual(t, v - fitted, ("time [s]", "residual [rps]"), "-")
+    upper.plot(t, v, color=ORANGE, linewidth=2.2, label=labels[0])
+    upper.plot(t, fitted, color=INK, linewidth=0.8, label=labels[1])
+    upper.set(ylabel="motor speed $v$ [rps]", xlim=(t[0], t[0] + seconds))
+    upper.legend(loc="lower right", bbox_to_anchor=(1, 1), ncols=2, borderaxespad=0)
     return figure
+
+
+def _above_residual(x: FloatArray, residual: FloatArray, labels: tuple[str, str], line: str) -> tuple[Figure, Axes]:
+    """Make a figure with a residual about zero in its lower panel, and give the upper panel."""
+    figure, ((upper,), (lower,)) = grid(2, 1, height_in=4.0, sharex=True, height_ratios=(2, 1))
+    lower.axhline(0, color=INK, linewidth=0.8)
+    lower.plot(x, residual, line, color=BLUE, markersize=4, linewidth=0.9)
+    lower.set(xlabel=labels[0], ylabel=labels[1])
+    _centre(lower)
+    letter_panels((upper, lower))
+    return figure, upper
+
+
+def _centre(axis: Axes) -> None:
+    """Put zero into the middle of a residual's axis."""
+    limit = np.abs(axis.get_ylim()).max()
+    axis.set_ylim(-limit, limit)
 
 
 @in_style
@@ -51,36 +75,39 @@ def table2(table: pd.DataFrame, regions: pd.DataFrame) -> Figure:
 
     `regions` has a row for each of the table: `mean, mean_low, mean_high, sd, sd_low, sd_high`, two of them printed.
     """
-    figure, (first, second, third) = plt.subplots(3, 1, sharex=True, figsize=(6.5, 6.6), height_ratios=(3, 3, 2.4))
-    shade = {"width": 0.7, "color": "0.88", "zorder": 0, "label": "95 % region of the authors' records"}
+    figure, axes = grid(3, 1, height_in=6.8, sharex=True, height_ratios=(3, 3, 2.6))
+    first, second, third = panels = axes[:, 0]
+    second.sharey(first)
+    # A region that ends at the frame would look cut.
+    first.use_sticky_edges = second.use_sticky_edges = third.use_sticky_edges = False
+    shade = {"width": 0.7, "color": "0.86", "zorder": 0, "label": "95 % region of the authors' records"}
     low, high = (100 * (regions[f"mean_{end}"] / regions["mean"] - 1) for end in ("low", "high"))
     first.bar(regions.index, high - low, bottom=low, **shade)
     third.bar(regions.index, regions["sd_high"] - regions["sd_low"], bottom=regions["sd_low"], **shade)
-    for axis, source, colour, side, title in (
-        (first, "authors", BLUE, -0.12, "(a) authors' records"),
-        (second, "simulated", ORANGE, 0.12, "(b) our simulated records"),
+    for axis, source, name, colour, marker, side in (
+        (first, "authors", "authors' records", BLUE, "o", -0.12),
+        (second, "simulated", "our simulated records", ORANGE, "^", 0.12),
     ):
         part = table[table["source"] == source]
         mean = regions["mean"].loc[part["row"]].to_numpy()
         theory = part["theoretical_A_rps"] / mean
         axis.axhline(0, color=INK, linewidth=0.8, label="printed mean")
-        _percent(axis, part["row"], theory, "+", INK, "theoretical A, printed", markersize=8)
-        _percent(axis, part["row"] - 0.12, part["mean_A_rps"] / mean, "o", colour, f"mean of the runs, {source}")
-        _percent(axis, part["row"] + 0.12, part["best_A_rps"] / mean, "s", colour, f"best basin, {source}", mfc="none")
-        axis.set_title(title, loc="left", fontsize=10)
-        axis.set_ylabel("against printed mean [%]")
-        third.plot(part["row"] + side, part["sd_A_rps"], "o", color=colour, markersize=4)
+        _percent(axis, part["row"], theory, "+", INK, "theoretical $A$, printed", markersize=8)
+        _percent(axis, part["row"] - 0.12, part["mean_A_rps"] / mean, marker, colour, f"mean of the runs, {name}")
+        best = part["best_A_rps"] / mean
+        _percent(axis, part["row"] + 0.12, best, marker, colour, f"best basin, {name}", markerfacecolor="none")
+        axis.set(title=f"mean of $A$, {name}", ylabel="deviation from printed [%]")
+        third.plot(part["row"] + side, part["sd_A_rps"], marker, color=colour, markersize=4)
     third.plot(regions.index, regions["sd"], **PRINTED | {"label": "printed SD"})
-    third.set_title("(c) SD over the runs, both", loc="left", fontsize=10)
-    third.set(xlabel="row of Table 2", ylabel="SD of A [rps]", yscale="log", xticks=list(regions.index))
-    named: dict[str, Any] = {}
-    for axis in (first, second, third):
-        named |= {label: handle for handle, label in zip(*axis.get_legend_handles_labels(), strict=True)}
-    figure.legend(named.values(), named.keys(), loc="outside lower center", ncols=2, fontsize=8)
+    third.set(title="SD of $A$, both", ylabel="SD of $A$ [rps]", yscale="log", xlabel="row of Table 2")
+    third.set_xticks(regions.index)
+    named = {handle.get_label(): handle for axis in panels for handle in axis.get_legend_handles_labels()[0]}
+    figure.legend(handles=list(named.values()), loc="outside lower center", ncols=2)
+    letter_panels(panels)
     return figure
 
 
-def _percent(axis: plt.Axes, x: pd.Series, ratio: pd.Series, marker: str, colour: str, label: str, **style) -> None:
+def _percent(axis: Axes, x: pd.Series, ratio: pd.Series, marker: str, colour: str, label: str, **style) -> None:
     """Mark ratios as deviations from one in percent."""
     usual: dict[str, Any] = {"markersize": 4, "linestyle": "none", "marker": marker, "color": colour}
     axis.plot(x, 100 * (np.asarray(ratio) - 1), label=label, **usual | style)
@@ -89,75 +116,79 @@ def _percent(axis: plt.Axes, x: pd.Series, ratio: pd.Series, marker: str, colour
 @in_style
 def basins(runs: pd.DataFrame, labels: FloatArray, title: str) -> Figure:
     """Where the runs on one record end: RMSE and |A| of each basin, the area and a count for its runs, 1 the best."""
-    figure, axis = plt.subplots(figsize=(6.2, 4.0))
+    figure, ((axis,),) = grid(height_in=3.4)
     ends = pd.DataFrame({"rmse": runs["rmse_rps"], "A": runs["A_rps"].abs(), "basin": labels})
     near = ends.groupby(["basin", ends["A"].round(1)], as_index=False).agg(
         rmse=("rmse", "mean"), A=("A", "mean"), runs=("A", "size"), basin=("basin", "first")
     )
-    for best, colour, label in ((True, BLUE, "best basin"), (False, ORANGE, "other basins")):
+    for best, colour, marker, label in ((True, BLUE, "o", "best basin"), (False, ORANGE, "s", "other basins")):
         part = near[(near["basin"] == 1) == best]
-        axis.scatter(part["rmse"], part["A"], 30 * part["runs"], color=colour, alpha=0.6, label=label)
-        for row in part[part["runs"] > 1].itertuples():
-            axis.annotate(f"{row.runs} runs", (row.rmse, row.A), (12, -14), textcoords="offset points", fontsize=8)
-    axis.margins(0.15)
-    axis.set(xlabel="final RMSE [rps]", ylabel="|A| [rps]", title=title)
-    plt.setp(axis.legend(loc="best").legend_handles, sizes=[40])
+        axis.scatter(part["rmse"], part["A"], 20 * part["runs"], color=colour, marker=marker, label=label, zorder=2)
+        for row in part.itertuples():
+            count, below = f"{row.runs} run" + "s" * (row.runs > 1), (0, -5 - np.sqrt(5 * row.runs))
+            axis.annotate(count, (row.rmse, row.A), below, textcoords="offset points", ha="center", va="top", size=8)
+    axis.margins(0.12, 0.15)
+    axis.set(xlabel="final RMSE [rps]", ylabel="$|A|$ [rps]", title=title)
+    key = axis.legend(loc="lower right", bbox_to_anchor=(1, 1), ncols=2, borderaxespad=0)
+    plt.setp(key.legend_handles, sizes=[30])
     return figure
 
 
 @in_style
 def protocol_variants(scores: pd.DataFrame) -> Figure:
-    """Show each protocol variant's means and SDs over the printed ones, row by row of Table 2."""
-    figure, (left, right) = plt.subplots(1, 2, figsize=(9.5, 5.0))
-    for (name, part), marker in zip(scores.groupby("protocol", sort=False), "osv^DxP*", strict=False):
-        style = {"marker": marker, "linewidth": 0.8, "markersize": 4}
-        left.plot(1e4 * part["delta_rad"], part["mean_error_percent"], label=name, **style)
-        right.plot(1e4 * part["delta_rad"], part["sd_ratio"], **style)
-    left.axhline(0, color=INK, linewidth=0.8)
-    right.axhline(1, color=INK, linewidth=0.8)
-    left.set(xlabel="backlash $\\delta$ [1e-4 rad]", ylabel="mean A against printed mean [%]")
-    left.set_yscale("symlog", linthresh=10)
-    left.set_yticks([-50, -20, -10, -5, 0, 5], labels=["-50", "-20", "-10", "-5", "0", "5"])
-    right.set(xlabel="backlash $\\delta$ [1e-4 rad]", ylabel="SD over printed SD", yscale="log")
-    figure.legend(loc="outside lower center", ncols=4, fontsize=8)
+    """Show how far each protocol variant's means and SDs are from the printed ones: a band a variant, a mark a row."""
+    figure, ((left, right),) = grid(1, 2, height_in=4.2, sharey=True, width_ratios=(4, 3))
+    off = scores["mean_error_percent"].abs().groupby(scores["protocol"]).mean().sort_values()
+    for place, name in enumerate(off.index):
+        part = scores[scores["protocol"] == name]
+        y = place + np.linspace(-0.32, 0.32, len(part))
+        for axis, values in (left, part["mean_error_percent"]), (right, part["sd_ratio"]):
+            axis.plot(values, y, "o", color=BLUE, markersize=3.5)
+            axis.axhline(place + 0.5, color="0.8", linewidth=0.8)
+    names = [re.sub(r"\b(T_[df]|A)\b", r"$\1$", name) for name in off.index]
+    left.set(yticks=range(off.size), yticklabels=names, xlabel="deviation from printed mean [%]", title="mean of $A$")
+    right.set(xlabel="SD over printed SD [-]", xscale="log", title="SD of $A$")
+    left.set_ylim(off.size - 0.5, -0.5)
+    for axis, printed in ((left, 0), (right, 1)):
+        axis.axvline(printed, color=INK, linewidth=0.8)
+        axis.grid(visible=False, axis="y")
+    letter_panels((left, right))
     return figure
 
 
 @in_style
 def characteristic(
-    amplitude_rps: FloatArray, delta_rad: FloatArray, curve_A: FloatArray, curve_delta: FloatArray, label: str
+    curves: Mapping[str, Sequence[FloatArray]], points: Sequence[FloatArray], residual: Sequence[FloatArray], name: str
 ) -> Figure:
-    """Figure 12: backlash against amplitude, the points and the cubic, with the residual beneath."""
-    figure, (upper, lower) = plt.subplots(2, 1, sharex=True, figsize=(6.5, 3.3), height_ratios=(3, 1))
-    order = np.argsort(curve_A)
-    upper.plot(curve_A[order], 1e4 * curve_delta[order], color=BLUE, label=label)
-    upper.plot(amplitude_rps, 1e4 * delta_rad, **PRINTED)
-    upper.set(ylabel="backlash $\\delta$ [1e-4 rad]")
+    """Figure 12: curves of (A [rps], delta [rad]) over the printed points, and a named residual [rad] beneath."""
+    labels = ("amplitude $A$ [rps]", f"{name}\n[$10^{{-6}}$ rad]")
+    figure, upper = _above_residual(residual[0], 1e6 * residual[1], labels, "o" if len(residual[0]) < 50 else "-")
+    for (label, (A, delta)), colour, line in zip(curves.items(), (BLUE, INK), ("-", "--"), strict=False):
+        upper.plot(A, 1e4 * delta, line, color=colour, label=label)
+    upper.plot(points[0], 1e4 * points[1], **PRINTED)
+    upper.set(ylabel=BACKLASH_LABEL)
     upper.legend()
-    residual = curve_delta[: len(delta_rad)] - delta_rad
-    lower.plot(amplitude_rps, 1e6 * residual, "o", color=BLUE, markersize=4)
-    lower.axhline(0, color=INK, linewidth=0.8)
-    lower.set(xlabel="amplitude A [rps]", ylabel="fit - point\n[1e-6 rad]")
     return figure
 
 
 @in_style
 def dead_zone(curves: pd.DataFrame, delta_rad: float) -> Figure:
     """Figure 9: stiffness and torque of equations 8 and 9 against the displacement, and the clamped dead zone."""
-    figure, (left, right) = plt.subplots(1, 2, figsize=(9.5, 4.2))
-    styles = ("-", "--", "-.", ":", (0, (6, 2)))
-    for (alpha, curve), style in zip(curves.groupby("alpha_per_rad", sort=False), styles, strict=False):
-        label = f"$\\alpha$ = {alpha:.0e} rad$^{{-1}}$" if np.isfinite(alpha) else "clamped dead zone"
+    figure, ((upper,), (lower,)) = grid(2, 1, height_in=5.0, sharex=True)
+    for k, (alpha, curve) in enumerate(curves.groupby("alpha_per_rad", sort=False)):
+        line = {"linestyle": ("-", "--", "-.", ":", (0, (6, 2)))[k % 5], "linewidth": max(2.4 - 0.4 * k, 0.8)}
+        power = f"$\\alpha = 10^{{{np.log10(alpha):.3g}}}$ rad$^{{-1}}$"
+        label = power if np.isfinite(alpha) else "clamped dead zone"
         x = 1e4 * curve["delta_theta_rad"]
-        left.plot(x, 1e-3 * curve["stiffness_nm_per_rad"], linestyle=style, label=label)
-        right.plot(x, curve["torque_nm"], linestyle=style, label=label)
-    for axis in (left, right):
-        axis.set(xlabel="displacement $\\Delta\\theta$ [1e-4 rad]")
+        upper.plot(x, 1e-3 * curve["stiffness_nm_per_rad"], label=label, **line)
+        lower.plot(x, curve["torque_nm"], **line)
+    for axis in (upper, lower):
         for edge in (-delta_rad, delta_rad):
             axis.axvline(1e4 * edge, color="0.5", linewidth=0.8, linestyle=":")
-    left.set(ylabel="stiffness $K_{BL}$ [kN m/rad]")
-    right.set(ylabel="torque on the load [N m]")
-    right.legend(fontsize=8)
+    upper.set(ylabel="stiffness $K_{BL}$ [kN m/rad]")
+    lower.set(xlabel="displacement $\\Delta\\theta$ [$10^{-4}$ rad]", ylabel="torque $\\tau_l$ on the load [N m]")
+    figure.legend(loc="outside upper center", ncols=3)
+    letter_panels((upper, lower))
     return figure
 
 
@@ -168,74 +199,64 @@ def simulated_joint(
     recorded_label: str = "authors' record",
 ) -> Figure:
     """Figure 10: signals of the simulated joint, with the recorded one over it where there is one."""
-    figure, axes = grid(len(signals), 1, sharex=True, figsize=(8.5, 1.9 * len(signals)))
+    figure, axes = grid(len(signals), 1, height_in=0.6 + 1.2 * len(signals), sharex=True)
     for axis, (label, simulated, recorded) in zip(axes[:, 0], signals, strict=True):
         if recorded is not None:
-            axis.plot(time_s, recorded, color=ORANGE, linewidth=2.2)
-        axis.plot(time_s, simulated, color=INK, linewidth=0.8)
+            axis.plot(time_s, recorded, color=ORANGE, linewidth=2.2, label=recorded_label)
+        axis.plot(time_s, simulated, color=INK, linewidth=0.8, label="simulated joint")
         axis.set(ylabel=label, xlim=(time_s[0], time_s[-1]))
+        if simulated.min() < 0 < simulated.max():
+            _centre(axis)
     axes[-1, 0].set(xlabel="time [s]")
-    handles = [plt.Line2D([], [], color=INK, linewidth=0.8), plt.Line2D([], [], color=ORANGE, linewidth=2.2)]
-    figure.legend(handles, ["simulated joint", recorded_label], loc="outside upper right", ncols=2)
+    figure.legend(*axes[1, 0].get_legend_handles_labels(), loc="outside upper right", ncols=2)
+    figure.align_ylabels()
+    letter_panels(axes[:, 0])
     return figure
 
 
 @in_style
 def validation(table: pd.DataFrame) -> Figure:
     """Show the simulator's misfit and its peaks' errors, level by level."""
-    figure, (left, right) = plt.subplots(1, 2, figsize=(6.9, 2.9))
+    figure, ((left, right),) = grid(1, 2, height_in=2.8)
     delta, used = 1e4 * table["delta_rad"], table["used_in_fit"]
     for axis, values in ((left, 100 * table["nrmse"]), (right, table["peak_error_percent"])):
-        axis.plot(delta[used], values[used], "s", color=BLUE, label="level used in the fit")
-        axis.plot(delta[~used], values[~used], "o", mfc="none", color=ORANGE, label="level left out")
-        axis.set(xlabel="backlash $\\delta$ [1e-4 rad]")
-    left.set(ylabel="RMSE over signal SD [%]", ylim=(0, None))
-    left.legend()
-    right.set(ylabel="peak against printed A [%]")
-    printed = right.axhline(0, color=INK, linewidth=0.8, label="printed in the paper")
-    right.legend(handles=[printed], fontsize=8)
+        axis.plot(delta[used], values[used], "s", color=BLUE, markersize=5, label="level used in the fit")
+        axis.plot(delta[~used], values[~used], "o", mfc="none", color=ORANGE, markersize=5, label="level left out")
+        axis.set(xlabel=BACKLASH_LABEL)
+    left.set(ylabel="RMSE over the record's SD [%]", ylim=(0, None))
+    right.set(ylabel="deviation from printed $A$ [%]")
+    right.axhline(0, color=INK, linewidth=0.8)
+    _centre(right)
+    figure.legend(*left.get_legend_handles_labels(), loc="outside upper center", ncols=2)
+    letter_panels((left, right))
     return figure
 
 
 @in_style
 def speed_signal(t: FloatArray, v: FloatArray, turn_period_s: float) -> Figure:
     """Figure 5: the motor speed with its superimposed oscillations."""
-    figure, axis = plt.subplots(figsize=(8.5, 3.4))
+    figure, ((axis,),) = grid(height_in=2.6)
     axis.plot(t, v, color=BLUE, linewidth=0.9)
     for turn in np.arange(t[0], t[-1], turn_period_s):
-        axis.axvline(turn, color="0.7", linewidth=0.8, linestyle=":")
-    axis.set(xlabel="time [s], dotted: one load turn", ylabel="motor speed [rps]", xlim=(t[0], t[-1]))
+        axis.axvline(turn, color="0.4", linewidth=0.8, linestyle=":")
+    axis.set(xlabel="time [s]", ylabel="motor speed $v$ [rps]", xlim=(t[0], t[-1]))
     return figure
 
 
 @in_style
 def growth(disturbances: pd.DataFrame, peaks: pd.DataFrame, printed: Mapping[float, float]) -> Figure:
     """Figure 11: the disturbance at growing backlash, and its peak over the printed theoretical A."""
-    figure, (left, right) = plt.subplots(1, 2, figsize=(6.5, 3.3), width_ratios=(3, 2))
-    levels = disturbances.groupby("delta_rad", sort=False)
-    for (delta, part), share in zip(levels, 0.9 * np.arange(len(levels)) / max(len(levels) - 1, 1), strict=True):
-        style = {"color": plt.cm.viridis(share), "linewidth": 0.9, "label": f"{1e4 * delta:.0f}"}
-        left.plot(part["time_s"], part["disturbance_rps"], **style)
-    left.set(xlabel="time in a settled turn [s]", ylabel="disturbance $v - v_t$ [rps]")
-    left.legend(title="$\\delta$ [1e-4 rad]", fontsize=7, ncols=2)
-    right.plot(1e4 * peaks["delta_rad"], peaks["amplitude_rps"], "o-", color=BLUE, label="peak before sampling")
-    right.plot(1e4 * peaks["delta_rad"], peaks["sampled_rps"], "s--", color=ORANGE, ms=4, label="peak of 2 ms samples")
-    right.plot(1e4 * np.array(list(printed)), list(printed.values()), **PRINTED)
-    right.set(xlabel="backlash $\\delta$ [1e-4 rad]", ylabel="amplitude [rps]")
-    right.legend(fontsize=8)
-    return figure
-
-
-@in_style
-def characteristic_difference(curve: pd.DataFrame, printed: Mapping[float, float]) -> Figure:
-    """Show our characteristic, equation 10 and its points as printed, and the difference of the two beneath."""
-    figure, (upper, lower) = plt.subplots(2, 1, sharex=True, figsize=(7.5, 5.0), height_ratios=(3, 1))
-    A, printed_rad, fitted_rad = curve["amplitude_rps"], 1e4 * curve["printed_rad"], 1e4 * curve["fitted_rad"]
-    upper.plot(A, printed_rad, color=INK, linestyle="--", label="equation 10, printed")
-    upper.plot(A, fitted_rad, color=BLUE, label="cubic through our simulated peaks")
-    upper.plot(list(printed.values()), 1e4 * np.array(list(printed)), **PRINTED)
-    upper.set(ylabel="backlash $\\delta$ [1e-4 rad]")
-    upper.legend()
-    lower.plot(A, 1e6 * curve["difference_rad"], color=BLUE)
-    lower.set(xlabel="amplitude A [rps]", ylabel="ours - printed\n[1e-6 rad]")
+    figure, ((upper,), (lower,)) = grid(2, 1, height_in=5.2)
+    shades = plt.cm.ScalarMappable(plt.Normalize(0, 1.1e4 * disturbances["delta_rad"].max()), "viridis")
+    for delta, part in disturbances.groupby("delta_rad"):
+        upper.plot(part["time_s"], part["disturbance_rps"], color=shades.to_rgba(1e4 * delta), linewidth=0.9)
+    upper.set(xlabel="time in a settled turn [s]", ylabel="disturbance $v - v_t$ [rps]")
+    figure.colorbar(shades, ax=upper, label=BACKLASH_LABEL)
+    delta = 1e4 * peaks["delta_rad"]
+    lower.plot(delta, peaks["amplitude_rps"], "o-", color=BLUE, markersize=4, label="peak before sampling")
+    lower.plot(delta, peaks["sampled_rps"], "s--", color=ORANGE, markersize=4, label="peak of the 2 ms samples")
+    lower.plot(1e4 * np.array(list(printed)), list(printed.values()), **PRINTED)
+    lower.set(xlabel=BACKLASH_LABEL, ylabel="amplitude $A$ [rps]")
+    lower.legend()
+    letter_panels((upper, lower))
     return figure

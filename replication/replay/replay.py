@@ -1,12 +1,15 @@
 """The 30 runs that the authors' notebook stores, run again with their seeds and compared generation by generation."""
 
+from base64 import b64encode
+from itertools import islice
+
 import numpy as np
 import pandas as pd
 
 from replication import published
 from replication.compiled.eigen import symmetric_eigen
 from replication.datasets import Recording
-from replication.identify import paper_run, paper_search
+from replication.identify import paper_run, paper_search, protocol_box
 from replication.replay import AGREE_RPS
 from replication.search import HISTORY, Generation
 from replication.table2 import AUTHORS
@@ -27,6 +30,29 @@ def replay_stored_runs(recording: Recording) -> pd.DataFrame:
         head = {"run": run["run"], "cma_seed": run["cma_seed"], "generation": np.arange(1, len(history) + 1)}
         parts.append(pd.concat([pd.DataFrame(head), table.rename(columns={"best": "best_rmse_rps"})], axis=1))
     return pd.concat(parts, ignore_index=True)
+
+
+def replay_frames(recording: Recording, ours: pd.DataFrame) -> pd.DataFrame:
+    """Keep generations of `replay_stored_runs`: 1 to 30, every fifth after, those that the notebook prints, the last.
+
+    The columns are `run, cma_seed, generation, frame`. A frame is base64 of the lowest misfit and sigma (f8), of the
+    mean and standard deviations of the samples (f4, in widths of the box), of their axes B D (i1, in 1/127 standard
+    deviation), and of a bit for each member, set in the better half. With the seed's random numbers it gives all
+    samples.
+    """
+    stored, box, rows = published.authors_notebook_generations(), protocol_box(recording, AUTHORS), []
+    width = box.upper - box.lower
+    for (run, seed), part in ours.groupby(["run", "cma_seed"]):
+        last, printed = len(part), stored.loc[stored["run"] == run, "generation"]
+        kept = {*range(1, 31), *range(30, last, 5), *printed, last}
+        generations = islice(paper_search(recording, AUTHORS, seed), last)
+        for now in (each for each in generations if each.after.g in kept):
+            state, better = now.before, np.isin(np.arange(AUTHORS.population), now.ranking[: AUTHORS.population // 2])
+            shares = np.array([(state.m - box.lower) / width, state.std / width], "<f4")
+            axes = np.rint(127 * state.B * state.D / np.sqrt(np.diag(state.C))[:, None]).astype("i1")
+            parts = np.array([now.misfits.min(), state.sigma], "<f8"), shares, axes, np.packbits(better)
+            rows.append((run, seed, now.after.g, b64encode(b"".join(each.tobytes() for each in parts)).decode()))
+    return pd.DataFrame(rows, columns=["run", "cma_seed", "generation", "frame"])
 
 
 def compare_generations(ours: pd.DataFrame) -> pd.DataFrame:

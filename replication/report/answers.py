@@ -76,4 +76,4 @@ def run_times(results: Path) -> dict[str, str]:
     if not (file := results / "notebook_times.csv").exists():
         return {}
     rows = pd.read_csv(file).itertuples()
-    return {row.notebook: f"{row.seconds:.0f} s on {row.cores} cores ({row.machine})" for row in rows}
+    return {row.notebook: f"{row.seconds:.0f} s on {row.cores} cores, {row.machine}" for row in rows}

@@ -30,13 +30,13 @@ SIGNS = {
     "not decided": "–",
 }
 MEANINGS = {
-    "reproduced": "computed from data or simulation, could have failed, agrees within its region; the rule for regions "
-    "was fixed on 2026-11-22, after verdicts by tolerance had been seen",
-    "erratum": "printed wrong, and our computation gives the correction",
-    "differs": "computed, and the printed number lies outside its region, whose rule was fixed on the same day",
+    "reproduced": "computed from data or simulation; could have failed and agrees within its region (rule fixed on "
+    "2026-11-22, after verdicts by tolerance had been seen)",
+    "erratum": "printed wrong; our computation gives the correction",
+    "differs": "computed; the printed number lies outside its region (same rule)",
     "consistent": "follows from other printed numbers",
     "given": "taken over from the paper; no evidence",
-    "undecided": "its region holds other numbers too or depends on one realisation, or the data are not public",
+    "undecided": "other numbers would agree as well, one realisation decides, or the data are not public",
     "stand-in": "the original data are not public; a simulated stand-in never counts as reproduced",
     "not-run": "nothing computes it",
 }
@@ -150,7 +150,6 @@ def judged_claims(results: Path) -> list[dict]:
     decided = judging.decided_claims(results).set_index("id")
     table = published.claims().join(decided).astype(object).fillna("").reset_index()
     table["verdict"] = table["verdict"].replace("", "not decided")
-    table["changed_later"] = table["fixed"] > table["first_result"]
     table["check"] = [f"{row.check} Rule: {row.rule} {row.criterion:g}." for row in table.itertuples()]
     return table.to_dict("records")
 

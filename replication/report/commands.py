@@ -21,10 +21,10 @@ def run_check(options: argparse.Namespace) -> int:
     verdicts = judging.verdicts(results)
     print(terminal.verdict_tables(verdicts, terminal.has_colour()))
     new, gone = terminal.find_surprises(verdicts)
-    expected = "Every cell that differs is a known difference (replication/data/differences.csv)."
+    expected = "All cells that differ are known differences (replication/data/differences.csv)."
     print("\n".join(["", *new, *gone] if new or gone else [expected]))
     for notebook, changed in provenance.stale(results).items():
-        print(f"stale: {notebook}: changed since: {', '.join(changed)}")
+        print(f"stale: {notebook}: sources changed since its results: {', '.join(changed)}")
     return int((verdicts["verdict"] == "differs").any() if options.strict else bool(new))
 
 
@@ -35,7 +35,7 @@ def run_show(options: argparse.Namespace) -> int:
         from replication.workbook.running import rerun  # the kernel's client takes a second and a half to load
 
         table = rerun(options.name, RESULTS)
-        said += f"\n\nExecuted again, apart from the results, which stay as they are.\n{table.to_string(index=False)}"
+        said += f"\n\nComputed again; the stored results are unchanged.\n{table.to_string(index=False)}"
     print(said)
     return 0
 
@@ -52,7 +52,7 @@ def run_diff(options: argparse.Namespace) -> int:
     """Print what flipped since the last commit's results."""
     results = RESULTS / options.made / "results" if options.made else RESULTS
     table = diff.list_changes(results, diff.committed_table("verdicts.csv"), diff.committed_table("claims.csv"))
-    print("\n".join(map(diff.describe_change, table.to_dict("records"))) or "nothing moved")
+    print("\n".join(map(diff.describe_change, table.to_dict("records"))) or "nothing changed")
     return 0
 
 

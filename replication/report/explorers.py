@@ -1,12 +1,13 @@
-"""Pages that a reader can play with: the signature over a record of our own simulator."""
+"""Pages that a reader can play with: the signature over a record of our own simulator, and the replayed runs."""
 
 from pathlib import Path
 
 import pandas as pd
 
 from replication import published
+from replication.replay import AGREE_RPS
 from replication.report import TEMPLATES
-from replication.table2 import AUTHORS
+from replication.table2 import AUTHORS, BASIN_GAP
 
 # Name, symbol, unit and ends of each slider.
 SLIDERS = (
@@ -33,4 +34,22 @@ def render_signature_explorer(results: Path) -> str:
         protocol=AUTHORS,
         printed_T_f=published.value("table1.T_f.max"),
         sliders=[(*slider, fitted[slider[0]]) for slider in SLIDERS],
+    )
+
+
+def render_replay_explorer(results: Path) -> str:
+    """Render the page that plays the replayed runs of notebook 1; empty if its results are not there."""
+    files = [results / f"{name}.csv" for name in ("replay_frames", "replay_box", "stored_runs", "stored_basins")]
+    if not all(file.exists() for file in files):
+        return ""
+    frames, box, stored, basins = (pd.read_csv(file) for file in files)
+    kept = frames.groupby("run")[["generation", "frame"]].agg(list)
+    runs = published.authors_notebook_runs().merge(stored[["run", "basin"]]).merge(kept, on="run")
+    generations = published.authors_notebook_generations()[["run", "generation", "best_rmse_of_generation_rps"]]
+    return TEMPLATES.get_template("replay.html.j2").render(
+        runs=runs.to_dict("records"),
+        printed=generations.to_numpy().tolist(),
+        box=box.to_dict("records"),
+        basins=basins["rmse_rps"].tolist(),
+        settings={"gap": BASIN_GAP, "agree": AGREE_RPS, "members": AUTHORS.population},
     )

@@ -96,11 +96,11 @@ def _write_number(value: float, form: str) -> str:
 
 
 def describe_protocols(judged: pd.DataFrame) -> str:
-    """Say in one sentence which candidate protocols can have printed Table 2."""
+    """Say in one sentence which candidate protocols are compatible with Table 2."""
     explaining = [f"{name} (p = {p:.2g})" for name, p in judged.loc[judged["explains"], "p"].items()]
     names = f": {', '.join(explaining)}" if explaining else ""
-    apart = "; the table cannot tell them apart" if len(explaining) > 1 else ""
-    return f"{len(explaining) or 'None'} of {len(judged)} candidate protocols can have printed Table 2{names}{apart}."
+    names += "; the table cannot tell them apart" if len(explaining) > 1 else ""
+    return f"{len(explaining) or 'None'} of {len(judged)} candidate protocols are compatible with Table 2{names}."
 
 
 def fill(text: str, facts: dict[str, str]) -> str:

@@ -24,12 +24,12 @@ def render_errata() -> str:
 
 
 def render_status(results: Path) -> str:
-    """Write the README's status: printed numbers by element and verdict, and all by the former tolerances."""
+    """Write the README's status: printed numbers by element and verdict, and all by tolerance alone."""
     verdicts = judging.verdicts(results)
     counts = judging.verdict_counts(verdicts)
     counts.loc["all"] = counts.sum()
     former = judging.deciding(verdicts)["by_tolerance"].value_counts()
-    counts.loc["all, by the tolerances before"] = former.reindex(counts.columns, fill_value=0)
+    counts.loc["all, by tolerance alone"] = former.reindex(counts.columns, fill_value=0)
     table, facts = counts.astype(int), collect_facts(results, verdicts)
     return TEMPLATES.get_template("status.md.j2").render(table=table, facts=facts)
 

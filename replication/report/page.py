@@ -44,6 +44,7 @@ def render_report(results: Path, notebooks: Path, verdicts: pd.DataFrame, quick:
         disagreement=answers.disagreement,
         times=answers.run_times(results),
         has_explorer=(results / "start_log.csv").exists(),
+        has_replay=(results / "replay_frames.csv").exists(),
         errata_counted=markdown.count_errata(),
         filters={
             "verdict": list(verdicts["verdict"].unique()),

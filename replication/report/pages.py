@@ -18,7 +18,7 @@ from replication import published
 from replication.files import notebook_files
 from replication.report import TEMPLATES
 from replication.report.cells import notebook_source
-from replication.report.explorers import render_signature_explorer
+from replication.report.explorers import render_replay_explorer, render_signature_explorer
 from replication.report.figures import Picture, load_pictures, reduce_png
 from replication.workbook import judging
 
@@ -53,9 +53,8 @@ def render_pages(results: Path, notebooks: Path, verdicts: pd.DataFrame) -> dict
             decides=_decides(name, verdicts, claims),
             contents=[(slug(text), text) for text in sections],
         )
-    if explorer := render_signature_explorer(results):
-        pages["signature_explorer"] = explorer
-    return pages
+    explorers = {"signature": render_signature_explorer(results), "replay": render_replay_explorer(results)}
+    return pages | {f"{name}_explorer": page for name, page in explorers.items() if page}
 
 
 def executed_cells(notebooks: Path) -> dict[str, list[nbformat.NotebookNode]]:

@@ -42,8 +42,8 @@ def verdict_tables(verdicts: pd.DataFrame, colour: bool) -> str:
     counts = judging.verdict_counts(verdicts).sum().astype(int).to_dict()
     evidence = sum(counts.get(name, 0) for name in judging.EVIDENCE)
     signs = ", ".join(f"{SIGNS[name]} {name} {count}" for name, count in counts.items())
-    summary = f"{evidence} of {len(cells)} printed numbers decided by evidence: {signs}"
-    legend = "Each number: printed | ours, from the authors' data where they have any, then from our simulation.\n"
+    summary = f"{evidence} of {len(cells)} printed numbers are decided by evidence: {signs}"
+    legend = "Each cell: printed | ours, first from the authors' data if there are any, then from our simulation.\n"
     legend += f"{', '.join(f'{SIGNS[name]} {name}' for name in counts)}."
     return "\n\n".join([legend, *(_element(name, cells, colour) for name in elements), summary])
 
@@ -85,7 +85,7 @@ def find_surprises(verdicts: pd.DataFrame) -> tuple[list[str], list[str]]:
     """Cells that differ and are not among the known differences, and known ones that no longer differ."""
     known, differs = published.known_differences(), verdicts[verdicts["verdict"] == "differs"]
     expected, found, run = (set(zip(table["id"], table["source"], strict=True)) for table in (known, differs, verdicts))
-    new = "{} ({}) differs, and is not among the known differences"
+    new = "{} ({}) differs and is not a known difference"
     gone = "{} ({}) is a known difference and no longer differs"
     return (
         [new.format(*each) for each in sorted(found - expected)],
@@ -94,7 +94,7 @@ def find_surprises(verdicts: pd.DataFrame) -> tuple[list[str], list[str]]:
 
 
 def show(name: str, results: Path, verdicts: pd.DataFrame, colour: bool) -> str:
-    """Tell what there is to say of a cell, an element, a claim or an erratum."""
+    """Describe a cell, an element, a claim or an erratum."""
     wanted = name.lower().replace(" ", "")
     cells = judged_cells(verdicts)
     kinds: dict[str, dict] = {
@@ -112,7 +112,7 @@ def show(name: str, results: Path, verdicts: pd.DataFrame, colour: bool) -> str:
         if element.lower().replace(" ", "") == wanted:
             return _element(element, cells, colour)
     near = [cell for cell in cells if wanted in cell.lower()][:6]
-    hint = f"; is it {', '.join(near)}?" if near else "; `python -m replication check` lists all"
+    hint = f"; did you mean {', '.join(near)}?" if near else "; `python -m replication check` lists all cells"
     raise Unknown(f"{name}: no such cell, element, claim or erratum{hint}")
 
 

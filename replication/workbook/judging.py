@@ -89,7 +89,7 @@ def compare(cell: str, ours: float, decisive: Interval, without_one: Interval) -
         return "undecided", f"the limit lies in the 95 % interval of our number, {low:.4g} to {high:.4g}"
     if not (value >= high if is_limit else low <= value <= high):
         if without_one[0] <= value <= without_one[1]:
-            return "undecided", "outside the region, but not with one of the realisations left out"
+            return "undecided", "the printed number lies outside the region, but inside with one realisation left out"
         return outside(cell, ours)
     if not low <= ours <= high:
         return "differs", "our number lies outside its own region"

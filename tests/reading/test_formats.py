@@ -4,13 +4,13 @@ import subprocess
 import sys
 from dataclasses import replace
 from io import BytesIO, TextIOWrapper
-from pathlib import Path
 
 import numpy as np
 import pandas as pd
 import pytest
 from plain_logs import TURN, plain, read, refusal, text
 
+from backlash.logs import open_log
 from backlash.reading import tables
 from backlash.reading.prepare import record_of
 from replication.datasets import Recording
@@ -40,7 +40,7 @@ def test_what_a_compressed_text_unpacks_to_is_bounded(tmp_path, monkeypatch):
 
 def test_text_is_read_from_standard_input(monkeypatch):
     monkeypatch.setattr(sys, "stdin", TextIOWrapper(BytesIO(text().encode())))
-    assert_is_plain(read(Path("-")))
+    assert_is_plain(open_log("-", TURN).recording)
 
 
 @pytest.mark.parametrize("folder", ["", "measured/axis 4/"])

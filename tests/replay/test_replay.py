@@ -1,9 +1,14 @@
+from base64 import b64decode
+from itertools import islice
+
 import numpy as np
 import pandas as pd
 import pytest
 
 from replication import published
+from replication.identify import paper_search, protocol_box
 from replication.replay import replay
+from replication.table2 import AUTHORS
 from replication.workbook import ROOT
 
 UNTIL = 20  # generation up to which no run may part
@@ -70,3 +75,37 @@ def test_a_difference_and_a_run_that_parts_are_seen(ours):
     two = replay.compare_ends(changed).set_index("run").loc[2]
     assert (two["agrees_until"], two["parts_by"]) == (36, 44)
     assert two["difference_rps"] == pytest.approx(1e-6, rel=1e-3)
+
+
+def test_the_committed_frames_are_of_the_replayed_generations_and_end_at_the_stored_misfit(ours):
+    file = ROOT / "results" / "replay_frames.csv"
+    if not file.exists():
+        pytest.skip("results/replay_frames.csv is not made yet: run notebook 1")
+    frames = pd.read_csv(file)
+    frames["best"] = [np.frombuffer(b64decode(frame), "<f8", 1)[0] for frame in frames["frame"]]
+    generated = pd.read_csv(ROOT / "results" / "replay.csv")
+    both = frames.merge(generated, on=["run", "cma_seed", "generation"], how="left")
+    assert (both["best"] - both["best_rmse_rps"]).abs().max() < 1e-15
+    assert (frames.groupby("run")["generation"].max() == generated.groupby("run")["generation"].max()).all()
+    printed = published.authors_notebook_generations().merge(generated, on=["run", "generation"])
+    assert len(printed) == len(printed.merge(frames, on=["run", "generation"]))
+    ends = replay.compare_ends(ours).set_index("run")
+    lowest = (frames.groupby("run")["best"].min() - ends["stored_rps"]).abs()
+    assert (lowest < 1e-9).sum() >= 29
+
+
+def test_a_frame_holds_the_distribution_that_a_generation_is_drawn_from(ours, record_12):
+    one = ours[ours["run"] == 2]
+    frame = b64decode(replay.replay_frames(record_12, one).set_index("generation").loc[10, "frame"])
+    now = next(islice(paper_search(record_12, AUTHORS, int(one["cma_seed"].iloc[0])), 9, None))
+    box, state = protocol_box(record_12, AUTHORS), now.before
+    width = box.upper - box.lower
+    assert np.frombuffer(frame, "<f8", 2).tolist() == [now.misfits.min(), state.sigma]
+    mean, std = np.frombuffer(frame, "<f4", 14, 16).reshape(2, 7)
+    assert mean == pytest.approx((state.m - box.lower) / width, rel=1e-6)
+    assert std == pytest.approx(state.std / width, rel=1e-6)
+    axes = np.frombuffer(frame, "i1", 49, 72).reshape(7, 7) / 127
+    covariance = state.sigma**2 * state.C * np.outer(state.unit, state.unit)
+    assert axes @ axes.T == pytest.approx(covariance / np.outer(state.std, state.std), abs=0.02)
+    better = np.unpackbits(np.frombuffer(frame, "u1", offset=121), count=AUTHORS.population)
+    assert np.flatnonzero(better).tolist() == sorted(now.ranking[: AUTHORS.population // 2])

@@ -58,9 +58,8 @@ def counted():
     table = pd.read_csv(published.DATA / "claims.csv")
     found |= {"claims": len(table), "claims_hold": claims.count(True), "claims_fail": claims.count(False)}
     found |= {"claims_open": claims.count(None)}
-    found["claims_changed"] = sum(
-        fixed > first for fixed, first in zip(table["fixed"], table["first_result"], strict=True)
-    )
+    found["claims_changed"] = sum("Changed after a first result was seen" in reason for reason in table["reason"])
+    found["claims_together"] = sum("Committed together with the first result" in reason for reason in table["reason"])
     kinds = list(pd.read_csv(published.DATA / "errata.csv")["kind"])
     found |= {"errata_paper": kinds.count("paper"), "errata_data": kinds.count("against the public data")}
     return found | {"errata_repository": kinds.count("public repository")}

@@ -76,9 +76,9 @@ def test_no_number_with_decimals_is_typed_in_the_text():
 def test_the_finding_names_the_protocols_that_explain_the_table():
     judged = pd.DataFrame({"p": [0.4, 0.2, 0.01], "explains": [True, True, False]}, index=["a", "b", "c"])
     said = facts.describe_protocols(judged)
-    assert said.startswith("2 of 3 candidate protocols can have printed Table 2: a (p = 0.4), b")
+    assert said.startswith("2 of 3 candidate protocols are compatible with Table 2: a (p = 0.4), b")
     assert "cannot tell them apart" in said
-    assert facts.describe_protocols(judged.iloc[2:]) == "None of 1 candidate protocols can have printed Table 2."
+    assert facts.describe_protocols(judged.iloc[2:]) == "None of 1 candidate protocols are compatible with Table 2."
 
 
 def test_tables_and_captions_have_no_empty_place():

@@ -1,10 +1,18 @@
-"""The page with the signature over a log: what it computes, and how it is played."""
+"""The pages that are played with, the signature over a log and the replayed runs: what they compute, by keyboard."""
 
+from itertools import islice
+
+import numpy as np
 import pandas as pd
 import pytest
 from places import RESULTS
 
+from replication import published
+from replication.identify import paper_search, protocol_box
+from replication.replay import AGREE_RPS
+from replication.search import random_normals
 from replication.signature import Timing, rmse
+from replication.table2 import AUTHORS, basin_labels
 
 X = ["A", "t0", "tau", "omega", "v_t", "T2", "T1"]
 
@@ -15,12 +23,35 @@ def expected(fit, T_f):
     return rmse(t, log["speed_rps"].to_numpy(), fit[X].to_numpy(), Timing(T_f / 2, T_f, 12))
 
 
+def opened(browser, file, **context):
+    page = browser.new_page(**context)
+    page.asked, page.said = [], []
+    page.on("request", lambda request: page.asked.append(request.url))
+    page.on("console", lambda message: page.said.append(message.text))
+    page.on("pageerror", lambda error: page.said.append(str(error)))
+    page.goto(file.as_uri())
+    return page
+
+
+def serious_violations(page):
+    axe = pytest.importorskip("axe_playwright_python.sync_playwright", reason="axe is not installed (extra `dev`)")
+    found = axe.Axe().run(page, options={"runOnly": ["wcag2a", "wcag2aa", "wcag21aa"]}).response["violations"]
+    return [each["id"] for each in found if each["impact"] in ("serious", "critical")]
+
+
 @pytest.fixture
 def explorer(browser, site):
-    page = browser.new_page()
-    page.asked = []
-    page.on("request", lambda request: page.asked.append(request.url))
-    page.goto((site / "pages" / "signature_explorer.html").as_uri())
+    page = opened(browser, site / "pages" / "signature_explorer.html")
+    yield page
+    page.close()
+
+
+@pytest.fixture
+def player(browser, site):
+    file = site / "pages" / "replay_explorer.html"
+    if not file.exists():
+        pytest.skip("results/replay_frames.csv is not made yet: run notebook 1")
+    page = opened(browser, file)
     yield page
     page.close()
 
@@ -47,6 +78,108 @@ def test_a_slider_moves_by_keyboard_and_the_misfit_with_it(explorer):
 
 @pytest.mark.slow
 def test_axe_finds_no_serious_violation_on_the_explorer(explorer):
-    axe = pytest.importorskip("axe_playwright_python.sync_playwright", reason="axe is not installed (extra `dev`)")
-    found = axe.Axe().run(explorer, options={"runOnly": ["wcag2a", "wcag2aa"]}).response["violations"]
-    assert [each["id"] for each in found if each["impact"] in ("serious", "critical")] == []
+    assert serious_violations(explorer) == []
+
+
+@pytest.mark.slow
+def test_a_run_is_played_to_its_end_by_keyboard_and_ends_as_the_stored_one(player):
+    run = published.authors_notebook_runs().set_index("run").loc[4]
+    player.focus("#run")
+    for _ in range(4):  # from run 8
+        player.keyboard.press("ArrowUp")
+    player.focus("#speed")
+    player.keyboard.press("ArrowDown")
+    player.focus("#play")
+    player.keyboard.press("Enter")
+    assert player.inner_text("#play") == "pause"
+    player.get_by_role("button", name="play", exact=True).wait_for(timeout=60_000)
+    assert player.inner_text("#at") == f"{run['iterations']:.0f} of {run['iterations']:.0f}"
+    assert float(player.inner_text("#best")) == pytest.approx(run["final_rmse_rps"], abs=AGREE_RPS)
+    assert float(player.inner_text("#printed")) == pytest.approx(run["final_rmse_rps"], abs=AGREE_RPS)
+    assert abs(float(player.inner_text("#difference"))) < AGREE_RPS
+    basin = pd.read_csv(RESULTS / "stored_runs.csv").set_index("run")["basin"][4]
+    assert f"ends in basin {basin} of " in player.inner_text("#ending")
+    assert player.said == []
+    assert len(player.asked) == 1
+
+
+@pytest.mark.slow
+def test_all_runs_end_in_the_basin_of_the_results_and_say_which_values_are_stored(player):
+    ends, basins = (pd.read_csv(RESULTS / f"{name}.csv") for name in ("replay_ends", "stored_basins"))
+    labels = basin_labels(np.r_[basins["rmse_rps"], ends["ours_rps"]])
+    assert labels.max() == len(basins)
+    assert player.evaluate("runs.map(run => run.ours)") == labels[len(basins) :].tolist()
+    for run in (20, 21):
+        player.select_option("#run", str(run))
+        player.press("#frame", "Home")
+        assert (player.inner_text("#printed") == "only the end") == (run == 21)
+        last = ends.set_index("run").loc[run]
+        told = f"misfit of {last['ours_rps']:.6f} rps, after {last['our_generations']:.0f} generations"
+        assert told in player.inner_text("#ending")
+
+
+@pytest.mark.slow
+def test_the_samples_are_those_that_the_search_evaluated(player, record_12):
+    seed = int(published.authors_notebook_runs()["cma_seed"][7])
+    drawn = player.evaluate("Array.from(random.slice(0, 4200))")
+    assert drawn == pytest.approx(random_normals(seed)(600, 7).ravel(), rel=1e-12)
+    box = protocol_box(record_12, AUTHORS)
+    for now in islice(paper_search(record_12, AUTHORS, seed), 85):
+        if now.after.g not in (1, 2, 30, 85):
+            continue
+        player.evaluate(f"go(run.generation.indexOf({now.after.g}))")
+        shares = (now.members - box.lower) / (box.upper - box.lower)
+        for pair in ([0, 1], [2, 3], [5, 6], [4, 1]):
+            shown = player.evaluate(f"samples(run.frames[position], {now.after.g}, {pair})")
+            # Axes are kept in 1/127 standard deviation.
+            assert np.abs(np.array(shown) - shares[:, pair]).max() < 0.02
+        better = np.flatnonzero(player.evaluate("run.frames[position].better"))
+        assert sorted(now.ranking[:150]) == better.tolist()
+        assert player.inner_text("#best") == f"{now.misfits.min():.12f}"
+
+
+@pytest.mark.slow
+def test_steps_the_slider_two_dimensions_and_the_zoom_work_by_keyboard(player):
+    assert player.inner_text("#at").startswith("1 of ")
+    player.focus("#on")
+    player.keyboard.press("Enter")
+    assert player.inner_text("#at").startswith("2 of ")
+    player.focus("#frame")
+    player.keyboard.press("End")
+    at = player.inner_text("#at").split(" of ")
+    assert at[0] == at[1]
+    assert player.get_attribute("#frame", "aria-valuetext") == "generation {} of {}".format(*at)
+    player.focus("#across")
+    player.keyboard.press("ArrowDown")  # from A to t0, which the other axis shows
+    assert player.evaluate("pair()") == [1, 0]
+    far = player.evaluate("id('better').getAttribute('d')")
+    player.focus("#zoom")
+    player.keyboard.press("Space")
+    assert player.evaluate("id('better').getAttribute('d')") != far
+    player.focus("#back")
+    player.keyboard.press("Enter")
+    assert player.inner_text("#at") != " of ".join(at)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("width", "scheme"), [(390, "dark"), (820, "light"), (1440, "dark")])
+def test_axe_finds_no_serious_violation_on_the_replay_explorer(player, width, scheme):
+    player.set_viewport_size({"width": width, "height": 900})
+    player.emulate_media(color_scheme=scheme)
+    assert serious_violations(player) == []
+    assert player.evaluate("document.documentElement.scrollWidth") <= width
+
+
+@pytest.mark.slow
+def test_nothing_plays_unasked_and_less_motion_is_slower(browser, player):
+    player.wait_for_timeout(700)
+    assert player.inner_text("#at").startswith("1 of ")
+    assert player.input_value("#speed") == "5"
+    player.emulate_media(reduced_motion="reduce")
+    player.reload()
+    assert player.input_value("#speed") == "2"
+
+
+def test_an_explorer_is_light(site):
+    for file in site.glob("pages/*_explorer.html"):
+        assert file.stat().st_size <= 400_000, file.name
