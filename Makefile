@@ -62,9 +62,6 @@ claims: .venv/.installed  ## the slow studies behind claims, into results/optimi
 bench: .venv/.installed  ## time what was made fast against a direct arm, into results/bench.csv
 	OPENBLAS_NUM_THREADS=1 $(PY) -m tests.tools.timings
 
-scoreboard: .venv/.installed  ## score every method on logs of known backlash, into results/scoreboard.csv
-	$(STUDY) scoreboard
-
 population: .venv/.installed  ## every method on joints that nobody calibrated, and the sensor's datasheet
 	$(STUDY) population
 

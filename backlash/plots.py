@@ -7,7 +7,7 @@ from matplotlib.figure import Figure
 from backlash.trend_line import Trend
 from replication.arrays import FloatArray
 from replication.datasets import Recording
-from replication.figures.style import BLUE, INK, ORANGE, PINK, grid, in_style
+from replication.figures.style import BLUE, INK, ORANGE, PINK, finish, grid, in_style
 
 _SHOWN_TURNS = 3
 
@@ -15,25 +15,24 @@ _SHOWN_TURNS = 3
 @in_style
 def estimate_figure(recording: Recording, model_rps: FloatArray, title: str) -> Figure:
     """Show three turns in the middle of a record with the fitted model [rps], and the residual of the whole record."""
-    figure, axes = grid(2, 1, figsize=(9.0, 5.6), height_ratios=(3, 2))
+    figure, axes = grid(2, 1, height_in=4.4, height_ratios=(3, 2))
     t, disturbance = recording.t - recording.t[0], recording.v - recording.v.mean()
     model = model_rps - model_rps.mean()
     middle, half = t[-1] / 2, min(_SHOWN_TURNS * recording.turn_period_s, t[-1]) / 2
     axes[0, 0].plot(t, disturbance, color="0.55", linewidth=0.9, label="record, less its mean")
     axes[0, 0].plot(t, model, color=BLUE, linewidth=1.4, label="fitted model")
-    axes[0, 0].set(xlim=(middle - half, middle + half), xlabel="time [s]", ylabel="motor speed [rps]", title=title)
-    axes[0, 0].legend(loc="upper right", ncols=2)
-    top = 1.35 * max(np.abs(disturbance).max(), 1e-9)
-    axes[0, 0].set_ylim(-top, top)
+    top = 1.05 * max(np.abs(disturbance).max(), 1e-9)
+    axes[0, 0].set(xlim=(middle - half, middle + half), ylim=(-top, top), title=title)
+    axes[0, 0].set(xlabel="time [s]", ylabel="motor speed [rps]")
     axes[1, 0].plot(t, disturbance - model, color=ORANGE, linewidth=0.7)
     axes[1, 0].set(xlim=(0, t[-1]), ylim=(-top, top), xlabel="time [s]", ylabel="residual [rps]")
-    return figure
+    return finish(figure, 2)
 
 
 @in_style
 def trend_figure(trend: Trend) -> Figure:
     """Show dated estimates with their intervals, the line through them with its band, and the limit."""
-    figure, axes = grid(figsize=(8.5, 4.5))
+    figure, axes = grid(height_in=3.6)
     axis, points = axes[0, 0], trend.points
     scale, unit = trend.shown_in
     delta = scale * points["value"].to_numpy()
@@ -51,7 +50,7 @@ def trend_figure(trend: Trend) -> Figure:
     low, high = scale * (line - half), scale * (line + half)
     axis.fill_between(dates, low, high, color=BLUE, alpha=0.15, lw=0, label="its 95 %")
     if trend.limit_rad is not None:
-        axis.axhline(1e3 * trend.limit_rad, color=PINK, label="limit")
+        axis.axhline(1e3 * trend.limit_rad, color=PINK, linestyle="--", label="limit")
         first, after = trend.crossing_interval or (None, None)
         if first is not None:
             last_drawn = min(after or dates[-1], dates[-1])
@@ -62,5 +61,4 @@ def trend_figure(trend: Trend) -> Figure:
     name = "amplitude" if trend.is_relative else "backlash $\\delta$"
     axis.set(ylabel=f"{name} [{unit}]", xlim=(dates[0] - (dates[-1] - dates[0]) * 0.03, dates[-1]))
     axis.set_ylim(bottom=0)
-    axis.legend(loc="lower right")
-    return figure
+    return finish(figure, 3)

@@ -205,11 +205,10 @@ pd.DataFrame(
 starts = np.linspace(0, protocol.T_f, 401)
 misfits = np.array([project(t0, *others[1:])[2] for t0 in starts])
 minima = np.flatnonzero((misfits[1:-1] < misfits[:-2]) & (misfits[1:-1] < misfits[2:])) + 1
-_, axis = plt.subplots(figsize=(7, 2.4), layout="constrained")
+_, axis = plt.subplots(figsize=(5.3, 2.4), layout="constrained")
 axis.plot(starts, misfits)
-axis.plot(starts[minima], misfits[minima], "o", label=f"{minima.size} local minima")
-axis.set(xlabel="$t_0$ [s], over one turn", ylabel="RMSE [rps]")
-axis.legend()
+axis.plot(starts[minima], misfits[minima], "o")
+axis.set(xlabel="$t_0$ [s], over one turn", ylabel="RMSE [rps]", title=f"circles: {minima.size} local minima")
 plt.show()
 taus, omegas = windows.damping_frequency_grid()
 print(
@@ -220,8 +219,8 @@ print(
 # %% [markdown]
 # ### The landscape
 #
-# Two slices through the best fit, and the five commonest basins; runs of other basins lie off the slices in the other
-# parameters.
+# Two slices through the best fit, and the basins of our runs, whose area is that of the number of runs. Basins may lie
+# off the slices in the other parameters. A $t_0$ in a later turn is drawn in the first.
 
 
 # %%
@@ -239,8 +238,8 @@ def misfits_over(columns, rows, points=161):
 
 slices = [misfits_over("t0_s", "A_rps"), misfits_over("T2_s", "T1_s")]
 labels = basins.label_basins(replay["rmse_rps"].to_numpy(), (replay["t0_s"] + replay["T1_s"]).to_numpy())
-commonest = sorted(pd.Series(labels).value_counts().index[:5])
-landscape = plots.landscape(slices, {label: replay[labels == label] for label in commonest}, found)
+ends = replay.assign(basin=labels, t0_s=replay["t0_s"] % protocol.T_f)
+landscape = plots.landscape(slices, ends, found)
 
 # %% [markdown]
 # ### What raises the rate
@@ -372,18 +371,24 @@ workbook.export(
     figures={
         "identification_landscape": (
             landscape,
-            "The misfit over the start and the amplitude, and over the window: many valleys a part of a turn "
-            "away from each other. Runs end in several of them; the global fit ends in the deepest.",
+            f"Misfit to record {level} (RMSE) over (a) the start and the amplitude and (b) the window; the frame is "
+            f"the part of the box that is shown. Symbols: {len(table)} basins in which {len(replay)} runs of CMA-ES "
+            "end, with an area that grows with the runs; some lie off these slices in the other parameters. Cross: the "
+            f"global fit. {of_best['runs']:.0f} runs end in basin 1, which has the lowest misfit of all runs.",
         ),
         "identification_strategies": (
             strategy_costs,
-            "What a search costs for each time that it finds the best basin: without A and v_t, which are linear, it "
-            "costs the least.",
+            f"Function evaluations per success of {len(costs)} search strategies, {strategy_runs} runs each on record "
+            f"{level}, with 95 % intervals; a run spends at most {budget} evaluations. With no success only a lower "
+            "limit is known (arrow). "
+            + (f"A success costs least with {cheapest['strategy']}." if costs["found"].any() else "No run succeeds."),
         ),
         "identification_intervals": (
             amplitude_intervals,
-            f"The global fit's interval of A holds the printed mean in {holds_mean} of {len(intervals)} rows; both "
-            "mostly lie below the theoretical A, because a damped sine is not quite the record's shape.",
+            f"A on the {len(intervals)} records of Table 2 (R = 1) over the theoretical A: the global fit's with its "
+            "95 % interval, and the printed mean with the SD of 30 runs, drawn side by side. The interval holds the "
+            f"printed mean in {holds_mean} of {len(intervals)} rows. Most A lie below the theoretical one, because a "
+            "damped sine is not quite the record's shape.",
         ),
     },
 )

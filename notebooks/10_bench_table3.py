@@ -283,8 +283,9 @@ workbook.export(
         ),
         "table3_bench": (
             table3_figure,
-            "The stand-in bench beside what Table 3 prints. Circles: other benches of the same spread, whose A "
-            f"scatters by {errors['std'].min():.0f} to {errors['std'].max():.0f} % (SD).",
+            f"A of the stand-in bench, mean and SD of {repeats} runs, beside what Table 3 prints, at three backlashes; "
+            f"symbols of one backlash are drawn side by side. Circles: {benches} other benches of the same spread, one "
+            f"log each, whose error of A has an SD of {errors['std'].min():.0f} to {errors['std'].max():.0f} %.",
         ),
     },
     cells=cells,

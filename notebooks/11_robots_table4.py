@@ -211,7 +211,7 @@ frequencies = np.arange(12.5, 30.01, frequency_step_hz)
 sweep = robots.disturbed_healthy_joint(
     global_fit, frequencies, torque_shares, middle_gravity, spread.bench.noise_rps / 2, robot_seed
 )
-lines = {"printed robot B": printed_B, "best threshold of the robots above": best["threshold_rps"]}
+lines = {"printed robot B": printed_B, "best threshold of the robots": best["threshold_rps"]}
 disturbance_figure = plots.robots_disturbance(sweep, lines, 1 / joint.turn_period_s)
 
 # %% [markdown]
@@ -281,13 +281,17 @@ workbook.export(
     figures={
         "table4_robots": (
             robots_figure,
-            "Left: A of simulated healthy and excessive robots, two barely overlapping distributions, and thresholds. "
-            "Right: the larger the coupling torques, the smaller the area under the curve.",
+            f"(a) A of {robots_each} simulated healthy robots and {robots_each} with excessive backlash, one log each, "
+            "and three thresholds. (b) Rates of these thresholds, and of all others (curves), for couplings up to "
+            f"{100 * coupling:.3g} % of gravity and, with {loud_robots_each} robots of each kind, up to "
+            f"{100 * loud_coupling:.3g} %. Larger coupling torques leave a smaller area under the curve.",
         ),
         "table4_disturbance": (
             disturbance_figure,
-            "A of a joint without backlash that one sinusoidal torque shakes: it is largest near the ring's frequency "
-            "and at odd harmonics of the load's rotation, up to above the threshold.",
+            "A fitted to a joint without backlash that one sinusoidal torque shakes, one log for each of "
+            f"{frequencies.size} frequencies and {len(torque_shares)} torques, shares of the gravity torque m g r. The "
+            "rps in the legend are the largest disturbance of the speed. A peaks near the ring's frequency and at odd "
+            "harmonics of the load's rotation; the horizontal lines are thresholds.",
         ),
     },
     cells=cells,

@@ -73,7 +73,7 @@ def _key(source: str, realisation: int, row: int, noise_level: str, factor: floa
     return key | {"noise_amplitude_rps": noise}
 
 
-def start_samples(protocol: Protocol, seeds: Sequence[int], record_seed: int) -> list[int]:
+def start_samples(protocol: Protocol, seeds: Sequence[int], record_seed: int | Sequence[int]) -> list[int]:
     """Draw the start sample of each run of a record, as the protocol's `start` says."""
     if protocol.start == "whole":
         return [0] * len(seeds)

@@ -1,4 +1,4 @@
-"""The studies' command line: each writes its table into the results."""
+"""The studies' command line: each writes its tables into the results."""
 
 import argparse
 import os
@@ -7,7 +7,6 @@ import sys
 from replication import files
 from replication.commands.parser import OneLineParser, add_command, run_command
 
-_HERE = "backlash.studies.__main__"
 _RESULTS, _DATA = files.ROOT / "results", files.ROOT / "backlash" / "data"
 
 
@@ -15,12 +14,8 @@ def main(arguments: list[str] | None = None) -> int:
     """Run one study."""
     parser = OneLineParser(prog="python -m backlash.studies", description=__doc__)
     commands = parser.add_subparsers(required=True, metavar="COMMAND", dest="command_name")
-    for run in (run_calibrations, run_claims, run_scoreboard, run_population):
-        add_command(commands, run.__name__.removeprefix("run_"), _HERE, run.__doc__ or "")
-    runs = add_command(commands, "protocols", _HERE, "runs of every candidate protocol, into protocol_runs.csv")
-    runs.add_argument("--jobs", type=int, default=2, help="processes (default: 2)")
-    score = add_command(commands, "score", _HERE, "score your own method on the scoreboard's logs")
-    score.add_argument("method", help="module:function; takes a Recording, returns the backlash [rad]")
+    for run in (run_calibrations, run_claims, run_population, run_protocols):
+        add_command(commands, run.__name__.removeprefix("run_"), "backlash.studies.__main__", run.__doc__ or "")
     return run_command(parser, arguments, anywhere=())
 
 
@@ -47,25 +42,16 @@ def run_claims(_: argparse.Namespace) -> int:
     return 0
 
 
-def run_scoreboard(_: argparse.Namespace) -> int:
-    """Score every method, into results/scoreboard.csv."""
-    from backlash.studies import scoreboard
-
-    scores = scoreboard.score_all()
-    table = scoreboard.summary(scores)
-    files.write_csv(_RESULTS / "scoreboard_logs.csv", scores.drop(columns="seconds"))
-    files.write_csv(_RESULTS / "scoreboard.csv", table)
-    print(table.to_string(index=False))
-    return 0
-
-
 def run_population(_: argparse.Namespace) -> int:
-    """Every method on joints that nobody calibrated, into results/population_logs.csv."""
+    """Every method on joints that nobody calibrated, into results/population_logs.csv and results/datasheet.csv."""
+    import pandas as pd
+
     from backlash.studies import benchmark, population
 
     drawn = population.measure_population(*population.SPREAD_STUDY)
     files.write_csv(_DATA / "spread_of_joints.csv", population.spread_shares(drawn))
-    rows = population.measure_final_logs()
+    studies = [population.measure_population(*study) for study in population.FINAL_STUDIES]
+    rows = pd.concat(studies, ignore_index=True)
     files.write_csv(_RESULTS / "population_logs.csv", rows)
     print(benchmark.summarise_intervals(rows).to_string(index=False))
     sheet = population.summarise_sensor(population.measure_sensor(population.DATASHEET, population.DATASHEET_SEED))
@@ -74,30 +60,13 @@ def run_population(_: argparse.Namespace) -> int:
     return 0
 
 
-def run_score(options: argparse.Namespace) -> int:
-    """Score a user's method, without the authors' logs where they are not to be had."""
-    from backlash.studies import scoreboard
-    from replication.data.authors import DataUnavailable
-
-    logs, missing = scoreboard.simulated_logs(False) + scoreboard.simulated_logs(True), ""
-    try:
-        logs = scoreboard.authors_logs() + logs
-    except DataUnavailable as error:
-        missing = f"without the authors' logs: {error}\n"
-    scores = scoreboard.score_logs(options.method, scoreboard.load_method(options.method), logs)
-    for kind, part in [*scores.groupby("kind", sort=False), ("all", scores)]:
-        print(f"{kind}:\n{scoreboard.summary(part).to_string(index=False)}")
-    sys.stderr.write(missing)
-    return 0
-
-
-def run_protocols(options: argparse.Namespace) -> int:
-    """Run every candidate protocol."""
+def run_protocols(_: argparse.Namespace) -> int:
+    """Every protocol that may have printed Table 2, into results/protocol_runs.csv."""
     from backlash.studies import protocols
     from replication.workbook.execution import PINNED_ENVIRONMENT
 
     os.environ.update(PINNED_ENVIRONMENT)  # the slow test that runs some again has to find the same digits
-    protocols.compute_runs(options.jobs)
+    files.write_csv(protocols.RUNS, protocols.compute_runs())
     return 0
 
 

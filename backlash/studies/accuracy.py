@@ -7,12 +7,13 @@ from itertools import product
 
 import numpy as np
 import pandas as pd
-from joblib import Parallel, delayed
+from joblib import delayed
 
-from backlash.calibration import Calibration, calibrate, default_calibration
+from backlash.calibration import Calibration, backlashes, calibrate, default_calibration
+from backlash.fitting.global_fit import global_fit
 from backlash.fitting.joint_match import PHASES, changed, match_joint, settled_turn
-from backlash.fitting.readings import read
-from backlash.studies.benchmark import JOINT_ALL_FREE, JOINT_METHODS, Log, calibrated_answers, logs_by_methods
+from backlash.fitting.readings import protocol_for, read
+from backlash.studies.benchmark import JOINT_ALL_FREE, JOINT_METHODS, Log, in_parallel, logs_by_methods
 from backlash.studies.gap_time import time_in_gap
 from replication.arrays import FloatArray
 from replication.datasets import Recording, add_uniform_noise, level_delta_rad
@@ -31,8 +32,9 @@ def _answers(
     recording: Recording, calibrations: Mapping[str, Calibration], joint: JointParameters, unknown: Mapping[str, tuple]
 ) -> dict[str, float]:
     """Backlash [rad] by calibrations, and by simulating the joint with what each of its methods has unknown."""
-    by_joint = {name: match_joint(recording, joint, free)["delta_rad"] for name, free in unknown.items()}
-    return calibrated_answers(recording, calibrations) | by_joint
+    fit = global_fit(recording, protocol_for(recording))
+    calibrated = {name: found.delta_rad for name, found in backlashes(recording, fit, calibrations).items()}
+    return calibrated | {name: match_joint(recording, joint, free)["delta_rad"] for name, free in unknown.items()}
 
 
 def cross_validation(
@@ -92,7 +94,7 @@ def measured_errors(
 
     def answers(log: Log) -> dict[str, float]:
         if log.labels["axis"] == "encoder_bits":
-            return calibrated_answers(log.recording, of_encoder)
+            return _answers(log.recording, of_encoder, joint, {})
         return _answers(log.recording, of_speed, joint, {"joint": ()})
 
     settings = [(axis, value) for axis, values in sweeps.items() for value in values]
@@ -141,11 +143,11 @@ def waveform_slopes(joint: JointParameters, delta_rad: float) -> FloatArray:
     """Slopes of a turn's settled speed at even phases by the backlash, and by the start angle; shape (2, phases)."""
 
     def slope(step_rad: float, angle_step_rad: float) -> FloatArray:
-        ends = [
+        after, before = (
             settled_turn(changed(joint, {"start_angle": sign * angle_step_rad}), delta_rad + sign * step_rad, PHASES)
             for sign in (1, -1)
-        ]
-        return (ends[0] - ends[1]) / (2 * (step_rad + angle_step_rad))
+        )
+        return (after - before) / (2 * (step_rad + angle_step_rad))
 
     return np.array([slope(1e-6, 0.0), slope(0.0, 1e-3)])
 
@@ -163,9 +165,6 @@ def cramer_rao_sd(slopes: FloatArray, noise_sd: float) -> float:
 
 def noisy_energy(clean: Recording, half_amplitude_rps: float, rng: np.random.Generator, logs: int) -> FloatArray:
     """RMS of the signature fitted to a record with uniform noise [rps], for so many drawings of the noise."""
-
-    def value(seed: int) -> float:
-        return read(add_uniform_noise(clean, half_amplitude_rps, np.random.default_rng(seed)), "energy").value
-
     seeds = rng.integers(2**31, size=logs)
-    return np.array(Parallel(n_jobs=-1, batch_size=8)(delayed(value)(seed) for seed in seeds))
+    noisy = (add_uniform_noise(clean, half_amplitude_rps, np.random.default_rng(seed)) for seed in seeds)
+    return np.array([found.value for found in in_parallel((delayed(read)(log, "energy") for log in noisy), "noises")])

@@ -5,11 +5,11 @@ from dataclasses import replace
 
 import numpy as np
 import pandas as pd
-from joblib import Parallel, delayed
+from joblib import delayed
 from numpy.typing import NDArray
-from tqdm import tqdm
 
 from backlash.fitting.global_fit import global_fit
+from backlash.studies.benchmark import in_parallel
 from replication.arrays import FloatArray
 from replication.datasets import constant_speed
 from replication.identify import Protocol, protocol_box
@@ -144,8 +144,7 @@ def coverage_table(runs: int, seed: int) -> pd.DataFrame:
     seeds = np.random.SeedSequence(seed).spawn(len(settings))  # rows that shared draws would err together
     generators, rows = [np.random.default_rng(own) for own in seeds], []
     jobs = [delayed(coverage_runs)(*each, runs, own) for each, own in zip(settings, generators, strict=True)]
-    parts = tqdm(Parallel(n_jobs=-1, return_as="generator")(jobs), total=len(jobs), desc="made records")
-    for (law, half_amplitude), part in zip(settings, parts, strict=True):
+    for (law, half_amplitude), part in zip(settings, in_parallel(jobs, "made records"), strict=True):
         width = ((part["high_rps"] - part["low_rps"]) / part["true_A_rps"]).median()
         rate = rate_columns(int(part["covered"].sum()), runs)
         rows.append({"law": law, "half_amplitude_rps": half_amplitude, "runs": runs, **rate, "relative_width": width})

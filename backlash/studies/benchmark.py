@@ -10,14 +10,11 @@ from joblib import Parallel, delayed
 from tqdm import tqdm
 
 from backlash.calibration import Calibration, backlashes, widened
-from backlash.fitting.global_fit import GlobalFit, global_fit
+from backlash.fitting.global_fit import GlobalFit
 from backlash.fitting.joint_match import NUISANCES
-from backlash.fitting.readings import protocol_for
+from backlash.fitting.self_calibration import fit_joint
 from replication.datasets import Recording
 from replication.statistics import rate_columns
-
-# The authors' logs that methods are tried on: realisation and level.
-AUTHORS_LOGS = tuple((realisation, level) for realisation in (1, 2) for level in range(3, 12))
 
 # Methods through the joint: what is unknown besides the backlash.
 JOINT_ALL_FREE = "joint, all nuisances free"
@@ -37,13 +34,16 @@ class Log:
 Answers = Mapping[str, float | Mapping[str, Any]]
 
 
-def logs_by_methods(
-    logs: Iterable[Log | Callable[[], Log]], answers: Callable[[Log], Answers], jobs: int = -1
-) -> pd.DataFrame:
+def in_parallel(calls: Iterable[Any], label: str) -> list:
+    """Results of joblib's delayed calls, in their order, on all cores."""
+    work = list(calls)
+    results = Parallel(n_jobs=-1, return_as="generator")(work)
+    return list(tqdm(results, total=len(work), desc=label, mininterval=5))
+
+
+def logs_by_methods(logs: Iterable[Log | Callable[[], Log]], answers: Callable[[Log], Answers]) -> pd.DataFrame:
     """One row per log and method: labels, true and found backlash, error; logs may be functions that draw them."""
-    work = [delayed(_rows)(log, answers) for log in logs]
-    results = Parallel(n_jobs=jobs, return_as="generator")(work)
-    found = tqdm(results, total=len(work), desc="logs", mininterval=5, disable=jobs == 1)  # a score prints errors there
+    found = in_parallel((delayed(_rows)(log, answers) for log in logs), "logs")
     return pd.DataFrame([row for rows in found for row in rows])
 
 
@@ -57,16 +57,17 @@ def _rows(log: Log | Callable[[], Log], answers: Callable[[Log], Answers]) -> li
     return rows
 
 
-def calibrated_answers(recording: Recording, calibrations: Mapping[str, Calibration]) -> dict[str, float]:
-    """Backlash [rad] of a record by several calibrations, from one global fit."""
-    fit = global_fit(recording, protocol_for(recording))
-    return {name: found.delta_rad for name, found in backlashes(recording, fit, calibrations).items()}
-
-
 def interval_answer(found_rad: float, interval_rad: tuple[float, float], reason: str) -> dict[str, object]:
     """Columns of an answer with an interval; a reason refuses it."""
     interval = dict(zip(("low_rad", "high_rad"), interval_rad, strict=True))
     return {"found_rad": found_rad} | interval | {"refused": bool(reason), "reason": reason.split(" (")[0]}
+
+
+def self_answer(recording: Recording) -> dict[str, object]:
+    """Answer of method "self", and its whole fit."""
+    fit = fit_joint(recording)
+    answer = interval_answer(fit.delta_rad, fit.interval_rad, fit.refusal_reason)
+    return answer | {"sd_rad": fit.sd_rad, "misfit": fit.misfit, "unrest": fit.ring_noise_ratio, "fit": fit}
 
 
 def widened_answers(

@@ -10,12 +10,13 @@ from itertools import product
 
 import numpy as np
 import pandas as pd
-from joblib import Parallel, delayed
+from joblib import delayed
 from scipy import stats
 from tqdm import tqdm
 
 from backlash.fitting.global_fit import global_fit
 from backlash.studies.accuracy import encoder_recording
+from backlash.studies.benchmark import in_parallel
 from replication import published
 from replication.arrays import FloatArray
 from replication.datasets import add_uniform_noise, constant_speed
@@ -53,13 +54,12 @@ def uniform_noise(tests: pd.DataFrame, criteria: Criteria = None) -> Decision:
     )
 
 
-def amplitudes_without_backlash(seeds: Sequence[int], noise_rps: float, n_jobs: int = -1) -> FloatArray:
+def amplitudes_without_backlash(seeds: Sequence[int], noise_rps: float) -> FloatArray:
     """|A| [rps] that one run of the authors' search finds in noise alone, for each noise seed."""
     base = constant_speed(samples=2401, dt=0.002)
     noises = [add_uniform_noise(base, noise_rps, np.random.default_rng(seed)) for seed in seeds]
-    jobs = [delayed(paper_fit)(noise, Protocol(), seed) for noise, seed in zip(noises, seeds, strict=True)]
-    fits = Parallel(n_jobs=n_jobs, return_as="generator")(jobs)
-    return np.array([fit.amplitude_rps for fit in tqdm(fits, total=len(jobs), desc="noises", mininterval=5)])
+    calls = (delayed(paper_fit)(noise, Protocol(), seed) for noise, seed in zip(noises, seeds, strict=True))
+    return np.array([fit.amplitude_rps for fit in in_parallel(calls, "noises")])
 
 
 def no_backlash(amplitude_rps: FloatArray, smallest_A_rps: float, criteria: Criteria = None) -> Decision:
@@ -108,14 +108,13 @@ def noise_errors_by_turns(
     The record begins with the third turn; the error is against its own fit without noise.
     """
     records, rows = simulate_recordings(joint, deltas_rad, turns=2 + max(turns)), []
-    cases = product(zip(records, noises_rps, deltas_rad, strict=True), turns)
-    for (record, noise, delta), n in tqdm(list(cases), desc="errors by turns"):
+    for (record, noise, delta), n in product(zip(records, noises_rps, deltas_rad, strict=True), turns):
         turn = round(record.turn_period_s / record.sample_s)
         length = n * turn + 1
         part = replace(record, t=record.t[:length], v=record.v[2 * turn : 2 * turn + length])
         rng = np.random.default_rng((n, round(1e7 * delta)))
         noisy = [add_uniform_noise(part, noise, rng) for _ in range(seeds)]
-        fits = Parallel(n_jobs=-1)(delayed(global_fit)(each, Protocol(turns=n)) for each in [part, *noisy])
+        fits = in_parallel((delayed(global_fit)(each, Protocol(turns=n)) for each in [part, *noisy]), f"{n} turns")
         A = np.array([fit.amplitude_rps for fit in fits])
         rows.append((delta, n, float(np.sqrt(np.mean((A[1:] - A[0]) ** 2)))))
     return pd.DataFrame(rows, columns=["delta_rad", "turns", "rms_error_rps"])

@@ -31,29 +31,13 @@ def crossing_rad(turn_rps: FloatArray, joint: JointParameters, gap_s: tuple[floa
     return float(abs(np.trapezoid(motor - load, t)) / 2)
 
 
-def time_in_gap(recording: Recording, joint: JointParameters, smoothing_s: float, falls: bool = True) -> float:
-    """Backlash as the relative speed of motor and load, integrated over the time in the gap.
+def time_in_gap(recording: Recording, joint: JointParameters, smoothing_s: float) -> float:
+    """Backlash [rad] as the relative speed of motor and load over the time in the gap, the mean of a turn's two gaps.
 
-    Parameters
-    ----------
-    recording : Recording
-        Of whole load turns that begin at the joint's start angle.
-    joint : JointParameters
-        Gear ratio, turn, start angle and gravity are used; stiffness and drive are not.
-    smoothing_s : float
-        Window of the quadratic smoothing with which the impact is located [s].
-    falls : bool
-        Whether the load falls freely in the gap, or keeps its speed.
-
-    Returns
-    -------
-    float
-        Half of the gap [rad]: the mean of the settled turn's two gaps.
-
-    Notes
-    -----
-    Villwock and Pacas, IEEE Transactions on Industrial Electronics 56(2), 2009, measure at reversals; this is their
-    integral on the paper's movement, where gravity opens the gap.
+    The record consists of whole turns that begin at the joint's start angle; of the joint, stiffness and drive are not
+    used. Villwock and Pacas, IEEE Transactions on Industrial Electronics 56(2), 2009, measure at reversals; this is
+    their integral on the paper's movement, where gravity opens the gap.
     """
     turn = mean_turn(recording, samples_a_turn(recording))
-    return float(np.mean([crossing_rad(turn, joint, gap, falls) for gap in find_gaps(turn, joint, smoothing_s)]))
+    gaps = find_gaps(turn, joint, smoothing_s)
+    return float(np.mean([crossing_rad(turn, joint, gap, falls=True) for gap in gaps]))

@@ -12,15 +12,15 @@ from itertools import count
 
 import numpy as np
 import pandas as pd
-from joblib import Parallel, delayed
+from joblib import delayed
 from scipy import optimize, stats
-from tqdm import tqdm
 
 from backlash.fitting.global_fit import global_fit
+from backlash.studies.benchmark import in_parallel
 from replication.arrays import FloatArray
 from replication.compiled.misfit import population_rmse, residual
 from replication.datasets import Recording, load_noisy
-from replication.identify import Protocol, protocol_box
+from replication.identify import protocol_box
 from replication.search import generations, search
 from replication.signature import FREE_PARAMETERS, Box, Timing
 from replication.statistics import rate_columns
@@ -59,17 +59,15 @@ def projected_rmse(t: FloatArray, v: FloatArray, timing: Timing, limit: float) -
 class Cost:
     """The paper's cost, counting evaluations; raises `SearchEnded` when there is no more to do."""
 
-    def __init__(
-        self, recording: Recording, target: float, budget: int, protocol: Protocol = AUTHORS, projected: bool = False
-    ):
-        self.recording, self.timing, self.target, self.budget = recording, protocol.timing, target, budget
-        self.box = protocol_box(recording, protocol)
+    def __init__(self, recording: Recording, target: float, budget: int, projected: bool = False):
+        self.recording, self.timing, self.target, self.budget = recording, AUTHORS.timing, target, budget
+        self.box = protocol_box(recording, AUTHORS)
         self.best, self.evaluations = math.inf, 0
         self._misfits: Callable[[FloatArray], FloatArray]
-        self._misfits = lambda X: population_rmse(recording.t, recording.v, X, protocol.timing)
+        self._misfits = lambda X: population_rmse(recording.t, recording.v, X, AUTHORS.timing)
         if projected:  # A and v_t are linear: the search is over the others alone
             kept = [name not in ("A_rps", "v_t_rps") for name in FREE_PARAMETERS]
-            self._misfits = projected_rmse(recording.t, recording.v, protocol.timing, self.box.upper[0])
+            self._misfits = projected_rmse(recording.t, recording.v, AUTHORS.timing, self.box.upper[0])
             self.box = Box(self.box.lower[kept], self.box.upper[kept])
 
     def of_members(self, X: FloatArray) -> FloatArray:
@@ -234,7 +232,8 @@ def planned_runs() -> list[tuple[str, int, int, int]]:
 def run_jobs(jobs: Sequence[tuple[str, int, int, int]]) -> pd.DataFrame:
     """Run methods side by side on the authors' records, a row a run: the columns of `results/optimizers.csv`."""
     columns = ["method", "kind", "level", "realisation", "seed", "found", "rmse_over_best", "evaluations"]
-    return pd.DataFrame(Parallel(n_jobs=-1)(delayed(_run_on_authors_record)(*job) for job in jobs), columns=columns)
+    found = in_parallel((delayed(_run_on_authors_record)(*job) for job in jobs), "searches")
+    return pd.DataFrame(found, columns=columns)
 
 
 def _run_on_authors_record(method: str, level: int, realisation: int, seed: int) -> dict:
@@ -251,9 +250,8 @@ def compare_strategies(
 ) -> pd.DataFrame:
     """Run every strategy with every seed, on all cores; one row a run, as `run_method` gives it."""
     run = delayed(run_method)
-    jobs = [run(name, recording, target_rmse, budget, seed) for name in strategies for seed in seeds]
-    results = Parallel(n_jobs=-1, return_as="generator")(jobs)
-    return pd.DataFrame(tqdm(results, total=len(jobs), desc="searches", mininterval=5))
+    calls = (run(name, recording, target_rmse, budget, seed) for name in strategies for seed in seeds)
+    return pd.DataFrame(in_parallel(calls, "searches"))
 
 
 def success_table(runs: pd.DataFrame) -> pd.DataFrame:

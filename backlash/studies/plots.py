@@ -1,80 +1,97 @@
 """Plots of what goes past the paper: data frames and arrays in, a matplotlib figure out."""
 
+import textwrap
 from collections.abc import Mapping, Sequence
 
 import numpy as np
 import pandas as pd
-from matplotlib import pyplot as plt
 from matplotlib.figure import Figure
+from matplotlib.patches import Rectangle
+from matplotlib.patheffects import withStroke
 from matplotlib.ticker import MaxNLocator, NullLocator
 from scipy import stats
 
-from backlash.studies.population import coverage_curve, ranks
+from backlash.studies.population import NORMAL_95, coverage_curve, ranks
 from replication.arrays import FloatArray
-from replication.figures.style import BLUE, GREEN, INK, ORANGE, PINK, PRINTED, SKY, Style, grid, in_style
-from replication.standins.plots import COLOURS, MARKERS
+from replication.figures import style as house
+from replication.figures.style import BLUE, GREEN, INK, ORANGE, PINK, SKY, Style, grid, in_style
+from replication.standins.plots import COLOURS, LINES, MARKERS
 
 
 @in_style
 def landscape(
-    slices: Sequence[tuple[FloatArray, FloatArray, FloatArray]], runs: Mapping[int, pd.DataFrame], best: pd.Series
+    slices: Sequence[tuple[FloatArray, FloatArray, FloatArray]], runs: pd.DataFrame, best: pd.Series
 ) -> Figure:
-    """Show two slices of the misfit through the best fit, A over t0 and T1 over T2, and where runs ended, by basin."""
-    figure, axes = grid(1, 2, figsize=(10.0, 4.5))
+    """Show two slices of the misfit through the best fit, and each `basin` of the runs with their number as area."""
+    figure, axes = grid(1, 2, height_in=3.4)
     names = (("t0_s", "A_rps"), ("T2_s", "T1_s"))
     labels = (("$t_0$ [s]", "A [rps]"), ("$T_2$ [s]", "$T_1$ [s]"))
     low, high = min(part[2].min() for part in slices), max(part[2].max() for part in slices)
-    colours = (BLUE, ORANGE, GREEN, PINK, SKY, INK)
+    basins = runs.groupby("basin")
+    ends, sizes = basins[["t0_s", "A_rps", "T2_s", "T1_s"]].median(), basins.size()
+    named = sizes.nlargest(3).sort_index().index
+    groups = {f"basin {name}, {sizes[name]} runs": [name] for name in named}
+    others = sizes.drop(named)
+    groups[f"{len(others)} other basins, {others.sum()} runs"] = others.index
+    halo = [withStroke(linewidth=2.8, foreground="white")]
     for axis, (columns, rows, misfit), (first, second), text in zip(axes[0], slices, names, labels, strict=True):
         shade = axis.pcolormesh(columns, rows, misfit, cmap="Greys_r", vmin=low, vmax=high, rasterized=True)
-        for (number, part), marker, colour in zip(runs.items(), "osv^Dx", colours, strict=False):
-            style = {"marker": marker, "color": colour, "linestyle": "none", "markersize": 4, "mfc": "none"}
-            axis.plot(part[first], part[second], label=f"basin {number}, {len(part)} runs", **style)
-        axis.plot(best[first], best[second], marker="+", markersize=14, color=INK, label="global fit", linestyle="none")
+        axis.add_patch(Rectangle((columns[0], rows[0]), np.ptp(columns), np.ptp(rows), fill=False, linewidth=0.8))
+        for (label, group), marker, colour in zip(groups.items(), "ovsD", (BLUE, ORANGE, GREEN, PINK), strict=True):
+            style = {"marker": marker, "facecolors": "none", "edgecolors": colour, "linewidths": 1.4, "label": label}
+            place = ends.loc[group, [first, second]].to_numpy().T
+            axis.scatter(*place, s=18 + 4 * sizes[group], path_effects=halo, zorder=3, **style)
+        style = {"color": INK, "markersize": 14, "mew": 0.8, "path_effects": halo}
+        axis.plot(*best[[first, second]], "+", label="global fit", **style)
+        axis.use_sticky_edges = False
+        axis.margins(0.08)
         axis.set(xlabel=text[0], ylabel=text[1])
         axis.grid(False)
-    axes[0, 0].set_xlim(slices[0][0][0], slices[0][0][-1])
-    axes[0, 1].legend(fontsize=8, frameon=True, facecolor="white", framealpha=0.9)
     figure.colorbar(shade, ax=axes[0].tolist(), label="RMSE [rps]")
-    return figure
+    return house.finish(figure, 2)
 
 
 @in_style
 def strategy_costs(table: pd.DataFrame) -> Figure:
     """Show the function evaluations that each search strategy spends for one success, with 95 % intervals."""
-    figure, ((axis,),) = grid(figsize=(8.5, 3.8))
-    at = np.arange(len(table))[::-1]
-    middle, low, high = (table[f"evaluations_per_success{end}"].to_numpy() for end in ("", "_low", "_high"))
-    for y, centre, left, right in zip(at, middle, low, high, strict=True):
-        axis.plot([left, right if np.isfinite(right) else 100 * left], [y, y], color=BLUE, linewidth=1.2)
-        if np.isfinite(centre):
-            axis.plot(centre, y, "o", color=BLUE)
-    axis.set_yticks(at, table["strategy"])
-    finite = high[np.isfinite(high)]
-    axis.set(xscale="log", xlabel="function evaluations per success")
-    axis.set_xlim(low.min() / 1.5, 1.5 * max(finite.max(initial=0.0), low.max()))
-    ticks = [1e4, 2e4, 5e4, 1e5, 2e5, 5e5]
-    axis.set_xticks(ticks, labels=[f"{tick:,.0f}" for tick in ticks])
+    figure, ((axis,),) = grid(height_in=0.36 * len(table) + 1.0)
+    costs = table.filter(like="evaluations_per_success")
+    left = costs.min().min() / 1.5
+    right = max(2 * costs[np.isfinite(costs)].max().max(), 2.5 * left)
+    for at, row in enumerate(table.itertuples()):
+        low, high = row.evaluations_per_success_low, row.evaluations_per_success_high
+        if row.found:
+            axis.plot([low, high], [at, at], color=BLUE, linewidth=1.2, label="95 % interval")
+            axis.plot(row.evaluations_per_success, at, "o", color=BLUE, label="estimate")
+        else:
+            arrow = {"linestyle": "--", "marker": ">", "markevery": [1], "clip_on": False, "color": ORANGE}
+            axis.plot([low, right], [at, at], label="no success: above this limit (95 %)", **arrow)
+        axis.annotate(f"{row.found} of {row.runs}", (1.04, at), xycoords=("axes fraction", "data"), va="center")
+    axis.annotate("found in", (1.04, -0.8), xycoords=("axes fraction", "data"), va="center", annotation_clip=False)
+    axis.set_yticks(range(len(table)), [textwrap.fill(name, 32) for name in table["strategy"]], linespacing=1.1)
+    axis.set(xscale="log", xlabel="function evaluations per success [$10^3$]")
+    axis.set(xlim=(left, right), ylim=(len(table) - 0.5, -0.5))
+    ticks = [tick for tick in (1e4, 2e4, 5e4, 1e5, 2e5, 5e5, 1e6) if left < tick < right]
+    axis.set_xticks(ticks, labels=[f"{tick / 1e3:g}" for tick in ticks])
     axis.xaxis.set_minor_locator(NullLocator())
-    return figure
+    return house.finish(figure, 3)
 
 
 @in_style
 def amplitude_intervals(table: pd.DataFrame) -> Figure:
     """Show the global fit's amplitudes with their intervals beside Table 2's printed means and SDs."""
-    figure, ((axis,),) = grid(figsize=(8.0, 4.2))
+    figure, ((axis,),) = grid()
     delta, theory = 1e4 * table["delta_rad"].to_numpy(), table["theoretical_A_rps"].to_numpy()
     middle = table["A_rps"].to_numpy()
     ends = np.abs(table[["low_rps", "high_rps"]].to_numpy().T - middle)
-    style = {"linestyle": "none", "capsize": 3, "marker": "o", "color": BLUE, "label": "global fit, 95 %"}
+    style = {"linestyle": "none", "capsize": 3, "marker": "o", "color": BLUE, "label": "global fit, 95 % interval"}
     axis.errorbar(delta - 0.15, middle / theory, ends / theory, **style)
     printed, spread = (table[f"printed_{name}_A_rps"].to_numpy() / theory for name in ("mean", "sd"))
-    style = PRINTED | {"elinewidth": 1, "capsize": 3, "label": "printed mean, SD of runs"}
+    style = house.PRINTED | {"elinewidth": 1, "capsize": 3, "label": "printed mean, SD of 30 runs"}
     axis.errorbar(delta + 0.15, printed, spread, **style)
-    axis.axhline(1, color=INK, linewidth=0.8)
-    axis.set(xlabel="backlash $\\delta$ [1e-4 rad]", ylabel="A over theoretical A")
-    axis.legend()
-    return figure
+    axis.axhline(1, color=INK, linewidth=0.8, label="theoretical A")
+    axis.set(xlabel=house.BACKLASH_LABEL, ylabel="A over theoretical A [-]", xticks=np.round(delta))
+    return house.finish(figure, 3)
 
 
 def _arms(table: pd.DataFrame, name: str) -> FloatArray:
@@ -102,175 +119,182 @@ METHOD_STYLES: dict[str, Style] = {
 @in_style
 def cross_validation_errors(table: pd.DataFrame, targets_rad: Mapping[str, float]) -> Figure:
     """Show the error of each method on each log, the mean size of each method's, and targets to meet."""
-    figure, ((axis,),) = grid(figsize=(8.5, 4.8))
+    figure, ((axis,),) = grid(height_in=3.8)
     methods = list(dict.fromkeys(table["method"]))
     for row, method in enumerate(methods):
-        size = 1e6 * table.loc[table["method"] == method, "error_rad"].abs()
-        style = METHOD_STYLES[method]
-        axis.plot(size, np.full(size.size, row), linestyle="none", alpha=0.7, **style)
-        axis.plot([size.mean()] * 2, [row - 0.35, row + 0.35], color=INK, linewidth=2)
+        size, beside = 1e6 * table.loc[table["method"] == method, "error_rad"].abs(), [row - 0.4, row + 0.4]
+        axis.plot(size, np.full(size.size, row), linestyle="none", alpha=0.7, markersize=5, **METHOD_STYLES[method])
+        axis.plot([size.mean()] * 2, beside, color=INK, linewidth=2, label="mean size")
         if method in targets_rad:
-            axis.plot([1e6 * targets_rad[method]] * 2, [row - 0.35, row + 0.35], color=INK, linewidth=1, linestyle=":")
-    axis.set(xscale="log", xlabel="error of backlash [1e-6 rad] (line: mean size, dotted: target)", xlim=(0.05, 600))
+            style = {"color": ORANGE, "linewidth": 2, "linestyle": (0, (1, 1)), "label": "target of the mean"}
+            axis.plot([1e6 * targets_rad[method]] * 2, beside, **style)
+    axis.set(xscale="log", xlabel="size of the error of the backlash [$10^{-6}$ rad]")
     axis.set_yticks(range(len(methods)), methods)
     axis.invert_yaxis()
-    return figure
+    return house.finish(figure, 2)
 
 
 @in_style
 def error_limits(table: pd.DataFrame, axes_labels: Mapping[str, str]) -> Figure:
     """Show measured errors as marks and Cramer-Rao bounds as lines, one panel for each thing that changes."""
-    figure, axes = grid(2, 2, figsize=(9.0, 7.0), sharey=True)
+    figure, axes = grid(2, 2, height_in=5.0, sharey=True)
     for axis, (name, label) in zip(axes.flat, axes_labels.items(), strict=True):
         part = table[table["axis"] == name]
         for method in ("bound, start free", "bound, start known", "amplitude", "energy", "waveform", "joint"):
             rows = part[part["method"] == method]
-            style = {"linestyle": "none", "label": method} | METHOD_STYLES[method]
+            style = {"linestyle": "none", "label": method, "markersize": 6, "mfc": "none"} | METHOD_STYLES[method]
             axis.plot(rows["value"], 1e6 * rows["rmse_rad"], **style)
+            if rows.empty:
+                axis.set_title(f"{method}: not applied", loc="right", fontsize=8, style="italic")
         axis.set(xlabel=label, yscale="log", xscale="linear" if name == "encoder_bits" else "log")
         axis.set_xticks(values := list(dict.fromkeys(part["value"])), [f"{value:g}" for value in values])
         axis.xaxis.set_minor_locator(NullLocator())
-    for row in axes:
-        row[0].set_ylabel("RMS error of backlash [1e-6 rad]")
-    figure.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside upper center", ncols=6, fontsize=9)
-    return figure
+    figure.supylabel("RMS error of the backlash [$10^{-6}$ rad]", fontsize=9)
+    return house.finish(figure, 3)
 
 
 @in_style
 def detection_curves(table: pd.DataFrame, limits_rad: Sequence[float]) -> Figure:
     """Show the share of records that are seen to have backlash, and what a filter that knows the waveform would see."""
-    figure, ((axis,),) = grid(figsize=(8.0, 4.2))
-    loudness = table.groupby("noise_half_amplitude_rps", sort=False)
-    for (noise, part), limit, colour, marker in zip(
-        loudness, limits_rad, (BLUE, ORANGE, PINK, INK), "os^D", strict=False
-    ):
-        style = {"color": colour, "marker": marker, "capsize": 3, "label": f"noise of {noise:g} rps"}
+    figure, ((axis,),) = grid()
+    parts = table.groupby("noise_half_amplitude_rps", sort=False)
+    for (noise, part), limit, colour, marker, line in zip(parts, limits_rad, COLOURS, MARKERS, LINES[1:], strict=False):
+        style = {"color": colour, "marker": marker, "capsize": 3, "label": f"energy, noise of {noise:g} rps"}
         axis.errorbar(1e4 * part["delta_rad"], part["seen"], _arms(part, "seen"), **style)
-        axis.axvline(1e4 * limit, color=colour, linestyle=":", label=f"matched filter, {noise:g} rps")
-    axis.set(xlabel="backlash [1e-4 rad]", ylabel="share of records above the threshold [-]", ylim=(-0.03, 1.03))
-    axis.legend(loc="lower right")
-    return figure
+        axis.axvline(1e4 * limit, color=colour, linestyle=line, label=f"matched filter, {noise:g} rps")
+    axis.set(xlabel=house.BACKLASH_LABEL, ylabel="share of records above\nthe threshold [-]", ylim=(-0.03, 1.03))
+    return house.finish(figure, 2)
 
 
 @in_style
 def tornado(table: pd.DataFrame, methods: Sequence[str]) -> Figure:
     """Show the mean error of methods at the ends of what may change, the parameter with the largest on top."""
     order = table["mean_error_rad"].abs().groupby(table["parameter"]).max().sort_values().index
-    figure, axes = grid(1, len(methods), figsize=(11.0, 4.8), sharey=True, sharex=True)
-    for axis, method in zip(axes[0], methods, strict=True):
-        bars = 1e6 * table[table["method"] == method].pivot(
-            index="parameter", columns="change", values="mean_error_rad"
-        )
-        bars = bars.loc[order].rename(columns="{:+.0%}".format)
-        bars.plot.barh(ax=axis, color=[ORANGE, BLUE], width=0.8, legend=False, ylabel="")
+    figure, axes = grid(2, 3, height_in=5.4, sharey=True, sharex=True)
+    for axis, method in zip(axes.flat, methods, strict=False):
+        changes = table[table["method"] == method].groupby("change")
+        for number, ((change, part), marker) in enumerate(zip(changes, MARKERS, strict=False)):
+            at, error = order.get_indexer(part["parameter"]) + 0.3 * number - 0.15, 1e6 * part["mean_error_rad"]
+            colour, label = COLOURS[number], f"changed by {100 * change:+.0f} %"
+            axis.plot(error, at, marker, color=colour, markersize=4, label=label)
+            axis.hlines(at, 0, error, color=colour, linewidth=1)
         axis.axvline(0, color=INK, linewidth=0.8)
-        axis.set_axisbelow(True)
-        axis.set_title(method.replace(", ", ",\n"), fontsize=10)
+        axis.set_yticks(range(order.size), order)
+        axis.set_title(textwrap.fill(method, 16))
+        axis.tick_params(labelbottom=True)
     axes[0, 0].xaxis.set_major_locator(MaxNLocator(3))
-    figure.supxlabel("mean error of backlash [1e-6 rad]", fontsize=10)
-    figure.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside upper right", ncols=2)
-    return figure
+    axes[1, 2].set_visible(len(methods) > 5)
+    figure.supxlabel("mean error of the backlash [$10^{-6}$ rad]", fontsize=9)
+    return house.finish(figure, 2, "outside upper center")
 
 
 @in_style
 def protocol_residuals(table: pd.DataFrame, judged: pd.DataFrame, level: float, degrees: int) -> Figure:
-    """Show how far Table 2's means (a) and SDs (b) lie from each candidate's, in t, and the p of the whole table.
-
-    Candidates are in the order of `judged`; in the grey band the p of one number is above `level`.
-    """
-    figure, axes = grid(1, 2, figsize=(5.4, 0.36 * len(judged) + 1.2), sharey=True)
-    edge = stats.t.isf(level / 2, degrees)
-    for axis, letter, column, text in zip(axes[0], "ab", ("mean", "sd"), ("means", "SDs"), strict=True):
+    """Show how far Table 2's numbers lie from each candidate's, in t (grey: p above `level`), and the p of all ten."""
+    figure, axes = grid(1, 2, height_in=0.4 * len(judged) + 1.0, sharex=True, sharey=True)
+    edge, beside = stats.t.isf(level / 2, degrees), {"xycoords": ("axes fraction", "data"), "va": "center"}
+    for axis, column, text in zip(axes[0], ("mean", "sd"), ("means", "SDs"), strict=True):
         axis.axvspan(-edge, edge, color="0.9", zorder=0)
-        beside = {"xycoords": ("axes fraction", "data"), "va": "center"}
         axis.annotate("p", (1.03, -0.9), style="italic", annotation_clip=False, **beside)
         for at, (candidate, p) in enumerate(zip(judged["protocol"], judged[f"p_{column}s"], strict=True)):
             part = table[(table["protocol"] == candidate) & (table["column"] == column)]
-            axis.plot(part["t"], np.full(len(part), at), "o", color=BLUE, markersize=4.5, alpha=0.6)
-            axis.annotate(f"{p:.1g}", (1.03, at), weight="bold" if p < level / 2 else "normal", **beside)
-        axis.set_title(f"({letter}) {text}", fontsize=10, loc="left")
-        axis.set(xscale="symlog", xlabel="t [-]", ylim=(len(judged) - 0.4, -0.6))
-        axis.set_xticks([-10, -1, 0, 1, 10], ["-10", "-1", "0", "1", "10"])
+            axis.plot(part["t"], np.full(len(part), at), "o", color=BLUE, markersize=4, alpha=0.6)
+            digit, _, power = f"{p:.0e}".partition("e")
+            shown = f"{p:.1g}" if p >= 1e-3 else f"${digit}\\cdot10^{{{int(power)}}}$"
+            axis.annotate(shown, (1.03, at), fontsize=8, **beside)
+        axis.set(title=text, xscale="symlog", ylim=(len(judged) - 0.4, -0.6))
+        axis.axhline(judged["explains"].sum() - 0.5, color=INK, linestyle="--", linewidth=1)
+        axis.set_xticks(ticks := [-20, -2, 0, 2, 20], [f"{tick:g}".replace("-", "−") for tick in ticks])
         axis.xaxis.set_minor_locator(NullLocator())
-    axes[0, 0].set_yticks(range(len(judged)), judged["protocol"].str.replace(", ", ",\n"), linespacing=0.9)
-    return figure
+    figure.supxlabel("t [-], linear from −2 to 2, logarithmic beyond", fontsize=9)
+    axes[0, 0].set_yticks(range(len(judged)), judged["protocol"].str.replace(", ", ",\n"))
+    return house.finish(figure, 1)
 
 
 @in_style
-def population_errors(rows: pd.DataFrame, populations: dict[str, str]) -> Figure:
-    """Error of method "self" over the true backlash with its 95 % interval, a panel a population."""
-    figure, axes = grid(1, len(populations), figsize=(5.0 * len(populations), 4.2))
-    for axis, (population, title) in zip(axes[0], populations.items(), strict=True):
+def population_errors(rows: pd.DataFrame, populations: Mapping[str, str]) -> Figure:
+    """Error of method "self" over the true backlash, its stated size, and how often it is how many stated SDs."""
+    figure, axes = grid(len(populations), 2, height_in=2.5 * len(populations), width_ratios=(3, 2), sharex="col")
+    for (left, right), (population, title) in zip(axes, populations.items(), strict=True):
         part = rows[(rows["population"] == population) & (rows["method"] == "self") & ~rows["refused"]]
-        error = 1e3 * (part["found_rad"] - part["delta_rad"])
-        half = 1e3 * (part["high_rad"] - part["found_rad"])
+        delta, found, high = (1e4 * part[f"{name}_rad"] for name in ("delta", "found", "high"))
+        error, half = found - delta, high - found
         held = error.abs() <= half
-        for kept, colour, label in ((held, BLUE, "interval holds the truth"), (~held, ORANGE, "does not")):
-            style = {"fmt": "o", "markersize": 3, "linewidth": 0.7, "color": colour}
-            label = f"{label} ({int(kept.sum())})"
-            axis.errorbar(1e3 * part["delta_rad"][kept], error[kept], half[kept], label=label, **style)
-        axis.axhline(0, color=INK, linewidth=0.8)
-        axis.set(xlabel="true backlash [mrad]", ylabel="error [mrad]", title=title)
-        axis.legend(fontsize=8, frameon=True, framealpha=0.9)
-    return figure
+        left.plot(delta[held], error[held], ".", color="0.65", markersize=3, label="truth in the 95 % interval")
+        left.plot(delta[~held], error[~held], "x", color=ORANGE, markersize=5, label="truth outside")
+        edges = np.linspace(delta.min(), delta.max(), 7)
+        place = np.digitize(delta, edges[1:-1])
+        for sign in (1, -1):
+            rms, stated = np.sqrt((error**2).groupby(place).mean()), half.groupby(place).median()
+            left.stairs(sign * rms, edges, baseline=None, color=BLUE, linewidth=1.4, label="RMS error")
+            left.stairs(sign * stated, edges, baseline=None, color=INK, linestyle="--", label="median half-width")
+        left.axhline(0, color=INK, linewidth=0.8)
+        left.set(ylabel="error [$10^{-4}$ rad]", title=textwrap.fill(f"{title}, n = {len(part)}", 36))
+        around = np.linspace(-4, 4, 17)
+        right.hist((NORMAL_95 * error / half).clip(-4, 4), around, color="0.75", label="logs")
+        expected = len(part) * np.diff(stats.norm.cdf(around))
+        right.plot((around[1:] + around[:-1]) / 2, expected, ".-", color=BLUE, label="normal distribution")
+        right.set(ylabel="number of logs [-]", axisbelow=True)
+    axes[-1, 0].set_xlabel(f"true {house.BACKLASH_LABEL}")
+    axes[-1, 1].set_xlabel("error over stated SD [-]")
+    return house.finish(figure, 3)
 
 
 @in_style
-def posterior_calibration(rows: pd.DataFrame, populations: dict[str, str]) -> Figure:
-    """Ranks of the truth in the posterior, and coverage against the nominal level."""
-    figure, axes = grid(1, 2, figsize=(10.0, 4.2))
-    for (population, title), colour in zip(populations.items(), (BLUE, ORANGE, PINK), strict=False):
+def posterior_calibration(rows: pd.DataFrame, populations: Mapping[str, str]) -> Figure:
+    """Ranks of the truth in the posterior with their binomial band, and coverage against the nominal level."""
+    figure, axes = grid(2, len(populations), height_in=5.0, sharex="row", sharey="row")
+    for (top, bottom), (population, title) in zip(axes.T, populations.items(), strict=True):
         part = rows[(rows["population"] == population) & (rows["method"] == "self")]
-        axes[0, 0].hist(ranks(part), bins=10, range=(0, 1), histtype="step", density=True, color=colour, label=title)
-        curve = coverage_curve(part)
-        style = {"fmt": "o-", "markersize": 3, "color": colour, "label": title}
-        axes[0, 1].errorbar(curve["nominal"], curve["coverage"], _arms(curve, "coverage"), **style)
-    axes[0, 0].axhline(1, color=INK, linewidth=0.8)
-    axes[0, 0].set(xlabel="rank of the truth in the posterior", ylabel="density")
-    axes[0, 1].plot([0.5, 1], [0.5, 1], color=INK, linewidth=0.8)
-    axes[0, 1].set(xlabel="nominal level", ylabel="share of intervals that hold")
-    axes[0, 1].legend(fontsize=8)
-    return figure
+        rank, curve = ranks(part), coverage_curve(part)
+        low, high = 10 / rank.size * np.array(stats.binom.interval(0.95, rank.size, 0.1))
+        top.axhspan(low, high, color="0.88", label="95 % of uniform ranks")
+        top.hist(rank, bins=10, range=(0, 1), histtype="step", density=True, color=BLUE, label="ranks")
+        top.axhline(1, color=INK, linewidth=0.8)
+        top.set_title(textwrap.fill(f"{title}, n = {rank.size}", 28))
+        top.set(xlabel="rank of the true backlash [-]", ylabel="density [-]")
+        style = {"fmt": "o", "markersize": 3, "capsize": 2, "color": ORANGE, "label": "coverage, 95 % interval"}
+        bottom.errorbar(curve["nominal"], curve["coverage"], _arms(curve, "coverage"), **style)
+        bottom.plot([0.5, 1], [0.5, 1], color=INK, linewidth=0.8, label="expected")
+        bottom.set(xlabel="nominal level [-]", ylabel="share of intervals that\nhold the truth [-]")
+    return house.finish(figure, 2)
 
 
 @in_style
 def backlash_profile(rows: pd.DataFrame) -> Figure:
     """Signed root of chi squared over the backlash, and Laplace's approximation of it."""
-    figure, ((axis,),) = grid(figsize=(6.0, 4.2))
-    delta = 1e3 * rows["delta_rad"]
+    figure, ((axis,),) = grid()
+    delta = 1e4 * rows["delta_rad"]
     root = np.sign(rows["deviation"]) * np.sqrt(rows["chi2"].clip(lower=0))
     axis.plot(delta, rows["deviation"], color=INK, linewidth=0.8, label="Laplace's approximation")
-    axis.plot(delta, root, "o-", markersize=3, color=BLUE, label="all else fitted anew")
-    axis.set(xlabel="backlash [mrad]", ylabel="signed root of the gain in chi squared")
-    axis.legend(fontsize=8)
-    return figure
+    axis.plot(delta, root, "o", markersize=4, color=BLUE, label="all else fitted anew")
+    axis.set(xlabel=house.BACKLASH_LABEL, ylabel="signed root of the\nincrease of $\\chi^2$ [-]")
+    return house.finish(figure, 2)
 
 
 @in_style
 def wear(tests: pd.DataFrame, limit_rad: float) -> Figure:
     """Show one bench's eight months as each sensor reads them, and how all benches' calls lie to the truth."""
-    figure, (left, right) = plt.subplots(1, 2, figsize=(10.5, 4.4), width_ratios=(3, 2))
+    figure, axes = grid(3, 2, height_in=6.0)
+    *panels, last = axes.flat
     shown = tests[tests["bench"] == 0]
     truth = shown.drop_duplicates("day")
-    left.plot(truth["day"], 1e4 * truth["delta_rad"], color=INK, label="true backlash")
-    left.axhline(1e4 * limit_rad, color="0.5", linestyle="--", linewidth=1, label="limit")
-    left.axvline(truth["truth_day"].iloc[0], color=INK, linestyle=":", linewidth=1)
-    for place, name in enumerate(tests["sensor"].unique()):
-        part = shown[shown["sensor"] == name]
+    sensors = shown.groupby("sensor", sort=False)
+    for axis, (name, part), marker, colour, line in zip(panels, sensors, MARKERS, COLOURS, LINES, strict=True):
+        axis.plot(truth["day"], 1e4 * truth["delta_rad"], color=INK, linewidth=1, label="true backlash")
+        axis.axhline(1e4 * limit_rad, color="0.5", linestyle="--", linewidth=1, label="limit")
         middle = 1e4 * part["estimate_rad"].to_numpy()
         ends = np.abs(1e4 * part[["low_rad", "high_rad"]].to_numpy().T - middle)
-        style = {"marker": MARKERS[place], "color": COLOURS[place], "linestyle": "none", "capsize": 2, "markersize": 4}
-        left.errorbar(part["day"] + 2.5 * place, middle, ends, label=f"{name}, 95 %", **style)
-        if np.isfinite(part["call_day"].iloc[0]):
-            left.axvline(part["call_day"].iloc[0], color=COLOURS[place], linestyle=":", linewidth=1)
+        style = {"marker": marker, "color": colour, "linestyle": "none", "capsize": 2, "markersize": 4}
+        axis.errorbar(part["day"], middle, ends, **style)
+        axis.axvline(part["call_day"].iloc[0], color=colour, linestyle=":", label="call")
         each = tests[tests["sensor"] == name].drop_duplicates("bench")
         delay = np.sort((each["call_day"] - each["truth_day"]).dropna())
-        share = np.arange(1, delay.size + 1) / len(each)
-        right.step(delay, 100 * share, where="post", color=COLOURS[place])
-    left.set(xlabel="time [days]", ylabel="backlash $\\delta$ [1e-4 rad]")
-    left.legend(fontsize=8)
-    interval = float(truth["day"].diff().max())
-    right.axvspan(0, interval, color="0.9", label="a perfect sensor: the next test")
-    right.set(xlabel="time from the truth to the call [days]", ylabel="benches called for by then [%]", ylim=(0, 102))
-    right.legend(fontsize=8, loc="lower right")
-    return figure
+        share = 100 * np.arange(delay.size + 1) / len(each)
+        last.step([*delay[:1], *delay], share, where="post", color=colour, linestyle=line, label=name)
+        axis.set(title=name, xlabel="time [days]", ylabel=house.BACKLASH_LABEL if axis in axes[:, 0] else "")
+        axis.sharey(panels[0])
+    last.axvspan(0, truth["day"].diff().max(), color="0.9", label="perfect sensor")
+    last.set(xlabel="from the truth to the call [days]", ylabel="benches called for [%]")
+    last.set_title(f"calls, {tests['bench'].nunique()} benches")
+    return house.finish(figure, 3)

@@ -8,10 +8,11 @@ from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from functools import partial
+from itertools import product
 
 import numpy as np
 import pandas as pd
-from joblib import Parallel, delayed
+from joblib import delayed
 from scipy import signal, stats
 
 from backlash.calibration import default_calibration
@@ -19,7 +20,6 @@ from backlash.estimation import examine_recording, settings_for
 from backlash.fitting.global_fit import global_fit
 from backlash.fitting.joint_match import changed
 from backlash.fitting.readings import protocol_for
-from backlash.fitting.self_calibration import fit_joint
 from backlash.fitting.torque import LoadData, fit_torque
 from backlash.fitting.turns import COLUMNS, Movement, settled_turns
 from backlash.reading.columns import LogFormat
@@ -27,7 +27,15 @@ from backlash.reading.prepare import CannotTell, record_of
 from backlash.reading.tables import UnusableLog
 from backlash.studies import benchmark, odd_joints
 from backlash.studies.accuracy import cramer_rao_sd
-from backlash.studies.benchmark import AUTHORS_LOGS, Log, hold_truth, interval_answer, logs_by_methods, widened_answers
+from backlash.studies.benchmark import (
+    Log,
+    hold_truth,
+    in_parallel,
+    interval_answer,
+    logs_by_methods,
+    self_answer,
+    widened_answers,
+)
 from backlash.studies.odd_joints import KINDS, draw_odd_log
 from replication.arrays import FloatArray
 from replication.characteristic import printed_levels_rad
@@ -60,10 +68,15 @@ FAULTS = ("mains hum", "drift", "clipped", "coarse", "another axis")
 _HEALTHY_RAD, _HEALTHY = 2e-5, ("plain benches", "other movements", "other drives", "faults")
 
 DEVELOPMENT_SEED, FINAL_SEED, DATASHEET_SEED = 1616, 20263, 24024
-# Logs of each population by "self", and how many of them by the other methods too.
-FINAL_SIZES = dict(zip((*SPREADS, *KINDS), ((400, 100), (150, 25), *[(25, 25)] * len(KINDS)), strict=True))
-# What the other methods' intervals are made wide by: population, logs, seed, methods.
+# What the other methods' intervals are made wide by: population, logs, seed, methods. Then the final logs, likewise.
 SPREAD_STUDY = ("default spread", range(100), DEVELOPMENT_SEED, ("paper", "amplitude", "energy", "waveform"))
+FINAL_STUDIES = (
+    ("default spread", range(100), FINAL_SEED, COMPARED_METHODS),
+    ("default spread", range(100, 400), FINAL_SEED, ("self",)),
+    ("20 % spread, 5 % friction, double ripple", range(25), FINAL_SEED, COMPARED_METHODS),
+    ("20 % spread, 5 % friction, double ripple", range(25, 150), FINAL_SEED, ("self",)),
+    *((kind, range(25), FINAL_SEED, COMPARED_METHODS) for kind in KINDS),
+)
 NORMAL_95 = 1.96
 NOMINAL = (0.5, 0.6, 0.7, 0.8, 0.9, 0.95, 0.99)
 
@@ -116,7 +129,7 @@ def draw_log(population: str, number: int, seed: int) -> Log:
 def authors_logs() -> list[Log]:
     """The authors' noisy logs of levels 3 to 11; errors as of `datasets.load_noisy`."""
     logs = []
-    for number, (realisation, level) in enumerate(AUTHORS_LOGS):
+    for number, (realisation, level) in enumerate(product((1, 2), range(3, 12))):
         recording, delta = load_noisy(level, realisation), level_delta_rad(level)
         noise = float(np.std(recording.v - load_clean(level).v))
         bound = bench_bound_rad(Bench(identified_joint(), noise, np.nan), delta, recording)
@@ -150,11 +163,7 @@ def bench_bound_rad(bench: Bench, delta_rad: float, recording: Recording) -> flo
 
 def _answers_to(log: Log, methods: Sequence[str]) -> dict[str, dict[str, object]]:
     """Answers of methods that have no calibration of the log's joint."""
-    found = {}
-    if "self" in methods:
-        own = fit_joint(log.recording)
-        details = {"sd_rad": own.sd_rad, "misfit": own.misfit, "unrest": own.ring_noise_ratio}
-        found["self"] = details | interval_answer(own.delta_rad, own.interval_rad, own.refusal_reason)
+    found = {"self": self_answer(log.recording)} if "self" in methods else {}
     if others := {name: default_calibration(name) for name in methods if name != "self"}:
         fit = global_fit(log.recording, protocol_for(log.recording))
         found |= widened_answers(log.recording, fit, others)
@@ -190,16 +199,12 @@ def coverage_by_third(rows: pd.DataFrame) -> pd.DataFrame:
     answered = rows[~rows["refused"]]
     levels = printed_levels_rad()
     edges = np.linspace(levels[0], levels[-1], 4)
-    table = []
-    for name, low, high in zip(("small", "middle", "large"), edges, edges[1:], strict=False):
-        part = answered[answered["delta_rad"].between(low, high)]
-        table.append({"third": name, "logs": len(part)} | rate_columns(hold_truth(part), len(part), "coverage"))
+    third = pd.cut(answered["delta_rad"], edges, labels=["small", "middle", "large"], include_lowest=True)
+    table = [
+        {"third": name, "logs": len(part)} | rate_columns(hold_truth(part), len(part), "coverage")
+        for name, part in answered.groupby(third, observed=False)
+    ]
     return pd.DataFrame(table).rename(columns={"coverage_low": "low", "coverage_high": "high"})
-
-
-def rank_uniformity_p(rows: pd.DataFrame) -> float:
-    """p-value of the ranks' uniformity (Kolmogorov and Smirnov)."""
-    return float(stats.kstest(ranks(rows), "uniform").pvalue)
 
 
 def spread_shares(rows: pd.DataFrame) -> pd.DataFrame:
@@ -224,16 +229,6 @@ def against_criteria(table: pd.DataFrame) -> pd.DataFrame:
             met = bool(value <= limit if sign == "<=" else value >= limit)
             rows.append((population, figure, f"{sign} {limit:g}", value, met))
     return pd.DataFrame(rows, columns=["population", "figure", "bar", "measured", "met"])
-
-
-def measure_final_logs() -> pd.DataFrame:
-    """Measure the logs of `FINAL_SIZES`, whose seed no method was developed on."""
-    parts = []
-    for population, (size, others) in FINAL_SIZES.items():
-        parts.append(measure_population(population, range(others), FINAL_SEED, COMPARED_METHODS))
-        if size > others:
-            parts.append(measure_population(population, range(others, size), FINAL_SEED, ("self",)))
-    return pd.concat(parts, ignore_index=True)
 
 
 def _draw_log(population: str, number: int, delta_rad: float, rng: np.random.Generator) -> Log:
@@ -309,12 +304,10 @@ def _sensor_row(population: str, number: int, seed: int) -> dict[str, object]:
     return {"population": population, "number": number, "delta_rad": delta} | answer
 
 
-def measure_sensor(sizes: Mapping[str, int], seed: int, jobs: int = -1) -> pd.DataFrame:
+def measure_sensor(sizes: Mapping[str, int], seed: int) -> pd.DataFrame:
     """Draw logs of populations of `DATASHEET`, and measure each from its table on; a row each."""
-    logs = [
-        delayed(_sensor_row)(population, number, seed) for population, size in sizes.items() for number in range(size)
-    ]
-    return pd.DataFrame(Parallel(n_jobs=jobs)(logs))
+    logs = [(population, number) for population, size in sizes.items() for number in range(size)]
+    return pd.DataFrame(in_parallel((delayed(_sensor_row)(*log, seed) for log in logs), "logs"))
 
 
 def summarise_sensor(rows: pd.DataFrame) -> pd.DataFrame:
@@ -344,12 +337,11 @@ def degrade_logs(bench: Bench, delta_rad: float, seed: int, harder: Mapping[str,
 def _self_answer(log: Log) -> dict[str, dict[str, object]]:
     """Answer of "self"; without a fit error, SD and bound are NaN, and `answer` says why."""
     try:
-        fit = fit_joint(log.recording)
+        answer = self_answer(log.recording)
     except ValueError as error:
         unknown = dict.fromkeys(("found_rad", "sd_rad", "bound_rad"), np.nan)
         return {"self": unknown | {"answer": str(error).split(": ", 1)[-1]}}
-    answer = fit.refusal_reason.split(" (")[0] or "yes"
-    return {"self": {"found_rad": fit.delta_rad, "sd_rad": fit.sd_rad, "answer": answer}}
+    return {"self": answer | {"answer": answer["reason"] or "yes"}}
 
 
 def _degraded_log(bench: Bench, delta_rad: float, seed: int, what: str, value: float) -> Log:

@@ -16,6 +16,7 @@ of the authors' notebook; a fixed window, or T_d and T_f as printed, gives an A 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cache, partial
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -28,11 +29,11 @@ from replication.arrays import FloatArray
 from replication.compiled.misfit import Fold, fold, folded_rmse
 from replication.compiled.whole_run import whole_run
 from replication.datasets import Recording, from_sample, load_noisy
-from replication.files import ROOT, write_csv
+from replication.files import ROOT
 from replication.identify import Protocol, protocol_box
 from replication.search import Search, generations, random_normals, search
 from replication.signature import Box
-from replication.table2 import AUTHORS, basin_labels, table2_levels
+from replication.table2 import AUTHORS, basin_labels, start_samples, table2_levels
 
 ROWS = range(1, 11)
 REALISATIONS = range(1, 6)
@@ -84,8 +85,7 @@ def _record(row: int, realisation: int) -> Recording:
 def one_run(candidate: Candidate, row: int, realisation: int, seed: int) -> tuple[float, float]:
     """Fit the authors' record of a row and a realisation once: |A| and RMSE [rps]."""
     protocol, scale = candidate.protocol, 60.0 if candidate.rpm else 1.0
-    key = {"per run": (row, realisation, seed), "per record": (row, realisation)}.get(protocol.start)
-    start = int(np.random.default_rng(key).integers(protocol.latest_start)) if key else 0
+    (start,) = start_samples(protocol, [seed], (row, realisation))
     record = from_sample(_record(row, realisation), start)
     if candidate.rpm:
         record = replace(record, v=scale * (record.v - record.v.mean()))
@@ -116,15 +116,15 @@ def summarise(candidate: Candidate, row: int, realisation: int) -> dict[str, Any
     return key | {"mean_A_rps": A.mean(), "sd_A_rps": A.std(ddof=1), "best_basin_share": best.mean()}
 
 
-def compute_runs(jobs: int = 2) -> None:
-    """Summarise every candidate's runs on every row and realisation into `RUNS`."""
-    records = [(row, realisation) for row in ROWS for realisation in REALISATIONS]
+def compute_runs() -> pd.DataFrame:
+    """Summarise every candidate's runs on every row and realisation, for `RUNS`."""
 
     def summaries(row: int, realisation: int) -> list[dict]:  # one record at a time: reading it takes a second
         return [summarise(candidate, row, realisation) for candidate in CANDIDATES.values()]
 
-    found = Parallel(jobs, verbose=10)(delayed(summaries)(*record) for record in records)
-    write_csv(RUNS, pd.DataFrame([row for of_candidate in zip(*found, strict=True) for row in of_candidate]))
+    # Two processes, on any machine: only new ones heed the environment that `make protocols` pins.
+    found = Parallel(n_jobs=2, verbose=10)(delayed(summaries)(*record) for record in product(ROWS, REALISATIONS))
+    return pd.DataFrame([row for of_candidate in zip(*found, strict=True) for row in of_candidate])
 
 
 def numbers_of(runs: pd.DataFrame, name: str) -> FloatArray:
@@ -164,7 +164,7 @@ def residuals(runs: pd.DataFrame) -> pd.DataFrame:
 
 def judge(runs: pd.DataFrame, level: float = LEVEL) -> pd.DataFrame:
     """Judge every candidate by the criterion above: its settings and p-values, a row each, the largest p first."""
-    table, realisations, rows = residuals(runs), sorted(runs["realisation"].unique()), []
+    table, rows = residuals(runs), []
     outside = table[table["p"] < 0.05].groupby(["protocol", "column"]).size()
     for name, part in runs.groupby("protocol", sort=False):
         candidate, numbers = CANDIDATES[name], numbers_of(runs, name)
@@ -174,8 +174,6 @@ def judge(runs: pd.DataFrame, level: float = LEVEL) -> pd.DataFrame:
         of |= {"amplitude_factor": settings.amplitude_factor, "T_d_s": settings.T_d, "T_f_s": settings.T_f}
         of |= {"rpm": candidate.rpm, "bounds": candidate.fixed_T2_s is None, "runs": part["runs"].iloc[0]}
         of |= {"p_means": p_means, "p_sds": p_sds, "p": p, "explains": p >= level}
-        of |= {f"p_left_out_R{R}": left_out[k, 2] for k, R in enumerate(realisations)}
-        of |= {"p_left_out_smallest": left_out[:, 2].min(), "p_left_out_median": np.median(left_out[:, 2])}
         for k, column in enumerate(("mean", "sd")):
             of[f"{column}s_outside"] = outside.get((name, column), 0)
             of[f"left_out_{column}s_rejected"] = (left_out[:, k] < 0.05).sum()

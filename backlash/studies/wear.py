@@ -10,9 +10,8 @@ import pandas as pd
 
 from backlash.calibration import Calibration
 from backlash.fitting.global_fit import global_fit
-from backlash.fitting.self_calibration import fit_joint
 from backlash.fitting.shared_joint import share_joint
-from backlash.studies.benchmark import Log, interval_answer, logs_by_methods, widened_answers
+from backlash.studies.benchmark import Log, logs_by_methods, self_answer, widened_answers
 from replication.arrays import FloatArray
 from replication.standins.joints import Bench, encoder_log
 
@@ -68,12 +67,7 @@ def wear_tests(
 
 def wear_tests_by_self(benches: Sequence[Bench], wears: Sequence[Wear], limit_rad: float, seed: int) -> pd.DataFrame:
     """Read the logs of `wear_tests` by method "self": each alone, and with all logs of its bench until then."""
-
-    def answer(log: Log) -> dict[str, dict[str, object]]:
-        fit = fit_joint(log.recording)
-        return {"self": interval_answer(fit.delta_rad, fit.interval_rad, fit.refusal_reason) | {"fit": fit}}
-
-    table = logs_by_methods(_logs(benches, wears, seed), answer)
+    table = logs_by_methods(_logs(benches, wears, seed), lambda log: {"self": self_answer(log.recording)})
     rows, fits = [], defaultdict(list)
     for alone in table[~table["refused"]].to_dict("records"):
         fits[alone["bench"]].append(alone["fit"])

@@ -254,11 +254,13 @@ workbook.export(
     figures={
         "own_joint_log": (
             log_figure,
-            "A log of a simulated joint with the model that its own calibration fits, and the residual of the log.",
+            f"(a) Three of the {log_turns} turns of one log of a simulated joint, with the model that its own "
+            "calibration fits. (b) Residual of the whole log.",
         ),
         "own_joint_trend": (
             trend_figure,
-            "Dated answers, the line through them and the time at which it crosses the limit, with their intervals.",
+            f"Estimates of {len(logs)} dated logs of one simulated joint, the line through them, and the time at which "
+            "it crosses the limit, each with its 95 % interval.",
         ),
     },
 )

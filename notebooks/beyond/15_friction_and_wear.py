@@ -41,8 +41,14 @@
 #
 # $$\Delta t = \frac{T_f}{2} \mp \frac{T_f}{\pi} \arcsin s.$$
 #
-# The [signature](../glossary.md#signature) has the two impacts exactly half a turn apart, $T_d = T_f / 2$, and fits
-# neither. Friction on the motor's side is a constant torque, which the drive's integral carries (notebook 10).
+# The [signature](../glossary.md#signature) has the two impacts exactly half a turn apart, $T_d = T_f / 2$, so that it
+# repeats with opposite sign half a turn later. Of a speed $v(t)$ [rps] it can fit no more than the part that does so,
+#
+# $$o(t) = \tfrac12 \left[v(t) - v(t + T_f / 2)\right].$$
+#
+# The two oscillations of a turn, half a turn and $\Delta t - T_f / 2$ apart, partly cancel in $o$. They cancel best
+# where this difference is half a period of the oscillation, and add up again where it is a whole period. Friction on
+# the motor's side is a constant torque, which the drive's integral carries (notebook 10).
 #
 # The wear that the sensors are to follow is drawn as
 #
@@ -62,6 +68,7 @@ from backlash.fitting.global_fit import global_fit
 from backlash.studies import plots as study_plots
 from backlash.studies import wear
 from replication import characteristic, published, workbook
+from replication.signature import FREE_PARAMETERS
 from replication.simulator.simulate import identified_joint, simulate
 from replication.standins import joints, plots
 from replication.workbook import Interval
@@ -72,7 +79,7 @@ from replication.workbook import Interval
 # %% tags=["parameters"]
 bench_seed = 1  # which bench is drawn
 row = 2  # of Table 3, whose backlash the bench has
-shares = [0.0, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2]  # of the gravity torque
+shares = [0.0, 0.005, 0.01, 0.02, 0.03, 0.05, 0.075, 0.1, 0.125, 0.15, 0.2, 0.25, 0.3]  # of the gravity torque
 judged_share = 0.02  # one of these shares, at which the claim is judged
 worn_benches = 8  # benches that wear for eight months
 limit_rad = 10e-4  # backlash that calls for maintenance
@@ -95,8 +102,8 @@ workbook.check_parameters(
 # ### When the teeth part and meet
 #
 # The identified joint without noise at each share of friction: how much longer than half a turn one of the two
-# intervals is, by the formula, between the separations and between the impacts that follow them, and how high the
-# motor speed rises. Every second interval is as much shorter.
+# intervals is, by the formula, between the separations and between the impacts that follow them, how high the motor
+# speed rises, and the variance of $o$ over that of the speed. Every second interval is as much shorter.
 
 # %%
 delta_rad = characteristic.static_levels_rad()[row - 1]
@@ -112,16 +119,18 @@ def longer_ms(times):  # than half a turn, after the first two turns
     return 1e3 * np.abs(np.diff(times[times > 2 * T_f]) - T_f / 2).mean()
 
 
-rows = []
+rows, sample_s = [], 1e-4
 for share in shares:
-    run = simulate(with_friction(share, lead_s=T_f), delta_rad, sample_s=1e-4)
+    run = simulate(with_friction(share, lead_s=T_f), delta_rad, sample_s=sample_s)
+    speed, half = run.motor_speed_rps[run.time_s > 2 * T_f], round(T_f / 2 / sample_s)
     rows.append(
         {
             "friction_share": share,
             "formula_ms": 1e3 * T_f / np.pi * np.arcsin(share),
             "separations_ms": longer_ms(run.separation_time_s),
             "impacts_ms": longer_ms(run.impact_time_s),
-            "peak_rps": (run.motor_speed_rps[run.time_s > 2 * T_f] - identified.commanded_speed_rps).max(),
+            "peak_rps": speed.max() - identified.commanded_speed_rps,
+            "opposite_percent": 100 * np.var((speed[:-half] - speed[half:]) / 2) / np.var(speed),
         }
     )
 apart = pd.DataFrame(rows)
@@ -133,7 +142,8 @@ apart
 #
 # ### What the fit reads
 #
-# $A$ of the global fit (notebook 9), the mean of four logs that start anywhere.
+# $A$ of the global fit (notebook 9), the mean of four logs that start anywhere, the frequency of the fitted
+# oscillation, and the share of the log's variance that the fit explains.
 
 # %%
 cases = [(share, start) for share in shares for start in range(4)]
@@ -142,10 +152,41 @@ logs = joints.fitted_logs(
     [(joints.Bench(with_friction(share), 0.0, 0.0), delta_rad) for share, _ in cases],
     [(bench_seed, start) for _, start in cases],
 ).assign(friction_share=[share for share, _ in cases])
-friction = logs.groupby("friction_share", sort=False)[["A_rps", "rmse_rps"]].mean().reset_index()
-friction["change_percent"] = 100 * (friction["A_rps"] / friction["A_rps"].iloc[0] - 1)
-friction_figure = plots.load_friction(friction)
+logs["explained_percent"] = 100 * (1 - (logs["rmse_rps"] / logs["sd_rps"]) ** 2)
+means = logs.groupby("friction_share", sort=False)[["A_rps", "rmse_rps", "frequency_hz", "explained_percent"]].mean()
+friction = means.reset_index()
+friction.insert(3, "change_percent", 100 * (friction["A_rps"] / friction["A_rps"].iloc[0] - 1))
+friction["opposite_percent"] = apart["opposite_percent"]
+friction_figure = plots.load_friction(logs, friction)
 friction
+
+# %% [markdown]
+# Why does $A$ grow again with much friction? The parameters of the fit to the first log of each share, and which of
+# them lie at a bound of Table 1:
+
+# %%
+first_logs = [
+    joints.encoder_log(joints.Bench(with_friction(share), 0.0, 0.0), delta_rad, np.random.default_rng((bench_seed, 0)))
+    for share in shares
+]
+first_fits = [global_fit(log) for log in first_logs]
+parameters = pd.DataFrame([fit.X for fit in first_fits], columns=FREE_PARAMETERS, index=shares)
+parameters.assign(at_bound=[" ".join(fit.at_bound) for fit in first_fits]).round(4)
+
+# %%
+first, least, most = friction.iloc[0], friction.loc[friction["opposite_percent"].idxmin()], friction.iloc[-1]
+print(
+    f"The two oscillations cancel most at a friction of {100 * least['friction_share']:.3g} % of gravity: "
+    f"{least['opposite_percent']:.0f} % of the variance repeats with opposite sign, and the fit explains "
+    f"{least['explained_percent']:.0f} %."
+)
+if least["explained_percent"] < 50:
+    print(
+        f"It ends in another basin there, in an oscillation of {least['frequency_hz']:.0f} Hz in place of "
+        f"{first['frequency_hz']:.0f} Hz, whose A says nothing of the backlash. At a friction of "
+        f"{100 * most['friction_share']:.3g} %, {most['opposite_percent']:.0f} % of the variance repeats with opposite "
+        f"sign, and the fit explains {most['explained_percent']:.0f} % at {most['frequency_hz']:.0f} Hz."
+    )
 
 # %% [markdown]
 # ### Eight months of wear
@@ -241,15 +282,21 @@ workbook.export(
     figures={
         "table3_friction": (
             friction_figure,
-            "Coulomb friction on the load changes the fitted amplitude: at "
-            f"{100 * judged_share:.2g} % of gravity by {change:.0f} %, on simulated logs without noise.",
+            f"(a) A fitted to {len(logs) // len(shares)} simulated logs without noise at each of {len(shares)} shares "
+            f"of Coulomb friction on the load: at {100 * judged_share:.2g} % of gravity A changes by {change:.0f} %. "
+            "(b) The signature can fit no more of the speed's variance than what repeats with opposite sign half a "
+            f"turn later: least, {least['opposite_percent']:.0f} %, at {100 * least['friction_share']:.3g} % of "
+            "gravity, where the two oscillations of a turn cancel most. Open circles: the fit explains less than half "
+            "of the variance, and A is not the amplitude of these oscillations.",
         ),
         "table3_wear": (
             wear_figure,
-            "Eight months of wear on stand-in benches: one bench as five sensors read it, and the days from the truth "
-            "to each sensor's call. The errors of the sensors that calibrate themselves scatter by "
-            f"{1e6 * errors['self']:.0f}e-6 and {1e6 * errors['self, shared joint']:.0f}e-6 rad, those of the others "
-            f"by {1e6 * errors[list(sensors)].min():.0f}e-6 to {1e6 * errors[list(sensors)].max():.0f}e-6 rad.",
+            "Eight months of wear on simulated benches. (a) to (e) The first bench as each sensor reads it, with 95 % "
+            f"intervals. (f) Share of {worn_benches} benches that a sensor has called, by the days from the true "
+            "crossing of the limit to the call; a perfect sensor calls at the next test, in the grey band. The errors "
+            f"of the sensors that calibrate themselves have an SD of {1e4 * errors['self']:.2f}·10⁻⁴ and "
+            f"{1e4 * errors['self, shared joint']:.2f}·10⁻⁴ rad, those of the others "
+            f"{1e4 * errors[list(sensors)].min():.2f}·10⁻⁴ to {1e4 * errors[list(sensors)].max():.2f}·10⁻⁴ rad.",
         ),
     },
     claims=claims,

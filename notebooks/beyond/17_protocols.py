@@ -142,9 +142,10 @@ workbook.export(
     figures={
         "protocols_residuals": (
             residuals,
-            "Table 2's ten printed means (a) and SDs (b) in each candidate's predictive distribution from five "
-            "realisations. Points in the grey band lie inside the 95 % interval; p is that of all ten, bold where it "
-            "rejects the candidate.",
+            "Deviation t of Table 2's ten printed means (a) and ten SDs (b) from the mean of "
+            f"{used['realisation'].nunique()} realisations, for {len(judged)} candidates. Points in the grey band lie "
+            "inside the 95 % interval; p is that of all ten. Candidates below the dashed line are rejected: one of "
+            f"their two p lies below {level / 2:g}.",
         )
     },
     claims=claims,

@@ -11,7 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from replication.arrays import FloatArray
-from replication.figures.style import BACKLASH_LABEL, BLUE, INK, ORANGE, PRINTED, grid, in_style, letter_panels
+from replication.figures.style import BACKLASH_LABEL, BLUE, INK, ORANGE, PRINTED, finish, grid, in_style, letter_panels
 from replication.signature import Timing
 
 
@@ -76,7 +76,7 @@ def table2(table: pd.DataFrame, regions: pd.DataFrame) -> Figure:
     `regions` has a row for each of the table: `mean, mean_low, mean_high, sd, sd_low, sd_high`, two of them printed.
     """
     figure, axes = grid(3, 1, height_in=6.8, sharex=True, height_ratios=(3, 3, 2.6))
-    first, second, third = panels = axes[:, 0]
+    first, second, third = axes[:, 0]
     second.sharey(first)
     # A region that ends at the frame would look cut.
     first.use_sticky_edges = second.use_sticky_edges = third.use_sticky_edges = False
@@ -101,10 +101,7 @@ def table2(table: pd.DataFrame, regions: pd.DataFrame) -> Figure:
     third.plot(regions.index, regions["sd"], **PRINTED | {"label": "printed SD"})
     third.set(title="SD of $A$, both", ylabel="SD of $A$ [rps]", yscale="log", xlabel="row of Table 2")
     third.set_xticks(regions.index)
-    named = {handle.get_label(): handle for axis in panels for handle in axis.get_legend_handles_labels()[0]}
-    figure.legend(handles=list(named.values()), loc="outside lower center", ncols=2)
-    letter_panels(panels)
-    return figure
+    return finish(figure, 2)
 
 
 def _percent(axis: Axes, x: pd.Series, ratio: pd.Series, marker: str, colour: str, label: str, **style) -> None:
@@ -187,9 +184,7 @@ def dead_zone(curves: pd.DataFrame, delta_rad: float) -> Figure:
             axis.axvline(1e4 * edge, color="0.5", linewidth=0.8, linestyle=":")
     upper.set(ylabel="stiffness $K_{BL}$ [kN m/rad]")
     lower.set(xlabel="displacement $\\Delta\\theta$ [$10^{-4}$ rad]", ylabel="torque $\\tau_l$ on the load [N m]")
-    figure.legend(loc="outside upper center", ncols=3)
-    letter_panels((upper, lower))
-    return figure
+    return finish(figure, 3, "outside upper center")
 
 
 @in_style
@@ -208,10 +203,8 @@ def simulated_joint(
         if simulated.min() < 0 < simulated.max():
             _centre(axis)
     axes[-1, 0].set(xlabel="time [s]")
-    figure.legend(*axes[1, 0].get_legend_handles_labels(), loc="outside upper right", ncols=2)
     figure.align_ylabels()
-    letter_panels(axes[:, 0])
-    return figure
+    return finish(figure, 2, "outside upper right")
 
 
 @in_style
@@ -227,9 +220,7 @@ def validation(table: pd.DataFrame) -> Figure:
     right.set(ylabel="deviation from printed $A$ [%]")
     right.axhline(0, color=INK, linewidth=0.8)
     _centre(right)
-    figure.legend(*left.get_legend_handles_labels(), loc="outside upper center", ncols=2)
-    letter_panels((left, right))
-    return figure
+    return finish(figure, 2, "outside upper center")
 
 
 @in_style

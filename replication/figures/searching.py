@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
 from replication.arrays import FloatArray
-from replication.figures.style import BLUE, GREEN, INK, ORANGE, grid, in_style, letter_panels
+from replication.figures.style import BLUE, GREEN, INK, ORANGE, finish, grid, in_style, letter_panels
 from replication.search import Generation, State
 from replication.signature import Box
 
@@ -36,9 +36,7 @@ def replay(compared: pd.DataFrame, ended: pd.DataFrame, agree_rps: float) -> Fig
         axis.axhline(agree_rps, color=INK, linewidth=0.8, linestyle=":", label=label)
     left.set(xlabel="generation [-]", ylabel="|ours $-$ stored| [rps]", yscale="log", title="printed generations")
     right.set(xlabel="stored run", title="end of each run")
-    figure.legend(loc="outside lower center", ncols=2)
-    letter_panels((left, right))
-    return figure
+    return finish(figure, 2)
 
 
 @in_style
@@ -86,10 +84,8 @@ def run(states: Sequence[State], best: FloatArray, box: Box, at: tuple[int, int]
         upper.plot(*state.m[list(at)], color=colour, linestyle=line, label=f"generation {state.g}", **style)
         lower.plot(state.g, above[state.g - 1], color=colour, **style)
     upper.set(xlabel=labels[0], ylabel=labels[1])
-    figure.legend(*upper.get_legend_handles_labels(), loc="outside upper center", ncols=3)
     lower.set(xlabel="generation [-]", ylabel="misfit above the best [rps]", yscale="log")
-    letter_panels((upper, lower))
-    return figure
+    return finish(figure, 3, "outside upper center")
 
 
 def draw_bounds(axis: Axes, box: Box, at: tuple[int, int]) -> None:

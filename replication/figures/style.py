@@ -78,10 +78,22 @@ def description(figure: Figure) -> str:
 
 def grid(rows: int = 1, columns: int = 1, height_in: float = 3.2, **options) -> tuple[Figure, np.ndarray]:
     """Make a figure and its axes, always as an array of shape (rows, columns)."""
-    return plt.subplots(rows, columns, squeeze=False, **{"figsize": (WIDTH_IN, height_in)} | options)
+    return plt.subplots(rows, columns, squeeze=False, figsize=(WIDTH_IN, height_in), **options)
 
 
 def letter_panels(axes: Iterable[Axes]) -> None:
     """Put (a), (b), ... before the titles of a figure's panels."""
     for letter, axis in zip("abcdefgh", axes, strict=False):
         axis.set_title(f"({letter}) {axis.get_title(loc='left')}".rstrip(), loc="left")
+
+
+def finish(figure: Figure, columns: int, loc: Any = "outside lower center") -> Figure:
+    """Letter the panels of a figure, and put one legend of all of them, each label once, beside them."""
+    panels = [axis for axis in figure.axes if axis.get_visible() and axis.get_label() != "<colorbar>"]
+    if len(panels) > 1:
+        letter_panels(panels)
+    listed = [zip(*axis.get_legend_handles_labels(), strict=True) for axis in panels]
+    entries = {label: handle for handles in listed for handle, label in handles}
+    if entries:
+        figure.legend(entries.values(), entries.keys(), loc=loc, ncols=columns)
+    return figure

@@ -20,6 +20,9 @@ DIMENSIONLESS = {
 }
 
 
+PLOTS = ("replication/figures/*.py", "replication/standins/plots.py", "backlash/plots.py", "backlash/studies/plots.py")
+
+
 def lightness(colour):
     """CIE L* of a colour: how light it is in grey."""
     rgb = np.array(to_rgb(colour))
@@ -35,6 +38,21 @@ def test_every_axis_of_a_figure_has_a_unit_or_is_known_to_have_none(figure):
     assert labels
     for label in labels:
         assert label in DIMENSIONLESS or re.search(r"\[[^\]]+\]", label), label
+        assert not re.search(r"\de[-+]?\d", label), f"{label}: a power of ten is typeset"
+
+
+@pytest.mark.parametrize("figure", FIGURES, ids=lambda path: path.stem)
+def test_a_figure_is_narrow_enough_to_be_read_in_a_column_of_85_mm(figure):
+    width_pt = float(re.search(r'<svg [^>]*width="([\d.]+)pt"', figure.read_text(encoding="utf-8"))[1])
+    assert width_pt <= 72 * style.WIDTH_IN + 0.01
+
+
+def test_no_plot_has_text_below_8_pt():
+    for path in (path for pattern in PLOTS for path in workbook.ROOT.glob(pattern)):
+        sizes = re.findall(
+            r'(?:fontsize=|[ (]size=|"font.size": |labelsize": )([\d.]+)', path.read_text(encoding="utf-8")
+        )
+        assert all(float(size) >= 8 for size in sizes), path
 
 
 @pytest.mark.parametrize("figure", FIGURES, ids=lambda path: path.stem)
@@ -60,3 +78,17 @@ def test_a_figure_says_what_its_axes_are(tmp_path):
     style.save(figure, tmp_path, "small")
     written = (tmp_path / "small.svg").read_text(encoding="utf-8")
     assert "speed [rps] versus time [s]; time [s]; backlash [rad]" in written
+
+
+def test_a_finished_figure_has_letters_and_each_label_once():
+    figure, axes = style.grid(1, 2)
+    for axis in axes.flat:
+        axis.plot([0, 1], label="speed")
+    style.finish(figure, 1)
+    assert [axis.get_title(loc="left") for axis in axes.flat] == ["(a)", "(b)"]
+    (legend,) = figure.legends
+    assert [text.get_text() for text in legend.get_texts()] == ["speed"]
+    alone, ((axis,),) = style.grid()
+    style.finish(alone, 1)
+    assert not axis.get_title(loc="left")
+    assert not alone.legends

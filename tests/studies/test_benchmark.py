@@ -21,7 +21,7 @@ def answers(log):
 
 
 def test_each_log_has_a_row_for_each_method_with_its_labels_its_error_and_what_the_method_says():
-    table = logs_by_methods([made(1, 1e-3), partial(made, 2, 2e-3)], answers, jobs=1)
+    table = logs_by_methods([made(1, 1e-3), partial(made, 2, 2e-3)], answers)
     assert table["number"].tolist() == [1, 1, 2, 2]
     assert table["method"].tolist() == ["truth", "double"] * 2
     assert table["error_rad"].tolist() == [0.0, 1e-3, 0.0, 2e-3]

@@ -37,7 +37,7 @@ def test_the_percentiles_interval_decides_as_the_recognised_shares_exact_interva
 
 
 def test_the_search_finds_a_small_amplitude_in_faint_noise():
-    found = claims.amplitudes_without_backlash([1, 2], 0.001, n_jobs=1)
+    found = claims.amplitudes_without_backlash([1, 2], 0.001)
     assert found.shape == (2,)
     assert (found > 0).all()
     assert found.max() <= 1.3 * 0.001
