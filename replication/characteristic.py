@@ -67,18 +67,15 @@ def table_arithmetic() -> pd.DataFrame:
 
     `rounding_percent` is what the rounding of the printed mean and of the printed error leaves open.
     """
-    rows = []
+    tables = []
     for element, reference in (("Table 2", "theoretical"), ("Table 3", "known")):
-        for row, cells in published.cells(element).set_index("column").astype({"row": int}).groupby("row"):
-            values, digits = cells["value"], cells["printed"].map(published.half_last_digit)
-            if values[reference] > 0:
-                rows.append(
-                    {
-                        "element": element,
-                        "row": row,
-                        "printed_percent": values["relative_error"],
-                        "relative_error_percent": 100 * abs(values["mean"] - values[reference]) / values[reference],
-                        "rounding_percent": 100 * digits["mean"] / values[reference] + digits["relative_error"],
-                    }
-                )
-    return pd.DataFrame(rows)
+        cells = published.cells(element).astype({"row": int}).set_index(["element", "row", "column"])
+        values = cells["value"].unstack().query(f"{reference} > 0")
+        digits = cells["printed"].map(published.half_last_digit).unstack().loc[values.index]
+        table = {
+            "printed_percent": values["relative_error"],
+            "relative_error_percent": 100 * abs(values["mean"] - values[reference]) / values[reference],
+            "rounding_percent": 100 * digits["mean"] / values[reference] + digits["relative_error"],
+        }
+        tables.append(pd.DataFrame(table).reset_index())
+    return pd.concat(tables, ignore_index=True)

@@ -60,27 +60,13 @@ def level_delta_rad(level: int) -> float:
 
 
 def load_clean(level: int) -> Recording:
-    """Load the authors' noise-free record of level K (`SpeeddataK.xlsx`; K = 3 to 13 are public).
-
-    Raises
-    ------
-    DataUnavailable, DataCorrupt
-        See `authors_file` and `parse_speed_workbook`.
-    """
+    """Load the authors' noise-free record of level K (`SpeeddataK.xlsx`; K = 3 to 13 are public)."""
     path = f"Speeddata{level}.xlsx"
     return _authors_recording(authors_file(path).read_bytes(), path)
 
 
 def load_noisy(level: int, realisation: int) -> Recording:
-    """Load the authors' noisy record of level K, 1 to 20, and realisation R, 1 to 5 (low noise) or 11 to 20 (high).
-
-    Raises
-    ------
-    ValueError
-        No such level or realisation is public.
-    DataUnavailable, DataCorrupt
-        See `authors_file` and `parse_speed_workbook`; also a zip archive that is broken or lacks the record.
-    """
+    """Load the authors' noisy record of level K, 1 to 20, and realisation R, 1 to 5 (low noise) or 11 to 20 (high)."""
     if level not in NOISY_LEVELS or realisation not in (*LOW_NOISE, *HIGH_NOISE):
         raise ValueError(f"no noisy record K = {level}, R = {realisation}: K is 1 to 20, R is 1 to 5 or 11 to 20")
     loudness = "Low" if realisation in LOW_NOISE else "High"
@@ -89,6 +75,6 @@ def load_noisy(level: int, realisation: int) -> Recording:
     return _authors_recording(content, f"{path}!SpeeddataNoise{level}")
 
 
-def _authors_recording(content: bytes, name: str) -> Recording:
-    t, v = parse_speed_workbook(content, name)
-    return Recording(t, v, COMMANDED_SPEED_RPS, TURN_PERIOD_S, name)
+def _authors_recording(content: bytes, source: str) -> Recording:
+    t, v = parse_speed_workbook(content)
+    return Recording(t, v, COMMANDED_SPEED_RPS, TURN_PERIOD_S, source)

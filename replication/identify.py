@@ -80,21 +80,9 @@ def paper_run(recording: Recording, protocol: Protocol, seed: int) -> Search:
 
 
 def paper_fit(recording: Recording, protocol: Protocol, seed: int) -> Fit:
-    """Fit the signature to a record by CMA-ES, as the paper does.
+    """Fit the signature to a record, already cut to its start sample, by CMA-ES; the seed is above 0.
 
-    Parameters
-    ----------
-    recording : Recording
-        The record, already cut to its start sample.
-    protocol : Protocol
-        Settings of the search.
-    seed : int
-        Seed of the run, above 0.
-
-    Raises
-    ------
-    ValueError
-        The protocol has another engine than "2021" and "cma", or see `search.check_settings` and `misfit.fold`.
+    A ValueError names a setting that cannot be run with, as `search.check_settings` and `misfit.fold` find it.
     """
     if protocol.engine == "cma":
         return _library_fit(recording, protocol, seed)

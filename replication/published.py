@@ -51,15 +51,7 @@ _cells = partial(_kept, "cells.csv", "id")
 def cells(element: str | None = None) -> pd.DataFrame:
     """Load the printed numbers, indexed by cell id, of one element, such as "Table 2", or of all.
 
-    Returns
-    -------
-    DataFrame
-        Columns `element, row, column, printed, value, unit, kind, abs_tol, rel_tol, tol_reason, section`.
-
-    Raises
-    ------
-    KeyError
-        There is no such element.
+    Columns `element, row, column, printed, value, unit, kind, abs_tol, rel_tol, tol_reason, section`.
     """
     table = _cells()
     if element is None:
@@ -103,23 +95,11 @@ def criterion(claim: str, criteria: Mapping[str, float] | None = None) -> float:
 def decide(
     claim: str, measured: float | tuple[float, float], criteria: Mapping[str, float] | None = None
 ) -> bool | None:
-    """Decide a claim by its rule in `claims.csv`.
+    """Decide a claim by its rule in `claims.csv`; None is undecided, as is whatever was not measured (nan).
 
-    Parameters
-    ----------
-    claim : str
-        Its id.
-    measured : float or (float, float)
-        What the rule compares with the limit: one number; the two ends of an interval where the rule's name begins with
-        "interval"; p of the claim and p of its opposite for "p below". A number within 1e-9 of the limit, relatively,
-        is the limit: the last bits do not decide.
-    criteria : mapping of claim to limit, optional
-        Limits to try in place of those of `claims.csv`.
-
-    Returns
-    -------
-    bool or None
-        Whether the claim holds; None is undecided, as is whatever was not measured (nan).
+    `measured` is what the rule compares with the limit: one number; the two ends of an interval where the rule's name
+    begins with "interval"; p of the claim and p of its opposite for "p below". A number within 1e-9 of the limit,
+    relatively, is the limit: the last bits do not decide. `criteria` are limits to try, as in `criterion`.
     """
     limit, rule = criterion(claim, criteria), claims().loc[claim, "rule"]
     if np.size(measured) != (2 if rule.startswith(("interval", "p ")) else 1):

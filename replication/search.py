@@ -165,23 +165,10 @@ def generations(
 ) -> Iterator[Generation]:
     """Go through the search from the middle of the box, one generation at a time, without end.
 
-    Parameters
-    ----------
-    misfits : callable
-        From members of shape (population, n) in the box to misfits of shape (population,).
-    box : Box
-        Bounds, each of shape (n,).
-    normals : callable
-        Gives standard normal numbers of a shape, as `random_normals` does.
-    population : int
-        Members lambda of a generation, at least 4.
-    sigma : float
-        First standard deviations, in quarters of the box.
-
-    Raises
-    ------
-    ValueError
-        Settings that `check_settings` refuses, sigma not above 0, or a misfit that is not finite.
+    `misfits` takes members of shape (population, n) in the box to misfits of shape (population,); `normals` gives
+    standard normal numbers of a shape, as `random_normals` does; `sigma` is the first standard deviation of every
+    parameter, in quarters of the box. Settings that cannot be run with are a ValueError, as is a misfit that is not
+    finite.
     """
     check_settings(box, population)
     n = box.lower.size
@@ -214,8 +201,8 @@ class Search:
     history: FloatArray
 
 
-def search(steps: Iterator[Generation], iterations: int, target: float = -math.inf) -> Search:
-    """Follow `generations` until a stop rule holds or a misfit reaches the target, `iterations` at the most."""
+def search(steps: Iterator[Generation], iterations: int) -> Search:
+    """Follow `generations` until a stop rule holds, `iterations` at the most."""
     history = np.empty((iterations, len(HISTORY)))
     best, misfit, first = np.empty(0), math.inf, None
     for g, now in enumerate(steps):
@@ -225,8 +212,7 @@ def search(steps: Iterator[Generation], iterations: int, target: float = -math.i
         history[g] = ranked[0], np.median(ranked), quartile, now.after.sigma, axis_ratio, std.min(), std.max()
         if ranked[0] < misfit:
             best, misfit = now.members[now.ranking[0]], float(ranked[0])
-        stop = "target" if misfit <= target else stop_rule(now, first, history[: g + 1], iterations)
-        if stop:
+        if stop := stop_rule(now, first, history[: g + 1], iterations):
             return Search(best, misfit, (g + 1) * ranked.size, stop, history[: g + 1].copy())
     raise ValueError("the generations ended before a stop rule held")
 

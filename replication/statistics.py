@@ -8,18 +8,10 @@ from scipy import stats
 LEVEL = 0.95
 
 
-def rate_interval(hits: int, runs: int) -> tuple[float, float]:
-    """95 % interval of a rate, after Clopper and Pearson; NaN without runs."""
-    if not runs:
-        return np.nan, np.nan
-    interval = stats.binomtest(hits, runs).proportion_ci(LEVEL, method="exact")
-    return float(interval.low), float(interval.high)
-
-
 def rate_columns(hits: int, runs: int, name: str = "rate") -> dict[str, float]:
-    """A rate and its 95 % interval as columns `name, name_low, name_high`."""
-    low, high = rate_interval(hits, runs)
-    return {name: hits / max(runs, 1), f"{name}_low": low, f"{name}_high": high}
+    """A rate and its 95 % interval, after Clopper and Pearson (NaN without runs): `name, name_low, name_high`."""
+    low, high = stats.binomtest(hits, runs).proportion_ci(LEVEL, method="exact") if runs else (np.nan, np.nan)
+    return {name: hits / max(runs, 1), f"{name}_low": float(low), f"{name}_high": float(high)}
 
 
 def another_interval(values: Sequence[float]) -> tuple[float, float]:

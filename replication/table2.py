@@ -93,29 +93,10 @@ def _run(recording: Recording, protocol: Protocol, seed: int, start: int) -> dic
 def repeated_fits(
     records: Sequence[tuple[dict, Recording]], protocols: Iterable[Protocol], seeds: Sequence[int], label: str
 ) -> pd.DataFrame:
-    """Fit every record with every protocol and seed, on all cores.
+    """Fit every record with every protocol and seed, on all cores; the label stands beside the progress bar.
 
-    Parameters
-    ----------
-    records : sequence of (dict, Recording)
-        The dict's entries become columns that say which record it is.
-    protocols : iterable of Protocol
-        Settings.
-    seeds : sequence of int
-        One run each.
-    label : str
-        What the progress bar says.
-
-    Returns
-    -------
-    DataFrame
-        One row per run: the record's entries, `protocol`, `seed`, `start_sample`, the free parameters, `rmse_rps`,
-        `evaluations`, `iterations`.
-
-    Raises
-    ------
-    ValueError
-        There are no seeds, or see `identify.paper_fit`.
+    Each record comes with a dict that says which it is. The table has a row for each run: these entries, `protocol`,
+    `seed`, `start_sample`, the free parameters, `rmse_rps`, `evaluations`, `iterations`.
     """
     if not len(seeds):
         raise ValueError("no seeds: at least one run of each record is needed")
@@ -143,54 +124,43 @@ def basin_labels(rmse: FloatArray) -> NDArray[np.int64]:
     return labels
 
 
-def summarise_runs(runs: pd.DataFrame, theoretical_A_rps: float) -> pd.Series:
-    """Condense the runs of `repeated_fits` on one record into a row of Table 2.
+def summarise_runs(runs: pd.DataFrame, keys: Sequence[str]) -> pd.DataFrame:
+    """Condense the runs of `repeated_fits` on each record into a row of a table.
 
-    A record without backlash, whose theoretical A is 0, keeps the sign of A. `best_A_rps` and its SD are over the best
-    basin's runs, because A is free within the window's gate.
+    `keys` are the columns that say which record it is, the last one its theoretical A [rps]. A record without backlash,
+    whose theoretical A is 0, keeps the sign of A. `best_A_rps` and its SD are over the best basin's runs, because A is
+    free within the window's gate.
     """
-    signed = runs["A_rps"].to_numpy()
-    # (A, t0) and (-A, t0 plus or minus T_d) are the same signal; only pure noise has no sign to lose.
-    amplitude = np.abs(signed) if theoretical_A_rps > 0 else signed
-    labels = basin_labels(runs["rmse_rps"].to_numpy())
-    best, mean = np.abs(signed)[labels == 1], amplitude.mean()
-    error = 100 * abs(mean - theoretical_A_rps) / theoretical_A_rps if theoretical_A_rps > 0 else np.nan
-    return pd.Series(
-        {
+    rows = []
+    for key, part in runs.groupby(list(keys), sort=False):
+        theoretical, signed = key[-1], part["A_rps"].to_numpy()
+        # (A, t0) and (-A, t0 plus or minus T_d) are the same signal; only pure noise has no sign to lose.
+        amplitude = np.abs(signed) if theoretical > 0 else signed
+        labels = basin_labels(part["rmse_rps"].to_numpy())
+        best, mean = np.abs(signed)[labels == 1], amplitude.mean()
+        summary = {
             "mean_A_rps": mean,
             "sd_A_rps": amplitude.std(ddof=1),
-            "relative_error_percent": error,
+            "relative_error_percent": 100 * abs(mean - theoretical) / theoretical if theoretical > 0 else np.nan,
             "best_A_rps": best.mean(),
             "best_sd_A_rps": best.std(),
-            "best_rmse_rps": runs["rmse_rps"].min(),
+            "best_rmse_rps": part["rmse_rps"].min(),
             "best_basin_runs": best.size,
             "basins": int(labels.max()),
-            "runs": len(runs),
+            "runs": len(part),
         }
-    )
+        rows.append(dict(zip(keys, key, strict=True)) | summary)
+    return pd.DataFrame(rows)
 
 
 def table2(runs: pd.DataFrame) -> pd.DataFrame:
-    """Condense the runs on Table 2's records into the table.
+    """Condense the runs on the records of `authors_table2_records` or `simulated_table2_records` into Table 2.
 
-    Parameters
-    ----------
-    runs : DataFrame
-        From `repeated_fits`, with the entries of `authors_table2_records` or `simulated_table2_records`.
-
-    Returns
-    -------
-    DataFrame
-        A row for each source, realisation and row of Table 2: what the record is and its theoretical A [rps], then
-        `summarise_runs`.
+    A row for each source, realisation and row of Table 2.
     """
-    keys = ["source", "realisation", "noise_level", "row", "delta_rad", "noise_amplitude_rps"]
-    amplitudes, rows = published.column("Table 2", "theoretical"), []
-    for key, part in runs.groupby(keys, sort=False):
-        head = dict(zip(keys, key, strict=True))
-        theoretical = amplitudes[head["row"] - 1]
-        rows.append(head | {"theoretical_A_rps": theoretical} | summarise_runs(part, theoretical).to_dict())
-    return pd.DataFrame(rows).astype({"best_basin_runs": int, "basins": int, "runs": int})
+    theoretical = published.column("Table 2", "theoretical")[runs["row"] - 1]
+    keys = ["source", "realisation", "noise_level", "row", "delta_rad", "noise_amplitude_rps", "theoretical_A_rps"]
+    return summarise_runs(runs.assign(theoretical_A_rps=theoretical), keys)
 
 
 def table2_cells(table: pd.DataFrame) -> dict[str, list[float]]:

@@ -27,19 +27,18 @@ def whole_run(record: Fold, box: Box, seed: int, population: int, iterations: in
 def _run(record, bounds, start, unit, c, total_weight, seed, iterations):
     """Compiled body of `whole_run`, in the names of `search`."""
     size, n = c.weights.size, start.size
-    # Numba's own generator: the same numbers as `random_normals`.
-    np.random.seed(seed)  # noqa: NPY002
+    np.random.seed(seed)  # noqa: NPY002  Numba's own generator: the same numbers as `random_normals`
     m, sigma, C = start, 1.0, np.diag(np.exp(1e-4 * np.arange(n) / n))
     p_sigma, p_c = np.zeros(n), np.zeros(n)
     history, best, misfit, stop = np.empty((iterations, 7)), m, np.inf, ""
-    z, spare, g = np.empty((n, size)), np.nan, 0
+    g = 0
     while stop == "":
         g += 1
         C = (C + C.T) / 2
         squares, B = symmetric_eigen(C)
         D = np.sqrt(np.maximum(squares, 1e-15 * squares[-1]))
         # Equation 12.
-        spare = _draw(z, spare)
+        z = np.random.standard_normal((size, n)).T  # noqa: NPY002
         x = _column(m) + sigma * (_column(unit) * _turn(B, _column(D) * z))
         members = bend_into(x.T, *bounds)
         misfits = folded_rmse(members, record)
@@ -91,26 +90,6 @@ def _update(g, state, ranked, unit, B, D, c, total_weight):
 @numba.njit(cache=True)
 def _column(x):
     return x.reshape(-1, 1)
-
-
-@numba.njit(cache=True)
-def _draw(z, spare):
-    """Fill the columns of z by Marsaglia's polar method, as NumPy's legacy generator does; return what is left over.
-
-    It makes two numbers at a time; the second, `spare`, is nan where none waits for the next generation.
-    """
-    for k in range(z.size):
-        number, spare = spare, np.nan
-        if np.isnan(number):
-            square = 0.0
-            while square >= 1.0 or square == 0.0:
-                first = 2.0 * np.random.random() - 1.0  # noqa: NPY002
-                second = 2.0 * np.random.random() - 1.0  # noqa: NPY002
-                square = first * first + second * second
-            factor = np.sqrt(-2.0 * np.log(square) / square)
-            number, spare = factor * second, factor * first
-        z[k % z.shape[0], k // z.shape[0]] = number
-    return spare
 
 
 @numba.njit(cache=True)

@@ -18,13 +18,10 @@ ROUNDINGS = 20  # times that a covariance matrix is rounded otherwise
 
 
 def replay_stored_runs(recording: Recording) -> pd.DataFrame:
-    """Run the authors' search with every stored seed on their clean record 12.
+    """Run the authors' search with every stored seed on their clean record 12; a row for each generation of a run.
 
-    Returns
-    -------
-    DataFrame
-        A row a generation of each run: `run, cma_seed, generation, best_rmse_rps, sigma, axis_ratio, smallest_std,
-        largest_std`; the standard deviations are those of the next generation, in each parameter's own unit.
+    Columns `run, cma_seed, generation, best_rmse_rps, sigma, axis_ratio, smallest_std, largest_std`; the standard
+    deviations are those of the next generation, in each parameter's own unit.
     """
     parts = []
     for run in published.authors_notebook_runs().to_dict("records"):

@@ -10,7 +10,7 @@ import pandas as pd
 from replication import published
 from replication.replay import AGREE_RPS  # noqa: F401  of the queries
 from replication.statistics import LEVEL
-from replication.table2 import AUTHORS
+from replication.table2 import AUTHORS, error_percent
 from replication.workbook import judging
 
 RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
@@ -77,8 +77,7 @@ def _regions(verdicts: pd.DataFrame) -> pd.DataFrame:
 def _best_basins(table2: pd.DataFrame) -> pd.DataFrame:
     """How far the best basin's A is off the printed means of Table 2, by source and realisation."""
     table = table2[table2["theoretical_A_rps"] > 0]
-    error = 100 * (table["best_A_rps"] / published.column("Table 2", "mean")[table["row"] - 1] - 1)
-    errors = error.groupby([table["source"], table["realisation"]])
+    errors = error_percent(table, "best_A_rps").groupby([table["source"], table["realisation"]])
     worst, rms = errors.agg(lambda part: part.abs().max()), errors.agg(lambda part: np.sqrt((part**2).mean()))
     return pd.DataFrame({"worst_percent": worst, "rms_percent": rms}).reset_index()
 

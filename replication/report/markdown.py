@@ -8,10 +8,6 @@ from replication.report.facts import collect_facts
 from replication.workbook import judging
 
 BEGIN, END = "<!-- status: begin -->\n", "\n<!-- status: end -->"
-MULTIPLICITY = (
-    "{regions} regions of {level} % judge Table 2's means and SDs; {regions_missed_by_chance} is expected to miss by "
-    "chance.\nThirty other seeds change {seeds_flipped} of these verdicts."
-)
 
 
 def count_errata() -> str:
@@ -34,10 +30,8 @@ def render_status(results: Path) -> str:
     counts.loc["all"] = counts.sum()
     former = judging.deciding(verdicts)["by_tolerance"].value_counts()
     counts.loc["all, by tolerance alone"] = former.reindex(counts.columns, fill_value=0)
-    table = counts.astype(int).rename_axis("printed numbers").reset_index()
-    lines = [table.columns, ["-"] * len(table.columns), *table.itertuples(index=False)]
-    rows = ["|" + "".join(f" {entry} |" if entry else " |" for entry in line) for line in lines]  # zeros are left blank
-    return "\n".join([*rows, "", MULTIPLICITY.format_map(collect_facts(results, verdicts))])
+    table, facts = counts.astype(int), collect_facts(results, verdicts)
+    return TEMPLATES.get_template("status.md.j2").render(table=table, facts=facts)
 
 
 def update_readme(readme: Path, results: Path) -> None:

@@ -9,12 +9,10 @@ import numpy as np
 import pandas as pd
 
 from replication.arrays import FloatArray
-from replication.datasets import Recording
 from replication.simulator import core
-from replication.simulator.identification import identify_joint
+from replication.simulator.identification import identify_joint, third_turn_errors
 from replication.simulator.parameters import TURN, JointParameters, identified_joint
-from replication.simulator.recordings import SIMULATION_STEP_S
-from replication.simulator.simulate import settled_peak_rps, simulate, simulate_many
+from replication.simulator.simulate import settled_peak_rps, simulate
 from replication.simulator.study import FIT_LEVELS, clean_records
 
 # Sharpness of the edge [1/rad] at which the joint is identified anew, from sharp to soft.
@@ -31,22 +29,10 @@ def refit_alphas() -> pd.DataFrame:
         fits = [identify_joint(records, start) for start in starts[: 1 + (last is not joint)]]
         fit = min(fits, key=lambda found: found.mean_square)
         last = fit.parameters
-        misfits = {"nrmse": math.sqrt(fit.mean_square), "nrmse_kept": third_turn_nrmse(starts[0], records)}
+        kept = math.sqrt(np.mean(third_turn_errors(starts[0], records) ** 2))
+        misfits = {"nrmse": math.sqrt(fit.mean_square), "nrmse_kept": kept}
         rows.append({"alpha_per_rad": alpha} | misfits | fit.parameters.ratios)
     return pd.DataFrame(rows)
-
-
-def third_turn_nrmse(joint: JointParameters, records: dict[float, Recording]) -> float:
-    """Misfit that `identify_joint` minimises: RMS over records of the third turn's residual over the settled SD."""
-    turn, squares = joint.turn_period_s, []
-    step = SIMULATION_STEP_S
-    runs = simulate_many(joint, list(records), duration_s=3 * turn, sample_s=step, step_s=step)
-    for run, record in zip(runs, records.values(), strict=True):
-        stride = round(record.sample_s / step)
-        rows = np.flatnonzero((record.t >= 2 * turn - 1e-9) & (record.t < 3 * turn - 1e-9))
-        settled = record.v[record.t >= turn - 1e-9].std()
-        squares.append(np.mean((run.motor_speed_rps[::stride][rows] - record.v[rows]) ** 2) / settled**2)
-    return math.sqrt(np.mean(squares))
 
 
 @numba.njit(cache=True)

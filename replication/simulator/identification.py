@@ -15,7 +15,6 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 from scipy.optimize import least_squares
 from scipy.stats import t as student
 from tqdm import tqdm
@@ -63,13 +62,17 @@ def settled_sd(record: Recording, turn_s: float) -> float:
     return float(record.v[record.t >= turn_s - 1e-9].std())
 
 
-def _third_turn(record: Recording, turn_s: float) -> tuple[NDArray[np.int64], FloatArray, float, int]:
-    """Rows and speeds of the third turn (all from the second on repeat), the settled SD, and `fine_per_sample`."""
-    stride = fine_per_sample(record)
-    if record.t[-1] < 3 * turn_s:
-        raise ValueError(f"a recording of {record.t[-1]} s is too short: three turns of {turn_s} s are needed")
-    rows = np.flatnonzero((record.t >= 2 * turn_s - 1e-9) & (record.t < 3 * turn_s - 1e-9))
-    return rows, record.v[rows], settled_sd(record, turn_s), stride
+def third_turn_errors(joint: JointParameters, records: Records) -> FloatArray:
+    """Simulated less recorded speed in the third turn of each record, in units of its settled SD, one after the other.
+
+    All turns from the second on repeat.
+    """
+    turn, parts = joint.turn_period_s, []
+    for run, record in zip(simulate_finely(joint, records, 3 * turn), records.values(), strict=True):
+        rows = np.flatnonzero((record.t >= 2 * turn - 1e-9) & (record.t < 3 * turn - 1e-9))
+        speed = run.motor_speed_rps[:: fine_per_sample(record)]
+        parts.append((speed[rows] - record.v[rows]) / settled_sd(record, turn))
+    return np.concatenate(parts)
 
 
 def identify_joint(records: Records, start: JointParameters, *, held: Iterable[str] = HELD) -> JointFit:
@@ -80,17 +83,15 @@ def identify_joint(records: Records, start: JointParameters, *, held: Iterable[s
     """
     free = {name: value for name, value in start.ratios.items() if name not in set(held)}
     names, values = list(free), np.array(list(free.values()))
-    turn = start.turn_period_s
-    targets = [_third_turn(record, turn) for record in records.values()]
-    size = sum(rows.size for rows, *_ in targets)
+    if (longest := min(record.t[-1] for record in records.values())) < 3 * start.turn_period_s:
+        raise ValueError(f"a recording of {longest} s is too short: three turns of {start.turn_period_s} s are needed")
+    size = third_turn_errors(start, records).size
 
     def residual(z: FloatArray) -> FloatArray:
         try:
-            runs = simulate_finely(with_ratios(start, dict(zip(names, values * z, strict=True))), records, 3 * turn)
+            return third_turn_errors(with_ratios(start, dict(zip(names, values * z, strict=True))), records)
         except (ValueError, DivergenceError):
             return np.full(size, 10.0)
-        pairs = zip(runs, targets, strict=True)
-        return np.concatenate([(run.motor_speed_rps[::stride][rows] - v) / sd for run, (rows, v, sd, stride) in pairs])
 
     fit = least_squares(
         residual,

@@ -33,13 +33,9 @@ def table3_records(bench: Bench, deltas_rad: Sequence[float], seed: int) -> list
 
 def table3(runs: pd.DataFrame) -> pd.DataFrame:
     """Condense the runs on the bench's records into Table 3, the printed columns beside."""
-    keys = ["row", "delta_rad", "reading_rad", "known_A_rps"]
-    rows = []
-    for values, part in runs.groupby(keys, sort=False):
-        head = {"source": "stand-in", **dict(zip(keys, values, strict=True))}
-        rows.append(head | summarise_runs(part, head["known_A_rps"]).to_dict())
+    keys = ["source", "row", "delta_rad", "reading_rad", "known_A_rps"]
     printed = {f"printed_{column}": published.column("Table 3", cell) for cell, column in TABLE3_COLUMNS.items()}
-    return pd.DataFrame(rows).assign(**printed).astype({"best_basin_runs": int, "basins": int, "runs": int})
+    return summarise_runs(runs.assign(source="stand-in"), keys).assign(**printed)
 
 
 def table3_cells(table: pd.DataFrame) -> dict[str, float]:

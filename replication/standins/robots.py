@@ -58,13 +58,10 @@ def table4_records(spread: RobotSpread, seed: int) -> list[tuple[dict, Recording
 
 def table4(runs: pd.DataFrame) -> pd.DataFrame:
     """Condense the runs on the two robots into Table 4, the printed columns beside."""
-    keys = ["robot", "kind", "delta_rad"]
-    rows = []
-    for values, part in runs.groupby(keys, sort=False):
-        summary = summarise_runs(part.assign(A_rps=part["A_rps"].abs()), 0.0).drop("relative_error_percent")
-        rows.append({"source": "stand-in", **dict(zip(keys, values, strict=True))} | summary.to_dict())
-    printed = {f"printed_{name}_A_rps": published.column("Table 4", name) for name in ("mean", "sd")}
-    return pd.DataFrame(rows).assign(**printed).astype({"best_basin_runs": int, "basins": int, "runs": int})
+    keys = ["source", "robot", "kind", "delta_rad", "theoretical_A_rps"]
+    signless = runs.assign(source="stand-in", theoretical_A_rps=0.0, A_rps=runs["A_rps"].abs())
+    table = summarise_runs(signless, keys).drop(columns=["theoretical_A_rps", "relative_error_percent"])
+    return table.assign(**{f"printed_{name}_A_rps": published.column("Table 4", name) for name in ("mean", "sd")})
 
 
 def table4_cells(table: pd.DataFrame) -> dict[str, float]:

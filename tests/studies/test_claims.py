@@ -5,7 +5,7 @@ import pytest
 from backlash.studies import claims
 from backlash.studies.accuracy import encoder_recording
 from replication.simulator.simulate import identified_joint
-from replication.statistics import rate_interval
+from replication.statistics import rate_columns
 
 
 @pytest.mark.parametrize("fault", ["none", "normal", "mean", "lag one"])
@@ -31,7 +31,7 @@ def test_an_amplitude_in_noise_alone_is_held_against_a_share_of_the_smallest(A, 
 @pytest.mark.parametrize("small", range(80, 101))
 def test_the_percentiles_interval_decides_as_the_recognised_shares_exact_interval_does(small):
     amplitude = np.r_[np.full(small, 0.01), np.full(100 - small, 0.2)]
-    low, high = rate_interval(small, 100)
+    _, low, high = rate_columns(small, 100).values()
     expected = True if low > 0.95 else False if high < 0.95 else None
     assert claims.no_backlash(amplitude, 0.26)[0] is expected
 
