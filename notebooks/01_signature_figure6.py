@@ -157,8 +157,8 @@ figure6 = paper.signature_parameters(t, shape, X, timing)
 # %% [markdown]
 # ### The signature on a record
 #
-# The authors' clean record 12 (a backlash of 23e-4 rad), and over it the signature at the stored run's parameters. All
-# stored runs have $T_d$ = 0.2 s, $T_f$ = 0.4 s and twelve turns.
+# The authors' clean record 12 (a backlash of 23·10⁻⁴ rad), and over it the signature at the stored run's parameters.
+# All stored runs have $T_d$ = 0.2 s, $T_f$ = 0.4 s and twelve turns.
 
 # %%
 record = datasets.load_clean(12)
@@ -223,7 +223,7 @@ print(f"At the stored parameters the RMSE is the stored one to {off.max():.1g} r
 print(f"Today's cma begins {(today < 1e-12).sum()} of the {len(today)} runs as they are stored.")
 
 # %% [markdown]
-# The paper's model has $n$ = 12 turns. How many stored runs have their stored RMSE (to 1e-6 rps, as the stored
+# The paper's model has $n$ = 12 turns. How many stored runs have their stored RMSE (to 10⁻⁶ rps, as the stored
 # parameters have nine digits) with $n$ turns? From 12 on all have: the record ends after twelve turns, and a later
 # oscillation changes nothing.
 
@@ -282,8 +282,9 @@ shown.assign(closest_ranks_rps=parted["closest_ranks_rps"].map("{:.1e}".format))
 #
 # ### The basins of the stored runs
 #
-# The 30 runs end in different basins; a mean over them hides that. `replayed_runs` are ours with the same seeds: the
-# same basins, run by run, but for the one run that ends elsewhere. The
+# The best signatures of the 30 runs lie in different basins; a mean over them hides that. `replayed_runs` are ours with
+# the same seeds: the same basins, run by run, but for the one run that ends elsewhere. A run's best signature need not
+# be of its last generation: that of run 5 is of generation 13. The
 # [replay explorer](../results/pages/replay_explorer.html) plays every run generation by generation.
 
 # %%

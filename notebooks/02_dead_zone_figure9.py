@@ -177,9 +177,9 @@ workbook.export(
         "figure09_dead_zone": (
             figure9,
             f"(a) Stiffness of equation 8 and (b) torque of equation 9 for {len(alphas)} values of alpha, and the "
-            f"clamped dead zone, at delta = {1e4 * delta_rad:g}e-4 rad (dotted: the edges of the gap). In mid-gap up "
-            f"to {100 * leak:.2g} % of the stiffness is left, and the torque jumps by up to {jump:.3g} N m; from alpha "
-            "= 1e5 per rad on the curves hardly differ from the clamped dead zone.",
+            f"clamped dead zone, at delta = {1e4 * delta_rad:g}·10⁻⁴ rad (dotted: the edges of the gap). In mid-gap "
+            f"up to {100 * leak:.2g} % of the stiffness is left, and the torque jumps by up to {jump:.3g} N m. The "
+            "larger alpha, the closer the curves are to the clamped dead zone.",
         )
     },
     claims=claims,
@@ -194,7 +194,7 @@ workbook.export(
 #
 # ## Exercises
 #
-# **1.** Which $\alpha$ leaves 1 % of $K_s$ in the middle of a gap of $\delta$ = 15e-4 rad? Use the exact form.
+# **1.** Which $\alpha$ leaves 1 % of $K_s$ in the middle of a gap of $\delta$ = 15·10⁻⁴ rad? Use the exact form.
 
 # %% tags=["solution"]
 alpha_1_percent = np.tan(0.99 * np.pi / 2) / 15e-4
@@ -203,7 +203,7 @@ print(f"{alpha_1_percent:.3g} per rad")
 
 # %% [markdown]
 # **2.** The torque inside the gap does work. How large is the potential's barrier between the two edges at
-# $\alpha = 10^4$ per rad, compared with the energy that the spring stores 1e-4 rad beyond the edge?
+# $\alpha = 10^4$ per rad, compared with the energy that the spring stores 10⁻⁴ rad beyond the edge?
 
 # %% tags=["solution"]
 inside = np.linspace(0.0, delta_rad, 20001)

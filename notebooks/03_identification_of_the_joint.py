@@ -221,7 +221,7 @@ physical.map("{:.4g}".format).to_frame()
 # ### The sharpness of the edge
 #
 # The misfit to the settled turns, the mean over all eleven records, as $\alpha$ of equation 8 changes and the ratios
-# are kept; the clamped dead zone is an infinite $\alpha$. From 1e6 per rad on little changes.
+# are kept; the clamped dead zone is an infinite $\alpha$. From 10⁶ per rad on little changes.
 
 # %%
 edges = {value: replace(committed, alpha_per_rad=value) for value in alphas}

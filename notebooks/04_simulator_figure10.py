@@ -290,7 +290,7 @@ workbook.export(
 # ## Exercises
 #
 # **1.** Double the motor's inertia in two ways: `{"inertia_ratio": 0.5}` and `{"motor_inertia_kgm2": 2.0}`. How do the
-# peaks at $\delta$ = 15e-4 rad change, and what else differs between the two joints?
+# peaks at $\delta$ = 15·10⁻⁴ rad change, and what else differs between the two joints?
 
 # %% tags=["solution"]
 ways = {"committed": {}, "inertia_ratio": {"inertia_ratio": 0.5}, "motor_inertia_kgm2": {"motor_inertia_kgm2": 2.0}}

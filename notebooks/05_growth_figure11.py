@@ -22,14 +22,14 @@
 #
 # ## Claim
 #
-# Ten data sets are simulated at 100 rps with a load of 5 kg, [backlash](glossary.md#backlash) 3e-4 to 21e-4 rad in
-# steps of 2e-4; the amplitude of the disturbance grows regularly with the backlash (sections "Dataset creation" and
+# Ten data sets are simulated at 100 rps with a load of 5 kg, [backlash](glossary.md#backlash) 3·10⁻⁴ to 21·10⁻⁴ rad in
+# steps of 2·10⁻⁴; the amplitude of the disturbance grows regularly with the backlash (sections "Dataset creation" and
 # "Backlash signature behaviour").
 #
 # ## Method
 #
-# The identified joint (notebook 3) at the same ten [levels](glossary.md#level), and on to the 39e-4 rad of the authors'
-# own files. The disturbance $r$ [rps] is the motor speed $v$ less the commanded one $v_t$:
+# The identified joint (notebook 3) is simulated at the same ten [levels](glossary.md#level), and on to the 39·10⁻⁴ rad
+# of the authors' own files. The disturbance $r$ [rps] is the motor speed $v$ less the commanded one $v_t$:
 #
 # $$r(t) = v(t) - v_t \tag{11}$$
 #
@@ -216,8 +216,8 @@ workbook.export(
 #
 # **1.** The teeth separate with a relative speed already, because the spring $K_s$ [N m/rad] unwinds:
 # $\dot{\Delta\theta}_0 = \frac{g}{r_m} \omega_l J_l / K_s$. Solve
-# $2\delta = \dot{\Delta\theta}_0 t + \frac{1}{6} \frac{g}{r_m} \omega_l t^3$ for 3e-4, 10e-4 and 20e-4 rad, and compare
-# it and $t_\text{gap}$ with the time from a separation to the next impact in the simulation.
+# $2\delta = \dot{\Delta\theta}_0 t + \frac{1}{6} \frac{g}{r_m} \omega_l t^3$ for 3·10⁻⁴, 10·10⁻⁴ and 20·10⁻⁴ rad, and
+# compare it and $t_\text{gap}$ with the time from a separation to the next impact in the simulation.
 
 # %% tags=["solution"]
 plain = identified_joint()
@@ -233,7 +233,7 @@ for delta in (3e-4, 10e-4, 20e-4):
 
 # %% [markdown]
 # **2.** Is $A$ in proportion to the relative speed $\omega_m / N - \omega_l$ at the impact? Take it from simulations at
-# 50 and 100 rps, with 3e-4, 10e-4 and 20e-4 rad.
+# 50 and 100 rps, with 3·10⁻⁴, 10·10⁻⁴ and 20·10⁻⁴ rad.
 
 # %% tags=["solution"]
 ratio = {}

@@ -22,9 +22,9 @@
 #
 # ## Claim
 #
-# [Backlash](glossary.md#backlash) is a cubic of the amplitude, fitted to ten simulations with an RMSE of 8.6983e-10 rad
-# (section "Backlash signature behaviour"). Table 2's errors of $A$ mean less than 0.0002 rad at the smallest backlash,
-# and 0.0004 rad at the largest.
+# [Backlash](glossary.md#backlash) is a cubic of the amplitude, fitted to ten simulations with an RMSE of 8.6983·10⁻¹⁰
+# rad (section "Backlash signature behaviour"). Table 2's errors of $A$ mean less than 0.0002 rad at the smallest
+# backlash, and 0.0004 rad at the largest.
 #
 # ## Method
 #
@@ -115,7 +115,7 @@ residual = theoretical, polynomial(rpm_per_rps * theoretical, fitted) - delta
 figure12 = paper.characteristic(curves, points, residual, "cubic $-$ point")
 
 # %% [markdown]
-# Reading a backlash off an amplitude. With `make lab` $A$ and its error have sliders.
+# The backlash that belongs to an amplitude. With `make lab` $A$ and its error have sliders.
 
 
 # %%
@@ -176,7 +176,7 @@ simulated = pd.DataFrame(
 simulated.map("{:.4g}".format)
 
 # %% [markdown]
-# ### Other readings of the same signals
+# ### Other features of the same signals
 #
 # The peak is one number that grows with the backlash. A characteristic can be fitted to another one as well: the
 # largest of the 2 ms samples, or the signal's energy, taken as the RMS of the disturbance over its $m$ samples,
@@ -229,7 +229,7 @@ unseen = 1e-6 * goodness.loc[reading, "unseen [1e-6 rad]"]
 best_reading = goodness["unseen [1e-6 rad]"].idxmin()
 print(
     f"Read as the {reading}, a polynomial of degree {degree} misses the ten backlashes by {reading_rmse:.2g} rad "
-    f"(RMSE) and one that it has not seen by at most {unseen:.2g} rad. Of the three readings of these noise-free "
+    f"(RMSE) and one that it has not seen by at most {unseen:.2g} rad. Of the three features of these noise-free "
     f"signals the {best_reading} is the most accurate at an unseen backlash."
 )
 
@@ -375,7 +375,7 @@ workbook.export(
 # 1. `rpm_per_rps = 1.0`: the coefficients of the cubic in rps; all but the constant are out of their tolerance.
 # 2. `left_out = [10]`: without the last point the cubic term changes its second digit, and leaves its tolerance.
 # 3. `reading = "energy"`: the RMS of the disturbance is a smaller number than the peak, and a cubic of it finds the
-#    backlashes within 1e-5 rad too.
+#    backlashes within 10⁻⁵ rad too.
 #
 # ## Exercises
 #
@@ -401,7 +401,7 @@ assert rounding_rad[3] > 2 * points_rmse > 1000 * published.value("equation10.rm
 
 # %% [markdown]
 # **3.** A sensor reads $A$ = 0.9 rps. Which backlash is it? And which $A$ will it read when the backlash has reached
-# 2e-3 rad? Invert equation 10 numerically, and check that it grows over the range, so that there is one answer.
+# 2·10⁻³ rad? Invert equation 10 numerically, and check that it grows over the range, so that there is one answer.
 
 # %% tags=["solution"]
 roots = np.roots([*printed[:0:-1], printed[0] - 2e-3])

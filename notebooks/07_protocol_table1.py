@@ -295,7 +295,7 @@ one_generation = searching.one_generation(drawn, c.weights, bounds, shown, label
 # ### The whole run
 #
 # `search.search` follows the generations until a stop rule holds: `tolfun` says that all members have the same misfit
-# within 1e-11 rps, `tolconditioncov` that the ellipse is 1e7 times as long as wide, `maxiter` that 200 generations are
+# within 10⁻¹¹ rps, `tolconditioncov` that the ellipse is 10⁷ times as long as wide, `maxiter` that 200 generations are
 # made. The stored run is shown beside it; its stop rule is that of its replay (`paper_run`).
 
 # %%
@@ -452,7 +452,7 @@ workbook.export(
             "band has one mark for each row of Table 2, row 1 on top. The bands are sorted by the mean absolute "
             "deviation in (a). "
             "With the printed turn period every mean falls far short, a start drawn at random is worse than the whole "
-            "record, and no variant gives the printed SDs.",
+            "record, and no variant gives all printed SDs.",
         ),
     },
     cells={"authors": cells},

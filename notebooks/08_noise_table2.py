@@ -40,7 +40,7 @@
 #
 # **Records.** The authors published the [realisations](glossary.md#realisation) R = 1 to 5 of the low noise, and 11 to
 # 20 of a noise 1.5 times as loud, each at the ten levels of Table 2 (K = 2 to 11). Which realisation Table 2 was
-# computed from is not said. A record without backlash is not public (their level 1 has 1e-4 rad), so the last row's is
+# computed from is not said. A record without backlash is not public (their level 1 has 10⁻⁴ rad), so the last row's is
 # made: constant speed and uniform noise of the printed amplitude. Beside them stand our own: the identified joint
 # (notebook 3) at the ten levels, with five noises of the printed amplitude.
 #

@@ -111,7 +111,7 @@ workbook.check_parameters(values_of_spread=([*spread.values()], [Interval(0, 10)
 #
 # ### The printed numbers among themselves
 #
-# Equation 10 at the printed known $A$ gives nearly whole 1e-4 rad. From these the known $A$ should follow again, one
+# Equation 10 at the printed known $A$ gives nearly whole 10⁻⁴ rad. From these the known $A$ should follow again, one
 # way or the other.
 
 # %%
@@ -139,7 +139,7 @@ known
 
 # %% [markdown]
 # The known $A$ are Table 2's, interpolated, and not those of equation 10. The real measures must then have been round
-# 1e-4 rad, or rounded to it.
+# 10⁻⁴ rad, or rounded to it.
 #
 # ### The bench
 #

@@ -38,7 +38,7 @@
 #
 # A stand-in axis is a bench of notebook 10 with less gravity (axis 4 carries the wrist and a tool only), and with
 # three sinusoidal torques on its load, of any frequency from 2.5 to 40 Hz: what reaches it from the other joints. A
-# healthy axis has up to 1e-4 rad of backlash, a bad one 2e-4 to 5e-4 rad. All of these are assumptions
+# healthy axis has up to 10⁻⁴ rad of backlash, a bad one 2·10⁻⁴ to 5·10⁻⁴ rad. All of these are assumptions
 # (`RobotSpread` in `standins.robots`).
 #
 # Two robots say little about a threshold $T$ [rps]. Many of each kind give its rates of detection and of false alarms,
@@ -103,7 +103,7 @@ printed = pd.DataFrame({"A_rps": [printed_A, printed_B]}, index=["robot A", "rob
 printed.assign(equation_10_rad=sum(a[k] * (60 * printed["A_rps"]) ** k for k in range(4)))  # equation 10
 
 # %% [markdown]
-# Robot B's backlash, "excessive", would be less than the smallest of Table 2, 3e-4 rad.
+# Robot B's backlash, "excessive", would be less than the smallest of Table 2, 3·10⁻⁴ rad.
 #
 # ### Table 4
 #

@@ -16,17 +16,17 @@
 # ---
 
 # %% [markdown]
-# # 13 · Readings compared: on the paper's joint, and on changed ones
+# # 13 · Estimators compared: on the paper's joint, and on changed ones
 #
-# *You will see which reading of the motor speed tells the [backlash](../glossary.md#backlash) best, how well it could
-# be told at all, and what a changed joint does to each reading. Run time: 80 s.*
+# *You will see which estimator finds the [backlash](../glossary.md#backlash) in the motor speed most accurately, how
+# accurate one can be at all, and what a changed joint does to each. Run time: 80 s.*
 #
 # ## Claim
 #
-# The paper reads one number off the motor speed, the amplitude $A$, and asks how large the error of $A$ is (Table 2).
-# It calibrates equation 10 on one simulated joint. It leaves open how well the backlash could be known at all, whether
-# another reading tells more, how small a backlash can be seen, and what a joint that is not quite the calibrated one
-# does to the answer.
+# The paper estimates the backlash from one number, the amplitude $A$ of the motor speed, and asks how large the
+# error of $A$ is (Table 2). It calibrates equation 10 on one simulated joint. It leaves open how accurately the
+# backlash can be known at all, whether another estimator is more accurate, how small a backlash can be detected,
+# and what happens on a joint that differs from the calibrated one.
 #
 # ## Method
 #

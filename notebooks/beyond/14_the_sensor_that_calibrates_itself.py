@@ -293,7 +293,7 @@ columns = ["logs", "refused", "rmse_rad", "bound_rad", "coverage", "coverage_low
 display(summary[summary["method"] == "self"].set_index("population")[columns].round({"coverage": 3, "refused": 3}))
 
 # %% [markdown]
-# RMS error [1e-4 rad] of every method, of the logs that it answered. The other methods use the paper's calibration.
+# RMS error [10⁻⁴ rad] of every method, of the logs that it answered. The other methods use the paper's calibration.
 
 # %%
 rmse = summary.pivot(index="population", columns="method", values="rmse_rad").loc[summary["population"].unique()]
@@ -459,8 +459,8 @@ assert np.isclose(np.exp(one_of_31**2 / 2) / 10 * (0.5 / 31) / 0.5, 1)
 print(f"{one_ring:.2f} and {one_of_31:.2f} SDs")
 
 # %% [markdown]
-# **3.** Two alternatives of equal weight have backlashes of 10 and 11e-4 rad, each with an SD of 0.3e-4 rad. What is
-# the SD of their mixture, and how often would an interval of ±1.96 such SDs cover?
+# **3.** Two alternatives of equal weight have backlashes of 10·10⁻⁴ and 11·10⁻⁴ rad, each with an SD of 0.3·10⁻⁴ rad.
+# What is the SD of their mixture, and how often would an interval of ±1.96 such SDs cover?
 
 # %% tags=["solution"]
 mixture_sd = np.sqrt(0.3**2 + 0.5**2)  # in 1e-4 rad

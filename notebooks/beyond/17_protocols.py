@@ -130,10 +130,10 @@ explaining = judged[judged["explains"]]
 named = ", ".join(f"{name} (p = {p:.2g})" for name, p in zip(explaining["protocol"], explaining["p"], strict=True))
 drawn = (explaining["start"] != "whole").sum()
 print(
-    f"At the level {level:g}, {len(explaining)} of {len(judged)} candidates can have printed Table 2: "
-    f"{named or 'none'}. Of these, {drawn} analyse the record from a random start."
-    + " The table cannot tell them apart."
-    * (len(explaining) > 1)
+    f"At the level {level:g}, {len(explaining)} of {len(judged)} candidates are compatible with Table 2: "
+    f"{named or 'none'}. Of these, {drawn} analyse the record from a random start. "
+    f"The closest of the others has p = {judged.loc[~judged['explains'], 'p'].max():.2g}; no correction is made for "
+    "the number of candidates." + " The table cannot tell the compatible ones apart." * (len(explaining) > 1)
 )
 
 # %% tags=["plumbing"]

@@ -253,8 +253,8 @@ by_bits.groupby("bits")["change_rps"].max().to_frame()
 
 # %% [markdown]
 # How small a ring of the motor's position shows through this encoder in a whole record, at 95 % of the start angles?
-# The step is 1.2e-5 rad (notebook 6 judges the printed one by it), but the motion carries the position over many steps,
-# so less than a step shows.
+# The step is 1.2·10⁻⁵ rad (notebook 6 judges the printed one by it), but the motion carries the position over many
+# steps, so less than a step shows.
 
 # %%
 detection = studies.displacement_detection(joint, np.geomspace(1e-6, 2e-5, 61), encoder_bits, start_angles)
