@@ -97,7 +97,7 @@ def test_report_and_pages_are_light_and_fetch_nothing(site):
         assert "@import" not in text
         assert "default-src 'none'" in text
     assert (site / "report.html").stat().st_size < 1_000_000
-    assert total < 5_500_000
+    assert total < 5_000_000
 
 
 def test_a_notebooks_page_has_no_script_but_the_animations_and_no_formula_left_as_it_is_typed(site):
