@@ -28,6 +28,7 @@ TAG = re.compile(r"<[^>]+>")
 TABLE_NUMBER = re.compile(r"<td>(-?\d+\.\d+(?:e[+-]?\d+)?|-?\d+e[+-]?\d+)</td>")
 LONG_NUMBER = re.compile(r"-?\d+\.\d{7,}(?!\d|e)")
 SHORT_TEXT = re.compile(r"<(th)>([^<]{1,14})</th>|<(td)>([A-Za-z][^<]{0,40})</td>")  # not to be broken into lines
+UNCOLOURED = re.compile(r'<span class="(?:[npow]|m[if]|n[acdefnv]|vm)">([^<]*)</span>')  # code without a colour
 SCRIPT = "<script"  # an animation has one
 DIGITS = 4  # of a number in a table; the exported CSV has six
 
@@ -96,7 +97,8 @@ def _page_cells(cells: Sequence[nbformat.NotebookNode], source: str, pictures: l
             own = [picture for picture in pictures if drawn.get(picture.name) == position]
             outputs = list(filter(None, (_render_output(output, bool(own)) for output in cell.outputs)))
             kind = "solution" if "solution" in tags else "code"
-            yield {"anchor": anchor, "kind": kind, "body": highlight(cell.source), "outputs": outputs, "pictures": own}
+            body = UNCOLOURED.sub(r"\1", highlight(cell.source))
+            yield {"anchor": anchor, "kind": kind, "body": body, "outputs": outputs, "pictures": own}
 
 
 def drawing_cells(cells: Sequence[nbformat.NotebookNode]) -> dict[str, int]:
