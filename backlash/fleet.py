@@ -144,8 +144,13 @@ def as_table(answers: Sequence[Estimate]) -> pd.DataFrame:
 def with_shared_joint(
     logs: Sequence[object], answers: Sequence[Estimate], settings: Sequence[Settings]
 ) -> list[Estimate]:
-    """Correct estimates by method self by what all logs tell of their joint; those without a backlash stay."""
-    answered = [k for k, answer in enumerate(answers) if answer.verdict == "backlash"]
+    """Correct estimates by method self by what all logs tell of their joint.
+
+    Those without a backlash stay, and those with separate intervals: one log alone cannot choose between them.
+    """
+    answered = [
+        k for k, answer in enumerate(answers) if answer.verdict == "backlash" and not answer.backlash_intervals_rad
+    ]
     fits = [fit_joint(prepare_log(logs[k], settings[k].form, settings[k].seed).recording) for k in answered]
     corrected = list(answers)
     for k, (delta, interval) in zip(answered, share_joint(fits) if fits else [], strict=True):

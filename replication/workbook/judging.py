@@ -7,7 +7,7 @@ had been seen by then, and so had the width of the regions of Table 2's means (`
 2. The region of several numbers is where the number of one more realisation would lie with 95 %: the mean of their
    logarithms ± t(n - 1) s sqrt(1 + 1/n), without logarithms where the sign counts; ours is its centre. The region of
    one number is ours ± the cell's tolerance, whose reason stands in `cells.csv`.
-3. `reproduced`: the printed number and ours lie in the region, and the region is not too wide.
+3. `reproduced`: the printed number lies in the region, which is about ours, and the region is not too wide.
 4. Too wide, so `undecided`: the region also holds the next smaller or next larger printed number of the same column,
    or, for a mean of Table 2, the theoretical A of its row. It would have agreed with another number as well.
 5. `differs`: the printed number lies outside the region, and outside every region with one realisation left out.
@@ -44,8 +44,8 @@ Interval = tuple[float, float]
 
 
 def region(numbers: Sequence[float], signed: bool) -> Interval:
-    """Where the number of one more realisation would lie with 95 %; anywhere, if there is one realisation only."""
-    if len(numbers) < 2:
+    """Where the number of one more realisation would lie with 95 %; anywhere, if the numbers cannot tell."""
+    if len(numbers) < 2 or (min(numbers) <= 0 and not signed):
         return -math.inf, math.inf
     if signed:
         return another_interval(numbers)
@@ -61,7 +61,8 @@ def region_without_one(numbers: Sequence[float], signed: bool) -> Interval:
 
 def centre(numbers: Sequence[float], signed: bool) -> float:
     """The one number that stands for several realisations: the middle of their region."""
-    return float(np.mean(numbers)) if signed else float(np.exp(np.mean(np.log(numbers))))
+    with np.errstate(divide="ignore"):  # of 0
+        return float(np.mean(numbers)) if signed else float(np.exp(np.mean(np.log(numbers))))
 
 
 def rivals(cell: str) -> list[float]:
@@ -91,12 +92,10 @@ def compare(cell: str, ours: float, decisive: Interval, without_one: Interval) -
         if without_one[0] <= value <= without_one[1]:
             return "undecided", "the printed number lies outside the region, but inside with one realisation left out"
         return outside(cell, ours)
-    if not low <= ours <= high:
-        return "differs", "our number lies outside its own region"
     held = [] if is_limit else [f"{rival:.4g}" for rival in rivals(cell) if low <= rival <= high]
     if held or math.isinf(high - low):
         return "undecided", f"the region is too wide: it also holds {', '.join(held) or 'every number'}"
-    return "reproduced", "the printed number and ours lie in the region"
+    return "reproduced", "the printed number lies in the region"
 
 
 def outside(cell: str, ours: float) -> tuple[str, str]:
@@ -147,6 +146,8 @@ def _judge(row: dict) -> dict:
         agrees = ours <= value if row["kind"] == "bound" else abs(ours - value) <= tolerance
         by_tolerance = ("reproduced", "") if agrees else outside(cell, ours)
     rule = evidence_rule(cell, row["source"])
+    if math.isfinite(ours) and not rule["basis"]:
+        raise ValueError(f"{cell} by {row['source']}: basis.csv does not say what an agreement would be worth")
     verdict, reason = _weigh(compared, rule)
     if verdict == "differs":
         known = published.known_differences().set_index(["id", "source"])["reason"]

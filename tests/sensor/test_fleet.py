@@ -7,7 +7,8 @@ import pytest
 from made_logs import TURN, noisy, silent, write
 
 from backlash import fleet
-from backlash.estimation import examine, settings_for
+from backlash.estimation import Estimate, examine, settings_for
+from backlash.reading.columns import LogFormat
 from backlash.reading.tables import UnusableLog
 
 SETTINGS = settings_for(TURN, method="amplitude")
@@ -138,3 +139,15 @@ def test_the_rows_that_were_kept_are_those_of_the_logs(folder, tmp_path):
     rows = fleet.run_fleet([folder / "log0.csv"], SETTINGS, 1, kept)
     assert rows == [examine(folder / "log0.csv", SETTINGS).estimate]
     assert fleet.run_fleet([folder / "log0.csv"], SETTINGS, 1, kept) == rows
+
+
+def test_a_log_with_separate_intervals_keeps_its_interval_beside_other_logs_of_the_joint(monkeypatch):
+    one = Estimate("one", "backlash", backlash_rad=5e-4, backlash_interval_rad=(4e-4, 6e-4))
+    two = replace(one, backlash_interval_rad=(4e-4, 12e-4), backlash_intervals_rad=((4e-4, 6e-4), (11e-4, 12e-4)))
+    monkeypatch.setattr(fleet, "prepare_log", lambda *_: pd.Series({"recording": None}))
+    monkeypatch.setattr(fleet, "fit_joint", lambda _: None)
+    monkeypatch.setattr(fleet, "share_joint", lambda fits: [(5.1e-4, (4.9e-4, 5.3e-4))] * len(fits))
+    settings = [settings_for(LogFormat())] * 2
+    shared, kept = fleet.with_shared_joint(["one", "two"], [one, two], settings)
+    assert shared.backlash_interval_rad == (4.9e-4, 5.3e-4)
+    assert kept == two

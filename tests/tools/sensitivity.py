@@ -4,6 +4,7 @@ Each constant is changed alone, before anything else is imported, in the noteboo
 """
 
 import json
+import re
 import subprocess
 import sys
 import tempfile
@@ -43,6 +44,7 @@ TESTS = (
     "tests/simulator/test_study.py",
 )
 
+SOLUTION = re.compile(r'\n# %% tags=\["solution"\]\n.*?(?=\n# %%|\Z)', re.DOTALL)  # asserts more than the paper says
 _JUDGED = "judged.csv"
 # Judged in the notebook's own kernel, where the changed constant is.
 _JUDGE = f"""
@@ -175,7 +177,7 @@ def found_by(change: Change, folder: Path) -> dict[str, Found]:
 
 def _executed(name: str, values: Mapping[str, object], code: str, folder: Path) -> Found:
     whole = (workbook.ROOT / "notebooks" / f"{name}.py").read_text(encoding="utf-8")
-    head, cell, rest = whole.partition("\n# %%")
+    head, cell, rest = SOLUTION.sub("", whole).partition("\n# %%")
     source = folder / f"{name}.py"
     folder.mkdir(exist_ok=True)
     source.write_text(f"{head}\n# %%\n{code or 'pass'}\n{cell}{rest}{_JUDGE}", encoding="utf-8")

@@ -70,11 +70,15 @@ def test_a_difference_that_depends_on_one_realisation_is_undecided():
     assert judged("table2.row02.mean", moved)["verdict"] == "undecided"
 
 
-def test_our_number_outside_its_own_region_is_never_reproduced():
-    printed = published.value("table2.row02.mean")
-    decisive = (0.99 * printed, 1.01 * printed)
-    assert judging.compare("table2.row02.mean", printed, decisive, decisive)[0] == "reproduced"
-    assert judging.compare("table2.row02.mean", 1.3 * printed, decisive, decisive)[0] == "differs"
+def test_a_number_that_has_no_logarithm_decides_nothing():
+    assert (
+        judged("table2.row02.sd", [0.0, *five(published.value("table2.row02.sd"), 0.05)[1:]])["verdict"] == "undecided"
+    )
+
+
+def test_a_cell_that_no_rule_is_about_is_not_judged():
+    with pytest.raises(ValueError, match=r"table1\.tau\.max by simulated: basis\.csv does not say"):
+        judging.judge_cells({"table1.tau.max": 30.0}, "simulated")
 
 
 def test_a_limit_inside_the_interval_of_our_number_is_undecided():
