@@ -147,7 +147,7 @@ def test_a_log_with_separate_intervals_keeps_its_interval_beside_other_logs_of_t
     monkeypatch.setattr(fleet, "prepare_log", lambda *_: pd.Series({"recording": None}))
     monkeypatch.setattr(fleet, "fit_joint", lambda _: None)
     monkeypatch.setattr(fleet, "share_joint", lambda fits: [(5.1e-4, (4.9e-4, 5.3e-4))] * len(fits))
-    settings = [settings_for(LogFormat())] * 2
+    settings = [settings_for(LogFormat(turn_period_s=0.4))] * 2
     shared, kept = fleet.with_shared_joint(["one", "two"], [one, two], settings)
     assert shared.backlash_interval_rad == (4.9e-4, 5.3e-4)
     assert kept == two
