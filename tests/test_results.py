@@ -1,6 +1,7 @@
 """The committed results against the printed numbers, cell by cell."""
 
 import json
+import re
 
 import numpy as np
 import pandas as pd
@@ -8,7 +9,7 @@ import pytest
 
 from replication import datasets, published, table2, workbook
 from replication.data.authors import authors_registry
-from replication.files import notebook_files
+from replication.files import ROOT, notebook_files
 from replication.workbook import judging
 
 RESULTS = workbook.ROOT / "results"
@@ -29,6 +30,12 @@ def test_the_printed_number_of_a_reproduced_cell_lies_in_the_region(row):
 def test_the_cells_that_differ_are_exactly_those_with_a_known_reason():
     differing = VERDICTS[VERDICTS["verdict"] == "differs"]
     assert set(zip(differing["id"], differing["source"], strict=True)) == set(KNOWN)
+
+
+def test_every_table_of_the_results_is_named_in_a_source():
+    kinds = ("notebooks/**/*.py", "replication/**/*.py", "replication/**/*.csv", "backlash/**/*.py", "tests/tools/*.py")
+    sources = "\n".join(path.read_text(encoding="utf-8") for kind in kinds for path in ROOT.glob(kind))
+    assert [file.name for file in RESULTS.glob("*.csv") if not re.search(rf"\b{file.stem}\b", sources)] == []
 
 
 def test_the_verdicts_are_what_the_outcomes_give():

@@ -165,7 +165,7 @@ def residuals(runs: pd.DataFrame) -> pd.DataFrame:
 def judge(runs: pd.DataFrame, level: float = LEVEL) -> pd.DataFrame:
     """Judge every candidate by the criterion above: its settings and p-values, a row each, the largest p first."""
     table, rows = residuals(runs), []
-    outside = table[table["p"] < 0.05].groupby(["protocol", "column"]).size()
+    outside = table[table["p"] < level].groupby(["protocol", "column"]).size()
     for name, part in runs.groupby("protocol", sort=False):
         candidate, numbers = CANDIDATES[name], numbers_of(runs, name)
         settings, left_out = candidate.protocol, leave_one_out(numbers)
@@ -176,7 +176,7 @@ def judge(runs: pd.DataFrame, level: float = LEVEL) -> pd.DataFrame:
         of |= {"p_means": p_means, "p_sds": p_sds, "p": p, "explains": p >= level}
         for k, column in enumerate(("mean", "sd")):
             of[f"{column}s_outside"] = outside.get((name, column), 0)
-            of[f"left_out_{column}s_rejected"] = (left_out[:, k] < 0.05).sum()
+            of[f"left_out_{column}s_rejected"] = (left_out[:, k] < level).sum()
         rows.append(of | {"best_basin_share": part["best_basin_share"].mean()})
     return pd.DataFrame(rows).sort_values("p", ascending=False, kind="stable", ignore_index=True)
 
