@@ -54,7 +54,7 @@ def constants(population: int, n: int) -> Constants:
         mu=positive.size,
         n=n,
         mu_eff=mu_eff,
-        chi_n=n**0.5 * (1 - 1 / (4 * n) + 1 / (21 * n**2)),  # the paper's quotient of Gamma functions within 3e-4 at n = 7
+        chi_n=n**0.5 * (1 - 1 / (4 * n) + 1 / (21 * n**2)),  # the quotient of Gamma functions within 3e-4 at n = 7
         c_sigma=c_sigma,
         d_sigma=1 + 2 * max(0, ((mu_eff - 1) / (n + 1)) ** 0.5 - 1) + c_sigma,
         c_c=(4 + mu_eff / n) / (n + 4 + 2 * mu_eff / n),
