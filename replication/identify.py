@@ -80,9 +80,21 @@ def paper_run(recording: Recording, protocol: Protocol, seed: int) -> Search:
 
 
 def paper_fit(recording: Recording, protocol: Protocol, seed: int) -> Fit:
-    """Fit the signature to a record, already cut to its start sample, by CMA-ES; the seed is above 0.
+    """Fit the signature to a record by CMA-ES, as the paper does (equations 7 and 11 to 17).
 
-    A ValueError names a setting that cannot be run with, as `search.check_settings` and `misfit.fold` find it.
+    Parameters
+    ----------
+    recording : Recording
+        The record, already cut to its start sample.
+    protocol : Protocol
+        Settings of the search.
+    seed : int
+        Seed of the run, above 0.
+
+    Raises
+    ------
+    ValueError
+        The protocol has another engine than "2021" and "cma", or see `search.check_settings` and `misfit.fold`.
     """
     if protocol.engine == "cma":
         return _library_fit(recording, protocol, seed)

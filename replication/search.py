@@ -165,10 +165,23 @@ def generations(
 ) -> Iterator[Generation]:
     """Go through the search from the middle of the box, one generation at a time, without end.
 
-    `misfits` takes members of shape (population, n) in the box to misfits of shape (population,); `normals` gives
-    standard normal numbers of a shape, as `random_normals` does; `sigma` is the first standard deviation of every
-    parameter, in quarters of the box. Settings that cannot be run with are a ValueError, as is a misfit that is not
-    finite.
+    Parameters
+    ----------
+    misfits : callable
+        From members of shape (population, n) in the box to misfits of shape (population,).
+    box : Box
+        Bounds, each of shape (n,).
+    normals : callable
+        Gives standard normal numbers of a shape, as `random_normals` does.
+    population : int
+        Members lambda of a generation, at least 4.
+    sigma : float
+        First standard deviations, in quarters of the box.
+
+    Raises
+    ------
+    ValueError
+        Settings that `check_settings` refuses, sigma not above 0, or a misfit that is not finite.
     """
     check_settings(box, population)
     n = box.lower.size

@@ -76,8 +76,16 @@ def table1_box(
 ) -> Box:
     """Table 1's acceptable ranges of the free parameters for a record.
 
-    `longest_window_s` is the upper bound of T2, and twice that of T1; Table 1 prints its T_d there. `amplitude_factor`
-    widens the range of A; Table 1 has 1. The last two are the bounds of tau, and of omega over 2 pi.
+    Parameters
+    ----------
+    t, v : array of shape (samples,)
+        The record [s, rps].
+    longest_window_s : float
+        Upper bound of T2, and twice that of T1; Table 1 prints its T_d there.
+    amplitude_factor : float
+        Widens the range of A; Table 1 has 1.
+    damping_per_s, frequency_hz : (float, float)
+        Bounds of tau, and of omega over 2 pi.
     """
     half_range = amplitude_factor * (v.max() - v.min()) / 2
     (tau_min, tau_max), (omega_min, omega_max) = damping_per_s, (2 * np.pi * f for f in frequency_hz)

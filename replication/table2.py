@@ -95,8 +95,21 @@ def repeated_fits(
 ) -> pd.DataFrame:
     """Fit every record with every protocol and seed, on all cores; the label stands beside the progress bar.
 
-    Each record comes with a dict that says which it is. The table has a row for each run: these entries, `protocol`,
-    `seed`, `start_sample`, the free parameters, `rmse_rps`, `evaluations`, `iterations`.
+    Parameters
+    ----------
+    records : sequence of (dict, Recording)
+        The dict's entries become columns that say which record it is.
+
+    Returns
+    -------
+    DataFrame
+        A row for each run: the record's entries, `protocol`, `seed`, `start_sample`, the free parameters, `rmse_rps`,
+        `evaluations`, `iterations`.
+
+    Raises
+    ------
+    ValueError
+        There are no seeds, or see `identify.paper_fit`.
     """
     if not len(seeds):
         raise ValueError("no seeds: at least one run of each record is needed")

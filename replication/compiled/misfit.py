@@ -41,7 +41,13 @@ def unfolded(t: FloatArray, v: FloatArray, timing: Timing) -> Fold:
 
 
 def fold(t: FloatArray, v: FloatArray, timing: Timing) -> Fold:
-    """Fold an evenly sampled record if T_d < T_f and both are whole numbers of samples."""
+    """Fold an evenly sampled record if T_d < T_f and both are whole numbers of samples.
+
+    Raises
+    ------
+    ValueError
+        A sample is not finite, T_d or T_f is not above 0, or the record is shorter than one turn.
+    """
     if not (timing.T_d > 0 and timing.T_f > 0):
         raise ValueError(f"T_d = {timing.T_d} s, T_f = {timing.T_f} s: both must lie above 0")
     if not (np.isfinite(t).all() and np.isfinite(v).all()):

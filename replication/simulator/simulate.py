@@ -69,7 +69,19 @@ def simulate(
     A classical Runge-Kutta method of fixed step; a step that crosses an edge of the gap (or its middle, where
     equation 9 jumps) is split where it does, so the order of convergence survives the contact.
 
-    `delta_rad` is half the gap, load side. With ``sample_s=step_s`` nothing is missed between samples.
+    Parameters
+    ----------
+    parameters : JointParameters
+        The joint.
+    delta_rad : float
+        Half the gap [rad], load side.
+    duration_s, sample_s, step_s : float
+        Length of the record, its sampling, and the step; with ``sample_s=step_s`` nothing is missed between samples.
+
+    Returns
+    -------
+    SimulatedJoint
+        ``round(duration_s / sample_s) + 1`` samples.
 
     Raises
     ------
