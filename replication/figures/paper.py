@@ -37,8 +37,7 @@ def signature_parameters(t: FloatArray, h: FloatArray, X: FloatArray, timing: Ti
     first.plot(t0 + since, envelope, color="0.5", linewidth=0.8, linestyle="--")
     first.annotate("$A$", (t0 + T1, A), (-4, 0), textcoords="offset points", ha="right", va="center")
     first.set_xlim(t0 - 0.02, t0 + 1.05 * max(T2, timing.T_d))
-    letter_panels((turns, first))
-    return figure
+    return finish(figure, 1)
 
 
 @in_style
@@ -149,8 +148,7 @@ def protocol_variants(scores: pd.DataFrame) -> Figure:
     for axis, printed in ((left, 0), (right, 1)):
         axis.axvline(printed, color=INK, linewidth=0.8)
         axis.grid(visible=False, axis="y")
-    letter_panels((left, right))
-    return figure
+    return finish(figure, 1)
 
 
 @in_style
@@ -248,6 +246,4 @@ def growth(disturbances: pd.DataFrame, peaks: pd.DataFrame, printed: Mapping[flo
     lower.plot(delta, peaks["sampled_rps"], "s--", color=ORANGE, markersize=4, label="peak of the 2 ms samples")
     lower.plot(1e4 * np.array(list(printed)), list(printed.values()), **PRINTED)
     lower.set(xlabel=BACKLASH_LABEL, ylabel="amplitude $A$ [rps]")
-    lower.legend()
-    letter_panels((upper, lower))
-    return figure
+    return finish(figure, 3)

@@ -16,18 +16,7 @@ from scour import scour
 
 FIGURE_NAME = re.compile(r"(figure|table|equation)0*(\d+)_")
 IN_ADDRESS = str.maketrans({"%": "%25", "#": "%23"})
-SHORTER_SVG = scour.parse_args(
-    [
-        "--strip-xml-prolog",
-        "--remove-metadata",
-        "--enable-comment-stripping",
-        "--enable-id-stripping",
-        "--shorten-ids",
-        "--indent=none",
-        "--no-line-breaks",
-        "--set-precision=4",
-    ]
-)
+SHORTER_SVG = scour.parse_args(["--remove-metadata", "--enable-id-stripping", "--shorten-ids", "--indent=none"])
 COLOURS = 48  # enough for lines and markers with smooth edges; a third of the size
 DOTS_PER_SHOWN_DOT = 1.5
 
