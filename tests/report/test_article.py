@@ -16,7 +16,7 @@ from replication.workbook import judging
 
 typst = pytest.importorskip("typst", reason="typst is not installed (extra `article`)")
 TEXT = (workbook.ROOT / "article" / "article.typ").read_text(encoding="utf-8")
-NAMED = re.compile(r'\b(?:n|w|W|be)\("(\w+)"\)')
+NAMED = re.compile(r'\b(?:n|w|W|be|[aA]ll-of)\("(\w+)"')
 
 
 @pytest.mark.slow
