@@ -105,13 +105,18 @@ def of_table2():
     found |= {"population": 300, "iterations": 200, "realisations": len(worst["authors"])}
     seeds = read("table2_other_seeds")
     found["seeds_flipped"] = sum(a != b for a, b in zip(seeds["verdict"], seeds["verdict_other_seeds"], strict=True))
+    before, after = seeds["verdict"], seeds["verdict_other_seeds"]
+    sd_differs = seeds["id"].str[-3:].eq(".sd") & before.eq("differs")
+    found["seeds_sd_undecided"] = list(after[sd_differs]).count("undecided")
+    found["seeds_new_differs"] = list(after[before.ne("differs")]).count("differs")
     found["runs_all"] = read("table2")["runs"].sum()
     return found | {"runs": int(read("table2_runs").groupby(["source", "realisation", "row"])["seed"].nunique().max())}
 
 
 def of_stored_runs():
     stored = published.authors_notebook_runs()
-    ends = read("replay_ends")["difference_rps"].abs()
+    replayed = read("replay_ends")
+    ends, longer = replayed["difference_rps"].abs(), replayed["our_generations"] - replayed["stored_generations"]
     generations = published.authors_notebook_generations().merge(read("replay"), on=["run", "generation"])
     apart = (generations["best_rmse_rps"] - generations["best_rmse_of_generation_rps"]).abs()
     lowest = stored["final_rmse_rps"].min()
@@ -121,6 +126,7 @@ def of_stored_runs():
         "stored_in_full": generations["run"].nunique(),
         "stored_generations": len(published.authors_notebook_generations()),
         "replayed": int((ends < 1e-9).sum()),
+        "replay_same_generations": sum(longer[ends < 1e-9] == 0),
         "replay_apart": ends[ends < 1e-9].max(),
         "replay_generations": int((apart < 1e-9).sum()),
     }
@@ -148,10 +154,12 @@ def of_equation_10():
     squares = np.linalg.lstsq(np.vander(rpm / 60, 4), delta, rcond=None)[1][0]
     printed = published.value("equation10.rmse")
     rmse = (squares / 10) ** 0.5
+    printed_coefficients = [1e-6 * published.value(f"equation10.A{k}") for k in range(4)]
     in_rps = [sum(1e-6 * published.value(f"equation10.A{k}") * A**k for k in range(4)) for A in rpm / 60]
     return {
         "rmse10": rmse,
         "rmse10_of_freedom": (squares / 6) ** 0.5,
+        "rmse10_rounded": np.mean((np.polynomial.Polynomial(printed_coefficients)(rpm) - delta) ** 2) ** 0.5,
         "rmse10_ratio": round(rmse / printed, -3),
         "printed_rmse10": printed,
         "largest_in_rps": max(in_rps),
@@ -190,10 +198,13 @@ def of_the_simulator():
     }
 
 
-def of_other_processors():
-    table = read("portable").to_dict("list")
-    sums = {f"portable_{name}": sum(table[name]) for name in ("failures", "differing")}
-    return sums | {"portable_settings": len(table["setting"]), "portable_verdicts": max(table["verdicts"])}
+def of_optimizers():
+    """Runs that found the best basin, counted from the single runs."""
+    runs, counts = read("optimizers").groupby("method")["found"], {}
+    for name, method in (("own_population", ""), ("restarts", ", restarts doubling it")):
+        found = runs.get_group(f"CMA-ES, its own population{method}")
+        counts |= {f"{name}_found": found.sum(), f"{name}_runs": len(found)}
+    return counts
 
 
 def of_protocols():
@@ -201,11 +212,19 @@ def of_protocols():
     table = read("protocols")
     explain, every = int(table["explains"].sum()), len(table)
     start = f"{explain} of {every} candidate" if explain else f"None of {every} candidate"
-    return {"protocol_finding": start}
+    sides = dict(zip(table["protocol"], 2 * table[["p_means", "p_sds"]].min(axis="columns"), strict=True))
+    best = max(sides, key=sides.get)
+    return {
+        "protocol_finding": start,
+        "notebook_p": sides["authors' notebook"],
+        "p_criterion": 0.05,
+        "best_protocol": best,
+        "best_protocol_sds_outside": table.set_index("protocol").loc[best, "sds_outside"],
+    }
 
 
 def derived():
     """All of them by name; a text stands for itself or for the beginning of a sentence."""
     parts = (counted, regions, of_table2, of_stored_runs, of_versions, of_equation_10, of_the_simulator, of_protocols)
-    parts += (of_other_processors,)
+    parts += (of_optimizers,)
     return {name: value for part in parts for name, value in part().items()}

@@ -16,6 +16,7 @@ from replication.workbook import judging
 
 typst = pytest.importorskip("typst", reason="typst is not installed (extra `article`)")
 TEXT = (workbook.ROOT / "article" / "article.typ").read_text(encoding="utf-8")
+NAMED = re.compile(r'\b(?:n|w|W|be|[aA]ll-of)\("(\w+)"')
 
 
 @pytest.mark.slow
@@ -30,7 +31,7 @@ def test_the_committed_article_is_what_the_results_give():
 
 
 def test_every_number_that_the_text_names_is_in_the_results():
-    named = set(re.findall(r'#n\("(\w+)"\)', TEXT))
+    named = set(NAMED.findall(TEXT))
     found = facts.collect_facts(RESULTS, judging.verdicts(RESULTS))
     assert len(named) > 25
     assert not {name for name in named if not found.get(name)}
@@ -39,7 +40,7 @@ def test_every_number_that_the_text_names_is_in_the_results():
 @pytest.mark.slow
 def test_every_number_of_the_article_is_what_the_results_give_when_it_is_derived_anew():
     found, anew = facts.collect_facts(RESULTS, judging.verdicts(RESULTS)), derived()
-    named = set(re.findall(r'#n\("(\w+)"\)', TEXT))
+    named = set(NAMED.findall(TEXT))
     assert not named - anew.keys(), "a number without a derivation of its own"
     for name in sorted(named):
         value = anew[name]
@@ -79,6 +80,19 @@ def test_the_finding_names_the_protocols_that_explain_the_table():
     assert said.startswith("2 of 3 candidate protocols are compatible with Table 2: a (p = 0.4), b")
     assert "cannot tell them apart" in said
     assert facts.describe_protocols(judged.iloc[2:]) == "None of 1 candidate protocols are compatible with Table 2."
+
+
+def test_what_the_text_says_of_single_protocols_is_what_the_table_has():
+    table = pd.read_csv(RESULTS / "protocols.csv").sort_values("p", ascending=False).reset_index(drop=True)
+    assert list(table["explains"]) == [True, True] + [False] * (len(table) - 2)
+    assert table.loc[2, "protocol"] == "authors' notebook", "the candidate that just fails"
+    assert 0.03 < table.loc[2, "p"] < 0.05
+    assert table.loc[0, "sds_outside"] == 0, "the SDs differ under the notebook's settings only"
+
+
+def test_the_theoretical_amplitudes_are_all_that_our_simulator_reproduces():
+    decided = judging.deciding(judging.verdicts(RESULTS)).query("verdict == 'reproduced' and source == 'simulated'")
+    assert set(decided["id"].str.split(".").str[-1]) == {"theoretical"}
 
 
 def test_tables_and_captions_have_no_empty_place():
