@@ -101,7 +101,7 @@ def test_a_quick_run_never_overwrites_the_full_results(tmp_path, monkeypatch):
     written = {path.name for path in (tmp_path / "quick").rglob("*")}
     assert {"figure09_dead_zone.svg", "dead_zone_facts.csv", "verdicts.csv", "report.html"} <= written
     page = (tmp_path / "quick" / "results" / "report.html").read_text(encoding="utf-8")
-    assert "A quick run: few repeats." in page
+    assert "This is a quick run with few repeats." in page
     assert "A quick run" not in (workbook.ROOT / "results" / "report.html").read_text(encoding="utf-8")
 
 
