@@ -54,6 +54,7 @@ def counted():
         found[f"table1_{word}"] = sum(row["id"].startswith("table1.") and row["verdict"] == word for row in of)
     good = [row["id"] for row in of if row["verdict"] == "reproduced"]
     found |= {name: sum(cell.endswith(f".{end}") for cell in good) for name, end in REPRODUCED.items()}
+    found["from_simulator"] = sum(row["verdict"] == "reproduced" and row["source"] == "simulated" for row in of)
     found["text_reproduced"] = sum(cell.startswith("text.") for cell in good)
     table = pd.read_csv(published.DATA / "claims.csv")
     found |= {"claims": len(table), "claims_hold": claims.count(True), "claims_fail": claims.count(False)}
@@ -105,6 +106,8 @@ def of_table2():
     found |= {"population": 300, "iterations": 200, "realisations": len(worst["authors"])}
     seeds = read("table2_other_seeds")
     found["seeds_flipped"] = sum(a != b for a, b in zip(seeds["verdict"], seeds["verdict_other_seeds"], strict=True))
+    both = zip(seeds["id"], seeds["verdict"], seeds["verdict_other_seeds"], strict=True)
+    found["sd_differ_still"] = sum(cell.endswith("sd") and a == b == "differs" for cell, a, b in both)
     found["runs_all"] = read("table2")["runs"].sum()
     return found | {"runs": int(read("table2_runs").groupby(["source", "realisation", "row"])["seed"].nunique().max())}
 
@@ -112,6 +115,7 @@ def of_table2():
 def of_stored_runs():
     stored = published.authors_notebook_runs()
     ends = read("replay_ends")["difference_rps"].abs()
+    as_many = read("replay_ends")["stored_generations"] == read("replay_ends")["our_generations"]
     generations = published.authors_notebook_generations().merge(read("replay"), on=["run", "generation"])
     apart = (generations["best_rmse_rps"] - generations["best_rmse_of_generation_rps"]).abs()
     lowest = stored["final_rmse_rps"].min()
@@ -121,6 +125,7 @@ def of_stored_runs():
         "stored_in_full": generations["run"].nunique(),
         "stored_generations": len(published.authors_notebook_generations()),
         "replayed": int((ends < 1e-9).sum()),
+        "replayed_same_count": int(((ends < 1e-9) & as_many).sum()),
         "replay_apart": ends[ends < 1e-9].max(),
         "replay_generations": int((apart < 1e-9).sum()),
     }
@@ -148,10 +153,13 @@ def of_equation_10():
     squares = np.linalg.lstsq(np.vander(rpm / 60, 4), delta, rcond=None)[1][0]
     printed = published.value("equation10.rmse")
     rmse = (squares / 10) ** 0.5
+    misses = delta - sum(1e-6 * published.value(f"equation10.A{k}") * rpm**k for k in range(4))
     in_rps = [sum(1e-6 * published.value(f"equation10.A{k}") * A**k for k in range(4)) for A in rpm / 60]
     return {
         "rmse10": rmse,
         "rmse10_of_freedom": (squares / 6) ** 0.5,
+        "rmse10_rounded": (misses @ misses / 10) ** 0.5,
+        "rmse10_rounded_of_freedom": (misses @ misses / 6) ** 0.5,
         "rmse10_ratio": round(rmse / printed, -3),
         "printed_rmse10": printed,
         "largest_in_rps": max(in_rps),
@@ -201,11 +209,18 @@ def of_protocols():
     table = read("protocols")
     explain, every = int(table["explains"].sum()), len(table)
     start = f"{explain} of {every} candidate" if explain else f"None of {every} candidate"
-    return {"protocol_finding": start}
+    best = table.sort_values("p").iloc[-1]
+    return {"protocol_finding": start, "best_protocol": best["protocol"], "best_protocol_sds": best["sds_outside"]}
+
+
+def of_criteria():
+    """The phrases begin with the first criterion that was not met."""
+    failed = {name: read(f"{name}_bars").query("met == False").iloc[0] for name in ("self", "datasheet")}
+    return {f"{name}_failed": f"{row['population']}: {row['figure'].replace('_', ' ')}" for name, row in failed.items()}
 
 
 def derived():
     """All of them by name; a text stands for itself or for the beginning of a sentence."""
     parts = (counted, regions, of_table2, of_stored_runs, of_versions, of_equation_10, of_the_simulator, of_protocols)
-    parts += (of_other_processors,)
+    parts += (of_other_processors, of_criteria)
     return {name: value for part in parts for name, value in part().items()}
