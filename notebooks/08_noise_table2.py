@@ -299,13 +299,13 @@ means, sds = (
     [(verdict_by_row["authors", name] == word).sum() for word in ("reproduced", "differs")] for name in ("mean", "sd")
 )
 inside = regions["mean"].between(regions["mean_low"], regions["mean_high"]).sum()
-widths = 50 * (regions["mean_high"] - regions["mean_low"]) / regions["mean"]
+widths = 100 * ((regions["mean_high"] / regions["mean_low"]) ** 0.5 - 1)
 print(
     f"{inside} of Table 2's {len(regions)} means lie in the regions that {len(realisations)} realisations give, "
-    f"± {widths.min():.0f} to {widths.max():.0f} %: {means[0]} are reproduced and {means[1]} differ, the others are "
-    f"undecided. Of the SDs {sds[0]} are reproduced and {sds[1]} differ: an SD depends on where the off-basin runs "
-    f"end, which are {100 - share['authors']:.0f} % of all runs. Other seeds change {len(flipped)} of these "
-    f"{len(by_seeds)} verdicts."
+    f"with half-widths of {widths.min():.1f} to {widths.max():.0f} %: {means[0]} are reproduced and "
+    f"{means[1]} differ, the others are undecided. Of the SDs {sds[0]} are reproduced and "
+    f"{sds[1]} differ: an SD depends on where the off-basin runs end, which are {100 - share['authors']:.0f} % of all "
+    f"runs. Other seeds change {len(flipped)} of these {len(by_seeds)} verdicts."
 )
 
 # %% tags=["plumbing"]

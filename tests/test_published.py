@@ -88,6 +88,9 @@ def test_the_printed_rmse_of_equation_10_is_no_rmse_in_rad():
     corrected = published.errata().loc["E2", "corrected"]
     assert "5.93e-6" in corrected
     assert "7.66e-6" in corrected
+    printed_cubic = characteristic.equation_10().backlash_rad(amplitude)
+    assert np.sqrt(np.mean((printed_cubic - delta) ** 2)) == pytest.approx(8.36e-6, abs=0.005e-6)
+    assert "8.36e-6" in corrected
 
 
 def test_the_printed_relative_errors_follow_from_the_printed_means():

@@ -52,6 +52,14 @@ def runs_of_cells(results: Path) -> dict[str, list[tuple[int, list[float]]]]:
     return found
 
 
+def verdicts_by_other_seeds(results: Path) -> dict[str, str]:
+    """The verdict that other seeds give, of each of Table 2's cells where it is another, by id."""
+    if not (file := results / "table2_other_seeds.csv").exists():
+        return {}
+    changed = pd.read_csv(file).query("verdict != verdict_other_seeds")
+    return dict(zip(changed["id"], changed["verdict_other_seeds"], strict=True))
+
+
 def disagreement(cell: Cell) -> float:
     """How far a printed number is from ours, in halves of its region's width; nan where nothing judges it."""
     judged = cell.deciding

@@ -1,5 +1,6 @@
 """Numbers that sentences of the report and the article hold (`facts.csv`), and the report's findings made of them."""
 
+import re
 from contextlib import suppress
 from importlib.resources.abc import Traversable
 from pathlib import Path
@@ -9,11 +10,13 @@ import pandas as pd
 
 from replication import published
 from replication.replay import AGREE_RPS  # noqa: F401  of the queries
+from replication.report import TEMPLATES
 from replication.statistics import LEVEL
 from replication.table2 import AUTHORS, error_percent
 from replication.workbook import judging
 
 RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+POWER = re.compile(r"(?<![\w.])(\d+(?:\.\d+)?)e([+-]?\d+)\b")
 
 
 def collect_facts(results: Path, verdicts: pd.DataFrame) -> dict[str, str]:
@@ -26,6 +29,10 @@ def collect_facts(results: Path, verdicts: pd.DataFrame) -> dict[str, str]:
     found["level"] = f"{100 * LEVEL:.0f}"
     if (results / "protocols.csv").exists():
         found["protocol_finding"] = describe_protocols(pd.read_csv(results / "protocols.csv").set_index("protocol"))
+    for file in results.glob("*_bars.csv"):
+        failed = pd.read_csv(file).query("not met").itertuples()
+        said = [f"{bar.population}: {bar.figure} {bar.measured:.3g}, not {bar.bar}" for bar in failed]
+        found[file.stem.replace("bars", "failed")] = typeset_powers("; ".join(said)).replace("_", " ")
     for name, facts in _read_csv(published.DATA / "facts.csv").fillna("").groupby("table", sort=False):
         try:
             table = _table(str(name), results, verdicts)
@@ -90,9 +97,16 @@ def _write_number(value: float, form: str) -> str:
         return f"{float(f'{value:.1g}'):.0f}"
     if not form.startswith("power"):
         return f"{value:{form}}"
-    mantissa, exponent = f"{value:.{form.split()[1]}e}".split("e")
-    raised = f"10{str(int(exponent)).translate(RAISED)}"
-    return raised if mantissa == "1" else f"{mantissa}·{raised}"
+    return typeset_powers(f"{value:.{form.split()[1]}e}")
+
+
+def typeset_powers(text: object) -> str:
+    """Write the powers of ten in a text as 5.9·10⁻⁶ or 10⁵, not as 5.9e-06 or 1e5."""
+    raised = POWER.sub(lambda found: f"{found[1]}·10{str(int(found[2])).translate(RAISED)}", str(text))
+    return re.sub(r"(?<![\d.])1·10", "10", raised)
+
+
+TEMPLATES.filters["powers"] = typeset_powers
 
 
 def describe_protocols(judged: pd.DataFrame) -> str:
@@ -100,7 +114,10 @@ def describe_protocols(judged: pd.DataFrame) -> str:
     explaining = [f"{name} (p = {p:.2g})" for name, p in judged.loc[judged["explains"], "p"].items()]
     names = f": {', '.join(explaining)}" if explaining else ""
     names += "; the table cannot tell them apart" if len(explaining) > 1 else ""
-    return f"{len(explaining) or 'None'} of {len(judged)} candidate protocols are compatible with Table 2{names}."
+    failing = judged.loc[~judged["explains"], "p"].nlargest(1)
+    names += "".join(f". The next, {name}, fails with p = {p:.2g}" for name, p in failing.items())
+    said = f"{len(explaining) or 'None'} of {len(judged)} candidate protocols are compatible with Table 2{names}."
+    return f"{said} Other seeds move such a p; no p is corrected for the number of candidates."
 
 
 def fill(text: str, facts: dict[str, str]) -> str:

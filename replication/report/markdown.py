@@ -7,13 +7,14 @@ from replication.report import TEMPLATES
 from replication.report.facts import collect_facts
 from replication.workbook import judging
 
+KINDS = {"paper": "in the paper", "public repository": "in the public repository"}
 BEGIN, END = "<!-- status: begin -->\n", "\n<!-- status: end -->"
 
 
 def count_errata() -> str:
     """Say how many errata there are of each kind."""
     counts = published.errata()["kind"].value_counts(sort=False)
-    return ", ".join(f'{number} of the kind "{kind}"' for kind, number in counts.items())
+    return ", ".join(f"{number} {KINDS.get(str(kind), kind)}" for kind, number in counts.items())
 
 
 def render_errata() -> str:

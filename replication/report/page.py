@@ -43,6 +43,8 @@ def render_report(results: Path, notebooks: Path, verdicts: pd.DataFrame, quick:
         functions=paper_map.set_index("element")["functions"].to_dict() | {"Text": ""},
         code_line=answers.code_line,
         disagreement=answers.disagreement,
+        other_seeds=answers.verdicts_by_other_seeds(results),
+        facts=facts,
         times=answers.run_times(results),
         has_explorer=(results / "start_log.csv").exists(),
         has_replay=(results / "replay_frames.csv").exists(),

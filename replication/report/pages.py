@@ -156,7 +156,7 @@ def _decides(name: str, verdicts: pd.DataFrame, claims: pd.DataFrame) -> list[tu
     parts = []
     for key, part in own["verdict"].groupby(element, sort=False):
         counted = ", ".join(f"{n} {verdict}" for verdict, n in part.value_counts(sort=False).items())
-        parts.append((slug(str(key)), str(key), counted))
+        parts.append((slug(str(key)), str(key), f"{len(part)} judgements: {counted}"))
     decided = (claims["notebook"] == name).sum()
     return [*parts, ("claims", "Claims", f"{decided} decided")] if decided else parts
 

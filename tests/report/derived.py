@@ -54,6 +54,7 @@ def counted():
         found[f"table1_{word}"] = sum(row["id"].startswith("table1.") and row["verdict"] == word for row in of)
     good = [row["id"] for row in of if row["verdict"] == "reproduced"]
     found |= {name: sum(cell.endswith(f".{end}") for cell in good) for name, end in REPRODUCED.items()}
+    found["from_simulator"] = sum(row["verdict"] == "reproduced" and row["source"] == "simulated" for row in of)
     found["text_reproduced"] = sum(cell.startswith("text.") for cell in good)
     table = pd.read_csv(published.DATA / "claims.csv")
     found |= {"claims": len(table), "claims_hold": claims.count(True), "claims_fail": claims.count(False)}
@@ -105,18 +106,18 @@ def of_table2():
     found |= {"population": 300, "iterations": 200, "realisations": len(worst["authors"])}
     seeds = read("table2_other_seeds")
     found["seeds_flipped"] = sum(a != b for a, b in zip(seeds["verdict"], seeds["verdict_other_seeds"], strict=True))
-    before, after = seeds["verdict"], seeds["verdict_other_seeds"]
-    sd_differs = seeds["id"].str[-3:].eq(".sd") & before.eq("differs")
-    found["seeds_sd_undecided"] = list(after[sd_differs]).count("undecided")
-    found["seeds_new_differs"] = list(after[before.ne("differs")]).count("differs")
+    both = [*zip(seeds["id"], seeds["verdict"], seeds["verdict_other_seeds"], strict=True)]
+    of_sds = [after for cell, before, after in both if cell.endswith(".sd") and before == "differs"]
+    found |= {"sd_differ_still": of_sds.count("differs"), "seeds_sd_undecided": of_sds.count("undecided")}
+    found["seeds_new_differs"] = [after for _, before, after in both if before != "differs"].count("differs")
     found["runs_all"] = read("table2")["runs"].sum()
     return found | {"runs": int(read("table2_runs").groupby(["source", "realisation", "row"])["seed"].nunique().max())}
 
 
 def of_stored_runs():
     stored = published.authors_notebook_runs()
-    replayed = read("replay_ends")
-    ends, longer = replayed["difference_rps"].abs(), replayed["our_generations"] - replayed["stored_generations"]
+    ends = read("replay_ends")["difference_rps"].abs()
+    as_many = read("replay_ends")["stored_generations"] == read("replay_ends")["our_generations"]
     generations = published.authors_notebook_generations().merge(read("replay"), on=["run", "generation"])
     apart = (generations["best_rmse_rps"] - generations["best_rmse_of_generation_rps"]).abs()
     lowest = stored["final_rmse_rps"].min()
@@ -126,7 +127,7 @@ def of_stored_runs():
         "stored_in_full": generations["run"].nunique(),
         "stored_generations": len(published.authors_notebook_generations()),
         "replayed": int((ends < 1e-9).sum()),
-        "replay_same_generations": sum(longer[ends < 1e-9] == 0),
+        "replayed_same_count": int(((ends < 1e-9) & as_many).sum()),
         "replay_apart": ends[ends < 1e-9].max(),
         "replay_generations": int((apart < 1e-9).sum()),
     }
@@ -154,12 +155,13 @@ def of_equation_10():
     squares = np.linalg.lstsq(np.vander(rpm / 60, 4), delta, rcond=None)[1][0]
     printed = published.value("equation10.rmse")
     rmse = (squares / 10) ** 0.5
-    printed_coefficients = [1e-6 * published.value(f"equation10.A{k}") for k in range(4)]
+    misses = delta - sum(1e-6 * published.value(f"equation10.A{k}") * rpm**k for k in range(4))
     in_rps = [sum(1e-6 * published.value(f"equation10.A{k}") * A**k for k in range(4)) for A in rpm / 60]
     return {
         "rmse10": rmse,
         "rmse10_of_freedom": (squares / 6) ** 0.5,
-        "rmse10_rounded": np.mean((np.polynomial.Polynomial(printed_coefficients)(rpm) - delta) ** 2) ** 0.5,
+        "rmse10_rounded": (misses @ misses / 10) ** 0.5,
+        "rmse10_rounded_of_freedom": (misses @ misses / 6) ** 0.5,
         "rmse10_ratio": round(rmse / printed, -3),
         "printed_rmse10": printed,
         "largest_in_rps": max(in_rps),
@@ -219,12 +221,18 @@ def of_protocols():
         "notebook_p": sides["authors' notebook"],
         "p_criterion": 0.05,
         "best_protocol": best,
-        "best_protocol_sds_outside": table.set_index("protocol").loc[best, "sds_outside"],
+        "best_protocol_sds": table.set_index("protocol").loc[best, "sds_outside"],
     }
+
+
+def of_criteria():
+    """The phrases begin with the first criterion that was not met."""
+    failed = {name: read(f"{name}_bars").query("met == False").iloc[0] for name in ("self", "datasheet")}
+    return {f"{name}_failed": f"{row['population']}: {row['figure'].replace('_', ' ')}" for name, row in failed.items()}
 
 
 def derived():
     """All of them by name; a text stands for itself or for the beginning of a sentence."""
     parts = (counted, regions, of_table2, of_stored_runs, of_versions, of_equation_10, of_the_simulator, of_protocols)
-    parts += (of_optimizers,)
+    parts += (of_optimizers, of_criteria)
     return {name: value for part in parts for name, value in part().items()}

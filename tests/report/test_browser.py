@@ -108,6 +108,22 @@ def test_the_filters_show_the_rows_that_the_verdicts_have_and_reset_shows_all(ta
     assert len(page.evaluate(SHOWN)) == len(VERDICTS)
 
 
+def test_sorting_by_disagreement_keeps_every_row_and_show_all_restores_the_papers_order(tab, site):
+    page = tab(site / "report.html")
+    page.evaluate("document.querySelectorAll('details').forEach(each => each.open = true)")
+    before = page.evaluate(SHOWN)
+    page.locator("#order").select_option("disagreement")
+    after = page.evaluate(SHOWN)
+    assert len(after) == len(before) == len(VERDICTS)
+    sizes = [float(row["disagreement"]) for row in after]
+    assert sizes == sorted(sizes, reverse=True)
+    assert not {row["verdict"] for row, size in zip(after, sizes, strict=True) if size >= 0} & {"stand-in", "undecided"}
+    page.get_by_role("button", name="show all").click()
+    page.wait_for_function("document.getElementById('order').value === ''")
+    page.wait_for_timeout(100)
+    assert page.evaluate(SHOWN) == before
+
+
 def test_a_click_leads_from_a_cell_to_its_notebooks_verdict_and_back(tab, site):
     page = tab(site / "report.html")
     page.locator("[id='table2.row03.mean']").click()

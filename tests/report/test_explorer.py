@@ -98,7 +98,7 @@ def test_a_run_is_played_to_its_end_by_keyboard_and_ends_as_the_stored_one(playe
     assert float(player.inner_text("#printed")) == pytest.approx(run["final_rmse_rps"], abs=AGREE_RPS)
     assert abs(float(player.inner_text("#difference"))) < AGREE_RPS
     basin = pd.read_csv(RESULTS / "stored_runs.csv").set_index("run")["basin"][4]
-    assert f"ends in basin {basin} of " in player.inner_text("#ending")
+    assert f"lies in basin {basin} of " in player.inner_text("#ending")
     assert player.said == []
     assert len(player.asked) == 1
 

@@ -22,7 +22,8 @@ def test_every_erratum_has_one_of_three_kinds_and_the_sheet_says_how_many_are_of
     kinds = list(published.errata()["kind"])
     assert set(kinds) == {"paper", "against the public data", "public repository"}
     for kind in set(kinds):
-        assert f'{kinds.count(kind)} of the kind "{kind}"' in markdown.render_errata()
+        place = kind if kind.startswith("against") else f"in the {kind}"
+        assert f"{kinds.count(kind)} {place}" in markdown.render_errata()
 
 
 def test_every_proof_of_an_erratum_is_a_test_that_is_there():
