@@ -211,15 +211,17 @@ def all_but_the_constant_out_of_tolerance(n):
     assert {verdict_of(n["cells"], f"equation10.A{k}") for k in (1, 2, 3)} == {"differs"}
 
 
-def the_cubic_term_changes_its_second_digit(n):
-    assert verdict_of(n["cells"], "equation10.A3") == "differs"
-    assert 5e-5 < abs(n["cells"]["equation10.A3"] - published.value("equation10.A3")) < 1e-3
+def all_four_coefficients_leave_their_tolerances(n):
+    assert {verdict_of(n["cells"], f"equation10.A{k}") for k in range(4)} == {"differs"}
+    printed = {k: published.value(f"equation10.A{k}") for k in range(4)}
+    changes = [abs(n["cells"][f"equation10.A{k}"] / value - 1) for k, value in printed.items()]
+    assert 0.09 < min(changes) < max(changes) < 0.43
 
 
 def the_energy_finds_the_backlashes_too(n):
     assert (n["read"] == n["readings"]["energy"]).all()
     assert (n["read"] < n["peaks"]).all()
-    assert n["reading_rmse"] < n["unseen"] < 1e-5
+    assert n["reading_rmse"] < n["unseen"] < 1e-6
 
 
 def the_printed_turn_period_lies_30_percent_below(n):
@@ -474,7 +476,7 @@ OUTCOMES = {
     },
     "06_characteristic_figure12": {
         "rpm_per_rps = 1.0": all_but_the_constant_out_of_tolerance,
-        "left_out = [10]": the_cubic_term_changes_its_second_digit,
+        "left_out = [10]": all_four_coefficients_leave_their_tolerances,
         'reading = "energy"': the_energy_finds_the_backlashes_too,
     },
     "07_protocol_table1": {
