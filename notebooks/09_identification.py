@@ -399,7 +399,7 @@ workbook.export(
 #
 # 1. `level = 13`: the basins have other rates; the global fit still ends at or below the lowest run.
 # 2. `strategy_runs = 30`: the intervals of the rates narrow by a third or more; three times as long.
-# 3. `budget = 120000`: restarts have time to succeed, and every restarted strategy comes near a rate of 1.
+# 3. `budget = 120000`: restarts have time to succeed; with populations up to 300 the mean rate is above 0.7.
 #
 # And `optimiser = differential_evolution`, the function above, joins the comparison; write your own in its place.
 #
