@@ -305,8 +305,8 @@ beyond_limits = plots.error_limits(measured, labels)
 # ### The smallest backlash to be seen
 #
 # The threshold on the energy $E$ is set by records of the healthy joint for the allowed rate of false alarms, and tried
-# on as many fresh ones. `smallest_seen_urad` is the backlash from which on the share of records above the threshold
-# stays at the asked power.
+# on as many fresh ones. `smallest_seen_rad` (the table has it in 10⁻⁶ rad, as `_urad`) is the backlash from which on
+# the share of records above the threshold stays at the asked power.
 
 # %%
 small_rad = [2e-5, 5e-5, 8e-5, 1.2e-4, 1.6e-4, 2e-4, 3e-4]
@@ -378,7 +378,8 @@ ends = ends.agg(mean_error_rad="mean", max_abs_error_rad=lambda error: error.abs
 (1e6 * ends.pivot(index=["parameter", "change"], columns="method", values="mean_error_rad")).round(1)  # 1e-6 rad
 
 # %% [markdown]
-# The methods in the order of their RMS error over all changes; `unchanged_rmse_urad` is that on the joint as it was.
+# The methods in the order of their RMS error over all changes; `unchanged_rmse_rad` (in the table `_urad`) is that on
+# the joint as it was.
 
 # %%
 of_changed = moved[moved["change"] != 0].reset_index(drop=True)
