@@ -38,7 +38,7 @@
 # \quad\text{with } A \text{ in rpm}. \tag{10}$$
 #
 # Other methods measure the time in the gap or the speed there: Villwock and Pacas (IEEE Transactions on Industrial
-# Electronics, 2009) use the motor's speed alone, too. Nordin and Gutman
+# Electronics, 2009) integrate the motor's speed over the time in the gap. Nordin and Gutman
 # ([2002](https://doi.org/10.1016/S0005-1098(02)00047-X)) survey models and control of systems with backlash.
 #
 # The first run on a machine compiles the simulator and the sensor, which takes two minutes.
@@ -127,7 +127,7 @@ start_joint = draw_joint(backlash_mrad)
 # ### Why there are two impacts a turn
 #
 # The motor is to turn at a constant speed, and so is the load: its torque balances gravity. With the load's mass $m$
-# [kg] on an arm $r$ [m], $g$ [m/s²] and Coulomb friction $\tau_c$ [N m] the coupling has to transmit
+# [kg] on an arm $r$ [m], gravity $g$ [m/s²] and Coulomb friction $\tau_c$ [N m] the coupling has to transmit
 #
 # $$\tau_l \approx m g r \sin\theta_l + \tau_c.$$
 #
@@ -437,7 +437,7 @@ print(answer)
 # - To review the replication: the [report](../results/report.html).
 #
 # How to work: `make lab` opens copies of the notebooks, in `lab/`. Change the cell under *Parameters* and run all
-# cells; a wrong value is refused with the values that exist. The exercises' solutions are folded. `python -m
+# cells; a wrong value is refused; the message lists valid ones. The exercises' solutions are folded. `python -m
 # replication diff --lab` lists the verdicts that a change moved. The [glossary](glossary.md) has the terms.
 
 # %% [markdown]
@@ -470,7 +470,7 @@ workbook.export(
         "start_joint": (
             start_joint,
             "(a) The joint: the encoder measures the motor's angle, and nothing measures the load's. (b) The motor's "
-            "tooth between the two flanks of the load: the backlash is the way to either side, half of the play.",
+            "tooth between the two flanks of the load: the backlash is the gap to either side, half of the play.",
         )
     },
 )

@@ -64,8 +64,8 @@
 #
 # ### The cost
 #
-# The residual signal $r$ is the measured motor speed $v$ [rps] less the commanded speed $v_t$ [rps], which the authors
-# fit too. The cost is the root mean square of $r - h$ over the $N$ samples:
+# The difference signal $r$ is the measured motor speed $v$ [rps] less the commanded speed $v_t$ [rps], which the
+# authors fit too. The cost is the root mean square of $r - h$ over the $N$ samples:
 #
 # $$r(t) = v(t) - v_t \tag{11}$$
 #
@@ -197,9 +197,9 @@ workbook.sliders(draw, A_rps=(X[0], -2.0, 2.0), tau_per_s=(X[2], 5.0, 30.0), ome
 # %% [markdown]
 # ### The 30 stored runs
 #
-# `rmse_rps` is the signature above at the stored parameters, to be compared with `stored_rmse_rps`. `first_today_rps`
-# is the first generation of the `cma` library as it is now, under the stored seed (`paper_fit` with one iteration),
-# beside the stored one. A [basin](glossary.md#basin) has a number, 1 for the lowest RMSE (`basin_labels`).
+# `rmse_rps` is the RMSE at the stored parameters, to be compared with `stored_rmse_rps`. `first_today_rps` is the first
+# generation's RMSE with the `cma` library as it is now, under the stored seed (`paper_fit` with one iteration), beside
+# the stored one. A [basin](glossary.md#basin) has a number, 1 for the lowest RMSE (`basin_labels`).
 
 # %%
 first = replace(AUTHORS, engine="cma", iterations=1)
@@ -262,10 +262,11 @@ pd.Series(
 ).to_frame("")
 
 # %% [markdown]
-# Why do the others diverge? `first_divergences` looks for the generation `undecided` in which the sign of an
-# eigenvector of $\mathbf C$ depends on its last bit. A change of $\mathbf C$ by rounding turns it round in `flips` of
-# 20 cases, and with it every sample along that axis. The ranks decide nothing: no two members next in rank are closer
-# than `closest_ranks_rps`. From there on, the run is another one of the same distribution.
+# Why do the others diverge? `agrees_until` is the last printed generation that agrees, and `parts_by` the first one
+# that does not. `first_divergences` looks for the generation `undecided`, the first after `agrees_until` in which the
+# sign of an eigenvector of $\mathbf C$ depends on its last bit. A change of $\mathbf C$ by rounding turns it round in
+# `flips` of 20 cases, and with it every sample along that axis. The ranks decide nothing: no two members next in rank
+# are closer than `closest_ranks_rps`. From there on, the run is another one of the same distribution.
 
 # %%
 parted = replay.first_divergences(record, ended, np.random.default_rng(1))
@@ -273,12 +274,12 @@ shown = parted.astype({"agrees_until": "Int64", "parts_by": "Int64"}).astype(obj
 shown.assign(closest_ranks_rps=parted["closest_ranks_rps"].map("{:.1e}".format)).fillna("not printed")
 
 # %% [markdown]
-# Three things had to be right for this. The *bound handling*: samples are bent to a half-parabola in a margin at each
-# bound, (1 + |bound|)/20 wide until `cma` 3.3 and max(1, |bound|)/20 since 3.4, which is why today's first generation
-# agrees only for seeds whose best sample lies in no margin. The *constants*: the step size was damped otherwise until
-# 3.2, and until 2.6 a very uneven $\mathbf C$ was left as it is. And the *signs of eigenvectors*: LAPACK 3.10 changed
-# the plane rotation they come from, so that the same library with a newer NumPy is another search from the second
-# generation on; `compiled/eigen.py` keeps the older rotation, and the same last bits on every processor.
+# The replay needs three things. The *bound handling*: samples are bent to a half-parabola in a margin at each bound,
+# (1 + |bound|)/20 wide until `cma` 3.3 and max(1, |bound|)/20 since 3.4, which is why today's first generation agrees
+# only for seeds whose best sample lies in no margin. The *constants*: the step size was damped differently until 3.2;
+# until 2.6 an ill-conditioned $\mathbf C$ was kept. And the *signs of eigenvectors*: LAPACK 3.10 changed the plane
+# rotation they come from, so that the same library with a newer NumPy is another search from the second generation on;
+# `compiled/eigen.py` keeps the older rotation, and the same last bits on every processor.
 #
 # ### The basins of the stored runs
 #
@@ -448,7 +449,7 @@ print(f"{literal:.3f} rps, {literal / stored_rmse[7]:.1f} times the stored one")
 
 # %% [markdown]
 # **2.** Some of the stored runs have a negative $A$, others a positive one. Show that $(-A, t_0 + T_d)$ has the same
-# signature as $(A, t_0)$ once both have begun. What of $A$ can a fit tell?
+# signature as $(A, t_0)$ once both have begun. What can a fit tell of $A$?
 
 # %% tags=["solution"]
 inverted = X8 * [-1, 1, 1, 1, 1, 1, 1] + [0, 0.2, 0, 0, 0, 0, 0]

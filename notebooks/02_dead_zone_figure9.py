@@ -189,7 +189,7 @@ workbook.export(
 # ## Try changing
 #
 # 1. `alphas = [1e8]`: nearly the clamped dead zone; the share left in mid-gap falls below a thousandth of a percent.
-# 2. `delta_rad = 3e-4`: in a gap five times narrower five times more stiffness is left in the middle.
+# 2. `delta_rad = 3e-4`: a fifth of the gap; five times the stiffness is left in the middle (twice at 10³).
 # 3. `alphas = [4e5]`: sharp enough for the published signals; a tenth of a percent of the stiffness is left in mid-gap.
 #
 # ## Exercises

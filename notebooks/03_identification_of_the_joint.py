@@ -33,9 +33,9 @@
 # **The mechanics.** The motor (angle $\theta_m$ [rad], speed $\omega_m = \dot\theta_m$ [rad/s], inertia $J_m$
 # [kg m²]) turns the load ($\theta_l$, $\omega_l$, $J_l$) through a gear of ratio $N$ and an elastic coupling, which
 # transmits the torque $\tau_l$ [N m]. Gravity pulls at a mass $m$ [kg] on an arm $r$ [m], $g$ = 9.81 m/s²;
-# $\theta_l = 0$ hangs straight down. $T_m$ [N m] is the motor's torque.
+# $\theta_l = 0$ hangs straight down. $\tau_m$ [N m] is the motor's torque.
 #
-# $$J_m \dot\omega_m = T_m - \frac{\tau_l}{N}$$
+# $$J_m \dot\omega_m = \tau_m - \frac{\tau_l}{N}$$
 #
 # $$J_l \dot\omega_l = \tau_l - m g r \sin\theta_l$$
 #
@@ -46,20 +46,21 @@
 # $K_{BL}$ [N m/rad] is equation 8's stiffness (notebook 2), $K_s$ outside the gap of $2\delta$ [rad]. The damping
 # $D_s$ [N m s/rad] and all friction are zero here: the records do not need them.
 #
-# **The drive.** Every $T_s$ = 0.5 ms, at $t_k = k T_s$, it reads the motor's angle and speed and compares them with
-# those commanded, $N\theta_0 + \Omega t_k$ and $\Omega = 2\pi v_t$, $v_t$ = 100 rps. $\theta_0$ is the load's angle at
-# $t = 0$. The position gain $K_\text{pos}$ and the speed gain $K_p$ act on the error $e_k$ [rad/s], the integral
-# $I_k$ adds it up, a derivative $K_d$ damps, and a leaky integrator $w_k$ [rad] forgets at the rate $\lambda$:
+# **The drive.** Every control period $T_c$ = 0.5 ms, at $t_k = k T_c$, it reads the motor's angle and speed and
+# compares them with those commanded, $N\theta_0 + \Omega t_k$ and $\Omega = 2\pi v_t$, $v_t$ = 100 rps. $\theta_0$ is
+# the load's angle at $t = 0$. The position gain $K_\text{pos}$ and the speed gain $K_p$ act on the error $e_k$ [rad/s],
+# the integral $I_k$ adds it up, a derivative $K_d$ damps, and a leaky integrator $w_k$ [rad] forgets at the rate $a_w$:
 #
 # $$e_k = K_\text{pos}\left[N\theta_0 + \Omega t_k - \theta_m(t_k)\right] + \Omega - \omega_m(t_k)$$
 #
-# $$I_k = I_{k-1} + K_i T_s e_k, \qquad w_k = w_{k-1} + T_s\left[\Omega - \omega_m(t_k) - \lambda w_{k-1}\right]$$
+# $$I_k = I_{k-1} + K_i T_c e_k, \qquad w_k = w_{k-1} + T_c\left[\Omega - \omega_m(t_k) - a_w w_{k-1}\right]$$
 #
-# $$u_k = K_p e_k + I_k + K_w w_k - K_d \frac{\omega_m(t_k) - \omega_m(t_{k-1})}{T_s}$$
+# $$u_k = K_p e_k + I_k + K_w w_k - K_d \frac{\omega_m(t_k) - \omega_m(t_{k-1})}{T_c}$$
 #
-# The torque is applied one period late and held for a period, and the current loop follows it with the lag $T_q$ [s]:
+# The torque is applied one period late and held for a period, and the current loop follows it with the lag $T_\tau$
+# [s]:
 #
-# $$T_q \dot T_m = u_{k-1} - T_m \quad\text{for}\quad t_k \le t < t_{k+1}$$
+# $$T_\tau \dot\tau_m = u_{k-1} - \tau_m \quad\text{for}\quad t_k \le t < t_{k+1}$$
 #
 # **What can be identified.** Multiplying both inertias, $K_s$, the mass and the gains by one factor multiplies every
 # torque and changes no motion. So the motor speed tells only these ratios:
@@ -74,8 +75,8 @@
 # | `derivative_gain` | $K_d / J_m$ | 1 |
 # | `leaky_gain_per_s2` | $K_w / J_m$ | 1/s² |
 # | `position_gain_per_s` | $K_\text{pos}$ | 1/s |
-# | `leaky_rate_per_s` | $\lambda$ | 1/s |
-# | `torque_lag_s` | $T_q$ | s |
+# | `leaky_rate_per_s` | $a_w$ | 1/s |
+# | `torque_lag_s` | $T_\tau$ | s |
 # | `start_angle_rad` | $\theta_0$ | rad |
 # | `lead_s` | time from the joint's start to the record's | s |
 #
@@ -209,8 +210,8 @@ physical = pd.Series(
         "integral gain K_i [N m/rad]": committed.integral_gain_nm_per_rad,
         "derivative gain K_d [N m s²/rad]": committed.derivative_gain_nms2_per_rad,
         "leaky gain K_w [N m/rad]": committed.leaky_gain_nm_per_rad,
-        "leaky rate λ [1/s]": committed.leaky_rate_per_s,
-        "torque lag T_q [s]": committed.torque_lag_s,
+        "leaky rate a_w [1/s]": committed.leaky_rate_per_s,
+        "torque lag T_tau [s]": committed.torque_lag_s,
         "start angle θ_0 [rad]": committed.start_angle_rad,
     },
     name="value",
@@ -317,8 +318,8 @@ print(f"the speed by at most {np.abs(three_times).max():.0e} rps; every torque i
 
 # %% [markdown]
 # **2.** The disturbance rings near 21 Hz. Compare two models: the two inertias on the spring $K_s$ without a drive, and
-# the linear closed loop with the teeth in contact, whose matrix over one period $T_s$ is
-# `checks.closed_loop_matrix(committed)`, with the eigenvalues $e^{s T_s}$. Which rings near 21 Hz, and how fast does
+# the linear closed loop with the teeth in contact, whose matrix over one period $T_c$ is
+# `checks.closed_loop_matrix(committed)`, with the eigenvalues $e^{s T_c}$. Which rings near 21 Hz, and how fast does
 # it decay?
 
 # %% tags=["solution"]

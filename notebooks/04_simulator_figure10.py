@@ -23,15 +23,14 @@
 # ## Claim
 #
 # The simulator reproduces the behaviour of the joint with [backlash](glossary.md#backlash): position, speed and current
-# of the bench and of the simulator, one over the other (section "Matlab/Simulink model of the robotic joint",
-# figure 10).
+# of the bench and of the simulator, superimposed (section "Matlab/Simulink model of the robotic joint", figure 10).
 #
 # ## Method
 #
 # The simulated joint has notebook 3's equations of motion and drive, and equations 8 and 9 for the torque in the
 # coupling. The bench's signals are not public. What can be compared is the motor speed $v$ [rps], with the records that
 # the authors' own simulator made; position and torque (the current times a constant) are shown as our simulator has
-# them. Two numbers a [level](glossary.md#level) K say how well they agree, over the [settled](glossary.md#settled)
+# them. Per [level](glossary.md#level) K, two numbers say how well they agree, over the [settled](glossary.md#settled)
 # turns, after the first turn of the duration $T_f = N / v_t$ [s] with the gear ratio $N$ and the commanded motor speed
 # $v_t$ [rps]. The misfit is over the $n$ samples of 2 ms, in units of the record's SD $s_K$ [rps]:
 #
@@ -42,12 +41,12 @@
 #
 # $$A = \max_{t \ge T_f} v(t) - v_t$$
 #
-# The bars for both stand in the cell under *Verdict*. The model's structure was chosen with these records and peaks in
+# The limits for both are set under *Verdict*. The model's structure was chosen with these records and peaks in
 # view (notebook 3), so this shows how well it fits, and is no independent validation.
 #
-# Coulomb friction $T_c$ [N m] adds to gravity on the load, whose speed $\omega_l$ [rad/s] does not change its sign:
+# Coulomb friction $\tau_c$ [N m] adds to gravity on the load, whose speed $\omega_l$ [rad/s] does not change its sign:
 #
-# $$J_l \dot\omega_l = \tau_l - m g r \sin\theta_l - T_c, \qquad T_c = \text{friction share} \cdot m g r$$
+# $$J_l \dot\omega_l = \tau_l - m g r \sin\theta_l - \tau_c, \qquad \tau_c = \text{friction share} \cdot m g r$$
 
 # %%
 from dataclasses import replace
@@ -237,12 +236,12 @@ display(workbook.judge(cells))
 name = f"The changed joint ({', '.join(changed)})" if changed else "The identified joint"
 mean, worst, off = 100 * table["nrmse"].mean(), 100 * table["nrmse"].max(), table["peak_error_percent"].abs().max()
 if compared:
-    bars = {"mean": 5.0, "worst": 6.5, "peak": 2.5}  # percent
-    met = "meets" if mean < bars["mean"] and worst < bars["worst"] and off < bars["peak"] else "does not meet"
+    limits = {"mean": 5.0, "worst": 6.5, "peak": 2.5}  # percent
+    met = "meets" if mean < limits["mean"] and worst < limits["worst"] and off < limits["peak"] else "does not meet"
     print(
-        f"{name} {met} the bars: it misses the records by {mean:.1f} % of their SD on average (bar {bars['mean']:g} %) "
-        f"and {worst:.1f} % at worst ({bars['worst']:g} %), and its peaks differ from the printed ones by up to "
-        f"{off:.2g} % ({bars['peak']:g} %)."
+        f"{name} {met} the limits: it misses the records by {mean:.1f} % of their SD on average ({limits['mean']:g} %) "
+        f"and {worst:.1f} % at worst ({limits['worst']:g} %), and its peaks differ from the printed ones by up to "
+        f"{off:.2g} % ({limits['peak']:g} %)."
     )
 else:
     print(
@@ -283,7 +282,7 @@ workbook.export(
 # %% [markdown]
 # ## Try changing
 #
-# 1. `changes = {"stiffness_per_s2": 1.05}`: 5 % more stiffness, a faster ring, and five times the misfit.
+# 1. `changes = {"stiffness_per_s2": 1.05}`: 5 % more stiffness, a faster ring, and nearly six times the misfit.
 # 2. `changes = {"start_angle_rad": 0.5}`: the impacts come at another time; three quarters of the signal are missed.
 # 3. `level = 13`: the widest gap that is public; the speed still lies within the line's width.
 #
@@ -316,7 +315,7 @@ print(f"{1e3 * np.sort(apart_s).round(4)} ms apart; {1e3 * expected_s.round(4)} 
 
 # %% [markdown]
 # **3.** A joint with all ratios as committed has the gear ratio 80 and is commanded to 200 rps. How does its load turn,
-# and how high are its peaks? What of $N$ do the records tell?
+# and how high are its peaks? What do the records tell of $N$?
 
 # %% tags=["solution"]
 geared = joint_from_ratios(committed.ratios, gear_ratio=80.0, commanded_speed_rps=200.0)

@@ -39,8 +39,9 @@
 #
 # **Why the growth slows down.** The teeth separate where gravity on the load changes its sign. If the motor kept its
 # speed, gravity alone would then turn the load (angle $\theta_l$ [rad], speed $\omega_l = 2\pi / T_f$ [rad/s], mass $m$
-# on an arm $r_m$, inertia $J_l = m r_m^2$) against it, with an acceleration that grows from zero as
-# $\frac{g}{r_m} \sin(\omega_l t) \approx \frac{g}{r_m} \omega_l t$. The gap of $2\delta$ [rad] is crossed after
+# [kg] on an arm $r_m$ [m], inertia $J_l = m r_m^2$ [kg m²], gravity $g$ [m/s²]) against it, with an acceleration that
+# grows from zero as $\frac{g}{r_m} \sin(\omega_l t) \approx \frac{g}{r_m} \omega_l t$. The gap of $2\delta$ [rad] is
+# crossed after
 #
 # $$2\delta = \frac{1}{6} \frac{g}{r_m} \omega_l t_\text{gap}^3 \quad\Rightarrow\quad
 # t_\text{gap} = \left(\frac{12\,\delta\, r_m}{g\, \omega_l}\right)^{1/3}$$
@@ -208,7 +209,7 @@ workbook.export(
 # %% [markdown]
 # ## Try changing
 #
-# 1. `noise_rps = 0.18`: the noise of Table 2's last row, over figure 5's signal.
+# 1. `noise_rps = 0.18`: the noise of Table 2's row 10, over figure 5's signal.
 # 2. `changes = {"gravity_per_s2": 1.2}`: a heavier load closes the gap harder; every amplitude grows.
 # 3. `speed_level = 2`: the smallest of the ten gaps; the oscillation is a quarter as high.
 #

@@ -22,8 +22,8 @@
 #
 # ## Claim
 #
-# The signature is fitted by CMA-ES inside the box of Table 1, on a record that begins at a sample drawn among its
-# first 100, 30 times (sections "Stochastic optimization algorithm" and "Experimental evaluation"). Table 1 fixes
+# The signature is fitted by CMA-ES inside the box of Table 1, 30 times, on a record that begins at one of its first 100
+# samples, drawn at random (sections "Stochastic optimization algorithm" and "Experimental evaluation"). Table 1 fixes
 # $T_d$ = 0.204 s and $T_f$ = 0.408 s. CMA-ES is equations 12 to 17.
 #
 # ## Method
@@ -133,11 +133,10 @@ tried = bounds_by_replay(clean)
 tried.pivot(index="cell", columns="shift", values="replayed").loc[tried["cell"].unique()]
 
 # %% [markdown]
-# Twelve bounds are where they are printed: there all 30 stored runs replay, and a hundredth of the range beside it
-# fewer do, mostly none or one. The two of $A$ are not: the stored runs had 1.3 times the printed box, which their
-# notebook's own comment calls a later change. Which box printed Table 2 cannot be determined (notebook 17).
-# `table1_cells` takes the bound at which most runs replay; those of $A$, $t_0$ and $v_t$ are given as fractions of the
-# record's range.
+# Twelve bounds are where they are printed: there all 30 stored runs replay; with a shift of 0.01 fewer do, mostly none
+# or one. The two of $A$ are not: the stored runs had 1.3 times the printed box, which their notebook's own comment
+# calls a later change. Which box printed Table 2 cannot be determined (notebook 17). `table1_cells` takes the bound at
+# which most runs replay; those of $A$, $t_0$ and $v_t$ are given as fractions of the record's range.
 
 # %%
 found_table1 = table1_cells(clean, tried)
@@ -247,7 +246,7 @@ pd.Series(
 ).round(3).to_frame("")
 
 # %% [markdown]
-# **The covariance matrix.** The second path $\mathbf p_c$ sums the steps as they are:
+# **The covariance matrix.** A second path $\mathbf p_c$, of rate $c_c$, sums the plain steps:
 #
 # $$\mathbf p_c^{(g+1)} = (1 - c_c)\,\mathbf p_c^{(g)} + \sqrt{c_c (2 - c_c)\,\mu_\text{eff}}
 # \;\frac{\mathbf m^{(g+1)} - \mathbf m^{(g)}}{\sigma^{(g)}} \tag{16}$$
@@ -260,7 +259,7 @@ pd.Series(
 # \mathbf m^{(g)}}{\sigma^{(g)}}\right) \tag{17}$$
 #
 # The path stretches $\mathbf C$ along the direction in which the mean keeps moving, with the rate $c_1 = c_\text{cov} /
-# \mu_\text{cov}$. The better half of the samples stretches it towards themselves, with the rate $c_\mu = c_\text{cov}
+# \mu_\text{cov}$. The better half of the samples stretch it towards themselves, with the rate $c_\mu = c_\text{cov}
 # (1 - 1/\mu_\text{cov})$. In the authors' library the sum runs over all $\lambda$ members: the worse half has negative
 # weights and shrinks $\mathbf C$. $h_\sigma$ is 0, and $\mathbf p_c$ stalls, while $\mathbf p_\sigma$ is much too long;
 # $\delta(h_\sigma)$ makes up for what is lost by that.
@@ -370,9 +369,9 @@ protocols = paper.protocol_variants(scores)
 # %% [markdown]
 # With a larger population more runs end in the [best basin](glossary.md#best-basin), and the means lie closer to the
 # printed ones. The SD over repeated runs depends on which few runs leave the best basin and where they end. With 300
-# members a third of the runs or more leave it, and our SDs lie on both sides of the printed ones, by factors. With 1000
-# members hardly any run leaves it, and nearly all of our SDs lie below: what the window's [gate](glossary.md#gate)
-# leaves free.
+# members a quarter of the runs or more leave it, and our SDs lie on both sides of the printed ones, by factors. With
+# 1000 members hardly any run leaves it, and nearly all of our SDs lie below: they come from the
+# [gate](glossary.md#gate) alone.
 #
 # A start sample drawn anew for each run, as the text says, makes many runs end in other basins and pulls the means far
 # below the printed ones; drawn once for a record it does so on some records. With the turn period of Table 1 every mean
@@ -386,7 +385,8 @@ protocols = paper.protocol_variants(scores)
 #
 # `shift_percent` is the average shift of the means against the first set, with a 95 % interval (bootstrap over the
 # runs); `best_shift_percent` is that of the runs in the best basin. `apart_percent` is the rms shift, and
-# `chance_percent`, with its interval, the rms shift that chance alone gives to sets of these sizes.
+# `chance_percent`, with its interval, the rms shift that chance alone gives to sets of these sizes. `first_rate` is the
+# first set's rate of the best basin on these records.
 
 # %%
 todays_cma = next(variant for variant in VARIANTS if variant.engine == "cma")
@@ -443,7 +443,7 @@ workbook.export(
             whole_run,
             f"One run of {best.size} generations of {population} members: (a) mean and distribution (2 SD) after some "
             "generations, in two of seven dimensions, (b) the lowest misfit of each generation above that of the run. "
-            "It falls slowly while the ellipse shrinks, then exponentially.",
+            "It falls slowly at first, then exponentially.",
         ),
         "table2_protocols": (
             protocols,

@@ -45,9 +45,9 @@
 # drawn around the identified one, friction, torque ripple at one and six periods a motor turn, eccentricity of the
 # belt and of the load's gear, an unknown start angle. Friction is Coulomb's and viscous, on the motor and on the load,
 #
-# $$\tau_f = F_c\,\text{sign}(\omega) + b\,\omega,$$
+# $$\tau_f = \tau_c\,\text{sign}(\omega) + b\,\omega,$$
 #
-# with the torque $F_c$ [N m], the speed $\omega$ [rad/s] of that side and $b$ [N m s/rad]. The drive and the log see
+# with the torque $\tau_c$ [N m], the speed $\omega$ [rad/s] of that side and $b$ [N m s/rad]. The drive and the log see
 # the motor's angle $\theta_m$ [rad] as the encoder of 19 bits gives it, and the log differences it every
 # $\Delta t$ = 2 ms, with white noise $n_k$ [rps] on top:
 #
@@ -194,7 +194,7 @@ print(
 )
 
 # %% [markdown]
-# ### Figure 10's second signal
+# ### Figure 10's second curve
 #
 # The same motion of the simulator and of the bench. The true figure has the same three signals, but its logs are not
 # public.

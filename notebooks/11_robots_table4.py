@@ -30,9 +30,9 @@
 #
 # ## Method
 #
-# What an amplitude $A$ [rps] means in rad, the paper's static characteristic says,
+# The paper's static characteristic turns an amplitude $A$ [rps] into rad,
 #
-# $$\delta = f(A) = a_0 + a_1 \cdot 60A + a_2 (60A)^2 + a_3 (60A)^3 \tag{10}$$
+# $$\delta = a_0 + a_1 \cdot 60A + a_2 (60A)^2 + a_3 (60A)^3 \tag{10}$$
 #
 # with the printed coefficients $a_k$ [rad/rpm$^k$] (notebook 6).
 #
@@ -74,8 +74,8 @@ repeats = 30  # CMA-ES runs on each of the two logs
 robots_each = 100  # robots of each kind
 robot_seed = 1  # which robots are drawn
 coupling = 0.03  # largest torque of a coupling, over m g r
-loud_coupling = 0.1  # the same in a louder arm
-loud_robots_each = 50  # robots of each kind with louder arms
+loud_coupling = 0.1  # the same in a strongly coupled arm
+loud_robots_each = 50  # robots of each kind with strongly coupled arms
 frequency_step_hz = 0.5  # of the sweep of one disturbance
 torque_shares = [0.02, 0.05, 0.1]  # its torque over m g r
 
@@ -172,8 +172,8 @@ curves = {
 robots_figure = plots.robots(population, curves, marks)
 
 # %% [markdown]
-# The threshold depends on the amplitude of the coupling torques: that of the quiet arm applied to the loud one, and the
-# loud one's own.
+# The threshold depends on the amplitude of the coupling torques: that of the weakly coupled arm applied to the strongly
+# coupled one, and the latter's own.
 
 # %%
 T = best["threshold_rps"]
@@ -182,7 +182,14 @@ loud_area = area_under(loud_curve)
 cases = pd.DataFrame(
     [
         (coupling, "its best", *quiet_best, area_under(curve)),
-        (loud_coupling, "the quiet arm's", T, np.mean(loud_healthy >= T), np.mean(loud_excessive >= T), loud_area),
+        (
+            loud_coupling,
+            "the weakly coupled arm's",
+            T,
+            np.mean(loud_healthy >= T),
+            np.mean(loud_excessive >= T),
+            loud_area,
+        ),
         (loud_coupling, "its best", *louder_best, loud_area),
     ],
     columns=["coupling", "threshold", "threshold_rps", "false_alarms", "detected", "area"],
@@ -190,7 +197,7 @@ cases = pd.DataFrame(
 cases
 
 # %% [markdown]
-# ### A healthy joint with a loud disturbance near 21 Hz
+# ### A healthy joint shaken near 21 Hz
 #
 # A joint without any backlash, shaken by one sinusoidal torque of amplitude $\tau_0$ [N m] and phase $\varphi$ [rad].
 # If it goes through $k$ periods in a load turn of $T_f$ [s], then half a turn later it is
@@ -237,7 +244,7 @@ called = sweep.assign(
 ).groupby("torque_share")
 summary = pd.DataFrame(
     {
-        "loudest_rps": called["disturbance_rps"].max(),
+        "largest_disturbance_rps": called["disturbance_rps"].max(),
         "largest_A_rps": called["A_rps"].max(),
         "called_excessive_percent": 100 * called["called_excessive"].mean(),
         "fits_of_under_two_turns_percent": 100 * called["late"].mean(),

@@ -175,9 +175,9 @@ def the_misfit_of_the_clamped_dead_zone(n):
     assert sharp == pytest.approx(clamped, rel=5e-4)
 
 
-def five_times_the_misfit(n):
+def nearly_six_times_the_misfit(n):
     ratio = n["table"]["nrmse"].mean() / committed("simulator_validation")["nrmse"].mean()
-    assert 4 < ratio < 6
+    assert 5.5 < ratio < 6
 
 
 def three_quarters_missed(n):
@@ -211,15 +211,17 @@ def all_but_the_constant_out_of_tolerance(n):
     assert {verdict_of(n["cells"], f"equation10.A{k}") for k in (1, 2, 3)} == {"differs"}
 
 
-def the_cubic_term_changes_its_second_digit(n):
-    assert verdict_of(n["cells"], "equation10.A3") == "differs"
-    assert 5e-5 < abs(n["cells"]["equation10.A3"] - published.value("equation10.A3")) < 1e-3
+def all_four_coefficients_leave_their_tolerances(n):
+    assert {verdict_of(n["cells"], f"equation10.A{k}") for k in range(4)} == {"differs"}
+    printed = {k: published.value(f"equation10.A{k}") for k in range(4)}
+    changes = [abs(n["cells"][f"equation10.A{k}"] / value - 1) for k, value in printed.items()]
+    assert 0.09 < min(changes) < max(changes) < 0.43
 
 
 def the_energy_finds_the_backlashes_too(n):
     assert (n["read"] == n["readings"]["energy"]).all()
     assert (n["read"] < n["peaks"]).all()
-    assert n["reading_rmse"] < n["unseen"] < 1e-5
+    assert n["reading_rmse"] < n["unseen"] < 1e-6
 
 
 def the_printed_turn_period_lies_30_percent_below(n):
@@ -286,7 +288,7 @@ def the_intervals_narrow(n):
         assert many["rate_high"] - many["rate_low"] < 0.7 * (few["rate_high"] - few["rate_low"])
 
 
-def restarts_come_near_a_rate_of_1(n):
+def restarts_succeed_in_most_runs(n):
     small = n["costs"][~n["costs"]["strategy"].str.contains("1000")]
     assert small["rate"].mean() > 0.7
 
@@ -463,7 +465,7 @@ OUTCOMES = {
         "alphas = [1e9]": the_misfit_of_the_clamped_dead_zone,
     },
     "04_simulator_figure10": {
-        'changes = {"stiffness_per_s2": 1.05}': five_times_the_misfit,
+        'changes = {"stiffness_per_s2": 1.05}': nearly_six_times_the_misfit,
         'changes = {"start_angle_rad": 0.5}': three_quarters_missed,
         "level = 13": within_the_lines_width,
     },
@@ -474,7 +476,7 @@ OUTCOMES = {
     },
     "06_characteristic_figure12": {
         "rpm_per_rps = 1.0": all_but_the_constant_out_of_tolerance,
-        "left_out = [10]": the_cubic_term_changes_its_second_digit,
+        "left_out = [10]": all_four_coefficients_leave_their_tolerances,
         'reading = "energy"': the_energy_finds_the_backlashes_too,
     },
     "07_protocol_table1": {
@@ -490,7 +492,7 @@ OUTCOMES = {
     "09_identification": {
         "level = 13": the_global_fit_is_still_the_lowest,
         "strategy_runs = 30": the_intervals_narrow,
-        "budget = 120000": restarts_come_near_a_rate_of_1,
+        "budget = 120000": restarts_succeed_in_most_runs,
     },
     "10_bench_table3": {
         "bench_seed = 2": a_comes_out_at_half,

@@ -29,9 +29,9 @@
 # ## Method
 #
 # *The movement*: a horizontal axis, so that gravity swings the load through the gap twice a turn; constant motor speed;
-# twelve load turns, four at least. *The log*: time and the encoder's position or speed, at 500 Hz if you can; the
-# oscillation after each impact lies near 21 Hz, and below 84 Hz nothing can be said. *The backlash* $\delta$ is half of
-# the total play: the teeth are free over $2 \delta$.
+# twelve load turns, four at least. *The log*: time and the encoder's position or speed, at 500 Hz if you can; the joint
+# rings near 21 Hz, and sampling below 84 Hz tells nothing. *The backlash* $\delta$ is half of the total play: the teeth
+# are free over $2 \delta$.
 #
 # *The calibration*: logs of the same movement at six or more known backlashes of your joint. Method `waveform` makes
 # of them the settled motor speed $w(\varphi; \delta)$ [rps], less its mean, at each phase $\varphi$ of a load turn, a
@@ -214,7 +214,7 @@ trend_figure = plots.trend_figure(line)
 # %% [markdown]
 # ### What it refuses
 #
-# A sensor must refuse logs that it cannot judge. Its answers on five such logs:
+# A sensor must refuse logs that it cannot judge. Its answers on five unusual logs:
 
 # %%
 good = log(backlash_rad, 0)
@@ -287,8 +287,7 @@ assert 0 <= noise_share < 1
 print(f"noise {100 * noise_share:.0f} %, calibration {100 * (1 - noise_share):.0f} %")
 
 # %% [markdown]
-# **2.** An oscillation of 21 Hz is sampled at $f_s$. By how much can the largest sample miss a peak, at 500 Hz and at
-# 84 Hz?
+# **2.** A pure sine of 21 Hz is sampled at $f_s$. How much of its peak can the largest sample miss, at 500 and 84 Hz?
 
 # %% tags=["solution"]
 most_missed = {rate: 1 - np.cos(np.pi * 21 / rate) for rate in (500, 84)}  # half a sampling period from the peak

@@ -30,9 +30,9 @@
 #
 # ## Method
 #
-# $v_i$ [rps], $i = 1 \dots n$, is the measured motor speed at the times $t_i$ [s], $T$ [s] the load's turn, and $h(t)$
-# [rps] the fitted [signature](../glossary.md#signature). Besides $A$ the signature has its *energy*, here its RMS over
-# whole turns, and the *impact time* $t_0$:
+# $v_i$ [rps], $i = 1 \dots n$, is the measured motor speed at the times $t_i$ [s], $T_f$ [s] the load's turn, and
+# $h(t)$ [rps] the fitted [signature](../glossary.md#signature). Besides $A$ the signature has its *energy*, here its
+# RMS over whole turns, and the *impact time* $t_0$:
 #
 # $$E = \sqrt{\frac{1}{n} \sum_{i=1}^{n} h(t_i)^2}$$
 #
@@ -42,7 +42,7 @@
 # speed at the phase $\varphi$ [turns] for the backlash $\delta$ [rad], less its mean; $\bar v$ is the mean of $v$:
 #
 # $$(\hat\delta, \hat\varphi) = \arg\min_{\delta, \varphi}
-# \sum_{i=1}^{n} \left[v_i - \bar v - w(t_i / T + \varphi; \delta)\right]^2$$
+# \sum_{i=1}^{n} \left[v_i - \bar v - w(t_i / T_f - \varphi; \delta)\right]^2$$
 #
 # For method `waveform`, $w$ is interpolated between simulated waveforms of known backlash. For method `joint` it is
 # simulated anew for each $\delta$, with nothing else unknown; the same with the start angle free, and with start angle,
@@ -131,7 +131,7 @@ workbook.check_parameters(
 # %% [markdown]
 # ## Result
 #
-# ### Readings of the authors' noisy logs
+# ### The authors' noisy logs
 #
 # Each method reads each log; the calibrated ones are calibrated without its level.
 
@@ -305,8 +305,8 @@ beyond_limits = plots.error_limits(measured, labels)
 # ### The smallest backlash to be seen
 #
 # The threshold on the energy $E$ is set by records of the healthy joint for the allowed rate of false alarms, and tried
-# on as many fresh ones. `smallest_seen_rad` is the backlash from which on the share of records above the threshold
-# stays at the asked power.
+# on as many fresh ones. `smallest_seen_rad` (the table has it in 10⁻⁶ rad, as `_urad`) is the backlash from which on
+# the share of records above the threshold stays at the asked power.
 
 # %%
 small_rad = [2e-5, 5e-5, 8e-5, 1.2e-4, 1.6e-4, 2e-4, 3e-4]
@@ -323,7 +323,7 @@ seen = pd.DataFrame(rows)
 in_microradians(seen)
 
 # %% [markdown]
-# A filter that is matched to the waveform sees less. Its output has the SD 1 in the noise, and the mean $d(\delta) =
+# A matched filter detects a smaller backlash. Its output has the SD 1 in the noise, and the mean $d(\delta) =
 # \sqrt{n}\,\mathrm{SD}_i\left[w_i(\delta) - w_i(0)\right]/\sigma$. With the quantiles $z$ of the normal distribution it
 # sees $\delta$ if $d(\delta) \ge z_{1 - \alpha} + z_p$ for the false alarm rate $\alpha$ and the power $p$.
 
@@ -378,7 +378,8 @@ ends = ends.agg(mean_error_rad="mean", max_abs_error_rad=lambda error: error.abs
 (1e6 * ends.pivot(index=["parameter", "change"], columns="method", values="mean_error_rad")).round(1)  # 1e-6 rad
 
 # %% [markdown]
-# The methods in the order of their RMS error over all changes; `unchanged_rmse_rad` is that on the joint as it was.
+# The methods in the order of their RMS error over all changes; `unchanged_rmse_rad` (in the table `_urad`) is that on
+# the joint as it was.
 
 # %%
 of_changed = moved[moved["change"] != 0].reset_index(drop=True)
@@ -398,7 +399,7 @@ beyond_robustness = plots.tornado(ends[ends["change"] != 0], shown)
 # the first. The signature has that built in ($T_d = T_f/2$), and so has any waveform of the joint without friction:
 # all of them fail when friction is 20 % of the gravity torque. The joint model with friction unknown does not. All of
 # this is on simulated logs of the identified joint, which that model describes exactly but for the change; on joints
-# of another structure it is not known. A change of the drive's gains shifts it as it shifts the others.
+# of another structure it is not known. A change of the drive's gains shifts every method.
 
 # %% [markdown]
 # ## Verdict
@@ -476,7 +477,7 @@ workbook.export(
 # 1. `smoothing_s = 0.02`: the impact is found later, and the time in the gap reads every log's backlash too large.
 # 2. `false_alarm_rate = 0.1`: more false alarms allowed; the threshold falls, and a smaller backlash is seen.
 # 3. `left_out = ["load Coulomb friction", "load viscous friction"]`: without friction all methods but the joint's match
-#    err by a third less or more; that one gains nothing, and leads by little.
+#    err at least a third less; that one gains nothing, and leads by little.
 #
 # ## Exercises
 #

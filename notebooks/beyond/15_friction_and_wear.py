@@ -31,11 +31,11 @@
 # Table 3's second row, with more and more Coulomb friction on its load. The bench's own logs are not public. The load
 # of inertia $J_l$ [kg m$^2$] at the angle $\theta_l$ [rad] from hanging down, with the speed $\omega_l$ [rad/s], obeys
 #
-# $$J_l\,\dot\omega_l = \tau_l - m g r \sin\theta_l - F_c\,\text{sign}(\omega_l) - b_l\,\omega_l,$$
+# $$J_l\,\dot\omega_l = \tau_l - m g r \sin\theta_l - \tau_c\,\text{sign}(\omega_l) - b_l\,\omega_l,$$
 #
-# with the coupling's torque $\tau_l$, the largest gravity torque $m g r$ and the Coulomb friction $F_c$ [N m], and
+# with the coupling's torque $\tau_l$, the largest gravity torque $m g r$ and the Coulomb friction $\tau_c$ [N m], and
 # viscous friction $b_l$ [N m s/rad]. At constant speed the left side is small, $\tau_l \approx m g r \sin\theta_l +
-# F_c$, and the teeth part where $\tau_l$ changes its sign. With $s = F_c / (m g r)$ this is where
+# \tau_c$, and the teeth part where $\tau_l$ changes its sign. With $s = \tau_c / (m g r)$ this is where
 # $\sin\theta_l = -s$: at $\pi + \arcsin s$, later than without friction, and at $2\pi - \arcsin s$, earlier. The
 # two are no longer half a turn $T_f / 2$ [s] apart, but
 #
@@ -138,7 +138,7 @@ apart
 
 # %% [markdown]
 # The impacts follow the formula roughly: it leaves out the load's inertia and the time that the teeth need to cross the
-# gap. The speed rises no less than without friction. What changes is when the oscillation comes.
+# gap. Up to 25 % friction it rises no less than without. What changes is when the oscillation comes.
 #
 # ### What the fit reads
 #
@@ -225,7 +225,7 @@ tests = pd.concat(
 wear_figure = study_plots.wear(tests, limit_rad)
 
 # %% [markdown]
-# How the calls lie to the day on which the true backlash reaches the limit. *Early* is before that day, *late* more
+# The calls, counted from the day on which the true backlash reaches the limit. *Early* is before that day, *late* more
 # than one interval between tests after it, *missed* never. Errors [rad] and intervals are those of all tests.
 
 # %%

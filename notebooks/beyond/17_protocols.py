@@ -29,10 +29,10 @@
 # ## Method
 #
 # The candidates are twelve protocols that could exist before 2022. They differ in the population, the start of the
-# record, the box of $A$, the unit and the turn period. One is a line of the authors' notebook that is switched off:
-# population 2000, a fixed [gate](../glossary.md#gate) from 0 to 0.218 s, $T_d$ = 0.204 s, no bounds. The line does not
-# say $T_f$; we take $2 T_d$ = 0.408 s, as Table 1 has it. A turn of the data lasts 0.400 s, so the line is also run
-# with $T_d$ = 0.2 s and $T_f$ = 0.4 s.
+# record, the box of $A$, the unit (rpm about the mean: $60\,(v - \bar v)$) and the turn period. One is a line of the
+# authors' notebook that is switched off: population 2000, a fixed [gate](../glossary.md#gate) from 0 to 0.218 s,
+# $T_d$ = 0.204 s, no bounds. The line does not say $T_f$; we take $2 T_d$ = 0.408 s, as Table 1 has it. A turn of the
+# data lasts 0.400 s, so the line is also run with $T_d$ = 0.2 s and $T_f$ = 0.4 s.
 #
 # The noise of the printed table is unknown, so each candidate is run on the authors' $n = 5$ low-noise
 # [realisations](../glossary.md#realisation). Let $x_\text{printed}$ [rps] be the printed mean (or SD) of $|A|$ in a
