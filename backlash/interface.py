@@ -189,6 +189,9 @@ def trend(
         days = list(trend_line.dates_of([Path(name_of(log)) for log in logs], table).values())
     else:
         days = list(pd.DatetimeIndex(dates))
+    if len(days) != len(logs):
+        raise UnusableLog(f"{len(logs)} logs and {len(days)} dates; give a date for each log")
+    trend_line.check_limit(limit_rad)
     answers = fleet.run_fleet(logs, settings, jobs)
     if not relative and all(each.calibration.method == SELF for each in settings):
         answers = fleet.with_shared_joint(logs, answers, settings)
