@@ -10,6 +10,7 @@ An UnusableLog is a ValueError whose message is one line: what is wrong, where, 
 
 import hashlib
 from collections.abc import Sequence
+from dataclasses import fields
 from inspect import signature
 from os import PathLike
 from pathlib import Path
@@ -38,6 +39,9 @@ def _form(log: object, said: dict[str, Any]) -> LogFormat:
         said = said | {"position": "position"}
     if not isinstance(said.get("torque", ""), str | None):
         said = said | {"torque": "torque array"}
+    known = [field.name for field in fields(LogFormat)]
+    if unknown := sorted(set(said) - set(known)):
+        raise TypeError(f"no parameter {unknown[0]!r}; of logs there are {', '.join(known)}")
     return log.form if isinstance(log, Log) else LogFormat(**said)
 
 
