@@ -13,6 +13,7 @@ import pandas as pd
 from numpy.polynomial import Polynomial
 from scipy.special import ndtri, stdtrit
 
+from backlash.fitting import SENSOR_METHODS
 from backlash.fitting.global_fit import GlobalFit
 from backlash.fitting.readings import METHODS, Reading, read, reading_of_fit
 from backlash.fitting.waveform import LEAST_LEVELS, WaveformBank, make_bank, match, mean_turn, samples_a_turn
@@ -30,6 +31,7 @@ _MOST_PHASES = 800
 _MOST_UNCERTAINTY = 0.25
 # How far a log's turn may be from that of the calibration: the waveform scales with the speed.
 PERIOD_MISMATCH = 0.02
+MOST_RAD = 0.1  # a larger backlash is taken for one in mrad
 
 
 @dataclass(frozen=True)
@@ -107,7 +109,7 @@ class Calibration:
                 str(content["method"]), tuple(map(float, content["coefficients"])), (float(low), float(high)),
                 float(content["uncertainty_rad"]), float(content["turn_period_s"]),
                 float(content["commanded_speed_rps"]), str(content["provenance"]),
-                WaveformBank(*levels) if levels else None,
+                WaveformBank(levels[0], levels[1]) if levels else None,
             )  # fmt: skip
         except (ValueError, KeyError, TypeError, AttributeError) as error:
             problem = f"{type(error).__name__}: {error}"
@@ -186,7 +188,8 @@ def _bank_uncertainty(recordings: Sequence[Recording], delta: FloatArray, bank: 
     by_level = [found[delta[inner] == d].mean() for d in bank.delta_rad[1:-1]]
     if not (np.diff(by_level) > 0).all():
         problem = "logs that the others predict do not come in the order of their backlashes"
-        raise UnusableLog(f"method waveform: {problem}; check the known backlashes, or use another method")
+        cure = "check the known backlashes, add logs if there are few, or use another method"
+        raise UnusableLog(f"method waveform: {problem}; {cure}")
     return _uncertainty(found - delta[inner])
 
 
@@ -198,6 +201,8 @@ def calibrate(
     delta = np.asarray(known_delta_rad, dtype=float)
     if delta.size != len(recordings) or not (np.isfinite(delta) & (delta >= 0)).all():
         raise UnusableLog("each log needs a known backlash, finite and not negative [rad]")
+    if delta.max(initial=0.0) > MOST_RAD:
+        raise UnusableLog(f"a known backlash of {delta.max():g} rad, above {MOST_RAD:g}: is the column in mrad?")
     if np.unique(delta).size < LEAST_LEVELS:
         raise UnusableLog(f"{np.unique(delta).size} different backlashes; a calibration needs {LEAST_LEVELS} or more")
     periods = np.array([recording.turn_period_s for recording in recordings])
@@ -224,7 +229,7 @@ def calibrate(
 def default_calibration(method: str) -> Calibration:
     """Calibration of a method for the paper's joint; that of "waveform" is too large to be kept, and computed."""
     if method not in METHODS:
-        raise UnusableLog(f"method {method!r}: there are {', '.join(METHODS)}")
+        raise UnusableLog(f"method {method!r}: there are {', '.join(SENSOR_METHODS)}")
     if method == "waveform":
         return compute_default(method)
     kept = json.loads((_DATA / "default_calibrations.json").read_text(encoding="utf-8"))

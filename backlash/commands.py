@@ -25,7 +25,14 @@ from backlash.reading.columns import LogFormat
 from backlash.reading.tables import UnusableLog
 from replication import files
 
-_SHORT_NAMES = {"period": "turn_period_s", "speed": "commanded_speed_rps"}  # of columns of --batch
+_SHORT_NAMES = {  # of columns of --batch
+    "period": "turn_period_s", "period_s": "turn_period_s", "speed": "commanded_speed_rps",
+    "speed_rps": "commanded_speed_rps",
+}  # fmt: skip
+_INPUTS = {
+    "batch": "the --batch table", "calibration": "the calibration", "table": "the table of known backlashes",
+    "dates": "the table of dates",
+}  # fmt: skip
 _OF_A_LOG = {"turn_period_s", "gear_ratio", "commanded_speed_rps", "counts_per_turn", "start_s", "end_s"}
 _FAIL_ON = re.compile(r"cannot-tell|no-backlash|backlash( *> *(\d*\.?\d+) *(m?)rad)?")
 _FAILED = 3  # exit status
@@ -64,6 +71,22 @@ def _check_output(path: Path | None, endings: Sequence[str], option: str) -> Non
         raise UnusableLog(f"{option} {path}: Parquet needs pyarrow; name a .csv instead")
 
 
+def _keep_inputs(options: argparse.Namespace, logs: Sequence[Path]) -> None:
+    """Refuse an output that would overwrite an input."""
+    inputs: list[tuple[Path | None, str]] = [(log, "one of the logs") for log in logs]
+    inputs += [(getattr(options, name, None), what) for name, what in _INPUTS.items()]
+    for option in ("out", "plot"):
+        output = getattr(options, option, None)
+        for path, what in inputs:
+            if output and path and output.resolve() == path.resolve():
+                raise UnusableLog(f"--{option} {output}: that is {what}; name another file")
+
+
+def _is_answers(path: Path | None) -> bool:
+    """Whether a file is a table that --out wrote."""
+    return path is not None and path.is_file() and b"total_play_high_rad" in path.read_bytes()
+
+
 def _write_figure(figure_of: str, path: Path, *shown) -> None:
     """Write a figure of `plots` whole or not at all, the same bytes each time."""
     from matplotlib import pyplot as plt
@@ -91,8 +114,9 @@ def run_estimate(options: argparse.Namespace) -> int:
     if options.batch:
         logs, forms = _batch(options.batch, _said(options))
     else:
-        logs = fleet.find_logs(options.log)
+        logs = fleet.find_logs(options.log, options.out if _is_answers(options.out) else None)
         forms = [LogFormat(**_said(options))] * len(logs)
+    _keep_inputs(options, logs)
     if Path(STDIN) in logs and (len(logs) > 1 or options.out):
         raise UnusableLog("- (the standard input) goes alone, and without --out")
     if options.plot and len(logs) > 1:
@@ -126,10 +150,10 @@ def _failures(text: str | None) -> list[tuple[str, float]]:
 def _batch(path: Path, said: Mapping[str, Any]) -> tuple[list[Path], list[LogFormat]]:
     """Logs of a table, and what is said of each by its row, else by the options."""
     logs, table = _listed_logs(path, "file")
-    names = [name.strip().lower().replace(" ", "_") for name in table]
+    names = [re.sub(r"_*[\[(]_*(s|rps)_*[\])]$", r"_\1", name.strip().lower().replace(" ", "_")) for name in table]
     table.columns = [_SHORT_NAMES.get(name, name) for name in names]
     if unknown := set(table) - _OF_A_LOG:
-        raise UnusableLog(f"{path}: column {min(unknown)!r}; there are file, period [s], gear_ratio and speed [rps]")
+        raise UnusableLog(f"{path}: column {min(unknown)!r}; there are file, period (s), gear_ratio and speed (rps)")
     forms = []
     for log, row in zip(logs, table.to_dict("records"), strict=True):
         try:
@@ -179,6 +203,7 @@ def run_calibrate(options: argparse.Namespace) -> int:
     said = _said(options)
     settings_for(LogFormat(**said), None, None, options.repeats, options.seed)  # refuses what cannot be
     logs, table = _listed_logs(options.table, "log", "backlash_rad")
+    _keep_inputs(options, logs)
     _announce_compiling()
     how = {"method": options.method, "repeats": options.repeats, "seed": options.seed}
     made = interface.calibrate(logs, table["backlash_rad"].tolist(), **how, **said)
@@ -194,7 +219,11 @@ def _listed_logs(path: Path, logs: str, *columns: str) -> tuple[list[Path], pd.D
     try:
         table = pd.read_csv(path, dtype={logs: str})
         found = [path.parent / name for name in table.pop(logs).str.strip()]
+        if not found:
+            raise UnusableLog(f"{path}: no rows; name a log in each")
         return found, table[list(columns) or list(table)].apply(pd.to_numeric).astype(float)
+    except UnusableLog:
+        raise
     except OSError as error:
         raise UnusableLog(f"{path}: cannot be read ({error.strerror}); check the name") from error
     except (ValueError, KeyError, TypeError, AttributeError) as error:
@@ -206,6 +235,7 @@ def run_trend(options: argparse.Namespace) -> int:
     """Print how the backlash grows."""
     _check_output(options.plot, tuple(_FIGURE_STAMPS), "--plot")
     logs, how = fleet.find_logs(options.log), _how(options) | _said(options)
+    _keep_inputs(options, logs)
     _announce_compiling()
     shown = {"limit_rad": options.limit, "relative": options.relative, "jobs": options.jobs}
     found = interface.trend(logs, options.dates, **shown, **how)

@@ -311,7 +311,8 @@ def _judge_reading(
         low, high = calibration.range_rad
         is_match = reading.method == "waveform"
         what = f"the best match, {found.delta_rad:.3g} rad," if is_match else f"its reading, {reading.value:.3g} rps,"
-        detail = f"a signature is there, but {what} lies outside {low:.3g} to {high:.3g} rad"
+        ends = f", {low:.3g} to {high:.3g} rad" if is_match else ""
+        detail = f"a signature is there, but {what} lies past the end of the calibration's range{ends}"
         raise CannotTell("extrapolated calibration", detail, notes)
     if found.extrapolated:
         notes += ("at the edge of the calibration's range",)

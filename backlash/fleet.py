@@ -25,8 +25,11 @@ _DIED = "the process that read it died; is it too large for the memory?"
 _WORTH_PROCESSES = 30  # fewer quick estimates take less time than starting processes
 
 
-def find_logs(paths: Sequence[Path]) -> list[Path]:
-    """Logs that files and folders stand for, folders with all below them, each once; an empty folder is refused."""
+def find_logs(paths: Sequence[Path], left_out: Path | None = None) -> list[Path]:
+    """Logs that files and folders stand for, folders with all below them, each once; an empty folder is refused.
+
+    A table of earlier answers, `left_out`, is no log.
+    """
     found: dict[Path, Path] = {}
     for path in paths:
         inside = [path]
@@ -39,6 +42,10 @@ def find_logs(paths: Sequence[Path]) -> list[Path]:
                 raise UnusableLog(f"{path}: no logs in this folder; they end in {', '.join(SUFFIXES)}")
         for file in inside:
             found.setdefault(file.resolve(), file)
+    if left_out is not None:
+        found.pop(left_out.resolve(), None)
+    if not found:
+        raise UnusableLog(f"{left_out}: no log, a table of answers")
     return list(found.values())
 
 
@@ -52,6 +59,8 @@ def run_fleet(
     """
     from tqdm import tqdm
 
+    if jobs == 0 or jobs < -1:
+        raise UnusableLog(f"--jobs {jobs}: give -1 or a number above 0")
     each = [settings] * len(logs) if isinstance(settings, Settings) else settings
     quick = len(logs) < _WORTH_PROCESSES and all(how.calibration.method != "paper" for how in each)
     tasks = dict(enumerate(zip(logs, each, strict=True)))

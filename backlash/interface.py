@@ -10,6 +10,7 @@ An UnusableLog is a ValueError whose message is one line: what is wrong, where, 
 
 import hashlib
 from collections.abc import Sequence
+from dataclasses import fields
 from inspect import signature
 from os import PathLike
 from pathlib import Path
@@ -38,11 +39,19 @@ def _form(log: object, said: dict[str, Any]) -> LogFormat:
         said = said | {"position": "position"}
     if not isinstance(said.get("torque", ""), str | None):
         said = said | {"torque": "torque array"}
+    known = [field.name for field in fields(LogFormat)]
+    if unknown := sorted(set(said) - set(known)):
+        raise TypeError(f"no parameter {unknown[0]!r}; of logs there are {', '.join(known)}")
     return log.form if isinstance(log, Log) else LogFormat(**said)
 
 
 def read_log(log: object, v: ArrayLike | None = None, **said: Any) -> Log:
-    """Read a log's stretch of constant speed, its recording's t [s] and v [rps]; parameters as in `estimate`.
+    """Read a log's stretch of constant speed; parameters as in `estimate`.
+
+    Returns
+    -------
+    Log
+        Its `recording` has t [s] and v [rps], each of shape (samples,).
 
     Raises
     ------
@@ -93,6 +102,11 @@ def estimate(
         `torque`, a column or an array, positive where it drives forward; `inertia_ratio`, J_l / (N^2 J_m), and
         `gravity_per_s2`, m g r / J_l, of the load; `inertia_sd` (0.1) and `gravity_sd` (0.05), their relative SDs.
 
+    Returns
+    -------
+    Estimate
+        The verdict, the backlash [rad] with its 95 % interval, and warnings; None where nothing is known.
+
     Raises
     ------
     UnusableLog
@@ -124,6 +138,13 @@ def calibrate(
         Their backlashes, half of the total play [rad]; six different ones or more.
     method : str
         Any but "self".
+    repeats, seed : int
+        As in `estimate`.
+
+    Returns
+    -------
+    Calibration
+        With its `uncertainty_rad` and `range_rad`; `to_json` gives the text of its file.
 
     Raises
     ------
@@ -169,6 +190,11 @@ def trend(
     jobs : int
         Processes; -1 for all cores where that is worth it.
 
+    Returns
+    -------
+    Trend
+        The line, and the date on which it crosses the limit with its 95 % interval.
+
     Raises
     ------
     UnusableLog
@@ -189,6 +215,9 @@ def trend(
         days = list(trend_line.dates_of([Path(name_of(log)) for log in logs], table).values())
     else:
         days = list(pd.DatetimeIndex(dates))
+    if len(days) != len(logs):
+        raise UnusableLog(f"{len(logs)} logs and {len(days)} dates; give a date for each log")
+    trend_line.check_limit(limit_rad)
     answers = fleet.run_fleet(logs, settings, jobs)
     if not relative and all(each.calibration.method == SELF for each in settings):
         answers = fleet.with_shared_joint(logs, answers, settings)

@@ -66,6 +66,8 @@ def open_log(source: object, form: LogFormat, v: ArrayLike | None = None, torque
 
 def _open_stdin(form: LogFormat) -> Log:
     """Read the standard input by way of a file, because a log's kind is told by its first bytes."""
+    if sys.stdin is None:
+        raise UnusableLog(f"{STDIN}: the standard input is closed")
     with NamedTemporaryFile() as file:
         shutil.copyfileobj(sys.stdin.buffer, file)
         file.flush()

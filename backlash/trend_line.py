@@ -15,7 +15,7 @@ import pandas as pd
 from scipy.special import fdtri, ndtri, stdtrit
 
 from backlash import __version__
-from backlash.calibration import PERIOD_MISMATCH
+from backlash.calibration import MOST_RAD, PERIOD_MISMATCH
 from backlash.estimation import Estimate
 from backlash.reading.tables import UnusableLog
 from replication.arrays import FloatArray
@@ -123,12 +123,17 @@ def _dates_in(table: Path) -> dict[str, pd.Timestamp]:
         raise UnusableLog(f"{table}: no table with columns file and date ({error}); dates like 2024-03-17") from error
 
 
+def check_limit(limit_rad: float | None) -> None:
+    """Refuse a limit that no backlash reaches."""
+    if limit_rad is not None and not 0 < limit_rad <= MOST_RAD:
+        raise UnusableLog(f"--limit {limit_rad:g}: give a finite backlash above 0, at most {MOST_RAD:g} [rad]")
+
+
 def fit_trend(
     answers: Sequence[Estimate], dates: Sequence[pd.Timestamp], limit_rad: float | None = None, relative: bool = False
 ) -> Trend:
     """Fit a line to dated backlashes; to amplitudes if `relative`, or if no log has an answer."""
-    if limit_rad is not None and not (np.isfinite(limit_rad) and limit_rad > 0):
-        raise UnusableLog(f"--limit {limit_rad:g}: give a finite backlash above 0 [rad]")
+    check_limit(limit_rad)
     relative = relative or all(answer.verdict == "cannot tell" for answer in answers)
     points = _points(answers, dates, relative)
     count, left_out = points["date"].nunique(), len(answers) - len(points)

@@ -86,8 +86,6 @@ def paper_fit(recording: Recording, protocol: Protocol, seed: int) -> Fit:
     ----------
     recording : Recording
         The record, already cut to its start sample.
-    protocol : Protocol
-        Settings of the search.
     seed : int
         Seed of the run, above 0.
 

@@ -38,6 +38,8 @@ findings = partial(_read, "findings.csv")
 paper_figures = partial(_read, "paper_figures.csv", "figure")
 # What agreements are worth: `cells` (a pattern), `source, basis, fails_if, test`.
 basis = partial(_read, "basis.csv")
+# The words of verdicts on numbers and claims: `sign`, and what those on numbers mean.
+verdict_words = partial(_read, "verdict_words.csv", "verdict")
 # Cells known not to reproduce: `id, source, reason`.
 known_differences = partial(_read, "differences.csv")
 # The 30 runs that the authors' notebook stores, on their clean record 12, and what it prints of runs 1 to 20: one row

@@ -38,7 +38,7 @@ def test_the_one_bad_first_row_is_dropped(authors_data):
     assert abs(record.v[0] - 100) < 0.2
 
 
-def test_the_turn_period_in_the_data_is_0_4_s(authors_data):
+def test_the_turn_period_in_the_data_is_400_ms(authors_data):
     for level in (3, 8, 13):
         period = inspection.turn_period(datasets.load_clean(level))
         assert period == pytest.approx(0.400, abs=2e-4)

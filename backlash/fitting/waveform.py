@@ -15,12 +15,11 @@ from replication.datasets import Recording
 
 # Each phase of aligned waveforms is a polynomial of the backlash. The fourth degree leaves 1e-6 rad on noise-free
 # waveforms of Table 2's range, and averages the noise of logs that an interpolation would keep.
-_DEGREE = 4
+_MOST_DEGREE = 4
 # Time constants [s] from which a low-pass is looked for, and by how many variances of the noise the sum of squares must
 # fall for one: without a low-pass it does in one log of four hundred. It takes the noise of the bank's waveforms too.
 _LOW_PASSES_S, _LEAST_GAIN = (1e-3, 4e-3), 8.0
-# One more than the polynomial's coefficients, so that leaving one out can tell how good it is.
-LEAST_LEVELS = _DEGREE + 2
+LEAST_LEVELS = 6
 
 
 def periodic(turn: NDArray[np.floating]) -> CubicSpline:
@@ -30,20 +29,31 @@ def periodic(turn: NDArray[np.floating]) -> CubicSpline:
 
 @dataclass(frozen=True, eq=False)
 class WaveformBank:
-    """Settled waveforms of one joint at known backlashes, aligned with one another."""
+    """Settled waveforms of one joint at known backlashes, aligned with one another.
+
+    The degree of the polynomials grows with the levels, so that leaving one out tells how good they are: 2 for six, 3
+    for seven or eight, 4 from nine on.
+    """
 
     delta_rad: FloatArray  # increasing, shape (levels,)
     waveform_rps: FloatArray  # less its mean, at even phases from 0, shape (levels, phases)
+    left_out: int = 0  # levels, which count for the degree
+
+    @property
+    def _degree(self) -> int:
+        return min(_MOST_DEGREE, (self.delta_rad.size + self.left_out - 1) // 2)
 
     @cached_property
     def _coefficients(self) -> FloatArray:
-        return np.asarray(chebyshev.chebfit(self._position(self.delta_rad), self.waveform_rps, _DEGREE), dtype=float)
+        return np.asarray(
+            chebyshev.chebfit(self._position(self.delta_rad), self.waveform_rps, self._degree), dtype=float
+        )
 
     @cached_property
     def noise_rps2(self) -> float:
         """Variance of the noise that is left of the waveforms in the polynomials."""
         fitted = chebyshev.chebval(self._position(self.delta_rad), self._coefficients)
-        levels, used = self.delta_rad.size, _DEGREE + 1
+        levels, used = self.delta_rad.size, self._degree + 1
         return float(((self.waveform_rps - fitted.T) ** 2).mean() * levels / (levels - used) * used / levels)
 
     def _position(self, delta_rad: ArrayLike) -> FloatArray:
@@ -66,7 +76,8 @@ class WaveformBank:
 
     def without(self, level: int) -> "WaveformBank":
         """Return the bank without one of its levels, by position."""
-        return WaveformBank(np.delete(self.delta_rad, level), np.delete(self.waveform_rps, level, axis=0))
+        delta_rad, waveform_rps = np.delete(self.delta_rad, level), np.delete(self.waveform_rps, level, axis=0)
+        return WaveformBank(delta_rad, waveform_rps, self.left_out + 1)
 
 
 @dataclass(frozen=True)

@@ -41,6 +41,7 @@ _PERIOD_TOLERANCE = 0.005
 _GAIN_OF_PERIOD = 10.0  # in power over the background, what another period nearby must have more
 _DRIFT_S = 2.5e-3  # over the record; a twentieth of an oscillation, no harm to its amplitude
 _BACKGROUND_HZ = 7.0  # width over which a line's background is taken
+_LEAST_BACKGROUND = 1e-4  # of the loudest line, whose skirts in a quiet record are no lines
 _SAME_PATTERN = 0.7
 _PEAK_STEPS = 12
 _LOG_OF_NOISE = 0.596  # mean of log(1 + x) for an exponential x of mean 1: a bin without a line
@@ -210,7 +211,8 @@ def _line_spectrum(recording: Recording) -> tuple[FloatArray, float]:
     around = max(int(_BACKGROUND_HZ / (every * spacing)) | 1, 9)
     background = median_filter(power[::every], around, mode="nearest") / np.log(2)
     background = np.interp(np.arange(power.size), every * np.arange(background.size), background)
-    return power / np.maximum(background, 1e-300), spacing
+    band = power[int(_SLOWEST_HZ / spacing) : int(_FASTEST_HZ / spacing)]
+    return power / np.maximum(background, max(_LEAST_BACKGROUND * band.max(initial=0.0), 1e-300)), spacing
 
 
 def _line_sums(

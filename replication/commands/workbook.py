@@ -14,7 +14,11 @@ def run_run(options: argparse.Namespace) -> int:
     """Execute notebooks."""
     from replication.workbook import running  # takes a second and a half, which no other command should wait for
 
-    sources = options.notebook or list(notebook_files("py").values())
+    known = notebook_files("py")
+    sources = [known.get(path.name, path) for path in options.notebook or known.values()]
+    if missing := [str(path) for path in sources if path.suffix != ".py" or not path.is_file()]:
+        print(f"{missing[0]}: give a notebook's .py source, such as notebooks/08_noise_table2.py", file=sys.stderr)
+        return 2
     destination = workbook.QUICK if options.quick else workbook.ROOT
     limits = {"stall_s": 60 * options.stall_minutes, "watched": options.watch}
     try:

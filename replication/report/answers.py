@@ -2,7 +2,6 @@
 
 import ast
 import math
-from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 
@@ -13,20 +12,8 @@ from replication.files import ROOT
 from replication.report.cells import Cell
 
 
-@dataclass(frozen=True)
-class Dumbbell:
-    """A row of Table 2: region and means of each realisation, in percent of the printed mean; its verdict."""
-
-    row: int
-    low: float
-    high: float
-    theoretical: float
-    means: tuple[float, ...]
-    verdict: str
-
-
-def table2_dumbbells(results: Path, cells: dict[str, Cell]) -> list[Dumbbell]:
-    """Set the means of the runs on the authors' realisations against Table 2's ten printed means."""
+def table2_dumbbells(results: Path, cells: dict[str, Cell]) -> list[dict]:
+    """Region, theoretical A and the mean of each realisation, in percent of each of Table 2's ten printed means."""
     if not (results / "table2.csv").exists():
         return []
     table = pd.read_csv(results / "table2.csv").query("source == 'authors' and row <= 10")
@@ -36,7 +23,8 @@ def table2_dumbbells(results: Path, cells: dict[str, Cell]) -> list[Dumbbell]:
         judged = mean.deciding
         numbers = np.array([judged.low, judged.high, theoretical.value, *part["mean_A_rps"]])
         low, high, theory, *means = (100 * (numbers / mean.value - 1)).tolist()
-        rows.append(Dumbbell(int(row), low, high, theory, tuple(means), judged.verdict))
+        about = {"row": int(row), "low": low, "high": high, "theoretical": theory}
+        rows.append(about | {"means": means, "verdict": judged.verdict})
     return rows
 
 

@@ -15,31 +15,8 @@ from replication.report import TEMPLATES
 from replication.workbook import judging
 from replication.workbook.judging import EVIDENCE
 
-# A sign beside each word, so that colour is never the only difference.
-SIGNS = {
-    "reproduced": "✓",
-    "consistent": "=",
-    "given": "→",
-    "erratum": "‡",
-    "undecided": "?",
-    "stand-in": "≈",
-    "differs": "✗",
-    "not-run": "–",
-    "holds": "✓",
-    "does not hold": "✗",
-    "not decided": "–",
-}
-MEANINGS = {
-    "reproduced": "computed from data or simulation; could have failed and agrees within its region (rule fixed on "
-    "2026-11-22, after verdicts by tolerance had been seen)",
-    "erratum": "printed wrong; our computation gives the correction",
-    "differs": "computed; the printed number lies outside its region (same rule)",
-    "consistent": "follows from other printed numbers",
-    "given": "taken over from the paper; no evidence",
-    "undecided": "other numbers would agree as well, one realisation decides, or the data are not public",
-    "stand-in": "the original data are not public; a simulated stand-in never counts as reproduced",
-    "not-run": "nothing computes it",
-}
+WORDS = published.verdict_words()  # a sign beside each word, so that colour is never the only difference
+SIGNS, MEANINGS = WORDS["sign"].to_dict(), WORDS["meaning"][WORDS["meaning"] != ""].to_dict()
 SOURCES = {"authors": "authors' data", "simulated": "our simulation", "stand-in": "stand-in"}
 
 

@@ -2,7 +2,6 @@
 
 import re
 from contextlib import suppress
-from importlib.resources.abc import Traversable
 from pathlib import Path
 
 import numpy as np
@@ -33,7 +32,7 @@ def collect_facts(results: Path, verdicts: pd.DataFrame) -> dict[str, str]:
         failed = pd.read_csv(file).query("not met").itertuples()
         said = [f"{bar.population}: {bar.figure} {bar.measured:.3g}, not {bar.bar}" for bar in failed]
         found[file.stem.replace("bars", "failed")] = typeset_powers("; ".join(said)).replace("_", " ")
-    for name, facts in _read_csv(published.DATA / "facts.csv").fillna("").groupby("table", sort=False):
+    for name, facts in pd.read_csv(str(published.DATA / "facts.csv")).fillna("").groupby("table", sort=False):
         try:
             table = _table(str(name), results, verdicts)
         except FileNotFoundError:
@@ -64,12 +63,7 @@ def _table(name: str, results: Path, verdicts: pd.DataFrame) -> pd.DataFrame:
             keys = ["run", "generation"]
             return published.authors_notebook_generations().merge(pd.read_csv(results / "replay.csv"), "left", keys)
     file = results / f"{name}.csv"
-    return _read_csv(file if file.exists() else published.DATA / file.name)
-
-
-def _read_csv(file: Path | Traversable) -> pd.DataFrame:
-    with file.open(encoding="utf-8") as opened:
-        return pd.read_csv(opened)
+    return pd.read_csv(str(file if file.exists() else published.DATA / file.name))
 
 
 def _regions(verdicts: pd.DataFrame) -> pd.DataFrame:

@@ -161,7 +161,6 @@ def _decides(name: str, verdicts: pd.DataFrame, claims: pd.DataFrame) -> list[tu
     return [*parts, ("claims", "Claims", f"{decided} decided")] if decided else parts
 
 
-# ---------------------------------------------------------------------------------------------------------------
 # Markdown with its formulas as MathML, which browsers draw without a script or a network
 
 

@@ -73,11 +73,9 @@ def plain_steps_speed_rps(joint: JointParameters, delta_rad: float, duration_s: 
     return joint.commanded_speed_rps + speeds[skip // per_period :] / TURN
 
 
-def stepping_torque_study(
-    joint: JointParameters, deltas_rad: Sequence[float], steps_s: Sequence[float], damping_ratio: float = 0.05
-) -> pd.DataFrame:
+def stepping_torque_study(joint: JointParameters, deltas_rad: FloatArray, steps_s: Sequence[float]) -> pd.DataFrame:
     """Settled peaks from plain steps against fine ones that locate the contact, with a stepping torque or not."""
-    damping = 2 * damping_ratio * math.sqrt(joint.stiffness_nm_per_rad * joint.load_inertia_kgm2)
+    damping = 2 * 0.05 * math.sqrt(joint.stiffness_nm_per_rad * joint.load_inertia_kgm2)
     models = {"stepping": replace(joint, clamped=True, damping_nms_per_rad=damping), "modified": joint}
     period, duration, rows = joint.control_period_s, 4 * joint.turn_period_s, []
     for name, model in models.items():

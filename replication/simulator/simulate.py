@@ -71,8 +71,6 @@ def simulate(
 
     Parameters
     ----------
-    parameters : JointParameters
-        The joint.
     delta_rad : float
         Half the gap [rad], load side.
     duration_s, sample_s, step_s : float

@@ -109,9 +109,6 @@ def note_run(endings: Sequence[Ending]) -> None:
     write_json(path, content | {"ended": time.strftime("%Y-%m-%d %H:%M"), "seconds": seconds})
 
 
-# ---------------------------------------------------------------------------------------------------------------
-
-
 class NotMade(ValueError):
     """No notebook makes this."""
 

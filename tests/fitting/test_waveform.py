@@ -118,3 +118,10 @@ def test_a_low_pass_that_the_bank_does_not_have_is_found(bank, edge_hz):
     assert found.low_pass_s == pytest.approx(seconds, rel=0.1)
     assert found.interval_rad[0] <= 9e-4 <= found.interval_rad[1]
     assert match(record, bank, low_pass=True).low_pass_s == 0
+
+
+def test_the_degree_grows_with_the_levels_and_stays_when_one_is_left_out():
+    for levels, degree in {6: 2, 7: 3, 8: 3, 9: 4, 30: 4}.items():
+        bank = WaveformBank(np.linspace(3e-4, 19e-4, levels), np.zeros((levels, 8)))
+        assert (bank._degree, bank.without(1)._degree) == (degree, degree)
+        assert bank.without(1).noise_rps2 == 0

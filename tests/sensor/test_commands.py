@@ -228,6 +228,8 @@ def test_a_defect_is_one_line_that_says_where(log, capsys, monkeypatch):
         (["calibrate", "FOLDER/missing.csv", *TURN, "--out", "FOLDER/c.json"], "cannot be read"),
         (["trend", "LOG", *TURN], "no date in its name"),
         (["trend", "LOG", *TURN, "--dates", "LOG"], "columns file and date"),
+        (["trend", "LOG", *TURN, "--dates", "DATES", "--limit", "0.5"], "at most 0.1 [rad]"),
+        (["estimate", "LOG", "LOG2", *TURN, "--jobs", "0"], "--jobs 0: give -1 or a number above 0"),
         (["nonsense"], "invalid choice"),
         (["estimate"], "give logs, or --batch"),
         (["estimate", "LOG", *TURN, "--batch", "LOG"], "give logs, or --batch"),
@@ -246,6 +248,8 @@ def test_what_cannot_be_done_is_refused_in_one_line_and_nothing_is_written(argum
     places["EMPTY"].touch()
     places["EMPTY2"].touch()
     (tmp_path / "void").mkdir()
+    places["DATES"] = tmp_path / "dates.csv"
+    places["DATES"].write_text("file,date\nlog.csv,2024-03-17\n", encoding="utf-8")
     filled = [str(places[a]) if a in places else a.replace("FOLDER", str(tmp_path)) for a in arguments]
     assert expected in refused(capsys, tmp_path, *filled)
 
@@ -394,3 +398,21 @@ def test_a_log_that_disappears_is_no_traceback(log, capsys, monkeypatch):
     monkeypatch.setattr(commands, "examine", lambda *_: (_ for _ in ()).throw(UnusableLog("gone\nfor good")))
     status, out, err = ran(capsys, "estimate", log, *TURN)
     assert (status, out, err) == (2, "", "gone for good\n")
+
+
+def test_an_output_never_overwrites_an_input(log, tmp_path, capsys):
+    before = log.read_bytes()
+    line = refused(capsys, tmp_path, "estimate", log, *TURN, "--out", log)
+    assert "that is one of the logs; name another file" in line
+    assert "one of the logs" in refused(capsys, tmp_path, "estimate", tmp_path, *TURN, "--out", log)
+    assert log.read_bytes() == before
+
+
+def test_a_batch_table_may_name_its_units_and_must_have_rows(log, tmp_path, capsys):
+    batch = tmp_path / "batch.csv"
+    batch.write_text("file,period [s],speed (rps)\nlog.csv,0.4,100\n", encoding="utf-8")
+    assert ran(capsys, "estimate", "--batch", batch, "--method", "energy")[0] == 0
+    batch.write_text("file,period [ms]\nlog.csv,400\n", encoding="utf-8")
+    assert "column 'period_[ms]'" in refused(capsys, tmp_path, "estimate", "--batch", batch)
+    batch.write_text("file,period\n", encoding="utf-8")
+    assert "no rows" in refused(capsys, tmp_path, "estimate", "--batch", batch)

@@ -150,3 +150,10 @@ def test_the_motors_own_harmonics_are_no_pattern_of_the_load():
     log = Recording(t, 45 + 0.3 * np.sin(2 * np.pi * 45 * t), 45.0, 1.0, "a motor's ripple at an odd harmonic")
     log = replace(log, v=log.v + np.random.default_rng(1).normal(0, 0.05, t.size))
     assert not find_pattern(log).found
+
+
+def test_skirts_of_lines_in_a_quiet_record_are_no_other_period():
+    turns = np.floor(np.cumsum(clean().v) * 2e-3 * 2**19) / 2**19
+    quiet = replace(clean(), t=T[1:], v=np.diff(turns) / 2e-3)
+    assert own_period(quiet) == quiet.turn_period_s
+    assert own_period(replace(quiet, turn_period_s=0.6)) == pytest.approx(0.4, rel=1e-3)

@@ -109,3 +109,12 @@ def test_a_person_is_told_that_the_first_command_on_a_machine_compiles(
     captured = capsys.readouterr()
     assert captured.err == line
     assert captured.out.startswith("[\n {")
+
+
+@pytest.mark.parametrize("closing", [">/dev/full", ">&-"])
+def test_an_answer_that_cannot_be_written_is_one_line(closing, tmp_path):
+    log = write(noisy(), tmp_path / "log.csv")
+    command = f"{sys.executable} -m backlash estimate {log} --turn-period 0.4 --method energy {closing}"
+    ended = subprocess.run(["/bin/sh", "-c", command], capture_output=True, text=True, check=False)
+    assert (ended.returncode, ended.stderr.count("\n")) == (1, 1)
+    assert "the answer cannot be written (" in ended.stderr

@@ -35,7 +35,7 @@ EQUATION_10 = {"06_characteristic_figure12": {}}
 # The tests that are tried with every constant: those of the committed code that take seconds.
 TESTS = (
     "tests/test_characteristic.py",
-    "tests/test_datasets.py::test_the_turn_period_in_the_data_is_0_4_s",
+    "tests/test_datasets.py::test_the_turn_period_in_the_data_is_400_ms",
     "tests/test_identify.py::test_a_drawn_start_lies_among_the_first_samples_that_the_paper_names",
     "tests/test_identify.py::test_every_stored_seed_gives_its_stored_first_generation",
     "tests/test_results.py::test_the_runs_of_table_2_spent_what_the_protocol_allows",
