@@ -17,7 +17,7 @@
 # %% [markdown]
 # # 11 · Two robots in a plant (Table 4), as stand-ins
 #
-# *You will see how a threshold on $A$ is chosen, and which disturbance looks like backlash. Run time: 20 s.*
+# *You will see how a threshold on $A$ is chosen, and which disturbance looks like backlash. Run time: 30 s.*
 #
 # **The robots' logs were never published. Everything below comes from simulated robots,
 # [stand-ins](glossary.md#stand-in), and none of it counts as reproduced.**

@@ -19,7 +19,7 @@
 # # 13 · Estimators compared: on the paper's joint, and on changed ones
 #
 # *You will see which estimator finds the [backlash](../glossary.md#backlash) in the motor speed most accurately, how
-# accurate one can be at all, and what a changed joint does to each. Run time: 80 s.*
+# accurate one can be at all, and what a changed joint does to each. Run time: 130 s.*
 #
 # ## Claim
 #

@@ -18,7 +18,7 @@
 # # 15 · What friction and wear do to the bench, as a stand-in
 #
 # *You will see why friction on the load moves the impacts, and how five sensors follow eight months of wear.
-# Run time: 90 s.*
+# Run time: 65 s.*
 #
 # ## Claim
 #
