@@ -105,7 +105,7 @@ def note_run(endings: Sequence[Ending]) -> None:
     path = ROOT / "results" / "run.json"
     before = json.loads(path.read_text(encoding="utf-8"))["seconds"] if path.exists() else {}
     seconds = before | {ending.name: round(ending.seconds, 1) for ending in endings if ending.how == "done"}
-    content = {"machine": f"{platform.system()} {platform.machine()}", "cores": os.cpu_count(), "commit": commit.stdout.strip()}
+    content = {"machine": platform.machine(), "cores": os.cpu_count(), "commit": commit.stdout.strip()}
     write_json(path, content | {"ended": time.strftime("%Y-%m-%d %H:%M"), "seconds": seconds})
 
 
