@@ -16,7 +16,7 @@ from scour import scour
 
 FIGURE_NAME = re.compile(r"(figure|table|equation)0*(\d+)_")
 IN_ADDRESS = str.maketrans({"%": "%25", "#": "%23"})
-SHORTER_SVG = scour.parse_args(["--remove-metadata", "--enable-id-stripping", "--shorten-ids", "--indent=none"])
+SCOUR = scour.parse_args(["--remove-metadata", "--enable-comment-stripping", "--enable-id-stripping", "--shorten-ids"])
 COLOURS = 48  # enough for lines and markers with smooth edges; a third of the size
 DOTS_PER_SHOWN_DOT = 1.5
 
@@ -57,8 +57,8 @@ class Picture:
 
     def vector(self) -> Markup:
         """The drawing as vectors, with what a page does not need left out."""
-        drawing = scour.scourString(self.file.with_suffix(".svg").read_text(encoding="utf-8"), SHORTER_SVG)
-        return self._element("data:image/svg+xml," + drawing.replace('"', "'").translate(IN_ADDRESS))
+        drawing = scour.scourString(self.file.with_suffix(".svg").read_text(encoding="utf-8"), SCOUR)
+        return self._element("data:image/svg+xml," + " ".join(drawing.replace('"', "'").translate(IN_ADDRESS).split()))
 
     def _element(self, source: str) -> Markup:
         with Image.open(self.file) as image:

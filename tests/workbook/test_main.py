@@ -35,8 +35,8 @@ def test_a_notebook_without_its_data_is_not_run_and_leaves_no_stamp(without_data
     assert "01_signature_figure6: not run" in capsys.readouterr().err
 
 
-def test_a_notebook_that_is_not_there_fails_by_name(capsys, tmp_path):
-    assert main(["run", str(tmp_path / "missing.py")]) == 1
+def test_a_notebook_that_is_not_there_is_refused_by_name(capsys, tmp_path):
+    assert main(["run", str(tmp_path / "missing.py")]) == 2
     assert "missing.py" in capsys.readouterr().err
 
 
