@@ -114,7 +114,7 @@ def test_all_runs_end_in_the_basin_of_the_results_and_say_which_values_are_store
         player.press("#frame", "Home")
         assert (player.inner_text("#printed") == "only the end") == (run == 21)
         last = ends.set_index("run").loc[run]
-        told = f"misfit of {last['ours_rps']:.6f} rps, after {last['our_generations']:.0f} generations"
+        told = f"misfit of {last['ours_rps']:.6f} rps; the run ends after {last['our_generations']:.0f} generations"
         assert told in player.inner_text("#ending")
 
 
