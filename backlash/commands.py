@@ -219,16 +219,15 @@ def _listed_logs(path: Path, logs: str, *columns: str) -> tuple[list[Path], pd.D
     try:
         table = pd.read_csv(path, dtype={logs: str})
         found = [path.parent / name for name in table.pop(logs).str.strip()]
-        if not found:
-            raise UnusableLog(f"{path}: no rows; name a log in each")
-        return found, table[list(columns) or list(table)].apply(pd.to_numeric).astype(float)
-    except UnusableLog:
-        raise
+        numbers = table[list(columns) or list(table)].apply(pd.to_numeric).astype(float)
     except OSError as error:
         raise UnusableLog(f"{path}: cannot be read ({error.strerror}); check the name") from error
     except (ValueError, KeyError, TypeError, AttributeError) as error:
         wanted = " and ".join([logs, *(columns or ["numbers"])])
         raise UnusableLog(f"{path}: no table with the columns {wanted} ({error})") from error
+    if not found:
+        raise UnusableLog(f"{path}: no rows; name a log in each")
+    return found, numbers
 
 
 def run_trend(options: argparse.Namespace) -> int:

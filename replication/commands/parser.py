@@ -1,12 +1,16 @@
 """Command lines: parsers that say in one line what is wrong, and commands whose code is imported when they run."""
 
 import argparse
+import errno
 import os
 import sys
 from collections.abc import Container, Sequence
 from importlib import import_module
 
 from replication.files import require_checkout
+
+# Of an output that takes no more: whoever read a pipe has seen enough, or a disk is full.
+UNWRITABLE = {errno.EPIPE, errno.ENOSPC, errno.EDQUOT, errno.EIO}
 
 
 class OneLineParser(argparse.ArgumentParser):
@@ -29,6 +33,9 @@ def run_command(parser: argparse.ArgumentParser, arguments: Sequence[str] | None
 
     Commands that are not in `anywhere` need a checkout of the project.
     """
+    if sys.stdout is None:
+        print("the answer cannot be written (the standard output is closed)", file=sys.stderr)
+        return 1
     try:
         try:
             options = parser.parse_args(arguments)
@@ -37,10 +44,12 @@ def run_command(parser: argparse.ArgumentParser, arguments: Sequence[str] | None
             return getattr(import_module(options.module), options.function)(options)
         finally:
             sys.stdout.flush()
-    except BrokenPipeError:  # whoever reads the output has seen enough; nothing is left to be flushed at the end
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        return 1
     except Exception as error:
+        if isinstance(error, OSError) and error.errno in UNWRITABLE:
+            if error.errno != errno.EPIPE:
+                print(f"the answer cannot be written ({error.strerror})", file=sys.stderr)
+            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # nothing is left to be flushed at the end
+            return 1
         if not hasattr(error, "exit_status"):  # of errors whose message is the one line that a user needs
             raise
         print(error, file=sys.stderr)

@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
 from replication.arrays import FloatArray
-from replication.figures.style import BLUE, GREEN, INK, ORANGE, finish, grid, in_style, letter_panels
+from replication.figures.style import BLUE, GREEN, INK, ORANGE, finish, grid, in_style
 from replication.search import Generation, State
 from replication.signature import Box
 
@@ -63,11 +63,8 @@ def one_generation(
         axis.plot(before.m[i], before.m[j], "P", color=INK, markersize=7, label="mean before")
         axis.plot(after.m[i], after.m[j], "s", color=ORANGE, markersize=4, label="mean after")
     ellipse(third, after, at, color=ORANGE, label="2 SD after")
-    named = {handle.get_label(): handle for axis in panels for handle in axis.get_legend_handles_labels()[0]}
-    key.axis("off")
-    key.legend(handles=list(named.values()), loc="center")
-    letter_panels(panels)
-    return figure
+    key.set_visible(False)
+    return finish(figure, 1, (0.64, 0.12))
 
 
 @in_style

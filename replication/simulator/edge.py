@@ -17,6 +17,7 @@ from replication.simulator.study import FIT_LEVELS, clean_records
 
 # Sharpness of the edge [1/rad] at which the joint is identified anew, from sharp to soft.
 ALPHAS = (1e6, 1e5, 1e4, 1e3)
+DAMPING_RATIO = 0.05  # of the joint whose torque steps
 
 
 def refit_alphas() -> pd.DataFrame:
@@ -75,7 +76,7 @@ def plain_steps_speed_rps(joint: JointParameters, delta_rad: float, duration_s: 
 
 def stepping_torque_study(joint: JointParameters, deltas_rad: FloatArray, steps_s: Sequence[float]) -> pd.DataFrame:
     """Settled peaks from plain steps against fine ones that locate the contact, with a stepping torque or not."""
-    damping = 2 * 0.05 * math.sqrt(joint.stiffness_nm_per_rad * joint.load_inertia_kgm2)
+    damping = 2 * DAMPING_RATIO * math.sqrt(joint.stiffness_nm_per_rad * joint.load_inertia_kgm2)
     models = {"stepping": replace(joint, clamped=True, damping_nms_per_rad=damping), "modified": joint}
     period, duration, rows = joint.control_period_s, 4 * joint.turn_period_s, []
     for name, model in models.items():

@@ -83,8 +83,8 @@ def identify_joint(records: Records, start: JointParameters, *, held: Iterable[s
     """
     free = {name: value for name, value in start.ratios.items() if name not in set(held)}
     names, values = list(free), np.array(list(free.values()))
-    if (longest := min(record.t[-1] for record in records.values())) < 3 * start.turn_period_s:
-        raise ValueError(f"a recording of {longest} s is too short: three turns of {start.turn_period_s} s are needed")
+    if (shortest := min(record.t[-1] for record in records.values())) < 3 * start.turn_period_s:
+        raise ValueError(f"a recording of {shortest} s is too short: three turns of {start.turn_period_s} s are needed")
     size = third_turn_errors(start, records).size
 
     def residual(z: FloatArray) -> FloatArray:
