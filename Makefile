@@ -2,9 +2,9 @@
 
 PYTHON ?= python3
 PY := .venv/bin/python
-RUN := $(PY) -m replication
+RUN := $(PY) -m workbook
 CHANGES := tests/test_try_changing.py tests/test_ten_changes.py
-STUDY := OPENBLAS_NUM_THREADS=1 $(PY) -m backlash.studies
+STUDY := OPENBLAS_NUM_THREADS=1 $(PY) -m studies
 PYTEST := OPENBLAS_NUM_THREADS=1 $(PY) -m pytest --numprocesses 2 --dist worksteal
 export PYTHONPATH := $(CURDIR)
 
@@ -128,7 +128,7 @@ $(BEYOND:notebooks/beyond/%.py=.make/%.done): .make/%.done: notebooks/beyond/%.p
 	@mkdir -p .make && echo $< >> .make/due
 
 # A notebook that fails keeps neither the others nor the report from being made, but make from ending well.
-.make/workbook.done: $(STAMPS) $(wildcard replication/report/*.py replication/report/templates/*.j2 article/*.* replication/workbook/*.py replication/data/*.csv)
+.make/workbook.done: $(STAMPS) $(wildcard workbook/*.py workbook/report/*.py workbook/report/templates/*.j2 article/*.* replication/data/*.csv)
 	@if [ -s .make/due ]; then $(RUN) run --stamps .make --watch $$PPID $$(sort -u .make/due); fi; echo $$? > .make/status
 	$(RUN) collect
 	$(RUN) report

@@ -20,7 +20,7 @@ from backlash.fitting.waveform import LEAST_LEVELS, WaveformBank, make_bank, mat
 from backlash.reading.tables import UnusableLog
 from replication.arrays import FloatArray
 from replication.characteristic import RPM_PER_RPS, equation_10, first_rise, printed_levels_rad
-from replication.datasets import COMMANDED_SPEED_RPS, TURN_PERIOD_S, Recording
+from replication.recording import COMMANDED_SPEED_RPS, TURN_PERIOD_S, Recording
 from replication.simulator.recordings import simulate_recordings
 from replication.simulator.simulate import identified_joint
 

@@ -26,7 +26,7 @@ from backlash.reading.detect import Presence, band_energy, detect_pattern, expla
 from backlash.reading.prepare import CannotTell
 from backlash.reading.tables import UnusableLog
 from replication.arrays import FloatArray
-from replication.datasets import Recording
+from replication.recording import Recording
 from replication.signature import signature
 
 _LEAST_SHARE = 0.8  # of the pattern's energy, for the model to explain; it explains 0.96 or more in the paper's range

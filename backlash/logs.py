@@ -16,7 +16,7 @@ from backlash import __version__
 from backlash.reading.columns import LogFormat
 from backlash.reading.prepare import read_log, record_of
 from backlash.reading.tables import UnusableLog
-from replication.datasets import Recording
+from replication.recording import Recording
 
 STDIN = "-"
 

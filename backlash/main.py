@@ -10,7 +10,7 @@ from pathlib import Path
 
 from backlash.fitting import METHODS, SENSOR_METHODS
 from backlash.reading import UNITS
-from replication.commands.parser import OneLineParser, add_command, run_command
+from workbook.parser import OneLineParser, add_command, run_command
 
 _COMMANDS = "backlash.commands"
 _ABOUT = "Backlash, half of the total play, of a robot's joint from logs of the motor encoder."

@@ -6,8 +6,8 @@ from matplotlib.figure import Figure
 
 from backlash.trend_line import Trend
 from replication.arrays import FloatArray
-from replication.datasets import Recording
 from replication.figures.style import BLUE, INK, ORANGE, PINK, finish, grid, in_style
+from replication.recording import Recording
 
 _SHOWN_TURNS = 3
 

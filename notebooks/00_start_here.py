@@ -55,13 +55,15 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import curve_fit
 
 import backlash
-from replication import characteristic, datasets, identify, workbook
+import workbook
+from replication import characteristic, identify
 from replication.figures import style, teeth
+from replication.recording import add_uniform_noise
 from replication.simulator.checks import closed_loop_matrix
 from replication.simulator.parameters import with_ratios
 from replication.simulator.recordings import simulate_recordings
 from replication.simulator.simulate import identified_joint, settled_peak_rps, simulate
-from replication.workbook import Interval
+from workbook import Interval
 
 # %% [markdown]
 # ## Parameters
@@ -376,7 +378,7 @@ print(f"{clean.v.size} samples, {clean.v.min():.2f} to {clean.v.max():.2f} rps")
 # 2. Add noise.
 
 # %%
-log = datasets.add_uniform_noise(clean, noise_rps, np.random.default_rng(seed))
+log = add_uniform_noise(clean, noise_rps, np.random.default_rng(seed))
 print(f"noise of SD {np.std(log.v - clean.v):.3f} rps on a signal of SD {np.std(clean.v):.3f} rps")
 
 # %% [markdown]

@@ -86,7 +86,9 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 
-from replication import datasets, published, signature, workbook
+import workbook
+from replication import published, signature
+from replication.authors import load_clean
 from replication.compiled.misfit import residual
 from replication.figures import paper, searching
 from replication.identify import paper_fit, protocol_box
@@ -94,7 +96,7 @@ from replication.replay import inspection, replay
 from replication.search import generations, random_normals, search
 from replication.signature import FREE_PARAMETERS
 from replication.table2 import AUTHORS, BASIN_GAP, basin_labels
-from replication.workbook import Interval
+from workbook import Interval
 
 # %% [markdown]
 # ## Parameters
@@ -161,7 +163,7 @@ figure6 = paper.signature_parameters(t, shape, X, timing)
 # All stored runs have $T_d$ = 0.2 s, $T_f$ = 0.4 s and twelve turns.
 
 # %%
-record = datasets.load_clean(12)
+record = load_clean(12)
 
 
 def residual_signal(X, n=12):  # equation 11, less the signature

@@ -47,10 +47,11 @@ import numpy as np
 import pandas as pd
 from matplotlib import pyplot as plt
 
-from replication import dead_zone, published, workbook
+import workbook
+from replication import dead_zone, published
 from replication.figures import paper
 from replication.simulator.simulate import identified_joint
-from replication.workbook import Interval
+from workbook import Interval
 
 # %% [markdown]
 # ## Parameters

@@ -103,14 +103,16 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 
-from replication import datasets, published, workbook
+import workbook
+from replication import published
+from replication.authors import level_delta_rad
 from replication.figures import paper
 from replication.simulator import checks, identification
 from replication.simulator.parameters import with_ratios
 from replication.simulator.recordings import simulate_recordings
 from replication.simulator.simulate import identified_joint
 from replication.simulator.study import CLEAN_LEVELS, FIT_LEVELS, clean_records
-from replication.workbook import Interval
+from workbook import Interval
 
 # %% [markdown]
 # ## Parameters
@@ -144,7 +146,7 @@ workbook.check_parameters(
 # %%
 committed = identified_joint()
 records = clean_records(CLEAN_LEVELS)
-of_fit = {delta: records[delta] for delta in map(datasets.level_delta_rad, FIT_LEVELS)}
+of_fit = {delta: records[delta] for delta in map(level_delta_rad, FIT_LEVELS)}
 third_turn, settled = slice(400, 600), slice(200, None)
 
 
@@ -259,8 +261,8 @@ attempts.nsmallest(8, "max_nrmse_percent")
 # The largest level, which the fit of the ratios does not use.
 
 # %%
-record = records[datasets.level_delta_rad(13)]
-simulated = simulate_recordings(committed, [datasets.level_delta_rad(13)])[0]
+record = records[level_delta_rad(13)]
+simulated = simulate_recordings(committed, [level_delta_rad(13)])[0]
 labels = ("authors' record 13", "simulated joint")
 residual = paper.record_with_fit(record.t, record.v, simulated.v, labels, seconds=1.6)
 

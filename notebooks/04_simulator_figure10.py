@@ -54,8 +54,10 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 
-from replication import datasets, workbook
+import workbook
+from replication.authors import level_delta_rad
 from replication.figures import paper
+from replication.recording import COMMANDED_SPEED_RPS, TURN_PERIOD_S
 from replication.simulator.identification import FINE_S
 from replication.simulator.parameters import joint_from_ratios
 from replication.simulator.recordings import SIMULATION_STEP_S, simulate_recordings
@@ -68,7 +70,7 @@ from replication.simulator.study import (
     clean_records,
     printed_amplitudes,
 )
-from replication.workbook import Interval
+from workbook import Interval
 
 # %% [markdown]
 # ## Parameters
@@ -101,13 +103,11 @@ committed = identified_joint()
 joint = changed_joint(committed, changes)
 joint = replace(joint, load_coulomb_nm=joint.load_coulomb_nm + friction_share * joint.gravity_torque_nm)
 records = clean_records(CLEAN_LEVELS)
-compared = np.isclose(
-    [joint.commanded_speed_rps, joint.turn_period_s], [datasets.COMMANDED_SPEED_RPS, datasets.TURN_PERIOD_S]
-).all()
+compared = np.isclose([joint.commanded_speed_rps, joint.turn_period_s], [COMMANDED_SPEED_RPS, TURN_PERIOD_S]).all()
 if not compared:
     print(
         f"This joint turns in {joint.turn_period_s:g} s at {joint.commanded_speed_rps:g} rps, that of the records in "
-        f"{datasets.TURN_PERIOD_S:g} s at {datasets.COMMANDED_SPEED_RPS:g} rps: it is not compared with the records."
+        f"{TURN_PERIOD_S:g} s at {COMMANDED_SPEED_RPS:g} rps: it is not compared with the records."
     )
 changed = [f"{name} times {factor:g}" for name, factor in changes.items()]
 changed += [f"friction of {100 * friction_share:g} % of m g r"] * (friction_share > 0)
@@ -122,7 +122,7 @@ pd.DataFrame(of_joint, index=["committed", "simulated here"]).T.map("{:.4g}".for
 # Two settled turns.
 
 # %%
-delta_rad = datasets.level_delta_rad(level)
+delta_rad = level_delta_rad(level)
 run = simulate(joint, delta_rad, duration_s=12 * joint.turn_period_s, step_s=SIMULATION_STEP_S)
 shown = (run.time_s >= 2 * joint.turn_period_s) & (run.time_s <= 4 * joint.turn_period_s)
 motion = run.motor_position_rad - joint.commanded_speed_rad_per_s * run.time_s
@@ -144,7 +144,7 @@ figure10 = paper.simulated_joint(run.time_s[shown], signals)
 # Misfit and peak, on one level. 40 fine samples are 2 ms, and 200 samples of 2 ms the first turn of a record.
 
 # %%
-levels = {datasets.level_delta_rad(k): k for k in range(2, CLEAN_LEVELS.stop)}  # K = 2 has a printed A alone
+levels = {level_delta_rad(k): k for k in range(2, CLEAN_LEVELS.stop)}  # K = 2 has a printed A alone
 
 
 def nrmse(run, record):
@@ -246,7 +246,7 @@ if compared:
 else:
     print(
         f"{name} turns in {joint.turn_period_s:g} s at {joint.commanded_speed_rps:g} rps and is not compared with the "
-        f"records of {datasets.TURN_PERIOD_S:g} s at {datasets.COMMANDED_SPEED_RPS:g} rps."
+        f"records of {TURN_PERIOD_S:g} s at {COMMANDED_SPEED_RPS:g} rps."
     )
 print(
     f"Against the committed joint its peaks change by {peak_change_percent.min():+.1f} to "

@@ -58,13 +58,16 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 
-from replication import datasets, table2, workbook
+import workbook
+from replication import table2
+from replication.authors import level_delta_rad
 from replication.figures import paper
+from replication.recording import COMMANDED_SPEED_RPS, TURN_PERIOD_S, add_uniform_noise
 from replication.simulator.identification import FINE_S
 from replication.simulator.recordings import SIMULATION_STEP_S, simulate_recordings
 from replication.simulator.simulate import identified_joint, settled_peak_rps, simulate
 from replication.simulator.study import ALL_LEVELS, changeable, changed_joint, printed_amplitudes
-from replication.workbook import Interval
+from workbook import Interval
 
 # %% [markdown]
 # ## Parameters
@@ -96,8 +99,8 @@ workbook.check_parameters(factors=(list(changes.values()), [Interval(0, 100)]))
 # %%
 joint = changed_joint(replace(identified_joint(), commanded_speed_rps=commanded_speed_rps), changes)
 v_t, T_f = joint.commanded_speed_rps, joint.turn_period_s
-speed = simulate_recordings(joint, [datasets.level_delta_rad(speed_level)])[0]
-speed = datasets.add_uniform_noise(speed, noise_rps, np.random.default_rng(noise_seed))
+speed = simulate_recordings(joint, [level_delta_rad(speed_level)])[0]
+speed = add_uniform_noise(speed, noise_rps, np.random.default_rng(noise_seed))
 shown = speed.t <= 4 * T_f
 figure5 = paper.speed_signal(speed.t[shown], speed.v[shown], T_f)
 
@@ -117,7 +120,7 @@ def draw(delta_mrad):
     axis.set_title(f"largest settled sample {(record.v[settled] - v_t).max():.3f} rps above {v_t:g} rps")
 
 
-workbook.sliders(draw, delta_mrad=(1e3 * datasets.level_delta_rad(speed_level), 0.1, 4.0))
+workbook.sliders(draw, delta_mrad=(1e3 * level_delta_rad(speed_level), 0.1, 4.0))
 
 # %% [markdown]
 # ### Figure 11
@@ -125,8 +128,8 @@ workbook.sliders(draw, delta_mrad=(1e3 * datasets.level_delta_rad(speed_level), 
 # The third turn of each level, and the settled peak before and after sampling: 40 fine samples are 2 ms.
 
 # %%
-ten = [datasets.level_delta_rad(level) for level in table2.table2_levels()]
-every = [datasets.level_delta_rad(level) for level in ALL_LEVELS]
+ten = [level_delta_rad(level) for level in table2.table2_levels()]
+every = [level_delta_rad(level) for level in ALL_LEVELS]
 
 
 def settled_peaks(joint):
@@ -145,7 +148,7 @@ signals = pd.concat(
     ],
     ignore_index=True,
 )
-published_motion = np.isclose([v_t, T_f], [datasets.COMMANDED_SPEED_RPS, datasets.TURN_PERIOD_S]).all()
+published_motion = np.isclose([v_t, T_f], [COMMANDED_SPEED_RPS, TURN_PERIOD_S]).all()
 figure11 = paper.growth(signals, peaks, printed_amplitudes() if published_motion else {})
 
 # %% [markdown]
@@ -179,7 +182,7 @@ print(
 print(
     "The joint is the identified one."
     if same
-    else f"Against the identified joint at {datasets.COMMANDED_SPEED_RPS:g} rps the amplitudes change by "
+    else f"Against the identified joint at {COMMANDED_SPEED_RPS:g} rps the amplitudes change by "
     f"{against.min():+.1f} to {against.max():+.1f} %, on average {against.mean():+.1f} %."
 )
 
@@ -193,7 +196,7 @@ workbook.export(
         "figure05_speed_signal": (
             figure5,
             f"Motor speed of the simulated joint over four turns (dotted lines) {with_noise}, at a backlash of "
-            f"{1e4 * datasets.level_delta_rad(speed_level):g}e-4 rad. Two impacts a turn, opposite in sign, make the "
+            f"{1e4 * level_delta_rad(speed_level):g}e-4 rad. Two impacts a turn, opposite in sign, make the "
             f"speed ring about the commanded {v_t:g} rps. The signal of the paper's figure 5 is not public.",
         ),
         "figure11_growth": (

@@ -49,11 +49,12 @@ import numpy as np
 import pandas as pd
 from matplotlib import pyplot as plt
 
-from replication import characteristic, published, workbook
+import workbook
+from replication import characteristic, published
 from replication.figures import paper, style
 from replication.simulator import study
 from replication.simulator.simulate import identified_joint, simulate_many
-from replication.workbook import Interval
+from workbook import Interval
 
 # %% [markdown]
 # ## Parameters

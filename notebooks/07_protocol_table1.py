@@ -49,17 +49,19 @@ from itertools import islice
 import numpy as np
 import pandas as pd
 
-from backlash.studies import basins
-from replication import datasets, published, search, table2, workbook
+import workbook
+from replication import published, search, table2
+from replication.authors import LOW_NOISE, load_clean
 from replication.compiled.bounds import into_box
 from replication.compiled.misfit import fold, folded_rmse
 from replication.figures import paper, searching
 from replication.identify import paper_run, protocol_box
 from replication.replay import inspection
-from replication.replay.bounds import bounds_by_replay, table1_cells
+from replication.replay.table1 import bounds_by_replay, table1_cells
 from replication.replay.variants import VARIANTS, variant_scores
 from replication.signature import FREE_PARAMETERS
-from replication.workbook import Interval
+from studies import basins
+from workbook import Interval
 
 # %% [markdown]
 # ## Parameters
@@ -107,7 +109,7 @@ workbook.check_parameters(
     generation=(generation, Interval(1, 200)),
     seed=(seed, tuple(published.authors_notebook_runs()["cma_seed"].tolist())),
     repeats=(repeats, Interval(1, whole=True)),
-    realisation=(realisation, datasets.LOW_NOISE),
+    realisation=(realisation, LOW_NOISE),
     rows=(rows, [range(1, 11)]),
     variants=(variants, [tuple(variant.name for variant in VARIANTS)]),
     your_variant=(your_variant, [tuple(settings)]),
@@ -128,7 +130,7 @@ for chosen_settings in (box, your_variant):
 # of the bound.
 
 # %%
-clean = datasets.load_clean(12)
+clean = load_clean(12)
 tried = bounds_by_replay(clean)
 tried.pivot(index="cell", columns="shift", values="replayed").loc[tried["cell"].unique()]
 

@@ -68,13 +68,14 @@ import numpy as np
 import pandas as pd
 from scipy import stats
 
-from replication import published, table2, workbook
-from replication.datasets import HIGH_NOISE, LOW_NOISE
+import workbook
+from replication import published, table2
+from replication.authors import HIGH_NOISE, LOW_NOISE
 from replication.figures import paper
 from replication.replay import inspection
 from replication.simulator.simulate import identified_joint
-from replication.workbook import Interval
-from replication.workbook.judging import judge_cells, region
+from workbook import Interval
+from workbook.judging import judge_cells, region
 
 # %% [markdown]
 # ## Parameters

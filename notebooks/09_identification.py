@@ -66,15 +66,17 @@ import pandas as pd
 from matplotlib import pyplot as plt
 from scipy import optimize, stats
 
+import workbook
 from backlash.fitting import windows
 from backlash.fitting.global_fit import global_fit
-from backlash.studies import basins, optimizers, plots
-from replication import datasets, published, table2, workbook
+from replication import published, table2
+from replication.authors import level_delta_rad, load_clean
 from replication.compiled.misfit import population_rmse
 from replication.identify import Protocol, protocol_box
 from replication.signature import FREE_PARAMETERS, signature
 from replication.statistics import rate_columns
-from replication.workbook import Interval
+from studies import basins, optimizers, plots
+from workbook import Interval
 
 
 def differential_evolution(misfit, lower, upper, evaluations, seed):
@@ -131,7 +133,7 @@ if not strategies:
 
 # %%
 protocol = Protocol()
-record = datasets.load_clean(level)
+record = load_clean(level)
 replay = table2.repeated_fits([({}, record)], [protocol], range(1, replay_runs + 1), label="replay")
 stored = published.authors_notebook_runs().rename(
     columns={"window_start_s": "T1_s", "window_end_s": "T2_s", "final_rmse_rps": "rmse_rps"}
@@ -289,7 +291,7 @@ amplitude = pd.Series([fit.amplitude_rps for fit in fits])
 intervals = pd.DataFrame(
     {
         "row": range(1, len(fits) + 1),
-        "delta_rad": [datasets.level_delta_rad(level) for level in table2.table2_levels()],
+        "delta_rad": [level_delta_rad(level) for level in table2.table2_levels()],
         "theoretical_A_rps": printed["theoretical"],
         "printed_mean_A_rps": printed["mean"],
         "printed_sd_A_rps": printed["sd"],

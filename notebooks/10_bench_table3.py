@@ -55,7 +55,7 @@
 # v_k = \frac{\theta_{k+1} - \theta_k}{2\pi \Delta t} + n_k.$$
 #
 # How wide each is drawn is our assumption: the paper gives none of it. If the real logs are ever published, one
-# function beside `datasets.load_clean` that makes a `Recording` of a log takes the place of `joints.encoder_log`;
+# function beside `authors.load_clean` that makes a `Recording` of a log takes the place of `joints.encoder_log`;
 # nothing after it changes.
 
 # %%
@@ -64,13 +64,14 @@ from dataclasses import asdict, replace
 import numpy as np
 import pandas as pd
 
+import workbook
 from backlash.fitting.global_fit import global_fit
-from replication import characteristic, published, table2, workbook
+from replication import characteristic, published, table2
 from replication.figures import paper
 from replication.simulator.simulate import identified_joint, simulate
 from replication.standins import bench as bench_standin
 from replication.standins import joints, plots
-from replication.workbook import Interval
+from workbook import Interval
 
 # %% [markdown]
 # ## Parameters

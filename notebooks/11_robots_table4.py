@@ -60,11 +60,12 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 
+import workbook
 from backlash.fitting.global_fit import global_fit
-from replication import published, table2, workbook
+from replication import published, table2
 from replication.simulator.simulate import identified_joint
 from replication.standins import plots, robots
-from replication.workbook import Interval
+from workbook import Interval
 
 # %% [markdown]
 # ## Parameters

@@ -10,7 +10,7 @@ from replication.arrays import FloatArray
 from replication.compiled.bounds import from_box, into_box, margin_today
 from replication.compiled.misfit import fold, folded_rmse
 from replication.compiled.whole_run import whole_run
-from replication.datasets import Recording
+from replication.recording import Recording
 from replication.search import Generation, Search, check_settings, generations, random_normals
 from replication.signature import DAMPING_PER_S, FREQUENCY_HZ, Box, Timing, table1_box
 

@@ -11,16 +11,9 @@ from tqdm import tqdm
 
 from replication import published
 from replication.arrays import FloatArray
-from replication.datasets import (
-    HIGH_NOISE,
-    Recording,
-    add_uniform_noise,
-    constant_speed,
-    from_sample,
-    level_delta_rad,
-    load_noisy,
-)
+from replication.authors import HIGH_NOISE, level_delta_rad, load_noisy
 from replication.identify import Protocol, paper_fit
+from replication.recording import Recording, add_uniform_noise, constant_speed, from_sample
 from replication.signature import FREE_PARAMETERS
 from replication.simulator.parameters import JointParameters
 from replication.simulator.recordings import simulate_recordings

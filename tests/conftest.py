@@ -3,8 +3,7 @@ import os
 import pytest
 from hypothesis import settings
 
-from replication import datasets
-from replication.data.authors import WORKBOOK_FILES, DataUnavailable, authors_file
+from replication.authors import WORKBOOK_FILES, DataUnavailable, authors_file, load_clean
 
 # No test hangs on a clock: other machines are slower.
 settings.register_profile("no clock", deadline=None)
@@ -39,4 +38,4 @@ def authors_data():
 @pytest.fixture(scope="session")
 def record_12(authors_data):
     """The authors' clean record 12, which their stored runs were fitted to."""
-    return datasets.load_clean(12)
+    return load_clean(12)

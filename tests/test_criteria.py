@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 
 from replication import published
-from replication.files import notebook_files
-from replication.workbook import ROOT, judging
+from workbook import ROOT, judging
+from workbook.checkout import notebook_files
 
 RULES = {
     **dict.fromkeys(("below", "at most", "above", "at least", "rounds to", "odds at least"), "one"),

@@ -12,9 +12,9 @@ from pathlib import Path
 import pytest
 
 from replication import published
-from replication.workbook import ROOT
+from workbook import ROOT
 
-FOLDERS = ("replication", "backlash", "notebooks", "tests", "tools", "benchmarks")
+FOLDERS = ("replication", "backlash", "workbook", "studies", "notebooks", "tests")
 SOURCES = sorted({path for folder in FOLDERS for path in (ROOT / folder).rglob("*.py")} - {Path(__file__)})
 ELSEWHERE = ("dsyev",)  # a name of LAPACK
 QUOTED = re.compile(r"(?<!`)`([A-Za-z_][\w.]*)`(?!`)")

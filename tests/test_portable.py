@@ -6,9 +6,9 @@ import re
 import pandas as pd
 import pytest
 
-from replication.files import notebook_files
-from replication.workbook import ROOT, judging
 from tests.processors import ALIASES, numba_target, numpy_simd, openblas_kernels
+from workbook import ROOT, judging
+from workbook.checkout import notebook_files
 
 KERNEL = os.environ.get("OPENBLAS_CORETYPE")
 needs_settings = pytest.mark.skipif(not KERNEL, reason="this processor's own settings; `make portable` sets others")

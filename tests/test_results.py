@@ -7,10 +7,12 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from replication import datasets, published, table2, workbook
-from replication.data.authors import authors_registry
-from replication.files import ROOT, notebook_files
-from replication.workbook import judging
+import workbook
+from replication import published, table2
+from replication.authors import LOW_NOISE, authors_registry
+from replication.files import ROOT
+from workbook import judging
+from workbook.checkout import notebook_files
 
 RESULTS = workbook.ROOT / "results"
 VERDICTS = pd.read_csv(RESULTS / "verdicts.csv")
@@ -66,7 +68,7 @@ def test_table_2_has_thirty_runs_on_each_of_five_realisations():
     table, runs = (pd.read_csv(RESULTS / f"{name}.csv") for name in ("table2", "table2_runs"))
     assert (table["runs"] == published.value("text.runs")).all()
     keys = ["source", "realisation", "row"]
-    expected = {("authors", R, row) for R in datasets.LOW_NOISE for row in range(1, 11)}
+    expected = {("authors", R, row) for R in LOW_NOISE for row in range(1, 11)}
     expected |= {("simulated", seed, row) for seed in range(1, 6) for row in range(1, 12)}
     assert set(table[keys].itertuples(index=False, name=None)) == expected
     runs["amplitude"] = runs["A_rps"].abs().where(runs["delta_rad"] > 0, runs["A_rps"])

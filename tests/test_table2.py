@@ -2,7 +2,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from replication import datasets, published, table2
+from replication import published, table2
+from replication.authors import LOW_NOISE
 
 
 @pytest.mark.parametrize("realisations", [[], [7], [21]])
@@ -32,7 +33,7 @@ def test_no_runs_are_refused_before_anything_is_computed():
 
 @pytest.mark.slow
 def test_the_five_realisations_give_fifty_records_of_their_own(authors_data):
-    records = table2.authors_table2_records(datasets.LOW_NOISE)
+    records = table2.authors_table2_records(LOW_NOISE)
     assert len({(key["realisation"], key["row"]) for key, _ in records}) == 50
     assert len({recording.v.tobytes() for _, recording in records}) == 50
 

@@ -12,12 +12,13 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from backlash.studies.benchmark import JOINT_ALL_FREE
-from replication import published, workbook
-from replication.files import notebook_files
+import workbook
+from replication import published
 from replication.standins import joints
 from replication.statistics import rate_columns
-from replication.workbook import execution, judging
+from studies.benchmark import JOINT_ALL_FREE
+from workbook import execution, judging
+from workbook.checkout import notebook_files
 
 NOTEBOOKS = notebook_files("py")
 
@@ -191,7 +192,7 @@ def within_the_lines_width(n):
 
 
 def noise_over_figure_5(n):
-    quiet = n["simulate_recordings"](n["joint"], [n["datasets"].level_delta_rad(12)])[0]
+    quiet = n["simulate_recordings"](n["joint"], [n["level_delta_rad"](12)])[0]
     added = np.abs(n["speed"].v - quiet.v)
     assert 0.17 < added.max() <= 0.18
     assert published.value("table2.row10.noise") == pytest.approx(0.18, abs=0.005)
@@ -202,7 +203,7 @@ def every_amplitude_grows(n):
 
 
 def a_quarter_as_high(n):
-    high = n["simulate_recordings"](n["joint"], [n["datasets"].level_delta_rad(12)])[0]
+    high = n["simulate_recordings"](n["joint"], [n["level_delta_rad"](12)])[0]
     assert np.abs(n["speed"].v - 100).max() / np.abs(high.v - 100).max() == pytest.approx(0.25, abs=0.04)
 
 

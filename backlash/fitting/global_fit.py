@@ -12,8 +12,8 @@ from backlash.fitting import folding, windows
 from backlash.fitting.folding import Fold, Limits, middle_of_gap
 from replication.arrays import FloatArray
 from replication.compiled.misfit import population_rmse
-from replication.datasets import Recording
 from replication.identify import Protocol, protocol_box
+from replication.recording import Recording
 from replication.signature import FREE_PARAMETERS, Timing, signature
 
 Minimum = tuple[int, int, FloatArray, float]  # window from and to, (t0, tau, omega), sum of squares

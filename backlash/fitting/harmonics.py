@@ -13,7 +13,7 @@ from scipy.special import fdtri
 from backlash.fitting.waveform import settled
 from backlash.reading.detect import MOTOR_ORDERS
 from replication.arrays import FloatArray
-from replication.datasets import Recording
+from replication.recording import Recording
 
 # Harmonics above this share of half the sampling rate, or above this frequency, are left out.
 _OF_NYQUIST, FASTEST_HZ = 0.9, 225.0

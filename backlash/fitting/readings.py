@@ -7,8 +7,8 @@ import numpy as np
 from backlash.fitting import METHODS
 from backlash.fitting.global_fit import GlobalFit, global_fit
 from backlash.fitting.waveform import WaveformBank, match
-from replication.datasets import Recording
 from replication.identify import Protocol, paper_fit
+from replication.recording import Recording
 from replication.signature import signature
 
 

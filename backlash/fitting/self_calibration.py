@@ -19,7 +19,7 @@ from backlash.fitting.second_mass import SecondMass, WeightedPeak, with_second_m
 from backlash.fitting.turns import Movement, settled_turns
 from backlash.fitting.waveform import delayed, low_passed
 from replication.arrays import FloatArray
-from replication.datasets import Recording
+from replication.recording import Recording
 from replication.simulator.checks import closed_loop_matrix
 from replication.simulator.parameters import TURN, joint_from_ratios
 

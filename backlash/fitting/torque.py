@@ -23,7 +23,7 @@ from backlash.fitting.harmonics import turn_harmonics
 from backlash.fitting.waveform import settled
 from backlash.reading.tables import UnusableLog
 from replication.arrays import FloatArray
-from replication.datasets import Recording
+from replication.recording import Recording
 
 MOST_SD, NORMAL_95 = 0.15, 1.96  # SD over the backlash, above which there is no answer; half width over SD
 _IN_CONTACT, _FASTEST_HZ = 0.15, 100.0  # the teeth touch above this share of the largest torque; the fastest ring

@@ -11,7 +11,7 @@ from scipy.interpolate import CubicSpline
 from scipy.optimize import OptimizeResult, least_squares
 
 from replication.arrays import FloatArray
-from replication.datasets import Recording
+from replication.recording import Recording
 
 # Each phase of aligned waveforms is a polynomial of the backlash. The fourth degree leaves 1e-6 rad on noise-free
 # waveforms of Table 2's range, and averages the noise of logs that an interpolation would keep.

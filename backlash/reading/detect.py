@@ -19,7 +19,7 @@ from scipy.special import gammaincc, gammaincinv
 from backlash.reading.columns import LogFormat
 from backlash.reading.prepare import CannotTell
 from replication.arrays import FloatArray
-from replication.datasets import Recording
+from replication.recording import Recording
 
 # Orders of the motor's turn at which torque ripples and encoders err: once and twice a turn, and with the phases.
 MOTOR_ORDERS = (1, 2, 6)

@@ -14,7 +14,7 @@ from backlash.reading import UNITS
 from backlash.reading.columns import PER_TURN, LogFormat, choose_columns, given_column, numbers, seconds, tidy, unit_of
 from backlash.reading.tables import UnusableLog, read_table
 from replication.arrays import FloatArray
-from replication.datasets import Recording
+from replication.recording import Recording
 
 _RING_HZ = 21.0  # of the oscillation that the signature models, in the paper's joint
 _LEAST_RATE_HZ = 4 * _RING_HZ  # below, the shape of an oscillation is not sampled any more

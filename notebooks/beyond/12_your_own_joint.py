@@ -76,12 +76,12 @@ import pandas as pd
 from matplotlib import pyplot as plt
 
 import backlash
+import workbook
 from backlash import calibration, plots, trend_line
 from backlash import estimation as verdict
 from backlash.reading.columns import LogFormat
-from replication import workbook
 from replication.standins import joints
-from replication.workbook import Interval
+from workbook import Interval
 
 # %% [markdown]
 # ## Parameters

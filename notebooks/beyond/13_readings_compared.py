@@ -87,15 +87,18 @@ import pandas as pd
 from matplotlib import pyplot as plt
 from scipy import stats
 
-from backlash.fitting.joint_match import PHASES, settled_turn
+import workbook
 from backlash.fitting.waveform import mean_turn
-from backlash.studies import accuracy, benchmark, gap_time, plots
-from replication import datasets, published, workbook
+from replication import published
+from replication.authors import level_delta_rad, load_noisy
+from replication.recording import add_uniform_noise
 from replication.simulator.recordings import simulate_recordings
 from replication.simulator.simulate import identified_joint, simulate
 from replication.simulator.study import FIT_LEVELS
 from replication.statistics import rate_columns
-from replication.workbook import Interval
+from studies import accuracy, benchmark, gap_time, plots
+from studies.joint_match import PHASES, settled_turn
+from workbook import Interval
 
 # %% [markdown]
 # ## Parameters
@@ -137,7 +140,7 @@ workbook.check_parameters(
 
 # %%
 joint = identified_joint()
-records = {(R, K): datasets.load_noisy(K, R) for R in (1, 2) for K in range(2, 13)}
+records = {(R, K): load_noisy(K, R) for R in (1, 2) for K in range(2, 13)}
 errors = accuracy.cross_validation(records, joint, scored, smoothing_s)
 summary = benchmark.summarise_errors(errors)
 fresh = errors[~errors["level"].isin(FIT_LEVELS)]
@@ -180,7 +183,7 @@ def bound_rad(slopes, settings):  # least SD of the backlash from a log with the
 
 
 noise = dict(enumerate(published.column("Table 2", "noise"), start=2))  # by level
-slopes = {level: accuracy.waveform_slopes(joint, datasets.level_delta_rad(level)) for level in scored}
+slopes = {level: accuracy.waveform_slopes(joint, level_delta_rad(level)) for level in scored}
 bounds = {
     start: [bound_rad(slopes[K][:free], accuracy.USUAL | {"noise_half_amplitude_rps": noise[K]}) for K in scored]
     for start, free in STARTS.items()
@@ -228,7 +231,7 @@ for delta_rad in [3e-4, 5e-4, 9e-4, 15e-4, 21e-4]:
         "found_instants_falling": mean_crossing_rad(turn, found, falls=True),
         "found_instants_constant_speed": mean_crossing_rad(turn, found, falls=False),
     }
-    noisy = [datasets.add_uniform_noise(clean, loudness_rps[0], rng) for _ in range(repeats)]
+    noisy = [add_uniform_noise(clean, loudness_rps[0], rng) for _ in range(repeats)]
     off = [gap_time.time_in_gap(record, joint, smoothing_s) / delta_rad - 1 for record in noisy]
     shares = {name: value / delta_rad for name, value in read_rad.items()}
     shares["noisy_rms_error"] = np.sqrt(np.mean(np.square(off)))

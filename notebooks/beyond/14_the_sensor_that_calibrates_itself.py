@@ -100,15 +100,15 @@ import numpy as np
 import pandas as pd
 from scipy import stats
 
+import workbook
 from backlash import estimation
 from backlash import plots as log_plots
 from backlash.fitting import joint_posterior, joint_search, self_calibration, shared_joint
 from backlash.reading.columns import LogFormat
-from backlash.studies import benchmark, plots, population
-from replication import workbook
-from replication.data.authors import DataUnavailable
+from replication.authors import DataUnavailable
 from replication.standins import joints
-from replication.workbook import Interval
+from studies import benchmark, plots, population
+from workbook import Interval
 
 # %% [markdown]
 # ## Parameters

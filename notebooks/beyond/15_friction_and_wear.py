@@ -63,15 +63,16 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 
+import workbook
 from backlash import calibration
 from backlash.fitting.global_fit import global_fit
-from backlash.studies import plots as study_plots
-from backlash.studies import wear
-from replication import characteristic, published, workbook
+from replication import characteristic, published
 from replication.signature import FREE_PARAMETERS
 from replication.simulator.simulate import identified_joint, simulate
 from replication.standins import joints, plots
-from replication.workbook import Interval
+from studies import plots as study_plots
+from studies import wear
+from workbook import Interval
 
 # %% [markdown]
 # ## Parameters

@@ -50,8 +50,10 @@ import numpy as np
 import pandas as pd
 from scipy import stats
 
-from backlash.studies import plots, protocols
-from replication import published, workbook
+import workbook
+from replication import published
+from replication.replay import protocols
+from studies import plots
 
 # %% [markdown]
 # ## Parameters

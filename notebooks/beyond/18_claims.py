@@ -51,13 +51,15 @@ import numpy as np
 import pandas as pd
 from scipy import stats
 
-from backlash.studies import claims as studies
-from backlash.studies import optimizers
-from replication import characteristic, datasets, published, workbook
+import workbook
+from replication import characteristic, published
+from replication.authors import level_delta_rad, load_noisy
 from replication.simulator import edge
 from replication.simulator.simulate import identified_joint
 from replication.simulator.study import CLEAN_LEVELS, clean_records
-from replication.workbook import Interval
+from studies import claims as studies
+from studies import optimizers
+from workbook import Interval
 
 # %% [markdown]
 # ## Parameters
@@ -192,7 +194,7 @@ claims["same_amplitude"] = (
 
 # %%
 added = {
-    (level, realisation): datasets.load_noisy(level, realisation).v - clean[datasets.level_delta_rad(level)].v
+    (level, realisation): load_noisy(level, realisation).v - clean[level_delta_rad(level)].v
     for realisation in (1, 2)
     for level in range(3, 12)
 }

@@ -5,7 +5,8 @@ import pandas as pd
 from scipy import stats
 
 from replication.arrays import FloatArray
-from replication.datasets import LOW_NOISE, Recording, load_clean, load_noisy
+from replication.authors import LOW_NOISE, load_clean, load_noisy
+from replication.recording import Recording
 from replication.table2 import table2_levels
 
 # Parameters of a stored run, in `signature.FREE_PARAMETERS` order.

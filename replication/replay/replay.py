@@ -8,8 +8,8 @@ import pandas as pd
 
 from replication import published
 from replication.compiled.eigen import symmetric_eigen
-from replication.datasets import Recording
 from replication.identify import paper_run, paper_search, protocol_box
+from replication.recording import Recording
 from replication.replay import AGREE_RPS
 from replication.search import HISTORY, Generation
 from replication.table2 import AUTHORS

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 
-from replication.datasets import Recording
+from replication.recording import Recording
 from replication.simulator.parameters import JointParameters
 from replication.simulator.simulate import simulate_many
 

@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 from replication.arrays import FloatArray
 from replication.simulator import checks, core
 from replication.simulator.parameters import TURN, JointParameters
-from replication.simulator.parameters import identified_joint as identified_joint  # what is simulated most
+from replication.simulator.parameters import identified_joint as identified_joint
 
 
 class DivergenceError(ArithmeticError):

@@ -9,8 +9,8 @@ import numpy as np
 import pandas as pd
 
 from replication import published
-from replication.data.authors import authors_file
-from replication.datasets import Recording, level_delta_rad, load_clean
+from replication.authors import authors_file, level_delta_rad, load_clean
+from replication.recording import Recording
 from replication.simulator.identification import FINE_S, identify_joint, identify_lead, joint_record
 from replication.simulator.parameters import JointParameters, joint_from_ratios, with_ratios
 from replication.simulator.simulate import settled_peak_rps, simulate_many

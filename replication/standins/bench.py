@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 
 from replication import characteristic, published
-from replication.datasets import Recording
+from replication.recording import Recording
 from replication.standins.joints import Bench, FitRecord, Spread, draw_bench, encoder_log, fitted_logs
 from replication.table2 import summarise_runs
 

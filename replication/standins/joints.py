@@ -2,7 +2,7 @@
 
 A bench is the identified joint with other parameters, friction, periodic disturbances, and a log that comes from its
 encoder. Every spread is an assumption; the paper gives none. If the bench's or the robots' logs are ever published,
-one function beside `datasets.load_clean`, from a log's file to a `Recording`, takes the place of `encoder_log`:
+one function beside `authors.load_clean`, from a log's file to a `Recording`, takes the place of `encoder_log`:
 nothing that comes after asks where a record is from.
 """
 
@@ -15,7 +15,7 @@ import pandas as pd
 from joblib import Parallel, delayed
 
 from replication import published
-from replication.datasets import Recording
+from replication.recording import Recording
 from replication.simulator.parameters import TURN, Disturbance, JointParameters, identified_joint, with_ratios
 from replication.simulator.simulate import encoder_speed_rps, simulate
 

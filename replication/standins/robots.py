@@ -11,7 +11,7 @@ import numpy as np
 import pandas as pd
 
 from replication import published
-from replication.datasets import Recording
+from replication.recording import Recording
 from replication.simulator.parameters import TURN, Disturbance, JointParameters, identified_joint
 from replication.standins.joints import Bench, FitRecord, Spread, draw_bench, encoder_log, fitted_logs
 from replication.table2 import summarise_runs

@@ -7,9 +7,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from replication import datasets, published
+from replication import published
 from replication.compiled.misfit import fold, folded_rmse, population_rmse
 from replication.compiled.whole_run import whole_run
+from replication.recording import constant_speed
 from replication.search import generations, random_normals, search
 from replication.signature import Box, Timing, rmse, signature, table1_box
 
@@ -19,7 +20,7 @@ X = np.array([-0.6, 0.0125, 15.0, 134.0, 100.0, 0.1515, 0.0125])
 
 @pytest.fixture(scope="module")
 def record():
-    base = datasets.constant_speed(samples=2401, dt=0.002)
+    base = constant_speed(samples=2401, dt=0.002)
     rng = np.random.default_rng(5)
     return base.t, base.v + signature(base.t, X, TURN) + rng.uniform(-0.1, 0.1, base.t.size)
 

@@ -8,8 +8,8 @@ import numpy as np
 import openpyxl
 import pytest
 
-from replication.data import authors
-from replication.data.authors import (
+from replication import authors
+from replication.authors import (
     WORKBOOK_FILES,
     DataCorrupt,
     DataUnavailable,

@@ -5,9 +5,9 @@ import numpy as np
 import pytest
 from matplotlib.colors import to_rgb
 
-from replication import workbook
+import workbook
 from replication.figures import style
-from replication.files import notebook_files
+from workbook.checkout import notebook_files
 
 FIGURES = sorted((workbook.ROOT / "figures").glob("*.svg"))
 
@@ -20,7 +20,7 @@ DIMENSIONLESS = {
 }
 
 
-PLOTS = ("replication/figures/*.py", "replication/standins/plots.py", "backlash/plots.py", "backlash/studies/plots.py")
+PLOTS = ("replication/figures/*.py", "replication/standins/plots.py", "backlash/plots.py", "studies/plots.py")
 
 
 def lightness(colour):

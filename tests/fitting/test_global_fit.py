@@ -10,10 +10,10 @@ import pytest
 from backlash.fitting.folding import factorise, solve_or_zero
 from backlash.fitting.global_fit import global_fit
 from backlash.fitting.readings import protocol_for
-from replication import datasets
+from replication.authors import load_clean, load_noisy
 from replication.compiled.misfit import population_rmse
-from replication.datasets import Recording
 from replication.identify import Protocol, paper_fit, protocol_box
+from replication.recording import Recording, add_uniform_noise
 from replication.signature import signature
 from replication.simulator.recordings import simulate_recordings
 from replication.simulator.simulate import identified_joint
@@ -78,7 +78,7 @@ def test_a_noise_free_signature_is_recovered_to_rounding():
 @pytest.mark.parametrize("seed", [1586741660, 2, 3])
 def test_a_record_that_is_nearly_noise_has_a_fit_though_its_best_window_may_hold_too_few_samples(seed):
     (clean,) = simulate_recordings(identified_joint(), [1.2e-4])
-    fit = global_fit(datasets.add_uniform_noise(clean, 1.0, np.random.default_rng(seed)))
+    fit = global_fit(add_uniform_noise(clean, 1.0, np.random.default_rng(seed)))
     low, high = fit.amplitude_interval_rps
     assert np.isfinite(fit.X).all()
     assert 0 <= low < high or low < 0 < high
@@ -117,7 +117,7 @@ def test_no_cma_es_run_beats_it_on_records_from_across_the_box():
 
 @pytest.mark.parametrize("level", [4, 7, 12])
 def test_no_cma_es_run_beats_it_on_the_authors_records(authors_data, level):
-    for record in (datasets.load_clean(level), datasets.load_noisy(level, 1)):
+    for record in (load_clean(level), load_noisy(level, 1)):
         best = min(paper_fit(record, PROTOCOL, seed).rmse for seed in range(1, 5))
         assert global_fit(record).rmse <= best + 1e-9
 

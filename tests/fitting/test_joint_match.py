@@ -3,10 +3,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from backlash.fitting.joint_match import NUISANCES, changed, match_joint, settled_turn
-from replication.datasets import from_sample, level_delta_rad, load_clean
+from replication.authors import level_delta_rad, load_clean
+from replication.recording import from_sample
 from replication.simulator.recordings import simulate_recordings
 from replication.simulator.simulate import identified_joint
+from studies.joint_match import NUISANCES, changed, match_joint, settled_turn
 
 JOINT = identified_joint()
 

@@ -15,11 +15,11 @@ from backlash.fitting.self_calibration import fit_joint, separate_peaks, widenin
 from backlash.fitting.shared_joint import share_joint
 from backlash.fitting.turns import COLUMNS, Movement, settled_turns
 from backlash.fitting.waveform import low_passed
-from backlash.studies.odd_joints import KINDS, draw_cascade, draw_odd_log, move_bench
-from replication.datasets import Recording
+from replication.recording import Recording
 from replication.simulator.recordings import simulate_recordings
 from replication.simulator.simulate import identified_joint, simulate
 from replication.standins.joints import draw_bench, encoder_log
+from studies.odd_joints import KINDS, draw_cascade, draw_odd_log, move_bench
 
 
 @lru_cache

@@ -7,7 +7,8 @@ from hypothesis import strategies as st
 
 from backlash.calibration import default_calibration
 from backlash.fitting.waveform import WaveformBank, low_passed, make_bank, match, mean_turn, periodic, settled
-from replication.datasets import Recording, add_uniform_noise, from_sample, level_delta_rad, load_clean
+from replication.authors import level_delta_rad, load_clean
+from replication.recording import Recording, add_uniform_noise, from_sample
 
 PERIOD_S = 0.4
 

@@ -6,9 +6,10 @@ import nbformat
 import pandas as pd
 import pytest
 
-from replication import published, workbook
-from replication.files import notebook_files
-from replication.workbook import execution
+import workbook
+from replication import published
+from workbook import execution
+from workbook.checkout import notebook_files
 
 HEADINGS = ["Claim", "Method", "Parameters", "Result", "Verdict", "Try changing", "Exercises"]
 SOURCES = notebook_files("py")

@@ -13,8 +13,8 @@ from plain_logs import TURN, plain, read, refusal, text
 from backlash.logs import open_log
 from backlash.reading import tables
 from backlash.reading.prepare import record_of
-from replication.datasets import Recording
-from replication.workbook import ROOT
+from replication.recording import Recording
+from workbook import ROOT
 
 
 def assert_is_plain(record: Recording, atol: float = 1e-4):

@@ -11,7 +11,7 @@ from plain_logs import TURN, plain, refusal, text
 
 from backlash.reading.columns import LogFormat
 from backlash.reading.prepare import CannotTell, read_log
-from replication.datasets import Recording
+from replication.recording import Recording
 
 RPM = ("Zeit [s];Drehzahl [U/min]", "{t:.4f};{rpm:.2f}")
 

@@ -9,7 +9,7 @@ from replication import published
 from replication.identify import paper_search, protocol_box
 from replication.replay import replay
 from replication.table2 import AUTHORS
-from replication.workbook import ROOT
+from workbook import ROOT
 
 UNTIL = 20  # generation up to which no run may part
 CONVERGED_RPS = 1e-11  # the search's own tolerance: closer to the end, the last bits of the misfits decide the ranks

@@ -5,8 +5,8 @@ import shutil
 import pytest
 from places import NOTEBOOKS, RESULTS
 
-from replication.report import page, pages
-from replication.workbook import judging
+from workbook import judging
+from workbook.report import page, pages
 
 VERDICTS = judging.verdicts(RESULTS)
 BROWSERS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")

@@ -8,7 +8,7 @@ import pandas as pd
 from places import RESULTS
 
 from replication import published
-from replication.workbook import judging
+from workbook import judging
 
 NORMAL = str.maketrans("⁻⁰¹²³⁴⁵⁶⁷⁸⁹", "-0123456789")
 FIRST_SOURCE = ["authors", "simulated", "stand-in"]

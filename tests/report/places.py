@@ -1,6 +1,6 @@
 """Where the committed results and the executed notebooks are."""
 
-from replication import workbook
+import workbook
 
 RESULTS = workbook.ROOT / "results"
 NOTEBOOKS = workbook.ROOT / "notebooks"

@@ -2,7 +2,7 @@
 
 from nbformat import v4
 
-from replication.report import pages
+from workbook.report import pages
 
 CELLS = [
     *(v4.new_markdown_cell("# Title\n\n## Method"), v4.new_code_cell("a = 1")),

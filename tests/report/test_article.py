@@ -9,10 +9,11 @@ import yaml
 from derived import derived, says
 from places import RESULTS
 
-from replication import published, workbook
-from replication.report import article, facts
-from replication.report.cells import SIGNS
-from replication.workbook import judging
+import workbook
+from replication import published
+from workbook import judging
+from workbook.report import article, facts
+from workbook.report.cells import SIGNS
 
 typst = pytest.importorskip("typst", reason="typst is not installed (extra `article`)")
 TEXT = (workbook.ROOT / "article" / "article.typ").read_text(encoding="utf-8")

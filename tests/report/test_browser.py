@@ -3,8 +3,8 @@
 import pytest
 from places import RESULTS
 
-from replication.report import cells as cells_of
-from replication.workbook import judging
+from workbook import judging
+from workbook.report import cells as cells_of
 
 VERDICTS = judging.verdicts(RESULTS)
 WIDTHS = (390, 820, 1440)

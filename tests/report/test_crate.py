@@ -8,11 +8,12 @@ import pytest
 from places import RESULTS
 from rocrate.rocrate import ROCrate
 
-from replication import workbook
-from replication.data.authors import AUTHORS_URL, authors_registry
-from replication.files import notebook_files, write_json
-from replication.report.crate import describe_results
-from replication.report.figures import load_pictures
+import workbook
+from replication.authors import AUTHORS_URL, authors_registry
+from replication.files import write_json
+from workbook.checkout import notebook_files
+from workbook.report.crate import describe_results
+from workbook.report.figures import load_pictures
 
 NAME = "ro-crate-metadata.json"
 

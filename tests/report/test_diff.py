@@ -5,9 +5,10 @@ import subprocess
 import pandas as pd
 import pytest
 
-from replication import published, workbook
-from replication.commands.main import main
-from replication.report import diff
+import workbook
+from replication import published
+from workbook.main import main
+from workbook.report import diff
 
 RESULTS = workbook.ROOT / "results"
 

@@ -5,8 +5,9 @@ import re
 
 import pytest
 
-from replication import published, workbook
-from replication.files import notebook_files
+import workbook
+from replication import published
+from workbook.checkout import notebook_files
 
 
 def test_the_map_covers_every_figure_table_and_numbered_equation_of_the_paper():

@@ -5,8 +5,9 @@ import re
 import pytest
 from places import RESULTS
 
-from replication import published, workbook
-from replication.report import markdown
+import workbook
+from replication import published
+from workbook.report import markdown
 
 
 def test_the_errata_sheet_is_what_the_data_give_and_fits_a_page():
@@ -35,7 +36,7 @@ def test_every_proof_of_an_erratum_is_a_test_that_is_there():
 def test_the_readmes_blocks_are_what_the_command_writes():
     text = (workbook.ROOT / "README.md").read_text(encoding="utf-8")
     status = f"{markdown.BEGIN}{markdown.render_status(RESULTS)}{markdown.END}"
-    assert status in text, "run: python -m replication readme"
+    assert status in text, "run: python -m workbook readme"
 
 
 def test_a_readme_without_the_marks_is_refused(tmp_path):

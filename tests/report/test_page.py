@@ -9,12 +9,13 @@ from urllib.parse import unquote
 import pytest
 from places import RESULTS
 
-from replication import published, workbook
-from replication.files import notebook_files
-from replication.report import cells as cells_of
-from replication.report import facts, page, tables
-from replication.report.figures import load_pictures
-from replication.workbook import judging, provenance
+import workbook
+from replication import published
+from workbook import judging, provenance
+from workbook.checkout import notebook_files
+from workbook.report import cells as cells_of
+from workbook.report import facts, page, tables
+from workbook.report.figures import load_pictures
 
 VERDICTS = judging.verdicts(RESULTS)
 

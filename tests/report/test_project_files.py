@@ -5,7 +5,7 @@ from datetime import date
 
 import yaml
 
-from replication import workbook
+import workbook
 
 ROOT = workbook.ROOT
 

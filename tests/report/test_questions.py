@@ -6,8 +6,8 @@ from pathlib import Path
 import pytest
 from places import RESULTS
 
-from replication.report import answers, cells, facts
-from replication.workbook import judging
+from workbook import judging
+from workbook.report import answers, cells, facts
 
 VERDICTS = judging.verdicts(RESULTS)
 QUESTIONS = list(csv.DictReader(Path(__file__).with_name("questions.csv").open(encoding="utf-8")))

@@ -5,9 +5,9 @@ import pytest
 from places import RESULTS
 
 from replication import published
-from replication.__main__ import main
-from replication.report import terminal
-from replication.workbook import judging
+from workbook import judging
+from workbook.main import main
+from workbook.report import terminal
 
 EVIDENCE = judging.EVIDENCE
 VERDICTS = judging.verdicts(RESULTS)

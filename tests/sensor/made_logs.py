@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 
 from backlash.reading.columns import LogFormat
-from replication.datasets import Recording, add_uniform_noise, constant_speed
+from replication.recording import Recording, add_uniform_noise, constant_speed
 from replication.simulator.recordings import simulate_recordings
 from replication.simulator.simulate import identified_joint
 

@@ -10,8 +10,9 @@ from backlash.calibration import Calibration, calibrate, compute_default, defaul
 from backlash.fitting.readings import METHODS, Reading, protocol_for, read
 from backlash.reading.tables import UnusableLog
 from replication import published
+from replication.authors import level_delta_rad, load_noisy
 from replication.characteristic import RPM_PER_RPS, equation_10
-from replication.datasets import Recording, add_uniform_noise, from_sample, level_delta_rad, load_noisy
+from replication.recording import Recording, add_uniform_noise, from_sample
 from replication.simulator.recordings import simulate_recordings
 from replication.simulator.simulate import identified_joint
 

@@ -9,14 +9,13 @@ import pytest
 from made_logs import noisy, silent, write
 
 import backlash
+import workbook
 from backlash import commands
 from backlash.calibration import default_calibration, read_calibration
 from backlash.estimation import settings_for
 from backlash.main import main
 from backlash.reading.tables import UnusableLog
-from replication import workbook
-from replication.data.authors import authors_file
-from replication.datasets import level_delta_rad
+from replication.authors import authors_file, level_delta_rad
 
 TURN = ["--turn-period", "0.4"]
 KEYS = [

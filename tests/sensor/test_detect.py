@@ -18,7 +18,7 @@ from backlash.reading.detect import (
     typical_half_turn,
 )
 from backlash.reading.prepare import CannotTell
-from replication.datasets import Recording, add_uniform_noise
+from replication.recording import Recording, add_uniform_noise
 from replication.signature import Timing, signature
 from replication.standins.joints import Spread, draw_bench, encoder_log
 

@@ -13,14 +13,13 @@ from backlash.estimation import Estimate, as_row, as_text, examine, examine_reco
 from backlash.reading.columns import LogFormat
 from backlash.reading.prepare import CannotTell, record_of
 from backlash.reading.tables import UnusableLog
-from backlash.studies.accuracy import CHANGES
-from backlash.studies.odd_joints import draw_odd_log, move_bench
-from replication import datasets
-from replication.data.authors import authors_file
-from replication.datasets import Recording, add_uniform_noise
+from replication.authors import authors_file, level_delta_rad, load_noisy
+from replication.recording import Recording, add_uniform_noise
 from replication.simulator.recordings import simulate_recordings
 from replication.simulator.simulate import identified_joint
 from replication.standins.joints import draw_bench, encoder_log
+from studies.accuracy import CHANGES
+from studies.odd_joints import draw_odd_log, move_bench
 
 KEYS = [
     "file", "verdict", "amplitude_rps", "amplitude_interval_rps", "backlash_rad", "backlash_interval_rad", "rmse_rps",
@@ -143,14 +142,14 @@ def test_the_authors_workbooks_are_answered_as_they_are(authors_data, level):
         found = examine(authors_file(f"Speeddata{level}.xlsx"), settings_for(TURN, method=method)).estimate
         check(found)
         assert found.verdict == "backlash"
-        assert found.backlash_rad == pytest.approx(datasets.level_delta_rad(level), rel=0.12)
+        assert found.backlash_rad == pytest.approx(level_delta_rad(level), rel=0.12)
 
 
 @pytest.mark.parametrize("level", [2, 5, 11])
 def test_the_authors_noisy_records_are_answered(authors_data, level):
-    found = answer(datasets.load_noisy(level, 1), method="waveform")
+    found = answer(load_noisy(level, 1), method="waveform")
     assert found.verdict == "backlash"
-    assert found.backlash_rad == pytest.approx(datasets.level_delta_rad(level), abs=3e-5)
+    assert found.backlash_rad == pytest.approx(level_delta_rad(level), abs=3e-5)
 
 
 def test_the_same_log_gives_the_same_answer():

@@ -15,7 +15,7 @@ from backlash import commands, fleet
 from backlash.estimation import settings_for
 from backlash.main import ends_on_interrupt, main
 from backlash.reading.columns import LogFormat
-from replication.workbook import ROOT
+from workbook import ROOT
 
 PIPES = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
 

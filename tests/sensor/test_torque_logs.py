@@ -10,7 +10,7 @@ from backlash.main import main
 from backlash.reading.columns import LogFormat
 from backlash.reading.prepare import record_of
 from backlash.reading.tables import UnusableLog
-from backlash.studies.odd_joints import draw_cascade, log_with_torque
+from studies.odd_joints import draw_cascade, log_with_torque
 
 DELTA = 1e-3
 

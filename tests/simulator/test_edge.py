@@ -4,7 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from replication import workbook
+import workbook
 from replication.simulator import edge
 from replication.simulator.identification import third_turn_errors
 from replication.simulator.parameters import with_ratios

@@ -9,13 +9,7 @@ from hypothesis import strategies as st
 from replication.dead_zone import transmitted_torque
 from replication.simulator import checks, core
 from replication.simulator.parameters import JointParameters, identified_joint, joint_from_ratios, with_ratios
-from replication.simulator.simulate import (
-    DivergenceError,
-    encoder_position,
-    settled_peak_rps,
-    simulate,
-    simulate_many,
-)
+from replication.simulator.simulate import DivergenceError, encoder_position, settled_peak_rps, simulate, simulate_many
 from tests.tools.reference import solve_ivp_speed_rps
 
 DELTA = 15e-4

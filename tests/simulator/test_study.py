@@ -3,7 +3,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from replication import datasets, published, table2
+from replication import published, table2
+from replication.authors import level_delta_rad
+from replication.recording import TURN_PERIOD_S
 from replication.simulator.parameters import identified_joint, with_ratios
 from replication.simulator.recordings import simulate_recordings
 from replication.simulator.study import (
@@ -25,7 +27,7 @@ def joint():
 
 
 def test_a_simulated_record_has_the_time_stamps_of_the_authors(joint, record_12):
-    (simulated,) = simulate_recordings(joint, [datasets.level_delta_rad(12)])
+    (simulated,) = simulate_recordings(joint, [level_delta_rad(12)])
     assert simulated.t.size == record_12.t.size
     np.testing.assert_allclose(simulated.t, record_12.t, rtol=0, atol=1e-9)
 
@@ -49,7 +51,7 @@ def test_the_first_turn_of_the_simulated_joint_is_that_of_the_records(joint, aut
 def test_the_simulated_joint_repeats_every_record_and_every_printed_peak(joint, authors_data):
     records, printed = clean_records(CLEAN_LEVELS), printed_amplitudes()
     for record, simulated in zip(records.values(), simulate_recordings(joint, list(records)), strict=True):
-        settled = record.t >= datasets.TURN_PERIOD_S - 1e-9
+        settled = record.t >= TURN_PERIOD_S - 1e-9
         assert simulated.v.size == record.v.size
         assert np.sqrt(np.mean((simulated.v - record.v)[settled] ** 2)) < 0.03 * record.v[settled].std()
     peaks = amplitudes(joint, list(printed))["amplitude_rps"]

@@ -7,14 +7,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
+import workbook
 from backlash.calibration import default_calibration
 from backlash.fitting.global_fit import global_fit
-from backlash.studies import wear as wear_standin
-from replication import characteristic, published, workbook
+from replication import characteristic, published
 from replication.simulator.parameters import TURN, Disturbance, JointParameters, identified_joint
 from replication.simulator.simulate import simulate
 from replication.standins import bench as bench_standin
 from replication.standins import joints, robots
+from studies import wear as wear_standin
 
 DELTA = 10e-4
 RESULTS = workbook.ROOT / "results"

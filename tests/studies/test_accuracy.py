@@ -2,12 +2,12 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from backlash.studies.accuracy import CHANGES, cross_validation, errors_after_changes
-from backlash.studies.benchmark import JOINT_ALL_FREE, Log, summarise_errors
-from replication import workbook
-from replication.datasets import load_noisy
+import workbook
+from replication.authors import load_noisy
 from replication.simulator.recordings import simulate_recordings
 from replication.simulator.simulate import identified_joint
+from studies.accuracy import CHANGES, cross_validation, errors_after_changes
+from studies.benchmark import JOINT_ALL_FREE, Log, summarise_errors
 
 RESULTS = workbook.ROOT / "results"
 

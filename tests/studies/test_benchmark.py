@@ -6,8 +6,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from backlash.studies.benchmark import Log, logs_by_methods, summarise_intervals
-from replication.datasets import Recording
+from replication.recording import Recording
+from studies.benchmark import Log, logs_by_methods, summarise_intervals
 
 
 def made(number, delta_rad):

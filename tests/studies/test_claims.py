@@ -2,10 +2,10 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from backlash.studies import claims
-from backlash.studies.accuracy import encoder_recording
 from replication.simulator.simulate import identified_joint
 from replication.statistics import rate_columns
+from studies import claims
+from studies.accuracy import encoder_recording
 
 
 @pytest.mark.parametrize("fault", ["none", "normal", "mean", "lag one"])

@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 
-from backlash.studies import population
 from replication.standins.joints import draw_bench
+from studies import population
 
 
 @pytest.fixture(scope="module")

@@ -1,11 +1,11 @@
 import numpy as np
 import pytest
 
-from backlash.fitting.joint_match import PHASES, match_joint
-from backlash.studies.accuracy import cramer_rao_sd, measured_errors, noisy_energy, waveform_slopes
-from replication.datasets import add_uniform_noise
+from replication.recording import add_uniform_noise
 from replication.simulator.recordings import simulate_recordings
 from replication.simulator.simulate import identified_joint
+from studies.accuracy import cramer_rao_sd, measured_errors, noisy_energy, waveform_slopes
+from studies.joint_match import PHASES, match_joint
 
 JOINT = identified_joint()
 

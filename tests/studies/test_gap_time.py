@@ -2,10 +2,10 @@ import numpy as np
 import pytest
 
 from backlash.fitting.waveform import mean_turn
-from backlash.studies.gap_time import crossing_rad, find_gaps, time_in_gap
-from replication.datasets import Recording, add_uniform_noise
+from replication.recording import Recording, add_uniform_noise
 from replication.simulator.recordings import simulate_recordings
 from replication.simulator.simulate import identified_joint, simulate
+from studies.gap_time import crossing_rad, find_gaps, time_in_gap
 
 JOINT = identified_joint()
 

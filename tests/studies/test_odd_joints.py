@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from backlash.reading.detect import find_pattern
-from backlash.studies.odd_joints import draw_cascade, draw_movement, log_with_torque, move_bench
 from replication.standins.joints import draw_bench
+from studies.odd_joints import draw_cascade, draw_movement, log_with_torque, move_bench
 
 
 def test_a_moved_bench_keeps_its_ratios_and_its_friction_over_gravity():

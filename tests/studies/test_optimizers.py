@@ -4,11 +4,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from backlash.studies import claims, optimizers
-from replication import workbook
-from replication.datasets import Recording
+import workbook
 from replication.identify import Protocol
+from replication.recording import Recording
 from replication.signature import Timing, rmse, signature
+from studies import claims, optimizers
 
 T = 0.002 * np.arange(2401)
 X = np.array([1.0, 0.01, 14.0, 130.0, 100.0, 0.1507, 0.0113])

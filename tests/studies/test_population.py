@@ -7,11 +7,11 @@ import pandas as pd
 import pytest
 from scipy import stats
 
-from backlash.studies import population
-from backlash.studies.benchmark import summarise_intervals
 from replication.files import ROOT
 from replication.simulator.simulate import simulate
 from replication.standins.joints import SAMPLE_S, draw_bench, encoder_log
+from studies import population
+from studies.benchmark import summarise_intervals
 
 NEAR, FAR = population.SPREADS
 

@@ -9,13 +9,13 @@ import pandas as pd
 import pytest
 from scipy import stats
 
-from backlash.studies import protocols
-from backlash.studies.protocols import CANDIDATES, REALISATIONS, ROWS, RUNS
 from replication.files import FLOAT_FORMAT, ROOT
 from replication.identify import Protocol, protocol_box
+from replication.replay import protocols
+from replication.replay.protocols import CANDIDATES, REALISATIONS, ROWS, RUNS
 from replication.signature import rmse
 from replication.table2 import AUTHORS
-from replication.workbook.execution import PINNED_ENVIRONMENT
+from workbook.execution import PINNED_ENVIRONMENT
 
 NOTEBOOK = "authors' notebook"
 

@@ -17,11 +17,13 @@ import numpy as np
 import pandas as pd
 from tqdm import tqdm
 
-from replication import characteristic, datasets, files, published, workbook
-from replication.data.authors import WORKBOOK_FILES, DataCorrupt, DataUnavailable, authors_file
+import workbook
+from replication import characteristic, files, published
+from replication.authors import WORKBOOK_FILES, DataCorrupt, DataUnavailable, authors_file, level_delta_rad
 from replication.identify import Protocol
+from replication.recording import COMMANDED_SPEED_RPS, TURN_PERIOD_S
 from replication.simulator.parameters import identified_joint
-from replication.workbook.execution import NotebookFailed, execute
+from workbook.execution import NotebookFailed, execute
 
 # Where a constant is tried: the cheap notebooks that use it, with the parameters that make them cheap.
 SEARCH = {
@@ -35,7 +37,7 @@ EQUATION_10 = {"06_characteristic_figure12": {}}
 # The tests that are tried with every constant: those of the committed code that take seconds.
 TESTS = (
     "tests/test_characteristic.py",
-    "tests/test_datasets.py::test_the_turn_period_in_the_data_is_400_ms",
+    "tests/test_recording.py::test_the_turn_period_in_the_data_is_400_ms",
     "tests/test_identify.py::test_a_drawn_start_lies_among_the_first_samples_that_the_paper_names",
     "tests/test_identify.py::test_every_stored_seed_gives_its_stored_first_generation",
     "tests/test_results.py::test_the_runs_of_table_2_spent_what_the_protocol_allows",
@@ -50,7 +52,7 @@ _JUDGED = "judged.csv"
 _JUDGE = f"""
 # %%
 import pandas as pd
-from replication.workbook import judging, outcomes
+from workbook import judging, outcomes
 
 results = outcomes.output_folder() / "results"
 cells = pd.DataFrame(judging.outcomes(results)[outcomes.notebook_name()]["cells"]).assign(notebook="")
@@ -75,11 +77,11 @@ class Change:
 
 def changes() -> list[Change]:
     """Every constant, changed: coefficients and ratios by 5 %, what is whole or a multiple by a step."""
-    first, step = datasets.level_delta_rad(2), datasets.level_delta_rad(3) - datasets.level_delta_rad(2)
+    first, step = level_delta_rad(2), level_delta_rad(3) - level_delta_rad(2)
     levels = "from replication import datasets\ndatasets.level_delta_rad = lambda level: {} + {} * (level - 2)"
     noise = (
-        "from replication import datasets\nadd = datasets.add_uniform_noise\n"
-        "datasets.add_uniform_noise = lambda record, half, rng: add(record, 1.05 * half, rng)"
+        "from replication import datasets\nadd = add_uniform_noise\n"
+        "add_uniform_noise = lambda record, half, rng: add(record, 1.05 * half, rng)"
     )
     sampling = (
         "from replication.simulator import recordings\nrecordings.simulate_recordings.__defaults__ = (0.0021, 12)"
@@ -90,8 +92,8 @@ def changes() -> list[Change]:
         Change("level step", f"{step:g}", f"{1.05 * step:g}", levels.format(first, 1.05 * step), EQUATION_10),
         Change("noise factor", "1", "1.05", noise, {}),
         Change("sampling period", "0.002", "0.0021", sampling, SIMULATION),
-        _module("datasets", "TURN_PERIOD_S", datasets.TURN_PERIOD_S, 0.408, RECORDS),
-        _module("datasets", "COMMANDED_SPEED_RPS", datasets.COMMANDED_SPEED_RPS, 101.0, RECORDS),
+        _module("recording", "TURN_PERIOD_S", TURN_PERIOD_S, 0.408, RECORDS),
+        _module("recording", "COMMANDED_SPEED_RPS", COMMANDED_SPEED_RPS, 101.0, RECORDS),
         _printed("text.encoder_bits", published.value("text.encoder_bits") - 1),
     ]
     found += [_printed(cell, 1.05 * published.value(cell)) for cell in (f"equation10.A{k}" for k in range(4))]

@@ -3,7 +3,7 @@ from dataclasses import fields
 import pandas as pd
 import pytest
 
-from replication import workbook
+import workbook
 from replication.identify import Protocol
 from replication.simulator.parameters import JointParameters, identified_joint
 from tests.tools import sensitivity

@@ -11,13 +11,14 @@ from joblib import Parallel, delayed
 
 from backlash.fitting.global_fit import global_fit
 from replication.compiled.misfit import population_rmse
-from replication.datasets import Recording
-from replication.files import ROOT, notebook_files, write_csv
+from replication.files import ROOT, write_csv
 from replication.identify import Fit, Protocol, paper_fit, protocol_box
+from replication.recording import Recording
 from replication.signature import rmse
 from replication.simulator.simulate import identified_joint, simulate, simulate_many
 from replication.table2 import authors_table2_records
 from tests.tools.reference import solve_ivp_speed_rps
+from workbook.checkout import notebook_files
 
 PROTOCOL = Protocol()
 

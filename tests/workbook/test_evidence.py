@@ -6,12 +6,13 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from replication import characteristic, datasets, published, table2
+from replication import characteristic, published, table2
+from replication.authors import load_clean
 from replication.files import ROOT
-from replication.replay import bounds, inspection
+from replication.replay import inspection, table1
 from replication.simulator import study
 from replication.simulator.parameters import identified_joint, with_ratios
-from replication.workbook import judging
+from workbook import judging
 
 RESULTS = ROOT / "results"
 TABLE1 = published.cells("Table 1").index
@@ -99,13 +100,13 @@ def test_the_turn_period_of_the_data_differs_unless_it_is_the_printed_one(record
     tried = pd.DataFrame(columns=["cell", "shift", "bound", "replayed"])
     for factor, expected in ((1.0, "differs"), (1.02, "reproduced"), (1.05, "differs")):
         slower = replace(record_12, t=factor * record_12.t)
-        for cell, value in bounds.table1_cells(slower, tried).items():
+        for cell, value in table1.table1_cells(slower, tried).items():
             assert verdict(cell, value) == expected
 
 
 @pytest.mark.parametrize("cell", [cell for cell in TABLE1 if cell.split(".")[1] not in ("A", "T_d", "T_f")])
 def test_a_bound_that_is_off_loses_the_stored_first_generations(record_12, cell):
-    tried = pd.DataFrame({"cell": cell, "shift": bounds.SHIFTS})
+    tried = pd.DataFrame({"cell": cell, "shift": table1.SHIFTS})
     printed = published.value(cell)
     lower, upper = (published.value(f"{cell.rpartition('.')[0]}.{side}") for side in ("min", "max"))
     t, v, name = record_12.t, record_12.v, cell.split(".")[1]
@@ -113,7 +114,7 @@ def test_a_bound_that_is_off_loses_the_stored_first_generations(record_12, cell)
     places = offset + scale * (printed + (upper - lower) * tried["shift"])
     for best, expected in ((0.0, "reproduced"), (0.1, "differs")):
         counts = np.where(tried["shift"] == best, 30, 1)
-        value = bounds.table1_cells(record_12, tried.assign(bound=places, replayed=counts))[cell]
+        value = table1.table1_cells(record_12, tried.assign(bound=places, replayed=counts))[cell]
         assert verdict(cell, value) == expected
 
 
@@ -134,7 +135,7 @@ def test_another_noise_in_the_records_is_noticed(authors_data, monkeypatch):
 
     def louder(level, realisation):
         record = loaded(level, realisation)
-        clean = 100.0 if level < 3 else datasets.load_clean(level).v
+        clean = 100.0 if level < 3 else load_clean(level).v
         return replace(record, v=clean + 1.1 * (record.v - clean))
 
     monkeypatch.setattr(inspection, "load_noisy", louder)

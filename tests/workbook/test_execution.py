@@ -9,16 +9,16 @@ import nbformat
 import pandas as pd
 import pytest
 
-from replication import workbook
-from replication.files import notebook_files
-from replication.workbook import execution
+import workbook
+from workbook import execution
+from workbook.checkout import notebook_files
 
 GOOD = """# %% tags=["parameters"]
 repeats = 30
 
 # %%
 import pandas as pd
-from replication import workbook
+import workbook
 workbook.export({"small": pd.DataFrame({"repeats": [repeats]})}, cells={"authors": {"text.runs": repeats}})
 print("done")
 """
@@ -141,7 +141,7 @@ def test_a_kernel_that_does_not_start_is_named_and_leaves_nothing_to_fail_at_exi
     source, out = notebook("# %%\nx = 1\n"), tmp_path / "out"
     code = f"""
 from pathlib import Path
-from replication.workbook import execution
+from workbook import execution
 execution.PINNED_ENVIRONMENT["PYTHONHOME"] = "/nowhere"
 try:
     execution.execute(Path({str(source)!r}), destination=Path({str(out)!r}))
@@ -205,7 +205,7 @@ def test_an_outcome_says_what_it_was_made_from(notebook, tmp_path):
 
 
 def test_missing_data_are_told_from_a_failure(notebook, tmp_path):
-    source = notebook("# %%\nfrom replication.data import authors\nauthors.authors_file('Speeddata99.xlsx')\n")
+    source = notebook("# %%\nfrom replication import authors\nauthors.authors_file('Speeddata99.xlsx')\n")
     with pytest.raises(execution.NotebookNotRun, match=r"small: not run: Speeddata99\.xlsx"):
         execution.execute(source, destination=tmp_path / "out")
     assert files_below(tmp_path / "out") == []

@@ -5,8 +5,9 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from replication import published, workbook
-from replication.workbook import judging
+import workbook
+from replication import published
+from workbook import judging
 
 
 def judged(cell, numbers, source="authors"):

@@ -9,9 +9,9 @@ import sys
 import nbformat
 import pytest
 
-from replication import workbook
-from replication.files import notebook_files
-from replication.workbook import lab as lab_copies
+import workbook
+from workbook import lab as lab_copies
+from workbook.checkout import notebook_files
 
 pytest.importorskip("jupyter_server", reason="JupyterLab's server is not installed (extra `lab`)")
 

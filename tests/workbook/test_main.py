@@ -5,9 +5,9 @@ import sys
 
 import pytest
 
-from replication import files, workbook
-from replication.commands.main import main
-from replication.workbook import judging
+import workbook
+from workbook import checkout, judging
+from workbook.main import main
 
 
 @pytest.fixture
@@ -66,7 +66,7 @@ def test_outside_a_checkout_the_workbooks_commands_say_so_in_one_line_and_exit_w
     )
     environment = os.environ | {"PYTHONPATH": str(tmp_path)}
     done = subprocess.run(
-        [sys.executable, "-m", "replication", command], cwd=tmp_path, env=environment, capture_output=True, text=True
+        [sys.executable, "-m", "workbook", command], cwd=tmp_path, env=environment, capture_output=True, text=True
     )
     assert done.returncode == 2
     assert done.stdout == ""
@@ -76,9 +76,9 @@ def test_outside_a_checkout_the_workbooks_commands_say_so_in_one_line_and_exit_w
 
 def test_a_folder_with_another_projects_file_is_no_checkout(tmp_path):
     (tmp_path / "pyproject.toml").write_text('[project]\nname = "other"\n', encoding="utf-8")
-    with pytest.raises(files.NoCheckout):
-        files.require_checkout(tmp_path)
-    files.require_checkout(workbook.ROOT)
+    with pytest.raises(checkout.NoCheckout):
+        checkout.require_checkout(tmp_path)
+    checkout.require_checkout(workbook.ROOT)
 
 
 @pytest.mark.slow

@@ -8,9 +8,9 @@ import subprocess
 
 import pytest
 
-from replication import workbook
-from replication.files import notebook_files
-from replication.workbook import judging, provenance, running
+import workbook
+from workbook import judging, provenance, running
+from workbook.checkout import notebook_files
 
 OUTCOMES = judging.outcomes(workbook.ROOT / "results")
 SOURCES = sorted({name for outcome in OUTCOMES.values() for name in outcome["made_from"]["sources"]})
@@ -59,7 +59,7 @@ def test_after_a_change_exactly_the_notebooks_run_that_read_the_file(tree):
         assert due(tree, name) == readers, name
 
 
-# A stand-in for `python -m replication` that notes how it is called; a run stamps its notebooks, or fails.
+# A stand-in for `python -m workbook` that notes how it is called; a run stamps its notebooks, or fails.
 PROGRAM = """echo "$@" >> calls
 [ "$1" = run ] || exit 0
 [ ! -e failing ] || exit 1

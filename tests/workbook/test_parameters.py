@@ -2,7 +2,7 @@
 
 import pytest
 
-from replication.workbook import Interval, check_parameters
+from workbook import Interval, check_parameters
 
 
 @pytest.mark.parametrize(

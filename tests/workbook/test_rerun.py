@@ -4,9 +4,9 @@ import json
 
 import pytest
 
-from replication import workbook
-from replication.__main__ import main
-from replication.workbook import execution, judging, running
+import workbook
+from workbook import execution, judging, running
+from workbook.main import main
 
 RESULTS = workbook.ROOT / "results"
 MEAN = "table2.row03.mean"

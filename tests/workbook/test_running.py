@@ -9,8 +9,8 @@ import time
 import psutil
 import pytest
 
-from replication import workbook
-from replication.workbook import execution, running
+import workbook
+from workbook import execution, running
 
 GOOD = "# %%\nprint('done')\n"
 BAD = "# %%\n1 / 0\n"
@@ -29,7 +29,7 @@ time.sleep(300)
 DRIVER = """
 import sys
 from pathlib import Path
-from replication.workbook import running
+from workbook import running
 folder = Path({folder!r})
 try:
     running.run_notebooks(sorted(folder.glob("*.py")), folder / "out", stamps=folder / ".make", watched={watched})

@@ -1,7 +1,7 @@
 import sys
 from types import ModuleType
 
-from replication.workbook import sliders
+from workbook import sliders
 
 
 def test_a_run_that_makes_the_results_draws_once_at_the_first_values(monkeypatch, tmp_path):
@@ -18,7 +18,7 @@ def test_by_hand_there_is_a_slider_for_each_number_with_its_first_value_and_its_
     widgets.FloatSlider = lambda first, **options: (first, options["min"], options["max"])
     widgets.interact = lambda draw, **made: shown.update(made)
     monkeypatch.setitem(sys.modules, "ipywidgets", widgets)
-    monkeypatch.setattr("replication.workbook.outcomes.find_spec", lambda name: widgets)
+    monkeypatch.setattr("workbook.outcomes.find_spec", lambda name: widgets)
     drawn = []
     sliders(lambda **values: drawn.append(values), alpha=(4.0, 3.0, 6.0))
     assert drawn == [{"alpha": 4.0}]  # stays in the saved notebook

@@ -1,0 +1,129 @@
+"""The authors' records: their files found locally or downloaded, verified, and read."""
+
+import hashlib
+import io
+import os
+import re
+import zipfile
+from importlib.resources import files
+from pathlib import Path
+from urllib.parse import quote
+
+import pandas as pd
+
+from replication.arrays import FloatArray
+from replication.recording import COMMANDED_SPEED_RPS, TURN_PERIOD_S, Recording
+
+AUTHORS_COMMIT = "7c81edefe3e61479d234d5080d4627dbbf584733"
+AUTHORS_URL = f"https://raw.githubusercontent.com/ElianaGiovannitti/Backlash-estimation/{AUTHORS_COMMIT}/"
+WORKBOOK_FILES = (
+    *(f"Speeddata{level}.xlsx" for level in range(3, 14)),
+    *(f"Noisy data/Low level of noise/Data_with_Noise_{realisation}.zip" for realisation in range(1, 6)),
+)
+
+# The noisy records that are public: levels K, and realisations R at two levels of noise.
+NOISY_LEVELS, LOW_NOISE, HIGH_NOISE = range(1, 21), range(1, 6), range(11, 21)
+
+
+class DataUnavailable(RuntimeError):
+    """The authors' data are neither in `BACKLASH_DATA` nor to be downloaded."""
+
+    exit_status = 2
+
+
+class DataCorrupt(RuntimeError):
+    """A file of the authors' data is not what it should be."""
+
+    exit_status = 2
+
+
+def authors_registry() -> dict[str, str]:
+    """SHA-256 of each file of the authors' repository at `AUTHORS_COMMIT`, by its path there."""
+    lines = (files("replication") / "data" / "authors_sha256.txt").read_text(encoding="utf-8").splitlines()
+    return {path: digest for digest, path in (line.split("  ", 1) for line in lines)}
+
+
+def data_folder() -> Path:
+    """Folder that the authors' data are read from: what `BACKLASH_DATA` names, or else the download cache."""
+    import pooch  # slow to import, and not used by the sensor
+
+    return Path(os.environ.get("BACKLASH_DATA") or pooch.os_cache("backlash-replication"))
+
+
+def authors_file(path: str, base_url: str = AUTHORS_URL, cache: Path | None = None) -> Path:
+    """Find one file of the authors' data and verify it.
+
+    Looked for in the folder that the environment variable `BACKLASH_DATA` names; without that variable, in the
+    download cache, and downloaded where it is not there yet.
+    """
+    registry = authors_registry()
+    if path not in registry:
+        raise DataUnavailable(f"{path}: no such file in the authors' repository at {AUTHORS_COMMIT[:7]}")
+    if local := os.environ.get("BACKLASH_DATA"):
+        return _verified_local(Path(local) / path, registry[path])
+    import pooch  # slow to import, and not used by the sensor
+
+    address, downloader = base_url + quote(path), pooch.HTTPDownloader(timeout=20)
+    try:
+        return Path(pooch.retrieve(address, registry[path], path, cache or data_folder(), downloader=downloader))
+    except ValueError as error:
+        raise DataCorrupt(f"{path}: the download does not have the registered SHA-256; try again later") from error
+    except OSError as error:
+        raise DataUnavailable(
+            f"{path}: cannot be downloaded ({type(error).__name__}); connect to the network, or set BACKLASH_DATA "
+            "to a copy of the authors' repository"
+        ) from error
+
+
+def _verified_local(file: Path, digest: str) -> Path:
+    """Check a local file against its registered SHA-256."""
+    try:
+        content = file.read_bytes()
+    except OSError as error:
+        raise DataUnavailable(f"{file}: not readable ({error.strerror}); is BACKLASH_DATA right?") from error
+    if hashlib.sha256(content).hexdigest() != digest:
+        raise DataCorrupt(f"{file}: its SHA-256 is not the registered one; copy it again")
+    return file
+
+
+def parse_speed_workbook(content: bytes) -> tuple[FloatArray, FloatArray]:
+    """Read time and speed from the bytes of one of the authors' XLSX files, which `authors_file` has verified.
+
+    Blank rows are dropped, and so is a first row whose time stamp the second row repeats (it is no sample).
+    """
+    table = pd.read_excel(io.BytesIO(content), header=None).dropna(how="all").to_numpy(dtype=float)
+    t, v = table[1:].T.copy() if table[1, 0] == table[0, 0] else table.T.copy()
+    return t, v
+
+
+def read_zip_member(archive: Path, pattern: str) -> bytes:
+    """Read the one member of a zip archive whose whole name matches a regular expression."""
+    with zipfile.ZipFile(archive) as bundle:
+        (member,) = (name for name in bundle.namelist() if re.fullmatch(pattern, name))
+        return bundle.read(member)
+
+
+def level_delta_rad(level: int) -> float:
+    """Backlash of the authors' dataset K, (2K - 1)e-4 rad: Table 2's ten rows are K = 2 to 11."""
+    return (2 * level - 1) * 1e-4
+
+
+def load_clean(level: int) -> Recording:
+    """Load the authors' noise-free record of level K (`SpeeddataK.xlsx`; K = 3 to 13 are public)."""
+    path = f"Speeddata{level}.xlsx"
+    return _authors_recording(authors_file(path).read_bytes(), path)
+
+
+def load_noisy(level: int, realisation: int) -> Recording:
+    """Load the authors' noisy record of level K, 1 to 20, and realisation R, 1 to 5 (low noise) or 11 to 20 (high)."""
+    if level not in NOISY_LEVELS or realisation not in (*LOW_NOISE, *HIGH_NOISE):
+        raise ValueError(f"no noisy record K = {level}, R = {realisation}: K is 1 to 20, R is 1 to 5 or 11 to 20")
+    loudness = "Low" if realisation in LOW_NOISE else "High"
+    path = f"Noisy data/{loudness} level of noise/Data_with_Noise_{realisation}.zip"
+    content = read_zip_member(authors_file(path), rf"(.*/)?SpeeddataNoise{level}(_\d+)?\.xlsx")
+    return _authors_recording(content, f"{path}!SpeeddataNoise{level}")
+
+
+def _authors_recording(content: bytes, source: str) -> Recording:
+    t, v = parse_speed_workbook(content)
+    return Recording(t, v, COMMANDED_SPEED_RPS, TURN_PERIOD_S, source)

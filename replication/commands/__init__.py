@@ -1,1 +1,0 @@
-"""The command line: parsers are light, and what a command does is imported when it runs."""

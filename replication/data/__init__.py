@@ -1,1 +1,0 @@
-"""Printed numbers, the identified joint, and the way to the authors' files."""

@@ -1,6 +1,0 @@
-"""The workbook: runs the notebooks, keeps what they export, and turns it into verdicts and a report."""
-
-from replication.files import QUICK, ROOT
-from replication.workbook.outcomes import Interval, check_parameters, export, judge, sliders
-
-__all__ = ["QUICK", "ROOT", "Interval", "check_parameters", "export", "judge", "sliders"]

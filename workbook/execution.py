@@ -1,0 +1,206 @@
+"""Execution of one notebook in a fresh kernel; what it exports is put in place only if all went well."""
+
+import ast
+import math
+import os
+import re
+import shutil
+import signal
+import tempfile
+import time
+from collections.abc import Mapping
+from pathlib import Path
+
+import jupytext
+import nbformat
+from jupyter_client.kernelspec import KernelSpecManager
+from jupyter_client.manager import AsyncKernelManager
+from jupyter_core.utils import run_sync
+from nbclient import NotebookClient
+from nbclient.exceptions import CellExecutionError, DeadKernelError
+from tqdm import tqdm
+
+from replication.authors import data_folder
+from replication.files import ROOT
+from workbook.checkout import NOTEBOOKS
+
+# The same machine code on every x86-64 processor with AVX2, as far as libraries let themselves be pinned: CMA-ES
+# is chaotic in the last bit.
+PINNED_ENVIRONMENT = {
+    "OPENBLAS_CORETYPE": "Haswell",
+    "OPENBLAS_NUM_THREADS": "1",
+    "OMP_NUM_THREADS": "1",
+    "MKL_NUM_THREADS": "1",
+    "NPY_DISABLE_CPU_FEATURES": "X86_V4 AVX512_ICL AVX512_SPR",
+    "NUMBA_CPU_NAME": "haswell",
+    "NUMBA_CPU_FEATURES": "+sse,+sse2,+sse3,+ssse3,+sse4.1,+sse4.2,+popcnt,+avx,+avx2,+fma,+bmi,+bmi2,+lzcnt",
+    "PYTHONHASHSEED": "0",
+    "PYTHONWARNINGS": "ignore:IProgress not found",
+    "MPLBACKEND": "module://matplotlib_inline.backend_inline",
+}
+
+STALL_S = 900.0
+
+
+class NotebookFailed(RuntimeError):
+    """A notebook did not run to its end."""
+
+    exit_status = 1
+
+
+class NotebookNotRun(RuntimeError):
+    """A notebook needs data that are not to be had."""
+
+    exit_status = 1
+
+
+class _Client(NotebookClient):
+    """Runs a notebook in a fresh kernel of this interpreter, shows its progress, and ends it if it makes none.
+
+    A private name of nbclient is overridden; the tests of stalled and killed kernels notice if it changes.
+    """
+
+    def __init__(self, notebook: nbformat.NotebookNode, source: Path, stall_s: float):
+        recorder = str(Path(__file__).with_name("recorder.py"))
+        started = (os.getpid(), str(ROOT), str(data_folder().absolute()), str(source.resolve()))
+        of_this_interpreter = KernelSpecManager(kernel_dirs=[])  # whatever kernels are registered
+        self.kernel = AsyncKernelManager(kernel_name="python3", kernel_spec_manager=of_this_interpreter)
+        super().__init__(
+            notebook,
+            km=self.kernel,
+            coalesce_streams=True,  # in how many pieces a text arrives is a matter of time
+            startup_timeout=math.ceil(stall_s),
+            shutdown_kernel="immediate",
+            record_timing=False,
+            # The recorder ends the kernel and its workers with the run; ipykernel would end the kernel alone.
+            extra_arguments=["--IPKernelApp.log_level=ERROR", "--IPKernelApp.parent_handle=1",
+                             f"--IPKernelApp.exec_lines=__import__('runpy').run_path({recorder!r})['start']{started}"],
+            resources={"metadata": {"path": str(ROOT)}},
+        )  # fmt: skip
+        self.owns_km = True  # nbclient is to end the kernel
+        self.stall_s, self.last_sign, self.cell = stall_s, time.monotonic(), 0
+        progress = "{desc}: cell {n} of {total}{postfix}"
+        self.bar = tqdm(total=len(notebook.cells), desc=source.stem, leave=False, disable=None, bar_format=progress)
+
+    def run(self, environment: Mapping[str, str]) -> None:
+        """Execute the cells."""
+        with self.bar, self.setup_kernel(env=environment):
+            try:
+                for position, cell in enumerate(self.nb.cells):
+                    self.cell, self.last_sign = position, time.monotonic()
+                    self.bar.update()
+                    self.execute_cell(cell, position, execution_count=self.code_cells_executed + 1)
+            finally:
+                run_sync(self.kernel.signal_kernel)(signal.SIGKILL)  # and its workers, even if it is dead
+
+    def process_message(self, msg, cell, cell_index):
+        """Take in a message; standard error is progress, and does not belong to the notebook."""
+        self.last_sign = time.monotonic()
+        if msg["msg_type"] == "stream" and msg["content"]["name"] == "stderr":
+            self.bar.set_postfix_str(count_and_time_left(msg["content"]["text"]))
+            return None
+        return super().process_message(msg, cell, cell_index)
+
+    def has_stalled(self) -> bool:
+        return time.monotonic() - self.last_sign > self.stall_s
+
+    async def _async_check_alive(self):
+        """End a cell whose kernel is dead or has stalled; called every second."""
+        if self.has_stalled():
+            raise DeadKernelError
+        await super()._async_check_alive()
+
+
+def count_and_time_left(text: str) -> str:
+    """Count and time left of the last state of a progress bar in a text, if there is one."""
+    found = re.findall(r"(\d+/\d+) \[[\d:]+<([\d:?]+)", text)
+    return f"{found[-1][0]}, {found[-1][1]} left" if found else ""
+
+
+FOLDED = {"plumbing", "solution"}  # tags of cells whose source JupyterLab and the pages fold
+
+
+def read_notebook(source: Path) -> nbformat.NotebookNode:
+    """Read a notebook's py:percent source, with cell ids that do not change from run to run."""
+    notebook = jupytext.read(source)
+    for position, cell in enumerate(notebook.cells):
+        cell["id"] = f"cell-{position:02d}"
+        if tags := FOLDED.intersection(cell.metadata.get("tags", [])):
+            cell.metadata["jupyter"] = {"source_hidden": True, "outputs_hidden": "solution" in tags}
+    return notebook
+
+
+def quick_parameters(notebook: nbformat.NotebookNode) -> dict[str, object]:
+    """Values that a notebook's metadata give for a quick run."""
+    return dict(notebook.metadata.get("replication", {}).get("quick", {}))
+
+
+def with_parameters(notebook: nbformat.NotebookNode, values: Mapping[str, object]) -> nbformat.NotebookNode:
+    """Override values of a notebook's tagged parameters cell, by a cell inserted after it."""
+    position = next(k for k, cell in enumerate(notebook.cells) if "parameters" in cell.metadata.get("tags", []))
+    nodes = ast.walk(ast.parse(notebook.cells[position].source))
+    names = {node.id for node in nodes if isinstance(node, ast.Name) and isinstance(node.ctx, ast.Store)}
+    if unknown := set(values) - names:
+        raise ValueError(f"no such parameter: {', '.join(sorted(unknown))}; there are {', '.join(sorted(names))}")
+    source = "\n".join(f"{name} = {value!r}" for name, value in values.items())
+    cell = nbformat.v4.new_code_cell(source, id="injected-parameters", metadata={"tags": ["injected-parameters"]})
+    notebook.cells.insert(position + 1, cell)
+    return notebook
+
+
+def execute(
+    source: Path,
+    destination: Path,
+    quick: bool = False,
+    parameters: Mapping[str, object] | None = None,
+    stall_s: float = STALL_S,
+) -> None:
+    """Execute a notebook; put what it exports and the executed copy in place if it ends well.
+
+    Everything goes to a staging folder first, so that a failing notebook leaves the last good results alone.
+    """
+    notebook = read_notebook(source)
+    values = (quick_parameters(notebook) if quick else {}) | dict(parameters or {})
+    if values:
+        notebook = with_parameters(notebook, values)
+    destination.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryDirectory(dir=destination, prefix=".staging-") as folder:
+        staging = Path(folder)
+        variables = {
+            "REPLICATION_OUT": folder,
+            "REPLICATION_QUICK": str(int(quick)),
+            "REPLICATION_NOTEBOOK": source.stem,
+        }
+        variables["PYTHONPATH"] = os.pathsep.join(filter(None, [str(ROOT), os.environ.get("PYTHONPATH")]))
+        outcome = staging / "results" / "outcomes" / f"{source.stem}.json"
+        record = f"__import__('sys').modules['notebook_recorder'].write({str(outcome)!r}, globals())"
+        notebook.cells.append(nbformat.v4.new_code_cell(record, id="recorder"))
+        _run_to_the_end(_Client(notebook, source, stall_s), source, os.environ | PINNED_ENVIRONMENT | variables)
+        notebook.cells.pop()
+        inside = source.resolve().parent
+        inside = inside.relative_to(NOTEBOOKS) if inside.is_relative_to(NOTEBOOKS) else Path()
+        executed = staging / "notebooks" / inside / f"{source.stem}.ipynb"
+        executed.parent.mkdir(parents=True)
+        nbformat.write(notebook, executed)
+        for made in staging.iterdir():
+            shutil.copytree(made, destination / made.name, copy_function=os.replace, dirs_exist_ok=True)
+
+
+def _run_to_the_end(client: _Client, source: Path, environment: Mapping[str, str]) -> None:
+    """Run a notebook; where that fails, keep the partial notebook and say what went wrong in the workbook's words."""
+    try:
+        client.run(environment)
+    except (CellExecutionError, RuntimeError) as error:
+        client.nb.cells.pop()
+        if isinstance(error, CellExecutionError):
+            why = f"{error.ename}: {error.evalue}"
+        elif client.has_stalled():
+            why = f"no progress for {client.stall_s / 60:.3g} minutes (STALL_MINUTES=... allows more)"
+        else:
+            why = "the kernel died"
+        if why.startswith("DataUnavailable: "):
+            raise NotebookNotRun(f"{source.stem}: not run: {why.removeprefix('DataUnavailable: ')}") from error
+        partial = source.parent / "partial" / f"{source.stem}.ipynb"
+        partial.parent.mkdir(exist_ok=True)
+        nbformat.write(client.nb, partial)
+        raise NotebookFailed(f"{source.name}, cell {client.cell + 1}: {why}; what it got to is in {partial}") from error

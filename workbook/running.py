@@ -1,0 +1,137 @@
+"""Execution of many notebooks, two at a time, with nothing left behind; and of those that make one result."""
+
+import contextlib
+import json
+import os
+import platform
+import shutil
+import signal
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+from collections.abc import Iterable, Sequence
+from concurrent.futures import ThreadPoolExecutor, wait
+from dataclasses import dataclass
+from pathlib import Path
+
+import pandas as pd
+import psutil
+from tqdm import tqdm
+
+from replication import published
+from replication.files import ROOT, write_json, write_text
+from workbook import execution, judging
+from workbook.checkout import notebook_files
+
+INTERRUPTS = (signal.SIGINT, signal.SIGTERM)
+
+
+@dataclass(frozen=True)
+class Ending:
+    """How a notebook ended, "done", "not run" (its data are not to be had) or "failed", and after how long."""
+
+    name: str
+    how: str
+    seconds: float
+
+
+def run_notebooks(
+    sources: Sequence[Path],
+    destination: Path,
+    quick: bool = False,
+    stamps: Path | None = None,
+    stall_s: float = execution.STALL_S,
+    watched: int | None = None,
+) -> list[Ending]:
+    """Execute notebooks, until the process `watched` is gone; one that fails does not keep the others from running."""
+    for left_by_a_killed_run in destination.glob(".staging-*"):
+        shutil.rmtree(left_by_a_killed_run, ignore_errors=True)
+    # Noted, not raised: an exception in the middle of another line could leave a lock behind it closed.
+    interrupted = threading.Event()
+    previous = {number: signal.signal(number, lambda *_: interrupted.set()) for number in INTERRUPTS}
+    pool = ThreadPoolExecutor(max_workers=2)
+    jobs = [pool.submit(_run_one, source, destination, quick, stamps, stall_s) for source in sources]
+    try:
+        while not all(job.done() for job in jobs):
+            wait(jobs, timeout=0.5)
+            ancestors = [process.pid for process in psutil.Process().parents()]
+            if interrupted.is_set() or (watched and watched not in ancestors):
+                raise KeyboardInterrupt
+        return [job.result() for job in jobs]
+    finally:
+        pool.shutdown(wait=False, cancel_futures=True)
+        while not all(job.done() for job in jobs):  # a kernel may be starting
+            for process in psutil.Process().children(recursive=True):
+                with contextlib.suppress(psutil.NoSuchProcess):
+                    process.kill()
+            wait(jobs, timeout=0.2)
+        for number, handler in previous.items():
+            signal.signal(number, handler)
+
+
+def _run_one(source: Path, destination: Path, quick: bool, stamps: Path | None, stall_s: float) -> Ending:
+    """Execute a notebook, stamp it, and say how it ended."""
+    begun = time.time()
+    try:
+        execution.execute(source, destination, quick, stall_s=stall_s)
+        if stamps:
+            _stamp(stamps, source.stem, destination, begun)
+        how, line = "done", f"{source.stem}: done in {time.time() - begun:.0f} s"
+    except execution.NotebookNotRun as error:
+        how, line = "not run", f"{error}; its last results stay as they are"
+    except (execution.NotebookFailed, ValueError, OSError) as error:
+        how, line = "failed", f"failed: {error}"
+    tqdm.write(line, file=sys.stderr)
+    return Ending(source.stem, how, time.time() - begun)
+
+
+def _stamp(stamps: Path, name: str, destination: Path, begun: float) -> None:
+    """Leave what make needs: what the notebook depends on, and that it is done as of when it began."""
+    outcome = json.loads((destination / "results" / "outcomes" / f"{name}.json").read_text(encoding="utf-8"))
+    write_text(stamps / f"{name}.d", dependencies(stamps.name, name, outcome["made_from"]["sources"]))
+    write_text(stamps / f"{name}.done", "")
+    os.utime(stamps / f"{name}.done", (begun, begun))  # a source that was changed meanwhile is newer
+
+
+def dependencies(stamps: str, notebook: str, sources: Iterable[str]) -> str:
+    """Rule for make: a notebook's stamp depends on its sources, each of which may vanish."""
+    return f"{stamps}/{notebook}.done: {' '.join(sources)}\n\n{' '.join(sources)}:\n"
+
+
+def note_run(endings: Sequence[Ending]) -> None:
+    """Keep what differs from run to run, times, machine and commit, in `results/run.json`, which git ignores."""
+    commit = subprocess.run(["git", "rev-parse", "HEAD"], cwd=ROOT, capture_output=True, text=True, check=False)
+    path = ROOT / "results" / "run.json"
+    before = json.loads(path.read_text(encoding="utf-8"))["seconds"] if path.exists() else {}
+    seconds = before | {ending.name: round(ending.seconds, 1) for ending in endings if ending.how == "done"}
+    content = {"machine": platform.machine(), "cores": os.cpu_count(), "commit": commit.stdout.strip()}
+    write_json(path, content | {"ended": time.strftime("%Y-%m-%d %H:%M"), "seconds": seconds})
+
+
+class NotMade(ValueError):
+    """No notebook makes this."""
+
+    exit_status = 2
+
+
+def rerun(name: str, results: Path) -> pd.DataFrame:
+    """Execute what makes a cell, an element's cells or a claim; return each number and verdict before and now."""
+    before, asked = _made_by_notebooks(results), name.lower().replace(" ", "")
+    element = before["id"].map(published.cells()["element"]).fillna("").str.lower().str.replace(" ", "")
+    wanted = before[(before["id"].str.lower() == asked) | (element == asked)]
+    if wanted.empty:
+        raise NotMade(f"{name}: no notebook makes it")
+    with tempfile.TemporaryDirectory() as folder:
+        for notebook in sorted(set(wanted["notebook"])):
+            execution.execute(notebook_files("py")[notebook], Path(folder))
+        now = _made_by_notebooks(Path(folder) / "results").drop(columns="notebook")
+    return wanted.merge(now, on=["id", "source"], how="left", suffixes=("_before", "_now"))
+
+
+def _made_by_notebooks(results: Path) -> pd.DataFrame:
+    """Cells and claims that notebooks made; what a claim measured is its number."""
+    cells = judging.verdicts(results).dropna(subset="notebook")
+    claims = judging.decided_claims(results).rename(columns={"measured": "reproduced"}).assign(source="")
+    return pd.concat([cells, claims])[["id", "source", "reproduced", "verdict", "notebook"]]
