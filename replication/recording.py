@@ -10,6 +10,8 @@ from replication.arrays import FloatArray
 COMMANDED_SPEED_RPS = 100.0
 TURN_PERIOD_S = 0.4
 
+RPM_PER_RPS = 60.0
+
 
 @dataclass(frozen=True)
 class Recording:
@@ -19,7 +21,7 @@ class Recording:
     v: FloatArray  # motor speed [rps], shape (samples,)
     commanded_speed_rps: float  # v_t of equation 11
     turn_period_s: float  # of the load
-    source: str  # where it comes from; of the authors' data the file's path, and after "!" the member of an archive
+    source: str  # where it comes from; of the authors' data a file's path, and after "!" an archive's member
 
     @property
     def sample_s(self) -> float:

@@ -42,8 +42,10 @@ class Constants(NamedTuple):
 def constants(population: int, n: int) -> Constants:
     """The constants for a population and n dimensions."""
     raw = np.array([math.log((population + 1) / 2) - math.log(i) for i in range(1, population + 1)])
-    positive, negative = raw[raw > 0] / raw[raw > 0].sum(), raw[raw <= 0]
-    mu_eff, mu_eff_negative = 1 / (positive**2).sum(), negative.sum() ** 2 / (negative**2).sum()
+    positive = raw[raw > 0] / raw[raw > 0].sum()
+    negative = raw[raw <= 0]
+    mu_eff = 1 / (positive**2).sum()
+    mu_eff_negative = negative.sum() ** 2 / (negative**2).sum()
     c_sigma = (mu_eff + 2) / (n + mu_eff + 3)
     c_1 = min(1, population / 6) * 2 / ((n + 1.3) ** 2 + mu_eff)
     c_mu = min(1 - c_1, 2 * (mu_eff - 1.75 + 1 / mu_eff) / ((n + 2) ** 2 + mu_eff))
@@ -110,7 +112,8 @@ def sample(state: State, z: FloatArray) -> FloatArray:
 
 def update(state: State, ranked: FloatArray, c: Constants) -> State:
     """Equations 13 to 17: the next state from the samples x_{1:lambda} to x_{lambda:lambda}, the best first."""
-    g, B, D = state.g + 1, state.B, state.D
+    g = state.g + 1
+    B, D = state.B, state.D
     # Equation 13, as a step from the last mean: the difference of two means has lost digits.
     step = (c.weights[: c.mu, None] * (ranked[: c.mu] - state.m)).sum(axis=0)
     shift = step / state.unit / state.sigma
@@ -119,9 +122,11 @@ def update(state: State, ranked: FloatArray, c: Constants) -> State:
     p_sigma = (1 - c.c_sigma) * state.p_sigma + math.sqrt(c.c_sigma * (2 - c.c_sigma) * c.mu_eff) * white
     # Equation 15, by a factor e at most.
     squared = (p_sigma**2).sum()
-    sigma = state.sigma * math.exp(min(1.0, c.c_sigma / c.d_sigma * (math.sqrt(squared) / c.chi_n - 1)))
+    growth = c.c_sigma / c.d_sigma * (math.sqrt(squared) / c.chi_n - 1)
+    sigma = state.sigma * math.exp(min(1.0, growth))
     # Equation 16; h_sigma is 0, and the path stalls, while p_sigma is much too long.
-    h_sigma = squared / (1 - (1 - c.c_sigma) ** (2 * g)) / c.n < 2 + 4 / (c.n + 1)
+    fresh = 1 - (1 - c.c_sigma) ** (2 * g)
+    h_sigma = squared / fresh / c.n < 2 + 4 / (c.n + 1)
     p_c = (1 - c.c_c) * state.p_c + h_sigma * math.sqrt(c.c_c * (2 - c.c_c) * c.mu_eff) * shift
     # Equation 17; where the weight is negative, y gets the expected length of a sample.
     y = (ranked - state.m) / state.sigma / state.unit
@@ -187,9 +192,11 @@ def generations(
     n = box.lower.size
     if not (math.isfinite(sigma) and sigma > 0):
         raise ValueError(f"sigma {sigma}: a number above 0 is needed")
-    c, nothing = constants(population, n), np.zeros(n)
+    c = constants(population, n)
+    nothing = np.zeros(n)
     C = np.diag([math.exp(1e-4 * i / n) for i in range(n)])  # the identity, but for an order of the axes
-    middle, unit = from_box((box.lower + box.upper) / 2, box), (box.upper - box.lower) / 4
+    middle = from_box((box.lower + box.upper) / 2, box)
+    unit = (box.upper - box.lower) / 4
     after = State(0, middle, sigma, C, nothing, nothing, unit, np.eye(n), np.ones(n))
     while True:
         before = decompose(after)
@@ -217,12 +224,21 @@ class Search:
 def search(steps: Iterator[Generation], iterations: int) -> Search:
     """Follow `generations` until a stop rule holds, `iterations` at the most."""
     history = np.empty((iterations, len(HISTORY)))
-    best, misfit, first = np.empty(0), math.inf, None
+    best, misfit = np.empty(0), math.inf
+    first = None
     for g, now in enumerate(steps):
         first = first or now
-        ranked, std = now.misfits[now.ranking], now.after.std
-        quartile, axis_ratio = ranked[int(0.75 * ranked.size)], now.before.D[-1] / now.before.D[0]
-        history[g] = ranked[0], np.median(ranked), quartile, now.after.sigma, axis_ratio, std.min(), std.max()
+        ranked = now.misfits[now.ranking]
+        std = now.after.std
+        history[g] = (
+            ranked[0],
+            np.median(ranked),
+            ranked[int(0.75 * ranked.size)],
+            now.after.sigma,
+            now.before.D[-1] / now.before.D[0],
+            std.min(),
+            std.max(),
+        )
         if ranked[0] < misfit:
             best, misfit = now.members[now.ranking[0]], float(ranked[0])
         if stop := stop_rule(now, first, history[: g + 1], iterations):
@@ -232,11 +248,17 @@ def search(steps: Iterator[Generation], iterations: int) -> Search:
 
 def stop_rule(now: Generation, first: Generation, history: FloatArray, iterations: int) -> str:
     """Name of the library's stop rule that holds after a generation, or ""; `history` as in `Search`, so far."""
-    state, n, size = now.after, now.after.m.size, now.misfits.size
-    std, recent, flat = state.std, history[-10 - 30 * n // size :, 0], history[-2:, 2] <= history[-2:, 0]
-    axis = 0.1 * state.sigma * state.D[state.g % n] * state.unit * state.B[:, state.g % n]
+    state = now.after
+    n, size = state.m.size, now.misfits.size
+    std = state.std
+    recent = history[-10 - 30 * n // size :, 0]
+    flat = history[-2:, 2] <= history[-2:, 0]
+    k = state.g % n  # the axis that this generation tries
+    axis = 0.1 * state.sigma * state.D[k] * state.unit * state.B[:, k]
     fifth = history[4::5][::-1, :2]  # best and median of every fifth generation, the newest first
     part = int(max(int(100 + 100 * n**1.5 / size) / 10, len(fifth) / 10))
+    new, old = fifth[:part], fifth[part : 2 * part]
+    stagnates = len(fifth) > max(100, 2 * part) and (np.median(new, axis=0) >= np.median(old, axis=0)).all()
     rules = {
         "maxiter": state.g >= iterations,
         "tolfun": now.misfits.max() - recent[-1] < 1e-11 and np.ptp(recent) < 1e-11,
@@ -245,8 +267,7 @@ def stop_rule(now: Generation, first: Generation, history: FloatArray, iteration
         "tolfacupx": (std > 1000 * first.before.sigma * first.before.unit).any(),
         "tolconditioncov": state.D[-1] > 1e7 * state.D[0],
         "tolflatfitness": flat.size == 2 and flat.all(),
-        "tolstagnation": len(fifth) > max(100, 2 * part)
-        and (np.median(fifth[:part], axis=0) >= np.median(fifth[part : 2 * part], axis=0)).all(),
+        "tolstagnation": stagnates,
         "noeffectcoord": (state.m == state.m + 0.2 * std).any(),
         "noeffectaxis": (state.m == state.m + axis).all(),
     }

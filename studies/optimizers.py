@@ -24,7 +24,7 @@ from replication.recording import Recording
 from replication.search import generations, search
 from replication.signature import FREE_PARAMETERS, Box, Timing
 from replication.statistics import rate_columns
-from replication.table2 import AUTHORS, BASIN_GAP, table2_levels
+from replication.table2 import AUTHORS_PROTOCOL, BASIN_GAP, table2_levels
 from studies.benchmark import in_parallel
 
 BUDGET, POPULATION = 60_000, 300  # what the authors' notebook spends: 300 members in 200 generations
@@ -61,14 +61,14 @@ class Cost:
     """The paper's cost, counting evaluations; raises `SearchEnded` when there is no more to do."""
 
     def __init__(self, recording: Recording, target: float, budget: int, projected: bool = False):
-        self.recording, self.timing, self.target, self.budget = recording, AUTHORS.timing, target, budget
-        self.box = protocol_box(recording, AUTHORS)
+        self.recording, self.timing, self.target, self.budget = recording, AUTHORS_PROTOCOL.timing, target, budget
+        self.box = protocol_box(recording, AUTHORS_PROTOCOL)
         self.best, self.evaluations = math.inf, 0
         self._misfits: Callable[[FloatArray], FloatArray]
-        self._misfits = lambda X: population_rmse(recording.t, recording.v, X, AUTHORS.timing)
+        self._misfits = lambda X: population_rmse(recording.t, recording.v, X, AUTHORS_PROTOCOL.timing)
         if projected:  # A and v_t are linear: the search is over the others alone
             kept = [name not in ("A_rps", "v_t_rps") for name in FREE_PARAMETERS]
-            self._misfits = projected_rmse(recording.t, recording.v, AUTHORS.timing, self.box.upper[0])
+            self._misfits = projected_rmse(recording.t, recording.v, AUTHORS_PROTOCOL.timing, self.box.upper[0])
             self.box = Box(self.box.lower[kept], self.box.upper[kept])
 
     def of_members(self, X: FloatArray) -> FloatArray:

@@ -93,8 +93,8 @@ from replication import published
 from replication.authors import level_delta_rad, load_noisy
 from replication.recording import add_uniform_noise
 from replication.simulator.recordings import simulate_recordings
+from replication.simulator.reidentify import FIT_LEVELS
 from replication.simulator.simulate import identified_joint, simulate
-from replication.simulator.study import FIT_LEVELS
 from replication.statistics import rate_columns
 from studies import accuracy, benchmark, gap_time, plots
 from studies.joint_match import PHASES, settled_turn

@@ -52,6 +52,7 @@ from scipy import stats
 
 import workbook
 from replication import published
+from replication.authors import LOW_NOISE
 from replication.replay import protocols
 from studies import plots
 
@@ -66,10 +67,10 @@ criteria = {}  # a level to try instead of that of claims.csv, such as {"random_
 # %% tags=["plumbing"]
 workbook.check_parameters(
     shown=(shown, protocols.CANDIDATES),
-    left_out=(left_out, [tuple(protocols.REALISATIONS)]),
+    left_out=(left_out, [tuple(LOW_NOISE)]),
     criteria=(criteria, [{"random_start"}]),
 )
-if len({*left_out}) > len(protocols.REALISATIONS) - 2:
+if len({*left_out}) > len(LOW_NOISE) - 2:
     raise ValueError(f"left_out = {left_out}: at least two of the five realisations are needed")
 
 # %% [markdown]
@@ -83,7 +84,7 @@ if len({*left_out}) > len(protocols.REALISATIONS) - 2:
 
 # %%
 level = published.criterion("random_start", criteria)  # a candidate with a smaller p does not explain the table
-used = pd.read_csv(protocols.RUNS).query("realisation not in @left_out")
+used = pd.read_csv(protocols.PROTOCOL_RUNS).query("realisation not in @left_out")
 judged = protocols.judge(used, level)
 columns = {
     **{"population": "population", "start": "start", "amplitude_factor": "box of A over Table 1's", "T_d_s": "T_d [s]"},

@@ -33,7 +33,9 @@ def length(x, y):
 def make_tridiagonal(a):
     """Householder's reduction: diagonal, subdiagonal and the orthogonal matrix Q of Q T Q' = a; `a` is used up."""
     n = a.shape[0]
-    tau, beside, q = np.zeros(n), np.zeros(n), np.eye(n)
+    tau = np.zeros(n)
+    beside = np.zeros(n)
+    q = np.eye(n)
     for i in range(n - 1):
         v, rest = a[i + 1 :, i], a[i + 1 :, i + 1 :]
         beside[i] = v[0]
@@ -103,7 +105,8 @@ def sweep(d, e, vectors, start, end, way):
     p = d[start]
     g = (d[start + way] - p) / (2 * e[start + at])
     g = d[end] - p + e[start + at] / (g + np.copysign(length(g, 1.0), g))
-    s, c, p = 1.0, 1.0, 0.0
+    s = c = 1.0
+    p = 0.0
     for i in range(end - way, start - way, -way):
         f, b = s * e[i + at], c * e[i + at]
         c, s, r = plane_rotation(g, f)

@@ -19,18 +19,20 @@ def closed_loop_matrix(parameters: JointParameters, *, in_contact: bool = True) 
     drive's memory. Its eigenvalues are exp(s * control_period_s) of the joint's modes s.
     """
     p = parameters
-    n, period, delay = p.gear_ratio, p.control_period_s, p.control_delay_periods
+    n = p.gear_ratio
+    delay = p.control_delay_periods
     ks, ds = (p.stiffness_nm_per_rad, p.damping_nms_per_rad) if in_contact else (0.0, 0.0)
     coupling = np.array([ks / n, ds / n, -ks, -ds])
     a = np.zeros((6, 6))
     a[0, 1] = a[2, 3] = 1.0
-    a[1, :4], a[3, :4] = -coupling / n / p.motor_inertia_kgm2, coupling / p.load_inertia_kgm2
+    a[1, :4] = -coupling / n / p.motor_inertia_kgm2
+    a[3, :4] = coupling / p.load_inertia_kgm2
     a[1, 1] -= p.motor_viscous_nms_per_rad / p.motor_inertia_kgm2
     a[3, 3] -= p.load_viscous_nms_per_rad / p.load_inertia_kgm2
     a[1, 4 if p.torque_lag_s > 0 else 5] = 1 / p.motor_inertia_kgm2
     if p.torque_lag_s > 0:
         a[4, 4:] = np.array([-1.0, 1.0]) / p.torque_lag_s
-    flow = expm(a * period)
+    flow = expm(a * p.control_period_s)
     if p.torque_lag_s == 0:
         flow[4] = np.eye(6)[5]
     # Without the encoder's grid and the torque limit the drive is linear.
@@ -87,10 +89,8 @@ def check_run(p: JointParameters, delta: float, duration: float, sample: float, 
     shaking = p.commanded_speed_rad_per_s * max((wave.order for wave in p.disturbances), default=0.0)
     fastest = max(contact, shaking, 1 / p.torque_lag_s if p.torque_lag_s > 0 else 0.0)
     if step * fastest > 0.5:
-        _refuse(
-            f"step_s {step} is too large for stiffness, torque lag or disturbances, {fastest:.4g} rad/s at the fastest",
-            f"take at most {0.5 / fastest:.2g} s",
-        )
+        what = f"stiffness, torque lag or disturbances, {fastest:.4g} rad/s at the fastest"
+        _refuse(f"step_s {step} is too large for {what}", f"take at most {0.5 / fastest:.2g} s")
 
 
 # One joint is simulated many times; the matrix exponentials are slow where BLAS threads compete.

@@ -150,7 +150,7 @@ def disturbance(t, motor, omega, waves):
     """
     if waves is None:
         return 0.0, 0.0, 0.0
-    ripple, push, error = 0.0, 0.0, 0.0
+    ripple = push = error = 0.0
     for k in range(waves.shape[0]):
         if waves[k, 1] != 0:
             ripple += waves[k, 1] * np.sin(waves[k, 0] * (omega * t + motor) + waves[k, 4])
@@ -200,8 +200,10 @@ def _runge_kutta(t, y, h, command, region, c):
 @nb.njit(cache=True)
 def locate(t, y, h, end, edge, command, region, c):
     """Part of the step after which the displacement meets the edge, and the state there (Illinois method)."""
-    lo, hi, side = 0.0, h, 0
-    g_lo, g_hi = y[0] / c.gear_ratio - y[2] - edge, end[0] / c.gear_ratio - end[2] - edge
+    lo, hi = 0.0, h
+    side = 0
+    g_lo = y[0] / c.gear_ratio - y[2] - edge
+    g_hi = end[0] / c.gear_ratio - end[2] - edge
     if g_lo * g_hi >= 0:
         return 0.0, y
     s = h
@@ -269,7 +271,8 @@ def run(y, region, steps, step, skip, every, per_period, delay, c, drive, record
     """
     ring, memory = np.full(delay + 1, y[4]), np.array([y[4], 0.0, 0.0, y[0]])
     edges = (-np.inf, -c.delta, 0.0, c.delta, np.inf)
-    used, row, command = 0, 0, y[4]
+    used = row = 0
+    command = y[4]
     for i in range(steps + 1):
         t, left = (i - skip) * step, step
         if i >= skip and (i - skip) % every == 0:

@@ -138,6 +138,23 @@ def with_ratios(parameters: JointParameters, ratios: Mapping[str, float]) -> Joi
     return replace(parameters, **_physical(merged, parameters.gear_ratio, parameters.load_mass_kg))
 
 
+def changeable(joint: JointParameters) -> tuple[str, ...]:
+    """Names of what `changed_joint` takes: a joint's ratios, and its physical quantities that are not zero."""
+    numbers = {name: value for name, value in vars(joint).items() if isinstance(value, float)}
+    physical = {name for name, value in numbers.items() if 0 < abs(value) < math.inf}
+    return tuple(sorted(physical | set(joint.ratios)))
+
+
+def changed_joint(joint: JointParameters, factors: Mapping[str, float]) -> JointParameters:
+    """Multiply some of a joint's ratios, the other ratios kept, then physical quantities, all others kept."""
+    if unknown := set(factors) - set(changeable(joint)):
+        raise ValueError(f"cannot change {', '.join(sorted(unknown))}; there are {', '.join(changeable(joint))}")
+    before = joint.ratios
+    if ratios := {name: factor * before[name] for name, factor in factors.items() if name in before}:
+        joint = with_ratios(joint, ratios)
+    return replace(joint, **{name: factors[name] * getattr(joint, name) for name in factors if name not in ratios})
+
+
 def identified_joint() -> JointParameters:
     """Return the joint identified from the published signals (``data/joint.json``)."""
     data = json.loads(files("replication").joinpath("data/joint.json").read_text(encoding="utf-8"))

@@ -14,7 +14,8 @@ def simulate_recordings(
     joint: JointParameters, deltas_rad: Sequence[float], sample_s: float = 2e-3, turns: int = 12
 ) -> list[Recording]:
     """Record the simulated joint's motor speed at each backlash; the authors' records are twelve turns at 2 ms."""
-    duration_s, name = turns * joint.turn_period_s, "simulated joint, {:g} rad"
+    duration_s = turns * joint.turn_period_s
     runs = simulate_many(joint, deltas_rad, duration_s=duration_s, sample_s=sample_s, step_s=SIMULATION_STEP_S)
-    commanded = joint.commanded_speed_rps, joint.turn_period_s
-    return [Recording(run.time_s, run.motor_speed_rps, *commanded, name.format(run.delta_rad)) for run in runs]
+    speed, turn = joint.commanded_speed_rps, joint.turn_period_s
+    name = "simulated joint, {:g} rad"
+    return [Recording(run.time_s, run.motor_speed_rps, speed, turn, name.format(run.delta_rad)) for run in runs]

@@ -88,24 +88,29 @@ def simulate(
     DivergenceError
         If the joint runs away all the same.
     """
-    return simulate_many(parameters, [delta_rad], duration_s=duration_s, sample_s=sample_s, step_s=step_s, threads=1)[0]
+    (found,) = simulate_many(
+        parameters, [delta_rad], duration_s=duration_s, sample_s=sample_s, step_s=step_s, threads=1
+    )
+    return found
 
 
 def _simulate_checked(p: JointParameters, delta: float, duration: float, sample: float, step: float) -> SimulatedJoint:
     y, region = core.start_state(p, delta)
-    every, skip = round(sample / step), round(p.lead_s / step)
+    every = round(sample / step)
+    skip = round(p.lead_s / step)
     samples = round(duration / sample) + 1
-    record, gap = np.empty((samples, 5)), np.empty(samples, dtype=np.int64)
+    record = np.empty((samples, 5))
+    gap = np.empty(samples, dtype=np.int64)
     steps = skip + (samples - 1) * every
     events = np.empty((steps + 1, 2))
-    per_period, delay = round(p.control_period_s / step), int(p.control_delay_periods)
-    c, drive = core.constants_of(p, delta), core.drive_of(p)
+    per_period = round(p.control_period_s / step)
+    delay = int(p.control_delay_periods)
+    c = core.constants_of(p, delta)
+    drive = core.drive_of(p)
     status, used = core.run(y, region, steps, step, skip, every, per_period, delay, c, drive, record, gap, events)
     if status >= 0:
-        raise DivergenceError(
-            f"simulate: the joint diverged at t = {(status - skip) * step:.4f} s with delta_rad = {delta}; "
-            "lower the gains or the step"
-        )
+        at = f"t = {(status - skip) * step:.4f} s with delta_rad = {delta}"
+        raise DivergenceError(f"simulate: the joint diverged at {at}; lower the gains or the step")
     time = np.arange(samples, dtype=float) * sample
     commanded = p.commanded_speed_rad_per_s * time
     error, error_rate = _transmission_error(p, time)
@@ -139,7 +144,7 @@ def _transmission_error(p: JointParameters, time: FloatArray) -> tuple[FloatArra
 
 def simulate_many(
     parameters: JointParameters,
-    delta_rad: Sequence[float],
+    deltas_rad: Sequence[float],
     *,
     duration_s: float = 4.8,
     sample_s: float = 2e-3,
@@ -147,14 +152,16 @@ def simulate_many(
     threads: int = 2,
 ) -> list[SimulatedJoint]:
     """Simulate several backlashes, each as `simulate` does; the same bytes for any number of threads."""
+
+    def run(delta_rad: float) -> SimulatedJoint:
+        return _simulate_checked(parameters, float(delta_rad), duration_s, sample_s, step_s)
+
     checks.check_values(parameters)
-    for delta in delta_rad:
-        checks.check_run(parameters, delta, duration_s, sample_s, step_s)
+    for delta_rad in deltas_rad:
+        checks.check_run(parameters, delta_rad, duration_s, sample_s, step_s)
     checks.check_stability(parameters)
     with ThreadPoolExecutor(threads) as pool:
-        return list(
-            pool.map(lambda delta: _simulate_checked(parameters, float(delta), duration_s, sample_s, step_s), delta_rad)
-        )
+        return list(pool.map(run, deltas_rad))
 
 
 def settled_peak_rps(record: SimulatedJoint, parameters: JointParameters) -> float:

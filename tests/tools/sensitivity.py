@@ -43,7 +43,7 @@ TESTS = (
     "tests/test_results.py::test_the_runs_of_table_2_spent_what_the_protocol_allows",
     "tests/test_signature.py::test_the_signature_at_the_stored_parameters_has_the_stored_misfit",
     "tests/test_signature.py::test_the_box_is_table_1",
-    "tests/simulator/test_study.py",
+    "tests/simulator/test_identified_joint.py",
 )
 
 SOLUTION = re.compile(r'\n# %% tags=\["solution"\]\n.*?(?=\n# %%|\Z)', re.DOTALL)  # asserts more than the paper says
