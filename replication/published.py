@@ -12,6 +12,9 @@ import pandas as pd
 
 DATA: Traversable = files("replication") / "data"
 
+Criteria = Mapping[str, float] | None  # limits to try in place of those of `claims.csv`, by claim
+Decision = tuple[bool | None, str]  # whether a claim holds (None: undecided), and what was measured
+
 
 @cache
 def _kept(name: str, index: str | None = None) -> pd.DataFrame:
@@ -86,7 +89,7 @@ def column(element: str, name: str) -> np.ndarray:
     return table.loc[table["column"] == name, "value"].to_numpy(float)
 
 
-def criterion(claim: str, criteria: Mapping[str, float] | None = None) -> float:
+def criterion(claim: str, criteria: Criteria = None) -> float:
     """The limit that decides a claim: that of `claims.csv`, or the one that `criteria` tries in its place."""
     known = claims()["criterion"]
     if unknown := {claim, *(criteria or {})} - set(known.index):
@@ -94,9 +97,7 @@ def criterion(claim: str, criteria: Mapping[str, float] | None = None) -> float:
     return float((criteria or {}).get(claim, known[claim]))
 
 
-def decide(
-    claim: str, measured: float | tuple[float, float], criteria: Mapping[str, float] | None = None
-) -> bool | None:
+def decide(claim: str, measured: float | tuple[float, float], criteria: Criteria = None) -> bool | None:
     """Decide a claim by its rule in `claims.csv`; None is undecided, as is whatever was not measured (nan).
 
     `measured` is what the rule compares with the limit: one number; the two ends of an interval where the rule's name

@@ -47,6 +47,11 @@ def add_uniform_noise(recording: Recording, half_amplitude_rps: float, rng: np.r
     return replace(recording, v=recording.v + noise, source=f"{recording.source} + uniform noise")
 
 
+def add_normal_noise(recording: Recording, sd_rps: float, rng: np.random.Generator) -> Recording:
+    """Add normal white noise to a record, as stand-ins for real logs have it."""
+    return replace(recording, v=recording.v + rng.normal(0.0, sd_rps, recording.v.size))
+
+
 def constant_speed(samples: int, dt: float) -> Recording:
     """Make a record without backlash, the commanded speed and nothing else, to add noise to."""
     v = np.full(samples, COMMANDED_SPEED_RPS)

@@ -1,19 +1,19 @@
 """Table 2: its records, repeated fits of them, the table that they give, and the two claims that it decides."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from itertools import product
 
 import numpy as np
 import pandas as pd
-from joblib import Parallel, delayed
 from numpy.typing import NDArray
 from scipy import stats
-from tqdm import tqdm
 
 from replication import published
 from replication.arrays import FloatArray
 from replication.authors import HIGH_NOISE, level_delta_rad, load_noisy
 from replication.identify import Protocol, paper_fit
+from replication.parallel import in_parallel
+from replication.published import Criteria, Decision
 from replication.recording import Recording, add_uniform_noise, constant_speed, from_sample
 from replication.signature import FREE_PARAMETERS
 from replication.simulator.parameters import JointParameters
@@ -125,15 +125,14 @@ def repeated_fits(
     """
     if not len(seeds):
         raise ValueError("no seeds: at least one run of each record is needed")
-    jobs, keys = [], []
+    calls, keys = [], []
     for protocol, (index, (key, recording)) in product(protocols, enumerate(records)):
         starts = start_samples(protocol, seeds, record_seed=index)
         for seed, start in zip(seeds, starts, strict=True):
-            jobs.append(delayed(_run)(recording, protocol, seed, start))
+            calls.append((recording, protocol, seed, start))
             keys.append(key | {"protocol": protocol.name})
-    results = Parallel(n_jobs=-1, return_as="generator", batch_size=4)(jobs)
-    runs = list(tqdm(results, total=len(jobs), desc=label, mininterval=5))
-    return pd.DataFrame([{**key, **run} for key, run in zip(keys, runs, strict=True)])
+    runs = in_parallel(_run, calls, label)
+    return pd.DataFrame([key | run for key, run in zip(keys, runs, strict=True)])
 
 
 def basin_labels(rmse: FloatArray) -> NDArray[np.int64]:
@@ -205,7 +204,7 @@ def error_percent(table: pd.DataFrame, column: str) -> pd.Series:
     return (100 * (table[column] / printed - 1)).where(table["theoretical_A_rps"] > 0)
 
 
-def decide_error_below_10(runs: pd.DataFrame, criteria: Mapping[str, float] | None = None) -> tuple[bool | None, str]:
+def decide_error_below_10(runs: pd.DataFrame, criteria: Criteria = None) -> Decision:
     """Decide whether every mean |A| errs by less than 10 %, from runs on the authors' records.
 
     The second value says what was measured: the largest error, with a 95 % bootstrap interval, all records together.
@@ -228,7 +227,7 @@ def decide_error_below_10(runs: pd.DataFrame, criteria: Mapping[str, float] | No
     return holds, f"largest error of a mean {largest:.1f} % (95 % interval {low:.1f} to {high:.1f} %)"
 
 
-def decide_local_minima(table: pd.DataFrame, criteria: Mapping[str, float] | None = None) -> tuple[bool | None, str]:
+def decide_local_minima(table: pd.DataFrame, criteria: Criteria = None) -> Decision:
     """Decide whether runs avoid local minima, from `table2` of the authors' records; say what was measured.
 
     The interval of the share is Student's over the records, because runs on one record are not independent.

@@ -40,14 +40,14 @@ def write_joint() -> None:
 
 def write_population() -> None:
     """Every method on joints that nobody calibrated, into results/population_logs.csv and results/datasheet.csv."""
-    import pandas as pd
+    from pandas import concat
 
     from studies import benchmark, population
 
     drawn = population.measure_population(*population.SPREAD_STUDY)
     write_csv(SENSOR_DATA / "spread_of_joints.csv", population.spread_shares(drawn))
     measured = [population.measure_population(*study) for study in population.FINAL_STUDIES]
-    rows = pd.concat(measured, ignore_index=True)
+    rows = concat(measured, ignore_index=True)
     write_csv(RESULTS / "population_logs.csv", rows)
     print(benchmark.summarise_intervals(rows).to_string(index=False))
     sheet = population.summarise_sensor(population.measure_sensor(population.DATASHEET, population.DATASHEET_SEED))

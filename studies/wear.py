@@ -4,16 +4,18 @@ from collections import defaultdict
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
+from typing import Any
 
 import numpy as np
-import pandas as pd
+from numpy.random import Generator
+from pandas import DataFrame
 
 from backlash.calibration import Calibration
 from backlash.fitting.global_fit import global_fit
 from backlash.fitting.shared_joint import share_joint
 from replication.arrays import FloatArray
 from replication.standins.joints import Bench, encoder_log
-from studies.benchmark import Log, logs_by_methods, self_answer, widened_answers
+from studies.benchmark import KnownLog, logs_by_methods, self_answer, widened_answers
 
 
 @dataclass(frozen=True)
@@ -42,10 +44,11 @@ class Wear:
         return float(self.duration_days * share ** (1 / self.exponent))
 
 
-def draw_wear(rng: np.random.Generator, limit_rad: float) -> Wear:
+def draw_wear(rng: Generator, limit_rad: float) -> Wear:
     """Draw a wear that starts well below a limit and passes it within the eight months."""
-    first, last = limit_rad * rng.uniform(0.2, 0.5), limit_rad * rng.uniform(1.2, 1.6)
-    return Wear(float(first), float(last), float(rng.uniform(1.0, 3.0)))
+    first = limit_rad * rng.uniform(0.2, 0.5)
+    last = limit_rad * rng.uniform(1.2, 1.6)
+    return Wear(first, last, rng.uniform(1.0, 3.0))
 
 
 def wear_tests(
@@ -54,10 +57,10 @@ def wear_tests(
     calibrations: Mapping[str, Calibration],
     limit_rad: float,
     seed: int,
-) -> pd.DataFrame:
+) -> DataFrame:
     """Test worn benches every few weeks and read the backlash off each log."""
 
-    def answers(log: Log) -> dict[str, dict[str, object]]:
+    def answers(log: KnownLog) -> dict[str, dict[str, Any]]:
         fit = global_fit(log.recording)
         found = widened_answers(log.recording, fit, calibrations)
         return {name: {"A_rps": fit.amplitude_rps} | answer for name, answer in found.items()}
@@ -65,31 +68,33 @@ def wear_tests(
     return _with_calls(logs_by_methods(_logs(benches, wears, seed), answers), wears, limit_rad)
 
 
-def wear_tests_by_self(benches: Sequence[Bench], wears: Sequence[Wear], limit_rad: float, seed: int) -> pd.DataFrame:
+def wear_tests_by_self(benches: Sequence[Bench], wears: Sequence[Wear], limit_rad: float, seed: int) -> DataFrame:
     """Read the logs of `wear_tests` by method "self": each alone, and with all logs of its bench until then."""
     table = logs_by_methods(_logs(benches, wears, seed), lambda log: {"self": self_answer(log.recording)})
-    rows, fits = [], defaultdict(list)
+    fits = defaultdict(list)
+    rows = []
     for alone in table[~table["refused"]].to_dict("records"):
-        fits[alone["bench"]].append(alone["fit"])
-        shared, (low, high) = share_joint(fits[alone["bench"]])[-1]
+        of_bench = fits[alone["bench"]]
+        of_bench.append(alone["fit"])
+        shared, (low, high) = share_joint(of_bench)[-1]
         found = {"method": "self, shared joint", "found_rad": shared, "low_rad": low, "high_rad": high}
         rows += [alone, alone | found]
-    return _with_calls(pd.DataFrame(rows), wears, limit_rad)
+    return _with_calls(DataFrame(rows), wears, limit_rad)
 
 
-def _logs(benches: Sequence[Bench], wears: Sequence[Wear], seed: int) -> list[Callable[[], Log]]:
+def _logs(benches: Sequence[Bench], wears: Sequence[Wear], seed: int) -> list[Callable[[], KnownLog]]:
     """Draw the log of each bench on each of its days."""
 
-    def draw(index: int, number: int, day: float) -> Log:
+    def draw(index: int, number: int, day: float) -> KnownLog:
         delta = float(wears[number].backlash_rad(day))
         recording = encoder_log(benches[number], delta, np.random.default_rng((seed, index)))
-        return Log({"bench": number, "day": day}, delta, recording)
+        return KnownLog({"bench": number, "day": day}, delta, recording)
 
     tests = [(number, day) for number, wear in enumerate(wears) for day in wear.test_days]
     return [partial(draw, index, *test) for index, test in enumerate(tests)]
 
 
-def _with_calls(rows: pd.DataFrame, wears: Sequence[Wear], limit_rad: float) -> pd.DataFrame:
+def _with_calls(rows: DataFrame, wears: Sequence[Wear], limit_rad: float) -> DataFrame:
     """Columns of tests, and the days on which the truth and each sensor reach the limit."""
     columns = ["bench", "sensor", "day", "delta_rad", "A_rps", "estimate_rad", "low_rad", "high_rad"]
     table = rows.rename(columns={"method": "sensor", "found_rad": "estimate_rad"}).reindex(columns=columns)

@@ -13,7 +13,6 @@ of the authors' notebook; a fixed window, or T_d and T_f as printed, gives an A 
    record does; it does not hold if it is the other way round; otherwise it is undecided.
 """
 
-from collections.abc import Mapping
 from dataclasses import replace
 from functools import cache
 from itertools import product
@@ -21,7 +20,6 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from joblib import Parallel, delayed
 from scipy import stats
 
 from replication import published
@@ -29,6 +27,8 @@ from replication.arrays import FloatArray
 from replication.authors import LOW_NOISE, load_noisy
 from replication.files import ROOT
 from replication.identify import Fit, Protocol, paper_fit
+from replication.parallel import in_parallel
+from replication.published import Criteria, Decision
 from replication.recording import Recording, from_sample
 from replication.table2 import AUTHORS_PROTOCOL, basin_labels, error_percent, start_samples, table2, table2_levels
 
@@ -119,8 +119,7 @@ def compute_runs() -> pd.DataFrame:
     def summaries(row: int, realisation: int) -> list[dict]:  # one record at a time: reading it takes a second
         return [summarise(candidate, row, realisation) for candidate in CANDIDATES.values()]
 
-    # Two processes, on any machine: only new ones heed the environment that the study pins.
-    found = Parallel(n_jobs=2, verbose=10)(delayed(summaries)(*record) for record in product(ROWS, LOW_NOISE))
+    found = in_parallel(summaries, product(ROWS, LOW_NOISE), "records")
     return pd.DataFrame([row for of_candidate in zip(*found, strict=True) for row in of_candidate])
 
 
@@ -195,7 +194,7 @@ def judge(runs: pd.DataFrame, level: float = LEVEL) -> pd.DataFrame:
     return pd.DataFrame(rows).sort_values("p", ascending=False, kind="stable", ignore_index=True)
 
 
-def random_start(judged: pd.DataFrame, criteria: Mapping[str, float] | None = None) -> tuple[bool | None, str]:
+def random_start(judged: pd.DataFrame, criteria: Criteria = None) -> Decision:
     """Criterion 6: whether the start was drawn, from `judge`'s table, and what was measured."""
     best = judged.sort_values("p", ascending=False).groupby(judged["start"] != "whole").first()
     drawn, whole = best.loc[True], best.loc[False]

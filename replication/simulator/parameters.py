@@ -10,6 +10,13 @@ from typing import Any
 GRAVITY = 9.80665
 TURN = 2 * math.pi
 
+# Ratios of the drive's gains to the motor's inertia, and the gains.
+GAINS = {
+    "speed_gain_per_s": "speed_gain_nms_per_rad",
+    "integral_gain_per_s2": "integral_gain_nm_per_rad",
+    "derivative_gain": "derivative_gain_nms2_per_rad",
+    "leaky_gain_per_s2": "leaky_gain_nm_per_rad",
+}
 # Parameters that are ratios by themselves: rates, times and angles need no scale.
 PLAIN_RATIOS = ("position_gain_per_s", "leaky_rate_per_s", "torque_lag_s", "start_angle_rad", "lead_s")
 
@@ -91,10 +98,7 @@ class JointParameters:
             "stiffness_per_s2": self.stiffness_nm_per_rad / jl,
             "gravity_per_s2": self.gravity_torque_nm / jl,
             "inertia_ratio": jl / (self.gear_ratio**2 * jm),
-            "speed_gain_per_s": self.speed_gain_nms_per_rad / jm,
-            "integral_gain_per_s2": self.integral_gain_nm_per_rad / jm,
-            "derivative_gain": self.derivative_gain_nms2_per_rad / jm,
-            "leaky_gain_per_s2": self.leaky_gain_nm_per_rad / jm,
+            **{ratio: getattr(self, gain) / jm for ratio, gain in GAINS.items()},
             **{name: getattr(self, name) for name in PLAIN_RATIOS},
         }
 
@@ -107,18 +111,18 @@ def _physical(ratios: Mapping[str, float], gear_ratio: float, load_mass_kg: floa
         jl = load_mass_kg * arm**2
         jm = jl / (gear_ratio**2 * r.pop("inertia_ratio"))
         scaled = {
+            "motor_inertia_kgm2": jm,
+            "load_inertia_kgm2": jl,
+            "gravity_arm_m": arm,
             "stiffness_nm_per_rad": jl * r.pop("stiffness_per_s2"),
-            "speed_gain_nms_per_rad": jm * r.pop("speed_gain_per_s"),
-            "integral_gain_nm_per_rad": jm * r.pop("integral_gain_per_s2"),
-            "derivative_gain_nms2_per_rad": jm * r.pop("derivative_gain"),
-            "leaky_gain_nm_per_rad": jm * r.pop("leaky_gain_per_s2"),
+            **{gain: jm * r.pop(ratio) for ratio, gain in GAINS.items()},
             **{name: r.pop(name) for name in PLAIN_RATIOS},
         }
     except (KeyError, ZeroDivisionError) as error:
         raise ValueError(f"missing or zero ratio ({error}); JointParameters.ratios has them all") from None
     if r:
         raise ValueError(f"unknown ratios {sorted(r)}; JointParameters.ratios has them all")
-    return scaled | {"motor_inertia_kgm2": jm, "load_inertia_kgm2": jl, "gravity_arm_m": arm}
+    return scaled
 
 
 def joint_from_ratios(
