@@ -13,12 +13,14 @@ the gap, K_s and D_s outside, and a torque that never pulls.
 """
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
+
+from replication.arrays import FloatArray
 
 
 def stiffness(
     delta_theta_rad: ArrayLike, delta_rad: ArrayLike, stiffness_nm_per_rad: float, alpha_per_rad: float
-) -> NDArray[np.float64]:
+) -> FloatArray:
     """Variable coupling stiffness K_BL [N m/rad], equation 8 as printed; the arguments are those of equation 9."""
     x, delta = np.asarray(delta_theta_rad, dtype=float), np.asarray(delta_rad, dtype=float)
     arctans = np.arctan(alpha_per_rad * (x - delta)) - np.arctan(alpha_per_rad * (x + delta))
@@ -33,7 +35,7 @@ def transmitted_torque(
     damping_nms_per_rad: float = 0.0,
     alpha_per_rad: float = 1e6,
     clamped: bool = False,
-) -> NDArray[np.float64]:
+) -> FloatArray:
     """Torque on the load tau_l [N m], equation 9 as printed, or that of the clamped dead zone.
 
     Parameters

@@ -3,8 +3,8 @@
 Equations and symbols are the paper's. Constants, damping, negative weights and stop rules are those of N. Hansen's
 tutorial (arXiv:1604.00772) with the values that `cma` had until 3.2; that nothing is done about an uneven C but to stop
 is as it was until 2.6. In equation 17, c_1 = c_cov / mu_cov and c_mu = c_cov (1 - 1 / mu_cov), and the sum runs over
-all members: the worse half has negative weights. The equations are compiled. Every sum in them is taken in order, without
-BLAS and LAPACK, so that a seed gives the same run on every processor.
+all members: the worse half has negative weights. The equations are compiled, and every sum in them is taken in order,
+without BLAS and LAPACK, so that a seed gives the same run on every processor.
 """
 
 import math
@@ -14,9 +14,8 @@ from typing import NamedTuple
 
 import numba
 import numpy as np
-from numpy.typing import NDArray
 
-from replication.arrays import FloatArray
+from replication.arrays import FloatArray, IntArray
 from replication.compiled.bounds import from_box, into_box
 from replication.compiled.eigen import symmetric_eigen
 from replication.signature import Box
@@ -96,7 +95,7 @@ class Generation:
     x: FloatArray
     members: FloatArray
     misfits: FloatArray
-    ranking: NDArray[np.int64]  # numbers of the members, the best first
+    ranking: IntArray  # numbers of the members, the best first
     after: State
 
 

@@ -5,11 +5,10 @@ from itertools import product
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 from scipy import stats
 
 from replication import published
-from replication.arrays import FloatArray
+from replication.arrays import FloatArray, IntArray
 from replication.authors import HIGH_NOISE, level_delta_rad, load_noisy
 from replication.identify import Protocol, paper_fit
 from replication.parallel import in_parallel
@@ -135,7 +134,7 @@ def repeated_fits(
     return pd.DataFrame([key | run for key, run in zip(keys, runs, strict=True)])
 
 
-def basin_labels(rmse: FloatArray) -> NDArray[np.int64]:
+def basin_labels(rmse: FloatArray) -> IntArray:
     """Number the basins that runs on one record ended in, from the lowest misfit (1) upwards; shape (runs,).
 
     A new basin begins where the sorted final misfit jumps by more than `BASIN_GAP`, relatively.

@@ -24,7 +24,8 @@ def write_claims() -> None:
     from replication.simulator import edge
     from studies import optimizers
 
-    optimizers.require_swarms()
+    if not optimizers.swarms_installed():
+        raise optimizers.SwarmsMissing("the swarms need the extra `studies`: pip install .[studies]")
     write_csv(RESULTS / "alpha_refit.csv", edge.refit_alphas())
     runs = optimizers.run_jobs(optimizers.planned_runs())
     write_csv(RESULTS / "optimizers.csv", runs)
@@ -42,17 +43,14 @@ def write_population() -> None:
     """Every method on joints that nobody calibrated, into results/population_logs.csv and results/datasheet.csv."""
     from pandas import concat
 
-    from studies import benchmark, population
+    from studies import population
 
     drawn = population.measure_population(*population.SPREAD_STUDY)
     write_csv(SENSOR_DATA / "spread_of_joints.csv", population.spread_shares(drawn))
     measured = [population.measure_population(*study) for study in population.FINAL_STUDIES]
-    rows = concat(measured, ignore_index=True)
-    write_csv(RESULTS / "population_logs.csv", rows)
-    print(benchmark.summarise_intervals(rows).to_string(index=False))
+    write_csv(RESULTS / "population_logs.csv", concat(measured, ignore_index=True))
     sheet = population.summarise_sensor(population.measure_sensor(population.DATASHEET, population.DATASHEET_SEED))
     write_csv(RESULTS / "datasheet.csv", sheet)
-    print(sheet.to_string(index=False))
     print(population.against_criteria(sheet).to_string(index=False))
 
 

@@ -6,14 +6,13 @@ from itertools import product
 
 import numpy as np
 from numpy.random import Generator
-from numpy.typing import NDArray
 from pandas import DataFrame, Series, concat
 
 from backlash.fitting.global_fit import global_fit
-from replication.arrays import FloatArray
+from replication.arrays import FloatArray, IntArray
 from replication.identify import Protocol, protocol_box
 from replication.parallel import in_parallel
-from replication.recording import Recording, add_normal_noise, add_uniform_noise, constant_speed
+from replication.recording import add_normal_noise, add_uniform_noise, constant_speed
 from replication.signature import signature
 from replication.statistics import rate_columns
 from replication.table2 import BASIN_GAP, basin_labels
@@ -28,7 +27,7 @@ _LARGEST = (1.5, 0.15, 25, 170, 0.02, 0.17)
 Pairs = list[tuple[Series, Series]]  # values of two sets, a pair for each record
 
 
-def label_basins(rmse: FloatArray, window_start_s: FloatArray) -> NDArray[np.int64]:
+def label_basins(rmse: FloatArray, window_start_s: FloatArray) -> IntArray:
     """Number the basins of runs from 1, lowest misfit first: `table2.basin_labels`, split where windows are apart."""
     by_misfit = basin_labels(rmse)
     order = np.lexsort((window_start_s, by_misfit))
@@ -127,12 +126,6 @@ def _percent(name: str, value: float, drawn: FloatArray) -> dict[str, float]:
     return {f"{name}_percent": 100 * value, f"{name}_low_percent": 100 * low, f"{name}_high_percent": 100 * high}
 
 
-def _add_noise(record: Recording, law: str, half_amplitude_rps: float, rng: Generator) -> Recording:
-    if law == "uniform":
-        return add_uniform_noise(record, half_amplitude_rps, rng)
-    return add_normal_noise(record, half_amplitude_rps / np.sqrt(3), rng)
-
-
 def coverage_runs(law: str, half_amplitude_rps: float, runs: int, rng: Generator) -> DataFrame:
     """Fit made records whose A is known and lies in the box that the record gives.
 
@@ -144,7 +137,10 @@ def coverage_runs(law: str, half_amplitude_rps: float, runs: int, rng: Generator
         A, t0, tau, omega, T1, length = rng.uniform(_LEAST, _LARGEST)
         X = np.array([A, t0, tau, omega, base.commanded_speed_rps, T1 + length, T1])
         clean = replace(base, v=base.v + signature(base.t, X, protocol.timing))
-        record = _add_noise(clean, law, half_amplitude_rps, rng)
+        if law == "uniform":
+            record = add_uniform_noise(clean, half_amplitude_rps, rng)
+        else:
+            record = add_normal_noise(clean, half_amplitude_rps / np.sqrt(3), rng)
         midway = (np.ceil((t0 + T1) / 0.002) - 0.5) * 0.002
         truth = float(A * np.exp(-tau * (midway - t0 - T1)))
         if truth < protocol_box(record, protocol).upper[0]:

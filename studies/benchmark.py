@@ -10,6 +10,7 @@ from pandas import DataFrame, Series
 from backlash.calibration import Calibration, backlashes, widened
 from backlash.fitting.global_fit import GlobalFit
 from backlash.fitting.self_calibration import fit_joint
+from replication.arrays import FloatArray
 from replication.parallel import in_parallel
 from replication.recording import Recording
 from replication.statistics import rate_columns
@@ -19,18 +20,20 @@ from studies.joint_match import NUISANCES
 JOINT_ALL_FREE = "joint, all nuisances free"
 JOINT_METHODS = {"joint": (), "joint, start angle free": ("start_angle",), JOINT_ALL_FREE: tuple(NUISANCES)}
 
+Row = dict[str, Any]
+
 
 @dataclass(frozen=True)
 class KnownLog:
     """A log of known backlash [rad]; its labels are the columns that say which log it is."""
 
-    labels: Mapping[str, Any]
+    labels: Row
     delta_rad: float
     recording: Recording
 
 
 # By method: the backlash found [rad], or columns of which `found_rad` is one.
-Answers = Mapping[str, float | Mapping[str, Any]]
+Answers = Mapping[str, float | Row]
 DrawnLog = KnownLog | Callable[[], KnownLog]  # a log, or a function that draws it
 
 
@@ -40,18 +43,18 @@ def logs_by_methods(logs: Iterable[DrawnLog], answers: Callable[[KnownLog], Answ
     return DataFrame([row for rows in found for row in rows])
 
 
-def _rows(drawn: DrawnLog, answers: Callable[[KnownLog], Answers]) -> list[dict]:
+def _rows(drawn: DrawnLog, answers: Callable[[KnownLog], Answers]) -> list[Row]:
     log = drawn if isinstance(drawn, KnownLog) else drawn()
     rows = []
     for method, answer in answers(log).items():
-        columns = answer if isinstance(answer, Mapping) else {"found_rad": answer}
+        columns = answer if isinstance(answer, dict) else {"found_rad": answer}
         found = columns["found_rad"]
         key = {"method": method, **log.labels, "delta_rad": log.delta_rad}
-        rows.append(key | {"found_rad": found, "error_rad": found - log.delta_rad} | {**columns})
+        rows.append(key | {"found_rad": found, "error_rad": found - log.delta_rad} | columns)
     return rows
 
 
-def interval_answer(found_rad: float, interval_rad: tuple[float, float], reason: str) -> dict[str, Any]:
+def interval_answer(found_rad: float, interval_rad: tuple[float, float], reason: str) -> Row:
     """Columns of an answer with an interval; a reason refuses it."""
     low, high = interval_rad
     return {
@@ -63,16 +66,14 @@ def interval_answer(found_rad: float, interval_rad: tuple[float, float], reason:
     }
 
 
-def self_answer(recording: Recording) -> dict[str, Any]:
+def self_answer(recording: Recording) -> Row:
     """Answer of method "self", and its whole fit."""
     fit = fit_joint(recording)
     answer = interval_answer(fit.delta_rad, fit.interval_rad, fit.refusal_reason)
     return answer | {"sd_rad": fit.sd_rad, "misfit": fit.misfit, "unrest": fit.ring_noise_ratio, "fit": fit}
 
 
-def widened_answers(
-    recording: Recording, fit: GlobalFit, calibrations: Mapping[str, Calibration]
-) -> dict[str, dict[str, Any]]:
+def widened_answers(recording: Recording, fit: GlobalFit, calibrations: Mapping[str, Calibration]) -> dict[str, Row]:
     """Answers, from the global fit, to a record of another joint than that of the calibrations."""
     answers = {}
     for name, found in backlashes(recording, fit, calibrations).items():
@@ -82,7 +83,7 @@ def widened_answers(
     return answers
 
 
-def root_mean_square(values: Series) -> float:
+def root_mean_square(values: Series | FloatArray) -> float:
     """Root of the mean square; NaN of nothing."""
     return float(np.sqrt(np.mean(values**2)))
 

@@ -24,6 +24,7 @@ from replication.simulator.parameters import TURN, JointParameters
 from replication.simulator.recordings import simulate_recordings
 from replication.simulator.simulate import encoder_position, simulate
 from studies.accuracy import encoder_recording
+from studies.benchmark import root_mean_square
 
 FINE_BITS = 40  # of an encoder without steps
 
@@ -57,8 +58,7 @@ def uniform_noise(tests: DataFrame, criteria: Criteria = None) -> Decision:
 def amplitudes_without_backlash(seeds: Sequence[int], noise_rps: float) -> FloatArray:
     """|A| [rps] that one run of the authors' search finds in noise alone, for each noise seed."""
     base = constant_speed(samples=2401, dt=0.002)
-    noises = [add_uniform_noise(base, noise_rps, np.random.default_rng(seed)) for seed in seeds]
-    calls = [(noise, Protocol(), seed) for noise, seed in zip(noises, seeds, strict=True)]
+    calls = [(add_uniform_noise(base, noise_rps, np.random.default_rng(seed)), Protocol(), seed) for seed in seeds]
     return np.array([fit.amplitude_rps for fit in in_parallel(paper_fit, calls, "noises")])
 
 
@@ -117,7 +117,7 @@ def noise_errors_by_turns(
         parts = [part, *(add_uniform_noise(part, noise, rng) for _ in range(seeds))]
         fits = in_parallel(global_fit, [(each, Protocol(turns=n)) for each in parts], f"{n} turns")
         quiet, *noisy = (fit.amplitude_rps for fit in fits)
-        rows.append((delta, n, float(np.sqrt(np.mean((np.array(noisy) - quiet) ** 2)))))
+        rows.append((delta, n, root_mean_square(np.array(noisy) - quiet)))
     return DataFrame(rows, columns=["delta_rad", "turns", "rms_error_rps"])
 
 

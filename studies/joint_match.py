@@ -80,10 +80,9 @@ def match_joint(recording: Recording, joint: JointParameters, free: Sequence[str
 
     target = mean_turn(recording, min(samples_a_turn(recording), PHASES))
     first = _choose_start(joint, target, free)
-    start = [first[name] for name in ("delta", *free)]
     low, high = np.array([_BOUNDS, *(NUISANCES[name] for name in free)]).T
+    start = np.clip([first[name] for name in ("delta", *free)], low + _INSIDE, high - _INSIDE)
     scale = [0.1, *[1e-2] * len(free)]
-    inside = np.clip(start, low + _INSIDE, high - _INSIDE)
-    found = least_squares(residual, inside, bounds=(low, high), x_scale=scale, diff_step=1e-3, xtol=1e-7)
+    found = least_squares(residual, start, bounds=(low, high), x_scale=scale, diff_step=1e-3, xtol=1e-7)
     delta, *nuisances = found.x.tolist()
     return {"delta_rad": _UNIT_RAD * delta} | dict(zip(free, nuisances, strict=True))

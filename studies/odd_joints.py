@@ -58,14 +58,15 @@ class Notch(NamedTuple):
     a2: float = 0.0
 
 
-def _log_uniform(rng: Generator, limits: tuple[float, float]) -> float:
-    return float(np.exp(rng.uniform(*np.log(limits))))
+def draw_log_uniform(rng: Generator, low: float, high: float) -> float:
+    """Draw a number whose logarithm is uniform between limits."""
+    return float(np.exp(rng.uniform(np.log(low), np.log(high))))
 
 
 def draw_movement(rng: Generator) -> tuple[float, float]:
     """Draw a gear ratio and a load turn [s] that a motor can make."""
     while True:
-        gear_ratio, turn_s = _log_uniform(rng, _GEAR_RATIOS), _log_uniform(rng, _TURNS_S)
+        gear_ratio, turn_s = draw_log_uniform(rng, *_GEAR_RATIOS), draw_log_uniform(rng, *_TURNS_S)
         if _SPEEDS_RPS[0] <= gear_ratio / turn_s <= _SPEEDS_RPS[1]:
             return gear_ratio, turn_s
 
@@ -99,9 +100,9 @@ def draw_cascade(rng: Generator) -> Bench:
     """Draw a joint under P position, PI speed and current loops tuned to it, its encoder of 17 to 20 bits."""
     for _ in range(_MOST_TRIES):
         bench = move_bench(draw_bench(rng, Spread(load_friction=0.02)), *draw_movement(rng))
-        ring = TURN * np.exp(rng.uniform(*np.log([12.0, 50.0])))
+        ring = TURN * draw_log_uniform(rng, 12.0, 50.0)
         bandwidth = TURN * rng.uniform(15.0, 60.0)
-        inertia_ratio = _log_uniform(rng, (0.5, 5.0))
+        inertia_ratio = draw_log_uniform(rng, 0.5, 5.0)
         gain = bandwidth * (1 + inertia_ratio)
         ratios = {
             "stiffness_per_s2": ring**2,
@@ -182,7 +183,7 @@ def _other_log(kind: str, bench: Bench, delta_rad: float, rng: Generator) -> Rec
     if not np.isfinite(position).all():
         raise ArithmeticError("diverged")
     seen = position[round(_TURNS_BEFORE * turn_s / _STEP_S) :: round(SAMPLE_S / _STEP_S)]
-    t = SAMPLE_S * np.arange(seen.size)
+    t = SAMPLE_S * np.arange(seen.size, dtype=float)
     turned = seen + joint.commanded_speed_rad_per_s * t
     log = read_encoder(joint, t, turned, _ENCODER_BITS, f"simulated: {kind}")
     return add_normal_noise(log, bench.noise_rps, rng)
@@ -236,8 +237,8 @@ def _run(c, drive, friction_share, second, notch, per_period, position):
             fresh = notch.b0 * wanted[0] + notch.b1 * wanted[1] + notch.b2 * wanted[2]
             passed[0] = fresh - notch.a1 * passed[1] - notch.a2 * passed[2]
             command, pending = pending, passed[0]
-        k1 = _rates(t, y, command, c, friction, second)
-        k2 = _rates(t + step / 2, y + step / 2 * k1, command, c, friction, second)
-        k3 = _rates(t + step / 2, y + step / 2 * k2, command, c, friction, second)
-        k4 = _rates(t + step, y + step * k3, command, c, friction, second)
-        y = y + step / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
+        slope, total = np.zeros(7), np.zeros(7)  # a Runge-Kutta step
+        for late, weight in ((0.0, 1.0), (step / 2, 2.0), (step / 2, 2.0), (step, 1.0)):
+            slope = _rates(t + late, y + late * slope, command, c, friction, second)
+            total += weight * slope
+        y = y + step / 6 * total

@@ -70,16 +70,16 @@ class Cost:
     """The paper's cost, counting evaluations; raises `SearchEnded` when there is no more to do."""
 
     def __init__(self, recording: Recording, target: float, budget: int, projected: bool = False):
-        t, v, self.timing = recording.t, recording.v, AUTHORS_PROTOCOL.timing
-        self.recording = recording
+        t, v, timing = recording.t, recording.v, AUTHORS_PROTOCOL.timing
         self.target = target
         self.budget = budget
         self.box = protocol_box(recording, AUTHORS_PROTOCOL)
         self.best = math.inf
         self.evaluations = 0
-        self._misfits: Misfits = lambda X: population_rmse(t, v, X, self.timing)
+        self._misfits: Misfits = lambda X: population_rmse(t, v, X, timing)
+        self._residual = lambda X: residual(t, v, X, timing)
         if projected:  # A and v_t are linear: the search is over the others alone
-            self._misfits = projected_rmse(t, v, self.timing, self.box.upper[0])
+            self._misfits = projected_rmse(t, v, timing, self.box.upper[0])
             kept = [name not in ("A_rps", "v_t_rps") for name in FREE_PARAMETERS]
             self.box = Box(self.box.lower[kept], self.box.upper[kept])
 
@@ -95,7 +95,7 @@ class Cost:
 
     def residuals(self, unit: FloatArray) -> FloatArray:
         """Residuals over the root of their number, whose norm is the misfit: what least squares takes."""
-        found = residual(self.recording.t, self.recording.v, self._in_box(unit), self.timing)
+        found = self._residual(self._in_box(unit))
         found /= math.sqrt(found.size)
         self._count(math.sqrt(found @ found), 1)
         return found
@@ -123,20 +123,18 @@ def _covariance(first: int, growth: int = 0, with_small: bool = False) -> Method
     """
 
     def run(cost: Cost, seed: int) -> None:
-        generator = np.random.default_rng(seed)
+        rng = np.random.default_rng(seed)
 
-        def normals(*shape: int) -> FloatArray:
-            return generator.standard_normal(shape)
-
-        def descend(population: int, breadth: float = 1.0) -> None:
-            search(generations(cost.of_members, cost.box, normals, population, breadth), cost.budget)
+        def descend(population: int, sigma: float = 1.0) -> None:
+            steps = generations(cost.of_members, cost.box, lambda *n: rng.standard_normal(n), population, sigma)
+            search(steps, cost.budget)
 
         descend(first)
         for k in count(1) if growth else ():
             descend(first * growth**k)
             if with_small:
-                small = first * (2**k / 2) ** (generator.random() ** 2)
-                descend(int(small), float(10 ** (-2 * generator.random())))
+                small = first * (2**k / 2) ** (rng.random() ** 2)
+                descend(int(small), float(10 ** (-2 * rng.random())))
 
     return run
 
@@ -162,9 +160,9 @@ def _restarted(descend: Callable[[Cost, FloatArray], object]) -> Method:
     """A local method from random points of the box, over and over."""
 
     def run(cost: Cost, seed: int) -> None:
-        generator = np.random.default_rng(seed)
+        rng = np.random.default_rng(seed)
         while True:
-            descend(cost, generator.random(cost.box.lower.size))
+            descend(cost, rng.random(cost.box.lower.size))
 
     return run
 

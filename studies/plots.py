@@ -4,7 +4,6 @@ import textwrap
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 from matplotlib.patheffects import withStroke
@@ -38,11 +37,6 @@ BESIDE: Style = {"xycoords": ("axes fraction", "data"), "va": "center"}
 def _arms(table: DataFrame, middle: str, low: str, high: str) -> FloatArray:
     """Arms of error bars from a middle to its limits, shape (2, rows)."""
     return np.abs(table[[low, high]].to_numpy().T - table[middle].to_numpy())
-
-
-def _set_log_ticks(axis: Axes, ticks: Sequence[float], labels: Sequence[str]) -> None:
-    axis.set_xticks(ticks, labels)
-    axis.xaxis.set_minor_locator(NullLocator())
 
 
 @in_style
@@ -102,7 +96,8 @@ def strategy_costs(table: DataFrame) -> Figure:
     axis.set(xscale="log", xlabel="function evaluations per success [$10^3$]")
     axis.set(xlim=(left, right), ylim=(len(table) - 0.5, -0.5))
     ticks = [tick for tick in (1e4, 2e4, 5e4, 1e5, 2e5, 5e5, 1e6) if left < tick < right]
-    _set_log_ticks(axis, ticks, [f"{tick / 1e3:g}" for tick in ticks])
+    axis.set_xticks(ticks, [f"{tick / 1e3:g}" for tick in ticks])
+    axis.xaxis.set_minor_locator(NullLocator())
     return finish(figure, 3)
 
 
@@ -175,7 +170,8 @@ def error_limits(table: DataFrame, axes_labels: Mapping[str, str]) -> Figure:
                 axis.set_title(f"{method}: not applied", loc="right", fontsize=8, style="italic")
         axis.set(xlabel=label, yscale="log", xscale="linear" if name == "encoder_bits" else "log")
         values = list(dict.fromkeys(part["value"]))
-        _set_log_ticks(axis, values, [f"{value:g}" for value in values])
+        axis.set_xticks(values, [f"{value:g}" for value in values])
+        axis.xaxis.set_minor_locator(NullLocator())
     figure.supylabel("RMS error of the backlash [$10^{-6}$ rad]", fontsize=9)
     return finish(figure, 3)
 
@@ -218,36 +214,13 @@ def tornado(table: DataFrame, methods: Sequence[str]) -> Figure:
 
 
 @in_style
-def protocol_residuals(table: DataFrame, judged: DataFrame, level: float, degrees: int) -> Figure:
-    """Show how far Table 2's numbers lie from each candidate's, in t (grey: p above `level`), and the p of all ten."""
-    figure, axes = grid(1, 2, height_in=0.4 * len(judged) + 1.0, sharex=True, sharey=True)
-    edge = stats.t.isf(level / 2, degrees)
-    ticks = [-20, -2, 0, 2, 20]
-    for axis, column, text in zip(axes[0], ("mean", "sd"), ("means", "SDs"), strict=True):
-        axis.axvspan(-edge, edge, color="0.9", zorder=0)
-        axis.annotate("p", (1.03, -0.9), style="italic", annotation_clip=False, **BESIDE)
-        of_column = table[table["column"] == column]
-        for at, (candidate, p) in enumerate(zip(judged["protocol"], judged[f"p_{column}s"], strict=True)):
-            t = of_column.loc[of_column["protocol"] == candidate, "t"]
-            axis.plot(t, np.full(len(t), at), "o", color=BLUE, markersize=4, alpha=0.6)
-            digit, _, power = f"{p:.0e}".partition("e")
-            shown = f"{p:.1g}" if p >= 1e-3 else f"${digit}\\cdot10^{{{int(power)}}}$"
-            axis.annotate(shown, (1.03, at), fontsize=8, **BESIDE)
-        axis.set(title=text, xscale="symlog", ylim=(len(judged) - 0.4, -0.6))
-        axis.axhline(judged["explains"].sum() - 0.5, color=INK, linestyle="--", linewidth=1)
-        _set_log_ticks(axis, ticks, [f"{tick:g}".replace("-", "−") for tick in ticks])
-    figure.supxlabel("t [-], linear from −2 to 2, logarithmic beyond", fontsize=9)
-    axes[0, 0].set_yticks(range(len(judged)), judged["protocol"].str.replace(", ", ",\n"))
-    return finish(figure, 1)
-
-
-@in_style
 def population_errors(rows: DataFrame, populations: Mapping[str, str]) -> Figure:
     """Error of method "self" over the true backlash, its stated size, and how often it is how many stated SDs."""
     figure, axes = grid(len(populations), 2, height_in=2.5 * len(populations), width_ratios=(3, 2), sharex="col")
     around = np.linspace(-4, 4, 17)
+    answered = rows.query("method == 'self' and not refused")
     for (left, right), (population, title) in zip(axes, populations.items(), strict=True):
-        part = rows[(rows["population"] == population) & (rows["method"] == "self") & ~rows["refused"]]
+        part = answered[answered["population"] == population]
         delta, found, high = (1e4 * part[f"{name}_rad"] for name in ("delta", "found", "high"))
         error, half = found - delta, high - found
         held = error.abs() <= half
@@ -276,9 +249,10 @@ def population_errors(rows: DataFrame, populations: Mapping[str, str]) -> Figure
 def posterior_calibration(rows: DataFrame, populations: Mapping[str, str]) -> Figure:
     """Ranks of the truth in the posterior with their binomial band, and coverage against the nominal level."""
     figure, axes = grid(2, len(populations), height_in=5.0, sharex="row", sharey="row")
+    of_self = rows[rows["method"] == "self"]
     dots = {"fmt": "o", "markersize": 3, "capsize": 2, "color": ORANGE, "label": "coverage, 95 % interval"}
     for (top, bottom), (population, title) in zip(axes.T, populations.items(), strict=True):
-        part = rows[(rows["population"] == population) & (rows["method"] == "self")]
+        part = of_self[of_self["population"] == population]
         rank, curve = ranks(part), coverage_curve(part)
         low, high = 10 / rank.size * np.array(stats.binom.interval(0.95, rank.size, 0.1))
         top.axhspan(low, high, color="0.88", label="95 % of uniform ranks")

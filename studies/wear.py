@@ -2,53 +2,17 @@
 
 from collections import defaultdict
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 from functools import partial
-from typing import Any
 
 import numpy as np
-from numpy.random import Generator
 from pandas import DataFrame
 
 from backlash.calibration import Calibration
 from backlash.fitting.global_fit import global_fit
 from backlash.fitting.shared_joint import share_joint
-from replication.arrays import FloatArray
 from replication.standins.joints import Bench, encoder_log
-from studies.benchmark import KnownLog, logs_by_methods, self_answer, widened_answers
-
-
-@dataclass(frozen=True)
-class Wear:
-    """Backlash over the months under stress, delta(t) = first + (last - first) (t / duration)^exponent."""
-
-    first_rad: float
-    last_rad: float
-    exponent: float
-    duration_days: float = 240.0
-    interval_days: float = 21.0
-
-    @property
-    def test_days(self) -> FloatArray:
-        """Days of the tests, the first on day 0."""
-        return np.arange(0.0, self.duration_days + 1e-9, self.interval_days)
-
-    def backlash_rad(self, day: FloatArray | float) -> FloatArray | float:
-        """Backlash on a day [rad]."""
-        growth = (np.asarray(day) / self.duration_days) ** self.exponent
-        return self.first_rad + (self.last_rad - self.first_rad) * growth
-
-    def crossing_day(self, limit_rad: float) -> float:
-        """Day on which the backlash reaches a limit between its first and last value."""
-        share = (limit_rad - self.first_rad) / (self.last_rad - self.first_rad)
-        return float(self.duration_days * share ** (1 / self.exponent))
-
-
-def draw_wear(rng: Generator, limit_rad: float) -> Wear:
-    """Draw a wear that starts well below a limit and passes it within the eight months."""
-    first = limit_rad * rng.uniform(0.2, 0.5)
-    last = limit_rad * rng.uniform(1.2, 1.6)
-    return Wear(first, last, rng.uniform(1.0, 3.0))
+from replication.standins.wear import Wear
+from studies.benchmark import KnownLog, Row, logs_by_methods, self_answer, widened_answers
 
 
 def wear_tests(
@@ -60,7 +24,7 @@ def wear_tests(
 ) -> DataFrame:
     """Test worn benches every few weeks and read the backlash off each log."""
 
-    def answers(log: KnownLog) -> dict[str, dict[str, Any]]:
+    def answers(log: KnownLog) -> dict[str, Row]:
         fit = global_fit(log.recording)
         found = widened_answers(log.recording, fit, calibrations)
         return {name: {"A_rps": fit.amplitude_rps} | answer for name, answer in found.items()}
@@ -71,7 +35,7 @@ def wear_tests(
 def wear_tests_by_self(benches: Sequence[Bench], wears: Sequence[Wear], limit_rad: float, seed: int) -> DataFrame:
     """Read the logs of `wear_tests` by method "self": each alone, and with all logs of its bench until then."""
     table = logs_by_methods(_logs(benches, wears, seed), lambda log: {"self": self_answer(log.recording)})
-    fits = defaultdict(list)
+    fits: dict[int, list] = defaultdict(list)
     rows = []
     for alone in table[~table["refused"]].to_dict("records"):
         of_bench = fits[alone["bench"]]

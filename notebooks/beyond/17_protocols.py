@@ -53,8 +53,8 @@ from scipy import stats
 import workbook
 from replication import published
 from replication.authors import LOW_NOISE
+from replication.figures import paper
 from replication.replay import protocols
-from studies import plots
 
 # %% [markdown]
 # ## Parameters
@@ -97,7 +97,7 @@ shown_table.map(lambda value: f"{value:.3g}" if isinstance(value, float) else va
 
 # %%
 table = protocols.residuals(used)
-residuals = plots.protocol_residuals(table, judged, level, degrees=used["realisation"].nunique() - 1)
+residuals = paper.protocol_residuals(table, judged, level, degrees=used["realisation"].nunique() - 1)
 
 # %% [markdown]
 # ### One candidate, row by row

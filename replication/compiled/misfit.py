@@ -35,7 +35,7 @@ class FoldedRecord(NamedTuple):
     # For the sample at which a window's first, positive oscillation has a value, over all turns:
     value: FloatArray = NOT_FOLDED  # sum of v - mean in the positive windows, less that in the negative ones
     sign: FloatArray = NOT_FOLDED  # number of positive windows that are in the record, less that of negative ones
-    count: FloatArray = NOT_FOLDED  # number of both
+    both: FloatArray = NOT_FOLDED  # number of positive and negative ones
     in_turn: FloatArray = NOT_FOLDED  # windows in which a long oscillation meets its own turn's other one
     in_next: FloatArray = NOT_FOLDED  # and the next turn's first one
 
@@ -85,7 +85,7 @@ def fold(t: FloatArray, v: FloatArray, timing: Timing) -> FoldedRecord:
         turn=turn,
         value=value[:size] - value[half:],
         sign=positive - negative,
-        count=positive + negative,
+        both=positive + negative,
         in_turn=positive,
         in_next=np.minimum(negative, max(n - 1, 0)),
     )
@@ -147,9 +147,9 @@ def _square_by_sums(member, record, scratch):
     _oscillate(scratch, length, A * np.exp(-(elapsed - T1) * tau), omega * elapsed, tau, omega, dt)
     h, part = scratch[1, :length], scratch[2, :length]
     value, sign = record.value[first:last], record.sign[first:last]
-    count = record.count[first:last]
+    both = record.both[first:last]
     for j in range(length):
-        part[j] = h[j] * (count[j] * h[j] - 2 * (value[j] - level * sign[j]))
+        part[j] = h[j] * (both[j] * h[j] - 2 * (value[j] - level * sign[j]))
     # A window longer than half a turn overlaps its own turn's other one or the next turn's first.
     _subtract_overlap(part, h, record.in_turn[first:last], record.half)
     _subtract_overlap(part, h, record.in_next[first:last], record.turn - record.half)

@@ -48,8 +48,6 @@ def _run(record, bounds, start, c, seed, history):
         history[after.g - 1] = history_row(ranked, after)
         if ranked[0] < misfit:
             best, misfit = members[ranking[0]].copy(), ranked[0]
-        if after.g == len(history):
-            stop = "maxiter"
-        else:
-            stop = stop_rule(history[: after.g], ranked, after, start.sigma)
+        stop = stop_rule(history[: after.g], ranked, after, start.sigma)
+        stop = "maxiter" if after.g == len(history) else stop
     return best, misfit, stop, after.g

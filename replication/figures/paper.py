@@ -8,6 +8,8 @@ import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.ticker import NullLocator
+from scipy import stats
 
 from replication.arrays import FloatArray
 from replication.figures.style import (
@@ -171,6 +173,32 @@ def protocol_variants(scores: pd.DataFrame) -> Figure:
     for axis, printed in ((left, 0), (right, 1)):
         axis.axvline(printed, **THIN)
         axis.grid(visible=False, axis="y")
+    return finish(figure, 1)
+
+
+@in_style
+def protocol_residuals(table: pd.DataFrame, judged: pd.DataFrame, level: float, degrees: int) -> Figure:
+    """Show how far Table 2's numbers lie from each candidate's, in t (grey: p above `level`), and the p of all ten."""
+    figure, axes = grid(1, 2, height_in=0.4 * len(judged) + 1.0, sharex=True, sharey=True)
+    edge = stats.t.isf(level / 2, degrees)
+    beside = {"xycoords": ("axes fraction", "data"), "va": "center"}
+    ticks = [-20, -2, 0, 2, 20]
+    for axis, column, text in zip(axes[0], ("mean", "sd"), ("means", "SDs"), strict=True):
+        axis.axvspan(-edge, edge, color="0.9", zorder=0)
+        axis.annotate("p", (1.03, -0.9), style="italic", annotation_clip=False, **beside)
+        of_column = table[table["column"] == column]
+        for at, (candidate, p) in enumerate(zip(judged["protocol"], judged[f"p_{column}s"], strict=True)):
+            t = of_column.loc[of_column["protocol"] == candidate, "t"]
+            axis.plot(t, np.full(len(t), at), "o", color=BLUE, markersize=4, alpha=0.6)
+            digit, _, power = f"{p:.0e}".partition("e")
+            shown = f"{p:.1g}" if p >= 1e-3 else f"${digit}\\cdot10^{{{int(power)}}}$"
+            axis.annotate(shown, (1.03, at), fontsize=8, **beside)
+        axis.set(title=text, xscale="symlog", ylim=(len(judged) - 0.4, -0.6))
+        axis.axhline(judged["explains"].sum() - 0.5, color=INK, linestyle="--", linewidth=1)
+        axis.set_xticks(ticks, [f"{tick:g}".replace("-", "−") for tick in ticks])
+        axis.xaxis.set_minor_locator(NullLocator())
+    figure.supxlabel("t [-], linear from −2 to 2, logarithmic beyond", fontsize=9)
+    axes[0, 0].set_yticks(range(len(judged)), judged["protocol"].str.replace(", ", ",\n"))
     return finish(figure, 1)
 
 

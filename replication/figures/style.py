@@ -68,7 +68,7 @@ def save(figure: Figure, folder: Path, name: str, mark: str = "") -> None:
     """Write a figure as SVG and PNG, without anything that differs from run to run."""
     folder.mkdir(parents=True, exist_ok=True)
     if mark:
-        style = {"fontsize": 40, "color": "0.6", "alpha": 0.4, "rotation": 20}
+        style: Style = {"fontsize": 40, "color": "0.6", "alpha": 0.4, "rotation": 20}
         figure.text(0.5, 0.5, mark, ha="center", va="center", **style)
     with mpl.rc_context(STYLE):
         figure.savefig(folder / f"{name}.svg", metadata={"Date": None, "Description": description(figure)})

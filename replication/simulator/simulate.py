@@ -11,9 +11,9 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from replication.arrays import FloatArray
+from replication.arrays import FloatArray, IntArray
 from replication.simulator import checks, core
 from replication.simulator.parameters import TURN, JointParameters
 from replication.simulator.parameters import identified_joint as identified_joint
@@ -29,7 +29,7 @@ def encoder_position(position_rad: ArrayLike, bits: int = 19) -> FloatArray:
     return np.floor(np.asarray(position_rad, dtype=float) / step) * step
 
 
-def encoder_speed_rps(position_rad: ArrayLike, bits: int, sample_s: float) -> NDArray[np.float64]:
+def encoder_speed_rps(position_rad: ArrayLike, bits: int, sample_s: float) -> FloatArray:
     """Speed as a controller differences it from an encoder's positions [turns/s], one sample shorter."""
     return np.diff(encoder_position(position_rad, bits)) / sample_s / TURN
 
@@ -45,9 +45,9 @@ class SimulatedJoint:
     motor_torque_nm: FloatArray
     load_position_rad: FloatArray
     load_speed_rad_per_s: FloatArray
-    gap_state: NDArray[np.int64]  # 1: the motor drives the load, -1: the load drives the motor, 0: inside the gap
+    gap_state: IntArray  # 1: the motor drives the load, -1: the load drives the motor, 0: inside the gap
     impact_time_s: FloatArray  # when the teeth met, located to far less than a step
-    impact_side: NDArray[np.int64]  # the gap state after each impact
+    impact_side: IntArray  # the gap state after each impact
     separation_time_s: FloatArray
 
     @property
