@@ -60,8 +60,8 @@ def data_folder() -> Path:
 def authors_file(path: str, base_url: str = AUTHORS_URL, cache: Path | None = None) -> Path:
     """Find one file of the authors' data and verify it.
 
-    Looked for in the folder that the environment variable `BACKLASH_DATA` names; without that variable, in the
-    download cache, and downloaded where it is not there yet.
+    Looked for in the folder that the environment variable `BACKLASH_DATA` names; without that
+    variable, in the download cache, and downloaded where it is not there yet.
     """
     registry = authors_registry()
     if path not in registry:
@@ -96,7 +96,8 @@ def _verified_local(file: Path, digest: str) -> Path:
 def parse_speed_workbook(content: bytes) -> tuple[FloatArray, FloatArray]:
     """Read time and speed from the bytes of an XLSX file of the authors, which `authors_file` has verified.
 
-    Blank rows are dropped, and so is a first row whose time stamp the second row repeats (it is no sample).
+    Blank rows are dropped, and so is a first row whose time stamp the second row repeats (it is no
+    sample).
     """
     table = pd.read_excel(io.BytesIO(content), header=None).dropna(how="all").to_numpy(dtype=float)
     repeated = table[1, 0] == table[0, 0]

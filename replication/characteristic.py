@@ -72,7 +72,8 @@ def static_levels_rad() -> FloatArray:
 def table_arithmetic() -> pd.DataFrame:
     """Recompute the relative errors of Tables 2 and 3 from their printed means.
 
-    `rounding_percent` is what the rounding of the printed mean and of the printed error leaves open.
+    `rounding_percent` is what the rounding of the printed mean and of the printed error leaves
+    open.
     """
     tables = []
     for element, reference in (("Table 2", "theoretical"), ("Table 3", "known")):

@@ -8,8 +8,8 @@ Near zero, equations 8 and 9 do not do what the text says of them:
 * sign() makes the torque jump by 2 K_s / (pi alpha) to either side of delta_theta = 0: a discontinuity.
 * The D_s term steps up at the edge and may pull on separation.
 
-All three vanish as alpha grows (the last but for D_s). The clamped dead zone has none of them: nothing inside
-the gap, K_s and D_s outside, and a torque that never pulls.
+All three vanish as alpha grows (the last but for D_s). The clamped dead zone has none of them:
+nothing inside the gap, K_s and D_s outside, and a torque that never pulls.
 """
 
 import numpy as np

@@ -24,8 +24,9 @@ UNBOUNDED = 1e3  # a box so much wider than Table 1's that no sample comes near 
 class Protocol:
     """How one CMA-ES fit is run; the defaults are the authors' notebook.
 
-    The search starts from the middle of the box, with a quarter of its width as standard deviations. "per run" and
-    "per record" drop up to `latest_start` samples from a record's beginning, drawn anew for each run, or once.
+    The search starts from the middle of the box, with a quarter of its width as standard
+    deviations. "per run" and "per record" drop up to `latest_start` samples from a record's
+    beginning, drawn anew for each run, or once.
     """
 
     name: str = "authors' notebook"  # what tables call it
@@ -149,8 +150,8 @@ def _fit_in_rpm(recording: Recording, protocol: Protocol, seed: int) -> Fit:
 def library_search(recording: Recording, protocol: Protocol, seed: int) -> "cma.CMAEvolutionStrategy":
     """Today's `cma` on a record, without its slow bound handling: put its samples `into_box`.
 
-    Tell it its own samples with `check_points=False`: it keeps no archive to know them by. The random numbers are
-    those of cma's `seed` option, from a generator of their own.
+    Tell it its own samples with `check_points=False`: it keeps no archive to know them by. The
+    random numbers are those of cma's `seed` option, from a generator of their own.
     """
     import cma  # brings matplotlib, a second that no other engine needs
     from cma.evolution_strategy import get_CMASolutionDict
@@ -171,7 +172,8 @@ def library_search(recording: Recording, protocol: Protocol, seed: int) -> "cma.
     }
     middle = from_box((box.lower + box.upper) / 2, box, margin_today)
     strategy = cma.CMAEvolutionStrategy(middle, 1.0, options)
-    # The archive of samples serves cma's own bounds and injected solutions; keeping it costs a third of a run.
+    # The archive of samples serves cma's own bounds and injected solutions; keeping it costs a
+    # third of a run.
     strategy.sent_solutions = get_CMASolutionDict(False)()
     return strategy
 

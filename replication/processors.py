@@ -1,7 +1,7 @@
 """Settings under which the libraries compute the same on every processor of a kind."""
 
-# The same machine code on every x86-64 processor with AVX2, as far as libraries let themselves be pinned: CMA-ES
-# is chaotic in the last bit.
+# The same machine code on every x86-64 processor with AVX2, as far as libraries let themselves be
+# pinned: CMA-ES is chaotic in the last bit.
 _PINNED = {
     "OPENBLAS_CORETYPE": "Haswell",
     "OPENBLAS_NUM_THREADS": "1",

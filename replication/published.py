@@ -26,16 +26,21 @@ def _read(name: str, index: str | None = None) -> pd.DataFrame:
     return _kept(name, index).copy()
 
 
-# The paper's prose claims and what decides each: `claim, section, decided_in` (the notebook's number), `check, rule,
-# criterion, reason, alternative`, the days on which rule and limit were `fixed` and the `first_result` was committed.
+# The paper's prose claims and what decides each: `claim, section, decided_in` (the notebook's
+# number), `check, rule, criterion, reason, alternative`, the days on which rule and limit were
+# `fixed` and the `first_result` was committed.
 claims = partial(_read, "claims.csv", "id")
-# `kind, location, as_printed, corrected, evidence, effect, cells, computed` (numbers by name in braces), `figure`.
+# `kind, location, as_printed, corrected, evidence, effect, cells, computed` (numbers by name in
+# braces), `figure`.
 errata = partial(_read, "errata.csv", "id")
-# Where each figure, table and numbered equation is: `element, what, notebooks, functions, test, note`.
+# Where each figure, table and numbered equation is: `element, what, notebooks, functions, test,
+# note`.
 paper_map = partial(_read, "map.csv")
-# The rules: when each was `fixed`, its `first_result`, the commits of both, what was `known_before`, its `counts`.
+# The rules: when each was `fixed`, its `first_result`, the commits of both, what was
+# `known_before`, its `counts`.
 trail = partial(_read, "trail.csv")
-# What the report says: `kind` (of the answer, "finding" or "open"), `text` with names of numbers in braces, `proof`.
+# What the report says: `kind` (of the answer, "finding" or "open"), `text` with names of numbers in
+# braces, `proof`.
 findings = partial(_read, "findings.csv")
 # What the paper's figures show, in our words, and what can be compared: `shows, compare`.
 paper_figures = partial(_read, "paper_figures.csv", "figure")
@@ -45,8 +50,8 @@ basis = partial(_read, "basis.csv")
 verdict_words = partial(_read, "verdict_words.csv", "verdict")
 # Cells known not to reproduce: `id, source, reason`.
 known_differences = partial(_read, "differences.csv")
-# The 30 runs that the authors' notebook stores, on their clean record 12, and what it prints of runs 1 to 20: one row
-# per printed generation, some 17 of each run.
+# The 30 runs that the authors' notebook stores, on their clean record 12, and what it prints of
+# runs 1 to 20: one row per printed generation, some 17 of each run.
 authors_notebook_runs = partial(_read, "authors_notebook_runs.csv")
 authors_notebook_generations = partial(_read, "authors_notebook_generations.csv")
 
@@ -56,7 +61,8 @@ _cells = partial(_kept, "cells.csv", "id")
 def cells(element: str | None = None) -> pd.DataFrame:
     """Load the printed numbers, indexed by cell id, of one element, such as "Table 2", or of all.
 
-    Columns `element, row, column, printed, value, unit, kind, abs_tol, rel_tol, tol_reason, section`.
+    Columns `element, row, column, printed, value, unit, kind, abs_tol, rel_tol, tol_reason,
+    section`.
     """
     table = _cells()
     if element is None:
@@ -100,9 +106,10 @@ def criterion(claim: str, criteria: Criteria = None) -> float:
 def decide(claim: str, measured: float | tuple[float, float], criteria: Criteria = None) -> bool | None:
     """Decide a claim by its rule in `claims.csv`; None is undecided, as is whatever was not measured (nan).
 
-    `measured` is what the rule compares with the limit: one number; the two ends of an interval where the rule's name
-    begins with "interval"; p of the claim and p of its opposite for "p below". A number within 1e-9 of the limit,
-    relatively, is the limit: the last bits do not decide. `criteria` are limits to try, as in `criterion`.
+    `measured` is what the rule compares with the limit: one number; the two ends of an interval
+    where the rule's name begins with "interval"; p of the claim and p of its opposite for "p
+    below". A number within 1e-9 of the limit, relatively, is the limit: the last bits do not
+    decide. `criteria` are limits to try, as in `criterion`.
     """
     limit, rule = criterion(claim, criteria), claims().loc[claim, "rule"]
     if np.size(measured) != (2 if rule.startswith(("interval", "p ")) else 1):

@@ -1,10 +1,11 @@
 """The paper's search, CMA-ES (equations 12 to 17), as the library of the authors' time computed it.
 
-Equations and symbols are the paper's. Constants, damping, negative weights and stop rules are those of N. Hansen's
-tutorial (arXiv:1604.00772) with the values that `cma` had until 3.2; that nothing is done about an uneven C but to stop
-is as it was until 2.6. In equation 17, c_1 = c_cov / mu_cov and c_mu = c_cov (1 - 1 / mu_cov), and the sum runs over
-all members: the worse half has negative weights. The equations are compiled, and every sum in them is taken in order,
-without BLAS and LAPACK, so that a seed gives the same run on every processor.
+Equations and symbols are the paper's. Constants, damping, negative weights and stop rules are those
+of N. Hansen's tutorial (arXiv:1604.00772) with the values that `cma` had until 3.2; that nothing is
+done about an uneven C but to stop is as it was until 2.6. In equation 17, c_1 = c_cov / mu_cov and
+c_mu = c_cov (1 - 1 / mu_cov), and the sum runs over all members: the worse half has negative
+weights. The equations are compiled, and every sum in them is taken in order, without BLAS and
+LAPACK, so that a seed gives the same run on every processor.
 """
 
 import math
@@ -134,7 +135,8 @@ def decompose(state):
     """Find axes B and lengths D of C."""
     C = (state.C + state.C.T) / 2
     squares, B = symmetric_eigen(C)
-    # Rounding may leave an eigenvalue at or below 0; the floor is beyond the condition at which the search stops.
+    # Rounding may leave an eigenvalue at or below 0; the floor is beyond the condition at which the
+    # search stops.
     D = np.sqrt(np.maximum(squares, 1e-15 * squares[-1]))
     return State(state.g, state.m, state.sigma, C, state.p_sigma, state.p_c, state.unit, B, D)
 

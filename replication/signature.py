@@ -1,9 +1,10 @@
 """The backlash signature h(t) and its misfit (equations 1 to 7 and 11, the cost function, Table 1).
 
-Symbols are the paper's: t0, T1, T2, T_d and T_f in s, the damping tau in 1/s, the angular frequency omega in rad/s,
-the amplitude factor A and the motor speed v in rps. Time t and v are arrays of shape (samples,). A parameter vector X
-of shape (7,) lists the free parameters in the order of `FREE_PARAMETERS`. T_d and T_f are not free: Table 1 gives them
-equal lower and upper bounds, so the optimiser never sees them.
+Symbols are the paper's: t0, T1, T2, T_d and T_f in s, the damping tau in 1/s, the angular frequency
+omega in rad/s, the amplitude factor A and the motor speed v in rps. Time t and v are arrays of
+shape (samples,). A parameter vector X of shape (7,) lists the free parameters in the order of
+`FREE_PARAMETERS`. T_d and T_f are not free: Table 1 gives them equal lower and upper bounds, so the
+optimiser never sees them.
 """
 
 from dataclasses import dataclass
@@ -12,7 +13,8 @@ import numpy as np
 
 from replication.arrays import FloatArray
 
-# The order in which the authors' CMA-ES samples them: a seed means the same runs only in this order.
+# The order in which the authors' CMA-ES samples them: a seed means the same runs only in this
+# order.
 FREE_PARAMETERS = ("A_rps", "t0_s", "tau_per_s", "omega_rad_per_s", "v_t_rps", "T2_s", "T1_s")
 
 # Table 1's bounds of tau [1/s], and of omega over 2 pi [Hz].
@@ -49,8 +51,8 @@ def damped_oscillation(
 def signature(t: FloatArray, X: FloatArray, timing: Timing) -> FloatArray:
     """Equation 7: the signature h(t) [rps], n turns of equation 6, as the paper writes it; shape (samples,).
 
-    This direct transcription is the reference; `compiled.misfit.population_rmse` is what a search calls. The fifth
-    element of X, v_t, does not enter.
+    This direct transcription is the reference; `compiled.misfit.population_rmse` is what a search
+    calls. The fifth element of X, v_t, does not enter.
     """
     A, t0, tau, omega, _, T2, T1 = X
     h = np.zeros_like(t)

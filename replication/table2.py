@@ -20,7 +20,8 @@ from replication.simulator.recordings import simulate_recordings
 
 AUTHORS_PROTOCOL = Protocol()
 
-# Runs whose misfits differ by less are the same basin: rounding at a window's end moves them by up to 0.15 %.
+# Runs whose misfits differ by less are the same basin: rounding at a window's end moves them by up
+# to 0.15 %.
 BASIN_GAP = 2e-3
 HIGH_OVER_LOW = 1.5  # the authors' high noise over their low one, as their read-me says
 BOOTSTRAP_DRAWS = 20000
@@ -149,15 +150,16 @@ def basin_labels(rmse: FloatArray) -> IntArray:
 def summarise_runs(runs: pd.DataFrame, keys: Sequence[str]) -> pd.DataFrame:
     """Condense the runs of `repeated_fits` on each record into a row of a table.
 
-    `keys` are the columns that say which record it is, the last one its theoretical A [rps]. A record without
-    backlash, whose theoretical A is 0, keeps the sign of A. `best_A_rps` and its SD are over the best basin's runs,
-    because A is free within the window's gate.
+    `keys` are the columns that say which record it is, the last one its theoretical A [rps]. A
+    record without backlash, whose theoretical A is 0, keeps the sign of A. `best_A_rps` and its SD
+    are over the best basin's runs, because A is free within the window's gate.
     """
     rows = []
     for key, part in runs.groupby(list(keys), sort=False):
         theoretical = key[-1]
         signed = part["A_rps"].to_numpy()
-        # (A, t0) and (-A, t0 plus or minus T_d) are the same signal; only pure noise has no sign to lose.
+        # (A, t0) and (-A, t0 plus or minus T_d) are the same signal; only pure noise has no sign to
+        # lose.
         amplitude = np.abs(signed) if theoretical > 0 else signed
         mean = amplitude.mean()
         error = 100 * abs(mean - theoretical) / theoretical if theoretical > 0 else np.nan
@@ -206,8 +208,8 @@ def error_percent(table: pd.DataFrame, column: str) -> pd.Series:
 def decide_error_below_10(runs: pd.DataFrame, criteria: Criteria = None) -> Decision:
     """Decide whether every mean |A| errs by less than 10 %, from runs on the authors' records.
 
-    The second value says what was measured: the largest error, with a 95 % bootstrap interval, all records together.
-    The cell `text.error_limit_percent` is judged by the same largest error.
+    The second value says what was measured: the largest error, with a 95 % bootstrap interval, all
+    records together. The cell `text.error_limit_percent` is judged by the same largest error.
     """
     theoretical = published.column("Table 2", "theoretical")
     rng = np.random.default_rng(1)
@@ -229,7 +231,8 @@ def decide_error_below_10(runs: pd.DataFrame, criteria: Criteria = None) -> Deci
 def decide_local_minima(table: pd.DataFrame, criteria: Criteria = None) -> Decision:
     """Decide whether runs avoid local minima, from `table2` of the authors' records; say what was measured.
 
-    The interval of the share is Student's over the records, because runs on one record are not independent.
+    The interval of the share is Student's over the records, because runs on one record are not
+    independent.
     """
     hits, runs = table["best_basin_runs"], table["runs"]
     share = hits / runs

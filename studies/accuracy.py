@@ -119,7 +119,8 @@ def errors_after_changes(logs: Sequence[KnownLog], joint: JointParameters) -> Da
     calibrations |= {method: default_calibration(method) for method in CALIBRATED_METHODS}
 
     def answers(log: KnownLog) -> dict[str, float]:
-        # The commanded speed is known; the sensor refuses a log of another one, here it is measured all the same.
+        # The commanded speed is known; the sensor refuses a log of another one, here it is measured
+        # all the same.
         known = replace(joint, commanded_speed_rps=log.recording.commanded_speed_rps)
         return _answers(log.recording, calibrations, known, {JOINT_ALL_FREE: JOINT_METHODS[JOINT_ALL_FREE]})
 
@@ -131,7 +132,8 @@ def _scaled(field: str) -> Callable[[JointParameters, float], JointParameters]:
     return lambda joint, share: replace(joint, **{field: (1 + share) * getattr(joint, field)})
 
 
-# What changes, by name. The identified joint has no friction, so it only grows, to a share of the gravity torque.
+# What changes, by name. The identified joint has no friction, so it only grows, to a share of the
+# gravity torque.
 CHANGES: dict[str, Callable[[JointParameters, float], JointParameters]] = {
     "load mass": lambda joint, share: add_nuisances(joint, {"load": 1 + share}),
     "commanded speed": _scaled("commanded_speed_rps"),

@@ -17,10 +17,12 @@ from replication.signature import signature
 from replication.statistics import rate_columns
 from replication.table2 import BASIN_GAP, basin_labels
 
-# Runs of one misfit whose windows start further apart are in different basins: a quarter of the oscillation.
+# Runs of one misfit whose windows start further apart are in different basins: a quarter of the
+# oscillation.
 START_GAP_S = 0.01
 _DRAWS = 4000  # of a bootstrap
-# Signatures like those of the authors' records: least and largest A, t0, tau, omega, T1 and T2 - T1.
+# Signatures like those of the authors' records: least and largest A, t0, tau, omega, T1 and T2 -
+# T1.
 _LEAST = (0.3, 0.002, 10, 100, 0.002, 0.1)
 _LARGEST = (1.5, 0.15, 25, 170, 0.02, 0.17)
 
@@ -63,10 +65,11 @@ def basin_table(runs: DataFrame) -> DataFrame:
 def compare_searches(sets: Mapping[str, DataFrame]) -> DataFrame:
     """Compare sets of runs of `table2.repeated_fits` with the first set, on the records that they share.
 
-    `first_rate` is the first set's rate of the best basin, that of the lowest misfit that any set has on a record.
-    `shift_percent` is how far the means over a record's runs lie from the first set's, on average,
-    `best_shift_percent` that of the best basin, with bootstrap limits. `apart_percent` is the rms over the records,
-    and `chance_percent` what it is if both sets are drawn from all runs together.
+    `first_rate` is the first set's rate of the best basin, that of the lowest misfit that any set
+    has on a record. `shift_percent` is how far the means over a record's runs lie from the first
+    set's, on average, `best_shift_percent` that of the best basin, with bootstrap limits.
+    `apart_percent` is the rms over the records, and `chance_percent` what it is if both sets are
+    drawn from all runs together.
     """
     lowest = concat(sets.values()).groupby("row")["rmse_rps"].min()
     by_row = {}
@@ -129,7 +132,8 @@ def _percent(name: str, value: float, drawn: FloatArray) -> dict[str, float]:
 def coverage_runs(law: str, half_amplitude_rps: float, runs: int, rng: Generator) -> DataFrame:
     """Fit made records whose A is known and lies in the box that the record gives.
 
-    The true A is that of the same signal if its window starts midway between two samples, as in `GlobalFit`.
+    The true A is that of the same signal if its window starts midway between two samples, as in
+    `GlobalFit`.
     """
     base, protocol = constant_speed(samples=2401, dt=0.002), Protocol()
     rows: list[tuple[float, float, float, bool]] = []

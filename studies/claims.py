@@ -1,6 +1,7 @@
 """Decisions on the paper's prose claims that belong to no single figure or table (notebook 18).
 
-A study gives a table. A decision reduces it to the numbers that the claim's rule in `data/claims.csv` reads.
+A study gives a table. A decision reduces it to the numbers that the claim's rule in
+`data/claims.csv` reads.
 """
 
 from collections.abc import Mapping, Sequence
@@ -65,7 +66,8 @@ def amplitudes_without_backlash(seeds: Sequence[int], noise_rps: float) -> Float
 def no_backlash(amplitude_rps: FloatArray, smallest_A_rps: float, criteria: Criteria = None) -> Decision:
     """Whether noise alone is recognised: the 95th percentile of |A| is a small share of the smallest A."""
     share = np.sort(amplitude_rps) / smallest_A_rps
-    # The order statistics that hold the percentile: nan where there are too few for 95 % confidence.
+    # The order statistics that hold the percentile: nan where there are too few for 95 %
+    # confidence.
     low, high = stats.quantile_test(share, p=0.95).confidence_interval(0.95)
     limit = published.criterion("no_backlash", criteria)
     return published.decide("no_backlash", (low, high), criteria), (
@@ -78,7 +80,8 @@ def no_backlash(amplitude_rps: FloatArray, smallest_A_rps: float, criteria: Crit
 def impact_phases(joint: JointParameters, deltas_rad: Sequence[float]) -> DataFrame:
     """When the teeth first meet on the new side, a row a settled half turn.
 
-    `share_passed` counts from the beginning of the load's descent, in which it drives the motor, or ascent.
+    `share_passed` counts from the beginning of the load's descent, in which it drives the motor, or
+    ascent.
     """
     rows = []
     for delta in deltas_rad:
@@ -161,8 +164,9 @@ def displacement_detection(
 ) -> DataFrame:
     """Share of start angles at which a ring of the motor's position shows through an encoder in twelve turns.
 
-    The joint has no backlash; the ring has the form of Table 2's (20 Hz, damping 14 per s, two a turn). It is seen
-    if the differenced speed's projection on it exceeds that of 95 % of the start angles without a ring.
+    The joint has no backlash; the ring has the form of Table 2's (20 Hz, damping 14 per s, two a
+    turn). It is seen if the differenced speed's projection on it exceeds that of 95 % of the start
+    angles without a ring.
     """
     run = simulate(joint, 0.0)
     t, dt = run.time_s, run.time_s[1]

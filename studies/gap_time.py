@@ -40,9 +40,10 @@ def crossing_rad(turn_rps: FloatArray, joint: JointParameters, gap_s: tuple[floa
 def time_in_gap(recording: Recording, joint: JointParameters, smoothing_s: float) -> float:
     """Backlash [rad] as the relative speed of motor and load over the time in the gap, the mean of a turn's two gaps.
 
-    The record consists of whole turns that begin at the joint's start angle; of the joint, stiffness and drive are not
-    used. Villwock and Pacas, IEEE Transactions on Industrial Electronics 56(2), 2009, measure at reversals; this is
-    their integral on the paper's movement, where gravity opens the gap.
+    The record consists of whole turns that begin at the joint's start angle; of the joint,
+    stiffness and drive are not used. Villwock and Pacas, IEEE Transactions on Industrial
+    Electronics 56(2), 2009, measure at reversals; this is their integral on the paper's movement,
+    where gravity opens the gap.
     """
     turn = mean_turn(recording, samples_a_turn(recording))
     gaps = find_gaps(turn, joint, smoothing_s)

@@ -18,11 +18,13 @@ from replication.simulator.simulate import simulate
 # What may be unknown besides the backlash, between which bounds.
 NUISANCES = {"start_angle": (-2 * np.pi, 2 * np.pi), "friction": (0.0, 0.5), "load": (0.5, 1.5)}
 
-# Simulated turns are sampled with the drive and interpolated between: so many in the authors' turn of 0.4 s.
+# Simulated turns are sampled with the drive and interpolated between: so many in the authors' turn
+# of 0.4 s.
 PHASES = 800
 _SAMPLE_S = 5e-4
 
-# The search steps in units of 1e-4 rad, starts inside its bounds, and looks first at these backlashes and frictions.
+# The search steps in units of 1e-4 rad, starts inside its bounds, and looks first at these
+# backlashes and frictions.
 _UNIT_RAD = 1e-4
 _BOUNDS = (0.01, 100.0)
 _INSIDE = 1e-4

@@ -1,8 +1,9 @@
 """Joints that the simulated joint is not: what a sensor built on it must refuse, or hold in its interval.
 
-Two loads one behind the other, a second ring, a PI drive with a current loop, and a notch filter in the torque
-command, each drawn around a bench of `joints.draw_bench`. Also benches that make another movement, joints under a
-cascade of loops that has nothing of the paper's, and logs with the motor's torque.
+Two loads one behind the other, a second ring, a PI drive with a current loop, and a notch filter in
+the torque command, each drawn around a bench of `joints.draw_bench`. Also benches that make another
+movement, joints under a cascade of loops that has nothing of the paper's, and logs with the motor's
+torque.
 """
 
 from contextlib import suppress
@@ -32,7 +33,8 @@ _STEP_S = 5e-5
 _TURNS_BEFORE = 2
 _ENCODER_BITS = 19
 
-# Of other movements: motor turns in a load turn, the load turn [s], and the motor's speed that both give [rps].
+# Of other movements: motor turns in a load turn, the load turn [s], and the motor's speed that both
+# give [rps].
 _GEAR_RATIOS = (30.0, 160.0)
 _TURNS_S = (0.4, 3.2)
 _SPEEDS_RPS = (8.0, 110.0)

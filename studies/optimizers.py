@@ -1,7 +1,8 @@
 """CMA-ES, with other populations and restarts, against swarm algorithms and classical methods.
 
-The swarms are NiaPy's (the optional extra `studies`), the classical methods SciPy's. All minimise the paper's cost in
-the box of the authors' notebook, and stop when they find the best basin or have spent the budget.
+The swarms are NiaPy's (the optional extra `studies`), the classical methods SciPy's. All minimise
+the paper's cost in the box of the authors' notebook, and stop when they find the best basin or have
+spent the budget.
 """
 
 import contextlib
@@ -112,14 +113,16 @@ class Cost:
 
 # A way to search: spends a cost with a seed.
 Method = Callable[[Cost, int], None]
-# One of the reader's own: misfit [rps] of X, its bounds, evaluations and seed, to the best X in the box's own units.
+# One of the reader's own: misfit [rps] of X, its bounds, evaluations and seed, to the best X in the
+# box's own units.
 Optimiser = Callable[[Callable[[FloatArray], float], FloatArray, FloatArray, int, int], FloatArray]
 
 
 def _covariance(first: int, growth: int = 0, with_small: bool = False) -> Method:
     """CMA-ES from the middle of the box: once, or until the end with a population that grows by a factor.
 
-    Doubled each time it is Auger and Hansen's IPOP (2005); by turns with a small one of narrow start, Hansen's BIPOP.
+    Doubled each time it is Auger and Hansen's IPOP (2005); by turns with a small one of narrow
+    start, Hansen's BIPOP.
     """
 
     def run(cost: Cost, seed: int) -> None:

@@ -1,7 +1,8 @@
 """Every method on logs of joints that nobody calibrated: benches drawn at large, joints outside the model, worse logs.
 
-Criteria, fixed before the final logs were drawn, are `ACCEPTANCE_CRITERIA`. Methods were developed on other seeds,
-among them 20260, 20261 and 20262, whose logs were the final ones of earlier states of "self" and told where it erred.
+Criteria, fixed before the final logs were drawn, are `ACCEPTANCE_CRITERIA`. Methods were developed
+on other seeds, among them 20260, 20261 and 20262, whose logs were the final ones of earlier states
+of "self" and told where it erred.
 """
 
 from collections.abc import Mapping, Sequence
@@ -51,7 +52,8 @@ ROW_COLUMNS = [
     *("sd_rad", "misfit", "unrest", "refused", "reason"),
 ]
 
-# Logs of each population that the whole sensor measures, from a table of time and speed on, or method torque.
+# Logs of each population that the whole sensor measures, from a table of time and speed on, or
+# method torque.
 BENCHES = SPREADS | {"plain benches": SPREADS[NEAR], "hard benches": SPREADS[FAR]}
 CHANGED = ("other movements", "two dropped samples")
 BY_TORQUE = ("torque, paper's drive", "torque, other drives")
@@ -72,7 +74,8 @@ _LOAD_SDS = (0.1, 0.05)  # relative, of the inertia ratio and the gravity that m
 DEVELOPMENT_SEED = 1616
 FINAL_SEED = 20263
 DATASHEET_SEED = 24024
-# What the other methods' intervals are made wide by: population, logs, seed, methods. Then the final logs, likewise.
+# What the other methods' intervals are made wide by: population, logs, seed, methods. Then the
+# final logs, likewise.
 SPREAD_STUDY = (NEAR, range(100), DEVELOPMENT_SEED, COMPARED_METHODS[1:])
 FINAL_STUDIES = (
     (NEAR, range(100), FINAL_SEED, COMPARED_METHODS),
@@ -84,10 +87,11 @@ FINAL_STUDIES = (
 NORMAL_95 = 1.96
 NOMINAL = (0.5, 0.6, 0.7, 0.8, 0.9, 0.95, 0.99)
 
-# What "self" is to reach, then the whole sensor: population, column of `summarise_intervals` (or RMS error over the
-# bound) or of `summarise_sensor`, sign and limit. Why these: a third of the error that a calibration of another joint
-# makes; no more than 30 % above what any method could reach; an interval of 95 % that holds within what 400 logs can
-# tell; refusals that leave an owner without an answer seldom.
+# What "self" is to reach, then the whole sensor: population, column of `summarise_intervals` (or
+# RMS error over the bound) or of `summarise_sensor`, sign and limit. Why these: a third of the
+# error that a calibration of another joint makes; no more than 30 % above what any method could
+# reach; an interval of 95 % that holds within what 400 logs can tell; refusals that leave an owner
+# without an answer seldom.
 _CRITERIA_FILE = Path(__file__).with_name("criteria.csv")
 ACCEPTANCE_CRITERIA = list(read_csv(_CRITERIA_FILE).itertuples(index=False, name=None))
 # Steps of the slopes of a Cramer-Rao bound; those of the ratios are shares of them.

@@ -1,6 +1,7 @@
 """How unbounded samples get into a box, as in the library `cma`.
 
-The identity inside, bent to a half-parabola in a margin at each bound; beyond the margins the map goes back and forth.
+The identity inside, bent to a half-parabola in a margin at each bound; beyond the margins the map
+goes back and forth.
 """
 
 from collections.abc import Callable

@@ -1,8 +1,9 @@
 """Eigenvectors of a small symmetric matrix, with the signs of LAPACK's `dsyev` before 3.10 on every machine.
 
-An eigenvector's sign is free, and a search that draws its samples along eigenvectors is another one if a sign flips.
-LAPACK's own choice changed with its plane rotation (3.10); here the old rotation stays. The method is in Golub and Van
-Loan, "Matrix Computations", sections 5.1 and 8.3; every sum is taken in order, without BLAS.
+An eigenvector's sign is free, and a search that draws its samples along eigenvectors is another one
+if a sign flips. LAPACK's own choice changed with its plane rotation (3.10); here the old rotation
+stays. The method is in Golub and Van Loan, "Matrix Computations", sections 5.1 and 8.3; every sum
+is taken in order, without BLAS.
 """
 
 import numba

@@ -1,7 +1,7 @@
 """The misfit of a whole population of signatures: the fast twin of `signature.rmse`, equal to it but for rounding.
 
-Where the turn is a whole number of samples, all windows of a signature hold the same values: on a record that `fold`
-has summed over them, a member of the population costs one window instead of 2 n.
+Where the turn is a whole number of samples, all windows of a signature hold the same values: on a
+record that `fold` has summed over them, a member of the population costs one window instead of 2 n.
 """
 
 from typing import NamedTuple

@@ -92,7 +92,8 @@ def _centre(axis: Axes) -> None:
 def table2(table: pd.DataFrame, regions: pd.DataFrame) -> Figure:
     """Table 2: means and SDs of every realisation, with the region that the authors' give, against the printed.
 
-    `regions` has a row for each of the table: `mean, mean_low, mean_high, sd, sd_low, sd_high`, two of them printed.
+    `regions` has a row for each of the table: `mean, mean_low, mean_high, sd, sd_low, sd_high`, two
+    of them printed.
     """
     figure, axes = grid(3, 1, height_in=6.8, sharex=True, height_ratios=(3, 3, 2.6))
     first, second, third = axes[:, 0]

@@ -57,7 +57,8 @@ def in_style(plot: Callable[..., Figure]) -> Callable[..., Figure]:
         with mpl.rc_context(STYLE):
             figure = plot(*args, **options)
             interactive = mpl.is_interactive()
-        # A notebook's backend switches this on with its first figure; off again, no other figure would be shown.
+        # A notebook's backend switches this on with its first figure; off again, no other figure
+        # would be shown.
         mpl.interactive(interactive)
         return figure
 

@@ -46,8 +46,9 @@ def uniform_noise_test(noise: FloatArray) -> pd.Series:
 def noise_amplitudes() -> FloatArray:
     """Half-amplitude of the noise [rps] in the authors' low-noise records of Table 2's ten rows, R = 1 to 5.
 
-    Half the range of what was added to the clean record; where that is not public, from the variance about the mean of
-    the five realisations, which is a third of the squared half-amplitude.
+    Half the range of what was added to the clean record; where that is not public, from the
+    variance about the mean of the five realisations, which is a third of the squared
+    half-amplitude.
     """
     amplitudes = []
     for level in table2_levels():

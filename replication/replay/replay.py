@@ -21,8 +21,9 @@ ROUNDINGS = 20  # times that a covariance matrix is rounded otherwise
 def replay_stored_runs(recording: Recording) -> pd.DataFrame:
     """Run the authors' search with every stored seed on their clean record 12; a row for each generation of a run.
 
-    Columns `run, cma_seed, generation, best_rmse_rps, sigma, axis_ratio, smallest_std, largest_std`; the standard
-    deviations are those of the next generation, in each parameter's own unit.
+    Columns `run, cma_seed, generation, best_rmse_rps, sigma, axis_ratio, smallest_std,
+    largest_std`; the standard deviations are those of the next generation, in each parameter's own
+    unit.
     """
     parts = []
     for run in published.authors_notebook_runs().to_dict("records"):
@@ -36,10 +37,10 @@ def replay_stored_runs(recording: Recording) -> pd.DataFrame:
 def replay_frames(recording: Recording, ours: pd.DataFrame) -> pd.DataFrame:
     """Keep generations of `replay_stored_runs`: 1 to 30, every fifth after, those that the notebook prints, the last.
 
-    The columns are `run, cma_seed, generation, frame`. A frame is base64 of the lowest misfit and sigma (f8), of the
-    mean and standard deviations of the samples (f4, in widths of the box), of their axes B D (i1, in 1/127 standard
-    deviation), and of a bit for each member, set in the better half. With the seed's random numbers it gives all
-    samples.
+    The columns are `run, cma_seed, generation, frame`. A frame is base64 of the lowest misfit and
+    sigma (f8), of the mean and standard deviations of the samples (f4, in widths of the box), of
+    their axes B D (i1, in 1/127 standard deviation), and of a bit for each member, set in the
+    better half. With the seed's random numbers it gives all samples.
     """
     stored = published.authors_notebook_generations()
     box = protocol_box(recording, AUTHORS_PROTOCOL)
@@ -78,8 +79,8 @@ def compare_generations(ours: pd.DataFrame) -> pd.DataFrame:
 def compare_ends(ours: pd.DataFrame) -> pd.DataFrame:
     """Compare how the stored runs end with how ours do, a row a run.
 
-    `agrees_until` is the last printed generation of the part that agrees, `parts_by` the first that does not: nan if
-    there is none.
+    `agrees_until` is the last printed generation of the part that agrees, `parts_by` the first that
+    does not: nan if there is none.
     """
     stored = published.authors_notebook_runs()
     of_runs = ours.groupby("run")["best_rmse_rps"]
@@ -105,9 +106,9 @@ def compare_ends(ours: pd.DataFrame) -> pd.DataFrame:
 def first_divergences(recording: Recording, ended: pd.DataFrame, rng: np.random.Generator) -> pd.DataFrame:
     """Show what parts runs of `compare_ends` from the stored ones: signs that rounding decides, not ranks.
 
-    In the generation `undecided`, the first after `agrees_until`, an eigenvector changes its sign when C changes by
-    rounding, in `flips` of `ROUNDINGS` cases. `closest_ranks_rps` is the smallest difference between the misfits of
-    members next in rank until then.
+    In the generation `undecided`, the first after `agrees_until`, an eigenvector changes its sign
+    when C changes by rounding, in `flips` of `ROUNDINGS` cases. `closest_ranks_rps` is the smallest
+    difference between the misfits of members next in rank until then.
     """
     parted = ended[ended["parts_by"].notna() | (ended["difference_rps"] > AGREE_RPS)]
     rows = []

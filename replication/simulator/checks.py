@@ -15,8 +15,8 @@ from replication.simulator.parameters import TURN, JointParameters
 def closed_loop_matrix(parameters: JointParameters, *, in_contact: bool = True) -> FloatArray:
     """One control period of the linear joint without gravity, as a matrix.
 
-    The state is motor position, motor speed, load position, load speed and torque, as deviations, then the
-    drive's memory. Its eigenvalues are exp(s * control_period_s) of the joint's modes s.
+    The state is motor position, motor speed, load position, load speed and torque, as deviations,
+    then the drive's memory. Its eigenvalues are exp(s * control_period_s) of the joint's modes s.
     """
     p = parameters
     n = p.gear_ratio

@@ -1,7 +1,8 @@
 """Compiled core of the joint simulator: the equations of motion, the drive, and the integrator.
 
-Units are SI; the state is (motor position, motor speed, load position, load speed, motor torque), positions
-and speeds as deviations from the commanded motion, which keeps every digit for the small signal.
+Units are SI; the state is (motor position, motor speed, load position, load speed, motor torque),
+positions and speeds as deviations from the commanded motion, which keeps every digit for the small
+signal.
 """
 
 import math
@@ -146,7 +147,8 @@ def torque(x, v, region, delta, ks, ds, alpha, clamped):
 def disturbance(t, motor, omega, waves):
     """Sum of the disturbances: torque on the motor, acceleration of the load's side, transmission error.
 
-    The motor's follow the motor's own angle, the load's the commanded motion. None compiles to nothing.
+    The motor's follow the motor's own angle, the load's the commanded motion. None compiles to
+    nothing.
     """
     if waves is None:
         return 0.0, 0.0, 0.0
@@ -165,8 +167,8 @@ def disturbance(t, motor, omega, waves):
 def derivative(t, y, command, region, c):
     """Rates of the state; within a region they are smooth.
 
-    y[2] is the load's position plus the transmission error, so that the displacement is y[0] / n - y[2] with or
-    without one, and the error acts as an acceleration.
+    y[2] is the load's position plus the transmission error, so that the displacement is y[0] / n -
+    y[2] with or without one, and the error acts as an acceleration.
     """
     n, omega = c.gear_ratio, c.omega
     ripple, push, error = disturbance(t, y[0], omega, c.waves)

@@ -1,9 +1,10 @@
 """Identification of the joint from clean motor-speed records, and its validation.
 
-A motor-speed record fixes ratios only: stiffness and gravity per load inertia, the two inertias' ratio, the
-gains per motor inertia, and the times and angle. One scale of torque (here the 5 kg of the load) is free.
-The load's Coulomb friction must be far below the gravity torque or the impacts would not be evenly spaced;
-friction and the coupling's damping stay at zero because the records do not need them.
+A motor-speed record fixes ratios only: stiffness and gravity per load inertia, the two inertias'
+ratio, the gains per motor inertia, and the times and angle. One scale of torque (here the 5 kg of
+the load) is free. The load's Coulomb friction must be far below the gravity torque or the impacts
+would not be evenly spaced; friction and the coupling's damping stay at zero because the records do
+not need them.
 """
 
 import math
@@ -25,7 +26,8 @@ Records = Mapping[float, Recording]  # by backlash [rad]
 
 FINE_S = 5e-5  # fine enough that the settled peak is not missed between samples
 
-# When the joint started shows in the first turn only, which `identify_joint` leaves to `identify_lead`.
+# When the joint started shows in the first turn only, which `identify_joint` leaves to
+# `identify_lead`.
 HELD = ("lead_s",)
 
 
@@ -99,7 +101,8 @@ def identify_joint(records: Records, start: JointParameters, *, held: Iterable[s
         residual,
         np.ones(len(names)),
         "3-point",
-        # No ratio may change its sign: the fit would end in a worse basin without the leaky integral.
+        # No ratio may change its sign: the fit would end in a worse basin without the leaky
+        # integral.
         bounds=(0.1, 10.0),
         diff_step=1e-3,
         x_scale="jac",

@@ -28,7 +28,8 @@ class Disturbance:
     order: float  # periods per motor turn: the frequency over the commanded motor speed
     motor_torque_nm: float = 0.0  # of a torque on the motor (cogging, ripple), in step with the motor's own angle
     load_torque_nm: float = 0.0  # of a torque on the load (another joint's), in step with the commanded motion
-    # What an eccentric belt pulley or gear adds to theta_l in the displacement theta_m / N - theta_l, load side.
+    # What an eccentric belt pulley or gear adds to theta_l in the displacement theta_m / N -
+    # theta_l, load side.
     transmission_error_rad: float = 0.0
     phase_rad: float = 0.0  # at t = 0
 
@@ -37,12 +38,13 @@ class Disturbance:
 class JointParameters:
     """Everything about the joint but its backlash.
 
-    Only ratios show in the motor speed: scaling every inertia, stiffness, torque and gain by one factor
-    changes nothing. ``joint_from_ratios`` makes physical values out of the ratios, for a point load of 5 kg.
+    Only ratios show in the motor speed: scaling every inertia, stiffness, torque and gain by one
+    factor changes nothing. ``joint_from_ratios`` makes physical values out of the ratios, for a
+    point load of 5 kg.
 
-    The drive commands the torque K_p e + K_i integral(e) - K_d domega_m/dt + K_w w, where Omega is the
-    commanded speed, e = K_pos (Omega t - theta_m) + Omega - omega_m, and w the leaky integral of
-    Omega - omega_m.
+    The drive commands the torque K_p e + K_i integral(e) - K_d domega_m/dt + K_w w, where Omega is
+    the commanded speed, e = K_pos (Omega t - theta_m) + Omega - omega_m, and w the leaky integral
+    of Omega - omega_m.
     """
 
     gear_ratio: float  # N, motor turns per load turn

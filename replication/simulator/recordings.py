@@ -7,7 +7,8 @@ from replication.recording import Recording
 from replication.simulator.parameters import JointParameters
 from replication.simulator.simulate import encoder_speed_rps, simulate_many
 
-# Divides the drive's period and the sampling; the error is then far below the five digits of the authors' records.
+# Divides the drive's period and the sampling; the error is then far below the five digits of the
+# authors' records.
 SIMULATION_STEP_S = 5e-5
 
 

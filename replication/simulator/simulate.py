@@ -1,9 +1,9 @@
 """The robotic joint: two inertias, backlash after equations 8 and 9, gravity, and a digital drive.
 
-The motor (inertia J_m) drives the load (J_l) through a gear of ratio N and an elastic coupling with backlash,
-all written on the load side: delta_theta = theta_m / N - theta_l, gap 2 * delta. A digital drive with a
-position gain around a speed loop holds a constant commanded speed while gravity turns with the load, so that
-the gap opens and closes twice a turn.
+The motor (inertia J_m) drives the load (J_l) through a gear of ratio N and an elastic coupling with
+backlash, all written on the load side: delta_theta = theta_m / N - theta_l, gap 2 * delta. A
+digital drive with a position gain around a speed loop holds a constant commanded speed while
+gravity turns with the load, so that the gap opens and closes twice a turn.
 """
 
 from collections.abc import Sequence
@@ -66,8 +66,9 @@ def simulate(
 ) -> SimulatedJoint:
     """Simulate the joint at a constant commanded speed.
 
-    A classical Runge-Kutta method of fixed step; a step that crosses an edge of the gap (or its middle, where
-    equation 9 jumps) is split where it does, so the order of convergence survives the contact.
+    A classical Runge-Kutta method of fixed step; a step that crosses an edge of the gap (or its
+    middle, where equation 9 jumps) is split where it does, so the order of convergence survives the
+    contact.
 
     Parameters
     ----------

@@ -1,9 +1,10 @@
 """Stand-ins for the logs that were never published: benches drawn around the identified joint, and their encoders.
 
-A bench is the identified joint with other parameters, friction, periodic disturbances, and a log that comes from its
-encoder. Every spread is an assumption; the paper gives none. If the bench's or the robots' logs are ever published,
-one function beside `authors.load_clean`, from a log's file to a `Recording`, takes the place of `encoder_log`:
-nothing that comes after asks where a record is from.
+A bench is the identified joint with other parameters, friction, periodic disturbances, and a log
+that comes from its encoder. Every spread is an assumption; the paper gives none. If the bench's or
+the robots' logs are ever published, one function beside `authors.load_clean`, from a log's file to
+a `Recording`, takes the place of `encoder_log`: nothing that comes after asks where a record is
+from.
 """
 
 from collections.abc import Callable, Sequence
@@ -57,7 +58,8 @@ class Bench:
 def draw_bench(rng: np.random.Generator, spread: Spread | None = None) -> Bench:
     """Draw a bench around the identified joint.
 
-    Its drive sees the encoder's 19 bits and differences them; it has turned once when its log begins.
+    Its drive sees the encoder's 19 bits and differences them; it has turned once when its log
+    begins.
     """
     spread = spread or Spread()
     joint = identified_joint()

@@ -1,7 +1,7 @@
 """Stand-ins for the plant robots of Table 4: axis 4 of an arm whose other joints shake it.
 
-Nothing is published of these robots but four numbers, so every spread here is an assumption. Where a loader for their
-logs would go, `standins` says.
+Nothing is published of these robots but four numbers, so every spread here is an assumption. Where
+a loader for their logs would go, `standins` says.
 """
 
 from collections.abc import Sequence
