@@ -118,7 +118,7 @@ def level_delta_rad(level: int) -> float:
 
 
 def load_clean(level: int) -> Recording:
-    """Load the authors' noise-free record of level K (`SpeeddataK.xlsx`; K = 3 to 13 are public)."""
+    """Load the authors' noise-free record of level K, `SpeeddataK.xlsx`; K = 3 to 13 are public."""
     path = f"Speeddata{level}.xlsx"
     return _authors_recording(authors_file(path).read_bytes(), path)
 

@@ -1,4 +1,4 @@
-"""The virtual sensor's static characteristic: from the amplitude A to the backlash delta (equation 10)."""
+"""The virtual sensor's static characteristic, equation 10: from amplitude A to backlash delta."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -13,7 +13,10 @@ from replication.recording import RPM_PER_RPS
 
 
 def first_rise(coefficients: Sequence[float] | FloatArray, level: float) -> float | None:
-    """Smallest positive argument at which a polynomial rises through a level; None if it never does."""
+    """Smallest positive argument at which a polynomial rises through a level.
+
+    None if it never does.
+    """
     polynomial = Polynomial(coefficients)
     roots = (polynomial - level).roots()
     real = roots[np.abs(roots.imag) < 1e-9].real
@@ -57,7 +60,7 @@ def printed_levels_rad() -> FloatArray:
 
 
 def known_amplitude_rps(delta_rad: float) -> float:
-    """Theoretical A [rps] of a backlash, interpolated in Table 2, where Table 3's known A come from."""
+    """Theoretical A [rps] of a backlash, interpolated in Table 2, as Table 3's known A are."""
     levels = printed_levels_rad()
     theoretical = published.column("Table 2", "theoretical")[: levels.size]
     return float(np.interp(delta_rad, levels, theoretical))

@@ -19,9 +19,15 @@ from replication.arrays import FloatArray
 
 
 def stiffness(
-    delta_theta_rad: ArrayLike, delta_rad: ArrayLike, stiffness_nm_per_rad: float, alpha_per_rad: float
+    delta_theta_rad: ArrayLike,
+    delta_rad: ArrayLike,
+    stiffness_nm_per_rad: float,
+    alpha_per_rad: float,
 ) -> FloatArray:
-    """Variable coupling stiffness K_BL [N m/rad], equation 8 as printed; the arguments are those of equation 9."""
+    """Variable coupling stiffness K_BL [N m/rad], equation 8 as printed.
+
+    The arguments are those of equation 9.
+    """
     x, delta = np.asarray(delta_theta_rad, dtype=float), np.asarray(delta_rad, dtype=float)
     arctans = np.arctan(alpha_per_rad * (x - delta)) - np.arctan(alpha_per_rad * (x + delta))
     return stiffness_nm_per_rad / np.pi * (np.pi + arctans)
@@ -51,7 +57,10 @@ def transmitted_torque(
     damping = damping_nms_per_rad * np.asarray(delta_omega_rad_per_s, dtype=float)
     if clamped:
         beyond = np.sign(x) * np.maximum(np.abs(x) - delta, 0.0)
-        pushing = np.sign(x) * np.maximum(np.sign(x) * (stiffness_nm_per_rad * beyond + damping), 0.0)
+        pushing = np.sign(x) * np.maximum(
+            np.sign(x) * (stiffness_nm_per_rad * beyond + damping),
+            0.0,
+        )
         return np.where(np.abs(x) > delta, pushing, 0.0)
     displacement = x - delta * np.sign(x) + damping / stiffness_nm_per_rad
     return displacement * stiffness(x, delta, stiffness_nm_per_rad, alpha_per_rad)

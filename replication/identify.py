@@ -11,7 +11,14 @@ from replication.compiled.bounds import from_box, into_box, margin_today
 from replication.compiled.misfit import fold, folded_rmse
 from replication.compiled.whole_run import whole_run
 from replication.recording import RPM_PER_RPS, Recording
-from replication.search import Generation, Search, check_settings, generations, random_normals, search
+from replication.search import (
+    Generation,
+    Search,
+    check_settings,
+    generations,
+    random_normals,
+    search,
+)
 from replication.signature import DAMPING_PER_S, FREQUENCY_HZ, Box, Timing, table1_box
 
 if TYPE_CHECKING:
@@ -79,16 +86,30 @@ def protocol_box(recording: Recording, protocol: Protocol) -> Box:
 
 
 def paper_search(recording: Recording, protocol: Protocol, seed: int) -> Iterator[Generation]:
-    """The paper's search on a record, one generation at a time, without end; see `search.generations`."""
+    """The paper's search on a record, one generation at a time, without end.
+
+    See `search.generations`.
+    """
     record = fold(recording.t, recording.v, protocol.timing)
     box = protocol_box(recording, protocol)
-    return generations(lambda members: folded_rmse(members, record), box, random_normals(seed), protocol.population)
+    return generations(
+        lambda members: folded_rmse(members, record),
+        box,
+        random_normals(seed),
+        protocol.population,
+    )
 
 
 def paper_run(recording: Recording, protocol: Protocol, seed: int) -> Search:
     """The same search as a whole, compiled; see `compiled.whole_run`."""
     record = fold(recording.t, recording.v, protocol.timing)
-    return whole_run(record, protocol_box(recording, protocol), seed, protocol.population, protocol.iterations)
+    return whole_run(
+        record,
+        protocol_box(recording, protocol),
+        seed,
+        protocol.population,
+        protocol.iterations,
+    )
 
 
 def unbounded_run(recording: Recording, protocol: Protocol, seed: int) -> Search:
@@ -105,7 +126,13 @@ def unbounded_run(recording: Recording, protocol: Protocol, seed: int) -> Search
         return folded_rmse(np.column_stack([members, gate]), record)
 
     wide = Box(middle - UNBOUNDED * half, middle + UNBOUNDED * half)
-    steps = generations(misfits, wide, random_normals(seed), protocol.population, sigma=1 / UNBOUNDED)
+    steps = generations(
+        misfits,
+        wide,
+        random_normals(seed),
+        protocol.population,
+        sigma=1 / UNBOUNDED,
+    )
     found = search(steps, protocol.iterations)
     return replace(found, best=np.append(found.best, gate[0]))
 
@@ -147,7 +174,11 @@ def _fit_in_rpm(recording: Recording, protocol: Protocol, seed: int) -> Fit:
     return replace(fit, X=X, rmse=fit.rmse / RPM_PER_RPS)
 
 
-def library_search(recording: Recording, protocol: Protocol, seed: int) -> "cma.CMAEvolutionStrategy":
+def library_search(
+    recording: Recording,
+    protocol: Protocol,
+    seed: int,
+) -> "cma.CMAEvolutionStrategy":
     """Today's `cma` on a record, without its slow bound handling: put its samples `into_box`.
 
     Tell it its own samples with `check_points=False`: it keeps no archive to know them by. The

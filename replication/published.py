@@ -1,4 +1,4 @@
-"""Every number the paper prints, once, from the data files beside this module; and the rules that decide its claims."""
+"""Every number the paper prints, once, from the data files; and the rules that decide its claims."""
 
 import math
 from collections.abc import Mapping
@@ -79,7 +79,7 @@ def value(cell: str) -> float:
 
 
 def tolerance(cell: str) -> float:
-    """Largest difference from the printed value that still reproduces a cell, in the cell's unit."""
+    """Largest difference from the printed value that still reproduces a cell, in its unit."""
     row = _cells().loc[cell]
     return float(row["abs_tol"] + row["rel_tol"] * abs(row["value"]))
 
@@ -103,7 +103,11 @@ def criterion(claim: str, criteria: Criteria = None) -> float:
     return float((criteria or {}).get(claim, known[claim]))
 
 
-def decide(claim: str, measured: float | tuple[float, float], criteria: Criteria = None) -> bool | None:
+def decide(
+    claim: str,
+    measured: float | tuple[float, float],
+    criteria: Criteria = None,
+) -> bool | None:
     """Decide a claim by its rule in `claims.csv`; None is undecided, as is whatever was not measured (nan).
 
     `measured` is what the rule compares with the limit: one number; the two ends of an interval

@@ -30,7 +30,10 @@ class Recording:
 
 
 def from_sample(recording: Recording, start: int) -> Recording:
-    """Drop a record's first `start` samples; at least three must be left, and time starts from zero again."""
+    """Drop a record's first `start` samples.
+
+    At least three must be left, and time starts from zero again.
+    """
     if not 0 <= start <= recording.t.size - 3:
         raise ValueError(f"start sample {start}: the record has {recording.t.size} samples")
     if start == 0:
@@ -38,7 +41,11 @@ def from_sample(recording: Recording, start: int) -> Recording:
     return replace(recording, t=recording.t[start:] - recording.t[start], v=recording.v[start:])
 
 
-def add_uniform_noise(recording: Recording, half_amplitude_rps: float, rng: np.random.Generator) -> Recording:
+def add_uniform_noise(
+    recording: Recording,
+    half_amplitude_rps: float,
+    rng: np.random.Generator,
+) -> Recording:
     """Add uniform white noise n(t) to a record (equation 18), as the authors' noisy logs have it.
 
     n lies between plus and minus `half_amplitude_rps`, which Table 2 calls the noise amplitude.
@@ -55,4 +62,10 @@ def add_normal_noise(recording: Recording, sd_rps: float, rng: np.random.Generat
 def constant_speed(samples: int, dt: float) -> Recording:
     """Make a record without backlash, the commanded speed and nothing else, to add noise to."""
     v = np.full(samples, COMMANDED_SPEED_RPS)
-    return Recording(dt * np.arange(samples, dtype=float), v, COMMANDED_SPEED_RPS, TURN_PERIOD_S, "constant speed")
+    return Recording(
+        dt * np.arange(samples, dtype=float),
+        v,
+        COMMANDED_SPEED_RPS,
+        TURN_PERIOD_S,
+        "constant speed",
+    )

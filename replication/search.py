@@ -70,7 +70,10 @@ def constants(population: int, n: int) -> Constants:
 
 
 class State(NamedTuple):
-    """The distribution of the next samples, and the paths; `unit` is the length that sigma and C count along x_i."""
+    """The distribution of the next samples, and the paths.
+
+    `unit` is the length that sigma and C count along x_i.
+    """
 
     g: int  # generations so far
     m: FloatArray
@@ -104,7 +107,8 @@ def first_state(box: Box, sigma: float) -> State:
     """Middle of the box, a sigma in quarters of its width, and no path yet."""
     n = box.lower.size
     middle = from_box((box.lower + box.upper) / 2, box)
-    C = np.diag([math.exp(1e-4 * i / n) for i in range(n)])  # the identity, but for an order of the axes
+    # The identity, but for an order of the axes.
+    C = np.diag([math.exp(1e-4 * i / n) for i in range(n)])
     unit = (box.upper - box.lower) / 4
     return State(0, middle, sigma, C, np.zeros(n), np.zeros(n), unit, np.eye(n), np.ones(n))
 
@@ -143,7 +147,7 @@ def decompose(state):
 
 @numba.njit(cache=True)
 def sample(state, z):
-    """Equation 12: samples x of N(m, sigma^2 C) from standard normal z, both of shape (population, n)."""
+    """Equation 12: samples x of N(m, sigma^2 C) from standard normal z; shapes (population, n)."""
     y = _turn(state.B, _column(state.D) * z.T)
     x = _column(state.m) + state.sigma * (_column(state.unit) * y)
     return np.ascontiguousarray(x.T)
@@ -154,7 +158,8 @@ def update(state, ranked, c):
     """Equations 13 to 17: the next state from the samples x_{1:lambda} to x_{lambda:lambda}, the best first."""
     g = state.g + 1
     B, D = state.B, state.D
-    x = np.ascontiguousarray(ranked.T)  # a sample a column, so that loops over the samples are vectorised
+    # A sample a column, so that loops over the samples are vectorised.
+    x = np.ascontiguousarray(ranked.T)
     n, size = x.shape
     # Equation 13, as a step from the last mean: the difference of two means has lost digits.
     step = (c.weights[: c.mu] * (x[:, : c.mu] - _column(state.m))).sum(axis=1)
@@ -180,7 +185,8 @@ def update(state, ranked, c):
         for i in range(n):
             for j in range(n):
                 learnt[i, j] += w[k] * y[i, k] * y[j, k]
-    lost = c.c_1 * (1 - h_sigma) * c.c_c * (2 - c.c_c)  # by a stalled path: the paper's delta(h_sigma)
+    # By a stalled path: the paper's delta(h_sigma)
+    lost = c.c_1 * (1 - h_sigma) * c.c_c * (2 - c.c_c)
     kept = 1 - c.c_1 + lost - c.c_mu * c.total_weight
     C = kept * state.C + c.c_1 * _column(p_c) * p_c + c.c_mu * learnt
     return State(g, state.m + step, sigma, C, p_sigma, p_c, state.unit, B, D)
@@ -188,7 +194,7 @@ def update(state, ranked, c):
 
 @numba.njit(cache=True)
 def history_row(ranked, state):
-    """What a search keeps of a generation, as `HISTORY` says, from its misfits, the best first, and the next state."""
+    """What `HISTORY` keeps of a generation, from its misfits, the best first, and the next state."""
     size = ranked.size
     std = standard_deviations(state)
     row = np.empty(7)
@@ -204,7 +210,10 @@ def history_row(ranked, state):
 
 @numba.njit(cache=True)
 def stop_rule(history, ranked, state, first_sigma):
-    """Name of the library's stop rule that holds after a generation, or ""; `history` as in `Search`, so far."""
+    """Name of the library's stop rule that holds after a generation, or "".
+
+    `history` as in `Search`, so far.
+    """
     m, sigma, unit = state.m, state.sigma, state.unit
     n, g = m.size, state.g
     std = standard_deviations(state)
@@ -254,7 +263,10 @@ def _check_seed(seed: int) -> None:
 
 
 def random_normals(seed: int) -> Callable[[int, int], FloatArray]:
-    """Standard normal numbers in the order of the stored runs, from a generator of their own; a seed above 0."""
+    """Standard normal numbers in the order of the stored runs, from a generator of their own.
+
+    A seed above 0.
+    """
     _check_seed(seed)
     return np.random.RandomState(seed).randn
 

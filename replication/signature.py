@@ -33,16 +33,25 @@ class Timing:
 
 @dataclass(frozen=True)
 class Box:
-    """Lower and upper bounds of the free parameters, each of shape (7,), in `FREE_PARAMETERS` order."""
+    """Bounds of the free parameters, each of shape (7,), in `FREE_PARAMETERS` order."""
 
     lower: FloatArray
     upper: FloatArray
 
 
 def damped_oscillation(
-    t: FloatArray, A: float, t0: float, tau: float, omega: float, T1: float, T2: float
+    t: FloatArray,
+    A: float,
+    t0: float,
+    tau: float,
+    omega: float,
+    T1: float,
+    T2: float,
 ) -> FloatArray:
-    """Equation 5: one damped oscillation d_b(t - t0), zero outside t0 + T1 <= t <= t0 + T2; shape (samples,)."""
+    """Equation 5: one damped oscillation d_b(t - t0), zero outside t0 + T1 <= t <= t0 + T2.
+
+    Shape (samples,).
+    """
     inside = (t >= t0 + T1) & (t <= t0 + T2)
     elapsed = np.where(inside, t - (t0 + T1), 0.0)
     return np.where(inside, A * np.exp(-elapsed * tau) * np.sin(omega * (t - t0)), 0.0)
@@ -90,7 +99,10 @@ def table1_box(
         Bounds of tau, and of omega over 2 pi.
     """
     half_range = amplitude_factor * (v.max() - v.min()) / 2
-    (tau_min, tau_max), (omega_min, omega_max) = damping_per_s, (2 * np.pi * f for f in frequency_hz)
+    (tau_min, tau_max), (omega_min, omega_max) = (
+        damping_per_s,
+        (2 * np.pi * f for f in frequency_hz),
+    )
     lower = np.array([-half_range, t.min(), tau_min, omega_min, v.min(), 0.0, 0.0])
     upper = np.array([half_range, t.max(), tau_max, omega_max, v.max(), longest_window_s, longest_window_s / 2])
     return Box(lower, upper)

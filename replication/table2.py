@@ -49,13 +49,20 @@ def authors_table2_records(realisations: Sequence[int]) -> list[tuple[dict, Reco
     ]
 
 
-def simulated_table2_records(joint: JointParameters, seed: int, factor: float = 1.0) -> list[tuple[dict, Recording]]:
+def simulated_table2_records(
+    joint: JointParameters,
+    seed: int,
+    factor: float = 1.0,
+) -> list[tuple[dict, Recording]]:
     """Simulate Table 2's ten records: the joint at each level, with `factor` times the printed uniform noise."""
     noise = factor * published.column("Table 2", "noise")
     rng = np.random.default_rng(seed)
     clean = simulate_recordings(joint, [level_delta_rad(level) for level in table2_levels()])
     return [
-        (_key("simulated", seed, row, "low", factor), add_uniform_noise(recording, noise[row - 1], rng))
+        (
+            _key("simulated", seed, row, "low", factor),
+            add_uniform_noise(recording, noise[row - 1], rng),
+        )
         for row, recording in enumerate(clean, start=1)
     ]
 
@@ -68,7 +75,10 @@ def noise_only_record(seed: int, factor: float = 1.0) -> tuple[dict, Recording]:
 
 
 def _key(source: str, realisation: int, row: int, noise_level: str, factor: float = 1.0) -> dict:
-    """What a record of Table 2's row is called in data frames; a simulated realisation is the seed of its noise."""
+    """What a record of Table 2's row is called in data frames.
+
+    A simulated realisation is the seed of its noise.
+    """
     louder = HIGH_OVER_LOW if noise_level == "high" else factor
     return {
         "source": source,
@@ -80,7 +90,11 @@ def _key(source: str, realisation: int, row: int, noise_level: str, factor: floa
     }
 
 
-def start_samples(protocol: Protocol, seeds: Sequence[int], record_seed: int | Sequence[int]) -> list[int]:
+def start_samples(
+    protocol: Protocol,
+    seeds: Sequence[int],
+    record_seed: int | Sequence[int],
+) -> list[int]:
     """Draw the start sample of each run of a record, as the protocol's `start` says."""
 
     def draw(seed: int | Sequence) -> int:
@@ -103,7 +117,10 @@ def _run(recording: Recording, protocol: Protocol, seed: int, start: int) -> dic
 
 
 def repeated_fits(
-    records: Sequence[tuple[dict, Recording]], protocols: Iterable[Protocol], seeds: Sequence[int], label: str
+    records: Sequence[tuple[dict, Recording]],
+    protocols: Iterable[Protocol],
+    seeds: Sequence[int],
+    label: str,
 ) -> pd.DataFrame:
     """Fit every record with every protocol and seed, on all cores; the label stands beside the progress bar.
 
@@ -187,7 +204,10 @@ def table2(runs: pd.DataFrame) -> pd.DataFrame:
     """
     theoretical = published.column("Table 2", "theoretical")[runs["row"] - 1]
     of_record = ["source", "realisation", "noise_level", "row", "delta_rad", "noise_amplitude_rps"]
-    return summarise_runs(runs.assign(theoretical_A_rps=theoretical), [*of_record, "theoretical_A_rps"])
+    return summarise_runs(
+        runs.assign(theoretical_A_rps=theoretical),
+        [*of_record, "theoretical_A_rps"],
+    )
 
 
 def table2_cells(table: pd.DataFrame) -> dict[str, list[float]]:
@@ -225,7 +245,10 @@ def decide_error_below_10(runs: pd.DataFrame, criteria: Criteria = None) -> Deci
         errors.append((100 * abs(amplitude.mean() / true - 1), low, high))
     largest, low, high = np.max(errors, axis=0)
     holds = published.decide("error_below_10", (low, high), criteria)
-    return holds, f"largest error of a mean {largest:.1f} % (95 % interval {low:.1f} to {high:.1f} %)"
+    return (
+        holds,
+        f"largest error of a mean {largest:.1f} % (95 % interval {low:.1f} to {high:.1f} %)",
+    )
 
 
 def decide_local_minima(table: pd.DataFrame, criteria: Criteria = None) -> Decision:

@@ -40,7 +40,7 @@ def write_joint() -> None:
 
 
 def write_population() -> None:
-    """Every method on joints that nobody calibrated, into results/population_logs.csv and results/datasheet.csv."""
+    """Every method, and the whole sensor, on joints that nobody calibrated."""
     from pandas import concat
 
     from studies import population
@@ -56,7 +56,8 @@ def write_population() -> None:
 
 def write_protocols() -> None:
     """Every protocol that may have printed Table 2, into results/protocol_runs.csv."""
-    os.environ.update(pinned_environment())  # the slow test that runs some again has to find the same digits
+    # The slow test that runs some again has to find the same digits.
+    os.environ.update(pinned_environment())
     from replication.replay import protocols
 
     write_csv(protocols.PROTOCOL_RUNS, protocols.compute_runs())
@@ -72,7 +73,10 @@ STUDIES = {
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run one study; return the exit status: 0 done, 2 the name or the data are not there, 1 anything else."""
+    """Run one study.
+
+    Return the exit status: 0 done, 2 the name or the data are not there, 1 anything else.
+    """
     parser = argparse.ArgumentParser(prog="python -m studies", description=__doc__)
     parser.add_argument("name", nargs="?", default="", help=", ".join(STUDIES))
     name = parser.parse_args(arguments).name
@@ -82,7 +86,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     try:
         STUDIES[name]()
     except Exception as error:
-        if not hasattr(error, "exit_status"):  # of errors whose message is the one line that a user needs
+        # Of errors whose message is the one line that a user needs.
+        if not hasattr(error, "exit_status"):
             raise
         print(error, file=sys.stderr)
         return error.exit_status

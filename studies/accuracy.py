@@ -1,4 +1,4 @@
-"""Errors of every method on the authors' logs, on simulated ones and after changes of the joint, and their bound."""
+"""Errors of every method on the authors' logs, on simulated ones and on changed joints; their bound."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
@@ -28,20 +28,31 @@ CALIBRATED_METHODS = ("amplitude", "energy", "waveform")
 # Backlashes that calibrations on simulated records are made at [rad].
 CALIBRATED_RAD = np.arange(3e-4, 21.5e-4, 1e-4).tolist()
 # The authors' records, around which one thing is changed at a time.
-USUAL: dict[str, float] = {"noise_half_amplitude_rps": 0.1, "sampling_hz": 500.0, "turns": 12, "encoder_bits": 0}
+USUAL: dict[str, float] = {
+    "noise_half_amplitude_rps": 0.1,
+    "sampling_hz": 500.0,
+    "turns": 12,
+    "encoder_bits": 0,
+}
 
 
 def _answers(
-    recording: Recording, calibrations: Mapping[str, Calibration], joint: JointParameters, unknown: Mapping[str, tuple]
+    recording: Recording,
+    calibrations: Mapping[str, Calibration],
+    joint: JointParameters,
+    unknown: Mapping[str, tuple],
 ) -> dict[str, float]:
-    """Backlash [rad] by calibrations, and by simulating the joint with what each of its methods has unknown."""
+    """Backlash [rad] by calibrations, and by simulating the joint with some of it unknown, by method."""
     fit = global_fit(recording, protocol_for(recording))
     calibrated = {name: found.delta_rad for name, found in backlashes(recording, fit, calibrations).items()}
     return calibrated | {name: match_joint(recording, joint, free)["delta_rad"] for name, free in unknown.items()}
 
 
 def cross_validation(
-    records: Mapping[tuple[int, int], Recording], joint: JointParameters, scored: Sequence[int], smoothing_s: float
+    records: Mapping[tuple[int, int], Recording],
+    joint: JointParameters,
+    scored: Sequence[int],
+    smoothing_s: float,
 ) -> DataFrame:
     """Errors on noisy logs (realisation, level) of the scored levels, none of which is known to what measures it.
 
@@ -76,12 +87,24 @@ def encoder_recording(
     step_s: float = SIMULATION_STEP_S,
 ) -> Recording:
     """Record speeds differenced from the positions of an encoder that is turned by an offset."""
-    run = simulate(joint, delta_rad, duration_s=turns * joint.turn_period_s, sample_s=sample_s, step_s=step_s)
+    run = simulate(
+        joint,
+        delta_rad,
+        duration_s=turns * joint.turn_period_s,
+        sample_s=sample_s,
+        step_s=step_s,
+    )
     source = f"simulated joint, {delta_rad:g} rad, {bits}-bit encoder"
     return read_encoder(joint, run.time_s, run.motor_position_rad + offset_rad, bits, source)
 
 
-def _draw_log(joint: JointParameters, axis: str, value: float, delta_rad: float, seed: int) -> KnownLog:
+def _draw_log(
+    joint: JointParameters,
+    axis: str,
+    value: float,
+    delta_rad: float,
+    seed: int,
+) -> KnownLog:
     """Record the joint with one setting changed; with an encoder there is no other noise."""
     settings = USUAL | {axis: value}
     rng = np.random.default_rng(seed)
@@ -95,9 +118,16 @@ def _draw_log(joint: JointParameters, axis: str, value: float, delta_rad: float,
 
 
 def measured_errors(
-    joint: JointParameters, deltas_rad: Sequence[float], sweeps: Mapping[str, Sequence[float]], repeats: int, seed: int
+    joint: JointParameters,
+    deltas_rad: Sequence[float],
+    sweeps: Mapping[str, Sequence[float]],
+    repeats: int,
+    seed: int,
 ) -> DataFrame:
-    """Errors on simulated records as one of `USUAL` changes at a time; the joint is matched to speeds only."""
+    """Errors on simulated records as one of `USUAL` changes at a time.
+
+    The joint is matched to speeds only.
+    """
     fine = [encoder_recording(joint, delta, 24) for delta in CALIBRATED_RAD]
     of_encoder = {method: calibrate(fine, CALIBRATED_RAD, method) for method in CALIBRATED_METHODS}
     of_speed = {method: default_calibration(method) for method in CALIBRATED_METHODS}
@@ -122,7 +152,12 @@ def errors_after_changes(logs: Sequence[KnownLog], joint: JointParameters) -> Da
         # The commanded speed is known; the sensor refuses a log of another one, here it is measured
         # all the same.
         known = replace(joint, commanded_speed_rps=log.recording.commanded_speed_rps)
-        return _answers(log.recording, calibrations, known, {JOINT_ALL_FREE: JOINT_METHODS[JOINT_ALL_FREE]})
+        return _answers(
+            log.recording,
+            calibrations,
+            known,
+            {JOINT_ALL_FREE: JOINT_METHODS[JOINT_ALL_FREE]},
+        )
 
     return logs_by_methods(logs, answers)
 
@@ -146,13 +181,17 @@ CHANGES: dict[str, Callable[[JointParameters, float], JointParameters]] = {
     "torque lag": _scaled("torque_lag_s"),
     "load Coulomb friction": lambda joint, share: add_nuisances(joint, {"friction": share}),
     "load viscous friction": lambda joint, share: replace(
-        joint, load_viscous_nms_per_rad=share * joint.gravity_torque_nm * joint.turn_period_s / TURN
+        joint,
+        load_viscous_nms_per_rad=share * joint.gravity_torque_nm * joint.turn_period_s / TURN,
     ),
 }
 
 
 def waveform_slopes(joint: JointParameters, delta_rad: float) -> FloatArray:
-    """Slopes of a turn's settled speed at even phases by the backlash, and by the start angle; shape (2, phases)."""
+    """Slopes of a turn's settled speed at even phases by the backlash, and by the start angle.
+
+    Shape (2, phases).
+    """
 
     def slope(step_rad: float, angle_step_rad: float) -> FloatArray:
         def turn(sign: int) -> FloatArray:
@@ -165,17 +204,23 @@ def waveform_slopes(joint: JointParameters, delta_rad: float) -> FloatArray:
 
 
 def cramer_rao_sd(slopes: FloatArray, noise_sd: float) -> float:
-    """Least SD of the first unknown (slopes: unknowns by samples) in white noise, a constant offset unknown too."""
+    """Least SD of the first unknown in white noise, its mean unknown too; slopes: unknowns by samples."""
     if slopes.shape[1] <= len(slopes):
         return np.inf
     centred = slopes - slopes.mean(axis=1, keepdims=True)
     information = centred @ centred.T
-    scale = np.sqrt(np.diag(information))  # unknowns in units of their own, so that the inverse is well conditioned
+    # Unknowns in units of their own, so that the inverse is well conditioned.
+    scale = np.sqrt(np.diag(information))
     inverse = np.linalg.inv(information / np.outer(scale, scale))
     return float(noise_sd * np.sqrt(inverse[0, 0]) / scale[0])
 
 
-def noisy_energy(clean: Recording, half_amplitude_rps: float, rng: Generator, logs: int) -> FloatArray:
+def noisy_energy(
+    clean: Recording,
+    half_amplitude_rps: float,
+    rng: Generator,
+    logs: int,
+) -> FloatArray:
     """RMS of the signature fitted to a record with uniform noise [rps], for so many drawings of the noise."""
     seeds = rng.integers(2**31, size=logs)
     noisy = [add_uniform_noise(clean, half_amplitude_rps, np.random.default_rng(seed)) for seed in seeds]

@@ -1,4 +1,7 @@
-"""Where searches end: basins and their rates; and how often the global fit's interval holds the true A."""
+"""Where searches end: basins and their rates.
+
+And how often the global fit's interval holds the true A.
+"""
 
 from collections.abc import Mapping
 from dataclasses import replace
@@ -30,7 +33,7 @@ Pairs = list[tuple[Series, Series]]  # values of two sets, a pair for each recor
 
 
 def label_basins(rmse: FloatArray, window_start_s: FloatArray) -> IntArray:
-    """Number the basins of runs from 1, lowest misfit first: `table2.basin_labels`, split where windows are apart."""
+    """Number the basins of runs from 1, lowest misfit first, split where windows start apart."""
     by_misfit = basin_labels(rmse)
     order = np.lexsort((window_start_s, by_misfit))
     is_next = (np.diff(by_misfit[order]) > 0) | (np.diff(window_start_s[order]) > START_GAP_S)
@@ -40,7 +43,7 @@ def label_basins(rmse: FloatArray, window_start_s: FloatArray) -> IntArray:
 
 
 def basin_table(runs: DataFrame) -> DataFrame:
-    """One row per basin that runs on one record ended in: its rate, amplitudes and median window."""
+    """One row per basin that runs on a record ended in: its rate, amplitudes and median window."""
     edges = runs.assign(
         A_rps=runs["A_rps"].abs(),
         window_start_s=runs["t0_s"] + runs["T1_s"],
@@ -98,7 +101,7 @@ def _rates(before: DataFrame, after: DataFrame) -> dict[str, float]:
 
 
 def _shift(name: str, pairs: Pairs, rng: Generator) -> dict[str, float]:
-    """Mean over the records of how far the second mean lies from the first, with bootstrap limits."""
+    """Mean over the records of how far the second mean lies from the first, with its limits."""
     pairs = [pair for pair in pairs if all(part.size for part in pair)]
     if not pairs:
         return _percent(name, np.nan, np.array([np.nan]))
@@ -108,7 +111,7 @@ def _shift(name: str, pairs: Pairs, rng: Generator) -> dict[str, float]:
 
 
 def _apart(pairs: Pairs, rng: Generator) -> dict[str, float]:
-    """RMS over the records of how far the means are apart, and what chance gives for sets of these sizes."""
+    """RMS over the records of how far the means are apart, and what chance gives."""
     apart = np.sqrt(np.mean([(after.mean() / before.mean() - 1) ** 2 for before, after in pairs]))
     drawn = []
     for pair in pairs:
@@ -126,7 +129,11 @@ def _means(values: Series, size: int, rng: Generator) -> FloatArray:
 def _percent(name: str, value: float, drawn: FloatArray) -> dict[str, float]:
     """A share and its 95 % limits in percent."""
     low, high = np.percentile(drawn, [2.5, 97.5])
-    return {f"{name}_percent": 100 * value, f"{name}_low_percent": 100 * low, f"{name}_high_percent": 100 * high}
+    return {
+        f"{name}_percent": 100 * value,
+        f"{name}_low_percent": 100 * low,
+        f"{name}_high_percent": 100 * high,
+    }
 
 
 def coverage_runs(law: str, half_amplitude_rps: float, runs: int, rng: Generator) -> DataFrame:
@@ -154,12 +161,17 @@ def coverage_runs(law: str, half_amplitude_rps: float, runs: int, rng: Generator
 
 
 def coverage_table(runs: int, seed: int) -> DataFrame:
-    """How often the 95 % interval covers, for uniform and Gaussian noise of the same SD at three levels."""
+    """How often the 95 % interval covers, for two laws of noise of the same SD at three levels."""
     settings = list(product(("uniform", "Gaussian"), (0.05, 0.15, 0.3)))
-    seeds = np.random.SeedSequence(seed).spawn(len(settings))  # rows that shared draws would err together
+    # Rows that shared draws would err together.
+    seeds = np.random.SeedSequence(seed).spawn(len(settings))
     calls = [(*each, runs, np.random.default_rng(own)) for each, own in zip(settings, seeds, strict=True)]
     rows = []
-    for (law, half_amplitude), part in zip(settings, in_parallel(coverage_runs, calls, "made records"), strict=True):
+    for (law, half_amplitude), part in zip(
+        settings,
+        in_parallel(coverage_runs, calls, "made records"),
+        strict=True,
+    ):
         row = {
             "law": law,
             "half_amplitude_rps": half_amplitude,

@@ -1,4 +1,4 @@
-"""Methods on logs of known backlash, in parallel: a table of answers, and what it says of errors and intervals."""
+"""Methods on logs of known backlash: a table of answers, and what it says of errors and intervals."""
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -18,7 +18,11 @@ from studies.joint_match import NUISANCES
 
 # Methods through the joint: what is unknown besides the backlash.
 JOINT_ALL_FREE = "joint, all nuisances free"
-JOINT_METHODS = {"joint": (), "joint, start angle free": ("start_angle",), JOINT_ALL_FREE: tuple(NUISANCES)}
+JOINT_METHODS = {
+    "joint": (),
+    "joint, start angle free": ("start_angle",),
+    JOINT_ALL_FREE: tuple(NUISANCES),
+}
 
 Row = dict[str, Any]
 
@@ -70,10 +74,19 @@ def self_answer(recording: Recording) -> Row:
     """Answer of method "self", and its whole fit."""
     fit = fit_joint(recording)
     answer = interval_answer(fit.delta_rad, fit.interval_rad, fit.refusal_reason)
-    return answer | {"sd_rad": fit.sd_rad, "misfit": fit.misfit, "unrest": fit.ring_noise_ratio, "fit": fit}
+    return answer | {
+        "sd_rad": fit.sd_rad,
+        "misfit": fit.misfit,
+        "unrest": fit.ring_noise_ratio,
+        "fit": fit,
+    }
 
 
-def widened_answers(recording: Recording, fit: GlobalFit, calibrations: Mapping[str, Calibration]) -> dict[str, Row]:
+def widened_answers(
+    recording: Recording,
+    fit: GlobalFit,
+    calibrations: Mapping[str, Calibration],
+) -> dict[str, Row]:
     """Answers, from the global fit, to a record of another joint than that of the calibrations."""
     answers = {}
     for name, found in backlashes(recording, fit, calibrations).items():
@@ -89,7 +102,10 @@ def root_mean_square(values: Series | FloatArray) -> float:
 
 
 def summarise_errors(table: DataFrame, by: Sequence[str] = ("method",)) -> DataFrame:
-    """Number of logs, and mean size, largest size and root mean square of the errors; groups in their first order."""
+    """Number of logs, and mean size, largest size and root mean square of the errors.
+
+    Groups in their first order.
+    """
     groups = table.assign(size=table["error_rad"].abs()).groupby(list(by), sort=False)
     return groups.agg(
         logs=("size", "size"),
@@ -100,7 +116,10 @@ def summarise_errors(table: DataFrame, by: Sequence[str] = ("method",)) -> DataF
 
 
 def summarise_intervals(rows: DataFrame) -> DataFrame:
-    """Refusals of each method on each population; errors, coverage and bound (RMS) of the logs that were answered."""
+    """Refusals of each method on each population.
+
+    Errors, coverage and bound (RMS) of the logs that were answered.
+    """
     table = []
     for (population, method), part in rows.groupby(["population", "method"], sort=False):
         answered = part[~part["refused"]]

@@ -41,12 +41,13 @@ def noise_tests(noises: Mapping[tuple[int, int], FloatArray]) -> DataFrame:
     z_lag_one = tested["lag_one_correlation"] * np.sqrt(sizes - 1)
     keys = DataFrame(list(noises), columns=["level", "realisation"])
     return keys.join(tested[["p_uniform", "p_normal"]]).assign(
-        p_mean=2 * stats.norm.sf(z_mean.abs()), p_lag_one=2 * stats.norm.sf(z_lag_one.abs())
+        p_mean=2 * stats.norm.sf(z_mean.abs()),
+        p_lag_one=2 * stats.norm.sf(z_lag_one.abs()),
     )
 
 
 def uniform_noise(tests: DataFrame, criteria: Criteria = None) -> Decision:
-    """Whether the noise is uniform, white and of zero mean, from `noise_tests`, corrected for their number."""
+    """Whether the noise is uniform, white and of zero mean, from `noise_tests`."""
     p = tests[["p_uniform", "p_mean", "p_lag_one"]]
     corrected = (p.min() * p.size).clip(upper=1.0)
     uniform, mean, lag_one = corrected
@@ -63,8 +64,12 @@ def amplitudes_without_backlash(seeds: Sequence[int], noise_rps: float) -> Float
     return np.array([fit.amplitude_rps for fit in in_parallel(paper_fit, calls, "noises")])
 
 
-def no_backlash(amplitude_rps: FloatArray, smallest_A_rps: float, criteria: Criteria = None) -> Decision:
-    """Whether noise alone is recognised: the 95th percentile of |A| is a small share of the smallest A."""
+def no_backlash(
+    amplitude_rps: FloatArray,
+    smallest_A_rps: float,
+    criteria: Criteria = None,
+) -> Decision:
+    """Whether noise is recognised: the 95th percentile of |A| is a small share of the smallest A."""
     share = np.sort(amplitude_rps) / smallest_A_rps
     # The order statistics that hold the percentile: nan where there are too few for 95 %
     # confidence.
@@ -100,11 +105,18 @@ def impacts_at_phase_start(phases: DataFrame, criteria: Criteria = None) -> Deci
     passed = phases["share_passed"]
     # What comes before its phase comes at the end of the one before.
     holds = published.decide("impacts_at_phase_start", (passed % 1).max(), criteria)
-    return holds, f"{100 * passed.min():.0f} to {100 * passed.max():.0f} % of the phase has passed at the impact"
+    return (
+        holds,
+        f"{100 * passed.min():.0f} to {100 * passed.max():.0f} % of the phase has passed at the impact",
+    )
 
 
 def noise_errors_by_turns(
-    joint: JointParameters, deltas_rad: Sequence[float], noises_rps: Sequence[float], turns: Sequence[int], seeds: int
+    joint: JointParameters,
+    deltas_rad: Sequence[float],
+    noises_rps: Sequence[float],
+    turns: Sequence[int],
+    seeds: int,
 ) -> DataFrame:
     """RMS error that uniform noise of an amplitude for each backlash makes in A, by the turns of model and record.
 
@@ -112,7 +124,10 @@ def noise_errors_by_turns(
     """
     records = simulate_recordings(joint, deltas_rad, turns=2 + max(turns))
     rows = []
-    for (record, noise, delta), n in product(zip(records, noises_rps, deltas_rad, strict=True), turns):
+    for (record, noise, delta), n in product(
+        zip(records, noises_rps, deltas_rad, strict=True),
+        turns,
+    ):
         turn = round(record.turn_period_s / record.sample_s)
         length = n * turn + 1
         part = replace(record, t=record.t[:length], v=record.v[2 * turn : 2 * turn + length])
@@ -125,18 +140,31 @@ def noise_errors_by_turns(
 
 
 def turns_reduce_noise(errors: DataFrame, seeds: int, criteria: Criteria = None) -> Decision:
-    """Whether the longest records have a smaller error than the shortest, from `noise_errors_by_turns`."""
+    """Whether the longest records err less than the shortest, from `noise_errors_by_turns`."""
     table = errors.pivot(index="delta_rad", columns="turns", values="rms_error_rps")
     few, many = table.columns.min(), table.columns.max()
     ratio = table[many] / table[few]
-    factor = np.sqrt(stats.f.ppf(0.975, seeds, seeds))  # F's own quantiles at 0.025 and 0.975 are inverses
-    holds = published.decide("turns_reduce_noise", (ratio.max() / factor, ratio.max() * factor), criteria)
+    # F's own quantiles at 0.025 and 0.975 are inverses.
+    factor = np.sqrt(stats.f.ppf(0.975, seeds, seeds))
+    holds = published.decide(
+        "turns_reduce_noise",
+        (ratio.max() / factor, ratio.max() * factor),
+        criteria,
+    )
     ratios = ", ".join(f"{r:.2f}" for r in ratio)
-    return holds, f"error with {many} turns over that with {few}: {ratios} (each within a factor {factor:.2f})"
+    return (
+        holds,
+        f"error with {many} turns over that with {few}: {ratios} (each within a factor {factor:.2f})",
+    )
 
 
-def bits_study(joint: JointParameters, deltas_rad: Sequence[float], bits: Sequence[int], offsets: int) -> DataFrame:
-    """Largest change of A that an encoder's bits, mounted at several angles, make against a very fine one."""
+def bits_study(
+    joint: JointParameters,
+    deltas_rad: Sequence[float],
+    bits: Sequence[int],
+    offsets: int,
+) -> DataFrame:
+    """Largest change of A by an encoder's bits, mounted at several angles, against a fine one."""
 
     def amplitude(delta: float, bits: int, angle: float) -> float:
         return global_fit(encoder_recording(joint, delta, bits, angle, step_s=1e-4)).amplitude_rps
@@ -160,7 +188,10 @@ def bits_suffice(study: DataFrame, bits: int, criteria: Criteria = None) -> Deci
 
 
 def displacement_detection(
-    joint: JointParameters, displacements_rad: Sequence[float], bits: int, angles: int
+    joint: JointParameters,
+    displacements_rad: Sequence[float],
+    bits: int,
+    angles: int,
 ) -> DataFrame:
     """Share of start angles at which a ring of the motor's position shows through an encoder in twelve turns.
 
@@ -189,7 +220,7 @@ def displacement_detection(
 
 
 def discontinuities_destabilise(study: DataFrame, criteria: Criteria = None) -> Decision:
-    """Whether a stepping torque spoils a simulation that the smooth one does not, from `stepping_torque_study`."""
+    """Whether a torque that steps, and it alone, spoils a simulation, from `stepping_torque_study`."""
     errors = study.assign(error=study["error"].abs().fillna(np.inf))
     by_case = errors.pivot(index=["delta_rad", "step_s"], columns="model", values="error")
     sound = by_case["modified"] <= published.criterion("discontinuities_destabilise", criteria)
@@ -221,7 +252,11 @@ def little_tuning(table: DataFrame, criteria: Criteria = None) -> Decision:
     """Whether CMA-ES succeeds with its own settings, from `optimizers.success_table`."""
     own = table[table["method"].str.startswith("CMA-ES, its own population")]
     rates = (f"{row.method}: {row.rate:.2f} ({row.rate_low:.2f} to {row.rate_high:.2f})" for row in own.itertuples())
-    return published.decide("little_tuning", _best_rate(own), criteria), f"rate of the best basin, {', '.join(rates)}"
+    return published.decide(
+        "little_tuning",
+        _best_rate(own),
+        criteria,
+    ), f"rate of the best basin, {', '.join(rates)}"
 
 
 def _best_rate(table: DataFrame) -> tuple[float, float]:

@@ -12,8 +12,12 @@ from replication.simulator.parameters import TURN, JointParameters
 LATEST_IMPACT = 0.15  # of a turn after the separation; later the load swings
 
 
-def find_gaps(turn_rps: FloatArray, joint: JointParameters, smoothing_s: float) -> list[tuple[float, float]]:
-    """Separation and impact [s] in both half turns of a mean turn: gravity's change of sign, the sharpest bend."""
+def find_gaps(
+    turn_rps: FloatArray,
+    joint: JointParameters,
+    smoothing_s: float,
+) -> list[tuple[float, float]]:
+    """Separation (gravity changes its sign) and impact (the sharpest bend) in both half turns [s]."""
     period = joint.turn_period_s
     step = period / turn_rps.size
     window = 2 * int(smoothing_s / step / 2 + 1e-9) + 1
@@ -27,7 +31,12 @@ def find_gaps(turn_rps: FloatArray, joint: JointParameters, smoothing_s: float) 
     return gaps
 
 
-def crossing_rad(turn_rps: FloatArray, joint: JointParameters, gap_s: tuple[float, float], falls: bool) -> float:
+def crossing_rad(
+    turn_rps: FloatArray,
+    joint: JointParameters,
+    gap_s: tuple[float, float],
+    falls: bool,
+) -> float:
     """Half of the relative displacement of motor and load [rad] between the ends of a gap."""
     t = np.linspace(*gap_s, 401)
     motor = periodic(turn_rps)(t / joint.turn_period_s % 1.0) * TURN / joint.gear_ratio

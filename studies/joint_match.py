@@ -1,4 +1,4 @@
-"""The settled waveform of a record matched by simulating the joint: the backlash, and what else is not known."""
+"""The settled waveform of a record matched by simulating the joint, with what is not known of it."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -33,7 +33,7 @@ _FIRST_FRICTIONS = (0.0, 0.1, 0.2, 0.3)
 
 
 def add_nuisances(joint: JointParameters, nuisances: Mapping[str, float]) -> JointParameters:
-    """Joint with start angle added [rad], friction as a share of gravity's torque, load mass and inertia scaled."""
+    """Joint with start angle [rad] and friction (over gravity's torque) added, and its load scaled."""
     load = nuisances.get("load", 1.0)
     return replace(
         joint,
@@ -45,32 +45,55 @@ def add_nuisances(joint: JointParameters, nuisances: Mapping[str, float]) -> Joi
 
 
 def simulate_turn(joint: JointParameters, delta_rad: float, phases: int) -> FloatArray:
-    """Simulated third turn of the motor speed less its mean [rps], at even phases; it repeats from the second on."""
+    """Simulated third turn of the motor speed less its mean [rps], at even phases.
+
+    It repeats from the second on.
+    """
     turn_s = joint.turn_period_s
     duration_s = _SAMPLE_S * np.ceil(3 * turn_s / _SAMPLE_S - 1e-9)
-    run = simulate(joint, delta_rad, duration_s=duration_s, sample_s=_SAMPLE_S, step_s=SIMULATION_STEP_S)
+    run = simulate(
+        joint,
+        delta_rad,
+        duration_s=duration_s,
+        sample_s=_SAMPLE_S,
+        step_s=SIMULATION_STEP_S,
+    )
     third = run.time_s > 2 * turn_s - 4 * _SAMPLE_S
     turn = CubicSpline(run.time_s[third], run.motor_speed_rps[third])(turn_s * (2 + np.arange(phases) / phases))
     return turn - turn.mean()
 
 
-def _choose_start(joint: JointParameters, target: FloatArray, free: Sequence[str]) -> dict[str, float]:
-    """Where to start from, by name: the simulated turn on a coarse grid that correlates best with the record's."""
+def _choose_start(
+    joint: JointParameters,
+    target: FloatArray,
+    free: Sequence[str],
+) -> dict[str, float]:
+    """Where to start from: the simulated turn on a coarse grid that fits the record's best."""
     size = target.size
     least, best = np.inf, {}
-    for friction, delta in product(_FIRST_FRICTIONS if "friction" in free else (0.0,), _FIRST_DELTAS):
+    for friction, delta in product(
+        _FIRST_FRICTIONS if "friction" in free else (0.0,),
+        _FIRST_DELTAS,
+    ):
         turn = simulate_turn(add_nuisances(joint, {"friction": friction}), delta * _UNIT_RAD, size)
         overlap = np.fft.irfft(np.fft.rfft(target) * np.conj(np.fft.rfft(turn)), size)
         shift = int(overlap.argmax()) if "start_angle" in free else 0
         misfit = turn @ turn - 2 * overlap[shift]
         if misfit < least:
             angle = (np.pi - 2 * np.pi * shift / size) % (2 * np.pi) - np.pi
-            least, best = misfit, {"delta": delta, "friction": friction, "start_angle": angle, "load": 1.0}
+            least, best = (
+                misfit,
+                {"delta": delta, "friction": friction, "start_angle": angle, "load": 1.0},
+            )
     return best
 
 
-def match_joint(recording: Recording, joint: JointParameters, free: Sequence[str] = ()) -> dict[str, float]:
-    """Find `delta_rad`, and the `free` ones of `NUISANCES`, with which the joint repeats a record's settled turns."""
+def match_joint(
+    recording: Recording,
+    joint: JointParameters,
+    free: Sequence[str] = (),
+) -> dict[str, float]:
+    """Find `delta_rad`, and the `free` ones of `NUISANCES`, that repeat a record's settled turns."""
     turns, v = settled(recording)
     centred = v - v.mean()
 
@@ -85,6 +108,13 @@ def match_joint(recording: Recording, joint: JointParameters, free: Sequence[str
     low, high = np.array([_BOUNDS, *(NUISANCES[name] for name in free)]).T
     start = np.clip([first[name] for name in ("delta", *free)], low + _INSIDE, high - _INSIDE)
     scale = [0.1, *[1e-2] * len(free)]
-    found = least_squares(residual, start, bounds=(low, high), x_scale=scale, diff_step=1e-3, xtol=1e-7)
+    found = least_squares(
+        residual,
+        start,
+        bounds=(low, high),
+        x_scale=scale,
+        diff_step=1e-3,
+        xtol=1e-7,
+    )
     delta, *nuisances = found.x.tolist()
     return {"delta_rad": _UNIT_RAD * delta} | dict(zip(free, nuisances, strict=True))

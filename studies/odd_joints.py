@@ -19,9 +19,23 @@ from replication.arrays import FloatArray
 from replication.recording import Recording, add_normal_noise
 from replication.simulator import core
 from replication.simulator.checks import check_stability, closed_loop_matrix
-from replication.simulator.parameters import GRAVITY, TURN, Disturbance, JointParameters, with_ratios
+from replication.simulator.parameters import (
+    GRAVITY,
+    TURN,
+    Disturbance,
+    JointParameters,
+    with_ratios,
+)
 from replication.simulator.recordings import read_encoder
-from replication.standins.joints import SAMPLE_S, TURNS, Bench, Spread, draw_bench, encoder_log, run_and_log
+from replication.standins.joints import (
+    SAMPLE_S,
+    TURNS,
+    Bench,
+    Spread,
+    draw_bench,
+    encoder_log,
+    run_and_log,
+)
 
 KINDS = ("two loads", "second ring", "PI with current loop", "notch filter")
 
@@ -43,7 +57,7 @@ _LEAST_DAMPING = 0.02  # who tunes a cascade leaves its ring this damping at lea
 
 
 class SecondLoad(NamedTuple):
-    """A load behind the load: its share of the inertia, its ring [rad/s] and that ring's damping ratio."""
+    """A load behind the load: its share of the inertia, its ring [rad/s] and damping ratio."""
 
     share: float = 0.0
     omega: float = 1.0
@@ -136,16 +150,26 @@ def _is_damped(joint: JointParameters) -> bool:
 
 
 def log_with_torque(
-    bench: Bench, delta_rad: float, rng: Generator, sample_s: float = SAMPLE_S, torque_noise: float = 0.01
+    bench: Bench,
+    delta_rad: float,
+    rng: Generator,
+    sample_s: float = SAMPLE_S,
+    torque_noise: float = 0.01,
 ) -> tuple[Recording, FloatArray]:
-    """Log a bench as `joints.run_and_log` does, with its torque [N m]; the torque's noise is over m g r / N."""
+    """Log a bench as `joints.run_and_log` does, with its torque [N m].
+
+    The torque's noise is over m g r / N.
+    """
     run, log = run_and_log(bench, delta_rad, rng, sample_s)
     sd = torque_noise * bench.joint.gravity_torque_nm / bench.joint.gear_ratio
     return log, run.motor_torque_nm[:-1] + rng.normal(0.0, sd, log.v.size)
 
 
 def draw_odd_log(kind: str, delta_rad: float, rng: Generator) -> Recording:
-    """Log twelve turns of a joint outside the model, as `joints.encoder_log` does; unstable draws are drawn again."""
+    """Log twelve turns of a joint outside the model, as `joints.encoder_log` does.
+
+    Unstable draws are drawn again.
+    """
     log = _pi_log if kind == "PI with current loop" else _other_log
     for _ in range(_MOST_TRIES):
         bench = draw_bench(rng)
@@ -157,7 +181,7 @@ def draw_odd_log(kind: str, delta_rad: float, rng: Generator) -> Recording:
 
 
 def _pi_log(kind: str, bench: Bench, delta_rad: float, rng: Generator) -> Recording:
-    """PI speed loop without derivative and leaky integral, a position loop around it, a faster current loop."""
+    """PI speed loop without derivative and leaky integral, position loop, faster current loop."""
     ratios = bench.joint.ratios | {"derivative_gain": 0.0, "leaky_gain_per_s2": 0.0}
     ratios["speed_gain_per_s"] *= rng.uniform(0.3, 0.8)
     ratios["integral_gain_per_s2"] *= rng.uniform(0.05, 0.3)
@@ -169,12 +193,23 @@ def _other_log(kind: str, bench: Bench, delta_rad: float, rng: Generator) -> Rec
     joint = bench.joint
     second, notch = SecondLoad(), Notch()
     if kind == "two loads":
-        second = SecondLoad(rng.uniform(0.2, 0.5), TURN * rng.uniform(8.0, 25.0), rng.uniform(0.02, 0.1))
+        second = SecondLoad(
+            rng.uniform(0.2, 0.5),
+            TURN * rng.uniform(8.0, 25.0),
+            rng.uniform(0.02, 0.1),
+        )
     elif kind == "second ring":
-        second = SecondLoad(rng.uniform(0.05, 0.15), TURN * rng.uniform(30.0, 80.0), rng.uniform(0.005, 0.03))
+        second = SecondLoad(
+            rng.uniform(0.05, 0.15),
+            TURN * rng.uniform(30.0, 80.0),
+            rng.uniform(0.005, 0.03),
+        )
     else:
         notch = _notch(rng.uniform(40.0, 150.0), rng.uniform(0.5, 2.0), joint.control_period_s)
-    known = joint.ratios | {"delta_rad": delta_rad, "friction": joint.load_coulomb_nm / joint.gravity_torque_nm}
+    known = joint.ratios | {
+        "delta_rad": delta_rad,
+        "friction": joint.load_coulomb_nm / joint.gravity_torque_nm,
+    }
     row = np.array([known.get(name, 0.0) for name in turns.COLUMNS])
     turn_s = joint.turn_period_s
     per_period = round(joint.control_period_s / _STEP_S)
@@ -197,7 +232,13 @@ def _notch(frequency_hz: float, quality: float, period_s: float) -> Notch:
     alpha, depth = np.sin(w) / (2 * quality), 0.1
     a0 = 1 + alpha
     a1 = -2 * np.cos(w)
-    return Notch((1 + depth * alpha) / a0, a1 / a0, (1 - depth * alpha) / a0, a1 / a0, (1 - alpha) / a0)
+    return Notch(
+        (1 + depth * alpha) / a0,
+        a1 / a0,
+        (1 - depth * alpha) / a0,
+        a1 / a0,
+        (1 - alpha) / a0,
+    )
 
 
 @nb.njit(cache=True)
@@ -216,7 +257,7 @@ def _rates(t, y, command, c, friction, second):
 
 @nb.njit(cache=True, nogil=True)
 def _run(c, drive, friction_share, second, notch, per_period, position):
-    """Fill in the motor's position as deviation from the commanded motion at every step, until the joint diverges."""
+    """Fill in the motor's position, less the commanded one, at every step until the joint diverges."""
     step = _STEP_S
     friction = c.gravity * friction_share
     torque = (c.gravity * np.sin(c.start_angle) + friction) / c.gear_ratio
@@ -225,7 +266,8 @@ def _run(c, drive, friction_share, second, notch, per_period, position):
     memory = np.array([torque, 0.0, 0.0, 0.0])
     ring = np.empty(1)
     command = pending = torque
-    wanted = np.full(3, torque)  # torques that the drive wants, and that the filter passes, the newest first
+    # Torques that the drive wants, and that the filter passes, the newest first.
+    wanted = np.full(3, torque)
     passed = np.full(3, torque)
     for i in range(position.size):
         t = i * step
@@ -235,7 +277,15 @@ def _run(c, drive, friction_share, second, notch, per_period, position):
         if i % per_period == 0:
             wanted[1:] = wanted[:-1].copy()
             passed[1:] = passed[:-1].copy()
-            wanted[0] = core.control(t, (y[0], y[1], y[2], y[3], y[6]), memory, ring, i // per_period, drive, c)
+            wanted[0] = core.control(
+                t,
+                (y[0], y[1], y[2], y[3], y[6]),
+                memory,
+                ring,
+                i // per_period,
+                drive,
+                c,
+            )
             fresh = notch.b0 * wanted[0] + notch.b1 * wanted[1] + notch.b2 * wanted[2]
             passed[0] = fresh - notch.a1 * passed[1] - notch.a2 * passed[2]
             command, pending = pending, passed[0]

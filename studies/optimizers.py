@@ -40,7 +40,8 @@ SWARMS = {
     "bat": "BatAlgorithm",
 }
 
-Misfits = Callable[[FloatArray], FloatArray]  # from members of shape (members, parameters) to misfits [rps]
+# From members of shape (members, parameters) to misfits [rps].
+Misfits = Callable[[FloatArray], FloatArray]
 
 
 class SearchEnded(Exception):
@@ -95,7 +96,7 @@ class Cost:
         return float(self.of_members(self._in_box(unit)[None])[0])
 
     def residuals(self, unit: FloatArray) -> FloatArray:
-        """Residuals over the root of their number, whose norm is the misfit: what least squares takes."""
+        """Residuals over the root of their number: their norm is the misfit."""
         found = self._residual(self._in_box(unit))
         found /= math.sqrt(found.size)
         self._count(math.sqrt(found @ found), 1)
@@ -129,7 +130,13 @@ def _covariance(first: int, growth: int = 0, with_small: bool = False) -> Method
         rng = np.random.default_rng(seed)
 
         def descend(population: int, sigma: float = 1.0) -> None:
-            steps = generations(cost.of_members, cost.box, lambda *n: rng.standard_normal(n), population, sigma)
+            steps = generations(
+                cost.of_members,
+                cost.box,
+                lambda *n: rng.standard_normal(n),
+                population,
+                sigma,
+            )
             search(steps, cost.budget)
 
         descend(first)
@@ -171,7 +178,14 @@ def _restarted(descend: Callable[[Cost, FloatArray], object]) -> Method:
 
 
 def _minimize(method: str) -> Method:
-    return _restarted(lambda cost, start: optimize.minimize(cost, start, method=method, bounds=[(0, 1)] * start.size))
+    return _restarted(
+        lambda cost, start: optimize.minimize(
+            cost,
+            start,
+            method=method,
+            bounds=[(0, 1)] * start.size,
+        ),
+    )
 
 
 def _least_squares(cost: Cost, start: FloatArray) -> None:
@@ -230,8 +244,14 @@ def swarms_installed() -> bool:
     return find_spec("niapy") is not None
 
 
-def run_method(method: str | Optimiser, recording: Recording, target_rmse: float, budget: int, seed: int) -> dict:
-    """Let one of `SEARCH_METHODS`, or a function, look for a record's best basin until the target or the budget."""
+def run_method(
+    method: str | Optimiser,
+    recording: Recording,
+    target_rmse: float,
+    budget: int,
+    seed: int,
+) -> dict:
+    """Let one of `SEARCH_METHODS`, or a function, look for a record's best basin."""
     if isinstance(method, str):
         name, (kind, run) = method, SEARCH_METHODS[method]
     else:
@@ -262,8 +282,17 @@ def planned_runs() -> list[tuple[str, int, int, int]]:
 
 
 def run_jobs(jobs: Sequence[tuple[str, int, int, int]]) -> DataFrame:
-    """Run methods side by side on the authors' records, a row a run: the columns of `results/optimizers.csv`."""
-    columns = ["method", "kind", "level", "realisation", "seed", "found", "rmse_over_best", "evaluations"]
+    """Run methods on the authors' records, a row a run: the columns of `results/optimizers.csv`."""
+    columns = [
+        "method",
+        "kind",
+        "level",
+        "realisation",
+        "seed",
+        "found",
+        "rmse_over_best",
+        "evaluations",
+    ]
     return DataFrame(in_parallel(_run_on_authors_record, jobs, "searches"), columns=columns)
 
 
@@ -272,12 +301,19 @@ def _run_on_authors_record(method: str, level: int, realisation: int, seed: int)
     recording = load_noisy(level, realisation)
     best = global_fit(recording).rmse
     run = run_method(method, recording, best * (1 + BASIN_GAP), BUDGET, seed)
-    spent = {"rmse_over_best": run["rmse_rps"] / best, "evaluations": min(run["evaluations"], BUDGET)}
+    spent = {
+        "rmse_over_best": run["rmse_rps"] / best,
+        "evaluations": min(run["evaluations"], BUDGET),
+    }
     return run | {"level": level, "realisation": realisation} | spent
 
 
 def compare_strategies(
-    recording: Recording, strategies: Sequence[str | Optimiser], seeds: Sequence[int], target_rmse: float, budget: int
+    recording: Recording,
+    strategies: Sequence[str | Optimiser],
+    seeds: Sequence[int],
+    target_rmse: float,
+    budget: int,
 ) -> DataFrame:
     """Run every strategy with every seed, on all cores; one row a run, as `run_method` gives it."""
     calls = [(name, recording, target_rmse, budget, seed) for name, seed in product(strategies, seeds)]
@@ -303,7 +339,7 @@ def success_table(runs: DataFrame) -> DataFrame:
 
 
 def against_swarms(table: DataFrame) -> DataFrame:
-    """CMA-ES with the authors' population against each swarm at its better population: one-sided p of Fisher."""
+    """CMA-ES, the authors' population, against each swarm at its better one: one-sided p of Fisher."""
     ours = table.set_index("method").loc["CMA-ES, population 300"]
     rows = []
     for swarm in SWARMS:

@@ -40,7 +40,11 @@ def _arms(table: DataFrame, middle: str, low: str, high: str) -> FloatArray:
 
 
 @in_style
-def landscape(slices: Sequence[tuple[FloatArray, FloatArray, FloatArray]], runs: DataFrame, best: Series) -> Figure:
+def landscape(
+    slices: Sequence[tuple[FloatArray, FloatArray, FloatArray]],
+    runs: DataFrame,
+    best: Series,
+) -> Figure:
     """Show two slices of the misfit through the best fit, and each `basin` of the runs with their number as area."""
     figure, axes = grid(1, 2, height_in=3.4)
     names = (("t0_s", "A_rps"), ("T2_s", "T1_s"))
@@ -56,13 +60,37 @@ def landscape(slices: Sequence[tuple[FloatArray, FloatArray, FloatArray]], runs:
     groups[f"{len(others)} other basins, {others.sum()} runs"] = others.index
     halo = {"path_effects": [withStroke(linewidth=2.8, foreground="white")]}
     cross = halo | {"color": INK, "markersize": 14, "mew": 0.8, "label": "global fit"}
-    for axis, (columns, rows, misfit), pair, (xlabel, ylabel) in zip(axes[0], slices, names, labels, strict=True):
-        shade = axis.pcolormesh(columns, rows, misfit, cmap="Greys_r", vmin=low, vmax=high, rasterized=True)
+    for axis, (columns, rows, misfit), pair, (xlabel, ylabel) in zip(
+        axes[0],
+        slices,
+        names,
+        labels,
+        strict=True,
+    ):
+        shade = axis.pcolormesh(
+            columns,
+            rows,
+            misfit,
+            cmap="Greys_r",
+            vmin=low,
+            vmax=high,
+            rasterized=True,
+        )
         size = np.ptp(columns), np.ptp(rows)
         axis.add_patch(Rectangle((columns[0], rows[0]), *size, fill=False, linewidth=0.8))
-        for (label, group), marker, colour in zip(groups.items(), "ovsD", (BLUE, ORANGE, GREEN, PINK), strict=True):
+        for (label, group), marker, colour in zip(
+            groups.items(),
+            "ovsD",
+            (BLUE, ORANGE, GREEN, PINK),
+            strict=True,
+        ):
             place = ends.loc[group, [*pair]].to_numpy().T
-            ring = halo | {"marker": marker, "facecolors": "none", "edgecolors": colour, "linewidths": 1.4}
+            ring = halo | {
+                "marker": marker,
+                "facecolors": "none",
+                "edgecolors": colour,
+                "linewidths": 1.4,
+            }
             axis.scatter(*place, s=18 + 4 * sizes[group], zorder=3, label=label, **ring)
         axis.plot(*best[[*pair]], "+", **cross)
         axis.use_sticky_edges = False
@@ -75,7 +103,7 @@ def landscape(slices: Sequence[tuple[FloatArray, FloatArray, FloatArray]], runs:
 
 @in_style
 def strategy_costs(table: DataFrame) -> Figure:
-    """Show the function evaluations that each search strategy spends for one success, with 95 % intervals."""
+    """Show the evaluations that each search strategy spends for one success, with 95 % intervals."""
     figure, ((axis,),) = grid(height_in=0.36 * len(table) + 1.0)
     costs = table.filter(like="evaluations_per_success")
     left = costs.min().min() / 1.5
@@ -103,13 +131,19 @@ def strategy_costs(table: DataFrame) -> Figure:
 
 @in_style
 def amplitude_intervals(table: DataFrame) -> Figure:
-    """Show the global fit's amplitudes with their intervals beside Table 2's printed means and SDs."""
+    """Show the global fit's amplitudes and intervals beside Table 2's printed means and SDs."""
     figure, ((axis,),) = grid()
     delta = 1e4 * table["delta_rad"].to_numpy()
     theory = table["theoretical_A_rps"].to_numpy()
     middle = table["A_rps"].to_numpy() / theory
     ends = _arms(table, "A_rps", "low_rps", "high_rps") / theory
-    style = {"linestyle": "none", "capsize": 3, "marker": "o", "color": BLUE, "label": "global fit, 95 % interval"}
+    style = {
+        "linestyle": "none",
+        "capsize": 3,
+        "marker": "o",
+        "color": BLUE,
+        "label": "global fit, 95 % interval",
+    }
     axis.errorbar(delta - 0.15, middle, ends, **style)
     printed, spread = (table[f"printed_{name}_A_rps"].to_numpy() / theory for name in ("mean", "sd"))
     style = MARKS | {"elinewidth": 1, "capsize": 3, "label": "printed mean, SD of 30 runs"}
@@ -138,9 +172,14 @@ METHOD_STYLES: dict[str, Style] = {
 
 @in_style
 def cross_validation_errors(table: DataFrame, targets_rad: Mapping[str, float]) -> Figure:
-    """Show the error of each method on each log, the mean size of each method's, and targets to meet."""
+    """Show each method's errors on the logs, their mean size, and targets to meet."""
     figure, ((axis,),) = grid(height_in=3.8)
-    target = {"color": ORANGE, "linewidth": 2, "linestyle": (0, (1, 1)), "label": "target of the mean"}
+    target = {
+        "color": ORANGE,
+        "linewidth": 2,
+        "linestyle": (0, (1, 1)),
+        "label": "target of the mean",
+    }
     sizes = 1e6 * table["error_rad"].abs()
     by_method = dict(list(sizes.groupby(table["method"], sort=False)))
     for row, (method, size) in enumerate(by_method.items()):
@@ -162,9 +201,21 @@ def error_limits(table: DataFrame, axes_labels: Mapping[str, str]) -> Figure:
     figure, axes = grid(2, 2, height_in=5.0, sharey=True)
     for axis, (name, label) in zip(axes.flat, axes_labels.items(), strict=True):
         part = table[table["axis"] == name]
-        for method in ("bound, start free", "bound, start known", "amplitude", "energy", "waveform", "joint"):
+        for method in (
+            "bound, start free",
+            "bound, start known",
+            "amplitude",
+            "energy",
+            "waveform",
+            "joint",
+        ):
             rows = part[part["method"] == method]
-            style = {"linestyle": "none", "label": method, "markersize": 6, "mfc": "none"} | METHOD_STYLES[method]
+            style = {
+                "linestyle": "none",
+                "label": method,
+                "markersize": 6,
+                "mfc": "none",
+            } | METHOD_STYLES[method]
             axis.plot(rows["value"], 1e6 * rows["rmse_rad"], **style)
             if rows.empty:
                 axis.set_title(f"{method}: not applied", loc="right", fontsize=8, style="italic")
@@ -181,12 +232,33 @@ def detection_curves(table: DataFrame, limits_rad: Sequence[float]) -> Figure:
     """Show the share of records that are seen to have backlash, and what a filter that knows the waveform would see."""
     figure, ((axis,),) = grid()
     parts = table.groupby("noise_half_amplitude_rps", sort=False)
-    for (noise, part), limit, colour, marker, line in zip(parts, limits_rad, COLOURS, MARKERS, LINES[1:], strict=False):
-        style = {"color": colour, "marker": marker, "capsize": 3, "label": f"energy, noise of {noise:g} rps"}
+    for (noise, part), limit, colour, marker, line in zip(
+        parts,
+        limits_rad,
+        COLOURS,
+        MARKERS,
+        LINES[1:],
+        strict=False,
+    ):
+        style = {
+            "color": colour,
+            "marker": marker,
+            "capsize": 3,
+            "label": f"energy, noise of {noise:g} rps",
+        }
         arms = _arms(part, "seen", "seen_low", "seen_high")
         axis.errorbar(1e4 * part["delta_rad"], part["seen"], arms, **style)
-        axis.axvline(1e4 * limit, color=colour, linestyle=line, label=f"matched filter, {noise:g} rps")
-    axis.set(xlabel=BACKLASH_LABEL, ylabel="share of records above\nthe threshold [-]", ylim=(-0.03, 1.03))
+        axis.axvline(
+            1e4 * limit,
+            color=colour,
+            linestyle=line,
+            label=f"matched filter, {noise:g} rps",
+        )
+    axis.set(
+        xlabel=BACKLASH_LABEL,
+        ylabel="share of records above\nthe threshold [-]",
+        ylim=(-0.03, 1.03),
+    )
     return finish(figure, 2)
 
 
@@ -216,7 +288,13 @@ def tornado(table: DataFrame, methods: Sequence[str]) -> Figure:
 @in_style
 def population_errors(rows: DataFrame, populations: Mapping[str, str]) -> Figure:
     """Error of method "self" over the true backlash, its stated size, and how often it is how many stated SDs."""
-    figure, axes = grid(len(populations), 2, height_in=2.5 * len(populations), width_ratios=(3, 2), sharex="col")
+    figure, axes = grid(
+        len(populations),
+        2,
+        height_in=2.5 * len(populations),
+        width_ratios=(3, 2),
+        sharex="col",
+    )
     around = np.linspace(-4, 4, 17)
     answered = rows.query("method == 'self' and not refused")
     for (left, right), (population, title) in zip(axes, populations.items(), strict=True):
@@ -224,21 +302,51 @@ def population_errors(rows: DataFrame, populations: Mapping[str, str]) -> Figure
         delta, found, high = (1e4 * part[f"{name}_rad"] for name in ("delta", "found", "high"))
         error, half = found - delta, high - found
         held = error.abs() <= half
-        left.plot(delta[held], error[held], ".", color="0.65", markersize=3, label="truth in the 95 % interval")
-        left.plot(delta[~held], error[~held], "x", color=ORANGE, markersize=5, label="truth outside")
+        left.plot(
+            delta[held],
+            error[held],
+            ".",
+            color="0.65",
+            markersize=3,
+            label="truth in the 95 % interval",
+        )
+        left.plot(
+            delta[~held],
+            error[~held],
+            "x",
+            color=ORANGE,
+            markersize=5,
+            label="truth outside",
+        )
         edges = np.linspace(delta.min(), delta.max(), 7)
         place = np.digitize(delta, edges[1:-1])
         rms = np.sqrt((error**2).groupby(place).mean())
         stated = half.groupby(place).median()
         for sign in (1, -1):
-            left.stairs(sign * rms, edges, baseline=None, color=BLUE, linewidth=1.4, label="RMS error")
+            left.stairs(
+                sign * rms,
+                edges,
+                baseline=None,
+                color=BLUE,
+                linewidth=1.4,
+                label="RMS error",
+            )
             dashed = {"color": INK, "linestyle": "--", "label": "median half-width"}
             left.stairs(sign * stated, edges, baseline=None, **dashed)
         left.axhline(0, **THIN)
-        left.set(ylabel="error [$10^{-4}$ rad]", title=textwrap.fill(f"{title}, n = {len(part)}", 36))
+        left.set(
+            ylabel="error [$10^{-4}$ rad]",
+            title=textwrap.fill(f"{title}, n = {len(part)}", 36),
+        )
         right.hist((NORMAL_95 * error / half).clip(-4, 4), around, color="0.75", label="logs")
         expected = len(part) * np.diff(stats.norm.cdf(around))
-        right.plot((around[1:] + around[:-1]) / 2, expected, ".-", color=BLUE, label="normal distribution")
+        right.plot(
+            (around[1:] + around[:-1]) / 2,
+            expected,
+            ".-",
+            color=BLUE,
+            label="normal distribution",
+        )
         right.set(ylabel="number of logs [-]", axisbelow=True)
     axes[-1, 0].set_xlabel(f"true {BACKLASH_LABEL}")
     axes[-1, 1].set_xlabel("error over stated SD [-]")
@@ -247,16 +355,30 @@ def population_errors(rows: DataFrame, populations: Mapping[str, str]) -> Figure
 
 @in_style
 def posterior_calibration(rows: DataFrame, populations: Mapping[str, str]) -> Figure:
-    """Ranks of the truth in the posterior with their binomial band, and coverage against the nominal level."""
+    """Ranks of the truth in the posterior, with their band, and coverage against the nominal level."""
     figure, axes = grid(2, len(populations), height_in=5.0, sharex="row", sharey="row")
     of_self = rows[rows["method"] == "self"]
-    dots = {"fmt": "o", "markersize": 3, "capsize": 2, "color": ORANGE, "label": "coverage, 95 % interval"}
+    dots = {
+        "fmt": "o",
+        "markersize": 3,
+        "capsize": 2,
+        "color": ORANGE,
+        "label": "coverage, 95 % interval",
+    }
     for (top, bottom), (population, title) in zip(axes.T, populations.items(), strict=True):
         part = of_self[of_self["population"] == population]
         rank, curve = ranks(part), coverage_curve(part)
         low, high = 10 / rank.size * np.array(stats.binom.interval(0.95, rank.size, 0.1))
         top.axhspan(low, high, color="0.88", label="95 % of uniform ranks")
-        top.hist(rank, bins=10, range=(0, 1), histtype="step", density=True, color=BLUE, label="ranks")
+        top.hist(
+            rank,
+            bins=10,
+            range=(0, 1),
+            histtype="step",
+            density=True,
+            color=BLUE,
+            label="ranks",
+        )
         top.axhline(1, **THIN)
         top.set_title(textwrap.fill(f"{title}, n = {rank.size}", 28))
         top.set(xlabel="rank of the true backlash [-]", ylabel="density [-]")
@@ -287,19 +409,49 @@ def wear(tests: DataFrame, limit_rad: float) -> Figure:
     shown = tests[tests["bench"] == 0]
     truth = shown.drop_duplicates("day")
     sensors = shown.groupby("sensor", sort=False)
-    for axis, (name, part), marker, colour, line in zip(panels, sensors, MARKERS, COLOURS, LINES, strict=True):
-        axis.plot(truth["day"], 1e4 * truth["delta_rad"], color=INK, linewidth=1, label="true backlash")
+    for axis, (name, part), marker, colour, line in zip(
+        panels,
+        sensors,
+        MARKERS,
+        COLOURS,
+        LINES,
+        strict=True,
+    ):
+        axis.plot(
+            truth["day"],
+            1e4 * truth["delta_rad"],
+            color=INK,
+            linewidth=1,
+            label="true backlash",
+        )
         axis.axhline(1e4 * limit_rad, color="0.5", linestyle="--", linewidth=1, label="limit")
         estimates = 1e4 * part[["estimate_rad", "low_rad", "high_rad"]]
         arms = _arms(estimates, *estimates)
-        style = {"marker": marker, "color": colour, "linestyle": "none", "capsize": 2, "markersize": 4}
+        style = {
+            "marker": marker,
+            "color": colour,
+            "linestyle": "none",
+            "capsize": 2,
+            "markersize": 4,
+        }
         axis.errorbar(part["day"], estimates["estimate_rad"].to_numpy(), arms, **style)
         axis.axvline(part["call_day"].iloc[0], color=colour, linestyle=":", label="call")
         each = tests[tests["sensor"] == name].drop_duplicates("bench")
         delay = np.sort((each["call_day"] - each["truth_day"]).dropna())
         share = 100 * np.arange(delay.size + 1) / len(each)
-        last.step([*delay[:1], *delay], share, where="post", color=colour, linestyle=line, label=name)
-        axis.set(title=name, xlabel="time [days]", ylabel=BACKLASH_LABEL if axis in axes[:, 0] else "")
+        last.step(
+            [*delay[:1], *delay],
+            share,
+            where="post",
+            color=colour,
+            linestyle=line,
+            label=name,
+        )
+        axis.set(
+            title=name,
+            xlabel="time [days]",
+            ylabel=BACKLASH_LABEL if axis in axes[:, 0] else "",
+        )
         axis.sharey(panels[0])
     last.axvspan(0, truth["day"].diff().max(), color="0.9", label="perfect sensor")
     last.set(xlabel="from the truth to the call [days]", ylabel="benches called for [%]")

@@ -32,7 +32,14 @@ from replication.characteristic import printed_levels_rad
 from replication.parallel import in_parallel
 from replication.recording import Recording
 from replication.simulator.parameters import TURN, Disturbance, identified_joint
-from replication.standins.joints import SAMPLE_S, VARIED_RATIOS, Bench, Spread, draw_bench, encoder_log
+from replication.standins.joints import (
+    SAMPLE_S,
+    VARIED_RATIOS,
+    Bench,
+    Spread,
+    draw_bench,
+    encoder_log,
+)
 from replication.statistics import rate_columns
 from studies import benchmark, odd_joints
 from studies.accuracy import cramer_rao_sd
@@ -48,7 +55,16 @@ SPREADS = {
 NEAR, FAR = SPREADS
 COMPARED_METHODS = ("self", "paper", "amplitude", "energy", "waveform")
 ROW_COLUMNS = [
-    *("population", "number", "delta_rad", "bound_rad", "method", "found_rad", "low_rad", "high_rad"),
+    *(
+        "population",
+        "number",
+        "delta_rad",
+        "bound_rad",
+        "method",
+        "found_rad",
+        "low_rad",
+        "high_rad",
+    ),
     *("sd_rad", "misfit", "unrest", "refused", "reason"),
 ]
 
@@ -105,12 +121,18 @@ def _draw_delta_rad(rng: Generator) -> float:
 
 
 def draw_log(population: str, number: int, seed: int) -> KnownLog:
-    """Draw a log of a population, one of `SPREADS` or `odd_joints.KINDS`; its bench and Cramer-Rao bound if known."""
+    """Draw a log of a population, one of `SPREADS` or `odd_joints.KINDS`.
+
+    Its bench and Cramer-Rao bound if known.
+    """
     rng = np.random.default_rng((seed, [*SPREADS, *KINDS].index(population), number))
     log = _draw_log(population, number, _draw_delta_rad(rng), rng)
     labels = {"population": population, "number": number, "bound_rad": np.nan}
     if bench := log.labels.get("bench"):
-        labels |= {"bench": bench, "bound_rad": bench_bound_rad(bench, log.delta_rad, log.recording)}
+        labels |= {
+            "bench": bench,
+            "bound_rad": bench_bound_rad(bench, log.delta_rad, log.recording),
+        }
     return replace(log, labels=labels)
 
 
@@ -163,16 +185,27 @@ def measure_logs(logs: Sequence[DrawnLog], methods: Sequence[str]) -> DataFrame:
     return benchmark.logs_by_methods(logs, partial(_answers_to, methods=methods)).reindex(columns=ROW_COLUMNS)
 
 
-def measure_population(population: str, numbers: Sequence[int], seed: int, methods: Sequence[str]) -> DataFrame:
+def measure_population(
+    population: str,
+    numbers: Sequence[int],
+    seed: int,
+    methods: Sequence[str],
+) -> DataFrame:
     """Draw logs of a population and measure them; columns `ROW_COLUMNS`."""
-    return measure_logs([partial(draw_log, population, number, seed) for number in numbers], methods)
+    return measure_logs(
+        [partial(draw_log, population, number, seed) for number in numbers],
+        methods,
+    )
 
 
 def ranks(rows: DataFrame) -> Series:
-    """Rank of the true backlash in each stated posterior: uniform from 0 to 1 if it is calibrated."""
+    """Rank of the true backlash in each posterior: uniform from 0 to 1 if it is calibrated."""
     answered = rows[~rows["refused"]]
     deviation = (answered["high_rad"] - answered["found_rad"]) / NORMAL_95
-    return Series(stats.norm.cdf((answered["delta_rad"] - answered["found_rad"]) / deviation), name="rank")
+    return Series(
+        stats.norm.cdf((answered["delta_rad"] - answered["found_rad"]) / deviation),
+        name="rank",
+    )
 
 
 def coverage_curve(rows: DataFrame) -> DataFrame:
@@ -187,7 +220,12 @@ def coverage_by_third(rows: DataFrame) -> DataFrame:
     answered = rows[~rows["refused"]]
     levels = printed_levels_rad()
     edges = np.linspace(levels[0], levels[-1], 4)
-    third = cut(answered["delta_rad"], edges, labels=["small", "middle", "large"], include_lowest=True)
+    third = cut(
+        answered["delta_rad"],
+        edges,
+        labels=["small", "middle", "large"],
+        include_lowest=True,
+    )
     table = []
     for name, part in answered.groupby(third, observed=False):
         coverage, low, high = rate_columns(hold_truth(part), len(part)).values()
@@ -196,7 +234,7 @@ def coverage_by_third(rows: DataFrame) -> DataFrame:
 
 
 def spread_shares(rows: DataFrame) -> DataFrame:
-    """Conformal intervals for `data/spread_of_joints.csv`: each method's 95 % quantile of |error| / found."""
+    """Conformal intervals for `spread_of_joints.csv`: each method's 95 % quantile of |error| / found."""
     answered = rows.query("method != 'self' and not refused")
     share = ((answered["found_rad"] - answered["delta_rad"]) / answered["found_rad"]).abs()
 
@@ -233,7 +271,10 @@ def _draw_bench_of(population: str, number: int, rng: Generator) -> Bench:
     if population == "faults" and FAULTS[number % len(FAULTS)] == "another axis":
         push = rng.uniform(0.02, 0.2) * bench.joint.gravity_torque_nm
         axis = Disturbance(rng.uniform(0.5, 4.0) / bench.joint.gear_ratio, load_torque_nm=push)
-        return replace(bench, joint=replace(bench.joint, disturbances=(*bench.joint.disturbances, axis)))
+        return replace(
+            bench,
+            joint=replace(bench.joint, disturbances=(*bench.joint.disturbances, axis)),
+        )
     return bench
 
 
@@ -266,14 +307,21 @@ def _spoilt(population: str, number: int, log: Recording, rng: Generator) -> Dat
     elif fault == "coarse":
         v = np.round(v, 1)
     table = DataFrame({"time [s]": log.t, "speed [rps]": v + log.commanded_speed_rps})
-    dropped = rng.choice(np.arange(1, len(table) - 1), 2 if fault == "two dropped samples" else 0, replace=False)
+    dropped = rng.choice(
+        np.arange(1, len(table) - 1),
+        2 if fault == "two dropped samples" else 0,
+        replace=False,
+    )
     return table.drop(dropped).reset_index(drop=True)
 
 
 def _sensor_answer(log: KnownLog, table: DataFrame) -> Row:
     """Answer of the whole sensor to a log's table."""
     record = log.recording
-    form = LogFormat(turn_period_s=record.turn_period_s, commanded_speed_rps=record.commanded_speed_rps)
+    form = LogFormat(
+        turn_period_s=record.turn_period_s,
+        commanded_speed_rps=record.commanded_speed_rps,
+    )
     try:
         recording, notes = record_of(table, form, record.source)
         found = examine_recording(recording, settings_for(form), record.source, notes).estimate
@@ -288,7 +336,11 @@ def _torque_answer(log: KnownLog, rng: Generator) -> Row:
     """Answer of method torque, the load's data off by their SDs."""
     ratios = log.labels["bench"].joint.ratios
     inertia, gravity = np.exp(rng.standard_normal(2) * _LOAD_SDS)
-    load = LoadData(ratios["inertia_ratio"] * inertia, ratios["gravity_per_s2"] * gravity, *_LOAD_SDS)
+    load = LoadData(
+        ratios["inertia_ratio"] * inertia,
+        ratios["gravity_per_s2"] * gravity,
+        *_LOAD_SDS,
+    )
     fit = fit_torque(log.recording, log.labels["torque"], load, rng)
     return interval_answer(fit.delta_rad, fit.interval_rad, fit.refusal_reason) | {"verdict": "backlash"}
 
@@ -317,7 +369,10 @@ def measure_sensor(sizes: Mapping[str, int], seed: int) -> DataFrame:
 
 
 def summarise_sensor(rows: DataFrame) -> DataFrame:
-    """Of each population and of all by speed: logs answered; covered among them; healthy joints called backlash."""
+    """Of each population and of all by speed: logs answered; covered among them.
+
+    Healthy joints called backlash.
+    """
     by_speed = rows[~rows["population"].isin(BY_TORQUE)].assign(population="all by speed")
     table = []
     for population, part in concat([rows, by_speed]).groupby("population", sort=False):
@@ -335,8 +390,13 @@ def summarise_sensor(rows: DataFrame) -> DataFrame:
     return DataFrame(table)
 
 
-def degrade_logs(bench: Bench, delta_rad: float, seed: int, harder: Mapping[str, Sequence[float]]) -> DataFrame:
-    """Measure a bench's log as one thing after the other gets worse, its start and noise the same."""
+def degrade_logs(
+    bench: Bench,
+    delta_rad: float,
+    seed: int,
+    harder: Mapping[str, Sequence[float]],
+) -> DataFrame:
+    """Measure a bench's log as one thing after the other gets worse, all else the same."""
     worse = [(what, value) for what, values in harder.items() for value in values]
     logs = [partial(_degraded_log, bench, delta_rad, seed, *each) for each in worse]
     table = benchmark.logs_by_methods(logs, _answer_or_reason)

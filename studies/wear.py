@@ -1,4 +1,4 @@
-"""Eight months of wear on the stand-in bench: what the sensor reads at each test, and when it calls for maintenance."""
+"""Eight months of wear on the stand-in bench: what sensors read at each test, and when they call."""
 
 from collections import defaultdict
 from collections.abc import Callable, Mapping, Sequence
@@ -32,21 +32,38 @@ def wear_tests(
     return _with_calls(logs_by_methods(_logs(benches, wears, seed), answers), wears, limit_rad)
 
 
-def wear_tests_by_self(benches: Sequence[Bench], wears: Sequence[Wear], limit_rad: float, seed: int) -> DataFrame:
+def wear_tests_by_self(
+    benches: Sequence[Bench],
+    wears: Sequence[Wear],
+    limit_rad: float,
+    seed: int,
+) -> DataFrame:
     """Read the logs of `wear_tests` by method "self": each alone, and with all logs of its bench until then."""
-    table = logs_by_methods(_logs(benches, wears, seed), lambda log: {"self": self_answer(log.recording)})
+    table = logs_by_methods(
+        _logs(benches, wears, seed),
+        lambda log: {"self": self_answer(log.recording)},
+    )
     fits: dict[int, list] = defaultdict(list)
     rows = []
     for alone in table[~table["refused"]].to_dict("records"):
         of_bench = fits[alone["bench"]]
         of_bench.append(alone["fit"])
         shared, (low, high) = share_joint(of_bench)[-1]
-        found = {"method": "self, shared joint", "found_rad": shared, "low_rad": low, "high_rad": high}
+        found = {
+            "method": "self, shared joint",
+            "found_rad": shared,
+            "low_rad": low,
+            "high_rad": high,
+        }
         rows += [alone, alone | found]
     return _with_calls(DataFrame(rows), wears, limit_rad)
 
 
-def _logs(benches: Sequence[Bench], wears: Sequence[Wear], seed: int) -> list[Callable[[], KnownLog]]:
+def _logs(
+    benches: Sequence[Bench],
+    wears: Sequence[Wear],
+    seed: int,
+) -> list[Callable[[], KnownLog]]:
     """Draw the log of each bench on each of its days."""
 
     def draw(index: int, number: int, day: float) -> KnownLog:
@@ -60,7 +77,16 @@ def _logs(benches: Sequence[Bench], wears: Sequence[Wear], seed: int) -> list[Ca
 
 def _with_calls(rows: DataFrame, wears: Sequence[Wear], limit_rad: float) -> DataFrame:
     """Columns of tests, and the days on which the truth and each sensor reach the limit."""
-    columns = ["bench", "sensor", "day", "delta_rad", "A_rps", "estimate_rad", "low_rad", "high_rad"]
+    columns = [
+        "bench",
+        "sensor",
+        "day",
+        "delta_rad",
+        "A_rps",
+        "estimate_rad",
+        "low_rad",
+        "high_rad",
+    ]
     table = rows.rename(columns={"method": "sensor", "found_rad": "estimate_rad"}).reindex(columns=columns)
     table["truth_day"] = table["bench"].map(lambda number: wears[number].crossing_day(limit_rad))
     called = table["day"].where(table["estimate_rad"] >= limit_rad)

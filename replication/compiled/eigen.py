@@ -32,7 +32,10 @@ def length(x, y):
 
 @numba.njit(cache=True)
 def make_tridiagonal(a):
-    """Householder's reduction: diagonal, subdiagonal and the orthogonal matrix Q of Q T Q' = a; `a` is used up."""
+    """Householder's reduction: diagonal, subdiagonal and the orthogonal matrix Q of Q T Q' = a.
+
+    `a` is used up.
+    """
     n = a.shape[0]
     tau = np.zeros(n)
     beside = np.zeros(n)
@@ -58,7 +61,10 @@ def make_tridiagonal(a):
 
 @numba.njit(cache=True)
 def plane_rotation(f, g):
-    """Cosine, sine and length r that turn (f, g) into (r, 0); c is negative only where f is and |f| <= |g|."""
+    """Cosine, sine and length r that turn (f, g) into (r, 0).
+
+    The cosine is negative only where f is and |f| <= |g|.
+    """
     if g == 0.0:
         return 1.0, 0.0, f
     if f == 0.0:

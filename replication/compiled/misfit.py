@@ -12,14 +12,15 @@ import numpy as np
 from replication.arrays import FloatArray
 from replication.signature import Timing
 
-CANCELLED = 1e-3  # a smaller share of the record's square, left over by a difference, has lost digits
+# A smaller share of the record's square, left over by a difference, has lost digits.
+CANCELLED = 1e-3
 
 
 NOT_FOLDED = np.empty(0)
 
 
 class FoldedRecord(NamedTuple):
-    """An evenly sampled record, and its sums over the windows of a signature where they are folded."""
+    """An evenly sampled record, and its sums over the windows of a signature if it is folded."""
 
     t: FloatArray
     v: FloatArray  # in any unit
@@ -41,7 +42,7 @@ class FoldedRecord(NamedTuple):
 
 
 def unfolded(t: FloatArray, v: FloatArray, timing: Timing) -> FoldedRecord:
-    """A record as it is, for the misfits of a few members: each of their windows is gone through."""
+    """A record as it is, for a few members: each of their windows is gone through."""
     dt = (t[-1] - t[0]) / (t.size - 1)
     return FoldedRecord(t, v, float(timing.T_d), float(timing.T_f), timing.n, dt)
 
@@ -99,7 +100,12 @@ def _sum_over_turns(x: FloatArray, n: int, turn: int, size: int) -> FloatArray:
     return total
 
 
-def population_rmse(t: FloatArray, v: FloatArray, population: FloatArray, timing: Timing) -> FloatArray:
+def population_rmse(
+    t: FloatArray,
+    v: FloatArray,
+    population: FloatArray,
+    timing: Timing,
+) -> FloatArray:
     """Misfits [rps] of a population of shape (members, 7) on an evenly sampled record, not folded."""
     return folded_rmse(np.ascontiguousarray(population), unfolded(t, v, timing))
 
@@ -111,7 +117,7 @@ def residual(t: FloatArray, v: FloatArray, X: FloatArray, timing: Timing) -> Flo
 
 @numba.njit(cache=True)
 def folded_rmse(members, record):
-    """Misfits of members of shape (members, 7), in the unit of v: by the sums where they tell it, else by windows."""
+    """Misfits of members of shape (members, 7), in the unit of v: by the sums, or window by window."""
     misfits = np.empty(members.shape[0])
     scratch = np.empty((3, record.t.size))
     for p in range(misfits.size):
@@ -127,7 +133,10 @@ def folded_rmse(members, record):
 
 @numba.njit(cache=True)
 def _square_by_sums(member, record, scratch):
-    """Sum of squares of r - h by the sums over the windows; negative where they do not tell it exactly."""
+    """Sum of squares of r - h by the sums over the windows.
+
+    Negative where they do not tell it exactly.
+    """
     A, t0, tau, omega, v_t, T2, T1 = member
     t, dt = record.t, record.dt
     begin = (t0 - t[0] + T1) / dt
@@ -159,7 +168,7 @@ def _square_by_sums(member, record, scratch):
 
 @numba.njit(cache=True)
 def _subtract_overlap(part, h, windows, delay):
-    """Twice the product of an oscillation and the one of the other sign that begins after a delay [samples]."""
+    """Subtract what two oscillations of opposite sign, a delay [samples] apart, have in common."""
     for j in range(delay, part.size):
         part[j] -= 2 * windows[j] * h[j] * h[j - delay]
 
@@ -205,7 +214,10 @@ def _first_at_or_after(t, instant, dt):
 
 @numba.njit(cache=True)
 def _oscillate(rows, length, amplitude, phase, tau, omega, dt):
-    """First values of a damped cosine and sine into two rows; a block turned on by its own length is the next block."""
+    """First values of a damped cosine and sine into two rows.
+
+    A block turned on by its own length is the next block.
+    """
     c, s = rows[0], rows[1]
     c[0] = amplitude * np.cos(phase)
     s[0] = amplitude * np.sin(phase)
@@ -224,7 +236,7 @@ def _oscillate(rows, length, amplitude, phase, tau, omega, dt):
 
 @numba.njit(cache=True)
 def _total(x):
-    """Sum by four running sums: additions do not wait for one another, in the same order on every processor."""
+    """Sum by four running sums, in the same order on every processor: no addition waits for another."""
     a = b = c = d = 0.0
     blocks = x.size // 4 * 4
     for k in range(0, blocks, 4):

@@ -1,4 +1,4 @@
-"""Whole runs of the search in compiled code: `search.generations` and `search.search` in one, equal to the last bit."""
+"""Whole runs of the search, compiled: `search.generations` and `search.search` in one, bit by bit."""
 
 import numba
 import numpy as np
@@ -20,8 +20,14 @@ from replication.search import (
 from replication.signature import Box
 
 
-def whole_run(record: FoldedRecord, box: Box, seed: int, population: int, iterations: int) -> Search:
-    """Search a folded record as `search.search` does from the middle of the box with `random_normals(seed)`."""
+def whole_run(
+    record: FoldedRecord,
+    box: Box,
+    seed: int,
+    population: int,
+    iterations: int,
+) -> Search:
+    """Search a folded record as `search.search` does with `random_normals(seed)`."""
     check_settings(box, population, iterations, seed)
     c = constants(population, box.lower.size)
     bounds = (box.lower, box.upper, *margins_of(box))

@@ -42,7 +42,10 @@ def signature_parameters(t: FloatArray, h: FloatArray, X: FloatArray, timing: Ti
     A, t0, tau, _, _, T2, T1 = X
     top = np.abs(h).max()
     arrow = THIN | {"arrowstyle": "<->", "shrinkA": 0, "shrinkB": 0}
-    for axis, spans in (turns, {"T_d": timing.T_d, "T_f": timing.T_f}), (first, {"T_1": T1, "T_2": T2}):
+    for axis, spans in (
+        (turns, {"T_d": timing.T_d, "T_f": timing.T_f}),
+        (first, {"T_1": T1, "T_2": T2}),
+    ):
         axis.plot(t, h, color=BLUE)
         axis.axvline(t0, color=INK, **DOTTED)
         axis.annotate("$t_0$", (t0, 1.35 * top), **LEFT)
@@ -61,7 +64,13 @@ def signature_parameters(t: FloatArray, h: FloatArray, X: FloatArray, timing: Ti
 
 
 @in_style
-def record_with_fit(t: FloatArray, v: FloatArray, fitted: FloatArray, labels: Sequence[str], seconds: float) -> Figure:
+def record_with_fit(
+    t: FloatArray,
+    v: FloatArray,
+    fitted: FloatArray,
+    labels: Sequence[str],
+    seconds: float,
+) -> Figure:
     """Show a record, what was fitted to it over it, and the residual beneath."""
     figure, upper = _above_residual(t, v - fitted, ("time [s]", "residual [rps]"), "-")
     upper.plot(t, v, color=ORANGE, linewidth=2.2, label=labels[0])
@@ -71,7 +80,12 @@ def record_with_fit(t: FloatArray, v: FloatArray, fitted: FloatArray, labels: Se
     return figure
 
 
-def _above_residual(x: FloatArray, residual: FloatArray, labels: tuple[str, str], line: str) -> tuple[Figure, Axes]:
+def _above_residual(
+    x: FloatArray,
+    residual: FloatArray,
+    labels: tuple[str, str],
+    line: str,
+) -> tuple[Figure, Axes]:
     """Make a figure with a residual about zero in its lower panel, and give the upper panel."""
     figure, ((upper,), (lower,)) = grid(2, 1, height_in=4.0, sharex=True, height_ratios=(2, 1))
     lower.axhline(0, **THIN)
@@ -100,10 +114,20 @@ def table2(table: pd.DataFrame, regions: pd.DataFrame) -> Figure:
     second.sharey(first)
     # A region that ends at the frame would look cut.
     first.use_sticky_edges = second.use_sticky_edges = third.use_sticky_edges = False
-    shade = {"width": 0.7, "color": "0.86", "zorder": 0, "label": "95 % region of the authors' records"}
+    shade = {
+        "width": 0.7,
+        "color": "0.86",
+        "zorder": 0,
+        "label": "95 % region of the authors' records",
+    }
     low, high = (100 * (regions[f"mean_{end}"] / regions["mean"] - 1) for end in ("low", "high"))
     first.bar(regions.index, high - low, bottom=low, **shade)
-    third.bar(regions.index, regions["sd_high"] - regions["sd_low"], bottom=regions["sd_low"], **shade)
+    third.bar(
+        regions.index,
+        regions["sd_high"] - regions["sd_low"],
+        bottom=regions["sd_low"],
+        **shade,
+    )
     for axis, source, name, colour, marker, side in (
         (first, "authors", "authors' records", BLUE, "o", -0.12),
         (second, "simulated", "our simulated records", ORANGE, "^", 0.12),
@@ -122,7 +146,12 @@ def table2(table: pd.DataFrame, regions: pd.DataFrame) -> Figure:
         axis.set(title=f"mean of $A$, {name}", ylabel="deviation from printed [%]")
         third.plot(row + side, part["sd_A_rps"], marker, color=colour, markersize=4)
     third.plot(regions.index, regions["sd"], label="printed SD", **MARKS)
-    third.set(title="SD of $A$, both", ylabel="SD of $A$ [rps]", yscale="log", xlabel="row of Table 2")
+    third.set(
+        title="SD of $A$, both",
+        ylabel="SD of $A$ [rps]",
+        yscale="log",
+        xlabel="row of Table 2",
+    )
     third.set_xticks(regions.index)
     return finish(figure, 2)
 
@@ -138,14 +167,25 @@ def basins(runs: pd.DataFrame, labels: FloatArray, title: str) -> Figure:
     figure, ((axis,),) = grid(height_in=3.4)
     ends = pd.DataFrame({"rmse": runs["rmse_rps"], "A": runs["A_rps"].abs(), "basin": labels})
     near = ends.groupby(["basin", ends["A"].round(1)], as_index=False).agg(
-        rmse=("rmse", "mean"), A=("A", "mean"), runs=("A", "size"), basin=("basin", "first")
+        rmse=("rmse", "mean"),
+        A=("A", "mean"),
+        runs=("A", "size"),
+        basin=("basin", "first"),
     )
     is_best = near["basin"] == 1
     for part, colour, marker, label in (
         (near[is_best], BLUE, "o", "best basin"),
         (near[~is_best], ORANGE, "s", "other basins"),
     ):
-        axis.scatter(part["rmse"], part["A"], 20 * part["runs"], color=colour, marker=marker, label=label, zorder=2)
+        axis.scatter(
+            part["rmse"],
+            part["A"],
+            20 * part["runs"],
+            color=colour,
+            marker=marker,
+            label=label,
+            zorder=2,
+        )
         for row in part.itertuples():
             count = f"{row.runs} run" + "s" * (row.runs > 1)
             axis.annotate(count, (row.rmse, row.A), (0, -5 - np.sqrt(5 * row.runs)), **BELOW)
@@ -168,7 +208,12 @@ def protocol_variants(scores: pd.DataFrame) -> Figure:
             axis.plot(values, y, "o", color=BLUE, markersize=3.5)
             axis.axhline(place + 0.5, color="0.8", linewidth=0.8)
     names = [re.sub(r"\b(T_[df]|A)\b", r"$\1$", name) for name in off.index]
-    left.set(yticks=range(off.size), yticklabels=names, xlabel="deviation from printed mean [%]", title="mean of $A$")
+    left.set(
+        yticks=range(off.size),
+        yticklabels=names,
+        xlabel="deviation from printed mean [%]",
+        title="mean of $A$",
+    )
     right.set(xlabel="SD over printed SD [-]", xscale="log", title="SD of $A$")
     left.set_ylim(off.size - 0.5, -0.5)
     for axis, printed in ((left, 0), (right, 1)):
@@ -178,7 +223,12 @@ def protocol_variants(scores: pd.DataFrame) -> Figure:
 
 
 @in_style
-def protocol_residuals(table: pd.DataFrame, judged: pd.DataFrame, level: float, degrees: int) -> Figure:
+def protocol_residuals(
+    table: pd.DataFrame,
+    judged: pd.DataFrame,
+    level: float,
+    degrees: int,
+) -> Figure:
     """Show how far Table 2's numbers lie from each candidate's, in t (grey: p above `level`), and the p of all ten."""
     figure, axes = grid(1, 2, height_in=0.4 * len(judged) + 1.0, sharex=True, sharey=True)
     edge = stats.t.isf(level / 2, degrees)
@@ -214,7 +264,12 @@ def characteristic(
     labels = ("amplitude $A$ [rps]", f"{name}\n[$10^{{-6}}$ rad]")
     line = "o" if len(residual[0]) < 50 else "-"
     figure, upper = _above_residual(residual[0], 1e6 * residual[1], labels, line)
-    for (label, (A, delta)), colour, line in zip(curves.items(), (BLUE, INK), ("-", "--"), strict=False):
+    for (label, (A, delta)), colour, line in zip(
+        curves.items(),
+        (BLUE, INK),
+        ("-", "--"),
+        strict=False,
+    ):
         upper.plot(A, 1e4 * delta, line, color=colour, label=label)
     upper.plot(points[0], 1e4 * points[1], **PRINTED)
     upper.set(ylabel=BACKLASH_LABEL)
@@ -238,7 +293,10 @@ def dead_zone(curves: pd.DataFrame, delta_rad: float) -> Figure:
         for edge in (-delta_rad, delta_rad):
             axis.axvline(1e4 * edge, color="0.5", **DOTTED)
     upper.set(ylabel="stiffness $K_{BL}$ [kN m/rad]")
-    lower.set(xlabel="displacement $\\Delta\\theta$ [$10^{-4}$ rad]", ylabel="torque $\\tau_l$ on the load [N m]")
+    lower.set(
+        xlabel="displacement $\\Delta\\theta$ [$10^{-4}$ rad]",
+        ylabel="torque $\\tau_l$ on the load [N m]",
+    )
     return finish(figure, 3, "outside upper center")
 
 
@@ -248,7 +306,7 @@ def simulated_joint(
     signals: Sequence[tuple[str, FloatArray, FloatArray | None]],
     recorded_label: str = "authors' record",
 ) -> Figure:
-    """Figure 10: signals of the simulated joint, with the recorded one over it where there is one."""
+    """Figure 10: signals of the simulated joint, over the recorded one where there is one."""
     figure, axes = grid(len(signals), 1, height_in=0.6 + 1.2 * len(signals), sharex=True)
     for axis, (label, simulated, recorded) in zip(axes[:, 0], signals, strict=True):
         if recorded is not None:
@@ -269,7 +327,14 @@ def validation(table: pd.DataFrame) -> Figure:
     delta = 1e4 * table["delta_rad"]
     used = table["used_in_fit"]
     for axis, values in ((left, 100 * table["nrmse"]), (right, table["peak_error_percent"])):
-        axis.plot(delta[used], values[used], "s", color=BLUE, markersize=5, label="level used in the fit")
+        axis.plot(
+            delta[used],
+            values[used],
+            "s",
+            color=BLUE,
+            markersize=5,
+            label="level used in the fit",
+        )
         open_circle = {"mfc": "none", "color": ORANGE, "markersize": 5}
         axis.plot(delta[~used], values[~used], "o", label="level left out", **open_circle)
         axis.set(xlabel=BACKLASH_LABEL)
@@ -292,18 +357,39 @@ def speed_signal(t: FloatArray, v: FloatArray, turn_period_s: float) -> Figure:
 
 
 @in_style
-def growth(disturbances: pd.DataFrame, peaks: pd.DataFrame, printed: Mapping[float, float]) -> Figure:
-    """Figure 11: the disturbance at growing backlash, and its peak over the printed theoretical A."""
+def growth(
+    disturbances: pd.DataFrame,
+    peaks: pd.DataFrame,
+    printed: Mapping[float, float],
+) -> Figure:
+    """Figure 11: the disturbance at growing backlash, and its peak beside the printed A."""
     figure, ((upper,), (lower,)) = grid(2, 1, height_in=5.2)
-    shades = plt.cm.ScalarMappable(plt.Normalize(0, 1.1e4 * disturbances["delta_rad"].max()), "viridis")
+    shades = plt.cm.ScalarMappable(
+        plt.Normalize(0, 1.1e4 * disturbances["delta_rad"].max()),
+        "viridis",
+    )
     for delta, part in disturbances.groupby("delta_rad"):
         colour = shades.to_rgba(1e4 * delta)
         upper.plot(part["time_s"], part["disturbance_rps"], color=colour, linewidth=0.9)
     upper.set(xlabel="time in a settled turn [s]", ylabel="disturbance $v - v_t$ [rps]")
     figure.colorbar(shades, ax=upper, label=BACKLASH_LABEL)
     delta = 1e4 * peaks["delta_rad"]
-    lower.plot(delta, peaks["amplitude_rps"], "o-", color=BLUE, markersize=4, label="peak before sampling")
-    lower.plot(delta, peaks["sampled_rps"], "s--", color=ORANGE, markersize=4, label="peak of the 2 ms samples")
+    lower.plot(
+        delta,
+        peaks["amplitude_rps"],
+        "o-",
+        color=BLUE,
+        markersize=4,
+        label="peak before sampling",
+    )
+    lower.plot(
+        delta,
+        peaks["sampled_rps"],
+        "s--",
+        color=ORANGE,
+        markersize=4,
+        label="peak of the 2 ms samples",
+    )
     lower.plot(1e4 * np.array(list(printed)), list(printed.values()), **PRINTED)
     lower.set(xlabel=BACKLASH_LABEL, ylabel="amplitude $A$ [rps]")
     return finish(figure, 3)

@@ -72,7 +72,10 @@ def save(figure: Figure, folder: Path, name: str, mark: str = "") -> None:
         style: Style = {"fontsize": 40, "color": "0.6", "alpha": 0.4, "rotation": 20}
         figure.text(0.5, 0.5, mark, ha="center", va="center", **style)
     with mpl.rc_context(STYLE):
-        figure.savefig(folder / f"{name}.svg", metadata={"Date": None, "Description": description(figure)})
+        figure.savefig(
+            folder / f"{name}.svg",
+            metadata={"Date": None, "Description": description(figure)},
+        )
         figure.savefig(folder / f"{name}.png", dpi=200)
 
 
@@ -86,7 +89,12 @@ def description(figure: Figure) -> str:
     return "; ".join(dict.fromkeys(panel for panel in panels if panel))
 
 
-def grid(rows: int = 1, columns: int = 1, height_in: float = 3.2, **options) -> tuple[Figure, np.ndarray]:
+def grid(
+    rows: int = 1,
+    columns: int = 1,
+    height_in: float = 3.2,
+    **options,
+) -> tuple[Figure, np.ndarray]:
     """Make a figure and its axes, always as an array of shape (rows, columns)."""
     return plt.subplots(rows, columns, squeeze=False, figsize=(WIDTH_IN, height_in), **options)
 
@@ -98,7 +106,7 @@ def letter_panels(axes: Iterable[Axes]) -> None:
 
 
 def finish(figure: Figure, columns: int, loc: Any = "outside lower center") -> Figure:
-    """Letter the panels of a figure, and put one legend of all of them, each label once, beside them."""
+    """Letter the panels of a figure, and put one legend beside them, each label once."""
     panels = [axis for axis in figure.axes if axis.get_visible() and axis.get_label() != "<colorbar>"]
     if len(panels) > 1:
         letter_panels(panels)

@@ -10,7 +10,15 @@ from replication.recording import Recording
 from replication.table2 import table2_levels
 
 # Parameters of a stored run, in `signature.FREE_PARAMETERS` order.
-STORED_NAMES = ("A_rps", "t0_s", "tau_per_s", "omega_rad_per_s", "c_rps", "window_end_s", "window_start_s")
+STORED_NAMES = (
+    "A_rps",
+    "t0_s",
+    "tau_per_s",
+    "omega_rad_per_s",
+    "c_rps",
+    "window_end_s",
+    "window_start_s",
+)
 
 
 def turn_period(recording: Recording) -> float:

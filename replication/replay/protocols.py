@@ -1,16 +1,21 @@
-"""Which protocol printed Table 2? A dozen candidates that could exist before 2022, judged on the authors' five noises.
+"""Which protocol printed Table 2? Candidates that could exist before 2022, judged on five noises.
 
-The criterion, fixed before any number was computed with it. Known before: all ten printed means lie in the intervals
-of the authors' notebook; a fixed window, or T_d and T_f as printed, gives an A far below them on R = 1 and 2.
-1. A candidate runs on the records R = 1 to 5 of each row; a row's numbers are mean and SD of |A| over the runs.
-2. For each row, t = (ln printed - m) / (s sqrt(1 + 1/5)), m and s from the five ln means, and likewise from the
-   five ln SDs: the printed table has another noise. Two-sided p by Student's t with 4 degrees of freedom.
-3. Ten p make one by Fisher's method, as each row has its own noise: p_means and p_sds. The candidate's p is
-   min(1, 2 min(p_means, p_sds)). It explains the table if p >= 0.05.
-4. Calibration: each realisation in turn takes the printed table's place, judged by the other four: five p.
-5. Multiplicity: no correction; of twelve candidates, each tested at 5 %, all right, 0.6 would fail by chance.
-6. Claim `random_start`: it holds if a candidate with a drawn start explains the table and none with the whole
-   record does; it does not hold if it is the other way round; otherwise it is undecided.
+The criterion, fixed before any number was computed with it. Known before: all ten printed means lie
+in the intervals of the authors' notebook; a fixed window, or T_d and T_f as printed, gives an A far
+below them on R = 1 and 2.
+1. A candidate runs on the records R = 1 to 5 of each row; a row's numbers are mean and SD of |A|
+   over the runs.
+2. For each row, t = (ln printed - m) / (s sqrt(1 + 1/5)), m and s from the five ln means, and
+   likewise from the five ln SDs: the printed table has another noise. Two-sided p by Student's t
+   with 4 degrees of freedom.
+3. Ten p make one by Fisher's method, as each row has its own noise: p_means and p_sds. The
+   candidate's p is min(1, 2 min(p_means, p_sds)). It explains the table if p >= 0.05.
+4. Calibration: each realisation in turn takes the printed table's place, judged by the other four:
+   five p.
+5. Multiplicity: no correction; of twelve candidates, each tested at 5 %, all right, 0.6 would fail
+   by chance.
+6. Claim `random_start`: it holds if a candidate with a drawn start explains the table and none with
+   the whole record does; it does not hold if it is the other way round; otherwise it is undecided.
 """
 
 from dataclasses import replace
@@ -30,13 +35,21 @@ from replication.identify import Fit, Protocol, paper_fit
 from replication.parallel import in_parallel
 from replication.published import Criteria, Decision
 from replication.recording import Recording, from_sample
-from replication.table2 import AUTHORS_PROTOCOL, basin_labels, error_percent, start_samples, table2, table2_levels
+from replication.table2 import (
+    AUTHORS_PROTOCOL,
+    basin_labels,
+    error_percent,
+    start_samples,
+    table2,
+    table2_levels,
+)
 
 ROWS = range(1, 11)
 COLUMNS = ("mean_A_rps", "sd_A_rps")
 LEVEL = published.criterion("random_start")
 PROTOCOL_RUNS = ROOT / "results" / "protocol_runs.csv"
-PRINTED = np.stack([published.column("Table 2", name)[: len(ROWS)] for name in ("mean", "sd")])  # [rps], (2, rows)
+# [rps], (2, rows)
+PRINTED = np.stack([published.column("Table 2", name)[: len(ROWS)] for name in ("mean", "sd")])
 
 
 def _variants() -> tuple[Protocol, ...]:
@@ -110,13 +123,18 @@ def summarise(candidate: Protocol, row: int, realisation: int) -> dict[str, Any]
     A = np.array([fit.amplitude_rps for fit in fits])
     best = basin_labels(np.array([fit.rmse for fit in fits])) == 1
     key = {"protocol": candidate.name, "row": row, "realisation": realisation, "runs": len(fits)}
-    return key | {"mean_A_rps": A.mean(), "sd_A_rps": A.std(ddof=1), "best_basin_share": best.mean()}
+    return key | {
+        "mean_A_rps": A.mean(),
+        "sd_A_rps": A.std(ddof=1),
+        "best_basin_share": best.mean(),
+    }
 
 
 def compute_runs() -> pd.DataFrame:
     """Summarise every candidate's runs on every row and realisation, for `PROTOCOL_RUNS`."""
 
-    def summaries(row: int, realisation: int) -> list[dict]:  # one record at a time: reading it takes a second
+    # One record at a time: reading it takes a second.
+    def summaries(row: int, realisation: int) -> list[dict]:
         return [summarise(candidate, row, realisation) for candidate in CANDIDATES.values()]
 
     found = in_parallel(summaries, product(ROWS, LOW_NOISE), "records")
@@ -130,7 +148,7 @@ def numbers_of(runs: pd.DataFrame, name: str) -> FloatArray:
 
 
 def student_t(numbers: FloatArray, judged: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Criterion 2: t and two-sided p of judged numbers among those of n realisations, the last axis."""
+    """Criterion 2: t and two-sided p of judged numbers among n realisations, the last axis."""
     n = numbers.shape[-1]
     logs = np.log(numbers)
     t = (np.log(judged) - logs.mean(axis=-1)) / (logs.std(axis=-1, ddof=1) * np.sqrt(1 + 1 / n))

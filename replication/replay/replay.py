@@ -29,7 +29,11 @@ def replay_stored_runs(recording: Recording) -> pd.DataFrame:
     for run in published.authors_notebook_runs().to_dict("records"):
         history = paper_run(recording, AUTHORS_PROTOCOL, run["cma_seed"]).history
         table = pd.DataFrame(history, columns=HISTORY).drop(columns=["median", "upper_quartile"])
-        head = {"run": run["run"], "cma_seed": run["cma_seed"], "generation": np.arange(1, len(history) + 1)}
+        head = {
+            "run": run["run"],
+            "cma_seed": run["cma_seed"],
+            "generation": np.arange(1, len(history) + 1),
+        }
         parts.append(pd.concat([pd.DataFrame(head), table.rename(columns={"best": "best_rmse_rps"})], axis=1))
     return pd.concat(parts, ignore_index=True)
 
@@ -68,7 +72,7 @@ def _frame(now: Generation, box: Box) -> bytes:
 
 
 def compare_generations(ours: pd.DataFrame) -> pd.DataFrame:
-    """Compare the generations that the notebook prints of runs 1 to 20 with ours; nan after the end of our run."""
+    """Compare the generations that the notebook prints with ours; nan after the end of our run."""
     key = ["run", "generation"]
     stored = published.authors_notebook_generations().rename(columns={"best_rmse_of_generation_rps": "stored_rps"})
     ours = ours.rename(columns={"best_rmse_rps": "ours_rps"})
@@ -103,7 +107,11 @@ def compare_ends(ours: pd.DataFrame) -> pd.DataFrame:
     )
 
 
-def first_divergences(recording: Recording, ended: pd.DataFrame, rng: np.random.Generator) -> pd.DataFrame:
+def first_divergences(
+    recording: Recording,
+    ended: pd.DataFrame,
+    rng: np.random.Generator,
+) -> pd.DataFrame:
     """Show what parts runs of `compare_ends` from the stored ones: signs that rounding decides, not ranks.
 
     In the generation `undecided`, the first after `agrees_until`, an eigenvector changes its sign

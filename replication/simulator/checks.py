@@ -71,10 +71,19 @@ def check_values(p: JointParameters) -> None:
         if getattr(p, name) != int(getattr(p, name)):
             _refuse(f"{name} is {getattr(p, name)}", "give a whole number")
     if p.lead_s > 0 and not _whole(p.lead_s / p.control_period_s):
-        _refuse(f"lead_s {p.lead_s} is no multiple of control_period_s {p.control_period_s}", "round it")
+        _refuse(
+            f"lead_s {p.lead_s} is no multiple of control_period_s {p.control_period_s}",
+            "round it",
+        )
 
 
-def check_run(p: JointParameters, delta: float, duration: float, sample: float, step: float) -> None:
+def check_run(
+    p: JointParameters,
+    delta: float,
+    duration: float,
+    sample: float,
+    step: float,
+) -> None:
     """Refuse a backlash, a duration, a sampling or a step that cannot be simulated."""
     if not 0 <= delta < TURN / 2:
         _refuse(f"delta_rad is {delta}", "the gap 2 * delta must be between nothing and a turn")
@@ -83,10 +92,16 @@ def check_run(p: JointParameters, delta: float, duration: float, sample: float, 
             _refuse(f"{name} is {time}", "give a positive time")
     for name, time in (("control_period_s", p.control_period_s), ("sample_s", sample)):
         if not _whole(time / step):
-            _refuse(f"{name} {time} is no multiple of step_s {step}", "choose a step that divides it")
+            _refuse(
+                f"{name} {time} is no multiple of step_s {step}",
+                "choose a step that divides it",
+            )
     compliance = 1 / p.load_inertia_kgm2 + 1 / p.gear_ratio**2 / p.motor_inertia_kgm2
     contact = math.sqrt(p.stiffness_nm_per_rad * compliance)
-    shaking = p.commanded_speed_rad_per_s * max((wave.order for wave in p.disturbances), default=0.0)
+    shaking = p.commanded_speed_rad_per_s * max(
+        (wave.order for wave in p.disturbances),
+        default=0.0,
+    )
     fastest = max(contact, shaking, 1 / p.torque_lag_s if p.torque_lag_s > 0 else 0.0)
     if step * fastest > 0.5:
         what = f"stiffness, torque lag or disturbances, {fastest:.4g} rad/s at the fastest"
@@ -97,7 +112,10 @@ def check_run(p: JointParameters, delta: float, duration: float, sample: float, 
 @lru_cache(maxsize=16)
 def check_stability(p: JointParameters) -> None:
     """Refuse an unstable speed loop, with the teeth in contact or inside the gap."""
-    for in_contact, where in ((True, "with the teeth in contact"), (False, "of the motor inside the gap")):
+    for in_contact, where in (
+        (True, "with the teeth in contact"),
+        (False, "of the motor inside the gap"),
+    ):
         growth = np.abs(np.linalg.eigvals(closed_loop_matrix(p, in_contact=in_contact))).max()
         # Free positions and speeds are repeated modes of 1, which rounding spreads a little.
         if growth > 1 + 1e-4:

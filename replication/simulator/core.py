@@ -19,7 +19,10 @@ DIVERGED = 1e3
 
 
 class Constants(NamedTuple):
-    """The joint as the equations of motion take it; `waves` has one row per disturbance, or is None."""
+    """The joint as the equations of motion take it.
+
+    `waves` has one row per disturbance, or is None.
+    """
 
     gear_ratio: float
     omega: float
@@ -132,7 +135,10 @@ def stiffness(x, delta, ks, alpha):
 
 @nb.njit(cache=True)
 def torque(x, v, region, delta, ks, ds, alpha, clamped):
-    """tau_l of equation 9 or of the clamped dead zone; the region (0 to 3 from the left) replaces sign()."""
+    """tau_l of equation 9 or of the clamped dead zone.
+
+    The region (0 to 3 from the left) replaces sign().
+    """
     if not clamped:
         edge = delta if region >= 2 else -delta
         return (x - edge + ds / ks * v) * stiffness(x, delta, ks, alpha)
@@ -181,7 +187,13 @@ def derivative(t, y, command, region, c):
     motor_torque = (y[4] if c.torque_lag > 0 else command) - tau / n - motor_friction[0] - motor_friction[1] + ripple
     load_torque = tau - gravity - load_friction[0] - load_friction[1]
     torque_rate = (command - y[4]) / c.torque_lag if c.torque_lag > 0 else 0.0
-    return y[1], motor_torque / c.motor_inertia, y[3], load_torque / c.load_inertia + push, torque_rate
+    return (
+        y[1],
+        motor_torque / c.motor_inertia,
+        y[3],
+        load_torque / c.load_inertia + push,
+        torque_rate,
+    )
 
 
 @nb.njit(cache=True)
@@ -228,7 +240,7 @@ def locate(t, y, h, end, edge, command, region, c):
 
 @nb.njit(cache=True)
 def control(t, y, memory, ring, count, drive, c):
-    """Sample the drive: read the encoder, queue a torque, return the one to hold for the next period."""
+    """Sample the drive: read the encoder, queue a torque, return the one to hold."""
     commanded = c.gear_ratio * c.start_angle + c.omega * t
     position, speed = y[0], y[1]
     if drive.resolution > 0:
@@ -292,11 +304,23 @@ def run(y, region, steps, step, skip, every, per_period, delay, c, drive, record
             up = x > edges[region + 1]
             if not up and x >= edges[region]:
                 break
-            s, y = locate(t, y, left, end, edges[region + 1] if up else edges[region], command, region, c)
+            s, y = locate(
+                t,
+                y,
+                left,
+                end,
+                edges[region + 1] if up else edges[region],
+                command,
+                region,
+                c,
+            )
             before, region = region, (region + 1 if up else region - 1)
             t, left = t + s, left - s
             if c.delta > 0 and (before in (0, 3) or region in (0, 3)) and used < len(events):
-                events[used, 0], events[used, 1] = t, 1.0 if region == 3 else (-1.0 if region == 0 else 0.0)
+                events[used, 0], events[used, 1] = (
+                    t,
+                    1.0 if region == 3 else (-1.0 if region == 0 else 0.0),
+                )
                 used += 1
             end = _runge_kutta(t, y, left, command, region, c)
         y = end

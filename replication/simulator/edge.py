@@ -41,7 +41,10 @@ def refit_alphas() -> pd.DataFrame:
 
 @numba.njit(cache=True)
 def _plain_steps(y, steps, step, skip, per_period, delay, c, drive, speeds):
-    """Runge-Kutta steps of one length, whatever the gap does within them; speeds at every control period."""
+    """Runge-Kutta steps of one length, whatever the gap does within them.
+
+    Speeds at every control period.
+    """
     ring = np.full(delay + 1, y[4])
     memory = np.array([y[4], 0.0, 0.0, y[0]])
     edges = np.array([-c.delta, 0.0, c.delta])
@@ -66,8 +69,16 @@ def _plain_steps(y, steps, step, skip, per_period, delay, c, drive, speeds):
     return True
 
 
-def plain_steps_speed_rps(joint: JointParameters, delta_rad: float, duration_s: float, step_s: float) -> FloatArray:
-    """Motor speed [rps] by control period from steps that do not locate the contact; NaN if it diverged."""
+def plain_steps_speed_rps(
+    joint: JointParameters,
+    delta_rad: float,
+    duration_s: float,
+    step_s: float,
+) -> FloatArray:
+    """Motor speed [rps] by control period from steps that do not locate the contact.
+
+    NaN if it diverged.
+    """
     skip = round(joint.lead_s / step_s)
     steps = round((joint.lead_s + duration_s) / step_s)
     per_period = round(joint.control_period_s / step_s)
@@ -81,10 +92,17 @@ def plain_steps_speed_rps(joint: JointParameters, delta_rad: float, duration_s: 
     return joint.commanded_speed_rps + speeds[skip // per_period :] / TURN
 
 
-def stepping_torque_study(joint: JointParameters, deltas_rad: FloatArray, steps_s: Sequence[float]) -> pd.DataFrame:
+def stepping_torque_study(
+    joint: JointParameters,
+    deltas_rad: FloatArray,
+    steps_s: Sequence[float],
+) -> pd.DataFrame:
     """Settled peaks from plain steps against fine ones that locate the contact, with a stepping torque or not."""
     damping = 2 * DAMPING_RATIO * math.sqrt(joint.stiffness_nm_per_rad * joint.load_inertia_kgm2)
-    models = {"stepping": replace(joint, clamped=True, damping_nms_per_rad=damping), "modified": joint}
+    models = {
+        "stepping": replace(joint, clamped=True, damping_nms_per_rad=damping),
+        "modified": joint,
+    }
     period = joint.control_period_s
     duration = 4 * joint.turn_period_s
     first_turn = round(joint.turn_period_s / period)
@@ -96,4 +114,7 @@ def stepping_torque_study(joint: JointParameters, deltas_rad: FloatArray, steps_
             speed = plain_steps_speed_rps(model, delta, duration, step)
             peak = speed[first_turn:].max() - model.commanded_speed_rps
             rows.append((name, delta, step, peak, reference, peak / reference - 1))
-    return pd.DataFrame(rows, columns=["model", "delta_rad", "step_s", "peak_rps", "reference_rps", "error"])
+    return pd.DataFrame(
+        rows,
+        columns=["model", "delta_rad", "step_s", "peak_rps", "reference_rps", "error"],
+    )

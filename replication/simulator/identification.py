@@ -36,7 +36,10 @@ class JointFit:
     """An identified joint."""
 
     parameters: JointParameters
-    confidence: dict[str, tuple[float, float]]  # 95 % interval of each ratio, from the linearised least squares
+    confidence: dict[
+        str,
+        tuple[float, float],
+    ]  # 95 % interval of each ratio, from the linearised least squares
     correlation: pd.DataFrame  # of the ratios' estimates
     mean_square: float  # mean over the levels of the squared normalised RMSE
     evaluations: int  # simulations of all records, those for the Jacobian among them
@@ -50,9 +53,19 @@ def fine_per_sample(record: Recording) -> int:
     return round(float(steps.mean()) / FINE_S)
 
 
-def simulate_finely(joint: JointParameters, deltas_rad: Iterable[float], duration_s: float) -> list[SimulatedJoint]:
+def simulate_finely(
+    joint: JointParameters,
+    deltas_rad: Iterable[float],
+    duration_s: float,
+) -> list[SimulatedJoint]:
     """Simulate each backlash with nothing missed between samples."""
-    return simulate_many(joint, list(deltas_rad), duration_s=duration_s, sample_s=FINE_S, step_s=FINE_S)
+    return simulate_many(
+        joint,
+        list(deltas_rad),
+        duration_s=duration_s,
+        sample_s=FINE_S,
+        step_s=FINE_S,
+    )
 
 
 def sd_after_first_turn(record: Recording, turn_s: float) -> float:
@@ -76,7 +89,12 @@ def third_turn_errors(joint: JointParameters, records: Records) -> FloatArray:
     return np.concatenate(parts)
 
 
-def identify_joint(records: Records, start: JointParameters, *, held: Iterable[str] = HELD) -> JointFit:
+def identify_joint(
+    records: Records,
+    start: JointParameters,
+    *,
+    held: Iterable[str] = HELD,
+) -> JointFit:
     """Fit the ratios of a joint to clean motor-speed records by least squares.
 
     Every level weighs the same: its settled waveform's error counts in units of the signal's SD.
@@ -123,7 +141,7 @@ def identify_joint(records: Records, start: JointParameters, *, held: Iterable[s
 
 
 def identify_lead(records: Records, parameters: JointParameters, leads_s: Iterable[float]) -> float:
-    """Find how long before the records the joint started: the lead whose worst first turn is best."""
+    """Find how long before the records the joint started: the lead whose worst turn is best."""
     turn = parameters.turn_period_s
 
     def worst_first_turn(lead: float) -> float:
@@ -138,7 +156,12 @@ def identify_lead(records: Records, parameters: JointParameters, leads_s: Iterab
     return min(leads_s, key=worst_first_turn)
 
 
-def profile_ratio(name: str, factors: Iterable[float], records: Records, best: JointParameters) -> pd.DataFrame:
+def profile_ratio(
+    name: str,
+    factors: Iterable[float],
+    records: Records,
+    best: JointParameters,
+) -> pd.DataFrame:
     """Profile of the misfit along one ratio: the others are fitted anew at each value."""
     rows = []
     for factor in tqdm(list(factors), desc=f"profile of {name}"):

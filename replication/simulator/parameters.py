@@ -1,4 +1,4 @@
-"""Parameters of the robotic joint, the ratios among them that a record shows, and the identified set."""
+"""Parameters of the robotic joint, the ratios that a record shows, and the identified set."""
 
 import json
 import math
@@ -18,7 +18,13 @@ GAINS = {
     "leaky_gain_per_s2": "leaky_gain_nm_per_rad",
 }
 # Parameters that are ratios by themselves: rates, times and angles need no scale.
-PLAIN_RATIOS = ("position_gain_per_s", "leaky_rate_per_s", "torque_lag_s", "start_angle_rad", "lead_s")
+PLAIN_RATIOS = (
+    "position_gain_per_s",
+    "leaky_rate_per_s",
+    "torque_lag_s",
+    "start_angle_rad",
+    "lead_s",
+)
 
 
 @dataclass(frozen=True)
@@ -105,7 +111,11 @@ class JointParameters:
         }
 
 
-def _physical(ratios: Mapping[str, float], gear_ratio: float, load_mass_kg: float) -> dict[str, Any]:
+def _physical(
+    ratios: Mapping[str, float],
+    gear_ratio: float,
+    load_mass_kg: float,
+) -> dict[str, Any]:
     """Fields of a joint with a point load: J_l = m r**2, so g / r gives the arm and the mass the scale."""
     r = dict(ratios)
     try:
@@ -128,7 +138,11 @@ def _physical(ratios: Mapping[str, float], gear_ratio: float, load_mass_kg: floa
 
 
 def joint_from_ratios(
-    ratios: Mapping[str, float], *, gear_ratio: float = 40.0, load_mass_kg: float = 5.0, **others: Any
+    ratios: Mapping[str, float],
+    *,
+    gear_ratio: float = 40.0,
+    load_mass_kg: float = 5.0,
+    **others: Any,
 ) -> JointParameters:
     """Physical parameters of a joint with a point load that has all ratios of ``JointParameters.ratios``.
 
@@ -139,7 +153,10 @@ def joint_from_ratios(
 
 
 def with_ratios(parameters: JointParameters, ratios: Mapping[str, float]) -> JointParameters:
-    """Return the joint with some of its ratios replaced and the rest kept; its load becomes a point load."""
+    """Return the joint with some of its ratios replaced and the rest kept.
+
+    Its load becomes a point load.
+    """
     merged = parameters.ratios | dict(ratios)
     return replace(parameters, **_physical(merged, parameters.gear_ratio, parameters.load_mass_kg))
 
@@ -158,7 +175,10 @@ def changed_joint(joint: JointParameters, factors: Mapping[str, float]) -> Joint
     before = joint.ratios
     if ratios := {name: factor * before[name] for name, factor in factors.items() if name in before}:
         joint = with_ratios(joint, ratios)
-    return replace(joint, **{name: factors[name] * getattr(joint, name) for name in factors if name not in ratios})
+    return replace(
+        joint,
+        **{name: factors[name] * getattr(joint, name) for name in factors if name not in ratios},
+    )
 
 
 def identified_joint() -> JointParameters:

@@ -47,11 +47,14 @@ def reidentify_joint() -> str:
 
 
 def joint_text(fit: JointFit, sources: Iterable[Path], versions: Mapping[str, str]) -> str:
-    """Return an identified joint with its provenance as the JSON text that `identified_joint` reads."""
+    """Return an identified joint and its provenance as the text that `identified_joint` reads."""
     p = fit.parameters
     data = {
         "ratios": {name: float(f"{value:.7g}") for name, value in p.ratios.items()},
-        "drive": {"control_period_s": p.control_period_s, "control_delay_periods": p.control_delay_periods},
+        "drive": {
+            "control_period_s": p.control_period_s,
+            "control_delay_periods": p.control_delay_periods,
+        },
         "confidence_95": {name: [float(f"{x:.4g}") for x in pair] for name, pair in fit.confidence.items()},
         "root_mean_square": float(f"{math.sqrt(fit.mean_square):.4g}"),
         "sources": {path.name: hashlib.sha256(path.read_bytes()).hexdigest() for path in sorted(sources)},

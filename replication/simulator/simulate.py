@@ -24,13 +24,13 @@ class DivergenceError(ArithmeticError):
 
 
 def encoder_position(position_rad: ArrayLike, bits: int = 19) -> FloatArray:
-    """Position as an absolute encoder of `bits` bits per turn reports it [rad], rounded down to its grid."""
+    """Position [rad] as an absolute encoder of `bits` bits a turn reports it, rounded down."""
     step = TURN / 2**bits
     return np.floor(np.asarray(position_rad, dtype=float) / step) * step
 
 
 def encoder_speed_rps(position_rad: ArrayLike, bits: int, sample_s: float) -> FloatArray:
-    """Speed as a controller differences it from an encoder's positions [turns/s], one sample shorter."""
+    """Speed [rps] as a controller differences it from an encoder's positions; a sample shorter."""
     return np.diff(encoder_position(position_rad, bits)) / sample_s / TURN
 
 
@@ -90,12 +90,23 @@ def simulate(
         If the joint runs away all the same.
     """
     (found,) = simulate_many(
-        parameters, [delta_rad], duration_s=duration_s, sample_s=sample_s, step_s=step_s, threads=1
+        parameters,
+        [delta_rad],
+        duration_s=duration_s,
+        sample_s=sample_s,
+        step_s=step_s,
+        threads=1,
     )
     return found
 
 
-def _simulate_checked(p: JointParameters, delta: float, duration: float, sample: float, step: float) -> SimulatedJoint:
+def _simulate_checked(
+    p: JointParameters,
+    delta: float,
+    duration: float,
+    sample: float,
+    step: float,
+) -> SimulatedJoint:
     y, region = core.start_state(p, delta)
     every = round(sample / step)
     skip = round(p.lead_s / step)
@@ -108,7 +119,21 @@ def _simulate_checked(p: JointParameters, delta: float, duration: float, sample:
     delay = int(p.control_delay_periods)
     c = core.constants_of(p, delta)
     drive = core.drive_of(p)
-    status, used = core.run(y, region, steps, step, skip, every, per_period, delay, c, drive, record, gap, events)
+    status, used = core.run(
+        y,
+        region,
+        steps,
+        step,
+        skip,
+        every,
+        per_period,
+        delay,
+        c,
+        drive,
+        record,
+        gap,
+        events,
+    )
     if status >= 0:
         at = f"t = {(status - skip) * step:.4f} s with delta_rad = {delta}"
         raise DivergenceError(f"simulate: the joint diverged at {at}; lower the gains or the step")
@@ -152,7 +177,10 @@ def simulate_many(
     step_s: float = 1e-4,
     threads: int = 2,
 ) -> list[SimulatedJoint]:
-    """Simulate several backlashes, each as `simulate` does; the same bytes for any number of threads."""
+    """Simulate several backlashes, each as `simulate` does.
+
+    The same bytes for any number of threads.
+    """
 
     def run(delta_rad: float) -> SimulatedJoint:
         return _simulate_checked(parameters, float(delta_rad), duration_s, sample_s, step_s)
@@ -166,6 +194,6 @@ def simulate_many(
 
 
 def settled_peak_rps(record: SimulatedJoint, parameters: JointParameters) -> float:
-    """Largest motor speed above the commanded one after the first turn [turns/s]: the theoretical A."""
+    """Largest motor speed above the commanded one after the first turn [rps]: the theoretical A."""
     settled = record.time_s >= parameters.turn_period_s
     return float(record.motor_speed_rps[settled].max() - parameters.commanded_speed_rps)

@@ -17,24 +17,40 @@ import pandas as pd
 from replication import published
 from replication.parallel import in_parallel
 from replication.recording import Recording, add_normal_noise
-from replication.simulator.parameters import TURN, Disturbance, JointParameters, changed_joint, identified_joint
+from replication.simulator.parameters import (
+    TURN,
+    Disturbance,
+    JointParameters,
+    changed_joint,
+    identified_joint,
+)
 from replication.simulator.recordings import read_encoder
 from replication.simulator.simulate import SimulatedJoint, simulate
 
 SAMPLE_S = 2e-3
 TURNS = 12  # of a log
 FINE_BITS = 52  # of an encoder whose grid does not show
-VARIED_RATIOS = ("stiffness_per_s2", "gravity_per_s2", "inertia_ratio", "speed_gain_per_s", "integral_gain_per_s2")
+VARIED_RATIOS = (
+    "stiffness_per_s2",
+    "gravity_per_s2",
+    "inertia_ratio",
+    "speed_gain_per_s",
+    "integral_gain_per_s2",
+)
 
 # Turns of the motor belt per motor turn: a belt of two and a half to five pulleys' circumference.
 BELT_ORDER = (0.2, 0.4)
 
-FitRecord = Callable[[Recording], Any]  # such as `backlash.fitting.global_fit`, which the paper does not have
+# Such as `backlash.fitting.global_fit`, which the paper does not have.
+FitRecord = Callable[[Recording], Any]
 
 
 @dataclass(frozen=True)
 class Spread:
-    """How far a bench may be from the identified joint; uniform from zero where nothing else is said."""
+    """How far a bench may be from the identified joint.
+
+    Uniform from zero where nothing else is said.
+    """
 
     ratios: float = 0.05  # relative SD (log-normal) of each of `VARIED_RATIOS`
     load_friction: float = 0.005  # largest Coulomb, and largest viscous at the commanded speed, over m g r
@@ -83,7 +99,11 @@ def draw_bench(rng: np.random.Generator, spread: Spread | None = None) -> Bench:
     return Bench(joint, spread.noise_rps * rng.uniform(0.5, 1.0), spread.dial_gauge_rad)
 
 
-def _draw_disturbances(joint: JointParameters, spread: Spread, rng: np.random.Generator) -> tuple[Disturbance, ...]:
+def _draw_disturbances(
+    joint: JointParameters,
+    spread: Spread,
+    rng: np.random.Generator,
+) -> tuple[Disturbance, ...]:
     """Torque ripple at one and six periods a motor turn, eccentricity of the belt's and of the load's turn."""
     ripple = spread.ripple * joint.gravity_torque_nm / joint.gear_ratio
     once, six_times, belt, gear = rng.random(4)
@@ -91,19 +111,36 @@ def _draw_disturbances(joint: JointParameters, spread: Spread, rng: np.random.Ge
     return (
         Disturbance(1.0, motor_torque_nm=ripple * once, phase_rad=phases[0]),
         Disturbance(6.0, motor_torque_nm=ripple * six_times, phase_rad=phases[1]),
-        Disturbance(rng.uniform(*BELT_ORDER), transmission_error_rad=spread.belt_rad * belt, phase_rad=phases[2]),
-        Disturbance(1 / joint.gear_ratio, transmission_error_rad=spread.gear_rad * gear, phase_rad=phases[3]),
+        Disturbance(
+            rng.uniform(*BELT_ORDER),
+            transmission_error_rad=spread.belt_rad * belt,
+            phase_rad=phases[2],
+        ),
+        Disturbance(
+            1 / joint.gear_ratio,
+            transmission_error_rad=spread.gear_rad * gear,
+            phase_rad=phases[3],
+        ),
     )
 
 
 def run_and_log(
-    bench: Bench, delta_rad: float, rng: np.random.Generator, sample_s: float = SAMPLE_S
+    bench: Bench,
+    delta_rad: float,
+    rng: np.random.Generator,
+    sample_s: float = SAMPLE_S,
 ) -> tuple[SimulatedJoint, Recording]:
     """Run a bench for twelve turns from a random angle, and log its encoder's position, differenced, with noise."""
     joint = replace(bench.joint, start_angle_rad=float(rng.uniform(0, TURN)))
     run = simulate(joint, delta_rad, duration_s=TURNS * joint.turn_period_s, sample_s=sample_s)
     source = f"simulated encoder log, {delta_rad:g} rad"
-    log = read_encoder(joint, run.time_s, run.motor_position_rad, joint.encoder_bits or FINE_BITS, source)
+    log = read_encoder(
+        joint,
+        run.time_s,
+        run.motor_position_rad,
+        joint.encoder_bits or FINE_BITS,
+        source,
+    )
     return run, add_normal_noise(log, bench.noise_rps, rng)
 
 
@@ -112,7 +149,12 @@ def encoder_log(bench: Bench, delta_rad: float, rng: np.random.Generator) -> Rec
     return run_and_log(bench, delta_rad, rng)[1]
 
 
-def _log_and_fit(fit_record: FitRecord, bench: Bench, delta_rad: float, seed: Sequence[int]) -> dict[str, float]:
+def _log_and_fit(
+    fit_record: FitRecord,
+    bench: Bench,
+    delta_rad: float,
+    seed: Sequence[int],
+) -> dict[str, float]:
     recording = encoder_log(bench, delta_rad, np.random.default_rng(seed))
     fit = fit_record(recording)
     _, t0, _, omega, *_ = fit.X
@@ -130,7 +172,9 @@ def _log_and_fit(fit_record: FitRecord, bench: Bench, delta_rad: float, seed: Se
 
 
 def fitted_logs(
-    fit_record: FitRecord, cases: Sequence[tuple[Bench, float]], seeds: Sequence[Sequence[int]]
+    fit_record: FitRecord,
+    cases: Sequence[tuple[Bench, float]],
+    seeds: Sequence[Sequence[int]],
 ) -> pd.DataFrame:
     """Log each case and fit it, on all cores."""
     calls = [(fit_record, *case, seed) for case, seed in zip(cases, seeds, strict=True)]
