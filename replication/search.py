@@ -214,7 +214,8 @@ def stop_rule(history, ranked, state, first_sigma):
 
     `history` as in `Search`, so far.
     """
-    m, sigma, unit = state.m, state.sigma, state.unit
+    m, sigma = state.m, state.sigma
+    unit = state.unit
     n, g = m.size, state.g
     std = standard_deviations(state)
     recent = history[max(0, g - 10 - 30 * n // ranked.size) :, 0]

@@ -105,10 +105,8 @@ def impacts_at_phase_start(phases: DataFrame, criteria: Criteria = None) -> Deci
     passed = phases["share_passed"]
     # What comes before its phase comes at the end of the one before.
     holds = published.decide("impacts_at_phase_start", (passed % 1).max(), criteria)
-    return (
-        holds,
-        f"{100 * passed.min():.0f} to {100 * passed.max():.0f} % of the phase has passed at the impact",
-    )
+    first, last = 100 * passed.min(), 100 * passed.max()
+    return holds, f"{first:.0f} to {last:.0f} % of the phase has passed at the impact"
 
 
 def noise_errors_by_turns(
@@ -146,15 +144,10 @@ def turns_reduce_noise(errors: DataFrame, seeds: int, criteria: Criteria = None)
     ratio = table[many] / table[few]
     # F's own quantiles at 0.025 and 0.975 are inverses.
     factor = np.sqrt(stats.f.ppf(0.975, seeds, seeds))
-    holds = published.decide(
-        "turns_reduce_noise",
-        (ratio.max() / factor, ratio.max() * factor),
-        criteria,
-    )
+    interval = ratio.max() / factor, ratio.max() * factor
     ratios = ", ".join(f"{r:.2f}" for r in ratio)
-    return (
-        holds,
-        f"error with {many} turns over that with {few}: {ratios} (each within a factor {factor:.2f})",
+    return published.decide("turns_reduce_noise", interval, criteria), (
+        f"error with {many} turns over that with {few}: {ratios} (each within a factor {factor:.2f})"
     )
 
 
@@ -228,7 +221,8 @@ def discontinuities_destabilise(study: DataFrame, criteria: Criteria = None) -> 
     largest = by_case.max()
     holds = published.decide("discontinuities_destabilise", (alone, largest["stepping"]), criteria)
     sizes = largest.map(lambda error: "diverges" if np.isinf(error) else f"{100 * error:.1f} %")
-    return holds, "largest error of the settled peak: " + ", ".join(f"{model} {size}" for model, size in sizes.items())
+    named = ", ".join(f"{model} {size}" for model, size in sizes.items())
+    return holds, f"largest error of the settled peak: {named}"
 
 
 def cma_beats_swarms(compared: DataFrame, criteria: Criteria = None) -> Decision:
@@ -251,12 +245,10 @@ def classical_cannot(table: DataFrame, criteria: Criteria = None) -> Decision:
 def little_tuning(table: DataFrame, criteria: Criteria = None) -> Decision:
     """Whether CMA-ES succeeds with its own settings, from `optimizers.success_table`."""
     own = table[table["method"].str.startswith("CMA-ES, its own population")]
-    rates = (f"{row.method}: {row.rate:.2f} ({row.rate_low:.2f} to {row.rate_high:.2f})" for row in own.itertuples())
-    return published.decide(
-        "little_tuning",
-        _best_rate(own),
-        criteria,
-    ), f"rate of the best basin, {', '.join(rates)}"
+    rates = ", ".join(
+        f"{row.method}: {row.rate:.2f} ({row.rate_low:.2f} to {row.rate_high:.2f})" for row in own.itertuples()
+    )
+    return published.decide("little_tuning", _best_rate(own), criteria), f"rate of the best basin, {rates}"
 
 
 def _best_rate(table: DataFrame) -> tuple[float, float]:

@@ -80,11 +80,9 @@ def _choose_start(
         shift = int(overlap.argmax()) if "start_angle" in free else 0
         misfit = turn @ turn - 2 * overlap[shift]
         if misfit < least:
+            least = misfit
             angle = (np.pi - 2 * np.pi * shift / size) % (2 * np.pi) - np.pi
-            least, best = (
-                misfit,
-                {"delta": delta, "friction": friction, "start_angle": angle, "load": 1.0},
-            )
+            best = {"delta": delta, "friction": friction, "start_angle": angle, "load": 1.0}
     return best
 
 

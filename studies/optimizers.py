@@ -72,7 +72,8 @@ class Cost:
     """The paper's cost, counting evaluations; raises `SearchEnded` when there is no more to do."""
 
     def __init__(self, recording: Recording, target: float, budget: int, projected: bool = False):
-        t, v, timing = recording.t, recording.v, AUTHORS_PROTOCOL.timing
+        t, v = recording.t, recording.v
+        timing = AUTHORS_PROTOCOL.timing
         self.target = target
         self.budget = budget
         self.box = protocol_box(recording, AUTHORS_PROTOCOL)
@@ -253,9 +254,11 @@ def run_method(
 ) -> dict:
     """Let one of `SEARCH_METHODS`, or a function, look for a record's best basin."""
     if isinstance(method, str):
-        name, (kind, run) = method, SEARCH_METHODS[method]
+        name = method
+        kind, run = SEARCH_METHODS[method]
     else:
-        name, kind, run = method.__name__, "function", _of_function(method)
+        name = method.__name__
+        kind, run = "function", _of_function(method)
     cost = Cost(recording, target_rmse, budget, projected=kind == "projected restarts")
     with contextlib.suppress(SearchEnded):
         run(cost, seed)

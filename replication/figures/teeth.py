@@ -56,15 +56,12 @@ def animate_teeth(run: SimulatedJoint, joint: JointParameters) -> str:
     Slower while the gap is open.
     """
     turn = np.floor((run.load_position_rad - TURN / 4) / TURN) == 1
-    t, angle, v = (
-        1e3 * (run.time_s[turn] - run.time_s[turn][0]),
-        run.load_position_rad[turn],
-        run.motor_speed_rps[turn],
-    )
-    x, free = (
-        1e3 * (run.motor_position_rad[turn] / joint.gear_ratio - angle),
-        run.gap_state[turn] == 0,
-    )
+    time_s = run.time_s[turn]
+    t = 1e3 * (time_s - time_s[0])
+    angle = run.load_position_rad[turn]
+    v = run.motor_speed_rps[turn]
+    x = 1e3 * (run.motor_position_rad[turn] / joint.gear_ratio - angle)
+    free = run.gap_state[turn] == 0
     frames = np.flatnonzero(np.round(t, 3) % np.where(free, 3, 15) == 0)
     with (
         plt.rc_context(STYLE | {"figure.dpi": 64, "figure.constrained_layout.use": False}),
