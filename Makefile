@@ -69,7 +69,7 @@ protocols: .venv/.installed  ## run every protocol that may have printed Table 2
 	$(STUDY) protocols
 
 identify-joint: .venv/.installed  ## identify the simulated joint anew from the authors' records
-	$(RUN) identify-joint
+	$(STUDY) identify-joint
 
 calibrations: .venv/.installed  ## the sensor's default calibrations anew, from the identified joint
 	$(STUDY) calibrations

@@ -95,7 +95,7 @@ from replication.identify import paper_fit, protocol_box
 from replication.replay import inspection, replay
 from replication.search import generations, random_normals, search
 from replication.signature import FREE_PARAMETERS
-from replication.table2 import AUTHORS, BASIN_GAP, basin_labels
+from replication.table2 import AUTHORS_PROTOCOL, BASIN_GAP, basin_labels
 from workbook import Interval
 
 # %% [markdown]
@@ -204,7 +204,7 @@ workbook.sliders(draw, A_rps=(X[0], -2.0, 2.0), tau_per_s=(X[2], 5.0, 30.0), ome
 # the stored one. A [basin](glossary.md#basin) has a number, 1 for the lowest RMSE (`basin_labels`).
 
 # %%
-first = replace(AUTHORS, engine="cma", iterations=1)
+first = replace(AUTHORS_PROTOCOL, engine="cma", iterations=1)
 stored_runs = pd.DataFrame(
     {
         "run": stored_table.index,
@@ -313,13 +313,13 @@ costs = {"RMSE": rmse, "L1": lambda residual_rps: np.mean(np.abs(residual_rps))}
 
 
 def fit(cost, T_f):
-    timing = signature.Timing(T_f / 2, T_f, AUTHORS.turns)
+    timing = signature.Timing(T_f / 2, T_f, AUTHORS_PROTOCOL.turns)
 
     def misfits(members):
         return [costs[cost](residual(record.t, record.v, X, timing)) for X in members]
 
-    box, normals = protocol_box(record, AUTHORS), random_normals(int(stored["cma_seed"]))
-    found = search(generations(misfits, box, normals, AUTHORS.population), AUTHORS.iterations)
+    box, normals = protocol_box(record, AUTHORS_PROTOCOL), random_normals(int(stored["cma_seed"]))
+    found = search(generations(misfits, box, normals, AUTHORS_PROTOCOL.population), AUTHORS_PROTOCOL.iterations)
     left = residual(record.t, record.v, found.best, timing)
     about = {"cost": cost, "T_f [s]": T_f, "generations": len(found.history), "|A| [rps]": abs(found.best[0])}
     return about | {"RMSE [rps]": rmse(left), "mean |residual| [rps]": costs["L1"](left)}
@@ -397,7 +397,7 @@ workbook.export(
         "stored_runs": stored_runs,
         "replay": made[["run", "cma_seed", "generation", "best_rmse_rps", "sigma"]].assign(**to_16_digits),
         "replay_frames": replay.replay_frames(record, made),
-        "replay_box": pd.DataFrame({"parameter": FREE_PARAMETERS, **vars(protocol_box(record, AUTHORS))}),
+        "replay_box": pd.DataFrame({"parameter": FREE_PARAMETERS, **vars(protocol_box(record, AUTHORS_PROTOCOL))}),
         "replay_ends": ended,
         "replay_partings": parted,
         "stored_basins": basins.reset_index(),

@@ -105,13 +105,13 @@ import pandas as pd
 
 import workbook
 from replication import published
-from replication.authors import level_delta_rad
+from replication.authors import CLEAN_LEVELS, level_delta_rad, load_clean_records
 from replication.figures import paper
 from replication.simulator import checks, identification
 from replication.simulator.parameters import with_ratios
 from replication.simulator.recordings import simulate_recordings
+from replication.simulator.reidentify import FIT_LEVELS
 from replication.simulator.simulate import identified_joint
-from replication.simulator.study import CLEAN_LEVELS, FIT_LEVELS, clean_records
 from workbook import Interval
 
 # %% [markdown]
@@ -145,7 +145,7 @@ workbook.check_parameters(
 
 # %%
 committed = identified_joint()
-records = clean_records(CLEAN_LEVELS)
+records = load_clean_records(CLEAN_LEVELS)
 of_fit = {delta: records[delta] for delta in map(level_delta_rad, FIT_LEVELS)}
 third_turn, settled = slice(400, 600), slice(200, None)
 

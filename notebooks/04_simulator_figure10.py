@@ -55,21 +55,15 @@ import numpy as np
 import pandas as pd
 
 import workbook
-from replication.authors import level_delta_rad
+from replication import table2
+from replication.authors import CLEAN_LEVELS, level_delta_rad, load_clean_records
 from replication.figures import paper
 from replication.recording import COMMANDED_SPEED_RPS, TURN_PERIOD_S
 from replication.simulator.identification import FINE_S
-from replication.simulator.parameters import joint_from_ratios
+from replication.simulator.parameters import changeable, changed_joint, joint_from_ratios
 from replication.simulator.recordings import SIMULATION_STEP_S, simulate_recordings
+from replication.simulator.reidentify import FIT_LEVELS
 from replication.simulator.simulate import identified_joint, simulate, simulate_many
-from replication.simulator.study import (
-    CLEAN_LEVELS,
-    FIT_LEVELS,
-    changeable,
-    changed_joint,
-    clean_records,
-    printed_amplitudes,
-)
 from workbook import Interval
 
 # %% [markdown]
@@ -102,7 +96,7 @@ workbook.check_parameters(factors=(list(changes.values()), [Interval(0, 100)]))
 committed = identified_joint()
 joint = changed_joint(committed, changes)
 joint = replace(joint, load_coulomb_nm=joint.load_coulomb_nm + friction_share * joint.gravity_torque_nm)
-records = clean_records(CLEAN_LEVELS)
+records = load_clean_records(CLEAN_LEVELS)
 compared = np.isclose([joint.commanded_speed_rps, joint.turn_period_s], [COMMANDED_SPEED_RPS, TURN_PERIOD_S]).all()
 if not compared:
     print(
@@ -168,7 +162,7 @@ pd.Series(of_level).to_frame(f"K = {level}").round(4)
 # The same for every level, with the change of the peak from that of the committed joint.
 
 # %%
-printed = printed_amplitudes()
+printed = table2.theoretical_amplitudes()
 rows = [
     {
         "dataset": f"Speeddata{k}",

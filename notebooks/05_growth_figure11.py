@@ -60,13 +60,13 @@ import pandas as pd
 
 import workbook
 from replication import table2
-from replication.authors import level_delta_rad
+from replication.authors import ALL_LEVELS, level_delta_rad
 from replication.figures import paper
 from replication.recording import COMMANDED_SPEED_RPS, TURN_PERIOD_S, add_uniform_noise
 from replication.simulator.identification import FINE_S
+from replication.simulator.parameters import changeable, changed_joint
 from replication.simulator.recordings import SIMULATION_STEP_S, simulate_recordings
 from replication.simulator.simulate import identified_joint, settled_peak_rps, simulate
-from replication.simulator.study import ALL_LEVELS, changeable, changed_joint, printed_amplitudes
 from workbook import Interval
 
 # %% [markdown]
@@ -149,7 +149,7 @@ signals = pd.concat(
     ignore_index=True,
 )
 published_motion = np.isclose([v_t, T_f], [COMMANDED_SPEED_RPS, TURN_PERIOD_S]).all()
-figure11 = paper.growth(signals, peaks, printed_amplitudes() if published_motion else {})
+figure11 = paper.growth(signals, peaks, table2.theoretical_amplitudes() if published_motion else {})
 
 # %% [markdown]
 # The amplitudes, the share of the peak that the samples miss, and the exponent $p$ of $A \propto \delta^p$ from each
@@ -188,7 +188,7 @@ print(
 
 # %% tags=["plumbing"]
 with_noise = f"with uniform noise of half-amplitude {noise_rps:g} rps" if noise_rps else "without noise"
-off = 100 * (peaks.set_index("delta_rad")["amplitude_rps"] / pd.Series(printed_amplitudes()) - 1).abs()
+off = 100 * (peaks.set_index("delta_rad")["amplitude_rps"] / pd.Series(table2.theoretical_amplitudes()) - 1).abs()
 beside = f"lie within {off.max():.2g} % of the {off.count()} printed ones" if same else "are those of a changed joint"
 workbook.export(
     tables={"growth": peaks},

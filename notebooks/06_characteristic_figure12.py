@@ -52,7 +52,7 @@ from matplotlib import pyplot as plt
 import workbook
 from replication import characteristic, published
 from replication.figures import paper, style
-from replication.simulator import study
+from replication.simulator.parameters import changed_joint
 from replication.simulator.simulate import identified_joint, simulate_many
 from workbook import Interval
 
@@ -148,7 +148,7 @@ workbook.sliders(draw, A_rps=(theoretical[4], 0.0, theoretical[-1]), error_perce
 # nearly the same.
 
 # %%
-joint = study.changed_joint(identified_joint(), changes)
+joint = changed_joint(identified_joint(), changes)
 runs = simulate_many(joint, delta, sample_s=5e-5, step_s=5e-5)  # forty samples in 2 ms
 settled = runs[0].time_s >= joint.turn_period_s
 disturbances = np.array([run.motor_speed_rps[settled] - joint.commanded_speed_rps for run in runs])

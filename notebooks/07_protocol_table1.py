@@ -37,7 +37,7 @@
 #
 # The authors' notebook stores what their [runs](glossary.md#run) really did: the whole record, the box of $A$ widened
 # by 1.3, $T_d$ = 0.2 s and $T_f$ = 0.4 s, a population of 300 and at most 200 generations. That is `Protocol()`; every
-# variant changes a setting or two of it (`variants.VARIANTS`). Each is run on the same ten noisy records
+# variant changes a setting or two of it (`protocols.VARIANTS`). Each is run on the same ten noisy records
 # ([realisation](glossary.md#realisation) R = 1) with the same seeds, and its means and SDs are compared with the
 # printed ones of Table 2.
 
@@ -57,8 +57,8 @@ from replication.compiled.misfit import fold, folded_rmse
 from replication.figures import paper, searching
 from replication.identify import paper_run, protocol_box
 from replication.replay import inspection
+from replication.replay.protocols import VARIANTS, variant_scores
 from replication.replay.table1 import bounds_by_replay, table1_cells
-from replication.replay.variants import VARIANTS, variant_scores
 from replication.signature import FREE_PARAMETERS
 from studies import basins
 from workbook import Interval
@@ -79,7 +79,7 @@ variants = [  # what is compared, of `VARIANTS`
     "authors' notebook",
     "start drawn per run",
     "start drawn per record",
-    "A bound as printed",
+    "box of A as printed",
     "T_d and T_f as printed",
     "population 1000",
 ]
@@ -111,7 +111,7 @@ workbook.check_parameters(
     repeats=(repeats, Interval(1, whole=True)),
     realisation=(realisation, LOW_NOISE),
     rows=(rows, [range(1, 11)]),
-    variants=(variants, [tuple(variant.name for variant in VARIANTS)]),
+    variants=(variants, [tuple(VARIANTS)]),
     your_variant=(your_variant, [tuple(settings)]),
     seed_runs=(seed_runs, Interval(1, whole=True)),
     today_runs=(today_runs, Interval(1, whole=True)),
@@ -167,7 +167,7 @@ print(f"to a sample: {best_lag * 0.002:.3f} s, between samples: {turn_period_s:.
 # generation at a time. `population`, `sigma` and `box` above are its settings.
 
 # %%
-protocol = replace(table2.AUTHORS, population=population, **box)
+protocol = replace(table2.AUTHORS_PROTOCOL, population=population, **box)
 record, bounds = fold(clean.t, clean.v, protocol.timing), protocol_box(clean, protocol)
 
 
@@ -309,7 +309,10 @@ whole_run = searching.run([steps[g - 1].after for g in picked], best, bounds, sh
 # %%
 stored = published.authors_notebook_runs().set_index("cma_seed").loc[seed]
 stored_X = stored[list(inspection.STORED_NAMES)].to_numpy(float)
-authors_box, authors_stop = protocol_box(clean, table2.AUTHORS), paper_run(clean, table2.AUTHORS, seed).stop
+authors_box, authors_stop = (
+    protocol_box(clean, table2.AUTHORS_PROTOCOL),
+    paper_run(clean, table2.AUTHORS_PROTOCOL, seed).stop,
+)
 
 
 def at_bounds(X, box):
@@ -351,9 +354,9 @@ print(
 # 1.
 
 # %%
-chosen = [variant for variant in VARIANTS if variant.name in variants]
+chosen = [VARIANTS[name] for name in variants]
 if your_variant:
-    chosen.append(replace(table2.AUTHORS, name="your variant", **your_variant))
+    chosen.append(replace(table2.AUTHORS_PROTOCOL, name="your variant", **your_variant))
 records = [(key, noisy) for key, noisy in table2.authors_table2_records([realisation]) if key["row"] in rows]
 runs = table2.repeated_fits(records, chosen, range(1, repeats + 1), label="protocol variants")
 scores = variant_scores(runs)
@@ -391,10 +394,10 @@ protocols = paper.protocol_variants(scores)
 # first set's rate of the best basin on these records.
 
 # %%
-todays_cma = next(variant for variant in VARIANTS if variant.engine == "cma")
+todays_cma = VARIANTS["today's cma"]
 every_third = [(key, noisy) for key, noisy in records if key["row"] in (rows[1::3] or rows)]
 all_seeds = range(1, 2 * seed_runs + 1)
-of_2021 = table2.repeated_fits(records, [table2.AUTHORS], all_seeds, label="the search of 2021")
+of_2021 = table2.repeated_fits(records, [table2.AUTHORS_PROTOCOL], all_seeds, label="the search of 2021")
 sets = {
     "the search of 2021": of_2021[of_2021["seed"] <= seed_runs],
     "the same, other seeds": of_2021[of_2021["seed"] > seed_runs],

@@ -141,7 +141,7 @@ noise_law.round(3)
 # record with every seed, on all cores.
 
 # %%
-protocol = replace(table2.AUTHORS, population=population)
+protocol = replace(table2.AUTHORS_PROTOCOL, population=population)
 seeds = range(1, repeats + 1)
 of_authors = table2.authors_table2_records(realisations)
 shown = table2.repeated_fits([of_authors[shown_row - 1]], [protocol], seeds, label="one record")

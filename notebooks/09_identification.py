@@ -90,7 +90,7 @@ def differential_evolution(misfit, lower, upper, evaluations, seed):
 # %% tags=["parameters"]
 level = 12  # the authors' clean record for replay, landscape and strategies
 replay_runs = 100  # runs of the authors' protocol on it
-strategies = [  # ways to spend a budget of function evaluations, of `optimizers.METHODS`
+strategies = [  # ways to spend a budget of function evaluations, of `optimizers.SEARCH_METHODS`
     "population 300 (the authors'), restarted",
     "population 1000, restarted",
     "population 100, restarted",
@@ -108,7 +108,9 @@ coverage_runs = 200  # made records for each noise law
 
 # %% tags=["plumbing"]
 A_FUNCTION = "a function (misfit, lower, upper, evaluations, seed) that returns the best X"
-installed = [name for name, (kind, _) in optimizers.METHODS.items() if kind != "swarm" or optimizers.swarms_installed()]
+installed = [
+    name for name, (kind, _) in optimizers.SEARCH_METHODS.items() if kind != "swarm" or optimizers.swarms_installed()
+]
 workbook.check_parameters(
     level=(level, range(3, 14)),
     replay_runs=(replay_runs, Interval(2, 1e5, whole=True)),

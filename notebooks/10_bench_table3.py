@@ -226,7 +226,7 @@ figure10 = paper.simulated_joint(simulator.time_s[shown], signals, "stand-in ben
 # %%
 seeds = range(1, repeats + 1)
 records = bench_standin.table3_records(bench, deltas_rad, bench_seed)
-fits = table2.repeated_fits(records, [table2.AUTHORS], seeds, label="Table 3, stand-in bench")
+fits = table2.repeated_fits(records, [table2.AUTHORS_PROTOCOL], seeds, label="Table 3, stand-in bench")
 table = bench_standin.table3(fits)
 table.astype(object).set_index("row").T
 

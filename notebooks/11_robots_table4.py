@@ -115,7 +115,7 @@ printed.assign(equation_10_rad=sum(a[k] * (60 * printed["A_rps"]) ** k for k in 
 spread = robots.RobotSpread(coupling=coupling)
 seeds = range(1, repeats + 1)
 records = robots.table4_records(spread, robot_seed)
-fits = table2.repeated_fits(records, [table2.AUTHORS], seeds, label="Table 4, stand-in robots")
+fits = table2.repeated_fits(records, [table2.AUTHORS_PROTOCOL], seeds, label="Table 4, stand-in robots")
 table = robots.table4(fits)
 table.astype(object).set_index("robot").T
 

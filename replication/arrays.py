@@ -1,6 +1,7 @@
-"""The one type of array that signatures name."""
+"""The types of arrays that signatures name."""
 
 import numpy as np
 from numpy.typing import NDArray
 
 FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]

@@ -5,6 +5,7 @@ import io
 import os
 import re
 import zipfile
+from collections.abc import Iterable
 from importlib.resources import files
 from pathlib import Path
 from urllib.parse import quote
@@ -16,13 +17,19 @@ from replication.recording import COMMANDED_SPEED_RPS, TURN_PERIOD_S, Recording
 
 AUTHORS_COMMIT = "7c81edefe3e61479d234d5080d4627dbbf584733"
 AUTHORS_URL = f"https://raw.githubusercontent.com/ElianaGiovannitti/Backlash-estimation/{AUTHORS_COMMIT}/"
-WORKBOOK_FILES = (
-    *(f"Speeddata{level}.xlsx" for level in range(3, 14)),
-    *(f"Noisy data/Low level of noise/Data_with_Noise_{realisation}.zip" for realisation in range(1, 6)),
-)
 
-# The noisy records that are public: levels K, and realisations R at two levels of noise.
-NOISY_LEVELS, LOW_NOISE, HIGH_NOISE = range(1, 21), range(1, 6), range(11, 21)
+# Levels K of their data: those published clean and noisy, and all from Table 2's first row on.
+CLEAN_LEVELS = range(3, 14)
+NOISY_LEVELS = range(1, 21)
+ALL_LEVELS = range(2, 21)
+# Realisations R of the noise, at two levels.
+LOW_NOISE = range(1, 6)
+HIGH_NOISE = range(11, 21)
+
+WORKBOOK_FILES = (
+    *(f"Speeddata{level}.xlsx" for level in CLEAN_LEVELS),
+    *(f"Noisy data/Low level of noise/Data_with_Noise_{realisation}.zip" for realisation in LOW_NOISE),
+)
 
 
 class DataUnavailable(RuntimeError):
@@ -44,7 +51,7 @@ def authors_registry() -> dict[str, str]:
 
 
 def data_folder() -> Path:
-    """Folder that the authors' data are read from: what `BACKLASH_DATA` names, or else the download cache."""
+    """Folder that the authors' data are read from: `BACKLASH_DATA`, or else the download cache."""
     import pooch  # slow to import, and not used by the sensor
 
     return Path(os.environ.get("BACKLASH_DATA") or pooch.os_cache("backlash-replication"))
@@ -53,8 +60,8 @@ def data_folder() -> Path:
 def authors_file(path: str, base_url: str = AUTHORS_URL, cache: Path | None = None) -> Path:
     """Find one file of the authors' data and verify it.
 
-    Looked for in the folder that the environment variable `BACKLASH_DATA` names; without that variable, in the
-    download cache, and downloaded where it is not there yet.
+    Looked for in the folder that the environment variable `BACKLASH_DATA` names; without that
+    variable, in the download cache, and downloaded where it is not there yet.
     """
     registry = authors_registry()
     if path not in registry:
@@ -63,16 +70,16 @@ def authors_file(path: str, base_url: str = AUTHORS_URL, cache: Path | None = No
         return _verified_local(Path(local) / path, registry[path])
     import pooch  # slow to import, and not used by the sensor
 
-    address, downloader = base_url + quote(path), pooch.HTTPDownloader(timeout=20)
+    address = base_url + quote(path)
+    folder = cache or data_folder()
+    downloader = pooch.HTTPDownloader(timeout=20)
     try:
-        return Path(pooch.retrieve(address, registry[path], path, cache or data_folder(), downloader=downloader))
+        return Path(pooch.retrieve(address, registry[path], path, folder, downloader=downloader))
     except ValueError as error:
-        raise DataCorrupt(f"{path}: the download does not have the registered SHA-256; try again later") from error
+        raise DataCorrupt(f"{path}: the download lacks the registered SHA-256; try again later") from error
     except OSError as error:
-        raise DataUnavailable(
-            f"{path}: cannot be downloaded ({type(error).__name__}); connect to the network, or set BACKLASH_DATA "
-            "to a copy of the authors' repository"
-        ) from error
+        advice = "connect to the network, or set BACKLASH_DATA to a copy of the authors' repository"
+        raise DataUnavailable(f"{path}: cannot be downloaded ({type(error).__name__}); {advice}") from error
 
 
 def _verified_local(file: Path, digest: str) -> Path:
@@ -87,12 +94,14 @@ def _verified_local(file: Path, digest: str) -> Path:
 
 
 def parse_speed_workbook(content: bytes) -> tuple[FloatArray, FloatArray]:
-    """Read time and speed from the bytes of one of the authors' XLSX files, which `authors_file` has verified.
+    """Read time and speed from the bytes of an XLSX file of the authors, which `authors_file` has verified.
 
-    Blank rows are dropped, and so is a first row whose time stamp the second row repeats (it is no sample).
+    Blank rows are dropped, and so is a first row whose time stamp the second row repeats (it is no
+    sample).
     """
     table = pd.read_excel(io.BytesIO(content), header=None).dropna(how="all").to_numpy(dtype=float)
-    t, v = table[1:].T.copy() if table[1, 0] == table[0, 0] else table.T.copy()
+    repeated = table[1, 0] == table[0, 0]
+    t, v = table[int(repeated) :].T.copy()
     return t, v
 
 
@@ -109,15 +118,24 @@ def level_delta_rad(level: int) -> float:
 
 
 def load_clean(level: int) -> Recording:
-    """Load the authors' noise-free record of level K (`SpeeddataK.xlsx`; K = 3 to 13 are public)."""
+    """Load the authors' noise-free record of level K, `SpeeddataK.xlsx`; K = 3 to 13 are public."""
     path = f"Speeddata{level}.xlsx"
     return _authors_recording(authors_file(path).read_bytes(), path)
 
 
+def load_clean_records(levels: Iterable[int]) -> dict[float, Recording]:
+    """Load the authors' clean records of some levels K, by backlash [rad]."""
+    return {level_delta_rad(level): load_clean(level) for level in levels}
+
+
 def load_noisy(level: int, realisation: int) -> Recording:
-    """Load the authors' noisy record of level K, 1 to 20, and realisation R, 1 to 5 (low noise) or 11 to 20 (high)."""
+    """Load the authors' noisy record of a level K, 1 to 20, and a realisation R of the noise.
+
+    R is 1 to 5 for the low noise, 11 to 20 for the high one.
+    """
     if level not in NOISY_LEVELS or realisation not in (*LOW_NOISE, *HIGH_NOISE):
-        raise ValueError(f"no noisy record K = {level}, R = {realisation}: K is 1 to 20, R is 1 to 5 or 11 to 20")
+        known = "K is 1 to 20, R is 1 to 5 or 11 to 20"
+        raise ValueError(f"no noisy record K = {level}, R = {realisation}: {known}")
     loudness = "Low" if realisation in LOW_NOISE else "High"
     path = f"Noisy data/{loudness} level of noise/Data_with_Noise_{realisation}.zip"
     content = read_zip_member(authors_file(path), rf"(.*/)?SpeeddataNoise{level}(_\d+)?\.xlsx")

@@ -1,4 +1,4 @@
-"""The virtual sensor's static characteristic: from the amplitude A to the backlash delta (equation 10)."""
+"""The virtual sensor's static characteristic, equation 10: from amplitude A to backlash delta."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -9,12 +9,14 @@ from numpy.polynomial import Polynomial
 
 from replication import published
 from replication.arrays import FloatArray
-
-RPM_PER_RPS = 60.0
+from replication.recording import RPM_PER_RPS
 
 
 def first_rise(coefficients: Sequence[float] | FloatArray, level: float) -> float | None:
-    """Smallest positive argument at which a polynomial rises through a level; None if it never does."""
+    """Smallest positive argument at which a polynomial rises through a level.
+
+    None if it never does.
+    """
     polynomial = Polynomial(coefficients)
     roots = (polynomial - level).roots()
     real = roots[np.abs(roots.imag) < 1e-9].real
@@ -32,11 +34,17 @@ class Characteristic:
         """Backlash delta [rad] of an amplitude A [rps]; the polynomial itself takes rpm."""
         return Polynomial(self.coefficients)(RPM_PER_RPS * np.asarray(amplitude_rps))
 
-    def amplitude_rps(self, backlash_rad: float) -> float:
-        """Smallest positive amplitude A [rps] of a backlash delta [rad] where delta grows with A; or ValueError."""
-        amplitude_rpm = first_rise(self.coefficients, backlash_rad)
+    def amplitude_rps(self, delta_rad: float) -> float:
+        """Smallest positive amplitude A [rps] at which delta(A) rises through a backlash.
+
+        Raises
+        ------
+        ValueError
+            No positive amplitude gives it.
+        """
+        amplitude_rpm = first_rise(self.coefficients, delta_rad)
         if amplitude_rpm is None:
-            raise ValueError(f"backlash {backlash_rad:g} rad: no positive amplitude gives it")
+            raise ValueError(f"backlash {delta_rad:g} rad: no positive amplitude gives it")
         return amplitude_rpm / RPM_PER_RPS
 
 
@@ -51,31 +59,36 @@ def printed_levels_rad() -> FloatArray:
     return first + step * np.arange(published.value("text.levels"))
 
 
-def known_amplitude_rps(backlash_rad: float) -> float:
-    """Theoretical A [rps] of a backlash [rad], interpolated in Table 2, where Table 3's known A come from."""
+def known_amplitude_rps(delta_rad: float) -> float:
+    """Theoretical A [rps] of a backlash, interpolated in Table 2, as Table 3's known A are."""
     levels = printed_levels_rad()
-    return float(np.interp(backlash_rad, levels, published.column("Table 2", "theoretical")[: levels.size]))
+    theoretical = published.column("Table 2", "theoretical")[: levels.size]
+    return float(np.interp(delta_rad, levels, theoretical))
 
 
 def static_levels_rad() -> FloatArray:
     """Backlash [rad] of Table 3's rows: their known A through equation 10, in whole 1e-4 rad."""
-    return 1e-4 * np.round(1e4 * equation_10().backlash_rad(published.column("Table 3", "known")))
+    known = equation_10().backlash_rad(published.column("Table 3", "known"))
+    return 1e-4 * np.round(1e4 * known)
 
 
 def table_arithmetic() -> pd.DataFrame:
     """Recompute the relative errors of Tables 2 and 3 from their printed means.
 
-    `rounding_percent` is what the rounding of the printed mean and of the printed error leaves open.
+    `rounding_percent` is what the rounding of the printed mean and of the printed error leaves
+    open.
     """
     tables = []
     for element, reference in (("Table 2", "theoretical"), ("Table 3", "known")):
-        cells = published.cells(element).astype({"row": int}).set_index(["element", "row", "column"])
+        cells = published.cells(element).astype({"row": int})
+        cells = cells.set_index(["element", "row", "column"])
         values = cells["value"].unstack().query(f"{reference} > 0")
         digits = cells["printed"].map(published.half_last_digit).unstack().loc[values.index]
+        true = values[reference]
         table = {
             "printed_percent": values["relative_error"],
-            "relative_error_percent": 100 * abs(values["mean"] - values[reference]) / values[reference],
-            "rounding_percent": 100 * digits["mean"] / values[reference] + digits["relative_error"],
+            "relative_error_percent": 100 * abs(values["mean"] - true) / true,
+            "rounding_percent": 100 * digits["mean"] / true + digits["relative_error"],
         }
         tables.append(pd.DataFrame(table).reset_index())
     return pd.concat(tables, ignore_index=True)

@@ -1,7 +1,7 @@
 """From a record to the signature's parameters: the paper's CMA-ES."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -10,20 +10,30 @@ from replication.arrays import FloatArray
 from replication.compiled.bounds import from_box, into_box, margin_today
 from replication.compiled.misfit import fold, folded_rmse
 from replication.compiled.whole_run import whole_run
-from replication.recording import Recording
-from replication.search import Generation, Search, check_settings, generations, random_normals
+from replication.recording import RPM_PER_RPS, Recording
+from replication.search import (
+    Generation,
+    Search,
+    check_settings,
+    generations,
+    random_normals,
+    search,
+)
 from replication.signature import DAMPING_PER_S, FREQUENCY_HZ, Box, Timing, table1_box
 
 if TYPE_CHECKING:
     import cma
+
+UNBOUNDED = 1e3  # a box so much wider than Table 1's that no sample comes near its bounds
 
 
 @dataclass(frozen=True)
 class Protocol:
     """How one CMA-ES fit is run; the defaults are the authors' notebook.
 
-    The search starts from the middle of the box, with a quarter of its width as standard deviations. "per run" and
-    "per record" drop up to `latest_start` samples from a record's beginning, drawn anew for each run, or once.
+    The search starts from the middle of the box, with a quarter of its width as standard
+    deviations. "per run" and "per record" drop up to `latest_start` samples from a record's
+    beginning, drawn anew for each run, or once.
     """
 
     name: str = "authors' notebook"  # what tables call it
@@ -38,7 +48,9 @@ class Protocol:
     turns: int = 12  # n of the model
     start: str = "whole"  # "whole", "per run" or "per record"
     latest_start: int = 100  # sample
-    engine: str = "2021"  # as the authors' library searched, by `search`; "cma": the library as it is installed
+    engine: str = "2021"  # as the authors' library searched, by `search`; "cma": as the installed library does
+    rpm: bool = False  # the search sees 60 (v - mean v), as equation 10 has A, and not v in rps
+    fixed_T2_s: float | None = None  # T1 = 0 and this T2 are fixed, the five other parameters have no bounds
 
     @property
     def timing(self) -> Timing:
@@ -63,20 +75,66 @@ class Fit:
 
 def protocol_box(recording: Recording, protocol: Protocol) -> Box:
     """Table 1's box for a record, as the protocol widens it."""
-    p = protocol
-    return table1_box(recording.t, recording.v, p.longest_window_s, p.amplitude_factor, p.damping_per_s, p.frequency_hz)
+    return table1_box(
+        recording.t,
+        recording.v,
+        protocol.longest_window_s,
+        protocol.amplitude_factor,
+        protocol.damping_per_s,
+        protocol.frequency_hz,
+    )
 
 
 def paper_search(recording: Recording, protocol: Protocol, seed: int) -> Iterator[Generation]:
-    """The paper's search on a record, one generation at a time, without end; see `search.generations`."""
-    record, box = fold(recording.t, recording.v, protocol.timing), protocol_box(recording, protocol)
-    return generations(lambda members: folded_rmse(members, record), box, random_normals(seed), protocol.population)
+    """The paper's search on a record, one generation at a time, without end.
+
+    See `search.generations`.
+    """
+    record = fold(recording.t, recording.v, protocol.timing)
+    box = protocol_box(recording, protocol)
+    return generations(
+        lambda members: folded_rmse(members, record),
+        box,
+        random_normals(seed),
+        protocol.population,
+    )
 
 
 def paper_run(recording: Recording, protocol: Protocol, seed: int) -> Search:
     """The same search as a whole, compiled; see `compiled.whole_run`."""
     record = fold(recording.t, recording.v, protocol.timing)
-    return whole_run(record, protocol_box(recording, protocol), seed, protocol.population, protocol.iterations)
+    return whole_run(
+        record,
+        protocol_box(recording, protocol),
+        seed,
+        protocol.population,
+        protocol.iterations,
+    )
+
+
+def unbounded_run(recording: Recording, protocol: Protocol, seed: int) -> Search:
+    """Search over A, t0, tau, omega and v_t with T1 = 0 and the protocol's T2, from the box but not bounded by it."""
+    record = fold(recording.t, recording.v, protocol.timing)
+    box = protocol_box(recording, protocol)
+    middle = (box.upper + box.lower)[:5] / 2
+    half = (box.upper - box.lower)[:5] / 2
+    gate = np.tile([protocol.fixed_T2_s, 0.0], (protocol.population, 1))
+
+    def misfits(members: FloatArray) -> FloatArray:
+        if (np.abs(members - middle) > UNBOUNDED / 2 * half).any():
+            raise ValueError("a sample came near the bounds, which were not to be felt")
+        return folded_rmse(np.column_stack([members, gate]), record)
+
+    wide = Box(middle - UNBOUNDED * half, middle + UNBOUNDED * half)
+    steps = generations(
+        misfits,
+        wide,
+        random_normals(seed),
+        protocol.population,
+        sigma=1 / UNBOUNDED,
+    )
+    found = search(steps, protocol.iterations)
+    return replace(found, best=np.append(found.best, gate[0]))
 
 
 def paper_fit(recording: Recording, protocol: Protocol, seed: int) -> Fit:
@@ -94,19 +152,37 @@ def paper_fit(recording: Recording, protocol: Protocol, seed: int) -> Fit:
     ValueError
         The protocol has another engine than "2021" and "cma", or see `search.check_settings` and `misfit.fold`.
     """
+    if protocol.engine not in ("2021", "cma"):
+        raise ValueError(f"engine {protocol.engine!r}: expected '2021' or 'cma'")
+    if protocol.rpm:
+        return _fit_in_rpm(recording, protocol, seed)
     if protocol.engine == "cma":
         return _library_fit(recording, protocol, seed)
-    if protocol.engine != "2021":
-        raise ValueError(f"engine {protocol.engine!r}: expected '2021' or 'cma'")
-    found = paper_run(recording, protocol, seed)
+    run = paper_run if protocol.fixed_T2_s is None else unbounded_run
+    found = run(recording, protocol, seed)
     return Fit(found.best, found.misfit, found.evaluations, len(found.history))
 
 
-def library_search(recording: Recording, protocol: Protocol, seed: int) -> "cma.CMAEvolutionStrategy":
-    """Today's `cma` on a record, without its slow bound handling: its samples still have to be put `into_box`.
+def _fit_in_rpm(recording: Recording, protocol: Protocol, seed: int) -> Fit:
+    """Fit 60 (v - mean v), and give A, v_t and the misfit in rps."""
+    mean = recording.v.mean()
+    in_rpm = replace(recording, v=RPM_PER_RPS * (recording.v - mean))
+    fit = paper_fit(in_rpm, replace(protocol, rpm=False), seed)
+    X = fit.X.copy()
+    X[0] /= RPM_PER_RPS
+    X[4] = mean + X[4] / RPM_PER_RPS
+    return replace(fit, X=X, rmse=fit.rmse / RPM_PER_RPS)
 
-    Tell it its own samples with `check_points=False`: it keeps no archive to know them by. The random numbers are
-    those of cma's `seed` option, from a generator of their own.
+
+def library_search(
+    recording: Recording,
+    protocol: Protocol,
+    seed: int,
+) -> "cma.CMAEvolutionStrategy":
+    """Today's `cma` on a record, without its slow bound handling: put its samples `into_box`.
+
+    Tell it its own samples with `check_points=False`: it keeps no archive to know them by. The
+    random numbers are those of cma's `seed` option, from a generator of their own.
     """
     import cma  # brings matplotlib, a second that no other engine needs
     from cma.evolution_strategy import get_CMASolutionDict
@@ -127,13 +203,15 @@ def library_search(recording: Recording, protocol: Protocol, seed: int) -> "cma.
     }
     middle = from_box((box.lower + box.upper) / 2, box, margin_today)
     strategy = cma.CMAEvolutionStrategy(middle, 1.0, options)
-    # The archive of samples serves cma's own bounds and injected solutions; keeping it costs a third of a run.
+    # The archive of samples serves cma's own bounds and injected solutions; keeping it costs a
+    # third of a run.
     strategy.sent_solutions = get_CMASolutionDict(False)()
     return strategy
 
 
 def _library_fit(recording: Recording, protocol: Protocol, seed: int) -> Fit:
-    record, box = fold(recording.t, recording.v, protocol.timing), protocol_box(recording, protocol)
+    record = fold(recording.t, recording.v, protocol.timing)
+    box = protocol_box(recording, protocol)
     strategy = library_search(recording, protocol, seed)
     while not strategy.stop():
         samples = strategy.ask()

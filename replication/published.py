@@ -1,4 +1,4 @@
-"""Every number the paper prints, once, from the data files beside this module; and the rules that decide its claims."""
+"""Every number the paper prints, once, from the data files; and the rules that decide its claims."""
 
 import math
 from collections.abc import Mapping
@@ -12,6 +12,9 @@ import pandas as pd
 
 DATA: Traversable = files("replication") / "data"
 
+Criteria = Mapping[str, float] | None  # limits to try in place of those of `claims.csv`, by claim
+Decision = tuple[bool | None, str]  # whether a claim holds (None: undecided), and what was measured
+
 
 @cache
 def _kept(name: str, index: str | None = None) -> pd.DataFrame:
@@ -23,16 +26,21 @@ def _read(name: str, index: str | None = None) -> pd.DataFrame:
     return _kept(name, index).copy()
 
 
-# The paper's prose claims and what decides each: `claim, section, decided_in` (the notebook's number), `check, rule,
-# criterion, reason, alternative`, the days on which rule and limit were `fixed` and the `first_result` was committed.
+# The paper's prose claims and what decides each: `claim, section, decided_in` (the notebook's
+# number), `check, rule, criterion, reason, alternative`, the days on which rule and limit were
+# `fixed` and the `first_result` was committed.
 claims = partial(_read, "claims.csv", "id")
-# `kind, location, as_printed, corrected, evidence, effect, cells, computed` (numbers by name in braces), `figure`.
+# `kind, location, as_printed, corrected, evidence, effect, cells, computed` (numbers by name in
+# braces), `figure`.
 errata = partial(_read, "errata.csv", "id")
-# Where each figure, table and numbered equation is: `element, what, notebooks, functions, test, note`.
+# Where each figure, table and numbered equation is: `element, what, notebooks, functions, test,
+# note`.
 paper_map = partial(_read, "map.csv")
-# The rules: when each was `fixed`, its `first_result`, the commits of both, what was `known_before`, its `counts`.
+# The rules: when each was `fixed`, its `first_result`, the commits of both, what was
+# `known_before`, its `counts`.
 trail = partial(_read, "trail.csv")
-# What the report says: `kind` (of the answer, "finding" or "open"), `text` with names of numbers in braces, `proof`.
+# What the report says: `kind` (of the answer, "finding" or "open"), `text` with names of numbers in
+# braces, `proof`.
 findings = partial(_read, "findings.csv")
 # What the paper's figures show, in our words, and what can be compared: `shows, compare`.
 paper_figures = partial(_read, "paper_figures.csv", "figure")
@@ -42,8 +50,8 @@ basis = partial(_read, "basis.csv")
 verdict_words = partial(_read, "verdict_words.csv", "verdict")
 # Cells known not to reproduce: `id, source, reason`.
 known_differences = partial(_read, "differences.csv")
-# The 30 runs that the authors' notebook stores, on their clean record 12, and what it prints of runs 1 to 20: one row
-# per printed generation, some 17 of each run.
+# The 30 runs that the authors' notebook stores, on their clean record 12, and what it prints of
+# runs 1 to 20: one row per printed generation, some 17 of each run.
 authors_notebook_runs = partial(_read, "authors_notebook_runs.csv")
 authors_notebook_generations = partial(_read, "authors_notebook_generations.csv")
 
@@ -53,7 +61,8 @@ _cells = partial(_kept, "cells.csv", "id")
 def cells(element: str | None = None) -> pd.DataFrame:
     """Load the printed numbers, indexed by cell id, of one element, such as "Table 2", or of all.
 
-    Columns `element, row, column, printed, value, unit, kind, abs_tol, rel_tol, tol_reason, section`.
+    Columns `element, row, column, printed, value, unit, kind, abs_tol, rel_tol, tol_reason,
+    section`.
     """
     table = _cells()
     if element is None:
@@ -70,7 +79,7 @@ def value(cell: str) -> float:
 
 
 def tolerance(cell: str) -> float:
-    """Largest difference from the printed value that still reproduces a cell, in the cell's unit."""
+    """Largest difference from the printed value that still reproduces a cell, in its unit."""
     row = _cells().loc[cell]
     return float(row["abs_tol"] + row["rel_tol"] * abs(row["value"]))
 
@@ -86,7 +95,7 @@ def column(element: str, name: str) -> np.ndarray:
     return table.loc[table["column"] == name, "value"].to_numpy(float)
 
 
-def criterion(claim: str, criteria: Mapping[str, float] | None = None) -> float:
+def criterion(claim: str, criteria: Criteria = None) -> float:
     """The limit that decides a claim: that of `claims.csv`, or the one that `criteria` tries in its place."""
     known = claims()["criterion"]
     if unknown := {claim, *(criteria or {})} - set(known.index):
@@ -95,13 +104,16 @@ def criterion(claim: str, criteria: Mapping[str, float] | None = None) -> float:
 
 
 def decide(
-    claim: str, measured: float | tuple[float, float], criteria: Mapping[str, float] | None = None
+    claim: str,
+    measured: float | tuple[float, float],
+    criteria: Criteria = None,
 ) -> bool | None:
     """Decide a claim by its rule in `claims.csv`; None is undecided, as is whatever was not measured (nan).
 
-    `measured` is what the rule compares with the limit: one number; the two ends of an interval where the rule's name
-    begins with "interval"; p of the claim and p of its opposite for "p below". A number within 1e-9 of the limit,
-    relatively, is the limit: the last bits do not decide. `criteria` are limits to try, as in `criterion`.
+    `measured` is what the rule compares with the limit: one number; the two ends of an interval
+    where the rule's name begins with "interval"; p of the claim and p of its opposite for "p
+    below". A number within 1e-9 of the limit, relatively, is the limit: the last bits do not
+    decide. `criteria` are limits to try, as in `criterion`.
     """
     limit, rule = criterion(claim, criteria), claims().loc[claim, "rule"]
     if np.size(measured) != (2 if rule.startswith(("interval", "p ")) else 1):

@@ -10,6 +10,8 @@ from replication.arrays import FloatArray
 COMMANDED_SPEED_RPS = 100.0
 TURN_PERIOD_S = 0.4
 
+RPM_PER_RPS = 60.0
+
 
 @dataclass(frozen=True)
 class Recording:
@@ -19,7 +21,7 @@ class Recording:
     v: FloatArray  # motor speed [rps], shape (samples,)
     commanded_speed_rps: float  # v_t of equation 11
     turn_period_s: float  # of the load
-    source: str  # where it comes from; of the authors' data the file's path, and after "!" the member of an archive
+    source: str  # where it comes from; of the authors' data a file's path, and after "!" an archive's member
 
     @property
     def sample_s(self) -> float:
@@ -28,7 +30,10 @@ class Recording:
 
 
 def from_sample(recording: Recording, start: int) -> Recording:
-    """Drop a record's first `start` samples; at least three must be left, and time starts from zero again."""
+    """Drop a record's first `start` samples.
+
+    At least three must be left, and time starts from zero again.
+    """
     if not 0 <= start <= recording.t.size - 3:
         raise ValueError(f"start sample {start}: the record has {recording.t.size} samples")
     if start == 0:
@@ -36,7 +41,11 @@ def from_sample(recording: Recording, start: int) -> Recording:
     return replace(recording, t=recording.t[start:] - recording.t[start], v=recording.v[start:])
 
 
-def add_uniform_noise(recording: Recording, half_amplitude_rps: float, rng: np.random.Generator) -> Recording:
+def add_uniform_noise(
+    recording: Recording,
+    half_amplitude_rps: float,
+    rng: np.random.Generator,
+) -> Recording:
     """Add uniform white noise n(t) to a record (equation 18), as the authors' noisy logs have it.
 
     n lies between plus and minus `half_amplitude_rps`, which Table 2 calls the noise amplitude.
@@ -45,7 +54,18 @@ def add_uniform_noise(recording: Recording, half_amplitude_rps: float, rng: np.r
     return replace(recording, v=recording.v + noise, source=f"{recording.source} + uniform noise")
 
 
+def add_normal_noise(recording: Recording, sd_rps: float, rng: np.random.Generator) -> Recording:
+    """Add normal white noise to a record, as stand-ins for real logs have it."""
+    return replace(recording, v=recording.v + rng.normal(0.0, sd_rps, recording.v.size))
+
+
 def constant_speed(samples: int, dt: float) -> Recording:
     """Make a record without backlash, the commanded speed and nothing else, to add noise to."""
     v = np.full(samples, COMMANDED_SPEED_RPS)
-    return Recording(dt * np.arange(samples, dtype=float), v, COMMANDED_SPEED_RPS, TURN_PERIOD_S, "constant speed")
+    return Recording(
+        dt * np.arange(samples, dtype=float),
+        v,
+        COMMANDED_SPEED_RPS,
+        TURN_PERIOD_S,
+        "constant speed",
+    )

@@ -1,21 +1,22 @@
 """The paper's search, CMA-ES (equations 12 to 17), as the library of the authors' time computed it.
 
-Equations and symbols are the paper's. Constants, damping, negative weights and stop rules are those of N. Hansen's
-tutorial (arXiv:1604.00772) with the values that `cma` had until 3.2; that nothing is done about an uneven C but to stop
-is as it was until 2.6. In equation 17, c_1 = c_cov / mu_cov and c_mu = c_cov (1 - 1 / mu_cov), and the sum runs over
-all members: the worse half has negative weights. No BLAS and no LAPACK take part, so that a seed gives the same run on
-every processor.
+Equations and symbols are the paper's. Constants, damping, negative weights and stop rules are those
+of N. Hansen's tutorial (arXiv:1604.00772) with the values that `cma` had until 3.2; that nothing is
+done about an uneven C but to stop is as it was until 2.6. In equation 17, c_1 = c_cov / mu_cov and
+c_mu = c_cov (1 - 1 / mu_cov), and the sum runs over all members: the worse half has negative
+weights. The equations are compiled, and every sum in them is taken in order, without BLAS and
+LAPACK, so that a seed gives the same run on every processor.
 """
 
 import math
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import NamedTuple
 
+import numba
 import numpy as np
-from numpy.typing import NDArray
 
-from replication.arrays import FloatArray
+from replication.arrays import FloatArray, IntArray
 from replication.compiled.bounds import from_box, into_box
 from replication.compiled.eigen import symmetric_eigen
 from replication.signature import Box
@@ -28,6 +29,7 @@ class Constants(NamedTuple):
     """What the population and the dimension n fix: w_i of the ranked members, then the equations' constants."""
 
     weights: FloatArray  # mu positive ones of sum 1 (equation 13), then equation 17's negative ones
+    total_weight: float  # their sum
     mu: int
     n: int
     mu_eff: float
@@ -42,15 +44,19 @@ class Constants(NamedTuple):
 def constants(population: int, n: int) -> Constants:
     """The constants for a population and n dimensions."""
     raw = np.array([math.log((population + 1) / 2) - math.log(i) for i in range(1, population + 1)])
-    positive, negative = raw[raw > 0] / raw[raw > 0].sum(), raw[raw <= 0]
-    mu_eff, mu_eff_negative = 1 / (positive**2).sum(), negative.sum() ** 2 / (negative**2).sum()
+    positive = raw[raw > 0] / raw[raw > 0].sum()
+    negative = raw[raw <= 0]
+    mu_eff = 1 / (positive**2).sum()
+    mu_eff_negative = negative.sum() ** 2 / (negative**2).sum()
     c_sigma = (mu_eff + 2) / (n + mu_eff + 3)
     c_1 = min(1, population / 6) * 2 / ((n + 1.3) ** 2 + mu_eff)
     c_mu = min(1 - c_1, 2 * (mu_eff - 1.75 + 1 / mu_eff) / ((n + 2) ** 2 + mu_eff))
     # As much as keeps the size of C on average, but no more than keeps it positive definite.
     total = min(1 + c_1 / c_mu, (1 - c_1 - c_mu) / c_mu / n, 1 + 2 * mu_eff_negative / (mu_eff + 2))
+    weights = np.r_[positive, total * negative / abs(negative.sum())]
     return Constants(
-        weights=np.r_[positive, total * negative / abs(negative.sum())],
+        weights=weights,
+        total_weight=weights.sum(),
         mu=positive.size,
         n=n,
         mu_eff=mu_eff,
@@ -63,9 +69,11 @@ def constants(population: int, n: int) -> Constants:
     )
 
 
-@dataclass(frozen=True)
-class State:
-    """The distribution of the next samples, and the paths; `unit` is the length that sigma and C count along x_i."""
+class State(NamedTuple):
+    """The distribution of the next samples, and the paths.
+
+    `unit` is the length that sigma and C count along x_i.
+    """
 
     g: int  # generations so far
     m: FloatArray
@@ -80,7 +88,7 @@ class State:
     @property
     def std(self) -> FloatArray:
         """Standard deviations of the next samples, shape (n,)."""
-        return self.sigma * (self.unit * np.sqrt(np.diag(self.C)))
+        return standard_deviations(self)
 
 
 @dataclass(frozen=True)
@@ -91,46 +99,151 @@ class Generation:
     x: FloatArray
     members: FloatArray
     misfits: FloatArray
-    ranking: NDArray[np.int64]  # numbers of the members, the best first
+    ranking: IntArray  # numbers of the members, the best first
     after: State
 
 
-def decompose(state: State) -> State:
+def first_state(box: Box, sigma: float) -> State:
+    """Middle of the box, a sigma in quarters of its width, and no path yet."""
+    n = box.lower.size
+    middle = from_box((box.lower + box.upper) / 2, box)
+    # The identity, but for an order of the axes.
+    C = np.diag([math.exp(1e-4 * i / n) for i in range(n)])
+    unit = (box.upper - box.lower) / 4
+    return State(0, middle, sigma, C, np.zeros(n), np.zeros(n), unit, np.eye(n), np.ones(n))
+
+
+@numba.njit(cache=True)
+def _column(x):
+    return x.reshape(-1, 1)
+
+
+@numba.njit(cache=True)
+def _turn(axes, columns):
+    """Product of a small matrix and columns."""
+    turned = np.zeros(columns.shape)
+    for i in range(axes.shape[0]):
+        for j in range(axes.shape[1]):
+            turned[i] += axes[i, j] * columns[j]
+    return turned
+
+
+@numba.njit(cache=True)
+def standard_deviations(state):
+    """Standard deviations of the next samples, shape (n,)."""
+    return state.sigma * (state.unit * np.sqrt(np.diag(state.C)))
+
+
+@numba.njit(cache=True)
+def decompose(state):
     """Find axes B and lengths D of C."""
     C = (state.C + state.C.T) / 2
     squares, B = symmetric_eigen(C)
-    # Rounding may leave an eigenvalue at or below 0; the floor is beyond the condition at which the search stops.
-    return replace(state, C=C, B=B, D=np.sqrt(np.maximum(squares, 1e-15 * squares[-1])))
+    # Rounding may leave an eigenvalue at or below 0; the floor is beyond the condition at which the
+    # search stops.
+    D = np.sqrt(np.maximum(squares, 1e-15 * squares[-1]))
+    return State(state.g, state.m, state.sigma, C, state.p_sigma, state.p_c, state.unit, B, D)
 
 
-def sample(state: State, z: FloatArray) -> FloatArray:
-    """Equation 12: samples x of N(m, sigma^2 C) from standard normal z, both of shape (population, n)."""
-    return state.m + state.sigma * (state.unit * (state.B * (state.D * z)[:, None]).sum(axis=-1))
+@numba.njit(cache=True)
+def sample(state, z):
+    """Equation 12: samples x of N(m, sigma^2 C) from standard normal z; shapes (population, n)."""
+    y = _turn(state.B, _column(state.D) * z.T)
+    x = _column(state.m) + state.sigma * (_column(state.unit) * y)
+    return np.ascontiguousarray(x.T)
 
 
-def update(state: State, ranked: FloatArray, c: Constants) -> State:
+@numba.njit(cache=True)
+def update(state, ranked, c):
     """Equations 13 to 17: the next state from the samples x_{1:lambda} to x_{lambda:lambda}, the best first."""
-    g, B, D = state.g + 1, state.B, state.D
+    g = state.g + 1
+    B, D = state.B, state.D
+    # A sample a column, so that loops over the samples are vectorised.
+    x = np.ascontiguousarray(ranked.T)
+    n, size = x.shape
     # Equation 13, as a step from the last mean: the difference of two means has lost digits.
-    step = (c.weights[: c.mu, None] * (ranked[: c.mu] - state.m)).sum(axis=0)
+    step = (c.weights[: c.mu] * (x[:, : c.mu] - _column(state.m))).sum(axis=1)
     shift = step / state.unit / state.sigma
     # Equation 14, C^(-1/2) = B D^-1 B'.
-    white = (B * (np.einsum("ij,i->j", B, shift) / D)).sum(axis=1)
-    p_sigma = (1 - c.c_sigma) * state.p_sigma + math.sqrt(c.c_sigma * (2 - c.c_sigma) * c.mu_eff) * white
+    white = (B * ((B.T * shift).sum(axis=1) / D)).sum(axis=1)
+    p_sigma = (1 - c.c_sigma) * state.p_sigma + np.sqrt(c.c_sigma * (2 - c.c_sigma) * c.mu_eff) * white
     # Equation 15, by a factor e at most.
     squared = (p_sigma**2).sum()
-    sigma = state.sigma * math.exp(min(1.0, c.c_sigma / c.d_sigma * (math.sqrt(squared) / c.chi_n - 1)))
+    growth = c.c_sigma / c.d_sigma * (np.sqrt(squared) / c.chi_n - 1)
+    sigma = state.sigma * np.exp(min(1.0, growth))
     # Equation 16; h_sigma is 0, and the path stalls, while p_sigma is much too long.
-    h_sigma = squared / (1 - (1 - c.c_sigma) ** (2 * g)) / c.n < 2 + 4 / (c.n + 1)
-    p_c = (1 - c.c_c) * state.p_c + h_sigma * math.sqrt(c.c_c * (2 - c.c_c) * c.mu_eff) * shift
+    fresh = 1 - (1 - c.c_sigma) ** (2 * g)
+    h_sigma = 1.0 if squared / fresh / n < 2 + 4 / (n + 1) else 0.0
+    p_c = (1 - c.c_c) * state.p_c + h_sigma * np.sqrt(c.c_c * (2 - c.c_c) * c.mu_eff) * shift
     # Equation 17; where the weight is negative, y gets the expected length of a sample.
-    y = (ranked - state.m) / state.sigma / state.unit
-    length = np.sqrt(((np.einsum("ij,ki->kj", B, y) / D) ** 2).sum(axis=1))
-    w = np.where(c.weights < 0, c.weights * c.n / (length + 1e-9) ** 2, c.weights)
-    lost = c.c_1 * (1 - h_sigma) * c.c_c * (2 - c.c_c)  # by a stalled path: the paper's delta(h_sigma)
-    C = (1 - c.c_1 + lost - c.c_mu * c.weights.sum()) * state.C + c.c_1 * p_c[:, None] * p_c
-    C += c.c_mu * np.einsum("ki,kj->ij", w[:, None] * y, y)
+    y = (x - _column(state.m)) / state.sigma / _column(state.unit)
+    length = np.sqrt(((_turn(B.T, y[:, c.mu :]) / _column(D)) ** 2).sum(axis=0))
+    w = c.weights.copy()
+    w[c.mu :] = w[c.mu :] * n / (length + 1e-9) ** 2
+    learnt = np.zeros((n, n))
+    for k in range(size):
+        for i in range(n):
+            for j in range(n):
+                learnt[i, j] += w[k] * y[i, k] * y[j, k]
+    # By a stalled path: the paper's delta(h_sigma)
+    lost = c.c_1 * (1 - h_sigma) * c.c_c * (2 - c.c_c)
+    kept = 1 - c.c_1 + lost - c.c_mu * c.total_weight
+    C = kept * state.C + c.c_1 * _column(p_c) * p_c + c.c_mu * learnt
     return State(g, state.m + step, sigma, C, p_sigma, p_c, state.unit, B, D)
+
+
+@numba.njit(cache=True)
+def history_row(ranked, state):
+    """What `HISTORY` keeps of a generation, from its misfits, the best first, and the next state."""
+    size = ranked.size
+    std = standard_deviations(state)
+    row = np.empty(7)
+    row[0] = ranked[0]
+    row[1] = (ranked[(size - 1) // 2] + ranked[size // 2]) / 2
+    row[2] = ranked[int(0.75 * size)]
+    row[3] = state.sigma
+    row[4] = state.D[-1] / state.D[0]
+    row[5] = std.min()
+    row[6] = std.max()
+    return row
+
+
+@numba.njit(cache=True)
+def stop_rule(history, ranked, state, first_sigma):
+    """Name of the library's stop rule that holds after a generation, or "".
+
+    `history` as in `Search`, so far.
+    """
+    m, sigma = state.m, state.sigma
+    unit = state.unit
+    n, g = m.size, state.g
+    std = standard_deviations(state)
+    recent = history[max(0, g - 10 - 30 * n // ranked.size) :, 0]
+    spread = recent.max() - recent.min()
+    if ranked[-1] - recent[-1] < 1e-11 and spread < 1e-11:
+        return "tolfun"
+    if recent.size > 9 and spread < 1e-12:
+        return "tolfunhist"
+    if (std < 1e-11).all() and (sigma * unit * state.p_c < 1e-11).all():
+        return "tolx"
+    if (std > 1000 * first_sigma * unit).any():
+        return "tolfacupx"
+    if state.D[-1] > 1e7 * state.D[0]:
+        return "tolconditioncov"
+    if g > 1 and history[-1, 2] <= history[-1, 0] and history[-2, 2] <= history[-2, 0]:
+        return "tolflatfitness"
+    part = int(max(int(100 + 100 * n**1.5 / ranked.size) / 10, g // 5 / 10))
+    if g // 5 > max(100, 2 * part):
+        fifth = history[4::5][::-1]  # every fifth generation, the newest first
+        new, old = fifth[:part], fifth[part : 2 * part]
+        if np.median(new[:, 0]) >= np.median(old[:, 0]) and np.median(new[:, 1]) >= np.median(old[:, 1]):
+            return "tolstagnation"
+    if (m == m + 0.2 * std).any():
+        return "noeffectcoord"
+    k = g % n  # the axis that this generation tries
+    if (m == m + 0.1 * sigma * state.D[k] * unit * state.B[:, k]).all():
+        return "noeffectaxis"
+    return ""
 
 
 def check_settings(box: Box, population: int, iterations: int = 1, seed: int = 1) -> None:
@@ -151,7 +264,10 @@ def _check_seed(seed: int) -> None:
 
 
 def random_normals(seed: int) -> Callable[[int, int], FloatArray]:
-    """Standard normal numbers in the order of the stored runs, from a generator of their own; a seed above 0."""
+    """Standard normal numbers in the order of the stored runs, from a generator of their own.
+
+    A seed above 0.
+    """
     _check_seed(seed)
     return np.random.RandomState(seed).randn
 
@@ -187,10 +303,8 @@ def generations(
     n = box.lower.size
     if not (math.isfinite(sigma) and sigma > 0):
         raise ValueError(f"sigma {sigma}: a number above 0 is needed")
-    c, nothing = constants(population, n), np.zeros(n)
-    C = np.diag([math.exp(1e-4 * i / n) for i in range(n)])  # the identity, but for an order of the axes
-    middle, unit = from_box((box.lower + box.upper) / 2, box), (box.upper - box.lower) / 4
-    after = State(0, middle, sigma, C, nothing, nothing, unit, np.eye(n), np.ones(n))
+    c = constants(population, n)
+    after = first_state(box, sigma)
     while True:
         before = decompose(after)
         x = sample(before, normals(population, n))
@@ -217,37 +331,17 @@ class Search:
 def search(steps: Iterator[Generation], iterations: int) -> Search:
     """Follow `generations` until a stop rule holds, `iterations` at the most."""
     history = np.empty((iterations, len(HISTORY)))
-    best, misfit, first = np.empty(0), math.inf, None
-    for g, now in enumerate(steps):
-        first = first or now
-        ranked, std = now.misfits[now.ranking], now.after.std
-        quartile, axis_ratio = ranked[int(0.75 * ranked.size)], now.before.D[-1] / now.before.D[0]
-        history[g] = ranked[0], np.median(ranked), quartile, now.after.sigma, axis_ratio, std.min(), std.max()
+    best, misfit = np.empty(0), math.inf
+    first_sigma = math.nan
+    for now in steps:
+        g = now.after.g
+        ranked = now.misfits[now.ranking]
+        history[g - 1] = history_row(ranked, now.after)
+        if g == 1:
+            first_sigma = now.before.sigma
         if ranked[0] < misfit:
             best, misfit = now.members[now.ranking[0]], float(ranked[0])
-        if stop := stop_rule(now, first, history[: g + 1], iterations):
-            return Search(best, misfit, (g + 1) * ranked.size, stop, history[: g + 1].copy())
+        stop = "maxiter" if g == iterations else stop_rule(history[:g], ranked, now.after, first_sigma)
+        if stop:
+            return Search(best, misfit, g * ranked.size, stop, history[:g].copy())
     raise ValueError("the generations ended before a stop rule held")
-
-
-def stop_rule(now: Generation, first: Generation, history: FloatArray, iterations: int) -> str:
-    """Name of the library's stop rule that holds after a generation, or ""; `history` as in `Search`, so far."""
-    state, n, size = now.after, now.after.m.size, now.misfits.size
-    std, recent, flat = state.std, history[-10 - 30 * n // size :, 0], history[-2:, 2] <= history[-2:, 0]
-    axis = 0.1 * state.sigma * state.D[state.g % n] * state.unit * state.B[:, state.g % n]
-    fifth = history[4::5][::-1, :2]  # best and median of every fifth generation, the newest first
-    part = int(max(int(100 + 100 * n**1.5 / size) / 10, len(fifth) / 10))
-    rules = {
-        "maxiter": state.g >= iterations,
-        "tolfun": now.misfits.max() - recent[-1] < 1e-11 and np.ptp(recent) < 1e-11,
-        "tolfunhist": recent.size > 9 and np.ptp(recent) < 1e-12,
-        "tolx": (std < 1e-11).all() and (state.sigma * state.unit * state.p_c < 1e-11).all(),
-        "tolfacupx": (std > 1000 * first.before.sigma * first.before.unit).any(),
-        "tolconditioncov": state.D[-1] > 1e7 * state.D[0],
-        "tolflatfitness": flat.size == 2 and flat.all(),
-        "tolstagnation": len(fifth) > max(100, 2 * part)
-        and (np.median(fifth[:part], axis=0) >= np.median(fifth[part : 2 * part], axis=0)).all(),
-        "noeffectcoord": (state.m == state.m + 0.2 * std).any(),
-        "noeffectaxis": (state.m == state.m + axis).all(),
-    }
-    return next((name for name, holds in rules.items() if holds), "")

@@ -1,9 +1,10 @@
 """The backlash signature h(t) and its misfit (equations 1 to 7 and 11, the cost function, Table 1).
 
-Symbols are the paper's: t0, T1, T2, T_d and T_f in s, the damping tau in 1/s, the angular frequency omega in rad/s,
-the amplitude factor A and the motor speed v in rps. Time t and v are arrays of shape (samples,). A parameter vector X
-of shape (7,) lists the free parameters in the order of `FREE_PARAMETERS`. T_d and T_f are not free: Table 1 gives them
-equal lower and upper bounds, so the optimiser never sees them.
+Symbols are the paper's: t0, T1, T2, T_d and T_f in s, the damping tau in 1/s, the angular frequency
+omega in rad/s, the amplitude factor A and the motor speed v in rps. Time t and v are arrays of
+shape (samples,). A parameter vector X of shape (7,) lists the free parameters in the order of
+`FREE_PARAMETERS`. T_d and T_f are not free: Table 1 gives them equal lower and upper bounds, so the
+optimiser never sees them.
 """
 
 from dataclasses import dataclass
@@ -12,7 +13,8 @@ import numpy as np
 
 from replication.arrays import FloatArray
 
-# The order in which the authors' CMA-ES samples them: a seed means the same runs only in this order.
+# The order in which the authors' CMA-ES samples them: a seed means the same runs only in this
+# order.
 FREE_PARAMETERS = ("A_rps", "t0_s", "tau_per_s", "omega_rad_per_s", "v_t_rps", "T2_s", "T1_s")
 
 # Table 1's bounds of tau [1/s], and of omega over 2 pi [Hz].
@@ -31,16 +33,25 @@ class Timing:
 
 @dataclass(frozen=True)
 class Box:
-    """Lower and upper bounds of the free parameters, each of shape (7,), in `FREE_PARAMETERS` order."""
+    """Bounds of the free parameters, each of shape (7,), in `FREE_PARAMETERS` order."""
 
     lower: FloatArray
     upper: FloatArray
 
 
 def damped_oscillation(
-    t: FloatArray, A: float, t0: float, tau: float, omega: float, T1: float, T2: float
+    t: FloatArray,
+    A: float,
+    t0: float,
+    tau: float,
+    omega: float,
+    T1: float,
+    T2: float,
 ) -> FloatArray:
-    """Equation 5: one damped oscillation d_b(t - t0), zero outside t0 + T1 <= t <= t0 + T2; shape (samples,)."""
+    """Equation 5: one damped oscillation d_b(t - t0), zero outside t0 + T1 <= t <= t0 + T2.
+
+    Shape (samples,).
+    """
     inside = (t >= t0 + T1) & (t <= t0 + T2)
     elapsed = np.where(inside, t - (t0 + T1), 0.0)
     return np.where(inside, A * np.exp(-elapsed * tau) * np.sin(omega * (t - t0)), 0.0)
@@ -49,8 +60,8 @@ def damped_oscillation(
 def signature(t: FloatArray, X: FloatArray, timing: Timing) -> FloatArray:
     """Equation 7: the signature h(t) [rps], n turns of equation 6, as the paper writes it; shape (samples,).
 
-    This direct transcription is the reference; `compiled.misfit.population_rmse` is what a search calls. The fifth
-    element of X, v_t, does not enter.
+    This direct transcription is the reference; `compiled.misfit.population_rmse` is what a search
+    calls. The fifth element of X, v_t, does not enter.
     """
     A, t0, tau, omega, _, T2, T1 = X
     h = np.zeros_like(t)
@@ -88,7 +99,10 @@ def table1_box(
         Bounds of tau, and of omega over 2 pi.
     """
     half_range = amplitude_factor * (v.max() - v.min()) / 2
-    (tau_min, tau_max), (omega_min, omega_max) = damping_per_s, (2 * np.pi * f for f in frequency_hz)
+    (tau_min, tau_max), (omega_min, omega_max) = (
+        damping_per_s,
+        (2 * np.pi * f for f in frequency_hz),
+    )
     lower = np.array([-half_range, t.min(), tau_min, omega_min, v.min(), 0.0, 0.0])
     upper = np.array([half_range, t.max(), tau_max, omega_max, v.max(), longest_window_s, longest_window_s / 2])
     return Box(lower, upper)

@@ -1,28 +1,30 @@
 """Table 2: its records, repeated fits of them, the table that they give, and the two claims that it decides."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
+from itertools import product
 
 import numpy as np
 import pandas as pd
-from joblib import Parallel, delayed
-from numpy.typing import NDArray
 from scipy import stats
-from tqdm import tqdm
 
 from replication import published
-from replication.arrays import FloatArray
+from replication.arrays import FloatArray, IntArray
 from replication.authors import HIGH_NOISE, level_delta_rad, load_noisy
 from replication.identify import Protocol, paper_fit
+from replication.parallel import in_parallel
+from replication.published import Criteria, Decision
 from replication.recording import Recording, add_uniform_noise, constant_speed, from_sample
 from replication.signature import FREE_PARAMETERS
 from replication.simulator.parameters import JointParameters
 from replication.simulator.recordings import simulate_recordings
 
-# Runs whose misfits differ by less are the same basin: rounding at the window's end moves the misfit by up to 0.15 %.
+AUTHORS_PROTOCOL = Protocol()
+
+# Runs whose misfits differ by less are the same basin: rounding at a window's end moves them by up
+# to 0.15 %.
 BASIN_GAP = 2e-3
 HIGH_OVER_LOW = 1.5  # the authors' high noise over their low one, as their read-me says
-
-AUTHORS = Protocol()
+BOOTSTRAP_DRAWS = 20000
 
 
 def table2_levels() -> range:
@@ -30,8 +32,14 @@ def table2_levels() -> range:
     return range(2, 2 + int(published.value("text.levels")))
 
 
+def theoretical_amplitudes() -> dict[float, float]:
+    """Table 2's theoretical A [rps] of its ten rows, by backlash [rad]."""
+    theoretical = published.column("Table 2", "theoretical")
+    return {level_delta_rad(level): A for level, A in zip(table2_levels(), theoretical, strict=False)}
+
+
 def authors_table2_records(realisations: Sequence[int]) -> list[tuple[dict, Recording]]:
-    """Load the authors' noisy records of Table 2's ten rows, for each of some realisations R, of low or high noise."""
+    """Load the authors' noisy records of Table 2's ten rows, for each of some realisations R of either noise."""
     if not realisations:
         raise ValueError("realisations []: name some of 1 to 5 (low noise) and 11 to 20 (high noise)")
     return [
@@ -41,12 +49,20 @@ def authors_table2_records(realisations: Sequence[int]) -> list[tuple[dict, Reco
     ]
 
 
-def simulated_table2_records(joint: JointParameters, seed: int, factor: float = 1.0) -> list[tuple[dict, Recording]]:
-    """Simulate Table 2's ten records: the joint at each level, with uniform noise of `factor` times the printed one."""
-    noise, rng = factor * published.column("Table 2", "noise"), np.random.default_rng(seed)
+def simulated_table2_records(
+    joint: JointParameters,
+    seed: int,
+    factor: float = 1.0,
+) -> list[tuple[dict, Recording]]:
+    """Simulate Table 2's ten records: the joint at each level, with `factor` times the printed uniform noise."""
+    noise = factor * published.column("Table 2", "noise")
+    rng = np.random.default_rng(seed)
     clean = simulate_recordings(joint, [level_delta_rad(level) for level in table2_levels()])
     return [
-        (_key("simulated", seed, row, "low", factor), add_uniform_noise(recording, noise[row - 1], rng))
+        (
+            _key("simulated", seed, row, "low", factor),
+            add_uniform_noise(recording, noise[row - 1], rng),
+        )
         for row, recording in enumerate(clean, start=1)
     ]
 
@@ -59,32 +75,52 @@ def noise_only_record(seed: int, factor: float = 1.0) -> tuple[dict, Recording]:
 
 
 def _key(source: str, realisation: int, row: int, noise_level: str, factor: float = 1.0) -> dict:
-    """What a record of Table 2's row is called in data frames; a simulated realisation is the seed of its noise."""
-    delta = 0.0 if noise_level == "noise only" else level_delta_rad(table2_levels()[row - 1])
-    noise = published.column("Table 2", "noise")[row - 1] * (HIGH_OVER_LOW if noise_level == "high" else factor)
-    key = {"source": source, "realisation": realisation, "row": row, "delta_rad": delta, "noise_level": noise_level}
-    return key | {"noise_amplitude_rps": noise}
+    """What a record of Table 2's row is called in data frames.
+
+    A simulated realisation is the seed of its noise.
+    """
+    louder = HIGH_OVER_LOW if noise_level == "high" else factor
+    return {
+        "source": source,
+        "realisation": realisation,
+        "row": row,
+        "delta_rad": 0.0 if noise_level == "noise only" else level_delta_rad(table2_levels()[row - 1]),
+        "noise_level": noise_level,
+        "noise_amplitude_rps": published.column("Table 2", "noise")[row - 1] * louder,
+    }
 
 
-def start_samples(protocol: Protocol, seeds: Sequence[int], record_seed: int | Sequence[int]) -> list[int]:
+def start_samples(
+    protocol: Protocol,
+    seeds: Sequence[int],
+    record_seed: int | Sequence[int],
+) -> list[int]:
     """Draw the start sample of each run of a record, as the protocol's `start` says."""
+
+    def draw(seed: int | Sequence) -> int:
+        return int(np.random.default_rng(seed).integers(protocol.latest_start))
+
     if protocol.start == "whole":
         return [0] * len(seeds)
     if protocol.start == "per record":
-        return [int(np.random.default_rng(record_seed).integers(protocol.latest_start))] * len(seeds)
+        return [draw(record_seed)] * len(seeds)
     if protocol.start == "per run":
-        return [int(np.random.default_rng((record_seed, seed)).integers(protocol.latest_start)) for seed in seeds]
+        return [draw((record_seed, seed)) for seed in seeds]
     raise ValueError(f"start {protocol.start!r}: expected 'whole', 'per run' or 'per record'")
 
 
 def _run(recording: Recording, protocol: Protocol, seed: int, start: int) -> dict[str, float]:
     fit = paper_fit(from_sample(recording, start), protocol, seed)
+    found = dict(zip(FREE_PARAMETERS, fit.X, strict=True))
     spent = {"rmse_rps": fit.rmse, "evaluations": fit.evaluations, "iterations": fit.iterations}
-    return {"seed": seed, "start_sample": start, **dict(zip(FREE_PARAMETERS, fit.X, strict=True)), **spent}
+    return {"seed": seed, "start_sample": start} | found | spent
 
 
 def repeated_fits(
-    records: Sequence[tuple[dict, Recording]], protocols: Iterable[Protocol], seeds: Sequence[int], label: str
+    records: Sequence[tuple[dict, Recording]],
+    protocols: Iterable[Protocol],
+    seeds: Sequence[int],
+    label: str,
 ) -> pd.DataFrame:
     """Fit every record with every protocol and seed, on all cores; the label stands beside the progress bar.
 
@@ -106,19 +142,17 @@ def repeated_fits(
     """
     if not len(seeds):
         raise ValueError("no seeds: at least one run of each record is needed")
-    jobs, keys = [], []
-    for protocol in protocols:
-        for index, (key, recording) in enumerate(records):
-            starts = start_samples(protocol, seeds, record_seed=index)
-            for seed, start in zip(seeds, starts, strict=True):
-                jobs.append(delayed(_run)(recording, protocol, seed, start))
-                keys.append({**key, "protocol": protocol.name})
-    results = Parallel(n_jobs=-1, return_as="generator", batch_size=4)(jobs)
-    runs = list(tqdm(results, total=len(jobs), desc=label, mininterval=5))
-    return pd.DataFrame([{**key, **run} for key, run in zip(keys, runs, strict=True)])
+    calls, keys = [], []
+    for protocol, (index, (key, recording)) in product(protocols, enumerate(records)):
+        starts = start_samples(protocol, seeds, record_seed=index)
+        for seed, start in zip(seeds, starts, strict=True):
+            calls.append((recording, protocol, seed, start))
+            keys.append(key | {"protocol": protocol.name})
+    runs = in_parallel(_run, calls, label)
+    return pd.DataFrame([key | run for key, run in zip(keys, runs, strict=True)])
 
 
-def basin_labels(rmse: FloatArray) -> NDArray[np.int64]:
+def basin_labels(rmse: FloatArray) -> IntArray:
     """Number the basins that runs on one record ended in, from the lowest misfit (1) upwards; shape (runs,).
 
     A new basin begins where the sorted final misfit jumps by more than `BASIN_GAP`, relatively.
@@ -133,21 +167,25 @@ def basin_labels(rmse: FloatArray) -> NDArray[np.int64]:
 def summarise_runs(runs: pd.DataFrame, keys: Sequence[str]) -> pd.DataFrame:
     """Condense the runs of `repeated_fits` on each record into a row of a table.
 
-    `keys` are the columns that say which record it is, the last one its theoretical A [rps]. A record without backlash,
-    whose theoretical A is 0, keeps the sign of A. `best_A_rps` and its SD are over the best basin's runs, because A is
-    free within the window's gate.
+    `keys` are the columns that say which record it is, the last one its theoretical A [rps]. A
+    record without backlash, whose theoretical A is 0, keeps the sign of A. `best_A_rps` and its SD
+    are over the best basin's runs, because A is free within the window's gate.
     """
     rows = []
     for key, part in runs.groupby(list(keys), sort=False):
-        theoretical, signed = key[-1], part["A_rps"].to_numpy()
-        # (A, t0) and (-A, t0 plus or minus T_d) are the same signal; only pure noise has no sign to lose.
+        theoretical = key[-1]
+        signed = part["A_rps"].to_numpy()
+        # (A, t0) and (-A, t0 plus or minus T_d) are the same signal; only pure noise has no sign to
+        # lose.
         amplitude = np.abs(signed) if theoretical > 0 else signed
+        mean = amplitude.mean()
+        error = 100 * abs(mean - theoretical) / theoretical if theoretical > 0 else np.nan
         labels = basin_labels(part["rmse_rps"].to_numpy())
-        best, mean = np.abs(signed)[labels == 1], amplitude.mean()
+        best = np.abs(signed)[labels == 1]
         summary = {
             "mean_A_rps": mean,
             "sd_A_rps": amplitude.std(ddof=1),
-            "relative_error_percent": 100 * abs(mean - theoretical) / theoretical if theoretical > 0 else np.nan,
+            "relative_error_percent": error,
             "best_A_rps": best.mean(),
             "best_sd_A_rps": best.std(),
             "best_rmse_rps": part["rmse_rps"].min(),
@@ -165,8 +203,11 @@ def table2(runs: pd.DataFrame) -> pd.DataFrame:
     A row for each source, realisation and row of Table 2.
     """
     theoretical = published.column("Table 2", "theoretical")[runs["row"] - 1]
-    keys = ["source", "realisation", "noise_level", "row", "delta_rad", "noise_amplitude_rps", "theoretical_A_rps"]
-    return summarise_runs(runs.assign(theoretical_A_rps=theoretical), keys)
+    of_record = ["source", "realisation", "noise_level", "row", "delta_rad", "noise_amplitude_rps"]
+    return summarise_runs(
+        runs.assign(theoretical_A_rps=theoretical),
+        [*of_record, "theoretical_A_rps"],
+    )
 
 
 def table2_cells(table: pd.DataFrame) -> dict[str, list[float]]:
@@ -184,36 +225,45 @@ def error_percent(table: pd.DataFrame, column: str) -> pd.Series:
     return (100 * (table[column] / printed - 1)).where(table["theoretical_A_rps"] > 0)
 
 
-def decide_error_below_10(runs: pd.DataFrame, criteria: Mapping[str, float] | None = None) -> tuple[bool | None, str]:
-    """Decide whether every mean |A| errs by less than 10 %, from runs on the authors' records; say what was measured.
+def decide_error_below_10(runs: pd.DataFrame, criteria: Criteria = None) -> Decision:
+    """Decide whether every mean |A| errs by less than 10 %, from runs on the authors' records.
 
-    The largest error has a 95 % bootstrap interval, all records together. The cell `text.error_limit_percent` is judged
-    by the same largest error.
+    The second value says what was measured: the largest error, with a 95 % bootstrap interval, all
+    records together. The cell `text.error_limit_percent` is judged by the same largest error.
     """
-    theoretical, rng, errors = published.column("Table 2", "theoretical"), np.random.default_rng(1), []
+    theoretical = published.column("Table 2", "theoretical")
+    rng = np.random.default_rng(1)
     records = runs[runs["row"] <= len(table2_levels())].groupby(["realisation", "row"], sort=False)
     tail = 0.025 / records.ngroups
+    errors = []
     for (_, row), part in records:
-        amplitude, true = part["A_rps"].abs().to_numpy(), theoretical[row - 1]
-        means = amplitude[rng.integers(amplitude.size, size=(20000, amplitude.size))].mean(axis=1)
+        amplitude = part["A_rps"].abs().to_numpy()
+        true = theoretical[row - 1]
+        drawn = rng.integers(amplitude.size, size=(BOOTSTRAP_DRAWS, amplitude.size))
+        means = amplitude[drawn].mean(axis=1)
         low, high = np.quantile(100 * np.abs(means / true - 1), [tail, 1 - tail])
         errors.append((100 * abs(amplitude.mean() / true - 1), low, high))
     largest, low, high = np.max(errors, axis=0)
     holds = published.decide("error_below_10", (low, high), criteria)
-    return holds, f"largest error of a mean {largest:.1f} % (95 % interval {low:.1f} to {high:.1f} %)"
+    return (
+        holds,
+        f"largest error of a mean {largest:.1f} % (95 % interval {low:.1f} to {high:.1f} %)",
+    )
 
 
-def decide_local_minima(table: pd.DataFrame, criteria: Mapping[str, float] | None = None) -> tuple[bool | None, str]:
+def decide_local_minima(table: pd.DataFrame, criteria: Criteria = None) -> Decision:
     """Decide whether runs avoid local minima, from `table2` of the authors' records; say what was measured.
 
-    The interval of the share is Student's over the records, because runs on one record are not independent.
+    The interval of the share is Student's over the records, because runs on one record are not
+    independent.
     """
-    share = table["best_basin_runs"] / table["runs"]
+    hits, runs = table["best_basin_runs"], table["runs"]
+    share = hits / runs
     half = stats.t.ppf(0.975, share.size - 1) * share.std() / np.sqrt(share.size)
     low, high = share.mean() - half, share.mean() + half
     stored = basin_labels(published.authors_notebook_runs()["final_rmse_rps"].to_numpy())
     return published.decide("local_minima", (low, high), criteria), (
-        f"{table['best_basin_runs'].sum()} of {table['runs'].sum()} runs on {share.size} noisy records end in the best "
-        f"basin, {100 * share.mean():.0f} % ({100 * low:.0f} to {100 * high:.0f} %); of the authors' {stored.size} "
+        f"{hits.sum()} of {runs.sum()} runs on {share.size} noisy records end in the best basin, "
+        f"{100 * share.mean():.0f} % ({100 * low:.0f} to {100 * high:.0f} %); of the authors' {stored.size} "
         f"stored runs on the noise-free record 12, {(stored == 1).sum()} do"
     )

@@ -1,72 +1,96 @@
-"""The studies' command line: each writes its tables into the results."""
+"""The studies that take long: `python -m studies NAME` writes the tables of one."""
 
 import argparse
 import os
 import sys
+from collections.abc import Sequence
 
-from replication import files
-from workbook.parser import OneLineParser, add_command, run_command
+from replication.files import ROOT, write_csv, write_text
+from replication.processors import pinned_environment
 
-_RESULTS, _DATA = files.ROOT / "results", files.ROOT / "backlash" / "data"
-
-
-def main(arguments: list[str] | None = None) -> int:
-    """Run one study."""
-    parser = OneLineParser(prog="python -m studies", description=__doc__)
-    commands = parser.add_subparsers(required=True, metavar="COMMAND", dest="command_name")
-    for run in (run_calibrations, run_claims, run_population, run_protocols):
-        add_command(commands, run.__name__.removeprefix("run_"), "studies.__main__", run.__doc__ or "")
-    return run_command(parser, arguments, anywhere=())
+RESULTS = ROOT / "results"
+SENSOR_DATA = ROOT / "backlash" / "data"
 
 
-def run_calibrations(_: argparse.Namespace) -> int:
+def write_calibrations() -> None:
     """The sensor's default calibrations anew, into backlash/data/default_calibrations.json."""
     from backlash.calibration import default_calibrations_text
 
-    files.write_text(_DATA / "default_calibrations.json", default_calibrations_text())
-    return 0
+    write_text(SENSOR_DATA / "default_calibrations.json", default_calibrations_text())
 
 
-def run_claims(_: argparse.Namespace) -> int:
-    """The slow studies behind claims, into results/optimizers.csv and results/alpha_refit.csv."""
+def write_claims() -> None:
+    """The slow studies behind claims, into results/alpha_refit.csv and results/optimizers.csv."""
     from replication.simulator import edge
     from studies import optimizers
 
-    files.write_csv(_RESULTS / "alpha_refit.csv", edge.refit_alphas())
     if not optimizers.swarms_installed():
-        print("the swarms need the extra `studies` (pip install .[studies]): optimizers.csv is kept", file=sys.stderr)
-        return 1
+        raise optimizers.SwarmsMissing("the swarms need the extra `studies`: pip install .[studies]")
+    write_csv(RESULTS / "alpha_refit.csv", edge.refit_alphas())
     runs = optimizers.run_jobs(optimizers.planned_runs())
-    files.write_csv(_RESULTS / "optimizers.csv", runs)
+    write_csv(RESULTS / "optimizers.csv", runs)
     print(optimizers.success_table(runs).to_string(index=False))
-    return 0
 
 
-def run_population(_: argparse.Namespace) -> int:
-    """Every method on joints that nobody calibrated, into results/population_logs.csv and results/datasheet.csv."""
-    import pandas as pd
+def write_joint() -> None:
+    """The simulated joint anew from the authors' records, into replication/data/joint.json."""
+    from replication.simulator.reidentify import reidentify_joint
 
-    from studies import benchmark, population
+    write_text(ROOT / "replication" / "data" / "joint.json", reidentify_joint())
+
+
+def write_population() -> None:
+    """Every method, and the whole sensor, on joints that nobody calibrated."""
+    from pandas import concat
+
+    from studies import population
 
     drawn = population.measure_population(*population.SPREAD_STUDY)
-    files.write_csv(_DATA / "spread_of_joints.csv", population.spread_shares(drawn))
-    studies = [population.measure_population(*study) for study in population.FINAL_STUDIES]
-    rows = pd.concat(studies, ignore_index=True)
-    files.write_csv(_RESULTS / "population_logs.csv", rows)
-    print(benchmark.summarise_intervals(rows).to_string(index=False))
+    write_csv(SENSOR_DATA / "spread_of_joints.csv", population.spread_shares(drawn))
+    measured = [population.measure_population(*study) for study in population.FINAL_STUDIES]
+    write_csv(RESULTS / "population_logs.csv", concat(measured, ignore_index=True))
     sheet = population.summarise_sensor(population.measure_sensor(population.DATASHEET, population.DATASHEET_SEED))
-    files.write_csv(_RESULTS / "datasheet.csv", sheet)
-    print(f"{sheet.to_string(index=False)}\n{population.against_criteria(sheet).to_string(index=False)}")
-    return 0
+    write_csv(RESULTS / "datasheet.csv", sheet)
+    print(population.against_criteria(sheet).to_string(index=False))
 
 
-def run_protocols(_: argparse.Namespace) -> int:
+def write_protocols() -> None:
     """Every protocol that may have printed Table 2, into results/protocol_runs.csv."""
+    # The slow test that runs some again has to find the same digits.
+    os.environ.update(pinned_environment())
     from replication.replay import protocols
-    from workbook.execution import PINNED_ENVIRONMENT
 
-    os.environ.update(PINNED_ENVIRONMENT)  # the slow test that runs some again has to find the same digits
-    files.write_csv(protocols.RUNS, protocols.compute_runs())
+    write_csv(protocols.PROTOCOL_RUNS, protocols.compute_runs())
+
+
+STUDIES = {
+    "calibrations": write_calibrations,
+    "claims": write_claims,
+    "identify-joint": write_joint,
+    "population": write_population,
+    "protocols": write_protocols,
+}
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run one study.
+
+    Return the exit status: 0 done, 2 the name or the data are not there, 1 anything else.
+    """
+    parser = argparse.ArgumentParser(prog="python -m studies", description=__doc__)
+    parser.add_argument("name", nargs="?", default="", help=", ".join(STUDIES))
+    name = parser.parse_args(arguments).name
+    if name not in STUDIES:
+        print(f"study {name!r}: there are {', '.join(STUDIES)}", file=sys.stderr)
+        return 2
+    try:
+        STUDIES[name]()
+    except Exception as error:
+        # Of errors whose message is the one line that a user needs.
+        if not hasattr(error, "exit_status"):
+            raise
+        print(error, file=sys.stderr)
+        return error.exit_status
     return 0
 
 

@@ -1,78 +1,92 @@
-"""Methods on logs of known backlash, in parallel: a table of answers, and what it says of errors and intervals."""
+"""Methods on logs of known backlash: a table of answers, and what it says of errors and intervals."""
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import pandas as pd
-from joblib import Parallel, delayed
-from tqdm import tqdm
+from pandas import DataFrame, Series
 
 from backlash.calibration import Calibration, backlashes, widened
 from backlash.fitting.global_fit import GlobalFit
 from backlash.fitting.self_calibration import fit_joint
+from replication.arrays import FloatArray
+from replication.parallel import in_parallel
 from replication.recording import Recording
 from replication.statistics import rate_columns
 from studies.joint_match import NUISANCES
 
 # Methods through the joint: what is unknown besides the backlash.
 JOINT_ALL_FREE = "joint, all nuisances free"
-JOINT_METHODS = {"joint": (), "joint, start angle free": ("start_angle",), JOINT_ALL_FREE: tuple(NUISANCES)}
+JOINT_METHODS = {
+    "joint": (),
+    "joint, start angle free": ("start_angle",),
+    JOINT_ALL_FREE: tuple(NUISANCES),
+}
+
+Row = dict[str, Any]
 
 
 @dataclass(frozen=True)
-class Log:
+class KnownLog:
     """A log of known backlash [rad]; its labels are the columns that say which log it is."""
 
-    labels: Mapping[str, Any]
+    labels: Row
     delta_rad: float
     recording: Recording
 
 
 # By method: the backlash found [rad], or columns of which `found_rad` is one.
-Answers = Mapping[str, float | Mapping[str, Any]]
+Answers = Mapping[str, float | Row]
+DrawnLog = KnownLog | Callable[[], KnownLog]  # a log, or a function that draws it
 
 
-def in_parallel(calls: Iterable[Any], label: str) -> list:
-    """Results of joblib's delayed calls, in their order, on all cores."""
-    work = list(calls)
-    results = Parallel(n_jobs=-1, return_as="generator")(work)
-    return list(tqdm(results, total=len(work), desc=label, mininterval=5))
+def logs_by_methods(logs: Iterable[DrawnLog], answers: Callable[[KnownLog], Answers]) -> DataFrame:
+    """One row per log and method: labels, true and found backlash, error, and whatever else is answered."""
+    found = in_parallel(_rows, ((log, answers) for log in logs), "logs")
+    return DataFrame([row for rows in found for row in rows])
 
 
-def logs_by_methods(logs: Iterable[Log | Callable[[], Log]], answers: Callable[[Log], Answers]) -> pd.DataFrame:
-    """One row per log and method: labels, true and found backlash, error; logs may be functions that draw them."""
-    found = in_parallel((delayed(_rows)(log, answers) for log in logs), "logs")
-    return pd.DataFrame([row for rows in found for row in rows])
-
-
-def _rows(log: Log | Callable[[], Log], answers: Callable[[Log], Answers]) -> list[dict]:
-    log = log if isinstance(log, Log) else log()
+def _rows(drawn: DrawnLog, answers: Callable[[KnownLog], Answers]) -> list[Row]:
+    log = drawn if isinstance(drawn, KnownLog) else drawn()
     rows = []
     for method, answer in answers(log).items():
-        columns = answer if isinstance(answer, Mapping) else {"found_rad": answer}
-        found = {"found_rad": columns["found_rad"], "error_rad": columns["found_rad"] - log.delta_rad}
-        rows.append({"method": method, **log.labels, "delta_rad": log.delta_rad, **found, **columns})
+        columns = answer if isinstance(answer, dict) else {"found_rad": answer}
+        found = columns["found_rad"]
+        key = {"method": method, **log.labels, "delta_rad": log.delta_rad}
+        rows.append(key | {"found_rad": found, "error_rad": found - log.delta_rad} | columns)
     return rows
 
 
-def interval_answer(found_rad: float, interval_rad: tuple[float, float], reason: str) -> dict[str, object]:
+def interval_answer(found_rad: float, interval_rad: tuple[float, float], reason: str) -> Row:
     """Columns of an answer with an interval; a reason refuses it."""
-    interval = dict(zip(("low_rad", "high_rad"), interval_rad, strict=True))
-    return {"found_rad": found_rad} | interval | {"refused": bool(reason), "reason": reason.split(" (")[0]}
+    low, high = interval_rad
+    return {
+        "found_rad": found_rad,
+        "low_rad": low,
+        "high_rad": high,
+        "refused": bool(reason),
+        "reason": reason.split(" (")[0],
+    }
 
 
-def self_answer(recording: Recording) -> dict[str, object]:
+def self_answer(recording: Recording) -> Row:
     """Answer of method "self", and its whole fit."""
     fit = fit_joint(recording)
     answer = interval_answer(fit.delta_rad, fit.interval_rad, fit.refusal_reason)
-    return answer | {"sd_rad": fit.sd_rad, "misfit": fit.misfit, "unrest": fit.ring_noise_ratio, "fit": fit}
+    return answer | {
+        "sd_rad": fit.sd_rad,
+        "misfit": fit.misfit,
+        "unrest": fit.ring_noise_ratio,
+        "fit": fit,
+    }
 
 
 def widened_answers(
-    recording: Recording, fit: GlobalFit, calibrations: Mapping[str, Calibration]
-) -> dict[str, dict[str, object]]:
+    recording: Recording,
+    fit: GlobalFit,
+    calibrations: Mapping[str, Calibration],
+) -> dict[str, Row]:
     """Answers, from the global fit, to a record of another joint than that of the calibrations."""
     answers = {}
     for name, found in backlashes(recording, fit, calibrations).items():
@@ -82,13 +96,16 @@ def widened_answers(
     return answers
 
 
-def root_mean_square(values: pd.Series) -> float:
+def root_mean_square(values: Series | FloatArray) -> float:
     """Root of the mean square; NaN of nothing."""
     return float(np.sqrt(np.mean(values**2)))
 
 
-def summarise_errors(table: pd.DataFrame, by: Sequence[str] = ("method",)) -> pd.DataFrame:
-    """Number of logs and mean size, largest size and root mean square of the errors, groups in their first order."""
+def summarise_errors(table: DataFrame, by: Sequence[str] = ("method",)) -> DataFrame:
+    """Number of logs, and mean size, largest size and root mean square of the errors.
+
+    Groups in their first order.
+    """
     groups = table.assign(size=table["error_rad"].abs()).groupby(list(by), sort=False)
     return groups.agg(
         logs=("size", "size"),
@@ -98,22 +115,31 @@ def summarise_errors(table: pd.DataFrame, by: Sequence[str] = ("method",)) -> pd
     ).reset_index()
 
 
-def summarise_intervals(rows: pd.DataFrame) -> pd.DataFrame:
-    """Refusals of each method on each population; errors, coverage and bound (RMS) of the logs that were answered."""
+def summarise_intervals(rows: DataFrame) -> DataFrame:
+    """Refusals of each method on each population.
+
+    Errors, coverage and bound (RMS) of the logs that were answered.
+    """
     table = []
     for (population, method), part in rows.groupby(["population", "method"], sort=False):
         answered = part[~part["refused"]]
-        error, held = answered["found_rad"] - answered["delta_rad"], hold_truth(answered)
-        table.append(
-            {"population": population, "method": method, "logs": len(part), "refused": part["refused"].mean()}
-            | {"rmse_rad": root_mean_square(error), "mean_abs_error_rad": error.abs().mean()}
-            | rate_columns(held, len(answered), "coverage")
-            | {"held_or_refused": (held + part["refused"].sum()) / len(part)}
-            | {"bound_rad": root_mean_square(answered["bound_rad"])}
-        )
-    return pd.DataFrame(table)
+        error = answered["found_rad"] - answered["delta_rad"]
+        held = hold_truth(answered)
+        row = {
+            "population": population,
+            "method": method,
+            "logs": len(part),
+            "refused": part["refused"].mean(),
+            "rmse_rad": root_mean_square(error),
+            "mean_abs_error_rad": error.abs().mean(),
+            **rate_columns(held, len(answered), "coverage"),
+            "held_or_refused": (held + part["refused"].sum()) / len(part),
+            "bound_rad": root_mean_square(answered["bound_rad"]),
+        }
+        table.append(row)
+    return DataFrame(table)
 
 
-def hold_truth(rows: pd.DataFrame) -> int:
+def hold_truth(rows: DataFrame) -> int:
     """How many intervals hold the true backlash."""
     return int(rows["delta_rad"].between(rows["low_rad"], rows["high_rad"]).sum())

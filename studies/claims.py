@@ -1,7 +1,7 @@
 """Decisions on the paper's prose claims that belong to no single figure or table (notebook 18).
 
-A study gives a table. A decision reduces it to the numbers that the claim's rule in `data/claims.csv` reads, and is a
-pair: whether the claim holds (`published.decide`), and what was measured. `criteria` are limits to try.
+A study gives a table. A decision reduces it to the numbers that the claim's rule in
+`data/claims.csv` reads.
 """
 
 from collections.abc import Mapping, Sequence
@@ -9,8 +9,7 @@ from dataclasses import replace
 from itertools import product
 
 import numpy as np
-import pandas as pd
-from joblib import delayed
+from pandas import DataFrame
 from scipy import stats
 from tqdm import tqdm
 
@@ -18,67 +17,76 @@ from backlash.fitting.global_fit import global_fit
 from replication import published
 from replication.arrays import FloatArray
 from replication.identify import Protocol, paper_fit
+from replication.parallel import in_parallel
+from replication.published import Criteria, Decision
 from replication.recording import add_uniform_noise, constant_speed
 from replication.replay.inspection import uniform_noise_test
 from replication.simulator.parameters import TURN, JointParameters
 from replication.simulator.recordings import simulate_recordings
 from replication.simulator.simulate import encoder_position, simulate
 from studies.accuracy import encoder_recording
-from studies.benchmark import in_parallel
+from studies.benchmark import root_mean_square
 
-Decision = tuple[bool | None, str]
-Criteria = Mapping[str, float] | None
+FINE_BITS = 40  # of an encoder without steps
 
 
-def noise_tests(noises: Mapping[tuple[int, int], FloatArray]) -> pd.DataFrame:
+def noise_tests(noises: Mapping[tuple[int, int], FloatArray]) -> DataFrame:
     """Test the noise added to records, by (level, realisation), for its law, its mean and correlation of neighbours.
 
     P-values are not corrected for their number; those of the law are Kolmogorov and Smirnov's.
     """
-    tested = pd.DataFrame([uniform_noise_test(noise) for noise in noises.values()])
+    tested = DataFrame([uniform_noise_test(noise) for noise in noises.values()])
     sizes = np.array([noise.size for noise in noises.values()])
-    p_mean = 2 * stats.norm.sf(tested["mean_over_standard_error"].abs())
-    p_lag_one = 2 * stats.norm.sf(tested["lag_one_correlation"].abs() * np.sqrt(sizes - 1))
-    keys = pd.DataFrame(list(noises), columns=["level", "realisation"])
-    return keys.join(tested[["p_uniform", "p_normal"]]).assign(p_mean=p_mean, p_lag_one=p_lag_one)
+    z_mean = tested["mean_over_standard_error"]
+    z_lag_one = tested["lag_one_correlation"] * np.sqrt(sizes - 1)
+    keys = DataFrame(list(noises), columns=["level", "realisation"])
+    return keys.join(tested[["p_uniform", "p_normal"]]).assign(
+        p_mean=2 * stats.norm.sf(z_mean.abs()),
+        p_lag_one=2 * stats.norm.sf(z_lag_one.abs()),
+    )
 
 
-def uniform_noise(tests: pd.DataFrame, criteria: Criteria = None) -> Decision:
-    """Whether the noise is uniform, white and of zero mean, from `noise_tests`, corrected for their number."""
+def uniform_noise(tests: DataFrame, criteria: Criteria = None) -> Decision:
+    """Whether the noise is uniform, white and of zero mean, from `noise_tests`."""
     p = tests[["p_uniform", "p_mean", "p_lag_one"]]
     corrected = (p.min() * p.size).clip(upper=1.0)
+    uniform, mean, lag_one = corrected
     return published.decide("uniform_noise", corrected.min(), criteria), (
-        f"smallest p of {len(p)} records times {p.size}: uniform {corrected['p_uniform']:.2g}, mean "
-        f"{corrected['p_mean']:.2g}, lag one {corrected['p_lag_one']:.2g}; normal noise: at most "
-        f"{tests['p_normal'].max():.1g} uncorrected"
+        f"smallest p of {len(p)} records times {p.size}: uniform {uniform:.2g}, mean {mean:.2g}, lag one "
+        f"{lag_one:.2g}; normal noise: at most {tests['p_normal'].max():.1g} uncorrected"
     )
 
 
 def amplitudes_without_backlash(seeds: Sequence[int], noise_rps: float) -> FloatArray:
     """|A| [rps] that one run of the authors' search finds in noise alone, for each noise seed."""
     base = constant_speed(samples=2401, dt=0.002)
-    noises = [add_uniform_noise(base, noise_rps, np.random.default_rng(seed)) for seed in seeds]
-    calls = (delayed(paper_fit)(noise, Protocol(), seed) for noise, seed in zip(noises, seeds, strict=True))
-    return np.array([fit.amplitude_rps for fit in in_parallel(calls, "noises")])
+    calls = [(add_uniform_noise(base, noise_rps, np.random.default_rng(seed)), Protocol(), seed) for seed in seeds]
+    return np.array([fit.amplitude_rps for fit in in_parallel(paper_fit, calls, "noises")])
 
 
-def no_backlash(amplitude_rps: FloatArray, smallest_A_rps: float, criteria: Criteria = None) -> Decision:
-    """Whether noise alone is recognised: the 95th percentile of |A| is a small share of the smallest A."""
+def no_backlash(
+    amplitude_rps: FloatArray,
+    smallest_A_rps: float,
+    criteria: Criteria = None,
+) -> Decision:
+    """Whether noise is recognised: the 95th percentile of |A| is a small share of the smallest A."""
     share = np.sort(amplitude_rps) / smallest_A_rps
-    # The order statistics that hold the percentile: nan where there are too few for 95 % confidence.
-    ends = stats.quantile_test(share, p=0.95).confidence_interval(0.95)
+    # The order statistics that hold the percentile: nan where there are too few for 95 %
+    # confidence.
+    low, high = stats.quantile_test(share, p=0.95).confidence_interval(0.95)
     limit = published.criterion("no_backlash", criteria)
-    return published.decide("no_backlash", (ends.low, ends.high), criteria), (
-        f"95th percentile of |A| over the smallest mean: {np.quantile(share, 0.95):.2f} (95 % interval {ends.low:.2f} "
-        f"to {ends.high:.2f}); it is below {limit:.2g} in {(share < limit).sum()} of {share.size} noise records; mean "
-        f"|A| {amplitude_rps.mean():.3f}, largest {amplitude_rps.max():.3f} rps"
+    return published.decide("no_backlash", (low, high), criteria), (
+        f"95th percentile of |A| over the smallest mean: {np.quantile(share, 0.95):.2f} (95 % interval {low:.2f} to "
+        f"{high:.2f}); it is below {limit:.2g} in {(share < limit).sum()} of {share.size} noise records; mean |A| "
+        f"{amplitude_rps.mean():.3f}, largest {amplitude_rps.max():.3f} rps"
     )
 
 
-def impact_phases(joint: JointParameters, deltas_rad: Sequence[float]) -> pd.DataFrame:
+def impact_phases(joint: JointParameters, deltas_rad: Sequence[float]) -> DataFrame:
     """When the teeth first meet on the new side, a row a settled half turn.
 
-    `share_passed` counts from the beginning of the load's descent, in which it drives the motor, or ascent.
+    `share_passed` counts from the beginning of the load's descent, in which it drives the motor, or
+    ascent.
     """
     rows = []
     for delta in deltas_rad:
@@ -89,50 +97,67 @@ def impact_phases(joint: JointParameters, deltas_rad: Sequence[float]) -> pd.Dat
             descends = run.impact_side[k] < 0
             turned = (angle[k] - np.pi * descends + np.pi / 2) % TURN - np.pi / 2
             rows.append((delta, "descent" if descends else "ascent", turned / np.pi))
-    return pd.DataFrame(rows, columns=["delta_rad", "phase", "share_passed"])
+    return DataFrame(rows, columns=["delta_rad", "phase", "share_passed"])
 
 
-def impacts_at_phase_start(phases: pd.DataFrame, criteria: Criteria = None) -> Decision:
+def impacts_at_phase_start(phases: DataFrame, criteria: Criteria = None) -> Decision:
     """Whether each impact comes at the beginning of its phase, from `impact_phases`."""
     passed = phases["share_passed"]
     # What comes before its phase comes at the end of the one before.
     holds = published.decide("impacts_at_phase_start", (passed % 1).max(), criteria)
-    return holds, f"{100 * passed.min():.0f} to {100 * passed.max():.0f} % of the phase has passed at the impact"
+    first, last = 100 * passed.min(), 100 * passed.max()
+    return holds, f"{first:.0f} to {last:.0f} % of the phase has passed at the impact"
 
 
 def noise_errors_by_turns(
-    joint: JointParameters, deltas_rad: Sequence[float], noises_rps: Sequence[float], turns: Sequence[int], seeds: int
-) -> pd.DataFrame:
+    joint: JointParameters,
+    deltas_rad: Sequence[float],
+    noises_rps: Sequence[float],
+    turns: Sequence[int],
+    seeds: int,
+) -> DataFrame:
     """RMS error that uniform noise of an amplitude for each backlash makes in A, by the turns of model and record.
 
     The record begins with the third turn; the error is against its own fit without noise.
     """
-    records, rows = simulate_recordings(joint, deltas_rad, turns=2 + max(turns)), []
-    for (record, noise, delta), n in product(zip(records, noises_rps, deltas_rad, strict=True), turns):
+    records = simulate_recordings(joint, deltas_rad, turns=2 + max(turns))
+    rows = []
+    for (record, noise, delta), n in product(
+        zip(records, noises_rps, deltas_rad, strict=True),
+        turns,
+    ):
         turn = round(record.turn_period_s / record.sample_s)
         length = n * turn + 1
         part = replace(record, t=record.t[:length], v=record.v[2 * turn : 2 * turn + length])
         rng = np.random.default_rng((n, round(1e7 * delta)))
-        noisy = [add_uniform_noise(part, noise, rng) for _ in range(seeds)]
-        fits = in_parallel((delayed(global_fit)(each, Protocol(turns=n)) for each in [part, *noisy]), f"{n} turns")
-        A = np.array([fit.amplitude_rps for fit in fits])
-        rows.append((delta, n, float(np.sqrt(np.mean((A[1:] - A[0]) ** 2)))))
-    return pd.DataFrame(rows, columns=["delta_rad", "turns", "rms_error_rps"])
+        parts = [part, *(add_uniform_noise(part, noise, rng) for _ in range(seeds))]
+        fits = in_parallel(global_fit, [(each, Protocol(turns=n)) for each in parts], f"{n} turns")
+        quiet, *noisy = (fit.amplitude_rps for fit in fits)
+        rows.append((delta, n, root_mean_square(np.array(noisy) - quiet)))
+    return DataFrame(rows, columns=["delta_rad", "turns", "rms_error_rps"])
 
 
-def turns_reduce_noise(errors: pd.DataFrame, seeds: int, criteria: Criteria = None) -> Decision:
-    """Whether the longest records have a smaller error than the shortest, from `noise_errors_by_turns`."""
+def turns_reduce_noise(errors: DataFrame, seeds: int, criteria: Criteria = None) -> Decision:
+    """Whether the longest records err less than the shortest, from `noise_errors_by_turns`."""
     table = errors.pivot(index="delta_rad", columns="turns", values="rms_error_rps")
     few, many = table.columns.min(), table.columns.max()
-    ratio = (table[many] / table[few]).to_numpy()
-    factor = np.sqrt(stats.f.ppf(0.975, seeds, seeds))  # F's own quantiles at 0.025 and 0.975 are inverses
-    holds = published.decide("turns_reduce_noise", (ratio.max() / factor, ratio.max() * factor), criteria)
-    said = ", ".join(f"{r:.2f}" for r in ratio)
-    return holds, f"error with {many} turns over that with {few}: {said} (each within a factor {factor:.2f})"
+    ratio = table[many] / table[few]
+    # F's own quantiles at 0.025 and 0.975 are inverses.
+    factor = np.sqrt(stats.f.ppf(0.975, seeds, seeds))
+    interval = ratio.max() / factor, ratio.max() * factor
+    ratios = ", ".join(f"{r:.2f}" for r in ratio)
+    return published.decide("turns_reduce_noise", interval, criteria), (
+        f"error with {many} turns over that with {few}: {ratios} (each within a factor {factor:.2f})"
+    )
 
 
-def bits_study(joint: JointParameters, deltas_rad: Sequence[float], bits: Sequence[int], offsets: int) -> pd.DataFrame:
-    """Largest change of A that an encoder's bits, mounted at several angles, make against a very fine one."""
+def bits_study(
+    joint: JointParameters,
+    deltas_rad: Sequence[float],
+    bits: Sequence[int],
+    offsets: int,
+) -> DataFrame:
+    """Largest change of A by an encoder's bits, mounted at several angles, against a fine one."""
 
     def amplitude(delta: float, bits: int, angle: float) -> float:
         return global_fit(encoder_recording(joint, delta, bits, angle, step_s=1e-4)).amplitude_rps
@@ -140,83 +165,92 @@ def bits_study(joint: JointParameters, deltas_rad: Sequence[float], bits: Sequen
     angles = np.random.default_rng(1).uniform(0, TURN, offsets)
     rows = []
     for delta in tqdm(deltas_rad, desc="encoders"):
-        fine = amplitude(delta, 40, 0.0)
+        fine = amplitude(delta, FINE_BITS, 0.0)
         rows += [(b, delta, max(abs(amplitude(delta, b, angle) - fine) for angle in angles)) for b in bits]
-    return pd.DataFrame(rows, columns=["bits", "delta_rad", "change_rps"])
+    return DataFrame(rows, columns=["bits", "delta_rad", "change_rps"])
 
 
-def bits_suffice(study: pd.DataFrame, bits: int, criteria: Criteria = None) -> Decision:
+def bits_suffice(study: DataFrame, bits: int, criteria: Criteria = None) -> Decision:
     """Whether an encoder of so many bits leaves A unchanged, from `bits_study`."""
     largest = study.groupby("bits")["change_rps"].max()
-    enough = [b for b in largest.index if (largest.loc[b:] < published.criterion("bits_suffice", criteria)).all()]
+    limit = published.criterion("bits_suffice", criteria)
+    enough = [b for b in largest.index if (largest.loc[b:] < limit).all()]
     least = f"; the fewest tried that suffice: {min(enough)}" if enough else ""
     holds = published.decide("bits_suffice", largest[bits], criteria)
     return holds, f"{bits} bits change A by up to {largest[bits]:.2g} rps{least}"
 
 
 def displacement_detection(
-    joint: JointParameters, displacements_rad: Sequence[float], bits: int, angles: int
-) -> pd.DataFrame:
+    joint: JointParameters,
+    displacements_rad: Sequence[float],
+    bits: int,
+    angles: int,
+) -> DataFrame:
     """Share of start angles at which a ring of the motor's position shows through an encoder in twelve turns.
 
-    The joint has no backlash; the ring has the form of Table 2's (20 Hz, damping 14 per s, two a turn). It is seen if
-    the differenced speed's projection on it exceeds that of 95 % of the start angles without a ring.
+    The joint has no backlash; the ring has the form of Table 2's (20 Hz, damping 14 per s, two a
+    turn). It is seen if the differenced speed's projection on it exceeds that of 95 % of the start
+    angles without a ring.
     """
     run = simulate(joint, 0.0)
     t, dt = run.time_s, run.time_s[1]
     half = joint.turn_period_s / 2
-    since, sign = t % half, 1 - 2 * (np.floor(t / half + 1e-9) % 2)
+    since = t % half
+    sign = 1 - 2 * (np.floor(t / half + 1e-9) % 2)
     ring = sign * np.exp(-14 * since) * np.sin(TURN * 20 * since)
     template = np.diff(ring) / dt
-    starts = np.random.default_rng(1).uniform(0, TURN, angles)
+    true_speed = np.diff(run.motor_position_rad) / dt
 
-    def projections(amplitude: float, offsets: FloatArray) -> FloatArray:
+    def projections(amplitude: float, seed: int) -> FloatArray:
+        offsets = np.random.default_rng(seed).uniform(0, TURN, angles)
         position = run.motor_position_rad + amplitude * ring
-        read = np.diff(encoder_position(position[None] + offsets[:, None], bits), axis=1) / dt
-        return (read - np.diff(run.motor_position_rad) / dt) @ template / (template @ template)
+        read = np.diff(encoder_position(position + offsets[:, None], bits), axis=1) / dt
+        return (read - true_speed) @ template / (template @ template)
 
-    threshold = np.quantile(projections(0.0, np.random.default_rng(2).uniform(0, TURN, angles)), 0.95)
-    rows = [(d, float((projections(d, starts) > threshold).mean())) for d in displacements_rad]
-    return pd.DataFrame(rows, columns=["displacement_rad", "detected"])
+    threshold = np.quantile(projections(0.0, seed=2), 0.95)
+    rows = [(d, float((projections(d, seed=1) > threshold).mean())) for d in displacements_rad]
+    return DataFrame(rows, columns=["displacement_rad", "detected"])
 
 
-def discontinuities_destabilise(study: pd.DataFrame, criteria: Criteria = None) -> Decision:
-    """Whether a stepping torque spoils a simulation that the smooth one does not, from `stepping_torque_study`."""
+def discontinuities_destabilise(study: DataFrame, criteria: Criteria = None) -> Decision:
+    """Whether a torque that steps, and it alone, spoils a simulation, from `stepping_torque_study`."""
     errors = study.assign(error=study["error"].abs().fillna(np.inf))
     by_case = errors.pivot(index=["delta_rad", "step_s"], columns="model", values="error")
     sound = by_case["modified"] <= published.criterion("discontinuities_destabilise", criteria)
     alone = by_case.loc[sound, "stepping"].max() if sound.any() else -np.inf
-    said = ", ".join(
-        f"{model} {'diverges' if np.isinf(error) else f'{100 * error:.1f} %'}" for model, error in by_case.max().items()
-    )
-    holds = published.decide("discontinuities_destabilise", (alone, by_case["stepping"].max()), criteria)
-    return holds, f"largest error of the settled peak: {said}"
+    largest = by_case.max()
+    holds = published.decide("discontinuities_destabilise", (alone, largest["stepping"]), criteria)
+    sizes = largest.map(lambda error: "diverges" if np.isinf(error) else f"{100 * error:.1f} %")
+    named = ", ".join(f"{model} {size}" for model, size in sizes.items())
+    return holds, f"largest error of the settled peak: {named}"
 
 
-def cma_beats_swarms(compared: pd.DataFrame, criteria: Criteria = None) -> Decision:
+def cma_beats_swarms(compared: DataFrame, criteria: Criteria = None) -> Decision:
     """Whether CMA-ES beats every swarm, from `optimizers.against_swarms`."""
-    p = len(compared) * compared["p_cma_better"].max(), len(compared) * compared["p_swarm_better"].min()
-    said = ", ".join(f"{row.swarm} {row.rate:.2f} (p {row.p_cma_better:.1g})" for row in compared.itertuples())
-    return published.decide("cma_beats_swarms", p, criteria), f"rates of the best basin: {said}"
+    better, worse = compared["p_cma_better"].max(), compared["p_swarm_better"].min()
+    p = len(compared) * better, len(compared) * worse
+    rates = ", ".join(f"{row.swarm} {row.rate:.2f} (p {row.p_cma_better:.1g})" for row in compared.itertuples())
+    return published.decide("cma_beats_swarms", p, criteria), f"rates of the best basin: {rates}"
 
 
-def classical_cannot(table: pd.DataFrame, criteria: Criteria = None) -> Decision:
+def classical_cannot(table: DataFrame, criteria: Criteria = None) -> Decision:
     """Whether no classical method is applicable as it comes, from `optimizers.success_table`."""
     classical = table[table["kind"].isin(["classical", "deterministic"])]
-    said = ", ".join(f"{row.method} {row.found} of {row.runs}" for row in classical.itertuples())
+    found = ", ".join(f"{row.method} {row.found} of {row.runs}" for row in classical.itertuples())
     return published.decide("classical_cannot", _best_rate(classical), criteria), (
-        f"best basin found off the shelf: {said}; the global fit, classical but made for it, is at or below every run"
+        f"best basin found off the shelf: {found}; the global fit, classical but made for it, is at or below every run"
     )
 
 
-def little_tuning(table: pd.DataFrame, criteria: Criteria = None) -> Decision:
+def little_tuning(table: DataFrame, criteria: Criteria = None) -> Decision:
     """Whether CMA-ES succeeds with its own settings, from `optimizers.success_table`."""
     own = table[table["method"].str.startswith("CMA-ES, its own population")]
-    rates = (f"{row.method}: {row.rate:.2f} ({row.rate_low:.2f} to {row.rate_high:.2f})" for row in own.itertuples())
-    said = ", ".join(rates)
-    return published.decide("little_tuning", _best_rate(own), criteria), f"rate of the best basin, {said}"
+    rates = ", ".join(
+        f"{row.method}: {row.rate:.2f} ({row.rate_low:.2f} to {row.rate_high:.2f})" for row in own.itertuples()
+    )
+    return published.decide("little_tuning", _best_rate(own), criteria), f"rate of the best basin, {rates}"
 
 
-def _best_rate(table: pd.DataFrame) -> tuple[float, float]:
+def _best_rate(table: DataFrame) -> tuple[float, float]:
     """Interval of the largest rate."""
     return table["rate_low"].max(), table["rate_high"].max()

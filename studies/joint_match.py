@@ -1,7 +1,8 @@
-"""The settled waveform of a record matched by simulating the joint: the backlash, and what else is not known."""
+"""The settled waveform of a record matched by simulating the joint, with what is not known of it."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from itertools import product
 
 import numpy as np
 from scipy.interpolate import CubicSpline
@@ -10,26 +11,29 @@ from scipy.optimize import least_squares
 from backlash.fitting.waveform import mean_turn, periodic, samples_a_turn, settled
 from replication.arrays import FloatArray
 from replication.recording import Recording
+from replication.simulator.parameters import JointParameters
 from replication.simulator.recordings import SIMULATION_STEP_S
-from replication.simulator.simulate import JointParameters, simulate
+from replication.simulator.simulate import simulate
 
-# What may be unknown besides the backlash: value at which the joint is as identified, bounds, and a step that shows.
-NUISANCES = {
-    "start_angle": (0.0, (-2 * np.pi, 2 * np.pi), 1e-3),
-    "friction": (0.0, (0.0, 0.5), 1e-3),
-    "load": (1.0, (0.5, 1.5), 1e-3),
-}
+# What may be unknown besides the backlash, between which bounds.
+NUISANCES = {"start_angle": (-2 * np.pi, 2 * np.pi), "friction": (0.0, 0.5), "load": (0.5, 1.5)}
 
-# Simulated turns are sampled with the drive and interpolated between: so many in the authors' turn of 0.4 s.
-_SAMPLE_S, PHASES = 5e-4, 800
-# Backlash in the units that the search steps in, and where it looks first [1e-4 rad].
+# Simulated turns are sampled with the drive and interpolated between: so many in the authors' turn
+# of 0.4 s.
+PHASES = 800
+_SAMPLE_S = 5e-4
+
+# The search steps in units of 1e-4 rad, starts inside its bounds, and looks first at these
+# backlashes and frictions.
 _UNIT_RAD = 1e-4
-_FIRST_LOOK = np.arange(1.0, 42.0, 2.0)
-_FIRST_FRICTION = (0.0, 0.1, 0.2, 0.3)
+_BOUNDS = (0.01, 100.0)
+_INSIDE = 1e-4
+_FIRST_DELTAS = np.arange(1.0, 42.0, 2.0)
+_FIRST_FRICTIONS = (0.0, 0.1, 0.2, 0.3)
 
 
-def changed(joint: JointParameters, nuisances: Mapping[str, float]) -> JointParameters:
-    """Joint with start angle added [rad], friction as a share of gravity's torque, load mass and inertia scaled."""
+def add_nuisances(joint: JointParameters, nuisances: Mapping[str, float]) -> JointParameters:
+    """Joint with start angle [rad] and friction (over gravity's torque) added, and its load scaled."""
     load = nuisances.get("load", 1.0)
     return replace(
         joint,
@@ -40,46 +44,75 @@ def changed(joint: JointParameters, nuisances: Mapping[str, float]) -> JointPara
     )
 
 
-def settled_turn(joint: JointParameters, delta_rad: float, phases: int) -> FloatArray:
-    """Simulated third turn of the motor speed less its mean [rps], at even phases; it repeats from the second on."""
+def simulate_turn(joint: JointParameters, delta_rad: float, phases: int) -> FloatArray:
+    """Simulated third turn of the motor speed less its mean [rps], at even phases.
+
+    It repeats from the second on.
+    """
     turn_s = joint.turn_period_s
     duration_s = _SAMPLE_S * np.ceil(3 * turn_s / _SAMPLE_S - 1e-9)
-    run = simulate(joint, delta_rad, duration_s=duration_s, sample_s=_SAMPLE_S, step_s=SIMULATION_STEP_S)
+    run = simulate(
+        joint,
+        delta_rad,
+        duration_s=duration_s,
+        sample_s=_SAMPLE_S,
+        step_s=SIMULATION_STEP_S,
+    )
     third = run.time_s > 2 * turn_s - 4 * _SAMPLE_S
     turn = CubicSpline(run.time_s[third], run.motor_speed_rps[third])(turn_s * (2 + np.arange(phases) / phases))
     return turn - turn.mean()
 
 
-def _choose_start(joint: JointParameters, target: FloatArray, free: Sequence[str]) -> dict[str, float]:
-    """Where to start from, by name: the simulated turn on a coarse grid that correlates best with the record's."""
+def _choose_start(
+    joint: JointParameters,
+    target: FloatArray,
+    free: Sequence[str],
+) -> dict[str, float]:
+    """Where to start from: the simulated turn on a coarse grid that fits the record's best."""
+    size = target.size
     least, best = np.inf, {}
-    for friction in _FIRST_FRICTION if "friction" in free else (0.0,):
-        for delta in _FIRST_LOOK:
-            turn = settled_turn(changed(joint, {"friction": friction}), delta * _UNIT_RAD, target.size)
-            overlap = np.fft.irfft(np.fft.rfft(target) * np.conj(np.fft.rfft(turn)), target.size)
-            shift = int(overlap.argmax()) if "start_angle" in free else 0
-            angle = (np.pi - 2 * np.pi * shift / target.size) % (2 * np.pi) - np.pi
-            misfit = turn @ turn - 2 * overlap[shift]
-            if misfit < least:
-                least, best = misfit, {"delta": delta, "friction": friction, "start_angle": angle, "load": 1.0}
+    for friction, delta in product(
+        _FIRST_FRICTIONS if "friction" in free else (0.0,),
+        _FIRST_DELTAS,
+    ):
+        turn = simulate_turn(add_nuisances(joint, {"friction": friction}), delta * _UNIT_RAD, size)
+        overlap = np.fft.irfft(np.fft.rfft(target) * np.conj(np.fft.rfft(turn)), size)
+        shift = int(overlap.argmax()) if "start_angle" in free else 0
+        misfit = turn @ turn - 2 * overlap[shift]
+        if misfit < least:
+            least = misfit
+            angle = (np.pi - 2 * np.pi * shift / size) % (2 * np.pi) - np.pi
+            best = {"delta": delta, "friction": friction, "start_angle": angle, "load": 1.0}
     return best
 
 
-def match_joint(recording: Recording, joint: JointParameters, free: Sequence[str] = ()) -> dict[str, float]:
-    """Find `delta_rad`, and the `free` ones of `NUISANCES`, with which the joint repeats a record's settled turns."""
+def match_joint(
+    recording: Recording,
+    joint: JointParameters,
+    free: Sequence[str] = (),
+) -> dict[str, float]:
+    """Find `delta_rad`, and the `free` ones of `NUISANCES`, that repeat a record's settled turns."""
     turns, v = settled(recording)
     centred = v - v.mean()
 
     def residual(x: FloatArray) -> FloatArray:
         unknown = dict(zip(free, x[1:], strict=True))
-        wave = periodic(settled_turn(changed(joint, unknown), x[0] * _UNIT_RAD, PHASES))(turns % 1.0)
+        turn = simulate_turn(add_nuisances(joint, unknown), x[0] * _UNIT_RAD, PHASES)
+        wave = periodic(turn)(turns % 1.0)
         return wave - wave.mean() - centred
 
     target = mean_turn(recording, min(samples_a_turn(recording), PHASES))
     first = _choose_start(joint, target, free)
-    start = [first[name] for name in ("delta", *free)]
-    low, high = zip((0.01, 100.0), *(NUISANCES[name][1] for name in free), strict=True)
-    scale = [0.1, *(10 * NUISANCES[name][2] for name in free)]
-    inside = np.clip(start, np.array(low) + 1e-4, np.array(high) - 1e-4)
-    found = least_squares(residual, inside, bounds=(low, high), x_scale=scale, diff_step=1e-3, xtol=1e-7)
-    return {"delta_rad": float(_UNIT_RAD * found.x[0])} | dict(zip(free, found.x[1:].tolist(), strict=True))
+    low, high = np.array([_BOUNDS, *(NUISANCES[name] for name in free)]).T
+    start = np.clip([first[name] for name in ("delta", *free)], low + _INSIDE, high - _INSIDE)
+    scale = [0.1, *[1e-2] * len(free)]
+    found = least_squares(
+        residual,
+        start,
+        bounds=(low, high),
+        x_scale=scale,
+        diff_step=1e-3,
+        xtol=1e-7,
+    )
+    delta, *nuisances = found.x.tolist()
+    return {"delta_rad": _UNIT_RAD * delta} | dict(zip(free, nuisances, strict=True))

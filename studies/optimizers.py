@@ -1,18 +1,18 @@
 """CMA-ES, with other populations and restarts, against swarm algorithms and classical methods.
 
-The swarms are NiaPy's (the optional extra `studies`), the classical methods SciPy's. All minimise the paper's cost in
-the box of the authors' notebook, and stop when they find the best basin or have spent the budget.
+The swarms are NiaPy's (the optional extra `studies`), the classical methods SciPy's. All minimise
+the paper's cost in the box of the authors' notebook, and stop when they find the best basin or have
+spent the budget.
 """
 
 import contextlib
 import math
 from collections.abc import Callable, Sequence
 from importlib.util import find_spec
-from itertools import count
+from itertools import count, product
 
 import numpy as np
-import pandas as pd
-from joblib import delayed
+from pandas import DataFrame
 from scipy import optimize, stats
 
 from backlash.fitting.global_fit import global_fit
@@ -20,14 +20,16 @@ from replication.arrays import FloatArray
 from replication.authors import load_noisy
 from replication.compiled.misfit import population_rmse, residual
 from replication.identify import protocol_box
+from replication.parallel import in_parallel
 from replication.recording import Recording
 from replication.search import generations, search
 from replication.signature import FREE_PARAMETERS, Box, Timing
 from replication.statistics import rate_columns
-from replication.table2 import AUTHORS, BASIN_GAP, table2_levels
-from studies.benchmark import in_parallel
+from replication.table2 import AUTHORS_PROTOCOL, BASIN_GAP, table2_levels
 
-BUDGET, POPULATION = 60_000, 300  # what the authors' notebook spends: 300 members in 200 generations
+# What the authors' notebook spends: 300 members in 200 generations.
+POPULATION = 300
+BUDGET = 60_000
 OWN_POPULATION = 4 + int(3 * math.log(7))  # what CMA-ES takes by itself for seven parameters
 RUNS_PER_RECORD = 10
 LEVELS = (2, 6, 11)  # Table 2's first, middle and last row, realisation R = 1
@@ -38,12 +40,21 @@ SWARMS = {
     "bat": "BatAlgorithm",
 }
 
+# From members of shape (members, parameters) to misfits [rps].
+Misfits = Callable[[FloatArray], FloatArray]
+
 
 class SearchEnded(Exception):
     """The budget is spent, or the best basin found."""
 
 
-def projected_rmse(t: FloatArray, v: FloatArray, timing: Timing, limit: float) -> Callable[[FloatArray], FloatArray]:
+class SwarmsMissing(RuntimeError):
+    """The optional extra `studies` is not installed."""
+
+    exit_status = 2
+
+
+def projected_rmse(t: FloatArray, v: FloatArray, timing: Timing, limit: float) -> Misfits:
     """Make the misfit [rps] of rows (t0, tau, omega, T2, T1), each with its best A up to `limit` and v_t."""
     centred, zeros = v - v.mean(), np.zeros_like(v)
 
@@ -54,21 +65,25 @@ def projected_rmse(t: FloatArray, v: FloatArray, timing: Timing, limit: float) -
         A = min(max(data / gram, -limit), limit) if gram > 0 else 0.0
         return math.sqrt(((centred - A * unit) ** 2).mean())
 
-    return lambda population: np.array([misfit(X) for X in np.insert(population, (0, 3), (1.0, 0.0), axis=1)])
+    return lambda members: np.array([misfit(X) for X in np.insert(members, (0, 3), (1.0, 0.0), axis=1)])
 
 
 class Cost:
     """The paper's cost, counting evaluations; raises `SearchEnded` when there is no more to do."""
 
     def __init__(self, recording: Recording, target: float, budget: int, projected: bool = False):
-        self.recording, self.timing, self.target, self.budget = recording, AUTHORS.timing, target, budget
-        self.box = protocol_box(recording, AUTHORS)
-        self.best, self.evaluations = math.inf, 0
-        self._misfits: Callable[[FloatArray], FloatArray]
-        self._misfits = lambda X: population_rmse(recording.t, recording.v, X, AUTHORS.timing)
+        t, v = recording.t, recording.v
+        timing = AUTHORS_PROTOCOL.timing
+        self.target = target
+        self.budget = budget
+        self.box = protocol_box(recording, AUTHORS_PROTOCOL)
+        self.best = math.inf
+        self.evaluations = 0
+        self._misfits: Misfits = lambda X: population_rmse(t, v, X, timing)
+        self._residual = lambda X: residual(t, v, X, timing)
         if projected:  # A and v_t are linear: the search is over the others alone
+            self._misfits = projected_rmse(t, v, timing, self.box.upper[0])
             kept = [name not in ("A_rps", "v_t_rps") for name in FREE_PARAMETERS]
-            self._misfits = projected_rmse(recording.t, recording.v, AUTHORS.timing, self.box.upper[0])
             self.box = Box(self.box.lower[kept], self.box.upper[kept])
 
     def of_members(self, X: FloatArray) -> FloatArray:
@@ -82,8 +97,8 @@ class Cost:
         return float(self.of_members(self._in_box(unit)[None])[0])
 
     def residuals(self, unit: FloatArray) -> FloatArray:
-        """Residuals over the root of their number, whose norm is the misfit: what least squares takes."""
-        found = residual(self.recording.t, self.recording.v, self._in_box(unit), self.timing)
+        """Residuals over the root of their number: their norm is the misfit."""
+        found = self._residual(self._in_box(unit))
         found /= math.sqrt(found.size)
         self._count(math.sqrt(found @ found), 1)
         return found
@@ -100,38 +115,43 @@ class Cost:
 
 # A way to search: spends a cost with a seed.
 Method = Callable[[Cost, int], None]
-# One of the reader's own: misfit [rps] of X, its bounds, evaluations and seed, to the best X in the box's own units.
+# One of the reader's own: misfit [rps] of X, its bounds, evaluations and seed, to the best X in the
+# box's own units.
 Optimiser = Callable[[Callable[[FloatArray], float], FloatArray, FloatArray, int, int], FloatArray]
 
 
 def _covariance(first: int, growth: int = 0, with_small: bool = False) -> Method:
     """CMA-ES from the middle of the box: once, or until the end with a population that grows by a factor.
 
-    Doubled each time it is Auger and Hansen's IPOP (2005); by turns with a small one of narrow start, Hansen's BIPOP.
+    Doubled each time it is Auger and Hansen's IPOP (2005); by turns with a small one of narrow
+    start, Hansen's BIPOP.
     """
 
     def run(cost: Cost, seed: int) -> None:
-        generator = np.random.default_rng(seed)
+        rng = np.random.default_rng(seed)
 
-        def normals(*shape: int) -> FloatArray:
-            return generator.standard_normal(shape)
-
-        def descend(population: int, breadth: float = 1.0) -> None:
-            search(generations(cost.of_members, cost.box, normals, population, breadth), cost.budget)
+        def descend(population: int, sigma: float = 1.0) -> None:
+            steps = generations(
+                cost.of_members,
+                cost.box,
+                lambda *n: rng.standard_normal(n),
+                population,
+                sigma,
+            )
+            search(steps, cost.budget)
 
         descend(first)
         for k in count(1) if growth else ():
             descend(first * growth**k)
             if with_small:
-                small = first * (2**k / 2) ** (generator.random() ** 2)
-                descend(int(small), float(10 ** (-2 * generator.random())))
+                small = first * (2**k / 2) ** (rng.random() ** 2)
+                descend(int(small), float(10 ** (-2 * rng.random())))
 
     return run
 
 
-def _swarm(algorithm: str, population: int | None) -> Method:
-    """One of NiaPy's swarms, its settings but for the population left alone."""
-    settings = {} if population is None else {"population_size": population}
+def _swarm(algorithm: str, **settings: int) -> Method:
+    """One of NiaPy's swarms, its settings but for a population left alone."""
 
     def run(cost: Cost, seed: int) -> None:
         from niapy.algorithms import basic
@@ -151,19 +171,31 @@ def _restarted(descend: Callable[[Cost, FloatArray], object]) -> Method:
     """A local method from random points of the box, over and over."""
 
     def run(cost: Cost, seed: int) -> None:
-        generator = np.random.default_rng(seed)
+        rng = np.random.default_rng(seed)
         while True:
-            descend(cost, generator.random(cost.box.lower.size))
+            descend(cost, rng.random(cost.box.lower.size))
 
     return run
 
 
 def _minimize(method: str) -> Method:
-    return _restarted(lambda cost, start: optimize.minimize(cost, start, method=method, bounds=[(0, 1)] * start.size))
+    return _restarted(
+        lambda cost, start: optimize.minimize(
+            cost,
+            start,
+            method=method,
+            bounds=[(0, 1)] * start.size,
+        ),
+    )
+
+
+def _least_squares(cost: Cost, start: FloatArray) -> None:
+    optimize.least_squares(cost.residuals, start, bounds=(0, 1))
 
 
 def _rectangles(cost: Cost, seed: int) -> None:
-    optimize.direct(cost, [(0, 1)] * cost.box.lower.size, maxfun=2 * cost.budget, maxiter=cost.budget, vol_tol=0)
+    cube = [(0, 1)] * cost.box.lower.size
+    optimize.direct(cost, cube, maxfun=2 * cost.budget, maxiter=cost.budget, vol_tol=0)
 
 
 def _of_function(optimiser: Optimiser) -> Method:
@@ -178,29 +210,34 @@ def _of_function(optimiser: Optimiser) -> Method:
     return run
 
 
-# Each with its kind; the last are ways to restart CMA-ES, with fewer dimensions where projected.
-METHODS: dict[str, tuple[str, Method]] = {
-    "CMA-ES, population 300": ("CMA-ES", _covariance(POPULATION)),
-    "CMA-ES, its own population": ("CMA-ES", _covariance(OWN_POPULATION)),
-    "CMA-ES, its own population, restarts doubling it": ("CMA-ES", _covariance(OWN_POPULATION, growth=2)),
-    **{f"{name}, population 300": ("swarm", _swarm(algorithm, POPULATION)) for name, algorithm in SWARMS.items()},
-    **{f"{name}, its own population": ("swarm", _swarm(algorithm, None)) for name, algorithm in SWARMS.items()},
-    "least squares, restarted": (
-        "classical",
-        _restarted(lambda cost, start: optimize.least_squares(cost.residuals, start, bounds=(0, 1))),
-    ),
-    "L-BFGS-B, restarted": ("classical", _minimize("L-BFGS-B")),
-    "Nelder-Mead, restarted": ("classical", _minimize("Nelder-Mead")),
-    "DIRECT": ("deterministic", _rectangles),
-    "population 300 (the authors'), restarted": ("restarts", _covariance(POPULATION, growth=1)),
-    **{f"population {size}, restarted": ("restarts", _covariance(size, growth=1)) for size in (1000, 100, 30)},
-    "IPOP from 30": ("restarts", _covariance(30, growth=2)),
-    "BIPOP from 30": ("restarts", _covariance(30, growth=2, with_small=True)),
-    **{
-        f"A and v_t projected out, population {size}, restarted": ("projected restarts", _covariance(size, growth=1))
-        for size in (300, 100, 30)
+# By kind: the ways to restart CMA-ES come last, with fewer dimensions where projected.
+METHODS_OF_KIND: dict[str, dict[str, Method]] = {
+    "CMA-ES": {
+        "CMA-ES, population 300": _covariance(POPULATION),
+        "CMA-ES, its own population": _covariance(OWN_POPULATION),
+        "CMA-ES, its own population, restarts doubling it": _covariance(OWN_POPULATION, growth=2),
+    },
+    "swarm": {
+        **{f"{name}, population 300": _swarm(way, population_size=POPULATION) for name, way in SWARMS.items()},
+        **{f"{name}, its own population": _swarm(way) for name, way in SWARMS.items()},
+    },
+    "classical": {
+        "least squares, restarted": _restarted(_least_squares),
+        "L-BFGS-B, restarted": _minimize("L-BFGS-B"),
+        "Nelder-Mead, restarted": _minimize("Nelder-Mead"),
+    },
+    "deterministic": {"DIRECT": _rectangles},
+    "restarts": {
+        "population 300 (the authors'), restarted": _covariance(POPULATION, growth=1),
+        **{f"population {size}, restarted": _covariance(size, growth=1) for size in (1000, 100, 30)},
+        "IPOP from 30": _covariance(30, growth=2),
+        "BIPOP from 30": _covariance(30, growth=2, with_small=True),
+    },
+    "projected restarts": {
+        f"A and v_t projected out, population {size}, restarted": _covariance(size, growth=1) for size in (300, 100, 30)
     },
 }
+SEARCH_METHODS = {name: (kind, run) for kind, methods in METHODS_OF_KIND.items() for name, run in methods.items()}
 
 
 def swarms_installed() -> bool:
@@ -208,33 +245,58 @@ def swarms_installed() -> bool:
     return find_spec("niapy") is not None
 
 
-def run_method(method: str | Optimiser, recording: Recording, target_rmse: float, budget: int, seed: int) -> dict:
-    """Let one of `METHODS`, or a function, look for a record's best basin until the target or the budget is reached."""
-    name = method if isinstance(method, str) else method.__name__
-    kind, run = METHODS[method] if isinstance(method, str) else ("function", _of_function(method))
+def run_method(
+    method: str | Optimiser,
+    recording: Recording,
+    target_rmse: float,
+    budget: int,
+    seed: int,
+) -> dict:
+    """Let one of `SEARCH_METHODS`, or a function, look for a record's best basin."""
+    if isinstance(method, str):
+        name = method
+        kind, run = SEARCH_METHODS[method]
+    else:
+        name = method.__name__
+        kind, run = "function", _of_function(method)
     cost = Cost(recording, target_rmse, budget, projected=kind == "projected restarts")
     with contextlib.suppress(SearchEnded):
         run(cost, seed)
-    outcome = {"found": cost.best <= target_rmse, "rmse_rps": cost.best, "evaluations": cost.evaluations}
-    return {"method": name, "kind": kind, "seed": seed} | outcome
+    return {
+        "method": name,
+        "kind": kind,
+        "seed": seed,
+        "found": cost.best <= target_rmse,
+        "rmse_rps": cost.best,
+        "evaluations": cost.evaluations,
+    }
 
 
 def planned_runs() -> list[tuple[str, int, int, int]]:
     """Every run of the comparison: method, level, realisation, seed. A deterministic method gets more records."""
+    seeds = range(1, RUNS_PER_RECORD + 1)
     jobs = []
-    for method, (kind, _) in METHODS.items():
+    for method, (kind, _) in SEARCH_METHODS.items():
         if kind == "deterministic":
             jobs += [(method, level, realisation, 0) for realisation in (1, 2) for level in table2_levels()]
         elif "restarts" not in kind:
-            jobs += [(method, level, 1, seed) for level in LEVELS for seed in range(1, RUNS_PER_RECORD + 1)]
+            jobs += [(method, level, 1, seed) for level, seed in product(LEVELS, seeds)]
     return jobs
 
 
-def run_jobs(jobs: Sequence[tuple[str, int, int, int]]) -> pd.DataFrame:
-    """Run methods side by side on the authors' records, a row a run: the columns of `results/optimizers.csv`."""
-    columns = ["method", "kind", "level", "realisation", "seed", "found", "rmse_over_best", "evaluations"]
-    found = in_parallel((delayed(_run_on_authors_record)(*job) for job in jobs), "searches")
-    return pd.DataFrame(found, columns=columns)
+def run_jobs(jobs: Sequence[tuple[str, int, int, int]]) -> DataFrame:
+    """Run methods on the authors' records, a row a run: the columns of `results/optimizers.csv`."""
+    columns = [
+        "method",
+        "kind",
+        "level",
+        "realisation",
+        "seed",
+        "found",
+        "rmse_over_best",
+        "evaluations",
+    ]
+    return DataFrame(in_parallel(_run_on_authors_record, jobs, "searches"), columns=columns)
 
 
 def _run_on_authors_record(method: str, level: int, realisation: int, seed: int) -> dict:
@@ -242,32 +304,45 @@ def _run_on_authors_record(method: str, level: int, realisation: int, seed: int)
     recording = load_noisy(level, realisation)
     best = global_fit(recording).rmse
     run = run_method(method, recording, best * (1 + BASIN_GAP), BUDGET, seed)
-    spent = {"rmse_over_best": run["rmse_rps"] / best, "evaluations": min(run["evaluations"], BUDGET)}
+    spent = {
+        "rmse_over_best": run["rmse_rps"] / best,
+        "evaluations": min(run["evaluations"], BUDGET),
+    }
     return run | {"level": level, "realisation": realisation} | spent
 
 
 def compare_strategies(
-    recording: Recording, strategies: Sequence[str | Optimiser], seeds: Sequence[int], target_rmse: float, budget: int
-) -> pd.DataFrame:
+    recording: Recording,
+    strategies: Sequence[str | Optimiser],
+    seeds: Sequence[int],
+    target_rmse: float,
+    budget: int,
+) -> DataFrame:
     """Run every strategy with every seed, on all cores; one row a run, as `run_method` gives it."""
-    run = delayed(run_method)
-    calls = (run(name, recording, target_rmse, budget, seed) for name in strategies for seed in seeds)
-    return pd.DataFrame(in_parallel(calls, "searches"))
+    calls = [(name, recording, target_rmse, budget, seed) for name, seed in product(strategies, seeds)]
+    return DataFrame(in_parallel(run_method, calls, "searches"))
 
 
-def success_table(runs: pd.DataFrame) -> pd.DataFrame:
+def success_table(runs: DataFrame) -> DataFrame:
     """Rate at which each method finds the best basin, its interval, and evaluations per success."""
     rows = []
     for (method, kind), part in runs.groupby(["method", "kind"], sort=False):
-        found, records = int(part["found"].sum()), part.groupby(["level", "realisation"]).ngroups
-        row = {"method": method, "kind": kind, "records": records, "runs": len(part), "found": found}
-        cost = part["evaluations"].sum() / found if found else np.inf
-        rows.append(row | rate_columns(found, len(part)) | {"evaluations_per_success": cost})
-    return pd.DataFrame(rows)
+        found = int(part["found"].sum())
+        row = {
+            "method": method,
+            "kind": kind,
+            "records": part.groupby(["level", "realisation"]).ngroups,
+            "runs": len(part),
+            "found": found,
+            **rate_columns(found, len(part)),
+            "evaluations_per_success": part["evaluations"].sum() / found if found else np.inf,
+        }
+        rows.append(row)
+    return DataFrame(rows)
 
 
-def against_swarms(table: pd.DataFrame) -> pd.DataFrame:
-    """CMA-ES with the authors' population against each swarm at its better population: one-sided p-values of Fisher."""
+def against_swarms(table: DataFrame) -> DataFrame:
+    """CMA-ES, the authors' population, against each swarm at its better one: one-sided p of Fisher."""
     ours = table.set_index("method").loc["CMA-ES, population 300"]
     rows = []
     for swarm in SWARMS:
@@ -275,4 +350,4 @@ def against_swarms(table: pd.DataFrame) -> pd.DataFrame:
         counts = [[row["found"], row["runs"] - row["found"]] for row in (ours, theirs)]
         p_values = [stats.fisher_exact(counts, alternative=side).pvalue for side in ("greater", "less")]
         rows.append((swarm, theirs["method"], theirs["rate"], *p_values))
-    return pd.DataFrame(rows, columns=["swarm", "method", "rate", "p_cma_better", "p_swarm_better"])
+    return DataFrame(rows, columns=["swarm", "method", "rate", "p_cma_better", "p_swarm_better"])

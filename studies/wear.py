@@ -1,51 +1,18 @@
-"""Eight months of wear on the stand-in bench: what the sensor reads at each test, and when it calls for maintenance."""
+"""Eight months of wear on the stand-in bench: what sensors read at each test, and when they call."""
 
 from collections import defaultdict
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
-import pandas as pd
+from pandas import DataFrame
 
 from backlash.calibration import Calibration
 from backlash.fitting.global_fit import global_fit
 from backlash.fitting.shared_joint import share_joint
-from replication.arrays import FloatArray
 from replication.standins.joints import Bench, encoder_log
-from studies.benchmark import Log, logs_by_methods, self_answer, widened_answers
-
-
-@dataclass(frozen=True)
-class Wear:
-    """Backlash over the months under stress, delta(t) = first + (last - first) (t / duration)^exponent."""
-
-    first_rad: float
-    last_rad: float
-    exponent: float
-    duration_days: float = 240.0
-    interval_days: float = 21.0
-
-    @property
-    def test_days(self) -> FloatArray:
-        """Days of the tests, the first on day 0."""
-        return np.arange(0.0, self.duration_days + 1e-9, self.interval_days)
-
-    def backlash_rad(self, day: FloatArray | float) -> FloatArray | float:
-        """Backlash on a day [rad]."""
-        growth = (np.asarray(day) / self.duration_days) ** self.exponent
-        return self.first_rad + (self.last_rad - self.first_rad) * growth
-
-    def crossing_day(self, limit_rad: float) -> float:
-        """Day on which the backlash reaches a limit between its first and last value."""
-        share = (limit_rad - self.first_rad) / (self.last_rad - self.first_rad)
-        return float(self.duration_days * share ** (1 / self.exponent))
-
-
-def draw_wear(rng: np.random.Generator, limit_rad: float) -> Wear:
-    """Draw a wear that starts well below a limit and passes it within the eight months."""
-    first, last = limit_rad * rng.uniform(0.2, 0.5), limit_rad * rng.uniform(1.2, 1.6)
-    return Wear(float(first), float(last), float(rng.uniform(1.0, 3.0)))
+from replication.standins.wear import Wear
+from studies.benchmark import KnownLog, Row, logs_by_methods, self_answer, widened_answers
 
 
 def wear_tests(
@@ -54,10 +21,10 @@ def wear_tests(
     calibrations: Mapping[str, Calibration],
     limit_rad: float,
     seed: int,
-) -> pd.DataFrame:
+) -> DataFrame:
     """Test worn benches every few weeks and read the backlash off each log."""
 
-    def answers(log: Log) -> dict[str, dict[str, object]]:
+    def answers(log: KnownLog) -> dict[str, Row]:
         fit = global_fit(log.recording)
         found = widened_answers(log.recording, fit, calibrations)
         return {name: {"A_rps": fit.amplitude_rps} | answer for name, answer in found.items()}
@@ -65,33 +32,61 @@ def wear_tests(
     return _with_calls(logs_by_methods(_logs(benches, wears, seed), answers), wears, limit_rad)
 
 
-def wear_tests_by_self(benches: Sequence[Bench], wears: Sequence[Wear], limit_rad: float, seed: int) -> pd.DataFrame:
+def wear_tests_by_self(
+    benches: Sequence[Bench],
+    wears: Sequence[Wear],
+    limit_rad: float,
+    seed: int,
+) -> DataFrame:
     """Read the logs of `wear_tests` by method "self": each alone, and with all logs of its bench until then."""
-    table = logs_by_methods(_logs(benches, wears, seed), lambda log: {"self": self_answer(log.recording)})
-    rows, fits = [], defaultdict(list)
+    table = logs_by_methods(
+        _logs(benches, wears, seed),
+        lambda log: {"self": self_answer(log.recording)},
+    )
+    fits: dict[int, list] = defaultdict(list)
+    rows = []
     for alone in table[~table["refused"]].to_dict("records"):
-        fits[alone["bench"]].append(alone["fit"])
-        shared, (low, high) = share_joint(fits[alone["bench"]])[-1]
-        found = {"method": "self, shared joint", "found_rad": shared, "low_rad": low, "high_rad": high}
+        of_bench = fits[alone["bench"]]
+        of_bench.append(alone["fit"])
+        shared, (low, high) = share_joint(of_bench)[-1]
+        found = {
+            "method": "self, shared joint",
+            "found_rad": shared,
+            "low_rad": low,
+            "high_rad": high,
+        }
         rows += [alone, alone | found]
-    return _with_calls(pd.DataFrame(rows), wears, limit_rad)
+    return _with_calls(DataFrame(rows), wears, limit_rad)
 
 
-def _logs(benches: Sequence[Bench], wears: Sequence[Wear], seed: int) -> list[Callable[[], Log]]:
+def _logs(
+    benches: Sequence[Bench],
+    wears: Sequence[Wear],
+    seed: int,
+) -> list[Callable[[], KnownLog]]:
     """Draw the log of each bench on each of its days."""
 
-    def draw(index: int, number: int, day: float) -> Log:
+    def draw(index: int, number: int, day: float) -> KnownLog:
         delta = float(wears[number].backlash_rad(day))
         recording = encoder_log(benches[number], delta, np.random.default_rng((seed, index)))
-        return Log({"bench": number, "day": day}, delta, recording)
+        return KnownLog({"bench": number, "day": day}, delta, recording)
 
     tests = [(number, day) for number, wear in enumerate(wears) for day in wear.test_days]
     return [partial(draw, index, *test) for index, test in enumerate(tests)]
 
 
-def _with_calls(rows: pd.DataFrame, wears: Sequence[Wear], limit_rad: float) -> pd.DataFrame:
+def _with_calls(rows: DataFrame, wears: Sequence[Wear], limit_rad: float) -> DataFrame:
     """Columns of tests, and the days on which the truth and each sensor reach the limit."""
-    columns = ["bench", "sensor", "day", "delta_rad", "A_rps", "estimate_rad", "low_rad", "high_rad"]
+    columns = [
+        "bench",
+        "sensor",
+        "day",
+        "delta_rad",
+        "A_rps",
+        "estimate_rad",
+        "low_rad",
+        "high_rad",
+    ]
     table = rows.rename(columns={"method": "sensor", "found_rad": "estimate_rad"}).reindex(columns=columns)
     table["truth_day"] = table["bench"].map(lambda number: wears[number].crossing_day(limit_rad))
     called = table["day"].where(table["estimate_rad"] >= limit_rad)

@@ -28,7 +28,7 @@ def test_the_noise_of_our_records_is_made_louder_by_a_factor():
 
 def test_no_runs_are_refused_before_anything_is_computed():
     with pytest.raises(ValueError, match=r"^no seeds: .*$"):
-        table2.repeated_fits([], [table2.AUTHORS], range(1, 1), label="none")
+        table2.repeated_fits([], [table2.AUTHORS_PROTOCOL], range(1, 1), label="none")
 
 
 @pytest.mark.slow
@@ -40,7 +40,7 @@ def test_the_five_realisations_give_fifty_records_of_their_own(authors_data):
 
 def test_our_numbers_of_a_cell_are_one_for_each_realisation():
     noises = {seed: table2.noise_only_record(seed) for seed in (1, 2)}
-    fits = table2.repeated_fits(list(noises.values()), [table2.AUTHORS], [1, 2, 3], label="two noises")
+    fits = table2.repeated_fits(list(noises.values()), [table2.AUTHORS_PROTOCOL], [1, 2, 3], label="two noises")
     cells = table2.table2_cells(table2.table2(fits))
     assert list(cells) == ["table2.row11.mean", "table2.row11.sd"]
     for seed, mean in zip(noises, cells["table2.row11.mean"], strict=True):

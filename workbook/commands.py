@@ -1,11 +1,10 @@
-"""What the workbook's commands do: run, collect, lab, data, identify-joint."""
+"""What the workbook's commands do: run, collect, lab, data."""
 
 import argparse
 import sys
 
 import workbook
 from replication.authors import WORKBOOK_FILES, authors_file
-from replication.files import write_text
 from workbook import provenance
 from workbook.checkout import notebook_files
 from workbook.report.commands import results_folder
@@ -50,12 +49,4 @@ def run_lab(_: argparse.Namespace) -> int:
 def run_data(_: argparse.Namespace) -> int:
     """Fetch and verify the authors' files."""
     print(*(authors_file(path) for path in WORKBOOK_FILES), sep="\n")
-    return 0
-
-
-def run_identify_joint(_: argparse.Namespace) -> int:
-    """Identify the simulated joint anew."""
-    from replication.simulator.study import reidentify_joint
-
-    write_text(workbook.ROOT / "replication" / "data" / "joint.json", reidentify_joint())
     return 0

@@ -17,7 +17,6 @@ _COMMANDS = {
     "diff": (_REPORT, "list cells and claims whose value or verdict changed since the last commit"),
     "lab": (_WORKBOOK, "copy the notebooks to lab/ for changes"),
     "data": (_WORKBOOK, "fetch and verify the authors' data"),
-    "identify-joint": (_WORKBOOK, "identify the simulated joint again and write data/joint.json"),
 }
 
 

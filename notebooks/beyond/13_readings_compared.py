@@ -93,11 +93,11 @@ from replication import published
 from replication.authors import level_delta_rad, load_noisy
 from replication.recording import add_uniform_noise
 from replication.simulator.recordings import simulate_recordings
+from replication.simulator.reidentify import FIT_LEVELS
 from replication.simulator.simulate import identified_joint, simulate
-from replication.simulator.study import FIT_LEVELS
 from replication.statistics import rate_columns
 from studies import accuracy, benchmark, gap_time, plots
-from studies.joint_match import PHASES, settled_turn
+from studies.joint_match import PHASES, simulate_turn
 from workbook import Interval
 
 # %% [markdown]
@@ -333,8 +333,8 @@ in_microradians(seen)
 # %%
 needed = stats.norm.isf(false_alarm_rate) + stats.norm.ppf(power)
 tried_rad = np.geomspace(1e-6, 1e-3, 25)
-w0 = settled_turn(joint, 0.0, PHASES)
-distance_rps = np.sqrt(11 * 200) * np.array([np.std(settled_turn(joint, d, PHASES) - w0) for d in tried_rad])
+w0 = simulate_turn(joint, 0.0, PHASES)
+distance_rps = np.sqrt(11 * 200) * np.array([np.std(simulate_turn(joint, d, PHASES) - w0) for d in tried_rad])
 filtered_rad = [
     float(np.interp(needed, distance_rps / (half / np.sqrt(3)), tried_rad, right=np.nan)) for half in loudness_rps
 ]
@@ -374,7 +374,7 @@ logs = []
 for name, share in [*changed, ("nothing", 0.0)]:
     changed_joint = accuracy.CHANGES[name](joint, share) if share else joint
     for delta_rad, record in zip(deltas_rad, simulate_recordings(changed_joint, deltas_rad), strict=True):
-        logs.append(benchmark.Log({"parameter": name, "change": share}, delta_rad, record))
+        logs.append(benchmark.KnownLog({"parameter": name, "change": share}, delta_rad, record))
 moved = accuracy.errors_after_changes(logs, joint)
 ends = moved.groupby(["parameter", "method", "change"], sort=False)["error_rad"]
 ends = ends.agg(mean_error_rad="mean", max_abs_error_rad=lambda error: error.abs().max()).reset_index()

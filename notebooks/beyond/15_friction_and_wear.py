@@ -70,6 +70,7 @@ from replication import characteristic, published
 from replication.signature import FREE_PARAMETERS
 from replication.simulator.simulate import identified_joint, simulate
 from replication.standins import joints, plots
+from replication.standins.wear import draw_wear
 from studies import plots as study_plots
 from studies import wear
 from workbook import Interval
@@ -211,7 +212,7 @@ if least["explained_percent"] < 50:
 bench = joints.draw_bench(np.random.default_rng(bench_seed))
 rng = np.random.default_rng((bench_seed, 1))
 wearing = [bench, *(joints.draw_bench(rng) for _ in range(worn_benches - 1))]
-wears = [wear.draw_wear(rng, limit_rad) for _ in wearing]
+wears = [draw_wear(rng, limit_rad) for _ in wearing]
 sensors = {
     name: calibration.default_calibration(method)
     for name, method in (("equation 10", "paper"), ("amplitude, calibrated", "amplitude"), ("waveform", "waveform"))
@@ -338,7 +339,7 @@ assert np.abs(by_coulomb - by_viscous).max() < 2e-4
 # many wears? Leave out those that reach the limit after the last test.
 
 # %% tags=["solution"]
-drawn = [wear.draw_wear(np.random.default_rng(number), limit_rad) for number in range(2000)]
+drawn = [draw_wear(np.random.default_rng(number), limit_rad) for number in range(2000)]
 days = np.array([one.crossing_day(limit_rad) for one in drawn])
 days = days[days <= drawn[0].test_days[-1]]
 waiting = drawn[0].test_days[np.searchsorted(drawn[0].test_days, days)] - days

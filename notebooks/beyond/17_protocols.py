@@ -52,8 +52,9 @@ from scipy import stats
 
 import workbook
 from replication import published
+from replication.authors import LOW_NOISE
+from replication.figures import paper
 from replication.replay import protocols
-from studies import plots
 
 # %% [markdown]
 # ## Parameters
@@ -66,10 +67,10 @@ criteria = {}  # a level to try instead of that of claims.csv, such as {"random_
 # %% tags=["plumbing"]
 workbook.check_parameters(
     shown=(shown, protocols.CANDIDATES),
-    left_out=(left_out, [tuple(protocols.REALISATIONS)]),
+    left_out=(left_out, [tuple(LOW_NOISE)]),
     criteria=(criteria, [{"random_start"}]),
 )
-if len({*left_out}) > len(protocols.REALISATIONS) - 2:
+if len({*left_out}) > len(LOW_NOISE) - 2:
     raise ValueError(f"left_out = {left_out}: at least two of the five realisations are needed")
 
 # %% [markdown]
@@ -83,7 +84,7 @@ if len({*left_out}) > len(protocols.REALISATIONS) - 2:
 
 # %%
 level = published.criterion("random_start", criteria)  # a candidate with a smaller p does not explain the table
-used = pd.read_csv(protocols.RUNS).query("realisation not in @left_out")
+used = pd.read_csv(protocols.PROTOCOL_RUNS).query("realisation not in @left_out")
 judged = protocols.judge(used, level)
 columns = {
     **{"population": "population", "start": "start", "amplitude_factor": "box of A over Table 1's", "T_d_s": "T_d [s]"},
@@ -96,7 +97,7 @@ shown_table.map(lambda value: f"{value:.3g}" if isinstance(value, float) else va
 
 # %%
 table = protocols.residuals(used)
-residuals = plots.protocol_residuals(table, judged, level, degrees=used["realisation"].nunique() - 1)
+residuals = paper.protocol_residuals(table, judged, level, degrees=used["realisation"].nunique() - 1)
 
 # %% [markdown]
 # ### One candidate, row by row

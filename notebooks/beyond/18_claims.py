@@ -53,10 +53,9 @@ from scipy import stats
 
 import workbook
 from replication import characteristic, published
-from replication.authors import level_delta_rad, load_noisy
+from replication.authors import CLEAN_LEVELS, level_delta_rad, load_clean_records, load_noisy
 from replication.simulator import edge
 from replication.simulator.simulate import identified_joint
-from replication.simulator.study import CLEAN_LEVELS, clean_records
 from studies import claims as studies
 from studies import optimizers
 from workbook import Interval
@@ -154,7 +153,7 @@ def half_turn_spread(record):
     return rms.max() / rms.min() - 1
 
 
-clean = clean_records(CLEAN_LEVELS)
+clean = load_clean_records(CLEAN_LEVELS)
 settled = {delta: settled_disturbance(clean[delta]) for delta in sorted(clean)}
 growth = pd.DataFrame(
     {

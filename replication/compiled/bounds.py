@@ -1,6 +1,7 @@
 """How unbounded samples get into a box, as in the library `cma`.
 
-The identity inside, bent to a half-parabola in a margin at each bound; beyond the margins the map goes back and forth.
+The identity inside, bent to a half-parabola in a margin at each bound; beyond the margins the map
+goes back and forth.
 """
 
 from collections.abc import Callable
@@ -49,8 +50,10 @@ def bend_into(samples, lower, upper, lower_margin, upper_margin):
     """Compiled body of `into_box`, in the library's order of operations."""
     members = np.empty_like(samples)
     for i in range(samples.shape[1]):
-        lb, ub, al, au = lower[i], upper[i], lower_margin[i], upper_margin[i]
-        start, end = lb - 2 * al - (ub - lb) / 2.0, ub + 2 * au + (ub - lb) / 2.0
+        lb, ub = lower[i], upper[i]
+        al, au = lower_margin[i], upper_margin[i]
+        start = lb - 2 * al - (ub - lb) / 2.0
+        end = ub + 2 * au + (ub - lb) / 2.0
         for p in range(samples.shape[0]):
             y = samples[p, i]
             if y < start or y > end:

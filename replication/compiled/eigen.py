@@ -1,8 +1,9 @@
 """Eigenvectors of a small symmetric matrix, with the signs of LAPACK's `dsyev` before 3.10 on every machine.
 
-An eigenvector's sign is free, and a search that draws its samples along eigenvectors is another one if a sign flips.
-LAPACK's own choice changed with its plane rotation (3.10); here the old rotation stays. The method is in Golub and Van
-Loan, "Matrix Computations", sections 5.1 and 8.3; every sum is taken in order, without BLAS.
+An eigenvector's sign is free, and a search that draws its samples along eigenvectors is another one
+if a sign flips. LAPACK's own choice changed with its plane rotation (3.10); here the old rotation
+stays. The method is in Golub and Van Loan, "Matrix Computations", sections 5.1 and 8.3; every sum
+is taken in order, without BLAS.
 """
 
 import numba
@@ -16,10 +17,13 @@ MOST_SWEEPS = 30  # for each eigenvalue; two or three are usual
 @numba.njit(cache=True)
 def symmetric_eigen(matrix):
     """Eigenvalues of a symmetric matrix, ascending, and its eigenvectors in columns."""
-    diagonal, beside, vectors = make_tridiagonal(matrix.copy())
-    make_diagonal(diagonal, beside, vectors)
+    diagonal, beside, unsorted = make_tridiagonal(matrix.copy())
+    make_diagonal(diagonal, beside, unsorted)
     order = np.argsort(diagonal, kind="mergesort")
-    return diagonal[order], vectors[:, order]
+    vectors = np.empty_like(unsorted)
+    for k in range(order.size):
+        vectors[:, k] = unsorted[:, order[k]]
+    return diagonal[order], vectors
 
 
 @numba.njit(cache=True)
@@ -30,32 +34,60 @@ def length(x, y):
 
 
 @numba.njit(cache=True)
+def dot(x, y):
+    """Sum of products, in order."""
+    total = 0.0
+    for k in range(x.size):
+        total += x[k] * y[k]
+    return total
+
+
+@numba.njit(cache=True)
 def make_tridiagonal(a):
-    """Householder's reduction: diagonal, subdiagonal and the orthogonal matrix Q of Q T Q' = a; `a` is used up."""
+    """Householder's reduction: diagonal, subdiagonal and the orthogonal matrix Q of Q T Q' = a.
+
+    `a` is used up. Loops compile in a tenth of the time of array expressions.
+    """
     n = a.shape[0]
-    tau, beside, q = np.zeros(n), np.zeros(n), np.eye(n)
+    tau = np.zeros(n)
+    beside = np.zeros(n)
+    q = np.eye(n)
+    w = np.zeros(n)
     for i in range(n - 1):
         v, rest = a[i + 1 :, i], a[i + 1 :, i + 1 :]
         beside[i] = v[0]
-        below = np.sqrt((v[1:] * v[1:]).sum())
+        below = np.sqrt(dot(v[1:], v[1:]))
         if below == 0.0:
             continue
         beside[i] = -np.copysign(length(v[0], below), v[0])
         tau[i] = (beside[i] - v[0]) / beside[i]
-        v[1:] /= v[0] - beside[i]
+        scale = v[0] - beside[i]
         v[0] = 1.0  # the reflection's direction stays in the column
-        w = tau[i] * (rest * v).sum(axis=1)
-        w -= tau[i] / 2 * (w * v).sum() * v
-        rest -= np.outer(v, w) + np.outer(w, v)
+        for k in range(1, v.size):
+            v[k] /= scale
+        for k in range(v.size):
+            w[k] = tau[i] * dot(rest[k], v)
+        half = tau[i] / 2 * dot(v, w)
+        for k in range(v.size):
+            w[k] -= half * v[k]
+        for j in range(v.size):
+            for k in range(v.size):
+                rest[j, k] -= v[j] * w[k] + w[j] * v[k]
     for i in range(n - 2, -1, -1):
         v, block = a[i + 1 :, i], q[i + 1 :, i + 1 :]
-        block -= np.outer(v, tau[i] * (v * block.T).sum(axis=1))
+        for k in range(v.size):
+            turned = tau[i] * dot(v, block[:, k])
+            for j in range(v.size):
+                block[j, k] -= v[j] * turned
     return np.diag(a).copy(), beside, q
 
 
 @numba.njit(cache=True)
 def plane_rotation(f, g):
-    """Cosine, sine and length r that turn (f, g) into (r, 0); c is negative only where f is and |f| <= |g|."""
+    """Cosine, sine and length r that turn (f, g) into (r, 0).
+
+    The cosine is negative only where f is and |f| <= |g|.
+    """
     if g == 0.0:
         return 1.0, 0.0, f
     if f == 0.0:
@@ -91,9 +123,10 @@ def two_by_two(a, b, c):
 @numba.njit(cache=True)
 def turn_columns(vectors, i, j, c, s):
     """Apply a plane rotation to two columns."""
-    x, y = vectors[:, i].copy(), vectors[:, j].copy()
-    vectors[:, i] = c * x + s * y
-    vectors[:, j] = c * y - s * x
+    for k in range(vectors.shape[0]):
+        x, y = vectors[k, i], vectors[k, j]
+        vectors[k, i] = c * x + s * y
+        vectors[k, j] = c * y - s * x
 
 
 @numba.njit(cache=True)
@@ -103,7 +136,8 @@ def sweep(d, e, vectors, start, end, way):
     p = d[start]
     g = (d[start + way] - p) / (2 * e[start + at])
     g = d[end] - p + e[start + at] / (g + np.copysign(length(g, 1.0), g))
-    s, c, p = 1.0, 1.0, 0.0
+    s = c = 1.0
+    p = 0.0
     for i in range(end - way, start - way, -way):
         f, b = s * e[i + at], c * e[i + at]
         c, s, r = plane_rotation(g, f)

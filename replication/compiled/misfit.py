@@ -1,7 +1,7 @@
 """The misfit of a whole population of signatures: the fast twin of `signature.rmse`, equal to it but for rounding.
 
-Where the turn is a whole number of samples, all windows of a signature hold the same values: on a record that `fold`
-has summed over them, a member of the population costs one window instead of 2 n.
+Where the turn is a whole number of samples, all windows of a signature hold the same values: on a
+record that `fold` has summed over them, a member of the population costs one window instead of 2 n.
 """
 
 from typing import NamedTuple
@@ -12,11 +12,15 @@ import numpy as np
 from replication.arrays import FloatArray
 from replication.signature import Timing
 
-CANCELLED = 1e-3  # a smaller share of the record's square, left over by a difference, has lost digits
+# A smaller share of the record's square, left over by a difference, has lost digits.
+CANCELLED = 1e-3
 
 
-class Fold(NamedTuple):
-    """An evenly sampled record, and its sums over the windows of a signature where they are folded."""
+NOT_FOLDED = np.empty(0)
+
+
+class FoldedRecord(NamedTuple):
+    """An evenly sampled record, and its sums over the windows of a signature if it is folded."""
 
     t: FloatArray
     v: FloatArray  # in any unit
@@ -29,18 +33,21 @@ class Fold(NamedTuple):
     tie: float = 0.0  # how close to a sample [samples] rounding decides anew in each turn whether a window holds it
     half: int = 0  # samples of T_d and of T_f; 0 if nothing is folded
     turn: int = 0
-    # For the sample at which a window's first, positive oscillation has a value: sum of v - mean over all windows, less
-    # that over the negative ones; number of windows there, less that of the negative ones; number of both; windows in
-    # which a long oscillation meets its own turn's other one, and the next turn's first one.
-    sums: FloatArray = np.empty((5, 0))
+    # For the sample at which a window's first, positive oscillation has a value, over all turns:
+    value: FloatArray = NOT_FOLDED  # sum of v - mean in the positive windows, less that in the negative ones
+    sign: FloatArray = NOT_FOLDED  # number of positive windows that are in the record, less that of negative ones
+    both: FloatArray = NOT_FOLDED  # number of positive and negative ones
+    in_turn: FloatArray = NOT_FOLDED  # windows in which a long oscillation meets its own turn's other one
+    in_next: FloatArray = NOT_FOLDED  # and the next turn's first one
 
 
-def unfolded(t: FloatArray, v: FloatArray, timing: Timing) -> Fold:
-    """A record as it is, for the misfits of a few members: each of their windows is gone through."""
-    return Fold(t, v, float(timing.T_d), float(timing.T_f), timing.n, (t[-1] - t[0]) / (t.size - 1))
+def unfolded(t: FloatArray, v: FloatArray, timing: Timing) -> FoldedRecord:
+    """A record as it is, for a few members: each of their windows is gone through."""
+    dt = (t[-1] - t[0]) / (t.size - 1)
+    return FoldedRecord(t, v, float(timing.T_d), float(timing.T_f), timing.n, dt)
 
 
-def fold(t: FloatArray, v: FloatArray, timing: Timing) -> Fold:
+def fold(t: FloatArray, v: FloatArray, timing: Timing) -> FoldedRecord:
     """Fold an evenly sampled record if T_d < T_f and both are whole numbers of samples.
 
     Raises
@@ -57,22 +64,48 @@ def fold(t: FloatArray, v: FloatArray, timing: Timing) -> Fold:
     record = unfolded(t, v, timing)
     dt, n = record.dt, timing.n
     half, turn = round(timing.T_d / dt), round(timing.T_f / dt)
-    off = np.abs([half * dt - timing.T_d, n * (turn * dt - timing.T_f), np.ptp(t - t[0] - dt * np.arange(t.size))])
     rounding = 1e-15 * max(abs(t[0]), abs(t[-1]))
-    if off.max() > rounding or not 0 < half < turn:
+    uneven = np.ptp(t - t[0] - dt * np.arange(t.size))
+    off_half = abs(half * dt - timing.T_d)
+    off_last_turn = abs(n * (turn * dt - timing.T_f))
+    if max(uneven, off_half, off_last_turn) > rounding or not 0 < half < turn:
         return record
-    mean, size = float(v.mean()), t.size
-    r, there = np.zeros((2, size + half + n * turn))
-    r[:size], there[:size] = v - mean, 1.0
-    value, count = (sum((x[i * turn :][: size + half] for i in range(n)), np.zeros(size + half)) for x in (r, there))
-    first, second = count[:size], count[half:]
-    following = np.minimum(second, max(n - 1, 0))
-    sums = np.array([value[:size] - value[half:], first - second, first + second, first, following])
-    square = float((r**2).sum())
-    return record._replace(mean=mean, square=square, tie=4 * rounding / dt, half=half, turn=turn, sums=sums)
+    size, mean = t.size, float(v.mean())
+    r = np.zeros(size + half + n * turn)
+    r[:size] = v - mean
+    there = np.zeros(r.size)
+    there[:size] = 1.0
+    value = _sum_over_turns(r, n, turn, size + half)
+    count = _sum_over_turns(there, n, turn, size + half)
+    positive, negative = count[:size], count[half:]
+    return record._replace(
+        mean=mean,
+        square=float((r**2).sum()),
+        tie=4 * rounding / dt,
+        half=half,
+        turn=turn,
+        value=value[:size] - value[half:],
+        sign=positive - negative,
+        both=positive + negative,
+        in_turn=positive,
+        in_next=np.minimum(negative, max(n - 1, 0)),
+    )
 
 
-def population_rmse(t: FloatArray, v: FloatArray, population: FloatArray, timing: Timing) -> FloatArray:
+def _sum_over_turns(x: FloatArray, n: int, turn: int, size: int) -> FloatArray:
+    """Add up x from each of n turns on, the first `size` values of each."""
+    total = np.zeros(size)
+    for i in range(n):
+        total += x[i * turn :][:size]
+    return total
+
+
+def population_rmse(
+    t: FloatArray,
+    v: FloatArray,
+    population: FloatArray,
+    timing: Timing,
+) -> FloatArray:
     """Misfits [rps] of a population of shape (members, 7) on an evenly sampled record, not folded."""
     return folded_rmse(np.ascontiguousarray(population), unfolded(t, v, timing))
 
@@ -84,7 +117,7 @@ def residual(t: FloatArray, v: FloatArray, X: FloatArray, timing: Timing) -> Flo
 
 @numba.njit(cache=True)
 def folded_rmse(members, record):
-    """Misfits of members of shape (members, 7), in the unit of v: by sums where they tell it, else window by window."""
+    """Misfits of members of shape (members, 7), in the unit of v: by the sums, or window by window."""
     misfits = np.empty(members.shape[0])
     scratch = np.empty((3, record.t.size))
     for p in range(misfits.size):
@@ -100,39 +133,53 @@ def folded_rmse(members, record):
 
 @numba.njit(cache=True)
 def _square_by_sums(member, record, scratch):
-    """Sum of squares of r - h by the sums over the windows; negative where they do not tell it exactly."""
+    """Sum of squares of r - h by the sums over the windows.
+
+    Negative where they do not tell it exactly.
+    """
     A, t0, tau, omega, v_t, T2, T1 = member
-    t, dt, half, turn = record.t, record.dt, record.half, record.turn
-    begin, end = (t0 - t[0] + T1) / dt, (t0 - t[0] + T2) / dt
-    if turn == 0 or abs(begin - np.rint(begin)) < record.tie or abs(end - np.rint(end)) < record.tie:
+    t, dt = record.t, record.dt
+    begin = (t0 - t[0] + T1) / dt
+    end = (t0 - t[0] + T2) / dt
+    if record.turn == 0 or abs(begin - np.rint(begin)) < record.tie or abs(end - np.rint(end)) < record.tie:
         return -1.0
     first = int(np.ceil(begin))
     last = min(int(np.floor(end)) + 1, t.size)
-    length, level = last - first, v_t - record.mean
+    length = last - first
+    level = v_t - record.mean
     square = record.square + t.size * level * level
     if length <= 0:
         return square
-    if first < 0 or length > turn:
+    if first < 0 or length > record.turn:
         return -1.0
     elapsed = t[first] - t0
     _oscillate(scratch, length, A * np.exp(-(elapsed - T1) * tau), omega * elapsed, tau, omega, dt)
     h, part = scratch[1, :length], scratch[2, :length]
-    value, sign, count = record.sums[0, first:last], record.sums[1, first:last], record.sums[2, first:last]
+    value, sign = record.value[first:last], record.sign[first:last]
+    both = record.both[first:last]
     for j in range(length):
-        part[j] = h[j] * (count[j] * h[j] - 2 * (value[j] - level * sign[j]))
-    # A window longer than half a turn overlaps its own turn's other one or the next turn's first, of the other sign.
-    for delay, windows in ((half, record.sums[3, first:last]), (turn - half, record.sums[4, first:last])):
-        if length > delay:
-            part[delay:] -= 2 * windows[delay:] * h[delay:] * h[: length - delay]
+        part[j] = h[j] * (both[j] * h[j] - 2 * (value[j] - level * sign[j]))
+    # A window longer than half a turn overlaps its own turn's other one or the next turn's first.
+    _subtract_overlap(part, h, record.in_turn[first:last], record.half)
+    _subtract_overlap(part, h, record.in_next[first:last], record.turn - record.half)
     square += _total(part)
     return square if square > CANCELLED * record.square else -1.0
+
+
+@numba.njit(cache=True)
+def _subtract_overlap(part, h, windows, delay):
+    """Subtract what two oscillations of opposite sign, a delay [samples] apart, have in common."""
+    for j in range(delay, part.size):
+        part[j] -= 2 * windows[j] * h[j] * h[j - delay]
 
 
 @numba.njit(cache=True)
 def _subtract(X, record, scratch):
     """Residual r - h, one window after the other; the last row of `scratch`."""
     A, t0, tau, omega, v_t, T2, T1 = X
-    t, dt, c, s, error = record.t, record.dt, scratch[0], scratch[1], scratch[2]
+    t, dt = record.t, record.dt
+    c, s = scratch[0], scratch[1]
+    error = scratch[2]
     for k in range(t.size):
         error[k] = record.v[k] - v_t
     length = int(min(max((T2 - T1) / dt + 2.0, 1.0), float(t.size)))
@@ -146,7 +193,9 @@ def _subtract(X, record, scratch):
         if last > first:
             amplitude = (1 - 2 * (i % 2)) * A * np.exp(-(t[first] - (start + T1)) * tau)
             phase = omega * (t[first] - start)
-            a, b, part = amplitude * np.sin(phase), amplitude * np.cos(phase), error[first:last]
+            a = amplitude * np.sin(phase)
+            b = amplitude * np.cos(phase)
+            part = error[first:last]
             for j in range(part.size):
                 part[j] -= a * c[j] + b * s[j]
     return error
@@ -165,11 +214,16 @@ def _first_at_or_after(t, instant, dt):
 
 @numba.njit(cache=True)
 def _oscillate(rows, length, amplitude, phase, tau, omega, dt):
-    """First values of a damped cosine and sine into two rows; a block turned on by its own length is the next block."""
+    """First values of a damped cosine and sine into two rows.
+
+    A block turned on by its own length is the next block.
+    """
     c, s = rows[0], rows[1]
-    c[0], s[0] = amplitude * np.cos(phase), amplitude * np.sin(phase)
+    c[0] = amplitude * np.cos(phase)
+    s[0] = amplitude * np.sin(phase)
     decay = np.exp(-tau * dt)
-    x, y = decay * np.cos(omega * dt), decay * np.sin(omega * dt)
+    x = decay * np.cos(omega * dt)
+    y = decay * np.sin(omega * dt)
     known = 1
     while known < length:
         next_c, next_s = c[known : min(2 * known, length)], s[known : min(2 * known, length)]
@@ -182,7 +236,7 @@ def _oscillate(rows, length, amplitude, phase, tau, omega, dt):
 
 @numba.njit(cache=True)
 def _total(x):
-    """Sum by four running sums: additions do not wait for one another, in the same order on every processor."""
+    """Sum by four running sums, in the same order on every processor: no addition waits for another."""
     a = b = c = d = 0.0
     blocks = x.size // 4 * 4
     for k in range(0, blocks, 4):

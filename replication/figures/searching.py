@@ -27,21 +27,52 @@ def replay(compared: pd.DataFrame, ended: pd.DataFrame, agree_rps: float) -> Fig
         shown = np.maximum(part["difference_rps"], SMALLEST_RPS)
         if (part["difference_rps"] > agree_rps).any():
             colour, line = next(diverging, (INK, "D-"))
-            left.plot(part["generation"], shown, line, color=colour, markersize=3, label=f"run {run}, diverges")
+            left.plot(
+                part["generation"],
+                shown,
+                line,
+                color=colour,
+                markersize=3,
+                label=f"run {run}, diverges",
+            )
         else:
-            left.plot(part["generation"], shown, ".-", color=BLUE, alpha=0.5, markersize=3, linewidth=0.5, zorder=1)
+            left.plot(
+                part["generation"],
+                shown,
+                ".-",
+                color=BLUE,
+                alpha=0.5,
+                markersize=3,
+                linewidth=0.5,
+                zorder=1,
+            )
     left.plot([], [], ".-", color=BLUE, alpha=0.5, markersize=3, linewidth=0.5, label="other runs")
-    right.plot(ended["run"], np.maximum(ended["difference_rps"], SMALLEST_RPS), "o", color=BLUE, markersize=4)
+    right.plot(
+        ended["run"],
+        np.maximum(ended["difference_rps"], SMALLEST_RPS),
+        "o",
+        color=BLUE,
+        markersize=4,
+    )
     for axis, label in (left, None), (right, "limit of agreement"):
         axis.axhline(agree_rps, color=INK, linewidth=0.8, linestyle=":", label=label)
-    left.set(xlabel="generation [-]", ylabel="|ours $-$ stored| [rps]", yscale="log", title="printed generations")
+    left.set(
+        xlabel="generation [-]",
+        ylabel="|ours $-$ stored| [rps]",
+        yscale="log",
+        title="printed generations",
+    )
     right.set(xlabel="stored run", title="end of each run")
     return finish(figure, 2)
 
 
 @in_style
 def one_generation(
-    now: Generation, weights: FloatArray, box: Box, at: tuple[int, int], labels: Sequence[str]
+    now: Generation,
+    weights: FloatArray,
+    box: Box,
+    at: tuple[int, int],
+    labels: Sequence[str],
 ) -> Figure:
     """Show a generation in two of its dimensions: samples and ranks, the new mean, the new distribution."""
     figure, axes = grid(2, 2, height_in=4.8, sharex=True, sharey=True)
@@ -50,15 +81,40 @@ def one_generation(
     i, j = at
     ranked, half = now.x[now.ranking], int((weights > 0).sum())
     before, after = now.before, now.after
-    for axis, title in zip(panels, ("samples (eq. 12)", "new mean (eq. 13)", "new ellipse (eq. 14-17)"), strict=True):
+    for axis, title in zip(
+        panels,
+        ("samples (eq. 12)", "new mean (eq. 13)", "new ellipse (eq. 14-17)"),
+        strict=True,
+    ):
         draw_bounds(axis, box, at)
         ellipse(axis, before, at, color=INK, linestyle="--", label="2 SD before")
         axis.set(xlabel=labels[0], ylabel=labels[1], title=title)
         axis.tick_params(labelbottom=True, labelleft=True)
-    first.plot(ranked[half:, i], ranked[half:, j], "x", color="0.5", markersize=3, label="worse half")
-    first.plot(ranked[:half, i], ranked[:half, j], ".", color=BLUE, markersize=4, label="better half")
+    first.plot(
+        ranked[half:, i],
+        ranked[half:, j],
+        "x",
+        color="0.5",
+        markersize=3,
+        label="worse half",
+    )
+    first.plot(
+        ranked[:half, i],
+        ranked[:half, j],
+        ".",
+        color=BLUE,
+        markersize=4,
+        label="better half",
+    )
     sizes = 40 * weights[:half] / weights[0]
-    second.scatter(*ranked[:half, at].T, s=sizes, color=BLUE, linewidths=0, zorder=2, label="better half, area: weight")
+    second.scatter(
+        *ranked[:half, at].T,
+        s=sizes,
+        color=BLUE,
+        linewidths=0,
+        zorder=2,
+        label="better half, area: weight",
+    )
     for axis in (second, third):
         axis.plot(before.m[i], before.m[j], "P", color=INK, markersize=7, label="mean before")
         axis.plot(after.m[i], after.m[j], "s", color=ORANGE, markersize=4, label="mean after")
@@ -68,7 +124,13 @@ def one_generation(
 
 
 @in_style
-def run(states: Sequence[State], best: FloatArray, box: Box, at: tuple[int, int], labels: Sequence[str]) -> Figure:
+def run(
+    states: Sequence[State],
+    best: FloatArray,
+    box: Box,
+    at: tuple[int, int],
+    labels: Sequence[str],
+) -> Figure:
     """Show a run: its distribution in two dimensions at some generations, and what it finds."""
     figure, ((upper,), (lower,)) = grid(2, 1, height_in=5.0, height_ratios=(3, 2))
     above = np.where(best > best.min(), best - best.min(), np.nan)
@@ -77,8 +139,18 @@ def run(states: Sequence[State], best: FloatArray, box: Box, at: tuple[int, int]
     for k, state in enumerate(states):
         colour, line = plt.cm.viridis(k / len(states)), ("-", "--", "-.", ":")[k % 4]
         ellipse(upper, state, at, color=colour, linestyle=line)
-        style = {"marker": "osD^v"[k % 5], "markersize": 8 - 4 * k / len(states), "markerfacecolor": "none"}
-        upper.plot(*state.m[list(at)], color=colour, linestyle=line, label=f"generation {state.g}", **style)
+        style = {
+            "marker": "osD^v"[k % 5],
+            "markersize": 8 - 4 * k / len(states),
+            "markerfacecolor": "none",
+        }
+        upper.plot(
+            *state.m[list(at)],
+            color=colour,
+            linestyle=line,
+            label=f"generation {state.g}",
+            **style,
+        )
         lower.plot(state.g, above[state.g - 1], color=colour, **style)
     upper.set(xlabel=labels[0], ylabel=labels[1])
     lower.set(xlabel="generation [-]", ylabel="misfit above the best [rps]", yscale="log")
@@ -88,7 +160,16 @@ def run(states: Sequence[State], best: FloatArray, box: Box, at: tuple[int, int]
 def draw_bounds(axis: Axes, box: Box, at: tuple[int, int]) -> None:
     """Frame the box of the search in two dimensions."""
     (left, bottom), (width, height) = box.lower[list(at)], (box.upper - box.lower)[list(at)]
-    axis.add_patch(Rectangle((left, bottom), width, height, fill=False, color="0.6", label="bounds of the search"))
+    axis.add_patch(
+        Rectangle(
+            (left, bottom),
+            width,
+            height,
+            fill=False,
+            color="0.6",
+            label="bounds of the search",
+        )
+    )
 
 
 def ellipse(axis: Axes, state: State, at: tuple[int, int], **style: Any) -> None:

@@ -13,9 +13,17 @@ from matplotlib.figure import Figure
 from matplotlib.rcsetup import cycler
 
 # Okabe and Ito's colours, ordered so that neighbours also differ in grey.
-INK, BLUE, ORANGE, GREEN, PINK, SKY = "#000000", "#0072B2", "#E69F00", "#009E73", "#CC79A7", "#56B4E9"
+INK = "#000000"
+BLUE = "#0072B2"
+ORANGE = "#E69F00"
+GREEN = "#009E73"
+PINK = "#CC79A7"
+SKY = "#56B4E9"
+
 Style = dict[str, Any]
-PRINTED: Style = {"color": INK, "marker": "x", "linestyle": "none", "markersize": 7, "label": "printed in the paper"}
+THIN: Style = {"color": INK, "linewidth": 0.8}
+MARKS: Style = {"color": INK, "marker": "x", "linestyle": "none", "markersize": 7}
+PRINTED = MARKS | {"label": "printed in the paper"}
 
 WIDTH_IN = 5.3  # in a journal's column of 85 mm the smallest text, 8 pt, has 5 pt
 BACKLASH_LABEL = "backlash $\\delta$ [$10^{-4}$ rad]"
@@ -49,7 +57,8 @@ def in_style(plot: Callable[..., Figure]) -> Callable[..., Figure]:
         with mpl.rc_context(STYLE):
             figure = plot(*args, **options)
             interactive = mpl.is_interactive()
-        # A notebook's backend switches this on with its first figure; switched back, no other figure would be shown.
+        # A notebook's backend switches this on with its first figure; off again, no other figure
+        # would be shown.
         mpl.interactive(interactive)
         return figure
 
@@ -60,9 +69,13 @@ def save(figure: Figure, folder: Path, name: str, mark: str = "") -> None:
     """Write a figure as SVG and PNG, without anything that differs from run to run."""
     folder.mkdir(parents=True, exist_ok=True)
     if mark:
-        figure.text(0.5, 0.5, mark, fontsize=40, color="0.6", alpha=0.4, ha="center", va="center", rotation=20)
+        style: Style = {"fontsize": 40, "color": "0.6", "alpha": 0.4, "rotation": 20}
+        figure.text(0.5, 0.5, mark, ha="center", va="center", **style)
     with mpl.rc_context(STYLE):
-        figure.savefig(folder / f"{name}.svg", metadata={"Date": None, "Description": description(figure)})
+        figure.savefig(
+            folder / f"{name}.svg",
+            metadata={"Date": None, "Description": description(figure)},
+        )
         figure.savefig(folder / f"{name}.png", dpi=200)
 
 
@@ -76,7 +89,12 @@ def description(figure: Figure) -> str:
     return "; ".join(dict.fromkeys(panel for panel in panels if panel))
 
 
-def grid(rows: int = 1, columns: int = 1, height_in: float = 3.2, **options) -> tuple[Figure, np.ndarray]:
+def grid(
+    rows: int = 1,
+    columns: int = 1,
+    height_in: float = 3.2,
+    **options,
+) -> tuple[Figure, np.ndarray]:
     """Make a figure and its axes, always as an array of shape (rows, columns)."""
     return plt.subplots(rows, columns, squeeze=False, figsize=(WIDTH_IN, height_in), **options)
 
@@ -88,7 +106,7 @@ def letter_panels(axes: Iterable[Axes]) -> None:
 
 
 def finish(figure: Figure, columns: int, loc: Any = "outside lower center") -> Figure:
-    """Letter the panels of a figure, and put one legend of all of them, each label once, beside them."""
+    """Letter the panels of a figure, and put one legend beside them, each label once."""
     panels = [axis for axis in figure.axes if axis.get_visible() and axis.get_label() != "<colorbar>"]
     if len(panels) > 1:
         letter_panels(panels)

@@ -26,7 +26,10 @@ def draw_arm(axis: plt.Axes, angle_rad: float) -> None:
 
 
 def draw_teeth(axis: plt.Axes, displacement: float, delta: float, reach: float) -> None:
-    """Draw the motor's tooth between the load's flanks, which springs (the coupling) hold; lengths in mrad."""
+    """Draw the motor's tooth between the load's flanks, which springs (the coupling) hold.
+
+    Lengths in mrad.
+    """
     twist = displacement - np.clip(displacement, -delta, delta)
     half, wall = 0.5 * reach, 2.5 * reach  # of the motor's tooth, of the load's body
     axis.fill(displacement + half * np.array([-1, -0.8, 0.8, 1]), [1, 0, 0, 1], color=BLUE)
@@ -37,20 +40,41 @@ def draw_teeth(axis: plt.Axes, displacement: float, delta: float, reach: float) 
         axis.fill(side * wall * np.array([1, 1, 1.1, 1.1]), [-0.4, 0.8, 0.8, -0.4], color="0.5")
         coils = 0.3 + 0.12 * np.array([0, 0, *[1, -1] * 5, 0, 0])
         axis.plot(np.linspace(flank[-1], side * wall, 14), coils, color=INK, linewidth=0.8)
-    axis.set(xlim=(-1.12 * wall, 1.12 * wall), ylim=(-0.55, 1.2), xlabel="displacement $\\Delta\\theta$ [mrad]")
+    axis.set(
+        xlim=(-1.12 * wall, 1.12 * wall),
+        ylim=(-0.55, 1.2),
+        xlabel="displacement $\\Delta\\theta$ [mrad]",
+    )
     axis.set(xticks=np.round([-reach, 0, reach], 2), yticks=[])
     axis.grid(visible=False)
     axis.spines["left"].set_visible(False)
 
 
 def animate_teeth(run: SimulatedJoint, joint: JointParameters) -> str:
-    """Show a turn of a run as HTML: the arm, the teeth in the gap, the motor speed; slower while the gap is open."""
+    """Show a turn of a run as HTML: the arm, the teeth in the gap, the motor speed.
+
+    Slower while the gap is open.
+    """
     turn = np.floor((run.load_position_rad - TURN / 4) / TURN) == 1
-    t, angle, v = 1e3 * (run.time_s[turn] - run.time_s[turn][0]), run.load_position_rad[turn], run.motor_speed_rps[turn]
-    x, free = 1e3 * (run.motor_position_rad[turn] / joint.gear_ratio - angle), run.gap_state[turn] == 0
+    time_s = run.time_s[turn]
+    t = 1e3 * (time_s - time_s[0])
+    angle = run.load_position_rad[turn]
+    v = run.motor_speed_rps[turn]
+    x = 1e3 * (run.motor_position_rad[turn] / joint.gear_ratio - angle)
+    free = run.gap_state[turn] == 0
     frames = np.flatnonzero(np.round(t, 3) % np.where(free, 3, 15) == 0)
-    with plt.rc_context(STYLE | {"figure.dpi": 64, "figure.constrained_layout.use": False}), plt.ioff():
-        margins = {"left": 0.15, "right": 0.99, "bottom": 0.12, "top": 0.99, "hspace": 0.32, "height_ratios": (3, 2)}
+    with (
+        plt.rc_context(STYLE | {"figure.dpi": 64, "figure.constrained_layout.use": False}),
+        plt.ioff(),
+    ):
+        margins = {
+            "left": 0.15,
+            "right": 0.99,
+            "bottom": 0.12,
+            "top": 0.99,
+            "hspace": 0.32,
+            "height_ratios": (3, 2),
+        }
         figure, axes = plt.subplot_mosaic("ABB;CCC", figsize=(6.4, 4.6), gridspec_kw=margins)
         figure.canvas.draw_idle = lambda: None  # type: ignore[method-assign,misc]  # a frame is drawn as it is saved
         arm, gap, speed = axes.values()
@@ -66,22 +90,42 @@ def animate_teeth(run: SimulatedJoint, joint: JointParameters) -> str:
             draw_teeth(gap, x[k], 1e3 * run.delta_rad, np.abs(x).max())
             dot.set_data(t[[k]], v[[k]])
 
-        html = FuncAnimation(figure, draw, frames=frames, interval=100, init_func=lambda: None).to_jshtml()
+        html = FuncAnimation(
+            figure,
+            draw,
+            frames=frames,
+            interval=100,
+            init_func=lambda: None,
+        ).to_jshtml()
         plt.close(figure)
     return _made_plain(html)
 
 
 def _made_plain(html: str) -> str:
     """Make Matplotlib's HTML small and always the same, words of the icons it fetches, and show its first frame."""
-    html = re.sub(r"(?<=base64,)[^\"]+", _reduce_png, re.sub(r"<link.*?>", "", html, flags=re.DOTALL))
-    html = html.replace(re.findall(r"_anim_img(\w{32})", html)[0], "_teeth").replace("width: 36px", "")
+    html = re.sub(
+        r"(?<=base64,)[^\"]+",
+        _reduce_png,
+        re.sub(r"<link.*?>", "", html, flags=re.DOTALL),
+    )
+    html = html.replace(re.findall(r"_anim_img(\w{32})", html)[0], "_teeth").replace(
+        "width: 36px",
+        "",
+    )
     html = re.sub(r'aria-label="([^"]*)"( onclick="[^"]*">)\s*<i .*?</i>', r"\2\1", html)
     first = re.findall(r'frames\[0\] = "(.*?)"', html)[0]
-    html = html.replace("<img ", f'<img alt="arm, teeth and motor speed" style="max-width: 100%" src="{first}" ')
+    html = html.replace(
+        "<img ",
+        f'<img alt="arm, teeth and motor speed" style="max-width: 100%" src="{first}" ',
+    )
     return html.replace("width: 374px", "width: 95%").replace('name="points"', 'aria-label="frame"')
 
 
 def _reduce_png(found: re.Match) -> str:
     small = io.BytesIO()
-    Image.open(io.BytesIO(base64.b64decode(found[0]))).convert("RGB").quantize(32).save(small, "PNG", optimize=True)
+    Image.open(io.BytesIO(base64.b64decode(found[0]))).convert("RGB").quantize(32).save(
+        small,
+        "PNG",
+        optimize=True,
+    )
     return base64.b64encode(small.getvalue()).decode()

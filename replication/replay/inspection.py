@@ -10,7 +10,15 @@ from replication.recording import Recording
 from replication.table2 import table2_levels
 
 # Parameters of a stored run, in `signature.FREE_PARAMETERS` order.
-STORED_NAMES = ("A_rps", "t0_s", "tau_per_s", "omega_rad_per_s", "c_rps", "window_end_s", "window_start_s")
+STORED_NAMES = (
+    "A_rps",
+    "t0_s",
+    "tau_per_s",
+    "omega_rad_per_s",
+    "c_rps",
+    "window_end_s",
+    "window_start_s",
+)
 
 
 def turn_period(recording: Recording) -> float:
@@ -46,8 +54,9 @@ def uniform_noise_test(noise: FloatArray) -> pd.Series:
 def noise_amplitudes() -> FloatArray:
     """Half-amplitude of the noise [rps] in the authors' low-noise records of Table 2's ten rows, R = 1 to 5.
 
-    Half the range of what was added to the clean record; where that is not public, from the variance about the mean of
-    the five realisations, which is a third of the squared half-amplitude.
+    Half the range of what was added to the clean record; where that is not public, from the
+    variance about the mean of the five realisations, which is a third of the squared
+    half-amplitude.
     """
     amplitudes = []
     for level in table2_levels():

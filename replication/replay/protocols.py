@@ -1,81 +1,109 @@
-"""Which protocol printed Table 2? A dozen candidates that could exist before 2022, judged on the authors' five noises.
+"""Which protocol printed Table 2? Candidates that could exist before 2022, judged on five noises.
 
-The criterion, fixed before any number was computed with it. Known before: all ten printed means lie in the intervals
-of the authors' notebook; a fixed window, or T_d and T_f as printed, gives an A far below them on R = 1 and 2.
-1. A candidate runs on the records R = 1 to 5 of each row; a row's numbers are mean and SD of |A| over the runs.
-2. For each row, t = (ln printed - m) / (s sqrt(1 + 1/5)), m and s from the five ln means, and likewise from the five
-   ln SDs: the printed table has another noise. Two-sided p by Student's t with 4 degrees of freedom.
-3. Ten p make one by Fisher's method, as each row has its own noise: p_means and p_sds. The candidate's p is
-   min(1, 2 min(p_means, p_sds)). It explains the table if p >= 0.05.
-4. Calibration: each realisation in turn takes the printed table's place, judged by the other four: five p.
-5. Multiplicity: no correction; of twelve candidates, each tested at 5 %, all right, 0.6 would fail by chance.
-6. Claim `random_start`: it holds if a candidate with a drawn start explains the table and none with the whole record
-   does; it does not hold if it is the other way round; otherwise it is undecided.
+The criterion, fixed before any number was computed with it. Known before: all ten printed means lie
+in the intervals of the authors' notebook; a fixed window, or T_d and T_f as printed, gives an A far
+below them on R = 1 and 2.
+1. A candidate runs on the records R = 1 to 5 of each row; a row's numbers are mean and SD of |A|
+   over the runs.
+2. For each row, t = (ln printed - m) / (s sqrt(1 + 1/5)), m and s from the five ln means, and
+   likewise from the five ln SDs: the printed table has another noise. Two-sided p by Student's t
+   with 4 degrees of freedom.
+3. Ten p make one by Fisher's method, as each row has its own noise: p_means and p_sds. The
+   candidate's p is min(1, 2 min(p_means, p_sds)). It explains the table if p >= 0.05.
+4. Calibration: each realisation in turn takes the printed table's place, judged by the other four:
+   five p.
+5. Multiplicity: no correction; of twelve candidates, each tested at 5 %, all right, 0.6 would fail
+   by chance.
+6. Claim `random_start`: it holds if a candidate with a drawn start explains the table and none with
+   the whole record does; it does not hold if it is the other way round; otherwise it is undecided.
 """
 
-from collections.abc import Mapping
-from dataclasses import dataclass, replace
-from functools import cache, partial
+from dataclasses import replace
+from functools import cache
 from itertools import product
 from typing import Any
 
 import numpy as np
 import pandas as pd
-from joblib import Parallel, delayed
 from scipy import stats
 
 from replication import published
 from replication.arrays import FloatArray
-from replication.authors import load_noisy
-from replication.compiled.misfit import Fold, fold, folded_rmse
-from replication.compiled.whole_run import whole_run
+from replication.authors import LOW_NOISE, load_noisy
 from replication.files import ROOT
-from replication.identify import Protocol, protocol_box
+from replication.identify import Fit, Protocol, paper_fit
+from replication.parallel import in_parallel
+from replication.published import Criteria, Decision
 from replication.recording import Recording, from_sample
-from replication.search import Search, generations, random_normals, search
-from replication.signature import Box
-from replication.table2 import AUTHORS, basin_labels, start_samples, table2_levels
+from replication.table2 import (
+    AUTHORS_PROTOCOL,
+    basin_labels,
+    error_percent,
+    start_samples,
+    table2,
+    table2_levels,
+)
 
 ROWS = range(1, 11)
-REALISATIONS = range(1, 6)
 COLUMNS = ("mean_A_rps", "sd_A_rps")
 LEVEL = published.criterion("random_start")
-RUNS = ROOT / "results" / "protocol_runs.csv"
-PRINTED = np.stack([published.column("Table 2", name)[: len(ROWS)] for name in ("mean", "sd")])  # [rps], (2, rows)
-WIDE = 1e3  # a box so much wider than Table 1's that no sample comes near its bounds
+PROTOCOL_RUNS = ROOT / "results" / "protocol_runs.csv"
+# [rps], (2, rows)
+PRINTED = np.stack([published.column("Table 2", name)[: len(ROWS)] for name in ("mean", "sd")])
 
 
-@dataclass(frozen=True)
-class Candidate:
-    """A protocol that may have printed Table 2."""
+def _variants() -> tuple[Protocol, ...]:
+    """The authors' notebook and what of it may have been otherwise when Table 2 was printed."""
 
-    name: str
-    protocol: Protocol = AUTHORS
-    rpm: bool = False  # the record is fitted as 60 (v - mean v), as equation 10 has A, and not in rps
-    fixed_T2_s: float | None = None  # T1 = 0 and this T2 are fixed, and the five other parameters have no bounds
-    runs: int = 30  # of each row and realisation
+    def variant(name: str, **changes: Any) -> Protocol:
+        return replace(AUTHORS_PROTOCOL, name=name, **changes)
 
-
-def _candidates() -> tuple[Candidate, ...]:
-    as_printed, many = replace(AUTHORS, amplitude_factor=1.0), replace(AUTHORS, population=2000)
     T_d, T_f = (published.value(f"table1.{name}.max") for name in ("T_d", "T_f"))
-    # The line does not say T_f: 2 T_d, as in Table 1. A run of it takes 20 times as long as the notebook's.
-    line = Candidate("switched-off line", replace(many, T_d=T_d, T_f=T_f), fixed_T2_s=0.218, runs=3)
+    # A disabled line of the notebook. It does not say T_f: 2 T_d, as in Table 1.
+    line = {"population": 2000, "fixed_T2_s": 0.218}
+    in_rpm = {"amplitude_factor": 1.0, "rpm": True}
     return (
-        Candidate("authors' notebook"),
-        *(Candidate(f"population {size}", replace(AUTHORS, population=size)) for size in (600, 1000)),
-        Candidate("population 2000", many, runs=10),
-        Candidate("box of A as printed", as_printed),
-        Candidate("rpm about the mean", as_printed, rpm=True),
-        Candidate("rpm about the mean, population 2000", replace(as_printed, population=2000), rpm=True, runs=10),
-        *(Candidate(f"start drawn {start}", replace(AUTHORS, start=start)) for start in ("per run", "per record")),
-        Candidate("T_d and T_f as printed", replace(AUTHORS, T_d=T_d, T_f=T_f)),
-        line,
-        replace(line, name="switched-off line, T_d = 0.2 s", protocol=many),
+        AUTHORS_PROTOCOL,
+        variant("population 600", population=600),
+        variant("population 1000", population=1000),
+        variant("population 2000", population=2000),
+        variant("box of A as printed", amplitude_factor=1.0),
+        variant("rpm about the mean", **in_rpm),
+        variant("rpm about the mean, population 2000", population=2000, **in_rpm),
+        variant("start drawn per run", start="per run"),
+        variant("start drawn per record", start="per record"),
+        variant("T_d and T_f as printed", T_d=T_d, T_f=T_f),
+        variant("switched-off line", T_d=T_d, T_f=T_f, **line),
+        variant("switched-off line, T_d = 0.2 s", **line),
+        variant("today's cma", engine="cma"),
     )
 
 
-CANDIDATES = {candidate.name: candidate for candidate in _candidates()}
+VARIANTS = {variant.name: variant for variant in _variants()}
+# Those that could exist before 2022.
+CANDIDATES = {name: variant for name, variant in VARIANTS.items() if variant.engine == "2021"}
+
+
+def variant_scores(runs: pd.DataFrame) -> pd.DataFrame:
+    """Compare each variant's means and SDs with Table 2's, row by row, from `repeated_fits` of one realisation."""
+    parts = []
+    for name, part in runs.groupby("protocol", sort=False):
+        table = table2(part)
+        scores = table[["delta_rad", "mean_A_rps", "sd_A_rps"]].assign(
+            mean_error_percent=error_percent(table, "mean_A_rps"),
+            sd_ratio=table["sd_A_rps"] / published.column("Table 2", "sd")[table["row"] - 1],
+            best_basin_share=table["best_basin_runs"] / table["runs"],
+        )
+        scores.insert(0, "protocol", name)
+        parts.append(scores)
+    return pd.concat(parts, ignore_index=True)
+
+
+def runs_of(candidate: Protocol) -> int:
+    """Runs of a candidate on each record: fewer where one takes longer, 20 times as long as the notebook's."""
+    if candidate.fixed_T2_s is not None:
+        return 3
+    return 10 if candidate.population == 2000 else 30
 
 
 @cache
@@ -83,48 +111,33 @@ def _record(row: int, realisation: int) -> Recording:
     return load_noisy(table2_levels()[row - 1], realisation)
 
 
-def one_run(candidate: Candidate, row: int, realisation: int, seed: int) -> tuple[float, float]:
-    """Fit the authors' record of a row and a realisation once: |A| and RMSE [rps]."""
-    protocol, scale = candidate.protocol, 60.0 if candidate.rpm else 1.0
-    (start,) = start_samples(protocol, [seed], (row, realisation))
-    record = from_sample(_record(row, realisation), start)
-    if candidate.rpm:
-        record = replace(record, v=scale * (record.v - record.v.mean()))
-    settings = fold(record.t, record.v, protocol.timing), protocol_box(record, protocol), seed, protocol.population
-    T2_s = candidate.fixed_T2_s
-    found = (whole_run if T2_s is None else partial(_run_without_bounds, T2_s))(*settings, protocol.iterations)
-    return abs(float(found.best[0])) / scale, float(found.misfit) / scale
+def one_run(candidate: Protocol, row: int, realisation: int, seed: int) -> Fit:
+    """Fit the authors' record of a row and a realisation once."""
+    (start,) = start_samples(candidate, [seed], (row, realisation))
+    return paper_fit(from_sample(_record(row, realisation), start), candidate, seed)
 
 
-def _run_without_bounds(T2_s: float, folded: Fold, box: Box, seed: int, population: int, iterations: int) -> Search:
-    """Search over A, t0, tau, omega and v_t as `whole_run` does, from the middle of a box but not bounded by it."""
-    middle, half = ((box.upper + sign * box.lower)[:5] / 2 for sign in (1, -1))
-
-    def misfits(members: FloatArray) -> FloatArray:
-        if (np.abs(members - middle) > WIDE / 2 * half).any():
-            raise ValueError("a sample came near the bounds, which were not to be felt")
-        return folded_rmse(np.column_stack([members, np.tile([T2_s, 0.0], (population, 1))]), folded)
-
-    wide = Box(middle - WIDE * half, middle + WIDE * half)
-    return search(generations(misfits, wide, random_normals(seed), population, sigma=1 / WIDE), iterations)
-
-
-def summarise(candidate: Candidate, row: int, realisation: int) -> dict[str, Any]:
+def summarise(candidate: Protocol, row: int, realisation: int) -> dict[str, Any]:
     """Mean and SD of |A| [rps] and the best basin's share over a candidate's runs on one record."""
-    ends = np.array([one_run(candidate, row, realisation, seed) for seed in range(1, candidate.runs + 1)])
-    A, best = ends[:, 0], basin_labels(ends[:, 1]) == 1
-    key = {"protocol": candidate.name, "row": row, "realisation": realisation, "runs": len(A)}
-    return key | {"mean_A_rps": A.mean(), "sd_A_rps": A.std(ddof=1), "best_basin_share": best.mean()}
+    fits = [one_run(candidate, row, realisation, seed) for seed in range(1, runs_of(candidate) + 1)]
+    A = np.array([fit.amplitude_rps for fit in fits])
+    best = basin_labels(np.array([fit.rmse for fit in fits])) == 1
+    key = {"protocol": candidate.name, "row": row, "realisation": realisation, "runs": len(fits)}
+    return key | {
+        "mean_A_rps": A.mean(),
+        "sd_A_rps": A.std(ddof=1),
+        "best_basin_share": best.mean(),
+    }
 
 
 def compute_runs() -> pd.DataFrame:
-    """Summarise every candidate's runs on every row and realisation, for `RUNS`."""
+    """Summarise every candidate's runs on every row and realisation, for `PROTOCOL_RUNS`."""
 
-    def summaries(row: int, realisation: int) -> list[dict]:  # one record at a time: reading it takes a second
+    # One record at a time: reading it takes a second.
+    def summaries(row: int, realisation: int) -> list[dict]:
         return [summarise(candidate, row, realisation) for candidate in CANDIDATES.values()]
 
-    # Two processes, on any machine: only new ones heed the environment that `make protocols` pins.
-    found = Parallel(n_jobs=2, verbose=10)(delayed(summaries)(*record) for record in product(ROWS, REALISATIONS))
+    found = in_parallel(summaries, product(ROWS, LOW_NOISE), "records")
     return pd.DataFrame([row for of_candidate in zip(*found, strict=True) for row in of_candidate])
 
 
@@ -135,8 +148,9 @@ def numbers_of(runs: pd.DataFrame, name: str) -> FloatArray:
 
 
 def student_t(numbers: FloatArray, judged: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Criterion 2: t and two-sided p of judged numbers among those of n realisations, the last axis."""
-    n, logs = numbers.shape[-1], np.log(numbers)
+    """Criterion 2: t and two-sided p of judged numbers among n realisations, the last axis."""
+    n = numbers.shape[-1]
+    logs = np.log(numbers)
     t = (np.log(judged) - logs.mean(axis=-1)) / (logs.std(axis=-1, ddof=1) * np.sqrt(1 + 1 / n))
     return t, 2 * stats.t.sf(np.abs(t), n - 1)
 
@@ -155,40 +169,56 @@ def leave_one_out(numbers: FloatArray) -> FloatArray:
 
 def residuals(runs: pd.DataFrame) -> pd.DataFrame:
     """Compare each printed number with each candidate: `protocol, column` ("mean" or "sd") `, row, t, p`."""
-    found = [
-        {"protocol": name, "column": column, "row": ROWS, "t": t, "p": p}
-        for name in runs["protocol"].unique()
-        for column, t, p in zip(("mean", "sd"), *student_t(numbers_of(runs, name), PRINTED), strict=True)
-    ]
-    return pd.concat(map(pd.DataFrame, found), ignore_index=True)
+    parts = []
+    for name in runs["protocol"].unique():
+        t, p = student_t(numbers_of(runs, name), PRINTED)
+        for k, column in enumerate(("mean", "sd")):
+            part = {"protocol": name, "column": column, "row": ROWS, "t": t[k], "p": p[k]}
+            parts.append(pd.DataFrame(part))
+    return pd.concat(parts, ignore_index=True)
 
 
 def judge(runs: pd.DataFrame, level: float = LEVEL) -> pd.DataFrame:
     """Judge every candidate by the criterion above: its settings and p-values, a row each, the largest p first."""
-    table, rows = residuals(runs), []
+    table = residuals(runs)
     outside = table[table["p"] < level].groupby(["protocol", "column"]).size()
+    rows = []
     for name, part in runs.groupby("protocol", sort=False):
-        candidate, numbers = CANDIDATES[name], numbers_of(runs, name)
-        settings, left_out = candidate.protocol, leave_one_out(numbers)
+        candidate = CANDIDATES[name]
+        numbers = numbers_of(runs, name)
         p_means, p_sds, p = table_p(numbers, PRINTED)
-        of = {"protocol": name, "population": settings.population, "start": settings.start}
-        of |= {"amplitude_factor": settings.amplitude_factor, "T_d_s": settings.T_d, "T_f_s": settings.T_f}
-        of |= {"rpm": candidate.rpm, "bounds": candidate.fixed_T2_s is None, "runs": part["runs"].iloc[0]}
-        of |= {"p_means": p_means, "p_sds": p_sds, "p": p, "explains": p >= level}
-        for k, column in enumerate(("mean", "sd")):
-            of[f"{column}s_outside"] = outside.get((name, column), 0)
-            of[f"left_out_{column}s_rejected"] = (left_out[:, k] < level).sum()
-        rows.append(of | {"best_basin_share": part["best_basin_share"].mean()})
+        rejected = (leave_one_out(numbers) < level).sum(axis=0)
+        row = {
+            "protocol": name,
+            "population": candidate.population,
+            "start": candidate.start,
+            "amplitude_factor": candidate.amplitude_factor,
+            "T_d_s": candidate.T_d,
+            "T_f_s": candidate.T_f,
+            "rpm": candidate.rpm,
+            "bounds": candidate.fixed_T2_s is None,
+            "runs": part["runs"].iloc[0],
+            "p_means": p_means,
+            "p_sds": p_sds,
+            "p": p,
+            "explains": p >= level,
+            "means_outside": outside.get((name, "mean"), 0),
+            "left_out_means_rejected": rejected[0],
+            "sds_outside": outside.get((name, "sd"), 0),
+            "left_out_sds_rejected": rejected[1],
+            "best_basin_share": part["best_basin_share"].mean(),
+        }
+        rows.append(row)
     return pd.DataFrame(rows).sort_values("p", ascending=False, kind="stable", ignore_index=True)
 
 
-def random_start(judged: pd.DataFrame, criteria: Mapping[str, float] | None = None) -> tuple[bool | None, str]:
+def random_start(judged: pd.DataFrame, criteria: Criteria = None) -> Decision:
     """Criterion 6: whether the start was drawn, from `judge`'s table, and what was measured."""
     best = judged.sort_values("p", ascending=False).groupby(judged["start"] != "whole").first()
     drawn, whole = best.loc[True], best.loc[False]
-    text = "largest p of Table 2 with a drawn start {:.2g} ({}), with the whole record {:.2g} ({})"
     neither = max(drawn["p"], whole["p"]) < published.criterion("random_start", criteria)
     measured = (np.nan, np.nan) if neither else (whole["p"], drawn["p"])
-    return published.decide("random_start", measured, criteria), text.format(
-        drawn["p"], drawn["protocol"], whole["p"], whole["protocol"]
+    return published.decide("random_start", measured, criteria), (
+        f"largest p of Table 2 with a drawn start {drawn['p']:.2g} ({drawn['protocol']}), "
+        f"with the whole record {whole['p']:.2g} ({whole['protocol']})"
     )

@@ -1,6 +1,7 @@
 """Table 1: which bounds the authors' stored runs had, found by replaying them."""
 
 from dataclasses import replace
+from itertools import product
 
 import numpy as np
 import pandas as pd
@@ -14,12 +15,12 @@ from replication.replay import AGREE_RPS
 from replication.replay.inspection import turn_period
 from replication.search import generations, random_normals
 from replication.signature import Box
-from replication.table2 import AUTHORS
+from replication.table2 import AUTHORS_PROTOCOL
 
 NAMES = ("A", "t0", "tau", "omega", "v_t", "T2", "T1")
 
-# Each bound is tried where Table 1 has it and moved by these shares of the parameter's printed range; 0.15 at both
-# ends makes A's box 1.3 times as wide.
+# Each bound is tried where Table 1 has it and moved by these shares of the parameter's printed
+# range; 0.15 at both ends makes A's box 1.3 times as wide.
 SHIFTS = (-0.15, -0.1, -0.01, 0.0, 0.01, 0.1, 0.15)
 
 
@@ -27,25 +28,28 @@ def count_replayed(recording: Recording, box: Box) -> int:
     """How many of the 30 stored runs give their stored first generation in a box."""
 
     def misfits(members: FloatArray) -> FloatArray:
-        return population_rmse(recording.t, recording.v, members, AUTHORS.timing)
+        return population_rmse(recording.t, recording.v, members, AUTHORS_PROTOCOL.timing)
+
+    def first_best(seed: int) -> float:
+        return next(generations(misfits, box, random_normals(seed), AUTHORS_PROTOCOL.population)).misfits.min()
 
     stored = published.authors_notebook_runs()
-    searches = (generations(misfits, box, random_normals(seed), AUTHORS.population) for seed in stored["cma_seed"])
-    best = np.array([next(steps).misfits.min() for steps in searches])
-    return int((np.abs(best - stored["generation_1_best_rmse_rps"]) < AGREE_RPS).sum())
+    best = stored["cma_seed"].map(first_best)
+    return int(((best - stored["generation_1_best_rmse_rps"]).abs() < AGREE_RPS).sum())
 
 
 def bounds_by_replay(recording: Recording) -> pd.DataFrame:
     """First generations of 30 that replay with each bound shifted, the others as the stored runs had them."""
-    stored, printed = protocol_box(recording, AUTHORS), protocol_box(recording, replace(AUTHORS, amplitude_factor=1.0))
-    width, rows = printed.upper - printed.lower, []
-    for side, ends in (("min", "lower"), ("max", "upper")):
-        for i, name in enumerate(NAMES):
-            for shift in SHIFTS:
-                bounds = getattr(stored, ends).copy()
-                bounds[i] = getattr(printed, ends)[i] + shift * width[i]
-                count = count_replayed(recording, replace(stored, **{ends: bounds}))
-                rows.append((f"table1.{name}.{side}", shift, bounds[i], count))
+    stored = protocol_box(recording, AUTHORS_PROTOCOL)
+    printed = protocol_box(recording, replace(AUTHORS_PROTOCOL, amplitude_factor=1.0))
+    width = printed.upper - printed.lower
+    sides = {"min": "lower", "max": "upper"}
+    rows = []
+    for (side, end), (i, name), shift in product(sides.items(), enumerate(NAMES), SHIFTS):
+        bounds = getattr(stored, end).copy()
+        bounds[i] = getattr(printed, end)[i] + shift * width[i]
+        count = count_replayed(recording, replace(stored, **{end: bounds}))
+        rows.append((f"table1.{name}.{side}", shift, bounds[i], count))
     return pd.DataFrame(rows, columns=["cell", "shift", "bound", "replayed"])
 
 

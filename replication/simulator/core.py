@@ -1,7 +1,8 @@
 """Compiled core of the joint simulator: the equations of motion, the drive, and the integrator.
 
-Units are SI; the state is (motor position, motor speed, load position, load speed, motor torque), positions
-and speeds as deviations from the commanded motion, which keeps every digit for the small signal.
+Units are SI; the state is (motor position, motor speed, load position, load speed, motor torque),
+positions and speeds as deviations from the commanded motion, which keeps every digit for the small
+signal.
 """
 
 import math
@@ -18,7 +19,10 @@ DIVERGED = 1e3
 
 
 class Constants(NamedTuple):
-    """The joint as the equations of motion take it; `waves` has one row per disturbance, or is None."""
+    """The joint as the equations of motion take it.
+
+    `waves` has one row per disturbance, or is None.
+    """
 
     gear_ratio: float
     omega: float
@@ -131,7 +135,10 @@ def stiffness(x, delta, ks, alpha):
 
 @nb.njit(cache=True)
 def torque(x, v, region, delta, ks, ds, alpha, clamped):
-    """tau_l of equation 9 or of the clamped dead zone; the region (0 to 3 from the left) replaces sign()."""
+    """tau_l of equation 9 or of the clamped dead zone.
+
+    The region (0 to 3 from the left) replaces sign().
+    """
     if not clamped:
         edge = delta if region >= 2 else -delta
         return (x - edge + ds / ks * v) * stiffness(x, delta, ks, alpha)
@@ -146,11 +153,12 @@ def torque(x, v, region, delta, ks, ds, alpha, clamped):
 def disturbance(t, motor, omega, waves):
     """Sum of the disturbances: torque on the motor, acceleration of the load's side, transmission error.
 
-    The motor's follow the motor's own angle, the load's the commanded motion. None compiles to nothing.
+    The motor's follow the motor's own angle, the load's the commanded motion. None compiles to
+    nothing.
     """
     if waves is None:
         return 0.0, 0.0, 0.0
-    ripple, push, error = 0.0, 0.0, 0.0
+    ripple = push = error = 0.0
     for k in range(waves.shape[0]):
         if waves[k, 1] != 0:
             ripple += waves[k, 1] * np.sin(waves[k, 0] * (omega * t + motor) + waves[k, 4])
@@ -165,8 +173,8 @@ def disturbance(t, motor, omega, waves):
 def derivative(t, y, command, region, c):
     """Rates of the state; within a region they are smooth.
 
-    y[2] is the load's position plus the transmission error, so that the displacement is y[0] / n - y[2] with or
-    without one, and the error acts as an acceleration.
+    y[2] is the load's position plus the transmission error, so that the displacement is y[0] / n -
+    y[2] with or without one, and the error acts as an acceleration.
     """
     n, omega = c.gear_ratio, c.omega
     ripple, push, error = disturbance(t, y[0], omega, c.waves)
@@ -179,7 +187,13 @@ def derivative(t, y, command, region, c):
     motor_torque = (y[4] if c.torque_lag > 0 else command) - tau / n - motor_friction[0] - motor_friction[1] + ripple
     load_torque = tau - gravity - load_friction[0] - load_friction[1]
     torque_rate = (command - y[4]) / c.torque_lag if c.torque_lag > 0 else 0.0
-    return y[1], motor_torque / c.motor_inertia, y[3], load_torque / c.load_inertia + push, torque_rate
+    return (
+        y[1],
+        motor_torque / c.motor_inertia,
+        y[3],
+        load_torque / c.load_inertia + push,
+        torque_rate,
+    )
 
 
 @nb.njit(cache=True)
@@ -200,8 +214,10 @@ def _runge_kutta(t, y, h, command, region, c):
 @nb.njit(cache=True)
 def locate(t, y, h, end, edge, command, region, c):
     """Part of the step after which the displacement meets the edge, and the state there (Illinois method)."""
-    lo, hi, side = 0.0, h, 0
-    g_lo, g_hi = y[0] / c.gear_ratio - y[2] - edge, end[0] / c.gear_ratio - end[2] - edge
+    lo, hi = 0.0, h
+    side = 0
+    g_lo = y[0] / c.gear_ratio - y[2] - edge
+    g_hi = end[0] / c.gear_ratio - end[2] - edge
     if g_lo * g_hi >= 0:
         return 0.0, y
     s = h
@@ -224,7 +240,7 @@ def locate(t, y, h, end, edge, command, region, c):
 
 @nb.njit(cache=True)
 def control(t, y, memory, ring, count, drive, c):
-    """Sample the drive: read the encoder, queue a torque, return the one to hold for the next period."""
+    """Sample the drive: read the encoder, queue a torque, return the one to hold."""
     commanded = c.gear_ratio * c.start_angle + c.omega * t
     position, speed = y[0], y[1]
     if drive.resolution > 0:
@@ -269,7 +285,8 @@ def run(y, region, steps, step, skip, every, per_period, delay, c, drive, record
     """
     ring, memory = np.full(delay + 1, y[4]), np.array([y[4], 0.0, 0.0, y[0]])
     edges = (-np.inf, -c.delta, 0.0, c.delta, np.inf)
-    used, row, command = 0, 0, y[4]
+    used = row = 0
+    command = y[4]
     for i in range(steps + 1):
         t, left = (i - skip) * step, step
         if i >= skip and (i - skip) % every == 0:
@@ -287,11 +304,23 @@ def run(y, region, steps, step, skip, every, per_period, delay, c, drive, record
             up = x > edges[region + 1]
             if not up and x >= edges[region]:
                 break
-            s, y = locate(t, y, left, end, edges[region + 1] if up else edges[region], command, region, c)
+            s, y = locate(
+                t,
+                y,
+                left,
+                end,
+                edges[region + 1] if up else edges[region],
+                command,
+                region,
+                c,
+            )
             before, region = region, (region + 1 if up else region - 1)
             t, left = t + s, left - s
             if c.delta > 0 and (before in (0, 3) or region in (0, 3)) and used < len(events):
-                events[used, 0], events[used, 1] = t, 1.0 if region == 3 else (-1.0 if region == 0 else 0.0)
+                events[used, 0], events[used, 1] = (
+                    t,
+                    1.0 if region == 3 else (-1.0 if region == 0 else 0.0),
+                )
                 used += 1
             end = _runge_kutta(t, y, left, command, region, c)
         y = end

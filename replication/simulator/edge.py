@@ -3,17 +3,19 @@
 import math
 from collections.abc import Sequence
 from dataclasses import replace
+from itertools import product
 
 import numba
 import numpy as np
 import pandas as pd
 
 from replication.arrays import FloatArray
+from replication.authors import load_clean_records
 from replication.simulator import core
 from replication.simulator.identification import identify_joint, third_turn_errors
 from replication.simulator.parameters import TURN, JointParameters, identified_joint
+from replication.simulator.reidentify import FIT_LEVELS
 from replication.simulator.simulate import settled_peak_rps, simulate
-from replication.simulator.study import FIT_LEVELS, clean_records
 
 # Sharpness of the edge [1/rad] at which the joint is identified anew, from sharp to soft.
 ALPHAS = (1e6, 1e5, 1e4, 1e3)
@@ -22,8 +24,9 @@ DAMPING_RATIO = 0.05  # of the joint whose torque steps
 
 def refit_alphas() -> pd.DataFrame:
     """Identify the joint anew at each of `ALPHAS`: misfit, misfit with the joint's own ratios, new ratios."""
-    joint, records, rows = identified_joint(), clean_records(FIT_LEVELS), []
-    last = joint
+    records = load_clean_records(FIT_LEVELS)
+    joint = last = identified_joint()
+    rows = []
     for alpha in ALPHAS:
         # With a soft edge the misfit has several minima: two starts, the better fit counts.
         starts = [replace(start, alpha_per_rad=alpha) for start in (joint, last)]
@@ -38,8 +41,12 @@ def refit_alphas() -> pd.DataFrame:
 
 @numba.njit(cache=True)
 def _plain_steps(y, steps, step, skip, per_period, delay, c, drive, speeds):
-    """Runge-Kutta steps of one length, whatever the gap does within them; speeds at every control period."""
-    ring, memory = np.full(delay + 1, y[4]), np.array([y[4], 0.0, 0.0, y[0]])
+    """Runge-Kutta steps of one length, whatever the gap does within them.
+
+    Speeds at every control period.
+    """
+    ring = np.full(delay + 1, y[4])
+    memory = np.array([y[4], 0.0, 0.0, y[0]])
     edges = np.array([-c.delta, 0.0, c.delta])
     command = y[4]
     for i in range(steps):
@@ -62,29 +69,52 @@ def _plain_steps(y, steps, step, skip, per_period, delay, c, drive, speeds):
     return True
 
 
-def plain_steps_speed_rps(joint: JointParameters, delta_rad: float, duration_s: float, step_s: float) -> FloatArray:
-    """Motor speed [rps] by control period from steps that do not locate the contact; NaN if it diverged."""
-    skip, steps = round(joint.lead_s / step_s), round((joint.lead_s + duration_s) / step_s)
+def plain_steps_speed_rps(
+    joint: JointParameters,
+    delta_rad: float,
+    duration_s: float,
+    step_s: float,
+) -> FloatArray:
+    """Motor speed [rps] by control period from steps that do not locate the contact.
+
+    NaN if it diverged.
+    """
+    skip = round(joint.lead_s / step_s)
+    steps = round((joint.lead_s + duration_s) / step_s)
     per_period = round(joint.control_period_s / step_s)
     y, _ = core.start_state(joint, delta_rad)
     speeds = np.empty(-(-steps // per_period))
-    c, drive = core.constants_of(joint, delta_rad), core.drive_of(joint)
-    if not _plain_steps(y, steps, step_s, skip, per_period, joint.control_delay_periods, c, drive, speeds):
+    c = core.constants_of(joint, delta_rad)
+    drive = core.drive_of(joint)
+    delay = joint.control_delay_periods
+    if not _plain_steps(y, steps, step_s, skip, per_period, delay, c, drive, speeds):
         return np.full(round(duration_s / joint.control_period_s), np.nan)
     return joint.commanded_speed_rps + speeds[skip // per_period :] / TURN
 
 
-def stepping_torque_study(joint: JointParameters, deltas_rad: FloatArray, steps_s: Sequence[float]) -> pd.DataFrame:
+def stepping_torque_study(
+    joint: JointParameters,
+    deltas_rad: FloatArray,
+    steps_s: Sequence[float],
+) -> pd.DataFrame:
     """Settled peaks from plain steps against fine ones that locate the contact, with a stepping torque or not."""
     damping = 2 * DAMPING_RATIO * math.sqrt(joint.stiffness_nm_per_rad * joint.load_inertia_kgm2)
-    models = {"stepping": replace(joint, clamped=True, damping_nms_per_rad=damping), "modified": joint}
-    period, duration, rows = joint.control_period_s, 4 * joint.turn_period_s, []
-    for name, model in models.items():
-        for delta in deltas_rad:
-            fine = simulate(model, delta, duration_s=duration, sample_s=period, step_s=period / 50)
-            reference = settled_peak_rps(fine, model)
-            for step in steps_s:
-                speed = plain_steps_speed_rps(model, delta, duration, step)
-                peak = speed[round(model.turn_period_s / period) :].max() - model.commanded_speed_rps
-                rows.append((name, delta, step, peak, reference, peak / reference - 1))
-    return pd.DataFrame(rows, columns=["model", "delta_rad", "step_s", "peak_rps", "reference_rps", "error"])
+    models = {
+        "stepping": replace(joint, clamped=True, damping_nms_per_rad=damping),
+        "modified": joint,
+    }
+    period = joint.control_period_s
+    duration = 4 * joint.turn_period_s
+    first_turn = round(joint.turn_period_s / period)
+    rows = []
+    for (name, model), delta in product(models.items(), deltas_rad):
+        fine = simulate(model, delta, duration_s=duration, sample_s=period, step_s=period / 50)
+        reference = settled_peak_rps(fine, model)
+        for step in steps_s:
+            speed = plain_steps_speed_rps(model, delta, duration, step)
+            peak = speed[first_turn:].max() - model.commanded_speed_rps
+            rows.append((name, delta, step, peak, reference, peak / reference - 1))
+    return pd.DataFrame(
+        rows,
+        columns=["model", "delta_rad", "step_s", "peak_rps", "reference_rps", "error"],
+    )

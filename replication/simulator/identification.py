@@ -1,17 +1,15 @@
 """Identification of the joint from clean motor-speed records, and its validation.
 
-A motor-speed record fixes ratios only: stiffness and gravity per load inertia, the two inertias' ratio, the
-gains per motor inertia, and the times and angle. One scale of torque (here the 5 kg of the load) is free.
-The load's Coulomb friction must be far below the gravity torque or the impacts would not be evenly spaced;
-friction and the coupling's damping stay at zero because the records do not need them.
+A motor-speed record fixes ratios only: stiffness and gravity per load inertia, the two inertias'
+ratio, the gains per motor inertia, and the times and angle. One scale of torque (here the 5 kg of
+the load) is free. The load's Coulomb friction must be far below the gravity torque or the impacts
+would not be evenly spaced; friction and the coupling's damping stay at zero because the records do
+not need them.
 """
 
-import hashlib
-import json
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
-from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -26,10 +24,10 @@ from replication.simulator.simulate import DivergenceError, SimulatedJoint, simu
 
 Records = Mapping[float, Recording]  # by backlash [rad]
 
-# Fine enough that the settled peak is not missed between samples.
-FINE_S = 5e-5
+FINE_S = 5e-5  # fine enough that the settled peak is not missed between samples
 
-# When the joint started shows in the first turn only, which `identify_joint` leaves to `identify_lead`.
+# When the joint started shows in the first turn only, which `identify_joint` leaves to
+# `identify_lead`.
 HELD = ("lead_s",)
 
 
@@ -38,7 +36,10 @@ class JointFit:
     """An identified joint."""
 
     parameters: JointParameters
-    confidence: dict[str, tuple[float, float]]  # 95 % interval of each ratio, from the linearised least squares
+    confidence: dict[
+        str,
+        tuple[float, float],
+    ]  # 95 % interval of each ratio, from the linearised least squares
     correlation: pd.DataFrame  # of the ratios' estimates
     mean_square: float  # mean over the levels of the squared normalised RMSE
     evaluations: int  # simulations of all records, those for the Jacobian among them
@@ -52,44 +53,65 @@ def fine_per_sample(record: Recording) -> int:
     return round(float(steps.mean()) / FINE_S)
 
 
-def simulate_finely(joint: JointParameters, deltas_rad: Iterable[float], duration_s: float) -> list[SimulatedJoint]:
+def simulate_finely(
+    joint: JointParameters,
+    deltas_rad: Iterable[float],
+    duration_s: float,
+) -> list[SimulatedJoint]:
     """Simulate each backlash with nothing missed between samples."""
-    return simulate_many(joint, list(deltas_rad), duration_s=duration_s, sample_s=FINE_S, step_s=FINE_S)
+    return simulate_many(
+        joint,
+        list(deltas_rad),
+        duration_s=duration_s,
+        sample_s=FINE_S,
+        step_s=FINE_S,
+    )
 
 
-def settled_sd(record: Recording, turn_s: float) -> float:
+def sd_after_first_turn(record: Recording, turn_s: float) -> float:
     """SD of a record's speed after its first turn [rps]."""
     return float(record.v[record.t >= turn_s - 1e-9].std())
 
 
 def third_turn_errors(joint: JointParameters, records: Records) -> FloatArray:
-    """Simulated less recorded speed in the third turn of each record, in units of its settled SD, one after the other.
+    """Simulated less recorded speed in the third turn of each record, one after the other.
 
-    All turns from the second on repeat.
+    In units of the record's SD after its first turn. All turns from the second on repeat.
     """
-    turn, parts = joint.turn_period_s, []
-    for run, record in zip(simulate_finely(joint, records, 3 * turn), records.values(), strict=True):
-        rows = np.flatnonzero((record.t >= 2 * turn - 1e-9) & (record.t < 3 * turn - 1e-9))
+    turn = joint.turn_period_s
+    runs = simulate_finely(joint, records, 3 * turn)
+    parts = []
+    for run, record in zip(runs, records.values(), strict=True):
+        third = (record.t >= 2 * turn - 1e-9) & (record.t < 3 * turn - 1e-9)
+        rows = np.flatnonzero(third)
         speed = run.motor_speed_rps[:: fine_per_sample(record)]
-        parts.append((speed[rows] - record.v[rows]) / settled_sd(record, turn))
+        parts.append((speed[rows] - record.v[rows]) / sd_after_first_turn(record, turn))
     return np.concatenate(parts)
 
 
-def identify_joint(records: Records, start: JointParameters, *, held: Iterable[str] = HELD) -> JointFit:
+def identify_joint(
+    records: Records,
+    start: JointParameters,
+    *,
+    held: Iterable[str] = HELD,
+) -> JointFit:
     """Fit the ratios of a joint to clean motor-speed records by least squares.
 
     Every level weighs the same: its settled waveform's error counts in units of the signal's SD.
     The peaks before sampling are not used, so they validate.
     """
     free = {name: value for name, value in start.ratios.items() if name not in set(held)}
-    names, values = list(free), np.array(list(free.values()))
-    if (shortest := min(record.t[-1] for record in records.values())) < 3 * start.turn_period_s:
-        raise ValueError(f"a recording of {shortest} s is too short: three turns of {start.turn_period_s} s are needed")
+    names = list(free)
+    values = np.array(list(free.values()))
+    shortest, turn = min(record.t[-1] for record in records.values()), start.turn_period_s
+    if shortest < 3 * turn:
+        raise ValueError(f"a recording of {shortest} s is too short: three turns of {turn} s are needed")
     size = third_turn_errors(start, records).size
 
     def residual(z: FloatArray) -> FloatArray:
+        tried = dict(zip(names, values * z, strict=True))
         try:
-            return third_turn_errors(with_ratios(start, dict(zip(names, values * z, strict=True))), records)
+            return third_turn_errors(with_ratios(start, tried), records)
         except (ValueError, DivergenceError):
             return np.full(size, 10.0)
 
@@ -97,19 +119,21 @@ def identify_joint(records: Records, start: JointParameters, *, held: Iterable[s
         residual,
         np.ones(len(names)),
         "3-point",
-        # No ratio may change its sign: the fit would end in a worse basin without the leaky integral.
+        # No ratio may change its sign: the fit would end in a worse basin without the leaky
+        # integral.
         bounds=(0.1, 10.0),
         diff_step=1e-3,
         x_scale="jac",
     )
     inverse = np.linalg.inv(fit.jac.T @ fit.jac)
     spread = np.sqrt(np.diag(inverse))
-    sd = spread * math.sqrt(2 * fit.cost / (size - len(names)))
-    half = student.ppf(0.975, size - len(names)) * sd * np.abs(values)
+    degrees = size - len(names)
+    sd = spread * math.sqrt(2 * fit.cost / degrees)
+    half = dict(zip(names, (student.ppf(0.975, degrees) * sd * np.abs(values)).tolist(), strict=True))
     best = dict(zip(names, (values * fit.x).tolist(), strict=True))
     return JointFit(
         parameters=with_ratios(start, best),
-        confidence={name: (best[name] - h, best[name] + h) for name, h in zip(names, half.tolist(), strict=True)},
+        confidence={name: (best[name] - half[name], best[name] + half[name]) for name in names},
         correlation=pd.DataFrame(inverse / np.outer(spread, spread), index=names, columns=names),
         mean_square=2 * fit.cost / size,
         evaluations=fit.nfev + 2 * len(names) * fit.njev,
@@ -117,20 +141,27 @@ def identify_joint(records: Records, start: JointParameters, *, held: Iterable[s
 
 
 def identify_lead(records: Records, parameters: JointParameters, leads_s: Iterable[float]) -> float:
-    """Find how long before the records the joint started: the lead whose worst first turn is best."""
+    """Find how long before the records the joint started: the lead whose worst turn is best."""
     turn = parameters.turn_period_s
 
     def worst_first_turn(lead: float) -> float:
-        runs, errors = simulate_finely(replace(parameters, lead_s=lead), records, turn), []
+        runs = simulate_finely(replace(parameters, lead_s=lead), records, turn)
+        errors = []
         for record, run in zip(records.values(), runs, strict=True):
             v = run.motor_speed_rps[:: fine_per_sample(record)]
-            errors.append(np.sqrt(np.mean((v - record.v[: v.size]) ** 2)) / settled_sd(record, turn))
+            rms = np.sqrt(np.mean((v - record.v[: v.size]) ** 2))
+            errors.append(rms / sd_after_first_turn(record, turn))
         return max(errors)
 
     return min(leads_s, key=worst_first_turn)
 
 
-def profile_ratio(name: str, factors: Iterable[float], records: Records, best: JointParameters) -> pd.DataFrame:
+def profile_ratio(
+    name: str,
+    factors: Iterable[float],
+    records: Records,
+    best: JointParameters,
+) -> pd.DataFrame:
     """Profile of the misfit along one ratio: the others are fitted anew at each value."""
     rows = []
     for factor in tqdm(list(factors), desc=f"profile of {name}"):
@@ -138,17 +169,3 @@ def profile_ratio(name: str, factors: Iterable[float], records: Records, best: J
         fit = identify_joint(records, start, held={name, *HELD})
         rows.append((factor, start.ratios[name], math.sqrt(fit.mean_square)))
     return pd.DataFrame(rows, columns=["factor", "value", "nrmse"])
-
-
-def joint_record(fit: JointFit, sources: Iterable[Path], versions: Mapping[str, str]) -> str:
-    """Return an identified joint with its provenance as the JSON text that `identified_joint` reads."""
-    p = fit.parameters
-    data = {
-        "ratios": {name: float(f"{value:.7g}") for name, value in p.ratios.items()},
-        "drive": {"control_period_s": p.control_period_s, "control_delay_periods": p.control_delay_periods},
-        "confidence_95": {name: [float(f"{x:.4g}") for x in pair] for name, pair in fit.confidence.items()},
-        "root_mean_square": float(f"{math.sqrt(fit.mean_square):.4g}"),
-        "sources": {path.name: hashlib.sha256(path.read_bytes()).hexdigest() for path in sorted(sources)},
-        "versions": dict(versions),
-    }
-    return json.dumps(data, indent=2) + "\n"

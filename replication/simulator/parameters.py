@@ -1,4 +1,4 @@
-"""Parameters of the robotic joint, the ratios among them that a record shows, and the identified set."""
+"""Parameters of the robotic joint, the ratios that a record shows, and the identified set."""
 
 import json
 import math
@@ -10,8 +10,21 @@ from typing import Any
 GRAVITY = 9.80665
 TURN = 2 * math.pi
 
+# Ratios of the drive's gains to the motor's inertia, and the gains.
+GAINS = {
+    "speed_gain_per_s": "speed_gain_nms_per_rad",
+    "integral_gain_per_s2": "integral_gain_nm_per_rad",
+    "derivative_gain": "derivative_gain_nms2_per_rad",
+    "leaky_gain_per_s2": "leaky_gain_nm_per_rad",
+}
 # Parameters that are ratios by themselves: rates, times and angles need no scale.
-PLAIN_RATIOS = ("position_gain_per_s", "leaky_rate_per_s", "torque_lag_s", "start_angle_rad", "lead_s")
+PLAIN_RATIOS = (
+    "position_gain_per_s",
+    "leaky_rate_per_s",
+    "torque_lag_s",
+    "start_angle_rad",
+    "lead_s",
+)
 
 
 @dataclass(frozen=True)
@@ -21,7 +34,8 @@ class Disturbance:
     order: float  # periods per motor turn: the frequency over the commanded motor speed
     motor_torque_nm: float = 0.0  # of a torque on the motor (cogging, ripple), in step with the motor's own angle
     load_torque_nm: float = 0.0  # of a torque on the load (another joint's), in step with the commanded motion
-    # What an eccentric belt pulley or gear adds to theta_l in the displacement theta_m / N - theta_l, load side.
+    # What an eccentric belt pulley or gear adds to theta_l in the displacement theta_m / N -
+    # theta_l, load side.
     transmission_error_rad: float = 0.0
     phase_rad: float = 0.0  # at t = 0
 
@@ -30,12 +44,13 @@ class Disturbance:
 class JointParameters:
     """Everything about the joint but its backlash.
 
-    Only ratios show in the motor speed: scaling every inertia, stiffness, torque and gain by one factor
-    changes nothing. ``joint_from_ratios`` makes physical values out of the ratios, for a point load of 5 kg.
+    Only ratios show in the motor speed: scaling every inertia, stiffness, torque and gain by one
+    factor changes nothing. ``joint_from_ratios`` makes physical values out of the ratios, for a
+    point load of 5 kg.
 
-    The drive commands the torque K_p e + K_i integral(e) - K_d domega_m/dt + K_w w, where Omega is the
-    commanded speed, e = K_pos (Omega t - theta_m) + Omega - omega_m, and w the leaky integral of
-    Omega - omega_m.
+    The drive commands the torque K_p e + K_i integral(e) - K_d domega_m/dt + K_w w, where Omega is
+    the commanded speed, e = K_pos (Omega t - theta_m) + Omega - omega_m, and w the leaky integral
+    of Omega - omega_m.
     """
 
     gear_ratio: float  # N, motor turns per load turn
@@ -91,15 +106,16 @@ class JointParameters:
             "stiffness_per_s2": self.stiffness_nm_per_rad / jl,
             "gravity_per_s2": self.gravity_torque_nm / jl,
             "inertia_ratio": jl / (self.gear_ratio**2 * jm),
-            "speed_gain_per_s": self.speed_gain_nms_per_rad / jm,
-            "integral_gain_per_s2": self.integral_gain_nm_per_rad / jm,
-            "derivative_gain": self.derivative_gain_nms2_per_rad / jm,
-            "leaky_gain_per_s2": self.leaky_gain_nm_per_rad / jm,
+            **{ratio: getattr(self, gain) / jm for ratio, gain in GAINS.items()},
             **{name: getattr(self, name) for name in PLAIN_RATIOS},
         }
 
 
-def _physical(ratios: Mapping[str, float], gear_ratio: float, load_mass_kg: float) -> dict[str, Any]:
+def _physical(
+    ratios: Mapping[str, float],
+    gear_ratio: float,
+    load_mass_kg: float,
+) -> dict[str, Any]:
     """Fields of a joint with a point load: J_l = m r**2, so g / r gives the arm and the mass the scale."""
     r = dict(ratios)
     try:
@@ -107,22 +123,26 @@ def _physical(ratios: Mapping[str, float], gear_ratio: float, load_mass_kg: floa
         jl = load_mass_kg * arm**2
         jm = jl / (gear_ratio**2 * r.pop("inertia_ratio"))
         scaled = {
+            "motor_inertia_kgm2": jm,
+            "load_inertia_kgm2": jl,
+            "gravity_arm_m": arm,
             "stiffness_nm_per_rad": jl * r.pop("stiffness_per_s2"),
-            "speed_gain_nms_per_rad": jm * r.pop("speed_gain_per_s"),
-            "integral_gain_nm_per_rad": jm * r.pop("integral_gain_per_s2"),
-            "derivative_gain_nms2_per_rad": jm * r.pop("derivative_gain"),
-            "leaky_gain_nm_per_rad": jm * r.pop("leaky_gain_per_s2"),
+            **{gain: jm * r.pop(ratio) for ratio, gain in GAINS.items()},
             **{name: r.pop(name) for name in PLAIN_RATIOS},
         }
     except (KeyError, ZeroDivisionError) as error:
         raise ValueError(f"missing or zero ratio ({error}); JointParameters.ratios has them all") from None
     if r:
         raise ValueError(f"unknown ratios {sorted(r)}; JointParameters.ratios has them all")
-    return scaled | {"motor_inertia_kgm2": jm, "load_inertia_kgm2": jl, "gravity_arm_m": arm}
+    return scaled
 
 
 def joint_from_ratios(
-    ratios: Mapping[str, float], *, gear_ratio: float = 40.0, load_mass_kg: float = 5.0, **others: Any
+    ratios: Mapping[str, float],
+    *,
+    gear_ratio: float = 40.0,
+    load_mass_kg: float = 5.0,
+    **others: Any,
 ) -> JointParameters:
     """Physical parameters of a joint with a point load that has all ratios of ``JointParameters.ratios``.
 
@@ -133,9 +153,32 @@ def joint_from_ratios(
 
 
 def with_ratios(parameters: JointParameters, ratios: Mapping[str, float]) -> JointParameters:
-    """Return the joint with some of its ratios replaced and the rest kept; its load becomes a point load."""
+    """Return the joint with some of its ratios replaced and the rest kept.
+
+    Its load becomes a point load.
+    """
     merged = parameters.ratios | dict(ratios)
     return replace(parameters, **_physical(merged, parameters.gear_ratio, parameters.load_mass_kg))
+
+
+def changeable(joint: JointParameters) -> tuple[str, ...]:
+    """Names of what `changed_joint` takes: a joint's ratios, and its physical quantities that are not zero."""
+    numbers = {name: value for name, value in vars(joint).items() if isinstance(value, float)}
+    physical = {name for name, value in numbers.items() if 0 < abs(value) < math.inf}
+    return tuple(sorted(physical | set(joint.ratios)))
+
+
+def changed_joint(joint: JointParameters, factors: Mapping[str, float]) -> JointParameters:
+    """Multiply some of a joint's ratios, the other ratios kept, then physical quantities, all others kept."""
+    if unknown := set(factors) - set(changeable(joint)):
+        raise ValueError(f"cannot change {', '.join(sorted(unknown))}; there are {', '.join(changeable(joint))}")
+    before = joint.ratios
+    if ratios := {name: factor * before[name] for name, factor in factors.items() if name in before}:
+        joint = with_ratios(joint, ratios)
+    return replace(
+        joint,
+        **{name: factors[name] * getattr(joint, name) for name in factors if name not in ratios},
+    )
 
 
 def identified_joint() -> JointParameters:

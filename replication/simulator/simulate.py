@@ -1,9 +1,9 @@
 """The robotic joint: two inertias, backlash after equations 8 and 9, gravity, and a digital drive.
 
-The motor (inertia J_m) drives the load (J_l) through a gear of ratio N and an elastic coupling with backlash,
-all written on the load side: delta_theta = theta_m / N - theta_l, gap 2 * delta. A digital drive with a
-position gain around a speed loop holds a constant commanded speed while gravity turns with the load, so that
-the gap opens and closes twice a turn.
+The motor (inertia J_m) drives the load (J_l) through a gear of ratio N and an elastic coupling with
+backlash, all written on the load side: delta_theta = theta_m / N - theta_l, gap 2 * delta. A
+digital drive with a position gain around a speed loop holds a constant commanded speed while
+gravity turns with the load, so that the gap opens and closes twice a turn.
 """
 
 from collections.abc import Sequence
@@ -11,9 +11,9 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from replication.arrays import FloatArray
+from replication.arrays import FloatArray, IntArray
 from replication.simulator import checks, core
 from replication.simulator.parameters import TURN, JointParameters
 from replication.simulator.parameters import identified_joint as identified_joint
@@ -24,13 +24,13 @@ class DivergenceError(ArithmeticError):
 
 
 def encoder_position(position_rad: ArrayLike, bits: int = 19) -> FloatArray:
-    """Position as an absolute encoder of `bits` bits per turn reports it [rad], rounded down to its grid."""
+    """Position [rad] as an absolute encoder of `bits` bits a turn reports it, rounded down."""
     step = TURN / 2**bits
     return np.floor(np.asarray(position_rad, dtype=float) / step) * step
 
 
-def encoder_speed_rps(position_rad: ArrayLike, bits: int, sample_s: float) -> NDArray[np.float64]:
-    """Speed as a controller differences it from an encoder's positions [turns/s], one sample shorter."""
+def encoder_speed_rps(position_rad: ArrayLike, bits: int, sample_s: float) -> FloatArray:
+    """Speed [rps] as a controller differences it from an encoder's positions; a sample shorter."""
     return np.diff(encoder_position(position_rad, bits)) / sample_s / TURN
 
 
@@ -45,9 +45,9 @@ class SimulatedJoint:
     motor_torque_nm: FloatArray
     load_position_rad: FloatArray
     load_speed_rad_per_s: FloatArray
-    gap_state: NDArray[np.int64]  # 1: the motor drives the load, -1: the load drives the motor, 0: inside the gap
+    gap_state: IntArray  # 1: the motor drives the load, -1: the load drives the motor, 0: inside the gap
     impact_time_s: FloatArray  # when the teeth met, located to far less than a step
-    impact_side: NDArray[np.int64]  # the gap state after each impact
+    impact_side: IntArray  # the gap state after each impact
     separation_time_s: FloatArray
 
     @property
@@ -66,8 +66,9 @@ def simulate(
 ) -> SimulatedJoint:
     """Simulate the joint at a constant commanded speed.
 
-    A classical Runge-Kutta method of fixed step; a step that crosses an edge of the gap (or its middle, where
-    equation 9 jumps) is split where it does, so the order of convergence survives the contact.
+    A classical Runge-Kutta method of fixed step; a step that crosses an edge of the gap (or its
+    middle, where equation 9 jumps) is split where it does, so the order of convergence survives the
+    contact.
 
     Parameters
     ----------
@@ -88,24 +89,54 @@ def simulate(
     DivergenceError
         If the joint runs away all the same.
     """
-    return simulate_many(parameters, [delta_rad], duration_s=duration_s, sample_s=sample_s, step_s=step_s, threads=1)[0]
+    (found,) = simulate_many(
+        parameters,
+        [delta_rad],
+        duration_s=duration_s,
+        sample_s=sample_s,
+        step_s=step_s,
+        threads=1,
+    )
+    return found
 
 
-def _simulate_checked(p: JointParameters, delta: float, duration: float, sample: float, step: float) -> SimulatedJoint:
+def _simulate_checked(
+    p: JointParameters,
+    delta: float,
+    duration: float,
+    sample: float,
+    step: float,
+) -> SimulatedJoint:
     y, region = core.start_state(p, delta)
-    every, skip = round(sample / step), round(p.lead_s / step)
+    every = round(sample / step)
+    skip = round(p.lead_s / step)
     samples = round(duration / sample) + 1
-    record, gap = np.empty((samples, 5)), np.empty(samples, dtype=np.int64)
+    record = np.empty((samples, 5))
+    gap = np.empty(samples, dtype=np.int64)
     steps = skip + (samples - 1) * every
     events = np.empty((steps + 1, 2))
-    per_period, delay = round(p.control_period_s / step), int(p.control_delay_periods)
-    c, drive = core.constants_of(p, delta), core.drive_of(p)
-    status, used = core.run(y, region, steps, step, skip, every, per_period, delay, c, drive, record, gap, events)
+    per_period = round(p.control_period_s / step)
+    delay = int(p.control_delay_periods)
+    c = core.constants_of(p, delta)
+    drive = core.drive_of(p)
+    status, used = core.run(
+        y,
+        region,
+        steps,
+        step,
+        skip,
+        every,
+        per_period,
+        delay,
+        c,
+        drive,
+        record,
+        gap,
+        events,
+    )
     if status >= 0:
-        raise DivergenceError(
-            f"simulate: the joint diverged at t = {(status - skip) * step:.4f} s with delta_rad = {delta}; "
-            "lower the gains or the step"
-        )
+        at = f"t = {(status - skip) * step:.4f} s with delta_rad = {delta}"
+        raise DivergenceError(f"simulate: the joint diverged at {at}; lower the gains or the step")
     time = np.arange(samples, dtype=float) * sample
     commanded = p.commanded_speed_rad_per_s * time
     error, error_rate = _transmission_error(p, time)
@@ -139,25 +170,30 @@ def _transmission_error(p: JointParameters, time: FloatArray) -> tuple[FloatArra
 
 def simulate_many(
     parameters: JointParameters,
-    delta_rad: Sequence[float],
+    deltas_rad: Sequence[float],
     *,
     duration_s: float = 4.8,
     sample_s: float = 2e-3,
     step_s: float = 1e-4,
     threads: int = 2,
 ) -> list[SimulatedJoint]:
-    """Simulate several backlashes, each as `simulate` does; the same bytes for any number of threads."""
+    """Simulate several backlashes, each as `simulate` does.
+
+    The same bytes for any number of threads.
+    """
+
+    def run(delta_rad: float) -> SimulatedJoint:
+        return _simulate_checked(parameters, float(delta_rad), duration_s, sample_s, step_s)
+
     checks.check_values(parameters)
-    for delta in delta_rad:
-        checks.check_run(parameters, delta, duration_s, sample_s, step_s)
+    for delta_rad in deltas_rad:
+        checks.check_run(parameters, delta_rad, duration_s, sample_s, step_s)
     checks.check_stability(parameters)
     with ThreadPoolExecutor(threads) as pool:
-        return list(
-            pool.map(lambda delta: _simulate_checked(parameters, float(delta), duration_s, sample_s, step_s), delta_rad)
-        )
+        return list(pool.map(run, deltas_rad))
 
 
 def settled_peak_rps(record: SimulatedJoint, parameters: JointParameters) -> float:
-    """Largest motor speed above the commanded one after the first turn [turns/s]: the theoretical A."""
+    """Largest motor speed above the commanded one after the first turn [rps]: the theoretical A."""
     settled = record.time_s >= parameters.turn_period_s
     return float(record.motor_speed_rps[settled].max() - parameters.commanded_speed_rps)

@@ -7,7 +7,14 @@ import pandas as pd
 
 from replication import characteristic, published
 from replication.recording import Recording
-from replication.standins.joints import Bench, FitRecord, Spread, draw_bench, encoder_log, fitted_logs
+from replication.standins.joints import (
+    Bench,
+    FitRecord,
+    Spread,
+    draw_bench,
+    encoder_log,
+    fitted_logs,
+)
 from replication.table2 import summarise_runs
 
 # Table 3's cells, by their names among the printed ones, and our columns.
@@ -19,7 +26,11 @@ TABLE3_COLUMNS = {
 }
 
 
-def table3_records(bench: Bench, deltas_rad: Sequence[float], seed: int) -> list[tuple[dict, Recording]]:
+def table3_records(
+    bench: Bench,
+    deltas_rad: Sequence[float],
+    seed: int,
+) -> list[tuple[dict, Recording]]:
     """Measure and log the bench in each state of wear."""
     rng = np.random.default_rng(seed)
     records = []
@@ -49,7 +60,11 @@ def table3_cells(table: pd.DataFrame) -> dict[str, float]:
 
 
 def bench_population(
-    fit_record: FitRecord, benches: int, deltas_rad: Sequence[float], seed: int, spread: Spread | None = None
+    fit_record: FitRecord,
+    benches: int,
+    deltas_rad: Sequence[float],
+    seed: int,
+    spread: Spread | None = None,
 ) -> pd.DataFrame:
     """Fit the logs of many benches in each state: what the spread alone makes of Table 3."""
     drawn = [draw_bench(np.random.default_rng((seed, number)), spread) for number in range(benches)]

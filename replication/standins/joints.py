@@ -1,9 +1,10 @@
 """Stand-ins for the logs that were never published: benches drawn around the identified joint, and their encoders.
 
-A bench is the identified joint with other parameters, friction, periodic disturbances, and a log that comes from its
-encoder. Every spread is an assumption; the paper gives none. If the bench's or the robots' logs are ever published,
-one function beside `authors.load_clean`, from a log's file to a `Recording`, takes the place of `encoder_log`:
-nothing that comes after asks where a record is from.
+A bench is the identified joint with other parameters, friction, periodic disturbances, and a log
+that comes from its encoder. Every spread is an assumption; the paper gives none. If the bench's or
+the robots' logs are ever published, one function beside `authors.load_clean`, from a log's file to
+a `Recording`, takes the place of `encoder_log`: nothing that comes after asks where a record is
+from.
 """
 
 from collections.abc import Callable, Sequence
@@ -12,27 +13,47 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from joblib import Parallel, delayed
 
 from replication import published
-from replication.recording import Recording
-from replication.simulator.parameters import TURN, Disturbance, JointParameters, identified_joint, with_ratios
-from replication.simulator.simulate import encoder_speed_rps, simulate
+from replication.parallel import in_parallel
+from replication.recording import Recording, add_normal_noise
+from replication.simulator.parameters import (
+    TURN,
+    Disturbance,
+    JointParameters,
+    changed_joint,
+    identified_joint,
+)
+from replication.simulator.recordings import read_encoder
+from replication.simulator.simulate import SimulatedJoint, simulate
 
 SAMPLE_S = 2e-3
+TURNS = 12  # of a log
+FINE_BITS = 52  # of an encoder whose grid does not show
+VARIED_RATIOS = (
+    "stiffness_per_s2",
+    "gravity_per_s2",
+    "inertia_ratio",
+    "speed_gain_per_s",
+    "integral_gain_per_s2",
+)
 
 # Turns of the motor belt per motor turn: a belt of two and a half to five pulleys' circumference.
 BELT_ORDER = (0.2, 0.4)
 
-FitRecord = Callable[[Recording], Any]  # such as `backlash.fitting.global_fit`, which the paper does not have
+# Such as `backlash.fitting.global_fit`, which the paper does not have.
+FitRecord = Callable[[Recording], Any]
 
 
 @dataclass(frozen=True)
 class Spread:
-    """How far a bench may be from the identified joint; uniform from zero where nothing else is said."""
+    """How far a bench may be from the identified joint.
 
-    ratios: float = 0.05  # relative SD (log-normal) of stiffness, gravity, inertia ratio, speed and integral gain
-    load_friction: float = 0.005  # largest Coulomb, and largest viscous at the commanded speed, each over m g r
+    Uniform from zero where nothing else is said.
+    """
+
+    ratios: float = 0.05  # relative SD (log-normal) of each of `VARIED_RATIOS`
+    load_friction: float = 0.005  # largest Coulomb, and largest viscous at the commanded speed, over m g r
     motor_friction: float = 0.5  # the same on the motor, over m g r / N
     ripple: float = 0.02  # largest torque ripple at one and at six periods a motor turn, over m g r / N
     belt_rad: float = 1e-5  # largest transmission error of the belt's turn, load side
@@ -53,14 +74,15 @@ class Bench:
 def draw_bench(rng: np.random.Generator, spread: Spread | None = None) -> Bench:
     """Draw a bench around the identified joint.
 
-    Its drive sees the encoder's 19 bits and differences them; it has turned once when its log begins.
+    Its drive sees the encoder's 19 bits and differences them; it has turned once when its log
+    begins.
     """
     spread = spread or Spread()
     joint = identified_joint()
-    varied = ("stiffness_per_s2", "gravity_per_s2", "inertia_ratio", "speed_gain_per_s", "integral_gain_per_s2")
-    factors = np.exp(spread.ratios * rng.standard_normal(len(varied)))
-    joint = with_ratios(joint, {name: joint.ratios[name] * f for name, f in zip(varied, factors, strict=True)})
-    gravity, load_speed = joint.gravity_torque_nm, joint.commanded_speed_rad_per_s / joint.gear_ratio
+    factors = np.exp(spread.ratios * rng.standard_normal(len(VARIED_RATIOS)))
+    joint = changed_joint(joint, dict(zip(VARIED_RATIOS, factors, strict=True)))
+    gravity = joint.gravity_torque_nm
+    load_speed = joint.commanded_speed_rad_per_s / joint.gear_ratio
     coulomb, viscous = gravity * spread.load_friction * rng.random(2)
     motor_coulomb, motor_viscous = gravity / joint.gear_ratio * spread.motor_friction * rng.random(2)
     joint = replace(
@@ -77,42 +99,83 @@ def draw_bench(rng: np.random.Generator, spread: Spread | None = None) -> Bench:
     return Bench(joint, spread.noise_rps * rng.uniform(0.5, 1.0), spread.dial_gauge_rad)
 
 
-def _draw_disturbances(joint: JointParameters, spread: Spread, rng: np.random.Generator) -> tuple[Disturbance, ...]:
+def _draw_disturbances(
+    joint: JointParameters,
+    spread: Spread,
+    rng: np.random.Generator,
+) -> tuple[Disturbance, ...]:
     """Torque ripple at one and six periods a motor turn, eccentricity of the belt's and of the load's turn."""
     ripple = spread.ripple * joint.gravity_torque_nm / joint.gear_ratio
-    amplitudes, phases = rng.random(4), TURN * rng.random(4)
+    once, six_times, belt, gear = rng.random(4)
+    phases = TURN * rng.random(4)
     return (
-        Disturbance(1.0, motor_torque_nm=ripple * amplitudes[0], phase_rad=phases[0]),
-        Disturbance(6.0, motor_torque_nm=ripple * amplitudes[1], phase_rad=phases[1]),
+        Disturbance(1.0, motor_torque_nm=ripple * once, phase_rad=phases[0]),
+        Disturbance(6.0, motor_torque_nm=ripple * six_times, phase_rad=phases[1]),
         Disturbance(
-            rng.uniform(*BELT_ORDER), transmission_error_rad=spread.belt_rad * amplitudes[2], phase_rad=phases[2]
+            rng.uniform(*BELT_ORDER),
+            transmission_error_rad=spread.belt_rad * belt,
+            phase_rad=phases[2],
         ),
-        Disturbance(1 / joint.gear_ratio, transmission_error_rad=spread.gear_rad * amplitudes[3], phase_rad=phases[3]),
+        Disturbance(
+            1 / joint.gear_ratio,
+            transmission_error_rad=spread.gear_rad * gear,
+            phase_rad=phases[3],
+        ),
     )
 
 
-def encoder_log(bench: Bench, delta_rad: float, rng: np.random.Generator) -> Recording:
-    """Log twelve turns of a bench from a random angle: the encoder's position every 2 ms, differenced, and noise."""
+def run_and_log(
+    bench: Bench,
+    delta_rad: float,
+    rng: np.random.Generator,
+    sample_s: float = SAMPLE_S,
+) -> tuple[SimulatedJoint, Recording]:
+    """Run a bench for twelve turns from a random angle, and log its encoder's position, differenced, with noise."""
     joint = replace(bench.joint, start_angle_rad=float(rng.uniform(0, TURN)))
-    run = simulate(joint, delta_rad, duration_s=12 * joint.turn_period_s, sample_s=SAMPLE_S)
-    speed = encoder_speed_rps(run.motor_position_rad, joint.encoder_bits or 52, SAMPLE_S)
-    noisy = speed + rng.normal(0.0, bench.noise_rps, speed.size)
-    name = f"simulated encoder log, {delta_rad:g} rad"
-    return Recording(run.time_s[:-1], noisy, joint.commanded_speed_rps, joint.turn_period_s, name)
+    run = simulate(joint, delta_rad, duration_s=TURNS * joint.turn_period_s, sample_s=sample_s)
+    source = f"simulated encoder log, {delta_rad:g} rad"
+    log = read_encoder(
+        joint,
+        run.time_s,
+        run.motor_position_rad,
+        joint.encoder_bits or FINE_BITS,
+        source,
+    )
+    return run, add_normal_noise(log, bench.noise_rps, rng)
 
 
-def _log_and_fit(fit_record: FitRecord, bench: Bench, delta_rad: float, seed: Sequence[int]) -> tuple[float, ...]:
+def encoder_log(bench: Bench, delta_rad: float, rng: np.random.Generator) -> Recording:
+    """Log of `run_and_log`, sampled every 2 ms."""
+    return run_and_log(bench, delta_rad, rng)[1]
+
+
+def _log_and_fit(
+    fit_record: FitRecord,
+    bench: Bench,
+    delta_rad: float,
+    seed: Sequence[int],
+) -> dict[str, float]:
     recording = encoder_log(bench, delta_rad, np.random.default_rng(seed))
     fit = fit_record(recording)
     _, t0, _, omega, *_ = fit.X
-    return (delta_rad, fit.amplitude_rps, *fit.amplitude_interval_rps, omega / TURN, t0, fit.rmse, recording.v.std())
+    low, high = fit.amplitude_interval_rps
+    return {
+        "delta_rad": delta_rad,
+        "A_rps": fit.amplitude_rps,
+        "low_rps": low,
+        "high_rps": high,
+        "frequency_hz": omega / TURN,
+        "t0_s": t0,
+        "rmse_rps": fit.rmse,
+        "sd_rps": recording.v.std(),
+    }
 
 
 def fitted_logs(
-    fit_record: FitRecord, cases: Sequence[tuple[Bench, float]], seeds: Sequence[Sequence[int]]
+    fit_record: FitRecord,
+    cases: Sequence[tuple[Bench, float]],
+    seeds: Sequence[Sequence[int]],
 ) -> pd.DataFrame:
     """Log each case and fit it, on all cores."""
-    pairs = zip(cases, seeds, strict=True)
-    jobs = [delayed(_log_and_fit)(fit_record, bench, delta, seed) for (bench, delta), seed in pairs]
-    columns = ["delta_rad", "A_rps", "low_rps", "high_rps", "frequency_hz", "t0_s", "rmse_rps", "sd_rps"]
-    return pd.DataFrame(Parallel(n_jobs=-1, batch_size=4)(jobs), columns=columns)
+    calls = [(fit_record, *case, seed) for case, seed in zip(cases, seeds, strict=True)]
+    return pd.DataFrame(in_parallel(_log_and_fit, calls, "logs"))

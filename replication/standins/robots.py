@@ -1,7 +1,7 @@
 """Stand-ins for the plant robots of Table 4: axis 4 of an arm whose other joints shake it.
 
-Nothing is published of these robots but four numbers, so every spread here is an assumption. Where a loader for their
-logs would go, `standins` says.
+Nothing is published of these robots but four numbers, so every spread here is an assumption. Where
+a loader for their logs would go, `standins` says.
 """
 
 from collections.abc import Sequence
@@ -13,7 +13,14 @@ import pandas as pd
 from replication import published
 from replication.recording import Recording
 from replication.simulator.parameters import TURN, Disturbance, JointParameters, identified_joint
-from replication.standins.joints import Bench, FitRecord, Spread, draw_bench, encoder_log, fitted_logs
+from replication.standins.joints import (
+    Bench,
+    FitRecord,
+    Spread,
+    draw_bench,
+    encoder_log,
+    fitted_logs,
+)
 from replication.table2 import summarise_runs
 
 KINDS = ("healthy", "excessive")
@@ -24,7 +31,10 @@ class RobotSpread:
     """What a plant robot's axis 4 has besides a bench's spread; uniform between limits."""
 
     bench: Spread = field(default_factory=Spread)
-    gravity: tuple[float, float] = (0.3, 0.8)  # torque over the bench's: axis 4 carries only the wrist and its tool
+    gravity: tuple[float, float] = (
+        0.3,
+        0.8,
+    )  # torque over the bench's: axis 4 carries only the wrist and its tool
     couplings: int = 3  # vibrations of the other joints that reach the axis as torques on its load
     coupling: float = 0.03  # largest amplitude of each, over the axis's own m g r
     coupling_hz: tuple[float, float] = (2.5, 40.0)
@@ -35,15 +45,26 @@ class RobotSpread:
 def draw_robot(rng: np.random.Generator, spread: RobotSpread, kind: str) -> tuple[Bench, float]:
     """Draw the axis 4 of a robot, and its backlash."""
     bench = draw_bench(rng, spread.bench)
-    joint = replace(bench.joint, load_mass_kg=bench.joint.load_mass_kg * rng.uniform(*spread.gravity))
+    joint = replace(
+        bench.joint,
+        load_mass_kg=bench.joint.load_mass_kg * rng.uniform(*spread.gravity),
+    )
     orders = rng.uniform(*spread.coupling_hz, spread.couplings) / joint.commanded_speed_rps
     torques = spread.coupling * joint.gravity_torque_nm * rng.random(spread.couplings)
     couplings = tuple(
         Disturbance(float(order), load_torque_nm=float(torque), phase_rad=float(phase))
-        for order, torque, phase in zip(orders, torques, TURN * rng.random(spread.couplings), strict=True)
+        for order, torque, phase in zip(
+            orders,
+            torques,
+            TURN * rng.random(spread.couplings),
+            strict=True,
+        )
     )
     backlash = rng.uniform(*(spread.healthy_rad if kind == "healthy" else spread.excessive_rad))
-    return replace(bench, joint=replace(joint, disturbances=(*joint.disturbances, *couplings))), float(backlash)
+    return replace(
+        bench,
+        joint=replace(joint, disturbances=(*joint.disturbances, *couplings)),
+    ), float(backlash)
 
 
 def table4_records(spread: RobotSpread, seed: int) -> list[tuple[dict, Recording]]:
@@ -70,7 +91,12 @@ def table4_cells(table: pd.DataFrame) -> dict[str, float]:
     return {f"table4.row{row:02d}.{name}": values[f"{name}_A_rps"] for row, values in rows for name in ("mean", "sd")}
 
 
-def robot_population(fit_record: FitRecord, each: int, spread: RobotSpread, seed: int) -> pd.DataFrame:
+def robot_population(
+    fit_record: FitRecord,
+    each: int,
+    spread: RobotSpread,
+    seed: int,
+) -> pd.DataFrame:
     """Fit the logs of many robots of each kind; the first of each are robots A and B."""
     kinds = [kind for kind in KINDS for _ in range(each)]
     seeds = [(seed, KINDS.index(kind), number) for kind in KINDS for number in range(each)]
@@ -91,7 +117,10 @@ def disturbed_healthy_joint(
     """Fit a joint without backlash that one other joint shakes, over the disturbance's frequency and amplitude."""
     identified = identified_joint()
     joint = replace(identified, load_mass_kg=gravity * identified.load_mass_kg)
-    grid = [(0.0, 0.0), *((frequency, share) for share in torque_shares for frequency in frequencies_hz)]
+    grid = [
+        (0.0, 0.0),
+        *((frequency, share) for share in torque_shares for frequency in frequencies_hz),
+    ]
     cases = [(Bench(_shaken(joint, frequency, share), noise_rps, 0.0), 0.0) for frequency, share in grid]
     table = fitted_logs(fit_record, cases, [(seed,)] * len(cases))
     heard = np.sqrt(2 * np.maximum(table["sd_rps"] ** 2 - table["sd_rps"].iloc[0] ** 2, 0.0))

@@ -7,7 +7,7 @@ from replication.authors import level_delta_rad, load_clean
 from replication.recording import from_sample
 from replication.simulator.recordings import simulate_recordings
 from replication.simulator.simulate import identified_joint
-from studies.joint_match import NUISANCES, changed, match_joint, settled_turn
+from studies.joint_match import NUISANCES, add_nuisances, match_joint, simulate_turn
 
 JOINT = identified_joint()
 
@@ -20,7 +20,7 @@ def test_a_simulated_record_gives_its_backlash_back(delta_rad):
 
 def test_friction_load_and_start_are_found_with_the_backlash():
     truth = {"start_angle": -1.1, "friction": 0.17, "load": 1.2}
-    record = simulate_recordings(changed(JOINT, truth), [9e-4])[0]
+    record = simulate_recordings(add_nuisances(JOINT, truth), [9e-4])[0]
     found = match_joint(record, JOINT, tuple(NUISANCES))
     # Started elsewhere, the third turn has settled to 3e-3 rps.
     assert found["delta_rad"] == pytest.approx(9e-4, abs=1e-6)
@@ -29,7 +29,7 @@ def test_friction_load_and_start_are_found_with_the_backlash():
 
 
 def test_an_unknown_friction_breaks_the_match_that_does_not_look_for_it():
-    record = simulate_recordings(changed(JOINT, {"friction": 0.17}), [9e-4])[0]
+    record = simulate_recordings(add_nuisances(JOINT, {"friction": 0.17}), [9e-4])[0]
     assert abs(match_joint(record, JOINT, ("start_angle",))["delta_rad"] - 9e-4) > 1e-4
 
 
@@ -48,7 +48,7 @@ def test_any_speed_and_sampling_are_matched_at_the_speed_that_was_commanded():
 
 def test_the_settled_turn_is_the_record_s_third():
     record = simulate_recordings(JOINT, [9e-4])[0]
-    turn = settled_turn(JOINT, 9e-4, 200)
+    turn = simulate_turn(JOINT, 9e-4, 200)
     assert turn == pytest.approx(record.v[400:600] - record.v[400:600].mean(), abs=1e-9)
 
 

@@ -85,8 +85,10 @@ def test_the_verdict_ends_in_a_printed_sentence(name):
     assert "print(" in seen[-1].source
 
 
-@pytest.mark.parametrize("row", published.paper_map().query("element.str.startswith('Equation')").to_dict("records"),
-                         ids=lambda row: row["element"])  # fmt: skip
+EQUATIONS = published.paper_map().query("element.str.startswith('Equation')").to_dict("records")
+
+
+@pytest.mark.parametrize("row", EQUATIONS, ids=lambda row: row["element"])
 def test_a_notebook_displays_the_equations_that_the_map_says_it_uses(row):
     number = row["element"].split()[1]
     assert row["notebooks"]

@@ -8,12 +8,12 @@ from replication.identify import protocol_box
 from replication.replay import table1
 from replication.replay.inspection import STORED_NAMES
 from replication.signature import Timing, rmse
-from replication.table2 import AUTHORS
+from replication.table2 import AUTHORS_PROTOCOL
 
 
 @pytest.fixture(scope="module")
 def stored_box(record_12):
-    return protocol_box(record_12, AUTHORS)
+    return protocol_box(record_12, AUTHORS_PROTOCOL)
 
 
 def test_in_the_stored_runs_box_all_thirty_first_generations_replay(record_12, stored_box):
@@ -21,7 +21,7 @@ def test_in_the_stored_runs_box_all_thirty_first_generations_replay(record_12, s
 
 
 def test_in_table_1s_box_of_A_hardly_one_replays(record_12):
-    box = protocol_box(record_12, replace(AUTHORS, amplitude_factor=1.0))
+    box = protocol_box(record_12, replace(AUTHORS_PROTOCOL, amplitude_factor=1.0))
     assert table1.count_replayed(record_12, box) <= 1
 
 

@@ -12,7 +12,7 @@ from replication.identify import paper_search, protocol_box
 from replication.replay import AGREE_RPS
 from replication.search import random_normals
 from replication.signature import Timing, rmse
-from replication.table2 import AUTHORS, basin_labels
+from replication.table2 import AUTHORS_PROTOCOL, basin_labels
 
 X = ["A", "t0", "tau", "omega", "v_t", "T2", "T1"]
 
@@ -123,8 +123,8 @@ def test_the_samples_are_those_that_the_search_evaluated(player, record_12):
     seed = int(published.authors_notebook_runs()["cma_seed"][7])
     drawn = player.evaluate("Array.from(random.slice(0, 4200))")
     assert drawn == pytest.approx(random_normals(seed)(600, 7).ravel(), rel=1e-12)
-    box = protocol_box(record_12, AUTHORS)
-    for now in islice(paper_search(record_12, AUTHORS, seed), 85):
+    box = protocol_box(record_12, AUTHORS_PROTOCOL)
+    for now in islice(paper_search(record_12, AUTHORS_PROTOCOL, seed), 85):
         if now.after.g not in (1, 2, 30, 85):
             continue
         player.evaluate(f"go(run.generation.indexOf({now.after.g}))")

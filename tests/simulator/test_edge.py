@@ -5,11 +5,12 @@ import pandas as pd
 import pytest
 
 import workbook
+from replication.authors import load_clean_records
 from replication.simulator import edge
 from replication.simulator.identification import third_turn_errors
 from replication.simulator.parameters import with_ratios
+from replication.simulator.reidentify import FIT_LEVELS
 from replication.simulator.simulate import identified_joint, simulate
-from replication.simulator.study import FIT_LEVELS, clean_records
 
 
 def test_plain_fine_steps_give_the_speed_of_located_ones():
@@ -42,7 +43,7 @@ def test_a_soft_edge_misses_the_records_even_when_the_joint_is_fitted_anew(autho
     assert misfit[1e4] > 3 * misfit[1e5]
     assert misfit[1e3] > misfit[1e4]
     assert (table["nrmse"] <= table["nrmse_kept"] * (1 + 1e-6)).all()
-    records, joint = clean_records(FIT_LEVELS), identified_joint()
+    records, joint = load_clean_records(FIT_LEVELS), identified_joint()
     for row in table.to_dict("records"):
         refitted = with_ratios(replace(joint, alpha_per_rad=row["alpha_per_rad"]), {k: row[k] for k in joint.ratios})
         assert third_turn_nrmse(refitted, records) == pytest.approx(row["nrmse"], rel=1e-2)
@@ -50,7 +51,7 @@ def test_a_soft_edge_misses_the_records_even_when_the_joint_is_fitted_anew(autho
 
 def test_the_refit_at_a_soft_edge_is_a_minimum_in_every_ratio(authors_data):
     row = pd.read_csv(workbook.ROOT / "results" / "alpha_refit.csv").set_index("alpha_per_rad").loc[1e4]
-    records, joint = clean_records(FIT_LEVELS), identified_joint()
+    records, joint = load_clean_records(FIT_LEVELS), identified_joint()
     best = with_ratios(replace(joint, alpha_per_rad=1e4), {name: row[name] for name in joint.ratios})
     for name, value in best.ratios.items():
         if name == "lead_s":

@@ -5,9 +5,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from replication.simulator.identification import identify_joint, identify_lead, joint_record, profile_ratio
+from replication.simulator.identification import identify_joint, identify_lead, profile_ratio
 from replication.simulator.parameters import identified_joint, joint_from_ratios, with_ratios
 from replication.simulator.recordings import simulate_recordings
+from replication.simulator.reidentify import joint_text
 
 LEVELS = (5e-4, 17e-4)
 
@@ -68,6 +69,6 @@ def test_an_uneven_or_short_recording_is_refused(joint, recordings):
 def test_the_record_of_a_fit_makes_the_same_joint_and_names_its_sources(fit, tmp_path: Path):
     source = tmp_path / "record.xlsx"
     source.write_bytes(b"abc")
-    data = json.loads(joint_record(fit, [source], {"numpy": "2"}))
+    data = json.loads(joint_text(fit, [source], {"numpy": "2"}))
     assert joint_from_ratios(data["ratios"]).ratios == pytest.approx(fit.parameters.ratios, rel=1e-6)
     assert data["sources"]["record.xlsx"].startswith("ba7816bf")

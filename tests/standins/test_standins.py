@@ -15,7 +15,8 @@ from replication.simulator.parameters import TURN, Disturbance, JointParameters,
 from replication.simulator.simulate import simulate
 from replication.standins import bench as bench_standin
 from replication.standins import joints, robots
-from studies import wear as wear_standin
+from replication.standins.wear import Wear, draw_wear
+from studies import wear as wear_study
 
 DELTA = 10e-4
 RESULTS = workbook.ROOT / "results"
@@ -181,7 +182,7 @@ def test_friction_on_the_load_takes_amplitude_away(joint):
 
 @given(st.integers(0, 1000), st.floats(3e-4, 20e-4))
 def test_a_drawn_wear_grows_and_crosses_its_limit_within_the_eight_months(seed, limit):
-    wear = wear_standin.draw_wear(np.random.default_rng(seed), limit)
+    wear = draw_wear(np.random.default_rng(seed), limit)
     day = wear.crossing_day(limit)
     assert 0 < day < wear.duration_days
     assert wear.backlash_rad(day) == pytest.approx(limit, rel=1e-9)
@@ -189,8 +190,8 @@ def test_a_drawn_wear_grows_and_crosses_its_limit_within_the_eight_months(seed, 
 
 
 def test_a_bench_that_is_the_calibrated_joint_is_called_for_at_the_right_test(joint):
-    wear = wear_standin.Wear(4e-4, 16e-4, 1.0, interval_days=60.0)
-    tests = wear_standin.wear_tests(
+    wear = Wear(4e-4, 16e-4, 1.0, interval_days=60.0)
+    tests = wear_study.wear_tests(
         [joints.Bench(joint, 0.0, 0.0)], [wear], {"amplitude": default_calibration("amplitude")}, 11e-4, seed=1
     )
     assert tests["day"].tolist() == [0, 60, 120, 180, 240]
@@ -201,8 +202,8 @@ def test_a_bench_that_is_the_calibrated_joint_is_called_for_at_the_right_test(jo
 
 def test_a_bench_that_nobody_calibrated_is_read_alone_and_with_all_its_logs():
     bench = joints.draw_bench(np.random.default_rng(5))
-    wear = wear_standin.Wear(4e-4, 16e-4, 1.0, interval_days=80.0)
-    tests = wear_standin.wear_tests_by_self([bench], [wear], 11e-4, seed=1)
+    wear = Wear(4e-4, 16e-4, 1.0, interval_days=80.0)
+    tests = wear_study.wear_tests_by_self([bench], [wear], 11e-4, seed=1)
     assert tests["sensor"].tolist() == ["self", "self, shared joint"] * 4
     assert tests["call_day"].tolist() == [160] * 8
     np.testing.assert_allclose(tests["estimate_rad"], tests["delta_rad"], atol=1.2e-4)

@@ -7,7 +7,7 @@ from replication.authors import load_noisy
 from replication.simulator.recordings import simulate_recordings
 from replication.simulator.simulate import identified_joint
 from studies.accuracy import CHANGES, cross_validation, errors_after_changes
-from studies.benchmark import JOINT_ALL_FREE, Log, summarise_errors
+from studies.benchmark import JOINT_ALL_FREE, KnownLog, summarise_errors
 
 RESULTS = workbook.ROOT / "results"
 
@@ -56,7 +56,7 @@ def moved():
     joint, delta_rad = identified_joint(), 11e-4
     changed = {name: change(joint, 0.2) for name, change in CHANGES.items()} | {"nothing": joint}
     logs = [
-        Log({"parameter": name}, delta_rad, simulate_recordings(other, [delta_rad])[0])
+        KnownLog({"parameter": name}, delta_rad, simulate_recordings(other, [delta_rad])[0])
         for name, other in changed.items()
     ]
     return errors_after_changes(logs, joint).set_index(["parameter", "method"])["error_rad"]

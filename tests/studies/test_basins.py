@@ -76,7 +76,9 @@ def test_more_runs_narrow_what_chance_gives():
     assert ratio == pytest.approx(4, rel=0.25)
 
 
-@pytest.mark.parametrize("strategy", [name for name, (kind, _) in optimizers.METHODS.items() if "restarts" in kind])
+@pytest.mark.parametrize(
+    "strategy", [name for name, (kind, _) in optimizers.SEARCH_METHODS.items() if "restarts" in kind]
+)
 def test_a_strategy_keeps_to_its_budget_and_depends_on_nothing_but_its_seed(made_record, strategy):
     first, second = (optimizers.run_method(strategy, made_record, 0.0, 6000, 3) for _ in range(2))
     assert first == second

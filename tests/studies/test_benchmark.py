@@ -7,12 +7,12 @@ import pandas as pd
 import pytest
 
 from replication.recording import Recording
-from studies.benchmark import Log, logs_by_methods, summarise_intervals
+from studies.benchmark import KnownLog, logs_by_methods, summarise_intervals
 
 
 def made(number, delta_rad):
     t = np.arange(3.0)
-    return Log({"number": number}, delta_rad, Recording(t, np.full(3, delta_rad), 100.0, 0.4, "made"))
+    return KnownLog({"number": number}, delta_rad, Recording(t, np.full(3, delta_rad), 100.0, 0.4, "made"))
 
 
 def answers(log):

@@ -13,7 +13,7 @@ from replication.standins.joints import SAMPLE_S, draw_bench, encoder_log
 from studies import population
 from studies.benchmark import summarise_intervals
 
-NEAR, FAR = population.SPREADS
+NEAR, FAR = population.NEAR, population.FAR
 
 
 def measured(size: int = 4000, shift: float = 0.0, scale: float = 1.0) -> pd.DataFrame:
@@ -22,10 +22,8 @@ def measured(size: int = 4000, shift: float = 0.0, scale: float = 1.0) -> pd.Dat
     delta = rng.uniform(3e-4, 2e-3, size)
     found = delta + 1e-5 * (shift + scale * rng.standard_normal(size))
     half = population.NORMAL_95 * 1e-5
-    return pd.DataFrame(
-        {"population": NEAR, "method": "self", "delta_rad": delta, "found_rad": found, "low_rad": found - half,
-         "high_rad": found + half, "bound_rad": 1e-5, "refused": False}
-    )  # fmt: skip
+    rows = {"delta_rad": delta, "found_rad": found, "low_rad": found - half, "high_rad": found + half}
+    return pd.DataFrame(rows).assign(population=NEAR, method="self", bound_rad=1e-5, refused=False)
 
 
 def test_a_log_is_drawn_again_alike():
@@ -115,12 +113,9 @@ def test_committed_logs_drawn_at_random_are_measured_the_same_again(committed):
 
 def sensor_rows(held: int, missed: int, refused: int, population: str = "faults") -> pd.DataFrame:
     """Rows of the whole sensor: logs of 1e-3 rad whose interval holds it or not, and logs without an answer."""
-    size = held + missed + refused
     low = np.array([9e-4] * held + [1.1e-3] * missed + [np.nan] * refused)
-    return pd.DataFrame(
-        {"population": population, "number": range(size), "delta_rad": 1e-3, "found_rad": low + 1e-4,
-         "low_rad": low, "high_rad": low + 2e-4, "refused": np.isnan(low), "verdict": "backlash"}
-    )  # fmt: skip
+    rows = pd.DataFrame({"low_rad": low, "found_rad": low + 1e-4, "high_rad": low + 2e-4})
+    return rows.assign(population=population, delta_rad=1e-3, refused=np.isnan(low), verdict="backlash")
 
 
 def test_the_datasheet_counts_answers_among_logs_and_held_truths_among_answers():

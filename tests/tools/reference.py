@@ -1,11 +1,20 @@
-"""The joint integrated by SciPy: what the compiled simulator is checked and timed against."""
+"""What the simulator is checked and timed against: the joint integrated by SciPy, and its settled peaks."""
 
 import numpy as np
 from scipy.integrate import solve_ivp
 
 from replication.arrays import FloatArray
 from replication.simulator import core
+from replication.simulator.identification import FINE_S
 from replication.simulator.parameters import TURN, JointParameters
+from replication.simulator.simulate import settled_peak_rps, simulate_many
+from replication.table2 import theoretical_amplitudes
+
+
+def simulate_amplitudes(joint: JointParameters) -> list[float]:
+    """Theoretical A [rps] of a joint for Table 2's ten rows: settled peaks before sampling."""
+    runs = simulate_many(joint, list(theoretical_amplitudes()), sample_s=FINE_S, step_s=FINE_S)
+    return [settled_peak_rps(run, joint) for run in runs]
 
 
 def solve_ivp_speed_rps(

@@ -43,7 +43,7 @@ TESTS = (
     "tests/test_results.py::test_the_runs_of_table_2_spent_what_the_protocol_allows",
     "tests/test_signature.py::test_the_signature_at_the_stored_parameters_has_the_stored_misfit",
     "tests/test_signature.py::test_the_box_is_table_1",
-    "tests/simulator/test_study.py",
+    "tests/simulator/test_identified_joint.py",
 )
 
 SOLUTION = re.compile(r'\n# %% tags=\["solution"\]\n.*?(?=\n# %%|\Z)', re.DOTALL)  # asserts more than the paper says
@@ -78,10 +78,10 @@ class Change:
 def changes() -> list[Change]:
     """Every constant, changed: coefficients and ratios by 5 %, what is whole or a multiple by a step."""
     first, step = level_delta_rad(2), level_delta_rad(3) - level_delta_rad(2)
-    levels = "from replication import datasets\ndatasets.level_delta_rad = lambda level: {} + {} * (level - 2)"
+    levels = "from replication import authors\nauthors.level_delta_rad = lambda level: {} + {} * (level - 2)"
     noise = (
-        "from replication import datasets\nadd = add_uniform_noise\n"
-        "add_uniform_noise = lambda record, half, rng: add(record, 1.05 * half, rng)"
+        "from replication import recording\nadd = recording.add_uniform_noise\n"
+        "recording.add_uniform_noise = lambda record, half, rng: add(record, 1.05 * half, rng)"
     )
     sampling = (
         "from replication.simulator import recordings\nrecordings.simulate_recordings.__defaults__ = (0.0021, 12)"
@@ -155,16 +155,19 @@ def _of_joint() -> list[Change]:
         name: value + joint.control_period_s if name == "lead_s" else 0.95 * value
         for name, value in joint.ratios.items()
     }
+
+    def changed(name: str, value: float, new: float, joint_code: str) -> Change:
+        return Change(f"joint, {name}", f"{value:g}", f"{new:g}", code.format(joint_code), SIMULATION)
+
+    as_it_is = "parameters.identified_joint()"
     found = [
-        Change(f"joint, {name}", f"{joint.ratios[name]:g}", f"{value:g}", code.format(
-            f"parameters.with_ratios(parameters.identified_joint(), {{{name!r}: {value}}})"), SIMULATION)
+        changed(name, joint.ratios[name], value, f"parameters.with_ratios({as_it_is}, {{{name!r}: {value}}})")
         for name, value in ratios.items()
-    ]  # fmt: skip
+    ]
     return found + [
-        Change(f"joint, {name}", f"{getattr(joint, name):g}", f"{value:g}", code.format(
-            f"parameters.replace(parameters.identified_joint(), {name}={value})"), SIMULATION)
+        changed(name, getattr(joint, name), value, f"parameters.replace({as_it_is}, {name}={value})")
         for name, value in JOINT.items()
-    ]  # fmt: skip
+    ]
 
 
 # ---------------------------------------------------------------------------------------------------------------

@@ -1,3 +1,5 @@
+import subprocess
+import sys
 from dataclasses import fields
 
 import pandas as pd
@@ -24,12 +26,19 @@ AS_RATIOS = {
     *("leaky_rate_per_s", "torque_lag_s", "start_angle_rad", "lead_s"),
 }
 
+CHOICES = {"name", "start", "rpm", "fixed_T2_s"}  # of the protocol: another one is another candidate
+
 
 def test_every_constant_of_the_joint_and_the_protocol_is_changed():
-    assert {field.name for field in fields(Protocol)} - set(sensitivity.PROTOCOL) == {"name", "start"}
+    assert {field.name for field in fields(Protocol)} - set(sensitivity.PROTOCOL) == CHOICES
     assert {field.name for field in fields(JointParameters)} - set(sensitivity.JOINT) - AS_RATIOS == OFF
     changed = {change.constant for change in sensitivity.changes()}
     assert {f"joint, {name}" for name in identified_joint().ratios} <= changed
+
+
+def test_the_code_of_every_change_runs():
+    code = "\n".join(change.code for change in sensitivity.changes())
+    subprocess.run([sys.executable, "-c", code], cwd=workbook.ROOT, check=True)
 
 
 def test_no_two_changes_have_one_name_and_each_says_what_it_changes():

@@ -10,8 +10,8 @@ from replication import characteristic, published, table2
 from replication.authors import load_clean
 from replication.files import ROOT
 from replication.replay import inspection, table1
-from replication.simulator import study
 from replication.simulator.parameters import identified_joint, with_ratios
+from tests.tools.reference import simulate_amplitudes
 from workbook import judging
 
 RESULTS = ROOT / "results"
@@ -120,11 +120,9 @@ def test_a_bound_that_is_off_loses_the_stored_first_generations(record_12, cell)
 
 def test_another_joint_has_other_peaks():
     joint = identified_joint()
-    levels = list(study.printed_amplitudes())
-    ours = study.amplitudes(joint, levels)["amplitude_rps"]
+    ours = simulate_amplitudes(joint)
     softer = with_ratios(joint, {"stiffness_per_s2": 0.8 * joint.ratios["stiffness_per_s2"]})
-    softer = study.amplitudes(softer, levels)["amplitude_rps"]
-    for row, (peak, other) in enumerate(zip(ours, softer, strict=True), start=1):
+    for row, (peak, other) in enumerate(zip(ours, simulate_amplitudes(softer), strict=True), start=1):
         assert verdict(f"table2.row{row:02d}.theoretical", peak, "simulated") == "reproduced"
         assert verdict(f"table2.row{row:02d}.theoretical", other, "simulated") == "differs"
 

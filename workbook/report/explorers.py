@@ -6,7 +6,7 @@ import pandas as pd
 
 from replication import published
 from replication.replay import AGREE_RPS
-from replication.table2 import AUTHORS, BASIN_GAP
+from replication.table2 import AUTHORS_PROTOCOL, BASIN_GAP
 from workbook.report import TEMPLATES
 
 # Symbol and unit of each slider, and its ends where they are not those that Table 1 prints.
@@ -35,7 +35,7 @@ def render_signature_explorer(results: Path) -> str:
         record=record["speed_rps"].tolist(),
         dt=round(float(record["time_s"].iloc[-1]) / (len(record) - 1), 9),
         fitted=fitted,
-        protocol=AUTHORS,
+        protocol=AUTHORS_PROTOCOL,
         printed_T_f=published.value("table1.T_f.max"),
         sliders=sliders,
     )
@@ -55,5 +55,5 @@ def render_replay_explorer(results: Path) -> str:
         printed=generations.to_numpy().tolist(),
         box=box.to_dict("records"),
         basins=basins["rmse_rps"].tolist(),
-        settings={"gap": BASIN_GAP, "agree": AGREE_RPS, "members": AUTHORS.population},
+        settings={"gap": BASIN_GAP, "agree": AGREE_RPS, "members": AUTHORS_PROTOCOL.population},
     )

@@ -10,7 +10,7 @@ import pandas as pd
 from replication import published
 from replication.replay import AGREE_RPS  # noqa: F401  of the queries
 from replication.statistics import LEVEL
-from replication.table2 import AUTHORS, error_percent
+from replication.table2 import AUTHORS_PROTOCOL, error_percent
 from workbook import judging
 from workbook.report import TEMPLATES
 
@@ -24,7 +24,7 @@ def collect_facts(results: Path, verdicts: pd.DataFrame) -> dict[str, str]:
     A row of `facts.csv` names a table, a query that chooses rows of it, an expression of their columns, the statistic
     that makes it one number ("count" counts the rows) and the number's format.
     """
-    found = {"population": str(AUTHORS.population), "iterations": str(AUTHORS.iterations)}
+    found = {"population": str(AUTHORS_PROTOCOL.population), "iterations": str(AUTHORS_PROTOCOL.iterations)}
     found["level"] = f"{100 * LEVEL:.0f}"
     if (results / "protocols.csv").exists():
         found["protocol_finding"] = describe_protocols(pd.read_csv(results / "protocols.csv").set_index("protocol"))

@@ -4,18 +4,11 @@ import numpy as np
 import pytest
 
 from replication import published, table2
-from replication.authors import level_delta_rad
+from replication.authors import CLEAN_LEVELS, level_delta_rad, load_clean_records
 from replication.recording import TURN_PERIOD_S
-from replication.simulator.parameters import identified_joint, with_ratios
+from replication.simulator.parameters import changeable, changed_joint, identified_joint, with_ratios
 from replication.simulator.recordings import simulate_recordings
-from replication.simulator.study import (
-    CLEAN_LEVELS,
-    amplitudes,
-    changeable,
-    changed_joint,
-    clean_records,
-    printed_amplitudes,
-)
+from tests.tools.reference import simulate_amplitudes
 
 # The first turn is not fitted but for when the joint started, to a period of the drive.
 FIRST_TURN_BAR = 0.085
@@ -41,21 +34,24 @@ def first_turn_nrmse(joint, records):
     return np.array(misfits)
 
 
-def test_the_first_turn_of_the_simulated_joint_is_that_of_the_records(joint, authors_data):
-    records = clean_records(CLEAN_LEVELS)
+@pytest.fixture(scope="module")
+def records(authors_data):
+    return load_clean_records(CLEAN_LEVELS)
+
+
+def test_the_first_turn_of_the_simulated_joint_is_that_of_the_records(joint, records):
     assert first_turn_nrmse(joint, records).max() < FIRST_TURN_BAR
     later = with_ratios(joint, {"lead_s": joint.lead_s + joint.control_period_s})
     assert first_turn_nrmse(later, records).max() > FIRST_TURN_BAR
 
 
-def test_the_simulated_joint_repeats_every_record_and_every_printed_peak(joint, authors_data):
-    records, printed = clean_records(CLEAN_LEVELS), printed_amplitudes()
+def test_the_simulated_joint_repeats_every_record_and_every_printed_peak(joint, records):
     for record, simulated in zip(records.values(), simulate_recordings(joint, list(records)), strict=True):
         settled = record.t >= TURN_PERIOD_S - 1e-9
         assert simulated.v.size == record.v.size
         assert np.sqrt(np.mean((simulated.v - record.v)[settled] ** 2)) < 0.03 * record.v[settled].std()
-    peaks = amplitudes(joint, list(printed))["amplitude_rps"]
-    np.testing.assert_allclose(peaks, list(printed.values()), rtol=0.01)
+    printed = list(table2.theoretical_amplitudes().values())
+    np.testing.assert_allclose(simulate_amplitudes(joint), printed, rtol=0.01)
 
 
 def test_a_changed_ratio_keeps_the_other_ratios(joint):

@@ -1,0 +1,29 @@
+import pytest
+
+from studies import __main__ as studies
+from studies import optimizers
+
+
+def test_an_unknown_study_is_one_line_that_names_those_that_there_are(capsys):
+    for arguments in (["claim"], []):
+        assert studies.main(arguments) == 2
+        said = capsys.readouterr().err
+        assert all(name in said for name in studies.STUDIES)
+        assert said.count("\n") == 1
+
+
+@pytest.mark.parametrize("name", ["identify-joint", "claims", "protocols"])
+def test_a_study_without_its_data_says_so_in_one_line_and_writes_nothing(name, tmp_path, monkeypatch, capsys):
+    monkeypatch.setenv("BACKLASH_DATA", str(tmp_path))
+    monkeypatch.setattr(optimizers, "swarms_installed", lambda: True)
+    monkeypatch.setattr(studies, "write_csv", lambda *_: pytest.fail("written"))
+    monkeypatch.setattr(studies, "write_text", lambda *_: pytest.fail("written"))
+    assert studies.main([name]) == 2
+    said = capsys.readouterr().err.strip().splitlines()[-1]
+    assert "BACKLASH_DATA" in said
+
+
+def test_without_the_swarms_the_claims_are_not_begun(monkeypatch, capsys):
+    monkeypatch.setattr(optimizers, "swarms_installed", lambda: False)
+    assert studies.main(["claims"]) == 2
+    assert "pip install .[studies]" in capsys.readouterr().err
