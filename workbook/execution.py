@@ -22,22 +22,8 @@ from tqdm import tqdm
 
 from replication.authors import data_folder
 from replication.files import ROOT
+from replication.processors import pinned_environment
 from workbook.checkout import NOTEBOOKS
-
-# The same machine code on every x86-64 processor with AVX2, as far as libraries let themselves be pinned: CMA-ES
-# is chaotic in the last bit.
-PINNED_ENVIRONMENT = {
-    "OPENBLAS_CORETYPE": "Haswell",
-    "OPENBLAS_NUM_THREADS": "1",
-    "OMP_NUM_THREADS": "1",
-    "MKL_NUM_THREADS": "1",
-    "NPY_DISABLE_CPU_FEATURES": "X86_V4 AVX512_ICL AVX512_SPR",
-    "NUMBA_CPU_NAME": "haswell",
-    "NUMBA_CPU_FEATURES": "+sse,+sse2,+sse3,+ssse3,+sse4.1,+sse4.2,+popcnt,+avx,+avx2,+fma,+bmi,+bmi2,+lzcnt",
-    "PYTHONHASHSEED": "0",
-    "PYTHONWARNINGS": "ignore:IProgress not found",
-    "MPLBACKEND": "module://matplotlib_inline.backend_inline",
-}
 
 STALL_S = 900.0
 
@@ -175,7 +161,7 @@ def execute(
         outcome = staging / "results" / "outcomes" / f"{source.stem}.json"
         record = f"__import__('sys').modules['notebook_recorder'].write({str(outcome)!r}, globals())"
         notebook.cells.append(nbformat.v4.new_code_cell(record, id="recorder"))
-        _run_to_the_end(_Client(notebook, source, stall_s), source, os.environ | PINNED_ENVIRONMENT | variables)
+        _run_to_the_end(_Client(notebook, source, stall_s), source, os.environ | pinned_environment() | variables)
         notebook.cells.pop()
         inside = source.resolve().parent
         inside = inside.relative_to(NOTEBOOKS) if inside.is_relative_to(NOTEBOOKS) else Path()

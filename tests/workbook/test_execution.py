@@ -142,7 +142,7 @@ def test_a_kernel_that_does_not_start_is_named_and_leaves_nothing_to_fail_at_exi
     code = f"""
 from pathlib import Path
 from workbook import execution
-execution.PINNED_ENVIRONMENT["PYTHONHOME"] = "/nowhere"
+execution.pinned_environment = lambda: {{"PYTHONHOME": "/nowhere"}}
 try:
     execution.execute(Path({str(source)!r}), destination=Path({str(out)!r}))
 except execution.NotebookFailed as error:
