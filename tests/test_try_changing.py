@@ -88,7 +88,9 @@ def says_what_happened(printed):
 
 
 def committed(name):
-    return pd.read_csv(workbook.ROOT / "results" / f"{name}.csv")
+    results = workbook.ROOT / "results"
+    file = results / f"{name}.csv"
+    return pd.read_csv(file if file.exists() else results / "supplement" / file.name)
 
 
 def verdict_of(found, cell):

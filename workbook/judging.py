@@ -156,7 +156,9 @@ def judge_rows(found: pd.DataFrame) -> pd.DataFrame:
 
 def judge_cells(cells: Mapping[str, float | Sequence[float]], source: str) -> pd.DataFrame:
     """Judge our numbers from one source by cell id: one number, or one for each realisation."""
-    return judge_rows(pd.DataFrame(cell_rows({source: cells})).assign(notebook=""))
+    numbers = [np.asarray(each, dtype=float).tolist() for each in cells.values()]
+    rows = {"id": list(cells), "source": source, "numbers": numbers, "notebook": ""}
+    return judge_rows(pd.DataFrame(rows))
 
 
 def _judge(row: dict) -> dict:

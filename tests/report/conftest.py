@@ -3,17 +3,15 @@
 import shutil
 
 import pytest
-from places import NOTEBOOKS, RESULTS
 
 from workbook import judging
+from workbook.checkout import NOTEBOOKS, RESULTS
 from workbook.report import page, pages
 
 VERDICTS = judging.verdicts(RESULTS)
 BROWSERS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
-FLAGS = (
-    *("--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run", "--disable-background-networking"),
-    *("--disable-component-update", "--disable-sync"),
-)
+FLAGS = ["--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run"]
+FLAGS += ["--disable-background-networking", "--disable-component-update", "--disable-sync"]
 
 
 @pytest.fixture(scope="session")
@@ -42,6 +40,6 @@ def browser():
     if program is None:
         pytest.skip(f"no browser: none of {', '.join(BROWSERS)} is installed")
     with playwright.sync_playwright() as running:
-        opened = running.chromium.launch(executable_path=program, args=list(FLAGS))
+        opened = running.chromium.launch(executable_path=program, args=FLAGS)
         yield opened
         opened.close()

@@ -1,9 +1,9 @@
 """The report and a page in a real browser: widths, light and dark, keyboard, paper, no request."""
 
 import pytest
-from places import RESULTS
 
 from workbook import judging
+from workbook.checkout import RESULTS
 from workbook.report import cells as cells_of
 
 VERDICTS = judging.verdicts(RESULTS)

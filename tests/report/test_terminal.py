@@ -2,10 +2,10 @@
 
 import pandas as pd
 import pytest
-from places import RESULTS
 
 from replication import published
 from workbook import judging
+from workbook.checkout import RESULTS
 from workbook.main import main
 from workbook.report import terminal
 
