@@ -1,4 +1,4 @@
-"""Mutation test of constants: which cells, claims and tests notice a wrong one. `make sensitivity` runs it.
+"""Mutation test of constants: which cells, claims and tests notice a wrong one (`make studies NAME=sensitivity`).
 
 Each constant is changed alone, before anything else is imported, in the notebooks and the tests themselves.
 """
