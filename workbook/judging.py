@@ -223,9 +223,8 @@ def verdicts(results: Path) -> pd.DataFrame:
     by_whom = [evidence_rules(cell)[0]["source"].replace("*", "authors") for cell in missing]
     not_computed = pd.DataFrame({"id": missing, "source": by_whom, "numbers": math.nan})
     table = judge_rows(pd.concat([found.astype(object), not_computed]))
-    order = dict(zip(cells.index, range(len(cells)), strict=True))
-    table = table.sort_values("source", kind="stable")
-    return table.sort_values("id", key=lambda cell: cell.map(order), kind="stable", ignore_index=True)
+    by_id = table.sort_values("source", kind="stable").set_index("id")
+    return by_id.loc[cells.index].reset_index()
 
 
 def decided_claims(results: Path) -> pd.DataFrame:

@@ -56,11 +56,9 @@ def _parser() -> OneLineParser:
     made[run].add_argument("notebook", nargs="*", type=Path, help="a notebook's .py source")
     made[run].add_argument("--stamps", type=Path, help="write <notebook>.done and <notebook>.d into this folder")
     made[run].add_argument("--watch", type=int, help="end when this process (make) has ended")
-    minutes, text = (
-        os.environ.get("STALL_MINUTES") or "15",
-        "minutes without progress that end a notebook",
-    )
-    made[run].add_argument("--stall-minutes", type=float, default=minutes, help=f"{text} (STALL_MINUTES, or 15)")
+    text = "minutes without progress that end a notebook (default: STALL_MINUTES, or 15)"
+    minutes = os.environ.get("STALL_MINUTES") or "15"
+    made[run].add_argument("--stall-minutes", type=float, default=minutes, help=text)
     made[check].add_argument("--strict", action="store_true", help="exit 1 if any cell differs, expected or not")
     made[show].add_argument("name", help="for example table2.row03.sd, 'Table 2', local_minima or E3")
     made[show].add_argument("--rerun", action="store_true", help="compute it again and print both")

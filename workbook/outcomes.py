@@ -30,14 +30,7 @@ Claims = Mapping[str, tuple[bool | None, str]]
 Facts = Mapping[str, str | int | tuple[Any, str]]
 
 # Of a notebook that exports nothing.
-EMPTY: dict[str, Any] = {
-    "cells": [],
-    "claims": [],
-    "facts": {},
-    "figures": {},
-    "supplement": {},
-    "files": [],
-}
+EMPTY: dict[str, Any] = {"cells": [], "claims": [], "facts": {}, "figures": {}, "supplement": {}, "files": []}
 
 
 def output_folder() -> Path:
@@ -65,7 +58,7 @@ def export(
     Parameters
     ----------
     tables : mapping of str to DataFrame
-        Tables by name that a text, a page or a test reads.
+        Tables by name that a text, a page or another notebook reads.
     figures : mapping of str to (Figure, str)
         Figures with captions. A name such as `figure12_...` or `table2_...` says which element of
         the paper it belongs to.
@@ -143,10 +136,8 @@ def _fact_texts(facts: Facts) -> dict[str, str]:
         given, form = fact
         numbers = [number for number in np.ravel(given) if not math.isnan(number)]
         if numbers and np.ndim(given):
-            texts |= {
-                f"{name}_low": format(min(numbers), form),
-                f"{name}_high": format(max(numbers), form),
-            }
+            texts[f"{name}_low"] = format(min(numbers), form)
+            texts[f"{name}_high"] = format(max(numbers), form)
         elif numbers:
             texts[name] = format(numbers[0], form)
     return texts

@@ -14,15 +14,10 @@ from workbook.outcomes import load_outcomes
 from workbook.report import TEMPLATES
 from workbook.report.cells import notebook_source
 
-CONTEXT = [
-    "https://w3id.org/ro/crate/1.1/context",
-    {"sha256": "http://schema.org/sha256"},
-]  # newer than RO-Crate 1.1
-FORMATS = {
-    "json": "application/json",
-    "md": "text/markdown",
-    "pdf": "application/pdf",
-}  # of others: text/ and ending
+# The term sha256 is newer than RO-Crate 1.1.
+CONTEXT = ["https://w3id.org/ro/crate/1.1/context", {"sha256": "http://schema.org/sha256"}]
+# Of other files: text/ and their ending.
+FORMATS = {"json": "application/json", "md": "text/markdown", "pdf": "application/pdf"}
 # What git ignores, and the crate itself.
 NOT_ARCHIVED = re.compile(r"(lab|quick)/|(run|ro-crate-metadata)\.json|(.*/)?\.")
 EUPL = {"@id": "https://spdx.org/licenses/EUPL-1.2"}

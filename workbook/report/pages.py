@@ -40,6 +40,7 @@ def render_pages(results: Path, notebooks: Path, verdicts: pd.DataFrame) -> dict
     """Render the page of every executed notebook in a folder, by the notebook's name."""
     pictures = load_pictures(results)
     claims = judging.decided_claims(results)
+    judged = verdicts.join(published.cells()["element"], on="id")
     executed = executed_cells(notebooks)
     names = ["", *executed, ""]
     pages = {}
@@ -56,7 +57,8 @@ def render_pages(results: Path, notebooks: Path, verdicts: pd.DataFrame) -> dict
             has_script=any(SCRIPT in output for output in outputs),
             before=before,
             after=after,
-            decides=_decides(name, verdicts, claims),
+            judged=judged[judged["notebook"] == name].to_dict("records"),
+            claims=(claims["notebook"] == name).sum(),
             contents=[(slug(text), text) for text in sections],
         )
     for name in explorers(results):
@@ -174,19 +176,6 @@ def _render_table(text: str) -> str:
 
 def _shorten(number: str) -> str:
     return f"{float(number):.{DIGITS}g}"
-
-
-def _decides(name: str, verdicts: pd.DataFrame, claims: pd.DataFrame) -> list[tuple[str, str, str]]:
-    """What a notebook decides: the anchor in the report, the element, and its verdicts counted."""
-    own = verdicts[verdicts["notebook"] == name]
-    element = published.cells()["element"].reindex(own["id"]).to_numpy()
-    parts = []
-    for key, part in own["verdict"].groupby(element, sort=False):
-        counts = part.value_counts(sort=False)
-        counted = ", ".join(f"{number} {verdict}" for verdict, number in counts.items())
-        parts.append((slug(key), key, f"{len(part)} judgements: {counted}"))
-    decided = (claims["notebook"] == name).sum()
-    return [*parts, ("claims", "Claims", f"{decided} decided")] if decided else parts
 
 
 # Markdown with its formulas as MathML, which browsers draw without a script or a network

@@ -11,13 +11,7 @@ import pandas as pd
 from replication import published
 from workbook import judging
 from workbook.report import TEMPLATES
-from workbook.report.cells import (
-    SIGNS,
-    Cell,
-    judged_cells,
-    judged_claims,
-    notebook_source,
-)
+from workbook.report.cells import SIGNS, Cell, judged_cells, judged_claims, notebook_source
 from workbook.report.facts import collect_facts, fill
 from workbook.report.tables import LAYOUTS, Entry, table_rows
 
@@ -48,8 +42,7 @@ def verdict_tables(verdicts: pd.DataFrame, colour: bool) -> str:
     counts = judging.verdict_counts(verdicts).sum().astype(int).to_dict()
     evidence = sum(counts.get(name, 0) for name in judging.EVIDENCE)
     signs = ", ".join(f"{SIGNS[name]} {name}" for name in counts)
-    legend = "Each cell: printed | ours, first from the authors' data if there are any, then from our "
-    legend += "simulation."
+    legend = "Each cell: printed | ours, from the authors' data if there are any, then from our simulation."
     counted = ", ".join(f"{SIGNS[name]} {name} {count}" for name, count in counts.items())
     summary = f"{evidence} of {len(cells)} printed numbers are decided by evidence: {counted}"
     elements = dict.fromkeys(cell.element for cell in cells.values())
