@@ -26,34 +26,14 @@ def expected(T_f):
     return rmse(drawn["dt"] * np.arange(record.size), record, np.array(fit), Timing(T_f / 2, T_f, 12))
 
 
-def opened(browser, file, **context):
-    page = browser.new_page(**context)
-    page.asked, page.said = [], []
-    page.on("request", lambda request: page.asked.append(request.url))
-    page.on("console", lambda message: page.said.append(message.text))
-    page.on("pageerror", lambda error: page.said.append(str(error)))
-    page.goto(file.as_uri())
-    return page
-
-
-def serious_violations(page):
-    axe = pytest.importorskip("axe_playwright_python.sync_playwright", reason="axe is not installed (extra `dev`)")
-    found = axe.Axe().run(page, options={"runOnly": ["wcag2a", "wcag2aa", "wcag21aa"]}).response["violations"]
-    return [each["id"] for each in found if each["impact"] in ("serious", "critical")]
+@pytest.fixture
+def explorer(tab, site):
+    return tab(site / "pages" / "signature_explorer.html")
 
 
 @pytest.fixture
-def explorer(browser, site):
-    page = opened(browser, site / "pages" / "signature_explorer.html")
-    yield page
-    page.close()
-
-
-@pytest.fixture
-def player(browser, site):
-    page = opened(browser, site / "pages" / "replay_explorer.html")
-    yield page
-    page.close()
+def player(tab, site):
+    return tab(site / "pages" / "replay_explorer.html")
 
 
 @pytest.mark.slow
@@ -73,11 +53,6 @@ def test_a_slider_moves_by_keyboard_and_the_misfit_with_it(explorer):
     for _ in range(5):
         explorer.keyboard.press("ArrowRight")
     assert explorer.inner_text("#rmse") != before
-
-
-@pytest.mark.slow
-def test_axe_finds_no_serious_violation_on_the_explorer(explorer):
-    assert serious_violations(explorer) == []
 
 
 @pytest.mark.slow
@@ -162,15 +137,15 @@ def test_steps_the_slider_two_dimensions_and_the_zoom_work_by_keyboard(player):
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("width", "scheme"), [(390, "dark"), (820, "light"), (1440, "dark")])
-def test_axe_finds_no_serious_violation_on_the_replay_explorer(player, width, scheme):
-    player.set_viewport_size({"width": width, "height": 900})
-    player.emulate_media(color_scheme=scheme)
-    assert serious_violations(player) == []
-    assert player.evaluate("document.documentElement.scrollWidth") <= width
+@pytest.mark.parametrize("name", ["signature", "replay"])
+def test_axe_finds_no_serious_violation_on_an_explorer(tab, site, serious_violations, name, width, scheme):
+    page = tab(site / "pages" / f"{name}_explorer.html", width, scheme)
+    assert serious_violations(page) == []
+    assert page.evaluate("document.documentElement.scrollWidth") <= width
 
 
 @pytest.mark.slow
-def test_nothing_plays_unasked_and_less_motion_is_slower(browser, player):
+def test_nothing_plays_unasked_and_less_motion_is_slower(player):
     player.wait_for_timeout(700)
     assert player.inner_text("#at").startswith("1 of ")
     assert player.input_value("#speed") == "5"

@@ -39,24 +39,19 @@ def screens_down(element, height):
 @pytest.mark.slow
 @pytest.mark.parametrize(("width", "height"), [(1440, 900), (390, 844)])
 @pytest.mark.parametrize("asked", QUESTIONS, ids=lambda asked: asked["question"])
-def test_a_question_is_answered_after_one_click_and_its_evidence_after_two(
-    browser, site, numbers, asked, width, height
-):
-    context = browser.new_context(viewport={"width": width, "height": height})
-    tab = context.new_page()
-    tab.goto((site / "report.html").as_uri())
-    first = tab.locator("nav.contents a", has_text="Questions")
+def test_a_question_is_answered_after_one_click_and_its_evidence_after_two(tab, site, numbers, asked, width, height):
+    opened = tab(site / "report.html", width, height=height)
+    first = opened.locator("nav.contents a", has_text="Questions")
     assert screens_down(first, height) <= 1
     first.click()
-    entry = tab.locator(".questions > div").filter(has=tab.locator("dt", has_text=asked["question"]))
+    entry = opened.locator(".questions > div").filter(has=opened.locator("dt", has_text=asked["question"]))
     assert asked["answer"].format_map(numbers) in entry.inner_text()
     assert screens_down(entry, height) <= SCREENS
     entry.locator(asked["click"].format_map(numbers)).first.click()
-    tab.wait_for_timeout(100)
-    evidence = tab.locator(asked["evidence"].format_map(numbers)).first
+    opened.wait_for_timeout(100)
+    evidence = opened.locator(asked["evidence"].format_map(numbers)).first
     assert asked["shows"].format_map(numbers) in evidence.inner_text()
     assert screens_down(evidence, height) <= SCREENS
-    context.close()
 
 
 def test_the_seven_questions_are_asked_once_each(report_page):
