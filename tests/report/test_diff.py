@@ -8,8 +8,8 @@ import pandas as pd
 import pytest
 
 from replication import published
+from workbook.__main__ import main
 from workbook.checkout import RESULTS
-from workbook.main import main
 from workbook.report import diff
 
 NOTEBOOK = "06_characteristic_figure12"

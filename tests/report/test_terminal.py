@@ -5,8 +5,8 @@ import pytest
 
 from replication import published
 from workbook import judging
+from workbook.__main__ import main
 from workbook.checkout import RESULTS
-from workbook.main import main
 from workbook.report import terminal
 
 EVIDENCE = judging.EVIDENCE

@@ -8,8 +8,9 @@ import sys
 import pytest
 
 import workbook
-from workbook import checkout, main, running
-from workbook.main import main as run_command
+from workbook import __main__ as command_line
+from workbook import checkout, running
+from workbook.__main__ import main as run_command
 
 FIRST = workbook.ROOT / "notebooks" / "01_signature_figure6.py"
 
@@ -90,7 +91,7 @@ def test_sensitivity_without_its_data_says_so_in_one_line_and_exits_with_2(tmp_p
 
 @pytest.mark.slow
 def test_a_quick_run_never_overwrites_the_full_results(tmp_path, monkeypatch):
-    for owner in (checkout, main):
+    for owner in (checkout, command_line):
         monkeypatch.setattr(owner, "QUICK", tmp_path / "quick")
     folders = [workbook.ROOT / name for name in ("results", "figures", "notebooks")]
 

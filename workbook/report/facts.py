@@ -28,10 +28,10 @@ def collect_facts(results: Path, verdicts: pd.DataFrame) -> dict[str, str]:
 def count_verdicts(verdicts: pd.DataFrame, claims: pd.DataFrame) -> dict[str, int]:
     """Count printed numbers, claims and errata by what is said of them.
 
-    Of printed numbers `differs` counts all, `tolerance_differs` those by tolerance alone,
-    `simulated_differs` those that our simulation decides, `table2_differs` those of an element, and
-    `table2_sd_differs` those of its column. `claims_undecided` counts claims, `claims_changed` those
-    whose criterion was changed, and `errata_paper` errata by the last word of their kind.
+    Of printed numbers "differs" counts all, "tolerance_differs" those by tolerance alone,
+    "simulated_differs" those that our simulation decides, "table2_differs" those of an element, and
+    "table2_sd_differs" those of its column. "claims_undecided" counts claims, "claims_changed" those
+    whose criterion was changed, and "errata_paper" errata by the last word of their kind.
     """
     decided = judging.deciding(verdicts).join(published.cells()[["element", "column"]], on="id")
     element = decided["element"].map(judging.squeeze)
