@@ -52,27 +52,15 @@ report: .venv/.installed  ## results/report.html from the results
 article: .venv/.installed  ## results/article.pdf, the replication article, from the results
 	$(RUN) article
 
-sensitivity: .venv/.installed  ## who notices a wrong constant, into results/sensitivity.csv and the report
-	$(PY) -m tests.tools.sensitivity
-	$(RUN) report
-
-claims: .venv/.installed  ## the slow studies behind claims, into results/optimizers.csv and results/alpha_refit.csv
-	$(STUDY) claims
-
 bench: .venv/.installed  ## time what was made fast against a direct arm, into results/bench.csv
 	OPENBLAS_NUM_THREADS=1 $(PY) -m tests.tools.timings
 
-population: .venv/.installed  ## every method on joints that nobody calibrated, and the sensor's datasheet
-	$(STUDY) population
+studies: .venv/.installed  ## slow studies whose tables are kept: make studies NAME=claims (make studies lists them)
+	$(if $(filter sensitivity,$(NAME)),$(PY) -m tests.tools.sensitivity && $(RUN) report,$(STUDY) $(or $(NAME),--help))
+	@$(if $(NAME),,echo "and sensitivity: which cells, claims and tests notice a wrong constant")
 
-protocols: .venv/.installed  ## run every protocol that may have printed Table 2, into results/protocol_runs.csv
+protocols: .venv/.installed  ## make studies NAME=protocols: every protocol that may have printed Table 2
 	$(STUDY) protocols
-
-identify-joint: .venv/.installed  ## identify the simulated joint anew from the authors' records
-	$(STUDY) identify-joint
-
-calibrations: .venv/.installed  ## the sensor's default calibrations anew, from the identified joint
-	$(STUDY) calibrations
 
 # NumPy without SIMD and numba for a generic processor; of the kernels, Katmai (Prescott) needs no AVX.
 KERNELS ?= Haswell Prescott
@@ -96,9 +84,8 @@ lint: .venv/.installed  ## style, format, types and spelling
 	$(PY) -m codespell_lib
 
 lock: .venv/.installed  ## pin the newest versions that pyproject.toml allows
-	$(PY) -m pip install --quiet uv
 	$(PY) -m uv pip compile pyproject.toml --quiet --upgrade --universal --python-version 3.11 --extra dev \
-	  --extra lab --extra fleet --extra article --extra studies --generate-hashes --no-emit-index-url --no-header --no-annotate \
+	  --generate-hashes --no-emit-index-url --no-header --no-annotate \
 	  --output-file requirements.lock
 
 clean:  ## remove what can be made again and is not committed
@@ -128,7 +115,7 @@ $(BEYOND:notebooks/beyond/%.py=.make/%.done): .make/%.done: notebooks/beyond/%.p
 	@mkdir -p .make && echo $< >> .make/due
 
 # A notebook that fails keeps neither the others nor the report from being made, but make from ending well.
-.make/workbook.done: $(STAMPS) $(wildcard workbook/*.py workbook/report/*.py workbook/report/templates/*.j2 article/*.* replication/data/*.csv)
+.make/workbook.done: $(STAMPS) $(wildcard workbook/*.py workbook/report/*.py workbook/report/templates/*.j2 article/*.* replication/data/*.*)
 	@if [ -s .make/due ]; then $(RUN) run --stamps .make --watch $$PPID $$(sort -u .make/due); fi; echo $$? > .make/status
 	$(RUN) collect
 	$(RUN) report

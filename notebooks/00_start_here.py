@@ -56,13 +56,14 @@ from scipy.optimize import curve_fit
 
 import backlash
 import workbook
-from replication import characteristic, identify
+from replication import characteristic, identify, published
 from replication.figures import style, teeth
 from replication.recording import add_uniform_noise
 from replication.simulator.checks import closed_loop_matrix
 from replication.simulator.parameters import with_ratios
 from replication.simulator.recordings import simulate_recordings
 from replication.simulator.simulate import identified_joint, settled_peak_rps, simulate
+from replication.table2 import AUTHORS_PROTOCOL
 from workbook import Interval
 
 # %% [markdown]
@@ -463,11 +464,20 @@ else:
 # %% tags=["plumbing"]
 best = min(fits, key=lambda fit: fit.rmse)
 names = ["A", "t0", "tau", "omega", "v_t", "T2", "T1"]
+bounds = {"A": (-1.5, 1.5), "t0": (-0.2, 0.6), "T_f": (0.392, 0.412)}
+for name in ("tau", "omega", "T1", "T2"):
+    bounds[name] = [published.value(f"table1.{name}.{end}") for end in ("min", "max")]
+explorer = {
+    "record": [float(f"{speed:.6g}") for speed in log.v],
+    "dt": round(log.t[-1] / (log.t.size - 1), 9),
+    "fitted": dict(zip([*names, "T_f"], [float(f"{x:.6g}") for x in (*best.X, log.turn_period_s)], strict=True)),
+    "bounds": bounds,
+    "turns": AUTHORS_PROTOCOL.turns,
+    "population": AUTHORS_PROTOCOL.population,
+    "printed_T_f": published.value("table1.T_f.max"),
+}
 workbook.export(
-    tables={
-        "start_log": pd.DataFrame({"time_s": log.t, "speed_rps": log.v}),
-        "start_fit": pd.DataFrame([[*best.X, log.turn_period_s]], columns=[*names, "T_f"]),
-    },
+    pages={"signature_explorer": explorer},
     figures={
         "start_joint": (
             start_joint,

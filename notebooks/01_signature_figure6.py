@@ -392,16 +392,29 @@ print(
 
 # %% tags=["plumbing"]
 to_16_digits = {name: made[name].map("{:.15e}".format) for name in ("best_rmse_rps", "sigma")}
+frames = replay.replay_frames(record, made).groupby("run")[["generation", "frame"]].agg(list)
+shown_runs = published.authors_notebook_runs().merge(stored_runs[["run", "basin"]]).merge(frames, on="run")
+printed = published.authors_notebook_generations()[["run", "generation", "best_rmse_of_generation_rps"]]
+box = pd.DataFrame({"parameter": FREE_PARAMETERS, **vars(protocol_box(record, AUTHORS_PROTOCOL))})
+explorer = {
+    "runs": shown_runs.to_dict("records"),
+    "printed": printed.to_numpy().tolist(),
+    "box": box.to_dict("records"),
+    "basins": basins["rmse_rps"].tolist(),
+    "settings": {"gap": BASIN_GAP, "agree": replay.AGREE_RPS, "members": AUTHORS_PROTOCOL.population},
+}
+same_end = ended["difference_rps"].abs() < replay.AGREE_RPS
 workbook.export(
-    tables={
-        "stored_runs": stored_runs,
-        "replay": made[["run", "cma_seed", "generation", "best_rmse_rps", "sigma"]].assign(**to_16_digits),
-        "replay_frames": replay.replay_frames(record, made),
-        "replay_box": pd.DataFrame({"parameter": FREE_PARAMETERS, **vars(protocol_box(record, AUTHORS_PROTOCOL))}),
-        "replay_ends": ended,
-        "replay_partings": parted,
-        "stored_basins": basins.reset_index(),
+    supplement={
+        "stored_runs": (stored_runs, "The 30 runs that the authors' notebook stores: their ends and basins."),
+        "stored_basins": (basins.reset_index(), "The basins in which the stored runs end."),
+        "replay": (
+            made[["run", "cma_seed", "generation", "best_rmse_rps", "sigma"]].assign(**to_16_digits),
+            "Every generation of the replayed runs: its lowest misfit and step size.",
+        ),
+        "replay_ends": (ended, "The ends of the replayed runs beside the stored ones."),
     },
+    pages={"replay_explorer": explorer},
     figures={
         "figure06_signature": (
             figure6,
@@ -426,6 +439,16 @@ workbook.export(
     },
     cells={"authors": cells},
     claims=claims,
+    facts={
+        "stored_runs": len(ended),
+        "stored_best": basins["runs"].iloc[0],
+        "stored_in_full": compared["run"].nunique(),
+        "stored_generations": len(compared),
+        "replayed": same_end.sum(),
+        "replayed_same_count": (same_end & (ended["our_generations"] == ended["stored_generations"])).sum(),
+        "replay_apart": (ended.loc[same_end, "difference_rps"].abs().max(), ".0e"),
+        "replay_generations": agreeing.size,
+    },
 )
 
 # %% [markdown]

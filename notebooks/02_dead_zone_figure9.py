@@ -172,8 +172,14 @@ print(
 )
 
 # %% tags=["plumbing"]
+at_1e5 = facts[facts["alpha_per_rad"] == 1e5].mean()
 workbook.export(
-    tables={"dead_zone_facts": facts},
+    supplement={"dead_zone_facts": (facts, "Equations 8 and 9 at the edge and in the middle of the gap.")},
+    facts={
+        "alpha": (at_1e5["alpha_per_rad"], ".0e"),
+        "alpha_jump": (at_1e5["jump_nm"], ".2f"),
+        "alpha_leak": (100 * at_1e5["middle_share"], ".2f"),
+    },
     figures={
         "figure09_dead_zone": (
             figure9,

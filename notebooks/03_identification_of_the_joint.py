@@ -284,7 +284,11 @@ print(
 
 # %% tags=["plumbing"]
 workbook.export(
-    tables={"joint_ratios": ratios, "joint_correlations": together, "joint_alpha": alpha},
+    tables={"joint_ratios": ratios},
+    supplement={
+        "joint_alpha": (alpha, "Misfit of the identified joint to all clean records, by sharpness of the edge.")
+    },
+    facts={"models_tried": len(attempts)},
     figures={
         "joint_residual": (
             residual,

@@ -255,8 +255,19 @@ panels.append("motor position on the load's side less the load's position")
 if compared:
     panels.insert(2, f"simulated less recorded speed, at most {np.abs(signals[2][1]).max():.2g} rps")
 listed = ", ".join(f"({letter}) {panel}" for letter, panel in zip("abcde", panels, strict=False))
+used = table["used_in_fit"]
 workbook.export(
-    tables={"simulator_validation": table, "positive_impact_delay": lateness},
+    supplement={
+        "simulator_validation": (table, "The simulator against every clean record and every printed amplitude.")
+    },
+    facts={
+        "nrmse_records": table["nrmse"].count(),
+        "nrmse_used": table.loc[used, "nrmse"].count(),
+        "nrmse_mean": (mean, ".1f"),
+        "nrmse_largest": (worst, ".1f"),
+        "nrmse_left_out": (100 * table.loc[~used, "nrmse"].max(), ".1f"),
+        "peak_error": (off, ".1f"),
+    },
     figures={
         "figure10_simulator": (
             figure10,

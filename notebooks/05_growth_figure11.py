@@ -191,7 +191,7 @@ with_noise = f"with uniform noise of half-amplitude {noise_rps:g} rps" if noise_
 off = 100 * (peaks.set_index("delta_rad")["amplitude_rps"] / pd.Series(table2.theoretical_amplitudes()) - 1).abs()
 beside = f"lie within {off.max():.2g} % of the {off.count()} printed ones" if same else "are those of a changed joint"
 workbook.export(
-    tables={"growth": peaks},
+    supplement={"growth": (peaks, "The largest excursion of the speed at each backlash.")},
     figures={
         "figure05_speed_signal": (
             figure5,

@@ -347,13 +347,24 @@ print(
 )
 
 # %% tags=["plumbing"]
+freedom = np.sqrt(delta.size / (delta.size - printed.size))
+rounded_rmse = np.sqrt(np.mean((by_equation - delta) ** 2))
+printed_rmse = published.value("equation10.rmse")
 workbook.export(
-    tables={
-        "characteristic_difference": difference.iloc[::20],
-        "characteristic_simulated": simulated.reset_index(names="quantity"),
-        "equation10_units": units,
-        "equation10_errors": errors,
-        "table_arithmetic": arithmetic,
+    supplement={
+        "characteristic_difference": (
+            difference.iloc[::20],
+            "Our characteristic less equation 10, over the amplitude.",
+        ),
+        "equation10_units": (units, "Equation 10 at the ten printed amplitudes, with A in rpm and in rps."),
+    },
+    facts={
+        "rmse10": (fitted_rmse, ".2e"),
+        "rmse10_of_freedom": (fitted_rmse * freedom, ".2e"),
+        "rmse10_rounded": (rounded_rmse, ".2e"),
+        "printed_rmse10": (printed_rmse, ".4e"),
+        "rmse10_ratio": (float(f"{fitted_rmse / printed_rmse:.1g}"), ".0f"),
+        "largest_in_rps": (units["equation 10 with A in rps"].max(), ".1e"),
     },
     figures={
         "figure12_characteristic": (

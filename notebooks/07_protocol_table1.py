@@ -430,13 +430,31 @@ print(
 )
 
 # %% tags=["plumbing"]
+of_seeds, today = (versions.set_index("search").loc[name] for name in ("the same, other seeds", "today's cma"))
+ranked = variant_ranking.set_index("protocol")["mean_abs_error_percent"]
+facts = {
+    "population": table2.AUTHORS_PROTOCOL.population,
+    "iterations": table2.AUTHORS_PROTOCOL.iterations,
+    "T_f": (cells["table1.T_f.max"], ".3f"),
+    "printed_T_f": published.cells().loc["table1.T_f.max", "printed"],
+    "printed_period_error": (ranked.get("T_d and T_f as printed", np.nan), ".0f"),
+    "seeds_runs": (of_seeds["runs"] / of_seeds["records"], ".0f"),
+    "today_runs": (today["runs"] / today["records"], ".0f"),
+    "today_records": (today["records"], ".0f"),
+    "today_apart": (today["apart_percent"], ".1f"),
+    "today_chance": (today[["chance_low_percent", "chance_high_percent"]], ".1f"),
+    "today_best_shift": (today[["best_shift_low_percent", "best_shift_high_percent"]], "+.1f"),
+    "today_against_chance": "more than" if today["apart_percent"] > today["chance_high_percent"] else "no more than",
+}
+facts |= {f"seeds_chance{end}": (of_seeds[f"chance{end}_percent"], ".1f") for end in ("", "_low", "_high")}
 workbook.export(
-    tables={
-        "table1_replay": tried,
-        "protocol_variants": scores,
-        "protocol_ranking": variant_ranking,
-        "library_versions": versions,
+    supplement={
+        "table1_replay": (tried, "How many stored first generations replay with each bound of Table 1 moved."),
+        "protocol_variants": (scores, "Means and SDs of each variant of the protocol on each record."),
+        "protocol_ranking": (variant_ranking, "The variants by the deviation of their means from Table 2."),
+        "library_versions": (versions, "Other seeds and today's library against the search of 2021."),
     },
+    facts=facts,
     figures={
         "search_one_generation": (
             one_generation,

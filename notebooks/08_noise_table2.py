@@ -74,6 +74,7 @@ from replication.authors import HIGH_NOISE, LOW_NOISE
 from replication.figures import paper
 from replication.replay import inspection
 from replication.simulator.simulate import identified_joint
+from replication.statistics import LEVEL
 from workbook import Interval
 from workbook.judging import judge_cells, region
 
@@ -310,14 +311,73 @@ print(
     f"runs. Other seeds change {len(flipped)} of these {len(by_seeds)} verdicts."
 )
 
+
 # %% tags=["plumbing"]
+def from_to(numbers, digits=3):
+    return f"{min(numbers):.{digits}f} to {max(numbers):.{digits}f}".replace("-", "−")
+
+
+judged_means, ranges = verdicts.set_index(["id", "source"])[["low", "high"]], {}
+for row, part in table[(table["source"] == "authors") | (table["row"] == 11)].groupby("row"):
+    ranges[str(row)] = {
+        "means": from_to(part["mean_A_rps"]),
+        "region": from_to(judged_means.loc[f"table2.row{row:02d}.mean", part["source"].iloc[0]]),
+        "best": from_to(part["best_A_rps"]),
+        "sds": from_to(part["sd_A_rps"], 4),
+        "in_best": int(part["best_basin_runs"].sum()),
+        "runs": int(part["runs"].sum()),
+    }
+runs_of_means = {f"table2.row{row:02d}.mean": {} for row in regions.index}
+for (row, R), part in fits[fits["source"] == "authors"].groupby(["row", "realisation"]):
+    in_six_digits = [float(f"{A_rps:.6g}") for A_rps in part["A_rps"].abs()]
+    runs_of_means[f"table2.row{row:02d}.mean"][str(R)] = in_six_digits
+own, is_sd = backlash[backlash["source"] == "authors"], by_seeds.index.str.endswith(".sd")
+differed = by_seeds["verdict"] == "differs"
+decided = verdict_by_row["authors"].loc[regions.index]
+counted = {
+    f"{name}_{word}": (decided[name] == word).sum()
+    for name in ("mean", "sd")
+    for word in ("reproduced", "differs", "undecided")
+}
+facts = counted | {
+    "level": (100 * LEVEL, ".0f"),
+    "regions": 2 * len(regions),
+    "regions_missed_by_chance": (2 * len(regions) * (1 - LEVEL), ".0f"),
+    "means_inside": inside,
+    "theory_outside": ((theoretical < regions["mean_low"]) | (theoretical > regions["mean_high"])).sum(),
+    "region_half_low": (widths.min(), ".1f"),
+    "region_half_high": (widths.max(), ".0f"),
+    "sd_printed": (regions["sd"], ".4f"),
+    "sd_factor": ([float(f"{factor:.1g}") for factor in regions["sd_high"] / regions["sd_low"]], ".0f"),
+    "seeds_flipped": len(flipped),
+    "sd_differ_still": (by_seeds.loc[is_sd & differed, "verdict_other_seeds"] == "differs").sum(),
+    "seeds_sd_undecided": (by_seeds.loc[is_sd & differed, "verdict_other_seeds"] == "undecided").sum(),
+    "seeds_new_differs": (by_seeds.loc[~differed, "verdict_other_seeds"] == "differs").sum(),
+    "runs": repeats,
+    "runs_all": len(fits),
+    "realisations": len(realisations),
+    "best_share": (100 * own["best_basin_runs"] / own["runs"], ".0f"),
+    "sd": (own["sd_A_rps"], ".4f"),
+    "sd_best": (own["best_sd_A_rps"], ".4f"),
+    "best_worst": (over_rows.loc["worst", "authors"], ".1f"),
+    "best_rms": (over_rows.loc["rms", "authors"], ".1f"),
+    "simulated_worst": (over_rows.loc["worst", "simulated"], ".1f"),
+    "last_sd": (published.value("table2.row11.sd") ** 0.5, ".3f"),
+}
 workbook.export(
-    tables={
-        "table2_runs": fits,
-        "table2": table,
-        "table2_regions": regions.reset_index(),
-        "table2_other_seeds": by_seeds.reset_index(),
+    tables={"table2": table},
+    supplement={
+        "table2_runs": (fits, "Every run on the records of Table 2, the authors' and ours."),
+        "table2_other_seeds": (
+            by_seeds.reset_index(),
+            "Verdicts on the means and SDs, and those that other seeds give.",
+        ),
     },
+    pages={
+        "report": {"runs": runs_of_means, "other_seeds": flipped["verdict_other_seeds"].to_dict()},
+        "article": {"table2": ranges},
+    },
+    facts=facts,
     figures={
         "table2_amplitudes": (
             table2_amplitudes,

@@ -366,12 +366,10 @@ print(
 
 # %% tags=["plumbing"]
 workbook.export(
-    tables={
-        "identification_replay": compared,
-        "identification_basins": table,
-        "identification_strategies": costs,
-        "identification_table2": intervals,
-        "identification_coverage": covering,
+    supplement={
+        "identification_strategies": (costs, "Function evaluations per success of search strategies."),
+        "identification_table2": (intervals, "The global fit's A and its interval on the records of Table 2."),
+        "identification_coverage": (covering, "How often the interval holds A on records made from the signature."),
     },
     figures={
         "identification_landscape": (

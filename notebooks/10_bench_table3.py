@@ -274,7 +274,8 @@ print(
 
 # %% tags=["plumbing"]
 workbook.export(
-    tables={"table3_known": known, "table3": table, "table3_population": population},
+    tables={"table3": table},
+    supplement={"table3_population": (population, "A of other benches of the same spread, one log each.")},
     figures={
         "figure10_bench_standin": (
             figure10,

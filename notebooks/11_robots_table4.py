@@ -279,12 +279,11 @@ print(
 
 # %% tags=["plumbing"]
 workbook.export(
-    tables={
-        "table4": table,
-        "table4_population": population,
-        "table4_thresholds": marks,
-        "table4_loudness": cases,
-        "table4_disturbance": sweep,
+    tables={"table4": table},
+    supplement={
+        "table4_population": (population, "A of simulated healthy robots and of robots with excessive backlash."),
+        "table4_thresholds": (marks, "Rates of three thresholds of A."),
+        "table4_disturbance": (sweep, "A that a sinusoidal torque gives a joint without backlash."),
     },
     figures={
         "table4_robots": (

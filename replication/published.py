@@ -1,5 +1,6 @@
 """Every number the paper prints, once, from the data files; and the rules that decide its claims."""
 
+import json
 import math
 from collections.abc import Mapping
 from decimal import Decimal
@@ -44,7 +45,8 @@ trail = partial(_read, "trail.csv")
 findings = partial(_read, "findings.csv")
 # What the paper's figures show, in our words, and what can be compared: `shows, compare`.
 paper_figures = partial(_read, "paper_figures.csv", "figure")
-# What agreements are worth: `cells` (a pattern), `source, basis, fails_if, test`.
+# What agreements are worth: `cells` (a pattern), `source, basis, fails_if, test`, and the `rival`, the column of the
+# same row whose number would be another answer.
 basis = partial(_read, "basis.csv")
 # The words of verdicts on numbers and claims: `sign`, and what those on numbers mean.
 verdict_words = partial(_read, "verdict_words.csv", "verdict")
@@ -56,6 +58,11 @@ authors_notebook_runs = partial(_read, "authors_notebook_runs.csv")
 authors_notebook_generations = partial(_read, "authors_notebook_generations.csv")
 
 _cells = partial(_kept, "cells.csv", "id")
+
+
+def table_layouts() -> list[dict]:
+    """Captions, headings and columns of Tables 1 to 4 as the paper has them."""
+    return json.loads((DATA / "tables.json").read_text(encoding="utf-8"))
 
 
 def cells(element: str | None = None) -> pd.DataFrame:

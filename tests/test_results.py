@@ -15,6 +15,7 @@ from workbook import judging
 from workbook.checkout import notebook_files
 
 RESULTS = workbook.ROOT / "results"
+SUPPLEMENT = RESULTS / "supplement"
 VERDICTS = pd.read_csv(RESULTS / "verdicts.csv")
 KNOWN = {(row["id"], row["source"]): row["reason"] for _, row in published.known_differences().iterrows()}
 
@@ -65,7 +66,7 @@ def test_every_claim_is_decided_by_exactly_one_notebook():
 
 
 def test_table_2_has_thirty_runs_on_each_of_five_realisations():
-    table, runs = (pd.read_csv(RESULTS / f"{name}.csv") for name in ("table2", "table2_runs"))
+    table, runs = pd.read_csv(RESULTS / "table2.csv"), pd.read_csv(SUPPLEMENT / "table2_runs.csv")
     assert (table["runs"] == published.value("text.runs")).all()
     keys = ["source", "realisation", "row"]
     expected = {("authors", R, row) for R in LOW_NOISE for row in range(1, 11)}
@@ -79,7 +80,7 @@ def test_table_2_has_thirty_runs_on_each_of_five_realisations():
 
 
 def test_the_reasons_why_sds_of_table_2_differ_are_what_the_runs_show():
-    runs = pd.read_csv(RESULTS / "table2_runs.csv").assign(A=lambda t: t["A_rps"].abs())
+    runs = pd.read_csv(SUPPLEMENT / "table2_runs.csv").assign(A=lambda t: t["A_rps"].abs())
     for cell, source in [key for key in KNOWN if key[0].startswith("table2")]:
         row = int(cell[10:12])
         far, deepest = [], 0.0
@@ -110,38 +111,38 @@ def test_the_lowest_rmse_solutions_are_as_far_from_the_printed_means_as_ever():
 
 
 def test_the_runs_of_table_2_spent_what_the_protocol_allows():
-    runs = pd.read_csv(RESULTS / "table2_runs.csv")
+    runs = pd.read_csv(SUPPLEMENT / "table2_runs.csv")
     assert (runs["evaluations"] == table2.AUTHORS_PROTOCOL.population * runs["iterations"]).all()
     assert runs["iterations"].max() == table2.AUTHORS_PROTOCOL.iterations
 
 
 def test_the_stored_runs_end_in_the_four_known_basins():
-    basins = pd.read_csv(RESULTS / "stored_basins.csv")
+    basins = pd.read_csv(SUPPLEMENT / "stored_basins.csv")
     assert basins["runs"].tolist() == [10, 1, 18, 1]
 
 
 def test_the_global_fit_is_never_above_the_best_of_thirty_runs_on_table_2s_records():
     table = pd.read_csv(RESULTS / "table2.csv")
     searched = table.query("source == 'authors' and realisation == 1").set_index("row")["best_rmse_rps"]
-    found = pd.read_csv(RESULTS / "identification_table2.csv").set_index("row")["rmse_rps"]
+    found = pd.read_csv(SUPPLEMENT / "identification_table2.csv").set_index("row")["rmse_rps"]
     assert len(found) == 10
     assert (found <= searched.loc[found.index] * (1 + 1e-5)).all()  # the tables keep six digits
 
 
 def test_the_printed_means_lie_in_the_global_fits_intervals():
-    table = pd.read_csv(RESULTS / "identification_table2.csv")
+    table = pd.read_csv(SUPPLEMENT / "identification_table2.csv")
     assert (table["low_rps"] <= table["printed_mean_A_rps"]).all()
     assert (table["printed_mean_A_rps"] <= table["high_rps"]).all()
 
 
 def test_the_intervals_cover_within_what_the_number_of_made_records_can_tell():
-    table = pd.read_csv(RESULTS / "identification_coverage.csv")
+    table = pd.read_csv(SUPPLEMENT / "identification_coverage.csv")
     assert (table["rate_low"] <= 0.95).all()
     assert (table["rate_high"] >= 0.93).all()
 
 
 def test_the_simulator_meets_its_bars_on_every_record_and_every_printed_peak():
-    table = pd.read_csv(RESULTS / "simulator_validation.csv")
+    table = pd.read_csv(SUPPLEMENT / "simulator_validation.csv")
     assert table["nrmse"].notna().sum() == 11
     assert table["nrmse"].max() < 0.03
     assert table["peak_error_percent"].notna().sum() == 10
@@ -149,12 +150,12 @@ def test_the_simulator_meets_its_bars_on_every_record_and_every_printed_peak():
 
 
 def test_the_simulated_characteristic_stays_close_to_equation_10_over_its_range():
-    difference = pd.read_csv(RESULTS / "characteristic_difference.csv")["difference_rad"].abs()
+    difference = pd.read_csv(SUPPLEMENT / "characteristic_difference.csv")["difference_rad"].abs()
     assert difference.max() < 3e-5
 
 
 def test_no_protocol_variant_with_the_printed_turn_period_comes_near():
-    ranking = pd.read_csv(RESULTS / "protocol_ranking.csv").set_index("protocol")["mean_abs_error_percent"]
+    ranking = pd.read_csv(SUPPLEMENT / "protocol_ranking.csv").set_index("protocol")["mean_abs_error_percent"]
     assert ranking["T_d and T_f as printed"] > 30
     assert ranking["authors' notebook"] < ranking["start drawn per run"]
 

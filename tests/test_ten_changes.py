@@ -6,9 +6,10 @@ Run by `make changes`.
 
 import numpy as np
 import pytest
-from test_try_changing import OUTCOMES, run, says_what_happened
+from test_try_changing import OUTCOMES
 
 from replication import published
+from tests.tools.changes import run, says_what_happened
 
 
 def narrow_box(n):

@@ -1,8 +1,194 @@
-"""The workbook's command line."""
+"""The workbook's command line; the Makefile's targets call it.
 
+What a command needs is imported when it runs: `check` needs no kernel, and `run` no report.
+"""
+
+import argparse
+import errno
+import os
 import sys
+from pathlib import Path
 
-from workbook.main import main
+from replication.files import ROOT, write_bytes
+from workbook.checkout import QUICK, RESULTS, notebook_files, results_folder
+
+# Of an output that takes no more: whoever read a pipe has seen enough, or a disk is full.
+UNWRITABLE = {errno.EPIPE, errno.ENOSPC, errno.EDQUOT, errno.EIO}
+
+
+class OneLineParser(argparse.ArgumentParser):
+    """A parser that says in one line what is wrong with its arguments."""
+
+    def error(self, message: str):
+        """Exit with 2."""
+        self.exit(2, f"{self.prog}: {message}; see --help\n")
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Run one command; return the exit status: 0 done, 2 the input is not usable, 1 anything else."""
+    options = _parser().parse_args(arguments)
+    try:
+        status = options.command(options)
+        print(end="", flush=True)
+        return status
+    except Exception as error:
+        if isinstance(error, OSError) and error.errno in UNWRITABLE:
+            if error.errno != errno.EPIPE:
+                print(f"the output cannot be written: {error}", file=sys.stderr)
+            # Nothing is left to be flushed at the end.
+            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+            return 1
+        if not hasattr(error, "exit_status"):  # of errors whose message is the one line that a user needs
+            raise
+        print(error, file=sys.stderr)
+        return error.exit_status
+
+
+def _parser() -> OneLineParser:
+    parser = OneLineParser(prog="python -m workbook", description=__doc__)
+    commands = parser.add_subparsers(required=True, metavar="COMMAND")
+    made = {}
+    for command in (run, collect, check, report, article, readme, show, diff, lab, data):
+        made[command] = commands.add_parser(command.__name__, help=command.__doc__)
+        made[command].set_defaults(command=command)
+    for command in (run, collect, check, report):
+        made[command].add_argument("--quick", action="store_true", help="few repeats; results go to results/quick")
+    made[run].add_argument("notebook", nargs="*", type=Path, help="a notebook's .py source")
+    made[run].add_argument("--stamps", type=Path, help="write <notebook>.done and <notebook>.d into this folder")
+    made[run].add_argument("--watch", type=int, help="end when this process (make) has ended")
+    text = "minutes without progress that end a notebook (default: STALL_MINUTES, or 15)"
+    minutes = os.environ.get("STALL_MINUTES") or "15"
+    made[run].add_argument("--stall-minutes", type=float, default=minutes, help=text)
+    made[check].add_argument("--strict", action="store_true", help="exit 1 if any cell differs, expected or not")
+    made[show].add_argument("name", help="for example table2.row03.sd, 'Table 2', local_minima or E3")
+    made[show].add_argument("--rerun", action="store_true", help="compute it again and print both")
+    which = made[diff].add_mutually_exclusive_group()
+    which.add_argument("--quick", action="store_const", dest="made", const="quick", help="compare the quick run")
+    which.add_argument(
+        "--lab",
+        action="store_const",
+        dest="made",
+        const="lab",
+        help="compare the notebooks in lab/",
+    )
+    return parser
+
+
+def run(options: argparse.Namespace) -> int:
+    """Execute notebooks, in order; all if none is named."""
+    from workbook import running
+
+    known = notebook_files("py")
+    sources = [known.get(path.name, path) for path in options.notebook or known.values()]
+    if missing := [str(path) for path in sources if path.suffix != ".py" or not path.is_file()]:
+        print(
+            f"{missing[0]}: give a notebook's .py source, such as notebooks/08_noise_table2.py",
+            file=sys.stderr,
+        )
+        return 2
+    destination = QUICK if options.quick else ROOT
+    limits = {"stall_s": 60 * options.stall_minutes, "watched": options.watch}
+    try:
+        endings = running.run_notebooks(sources, destination, options.quick, options.stamps, **limits)
+    except KeyboardInterrupt:
+        print("interrupted; what was finished is kept", file=sys.stderr)
+        return 130
+    if not options.quick:
+        running.note_run(endings)
+    return int(any(ending.how == "failed" for ending in endings))
+
+
+def collect(options: argparse.Namespace) -> int:
+    """Write verdicts.csv, claims.csv and provenance.json from the outcomes."""
+    from workbook import provenance
+
+    provenance.collect(results_folder(options.quick))
+    return 0
+
+
+def check(options: argparse.Namespace) -> int:
+    """Print the tables with their verdicts; exit 1 if a cell differs unexpectedly."""
+    from workbook import judging, provenance
+    from workbook.report import terminal
+
+    results = results_folder(options.quick)
+    verdicts = judging.verdicts(results)
+    print(terminal.verdict_tables(verdicts, terminal.has_colour()))
+    new, gone = terminal.find_surprises(verdicts)
+    expected = "All cells that differ are known differences (replication/data/differences.csv)."
+    print("\n".join(["", *new, *gone] if new or gone else [expected]))
+    for notebook, changed in provenance.stale(results).items():
+        print(f"stale: {notebook}: sources changed since its results: {', '.join(changed)}")
+    return int((verdicts["verdict"] == "differs").any() if options.strict else bool(new))
+
+
+def report(options: argparse.Namespace) -> int:
+    """Write results/report.html, the notebooks' pages, errata.md and the list of the supplement."""
+    from workbook.report import page
+
+    print(page.write_report(results_folder(options.quick)))
+    return 0
+
+
+def article(_: argparse.Namespace) -> int:
+    """Typeset results/article.pdf from article/article.typ and the results."""
+    from workbook.report.article import typeset
+
+    path = RESULTS / "article.pdf"
+    write_bytes(path, typeset(RESULTS))
+    print(path)
+    return 0
+
+
+def readme(_: argparse.Namespace) -> int:
+    """Write the results' numbers into README.md."""
+    from workbook.report import markdown
+
+    markdown.update_readme(ROOT / "README.md", RESULTS)
+    return 0
+
+
+def show(options: argparse.Namespace) -> int:
+    """Print a cell, an element, a claim or an erratum with its verdict and reason."""
+    from workbook import judging
+    from workbook.report import terminal
+
+    said = terminal.show(options.name, RESULTS, judging.verdicts(RESULTS), terminal.has_colour())
+    if options.rerun:
+        from workbook.running import rerun
+
+        table = rerun(options.name, RESULTS)
+        said += f"\n\nComputed again; the stored results are unchanged.\n{table.to_string(index=False)}"
+    print(said)
+    return 0
+
+
+def diff(options: argparse.Namespace) -> int:
+    """List cells and claims whose value or verdict changed since the last commit."""
+    from workbook.report.diff import committed_table, list_changes
+
+    results = RESULTS / options.made / "results" if options.made else RESULTS
+    changes = list_changes(results, committed_table("verdicts.csv"), committed_table("claims.csv"))
+    print("\n".join(changes) or "nothing changed")
+    return 0
+
+
+def lab(_: argparse.Namespace) -> int:
+    """Copy the notebooks to lab/ for changes."""
+    from workbook.lab import LAB, copy_notebooks
+
+    for copy in copy_notebooks():
+        print(f"{copy.relative_to(LAB.parent)} is unchanged; delete it to get a new copy")
+    return 0
+
+
+def data(_: argparse.Namespace) -> int:
+    """Fetch and verify the authors' files."""
+    from replication.authors import WORKBOOK_FILES, authors_file
+
+    print(*(authors_file(path) for path in WORKBOOK_FILES), sep="\n")
+    return 0
+
 
 if __name__ == "__main__":
     sys.exit(main())

@@ -1,25 +1,16 @@
-"""The checkout that the workbook works on: its notebooks, and the folder of a quick run."""
+"""The project's folder: its notebooks, and where their results go."""
 
 from pathlib import Path
 
 from replication.files import ROOT
 
-QUICK = ROOT / "results" / "quick"
-NOTEBOOKS = ROOT / "notebooks"
-PROJECT = 'name = "backlash-replication"'  # as its pyproject.toml has it
+NOTEBOOKS, RESULTS = ROOT / "notebooks", ROOT / "results"
+QUICK = RESULTS / "quick"  # of a quick run, with results of its own
 
 
-class NoCheckout(RuntimeError):
-    """The package is installed without the project's notebooks and results around it."""
-
-    exit_status = 2
-
-
-def require_checkout(root: Path = ROOT) -> None:
-    """Refuse a folder that is not the project's, such as that of an installed package."""
-    project = root / "pyproject.toml"
-    if not project.is_file() or PROJECT not in project.read_text(encoding="utf-8"):
-        raise NoCheckout(f"{root} is not the project's folder: clone the project and run this command from its folder")
+def results_folder(quick: bool) -> Path:
+    """Folder of the results, or of the quick run's."""
+    return QUICK / "results" if quick else RESULTS
 
 
 def notebook_files(ending: str, folder: Path = NOTEBOOKS) -> dict[str, Path]:

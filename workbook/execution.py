@@ -1,4 +1,4 @@
-"""Execution of one notebook in a fresh kernel; what it exports is put in place only if all went well."""
+"""Execution of one notebook in a fresh kernel; what it exports is kept only if all went well."""
 
 import ast
 import math
@@ -15,29 +15,17 @@ import jupytext
 import nbformat
 from jupyter_client.kernelspec import KernelSpecManager
 from jupyter_client.manager import AsyncKernelManager
-from jupyter_core.utils import run_sync
 from nbclient import NotebookClient
 from nbclient.exceptions import CellExecutionError, DeadKernelError
+from nbclient.util import run_sync
+from nbformat import NotebookNode
+from nbformat.v4 import new_code_cell
 from tqdm import tqdm
 
 from replication.authors import data_folder
 from replication.files import ROOT
+from replication.processors import pinned_environment
 from workbook.checkout import NOTEBOOKS
-
-# The same machine code on every x86-64 processor with AVX2, as far as libraries let themselves be pinned: CMA-ES
-# is chaotic in the last bit.
-PINNED_ENVIRONMENT = {
-    "OPENBLAS_CORETYPE": "Haswell",
-    "OPENBLAS_NUM_THREADS": "1",
-    "OMP_NUM_THREADS": "1",
-    "MKL_NUM_THREADS": "1",
-    "NPY_DISABLE_CPU_FEATURES": "X86_V4 AVX512_ICL AVX512_SPR",
-    "NUMBA_CPU_NAME": "haswell",
-    "NUMBA_CPU_FEATURES": "+sse,+sse2,+sse3,+ssse3,+sse4.1,+sse4.2,+popcnt,+avx,+avx2,+fma,+bmi,+bmi2,+lzcnt",
-    "PYTHONHASHSEED": "0",
-    "PYTHONWARNINGS": "ignore:IProgress not found",
-    "MPLBACKEND": "module://matplotlib_inline.backend_inline",
-}
 
 STALL_S = 900.0
 
@@ -55,16 +43,17 @@ class NotebookNotRun(RuntimeError):
 
 
 class _Client(NotebookClient):
-    """Runs a notebook in a fresh kernel of this interpreter, shows its progress, and ends it if it makes none.
+    """Runs a notebook in a fresh kernel, shows its progress, and ends it if it makes none.
 
-    A private name of nbclient is overridden; the tests of stalled and killed kernels notice if it changes.
+    A private name of nbclient is overridden; tests of stalled and killed kernels notice a change.
     """
 
-    def __init__(self, notebook: nbformat.NotebookNode, source: Path, stall_s: float):
-        recorder = str(Path(__file__).with_name("recorder.py"))
-        started = (os.getpid(), str(ROOT), str(data_folder().absolute()), str(source.resolve()))
+    def __init__(self, notebook: NotebookNode, source: Path, stall_s: float):
         of_this_interpreter = KernelSpecManager(kernel_dirs=[])  # whatever kernels are registered
-        self.kernel = AsyncKernelManager(kernel_name="python3", kernel_spec_manager=of_this_interpreter)
+        self.kernel = AsyncKernelManager(
+            kernel_name="python3",
+            kernel_spec_manager=of_this_interpreter,
+        )
         super().__init__(
             notebook,
             km=self.kernel,
@@ -72,15 +61,20 @@ class _Client(NotebookClient):
             startup_timeout=math.ceil(stall_s),
             shutdown_kernel="immediate",
             record_timing=False,
-            # The recorder ends the kernel and its workers with the run; ipykernel would end the kernel alone.
-            extra_arguments=["--IPKernelApp.log_level=ERROR", "--IPKernelApp.parent_handle=1",
-                             f"--IPKernelApp.exec_lines=__import__('runpy').run_path({recorder!r})['start']{started}"],
+            extra_arguments=_kernel_arguments(source),
             resources={"metadata": {"path": str(ROOT)}},
-        )  # fmt: skip
+        )
         self.owns_km = True  # nbclient is to end the kernel
-        self.stall_s, self.last_sign, self.cell = stall_s, time.monotonic(), 0
-        progress = "{desc}: cell {n} of {total}{postfix}"
-        self.bar = tqdm(total=len(notebook.cells), desc=source.stem, leave=False, disable=None, bar_format=progress)
+        self.stall_s = stall_s
+        self.last_sign = time.monotonic()
+        self.cell = 0
+        self.bar = tqdm(
+            total=len(notebook.cells),
+            desc=source.stem,
+            leave=False,
+            disable=None,
+            bar_format="{desc}: cell {n} of {total}{postfix}",
+        )
 
     def run(self, environment: Mapping[str, str]) -> None:
         """Execute the cells."""
@@ -91,7 +85,8 @@ class _Client(NotebookClient):
                     self.bar.update()
                     self.execute_cell(cell, position, execution_count=self.code_cells_executed + 1)
             finally:
-                run_sync(self.kernel.signal_kernel)(signal.SIGKILL)  # and its workers, even if it is dead
+                # And its workers, even if it is dead.
+                run_sync(self.kernel.signal_kernel)(signal.SIGKILL)
 
     def process_message(self, msg, cell, cell_index):
         """Take in a message; standard error is progress, and does not belong to the notebook."""
@@ -111,6 +106,21 @@ class _Client(NotebookClient):
         await super()._async_check_alive()
 
 
+def _kernel_arguments(source: Path) -> list[str]:
+    """Arguments with which a kernel starts the recorder.
+
+    The recorder ends the kernel and its workers with the run; ipykernel would end the kernel alone.
+    """
+    recorder = str(Path(__file__).with_name("recorder.py"))
+    started = (os.getpid(), str(ROOT), str(data_folder().absolute()), str(source.resolve()))
+    start = f"__import__('runpy').run_path({recorder!r})['start']{started}"
+    return [
+        "--IPKernelApp.log_level=ERROR",
+        "--IPKernelApp.parent_handle=1",
+        f"--IPKernelApp.exec_lines={start}",
+    ]
+
+
 def count_and_time_left(text: str) -> str:
     """Count and time left of the last state of a progress bar in a text, if there is one."""
     found = re.findall(r"(\d+/\d+) \[[\d:]+<([\d:?]+)", text)
@@ -120,7 +130,7 @@ def count_and_time_left(text: str) -> str:
 FOLDED = {"plumbing", "solution"}  # tags of cells whose source JupyterLab and the pages fold
 
 
-def read_notebook(source: Path) -> nbformat.NotebookNode:
+def read_notebook(source: Path) -> NotebookNode:
     """Read a notebook's py:percent source, with cell ids that do not change from run to run."""
     notebook = jupytext.read(source)
     for position, cell in enumerate(notebook.cells):
@@ -130,21 +140,22 @@ def read_notebook(source: Path) -> nbformat.NotebookNode:
     return notebook
 
 
-def quick_parameters(notebook: nbformat.NotebookNode) -> dict[str, object]:
+def quick_parameters(notebook: NotebookNode) -> dict[str, object]:
     """Values that a notebook's metadata give for a quick run."""
     return dict(notebook.metadata.get("replication", {}).get("quick", {}))
 
 
-def with_parameters(notebook: nbformat.NotebookNode, values: Mapping[str, object]) -> nbformat.NotebookNode:
+def with_parameters(notebook: NotebookNode, values: Mapping[str, object]) -> NotebookNode:
     """Override values of a notebook's tagged parameters cell, by a cell inserted after it."""
-    position = next(k for k, cell in enumerate(notebook.cells) if "parameters" in cell.metadata.get("tags", []))
+    tags = [cell.metadata.get("tags", []) for cell in notebook.cells]
+    position = next(k for k, own in enumerate(tags) if "parameters" in own)
     nodes = ast.walk(ast.parse(notebook.cells[position].source))
     names = {node.id for node in nodes if isinstance(node, ast.Name) and isinstance(node.ctx, ast.Store)}
-    if unknown := set(values) - names:
-        raise ValueError(f"no such parameter: {', '.join(sorted(unknown))}; there are {', '.join(sorted(names))}")
+    if unknown := ", ".join(sorted(set(values) - names)):
+        raise ValueError(f"no such parameter: {unknown}; there are {', '.join(sorted(names))}")
     source = "\n".join(f"{name} = {value!r}" for name, value in values.items())
-    cell = nbformat.v4.new_code_cell(source, id="injected-parameters", metadata={"tags": ["injected-parameters"]})
-    notebook.cells.insert(position + 1, cell)
+    tag = "injected-parameters"
+    notebook.cells.insert(position + 1, new_code_cell(source, id=tag, metadata={"tags": [tag]}))
     return notebook
 
 
@@ -157,7 +168,8 @@ def execute(
 ) -> None:
     """Execute a notebook; put what it exports and the executed copy in place if it ends well.
 
-    Everything goes to a staging folder first, so that a failing notebook leaves the last good results alone.
+    Everything goes to a staging folder first, so that a failing notebook leaves the last good
+    results alone.
     """
     notebook = read_notebook(source)
     values = (quick_parameters(notebook) if quick else {}) | dict(parameters or {})
@@ -166,16 +178,18 @@ def execute(
     destination.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory(dir=destination, prefix=".staging-") as folder:
         staging = Path(folder)
+        outcome = staging / "results" / "outcomes" / f"{source.stem}.json"
+        write = f"__import__('sys').modules['notebook_recorder'].write({str(outcome)!r}, globals())"
+        notebook.cells.append(new_code_cell(write, id="recorder"))
+        paths = [str(ROOT), os.environ.get("PYTHONPATH")]
         variables = {
             "REPLICATION_OUT": folder,
             "REPLICATION_QUICK": str(int(quick)),
             "REPLICATION_NOTEBOOK": source.stem,
+            "PYTHONPATH": os.pathsep.join(filter(None, paths)),
         }
-        variables["PYTHONPATH"] = os.pathsep.join(filter(None, [str(ROOT), os.environ.get("PYTHONPATH")]))
-        outcome = staging / "results" / "outcomes" / f"{source.stem}.json"
-        record = f"__import__('sys').modules['notebook_recorder'].write({str(outcome)!r}, globals())"
-        notebook.cells.append(nbformat.v4.new_code_cell(record, id="recorder"))
-        _run_to_the_end(_Client(notebook, source, stall_s), source, os.environ | PINNED_ENVIRONMENT | variables)
+        environment = os.environ | pinned_environment() | variables
+        _run_to_the_end(_Client(notebook, source, stall_s), source, environment)
         notebook.cells.pop()
         inside = source.resolve().parent
         inside = inside.relative_to(NOTEBOOKS) if inside.is_relative_to(NOTEBOOKS) else Path()
@@ -183,11 +197,12 @@ def execute(
         executed.parent.mkdir(parents=True)
         nbformat.write(notebook, executed)
         for made in staging.iterdir():
-            shutil.copytree(made, destination / made.name, copy_function=os.replace, dirs_exist_ok=True)
+            into = destination / made.name
+            shutil.copytree(made, into, copy_function=os.replace, dirs_exist_ok=True)
 
 
 def _run_to_the_end(client: _Client, source: Path, environment: Mapping[str, str]) -> None:
-    """Run a notebook; where that fails, keep the partial notebook and say what went wrong in the workbook's words."""
+    """Run a notebook; where that fails, keep the partial notebook and say what went wrong."""
     try:
         client.run(environment)
     except (CellExecutionError, RuntimeError) as error:
@@ -195,12 +210,15 @@ def _run_to_the_end(client: _Client, source: Path, environment: Mapping[str, str
         if isinstance(error, CellExecutionError):
             why = f"{error.ename}: {error.evalue}"
         elif client.has_stalled():
-            why = f"no progress for {client.stall_s / 60:.3g} minutes (STALL_MINUTES=... allows more)"
+            minutes = f"{client.stall_s / 60:.3g} minutes"
+            why = f"no progress for {minutes} (STALL_MINUTES=... allows more)"
         else:
             why = "the kernel died"
         if why.startswith("DataUnavailable: "):
-            raise NotebookNotRun(f"{source.stem}: not run: {why.removeprefix('DataUnavailable: ')}") from error
+            missing = why.removeprefix("DataUnavailable: ")
+            raise NotebookNotRun(f"{source.stem}: not run: {missing}") from error
         partial = source.parent / "partial" / f"{source.stem}.ipynb"
         partial.parent.mkdir(exist_ok=True)
         nbformat.write(client.nb, partial)
-        raise NotebookFailed(f"{source.name}, cell {client.cell + 1}: {why}; what it got to is in {partial}") from error
+        where = f"{source.name}, cell {client.cell + 1}"
+        raise NotebookFailed(f"{where}: {why}; what it got to is in {partial}") from error

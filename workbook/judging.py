@@ -1,37 +1,46 @@
 """Verdicts: what the notebooks computed beside what the paper prints.
 
-The rule, fixed on 2026-11-22, before any verdict was computed with it. Verdicts by tolerance and by kept pools of runs
-had been seen by then, and so had the width of the regions of Table 2's means (`by_tolerance` keeps the former).
+The rule, fixed on 2026-11-22, before any verdict was computed with it. Verdicts by tolerance and
+by kept pools of runs had been seen by then, and so had the width of the regions of Table 2's means
+(`by_tolerance` keeps the former).
 
-1. A notebook exports one number for a cell, or one for each noise realisation, all from runs of its own.
-2. The region of several numbers is where the number of one more realisation would lie with 95 %: the mean of their
-   logarithms ± t(n - 1) s sqrt(1 + 1/n), without logarithms where the sign counts; ours is its centre. The region of
-   one number is ours ± the cell's tolerance, whose reason stands in `cells.csv`.
-3. `reproduced`: the printed number lies in the region, which is about ours, and the region is not too wide.
-4. Too wide, so `undecided`: the region also holds the next smaller or next larger printed number of the same column,
-   or, for a mean of Table 2, the theoretical A of its row. It would have agreed with another number as well.
-5. `differs`: the printed number lies outside the region, and outside every region with one realisation left out.
-   Outside the first one only, the verdict would depend on one realisation: `undecided`.
+1. A notebook exports one number for a cell, or one for each noise realisation, all from runs of
+   its own.
+2. The region of several numbers is where the number of one more realisation would lie with 95 %:
+   the mean of their logarithms ± t(n - 1) s sqrt(1 + 1/n), without logarithms where the sign
+   counts; ours is its centre. The region of one number is ours ± the cell's tolerance, whose reason
+   stands in `cells.csv`.
+3. `reproduced`: the printed number lies in the region, which is about ours, and the region is not
+   too wide.
+4. Too wide, so `undecided`: the region also holds the next smaller or next larger printed number of
+   the same column, or the number of the row's rival column in `basis.csv`: for a mean of Table 2,
+   the theoretical A. It would have agreed with another number as well.
+5. `differs`: the printed number lies outside the region, and outside every region with one
+   realisation left out. Outside the first one only, the verdict would depend on one realisation:
+   `undecided`.
 6. `erratum`: as `differs`, and our number is the correction that `errata.csv` gives.
-7. A printed limit is `reproduced` at or above its region, `undecided` inside it, and `differs` below it.
+7. A printed limit is `reproduced` at or above its region, `undecided` inside it, and `differs`
+   below it.
 8. What is no evidence has the word of `basis.csv`: `consistent`, `given`, `undecided`, `stand-in`.
-9. A printed number has one verdict: by the authors' data where they judge it, else by our simulation, else a stand-in.
+9. A printed number has one verdict: by the authors' data where they judge it, else by our
+   simulation, else a stand-in.
 
-Twenty regions of 95 % judge the means and SDs of Table 2's ten rows: by chance alone, one of them misses.
+Twenty regions of 95 % judge the means and SDs of Table 2's ten rows: by chance alone, one of them
+misses.
 """
 
-import json
 import math
 from collections.abc import Mapping, Sequence
 from fnmatch import fnmatchcase
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
 
 from replication import published
 from replication.statistics import another_interval
-from workbook.checkout import notebook_files
+from workbook.outcomes import Cells, Claims, cell_rows, claim_rows, load_outcomes, notebook_name
 
 VERDICT_COLUMNS = ["id", "source", "printed", "published", "reproduced", "low", "high"]
 VERDICT_COLUMNS += ["verdict", "by_tolerance", "reason", "notebook"]
@@ -40,11 +49,22 @@ SOURCES = ("authors", "simulated", "stand-in")  # the first that judges a cell d
 EVIDENCE = ("reproduced", "erratum", "differs")
 VERDICTS = (*EVIDENCE, "consistent", "given", "undecided", "stand-in", "not-run")
 CLAIM_VERDICTS = {True: "holds", False: "does not hold", None: "undecided"}
-Interval = tuple[float, float]
+# Rule 8: by what an agreement is worth, which results of a comparison are verdicts. In place of the
+# others stands that worth itself.
+STANDS = {
+    "evidence": (*EVIDENCE, "undecided", "not-run"),
+    "consistent": ("erratum", "differs", "undecided", "not-run"),
+    "given": ("erratum", "differs", "undecided"),
+    "undecided": ("not-run",),
+    "stand-in": ("not-run",),
+    "": ("not-run",),
+}
+OUTSIDE = "the printed number lies outside the region"
+Region = tuple[float, float]
 
 
-def region(numbers: Sequence[float], signed: bool) -> Interval:
-    """Where the number of one more realisation would lie with 95 %; anywhere, if the numbers cannot tell."""
+def region(numbers: Sequence[float], signed: bool) -> Region:
+    """Where the number of one more realisation would lie with 95 %; anywhere, if that is not known."""
     if len(numbers) < 2 or (min(numbers) <= 0 and not signed):
         return -math.inf, math.inf
     if signed:
@@ -53,7 +73,7 @@ def region(numbers: Sequence[float], signed: bool) -> Interval:
     return math.exp(low), math.exp(high)
 
 
-def region_without_one(numbers: Sequence[float], signed: bool) -> Interval:
+def region_without_one(numbers: Sequence[float], signed: bool) -> Region:
     """The smallest interval that holds every region with one realisation left out."""
     regions = [region([*numbers[:i], *numbers[i + 1 :]], signed) for i in range(len(numbers))]
     return min(low for low, _ in regions), max(high for _, high in regions)
@@ -71,30 +91,33 @@ def rivals(cell: str) -> list[float]:
     own = cells.loc[cell]
     alike = [cells[name] == own[name] for name in ("element", "column", "unit")]
     others = cells.loc[np.all(alike, axis=0), "value"].astype(float)
-    found = [*others[others < own["value"]].nlargest(1), *others[others > own["value"]].nsmallest(1)]
-    if own["element"] == "Table 2" and own["column"] == "mean":
-        found.append(published.value(cell.replace(".mean", ".theoretical")))
-    return found
+    smaller, larger = others[others < own["value"]], others[others > own["value"]]
+    found = [*smaller.nlargest(1), *larger.nsmallest(1)]
+    rival = evidence_rules(cell)[0]["rival"]
+    return [*found, published.value(f"{cell.rpartition('.')[0]}.{rival}")] if rival else found
 
 
-def compare(cell: str, ours: float, decisive: Interval, without_one: Interval) -> tuple[str, str]:
+def compare(cell: str, ours: float, decisive: Region, without_one: Region) -> tuple[str, str]:
     """Apply rules 3 to 7 to a cell: the verdict and its reason.
 
-    `decisive` is the region, `without_one` holds every region with one realisation left out; the same for one number.
+    `decisive` is the region, `without_one` holds every region with one realisation left out; the
+    same for one number.
     """
     printed, (low, high) = published.cells().loc[cell], decisive
     value, is_limit = float(printed["value"]), printed["kind"] == "bound"
     if not math.isfinite(ours):
         return "not-run", "no notebook computed it"
     if is_limit and low <= value < high:
-        return "undecided", f"the limit lies in the 95 % interval of our number, {low:.4g} to {high:.4g}"
+        interval = f"{low:.4g} to {high:.4g}"
+        return "undecided", f"the limit lies in the 95 % interval of our number, {interval}"
     if not (value >= high if is_limit else low <= value <= high):
         if without_one[0] <= value <= without_one[1]:
-            return "undecided", "the printed number lies outside the region, but inside with one realisation left out"
+            return "undecided", f"{OUTSIDE}, but inside with one realisation left out"
         return outside(cell, ours)
     held = [] if is_limit else [f"{rival:.4g}" for rival in rivals(cell) if low <= rival <= high]
     if held or math.isinf(high - low):
-        return "undecided", f"the region is too wide: it also holds {', '.join(held) or 'every number'}"
+        also = ", ".join(held) or "every number"
+        return "undecided", f"the region is too wide: it also holds {also}"
     return "reproduced", "the printed number lies in the region"
 
 
@@ -105,103 +128,125 @@ def outside(cell: str, ours: float) -> tuple[str, str]:
             name, _, number = corrected.partition("=")
             if name == cell and abs(ours - float(number)) <= published.half_last_digit(number):
                 return "erratum", f"corrected: {erratum['corrected']}"
-    return "differs", "the printed number lies outside the region"
+    return "differs", OUTSIDE
+
+
+def evidence_rules(cell: str) -> list[dict[str, str]]:
+    """Rows of `basis.csv` about a cell: what an agreement would be worth, by source."""
+    rules = published.basis().to_dict("records")
+    return [rule for rule in rules if fnmatchcase(cell, rule["cells"])]
 
 
 def evidence_rule(cell: str, source: str) -> dict[str, str]:
-    """What an agreement with a cell would be worth: the first row of `basis.csv` about it; empty if there is none."""
-    rules = published.basis().to_dict("records")
-    about = (rule for rule in rules if fnmatchcase(cell, rule["cells"]) and rule["source"] in (source, "*"))
-    return next(about, dict.fromkeys(rules[0], ""))
+    """The first rule about a cell by a source; empty if there is none."""
+    rules = (rule for rule in evidence_rules(cell) if rule["source"] in (source, "*"))
+    return next(rules, {"basis": "", "fails_if": ""})
 
 
 def judge_rows(found: pd.DataFrame) -> pd.DataFrame:
-    """Compare what notebooks computed, `id, source, numbers, notebook`, with the printed numbers: `VERDICT_COLUMNS`.
+    """Compare what notebooks computed with the printed numbers: `VERDICT_COLUMNS`.
 
-    `numbers` is one number, or a list with one for each realisation. `by_tolerance` is what the cell's tolerance alone
-    would say, as before 2026-11-22.
+    The rows are `id, source, numbers, notebook`; `numbers` is one number, or a list with one for
+    each realisation. `by_tolerance` is what the cell's tolerance alone would say, as before
+    2026-11-22.
     """
-    table = found.join(published.cells(), on="id")
-    return pd.DataFrame([row | _judge(row) for row in table.to_dict("records")], columns=VERDICT_COLUMNS)
+    rows = found.join(published.cells(), on="id").to_dict("records")
+    return pd.DataFrame([row | _judge(row) for row in rows], columns=VERDICT_COLUMNS)
 
 
 def judge_cells(cells: Mapping[str, float | Sequence[float]], source: str) -> pd.DataFrame:
-    """Judge our numbers from one source by cell id: one number, or a sequence with one for each realisation."""
+    """Judge our numbers from one source by cell id: one number, or one for each realisation."""
     numbers = [np.asarray(each, dtype=float).tolist() for each in cells.values()]
-    return judge_rows(pd.DataFrame({"id": list(cells), "source": source, "numbers": numbers, "notebook": ""}))
+    rows = {"id": list(cells), "source": source, "numbers": numbers, "notebook": ""}
+    return judge_rows(pd.DataFrame(rows))
 
 
 def _judge(row: dict) -> dict:
     """Columns that tell how our number and a printed one compare."""
-    cell, numbers, value, signed = row["id"], row["numbers"], row["value"], row["kind"] == "signed"
-    tolerance = published.tolerance(cell)
+    cell, numbers, value = row["id"], row["numbers"], row["value"]
+    signed, tolerance = row["kind"] == "signed", published.tolerance(cell)
     if isinstance(numbers, list):
         ours, decisive = centre(numbers, signed), region(numbers, signed)
         without_one = region_without_one(numbers, signed)
     else:
         ours = float(numbers)
         decisive = without_one = (ours - tolerance, ours + tolerance)
-    compared = by_tolerance = compare(cell, ours, decisive, without_one)
+    compared, reason = compare(cell, ours, decisive, without_one)
+    by_tolerance = compared
     if math.isfinite(ours):
         agrees = ours <= value if row["kind"] == "bound" else abs(ours - value) <= tolerance
-        by_tolerance = ("reproduced", "") if agrees else outside(cell, ours)
+        by_tolerance = "reproduced" if agrees else outside(cell, ours)[0]
     rule = evidence_rule(cell, row["source"])
-    if math.isfinite(ours) and not rule["basis"]:
-        raise ValueError(f"{cell} by {row['source']}: basis.csv does not say what an agreement would be worth")
-    verdict, reason = _weigh(compared, rule)
-    if verdict == "differs":
+    basis = rule["basis"]
+    if math.isfinite(ours) and not basis:
+        missing = "basis.csv does not say what an agreement would be worth"
+        raise ValueError(f"{cell} by {row['source']}: {missing}")
+    if compared not in STANDS[basis]:
+        compared, reason = basis, rule["fails_if"]
+    if by_tolerance not in STANDS[basis]:
+        by_tolerance = basis
+    if compared == "differs":
         known = published.known_differences().set_index(["id", "source"])["reason"]
         reason = known.get((cell, row["source"]), "no explanation known")
     columns = {"published": float(value), "reproduced": ours, "low": decisive[0], "high": decisive[1]}
-    return columns | {"verdict": verdict, "by_tolerance": _weigh(by_tolerance, rule)[0], "reason": reason}
+    return columns | {"verdict": compared, "by_tolerance": by_tolerance, "reason": reason}
 
 
-def _weigh(compared: tuple[str, str], rule: dict[str, str]) -> tuple[str, str]:
-    """Verdict and reason, by rule 8 where an agreement is no evidence."""
-    verdict, basis = compared[0], rule["basis"]
-    if verdict == "not-run":
-        is_evidence = basis != "given"
-    else:
-        is_evidence = basis == "evidence" or (verdict != "reproduced" and basis not in ("stand-in", "undecided"))
-    return compared if is_evidence else (basis, rule["fails_if"])
+def judge(cells: Cells | None = None, claims: Claims | None = None) -> pd.DataFrame:
+    """Judge our numbers by source and cell id, and decisions on claims with what was measured.
 
-
-def outcomes(results: Path) -> dict[str, dict]:
-    """What each notebook that is there exported about cells and claims, and what it was made from, by its name."""
-    there = notebook_files("py")
-    files = sorted((results / "outcomes").glob("*.json"))
-    return {file.stem: json.loads(file.read_text(encoding="utf-8")) for file in files if file.stem in there}
+    A source is "authors", "simulated" or "stand-in"; a sequence of numbers holds one for each noise
+    realisation. A claim whose truth value is None is undecided.
+    """
+    rows = pd.DataFrame(cell_rows(cells or {}))
+    judged = [] if rows.empty else judge_rows(rows.assign(notebook=notebook_name())).to_dict("records")
+    for row in claim_rows(claims or {}):
+        verdict = CLAIM_VERDICTS[row["holds"]]
+        judged.append({"id": row["id"], "reproduced": row["measured"], "verdict": verdict})
+    shown = ["id", "source", "printed", "reproduced", "low", "high", "verdict"]
+    return pd.DataFrame(judged, columns=shown).astype(object).fillna("")
 
 
 def _exported(results: Path, kind: str, columns: list[str]) -> pd.DataFrame:
     """The notebooks' "cells" or "claims"."""
-    rows = [row | {"notebook": name} for name, outcome in outcomes(results).items() for row in outcome[kind]]
+    rows: list[dict[str, Any]] = []
+    for name, outcome in load_outcomes(results).items():
+        rows += [row | {"notebook": name} for row in outcome[kind]]
     return pd.DataFrame(rows, columns=[*columns, "notebook"])
 
 
 def verdicts(results: Path) -> pd.DataFrame:
-    """Judge every printed cell from the notebooks' outcomes; what none has computed is `given` or `not-run`."""
+    """Judge every printed cell from the notebooks' outcomes; others are `given` or `not-run`."""
     cells = published.cells()
     found = _exported(results, "cells", ["id", "source", "numbers"])
-    missing = cells[~cells.index.isin(found["id"])]
-    source = missing["element"].isin(["Table 3", "Table 4"]).map({True: "stand-in", False: "authors"})
-    not_computed = pd.DataFrame({"id": missing.index, "source": source.to_numpy(), "numbers": math.nan})
+    missing = cells.index[~cells.index.isin(found["id"])]
+    by_whom = [evidence_rules(cell)[0]["source"].replace("*", "authors") for cell in missing]
+    not_computed = pd.DataFrame({"id": missing, "source": by_whom, "numbers": math.nan})
     table = judge_rows(pd.concat([found.astype(object), not_computed]))
-    order = {cell: position for position, cell in enumerate(cells.index)}
-    return table.sort_values(["id", "source"], key=lambda c: c.map(order) if c.name == "id" else c, ignore_index=True)
+    by_id = table.sort_values("source", kind="stable").set_index("id")
+    return by_id.loc[cells.index].reset_index()
 
 
 def decided_claims(results: Path) -> pd.DataFrame:
-    """What the notebooks' outcomes say of the prose claims: `id, verdict, measured, notebook`."""
+    """What the notebooks' outcomes say of the claims: `id, verdict, measured, notebook`."""
     claims = _exported(results, "claims", ["id", "holds", "measured"])
     claims.insert(1, "verdict", [CLAIM_VERDICTS[holds] for holds in claims.pop("holds")])
     return claims
 
 
+def squeeze(name: str) -> str:
+    """An element's name without capitals and spaces, such as "table2"."""
+    return name.lower().replace(" ", "")
+
+
+def by_source(table: pd.DataFrame) -> pd.DataFrame:
+    """Sort verdicts by their source, the one that decides first (rule 9)."""
+    return table.sort_values("source", key=lambda source: source.map(SOURCES.index), kind="stable")
+
+
 def deciding(table: pd.DataFrame) -> pd.DataFrame:
-    """One verdict for each printed number (rule 9): the row of the first source that judges it."""
-    first = table.sort_values("source", key=lambda source: source.map(SOURCES.index), kind="stable")
-    return first.drop_duplicates("id").sort_index()
+    """One verdict for each printed number: the row of the first source that judges it."""
+    return by_source(table).drop_duplicates("id").sort_index()
 
 
 def verdict_counts(table: pd.DataFrame) -> pd.DataFrame:
@@ -209,4 +254,5 @@ def verdict_counts(table: pd.DataFrame) -> pd.DataFrame:
     decided, elements = deciding(table), published.cells()["element"]
     counts = pd.crosstab(elements[decided["id"]].to_numpy(), decided["verdict"].to_numpy())
     counts = counts.rename_axis(index="element", columns="verdict")
-    return counts.reindex(index=elements.unique(), columns=[name for name in VERDICTS if name in counts])
+    there = [name for name in VERDICTS if name in counts]
+    return counts.reindex(index=elements.unique(), columns=there)

@@ -21,7 +21,8 @@ def copy_notebooks(folder: Path = LAB) -> list[Path]:
         if copy.exists():
             kept.append(copy)
         else:
-            write_text(copy, nbformat.writes(with_empty_answers(nbformat.read(file, as_version=4))) + "\n")
+            notebook = with_empty_answers(nbformat.read(file, as_version=4))
+            write_text(copy, nbformat.writes(notebook) + "\n")
     shutil.copy(NOTEBOOKS / "glossary.md", folder)
     write_text(folder / WIDGETS, '{"saveState": true}\n')
     return kept

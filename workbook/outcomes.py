@@ -1,13 +1,18 @@
-"""What a notebook calls: to check its parameters, judge and export what it found, and draw with sliders.
+"""What a notebook exports, and how it is read again: its tables and figures, and one outcome.
 
-Exports go into the folder that the environment variable `REPLICATION_OUT` names; `execution.execute` sets it.
+The outcome, `results/outcomes/<notebook>.json`, holds its numbers of printed cells ("cells"),
+decisions on claims ("claims"), numbers for texts ("facts"), captions and axes of its "figures", a
+sentence on each table of the "supplement", and the "files" that it wrote into the results. The
+recorder adds what all of it was made from ("made_from").
+
+Exports go into the folder that the environment variable `REPLICATION_OUT` names, which
+`execution.execute` sets.
 """
 
+import json
 import math
 import os
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
-from importlib.util import find_spec
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -15,15 +20,17 @@ import numpy as np
 import pandas as pd
 
 from replication.files import FLOAT_FORMAT, ROOT, write_csv, write_json
-from workbook.judging import CLAIM_VERDICTS, judge_rows
+from workbook.checkout import notebook_files
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 Cells = Mapping[str, Mapping[str, float | Sequence[float]]]
 Claims = Mapping[str, tuple[bool | None, str]]
+Facts = Mapping[str, str | int | tuple[Any, str]]
 
-pd.set_option("display.max_colwidth", None, "display.max_columns", None, "display.max_rows", 200)  # tables in full
+# Of a notebook that exports nothing.
+EMPTY: dict[str, Any] = {"cells": [], "claims": [], "facts": {}, "figures": {}, "supplement": {}, "files": []}
 
 
 def output_folder() -> Path:
@@ -42,43 +49,63 @@ def export(
     figures: "Mapping[str, tuple[Figure, str]] | None" = None,
     cells: Cells | None = None,
     claims: Claims | None = None,
+    facts: Facts | None = None,
+    supplement: Mapping[str, tuple[pd.DataFrame, str]] | None = None,
+    pages: Mapping[str, Mapping] | None = None,
 ) -> None:
-    """Write a notebook's tables, figures with captions, and what `judge` takes, without what differs between runs.
+    """Write what a notebook found, without what differs between runs; called once, at its end.
 
-    The name of a figure, such as `figure12_...` or `table2_...`, says which element of the paper it belongs to.
+    Parameters
+    ----------
+    tables : mapping of str to DataFrame
+        Tables by name that a text, a page or another notebook reads.
+    figures : mapping of str to (Figure, str)
+        Figures with captions. A name such as `figure12_...` or `table2_...` says which element of
+        the paper it belongs to.
+    cells, claims : mappings
+        Our numbers and decisions, as `judging.judge` takes them.
+    facts : mapping of str to str, int or (number or numbers, str)
+        What texts name in braces: a text, a count, or a number with its format. Several numbers are
+        two facts, the smallest, `<name>_low`, and the largest, `<name>_high`. A number that is not
+        there (nan) is no fact.
+    supplement : mapping of str to (DataFrame, str)
+        Tables that only a reader may want, each with a sentence.
+    pages : mapping of str to mapping
+        What a page draws, such as `replay_explorer`, by the page's name.
     """
     results = output_folder() / "results"
-    for name, table in (tables or {}).items():
-        write_csv(results / f"{name}.csv", table)
-    for name, (figure, caption) in (figures or {}).items():
-        from replication.figures import style
-
-        is_quick = os.environ.get("REPLICATION_QUICK") == "1"
-        style.save(figure, output_folder() / "figures", name, mark="quick run" if is_quick else "")
-        about = {"notebook": notebook_name(), "caption": caption, "axes": style.description(figure)}
-        write_json(results / "figures" / f"{name}.json", about)
-    if cells or claims:
-        outcome = {"cells": _cell_rows(cells or {}), "claims": _claim_rows(claims or {})}
-        write_json(results / "outcomes" / f"{notebook_name()}.json", outcome)
-
-
-def judge(cells: Cells | None = None, claims: Claims | None = None) -> pd.DataFrame:
-    """Judge our numbers by source and cell id, and decisions on claims with what was measured, by claim id.
-
-    A source is "authors", "simulated" or "stand-in"; a sequence of numbers holds one for each noise realisation. A
-    claim whose truth value is None is undecided.
-    """
-    rows = _cell_rows(cells or {})
-    judged = judge_rows(pd.DataFrame(rows).assign(notebook=notebook_name())).to_dict("records") if rows else []
-    judged += [
-        {"id": row["id"], "reproduced": row["measured"], "verdict": CLAIM_VERDICTS[row["holds"]]}
-        for row in _claim_rows(claims or {})
-    ]
-    shown = ["id", "source", "printed", "reproduced", "low", "high", "verdict"]
-    return pd.DataFrame(judged, columns=shown).astype(object).fillna("")
+    note = results / "outcomes" / f"{notebook_name()}.json"
+    if "REPLICATION_OUT" in os.environ and note.exists():
+        raise RuntimeError("workbook.export is called again: one closing cell exports everything")
+    written = {f"{name}.csv": table for name, table in (tables or {}).items()}
+    written |= {f"supplement/{name}.csv": table for name, (table, _) in (supplement or {}).items()}
+    for file, table in written.items():
+        write_csv(results / file, table)
+    drawn = {f"pages/{name}.json": content for name, content in (pages or {}).items()}
+    for file, content in drawn.items():
+        write_json(results / file, dict(content))
+    outcome = {
+        "cells": cell_rows(cells or {}),
+        "claims": claim_rows(claims or {}),
+        "facts": _fact_texts(facts or {}),
+        "figures": {name: _save(name, *figure) for name, figure in (figures or {}).items()},
+        "supplement": {name: sentence for name, (_, sentence) in (supplement or {}).items()},
+        "files": [*written, *drawn],
+    }
+    write_json(note, outcome)
 
 
-def _cell_rows(cells: Cells) -> list[dict[str, Any]]:
+def _save(name: str, figure: "Figure", caption: str) -> dict[str, str]:
+    """Write a figure; return what the report says of it."""
+    from replication.figures import style
+
+    is_quick = os.environ.get("REPLICATION_QUICK") == "1"
+    style.save(figure, output_folder() / "figures", name, mark="quick run" if is_quick else "")
+    return {"caption": caption, "axes": style.description(figure)}
+
+
+def cell_rows(cells: Cells) -> list[dict[str, Any]]:
+    """Our numbers by source and cell id as rows, with six digits."""
     return [
         {"id": cell, "source": source, "numbers": _round_to_six_digits(numbers)}
         for source, of_source in cells.items()
@@ -86,7 +113,8 @@ def _cell_rows(cells: Cells) -> list[dict[str, Any]]:
     ]
 
 
-def _claim_rows(claims: Claims) -> list[dict[str, Any]]:
+def claim_rows(claims: Claims) -> list[dict[str, Any]]:
+    """Decisions on claims as rows."""
     return [
         {"id": claim, "holds": None if holds is None else bool(holds), "measured": measured}
         for claim, (holds, measured) in claims.items()
@@ -99,55 +127,25 @@ def _round_to_six_digits(numbers: float | Sequence[float]) -> float | list[float
     return kept if np.ndim(numbers) else kept[0]
 
 
-@dataclass(frozen=True)
-class Interval:
-    """Numbers from `low` to `high`, as what a parameter may be."""
-
-    low: float
-    high: float = math.inf
-    whole: bool = False
-
-    def __contains__(self, value: object) -> bool:
-        return isinstance(value, int if self.whole else int | float) and self.low <= value <= self.high
-
-    def __str__(self) -> str:
-        above = f" to {self.high:g}" if math.isfinite(self.high) else " on"
-        return f"a {'whole ' if self.whole else ''}number from {self.low:g}{above}"
-
-
-def check_parameters(**parameters: tuple[Any, Any]) -> None:
-    """Refuse in one sentence a parameter whose value is not allowed; of a list each item, of a mapping each key.
-
-    Each parameter comes with its value and what is allowed: an `Interval` or a collection. A list of one of these asks
-    for a list.
-    """
-    for name, (value, allowed) in parameters.items():
-        if is_list := isinstance(allowed, list):
-            (allowed,) = allowed
-        if isinstance(allowed, range) and len(allowed) > 20:
-            allowed = Interval(allowed[0], allowed[-1], whole=True)
-        choices = str(allowed) if isinstance(allowed, Interval) else "one of " + ", ".join(map(repr, allowed))
-        if is_list != isinstance(value, list | tuple | range | Mapping):
-            wanted = f"a list, each item {choices}" if is_list else choices
-            raise ValueError(f"{name} = {value!r}: it should be {wanted}")
-        wrong = [item for item in (value if is_list else [value]) if item not in allowed]
-        if wrong:
-            raise ValueError(f"{name} = {value!r}: {wrong[0]!r} should be {choices}")
+def _fact_texts(facts: Facts) -> dict[str, str]:
+    texts = {}
+    for name, fact in facts.items():
+        if not isinstance(fact, tuple):
+            texts[name] = str(fact)
+            continue
+        given, form = fact
+        numbers = [number for number in np.ravel(given) if not math.isnan(number)]
+        if numbers and np.ndim(given):
+            texts[f"{name}_low"] = format(min(numbers), form)
+            texts[f"{name}_high"] = format(max(numbers), form)
+        elif numbers:
+            texts[name] = format(numbers[0], form)
+    return texts
 
 
-def sliders(draw: Callable[..., None], **ranges: tuple[float, float, float]) -> None:
-    """Draw a picture, and below it, by hand in JupyterLab, the same with a slider for each of its arguments.
-
-    A range holds an argument's first value and its ends. The picture that is drawn without sliders stays in the saved
-    notebook.
-    """
-    draw(**{name: first for name, (first, _, _) in ranges.items()})
-    if "REPLICATION_OUT" in os.environ or not find_spec("ipywidgets"):
-        return
-    from ipywidgets import FloatSlider, interact
-
-    made = {
-        name: FloatSlider(first, min=low, max=high, step=(high - low) / 100, continuous_update=False)
-        for name, (first, low, high) in ranges.items()
-    }
-    interact(draw, **made)
+def load_outcomes(results: Path) -> dict[str, dict[str, Any]]:
+    """Load the outcome of each notebook that is there, by its name."""
+    there = notebook_files("py")
+    files = sorted((results / "outcomes").glob("*.json"))
+    kept = [file for file in files if file.stem in there]
+    return {file.stem: EMPTY | json.loads(file.read_text(encoding="utf-8")) for file in kept}

@@ -1,11 +1,13 @@
 """The collection of the results, and what they were made from, as the notebooks' kernels noted it."""
 
 import hashlib
+from functools import cache
 from pathlib import Path
 
 from replication import published
 from replication.files import ROOT, write_csv, write_json
-from workbook.judging import decided_claims, outcomes, verdicts
+from workbook.judging import decided_claims, verdicts
+from workbook.outcomes import load_outcomes
 
 
 def collect(results: Path) -> None:
@@ -13,16 +15,21 @@ def collect(results: Path) -> None:
     write_csv(results / "verdicts.csv", verdicts(results))
     claims = published.claims().reset_index()[["id", "claim", "section"]]
     write_csv(results / "claims.csv", claims.merge(decided_claims(results), on="id", how="left"))
-    write_json(results / "provenance.json", {name: outcome["made_from"] for name, outcome in outcomes(results).items()})
+    made_from = {name: outcome["made_from"] for name, outcome in load_outcomes(results).items()}
+    write_json(results / "provenance.json", made_from)
 
 
 def stale(results: Path) -> dict[str, list[str]]:
-    """Find the notebooks whose results were made from sources that have changed since, and those sources."""
-    made_from = {notebook: outcome["made_from"]["sources"] for notebook, outcome in outcomes(results).items()}
-    files = {name: ROOT / name for sources in made_from.values() for name in sources}
-    now = {name: hashlib.sha256(file.read_bytes()).hexdigest() for name, file in files.items() if file.exists()}
-    changed = {
-        notebook: [name for name, digest in sources.items() if now.get(name) != digest]
-        for notebook, sources in made_from.items()
-    }
-    return {notebook: names for notebook, names in changed.items() if names}
+    """Find the notebooks whose sources have changed since their results were made, and which."""
+    found = {}
+    for notebook, outcome in load_outcomes(results).items():
+        sources = outcome["made_from"]["sources"]
+        if changed := [name for name, digest in sources.items() if _digest_now(name) != digest]:
+            found[notebook] = changed
+    return found
+
+
+@cache
+def _digest_now(name: str) -> str:
+    file = ROOT / name
+    return hashlib.sha256(file.read_bytes()).hexdigest() if file.is_file() else ""

@@ -1,7 +1,7 @@
 """Notes which files a notebook's results are made from, and ends the kernel with its run.
 
-The kernel executes this file by its path: what a notebook imports is what its results depend on, and this is no part
-of them.
+The kernel executes this file by its path: what a notebook imports is what its results depend on,
+and this is no part of them.
 """
 
 import hashlib
@@ -21,12 +21,12 @@ PACKAGES = ("cma", "joblib", "matplotlib", "numba", "numpy", "openpyxl", "pandas
 
 
 def start(run: int, root: str, data: str, notebook: str) -> None:
-    """Note the SHA-256 of every file below two folders when it is opened for reading; end with the process `run`."""
+    """Note the SHA-256 of each file below two folders when it is read; end with the process `run`."""
     threading.Thread(target=_end_with, args=(run,), daemon=True).start()
-    sources = {
-        _name_below(root, file) or Path(file).name: _sha256(file) for file in (notebook, f"{root}/requirements.lock")
-    }
+    sources: dict[str, str] = {}
     inputs: dict[str, str] = {}
+    for file in (notebook, f"{root}/requirements.lock"):
+        sources[_name_below(root, file) or Path(file).name] = _sha256(file)
 
     def note(event: str, arguments: tuple) -> None:
         if event != "open" or not isinstance(arguments[0], str) or arguments[2] & (os.O_WRONLY | os.O_RDWR):
@@ -50,7 +50,7 @@ def start(run: int, root: str, data: str, notebook: str) -> None:
             "seeds": {name: value for name, value in sorted(seeds.items()) if _is_seed(value)},
         }
         path = Path(outcome)
-        exported = json.loads(path.read_text(encoding="utf-8")) if path.exists() else {"cells": [], "claims": []}
+        exported = json.loads(path.read_text(encoding="utf-8")) if path.exists() else {}
         path.parent.mkdir(parents=True, exist_ok=True)
         content = json.dumps(exported | {"made_from": made_from}, indent=1, default=str)  # a range as text
         path.write_text(content + "\n", encoding="utf-8")
@@ -60,17 +60,17 @@ def start(run: int, root: str, data: str, notebook: str) -> None:
 
 
 def _end_with(run: int) -> None:
-    """Kill this kernel and its workers, which are one process group, when the process that started it is gone."""
+    """Kill this kernel and its workers, one process group, when the process that started it is gone."""
     while os.getppid() == run:
         time.sleep(0.5)
     os.killpg(os.getpgid(0), signal.SIGKILL)
 
 
 def _name_below(folder: str, file: str) -> str:
-    """Name of a file as seen from a folder; empty if it lies elsewhere, or in a hidden folder or a cache."""
+    """Name of a file as seen from a folder; empty if it lies elsewhere, or is hidden or a cache."""
     name = file.removeprefix(folder + os.sep)
-    parts = Path(name).parts
-    return "" if name == file or any(part.startswith((".", "__pycache__")) for part in parts) else name
+    hidden = any(part.startswith((".", "__pycache__")) for part in Path(name).parts)
+    return "" if name == file or hidden else name
 
 
 def _sha256(file: str) -> str:
@@ -78,4 +78,5 @@ def _sha256(file: str) -> str:
 
 
 def _is_seed(value: object) -> bool:
-    return all(isinstance(item, int) for item in (value if isinstance(value, list | tuple | range) else [value]))
+    values = value if isinstance(value, list | tuple | range) else [value]
+    return all(isinstance(item, int) for item in values)

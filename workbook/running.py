@@ -1,4 +1,4 @@
-"""Execution of many notebooks, two at a time, with nothing left behind; and of those that make one result."""
+"""Execution of many notebooks, two at a time, with nothing left behind; making one result again."""
 
 import contextlib
 import json
@@ -14,6 +14,7 @@ import time
 from collections.abc import Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor, wait
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import pandas as pd
@@ -23,14 +24,14 @@ from tqdm import tqdm
 from replication import published
 from replication.files import ROOT, write_json, write_text
 from workbook import execution, judging
-from workbook.checkout import notebook_files
+from workbook.checkout import RESULTS, notebook_files
 
 INTERRUPTS = (signal.SIGINT, signal.SIGTERM)
 
 
 @dataclass(frozen=True)
 class Ending:
-    """How a notebook ended, "done", "not run" (its data are not to be had) or "failed", and after how long."""
+    """How a notebook ended, "done", "not run" (without its data) or "failed", and after how long."""
 
     name: str
     how: str
@@ -45,14 +46,17 @@ def run_notebooks(
     stall_s: float = execution.STALL_S,
     watched: int | None = None,
 ) -> list[Ending]:
-    """Execute notebooks, until the process `watched` is gone; one that fails does not keep the others from running."""
+    """Execute notebooks, until the process `watched` is gone; one that fails stops no other."""
     for left_by_a_killed_run in destination.glob(".staging-*"):
         shutil.rmtree(left_by_a_killed_run, ignore_errors=True)
-    # Noted, not raised: an exception in the middle of another line could leave a lock behind it closed.
+    # Noted, not raised: an exception in the middle of another line could leave a lock behind closed.
     interrupted = threading.Event()
-    previous = {number: signal.signal(number, lambda *_: interrupted.set()) for number in INTERRUPTS}
+    previous = {}
+    for number in INTERRUPTS:
+        previous[number] = signal.signal(number, lambda *_: interrupted.set())
     pool = ThreadPoolExecutor(max_workers=2)
-    jobs = [pool.submit(_run_one, source, destination, quick, stamps, stall_s) for source in sources]
+    run_one = partial(_run_one, destination=destination, quick=quick, stamps=stamps, stall_s=stall_s)
+    jobs = [pool.submit(run_one, source) for source in sources]
     try:
         while not all(job.done() for job in jobs):
             wait(jobs, timeout=0.5)
@@ -88,11 +92,13 @@ def _run_one(source: Path, destination: Path, quick: bool, stamps: Path | None, 
 
 
 def _stamp(stamps: Path, name: str, destination: Path, begun: float) -> None:
-    """Leave what make needs: what the notebook depends on, and that it is done as of when it began."""
-    outcome = json.loads((destination / "results" / "outcomes" / f"{name}.json").read_text(encoding="utf-8"))
-    write_text(stamps / f"{name}.d", dependencies(stamps.name, name, outcome["made_from"]["sources"]))
-    write_text(stamps / f"{name}.done", "")
-    os.utime(stamps / f"{name}.done", (begun, begun))  # a source that was changed meanwhile is newer
+    """Leave what make needs: what the notebook depends on, and that it is done as of its begin."""
+    outcome = json.loads((destination / "results" / "outcomes" / f"{name}.json").read_text("utf-8"))
+    rule = dependencies(stamps.name, name, outcome["made_from"]["sources"])
+    write_text(stamps / f"{name}.d", rule)
+    done = stamps / f"{name}.done"
+    write_text(done, "")
+    os.utime(done, (begun, begun))  # a source that was changed meanwhile is newer
 
 
 def dependencies(stamps: str, notebook: str, sources: Iterable[str]) -> str:
@@ -101,13 +107,19 @@ def dependencies(stamps: str, notebook: str, sources: Iterable[str]) -> str:
 
 
 def note_run(endings: Sequence[Ending]) -> None:
-    """Keep what differs from run to run, times, machine and commit, in `results/run.json`, which git ignores."""
-    commit = subprocess.run(["git", "rev-parse", "HEAD"], cwd=ROOT, capture_output=True, text=True, check=False)
-    path = ROOT / "results" / "run.json"
-    before = json.loads(path.read_text(encoding="utf-8"))["seconds"] if path.exists() else {}
-    seconds = before | {ending.name: round(ending.seconds, 1) for ending in endings if ending.how == "done"}
-    content = {"machine": platform.machine(), "cores": os.cpu_count(), "commit": commit.stdout.strip()}
-    write_json(path, content | {"ended": time.strftime("%Y-%m-%d %H:%M"), "seconds": seconds})
+    """Keep what differs from run to run in `results/run.json`, which git ignores."""
+    git = subprocess.run(["git", "rev-parse", "HEAD"], cwd=ROOT, capture_output=True, text=True)
+    path = RESULTS / "run.json"
+    seconds = json.loads(path.read_text(encoding="utf-8"))["seconds"] if path.exists() else {}
+    seconds |= {ending.name: round(ending.seconds, 1) for ending in endings if ending.how == "done"}
+    content = {
+        "machine": platform.machine(),
+        "cores": os.cpu_count(),
+        "commit": git.stdout.strip(),
+        "ended": time.strftime("%Y-%m-%d %H:%M"),
+        "seconds": seconds,
+    }
+    write_json(path, content)
 
 
 class NotMade(ValueError):
@@ -117,10 +129,11 @@ class NotMade(ValueError):
 
 
 def rerun(name: str, results: Path) -> pd.DataFrame:
-    """Execute what makes a cell, an element's cells or a claim; return each number and verdict before and now."""
-    before, asked = _made_by_notebooks(results), name.lower().replace(" ", "")
-    element = before["id"].map(published.cells()["element"]).fillna("").str.lower().str.replace(" ", "")
-    wanted = before[(before["id"].str.lower() == asked) | (element == asked)]
+    """Execute what makes a cell, an element's cells or a claim; return each number before and now."""
+    before = _made_by_notebooks(results)
+    element = before["id"].map(published.cells()["element"]).fillna("")
+    asked = judging.squeeze(name)
+    wanted = before[(before["id"].str.lower() == asked) | (element.map(judging.squeeze) == asked)]
     if wanted.empty:
         raise NotMade(f"{name}: no notebook makes it")
     with tempfile.TemporaryDirectory() as folder:
@@ -133,5 +146,6 @@ def rerun(name: str, results: Path) -> pd.DataFrame:
 def _made_by_notebooks(results: Path) -> pd.DataFrame:
     """Cells and claims that notebooks made; what a claim measured is its number."""
     cells = judging.verdicts(results).dropna(subset="notebook")
-    claims = judging.decided_claims(results).rename(columns={"measured": "reproduced"}).assign(source="")
-    return pd.concat([cells, claims])[["id", "source", "reproduced", "verdict", "notebook"]]
+    claims = judging.decided_claims(results).assign(source="")
+    both = pd.concat([cells, claims.rename(columns={"measured": "reproduced"})])
+    return both[["id", "source", "reproduced", "verdict", "notebook"]]

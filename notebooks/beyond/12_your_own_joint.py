@@ -250,7 +250,7 @@ print(
 
 # %% tags=["plumbing"]
 workbook.export(
-    tables={"own_joint": table, "own_joint_odd": odd_table},
+    supplement={"own_joint": (table, "Estimates of one joint's logs with its own and the paper's calibration.")},
     figures={
         "own_joint_log": (
             log_figure,

@@ -385,19 +385,38 @@ print(
     f"that does not know the joint has a mean |error| below {least_rad:.2g} rad; the criterion is {limit_rad:.2g} rad."
 )
 
+
 # %% tags=["plumbing"]
+def name_missed(criteria):
+    rows = criteria.query("not met").itertuples()
+    return "; ".join(f"{row.population}: {row.figure} {row.measured:.3g}, not {row.bar}" for row in rows)
+
+
+by_reason = reasons.groupby("reason")["logs"].sum().sort_values(ascending=False, kind="stable")
+of_sheet = datasheet.set_index("population")
+every, others = of_sheet.loc["all by speed"], of_sheet.loc["other drives"]
 workbook.export(
-    tables={
-        "self_unknowns": unknowns,
-        "self_profile": profile,
-        "self_reach": degraded,
-        "self_months": monthly,
-        "population": summary,
-        "self_thirds": thirds,
-        "self_widening": widening,
-        "self_refused": reasons,
-        "self_bars": bars,
-        "datasheet_bars": sheet_bars,
+    supplement={
+        "population": (summary, "Errors and coverage of every method on joints that nobody calibrated."),
+        "self_unknowns": (unknowns, "What the method fits, with its priors."),
+        "self_reach": (degraded, "Errors of the method on degraded logs."),
+        "self_bars": (bars, "The criteria of the method, and what was measured."),
+        "datasheet_bars": (sheet_bars, "The criteria of the whole sensor, and what was measured."),
+    },
+    facts={
+        "self_criteria": len(bars),
+        "self_met": bars["met"].sum(),
+        "self_failed": name_missed(bars).replace("_", " "),
+        "self_refused": by_reason.sum(),
+        "self_refusals": "; ".join(f"{reason} ({logs})" for reason, logs in by_reason.items()),
+        "sheet_criteria": len(sheet_bars),
+        "sheet_met": sheet_bars["met"].sum(),
+        "datasheet_failed": name_missed(sheet_bars).replace("_", " "),
+        "sensor_logs": (every["logs"], ".0f"),
+        "sensor_answered": (100 * every["answered"], ".0f"),
+        "sensor_covered": (100 * every["covered"], ".0f"),
+        "other_answered": (100 * others["answered"], ".0f"),
+        "other_covered": (100 * others["covered"], ".0f"),
     },
     figures={
         "self_log": (

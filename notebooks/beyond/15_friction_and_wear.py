@@ -279,8 +279,16 @@ print(
 )
 
 # %% tags=["plumbing"]
+at_2_percent = friction[friction["friction_share"] == 0.02].mean()
 workbook.export(
-    tables={"table3_friction": friction, "table3_wear": tests, "table3_calls": calls},
+    supplement={
+        "table3_friction": (friction, "The fitted A by Coulomb friction on the load."),
+        "table3_wear": (tests, "Eight months of wear as each sensor reads them."),
+    },
+    facts={
+        "friction_share": (100 * at_2_percent["friction_share"], ".0f"),
+        "friction_change": (abs(at_2_percent["change_percent"]), ".0f"),
+    },
     figures={
         "table3_friction": (
             friction_figure,

@@ -140,8 +140,16 @@ print(
 )
 
 # %% tags=["plumbing"]
+best = judged.loc[judged["p"].idxmax()]
 workbook.export(
-    tables={"protocols": judged},
+    supplement={"protocols": (judged, "Every candidate protocol with its p.")},
+    facts={
+        "protocol_finding": protocols.describe_candidates(judged),
+        "p_criterion": (level, ".2g"),
+        "notebook_p": (judged.set_index("protocol").loc["authors' notebook", "p"], ".2g"),
+        "best_protocol": best["protocol"],
+        "best_protocol_sds": best["sds_outside"],
+    },
     figures={
         "protocols_residuals": (
             residuals,

@@ -332,20 +332,28 @@ print(
 )
 
 # %% tags=["plumbing"]
+misfit = 100 * alphas.set_index("alpha_per_rad")["nrmse"]
+runs_of = success.set_index("method")[["found", "runs"]]
+own_population = runs_of.loc["CMA-ES, its own population"]
+restarts = runs_of.loc["CMA-ES, its own population, restarts doubling it"]
 workbook.export(
-    tables={
-        "claims_printed": errors,
-        "claims_growth": growth,
-        "claims_noise": tests,
-        "claims_no_backlash": pd.DataFrame({"A_rps": np.sort(amplitudes)}),
-        "claims_impacts": passed,
-        "claims_turns": by_turns,
-        "claims_bits": by_bits,
-        "claims_displacement": detection,
-        "claims_stepping_torque": stepping,
-        "claims_optimizers": success,
+    supplement={
+        "claims_printed": (errors, "The printed errors of A and the ratio of noise to A."),
+        "claims_turns": (by_turns, "The error of A by number of turns."),
+        "claims_stepping_torque": (stepping, "Errors of a plain integration of the two dead zones."),
+        "claims_optimizers": (success, "Runs of each optimiser that find the best basin."),
     },
     claims=claims,
+    facts={
+        "alpha_misfit": (misfit[1e5], ".1f"),
+        "softer_alpha": (1e4, ".0e"),
+        "softer_misfit": (misfit[1e4], ".1f"),
+        "noise_share": (100 * errors["noise_over_A"], ".0f"),
+        "own_population_found": own_population["found"],
+        "own_population_runs": own_population["runs"],
+        "restarts_found": restarts["found"],
+        "restarts_runs": restarts["runs"],
+    },
 )
 
 # %% [markdown]

@@ -222,3 +222,16 @@ def random_start(judged: pd.DataFrame, criteria: Criteria = None) -> Decision:
         f"largest p of Table 2 with a drawn start {drawn['p']:.2g} ({drawn['protocol']}), "
         f"with the whole record {whole['p']:.2g} ({whole['protocol']})"
     )
+
+
+def describe_candidates(judged: pd.DataFrame) -> str:
+    """Say in one sentence which candidates of `judge` are compatible with Table 2."""
+    p = judged.set_index("protocol")["p"]
+    explains = judged["explains"].to_numpy(bool)
+    named = ", ".join(f"{name} (p = {value:.2g})" for name, value in p[explains].items())
+    said = f"{explains.sum() or 'None'} of {len(p)} candidate protocols are compatible with Table 2"
+    said += f": {named}" if named else ""
+    said += "; the table cannot tell them apart" if explains.sum() > 1 else ""
+    for name, value in p[~explains].nlargest(1).items():
+        said += f". The next, {name}, fails with p = {value:.2g}"
+    return f"{said}. Other seeds move such a p; no p is corrected for the number of candidates."

@@ -1,3 +1,4 @@
+import json
 from base64 import b64decode
 from itertools import islice
 
@@ -60,7 +61,7 @@ def test_runs_part_where_rounding_decides_the_sign_of_an_eigenvector_and_not_by_
 
 
 def test_the_committed_generations_are_those_that_the_search_gives(ours):
-    committed = pd.read_csv(ROOT / "results" / "replay.csv")
+    committed = pd.read_csv(ROOT / "results" / "supplement" / "replay.csv")
     assert committed.columns.tolist() == ["run", "cma_seed", "generation", "best_rmse_rps", "sigma"]
     early = committed["generation"] <= UNTIL
     again = ours[ours["generation"] <= UNTIL].reset_index(drop=True)
@@ -78,12 +79,11 @@ def test_a_difference_and_a_run_that_parts_are_seen(ours):
 
 
 def test_the_committed_frames_are_of_the_replayed_generations_and_end_at_the_stored_misfit(ours):
-    file = ROOT / "results" / "replay_frames.csv"
-    if not file.exists():
-        pytest.skip("results/replay_frames.csv is not made yet: run notebook 1")
-    frames = pd.read_csv(file)
+    drawn = json.loads((ROOT / "results" / "pages" / "replay_explorer.json").read_text(encoding="utf-8"))
+    frames = pd.DataFrame(drawn["runs"])[["run", "cma_seed", "generation", "frame"]]
+    frames = frames.explode(["generation", "frame"], ignore_index=True).astype({"generation": int})
     frames["best"] = [np.frombuffer(b64decode(frame), "<f8", 1)[0] for frame in frames["frame"]]
-    generated = pd.read_csv(ROOT / "results" / "replay.csv")
+    generated = pd.read_csv(ROOT / "results" / "supplement" / "replay.csv")
     both = frames.merge(generated, on=["run", "cma_seed", "generation"], how="left")
     assert (both["best"] - both["best_rmse_rps"]).abs().max() < 1e-15
     assert (frames.groupby("run")["generation"].max() == generated.groupby("run")["generation"].max()).all()

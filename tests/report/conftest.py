@@ -3,17 +3,15 @@
 import shutil
 
 import pytest
-from places import NOTEBOOKS, RESULTS
 
 from workbook import judging
+from workbook.checkout import NOTEBOOKS, RESULTS
 from workbook.report import page, pages
 
 VERDICTS = judging.verdicts(RESULTS)
 BROWSERS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
-FLAGS = (
-    *("--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run", "--disable-background-networking"),
-    *("--disable-component-update", "--disable-sync"),
-)
+FLAGS = ["--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run"]
+FLAGS += ["--disable-background-networking", "--disable-component-update", "--disable-sync"]
 
 
 @pytest.fixture(scope="session")
@@ -25,8 +23,7 @@ def report_page():
 @pytest.fixture(scope="session")
 def site(tmp_path_factory, report_page):
     """A folder `results` with the report and the notebooks' pages in it."""
-    root = tmp_path_factory.mktemp("site")
-    results = root / "results"
+    results = tmp_path_factory.mktemp("site") / "results"
     (results / "pages").mkdir(parents=True)
     (results / "report.html").write_text(report_page, encoding="utf-8")
     for name, text in pages.render_pages(RESULTS, NOTEBOOKS, VERDICTS).items():
@@ -42,6 +39,39 @@ def browser():
     if program is None:
         pytest.skip(f"no browser: none of {', '.join(BROWSERS)} is installed")
     with playwright.sync_playwright() as running:
-        opened = running.chromium.launch(executable_path=program, args=list(FLAGS))
+        opened = running.chromium.launch(executable_path=program, args=FLAGS)
         yield opened
         opened.close()
+
+
+@pytest.fixture
+def tab(browser):
+    """Open a file at a size, light or dark; keep what it asks for and what it says."""
+    contexts = []
+
+    def opened(file, width=1440, scheme="light", height=900):
+        context = browser.new_context(viewport={"width": width, "height": height}, color_scheme=scheme)
+        contexts.append(context)
+        page = context.new_page()
+        page.said, page.asked = [], []
+        page.on("console", lambda message: page.said.append(message.text))
+        page.on("pageerror", lambda error: page.said.append(str(error)))
+        page.on("request", lambda request: page.asked.append(request.url))
+        page.goto(file.as_uri())
+        return page
+
+    yield opened
+    for context in contexts:
+        context.close()
+
+
+@pytest.fixture
+def serious_violations():
+    """What axe finds on a page that is serious: rule and place."""
+    axe = pytest.importorskip("axe_playwright_python.sync_playwright", reason="axe is not installed (extra `dev`)")
+
+    def found_on(page):
+        found = axe.Axe().run(page, options={"runOnly": ["wcag2a", "wcag2aa", "wcag21aa"]}).response["violations"]
+        return [(each["id"], each["nodes"][0]["target"]) for each in found if each["impact"] in ("serious", "critical")]
+
+    return found_on

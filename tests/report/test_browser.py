@@ -1,36 +1,16 @@
 """The report and a page in a real browser: widths, light and dark, keyboard, paper, no request."""
 
 import pytest
-from places import RESULTS
 
 from workbook import judging
+from workbook.checkout import RESULTS
 from workbook.report import cells as cells_of
 
 VERDICTS = judging.verdicts(RESULTS)
 WIDTHS = (390, 820, 1440)
 PAGES = ("report.html", "pages/00_start_here.html", "pages/08_noise_table2.html")
+OPENED = "document.querySelectorAll('details').forEach(each => each.open = true)"
 SHOWN = "[...document.querySelectorAll('tr.row')].filter(row => !row.hidden).map(row => ({...row.dataset}))"
-
-
-@pytest.fixture
-def tab(browser):
-    """Open a page of the site at a width, light or dark; keep what it asks for and what it says."""
-    contexts = []
-
-    def opened(file, width=1440, scheme="light"):
-        context = browser.new_context(viewport={"width": width, "height": 900}, color_scheme=scheme)
-        contexts.append(context)
-        page = context.new_page()
-        page.said, page.asked = [], []
-        page.on("console", lambda message: page.said.append(message.text))
-        page.on("pageerror", lambda error: page.said.append(str(error)))
-        page.on("request", lambda request: page.asked.append(request.url))
-        page.goto(file.as_uri())
-        return page
-
-    yield opened
-    for context in contexts:
-        context.close()
 
 
 @pytest.mark.slow
@@ -44,22 +24,19 @@ def test_a_page_opens_without_a_word_on_the_console_and_without_a_request(tab, s
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("width", "scheme"), [(390, "dark"), (820, "light"), (1440, "dark")])
-def test_axe_finds_no_serious_violation(tab, site, width, scheme):
-    axe = pytest.importorskip("axe_playwright_python.sync_playwright", reason="axe is not installed (extra `dev`)")
+def test_axe_finds_no_serious_violation(tab, site, serious_violations, width, scheme):
     for name in PAGES:
         page = tab(site / name, width, scheme)
-        page.evaluate("document.querySelectorAll('details').forEach(each => each.open = true)")
+        page.evaluate(OPENED)
         page.evaluate("document.querySelector('.about')?.showPopover()")
-        found = axe.Axe().run(page, options={"runOnly": ["wcag2a", "wcag2aa", "wcag21aa"]}).response["violations"]
-        bad = [(each["id"], each["nodes"][0]["target"]) for each in found if each["impact"] in ("serious", "critical")]
-        assert bad == [], name
+        assert serious_violations(page) == [], name
 
 
 @pytest.mark.slow
 def test_nothing_makes_a_page_wider_than_the_screen(tab, site):
     for file in [site / "report.html", *sorted(site.glob("pages/*.html"))]:
         page = tab(file)
-        page.evaluate("document.querySelectorAll('details').forEach(each => each.open = true)")
+        page.evaluate(OPENED)
         for width in WIDTHS:
             page.set_viewport_size({"width": width, "height": 900})
             assert page.evaluate("document.documentElement.scrollWidth") <= width, (file.name, width)
@@ -93,7 +70,7 @@ def test_every_cell_says_in_words_what_its_colour_says(tab, site):
 
 def test_the_filters_show_the_rows_that_the_verdicts_have_and_reset_shows_all(tab, site):
     page = tab(site / "report.html")
-    page.evaluate("document.querySelectorAll('details').forEach(each => each.open = true)")
+    page.evaluate(OPENED)
     assert len(page.evaluate(SHOWN)) == len(VERDICTS)
     page.locator("select[name=verdict]").select_option("differs")
     assert len(page.evaluate(SHOWN)) == (VERDICTS["verdict"] == "differs").sum()
@@ -110,7 +87,7 @@ def test_the_filters_show_the_rows_that_the_verdicts_have_and_reset_shows_all(ta
 
 def test_sorting_by_disagreement_keeps_every_row_and_show_all_restores_the_papers_order(tab, site):
     page = tab(site / "report.html")
-    page.evaluate("document.querySelectorAll('details').forEach(each => each.open = true)")
+    page.evaluate(OPENED)
     before = page.evaluate(SHOWN)
     page.locator("#order").select_option("disagreement")
     after = page.evaluate(SHOWN)

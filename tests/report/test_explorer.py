@@ -1,11 +1,11 @@
 """The pages that are played with, the signature over a log and the replayed runs: what they compute, by keyboard."""
 
+import json
 from itertools import islice
 
 import numpy as np
 import pandas as pd
 import pytest
-from places import RESULTS
 
 from replication import published
 from replication.identify import paper_search, protocol_box
@@ -13,57 +13,36 @@ from replication.replay import AGREE_RPS
 from replication.search import random_normals
 from replication.signature import Timing, rmse
 from replication.table2 import AUTHORS_PROTOCOL, basin_labels
+from workbook.checkout import RESULTS
 
+SUPPLEMENT = RESULTS / "supplement"
 X = ["A", "t0", "tau", "omega", "v_t", "T2", "T1"]
 
 
-def expected(fit, T_f):
-    log = pd.read_csv(RESULTS / "start_log.csv")
-    t = 0.002 * pd.RangeIndex(len(log)).to_numpy()
-    return rmse(t, log["speed_rps"].to_numpy(), fit[X].to_numpy(), Timing(T_f / 2, T_f, 12))
-
-
-def opened(browser, file, **context):
-    page = browser.new_page(**context)
-    page.asked, page.said = [], []
-    page.on("request", lambda request: page.asked.append(request.url))
-    page.on("console", lambda message: page.said.append(message.text))
-    page.on("pageerror", lambda error: page.said.append(str(error)))
-    page.goto(file.as_uri())
-    return page
-
-
-def serious_violations(page):
-    axe = pytest.importorskip("axe_playwright_python.sync_playwright", reason="axe is not installed (extra `dev`)")
-    found = axe.Axe().run(page, options={"runOnly": ["wcag2a", "wcag2aa", "wcag21aa"]}).response["violations"]
-    return [each["id"] for each in found if each["impact"] in ("serious", "critical")]
+def expected(T_f):
+    """The misfit that the package gives to the fit of the page's record."""
+    drawn = json.loads((RESULTS / "pages" / "signature_explorer.json").read_text(encoding="utf-8"))
+    record, fit = np.array(drawn["record"]), [drawn["fitted"][name] for name in X]
+    return rmse(drawn["dt"] * np.arange(record.size), record, np.array(fit), Timing(T_f / 2, T_f, 12))
 
 
 @pytest.fixture
-def explorer(browser, site):
-    page = opened(browser, site / "pages" / "signature_explorer.html")
-    yield page
-    page.close()
+def explorer(tab, site):
+    return tab(site / "pages" / "signature_explorer.html")
 
 
 @pytest.fixture
-def player(browser, site):
-    file = site / "pages" / "replay_explorer.html"
-    if not file.exists():
-        pytest.skip("results/replay_frames.csv is not made yet: run notebook 1")
-    page = opened(browser, file)
-    yield page
-    page.close()
+def player(tab, site):
+    return tab(site / "pages" / "replay_explorer.html")
 
 
 @pytest.mark.slow
 def test_the_misfit_is_that_of_the_package_at_the_fit_and_with_the_printed_turn_period(explorer):
-    fit = pd.read_csv(RESULTS / "start_fit.csv").iloc[0]
-    assert explorer.evaluate("rmse(parameters())") == pytest.approx(expected(fit, 0.4), abs=1e-9)
+    assert explorer.evaluate("rmse(parameters())") == pytest.approx(expected(0.4), abs=1e-9)
     explorer.click("#printed")
-    assert explorer.evaluate("rmse(parameters())") == pytest.approx(expected(fit, 0.408), abs=1e-9)
+    assert explorer.evaluate("rmse(parameters())") == pytest.approx(expected(0.408), abs=1e-9)
     explorer.click("#fitted")
-    assert explorer.evaluate("rmse(parameters())") == pytest.approx(expected(fit, 0.4), abs=1e-9)
+    assert explorer.evaluate("rmse(parameters())") == pytest.approx(expected(0.4), abs=1e-9)
     assert len(explorer.asked) == 1
 
 
@@ -74,11 +53,6 @@ def test_a_slider_moves_by_keyboard_and_the_misfit_with_it(explorer):
     for _ in range(5):
         explorer.keyboard.press("ArrowRight")
     assert explorer.inner_text("#rmse") != before
-
-
-@pytest.mark.slow
-def test_axe_finds_no_serious_violation_on_the_explorer(explorer):
-    assert serious_violations(explorer) == []
 
 
 @pytest.mark.slow
@@ -97,7 +71,7 @@ def test_a_run_is_played_to_its_end_by_keyboard_and_ends_as_the_stored_one(playe
     assert float(player.inner_text("#best")) == pytest.approx(run["final_rmse_rps"], abs=AGREE_RPS)
     assert float(player.inner_text("#printed")) == pytest.approx(run["final_rmse_rps"], abs=AGREE_RPS)
     assert abs(float(player.inner_text("#difference"))) < AGREE_RPS
-    basin = pd.read_csv(RESULTS / "stored_runs.csv").set_index("run")["basin"][4]
+    basin = pd.read_csv(SUPPLEMENT / "stored_runs.csv").set_index("run")["basin"][4]
     assert f"lies in basin {basin} of " in player.inner_text("#ending")
     assert player.said == []
     assert len(player.asked) == 1
@@ -105,7 +79,7 @@ def test_a_run_is_played_to_its_end_by_keyboard_and_ends_as_the_stored_one(playe
 
 @pytest.mark.slow
 def test_all_runs_end_in_the_basin_of_the_results_and_say_which_values_are_stored(player):
-    ends, basins = (pd.read_csv(RESULTS / f"{name}.csv") for name in ("replay_ends", "stored_basins"))
+    ends, basins = (pd.read_csv(SUPPLEMENT / f"{name}.csv") for name in ("replay_ends", "stored_basins"))
     labels = basin_labels(np.r_[basins["rmse_rps"], ends["ours_rps"]])
     assert labels.max() == len(basins)
     assert player.evaluate("runs.map(run => run.ours)") == labels[len(basins) :].tolist()
@@ -163,15 +137,15 @@ def test_steps_the_slider_two_dimensions_and_the_zoom_work_by_keyboard(player):
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("width", "scheme"), [(390, "dark"), (820, "light"), (1440, "dark")])
-def test_axe_finds_no_serious_violation_on_the_replay_explorer(player, width, scheme):
-    player.set_viewport_size({"width": width, "height": 900})
-    player.emulate_media(color_scheme=scheme)
-    assert serious_violations(player) == []
-    assert player.evaluate("document.documentElement.scrollWidth") <= width
+@pytest.mark.parametrize("name", ["signature", "replay"])
+def test_axe_finds_no_serious_violation_on_an_explorer(tab, site, serious_violations, name, width, scheme):
+    page = tab(site / "pages" / f"{name}_explorer.html", width, scheme)
+    assert serious_violations(page) == []
+    assert page.evaluate("document.documentElement.scrollWidth") <= width
 
 
 @pytest.mark.slow
-def test_nothing_plays_unasked_and_less_motion_is_slower(browser, player):
+def test_nothing_plays_unasked_and_less_motion_is_slower(player):
     player.wait_for_timeout(700)
     assert player.inner_text("#at").startswith("1 of ")
     assert player.input_value("#speed") == "5"

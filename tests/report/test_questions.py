@@ -4,10 +4,10 @@ import csv
 from pathlib import Path
 
 import pytest
-from places import RESULTS
 
 from workbook import judging
-from workbook.report import answers, cells, facts
+from workbook.checkout import RESULTS
+from workbook.report import cells, facts, page
 
 VERDICTS = judging.verdicts(RESULTS)
 QUESTIONS = list(csv.DictReader(Path(__file__).with_name("questions.csv").open(encoding="utf-8")))
@@ -19,12 +19,12 @@ def numbers():
     """What the answers must say, by name: from the results, not typed."""
     judged = cells.judged_cells(VERDICTS).values()
     differing = [cell for cell in judged if cell.element == "Table 2" and cell.deciding.verdict == "differs"]
-    largest = max(differing, key=answers.disagreement)
+    largest = max(differing, key=lambda cell: cell.deciding.disagreement)
     return facts.collect_facts(RESULTS, VERDICTS) | {
         "largest": largest.id,
         "largest_printed": f"printed {largest.printed}, ours {largest.ours(largest.deciding)}",
         "largest_reason": largest.deciding.reason,
-        "misfit_line": answers.code_line("signature.rmse").replace("#L", ", line "),
+        "misfit_line": page.code_line("signature.rmse").replace("#L", ", line "),
     }
 
 
@@ -39,24 +39,19 @@ def screens_down(element, height):
 @pytest.mark.slow
 @pytest.mark.parametrize(("width", "height"), [(1440, 900), (390, 844)])
 @pytest.mark.parametrize("asked", QUESTIONS, ids=lambda asked: asked["question"])
-def test_a_question_is_answered_after_one_click_and_its_evidence_after_two(
-    browser, site, numbers, asked, width, height
-):
-    context = browser.new_context(viewport={"width": width, "height": height})
-    page = context.new_page()
-    page.goto((site / "report.html").as_uri())
-    first = page.locator("nav.contents a", has_text="Questions")
+def test_a_question_is_answered_after_one_click_and_its_evidence_after_two(tab, site, numbers, asked, width, height):
+    opened = tab(site / "report.html", width, height=height)
+    first = opened.locator("nav.contents a", has_text="Questions")
     assert screens_down(first, height) <= 1
     first.click()
-    entry = page.locator(".questions > div").filter(has=page.locator("dt", has_text=asked["question"]))
+    entry = opened.locator(".questions > div").filter(has=opened.locator("dt", has_text=asked["question"]))
     assert asked["answer"].format_map(numbers) in entry.inner_text()
     assert screens_down(entry, height) <= SCREENS
     entry.locator(asked["click"].format_map(numbers)).first.click()
-    page.wait_for_timeout(100)
-    evidence = page.locator(asked["evidence"].format_map(numbers)).first
+    opened.wait_for_timeout(100)
+    evidence = opened.locator(asked["evidence"].format_map(numbers)).first
     assert asked["shows"].format_map(numbers) in evidence.inner_text()
     assert screens_down(evidence, height) <= SCREENS
-    context.close()
 
 
 def test_the_seven_questions_are_asked_once_each(report_page):

@@ -2,11 +2,11 @@
 
 import pandas as pd
 import pytest
-from places import RESULTS
 
 from replication import published
 from workbook import judging
-from workbook.main import main
+from workbook.__main__ import main
+from workbook.checkout import RESULTS
 from workbook.report import terminal
 
 EVIDENCE = judging.EVIDENCE

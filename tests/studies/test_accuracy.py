@@ -9,19 +9,19 @@ from replication.simulator.simulate import identified_joint
 from studies.accuracy import CHANGES, cross_validation, errors_after_changes
 from studies.benchmark import JOINT_ALL_FREE, KnownLog, summarise_errors
 
-RESULTS = workbook.ROOT / "results"
+SUPPLEMENT = workbook.ROOT / "results" / "supplement"
 
 
 @pytest.fixture(scope="module")
 def summary():
-    return pd.read_csv(RESULTS / "features.csv").set_index("method")
+    return pd.read_csv(SUPPLEMENT / "features.csv").set_index("method")
 
 
 @pytest.mark.slow
 def test_the_committed_errors_are_what_the_authors_noisy_logs_give(authors_data, summary):
     records = {(R, K): load_noisy(K, R) for R in (1, 2) for K in range(2, 13)}
     found = cross_validation(records, identified_joint(), [7], smoothing_s=0.01)
-    committed = pd.read_csv(RESULTS / "features_logs.csv")
+    committed = pd.read_csv(SUPPLEMENT / "features_logs.csv")
     pd.testing.assert_frame_equal(
         found.reset_index(drop=True), committed[committed["level"] == 7].reset_index(drop=True), rtol=1e-4, atol=1e-8
     )
@@ -82,7 +82,7 @@ def test_load_and_speed_do_not_matter_to_the_joint_with_nuisances(moved):
 
 
 def test_the_committed_ranking_is_of_the_committed_errors_and_the_joint_with_nuisances_leads():
-    ranked, ends = (pd.read_csv(RESULTS / f"{name}.csv") for name in ("robustness_ranking", "robustness"))
+    ranked, ends = (pd.read_csv(SUPPLEMENT / f"{name}.csv") for name in ("robustness_ranking", "robustness"))
     assert ranked["rmse_rad"].is_monotonic_increasing
     assert ranked["method"][0] == JOINT_ALL_FREE
     assert (ends.loc[ends["parameter"].str.contains("friction"), "change"] > 0).all()

@@ -1,4 +1,4 @@
-"""Mutation test of constants: which cells, claims and tests notice a wrong one. `make sensitivity` runs it.
+"""Mutation test of constants: which cells, claims and tests notice a wrong one (`make studies NAME=sensitivity`).
 
 Each constant is changed alone, before anything else is imported, in the notebooks and the tests themselves.
 """
@@ -47,6 +47,8 @@ TESTS = (
 )
 
 SOLUTION = re.compile(r'\n# %% tags=\["solution"\]\n.*?(?=\n# %%|\Z)', re.DOTALL)  # asserts more than the paper says
+KINDS = ("Table", "Equation", "Figure", "Text", "claims", "tests")  # the order of the report's columns
+RESULTS = workbook.ROOT / "results"
 _JUDGED = "judged.csv"
 # Judged in the notebook's own kernel, where the changed constant is.
 _JUDGE = f"""
@@ -55,7 +57,7 @@ import pandas as pd
 from workbook import judging, outcomes
 
 results = outcomes.output_folder() / "results"
-cells = pd.DataFrame(judging.outcomes(results)[outcomes.notebook_name()]["cells"]).assign(notebook="")
+cells = pd.DataFrame(outcomes.load_outcomes(results)[outcomes.notebook_name()]["cells"]).assign(notebook="")
 judged = judging.judge_rows(cells) if len(cells) else pd.DataFrame(columns=["id", "source", "reproduced", "verdict"])
 judged.to_csv(results / "{_JUDGED}")
 """
@@ -268,14 +270,27 @@ def sensitivity(
     return pd.DataFrame(rows)
 
 
+def matrix(table: pd.DataFrame) -> dict[str, list]:
+    """What the report shows: a row for each constant with how many of each group notice it, and the groups."""
+    rows = []
+    for _, part in table.groupby("constant", sort=False):
+        noticed = part[part["group"] != ""]
+        about = part.iloc[0][["constant", "value", "changed"]].to_dict()
+        examples = ", ".join(noticed.drop_duplicates("group")["id"]) or "nothing"
+        rows.append(about | {"counts": noticed["group"].value_counts().to_dict(), "examples": examples})
+    groups = set(table["group"]) - {""}
+    return {"rows": rows, "columns": sorted(groups, key=lambda name: (KINDS.index(name.split()[0]), name))}
+
+
 def main() -> int:
-    """Write `results/sensitivity.csv`."""
+    """Write `results/sensitivity.csv`, and what the report shows of it."""
     try:
         table = sensitivity()
     except (DataUnavailable, DataCorrupt) as error:
         print(error, file=sys.stderr)
         return 2
-    files.write_csv(workbook.ROOT / "results" / "sensitivity.csv", table)
+    files.write_csv(RESULTS / "sensitivity.csv", table)
+    files.write_json(RESULTS / "pages" / "sensitivity.json", matrix(table))
     print(table.groupby(["constant", "changed"], sort=False)["group"].agg(lambda g: (g != "").sum()).to_string())
     return 0
 

@@ -12,7 +12,7 @@ from tests.tools import sensitivity
 
 MATRIX = workbook.ROOT / "results" / "sensitivity.csv"
 COMMITTED = pd.read_csv(MATRIX, keep_default_na=False) if MATRIX.exists() else None
-needs_matrix = pytest.mark.skipif(COMMITTED is None, reason="not made for these sources yet: run make sensitivity")
+needs_matrix = pytest.mark.skipif(COMMITTED is None, reason="not made yet: make studies NAME=sensitivity")
 
 # Off in the identified joint, so that there is nothing to be wrong; options of the simulator, tested by themselves.
 OFF = {

@@ -13,27 +13,23 @@ from replication.replay import inspection, table1
 from replication.simulator.parameters import identified_joint, with_ratios
 from tests.tools.reference import simulate_amplitudes
 from workbook import judging
+from workbook.outcomes import load_outcomes
 
 RESULTS = ROOT / "results"
 TABLE1 = published.cells("Table 1").index
 
 
 def verdict(cell, numbers, source="authors"):
-    found = pd.DataFrame([{"id": cell, "source": source, "numbers": numbers, "notebook": "n"}])
-    return judging.judge_rows(found).iloc[0]["verdict"]
+    return judging.judge_cells({cell: numbers}, source)["verdict"].item()
 
 
 def exported():
     """Every number that a notebook exported and that was judged by evidence: id, source, numbers, verdict."""
     table = judging.verdicts(RESULTS).set_index(["id", "source"])["verdict"]
-    rows = [row for outcome in judging.outcomes(RESULTS).values() for row in outcome["cells"]]
-    evidence = [row for row in rows if table[row["id"], row["source"]] in judging.EVIDENCE]
-    return [
-        pytest.param(
-            row["id"], row["source"], row["numbers"], table[row["id"], row["source"]], id=f"{row['id']}-{row['source']}"
-        )
-        for row in evidence
-    ]
+    rows = [row for outcome in load_outcomes(RESULTS).values() for row in outcome["cells"]]
+    found = [(row["id"], row["source"], row["numbers"], table[row["id"], row["source"]]) for row in rows]
+    evidence = [row for row in found if row[3] in judging.EVIDENCE]
+    return [pytest.param(*row, id=f"{row[0]}-{row[1]}") for row in evidence]
 
 
 def interval(cell, numbers):

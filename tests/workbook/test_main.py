@@ -1,13 +1,23 @@
+"""The workbook's command line: one line about what is wrong, and exit statuses."""
+
 import os
-import shutil
+import re
 import subprocess
 import sys
 
 import pytest
 
 import workbook
-from workbook import checkout, judging
-from workbook.main import main
+from workbook import __main__ as command_line
+from workbook import checkout, running
+from workbook.__main__ import main as run_command
+
+FIRST = workbook.ROOT / "notebooks" / "01_signature_figure6.py"
+
+
+def started(*command, **options):
+    environment = os.environ | {"PYTHONPATH": str(workbook.ROOT)} | options.pop("environment", {})
+    return subprocess.run([sys.executable, "-m", *command], env=environment, text=True, check=False, **options)
 
 
 @pytest.fixture
@@ -17,109 +27,91 @@ def without_data(tmp_path, monkeypatch):
 
 
 def test_a_command_without_its_data_says_so_in_one_line_and_exits_with_2(without_data, capsys):
-    assert main(["data"]) == 2
+    assert run_command(["data"]) == 2
     said = capsys.readouterr().err.strip()
     assert "BACKLASH_DATA" in said
     assert "\n" not in said
 
 
 def test_a_notebook_without_its_data_is_not_run_and_leaves_no_stamp(without_data, tmp_path, capsys):
-    stamp = tmp_path / "stamp"
-    source = workbook.ROOT / "notebooks" / "01_signature_figure6.py"
-    executed = source.with_suffix(".ipynb")
+    executed = FIRST.with_suffix(".ipynb")
     before = executed.read_bytes()
-    assert main(["run", "--stamp", str(stamp), str(source)]) == 0
-    assert not stamp.exists()
+    assert run_command(["run", "--stamps", str(tmp_path / "stamps"), str(FIRST)]) == 0
+    assert not (tmp_path / "stamps").exists()
     assert executed.read_bytes() == before
     assert "01_signature_figure6: not run" in capsys.readouterr().err
 
 
 def test_a_notebook_that_is_not_there_is_refused_by_name(capsys, tmp_path):
-    assert main(["run", str(tmp_path / "missing.py")]) == 2
+    assert run_command(["run", str(tmp_path / "missing.py")]) == 2
     assert "missing.py" in capsys.readouterr().err
 
 
-@pytest.mark.slow
-def test_check_prints_every_printed_number_and_fails_only_if_asked_to_be_strict(capsys):
-    table = judging.verdicts(workbook.ROOT / "results")
-    assert main(["check"]) == 0
-    printed = capsys.readouterr().out
-    assert all(number in printed for number in table["printed"])
-    assert main(["check", "--strict"]) == int((table["verdict"] == "differs").any())
+@pytest.mark.parametrize(("given", "said"), [(["shwo"], "invalid choice"), (["run", "--watch", "x"], "--watch")])
+def test_wrong_arguments_are_refused_in_one_line(given, said, capsys):
+    with pytest.raises(SystemExit) as ended:
+        run_command(given)
+    assert ended.value.code == 2
+    line = capsys.readouterr().err
+    assert said in line
+    assert line.count("\n") == 1
+
+
+def test_every_command_is_listed_with_a_sentence(capsys):
+    with pytest.raises(SystemExit):
+        run_command(["--help"])
+    listed = re.findall(r"^    (\w+) +[A-Z].*", capsys.readouterr().out, re.MULTILINE)
+    assert set(listed) == {"run", "collect", "check", "report", "article", "readme", "show", "diff", "lab", "data"}
+
+
+def test_a_reader_who_has_seen_enough_and_a_full_disk_are_no_defects():
+    with open("/dev/full", "w") as full:
+        ended = started("workbook", "show", "Table 1", stdout=full, stderr=subprocess.PIPE)
+    assert ended.returncode == 1
+    assert "the output cannot be written" in ended.stderr
+    assert ended.stderr.count("\n") == 1
+    piped = subprocess.Popen(
+        [sys.executable, "-m", "workbook", "show", "Table 1"],
+        env=os.environ | {"PYTHONPATH": str(workbook.ROOT)},
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+    )
+    piped.stdout.close()
+    assert piped.stderr.read() == b""
+    assert piped.wait() == 1
 
 
 @pytest.mark.slow
 def test_sensitivity_without_its_data_says_so_in_one_line_and_exits_with_2(tmp_path):
-    environment = os.environ | {"BACKLASH_DATA": str(tmp_path), "PYTHONPATH": str(workbook.ROOT)}
-    command = [sys.executable, "-m", "tests.tools.sensitivity"]
-    done = subprocess.run(command, env=environment, capture_output=True, text=True)
-    assert done.returncode == 2
-    assert "BACKLASH_DATA" in done.stderr
-    assert done.stderr.count("\n") == 1
-
-
-@pytest.mark.parametrize("command", ["run", "check", "report"])
-def test_outside_a_checkout_the_workbooks_commands_say_so_in_one_line_and_exit_with_2(command, tmp_path):
-    shutil.copytree(
-        workbook.ROOT / "replication", tmp_path / "replication", ignore=shutil.ignore_patterns("__pycache__")
-    )
-    environment = os.environ | {"PYTHONPATH": str(tmp_path)}
-    done = subprocess.run(
-        [sys.executable, "-m", "workbook", command], cwd=tmp_path, env=environment, capture_output=True, text=True
-    )
-    assert done.returncode == 2
-    assert done.stdout == ""
-    assert "is not the project's folder" in done.stderr
-    assert done.stderr.count("\n") == 1
-
-
-def test_a_folder_with_another_projects_file_is_no_checkout(tmp_path):
-    (tmp_path / "pyproject.toml").write_text('[project]\nname = "other"\n', encoding="utf-8")
-    with pytest.raises(checkout.NoCheckout):
-        checkout.require_checkout(tmp_path)
-    checkout.require_checkout(workbook.ROOT)
+    ended = started("tests.tools.sensitivity", environment={"BACKLASH_DATA": str(tmp_path)}, capture_output=True)
+    assert ended.returncode == 2
+    assert "BACKLASH_DATA" in ended.stderr
+    assert ended.stderr.count("\n") == 1
 
 
 @pytest.mark.slow
 def test_a_quick_run_never_overwrites_the_full_results(tmp_path, monkeypatch):
-    for owner in ("workbook", "report.commands", "files"):
-        monkeypatch.setattr(f"replication.{owner}.QUICK", tmp_path / "quick")
+    for owner in (checkout, command_line):
+        monkeypatch.setattr(owner, "QUICK", tmp_path / "quick")
     folders = [workbook.ROOT / name for name in ("results", "figures", "notebooks")]
 
     def full():
         files = {path for folder in folders for path in folder.rglob("*") if path.is_file()}
-        files -= {workbook.ROOT / "results" / "run.json"}  # of the last run, which may be another test's
-        return {path: path.read_bytes() for path in files if workbook.ROOT / "results" / "quick" not in path.parents}
+        return {path: path.read_bytes() for path in files if path.name != "run.json"}  # another test's, perhaps
 
     before = full()
-    source = workbook.ROOT / "notebooks" / "02_dead_zone_figure9.py"
-    assert main(["run", "--quick", str(source)]) == 0
+    assert run_command(["run", "--quick", str(workbook.ROOT / "notebooks" / "02_dead_zone_figure9.py")]) == 0
     for command in ("collect", "report"):
-        assert main([command, "--quick"]) == 0
+        assert run_command([command, "--quick"]) == 0
     assert full() == before
     written = {path.name for path in (tmp_path / "quick").rglob("*")}
     assert {"figure09_dead_zone.svg", "dead_zone_facts.csv", "verdicts.csv", "report.html"} <= written
     page = (tmp_path / "quick" / "results" / "report.html").read_text(encoding="utf-8")
     assert "This is a quick run with few repeats." in page
-    assert "A quick run" not in (workbook.ROOT / "results" / "report.html").read_text(encoding="utf-8")
 
 
-def test_compiled_code_is_kept_apart_for_each_state_of_the_compiled_sources(tmp_path):
-    package = tmp_path / "replication"
-    package.mkdir()
-    shutil.copy(workbook.ROOT / "replication" / "__init__.py", package)
-    environment = {name: value for name, value in os.environ.items() if name != "NUMBA_CACHE_DIR"}
-
-    def cache():
-        show = "import os, replication; print(os.environ['NUMBA_CACHE_DIR'])"
-        command = [sys.executable, "-c", show]
-        return subprocess.run(command, env=environment, cwd=tmp_path, capture_output=True, text=True, check=True).stdout
-
-    environment["PYTHONPATH"] = str(tmp_path)
-    (package / "compiled.py").write_text("import numba  # one")
-    (package / "other.py").write_text("x = 1")
-    before = cache()
-    (package / "other.py").write_text("x = 2")
-    assert cache() == before
-    (package / "compiled.py").write_text("import numba  # two")
-    assert cache() != before
+def test_a_failed_notebook_makes_the_command_fail(monkeypatch):
+    ending = running.Ending("x", "failed", 1.0)
+    monkeypatch.setattr(running, "run_notebooks", lambda *_, **__: [ending])
+    monkeypatch.setattr(running, "note_run", lambda _: None)
+    assert run_command(["run", str(FIRST)]) == 1

@@ -9,10 +9,11 @@ import subprocess
 import pytest
 
 import workbook
-from workbook import judging, provenance, running
-from workbook.checkout import notebook_files
+from workbook import provenance, running
+from workbook.checkout import RESULTS, notebook_files
+from workbook.outcomes import load_outcomes
 
-OUTCOMES = judging.outcomes(workbook.ROOT / "results")
+OUTCOMES = load_outcomes(RESULTS)
 SOURCES = sorted({name for outcome in OUTCOMES.values() for name in outcome["made_from"]["sources"]})
 
 
@@ -107,7 +108,7 @@ def test_every_notebook_has_noted_itself_the_locked_versions_and_the_package():
 
 
 def test_results_whose_sources_have_changed_since_are_stale(tmp_path):
-    outcome = json.loads((workbook.ROOT / "results" / "outcomes" / "02_dead_zone_figure9.json").read_text("utf-8"))
+    outcome = json.loads((RESULTS / "outcomes" / "02_dead_zone_figure9.json").read_text("utf-8"))
     (tmp_path / "outcomes").mkdir()
     path = tmp_path / "outcomes" / "02_dead_zone_figure9.json"
     path.write_text(json.dumps(outcome), encoding="utf-8")
@@ -120,4 +121,4 @@ def test_results_whose_sources_have_changed_since_are_stale(tmp_path):
 
 
 def test_no_committed_result_is_stale():
-    assert provenance.stale(workbook.ROOT / "results") == {}
+    assert provenance.stale(RESULTS) == {}

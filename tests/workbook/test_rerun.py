@@ -6,7 +6,7 @@ import pytest
 
 import workbook
 from workbook import execution, judging, running
-from workbook.main import main
+from workbook.__main__ import main
 
 RESULTS = workbook.ROOT / "results"
 MEAN = "table2.row03.mean"

@@ -7,7 +7,7 @@ import pandas as pd
 
 from replication import files, published
 from workbook import judging
-from workbook.report.cells import MEANINGS, SIGNS, Cell, judged_cells, judged_claims
+from workbook.report.cells import MEANINGS, SIGNS, judged_cells, judged_claims
 from workbook.report.facts import collect_facts, fill_in_findings
 from workbook.report.figures import load_pictures
 
@@ -15,23 +15,21 @@ SOURCE = files.ROOT / "article" / "article.typ"
 
 
 class NotTypeset(RuntimeError):
-    """The article's text asks for something that the results do not have, or typst is not installed."""
+    """The article's text asks for what the results do not have, or typst is not installed."""
 
     exit_status = 1
 
 
 def collect_content(results: Path) -> dict:
-    """Collect what the article's text takes from the results."""
+    """Collect what the article's text takes from the results and does not read itself."""
     verdicts = judging.verdicts(results)
-    facts, cells = collect_facts(results, verdicts), judged_cells(verdicts)
-    tables = {name: _beside(cells, name) for name in ("Table 1", "Table 2", "Table 3", "Table 4")}
-    ranges = _table2_ranges(results, cells)
-    tables["Table 2"] = [row | ranges[row["row"]] for row in tables["Table 2"]]
-    claims = pd.DataFrame(judged_claims(results)).assign(sign=lambda table: table["verdict"].map(SIGNS))
+    facts = collect_facts(results, verdicts)
+    claims = pd.DataFrame(judged_claims(results))
+    claims["sign"] = claims["verdict"].map(SIGNS)
     errata = ["kind", "location", "as_printed", "corrected", "evidence"]
     return {
         "facts": facts,
-        "tables": tables,
+        "tables": collect_tables(verdicts),
         "signs": {name: SIGNS[name] for name in MEANINGS},
         "claims": claims[["claim", "sign", "verdict", "measured", "decided_in"]].to_dict("records"),
         "errata": published.errata()[errata].reset_index().to_dict("records"),
@@ -40,33 +38,20 @@ def collect_content(results: Path) -> dict:
     }
 
 
-def _beside(cells: dict[str, Cell], element: str) -> list[dict]:
-    """The rows of a table of the paper: by column, the printed number, ours and the sign of its verdict."""
-    rows: dict[str, dict] = {}
-    for cell in cells.values():
-        if cell.element == element:
-            beside = {"printed": cell.printed, "ours": cell.ours(cell.deciding), "sign": SIGNS[cell.deciding.verdict]}
-            rows.setdefault(cell.row, {"row": cell.row})[cell.column] = beside | {"unit": cell.unit}
-    return list(rows.values())
-
-
-def _table2_ranges(results: Path, cells: dict[str, Cell]) -> dict[str, dict[str, str]]:
-    """Lowest to highest of our realisations for each row of Table 2, and the region of its mean."""
-    ranges = {}
-    for row, part in pd.read_csv(results / "table2.csv").query("source == 'authors' or row == 11").groupby("row"):
-        mean = cells[f"table2.row{row:02d}.mean"].deciding
-        ranges[str(row)] = {
-            "means": _from_to(part["mean_A_rps"], 3),
-            "region": _from_to(pd.Series([mean.low, mean.high]), 3),
-            "best": _from_to(part["best_A_rps"], 3),
-            "sds": _from_to(part["sd_A_rps"], 4),
-            "share": f"{part['best_basin_runs'].sum()} of {part['runs'].sum()}",
+def collect_tables(verdicts: pd.DataFrame) -> dict[str, list[dict]]:
+    """The rows of each table: by column, the printed number, ours and the sign of its verdict."""
+    tables: dict[str, dict[str, dict]] = {}
+    for cell in judged_cells(verdicts).values():
+        judged = cell.deciding
+        beside = {
+            "printed": cell.printed,
+            "ours": cell.ours(judged),
+            "sign": SIGNS[judged.verdict],
+            "unit": cell.unit,
         }
-    return ranges
-
-
-def _from_to(values: pd.Series, digits: int) -> str:
-    return f"{values.min():.{digits}f} to {values.max():.{digits}f}".replace("-", "−")
+        row = tables.setdefault(cell.element, {}).setdefault(cell.row, {"row": cell.row})
+        row[cell.column] = beside
+    return {element: list(rows.values()) for element, rows in tables.items()}
 
 
 def typeset(results: Path) -> bytes:

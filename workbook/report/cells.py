@@ -1,4 +1,4 @@
-"""Printed numbers and claims beside ours: a `Cell` for each number of the paper, with every judgement of it."""
+"""Printed numbers and claims beside ours: a `Cell` for each number of the paper, with its judgements."""
 
 import math
 from collections.abc import Callable
@@ -16,9 +16,12 @@ from workbook.checkout import notebook_files
 from workbook.judging import EVIDENCE
 from workbook.report import TEMPLATES
 
-WORDS = published.verdict_words()  # a sign beside each word, so that colour is never the only difference
-SIGNS, MEANINGS = WORDS["sign"].to_dict(), WORDS["meaning"][WORDS["meaning"] != ""].to_dict()
+# A sign beside each word, so that colour is never the only difference.
+WORDS = published.verdict_words()
+SIGNS = WORDS["sign"].to_dict()
+MEANINGS = WORDS.loc[WORDS["meaning"] != "", "meaning"].to_dict()
 SOURCES = {"authors": "authors' data", "simulated": "our simulation", "stand-in": "stand-in"}
+PICTURE_WIDTH = 240
 
 
 @dataclass(frozen=True)
@@ -47,24 +50,35 @@ class Judgement:
         """Where the printed number should lie, in words; empty where there is no region."""
         if math.isnan(self.low):
             return ""
-        return number(self.low) + (" or more" if math.isinf(self.high) else f" to {number(self.high)}")
+        above = " or more" if math.isinf(self.high) else f" to {number(self.high)}"
+        return number(self.low) + above
 
     @property
     def predicted(self) -> bool:
         """Whether the region comes from several realisations, and is not our number's tolerance."""
-        tolerance = published.tolerance(self.id)
-        scale = max(abs(self.reproduced), abs(self.low), tolerance)
-        return not math.isnan(self.low) and abs(self.reproduced - tolerance - self.low) > 1e-4 * scale
+        half = published.tolerance(self.id)
+        by_tolerance = math.isclose(self.low, self.reproduced - half, rel_tol=1e-4, abs_tol=1e-4 * half)
+        return not (by_tolerance or math.isnan(self.low))
 
     @cached_property
     def fails_if(self) -> str:
         """What would have given another verdict; empty for what is no evidence."""
-        return judging.evidence_rule(self.id, self.source)["fails_if"] if self.verdict in EVIDENCE else ""
+        if self.verdict not in EVIDENCE:
+            return ""
+        return judging.evidence_rule(self.id, self.source)["fails_if"]
+
+    @property
+    def disagreement(self) -> float:
+        """How far printed and our number are apart, in half-widths of the region; nan without one."""
+        half = (self.high - self.low) / 2
+        if not 0 < half < math.inf:
+            return math.nan
+        return abs(self.reproduced - self.published) / half
 
 
 @dataclass(frozen=True)
 class Cell:
-    """A printed number, a row of `cells.csv`, with its judgements: the one of the authors' own data first."""
+    """A printed number, a row of `cells.csv`, with its judgements, the deciding one first."""
 
     id: str
     element: str
@@ -84,7 +98,8 @@ class Cell:
     def name(self) -> str:
         """Its place in the paper: "Table 2, row 3, sd"."""
         row = f"row {self.row}" if self.row.isdigit() else self.row
-        return f"{self.element}, {row}" + ("" if self.column == "value" else f", {self.column.replace('_', ' ')}")
+        column = "" if self.column == "value" else f", {self.column.replace('_', ' ')}"
+        return f"{self.element}, {row}{column}"
 
     @property
     def tolerance(self) -> float:
@@ -93,31 +108,33 @@ class Cell:
 
     @property
     def deciding(self) -> Judgement:
-        """The judgement that counts: the authors' data if they judge it, else our simulation (rule 9 of `judging`)."""
+        """The judgement that counts: that of the first source (rule 9 of `judging`)."""
         return self.judgements[0]
 
     def ours(self, judgement: Judgement) -> str:
-        """Write our number like the printed one; where that is a share, of what: "0.65 of v's range"."""
+        """Write our number like the printed one; a share with what it is of: "0.65 of v's range"."""
         text = like_printed(judgement.reproduced, self.printed)
-        return f"{text} of {self.unit.split()[2]}'s range" if text and self.unit.startswith("range of ") else text
+        if text and self.unit.startswith("range of "):
+            return f"{text} of {self.unit.split()[2]}'s range"
+        return text
 
     def scale(self, judgement: Judgement) -> Callable[[float], float]:
-        """From a number to its place in a picture, 240 wide, of the region, the printed number and ours."""
-        points = [self.value, *filter(math.isfinite, (judgement.low, judgement.high, judgement.reproduced))]
+        """From a number to its place in a picture of the region, the printed number and ours."""
+        ends = filter(math.isfinite, (judgement.low, judgement.high, judgement.reproduced))
+        points = [self.value, *ends]
         margin = 0.08 * (max(points) - min(points)) or abs(max(points)) or 1.0
         low, high = min(points) - margin, max(points) + margin
-        return lambda value: round(240 * (min(max(value, low), high) - low) / (high - low), 1)
+        return lambda value: round(PICTURE_WIDTH * (min(max(value, low), high) - low) / (high - low), 1)
 
 
 def judged_cells(verdicts: pd.DataFrame) -> dict[str, Cell]:
-    """Bring together each printed number that has a verdict with what the verdicts say of it, by id."""
-    judged: dict[str, list[Judgement]] = {}
+    """Bring together each printed number that has a verdict with what the verdicts say of it."""
     texts = verdicts[["reason", "notebook"]].astype(object).fillna("")
-    for row in verdicts.assign(**texts).to_dict("records"):
+    judged: dict[str, list[Judgement]] = {}
+    for row in judging.by_source(verdicts.assign(**texts)).to_dict("records"):
         judged.setdefault(row["id"], []).append(Judgement(**row))
-    order = list(SOURCES)
     return {
-        row["id"]: Cell(**row, judgements=tuple(sorted(judged[row["id"]], key=lambda each: order.index(each.source))))
+        row["id"]: Cell(**row, judgements=tuple(judged[row["id"]]))
         for row in published.cells().reset_index().to_dict("records")
         if row["id"] in judged
     }
@@ -143,7 +160,7 @@ def number(value: float, digits: int = 5) -> str:
 
 
 def like_printed(value: float, printed: str) -> str:
-    """Write our number with the digits of the printed one; with four significant digits where that shows nothing."""
+    """Write our number with the digits of the printed one, or with more where that shows nothing."""
     if math.isnan(value):
         return ""
     try:
@@ -156,4 +173,10 @@ def like_printed(value: float, printed: str) -> str:
     return text if abs(float(text) - value) <= 0.02 * abs(value) else number(value, 3)
 
 
-TEMPLATES.globals.update(signs=SIGNS, meanings=MEANINGS, sources=SOURCES, evidence=EVIDENCE, number=number)
+TEMPLATES.globals.update(
+    signs=SIGNS,
+    meanings=MEANINGS,
+    sources=SOURCES,
+    evidence=EVIDENCE,
+    number=number,
+)

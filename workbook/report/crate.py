@@ -3,62 +3,72 @@
 import json
 import re
 from pathlib import Path
+from typing import Any
 from urllib.parse import quote
 
 import yaml
-from rocrate.model.contextentity import ContextEntity
-from rocrate.rocrate import ROCrate
 
 from replication.authors import AUTHORS_URL
 from replication.files import ROOT
+from workbook.outcomes import load_outcomes
 from workbook.report import TEMPLATES
 from workbook.report.cells import notebook_source
-from workbook.report.figures import load_pictures
 
-FORMATS = {"json": "application/json", "md": "text/markdown", "pdf": "application/pdf"}  # of others: text/ and ending
-NOT_ARCHIVED = re.compile(r"(lab|quick)/|(run|ro-crate-metadata)\.json|(.*/)?\.")  # what git ignores; the crate itself
+# The term sha256 is newer than RO-Crate 1.1.
+CONTEXT = ["https://w3id.org/ro/crate/1.1/context", {"sha256": "http://schema.org/sha256"}]
+# Of other files: text/ and their ending.
+FORMATS = {"json": "application/json", "md": "text/markdown", "pdf": "application/pdf"}
+# What git ignores, and the crate itself.
+NOT_ARCHIVED = re.compile(r"(lab|quick)/|(run|ro-crate-metadata)\.json|(.*/)?\.")
+EUPL = {"@id": "https://spdx.org/licenses/EUPL-1.2"}
 
 
-def describe_results(results: Path) -> dict:
-    """Describe a results folder as an RO-Crate 1.1: its files, and what each notebook's run read and made.
+def describe_results(results: Path) -> dict[str, Any]:
+    """Describe a results folder as an RO-Crate 1.1: its files, and what each run read and made.
 
-    A crate's files lie in its folder or on the web. Notebooks, figures and data of the project lie beside the results,
-    and the project has no public address: they are contextual entities, named "#" and their path in the project.
+    A crate's files lie in its folder or on the web. Notebooks, figures and data of the project lie
+    beside the results, and the project has no public address: they are contextual entities, named
+    "#" and their path in the project.
     """
-    cited, checked = (yaml.safe_load((ROOT / name).read_text("utf-8")) for name in ("CITATION.cff", "codecheck.yml"))
-    comments = {entry["file"].removeprefix("results/"): entry["comment"] for entry in checked["manifest"]}
-    crate = ROCrate(version="1.1")
-    crate.metadata.extra_terms["sha256"] = "http://schema.org/sha256"  # newer than the terms of RO-Crate 1.1
-    for entity in json.loads(TEMPLATES.get_template("crate.json.j2").render(cited=cited)):
-        crate.add_or_update_jsonld(entity)
+    cited = yaml.safe_load((ROOT / "CITATION.cff").read_text("utf-8"))
+    checked = yaml.safe_load((ROOT / "codecheck.yml").read_text("utf-8"))
+    comments = {entry["file"]: entry["comment"] for entry in checked["manifest"]}
+    given = json.loads(TEMPLATES.get_template("crate.json.j2").render(cited=cited))
+    graph: dict[str, dict[str, Any]] = {entity["@id"]: entity for entity in given}
 
-    def add(kind: str, identifier: str, name: str, **properties: object) -> ContextEntity:
-        return crate.add(ContextEntity(crate, identifier, {"@type": kind, "name": name, **properties}))
+    def add(identifier: str, kind: str, name: str, **about: object) -> dict[str, str]:
+        """Add an entity, if it is not there yet; return how others refer to it."""
+        graph.setdefault(identifier, {"@id": identifier, "@type": kind, "name": name, **about})
+        return {"@id": identifier}
 
     for file in sorted(path.relative_to(results).as_posix() for path in results.rglob("*.*")):
         if not NOT_ARCHIVED.match(file):
             ending = file.rpartition(".")[2]
-            about = {"name": comments.get(file, file), "encodingFormat": FORMATS.get(ending, f"text/{ending}")}
-            crate.add_file(dest_path=file, properties=about)
-    pictures = load_pictures(results)
-    for notebook, made_from in json.loads((results / "provenance.json").read_text("utf-8")).items():
+            name = comments.get(f"results/{file}", file)
+            add(file, "File", name, encodingFormat=FORMATS.get(ending, f"text/{ending}"))
+    whole = graph["./"]
+    for notebook, outcome in load_outcomes(results).items():
+        made_from, source = outcome["made_from"], notebook_source(notebook)
         read = []
         for name, digest in made_from["inputs"].items():
-            about = {"name": name, "sha256": digest, "license": crate.get("https://spdx.org/licenses/EUPL-1.2")}
-            read.append(crate.add_file(AUTHORS_URL + quote(name), properties=about))
+            read.append(add(AUTHORS_URL + quote(name), "File", name, sha256=digest, license=EUPL))
         for name, digest in made_from["sources"].items():
-            if not name.endswith(".py"):  # the digests of the modules, which are many, are in provenance.json
-                inside = crate.get(name.removeprefix("results/"))
-                read.append(inside or add("CreativeWork", f"#{name}", name, sha256=digest))
-        source, versions = notebook_source(notebook), {"Python": made_from["python"], **made_from["packages"]}
-        software = [add("SoftwareApplication", f"#{name}-{v}", name, version=v) for name, v in versions.items()]
+            inside = name.removeprefix("results/")
+            if inside in graph:
+                read.append({"@id": inside})
+            elif not name.endswith(".py"):  # those of the modules, which are many, are in provenance.json
+                read.append(add(f"#{name}", "CreativeWork", name, sha256=digest))
+        versions = {"Python": made_from["python"]} | made_from["packages"]
+        software = []
+        for name, version in versions.items():
+            software.append(add(f"#{name}-{version}", "SoftwareApplication", name, version=version))
         about = {"sha256": made_from["sources"][source], "softwareRequirements": software}
-        program = add("SoftwareSourceCode", f"#{source}", source, **about)
-        closing = (ROOT / source).read_text("utf-8").partition("workbook.export(")[2]
-        tables = [f"{name}.csv" for name in dict.fromkeys(re.findall(r'"(\w+)":', closing))]
-        made = [*filter(None, map(crate.get, tables)), crate.get(f"outcomes/{notebook}.json")]
-        for picture in (picture for picture in pictures if picture.notebook == notebook):
-            made.append(add("ImageObject", f"#figures/{picture.name}.svg", picture.name, caption=picture.caption))
-        about = {"agent": crate.root_dataset["author"], "instrument": program, "object": read, "result": made}
-        crate.root_dataset.append_to("mentions", add("CreateAction", f"#run-{notebook}", f"Run of {source}", **about))
-    return crate.metadata.generate()
+        program = add(f"#{source}", "SoftwareSourceCode", source, **about)
+        made = [{"@id": file} for file in (*outcome["files"], f"outcomes/{notebook}.json")]
+        for name, figure in outcome["figures"].items():
+            made.append(add(f"#figures/{name}.svg", "ImageObject", name, caption=figure["caption"]))
+        about = {"agent": whole["author"], "instrument": program, "object": read, "result": made}
+        add(f"#run-{notebook}", "CreateAction", f"Run of {source}", **about)
+    for key, kind in (("hasPart", "File"), ("mentions", "CreateAction")):
+        whole[key] = [{"@id": name} for name, entity in graph.items() if entity["@type"] == kind]
+    return {"@context": CONTEXT, "@graph": list(graph.values())}

@@ -1,9 +1,8 @@
-"""The figures that the notebooks exported: what each shows, which notebook made it, and the drawing."""
+"""The figures that the notebooks exported: what each shows, its notebook, and the drawing."""
 
 import base64
 import html
 import io
-import json
 import math
 import re
 from dataclasses import dataclass
@@ -12,18 +11,24 @@ from pathlib import Path
 
 from markupsafe import Markup
 from PIL import Image
-from scour import scour
+
+from workbook.outcomes import load_outcomes
 
 FIGURE_NAME = re.compile(r"(figure|table|equation)0*(\d+)_")
-IN_ADDRESS = str.maketrans({"%": "%25", "#": "%23"})
-SCOUR = scour.parse_args(["--remove-metadata", "--enable-comment-stripping", "--enable-id-stripping", "--shorten-ids"])
+IN_ADDRESS = str.maketrans({"%": "%25", "#": "%23", '"': "'"})
+# Of an SVG: what a page does not show; names, and what refers to them; coordinates, and long numbers.
+NOT_DRAWN = re.compile(r"<\?xml.*?\?>|<!DOCTYPE.*?>|<!--.*?-->|<metadata>.*?</metadata>", re.DOTALL)
+NAMED = re.compile(r' id="([^"]+)"')
+REFERRED = re.compile(r'(?<=href="#)[^"]+|(?<=url\(#)[^)]+')
+PLACED = re.compile(r'(?:\bd="|\b[xy]="|translate\()[^")]+')
+LONG = re.compile(r"-?\d+\.\d\d+")
 COLOURS = 48  # enough for lines and markers with smooth edges; a third of the size
 DOTS_PER_SHOWN_DOT = 1.5
 
 
 @dataclass(frozen=True)
 class Picture:
-    """A figure: its name, the notebook that made it, what to see, its axes in words, and the PNG file."""
+    """A figure: its name, its notebook, what to see, its axes in words, and the PNG file."""
 
     name: str
     notebook: str
@@ -48,7 +53,7 @@ class Picture:
         return f"{self.caption} Axes: {self.axes}." if self.axes else self.caption
 
     def image(self, longest: float = math.inf) -> Markup:
-        """The drawing as an element of a page, at half its size if its data address is longer than this."""
+        """The drawing as an element of a page, at half its size if its address is longer."""
         content = self.file.read_bytes()
         source = reduce_png(content)
         if len(source) > longest:
@@ -57,8 +62,8 @@ class Picture:
 
     def vector(self) -> Markup:
         """The drawing as vectors, with what a page does not need left out."""
-        drawing = scour.scourString(self.file.with_suffix(".svg").read_text(encoding="utf-8"), SCOUR)
-        return self._element("data:image/svg+xml," + " ".join(drawing.replace('"', "'").translate(IN_ADDRESS).split()))
+        drawing = reduce_svg(self.file.with_suffix(".svg").read_text(encoding="utf-8"))
+        return self._element("data:image/svg+xml," + drawing.translate(IN_ADDRESS))
 
     def _element(self, source: str) -> Markup:
         with Image.open(self.file) as image:
@@ -73,13 +78,14 @@ class Picture:
 
 
 def load_pictures(results: Path) -> list[Picture]:
-    """Load what the notebooks noted of the figures that they exported into the folder beside the results."""
+    """Load what the notebooks noted of their figures, which lie in the folder beside the results."""
     found = []
-    for note in (results / "figures").glob("*.json"):
-        about = json.loads(note.read_text(encoding="utf-8"))
-        file = results.parent / "figures" / f"{note.stem}.png"
-        if file.exists():
-            found.append(Picture(note.stem, about["notebook"], about["caption"], _plain_label(about["axes"]), file))
+    for notebook, outcome in load_outcomes(results).items():
+        for name, about in outcome["figures"].items():
+            file = results.parent / "figures" / f"{name}.png"
+            if file.exists():
+                axes = _plain_label(about["axes"])
+                found.append(Picture(name, notebook, about["caption"], axes, file))
     return sorted(found, key=lambda picture: (picture.notebook, picture.name))
 
 
@@ -95,8 +101,24 @@ def reduce_png(content: bytes, scale: float = 1.0) -> str:
     """Turn a PNG into a data address, with few colours."""
     image = Image.open(io.BytesIO(content)).convert("RGB")
     if scale != 1:
-        image = image.resize((round(scale * image.width), round(scale * image.height)), Image.Resampling.LANCZOS)
-    few = image.quantize(COLOURS, Image.Quantize.FASTOCTREE, dither=Image.Dither.NONE).convert("RGB")
+        size = (round(scale * image.width), round(scale * image.height))
+        image = image.resize(size, Image.Resampling.LANCZOS)
+    few = image.quantize(COLOURS, Image.Quantize.FASTOCTREE, dither=Image.Dither.NONE)
     buffer = io.BytesIO()
-    few.save(buffer, "WEBP", lossless=True, quality=80, method=4)
+    few.convert("RGB").save(buffer, "WEBP", lossless=True, quality=80, method=4)
     return "data:image/webp;base64," + base64.b64encode(buffer.getvalue()).decode("ascii")
+
+
+def reduce_svg(drawing: str) -> str:
+    """Leave out what is not seen: comments, names, spaces, and digits beyond a tenth of a point."""
+    drawing = NOT_DRAWN.sub("", drawing)
+    short = {name: f"i{place}" for place, name in enumerate(dict.fromkeys(REFERRED.findall(drawing)))}
+    drawing = NAMED.sub(lambda name: f' id="{short[name[1]]}"' if name[1] in short else "", drawing)
+    drawing = REFERRED.sub(lambda name: short[name[0]], drawing).replace("xlink:href", "href")
+    drawing = PLACED.sub(lambda place: LONG.sub(_round, place[0]), drawing)
+    drawing = re.sub(r"(?<=[MLQCz:;]) +| +(?=[MLQCz][ \d-])", "", " ".join(drawing.split()))
+    return drawing.replace("> <", "><")
+
+
+def _round(number: re.Match) -> str:
+    return f"{float(number[0]):.1f}"

@@ -1,27 +1,29 @@
-"""What is written as Markdown: the errata as one page for the journal, and the README's block of verdicts."""
+"""What is written as Markdown: the errata, the supplement's list, the README's verdicts."""
 
 from pathlib import Path
 
 from replication import files, published
 from workbook import judging
+from workbook.outcomes import load_outcomes
 from workbook.report import TEMPLATES
+from workbook.report.cells import notebook_source
 from workbook.report.facts import collect_facts
 
-KINDS = {"paper": "in the paper", "public repository": "in the public repository"}
 BEGIN, END = "<!-- status: begin -->\n", "\n<!-- status: end -->"
 
 
-def count_errata() -> str:
-    """Say how many errata there are of each kind."""
-    counts = published.errata()["kind"].value_counts(sort=False)
-    return ", ".join(f"{number} {KINDS.get(str(kind), kind)}" for kind, number in counts.items())
-
-
-def render_errata() -> str:
+def render_errata(facts: dict[str, str]) -> str:
     """Write the errata sheet."""
     errata = published.errata().astype(str).replace(r"\|", r"\\|", regex=True).reset_index()
     rows = errata.to_dict("records")
-    return TEMPLATES.get_template("errata.md.j2").render(counted=count_errata(), errata=rows)
+    return TEMPLATES.get_template("errata.md.j2").render(facts=facts, errata=rows)
+
+
+def render_supplement(results: Path) -> str:
+    """Write the list of the tables that no text and no page needs."""
+    outcomes = load_outcomes(results)
+    listed = {notebook_source(name): outcome["supplement"] for name, outcome in outcomes.items()}
+    return TEMPLATES.get_template("supplement.md.j2").render(listed=listed)
 
 
 def render_status(results: Path) -> str:
@@ -36,7 +38,7 @@ def render_status(results: Path) -> str:
 
 
 def update_readme(readme: Path, results: Path) -> None:
-    """Replace the README's status with what the results say; `ValueError` if its marks are missing."""
+    """Replace the README's status by what the results say; `ValueError` without its marks."""
     text = readme.read_text(encoding="utf-8")
     if BEGIN not in text or END not in text:
         raise ValueError(f"{readme.name}: the marks {BEGIN.strip()} and {END.strip()} are missing")

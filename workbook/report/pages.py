@@ -1,12 +1,14 @@
-"""Every executed notebook as a page that a browser shows as it is: no script, no network, light, and linked."""
+"""Every executed notebook as a page for a browser: no script, no network, light, and linked."""
 
 import ast
 import base64
 import html
+import json
 import posixpath
 import re
 from collections.abc import Iterator, Sequence
 from pathlib import Path
+from typing import Any
 
 import nbformat
 import pandas as pd
@@ -19,54 +21,76 @@ from workbook import judging
 from workbook.checkout import notebook_files
 from workbook.report import TEMPLATES
 from workbook.report.cells import notebook_source
-from workbook.report.explorers import render_replay_explorer, render_signature_explorer
 from workbook.report.figures import Picture, load_pictures, reduce_png
 
 HEADING = re.compile(r"^#{1,4} (.+)$", re.MULTILINE)
-FORMULA = re.compile(r'<math[^>]*? alttext="([^"]*)".*?</math>', re.DOTALL)
-TAG = re.compile(r"<[^>]+>")
 TABLE_NUMBER = re.compile(r"<td>(-?\d+\.\d+(?:e[+-]?\d+)?|-?\d+e[+-]?\d+)</td>")
 LONG_NUMBER = re.compile(r"-?\d+\.\d{7,}(?!\d|e)")
-SHORT_TEXT = re.compile(r"<(th)>([^<]{1,14})</th>|<(td)>([A-Za-z][^<]{0,40})</td>")  # not to be broken into lines
-UNCOLOURED = re.compile(r'<span class="(?:[npow]|m[if]|n[acdefnv]|vm)">([^<]*)</span>')  # code without a colour
+# Not to be broken into lines.
+SHORT_TEXT = re.compile(r"<(th)>([^<]{1,14})</th>|<(td)>([A-Za-z][^<]{0,40})</td>")
+# Code without a colour.
+UNCOLOURED = re.compile(r'<span class="(?:[npow]|m[if]|n[acdefnv]|vm)">([^<]*)</span>')
 SCRIPT = "<script"  # an animation has one
 DIGITS = 4  # of a number in a table; the exported CSV has six
+SCROLLS = '<div class="wide" tabindex="0" role="group" aria-label="table, scrolls sideways">'
+Notebook = Sequence[nbformat.NotebookNode]
 
 
 def render_pages(results: Path, notebooks: Path, verdicts: pd.DataFrame) -> dict[str, str]:
     """Render the page of every executed notebook in a folder, by the notebook's name."""
     pictures = load_pictures(results)
     claims = judging.decided_claims(results)
+    judged = verdicts.join(published.cells()["element"], on="id")
     executed = executed_cells(notebooks)
     names = ["", *executed, ""]
     pages = {}
     for (name, cells), before, after in zip(executed.items(), names, names[2:], strict=False):
         title, *sections = headings(cells)
         source = notebook_source(name)
-        shown = list(_page_cells(cells, source, [picture for picture in pictures if picture.notebook == name]))
+        own = [picture for picture in pictures if picture.notebook == name]
+        shown = list(_page_cells(cells, source, own))
+        outputs = [output for cell in shown for output in cell.get("outputs", [])]
         pages[name] = TEMPLATES.get_template("notebook.html.j2").render(
             source=source,
             title=title,
             cells=shown,
-            has_script=any(SCRIPT in output for cell in shown for output in cell.get("outputs", [])),
+            has_script=any(SCRIPT in output for output in outputs),
             before=before,
             after=after,
-            decides=_decides(name, verdicts, claims),
+            judged=judged[judged["notebook"] == name].to_dict("records"),
+            claims=(claims["notebook"] == name).sum(),
             contents=[(slug(text), text) for text in sections],
         )
-    explorers = {"signature": render_signature_explorer(results), "replay": render_replay_explorer(results)}
-    return pages | {f"{name}_explorer": page for name, page in explorers.items() if page}
+    for name in explorers(results):
+        pages[name] = TEMPLATES.get_template(f"{name}.html.j2").render(load_drawn(results, name))
+    return pages
 
 
-def executed_cells(notebooks: Path) -> dict[str, list[nbformat.NotebookNode]]:
-    """Cells of the executed notebooks in a folder, by the notebook's name; not of those whose source is gone."""
-    files, sources = notebook_files("ipynb", notebooks), notebook_files("py")
-    return {name: nbformat.read(file, as_version=4).cells for name, file in files.items() if name in sources}
+def explorers(results: Path) -> list[str]:
+    """Names of the pages that a reader can play with, for which notebooks exported data."""
+    return sorted(file.stem for file in (results / "pages").glob("*_explorer.json"))
 
 
-def headings(cells: Sequence[nbformat.NotebookNode]) -> list[str]:
+def load_drawn(results: Path, page: str) -> dict[str, Any]:
+    """Load what a notebook exported for a page to draw; empty if there is none."""
+    file = results / "pages" / f"{page}.json"
+    return json.loads(file.read_text(encoding="utf-8")) if file.exists() else {}
+
+
+def executed_cells(notebooks: Path) -> dict[str, Notebook]:
+    """Cells of the executed notebooks in a folder by name; not of those whose source is gone."""
+    sources = notebook_files("py")
+    return {
+        name: nbformat.read(file, as_version=4).cells
+        for name, file in notebook_files("ipynb", notebooks).items()
+        if name in sources
+    }
+
+
+def headings(cells: Notebook) -> list[str]:
     """A notebook's headings, formulas as they are written: the first is its title."""
-    return [text for cell in cells if cell.cell_type == "markdown" for text in HEADING.findall(cell.source)]
+    texts = [cell.source for cell in cells if cell.cell_type == "markdown"]
+    return [heading for text in texts for heading in HEADING.findall(text)]
 
 
 def slug(text: str) -> str:
@@ -74,8 +98,8 @@ def slug(text: str) -> str:
     return re.sub(r"[^a-z0-9]+", "-", re.sub(r"[$\\]", "", text.lower())).strip("-")
 
 
-def cell_anchors(cells: Sequence[nbformat.NotebookNode]) -> list[str]:
-    """Name each cell after the heading above it and its place there, whatever cells are added under other headings."""
+def cell_anchors(cells: Notebook) -> list[str]:
+    """Name each cell after the heading above it and its place there, whatever stands elsewhere."""
     section, position, anchors = "top", 0, []
     for cell in cells:
         if found := headings([cell]):
@@ -85,40 +109,40 @@ def cell_anchors(cells: Sequence[nbformat.NotebookNode]) -> list[str]:
     return anchors
 
 
-def _page_cells(cells: Sequence[nbformat.NotebookNode], source: str, pictures: list[Picture]) -> Iterator[dict]:
-    """A notebook's cells as HTML, without those that export; an exported figure stands under the cell that draws it."""
+def _page_cells(cells: Notebook, source: str, pictures: list[Picture]) -> Iterator[dict]:
+    """A notebook's cells as HTML, but for plumbing; a figure stands under the cell that draws it."""
     highlight = Highlight2HTML(pygments_lexer="python3")
     drawn = drawing_cells(cells)
     for position, (cell, anchor) in enumerate(zip(cells, cell_anchors(cells), strict=True)):
         tags = cell.metadata.get("tags", [])
         if cell.cell_type == "markdown":
-            yield {"anchor": anchor, "kind": "markdown", "body": render_markdown(cell.source, source)}
+            body = render_markdown(cell.source, source)
+            yield {"anchor": anchor, "kind": "markdown", "body": body}
         elif cell.cell_type == "code" and "plumbing" not in tags:
             own = [picture for picture in pictures if drawn.get(picture.name) == position]
-            outputs = list(filter(None, (_render_output(output, bool(own)) for output in cell.outputs)))
-            kind = "solution" if "solution" in tags else "code"
-            body = UNCOLOURED.sub(r"\1", highlight(cell.source))
-            yield {"anchor": anchor, "kind": kind, "body": body, "outputs": outputs, "pictures": own}
+            outputs = [_render_output(output, bool(own)) for output in cell.outputs]
+            yield {
+                "anchor": anchor,
+                "kind": "solution" if "solution" in tags else "code",
+                "body": UNCOLOURED.sub(r"\1", highlight(cell.source)),
+                "outputs": list(filter(None, outputs)),
+                "pictures": own,
+            }
 
 
-def drawing_cells(cells: Sequence[nbformat.NotebookNode]) -> dict[str, int]:
-    """Position of the last cell that assigns each figure that the closing cell exports, by the exported name."""
+def drawing_cells(cells: Notebook) -> dict[str, int]:
+    """Position of the last cell that assigns each figure that the notebook exports, by its name."""
     trees = [ast.parse(cell.source if cell.cell_type == "code" else "") for cell in cells]
+    nodes = [(position, node) for position, tree in enumerate(trees) for node in ast.walk(tree)]
     assigned = {
-        node.id: position
-        for position, tree in enumerate(trees)
-        for node in ast.walk(tree)
-        if isinstance(node, ast.Name) and isinstance(node.ctx, ast.Store)
+        node.id: position for position, node in nodes if isinstance(node, ast.Name) and isinstance(node.ctx, ast.Store)
     }
-    exported = [
-        (key.value, value.elts[0].id)
-        for tree in trees
-        for node in ast.walk(tree)
-        if isinstance(node, ast.keyword) and node.arg == "figures" and isinstance(node.value, ast.Dict)
-        for key, value in zip(node.value.keys, node.value.values, strict=True)
-        if isinstance(key, ast.Constant) and isinstance(value, ast.Tuple) and isinstance(value.elts[0], ast.Name)
-    ]
-    return {str(name): assigned[variable] for name, variable in exported}
+    found = {}
+    for _, node in nodes:
+        if isinstance(node, ast.keyword) and node.arg == "figures":
+            for name, variable in re.findall(r"'(\w+)': \((\w+),", ast.unparse(node.value)):
+                found[name] = assigned[variable]
+    return found
 
 
 def _render_output(output: nbformat.NotebookNode, has_picture: bool) -> str:
@@ -135,41 +159,35 @@ def _render_output(output: nbformat.NotebookNode, has_picture: bool) -> str:
     if "text/html" in data:
         text = data["text/html"]
         return text if SCRIPT in text else _render_table(text)
-    plain = LONG_NUMBER.sub(lambda found: f"{float(found[0]):.{DIGITS}g}", data.get("text/plain", ""))
+    plain = LONG_NUMBER.sub(lambda found: _shorten(found[0]), data.get("text/plain", ""))
     return f"<pre>{ansi2html(plain)}</pre>"
 
 
 def _render_table(text: str) -> str:
-    """A data frame as a plain table that scrolls by itself where it is wide, with sensible digits."""
+    """A data frame as a plain table that scrolls by itself where it is wide, with few digits."""
     text = re.sub(r"<style.*?</style>|</?div>", "", text, flags=re.DOTALL)
-    text = text.replace(' border="1" class="dataframe"', "").replace(' style="text-align: right;"', "")
-    text = text.replace("<th></th>", '<td class="corner"></td>').replace("<td>NaN</td>", "<td>–</td>")
+    text = re.sub(r' border="1" class="dataframe"| style="text-align: right;"', "", text)
+    text = text.replace("<th></th>", '<td class="corner"></td>')
+    text = text.replace("<td>NaN</td>", "<td>–</td>")
     text = SHORT_TEXT.sub(r'<\1\3 class="short">\2\4</\1\3>', text)
-    text = TABLE_NUMBER.sub(lambda found: f'<td class="number">{float(found[1]):.{DIGITS}g}</td>', text)
-    return f'<div class="wide" tabindex="0" role="group" aria-label="table, scrolls sideways">{text.strip()}</div>'
+    text = TABLE_NUMBER.sub(lambda found: f'<td class="number">{_shorten(found[1])}</td>', text)
+    return f"{SCROLLS}{text.strip()}</div>"
 
 
-def _decides(name: str, verdicts: pd.DataFrame, claims: pd.DataFrame) -> list[tuple[str, str, str]]:
-    """What a notebook decides: the anchor in the report, the element, and its verdicts counted in words."""
-    own = verdicts[verdicts["notebook"] == name]
-    element = published.cells()["element"].reindex(own["id"]).to_numpy()
-    parts = []
-    for key, part in own["verdict"].groupby(element, sort=False):
-        counted = ", ".join(f"{n} {verdict}" for verdict, n in part.value_counts(sort=False).items())
-        parts.append((slug(str(key)), str(key), f"{len(part)} judgements: {counted}"))
-    decided = (claims["notebook"] == name).sum()
-    return [*parts, ("claims", "Claims", f"{decided} decided")] if decided else parts
+def _shorten(number: str) -> str:
+    return f"{float(number):.{DIGITS}g}"
 
 
 # Markdown with its formulas as MathML, which browsers draw without a script or a network
 
 
 class _Renderer(IPythonRenderer):
-    """Renders formulas as MathML, headings with anchors that are theirs alone, links as they lead from a page."""
+    """Renders formulas as MathML, headings with their anchors, links as they lead from a page."""
 
-    def __init__(self, notebook: str) -> None:
+    def __init__(self, source: str, notebook: str) -> None:
         super().__init__(escape=False, exclude_anchor_links=True)
         self.notebook = notebook
+        self.anchors = iter([slug(text) for text in HEADING.findall(source)])
 
     def link(self, text: str, url: str, title: str | None = None) -> str:
         if not re.match(r"#|\w+:", url):
@@ -187,17 +205,18 @@ class _Renderer(IPythonRenderer):
         return _render_formula(f"\\begin{{{name}}}{body}\\end{{{name}}}", "block")
 
     def heading(self, text: str, level: int, **attrs: object) -> str:
-        written = html.unescape(TAG.sub("", FORMULA.sub(r"\1", text)))
-        return f'<h{level} id="{slug(written)}">{text}</h{level}>\n'
+        return f'<h{level} id="{next(self.anchors)}">{text}</h{level}>\n'
 
 
 def _render_formula(latex: str, display: str) -> str:
     """Turn a formula into MathML, its source as what is read where MathML is not known."""
-    focus = ' tabindex="0"' if display == "block" else ""  # a wide one scrolls, so the keyboard must reach it
-    named = f'<math alttext="{html.escape(latex.strip())}"{focus} '
-    return convert(latex.strip().replace("\\tag{", "\\qquad\\tag{"), display=display).replace("<math ", named)
+    latex = latex.strip()
+    focus = ' tabindex="0"' if display == "block" else ""  # a wide one scrolls by keyboard too
+    named = f'<math alttext="{html.escape(latex)}"{focus} '
+    drawn = convert(latex.replace("\\tag{", "\\qquad\\tag{"), display=display)
+    return drawn.replace("<math ", named)
 
 
 def render_markdown(source: str, notebook: str) -> str:
-    """Turn a notebook's markdown into a page's HTML: formulas as MathML, headings with their slug as id."""
-    return str(MarkdownWithMath(renderer=_Renderer(notebook))(source))
+    """Turn a notebook's markdown into a page's HTML, headings with their slug as id."""
+    return str(MarkdownWithMath(renderer=_Renderer(source, notebook))(source))

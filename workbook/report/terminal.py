@@ -1,8 +1,9 @@
-"""Cells, elements and claims on a terminal: in the paper's shape, with colour where there is one."""
+"""Cells, elements and claims on a terminal, in the paper's shape."""
 
 import os
 import sys
 import textwrap
+from collections.abc import Mapping
 from pathlib import Path
 
 import pandas as pd
@@ -12,7 +13,7 @@ from workbook import judging
 from workbook.report import TEMPLATES
 from workbook.report.cells import SIGNS, Cell, judged_cells, judged_claims, notebook_source
 from workbook.report.facts import collect_facts, fill
-from workbook.report.tables import LAYOUTS, Entry
+from workbook.report.tables import LAYOUTS, Entry, table_rows
 
 COLOURS = {"reproduced": 32, "holds": 32, "erratum": 35, "differs": 31, "does not hold": 31}
 WIDTH, LABEL_WIDTH = 100, 16
@@ -36,36 +37,41 @@ def paint(text: str, verdict: str, colour: bool) -> str:
 
 
 def verdict_tables(verdicts: pd.DataFrame, colour: bool) -> str:
-    """Write every printed number beside ours, element by element in the paper's shape, then the counts."""
+    """Write every printed number beside ours, element by element, then the counts."""
     cells = judged_cells(verdicts)
-    elements = dict.fromkeys(cell.element for cell in cells.values())
     counts = judging.verdict_counts(verdicts).sum().astype(int).to_dict()
     evidence = sum(counts.get(name, 0) for name in judging.EVIDENCE)
-    signs = ", ".join(f"{SIGNS[name]} {name} {count}" for name, count in counts.items())
-    summary = f"{evidence} of {len(cells)} printed numbers are decided by evidence: {signs}"
-    legend = "Each cell: printed | ours, first from the authors' data if there are any, then from our simulation.\n"
-    legend += f"{', '.join(f'{SIGNS[name]} {name}' for name in counts)}."
-    return "\n\n".join([legend, *(_element(name, cells, colour) for name in elements), summary])
+    signs = ", ".join(f"{SIGNS[name]} {name}" for name in counts)
+    legend = "Each cell: printed | ours, from the authors' data if there are any, then from our simulation."
+    counted = ", ".join(f"{SIGNS[name]} {name} {count}" for name, count in counts.items())
+    summary = f"{evidence} of {len(cells)} printed numbers are decided by evidence: {counted}"
+    elements = dict.fromkeys(cell.element for cell in cells.values())
+    parts = [f"{legend}\n{signs}.", *(_element(name, cells, colour) for name in elements), summary]
+    return "\n\n".join(parts)
 
 
-def _element(element: str, cells: dict[str, Cell], colour: bool) -> str:
-    """An element's cells, each as "printed | ours sign": ours from the authors' data, then from our simulation."""
-    layout = next((layout for layout in LAYOUTS if layout.element == element), None)
+def _element(element: str, cells: Mapping[str, Cell], colour: bool) -> str:
+    """An element's cells, each as "printed | ours sign", ours from each source that judges it."""
+    layout = next((layout for layout in LAYOUTS if layout["element"] == element), None)
     grid: list[list[Entry]]
     if layout:
-        title = f"{element}  {layout.caption}"
-        grid = [[layout.row_heading, *(column.heading for column in layout.columns)]]
-        grid += [[heading, *entries] for heading, entries in layout.rows(cells)]
+        title = f"{element}  {layout['caption']}"
+        grid = [[layout["row_heading"], *(column["heading"] for column in layout["columns"])]]
+        grid += [[heading, *entries] for heading, entries in table_rows(layout, cells)]
     else:
         title = element
         own = [cell for cell in cells.values() if cell.element == element]
-        names = [cell.row if cell.column == "value" else cell.column for cell in own]
-        units = ["" if cell.unit == "1" else cell.unit for cell in own]
-        grid = [[name, cell, unit, cell.id] for name, cell, unit in zip(names, own, units, strict=True)]
-    widths = [max(len(_short(line[place])) for line in grid) for place in range(len(grid[0]))]
+        grid = []
+        for cell in own:
+            name = cell.row if cell.column == "value" else cell.column
+            grid.append([name, cell, "" if cell.unit == "1" else cell.unit, cell.id])
+    widths = [max(len(_short(entry)) for entry in column) for column in zip(*grid, strict=True)]
     lines = [title]
     for line in grid:
-        padded = [paint(f"{_short(e):<{w}}", _verdict(e), colour) for e, w in zip(line, widths, strict=True)]
+        padded = []
+        for entry, width in zip(line, widths, strict=True):
+            verdict = entry.deciding.verdict if isinstance(entry, Cell) else ""
+            padded.append(paint(f"{_short(entry):<{width}}", verdict, colour))
         lines.append("  " + "  ".join(padded).rstrip())
     return "\n".join(lines)
 
@@ -77,43 +83,37 @@ def _short(entry: Entry) -> str:
     return f"{entry.printed} | {', '.join(ours)}"
 
 
-def _verdict(entry: Entry) -> str:
-    return entry.deciding.verdict if isinstance(entry, Cell) else ""
-
-
 def find_surprises(verdicts: pd.DataFrame) -> tuple[list[str], list[str]]:
-    """Cells that differ and are not among the known differences, and known ones that no longer differ."""
+    """Cells that differ unexpectedly, and known differences that no longer differ."""
     known, differs = published.known_differences(), verdicts[verdicts["verdict"] == "differs"]
-    expected, found, run = (set(zip(table["id"], table["source"], strict=True)) for table in (known, differs, verdicts))
-    new = "{} ({}) differs and is not a known difference"
-    gone = "{} ({}) is a known difference and no longer differs"
-    return (
-        [new.format(*each) for each in sorted(found - expected)],
-        [gone.format(*each) for each in sorted((expected - found) & run)],
+    expected, found, run = (
+        {f"{row.id} ({row.source})" for row in table.itertuples()} for table in (known, differs, verdicts)
     )
+    new = [f"{cell} differs and is not a known difference" for cell in sorted(found - expected)]
+    gone = sorted((expected - found) & run)
+    return new, [f"{cell} is a known difference and no longer differs" for cell in gone]
 
 
 def show(name: str, results: Path, verdicts: pd.DataFrame, colour: bool) -> str:
     """Describe a cell, an element, a claim or an erratum."""
-    wanted = name.lower().replace(" ", "")
-    cells = judged_cells(verdicts)
-    kinds: dict[str, dict] = {
+    wanted, cells = judging.squeeze(name), judged_cells(verdicts)
+    facts, errata = collect_facts(results, verdicts), published.errata()
+    errata["computed"] = [fill(text, facts) for text in errata["computed"]]
+    kinds: dict[str, Mapping] = {
         "cell": cells,
         "claim": {row["id"]: row for row in judged_claims(results)},
-        "erratum": published.errata().to_dict("index"),
+        "erratum": errata.to_dict("index"),
     }
     for kind, found in kinds.items():
         for key, item in found.items():
             if key.lower() == wanted:
-                if kind == "erratum":
-                    item["computed"] = fill(item["computed"], collect_facts(results, verdicts))
                 return _describe(kind, item, colour)
     for element in (cell.element for cell in cells.values()):
-        if element.lower().replace(" ", "") == wanted:
+        if judging.squeeze(element) == wanted:
             return _element(element, cells, colour)
     near = [cell for cell in cells if wanted in cell.lower()][:6]
-    hint = f"; did you mean {', '.join(near)}?" if near else "; `python -m workbook check` lists all cells"
-    raise Unknown(f"{name}: no such cell, element, claim or erratum{hint}")
+    hint = f"did you mean {', '.join(near)}?" if near else "`python -m workbook check` lists all cells"
+    raise Unknown(f"{name}: no such cell, element, claim or erratum; {hint}")
 
 
 def _describe(kind: str, item: object, colour: bool) -> str:
@@ -123,8 +123,9 @@ def _describe(kind: str, item: object, colour: bool) -> str:
         verdict=lambda name: paint(f"{SIGNS[name]} {name}", name, colour),
         notebook=lambda name: f"{notebook_source(name)}; results/pages/{name}.html#verdict",
     )
-    lines = (line.partition(": ") for line in text.splitlines())
-    indent = " " * LABEL_WIDTH
-    return "\n".join(
-        textwrap.fill(f"{label:<{LABEL_WIDTH}}{said}", WIDTH, subsequent_indent=indent) for label, _, said in lines
-    )
+    lines = []
+    for line in text.splitlines():
+        label, _, said = line.partition(": ")
+        indented = f"{label:<{LABEL_WIDTH}}{said}"
+        lines.append(textwrap.fill(indented, WIDTH, subsequent_indent=" " * LABEL_WIDTH))
+    return "\n".join(lines)

@@ -1,0 +1,135 @@
+"""Facts: what texts name in braces comes from the notebooks and the verdicts, and moves with them."""
+
+import json
+import re
+import shutil
+from collections import Counter
+
+import numpy as np
+import pandas as pd
+import pytest
+
+import workbook
+from replication import published
+from replication.replay.protocols import describe_candidates
+from workbook import judging, outcomes
+from workbook.checkout import RESULTS
+from workbook.report import article, facts, markdown
+
+VERDICTS = judging.verdicts(RESULTS)
+ARTICLE = article.SOURCE.read_text(encoding="utf-8")
+IN_BRACES = re.compile(r"\{(\w+)\}")
+IN_ARTICLE = re.compile(r'\b(?:n|w|W|be|[aA]ll-of)\("(\w+)"')
+IN_TEMPLATE = re.compile(r"facts\.(\w+)")
+
+
+def named():
+    """Every name of a fact in a text."""
+    data = [published.findings()["text"], published.errata()["computed"], published.trail()["counts"]]
+    found = {name for texts in data for text in texts for name in IN_BRACES.findall(text)}
+    for file in (workbook.ROOT / "workbook" / "report" / "templates").glob("*.j2"):
+        found |= set(IN_TEMPLATE.findall(file.read_text(encoding="utf-8")))
+    return found | set(IN_ARTICLE.findall(ARTICLE))
+
+
+def test_every_name_in_a_text_is_a_fact():
+    found = facts.collect_facts(RESULTS, VERDICTS)
+    assert len(named()) > 100
+    assert {name for name in named() if not found.get(name)} == set()
+
+
+def test_every_fact_is_named_in_a_text_and_exported_by_one_notebook():
+    exported = Counter(name for outcome in outcomes.load_outcomes(RESULTS).values() for name in outcome["facts"])
+    assert set(exported) - named() == set()
+    assert set(exported.values()) == {1}
+    counted = facts.count_verdicts(VERDICTS, judging.decided_claims(RESULTS))
+    assert set(exported) & set(counted) == set()
+
+
+def test_a_fact_that_moves_moves_the_texts(tmp_path):
+    shutil.copytree(RESULTS / "outcomes", tmp_path / "outcomes")
+    file = tmp_path / "outcomes" / "01_signature_figure6.json"
+    outcome = json.loads(file.read_text(encoding="utf-8"))
+    outcome["facts"] |= {"replayed": "1234", "replay_apart": "7e-08"}
+    file.write_text(json.dumps(outcome), encoding="utf-8")
+    content = article.collect_content(tmp_path)["facts"]
+    said = " ".join(each["text"] for each in facts.fill_in_findings(content))
+    assert (content["replayed"], content["replay_apart"]) == ("1234", "7·10⁻⁸")
+    assert "1234 find the same lowest misfit (within 7·10⁻⁸ rps)" in said
+
+
+def test_a_verdict_that_moves_moves_the_counts_in_the_readme_and_the_texts(tmp_path):
+    shutil.copytree(RESULTS / "outcomes", tmp_path / "outcomes")
+    before = facts.collect_facts(tmp_path, VERDICTS)
+    file = tmp_path / "outcomes" / "06_characteristic_figure12.json"
+    outcome = json.loads(file.read_text(encoding="utf-8"))
+    next(row for row in outcome["cells"] if row["id"] == "equation10.A2")["numbers"] = 1.0
+    file.write_text(json.dumps(outcome), encoding="utf-8")
+    after = facts.collect_facts(tmp_path, judging.verdicts(tmp_path))
+    assert int(after["differs"]) == int(before["differs"]) + 1
+    assert int(after["equation10_consistent"]) == int(before["equation10_consistent"]) - 1
+    assert markdown.render_status(tmp_path) != markdown.render_status(RESULTS)
+
+
+def test_printed_numbers_are_counted_once_by_element_column_and_who_decides():
+    rows = [
+        ("table2.row02.mean", "authors", "differs", "reproduced"),
+        ("table2.row02.mean", "simulated", "reproduced", "reproduced"),
+        ("table2.row03.theoretical", "simulated", "reproduced", "differs"),
+        ("table4.row01.mean", "stand-in", "stand-in", "stand-in"),
+    ]
+    verdicts = pd.DataFrame(rows, columns=["id", "source", "verdict", "by_tolerance"])
+    claims = pd.DataFrame({"verdict": ["holds", "does not hold", "holds"]})
+    found = facts.count_verdicts(verdicts, claims)
+    expected = {
+        **{"printed": 3, "evidence": 2, "differs": 1, "reproduced": 1, "standin": 1, "erratum": 0},
+        **{"tolerance_reproduced": 1, "tolerance_differs": 1, "simulated_reproduced": 1},
+        **{"table2_differs": 1, "table2_mean_differs": 1, "table2_mean_reproduced": 0, "table4_standin": 1},
+        **{"claims_holds": 2, "claims_does_not_hold": 1, "claims_undecided": 0},
+    }
+    assert {name: found[name] for name in expected} == expected
+    fixed = [found[f"claims_{word}"] for word in ("fixed", "committed", "changed")]
+    assert sum(fixed) == found["claims"] == len(published.claims())
+    kinds = published.errata()["kind"].value_counts()
+    assert found["errata_paper"] == kinds["paper"]
+    assert found["errata_data"] == kinds["against the public data"]
+
+
+def test_a_notebooks_facts_are_texts_counts_and_numbers_in_their_format(tmp_path, monkeypatch):
+    monkeypatch.setenv("REPLICATION_OUT", str(tmp_path))
+    monkeypatch.setenv("REPLICATION_NOTEBOOK", "01_signature_figure6")
+    workbook.export(
+        facts={
+            **{"text": "so", "count": np.int64(3), "number": (0.12345, ".2f"), "missing": (float("nan"), ".1f")},
+            **{"range": (pd.Series([3.0, np.nan, 1.0]), ".0f"), "nothing": ([], ".0f")},
+        }
+    )
+    exported = outcomes.load_outcomes(tmp_path / "results")["01_signature_figure6"]["facts"]
+    assert exported == {"text": "so", "count": "3", "number": "0.12", "range_low": "1", "range_high": "3"}
+
+
+def test_powers_of_ten_are_written_as_by_hand():
+    assert facts.typeset_powers("5.93e-06 rad, 1e5 and 1e-09") == "5.93·10⁻⁶ rad, 10⁵ and 10⁻⁹"
+
+
+def test_the_finding_names_the_protocols_that_explain_the_table():
+    judged = pd.DataFrame({"protocol": ["a", "b", "c"], "p": [0.4, 0.2, 0.01], "explains": [True, True, False]})
+    said = describe_candidates(judged)
+    assert said.startswith("2 of 3 candidate protocols are compatible with Table 2: a (p = 0.4), b")
+    assert "cannot tell them apart" in said
+    assert "The next, c, fails with p = 0.01." in said
+    none = describe_candidates(judged.iloc[2:])
+    assert none.startswith("None of 1 candidate protocols are compatible with Table 2. The next, c, fails")
+
+
+@pytest.mark.parametrize("text", [*published.findings()["text"], *published.errata()["computed"]])
+def test_no_text_types_a_number_that_results_could_change(text):
+    allowed = {"1", "10", "2", "30", "3", "4", "8", "13"}  # names: R = 1, equation 10, Table 2, 30 runs
+    typed = re.findall(r"(?<![\w.{])\d+(?:\.\d+)?(?:e-?\d+)?(?![\w}])", IN_BRACES.sub("", text))
+    assert set(typed) <= allowed
+
+
+def test_no_number_with_decimals_is_typed_in_the_article():
+    prose = ARTICLE[ARTICLE.index("*Abstract.*") :]
+    prose = re.sub(r'#n\("\w+"\)|#figure\(.*?\n\) <\w+>', "", prose, flags=re.DOTALL)
+    assert not re.findall(r"\d+\.\d+", prose)

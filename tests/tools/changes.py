@@ -1,0 +1,71 @@
+"""Changes that notebooks propose, and a notebook run in this process with a change."""
+
+import ast
+import re
+
+import matplotlib.pyplot as plt
+import pytest
+
+from workbook import execution
+from workbook.checkout import notebook_files
+
+NOTEBOOKS = notebook_files("py")
+
+# What an outcome is checked with, where the quick run is still long. A change's own parameter comes last.
+CHEAPER = {
+    "07_protocol_table1": {
+        **{"repeats": 2, "rows": [3, 9], "seed_runs": 1, "today_runs": 1},
+        "variants": ["authors' notebook"],
+    },
+    "08_noise_table2": {"repeats": 30, "realisations": [1, 2, 3, 4, 5]},
+    "09_identification": {"replay_runs": 6, "strategy_runs": 1, "coverage_runs": 1, "budget": 3000},
+    "10_bench_table3": {"benches": 20},
+    "11_robots_table4": {"robots_each": 100, "loud_robots_each": 50, "frequency_step_hz": 10.0},
+    "15_friction_and_wear": {"shares": [0.0, 0.005, 0.02, 0.05], "worn_benches": 1},
+    "18_claims": {"noises": 4, "noise_seeds": 40, "mountings": 1, "bits": [16, 19], "start_angles": 20},
+    "13_readings_compared": {"scored": [3], "healthy": 20, "seen_records": 4},
+}
+
+
+def changes(notebook):
+    """Changes that a notebook proposes, as written."""
+    cells = execution.read_notebook(NOTEBOOKS[notebook]).cells
+    text = next(cell.source for cell in cells if cell.source.startswith("## Try changing"))
+    return [match[1] for line in text.splitlines() if (match := re.match(r"\d\. `([^`]+)`", line))]
+
+
+def parse(change):
+    (assignment,) = ast.parse(change).body
+    return {assignment.targets[0].id: ast.literal_eval(assignment.value)}
+
+
+def run(notebook, parameters, folder):
+    """Run a notebook's cells here, with few repeats; return its variables."""
+    source = execution.read_notebook(NOTEBOOKS[notebook])
+    values = execution.quick_parameters(source) | CHEAPER.get(notebook, {}) | parameters
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("REPLICATION_OUT", str(folder))
+        patch.setenv("REPLICATION_QUICK", "1")
+        variables = _execute(execution.with_parameters(source, values).cells, notebook)
+    plt.close("all")
+    return variables
+
+
+def check(notebook, parameters):
+    """Run a notebook's cells up to the one that checks its parameters; the others have their own values."""
+    cells = execution.with_parameters(execution.read_notebook(NOTEBOOKS[notebook]), parameters).cells
+    last = next(k for k, cell in enumerate(cells) if "check_parameters(" in cell.source)
+    _execute(cells[: last + 1], notebook)
+
+
+def _execute(cells, name):
+    variables = {"display": lambda shown: variables.setdefault("displayed", []).append(shown)}
+    for cell in cells:
+        if cell.cell_type == "code":
+            exec(compile(cell.source, name, "exec"), variables)
+    return variables
+
+
+def says_what_happened(printed):
+    """Whether a notebook prints a sentence, not numbers alone."""
+    return max(len(line) for line in printed.splitlines()) > 60
