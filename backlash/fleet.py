@@ -17,9 +17,7 @@ from backlash.reading.columns import LogFormat
 from backlash.reading.detect import detect_pattern
 from backlash.reading.tables import UnusableLog
 
-SUFFIXES = (
-    ".csv", ".tsv", ".txt", ".dat", ".log", ".gz", ".parquet", ".xlsx", ".h5", ".hdf5", ".mat", ".mf4", ".mcap", ".bag"
-)  # fmt: skip
+SUFFIXES = (".csv", ".tsv", ".txt", ".dat", ".log", ".gz", ".parquet", ".xlsx")
 UNUSABLE = "unusable log: "
 _DIED = "the process that read it died; is it too large for the memory?"
 _WORTH_PROCESSES = 30  # fewer quick estimates take less time than starting processes

@@ -62,7 +62,7 @@ def _parser() -> argparse.ArgumentParser:
     commands = parser.add_subparsers(required=True, metavar="COMMAND", dest="command_name")
 
     sub = add_command(commands, "estimate", _COMMANDS, "backlash (half of the play) from logs of the motor encoder")
-    logs = "CSV, XLSX, Parquet, HDF5, MATLAB, MDF or MCAP files, or folders of them; - is the standard input"
+    logs = "CSV, XLSX or Parquet files, or folders of them; - is the standard input"
     sub.add_argument("log", nargs="*", type=Path, help=logs)
     each = "CSV with the columns file, and period (s), gear_ratio, speed (rps): each log with its own"
     sub.add_argument("--batch", type=Path, metavar="TABLE", help=each)
