@@ -14,7 +14,7 @@ import replication  # noqa: F401  first: it says where compiled code is kept
 __version__ = "0.1.0"
 _MODULE_OF = {
     "Calibration": "calibration", "Estimate": "estimation", "Log": "logs", "Trend": "trend_line",
-    "UnusableLog": "reading.tables", "calibrate": "interface", "estimate": "interface", "read_log": "interface",
+    "UnusableLog": "refusals", "calibrate": "interface", "estimate": "interface", "read_log": "interface",
     "trend": "interface",
 }  # fmt: skip
 __all__ = list(_MODULE_OF)

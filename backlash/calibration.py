@@ -17,7 +17,7 @@ from backlash.fitting import SENSOR_METHODS
 from backlash.fitting.global_fit import GlobalFit
 from backlash.fitting.readings import METHODS, Reading, read, reading_of_fit
 from backlash.fitting.waveform import LEAST_LEVELS, WaveformBank, make_bank, match, mean_turn, samples_a_turn
-from backlash.reading.tables import UnusableLog
+from backlash.refusals import UnusableLog
 from replication.arrays import FloatArray
 from replication.characteristic import RPM_PER_RPS, equation_10, first_rise, printed_levels_rad
 from replication.recording import COMMANDED_SPEED_RPS, TURN_PERIOD_S, Recording

@@ -1,7 +1,6 @@
 """The virtual sensor's commands: `estimate`, `calibrate` and `trend`."""
 
 import argparse
-import io
 import json
 import os
 import re
@@ -22,8 +21,8 @@ from backlash.estimation import Estimate, Settings, as_text, examine, settings_f
 from backlash.logs import STDIN
 from backlash.main import ends_on_interrupt
 from backlash.reading.columns import LogFormat
-from backlash.reading.tables import UnusableLog
-from replication import files
+from backlash.refusals import UnusableLog
+from replication.compiled import cache
 
 _SHORT_NAMES = {  # of columns of --batch
     "period": "turn_period_s", "period_s": "turn_period_s", "speed": "commanded_speed_rps",
@@ -36,7 +35,7 @@ _INPUTS = {
 _OF_A_LOG = {"turn_period_s", "gear_ratio", "commanded_speed_rps", "counts_per_turn", "start_s", "end_s"}
 _FAIL_ON = re.compile(r"cannot-tell|no-backlash|backlash( *> *(\d*\.?\d+) *(m?)rad)?")
 _FAILED = 3  # exit status
-_FIGURE_STAMPS = {".png": {}, ".svg": {"Date": None}, ".pdf": {"CreationDate": None}}  # none, for the same bytes
+_FIGURES = (".png", ".svg", ".pdf")
 
 
 def _said(options: argparse.Namespace) -> dict[str, Any]:
@@ -54,9 +53,8 @@ def _how(options: argparse.Namespace) -> dict[str, Any]:
 
 def _announce_compiling() -> None:
     """Say that the first command on a machine takes long, to those who wait for it."""
-    is_compiled = any(Path(os.environ["NUMBA_CACHE_DIR"]).rglob("*.nbi"))
-    if sys.stderr.isatty() and not is_compiled:
-        print("compiling, once for this machine: about a minute", file=sys.stderr, flush=True)
+    if sys.stderr.isatty() and cache.is_empty():
+        print("compiling, once for this machine: some ten seconds", file=sys.stderr, flush=True)
 
 
 def _check_output(path: Path | None, endings: Sequence[str], option: str) -> None:
@@ -87,17 +85,21 @@ def _is_answers(path: Path | None) -> bool:
     return path is not None and path.is_file() and b"total_play_high_rad" in path.read_bytes()
 
 
-def _write_figure(figure_of: str, path: Path, *shown) -> None:
-    """Write a figure of `plots` whole or not at all, the same bytes each time."""
-    from matplotlib import pyplot as plt
-
+def _write_figure(path: Path, figure_of: str, *shown) -> None:
+    """Write a figure of `plots` whole or not at all."""
     from backlash import plots
 
-    figure, content, ending = getattr(plots, figure_of)(*shown), io.BytesIO(), path.suffix.lower()
-    with plt.rc_context({"svg.hashsalt": "backlash"}):
-        figure.savefig(content, format=ending[1:], dpi=150, metadata=_FIGURE_STAMPS[ending])
-    files.write_bytes(path, content.getvalue())
-    plt.close(figure)
+    write_bytes(path, plots.content_of(getattr(plots, figure_of)(*shown), path.suffix.lower()))
+
+
+def write_bytes(path: Path, content: bytes) -> None:
+    """Write a file whole or not at all."""
+    temporary = path.with_name(f".{path.name}.tmp")
+    try:
+        temporary.write_bytes(content)
+        os.replace(temporary, path)
+    finally:
+        temporary.unlink(missing_ok=True)
 
 
 def _print_answer(as_json: bool, content: object, text: str) -> None:
@@ -106,7 +108,7 @@ def _print_answer(as_json: bool, content: object, text: str) -> None:
 
 def run_estimate(options: argparse.Namespace) -> int:
     """Print or write what logs tell of their backlash."""
-    _check_output(options.plot, tuple(_FIGURE_STAMPS), "--plot")
+    _check_output(options.plot, _FIGURES, "--plot")
     _check_output(options.out, (".csv", ".parquet"), "--out")
     failures = _failures(options.fail_on)
     if bool(options.log) == bool(options.batch):
@@ -170,7 +172,7 @@ def _estimate_one(log: Path, settings: Settings, options: argparse.Namespace) ->
         print(f"--plot: not written, there is no fit to show ({examined.estimate.verdict})", file=sys.stderr)
     elif options.plot:
         title = text.splitlines()[0].removeprefix(str(log)).lstrip(": ")
-        _write_figure("estimate_figure", options.plot, examined.recording, examined.model_rps, title)
+        _write_figure(options.plot, "estimate_figure", examined.recording, examined.model_rps, title)
     _print_answer(options.json, [examined.estimate.to_dict()], text)
     return examined.estimate
 
@@ -185,16 +187,21 @@ def _estimate_many(logs: Sequence[Path], settings: Sequence[Settings], options: 
             print(f"{len(bad)} of {len(answers)} logs are not usable; their rows say why", file=sys.stderr)
         if options.json or not options.out:
             _print_answer(options.json, [answer.to_dict() for answer in answers], "\n".join(map(as_text, answers)))
-        if options.out and options.out.suffix.lower() == ".csv":
-            files.write_csv(options.out, fleet.as_table(answers))
-        elif options.out:
-            files.write_bytes(options.out, fleet.as_table(answers).to_parquet(index=False))
+        if options.out:
+            write_bytes(options.out, _table_bytes(fleet.as_table(answers), options.out.suffix.lower()))
     if kept:
         shutil.rmtree(kept, ignore_errors=True)
     if len(bad) == len(answers):
         why = bad[0].removeprefix(fleet.UNUSABLE)
         raise UnusableLog(why if len(bad) == 1 else f"none of {len(bad)} logs is usable; the first: {why}")
     return answers
+
+
+def _table_bytes(table: pd.DataFrame, ending: str) -> bytes:
+    """A table as a file of the kind that its ending names."""
+    if ending == ".parquet":
+        return table.to_parquet(index=False)
+    return table.to_csv(index=False, float_format="%.6g", lineterminator="\n").encode()
 
 
 def run_calibrate(options: argparse.Namespace) -> int:
@@ -207,7 +214,7 @@ def run_calibrate(options: argparse.Namespace) -> int:
     _announce_compiling()
     how = {"method": options.method, "repeats": options.repeats, "seed": options.seed}
     made = interface.calibrate(logs, table["backlash_rad"].tolist(), **how, **said)
-    files.write_text(options.out, made.to_json())
+    write_bytes(options.out, made.to_json().encode())
     low, high, spread = (1e3 * part for part in (*made.range_rad, made.uncertainty_rad))
     known_range = f"method {made.method}, {low:.3f} to {high:.3f} mrad"
     print(f"{options.out}: {known_range}, uncertainty {spread:.4f} mrad (RMS error at levels left out)")
@@ -232,13 +239,13 @@ def _listed_logs(path: Path, logs: str, *columns: str) -> tuple[list[Path], pd.D
 
 def run_trend(options: argparse.Namespace) -> int:
     """Print how the backlash grows."""
-    _check_output(options.plot, tuple(_FIGURE_STAMPS), "--plot")
+    _check_output(options.plot, _FIGURES, "--plot")
     logs, how = fleet.find_logs(options.log), _how(options) | _said(options)
     _keep_inputs(options, logs)
     _announce_compiling()
     shown = {"limit_rad": options.limit, "relative": options.relative, "jobs": options.jobs}
     found = interface.trend(logs, options.dates, **shown, **how)
     if options.plot:
-        _write_figure("trend_figure", options.plot, found)
+        _write_figure(options.plot, "trend_figure", found)
     _print_answer(options.json, found.to_dict(), str(found))
     return 0

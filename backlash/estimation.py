@@ -23,8 +23,7 @@ from backlash.fitting.waveform import LEAST_LEVELS
 from backlash.logs import hash_file, name_of, open_log
 from backlash.reading.columns import LogFormat
 from backlash.reading.detect import Presence, band_energy, detect_pattern, explained_share, typical_half_turn
-from backlash.reading.prepare import CannotTell
-from backlash.reading.tables import UnusableLog
+from backlash.refusals import CannotTell, UnusableLog
 from replication.arrays import FloatArray
 from replication.recording import Recording
 from replication.signature import signature

@@ -15,7 +15,7 @@ from backlash.fitting.shared_joint import share_joint
 from backlash.logs import Log, name_of, open_log
 from backlash.reading.columns import LogFormat
 from backlash.reading.detect import detect_pattern
-from backlash.reading.tables import UnusableLog
+from backlash.refusals import UnusableLog
 
 SUFFIXES = (".csv", ".tsv", ".txt", ".dat", ".log", ".gz", ".parquet", ".xlsx")
 UNUSABLE = "unusable log: "

@@ -26,8 +26,7 @@ from backlash.estimation import Estimate, examine, settings_for
 from backlash.fitting import SELF
 from backlash.logs import Log, name_of, open_log
 from backlash.reading.columns import LogFormat
-from backlash.reading.prepare import CannotTell
-from backlash.reading.tables import UnusableLog
+from backlash.refusals import CannotTell, UnusableLog
 from backlash.trend_line import Trend
 
 

@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 from backlash import __version__
 from backlash.reading.columns import LogFormat
 from backlash.reading.prepare import read_log, record_of
-from backlash.reading.tables import UnusableLog
+from backlash.refusals import UnusableLog
 from replication.recording import Recording
 
 STDIN = "-"

@@ -17,7 +17,7 @@ from scipy.special import fdtri, ndtri, stdtrit
 from backlash import __version__
 from backlash.calibration import MOST_RAD, PERIOD_MISMATCH
 from backlash.estimation import Estimate
-from backlash.reading.tables import UnusableLog
+from backlash.refusals import UnusableLog
 from replication.arrays import FloatArray
 
 CONFIDENCE = 0.95

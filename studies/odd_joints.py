@@ -8,11 +8,11 @@ loops that has nothing of the paper's, and logs with the motor's torque.
 from contextlib import suppress
 from dataclasses import replace
 
-import numba as nb
 import numpy as np
 
 from backlash.fitting import turns
 from replication.arrays import FloatArray
+from replication.compiled.cache import njit
 from replication.recording import Recording
 from replication.simulator import core
 from replication.simulator.checks import check_stability, closed_loop_matrix
@@ -155,7 +155,7 @@ def _notch(frequency_hz: float, quality: float, period_s: float) -> FloatArray:
     return np.concatenate([b, a[1:]]) / a[0]
 
 
-@nb.njit(cache=True)
+@njit
 def _rates(t, y, command, c, friction, second):
     """Rates of motor, load, second load and torque; the load's whole inertia is 1."""
     share, frequency, damping = second
@@ -169,7 +169,7 @@ def _rates(t, y, command, c, friction, second):
     return np.array([y[1], motor, y[3], first, y[5], far, (command - y[6]) / c.torque_lag])
 
 
-@nb.njit(cache=True, nogil=True)
+@njit(nogil=True)
 def _run(row, n, turn_s, angle, second, notch, steps, step, per_period):
     """Motor position as deviation from the commanded motion, a row a step."""
     c = turns.constants(row, n, turn_s, angle, None)

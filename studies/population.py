@@ -22,8 +22,8 @@ from backlash.fitting.readings import protocol_for
 from backlash.fitting.torque import LoadData, fit_torque
 from backlash.fitting.turns import COLUMNS, Movement, settled_turns
 from backlash.reading.columns import LogFormat
-from backlash.reading.prepare import CannotTell, record_of
-from backlash.reading.tables import UnusableLog
+from backlash.reading.prepare import record_of
+from backlash.refusals import CannotTell, UnusableLog
 from replication.arrays import FloatArray
 from replication.authors import level_delta_rad, load_clean, load_noisy
 from replication.characteristic import printed_levels_rad

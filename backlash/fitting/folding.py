@@ -6,11 +6,11 @@ indices. What is left is theta = (t0, tau, omega).
 
 from typing import NamedTuple
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
 from replication.arrays import FloatArray
+from replication.compiled.cache import njit
 from replication.signature import Timing
 
 # Distance kept from a sample at which a window would open or close: far above rounding, far below any effect.
@@ -71,7 +71,7 @@ def fold_record(t: FloatArray, v: FloatArray, timing: Timing, whole_samples: boo
     return Fold(x, value, samples, sign, pairs, partner, inverse, phases.size, scale)
 
 
-@numba.njit(cache=True)
+@njit
 def _sum_windows(v, first, group, classes):
     """Sums over the windows, at each position."""
     value = np.zeros(v.size * classes)
@@ -87,7 +87,7 @@ def _sum_windows(v, first, group, classes):
     return value, samples, sign, pairs
 
 
-@numba.njit(cache=True)
+@njit
 def t0_range(fold, limits, a, b):
     """Lowest and highest t0 that let a window hold exactly the positions a to b."""
     before = fold.x[a - 1] if a > 0 else fold.x[0]
@@ -95,14 +95,14 @@ def t0_range(fold, limits, a, b):
     return low, max(fold.x[a] - CLEARANCE_S, limits.t0)
 
 
-@numba.njit(cache=True)
+@njit
 def theta_bounds(fold, limits, a, b):
     """Lowest and highest theta = (t0, tau, omega) of a window."""
     low, high = t0_range(fold, limits, a, b)
     return np.array([low, limits.tau[0], limits.omega[0]]), np.array([high, limits.tau[1], limits.omega[1]])
 
 
-@numba.njit(cache=True)
+@njit
 def latest_t0(fold, limits, a, b, t0, omega):
     """The latest admissible t0 a whole number of half oscillations from the one given, or NaN."""
     low, high = t0_range(fold, limits, a, b)
@@ -111,7 +111,7 @@ def latest_t0(fold, limits, a, b, t0, omega):
     return latest if low <= latest <= high else np.nan
 
 
-@numba.njit(cache=True)
+@njit
 def normal_equations(fold, a, b, t0, tau, omega):
     """Gram matrix of the unit signature and its derivatives by theta, v_t projected out, and their products with v."""
     size = b - a + 1
@@ -143,14 +143,14 @@ def normal_equations(fold, a, b, t0, tau, omega):
     return gram, data
 
 
-@numba.njit(cache=True)
+@njit
 def best_misfit(gram, data, fold, limit):
     """Sum of squares at the best A up to `limit`, and that A (at the window's first position)."""
     A = min(max(data / gram, -limit), limit) if gram > 0 else 0.0
     return fold.scale[0] - 2 * A * data + A * A * gram, A
 
 
-@numba.njit(cache=True)
+@njit
 def factorise(matrix):
     """Factors L and D of a symmetric matrix L D L', in place: D on the diagonal, L below it.
 
@@ -166,7 +166,7 @@ def factorise(matrix):
         matrix[k + 1 :, k + 1 :] -= np.outer(matrix[k + 1 :, k], matrix[k + 1 :, k]) * matrix[k, k]
 
 
-@numba.njit(cache=True)
+@njit
 def solve_or_zero(matrix, side):
     """Solution of a symmetric positive definite system; zeros if it is singular, as very few samples make it."""
     factors, solution = matrix.copy(), side.copy()
@@ -183,7 +183,7 @@ def solve_or_zero(matrix, side):
     return solution
 
 
-@numba.njit(cache=True)
+@njit
 def descend(fold, limits, a, b, theta, steps):
     """Levenberg-Marquardt in theta = (t0, tau, omega), the window held; refined theta and its sum of squares."""
     low, high = theta_bounds(fold, limits, a, b)
@@ -219,7 +219,7 @@ def descend(fold, limits, a, b, theta, steps):
     return theta, cost
 
 
-@numba.njit(cache=True)
+@njit
 def middle_of_gap(fold, a):
     """Midway between the last instant at which a window's start would take in one more sample, and position a."""
     return (fold.x[a] + fold.x[a - 1]) / 2 if a > 0 else fold.x[0] - (fold.x[1] - fold.x[0]) / 2

@@ -3,7 +3,6 @@
 from dataclasses import dataclass
 from operator import itemgetter
 
-import numba
 import numpy as np
 from scipy.optimize import brentq
 from scipy.special import ndtr
@@ -11,6 +10,7 @@ from scipy.special import ndtr
 from backlash.fitting import folding, windows
 from backlash.fitting.folding import Fold, Limits, middle_of_gap
 from replication.arrays import FloatArray
+from replication.compiled.cache import njit
 from replication.compiled.misfit import population_rmse
 from replication.identify import Protocol, protocol_box
 from replication.recording import Recording
@@ -39,7 +39,7 @@ class GlobalFit:
     rival_rps: tuple[float, ...]  # |A| of other basins: misfit within 1 %, |A| outside the interval
 
 
-@numba.njit(cache=True)
+@njit
 def _window_starts(fold, limits, a, b, theta):
     """Profile over the window's start: per start within eight samples, sum of squares, |A| and A's curvature."""
     rows = np.full((17, 3), np.inf)

@@ -1,27 +1,20 @@
 """Where the joint that made a log is looked for, so that no local minimum is taken for it."""
 
-import hashlib
-import io
-import os
 from collections.abc import Sequence
-from contextlib import suppress
 from dataclasses import dataclass
 from functools import lru_cache
 from operator import attrgetter
-from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from numba.core.registry import cpu_target
 from numpy.typing import NDArray
 from scipy.fft import next_fast_len
 
 from backlash.fitting.harmonics import FASTEST_HZ, TurnHarmonics
 from backlash.fitting.joint_posterior import LEAST_BACKLASH, LOW_PASS_INDEX, MEAN, SMOOTHING_INDEX, Problem, rows_of
 from backlash.fitting.turns import Movement, settled_turns
-from replication import CODE_HASH
 from replication.arrays import FloatArray
-from replication.files import write_bytes
+from replication.compiled.cache import keep_array
 
 
 class SearchSettings(NamedTuple):
@@ -197,25 +190,13 @@ def _draw_library(movement: Movement) -> tuple[FloatArray, NDArray[np.complex128
     z[:, 0] = np.exp(rng.uniform(low, high, size))
     z[:, 2] = SETTINGS.library_friction * np.abs(rng.standard_normal(size))
     z[:, 3:_SEARCHED] = SETTINGS.library_ratio_sd * rng.standard_normal((size, SETTINGS.ratios_searched))
-    return z, _turn_spectra(rows_of(z), movement)
+    rows = rows_of(z)
 
+    def simulate() -> NDArray[np.complex128]:  # for a second
+        turns = settled_turns(rows, movement)
+        return np.fft.rfft(turns, axis=1)[:, : int(FASTEST_HZ * movement.turn_period_s) + 2] / turns.shape[1]
 
-def _turn_spectra(rows: FloatArray, movement: Movement) -> NDArray[np.complex128]:
-    """Spectra of joints' settled turns, kept beside the compiled code that simulates them for a second.
-
-    The name holds the code and the processor that it is compiled for: their last bits differ.
-    """
-    machine = cpu_target.target_context.codegen().magic_tuple()
-    made_from = hashlib.sha256(rows.tobytes() + repr((movement, CODE_HASH, machine)).encode()).hexdigest()[:16]
-    kept, content = Path(os.environ["NUMBA_CACHE_DIR"]) / f"turns-{made_from}.npy", io.BytesIO()
-    with suppress(OSError, EOFError, ValueError):  # not there yet, or broken off
-        return np.load(kept)
-    turns = settled_turns(rows, movement)
-    spectra = np.fft.rfft(turns, axis=1)[:, : int(FASTEST_HZ * movement.turn_period_s) + 2] / turns.shape[1]
-    np.save(content, spectra)
-    with suppress(OSError):
-        write_bytes(kept, content.getvalue())
-    return spectra
+    return z, keep_array(rows.tobytes() + repr(movement).encode(), simulate)
 
 
 def _choose_starts(harmonics: TurnHarmonics, movement: Movement) -> list[FloatArray]:

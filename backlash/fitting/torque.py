@@ -21,7 +21,7 @@ from scipy.linalg import cho_factor, cho_solve, toeplitz
 
 from backlash.fitting.harmonics import turn_harmonics
 from backlash.fitting.waveform import settled
-from backlash.reading.tables import UnusableLog
+from backlash.refusals import UnusableLog
 from replication.arrays import FloatArray
 from replication.recording import Recording
 

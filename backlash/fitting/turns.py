@@ -9,10 +9,10 @@ continuous, so the slopes pass from region to region without a jump.
 
 from dataclasses import dataclass
 
-import numba as nb
 import numpy as np
 
 from replication.arrays import FloatArray
+from replication.compiled.cache import njit
 from replication.simulator import core
 from replication.simulator.parameters import TURN
 
@@ -50,7 +50,7 @@ class Movement:
         return max(round(self.turn_period_s / _CONTROL_S), 16)
 
 
-@nb.njit(cache=True)
+@njit
 def constants(row, n, turn_s, angle, waves):
     """Constants of a joint, its load's inertia 1: half of the friction is Coulomb's, half viscous."""
     omega = n * TURN / turn_s
@@ -63,7 +63,7 @@ def constants(row, n, turn_s, angle, waves):
     )  # fmt: skip
 
 
-@nb.njit(cache=True)
+@njit
 def drive(row, n, period, differencing):
     """Drive of a joint; `differencing` is 1 if it differences its encoder, as real ones do, 0 if not."""
     jm = 1 / (n * n * row[INERTIA])
@@ -71,7 +71,7 @@ def drive(row, n, period, differencing):
     return core.Drive(row[POSITION], speed, integral, derivative, leaky, row[RATE], period, np.inf, 0.0, differencing)
 
 
-@nb.njit(cache=True)
+@njit
 def start(c, friction):
     """State and region in balance, as `core.start_state`."""
     torque = c.gravity * np.sin(c.start_angle) + friction * c.gravity
@@ -79,7 +79,7 @@ def start(c, friction):
     return (0.0, 0.0, -(side * c.delta + torque / c.ks), 0.0, torque / c.gear_ratio), 3 if side > 0 else 0
 
 
-@nb.njit(cache=True)
+@njit
 def waves_of(row, n, turn_s, order, with_ripple):
     """Disturbances of a joint, a row each; no wave at all compiles to less work."""
     errors = 2 if order > 0 else 0
@@ -92,7 +92,7 @@ def waves_of(row, n, turn_s, order, with_ripple):
     return waves
 
 
-@nb.njit(cache=True, nogil=True)
+@njit(nogil=True)
 def _settled(rows, n, turn_s, periods, lead, order, differencing):
     out = np.full((rows.shape[0], periods), np.nan)
     period, steps = turn_s / periods, lead + periods
@@ -127,7 +127,7 @@ def settled_turns(
     return _settled(rows, n, turn_s, periods, settling, float(order), float(differencing))
 
 
-@nb.njit(cache=True)
+@njit
 def _start_slopes(row, c, dy):
     """Slopes of `start` by the row's columns."""
     by_gravity = np.sin(c.start_angle) + row[FRICTION]
@@ -138,7 +138,7 @@ def _start_slopes(row, c, dy):
     dy[4, GRAVITY], dy[4, FRICTION] = by_gravity / c.gear_ratio, c.gravity / c.gear_ratio
 
 
-@nb.njit(cache=True)
+@njit
 def _forcing(t, y, rates, region, c, row, order, out):
     """What the columns themselves do to the rates of motor speed, load speed and torque, into `out` (3, columns)."""
     n, omega, jm = c.gear_ratio, c.omega, c.motor_inertia
@@ -161,13 +161,13 @@ def _forcing(t, y, rates, region, c, row, order, out):
         out[1, ERROR + 1] = shaken * np.cos(order * omega / n * t)
 
 
-@nb.njit(cache=True)
+@njit
 def _weighed(y, h, k1, k2, k3, k4):
     """State after a Runge-Kutta step with these rates."""
     return core.along(core.along(core.along(core.along(y, h / 6, k1), h / 3, k2), h / 3, k3), h / 6, k4)
 
 
-@nb.njit(cache=True)
+@njit
 def _rates(x, command, line, forced, p):
     """Rates of a slope `x` of the state: the equations of motion, linear within a region, and what is forced on it."""
     ks, per_turn, push, swing, rub, lag = line
@@ -176,7 +176,7 @@ def _rates(x, command, line, forced, p):
     return x[1], motor, x[3], torque - swing * x[2] - rub * x[3] + forced[1, p], lag * (command - x[4]) + forced[2, p]
 
 
-@nb.njit(cache=True)
+@njit
 def _step(t, y, dy, h, command, dcommand, region, c, row, order, forced):
     """One Runge-Kutta step of the state and its slopes, those in place; `forced` (3, 3, slopes) is memory."""
     b1 = core.derivative(t, y, command, region, c)
@@ -202,7 +202,7 @@ def _step(t, y, dy, h, command, dcommand, region, c, row, order, forced):
     return _weighed(y, h, b1, b2, b3, b4)
 
 
-@nb.njit(cache=True)
+@njit
 def _control_slopes(y, dy, memory, dmemory, dring, count, d, row):
     """Slopes of `core.control`, called before it with the memory that it will find; returns those of the torque."""
     position, speed, rate, ki = y[0], y[1], 1 / d.period, d.integral_gain * d.period
@@ -238,7 +238,7 @@ def _control_slopes(y, dy, memory, dmemory, dring, count, d, row):
     return dring[(count + 1) % dring.shape[0]]
 
 
-@nb.njit(cache=True)
+@njit
 def _period(y, dy, memory, dmemory, ring, dring, count, region, c, d, row, order, forced, kept):
     """One control period of the state and its slopes, those in place; returns state and region."""
     t, left = count * d.period, d.period
@@ -261,7 +261,7 @@ def _period(y, dy, memory, dmemory, ring, dring, count, region, c, d, row, order
     return end, region
 
 
-@nb.njit(cache=True, nogil=True)
+@njit(nogil=True)
 def _run(row, n, turn_s, periods, order, differencing, with_ripple, settled_rps, pushes):
     c = constants(row, n, turn_s, 0.0, waves_of(row, n, turn_s, order, with_ripple))
     d = drive(row, n, turn_s / periods, differencing)

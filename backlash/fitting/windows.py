@@ -1,13 +1,13 @@
 """Search over the signature's window and theta = (t0, tau, omega) on a folded record: a grid, then descents."""
 
-import numba
 import numpy as np
 
 from backlash.fitting.folding import CLEARANCE_S, Fold, best_misfit, descend, latest_t0, t0_range
 from replication.arrays import FloatArray
+from replication.compiled.cache import njit
 
 
-@numba.njit(cache=True)
+@njit
 def scan_edge(fold, limits, a, b, theta, move_start):
     """The best place for one edge of the window, the rest held; returns a, b and the sum of squares."""
     t0, tau, omega = theta
@@ -35,7 +35,7 @@ def scan_edge(fold, limits, a, b, theta, move_start):
     return (best_edge, b, best_cost) if move_start else (a, best_edge, best_cost)
 
 
-@numba.njit(cache=True)
+@njit
 def refine(fold, limits, a, b, theta, steps, rounds):
     """Alternate between descent and scans of the edges until nothing moves; returns a, b, theta, sum of squares."""
     theta, cost = descend(fold, limits, a, b, theta, steps)
@@ -52,7 +52,7 @@ def refine(fold, limits, a, b, theta, steps, rounds):
     return a, b, theta, cost
 
 
-@numba.njit(cache=True)
+@njit
 def descend_in_window(fold, limits, a, b, theta, steps):
     """Descend in the window from a to b; an infinite sum of squares if there is none."""
     theta = theta.copy()
@@ -66,14 +66,14 @@ def descend_in_window(fold, limits, a, b, theta, steps):
     return descend(fold, limits, a, b, theta, steps)
 
 
-@numba.njit(cache=True)
+@njit
 def _try_window(fold, limits, best, a, b):
     """The better of the window from a to b and of `best` = (a, b, theta, sum of squares)."""
     theta, cost = descend_in_window(fold, limits, a, b, best[2], 6)
     return (a, b, theta, cost) if cost < best[3] * (1 - 1e-12) else best
 
 
-@numba.njit(cache=True)
+@njit
 def _reachable_end(fold, limits, a, best):
     """The end of the best window, or as far as T2 reaches if the window starts on position a at the same phase."""
     b = best[1]
@@ -85,7 +85,7 @@ def _reachable_end(fold, limits, a, best):
     return b
 
 
-@numba.njit(cache=True)
+@njit
 def polish(fold, limits, best):
     """Try every end, every start within twelve samples, and all nearest pairs, until nothing is better."""
     before = np.inf
@@ -104,7 +104,7 @@ def polish(fold, limits, best):
     return refine(fold, limits, best[0], best[1], best[2], 30, 5)
 
 
-@numba.njit(cache=True)
+@njit
 def turn_back(fold, limits, best):
     """Try the same oscillation half a turn earlier and later, as long as that is better.
 
@@ -124,7 +124,7 @@ def turn_back(fold, limits, best):
     return best
 
 
-@numba.njit(cache=True)
+@njit
 def grid_search(fold, limits, dt, taus, omegas):
     """Best signature on a grid of tau and omega for each window start, phase and A free.
 
@@ -152,7 +152,7 @@ def grid_search(fold, limits, dt, taus, omegas):
     return found
 
 
-@numba.njit(cache=True)
+@njit
 def _grid_point(fold, limits, a, cos, sin, tau, omega, found):
     """Update `found` with the best length and phase of a window that starts at position a."""
     hc = hs = cc = cs = ss = 0.0

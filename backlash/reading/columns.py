@@ -9,7 +9,8 @@ import numpy as np
 import pandas as pd
 
 from backlash.reading import UNITS
-from backlash.reading.tables import MOST_COLUMNS, UnusableLog
+from backlash.reading.tables import MOST_COLUMNS
+from backlash.refusals import UnusableLog
 from replication.arrays import FloatArray
 
 PER_TURN = {

@@ -17,7 +17,7 @@ from scipy.ndimage import median_filter
 from scipy.special import gammaincc, gammaincinv
 
 from backlash.reading.columns import LogFormat
-from backlash.reading.prepare import CannotTell
+from backlash.refusals import CannotTell
 from replication.arrays import FloatArray
 from replication.recording import Recording
 

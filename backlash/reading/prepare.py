@@ -12,7 +12,8 @@ from scipy.ndimage import uniform_filter1d
 
 from backlash.reading import UNITS
 from backlash.reading.columns import PER_TURN, LogFormat, choose_columns, given_column, numbers, seconds, tidy, unit_of
-from backlash.reading.tables import UnusableLog, read_table
+from backlash.reading.tables import read_table
+from backlash.refusals import CannotTell, UnusableLog
 from replication.arrays import FloatArray
 from replication.recording import Recording
 
@@ -28,14 +29,6 @@ _SPEED_TOLERANCE = 0.03  # of a constant speed; backlash disturbs it by some 1 %
 _SMOOTHING_S = 0.1
 _LONGEST_STEP = 3.5  # in sampling periods; a longer one is a gap
 _SPIKE = 0.3
-
-
-class CannotTell(Exception):
-    """A log that can be read and still has no answer: the reason, what says more, and notes on what was done before."""
-
-    def __init__(self, reason: str, detail: str, notes: tuple[str, ...] = ()):
-        super().__init__(f"{reason}: {detail}")
-        self.notes = notes
 
 
 @dataclass(frozen=True)

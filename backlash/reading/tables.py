@@ -17,6 +17,8 @@ from typing import BinaryIO
 
 import pandas as pd
 
+from backlash.refusals import UnusableLog
+
 # An hour at 500 Hz is 1.8 million rows, and a log needs some 5 s of it.
 MOST_ROWS = 2_000_000
 MOST_BYTES = 64 * 2**20
@@ -40,20 +42,6 @@ _DATE = re.compile(r"(\d{4}-\d\d-\d\d[T ]|\d\d\.\d\d\.\d{4}[T ])?\d\d:\d\d(:\d\d
 _GROUPED = r"[+-]?\d{1,3}(,\d{3})+\.\d+"  # with marks of thousands
 _NUMBER = re.compile(rf"{_GROUPED}|[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?|[+-]?(nan|inf|infinity)", re.IGNORECASE)
 _UNIT_WORD = re.compile(r"[\[(<]?\s*[A-Za-z°µ%/.^\-0-9]{0,8}( ?s\^?-1)?\s*[\])>]?")
-
-
-class UnusableLog(ValueError):
-    """A file that no answer can be had from; the message is one line: what is wrong, where, what to do."""
-
-    exit_status = 2
-
-    def __init__(self, problem: str, row: int | None = None):
-        self.row = row
-        super().__init__(" ".join((problem if row is None else f"row {row}: {problem}").split()))
-
-    def in_file(self, name: str) -> "UnusableLog":
-        """The same refusal with the file's name before it."""
-        return UnusableLog(f"{name}: {self}" if self.row is None else f"{name}, {self}")
 
 
 def read_table(path: Path) -> pd.DataFrame:

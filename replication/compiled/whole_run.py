@@ -3,10 +3,10 @@
 Each sum is taken in the order of `search`. Samples are columns here, so that loops over the members are vectorised.
 """
 
-import numba
 import numpy as np
 
 from replication.compiled.bounds import bend_into, from_box, margins_of
+from replication.compiled.cache import njit
 from replication.compiled.eigen import symmetric_eigen
 from replication.compiled.misfit import Fold, folded_rmse
 from replication.search import Search, check_settings, constants
@@ -23,7 +23,7 @@ def whole_run(record: Fold, box: Box, seed: int, population: int, iterations: in
     return Search(best, misfit, population * len(history), stop, history)
 
 
-@numba.njit(cache=True)
+@njit
 def _run(record, bounds, start, unit, c, total_weight, seed, iterations):
     """Compiled body of `whole_run`, in the names of `search`."""
     size, n = c.weights.size, start.size
@@ -55,7 +55,7 @@ def _run(record, bounds, start, unit, c, total_weight, seed, iterations):
     return best, misfit, stop, history[:g].copy()
 
 
-@numba.njit(cache=True)
+@njit
 def _update(g, state, ranked, unit, B, D, c, total_weight):
     """Twin of `search.update`, for samples in columns, the best first."""
     m, sigma, C, p_sigma, p_c = state
@@ -87,12 +87,12 @@ def _update(g, state, ranked, unit, B, D, c, total_weight):
     return m + step, next_sigma, C, p_sigma, p_c
 
 
-@numba.njit(cache=True)
+@njit
 def _column(x):
     return x.reshape(-1, 1)
 
 
-@numba.njit(cache=True)
+@njit
 def _turn(axes, columns):
     """Product of a small matrix and columns, summed in order: without BLAS."""
     turned = np.zeros(columns.shape)
@@ -102,7 +102,7 @@ def _turn(axes, columns):
     return turned
 
 
-@numba.njit(cache=True)
+@njit
 def _stop_rule(history, worst, m, sigma, unit, std, p_c, D, B, size):
     """Twin of `search.stop_rule`; the most generations are the caller's."""
     n, g = m.size, history.shape[0]

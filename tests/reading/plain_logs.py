@@ -7,7 +7,7 @@ import pytest
 
 from backlash.reading.columns import LogFormat
 from backlash.reading.prepare import read_log
-from backlash.reading.tables import UnusableLog
+from backlash.refusals import UnusableLog
 from replication.recording import Recording, add_uniform_noise
 from replication.simulator.recordings import simulate_recordings
 from replication.simulator.simulate import identified_joint

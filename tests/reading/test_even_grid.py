@@ -7,8 +7,8 @@ from plain_logs import TURN, plain
 
 from backlash.estimation import examine_recording, settings_for
 from backlash.reading.columns import LogFormat
-from backlash.reading.prepare import CannotTell, record_of
-from backlash.reading.tables import UnusableLog
+from backlash.reading.prepare import record_of
+from backlash.refusals import CannotTell, UnusableLog
 from replication.standins.joints import draw_bench, encoder_log
 
 

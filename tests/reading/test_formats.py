@@ -10,6 +10,7 @@ from plain_logs import TURN, plain, read, refusal, text
 from backlash.logs import open_log
 from backlash.reading import tables
 from backlash.reading.prepare import record_of
+from backlash.refusals import UnusableLog
 from replication.recording import Recording
 
 
@@ -98,7 +99,7 @@ def test_a_stamp_in_seconds_and_nanoseconds_is_read_as_one(names):
 
 def test_of_a_robots_joints_the_user_is_asked_for_one():
     frame = pd.DataFrame({"__time": plain().t, "dq[0]": plain().v, "dq[1]": -plain().v})
-    with pytest.raises(tables.UnusableLog, match=r"which column is the speed: 'dq\[0\]', 'dq\[1\]'\? give --speed"):
+    with pytest.raises(UnusableLog, match=r"which column is the speed: 'dq\[0\]', 'dq\[1\]'\? give --speed"):
         record_of(frame, TURN, "log")
 
 

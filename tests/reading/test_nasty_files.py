@@ -10,7 +10,8 @@ import pytest
 from plain_logs import TURN, plain, refusal, text
 
 from backlash.reading.columns import LogFormat
-from backlash.reading.prepare import CannotTell, read_log
+from backlash.reading.prepare import read_log
+from backlash.refusals import CannotTell
 from replication.recording import Recording
 
 RPM = ("Zeit [s];Drehzahl [U/min]", "{t:.4f};{rpm:.2f}")

@@ -7,7 +7,7 @@ from plain_logs import TURN, plain
 
 from backlash.estimation import settings_for
 from backlash.reading.prepare import record_of
-from backlash.reading.tables import UnusableLog
+from backlash.refusals import UnusableLog
 
 PER_TURN = {"rps": 1.0, "rpm": 60.0, "rad/s": 2 * np.pi, "deg/s": 360.0}
 SPELLINGS = {

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from backlash.calibration import Calibration, calibrate, compute_default, default_calibration
 from backlash.fitting.readings import METHODS, Reading, protocol_for, read
-from backlash.reading.tables import UnusableLog
+from backlash.refusals import UnusableLog
 from replication import published
 from replication.authors import level_delta_rad, load_noisy
 from replication.characteristic import RPM_PER_RPS, equation_10

@@ -14,7 +14,7 @@ from backlash import commands
 from backlash.calibration import default_calibration, read_calibration
 from backlash.estimation import settings_for
 from backlash.main import main
-from backlash.reading.tables import UnusableLog
+from backlash.refusals import UnusableLog
 from replication.authors import authors_file, level_delta_rad
 
 TURN = ["--turn-period", "0.4"]

@@ -17,7 +17,7 @@ from backlash.reading.detect import (
     own_period,
     typical_half_turn,
 )
-from backlash.reading.prepare import CannotTell
+from backlash.refusals import CannotTell
 from replication.recording import Recording, add_uniform_noise
 from replication.signature import Timing, signature
 from replication.standins.joints import Spread, draw_bench, encoder_log

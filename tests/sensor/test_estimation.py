@@ -11,8 +11,8 @@ from made_logs import TURN, clean, noisy, silent, table, write
 from backlash.calibration import calibrate, default_calibration, shares
 from backlash.estimation import Estimate, as_row, as_text, examine, examine_recording, settings_for
 from backlash.reading.columns import LogFormat
-from backlash.reading.prepare import CannotTell, record_of
-from backlash.reading.tables import UnusableLog
+from backlash.reading.prepare import record_of
+from backlash.refusals import CannotTell, UnusableLog
 from replication.authors import authors_file, level_delta_rad, load_noisy
 from replication.recording import Recording, add_uniform_noise
 from replication.simulator.recordings import simulate_recordings

@@ -9,7 +9,7 @@ from made_logs import TURN, noisy, silent, write
 from backlash import fleet
 from backlash.estimation import Estimate, examine, settings_for
 from backlash.reading.columns import LogFormat
-from backlash.reading.tables import UnusableLog
+from backlash.refusals import UnusableLog
 
 SETTINGS = settings_for(TURN, method="amplitude")
 

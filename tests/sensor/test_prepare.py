@@ -13,8 +13,9 @@ from made_logs import TURN, noisy, table, write
 
 from backlash.reading import tables
 from backlash.reading.columns import LogFormat
-from backlash.reading.prepare import CannotTell, read_log, record_of
-from backlash.reading.tables import UnusableLog, read_table
+from backlash.reading.prepare import read_log, record_of
+from backlash.reading.tables import read_table
+from backlash.refusals import CannotTell, UnusableLog
 
 RECORD = noisy()
 

@@ -9,7 +9,7 @@ from backlash.calibration import default_calibration
 from backlash.main import main
 from backlash.reading.columns import LogFormat
 from backlash.reading.prepare import record_of
-from backlash.reading.tables import UnusableLog
+from backlash.refusals import UnusableLog
 from studies.odd_joints import draw_cascade, log_with_torque
 
 DELTA = 1e-3

@@ -103,24 +103,3 @@ def test_a_quick_run_never_overwrites_the_full_results(tmp_path, monkeypatch):
     page = (tmp_path / "quick" / "results" / "report.html").read_text(encoding="utf-8")
     assert "This is a quick run with few repeats." in page
     assert "A quick run" not in (workbook.ROOT / "results" / "report.html").read_text(encoding="utf-8")
-
-
-def test_compiled_code_is_kept_apart_for_each_state_of_the_compiled_sources(tmp_path):
-    package = tmp_path / "replication"
-    package.mkdir()
-    shutil.copy(workbook.ROOT / "replication" / "__init__.py", package)
-    environment = {name: value for name, value in os.environ.items() if name != "NUMBA_CACHE_DIR"}
-
-    def cache():
-        show = "import os, replication; print(os.environ['NUMBA_CACHE_DIR'])"
-        command = [sys.executable, "-c", show]
-        return subprocess.run(command, env=environment, cwd=tmp_path, capture_output=True, text=True, check=True).stdout
-
-    environment["PYTHONPATH"] = str(tmp_path)
-    (package / "compiled.py").write_text("import numba  # one")
-    (package / "other.py").write_text("x = 1")
-    before = cache()
-    (package / "other.py").write_text("x = 2")
-    assert cache() == before
-    (package / "compiled.py").write_text("import numba  # two")
-    assert cache() != before
