@@ -1,7 +1,7 @@
 """A record folded on the signature's windows: the paper's misfit, A and v_t projected out, by the few folded samples.
 
 Given the rest, A and v_t are linear. The window's start and end matter only by the samples they take in, so they are
-indices. What is left is theta = (t0, tau, omega).
+indices. What is left is theta = (t0, tau, omega). Loops instead of array expressions compile four times as fast.
 """
 
 from typing import NamedTuple
@@ -17,7 +17,7 @@ from replication.signature import Timing
 CLEARANCE_S = 1e-12
 
 
-class Fold(NamedTuple):
+class FoldedWindows(NamedTuple):
     """A record folded on the signature's windows, arrays of shape (positions,), whatever the turn is in samples.
 
     Position x[i] after the first window's origin meets a sample in one or more of the 2 n windows.
@@ -31,7 +31,8 @@ class Fold(NamedTuple):
     partner: NDArray[np.int64]  # position T_d later, -1 if there is none
     inverse: NDArray[np.int64]  # position T_d earlier, or -1
     classes: int  # positions per sample interval
-    scale: tuple[float, float]  # sum of squares of v - mean v [rps^2], number of samples
+    power: float  # sum of squares of v - mean v [rps^2]
+    total: float  # number of samples
 
 
 class Limits(NamedTuple):
@@ -45,7 +46,7 @@ class Limits(NamedTuple):
     omega: tuple[float, float]
 
 
-def fold_record(t: FloatArray, v: FloatArray, timing: Timing, whole_samples: bool = False) -> Fold:
+def fold_record(t: FloatArray, v: FloatArray, timing: Timing, whole_samples: bool = False) -> FoldedWindows:
     """Fold an evenly sampled record on windows half a turn apart.
 
     With `whole_samples` each window's delay is rounded to whole samples: one position a sample, for a grid search.
@@ -66,25 +67,23 @@ def fold_record(t: FloatArray, v: FloatArray, timing: Timing, whole_samples: boo
     inverse = np.full(x.size, -1)
     inverse[partner[partner >= 0]] = np.flatnonzero(partner >= 0)
     centred = v - v.mean()
-    value, samples, sign, pairs = _sum_windows(centred, first, group, phases.size)
-    scale = float((centred * centred).sum()), float(t.size)
-    return Fold(x, value, samples, sign, pairs, partner, inverse, phases.size, scale)
+    sums = np.zeros((4, x.size))
+    _sum_windows(centred, first, group, phases.size, sums)
+    power = float((centred * centred).sum())
+    return FoldedWindows(x, sums[0], sums[1], sums[2], sums[3], partner, inverse, phases.size, power, float(t.size))
 
 
 @njit
-def _sum_windows(v, first, group, classes):
-    """Sums over the windows, at each position."""
-    value = np.zeros(v.size * classes)
-    samples, sign, pairs = np.zeros_like(value), np.zeros_like(value), np.zeros_like(value)
+def _sum_windows(v, first, group, classes, sums):
+    """Sums over the windows, at each position, into `sums`."""
     for m in range(first.size):
         direction = 1.0 - 2.0 * (m % 2)
         for sample in range(first[m], v.size):
             i = (sample - first[m]) * classes + group[m]
-            value[i] += direction * v[sample]
-            samples[i] += 1.0
-            sign[i] += direction
-            pairs[i] += 1.0 if m > 0 else 0.0
-    return value, samples, sign, pairs
+            sums[0, i] += direction * v[sample]
+            sums[1, i] += 1.0
+            sums[2, i] += direction
+            sums[3, i] += 1.0 if m > 0 else 0.0
 
 
 @njit
@@ -112,33 +111,37 @@ def latest_t0(fold, limits, a, b, t0, omega):
 
 
 @njit
-def normal_equations(fold, a, b, t0, tau, omega):
+def normal_equations(fold, a, b, theta):
     """Gram matrix of the unit signature and its derivatives by theta, v_t projected out, and their products with v."""
+    t0, tau, omega = theta
     size = b - a + 1
     columns = np.empty((4, size))
     for j in range(size):
-        since_edge, since_t0 = fold.x[a + j] - fold.x[a], fold.x[a + j] - t0
+        since_edge = fold.x[a + j] - fold.x[a]
+        since_t0 = fold.x[a + j] - t0
         decay = np.exp(-tau * since_edge)
-        s, c = decay * np.sin(omega * since_t0), decay * np.cos(omega * since_t0)
-        columns[0, j], columns[1, j] = s, -omega * c
-        columns[2, j], columns[3, j] = -since_edge * s, since_t0 * c
-    gram, data, offset = np.zeros((4, 4)), np.zeros(4), np.zeros(4)
+        s = decay * np.sin(omega * since_t0)
+        c = decay * np.cos(omega * since_t0)
+        columns[0, j] = s
+        columns[1, j] = -omega * c
+        columns[2, j] = -since_edge * s
+        columns[3, j] = since_t0 * c
+    gram = np.zeros((4, 4))
+    data = np.zeros(4)
+    offset = np.zeros(4)
     for j in range(size):
-        value, count, sign = fold.value[a + j], fold.samples[a + j], fold.sign[a + j]
-        for p in range(4):
-            data[p] += columns[p, j] * value
-            offset[p] += columns[p, j] * sign
-            for q in range(p + 1):
-                gram[p, q] += columns[p, j] * columns[q, j] * count
         k = fold.partner[a + j] - a
-        if 0 <= k < size:  # the window before reaches this sample, with the opposite sign
-            for p in range(4):
-                for q in range(p + 1):
-                    overlap = columns[p, j] * columns[q, k] + columns[p, k] * columns[q, j]
-                    gram[p, q] -= fold.pairs[a + j] * overlap
+        overlaps = 0 <= k < size  # the window before reaches this sample, with the opposite sign
+        for p in range(4):
+            data[p] += columns[p, j] * fold.value[a + j]
+            offset[p] += columns[p, j] * fold.sign[a + j]
+            for q in range(p + 1):
+                gram[p, q] += columns[p, j] * columns[q, j] * fold.samples[a + j]
+                if overlaps:
+                    gram[p, q] -= fold.pairs[a + j] * (columns[p, j] * columns[q, k] + columns[p, k] * columns[q, j])
     for p in range(4):
         for q in range(p + 1):
-            gram[p, q] -= offset[p] * offset[q] / fold.scale[1]
+            gram[p, q] -= offset[p] * offset[q] / fold.total
             gram[q, p] = gram[p, q]
     return gram, data
 
@@ -147,7 +150,7 @@ def normal_equations(fold, a, b, t0, tau, omega):
 def best_misfit(gram, data, fold, limit):
     """Sum of squares at the best A up to `limit`, and that A (at the window's first position)."""
     A = min(max(data / gram, -limit), limit) if gram > 0 else 0.0
-    return fold.scale[0] - 2 * A * data + A * A * gram, A
+    return fold.power - 2 * A * data + A * A * gram, A
 
 
 @njit
@@ -157,25 +160,34 @@ def factorise(matrix):
     A pivot that rounding cannot tell from zero is set to zero, and its column of L too. Written out here, because the
     last bits of a library's solver change from processor to processor.
     """
-    least = 1e-14 * np.diag(matrix)
-    for k in range(matrix.shape[0]):
-        if matrix[k, k] > least[k]:
-            matrix[k + 1 :, k] /= matrix[k, k]
-        else:
-            matrix[k:, k] = 0.0
-        matrix[k + 1 :, k + 1 :] -= np.outer(matrix[k + 1 :, k], matrix[k + 1 :, k]) * matrix[k, k]
+    size = matrix.shape[0]
+    least = np.empty(size)
+    for k in range(size):
+        least[k] = 1e-14 * matrix[k, k]
+    for k in range(size):
+        is_singular = not matrix[k, k] > least[k]
+        for i in range(k, size):
+            if is_singular:
+                matrix[i, k] = 0.0
+            elif i > k:
+                matrix[i, k] /= matrix[k, k]
+        for i in range(k + 1, size):
+            for j in range(k + 1, size):
+                matrix[i, j] -= matrix[i, k] * matrix[j, k] * matrix[k, k]
 
 
 @njit
 def solve_or_zero(matrix, side):
     """Solution of a symmetric positive definite system; zeros if it is singular, as very few samples make it."""
-    factors, solution = matrix.copy(), side.copy()
+    factors = matrix.copy()
+    solution = side.copy()
     factorise(factors)
     size = side.size
     for i in range(size):
         if factors[i, i] == 0.0:
             return np.zeros(size)
-        solution[i + 1 :] -= factors[i + 1 :, i] * solution[i]
+        for j in range(i + 1, size):
+            solution[j] -= factors[j, i] * solution[i]
     for i in range(size - 1, -1, -1):
         solution[i] /= factors[i, i]
         for j in range(i + 1, size):
@@ -184,33 +196,61 @@ def solve_or_zero(matrix, side):
 
 
 @njit
+def _step(gram, data, A, is_free, damping, theta, low, high):
+    """Levenberg-Marquardt step from theta, within its bounds; A is projected out if it is free."""
+    slope = np.empty(3)
+    hessian = np.empty((3, 3))
+    for i in range(3):
+        slope[i] = A * (A * gram[i + 1, 0] - data[i + 1])
+        for j in range(3):
+            hessian[i, j] = gram[i + 1, j + 1]
+            if is_free:
+                hessian[i, j] -= gram[0, i + 1] * gram[0, j + 1] / gram[0, 0]
+            hessian[i, j] *= A * A
+    for i in range(3):
+        hessian[i, i] = hessian[i, i] * (1 + damping) + 1e-300
+        if (theta[i] <= low[i] and slope[i] >= 0) or (theta[i] >= high[i] and slope[i] <= 0):  # held at its bound
+            slope[i] = 0.0
+            for j in range(3):
+                hessian[i, j] = hessian[j, i] = 0.0
+            hessian[i, i] = 1.0
+    trial = solve_or_zero(hessian, slope)
+    for i in range(3):
+        trial[i] = theta[i] - trial[i]
+    _bound(trial, low, high)
+    return trial
+
+
+@njit
+def _bound(theta, low, high):
+    """Move theta into its bounds, in place."""
+    for i in range(3):
+        if theta[i] < low[i]:
+            theta[i] = low[i]
+        if theta[i] > high[i]:
+            theta[i] = high[i]
+
+
+@njit
 def descend(fold, limits, a, b, theta, steps):
     """Levenberg-Marquardt in theta = (t0, tau, omega), the window held; refined theta and its sum of squares."""
     low, high = theta_bounds(fold, limits, a, b)
-    theta = np.minimum(np.maximum(theta, low), high)
-    gram, data = normal_equations(fold, a, b, theta[0], theta[1], theta[2])
+    theta = theta.copy()
+    _bound(theta, low, high)
+    gram, data = normal_equations(fold, a, b, theta)
     cost, A = best_misfit(gram[0, 0], data[0], fold, limits.A)
     damping = 1e-3
     for _ in range(steps):
-        slope = A * (A * gram[1:, 0] - data[1:])
-        hessian = gram[1:, 1:].copy()
-        if abs(A) < limits.A and gram[0, 0] > 0:  # A is projected out unless it is at its bound
-            hessian -= np.outer(gram[0, 1:], gram[0, 1:]) / gram[0, 0]
-        hessian *= A * A
-        for i in range(3):
-            held = (theta[i] <= low[i] and slope[i] >= 0) or (theta[i] >= high[i] and slope[i] <= 0)
-            hessian[i, i] = hessian[i, i] * (1 + damping) + 1e-300
-            if held:
-                hessian[i, :], hessian[:, i], slope[i] = 0.0, 0.0, 0.0
-                hessian[i, i] = 1.0
-        trial = np.minimum(np.maximum(theta - solve_or_zero(hessian, slope), low), high)
-        trial_gram, trial_data = normal_equations(fold, a, b, trial[0], trial[1], trial[2])
+        is_free = abs(A) < limits.A and gram[0, 0] > 0
+        trial = _step(gram, data, A, is_free, damping, theta, low, high)
+        trial_gram, trial_data = normal_equations(fold, a, b, trial)
         trial_cost, trial_A = best_misfit(trial_gram[0, 0], trial_data[0], fold, limits.A)
         if trial_cost < cost:
-            settled = cost - trial_cost < 1e-13 * cost
-            theta, cost, A, gram, data = trial, trial_cost, trial_A, trial_gram, trial_data
+            is_settled = cost - trial_cost < 1e-13 * cost
+            theta, gram, data = trial, trial_gram, trial_data
+            cost, A = trial_cost, trial_A
             damping = max(damping / 10, 1e-9)
-            if settled:
+            if is_settled:
                 break
         else:
             damping *= 10

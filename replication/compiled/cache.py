@@ -1,7 +1,7 @@
 """Where compiled code is kept: our own functions alone, in a folder of their own.
 
-numba knows when a file has changed, but not when one has whose functions it compiled into another's. So what is kept
-is stamped with all files that compile.
+numba knows when a file has changed, but not when one has whose functions it compiled into another's. So the folder is
+that of one state of all files that compile.
 """
 
 import hashlib
@@ -33,14 +33,18 @@ def hash_code() -> str:
 
 @lru_cache(maxsize=1)
 def cache_folder() -> Path | None:
-    """The folder that numba was told, or the first that can be written and no other user writes; else None."""
+    """The folder that numba was told, or the first that can be written and no other user writes; else None.
+
+    Its name holds the code's state: numba cannot even read what a renamed class was kept with.
+    """
+    state = f"numba-{hash_code()}"
     if given := vars(config)["CACHE_DIR"]:
-        return Path(given)
-    return next(filter(_is_ours, _candidates()), None)
+        return Path(given) / state
+    return next((folder / state for folder in _candidates() if _is_ours(folder / state)), None)
 
 
 def _candidates() -> Iterator[Path]:
-    yield _PACKAGE / "__pycache__" / "numba"
+    yield _PACKAGE / "__pycache__"
     with suppress(RuntimeError):  # no home
         yield Path.home() / ".cache" / "backlash"
     with suppress(OSError):

@@ -55,7 +55,7 @@ def test_a_second_process_compiles_nothing_and_a_change_in_any_file_that_compile
 
 def test_where_the_package_cannot_be_written_the_home_keeps_it_and_else_a_temporary_folder(package, tmp_path):
     (package.parent / "__pycache__").touch()  # no folder can be made of it
-    assert called(package)[2] == str(package.parents[1] / "home" / ".cache" / "backlash")
+    assert called(package)[2].startswith(str(package.parents[1] / "home" / ".cache" / "backlash"))
     (tmp_path / "temporary").mkdir()
     nowhere = {"HOME": "/proc/nowhere", "TMPDIR": str(tmp_path / "temporary")}
     assert called(package, **nowhere)[2].startswith(str(tmp_path / "temporary"))
