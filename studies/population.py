@@ -20,7 +20,7 @@ from backlash.estimation import examine_recording, settings_for
 from backlash.fitting.global_fit import global_fit
 from backlash.fitting.readings import protocol_for
 from backlash.fitting.torque import LoadData, fit_torque
-from backlash.fitting.turns import COLUMNS, Movement, settled_turns
+from backlash.fitting.turns import COLUMNS, Movement, simulate_turns
 from backlash.reading.columns import LogFormat
 from backlash.reading.prepare import record_of
 from backlash.refusals import CannotTell, UnusableLog
@@ -147,7 +147,7 @@ def bench_bound_rad(bench: Bench, delta_rad: float, recording: Recording) -> flo
     here |= {"delta_rad": delta_rad, "friction": rubbing / joint.gravity_torque_nm}
     steps = _BOUND_STEPS | {name: 1e-2 * here[name] for name in _BOUND_RATIOS}
     rows = [here | {name: here[name] + sign * step} for name, step in steps.items() for sign in (1, -1)]
-    turns = settled_turns(
+    turns = simulate_turns(
         np.array([[row[name] for name in COLUMNS] for row in [here, *rows]]),
         Movement(joint.gear_ratio, joint.turn_period_s),
         differencing=joint.speed_by_differencing,

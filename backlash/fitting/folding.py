@@ -17,6 +17,19 @@ from replication.signature import Timing
 CLEARANCE_S = 1e-12
 
 
+# What a folded record holds at a position. Fewer arrays compile faster.
+_POSITION = np.dtype(
+    [
+        ("value", float),  # sum over the windows of sign times (v - mean v) [rps]
+        ("samples", float),  # how many samples there
+        ("sign", float),  # sum of their signs
+        ("pairs", float),  # samples there that the preceding window holds too, if it reaches as far as `partner`
+        ("partner", np.int64),  # position T_d later, -1 if there is none
+        ("inverse", np.int64),  # position T_d earlier, or -1
+    ]
+)
+
+
 class FoldedWindows(NamedTuple):
     """A record folded on the signature's windows, arrays of shape (positions,), whatever the turn is in samples.
 
@@ -24,12 +37,7 @@ class FoldedWindows(NamedTuple):
     """
 
     x: FloatArray  # instants [s] at which a first window's edge passes a sample of any window
-    value: FloatArray  # sum over the windows of sign times (v - mean v) [rps]
-    samples: FloatArray  # how many samples there
-    sign: FloatArray  # sum of their signs
-    pairs: FloatArray  # samples there that the preceding window holds too, if it reaches as far as `partner`
-    partner: NDArray[np.int64]  # position T_d later, -1 if there is none
-    inverse: NDArray[np.int64]  # position T_d earlier, or -1
+    at: NDArray[np.void]  # records of `_POSITION`
     classes: int  # positions per sample interval
     power: float  # sum of squares of v - mean v [rps^2]
     total: float  # number of samples
@@ -64,50 +72,51 @@ def fold_record(t: FloatArray, v: FloatArray, timing: Timing, whole_samples: boo
     partner = np.searchsorted(x, x + timing.T_d - 1e-6 * dt)
     partner[partner == x.size] = -1
     partner[np.abs(x[partner] - x - timing.T_d) > 1e-6 * dt] = -1
-    inverse = np.full(x.size, -1)
-    inverse[partner[partner >= 0]] = np.flatnonzero(partner >= 0)
+    at = np.zeros(x.size, _POSITION)
+    at["partner"] = partner
+    at["inverse"] = -1
+    at["inverse"][partner[partner >= 0]] = np.flatnonzero(partner >= 0)
     centred = v - v.mean()
-    sums = np.zeros((4, x.size))
-    _sum_windows(centred, first, group, phases.size, sums)
+    _sum_windows(centred, first, group, phases.size, at)
     power = float((centred * centred).sum())
-    return FoldedWindows(x, sums[0], sums[1], sums[2], sums[3], partner, inverse, phases.size, power, float(t.size))
+    return FoldedWindows(x, at, phases.size, power, float(t.size))
 
 
 @njit
-def _sum_windows(v, first, group, classes, sums):
-    """Sums over the windows, at each position, into `sums`."""
+def _sum_windows(v, first, group, classes, at):
+    """Sums over the windows, at each position."""
     for m in range(first.size):
         direction = 1.0 - 2.0 * (m % 2)
         for sample in range(first[m], v.size):
             i = (sample - first[m]) * classes + group[m]
-            sums[0, i] += direction * v[sample]
-            sums[1, i] += 1.0
-            sums[2, i] += direction
-            sums[3, i] += 1.0 if m > 0 else 0.0
+            at[i].value += direction * v[sample]
+            at[i].samples += 1.0
+            at[i].sign += direction
+            at[i].pairs += 1.0 if m > 0 else 0.0
 
 
 @njit
-def t0_range(fold, limits, a, b):
+def t0_range(x, limits, a, b):
     """Lowest and highest t0 that let a window hold exactly the positions a to b."""
-    before = fold.x[a - 1] if a > 0 else fold.x[0]
-    low = max(limits.t0, before - limits.T1 + CLEARANCE_S, fold.x[b] - limits.T2 + CLEARANCE_S)
-    return low, max(fold.x[a] - CLEARANCE_S, limits.t0)
+    before = x[a - 1] if a > 0 else x[0]
+    low = max(limits.t0, max(before - limits.T1 + CLEARANCE_S, x[b] - limits.T2 + CLEARANCE_S))
+    return low, max(x[a] - CLEARANCE_S, limits.t0)
 
 
 @njit
-def theta_bounds(fold, limits, a, b):
-    """Lowest and highest theta = (t0, tau, omega) of a window."""
-    low, high = t0_range(fold, limits, a, b)
-    return np.array([low, limits.tau[0], limits.omega[0]]), np.array([high, limits.tau[1], limits.omega[1]])
-
-
-@njit
-def latest_t0(fold, limits, a, b, t0, omega):
+def latest_t0(x, limits, a, b, t0, omega):
     """The latest admissible t0 a whole number of half oscillations from the one given, or NaN."""
-    low, high = t0_range(fold, limits, a, b)
+    low, high = t0_range(x, limits, a, b)
     half = np.pi / omega
     latest = t0 + np.floor((high - t0) / half) * half
     return latest if low <= latest <= high else np.nan
+
+
+def theta_bounds(fold: FoldedWindows, limits: Limits, a: int, b: int) -> tuple[FloatArray, FloatArray]:
+    """Lowest and highest theta = (t0, tau, omega) of a window."""
+    bounds = (t0_range(fold.x, limits, a, b), limits.tau, limits.omega)
+    low, high = np.array(bounds).T.copy()
+    return low, high
 
 
 @njit
@@ -130,15 +139,15 @@ def normal_equations(fold, a, b, theta):
     data = np.zeros(4)
     offset = np.zeros(4)
     for j in range(size):
-        k = fold.partner[a + j] - a
+        k = fold.at[a + j].partner - a
         overlaps = 0 <= k < size  # the window before reaches this sample, with the opposite sign
         for p in range(4):
-            data[p] += columns[p, j] * fold.value[a + j]
-            offset[p] += columns[p, j] * fold.sign[a + j]
+            data[p] += columns[p, j] * fold.at[a + j].value
+            offset[p] += columns[p, j] * fold.at[a + j].sign
             for q in range(p + 1):
-                gram[p, q] += columns[p, j] * columns[q, j] * fold.samples[a + j]
+                gram[p, q] += columns[p, j] * columns[q, j] * fold.at[a + j].samples
                 if overlaps:
-                    gram[p, q] -= fold.pairs[a + j] * (columns[p, j] * columns[q, k] + columns[p, k] * columns[q, j])
+                    gram[p, q] -= fold.at[a + j].pairs * (columns[p, j] * columns[q, k] + columns[p, k] * columns[q, j])
     for p in range(4):
         for q in range(p + 1):
             gram[p, q] -= offset[p] * offset[q] / fold.total
@@ -147,10 +156,10 @@ def normal_equations(fold, a, b, theta):
 
 
 @njit
-def best_misfit(gram, data, fold, limit):
+def best_misfit(gram, data, power, limit):
     """Sum of squares at the best A up to `limit`, and that A (at the window's first position)."""
     A = min(max(data / gram, -limit), limit) if gram > 0 else 0.0
-    return fold.power - 2 * A * data + A * A * gram, A
+    return power - 2 * A * data + A * A * gram, A
 
 
 @njit
@@ -231,23 +240,32 @@ def _bound(theta, low, high):
             theta[i] = high[i]
 
 
-@njit
-def descend(fold, limits, a, b, theta, steps):
+def descend(
+    fold: FoldedWindows, limits: Limits, a: int, b: int, theta: FloatArray, steps: int
+) -> tuple[FloatArray, float]:
     """Levenberg-Marquardt in theta = (t0, tau, omega), the window held; refined theta and its sum of squares."""
     low, high = theta_bounds(fold, limits, a, b)
     theta = theta.copy()
+    return theta, _descend(fold, limits.A, a, b, low, high, theta, steps)
+
+
+@njit
+def _descend(fold, most_A, a, b, low, high, theta, steps):
+    """Refine theta in place; its sum of squares."""
     _bound(theta, low, high)
     gram, data = normal_equations(fold, a, b, theta)
-    cost, A = best_misfit(gram[0, 0], data[0], fold, limits.A)
+    cost, A = best_misfit(gram[0, 0], data[0], fold.power, most_A)
     damping = 1e-3
     for _ in range(steps):
-        is_free = abs(A) < limits.A and gram[0, 0] > 0
+        is_free = abs(A) < most_A and gram[0, 0] > 0
         trial = _step(gram, data, A, is_free, damping, theta, low, high)
         trial_gram, trial_data = normal_equations(fold, a, b, trial)
-        trial_cost, trial_A = best_misfit(trial_gram[0, 0], trial_data[0], fold, limits.A)
+        trial_cost, trial_A = best_misfit(trial_gram[0, 0], trial_data[0], fold.power, most_A)
         if trial_cost < cost:
             is_settled = cost - trial_cost < 1e-13 * cost
-            theta, gram, data = trial, trial_gram, trial_data
+            for k in range(3):
+                theta[k] = trial[k]
+            gram, data = trial_gram, trial_data
             cost, A = trial_cost, trial_A
             damping = max(damping / 10, 1e-9)
             if is_settled:
@@ -256,10 +274,9 @@ def descend(fold, limits, a, b, theta, steps):
             damping *= 10
             if damping > 1e6:
                 break
-    return theta, cost
+    return cost
 
 
-@njit
-def middle_of_gap(fold, a):
+def middle_of_gap(fold: FoldedWindows, a: int) -> float:
     """Midway between the last instant at which a window's start would take in one more sample, and position a."""
     return (fold.x[a] + fold.x[a - 1]) / 2 if a > 0 else fold.x[0] - (fold.x[1] - fold.x[0]) / 2

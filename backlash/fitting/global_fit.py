@@ -50,7 +50,7 @@ def _window_starts(fold: FoldedWindows, limits: Limits, best: Minimum) -> FloatA
         last, _ = windows.scan_edge(fold, limits, start, best.b, theta, False)
         theta, cost = folding.descend(fold, limits, start, last, theta, 10)
         gram, data = folding.normal_equations(fold, start, last, theta)
-        A = folding.best_misfit(gram[0, 0], data[0], fold, limits.A)[1]
+        A = folding.best_misfit(gram[0, 0], data[0], fold.power, limits.A)[1]
         low, high = folding.theta_bounds(fold, limits, start, last)
         free = np.flatnonzero((low < theta) & (theta < high))
         information = 0.0

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 from scipy.special import chdtrc
 
 from backlash.fitting.harmonics import TurnHarmonics
-from backlash.fitting.turns import COLUMNS, DELTA, GRAVITY, Movement, settled_turns, settling_turns, turn_and_slopes
+from backlash.fitting.turns import COLUMNS, DELTA, GRAVITY, Movement, simulate_turns, turn_and_slopes, turns_to_settle
 from replication.arrays import FloatArray
 from replication.simulator.parameters import TURN, identified_joint
 
@@ -35,7 +35,7 @@ _SEARCHED_SMOOTHING = (0.85, 0.2)
 ComplexArray = NDArray[np.complex128]
 
 UNIT_RAD, LEAST_BACKLASH = 1e-4, 0.01
-# Of each unknown: the prior's SD, the column of `settled_turns` that it sets, and its unit there (0: relative).
+# Of each unknown: the prior's SD, the column of `simulate_turns` that it sets, and its unit there (0: relative).
 _UNKNOWNS = {
     "backlash": (np.inf, "delta_rad", UNIT_RAD),
     "phase": (np.inf, "", 0.0),
@@ -76,7 +76,7 @@ _PRIOR_MEDIANS = identified_joint().ratios
 
 
 def rows_of(z: FloatArray) -> FloatArray:
-    """Rows of `settled_turns` for unknowns of shape (joints, unknowns)."""
+    """Rows of `simulate_turns` for unknowns of shape (joints, unknowns)."""
     rows = np.zeros((len(z), len(COLUMNS)))
     rows[:, _COLUMN] = _UNIT * z[:, _SIMULATED]
     rows[:, DELTA] = np.maximum(z[:, 0], LEAST_BACKLASH) * UNIT_RAD
@@ -102,7 +102,7 @@ class Problem:
         self.folded = abs(self.samples - round(self.samples)) * harmonics.turns < _IN_STEP
         self.mean, self.spread = MEAN, SD  # of the unknowns' priors
         self.error_order = 0  # of the transmission error, periods a turn; 0 for none
-        self.lead = settling_turns(movement)  # turns that the last joint took to settle
+        self.lead = turns_to_settle(movement)  # turns that the last joint took to settle
         self.differencing = True  # what the drive does to its encoder
 
     def measured_as(self, smoothing: float, smoothing_sd: float, low_pass_sd: float) -> None:
@@ -115,7 +115,7 @@ class Problem:
     def settled(self, z: FloatArray, error_order: float | None = None) -> FloatArray:
         """Settled turns [rps] of joints, shape (joints, periods)."""
         order = self.error_order if error_order is None else error_order
-        return settled_turns(rows_of(z), self.movement, order, self.lead, self.differencing)
+        return simulate_turns(rows_of(z), self.movement, order, self.lead, self.differencing)
 
     def _whitened(self, spectra: ComplexArray) -> FloatArray:
         spectra = spectra / self.sd
@@ -135,11 +135,12 @@ class Problem:
     def slopes(self, z: FloatArray, free: int = SIZE) -> tuple[FloatArray, FloatArray]:
         """Residuals, and their derivative by each unknown, shape (unknowns, residuals); 0 from the one `free` on."""
         row, whole = rows_of(z[None])[0], free == SIZE
-        (turn, _), by_column, self.lead = turn_and_slopes(
+        turn = turn_and_slopes(
             row, self.movement, self.error_order, self.differencing, whole, _SETTLED_RPS if whole else _NEARLY_RPS
         )
-        by_unknown = np.where(_UNIT > 0, _UNIT, row[_COLUMN])[:, None] * by_column[_COLUMN]
-        order, parts, fade, lag = self._folded(np.vstack([turn[None], by_unknown]), z)
+        self.lead = turn.turns_before
+        by_unknown = np.where(_UNIT > 0, _UNIT, row[_COLUMN])[:, None] * turn.slopes[_COLUMN]
+        order, parts, fade, lag = self._folded(np.vstack([turn.motor_rps[None], by_unknown]), z)
         here, seen = parts[:, 0].sum(axis=0), parts[:, 0]
         out = np.zeros((SIZE, self.order.size), dtype=complex)
         out[_SIMULATED] = parts[:, 1:].sum(axis=0)
@@ -153,9 +154,9 @@ class Problem:
         """Derivative of the residuals by pushes on the load, which follow from its speed; shape (pushes, residuals)."""
         row = rows_of(z[None])[0]
         rest = self.movement, self.error_order, self.differencing, True, _SETTLED_RPS
-        (_, load_speed), _, _ = turn_and_slopes(row, *rest)
-        _, slopes, _ = turn_and_slopes(row, *rest, pushes(load_speed, row[GRAVITY], self.movement))
-        data = self._whitened(self._logged(slopes[len(COLUMNS) :], z))
+        load_speed = turn_and_slopes(row, *rest).load_rad_per_s
+        pushed = turn_and_slopes(row, *rest, pushes(load_speed, row[GRAVITY], self.movement))
+        data = self._whitened(self._logged(pushed.slopes[len(COLUMNS) :], z))
         return np.pad(data, ((0, 0), (0, SIZE - 2)))
 
     def _logged(self, turns: FloatArray, z: FloatArray) -> ComplexArray:

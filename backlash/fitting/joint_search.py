@@ -12,7 +12,7 @@ from scipy.fft import next_fast_len
 
 from backlash.fitting.harmonics import FASTEST_HZ, TurnHarmonics
 from backlash.fitting.joint_posterior import LEAST_BACKLASH, LOW_PASS_INDEX, MEAN, SMOOTHING_INDEX, Problem, rows_of
-from backlash.fitting.turns import Movement, settled_turns
+from backlash.fitting.turns import Movement, simulate_turns
 from replication.arrays import FloatArray
 from replication.compiled.cache import keep_array
 
@@ -193,7 +193,7 @@ def _draw_library(movement: Movement) -> tuple[FloatArray, NDArray[np.complex128
     rows = rows_of(z)
 
     def simulate() -> NDArray[np.complex128]:  # for a second
-        turns = settled_turns(rows, movement)
+        turns = simulate_turns(rows, movement)
         return np.fft.rfft(turns, axis=1)[:, : int(FASTEST_HZ * movement.turn_period_s) + 2] / turns.shape[1]
 
     return z, keep_array(rows.tobytes() + repr(movement).encode(), simulate)

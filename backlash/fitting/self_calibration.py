@@ -16,7 +16,7 @@ from backlash.fitting.harmonics import MODEL_ERROR, RING_HZ, TurnHarmonics, turn
 from backlash.fitting.joint_posterior import LOW_PASS_INDEX, SMOOTHING_INDEX, Problem, ratios_of, rows_of
 from backlash.fitting.joint_search import Peak, find_joint, find_peak
 from backlash.fitting.second_mass import SecondMass, WeightedPeak, with_second_mass
-from backlash.fitting.turns import Movement, settled_turns
+from backlash.fitting.turns import Movement, simulate_turns
 from backlash.fitting.waveform import delayed, low_passed
 from replication.arrays import FloatArray
 from replication.recording import Recording
@@ -98,7 +98,7 @@ def weak_turn(recording: Recording, delta_rad: float) -> FloatArray:
     """
     z = joint_posterior.MEAN.copy()
     z[0] = delta_rad / joint_posterior.UNIT_RAD
-    turn = settled_turns(rows_of(z[None]), _movement(recording))[0]
+    turn = simulate_turns(rows_of(z[None]), _movement(recording))[0]
     return 0.5 * turn[: turn.size // 2 * 2]
 
 
@@ -159,7 +159,7 @@ def _result(
     half = widening * sd
     if harmonics.is_quiet:  # the speed's part from backlash grows with it, and so may what the model gets wrong
         half = float(np.hypot(half, MOST_MODEL_ERROR * MODEL_ERROR * delta))
-    turn = settled_turns(rows_of(z[None]), problem.movement, problem.error_order, problem.lead, peak.differencing)[0]
+    turn = simulate_turns(rows_of(z[None]), problem.movement, problem.error_order, problem.lead, peak.differencing)[0]
     phase = z[1] / (2 * np.pi)
     ring, damping = _slowest_ring(z, problem.movement)
     if not (converged and peak.converged and np.isfinite(misfit) and np.isfinite(sd)):

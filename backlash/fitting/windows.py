@@ -35,16 +35,16 @@ def scan_edge(fold, limits, a, b, theta, move_start):
     i = hold
     while 0 <= i < fold.x.size and abs(fold.x[i] - fold.x[hold]) <= limits.T2:
         unit[i] = np.exp(-tau * (fold.x[i] - anchor)) * np.sin(omega * (fold.x[i] - t0))
-        data += unit[i] * fold.value[i]
-        gram += unit[i] * unit[i] * fold.samples[i]
-        offset += unit[i] * fold.sign[i]
-        k = fold.partner[i] if move_start else fold.inverse[i]
+        data += unit[i] * fold.at[i].value
+        gram += unit[i] * unit[i] * fold.at[i].samples
+        offset += unit[i] * fold.at[i].sign
+        k = fold.at[i].partner if move_start else fold.at[i].inverse
         if k >= 0 and (k - hold) * direction >= 0 and (i - k) * direction > 0:
-            gram -= 2 * fold.pairs[min(i, k)] * unit[i] * unit[k]
+            gram -= 2 * fold.at[min(i, k)].pairs * unit[i] * unit[k]
         first, last = (i, hold) if move_start else (hold, i)
-        if not np.isnan(latest_t0(fold, limits, first, last, t0, omega)):
+        if not np.isnan(latest_t0(fold.x, limits, first, last, t0, omega)):
             limit = limits.A * np.exp(tau * (fold.x[first] - anchor))  # of A as seen from the anchor
-            cost, _ = best_misfit(gram - offset * offset / fold.total, data, fold, limit)
+            cost, _ = best_misfit(gram - offset * offset / fold.total, data, fold.power, limit)
             if cost < best_cost:
                 best_cost = cost
                 best_edge = i
@@ -52,15 +52,16 @@ def scan_edge(fold, limits, a, b, theta, move_start):
     return best_edge, best_cost
 
 
-@njit
-def descend_in_window(fold, limits, a, b, theta, steps):
+def descend_in_window(
+    fold: FoldedWindows, limits: Limits, a: int, b: int, theta: FloatArray, steps: int
+) -> tuple[FloatArray, float]:
     """Descend in the window from a to b; an infinite sum of squares if there is none."""
     if a < 0 or b >= fold.x.size or b < a:
         return theta, np.inf
-    low, high = t0_range(fold, limits, a, b)
+    low, high = t0_range(fold.x, limits, a, b)
     if low > high:
         return theta, np.inf
-    shifted = latest_t0(fold, limits, a, b, theta[0], theta[2])
+    shifted = latest_t0(fold.x, limits, a, b, theta[0], theta[2])
     start = theta.copy()
     if not np.isnan(shifted):
         start[0] = shifted
@@ -77,7 +78,7 @@ def refine(fold: FoldedWindows, limits: Limits, start: Minimum, steps: int, roun
             edge, new_cost = scan_edge(fold, limits, a, b, theta, move_start)
             new_a, new_b = (edge, b) if move_start else (a, edge)
             if new_cost < cost and (new_a, new_b) != (a, b):
-                theta[0] = latest_t0(fold, limits, new_a, new_b, theta[0], theta[2])
+                theta[0] = latest_t0(fold.x, limits, new_a, new_b, theta[0], theta[2])
                 a, b, cost = new_a, new_b, new_cost
         if (a, b) == before:
             break
@@ -126,11 +127,11 @@ def turn_back(fold: FoldedWindows, limits: Limits, best: Minimum) -> Minimum:
 
     A window half a turn late misses one oscillation of the record: the commonest wrong basin.
     """
-    for move in (fold.inverse, fold.partner):
+    for move in (fold.at["inverse"], fold.at["partner"]):
         while min(move[best.a], move[best.b]) >= 0:
             a, b = int(move[best.a]), int(move[best.b])
             theta = best.theta.copy()
-            theta[0] = latest_t0(fold, limits, a, b, theta[0] + fold.x[a] - fold.x[best.a], theta[2])
+            theta[0] = latest_t0(fold.x, limits, a, b, theta[0] + fold.x[a] - fold.x[best.a], theta[2])
             if np.isnan(theta[0]):
                 break
             trial = refine(fold, limits, Minimum(a, b, theta, np.inf), 8, 3)
@@ -166,7 +167,8 @@ def grid_search(fold: FoldedWindows, limits: Limits, dt: float) -> Starts:
     starts = fold.x.size
     longest = int(limits.T2 / dt + 1e-6) + 1
     energy = np.zeros(starts + longest)  # what the folded samples from here on hold
-    held = np.divide(fold.value**2, fold.samples, out=np.zeros(starts), where=fold.samples > 0)
+    value, samples = fold.at["value"], fold.at["samples"]
+    held = np.divide(value**2, samples, out=np.zeros(starts), where=samples > 0)
     energy[:starts] = held[::-1].cumsum()[::-1]
     reachable = energy[:starts] - energy[longest:]  # nothing is beyond the last start
     found = Starts(np.full(starts, fold.power), np.zeros(starts, dtype=np.int64), np.zeros((starts, 3)))
@@ -214,18 +216,18 @@ def _try_start(fold, limits, a, grid, g, found):
         i = a + j
         c = grid.cos[g, j]
         s = grid.sin[g, j]
-        hc += c * fold.value[i]
-        hs += s * fold.value[i]
-        cc += c * c * fold.samples[i]
-        cs += c * s * fold.samples[i]
-        ss += s * s * fold.samples[i]
+        hc += c * fold.at[i].value
+        hs += s * fold.at[i].value
+        cc += c * c * fold.at[i].samples
+        cs += c * s * fold.at[i].samples
+        ss += s * s * fold.at[i].samples
         determinant = cc * ss - cs * cs
         if j < 2 or j % 2 or determinant <= 1e-9 * cc * ss:
             continue
         gain = hc * hc * ss - 2 * hc * hs * cs + hs * hs * cc
         if gain <= (fold.power - found.cost[a]) * determinant:
             continue
-        low, high = t0_range(fold, limits, a, i)
+        low, high = t0_range(fold.x, limits, a, i)
         if low > high:
             break
         # sin(omega (x - t0)) = sin(phase) cos(omega (x - x[a])) + cos(phase) sin(omega (x - x[a]))
@@ -254,8 +256,10 @@ def _try_start(fold, limits, a, grid, g, found):
 def join_positions(fold: FoldedWindows, together: int) -> FoldedWindows:
     """Join neighbouring positions, for a grid search that needs no finer ones; only `grid_search` may use it."""
     whole = fold.x.size // together * together
-    x, value, samples = (column[:whole].reshape(-1, together) for column in (fold.x, fold.value, fold.samples))
-    return fold._replace(x=x.mean(axis=1), value=value.sum(axis=1), samples=samples.sum(axis=1))
+    joined = np.zeros(whole // together, fold.at.dtype)
+    for name in ("value", "samples"):
+        joined[name] = fold.at[name][:whole].reshape(-1, together).sum(axis=1)
+    return fold._replace(x=fold.x[:whole].reshape(-1, together).mean(axis=1), at=joined)
 
 
 def damping_frequency_grid() -> tuple[FloatArray, FloatArray]:

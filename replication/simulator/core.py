@@ -256,8 +256,10 @@ def control_matrix(delay, drive, c):
         memory, ring = unit[5:9].copy(), unit[9:].copy()
         y = (unit[0], unit[1], unit[2], unit[3], unit[4])
         rows[0, j] = control(0.0, y, memory, ring, max(delay, 1), drive, c)
-        rows[1:5, j] = memory
-        rows[5:, j] = ring[1:]
+        for k in range(4):
+            rows[1 + k, j] = memory[k]
+        for k in range(delay):
+            rows[5 + k, j] = ring[1 + k]
     return rows
 
 
