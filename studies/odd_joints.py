@@ -136,7 +136,9 @@ def _other_log(kind: str, bench: Bench, delta_rad: float, rng: np.random.Generat
     row[0], row[1] = delta_rad, joint.load_coulomb_nm / joint.gravity_torque_nm
     turn_s, angle = joint.turn_period_s, rng.uniform(0, TURN)
     steps, per_period = round((_TURNS + 2) * turn_s / _STEP_S), round(joint.control_period_s / _STEP_S)
-    position = _run(row, joint.gear_ratio, turn_s, angle, second, notch, steps, _STEP_S, per_period)
+    movement = turns.Movement(joint.gear_ratio, turn_s)
+    c, drive = turns.constants(row, movement, angle), turns.drive(row, movement, per_period * _STEP_S, True)
+    position = _run(c, drive, row[1], second, notch, steps, _STEP_S, per_period)
     if not np.isfinite(position).all():
         raise ArithmeticError("diverged")
     seen = position[round(2 * turn_s / _STEP_S) :: round(SAMPLE_S / _STEP_S)]
@@ -170,13 +172,11 @@ def _rates(t, y, command, c, friction, second):
 
 
 @njit(nogil=True)
-def _run(row, n, turn_s, angle, second, notch, steps, step, per_period):
+def _run(c, drive, friction_share, second, notch, steps, step, per_period):
     """Motor position as deviation from the commanded motion, a row a step."""
-    c = turns.constants(row, n, turn_s, angle, None)
-    drive = turns.drive(row, n, per_period * step, 1.0)
-    friction = c.gravity * row[1]
-    torque = (c.gravity * np.sin(angle) + friction) / n
-    twist = -torque * n / c.ks - np.sign(torque) * c.delta
+    friction = c.gravity * friction_share
+    torque = (c.gravity * np.sin(c.start_angle) + friction) / c.gear_ratio
+    twist = -torque * c.gear_ratio / c.ks - np.sign(torque) * c.delta
     y = np.array([0.0, 0.0, twist, 0.0, twist, 0.0, torque])
     memory, now = np.array([y[6], 0.0, 0.0, 0.0]), np.empty(1)
     pending, command, past = y[6], y[6], np.full(4, y[6])

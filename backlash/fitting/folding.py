@@ -77,22 +77,16 @@ def fold_record(t: FloatArray, v: FloatArray, timing: Timing, whole_samples: boo
     at["inverse"] = -1
     at["inverse"][partner[partner >= 0]] = np.flatnonzero(partner >= 0)
     centred = v - v.mean()
-    _sum_windows(centred, first, group, phases.size, at)
-    power = float((centred * centred).sum())
-    return FoldedWindows(x, at, phases.size, power, float(t.size))
-
-
-@njit
-def _sum_windows(v, first, group, classes, at):
-    """Sums over the windows, at each position."""
     for m in range(first.size):
         direction = 1.0 - 2.0 * (m % 2)
-        for sample in range(first[m], v.size):
-            i = (sample - first[m]) * classes + group[m]
-            at[i].value += direction * v[sample]
-            at[i].samples += 1.0
-            at[i].sign += direction
-            at[i].pairs += 1.0 if m > 0 else 0.0
+        part = centred[first[m] :]
+        there = at[group[m] :: phases.size][: part.size]
+        there["value"] += direction * part
+        there["samples"] += 1.0
+        there["sign"] += direction
+        there["pairs"] += float(m > 0)
+    power = float((centred * centred).sum())
+    return FoldedWindows(x, at, phases.size, power, float(t.size))
 
 
 @njit
@@ -187,24 +181,21 @@ def factorise(matrix):
 
 @njit
 def solve_or_zero(matrix, side):
-    """Solution of a symmetric positive definite system; zeros if it is singular, as very few samples make it."""
-    factors = matrix.copy()
-    solution = side.copy()
-    factorise(factors)
+    """Solve a symmetric positive definite system in place; zeros if it is singular, as very few samples make it."""
+    factorise(matrix)
     size = side.size
+    is_singular = False
     for i in range(size):
-        if factors[i, i] == 0.0:
-            return np.zeros(size)
+        is_singular = is_singular or matrix[i, i] == 0.0
         for j in range(i + 1, size):
-            solution[j] -= factors[j, i] * solution[i]
+            side[j] -= matrix[j, i] * side[i]
     for i in range(size - 1, -1, -1):
-        solution[i] /= factors[i, i]
+        side[i] = 0.0 if is_singular else side[i] / matrix[i, i]
         for j in range(i + 1, size):
-            solution[i] -= factors[j, i] * solution[j]
-    return solution
+            side[i] -= matrix[j, i] * side[j]
 
 
-@njit
+@njit(inner=True)
 def _step(gram, data, A, is_free, damping, theta, low, high):
     """Levenberg-Marquardt step from theta, within its bounds; A is projected out if it is free."""
     slope = np.empty(3)
@@ -223,14 +214,15 @@ def _step(gram, data, A, is_free, damping, theta, low, high):
             for j in range(3):
                 hessian[i, j] = hessian[j, i] = 0.0
             hessian[i, i] = 1.0
-    trial = solve_or_zero(hessian, slope)
+    solve_or_zero(hessian, slope)
+    trial = np.empty(3)
     for i in range(3):
-        trial[i] = theta[i] - trial[i]
+        trial[i] = theta[i] - slope[i]
     _bound(trial, low, high)
     return trial
 
 
-@njit
+@njit(inner=True)
 def _bound(theta, low, high):
     """Move theta into its bounds, in place."""
     for i in range(3):

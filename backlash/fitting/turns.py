@@ -7,6 +7,7 @@ The slopes follow the equations of motion linearised along the turn. Where the t
 continuous, so the slopes pass from region to region without a jump.
 """
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -35,6 +36,9 @@ DELAY_PERIODS = 1
 _ALPHA_PER_RAD = 1e6
 # Turns with slopes: the first two at most are the drive's; one that has not settled after the last never does.
 _LEAST_TURNS, _MOST_TURNS = 3, 14
+
+# Of the Runge-Kutta method: when a stage is [steps], what part of the step it weighs, and which forcing it takes.
+_SHIFTS, _PARTS, _FORCED_AT = (0.0, 0.5, 0.5, 1.0), (6.0, 3.0, 3.0, 6.0), (0, 1, 1, 2)
 
 
 class Movement(NamedTuple):
@@ -95,108 +99,85 @@ class _Linear(NamedTuple):
     lag: float
 
 
-@njit
-def constants(row, n, turn_s, angle, waves):
+def constants(row: FloatArray, movement: Movement, angle: float, waves: FloatArray | None = None) -> core.Constants:
     """Constants of a joint, its load's inertia 1: half of the friction is Coulomb's, half viscous."""
-    omega = n * TURN / turn_s
-    rubbing = 0.5 * row[FRICTION] * row[GRAVITY]
+    value = dict(zip(COLUMNS, row.tolist(), strict=True))
+    n = movement.gear_ratio
+    omega = n * TURN / movement.turn_period_s
+    rubbing = 0.5 * value["friction"] * value["gravity_per_s2"]
     return core.Constants(
         gear_ratio=n,
         omega=omega,
         start_angle=angle,
-        motor_inertia=1 / (n * n * row[INERTIA]),
+        motor_inertia=1 / (n * n * value["inertia_ratio"]),
         load_inertia=1.0,
-        ks=row[STIFFNESS],
+        ks=value["stiffness_per_s2"],
         ds=0.0,
         alpha=_ALPHA_PER_RAD,
-        delta=row[DELTA],
+        delta=value["delta_rad"],
         clamped=0.0,
-        gravity=row[GRAVITY],
+        gravity=value["gravity_per_s2"],
         motor_viscous=0.0,
         load_viscous=rubbing / (omega / n),
         motor_coulomb=0.0,
         load_coulomb=rubbing,
-        torque_lag=row[LAG],
+        torque_lag=value["torque_lag_s"],
         waves=waves,
     )
 
 
-@njit
-def drive(row, n, period, differencing):
-    """Drive of a joint; `differencing` is 1 if it differences its encoder, as real ones do, 0 if not."""
-    jm = 1 / (n * n * row[INERTIA])
+def drive(row: FloatArray, movement: Movement, period: float, differencing: bool) -> core.Drive:
+    """Drive of a joint, which differences its encoder, as real ones do, or not."""
+    value = dict(zip(COLUMNS, row.tolist(), strict=True))
+    jm = 1 / (movement.gear_ratio * movement.gear_ratio * value["inertia_ratio"])
     return core.Drive(
-        position_gain=row[POSITION],
-        speed_gain=row[SPEED] * jm,
-        integral_gain=row[INTEGRAL] * jm,
-        derivative_gain=row[DERIVATIVE] * jm,
-        leaky_gain=row[LEAKY] * jm,
-        leaky_rate=row[RATE],
+        position_gain=value["position_gain_per_s"],
+        speed_gain=value["speed_gain_per_s"] * jm,
+        integral_gain=value["integral_gain_per_s2"] * jm,
+        derivative_gain=value["derivative_gain"] * jm,
+        leaky_gain=value["leaky_gain_per_s2"] * jm,
+        leaky_rate=value["leaky_rate_per_s"],
         period=period,
-        torque_limit=np.inf,
+        torque_limit=math.inf,
         resolution=0.0,
-        differencing=differencing,
+        differencing=float(differencing),
     )
 
 
-@njit
-def _start(c, friction):
+def _start(joint: _Joint) -> tuple[tuple[float, ...], int]:
     """State and region in balance, as `core.start_state`."""
-    torque = c.gravity * np.sin(c.start_angle) + friction * c.gravity
+    c = joint.constants
+    torque = c.gravity * math.sin(c.start_angle) + float(joint.row[FRICTION]) * c.gravity
     side = -1.0 if torque < 0 else 1.0
     return (0.0, 0.0, -(side * c.delta + torque / c.ks), 0.0, torque / c.gear_ratio), 3 if side > 0 else 0
 
 
-@njit
-def _waves_of(row, movement, order, with_ripple):
-    """Disturbances of a joint, a row each; no wave at all compiles to less work."""
-    n = movement.gear_ratio
-    errors = 2 if order > 0 else 0
-    waves = np.zeros((errors + (2 if with_ripple else 0), 5))
-    for part in range(errors):
-        error = row[ERROR + part]
-        waves[part, 0] = order / n
-        waves[part, 2] = -error * (order * TURN / movement.turn_period_s) ** 2
-        waves[part, 3] = error
-        waves[part, 4] = part * TURN / 4
-    for part in range(len(waves) - errors):
-        waves[errors + part, 0] = 1.0
-        waves[errors + part, 1] = row[RIPPLE + part] * row[GRAVITY] / n
-        waves[errors + part, 4] = part * TURN / 4
-    return waves
+def _waves_of(row: FloatArray, movement: Movement, order: float, with_ripple: bool) -> FloatArray:
+    """Disturbances of a joint as `core.disturbance` takes them, a row each."""
+    waves = []
+    for part, phase in enumerate((0.0, TURN / 4)):
+        if order > 0:
+            speed = order * TURN / movement.turn_period_s
+            error = row[ERROR + part]
+            waves.append((order / movement.gear_ratio, 0.0, -error * (speed * speed), error, phase))
+    for part, phase in enumerate((0.0, TURN / 4)):
+        if with_ripple:
+            waves.append((1.0, row[RIPPLE + part] * row[GRAVITY] / movement.gear_ratio, 0.0, 0.0, phase))
+    return np.array(waves).reshape(-1, 5)
 
 
-@njit
-def _joint_of(row, movement, angle, periods, order, differencing, with_ripple):
+def _joint_of(
+    row: FloatArray, movement: Movement, angle: float, order: float, differencing: bool, with_ripple: bool
+) -> _Joint:
+    """A joint as the compiled functions take it."""
     waves = _waves_of(row, movement, order, with_ripple)
-    c = constants(row, movement.gear_ratio, movement.turn_period_s, angle, waves)
-    d = drive(row, movement.gear_ratio, movement.turn_period_s / periods, differencing)
-    return _Joint(row, c, d, order)
-
-
-@njit(nogil=True)
-def _simulate_turns(rows, movement, lead, order, differencing, out):
-    """Simulate each joint for `lead` control periods and one turn more, and take that turn's speed [rps] into `out`."""
-    periods = out.shape[1]
-    steps = lead + periods
-    record = np.empty((steps + 1, 5))
-    gap = np.empty(steps + 1, dtype=np.int64)
-    events = np.empty((0, 2))
-    with_ripple = False
-    for k in range(rows.shape[0]):
-        with_ripple = with_ripple or rows[k, RIPPLE] != 0 or rows[k, RIPPLE + 1] != 0
-    for k in range(rows.shape[0]):
-        joint = _joint_of(rows[k], movement, -TURN * lead / periods, periods, order, differencing, with_ripple)
-        c, d = joint.constants, joint.drive
-        y, region = _start(c, rows[k, FRICTION])
-        status, _ = core.run(y, region, steps, d.period, 0, 1, 1, DELAY_PERIODS, c, d, record, gap, events)
-        for i in range(periods):
-            out[k, i] = record[lead + i, 1] / TURN if status < 0 else np.nan
+    period = movement.turn_period_s / movement.periods
+    return _Joint(row, constants(row, movement, angle, waves), drive(row, movement, period, differencing), float(order))
 
 
 def turns_to_settle(movement: Movement) -> int:
     """Turns after which the drive of a well damped joint has settled."""
-    return max(int(np.ceil(_SETTLING_S / movement.turn_period_s)), 1)
+    return max(math.ceil(_SETTLING_S / movement.turn_period_s), 1)
 
 
 def simulate_turns(
@@ -206,33 +187,43 @@ def simulate_turns(
 
     `order` is the transmission error's periods a turn (0: none), `lead` the turns before the one that is returned.
     """
-    rows = np.ascontiguousarray(rows, dtype=float)
-    out = np.empty((len(rows), movement.periods))
-    before = (turns_to_settle(movement) if lead is None else lead) * movement.periods
-    _simulate_turns(rows, movement, before, float(order), float(differencing), out)
+    turns = turns_to_settle(movement) if lead is None else lead
+    before = turns * movement.periods
+    steps = before + movement.periods
+    record = np.empty((steps + 1, 5))
+    gap = np.empty(steps + 1, dtype=np.int64)
+    events = np.empty((0, 2))
+    out = np.full((len(rows), movement.periods), np.nan)
+    for row, turn in zip(np.ascontiguousarray(rows, dtype=float), out, strict=True):
+        joint = _joint_of(row, movement, -TURN * turns, order, differencing, bool(row[RIPPLE:].any()))
+        c, d = joint.constants, joint.drive
+        y, region = _start(joint)
+        status, _ = core.run(y, region, steps, d.period, 0, 1, 1, DELAY_PERIODS, c, d, record, gap, events)
+        if status < 0:
+            turn[:] = record[before:steps, 1] / TURN
     return out
 
 
-@njit
-def _start_slopes(joint, slopes):
-    """Slopes of `_start` by the row's columns, into the state's, and those of a drive at rest in balance."""
+def _start_slopes(joint: _Joint, width: int) -> _Slopes:
+    """Slopes of `_start`, and of a drive at rest in balance."""
     c = joint.constants
-    dy = slopes.state
-    by_gravity = np.sin(c.start_angle) + joint.row[FRICTION]
+    by_gravity = math.sin(c.start_angle) + joint.row[FRICTION]
     torque = c.gravity * by_gravity
-    dy[2, DELTA] = 1.0 if torque < 0 else -1.0
-    dy[2, STIFFNESS] = torque / c.ks**2
-    dy[2, GRAVITY] = -by_gravity / c.ks
-    dy[2, FRICTION] = -c.gravity / c.ks
-    dy[4, GRAVITY] = by_gravity / c.gear_ratio
-    dy[4, FRICTION] = c.gravity / c.gear_ratio
-    for p in range(dy.shape[1]):
-        slopes.drive[0, p] = dy[4, p]
-        for k in range(slopes.torques.shape[0]):
-            slopes.torques[k, p] = dy[4, p]
+    state = np.zeros((5, width))
+    state[2, DELTA] = 1.0 if torque < 0 else -1.0
+    state[2, STIFFNESS] = torque / (c.ks * c.ks)
+    state[2, GRAVITY] = -by_gravity / c.ks
+    state[2, FRICTION] = -c.gravity / c.ks
+    state[4, GRAVITY] = by_gravity / c.gear_ratio
+    state[4, FRICTION] = c.gravity / c.gear_ratio
+    drive = np.zeros((4, width))
+    drive[0] = state[4]
+    return _Slopes(
+        state, drive, np.tile(state[4], (DELAY_PERIODS + 1, 1)), np.empty((5, width)), np.zeros((3, 3, width))
+    )
 
 
-@njit
+@njit(inner=True)
 def _force(t, y, rates, region, joint, out):
     """What the columns themselves do to the rates of motor speed, load speed and torque, into `out` (3, columns)."""
     c, row, order = joint.constants, joint.row, joint.order
@@ -261,36 +252,29 @@ def _force(t, y, rates, region, joint, out):
         out[1, ERROR + 1] = shaken * np.cos(order * omega / n * t)
 
 
-@njit
-def _weighed(y, h, k1, k2, k3, k4):
-    """State after a Runge-Kutta step with these rates."""
-    return core.along(core.along(core.along(core.along(y, h / 6, k1), h / 3, k2), h / 3, k3), h / 6, k4)
-
-
-@njit
-def _rates(x, command, line, forced, p):
+@njit(inner=True)
+def _rates(x, command, line, forced, at, p):
     """Rates of a slope `x` of the state: the equations of motion, linear within a region, and what is forced on it."""
     torque = line.ks * (line.per_turn * x[0] - x[2])
-    motor = line.push * (x[4] - line.per_turn * torque) + forced[0, p]
-    load = torque - line.swing * x[2] - line.rub * x[3] + forced[1, p]
-    return x[1], motor, x[3], load, line.lag * (command - x[4]) + forced[2, p]
+    motor = line.push * (x[4] - line.per_turn * torque) + forced[at, 0, p]
+    load = torque - line.swing * x[2] - line.rub * x[3] + forced[at, 1, p]
+    return x[1], motor, x[3], load, line.lag * (command - x[4]) + forced[at, 2, p]
 
 
-@njit
+@njit(inner=True)
 def _step(t, y, h, command, region, joint, slopes, dcommand):
     """One Runge-Kutta step of the state and its slopes, those in place."""
     c = joint.constants
-    b1 = core.derivative(t, y, command, region, c)
-    y2 = core.along(y, h / 2, b1)
-    b2 = core.derivative(t + h / 2, y2, command, region, c)
-    y3 = core.along(y, h / 2, b2)
-    b3 = core.derivative(t + h / 2, y3, command, region, c)
-    y4 = core.along(y, h, b3)
-    b4 = core.derivative(t + h, y4, command, region, c)
     forced = slopes.forced
-    _force(t, y, b1, region, joint, forced[0])
-    _force(t + h / 2, y3, b3, region, joint, forced[1])
-    _force(t + h, y4, b4, region, joint, forced[2])
+    k = (0.0, 0.0, 0.0, 0.0, 0.0)
+    after = y
+    for stage in range(4):
+        shift = h * _SHIFTS[stage]
+        here = core.along(y, shift, k)
+        k = core.derivative(t + shift, here, command, region, c)
+        after = core.along(after, h / _PARTS[stage], k)
+        if stage != 1:  # of the two in the middle the second is better
+            _force(t + shift, here, k, region, joint, forced[_FORCED_AT[stage]])
     line = _Linear(
         ks=c.ks if region == 0 or region == 3 else 0.0,
         per_turn=1 / c.gear_ratio,
@@ -302,31 +286,31 @@ def _step(t, y, h, command, region, joint, slopes, dcommand):
     dy = slopes.state
     for p in range(dy.shape[1]):
         x = (dy[0, p], dy[1, p], dy[2, p], dy[3, p], dy[4, p])
-        u = dcommand[p]
-        k1 = _rates(x, u, line, forced[0], p)
-        k2 = _rates(core.along(x, h / 2, k1), u, line, forced[1], p)
-        k3 = _rates(core.along(x, h / 2, k2), u, line, forced[1], p)
-        k4 = _rates(core.along(x, h, k3), u, line, forced[2], p)
-        x = _weighed(x, h, k1, k2, k3, k4)
-        for k in range(5):
-            dy[k, p] = x[k]
-    return _weighed(y, h, b1, b2, b3, b4)
+        k = (0.0, 0.0, 0.0, 0.0, 0.0)
+        then = x
+        for stage in range(4):
+            here = core.along(x, h * _SHIFTS[stage], k)
+            k = _rates(here, dcommand[p], line, forced, _FORCED_AT[stage], p)
+            then = core.along(then, h / _PARTS[stage], k)
+        for i in range(5):
+            dy[i, p] = then[i]
+    return after
 
 
-@njit
+@njit(inner=True)
 def _control_slopes(y, count, joint, memory, slopes):
     """Slopes of `core.control`, called before it with the memory that it will find; returns those of its torque.
 
     First those of the state, through each of its formulas; then what the gains add themselves.
     """
     d, row = joint.drive, joint.row
-    _, leaky, speed_before, position_before = memory.drive
+    leaky = memory.drive[1]
     rate = 1 / d.period
     ki = d.integral_gain * d.period
     speed = y[1]
     new, old = 1.0, 0.0  # slopes of the measured speed by the speed, and by the position
     if d.differencing > 0 and count > 0:
-        speed = (y[0] - position_before) * rate
+        speed = (y[0] - memory.drive[3]) * rate
         new, old = 0.0, rate
     past = slopes.drive
     command = slopes.torques[count % slopes.torques.shape[0]]
@@ -344,30 +328,36 @@ def _control_slopes(y, count, joint, memory, slopes):
         past[3, p] = dposition
     error = -d.position_gain * y[0] - speed
     by_leaky = leaky - d.period * (speed + d.leaky_rate * leaky)
-    gained = (speed - speed_before) * rate
+    gained = (speed - memory.drive[2]) * rate
     jm = d.speed_gain / row[SPEED]
-    for part in (past[0], command):
-        part[POSITION] += -ki * y[0]
-        part[INTEGRAL] += ki / row[INTEGRAL] * error
-        part[INERTIA] += -ki / row[INERTIA] * error
+    by_position = -ki * y[0]
+    by_integral = ki / row[INTEGRAL] * error
+    by_inertia = -ki / row[INERTIA] * error
+    past[0, POSITION] += by_position
+    past[0, INTEGRAL] += by_integral
+    past[0, INERTIA] += by_inertia
     past[1, RATE] -= d.period * leaky
-    command[RATE] -= d.leaky_gain * d.period * leaky
+    command[POSITION] += by_position
     command[POSITION] -= d.speed_gain * y[0]
+    command[INTEGRAL] += by_integral
+    command[INERTIA] += by_inertia
+    command[RATE] -= d.leaky_gain * d.period * leaky
     command[SPEED] += jm * error
     command[DERIVATIVE] -= jm * gained
     command[LEAKY] += jm * by_leaky
-    command[INERTIA] -= (d.speed_gain * error + d.leaky_gain * by_leaky - d.derivative_gain * gained) / row[INERTIA]
+    by_gains = d.speed_gain * error + d.leaky_gain * by_leaky - d.derivative_gain * gained
+    command[INERTIA] -= by_gains / row[INERTIA]
     return slopes.torques[(count + 1) % slopes.torques.shape[0]]
 
 
-@njit
+@njit(inner=True)
 def _copy(source, target):
     for k in range(source.shape[0]):
         for p in range(source.shape[1]):
             target[k, p] = source[k, p]
 
 
-@njit
+@njit(inner=True)
 def _advance(y, region, count, joint, memory, slopes):
     """One control period of the state and its slopes, those in place; returns state and region."""
     c, d = joint.constants, joint.drive
@@ -377,54 +367,44 @@ def _advance(y, region, count, joint, memory, slopes):
     command = core.control(t, y, memory.drive, memory.torques, count, d, c)
     edges = (-np.inf, -c.delta, 0.0, c.delta, np.inf)
     end = y
-    for _ in range(16):
+    h = left
+    crossing = 0
+    for _ in range(32):
         _copy(slopes.state, slopes.before)
-        end = _step(t, y, left, command, region, joint, slopes, dcommand)
+        reached = _step(t, y, h, command, region, joint, slopes, dcommand)
+        if crossing != 0:
+            y = reached
+            region += crossing
+            t += h
+            left -= h
+            h = left
+            crossing = 0
+            continue
+        end = reached
         x = end[0] / c.gear_ratio - end[2]
         up = x > edges[region + 1]
         if not up and x >= edges[region]:
             break
         _copy(slopes.before, slopes.state)
-        s, _ = core.locate(t, y, left, end, edges[region + 1] if up else edges[region], command, region, c)
-        y = _step(t, y, s, command, region, joint, slopes, dcommand)
-        region = region + 1 if up else region - 1
-        t += s
-        left -= s
+        crossing = 1 if up else -1
+        h, _ = core.locate(t, y, left, end, edges[region + 1] if up else edges[region], command, region, c)
     return end, region
 
 
 @njit(nogil=True)
-def _run(row, movement, order, differencing, with_ripple, settled_rps, pushes):
-    """Motor and load speed over the turn that has settled, its slopes, the turns before it, and whether it is one."""
+def _run(joint, start, memory, slopes, pushes, least, settled_rps, out):
+    """Go on from the start until a turn has settled; it in `out`, the turns before it, and whether it is one."""
+    y, region = start
     periods = pushes.shape[1]
-    joint = _joint_of(row, movement, 0.0, periods, order, differencing, with_ripple)
-    y, region = _start(joint.constants, row[FRICTION])
-    size = _WIDTH + pushes.shape[0]
-    memory = _Memory(np.zeros(4), np.empty(DELAY_PERIODS + 1))
-    memory.drive[0] = y[4]
-    memory.drive[3] = y[0]
-    for k in range(DELAY_PERIODS + 1):
-        memory.torques[k] = y[4]
-    slopes = _Slopes(
-        state=np.zeros((5, size)),
-        drive=np.zeros((4, size)),
-        torques=np.zeros((DELAY_PERIODS + 1, size)),
-        before=np.zeros((5, size)),
-        forced=np.zeros((3, 3, size)),
-    )
-    _start_slopes(joint, slopes)
-    speeds = np.zeros((2, periods))
-    by_column = np.zeros((size, periods))
     before = np.inf
-    least = min(_LEAST_TURNS, int(np.ceil(_SETTLING_S / movement.turn_period_s)) + 1)
     for turn in range(_MOST_TURNS):
         square = 0.0
         for i in range(periods):
-            square += (y[1] / TURN - speeds[0, i]) ** 2
-            speeds[0, i] = y[1] / TURN
-            speeds[1, i] = y[3]
-            for p in range(size):
-                by_column[p, i] = slopes.state[1, p] / TURN
+            square += (y[1] / TURN - out.motor_rps[i]) ** 2
+            out.motor_rps[i] = y[1] / TURN
+            out.load_rad_per_s[i] = y[3]
+            for p in range(out.slopes.shape[0]):
+                out.slopes[p, i] = slopes.state[1, p] / TURN
             for p in range(pushes.shape[0]):
                 now = pushes[p, i]
                 then = pushes[p, (i + 1) % periods]
@@ -433,14 +413,14 @@ def _run(row, movement, order, differencing, with_ripple, settled_rps, pushes):
                 slopes.forced[2, 1, _WIDTH + p] = then
             y, region = _advance(y, region, turn * periods + i, joint, memory, slopes)
             if not abs(y[1]) < core.DIVERGED * joint.constants.omega:
-                return speeds, by_column, turn, False
+                return turn, False
         change = np.sqrt(square / periods)
         # What is still to come, if it goes on shrinking as from the last turn to this one.
         shrinking = change / before
         if turn >= least - 1 and shrinking < 1 and change * shrinking < settled_rps * (1 - shrinking):
-            return speeds, by_column, turn, True
+            return turn, True
         before = change
-    return speeds, by_column, _MOST_TURNS - 1, True
+    return _MOST_TURNS - 1, True
 
 
 def turn_and_slopes(
@@ -457,11 +437,18 @@ def turn_and_slopes(
     `pushes` are further accelerations of the load over a turn. The turn has settled where turns to come would change it
     by less than `settled_rps` (RMS). The drive's speed and integral gain and the torque's lag must not be 0.
     """
-    row = np.ascontiguousarray(row, dtype=float)
-    pushes = np.empty((0, movement.periods)) if pushes is None else np.ascontiguousarray(pushes, dtype=float)
-    speeds, slopes, turns, is_turn = _run(
-        row, movement, float(order), float(differencing), with_ripple, settled_rps, pushes
-    )
+    periods = movement.periods
+    pushes = np.empty((0, periods)) if pushes is None else np.ascontiguousarray(pushes, dtype=float)
+    width = _WIDTH + len(pushes)
+    joint = _joint_of(np.ascontiguousarray(row, dtype=float), movement, 0.0, order, differencing, with_ripple)
+    start = _start(joint)
+    y, _ = start
+    memory = _Memory(np.array([y[4], 0.0, 0.0, y[0]]), np.full(DELAY_PERIODS + 1, y[4]))
+    slopes = _start_slopes(joint, width)
+    least = min(_LEAST_TURNS, math.ceil(_SETTLING_S / movement.turn_period_s) + 1)
+    out = TurnWithSlopes(np.zeros(periods), np.zeros(periods), np.zeros((width, periods)), 0)
+    turns_before, is_turn = _run(joint, start, memory, slopes, pushes, least, settled_rps, out)
     if not is_turn:
-        speeds[:] = slopes[:] = np.nan
-    return TurnWithSlopes(speeds[0], speeds[1], slopes, turns)
+        for part in out[:3]:
+            part[:] = np.nan
+    return out._replace(turns_before=turns_before)

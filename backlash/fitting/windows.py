@@ -206,7 +206,7 @@ def _search_starts(fold, limits, order, least_cost, grid, found):
         best = min(best, found.cost[a])
 
 
-@njit
+@njit(inner=True)
 def _try_start(fold, limits, a, grid, g, found):
     """Update what a start at position a has found with the best length and phase at one pair of the grid."""
     tau = grid.tau[g]

@@ -142,7 +142,7 @@ def torque(x, v, region, delta, ks, ds, alpha, clamped):
     return 0.0
 
 
-@njit
+@njit(inner=True)
 def disturbance(t, motor, omega, waves):
     """Sum of the disturbances: torque on the motor, acceleration of the load's side, transmission error.
 
@@ -182,13 +182,13 @@ def derivative(t, y, command, region, c):
     return y[1], motor_torque / c.motor_inertia, y[3], load_torque / c.load_inertia + push, torque_rate
 
 
-@njit
+@njit(inner=True)
 def along(y, h, k):
     """State after a time h at the rates k."""
     return y[0] + h * k[0], y[1] + h * k[1], y[2] + h * k[2], y[3] + h * k[3], y[4] + h * k[4]
 
 
-@njit
+@njit(inner=True)
 def _runge_kutta(t, y, h, command, region, c):
     k1 = derivative(t, y, command, region, c)
     k2 = derivative(t + h / 2, along(y, h / 2, k1), command, region, c)
@@ -197,7 +197,7 @@ def _runge_kutta(t, y, h, command, region, c):
     return along(along(along(along(y, h / 6, k1), h / 3, k2), h / 3, k3), h / 6, k4)
 
 
-@njit
+@njit(inner=True)
 def locate(t, y, h, end, edge, command, region, c):
     """Part of the step after which the displacement meets the edge, and the state there (Illinois method)."""
     lo, hi, side = 0.0, h, 0
@@ -245,9 +245,11 @@ def control(t, y, memory, ring, count, drive, c):
     return ring[(count + 1) % ring.size]
 
 
-@njit
-def control_matrix(delay, drive, c):
-    """Return a linear drive as a matrix, from all states to the torque to hold and the next memory."""
+def control_matrix(delay: int, drive: Drive, c: Constants) -> FloatArray:
+    """Return a linear drive as a matrix, from all states to the torque to hold and the next memory.
+
+    `control` is called here as it is written, not compiled.
+    """
     size = 9 + delay
     rows = np.zeros((5 + delay, size))
     for j in range(size):
@@ -255,11 +257,9 @@ def control_matrix(delay, drive, c):
         unit[j] = 1.0
         memory, ring = unit[5:9].copy(), unit[9:].copy()
         y = (unit[0], unit[1], unit[2], unit[3], unit[4])
-        rows[0, j] = control(0.0, y, memory, ring, max(delay, 1), drive, c)
-        for k in range(4):
-            rows[1 + k, j] = memory[k]
-        for k in range(delay):
-            rows[5 + k, j] = ring[1 + k]
+        rows[0, j] = control.py_func(0.0, y, memory, ring, max(delay, 1), drive, c)
+        rows[1:5, j] = memory
+        rows[5:, j] = ring[1:]
     return rows
 
 
