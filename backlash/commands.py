@@ -16,22 +16,28 @@ import numpy as np
 import pandas as pd
 
 from backlash import fleet, interface
+from backlash.answers import Estimate
 from backlash.calibration import read_calibration
-from backlash.estimation import Estimate, Settings, as_text, examine, settings_for
-from backlash.logs import STDIN
+from backlash.examine import examine
 from backlash.main import ends_on_interrupt
 from backlash.reading.columns import LogFormat
-from backlash.refusals import UnusableLog
+from backlash.reading.refusals import UnusableLog
+from backlash.reading.sources import STDIN
+from backlash.settings import Measuring, Settings, settings_for
 from replication.compiled import cache
 
 _SHORT_NAMES = {  # of columns of --batch
-    "period": "turn_period_s", "period_s": "turn_period_s", "speed": "commanded_speed_rps",
+    "period": "turn_period_s",
+    "period_s": "turn_period_s",
+    "speed": "commanded_speed_rps",
     "speed_rps": "commanded_speed_rps",
-}  # fmt: skip
+}
 _INPUTS = {
-    "batch": "the --batch table", "calibration": "the calibration", "table": "the table of known backlashes",
+    "batch": "the --batch table",
+    "calibration": "the calibration",
+    "table": "the table of known backlashes",
     "dates": "the table of dates",
-}  # fmt: skip
+}
 _OF_A_LOG = {"turn_period_s", "gear_ratio", "commanded_speed_rps", "counts_per_turn", "start_s", "end_s"}
 _FAIL_ON = re.compile(r"cannot-tell|no-backlash|backlash( *> *(\d*\.?\d+) *(m?)rad)?")
 _FAILED = 3  # exit status
@@ -46,8 +52,7 @@ def _said(options: argparse.Namespace) -> dict[str, Any]:
 
 def _how(options: argparse.Namespace) -> dict[str, Any]:
     """How the options say that logs are measured, as `settings_for` and `interface` take it."""
-    load = ("inertia_ratio", "gravity_per_s2", "inertia_sd", "gravity_sd")
-    how = {name: getattr(options, name) for name in ("method", "repeats", "seed", *load)}
+    how = {name: getattr(options, name) for name in Measuring.__annotations__}
     return how | {"calibration": read_calibration(options.calibration)}
 
 
@@ -130,11 +135,14 @@ def run_estimate(options: argparse.Namespace) -> int:
         answers = [_estimate_one(logs[0], settings[0], options)]
     else:
         answers = _estimate_many(logs, settings, options)
-    met = (
-        answer.verdict == verdict and (answer.backlash_rad or 0.0) > limit
-        for answer in answers for verdict, limit in failures
-    )  # fmt: skip
-    return _FAILED if any(met) else 0
+    is_met = any(_fails(answer, failure) for answer in answers for failure in failures)
+    return _FAILED if is_met else 0
+
+
+def _fails(answer: Estimate, failure: tuple[str, float]) -> bool:
+    """Whether an answer is one that --fail-on names."""
+    verdict, limit_rad = failure
+    return answer.verdict == verdict and (answer.backlash_rad or 0.0) > limit_rad
 
 
 def _failures(text: str | None) -> list[tuple[str, float]]:
@@ -167,14 +175,15 @@ def _batch(path: Path, said: Mapping[str, Any]) -> tuple[list[Path], list[LogFor
 
 def _estimate_one(log: Path, settings: Settings, options: argparse.Namespace) -> Estimate:
     examined = examine(log, settings)
-    text = as_text(examined.estimate)
-    if options.plot and examined.model_rps is None:
-        print(f"--plot: not written, there is no fit to show ({examined.estimate.verdict})", file=sys.stderr)
-    elif options.plot:
+    answer, fitted = examined.estimate, examined.fitted
+    text = str(answer)
+    if options.plot and fitted is None:
+        print(f"--plot: not written, there is no fit to show ({answer.verdict})", file=sys.stderr)
+    elif options.plot and fitted is not None:
         title = text.splitlines()[0].removeprefix(str(log)).lstrip(": ")
-        _write_figure(options.plot, "estimate_figure", examined.recording, examined.model_rps, title)
-    _print_answer(options.json, [examined.estimate.to_dict()], text)
-    return examined.estimate
+        _write_figure(options.plot, "estimate_figure", fitted.recording, fitted.model_rps, title)
+    _print_answer(options.json, [answer.to_dict()], text)
+    return answer
 
 
 def _estimate_many(logs: Sequence[Path], settings: Sequence[Settings], options: argparse.Namespace) -> list[Estimate]:
@@ -186,7 +195,7 @@ def _estimate_many(logs: Sequence[Path], settings: Sequence[Settings], options: 
         if bad:
             print(f"{len(bad)} of {len(answers)} logs are not usable; their rows say why", file=sys.stderr)
         if options.json or not options.out:
-            _print_answer(options.json, [answer.to_dict() for answer in answers], "\n".join(map(as_text, answers)))
+            _print_answer(options.json, [answer.to_dict() for answer in answers], "\n".join(map(str, answers)))
         if options.out:
             write_bytes(options.out, _table_bytes(fleet.as_table(answers), options.out.suffix.lower()))
     if kept:

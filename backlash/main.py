@@ -12,7 +12,7 @@ from pathlib import Path
 
 from backlash.fitting import METHODS, SENSOR_METHODS
 from backlash.reading import UNITS
-from backlash.refusals import UnusableLog
+from backlash.reading.refusals import UnusableLog
 
 _ABOUT = "Backlash, half of the total play, of a robot's joint from logs of the motor encoder."
 _DEFECT, _UNUSABLE, _INTERRUPTED = 1, 2, 130

@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 from joblib import delayed
 
-from backlash.calibration import Calibration, backlashes, calibrate, default_calibration
+from backlash.calibration import Calibration, backlashes, default_calibration, fit_calibration
 from backlash.fitting.global_fit import global_fit
 from backlash.fitting.readings import protocol_for, read
 from replication.arrays import FloatArray
@@ -50,8 +50,8 @@ def cross_validation(
         others = [key for key in records if key[0] != log.labels["realisation"] and key[1] != log.labels["level"]]
         known, deltas = [records[key] for key in others], [level_delta_rad(level) for _, level in others]
         calibrations = {"equation 10": default_calibration("paper")}
-        calibrations |= {method: calibrate(known, deltas, method) for method in ("amplitude", "energy", "impact")}
-        calibrations |= {"waveform, noisy logs": calibrate(known, deltas, "waveform")}
+        calibrations |= {method: fit_calibration(known, deltas, method) for method in ("amplitude", "energy", "impact")}
+        calibrations |= {"waveform, noisy logs": fit_calibration(known, deltas, "waveform")}
         calibrations |= {"waveform": default_calibration("waveform")}
         rival = {"time in the gap": time_in_gap(log.recording, joint, smoothing_s)}
         return _answers(log.recording, calibrations, joint, JOINT_METHODS) | rival
@@ -90,7 +90,7 @@ def measured_errors(
 ) -> pd.DataFrame:
     """Errors on simulated records as one of `USUAL` changes at a time; the joint is matched to speeds only."""
     fine = [encoder_recording(joint, delta, 24) for delta in CALIBRATED_RAD]
-    of_encoder = {method: calibrate(fine, CALIBRATED_RAD, method) for method in CALIBRATED_METHODS}
+    of_encoder = {method: fit_calibration(fine, CALIBRATED_RAD, method) for method in CALIBRATED_METHODS}
     of_speed = {method: default_calibration(method) for method in CALIBRATED_METHODS}
 
     def answers(log: Log) -> dict[str, float]:

@@ -16,14 +16,14 @@ from joblib import delayed
 from scipy import signal, stats
 
 from backlash.calibration import default_calibration
-from backlash.estimation import examine_recording, settings_for
+from backlash.examine import examine
 from backlash.fitting.global_fit import global_fit
 from backlash.fitting.readings import protocol_for
 from backlash.fitting.torque import LoadData, fit_torque
 from backlash.fitting.turns import COLUMNS, Movement, simulate_turns
 from backlash.reading.columns import LogFormat
-from backlash.reading.prepare import record_of
-from backlash.refusals import CannotTell, UnusableLog
+from backlash.reading.refusals import UnusableLog
+from backlash.settings import settings_for
 from replication.arrays import FloatArray
 from replication.authors import level_delta_rad, load_clean, load_noisy
 from replication.characteristic import printed_levels_rad
@@ -275,9 +275,8 @@ def _sensor_answer(log: Log, table: pd.DataFrame) -> dict[str, object]:
     """Answer of the whole sensor to a log's table."""
     form = LogFormat(turn_period_s=log.recording.turn_period_s, commanded_speed_rps=log.recording.commanded_speed_rps)
     try:
-        recording, notes = record_of(table, form, log.recording.source)
-        found = examine_recording(recording, settings_for(form), log.recording.source, notes).estimate
-    except (CannotTell, UnusableLog) as error:
+        found = examine(table, settings_for(form)).estimate
+    except UnusableLog as error:
         return interval_answer(np.nan, (np.nan, np.nan), str(error)) | {"verdict": "cannot tell"}
     if found.backlash_rad is None or found.backlash_interval_rad is None:
         return interval_answer(np.nan, (np.nan, np.nan), found.warnings[0]) | {"verdict": found.verdict}

@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import fdtri
 
+from backlash.detection.pattern import MOTOR_ORDERS
 from backlash.fitting.waveform import settled
-from backlash.reading.detect import MOTOR_ORDERS
 from replication.arrays import FloatArray
 from replication.recording import Recording
 

@@ -21,7 +21,7 @@ from scipy.linalg import cho_factor, cho_solve, toeplitz
 
 from backlash.fitting.harmonics import turn_harmonics
 from backlash.fitting.waveform import settled
-from backlash.refusals import UnusableLog
+from backlash.reading.refusals import UnusableLog
 from replication.arrays import FloatArray
 from replication.recording import Recording
 
@@ -38,14 +38,19 @@ class LoadData:
 
     inertia_ratio: float  # rho = J_l / (N^2 J_m): of the load, seen from the motor, to the motor's own
     gravity_per_s2: float  # m g r / J_l: 9.81 / r for a point load
-    sd_inertia: float = 0.1
-    sd_gravity: float = 0.05
+    inertia_sd: float = 0.1
+    gravity_sd: float = 0.05
 
     def __post_init__(self):
         """Refuse what no load has."""
-        values, sds = (self.inertia_ratio, self.gravity_per_s2), (self.sd_inertia, self.sd_gravity)
+        values, sds = (self.inertia_ratio, self.gravity_per_s2), (self.inertia_sd, self.gravity_sd)
         if not (all(0 < value < np.inf for value in values) and all(0 <= sd <= 0.5 for sd in sds)):
-            raise UnusableLog(f"{self}: inertia ratio and gravity must be above 0, their SDs shares up to 0.5")
+            raise UnusableLog(f"{self!r}: inertia ratio and gravity must be above 0, their SDs shares up to 0.5")
+
+    def __str__(self) -> str:
+        """What was said, as a note."""
+        ratio = f"an inertia ratio of {self.inertia_ratio:g} (SD {self.inertia_sd:.0%})"
+        return f"by the torque, {ratio} and m g r / J_l of {self.gravity_per_s2:g} per s^2 (SD {self.gravity_sd:.0%})"
 
 
 @dataclass(frozen=True)
@@ -142,7 +147,7 @@ def fit_torque(recording: Recording, torque: FloatArray, load: LoadData, rng: np
     draws = []
     for _ in range(_DRAWS):  # turns and loads that the log's noise and the load's SDs allow
         noise = rng.standard_normal((2, count)) + 1j * rng.standard_normal((2, count))
-        rho, g = np.exp(rng.standard_normal(2) * (load.sd_inertia, load.sd_gravity))
+        rho, g = np.exp(rng.standard_normal(2) * (load.inertia_sd, load.gravity_sd))
         other = replace(load, inertia_ratio=rho * load.inertia_ratio, gravity_per_s2=g * load.gravity_per_s2)
         draws.append(_solve(turn._replace(mean=mean + sd * noise), other, instruments, first)[0])
     deviation = float(np.hypot(np.std(draws), _METHOD_ERROR * delta))

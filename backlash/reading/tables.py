@@ -17,7 +17,7 @@ from typing import BinaryIO
 
 import pandas as pd
 
-from backlash.refusals import UnusableLog
+from backlash.reading.refusals import UnusableLog
 
 # An hour at 500 Hz is 1.8 million rows, and a log needs some 5 s of it.
 MOST_ROWS = 2_000_000

@@ -101,10 +101,11 @@ import pandas as pd
 from scipy import stats
 
 import workbook
-from backlash import estimation
 from backlash import plots as log_plots
+from backlash.examine import examine_recording
 from backlash.fitting import joint_posterior, joint_search, self_calibration, shared_joint
 from backlash.reading.columns import LogFormat
+from backlash.settings import settings_for
 from replication.authors import DataUnavailable
 from replication.standins import joints
 from studies import benchmark, plots, population
@@ -151,14 +152,13 @@ bench = replace(bench, joint=replace(bench.joint, load_coulomb_nm=friction_nm))
 log = joints.encoder_log(bench, backlash_rad, np.random.default_rng((bench_seed, 0)))
 form = LogFormat(turn_period_s=log.turn_period_s, unit="rps")
 answers = {
-    method: estimation.examine_recording(log, estimation.settings_for(form, method=method), method)
-    for method in ("self", "amplitude")
+    method: examine_recording(log, settings_for(form, method=method), method) for method in ("self", "amplitude")
 }
-print("\n".join(estimation.as_text(answer.estimate) for answer in answers.values()))
+print("\n".join(str(answer.estimate) for answer in answers.values()))
 
 # %%
 fitted_log = log_plots.estimate_figure(
-    log, answers["self"].model_rps, "a joint that nobody calibrated, and the one fitted"
+    log, answers["self"].fitted.model_rps, "a joint that nobody calibrated, and the one fitted"
 )
 
 # %% [markdown]

@@ -5,18 +5,16 @@ from io import BytesIO, TextIOWrapper
 import numpy as np
 import pandas as pd
 import pytest
-from plain_logs import TURN, plain, read, refusal, text
 
-from backlash.logs import open_log
 from backlash.reading import tables
-from backlash.reading.prepare import record_of
-from backlash.refusals import UnusableLog
+from backlash.reading.prepare import open_log
 from replication.recording import Recording
+from tests.logs import TURN, noisy, read, refusal, text
 
 
 def assert_is_plain(record: Recording, atol: float = 1e-4):
-    np.testing.assert_allclose(record.v, plain().v, atol=atol)
-    np.testing.assert_allclose(record.t, plain().t, atol=1e-6)
+    np.testing.assert_allclose(record.v, noisy().v, atol=atol)
+    np.testing.assert_allclose(record.t, noisy().t, atol=1e-6)
 
 
 def test_a_compressed_text_is_read_and_a_broken_one_refused(tmp_path):
@@ -82,33 +80,31 @@ def test_dates_and_numbers_with_decimal_commas_are_read(header, row, tmp_path):
 @pytest.mark.parametrize(("power", "unit"), [(9, "ns"), (6, "us"), (3, "ms"), (0, None)])
 def test_stamps_since_1970_are_read_by_their_size(power, unit):
     stamps = (
-        (10**power * 1_710_000_000 + np.rint(10**power * plain().t).astype("int64")) if power else 1.71e9 + plain().t
+        (10**power * 1_710_000_000 + np.rint(10**power * noisy().t).astype("int64")) if power else 1.71e9 + noisy().t
     )
-    found, notes = record_of(pd.DataFrame({"timestamp": stamps, "speed_rps": plain().v}), TURN, "log")
-    assert_is_plain(found)
-    assert notes == ((f"time stamps read in {unit}",) if unit else ())
+    log = open_log(pd.DataFrame({"timestamp": stamps, "speed_rps": noisy().v}), TURN)
+    assert_is_plain(log.recording)
+    assert log.notes == ((f"time stamps read in {unit}",) if unit else ())
 
 
 @pytest.mark.parametrize("names", [("sec", "nanosec"), ("secs", "nsecs")])
 def test_a_stamp_in_seconds_and_nanoseconds_is_read_as_one(names):
-    ns = 1_710_000_000_999_000_000 + np.rint(1e9 * plain().t).astype("int64")
+    ns = 1_710_000_000_999_000_000 + np.rint(1e9 * noisy().t).astype("int64")
     stamp = {f"header.stamp.{names[0]}": ns // 10**9, f"header.stamp.{names[1]}": ns % 10**9}
-    frame = pd.DataFrame({"header.seq": np.arange(ns.size), **stamp, "velocity[0]": plain().v})
-    assert_is_plain(record_of(frame, TURN, "log")[0])
+    frame = pd.DataFrame({"header.seq": np.arange(ns.size), **stamp, "velocity[0]": noisy().v})
+    assert_is_plain(read(frame))
 
 
 def test_of_a_robots_joints_the_user_is_asked_for_one():
-    frame = pd.DataFrame({"__time": plain().t, "dq[0]": plain().v, "dq[1]": -plain().v})
-    with pytest.raises(UnusableLog, match=r"which column is the speed: 'dq\[0\]', 'dq\[1\]'\? give --speed"):
-        record_of(frame, TURN, "log")
+    frame = pd.DataFrame({"__time": noisy().t, "dq[0]": noisy().v, "dq[1]": -noisy().v})
+    assert "which column is the speed: 'dq[0]', 'dq[1]'? give --speed" in refusal(frame)
 
 
 @pytest.mark.parametrize("more", ["", ",NaN"])
 def test_a_long_table_is_turned(more, tmp_path):
     path = tmp_path / "log.csv"
-    rows = [f"{t:.4f},{name},{v}{more}" for t, v in zip(plain().t, plain().v, strict=True)
-            for name, v in (("temperature", 20), ("speed [rps]", v))]  # fmt: skip
-    path.write_text("\n".join(["time,signal,value" + (",quality" if more else ""), *rows]), encoding="utf-8")
+    row = f"{{t:.4f}},temperature,20{more}\n{{t:.4f}},speed [rps],{{v}}{more}"
+    path.write_text(text("time,signal,value" + (",quality" if more else ""), row), encoding="utf-8")
     assert_is_plain(read(path))
-    path.write_text("signal,value,v\n" + "\n".join(f"speed,{v},{v}" for v in plain().v), encoding="utf-8")
+    path.write_text("signal,value,v\n" + "\n".join(f"speed,{v},{v}" for v in noisy().v), encoding="utf-8")
     assert "no column of time among 'signal', 'value', 'v'; give --time" in refusal(path)

@@ -9,12 +9,12 @@ import time
 
 import joblib
 import pytest
-from made_logs import noisy, write
 
 from backlash import commands, fleet
-from backlash.estimation import settings_for
 from backlash.main import ends_on_interrupt, main
 from backlash.reading.columns import LogFormat
+from backlash.settings import settings_for
+from tests.logs import noisy, write
 from workbook import ROOT
 
 PIPES = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
