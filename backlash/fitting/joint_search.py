@@ -1,6 +1,5 @@
 """Where the joint that made a log is looked for, so that no local minimum is taken for it."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from operator import attrgetter
@@ -11,7 +10,15 @@ from numpy.typing import NDArray
 from scipy.fft import next_fast_len
 
 from backlash.fitting.harmonics import FASTEST_HZ, TurnHarmonics
-from backlash.fitting.joint_posterior import LEAST_BACKLASH, LOW_PASS_INDEX, MEAN, SMOOTHING_INDEX, Problem, rows_of
+from backlash.fitting.joint_posterior import (
+    LEAST_BACKLASH,
+    LOW_PASS_INDEX,
+    MEAN,
+    SMOOTHING_INDEX,
+    Measurement,
+    Problem,
+    rows_of,
+)
 from backlash.fitting.turns import Movement, simulate_turns
 from replication.arrays import FloatArray
 from replication.compiled.cache import keep_array
@@ -68,16 +75,16 @@ class Found(NamedTuple):
 _chi2 = attrgetter("chi2")
 
 
-def find_peak(problem: Problem, z: FloatArray, measured: Sequence[float], chi2: float = np.inf) -> Peak:
-    """Maximum of the posterior near `z` for a speed measured in a way, three of `joint_posterior.MEASURED_AS`.
+def find_peak(problem: Problem, z: FloatArray, measurement: Measurement, chi2: float = np.inf) -> Peak:
+    """Maximum of the posterior near `z` for a speed measured in a way.
 
     Without evidence, and not looked for to the end, where a few steps leave it far above `chi2`.
     """
     covariance = _covariance(problem.slopes(z)[1])
-    shift = (measured[0] - z[SMOOTHING_INDEX]) / covariance[SMOOTHING_INDEX, SMOOTHING_INDEX]
+    shift = (measurement.smoothing - z[SMOOTHING_INDEX]) / covariance[SMOOTHING_INDEX, SMOOTHING_INDEX]
     start = z + shift * covariance[:, SMOOTHING_INDEX]
     start[0] = max(start[0], 0.5 * z[0], LEAST_BACKLASH)
-    problem.measured_as(*measured)
+    problem.measured_as(measurement)
     limit = chi2 + SETTINGS.far_chi2
     found = _search(problem, start, SETTINGS.first_steps)
     if found.chi2 < limit and not found.converged:
@@ -86,7 +93,8 @@ def find_peak(problem: Problem, z: FloatArray, measured: Sequence[float], chi2: 
     normal = slopes @ slopes.T
     if not (np.isfinite(normal).all() and found.chi2 < limit):
         return Peak(start, covariance, residual, -np.inf, False, problem.differencing)
-    evidence = -0.5 * found.chi2 - 0.5 * np.linalg.slogdet(normal)[1] - np.log(measured[1:]).sum()
+    widths = np.log([measurement.smoothing_sd, measurement.low_pass_sd]).sum()
+    evidence = -0.5 * found.chi2 - 0.5 * np.linalg.slogdet(normal)[1] - widths
     return Peak(found.z, _covariance(slopes), residual, float(evidence), found.converged, problem.differencing)
 
 

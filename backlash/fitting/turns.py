@@ -187,15 +187,15 @@ def simulate_turns(
 
     `order` is the transmission error's periods a turn (0: none), `lead` the turns before the one that is returned.
     """
-    turns = turns_to_settle(movement) if lead is None else lead
-    before = turns * movement.periods
-    steps = before + movement.periods
+    periods = movement.periods
+    before = (turns_to_settle(movement) if lead is None else lead) * periods
+    steps = before + periods
     record = np.empty((steps + 1, 5))
     gap = np.empty(steps + 1, dtype=np.int64)
     events = np.empty((0, 2))
-    out = np.full((len(rows), movement.periods), np.nan)
+    out = np.full((len(rows), periods), np.nan)
     for row, turn in zip(np.ascontiguousarray(rows, dtype=float), out, strict=True):
-        joint = _joint_of(row, movement, -TURN * turns, order, differencing, bool(row[RIPPLE:].any()))
+        joint = _joint_of(row, movement, -TURN * before / periods, order, differencing, bool(row[RIPPLE:].any()))
         c, d = joint.constants, joint.drive
         y, region = _start(joint)
         status, _ = core.run(y, region, steps, d.period, 0, 1, 1, DELAY_PERIODS, c, d, record, gap, events)

@@ -170,7 +170,7 @@ fitted_log = log_plots.estimate_figure(
 # %%
 problem, harmonics = self_calibration.pose_problem(log)
 z_found, _ = joint_search.find_joint(problem, harmonics)
-peak = joint_search.find_peak(problem, z_found, joint_posterior.MEASURED_AS["differenced"][1:])
+peak = joint_search.find_peak(problem, z_found, joint_posterior.MEASURED_AS["differenced"])
 residual, slopes = problem.slopes(peak.z)
 covariance = np.linalg.inv(slopes @ slopes.T)
 laplace_sd_rad = joint_posterior.UNIT_RAD * np.sqrt(covariance[0, 0])
@@ -218,7 +218,7 @@ profile_figure = plots.backlash_profile(profile)
 sd = np.sqrt(np.diag(fit.covariance))
 unknowns = pd.DataFrame(
     {
-        "unknown": joint_posterior.UNKNOWNS,
+        "unknown": joint_posterior.NAMES,
         "prior_sd": joint_posterior.SD,
         "posterior_sd": sd,
         "correlation_with_backlash": fit.covariance[0] / sd / sd[0],

@@ -8,9 +8,9 @@ import pytest
 
 from backlash.calibration import shares, widened
 from backlash.fitting.harmonics import turn_harmonics
-from backlash.fitting.joint_posterior import SIZE, SMOOTHING_INDEX, UNKNOWNS, Problem
+from backlash.fitting.joint_posterior import NAMES, SIZE, SMOOTHING_INDEX, Problem
 from backlash.fitting.joint_search import Peak
-from backlash.fitting.second_mass import pushes
+from backlash.fitting.second_mass import WeightedPeak, pushes
 from backlash.fitting.self_calibration import fit_joint, separate_peaks, widening_factor
 from backlash.fitting.shared_joint import share_joint
 from backlash.fitting.turns import COLUMNS, Movement, simulate_turns
@@ -173,7 +173,7 @@ def test_a_weakly_damped_joint_is_simulated_until_it_rings_no_more():
     weak = rows(identified_joint(), 1e-3)
     weak[0, COLUMNS.index("speed_gain_per_s")] *= 0.7
     z = np.zeros(SIZE)
-    z[0], z[UNKNOWNS.index("speed_gain_per_s")] = 10.0, np.log(0.7)
+    z[0], z[NAMES.index("speed_gain_per_s")] = 10.0, np.log(0.7)
     problem = Problem(turn_harmonics(noise()), movement, 2e-3)
     usual = problem.lead
     problem.slopes(z)
@@ -269,9 +269,9 @@ def test_backlashes_that_do_not_overlap_are_kept_apart():
     def peak(delta, evidence):
         z = np.zeros(SIZE)
         z[0] = delta
-        return 0.0, Peak(z, 0.01 * np.eye(SIZE), np.zeros(1), evidence, True, True)
+        return WeightedPeak(0.0, Peak(z, 0.01 * np.eye(SIZE), np.zeros(1), evidence, True, True))
 
     alone = separate_peaks([peak(5.0, 0.0), peak(5.1, -0.5), peak(9.0, -10.0)])
     assert [len(group) for group in alone] == [2]
     two = separate_peaks([peak(5.0, -1.0), peak(9.0, 0.0)])
-    assert [group[0][1].z[0] for group in two] == [9.0, 5.0]
+    assert [group[0].peak.z[0] for group in two] == [9.0, 5.0]
