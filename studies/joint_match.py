@@ -7,7 +7,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 from scipy.optimize import least_squares
 
-from backlash.fitting.waveform import mean_turn, periodic, samples_a_turn, settled
+from backlash.fitting.waveform import drop_first_turn, mean_turn, periodic, samples_a_turn
 from replication.arrays import FloatArray
 from replication.recording import Recording
 from replication.simulator.recordings import SIMULATION_STEP_S
@@ -67,7 +67,7 @@ def _choose_start(joint: JointParameters, target: FloatArray, free: Sequence[str
 
 def match_joint(recording: Recording, joint: JointParameters, free: Sequence[str] = ()) -> dict[str, float]:
     """Find `delta_rad`, and the `free` ones of `NUISANCES`, with which the joint repeats a record's settled turns."""
-    turns, v = settled(recording)
+    turns, v = drop_first_turn(recording)
     centred = v - v.mean()
 
     def residual(x: FloatArray) -> FloatArray:
