@@ -9,14 +9,18 @@ In three lines, with time [s] and motor speed [rps] as arrays, a table, or a log
 
 from importlib import import_module
 
-import replication  # noqa: F401  first: it says where compiled code is kept
-
 __version__ = "0.1.0"
 _MODULE_OF = {
-    "Calibration": "calibration", "Estimate": "estimation", "Log": "logs", "Trend": "trend_line",
-    "UnusableLog": "reading.tables", "calibrate": "interface", "estimate": "interface", "read_log": "interface",
+    "Calibration": "calibration",
+    "Estimate": "answers",
+    "Log": "reading.prepare",
+    "Trend": "trend_line",
+    "UnusableLog": "reading.refusals",
+    "calibrate": "interface",
+    "estimate": "interface",
+    "read_log": "interface",
     "trend": "interface",
-}  # fmt: skip
+}
 __all__ = list(_MODULE_OF)
 
 

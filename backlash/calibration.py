@@ -17,7 +17,7 @@ from backlash.fitting import SENSOR_METHODS
 from backlash.fitting.global_fit import GlobalFit
 from backlash.fitting.readings import METHODS, Reading, read, reading_of_fit
 from backlash.fitting.waveform import LEAST_LEVELS, WaveformBank, make_bank, match, mean_turn, samples_a_turn
-from backlash.reading.tables import UnusableLog
+from backlash.reading.refusals import UnusableLog
 from replication.arrays import FloatArray
 from replication.characteristic import RPM_PER_RPS, equation_10, first_rise, printed_levels_rad
 from replication.recording import COMMANDED_SPEED_RPS, TURN_PERIOD_S, Recording
@@ -193,12 +193,16 @@ def _bank_uncertainty(recordings: Sequence[Recording], delta: FloatArray, bank: 
     return _uncertainty(found - delta[inner])
 
 
-def calibrate(
-    recordings: Sequence[Recording], known_delta_rad: Sequence[float] | FloatArray, method: str, provenance: str = "",
-    repeats: int = 30, seed: int = 1,
-) -> Calibration:  # fmt: skip
+def fit_calibration(
+    recordings: Sequence[Recording],
+    delta_rad: Sequence[float] | FloatArray,
+    method: str,
+    provenance: str = "",
+    repeats: int = 30,
+    seed: int = 1,
+) -> Calibration:
     """Calibrate a method on records of known backlash; an UnusableLog says why that cannot be done."""
-    delta = np.asarray(known_delta_rad, dtype=float)
+    delta = np.asarray(delta_rad, dtype=float)
     if delta.size != len(recordings) or not (np.isfinite(delta) & (delta >= 0)).all():
         raise UnusableLog("each log needs a known backlash, finite and not negative [rad]")
     if delta.max(initial=0.0) > MOST_RAD:
@@ -252,11 +256,11 @@ def compute_default(method: str) -> Calibration:
     if method == "waveform":
         wide = np.round(np.arange(1e-4, levels[-1] + 4.5e-4, 1e-4), 6).tolist()
         records = simulate_recordings(joint, wide, TURN_PERIOD_S / _MOST_PHASES, turns=3)
-        return calibrate(records, wide, method, simulated)
+        return fit_calibration(records, wide, method, simulated)
     fine = np.round(np.arange(levels[0], levels[-1] + 0.5e-4, 1e-4), 6).tolist()
     records = simulate_recordings(joint, fine)
     if method != "paper":
-        return calibrate(records, fine, method, simulated)
+        return fit_calibration(records, fine, method, simulated)
     coefficients = equation_10().coefficients * RPM_PER_RPS ** np.arange(4)
     amplitude = np.array([read(record, "amplitude").value for record in records])
     return Calibration(

@@ -1,7 +1,6 @@
 """The virtual sensor's commands: `estimate`, `calibrate` and `trend`."""
 
 import argparse
-import io
 import json
 import os
 import re
@@ -17,26 +16,32 @@ import numpy as np
 import pandas as pd
 
 from backlash import fleet, interface
+from backlash.answers import Estimate
 from backlash.calibration import read_calibration
-from backlash.estimation import Estimate, Settings, as_text, examine, settings_for
-from backlash.logs import STDIN
+from backlash.examine import examine
 from backlash.main import ends_on_interrupt
 from backlash.reading.columns import LogFormat
-from backlash.reading.tables import UnusableLog
-from replication import files
+from backlash.reading.refusals import UnusableLog
+from backlash.reading.sources import STDIN
+from backlash.settings import Measuring, Settings, settings_for
+from replication.compiled import cache
 
 _SHORT_NAMES = {  # of columns of --batch
-    "period": "turn_period_s", "period_s": "turn_period_s", "speed": "commanded_speed_rps",
+    "period": "turn_period_s",
+    "period_s": "turn_period_s",
+    "speed": "commanded_speed_rps",
     "speed_rps": "commanded_speed_rps",
-}  # fmt: skip
+}
 _INPUTS = {
-    "batch": "the --batch table", "calibration": "the calibration", "table": "the table of known backlashes",
+    "batch": "the --batch table",
+    "calibration": "the calibration",
+    "table": "the table of known backlashes",
     "dates": "the table of dates",
-}  # fmt: skip
+}
 _OF_A_LOG = {"turn_period_s", "gear_ratio", "commanded_speed_rps", "counts_per_turn", "start_s", "end_s"}
 _FAIL_ON = re.compile(r"cannot-tell|no-backlash|backlash( *> *(\d*\.?\d+) *(m?)rad)?")
 _FAILED = 3  # exit status
-_FIGURE_STAMPS = {".png": {}, ".svg": {"Date": None}, ".pdf": {"CreationDate": None}}  # none, for the same bytes
+_FIGURES = (".png", ".svg", ".pdf")
 
 
 def _said(options: argparse.Namespace) -> dict[str, Any]:
@@ -47,16 +52,14 @@ def _said(options: argparse.Namespace) -> dict[str, Any]:
 
 def _how(options: argparse.Namespace) -> dict[str, Any]:
     """How the options say that logs are measured, as `settings_for` and `interface` take it."""
-    load = ("inertia_ratio", "gravity_per_s2", "inertia_sd", "gravity_sd")
-    how = {name: getattr(options, name) for name in ("method", "repeats", "seed", *load)}
+    how = {name: getattr(options, name) for name in Measuring.__annotations__}
     return how | {"calibration": read_calibration(options.calibration)}
 
 
 def _announce_compiling() -> None:
     """Say that the first command on a machine takes long, to those who wait for it."""
-    is_compiled = any(Path(os.environ["NUMBA_CACHE_DIR"]).rglob("*.nbi"))
-    if sys.stderr.isatty() and not is_compiled:
-        print("compiling, once for this machine: about a minute", file=sys.stderr, flush=True)
+    if sys.stderr.isatty() and cache.is_empty():
+        print("compiling, once for this machine: some ten seconds", file=sys.stderr, flush=True)
 
 
 def _check_output(path: Path | None, endings: Sequence[str], option: str) -> None:
@@ -87,17 +90,21 @@ def _is_answers(path: Path | None) -> bool:
     return path is not None and path.is_file() and b"total_play_high_rad" in path.read_bytes()
 
 
-def _write_figure(figure_of: str, path: Path, *shown) -> None:
-    """Write a figure of `plots` whole or not at all, the same bytes each time."""
-    from matplotlib import pyplot as plt
-
+def _write_figure(path: Path, figure_of: str, *shown) -> None:
+    """Write a figure of `plots` whole or not at all."""
     from backlash import plots
 
-    figure, content, ending = getattr(plots, figure_of)(*shown), io.BytesIO(), path.suffix.lower()
-    with plt.rc_context({"svg.hashsalt": "backlash"}):
-        figure.savefig(content, format=ending[1:], dpi=150, metadata=_FIGURE_STAMPS[ending])
-    files.write_bytes(path, content.getvalue())
-    plt.close(figure)
+    write_bytes(path, plots.content_of(getattr(plots, figure_of)(*shown), path.suffix.lower()))
+
+
+def write_bytes(path: Path, content: bytes) -> None:
+    """Write a file whole or not at all."""
+    temporary = path.with_name(f".{path.name}.tmp")
+    try:
+        temporary.write_bytes(content)
+        os.replace(temporary, path)
+    finally:
+        temporary.unlink(missing_ok=True)
 
 
 def _print_answer(as_json: bool, content: object, text: str) -> None:
@@ -106,7 +113,7 @@ def _print_answer(as_json: bool, content: object, text: str) -> None:
 
 def run_estimate(options: argparse.Namespace) -> int:
     """Print or write what logs tell of their backlash."""
-    _check_output(options.plot, tuple(_FIGURE_STAMPS), "--plot")
+    _check_output(options.plot, _FIGURES, "--plot")
     _check_output(options.out, (".csv", ".parquet"), "--out")
     failures = _failures(options.fail_on)
     if bool(options.log) == bool(options.batch):
@@ -128,11 +135,14 @@ def run_estimate(options: argparse.Namespace) -> int:
         answers = [_estimate_one(logs[0], settings[0], options)]
     else:
         answers = _estimate_many(logs, settings, options)
-    met = (
-        answer.verdict == verdict and (answer.backlash_rad or 0.0) > limit
-        for answer in answers for verdict, limit in failures
-    )  # fmt: skip
-    return _FAILED if any(met) else 0
+    is_met = any(_fails(answer, failure) for answer in answers for failure in failures)
+    return _FAILED if is_met else 0
+
+
+def _fails(answer: Estimate, failure: tuple[str, float]) -> bool:
+    """Whether an answer is one that --fail-on names."""
+    verdict, limit_rad = failure
+    return answer.verdict == verdict and (answer.backlash_rad or 0.0) > limit_rad
 
 
 def _failures(text: str | None) -> list[tuple[str, float]]:
@@ -165,14 +175,15 @@ def _batch(path: Path, said: Mapping[str, Any]) -> tuple[list[Path], list[LogFor
 
 def _estimate_one(log: Path, settings: Settings, options: argparse.Namespace) -> Estimate:
     examined = examine(log, settings)
-    text = as_text(examined.estimate)
-    if options.plot and examined.model_rps is None:
-        print(f"--plot: not written, there is no fit to show ({examined.estimate.verdict})", file=sys.stderr)
-    elif options.plot:
+    answer, fitted = examined.estimate, examined.fitted
+    text = str(answer)
+    if options.plot and fitted is None:
+        print(f"--plot: not written, there is no fit to show ({answer.verdict})", file=sys.stderr)
+    elif options.plot and fitted is not None:
         title = text.splitlines()[0].removeprefix(str(log)).lstrip(": ")
-        _write_figure("estimate_figure", options.plot, examined.recording, examined.model_rps, title)
-    _print_answer(options.json, [examined.estimate.to_dict()], text)
-    return examined.estimate
+        _write_figure(options.plot, "estimate_figure", fitted.recording, fitted.model_rps, title)
+    _print_answer(options.json, [answer.to_dict()], text)
+    return answer
 
 
 def _estimate_many(logs: Sequence[Path], settings: Sequence[Settings], options: argparse.Namespace) -> list[Estimate]:
@@ -184,17 +195,22 @@ def _estimate_many(logs: Sequence[Path], settings: Sequence[Settings], options: 
         if bad:
             print(f"{len(bad)} of {len(answers)} logs are not usable; their rows say why", file=sys.stderr)
         if options.json or not options.out:
-            _print_answer(options.json, [answer.to_dict() for answer in answers], "\n".join(map(as_text, answers)))
-        if options.out and options.out.suffix.lower() == ".csv":
-            files.write_csv(options.out, fleet.as_table(answers))
-        elif options.out:
-            files.write_bytes(options.out, fleet.as_table(answers).to_parquet(index=False))
+            _print_answer(options.json, [answer.to_dict() for answer in answers], "\n".join(map(str, answers)))
+        if options.out:
+            write_bytes(options.out, _table_bytes(fleet.as_table(answers), options.out.suffix.lower()))
     if kept:
         shutil.rmtree(kept, ignore_errors=True)
     if len(bad) == len(answers):
         why = bad[0].removeprefix(fleet.UNUSABLE)
         raise UnusableLog(why if len(bad) == 1 else f"none of {len(bad)} logs is usable; the first: {why}")
     return answers
+
+
+def _table_bytes(table: pd.DataFrame, ending: str) -> bytes:
+    """A table as a file of the kind that its ending names."""
+    if ending == ".parquet":
+        return table.to_parquet(index=False)
+    return table.to_csv(index=False, float_format="%.6g", lineterminator="\n").encode()
 
 
 def run_calibrate(options: argparse.Namespace) -> int:
@@ -207,7 +223,7 @@ def run_calibrate(options: argparse.Namespace) -> int:
     _announce_compiling()
     how = {"method": options.method, "repeats": options.repeats, "seed": options.seed}
     made = interface.calibrate(logs, table["backlash_rad"].tolist(), **how, **said)
-    files.write_text(options.out, made.to_json())
+    write_bytes(options.out, made.to_json().encode())
     low, high, spread = (1e3 * part for part in (*made.range_rad, made.uncertainty_rad))
     known_range = f"method {made.method}, {low:.3f} to {high:.3f} mrad"
     print(f"{options.out}: {known_range}, uncertainty {spread:.4f} mrad (RMS error at levels left out)")
@@ -232,13 +248,13 @@ def _listed_logs(path: Path, logs: str, *columns: str) -> tuple[list[Path], pd.D
 
 def run_trend(options: argparse.Namespace) -> int:
     """Print how the backlash grows."""
-    _check_output(options.plot, tuple(_FIGURE_STAMPS), "--plot")
+    _check_output(options.plot, _FIGURES, "--plot")
     logs, how = fleet.find_logs(options.log), _how(options) | _said(options)
     _keep_inputs(options, logs)
     _announce_compiling()
     shown = {"limit_rad": options.limit, "relative": options.relative, "jobs": options.jobs}
     found = interface.trend(logs, options.dates, **shown, **how)
     if options.plot:
-        _write_figure("trend_figure", options.plot, found)
+        _write_figure(options.plot, "trend_figure", found)
     _print_answer(options.json, found.to_dict(), str(found))
     return 0

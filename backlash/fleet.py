@@ -1,25 +1,23 @@
 """Many logs on all cores: resumable, and no bad file stops the rest."""
 
 import signal
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import replace
+from functools import partial
 from operator import itemgetter
 from pathlib import Path
 
 import pandas as pd
 
-from backlash.estimation import Estimate, Settings, examine
-from backlash.fitting.self_calibration import fit_joint
+from backlash.answers import Estimate
+from backlash.examine import Examined, examine
 from backlash.fitting.shared_joint import share_joint
-from backlash.logs import Log, name_of, open_log
-from backlash.reading.columns import LogFormat
-from backlash.reading.detect import detect_pattern
-from backlash.reading.tables import UnusableLog
+from backlash.reading.refusals import UnusableLog
+from backlash.reading.sources import name_of
+from backlash.settings import Settings
 
-SUFFIXES = (
-    ".csv", ".tsv", ".txt", ".dat", ".log", ".gz", ".parquet", ".xlsx", ".h5", ".hdf5", ".mat", ".mf4", ".mcap", ".bag"
-)  # fmt: skip
+SUFFIXES = (".csv", ".tsv", ".txt", ".dat", ".log", ".gz", ".parquet", ".xlsx")
 UNUSABLE = "unusable log: "
 _DIED = "the process that read it died; is it too large for the memory?"
 _WORTH_PROCESSES = 30  # fewer quick estimates take less time than starting processes
@@ -34,10 +32,7 @@ def find_logs(paths: Sequence[Path], left_out: Path | None = None) -> list[Path]
     for path in paths:
         inside = [path]
         if path.is_dir():
-            inside = sorted(
-                file for file in path.rglob("*")
-                if file.suffix.lower() in SUFFIXES and not file.name.startswith(".") and file.is_file()
-            )  # fmt: skip
+            inside = sorted(file for file in path.rglob("*") if _is_log(file))
             if not inside:
                 raise UnusableLog(f"{path}: no logs in this folder; they end in {', '.join(SUFFIXES)}")
         for file in inside:
@@ -49,6 +44,10 @@ def find_logs(paths: Sequence[Path], left_out: Path | None = None) -> list[Path]
     return list(found.values())
 
 
+def _is_log(file: Path) -> bool:
+    return file.suffix.lower() in SUFFIXES and not file.name.startswith(".") and file.is_file()
+
+
 def run_fleet(
     logs: Sequence[object], settings: Settings | Sequence[Settings], jobs: int = -1, kept: Path | None = None
 ) -> list[Estimate]:
@@ -57,71 +56,14 @@ def run_fleet(
     Settings are those of all logs, or one for each; answers are kept in a folder, for a run that goes on where another
     was interrupted. By itself it takes all cores (-1 jobs) where that is worth it.
     """
-    from tqdm import tqdm
-
-    if jobs == 0 or jobs < -1:
-        raise UnusableLog(f"--jobs {jobs}: give -1 or a number above 0")
     each = [settings] * len(logs) if isinstance(settings, Settings) else settings
-    quick = len(logs) < _WORTH_PROCESSES and all(how.calibration.method != "paper" for how in each)
-    tasks = dict(enumerate(zip(logs, each, strict=True)))
-    found = _in_processes(tasks, 1 if jobs < 0 and quick else jobs, kept)
-    answers = tqdm(found, total=len(tasks), unit="log", disable=None)
-    return [answer for _, answer in sorted(answers, key=itemgetter(0))]
+    return [examined.estimate for examined in examine_fleet(logs, each, jobs, partial(_answer, kept=kept))]
 
 
-def _in_processes(
-    tasks: Mapping[int, tuple[object, Settings]], jobs: int, kept: Path | None
-) -> Iterator[tuple[int, Estimate]]:
-    """Answer for each numbered log, in any order.
-
-    A process that dies takes the others with it and does not say on which log: what is left is tried again in halves.
-    """
-    from multiprocessing import resource_tracker
-
-    from joblib import Parallel, delayed
-
-    left = dict(tasks)
+def examine_or_refuse(log: object, settings: Settings) -> Examined:
+    """Examine one log; say why where that fails, in whatever way."""
     try:
-        calls = (delayed(_kept_answer)(number, *task, kept) for number, task in tasks.items())
-        # Processes inherit that Ctrl-C is held back: this one ends them. To start the tracker would let it go.
-        resource_tracker.ensure_running()
-        before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
-        try:
-            answers = Parallel(n_jobs=jobs, return_as="generator_unordered")(calls)
-        finally:
-            signal.pthread_sigmask(signal.SIG_SETMASK, before)
-        for number, answer in answers:
-            del left[number]
-            yield number, answer
-    except BrokenProcessPool:
-        if len(left) == 1:
-            [(number, (path, settings))] = left.items()
-            yield number, _failed(path, settings, f"{path}: {_DIED}")
-            return
-        again = list(left.items())
-        for half in (again[::2], again[1::2]):
-            yield from _in_processes(dict(half), jobs, kept)
-
-
-def _kept_answer(number: int, log: object, settings: Settings, kept: Path | None) -> tuple[int, Estimate]:
-    """Answer for a log in its present state under these settings, kept under a name made of both."""
-    if kept is None:
-        return number, answer_or_refusal(log, settings)
-    import joblib
-
-    path = Path(name_of(log))
-    status = path.stat() if path.exists() else None
-    state = (status.st_size, status.st_mtime_ns) if status else None
-    how = vars(settings) | {"calibration": settings.calibration.to_json()}
-    key = joblib.hash(repr((path.resolve(), state, how)))
-    remembered = joblib.Memory(kept, verbose=0).cache(answer_or_refusal, ignore=["log", "settings"])
-    return number, replace(remembered(path, settings, key), file=str(path))
-
-
-def answer_or_refusal(log: object, settings: Settings, key: str = "") -> Estimate:
-    """Estimate one log; say why where that fails, in whatever way; `key` is what it is kept under."""
-    try:
-        return examine(log, settings).estimate
+        return examine(log, settings)
     except UnusableLog as error:
         return _failed(log, settings, str(error))
     except Exception as error:  # one log must not stop a thousand others
@@ -130,8 +72,85 @@ def answer_or_refusal(log: object, settings: Settings, key: str = "") -> Estimat
         return _failed(log, settings, f"{name_of(log)}: {type(error).__name__}: {error}")
 
 
-def _failed(log: object, settings: Settings, why: str) -> Estimate:
-    return Estimate(name_of(log), method=settings.calibration.method, warnings=(UNUSABLE + " ".join(why.split()),))
+def _failed(log: object, settings: Settings, why: str) -> Examined:
+    line = UNUSABLE + " ".join(why.split())
+    return Examined(Estimate(name_of(log), method=settings.calibration.method, warnings=(line,)))
+
+
+def _answer(log: object, settings: Settings, kept: Path | None) -> Examined:
+    """The answer alone for a log in its present state, kept under a name made of that and the settings."""
+    if kept is None:
+        return Examined(estimate_or_refuse(log, settings))
+    import joblib
+
+    path = Path(name_of(log))
+    status = path.stat() if path.exists() else None
+    state = (status.st_size, status.st_mtime_ns) if status else None
+    how = vars(settings) | {"calibration": settings.calibration.to_json()}
+    key = joblib.hash(repr((path.resolve(), state, how)))
+    remembered = joblib.Memory(kept, verbose=0).cache(estimate_or_refuse, ignore=["log", "settings"])
+    return Examined(replace(remembered(path, settings, key), file=str(path)))
+
+
+def estimate_or_refuse(log: object, settings: Settings, key: str = "") -> Estimate:
+    """Estimate one log; `key` is what the answer is kept under."""
+    return examine_or_refuse(log, settings).estimate
+
+
+def examine_fleet(
+    logs: Sequence[object],
+    settings: Sequence[Settings],
+    jobs: int,
+    task: Callable[[object, Settings], Examined] = examine_or_refuse,
+) -> list[Examined]:
+    """Examine many logs, each with its settings."""
+    from tqdm import tqdm
+
+    if jobs == 0 or jobs < -1:
+        raise UnusableLog(f"--jobs {jobs}: give -1 or a number above 0")
+    is_quick = len(logs) < _WORTH_PROCESSES and all(how.calibration.method != "paper" for how in settings)
+    calls = dict(enumerate(zip(logs, settings, strict=True)))
+    found = _in_processes(task, calls, 1 if jobs < 0 and is_quick else jobs)
+    in_any_order = tqdm(found, total=len(calls), unit="log", disable=None)
+    return [examined for _, examined in sorted(in_any_order, key=itemgetter(0))]
+
+
+def _in_processes(
+    task: Callable[[object, Settings], Examined], calls: Mapping[int, tuple[object, Settings]], jobs: int
+) -> Iterator[tuple[int, Examined]]:
+    """Examine each numbered log, in any order.
+
+    A process that dies takes the others with it and does not say on which log: what is left is tried again in halves.
+    """
+    from multiprocessing import resource_tracker
+
+    from joblib import Parallel, delayed
+
+    left = dict(calls)
+    try:
+        numbered = (delayed(_numbered)(number, task, *call) for number, call in calls.items())
+        # Processes inherit that Ctrl-C is held back: this one ends them. To start the tracker would let it go.
+        resource_tracker.ensure_running()
+        before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+        try:
+            found = Parallel(n_jobs=jobs, return_as="generator_unordered")(numbered)
+        finally:
+            signal.pthread_sigmask(signal.SIG_SETMASK, before)
+        for number, examined in found:
+            del left[number]
+            yield number, examined
+    except BrokenProcessPool:
+        if len(left) == 1:
+            [(number, (log, settings))] = left.items()
+            yield number, _failed(log, settings, f"{log}: {_DIED}")
+            return
+        again = list(left.items())
+        for half in (again[::2], again[1::2]):
+            yield from _in_processes(task, dict(half), jobs)
+
+
+def _numbered(number: int, task: Callable[..., Examined], *call: object) -> tuple[int, Examined]:
+    return number, task(*call)
 
 
 def as_table(answers: Sequence[Estimate]) -> pd.DataFrame:
@@ -150,24 +169,19 @@ def as_table(answers: Sequence[Estimate]) -> pd.DataFrame:
     return table.astype(dict.fromkeys(numbers, float))
 
 
-def with_shared_joint(
-    logs: Sequence[object], answers: Sequence[Estimate], settings: Sequence[Settings]
-) -> list[Estimate]:
+def with_shared_joint(examined: Sequence[Examined]) -> list[Estimate]:
     """Correct estimates by method self by what all logs tell of their joint.
 
     Those without a backlash stay, and those with separate intervals: one log alone cannot choose between them.
     """
-    answered = [
-        k for k, answer in enumerate(answers) if answer.verdict == "backlash" and not answer.backlash_intervals_rad
-    ]
-    fits = [fit_joint(prepare_log(logs[k], settings[k].form, settings[k].seed).recording) for k in answered]
-    corrected = list(answers)
-    for k, (delta, interval) in zip(answered, share_joint(fits) if fits else [], strict=True):
-        corrected[k] = replace(answers[k], backlash_rad=delta, backlash_interval_rad=interval)
-    return corrected
-
-
-def prepare_log(source: object, form: LogFormat, seed: int) -> Log:
-    """Read a log as `examine` does, up to the pattern that must be found in it."""
-    log = open_log(source, form)
-    return replace(log, recording=detect_pattern(log.recording, log.form, seed)[0])
+    answers = [each.estimate for each in examined]
+    joints = {
+        k: each.fitted.joint
+        for k, each in enumerate(examined)
+        if each.estimate.verdict == "backlash" and not each.estimate.backlash_intervals_rad and each.fitted
+    }
+    fits = [joint for joint in joints.values() if joint is not None]
+    corrected = share_joint(fits) if fits else []
+    for k, (delta, interval) in zip(joints, corrected, strict=True):
+        answers[k] = replace(answers[k], backlash_rad=delta, backlash_interval_rad=interval)
+    return answers

@@ -1,51 +1,78 @@
 """The sensor from Python: `read_log`, `estimate`, `calibrate` and `trend`.
 
 A log is a path (str or Path), a table (DataFrame) whose columns are named as in a file, or what `read_log` returned.
-What is said of logs (`said`) are the fields of `LogFormat`, as on the command line: `turn_period_s` or `gear_ratio`,
-one of which is needed, and `time`, `speed`, `position` (columns), `unit`, `counts_per_turn`, `commanded_speed_rps`,
-`start_s`, `end_s`, `trust_period`, `torque`. How they are measured (`how`): `calibration`, `method`, `repeats`, `seed`,
-and with a torque `inertia_ratio`, `gravity_per_s2`, `inertia_sd` and `gravity_sd`.
+What is said of logs are the fields of `LogFormat`, as on the command line: `turn_period_s` or `gear_ratio`, one of
+which is needed, and `time`, `speed`, `position` (columns), `unit`, `counts_per_turn`, `commanded_speed_rps`, `start_s`,
+`end_s`, `trust_period`, `torque`. How they are measured: `calibration`, `method`, `repeats`, `seed`, and with a torque
+`inertia_ratio`, `gravity_per_s2`, `inertia_sd` and `gravity_sd`.
 An UnusableLog is a ValueError whose message is one line: what is wrong, where, what to do.
 """
 
 import hashlib
-from collections.abc import Sequence
-from dataclasses import fields
-from inspect import signature
+from collections.abc import Mapping, Sequence
 from os import PathLike
 from pathlib import Path
-from typing import Any
+from typing import Any, TypedDict, Unpack
 
 import pandas as pd
 from numpy.typing import ArrayLike
 
-from backlash import calibration as calibrations
 from backlash import fleet, trend_line
-from backlash.calibration import Calibration, OwnCalibration
-from backlash.estimation import Estimate, examine, settings_for
+from backlash.answers import Estimate
+from backlash.calibration import Calibration, fit_calibration, read_calibration
+from backlash.detection.pattern import detect_pattern
+from backlash.examine import examine
 from backlash.fitting import SELF
-from backlash.logs import Log, name_of, open_log
 from backlash.reading.columns import LogFormat
-from backlash.reading.prepare import CannotTell
-from backlash.reading.tables import UnusableLog
+from backlash.reading.prepare import Log, open_log
+from backlash.reading.refusals import CannotTell, UnusableLog
+from backlash.reading.sources import name_of
+from backlash.settings import Measuring, settings_for
 from backlash.trend_line import Trend
 
 
-def _form(log: object, said: dict[str, Any]) -> LogFormat:
+class LogWords(TypedDict, total=False):
+    """What is said of logs: the fields of `LogFormat`, those that are columns or, of arrays, the arrays themselves."""
+
+    time: str | None
+    speed: str | None
+    position: str | bool | None
+    unit: str | None
+    counts_per_turn: float | None
+    commanded_speed_rps: float | None
+    turn_period_s: float | None
+    trust_period: bool
+    gear_ratio: float | None
+    start_s: float | None
+    end_s: float | None
+    torque: str | ArrayLike | None
+
+
+class Words(LogWords, Measuring, total=False):
+    """What is said of logs, and how they are measured."""
+
+
+def _form(log: object, said: Mapping[str, Any]) -> LogFormat:
     """What is said of a log; `position=True` says it of arrays, and a log that was read has it all."""
-    if isinstance(log, Log) and said:
-        raise UnusableLog(f"{log.file} was read already: give {', '.join(said)} to read_log")
+    said = {name: value for name, value in said.items() if name not in Measuring.__annotations__}
+    if unknown := sorted(set(said) - set(LogWords.__annotations__)):
+        raise TypeError(f"no parameter {unknown[0]!r}; of logs there are {', '.join(LogWords.__annotations__)}")
+    if isinstance(log, Log):
+        if said:
+            raise UnusableLog(f"{log.file} was read already: give {', '.join(said)} to read_log")
+        return log.form
     if said.get("position") is True:
-        said = said | {"position": "position"}
+        said["position"] = "position"
     if not isinstance(said.get("torque", ""), str | None):
-        said = said | {"torque": "torque array"}
-    known = [field.name for field in fields(LogFormat)]
-    if unknown := sorted(set(said) - set(known)):
-        raise TypeError(f"no parameter {unknown[0]!r}; of logs there are {', '.join(known)}")
-    return log.form if isinstance(log, Log) else LogFormat(**said)
+        said["torque"] = "torque array"
+    return LogFormat(**said)
 
 
-def read_log(log: object, v: ArrayLike | None = None, **said: Any) -> Log:
+def _how(words: Mapping[str, Any]) -> dict[str, Any]:
+    return {name: words[name] for name in Measuring.__annotations__ if name in words}
+
+
+def read_log(log: object, v: ArrayLike | None = None, **said: Unpack[LogWords]) -> Log:
     """Read a log's stretch of constant speed; parameters as in `estimate`.
 
     Returns
@@ -71,16 +98,7 @@ def read_log(log: object, v: ArrayLike | None = None, **said: Any) -> Log:
         raise UnusableLog(str(refusal)) from refusal
 
 
-def estimate(
-    log: object,
-    v: ArrayLike | None = None,
-    *,
-    calibration: OwnCalibration = None,
-    method: str | None = None,
-    repeats: int = 30,
-    seed: int = 1,
-    **said: Any,
-) -> Estimate:
+def estimate(log: object, v: ArrayLike | None = None, **words: Unpack[Words]) -> Estimate:
     """Estimate the backlash, which is half of the total play, that a log tells of.
 
     Parameters
@@ -97,9 +115,9 @@ def estimate(
         "self", "torque", "waveform", "energy", "amplitude" or "paper"; default: the calibration's, else "self".
     repeats, seed : int
         Searches of method "paper", and the first seed.
-    **said
-        The fields of `LogFormat`: `turn_period_s` [s] or `gear_ratio`, and more. Method "torque", for any drive, needs
-        `torque`, a column or an array, positive where it drives forward; `inertia_ratio`, J_l / (N^2 J_m), and
+    **words
+        The fields of `LogFormat`, too: `turn_period_s` [s] or `gear_ratio`, and more. Method "torque", for any drive,
+        needs `torque`, a column or an array, positive where it drives forward; `inertia_ratio`, J_l / (N^2 J_m), and
         `gravity_per_s2`, m g r / J_l, of the load; `inertia_sd` (0.1) and `gravity_sd` (0.05), their relative SDs.
 
     Returns
@@ -119,23 +137,26 @@ def estimate(
     >>> print(f"{answer.verdict}, {1e3 * answer.backlash_rad:.1f} mrad to each side")
     backlash, 0.9 mrad to each side
     """
-    load = {name: said.pop(name) for name in signature(settings_for).parameters if name in said}
-    settings = settings_for(_form(log, said), calibration, method, repeats, seed, **load)
-    return examine(log, settings, v, said.get("torque")).estimate
+    return examine(log, settings_for(_form(log, words), **_how(words)), v, words.get("torque")).estimate
 
 
 def calibrate(
-    logs: Sequence[object], known_backlash_rad: Sequence[float], *, method: str = "waveform", repeats: int = 30,
-    seed: int = 1, **said: Any,
-) -> Calibration:  # fmt: skip
+    logs: Sequence[object],
+    delta_rad: Sequence[float],
+    *,
+    method: str = "waveform",
+    repeats: int = 30,
+    seed: int = 1,
+    **said: Unpack[LogWords],
+) -> Calibration:
     """Calibrate a method on logs of one joint in one movement; parameters not named here are those of `estimate`.
 
     Parameters
     ----------
     logs : sequence of logs
         Paths, tables, or what `read_log` returned.
-    known_backlash_rad : sequence of float
-        Their backlashes, half of the total play [rad]; six different ones or more.
+    delta_rad : sequence of float
+        Their known backlashes, half of the total play [rad]; six different ones or more.
     method : str
         Any but "self".
     repeats, seed : int
@@ -162,19 +183,23 @@ def calibrate(
     read = []
     for log in logs:
         try:
-            read.append(fleet.prepare_log(log, _form(log, said), seed))
+            read.append(detect_pattern(open_log(log, _form(log, said)), seed))
         except CannotTell as refusal:
             raise UnusableLog(f"{name_of(log)}: no use for a calibration: {refusal}") from refusal
     digests = "".join(log.sha256 or "" for log in read)
     made_of = f"{len(read)} logs, SHA-256 of theirs {hashlib.sha256(digests.encode()).hexdigest()}"
-    records = [log.recording for log in read]
-    return calibrations.calibrate(records, known_backlash_rad, method, made_of, repeats, seed)
+    return fit_calibration([log.recording for log in read], delta_rad, method, made_of, repeats, seed)
 
 
 def trend(
-    logs: Sequence[object], dates: Sequence[Any] | str | PathLike[str] | None = None, *,
-    limit_rad: float | None = None, relative: bool = False, jobs: int = 1, **said: Any,
-) -> Trend:  # fmt: skip
+    logs: Sequence[object],
+    dates: Sequence[Any] | str | PathLike[str] | None = None,
+    *,
+    limit_rad: float | None = None,
+    relative: bool = False,
+    jobs: int = 1,
+    **words: Unpack[Words],
+) -> Trend:
     """Fit a line to the backlashes of dated logs of one joint; parameters not named here are those of `estimate`.
 
     Parameters
@@ -207,9 +232,9 @@ def trend(
     >>> print(worn.alarm, worn.crossing.year)
     True 2024
     """
-    how = {name: said.pop(name) for name in signature(settings_for).parameters if name in said}
-    how["calibration"] = calibrations.read_calibration(how.get("calibration"))
-    settings = [settings_for(_form(log, said), **how) for log in logs]
+    how = _how(words)
+    how["calibration"] = read_calibration(how.get("calibration"))
+    settings = [settings_for(_form(log, words), **how) for log in logs]
     if dates is None or isinstance(dates, str | PathLike):
         table = Path(dates) if dates is not None else None
         days = list(trend_line.dates_of([Path(name_of(log)) for log in logs], table).values())
@@ -218,7 +243,8 @@ def trend(
     if len(days) != len(logs):
         raise UnusableLog(f"{len(logs)} logs and {len(days)} dates; give a date for each log")
     trend_line.check_limit(limit_rad)
-    answers = fleet.run_fleet(logs, settings, jobs)
+    examined = fleet.examine_fleet(logs, settings, jobs)
+    answers = [each.estimate for each in examined]
     if not relative and all(each.calibration.method == SELF for each in settings):
-        answers = fleet.with_shared_joint(logs, answers, settings)
+        answers = fleet.with_shared_joint(examined)
     return trend_line.fit_trend(answers, days, limit_rad, relative)

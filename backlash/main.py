@@ -1,41 +1,61 @@
 """The virtual sensor's command line: `backlash estimate`, `calibrate` and `trend`."""
 
 import argparse
+import errno
 import os
 import signal
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
+from importlib import import_module
 from pathlib import Path
 
 from backlash.fitting import METHODS, SENSOR_METHODS
 from backlash.reading import UNITS
-from workbook.parser import OneLineParser, add_command, run_command
+from backlash.reading.refusals import UnusableLog
 
-_COMMANDS = "backlash.commands"
 _ABOUT = "Backlash, half of the total play, of a robot's joint from logs of the motor encoder."
-_INTERRUPTED = 130
+_DEFECT, _UNUSABLE, _INTERRUPTED = 1, 2, 130
 _STATUS = f"Exit status: 0 done, 1 a defect, 2 unusable input, 3 --fail-on holds, {_INTERRUPTED} interrupted."
+# Of an output that takes no more: whoever read a pipe has seen enough, or a disk is full.
+_UNWRITABLE = {errno.EPIPE, errno.ENOSPC, errno.EDQUOT, errno.EIO}
 
 
 def main(arguments: list[str] | None = None) -> int:
     """Run one command of the sensor; whatever happens, no traceback."""
+    if sys.stdout is None:
+        print("the answer cannot be written (the standard output is closed)", file=sys.stderr)
+        return _DEFECT
     try:
         with ends_on_interrupt():
-            return run_command(_parser(), arguments, anywhere=("estimate", "calibrate", "trend"))
+            try:
+                options = _parser().parse_args(arguments)
+                return getattr(import_module("backlash.commands"), options.function)(options)
+            finally:
+                sys.stdout.flush()
     except (Exception, KeyboardInterrupt) as error:
-        stopped = next(
-            (e for e in (error, error.__cause__, error.__context__) if isinstance(e, KeyboardInterrupt)), None
-        )
-        if stopped is not None:
-            print(f"interrupted{stopped}", file=sys.stderr)
-            return _INTERRUPTED
-        import traceback
+        status, line = _ending(error)
+        if line:
+            print(line, file=sys.stderr)
+        return status
 
-        place = traceback.extract_tb(error.__traceback__)[-1]
-        what = f"{type(error).__name__}: {error} ({Path(place.filename).name}, line {place.lineno})"
-        print(f"a defect of the program, please report it: {' '.join(what.split())}", file=sys.stderr)
-        return 1
+
+def _ending(error: BaseException) -> tuple[int, str]:
+    """Exit status that an error ends a command with, and the line that says why."""
+    for each in (error, error.__cause__, error.__context__):
+        if isinstance(each, KeyboardInterrupt):
+            return _INTERRUPTED, f"interrupted{each}"
+    if isinstance(error, UnusableLog):
+        return _UNUSABLE, str(error)
+    if isinstance(error, OSError) and error.errno in _UNWRITABLE:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # nothing is left to be flushed at the end
+        is_read = error.errno != errno.EPIPE
+        return _DEFECT, f"the answer cannot be written ({error.strerror})" if is_read else ""
+    import traceback
+
+    place = traceback.extract_tb(error.__traceback__)[-1]
+    what = f"{type(error).__name__}: {error} ({Path(place.filename).name}, line {place.lineno})"
+    return _DEFECT, f"a defect of the program, please report it: {' '.join(what.split())}"
 
 
 @contextmanager
@@ -57,12 +77,18 @@ def ends_on_interrupt(note: str = "") -> Iterator[None]:
         signal.signal(signal.SIGINT, before)
 
 
-def _parser() -> argparse.ArgumentParser:
-    parser = OneLineParser(prog="backlash", description=_ABOUT, epilog=_STATUS)
-    commands = parser.add_subparsers(required=True, metavar="COMMAND", dest="command_name")
+class _OneLineParser(argparse.ArgumentParser):
+    def error(self, message: str):
+        """Say in one line what is wrong with the arguments, and exit."""
+        self.exit(_UNUSABLE, f"{self.prog}: {message}; see --help\n")
 
-    sub = add_command(commands, "estimate", _COMMANDS, "backlash (half of the play) from logs of the motor encoder")
-    logs = "CSV, XLSX, Parquet, HDF5, MATLAB, MDF or MCAP files, or folders of them; - is the standard input"
+
+def _parser() -> argparse.ArgumentParser:
+    parser = _OneLineParser(prog="backlash", description=_ABOUT, epilog=_STATUS)
+    commands = parser.add_subparsers(required=True, metavar="COMMAND")
+
+    sub = _add_command(commands, "estimate", "backlash (half of the play) from logs of the motor encoder")
+    logs = "CSV, XLSX or Parquet files, or folders of them; - is the standard input"
     sub.add_argument("log", nargs="*", type=Path, help=logs)
     each = "CSV with the columns file, and period (s), gear_ratio, speed (rps): each log with its own"
     sub.add_argument("--batch", type=Path, metavar="TABLE", help=each)
@@ -76,7 +102,7 @@ def _parser() -> argparse.ArgumentParser:
     )
     sub.add_argument("--fail-on", metavar="LIST", help=fails)
 
-    sub = add_command(commands, "calibrate", _COMMANDS, "a calibration from logs of known backlash")
+    sub = _add_command(commands, "calibrate", "a calibration from logs of known backlash")
     known = "CSV with the columns log (its file) and backlash_rad (half of the play), six different ones or more"
     sub.add_argument("table", type=Path, help=known)
     sub.add_argument("--out", type=Path, required=True, metavar="FILE", help="the calibration, .json")
@@ -84,7 +110,7 @@ def _parser() -> argparse.ArgumentParser:
     _add_log_options(sub)
     _add_searches(sub)
 
-    sub = add_command(commands, "trend", _COMMANDS, "growth of the backlash, and when it crosses a limit")
+    sub = _add_command(commands, "trend", "growth of the backlash, and when it crosses a limit")
     sub.add_argument("log", nargs="+", type=Path, help="logs or folders; dates in their names, like 2024-03-17")
     sub.add_argument("--dates", type=Path, metavar="TABLE", help="CSV with the columns file and date instead")
     sub.add_argument("--limit", type=float, metavar="RAD", help="the backlash (half of the play) whose date is wanted")
@@ -95,6 +121,13 @@ def _parser() -> argparse.ArgumentParser:
     sub.add_argument("--json", action="store_true", help="print an object")
     sub.add_argument("--plot", type=Path, metavar="FILE", help="write a figure: .png, .svg or .pdf")
     return parser
+
+
+def _add_command(commands: argparse._SubParsersAction, name: str, text: str) -> argparse.ArgumentParser:
+    """A command that `run_<name>` of `commands` does."""
+    sub = commands.add_parser(name, help=text)
+    sub.set_defaults(function=f"run_{name}")
+    return sub
 
 
 def _add_log_options(sub: argparse.ArgumentParser) -> None:

@@ -1,43 +1,78 @@
 """Plots of the virtual sensor's answers: arrays in, a matplotlib figure out."""
 
+from collections.abc import Callable
+from functools import wraps
+from io import BytesIO
+from pathlib import Path
+
+import matplotlib as mpl
 import numpy as np
+from matplotlib import pyplot as plt
 from matplotlib.dates import AutoDateLocator, ConciseDateFormatter
 from matplotlib.figure import Figure
 
 from backlash.trend_line import Trend
 from replication.arrays import FloatArray
-from replication.figures.style import BLUE, INK, ORANGE, PINK, finish, grid, in_style
 from replication.recording import Recording
 
 _SHOWN_TURNS = 3
+_STYLE = Path(__file__).with_name("data") / "plots.mplstyle"
+# By ending, stamps that would make each file another; None leaves them out.
+STAMPS: dict[str, dict[str, None]] = {".png": {}, ".svg": {"Date": None}, ".pdf": {"CreationDate": None}}
+
+
+def in_style(plot: Callable[..., Figure]) -> Callable[..., Figure]:
+    """Draw a figure in the sensor's style, leaving matplotlib's settings alone."""
+
+    @wraps(plot)
+    def styled(*args) -> Figure:
+        with plt.style.context(_STYLE):
+            figure = plot(*args)
+            interactive = mpl.is_interactive()
+        # A notebook's backend switches this on with its first figure; switched back, no other figure would be shown.
+        mpl.interactive(interactive)
+        return figure
+
+    return styled
+
+
+def content_of(figure: Figure, ending: str) -> bytes:
+    """A file of a figure, the same bytes each time; the figure is closed."""
+    content = BytesIO()
+    with plt.style.context(_STYLE):
+        figure.savefig(content, format=ending[1:], metadata=STAMPS[ending])
+    plt.close(figure)
+    return content.getvalue()
 
 
 @in_style
 def estimate_figure(recording: Recording, model_rps: FloatArray, title: str) -> Figure:
     """Show three turns in the middle of a record with the fitted model [rps], and the residual of the whole record."""
-    figure, axes = grid(2, 1, height_in=4.4, height_ratios=(3, 2))
+    figure, (above, below) = plt.subplots(2, figsize=(5.3, 4.4), height_ratios=(3, 2))
     t, disturbance = recording.t - recording.t[0], recording.v - recording.v.mean()
     model = model_rps - model_rps.mean()
     middle, half = t[-1] / 2, min(_SHOWN_TURNS * recording.turn_period_s, t[-1]) / 2
-    axes[0, 0].plot(t, disturbance, color="0.55", linewidth=0.9, label="record, less its mean")
-    axes[0, 0].plot(t, model, color=BLUE, linewidth=1.4, label="fitted model")
+    above.plot(t, disturbance, color="0.55", linewidth=0.9, label="record, less its mean")
+    above.plot(t, model, color="C0", linewidth=1.4, label="fitted model")
     top = 1.05 * max(np.abs(disturbance).max(), 1e-9)
-    axes[0, 0].set(xlim=(middle - half, middle + half), ylim=(-top, top), title=title)
-    axes[0, 0].set(xlabel="time [s]", ylabel="motor speed [rps]")
-    axes[1, 0].plot(t, disturbance - model, color=ORANGE, linewidth=0.7)
-    axes[1, 0].set(xlim=(0, t[-1]), ylim=(-top, top), xlabel="time [s]", ylabel="residual [rps]")
-    return finish(figure, 2)
+    above.set(xlim=(middle - half, middle + half), ylim=(-top, top), title=f"(a) {title}")
+    above.set(xlabel="time [s]", ylabel="motor speed [rps]")
+    below.plot(t, disturbance - model, color="C1", linewidth=0.7)
+    below.set(xlim=(0, t[-1]), ylim=(-top, top), xlabel="time [s]", ylabel="residual [rps]")
+    below.set_title("(b)")
+    figure.legend(loc="outside lower center", ncols=2)
+    return figure
 
 
 @in_style
 def trend_figure(trend: Trend) -> Figure:
     """Show dated estimates with their intervals, the line through them with its band, and the limit."""
-    figure, axes = grid(height_in=3.6)
-    axis, points = axes[0, 0], trend.points
+    figure, axis = plt.subplots(figsize=(5.3, 3.6))
+    points = trend.points
     scale, unit = trend.shown_in
     delta = scale * points["value"].to_numpy()
     ends = np.abs(scale * points[["low", "high"]].to_numpy().T - delta)
-    axis.errorbar(points["date"], delta, ends, fmt="o", color=INK, markersize=4, capsize=3, label="estimate, 95 %")
+    axis.errorbar(points["date"], delta, ends, fmt="o", color="C5", markersize=4, capsize=3, label="estimate, 95 %")
     since = (points["date"] - trend.origin).dt.total_seconds().to_numpy() / 86400
     last = since[-1]
     if trend.crossing is not None:
@@ -46,19 +81,20 @@ def trend_figure(trend: Trend) -> Figure:
     days = np.linspace(since[0], last, 200)
     line, half = trend.band(days)
     dates = trend.origin + np.round(days * 86400).astype("timedelta64[s]")
-    axis.plot(dates, scale * line, color=BLUE, label="line")
+    axis.plot(dates, scale * line, color="C0", label="line")
     low, high = scale * (line - half), scale * (line + half)
-    axis.fill_between(dates, low, high, color=BLUE, alpha=0.15, lw=0, label="its 95 %")
+    axis.fill_between(dates, low, high, color="C0", alpha=0.15, lw=0, label="its 95 %")
     if trend.limit_rad is not None:
-        axis.axhline(1e3 * trend.limit_rad, color=PINK, linestyle="--", label="limit")
+        axis.axhline(1e3 * trend.limit_rad, color="C3", linestyle="--", label="limit")
         first, after = trend.crossing_interval or (None, None)
         if first is not None:
             last_drawn = min(after or dates[-1], dates[-1])
-            axis.axvspan(first, last_drawn, color=PINK, alpha=0.12, lw=0, label="crossing, 95 %")
+            axis.axvspan(first, last_drawn, color="C3", alpha=0.12, lw=0, label="crossing, 95 %")
     locator = AutoDateLocator()
     axis.xaxis.set_major_locator(locator)
     axis.xaxis.set_major_formatter(ConciseDateFormatter(locator))
     name = "amplitude" if trend.is_relative else "backlash $\\delta$"
     axis.set(ylabel=f"{name} [{unit}]", xlim=(dates[0] - (dates[-1] - dates[0]) * 0.03, dates[-1]))
     axis.set_ylim(bottom=0)
-    return finish(figure, 3)
+    figure.legend(loc="outside lower center", ncols=3)
+    return figure

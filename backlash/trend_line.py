@@ -15,9 +15,9 @@ import pandas as pd
 from scipy.special import fdtri, ndtri, stdtrit
 
 from backlash import __version__
+from backlash.answers import Estimate
 from backlash.calibration import MOST_RAD, PERIOD_MISMATCH
-from backlash.estimation import Estimate
-from backlash.reading.tables import UnusableLog
+from backlash.reading.refusals import UnusableLog
 from replication.arrays import FloatArray
 
 CONFIDENCE = 0.95

@@ -13,11 +13,11 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import NamedTuple
 
-import numba
 import numpy as np
 
 from replication.arrays import FloatArray, IntArray
 from replication.compiled.bounds import from_box, into_box
+from replication.compiled.cache import njit
 from replication.compiled.eigen import symmetric_eigen
 from replication.signature import Box
 
@@ -113,12 +113,12 @@ def first_state(box: Box, sigma: float) -> State:
     return State(0, middle, sigma, C, np.zeros(n), np.zeros(n), unit, np.eye(n), np.ones(n))
 
 
-@numba.njit(cache=True)
+@njit
 def _column(x):
     return x.reshape(-1, 1)
 
 
-@numba.njit(cache=True)
+@njit
 def _turn(axes, columns):
     """Product of a small matrix and columns."""
     turned = np.zeros(columns.shape)
@@ -128,13 +128,13 @@ def _turn(axes, columns):
     return turned
 
 
-@numba.njit(cache=True)
+@njit
 def standard_deviations(state):
     """Standard deviations of the next samples, shape (n,)."""
     return state.sigma * (state.unit * np.sqrt(np.diag(state.C)))
 
 
-@numba.njit(cache=True)
+@njit
 def decompose(state):
     """Find axes B and lengths D of C."""
     C = (state.C + state.C.T) / 2
@@ -145,7 +145,7 @@ def decompose(state):
     return State(state.g, state.m, state.sigma, C, state.p_sigma, state.p_c, state.unit, B, D)
 
 
-@numba.njit(cache=True)
+@njit
 def sample(state, z):
     """Equation 12: samples x of N(m, sigma^2 C) from standard normal z; shapes (population, n)."""
     y = _turn(state.B, _column(state.D) * z.T)
@@ -153,7 +153,7 @@ def sample(state, z):
     return np.ascontiguousarray(x.T)
 
 
-@numba.njit(cache=True)
+@njit
 def update(state, ranked, c):
     """Equations 13 to 17: the next state from the samples x_{1:lambda} to x_{lambda:lambda}, the best first."""
     g = state.g + 1
@@ -192,7 +192,7 @@ def update(state, ranked, c):
     return State(g, state.m + step, sigma, C, p_sigma, p_c, state.unit, B, D)
 
 
-@numba.njit(cache=True)
+@njit
 def history_row(ranked, state):
     """What `HISTORY` keeps of a generation, from its misfits, the best first, and the next state."""
     size = ranked.size
@@ -208,7 +208,7 @@ def history_row(ranked, state):
     return row
 
 
-@numba.njit(cache=True)
+@njit
 def stop_rule(history, ranked, state, first_sigma):
     """Name of the library's stop rule that holds after a generation, or "".
 

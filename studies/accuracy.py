@@ -9,7 +9,7 @@ import numpy as np
 from numpy.random import Generator
 from pandas import DataFrame
 
-from backlash.calibration import Calibration, backlashes, calibrate, default_calibration
+from backlash.calibration import Calibration, backlashes, default_calibration, fit_calibration
 from backlash.fitting.global_fit import global_fit
 from backlash.fitting.readings import protocol_for, read
 from replication.arrays import FloatArray
@@ -63,8 +63,8 @@ def cross_validation(
         others = [(R, K) for R, K in records if log.labels["realisation"] != R and log.labels["level"] != K]
         known = [records[key] for key in others], [level_delta_rad(level) for _, level in others]
         calibrations = {"equation 10": default_calibration("paper")}
-        calibrations |= {method: calibrate(*known, method) for method in ("amplitude", "energy", "impact")}
-        calibrations["waveform, noisy logs"] = calibrate(*known, "waveform")
+        calibrations |= {method: fit_calibration(*known, method) for method in ("amplitude", "energy", "impact")}
+        calibrations["waveform, noisy logs"] = fit_calibration(*known, "waveform")
         calibrations["waveform"] = default_calibration("waveform")
         rival = {"time in the gap": time_in_gap(log.recording, joint, smoothing_s)}
         return _answers(log.recording, calibrations, joint, JOINT_METHODS) | rival
@@ -129,7 +129,7 @@ def measured_errors(
     The joint is matched to speeds only.
     """
     fine = [encoder_recording(joint, delta, 24) for delta in CALIBRATED_RAD]
-    of_encoder = {method: calibrate(fine, CALIBRATED_RAD, method) for method in CALIBRATED_METHODS}
+    of_encoder = {method: fit_calibration(fine, CALIBRATED_RAD, method) for method in CALIBRATED_METHODS}
     of_speed = {method: default_calibration(method) for method in CALIBRATED_METHODS}
 
     def answers(log: KnownLog) -> dict[str, float]:

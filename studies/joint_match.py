@@ -8,7 +8,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 from scipy.optimize import least_squares
 
-from backlash.fitting.waveform import mean_turn, periodic, samples_a_turn, settled
+from backlash.fitting.waveform import drop_first_turn, mean_turn, periodic, samples_a_turn
 from replication.arrays import FloatArray
 from replication.recording import Recording
 from replication.simulator.parameters import JointParameters
@@ -92,7 +92,7 @@ def match_joint(
     free: Sequence[str] = (),
 ) -> dict[str, float]:
     """Find `delta_rad`, and the `free` ones of `NUISANCES`, that repeat a record's settled turns."""
-    turns, v = settled(recording)
+    turns, v = drop_first_turn(recording)
     centred = v - v.mean()
 
     def residual(x: FloatArray) -> FloatArray:

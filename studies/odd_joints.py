@@ -10,12 +10,12 @@ from contextlib import suppress
 from dataclasses import replace
 from typing import NamedTuple
 
-import numba as nb
 import numpy as np
 from numpy.random import Generator
 
 from backlash.fitting import turns
 from replication.arrays import FloatArray
+from replication.compiled.cache import njit
 from replication.recording import Recording, add_normal_noise
 from replication.simulator import core
 from replication.simulator.checks import check_stability, closed_loop_matrix
@@ -213,8 +213,9 @@ def _other_log(kind: str, bench: Bench, delta_rad: float, rng: Generator) -> Rec
     row = np.array([known.get(name, 0.0) for name in turns.COLUMNS])
     turn_s = joint.turn_period_s
     per_period = round(joint.control_period_s / _STEP_S)
-    c = turns.constants(row, joint.gear_ratio, turn_s, rng.uniform(0, TURN), None)
-    drive = turns.drive(row, joint.gear_ratio, per_period * _STEP_S, 1.0)
+    movement = turns.Movement(joint.gear_ratio, turn_s)
+    c = turns.constants(row, movement, rng.uniform(0, TURN))
+    drive = turns.drive(row, movement, per_period * _STEP_S, True)
     position = np.full(round((TURNS + _TURNS_BEFORE) * turn_s / _STEP_S) + 1, np.nan)
     _run(c, drive, known["friction"], second, notch, per_period, position)
     if not np.isfinite(position).all():
@@ -241,7 +242,7 @@ def _notch(frequency_hz: float, quality: float, period_s: float) -> Notch:
     )
 
 
-@nb.njit(cache=True)
+@njit
 def _rates(t, y, command, c, friction, second):
     """Rates of motor, load, second load and torque; the load's whole inertia is 1."""
     share, omega, damping = second
@@ -255,7 +256,7 @@ def _rates(t, y, command, c, friction, second):
     return np.array([y[1], motor, y[3], first, y[5], far, (command - y[6]) / c.torque_lag])
 
 
-@nb.njit(cache=True, nogil=True)
+@njit(nogil=True)
 def _run(c, drive, friction_share, second, notch, per_period, position):
     """Fill in the motor's position, less the commanded one, at every step until the joint diverges."""
     step = _STEP_S

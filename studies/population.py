@@ -18,14 +18,14 @@ from pandas import DataFrame, Series, concat, cut, read_csv
 from scipy import signal, stats
 
 from backlash.calibration import default_calibration
-from backlash.estimation import examine_recording, settings_for
+from backlash.examine import examine
 from backlash.fitting.global_fit import global_fit
 from backlash.fitting.readings import protocol_for
 from backlash.fitting.torque import LoadData, fit_torque
-from backlash.fitting.turns import COLUMNS, Movement, settled_turns
+from backlash.fitting.turns import COLUMNS, Movement, simulate_turns
 from backlash.reading.columns import LogFormat
-from backlash.reading.prepare import CannotTell, record_of
-from backlash.reading.tables import UnusableLog
+from backlash.reading.refusals import UnusableLog
+from backlash.settings import settings_for
 from replication.arrays import FloatArray
 from replication.authors import level_delta_rad, load_clean, load_noisy
 from replication.characteristic import printed_levels_rad
@@ -163,7 +163,7 @@ def bench_bound_rad(bench: Bench, delta_rad: float, recording: Recording) -> flo
     moved = [here | {name: here[name] + sign * step} for sign in (1, -1) for name, step in steps.items()]
     rows = np.array([[row.get(name, 0.0) for name in COLUMNS] for row in (here, *moved)])
     movement = Movement(joint.gear_ratio, joint.turn_period_s)
-    turn, *others = settled_turns(rows, movement, differencing=joint.speed_by_differencing)
+    turn, *others = simulate_turns(rows, movement, differencing=joint.speed_by_differencing)
     after, before = np.split(np.array(others), 2)
     slopes = (after - before) / (2 * np.array(list(steps.values()))[:, None])
     shift = np.gradient(turn) * turn.size / TURN
@@ -323,9 +323,8 @@ def _sensor_answer(log: KnownLog, table: DataFrame) -> Row:
         commanded_speed_rps=record.commanded_speed_rps,
     )
     try:
-        recording, notes = record_of(table, form, record.source)
-        found = examine_recording(recording, settings_for(form), record.source, notes).estimate
-    except (CannotTell, UnusableLog) as error:
+        found = examine(table, settings_for(form)).estimate
+    except UnusableLog as error:
         return interval_answer(np.nan, _UNKNOWN, str(error)) | {"verdict": "cannot tell"}
     if found.backlash_rad is None or found.backlash_interval_rad is None:
         return interval_answer(np.nan, _UNKNOWN, found.warnings[0]) | {"verdict": found.verdict}

@@ -1,23 +1,23 @@
 """Deterministic global fit of the signature: the paper's cost function, in the paper's box, without chance."""
 
+import math
 from dataclasses import dataclass
-from operator import itemgetter
+from operator import attrgetter
 
-import numba
 import numpy as np
 from scipy.optimize import brentq
 from scipy.special import ndtr
 
 from backlash.fitting import folding, windows
-from backlash.fitting.folding import Fold, Limits, middle_of_gap
+from backlash.fitting.folding import FoldedWindows, Limits, middle_of_gap
+from backlash.fitting.windows import Minimum
 from replication.arrays import FloatArray
-from replication.compiled.misfit import population_rmse
 from replication.identify import Protocol, protocol_box
 from replication.recording import Recording
-from replication.signature import FREE_PARAMETERS, Timing, signature
+from replication.signature import FREE_PARAMETERS, Box, Timing, rmse, signature
 
-Minimum = tuple[int, int, FloatArray, float]  # window from and to, (t0, tau, omega), sum of squares
-_cost = itemgetter(3)
+_MOST_CANDIDATES = 6
+_STARTS_BESIDE = 8  # samples to either side of the best window's start that it may have instead
 
 
 @dataclass(frozen=True)
@@ -39,40 +39,39 @@ class GlobalFit:
     rival_rps: tuple[float, ...]  # |A| of other basins: misfit within 1 %, |A| outside the interval
 
 
-@numba.njit(cache=True)
-def _window_starts(fold, limits, a, b, theta):
-    """Profile over the window's start: per start within eight samples, sum of squares, |A| and A's curvature."""
-    rows = np.full((17, 3), np.inf)
-    for r in range(17):
-        start = a + (r - 8) * fold.classes
-        trial, cost = windows.descend_in_window(fold, limits, start, b, theta, 10)
-        if start == b or cost == np.inf:
+def _window_starts(fold: FoldedWindows, limits: Limits, best: Minimum) -> FloatArray:
+    """Profile over the window's start: sum of squares, |A| and A's curvature, a row for each admissible start."""
+    rows = []
+    for away in range(-_STARTS_BESIDE, _STARTS_BESIDE + 1):
+        start = best.a + away * fold.classes
+        theta, cost = windows.descend_in_window(fold, limits, start, best.b, best.theta, 10)
+        if start == best.b or cost == np.inf:
             continue
-        _, last, _ = windows.scan_edge(fold, limits, start, b, trial, False)
-        trial, cost = folding.descend(fold, limits, start, last, trial, 10)
-        gram, data = folding.normal_equations(fold, start, last, trial[0], trial[1], trial[2])
-        A = folding.best_misfit(gram[0, 0], data[0], fold, limits.A)[1]
+        last, _ = windows.scan_edge(fold, limits, start, best.b, theta, False)
+        theta, cost = folding.descend(fold, limits, start, last, theta, 10)
+        gram, data = folding.normal_equations(fold, start, last, theta)
+        A = folding.best_misfit(gram[0, 0], data[0], fold.power, limits.A)[1]
         low, high = folding.theta_bounds(fold, limits, start, last)
-        free = (low < trial) & (trial < high)
+        free = np.flatnonzero((low < theta) & (theta < high))
         information = 0.0
-        if last - start >= free.sum():  # fewer positions than unknowns: nothing is known of A
-            index = np.append(1 + np.flatnonzero(free), 0)
-            block = gram[index][:, index]
+        if last - start >= free.size:  # fewer positions than unknowns: nothing is known of A
+            index = np.append(1 + free, 0)
+            block = gram[np.ix_(index, index)]
             folding.factorise(block)
             information = block[-1, -1]  # what is left of A's once the others are projected out
-        mid_gap = np.exp(trial[1] * (fold.x[start] - middle_of_gap(fold, start)))
-        rows[r] = cost, abs(A) * mid_gap, information / mid_gap**2
-    return rows
+        mid_gap = math.exp(theta[1] * (fold.x[start] - middle_of_gap(fold, start)))
+        rows.append((cost, abs(A) * mid_gap, information / (mid_gap * mid_gap)))
+    return np.array(rows).reshape(-1, 3)
 
 
-def _amplitude_interval(fold, limits, a, b, theta) -> tuple[float, float]:
+def _amplitude_interval(fold: FoldedWindows, limits: Limits, best: Minimum) -> tuple[float, float]:
     """95 % interval of |A|: normal about each possible window start, these weighted by their likelihood."""
-    cost, A, information = _window_starts(fold, limits, a, b, theta).T
-    known = np.isfinite(cost) & (information > 0)
-    if not known.any():
+    profile = _window_starts(fold, limits, best)
+    cost, A, information = profile[np.isfinite(profile[:, 0]) & (profile[:, 2] > 0)].T
+    if cost.size == 0:
         return 0.0, float(limits.A)
-    cost, A, information = np.maximum(cost[known], 1e-15 * fold.scale[0]), A[known], information[known]
-    variance = cost.min() / (fold.scale[1] - 7)
+    cost = np.maximum(cost, 1e-15 * fold.power)
+    variance = cost.min() / (fold.total - 7)
     weights = np.exp(-(cost - cost.min()) / (2 * variance))
     deviations = np.sqrt(variance / information)
     ends = (A - 12 * deviations).min(), (A + 12 * deviations).max()
@@ -84,51 +83,60 @@ def _amplitude_interval(fold, limits, a, b, theta) -> tuple[float, float]:
     return low, high
 
 
-def _candidates(found: FloatArray, power: float) -> list[int]:
+def _candidates(found: windows.Starts, power: float) -> list[int]:
     """Up to six window starts that are the best within two samples, the best of all first.
 
     Only those with less than twice the best sum of squares, or a part of the record's `power`: on a record without
     noise the best is near zero, and below it where windows overlap, which the grid leaves out of account.
     """
-    order = np.argsort(found[:, 0], kind="stable")
+    order = np.argsort(found.cost, kind="stable")
     chosen: list[int] = []
-    for k in order[found[order, 0] < max(2 * found[order[0], 0], 0.05 * power)]:
-        if len(chosen) == 6 or found[k, 1] == 0:
+    for k in order[found.cost[order] < max(2 * found.cost[order[0]], 0.05 * power)]:
+        if len(chosen) == _MOST_CANDIDATES or found.end[k] == 0:
             break
         if all(abs(k - other) > 2 for other in chosen):
             chosen.append(int(k))
     return chosen
 
 
-def _minima(t: FloatArray, v: FloatArray, timing: Timing, limits: Limits) -> tuple[Fold, list[Minimum]]:
+def _minima(t: FloatArray, v: FloatArray, timing: Timing, limits: Limits) -> tuple[FoldedWindows, list[Minimum]]:
     """A folded record, and refined local minima of its misfit, the best first."""
     fold = folding.fold_record(t, v, timing)
     coarse = fold if fold.classes == 1 else folding.fold_record(t, v, timing, whole_samples=True)
     dt = (t[-1] - t[0]) / (t.size - 1)
-    taus, omegas = windows.damping_frequency_grid()
-    joined = max(1, round(1 / (omegas.max() * dt)))
+    joined = max(1, round(1 / (windows.FASTEST_RAD_PER_S * dt)))
     thin = windows.join_positions(coarse, joined)
-    found = windows.grid_search(thin, limits, joined * dt, taus, omegas)
+    found = windows.grid_search(thin, limits, joined * dt)
     minima: dict[tuple[int, int], Minimum] = {}
-    for k in _candidates(found, fold.scale[0]):
+    for k in _candidates(found, fold.power):
         a = int(np.searchsorted(fold.x, thin.x[k] - joined * dt / 2))
-        b = int(np.searchsorted(fold.x, thin.x[int(found[k, 1])] + joined * dt / 2)) - 1
-        a, b, theta, cost = windows.refine(fold, limits, a, b, found[k, 2:].copy(), 8, 3)
-        if (a, b) not in minima or cost < minima[a, b][3]:
-            minima[a, b] = a, b, theta, cost
-    ranked = sorted(minima.values(), key=_cost)
+        b = int(np.searchsorted(fold.x, thin.x[found.end[k]] + joined * dt / 2)) - 1
+        minimum = windows.refine(fold, limits, Minimum(a, b, found.theta[k], np.inf), 8, 3)
+        place = minimum.a, minimum.b
+        if place not in minima or minimum.cost < minima[place].cost:
+            minima[place] = minimum
+    by_cost = attrgetter("cost")
+    ranked = sorted(minima.values(), key=by_cost)
     if ranked:
         turned = windows.turn_back(fold, limits, ranked[0])
-        ranked = sorted((minima | {turned[:2]: turned}).values(), key=_cost)
-    near = [minimum for minimum in ranked[1:2] if minimum[3] < 1.2 * ranked[0][3]]
+        ranked = sorted((minima | {(turned.a, turned.b): turned}).values(), key=by_cost)
+    near = [minimum for minimum in ranked[1:2] if minimum.cost < 1.2 * ranked[0].cost]
     polished = [windows.polish(fold, limits, minimum) for minimum in ranked[:1] + near]
-    return fold, sorted(polished + ranked[len(polished) :], key=_cost)
+    return fold, sorted(polished + ranked[len(polished) :], key=by_cost)
 
 
-def _parameters(recording: Recording, timing: Timing, limits: Limits, fold: Fold, minimum: Minimum) -> FloatArray:
+def _limits(box: Box) -> Limits:
+    """The box in the form the search needs."""
+    lower = dict(zip(FREE_PARAMETERS, box.lower.tolist(), strict=True))
+    upper = dict(zip(FREE_PARAMETERS, box.upper.tolist(), strict=True))
+    tau, omega = ((lower[name], upper[name]) for name in ("tau_per_s", "omega_rad_per_s"))
+    return Limits(upper["A_rps"], lower["t0_s"], upper["T1_s"], upper["T2_s"], tau, omega)
+
+
+def _parameters(recording: Recording, timing: Timing, limits: Limits, fold: FoldedWindows, best: Minimum) -> FloatArray:
     """X of a minimum: window edges in mid-gap, A and v_t projected."""
     t, v = recording.t, recording.v
-    a, b, (t0, tau, omega), _ = minimum
+    a, b, (t0, tau, omega), _ = best
     after = fold.x[b + 1] if b + 1 < fold.x.size else fold.x[b] + fold.x[1] - fold.x[0]
     T2 = (fold.x[b] + min(after, t0 + limits.T2)) / 2 - t0
     T1 = np.clip(middle_of_gap(fold, a) - t0, 0.0, limits.T1)
@@ -153,23 +161,27 @@ def global_fit(recording: Recording, protocol: Protocol | None = None) -> Global
     t, v = recording.t, recording.v
     if t[-1] - t[0] < protocol.T_d or v.max() == v.min():
         raise ValueError(f"{recording.source}: shorter than half a turn, or constant: there is no signature to fit")
-    box, timing = protocol_box(recording, protocol), protocol.timing
-    A, t0, tau, omega, _, T2, T1 = zip(box.lower.tolist(), box.upper.tolist(), strict=True)
-    limits = Limits(A[1], t0[0], T1[1], T2[1], tau, omega)
+    timing = protocol.timing
+    box = protocol_box(recording, protocol)
+    limits = _limits(box)
     fold, minima = _minima(t, v, timing, limits)
     if not minima:
         raise ValueError(f"{recording.source}: {t.size} samples are too few for the signature's windows; sample faster")
-    a, b, theta, cost = minima[0]
-    interval = _amplitude_interval(fold, limits, a, b, theta)
-    X = _parameters(recording, timing, limits, fold, minima[0])
-    others = (_parameters(recording, timing, limits, fold, m) for m in minima[1:] if m[3] < 1.01**2 * cost)
+    best = minima[0]
+    low, high = _amplitude_interval(fold, limits, best)
+    X = _parameters(recording, timing, limits, fold, best)
+    others = (
+        abs(_parameters(recording, timing, limits, fold, other)[0])
+        for other in minima[1:]
+        if other.cost < 1.01**2 * best.cost
+    )
     near = np.minimum(X - box.lower, box.upper - X) <= 1e-6 * (box.upper - box.lower)
     return GlobalFit(
-        X,
-        float(population_rmse(t, v, X[None, :], timing)[0]),
-        float(abs(X[0]) * np.exp(X[2] * (X[1] + X[6] - middle_of_gap(fold, a)))),
-        interval,
-        tuple(name for name, bound in zip(FREE_PARAMETERS, near, strict=True) if bound),
-        bool(X[0] < 0),
-        tuple(float(abs(other[0])) for other in others if not interval[0] <= abs(other[0]) <= interval[1]),
+        X=X,
+        rmse=rmse(t, v, X, timing),
+        amplitude_rps=float(abs(X[0]) * np.exp(X[2] * (X[1] + X[6] - middle_of_gap(fold, best.a)))),
+        amplitude_interval_rps=(low, high),
+        at_bound=tuple(name for name, is_near in zip(FREE_PARAMETERS, near, strict=True) if is_near),
+        sign_flipped=bool(X[0] < 0),
+        rival_rps=tuple(float(A) for A in others if not low <= A <= high),
     )

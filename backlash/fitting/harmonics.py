@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import fdtri
 
-from backlash.fitting.waveform import settled
-from backlash.reading.detect import MOTOR_ORDERS
+from backlash.detection.pattern import MOTOR_ORDERS
+from backlash.fitting.waveform import drop_first_turn
 from replication.arrays import FloatArray
 from replication.recording import Recording
 
@@ -48,7 +48,7 @@ class TurnHarmonics:
 def turn_harmonics(recording: Recording) -> TurnHarmonics:
     """Average a record's settled turns in the frequency domain; refuse it where too short, coarse or still."""
     dt, period = recording.sample_s, recording.turn_period_s
-    phase, v = _without_transient(*settled(recording), period)
+    phase, v = _without_transient(*drop_first_turn(recording), period)
     turns = int((phase[-1] - phase[0]) + dt / period + 1e-6)
     if turns < 2 or period < 16 * dt:
         raise ValueError(

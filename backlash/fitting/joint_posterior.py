@@ -1,15 +1,18 @@
 """What a log says of a joint: unknowns, their priors, and the whitened residuals of the mean turn's harmonics."""
 
 from collections.abc import Callable, Sequence
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.special import chdtrc
 
 from backlash.fitting.harmonics import TurnHarmonics
-from backlash.fitting.turns import COLUMNS, DELTA, GRAVITY, Movement, settled_turns, settling_turns, turn_and_slopes
+from backlash.fitting.turns import COLUMNS, DELTA, GRAVITY, Movement, simulate_turns, turn_and_slopes, turns_to_settle
 from replication.arrays import FloatArray
 from replication.simulator.parameters import TURN, identified_joint
+
+ComplexArray = NDArray[np.complex128]
 
 # Relative SD (log-normal) of the prior of each ratio around the identified joint's. The drive's inner workings, the
 # last five, are taken as known up to a few percent, or the error of the backlash would double: a log hardly tells them.
@@ -20,46 +23,68 @@ RATIO_PRIOR = {
     **dict.fromkeys(("derivative_gain", "leaky_gain_per_s2", "position_gain_per_s", "leaky_rate_per_s"), 0.02),
 }
 DRIVE_UNKNOWNS = 5
-# How a speed may have been measured: probability, mean and SD of its smoothing in units of what differencing over a
-# sampling period does, SD of a low-pass's squared time constant [ms^2]. Drives difference their encoder (1), and some
-# filter it; a tachometer or a simulation does not (0), and then its drive does not either. While the joint is looked
-# for, the smoothing is between the two.
+_PRIOR_MEDIANS = identified_joint().ratios
+
+
+class Measurement(NamedTuple):
+    """How a speed may have been measured.
+
+    Drives difference their encoder, and some filter it; a tachometer or a simulation does not, and then its drive does
+    not either.
+    """
+
+    probability: float
+    smoothing: float  # mean and SD, in units of what differencing over a sampling period does
+    smoothing_sd: float
+    low_pass_sd: float  # of a low-pass's squared time constant [ms^2]
+
+
 _NO_FILTER, _FILTER_MS2 = 1e-3, 8.0
 MEASURED_AS = {
-    "differenced": (0.8, 1.0, 0.03, _NO_FILTER),
-    "filtered": (0.1, 1.0, 0.03, _FILTER_MS2),
-    "direct": (0.1, 0.0, 0.03, _NO_FILTER),
+    "differenced": Measurement(0.8, 1.0, 0.03, _NO_FILTER),
+    "filtered": Measurement(0.1, 1.0, 0.03, _FILTER_MS2),
+    "direct": Measurement(0.1, 0.0, 0.03, _NO_FILTER),
 }
-_SEARCHED_SMOOTHING = (0.85, 0.2)
-
-ComplexArray = NDArray[np.complex128]
+# While the joint is looked for, the smoothing is between the two.
+_SEARCHED = Measurement(1.0, 0.85, 0.2, _NO_FILTER)
 
 UNIT_RAD, LEAST_BACKLASH = 1e-4, 0.01
-# Of each unknown: the prior's SD, the column of `settled_turns` that it sets, and its unit there (0: relative).
-_UNKNOWNS = {
-    "backlash": (np.inf, "delta_rad", UNIT_RAD),
-    "phase": (np.inf, "", 0.0),
-    "friction": (0.1, "friction", 1.0),
-    **{name: (sd, name, 0.0) for name, sd in RATIO_PRIOR.items()},
-    "smoothing": (_SEARCHED_SMOOTHING[1], "", 0.0),
+
+
+class Unknown(NamedTuple):
+    """An unknown of the fit, the SD of its prior, and what it sets in a joint's row, if anything."""
+
+    name: str
+    sd: float
+    column: str = ""
+    unit: float = 0.0  # there; 0 for a ratio, which is relative to the identified joint's
+
+
+_UNKNOWNS = (
+    Unknown("backlash", np.inf, "delta_rad", UNIT_RAD),
+    Unknown("phase", np.inf),
+    Unknown("friction", 0.1, "friction", 1.0),
+    *(Unknown(name, sd, name) for name, sd in RATIO_PRIOR.items()),
+    Unknown("smoothing", _SEARCHED.smoothing_sd),
     # A transmission error in step with the turn (a belt, a gear), on the load's side.
-    "error_sine": (2.0, "error_sine_rad", 1e-5),
-    "error_cosine": (2.0, "error_cosine_rad", 1e-5),
+    Unknown("error_sine", 2.0, "error_sine_rad", 1e-5),
+    Unknown("error_cosine", 2.0, "error_cosine_rad", 1e-5),
     # A torque ripple once a motor turn, in percent of m g r / N. Its own harmonic is left out, for an encoder errs
     # there too; what it does to the teeth shows in the others.
-    "ripple_sine": (2.0, "ripple_sine", 0.01),
-    "ripple_cosine": (2.0, "ripple_cosine", 0.01),
+    Unknown("ripple_sine", 2.0, "ripple_sine", 0.01),
+    Unknown("ripple_cosine", 2.0, "ripple_cosine", 0.01),
     # Squared time constant [ms^2] of a low-pass between encoder and log, its delay taken out: zero unless let free.
-    "low_pass": (_NO_FILTER, "", 0.0),
-}
-UNKNOWNS, SIZE = tuple(_UNKNOWNS), len(_UNKNOWNS)
-LOW_PASS_INDEX = SIZE - 1
-SMOOTHING_INDEX, _ERROR_SINE, _ERROR_COSINE = map(UNKNOWNS.index, ("smoothing", "error_sine", "error_cosine"))
-SD = np.array([sd for sd, _, _ in _UNKNOWNS.values()])
-MEAN = np.where(np.arange(SIZE) == SMOOTHING_INDEX, _SEARCHED_SMOOTHING[0], 0.0)
-_SIMULATED = [k for k, (_, column, _) in enumerate(_UNKNOWNS.values()) if column]
-_COLUMN = [COLUMNS.index(column) for _, column, _ in _UNKNOWNS.values() if column]
-_UNIT = np.array([unit for _, column, unit in _UNKNOWNS.values() if column])
+    Unknown("low_pass", _SEARCHED.low_pass_sd),
+)
+NAMES = tuple(unknown.name for unknown in _UNKNOWNS)
+SIZE = len(NAMES)
+PHASE, SMOOTHING_INDEX, LOW_PASS_INDEX = (NAMES.index(name) for name in ("phase", "smoothing", "low_pass"))
+_ERROR = [NAMES.index("error_sine"), NAMES.index("error_cosine")]
+SD = np.array([unknown.sd for unknown in _UNKNOWNS])
+MEAN = np.where(np.arange(SIZE) == SMOOTHING_INDEX, _SEARCHED.smoothing, 0.0)
+_SIMULATED = [k for k, unknown in enumerate(_UNKNOWNS) if unknown.column]
+_COLUMN = [COLUMNS.index(_UNKNOWNS[k].column) for k in _SIMULATED]
+_UNIT = np.array([_UNKNOWNS[k].unit for k in _SIMULATED])
 
 # Transmission errors up to this frequency are looked for; one must be this improbable in noise alone, and
 # the residual without it improbable too. Its difference's step.
@@ -72,50 +97,84 @@ _IMPROBABLE = 1e-3
 _IN_STEP = 0.25
 # How well a turn has settled: to a hundredth of the noise of a mean turn, and to a tenth while starts are compared.
 _SETTLED_RPS, _NEARLY_RPS = 2e-4, 2e-3
-_PRIOR_MEDIANS = identified_joint().ratios
 
 
 def rows_of(z: FloatArray) -> FloatArray:
-    """Rows of `settled_turns` for unknowns of shape (joints, unknowns)."""
+    """Rows of `simulate_turns` for unknowns of shape (joints, unknowns)."""
     rows = np.zeros((len(z), len(COLUMNS)))
-    rows[:, _COLUMN] = _UNIT * z[:, _SIMULATED]
+    for k, column, unit in zip(_SIMULATED, _COLUMN, _UNIT, strict=True):
+        rows[:, column] = unit * z[:, k] if unit else _PRIOR_MEDIANS[_UNKNOWNS[k].column] * np.exp(z[:, k])
     rows[:, DELTA] = np.maximum(z[:, 0], LEAST_BACKLASH) * UNIT_RAD
-    for k, name in enumerate(RATIO_PRIOR, start=3):
-        rows[:, COLUMNS.index(name)] = _PRIOR_MEDIANS[name] * np.exp(z[:, k])
     return rows
 
 
 def ratios_of(z: FloatArray) -> dict[str, float]:
     """Ratios of a joint with these unknowns."""
-    own = {name: float(_PRIOR_MEDIANS[name] * np.exp(z[k])) for k, name in enumerate(RATIO_PRIOR, start=3)}
-    return _PRIOR_MEDIANS | own
+    row = dict(zip(COLUMNS, rows_of(z[None])[0].tolist(), strict=True))
+    return _PRIOR_MEDIANS | {name: row[name] for name in RATIO_PRIOR}
 
 
 class Problem:
     """Whitened residuals of a record's harmonics and their slopes; searches of a joint also change what it asks."""
 
     def __init__(self, harmonics: TurnHarmonics, movement: Movement, sample_s: float):
-        self.movement, self.order, self.sd = movement, harmonics.order, harmonics.sd
+        self.movement = movement
+        self.order = harmonics.order
+        self.sd = harmonics.sd
         self.target = harmonics.coefficient
         self.samples = movement.turn_period_s / sample_s
         self._rad_per_ms = 1e-3 * TURN / movement.turn_period_s  # of the first harmonic
         self.folded = abs(self.samples - round(self.samples)) * harmonics.turns < _IN_STEP
         self.mean, self.spread = MEAN, SD  # of the unknowns' priors
         self.error_order = 0  # of the transmission error, periods a turn; 0 for none
-        self.lead = settling_turns(movement)  # turns that the last joint took to settle
+        self.lead = turns_to_settle(movement)  # turns that the last joint took to settle
         self.differencing = True  # what the drive does to its encoder
 
-    def measured_as(self, smoothing: float, smoothing_sd: float, low_pass_sd: float) -> None:
-        """Take another prior of how the speed was measured; see `MEASURED_AS`."""
+    def measured_as(self, measurement: Measurement) -> None:
+        """Take another prior of how the speed was measured."""
         self.mean, self.spread = MEAN.copy(), SD.copy()
-        self.mean[SMOOTHING_INDEX] = smoothing
-        self.spread[[SMOOTHING_INDEX, LOW_PASS_INDEX]] = smoothing_sd, low_pass_sd
-        self.differencing = smoothing > 0.5
+        self.mean[SMOOTHING_INDEX] = measurement.smoothing
+        self.spread[SMOOTHING_INDEX] = measurement.smoothing_sd
+        self.spread[LOW_PASS_INDEX] = measurement.low_pass_sd
+        self.differencing = measurement.smoothing > 0.5
 
-    def settled(self, z: FloatArray, error_order: float | None = None) -> FloatArray:
+    def turns(self, z: FloatArray, error_order: float | None = None) -> FloatArray:
         """Settled turns [rps] of joints, shape (joints, periods)."""
         order = self.error_order if error_order is None else error_order
-        return settled_turns(rows_of(z), self.movement, order, self.lead, self.differencing)
+        return simulate_turns(rows_of(z), self.movement, order, self.lead, self.differencing)
+
+    def residual(self, z: FloatArray) -> FloatArray:
+        """Data's and prior's residuals of one set of unknowns."""
+        return np.concatenate([self._misfit(self.turns(z[None]), z)[0], self._of_prior(z)])
+
+    def slopes(self, z: FloatArray, free: int = SIZE) -> tuple[FloatArray, FloatArray]:
+        """Residuals, and their derivative by each unknown, shape (unknowns, residuals); 0 from the one `free` on."""
+        row = rows_of(z[None])[0]
+        whole = free == SIZE
+        settled_rps = _SETTLED_RPS if whole else _NEARLY_RPS
+        turn = turn_and_slopes(row, self.movement, self.error_order, self.differencing, whole, settled_rps)
+        self.lead = turn.turns_before
+        by_unknown = np.where(_UNIT > 0, _UNIT, row[_COLUMN])[:, None] * turn.slopes[_COLUMN]
+        parts = self._logged_parts(np.vstack([turn.motor_rps[None], by_unknown]), z)
+        seen = parts[:, 0]
+        order, fade, lag = self._aliases(), self._fade(), self._lag(z)
+        out = np.zeros((SIZE, self.order.size), dtype=complex)
+        out[_SIMULATED] = parts[:, 1:].sum(axis=0)
+        out[PHASE] = (1j * order * seen).sum(axis=0)
+        out[SMOOTHING_INDEX] = (fade * seen).sum(axis=0)
+        out[LOW_PASS_INDEX] = (-0.5 * (self._rad_per_ms * order) ** 2 / (1 + lag) * seen).sum(axis=0)
+        out[free:] = 0
+        residual = np.concatenate([self._whitened(seen.sum(axis=0) - self.target), self._of_prior(z)])
+        return residual, np.concatenate([self._whitened(out), np.diag(1 / self.spread)[:, 2:]], axis=1)
+
+    def push_slopes(self, z: FloatArray, pushes: Callable[[FloatArray, float, Movement], FloatArray]) -> FloatArray:
+        """Derivative of the residuals by pushes on the load, which follow from its speed; shape (pushes, residuals)."""
+        row = rows_of(z[None])[0]
+        how = self.movement, self.error_order, self.differencing, True, _SETTLED_RPS
+        load_speed = turn_and_slopes(row, *how).load_rad_per_s
+        pushed = turn_and_slopes(row, *how, pushes(load_speed, row[GRAVITY], self.movement))
+        data = self._whitened(self._logged(pushed.slopes[len(COLUMNS) :], z))
+        return np.pad(data, ((0, 0), (0, SIZE - 2)))
 
     def _whitened(self, spectra: ComplexArray) -> FloatArray:
         spectra = spectra / self.sd
@@ -128,59 +187,39 @@ class Problem:
     def _of_prior(self, z: FloatArray) -> FloatArray:
         return ((z - self.mean) / self.spread)[2:]
 
-    def residual(self, z: FloatArray) -> FloatArray:
-        """Data's and prior's residuals of one set of unknowns."""
-        return np.concatenate([self._misfit(self.settled(z[None]), z)[0], self._of_prior(z)])
-
-    def slopes(self, z: FloatArray, free: int = SIZE) -> tuple[FloatArray, FloatArray]:
-        """Residuals, and their derivative by each unknown, shape (unknowns, residuals); 0 from the one `free` on."""
-        row, whole = rows_of(z[None])[0], free == SIZE
-        (turn, _), by_column, self.lead = turn_and_slopes(
-            row, self.movement, self.error_order, self.differencing, whole, _SETTLED_RPS if whole else _NEARLY_RPS
-        )
-        by_unknown = np.where(_UNIT > 0, _UNIT, row[_COLUMN])[:, None] * by_column[_COLUMN]
-        order, parts, fade, lag = self._folded(np.vstack([turn[None], by_unknown]), z)
-        here, seen = parts[:, 0].sum(axis=0), parts[:, 0]
-        out = np.zeros((SIZE, self.order.size), dtype=complex)
-        out[_SIMULATED] = parts[:, 1:].sum(axis=0)
-        out[1], out[SMOOTHING_INDEX] = (1j * order * seen).sum(axis=0), (fade * seen).sum(axis=0)
-        out[LOW_PASS_INDEX] = (-0.5 * (self._rad_per_ms * order) ** 2 / (1 + lag) * seen).sum(axis=0)
-        out[free:] = 0
-        residual = np.concatenate([self._whitened(here - self.target), self._of_prior(z)])
-        return residual, np.concatenate([self._whitened(out), np.diag(1 / self.spread)[:, 2:]], axis=1)
-
-    def push_slopes(self, z: FloatArray, pushes: Callable[[FloatArray, float, Movement], FloatArray]) -> FloatArray:
-        """Derivative of the residuals by pushes on the load, which follow from its speed; shape (pushes, residuals)."""
-        row = rows_of(z[None])[0]
-        rest = self.movement, self.error_order, self.differencing, True, _SETTLED_RPS
-        (_, load_speed), _, _ = turn_and_slopes(row, *rest)
-        _, slopes, _ = turn_and_slopes(row, *rest, pushes(load_speed, row[GRAVITY], self.movement))
-        data = self._whitened(self._logged(slopes[len(COLUMNS) :], z))
-        return np.pad(data, ((0, 0), (0, SIZE - 2)))
-
     def _logged(self, turns: FloatArray, z: FloatArray) -> ComplexArray:
         """Harmonics of turns as the log has them."""
-        return self._folded(turns, z)[1].sum(axis=0)
+        return self._logged_parts(turns, z).sum(axis=0)
 
-    def _folded(
-        self, turns: FloatArray, z: FloatArray
-    ) -> tuple[NDArray[np.int64], ComplexArray, FloatArray, ComplexArray]:
-        """Harmonics of turns that a log shows at one, later by its phase, smoothed and low-passed.
+    def _logged_parts(self, turns: FloatArray, z: FloatArray) -> ComplexArray:
+        """Harmonics of turns that the log shows at one: aliased, later by the phase, smoothed and low-passed."""
+        order, lag = self._aliases(), self._lag(z)
+        sign = np.sign(np.sinc(order / self.samples)) if z[SMOOTHING_INDEX] > 0.5 else 1.0
+        passed = sign * np.exp(1j * order * z[PHASE] + self._fade() * z[SMOOTHING_INDEX] + lag) / (1 + lag)
+        return self._aliased(turns) * passed[:, None]
 
-        Also their orders, what smoothing does to their logarithm, and i times the low-pass's phase.
+    def _aliases(self) -> NDArray[np.int64]:
+        """Orders that a log shows at each of its own, a row each.
+
         Where a turn has a whole number of samples, what is faster than half the sampling rate comes back at harmonics.
         """
+        return self.order + round(self.samples) * np.array([[0], [-1], [1]][: 3 if self.folded else 1])
+
+    def _aliased(self, turns: FloatArray) -> ComplexArray:
+        """Harmonics of turns at the aliases, shape (aliases, turns, orders)."""
         spectra = np.fft.rfft(turns, axis=1) / turns.shape[1]
-        order = self.order + round(self.samples) * np.array([[0], [-1], [1]][: 3 if self.folded else 1])
+        order = self._aliases()
         there = np.abs(order) < spectra.shape[1]
         seen = np.moveaxis(spectra[:, np.where(there, np.abs(order), 0)], 1, 0)
-        seen = np.where(order[:, None] < 0, seen.conj(), seen) * there[:, None]
-        smoothed = np.sinc(order / self.samples)
-        lag = 1j * self._rad_per_ms * order * np.sqrt(max(z[LOW_PASS_INDEX], 0.0))
-        fade = np.log(np.maximum(np.abs(smoothed), 1e-3))
-        sign = np.sign(smoothed) if z[SMOOTHING_INDEX] > 0.5 else 1.0
-        seen = seen * (sign * np.exp(1j * order * z[1] + fade * z[SMOOTHING_INDEX] + lag) / (1 + lag))[:, None]
-        return order, seen, fade, lag
+        return np.where(order[:, None] < 0, seen.conj(), seen) * there[:, None]
+
+    def _fade(self) -> FloatArray:
+        """What smoothing over a sampling period does to the harmonics' logarithms."""
+        return np.log(np.maximum(np.abs(np.sinc(self._aliases() / self.samples)), 1e-3))
+
+    def _lag(self, z: FloatArray) -> ComplexArray:
+        """Times i, the angle by which a low-pass lags."""
+        return 1j * self._rad_per_ms * self._aliases() * np.sqrt(max(z[LOW_PASS_INDEX], 0.0))
 
     def is_improbable(self, chi2: float) -> bool:
         """Whether noise alone hardly leaves so large a sum of squares."""
@@ -204,14 +243,14 @@ class Problem:
     def _gain(self, z: FloatArray, residual: FloatArray, slopes: FloatArray, order: int) -> float:
         """By how much chi squared falls if the two parts of an error are let free."""
         batch = np.repeat(z[None], 2, axis=0)
-        batch[[0, 1], [_ERROR_SINE, _ERROR_COSINE]] += _ERROR_STEP
+        batch[[0, 1], _ERROR] += _ERROR_STEP
         columns = np.zeros((2, residual.size))
         data = slice(0, 2 * self.order.size)
-        columns[:, data] = (self._misfit(self.settled(batch, order), z) - residual[data]) / _ERROR_STEP
+        columns[:, data] = (self._misfit(self.turns(batch, order), z) - residual[data]) / _ERROR_STEP
         onto = np.linalg.solve(slopes @ slopes.T, slopes @ columns.T)
         columns -= onto.T @ slopes
         along = columns @ residual
-        prior = np.diag(SD[[_ERROR_SINE, _ERROR_COSINE]] ** -2.0)
+        prior = np.diag(SD[_ERROR] ** -2.0)
         return float(along @ np.linalg.solve(columns @ columns.T + prior, along))
 
     def subtract_belt_bias(self, z: FloatArray, lines: Sequence[tuple[float, float]]) -> bool:
@@ -222,12 +261,12 @@ class Problem:
         subtracted = False
         for order, amplitude in lines:
             batch = np.repeat(z[None], 5, axis=0)
-            batch[:4, [_ERROR_SINE, _ERROR_COSINE]] += np.array([[1.0, 0.0], [-1.0, 0.0], [0.0, 1.0], [0.0, -1.0]])
-            turns = self.settled(batch, order)
+            batch[:4, _ERROR] += np.array([[1.0, 0.0], [-1.0, 0.0], [0.0, 1.0], [0.0, -1.0]])
+            turns = self.turns(batch, order)
             wave = np.exp(-2j * np.pi * order * np.arange(turns.shape[1]) / turns.shape[1])
             response = ((turns[2] - turns[3]) + 1j * (turns[0] - turns[1])) / 2
             size = amplitude / max(abs((response * wave).mean()), 1e-9)
-            if size < SD[_ERROR_SINE]:
+            if size < SD[_ERROR[0]]:
                 mean = size**2 * (turns[:4].mean(axis=0) - turns[4])
                 self.target = self.target - self._logged(mean[None], z)[0]
                 subtracted = True

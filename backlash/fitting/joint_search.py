@@ -1,27 +1,27 @@
 """Where the joint that made a log is looked for, so that no local minimum is taken for it."""
 
-import hashlib
-import io
-import os
-from collections.abc import Sequence
-from contextlib import suppress
 from dataclasses import dataclass
 from functools import lru_cache
 from operator import attrgetter
-from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from numba.core.registry import cpu_target
 from numpy.typing import NDArray
 from scipy.fft import next_fast_len
 
 from backlash.fitting.harmonics import FASTEST_HZ, TurnHarmonics
-from backlash.fitting.joint_posterior import LEAST_BACKLASH, LOW_PASS_INDEX, MEAN, SMOOTHING_INDEX, Problem, rows_of
-from backlash.fitting.turns import Movement, settled_turns
-from replication import CODE_HASH
+from backlash.fitting.joint_posterior import (
+    LEAST_BACKLASH,
+    LOW_PASS_INDEX,
+    MEAN,
+    SMOOTHING_INDEX,
+    Measurement,
+    Problem,
+    rows_of,
+)
+from backlash.fitting.turns import Movement, simulate_turns
 from replication.arrays import FloatArray
-from replication.files import write_bytes
+from replication.compiled.cache import keep_array
 
 
 class SearchSettings(NamedTuple):
@@ -75,16 +75,16 @@ class Found(NamedTuple):
 _chi2 = attrgetter("chi2")
 
 
-def find_peak(problem: Problem, z: FloatArray, measured: Sequence[float], chi2: float = np.inf) -> Peak:
-    """Maximum of the posterior near `z` for a speed measured in a way, three of `joint_posterior.MEASURED_AS`.
+def find_peak(problem: Problem, z: FloatArray, measurement: Measurement, chi2: float = np.inf) -> Peak:
+    """Maximum of the posterior near `z` for a speed measured in a way.
 
     Without evidence, and not looked for to the end, where a few steps leave it far above `chi2`.
     """
     covariance = _covariance(problem.slopes(z)[1])
-    shift = (measured[0] - z[SMOOTHING_INDEX]) / covariance[SMOOTHING_INDEX, SMOOTHING_INDEX]
+    shift = (measurement.smoothing - z[SMOOTHING_INDEX]) / covariance[SMOOTHING_INDEX, SMOOTHING_INDEX]
     start = z + shift * covariance[:, SMOOTHING_INDEX]
     start[0] = max(start[0], 0.5 * z[0], LEAST_BACKLASH)
-    problem.measured_as(*measured)
+    problem.measured_as(measurement)
     limit = chi2 + SETTINGS.far_chi2
     found = _search(problem, start, SETTINGS.first_steps)
     if found.chi2 < limit and not found.converged:
@@ -93,7 +93,8 @@ def find_peak(problem: Problem, z: FloatArray, measured: Sequence[float], chi2: 
     normal = slopes @ slopes.T
     if not (np.isfinite(normal).all() and found.chi2 < limit):
         return Peak(start, covariance, residual, -np.inf, False, problem.differencing)
-    evidence = -0.5 * found.chi2 - 0.5 * np.linalg.slogdet(normal)[1] - np.log(measured[1:]).sum()
+    widths = np.log([measurement.smoothing_sd, measurement.low_pass_sd]).sum()
+    evidence = -0.5 * found.chi2 - 0.5 * np.linalg.slogdet(normal)[1] - widths
     return Peak(found.z, _covariance(slopes), residual, float(evidence), found.converged, problem.differencing)
 
 
@@ -197,25 +198,13 @@ def _draw_library(movement: Movement) -> tuple[FloatArray, NDArray[np.complex128
     z[:, 0] = np.exp(rng.uniform(low, high, size))
     z[:, 2] = SETTINGS.library_friction * np.abs(rng.standard_normal(size))
     z[:, 3:_SEARCHED] = SETTINGS.library_ratio_sd * rng.standard_normal((size, SETTINGS.ratios_searched))
-    return z, _turn_spectra(rows_of(z), movement)
+    rows = rows_of(z)
 
+    def simulate() -> NDArray[np.complex128]:  # for a second
+        turns = simulate_turns(rows, movement)
+        return np.fft.rfft(turns, axis=1)[:, : int(FASTEST_HZ * movement.turn_period_s) + 2] / turns.shape[1]
 
-def _turn_spectra(rows: FloatArray, movement: Movement) -> NDArray[np.complex128]:
-    """Spectra of joints' settled turns, kept beside the compiled code that simulates them for a second.
-
-    The name holds the code and the processor that it is compiled for: their last bits differ.
-    """
-    machine = cpu_target.target_context.codegen().magic_tuple()
-    made_from = hashlib.sha256(rows.tobytes() + repr((movement, CODE_HASH, machine)).encode()).hexdigest()[:16]
-    kept, content = Path(os.environ["NUMBA_CACHE_DIR"]) / f"turns-{made_from}.npy", io.BytesIO()
-    with suppress(OSError, EOFError, ValueError):  # not there yet, or broken off
-        return np.load(kept)
-    turns = settled_turns(rows, movement)
-    spectra = np.fft.rfft(turns, axis=1)[:, : int(FASTEST_HZ * movement.turn_period_s) + 2] / turns.shape[1]
-    np.save(content, spectra)
-    with suppress(OSError):
-        write_bytes(kept, content.getvalue())
-    return spectra
+    return z, keep_array(rows.tobytes() + repr(movement).encode(), simulate)
 
 
 def _choose_starts(harmonics: TurnHarmonics, movement: Movement) -> list[FloatArray]:

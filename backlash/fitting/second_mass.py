@@ -22,15 +22,23 @@ _RINGS_HZ, _DAMPING = np.geomspace(8.0, 80.0, 31), 0.03
 _PROBABILITY, _SHARE = 0.5, 0.1
 
 
-# A peak of the posterior after the logarithm of its prior probability.
-WeightedPeak = tuple[float, Peak]
+class WeightedPeak(NamedTuple):
+    """A peak of the posterior, and the logarithm of its prior probability."""
+
+    log_prior: float
+    peak: Peak
+
+    @property
+    def log_weight(self) -> float:
+        """Of it among all peaks."""
+        return self.log_prior + self.peak.evidence
 
 
 class SecondMass(NamedTuple):
     """The clearest second mass: probability that noise alone shows one so clearly, and where it rings."""
 
-    chance: float
-    ring_hz: float
+    chance: float = 1.0
+    ring_hz: float = np.nan
 
 
 def pushes(load_speed: FloatArray, gravity_per_s2: float, movement: Movement) -> FloatArray:
@@ -51,18 +59,22 @@ def with_second_mass(problem: Problem, peak: Peak) -> tuple[list[WeightedPeak], 
     """Peaks without a second mass, then with one of each ring; and the clearest of these."""
     residual, slopes = problem.slopes(peak.z)
     columns = problem.push_slopes(peak.z, pushes)
-    normal = slopes @ slopes.T
-    along = np.linalg.solve(normal, slopes @ columns.T).T
+    along = np.linalg.solve(slopes @ slopes.T, slopes @ columns.T).T
     left = columns - along @ slopes
     information = (left**2).sum(axis=1) + _SHARE**-2
-    share, sd = -left @ residual / information, information**-0.5
+    share = -left @ residual / information
+    sd = information**-0.5
     gain = share**2 * information
     evidence = np.log(sd / _SHARE) + gain / 2
-    found = [(np.log(1 - _PROBABILITY), peak)]
+    found = [WeightedPeak(np.log(1 - _PROBABILITY), peak)]
     for k in range(_RINGS_HZ.size):
-        z, covariance = peak.z - share[k] * along[k], peak.covariance + np.outer(along[k], along[k]) * sd[k] ** 2
-        changed = {"z": z, "covariance": covariance, "residual": residual + share[k] * left[k]}
-        there = replace(peak, evidence=peak.evidence + float(evidence[k]), **changed)
-        found.append((np.log(_PROBABILITY / _RINGS_HZ.size), there))
+        there = replace(
+            peak,
+            z=peak.z - share[k] * along[k],
+            covariance=peak.covariance + np.outer(along[k], along[k]) * sd[k] ** 2,
+            residual=residual + share[k] * left[k],
+            evidence=peak.evidence + float(evidence[k]),
+        )
+        found.append(WeightedPeak(np.log(_PROBABILITY / _RINGS_HZ.size), there))
     chance = float(min(1.0, _RINGS_HZ.size * chdtrc(1, gain.max())))
     return found, SecondMass(chance, float(_RINGS_HZ[gain.argmax()]))

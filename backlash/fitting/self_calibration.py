@@ -7,16 +7,25 @@ the load, and widened by what the residual says.
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 from scipy.special import chdtrc, chdtri, softmax
 
 from backlash.fitting import joint_posterior
 from backlash.fitting.harmonics import MODEL_ERROR, RING_HZ, TurnHarmonics, turn_harmonics
-from backlash.fitting.joint_posterior import LOW_PASS_INDEX, SMOOTHING_INDEX, Problem, ratios_of, rows_of
+from backlash.fitting.joint_posterior import (
+    LOW_PASS_INDEX,
+    PHASE,
+    SMOOTHING_INDEX,
+    UNIT_RAD,
+    Problem,
+    ratios_of,
+    rows_of,
+)
 from backlash.fitting.joint_search import Peak, find_joint, find_peak
 from backlash.fitting.second_mass import SecondMass, WeightedPeak, with_second_mass
-from backlash.fitting.turns import Movement, settled_turns
+from backlash.fitting.turns import Movement, simulate_turns
 from backlash.fitting.waveform import delayed, low_passed
 from replication.arrays import FloatArray
 from replication.recording import Recording
@@ -71,24 +80,73 @@ class SelfFit:
     refusal_reason: str = ""  # why this is no answer; empty if it is one
 
 
+class _Measured(NamedTuple):
+    """A way in which the speed may have been measured: its peaks, without and with second masses, and its odds."""
+
+    log_odds: float
+    peaks: list[WeightedPeak]
+    second: SecondMass
+
+    @property
+    def evidence(self) -> float:
+        """Of the peak without a second mass."""
+        return self.peaks[0].peak.evidence
+
+
 def fit_joint(recording: Recording) -> SelfFit:
     """Find the backlash, and the joint besides, from one log; ValueError where it is too short or too coarse."""
     problem, harmonics = pose_problem(recording)
     z, converged = find_joint(problem, harmonics)
+    measured = _measurements(problem, harmonics, z)
+    found = [WeightedPeak(way.log_odds + each.log_prior, each.peak) for way in measured for each in way.peaks]
+    likely, *others = separate_peaks(found)
+    peak, covariance = mix_peaks(likely)
+    fit = _goodness_of(peak, harmonics)
+    refusal = "the search for the joint does not end"
+    best = max(measured, key=lambda way: way.evidence)
+    delta, sd = (float(UNIT_RAD * value) for value in (peak.z[0], np.sqrt(covariance[0, 0])))
+    widening = NORMAL_95 * widening_factor(fit.chi2, fit.freedom)
+    half = widening * sd
+    if harmonics.is_quiet:  # the speed's part from backlash grows with it, and so may what the model gets wrong
+        half = float(np.hypot(half, MOST_MODEL_ERROR * MODEL_ERROR * delta))
+    if converged and peak.converged and np.isfinite(fit.misfit) and np.isfinite(sd):
+        ring_noise_ratio = harmonics.ring_noise_ratio / _low_pass_gain(problem, harmonics, found)
+        refusal = _refusal_reason(fit, peak, ring_noise_ratio, best.second)
+    ring, damping = _slowest_ring(peak.z, problem.movement)
+    return SelfFit(
+        delta_rad=delta,
+        interval_rad=(max(delta - half, 0.0), delta + half),
+        sd_rad=sd,
+        ring_hz=ring,
+        damping=damping,
+        friction=float(peak.z[2]),
+        unknowns=peak.z,
+        covariance=covariance,
+        misfit=fit.misfit,
+        worst_phase=_worst_phase(problem, peak),
+        ring_noise_ratio=harmonics.ring_noise_ratio,
+        peaks=best.peaks if np.isfinite(best.evidence) else [],
+        turn_rps=_turn_of(problem, peak),
+        other_intervals_rad=tuple(_interval_rad(group, widening) for group in others),
+        refusal_reason=refusal,
+    )
+
+
+def _measurements(problem: Problem, harmonics: TurnHarmonics, z: FloatArray) -> list[_Measured]:
+    """Peaks near a joint for every way in which the speed may have been measured."""
     residual = problem.residual(z)
     chi2 = float(residual @ residual) if np.isfinite(residual).all() else np.inf
-    found, peaks = [], []
-    most, second = -np.inf, SecondMass(1.0, np.nan)
-    for name, (weight, *measured) in joint_posterior.MEASURED_AS.items():
-        peak = find_peak(problem, z, measured, chi2)
-        each = [(0.0, peak)]
+    measured = []
+    for name, measurement in joint_posterior.MEASURED_AS.items():
+        peak = find_peak(problem, z, measurement, chi2)
+        peaks, second = [WeightedPeak(0.0, peak)], SecondMass()
         if np.isfinite(peak.evidence):
-            each, clearest = with_second_mass(problem, peak)
-            if peak.evidence > most:
-                most, peaks, second = peak.evidence, each, clearest
-        odds = np.log(weight) + (_low_pass_log_odds(harmonics, recording.turn_period_s) if name == "filtered" else 0.0)
-        found += [(odds + prior, other) for prior, other in each]
-    return _result(problem, found, converged, harmonics, second, peaks)
+            peaks, second = with_second_mass(problem, peak)
+        odds = np.log(measurement.probability)
+        if name == "filtered":
+            odds += _low_pass_log_odds(harmonics, problem.movement.turn_period_s)
+        measured.append(_Measured(odds, peaks, second))
+    return measured
 
 
 def weak_turn(recording: Recording, delta_rad: float) -> FloatArray:
@@ -97,8 +155,8 @@ def weak_turn(recording: Recording, delta_rad: float) -> FloatArray:
     Joints drawn around it, drives a third slower among them, are louder than this.
     """
     z = joint_posterior.MEAN.copy()
-    z[0] = delta_rad / joint_posterior.UNIT_RAD
-    turn = settled_turns(rows_of(z[None]), _movement(recording))[0]
+    z[0] = delta_rad / UNIT_RAD
+    turn = simulate_turns(rows_of(z[None]), _movement(recording))[0]
     return 0.5 * turn[: turn.size // 2 * 2]
 
 
@@ -116,67 +174,57 @@ def pose_problem(recording: Recording) -> tuple[Problem, TurnHarmonics]:
 
 def mix_peaks(found: Sequence[WeightedPeak]) -> tuple[Peak, FloatArray]:
     """Most probable peak, moved to the mean of all, and the covariance about it, each weighed by its evidence."""
-    evidence = np.array([weight + peak.evidence for weight, peak in found])
-    if not np.isfinite(evidence.max()):
-        return found[0][1], found[0][1].covariance
-    share = softmax(evidence)
-    weighted = [(part, peak) for part, (_, peak) in zip(share, found, strict=True)]
+    weights = np.array([each.log_weight for each in found])
+    if not np.isfinite(weights.max()):
+        return found[0].peak, found[0].peak.covariance
+    share = softmax(weights)
+    weighted = [(part, each.peak) for part, each in zip(share, found, strict=True)]
     mean = sum(part * peak.z for part, peak in weighted)
     covariance = sum(part * (peak.covariance + np.outer(peak.z - mean, peak.z - mean)) for part, peak in weighted)
-    return replace(found[int(share.argmax())][1], z=mean), covariance
+    return replace(found[int(share.argmax())].peak, z=mean), covariance
 
 
 def separate_peaks(found: list[WeightedPeak]) -> list[list[WeightedPeak]]:
     """Groups of peaks whose backlashes overlap, the most probable group first; improbable groups are left out."""
-    finite = sorted((each for each in found if np.isfinite(each[1].evidence)), key=lambda each: each[1].z[0])
+    finite = sorted((each for each in found if np.isfinite(each.peak.evidence)), key=lambda each: each.peak.z[0])
     if not finite:
         return [found]
     groups = [finite[:1]]
     for each in finite[1:]:
-        last = groups[-1][-1][1]
-        sds = np.sqrt(each[1].covariance[0, 0]), np.sqrt(last.covariance[0, 0])
-        if each[1].z[0] - last.z[0] > _APART_SDS * sum(sds):
+        last = groups[-1][-1].peak
+        sds = np.sqrt(each.peak.covariance[0, 0]), np.sqrt(last.covariance[0, 0])
+        if each.peak.z[0] - last.z[0] > _APART_SDS * sum(sds):
             groups.append([])
         groups[-1].append(each)
-    share = softmax([np.logaddexp.reduce([weight + peak.evidence for weight, peak in group]) for group in groups])
+    share = softmax([np.logaddexp.reduce([each.log_weight for each in group]) for group in groups])
     return [groups[k] for k in np.argsort(-share) if share[k] >= _LEAST_GROUP]
 
 
-def _result(
-    problem: Problem, found: list[WeightedPeak], converged: bool, harmonics: TurnHarmonics, second: SecondMass,
-    peaks: list[WeightedPeak],
-) -> SelfFit:  # fmt: skip
-    """What the peaks of a record's posterior say, and whether that is an answer."""
-    groups = separate_peaks(found)
-    peak, covariance = mix_peaks(groups[0])
-    z, residual = peak.z, peak.residual
-    chi2, freedom = float(residual @ residual), residual.size - joint_posterior.SIZE
+class _Goodness(NamedTuple):
+    """How well a joint fits a record: chi squared, its degrees of freedom, and the model's own error over noise."""
+
+    chi2: float
+    freedom: int
+    model_error: float
+
+    @property
+    def misfit(self) -> float:
+        return self.chi2 / self.freedom / self.model_error
+
+
+def _goodness_of(peak: Peak, harmonics: TurnHarmonics) -> _Goodness:
+    chi2 = float(peak.residual @ peak.residual)
+    freedom = peak.residual.size - joint_posterior.SIZE
     scatter = max(chi2 / freedom, 1.0)
-    model_error = float(min(scatter, MOST_MODEL_ERROR**2)) if harmonics.is_quiet else 1.0
-    misfit = chi2 / freedom / model_error
-    delta, sd = float(z[0] * joint_posterior.UNIT_RAD), float(np.sqrt(covariance[0, 0]) * joint_posterior.UNIT_RAD)
-    widening = NORMAL_95 * widening_factor(chi2, freedom)
-    half = widening * sd
-    if harmonics.is_quiet:  # the speed's part from backlash grows with it, and so may what the model gets wrong
-        half = float(np.hypot(half, MOST_MODEL_ERROR * MODEL_ERROR * delta))
-    turn = settled_turns(rows_of(z[None]), problem.movement, problem.error_order, problem.lead, peak.differencing)[0]
-    phase = z[1] / (2 * np.pi)
-    ring, damping = _slowest_ring(z, problem.movement)
-    if not (converged and peak.converged and np.isfinite(misfit) and np.isfinite(sd)):
-        refusal = "the search for the joint does not end"
-    else:
-        ring_noise_ratio = harmonics.ring_noise_ratio / _low_pass_gain(problem, harmonics, found)
-        residual_p = float(chdtrc(freedom, chi2 / model_error))
-        drive_p, joint_p = (_prior_p(peak, scatter, known) for known in (_DRIVE, _JOINT))
-        refusal = _refusal_reason(residual_p, ring_noise_ratio, drive_p, joint_p, second)
-    interval, worst_phase = (max(delta - half, 0.0), delta + half), _worst_phase(problem, residual, phase)
-    low_pass = max(float(z[LOW_PASS_INDEX]), 0.0) * (1e-3 / problem.movement.turn_period_s) ** 2
-    turn = low_passed(delayed(turn - turn.mean(), -phase), low_pass)
-    others = [_interval_rad(mix_peaks(group), widening) for group in groups[1:]]
-    return SelfFit(
-        delta, interval, sd, ring, damping, float(z[2]), z, covariance, misfit, worst_phase,
-        harmonics.ring_noise_ratio, peaks, turn, tuple(others), refusal,
-    )  # fmt: skip
+    return _Goodness(chi2, freedom, float(min(scatter, MOST_MODEL_ERROR**2)) if harmonics.is_quiet else 1.0)
+
+
+def _turn_of(problem: Problem, peak: Peak) -> FloatArray:
+    """Fitted speed less its mean [rps], at even phases from the record's first sample."""
+    problem.differencing = peak.differencing
+    turn = problem.turns(peak.z[None])[0]
+    low_pass = max(float(peak.z[LOW_PASS_INDEX]), 0.0) * (1e-3 / problem.movement.turn_period_s) ** 2
+    return low_passed(delayed(turn - turn.mean(), -peak.z[PHASE] / TURN), low_pass)
 
 
 def widening_factor(chi2: float, freedom: int) -> float:
@@ -184,31 +232,31 @@ def widening_factor(chi2: float, freedom: int) -> float:
     return float(np.sqrt(1 + max(chi2 - float(chdtri(freedom, _LARGE_RESIDUAL)), 0.0)))
 
 
-def _interval_rad(peak_and_covariance: tuple[Peak, FloatArray], widening: float) -> tuple[float, float]:
-    """Interval of the backlash about a peak [rad]."""
-    peak, covariance = peak_and_covariance
+def _interval_rad(group: Sequence[WeightedPeak], widening: float) -> tuple[float, float]:
+    """Interval of the backlash by a group of peaks [rad]."""
+    peak, covariance = mix_peaks(group)
     half = widening * float(np.sqrt(covariance[0, 0]))
-    low, high = (float(joint_posterior.UNIT_RAD * (peak.z[0] + sign * half)) for sign in (-1, 1))
+    low, high = (float(UNIT_RAD * (peak.z[0] + sign * half)) for sign in (-1, 1))
     return max(low, 0.0), high
 
 
-def _refusal_reason(
-    residual_p: float, ring_noise_ratio: float, drive_p: float, joint_p: float, second: SecondMass
-) -> str:
+def _refusal_reason(fit: _Goodness, peak: Peak, ring_noise_ratio: float, second: SecondMass) -> str:
     """Why a fit that has ended is no answer; empty if it is one."""
     if ring_noise_ratio > MOST_RING_NOISE:
         return (
             f"turns do not repeat themselves (noise in the ring's band {ring_noise_ratio:.1f} times that above it): "
             "the drive hardly damps, or something else moves"
         )
+    residual_p = float(chdtrc(fit.freedom, fit.chi2 / fit.model_error))
     if residual_p < _IMPOSSIBLE_RESIDUAL:
         return f"no joint of the paper's kind makes this record (a residual like its one: p = {residual_p:.0e})"
     if second.chance < _IMPROBABLE_SECOND_MASS:
         return f"something else swings on the load (near {second.ring_hz:.0f} Hz)"
-    if drive_p < _IMPROBABLE_DRIVE:
-        return f"the drive is not of the paper's kind (its inner workings stray from what is known: p = {drive_p:.0e})"
-    if joint_p < _IMPROBABLE_JOINT:
-        return f"the joint is not of the paper's kind (stiffness, inertias, gains stray from it: p = {joint_p:.0e})"
+    scatter = max(fit.chi2 / fit.freedom, 1.0)
+    if (p := _prior_p(peak, scatter, _DRIVE)) < _IMPROBABLE_DRIVE:
+        return f"the drive is not of the paper's kind (its inner workings stray from what is known: p = {p:.0e})"
+    if (p := _prior_p(peak, scatter, _JOINT)) < _IMPROBABLE_JOINT:
+        return f"the joint is not of the paper's kind (stiffness, inertias, gains stray from it: p = {p:.0e})"
     return ""
 
 
@@ -228,12 +276,14 @@ def _low_pass_gain(problem: Problem, harmonics: TurnHarmonics, found: Sequence[W
 
     Noise that peaks in the band is a drive that hardly damps: no low-pass.
     """
-    noise, all_hz = harmonics.sd**2, harmonics.order / problem.movement.turn_period_s
-    below, within = all_hz < _BELOW_RING_HZ, (all_hz >= _BELOW_RING_HZ) & (all_hz < _ABOVE_RING_HZ)
+    noise = harmonics.sd**2
+    all_hz = harmonics.order / problem.movement.turn_period_s
+    below = all_hz < _BELOW_RING_HZ
+    within = ~below & (all_hz < _ABOVE_RING_HZ)
     if not below.any() or noise[within].mean() > _MOST_BUMP * noise[below].mean():
         return 1.0
-    low_passed = [peak for _, peak in found if peak.covariance[LOW_PASS_INDEX, LOW_PASS_INDEX] > 1e-4]
-    best = max(low_passed, key=lambda peak: peak.evidence, default=None)
+    filtered = [each.peak for each in found if each.peak.covariance[LOW_PASS_INDEX, LOW_PASS_INDEX] > 1e-4]
+    best = max(filtered, key=lambda peak: peak.evidence, default=None)
     if best is None or not np.isfinite(best.evidence):
         return 1.0
     most_ms2 = max(best.z[LOW_PASS_INDEX], 0.0) + 2 * np.sqrt(best.covariance[LOW_PASS_INDEX, LOW_PASS_INDEX])
@@ -256,13 +306,13 @@ def _prior_p(peak: Peak, scatter: float, known: slice) -> float:
     return float(chdtrc(max(int(seen.sum()), 1), square))
 
 
-def _worst_phase(problem: Problem, residual: FloatArray, phase: float) -> float:
+def _worst_phase(problem: Problem, peak: Peak) -> float:
     """Phase of the turn at which the residual is largest."""
-    real, imaginary = residual[: 2 * problem.order.size].reshape(2, -1)
+    real, imaginary = peak.residual[: 2 * problem.order.size].reshape(2, -1)
     spectrum = np.zeros(257, dtype=complex)
     inside = problem.order < spectrum.size
     spectrum[problem.order[inside]] = ((real + 1j * imaginary) * problem.sd)[inside]
-    return float((np.abs(np.fft.irfft(spectrum)).argmax() / 512 + phase) % 1.0)
+    return float((np.abs(np.fft.irfft(spectrum)).argmax() / 512 + peak.z[PHASE] / TURN) % 1.0)
 
 
 def _slowest_ring(z: FloatArray, movement: Movement) -> tuple[float, float]:

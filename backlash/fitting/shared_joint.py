@@ -10,6 +10,7 @@ from dataclasses import replace
 import numpy as np
 
 from backlash.fitting.joint_posterior import MEAN, RATIO_PRIOR, SD, UNIT_RAD
+from backlash.fitting.second_mass import WeightedPeak
 from backlash.fitting.self_calibration import NORMAL_95, SelfFit, mix_peaks
 from replication.arrays import FloatArray
 
@@ -38,14 +39,15 @@ def _with_common_load(fits: Sequence[SelfFit]) -> list[SelfFit]:
     peaked = [fit for fit in fits if fit.peaks]
     if len(peaked) < 2:
         return list(fits)
-    prior = np.array([weight for weight, _ in peaked[0].peaks])
-    evidence = np.array([[peak.evidence for _, peak in fit.peaks] for fit in peaked])
+    prior = np.array([each.log_prior for each in peaked[0].peaks])
+    evidence = np.array([[each.peak.evidence for each in fit.peaks] for fit in peaked])
     common = prior + (evidence - evidence[:, :1]).sum(axis=0)
     return [_with_weights(fit, common) if fit.peaks else fit for fit in fits]
 
 
 def _with_weights(fit: SelfFit, weight: FloatArray) -> SelfFit:
-    peak, covariance = mix_peaks([(w - peak.evidence, peak) for w, (_, peak) in zip(weight, fit.peaks, strict=True)])
+    weighted = [WeightedPeak(w - peak.evidence, peak) for w, (_, peak) in zip(weight, fit.peaks, strict=True)]
+    peak, covariance = mix_peaks(weighted)
     return replace(fit, unknowns=peak.z, covariance=covariance)
 
 

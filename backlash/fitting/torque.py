@@ -20,16 +20,21 @@ from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve, toeplitz
 
 from backlash.fitting.harmonics import turn_harmonics
-from backlash.fitting.waveform import settled
-from backlash.reading.tables import UnusableLog
+from backlash.fitting.waveform import drop_first_turn
+from backlash.reading.refusals import UnusableLog
 from replication.arrays import FloatArray
 from replication.recording import Recording
 
-MOST_SD, NORMAL_95 = 0.15, 1.96  # SD over the backlash, above which there is no answer; half width over SD
-_IN_CONTACT, _FASTEST_HZ = 0.15, 100.0  # the teeth touch above this share of the largest torque; the fastest ring
-# Shares of the wind-up that no noise explains, and of the backlash that the method errs by without noise.
-_ROUGHNESS, _METHOD_ERROR = 0.2, 0.02
-_FREE_HARMONICS, _LEAST_HARMONICS, _LEAST_GRAVITY, _DRAWS = 2, 12, 10.0, 200
+MOST_SD = 0.15  # over the backlash, above which there is no answer
+NORMAL_95 = 1.96  # half width over SD
+_IN_CONTACT = 0.15  # the teeth touch above this share of the largest torque
+_FASTEST_HZ = 100.0  # of a ring
+_ROUGHNESS = 0.2  # share of the wind-up that no noise explains
+_METHOD_ERROR = 0.02  # share of the backlash that the method errs by without noise
+_FREE_HARMONICS = 2
+_LEAST_HARMONICS = 12
+_LEAST_GRAVITY = 10.0  # of the torque once a turn, in its SDs
+_DRAWS = 200
 
 
 @dataclass(frozen=True)
@@ -38,14 +43,19 @@ class LoadData:
 
     inertia_ratio: float  # rho = J_l / (N^2 J_m): of the load, seen from the motor, to the motor's own
     gravity_per_s2: float  # m g r / J_l: 9.81 / r for a point load
-    sd_inertia: float = 0.1
-    sd_gravity: float = 0.05
+    inertia_sd: float = 0.1
+    gravity_sd: float = 0.05
 
     def __post_init__(self):
         """Refuse what no load has."""
-        values, sds = (self.inertia_ratio, self.gravity_per_s2), (self.sd_inertia, self.sd_gravity)
+        values, sds = (self.inertia_ratio, self.gravity_per_s2), (self.inertia_sd, self.gravity_sd)
         if not (all(0 < value < np.inf for value in values) and all(0 <= sd <= 0.5 for sd in sds)):
-            raise UnusableLog(f"{self}: inertia ratio and gravity must be above 0, their SDs shares up to 0.5")
+            raise UnusableLog(f"{self!r}: inertia ratio and gravity must be above 0, their SDs shares up to 0.5")
+
+    def __str__(self) -> str:
+        """What was said, as a note."""
+        ratio = f"an inertia ratio of {self.inertia_ratio:g} (SD {self.inertia_sd:.0%})"
+        return f"by the torque, {ratio} and m g r / J_l of {self.gravity_per_s2:g} per s^2 (SD {self.gravity_sd:.0%})"
 
 
 @dataclass(frozen=True)
@@ -67,41 +77,77 @@ class _Turn(NamedTuple):
     mean: NDArray[np.complex128]
     sd: FloatArray
 
+    @property
+    def acceleration(self) -> NDArray[np.complex128]:
+        return 1j * self.omega * self.mean[0]
+
+    @property
+    def motor_angle(self) -> NDArray[np.complex128]:
+        """From order 1, over the gear ratio."""
+        return self.mean[0][1:] / (1j * self.omega[1:]) / self.gear_ratio
+
+
+class _Regression(NamedTuple):
+    """The wind-up at even phases of a turn as a sum of the columns of a basis: the last is the contact's sign."""
+
+    basis: FloatArray
+    wind_up: FloatArray
+    inertia: float  # J_m
+
+
+class _Solution(NamedTuple):
+    """Backlash [rad], J_m and the wind-up's first harmonic."""
+
+    delta_rad: float
+    inertia: float
+    first: complex
+
 
 def _harmonics(recording: Recording, count: int) -> tuple[NDArray[np.complex128], FloatArray]:
     """Coefficients and SDs; 0 where `turn_harmonics` leaves one out, but for the first."""
-    found, (phase, v) = turn_harmonics(recording), settled(recording)
+    found = turn_harmonics(recording)
+    phase, v = drop_first_turn(recording)
     order = found.order[found.order < count]
     whole = phase < phase[0] + int(phase[-1] - phase[0] + recording.sample_s / recording.turn_period_s + 1e-6) - 1e-9
-    coefficient, sd = np.zeros(count, dtype=complex), np.zeros(count)
-    coefficient[order], sd[order], sd[1] = found.coefficient[: order.size], found.sd[: order.size], found.sd[0]
+    coefficient = np.zeros(count, dtype=complex)
+    coefficient[order] = found.coefficient[: order.size]
     coefficient[1] = np.mean((v[whole] - v[whole].mean()) * np.exp(-2j * np.pi * phase[whole]))
+    sd = np.zeros(count)
+    sd[order] = found.sd[: order.size]
+    sd[1] = found.sd[0]
     return coefficient, sd
 
 
-def _regression(turn: _Turn, load: LoadData, first: complex) -> tuple[FloatArray, FloatArray, float]:
-    """Regressors and wind-up at even phases of a turn, and J_m; `first` is the wind-up's first harmonic."""
-    omega, n, rho = turn.omega[1:], turn.gear_ratio, load.inertia_ratio
-    speed, torque = turn.mean
-    a, motor = 1j * turn.omega * speed, speed[1:] / (1j * omega) / n
-    load_first = 0.5 * load.gravity_per_s2 * torque[1] / abs(torque[1]) - omega[0] ** 2 * (motor[0] - first)
-    inertia = 1 / float(np.real((n * rho * load_first + a[1]) / torque[1]))
-    contact = torque / inertia - a
-    count, size = contact.size, 3 * contact.size
-    waves = np.zeros((4, size // 2 + 1), dtype=complex)
-    waves[0, 1:count] = motor + contact[1:] / (n * rho * omega**2)
-    waves[0, : _FREE_HARMONICS + 1] = 0  # with gravity, which has the first alone
-    waves[1:, :count] = 1j * turn.omega * contact, speed, contact
-    x, rate, lag, c = np.fft.irfft(waves, size) * size
+def _motor_inertia(turn: _Turn, load: LoadData, first: complex) -> float:
+    """J_m by gravity's torque once a turn (step 3)."""
+    torque = turn.mean[1][1]
+    load_angle = turn.motor_angle[0] - first
+    load_first = 0.5 * load.gravity_per_s2 * torque / abs(torque) - turn.omega[1] ** 2 * load_angle
+    turning = turn.gear_ratio * load.inertia_ratio * load_first + turn.acceleration[1]
+    return 1 / float(np.real(turning / torque))
+
+
+def _regression(turn: _Turn, load: LoadData, first: complex) -> _Regression:
+    """Steps 1 to 5; `first` is the wind-up's first harmonic."""
+    inertia = _motor_inertia(turn, load, first)
+    contact = turn.mean[1] / inertia - turn.acceleration
+    size = 3 * contact.size
+    wind_up = np.zeros(size // 2 + 1, dtype=complex)
+    through = turn.gear_ratio * load.inertia_ratio * turn.omega[1:] ** 2
+    wind_up[1 : contact.size] = turn.motor_angle + contact[1:] / through
+    wind_up[: _FREE_HARMONICS + 1] = 0  # with gravity, which has the first alone
+    x = np.fft.irfft(wind_up, size) * size
+    rate, lag, c = (np.fft.irfft(wave, size) * size for wave in (1j * turn.omega * contact, turn.mean[0], contact))
     angle = 2 * np.pi * np.outer(np.arange(1, _FREE_HARMONICS + 1), np.arange(size)) / size
     columns = np.array([np.ones(size), *np.cos(angle), *np.sin(angle), rate, lag, c, np.sign(c)])
-    return (columns / np.abs(columns).max(axis=1, keepdims=True)).T, x, inertia
+    return _Regression((columns / np.abs(columns).max(axis=1, keepdims=True)).T, x, inertia)
 
 
 def _instruments(turn: _Turn, load: LoadData) -> FloatArray:
     """Regressors where the teeth touch, whitened by the wind-up's noise, for generalised least squares."""
     basis, x, inertia = _regression(turn, load, 0j)
-    omega, through = turn.omega[1:], 1 / (turn.gear_ratio * load.inertia_ratio)
+    omega = turn.omega[1:]
+    through = 1 / (turn.gear_ratio * load.inertia_ratio)
     by_speed, by_torque = turn.sd[:, 1:] / omega * np.array([[1 / turn.gear_ratio + through], [through / inertia]])
     variance = np.zeros(x.size // 2 + 1)
     variance[_FREE_HARMONICS + 1 : turn.omega.size] = 2 * (by_speed**2 + (by_torque / omega) ** 2)[_FREE_HARMONICS:]
@@ -113,11 +159,36 @@ def _instruments(turn: _Turn, load: LoadData) -> FloatArray:
     return whitened
 
 
-def _solve(turn: _Turn, load: LoadData, instruments: FloatArray, first: complex) -> tuple[float, float, complex]:
-    """Backlash [rad], J_m and the wind-up's first harmonic, from a guess of the last."""
+def _solve(turn: _Turn, load: LoadData, instruments: FloatArray, first: complex) -> _Solution:
+    """Solution from a guess of the wind-up's first harmonic."""
     basis, x, inertia = _regression(turn, load, first)
     found = np.linalg.solve(instruments.T @ basis, instruments.T @ x)
-    return float(found[-1]), inertia, complex(np.fft.fft(basis[:, -2:] @ found[-2:])[1] / x.size)
+    return _Solution(float(found[-1]), inertia, complex(np.fft.fft(basis[:, -2:] @ found[-2:])[1] / x.size))
+
+
+def _mean_turn(recording: Recording, torque: FloatArray) -> _Turn:
+    """Harmonics of the mean turn; ValueError where they cannot tell the backlash."""
+    name, period = recording.source, recording.turn_period_s
+    count = int(min(_FASTEST_HZ, 0.45 / recording.sample_s) * period) + 1
+    if not (torque.shape == recording.v.shape and 0 < np.ptp(torque) < np.inf and count > _LEAST_HARMONICS):
+        needed = f"{recording.v.size} finite numbers that vary, and {_LEAST_HARMONICS} harmonics of the turn to 100 Hz"
+        raise ValueError(f"{name}: the torque needs {needed}")
+    mean, sd = zip(
+        *(_harmonics(replace(recording, v=v), count) for v in (2 * np.pi * recording.v, torque)), strict=True
+    )
+    omega = np.float64(2 * np.pi / period) * np.arange(count)
+    turn = _Turn(omega, recording.commanded_speed_rps * period, np.array(mean), np.array(sd))
+    if abs(turn.mean[1, 1]) < _LEAST_GRAVITY * turn.sd[1, 1] or torque.mean() < 0:
+        raise ValueError(f"{name}: the torque shows no gravity, or drives backward; is it this motor's, with its sign?")
+    return turn
+
+
+def _draw(turn: _Turn, load: LoadData, rng: np.random.Generator) -> tuple[_Turn, LoadData]:
+    """A turn and a load that the log's noise and the load's SDs allow."""
+    noise = rng.standard_normal(turn.mean.shape) + 1j * rng.standard_normal(turn.mean.shape)
+    rho, g = np.exp(rng.standard_normal(2) * (load.inertia_sd, load.gravity_sd))
+    other = replace(load, inertia_ratio=rho * load.inertia_ratio, gravity_per_s2=g * load.gravity_per_s2)
+    return turn._replace(mean=turn.mean + turn.sd * noise), other
 
 
 def fit_torque(recording: Recording, torque: FloatArray, load: LoadData, rng: np.random.Generator) -> TorqueFit:
@@ -126,26 +197,13 @@ def fit_torque(recording: Recording, torque: FloatArray, load: LoadData, rng: np
     The torque, shape (samples,), is the motor's at the same samples, positive where it drives forward, in any unit, as
     its current. The generator draws noise and load data for the interval.
     """
-    torque, period, name = np.asarray(torque, dtype=float), recording.turn_period_s, recording.source
-    count = int(min(_FASTEST_HZ, 0.45 / recording.sample_s) * period) + 1
-    if not (torque.shape == recording.v.shape and 0 < np.ptp(torque) < np.inf and count > _LEAST_HARMONICS):
-        needed = f"{recording.v.size} finite numbers that vary, and {_LEAST_HARMONICS} harmonics of the turn to 100 Hz"
-        raise ValueError(f"{name}: the torque needs {needed}")
-    both = [_harmonics(replace(recording, v=v), count) for v in (2 * np.pi * recording.v, torque)]
-    mean, sd = np.array([each[0] for each in both]), np.array([each[1] for each in both])
-    turn = _Turn(np.float64(2 * np.pi / period) * np.arange(count), recording.commanded_speed_rps * period, mean, sd)
-    if abs(mean[1, 1]) < _LEAST_GRAVITY * sd[1, 1] or torque.mean() < 0:
-        raise ValueError(f"{name}: the torque shows no gravity, or drives backward; is it this motor's, with its sign?")
-    instruments, first = _instruments(turn, load), 0j
+    turn = _mean_turn(recording, np.asarray(torque, dtype=float))
+    instruments = _instruments(turn, load)
+    first = 0j
     for _ in range(2):  # what the wind-up adds to gravity once a turn is small
         delta, inertia, first = _solve(turn, load, instruments, first)
-    draws = []
-    for _ in range(_DRAWS):  # turns and loads that the log's noise and the load's SDs allow
-        noise = rng.standard_normal((2, count)) + 1j * rng.standard_normal((2, count))
-        rho, g = np.exp(rng.standard_normal(2) * (load.sd_inertia, load.sd_gravity))
-        other = replace(load, inertia_ratio=rho * load.inertia_ratio, gravity_per_s2=g * load.gravity_per_s2)
-        draws.append(_solve(turn._replace(mean=mean + sd * noise), other, instruments, first)[0])
-    deviation = float(np.hypot(np.std(draws), _METHOD_ERROR * delta))
+    drawn = [_solve(*_draw(turn, load, rng), instruments, first).delta_rad for _ in range(_DRAWS)]
+    deviation = float(np.hypot(np.std(drawn), _METHOD_ERROR * delta))
     interval = max(delta - NORMAL_95 * deviation, 0.0), max(delta + NORMAL_95 * deviation, 0.0)
     reason = f"the torque tells {delta:.2g} rad with an SD of {deviation:.2g}, above {MOST_SD:.0%}"
     return TorqueFit(delta, interval, deviation, inertia, "" if deviation <= MOST_SD * delta else reason)

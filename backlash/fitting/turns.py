@@ -7,12 +7,13 @@ The slopes follow the equations of motion linearised along the turn. Where the t
 continuous, so the slopes pass from region to region without a jump.
 """
 
-from dataclasses import dataclass
+import math
+from typing import NamedTuple
 
-import numba as nb
 import numpy as np
 
 from replication.arrays import FloatArray
+from replication.compiled.cache import njit
 from replication.simulator import core
 from replication.simulator.parameters import TURN
 
@@ -36,9 +37,11 @@ _ALPHA_PER_RAD = 1e6
 # Turns with slopes: the first two at most are the drive's; one that has not settled after the last never does.
 _LEAST_TURNS, _MOST_TURNS = 3, 14
 
+# Of the Runge-Kutta method: when a stage is [steps], what part of the step it weighs, and which forcing it takes.
+_SHIFTS, _PARTS, _FORCED_AT = (0.0, 0.5, 0.5, 1.0), (6.0, 3.0, 3.0, 6.0), (0, 1, 1, 2)
 
-@dataclass(frozen=True)
-class Movement:
+
+class Movement(NamedTuple):
     """The test movement: motor turns in a load turn, and the load turn's duration [s]."""
 
     gear_ratio: float
@@ -50,263 +53,402 @@ class Movement:
         return max(round(self.turn_period_s / _CONTROL_S), 16)
 
 
-@nb.njit(cache=True)
-def constants(row, n, turn_s, angle, waves):
+class TurnWithSlopes(NamedTuple):
+    """One settled turn of a joint, arrays over its control periods; all NaN for a joint that runs away."""
+
+    motor_rps: FloatArray  # deviation from the commanded speed
+    load_rad_per_s: FloatArray
+    slopes: FloatArray  # of the motor's speed by `COLUMNS`, then by the pushes
+    turns_before: int
+
+
+class _Joint(NamedTuple):
+    """A joint's row, and what the simulator makes of it; the order of its transmission error in a turn, or 0."""
+
+    row: FloatArray
+    constants: core.Constants
+    drive: core.Drive
+    order: float
+
+
+class _Memory(NamedTuple):
+    """What `core.control` keeps: integral, leaky integral, speed and position; and the torques that are under way."""
+
+    drive: FloatArray
+    torques: FloatArray
+
+
+class _Slopes(NamedTuple):
+    """Slopes of the state and of the drive's memory by the columns and pushes, in the last axis; and work space."""
+
+    state: FloatArray
+    drive: FloatArray
+    torques: FloatArray
+    before: FloatArray  # the state's, before a step that is taken back
+    forced: FloatArray  # what columns and pushes do to three rates at a step's start, middle and end
+
+
+class _Linear(NamedTuple):
+    """The equations of motion, linear within a region: every factor of `_rates`."""
+
+    ks: float
+    per_turn: float
+    push: float
+    swing: float
+    rub: float
+    lag: float
+
+
+def constants(row: FloatArray, movement: Movement, angle: float, waves: FloatArray | None = None) -> core.Constants:
     """Constants of a joint, its load's inertia 1: half of the friction is Coulomb's, half viscous."""
-    omega = n * TURN / turn_s
-    jm, ks, gravity = 1 / (n * n * row[INERTIA]), row[STIFFNESS], row[GRAVITY]
-    rubbing = 0.5 * row[FRICTION] * gravity
-    viscous = rubbing / (omega / n)
+    value = dict(zip(COLUMNS, row.tolist(), strict=True))
+    n = movement.gear_ratio
+    omega = n * TURN / movement.turn_period_s
+    rubbing = 0.5 * value["friction"] * value["gravity_per_s2"]
     return core.Constants(
-        n, omega, angle, jm, 1.0, ks, 0.0, _ALPHA_PER_RAD, row[DELTA], 0.0, gravity, 0.0, viscous, 0.0, rubbing,
-        row[LAG], waves,
-    )  # fmt: skip
+        gear_ratio=n,
+        omega=omega,
+        start_angle=angle,
+        motor_inertia=1 / (n * n * value["inertia_ratio"]),
+        load_inertia=1.0,
+        ks=value["stiffness_per_s2"],
+        ds=0.0,
+        alpha=_ALPHA_PER_RAD,
+        delta=value["delta_rad"],
+        clamped=0.0,
+        gravity=value["gravity_per_s2"],
+        motor_viscous=0.0,
+        load_viscous=rubbing / (omega / n),
+        motor_coulomb=0.0,
+        load_coulomb=rubbing,
+        torque_lag=value["torque_lag_s"],
+        waves=waves,
+    )
 
 
-@nb.njit(cache=True)
-def drive(row, n, period, differencing):
-    """Drive of a joint; `differencing` is 1 if it differences its encoder, as real ones do, 0 if not."""
-    jm = 1 / (n * n * row[INERTIA])
-    speed, integral, derivative, leaky = row[SPEED] * jm, row[INTEGRAL] * jm, row[DERIVATIVE] * jm, row[LEAKY] * jm
-    return core.Drive(row[POSITION], speed, integral, derivative, leaky, row[RATE], period, np.inf, 0.0, differencing)
+def drive(row: FloatArray, movement: Movement, period: float, differencing: bool) -> core.Drive:
+    """Drive of a joint, which differences its encoder, as real ones do, or not."""
+    value = dict(zip(COLUMNS, row.tolist(), strict=True))
+    jm = 1 / (movement.gear_ratio * movement.gear_ratio * value["inertia_ratio"])
+    return core.Drive(
+        position_gain=value["position_gain_per_s"],
+        speed_gain=value["speed_gain_per_s"] * jm,
+        integral_gain=value["integral_gain_per_s2"] * jm,
+        derivative_gain=value["derivative_gain"] * jm,
+        leaky_gain=value["leaky_gain_per_s2"] * jm,
+        leaky_rate=value["leaky_rate_per_s"],
+        period=period,
+        torque_limit=math.inf,
+        resolution=0.0,
+        differencing=float(differencing),
+    )
 
 
-@nb.njit(cache=True)
-def start(c, friction):
+def _start(joint: _Joint) -> tuple[tuple[float, ...], int]:
     """State and region in balance, as `core.start_state`."""
-    torque = c.gravity * np.sin(c.start_angle) + friction * c.gravity
+    c = joint.constants
+    torque = c.gravity * math.sin(c.start_angle) + float(joint.row[FRICTION]) * c.gravity
     side = -1.0 if torque < 0 else 1.0
     return (0.0, 0.0, -(side * c.delta + torque / c.ks), 0.0, torque / c.gear_ratio), 3 if side > 0 else 0
 
 
-@nb.njit(cache=True)
-def waves_of(row, n, turn_s, order, with_ripple):
-    """Disturbances of a joint, a row each; no wave at all compiles to less work."""
-    errors = 2 if order > 0 else 0
-    waves = np.zeros((errors + (2 if with_ripple else 0), 5))
-    for part in range(errors):
-        error = row[ERROR + part]
-        waves[part] = order / n, 0.0, -error * (order * TURN / turn_s) ** 2, error, part * TURN / 4
-    for part in range(len(waves) - errors):
-        waves[errors + part] = 1.0, row[RIPPLE + part] * row[GRAVITY] / n, 0.0, 0.0, part * TURN / 4
-    return waves
+def _waves_of(row: FloatArray, movement: Movement, order: float, with_ripple: bool) -> FloatArray:
+    """Disturbances of a joint as `core.disturbance` takes them, a row each."""
+    waves = []
+    for part, phase in enumerate((0.0, TURN / 4)):
+        if order > 0:
+            speed = order * TURN / movement.turn_period_s
+            error = row[ERROR + part]
+            waves.append((order / movement.gear_ratio, 0.0, -error * (speed * speed), error, phase))
+    for part, phase in enumerate((0.0, TURN / 4)):
+        if with_ripple:
+            waves.append((1.0, row[RIPPLE + part] * row[GRAVITY] / movement.gear_ratio, 0.0, 0.0, phase))
+    return np.array(waves).reshape(-1, 5)
 
 
-@nb.njit(cache=True, nogil=True)
-def _settled(rows, n, turn_s, periods, lead, order, differencing):
-    out = np.full((rows.shape[0], periods), np.nan)
-    period, steps = turn_s / periods, lead + periods
-    record, gap, events = np.empty((steps + 1, 5)), np.empty(steps + 1, dtype=np.int64), np.empty((0, 2))
-    with_ripple = np.any(rows[:, RIPPLE:] != 0)
-    for k in range(rows.shape[0]):
-        waves = waves_of(rows[k], n, turn_s, order, with_ripple)
-        c = constants(rows[k], n, turn_s, -TURN * lead / periods, waves)
-        d = drive(rows[k], n, period, differencing)
-        y, region = start(c, rows[k, FRICTION])
-        status, _ = core.run(y, region, steps, period, 0, 1, 1, DELAY_PERIODS, c, d, record, gap, events)
-        if status < 0:
-            out[k] = record[lead:steps, 1] / TURN
-    return out
+def _joint_of(
+    row: FloatArray, movement: Movement, angle: float, order: float, differencing: bool, with_ripple: bool
+) -> _Joint:
+    """A joint as the compiled functions take it."""
+    waves = _waves_of(row, movement, order, with_ripple)
+    period = movement.turn_period_s / movement.periods
+    return _Joint(row, constants(row, movement, angle, waves), drive(row, movement, period, differencing), float(order))
 
 
-def settling_turns(movement: Movement) -> int:
+def turns_to_settle(movement: Movement) -> int:
     """Turns after which the drive of a well damped joint has settled."""
-    return max(int(np.ceil(_SETTLING_S / movement.turn_period_s)), 1)
+    return max(math.ceil(_SETTLING_S / movement.turn_period_s), 1)
 
 
-def settled_turns(
+def simulate_turns(
     rows: FloatArray, movement: Movement, order: float = 0, lead: int | None = None, differencing: bool = True
 ) -> FloatArray:
     """Deviation from the commanded speed [rps] of each joint over one settled turn; NaN for a joint that runs away.
 
     `order` is the transmission error's periods a turn (0: none), `lead` the turns before the one that is returned.
     """
-    n, turn_s, periods = movement.gear_ratio, movement.turn_period_s, movement.periods
-    settling = (settling_turns(movement) if lead is None else lead) * periods
-    rows = np.ascontiguousarray(rows, dtype=float)
-    return _settled(rows, n, turn_s, periods, settling, float(order), float(differencing))
+    periods = movement.periods
+    before = (turns_to_settle(movement) if lead is None else lead) * periods
+    steps = before + periods
+    record = np.empty((steps + 1, 5))
+    gap = np.empty(steps + 1, dtype=np.int64)
+    events = np.empty((0, 2))
+    out = np.full((len(rows), periods), np.nan)
+    for row, turn in zip(np.ascontiguousarray(rows, dtype=float), out, strict=True):
+        joint = _joint_of(row, movement, -TURN * before / periods, order, differencing, bool(row[RIPPLE:].any()))
+        c, d = joint.constants, joint.drive
+        y, region = _start(joint)
+        status, _ = core.run(y, region, steps, d.period, 0, 1, 1, DELAY_PERIODS, c, d, record, gap, events)
+        if status < 0:
+            turn[:] = record[before:steps, 1] / TURN
+    return out
 
 
-@nb.njit(cache=True)
-def _start_slopes(row, c, dy):
-    """Slopes of `start` by the row's columns."""
-    by_gravity = np.sin(c.start_angle) + row[FRICTION]
+def _start_slopes(joint: _Joint, width: int) -> _Slopes:
+    """Slopes of `_start`, and of a drive at rest in balance."""
+    c = joint.constants
+    by_gravity = math.sin(c.start_angle) + joint.row[FRICTION]
     torque = c.gravity * by_gravity
-    dy[2, DELTA] = 1.0 if torque < 0 else -1.0
-    dy[2, STIFFNESS] = torque / c.ks**2
-    dy[2, GRAVITY], dy[2, FRICTION] = -by_gravity / c.ks, -c.gravity / c.ks
-    dy[4, GRAVITY], dy[4, FRICTION] = by_gravity / c.gear_ratio, c.gravity / c.gear_ratio
+    state = np.zeros((5, width))
+    state[2, DELTA] = 1.0 if torque < 0 else -1.0
+    state[2, STIFFNESS] = torque / (c.ks * c.ks)
+    state[2, GRAVITY] = -by_gravity / c.ks
+    state[2, FRICTION] = -c.gravity / c.ks
+    state[4, GRAVITY] = by_gravity / c.gear_ratio
+    state[4, FRICTION] = c.gravity / c.gear_ratio
+    drive = np.zeros((4, width))
+    drive[0] = state[4]
+    return _Slopes(
+        state, drive, np.tile(state[4], (DELAY_PERIODS + 1, 1)), np.empty((5, width)), np.zeros((3, 3, width))
+    )
 
 
-@nb.njit(cache=True)
-def _forcing(t, y, rates, region, c, row, order, out):
+@njit(inner=True)
+def _force(t, y, rates, region, joint, out):
     """What the columns themselves do to the rates of motor speed, load speed and torque, into `out` (3, columns)."""
-    n, omega, jm = c.gear_ratio, c.omega, c.motor_inertia
+    c, row, order = joint.constants, joint.row, joint.order
+    n, omega = c.gear_ratio, c.omega
     angle = c.start_angle + omega / n * t
     side = 1.0 if region == 3 else (-1.0 if region == 0 else 0.0)
     twist = abs(side) * (y[0] / n - y[2]) - side * c.delta
     rubbing = 0.5 * (1 + n * y[3] / omega) + 0.5 * np.sign(omega / n + y[3])
-    out[0, DELTA], out[1, DELTA] = side * c.ks / (n * jm), -side * c.ks
-    out[0, STIFFNESS], out[1, STIFFNESS] = -twist / (n * jm), twist
+    to_motor = n * c.motor_inertia
+    sine = np.sin(omega * t + y[0]) / to_motor
+    cosine = np.cos(omega * t + y[0]) / to_motor
+    out[0, DELTA] = side * c.ks / to_motor
+    out[1, DELTA] = -side * c.ks
+    out[0, STIFFNESS] = -twist / to_motor
+    out[1, STIFFNESS] = twist
     out[1, FRICTION] = -c.gravity * rubbing
+    out[0, GRAVITY] = row[RIPPLE] * sine + row[RIPPLE + 1] * cosine
     out[1, GRAVITY] = -np.sin(angle + y[2]) - row[FRICTION] * rubbing
     out[0, INERTIA] = rates[1] / row[INERTIA]
     out[2, LAG] = -rates[4] / c.torque_lag
-    sine, cosine = np.sin(omega * t + y[0]) / (n * jm), np.cos(omega * t + y[0]) / (n * jm)
-    out[0, RIPPLE], out[0, RIPPLE + 1] = c.gravity * sine, c.gravity * cosine
-    out[0, GRAVITY] = row[RIPPLE] * sine + row[RIPPLE + 1] * cosine
+    out[0, RIPPLE] = c.gravity * sine
+    out[0, RIPPLE + 1] = c.gravity * cosine
     if order > 0:
         shaken = c.gravity * np.cos(angle) - (order * omega / n) ** 2
         out[1, ERROR] = shaken * np.sin(order * omega / n * t)
         out[1, ERROR + 1] = shaken * np.cos(order * omega / n * t)
 
 
-@nb.njit(cache=True)
-def _weighed(y, h, k1, k2, k3, k4):
-    """State after a Runge-Kutta step with these rates."""
-    return core.along(core.along(core.along(core.along(y, h / 6, k1), h / 3, k2), h / 3, k3), h / 6, k4)
-
-
-@nb.njit(cache=True)
-def _rates(x, command, line, forced, p):
+@njit(inner=True)
+def _rates(x, command, line, forced, at, p):
     """Rates of a slope `x` of the state: the equations of motion, linear within a region, and what is forced on it."""
-    ks, per_turn, push, swing, rub, lag = line
-    torque = ks * (per_turn * x[0] - x[2])
-    motor = push * (x[4] - per_turn * torque) + forced[0, p]
-    return x[1], motor, x[3], torque - swing * x[2] - rub * x[3] + forced[1, p], lag * (command - x[4]) + forced[2, p]
+    torque = line.ks * (line.per_turn * x[0] - x[2])
+    motor = line.push * (x[4] - line.per_turn * torque) + forced[at, 0, p]
+    load = torque - line.swing * x[2] - line.rub * x[3] + forced[at, 1, p]
+    return x[1], motor, x[3], load, line.lag * (command - x[4]) + forced[at, 2, p]
 
 
-@nb.njit(cache=True)
-def _step(t, y, dy, h, command, dcommand, region, c, row, order, forced):
-    """One Runge-Kutta step of the state and its slopes, those in place; `forced` (3, 3, slopes) is memory."""
-    b1 = core.derivative(t, y, command, region, c)
-    y2 = core.along(y, h / 2, b1)
-    b2 = core.derivative(t + h / 2, y2, command, region, c)
-    y3 = core.along(y, h / 2, b2)
-    b3 = core.derivative(t + h / 2, y3, command, region, c)
-    y4 = core.along(y, h, b3)
-    b4 = core.derivative(t + h, y4, command, region, c)
-    _forcing(t, y, b1, region, c, row, order, forced[0])
-    _forcing(t + h / 2, y3, b3, region, c, row, order, forced[1])
-    _forcing(t + h, y4, b4, region, c, row, order, forced[2])
-    ks = c.ks if region == 0 or region == 3 else 0.0
-    swing = c.gravity * np.cos(c.start_angle + c.omega / c.gear_ratio * (t + h / 2))
-    line = ks, 1 / c.gear_ratio, 1 / c.motor_inertia, swing, c.load_viscous, 1 / c.torque_lag
+@njit(inner=True)
+def _step(t, y, h, command, region, joint, slopes, dcommand):
+    """One Runge-Kutta step of the state and its slopes, those in place."""
+    c = joint.constants
+    forced = slopes.forced
+    k = (0.0, 0.0, 0.0, 0.0, 0.0)
+    after = y
+    for stage in range(4):
+        shift = h * _SHIFTS[stage]
+        here = core.along(y, shift, k)
+        k = core.derivative(t + shift, here, command, region, c)
+        after = core.along(after, h / _PARTS[stage], k)
+        if stage != 1:  # of the two in the middle the second is better
+            _force(t + shift, here, k, region, joint, forced[_FORCED_AT[stage]])
+    line = _Linear(
+        ks=c.ks if region == 0 or region == 3 else 0.0,
+        per_turn=1 / c.gear_ratio,
+        push=1 / c.motor_inertia,
+        swing=c.gravity * np.cos(c.start_angle + c.omega / c.gear_ratio * (t + h / 2)),
+        rub=c.load_viscous,
+        lag=1 / c.torque_lag,
+    )
+    dy = slopes.state
     for p in range(dy.shape[1]):
-        x, u = (dy[0, p], dy[1, p], dy[2, p], dy[3, p], dy[4, p]), dcommand[p]
-        k1 = _rates(x, u, line, forced[0], p)
-        k2 = _rates(core.along(x, h / 2, k1), u, line, forced[1], p)
-        k3 = _rates(core.along(x, h / 2, k2), u, line, forced[1], p)
-        k4 = _rates(core.along(x, h, k3), u, line, forced[2], p)
-        dy[0, p], dy[1, p], dy[2, p], dy[3, p], dy[4, p] = _weighed(x, h, k1, k2, k3, k4)
-    return _weighed(y, h, b1, b2, b3, b4)
+        x = (dy[0, p], dy[1, p], dy[2, p], dy[3, p], dy[4, p])
+        k = (0.0, 0.0, 0.0, 0.0, 0.0)
+        then = x
+        for stage in range(4):
+            here = core.along(x, h * _SHIFTS[stage], k)
+            k = _rates(here, dcommand[p], line, forced, _FORCED_AT[stage], p)
+            then = core.along(then, h / _PARTS[stage], k)
+        for i in range(5):
+            dy[i, p] = then[i]
+    return after
 
 
-@nb.njit(cache=True)
-def _control_slopes(y, dy, memory, dmemory, dring, count, d, row):
-    """Slopes of `core.control`, called before it with the memory that it will find; returns those of the torque."""
-    position, speed, rate, ki = y[0], y[1], 1 / d.period, d.integral_gain * d.period
-    by_difference = d.differencing > 0 and count > 0
-    if by_difference:
-        speed = (position - memory[3]) * rate
-    new, old = (0.0, rate) if by_difference else (1.0, 0.0)
-    now = dring[count % dring.shape[0]]
-    for p in range(dy.shape[1]):
-        dposition = dy[0, p]
-        dspeed = old * (dposition - dmemory[3, p]) + new * dy[1, p]
+@njit(inner=True)
+def _control_slopes(y, count, joint, memory, slopes):
+    """Slopes of `core.control`, called before it with the memory that it will find; returns those of its torque.
+
+    First those of the state, through each of its formulas; then what the gains add themselves.
+    """
+    d, row = joint.drive, joint.row
+    leaky = memory.drive[1]
+    rate = 1 / d.period
+    ki = d.integral_gain * d.period
+    speed = y[1]
+    new, old = 1.0, 0.0  # slopes of the measured speed by the speed, and by the position
+    if d.differencing > 0 and count > 0:
+        speed = (y[0] - memory.drive[3]) * rate
+        new, old = 0.0, rate
+    past = slopes.drive
+    command = slopes.torques[count % slopes.torques.shape[0]]
+    for p in range(past.shape[1]):
+        dposition = slopes.state[0, p]
+        dspeed = old * (dposition - past[3, p]) + new * slopes.state[1, p]
         derror = -d.position_gain * dposition - dspeed
-        dintegral = dmemory[0, p] + ki * derror
-        dleaky = dmemory[1, p] - d.period * (dspeed + d.leaky_rate * dmemory[1, p])
-        damping = d.derivative_gain * rate * (dspeed - dmemory[2, p])
-        now[p] = d.speed_gain * derror + dintegral + d.leaky_gain * dleaky - damping
-        dmemory[0, p], dmemory[1, p], dmemory[2, p], dmemory[3, p] = dintegral, dleaky, dspeed, dposition
-    error = -d.position_gain * position - speed
-    leaky = memory[1] - d.period * (speed + d.leaky_rate * memory[1])
-    gained, jm, inertia = (speed - memory[2]) * rate, d.speed_gain / row[SPEED], row[INERTIA]
-    by_position, by_integral, by_inertia = -ki * position, ki / row[INTEGRAL] * error, -ki / inertia * error
-    for part in (dmemory[0], now):
-        part[POSITION] += by_position
-        part[INTEGRAL] += by_integral
-        part[INERTIA] += by_inertia
-    dmemory[1, RATE] -= d.period * memory[1]
-    now[RATE] -= d.leaky_gain * d.period * memory[1]
-    now[POSITION] -= d.speed_gain * position
-    now[SPEED] += jm * error
-    now[DERIVATIVE] -= jm * gained
-    now[LEAKY] += jm * leaky
-    now[INERTIA] -= (d.speed_gain * error + d.leaky_gain * leaky - d.derivative_gain * gained) / inertia
-    return dring[(count + 1) % dring.shape[0]]
+        dintegral = past[0, p] + ki * derror
+        dleaky = past[1, p] - d.period * (dspeed + d.leaky_rate * past[1, p])
+        ddamping = d.derivative_gain * rate * (dspeed - past[2, p])
+        command[p] = d.speed_gain * derror + dintegral + d.leaky_gain * dleaky - ddamping
+        past[0, p] = dintegral
+        past[1, p] = dleaky
+        past[2, p] = dspeed
+        past[3, p] = dposition
+    error = -d.position_gain * y[0] - speed
+    by_leaky = leaky - d.period * (speed + d.leaky_rate * leaky)
+    gained = (speed - memory.drive[2]) * rate
+    jm = d.speed_gain / row[SPEED]
+    by_position = -ki * y[0]
+    by_integral = ki / row[INTEGRAL] * error
+    by_inertia = -ki / row[INERTIA] * error
+    past[0, POSITION] += by_position
+    past[0, INTEGRAL] += by_integral
+    past[0, INERTIA] += by_inertia
+    past[1, RATE] -= d.period * leaky
+    command[POSITION] += by_position
+    command[POSITION] -= d.speed_gain * y[0]
+    command[INTEGRAL] += by_integral
+    command[INERTIA] += by_inertia
+    command[RATE] -= d.leaky_gain * d.period * leaky
+    command[SPEED] += jm * error
+    command[DERIVATIVE] -= jm * gained
+    command[LEAKY] += jm * by_leaky
+    by_gains = d.speed_gain * error + d.leaky_gain * by_leaky - d.derivative_gain * gained
+    command[INERTIA] -= by_gains / row[INERTIA]
+    return slopes.torques[(count + 1) % slopes.torques.shape[0]]
 
 
-@nb.njit(cache=True)
-def _period(y, dy, memory, dmemory, ring, dring, count, region, c, d, row, order, forced, kept):
+@njit(inner=True)
+def _copy(source, target):
+    for k in range(source.shape[0]):
+        for p in range(source.shape[1]):
+            target[k, p] = source[k, p]
+
+
+@njit(inner=True)
+def _advance(y, region, count, joint, memory, slopes):
     """One control period of the state and its slopes, those in place; returns state and region."""
-    t, left = count * d.period, d.period
-    dcommand = _control_slopes(y, dy, memory, dmemory, dring, count, d, row)
-    command = core.control(t, y, memory, ring, count, d, c)
+    c, d = joint.constants, joint.drive
+    t = count * d.period
+    left = d.period
+    dcommand = _control_slopes(y, count, joint, memory, slopes)
+    command = core.control(t, y, memory.drive, memory.torques, count, d, c)
     edges = (-np.inf, -c.delta, 0.0, c.delta, np.inf)
     end = y
-    for _ in range(16):
-        kept[:] = dy
-        end = _step(t, y, dy, left, command, dcommand, region, c, row, order, forced)
+    h = left
+    crossing = 0
+    for _ in range(32):
+        _copy(slopes.state, slopes.before)
+        reached = _step(t, y, h, command, region, joint, slopes, dcommand)
+        if crossing != 0:
+            y = reached
+            region += crossing
+            t += h
+            left -= h
+            h = left
+            crossing = 0
+            continue
+        end = reached
         x = end[0] / c.gear_ratio - end[2]
         up = x > edges[region + 1]
         if not up and x >= edges[region]:
             break
-        dy[:] = kept
-        s, _ = core.locate(t, y, left, end, edges[region + 1] if up else edges[region], command, region, c)
-        y = _step(t, y, dy, s, command, dcommand, region, c, row, order, forced)
-        region = region + 1 if up else region - 1
-        t, left = t + s, left - s
+        _copy(slopes.before, slopes.state)
+        crossing = 1 if up else -1
+        h, _ = core.locate(t, y, left, end, edges[region + 1] if up else edges[region], command, region, c)
     return end, region
 
 
-@nb.njit(cache=True, nogil=True)
-def _run(row, n, turn_s, periods, order, differencing, with_ripple, settled_rps, pushes):
-    c = constants(row, n, turn_s, 0.0, waves_of(row, n, turn_s, order, with_ripple))
-    d = drive(row, n, turn_s / periods, differencing)
-    y, region = start(c, row[FRICTION])
-    size = _WIDTH + pushes.shape[0]
-    out, slopes = np.zeros((2, periods)), np.empty((size, periods))
-    dy, dmemory, dring = np.zeros((5, size)), np.zeros((4, size)), np.zeros((DELAY_PERIODS + 1, size))
-    _start_slopes(row, c, dy)
-    dmemory[0], dring[:] = dy[4], dy[4]
-    memory, ring = np.array([y[4], 0.0, 0.0, y[0]]), np.full(DELAY_PERIODS + 1, y[4])
-    forced, kept = np.zeros((3, 3, size)), np.empty((5, size))
-    before, least = np.inf, min(_LEAST_TURNS, int(np.ceil(_SETTLING_S / turn_s)) + 1)
+@njit(nogil=True)
+def _run(joint, start, memory, slopes, pushes, least, settled_rps, out):
+    """Go on from the start until a turn has settled; it in `out`, the turns before it, and whether it is one."""
+    y, region = start
+    periods = pushes.shape[1]
+    before = np.inf
     for turn in range(_MOST_TURNS):
         square = 0.0
         for i in range(periods):
-            square += (y[1] / TURN - out[0, i]) ** 2
-            out[0, i], out[1, i] = y[1] / TURN, y[3]
-            slopes[:, i] = dy[1] / TURN
-            now, then = pushes[:, i], pushes[:, (i + 1) % periods]
-            forced[0, 1, _WIDTH:], forced[1, 1, _WIDTH:], forced[2, 1, _WIDTH:] = now, 0.5 * (now + then), then
-            count = turn * periods + i
-            y, region = _period(y, dy, memory, dmemory, ring, dring, count, region, c, d, row, order, forced, kept)
-            if not abs(y[1]) < core.DIVERGED * c.omega:
-                out[:], slopes[:] = np.nan, np.nan
-                return out, slopes, turn
+            square += (y[1] / TURN - out.motor_rps[i]) ** 2
+            out.motor_rps[i] = y[1] / TURN
+            out.load_rad_per_s[i] = y[3]
+            for p in range(out.slopes.shape[0]):
+                out.slopes[p, i] = slopes.state[1, p] / TURN
+            for p in range(pushes.shape[0]):
+                now = pushes[p, i]
+                then = pushes[p, (i + 1) % periods]
+                slopes.forced[0, 1, _WIDTH + p] = now
+                slopes.forced[1, 1, _WIDTH + p] = 0.5 * (now + then)
+                slopes.forced[2, 1, _WIDTH + p] = then
+            y, region = _advance(y, region, turn * periods + i, joint, memory, slopes)
+            if not abs(y[1]) < core.DIVERGED * joint.constants.omega:
+                return turn, False
         change = np.sqrt(square / periods)
         # What is still to come, if it goes on shrinking as from the last turn to this one.
         shrinking = change / before
         if turn >= least - 1 and shrinking < 1 and change * shrinking < settled_rps * (1 - shrinking):
-            return out, slopes, turn
+            return turn, True
         before = change
-    return out, slopes, _MOST_TURNS - 1
+    return _MOST_TURNS - 1, True
 
 
 def turn_and_slopes(
-    row: FloatArray, movement: Movement, order: float, differencing: bool, with_ripple: bool, settled_rps: float,
+    row: FloatArray,
+    movement: Movement,
+    order: float,
+    differencing: bool,
+    with_ripple: bool,
+    settled_rps: float,
     pushes: FloatArray | None = None,
-) -> tuple[FloatArray, FloatArray, int]:  # fmt: skip
-    """Motor speed [rps] and load speed [rad/s] of a joint over one settled turn, the slopes, and the turns before it.
+) -> TurnWithSlopes:
+    """One settled turn of a joint, and the derivatives of its speed.
 
-    The slopes are the motor speed's derivatives by `COLUMNS` and by `pushes`, further accelerations of the load over a
-    turn. The turn has settled where turns to come would change it by less than `settled_rps` (RMS). The drive's speed
-    and integral gain and the torque's lag must not be 0; a joint that runs away gives NaN.
+    `pushes` are further accelerations of the load over a turn. The turn has settled where turns to come would change it
+    by less than `settled_rps` (RMS). The drive's speed and integral gain and the torque's lag must not be 0.
     """
-    n, turn_s, periods = movement.gear_ratio, movement.turn_period_s, movement.periods
-    row = np.ascontiguousarray(row, dtype=float)
+    periods = movement.periods
     pushes = np.empty((0, periods)) if pushes is None else np.ascontiguousarray(pushes, dtype=float)
-    return _run(row, n, turn_s, periods, float(order), float(differencing), with_ripple, settled_rps, pushes)
+    width = _WIDTH + len(pushes)
+    joint = _joint_of(np.ascontiguousarray(row, dtype=float), movement, 0.0, order, differencing, with_ripple)
+    start = _start(joint)
+    y, _ = start
+    memory = _Memory(np.array([y[4], 0.0, 0.0, y[0]]), np.full(DELAY_PERIODS + 1, y[4]))
+    slopes = _start_slopes(joint, width)
+    least = min(_LEAST_TURNS, math.ceil(_SETTLING_S / movement.turn_period_s) + 1)
+    out = TurnWithSlopes(np.zeros(periods), np.zeros(periods), np.zeros((width, periods)), 0)
+    turns_before, is_turn = _run(joint, start, memory, slopes, pushes, least, settled_rps, out)
+    if not is_turn:
+        for part in out[:3]:
+            part[:] = np.nan
+    return out._replace(turns_before=turns_before)

@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 from numpy.polynomial import chebyshev
@@ -92,7 +93,7 @@ class WaveformMatch:
     low_pass_s: float  # time constant of a low-pass that the bank's logs did not have; 0 for none
 
 
-def settled(recording: Recording) -> tuple[FloatArray, FloatArray]:
+def drop_first_turn(recording: Recording) -> tuple[FloatArray, FloatArray]:
     """Return phase [turns] and speed [rps] of a record without its first turn, if it has three or more."""
     t, v = recording.t - recording.t[0], recording.v
     turns = t / recording.turn_period_s
@@ -107,7 +108,7 @@ def samples_a_turn(recording: Recording) -> int:
 
 def mean_turn(recording: Recording, phases: int) -> FloatArray:
     """Mean settled turn of a record less its mean [rps], at `phases` even phases from 0; empty ones interpolated."""
-    turns, v = settled(recording)
+    turns, v = drop_first_turn(recording)
     dt = (turns[-1] - turns[0]) / (turns.size - 1)
     if turns[-1] - turns[0] < 1 - 1.5 * dt or dt * phases > 1 + 1e-6:
         raise ValueError(
@@ -168,55 +169,74 @@ def match(recording: Recording, bank: WaveformBank, low_pass: bool = False) -> W
     With `low_pass` one that the bank's logs did not have is looked for, and taken where the misfit falls by more than
     it makes of noise alone. That is for a bank of the log's own joint: another joint's misfit would pass for one.
     """
-    turns, _ = settled(recording)
-    starts = [(time_constant / recording.turn_period_s) ** 2 for time_constant in _LOW_PASSES_S if low_pass]
-    plain, *low_passed_ones = (_match_from(recording, bank, start) for start in (0.0, *starts))
-    best = min(low_passed_ones, key=lambda found: found.cost, default=plain)
-    gain = 2 * (plain.cost - best.cost) - turns.size * bank.noise_rps2
-    found = best if gain > _LEAST_GAIN * 2 * best.cost / turns.size else plain
-    slopes, span = _slopes(found.x, turns, bank), bank.span_rad
+    turns, _ = drop_first_turn(recording)
+    plain = found = _match_from(recording, bank, 0.0)
+    if low_pass:
+        starts = [(time_constant / recording.turn_period_s) ** 2 for time_constant in _LOW_PASSES_S]
+        best = min((_match_from(recording, bank, start) for start in starts), key=lambda each: each.cost)
+        gain = 2 * (plain.cost - best.cost) - turns.size * bank.noise_rps2
+        if gain > _LEAST_GAIN * 2 * best.cost / turns.size:
+            found = best
+    slopes = _slopes(found.x, turns, bank)
     variance = 2 * found.cost / max(turns.size - 1 - found.x.size, 1) * np.linalg.pinv(slopes.T @ slopes)[0, 0]
-    delta, half_width = bank.delta_rad[0] + span * found.x[0], 1.96 * span * np.sqrt(variance)
+    delta = bank.delta_rad[0] + bank.span_rad * found.x[0]
+    half_width = 1.96 * bank.span_rad * np.sqrt(variance)
+    filtered = _Unknowns(*found.x).low_pass
     return WaveformMatch(
-        float(delta),
-        (float(delta - half_width), float(delta + half_width)),
-        float(found.x[1] % 1.0),
-        float(np.sqrt(2 * found.cost / turns.size)),
-        bool(min(found.x[0], 1 - found.x[0]) < 1e-6),
-        float(recording.turn_period_s * np.sqrt(found.x[2])) if found.x.size > 2 else 0.0,
+        delta_rad=float(delta),
+        interval_rad=(float(delta - half_width), float(delta + half_width)),
+        shift_turns=float(found.x[1] % 1.0),
+        rmse_rps=float(np.sqrt(2 * found.cost / turns.size)),
+        at_end=bool(min(found.x[0], 1 - found.x[0]) < 1e-6),
+        low_pass_s=float(recording.turn_period_s * np.sqrt(filtered)),
     )
+
+
+class _Unknowns(NamedTuple):
+    """Place in the bank from 0 to 1, phase [turns], and a low-pass as `WaveformBank.at` takes it."""
+
+    place: float
+    shift: float
+    low_pass: float = 0.0  # unless it is free
 
 
 def _match_from(recording: Recording, bank: WaveformBank, low_pass: float) -> OptimizeResult:
     """Least squares in the place in the bank, the phase and, unless it is 0, the low-pass to start from."""
-    turns, v = settled(recording)
+    turns, v = drop_first_turn(recording)
     phases = min(max(samples_a_turn(recording), 16), bank.waveform_rps.shape[1])
     grid = np.linspace(0.0, 1.0, phases, endpoint=False)
     fine = np.linspace(bank.delta_rad[0], bank.delta_rad[-1], 4 * bank.delta_rad.size)
     candidates = np.array([bank.at(delta, 0, low_pass)(grid) for delta in fine])
     row, shift = _best_shift(candidates, mean_turn(recording, phases))
     place = np.clip((fine[row] - bank.delta_rad[0]) / bank.span_rad, 1e-9, 1 - 1e-9)
-    start, size = [place, shift, low_pass], 3 if low_pass > 0 else 2
-    scale, most = (1.0, 0.1, max(low_pass, 1.0)), [1.0, 2.0, 4 * _LOW_PASSES_S[-1] ** 2 / recording.turn_period_s**2]
+    start, least, most, scale = [place, shift], [0.0, -1.0], [1.0, 2.0], [1.0, 0.1]
+    if low_pass > 0:
+        start.append(low_pass)
+        least.append(0.0)
+        most.append(4 * _LOW_PASSES_S[-1] ** 2 / recording.turn_period_s**2)
+        scale.append(max(low_pass, 1.0))
     centred = v - v.mean()
 
     def residual(x: FloatArray) -> FloatArray:
-        wave = bank.at(bank.delta_rad[0] + bank.span_rad * x[0], 0, *x[2:])((turns - x[1]) % 1.0)
+        at = _Unknowns(*x)
+        wave = bank.at(bank.delta_rad[0] + bank.span_rad * at.place, 0, at.low_pass)((turns - at.shift) % 1.0)
         return wave - wave.mean() - centred
 
-    return least_squares(
-        residual, start[:size], jac=lambda x: _slopes(x, turns, bank), bounds=([0.0, -1.0, 0.0][:size], most[:size]),
-        x_scale=scale[:size], xtol=1e-12,
-    )  # fmt: skip
+    def slopes(x: FloatArray) -> FloatArray:
+        return _slopes(x, turns, bank)
+
+    return least_squares(residual, start, jac=slopes, bounds=(least, most), x_scale=scale, xtol=1e-12)
 
 
 def _slopes(x: FloatArray, turns: FloatArray, bank: WaveformBank) -> FloatArray:
     """Derivatives of the model's turns by place, phase and, where free, low-pass; shape (samples, unknowns)."""
-    delta, phase, low_pass = bank.delta_rad[0] + bank.span_rad * x[0], (turns - x[1]) % 1.0, x[2:]
-    wave = bank.at(delta, 0, *low_pass)
-    slopes = [bank.span_rad * bank.at(delta, 1, *low_pass)(phase), -wave(phase, 1)]
-    for value in low_pass:
-        step = 1e-3 * value + 1e-9
-        slopes.append((bank.at(delta, 0, value + step)(phase) - wave(phase)) / step)
+    at = _Unknowns(*x)
+    delta = bank.delta_rad[0] + bank.span_rad * at.place
+    phase = (turns - at.shift) % 1.0
+    wave = bank.at(delta, 0, at.low_pass)
+    slopes = [bank.span_rad * bank.at(delta, 1, at.low_pass)(phase), -wave(phase, 1)]
+    if x.size == len(at):
+        step = 1e-3 * at.low_pass + 1e-9
+        slopes.append((bank.at(delta, 0, at.low_pass + step)(phase) - wave(phase)) / step)
     columns = np.stack(slopes, axis=1)
     return columns - columns.mean(axis=0)

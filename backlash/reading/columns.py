@@ -9,12 +9,19 @@ import numpy as np
 import pandas as pd
 
 from backlash.reading import UNITS
-from backlash.reading.tables import MOST_COLUMNS, UnusableLog
+from backlash.reading.refusals import UnusableLog
+from backlash.reading.tables import MOST_COLUMNS
 from replication.arrays import FloatArray
 
 PER_TURN = {
-    "rps": 1.0, "rpm": 60.0, "rad/s": 2 * np.pi, "deg/s": 360.0, "turns": 1.0, "rad": 2 * np.pi, "deg": 360.0,
-}  # fmt: skip
+    "rps": 1.0,
+    "rpm": 60.0,
+    "rad/s": 2 * np.pi,
+    "deg/s": 360.0,
+    "turns": 1.0,
+    "rad": 2 * np.pi,
+    "deg": 360.0,
+}
 _SECONDS = {"s": 1.0, "sec": 1.0, "seconds": 1.0, "ms": 1e-3, "us": 1e-6, "μs": 1e-6, "ns": 1e-9, "min": 60.0}
 _PER_SECOND, _PER_MINUTE = (
     rf"[\s_*·.]*(/|per|p)?[\s_]*({word})(\^?[-−]1)?" for word in ("s|sec|seconds?", "min|minutes?")
@@ -30,15 +37,28 @@ _SPELLINGS = {
     "deg": "deg|degrees?|°",
 }
 _POSITIVE = {
-    "counts_per_turn": "--counts-per-turn", "commanded_speed_rps": "--commanded-speed",
-    "turn_period_s": "--turn-period", "gear_ratio": "--gear-ratio",
-}  # fmt: skip
+    "counts_per_turn": "--counts-per-turn",
+    "commanded_speed_rps": "--commanded-speed",
+    "turn_period_s": "--turn-period",
+    "gear_ratio": "--gear-ratio",
+}
 _TIME_NAMES = {"t", "time", "timestamp", "stamp", "zeit", "tempo", "clock", "date", "datetime", *_SECONDS}
 _SPEED_NAMES = {
-    "v", "speed", "velocity", "vel", "omega", "rpm", "rps", "geschwindigkeit", "drehzahl", "velocità", "dq", "qd",
-}  # fmt: skip
+    "v",
+    "speed",
+    "velocity",
+    "vel",
+    "omega",
+    "rpm",
+    "rps",
+    "geschwindigkeit",
+    "drehzahl",
+    "velocità",
+    "dq",
+    "qd",
+}
 _POSITION_NAMES = {"position", "pos", "angle", "theta", "encoder", "counts", "phi", "turns", "q", "winkel"}
-_SIGNAL_NAMES, _VALUE_NAMES = {"signal", "name", "channel", "variable"}, {"value", "wert"}  # of a long table
+_SIGNAL_NAMES, _VALUE_NAMES = ("signal", "name", "channel", "variable"), ("value", "wert")  # of a long table
 
 
 @dataclass(frozen=True)
@@ -166,8 +186,10 @@ def choose_columns(table: pd.DataFrame, form: LogFormat) -> tuple[str, str, bool
 def tidy(table: pd.DataFrame, form: LogFormat) -> pd.DataFrame:
     """A table with a column for each signal, and one for a stamp that comes in seconds and nanoseconds."""
     plain = {_plain(column)[0]: column for column in table.columns}
-    signal, value = ("".join(plain[name] for name in names if name in plain) for names in (_SIGNAL_NAMES, _VALUE_NAMES))
-    if signal in table and value in table and table[signal].nunique() <= MOST_COLUMNS:
+    signals = [plain[name] for name in _SIGNAL_NAMES if name in plain]
+    values = [plain[name] for name in _VALUE_NAMES if name in plain]
+    if len(signals) == len(values) == 1 and table[signals[0]].nunique() <= MOST_COLUMNS:
+        signal, value = signals[0], values[0]
         rest = [column for column in table.columns if column not in (signal, value)]
         if time := form.time or _column_like(rest, _TIME_NAMES, "time"):
             index = given_column(rest, time)

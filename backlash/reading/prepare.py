@@ -1,18 +1,18 @@
-"""From the table of a log to a record of the test movement: columns, units, clock, and the constant-speed stretch."""
+"""Prepare: from the table of a log to a record of the test movement at constant speed, evenly sampled."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from pathlib import Path
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 from scipy.interpolate import CubicSpline
 from scipy.ndimage import uniform_filter1d
 
 from backlash.reading import UNITS
 from backlash.reading.columns import PER_TURN, LogFormat, choose_columns, given_column, numbers, seconds, tidy, unit_of
-from backlash.reading.tables import UnusableLog, read_table
+from backlash.reading.refusals import CannotTell, UnusableLog
+from backlash.reading.sources import Source, Table, read_source
 from replication.arrays import FloatArray
 from replication.recording import Recording
 
@@ -22,27 +22,38 @@ _GOOD_RATE_HZ = 12 * _RING_HZ  # below, the samples may miss more than 3 % of a 
 _FASTEST_HZ = 2000.0  # above, neighbouring samples are averaged
 
 _LEAST_SAMPLES = 8  # of a log, and of a load turn
-_LEAST_TURNS = 4  # fewer half turns have too few orders of signs to tell a pattern from noise (see `detect`)
+_LEAST_TURNS = 4  # fewer half turns have too few orders of signs to tell a pattern from noise (see `pattern`)
 _MOST_TURNS = 60  # what is beyond adds nothing but time
 _SPEED_TOLERANCE = 0.03  # of a constant speed; backlash disturbs it by some 1 %
 _SMOOTHING_S = 0.1
 _LONGEST_STEP = 3.5  # in sampling periods; a longer one is a gap
 _SPIKE = 0.3
+_LEAST_VALUES = 16  # of a speed that is not merely coarse
 
 
-class CannotTell(Exception):
-    """A log that can be read and still has no answer: the reason, what says more, and notes on what was done before."""
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Log(Source):
+    """A log that was read: its record of constant speed, and what was said and assumed of it.
 
-    def __init__(self, reason: str, detail: str, notes: tuple[str, ...] = ()):
-        super().__init__(f"{reason}: {detail}")
-        self.notes = notes
+    Its recording's t [s] and v [rps] are the samples that an estimate uses.
+    """
 
+    recording: Recording
+    notes: tuple[str, ...] = ()
+    form: LogFormat
+    torque: FloatArray | None = None  # of the motor at the recording's samples, in the log's unit
 
-@dataclass(frozen=True)
-class RecordingWithTorque(Recording):
-    """A record with the motor's torque at its samples, in the log's unit."""
-
-    torque: FloatArray
+    def to_dict(self) -> dict[str, object]:
+        """What was read, ready for JSON; the samples themselves are in `recording`."""
+        return {
+            "file": self.file,
+            "samples": self.recording.t.size,
+            "sample_s": self.recording.sample_s,
+            "mean_speed_rps": float(self.recording.v.mean()),
+            "turn_period_s": self.recording.turn_period_s,
+            "notes": list(self.notes),
+            "sha256": self.sha256,
+        }
 
 
 @dataclass(frozen=True)
@@ -66,38 +77,40 @@ class _Samples:
         return replace(self, v=change(self.v), torque=None if self.torque is None else change(self.torque))
 
 
-def read_log(path: Path, form: LogFormat) -> tuple[Recording, tuple[str, ...]]:
-    """Read a log's record of constant speed, and notes on what was changed or assumed."""
+def open_log(source: object, form: LogFormat, v: ArrayLike | None = None, torque: ArrayLike | None = None) -> Log:
+    """Read and prepare a log, unless that was done before; see `read_source`."""
+    return source if isinstance(source, Log) else prepare(read_source(source, form, v, torque), form)
+
+
+def prepare(table: Table, form: LogFormat) -> Log:
+    """Prepare the record of a table."""
     try:
-        return record_of(read_table(path), form, str(path))
+        return _prepare(table, form)
     except UnusableLog as error:
-        raise error.in_file(str(path)) from error
+        raise error if table.sha256 is None else error.in_file(table.file) from error
 
 
-def record_of(table: pd.DataFrame, form: LogFormat, name: str) -> tuple[Recording, tuple[str, ...]]:
-    """Prepare the record of a table; see `read_log`."""
-    table = tidy(table, form)
-    form = replace(form, torque=form.torque and given_column(list(table.columns), form.torque))
-    time, column, is_position = choose_columns(table, form)
+def _prepare(table: Table, form: LogFormat) -> Log:
+    frame = tidy(table.frame, form)
+    if form.torque:
+        form = replace(form, torque=given_column(list(frame.columns), form.torque))
+    time, column, is_position = choose_columns(frame, form)
     unit, guess = unit_of(column, is_position, form)
-    if not guess:
-        form = replace(form, usual_speed_rps=None)  # a unit that is named is not doubted
-    samples = _read_samples(table, time, column, form)
+    judged = form if guess else replace(form, usual_speed_rps=None)  # a unit that is named is not doubted
+    samples = _read_samples(frame, time, column, form)
     per_turn = {**PER_TURN, "counts": form.counts_per_turn or 1.0}[unit]
     samples = replace(samples, v=samples.v / per_turn, notes=samples.notes + guess)
     try:
         dt = _sampling_period(samples)
         if is_position:
             samples = _unwrapped(samples, form)
-        samples = _at_constant_speed(samples, is_position, dt, form)
+        samples = _at_constant_speed(samples, is_position, dt, judged)
         samples = _on_even_grid(samples, dt)
         if is_position:
-            if samples.torque is not None:  # its mean between samples, as that of the speed, is by its integral
-                samples = replace(samples, torque=CubicSpline(samples.t, samples.torque).antiderivative()(samples.t))
-            samples = samples.both(lambda signal: np.diff(signal) / np.diff(samples.t))
-            note = "speed differentiated from the position, between neighbouring samples"
-            samples = samples.changed(note, t=samples.t[1:], rows=samples.rows[1:])
-        return _recording(_averaged(samples), form, name)
+            samples = _differentiated(samples)
+        samples = _averaged(samples)
+        _refuse_clipping(samples)
+        return _log_of(samples, table, form)
     except CannotTell as refusal:
         refusal.notes = samples.notes
         raise
@@ -135,6 +148,15 @@ def _check_clock(samples: _Samples) -> None:
         what = "repeats the one before" if t[k] == t[k - 1] else "goes backward"
         cure = "sort the log, drop doubled rows, and export stamps with all their digits"
         raise UnusableLog(f"its time stamp {what} ({wrong.size} such rows); {cure}", samples.rows[k])
+
+
+def _differentiated(samples: _Samples) -> _Samples:
+    """Speed from a position on an even grid; the torque's mean between samples, as the speed's, is by its integral."""
+    if samples.torque is not None:
+        samples = replace(samples, torque=CubicSpline(samples.t, samples.torque).antiderivative()(samples.t))
+    samples = samples.both(lambda signal: np.diff(signal) / np.diff(samples.t))
+    note = "speed differentiated from the position, between neighbouring samples"
+    return samples.changed(note, t=samples.t[1:], rows=samples.rows[1:])
 
 
 def _unwrapped(samples: _Samples, form: LogFormat) -> _Samples:
@@ -265,9 +287,10 @@ def _level(v: FloatArray, expected: float | None) -> float:
 def _at_constant_speed(samples: _Samples, is_position: bool, dt: float, form: LogFormat) -> _Samples:
     """Cut out the longest stretch at constant speed, turned forward."""
     t, v = samples.t, samples.v
+    lasts = t[-1] - t[0]
     if v.size < _LEAST_SAMPLES:
-        lasts = f"{t[-1] - t[0]:.3g} s in {t.size} samples; {_LEAST_TURNS} load turns are needed"
-        raise CannotTell("too short", lasts)
+        found = f"{lasts:.3g} s in {t.size} samples"
+        raise CannotTell("too short", f"{found}; {_LEAST_TURNS} load turns are needed")
     if is_position:
         v = np.gradient(v, t)
     if 1 / dt > _FASTEST_HZ:
@@ -279,19 +302,20 @@ def _at_constant_speed(samples: _Samples, is_position: bool, dt: float, form: Lo
     if level <= np.std(v - smooth) or level == 0:
         raise CannotTell("not constant speed", "the motor stands still, or turns both ways")
     _check_speed(level, form)
-    first, last = _longest_run(np.where(np.abs(np.abs(smooth) / level - 1) < _SPEED_TOLERANCE, np.sign(smooth), 0.0))
-    settle = 2 * width
-    first, last = (first + settle if first > 0 else 0), (last - settle if last < v.size else v.size)
+    is_level = np.abs(np.abs(smooth) / level - 1) < _SPEED_TOLERANCE
+    first, last = _longest_run(np.where(is_level, np.sign(smooth), 0.0))
+    first += 2 * width if first > 0 else 0
+    last -= 2 * width if last < v.size else 0
     period = form.period_s(level)
     turns = (t[last - 1] - t[first]) / period if last > first else 0.0
     if period < _LEAST_SAMPLES * dt:
         raise CannotTell("too short", f"a load turn of {period:.3g} s is {period / dt:.1f} samples long")
     if turns < _LEAST_TURNS - 1.5 * dt / period:
-        lasts = f"{turns:.1f} load turns of {period:.4g} s at {level:.4g} rps; {_LEAST_TURNS} are needed, 12 are good"
-        raise CannotTell("too short" if last - first > 0.9 * v.size else "not constant speed", lasts)
+        reason = "too short" if last - first > 0.9 * v.size else "not constant speed"
+        found = f"{turns:.1f} load turns of {period:.4g} s at {level:.4g} rps"
+        raise CannotTell(reason, f"{found}; {_LEAST_TURNS} are needed, 12 are good")
     if last - first < v.size:
-        start, end = t[first] - t[0], t[last - 1] - t[0]
-        note = f"used the constant speed from {start:.3f} to {end:.3f} s of {t[-1] - t[0]:.3f} s"
+        note = f"used the constant speed from {t[first] - t[0]:.3f} to {t[last - 1] - t[0]:.3f} s of {lasts:.3f} s"
         samples = samples.part(slice(first, last), note)
     if turns > _MOST_TURNS:
         whole = slice(round(_MOST_TURNS * period / dt) + 1)
@@ -310,22 +334,30 @@ def _longest_run(state: FloatArray) -> tuple[int, int]:
     return (int(starts[best]), int(starts[best + 1])) if lengths[best] else (0, 0)
 
 
-def _recording(samples: _Samples, form: LogFormat, name: str) -> tuple[Recording, tuple[str, ...]]:
-    """Check that the speed is constant and not clipped, and give the record its speed and turn period."""
-    _refuse_clipping(samples)
+def _log_of(samples: _Samples, table: Table, form: LogFormat) -> Log:
+    """Check that the speed does not drift, and give the record its speed and turn period."""
     v = samples.v
-    mean, quarter = float(v.mean()), v.size // 4
+    mean = float(v.mean())
+    quarter = v.size // 4
     drift = float(v[-quarter:].mean() - v[:quarter].mean())
     if abs(drift) > _SPEED_TOLERANCE / 3 * mean:
         raise CannotTell("not constant speed", f"it drifts by {drift:+.3g} rps from {mean:.4g} rps")
-    period, ratio = form.period_s(mean), form.gear_ratio
+    period = form.period_s(mean)
+    ratio = form.gear_ratio
     if form.turn_period_s is None:
         samples = samples.changed(f"a load turn takes {period:.6g} s: gear ratio {ratio:g} at {mean:.6g} rps")
     elif ratio is not None and abs(ratio / mean / period - 1) > _SPEED_TOLERANCE:
         turn = f"gear ratio {ratio:g} at {mean:.5g} rps makes turns of {ratio / mean:.4g} s"
         raise CannotTell("wrong period", f"{turn}, not the {period:g} s given")
-    found = Recording(samples.t - samples.t[0], v, form.commanded_speed_rps or mean, period, name)
-    return found if samples.torque is None else RecordingWithTorque(**vars(found), torque=samples.torque), samples.notes
+    recording = Recording(samples.t - samples.t[0], v, form.commanded_speed_rps or mean, period, table.file)
+    return Log(
+        file=table.file,
+        sha256=table.sha256,
+        recording=recording,
+        notes=samples.notes,
+        form=form,
+        torque=samples.torque,
+    )
 
 
 def _check_speed(level: float, form: LogFormat) -> None:
@@ -359,7 +391,7 @@ def _refuse_spikes(v: FloatArray, rows: NDArray[np.int64], form: LogFormat) -> N
 def _refuse_clipping(samples: _Samples) -> None:
     """Refuse a speed that stops at a limit; one of few different values is coarse, not clipped."""
     v = samples.v
-    if np.unique(v[:5000]).size < 16:
+    if np.unique(v[:5000]).size < _LEAST_VALUES:
         return
     for limit in (v.max(), v.min()):
         at = v == limit

@@ -1,4 +1,4 @@
-"""From a log file to a table of columns: text, XLSX, and what `formats` reads.
+"""From a log file to a table of columns: text, XLSX and Parquet.
 
 Log files are untrusted input: their kind is told by content, and size and archive headers are verified.
 """
@@ -17,7 +17,7 @@ from typing import BinaryIO
 
 import pandas as pd
 
-from backlash.reading import formats
+from backlash.reading.refusals import UnusableLog
 
 # An hour at 500 Hz is 1.8 million rows, and a log needs some 5 s of it.
 MOST_ROWS = 2_000_000
@@ -34,37 +34,14 @@ _UNREADABLE = {
     MemoryError: "too large for this machine's memory; cut it to the test movement",
 }
 
-# First bytes, kind, reader, and the extra that it needs.
-_BY_LIBRARY: tuple[tuple, ...] = (
-    (b"PAR1", "Parquet", formats.read_parquet, "fleet"),
-    (b"\x89HDF", "HDF5", formats.read_hdf5, "hdf5"),
-    (b"MATLAB 7.3", "MATLAB", formats.read_hdf5, "hdf5"),
-    (b"MATLAB", "MATLAB", formats.read_matlab, "hdf5"),
-    (b"MDF ", "MDF", formats.read_mdf, "mdf"),
-    (b"\x89MCAP", "MCAP", formats.read_mcap, "mcap"),
-    (b"#ROSBAG", "ROS bag", formats.read_rosbag, "ros"),
-    (b"SQLite format 3", "ROS bag", formats.read_rosbag, "ros"),
-)
+# Parquet columns that may hold a signal; text and nested ones may unpack to anything.
+_NUMERIC = ("int", "uint", "float", "double", "halffloat", "timestamp", "decimal")
 _UTF16 = (b"\xff\xfe", b"\xfe\xff")
 _DIALECTS = (*((delimiter, mark) for delimiter in "\t;|" for mark in ".,"), (",", "."), (r"\s+", "."), (r"\s+", ","))
 _DATE = re.compile(r"(\d{4}-\d\d-\d\d[T ]|\d\d\.\d\d\.\d{4}[T ])?\d\d:\d\d(:\d\d([.,]\d+)?)?(Z|[+-]\d\d:?\d\d)?")
 _GROUPED = r"[+-]?\d{1,3}(,\d{3})+\.\d+"  # with marks of thousands
 _NUMBER = re.compile(rf"{_GROUPED}|[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?|[+-]?(nan|inf|infinity)", re.IGNORECASE)
 _UNIT_WORD = re.compile(r"[\[(<]?\s*[A-Za-z°µ%/.^\-0-9]{0,8}( ?s\^?-1)?\s*[\])>]?")
-
-
-class UnusableLog(ValueError):
-    """A file that no answer can be had from; the message is one line: what is wrong, where, what to do."""
-
-    exit_status = 2
-
-    def __init__(self, problem: str, row: int | None = None):
-        self.row = row
-        super().__init__(" ".join((problem if row is None else f"row {row}: {problem}").split()))
-
-    def in_file(self, name: str) -> "UnusableLog":
-        """The same refusal with the file's name before it."""
-        return UnusableLog(f"{name}: {self}" if self.row is None else f"{name}, {self}")
 
 
 def read_table(path: Path) -> pd.DataFrame:
@@ -88,32 +65,34 @@ def _read_file(path: Path) -> pd.DataFrame:
         head = file.read(32)
     if not head:
         raise UnusableLog("the file is empty; export the log again")
-    if not head.startswith(b"PAR1"):
-        _check_bytes(path.stat().st_size)
-    for magic, *how in _BY_LIBRARY:
-        if head.startswith(magic):
-            return _read_by_library(path, *how)
+    if head.startswith(b"PAR1"):
+        return _read_parquet(path)
+    _check_bytes(path.stat().st_size)
     if head.startswith(b"PK"):
         return _read_workbook(path)
     with gzip.open(path) if head.startswith(b"\x1f\x8b") else path.open("rb") as file:
         return _read_text(file)
 
 
-def _read_by_library(path: Path, kind: str, reader: formats.Reader, extra: str) -> pd.DataFrame:
-    """Read a kind of file whose library may be missing, or not understand it."""
+def _read_parquet(path: Path) -> pd.DataFrame:
+    """Read the numbers of a Parquet file, whose library may be missing."""
     try:
-        frame = reader(path, _check_size)
+        from pyarrow.parquet import ParquetFile
+    except ImportError as error:
+        needed = "reading Parquet needs pyarrow; pip install 'backlash-replication[fleet]', or export CSV"
+        raise UnusableLog(needed) from error
+    try:
+        with ParquetFile(path) as file:
+            flat = [field.name for field in file.schema_arrow if str(field.type).startswith(_NUMERIC)]
+            _check_size(file.metadata.num_rows, len(flat))
+            frame = file.read(columns=flat).to_pandas(ignore_metadata=True)
     except UnusableLog:
         raise
-    except ImportError as error:
-        needed = f"{error.name}; pip install 'backlash-replication[{extra}]', or export CSV"
-        raise UnusableLog(f"reading {kind} needs {needed}") from error
     except Exception as error:  # whatever hostile bytes make the library raise
-        problem = f"a broken {kind} file ({type(error).__name__}: {str(error)[:200]})"
+        problem = f"a broken Parquet file ({type(error).__name__}: {str(error)[:200]})"
         raise UnusableLog(f"{problem}; export the log again, or as CSV") from error
-    _check_size(*frame.shape)
     if frame.shape[1] < 2:
-        raise UnusableLog(f"no two columns of numbers in this {kind} file; export time and speed as CSV")
+        raise UnusableLog("no two columns of numbers in this Parquet file; export time and speed as CSV")
     frame.index = frame.index + 1
     return frame
 
@@ -183,7 +162,9 @@ def _read_text(file: BinaryIO | gzip.GzipFile) -> pd.DataFrame:
     if content.startswith(_UTF16):
         return _table_of(content.decode("utf-16", errors="replace"))
     if b"\0" in content[:_LONGEST_LINE] or content.startswith(b"%PDF"):
-        raise UnusableLog("neither text nor .xlsx nor another known kind of log; export the log as CSV")
+        raise UnusableLog(
+            "neither text nor .xlsx nor Parquet; export the log as CSV, or hand its columns over from Python"
+        )
     try:
         text = content.decode("utf-8-sig")
     except UnicodeDecodeError:  # Latin-1 takes any bytes

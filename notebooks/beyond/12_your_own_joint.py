@@ -78,8 +78,9 @@ from matplotlib import pyplot as plt
 import backlash
 import workbook
 from backlash import calibration, plots, trend_line
-from backlash import estimation as verdict
+from backlash.examine import examine_recording
 from backlash.reading.columns import LogFormat
+from backlash.settings import settings_for
 from replication.standins import joints
 from workbook import Interval
 
@@ -150,7 +151,7 @@ def log(delta_rad, seed, of=bench, turns=log_turns):
 
 
 def answer(record, settings, name="log"):
-    return verdict.examine_recording(record, settings, name)
+    return examine_recording(record, settings, name)
 
 
 # %% [markdown]
@@ -161,13 +162,15 @@ def answer(record, settings, name="log"):
 
 # %%
 known_rad = np.linspace(3e-4, 19e-4, calibration_levels)
-own = calibration.calibrate([log(delta, 100 + k, turns=12) for k, delta in enumerate(known_rad)], known_rad, method)
-ours = verdict.settings_for(form, own)
+own = calibration.fit_calibration(
+    [log(delta, 100 + k, turns=12) for k, delta in enumerate(known_rad)], known_rad, method
+)
+ours = settings_for(form, own)
 print(f"{own.method}: {own.range_rad[0]:.1e} to {own.range_rad[1]:.1e} rad, uncertainty {own.uncertainty_rad:.1e} rad")
 calibrated = answer(log(backlash_rad, 0), ours)
-print(verdict.as_text(calibrated.estimate))
+print(str(calibrated.estimate))
 log_figure = plots.estimate_figure(
-    calibrated.recording, calibrated.model_rps, "your joint, the waveform of its backlash"
+    calibrated.fitted.recording, calibrated.fitted.model_rps, "your joint, the waveform of its backlash"
 )
 
 # %% [markdown]
@@ -177,10 +180,10 @@ log_figure = plots.estimate_figure(
 # assumed. For a log that no joint of this kind could have made, the answer is `cannot tell`.
 
 # %%
-uncalibrated = verdict.settings_for(form)
-papers = verdict.settings_for(form, method="amplitude")
+uncalibrated = settings_for(form)
+papers = settings_for(form, method="amplitude")
 first = answer(log(backlash_rad, 0), uncalibrated)
-print(verdict.as_text(first.estimate))
+print(str(first.estimate))
 
 # %% [markdown]
 # ### How much the calibration matters
@@ -190,7 +193,7 @@ print(verdict.as_text(first.estimate))
 # %%
 true_rad = [5e-4, 8e-4, 11e-4, 14e-4, 17e-4]
 rows = [
-    verdict.as_row(answer(log(delta, 200 + k), settings).estimate) | {"calibration": name, "true_rad": delta}
+    answer(log(delta, 200 + k), settings).estimate.to_dict() | {"calibration": name, "true_rad": delta}
     for k, delta in enumerate(true_rad)
     for name, settings in (("none", uncalibrated), ("the paper's joint", papers), ("your own", ours))
 ]
@@ -228,7 +231,7 @@ odd = {
     "twice the largest backlash of the calibration": log(2 * own.range_rad[1], 2),
 }
 answers = [answer(record, ours, name).estimate for name, record in odd.items()]
-print("\n".join(verdict.as_text(found) for found in answers))
+print("\n".join(str(found) for found in answers))
 odd_table = pd.DataFrame([(found.file, found.verdict) for found in answers], columns=["log", "verdict"])
 
 # %% [markdown]

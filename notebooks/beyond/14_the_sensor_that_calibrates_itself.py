@@ -101,10 +101,11 @@ import pandas as pd
 from scipy import stats
 
 import workbook
-from backlash import estimation
 from backlash import plots as log_plots
+from backlash.examine import examine_recording
 from backlash.fitting import joint_posterior, joint_search, self_calibration, shared_joint
 from backlash.reading.columns import LogFormat
+from backlash.settings import settings_for
 from replication.authors import DataUnavailable
 from replication.standins import joints
 from studies import benchmark, plots, population
@@ -151,14 +152,13 @@ bench = replace(bench, joint=replace(bench.joint, load_coulomb_nm=friction_nm))
 log = joints.encoder_log(bench, backlash_rad, np.random.default_rng((bench_seed, 0)))
 form = LogFormat(turn_period_s=log.turn_period_s, unit="rps")
 answers = {
-    method: estimation.examine_recording(log, estimation.settings_for(form, method=method), method)
-    for method in ("self", "amplitude")
+    method: examine_recording(log, settings_for(form, method=method), method) for method in ("self", "amplitude")
 }
-print("\n".join(estimation.as_text(answer.estimate) for answer in answers.values()))
+print("\n".join(str(answer.estimate) for answer in answers.values()))
 
 # %%
 fitted_log = log_plots.estimate_figure(
-    log, answers["self"].model_rps, "a joint that nobody calibrated, and the one fitted"
+    log, answers["self"].fitted.model_rps, "a joint that nobody calibrated, and the one fitted"
 )
 
 # %% [markdown]
@@ -170,7 +170,7 @@ fitted_log = log_plots.estimate_figure(
 # %%
 problem, harmonics = self_calibration.pose_problem(log)
 z_found, _ = joint_search.find_joint(problem, harmonics)
-peak = joint_search.find_peak(problem, z_found, joint_posterior.MEASURED_AS["differenced"][1:])
+peak = joint_search.find_peak(problem, z_found, joint_posterior.MEASURED_AS["differenced"])
 residual, slopes = problem.slopes(peak.z)
 covariance = np.linalg.inv(slopes @ slopes.T)
 laplace_sd_rad = joint_posterior.UNIT_RAD * np.sqrt(covariance[0, 0])
@@ -218,7 +218,7 @@ profile_figure = plots.backlash_profile(profile)
 sd = np.sqrt(np.diag(fit.covariance))
 unknowns = pd.DataFrame(
     {
-        "unknown": joint_posterior.UNKNOWNS,
+        "unknown": joint_posterior.NAMES,
         "prior_sd": joint_posterior.SD,
         "posterior_sd": sd,
         "correlation_with_backlash": fit.covariance[0] / sd / sd[0],

@@ -6,10 +6,10 @@ goes back and forth.
 
 from collections.abc import Callable
 
-import numba
 import numpy as np
 
 from replication.arrays import FloatArray
+from replication.compiled.cache import njit
 from replication.signature import Box
 
 Margin = Callable[[FloatArray], FloatArray]
@@ -45,7 +45,7 @@ def margins_of(box: Box, margin: Margin = margin_2021) -> tuple[FloatArray, Floa
     return np.minimum(half, margin(box.lower)), np.minimum(half, margin(box.upper))
 
 
-@numba.njit(cache=True)
+@njit
 def bend_into(samples, lower, upper, lower_margin, upper_margin):
     """Compiled body of `into_box`, in the library's order of operations."""
     members = np.empty_like(samples)

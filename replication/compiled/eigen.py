@@ -6,15 +6,16 @@ stays. The method is in Golub and Van Loan, "Matrix Computations", sections 5.1 
 is taken in order, without BLAS.
 """
 
-import numba
 import numpy as np
+
+from replication.compiled.cache import njit
 
 EPSILON = 2.0**-53  # relative rounding error
 TINY = 2.0**-1022  # smallest normal number
 MOST_SWEEPS = 30  # for each eigenvalue; two or three are usual
 
 
-@numba.njit(cache=True)
+@njit
 def symmetric_eigen(matrix):
     """Eigenvalues of a symmetric matrix, ascending, and its eigenvectors in columns."""
     diagonal, beside, unsorted = make_tridiagonal(matrix.copy())
@@ -26,14 +27,14 @@ def symmetric_eigen(matrix):
     return diagonal[order], vectors
 
 
-@numba.njit(cache=True)
+@njit
 def length(x, y):
     """Length of (x, y), without a library's `hypot`."""
     long, short = max(abs(x), abs(y)), min(abs(x), abs(y))
     return long if short == 0.0 else long * np.sqrt(1 + (short / long) ** 2)
 
 
-@numba.njit(cache=True)
+@njit(inner=True)
 def dot(x, y):
     """Sum of products, in order."""
     total = 0.0
@@ -42,7 +43,7 @@ def dot(x, y):
     return total
 
 
-@numba.njit(cache=True)
+@njit
 def make_tridiagonal(a):
     """Householder's reduction: diagonal, subdiagonal and the orthogonal matrix Q of Q T Q' = a.
 
@@ -82,7 +83,7 @@ def make_tridiagonal(a):
     return np.diag(a).copy(), beside, q
 
 
-@numba.njit(cache=True)
+@njit
 def plane_rotation(f, g):
     """Cosine, sine and length r that turn (f, g) into (r, 0).
 
@@ -98,7 +99,7 @@ def plane_rotation(f, g):
     return f / r, g / r, r
 
 
-@numba.njit(cache=True)
+@njit
 def two_by_two(a, b, c):
     """Eigenvalues of [[a, b], [b, c]], the larger in size first, and the cosine and sine of its eigenvector."""
     total, difference = a + c, a - c
@@ -120,7 +121,7 @@ def two_by_two(a, b, c):
     return (first, second, -sine, cosine) if side == sign else (first, second, cosine, sine)
 
 
-@numba.njit(cache=True)
+@njit
 def turn_columns(vectors, i, j, c, s):
     """Apply a plane rotation to two columns."""
     for k in range(vectors.shape[0]):
@@ -129,7 +130,7 @@ def turn_columns(vectors, i, j, c, s):
         vectors[k, j] = c * y - s * x
 
 
-@numba.njit(cache=True)
+@njit
 def sweep(d, e, vectors, start, end, way):
     """One implicit sweep with Wilkinson's shift from `end` back to `start`: QL for way 1, QR for way -1."""
     at = min(0, way)  # e[i + at] lies between i and i + way
@@ -153,7 +154,7 @@ def sweep(d, e, vectors, start, end, way):
     e[start + at] = g
 
 
-@numba.njit(cache=True)
+@njit
 def make_diagonal(d, e, vectors):
     """Bring a tridiagonal matrix to diagonal form in place, one block without zeros beside the diagonal at a time."""
     left = MOST_SWEEPS * d.size

@@ -6,10 +6,10 @@ record that `fold` has summed over them, a member of the population costs one wi
 
 from typing import NamedTuple
 
-import numba
 import numpy as np
 
 from replication.arrays import FloatArray
+from replication.compiled.cache import njit
 from replication.signature import Timing
 
 # A smaller share of the record's square, left over by a difference, has lost digits.
@@ -115,7 +115,7 @@ def residual(t: FloatArray, v: FloatArray, X: FloatArray, timing: Timing) -> Flo
     return _subtract(np.ascontiguousarray(X), unfolded(t, v, timing), np.empty((3, t.size)))
 
 
-@numba.njit(cache=True)
+@njit
 def folded_rmse(members, record):
     """Misfits of members of shape (members, 7), in the unit of v: by the sums, or window by window."""
     misfits = np.empty(members.shape[0])
@@ -131,7 +131,7 @@ def folded_rmse(members, record):
     return misfits
 
 
-@numba.njit(cache=True)
+@njit
 def _square_by_sums(member, record, scratch):
     """Sum of squares of r - h by the sums over the windows.
 
@@ -166,14 +166,14 @@ def _square_by_sums(member, record, scratch):
     return square if square > CANCELLED * record.square else -1.0
 
 
-@numba.njit(cache=True)
+@njit
 def _subtract_overlap(part, h, windows, delay):
     """Subtract what two oscillations of opposite sign, a delay [samples] apart, have in common."""
     for j in range(delay, part.size):
         part[j] -= 2 * windows[j] * h[j] * h[j - delay]
 
 
-@numba.njit(cache=True)
+@njit
 def _subtract(X, record, scratch):
     """Residual r - h, one window after the other; the last row of `scratch`."""
     A, t0, tau, omega, v_t, T2, T1 = X
@@ -201,7 +201,7 @@ def _subtract(X, record, scratch):
     return error
 
 
-@numba.njit(cache=True)
+@njit
 def _first_at_or_after(t, instant, dt):
     """Index of the first sample with t[k] >= instant (t.size if there is none), on an even grid."""
     k = int(min(max(np.ceil((instant - t[0]) / dt), 0.0), float(t.size)))
@@ -212,7 +212,7 @@ def _first_at_or_after(t, instant, dt):
     return k
 
 
-@numba.njit(cache=True)
+@njit
 def _oscillate(rows, length, amplitude, phase, tau, omega, dt):
     """First values of a damped cosine and sine into two rows.
 
@@ -234,7 +234,7 @@ def _oscillate(rows, length, amplitude, phase, tau, omega, dt):
         known *= 2
 
 
-@numba.njit(cache=True)
+@njit
 def _total(x):
     """Sum by four running sums, in the same order on every processor: no addition waits for another."""
     a = b = c = d = 0.0

@@ -1,9 +1,9 @@
 """Whole runs of the search, compiled: `search.generations` and `search.search` in one, bit by bit."""
 
-import numba
 import numpy as np
 
 from replication.compiled.bounds import bend_into, margins_of
+from replication.compiled.cache import njit
 from replication.compiled.misfit import FoldedRecord, folded_rmse
 from replication.search import (
     HISTORY,
@@ -36,7 +36,7 @@ def whole_run(
     return Search(best, misfit, population * generations, stop, history[:generations].copy())
 
 
-@numba.njit(cache=True)
+@njit
 def _run(record, bounds, start, c, seed, history):
     """Compiled body of `whole_run`; fills the history."""
     np.random.seed(seed)  # noqa: NPY002  Numba's own generator: the same numbers as `random_normals`

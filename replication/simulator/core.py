@@ -8,10 +8,10 @@ signal.
 import math
 from typing import NamedTuple
 
-import numba as nb
 import numpy as np
 
 from replication.arrays import FloatArray
+from replication.compiled.cache import njit
 from replication.simulator.parameters import TURN, JointParameters
 
 # Beyond this multiple of the commanded speed no joint of this kind is running any more.
@@ -127,13 +127,13 @@ def start_state(p: JointParameters, delta_rad: float) -> tuple[tuple[float, ...]
     return (0.0, 0.0, -twist, 0.0, torque / p.gear_ratio + motor), 3 if side > 0 else 0
 
 
-@nb.njit(cache=True)
+@njit
 def stiffness(x, delta, ks, alpha):
     """K_BL of equation 8, its two arctangents written as the one angle they make."""
     return ks / np.pi * (np.pi - np.arctan2(2 * alpha * delta, 1 + alpha**2 * (x - delta) * (x + delta)))
 
 
-@nb.njit(cache=True)
+@njit
 def torque(x, v, region, delta, ks, ds, alpha, clamped):
     """tau_l of equation 9 or of the clamped dead zone.
 
@@ -149,7 +149,7 @@ def torque(x, v, region, delta, ks, ds, alpha, clamped):
     return 0.0
 
 
-@nb.njit(cache=True)
+@njit(inner=True)
 def disturbance(t, motor, omega, waves):
     """Sum of the disturbances: torque on the motor, acceleration of the load's side, transmission error.
 
@@ -169,7 +169,7 @@ def disturbance(t, motor, omega, waves):
     return ripple, push, error
 
 
-@nb.njit(cache=True)
+@njit
 def derivative(t, y, command, region, c):
     """Rates of the state; within a region they are smooth.
 
@@ -196,13 +196,13 @@ def derivative(t, y, command, region, c):
     )
 
 
-@nb.njit(cache=True)
+@njit(inner=True)
 def along(y, h, k):
     """State after a time h at the rates k."""
     return y[0] + h * k[0], y[1] + h * k[1], y[2] + h * k[2], y[3] + h * k[3], y[4] + h * k[4]
 
 
-@nb.njit(cache=True)
+@njit(inner=True)
 def _runge_kutta(t, y, h, command, region, c):
     k1 = derivative(t, y, command, region, c)
     k2 = derivative(t + h / 2, along(y, h / 2, k1), command, region, c)
@@ -211,7 +211,7 @@ def _runge_kutta(t, y, h, command, region, c):
     return along(along(along(along(y, h / 6, k1), h / 3, k2), h / 3, k3), h / 6, k4)
 
 
-@nb.njit(cache=True)
+@njit(inner=True)
 def locate(t, y, h, end, edge, command, region, c):
     """Part of the step after which the displacement meets the edge, and the state there (Illinois method)."""
     lo, hi = 0.0, h
@@ -238,7 +238,7 @@ def locate(t, y, h, end, edge, command, region, c):
     return s, end
 
 
-@nb.njit(cache=True)
+@njit
 def control(t, y, memory, ring, count, drive, c):
     """Sample the drive: read the encoder, queue a torque, return the one to hold."""
     commanded = c.gear_ratio * c.start_angle + c.omega * t
@@ -261,9 +261,11 @@ def control(t, y, memory, ring, count, drive, c):
     return ring[(count + 1) % ring.size]
 
 
-@nb.njit(cache=True)
-def control_matrix(delay, drive, c):
-    """Return a linear drive as a matrix, from all states to the torque to hold and the next memory."""
+def control_matrix(delay: int, drive: Drive, c: Constants) -> FloatArray:
+    """Return a linear drive as a matrix, from all states to the torque to hold and the next memory.
+
+    `control` is called here as it is written, not compiled.
+    """
     size = 9 + delay
     rows = np.zeros((5 + delay, size))
     for j in range(size):
@@ -271,13 +273,13 @@ def control_matrix(delay, drive, c):
         unit[j] = 1.0
         memory, ring = unit[5:9].copy(), unit[9:].copy()
         y = (unit[0], unit[1], unit[2], unit[3], unit[4])
-        rows[0, j] = control(0.0, y, memory, ring, max(delay, 1), drive, c)
+        rows[0, j] = control.py_func(0.0, y, memory, ring, max(delay, 1), drive, c)
         rows[1:5, j] = memory
         rows[5:, j] = ring[1:]
     return rows
 
 
-@nb.njit(cache=True, nogil=True)
+@njit(nogil=True)
 def run(y, region, steps, step, skip, every, per_period, delay, c, drive, record, gap, events):
     """Integrate into `record`, `gap`, `events` (time, side met or 0 when parted).
 

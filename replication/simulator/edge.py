@@ -5,12 +5,12 @@ from collections.abc import Sequence
 from dataclasses import replace
 from itertools import product
 
-import numba
 import numpy as np
 import pandas as pd
 
 from replication.arrays import FloatArray
 from replication.authors import load_clean_records
+from replication.compiled.cache import njit
 from replication.simulator import core
 from replication.simulator.identification import identify_joint, third_turn_errors
 from replication.simulator.parameters import TURN, JointParameters, identified_joint
@@ -39,7 +39,7 @@ def refit_alphas() -> pd.DataFrame:
     return pd.DataFrame(rows)
 
 
-@numba.njit(cache=True)
+@njit
 def _plain_steps(y, steps, step, skip, per_period, delay, c, drive, speeds):
     """Runge-Kutta steps of one length, whatever the gap does within them.
 

@@ -8,12 +8,12 @@ import pytest
 
 from backlash.calibration import shares, widened
 from backlash.fitting.harmonics import turn_harmonics
-from backlash.fitting.joint_posterior import SIZE, SMOOTHING_INDEX, UNKNOWNS, Problem
+from backlash.fitting.joint_posterior import NAMES, SIZE, SMOOTHING_INDEX, Problem
 from backlash.fitting.joint_search import Peak
-from backlash.fitting.second_mass import pushes
+from backlash.fitting.second_mass import WeightedPeak, pushes
 from backlash.fitting.self_calibration import fit_joint, separate_peaks, widening_factor
 from backlash.fitting.shared_joint import share_joint
-from backlash.fitting.turns import COLUMNS, Movement, settled_turns
+from backlash.fitting.turns import COLUMNS, Movement, simulate_turns
 from backlash.fitting.waveform import low_passed
 from replication.recording import Recording
 from replication.simulator.recordings import simulate_recordings
@@ -48,14 +48,14 @@ def rows(joint, delta_rad: float) -> np.ndarray:
 def test_a_settled_turn_is_that_of_the_simulated_joint(delta_rad):
     joint = replace(identified_joint(), start_angle_rad=0.0, lead_s=0.8, speed_by_differencing=True)
     run = simulate(joint, delta_rad, duration_s=0.4, sample_s=5e-4, step_s=5e-5)
-    turn = settled_turns(rows(joint, delta_rad), Movement(40.0, 0.4))[0]
+    turn = simulate_turns(rows(joint, delta_rad), Movement(40.0, 0.4))[0]
     assert np.abs(turn - (run.motor_speed_rps[:-1] - 100)).max() < 2e-3
 
 
 def test_a_joint_that_runs_away_has_no_turn():
     wild = rows(identified_joint(), 1e-3)
     wild[0, COLUMNS.index("integral_gain_per_s2")] *= 1e3
-    assert np.isnan(settled_turns(wild, Movement(40.0, 0.4))).all()
+    assert np.isnan(simulate_turns(wild, Movement(40.0, 0.4))).all()
 
 
 def test_white_noise_is_found_with_its_size_in_every_harmonic():
@@ -173,12 +173,12 @@ def test_a_weakly_damped_joint_is_simulated_until_it_rings_no_more():
     weak = rows(identified_joint(), 1e-3)
     weak[0, COLUMNS.index("speed_gain_per_s")] *= 0.7
     z = np.zeros(SIZE)
-    z[0], z[UNKNOWNS.index("speed_gain_per_s")] = 10.0, np.log(0.7)
+    z[0], z[NAMES.index("speed_gain_per_s")] = 10.0, np.log(0.7)
     problem = Problem(turn_harmonics(noise()), movement, 2e-3)
     usual = problem.lead
     problem.slopes(z)
-    last = settled_turns(weak, movement, lead=14)[0]
-    early, late = (settled_turns(weak, movement, lead=lead)[0] for lead in (usual, problem.lead))
+    last = simulate_turns(weak, movement, lead=14)[0]
+    early, late = (simulate_turns(weak, movement, lead=lead)[0] for lead in (usual, problem.lead))
     assert np.abs(late - last).max() < 0.1 * np.abs(early - last).max()
 
 
@@ -269,9 +269,9 @@ def test_backlashes_that_do_not_overlap_are_kept_apart():
     def peak(delta, evidence):
         z = np.zeros(SIZE)
         z[0] = delta
-        return 0.0, Peak(z, 0.01 * np.eye(SIZE), np.zeros(1), evidence, True, True)
+        return WeightedPeak(0.0, Peak(z, 0.01 * np.eye(SIZE), np.zeros(1), evidence, True, True))
 
     alone = separate_peaks([peak(5.0, 0.0), peak(5.1, -0.5), peak(9.0, -10.0)])
     assert [len(group) for group in alone] == [2]
     two = separate_peaks([peak(5.0, -1.0), peak(9.0, 0.0)])
-    assert [group[0][1].z[0] for group in two] == [9.0, 5.0]
+    assert [group[0].peak.z[0] for group in two] == [9.0, 5.0]

@@ -31,7 +31,7 @@ def fitted(bench: Bench, delta: float = DELTA, load: LoadData | None = None, **l
 def test_without_noise_the_backlash_is_right_under_either_drive(kind):
     for number in range(3):
         bench = replace(draw(kind, number), noise_rps=1e-4)
-        found = fitted(bench, torque_noise=1e-4, load=load_data(bench, sd_inertia=0.0, sd_gravity=0.0))
+        found = fitted(bench, torque_noise=1e-4, load=load_data(bench, inertia_sd=0.0, gravity_sd=0.0))
         assert found.delta_rad == pytest.approx(DELTA, rel=0.05)
         assert found.motor_inertia == pytest.approx(bench.joint.motor_inertia_kgm2, rel=0.01)
         assert not found.refusal_reason
@@ -51,7 +51,7 @@ def test_the_unit_of_the_torque_and_a_lag_of_the_speed_do_not_matter():
 
 def test_what_is_not_known_of_the_load_widens_the_interval():
     bench = draw("paper's", 5)
-    known, guessed = (fitted(bench, load=load_data(bench, sd_inertia=sd, sd_gravity=sd / 2)) for sd in (0.0, 0.2))
+    known, guessed = (fitted(bench, load=load_data(bench, inertia_sd=sd, gravity_sd=sd / 2)) for sd in (0.0, 0.2))
     assert guessed.delta_rad == known.delta_rad
     assert guessed.sd_rad > 1.5 * known.sd_rad
 
@@ -59,7 +59,7 @@ def test_what_is_not_known_of_the_load_widens_the_interval():
 def test_gravity_that_is_off_is_held_by_its_stated_uncertainty():
     bench = draw("paper's", 6)
     off = 1.1 * bench.joint.ratios["gravity_per_s2"]
-    trusted, doubted = (fitted(bench, load=load_data(bench, gravity_per_s2=off, sd_gravity=sd)) for sd in (0.0, 0.1))
+    trusted, doubted = (fitted(bench, load=load_data(bench, gravity_per_s2=off, gravity_sd=sd)) for sd in (0.0, 0.1))
     assert trusted.delta_rad > 1.05 * DELTA
     assert doubted.interval_rad[0] < DELTA < doubted.interval_rad[1]
 
@@ -83,7 +83,7 @@ def test_a_torque_that_is_none_is_refused_in_one_line():
 
 
 @pytest.mark.parametrize(
-    "wrong", [{"inertia_ratio": 0.0}, {"gravity_per_s2": np.nan}, {"sd_inertia": -0.1}, {"sd_gravity": 10.0}]
+    "wrong", [{"inertia_ratio": 0.0}, {"gravity_per_s2": np.nan}, {"inertia_sd": -0.1}, {"gravity_sd": 10.0}]
 )
 def test_load_data_that_no_load_has_are_refused(wrong):
     with pytest.raises(ValueError, match="above 0"):

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from backlash.fitting.turns import COLUMNS, Movement, settled_turns, turn_and_slopes
+from backlash.fitting.turns import COLUMNS, Movement, simulate_turns, turn_and_slopes
 from replication.simulator.parameters import identified_joint
 
 MOVEMENT = Movement(40.0, 0.4)
@@ -25,15 +25,15 @@ def row(order: int, delta_rad: float) -> np.ndarray:
 @pytest.mark.parametrize(("order", "differencing", "delta_rad"), [(0, True, 1e-3), (9, True, 4e-4), (8, False, 2e-3)])
 def test_slopes_are_those_of_differences_of_settled_turns(order, differencing, delta_rad):
     here = row(order, delta_rad)
-    turn, slopes, _ = turn_and_slopes(here, MOVEMENT, order, differencing, True, SETTLED)
-    assert turn[0] == pytest.approx(settled_turns(here[None], MOVEMENT, order, 8, differencing)[0], abs=2e-5)
+    turn, _, slopes, _ = turn_and_slopes(here, MOVEMENT, order, differencing, True, SETTLED)
+    assert turn == pytest.approx(simulate_turns(here[None], MOVEMENT, order, 8, differencing)[0], abs=2e-5)
     for k, name in enumerate(COLUMNS):
         if "error" in name and not order:
             continue
         step = STEP.get(name, 1e-3 * here[k])
         batch = np.repeat(here[None], 2, axis=0)
         batch[:, k] += [step, -step]
-        up, down = settled_turns(batch, MOVEMENT, order, 8, differencing)
+        up, down = simulate_turns(batch, MOVEMENT, order, 8, differencing)
         difference = (up - down) / (2 * step)
         # Where the teeth meet, a step moves the turn's corners by more than its slope tells: the difference errs there.
         assert np.std(slopes[k] - difference) < 0.02 * np.std(difference), name
@@ -45,7 +45,7 @@ def test_a_push_on_the_load_has_the_slope_of_its_difference():
     omega = 2 * np.pi / MOVEMENT.turn_period_s
     # A transmission error shakes the load with its second derivative; what it does to gravity besides is small.
     push = -((9 * omega) ** 2) * np.sin(9 * angle)
-    _, slopes, _ = turn_and_slopes(here, MOVEMENT, 9, True, True, SETTLED, push[None])
+    slopes = turn_and_slopes(here, MOVEMENT, 9, True, True, SETTLED, push[None]).slopes
     as_error = slopes[COLUMNS.index("error_sine_rad")]
     assert np.std(slopes[-1] - as_error) < 0.05 * np.std(as_error)
 
@@ -53,13 +53,13 @@ def test_a_push_on_the_load_has_the_slope_of_its_difference():
 def test_a_joint_that_runs_away_has_no_turn_and_no_slopes():
     wild = row(0, 1e-3)
     wild[COLUMNS.index("integral_gain_per_s2")] *= 1e3
-    turn, slopes, _ = turn_and_slopes(wild, MOVEMENT, 0, True, False, SETTLED)
-    assert np.isnan(turn).all()
-    assert np.isnan(slopes).all()
+    turn = turn_and_slopes(wild, MOVEMENT, 0, True, False, SETTLED)
+    for part in (turn.motor_rps, turn.load_rad_per_s, turn.slopes):
+        assert np.isnan(part).all()
 
 
 def test_a_weakly_damped_joint_is_simulated_for_longer():
     weak = row(0, 1e-3)
     weak[COLUMNS.index("speed_gain_per_s")] *= 0.7
-    leads = [turn_and_slopes(joint, MOVEMENT, 0, True, False, 2e-4)[2] for joint in (row(0, 1e-3), weak)]
+    leads = [turn_and_slopes(joint, MOVEMENT, 0, True, False, 2e-4).turns_before for joint in (row(0, 1e-3), weak)]
     assert leads[0] < leads[1]

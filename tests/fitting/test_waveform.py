@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from backlash.calibration import default_calibration
-from backlash.fitting.waveform import WaveformBank, low_passed, make_bank, match, mean_turn, periodic, settled
+from backlash.fitting.waveform import WaveformBank, drop_first_turn, low_passed, make_bank, match, mean_turn, periodic
 from replication.authors import level_delta_rad, load_clean
 from replication.recording import Recording, add_uniform_noise, from_sample
 
@@ -63,8 +63,8 @@ def test_a_backlash_beyond_the_bank_ends_at_its_last_one(bank):
 
 
 def test_the_settled_part_leaves_out_the_start_up_turn_if_three_turns_are_there(bank):
-    assert settled(made(bank, 1e-3, turns=4))[0][0] == pytest.approx(1.0)
-    assert settled(made(bank, 1e-3, turns=2))[0][0] == 0.0
+    assert drop_first_turn(made(bank, 1e-3, turns=4))[0][0] == pytest.approx(1.0)
+    assert drop_first_turn(made(bank, 1e-3, turns=2))[0][0] == 0.0
 
 
 def test_the_mean_turn_of_a_periodic_record_is_that_turn_with_its_gaps_interpolated(bank):

@@ -1,19 +1,14 @@
 from dataclasses import replace
 
 import numpy as np
-import pandas as pd
 import pytest
-from plain_logs import TURN, plain
 
-from backlash.estimation import examine_recording, settings_for
+from backlash.examine import examine
 from backlash.reading.columns import LogFormat
-from backlash.reading.prepare import CannotTell, record_of
-from backlash.reading.tables import UnusableLog
+from backlash.reading.refusals import CannotTell, UnusableLog
+from backlash.settings import settings_for
 from replication.standins.joints import draw_bench, encoder_log
-
-
-def prepared(t, v, form=TURN, name="speed [rps]"):
-    return record_of(pd.DataFrame({"time": t, name: v}), form, "log")
+from tests.logs import TURN, noisy, opened
 
 
 def without(places, t, v):
@@ -22,20 +17,20 @@ def without(places, t, v):
 
 @pytest.mark.parametrize("places", [[1000], [3], [2396], [700, 1500], [700, 701], [5, 1200, 1300, 1301, 2390]])
 def test_only_the_holes_of_dropped_samples_are_filled(places):
-    found, notes = prepared(*without(places, plain().t, plain().v))
-    kept = np.setdiff1d(np.arange(plain().t.size), places)
-    np.testing.assert_allclose(found.t, plain().t, atol=1e-9)
-    np.testing.assert_allclose(found.v[kept], plain().v[kept], rtol=1e-12)
-    assert abs(found.v[places] - plain().v[places]).max() < 0.5
-    assert notes == (f"missing samples filled from their neighbours: {len(places)}",)
+    log = opened(*without(places, noisy().t, noisy().v))
+    kept = np.setdiff1d(np.arange(noisy().t.size), places)
+    np.testing.assert_allclose(log.recording.t, noisy().t, atol=1e-9)
+    np.testing.assert_allclose(log.recording.v[kept], noisy().v[kept], rtol=1e-12)
+    assert abs(log.recording.v[places] - noisy().v[places]).max() < 0.5
+    assert log.notes == (f"missing samples filled from their neighbours: {len(places)}",)
 
 
 def test_rows_without_a_number_are_holes_too():
-    v = plain().v.copy()
+    v = noisy().v.copy()
     v[[500, 900]] = np.nan
-    found, notes = prepared(plain().t, v)
-    assert np.isfinite(found.v).all()
-    assert "left out 2 rows without time or speed [rps]" in notes
+    log = opened(noisy().t, v)
+    assert np.isfinite(log.recording.v).all()
+    assert "left out 2 rows without time or speed [rps]" in log.notes
 
 
 @pytest.mark.parametrize("rate", [667.0, 300.0, 600.0])
@@ -44,10 +39,10 @@ def test_stamps_rounded_to_a_millisecond_are_put_back_on_their_grid(rate, places
     t = np.arange(3200) / rate
     v = 100 + np.sin(5 * t) + np.random.default_rng(1).normal(0, 0.1, t.size)
     kept = np.delete(np.arange(t.size), places)
-    found, notes = prepared(t[kept].round(3), v[kept])
-    np.testing.assert_allclose(found.t, t, atol=2e-6)
-    np.testing.assert_allclose(found.v[kept], v[kept], rtol=1e-12)
-    assert any("taken as even" in note for note in notes)
+    log = opened(t[kept].round(3), v[kept])
+    np.testing.assert_allclose(log.recording.t, t, atol=2e-6)
+    np.testing.assert_allclose(log.recording.v[kept], v[kept], rtol=1e-12)
+    assert any("taken as even" in note for note in log.notes)
 
 
 @pytest.mark.parametrize("jitter_s", [1e-4, 3e-4])
@@ -60,12 +55,12 @@ def test_whether_stamps_are_late_or_samples_uneven_is_told_by_the_signal(jitter_
     def course(at):
         return 100 + 0.6 * np.sin(2 * np.pi * 20 * at)
 
-    found, notes = prepared(stamps, course(t) + noise)
-    assert "taken as even" in notes[0]
-    np.testing.assert_array_equal(found.v, course(t) + noise)
-    found, notes = prepared(stamps, course(stamps) + noise)
-    assert "resampled" in notes[0]
-    off = (found.v - course(found.t + stamps.mean() - found.t.mean())).std()
+    log = opened(stamps, course(t) + noise)
+    assert "taken as even" in log.notes[0]
+    np.testing.assert_array_equal(log.recording.v, course(t) + noise)
+    log = opened(stamps, course(stamps) + noise)
+    assert "resampled" in log.notes[0]
+    off = (log.recording.v - course(log.recording.t + stamps.mean() - log.recording.t.mean())).std()
     assert off < 1.03 * noise.std()
 
 
@@ -77,54 +72,54 @@ def test_the_jitter_of_a_position_is_told_apart_and_undone(are_true):
     turns = 100 * at - 0.6 * np.cos(2 * np.pi * 20 * at) / (2 * np.pi * 20)
     dropped = [300, 301, 1700]
     form = replace(TURN, unit="counts", counts_per_turn=2.0**19)
-    found, _ = prepared(*without(dropped, stamps, np.floor(2**19 * (turns % 1.0))), form, "position")
-    middle = found.t + 1e-3 + (stamps - t).mean()
-    assert (found.v - 100 - 0.6 * np.sin(2 * np.pi * 20 * middle)).std() < 0.01
+    log = opened(*without(dropped, stamps, np.floor(2**19 * (turns % 1.0))), form, "position")
+    middle = log.recording.t + 1e-3 + (stamps - t).mean()
+    assert (log.recording.v - 100 - 0.6 * np.sin(2 * np.pi * 20 * middle)).std() < 0.01
 
 
 def test_a_gap_in_the_constant_speed_is_refused_and_one_elsewhere_is_not():
-    t, v = without(slice(1000, 1010), plain().t, plain().v)
+    t, v = without(slice(1000, 1010), noisy().t, noisy().v)
     with pytest.raises(UnusableLog, match=r"row 1000: a gap of 0.022 s in the constant speed, at t = 1.998 s"):
-        prepared(t, v)
+        opened(t, v)
     ramp = np.linspace(0, 100, 300) + np.random.default_rng(1).normal(0, 0.1, 300)
-    v = np.concatenate([ramp, plain().v])
+    v = np.concatenate([ramp, noisy().v])
     t = 2e-3 * np.arange(v.size) + np.where(np.arange(v.size) > 100, 0.1234, 0.0)
-    assert prepared(t, v)[0].t[-1] > 4.5
+    assert opened(t, v).recording.t[-1] > 4.5
 
 
 @pytest.mark.parametrize("forward_is_longer", [True, False])
 def test_of_a_log_that_goes_to_and_fro_the_longest_stretch_is_used(forward_is_longer):
     rest, ramp = np.zeros(150), np.linspace(0, 100, 200)
-    short, long = plain().v[:1100], plain().v
+    short, long = noisy().v[:1100], noisy().v
     there, back = (long, short) if forward_is_longer else (short, long)
     cycle = [ramp, there, ramp[::-1], rest, -ramp, -back, -ramp[::-1], rest]
     v = np.concatenate([rest, *cycle, ramp, short, ramp[::-1]])
     v += np.random.default_rng(1).normal(0, 0.01, v.size)
-    found, notes = prepared(2e-3 * np.arange(v.size), v)
-    assert 0.9 * long.size < found.v.size <= long.size
-    assert abs(found.v - 100).max() < 1.5
-    assert sum("used the constant speed from" in note for note in notes) == 1
-    assert any("turns backward" in note for note in notes) == (not forward_is_longer)
+    log = opened(2e-3 * np.arange(v.size), v)
+    assert 0.9 * long.size < log.recording.v.size <= long.size
+    assert abs(log.recording.v - 100).max() < 1.5
+    assert sum("used the constant speed from" in note for note in log.notes) == 1
+    assert any("turns backward" in note for note in log.notes) == (not forward_is_longer)
 
 
 def test_a_log_that_goes_to_and_fro_without_rest_uses_one_stretch():
-    v = np.concatenate([plain().v[:1200], -plain().v[:1000]] * 3)
-    found, _ = prepared(2e-3 * np.arange(v.size), v)
-    assert 1000 < found.v.size <= 1200
+    v = np.concatenate([noisy().v[:1200], -noisy().v[:1000]] * 3)
+    log = opened(2e-3 * np.arange(v.size), v)
+    assert 1000 < log.recording.v.size <= 1200
 
 
 def test_the_part_between_from_and_to_is_used():
-    found, notes = prepared(plain().t + 7.0, plain().v, replace(TURN, start_s=1.0, end_s=4.0))
-    np.testing.assert_array_equal(found.v, plain().v[500:2001])
-    assert found.t[0] == 0.0
-    assert notes == ("used 1501 of 2401 samples, by --from and --to",)
-    v = plain().v.copy()
+    log = opened(noisy().t + 7.0, noisy().v, replace(TURN, start_s=1.0, end_s=4.0))
+    np.testing.assert_array_equal(log.recording.v, noisy().v[500:2001])
+    assert log.recording.t[0] == 0.0
+    assert log.notes == ("used 1501 of 2401 samples, by --from and --to",)
+    v = noisy().v.copy()
     v[3], v[2300] = 1e9, -50.0
-    assert prepared(plain().t, v, replace(TURN, start_s=0.1, end_s=4.0))[0].v.size == 1951
+    assert opened(noisy().t, v, replace(TURN, start_s=0.1, end_s=4.0)).recording.v.size == 1951
     with pytest.raises(UnusableLog, match=r"no samples between --from and --to; the log lasts 4.8 s"):
-        prepared(plain().t, plain().v, replace(TURN, start_s=10.0))
+        opened(noisy().t, noisy().v, replace(TURN, start_s=10.0))
     with pytest.raises(CannotTell, match="too short"):
-        prepared(plain().t, plain().v, replace(TURN, end_s=1.0))
+        opened(noisy().t, noisy().v, replace(TURN, end_s=1.0))
 
 
 @pytest.mark.parametrize(("start_s", "end_s"), [(2.0, 1.0), (1.0, 1.0), (None, -1.0), (float("nan"), None)])
@@ -137,10 +132,7 @@ def test_a_spoilt_log_is_estimated_as_the_whole_one():
     rng = np.random.default_rng([77, 0])
     whole = encoder_log(draw_bench(rng), 9e-4, rng)
     spoilt = without([400, 1100, 1101], whole.t + rng.uniform(-2e-4, 2e-4, whole.t.size), whole.v)
-    found = [
-        examine_recording(*prepared(*log)[:1], settings_for(TURN), "log").estimate
-        for log in ((whole.t, whole.v), spoilt)
-    ]
+    found = [examine(opened(*log), settings_for(TURN)).estimate for log in ((whole.t, whole.v), spoilt)]
     assert [estimate.verdict for estimate in found] == ["backlash", "backlash"]
     low, high = found[0].backlash_interval_rad
     assert abs(found[1].backlash_rad - found[0].backlash_rad) < 0.1 * (high - low)

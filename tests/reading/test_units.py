@@ -3,36 +3,31 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 import pytest
-from plain_logs import TURN, plain
 
-from backlash.estimation import settings_for
-from backlash.reading.prepare import record_of
-from backlash.reading.tables import UnusableLog
+from backlash.reading.refusals import UnusableLog
+from backlash.settings import settings_for
+from tests.logs import TURN, noisy, opened, refusal
 
 PER_TURN = {"rps": 1.0, "rpm": 60.0, "rad/s": 2 * np.pi, "deg/s": 360.0}
 SPELLINGS = {
     "rps": ["speed_rps", "speed [rev/s]", "speed [1/s]", "speed (s^-1)", "motor_vel_rev_per_s", "speed [Hz]"],
-    "rpm": [
-        "Drehzahl [U/min]", "speed [min^-1]", "speed 1/min", "motorSpeedRPM", "speed [min⁻¹]", "speed [r/min]",
-        "speed [rev/min]",
-    ],
-    "rad/s": [
-        "speed_rad_s", "motor_vel_rad_per_s", "speed [rad s^-1]", "speed [rad/s]", "speed_radps", "speed [rad·s⁻¹]",
-        "motorSpeedRadPerSec", "speed [rad/s] (2)",
-    ],
+    "rpm": ["Drehzahl [U/min]", "speed [min^-1]", "speed 1/min", "motorSpeedRPM", "speed [min⁻¹]", "speed [r/min]"],
+    "rad/s": ["speed_rad_s", "motor_vel_rad_per_s", "speed [rad s^-1]", "speed_radps", "speed [rad·s⁻¹]"],
     "deg/s": ["speed_deg_s", "speed [deg/s]", "speed [°/s]", "speed_deg_per_sec"],
-}  # fmt: skip
+}
+SPELLINGS["rpm"] += ["speed [rev/min]"]
+SPELLINGS["rad/s"] += ["speed [rad/s]", "motorSpeedRadPerSec", "speed [rad/s] (2)"]
 
 
-def notes_and_speed(name, factor=1.0, form=TURN, v=None):
-    found, notes = record_of(pd.DataFrame({"time": plain().t, name: factor * plain().v}), form, "log")
-    return notes, found.v
+def notes_and_speed(name, factor=1.0, form=TURN):
+    log = opened(noisy().t, factor * noisy().v, form, name)
+    return log.notes, log.recording.v
 
 
 @pytest.mark.parametrize(("unit", "name"), [(unit, name) for unit, names in SPELLINGS.items() for name in names])
 def test_a_column_is_read_in_the_unit_of_its_name(unit, name):
     notes, v = notes_and_speed(name, PER_TURN[unit])
-    np.testing.assert_allclose(v, plain().v)
+    np.testing.assert_allclose(v, noisy().v)
     assert notes == ()
 
 
@@ -40,23 +35,23 @@ def test_a_column_is_read_in_the_unit_of_its_name(unit, name):
 def test_an_unknown_unit_is_an_error_unless_it_is_given(name):
     with pytest.raises(UnusableLog, match=r"of 'speed.* is not known; give --unit, one of rps, rpm, rad/s, deg/s"):
         notes_and_speed(name)
-    np.testing.assert_allclose(notes_and_speed(name, 60.0, replace(TURN, unit="rpm"))[1], plain().v)
+    np.testing.assert_allclose(notes_and_speed(name, 60.0, replace(TURN, unit="rpm"))[1], noisy().v)
 
 
 @pytest.mark.parametrize("name", ["speed", "velocity[0]", "speed (2)"])
 def test_a_speed_without_a_unit_is_taken_as_rps_and_that_is_said(name):
     notes, v = notes_and_speed(name)
-    np.testing.assert_allclose(v, plain().v)
+    np.testing.assert_allclose(v, noisy().v)
     assert notes == ("unit of the speed not said: taken as rps",)
 
 
 def test_counts_per_turn_imply_counts_where_no_unit_is_named():
     form = replace(TURN, counts_per_turn=4096.0)
-    np.testing.assert_allclose(notes_and_speed("speed", 4096.0, form)[1], plain().v)
-    np.testing.assert_allclose(notes_and_speed("speed [rpm]", 60.0, form)[1], plain().v)
-    position = np.cumsum(plain().v) * 2e-3
-    frame = pd.DataFrame({"time": plain().t, "position": 4096 * position})
-    np.testing.assert_allclose(record_of(frame, form, "log")[0].v, plain().v[1:])
+    np.testing.assert_allclose(notes_and_speed("speed", 4096.0, form)[1], noisy().v)
+    np.testing.assert_allclose(notes_and_speed("speed [rpm]", 60.0, form)[1], noisy().v)
+    position = np.cumsum(noisy().v) * 2e-3
+    log = opened(noisy().t, 4096 * position, form, "position")
+    np.testing.assert_allclose(log.recording.v, noisy().v[1:])
 
 
 @pytest.mark.parametrize(
@@ -66,7 +61,7 @@ def test_a_speed_of_another_machine_is_read_if_its_unit_is_named(name, unit):
     """100 rpm and 100 rad/s are as far from the calibration's 100 rps as a wrong unit is."""
     form = settings_for(replace(TURN, unit=unit)).form
     per_turn = 60.0 if "rpm" in (unit or name) else 2 * np.pi
-    np.testing.assert_allclose(notes_and_speed(name, form=form)[1], plain().v / per_turn)
+    np.testing.assert_allclose(notes_and_speed(name, form=form)[1], noisy().v / per_turn)
     with pytest.raises(UnusableLog, match="is the speed in rpm"):
         notes_and_speed("speed", 60.0, settings_for(TURN).form)
     with pytest.raises(UnusableLog, match="is the speed in rpm"):
@@ -74,6 +69,5 @@ def test_a_speed_of_another_machine_is_read_if_its_unit_is_named(name, unit):
 
 
 def test_an_unknown_unit_of_the_time_is_an_error():
-    frame = pd.DataFrame({"time [ticks]": plain().t, "speed": plain().v})
-    with pytest.raises(UnusableLog, match=r"unit 'counts' of 'time \[ticks\]' is not known; there are s, sec"):
-        record_of(frame, TURN, "log")
+    frame = pd.DataFrame({"time [ticks]": noisy().t, "speed": noisy().v})
+    assert "unit 'counts' of 'time [ticks]' is not known; there are s, sec" in refusal(frame)

@@ -6,9 +6,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from backlash.calibration import Calibration, calibrate, compute_default, default_calibration
+from backlash.calibration import Calibration, compute_default, default_calibration, fit_calibration
 from backlash.fitting.readings import METHODS, Reading, protocol_for, read
-from backlash.reading.tables import UnusableLog
+from backlash.reading.refusals import UnusableLog
 from replication import published
 from replication.authors import level_delta_rad, load_noisy
 from replication.characteristic import RPM_PER_RPS, equation_10
@@ -30,7 +30,7 @@ def reading(method, value, half_width=0.0):
 
 @pytest.mark.parametrize("method", ["amplitude", "energy", "waveform", "impact"])
 def test_a_calibration_reads_its_own_logs_back_and_brackets_one_that_it_never_saw(records, method):
-    calibration = calibrate(records, LEVELS_RAD, method)
+    calibration = fit_calibration(records, LEVELS_RAD, method)
     for record, delta in zip(records, LEVELS_RAD, strict=True):
         own = calibration.backlash(read(record, method, calibration.bank))
         assert own.delta_rad == pytest.approx(delta, abs=max(2 * calibration.uncertainty_rad, 1e-9))
@@ -89,7 +89,7 @@ def test_the_interval_holds_the_backlash_and_is_no_narrower_than_the_calibration
 def test_logs_of_one_backlash_under_two_names_are_refused_as_not_monotonic(records):
     for method in ("energy", "waveform"):
         with pytest.raises(ValueError, match=r"grow|order"):
-            calibrate(records, [4e-4, 6e-4, 14e-4, 12e-4, 10e-4, 8e-4, 16e-4, 18e-4], method)
+            fit_calibration(records, [4e-4, 6e-4, 14e-4, 12e-4, 10e-4, 8e-4, 16e-4, 18e-4], method)
 
 
 @pytest.mark.parametrize(
@@ -103,19 +103,19 @@ def test_logs_of_one_backlash_under_two_names_are_refused_as_not_monotonic(recor
 )
 def test_unusable_backlashes_are_refused(records, deltas, words):
     with pytest.raises(ValueError, match=words):
-        calibrate(records, deltas, "energy")
+        fit_calibration(records, deltas, "energy")
 
 
 def test_a_calibration_that_says_hardly_more_than_its_range_is_refused(records):
     scattered = [4e-4, 12e-4, 5e-4, 13e-4, 9e-4, 17e-4, 10e-4, 18e-4]
     with pytest.raises(UnusableLog, match=r"the uncertainty, 0.7\d\d mrad, is 5\d% of the range"):
-        calibrate(records, scattered, "energy")
+        fit_calibration(records, scattered, "energy")
 
 
 def test_logs_of_two_movements_are_refused(records):
     slow = replace(records[0], turn_period_s=0.5)
     with pytest.raises(ValueError, match="different turn periods"):
-        calibrate([slow, *records[1:]], LEVELS_RAD, "energy")
+        fit_calibration([slow, *records[1:]], LEVELS_RAD, "energy")
 
 
 def test_a_reading_of_another_method_is_refused():

@@ -6,16 +6,16 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 import pytest
-from made_logs import noisy, silent, write
 
 import backlash
 import workbook
 from backlash import commands
 from backlash.calibration import default_calibration, read_calibration
-from backlash.estimation import settings_for
 from backlash.main import main
-from backlash.reading.tables import UnusableLog
+from backlash.reading.refusals import UnusableLog
+from backlash.settings import settings_for
 from replication.authors import authors_file, level_delta_rad
+from tests.logs import noisy, silent, write
 
 TURN = ["--turn-period", "0.4"]
 KEYS = [

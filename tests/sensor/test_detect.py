@@ -2,12 +2,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from made_logs import clean, noisy, silent
 from scipy.signal import lfilter
 from scipy.stats import binom
 
-from backlash.reading.columns import LogFormat
-from backlash.reading.detect import (
+from backlash.detection.pattern import (
     FALSE_ALARMS,
     POWER,
     band_energy,
@@ -17,10 +15,12 @@ from backlash.reading.detect import (
     own_period,
     typical_half_turn,
 )
-from backlash.reading.prepare import CannotTell
+from backlash.reading.columns import LogFormat
+from backlash.reading.refusals import CannotTell
 from replication.recording import Recording, add_uniform_noise
 from replication.signature import Timing, signature
 from replication.standins.joints import Spread, draw_bench, encoder_log
+from tests.logs import clean, noisy, silent
 
 T = clean().t
 TRIALS = 100

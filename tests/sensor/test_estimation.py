@@ -6,13 +6,13 @@ import pandas as pd
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from made_logs import TURN, clean, noisy, silent, table, write
 
-from backlash.calibration import calibrate, default_calibration, shares
-from backlash.estimation import Estimate, as_row, as_text, examine, examine_recording, settings_for
+from backlash.answers import Estimate
+from backlash.calibration import default_calibration, fit_calibration, shares
+from backlash.examine import examine, examine_recording
 from backlash.reading.columns import LogFormat
-from backlash.reading.prepare import CannotTell, record_of
-from backlash.reading.tables import UnusableLog
+from backlash.reading.refusals import UnusableLog
+from backlash.settings import settings_for
 from replication.authors import authors_file, level_delta_rad, load_noisy
 from replication.recording import Recording, add_uniform_noise
 from replication.simulator.recordings import simulate_recordings
@@ -20,6 +20,7 @@ from replication.simulator.simulate import identified_joint
 from replication.standins.joints import draw_bench, encoder_log
 from studies.accuracy import CHANGES
 from studies.odd_joints import draw_odd_log, move_bench
+from tests.logs import TURN, clean, noisy, silent, table, write
 
 KEYS = [
     "file", "verdict", "amplitude_rps", "amplitude_interval_rps", "backlash_rad", "backlash_interval_rad", "rmse_rps",
@@ -44,10 +45,10 @@ def answer(recording, form=TURN, method="amplitude", calibration=None) -> Estima
 
 def check(found: Estimate) -> None:
     """What every answer must be."""
-    row = as_row(found)
+    row = found.to_dict()
     assert list(row) == KEYS
     json.dumps(row, allow_nan=False)
-    assert as_text(found)
+    assert str(found)
     assert found.verdict in VERDICTS
     if found.verdict == "cannot tell":
         assert found.warnings[0].split(":")[0] in REASONS
@@ -98,7 +99,7 @@ def test_without_a_calibration_the_log_tells_its_joint(tmp_path):
     assert low < 9e-4 < high < low + 2e-4
     assert found.ring_hz == pytest.approx(21, abs=2)
     assert abs(found.friction_share) < 0.01
-    assert "the joint: rings at 2" in as_text(found)
+    assert "the joint: rings at 2" in str(found)
 
 
 @pytest.mark.slow
@@ -127,13 +128,13 @@ def test_a_drive_of_another_structure_is_not_answered_by_the_log_alone():
     assert "turns from the load hanging down" in found.warnings[0]
     assert "backlash calibrate, with its logs at 6 or more known backlashes" in found.warnings[1]
     assert found.relative_index_rps == found.amplitude_rps > 0
-    assert "a relative index" in as_text(found)
+    assert "a relative index" in str(found)
 
 
 def test_a_silent_log_is_no_backlash_by_the_log_alone_too():
     found = answer(silent(0.02), method="self")
     assert found.verdict == "no backlash"
-    assert "no backlash (less than 0.300 mrad, half of the play)" in as_text(found)
+    assert "no backlash (less than 0.300 mrad, half of the play)" in str(found)
 
 
 @pytest.mark.parametrize("level", [3, 8, 11])
@@ -275,7 +276,7 @@ def test_friction_that_the_calibration_does_not_know_is_no_wrong_answer(name, sh
 
 def test_waveforms_calibrated_with_the_friction_measure_with_it():
     levels = np.linspace(4e-4, 20e-4, 9)
-    own = calibrate([with_friction(delta, 0.2, seed=5) for delta in levels], levels, "waveform")
+    own = fit_calibration([with_friction(delta, 0.2, seed=5) for delta in levels], levels, "waveform")
     for delta in (7e-4, 15e-4):
         assert answer(with_friction(delta, 0.2), calibration=own).backlash_rad == pytest.approx(delta, abs=5e-5)
 
@@ -296,7 +297,7 @@ def test_too_short_a_log_is_told_by_its_turns(tmp_path):
 def test_what_calibrates_also_measures(method):
     """Logs of known backlash, other noise than the calibration's, come back within their intervals."""
     levels = np.linspace(4e-4, 20e-4, 9)
-    own = calibrate([noisy(delta, 0.1, seed=7) for delta in levels], levels, method)
+    own = fit_calibration([noisy(delta, 0.1, seed=7) for delta in levels], levels, method)
     right = 0
     for k, delta in enumerate(np.linspace(5e-4, 19e-4, 8)):
         found = answer(noisy(delta, 0.1, seed=20 + k), calibration=own)
@@ -345,18 +346,16 @@ def test_whatever_the_table_there_is_an_answer_or_a_refusal_and_never_a_nan(data
     method = draw(st.sampled_from(["amplitude", "energy", "waveform"]))
     options = settings_for(form, method=method)
     try:
-        prepared, notes = record_of(frame, options.form, "log")
-    except (UnusableLog, CannotTell) as error:
+        check(examine(frame, options).estimate)
+    except UnusableLog as error:
         assert "\n" not in str(error)  # noqa: PT017
-    else:
-        check(examine_recording(prepared, options, "log", notes).estimate)
 
 
 def test_a_table_of_the_made_logs_is_what_the_file_would_be(tmp_path):
     path = write(noisy(), tmp_path / "log.csv", digits=12)
     from_file = examine(path, settings_for(TURN, method="amplitude")).estimate
-    record, _ = record_of(table(noisy()), TURN, str(path))
-    assert answer(record).backlash_rad == pytest.approx(from_file.backlash_rad, rel=1e-6)
+    from_table = examine(table(noisy()), settings_for(TURN, method="amplitude")).estimate
+    assert from_table.backlash_rad == pytest.approx(from_file.backlash_rad, rel=1e-6)
 
 
 @pytest.mark.parametrize("turn_s", [0.4, 1.0, 2.0])

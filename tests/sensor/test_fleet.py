@@ -1,15 +1,17 @@
 import os
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import pandas as pd
 import pytest
-from made_logs import TURN, noisy, silent, write
 
 from backlash import fleet
-from backlash.estimation import Estimate, examine, settings_for
-from backlash.reading.columns import LogFormat
-from backlash.reading.tables import UnusableLog
+from backlash.answers import Estimate
+from backlash.examine import examine
+from backlash.reading.refusals import UnusableLog
+from backlash.settings import settings_for
+from tests.logs import TURN, noisy, silent, write
 
 SETTINGS = settings_for(TURN, method="amplitude")
 
@@ -144,10 +146,9 @@ def test_the_rows_that_were_kept_are_those_of_the_logs(folder, tmp_path):
 def test_a_log_with_separate_intervals_keeps_its_interval_beside_other_logs_of_the_joint(monkeypatch):
     one = Estimate("one", "backlash", backlash_rad=5e-4, backlash_interval_rad=(4e-4, 6e-4))
     two = replace(one, backlash_interval_rad=(4e-4, 12e-4), backlash_intervals_rad=((4e-4, 6e-4), (11e-4, 12e-4)))
-    monkeypatch.setattr(fleet, "prepare_log", lambda *_: pd.Series({"recording": None}))
-    monkeypatch.setattr(fleet, "fit_joint", lambda _: None)
     monkeypatch.setattr(fleet, "share_joint", lambda fits: [(5.1e-4, (4.9e-4, 5.3e-4))] * len(fits))
-    settings = [settings_for(LogFormat(turn_period_s=0.4))] * 2
-    shared, kept = fleet.with_shared_joint(["one", "two"], [one, two], settings)
+    fitted = SimpleNamespace(joint="a fit")
+    examined = [SimpleNamespace(estimate=each, fitted=fitted) for each in (one, two)]
+    shared, kept = fleet.with_shared_joint(examined)
     assert shared.backlash_interval_rad == (4.9e-4, 5.3e-4)
     assert kept == two

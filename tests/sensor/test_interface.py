@@ -4,10 +4,10 @@ import json
 import numpy as np
 import pandas as pd
 import pytest
-from made_logs import noisy, silent, table, write
 
 import backlash
 from backlash import interface
+from tests.logs import noisy, silent, table, write
 
 KNOWN_RAD = np.linspace(4e-4, 16e-4, 7).tolist()
 

@@ -9,12 +9,12 @@ import time
 
 import joblib
 import pytest
-from made_logs import noisy, write
 
 from backlash import commands, fleet
-from backlash.estimation import settings_for
 from backlash.main import ends_on_interrupt, main
 from backlash.reading.columns import LogFormat
+from backlash.settings import settings_for
+from tests.logs import noisy, write
 from workbook import ROOT
 
 PIPES = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
@@ -93,7 +93,7 @@ def test_the_standard_input_is_a_log(tmp_path):
 
 
 @pytest.mark.parametrize(("seen_by", "cached", "line"), [
-    ("a person", False, "compiling, once for this machine: about a minute\n"),
+    ("a person", False, "compiling, once for this machine: some ten seconds\n"),
     ("a person", True, ""),
     ("a file", False, ""),
 ])  # fmt: skip
@@ -101,9 +101,7 @@ def test_a_person_is_told_that_the_first_command_on_a_machine_compiles(
     seen_by, cached, line, tmp_path, capsys, monkeypatch
 ):
     log = write(noisy(), tmp_path / "log.csv")
-    if cached:
-        (tmp_path / "turns.nbi").touch()
-    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
+    monkeypatch.setattr(commands.cache, "is_empty", lambda: not cached)
     monkeypatch.setattr(commands.sys.stderr, "isatty", lambda: seen_by == "a person")
     assert main(["estimate", str(log), "--turn-period", "0.4", "--method", "energy", "--json"]) == 0
     captured = capsys.readouterr()

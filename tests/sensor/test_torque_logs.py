@@ -8,8 +8,8 @@ import backlash
 from backlash.calibration import default_calibration
 from backlash.main import main
 from backlash.reading.columns import LogFormat
-from backlash.reading.prepare import record_of
-from backlash.reading.tables import UnusableLog
+from backlash.reading.prepare import open_log
+from backlash.reading.refusals import UnusableLog
 from studies.odd_joints import draw_cascade, log_with_torque
 
 DELTA = 1e-3
@@ -46,12 +46,12 @@ def test_a_file_a_table_and_arrays_have_one_answer_that_holds_the_truth(joint, t
     assert low < DELTA < high
     assert any("inertia ratio of 0.6" in note and "(SD 10%)" in note for note in from_file["warnings"])
     t, v, torque = frame.to_numpy().T
+    movement, load = ({name: known[name] for name in names} for names in (list(known)[:2], list(known)[2:]))
     answers = [
         backlash.estimate(t, v, torque=torque, unit="rps", **known),
         backlash.estimate(frame, torque="torque [Nm]", **known),
-        backlash.estimate(backlash.read_log(t, v, torque=torque, **{k: known[k] for k in list(known)[:2]}),
-                          **{k: known[k] for k in list(known)[2:]}),
-    ]  # fmt: skip
+        backlash.estimate(backlash.read_log(t, v, torque=torque, **movement), **load),
+    ]
     assert {answer.backlash_interval_rad for answer in answers} == {(low, high)}
     sure = backlash.estimate(t, v, torque=torque, unit="rps", inertia_sd=0.0, gravity_sd=0.0, **known)
     assert np.ptp(sure.backlash_interval_rad) < 0.8 * (high - low)
@@ -67,17 +67,17 @@ def test_the_torque_goes_through_all_that_is_done_to_the_speed():
         v *= -1 if backward else 1
         t = sample_s * (k + jitter * rng.uniform(-1, 1, k.size))
         frame = pd.DataFrame({"time": t, "speed": v, "torque": 7 * v}).drop(index=[k.size // 2, k.size // 3])
-        found, _ = record_of(frame, LogFormat(turn_period_s=0.4, unit="rps", torque="torque"), "log")
-        assert found.v.size < k.size
-        np.testing.assert_allclose(found.torque, 7 * found.v, rtol=1e-12)
+        log = open_log(frame, LogFormat(turn_period_s=0.4, unit="rps", torque="torque"))
+        assert log.recording.v.size < k.size
+        np.testing.assert_allclose(log.torque, 7 * log.recording.v, rtol=1e-12)
 
 
 def test_a_differentiated_position_has_the_torque_at_the_instants_of_its_speed():
     t = 2e-3 * np.arange(2000)
     position, torque = 100 * t - 0.1 * np.cos(60 * t) / 60, 5 * (100 + 0.1 * np.sin(60 * t))
     frame = pd.DataFrame({"time": t, "position [turns]": position, "torque": torque})
-    found, _ = record_of(frame, LogFormat(turn_period_s=0.4, torque="torque"), "log")
-    np.testing.assert_allclose(found.torque, 5 * found.v, rtol=1e-6)
+    log = open_log(frame, LogFormat(turn_period_s=0.4, torque="torque"))
+    np.testing.assert_allclose(log.torque, 5 * log.recording.v, rtol=1e-6)
 
 
 def test_a_dropped_sample_and_a_motor_that_turns_backward_change_little(joint):

@@ -5,9 +5,9 @@ import pandas as pd
 import pytest
 
 from backlash import trend_line
-from backlash.estimation import Estimate
+from backlash.answers import Estimate
 from backlash.plots import trend_figure
-from backlash.reading.tables import UnusableLog
+from backlash.reading.refusals import UnusableLog
 
 START = pd.Timestamp("2023-01-01")
 GROWTH, FIRST, SIGMA = 2e-6, 4e-4, 3e-5

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from backlash.reading.detect import find_pattern
+from backlash.detection.pattern import find_pattern
 from replication.standins.joints import draw_bench
 from studies.odd_joints import draw_cascade, draw_movement, log_with_torque, move_bench
 

@@ -1,0 +1,236 @@
+"""Judge: is there backlash, how much, how sure; or why that cannot be told.
+
+Without a pattern in its half turns the verdict is "no backlash" only where this noise could not have hidden the
+calibration's least backlash. With one, the method's model must explain most of it, and the calibration must hold the
+reading in its range.
+"""
+
+import math
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from backlash.answers import Estimate
+from backlash.calibration import Backlash, Calibration, default_calibration, widened
+from backlash.detection.pattern import Detected, band_energy, explained_share, typical_half_turn
+from backlash.fit import Fitted
+from backlash.fitting import SELF, TORQUE
+from backlash.fitting.readings import Reading
+from backlash.fitting.self_calibration import SelfFit, weak_turn
+from backlash.fitting.torque import TorqueFit
+from backlash.fitting.waveform import LEAST_LEVELS
+from backlash.reading.prepare import Log
+from backlash.reading.refusals import CannotTell
+from backlash.reading.sources import Source
+from backlash.settings import Settings
+from replication.recording import Recording
+
+_LEAST_SHARE = 0.8  # of the pattern's energy, for the model to explain; it explains 0.96 or more in the paper's range
+# A backlash below this counts as none: 0.015 mm at an arm of 0.3 m, a sixth of Table 2's least.
+_NEGLIGIBLE_RAD = 5e-5
+_OFF = 0.05  # of the amplitude; searches that all end in the best minimum differ less from the global fit
+_FAR_OUTSIDE = 1.2  # times the value at the end of the range; a cubic beyond means nothing
+_ADVICE = (
+    "method self knows joints under a drive of the paper's kind; for any other, calibrate on the joint itself: "
+    f"backlash calibrate, with its logs at {LEAST_LEVELS} or more known backlashes, method waveform, or --torque"
+)
+
+
+def judge(known: Detected, settings: Settings) -> Estimate:
+    """Answer by what is known of a log: by its fit, else by what its noise could have hidden."""
+    answer = what_is_known(known, settings)
+    if not isinstance(known, Fitted):
+        answer = _judge_absence(known, settings.calibration, answer)
+    elif known.refusal is not None:
+        raise known.refusal
+    elif known.joint is not None:
+        answer = _judge_joint(known, known.joint, settings.calibration.range_rad[0], answer)
+    elif known.torque_fit is not None:
+        answer = _judge_torque(known.torque_fit, str(settings.load), answer)
+    else:
+        answer = _judge_reading(known, settings, answer)
+    return _finite(answer)
+
+
+def refuse(known: Source, refusal: CannotTell, settings: Settings) -> Estimate:
+    """Answer why that cannot be told, with what is known all the same."""
+    answer = what_is_known(known, settings)
+    other_joint = answer.method == SELF and str(refusal).startswith(("no such joint", "no signature"))
+    advice = (_ADVICE,) if other_joint else ()
+    return _finite(replace(answer, warnings=(str(refusal), *advice, *answer.warnings, *refusal.notes)))
+
+
+def what_is_known(known: Source, settings: Settings) -> Estimate:
+    """An answer without a verdict, however far a log has come."""
+    calibration = settings.calibration
+    found: dict[str, Any] = {"sha256": known.sha256}
+    if isinstance(known, Log):
+        recording = known.recording
+        found |= {"samples": recording.t.size, "turn_period_s": recording.turn_period_s, "warnings": known.notes}
+    if isinstance(known, Fitted):
+        names = ("amplitude_rps", "amplitude_interval_rps", "rmse_rps")
+        found |= {name: getattr(known.reading, name) for name in names}
+        if (joint := known.joint) is not None:
+            rmse = float(np.std(known.recording.v - known.model_rps))
+            found |= {"rmse_rps": rmse, "ring_hz": joint.ring_hz}
+            found |= {"damping_ratio": joint.damping, "friction_share": joint.friction}
+    return Estimate(known.file, method=calibration.method, calibration=calibration.provenance, **found)
+
+
+def _finite(found: Estimate) -> Estimate:
+    """An estimate with None for what is not finite."""
+
+    def is_finite(value: object) -> bool:
+        numbers = value if isinstance(value, tuple) else (value,)
+        return all(math.isfinite(number) for number in numbers if isinstance(number, float))
+
+    kept: dict[str, Any] = {name: value if is_finite(value) else None for name, value in vars(found).items()}
+    return Estimate(**kept)
+
+
+def _check_movement(recording: Recording, calibration: Calibration) -> None:
+    if difference := calibration.other_movement(recording):
+        raise CannotTell("extrapolated calibration", f"{difference}; calibrate at the speed of the logs")
+
+
+def _least_energy(recording: Recording, calibration: Calibration) -> float:
+    """Energy [rps^2] that the calibration's least backlash puts into a record's pattern; else see `weak_turn`."""
+    if calibration.method in (SELF, TORQUE):
+        halves = weak_turn(recording, calibration.range_rad[0]).reshape(2, -1)
+        return band_energy((halves[0] - halves[1]) / 2, recording)
+    ring, least = typical_half_turn(recording), calibration.range_rad[0]
+    if calibration.bank is not None:
+        phases = np.arange(ring.size) / (2 * ring.size)
+        return band_energy(calibration.bank.at(least)(phases), recording)
+    amplitude = calibration.value_at(least)
+    if calibration.method == "energy":
+        amplitude /= float(np.sqrt(np.mean(ring**2)))
+    return amplitude**2 * band_energy(ring, recording)
+
+
+def _judge_absence(detected: Detected, calibration: Calibration, answer: Estimate) -> Estimate:
+    """Answer where half turns have nothing in common: no backlash, or too much noise to say so."""
+    recording, presence = detected.recording, detected.presence
+    if calibration.method not in (SELF, TORQUE):
+        _check_movement(recording, calibration)
+    if presence.has_same_sign:
+        what = "something repeats itself every turn, but not with the opposite sign half a turn later, as backlash"
+        cause = "is there much friction, another axis moving, or mains hum in step with the turn?"
+        raise CannotTell("no signature", f"{what} under gravity alone does; {cause}")
+    typical = band_energy(typical_half_turn(recording), recording)
+    hidden = float(np.sqrt(presence.detectable_rps2 / typical))
+    least = calibration.range_rad[0]
+    if presence.detectable_rps2 > _least_energy(recording, calibration):
+        noise = f"in this noise ({presence.noise_rps:.3g} rps) an oscillation of up to {hidden:.3g} rps stays hidden"
+        backlash = f"more than a backlash of {least:.3g} rad makes"
+        raise CannotTell("too noisy", f"nothing found, but {noise}, {backlash}; log more turns, or quieter")
+    return replace(
+        answer,
+        verdict="no backlash",
+        amplitude_rps=0.0,
+        amplitude_interval_rps=(0.0, hidden),
+        backlash_rad=0.0,
+        backlash_interval_rad=(0.0, least),
+        rmse_rps=float(recording.v.std()),
+    )
+
+
+def _judge_reading(fitted: Fitted, settings: Settings, answer: Estimate) -> Estimate:
+    """Answer by what the calibration makes of the method's reading."""
+    calibration, reading, best = settings.calibration, fitted.reading, fitted.signature
+    _check_movement(fitted.recording, calibration)
+    share = explained_share(fitted.recording, fitted.model_rps, fitted.presence)
+    if share < _LEAST_SHARE:
+        what = f"a pattern repeats itself every turn, but the model explains {max(share, 0.0):.0%} of it"
+        raise CannotTell("no signature", f"{what}; a faint backlash, much friction, or another cause")
+    notes: tuple[str, ...] = ()
+    if abs(reading.amplitude_rps - best.amplitude_rps) > _OFF * best.amplitude_rps:
+        means = f"their mean is {reading.amplitude_rps:.3f} rps, the best fit has {best.amplitude_rps:.3f} rps"
+        notes += (f"searches ended in other minima: {means}; method amplitude is not prone to this",)
+    found = calibration.backlash(reading)
+    if _is_outside(reading, found, calibration):
+        raise CannotTell("extrapolated calibration", _beyond(reading, found, calibration), notes)
+    if found.extrapolated:
+        notes += ("at the edge of the calibration's range",)
+    low, high = found.interval_rad
+    if not settings.is_own:
+        low, high = widened(calibration.method, found.delta_rad, found.interval_rad)
+        notes += ("calibrated for the paper's joint, not for yours: give --calibration, or take method self",)
+    return replace(
+        answer,
+        verdict="backlash",
+        backlash_rad=found.delta_rad,
+        backlash_interval_rad=(max(low, 0.0), high),
+        warnings=answer.warnings + notes,
+    )
+
+
+def _beyond(reading: Reading, found: Backlash, calibration: Calibration) -> str:
+    """What lies past the end of a calibration's range."""
+    low, high = calibration.range_rad
+    what, ends = f"its reading, {reading.value:.3g} rps,", ""
+    if reading.method == "waveform":
+        what, ends = f"the best match, {found.delta_rad:.3g} rad,", f", {low:.3g} to {high:.3g} rad"
+    return f"a signature is there, but {what} lies past the end of the calibration's range{ends}"
+
+
+def _judge_torque(fit: TorqueFit, said: str, answer: Estimate) -> Estimate:
+    """Answer by the speed and torque of a log, and name what was said of the load."""
+    inertia = f"the motor's inertia is then {fit.motor_inertia:.3g}, in the torque's unit over rad/s^2: is that right?"
+    return replace(
+        answer,
+        verdict="backlash",
+        backlash_rad=fit.delta_rad,
+        backlash_interval_rad=fit.interval_rad,
+        warnings=(*answer.warnings, said, inertia),
+    )
+
+
+def _is_outside(reading: Reading, backlash: Backlash, calibration: Calibration) -> bool:
+    """Whether a reading lies outside the calibration's range by more than its standard deviation."""
+    low, high = calibration.range_rad
+    if calibration.bank is not None:
+        return backlash.extrapolated
+    one_sigma = (backlash.interval_rad[1] - backlash.interval_rad[0]) / 4
+    beyond = reading.value > _FAR_OUTSIDE * calibration.value_at(high)
+    return beyond or not low - one_sigma <= backlash.delta_rad <= high + one_sigma
+
+
+def _judge_joint(fitted: Fitted, joint: SelfFit, least_rad: float, answer: Estimate) -> Estimate:
+    """Answer by the joint that the log itself tells of; a backlash that may be zero is none, or not known."""
+    is_found = fitted.presence.found
+    separate = (joint.interval_rad, *joint.other_intervals_rad)
+    low, high = min(ends[0] for ends in separate), max(ends[1] for ends in separate)
+    if low <= 0 and high > least_rad:
+        raise CannotTell("too noisy", f"none fits as well as up to {high:.3g} rad; log more turns, or quieter")
+    if high <= _NEGLIGIBLE_RAD or (high <= least_rad and not is_found):  # such a pattern has another cause
+        low = 0.0
+    if is_found and explained_share(fitted.recording, fitted.model_rps, fitted.presence) < _LEAST_SHARE:
+        raise CannotTell("no signature", "a pattern repeats itself every turn, but no backlash that explains it")
+    notes: tuple[str, ...] = ()
+    if joint.other_intervals_rad:
+        ranges = " or ".join(f"{1e3 * first:.3f} to {1e3 * last:.3f} mrad" for first, last in separate)
+        notes = (f"separate backlashes fit: {ranges}",)
+    return replace(
+        answer,
+        verdict="backlash" if low > 0 else "no backlash",
+        backlash_rad=joint.delta_rad if low > 0 else 0.0,
+        backlash_interval_rad=(low, high),
+        backlash_intervals_rad=separate if joint.other_intervals_rad else (),
+        warnings=answer.warnings + notes + _disagreement(fitted, joint),
+    )
+
+
+def _disagreement(fitted: Fitted, joint: SelfFit) -> tuple[str, ...]:
+    """A note where the amplitude, with what it may err on any joint, is another backlash than the joint's."""
+    calibration = default_calibration("amplitude")
+    if calibration.other_movement(fitted.recording):
+        return ()
+    other = calibration.backlash(fitted.reading)
+    low, high = widened("amplitude", other.delta_rad, other.interval_rad)
+    agree = low <= joint.interval_rad[1] and joint.interval_rad[0] <= high
+    if agree or _is_outside(fitted.reading, other, calibration):
+        return ()
+    says = f"the amplitude alone says {low:.3g} to {high:.3g} rad on joints like the paper's"
+    return (f"{says}: yours is another, or one of the two is wrong",)

@@ -1,0 +1,21 @@
+"""What keeps a log from being answered: it cannot be used, or it does not tell."""
+
+
+class UnusableLog(ValueError):
+    """A file that no answer can be had from; the message is one line: what is wrong, where, what to do."""
+
+    def __init__(self, problem: str, row: int | None = None):
+        self.row = row
+        super().__init__(" ".join((problem if row is None else f"row {row}: {problem}").split()))
+
+    def in_file(self, name: str) -> "UnusableLog":
+        """The same refusal with the file's name before it."""
+        return UnusableLog(f"{name}: {self}" if self.row is None else f"{name}, {self}")
+
+
+class CannotTell(Exception):
+    """A log that can be read and still has no answer: the reason, what says more, and notes on what was done before."""
+
+    def __init__(self, reason: str, detail: str, notes: tuple[str, ...] = ()):
+        super().__init__(f"{reason}: {detail}")
+        self.notes = notes

@@ -1,0 +1,75 @@
+"""How logs are read and measured."""
+
+from dataclasses import dataclass, replace
+from typing import TypedDict, Unpack
+
+from backlash.calibration import Calibration, OwnCalibration, default_calibration, read_calibration
+from backlash.fitting import SELF, TORQUE
+from backlash.fitting.torque import LoadData
+from backlash.reading.columns import LogFormat
+from backlash.reading.refusals import UnusableLog
+
+
+@dataclass(frozen=True)
+class Settings:
+    """How logs are read and measured; the calibration, the user's own or the paper's joint's, holds the method."""
+
+    form: LogFormat
+    calibration: Calibration
+    is_own: bool = False  # the user made the calibration; else it is that of the paper's joint
+    repeats: int = 30  # searches of method "paper"
+    seed: int = 1  # of the first of them, and of what method "torque" draws, above 0
+    load: LoadData | None = None  # for method "torque"
+
+
+class LoadWords(TypedDict, total=False):
+    """What is said of the load, for method "torque"; see `LoadData`."""
+
+    inertia_ratio: float | None
+    gravity_per_s2: float | None
+    inertia_sd: float
+    gravity_sd: float
+
+
+class Measuring(LoadWords, total=False):
+    """How logs are measured."""
+
+    calibration: OwnCalibration
+    method: str | None
+    repeats: int
+    seed: int
+
+
+def settings_for(
+    form: LogFormat,
+    calibration: OwnCalibration = None,
+    method: str | None = None,
+    repeats: int = 30,
+    seed: int = 1,
+    **load: Unpack[LoadWords],
+) -> Settings:
+    """Put settings together: without a calibration the log's own joint, or for another method the paper's."""
+    own = read_calibration(calibration)
+    given = (form.torque, load.get("inertia_ratio"), load.get("gravity_per_s2"))
+    data = None
+    if method == TORQUE or any(value is not None for value in given):
+        if own is not None or method not in (None, TORQUE):
+            raise UnusableLog("method torque goes without a calibration or another method: leave out one of them")
+        options = zip(("--torque", "--inertia-ratio", "--gravity"), given, strict=True)
+        if missing := " and ".join(option for option, value in options if value is None):
+            raise UnusableLog(f"method torque needs the torque and the load's data: give {missing} too")
+        method, data = TORQUE, LoadData(**load)  # type: ignore[arg-type]  # none is None
+    if own is not None and method not in (None, own.method):
+        raise UnusableLog(f"--method {method}: the calibration is of method {own.method}")
+    if repeats < 1 or seed < 1:
+        raise UnusableLog("--repeats and --seed must be 1 or more")
+    used = own or _default(method or SELF)
+    form = replace(form, usual_speed_rps=used.commanded_speed_rps)
+    return Settings(form, used, own is not None, repeats, seed, data)
+
+
+def _default(method: str) -> Calibration:
+    """Calibration of a method for the paper's joint; methods without one need only the least backlash it would see."""
+    if method not in (SELF, TORQUE):
+        return default_calibration(method)
+    return replace(default_calibration("amplitude"), method=method, provenance="none: the log's own joint")

@@ -1,0 +1,71 @@
+"""Logs of the simulated joint, and ways to write and read them, for the tests of the sensor."""
+
+from functools import lru_cache
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from backlash.reading.columns import LogFormat
+from backlash.reading.prepare import Log, open_log
+from backlash.reading.refusals import UnusableLog
+from replication.recording import Recording, add_uniform_noise, constant_speed
+from replication.simulator.recordings import simulate_recordings
+from replication.simulator.simulate import identified_joint
+
+TURN = LogFormat(turn_period_s=0.4)
+
+
+@lru_cache
+def clean(delta_rad: float = 9e-4) -> Recording:
+    return simulate_recordings(identified_joint(), [delta_rad])[0]
+
+
+@lru_cache
+def noisy(delta_rad: float = 9e-4, noise_rps: float = 0.1, seed: int = 1) -> Recording:
+    """Twelve turns of the paper's joint."""
+    return add_uniform_noise(clean(delta_rad), noise_rps, np.random.default_rng(seed))
+
+
+def silent(noise_rps: float = 0.1, seed: int = 1) -> Recording:
+    """A record of a constant speed and noise."""
+    return add_uniform_noise(constant_speed(2401, 2e-3), noise_rps, np.random.default_rng(seed))
+
+
+def table(recording: Recording) -> pd.DataFrame:
+    frame = pd.DataFrame({"time": recording.t, "speed [rps]": recording.v})
+    frame.index = frame.index + 2
+    return frame
+
+
+def text(header="time [s],speed [rps]", row="{t:.6f},{v:.5f}", record=None) -> str:
+    record = record or noisy()
+    rows = [
+        row.format(t=t, v=v, ns=round(1e9 * t), rpm=60 * v, rad=2 * np.pi * v, deg=360 * v)
+        for t, v in zip(record.t, record.v, strict=True)
+    ]
+    return "\n".join([*([header] if header else []), *rows, ""])
+
+
+def write(recording: Recording, path, digits: int = 6):
+    """Write a log with a header; returns its path."""
+    path.write_text(text(row=f"{{t:.6f}},{{v:.{digits}f}}", record=recording), encoding="utf-8")
+    return path
+
+
+def read(source, form=TURN) -> Recording:
+    return open_log(source, form).recording
+
+
+def opened(t, v, form=TURN, name="speed [rps]") -> Log:
+    return open_log(pd.DataFrame({"time": t, name: v}), form)
+
+
+def refusal(source, form=TURN) -> str:
+    """The one line with which a log is refused."""
+    with pytest.raises(UnusableLog) as caught:
+        open_log(source, form)
+    line = str(caught.value)
+    assert "\n" not in line
+    assert len(line) < 600
+    return line
