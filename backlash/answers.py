@@ -20,13 +20,17 @@ class Estimate:
     method: str = SELF
     turn_period_s: float | None = None  # of the load
     samples: int = 0  # of the record that was used
-    warnings: tuple[str, ...] = ()  # the reason first where the verdict is "cannot tell", then what was assumed
+    warnings: tuple[
+        str, ...
+    ] = ()  # the reason first where the verdict is "cannot tell", then what was assumed
     ring_hz: float | None = None  # by method self: slowest oscillation with the teeth in contact
     damping_ratio: float | None = None  # of that
     friction_share: float | None = None  # of the load, over m g r
     sha256: str | None = None  # of the log file's bytes
     calibration: str = ""  # what it was made from
-    backlash_intervals_rad: tuple[tuple[float, float], ...] = ()  # by method self, if separate: likely first
+    backlash_intervals_rad: tuple[
+        tuple[float, float], ...
+    ] = ()  # by method self, if separate: likely first
 
     @property
     def relative_index_rps(self) -> float | None:
@@ -36,7 +40,10 @@ class Estimate:
     def to_dict(self) -> dict[str, object]:
         """The attributes in order, ready for JSON, then the play, the relative index and the program's version."""
         half, ends = self.backlash_rad, self.backlash_interval_rad
-        row = {name: list(value) if isinstance(value, tuple) else value for name, value in vars(self).items()}
+        row = {
+            name: list(value) if isinstance(value, tuple) else value
+            for name, value in vars(self).items()
+        }
         return row | {
             "half_play_rad": half,
             "half_play_interval_rad": ends and list(ends),
@@ -59,9 +66,13 @@ class Estimate:
         lines = [f"{self.file}: {answer}"]
         if self.amplitude_rps and self.amplitude_interval_rps:
             low, high = self.amplitude_interval_rps
-            lines.append(f"  amplitude {self.amplitude_rps:.3f} rps ({low:.3f} to {high:.3f}), method {self.method}")
+            lines.append(
+                f"  amplitude {self.amplitude_rps:.3f} rps ({low:.3f} to {high:.3f}), method {self.method}"
+            )
             if self.relative_index_rps:
-                lines[-1] += "; a relative index: compare it only with logs of this joint in this movement"
+                lines[-1] += (
+                    "; a relative index: compare it only with logs of this joint in this movement"
+                )
         if self.ring_hz is not None and self.friction_share is not None:
             ring = f"rings at {self.ring_hz:.1f} Hz, damping ratio {self.damping_ratio:.3f}"
             friction = f"load friction {max(self.friction_share, 0.0):.1%} of gravity"

@@ -16,7 +16,14 @@ from scipy.special import ndtri, stdtrit
 from backlash.fitting import SENSOR_METHODS
 from backlash.fitting.global_fit import GlobalFit
 from backlash.fitting.readings import METHODS, Reading, read, reading_of_fit
-from backlash.fitting.waveform import LEAST_LEVELS, WaveformBank, make_bank, match, mean_turn, samples_a_turn
+from backlash.fitting.waveform import (
+    LEAST_LEVELS,
+    WaveformBank,
+    make_bank,
+    match,
+    mean_turn,
+    samples_a_turn,
+)
 from backlash.reading.refusals import UnusableLog
 from replication.arrays import FloatArray
 from replication.characteristic import RPM_PER_RPS, equation_10, first_rise, printed_levels_rad
@@ -27,7 +34,8 @@ from replication.simulator.simulate import identified_joint
 _DATA = Path(__file__).with_name("data")
 # Most phases in a turn that a waveform keeps: those of the default one, sampled at 0.5 ms.
 _MOST_PHASES = 800
-# Of a calibration's range, the most uncertainty: the 95 % interval is then as wide as the range, and says nothing.
+# Of a calibration's range, the most uncertainty: the 95 % interval is then as wide as the range,
+# and says nothing.
 _MOST_UNCERTAINTY = 0.25
 # How far a log's turn may be from that of the calibration: the waveform scales with the speed.
 PERIOD_MISMATCH = 0.02
@@ -50,7 +58,9 @@ class Calibration:
     method: str  # that reads, and that read the calibration's own logs
     coefficients: tuple[float, ...]  # of delta(value), from the constant up; none for "waveform"
     range_rad: tuple[float, float]  # least and largest backlash of its logs
-    uncertainty_rad: float  # RMS error at inner levels left out, times Student's factor for so few of them
+    uncertainty_rad: (
+        float  # RMS error at inner levels left out, times Student's factor for so few of them
+    )
     turn_period_s: float
     commanded_speed_rps: float
     provenance: str  # what it was made from
@@ -67,12 +77,19 @@ class Calibration:
     def backlash(self, reading: Reading) -> Backlash:
         """Turn a reading into backlash; the interval adds the record's noise and the calibration's uncertainty."""
         if reading.method != self.method:
-            raise ValueError(f"a calibration of method {self.method} cannot use a reading of method {reading.method}")
+            raise ValueError(
+                f"a calibration of method {self.method} cannot use a reading of method {reading.method}"
+            )
         delta = self.delta_rad(reading.value)
         ends = [self.delta_rad(end) for end in reading.interval]
         own = 1.96 * self.uncertainty_rad
-        low, high = delta - np.hypot(delta - min(ends), own), delta + np.hypot(max(ends) - delta, own)
-        outside = not self.range_rad[0] <= delta <= self.range_rad[1] or "backlash" in reading.at_bound
+        low, high = (
+            delta - np.hypot(delta - min(ends), own),
+            delta + np.hypot(max(ends) - delta, own),
+        )
+        outside = (
+            not self.range_rad[0] <= delta <= self.range_rad[1] or "backlash" in reading.at_bound
+        )
         return Backlash(delta, (float(low), float(high)), bool(outside))
 
     def other_movement(self, recording: Recording) -> str:
@@ -90,7 +107,10 @@ class Calibration:
         del content["bank"]
         if self.bank is not None:
             rounded = [[float(f"{v:.6g}") for v in row] for row in self.bank.waveform_rps]
-            content["waveforms"] = {"delta_rad": self.bank.delta_rad.tolist(), "waveform_rps": rounded}
+            content["waveforms"] = {
+                "delta_rad": self.bank.delta_rad.tolist(),
+                "waveform_rps": rounded,
+            }
         return content
 
     def to_json(self) -> str:
@@ -104,16 +124,26 @@ class Calibration:
             content = json.loads(text)
             waves = content.get("waveforms")
             low, high = content["range_rad"]
-            levels = [np.array(waves[key], float) for key in ("delta_rad", "waveform_rps")] if waves else []
+            levels = (
+                [np.array(waves[key], float) for key in ("delta_rad", "waveform_rps")]
+                if waves
+                else []
+            )
             found = Calibration(
-                str(content["method"]), tuple(map(float, content["coefficients"])), (float(low), float(high)),
-                float(content["uncertainty_rad"]), float(content["turn_period_s"]),
-                float(content["commanded_speed_rps"]), str(content["provenance"]),
+                str(content["method"]),
+                tuple(map(float, content["coefficients"])),
+                (float(low), float(high)),
+                float(content["uncertainty_rad"]),
+                float(content["turn_period_s"]),
+                float(content["commanded_speed_rps"]),
+                str(content["provenance"]),
                 WaveformBank(levels[0], levels[1]) if levels else None,
-            )  # fmt: skip
+            )
         except (ValueError, KeyError, TypeError, AttributeError) as error:
             problem = f"{type(error).__name__}: {error}"
-            raise UnusableLog(f"{name}: not a calibration file ({problem}); make one anew") from None
+            raise UnusableLog(
+                f"{name}: not a calibration file ({problem}); make one anew"
+            ) from None
         if why := _defect(found):
             raise UnusableLog(f"{name}: not a usable calibration: {why}; make one anew")
         return found
@@ -140,12 +170,20 @@ def _defect(found: Calibration) -> str:
     if bank is not None:
         delta, waves = bank.delta_rad, bank.waveform_rps
         is_shaped = delta.ndim == 1 and waves.ndim == 2 and len(waves) == delta.size >= LEAST_LEVELS
-        is_bank = is_shaped and np.isfinite(waves).all() and (np.diff(delta) > 0).all() and np.isfinite(delta).all()
+        is_bank = (
+            is_shaped
+            and np.isfinite(waves).all()
+            and (np.diff(delta) > 0).all()
+            and np.isfinite(delta).all()
+        )
     checks = (
         (found.method in METHODS, f"method {found.method!r} is none of {', '.join(METHODS)}"),
         ((bank is not None) == (found.method == "waveform"), "only method waveform has waveforms"),
         (bank is not None or len(found.coefficients) >= 2, "no polynomial"),
-        (np.isfinite([*found.coefficients, low, high, found.uncertainty_rad]).all(), "a number is not finite"),
+        (
+            np.isfinite([*found.coefficients, low, high, found.uncertainty_rad]).all(),
+            "a number is not finite",
+        ),
         (0 <= low < high, "no range"),
         (min(found.turn_period_s, found.commanded_speed_rps) > 0, "no movement"),
         (found.uncertainty_rad >= 0, "a negative uncertainty"),
@@ -154,10 +192,14 @@ def _defect(found: Calibration) -> str:
     return next((why for is_right, why in checks if not is_right), "")
 
 
-def backlashes(recording: Recording, fit: GlobalFit, calibrations: Mapping[str, Calibration]) -> dict[str, Backlash]:
+def backlashes(
+    recording: Recording, fit: GlobalFit, calibrations: Mapping[str, Calibration]
+) -> dict[str, Backlash]:
     """Backlash of a record by several calibrations, from its one global fit; keys as in `calibrations`."""
     return {
-        name: calibration.backlash(reading_of_fit(recording, calibration.method, fit, calibration.bank))
+        name: calibration.backlash(
+            reading_of_fit(recording, calibration.method, fit, calibration.bank)
+        )
         for name, calibration in calibrations.items()
     }
 
@@ -167,7 +209,9 @@ def _uncertainty(errors_rad: FloatArray) -> float:
     return float(np.sqrt(np.mean(errors_rad**2)) * stdtrit(errors_rad.size, 0.975) / ndtri(0.975))
 
 
-def fit_polynomial(value: FloatArray, delta: FloatArray, method: str) -> tuple[tuple[float, ...], float]:
+def fit_polynomial(
+    value: FloatArray, delta: FloatArray, method: str
+) -> tuple[tuple[float, ...], float]:
     """Cubic delta(value), equation 10's form, from the constant up, and its leave-one-level-out error [rad]."""
     cubic = Polynomial.fit(value, delta, 3).convert()
     along = np.linspace(value.min(), value.max(), 400)
@@ -176,11 +220,16 @@ def fit_polynomial(value: FloatArray, delta: FloatArray, method: str) -> tuple[t
         cure = "check the known backlashes, add levels, or use another method"
         raise UnusableLog(f"method {method}: {problem}, so a value would have two meanings; {cure}")
     inner = np.unique(delta)[1:-1]
-    errors = [Polynomial.fit(value[delta != d], delta[delta != d], 3).convert()(value[delta == d]) - d for d in inner]
+    errors = [
+        Polynomial.fit(value[delta != d], delta[delta != d], 3).convert()(value[delta == d]) - d
+        for d in inner
+    ]
     return tuple(cubic.coef.tolist()), _uncertainty(np.concatenate(errors))
 
 
-def _bank_uncertainty(recordings: Sequence[Recording], delta: FloatArray, bank: WaveformBank) -> float:
+def _bank_uncertainty(
+    recordings: Sequence[Recording], delta: FloatArray, bank: WaveformBank
+) -> float:
     """Leave-one-level-out error of a bank [rad]; refused where readings do not grow with the backlash."""
     level = np.searchsorted(bank.delta_rad, delta)
     inner = np.flatnonzero((level > 0) & (level < bank.delta_rad.size - 1)).tolist()
@@ -206,9 +255,13 @@ def fit_calibration(
     if delta.size != len(recordings) or not (np.isfinite(delta) & (delta >= 0)).all():
         raise UnusableLog("each log needs a known backlash, finite and not negative [rad]")
     if delta.max(initial=0.0) > MOST_RAD:
-        raise UnusableLog(f"a known backlash of {delta.max():g} rad, above {MOST_RAD:g}: is the column in mrad?")
+        raise UnusableLog(
+            f"a known backlash of {delta.max():g} rad, above {MOST_RAD:g}: is the column in mrad?"
+        )
     if np.unique(delta).size < LEAST_LEVELS:
-        raise UnusableLog(f"{np.unique(delta).size} different backlashes; a calibration needs {LEAST_LEVELS} or more")
+        raise UnusableLog(
+            f"{np.unique(delta).size} different backlashes; a calibration needs {LEAST_LEVELS} or more"
+        )
     periods = np.array([recording.turn_period_s for recording in recordings])
     if np.ptp(periods) > PERIOD_MISMATCH * periods.mean():
         raise UnusableLog("the logs have different turn periods; calibrate one movement at a time")
@@ -219,14 +272,18 @@ def fit_calibration(
         bank = make_bank(delta.tolist(), [mean_turn(recording, phases) for recording in recordings])
         uncertainty = _bank_uncertainty(recordings, delta, bank)
     else:
-        value = np.array([read(recording, method, None, repeats, seed).value for recording in recordings])
+        value = np.array(
+            [read(recording, method, None, repeats, seed).value for recording in recordings]
+        )
         coefficients, uncertainty = fit_polynomial(value, delta, method)
     speed = float(np.mean([recording.commanded_speed_rps for recording in recordings]))
     range_rad = float(delta.min()), float(delta.max())
     if (share := uncertainty / np.ptp(delta)) > _MOST_UNCERTAINTY:
         known = f"the uncertainty, {1e3 * uncertainty:.3f} mrad, is {share:.0%} of the range of the known backlashes"
         raise UnusableLog(f"method {method}: {known}; check them, add logs, or use another method")
-    return Calibration(method, coefficients, range_rad, uncertainty, float(periods.mean()), speed, provenance, bank)
+    return Calibration(
+        method, coefficients, range_rad, uncertainty, float(periods.mean()), speed, provenance, bank
+    )
 
 
 @lru_cache(maxsize=len(METHODS))
@@ -249,7 +306,8 @@ def default_calibrations_text() -> str:
 def compute_default(method: str) -> Calibration:
     """Calibrate a method for the paper's joint, on simulated records of Table 2's range of backlash.
 
-    "waveform" goes a little beyond that; "paper" has equation 10 as printed, and the RMS error that it makes on them.
+    "waveform" goes a little beyond that; "paper" has equation 10 as printed, and the RMS error that
+    it makes on them.
     """
     joint, levels = identified_joint(), printed_levels_rad()
     simulated = "the paper's joint as identified, simulated"
@@ -264,10 +322,14 @@ def compute_default(method: str) -> Calibration:
     coefficients = equation_10().coefficients * RPM_PER_RPS ** np.arange(4)
     amplitude = np.array([read(record, "amplitude").value for record in records])
     return Calibration(
-        method, tuple(coefficients.tolist()), (float(levels[0]), float(levels[-1])),
-        _uncertainty(Polynomial(coefficients)(amplitude) - fine), TURN_PERIOD_S, COMMANDED_SPEED_RPS,
+        method,
+        tuple(coefficients.tolist()),
+        (float(levels[0]), float(levels[-1])),
+        _uncertainty(Polynomial(coefficients)(amplitude) - fine),
+        TURN_PERIOD_S,
+        COMMANDED_SPEED_RPS,
         f"equation 10 as printed; its error is that on {simulated}",
-    )  # fmt: skip
+    )
 
 
 @lru_cache(maxsize=1)
@@ -276,8 +338,12 @@ def shares() -> dict[str, float]:
     return pd.read_csv(_DATA / "spread_of_joints.csv", index_col="method")["share_95"].to_dict()
 
 
-def widened(method: str, delta_rad: float, interval_rad: tuple[float, float]) -> tuple[float, float]:
+def widened(
+    method: str, delta_rad: float, interval_rad: tuple[float, float]
+) -> tuple[float, float]:
     """Interval [rad] of a backlash by the paper's joint's calibration, the spread of joints added to the noise."""
     other = shares()[method] * delta_rad
     low, high = interval_rad
-    return float(delta_rad - np.hypot(delta_rad - low, other)), float(delta_rad + np.hypot(high - delta_rad, other))
+    return float(delta_rad - np.hypot(delta_rad - low, other)), float(
+        delta_rad + np.hypot(high - delta_rad, other)
+    )

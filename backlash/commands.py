@@ -38,7 +38,14 @@ _INPUTS = {
     "table": "the table of known backlashes",
     "dates": "the table of dates",
 }
-_OF_A_LOG = {"turn_period_s", "gear_ratio", "commanded_speed_rps", "counts_per_turn", "start_s", "end_s"}
+_OF_A_LOG = {
+    "turn_period_s",
+    "gear_ratio",
+    "commanded_speed_rps",
+    "counts_per_turn",
+    "start_s",
+    "end_s",
+}
 _FAIL_ON = re.compile(r"cannot-tell|no-backlash|backlash( *> *(\d*\.?\d+) *(m?)rad)?")
 _FAILED = 3  # exit status
 _FIGURES = (".png", ".svg", ".pdf")
@@ -69,7 +76,9 @@ def _check_output(path: Path | None, endings: Sequence[str], option: str) -> Non
     if path.suffix.lower() not in endings:
         raise UnusableLog(f"{option} {path}: its name must end in {' or '.join(endings)}")
     if path.is_dir() or not path.parent.is_dir() or not os.access(path.parent, os.W_OK):
-        raise UnusableLog(f"{option} {path}: cannot be written there; name a file in a folder that you may write to")
+        raise UnusableLog(
+            f"{option} {path}: cannot be written there; name a file in a folder that you may write to"
+        )
     if path.suffix.lower() == ".parquet" and find_spec("pyarrow") is None:
         raise UnusableLog(f"{option} {path}: Parquet needs pyarrow; name a .csv instead")
 
@@ -151,7 +160,9 @@ def _failures(text: str | None) -> list[tuple[str, float]]:
     for term in text.split(",") if text is not None else ():
         match = _FAIL_ON.fullmatch(term.strip())
         if match is None:
-            raise UnusableLog(f"--fail-on {term!r}: give cannot-tell, no-backlash, backlash or backlash>0.5mrad")
+            raise UnusableLog(
+                f"--fail-on {term!r}: give cannot-tell, no-backlash, backlash or backlash>0.5mrad"
+            )
         limit = float(match[2]) * (1e-3 if match[3] else 1.0) if match[2] else -1.0
         found.append((term.partition(">")[0].strip().replace("-", " "), limit))
     return found
@@ -160,14 +171,26 @@ def _failures(text: str | None) -> list[tuple[str, float]]:
 def _batch(path: Path, said: Mapping[str, Any]) -> tuple[list[Path], list[LogFormat]]:
     """Logs of a table, and what is said of each by its row, else by the options."""
     logs, table = _listed_logs(path, "file")
-    names = [re.sub(r"_*[\[(]_*(s|rps)_*[\])]$", r"_\1", name.strip().lower().replace(" ", "_")) for name in table]
+    names = [
+        re.sub(r"_*[\[(]_*(s|rps)_*[\])]$", r"_\1", name.strip().lower().replace(" ", "_"))
+        for name in table
+    ]
     table.columns = [_SHORT_NAMES.get(name, name) for name in names]
     if unknown := set(table) - _OF_A_LOG:
-        raise UnusableLog(f"{path}: column {min(unknown)!r}; there are file, period (s), gear_ratio and speed (rps)")
+        raise UnusableLog(
+            f"{path}: column {min(unknown)!r}; there are file, period (s), gear_ratio and speed (rps)"
+        )
     forms = []
     for log, row in zip(logs, table.to_dict("records"), strict=True):
         try:
-            forms.append(LogFormat(**{**said, **{name: value for name, value in row.items() if not np.isnan(value)}}))
+            forms.append(
+                LogFormat(
+                    **{
+                        **said,
+                        **{name: value for name, value in row.items() if not np.isnan(value)},
+                    }
+                )
+            )
         except UnusableLog as error:
             raise error.in_file(f"{path}, {log.name}") from error
     return logs, forms
@@ -186,23 +209,38 @@ def _estimate_one(log: Path, settings: Settings, options: argparse.Namespace) ->
     return answer
 
 
-def _estimate_many(logs: Sequence[Path], settings: Sequence[Settings], options: argparse.Namespace) -> list[Estimate]:
+def _estimate_many(
+    logs: Sequence[Path], settings: Sequence[Settings], options: argparse.Namespace
+) -> list[Estimate]:
     kept = options.out.with_name(f"{options.out.name}.kept") if options.out else None
     with ends_on_interrupt(f"; the same command goes on from {kept}" if kept else ""):
         answers = fleet.run_fleet(logs, settings, options.jobs, kept)
-    bad = [answer.warnings[0] for answer in answers if "".join(answer.warnings[:1]).startswith(fleet.UNUSABLE)]
+    bad = [
+        answer.warnings[0]
+        for answer in answers
+        if "".join(answer.warnings[:1]).startswith(fleet.UNUSABLE)
+    ]
     if len(bad) < len(answers):
         if bad:
-            print(f"{len(bad)} of {len(answers)} logs are not usable; their rows say why", file=sys.stderr)
+            print(
+                f"{len(bad)} of {len(answers)} logs are not usable; their rows say why",
+                file=sys.stderr,
+            )
         if options.json or not options.out:
-            _print_answer(options.json, [answer.to_dict() for answer in answers], "\n".join(map(str, answers)))
+            _print_answer(
+                options.json, [answer.to_dict() for answer in answers], "\n".join(map(str, answers))
+            )
         if options.out:
-            write_bytes(options.out, _table_bytes(fleet.as_table(answers), options.out.suffix.lower()))
+            write_bytes(
+                options.out, _table_bytes(fleet.as_table(answers), options.out.suffix.lower())
+            )
     if kept:
         shutil.rmtree(kept, ignore_errors=True)
     if len(bad) == len(answers):
         why = bad[0].removeprefix(fleet.UNUSABLE)
-        raise UnusableLog(why if len(bad) == 1 else f"none of {len(bad)} logs is usable; the first: {why}")
+        raise UnusableLog(
+            why if len(bad) == 1 else f"none of {len(bad)} logs is usable; the first: {why}"
+        )
     return answers
 
 
@@ -217,7 +255,9 @@ def run_calibrate(options: argparse.Namespace) -> int:
     """Make a calibration file."""
     _check_output(options.out, (".json",), "--out")
     said = _said(options)
-    settings_for(LogFormat(**said), None, None, options.repeats, options.seed)  # refuses what cannot be
+    settings_for(
+        LogFormat(**said), None, None, options.repeats, options.seed
+    )  # refuses what cannot be
     logs, table = _listed_logs(options.table, "log", "backlash_rad")
     _keep_inputs(options, logs)
     _announce_compiling()
@@ -226,7 +266,9 @@ def run_calibrate(options: argparse.Namespace) -> int:
     write_bytes(options.out, made.to_json().encode())
     low, high, spread = (1e3 * part for part in (*made.range_rad, made.uncertainty_rad))
     known_range = f"method {made.method}, {low:.3f} to {high:.3f} mrad"
-    print(f"{options.out}: {known_range}, uncertainty {spread:.4f} mrad (RMS error at levels left out)")
+    print(
+        f"{options.out}: {known_range}, uncertainty {spread:.4f} mrad (RMS error at levels left out)"
+    )
     return 0
 
 

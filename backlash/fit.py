@@ -21,7 +21,9 @@ class Fitted(Detected):
     """A log with what was fitted to it."""
 
     signature: GlobalFit
-    reading: Reading  # of the calibration's method where that knows the movement, else the amplitude
+    reading: (
+        Reading  # of the calibration's method where that knows the movement, else the amplitude
+    )
     model_rps: FloatArray  # the method's model at the samples, less its mean
     joint: SelfFit | None = None
     torque_fit: TorqueFit | None = None
@@ -66,7 +68,11 @@ def _with_joint(fitted: Fitted) -> Fitted:
     phases = np.arange(joint.turn_rps.size + 1) / joint.turn_rps.size
     model = np.interp(_turns(fitted) % 1.0, phases, np.append(joint.turn_rps, joint.turn_rps[0]))
     where = f"worst at {joint.worst_phase:.2f} turns from the load hanging down"
-    refusal = CannotTell("no such joint", f"{joint.refusal_reason}, {where}") if joint.refusal_reason else None
+    refusal = (
+        CannotTell("no such joint", f"{joint.refusal_reason}, {where}")
+        if joint.refusal_reason
+        else None
+    )
     return replace(fitted, joint=joint, model_rps=model, refusal=refusal)
 
 
@@ -77,7 +83,9 @@ def _with_torque(fitted: Fitted, load: LoadData, seed: int) -> Fitted:
         fit = fit_torque(fitted.recording, torque, load, np.random.default_rng(seed))
     except ValueError as error:
         return replace(fitted, refusal=CannotTell("wrong torque", str(error), (str(load),)))
-    refusal = CannotTell("too noisy", fit.refusal_reason, (str(load),)) if fit.refusal_reason else None
+    refusal = (
+        CannotTell("too noisy", fit.refusal_reason, (str(load),)) if fit.refusal_reason else None
+    )
     return replace(fitted, torque_fit=fit, refusal=refusal)
 
 
@@ -87,8 +95,12 @@ def _with_reading(fitted: Fitted, settings: Settings) -> Fitted:
     if calibration.method == "paper":
         reading = read(recording, "paper", None, settings.repeats, settings.seed)
     else:
-        reading = reading_of_fit(recording, calibration.method, fitted.signature, calibration.bank, settings.is_own)
+        reading = reading_of_fit(
+            recording, calibration.method, fitted.signature, calibration.bank, settings.is_own
+        )
     if calibration.bank is None:
         return replace(fitted, reading=reading)
     waveform = calibration.bank.at(reading.value)
-    return replace(fitted, reading=reading, model_rps=waveform((_turns(fitted) - reading.shift_turns) % 1.0))
+    return replace(
+        fitted, reading=reading, model_rps=waveform((_turns(fitted) - reading.shift_turns) % 1.0)
+    )

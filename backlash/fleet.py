@@ -34,7 +34,9 @@ def find_logs(paths: Sequence[Path], left_out: Path | None = None) -> list[Path]
         if path.is_dir():
             inside = sorted(file for file in path.rglob("*") if _is_log(file))
             if not inside:
-                raise UnusableLog(f"{path}: no logs in this folder; they end in {', '.join(SUFFIXES)}")
+                raise UnusableLog(
+                    f"{path}: no logs in this folder; they end in {', '.join(SUFFIXES)}"
+                )
         for file in inside:
             found.setdefault(file.resolve(), file)
     if left_out is not None:
@@ -49,15 +51,22 @@ def _is_log(file: Path) -> bool:
 
 
 def run_fleet(
-    logs: Sequence[object], settings: Settings | Sequence[Settings], jobs: int = -1, kept: Path | None = None
+    logs: Sequence[object],
+    settings: Settings | Sequence[Settings],
+    jobs: int = -1,
+    kept: Path | None = None,
 ) -> list[Estimate]:
     """Estimate many logs, answers in their order; of a log that cannot be used the first warning says why.
 
-    Settings are those of all logs, or one for each; answers are kept in a folder, for a run that goes on where another
-    was interrupted. By itself it takes all cores (-1 jobs) where that is worth it.
+    Settings are those of all logs, or one for each; answers are kept in a folder, for a run that
+    goes on where another was interrupted. By itself it takes all cores (-1 jobs) where that is
+    worth it.
     """
     each = [settings] * len(logs) if isinstance(settings, Settings) else settings
-    return [examined.estimate for examined in examine_fleet(logs, each, jobs, partial(_answer, kept=kept))]
+    return [
+        examined.estimate
+        for examined in examine_fleet(logs, each, jobs, partial(_answer, kept=kept))
+    ]
 
 
 def examine_or_refuse(log: object, settings: Settings) -> Examined:
@@ -67,7 +76,9 @@ def examine_or_refuse(log: object, settings: Settings) -> Examined:
     except UnusableLog as error:
         return _failed(log, settings, str(error))
     except Exception as error:  # one log must not stop a thousand others
-        if isinstance(error.__cause__ or error.__context__, KeyboardInterrupt):  # what compiled code makes of Ctrl-C
+        if isinstance(
+            error.__cause__ or error.__context__, KeyboardInterrupt
+        ):  # what compiled code makes of Ctrl-C
             raise KeyboardInterrupt from error
         return _failed(log, settings, f"{name_of(log)}: {type(error).__name__}: {error}")
 
@@ -88,7 +99,9 @@ def _answer(log: object, settings: Settings, kept: Path | None) -> Examined:
     state = (status.st_size, status.st_mtime_ns) if status else None
     how = vars(settings) | {"calibration": settings.calibration.to_json()}
     key = joblib.hash(repr((path.resolve(), state, how)))
-    remembered = joblib.Memory(kept, verbose=0).cache(estimate_or_refuse, ignore=["log", "settings"])
+    remembered = joblib.Memory(kept, verbose=0).cache(
+        estimate_or_refuse, ignore=["log", "settings"]
+    )
     return Examined(replace(remembered(path, settings, key), file=str(path)))
 
 
@@ -108,7 +121,9 @@ def examine_fleet(
 
     if jobs == 0 or jobs < -1:
         raise UnusableLog(f"--jobs {jobs}: give -1 or a number above 0")
-    is_quick = len(logs) < _WORTH_PROCESSES and all(how.calibration.method != "paper" for how in settings)
+    is_quick = len(logs) < _WORTH_PROCESSES and all(
+        how.calibration.method != "paper" for how in settings
+    )
     calls = dict(enumerate(zip(logs, settings, strict=True)))
     found = _in_processes(task, calls, 1 if jobs < 0 and is_quick else jobs)
     in_any_order = tqdm(found, total=len(calls), unit="log", disable=None)
@@ -116,11 +131,14 @@ def examine_fleet(
 
 
 def _in_processes(
-    task: Callable[[object, Settings], Examined], calls: Mapping[int, tuple[object, Settings]], jobs: int
+    task: Callable[[object, Settings], Examined],
+    calls: Mapping[int, tuple[object, Settings]],
+    jobs: int,
 ) -> Iterator[tuple[int, Examined]]:
     """Examine each numbered log, in any order.
 
-    A process that dies takes the others with it and does not say on which log: what is left is tried again in halves.
+    A process that dies takes the others with it and does not say on which log: what is left is
+    tried again in halves.
     """
     from multiprocessing import resource_tracker
 
@@ -129,7 +147,8 @@ def _in_processes(
     left = dict(calls)
     try:
         numbered = (delayed(_numbered)(number, task, *call) for number, call in calls.items())
-        # Processes inherit that Ctrl-C is held back: this one ends them. To start the tracker would let it go.
+        # Processes inherit that Ctrl-C is held back: this one ends them. To start the tracker would
+        # let it go.
         resource_tracker.ensure_running()
         before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
         try:
@@ -165,20 +184,25 @@ def as_table(answers: Sequence[Estimate]) -> pd.DataFrame:
             ends = table.pop(name)
             for k, end in ((1, "high"), (0, "low")):
                 table.insert(place, name.replace("interval", end), ends.str[k])
-    numbers = [name for name in table if name.endswith(("_rps", "_rad", "_s", "_hz", "_ratio", "_share"))]
+    numbers = [
+        name for name in table if name.endswith(("_rps", "_rad", "_s", "_hz", "_ratio", "_share"))
+    ]
     return table.astype(dict.fromkeys(numbers, float))
 
 
 def with_shared_joint(examined: Sequence[Examined]) -> list[Estimate]:
     """Correct estimates by method self by what all logs tell of their joint.
 
-    Those without a backlash stay, and those with separate intervals: one log alone cannot choose between them.
+    Those without a backlash stay, and those with separate intervals: one log alone cannot choose
+    between them.
     """
     answers = [each.estimate for each in examined]
     joints = {
         k: each.fitted.joint
         for k, each in enumerate(examined)
-        if each.estimate.verdict == "backlash" and not each.estimate.backlash_intervals_rad and each.fitted
+        if each.estimate.verdict == "backlash"
+        and not each.estimate.backlash_intervals_rad
+        and each.fitted
     }
     fits = [joint for joint in joints.values() if joint is not None]
     corrected = share_joint(fits) if fits else []

@@ -1,11 +1,12 @@
 """The sensor from Python: `read_log`, `estimate`, `calibrate` and `trend`.
 
-A log is a path (str or Path), a table (DataFrame) whose columns are named as in a file, or what `read_log` returned.
-What is said of logs are the fields of `LogFormat`, as on the command line: `turn_period_s` or `gear_ratio`, one of
-which is needed, and `time`, `speed`, `position` (columns), `unit`, `counts_per_turn`, `commanded_speed_rps`, `start_s`,
-`end_s`, `trust_period`, `torque`. How they are measured: `calibration`, `method`, `repeats`, `seed`, and with a torque
-`inertia_ratio`, `gravity_per_s2`, `inertia_sd` and `gravity_sd`.
-An UnusableLog is a ValueError whose message is one line: what is wrong, where, what to do.
+A log is a path (str or Path), a table (DataFrame) whose columns are named as in a file, or what
+`read_log` returned. What is said of logs are the fields of `LogFormat`, as on the command line:
+`turn_period_s` or `gear_ratio`, one of which is needed, and `time`, `speed`, `position` (columns),
+`unit`, `counts_per_turn`, `commanded_speed_rps`, `start_s`, `end_s`, `trust_period`, `torque`. How
+they are measured: `calibration`, `method`, `repeats`, `seed`, and with a torque `inertia_ratio`,
+`gravity_per_s2`, `inertia_sd` and `gravity_sd`. An UnusableLog is a ValueError whose message is one
+line: what is wrong, where, what to do.
 """
 
 import hashlib
@@ -56,7 +57,9 @@ def _form(log: object, said: Mapping[str, Any]) -> LogFormat:
     """What is said of a log; `position=True` says it of arrays, and a log that was read has it all."""
     said = {name: value for name, value in said.items() if name not in Measuring.__annotations__}
     if unknown := sorted(set(said) - set(LogWords.__annotations__)):
-        raise TypeError(f"no parameter {unknown[0]!r}; of logs there are {', '.join(LogWords.__annotations__)}")
+        raise TypeError(
+            f"no parameter {unknown[0]!r}; of logs there are {', '.join(LogWords.__annotations__)}"
+        )
     if isinstance(log, Log):
         if said:
             raise UnusableLog(f"{log.file} was read already: give {', '.join(said)} to read_log")
@@ -137,7 +140,9 @@ def estimate(log: object, v: ArrayLike | None = None, **words: Unpack[Words]) ->
     >>> print(f"{answer.verdict}, {1e3 * answer.backlash_rad:.1f} mrad to each side")
     backlash, 0.9 mrad to each side
     """
-    return examine(log, settings_for(_form(log, words), **_how(words)), v, words.get("torque")).estimate
+    return examine(
+        log, settings_for(_form(log, words), **_how(words)), v, words.get("torque")
+    ).estimate
 
 
 def calibrate(
@@ -188,7 +193,9 @@ def calibrate(
             raise UnusableLog(f"{name_of(log)}: no use for a calibration: {refusal}") from refusal
     digests = "".join(log.sha256 or "" for log in read)
     made_of = f"{len(read)} logs, SHA-256 of theirs {hashlib.sha256(digests.encode()).hexdigest()}"
-    return fit_calibration([log.recording for log in read], delta_rad, method, made_of, repeats, seed)
+    return fit_calibration(
+        [log.recording for log in read], delta_rad, method, made_of, repeats, seed
+    )
 
 
 def trend(

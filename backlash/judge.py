@@ -1,8 +1,8 @@
 """Judge: is there backlash, how much, how sure; or why that cannot be told.
 
-Without a pattern in its half turns the verdict is "no backlash" only where this noise could not have hidden the
-calibration's least backlash. With one, the method's model must explain most of it, and the calibration must hold the
-reading in its range.
+Without a pattern in its half turns the verdict is "no backlash" only where this noise could not
+have hidden the calibration's least backlash. With one, the method's model must explain most of it,
+and the calibration must hold the reading in its range.
 """
 
 import math
@@ -56,9 +56,13 @@ def judge(known: Detected, settings: Settings) -> Estimate:
 def refuse(known: Source, refusal: CannotTell, settings: Settings) -> Estimate:
     """Answer why that cannot be told, with what is known all the same."""
     answer = what_is_known(known, settings)
-    other_joint = answer.method == SELF and str(refusal).startswith(("no such joint", "no signature"))
+    other_joint = answer.method == SELF and str(refusal).startswith(
+        ("no such joint", "no signature")
+    )
     advice = (_ADVICE,) if other_joint else ()
-    return _finite(replace(answer, warnings=(str(refusal), *advice, *answer.warnings, *refusal.notes)))
+    return _finite(
+        replace(answer, warnings=(str(refusal), *advice, *answer.warnings, *refusal.notes))
+    )
 
 
 def what_is_known(known: Source, settings: Settings) -> Estimate:
@@ -67,7 +71,11 @@ def what_is_known(known: Source, settings: Settings) -> Estimate:
     found: dict[str, Any] = {"sha256": known.sha256}
     if isinstance(known, Log):
         recording = known.recording
-        found |= {"samples": recording.t.size, "turn_period_s": recording.turn_period_s, "warnings": known.notes}
+        found |= {
+            "samples": recording.t.size,
+            "turn_period_s": recording.turn_period_s,
+            "warnings": known.notes,
+        }
     if isinstance(known, Fitted):
         names = ("amplitude_rps", "amplitude_interval_rps", "rmse_rps")
         found |= {name: getattr(known.reading, name) for name in names}
@@ -75,7 +83,9 @@ def what_is_known(known: Source, settings: Settings) -> Estimate:
             rmse = float(np.std(known.recording.v - known.model_rps))
             found |= {"rmse_rps": rmse, "ring_hz": joint.ring_hz}
             found |= {"damping_ratio": joint.damping, "friction_share": joint.friction}
-    return Estimate(known.file, method=calibration.method, calibration=calibration.provenance, **found)
+    return Estimate(
+        known.file, method=calibration.method, calibration=calibration.provenance, **found
+    )
 
 
 def _finite(found: Estimate) -> Estimate:
@@ -85,13 +95,17 @@ def _finite(found: Estimate) -> Estimate:
         numbers = value if isinstance(value, tuple) else (value,)
         return all(math.isfinite(number) for number in numbers if isinstance(number, float))
 
-    kept: dict[str, Any] = {name: value if is_finite(value) else None for name, value in vars(found).items()}
+    kept: dict[str, Any] = {
+        name: value if is_finite(value) else None for name, value in vars(found).items()
+    }
     return Estimate(**kept)
 
 
 def _check_movement(recording: Recording, calibration: Calibration) -> None:
     if difference := calibration.other_movement(recording):
-        raise CannotTell("extrapolated calibration", f"{difference}; calibrate at the speed of the logs")
+        raise CannotTell(
+            "extrapolated calibration", f"{difference}; calibrate at the speed of the logs"
+        )
 
 
 def _least_energy(recording: Recording, calibration: Calibration) -> float:
@@ -124,7 +138,9 @@ def _judge_absence(detected: Detected, calibration: Calibration, answer: Estimat
     if presence.detectable_rps2 > _least_energy(recording, calibration):
         noise = f"in this noise ({presence.noise_rps:.3g} rps) an oscillation of up to {hidden:.3g} rps stays hidden"
         backlash = f"more than a backlash of {least:.3g} rad makes"
-        raise CannotTell("too noisy", f"nothing found, but {noise}, {backlash}; log more turns, or quieter")
+        raise CannotTell(
+            "too noisy", f"nothing found, but {noise}, {backlash}; log more turns, or quieter"
+        )
     return replace(
         answer,
         verdict="no backlash",
@@ -143,11 +159,15 @@ def _judge_reading(fitted: Fitted, settings: Settings, answer: Estimate) -> Esti
     share = explained_share(fitted.recording, fitted.model_rps, fitted.presence)
     if share < _LEAST_SHARE:
         what = f"a pattern repeats itself every turn, but the model explains {max(share, 0.0):.0%} of it"
-        raise CannotTell("no signature", f"{what}; a faint backlash, much friction, or another cause")
+        raise CannotTell(
+            "no signature", f"{what}; a faint backlash, much friction, or another cause"
+        )
     notes: tuple[str, ...] = ()
     if abs(reading.amplitude_rps - best.amplitude_rps) > _OFF * best.amplitude_rps:
         means = f"their mean is {reading.amplitude_rps:.3f} rps, the best fit has {best.amplitude_rps:.3f} rps"
-        notes += (f"searches ended in other minima: {means}; method amplitude is not prone to this",)
+        notes += (
+            f"searches ended in other minima: {means}; method amplitude is not prone to this",
+        )
     found = calibration.backlash(reading)
     if _is_outside(reading, found, calibration):
         raise CannotTell("extrapolated calibration", _beyond(reading, found, calibration), notes)
@@ -156,7 +176,9 @@ def _judge_reading(fitted: Fitted, settings: Settings, answer: Estimate) -> Esti
     low, high = found.interval_rad
     if not settings.is_own:
         low, high = widened(calibration.method, found.delta_rad, found.interval_rad)
-        notes += ("calibrated for the paper's joint, not for yours: give --calibration, or take method self",)
+        notes += (
+            "calibrated for the paper's joint, not for yours: give --calibration, or take method self",
+        )
     return replace(
         answer,
         verdict="backlash",
@@ -203,14 +225,25 @@ def _judge_joint(fitted: Fitted, joint: SelfFit, least_rad: float, answer: Estim
     separate = (joint.interval_rad, *joint.other_intervals_rad)
     low, high = min(ends[0] for ends in separate), max(ends[1] for ends in separate)
     if low <= 0 and high > least_rad:
-        raise CannotTell("too noisy", f"none fits as well as up to {high:.3g} rad; log more turns, or quieter")
-    if high <= _NEGLIGIBLE_RAD or (high <= least_rad and not is_found):  # such a pattern has another cause
+        raise CannotTell(
+            "too noisy", f"none fits as well as up to {high:.3g} rad; log more turns, or quieter"
+        )
+    if high <= _NEGLIGIBLE_RAD or (
+        high <= least_rad and not is_found
+    ):  # such a pattern has another cause
         low = 0.0
-    if is_found and explained_share(fitted.recording, fitted.model_rps, fitted.presence) < _LEAST_SHARE:
-        raise CannotTell("no signature", "a pattern repeats itself every turn, but no backlash that explains it")
+    if (
+        is_found
+        and explained_share(fitted.recording, fitted.model_rps, fitted.presence) < _LEAST_SHARE
+    ):
+        raise CannotTell(
+            "no signature", "a pattern repeats itself every turn, but no backlash that explains it"
+        )
     notes: tuple[str, ...] = ()
     if joint.other_intervals_rad:
-        ranges = " or ".join(f"{1e3 * first:.3f} to {1e3 * last:.3f} mrad" for first, last in separate)
+        ranges = " or ".join(
+            f"{1e3 * first:.3f} to {1e3 * last:.3f} mrad" for first, last in separate
+        )
         notes = (f"separate backlashes fit: {ranges}",)
     return replace(
         answer,

@@ -15,7 +15,9 @@ from backlash.reading import UNITS
 from backlash.reading.refusals import UnusableLog
 
 _ABOUT = "Backlash, half of the total play, of a robot's joint from logs of the motor encoder."
-_DEFECT, _UNUSABLE, _INTERRUPTED = 1, 2, 130
+_DEFECT = 1
+_UNUSABLE = 2
+_INTERRUPTED = 130
 _STATUS = f"Exit status: 0 done, 1 a defect, 2 unusable input, 3 --fail-on holds, {_INTERRUPTED} interrupted."
 # Of an output that takes no more: whoever read a pipe has seen enough, or a disk is full.
 _UNWRITABLE = {errno.EPIPE, errno.ENOSPC, errno.EDQUOT, errno.EIO}
@@ -48,7 +50,9 @@ def _ending(error: BaseException) -> tuple[int, str]:
     if isinstance(error, UnusableLog):
         return _UNUSABLE, str(error)
     if isinstance(error, OSError) and error.errno in _UNWRITABLE:
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # nothing is left to be flushed at the end
+        os.dup2(
+            os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno()
+        )  # nothing is left to be flushed at the end
         is_read = error.errno != errno.EPIPE
         return _DEFECT, f"the answer cannot be written ({error.strerror})" if is_read else ""
     import traceback
@@ -87,33 +91,58 @@ def _parser() -> argparse.ArgumentParser:
     parser = _OneLineParser(prog="backlash", description=_ABOUT, epilog=_STATUS)
     commands = parser.add_subparsers(required=True, metavar="COMMAND")
 
-    sub = _add_command(commands, "estimate", "backlash (half of the play) from logs of the motor encoder")
+    sub = _add_command(
+        commands, "estimate", "backlash (half of the play) from logs of the motor encoder"
+    )
     logs = "CSV, XLSX or Parquet files, or folders of them; - is the standard input"
     sub.add_argument("log", nargs="*", type=Path, help=logs)
-    each = "CSV with the columns file, and period (s), gear_ratio, speed (rps): each log with its own"
+    each = (
+        "CSV with the columns file, and period (s), gear_ratio, speed (rps): each log with its own"
+    )
     sub.add_argument("--batch", type=Path, metavar="TABLE", help=each)
     _add_log_options(sub)
     _add_measuring(sub)
-    sub.add_argument("--json", action="store_true", help="print an array with an object for each log")
-    sub.add_argument("--plot", type=Path, metavar="FILE", help="write a figure of the one log: .png, .svg or .pdf")
-    sub.add_argument("--out", type=Path, metavar="TABLE", help="write a table, one row per log: .csv or .parquet")
+    sub.add_argument(
+        "--json", action="store_true", help="print an array with an object for each log"
+    )
+    sub.add_argument(
+        "--plot",
+        type=Path,
+        metavar="FILE",
+        help="write a figure of the one log: .png, .svg or .pdf",
+    )
+    sub.add_argument(
+        "--out", type=Path, metavar="TABLE", help="write a table, one row per log: .csv or .parquet"
+    )
     fails = (
-        "exit with 3 if a log is one of these: cannot-tell, no-backlash, backlash, backlash>0.5mrad (half of the play)"
+        "exit with 3 if a log is one of these: cannot-tell, no-backlash, backlash, "
+        "backlash>0.5mrad (half of the play)"
     )
     sub.add_argument("--fail-on", metavar="LIST", help=fails)
 
     sub = _add_command(commands, "calibrate", "a calibration from logs of known backlash")
     known = "CSV with the columns log (its file) and backlash_rad (half of the play), six different ones or more"
     sub.add_argument("table", type=Path, help=known)
-    sub.add_argument("--out", type=Path, required=True, metavar="FILE", help="the calibration, .json")
+    sub.add_argument(
+        "--out", type=Path, required=True, metavar="FILE", help="the calibration, .json"
+    )
     sub.add_argument("--method", choices=METHODS, default="waveform", help="default: waveform")
     _add_log_options(sub)
     _add_searches(sub)
 
     sub = _add_command(commands, "trend", "growth of the backlash, and when it crosses a limit")
-    sub.add_argument("log", nargs="+", type=Path, help="logs or folders; dates in their names, like 2024-03-17")
-    sub.add_argument("--dates", type=Path, metavar="TABLE", help="CSV with the columns file and date instead")
-    sub.add_argument("--limit", type=float, metavar="RAD", help="the backlash (half of the play) whose date is wanted")
+    sub.add_argument(
+        "log", nargs="+", type=Path, help="logs or folders; dates in their names, like 2024-03-17"
+    )
+    sub.add_argument(
+        "--dates", type=Path, metavar="TABLE", help="CSV with the columns file and date instead"
+    )
+    sub.add_argument(
+        "--limit",
+        type=float,
+        metavar="RAD",
+        help="the backlash (half of the play) whose date is wanted",
+    )
     index = "growth of the oscillation's amplitude in percent, for a joint whose backlash cannot be told"
     sub.add_argument("--relative", action="store_true", help=index)
     _add_log_options(sub)
@@ -123,7 +152,9 @@ def _parser() -> argparse.ArgumentParser:
     return parser
 
 
-def _add_command(commands: argparse._SubParsersAction, name: str, text: str) -> argparse.ArgumentParser:
+def _add_command(
+    commands: argparse._SubParsersAction, name: str, text: str
+) -> argparse.ArgumentParser:
     """A command that `run_<name>` of `commands` does."""
     sub = commands.add_parser(name, help=text)
     sub.set_defaults(function=f"run_{name}")
@@ -133,13 +164,22 @@ def _add_command(commands: argparse._SubParsersAction, name: str, text: str) -> 
 def _add_log_options(sub: argparse.ArgumentParser) -> None:
     """Options that are fields of `LogFormat`, under their names there."""
     group = sub.add_argument_group("the logs")
-    group.add_argument("--time", metavar="COLUMN", help="by name, or by number from 1; found by name otherwise")
+    group.add_argument(
+        "--time", metavar="COLUMN", help="by name, or by number from 1; found by name otherwise"
+    )
     group.add_argument("--speed", metavar="COLUMN", help="of the motor")
     group.add_argument("--position", metavar="COLUMN", help="of the motor, instead of its speed")
-    group.add_argument("--unit", choices=UNITS, help="of the speed; of a position: rps for turns, rad/s for rad")
+    group.add_argument(
+        "--unit", choices=UNITS, help="of the speed; of a position: rps for turns, rad/s for rad"
+    )
     for option, name, metavar, text in (
         ("--counts-per-turn", "counts_per_turn", "N", "encoder counts of a motor turn"),
-        ("--commanded-speed", "commanded_speed_rps", "RPS", "of the motor [rps], to check the unit by"),
+        (
+            "--commanded-speed",
+            "commanded_speed_rps",
+            "RPS",
+            "of the motor [rps], to check the unit by",
+        ),
         ("--turn-period", "turn_period_s", "S", "of the load [s]"),
         ("--gear-ratio", "gear_ratio", "N", "motor turns in a load turn, instead"),
         ("--from", "start_s", "S", "leave out what is before this time [s from the first sample]"),
@@ -151,22 +191,51 @@ def _add_log_options(sub: argparse.ArgumentParser) -> None:
 
 
 def _add_searches(sub: argparse._ActionsContainer) -> None:
-    sub.add_argument("--repeats", type=int, default=30, help="searches of method paper (default: 30)")
+    sub.add_argument(
+        "--repeats", type=int, default=30, help="searches of method paper (default: 30)"
+    )
     sub.add_argument("--seed", type=int, default=1, help="of the first search (default: 1)")
 
 
 def _add_measuring(sub: argparse.ArgumentParser) -> None:
     group = sub.add_argument_group("measuring")
-    group.add_argument("--calibration", type=Path, metavar="FILE", help="of your joint; default: what the log tells")
+    group.add_argument(
+        "--calibration",
+        type=Path,
+        metavar="FILE",
+        help="of your joint; default: what the log tells",
+    )
     methods = "default: the calibration's, torque with --torque, else self, for a drive of the paper's kind"
     group.add_argument("--method", choices=SENSOR_METHODS, help=methods)
     _add_searches(group)
-    group.add_argument("--torque", metavar="COLUMN", help="of the motor, with the next two; for any drive")
+    group.add_argument(
+        "--torque", metavar="COLUMN", help="of the motor, with the next two; for any drive"
+    )
     for option, name, metavar, usual, text in (
-        ("--inertia-ratio", "inertia_ratio", "RHO", None, "J_l/(N^2 J_m), from a data sheet or the drive's autotune"),
-        ("--gravity", "gravity_per_s2", "PER_S2", None, "m g r/J_l [1/s^2], from a data sheet or autotune"),
-        ("--inertia-sd", "inertia_sd", "SHARE", 0.1, "relative SD of --inertia-ratio (default: 0.1)"),
+        (
+            "--inertia-ratio",
+            "inertia_ratio",
+            "RHO",
+            None,
+            "J_l/(N^2 J_m), from a data sheet or the drive's autotune",
+        ),
+        (
+            "--gravity",
+            "gravity_per_s2",
+            "PER_S2",
+            None,
+            "m g r/J_l [1/s^2], from a data sheet or autotune",
+        ),
+        (
+            "--inertia-sd",
+            "inertia_sd",
+            "SHARE",
+            0.1,
+            "relative SD of --inertia-ratio (default: 0.1)",
+        ),
         ("--gravity-sd", "gravity_sd", "SHARE", 0.05, "relative SD of --gravity (default: 0.05)"),
     ):
         group.add_argument(option, dest=name, type=float, metavar=metavar, default=usual, help=text)
-    group.add_argument("--jobs", type=int, default=-1, help="processes for many logs (default: -1, all cores)")
+    group.add_argument(
+        "--jobs", type=int, default=-1, help="processes for many logs (default: -1, all cores)"
+    )

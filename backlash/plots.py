@@ -18,7 +18,11 @@ from replication.recording import Recording
 _SHOWN_TURNS = 3
 _STYLE = Path(__file__).with_name("data") / "plots.mplstyle"
 # By ending, stamps that would make each file another; None leaves them out.
-STAMPS: dict[str, dict[str, None]] = {".png": {}, ".svg": {"Date": None}, ".pdf": {"CreationDate": None}}
+STAMPS: dict[str, dict[str, None]] = {
+    ".png": {},
+    ".svg": {"Date": None},
+    ".pdf": {"CreationDate": None},
+}
 
 
 def in_style(plot: Callable[..., Figure]) -> Callable[..., Figure]:
@@ -29,7 +33,8 @@ def in_style(plot: Callable[..., Figure]) -> Callable[..., Figure]:
         with plt.style.context(_STYLE):
             figure = plot(*args)
             interactive = mpl.is_interactive()
-        # A notebook's backend switches this on with its first figure; switched back, no other figure would be shown.
+        # A notebook's backend switches this on with its first figure; switched back, no other
+        # figure would be shown.
         mpl.interactive(interactive)
         return figure
 
@@ -72,7 +77,16 @@ def trend_figure(trend: Trend) -> Figure:
     scale, unit = trend.shown_in
     delta = scale * points["value"].to_numpy()
     ends = np.abs(scale * points[["low", "high"]].to_numpy().T - delta)
-    axis.errorbar(points["date"], delta, ends, fmt="o", color="C5", markersize=4, capsize=3, label="estimate, 95 %")
+    axis.errorbar(
+        points["date"],
+        delta,
+        ends,
+        fmt="o",
+        color="C5",
+        markersize=4,
+        capsize=3,
+        label="estimate, 95 %",
+    )
     since = (points["date"] - trend.origin).dt.total_seconds().to_numpy() / 86400
     last = since[-1]
     if trend.crossing is not None:

@@ -54,10 +54,14 @@ def settings_for(
     data = None
     if method == TORQUE or any(value is not None for value in given):
         if own is not None or method not in (None, TORQUE):
-            raise UnusableLog("method torque goes without a calibration or another method: leave out one of them")
+            raise UnusableLog(
+                "method torque goes without a calibration or another method: leave out one of them"
+            )
         options = zip(("--torque", "--inertia-ratio", "--gravity"), given, strict=True)
         if missing := " and ".join(option for option, value in options if value is None):
-            raise UnusableLog(f"method torque needs the torque and the load's data: give {missing} too")
+            raise UnusableLog(
+                f"method torque needs the torque and the load's data: give {missing} too"
+            )
         method, data = TORQUE, LoadData(**load)  # type: ignore[arg-type]  # none is None
     if own is not None and method not in (None, own.method):
         raise UnusableLog(f"--method {method}: the calibration is of method {own.method}")
@@ -72,4 +76,6 @@ def _default(method: str) -> Calibration:
     """Calibration of a method for the paper's joint; methods without one need only the least backlash it would see."""
     if method not in (SELF, TORQUE):
         return default_calibration(method)
-    return replace(default_calibration("amplitude"), method=method, provenance="none: the log's own joint")
+    return replace(
+        default_calibration("amplitude"), method=method, provenance="none: the log's own joint"
+    )

@@ -1,8 +1,9 @@
 """Backlash over time from dated logs, and the date at which it crosses a limit.
 
-The line through the dated estimates is weighted by their intervals, widened where they scatter more. The crossing's
-interval is that of Fieller's theorem: the dates at which the line's confidence band holds the limit. Where no log has
-an absolute backlash, the line goes through the amplitudes instead, in percent of the first.
+The line through the dated estimates is weighted by their intervals, widened where they scatter
+more. The crossing's interval is that of Fieller's theorem: the dates at which the line's confidence
+band holds the limit. Where no log has an absolute backlash, the line goes through the amplitudes
+instead, in percent of the first.
 """
 
 import re
@@ -37,7 +38,9 @@ class Trend:
     quantile: float  # of the t distribution, for two-sided intervals at `CONFIDENCE`
     limit_rad: float | None
     crossing: pd.Timestamp | None  # when the line reaches the limit
-    crossing_interval: tuple[pd.Timestamp | None, pd.Timestamp | None] | None  # None: no end in a century
+    crossing_interval: (
+        tuple[pd.Timestamp | None, pd.Timestamp | None] | None
+    )  # None: no end in a century
     warnings: tuple[str, ...]
     is_relative: bool = False  # the values are amplitudes, in percent of the first log's
 
@@ -55,18 +58,28 @@ class Trend:
         """The points, growth and crossing, ready for JSON; keys say the unit."""
         name, unit = ("relative_index", "percent") if self.is_relative else ("backlash", "rad")
         points = [
-            {"file": row.file, "date": _day(row.date), f"{name}_{unit}": row.value,
-             f"{name}_interval_{unit}": [row.low, row.high]}
+            {
+                "file": row.file,
+                "date": _day(row.date),
+                f"{name}_{unit}": row.value,
+                f"{name}_interval_{unit}": [row.low, row.high],
+            }
             for row in self.points.itertuples()
-        ]  # fmt: skip
+        ]
         return {
-            "points": points, f"growth_{unit}_per_day": self.line[1],
+            "points": points,
+            f"growth_{unit}_per_day": self.line[1],
             f"growth_interval_{unit}_per_day": list(self.growth_interval),
-            "limit_rad": self.limit_rad, "crossing_date": _day(self.crossing),
-            "crossing_interval": self.crossing_interval and [_day(end) for end in self.crossing_interval],
-            "confidence": CONFIDENCE, "warnings": list(self.warnings), "is_relative": self.is_relative,
-            "alarm": self.alarm, "version": __version__,
-        }  # fmt: skip
+            "limit_rad": self.limit_rad,
+            "crossing_date": _day(self.crossing),
+            "crossing_interval": self.crossing_interval
+            and [_day(end) for end in self.crossing_interval],
+            "confidence": CONFIDENCE,
+            "warnings": list(self.warnings),
+            "is_relative": self.is_relative,
+            "alarm": self.alarm,
+            "version": __version__,
+        }
 
     def __str__(self) -> str:
         """The trend for people."""
@@ -76,7 +89,9 @@ class Trend:
             f"  {row.file}"
             for row in self.points.itertuples()
         ]
-        growth, low, high = (scale * 365.25 * rate for rate in (self.line[1], *self.growth_interval))
+        growth, low, high = (
+            scale * 365.25 * rate for rate in (self.line[1], *self.growth_interval)
+        )
         sure = "; alarm: it grows" if self.alarm else ""
         lines.append(f"growth {growth:.3f} {unit} a year (95 %: {low:.3f} to {high:.3f}){sure}")
         if self.limit_rad is not None and self.crossing is not None:
@@ -94,7 +109,11 @@ class Trend:
     def band(self, days: FloatArray) -> tuple[FloatArray, FloatArray]:
         """The line at days from `origin`, and half the width of its confidence band."""
         a, b = self.line
-        variance = self.covariance[0, 0] + 2 * days * self.covariance[0, 1] + days**2 * self.covariance[1, 1]
+        variance = (
+            self.covariance[0, 0]
+            + 2 * days * self.covariance[0, 1]
+            + days**2 * self.covariance[1, 1]
+        )
         return a + b * days, self.quantile * np.sqrt(np.maximum(variance, 0.0))
 
 
@@ -120,17 +139,24 @@ def _dates_in(table: Path) -> dict[str, pd.Timestamp]:
         dates = pd.to_datetime(frame["date"], format="ISO8601", utc=True).dt.tz_localize(None)
         return dict(zip(frame["file"], dates, strict=True))
     except (OSError, ValueError, KeyError) as error:
-        raise UnusableLog(f"{table}: no table with columns file and date ({error}); dates like 2024-03-17") from error
+        raise UnusableLog(
+            f"{table}: no table with columns file and date ({error}); dates like 2024-03-17"
+        ) from error
 
 
 def check_limit(limit_rad: float | None) -> None:
     """Refuse a limit that no backlash reaches."""
     if limit_rad is not None and not 0 < limit_rad <= MOST_RAD:
-        raise UnusableLog(f"--limit {limit_rad:g}: give a finite backlash above 0, at most {MOST_RAD:g} [rad]")
+        raise UnusableLog(
+            f"--limit {limit_rad:g}: give a finite backlash above 0, at most {MOST_RAD:g} [rad]"
+        )
 
 
 def fit_trend(
-    answers: Sequence[Estimate], dates: Sequence[pd.Timestamp], limit_rad: float | None = None, relative: bool = False
+    answers: Sequence[Estimate],
+    dates: Sequence[pd.Timestamp],
+    limit_rad: float | None = None,
+    relative: bool = False,
 ) -> Trend:
     """Fit a line to dated backlashes; to amplitudes if `relative`, or if no log has an answer."""
     check_limit(limit_rad)
@@ -138,14 +164,24 @@ def fit_trend(
     points = _points(answers, dates, relative)
     count, left_out = points["date"].nunique(), len(answers) - len(points)
     if count < _LEAST_DATES:
-        why = "; ".join(f"{answer.file}: {answer.warnings[0]}" for answer in answers[:1] if answer.warnings)
-        raise UnusableLog(f"{count} dates with an estimate; a trend needs {_LEAST_DATES} or more ({why})")
+        why = "; ".join(
+            f"{answer.file}: {answer.warnings[0]}" for answer in answers[:1] if answer.warnings
+        )
+        raise UnusableLog(
+            f"{count} dates with an estimate; a trend needs {_LEAST_DATES} or more ({why})"
+        )
     warnings = [f"{left_out} of {len(answers)} logs are left out"] if left_out else []
     unused = [answer for answer in answers if answer.file not in set(points["file"])]
-    warnings += [f"{answer.file}: {''.join(answer.warnings[:1]) or answer.verdict}" for answer in unused]
+    warnings += [
+        f"{answer.file}: {''.join(answer.warnings[:1]) or answer.verdict}" for answer in unused
+    ]
     if relative:
-        warnings.append("relative: the oscillation's amplitude in percent of the first log's, not the backlash")
-        warnings += ["a limit in rad says nothing of a relative trend"] if limit_rad is not None else []
+        warnings.append(
+            "relative: the oscillation's amplitude in percent of the first log's, not the backlash"
+        )
+        warnings += (
+            ["a limit in rad says nothing of a relative trend"] if limit_rad is not None else []
+        )
         limit_rad = None
     delta = points["value"].to_numpy()
     deviation = (points["high"] - points["low"]).to_numpy() / 2 / ndtri((1 + CONFIDENCE) / 2)
@@ -153,8 +189,11 @@ def fit_trend(
     since = (points["date"] - points["date"].iloc[0]).dt.total_seconds().to_numpy() / 86400
     middle = float(weight @ since / weight.sum())
     days = since - middle
-    # Of the growth since the first log: equal estimates then have a slope of zero, to the last digit.
-    (growth, offset), covariance = np.polyfit(days, delta - delta[0], 1, w=np.sqrt(weight), cov="unscaled")
+    # Of the growth since the first log: equal estimates then have a slope of zero, to the last
+    # digit.
+    (growth, offset), covariance = np.polyfit(
+        days, delta - delta[0], 1, w=np.sqrt(weight), cov="unscaled"
+    )
     line, covariance = (delta[0] + offset, growth), covariance[::-1, ::-1]
     chi2 = float(weight @ (delta - line[0] - line[1] * days) ** 2)
     freedom = delta.size - 2
@@ -176,10 +215,23 @@ def fit_trend(
         if when > days.max() + np.ptp(days):
             warnings.append("the crossing lies further ahead than the logs go back")
     a, b = (float(part) for part in line)
-    return Trend(points, origin, (a, b), covariance, quantile, limit_rad, crossing, interval, tuple(warnings), relative)
+    return Trend(
+        points,
+        origin,
+        (a, b),
+        covariance,
+        quantile,
+        limit_rad,
+        crossing,
+        interval,
+        tuple(warnings),
+        relative,
+    )
 
 
-def _points(answers: Sequence[Estimate], dates: Sequence[pd.Timestamp], relative: bool) -> pd.DataFrame:
+def _points(
+    answers: Sequence[Estimate], dates: Sequence[pd.Timestamp], relative: bool
+) -> pd.DataFrame:
     """Dated backlashes [rad], or amplitudes in percent of the first, by date."""
     used = []
     for answer, date in zip(answers, dates, strict=True):

@@ -107,15 +107,34 @@ def draw_joint(delta):
     teeth.draw_arm(left, 0.9)
     left.plot([-3.9, -0.8], [0, 0], color=style.INK, linewidth=3, zorder=0)
     for x, radius, colour in ((-0.8, 0.2, style.BLUE), (0, 0.6, "0.5")):
-        left.add_patch(Circle((x, 0), radius, fill=False, edgecolor=colour, linewidth=3, linestyle=":"))
+        left.add_patch(
+            Circle((x, 0), radius, fill=False, edgecolor=colour, linewidth=3, linestyle=":")
+        )
     for x, text, pad in ((-4.1, "encoder", 0.6), (-2.6, "motor\n$J_m, \\theta_m$", 1.2)):
-        left.text(x, 0, text, ha="center", va="center", bbox={"boxstyle": f"square,pad={pad}", "facecolor": "w"})
-    texts = (-0.8, 0.8, "gear $N$ : 1"), (1.25, -0.45, "load $J_l$"), (0.2, -0.9, "$\\theta_l$"), (1.1, -1.3, "$m g$")
+        left.text(
+            x,
+            0,
+            text,
+            ha="center",
+            va="center",
+            bbox={"boxstyle": f"square,pad={pad}", "facecolor": "w"},
+        )
+    texts = (
+        (-0.8, 0.8, "gear $N$ : 1"),
+        (1.25, -0.45, "load $J_l$"),
+        (0.2, -0.9, "$\\theta_l$"),
+        (1.1, -1.3, "$m g$"),
+    )
     for x, y, text in texts:
         left.text(x, y, text, ha="center")
     left.set(xlim=(-5, 1.7), ylim=(-1.5, 1.1))
     teeth.draw_teeth(right, 0.0, delta, 2 * delta)
-    for x, y, text in ((-1.5, 0.95, "$\\delta$"), (1.5, 0.95, "$\\delta$"), (0, 0.5, "motor"), (0, -0.43, "load")):
+    for x, y, text in (
+        (-1.5, 0.95, "$\\delta$"),
+        (1.5, 0.95, "$\\delta$"),
+        (0, 0.5, "motor"),
+        (0, -0.43, "load"),
+    ):
         right.text(x * delta, y, text, ha="center", color="k" if x else "w")
     for side in (-delta, delta):
         right.annotate("", (2 * side, 0.9), (side, 0.9), arrowprops={"arrowstyle": "<->"})
@@ -171,7 +190,10 @@ pd.DataFrame(
     {
         "time of the impact [s]": impact_time,
         "load angle [deg]": np.degrees(np.interp(impact_time, t, run.load_position_rad)) % 360,
-        "afterwards": ["the motor drives" if side > 0 else "the load drives" for side in run.impact_side[second]],
+        "afterwards": [
+            "the motor drives" if side > 0 else "the load drives"
+            for side in run.impact_side[second]
+        ],
         "largest deviation in the next 20 ms [rps]": [
             max((v - v_t)[(t > start) & (t < start + 0.02)], key=abs) for start in impact_time
         ],
@@ -259,14 +281,20 @@ constants.assign(value=constants["value"].map("{:.4g}".format))
 def rates(_, y, u):
     theta_m, omega_m, theta_l, omega_l, tau_m = y
     x = theta_m / N - theta_l
-    K_BL = K_s / np.pi * (np.pi + np.arctan(alpha * (x - delta_rad)) - np.arctan(alpha * (x + delta_rad)))  # equation 8
+    K_BL = (
+        K_s
+        / np.pi
+        * (np.pi + np.arctan(alpha * (x - delta_rad)) - np.arctan(alpha * (x + delta_rad)))
+    )  # equation 8
     tau_l = (x - delta_rad * np.sign(x)) * K_BL  # equation 9
     gravity = mgr * np.sin(theta_l) + tau_c * np.sign(omega_l)
     return omega_m, (tau_m - tau_l / N) / J_m, omega_l, (tau_l - gravity) / J_l, (u - tau_m) / T_tau
 
 
 def twin(periods):
-    first = -round(joint.lead_s / T_c)  # it starts before the record does, with the teeth in contact
+    first = -round(
+        joint.lead_s / T_c
+    )  # it starts before the record does, with the teeth in contact
     theta_l = theta_0 + Omega / N * first * T_c
     tau_l = mgr * np.sin(theta_l) + tau_c
     twist = np.sign(tau_l) * delta_rad + tau_l / K_s
@@ -277,15 +305,23 @@ def twin(periods):
         speeds.append(omega_m)
         e = K_pos * (N * theta_0 + Omega * k * T_c - theta_m) + Omega - omega_m
         integral, w = integral + K_i * T_c * e, w + T_c * (Omega - omega_m - a_w * w)
-        held, u = u, K_p * e + integral + K_w * w - K_d * (omega_m - omega_before) / T_c  # applied one period later
-        y, omega_before = solve_ivp(rates, (0, T_c), y, args=(held,), rtol=1e-9, atol=1e-9).y[:, -1], omega_m
+        held, u = (
+            u,
+            K_p * e + integral + K_w * w - K_d * (omega_m - omega_before) / T_c,
+        )  # applied one period later
+        y, omega_before = (
+            solve_ivp(rates, (0, T_c), y, args=(held,), rtol=1e-9, atol=1e-9).y[:, -1],
+            omega_m,
+        )
     return np.array(speeds[-first:]) / (2 * np.pi)
 
 
 v_twin = twin(round(1.2 / T_c))
 every = round(T_c / (t[1] - t[0]))
 difference = np.abs(v_twin - v[::every][: v_twin.size])[round(0.4 / T_c) :]
-print(f"turns 2 and 3: at most {difference.max():.1g} rps off `simulate`, of a signal of {np.ptp(v[t >= 0.4]):.2g} rps")
+print(
+    f"turns 2 and 3: at most {difference.max():.1g} rps off `simulate`, of a signal of {np.ptp(v[t >= 0.4]):.2g} rps"
+)
 
 # %% [markdown]
 # ### Why the motor speed rings near 21 Hz
@@ -307,14 +343,18 @@ print(f"turns 2 and 3: at most {difference.max():.1g} rps off `simulate`, of a s
 # %%
 def two_springs_hz(joint):
     gains = joint.integral_gain_nm_per_rad + joint.leaky_gain_nm_per_rad
-    K_drive = joint.gear_ratio**2 * (gains + joint.speed_gain_nms_per_rad * joint.position_gain_per_s)
+    K_drive = joint.gear_ratio**2 * (
+        gains + joint.speed_gain_nms_per_rad * joint.position_gain_per_s
+    )
     K_s = joint.stiffness_nm_per_rad
     return np.sqrt(K_s * K_drive / (K_s + K_drive) / joint.load_inertia_kgm2) / (2 * np.pi)
 
 
 held_fast_hz = np.sqrt(K_s / J_l) / (2 * np.pi)
 no_drive_hz = np.sqrt(K_s * (1 / J_l + 1 / (N**2 * J_m))) / (2 * np.pi)
-print(f"motor held fast {held_fast_hz:.1f}, no drive {no_drive_hz:.1f}, two springs {two_springs_hz(joint):.1f} Hz")
+print(
+    f"motor held fast {held_fast_hz:.1f}, no drive {no_drive_hz:.1f}, two springs {two_springs_hz(joint):.1f} Hz"
+)
 
 # %% [markdown]
 # The formula leaves out the motor's inertia, $K_p$ and $K_d$ on the speed, the leak, the lag and the delay. With all of
@@ -344,13 +384,17 @@ print(f"two springs are {100 * (two_springs_hz(joint) / ring_hz - 1):+.0f} % off
 
 # %%
 def oscillation(t, decay, omega, a, b, c, d, e):
-    return np.exp(-decay * t) * (a * np.cos(omega * t) + b * np.sin(omega * t)) + c + d * t + e * t**2
+    return (
+        np.exp(-decay * t) * (a * np.cos(omega * t) + b * np.sin(omega * t)) + c + d * t + e * t**2
+    )
 
 
 impact = impact_time[0]
 parted = run.separation_time_s[run.separation_time_s > impact][0]
 ringing = (t > impact + 0.02) & (t < parted)
-fitted, _ = curve_fit(oscillation, t[ringing] - impact, (v - v_t)[ringing], [15, 130, 0.1, 0.1, 0, 0, 0])
+fitted, _ = curve_fit(
+    oscillation, t[ringing] - impact, (v - v_t)[ringing], [15, 130, 0.1, 0.1, 0, 0, 0]
+)
 print(f"simulated: {fitted[1] / (2 * np.pi):.2f} Hz, {fitted[0]:.1f} 1/s")
 
 # %% [markdown]
@@ -408,7 +452,9 @@ pd.DataFrame(
 A = min(fits, key=lambda fit: fit.rmse).amplitude_rps
 theoretical_A = settled_peak_rps(run, joint)
 short_percent = 100 * (A / theoretical_A - 1)
-print(f"A = {A:.4f} rps = {60 * A:.2f} rpm, {short_percent:+.1f} % off the theoretical {theoretical_A:.4f} rps")
+print(
+    f"A = {A:.4f} rps = {60 * A:.2f} rpm, {short_percent:+.1f} % off the theoretical {theoretical_A:.4f} rps"
+)
 
 # %% [markdown]
 # 5. Turn $A$ into the backlash by equation 10. `backlash_rad` takes rps; the polynomial itself takes rpm.
@@ -470,7 +516,9 @@ for name in ("tau", "omega", "T1", "T2"):
 explorer = {
     "record": [float(f"{speed:.6g}") for speed in log.v],
     "dt": round(log.t[-1] / (log.t.size - 1), 9),
-    "fitted": dict(zip([*names, "T_f"], [float(f"{x:.6g}") for x in (*best.X, log.turn_period_s)], strict=True)),
+    "fitted": dict(
+        zip([*names, "T_f"], [float(f"{x:.6g}") for x in (*best.X, log.turn_period_s)], strict=True)
+    ),
     "bounds": bounds,
     "turns": AUTHORS_PROTOCOL.turns,
     "population": AUTHORS_PROTOCOL.population,
@@ -506,7 +554,9 @@ workbook.export(
 fall_s = (12 * delta_rad * J_l * N / (mgr * Omega)) ** (1 / 3)  # grows with the cube root of delta
 met = impact_time[1]  # at the top
 gap_s = met - run.separation_time_s[run.separation_time_s < met][-1]
-assert gap_s < fall_s < 1.5 * gap_s  # shorter, as the coupling unwinds at the rate m g r Omega / (N K_s) when they part
+assert (
+    gap_s < fall_s < 1.5 * gap_s
+)  # shorter, as the coupling unwinds at the rate m g r Omega / (N K_s) when they part
 print(f"{1e3 * fall_s:.1f} ms against {1e3 * gap_s:.1f} ms")
 
 # %% [markdown]
@@ -516,9 +566,13 @@ print(f"{1e3 * fall_s:.1f} ms against {1e3 * gap_s:.1f} ms")
 # %% tags=["solution"]
 softer = with_ratios(joint, {"stiffness_per_s2": joint.ratios["stiffness_per_s2"] / 2})
 slower = with_ratios(joint, {"integral_gain_per_s2": joint.ratios["integral_gain_per_s2"] / 2})
-ratio = [two_springs_hz(each) / (ringing_mode(each).imag / (2 * np.pi)) for each in (softer, slower)]
+ratio = [
+    two_springs_hz(each) / (ringing_mode(each).imag / (2 * np.pi)) for each in (softer, slower)
+]
 assert 1 < ratio[0] < 1.05  # a softer coupling moves the motor less
-assert ratio[1] > 1.3  # the speed gain, which the formula leaves out, now acts more than the drive's spring
+assert (
+    ratio[1] > 1.3
+)  # the speed gain, which the formula leaves out, now acts more than the drive's spring
 print(f"formula over eigenvalue: {ratio[0]:.2f} with K_s / 2, {ratio[1]:.2f} with K_i / 2")
 
 # %% [markdown]

@@ -141,7 +141,9 @@ def h(t, X, T_d, T_f, n):  # equation 7
 
 
 stored_table = published.authors_notebook_runs().set_index("run")
-stored_X = stored_table[list(inspection.STORED_NAMES)].to_numpy(float)  # a row of parameters for each run
+stored_X = stored_table[list(inspection.STORED_NAMES)].to_numpy(
+    float
+)  # a row of parameters for each run
 stored_rmse = stored_table["final_rmse_rps"].to_numpy()
 stored, X = stored_table.loc[run], stored_X[run - 1]
 
@@ -176,8 +178,12 @@ def rmse(residual_rps):
 
 
 fitted = record.v - residual_signal(X)
-print(f"run {run}: RMSE {rmse(residual_signal(X)):.9f} rps, stored {stored['final_rmse_rps']:.9f} rps")
-figure5 = paper.record_with_fit(record.t, record.v, fitted, ("authors' record 12", f"stored run {run}"), seconds=1.6)
+print(
+    f"run {run}: RMSE {rmse(residual_signal(X)):.9f} rps, stored {stored['final_rmse_rps']:.9f} rps"
+)
+figure5 = paper.record_with_fit(
+    record.t, record.v, fitted, ("authors' record 12", f"stored run {run}"), seconds=1.6
+)
 
 # %% [markdown]
 # With `make lab` the same has sliders for $A$, $\tau$ and $\omega$: which of them does the RMSE depend on most?
@@ -188,13 +194,17 @@ def draw(A_rps, tau_per_s, omega_rad_per_s):
     moved = np.array([A_rps, X[1], tau_per_s, omega_rad_per_s, *X[4:]])
     left = residual_signal(moved)
     labels = ("authors' record 12", "signature")
-    upper, lower = paper.record_with_fit(record.t, record.v, record.v - left, labels, seconds=1.6).axes
+    upper, lower = paper.record_with_fit(
+        record.t, record.v, record.v - left, labels, seconds=1.6
+    ).axes
     upper.set(ylim=(97.8, 102.2))
     upper.set_title(f"RMSE {rmse(left):.4f} rps", loc="left", fontsize=9)
     lower.set(ylim=(-3.3, 3.3))
 
 
-workbook.sliders(draw, A_rps=(X[0], -2.0, 2.0), tau_per_s=(X[2], 5.0, 30.0), omega_rad_per_s=(X[3], 6.0, 260.0))
+workbook.sliders(
+    draw, A_rps=(X[0], -2.0, 2.0), tau_per_s=(X[2], 5.0, 30.0), omega_rad_per_s=(X[3], 6.0, 260.0)
+)
 
 # %% [markdown]
 # ### The 30 stored runs
@@ -211,7 +221,9 @@ stored_runs = pd.DataFrame(
         "stored_rmse_rps": stored_rmse,
         "rmse_rps": [rmse(residual_signal(x)) for x in stored_X],
         "stored_first_rps": stored_table["generation_1_best_rmse_rps"].to_numpy(),
-        "first_today_rps": [paper_fit(record, first, seed).rmse for seed in stored_table["cma_seed"]],
+        "first_today_rps": [
+            paper_fit(record, first, seed).rmse for seed in stored_table["cma_seed"]
+        ],
         "A_rps": stored_X[:, 0],
         "basin": basin_labels(stored_rmse),
     }
@@ -221,7 +233,9 @@ stored_runs
 # %%
 off = (stored_runs["rmse_rps"] - stored_runs["stored_rmse_rps"]).abs()
 today = (stored_runs["first_today_rps"] - stored_runs["stored_first_rps"]).abs()
-print(f"At the stored parameters the RMSE is the stored one to {off.max():.1g} rps in all {len(off)} runs.")
+print(
+    f"At the stored parameters the RMSE is the stored one to {off.max():.1g} rps in all {len(off)} runs."
+)
 print(f"Today's cma begins {(today < 1e-12).sum()} of the {len(today)} runs as they are stored.")
 
 # %% [markdown]
@@ -234,7 +248,9 @@ reproduced = {}
 for n in range(8, 17):
     ours = np.array([rmse(residual_signal(x, n)) for x in stored_X])
     reproduced[n] = int((np.abs(ours - stored_rmse) < 1e-6).sum())
-pd.DataFrame({"turns in the model": reproduced.keys(), "stored runs reproduced": reproduced.values()})
+pd.DataFrame(
+    {"turns in the model": reproduced.keys(), "stored runs reproduced": reproduced.values()}
+)
 
 # %% [markdown]
 # ### The stored runs, replayed
@@ -257,8 +273,12 @@ pd.Series(
         "printed generations": len(compared),
         "of them equal to 1e-9 rps": agreeing.size,
         "largest difference up to generation 20 [rps]": f"{early:.1e}",
-        "runs that end at the stored misfit, to 1e-9 rps": (ended["difference_rps"] < replay.AGREE_RPS).sum(),
-        "runs that end in the stored generation": (ended["our_generations"] == ended["stored_generations"]).sum(),
+        "runs that end at the stored misfit, to 1e-9 rps": (
+            ended["difference_rps"] < replay.AGREE_RPS
+        ).sum(),
+        "runs that end in the stored generation": (
+            ended["our_generations"] == ended["stored_generations"]
+        ).sum(),
     },
     dtype=object,
 ).to_frame("")
@@ -273,7 +293,9 @@ pd.Series(
 # %%
 parted = replay.first_divergences(record, ended, np.random.default_rng(1))
 shown = parted.astype({"agrees_until": "Int64", "parts_by": "Int64"}).astype(object)
-shown.assign(closest_ranks_rps=parted["closest_ranks_rps"].map("{:.1e}".format)).fillna("not printed")
+shown.assign(closest_ranks_rps=parted["closest_ranks_rps"].map("{:.1e}".format)).fillna(
+    "not printed"
+)
 
 # %% [markdown]
 # The replay needs three things. The *bound handling*: samples are bent to a half-parabola in a margin at each bound,
@@ -297,7 +319,9 @@ basins = stored_runs.groupby("basin").agg(
     smallest_A_rps=("A_rps", lambda a: a.abs().min()),
     largest_A_rps=("A_rps", lambda a: a.abs().max()),
 )
-basins["replayed_runs"] = [int(((ended["ours_rps"] / low - 1).abs() < BASIN_GAP).sum()) for low in basins["rmse_rps"]]
+basins["replayed_runs"] = [
+    int(((ended["ours_rps"] / low - 1).abs() < BASIN_GAP).sum()) for low in basins["rmse_rps"]
+]
 basins
 
 # %% [markdown]
@@ -319,9 +343,16 @@ def fit(cost, T_f):
         return [costs[cost](residual(record.t, record.v, X, timing)) for X in members]
 
     box, normals = protocol_box(record, AUTHORS_PROTOCOL), random_normals(int(stored["cma_seed"]))
-    found = search(generations(misfits, box, normals, AUTHORS_PROTOCOL.population), AUTHORS_PROTOCOL.iterations)
+    found = search(
+        generations(misfits, box, normals, AUTHORS_PROTOCOL.population), AUTHORS_PROTOCOL.iterations
+    )
     left = residual(record.t, record.v, found.best, timing)
-    about = {"cost": cost, "T_f [s]": T_f, "generations": len(found.history), "|A| [rps]": abs(found.best[0])}
+    about = {
+        "cost": cost,
+        "T_f [s]": T_f,
+        "generations": len(found.history),
+        "|A| [rps]": abs(found.best[0]),
+    }
     return about | {"RMSE [rps]": rmse(left), "mean |residual| [rps]": costs["L1"](left)}
 
 
@@ -333,10 +364,17 @@ fits
 usual, yours = fits.iloc[0], fits.iloc[-1]
 above = yours["RMSE [rps]"] / basins["rmse_rps"] - 1
 nearest = above.abs().idxmin()
-ratio = pd.Series({name: yours[name] / usual[name] for name in ("|A| [rps]", "RMSE [rps]", "mean |residual| [rps]")})
+ratio = pd.Series(
+    {
+        name: yours[name] / usual[name]
+        for name in ("|A| [rps]", "RMSE [rps]", "mean |residual| [rps]")
+    }
+)
 if len(fits) == 1:
     off_rps = abs(usual["RMSE [rps]"] - stored["final_rmse_rps"])
-    print(f"The search ends at the stored RMSE of run {run}, within {off_rps:.1g} rps, in basin {nearest}.")
+    print(
+        f"The search ends at the stored RMSE of run {run}, within {off_rps:.1g} rps, in basin {nearest}."
+    )
 else:
     print(
         f"With the cost {cost} and T_f = {turn_period_s:g} s the search ends at |A| = {yours['|A| [rps]']:.3f} rps, "
@@ -393,23 +431,36 @@ print(
 # %% tags=["plumbing"]
 to_16_digits = {name: made[name].map("{:.15e}".format) for name in ("best_rmse_rps", "sigma")}
 frames = replay.replay_frames(record, made).groupby("run")[["generation", "frame"]].agg(list)
-shown_runs = published.authors_notebook_runs().merge(stored_runs[["run", "basin"]]).merge(frames, on="run")
-printed = published.authors_notebook_generations()[["run", "generation", "best_rmse_of_generation_rps"]]
+shown_runs = (
+    published.authors_notebook_runs().merge(stored_runs[["run", "basin"]]).merge(frames, on="run")
+)
+printed = published.authors_notebook_generations()[
+    ["run", "generation", "best_rmse_of_generation_rps"]
+]
 box = pd.DataFrame({"parameter": FREE_PARAMETERS, **vars(protocol_box(record, AUTHORS_PROTOCOL))})
 explorer = {
     "runs": shown_runs.to_dict("records"),
     "printed": printed.to_numpy().tolist(),
     "box": box.to_dict("records"),
     "basins": basins["rmse_rps"].tolist(),
-    "settings": {"gap": BASIN_GAP, "agree": replay.AGREE_RPS, "members": AUTHORS_PROTOCOL.population},
+    "settings": {
+        "gap": BASIN_GAP,
+        "agree": replay.AGREE_RPS,
+        "members": AUTHORS_PROTOCOL.population,
+    },
 }
 same_end = ended["difference_rps"].abs() < replay.AGREE_RPS
 workbook.export(
     supplement={
-        "stored_runs": (stored_runs, "The 30 runs that the authors' notebook stores: their ends and basins."),
+        "stored_runs": (
+            stored_runs,
+            "The 30 runs that the authors' notebook stores: their ends and basins.",
+        ),
         "stored_basins": (basins.reset_index(), "The basins in which the stored runs end."),
         "replay": (
-            made[["run", "cma_seed", "generation", "best_rmse_rps", "sigma"]].assign(**to_16_digits),
+            made[["run", "cma_seed", "generation", "best_rmse_rps", "sigma"]].assign(
+                **to_16_digits
+            ),
             "Every generation of the replayed runs: its lowest misfit and step size.",
         ),
         "replay_ends": (ended, "The ends of the replayed runs beside the stored ones."),
@@ -445,7 +496,9 @@ workbook.export(
         "stored_in_full": compared["run"].nunique(),
         "stored_generations": len(compared),
         "replayed": same_end.sum(),
-        "replayed_same_count": (same_end & (ended["our_generations"] == ended["stored_generations"])).sum(),
+        "replayed_same_count": (
+            same_end & (ended["our_generations"] == ended["stored_generations"])
+        ).sum(),
         "replay_apart": (ended.loc[same_end, "difference_rps"].abs().max(), ".0e"),
         "replay_generations": agreeing.size,
     },
@@ -492,4 +545,6 @@ earlier = opens - (np.floor(opens / 0.002) + 0.01) * 0.002
 factor = np.exp(X8[2] * earlier)
 moved = X8 * [factor, 1, 1, 1, 1, 1, 1] - [0, 0, 0, 0, 0, 0, earlier]
 assert np.allclose(h(record.t, moved, 0.2, 0.4, 12), h(record.t, X8, 0.2, 0.4, 12))
-print(f"here {100 * (factor - 1):.2f} %; over a whole sample {100 * (np.exp(0.002 * X8[2]) - 1):.1f} %")
+print(
+    f"here {100 * (factor - 1):.2f} %; over a whole sample {100 * (np.exp(0.002 * X8[2]) - 1):.1f} %"
+)

@@ -89,9 +89,9 @@ def tau_l(x, alpha, delta=delta_rad):  # equation 9
 
 x = np.linspace(-3 * delta_rad, 3 * delta_rad, 1201)
 soft = [
-    pd.DataFrame({"alpha_per_rad": alpha, "delta_theta_rad": x, "torque_nm": tau_l(x, alpha)}).assign(
-        stiffness_nm_per_rad=K_BL(x, alpha)
-    )
+    pd.DataFrame(
+        {"alpha_per_rad": alpha, "delta_theta_rad": x, "torque_nm": tau_l(x, alpha)}
+    ).assign(stiffness_nm_per_rad=K_BL(x, alpha))
     for alpha in alphas
 ]
 clamped = pd.DataFrame({"alpha_per_rad": np.inf, "delta_theta_rad": x}).assign(
@@ -110,11 +110,16 @@ def draw(log10_alpha, delta_mrad):
     _, (left, right) = plt.subplots(1, 2, figsize=(7, 2.6), layout="constrained")
     left.plot(1e3 * x, np.where(np.abs(x) > delta, K_s, 0.0), "0.7")
     left.plot(1e3 * x, K_BL(x, 10**log10_alpha, delta))
-    left.set(xlabel="displacement [mrad]", ylabel="stiffness [N m/rad]", ylim=(-0.05 * K_s, 1.1 * K_s))
+    left.set(
+        xlabel="displacement [mrad]", ylabel="stiffness [N m/rad]", ylim=(-0.05 * K_s, 1.1 * K_s)
+    )
     right.plot(1e3 * x, dead_zone.transmitted_torque(x, 0.0, delta, K_s, clamped=True), "0.7")
     right.plot(1e3 * x, tau_l(x, 10**log10_alpha, delta))
     right.set(xlabel="displacement [mrad]", ylabel="torque [N m]", ylim=(-3e-3 * K_s, 3e-3 * K_s))
-    left.set_title(f"in the middle {100 * K_BL(0.0, 10**log10_alpha, delta) / K_s:.2g} % of $K_s$ left", fontsize=9)
+    left.set_title(
+        f"in the middle {100 * K_BL(0.0, 10**log10_alpha, delta) / K_s:.2g} % of $K_s$ left",
+        fontsize=9,
+    )
 
 
 workbook.sliders(draw, log10_alpha=(4.0, 3.0, 6.0), delta_mrad=(1e3 * delta_rad, 0.3, 2.1))
@@ -174,7 +179,9 @@ print(
 # %% tags=["plumbing"]
 at_1e5 = facts[facts["alpha_per_rad"] == 1e5].mean()
 workbook.export(
-    supplement={"dead_zone_facts": (facts, "Equations 8 and 9 at the edge and in the middle of the gap.")},
+    supplement={
+        "dead_zone_facts": (facts, "Equations 8 and 9 at the edge and in the middle of the gap.")
+    },
     facts={
         "alpha": (at_1e5["alpha_per_rad"], ".0e"),
         "alpha_jump": (at_1e5["jump_nm"], ".2f"),

@@ -151,13 +151,20 @@ third_turn, settled = slice(400, 600), slice(200, None)
 
 
 def nrmse(joint, records, rows):  # one number for each record
-    errors = [s.v - r.v for s, r in zip(simulate_recordings(joint, list(records)), records.values(), strict=True)]
+    errors = [
+        s.v - r.v
+        for s, r in zip(simulate_recordings(joint, list(records)), records.values(), strict=True)
+    ]
     sds = [record.v[settled].std() for record in records.values()]
-    return np.array([np.sqrt(np.mean(error[rows] ** 2)) / sd for error, sd in zip(errors, sds, strict=True)])
+    return np.array(
+        [np.sqrt(np.mean(error[rows] ** 2)) / sd for error, sd in zip(errors, sds, strict=True)]
+    )
 
 
 start = with_ratios(committed, {name: start_factor * committed.ratios[name] for name in started})
-misfit = pd.DataFrame({"start": nrmse(start, of_fit, third_turn)}, index=[f"K = {level}" for level in FIT_LEVELS])
+misfit = pd.DataFrame(
+    {"start": nrmse(start, of_fit, third_turn)}, index=[f"K = {level}" for level in FIT_LEVELS]
+)
 fit = identification.identify_joint(of_fit, start)
 misfit["fitted"] = nrmse(fit.parameters, of_fit, third_turn)
 misfit["committed"] = nrmse(committed, of_fit, third_turn)
@@ -169,13 +176,21 @@ misfit["committed"] = nrmse(committed, of_fit, third_turn)
 # %%
 ratios = pd.DataFrame(
     [
-        {"ratio": name, "committed": committed.ratios[name], "fitted": value, "low_95": low, "high_95": high}
+        {
+            "ratio": name,
+            "committed": committed.ratios[name],
+            "fitted": value,
+            "low_95": low,
+            "high_95": high,
+        }
         for name, value in fit.parameters.ratios.items()
         for low, high in [fit.confidence.get(name, (np.nan, np.nan))]
     ]
 )
 ratios["started"] = list(start.ratios.values())
-ratios["off_in_widths"] = (ratios["fitted"] - ratios["committed"]).abs() / (ratios["high_95"] - ratios["low_95"])
+ratios["off_in_widths"] = (ratios["fitted"] - ratios["committed"]).abs() / (
+    ratios["high_95"] - ratios["low_95"]
+)
 shown = ["started", "committed", "fitted", "low_95", "high_95", "off_in_widths"]
 ratios.set_index("ratio")[shown].map("{:.6g}".format).replace("nan", "held")
 
@@ -190,7 +205,9 @@ ratios.set_index("ratio")[shown].map("{:.6g}".format).replace("nan", "held")
 # %%
 correlation = fit.correlation.stack().rename("correlation").reset_index()
 correlation = correlation[correlation["level_0"] < correlation["level_1"]]
-together = correlation[correlation["correlation"].abs() > 0.9].sort_values("correlation", key=abs, ascending=False)
+together = correlation[correlation["correlation"].abs() > 0.9].sort_values(
+    "correlation", key=abs, ascending=False
+)
 together.rename(columns={"level_0": "ratio", "level_1": "known together with"}).set_index("ratio")
 
 # %%
@@ -286,7 +303,10 @@ print(
 workbook.export(
     tables={"joint_ratios": ratios},
     supplement={
-        "joint_alpha": (alpha, "Misfit of the identified joint to all clean records, by sharpness of the edge.")
+        "joint_alpha": (
+            alpha,
+            "Misfit of the identified joint to all clean records, by sharpness of the edge.",
+        )
     },
     facts={"models_tried": len(attempts)},
     figures={
@@ -314,7 +334,13 @@ workbook.export(
 
 # %% tags=["solution"]
 scaled = [
-    *("motor_inertia_kgm2", "load_inertia_kgm2", "stiffness_nm_per_rad", "load_mass_kg", "speed_gain_nms_per_rad"),
+    *(
+        "motor_inertia_kgm2",
+        "load_inertia_kgm2",
+        "stiffness_nm_per_rad",
+        "load_mass_kg",
+        "speed_gain_nms_per_rad",
+    ),
     *("integral_gain_nm_per_rad", "derivative_gain_nms2_per_rad", "leaky_gain_nm_per_rad"),
 ]
 heavy = replace(committed, **{name: 3 * getattr(committed, name) for name in scaled})
@@ -329,13 +355,17 @@ print(f"the speed by at most {np.abs(three_times).max():.0e} rps; every torque i
 # it decay?
 
 # %% tags=["solution"]
-without_drive_hz = np.sqrt(committed.ratios["stiffness_per_s2"] * (1 + committed.ratios["inertia_ratio"])) / (2 * np.pi)
+without_drive_hz = np.sqrt(
+    committed.ratios["stiffness_per_s2"] * (1 + committed.ratios["inertia_ratio"])
+) / (2 * np.pi)
 eigenvalues = np.linalg.eigvals(checks.closed_loop_matrix(committed)).astype(complex)
 modes = np.log(eigenvalues[np.abs(eigenvalues) > 1e-3]) / committed.control_period_s
 ring = min(modes[modes.imag > 0], key=abs)
 ring_hz = ring.imag / (2 * np.pi)
 assert 20 < ring_hz < 22 < without_drive_hz
-print(f"free joint {without_drive_hz:.1f} Hz; with the drive {ring_hz:.1f} Hz, decaying at {-ring.real:.1f}/s")
+print(
+    f"free joint {without_drive_hz:.1f} Hz; with the drive {ring_hz:.1f} Hz, decaying at {-ring.real:.1f}/s"
+)
 
 # %% [markdown]
 # **3.** The records hold five significant digits: steps of 0.01 rps from 100 rps on, of 0.001 rps below. Rounding to
@@ -343,7 +373,9 @@ print(f"free joint {without_drive_hz:.1f} Hz; with the drive {ring_hz:.1f} Hz, d
 
 # %% tags=["solution"]
 runs = simulate_recordings(committed, list(of_fit))
-error = np.concatenate([(s.v - r.v)[third_turn] for s, r in zip(runs, of_fit.values(), strict=True)])
+error = np.concatenate(
+    [(s.v - r.v)[third_turn] for s, r in zip(runs, of_fit.values(), strict=True)]
+)
 fast = np.concatenate([r.v[third_turn] for r in of_fit.values()]) >= 100
 for name, rows, step in (("from 100 rps on", fast, 0.01), ("below", ~fast, 0.001)):
     print(f"{name}: residual {error[rows].std():.2g} rps, rounding {step / np.sqrt(12):.2g} rps")

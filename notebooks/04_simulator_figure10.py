@@ -95,9 +95,13 @@ workbook.check_parameters(factors=(list(changes.values()), [Interval(0, 100)]))
 # %%
 committed = identified_joint()
 joint = changed_joint(committed, changes)
-joint = replace(joint, load_coulomb_nm=joint.load_coulomb_nm + friction_share * joint.gravity_torque_nm)
+joint = replace(
+    joint, load_coulomb_nm=joint.load_coulomb_nm + friction_share * joint.gravity_torque_nm
+)
 records = load_clean_records(CLEAN_LEVELS)
-compared = np.isclose([joint.commanded_speed_rps, joint.turn_period_s], [COMMANDED_SPEED_RPS, TURN_PERIOD_S]).all()
+compared = np.isclose(
+    [joint.commanded_speed_rps, joint.turn_period_s], [COMMANDED_SPEED_RPS, TURN_PERIOD_S]
+).all()
 if not compared:
     print(
         f"This joint turns in {joint.turn_period_s:g} s at {joint.commanded_speed_rps:g} rps, that of the records in "
@@ -105,7 +109,13 @@ if not compared:
     )
 changed = [f"{name} times {factor:g}" for name, factor in changes.items()]
 changed += [f"friction of {100 * friction_share:g} % of m g r"] * (friction_share > 0)
-fields = ["motor_inertia_kgm2", "load_inertia_kgm2", "gear_ratio", "load_mass_kg", "stiffness_nm_per_rad"]
+fields = [
+    "motor_inertia_kgm2",
+    "load_inertia_kgm2",
+    "gear_ratio",
+    "load_mass_kg",
+    "stiffness_nm_per_rad",
+]
 fields += ["speed_gain_nms_per_rad", "integral_gain_nm_per_rad", "load_coulomb_nm", "turn_period_s"]
 of_joint = {name: [getattr(committed, name), getattr(joint, name)] for name in fields}
 pd.DataFrame(of_joint, index=["committed", "simulated here"]).T.map("{:.4g}".format)
@@ -129,7 +139,9 @@ signals = [
     ("$\\theta_m / N - \\theta_l$\n[$10^{-4}$ rad]", 1e4 * displacement[shown], None),
 ]
 if compared:
-    signals.insert(2, ("simulated $-$\nrecord [rps]", (run.motor_speed_rps - recorded)[shown], None))
+    signals.insert(
+        2, ("simulated $-$\nrecord [rps]", (run.motor_speed_rps - recorded)[shown], None)
+    )
 figure10 = paper.simulated_joint(run.time_s[shown], signals)
 
 # %% [markdown]
@@ -151,11 +163,16 @@ def peak_rps(run, joint):
 
 
 def finely(joint, deltas_rad=tuple(levels)):
-    return simulate_many(joint, deltas_rad, duration_s=12 * joint.turn_period_s, sample_s=FINE_S, step_s=FINE_S)
+    return simulate_many(
+        joint, deltas_rad, duration_s=12 * joint.turn_period_s, sample_s=FINE_S, step_s=FINE_S
+    )
 
 
 (fine,) = finely(joint, [delta_rad])
-of_level = {"NRMSE": nrmse(fine, records[delta_rad]) if compared else np.nan, "A [rps]": peak_rps(fine, joint)}
+of_level = {
+    "NRMSE": nrmse(fine, records[delta_rad]) if compared else np.nan,
+    "A [rps]": peak_rps(fine, joint),
+}
 pd.Series(of_level).to_frame(f"K = {level}").round(4)
 
 # %% [markdown]
@@ -175,8 +192,12 @@ rows = [
     for (delta, k), run_k in zip(levels.items(), finely(joint), strict=True)
 ]
 table = pd.DataFrame(rows)
-table["peak_error_percent"] = 100 * (table["peak_rps"] / table["printed_A_rps"] - 1) if compared else np.nan
-peak_change_percent = 100 * (table["peak_rps"] / [peak_rps(run_k, committed) for run_k in finely(committed)] - 1)
+table["peak_error_percent"] = (
+    100 * (table["peak_rps"] / table["printed_A_rps"] - 1) if compared else np.nan
+)
+peak_change_percent = 100 * (
+    table["peak_rps"] / [peak_rps(run_k, committed) for run_k in finely(committed)] - 1
+)
 table.assign(peak_change_percent=peak_change_percent.round(2))
 
 # %%
@@ -200,8 +221,14 @@ validation = paper.validation(table)
 # %%
 def positive_impact_delay_s(record):
     t = record.turn_period_s * np.arange(200, 1200) / 200  # turns 2 to 6, averaged into one
-    turn = np.interp(t, record.t, record.v - record.commanded_speed_rps).reshape(5, 200).mean(axis=0)
-    negative, positive = (turn[:100], turn[100:]) if -turn[:100].min() > turn[:100].max() else (turn[100:], turn[:100])
+    turn = (
+        np.interp(t, record.t, record.v - record.commanded_speed_rps).reshape(5, 200).mean(axis=0)
+    )
+    negative, positive = (
+        (turn[:100], turn[100:])
+        if -turn[:100].min() > turn[:100].max()
+        else (turn[100:], turn[:100])
+    )
     X = np.conj(np.fft.rfft(-negative)) * np.fft.rfft(positive)
     f = np.fft.rfftfreq(100, record.turn_period_s / 200)
     band = (f > 0) & (f < 100)
@@ -213,8 +240,13 @@ every_second = list(records)[::2]
 lateness = pd.DataFrame(
     {
         "delta_rad": every_second,
-        "record_ms": [1e3 * positive_impact_delay_s(records[d]) if compared else np.nan for d in every_second],
-        "simulated_ms": [1e3 * positive_impact_delay_s(record) for record in simulate_recordings(joint, every_second)],
+        "record_ms": [
+            1e3 * positive_impact_delay_s(records[d]) if compared else np.nan for d in every_second
+        ],
+        "simulated_ms": [
+            1e3 * positive_impact_delay_s(record)
+            for record in simulate_recordings(joint, every_second)
+        ],
     }
 )
 lateness.round(4)
@@ -224,14 +256,26 @@ lateness.round(4)
 
 # %%
 peaks = table.dropna(subset="printed_A_rps")["peak_rps"]
-cells = {"simulated": {f"table2.row{row:02d}.theoretical": peak for row, peak in enumerate(peaks, start=1)}}
+cells = {
+    "simulated": {
+        f"table2.row{row:02d}.theoretical": peak for row, peak in enumerate(peaks, start=1)
+    }
+}
 cells = cells if compared else {}
 display(workbook.judge(cells))
 name = f"The changed joint ({', '.join(changed)})" if changed else "The identified joint"
-mean, worst, off = 100 * table["nrmse"].mean(), 100 * table["nrmse"].max(), table["peak_error_percent"].abs().max()
+mean, worst, off = (
+    100 * table["nrmse"].mean(),
+    100 * table["nrmse"].max(),
+    table["peak_error_percent"].abs().max(),
+)
 if compared:
     limits = {"mean": 5.0, "worst": 6.5, "peak": 2.5}  # percent
-    met = "meets" if mean < limits["mean"] and worst < limits["worst"] and off < limits["peak"] else "does not meet"
+    met = (
+        "meets"
+        if mean < limits["mean"] and worst < limits["worst"] and off < limits["peak"]
+        else "does not meet"
+    )
     print(
         f"{name} {met} the limits: it misses the records by {mean:.1f} % of their SD on average ({limits['mean']:g} %) "
         f"and {worst:.1f} % at worst ({limits['worst']:g} %), and its peaks differ from the printed ones by up to "
@@ -250,15 +294,24 @@ print(
 )
 
 # %% tags=["plumbing"]
-panels = ["motor position less the commanded one", "motor speed", "motor torque (the current times a constant)"]
+panels = [
+    "motor position less the commanded one",
+    "motor speed",
+    "motor torque (the current times a constant)",
+]
 panels.append("motor position on the load's side less the load's position")
 if compared:
-    panels.insert(2, f"simulated less recorded speed, at most {np.abs(signals[2][1]).max():.2g} rps")
+    panels.insert(
+        2, f"simulated less recorded speed, at most {np.abs(signals[2][1]).max():.2g} rps"
+    )
 listed = ", ".join(f"({letter}) {panel}" for letter, panel in zip("abcde", panels, strict=False))
 used = table["used_in_fit"]
 workbook.export(
     supplement={
-        "simulator_validation": (table, "The simulator against every clean record and every printed amplitude.")
+        "simulator_validation": (
+            table,
+            "The simulator against every clean record and every printed amplitude.",
+        )
     },
     facts={
         "nrmse_records": table["nrmse"].count(),
@@ -272,7 +325,11 @@ workbook.export(
         "figure10_simulator": (
             figure10,
             f"Two settled turns of our joint at level {level}, a backlash of {1e4 * delta_rad:g}e-4 rad: {listed}. "
-            + ("Only the speed is published." if compared else "It turns at another speed than the published records."),
+            + (
+                "Only the speed is published."
+                if compared
+                else "It turns at another speed than the published records."
+            ),
         ),
         "figure10_validation": (
             validation,
@@ -297,13 +354,21 @@ workbook.export(
 # peaks at $\delta$ = 15·10⁻⁴ rad change, and what else differs between the two joints?
 
 # %% tags=["solution"]
-ways = {"committed": {}, "inertia_ratio": {"inertia_ratio": 0.5}, "motor_inertia_kgm2": {"motor_inertia_kgm2": 2.0}}
+ways = {
+    "committed": {},
+    "inertia_ratio": {"inertia_ratio": 0.5},
+    "motor_inertia_kgm2": {"motor_inertia_kgm2": 2.0},
+}
 joints = {way: changed_joint(committed, factors) for way, factors in ways.items()}
 A = {way: peak_rps(finely(each, [15e-4])[0], each) for way, each in joints.items()}
 for way, each in joints.items():
-    print(f"{way}: A {100 * (A[way] / A['committed'] - 1):+.0f} %, K_p = {each.speed_gain_nms_per_rad:.3f} N m s/rad")
+    print(
+        f"{way}: A {100 * (A[way] / A['committed'] - 1):+.0f} %, K_p = {each.speed_gain_nms_per_rad:.3f} N m s/rad"
+    )
 assert A["inertia_ratio"] < 0.7 * A["committed"] < 0.7 * A["motor_inertia_kgm2"]
-assert np.isclose(joints["inertia_ratio"].speed_gain_nms_per_rad, 2 * committed.speed_gain_nms_per_rad)
+assert np.isclose(
+    joints["inertia_ratio"].speed_gain_nms_per_rad, 2 * committed.speed_gain_nms_per_rad
+)
 
 # %% [markdown]
 # **2.** At constant speed the teeth separate where $\tau_l = 0$. Where is that with friction of 10 % of $m g r$, and
@@ -325,6 +390,10 @@ print(f"{1e3 * np.sort(apart_s).round(4)} ms apart; {1e3 * expected_s.round(4)} 
 # %% tags=["solution"]
 geared = joint_from_ratios(committed.ratios, gear_ratio=80.0, commanded_speed_rps=200.0)
 assert geared.turn_period_s == committed.turn_period_s
-twice = peak_rps(finely(geared, [15e-4])[0], geared) / peak_rps(finely(committed, [15e-4])[0], committed)
+twice = peak_rps(finely(geared, [15e-4])[0], geared) / peak_rps(
+    finely(committed, [15e-4])[0], committed
+)
 assert np.isclose(twice, 2, rtol=1e-6)
-print(f"peaks {twice:.4f} times as high: theta_m / N moves as before, so the records tell N only as v_t times T_f")
+print(
+    f"peaks {twice:.4f} times as high: theta_m / N moves as before, so the records tell N only as v_t times T_f"
+)

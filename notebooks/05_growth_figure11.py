@@ -76,7 +76,9 @@ from workbook import Interval
 speed_level = 12  # level K of the speed signal in figure 5
 noise_rps = 0.0  # half-amplitude of uniform noise added in figure 5
 noise_seed = 1
-commanded_speed_rps = 100.0  # of the motor; the load turns once in 40 of its turns, 0.4 s at 100 rps
+commanded_speed_rps = (
+    100.0  # of the motor; the load turns once in 40 of its turns, 0.4 s at 100 rps
+)
 changes = {}  # factors for the joint's ratios or physical quantities, as in notebook 4
 
 # %% tags=["plumbing"]
@@ -117,7 +119,9 @@ def draw(delta_mrad):
     settled, first = record.t >= T_f, record.t <= 4 * T_f
     (axis,) = paper.speed_signal(record.t[first], record.v[first], T_f).axes
     axis.set(ylim=(v_t - highest, v_t + highest))
-    axis.set_title(f"largest settled sample {(record.v[settled] - v_t).max():.3f} rps above {v_t:g} rps")
+    axis.set_title(
+        f"largest settled sample {(record.v[settled] - v_t).max():.3f} rps above {v_t:g} rps"
+    )
 
 
 workbook.sliders(draw, delta_mrad=(1e3 * level_delta_rad(speed_level), 0.1, 4.0))
@@ -134,7 +138,10 @@ every = [level_delta_rad(level) for level in ALL_LEVELS]
 
 def settled_peaks(joint):
     runs = simulate_recordings(joint, every, sample_s=FINE_S)
-    settled, r = runs[0].t >= joint.turn_period_s, np.array([run.v - run.commanded_speed_rps for run in runs])
+    settled, r = (
+        runs[0].t >= joint.turn_period_s,
+        np.array([run.v - run.commanded_speed_rps for run in runs]),
+    )
     before, after = r[:, settled].max(axis=1), r[:, ::40][:, settled[::40]].max(axis=1)
     return runs, pd.DataFrame({"delta_rad": every, "amplitude_rps": before, "sampled_rps": after})
 
@@ -143,7 +150,13 @@ fine, peaks = settled_peaks(joint)
 third = (fine[0].t >= 2 * T_f - 1e-9) & (fine[0].t < 3 * T_f - 1e-9)
 signals = pd.concat(
     [
-        pd.DataFrame({"delta_rad": delta, "time_s": run.t[third] - 2 * T_f, "disturbance_rps": run.v[third] - v_t})
+        pd.DataFrame(
+            {
+                "delta_rad": delta,
+                "time_s": run.t[third] - 2 * T_f,
+                "disturbance_rps": run.v[third] - v_t,
+            }
+        )
         for delta, run in zip(ten, fine, strict=False)
     ],
     ignore_index=True,
@@ -169,11 +182,17 @@ peaks.assign(
 
 # %%
 same = joint == identified_joint()
-as_committed = peaks["amplitude_rps"] if same else settled_peaks(identified_joint())[1]["amplitude_rps"]
+as_committed = (
+    peaks["amplitude_rps"] if same else settled_peaks(identified_joint())[1]["amplitude_rps"]
+)
 step = peaks["amplitude_rps"].diff()
 p = np.polyfit(np.log(peaks["delta_rad"]), np.log(peaks["amplitude_rps"]), 1)[0]
 against = 100 * (peaks["amplitude_rps"] / as_committed - 1)
-grows = "grows from every level to the next" if step.min() > 0 else "does not grow from every level to the next"
+grows = (
+    "grows from every level to the next"
+    if step.min() > 0
+    else "does not grow from every level to the next"
+)
 print(
     f"At {v_t:g} rps (a load turn of {T_f:g} s) the amplitude {grows}, by {step.min():.3f} to {step.max():.3f} rps, "
     f"about as the backlash to the power {p:.2f}; the impact's speed would grow with the power 0.67. "
@@ -187,9 +206,21 @@ print(
 )
 
 # %% tags=["plumbing"]
-with_noise = f"with uniform noise of half-amplitude {noise_rps:g} rps" if noise_rps else "without noise"
-off = 100 * (peaks.set_index("delta_rad")["amplitude_rps"] / pd.Series(table2.theoretical_amplitudes()) - 1).abs()
-beside = f"lie within {off.max():.2g} % of the {off.count()} printed ones" if same else "are those of a changed joint"
+with_noise = (
+    f"with uniform noise of half-amplitude {noise_rps:g} rps" if noise_rps else "without noise"
+)
+off = (
+    100
+    * (
+        peaks.set_index("delta_rad")["amplitude_rps"] / pd.Series(table2.theoretical_amplitudes())
+        - 1
+    ).abs()
+)
+beside = (
+    f"lie within {off.max():.2g} % of the {off.count()} printed ones"
+    if same
+    else "are those of a changed joint"
+)
 workbook.export(
     supplement={"growth": (peaks, "The largest excursion of the speed at each backlash.")},
     figures={
@@ -232,8 +263,12 @@ for delta in (3e-4, 10e-4, 20e-4):
     simulated_s = impact_s - run.separation_time_s[run.separation_time_s < impact_s][-1]
     roots = np.roots([jerk / 6, 0, jerk / plain.ratios["stiffness_per_s2"], -2 * delta])
     solved_s, t_gap = roots[np.abs(roots.imag) < 1e-9].real[0], (12 * delta / jerk) ** (1 / 3)
-    print(f"{delta:g} rad: simulated {1e3 * simulated_s:.1f}, solved {1e3 * solved_s:.1f}, t_gap {1e3 * t_gap:.1f} ms")
-    assert abs(solved_s - simulated_s) < abs(t_gap - simulated_s)  # the rest: the motor does not keep its speed
+    print(
+        f"{delta:g} rad: simulated {1e3 * simulated_s:.1f}, solved {1e3 * solved_s:.1f}, t_gap {1e3 * t_gap:.1f} ms"
+    )
+    assert abs(solved_s - simulated_s) < abs(
+        t_gap - simulated_s
+    )  # the rest: the motor does not keep its speed
 
 # %% [markdown]
 # **2.** Is $A$ in proportion to the relative speed $\omega_m / N - \omega_l$ at the impact? Take it from simulations at
@@ -244,7 +279,9 @@ ratio = {}
 for rps in (50.0, 100.0):
     slow = replace(plain, commanded_speed_rps=rps)
     for delta in (3e-4, 10e-4, 20e-4):
-        run = simulate(slow, delta, duration_s=4 * slow.turn_period_s, sample_s=FINE_S, step_s=FINE_S)
+        run = simulate(
+            slow, delta, duration_s=4 * slow.turn_period_s, sample_s=FINE_S, step_s=FINE_S
+        )
         relative = run.motor_speed_rad_per_s / slow.gear_ratio - run.load_speed_rad_per_s
         settled = run.impact_time_s > 2 * slow.turn_period_s
         impact_rad_per_s = np.abs(np.interp(run.impact_time_s[settled], run.time_s, relative)).max()
@@ -262,4 +299,6 @@ left = {rps: np.exp(-15 * plain.gear_ratio / rps / 2) for rps in (100, 50)}
 tenth_rps = 15 * plain.gear_ratio / 2 / np.log(10)
 assert np.isclose(np.exp(-15 * plain.gear_ratio / tenth_rps / 2), 0.1)
 assert left[50] < left[100] < 0.1
-print(f"{100 * left[100]:.0f} % at 100 rps, {100 * left[50]:.2g} % at 50 rps; a tenth at {tenth_rps:.0f} rps")
+print(
+    f"{100 * left[100]:.0f} % at 100 rps, {100 * left[50]:.2g} % at 50 rps; a tenth at {tenth_rps:.0f} rps"
+)

@@ -104,7 +104,8 @@ keep = ~np.isin(np.arange(1, delta.size + 1), left_out)
 fitted, fitted_rmse = fit_polynomial(rpm_per_rps * theoretical[keep], delta[keep])
 printed = 1e-6 * np.array([published.value(f"equation10.A{k}") for k in range(4)])
 coefficients = pd.DataFrame(
-    {"printed": 1e6 * printed, "fitted": 1e6 * fitted}, index=[f"A^{k} [1e-6 rad/rpm^{k}]" for k in range(4)]
+    {"printed": 1e6 * printed, "fitted": 1e6 * fitted},
+    index=[f"A^{k} [1e-6 rad/rpm^{k}]" for k in range(4)],
 )
 coefficients.loc["RMSE [1e-6 rad]"] = 1e6 * published.value("equation10.rmse"), 1e6 * fitted_rmse
 coefficients
@@ -137,7 +138,9 @@ def draw(A_rps, error_percent):
     axis.legend()
 
 
-workbook.sliders(draw, A_rps=(theoretical[4], 0.0, theoretical[-1]), error_percent=(10.0, -20.0, 20.0))
+workbook.sliders(
+    draw, A_rps=(theoretical[4], 0.0, theoretical[-1]), error_percent=(10.0, -20.0, 20.0)
+)
 
 # %% [markdown]
 # ### The same from our own simulations
@@ -157,13 +160,19 @@ ours, ours_rmse = fit_polynomial(60 * peaks, delta)
 
 A = np.linspace(theoretical.min(), theoretical.max(), 400)
 difference = pd.DataFrame(
-    {"amplitude_rps": A, "fitted_rad": polynomial(60 * A, ours), "printed_rad": polynomial(60 * A, printed)}
+    {
+        "amplitude_rps": A,
+        "fitted_rad": polynomial(60 * A, ours),
+        "printed_rad": polynomial(60 * A, printed),
+    }
 ).assign(difference_rad=lambda table: table["fitted_rad"] - table["printed_rad"])
 curves = {
     "cubic through our simulated peaks": (A, difference["fitted_rad"]),
     "equation 10, printed": (A, difference["printed_rad"]),
 }
-figure12_simulated = paper.characteristic(curves, points, (A, difference["difference_rad"]), "ours $-$ printed")
+figure12_simulated = paper.characteristic(
+    curves, points, (A, difference["difference_rad"]), "ours $-$ printed"
+)
 
 # %%
 largest_difference = difference["difference_rad"].abs().max()
@@ -172,7 +181,11 @@ simulated = pd.DataFrame(
         "printed points": [*(1e6 * fitted), fitted_rmse, np.nan],
         "simulated points": [*(1e6 * ours), ours_rmse, largest_difference],
     },
-    index=[*(f"A^{k} [1e-6 rad/rpm^{k}]" for k in range(4)), "RMSE [rad]", "largest difference from equation 10 [rad]"],
+    index=[
+        *(f"A^{k} [1e-6 rad/rpm^{k}]" for k in range(4)),
+        "RMSE [rad]",
+        "largest difference from equation 10 [rad]",
+    ],
 )
 simulated.map("{:.4g}".format)
 
@@ -191,7 +204,9 @@ simulated.map("{:.4g}".format)
 def largest_unseen_error(A, delta_rad, degree):
     others = [np.arange(len(A)) != i for i in range(len(A))]
     fits = [fit_polynomial(A[other], delta_rad[other], degree)[0] for other in others]
-    return max(abs(polynomial(a, fit) - true) for a, fit, true in zip(A, fits, delta_rad, strict=True))
+    return max(
+        abs(polynomial(a, fit) - true) for a, fit, true in zip(A, fits, delta_rad, strict=True)
+    )
 
 
 readings = {
@@ -215,7 +230,9 @@ goodness.round(3)
 # %%
 read = readings[reading]
 of_reading, reading_rmse = fit_polynomial(60 * read, delta, degree)
-figure, (upper, lower) = plt.subplots(2, 1, sharex=True, figsize=(6, 4), height_ratios=(3, 1), layout="constrained")
+figure, (upper, lower) = plt.subplots(
+    2, 1, sharex=True, figsize=(6, 4), height_ratios=(3, 1), layout="constrained"
+)
 dense = np.linspace(read.min(), read.max(), 200)
 upper.plot(dense, 1e4 * polynomial(60 * dense, of_reading), label=f"polynomial of degree {degree}")
 upper.plot(read, 1e4 * delta, "o", label="simulated joint")
@@ -356,7 +373,10 @@ workbook.export(
             difference.iloc[::20],
             "Our characteristic less equation 10, over the amplitude.",
         ),
-        "equation10_units": (units, "Equation 10 at the ten printed amplitudes, with A in rpm and in rps."),
+        "equation10_units": (
+            units,
+            "Equation 10 at the ten printed amplitudes, with A in rpm and in rps.",
+        ),
     },
     facts={
         "rmse10": (fitted_rmse, ".2e"),
@@ -399,7 +419,9 @@ workbook.export(
 A_rpm = 60 * theoretical[[0, -1]]
 slope_rad_per_rpm = printed[1] + 2 * printed[2] * A_rpm + 3 * printed[3] * A_rpm**2
 percent = slope_rad_per_rpm * A_rpm / polynomial(A_rpm, printed)  # of delta for 1 % of A
-assert np.allclose(polynomial(1.0001 * A_rpm, printed) / polynomial(A_rpm, printed) - 1, 1e-4 * percent, rtol=1e-3)
+assert np.allclose(
+    polynomial(1.0001 * A_rpm, printed) / polynomial(A_rpm, printed) - 1, 1e-4 * percent, rtol=1e-3
+)
 print(f"{percent[0]:.2f} % and {percent[1]:.2f} %")
 
 # %% [markdown]
@@ -418,7 +440,11 @@ assert rounding_rad[3] > 2 * points_rmse > 1000 * published.value("equation10.rm
 
 # %% tags=["solution"]
 roots = np.roots([*printed[:0:-1], printed[0] - 2e-3])
-(A_limit,) = (root.real / 60 for root in roots if abs(root.imag) < 1e-9 and 0 < root.real < 60 * theoretical[-1])
+(A_limit,) = (
+    root.real / 60
+    for root in roots
+    if abs(root.imag) < 1e-9 and 0 < root.real < 60 * theoretical[-1]
+)
 assert np.isclose(polynomial(60 * A_limit, printed), 2e-3)
 assert slope > 0
 print(f"{polynomial(54.0, printed):.2e} rad; {A_limit:.3f} rps")

@@ -117,7 +117,9 @@ workbook.check_parameters(
     today_runs=(today_runs, Interval(1, whole=True)),
 )
 for chosen_settings in (box, your_variant):
-    workbook.check_parameters(**{name: (value, settings[name]) for name, value in chosen_settings.items()})
+    workbook.check_parameters(
+        **{name: (value, settings[name]) for name, value in chosen_settings.items()}
+    )
 
 # %% [markdown]
 # ## Result
@@ -171,13 +173,17 @@ protocol = replace(table2.AUTHORS_PROTOCOL, population=population, **box)
 record, bounds = fold(clean.t, clean.v, protocol.timing), protocol_box(clean, protocol)
 
 
-def misfits(members):  # RMSE of each member; `fold` sums the record over its 24 windows once, to save time
+def misfits(
+    members,
+):  # RMSE of each member; `fold` sums the record over its 24 windows once, to save time
     return folded_rmse(members, record)
 
 
 def start():
     normals = search.random_normals(seed)
-    return search.generations(misfits, bounds, normals, population, sigma=4 * sigma)  # counted in quarters of the box
+    return search.generations(
+        misfits, bounds, normals, population, sigma=4 * sigma
+    )  # counted in quarters of the box
 
 
 drawn = next(islice(start(), generation - 1, None))
@@ -204,8 +210,12 @@ x = before.m + before.sigma * before.unit * (z * before.D @ before.B.T)  # equat
 members = into_box(x, bounds)
 ranking = np.argsort(misfits(members), kind="stable")
 ranked = x[ranking]
-print(f"largest difference from search.py, in units: {np.abs((x - drawn.x) / before.unit).max():.1g}")
-pd.DataFrame(members, columns=FREE_PARAMETERS).assign(misfit_rps=misfits(members)).loc[ranking].head()
+print(
+    f"largest difference from search.py, in units: {np.abs((x - drawn.x) / before.unit).max():.1g}"
+)
+pd.DataFrame(members, columns=FREE_PARAMETERS).assign(misfit_rps=misfits(members)).loc[
+    ranking
+].head()
 
 # %% [markdown]
 # **The mean.** The new mean is the weighted mean of the $\mu$ best; the best has the largest weight $w_1$:
@@ -216,7 +226,9 @@ pd.DataFrame(members, columns=FREE_PARAMETERS).assign(misfit_rps=misfits(members
 # %%
 w = c.weights[: c.mu]
 m = w @ ranked[: c.mu]  # equation 13
-print(f"{c.mu} of {population} members make the mean; the weights are worth mu_eff = {c.mu_eff:.1f} equal ones")
+print(
+    f"{c.mu} of {population} members make the mean; the weights are worth mu_eff = {c.mu_eff:.1f} equal ones"
+)
 
 # %% [markdown]
 # **The step size.** The path $\mathbf p_\sigma$ sums the steps of the mean, whitened by $\mathbf C^{-1/2}$ and with
@@ -235,9 +247,13 @@ print(f"{c.mu} of {population} members make the mean; the weights are worth mu_e
 # %%
 step = (m - before.m) / before.unit / before.sigma
 white = before.B @ (before.B.T @ step / before.D)  # C^(-1/2) = B D^-1 B^T
-p_sigma = (1 - c.c_sigma) * before.p_sigma + np.sqrt(c.c_sigma * (2 - c.c_sigma) * c.mu_eff) * white  # equation 14
+p_sigma = (1 - c.c_sigma) * before.p_sigma + np.sqrt(
+    c.c_sigma * (2 - c.c_sigma) * c.mu_eff
+) * white  # equation 14
 growth = c.c_sigma / c.d_sigma * (np.linalg.norm(p_sigma) / c.chi_n - 1)
-new_sigma = before.sigma * np.exp(min(1, growth))  # equation 15; the library lets it grow by a factor e at most
+new_sigma = before.sigma * np.exp(
+    min(1, growth)
+)  # equation 15; the library lets it grow by a factor e at most
 pd.Series(
     {
         "length of the path p_sigma": np.linalg.norm(p_sigma),
@@ -269,13 +285,23 @@ pd.Series(
 # %%
 fresh = 1 - (1 - c.c_sigma) ** (2 * (before.g + 1))
 h_sigma = p_sigma @ p_sigma / fresh / c.n < 2 + 4 / (c.n + 1)
-p_c = (1 - c.c_c) * before.p_c + h_sigma * np.sqrt(c.c_c * (2 - c.c_c) * c.mu_eff) * step  # equation 16
+p_c = (1 - c.c_c) * before.p_c + h_sigma * np.sqrt(
+    c.c_c * (2 - c.c_c) * c.mu_eff
+) * step  # equation 16
 y = (ranked - before.m) / before.unit / before.sigma
 length = np.linalg.norm(y @ before.B / before.D, axis=1)
-w = np.where(c.weights < 0, c.weights * c.n / length**2, c.weights)  # a negative weight counts at the mean length
+w = np.where(
+    c.weights < 0, c.weights * c.n / length**2, c.weights
+)  # a negative weight counts at the mean length
 made_up = c.c_1 * (1 - h_sigma) * c.c_c * (2 - c.c_c)
-C = (1 - c.c_1 + made_up - c.c_mu * c.weights.sum()) * before.C + c.c_1 * np.outer(p_c, p_c) + c.c_mu * (w * y.T) @ y
-print(f"c_1 = {c.c_1:.3f}, c_mu = {c.c_mu:.3f}: the samples of one generation make up {100 * c.c_mu:.0f} % of C")
+C = (
+    (1 - c.c_1 + made_up - c.c_mu * c.weights.sum()) * before.C
+    + c.c_1 * np.outer(p_c, p_c)
+    + c.c_mu * (w * y.T) @ y
+)
+print(
+    f"c_1 = {c.c_1:.3f}, c_mu = {c.c_mu:.3f}: the samples of one generation make up {100 * c.c_mu:.0f} % of C"
+)
 pd.DataFrame(
     {
         "mean before": before.m,
@@ -321,7 +347,13 @@ def at_bounds(X, box):
 
 
 ends = {
-    "stored run": (stored["final_rmse_rps"], int(stored["iterations"]), authors_stop, stored_X, authors_box),
+    "stored run": (
+        stored["final_rmse_rps"],
+        int(stored["iterations"]),
+        authors_stop,
+        stored_X,
+        authors_box,
+    ),
     "this run": (found.misfit, best.size, found.stop, found.best, bounds),
 }
 pd.DataFrame(
@@ -337,7 +369,11 @@ pd.DataFrame(
 # %%
 ratio = found.misfit / stored["final_rmse_rps"]
 lies = "above" if ratio > 1 else "below"
-where = "the same basin" if abs(ratio - 1) < table2.BASIN_GAP else f"another minimum, {lies} the stored one"
+where = (
+    "the same basin"
+    if abs(ratio - 1) < table2.BASIN_GAP
+    else f"another minimum, {lies} the stored one"
+)
 print(
     f"With {population} members, first SDs of {sigma:g} of the box and {box or 'the bounds of the stored run'}, the "
     f"run ends after {best.size} generations ({found.stop}) at {ratio:.3f} times the stored RMSE: {where}. "
@@ -357,15 +393,26 @@ print(
 chosen = [VARIANTS[name] for name in variants]
 if your_variant:
     chosen.append(replace(table2.AUTHORS_PROTOCOL, name="your variant", **your_variant))
-records = [(key, noisy) for key, noisy in table2.authors_table2_records([realisation]) if key["row"] in rows]
+records = [
+    (key, noisy)
+    for key, noisy in table2.authors_table2_records([realisation])
+    if key["row"] in rows
+]
 runs = table2.repeated_fits(records, chosen, range(1, repeats + 1), label="protocol variants")
 scores = variant_scores(runs)
 
 # %%
-off = scores.assign(mean_abs_error_percent=scores["mean_error_percent"].abs(), log_sd=np.log(scores["sd_ratio"]).abs())
-ranking_of_means = off.groupby("protocol", sort=False)[["mean_abs_error_percent", "log_sd", "best_basin_share"]].mean()
+off = scores.assign(
+    mean_abs_error_percent=scores["mean_error_percent"].abs(),
+    log_sd=np.log(scores["sd_ratio"]).abs(),
+)
+ranking_of_means = off.groupby("protocol", sort=False)[
+    ["mean_abs_error_percent", "log_sd", "best_basin_share"]
+].mean()
 ranking_of_means = ranking_of_means.assign(sd_factor=np.exp(ranking_of_means.pop("log_sd")))
-variant_ranking = ranking_of_means.sort_values("mean_abs_error_percent", kind="stable").reset_index()
+variant_ranking = ranking_of_means.sort_values(
+    "mean_abs_error_percent", kind="stable"
+).reset_index()
 variant_ranking.round(2)
 
 # %%
@@ -397,11 +444,15 @@ protocols = paper.protocol_variants(scores)
 todays_cma = VARIANTS["today's cma"]
 every_third = [(key, noisy) for key, noisy in records if key["row"] in (rows[1::3] or rows)]
 all_seeds = range(1, 2 * seed_runs + 1)
-of_2021 = table2.repeated_fits(records, [table2.AUTHORS_PROTOCOL], all_seeds, label="the search of 2021")
+of_2021 = table2.repeated_fits(
+    records, [table2.AUTHORS_PROTOCOL], all_seeds, label="the search of 2021"
+)
 sets = {
     "the search of 2021": of_2021[of_2021["seed"] <= seed_runs],
     "the same, other seeds": of_2021[of_2021["seed"] > seed_runs],
-    "today's cma": table2.repeated_fits(every_third, [todays_cma], range(1, today_runs + 1), label="today's cma"),
+    "today's cma": table2.repeated_fits(
+        every_third, [todays_cma], range(1, today_runs + 1), label="today's cma"
+    ),
 }
 versions = basins.compare_searches(sets)
 versions.set_index("search").round(2).astype(object).T.fillna("")
@@ -430,7 +481,9 @@ print(
 )
 
 # %% tags=["plumbing"]
-of_seeds, today = (versions.set_index("search").loc[name] for name in ("the same, other seeds", "today's cma"))
+of_seeds, today = (
+    versions.set_index("search").loc[name] for name in ("the same, other seeds", "today's cma")
+)
 ranked = variant_ranking.set_index("protocol")["mean_abs_error_percent"]
 facts = {
     "population": table2.AUTHORS_PROTOCOL.population,
@@ -444,15 +497,31 @@ facts = {
     "today_apart": (today["apart_percent"], ".1f"),
     "today_chance": (today[["chance_low_percent", "chance_high_percent"]], ".1f"),
     "today_best_shift": (today[["best_shift_low_percent", "best_shift_high_percent"]], "+.1f"),
-    "today_against_chance": "more than" if today["apart_percent"] > today["chance_high_percent"] else "no more than",
+    "today_against_chance": "more than"
+    if today["apart_percent"] > today["chance_high_percent"]
+    else "no more than",
 }
-facts |= {f"seeds_chance{end}": (of_seeds[f"chance{end}_percent"], ".1f") for end in ("", "_low", "_high")}
+facts |= {
+    f"seeds_chance{end}": (of_seeds[f"chance{end}_percent"], ".1f") for end in ("", "_low", "_high")
+}
 workbook.export(
     supplement={
-        "table1_replay": (tried, "How many stored first generations replay with each bound of Table 1 moved."),
-        "protocol_variants": (scores, "Means and SDs of each variant of the protocol on each record."),
-        "protocol_ranking": (variant_ranking, "The variants by the deviation of their means from Table 2."),
-        "library_versions": (versions, "Other seeds and today's library against the search of 2021."),
+        "table1_replay": (
+            tried,
+            "How many stored first generations replay with each bound of Table 1 moved.",
+        ),
+        "protocol_variants": (
+            scores,
+            "Means and SDs of each variant of the protocol on each record.",
+        ),
+        "protocol_ranking": (
+            variant_ranking,
+            "The variants by the deviation of their means from Table 2.",
+        ),
+        "library_versions": (
+            versions,
+            "Other seeds and today's library against the search of 2021.",
+        ),
     },
     facts=facts,
     figures={
@@ -501,7 +570,9 @@ exact = np.sqrt(2) * math.gamma((c.n + 1) / 2) / math.gamma(c.n / 2)
 drawn_lengths = np.linalg.norm(np.random.default_rng(1).standard_normal((100000, c.n)), axis=1)
 assert np.isclose(exact, drawn_lengths.mean(), rtol=0.005)
 assert np.isclose(exact, c.chi_n, rtol=1e-3)
-print(f"{exact:.4f}, {drawn_lengths.mean():.3f} drawn; sqrt(n) = {np.sqrt(c.n):.4f} is the rms length, which is larger")
+print(
+    f"{exact:.4f}, {drawn_lengths.mean():.3f} drawn; sqrt(n) = {np.sqrt(c.n):.4f} is the rms length, which is larger"
+)
 
 # %% [markdown]
 # **2.** If the misfits told nothing, the ranks would be random. How long is the step of the mean then, in units of

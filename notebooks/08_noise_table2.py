@@ -83,7 +83,13 @@ from workbook.judging import judge_cells, region
 
 # %% tags=["parameters"]
 repeats = 30  # runs on each record
-realisations = [1, 2, 3, 4, 5]  # the authors' noise realisations R: of 1 to 5 (low noise) or of 11 to 20 (high)
+realisations = [
+    1,
+    2,
+    3,
+    4,
+    5,
+]  # the authors' noise realisations R: of 1 to 5 (low noise) or of 11 to 20 (high)
 noise_seeds = [1, 2, 3, 4, 5]  # of our noises: the simulated records' and the noise-only ones
 noise_factor = 1.0  # multiplies the noise of our records; the authors' stay as they are
 population = 300  # members of a generation of the search
@@ -114,7 +120,9 @@ for name, given in (("realisations", realisations), ("noise_seeds", noise_seeds)
 
 # %%
 noise = inspection.noise_amplitudes()
-printed_noise, theoretical = (published.column("Table 2", name)[:10] for name in ("noise", "theoretical"))
+printed_noise, theoretical = (
+    published.column("Table 2", name)[:10] for name in ("noise", "theoretical")
+)
 amplitudes = pd.DataFrame(
     {
         "printed": printed_noise,
@@ -132,7 +140,9 @@ amplitudes.round(4)
 
 # %%
 added = {f"K = {level}": inspection.added_noise(level, 1) for level in range(3, 12)}
-noise_law = pd.DataFrame({level: inspection.uniform_noise_test(noise_rps) for level, noise_rps in added.items()}).T
+noise_law = pd.DataFrame(
+    {level: inspection.uniform_noise_test(noise_rps) for level, noise_rps in added.items()}
+).T
 noise_law.round(3)
 
 # %% [markdown]
@@ -148,9 +158,16 @@ of_authors = table2.authors_table2_records(realisations)
 shown = table2.repeated_fits([of_authors[shown_row - 1]], [protocol], seeds, label="one record")
 A = shown["A_rps"].abs()
 in_best = table2.basin_labels(shown["rmse_rps"].to_numpy()) == 1
-printed_A = published.column("Table 2", "mean")[shown_row - 1], published.column("Table 2", "sd")[shown_row - 1]
+printed_A = (
+    published.column("Table 2", "mean")[shown_row - 1],
+    published.column("Table 2", "sd")[shown_row - 1],
+)
 pd.DataFrame(
-    {"all runs": [A.mean(), A.std()], "best basin": [A[in_best].mean(), A[in_best].std()], "printed": printed_A},
+    {
+        "all runs": [A.mean(), A.std()],
+        "best basin": [A[in_best].mean(), A[in_best].std()],
+        "printed": printed_A,
+    },
     index=["mean of A [rps]", "SD of A [rps]"],
 ).round(4)
 
@@ -161,7 +178,11 @@ pd.DataFrame(
 
 # %%
 joint = identified_joint()
-of_ours = [record for seed in noise_seeds for record in table2.simulated_table2_records(joint, seed, noise_factor)]
+of_ours = [
+    record
+    for seed in noise_seeds
+    for record in table2.simulated_table2_records(joint, seed, noise_factor)
+]
 of_ours += [table2.noise_only_record(seed, noise_factor) for seed in noise_seeds]
 fits = table2.repeated_fits([*of_authors, *of_ours], [protocol], seeds, label="Table 2")
 table = table2.table2(fits)
@@ -171,15 +192,21 @@ table = table2.table2(fits)
 
 # %%
 backlash = table[table["delta_rad"] > 0]
-regions = pd.DataFrame({"mean": published.column("Table 2", "mean")[:10], "sd": published.column("Table 2", "sd")[:10]})
+regions = pd.DataFrame(
+    {"mean": published.column("Table 2", "mean")[:10], "sd": published.column("Table 2", "sd")[:10]}
+)
 regions.index = pd.Index(range(1, 11), name="row")
 each = {}
 for name in ("mean", "sd"):
-    by_row = backlash[backlash["source"] == "authors"].pivot(index="row", columns="realisation", values=f"{name}_A_rps")
+    by_row = backlash[backlash["source"] == "authors"].pivot(
+        index="row", columns="realisation", values=f"{name}_A_rps"
+    )
     bounds = [region(list(numbers), signed=False) for numbers in by_row.to_numpy()]
     regions[[f"{name}_low", f"{name}_high"]] = bounds
     each[name] = by_row.rename(columns=lambda R: f"R = {R}")
-beside = regions.rename(columns=lambda name: f"printed {name}" if "_" not in name else name.replace("_", " region, "))
+beside = regions.rename(
+    columns=lambda name: f"printed {name}" if "_" not in name else name.replace("_", " region, ")
+)
 beside["theoretical A"] = theoretical
 mean_columns = ["mean region, low", "mean region, high", "printed mean", "theoretical A"]
 pd.concat([each["mean"], beside[mean_columns]], axis=1).round(4)
@@ -188,7 +215,9 @@ pd.concat([each["mean"], beside[mean_columns]], axis=1).round(4)
 # The SD of $A$ [rps] over the runs. It depends on which few runs leave the best basin, so its region is wide.
 
 # %%
-pd.concat([each["sd"], beside[["sd region, low", "sd region, high", "printed sd"]]], axis=1).map("{:.3g}".format)
+pd.concat([each["sd"], beside[["sd region, low", "sd region, high", "printed sd"]]], axis=1).map(
+    "{:.3g}".format
+)
 
 # %%
 table2_amplitudes = paper.table2(backlash, regions)
@@ -206,7 +235,9 @@ spread = pd.DataFrame(
         "mean error of a mean [%]": by_source["relative_error_percent"].mean(),
         "largest error of a mean [%]": by_source["relative_error_percent"].max(),
         "median SD [rps]": by_source["sd_A_rps"].median(),
-        "runs in the best basin [%]": 100 * by_source["best_basin_runs"].sum() / by_source["runs"].sum(),
+        "runs in the best basin [%]": 100
+        * by_source["best_basin_runs"].sum()
+        / by_source["runs"].sum(),
         "median lowest RMSE [rps]": by_source["best_rmse_rps"].median(),
     }
 )
@@ -240,7 +271,9 @@ pd.concat([best, over_rows]).round(1)
 # How many of the runs on each record end in its best basin.
 
 # %%
-in_best_basin = backlash.pivot(index="row", columns=["source", "realisation"], values="best_basin_runs")
+in_best_basin = backlash.pivot(
+    index="row", columns=["source", "realisation"], values="best_basin_runs"
+)
 in_best_basin
 
 # %% [markdown]
@@ -250,9 +283,15 @@ in_best_basin
 # %%
 first = backlash[(backlash["source"] == "authors") & (backlash["realisation"] == realisations[0])]
 widest = int(first.loc[first["sd_A_rps"].idxmax(), "row"])
-of_widest = fits[(fits["source"] == "authors") & (fits["realisation"] == realisations[0]) & (fits["row"] == widest)]
+of_widest = fits[
+    (fits["source"] == "authors")
+    & (fits["realisation"] == realisations[0])
+    & (fits["row"] == widest)
+]
 labels = table2.basin_labels(of_widest["rmse_rps"].to_numpy())
-table2_basins = paper.basins(of_widest, labels, f"row {widest} of Table 2, $R$ = {realisations[0]}, {repeats} runs")
+table2_basins = paper.basins(
+    of_widest, labels, f"row {widest} of Table 2, $R$ = {realisations[0]}, {repeats} runs"
+)
 
 # %% [markdown]
 # ### Other seeds
@@ -261,11 +300,18 @@ table2_basins = paper.basins(of_widest, labels, f"row {widest} of Table 2, $R$ =
 # them the verdicts on these cells:
 
 # %%
-other_fits = table2.repeated_fits(of_authors, [protocol], range(repeats + 1, 2 * repeats + 1), label="other seeds")
+other_fits = table2.repeated_fits(
+    of_authors, [protocol], range(repeats + 1, 2 * repeats + 1), label="other seeds"
+)
 of_seeds = {"": table[table["source"] == "authors"], "_other_seeds": table2.table2(other_fits)}
-judged = {name: judge_cells(table2.table2_cells(part), "authors").set_index("id") for name, part in of_seeds.items()}
+judged = {
+    name: judge_cells(table2.table2_cells(part), "authors").set_index("id")
+    for name, part in of_seeds.items()
+}
 columns = ["reproduced", "low", "high", "verdict"]
-by_seeds = judged[""][["printed", *columns]].join(judged["_other_seeds"][columns], rsuffix="_other_seeds")
+by_seeds = judged[""][["printed", *columns]].join(
+    judged["_other_seeds"][columns], rsuffix="_other_seeds"
+)
 flipped = by_seeds[by_seeds["verdict"] != by_seeds["verdict_other_seeds"]]
 flipped.round(4)
 
@@ -282,7 +328,9 @@ of_source = dict(list(table.groupby("source", sort=False)))
 largest = of_source["authors"].groupby("realisation")["relative_error_percent"].max()
 measured_noise = {f"table2.row{row:02d}.noise": value for row, value in enumerate(noise, start=1)}
 cells = {
-    "authors": table2.table2_cells(of_source["authors"]) | measured_noise | {"text.error_limit_percent": list(largest)},
+    "authors": table2.table2_cells(of_source["authors"])
+    | measured_noise
+    | {"text.error_limit_percent": list(largest)},
     "simulated": table2.table2_cells(of_source["simulated"]),
 }
 claims = {
@@ -294,12 +342,17 @@ claims = {
 verdicts = workbook.judge(cells, claims)
 of_table2 = verdicts[verdicts["id"].str.startswith("table2")]
 parts = of_table2["id"].str.extract(r"row(?P<row>\d+)\.(?P<column>\w+)").astype({"row": int})
-verdict_by_row = of_table2.join(parts).pivot(index="row", columns=["source", "column"], values="verdict").fillna("")
+verdict_by_row = (
+    of_table2.join(parts)
+    .pivot(index="row", columns=["source", "column"], values="verdict")
+    .fillna("")
+)
 display(verdict_by_row)
 display(verdicts[~verdicts["id"].str.startswith("table2")])
 
 means, sds = (
-    [(verdict_by_row["authors", name] == word).sum() for word in ("reproduced", "differs")] for name in ("mean", "sd")
+    [(verdict_by_row["authors", name] == word).sum() for word in ("reproduced", "differs")]
+    for name in ("mean", "sd")
 )
 inside = regions["mean"].between(regions["mean_low"], regions["mean_high"]).sum()
 widths = 100 * ((regions["mean_high"] / regions["mean_low"]) ** 0.5 - 1)
@@ -344,14 +397,21 @@ facts = counted | {
     "regions": 2 * len(regions),
     "regions_missed_by_chance": (2 * len(regions) * (1 - LEVEL), ".0f"),
     "means_inside": inside,
-    "theory_outside": ((theoretical < regions["mean_low"]) | (theoretical > regions["mean_high"])).sum(),
+    "theory_outside": (
+        (theoretical < regions["mean_low"]) | (theoretical > regions["mean_high"])
+    ).sum(),
     "region_half_low": (widths.min(), ".1f"),
     "region_half_high": (widths.max(), ".0f"),
     "sd_printed": (regions["sd"], ".4f"),
-    "sd_factor": ([float(f"{factor:.1g}") for factor in regions["sd_high"] / regions["sd_low"]], ".0f"),
+    "sd_factor": (
+        [float(f"{factor:.1g}") for factor in regions["sd_high"] / regions["sd_low"]],
+        ".0f",
+    ),
     "seeds_flipped": len(flipped),
     "sd_differ_still": (by_seeds.loc[is_sd & differed, "verdict_other_seeds"] == "differs").sum(),
-    "seeds_sd_undecided": (by_seeds.loc[is_sd & differed, "verdict_other_seeds"] == "undecided").sum(),
+    "seeds_sd_undecided": (
+        by_seeds.loc[is_sd & differed, "verdict_other_seeds"] == "undecided"
+    ).sum(),
     "seeds_new_differs": (by_seeds.loc[~differed, "verdict_other_seeds"] == "differs").sum(),
     "runs": repeats,
     "runs_all": len(fits),

@@ -81,7 +81,9 @@ from workbook import Interval
 
 def differential_evolution(misfit, lower, upper, evaluations, seed):
     bounds = list(zip(lower, upper, strict=True))
-    return optimize.differential_evolution(misfit, bounds, maxiter=evaluations, tol=0, polish=False, seed=seed).x
+    return optimize.differential_evolution(
+        misfit, bounds, maxiter=evaluations, tol=0, polish=False, seed=seed
+    ).x
 
 
 # %% [markdown]
@@ -109,7 +111,9 @@ coverage_runs = 200  # made records for each noise law
 # %% tags=["plumbing"]
 A_FUNCTION = "a function (misfit, lower, upper, evaluations, seed) that returns the best X"
 installed = [
-    name for name, (kind, _) in optimizers.SEARCH_METHODS.items() if kind != "swarm" or optimizers.swarms_installed()
+    name
+    for name, (kind, _) in optimizers.SEARCH_METHODS.items()
+    if kind != "swarm" or optimizers.swarms_installed()
 ]
 workbook.check_parameters(
     level=(level, range(3, 14)),
@@ -145,15 +149,23 @@ of_stored = basins.basin_table(stored)
 
 def count_runs(runs):
     """How many runs end in each basin of the stored ones, and at last how many elsewhere."""
-    near = [int(((runs["rmse_rps"] / misfit - 1).abs() < table2.BASIN_GAP).sum()) for misfit in of_stored["rmse_rps"]]
+    near = [
+        int(((runs["rmse_rps"] / misfit - 1).abs() < table2.BASIN_GAP).sum())
+        for misfit in of_stored["rmse_rps"]
+    ]
     return [*near, len(runs) - sum(near)]
 
 
 compared = pd.DataFrame(
-    {"stored_basin": [*of_stored["basin"], "elsewhere"], "rmse_rps": [*of_stored["rmse_rps"], np.nan]}
+    {
+        "stored_basin": [*of_stored["basin"], "elsewhere"],
+        "rmse_rps": [*of_stored["rmse_rps"], np.nan],
+    }
 )
 for name, runs in (("stored", stored), ("ours", replay)):
-    rates = pd.DataFrame([{"runs": count} | rate_columns(count, len(runs)) for count in count_runs(runs)])
+    rates = pd.DataFrame(
+        [{"runs": count} | rate_columns(count, len(runs)) for count in count_runs(runs)]
+    )
     compared = compared.join(rates.add_suffix(f"_{name}"))
 compared["p_same"] = [
     stats.fisher_exact([[a, len(stored) - a], [b, len(replay) - b]]).pvalue
@@ -203,7 +215,10 @@ def project(t0, tau, omega, T2, T1):
 
 others = found.drop(["A_rps", "v_t_rps"])
 pd.DataFrame(
-    {"least squares": project(*others), "global fit": [found["A_rps"], found["v_t_rps"], best.rmse]},
+    {
+        "least squares": project(*others),
+        "global fit": [found["A_rps"], found["v_t_rps"], best.rmse],
+    },
     index=["A [rps]", "v_t [rps]", "RMSE [rps]"],
 ).round(6)
 
@@ -214,7 +229,11 @@ minima = np.flatnonzero((misfits[1:-1] < misfits[:-2]) & (misfits[1:-1] < misfit
 _, axis = plt.subplots(figsize=(5.3, 2.4), layout="constrained")
 axis.plot(starts, misfits)
 axis.plot(starts[minima], misfits[minima], "o")
-axis.set(xlabel="$t_0$ [s], over one turn", ylabel="RMSE [rps]", title=f"circles: {minima.size} local minima")
+axis.set(
+    xlabel="$t_0$ [s], over one turn",
+    ylabel="RMSE [rps]",
+    title=f"circles: {minima.size} local minima",
+)
 plt.show()
 taus, omegas = windows.damping_frequency_grid()
 print(
@@ -233,7 +252,9 @@ print(
 def misfits_over(columns, rows, points=161):
     """Misfits [rps] over two parameters, the others as in the best fit; t0 in the first turn."""
     box = protocol_box(record, protocol)
-    ends = dict(zip(FREE_PARAMETERS, np.linspace(box.lower, box.upper, points, axis=1), strict=True))
+    ends = dict(
+        zip(FREE_PARAMETERS, np.linspace(box.lower, box.upper, points, axis=1), strict=True)
+    )
     ends["t0_s"] = starts[0] + np.linspace(0, protocol.T_f, points)
     X = np.tile(best.X, (points, points, 1))
     X[..., FREE_PARAMETERS.index(columns)] = ends[columns]
@@ -243,7 +264,9 @@ def misfits_over(columns, rows, points=161):
 
 
 slices = [misfits_over("t0_s", "A_rps"), misfits_over("T2_s", "T1_s")]
-labels = basins.label_basins(replay["rmse_rps"].to_numpy(), (replay["t0_s"] + replay["T1_s"]).to_numpy())
+labels = basins.label_basins(
+    replay["rmse_rps"].to_numpy(), (replay["t0_s"] + replay["T1_s"]).to_numpy()
+)
 ends = replay.assign(basin=labels, t0_s=replay["t0_s"] % protocol.T_f)
 landscape = plots.landscape(slices, ends, found)
 
@@ -276,7 +299,9 @@ print(
     else f"With {budget} evaluations none of {len(searches)} searches succeeds."
 )
 if optimiser:
-    print(f"Your {last['strategy']} finds the best basin in {last['found']} of {last['runs']} searches.")
+    print(
+        f"Your {last['strategy']} finds the best basin in {last['found']} of {last['runs']} searches."
+    )
 
 # %%
 strategy_costs = plots.strategy_costs(costs)
@@ -288,7 +313,9 @@ strategy_costs = plots.strategy_costs(costs)
 
 # %%
 fits = [global_fit(recording) for _, recording in table2.authors_table2_records([1])]
-printed = {name: published.column("Table 2", name)[: len(fits)] for name in ("theoretical", "mean", "sd")}
+printed = {
+    name: published.column("Table 2", name)[: len(fits)] for name in ("theoretical", "mean", "sd")
+}
 amplitude = pd.Series([fit.amplitude_rps for fit in fits])
 intervals = pd.DataFrame(
     {
@@ -339,7 +366,11 @@ covering.round(3)
 # CMA-ES avoids the local minima.
 
 # %%
-lowest = min(stored["rmse_rps"].min(), replay["rmse_rps"].min()) if level == 12 else replay["rmse_rps"].min()
+lowest = (
+    min(stored["rmse_rps"].min(), replay["rmse_rps"].min())
+    if level == 12
+    else replay["rmse_rps"].min()
+)
 of_best = table.iloc[0]
 display(
     pd.Series(
@@ -367,9 +398,18 @@ print(
 # %% tags=["plumbing"]
 workbook.export(
     supplement={
-        "identification_strategies": (costs, "Function evaluations per success of search strategies."),
-        "identification_table2": (intervals, "The global fit's A and its interval on the records of Table 2."),
-        "identification_coverage": (covering, "How often the interval holds A on records made from the signature."),
+        "identification_strategies": (
+            costs,
+            "Function evaluations per success of search strategies.",
+        ),
+        "identification_table2": (
+            intervals,
+            "The global fit's A and its interval on the records of Table 2.",
+        ),
+        "identification_coverage": (
+            covering,
+            "How often the interval holds A on records made from the signature.",
+        ),
     },
     figures={
         "identification_landscape": (
@@ -384,7 +424,11 @@ workbook.export(
             f"Function evaluations per success of {len(costs)} search strategies, {strategy_runs} runs each on record "
             f"{level}, with 95 % intervals; a run spends at most {budget} evaluations. With no success only a lower "
             "limit is known (arrow). "
-            + (f"A success costs least with {cheapest['strategy']}." if costs["found"].any() else "No run succeeds."),
+            + (
+                f"A success costs least with {cheapest['strategy']}."
+                if costs["found"].any()
+                else "No run succeeds."
+            ),
         ),
         "identification_intervals": (
             amplitude_intervals,

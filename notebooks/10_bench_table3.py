@@ -133,7 +133,9 @@ known = pd.DataFrame(
         "delta_rad": deltas_rad,
         "printed_known_A_rps": known_A,
         "interpolated_A_rps": np.interp(deltas_rad, levels_rad, theoretical_A),
-        "equation_10_A_rps": [characteristic.equation_10().amplitude_rps(delta) for delta in deltas_rad],
+        "equation_10_A_rps": [
+            characteristic.equation_10().amplitude_rps(delta) for delta in deltas_rad
+        ],
     }
 )
 known
@@ -211,8 +213,15 @@ noise = np.random.default_rng(bench_seed).normal(0, bench.noise_rps, runs[1].tim
 constant = identified.gear_ratio * start + identified.commanded_speed_rad_per_s * runs[0].time_s
 simulator, stand_in = runs
 signals = [
-    ("$\\theta_m - N \\theta_0 - \\Omega t$\n[rad]", *((run.motor_position_rad - constant)[shown] for run in runs)),
-    ("motor speed\n[rps]", simulator.motor_speed_rps[shown], (stand_in.motor_speed_rps + noise)[shown]),
+    (
+        "$\\theta_m - N \\theta_0 - \\Omega t$\n[rad]",
+        *((run.motor_position_rad - constant)[shown] for run in runs),
+    ),
+    (
+        "motor speed\n[rps]",
+        simulator.motor_speed_rps[shown],
+        (stand_in.motor_speed_rps + noise)[shown],
+    ),
     ("motor torque\n[N m]", *(run.motor_torque_nm[shown] for run in runs)),
 ]
 figure10 = paper.simulated_joint(simulator.time_s[shown], signals, "stand-in bench")
@@ -226,7 +235,9 @@ figure10 = paper.simulated_joint(simulator.time_s[shown], signals, "stand-in ben
 # %%
 seeds = range(1, repeats + 1)
 records = bench_standin.table3_records(bench, deltas_rad, bench_seed)
-fits = table2.repeated_fits(records, [table2.AUTHORS_PROTOCOL], seeds, label="Table 3, stand-in bench")
+fits = table2.repeated_fits(
+    records, [table2.AUTHORS_PROTOCOL], seeds, label="Table 3, stand-in bench"
+)
 table = bench_standin.table3(fits)
 table.astype(object).set_index("row").T
 
@@ -236,7 +247,9 @@ table.astype(object).set_index("row").T
 # How the errors of $A$ scatter over benches of the same spread, each log read by the global fit (notebook 9).
 
 # %%
-population = bench_standin.bench_population(global_fit, benches, deltas_rad, bench_seed, drawn_spread)
+population = bench_standin.bench_population(
+    global_fit, benches, deltas_rad, bench_seed, drawn_spread
+)
 table3_figure = plots.table3(table, population)
 
 # %% [markdown]
@@ -244,7 +257,9 @@ table3_figure = plots.table3(table, population)
 
 # %%
 errors = population.groupby("delta_rad")["error_percent"].agg(["mean", "std", "min", "max"])
-errors["printed"] = 100 * (table["printed_mean_A_rps"] / table["printed_known_A_rps"] - 1).to_numpy()
+errors["printed"] = (
+    100 * (table["printed_mean_A_rps"] / table["printed_known_A_rps"] - 1).to_numpy()
+)
 errors["printed_in_SDs"] = (errors["printed"] - errors["mean"]) / errors["std"]
 errors
 
@@ -275,7 +290,9 @@ print(
 # %% tags=["plumbing"]
 workbook.export(
     tables={"table3": table},
-    supplement={"table3_population": (population, "A of other benches of the same spread, one log each.")},
+    supplement={
+        "table3_population": (population, "A of other benches of the same spread, one log each.")
+    },
     figures={
         "figure10_bench_standin": (
             figure10,
@@ -331,8 +348,12 @@ print(f"{sd_rps:.2g} rps; {bits:.1f} bits")
 # the motor's equation of motion first, and think of the sign of $\omega_m$.
 
 # %% tags=["solution"]
-rubbing = replace(identified, motor_coulomb_nm=0.5 * identified.gravity_torque_nm / identified.gear_ratio)
+rubbing = replace(
+    identified, motor_coulomb_nm=0.5 * identified.gravity_torque_nm / identified.gear_ratio
+)
 with_friction, without = (simulate(joint, deltas_rad[1]) for joint in (rubbing, identified))
 # The motor never turns back, so that friction is a constant torque, which the integral carries.
 assert np.allclose(with_friction.motor_speed_rps, without.motor_speed_rps, atol=1e-9)
-assert np.allclose(with_friction.motor_torque_nm - without.motor_torque_nm, rubbing.motor_coulomb_nm)
+assert np.allclose(
+    with_friction.motor_torque_nm - without.motor_torque_nm, rubbing.motor_coulomb_nm
+)

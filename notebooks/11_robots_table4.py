@@ -101,7 +101,9 @@ workbook.check_parameters(
 a = 1e-6 * np.array([published.value(f"equation10.A{k}") for k in range(4)])  # rad/rpm^k
 printed_A, printed_B = published.column("Table 4", "mean")
 printed = pd.DataFrame({"A_rps": [printed_A, printed_B]}, index=["robot A", "robot B"])
-printed.assign(equation_10_rad=sum(a[k] * (60 * printed["A_rps"]) ** k for k in range(4)))  # equation 10
+printed.assign(
+    equation_10_rad=sum(a[k] * (60 * printed["A_rps"]) ** k for k in range(4))
+)  # equation 10
 
 # %% [markdown]
 # Robot B's backlash, "excessive", would be less than the smallest of Table 2, 3·10⁻⁴ rad.
@@ -115,7 +117,9 @@ printed.assign(equation_10_rad=sum(a[k] * (60 * printed["A_rps"]) ** k for k in 
 spread = robots.RobotSpread(coupling=coupling)
 seeds = range(1, repeats + 1)
 records = robots.table4_records(spread, robot_seed)
-fits = table2.repeated_fits(records, [table2.AUTHORS_PROTOCOL], seeds, label="Table 4, stand-in robots")
+fits = table2.repeated_fits(
+    records, [table2.AUTHORS_PROTOCOL], seeds, label="Table 4, stand-in robots"
+)
 table = robots.table4(fits)
 table.astype(object).set_index("robot").T
 
@@ -126,7 +130,9 @@ table.astype(object).set_index("robot").T
 
 # %%
 population = robots.robot_population(global_fit, robots_each, spread, robot_seed)
-loud = robots.robot_population(global_fit, loud_robots_each, replace(spread, coupling=loud_coupling), robot_seed)
+loud = robots.robot_population(
+    global_fit, loud_robots_each, replace(spread, coupling=loud_coupling), robot_seed
+)
 arms = pd.concat([population.assign(coupling=coupling), loud.assign(coupling=loud_coupling)])
 arms.groupby(["coupling", "kind"], sort=False)["A_rps"].agg(["count", "mean", "std", "min", "max"])
 
@@ -139,8 +145,12 @@ arms.groupby(["coupling", "kind"], sort=False)["A_rps"].agg(["count", "mean", "s
 # %%
 def roc(healthy, excessive):
     thresholds = np.r_[np.inf, np.unique(np.r_[healthy, excessive])[::-1]]
-    false_alarms, detected = (np.mean(A[:, None] >= thresholds, axis=0) for A in (healthy, excessive))
-    return pd.DataFrame({"threshold_rps": thresholds, "false_alarms": false_alarms, "detected": detected})
+    false_alarms, detected = (
+        np.mean(A[:, None] >= thresholds, axis=0) for A in (healthy, excessive)
+    )
+    return pd.DataFrame(
+        {"threshold_rps": thresholds, "false_alarms": false_alarms, "detected": detected}
+    )
 
 
 def area_under(curve):
@@ -151,18 +161,28 @@ def youden(curve):  # the row of the best threshold
     return curve.loc[(curve["detected"] - curve["false_alarms"]).idxmax()]
 
 
-healthy, excessive = (population.loc[population["kind"] == kind, "A_rps"].to_numpy() for kind in robots.KINDS)
-loud_healthy, loud_excessive = (loud.loc[loud["kind"] == kind, "A_rps"].to_numpy() for kind in robots.KINDS)
+healthy, excessive = (
+    population.loc[population["kind"] == kind, "A_rps"].to_numpy() for kind in robots.KINDS
+)
+loud_healthy, loud_excessive = (
+    loud.loc[loud["kind"] == kind, "A_rps"].to_numpy() for kind in robots.KINDS
+)
 curve, loud_curve = roc(healthy, excessive), roc(loud_healthy, loud_excessive)
 best, loud_best = youden(curve), youden(loud_curve)
-thresholds = {"printed robot A": printed_A, "printed robot B": printed_B, "best (Youden)": best["threshold_rps"]}
+thresholds = {
+    "printed robot A": printed_A,
+    "printed robot B": printed_B,
+    "best (Youden)": best["threshold_rps"],
+}
 marks = pd.DataFrame(
     [(name, T, np.mean(healthy >= T), np.mean(excessive >= T)) for name, T in thresholds.items()],
     columns=["name", "threshold_rps", "false_alarms", "detected"],
 )
 index = curve["detected"] - curve["false_alarms"]
 nearly_best = curve.loc[index >= index.max() - 0.011, "threshold_rps"]
-print(f"thresholds from {nearly_best.min():.3f} to {nearly_best.max():.3f} rps come within 0.01 of the best index")
+print(
+    f"thresholds from {nearly_best.min():.3f} to {nearly_best.max():.3f} rps come within 0.01 of the best index"
+)
 marks
 
 # %%
@@ -178,7 +198,9 @@ robots_figure = plots.robots(population, curves, marks)
 
 # %%
 T = best["threshold_rps"]
-quiet_best, louder_best = ([row["threshold_rps"], row["false_alarms"], row["detected"]] for row in (best, loud_best))
+quiet_best, louder_best = (
+    [row["threshold_rps"], row["false_alarms"], row["detected"]] for row in (best, loud_best)
+)
 loud_area = area_under(loud_curve)
 cases = pd.DataFrame(
     [
@@ -230,7 +252,9 @@ disturbance_figure = plots.robots_disturbance(sweep, lines, 1 / joint.turn_perio
 order = sweep["disturbance_hz"] * joint.turn_period_s
 harmonics = sweep[np.isclose(order, order.round())].assign(k=order.round().astype(int))
 harmonics["parity"] = np.where(harmonics["k"] % 2 == 1, "odd", "even")
-harmonics.pivot(index=["k", "disturbance_hz", "parity"], columns="torque_share", values=["A_rps", "turns_used"])
+harmonics.pivot(
+    index=["k", "disturbance_hz", "parity"], columns="torque_share", values=["A_rps", "turns_used"]
+)
 
 # %% [markdown]
 # Away from the odd harmonics a disturbance can still be large enough for a fit that begins in the record's last turn:
@@ -281,7 +305,10 @@ print(
 workbook.export(
     tables={"table4": table},
     supplement={
-        "table4_population": (population, "A of simulated healthy robots and of robots with excessive backlash."),
+        "table4_population": (
+            population,
+            "A of simulated healthy robots and of robots with excessive backlash.",
+        ),
         "table4_thresholds": (marks, "Rates of three thresholds of A."),
         "table4_disturbance": (sweep, "A that a sinusoidal torque gives a joint without backlash."),
     },
@@ -334,7 +361,9 @@ right = 0.02 * d / (0.02 * d + 0.98 * f)
 even = f / (d + f)
 assert 0 <= right <= 1
 assert np.isclose(even * d, (1 - even) * f)
-print(f"{100 * right:.0f} % of the calls are right; half of them where {100 * even:.1f} % of the robots are bad")
+print(
+    f"{100 * right:.0f} % of the calls are right; half of them where {100 * even:.1f} % of the robots are bad"
+)
 
 # %% [markdown]
 # **3.** Split a disturbance into the part that repeats with opposite sign half a turn later and the rest. What is left
@@ -343,7 +372,9 @@ print(f"{100 * right:.0f} % of the calls are right; half of them where {100 * ev
 # %% tags=["solution"]
 sample = np.arange(2400)  # 2 ms apart; a half turn has 100
 t, sign = 2e-3 * sample, np.where(sample // 100 % 2 == 0, 1.0, -1.0)
-parts = {k: (sign * np.sin(2 * np.pi * k * t / 0.4)).reshape(24, 100).mean(axis=0) for k in (8, 8.5, 9)}
+parts = {
+    k: (sign * np.sin(2 * np.pi * k * t / 0.4)).reshape(24, 100).mean(axis=0) for k in (8, 8.5, 9)
+}
 kept = {k: np.sqrt(np.mean(part**2)) for k, part in parts.items()}
 assert np.isclose(kept[9], np.sqrt(0.5))  # all of it; nothing of the others
 assert max(kept[8], kept[8.5]) < 1e-9

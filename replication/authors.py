@@ -16,7 +16,9 @@ from replication.arrays import FloatArray
 from replication.recording import COMMANDED_SPEED_RPS, TURN_PERIOD_S, Recording
 
 AUTHORS_COMMIT = "7c81edefe3e61479d234d5080d4627dbbf584733"
-AUTHORS_URL = f"https://raw.githubusercontent.com/ElianaGiovannitti/Backlash-estimation/{AUTHORS_COMMIT}/"
+AUTHORS_URL = (
+    f"https://raw.githubusercontent.com/ElianaGiovannitti/Backlash-estimation/{AUTHORS_COMMIT}/"
+)
 
 # Levels K of their data: those published clean and noisy, and all from Table 2's first row on.
 CLEAN_LEVELS = range(3, 14)
@@ -28,7 +30,10 @@ HIGH_NOISE = range(11, 21)
 
 WORKBOOK_FILES = (
     *(f"Speeddata{level}.xlsx" for level in CLEAN_LEVELS),
-    *(f"Noisy data/Low level of noise/Data_with_Noise_{realisation}.zip" for realisation in LOW_NOISE),
+    *(
+        f"Noisy data/Low level of noise/Data_with_Noise_{realisation}.zip"
+        for realisation in LOW_NOISE
+    ),
 )
 
 
@@ -46,7 +51,11 @@ class DataCorrupt(RuntimeError):
 
 def authors_registry() -> dict[str, str]:
     """SHA-256 of each file of the authors' repository at `AUTHORS_COMMIT`, by its path there."""
-    lines = (files("replication") / "data" / "authors_sha256.txt").read_text(encoding="utf-8").splitlines()
+    lines = (
+        (files("replication") / "data" / "authors_sha256.txt")
+        .read_text(encoding="utf-8")
+        .splitlines()
+    )
     return {path: digest for digest, path in (line.split("  ", 1) for line in lines)}
 
 
@@ -65,7 +74,9 @@ def authors_file(path: str, base_url: str = AUTHORS_URL, cache: Path | None = No
     """
     registry = authors_registry()
     if path not in registry:
-        raise DataUnavailable(f"{path}: no such file in the authors' repository at {AUTHORS_COMMIT[:7]}")
+        raise DataUnavailable(
+            f"{path}: no such file in the authors' repository at {AUTHORS_COMMIT[:7]}"
+        )
     if local := os.environ.get("BACKLASH_DATA"):
         return _verified_local(Path(local) / path, registry[path])
     import pooch  # slow to import, and not used by the sensor
@@ -76,10 +87,14 @@ def authors_file(path: str, base_url: str = AUTHORS_URL, cache: Path | None = No
     try:
         return Path(pooch.retrieve(address, registry[path], path, folder, downloader=downloader))
     except ValueError as error:
-        raise DataCorrupt(f"{path}: the download lacks the registered SHA-256; try again later") from error
+        raise DataCorrupt(
+            f"{path}: the download lacks the registered SHA-256; try again later"
+        ) from error
     except OSError as error:
         advice = "connect to the network, or set BACKLASH_DATA to a copy of the authors' repository"
-        raise DataUnavailable(f"{path}: cannot be downloaded ({type(error).__name__}); {advice}") from error
+        raise DataUnavailable(
+            f"{path}: cannot be downloaded ({type(error).__name__}); {advice}"
+        ) from error
 
 
 def _verified_local(file: Path, digest: str) -> Path:
@@ -87,7 +102,9 @@ def _verified_local(file: Path, digest: str) -> Path:
     try:
         content = file.read_bytes()
     except OSError as error:
-        raise DataUnavailable(f"{file}: not readable ({error.strerror}); is BACKLASH_DATA right?") from error
+        raise DataUnavailable(
+            f"{file}: not readable ({error.strerror}); is BACKLASH_DATA right?"
+        ) from error
     if hashlib.sha256(content).hexdigest() != digest:
         raise DataCorrupt(f"{file}: its SHA-256 is not the registered one; copy it again")
     return file

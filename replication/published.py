@@ -76,7 +76,9 @@ def cells(element: str | None = None) -> pd.DataFrame:
         return table.copy()
     chosen = table[table["element"] == element]
     if chosen.empty:
-        raise KeyError(f"{element}: no such element; there are {', '.join(table['element'].unique())}")
+        raise KeyError(
+            f"{element}: no such element; there are {', '.join(table['element'].unique())}"
+        )
     return chosen.copy()
 
 
@@ -106,7 +108,9 @@ def criterion(claim: str, criteria: Criteria = None) -> float:
     """The limit that decides a claim: that of `claims.csv`, or the one that `criteria` tries in its place."""
     known = claims()["criterion"]
     if unknown := {claim, *(criteria or {})} - set(known.index):
-        raise KeyError(f"{', '.join(sorted(unknown))}: no such claim; there are {', '.join(known.index)}")
+        raise KeyError(
+            f"{', '.join(sorted(unknown))}: no such claim; there are {', '.join(known.index)}"
+        )
     return float((criteria or {}).get(claim, known[claim]))
 
 
@@ -126,7 +130,9 @@ def decide(
     if np.size(measured) != (2 if rule.startswith(("interval", "p ")) else 1):
         raise ValueError(f"{claim}: the rule {rule!r} does not take {measured}")
     numbers = np.ravel(measured).astype(float)
-    low, high = (limit if math.isclose(x, limit, rel_tol=1e-9) else x for x in (numbers[0], numbers[-1]))
+    low, high = (
+        limit if math.isclose(x, limit, rel_tol=1e-9) else x for x in (numbers[0], numbers[-1])
+    )
     digit = half_last_digit(str(limit)) * (1 + 1e-9)
     holds, fails = {
         "below": (low < limit, low >= limit),

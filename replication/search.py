@@ -60,7 +60,10 @@ def constants(population: int, n: int) -> Constants:
         mu=positive.size,
         n=n,
         mu_eff=mu_eff,
-        chi_n=n**0.5 * (1 - 1 / (4 * n) + 1 / (21 * n**2)),  # the quotient of Gamma functions within 3e-4 at n = 7
+        chi_n=n**0.5
+        * (
+            1 - 1 / (4 * n) + 1 / (21 * n**2)
+        ),  # the quotient of Gamma functions within 3e-4 at n = 7
         c_sigma=c_sigma,
         d_sigma=1 + 2 * max(0, ((mu_eff - 1) / (n + 1)) ** 0.5 - 1) + c_sigma,
         c_c=(4 + mu_eff / n) / (n + 4 + 2 * mu_eff / n),
@@ -166,7 +169,9 @@ def update(state, ranked, c):
     shift = step / state.unit / state.sigma
     # Equation 14, C^(-1/2) = B D^-1 B'.
     white = (B * ((B.T * shift).sum(axis=1) / D)).sum(axis=1)
-    p_sigma = (1 - c.c_sigma) * state.p_sigma + np.sqrt(c.c_sigma * (2 - c.c_sigma) * c.mu_eff) * white
+    p_sigma = (1 - c.c_sigma) * state.p_sigma + np.sqrt(
+        c.c_sigma * (2 - c.c_sigma) * c.mu_eff
+    ) * white
     # Equation 15, by a factor e at most.
     squared = (p_sigma**2).sum()
     growth = c.c_sigma / c.d_sigma * (np.sqrt(squared) / c.chi_n - 1)
@@ -236,7 +241,9 @@ def stop_rule(history, ranked, state, first_sigma):
     if g // 5 > max(100, 2 * part):
         fifth = history[4::5][::-1]  # every fifth generation, the newest first
         new, old = fifth[:part], fifth[part : 2 * part]
-        if np.median(new[:, 0]) >= np.median(old[:, 0]) and np.median(new[:, 1]) >= np.median(old[:, 1]):
+        if np.median(new[:, 0]) >= np.median(old[:, 0]) and np.median(new[:, 1]) >= np.median(
+            old[:, 1]
+        ):
             return "tolstagnation"
     if (m == m + 0.2 * std).any():
         return "noeffectcoord"
@@ -255,7 +262,9 @@ def check_settings(box: Box, population: int, iterations: int = 1, seed: int = 1
     if iterations < 1:
         raise ValueError(f"iterations {iterations}: at least one generation is needed")
     if width.size == 0 or not np.all(np.isfinite(width) & (width > 0)):
-        raise ValueError("the box is empty: every lower bound must lie below its upper one, both finite")
+        raise ValueError(
+            "the box is empty: every lower bound must lie below its upper one, both finite"
+        )
 
 
 def _check_seed(seed: int) -> None:
@@ -311,7 +320,9 @@ def generations(
         members = into_box(x, box)
         found = np.asarray(misfits(members), dtype=float)
         if found.shape != (population,) or not np.isfinite(found).all():
-            raise ValueError(f"generation {before.g + 1}: each member needs one misfit, a finite number")
+            raise ValueError(
+                f"generation {before.g + 1}: each member needs one misfit, a finite number"
+            )
         ranking = np.argsort(found, kind="stable")
         after = update(before, x[ranking], c)
         yield Generation(before, x, members, found, ranking, after)
@@ -341,7 +352,9 @@ def search(steps: Iterator[Generation], iterations: int) -> Search:
             first_sigma = now.before.sigma
         if ranked[0] < misfit:
             best, misfit = now.members[now.ranking[0]], float(ranked[0])
-        stop = "maxiter" if g == iterations else stop_rule(history[:g], ranked, now.after, first_sigma)
+        stop = (
+            "maxiter" if g == iterations else stop_rule(history[:g], ranked, now.after, first_sigma)
+        )
         if stop:
             return Search(best, misfit, g * ranked.size, stop, history[:g].copy())
     raise ValueError("the generations ended before a stop rule held")

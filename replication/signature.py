@@ -104,5 +104,7 @@ def table1_box(
         (2 * np.pi * f for f in frequency_hz),
     )
     lower = np.array([-half_range, t.min(), tau_min, omega_min, v.min(), 0.0, 0.0])
-    upper = np.array([half_range, t.max(), tau_max, omega_max, v.max(), longest_window_s, longest_window_s / 2])
+    upper = np.array(
+        [half_range, t.max(), tau_max, omega_max, v.max(), longest_window_s, longest_window_s / 2]
+    )
     return Box(lower, upper)

@@ -35,13 +35,17 @@ def table2_levels() -> range:
 def theoretical_amplitudes() -> dict[float, float]:
     """Table 2's theoretical A [rps] of its ten rows, by backlash [rad]."""
     theoretical = published.column("Table 2", "theoretical")
-    return {level_delta_rad(level): A for level, A in zip(table2_levels(), theoretical, strict=False)}
+    return {
+        level_delta_rad(level): A for level, A in zip(table2_levels(), theoretical, strict=False)
+    }
 
 
 def authors_table2_records(realisations: Sequence[int]) -> list[tuple[dict, Recording]]:
     """Load the authors' noisy records of Table 2's ten rows, for each of some realisations R of either noise."""
     if not realisations:
-        raise ValueError("realisations []: name some of 1 to 5 (low noise) and 11 to 20 (high noise)")
+        raise ValueError(
+            "realisations []: name some of 1 to 5 (low noise) and 11 to 20 (high noise)"
+        )
     return [
         (_key("authors", R, row, "high" if R in HIGH_NOISE else "low"), load_noisy(level, R))
         for R in realisations
@@ -84,7 +88,9 @@ def _key(source: str, realisation: int, row: int, noise_level: str, factor: floa
         "source": source,
         "realisation": realisation,
         "row": row,
-        "delta_rad": 0.0 if noise_level == "noise only" else level_delta_rad(table2_levels()[row - 1]),
+        "delta_rad": 0.0
+        if noise_level == "noise only"
+        else level_delta_rad(table2_levels()[row - 1]),
         "noise_level": noise_level,
         "noise_amplitude_rps": published.column("Table 2", "noise")[row - 1] * louder,
     }

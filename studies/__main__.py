@@ -25,7 +25,9 @@ def write_claims() -> None:
     from studies import optimizers
 
     if not optimizers.swarms_installed():
-        raise optimizers.SwarmsMissing("the swarms need the extra `studies`: pip install .[studies]")
+        raise optimizers.SwarmsMissing(
+            "the swarms need the extra `studies`: pip install .[studies]"
+        )
     write_csv(RESULTS / "alpha_refit.csv", edge.refit_alphas())
     runs = optimizers.run_jobs(optimizers.planned_runs())
     write_csv(RESULTS / "optimizers.csv", runs)
@@ -49,7 +51,9 @@ def write_population() -> None:
     write_csv(SENSOR_DATA / "spread_of_joints.csv", population.spread_shares(drawn))
     measured = [population.measure_population(*study) for study in population.FINAL_STUDIES]
     write_csv(RESULTS / "population_logs.csv", concat(measured, ignore_index=True))
-    sheet = population.summarise_sensor(population.measure_sensor(population.DATASHEET, population.DATASHEET_SEED))
+    sheet = population.summarise_sensor(
+        population.measure_sensor(population.DATASHEET, population.DATASHEET_SEED)
+    )
     write_csv(RESULTS / "datasheet.csv", sheet)
     print(population.against_criteria(sheet).to_string(index=False))
 

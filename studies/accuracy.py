@@ -44,8 +44,12 @@ def _answers(
 ) -> dict[str, float]:
     """Backlash [rad] by calibrations, and by simulating the joint with some of it unknown, by method."""
     fit = global_fit(recording, protocol_for(recording))
-    calibrated = {name: found.delta_rad for name, found in backlashes(recording, fit, calibrations).items()}
-    return calibrated | {name: match_joint(recording, joint, free)["delta_rad"] for name, free in unknown.items()}
+    calibrated = {
+        name: found.delta_rad for name, found in backlashes(recording, fit, calibrations).items()
+    }
+    return calibrated | {
+        name: match_joint(recording, joint, free)["delta_rad"] for name, free in unknown.items()
+    }
 
 
 def cross_validation(
@@ -60,10 +64,16 @@ def cross_validation(
     """
 
     def answers(log: KnownLog) -> dict[str, float]:
-        others = [(R, K) for R, K in records if log.labels["realisation"] != R and log.labels["level"] != K]
+        others = [
+            (R, K)
+            for R, K in records
+            if log.labels["realisation"] != R and log.labels["level"] != K
+        ]
         known = [records[key] for key in others], [level_delta_rad(level) for _, level in others]
         calibrations = {"equation 10": default_calibration("paper")}
-        calibrations |= {method: fit_calibration(*known, method) for method in ("amplitude", "energy", "impact")}
+        calibrations |= {
+            method: fit_calibration(*known, method) for method in ("amplitude", "energy", "impact")
+        }
         calibrations["waveform, noisy logs"] = fit_calibration(*known, "waveform")
         calibrations["waveform"] = default_calibration("waveform")
         rival = {"time in the gap": time_in_gap(log.recording, joint, smoothing_s)}
@@ -129,7 +139,9 @@ def measured_errors(
     The joint is matched to speeds only.
     """
     fine = [encoder_recording(joint, delta, 24) for delta in CALIBRATED_RAD]
-    of_encoder = {method: fit_calibration(fine, CALIBRATED_RAD, method) for method in CALIBRATED_METHODS}
+    of_encoder = {
+        method: fit_calibration(fine, CALIBRATED_RAD, method) for method in CALIBRATED_METHODS
+    }
     of_speed = {method: default_calibration(method) for method in CALIBRATED_METHODS}
 
     def answers(log: KnownLog) -> dict[str, float]:
@@ -223,5 +235,9 @@ def noisy_energy(
 ) -> FloatArray:
     """RMS of the signature fitted to a record with uniform noise [rps], for so many drawings of the noise."""
     seeds = rng.integers(2**31, size=logs)
-    noisy = [add_uniform_noise(clean, half_amplitude_rps, np.random.default_rng(seed)) for seed in seeds]
-    return np.array([found.value for found in in_parallel(read, [(log, "energy") for log in noisy], "noises")])
+    noisy = [
+        add_uniform_noise(clean, half_amplitude_rps, np.random.default_rng(seed)) for seed in seeds
+    ]
+    return np.array(
+        [found.value for found in in_parallel(read, [(log, "energy") for log in noisy], "noises")]
+    )

@@ -78,7 +78,9 @@ def compare_searches(sets: Mapping[str, DataFrame]) -> DataFrame:
     by_row = {}
     for name, runs in sets.items():
         best = runs["rmse_rps"] <= runs["row"].map(lowest) * (1 + BASIN_GAP)
-        by_row[name] = dict(list(runs[["row"]].assign(A_rps=runs["A_rps"].abs(), best=best).groupby("row")))
+        by_row[name] = dict(
+            list(runs[["row"]].assign(A_rps=runs["A_rps"].abs(), best=best).groupby("row"))
+        )
     first = next(iter(by_row.values()))
     rng = np.random.default_rng(1)
     table = []
@@ -88,8 +90,15 @@ def compare_searches(sets: Mapping[str, DataFrame]) -> DataFrame:
         row = {"search": name, "records": len(shared)} | _rates(concat(before), concat(after))
         if parts is not first:
             pairs = [(old["A_rps"], new["A_rps"]) for old, new in zip(before, after, strict=True)]
-            of_best = [(a[old["best"]], b[new["best"]]) for (a, b), old, new in zip(pairs, before, after, strict=True)]
-            row |= _shift("shift", pairs, rng) | _shift("best_shift", of_best, rng) | _apart(pairs, rng)
+            of_best = [
+                (a[old["best"]], b[new["best"]])
+                for (a, b), old, new in zip(pairs, before, after, strict=True)
+            ]
+            row |= (
+                _shift("shift", pairs, rng)
+                | _shift("best_shift", of_best, rng)
+                | _apart(pairs, rng)
+            )
         table.append(row)
     return DataFrame(table)
 
@@ -97,7 +106,11 @@ def compare_searches(sets: Mapping[str, DataFrame]) -> DataFrame:
 def _rates(before: DataFrame, after: DataFrame) -> dict[str, float]:
     """How many runs of the second set end in the best basin, and the share of the first set's."""
     hits, runs = int(after["best"].sum()), len(after)
-    return {"runs": runs, "best_basin_runs": hits} | rate_columns(hits, runs) | {"first_rate": before["best"].mean()}
+    return (
+        {"runs": runs, "best_basin_runs": hits}
+        | rate_columns(hits, runs)
+        | {"first_rate": before["best"].mean()}
+    )
 
 
 def _shift(name: str, pairs: Pairs, rng: Generator) -> dict[str, float]:
@@ -106,7 +119,9 @@ def _shift(name: str, pairs: Pairs, rng: Generator) -> dict[str, float]:
     if not pairs:
         return _percent(name, np.nan, np.array([np.nan]))
     shift = np.mean([after.mean() / before.mean() - 1 for before, after in pairs])
-    drawn = [_means(after, after.size, rng) / _means(before, before.size, rng) for before, after in pairs]
+    drawn = [
+        _means(after, after.size, rng) / _means(before, before.size, rng) for before, after in pairs
+    ]
     return _percent(name, shift, np.mean(np.array(drawn) - 1, axis=0))
 
 
@@ -165,7 +180,9 @@ def coverage_table(runs: int, seed: int) -> DataFrame:
     settings = list(product(("uniform", "Gaussian"), (0.05, 0.15, 0.3)))
     # Rows that shared draws would err together.
     seeds = np.random.SeedSequence(seed).spawn(len(settings))
-    calls = [(*each, runs, np.random.default_rng(own)) for each, own in zip(settings, seeds, strict=True)]
+    calls = [
+        (*each, runs, np.random.default_rng(own)) for each, own in zip(settings, seeds, strict=True)
+    ]
     rows = []
     for (law, half_amplitude), part in zip(
         settings,

@@ -60,7 +60,10 @@ def uniform_noise(tests: DataFrame, criteria: Criteria = None) -> Decision:
 def amplitudes_without_backlash(seeds: Sequence[int], noise_rps: float) -> FloatArray:
     """|A| [rps] that one run of the authors' search finds in noise alone, for each noise seed."""
     base = constant_speed(samples=2401, dt=0.002)
-    calls = [(add_uniform_noise(base, noise_rps, np.random.default_rng(seed)), Protocol(), seed) for seed in seeds]
+    calls = [
+        (add_uniform_noise(base, noise_rps, np.random.default_rng(seed)), Protocol(), seed)
+        for seed in seeds
+    ]
     return np.array([fit.amplitude_rps for fit in in_parallel(paper_fit, calls, "noises")])
 
 
@@ -166,7 +169,10 @@ def bits_study(
     rows = []
     for delta in tqdm(deltas_rad, desc="encoders"):
         fine = amplitude(delta, FINE_BITS, 0.0)
-        rows += [(b, delta, max(abs(amplitude(delta, b, angle) - fine) for angle in angles)) for b in bits]
+        rows += [
+            (b, delta, max(abs(amplitude(delta, b, angle) - fine) for angle in angles))
+            for b in bits
+        ]
     return DataFrame(rows, columns=["bits", "delta_rad", "change_rps"])
 
 
@@ -229,7 +235,9 @@ def cma_beats_swarms(compared: DataFrame, criteria: Criteria = None) -> Decision
     """Whether CMA-ES beats every swarm, from `optimizers.against_swarms`."""
     better, worse = compared["p_cma_better"].max(), compared["p_swarm_better"].min()
     p = len(compared) * better, len(compared) * worse
-    rates = ", ".join(f"{row.swarm} {row.rate:.2f} (p {row.p_cma_better:.1g})" for row in compared.itertuples())
+    rates = ", ".join(
+        f"{row.swarm} {row.rate:.2f} (p {row.p_cma_better:.1g})" for row in compared.itertuples()
+    )
     return published.decide("cma_beats_swarms", p, criteria), f"rates of the best basin: {rates}"
 
 
@@ -246,9 +254,12 @@ def little_tuning(table: DataFrame, criteria: Criteria = None) -> Decision:
     """Whether CMA-ES succeeds with its own settings, from `optimizers.success_table`."""
     own = table[table["method"].str.startswith("CMA-ES, its own population")]
     rates = ", ".join(
-        f"{row.method}: {row.rate:.2f} ({row.rate_low:.2f} to {row.rate_high:.2f})" for row in own.itertuples()
+        f"{row.method}: {row.rate:.2f} ({row.rate_low:.2f} to {row.rate_high:.2f})"
+        for row in own.itertuples()
     )
-    return published.decide("little_tuning", _best_rate(own), criteria), f"rate of the best basin, {rates}"
+    return published.decide(
+        "little_tuning", _best_rate(own), criteria
+    ), f"rate of the best basin, {rates}"
 
 
 def _best_rate(table: DataFrame) -> tuple[float, float]:

@@ -38,7 +38,8 @@ def add_nuisances(joint: JointParameters, nuisances: Mapping[str, float]) -> Joi
     return replace(
         joint,
         start_angle_rad=joint.start_angle_rad + nuisances.get("start_angle", 0.0),
-        load_coulomb_nm=joint.load_coulomb_nm + nuisances.get("friction", 0.0) * joint.gravity_torque_nm,
+        load_coulomb_nm=joint.load_coulomb_nm
+        + nuisances.get("friction", 0.0) * joint.gravity_torque_nm,
         load_mass_kg=load * joint.load_mass_kg,
         load_inertia_kgm2=load * joint.load_inertia_kgm2,
     )
@@ -59,7 +60,9 @@ def simulate_turn(joint: JointParameters, delta_rad: float, phases: int) -> Floa
         step_s=SIMULATION_STEP_S,
     )
     third = run.time_s > 2 * turn_s - 4 * _SAMPLE_S
-    turn = CubicSpline(run.time_s[third], run.motor_speed_rps[third])(turn_s * (2 + np.arange(phases) / phases))
+    turn = CubicSpline(run.time_s[third], run.motor_speed_rps[third])(
+        turn_s * (2 + np.arange(phases) / phases)
+    )
     return turn - turn.mean()
 
 

@@ -100,7 +100,9 @@ def move_bench(bench: Bench, gear_ratio: float, turn_s: float) -> Bench:
         motor_coulomb_nm=per_gear * joint.motor_coulomb_nm,
         motor_viscous_nms_per_rad=per_gear * slower * joint.motor_viscous_nms_per_rad,
         load_viscous_nms_per_rad=slower / per_gear * joint.load_viscous_nms_per_rad,
-        disturbances=tuple(_moved_wave(wave, joint.gear_ratio, per_gear) for wave in joint.disturbances),
+        disturbances=tuple(
+            _moved_wave(wave, joint.gear_ratio, per_gear) for wave in joint.disturbances
+        ),
     )
     return replace(bench, joint=moved)
 

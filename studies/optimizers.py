@@ -65,7 +65,9 @@ def projected_rmse(t: FloatArray, v: FloatArray, timing: Timing, limit: float) -
         A = min(max(data / gram, -limit), limit) if gram > 0 else 0.0
         return math.sqrt(((centred - A * unit) ** 2).mean())
 
-    return lambda members: np.array([misfit(X) for X in np.insert(members, (0, 3), (1.0, 0.0), axis=1)])
+    return lambda members: np.array(
+        [misfit(X) for X in np.insert(members, (0, 3), (1.0, 0.0), axis=1)]
+    )
 
 
 class Cost:
@@ -162,7 +164,9 @@ def _swarm(algorithm: str, **settings: int) -> Method:
             def _evaluate(self, x: FloatArray) -> float:
                 return cost(x)
 
-        getattr(basic, algorithm)(seed=seed, **settings).run(Task(UnitCube(cost.box.lower.size, 0.0, 1.0)))
+        getattr(basic, algorithm)(seed=seed, **settings).run(
+            Task(UnitCube(cost.box.lower.size, 0.0, 1.0))
+        )
 
     return run
 
@@ -218,7 +222,10 @@ METHODS_OF_KIND: dict[str, dict[str, Method]] = {
         "CMA-ES, its own population, restarts doubling it": _covariance(OWN_POPULATION, growth=2),
     },
     "swarm": {
-        **{f"{name}, population 300": _swarm(way, population_size=POPULATION) for name, way in SWARMS.items()},
+        **{
+            f"{name}, population 300": _swarm(way, population_size=POPULATION)
+            for name, way in SWARMS.items()
+        },
         **{f"{name}, its own population": _swarm(way) for name, way in SWARMS.items()},
     },
     "classical": {
@@ -229,15 +236,20 @@ METHODS_OF_KIND: dict[str, dict[str, Method]] = {
     "deterministic": {"DIRECT": _rectangles},
     "restarts": {
         "population 300 (the authors'), restarted": _covariance(POPULATION, growth=1),
-        **{f"population {size}, restarted": _covariance(size, growth=1) for size in (1000, 100, 30)},
+        **{
+            f"population {size}, restarted": _covariance(size, growth=1) for size in (1000, 100, 30)
+        },
         "IPOP from 30": _covariance(30, growth=2),
         "BIPOP from 30": _covariance(30, growth=2, with_small=True),
     },
     "projected restarts": {
-        f"A and v_t projected out, population {size}, restarted": _covariance(size, growth=1) for size in (300, 100, 30)
+        f"A and v_t projected out, population {size}, restarted": _covariance(size, growth=1)
+        for size in (300, 100, 30)
     },
 }
-SEARCH_METHODS = {name: (kind, run) for kind, methods in METHODS_OF_KIND.items() for name, run in methods.items()}
+SEARCH_METHODS = {
+    name: (kind, run) for kind, methods in METHODS_OF_KIND.items() for name, run in methods.items()
+}
 
 
 def swarms_installed() -> bool:
@@ -278,7 +290,11 @@ def planned_runs() -> list[tuple[str, int, int, int]]:
     jobs = []
     for method, (kind, _) in SEARCH_METHODS.items():
         if kind == "deterministic":
-            jobs += [(method, level, realisation, 0) for realisation in (1, 2) for level in table2_levels()]
+            jobs += [
+                (method, level, realisation, 0)
+                for realisation in (1, 2)
+                for level in table2_levels()
+            ]
         elif "restarts" not in kind:
             jobs += [(method, level, 1, seed) for level, seed in product(LEVELS, seeds)]
     return jobs
@@ -319,7 +335,9 @@ def compare_strategies(
     budget: int,
 ) -> DataFrame:
     """Run every strategy with every seed, on all cores; one row a run, as `run_method` gives it."""
-    calls = [(name, recording, target_rmse, budget, seed) for name, seed in product(strategies, seeds)]
+    calls = [
+        (name, recording, target_rmse, budget, seed) for name, seed in product(strategies, seeds)
+    ]
     return DataFrame(in_parallel(run_method, calls, "searches"))
 
 
@@ -346,8 +364,14 @@ def against_swarms(table: DataFrame) -> DataFrame:
     ours = table.set_index("method").loc["CMA-ES, population 300"]
     rows = []
     for swarm in SWARMS:
-        theirs = table[table["method"].str.startswith(f"{swarm},")].sort_values("rate", kind="stable").iloc[-1]
+        theirs = (
+            table[table["method"].str.startswith(f"{swarm},")]
+            .sort_values("rate", kind="stable")
+            .iloc[-1]
+        )
         counts = [[row["found"], row["runs"] - row["found"]] for row in (ours, theirs)]
-        p_values = [stats.fisher_exact(counts, alternative=side).pvalue for side in ("greater", "less")]
+        p_values = [
+            stats.fisher_exact(counts, alternative=side).pvalue for side in ("greater", "less")
+        ]
         rows.append((swarm, theirs["method"], theirs["rate"], *p_values))
     return DataFrame(rows, columns=["swarm", "method", "rate", "p_cma_better", "p_swarm_better"])

@@ -145,7 +145,9 @@ def amplitude_intervals(table: DataFrame) -> Figure:
         "label": "global fit, 95 % interval",
     }
     axis.errorbar(delta - 0.15, middle, ends, **style)
-    printed, spread = (table[f"printed_{name}_A_rps"].to_numpy() / theory for name in ("mean", "sd"))
+    printed, spread = (
+        table[f"printed_{name}_A_rps"].to_numpy() / theory for name in ("mean", "sd")
+    )
     style = MARKS | {"elinewidth": 1, "capsize": 3, "label": "printed mean, SD of 30 runs"}
     axis.errorbar(delta + 0.15, printed, spread, **style)
     axis.axhline(1, label="theoretical A", **THIN)

@@ -160,7 +160,9 @@ def bench_bound_rad(bench: Bench, delta_rad: float, recording: Recording) -> flo
     rubbing = joint.load_coulomb_nm + joint.load_viscous_nms_per_rad * load_speed
     here = joint.ratios | {"delta_rad": delta_rad, "friction": rubbing / joint.gravity_torque_nm}
     steps = _BOUND_STEPS | {name: _BOUND_SHARE * here[name] for name in VARIED_RATIOS}
-    moved = [here | {name: here[name] + sign * step} for sign in (1, -1) for name, step in steps.items()]
+    moved = [
+        here | {name: here[name] + sign * step} for sign in (1, -1) for name, step in steps.items()
+    ]
     rows = np.array([[row.get(name, 0.0) for name in COLUMNS] for row in (here, *moved)])
     movement = Movement(joint.gear_ratio, joint.turn_period_s)
     turn, *others = simulate_turns(rows, movement, differencing=joint.speed_by_differencing)
@@ -182,7 +184,9 @@ def _answers_to(log: KnownLog, methods: Sequence[str]) -> dict[str, Row]:
 
 def measure_logs(logs: Sequence[DrawnLog], methods: Sequence[str]) -> DataFrame:
     """A row of `ROW_COLUMNS` for each log and method; only "self" knows its SD."""
-    return benchmark.logs_by_methods(logs, partial(_answers_to, methods=methods)).reindex(columns=ROW_COLUMNS)
+    return benchmark.logs_by_methods(logs, partial(_answers_to, methods=methods)).reindex(
+        columns=ROW_COLUMNS
+    )
 
 
 def measure_population(
@@ -211,7 +215,9 @@ def ranks(rows: DataFrame) -> Series:
 def coverage_curve(rows: DataFrame) -> DataFrame:
     """Share of the answered logs that intervals of each of the `NOMINAL` levels hold, with its interval."""
     off = np.abs(ranks(rows) - 0.5)
-    shares = [rate_columns(int((off <= level / 2).sum()), off.size, "coverage") for level in NOMINAL]
+    shares = [
+        rate_columns(int((off <= level / 2).sum()), off.size, "coverage") for level in NOMINAL
+    ]
     return DataFrame(shares).assign(nominal=NOMINAL)
 
 
@@ -250,7 +256,9 @@ def against_criteria(table: DataFrame) -> DataFrame:
     """Compare `ACCEPTANCE_CRITERIA` with what `summarise_intervals` says of "self", or `summarise_sensor`."""
     of_self = table[table["method"] == "self"] if "method" in table else table
     measured = of_self.set_index("population")
-    measured = measured.assign(rmse_over_bound=measured["rmse_rad"] / measured.get("bound_rad", np.nan))
+    measured = measured.assign(
+        rmse_over_bound=measured["rmse_rad"] / measured.get("bound_rad", np.nan)
+    )
     rows = []
     for population, figure, sign, limit in ACCEPTANCE_CRITERIA:
         if population not in measured.index or figure not in measured:
@@ -264,7 +272,11 @@ def against_criteria(table: DataFrame) -> DataFrame:
 
 def _draw_bench_of(population: str, number: int, rng: Generator) -> Bench:
     """Draw a bench of a population."""
-    bench = odd_joints.draw_cascade(rng) if "drives" in population else draw_bench(rng, BENCHES.get(population))
+    bench = (
+        odd_joints.draw_cascade(rng)
+        if "drives" in population
+        else draw_bench(rng, BENCHES.get(population))
+    )
     if population == "other movements":
         gear_ratio, turn_s = odd_joints.draw_movement(rng)
         return odd_joints.move_bench(bench, gear_ratio, _SLOW_TURN_S if number % 6 == 0 else turn_s)
@@ -328,7 +340,9 @@ def _sensor_answer(log: KnownLog, table: DataFrame) -> Row:
         return interval_answer(np.nan, _UNKNOWN, str(error)) | {"verdict": "cannot tell"}
     if found.backlash_rad is None or found.backlash_interval_rad is None:
         return interval_answer(np.nan, _UNKNOWN, found.warnings[0]) | {"verdict": found.verdict}
-    return interval_answer(found.backlash_rad, found.backlash_interval_rad, "") | {"verdict": found.verdict}
+    return interval_answer(found.backlash_rad, found.backlash_interval_rad, "") | {
+        "verdict": found.verdict
+    }
 
 
 def _torque_answer(log: KnownLog, rng: Generator) -> Row:
@@ -341,7 +355,9 @@ def _torque_answer(log: KnownLog, rng: Generator) -> Row:
         *_LOAD_SDS,
     )
     fit = fit_torque(log.recording, log.labels["torque"], load, rng)
-    return interval_answer(fit.delta_rad, fit.interval_rad, fit.refusal_reason) | {"verdict": "backlash"}
+    return interval_answer(fit.delta_rad, fit.interval_rad, fit.refusal_reason) | {
+        "verdict": "backlash"
+    }
 
 
 def _sensor_row(population: str, number: int, seed: int) -> Row:
@@ -363,7 +379,9 @@ def _sensor_row(population: str, number: int, seed: int) -> Row:
 
 def measure_sensor(sizes: Mapping[str, int], seed: int) -> DataFrame:
     """Draw logs of populations of `DATASHEET`, and measure each from its table on; a row each."""
-    logs = [(population, number, seed) for population, size in sizes.items() for number in range(size)]
+    logs = [
+        (population, number, seed) for population, size in sizes.items() for number in range(size)
+    ]
     return DataFrame(in_parallel(_sensor_row, logs, "logs"))
 
 
@@ -422,7 +440,9 @@ def _degraded_log(bench: Bench, delta_rad: float, seed: int, what: str, value: f
     if what == "turns":
         kept = round(value * log.turn_period_s / log.sample_s)
         log = replace(log, t=log.t[:kept], v=log.v[:kept])
-    elif what == "decimation factor":  # means of samples difference the encoder's position over the longer period
+    elif (
+        what == "decimation factor"
+    ):  # means of samples difference the encoder's position over the longer period
         size = log.t.size // int(value)
         means = log.v[: size * int(value)].reshape(size, -1).mean(axis=1)
         log = replace(log, t=log.t[:: int(value)][:size], v=means)

@@ -87,7 +87,9 @@ def _with_calls(rows: DataFrame, wears: Sequence[Wear], limit_rad: float) -> Dat
         "low_rad",
         "high_rad",
     ]
-    table = rows.rename(columns={"method": "sensor", "found_rad": "estimate_rad"}).reindex(columns=columns)
+    table = rows.rename(columns={"method": "sensor", "found_rad": "estimate_rad"}).reindex(
+        columns=columns
+    )
     table["truth_day"] = table["bench"].map(lambda number: wears[number].crossing_day(limit_rad))
     called = table["day"].where(table["estimate_rad"] >= limit_rad)
     return table.assign(call_day=called.groupby([table["sensor"], table["bench"]]).transform("min"))

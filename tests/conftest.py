@@ -15,7 +15,12 @@ if "PYTEST_XDIST_WORKER" in os.environ:
 
 
 # Tests of files and processes, and of notebooks, whose kernels are pinned: they say nothing of other processors.
-NOT_PORTABLE = ("tests/workbook/", "tests/report/", "tests/sensor/test_fleet.py", "tests/test_try_changing.py")
+NOT_PORTABLE = (
+    "tests/workbook/",
+    "tests/report/",
+    "tests/sensor/test_fleet.py",
+    "tests/test_try_changing.py",
+)
 
 
 def pytest_collection_modifyitems(items):

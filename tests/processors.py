@@ -24,7 +24,9 @@ def openblas_kernels() -> set[str]:
     """Kernels of the OpenBLAS libraries that NumPy and SciPy bring."""
     kernels = set()
     for package in (np, scipy):
-        for path in (Path(package.__file__).parents[1] / f"{package.__name__}.libs").glob("*openblas*"):
+        for path in (Path(package.__file__).parents[1] / f"{package.__name__}.libs").glob(
+            "*openblas*"
+        ):
             library = ctypes.CDLL(str(path))
             for name in ("scipy_openblas_get_corename64_", "scipy_openblas_get_corename"):
                 if hasattr(library, name):

@@ -85,7 +85,9 @@ def test_what_was_not_measured_is_undecided_and_the_wrong_number_of_numbers_is_r
         published.decide("monotone", wrong)
 
 
-@pytest.mark.parametrize(("name", "holds"), [("at most", True), ("at least", True), ("below", False), ("above", False)])
+@pytest.mark.parametrize(
+    ("name", "holds"), [("at most", True), ("at least", True), ("below", False), ("above", False)]
+)
 @pytest.mark.parametrize("last_bits", [-1e-12, 0.0, 1e-12])
 def test_rounding_in_the_last_bits_does_not_decide(rule, name, holds, last_bits):
     rule(name, 5e-5)
@@ -102,7 +104,9 @@ def test_another_limit_can_be_tried():
     assert published.decide("half_turn", 0.04, {"half_turn": 0.03}) is False
 
 
-@pytest.mark.parametrize("ask", [published.criterion, lambda claim: published.criterion("half_turn", {claim: 1.0})])
+@pytest.mark.parametrize(
+    "ask", [published.criterion, lambda claim: published.criterion("half_turn", {claim: 1.0})]
+)
 def test_the_criterion_of_an_unknown_claim_is_refused(ask):
     with pytest.raises(KeyError, match="no_such_claim"):
         ask("no_such_claim")
@@ -160,7 +164,9 @@ def test_the_limit_of_the_relative_error_is_the_printed_one():
     assert published.criterion("error_below_10") == published.value("text.error_limit_percent")
 
 
-@pytest.mark.parametrize(("step", "holds"), [(1.49e-5, True), (1.51e-5, False), (0.51e-5, True), (0.49e-5, False)])
+@pytest.mark.parametrize(
+    ("step", "holds"), [(1.49e-5, True), (1.51e-5, False), (0.51e-5, True), (0.49e-5, False)]
+)
 def test_the_encoders_step_is_judged_to_its_printed_digit(step, holds):
     assert published.decide("encoder_step", step) is holds
     assert (abs(step - 1e-5) <= published.tolerance("text.encoder_step")) is holds

@@ -16,9 +16,13 @@ from replication.table2 import noise_only_record, table2_levels
 T = 0.002 * np.arange(2401)
 
 
-@pytest.mark.parametrize("reading", ["delta A is the range of A", "delta A is A's mean step", "delta A fits best"])
+@pytest.mark.parametrize(
+    "reading", ["delta A is the range of A", "delta A is A's mean step", "delta A fits best"]
+)
 def test_equation_19_as_printed_gives_none_of_the_printed_noise_amplitudes(reading):
-    theoretical, printed = (published.column("Table 2", name)[:10] for name in ("theoretical", "noise"))
+    theoretical, printed = (
+        published.column("Table 2", name)[:10] for name in ("theoretical", "noise")
+    )
     above = published.value("text.noise_law_max") * (theoretical - theoretical.min())
     scale = {
         "delta A is the range of A": 1 / np.ptp(theoretical),
@@ -33,8 +37,12 @@ def test_equation_19_as_printed_gives_none_of_the_printed_noise_amplitudes(readi
 
 
 def test_equation_19_gives_the_printed_noise_amplitudes_for_no_a_min_and_delta_a():
-    theoretical, printed = (published.column("Table 2", name)[:10] for name in ("theoretical", "noise"))
-    best_line = np.polyval(np.polyfit(theoretical, printed, 1), theoretical)  # every A_min and dA is a straight line
+    theoretical, printed = (
+        published.column("Table 2", name)[:10] for name in ("theoretical", "noise")
+    )
+    best_line = np.polyval(
+        np.polyfit(theoretical, printed, 1), theoretical
+    )  # every A_min and dA is a straight line
     rounding = published.half_last_digit("0.1079")
     assert (np.abs(best_line - printed) > 5 * rounding).sum() >= 7
     in_the_number = np.polyval(np.polyfit(range(10), printed, 1), range(10))
@@ -42,7 +50,9 @@ def test_equation_19_gives_the_printed_noise_amplitudes_for_no_a_min_and_delta_a
 
 
 def test_equation_4_read_literally_contradicts_equations_6_and_7():
-    def literal(X, t0):  # equations 1 to 4: d_b starts at t0 + T1, and is shifted by t0 + T_d and t0 + T_f
+    def literal(
+        X, t0
+    ):  # equations 1 to 4: d_b starts at t0 + T1, and is shifted by t0 + T_d and t0 + T_f
         return signature(T, X, Timing(t0 + 0.2, t0 + 0.4, 6))
 
     def shifted(X):  # equations 5 to 7
@@ -58,7 +68,9 @@ def test_equation_4_read_literally_misses_every_stored_run_that_can_tell(record_
     for _, run in published.authors_notebook_runs().iterrows():
         X, stored = run[list(STORED_NAMES)].to_numpy(float), run["final_rmse_rps"]
         T_d, T_f, t0 = run["T_d_s"], run["T_f_s"], run["t0_s"]
-        assert rmse(record_12.t, record_12.v, X, Timing(T_d, T_f, 12)) == pytest.approx(stored, abs=1e-6)
+        assert rmse(record_12.t, record_12.v, X, Timing(T_d, T_f, 12)) == pytest.approx(
+            stored, abs=1e-6
+        )
         literal = rmse(record_12.t, record_12.v, X, Timing(t0 + T_d, t0 + T_f, 12))
         if t0 * 24 > T[1]:  # the last turn is off by a sample or more
             can_tell += 1
@@ -70,7 +82,10 @@ def test_equation_4_read_literally_misses_every_stored_run_that_can_tell(record_
 
 def test_the_numbers_that_the_errata_quote_are_those_that_are_computed():
     effect = published.errata()["effect"]
-    off = np.abs(equation_10().backlash_rad(published.column("Table 2", "theoretical")[:10]) - printed_levels_rad())
+    off = np.abs(
+        equation_10().backlash_rad(published.column("Table 2", "theoretical")[:10])
+        - printed_levels_rad()
+    )
     assert off.max() == pytest.approx(1.8e-5, abs=0.05e-5)
     assert "1.8e-5 rad" in effect["E2"]
     joint = identified_joint()
@@ -78,12 +93,16 @@ def test_the_numbers_that_the_errata_quote_are_those_that_are_computed():
     for alpha, leak_percent, jump_nm in ((1e5, 0.42, 0.25), (1e6, 0.042, 0.025)):
         assert 100 * stiffness(0.0, 15e-4, 1.0, alpha) == pytest.approx(leak_percent, rel=0.02)
         assert f"{leak_percent:g} %" in effect["E8"]
-        below, above = transmitted_torque([-1e-12, 1e-12], 0.0, 15e-4, joint.stiffness_nm_per_rad, alpha_per_rad=alpha)
+        below, above = transmitted_torque(
+            [-1e-12, 1e-12], 0.0, 15e-4, joint.stiffness_nm_per_rad, alpha_per_rad=alpha
+        )
         assert below - above == pytest.approx(jump_nm, rel=0.02)
         assert f"{jump_nm:g} N m" in effect["E9"]
     sds = published.column("Table 2", "sd")
     assert np.sqrt([sds[sds > 0].min(), sds.max()]) == pytest.approx([0.03, 0.24], abs=0.005)
-    noise, amplitude = (published.column("Table 2", name)[[0, 9]] for name in ("noise", "theoretical"))
+    noise, amplitude = (
+        published.column("Table 2", name)[[0, 9]] for name in ("noise", "theoretical")
+    )
     assert 100 * noise / amplitude == pytest.approx([39, 16], abs=0.5)
 
 
@@ -95,7 +114,9 @@ def test_tau_has_the_unit_1_per_s():
     np.testing.assert_allclose(signature(1e3 * T, in_ms, milliseconds), seconds, atol=1e-9)
     without_unit = in_ms.copy()
     without_unit[2] = X[2]
-    assert np.abs(signature(1e3 * T, without_unit, milliseconds)).max() < 0.1 * np.abs(seconds).max()
+    assert (
+        np.abs(signature(1e3 * T, without_unit, milliseconds)).max() < 0.1 * np.abs(seconds).max()
+    )
 
 
 def test_the_last_printed_sd_cannot_be_a_variance():
@@ -131,7 +152,9 @@ def test_equation_13_needs_the_ranked_members_of_the_new_generation():
 
 
 def test_the_noise_is_not_proportional_to_the_amplitude():
-    printed, amplitude = (published.column("Table 2", name)[:10] for name in ("noise", "theoretical"))
+    printed, amplitude = (
+        published.column("Table 2", name)[:10] for name in ("noise", "theoretical")
+    )
     ratio = printed / amplitude
     assert (np.diff(ratio) < 0).all()
     assert ratio[0] / ratio[-1] > 2

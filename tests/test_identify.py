@@ -13,7 +13,10 @@ from replication.recording import add_uniform_noise, constant_speed
 from replication.signature import Box, signature
 from replication.table2 import start_samples
 
-MARGINS = {margin_2021: cma.transformations.margin_width1, margin_today: cma.transformations.margin_width2}
+MARGINS = {
+    margin_2021: cma.transformations.margin_width1,
+    margin_today: cma.transformations.margin_width2,
+}
 TRUE_X = np.array([-0.6, 0.012, 15.0, 134.0, 100.0, 0.1507, 0.0113])
 
 
@@ -28,9 +31,15 @@ def made_record():
 def test_samples_get_into_the_box_as_the_library_puts_them(margin, monkeypatch):
     monkeypatch.setattr(cma.transformations, "linquad_margin_width", MARGINS[margin])
     box = Box(np.array([-1.5, 0.0, 5.0, 6.28, 99.0]), np.array([1.5, 4.8, 30.0, 251.0, 101.0]))
-    theirs = cma.transformations.BoxConstraintsLinQuadTransformation(list(zip(box.lower, box.upper, strict=True)))
-    samples = np.random.default_rng(3).uniform(-3, 4, (2000, 5)) * (box.upper - box.lower) + box.lower
-    np.testing.assert_array_equal(into_box(samples, box, margin), [theirs.transform(x) for x in samples])
+    theirs = cma.transformations.BoxConstraintsLinQuadTransformation(
+        list(zip(box.lower, box.upper, strict=True))
+    )
+    samples = (
+        np.random.default_rng(3).uniform(-3, 4, (2000, 5)) * (box.upper - box.lower) + box.lower
+    )
+    np.testing.assert_array_equal(
+        into_box(samples, box, margin), [theirs.transform(x) for x in samples]
+    )
 
 
 @pytest.mark.parametrize("margin", MARGINS)
@@ -45,8 +54,16 @@ def test_todays_library_is_followed_exactly_without_its_slow_bounds(made_record)
     protocol = Protocol(engine="cma", population=30, iterations=40)
     box = protocol_box(made_record, protocol)
     width = box.upper - box.lower
-    options = {"popsize": 30, "maxiter": 40, "seed": 7, "bounds": [box.lower, box.upper], "CMA_stds": width / 4}
-    theirs = cma.CMAEvolutionStrategy((box.lower + box.upper) / 2, 1, options | {"verbose": -9, "verb_log": 0})
+    options = {
+        "popsize": 30,
+        "maxiter": 40,
+        "seed": 7,
+        "bounds": [box.lower, box.upper],
+        "CMA_stds": width / 4,
+    }
+    theirs = cma.CMAEvolutionStrategy(
+        (box.lower + box.upper) / 2, 1, options | {"verbose": -9, "verb_log": 0}
+    )
     ours = library_search(made_record, protocol, seed=7)
     record = fold(made_record.t, made_record.v, protocol.timing)
     while not theirs.stop():
@@ -62,14 +79,20 @@ def test_todays_library_is_followed_exactly_without_its_slow_bounds(made_record)
 
 def test_both_engines_search_but_not_alike(made_record):
     library = Protocol(engine="cma", iterations=30)
-    assert paper_fit(made_record, library, 3).rmse != paper_fit(made_record, Protocol(iterations=30), 3).rmse
+    assert (
+        paper_fit(made_record, library, 3).rmse
+        != paper_fit(made_record, Protocol(iterations=30), 3).rmse
+    )
     with pytest.raises(ValueError, match="engine 'cmaes'"):
         paper_fit(made_record, Protocol(engine="cmaes"), 3)
 
 
 def test_the_fit_is_the_best_member_of_the_generations_that_can_be_gone_through(made_record):
     protocol = Protocol(population=40, iterations=25)
-    lowest = [now.misfits.min() for now, _ in zip(paper_search(made_record, protocol, 6), range(25), strict=False)]
+    lowest = [
+        now.misfits.min()
+        for now, _ in zip(paper_search(made_record, protocol, 6), range(25), strict=False)
+    ]
     assert paper_fit(made_record, protocol, 6).rmse == min(lowest)
 
 
@@ -89,7 +112,10 @@ def test_every_stored_seed_gives_its_stored_first_generation(record_12):
 def test_with_todays_cma_only_samples_away_from_the_bounds_agree(record_12):
     newer = Protocol(engine="cma", iterations=1)
     stored = published.authors_notebook_runs().to_dict("records")
-    off = [abs(paper_fit(record_12, newer, r["cma_seed"]).rmse - r["generation_1_best_rmse_rps"]) for r in stored]
+    off = [
+        abs(paper_fit(record_12, newer, r["cma_seed"]).rmse - r["generation_1_best_rmse_rps"])
+        for r in stored
+    ]
     same = np.array(off) < 1e-12
     assert 10 <= same.sum() < 30
     assert max(off) < 1e-2
@@ -133,7 +159,9 @@ def test_every_fit_lies_in_the_box(made_record):
         ({"T_f": 9.0}, "shorter than one turn"),
     ],
 )
-def test_settings_that_cannot_be_searched_with_are_one_clear_error(made_record, engine, change, words):
+def test_settings_that_cannot_be_searched_with_are_one_clear_error(
+    made_record, engine, change, words
+):
     with pytest.raises(ValueError, match=words):
         paper_fit(made_record, Protocol(engine=engine, **change), 1)
 
@@ -148,5 +176,9 @@ def test_a_drawn_start_lies_among_the_first_samples_that_the_paper_names():
     first = range(int(published.value("text.latest_start")))
     for start, records in (("per run", [1]), ("per record", range(3000))):
         protocol = replace(Protocol(), start=start)
-        drawn = {sample for record in records for sample in start_samples(protocol, range(1, 3000), record)}
+        drawn = {
+            sample
+            for record in records
+            for sample in start_samples(protocol, range(1, 3000), record)
+        }
         assert drawn == set(first)

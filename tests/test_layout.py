@@ -26,7 +26,13 @@ FILES = [path for package in PACKAGES for path in sorted((ROOT / package).rglob(
 CORE_MAY_IMPORT = {f"replication/{room}" for room in ("compiled", "simulator")}
 
 # Budgets: names, operators and literals, which is what has to be understood; lines can be packed.
-MOST_TOKENS = {"replication": 38_000, "workbook": 18_500, "backlash": 53_000, "studies": 21_000, "tests": 106_000}
+MOST_TOKENS = {
+    "replication": 38_000,
+    "workbook": 18_500,
+    "backlash": 53_000,
+    "studies": 21_000,
+    "tests": 106_000,
+}
 LONG_LINE = 100
 MOST_LONG_LINES = 0.04  # of each package's lines
 MOST_PACKED_ASSIGNMENTS = 15  # of three or more targets
@@ -64,7 +70,9 @@ def imported(file: Path) -> set[str]:
 
 def room_of(parts: tuple[str, ...]) -> str:
     """Folder of a module, such as "replication/replay"; a package's own files are a room too."""
-    return "/".join(parts[:2]) if len(parts) > 1 and (ROOT.joinpath(*parts[:2])).is_dir() else parts[0]
+    return (
+        "/".join(parts[:2]) if len(parts) > 1 and (ROOT.joinpath(*parts[:2])).is_dir() else parts[0]
+    )
 
 
 def module_of(file: Path) -> tuple[str, ...]:
@@ -93,7 +101,9 @@ def circles(imports: Mapping[str, set[str]]) -> list[str]:
 
 @pytest.mark.parametrize("package", PACKAGES)
 def test_a_package_imports_only_those_below_it(package):
-    found = {name.partition(".")[0] for file in files_of(package) for name in imported(file)} - {package}
+    found = {name.partition(".")[0] for file in files_of(package) for name in imported(file)} - {
+        package
+    }
     assert found <= MAY_IMPORT[package]
 
 
@@ -114,7 +124,16 @@ def test_the_core_and_what_it_imports_import_no_room_beyond_it(rooms):
 
 
 def test_imports_among_the_rooms_run_one_way(rooms):
-    assert circles({room: others - {"replication"} for room, others in rooms.items() if room != "replication"}) == []
+    assert (
+        circles(
+            {
+                room: others - {"replication"}
+                for room, others in rooms.items()
+                if room != "replication"
+            }
+        )
+        == []
+    )
 
 
 def test_no_module_imports_itself_by_way_of_others():
@@ -138,7 +157,9 @@ def test_lines_are_short_enough_to_read(package):
 
 
 def test_no_code_is_kept_from_the_formatter():
-    skipped = [file for file in FILES if "fmt: skip" in text_of(file) or "fmt: off" in text_of(file)]
+    skipped = [
+        file for file in FILES if "fmt: skip" in text_of(file) or "fmt: off" in text_of(file)
+    ]
     assert skipped == []
 
 
@@ -159,7 +180,9 @@ def test_only_compiled_kernels_take_many_parameters():
     wide = []
     for file in FILES:
         for node in ast.walk(ast.parse(text_of(file))):
-            if not isinstance(node, ast.FunctionDef) or any("njit" in ast.unparse(d) for d in node.decorator_list):
+            if not isinstance(node, ast.FunctionDef) or any(
+                "njit" in ast.unparse(d) for d in node.decorator_list
+            ):
                 continue
             given = node.args
             if len(given.posonlyargs + given.args + given.kwonlyargs) >= MANY_PARAMETERS:
@@ -176,5 +199,7 @@ def test_only_compiled_kernels_take_many_parameters():
 )
 def test_importing_the_core_loads_no_room_beyond_it(modules, kept_out):
     code = f"import sys; from replication import {modules}; print(*sys.modules, sep='\\n')"
-    loaded = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=ROOT).stdout
+    loaded = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=ROOT
+    ).stdout
     assert not [name for name in loaded.splitlines() if name.startswith(kept_out)]

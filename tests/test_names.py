@@ -15,7 +15,9 @@ from replication import published
 from workbook import ROOT
 
 FOLDERS = ("replication", "backlash", "workbook", "studies", "notebooks", "tests")
-SOURCES = sorted({path for folder in FOLDERS for path in (ROOT / folder).rglob("*.py")} - {Path(__file__)})
+SOURCES = sorted(
+    {path for folder in FOLDERS for path in (ROOT / folder).rglob("*.py")} - {Path(__file__)}
+)
 ELSEWHERE = ("dsyev",)  # a name of LAPACK
 QUOTED = re.compile(r"(?<!`)`([A-Za-z_][\w.]*)`(?!`)")
 FILE = re.compile(r".*\.(csv|json|md|py|ipynb|html|typ|toml|txt|lock|svg|png|xlsx|zip|done|d)")
@@ -39,7 +41,9 @@ def words_of_code(path: Path) -> frozenset[str]:
 def variables(path: Path) -> frozenset[str]:
     """Names that a file gives to values: of parameters, assignments and loops."""
     nodes = list(ast.walk(ast.parse(path.read_text(encoding="utf-8"))))
-    stored = {node.id for node in nodes if isinstance(node, ast.Name) and isinstance(node.ctx, ast.Store)}
+    stored = {
+        node.id for node in nodes if isinstance(node, ast.Name) and isinstance(node.ctx, ast.Store)
+    }
     return frozenset(stored | {node.arg for node in nodes if isinstance(node, ast.arg)})
 
 
@@ -47,12 +51,20 @@ def variables(path: Path) -> frozenset[str]:
 def words() -> frozenset[str]:
     """Every name that the project has: in code, as a file, as a table's column."""
     found = set().union(*(words_of_code(path) for path in SOURCES))
-    for path in [*SOURCES, *(ROOT / "results").rglob("*.*"), *(ROOT / "replication" / "data").iterdir()]:
+    for path in [
+        *SOURCES,
+        *(ROOT / "results").rglob("*.*"),
+        *(ROOT / "replication" / "data").iterdir(),
+    ]:
         found |= {*path.parts, path.stem}
         if path.suffix == ".csv":
             lines = path.read_text(encoding="utf-8").splitlines()
-            found |= set(re.findall(r"\w+", " ".join(lines if path.parent.name == "data" else lines[:1])))
-    return frozenset(found | set(re.findall(r"\w+", (ROOT / "Makefile").read_text(encoding="utf-8"))))
+            found |= set(
+                re.findall(r"\w+", " ".join(lines if path.parent.name == "data" else lines[:1]))
+            )
+    return frozenset(
+        found | set(re.findall(r"\w+", (ROOT / "Makefile").read_text(encoding="utf-8")))
+    )
 
 
 @cache
@@ -86,8 +98,14 @@ def exists(name: str, path: Path) -> bool:
     if not rest:
         return first in words() or first in ELSEWHERE or is_library(first)
     if FILE.fullmatch(name):
-        return name in words() or name.rpartition(".")[0].rstrip("KR") in words()  # a level, a realisation
-    here = [module for module in modules() if f".{module}".endswith(f".{first}") or f".{first}." in f".{module}."]
+        return (
+            name in words() or name.rpartition(".")[0].rstrip("KR") in words()
+        )  # a level, a realisation
+    here = [
+        module
+        for module in modules()
+        if f".{module}".endswith(f".{first}") or f".{first}." in f".{module}."
+    ]
     for module in here:
         owner = modules()[module]
         if rest[-1] in words_of_code(owner) or f"{module}.{rest[-1]}" in modules():
@@ -124,11 +142,15 @@ def test_every_name_that_a_docstring_or_a_comment_quotes_exists():
     assert dead_names() == []
 
 
-@pytest.mark.parametrize("name", ["experiments.repeated_fits", "log_tables", "table2.gone", "no_such_file.csv"])
+@pytest.mark.parametrize(
+    "name", ["experiments.repeated_fits", "log_tables", "table2.gone", "no_such_file.csv"]
+)
 def test_a_name_that_is_gone_is_noticed(name):
     assert not exists(name, ROOT / "replication" / "table2.py")
 
 
-@pytest.mark.parametrize("name", ["table2.summarise_runs", "scipy.optimize.least_squares", "cells.csv", "delta_rad"])
+@pytest.mark.parametrize(
+    "name", ["table2.summarise_runs", "scipy.optimize.least_squares", "cells.csv", "delta_rad"]
+)
 def test_a_name_that_is_there_passes(name):
     assert exists(name, ROOT / "replication" / "table2.py")

@@ -11,10 +11,16 @@ from workbook import ROOT, judging
 from workbook.checkout import notebook_files
 
 KERNEL = os.environ.get("OPENBLAS_CORETYPE")
-needs_settings = pytest.mark.skipif(not KERNEL, reason="this processor's own settings; `make portable` sets others")
+needs_settings = pytest.mark.skipif(
+    not KERNEL, reason="this processor's own settings; `make portable` sets others"
+)
 SOURCES = list(notebook_files("py").values())
 # Those whose quick run is their whole run.
-CHEAP = [source for source in SOURCES if re.search(r"^#\s+quick: \{\}$", source.read_text(encoding="utf-8"), re.M)]
+CHEAP = [
+    source
+    for source in SOURCES
+    if re.search(r"^#\s+quick: \{\}$", source.read_text(encoding="utf-8"), re.M)
+]
 NAMES = [source.stem for source in CHEAP]
 
 
@@ -40,6 +46,8 @@ def test_the_cheap_notebooks_reach_their_committed_verdicts(authors_data, tmp_pa
     for table, name in ((judging.verdicts, "verdicts.csv"), (judging.decided_claims, "claims.csv")):
         committed, here = pd.read_csv(ROOT / "results" / name), table(tmp_path / "results")
         key = [column for column in ("id", "source", "notebook") if column in here]
-        both = here[here["notebook"].isin(NAMES)].merge(committed, on=key, suffixes=("", "_committed"))
+        both = here[here["notebook"].isin(NAMES)].merge(
+            committed, on=key, suffixes=("", "_committed")
+        )
         assert len(both) > 1
         assert both["verdict"].tolist() == both["verdict_committed"].tolist()

@@ -33,10 +33,14 @@ def test_cell_ids_are_unique():
 
 def test_no_tolerance_is_tighter_than_half_the_last_printed_digit():
     cells = published.cells()
-    numeric = cells[cells["printed"].str.fullmatch(r"-?[\d.]+(e-?\d+)?%?") & (cells["kind"] != "bound")]
+    numeric = cells[
+        cells["printed"].str.fullmatch(r"-?[\d.]+(e-?\d+)?%?") & (cells["kind"] != "bound")
+    ]
     assert len(numeric) > 80
     for cell, row in numeric[numeric["value"] != 0].iterrows():  # a printed zero is exact
-        assert published.tolerance(cell) >= published.half_last_digit(row["printed"]) * (1 - 1e-9), cell
+        assert published.tolerance(cell) >= published.half_last_digit(row["printed"]) * (
+            1 - 1e-9
+        ), cell
 
 
 def test_a_printed_number_and_its_value_agree():
@@ -83,7 +87,9 @@ def test_the_printed_rmse_of_equation_10_is_no_rmse_in_rad():
     printed = published.value("equation10.rmse")
     assert best_possible > 1000 * printed
     assert best_possible == pytest.approx(5.93e-6, abs=0.005e-6)
-    of_freedom = best_possible * np.sqrt(delta.size / (delta.size - 4))  # a cubic has four coefficients
+    of_freedom = best_possible * np.sqrt(
+        delta.size / (delta.size - 4)
+    )  # a cubic has four coefficients
     assert of_freedom == pytest.approx(7.66e-6, abs=0.005e-6)
     corrected = published.errata().loc["E2", "corrected"]
     assert "5.93e-6" in corrected
@@ -109,6 +115,8 @@ def test_every_erratum_names_a_test_that_exists():
 
 def test_errata_and_differences_name_cells_that_exist():
     known = set(published.cells().index)
-    in_errata = {cell.partition("=")[0] for cells in published.errata()["cells"] for cell in cells.split()}
+    in_errata = {
+        cell.partition("=")[0] for cells in published.errata()["cells"] for cell in cells.split()
+    }
     assert in_errata <= known
     assert set(published.known_differences()["id"]) <= known

@@ -43,7 +43,9 @@ def test_the_turn_period_in_the_data_is_400_ms(authors_data):
     for level in (3, 8, 13):
         period = inspection.turn_period(load_clean(level))
         assert period == pytest.approx(0.400, abs=2e-4)
-        assert abs(period - published.value("table1.T_f.max")) > 10 * published.tolerance("table1.T_f.max")
+        assert abs(period - published.value("table1.T_f.max")) > 10 * published.tolerance(
+            "table1.T_f.max"
+        )
 
 
 def test_the_turn_period_of_a_made_record_is_found_to_a_tenth_of_a_sample():
@@ -54,7 +56,10 @@ def test_the_turn_period_of_a_made_record_is_found_to_a_tenth_of_a_sample():
 
 @pytest.fixture(scope="module")
 def noise_laws(authors_data):
-    return {level: inspection.uniform_noise_test(inspection.added_noise(level, 1)) for level in range(3, 12)}
+    return {
+        level: inspection.uniform_noise_test(inspection.added_noise(level, 1))
+        for level in range(3, 12)
+    }
 
 
 def test_the_added_noise_is_uniform_with_the_printed_half_amplitude(noise_laws):

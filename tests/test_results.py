@@ -17,17 +17,23 @@ from workbook.checkout import notebook_files
 RESULTS = workbook.ROOT / "results"
 SUPPLEMENT = RESULTS / "supplement"
 VERDICTS = pd.read_csv(RESULTS / "verdicts.csv")
-KNOWN = {(row["id"], row["source"]): row["reason"] for _, row in published.known_differences().iterrows()}
+KNOWN = {
+    (row["id"], row["source"]): row["reason"] for _, row in published.known_differences().iterrows()
+}
 
 
 def rows(frame):
-    return [pytest.param(row, id=f"{row['id']}-{row['source']}") for row in frame.to_dict("records")]
+    return [
+        pytest.param(row, id=f"{row['id']}-{row['source']}") for row in frame.to_dict("records")
+    ]
 
 
 @pytest.mark.parametrize("row", rows(VERDICTS[VERDICTS["verdict"] == "reproduced"]))
 def test_the_printed_number_of_a_reproduced_cell_lies_in_the_region(row):
     assert row["low"] <= row["published"] <= row["high"]
-    assert row["published"] == pytest.approx(published.value(row["id"]), rel=1e-5)  # six digits are kept
+    assert row["published"] == pytest.approx(
+        published.value(row["id"]), rel=1e-5
+    )  # six digits are kept
 
 
 def test_the_cells_that_differ_are_exactly_those_with_a_known_reason():
@@ -36,15 +42,28 @@ def test_the_cells_that_differ_are_exactly_those_with_a_known_reason():
 
 
 def test_every_table_of_the_results_is_named_in_a_source():
-    kinds = ("notebooks/**/*.py", "replication/**/*.py", "replication/**/*.csv", "backlash/**/*.py", "tests/tools/*.py")
-    sources = "\n".join(path.read_text(encoding="utf-8") for kind in kinds for path in ROOT.glob(kind))
-    assert [file.name for file in RESULTS.glob("*.csv") if not re.search(rf"\b{file.stem}\b", sources)] == []
+    kinds = (
+        "notebooks/**/*.py",
+        "replication/**/*.py",
+        "replication/**/*.csv",
+        "backlash/**/*.py",
+        "tests/tools/*.py",
+    )
+    sources = "\n".join(
+        path.read_text(encoding="utf-8") for kind in kinds for path in ROOT.glob(kind)
+    )
+    assert [
+        file.name for file in RESULTS.glob("*.csv") if not re.search(rf"\b{file.stem}\b", sources)
+    ] == []
 
 
 def test_the_verdicts_are_what_the_outcomes_give():
     now, kept = judging.verdicts(RESULTS), VERDICTS
     texts = ["notebook", "reason"]
-    now[texts], kept = now[texts].fillna(""), kept.assign(**{name: kept[name].fillna("") for name in texts})
+    now[texts], kept = (
+        now[texts].fillna(""),
+        kept.assign(**{name: kept[name].fillna("") for name in texts}),
+    )
     pd.testing.assert_frame_equal(now, kept, rtol=1e-3, atol=1e-9, check_dtype=False)
 
 
@@ -73,7 +92,9 @@ def test_table_2_has_thirty_runs_on_each_of_five_realisations():
     expected |= {("simulated", seed, row) for seed in range(1, 6) for row in range(1, 12)}
     assert set(table[keys].itertuples(index=False, name=None)) == expected
     runs["amplitude"] = runs["A_rps"].abs().where(runs["delta_rad"] > 0, runs["A_rps"])
-    of_runs = runs.groupby(keys).agg(mean=("amplitude", "mean"), sd=("amplitude", "std"), best=("rmse_rps", "min"))
+    of_runs = runs.groupby(keys).agg(
+        mean=("amplitude", "mean"), sd=("amplitude", "std"), best=("rmse_rps", "min")
+    )
     both = table.set_index(keys).join(of_runs)
     for ours, again in (("mean_A_rps", "mean"), ("sd_A_rps", "sd"), ("best_rmse_rps", "best")):
         np.testing.assert_allclose(both[ours], both[again], rtol=1e-4, atol=1e-6)
@@ -84,12 +105,16 @@ def test_the_reasons_why_sds_of_table_2_differ_are_what_the_runs_show():
     for cell, source in [key for key in KNOWN if key[0].startswith("table2")]:
         row = int(cell[10:12])
         far, deepest = [], 0.0
-        for _, part in runs[(runs["source"] == source) & (runs["row"] == row)].groupby("realisation"):
+        for _, part in runs[(runs["source"] == source) & (runs["row"] == row)].groupby(
+            "realisation"
+        ):
             best = table2.basin_labels(part["rmse_rps"].to_numpy()) == 1
             below = 1 - part["A"] / part["A"][best].mean()
             far.append(int((below.abs() > 0.05).sum()))
             deepest = max(deepest, below.max())
-        single = np.sqrt(1 / 30)  # SD of 30 runs of which one lies at a distance, in units of the distance
+        single = np.sqrt(
+            1 / 30
+        )  # SD of 30 runs of which one lies at a distance, in units of the distance
         away = published.value(cell) / single / published.value(cell.replace(".sd", ".mean"))
         reason = KNOWN[cell, source]
         counted = f"{min(far)} to {max(far)} of" if max(far) else "no run ends more than 5 %"
@@ -123,7 +148,9 @@ def test_the_stored_runs_end_in_the_four_known_basins():
 
 def test_the_global_fit_is_never_above_the_best_of_thirty_runs_on_table_2s_records():
     table = pd.read_csv(RESULTS / "table2.csv")
-    searched = table.query("source == 'authors' and realisation == 1").set_index("row")["best_rmse_rps"]
+    searched = table.query("source == 'authors' and realisation == 1").set_index("row")[
+        "best_rmse_rps"
+    ]
     found = pd.read_csv(SUPPLEMENT / "identification_table2.csv").set_index("row")["rmse_rps"]
     assert len(found) == 10
     assert (found <= searched.loc[found.index] * (1 + 1e-5)).all()  # the tables keep six digits
@@ -155,7 +182,9 @@ def test_the_simulated_characteristic_stays_close_to_equation_10_over_its_range(
 
 
 def test_no_protocol_variant_with_the_printed_turn_period_comes_near():
-    ranking = pd.read_csv(SUPPLEMENT / "protocol_ranking.csv").set_index("protocol")["mean_abs_error_percent"]
+    ranking = pd.read_csv(SUPPLEMENT / "protocol_ranking.csv").set_index("protocol")[
+        "mean_abs_error_percent"
+    ]
     assert ranking["T_d and T_f as printed"] > 30
     assert ranking["authors' notebook"] < ranking["start drawn per run"]
 
@@ -163,7 +192,9 @@ def test_no_protocol_variant_with_the_printed_turn_period_comes_near():
 def test_the_provenance_names_versions_and_verified_inputs():
     provenance = json.loads((RESULTS / "provenance.json").read_text(encoding="utf-8"))
     registry = authors_registry()
-    inputs = {path: digest for record in provenance.values() for path, digest in record["inputs"].items()}
+    inputs = {
+        path: digest for record in provenance.values() for path, digest in record["inputs"].items()
+    }
     assert len(inputs) >= 13
     assert all(registry[path] == digest for path, digest in inputs.items())
     assert all(record["python"] and "numpy" in record["packages"] for record in provenance.values())
@@ -177,7 +208,9 @@ def test_the_locked_versions_are_those_that_made_the_results():
             assert f"{name}=={version} " in lock, name
 
 
-@pytest.mark.parametrize("figure", sorted(path.stem for path in (workbook.ROOT / "figures").glob("*.svg")))
+@pytest.mark.parametrize(
+    "figure", sorted(path.stem for path in (workbook.ROOT / "figures").glob("*.svg"))
+)
 def test_a_figure_is_there_as_svg_and_png_and_named_in_a_notebook(figure):
     assert (workbook.ROOT / "figures" / f"{figure}.png").stat().st_size > 5000
     sources = [path.read_text(encoding="utf-8") for path in notebook_files("py").values()]

@@ -44,16 +44,26 @@ def test_equations_13_to_17_give_what_the_library_gives_with_the_constants_of_20
         library.tell(list(now.x), list(now.misfits), check_points=False)
         state = now.after
         theirs = (library.mean, library.sigma, library.adapt_sigma.ps, library.pc, library.sm.C)
-        for ours, value in zip((state.m, state.sigma, state.p_sigma, state.p_c, state.C), theirs, strict=True):
+        for ours, value in zip(
+            (state.m, state.sigma, state.p_sigma, state.p_c, state.C), theirs, strict=True
+        ):
             np.testing.assert_allclose(ours, value, rtol=1e-8, atol=1e-12)
 
 
 def strategy(population: int) -> cma.CMAEvolutionStrategy:
-    options = {"popsize": population, "CMA_stds": np.full(7, 0.5), "seed": np.nan, "verbose": -9, "verb_log": 0}
+    options = {
+        "popsize": population,
+        "CMA_stds": np.full(7, 0.5),
+        "seed": np.nan,
+        "verbose": -9,
+        "verb_log": 0,
+    }
     return cma.CMAEvolutionStrategy(np.zeros(7), 1.0, options | {"randn": random_normals(1)})
 
 
-@pytest.mark.parametrize(("misfits", "population", "dimensions"), [(sphere, 4, 2), (sphere, 40, 7), (valley, 60, 5)])
+@pytest.mark.parametrize(
+    ("misfits", "population", "dimensions"), [(sphere, 4, 2), (sphere, 40, 7), (valley, 60, 5)]
+)
 def test_the_search_finds_the_minimum(misfits, population, dimensions):
     box = Box(np.full(dimensions, -1.0), np.ones(dimensions))
     run = search(generations(misfits, box, random_normals(3), population), 1000)
@@ -65,7 +75,9 @@ def test_the_search_finds_the_minimum(misfits, population, dimensions):
 
 def test_a_minimum_on_the_edge_of_the_box_is_found_and_no_member_leaves_it():
     steps = list(islice(generations(lambda X: X.sum(axis=1), UNIT, random_normals(3), 30), 60))
-    assert all((now.members >= UNIT.lower).all() and (now.members <= UNIT.upper).all() for now in steps)
+    assert all(
+        (now.members >= UNIT.lower).all() and (now.members <= UNIT.upper).all() for now in steps
+    )
     assert steps[-1].misfits.min() == pytest.approx(-7, abs=1e-3)
 
 
@@ -109,7 +121,11 @@ HUGE = Box(np.full(7, -1e30), np.full(7, 1e30))
         (sphere, {}, "tolfun"),
         (lambda X: np.floor(1e3 * sphere(X)), {}, "tolflatfitness"),
         (lambda X: 1e9 * np.abs(X - 0.3).sum(axis=1), {"population": 20}, "tolx"),
-        (lambda X: ((X @ TURN) ** 2 * 10.0 ** np.arange(0, 28, 4)).sum(axis=1), {"population": 20}, "tolconditioncov"),
+        (
+            lambda X: ((X @ TURN) ** 2 * 10.0 ** np.arange(0, 28, 4)).sum(axis=1),
+            {"population": 20},
+            "tolconditioncov",
+        ),
         (lambda X: np.sin(1e7 * X).sum(axis=1), {}, "tolstagnation"),
         (lambda X: -np.abs(X).sum(axis=1), {"box": HUGE, "sigma": 1e-20}, "tolfacupx"),
     ],

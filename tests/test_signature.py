@@ -14,13 +14,20 @@ V = 100 + np.sin(7 * T) + 0.3 * np.cos(140 * T)
 
 
 def stored_runs():
-    return [(run[list(STORED_NAMES)].to_numpy(float), run) for _, run in published.authors_notebook_runs().iterrows()]
+    return [
+        (run[list(STORED_NAMES)].to_numpy(float), run)
+        for _, run in published.authors_notebook_runs().iterrows()
+    ]
 
 
 def test_the_oscillation_is_zero_outside_its_window_and_equation_5_inside():
     t = np.array([0.0, 0.1, 0.15, 0.2, 0.3])
     h = damped_oscillation(t, A=2.0, t0=0.05, tau=10.0, omega=100.0, T1=0.05, T2=0.15)
-    inside = 2.0 * np.exp(-10.0 * np.array([0.0, 0.05, 0.1])) * np.sin(100.0 * np.array([0.05, 0.1, 0.15]))
+    inside = (
+        2.0
+        * np.exp(-10.0 * np.array([0.0, 0.05, 0.1]))
+        * np.sin(100.0 * np.array([0.05, 0.1, 0.15]))
+    )
     np.testing.assert_allclose(h, [0, *inside, 0], atol=1e-15)
 
 
@@ -33,7 +40,9 @@ def test_the_oscillations_alternate_in_sign_half_a_turn_apart():
 def test_negating_A_and_shifting_by_half_a_turn_leaves_the_settled_signature():
     X = np.array([1.0, 0.01, 12.0, 130.0, 100.0, 0.1507, 0.0113])
     shifted = X + np.array([-2.0, 0.2, 0, 0, 0, 0, 0])
-    np.testing.assert_allclose(signature(T, shifted, TIMING)[105:], signature(T, X, TIMING)[105:], atol=1e-12)
+    np.testing.assert_allclose(
+        signature(T, shifted, TIMING)[105:], signature(T, X, TIMING)[105:], atol=1e-12
+    )
 
 
 def test_a_gate_moved_within_a_sample_is_undone_by_the_amplitude():
@@ -49,7 +58,9 @@ def test_the_signature_at_the_stored_parameters_has_the_stored_misfit(record_12)
     assert len(runs) == 30
     for X, run in runs:
         timing = Timing(run["T_d_s"], run["T_f_s"], 12)
-        assert abs(rmse(record_12.t, record_12.v, X, timing) - run["final_rmse_rps"]) < 1e-6, run["run"]
+        assert abs(rmse(record_12.t, record_12.v, X, timing) - run["final_rmse_rps"]) < 1e-6, run[
+            "run"
+        ]
 
 
 def test_equation_4_read_literally_does_not_give_the_stored_misfit(record_12):
@@ -81,7 +92,9 @@ timings = st.builds(Timing, T_d=st.floats(0.05, 0.4), T_f=st.floats(0.1, 0.8), n
     start=st.integers(0, 150),
     step=st.sampled_from([0.0005, 0.001, 0.002, 0.0037]),
 )
-def test_the_compiled_misfit_equals_the_transcription_across_the_box_and_on_its_edges(unit, timing, start, step):
+def test_the_compiled_misfit_equals_the_transcription_across_the_box_and_on_its_edges(
+    unit, timing, start, step
+):
     t = step * np.arange(start, 1200)
     v = 100 + np.sin(7 * t) + 0.3 * np.cos(140 * t)
     box = table1_box(t, v, 0.204, amplitude_factor=1.3)

@@ -9,7 +9,9 @@ def test_the_interval_of_a_rate_is_clopper_and_pearsons():
     assert statistics.rate_columns(0, 10) == none
     assert statistics.rate_columns(10, 10)["rate_high"] == 1
     assert statistics.rate_columns(5, 10, "seen")["seen"] == 0.5
-    assert np.isnan([statistics.rate_columns(0, 0)[name] for name in ("rate_low", "rate_high")]).all()
+    assert np.isnan(
+        [statistics.rate_columns(0, 0)[name] for name in ("rate_low", "rate_high")]
+    ).all()
 
 
 def test_another_value_lies_in_its_interval_95_times_of_100():

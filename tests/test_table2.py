@@ -8,7 +8,9 @@ from replication.authors import LOW_NOISE
 
 @pytest.mark.parametrize("realisations", [[], [7], [21]])
 def test_table_2_is_made_of_published_noise_or_refused_in_one_line(realisations):
-    with pytest.raises(ValueError, match=r"^(realisations \[\]: name some of 1 to 5|no noisy record K = 2, R = )"):
+    with pytest.raises(
+        ValueError, match=r"^(realisations \[\]: name some of 1 to 5|no noisy record K = 2, R = )"
+    ):
         table2.authors_table2_records(realisations)
 
 
@@ -40,7 +42,9 @@ def test_the_five_realisations_give_fifty_records_of_their_own(authors_data):
 
 def test_our_numbers_of_a_cell_are_one_for_each_realisation():
     noises = {seed: table2.noise_only_record(seed) for seed in (1, 2)}
-    fits = table2.repeated_fits(list(noises.values()), [table2.AUTHORS_PROTOCOL], [1, 2, 3], label="two noises")
+    fits = table2.repeated_fits(
+        list(noises.values()), [table2.AUTHORS_PROTOCOL], [1, 2, 3], label="two noises"
+    )
     cells = table2.table2_cells(table2.table2(fits))
     assert list(cells) == ["table2.row11.mean", "table2.row11.sd"]
     for seed, mean in zip(noises, cells["table2.row11.mean"], strict=True):
@@ -49,7 +53,10 @@ def test_our_numbers_of_a_cell_are_one_for_each_realisation():
 
 def test_the_error_against_the_printed_mean_is_of_the_rows_with_backlash():
     means = published.column("Table 2", "mean")
-    rows = [{"row": row, "A": 1.02 * means[row - 1], "theoretical_A_rps": float(row < 11)} for row in (1, 10, 11)]
+    rows = [
+        {"row": row, "A": 1.02 * means[row - 1], "theoretical_A_rps": float(row < 11)}
+        for row in (1, 10, 11)
+    ]
     error = table2.error_percent(pd.DataFrame(rows), "A")
     assert error.tolist()[:2] == pytest.approx([2.0, 2.0])
     assert error.isna().tolist() == [False, False, True]
@@ -68,7 +75,10 @@ def test_an_error_near_the_limit_is_undecided(off, holds):
     )
     decided, said = table2.decide_error_below_10(runs)
     assert decided is holds
-    largest = max(100 * abs(part["A_rps"].mean() / theoretical[row - 1] - 1) for row, part in runs.groupby("row"))
+    largest = max(
+        100 * abs(part["A_rps"].mean() / theoretical[row - 1] - 1)
+        for row, part in runs.groupby("row")
+    )
     assert said.startswith(f"largest error of a mean {largest:.1f} %")
 
 
@@ -86,7 +96,9 @@ def test_one_realisation_with_a_large_error_decides_on_all_of_them():
     assert table2.decide_error_below_10(runs[runs["realisation"] != 4])[0] is True
 
 
-@pytest.mark.parametrize(("hits", "holds"), [([24, 20, 22], True), ([3, 6, 5], False), ([30, 2, 20], None)])
+@pytest.mark.parametrize(
+    ("hits", "holds"), [([24, 20, 22], True), ([3, 6, 5], False), ([30, 2, 20], None)]
+)
 def test_the_share_of_runs_in_the_best_basin_varies_with_the_record(hits, holds):
     decided, said = table2.decide_local_minima(pd.DataFrame({"best_basin_runs": hits, "runs": 30}))
     assert decided is holds
@@ -95,4 +107,6 @@ def test_the_share_of_runs_in_the_best_basin_varies_with_the_record(hits, holds)
 
 
 def test_one_record_alone_does_not_decide_on_local_minima():
-    assert table2.decide_local_minima(pd.DataFrame({"best_basin_runs": [30], "runs": [30]}))[0] is None
+    assert (
+        table2.decide_local_minima(pd.DataFrame({"best_basin_runs": [30], "runs": [30]}))[0] is None
+    )

@@ -32,7 +32,9 @@ def the_motors_inertia(n):
 
 def the_inertia_ratio(n):
     assert n["peak_change_percent"].mean() == pytest.approx(-35, abs=1.5)
-    assert n["joint"].speed_gain_nms_per_rad == pytest.approx(2 * n["committed"].speed_gain_nms_per_rad)
+    assert n["joint"].speed_gain_nms_per_rad == pytest.approx(
+        2 * n["committed"].speed_gain_nms_per_rad
+    )
 
 
 def another_gear(n):
@@ -77,15 +79,37 @@ PROPOSED = {
 }
 EDITS = {
     "box": ("07_protocol_table1", {"box": {"frequency_hz": (1.0, 15.0)}}, narrow_box),
-    "turn period of the joint": ("05_growth_figure11", {"commanded_speed_rps": 50.0}, another_speed),
+    "turn period of the joint": (
+        "05_growth_figure11",
+        {"commanded_speed_rps": 50.0},
+        another_speed,
+    ),
     "friction": ("04_simulator_figure10", {"friction_share": 0.02}, friction),
-    "motor inertia": ("04_simulator_figure10", {"changes": {"motor_inertia_kgm2": 2.0}}, the_motors_inertia),
-    "inertia ratio": ("04_simulator_figure10", {"changes": {"inertia_ratio": 0.5}}, the_inertia_ratio),
-    "noise": ("08_noise_table2", {"noise_factor": 2.0, "realisations": [1, 2], "noise_seeds": [1, 2]}, louder_noise),
+    "motor inertia": (
+        "04_simulator_figure10",
+        {"changes": {"motor_inertia_kgm2": 2.0}},
+        the_motors_inertia,
+    ),
+    "inertia ratio": (
+        "04_simulator_figure10",
+        {"changes": {"inertia_ratio": 0.5}},
+        the_inertia_ratio,
+    ),
+    "noise": (
+        "08_noise_table2",
+        {"noise_factor": 2.0, "realisations": [1, 2], "noise_seeds": [1, 2]},
+        louder_noise,
+    ),
     "optimiser": (
         "09_identification",
         {
-            **{"optimiser": _Name(), "replay_runs": 6, "strategy_runs": 2, "budget": 5000, "coverage_runs": 1},
+            **{
+                "optimiser": _Name(),
+                "replay_runs": 6,
+                "strategy_runs": 2,
+                "budget": 5000,
+                "coverage_runs": 1,
+            },
             "strategies": ["population 100, restarted"],
         },
         another_optimiser,
@@ -96,7 +120,9 @@ EDITS = {
 
 
 @pytest.mark.parametrize("change", EDITS)
-def test_a_change_is_one_edit_and_the_notebook_says_what_happened(change, authors_data, tmp_path, capsys):
+def test_a_change_is_one_edit_and_the_notebook_says_what_happened(
+    change, authors_data, tmp_path, capsys
+):
     notebook, parameters, check = EDITS[change]
     check(run(notebook, parameters, tmp_path))
     assert says_what_happened(capsys.readouterr().out)

@@ -32,7 +32,9 @@ TOGETHER = {
             'left_out = ["load Coulomb friction", "load viscous friction"]',
         ]
     ],
-    "17_protocols": [['shown = "switched-off line, T_d = 0.2 s"', 'criteria = {"random_start": 0.001}']],
+    "17_protocols": [
+        ['shown = "switched-off line, T_d = 0.2 s"', 'criteria = {"random_start": 0.001}']
+    ],
     "18_claims": [['criteria = {"quality_decreases": 0.2}', "turns = [1, 3]"]],
 }
 
@@ -114,7 +116,9 @@ def a_tenth_of_a_percent_left(n):
 def the_misfit_exceeds_the_signal(n):
     assert n["alpha"].loc[0, "mean_nrmse_percent"] > 100
     facts = committed("dead_zone_facts")
-    assert facts.loc[facts["alpha_per_rad"] == 1e3, "middle_share"].item() == pytest.approx(1 / 3, abs=0.05)
+    assert facts.loc[facts["alpha_per_rad"] == 1e3, "middle_share"].item() == pytest.approx(
+        1 / 3, abs=0.05
+    )
 
 
 def the_misfit_hardly_rises(n):
@@ -151,12 +155,16 @@ def noise_over_figure_5(n):
 
 
 def every_amplitude_grows(n):
-    assert (n["peaks"]["amplitude_rps"].to_numpy() > committed("growth")["amplitude_rps"].to_numpy()).all()
+    assert (
+        n["peaks"]["amplitude_rps"].to_numpy() > committed("growth")["amplitude_rps"].to_numpy()
+    ).all()
 
 
 def a_quarter_as_high(n):
     high = n["simulate_recordings"](n["joint"], [n["level_delta_rad"](12)])[0]
-    assert np.abs(n["speed"].v - 100).max() / np.abs(high.v - 100).max() == pytest.approx(0.25, abs=0.04)
+    assert np.abs(n["speed"].v - 100).max() / np.abs(high.v - 100).max() == pytest.approx(
+        0.25, abs=0.04
+    )
 
 
 def all_but_the_constant_out_of_tolerance(n):
@@ -191,14 +199,20 @@ def a_small_first_step_stays_in_the_middle_of_the_record(n):
 def a_small_population_settles_early_in_a_bad_minimum(n):
     assert (n["c"].mu, round(n["c"].c_mu, 1)) == (10, 0.1)
     assert np.abs(n["after"].std / n["before"].std - 1).max() < 0.15
-    stored = published.authors_notebook_runs().set_index("cma_seed").loc[n["seed"], "final_rmse_rps"]
+    stored = (
+        published.authors_notebook_runs().set_index("cma_seed").loc[n["seed"], "final_rmse_rps"]
+    )
     assert n["found"].misfit / stored == pytest.approx(6, rel=0.1)
     assert n["found"].stop == "tolfun"
 
 
 def flipped(n, column):
     """Verdicts on a column of Table 2 by the authors' data that are not the committed ones: before and now."""
-    before = committed("verdicts").query(f"source == 'authors' and id.str.endswith('.{column}')").set_index("id")
+    before = (
+        committed("verdicts")
+        .query(f"source == 'authors' and id.str.endswith('.{column}')")
+        .set_index("id")
+    )
     now = n["verdicts"].query("source == 'authors'").set_index("id")["verdict"]
     both = pd.DataFrame({"before": before["verdict"], "now": now.reindex(before.index)}).loc[
         lambda t: t.index.str[:6] == "table2"
@@ -212,8 +226,13 @@ def two_realisations_decide_less(n):
         assert set(found["before"]) == {before}
         assert set(found["now"]) == {"undecided"}
         kept = {"table2.row05.mean"}  # R = 1 and R = 2 agree there
-        decided = committed("verdicts").query(f"source == 'authors' and verdict == '{before}'")["id"]
-        assert set(found.index) == {c for c in decided if c.startswith("table2") and c.endswith(column)} - kept
+        decided = committed("verdicts").query(f"source == 'authors' and verdict == '{before}'")[
+            "id"
+        ]
+        assert (
+            set(found.index)
+            == {c for c in decided if c.startswith("table2") and c.endswith(column)} - kept
+        )
 
 
 def most_means_fall_below_and_differ(n):
@@ -290,7 +309,9 @@ def the_kinds_still_overlap_without_couplings(n):
 def robot_b_has_half_the_backlash(n):
     before, now = committed("table4"), n["table"]
     assert now["mean_A_rps"].iloc[1] / before["mean_A_rps"][1] == pytest.approx(0.5, abs=0.12)
-    threshold = committed("table4_thresholds").set_index("name").loc["best (Youden)", "threshold_rps"]
+    threshold = (
+        committed("table4_thresholds").set_index("name").loc["best (Youden)", "threshold_rps"]
+    )
     assert n["best"]["threshold_rps"] / threshold == pytest.approx(1.0, abs=0.1)
 
 
@@ -303,7 +324,9 @@ def mean_error(table, name):
 
 
 def the_amplitude_errs_more_than_the_waveform(n):
-    assert n["table"].query("calibration == 'your own'")["method"].unique().tolist() == ["amplitude"]
+    assert n["table"].query("calibration == 'your own'")["method"].unique().tolist() == [
+        "amplitude"
+    ]
     assert mean_error(n["table"], "your own") > mean_error(committed("own_joint"), "your own")
 
 
@@ -312,7 +335,9 @@ def answers_with_wider_intervals(n):
     assert (found["verdict"] == "backlash").all()
     assert n["calibrated"].estimate.samples < 0.34 * 2401
     low, high = n["calibrated"].estimate.backlash_interval_rad
-    whole = n["answer"](n["log"](n["backlash_rad"], 0, turns=12), n["ours"]).estimate.backlash_interval_rad
+    whole = n["answer"](
+        n["log"](n["backlash_rad"], 0, turns=12), n["ours"]
+    ).estimate.backlash_interval_rad
     assert high - low > whole[1] - whole[0]
 
 
@@ -334,7 +359,10 @@ def more_false_alarms_and_a_smaller_backlash_seen(n):
 
 
 def without_friction_all_but_the_joint_err_less(n):
-    now, before = (table.set_index("method")["rmse_rad"] for table in (n["ranked"], committed("robustness_ranking")))
+    now, before = (
+        table.set_index("method")["rmse_rad"]
+        for table in (n["ranked"], committed("robustness_ranking"))
+    )
     assert (now / before)[["equation 10", "amplitude", "energy", "waveform"]].max() < 0.75
     assert now[JOINT_ALL_FREE] > 0.75 * before[JOINT_ALL_FREE]
 
@@ -392,7 +420,9 @@ def the_error_falls_by_less(n):
     fallen = n["by_turns"].pivot(index="delta_rad", columns="turns", values="rms_error_rps")
     ratio = fallen[3] / fallen[1]
     assert ratio.mean() < 1
-    kept = committed("claims_turns").pivot(index="delta_rad", columns="turns", values="rms_error_rps")
+    kept = committed("claims_turns").pivot(
+        index="delta_rad", columns="turns", values="rms_error_rps"
+    )
     assert ratio.mean() > (kept[12] / kept[1]).mean()
 
 
@@ -491,7 +521,9 @@ OUTCOMES = {
 
 
 def test_every_change_that_a_notebook_proposes_has_its_outcome_checked():
-    assert {name: set(changes(name)) for name in NOTEBOOKS} == {name: set(found) for name, found in OUTCOMES.items()}
+    assert {name: set(changes(name)) for name in NOTEBOOKS} == {
+        name: set(found) for name, found in OUTCOMES.items()
+    }
 
 
 def runs():
@@ -500,7 +532,10 @@ def runs():
     for notebook, outcomes in OUTCOMES.items():
         groups = TOGETHER.get(notebook, [])
         alone = [[change] for change in outcomes if not any(change in group for group in groups)]
-        found += [pytest.param(notebook, group, id=f"{notebook}-{'-'.join(group)}") for group in [*groups, *alone]]
+        found += [
+            pytest.param(notebook, group, id=f"{notebook}-{'-'.join(group)}")
+            for group in [*groups, *alone]
+        ]
     return found
 
 

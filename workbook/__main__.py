@@ -38,7 +38,9 @@ def main(arguments: list[str] | None = None) -> int:
             # Nothing is left to be flushed at the end.
             os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
             return 1
-        if not hasattr(error, "exit_status"):  # of errors whose message is the one line that a user needs
+        if not hasattr(
+            error, "exit_status"
+        ):  # of errors whose message is the one line that a user needs
             raise
         print(error, file=sys.stderr)
         return error.exit_status
@@ -52,18 +54,28 @@ def _parser() -> OneLineParser:
         made[command] = commands.add_parser(command.__name__, help=command.__doc__)
         made[command].set_defaults(command=command)
     for command in (run, collect, check, report):
-        made[command].add_argument("--quick", action="store_true", help="few repeats; results go to results/quick")
+        made[command].add_argument(
+            "--quick", action="store_true", help="few repeats; results go to results/quick"
+        )
     made[run].add_argument("notebook", nargs="*", type=Path, help="a notebook's .py source")
-    made[run].add_argument("--stamps", type=Path, help="write <notebook>.done and <notebook>.d into this folder")
+    made[run].add_argument(
+        "--stamps", type=Path, help="write <notebook>.done and <notebook>.d into this folder"
+    )
     made[run].add_argument("--watch", type=int, help="end when this process (make) has ended")
     text = "minutes without progress that end a notebook (default: STALL_MINUTES, or 15)"
     minutes = os.environ.get("STALL_MINUTES") or "15"
     made[run].add_argument("--stall-minutes", type=float, default=minutes, help=text)
-    made[check].add_argument("--strict", action="store_true", help="exit 1 if any cell differs, expected or not")
-    made[show].add_argument("name", help="for example table2.row03.sd, 'Table 2', local_minima or E3")
+    made[check].add_argument(
+        "--strict", action="store_true", help="exit 1 if any cell differs, expected or not"
+    )
+    made[show].add_argument(
+        "name", help="for example table2.row03.sd, 'Table 2', local_minima or E3"
+    )
     made[show].add_argument("--rerun", action="store_true", help="compute it again and print both")
     which = made[diff].add_mutually_exclusive_group()
-    which.add_argument("--quick", action="store_const", dest="made", const="quick", help="compare the quick run")
+    which.add_argument(
+        "--quick", action="store_const", dest="made", const="quick", help="compare the quick run"
+    )
     which.add_argument(
         "--lab",
         action="store_const",
@@ -89,7 +101,9 @@ def run(options: argparse.Namespace) -> int:
     destination = QUICK if options.quick else ROOT
     limits = {"stall_s": 60 * options.stall_minutes, "watched": options.watch}
     try:
-        endings = running.run_notebooks(sources, destination, options.quick, options.stamps, **limits)
+        endings = running.run_notebooks(
+            sources, destination, options.quick, options.stamps, **limits
+        )
     except KeyboardInterrupt:
         print("interrupted; what was finished is kept", file=sys.stderr)
         return 130
@@ -158,7 +172,9 @@ def show(options: argparse.Namespace) -> int:
         from workbook.running import rerun
 
         table = rerun(options.name, RESULTS)
-        said += f"\n\nComputed again; the stored results are unchanged.\n{table.to_string(index=False)}"
+        said += (
+            f"\n\nComputed again; the stored results are unchanged.\n{table.to_string(index=False)}"
+        )
     print(said)
     return 0
 

@@ -15,5 +15,7 @@ def results_folder(quick: bool) -> Path:
 
 def notebook_files(ending: str, folder: Path = NOTEBOOKS) -> dict[str, Path]:
     """Files of the paper's notebooks and of those beyond it by name, in the order of their numbers."""
-    found = [path for place in (folder, folder / "beyond") for path in place.glob(f"[0-9]*.{ending}")]
+    found = [
+        path for place in (folder, folder / "beyond") for path in place.glob(f"[0-9]*.{ending}")
+    ]
     return {path.stem: path for path in sorted(found, key=lambda path: path.name)}

@@ -150,7 +150,9 @@ def with_parameters(notebook: NotebookNode, values: Mapping[str, object]) -> Not
     tags = [cell.metadata.get("tags", []) for cell in notebook.cells]
     position = next(k for k, own in enumerate(tags) if "parameters" in own)
     nodes = ast.walk(ast.parse(notebook.cells[position].source))
-    names = {node.id for node in nodes if isinstance(node, ast.Name) and isinstance(node.ctx, ast.Store)}
+    names = {
+        node.id for node in nodes if isinstance(node, ast.Name) and isinstance(node.ctx, ast.Store)
+    }
     if unknown := ", ".join(sorted(set(values) - names)):
         raise ValueError(f"no such parameter: {unknown}; there are {', '.join(sorted(names))}")
     source = "\n".join(f"{name} = {value!r}" for name, value in values.items())

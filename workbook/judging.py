@@ -188,7 +188,12 @@ def _judge(row: dict) -> dict:
     if compared == "differs":
         known = published.known_differences().set_index(["id", "source"])["reason"]
         reason = known.get((cell, row["source"]), "no explanation known")
-    columns = {"published": float(value), "reproduced": ours, "low": decisive[0], "high": decisive[1]}
+    columns = {
+        "published": float(value),
+        "reproduced": ours,
+        "low": decisive[0],
+        "high": decisive[1],
+    }
     return columns | {"verdict": compared, "by_tolerance": by_tolerance, "reason": reason}
 
 
@@ -199,7 +204,9 @@ def judge(cells: Cells | None = None, claims: Claims | None = None) -> pd.DataFr
     realisation. A claim whose truth value is None is undecided.
     """
     rows = pd.DataFrame(cell_rows(cells or {}))
-    judged = [] if rows.empty else judge_rows(rows.assign(notebook=notebook_name())).to_dict("records")
+    judged = (
+        [] if rows.empty else judge_rows(rows.assign(notebook=notebook_name())).to_dict("records")
+    )
     for row in claim_rows(claims or {}):
         verdict = CLAIM_VERDICTS[row["holds"]]
         judged.append({"id": row["id"], "reproduced": row["measured"], "verdict": verdict})

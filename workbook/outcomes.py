@@ -30,7 +30,14 @@ Claims = Mapping[str, tuple[bool | None, str]]
 Facts = Mapping[str, str | int | tuple[Any, str]]
 
 # Of a notebook that exports nothing.
-EMPTY: dict[str, Any] = {"cells": [], "claims": [], "facts": {}, "figures": {}, "supplement": {}, "files": []}
+EMPTY: dict[str, Any] = {
+    "cells": [],
+    "claims": [],
+    "facts": {},
+    "figures": {},
+    "supplement": {},
+    "files": [],
+}
 
 
 def output_folder() -> Path:

@@ -17,7 +17,9 @@ class Interval:
     whole: bool = False
 
     def __contains__(self, value: object) -> bool:
-        return isinstance(value, int if self.whole else int | float) and self.low <= value <= self.high
+        return (
+            isinstance(value, int if self.whole else int | float) and self.low <= value <= self.high
+        )
 
     def __str__(self) -> str:
         above = f" to {self.high:g}" if math.isfinite(self.high) else " on"
@@ -58,7 +60,9 @@ def sliders(draw: Callable[..., None], **ranges: tuple[float, float, float]) -> 
     from ipywidgets import FloatSlider, interact
 
     made = {
-        name: FloatSlider(first, min=low, max=high, step=(high - low) / 100, continuous_update=False)
+        name: FloatSlider(
+            first, min=low, max=high, step=(high - low) / 100, continuous_update=False
+        )
         for name, (first, low, high) in ranges.items()
     }
     interact(draw, **made)

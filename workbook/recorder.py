@@ -29,19 +29,34 @@ def start(run: int, root: str, data: str, notebook: str) -> None:
         sources[_name_below(root, file) or Path(file).name] = _sha256(file)
 
     def note(event: str, arguments: tuple) -> None:
-        if event != "open" or not isinstance(arguments[0], str) or arguments[2] & (os.O_WRONLY | os.O_RDWR):
+        if (
+            event != "open"
+            or not isinstance(arguments[0], str)
+            or arguments[2] & (os.O_WRONLY | os.O_RDWR)
+        ):
             return
         for folder, digests in ((root, sources), (data, inputs)):
             name = _name_below(folder, arguments[0])
-            if name and name not in digests and not name.endswith(".py") and os.path.isfile(arguments[0]):
+            if (
+                name
+                and name not in digests
+                and not name.endswith(".py")
+                and os.path.isfile(arguments[0])
+            ):
                 digests[name] = ""  # hashing opens the file again
                 digests[name] = _sha256(arguments[0])
 
     def write(outcome: str, variables: Mapping[str, object]) -> None:
         """Add to a notebook's outcome what it was made from; of Python files, the modules that are loaded."""
         loaded = {str(getattr(module, "__file__", "")) for module in list(sys.modules.values())}
-        modules = {name: _sha256(file) for file in loaded if (name := _name_below(root, file)).endswith(".py")}
-        seeds = {name: value for name, value in variables.items() if name.endswith(("seed", "seeds"))}
+        modules = {
+            name: _sha256(file)
+            for file in loaded
+            if (name := _name_below(root, file)).endswith(".py")
+        }
+        seeds = {
+            name: value for name, value in variables.items() if name.endswith(("seed", "seeds"))
+        }
         made_from = {
             "sources": dict(sorted((sources | modules).items())),
             "inputs": dict(sorted(inputs.items())),
@@ -52,7 +67,9 @@ def start(run: int, root: str, data: str, notebook: str) -> None:
         path = Path(outcome)
         exported = json.loads(path.read_text(encoding="utf-8")) if path.exists() else {}
         path.parent.mkdir(parents=True, exist_ok=True)
-        content = json.dumps(exported | {"made_from": made_from}, indent=1, default=str)  # a range as text
+        content = json.dumps(
+            exported | {"made_from": made_from}, indent=1, default=str
+        )  # a range as text
         path.write_text(content + "\n", encoding="utf-8")
 
     sys.addaudithook(note)

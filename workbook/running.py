@@ -55,7 +55,9 @@ def run_notebooks(
     for number in INTERRUPTS:
         previous[number] = signal.signal(number, lambda *_: interrupted.set())
     pool = ThreadPoolExecutor(max_workers=2)
-    run_one = partial(_run_one, destination=destination, quick=quick, stamps=stamps, stall_s=stall_s)
+    run_one = partial(
+        _run_one, destination=destination, quick=quick, stamps=stamps, stall_s=stall_s
+    )
     jobs = [pool.submit(run_one, source) for source in sources]
     try:
         while not all(job.done() for job in jobs):
@@ -75,7 +77,9 @@ def run_notebooks(
             signal.signal(number, handler)
 
 
-def _run_one(source: Path, destination: Path, quick: bool, stamps: Path | None, stall_s: float) -> Ending:
+def _run_one(
+    source: Path, destination: Path, quick: bool, stamps: Path | None, stall_s: float
+) -> Ending:
     """Execute a notebook, stamp it, and say how it ended."""
     begun = time.time()
     try:

@@ -1,11 +1,13 @@
 """Whether half turns of a record share a pattern as backlash makes it.
 
-Backlash disturbs the speed once in each half of a load turn, with the opposite sign in the next half (equation 6): the
-halves, each second one taken negative, add up; noise does not. Odd harmonics of the turn count from the third, because
-gravity alone moves the speed once a turn, and from 5 Hz to one and a half times Table 1's fastest oscillation.
+Backlash disturbs the speed once in each half of a load turn, with the opposite sign in the next
+half (equation 6): the halves, each second one taken negative, add up; noise does not. Odd harmonics
+of the turn count from the third, because gravity alone moves the speed once a turn, and from 5 Hz
+to one and a half times Table 1's fastest oscillation.
 
-The permutation test compares the energy of the sum with that under random signs of the half turns. It holds whatever
-the noise's spectrum and distribution, as long as half turns are independent and their noise is symmetric.
+The permutation test compares the energy of the sum with that under random signs of the half turns.
+It holds whatever the noise's spectrum and distribution, as long as half turns are independent and
+their noise is symmetric.
 """
 
 from dataclasses import dataclass, replace
@@ -28,7 +30,8 @@ from backlash.reading.refusals import CannotTell
 from replication.arrays import FloatArray
 from replication.recording import Recording
 
-# Orders of the motor's turn at which torque ripples and encoders err: once and twice a turn, and with the phases.
+# Orders of the motor's turn at which torque ripples and encoders err: once and twice a turn, and
+# with the phases.
 MOTOR_ORDERS = (1, 2, 6)
 
 ComplexArray = NDArray[np.complex128]
@@ -38,7 +41,8 @@ _NORMAL_POWER = 1.645  # its quantile
 _PERMUTATIONS = 1999
 _FILTERED_HZ = 1.3 * FASTEST_HZ  # what is above the band would leak into it with the slow part
 
-# Damping [1/s] and angular frequency [rad/s] like those of the authors' records, for what noise would hide.
+# Damping [1/s] and angular frequency [rad/s] like those of the authors' records, for what noise
+# would hide.
 _TYPICAL_RING = (15.0, 134.0)
 
 
@@ -49,7 +53,9 @@ class Presence:
     p_value: float  # how often random signs give as much energy
     has_same_sign: bool  # whether there is one with the same sign in both halves of a turn, as no signature has
     noise_rps: float  # RMS noise of a sample in the band, from the scatter between half turns
-    detectable_rps2: float  # energy, as `band_energy` counts it, that is found with probability `POWER`
+    detectable_rps2: (
+        float  # energy, as `band_energy` counts it, that is found with probability `POWER`
+    )
     pattern: ComplexArray  # of the mean first and second half of a turn, the second negated [rps]
 
     @property
@@ -78,7 +84,9 @@ def _odd_harmonics(recording: Recording) -> NDArray[np.int64]:
 def _coefficients(halves: FloatArray, harmonics: NDArray[np.int64]) -> ComplexArray:
     """Fourier coefficients of half turns (rows) at odd harmonics, without mean, slope and first harmonic."""
     phases = np.arange(halves.shape[1]) / halves.shape[1]
-    slow = np.stack([np.ones_like(phases), phases, np.cos(np.pi * phases), np.sin(np.pi * phases)], axis=1)
+    slow = np.stack(
+        [np.ones_like(phases), phases, np.cos(np.pi * phases), np.sin(np.pi * phases)], axis=1
+    )
     basis, _ = np.linalg.qr(slow)
     quick = halves - (halves @ basis) @ basis.T
     return quick @ np.exp(-1j * np.pi * np.outer(phases, harmonics)) * (2 / phases.size)
@@ -120,7 +128,9 @@ def band_energy(half_turn: FloatArray, recording: Recording) -> float:
 
 def typical_half_turn(recording: Recording) -> FloatArray:
     """Half a turn of an oscillation of amplitude 1 rps, like those of the authors' records, at a record's sampling."""
-    since = recording.sample_s * np.arange(int(recording.turn_period_s / 2 / recording.sample_s + 1e-6))
+    since = recording.sample_s * np.arange(
+        int(recording.turn_period_s / 2 / recording.sample_s + 1e-6)
+    )
     tau, omega = _TYPICAL_RING
     return np.exp(-tau * since) * np.sin(omega * since)
 
@@ -143,7 +153,11 @@ def detect_pattern(log: Log, seed: int) -> Detected:
     if period is not None and period != given:
         if abs(period / given - 1) > PERIOD_TOLERANCE:
             ratio = log.form.gear_ratio
-            instead = f"--gear-ratio {ratio * period / given:.4g}" if ratio else f"--turn-period {period:.4f}"
+            instead = (
+                f"--gear-ratio {ratio * period / given:.4g}"
+                if ratio
+                else f"--turn-period {period:.4f}"
+            )
             cure = f"is it {instead}? if the one given is right, --trust-period"
             raise CannotTell("wrong period", f"{_repeats(period, given, 4)}; {cure}")
         notes += (f"{_repeats(period, given, 5)}: used that",)
@@ -160,7 +174,9 @@ def find_pattern(recording: Recording, seed: int = 1) -> Presence:
     """Test whether half turns share a pattern in the band of a backlash's ring."""
     harmonics = _odd_harmonics(recording)
     if harmonics.size < LEAST_HARMONICS:
-        raise CannotTell("too short", f"a turn of {recording.turn_period_s:.3g} s has no room for an oscillation")
+        raise CannotTell(
+            "too short", f"a turn of {recording.turn_period_s:.3g} s has no room for an oscillation"
+        )
     halves = _half_turns(recording)
     rows = _coefficients(halves, harmonics)
     signs = _signs(len(rows), np.random.default_rng(seed))
@@ -182,11 +198,14 @@ def find_pattern(recording: Recording, seed: int = 1) -> Presence:
 
 def _detectable(above: float, deviation: float, count: int) -> float:
     """Energy that is found with probability `POWER` [rps^2], from the threshold's height above the mean noise."""
-    # Random signs leave some of a pattern in the threshold: at most its energy over `count`, times this quantile.
+    # Random signs leave some of a pattern in the threshold: at most its energy over `count`, times
+    # this quantile.
     left = 1 - 2 * gammaincinv(0.5, 1 - FALSE_ALARMS) / count
     if left <= 0:
         return np.inf
-    root = (_NORMAL_POWER * deviation + np.sqrt((_NORMAL_POWER * deviation) ** 2 + left * above)) / left
+    root = (
+        _NORMAL_POWER * deviation + np.sqrt((_NORMAL_POWER * deviation) ** 2 + left * above)
+    ) / left
     return float(root**2)
 
 

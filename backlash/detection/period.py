@@ -63,7 +63,9 @@ def _line_spectrum(recording: Recording) -> _Spectrum:
     return _Spectrum(over, spacing, fastest_hz(recording), recording.t[-1] - recording.t[0])
 
 
-def _line_sums(spectrum: _Spectrum, periods: FloatArray, orders: int) -> tuple[FloatArray, FloatArray]:
+def _line_sums(
+    spectrum: _Spectrum, periods: FloatArray, orders: int
+) -> tuple[FloatArray, FloatArray]:
     """Sum over harmonics in the band but for the loudest, and how many these are, for each turn period.
 
     They are the odd harmonics, each second one, or from the third all: `orders` is 2 or 1.
@@ -84,10 +86,11 @@ def _line_sums(spectrum: _Spectrum, periods: FloatArray, orders: int) -> tuple[F
 def own_period(recording: Recording) -> float | None:
     """Period [s] that a record repeats itself with: the given one if nothing speaks against it, None if none is found.
 
-    Power at the odd harmonics of each period of a grid, or at all of them (friction), is summed, each line clipped and
-    the loudest left out, so that mains hum is no period. Under noise the sum is at most Gamma distributed. Multiples of
-    the right period repeat too, so the shortest one with nearly as much power is taken. The given period stands if
-    its harmonics, of either parity, explain what speaks for the one found.
+    Power at the odd harmonics of each period of a grid, or at all of them (friction), is summed,
+    each line clipped and the loudest left out, so that mains hum is no period. Under noise the sum
+    is at most Gamma distributed. Multiples of the right period repeat too, so the shortest one with
+    nearly as much power is taken. The given period stands if its harmonics, of either parity,
+    explain what speaks for the one found.
     """
     given = recording.turn_period_s
     spectrum = _line_spectrum(recording)
@@ -122,14 +125,16 @@ def own_period(recording: Recording) -> float | None:
 def _chance(total: FloatArray, count: FloatArray) -> FloatArray:
     """Logarithm of the probability that noise alone has so much power at so many harmonics."""
     with np.errstate(divide="ignore"):  # far out the probability is zero
-        return np.where(count >= LEAST_HARMONICS, np.log(gammaincc(np.maximum(count, 1), total)), 0.0)
+        return np.where(
+            count >= LEAST_HARMONICS, np.log(gammaincc(np.maximum(count, 1), total)), 0.0
+        )
 
 
 def _has_lines_beside(spectrum: _Spectrum, period: float, other: float, tried: int) -> bool:
     """Whether there is power at odd harmonics of a period that are no harmonics, of either parity, of the other one.
 
-    The loudest does not count; `tried` is the number of periods among which this one was chosen. A line's skirts are
-    three bins wide: where they meet, the higher one is the line.
+    The loudest does not count; `tried` is the number of periods among which this one was chosen. A
+    line's skirts are three bins wide: where they meet, the higher one is the line.
     """
     hz = np.arange(3, int(spectrum.fastest_hz * period) + 1, 2) / period
     hz = hz[hz >= SLOWEST_HZ]

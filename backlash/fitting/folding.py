@@ -1,7 +1,8 @@
 """A record folded on the signature's windows: the paper's misfit, A and v_t projected out, by the few folded samples.
 
-Given the rest, A and v_t are linear. The window's start and end matter only by the samples they take in, so they are
-indices. What is left is theta = (t0, tau, omega). Loops instead of array expressions compile four times as fast.
+Given the rest, A and v_t are linear. The window's start and end matter only by the samples they
+take in, so they are indices. What is left is theta = (t0, tau, omega). Loops instead of array
+expressions compile four times as fast.
 """
 
 from typing import NamedTuple
@@ -13,7 +14,8 @@ from replication.arrays import FloatArray
 from replication.compiled.cache import njit
 from replication.signature import Timing
 
-# Distance kept from a sample at which a window would open or close: far above rounding, far below any effect.
+# Distance kept from a sample at which a window would open or close: far above rounding, far below
+# any effect.
 CLEARANCE_S = 1e-12
 
 
@@ -23,7 +25,10 @@ _POSITION = np.dtype(
         ("value", float),  # sum over the windows of sign times (v - mean v) [rps]
         ("samples", float),  # how many samples there
         ("sign", float),  # sum of their signs
-        ("pairs", float),  # samples there that the preceding window holds too, if it reaches as far as `partner`
+        (
+            "pairs",
+            float,
+        ),  # samples there that the preceding window holds too, if it reaches as far as `partner`
         ("partner", np.int64),  # position T_d later, -1 if there is none
         ("inverse", np.int64),  # position T_d earlier, or -1
     ]
@@ -54,13 +59,18 @@ class Limits(NamedTuple):
     omega: tuple[float, float]
 
 
-def fold_record(t: FloatArray, v: FloatArray, timing: Timing, whole_samples: bool = False) -> FoldedWindows:
+def fold_record(
+    t: FloatArray, v: FloatArray, timing: Timing, whole_samples: bool = False
+) -> FoldedWindows:
     """Fold an evenly sampled record on windows half a turn apart.
 
-    With `whole_samples` each window's delay is rounded to whole samples: one position a sample, for a grid search.
+    With `whole_samples` each window's delay is rounded to whole samples: one position a sample, for
+    a grid search.
     """
     if abs(timing.T_d - timing.T_f / 2) > 1e-9 * timing.T_f:
-        raise ValueError(f"T_d = {timing.T_d} s is not half of T_f = {timing.T_f} s: the turns do not fold")
+        raise ValueError(
+            f"T_d = {timing.T_d} s is not half of T_f = {timing.T_f} s: the turns do not fold"
+        )
     dt = (t[-1] - t[0]) / (t.size - 1)
     delays = timing.T_d / dt * np.arange(2 * timing.n)
     if whole_samples:
@@ -106,7 +116,9 @@ def latest_t0(x, limits, a, b, t0, omega):
     return latest if low <= latest <= high else np.nan
 
 
-def theta_bounds(fold: FoldedWindows, limits: Limits, a: int, b: int) -> tuple[FloatArray, FloatArray]:
+def theta_bounds(
+    fold: FoldedWindows, limits: Limits, a: int, b: int
+) -> tuple[FloatArray, FloatArray]:
     """Lowest and highest theta = (t0, tau, omega) of a window."""
     bounds = (t0_range(fold.x, limits, a, b), limits.tau, limits.omega)
     low, high = np.array(bounds).T.copy()
@@ -141,7 +153,9 @@ def normal_equations(fold, a, b, theta):
             for q in range(p + 1):
                 gram[p, q] += columns[p, j] * columns[q, j] * fold.at[a + j].samples
                 if overlaps:
-                    gram[p, q] -= fold.at[a + j].pairs * (columns[p, j] * columns[q, k] + columns[p, k] * columns[q, j])
+                    gram[p, q] -= fold.at[a + j].pairs * (
+                        columns[p, j] * columns[q, k] + columns[p, k] * columns[q, j]
+                    )
     for p in range(4):
         for q in range(p + 1):
             gram[p, q] -= offset[p] * offset[q] / fold.total
@@ -160,8 +174,8 @@ def best_misfit(gram, data, power, limit):
 def factorise(matrix):
     """Factors L and D of a symmetric matrix L D L', in place: D on the diagonal, L below it.
 
-    A pivot that rounding cannot tell from zero is set to zero, and its column of L too. Written out here, because the
-    last bits of a library's solver change from processor to processor.
+    A pivot that rounding cannot tell from zero is set to zero, and its column of L too. Written out
+    here, because the last bits of a library's solver change from processor to processor.
     """
     size = matrix.shape[0]
     least = np.empty(size)
@@ -209,7 +223,9 @@ def _step(gram, data, A, is_free, damping, theta, low, high):
             hessian[i, j] *= A * A
     for i in range(3):
         hessian[i, i] = hessian[i, i] * (1 + damping) + 1e-300
-        if (theta[i] <= low[i] and slope[i] >= 0) or (theta[i] >= high[i] and slope[i] <= 0):  # held at its bound
+        if (theta[i] <= low[i] and slope[i] >= 0) or (
+            theta[i] >= high[i] and slope[i] <= 0
+        ):  # held at its bound
             slope[i] = 0.0
             for j in range(3):
                 hessian[i, j] = hessian[j, i] = 0.0

@@ -24,16 +24,19 @@ _STARTS_BESIDE = 8  # samples to either side of the best window's start that it 
 class GlobalFit:
     """The best signature of a record.
 
-    Of the parameter vectors of one signal, X has the window's start midway between the last sample outside and the
-    first inside it, or as near to that as the box lets it, and the latest t0 before that start. A window that starts or
-    ends exactly on a sample, so that rounding decides turn by turn whether it holds it, is not looked for: CMA-ES runs
-    whose t0 ends at its bound use that, for at most 0.15 % of the misfit.
+    Of the parameter vectors of one signal, X has the window's start midway between the last sample
+    outside and the first inside it, or as near to that as the box lets it, and the latest t0 before
+    that start. A window that starts or ends exactly on a sample, so that rounding decides turn by
+    turn whether it holds it, is not looked for: CMA-ES runs whose t0 ends at its bound use that,
+    for at most 0.15 % of the misfit.
     """
 
     X: FloatArray  # in `signature.FREE_PARAMETERS` order
     rmse: float  # the paper's cost [rps]
     amplitude_rps: float  # |A| for a window that starts midway between two samples
-    amplitude_interval_rps: tuple[float, float]  # 95 %, if the signature is right and the noise white
+    amplitude_interval_rps: tuple[
+        float, float
+    ]  # 95 %, if the signature is right and the noise white
     at_bound: tuple[str, ...]  # parameters at a bound of the box
     sign_flipped: bool  # A is negative in X
     rival_rps: tuple[float, ...]  # |A| of other basins: misfit within 1 %, |A| outside the interval
@@ -79,15 +82,18 @@ def _amplitude_interval(fold: FoldedWindows, limits: Limits, best: Minimum) -> t
     def excess(amplitude: float, probability: float) -> float:
         return float(weights @ ndtr((amplitude - A) / deviations) / weights.sum() - probability)
 
-    low, high = (brentq(excess, *ends, (probability,), xtol=1e-14) for probability in (0.025, 0.975))
+    low, high = (
+        brentq(excess, *ends, (probability,), xtol=1e-14) for probability in (0.025, 0.975)
+    )
     return low, high
 
 
 def _candidates(found: windows.Starts, power: float) -> list[int]:
     """Up to six window starts that are the best within two samples, the best of all first.
 
-    Only those with less than twice the best sum of squares, or a part of the record's `power`: on a record without
-    noise the best is near zero, and below it where windows overlap, which the grid leaves out of account.
+    Only those with less than twice the best sum of squares, or a part of the record's `power`: on a
+    record without noise the best is near zero, and below it where windows overlap, which the grid
+    leaves out of account.
     """
     order = np.argsort(found.cost, kind="stable")
     chosen: list[int] = []
@@ -99,7 +105,9 @@ def _candidates(found: windows.Starts, power: float) -> list[int]:
     return chosen
 
 
-def _minima(t: FloatArray, v: FloatArray, timing: Timing, limits: Limits) -> tuple[FoldedWindows, list[Minimum]]:
+def _minima(
+    t: FloatArray, v: FloatArray, timing: Timing, limits: Limits
+) -> tuple[FoldedWindows, list[Minimum]]:
     """A folded record, and refined local minima of its misfit, the best first."""
     fold = folding.fold_record(t, v, timing)
     coarse = fold if fold.classes == 1 else folding.fold_record(t, v, timing, whole_samples=True)
@@ -133,7 +141,9 @@ def _limits(box: Box) -> Limits:
     return Limits(upper["A_rps"], lower["t0_s"], upper["T1_s"], upper["T2_s"], tau, omega)
 
 
-def _parameters(recording: Recording, timing: Timing, limits: Limits, fold: FoldedWindows, best: Minimum) -> FloatArray:
+def _parameters(
+    recording: Recording, timing: Timing, limits: Limits, fold: FoldedWindows, best: Minimum
+) -> FloatArray:
     """X of a minimum: window edges in mid-gap, A and v_t projected."""
     t, v = recording.t, recording.v
     a, b, (t0, tau, omega), _ = best
@@ -145,7 +155,9 @@ def _parameters(recording: Recording, timing: Timing, limits: Limits, fold: Fold
     centred = unit - unit.mean()
     A = (centred * v).sum() / (centred * centred).sum()
     if abs(A) > limits.A:  # a later start in the same gap has a smaller A
-        X[6] = min(T1 + np.log(abs(A) / limits.A) / tau, limits.T1, fold.x[a] - t0 - folding.CLEARANCE_S)
+        X[6] = min(
+            T1 + np.log(abs(A) / limits.A) / tau, limits.T1, fold.x[a] - t0 - folding.CLEARANCE_S
+        )
         unit = signature(t, X, timing)
         A = np.clip(A, -limits.A, limits.A)
     X[0], X[4] = A, v.mean() - A * unit.mean()
@@ -155,18 +167,23 @@ def _parameters(recording: Recording, timing: Timing, limits: Limits, fold: Fold
 def global_fit(recording: Recording, protocol: Protocol | None = None) -> GlobalFit:
     """Find the signature with the least misfit to a record, in the box of a protocol: by default the authors' notebook.
 
-    ValueError if T_d is not half of T_f, or the record is too short, constant, or sampled too rarely for any window.
+    ValueError if T_d is not half of T_f, or the record is too short, constant, or sampled too
+    rarely for any window.
     """
     protocol = Protocol() if protocol is None else protocol
     t, v = recording.t, recording.v
     if t[-1] - t[0] < protocol.T_d or v.max() == v.min():
-        raise ValueError(f"{recording.source}: shorter than half a turn, or constant: there is no signature to fit")
+        raise ValueError(
+            f"{recording.source}: shorter than half a turn, or constant: there is no signature to fit"
+        )
     timing = protocol.timing
     box = protocol_box(recording, protocol)
     limits = _limits(box)
     fold, minima = _minima(t, v, timing, limits)
     if not minima:
-        raise ValueError(f"{recording.source}: {t.size} samples are too few for the signature's windows; sample faster")
+        raise ValueError(
+            f"{recording.source}: {t.size} samples are too few for the signature's windows; sample faster"
+        )
     best = minima[0]
     low, high = _amplitude_interval(fold, limits, best)
     X = _parameters(recording, timing, limits, fold, best)
@@ -181,7 +198,9 @@ def global_fit(recording: Recording, protocol: Protocol | None = None) -> Global
         rmse=rmse(t, v, X, timing),
         amplitude_rps=float(abs(X[0]) * np.exp(X[2] * (X[1] + X[6] - middle_of_gap(fold, best.a)))),
         amplitude_interval_rps=(low, high),
-        at_bound=tuple(name for name, is_near in zip(FREE_PARAMETERS, near, strict=True) if is_near),
+        at_bound=tuple(
+            name for name, is_near in zip(FREE_PARAMETERS, near, strict=True) if is_near
+        ),
         sign_flipped=bool(X[0] < 0),
         rival_rps=tuple(float(A) for A in others if not low <= A <= high),
     )

@@ -1,7 +1,7 @@
 """A record as the Fourier coefficients of its mean turn, with the noise that the record itself shows in each.
 
-What repeats itself from turn to turn lies at the harmonics of the turn; between them lies noise alone, of whatever
-colour.
+What repeats itself from turn to turn lies at the harmonics of the turn; between them lies noise
+alone, of whatever colour.
 """
 
 from dataclasses import dataclass
@@ -17,16 +17,19 @@ from replication.recording import Recording
 
 # Harmonics above this share of half the sampling rate, or above this frequency, are left out.
 _OF_NYQUIST, FASTEST_HZ = 0.9, 225.0
-# The ripple of the phases is modulated by the speed: so far to either side, above the ring, harmonics say more of it.
+# The ripple of the phases is modulated by the speed: so far to either side, above the ring,
+# harmonics say more of it.
 _SIDEBANDS_HZ = 40.0
-# Sinusoids that are taken off, and how far above the noise around them they must be: in noise alone, one log in a
-# thousand has one.
+# Sinusoids that are taken off, and how far above the noise around them they must be: in noise
+# alone, one log in a thousand has one.
 _MOST_LINES, _HIGH_LINE = 3, 14.0
-# No joint is simulated better than to this share of its signal; only records without noise come near it.
+# No joint is simulated better than to this share of its signal; only records without noise come
+# near it.
 MODEL_ERROR = 0.01
 # Where joints of this kind ring.
 RING_HZ = (5.0, 60.0)
-# Phases at which turns are compared, and how improbable in noise alone the ring of a turn is that is left out.
+# Phases at which turns are compared, and how improbable in noise alone the ring of a turn is that
+# is left out.
 _PHASES, _CHANCE_OF_TRANSIENT = 256, 1e-3
 # Harmonics to either side of one whose surroundings tell its noise.
 _NEIGHBOURS = 3
@@ -37,12 +40,18 @@ class TurnHarmonics:
     """The mean settled turn of a record: arrays of shape (harmonics,), without the first order and the motor's own."""
 
     order: NDArray[np.int64]  # periods a turn
-    coefficient: NDArray[np.complex128]  # of exp(i order angle), the angle 0 where the record begins [rps]
+    coefficient: NDArray[
+        np.complex128
+    ]  # of exp(i order angle), the angle 0 where the record begins [rps]
     sd: FloatArray  # noise in each of its parts, or the model's error where that is larger [rps]
     turns: int  # settled turns averaged
-    ring_noise_ratio: float  # noise in the ring's band over that above it, about 1 where turns repeat
+    ring_noise_ratio: (
+        float  # noise in the ring's band over that above it, about 1 where turns repeat
+    )
     is_quiet: bool  # there is hardly any noise: `sd` is mostly the model's error
-    lines: tuple[tuple[float, float], ...]  # sinusoids taken off: periods a turn, and amplitude [rps]
+    lines: tuple[
+        tuple[float, float], ...
+    ]  # sinusoids taken off: periods a turn, and amplitude [rps]
 
 
 def turn_harmonics(recording: Recording) -> TurnHarmonics:
@@ -64,7 +73,9 @@ def turn_harmonics(recording: Recording) -> TurnHarmonics:
     order = np.arange(2, last + 1)
     bins, between = _spectrum(v, turns, last, turns * period / dt)
     lines: list[tuple[float, float]] = []
-    while len(lines) < _MOST_LINES and (line := _clearest_sinusoid(v, bins, between, turns, dt / period)):
+    while len(lines) < _MOST_LINES and (
+        line := _clearest_sinusoid(v, bins, between, turns, dt / period)
+    ):
         wave, tried, amplitude = line
         v = v - wave
         lines.append((tried, amplitude))
@@ -88,7 +99,9 @@ def turn_harmonics(recording: Recording) -> TurnHarmonics:
     )
 
 
-def _without_transient(phase: FloatArray, v: FloatArray, period: float) -> tuple[FloatArray, FloatArray]:
+def _without_transient(
+    phase: FloatArray, v: FloatArray, period: float
+) -> tuple[FloatArray, FloatArray]:
     """Leave out first turns that ring as the later half of them does not, up to half of them."""
     turns = int(phase[-1] - phase[0] + 1e-6)
     later = turns // 2
@@ -96,18 +109,24 @@ def _without_transient(phase: FloatArray, v: FloatArray, period: float) -> tuple
         return phase, v
     even = np.arange(turns)[:, None] + np.arange(_PHASES) / _PHASES
     low, high = (max(int(edge * period), 1) for edge in RING_HZ)
-    ring = np.fft.rfft(np.interp(phase[0] + even, phase, v), axis=1)[:, low : min(high, _PHASES // 2) + 1]
+    ring = np.fft.rfft(np.interp(phase[0] + even, phase, v), axis=1)[
+        :, low : min(high, _PHASES // 2) + 1
+    ]
     power = (np.abs(ring - ring[-later:].mean(axis=0)) ** 2).sum(axis=1)
     # Two degrees of freedom a harmonic; the later turns' own mean takes one turn's.
     expected = power[-later:].sum() / (later - 1)
-    limit = expected * fdtri(2 * ring.shape[1], 2 * ring.shape[1] * (later - 1), 1 - _CHANCE_OF_TRANSIENT)
+    limit = expected * fdtri(
+        2 * ring.shape[1], 2 * ring.shape[1] * (later - 1), 1 - _CHANCE_OF_TRANSIENT
+    )
     loud = np.flatnonzero(power[: turns - later] > limit)
     first = loud[-1] + 1 if loud.size else 0
     kept = phase >= phase[0] + first - 1e-9
     return phase[kept], v[kept]
 
 
-def _spectrum(v: FloatArray, turns: int, last: int, samples: float) -> tuple[NDArray[np.complex128], FloatArray]:
+def _spectrum(
+    v: FloatArray, turns: int, last: int, samples: float
+) -> tuple[NDArray[np.complex128], FloatArray]:
     """Fourier coefficients `turns` to a harmonic, and half their squares between the harmonics (NaN at them)."""
     from scipy.signal import czt  # slow to import, and not needed to refuse a file
 
@@ -122,7 +141,9 @@ def _clearest_sinusoid(
 ) -> tuple[FloatArray, float, float] | None:
     """The clearest sinusoid (a belt, a fan) that is no harmonic of the turn, its order and amplitude, if any."""
     floor = np.nanmedian(between) / np.log(2)
-    around = np.convolve(np.nan_to_num(between), np.ones(6 * turns + 1), mode="same") / (6 * (turns - 1))
+    around = np.convolve(np.nan_to_num(between), np.ones(6 * turns + 1), mode="same") / (
+        6 * (turns - 1)
+    )
     height = between / np.maximum(around, floor)
     peak = int(np.nanargmax(height))
     if height[peak] < _HIGH_LINE:
@@ -140,7 +161,10 @@ def _clearest_sinusoid(
         found, *_ = np.linalg.lstsq(basis, rest, rcond=None)
         misfit = float(((rest - basis @ found) ** 2).sum())
         if misfit < least:
-            least, best = misfit, (basis[:, :2] @ found[:2], float(tried), float(np.hypot(*found[:2])))
+            least, best = (
+                misfit,
+                (basis[:, :2] @ found[:2], float(tried), float(np.hypot(*found[:2]))),
+            )
     return best
 
 

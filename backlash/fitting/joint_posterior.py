@@ -8,19 +8,30 @@ from numpy.typing import NDArray
 from scipy.special import chdtrc
 
 from backlash.fitting.harmonics import TurnHarmonics
-from backlash.fitting.turns import COLUMNS, DELTA, GRAVITY, Movement, simulate_turns, turn_and_slopes, turns_to_settle
+from backlash.fitting.turns import (
+    COLUMNS,
+    DELTA,
+    GRAVITY,
+    Movement,
+    simulate_turns,
+    turn_and_slopes,
+    turns_to_settle,
+)
 from replication.arrays import FloatArray
 from replication.simulator.parameters import TURN, identified_joint
 
 ComplexArray = NDArray[np.complex128]
 
-# Relative SD (log-normal) of the prior of each ratio around the identified joint's. The drive's inner workings, the
-# last five, are taken as known up to a few percent, or the error of the backlash would double: a log hardly tells them.
+# Relative SD (log-normal) of the prior of each ratio around the identified joint's. The drive's
+# inner workings, the last five, are taken as known up to a few percent, or the error of the
+# backlash would double: a log hardly tells them.
 RATIO_PRIOR = {
     **dict.fromkeys(("stiffness_per_s2", "gravity_per_s2", "inertia_ratio"), 0.2),
     **dict.fromkeys(("speed_gain_per_s", "integral_gain_per_s2"), 0.2),
     "torque_lag_s": 0.03,
-    **dict.fromkeys(("derivative_gain", "leaky_gain_per_s2", "position_gain_per_s", "leaky_rate_per_s"), 0.02),
+    **dict.fromkeys(
+        ("derivative_gain", "leaky_gain_per_s2", "position_gain_per_s", "leaky_rate_per_s"), 0.02
+    ),
 }
 DRIVE_UNKNOWNS = 5
 _PRIOR_MEDIANS = identified_joint().ratios
@@ -29,8 +40,8 @@ _PRIOR_MEDIANS = identified_joint().ratios
 class Measurement(NamedTuple):
     """How a speed may have been measured.
 
-    Drives difference their encoder, and some filter it; a tachometer or a simulation does not, and then its drive does
-    not either.
+    Drives difference their encoder, and some filter it; a tachometer or a simulation does not, and
+    then its drive does not either.
     """
 
     probability: float
@@ -69,16 +80,19 @@ _UNKNOWNS = (
     # A transmission error in step with the turn (a belt, a gear), on the load's side.
     Unknown("error_sine", 2.0, "error_sine_rad", 1e-5),
     Unknown("error_cosine", 2.0, "error_cosine_rad", 1e-5),
-    # A torque ripple once a motor turn, in percent of m g r / N. Its own harmonic is left out, for an encoder errs
-    # there too; what it does to the teeth shows in the others.
+    # A torque ripple once a motor turn, in percent of m g r / N. Its own harmonic is left out, for
+    # an encoder errs there too; what it does to the teeth shows in the others.
     Unknown("ripple_sine", 2.0, "ripple_sine", 0.01),
     Unknown("ripple_cosine", 2.0, "ripple_cosine", 0.01),
-    # Squared time constant [ms^2] of a low-pass between encoder and log, its delay taken out: zero unless let free.
+    # Squared time constant [ms^2] of a low-pass between encoder and log, its delay taken out: zero
+    # unless let free.
     Unknown("low_pass", _SEARCHED.low_pass_sd),
 )
 NAMES = tuple(unknown.name for unknown in _UNKNOWNS)
 SIZE = len(NAMES)
-PHASE, SMOOTHING_INDEX, LOW_PASS_INDEX = (NAMES.index(name) for name in ("phase", "smoothing", "low_pass"))
+PHASE, SMOOTHING_INDEX, LOW_PASS_INDEX = (
+    NAMES.index(name) for name in ("phase", "smoothing", "low_pass")
+)
 _ERROR = [NAMES.index("error_sine"), NAMES.index("error_cosine")]
 SD = np.array([unknown.sd for unknown in _UNKNOWNS])
 MEAN = np.where(np.arange(SIZE) == SMOOTHING_INDEX, _SEARCHED.smoothing, 0.0)
@@ -86,16 +100,23 @@ _SIMULATED = [k for k, unknown in enumerate(_UNKNOWNS) if unknown.column]
 _COLUMN = [COLUMNS.index(_UNKNOWNS[k].column) for k in _SIMULATED]
 _UNIT = np.array([_UNKNOWNS[k].unit for k in _SIMULATED])
 
-# Transmission errors up to this frequency are looked for; one must be this improbable in noise alone, and
-# the residual without it improbable too. Its difference's step.
-_FASTEST_ERROR_HZ, _CHANCE_OF_ERROR, _SUSPECT, _ERROR_STEP = 60.0, 0.01, 0.3, 0.05
-# A harmonic whose residual has a square this improbable, times their number, belongs to the machine, not the joint.
+# Transmission errors up to this frequency are looked for; one must be this improbable in noise
+# alone, and the residual without it improbable too. Its difference's step.
+_FASTEST_ERROR_HZ = 60.0
+_CHANCE_OF_ERROR = 0.01
+_SUSPECT = 0.3
+_ERROR_STEP = 0.05
+# A harmonic whose residual has a square this improbable, times their number, belongs to the
+# machine, not the joint.
 _OUTLIER = 1e-3
-# More starts are tried where noise alone leaves so large a residual in one log of a thousand: they cost a second.
+# More starts are tried where noise alone leaves so large a residual in one log of a thousand: they
+# cost a second.
 _IMPROBABLE = 1e-3
-# Samples and turns are in step if a sample's phase in the turn moves by less than this over the log [samples].
+# Samples and turns are in step if a sample's phase in the turn moves by less than this over the log
+# [samples].
 _IN_STEP = 0.25
-# How well a turn has settled: to a hundredth of the noise of a mean turn, and to a tenth while starts are compared.
+# How well a turn has settled: to a hundredth of the noise of a mean turn, and to a tenth while
+# starts are compared.
 _SETTLED_RPS, _NEARLY_RPS = 2e-4, 2e-3
 
 
@@ -103,7 +124,9 @@ def rows_of(z: FloatArray) -> FloatArray:
     """Rows of `simulate_turns` for unknowns of shape (joints, unknowns)."""
     rows = np.zeros((len(z), len(COLUMNS)))
     for k, column, unit in zip(_SIMULATED, _COLUMN, _UNIT, strict=True):
-        rows[:, column] = unit * z[:, k] if unit else _PRIOR_MEDIANS[_UNKNOWNS[k].column] * np.exp(z[:, k])
+        rows[:, column] = (
+            unit * z[:, k] if unit else _PRIOR_MEDIANS[_UNKNOWNS[k].column] * np.exp(z[:, k])
+        )
     rows[:, DELTA] = np.maximum(z[:, 0], LEAST_BACKLASH) * UNIT_RAD
     return rows
 
@@ -152,7 +175,9 @@ class Problem:
         row = rows_of(z[None])[0]
         whole = free == SIZE
         settled_rps = _SETTLED_RPS if whole else _NEARLY_RPS
-        turn = turn_and_slopes(row, self.movement, self.error_order, self.differencing, whole, settled_rps)
+        turn = turn_and_slopes(
+            row, self.movement, self.error_order, self.differencing, whole, settled_rps
+        )
         self.lead = turn.turns_before
         by_unknown = np.where(_UNIT > 0, _UNIT, row[_COLUMN])[:, None] * turn.slopes[_COLUMN]
         parts = self._logged_parts(np.vstack([turn.motor_rps[None], by_unknown]), z)
@@ -162,12 +187,20 @@ class Problem:
         out[_SIMULATED] = parts[:, 1:].sum(axis=0)
         out[PHASE] = (1j * order * seen).sum(axis=0)
         out[SMOOTHING_INDEX] = (fade * seen).sum(axis=0)
-        out[LOW_PASS_INDEX] = (-0.5 * (self._rad_per_ms * order) ** 2 / (1 + lag) * seen).sum(axis=0)
+        out[LOW_PASS_INDEX] = (-0.5 * (self._rad_per_ms * order) ** 2 / (1 + lag) * seen).sum(
+            axis=0
+        )
         out[free:] = 0
-        residual = np.concatenate([self._whitened(seen.sum(axis=0) - self.target), self._of_prior(z)])
-        return residual, np.concatenate([self._whitened(out), np.diag(1 / self.spread)[:, 2:]], axis=1)
+        residual = np.concatenate(
+            [self._whitened(seen.sum(axis=0) - self.target), self._of_prior(z)]
+        )
+        return residual, np.concatenate(
+            [self._whitened(out), np.diag(1 / self.spread)[:, 2:]], axis=1
+        )
 
-    def push_slopes(self, z: FloatArray, pushes: Callable[[FloatArray, float, Movement], FloatArray]) -> FloatArray:
+    def push_slopes(
+        self, z: FloatArray, pushes: Callable[[FloatArray, float, Movement], FloatArray]
+    ) -> FloatArray:
         """Derivative of the residuals by pushes on the load, which follow from its speed; shape (pushes, residuals)."""
         row = rows_of(z[None])[0]
         how = self.movement, self.error_order, self.differencing, True, _SETTLED_RPS
@@ -195,15 +228,22 @@ class Problem:
         """Harmonics of turns that the log shows at one: aliased, later by the phase, smoothed and low-passed."""
         order, lag = self._aliases(), self._lag(z)
         sign = np.sign(np.sinc(order / self.samples)) if z[SMOOTHING_INDEX] > 0.5 else 1.0
-        passed = sign * np.exp(1j * order * z[PHASE] + self._fade() * z[SMOOTHING_INDEX] + lag) / (1 + lag)
+        passed = (
+            sign
+            * np.exp(1j * order * z[PHASE] + self._fade() * z[SMOOTHING_INDEX] + lag)
+            / (1 + lag)
+        )
         return self._aliased(turns) * passed[:, None]
 
     def _aliases(self) -> NDArray[np.int64]:
         """Orders that a log shows at each of its own, a row each.
 
-        Where a turn has a whole number of samples, what is faster than half the sampling rate comes back at harmonics.
+        Where a turn has a whole number of samples, what is faster than half the sampling rate comes
+        back at harmonics.
         """
-        return self.order + round(self.samples) * np.array([[0], [-1], [1]][: 3 if self.folded else 1])
+        return self.order + round(self.samples) * np.array(
+            [[0], [-1], [1]][: 3 if self.folded else 1]
+        )
 
     def _aliased(self, turns: FloatArray) -> ComplexArray:
         """Harmonics of turns at the aliases, shape (aliases, turns, orders)."""
@@ -246,7 +286,9 @@ class Problem:
         batch[[0, 1], _ERROR] += _ERROR_STEP
         columns = np.zeros((2, residual.size))
         data = slice(0, 2 * self.order.size)
-        columns[:, data] = (self._misfit(self.turns(batch, order), z) - residual[data]) / _ERROR_STEP
+        columns[:, data] = (
+            self._misfit(self.turns(batch, order), z) - residual[data]
+        ) / _ERROR_STEP
         onto = np.linalg.solve(slopes @ slopes.T, slopes @ columns.T)
         columns -= onto.T @ slopes
         along = columns @ residual
@@ -256,7 +298,8 @@ class Problem:
     def subtract_belt_bias(self, z: FloatArray, lines: Sequence[tuple[float, float]]) -> bool:
         """Take off what errors out of step with the turn (a belt's) do to the mean turn; say whether there are any.
 
-        It grows with the square of their size, which the sinusoids tell that they leave in the speed.
+        It grows with the square of their size, which the sinusoids tell that they leave in the
+        speed.
         """
         subtracted = False
         for order, amplitude in lines:

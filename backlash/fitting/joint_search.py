@@ -37,13 +37,24 @@ class SearchSettings(NamedTuple):
     start_apart: float = 0.2  # in the logarithm of the backlash
     first_steps: int = 5
     last_steps: int = 40
-    hopeless_chi2: float = 12.0  # a harmonic (2 for noise alone): nothing but another joint explains more
-    least_fall: float = 0.01  # of chi squared; a smaller step is the last: a tenth of an SD along any direction
+    hopeless_chi2: float = (
+        12.0  # a harmonic (2 for noise alone): nothing but another joint explains more
+    )
+    least_fall: float = (
+        0.01  # of chi squared; a smaller step is the last: a tenth of an SD along any direction
+    )
     far_chi2: float = 60.0  # a start that is worse by more than this after its first steps is left
-    probe_sds: tuple[float, ...] = (-4.0, -2.0, 2.0, 4.0)  # of the backlash, where a better minimum is looked for
+    probe_sds: tuple[float, ...] = (
+        -4.0,
+        -2.0,
+        2.0,
+        4.0,
+    )  # of the backlash, where a better minimum is looked for
     probe_steps: int = 3
     probe_rounds: int = 2
-    probe_hopeful_chi2: float = 25.0  # a probe that is worse by less, and still `probe_apart_sds` away, goes on
+    probe_hopeful_chi2: float = (
+        25.0  # a probe that is worse by less, and still `probe_apart_sds` away, goes on
+    )
     probe_apart_sds: float = 1.0
     most_dropped: int = 3  # harmonics that may be left out
 
@@ -75,13 +86,17 @@ class Found(NamedTuple):
 _chi2 = attrgetter("chi2")
 
 
-def find_peak(problem: Problem, z: FloatArray, measurement: Measurement, chi2: float = np.inf) -> Peak:
+def find_peak(
+    problem: Problem, z: FloatArray, measurement: Measurement, chi2: float = np.inf
+) -> Peak:
     """Maximum of the posterior near `z` for a speed measured in a way.
 
     Without evidence, and not looked for to the end, where a few steps leave it far above `chi2`.
     """
     covariance = _covariance(problem.slopes(z)[1])
-    shift = (measurement.smoothing - z[SMOOTHING_INDEX]) / covariance[SMOOTHING_INDEX, SMOOTHING_INDEX]
+    shift = (measurement.smoothing - z[SMOOTHING_INDEX]) / covariance[
+        SMOOTHING_INDEX, SMOOTHING_INDEX
+    ]
     start = z + shift * covariance[:, SMOOTHING_INDEX]
     start[0] = max(start[0], 0.5 * z[0], LEAST_BACKLASH)
     problem.measured_as(measurement)
@@ -95,7 +110,14 @@ def find_peak(problem: Problem, z: FloatArray, measurement: Measurement, chi2: f
         return Peak(start, covariance, residual, -np.inf, False, problem.differencing)
     widths = np.log([measurement.smoothing_sd, measurement.low_pass_sd]).sum()
     evidence = -0.5 * found.chi2 - 0.5 * np.linalg.slogdet(normal)[1] - widths
-    return Peak(found.z, _covariance(slopes), residual, float(evidence), found.converged, problem.differencing)
+    return Peak(
+        found.z,
+        _covariance(slopes),
+        residual,
+        float(evidence),
+        found.converged,
+        problem.differencing,
+    )
 
 
 def find_joint(problem: Problem, harmonics: TurnHarmonics) -> tuple[FloatArray, bool]:
@@ -110,7 +132,8 @@ def find_joint(problem: Problem, harmonics: TurnHarmonics) -> tuple[FloatArray, 
     unsubtracted = problem.target
     if problem.subtract_belt_bias(found.z, harmonics.lines):
         tried = _search(problem, found.z, SETTINGS.last_steps)
-        # What was taken for a belt may be one's image by the turn's own frequency: then the joint fits worse.
+        # What was taken for a belt may be one's image by the turn's own frequency: then the joint
+        # fits worse.
         if tried.chi2 < found.chi2:
             found = tried
         else:
@@ -131,7 +154,8 @@ def _covariance(slopes: FloatArray) -> FloatArray:
 def _search(problem: Problem, z: FloatArray, steps: int, free: int = MEAN.size) -> Found:
     """Levenberg-Marquardt of the first `free` unknowns.
 
-    Unlike SciPy's, it takes residual and slopes from one simulation, and no step into a joint that runs away.
+    Unlike SciPy's, it takes residual and slopes from one simulation, and no step into a joint that
+    runs away.
     """
     damping = 1e-2
     residual, slopes = problem.slopes(z, free)
@@ -162,10 +186,18 @@ def _search(problem: Problem, z: FloatArray, steps: int, free: int = MEAN.size) 
 
 def _search_best(problem: Problem, starts: list[FloatArray]) -> Found:
     """Lowest minimum: a few steps from every start, and from the best two of different backlash to the end."""
-    first, *rest = sorted((_search(problem, start, SETTINGS.first_steps, _SEARCHED) for start in starts), key=_chi2)
+    first, *rest = sorted(
+        (_search(problem, start, SETTINGS.first_steps, _SEARCHED) for start in starts), key=_chi2
+    )
     limit = first.chi2 + SETTINGS.far_chi2
-    others = [other.z for other in rest if other.chi2 < limit and abs(np.log(other.z[0] / first.z[0])) > 0.03]
-    return min((_search(problem, z, SETTINGS.last_steps) for z in [first.z, *others[:1]]), key=_chi2)
+    others = [
+        other.z
+        for other in rest
+        if other.chi2 < limit and abs(np.log(other.z[0] / first.z[0])) > 0.03
+    ]
+    return min(
+        (_search(problem, z, SETTINGS.last_steps) for z in [first.z, *others[:1]]), key=_chi2
+    )
 
 
 def _explore_nearby(problem: Problem, found: Found) -> Found:
@@ -197,12 +229,17 @@ def _draw_library(movement: Movement) -> tuple[FloatArray, NDArray[np.complex128
     low, high = np.log(SETTINGS.library_backlash)
     z[:, 0] = np.exp(rng.uniform(low, high, size))
     z[:, 2] = SETTINGS.library_friction * np.abs(rng.standard_normal(size))
-    z[:, 3:_SEARCHED] = SETTINGS.library_ratio_sd * rng.standard_normal((size, SETTINGS.ratios_searched))
+    z[:, 3:_SEARCHED] = SETTINGS.library_ratio_sd * rng.standard_normal(
+        (size, SETTINGS.ratios_searched)
+    )
     rows = rows_of(z)
 
     def simulate() -> NDArray[np.complex128]:  # for a second
         turns = simulate_turns(rows, movement)
-        return np.fft.rfft(turns, axis=1)[:, : int(FASTEST_HZ * movement.turn_period_s) + 2] / turns.shape[1]
+        return (
+            np.fft.rfft(turns, axis=1)[:, : int(FASTEST_HZ * movement.turn_period_s) + 2]
+            / turns.shape[1]
+        )
 
     return z, keep_array(rows.tobytes() + repr(movement).encode(), simulate)
 
@@ -220,7 +257,9 @@ def _choose_starts(harmonics: TurnHarmonics, movement: Movement) -> list[FloatAr
     misfit = (np.abs(spectra) ** 2 * weight).sum(axis=1) - 2 * overlap[np.arange(len(z)), best]
     starts: list[FloatArray] = []
     for k in np.argsort(misfit):
-        if np.isfinite(misfit[k]) and all(abs(np.log(z[k, 0] / other[0])) > SETTINGS.start_apart for other in starts):
+        if np.isfinite(misfit[k]) and all(
+            abs(np.log(z[k, 0] / other[0])) > SETTINGS.start_apart for other in starts
+        ):
             starts.append(z[k].copy())
             starts[-1][1] = -2 * np.pi * best[k] / phases
         if len(starts) == SETTINGS.starts + SETTINGS.more_starts:

@@ -18,7 +18,9 @@ class Reading:
 
     method: str  # one of `METHODS`, or "impact"
     value: float  # |A| or RMS [rps], for "impact" t0 [s], for "waveform" the backlash [rad]
-    interval: tuple[float, float]  # 95 %, from the record's noise; for "paper" the spread of the searches
+    interval: tuple[
+        float, float
+    ]  # 95 %, from the record's noise; for "paper" the spread of the searches
     amplitude_rps: float
     amplitude_interval_rps: tuple[float, float]
     rmse_rps: float  # misfit of the signature, or of the waveform
@@ -37,7 +39,8 @@ def protocol_for(recording: Recording) -> Protocol:
 def _energy(recording: Recording, fit: GlobalFit) -> tuple[float, tuple[float, float]]:
     """RMS of the fitted signature over the whole turns from t0 on, and its 95 % interval [rps].
 
-    White noise of SD s in n samples moves it by s / sqrt(n), because only its part along the signature counts.
+    White noise of SD s in n samples moves it by s / sqrt(n), because only its part along the
+    signature counts.
     """
     since = (recording.t - fit.X[1]) / recording.turn_period_s
     whole = (since >= 0) & (since < max(np.floor(since[-1] + 1 / recording.t.size), 1.0))
@@ -47,27 +50,40 @@ def _energy(recording: Recording, fit: GlobalFit) -> tuple[float, tuple[float, f
 
 
 def read(
-    recording: Recording, method: str, bank: WaveformBank | None = None, repeats: int = 30, seed: int = 1
+    recording: Recording,
+    method: str,
+    bank: WaveformBank | None = None,
+    repeats: int = 30,
+    seed: int = 1,
 ) -> Reading:
     """Value that a method reads off a record; "waveform" needs a bank, "paper" runs `repeats` searches from `seed` on.
 
-    "impact", the first instant of the oscillation within half a turn, needs records that all start at the same angle of
-    the load; it has no interval.
+    "impact", the first instant of the oscillation within half a turn, needs records that all start
+    at the same angle of the load; it has no interval.
     """
     if method not in (*METHODS, "impact") or (method == "waveform") != (bank is not None):
-        raise ValueError(f"method {method!r}: there are {', '.join(METHODS)}, and waveform alone needs a bank")
+        raise ValueError(
+            f"method {method!r}: there are {', '.join(METHODS)}, and waveform alone needs a bank"
+        )
     protocol = protocol_for(recording)
     if method != "paper":
         return reading_of_fit(recording, method, global_fit(recording, protocol), bank)
     fits = [paper_fit(recording, protocol, seed + run) for run in range(repeats)]
     amplitude = np.array([fit.amplitude_rps for fit in fits])
-    mean, spread = float(amplitude.mean()), 1.96 * float(amplitude.std(ddof=1)) if repeats > 1 else 0.0
+    mean, spread = (
+        float(amplitude.mean()),
+        1.96 * float(amplitude.std(ddof=1)) if repeats > 1 else 0.0,
+    )
     interval, rmse = (max(mean - spread, 0.0), mean + spread), float(min(fit.rmse for fit in fits))
     return Reading(method, mean, interval, mean, interval, rmse)
 
 
 def reading_of_fit(
-    recording: Recording, method: str, fit: GlobalFit, bank: WaveformBank | None = None, is_own: bool = False
+    recording: Recording,
+    method: str,
+    fit: GlobalFit,
+    bank: WaveformBank | None = None,
+    is_own: bool = False,
 ) -> Reading:
     """Reading of a record whose global fit is there; "paper" takes its amplitude, which the searches look for.
 
@@ -86,7 +102,11 @@ def reading_of_fit(
             raise ValueError("waveform needs a bank")
         best = match(recording, bank, is_own)
         return replace(
-            found, value=best.delta_rad, interval=best.interval_rad, rmse_rps=best.rmse_rps,
-            at_bound=("backlash",) if best.at_end else (), shift_turns=best.shift_turns,
-        )  # fmt: skip
+            found,
+            value=best.delta_rad,
+            interval=best.interval_rad,
+            rmse_rps=best.rmse_rps,
+            at_bound=("backlash",) if best.at_end else (),
+            shift_turns=best.shift_turns,
+        )
     return found

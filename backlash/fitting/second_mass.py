@@ -1,7 +1,8 @@
 """Does a second mass swing on the load? A joint with one rings twice, and its backlash is misread by one without.
 
-To first order in its share of the load's inertia, a second mass on a spring pushes the load with what it lacks of the
-load's acceleration. That is known from the turn without it, so one linear step tells share, backlash and evidence.
+To first order in its share of the load's inertia, a second mass on a spring pushes the load with
+what it lacks of the load's acceleration. That is known from the turn without it, so one linear step
+tells share, backlash and evidence.
 """
 
 from dataclasses import replace
@@ -15,10 +16,11 @@ from backlash.fitting.joint_search import Peak
 from backlash.fitting.turns import Movement
 from replication.arrays import FloatArray
 
-# Where a second mass may ring [Hz], and how it is damped: below, it swings with the load, and above it sits on it.
+# Where a second mass may ring [Hz], and how it is damped: below, it swings with the load, and above
+# it sits on it.
 _RINGS_HZ, _DAMPING = np.geomspace(8.0, 80.0, 31), 0.03
-# Probability that a joint has one at all: nobody knows. SD of its share of the inertia; of either sign, for it stands
-# for whatever else the load does that the joint of notebook 3 does not.
+# Probability that a joint has one at all: nobody knows. SD of its share of the inertia; of either
+# sign, for it stands for whatever else the load does that the joint of notebook 3 does not.
 _PROBABILITY, _SHARE = 0.5, 0.1
 
 
@@ -44,8 +46,8 @@ class SecondMass(NamedTuple):
 def pushes(load_speed: FloatArray, gravity_per_s2: float, movement: Movement) -> FloatArray:
     """What second masses do to the load, per share of its inertia [rad/s^2], shape (rings, phases).
 
-    A mass swings by z'' + 2 zeta w z' + w^2 z = -(x'' + g sin), z being its angle from the load's and x the load's,
-    whose speed [rad/s] is given over a turn; it pushes the load with -z''.
+    A mass swings by z'' + 2 zeta w z' + w^2 z = -(x'' + g sin), z being its angle from the load's
+    and x the load's, whose speed [rad/s] is given over a turn; it pushes the load with -z''.
     """
     phases = load_speed.size
     w = 2 * np.pi * np.arange(phases // 2 + 1) / movement.turn_period_s

@@ -1,8 +1,8 @@
 """The backlash of a joint that nobody calibrated: the whole simulated joint fitted to one log.
 
-A maximum a posteriori fit of the joint of notebook 3 to the harmonics of a record's mean turn. The posterior is taken
-as normal around its maximum (Laplace's approximation), mixed over how the speed was measured and what else may swing on
-the load, and widened by what the residual says.
+A maximum a posteriori fit of the joint of notebook 3 to the harmonics of a record's mean turn. The
+posterior is taken as normal around its maximum (Laplace's approximation), mixed over how the speed
+was measured and what else may swing on the load, and widened by what the residual says.
 """
 
 from collections.abc import Sequence
@@ -32,30 +32,40 @@ from replication.recording import Recording
 from replication.simulator.checks import closed_loop_matrix
 from replication.simulator.parameters import TURN, joint_from_ratios
 
-# Noise in the ring's band over that above it, a low-pass taken out, beyond which there is no answer.
+# Noise in the ring's band over that above it, a low-pass taken out, beyond which there is no
+# answer.
 MOST_RING_NOISE = 1.5
-# Noise alone leaves a residual as large as that of a joint of another kind in one log of so many. Intervals are
-# widened long before, so that a right joint with small causes of its own still gets an answer.
+# Noise alone leaves a residual as large as that of a joint of another kind in one log of so many.
+# Intervals are widened long before, so that a right joint with small causes of its own still gets
+# an answer.
 _IMPOSSIBLE_RESIDUAL = 1e-8
-# A record with hardly any noise shows the model's own error, up to this many times `harmonics.MODEL_ERROR`: the
-# identified joint itself leaves 1 to 3 % of the authors' noise-free records.
+# A record with hardly any noise shows the model's own error, up to this many times
+# `harmonics.MODEL_ERROR`: the identified joint itself leaves 1 to 3 % of the authors' noise-free
+# records.
 MOST_MODEL_ERROR = 3.0
-# A joint, or a drive's inner workings, that stray from what is known of them as this share of joints of the paper's
-# kind do are of another kind: one right joint in a hundred gets no answer for it.
+# A joint, or a drive's inner workings, that stray from what is known of them as this share of
+# joints of the paper's kind do are of another kind: one right joint in a hundred gets no answer for
+# it.
 _IMPROBABLE_JOINT, _IMPROBABLE_DRIVE = 0.01, 1e-3
 _JOINT = slice(2, SMOOTHING_INDEX)
 _DRIVE = slice(SMOOTHING_INDEX - joint_posterior.DRIVE_UNKNOWNS, SMOOTHING_INDEX)
 _IMPROBABLE_SECOND_MASS = 1e-3
 # Directions of which a log takes less than this from the prior's variance say nothing.
 _LEAST_INFORMATION = 0.05
-# What is left over beyond the residual that noise alone exceeds in one log of ten may lie along the backlash too.
+# What is left over beyond the residual that noise alone exceeds in one log of ten may lie along the
+# backlash too.
 _LARGE_RESIDUAL = 0.1
 NORMAL_95 = 1.96
-# Between these frequencies joints of this kind ring; noise that is more than so many times that below peaks there.
-_BELOW_RING_HZ, _ABOVE_RING_HZ, _MOST_BUMP = 12.0, 45.0, 2.0
-# Peaks further apart than this many of their SDs are separate; what is less probable than this is no answer.
+# Between these frequencies joints of this kind ring; noise that is more than so many times that
+# below peaks there.
+_BELOW_RING_HZ = 12.0
+_ABOVE_RING_HZ = 45.0
+_MOST_BUMP = 2.0
+# Peaks further apart than this many of their SDs are separate; what is less probable than this is
+# no answer.
 _APART_SDS, _LEAST_GROUP = 3.0, 0.05
-# Low-passes that the noise is compared with, and what that may count: the drive's loops colour noise too.
+# Low-passes that the noise is compared with, and what that may count: the drive's loops colour
+# noise too.
 _TIME_CONSTANTS_MS, _MOST_LOG_ODDS = (0.5, 0.8, 1.2, 1.8, 2.7, 4.0), 5.0
 
 
@@ -75,8 +85,12 @@ class SelfFit:
     worst_phase: float  # where the joint fits worst [turns, from the load hanging down]
     ring_noise_ratio: float  # see `harmonics.TurnHarmonics`
     peaks: list[WeightedPeak]  # no second mass, then one of each ring
-    turn_rps: FloatArray  # fitted speed less its mean, at even phases from the record's first sample
-    other_intervals_rad: tuple[tuple[float, float], ...]  # of separate peaks, less probable than `interval_rad`
+    turn_rps: (
+        FloatArray  # fitted speed less its mean, at even phases from the record's first sample
+    )
+    other_intervals_rad: tuple[
+        tuple[float, float], ...
+    ]  # of separate peaks, less probable than `interval_rad`
     refusal_reason: str = ""  # why this is no answer; empty if it is one
 
 
@@ -98,7 +112,11 @@ def fit_joint(recording: Recording) -> SelfFit:
     problem, harmonics = pose_problem(recording)
     z, converged = find_joint(problem, harmonics)
     measured = _measurements(problem, harmonics, z)
-    found = [WeightedPeak(way.log_odds + each.log_prior, each.peak) for way in measured for each in way.peaks]
+    found = [
+        WeightedPeak(way.log_odds + each.log_prior, each.peak)
+        for way in measured
+        for each in way.peaks
+    ]
     likely, *others = separate_peaks(found)
     peak, covariance = mix_peaks(likely)
     fit = _goodness_of(peak, harmonics)
@@ -107,7 +125,9 @@ def fit_joint(recording: Recording) -> SelfFit:
     delta, sd = (float(UNIT_RAD * value) for value in (peak.z[0], np.sqrt(covariance[0, 0])))
     widening = NORMAL_95 * widening_factor(fit.chi2, fit.freedom)
     half = widening * sd
-    if harmonics.is_quiet:  # the speed's part from backlash grows with it, and so may what the model gets wrong
+    if (
+        harmonics.is_quiet
+    ):  # the speed's part from backlash grows with it, and so may what the model gets wrong
         half = float(np.hypot(half, MOST_MODEL_ERROR * MODEL_ERROR * delta))
     if converged and peak.converged and np.isfinite(fit.misfit) and np.isfinite(sd):
         ring_noise_ratio = harmonics.ring_noise_ratio / _low_pass_gain(problem, harmonics, found)
@@ -161,14 +181,18 @@ def weak_turn(recording: Recording, delta_rad: float) -> FloatArray:
 
 
 def _movement(recording: Recording) -> Movement:
-    return Movement(float(recording.commanded_speed_rps * recording.turn_period_s), recording.turn_period_s)
+    return Movement(
+        float(recording.commanded_speed_rps * recording.turn_period_s), recording.turn_period_s
+    )
 
 
 def pose_problem(recording: Recording) -> tuple[Problem, TurnHarmonics]:
     """What a log asks of a joint, and the harmonics that it is made of."""
     movement, harmonics = _movement(recording), turn_harmonics(recording)
     if harmonics.order.size < joint_posterior.SIZE:
-        raise ValueError(f"{recording.source}: sampled too coarsely, {harmonics.order.size} harmonics of the turn")
+        raise ValueError(
+            f"{recording.source}: sampled too coarsely, {harmonics.order.size} harmonics of the turn"
+        )
     return Problem(harmonics, movement, recording.sample_s), harmonics
 
 
@@ -180,13 +204,17 @@ def mix_peaks(found: Sequence[WeightedPeak]) -> tuple[Peak, FloatArray]:
     share = softmax(weights)
     weighted = [(part, each.peak) for part, each in zip(share, found, strict=True)]
     mean = sum(part * peak.z for part, peak in weighted)
-    covariance = sum(part * (peak.covariance + np.outer(peak.z - mean, peak.z - mean)) for part, peak in weighted)
+    covariance = sum(
+        part * (peak.covariance + np.outer(peak.z - mean, peak.z - mean)) for part, peak in weighted
+    )
     return replace(found[int(share.argmax())].peak, z=mean), covariance
 
 
 def separate_peaks(found: list[WeightedPeak]) -> list[list[WeightedPeak]]:
     """Groups of peaks whose backlashes overlap, the most probable group first; improbable groups are left out."""
-    finite = sorted((each for each in found if np.isfinite(each.peak.evidence)), key=lambda each: each.peak.z[0])
+    finite = sorted(
+        (each for each in found if np.isfinite(each.peak.evidence)), key=lambda each: each.peak.z[0]
+    )
     if not finite:
         return [found]
     groups = [finite[:1]]
@@ -216,14 +244,18 @@ def _goodness_of(peak: Peak, harmonics: TurnHarmonics) -> _Goodness:
     chi2 = float(peak.residual @ peak.residual)
     freedom = peak.residual.size - joint_posterior.SIZE
     scatter = max(chi2 / freedom, 1.0)
-    return _Goodness(chi2, freedom, float(min(scatter, MOST_MODEL_ERROR**2)) if harmonics.is_quiet else 1.0)
+    return _Goodness(
+        chi2, freedom, float(min(scatter, MOST_MODEL_ERROR**2)) if harmonics.is_quiet else 1.0
+    )
 
 
 def _turn_of(problem: Problem, peak: Peak) -> FloatArray:
     """Fitted speed less its mean [rps], at even phases from the record's first sample."""
     problem.differencing = peak.differencing
     turn = problem.turns(peak.z[None])[0]
-    low_pass = max(float(peak.z[LOW_PASS_INDEX]), 0.0) * (1e-3 / problem.movement.turn_period_s) ** 2
+    low_pass = (
+        max(float(peak.z[LOW_PASS_INDEX]), 0.0) * (1e-3 / problem.movement.turn_period_s) ** 2
+    )
     return low_passed(delayed(turn - turn.mean(), -peak.z[PHASE] / TURN), low_pass)
 
 
@@ -271,7 +303,9 @@ def _low_pass_log_odds(harmonics: TurnHarmonics, turn_period_s: float) -> float:
     return float(np.clip(gain.max(), 0.0, _MOST_LOG_ODDS))
 
 
-def _low_pass_gain(problem: Problem, harmonics: TurnHarmonics, found: Sequence[WeightedPeak]) -> float:
+def _low_pass_gain(
+    problem: Problem, harmonics: TurnHarmonics, found: Sequence[WeightedPeak]
+) -> float:
     """White noise in the ring's band over that above it, after as strong a low-pass as the log allows.
 
     Noise that peaks in the band is a drive that hardly damps: no low-pass.
@@ -282,15 +316,23 @@ def _low_pass_gain(problem: Problem, harmonics: TurnHarmonics, found: Sequence[W
     within = ~below & (all_hz < _ABOVE_RING_HZ)
     if not below.any() or noise[within].mean() > _MOST_BUMP * noise[below].mean():
         return 1.0
-    filtered = [each.peak for each in found if each.peak.covariance[LOW_PASS_INDEX, LOW_PASS_INDEX] > 1e-4]
+    filtered = [
+        each.peak for each in found if each.peak.covariance[LOW_PASS_INDEX, LOW_PASS_INDEX] > 1e-4
+    ]
     best = max(filtered, key=lambda peak: peak.evidence, default=None)
     if best is None or not np.isfinite(best.evidence):
         return 1.0
-    most_ms2 = max(best.z[LOW_PASS_INDEX], 0.0) + 2 * np.sqrt(best.covariance[LOW_PASS_INDEX, LOW_PASS_INDEX])
+    most_ms2 = max(best.z[LOW_PASS_INDEX], 0.0) + 2 * np.sqrt(
+        best.covariance[LOW_PASS_INDEX, LOW_PASS_INDEX]
+    )
     hz = problem.order / problem.movement.turn_period_s
     power = 1 / (1 + (1e-3 * TURN * hz) ** 2 * most_ms2)
     in_ring = (hz > RING_HZ[0]) & (hz < RING_HZ[1])
-    return float(np.median(power[in_ring]) / np.median(power[hz >= RING_HZ[1]])) if (hz >= RING_HZ[1]).any() else 1.0
+    return (
+        float(np.median(power[in_ring]) / np.median(power[hz >= RING_HZ[1]]))
+        if (hz >= RING_HZ[1]).any()
+        else 1.0
+    )
 
 
 def _prior_p(peak: Peak, scatter: float, known: slice) -> float:
@@ -298,8 +340,12 @@ def _prior_p(peak: Peak, scatter: float, known: slice) -> float:
     if not (np.isfinite(peak.covariance).all() and np.isfinite(scatter)):
         return 0.0
     prior_sd = joint_posterior.SD[known]
-    # In units of the prior's SD, the posterior's centre has the variance that the log takes from the prior's.
-    centre, relative = peak.z[known] / prior_sd, peak.covariance[known, known] / np.outer(prior_sd, prior_sd)
+    # In units of the prior's SD, the posterior's centre has the variance that the log takes from
+    # the prior's.
+    centre, relative = (
+        peak.z[known] / prior_sd,
+        peak.covariance[known, known] / np.outer(prior_sd, prior_sd),
+    )
     information, axes = np.linalg.eigh(np.eye(prior_sd.size) - relative)
     seen = information > _LEAST_INFORMATION
     square = float(((axes.T @ centre)[seen] ** 2 / information[seen]).sum()) / scatter

@@ -1,7 +1,8 @@
 """Several logs of one joint: what belongs to the joint is shared, the backlash is each log's own.
 
-Each log's posterior is normal; its prior taken out, it says what that log alone tells of the joint. What all logs tell
-of the joint, and of a second mass on it, then corrects each log's backlash. The joint's ratios may drift a little.
+Each log's posterior is normal; its prior taken out, it says what that log alone tells of the joint.
+What all logs tell of the joint, and of a second mass on it, then corrects each log's backlash. The
+joint's ratios may drift a little.
 """
 
 from collections.abc import Sequence
@@ -14,10 +15,11 @@ from backlash.fitting.second_mass import WeightedPeak
 from backlash.fitting.self_calibration import NORMAL_95, SelfFit, mix_peaks
 from replication.arrays import FloatArray
 
-# What belongs to the joint and its drive: friction changes with temperature, so it stays each log's own; how the
-# speed is measured, each log knows well enough.
+# What belongs to the joint and its drive: friction changes with temperature, so it stays each log's
+# own; how the speed is measured, each log knows well enough.
 _SHARED = np.arange(3, 3 + len(RATIO_PRIOR))
-# Relative SD by which a ratio strays from log to log: other loads of the drive, temperature, months.
+# Relative SD by which a ratio strays from log to log: other loads of the drive, temperature,
+# months.
 _DRIFT = 0.005
 
 
@@ -46,22 +48,30 @@ def _with_common_load(fits: Sequence[SelfFit]) -> list[SelfFit]:
 
 
 def _with_weights(fit: SelfFit, weight: FloatArray) -> SelfFit:
-    weighted = [WeightedPeak(w - peak.evidence, peak) for w, (_, peak) in zip(weight, fit.peaks, strict=True)]
+    weighted = [
+        WeightedPeak(w - peak.evidence, peak)
+        for w, (_, peak) in zip(weight, fit.peaks, strict=True)
+    ]
     peak, covariance = mix_peaks(weighted)
     return replace(fit, unknowns=peak.z, covariance=covariance)
 
 
-def _own_information(fit: SelfFit, prior: FloatArray, drift: FloatArray) -> tuple[FloatArray, FloatArray]:
+def _own_information(
+    fit: SelfFit, prior: FloatArray, drift: FloatArray
+) -> tuple[FloatArray, FloatArray]:
     """Precision with which one log alone tells the common joint, and that times what it says."""
     here = np.linalg.inv(fit.covariance[np.ix_(_SHARED, _SHARED)])
     alone = here - prior
     pull = here @ fit.unknowns[_SHARED] - prior @ MEAN[_SHARED]
-    # Drift comes on top of what the log does not know: (alone^-1 + drift)^-1 without inverting `alone`.
+    # Drift comes on top of what the log does not know: (alone^-1 + drift)^-1 without inverting
+    # `alone`.
     damp = np.linalg.inv(np.eye(len(_SHARED)) + alone @ drift)
     return damp @ alone, damp @ pull
 
 
-def _corrected(fit: SelfFit, common: FloatArray, spread: FloatArray) -> tuple[float, tuple[float, float]]:
+def _corrected(
+    fit: SelfFit, common: FloatArray, spread: FloatArray
+) -> tuple[float, tuple[float, float]]:
     """Backlash of a log whose own posterior of the joint is replaced by that of all logs."""
     here = fit.covariance[np.ix_(_SHARED, _SHARED)]
     lean = np.linalg.solve(here, fit.covariance[_SHARED, 0])

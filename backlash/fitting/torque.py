@@ -8,8 +8,9 @@ On the harmonics of the mean turn, every torque over the motor's inertia J_m:
 4. The wind-up is x = theta_m / N - q, with theta_m = -a / omega^2 and q = -q'' / omega^2 at each harmonic.
 5. Where the teeth touch, x = delta sign(c) + c / K: the coefficient of sign(c) is delta, half of the play.
 
-Harmonics 1 and 2 of x, where a small error of c is large, are free; so are what damping adds to x, the rate of c, and
-what a lag between the columns of speed and torque adds, the speed. Constant friction is in no harmonic.
+Harmonics 1 and 2 of x, where a small error of c is large, are free; so are what damping adds to x,
+the rate of c, and what a lag between the columns of speed and torque adds, the speed. Constant
+friction is in no harmonic.
 """
 
 from dataclasses import dataclass, replace
@@ -41,7 +42,9 @@ _DRAWS = 200
 class LoadData:
     """What must be known of the load, by its data sheet or the drive's autotune, each with a relative SD."""
 
-    inertia_ratio: float  # rho = J_l / (N^2 J_m): of the load, seen from the motor, to the motor's own
+    inertia_ratio: (
+        float  # rho = J_l / (N^2 J_m): of the load, seen from the motor, to the motor's own
+    )
     gravity_per_s2: float  # m g r / J_l: 9.81 / r for a point load
     inertia_sd: float = 0.1
     gravity_sd: float = 0.05
@@ -50,7 +53,9 @@ class LoadData:
         """Refuse what no load has."""
         values, sds = (self.inertia_ratio, self.gravity_per_s2), (self.inertia_sd, self.gravity_sd)
         if not (all(0 < value < np.inf for value in values) and all(0 <= sd <= 0.5 for sd in sds)):
-            raise UnusableLog(f"{self!r}: inertia ratio and gravity must be above 0, their SDs shares up to 0.5")
+            raise UnusableLog(
+                f"{self!r}: inertia ratio and gravity must be above 0, their SDs shares up to 0.5"
+            )
 
     def __str__(self) -> str:
         """What was said, as a note."""
@@ -108,7 +113,12 @@ def _harmonics(recording: Recording, count: int) -> tuple[NDArray[np.complex128]
     found = turn_harmonics(recording)
     phase, v = drop_first_turn(recording)
     order = found.order[found.order < count]
-    whole = phase < phase[0] + int(phase[-1] - phase[0] + recording.sample_s / recording.turn_period_s + 1e-6) - 1e-9
+    whole = (
+        phase
+        < phase[0]
+        + int(phase[-1] - phase[0] + recording.sample_s / recording.turn_period_s + 1e-6)
+        - 1e-9
+    )
     coefficient = np.zeros(count, dtype=complex)
     coefficient[order] = found.coefficient[: order.size]
     coefficient[1] = np.mean((v[whole] - v[whole].mean()) * np.exp(-2j * np.pi * phase[whole]))
@@ -137,7 +147,10 @@ def _regression(turn: _Turn, load: LoadData, first: complex) -> _Regression:
     wind_up[1 : contact.size] = turn.motor_angle + contact[1:] / through
     wind_up[: _FREE_HARMONICS + 1] = 0  # with gravity, which has the first alone
     x = np.fft.irfft(wind_up, size) * size
-    rate, lag, c = (np.fft.irfft(wave, size) * size for wave in (1j * turn.omega * contact, turn.mean[0], contact))
+    rate, lag, c = (
+        np.fft.irfft(wave, size) * size
+        for wave in (1j * turn.omega * contact, turn.mean[0], contact)
+    )
     angle = 2 * np.pi * np.outer(np.arange(1, _FREE_HARMONICS + 1), np.arange(size)) / size
     columns = np.array([np.ones(size), *np.cos(angle), *np.sin(angle), rate, lag, c, np.sign(c)])
     return _Regression((columns / np.abs(columns).max(axis=1, keepdims=True)).T, x, inertia)
@@ -148,9 +161,13 @@ def _instruments(turn: _Turn, load: LoadData) -> FloatArray:
     basis, x, inertia = _regression(turn, load, 0j)
     omega = turn.omega[1:]
     through = 1 / (turn.gear_ratio * load.inertia_ratio)
-    by_speed, by_torque = turn.sd[:, 1:] / omega * np.array([[1 / turn.gear_ratio + through], [through / inertia]])
+    by_speed, by_torque = (
+        turn.sd[:, 1:] / omega * np.array([[1 / turn.gear_ratio + through], [through / inertia]])
+    )
     variance = np.zeros(x.size // 2 + 1)
-    variance[_FREE_HARMONICS + 1 : turn.omega.size] = 2 * (by_speed**2 + (by_torque / omega) ** 2)[_FREE_HARMONICS:]
+    variance[_FREE_HARMONICS + 1 : turn.omega.size] = (
+        2 * (by_speed**2 + (by_torque / omega) ** 2)[_FREE_HARMONICS:]
+    )
     touching = np.flatnonzero(np.abs(basis[:, -2]) > _IN_CONTACT)
     covariance = toeplitz(np.fft.irfft(variance, x.size) * x.size)[np.ix_(touching, touching)]
     covariance += (_ROUGHNESS * x.std()) ** 2 * np.eye(touching.size)
@@ -163,23 +180,32 @@ def _solve(turn: _Turn, load: LoadData, instruments: FloatArray, first: complex)
     """Solution from a guess of the wind-up's first harmonic."""
     basis, x, inertia = _regression(turn, load, first)
     found = np.linalg.solve(instruments.T @ basis, instruments.T @ x)
-    return _Solution(float(found[-1]), inertia, complex(np.fft.fft(basis[:, -2:] @ found[-2:])[1] / x.size))
+    return _Solution(
+        float(found[-1]), inertia, complex(np.fft.fft(basis[:, -2:] @ found[-2:])[1] / x.size)
+    )
 
 
 def _mean_turn(recording: Recording, torque: FloatArray) -> _Turn:
     """Harmonics of the mean turn; ValueError where they cannot tell the backlash."""
     name, period = recording.source, recording.turn_period_s
     count = int(min(_FASTEST_HZ, 0.45 / recording.sample_s) * period) + 1
-    if not (torque.shape == recording.v.shape and 0 < np.ptp(torque) < np.inf and count > _LEAST_HARMONICS):
+    if not (
+        torque.shape == recording.v.shape
+        and 0 < np.ptp(torque) < np.inf
+        and count > _LEAST_HARMONICS
+    ):
         needed = f"{recording.v.size} finite numbers that vary, and {_LEAST_HARMONICS} harmonics of the turn to 100 Hz"
         raise ValueError(f"{name}: the torque needs {needed}")
     mean, sd = zip(
-        *(_harmonics(replace(recording, v=v), count) for v in (2 * np.pi * recording.v, torque)), strict=True
+        *(_harmonics(replace(recording, v=v), count) for v in (2 * np.pi * recording.v, torque)),
+        strict=True,
     )
     omega = np.float64(2 * np.pi / period) * np.arange(count)
     turn = _Turn(omega, recording.commanded_speed_rps * period, np.array(mean), np.array(sd))
     if abs(turn.mean[1, 1]) < _LEAST_GRAVITY * turn.sd[1, 1] or torque.mean() < 0:
-        raise ValueError(f"{name}: the torque shows no gravity, or drives backward; is it this motor's, with its sign?")
+        raise ValueError(
+            f"{name}: the torque shows no gravity, or drives backward; is it this motor's, with its sign?"
+        )
     return turn
 
 
@@ -187,15 +213,19 @@ def _draw(turn: _Turn, load: LoadData, rng: np.random.Generator) -> tuple[_Turn,
     """A turn and a load that the log's noise and the load's SDs allow."""
     noise = rng.standard_normal(turn.mean.shape) + 1j * rng.standard_normal(turn.mean.shape)
     rho, g = np.exp(rng.standard_normal(2) * (load.inertia_sd, load.gravity_sd))
-    other = replace(load, inertia_ratio=rho * load.inertia_ratio, gravity_per_s2=g * load.gravity_per_s2)
+    other = replace(
+        load, inertia_ratio=rho * load.inertia_ratio, gravity_per_s2=g * load.gravity_per_s2
+    )
     return turn._replace(mean=turn.mean + turn.sd * noise), other
 
 
-def fit_torque(recording: Recording, torque: FloatArray, load: LoadData, rng: np.random.Generator) -> TorqueFit:
+def fit_torque(
+    recording: Recording, torque: FloatArray, load: LoadData, rng: np.random.Generator
+) -> TorqueFit:
     """Find the backlash from the motor's speed and torque; ValueError where they cannot tell it.
 
-    The torque, shape (samples,), is the motor's at the same samples, positive where it drives forward, in any unit, as
-    its current. The generator draws noise and load data for the interval.
+    The torque, shape (samples,), is the motor's at the same samples, positive where it drives
+    forward, in any unit, as its current. The generator draws noise and load data for the interval.
     """
     turn = _mean_turn(recording, np.asarray(torque, dtype=float))
     instruments = _instruments(turn, load)
@@ -206,4 +236,6 @@ def fit_torque(recording: Recording, torque: FloatArray, load: LoadData, rng: np
     deviation = float(np.hypot(np.std(drawn), _METHOD_ERROR * delta))
     interval = max(delta - NORMAL_95 * deviation, 0.0), max(delta + NORMAL_95 * deviation, 0.0)
     reason = f"the torque tells {delta:.2g} rad with an SD of {deviation:.2g}, above {MOST_SD:.0%}"
-    return TorqueFit(delta, interval, deviation, inertia, "" if deviation <= MOST_SD * delta else reason)
+    return TorqueFit(
+        delta, interval, deviation, inertia, "" if deviation <= MOST_SD * delta else reason
+    )

@@ -1,10 +1,11 @@
 """Settled turns of many joints at once, and of one joint with its slopes by all that its row holds; compiled.
 
-The joint is that of `simulate` with a linear drive and one load friction. A turn repeats itself exactly, because the
-drive's period is taken as a whole part of it; the first turns, in which the drive settles, are left out.
+The joint is that of `simulate` with a linear drive and one load friction. A turn repeats itself
+exactly, because the drive's period is taken as a whole part of it; the first turns, in which the
+drive settles, are left out.
 
-The slopes follow the equations of motion linearised along the turn. Where the teeth part or meet, torque and rates are
-continuous, so the slopes pass from region to region without a jump.
+The slopes follow the equations of motion linearised along the turn. Where the teeth part or meet,
+torque and rates are continuous, so the slopes pass from region to region without a jump.
 """
 
 import math
@@ -17,28 +18,41 @@ from replication.compiled.cache import njit
 from replication.simulator import core
 from replication.simulator.parameters import TURN
 
-# Columns of a joint's row: `JointParameters.ratios` between the first two and the last four. Friction is over m g r,
-# the ripple over m g r / N.
+# Columns of a joint's row: `JointParameters.ratios` between the first two and the last four.
+# Friction is over m g r, the ripple over m g r / N.
 _PLANT = ("delta_rad", "friction", "stiffness_per_s2", "gravity_per_s2", "inertia_ratio")
-_GAINS = ("speed_gain_per_s", "integral_gain_per_s2", "derivative_gain", "leaky_gain_per_s2", "position_gain_per_s")
+_GAINS = (
+    "speed_gain_per_s",
+    "integral_gain_per_s2",
+    "derivative_gain",
+    "leaky_gain_per_s2",
+    "position_gain_per_s",
+)
 _TIMES = ("leaky_rate_per_s", "torque_lag_s")
 _WAVES = ("error_sine_rad", "error_cosine_rad", "ripple_sine", "ripple_cosine")
 COLUMNS = (*_PLANT, *_GAINS, *_TIMES, *_WAVES)
 DELTA, FRICTION, STIFFNESS, GRAVITY, INERTIA = range(5)
 SPEED, INTEGRAL, DERIVATIVE, LEAKY, POSITION, RATE, LAG = range(5, 12)
-ERROR, RIPPLE, _WIDTH = 12, 14, len(COLUMNS)
+ERROR = 12
+RIPPLE = 14
+_WIDTH = len(COLUMNS)
 
 # The drive's slowest modes, 13 per second in the paper's joint, are gone after this time to 3e-5.
 _SETTLING_S = 0.8
-# Of the control and of a Runge-Kutta step, a quarter of a radian of the fastest mode: 3e-5 rps RMS off.
+# Of the control and of a Runge-Kutta step, a quarter of a radian of the fastest mode: 3e-5 rps RMS
+# off.
 _CONTROL_S = 5e-4
 DELAY_PERIODS = 1
 _ALPHA_PER_RAD = 1e6
-# Turns with slopes: the first two at most are the drive's; one that has not settled after the last never does.
+# Turns with slopes: the first two at most are the drive's; one that has not settled after the last
+# never does.
 _LEAST_TURNS, _MOST_TURNS = 3, 14
 
-# Of the Runge-Kutta method: when a stage is [steps], what part of the step it weighs, and which forcing it takes.
-_SHIFTS, _PARTS, _FORCED_AT = (0.0, 0.5, 0.5, 1.0), (6.0, 3.0, 3.0, 6.0), (0, 1, 1, 2)
+# Of the Runge-Kutta method: when a stage is [steps], what part of the step it weighs, and which
+# forcing it takes.
+_SHIFTS = (0.0, 0.5, 0.5, 1.0)
+_PARTS = (6.0, 3.0, 3.0, 6.0)
+_FORCED_AT = (0, 1, 1, 2)
 
 
 class Movement(NamedTuple):
@@ -85,7 +99,9 @@ class _Slopes(NamedTuple):
     drive: FloatArray
     torques: FloatArray
     before: FloatArray  # the state's, before a step that is taken back
-    forced: FloatArray  # what columns and pushes do to three rates at a step's start, middle and end
+    forced: (
+        FloatArray  # what columns and pushes do to three rates at a step's start, middle and end
+    )
 
 
 class _Linear(NamedTuple):
@@ -99,7 +115,9 @@ class _Linear(NamedTuple):
     lag: float
 
 
-def constants(row: FloatArray, movement: Movement, angle: float, waves: FloatArray | None = None) -> core.Constants:
+def constants(
+    row: FloatArray, movement: Movement, angle: float, waves: FloatArray | None = None
+) -> core.Constants:
     """Constants of a joint, its load's inertia 1: half of the friction is Coulomb's, half viscous."""
     value = dict(zip(COLUMNS, row.tolist(), strict=True))
     n = movement.gear_ratio
@@ -149,7 +167,13 @@ def _start(joint: _Joint) -> tuple[tuple[float, ...], int]:
     c = joint.constants
     torque = c.gravity * math.sin(c.start_angle) + float(joint.row[FRICTION]) * c.gravity
     side = -1.0 if torque < 0 else 1.0
-    return (0.0, 0.0, -(side * c.delta + torque / c.ks), 0.0, torque / c.gear_ratio), 3 if side > 0 else 0
+    return (
+        0.0,
+        0.0,
+        -(side * c.delta + torque / c.ks),
+        0.0,
+        torque / c.gear_ratio,
+    ), 3 if side > 0 else 0
 
 
 def _waves_of(row: FloatArray, movement: Movement, order: float, with_ripple: bool) -> FloatArray:
@@ -162,17 +186,29 @@ def _waves_of(row: FloatArray, movement: Movement, order: float, with_ripple: bo
             waves.append((order / movement.gear_ratio, 0.0, -error * (speed * speed), error, phase))
     for part, phase in enumerate((0.0, TURN / 4)):
         if with_ripple:
-            waves.append((1.0, row[RIPPLE + part] * row[GRAVITY] / movement.gear_ratio, 0.0, 0.0, phase))
+            waves.append(
+                (1.0, row[RIPPLE + part] * row[GRAVITY] / movement.gear_ratio, 0.0, 0.0, phase)
+            )
     return np.array(waves).reshape(-1, 5)
 
 
 def _joint_of(
-    row: FloatArray, movement: Movement, angle: float, order: float, differencing: bool, with_ripple: bool
+    row: FloatArray,
+    movement: Movement,
+    angle: float,
+    order: float,
+    differencing: bool,
+    with_ripple: bool,
 ) -> _Joint:
     """A joint as the compiled functions take it."""
     waves = _waves_of(row, movement, order, with_ripple)
     period = movement.turn_period_s / movement.periods
-    return _Joint(row, constants(row, movement, angle, waves), drive(row, movement, period, differencing), float(order))
+    return _Joint(
+        row,
+        constants(row, movement, angle, waves),
+        drive(row, movement, period, differencing),
+        float(order),
+    )
 
 
 def turns_to_settle(movement: Movement) -> int:
@@ -181,11 +217,16 @@ def turns_to_settle(movement: Movement) -> int:
 
 
 def simulate_turns(
-    rows: FloatArray, movement: Movement, order: float = 0, lead: int | None = None, differencing: bool = True
+    rows: FloatArray,
+    movement: Movement,
+    order: float = 0,
+    lead: int | None = None,
+    differencing: bool = True,
 ) -> FloatArray:
     """Deviation from the commanded speed [rps] of each joint over one settled turn; NaN for a joint that runs away.
 
-    `order` is the transmission error's periods a turn (0: none), `lead` the turns before the one that is returned.
+    `order` is the transmission error's periods a turn (0: none), `lead` the turns before the one
+    that is returned.
     """
     periods = movement.periods
     before = (turns_to_settle(movement) if lead is None else lead) * periods
@@ -195,10 +236,14 @@ def simulate_turns(
     events = np.empty((0, 2))
     out = np.full((len(rows), periods), np.nan)
     for row, turn in zip(np.ascontiguousarray(rows, dtype=float), out, strict=True):
-        joint = _joint_of(row, movement, -TURN * before / periods, order, differencing, bool(row[RIPPLE:].any()))
+        joint = _joint_of(
+            row, movement, -TURN * before / periods, order, differencing, bool(row[RIPPLE:].any())
+        )
         c, d = joint.constants, joint.drive
         y, region = _start(joint)
-        status, _ = core.run(y, region, steps, d.period, 0, 1, 1, DELAY_PERIODS, c, d, record, gap, events)
+        status, _ = core.run(
+            y, region, steps, d.period, 0, 1, 1, DELAY_PERIODS, c, d, record, gap, events
+        )
         if status < 0:
             turn[:] = record[before:steps, 1] / TURN
     return out
@@ -219,7 +264,11 @@ def _start_slopes(joint: _Joint, width: int) -> _Slopes:
     drive = np.zeros((4, width))
     drive[0] = state[4]
     return _Slopes(
-        state, drive, np.tile(state[4], (DELAY_PERIODS + 1, 1)), np.empty((5, width)), np.zeros((3, 3, width))
+        state,
+        drive,
+        np.tile(state[4], (DELAY_PERIODS + 1, 1)),
+        np.empty((5, width)),
+        np.zeros((3, 3, width)),
     )
 
 
@@ -387,7 +436,9 @@ def _advance(y, region, count, joint, memory, slopes):
             break
         _copy(slopes.before, slopes.state)
         crossing = 1 if up else -1
-        h, _ = core.locate(t, y, left, end, edges[region + 1] if up else edges[region], command, region, c)
+        h, _ = core.locate(
+            t, y, left, end, edges[region + 1] if up else edges[region], command, region, c
+        )
     return end, region
 
 
@@ -417,7 +468,11 @@ def _run(joint, start, memory, slopes, pushes, least, settled_rps, out):
         change = np.sqrt(square / periods)
         # What is still to come, if it goes on shrinking as from the last turn to this one.
         shrinking = change / before
-        if turn >= least - 1 and shrinking < 1 and change * shrinking < settled_rps * (1 - shrinking):
+        if (
+            turn >= least - 1
+            and shrinking < 1
+            and change * shrinking < settled_rps * (1 - shrinking)
+        ):
             return turn, True
         before = change
     return _MOST_TURNS - 1, True
@@ -434,13 +489,16 @@ def turn_and_slopes(
 ) -> TurnWithSlopes:
     """One settled turn of a joint, and the derivatives of its speed.
 
-    `pushes` are further accelerations of the load over a turn. The turn has settled where turns to come would change it
-    by less than `settled_rps` (RMS). The drive's speed and integral gain and the torque's lag must not be 0.
+    `pushes` are further accelerations of the load over a turn. The turn has settled where turns to
+    come would change it by less than `settled_rps` (RMS). The drive's speed and integral gain and
+    the torque's lag must not be 0.
     """
     periods = movement.periods
     pushes = np.empty((0, periods)) if pushes is None else np.ascontiguousarray(pushes, dtype=float)
     width = _WIDTH + len(pushes)
-    joint = _joint_of(np.ascontiguousarray(row, dtype=float), movement, 0.0, order, differencing, with_ripple)
+    joint = _joint_of(
+        np.ascontiguousarray(row, dtype=float), movement, 0.0, order, differencing, with_ripple
+    )
     start = _start(joint)
     y, _ = start
     memory = _Memory(np.array([y[4], 0.0, 0.0, y[0]]), np.full(DELAY_PERIODS + 1, y[4]))

@@ -14,26 +14,30 @@ from scipy.optimize import OptimizeResult, least_squares
 from replication.arrays import FloatArray
 from replication.recording import Recording
 
-# Each phase of aligned waveforms is a polynomial of the backlash. The fourth degree leaves 1e-6 rad on noise-free
-# waveforms of Table 2's range, and averages the noise of logs that an interpolation would keep.
+# Each phase of aligned waveforms is a polynomial of the backlash. The fourth degree leaves 1e-6 rad
+# on noise-free waveforms of Table 2's range, and averages the noise of logs that an interpolation
+# would keep.
 _MOST_DEGREE = 4
-# Time constants [s] from which a low-pass is looked for, and by how many variances of the noise the sum of squares must
-# fall for one: without a low-pass it does in one log of four hundred. It takes the noise of the bank's waveforms too.
+# Time constants [s] from which a low-pass is looked for, and by how many variances of the noise the
+# sum of squares must fall for one: without a low-pass it does in one log of four hundred. It takes
+# the noise of the bank's waveforms too.
 _LOW_PASSES_S, _LEAST_GAIN = (1e-3, 4e-3), 8.0
 LEAST_LEVELS = 6
 
 
 def periodic(turn: NDArray[np.floating]) -> CubicSpline:
     """Interpolate a turn at even phases from 0, as a function of the phase in turns from 0 to 1."""
-    return CubicSpline(np.linspace(0.0, 1.0, turn.size + 1), np.append(turn, turn[0]), bc_type="periodic")
+    return CubicSpline(
+        np.linspace(0.0, 1.0, turn.size + 1), np.append(turn, turn[0]), bc_type="periodic"
+    )
 
 
 @dataclass(frozen=True, eq=False)
 class WaveformBank:
     """Settled waveforms of one joint at known backlashes, aligned with one another.
 
-    The degree of the polynomials grows with the levels, so that leaving one out tells how good they are: 2 for six, 3
-    for seven or eight, 4 from nine on.
+    The degree of the polynomials grows with the levels, so that leaving one out tells how good they
+    are: 2 for six, 3 for seven or eight, 4 from nine on.
     """
 
     delta_rad: FloatArray  # increasing, shape (levels,)
@@ -47,7 +51,8 @@ class WaveformBank:
     @cached_property
     def _coefficients(self) -> FloatArray:
         return np.asarray(
-            chebyshev.chebfit(self._position(self.delta_rad), self.waveform_rps, self._degree), dtype=float
+            chebyshev.chebfit(self._position(self.delta_rad), self.waveform_rps, self._degree),
+            dtype=float,
         )
 
     @cached_property
@@ -55,7 +60,9 @@ class WaveformBank:
         """Variance of the noise that is left of the waveforms in the polynomials."""
         fitted = chebyshev.chebval(self._position(self.delta_rad), self._coefficients)
         levels, used = self.delta_rad.size, self._degree + 1
-        return float(((self.waveform_rps - fitted.T) ** 2).mean() * levels / (levels - used) * used / levels)
+        return float(
+            ((self.waveform_rps - fitted.T) ** 2).mean() * levels / (levels - used) * used / levels
+        )
 
     def _position(self, delta_rad: ArrayLike) -> FloatArray:
         """Backlash on the scale of -1 to 1 over the bank."""
@@ -73,11 +80,17 @@ class WaveformBank:
         """
         coefficients = chebyshev.chebder(self._coefficients, derivative)
         values = chebyshev.chebval(self._position(delta_rad), coefficients)
-        return periodic((2 / self.span_rad) ** derivative * low_passed(np.asarray(values, dtype=float), low_pass))
+        return periodic(
+            (2 / self.span_rad) ** derivative
+            * low_passed(np.asarray(values, dtype=float), low_pass)
+        )
 
     def without(self, level: int) -> "WaveformBank":
         """Return the bank without one of its levels, by position."""
-        delta_rad, waveform_rps = np.delete(self.delta_rad, level), np.delete(self.waveform_rps, level, axis=0)
+        delta_rad, waveform_rps = (
+            np.delete(self.delta_rad, level),
+            np.delete(self.waveform_rps, level, axis=0),
+        )
         return WaveformBank(delta_rad, waveform_rps, self.left_out + 1)
 
 
@@ -103,7 +116,9 @@ def drop_first_turn(recording: Recording) -> tuple[FloatArray, FloatArray]:
 
 def samples_a_turn(recording: Recording) -> int:
     """Whole samples in a turn of a record."""
-    return int((recording.t.size - 1) * recording.turn_period_s / (recording.t[-1] - recording.t[0]) + 1e-6)
+    return int(
+        (recording.t.size - 1) * recording.turn_period_s / (recording.t[-1] - recording.t[0]) + 1e-6
+    )
 
 
 def mean_turn(recording: Recording, phases: int) -> FloatArray:
@@ -126,7 +141,9 @@ def mean_turn(recording: Recording, phases: int) -> FloatArray:
 def delayed(waveform: FloatArray, turns: float) -> FloatArray:
     """Delay a periodic waveform by a part of a turn, band-limited."""
     harmonics = np.arange(waveform.size // 2 + 1)
-    return np.fft.irfft(np.fft.rfft(waveform) * np.exp(-2j * np.pi * harmonics * turns), waveform.size)
+    return np.fft.irfft(
+        np.fft.rfft(waveform) * np.exp(-2j * np.pi * harmonics * turns), waveform.size
+    )
 
 
 def low_passed(waveform: FloatArray, low_pass: float) -> FloatArray:
@@ -159,26 +176,38 @@ def make_bank(delta_rad: Sequence[float], turns_rps: Sequence[FloatArray]) -> Wa
             turn = delayed(turn, -_best_shift(last[None, :], turn)[1])
         aligned.setdefault(float(delta_rad[k]), []).append(turn)
     if len(aligned) < LEAST_LEVELS:
-        raise ValueError(f"{len(aligned)} different backlashes; waveforms need {LEAST_LEVELS} or more")
-    return WaveformBank(np.array(list(aligned)), np.array([np.mean(turns, axis=0) for turns in aligned.values()]))
+        raise ValueError(
+            f"{len(aligned)} different backlashes; waveforms need {LEAST_LEVELS} or more"
+        )
+    return WaveformBank(
+        np.array(list(aligned)), np.array([np.mean(turns, axis=0) for turns in aligned.values()])
+    )
 
 
 def match(recording: Recording, bank: WaveformBank, low_pass: bool = False) -> WaveformMatch:
     """Find the backlash and the phase at which a bank's waveform comes nearest to a record's settled turns.
 
-    With `low_pass` one that the bank's logs did not have is looked for, and taken where the misfit falls by more than
-    it makes of noise alone. That is for a bank of the log's own joint: another joint's misfit would pass for one.
+    With `low_pass` one that the bank's logs did not have is looked for, and taken where the misfit
+    falls by more than it makes of noise alone. That is for a bank of the log's own joint: another
+    joint's misfit would pass for one.
     """
     turns, _ = drop_first_turn(recording)
     plain = found = _match_from(recording, bank, 0.0)
     if low_pass:
         starts = [(time_constant / recording.turn_period_s) ** 2 for time_constant in _LOW_PASSES_S]
-        best = min((_match_from(recording, bank, start) for start in starts), key=lambda each: each.cost)
+        best = min(
+            (_match_from(recording, bank, start) for start in starts), key=lambda each: each.cost
+        )
         gain = 2 * (plain.cost - best.cost) - turns.size * bank.noise_rps2
         if gain > _LEAST_GAIN * 2 * best.cost / turns.size:
             found = best
     slopes = _slopes(found.x, turns, bank)
-    variance = 2 * found.cost / max(turns.size - 1 - found.x.size, 1) * np.linalg.pinv(slopes.T @ slopes)[0, 0]
+    variance = (
+        2
+        * found.cost
+        / max(turns.size - 1 - found.x.size, 1)
+        * np.linalg.pinv(slopes.T @ slopes)[0, 0]
+    )
     delta = bank.delta_rad[0] + bank.span_rad * found.x[0]
     half_width = 1.96 * bank.span_rad * np.sqrt(variance)
     filtered = _Unknowns(*found.x).low_pass
@@ -219,13 +248,17 @@ def _match_from(recording: Recording, bank: WaveformBank, low_pass: float) -> Op
 
     def residual(x: FloatArray) -> FloatArray:
         at = _Unknowns(*x)
-        wave = bank.at(bank.delta_rad[0] + bank.span_rad * at.place, 0, at.low_pass)((turns - at.shift) % 1.0)
+        wave = bank.at(bank.delta_rad[0] + bank.span_rad * at.place, 0, at.low_pass)(
+            (turns - at.shift) % 1.0
+        )
         return wave - wave.mean() - centred
 
     def slopes(x: FloatArray) -> FloatArray:
         return _slopes(x, turns, bank)
 
-    return least_squares(residual, start, jac=slopes, bounds=(least, most), x_scale=scale, xtol=1e-12)
+    return least_squares(
+        residual, start, jac=slopes, bounds=(least, most), x_scale=scale, xtol=1e-12
+    )
 
 
 def _slopes(x: FloatArray, turns: FloatArray, bank: WaveformBank) -> FloatArray:

@@ -5,7 +5,15 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from backlash.fitting.folding import CLEARANCE_S, FoldedWindows, Limits, best_misfit, descend, latest_t0, t0_range
+from backlash.fitting.folding import (
+    CLEARANCE_S,
+    FoldedWindows,
+    Limits,
+    best_misfit,
+    descend,
+    latest_t0,
+    t0_range,
+)
 from replication.arrays import FloatArray
 from replication.compiled.cache import njit
 from replication.signature import FREQUENCY_HZ
@@ -43,7 +51,9 @@ def scan_edge(fold, limits, a, b, theta, move_start):
             gram -= 2 * fold.at[min(i, k)].pairs * unit[i] * unit[k]
         first, last = (i, hold) if move_start else (hold, i)
         if not np.isnan(latest_t0(fold.x, limits, first, last, t0, omega)):
-            limit = limits.A * np.exp(tau * (fold.x[first] - anchor))  # of A as seen from the anchor
+            limit = limits.A * np.exp(
+                tau * (fold.x[first] - anchor)
+            )  # of A as seen from the anchor
             cost, _ = best_misfit(gram - offset * offset / fold.total, data, fold.power, limit)
             if cost < best_cost:
                 best_cost = cost
@@ -131,7 +141,9 @@ def turn_back(fold: FoldedWindows, limits: Limits, best: Minimum) -> Minimum:
         while min(move[best.a], move[best.b]) >= 0:
             a, b = int(move[best.a]), int(move[best.b])
             theta = best.theta.copy()
-            theta[0] = latest_t0(fold.x, limits, a, b, theta[0] + fold.x[a] - fold.x[best.a], theta[2])
+            theta[0] = latest_t0(
+                fold.x, limits, a, b, theta[0] + fold.x[a] - fold.x[best.a], theta[2]
+            )
             if np.isnan(theta[0]):
                 break
             trial = refine(fold, limits, Minimum(a, b, theta, np.inf), 8, 3)
@@ -161,8 +173,8 @@ class Starts(NamedTuple):
 def grid_search(fold: FoldedWindows, limits: Limits, dt: float) -> Starts:
     """The best window for each start, over a grid of damping and frequency, most promising starts first.
 
-    Windows that overlap are left out of account. A start whose samples hold less than the best fit explains is not
-    tried: it cannot be better.
+    Windows that overlap are left out of account. A start whose samples hold less than the best fit
+    explains is not tried: it cannot be better.
     """
     starts = fold.x.size
     longest = int(limits.T2 / dt + 1e-6) + 1
@@ -171,7 +183,9 @@ def grid_search(fold: FoldedWindows, limits: Limits, dt: float) -> Starts:
     held = np.divide(value**2, samples, out=np.zeros(starts), where=samples > 0)
     energy[:starts] = held[::-1].cumsum()[::-1]
     reachable = energy[:starts] - energy[longest:]  # nothing is beyond the last start
-    found = Starts(np.full(starts, fold.power), np.zeros(starts, dtype=np.int64), np.zeros((starts, 3)))
+    found = Starts(
+        np.full(starts, fold.power), np.zeros(starts, dtype=np.int64), np.zeros((starts, 3))
+    )
     order = np.argsort(-reachable, kind="stable")
     _search_starts(fold, limits, order, fold.power - reachable, _grid(longest, dt), found)
     return found
@@ -266,6 +280,8 @@ def damping_frequency_grid() -> tuple[FloatArray, FloatArray]:
     """Pairs of tau and omega across Table 1's ranges, omega as dense as the damping lets it be told apart."""
     pairs = []
     for tau, step in ((5.0, 5.0), (9.0, 6.5), (14.0, 9.0), (20.0, 11.0), (28.0, 14.0)):
-        pairs += [(tau, omega) for omega in np.arange(2 * np.pi, FASTEST_RAD_PER_S + step / 2, step)]
+        pairs += [
+            (tau, omega) for omega in np.arange(2 * np.pi, FASTEST_RAD_PER_S + step / 2, step)
+        ]
     taus, omegas = np.array(pairs).T
     return np.ascontiguousarray(taus), np.ascontiguousarray(np.minimum(omegas, FASTEST_RAD_PER_S))

@@ -22,7 +22,16 @@ PER_TURN = {
     "rad": 2 * np.pi,
     "deg": 360.0,
 }
-_SECONDS = {"s": 1.0, "sec": 1.0, "seconds": 1.0, "ms": 1e-3, "us": 1e-6, "μs": 1e-6, "ns": 1e-9, "min": 60.0}
+_SECONDS = {
+    "s": 1.0,
+    "sec": 1.0,
+    "seconds": 1.0,
+    "ms": 1e-3,
+    "us": 1e-6,
+    "μs": 1e-6,
+    "ns": 1e-9,
+    "min": 60.0,
+}
 _PER_SECOND, _PER_MINUTE = (
     rf"[\s_*·.]*(/|per|p)?[\s_]*({word})(\^?[-−]1)?" for word in ("s|sec|seconds?", "min|minutes?")
 )
@@ -42,7 +51,18 @@ _POSITIVE = {
     "turn_period_s": "--turn-period",
     "gear_ratio": "--gear-ratio",
 }
-_TIME_NAMES = {"t", "time", "timestamp", "stamp", "zeit", "tempo", "clock", "date", "datetime", *_SECONDS}
+_TIME_NAMES = {
+    "t",
+    "time",
+    "timestamp",
+    "stamp",
+    "zeit",
+    "tempo",
+    "clock",
+    "date",
+    "datetime",
+    *_SECONDS,
+}
 _SPEED_NAMES = {
     "v",
     "speed",
@@ -57,8 +77,22 @@ _SPEED_NAMES = {
     "dq",
     "qd",
 }
-_POSITION_NAMES = {"position", "pos", "angle", "theta", "encoder", "counts", "phi", "turns", "q", "winkel"}
-_SIGNAL_NAMES, _VALUE_NAMES = ("signal", "name", "channel", "variable"), ("value", "wert")  # of a long table
+_POSITION_NAMES = {
+    "position",
+    "pos",
+    "angle",
+    "theta",
+    "encoder",
+    "counts",
+    "phi",
+    "turns",
+    "q",
+    "winkel",
+}
+_SIGNAL_NAMES, _VALUE_NAMES = (
+    ("signal", "name", "channel", "variable"),
+    ("value", "wert"),
+)  # of a long table
 
 
 @dataclass(frozen=True)
@@ -71,13 +105,17 @@ class LogFormat:
     time: str | None = None
     speed: str | None = None  # of the motor
     position: str | None = None  # of the motor, instead of its speed
-    unit: str | None = None  # of the speed, one of `UNITS`; of a position the turns, radians or counts that go with it
+    unit: str | None = (
+        None  # of the speed, one of `UNITS`; of a position the turns, radians or counts that go with it
+    )
     counts_per_turn: float | None = None  # of the encoder, in a motor turn
     commanded_speed_rps: float | None = None  # of the motor
     turn_period_s: float | None = None  # of the load
     trust_period: bool = False  # whether the turn is taken as it is given
     gear_ratio: float | None = None  # motor turns in a load turn
-    usual_speed_rps: float | None = None  # of the calibration's logs; only a guessed unit is judged by it
+    usual_speed_rps: float | None = (
+        None  # of the calibration's logs; only a guessed unit is judged by it
+    )
     start_s: float | None = None  # of the part to use, from the log's first sample on
     torque: str | None = None  # of the motor, in any unit
     end_s: float | None = None
@@ -89,13 +127,17 @@ class LogFormat:
             if value is not None and not (np.isfinite(value) and value > 0):
                 raise UnusableLog(f"{option} {value:g}: give a finite number above 0")
         if self.turn_period_s is None and self.gear_ratio is None:
-            raise UnusableLog("the load's turn is not known: give --turn-period (in s) or --gear-ratio")
+            raise UnusableLog(
+                "the load's turn is not known: give --turn-period (in s) or --gear-ratio"
+            )
         if self.speed is not None and self.position is not None:
             raise UnusableLog("--speed and --position: give one of them")
         if self.unit is not None and self.unit not in UNITS:
             raise UnusableLog(f"--unit {self.unit}: there are {', '.join(UNITS)}")
         if not (self.start_s or 0.0) < (np.inf if self.end_s is None else self.end_s):
-            raise UnusableLog(f"--from {self.start_s} --to {self.end_s}: give seconds, the end after the start")
+            raise UnusableLog(
+                f"--from {self.start_s} --to {self.end_s}: give seconds, the end after the start"
+            )
 
     @property
     def expected_speed_rps(self) -> float | None:
@@ -118,7 +160,11 @@ def _known_unit(text: str) -> str:
 
 def _plain(column: str) -> tuple[str, str]:
     """Name of a column in lower case without its unit, and the unit: from "Motor speed [rpm]" and "speed_rad_s"."""
-    text = re.sub(r"(?<=[a-z])(?=[A-Z])", "_", re.sub(r"\s*[\[(]\d+[\])]$", "", column)).strip(" _%").lower()
+    text = (
+        re.sub(r"(?<=[a-z])(?=[A-Z])", "_", re.sub(r"\s*[\[(]\d+[\])]$", "", column))
+        .strip(" _%")
+        .lower()
+    )
     bracketed = re.fullmatch(r"(.*?)[\s_]*[\[(<](.*)[\])>]", text)
     if bracketed:
         return bracketed[1], _known_unit(bracketed[2]) or bracketed[2].strip()
@@ -146,7 +192,10 @@ def given_column(columns: Sequence[str], given: str) -> str:
 
 def _column_like(columns: Sequence[str], names: set[str], what: str) -> str | None:
     """Find the only column, or the motor's, that is called one of `names` or has one in its name."""
-    words = {column: set(re.split(r"[\s_./]+|(?<=[a-z])(?=[\d\[])", _plain(column)[0])) for column in columns}
+    words = {
+        column: set(re.split(r"[\s_./]+|(?<=[a-z])(?=[\d\[])", _plain(column)[0]))
+        for column in columns
+    }
     exact = [column for column in columns if _plain(column)[0] in names]
     fitting = exact or [column for column in columns if words[column] & names]
     fitting = [column for column in fitting if "motor" in words[column]] or fitting
@@ -164,10 +213,16 @@ def choose_columns(table: pd.DataFrame, form: LogFormat) -> tuple[str, str, bool
     nameless = all(column.isdigit() for column in columns)
     if nameless and given is None:
         if len(columns) > 2:
-            raise UnusableLog(f"{len(columns)} columns without names; give --time and --speed by number")
+            raise UnusableLog(
+                f"{len(columns)} columns without names; give --time and --speed by number"
+            )
         return columns[0], columns[1], False
     given_time = form.time or ("1" if nameless else None)
-    time = given_column(columns, given_time) if given_time else _column_like(columns, _TIME_NAMES, "time")
+    time = (
+        given_column(columns, given_time)
+        if given_time
+        else _column_like(columns, _TIME_NAMES, "time")
+    )
     if time is None:
         raise UnusableLog(f"no column of time among {_listed(columns)}; give --time")
     if given is not None:
@@ -193,7 +248,9 @@ def tidy(table: pd.DataFrame, form: LogFormat) -> pd.DataFrame:
         rest = [column for column in table.columns if column not in (signal, value)]
         if time := form.time or _column_like(rest, _TIME_NAMES, "time"):
             index = given_column(rest, time)
-            table = table.pivot_table(values=value, index=index, columns=signal, aggfunc="first").reset_index()
+            table = table.pivot_table(
+                values=value, index=index, columns=signal, aggfunc="first"
+            ).reset_index()
     for nano in [column for column in table.columns if re.search(r"stamp\Wn(ano)?secs?$", column)]:
         whole = re.sub("n(ano)?sec", "sec", nano)
         if whole in table:
@@ -209,7 +266,11 @@ def numbers(table: pd.DataFrame, column: str) -> FloatArray:
     bad = np.flatnonzero(~np.isfinite(found))
     if bad.size:
         cell = values.iloc[bad[0]]
-        what = "is missing or not a number (NaN)" if pd.isna(cell) else f"is {str(cell)[:40]!r}, no finite number"
+        what = (
+            "is missing or not a number (NaN)"
+            if pd.isna(cell)
+            else f"is {str(cell)[:40]!r}, no finite number"
+        )
         raise UnusableLog(f"{column} {what}; mend or cut the log there", table.index[bad[0]])
     if np.abs(found).max(initial=0.0) > 1e30:
         raise UnusableLog(f"{column} has values above 1e30; that is no measurement")
@@ -220,7 +281,11 @@ def seconds(table: pd.DataFrame, column: str) -> tuple[FloatArray, tuple[str, ..
     """Time stamps [s] from the first one on, from date-times too, and a note on their unit."""
     values = table[column]
     if not pd.api.types.is_numeric_dtype(values):
-        text = values.astype(str).str.replace(",", ".").str.replace(r"^(?=\d\d:)", "1970-01-01 ", regex=True)
+        text = (
+            values.astype(str)
+            .str.replace(",", ".")
+            .str.replace(r"^(?=\d\d:)", "1970-01-01 ", regex=True)
+        )
         text = text.str.replace(r"^(\d\d)\.(\d\d)\.(\d{4})", r"\3-\2-\1", regex=True)
         dates = pd.to_datetime(text, errors="coerce", utc=True, format="ISO8601")
         if dates.notna().mean() > 0.5:
@@ -230,7 +295,9 @@ def seconds(table: pd.DataFrame, column: str) -> tuple[FloatArray, tuple[str, ..
             return (dates - dates.iloc[0]).dt.total_seconds().to_numpy(dtype=float), ()
     stamps, unit = numbers(table, column), _plain(column)[1]
     if unit and unit not in _SECONDS:
-        raise UnusableLog(f"the unit {unit!r} of {column!r} is not known; there are {', '.join(_SECONDS)}")
+        raise UnusableLog(
+            f"the unit {unit!r} of {column!r} is not known; there are {', '.join(_SECONDS)}"
+        )
     if not unit and stamps.size:  # since 1970, from 2001 on
         unit = next((u for u in ("ms", "us", "ns") if 1e9 <= stamps[0] * _SECONDS[u] < 1e10), "")
     if pd.api.types.is_integer_dtype(values):  # nanoseconds since 1970 are more than a float holds
@@ -243,14 +310,24 @@ def unit_of(column: str, is_position: bool, form: LogFormat) -> tuple[str, tuple
     """Unit of a speed or position, and a note if that is a guess."""
     said = _plain(column)[1]
     if said in _SPELLINGS and form.unit and PER_TURN.get(said) != PER_TURN.get(form.unit):
-        raise UnusableLog(f"column {column!r} says {said}, --unit says {form.unit}; leave --unit out, or rename")
+        raise UnusableLog(
+            f"column {column!r} says {said}, --unit says {form.unit}; leave --unit out, or rename"
+        )
     unit = form.unit or said or ("counts" if form.counts_per_turn else "")
     if unit not in ("", *_SPELLINGS):
-        raise UnusableLog(f"the unit {unit!r} of {column!r} is not known; give --unit, one of {', '.join(UNITS)}")
+        raise UnusableLog(
+            f"the unit {unit!r} of {column!r} is not known; give --unit, one of {', '.join(UNITS)}"
+        )
     if unit == "" and is_position:
-        raise UnusableLog(f"the unit of {column!r} is not known; give --unit (rps for turns, rad/s for rad)")
+        raise UnusableLog(
+            f"the unit of {column!r} is not known; give --unit (rps for turns, rad/s for rad)"
+        )
     if unit == "counts" and form.counts_per_turn is None:
-        raise UnusableLog("counts need the encoder's counts of a motor turn; give --counts-per-turn")
+        raise UnusableLog(
+            "counts need the encoder's counts of a motor turn; give --counts-per-turn"
+        )
     if is_position and unit == "rpm":
-        raise UnusableLog("a position has no unit rpm; give --unit rps for turns, rad/s for rad, or counts")
+        raise UnusableLog(
+            "a position has no unit rpm; give --unit rps for turns, rad/s for rad, or counts"
+        )
     return unit or "rps", () if unit else ("unit of the speed not said: taken as rps",)

@@ -10,7 +10,16 @@ from scipy.interpolate import CubicSpline
 from scipy.ndimage import uniform_filter1d
 
 from backlash.reading import UNITS
-from backlash.reading.columns import PER_TURN, LogFormat, choose_columns, given_column, numbers, seconds, tidy, unit_of
+from backlash.reading.columns import (
+    PER_TURN,
+    LogFormat,
+    choose_columns,
+    given_column,
+    numbers,
+    seconds,
+    tidy,
+    unit_of,
+)
 from backlash.reading.refusals import CannotTell, UnusableLog
 from backlash.reading.sources import Source, Table, read_source
 from replication.arrays import FloatArray
@@ -22,7 +31,9 @@ _GOOD_RATE_HZ = 12 * _RING_HZ  # below, the samples may miss more than 3 % of a 
 _FASTEST_HZ = 2000.0  # above, neighbouring samples are averaged
 
 _LEAST_SAMPLES = 8  # of a log, and of a load turn
-_LEAST_TURNS = 4  # fewer half turns have too few orders of signs to tell a pattern from noise (see `pattern`)
+_LEAST_TURNS = (
+    4  # fewer half turns have too few orders of signs to tell a pattern from noise (see `pattern`)
+)
 _MOST_TURNS = 60  # what is beyond adds nothing but time
 _SPEED_TOLERANCE = 0.03  # of a constant speed; backlash disturbs it by some 1 %
 _SMOOTHING_S = 0.1
@@ -70,16 +81,24 @@ class _Samples:
         return replace(self, notes=(*self.notes, note), **parts)
 
     def part(self, kept: slice, note: str) -> "_Samples":
-        return self.both(lambda signal: signal[kept]).changed(note, t=self.t[kept], rows=self.rows[kept])
+        return self.both(lambda signal: signal[kept]).changed(
+            note, t=self.t[kept], rows=self.rows[kept]
+        )
 
     def both(self, change: Callable[[FloatArray], FloatArray]) -> "_Samples":
         """Change speed and torque alike."""
-        return replace(self, v=change(self.v), torque=None if self.torque is None else change(self.torque))
+        return replace(
+            self, v=change(self.v), torque=None if self.torque is None else change(self.torque)
+        )
 
 
-def open_log(source: object, form: LogFormat, v: ArrayLike | None = None, torque: ArrayLike | None = None) -> Log:
+def open_log(
+    source: object, form: LogFormat, v: ArrayLike | None = None, torque: ArrayLike | None = None
+) -> Log:
     """Read and prepare a log, unless that was done before; see `read_source`."""
-    return source if isinstance(source, Log) else prepare(read_source(source, form, v, torque), form)
+    return (
+        source if isinstance(source, Log) else prepare(read_source(source, form, v, torque), form)
+    )
 
 
 def prepare(table: Table, form: LogFormat) -> Log:
@@ -96,7 +115,9 @@ def _prepare(table: Table, form: LogFormat) -> Log:
         form = replace(form, torque=given_column(list(frame.columns), form.torque))
     time, column, is_position = choose_columns(frame, form)
     unit, guess = unit_of(column, is_position, form)
-    judged = form if guess else replace(form, usual_speed_rps=None)  # a unit that is named is not doubted
+    judged = (
+        form if guess else replace(form, usual_speed_rps=None)
+    )  # a unit that is named is not doubted
     samples = _read_samples(frame, time, column, form)
     per_turn = {**PER_TURN, "counts": form.counts_per_turn or 1.0}[unit]
     samples = replace(samples, v=samples.v / per_turn, notes=samples.notes + guess)
@@ -129,31 +150,43 @@ def _read_samples(table: pd.DataFrame, time: str, column: str, form: LogFormat) 
         if not kept.any():
             raise UnusableLog(f"no samples between --from and --to; the log lasts {t[-1]:.6g} s")
     torque = None if form.torque is None else numbers(table[kept], form.torque)
-    samples = _Samples(t[kept], numbers(table[kept], column), table.index.to_numpy()[kept], notes, torque)
+    samples = _Samples(
+        t[kept], numbers(table[kept], column), table.index.to_numpy()[kept], notes, torque
+    )
     if samples.t.size > 2 and samples.t[1] == samples.t[0]:
-        samples = samples.part(slice(1, None), "dropped the first row: its time stamp is that of the second")
+        samples = samples.part(
+            slice(1, None), "dropped the first row: its time stamp is that of the second"
+        )
     _check_clock(samples)
     if np.ptp(samples.v) == 0:
-        raise UnusableLog(f"{column} never changes, it is {samples.v[0]:g} throughout; is it the right column?")
+        raise UnusableLog(
+            f"{column} never changes, it is {samples.v[0]:g} throughout; is it the right column?"
+        )
     return samples
 
 
 def _check_clock(samples: _Samples) -> None:
     t = samples.t
     if t.size < 3:
-        raise UnusableLog(f"{t.size} sample{'s' * (t.size != 1)}; a log of {_LEAST_TURNS} load turns is needed")
+        raise UnusableLog(
+            f"{t.size} sample{'s' * (t.size != 1)}; a log of {_LEAST_TURNS} load turns is needed"
+        )
     wrong = np.flatnonzero(np.diff(t) <= 0)
     if wrong.size:
         k = wrong[0] + 1
         what = "repeats the one before" if t[k] == t[k - 1] else "goes backward"
         cure = "sort the log, drop doubled rows, and export stamps with all their digits"
-        raise UnusableLog(f"its time stamp {what} ({wrong.size} such rows); {cure}", samples.rows[k])
+        raise UnusableLog(
+            f"its time stamp {what} ({wrong.size} such rows); {cure}", samples.rows[k]
+        )
 
 
 def _differentiated(samples: _Samples) -> _Samples:
     """Speed from a position on an even grid; the torque's mean between samples, as the speed's, is by its integral."""
     if samples.torque is not None:
-        samples = replace(samples, torque=CubicSpline(samples.t, samples.torque).antiderivative()(samples.t))
+        samples = replace(
+            samples, torque=CubicSpline(samples.t, samples.torque).antiderivative()(samples.t)
+        )
     samples = samples.both(lambda signal: np.diff(signal) / np.diff(samples.t))
     note = "speed differentiated from the position, between neighbouring samples"
     return samples.changed(note, t=samples.t[1:], rows=samples.rows[1:])
@@ -172,7 +205,9 @@ def _unwrapped(samples: _Samples, form: LogFormat) -> _Samples:
     speed = form.expected_speed_rps or 0.0
     ways = [steps - modulus * np.round((steps - way * speed * dt) / modulus) for way in (1.0, -1.0)]
     best = min(ways, key=lambda way: abs(abs(float(np.median(way / dt))) - speed))
-    short = dt <= 1.5 * np.median(dt)  # where samples are missing, the speed is that of the neighbours
+    short = dt <= 1.5 * np.median(
+        dt
+    )  # where samples are missing, the speed is that of the neighbours
     near = np.interp(np.arange(dt.size), np.flatnonzero(short), best[short] / dt[short])
     best = np.where(short, best, steps - modulus * np.round((steps - near * dt) / modulus))
     if np.count_nonzero(best * np.median(best) < 0) > 0.2 * best.size:
@@ -192,7 +227,9 @@ def _sampling_period(samples: _Samples) -> float:
     if rate < _LEAST_RATE_HZ:
         needed = f"{_LEAST_RATE_HZ:g} Hz at least, {_GOOD_RATE_HZ:.0f} Hz to be measured well"
         what = f"sampled at {rate:.3g} Hz; the {_RING_HZ:g} Hz oscillation after an impact needs {needed}"
-        raise UnusableLog(f"{what} (are the time stamps in s? if not, name the column like 'time [ms]')")
+        raise UnusableLog(
+            f"{what} (are the time stamps in s? if not, name the column like 'time [ms]')"
+        )
     return dt
 
 
@@ -201,21 +238,30 @@ def _refuse_gaps(samples: _Samples, dt: float) -> None:
     steps = np.diff(samples.t)
     for k in np.flatnonzero(steps > _LONGEST_STEP * dt)[:1]:
         gap = f"a gap of {steps[k]:.3g} s in the constant speed, at t = {samples.t[k]:.4g} s"
-        raise UnusableLog(f"{gap}; log again, or use one side of it by --from and --to", samples.rows[k + 1])
+        raise UnusableLog(
+            f"{gap}; log again, or use one side of it by --from and --to", samples.rows[k + 1]
+        )
 
 
 def _grid_numbers(t: FloatArray, dt: float) -> NDArray[np.int64]:
     """Numbers of samples on the even grid that they were taken on; their order if there is no such grid.
 
-    The grid's period is what brings the stamps in phase, at first those of a short part, then of longer ones.
+    The grid's period is what brings the stamps in phase, at first those of a short part, then of
+    longer ones.
     """
     reach, size, start = 0.1, 0, t[0]
     while size < t.size:
         size = min(max(64, 4 * size), t.size)
         trials = dt * (1 + reach * np.linspace(-1, 1, 81))
-        phases = np.exp(2j * np.pi * (t[: size : max(1, size // 2048)] - t[0]) / trials[:, None]).sum(axis=1)
+        phases = np.exp(
+            2j * np.pi * (t[: size : max(1, size // 2048)] - t[0]) / trials[:, None]
+        ).sum(axis=1)
         best = int(np.abs(phases).argmax())
-        dt, start, reach = trials[best], t[0] + trials[best] * np.angle(phases[best]) / (2 * np.pi), 1.5 / size
+        dt, start, reach = (
+            trials[best],
+            t[0] + trials[best] * np.angle(phases[best]) / (2 * np.pi),
+            1.5 / size,
+        )
     k = np.rint((t - start) / dt).astype(np.int64)
     return k - k[0] if (np.diff(k) > 0).all() else np.arange(t.size)
 
@@ -223,7 +269,8 @@ def _grid_numbers(t: FloatArray, dt: float) -> NDArray[np.int64]:
 def _follows_stamps(v: FloatArray, stray: FloatArray) -> bool:
     """Whether samples tell that they were taken at the stamps, which stray from an even grid by shares of its period.
 
-    Their deviations from the neighbours' course then are its slope times the stray, else they have nothing in common.
+    Their deviations from the neighbours' course then are its slope times the stray, else they have
+    nothing in common.
     """
     curve = np.convolve(v, np.array([1, -4, 6, -4, 1]) / 6, mode="valid")
     slope = np.convolve(v, np.array([2, 1, 0, -1, -2]) / 10, mode="valid")
@@ -248,7 +295,9 @@ def _on_even_grid(samples: _Samples, dt: float) -> _Samples:
         off = f"time stamps up to {1e3 * dt * most:.2g} ms off an even {1 / dt:.6g} Hz"
         samples = samples.changed(f"{off}: {'resampled' if is_true else 'taken as even'}")
     if even.size > k.size:
-        samples = samples.changed(f"missing samples filled from their neighbours: {even.size - k.size}")
+        samples = samples.changed(
+            f"missing samples filled from their neighbours: {even.size - k.size}"
+        )
     if even.size > k.size or places is not k:
         samples = samples.both(lambda signal: CubicSpline(places, signal)(even))
     return replace(samples, t=dt * even, rows=samples.rows[np.searchsorted(k, even)])
@@ -258,7 +307,9 @@ def _averaged(samples: _Samples) -> _Samples:
     """Average neighbouring samples of a fast log."""
     rate = 1.0 / (samples.t[1] - samples.t[0])
     if rate < _GOOD_RATE_HZ:
-        return samples.changed(f"sampled at {rate:.0f} Hz: below {_GOOD_RATE_HZ:.0f} Hz the peaks are read too low")
+        return samples.changed(
+            f"sampled at {rate:.0f} Hz: below {_GOOD_RATE_HZ:.0f} Hz the peaks are read too low"
+        )
     if rate <= _FASTEST_HZ:
         return samples
     together = int(rate // (_FASTEST_HZ / 2))
@@ -284,7 +335,9 @@ def _level(v: FloatArray, expected: float | None) -> float:
     return float(np.median(near))
 
 
-def _at_constant_speed(samples: _Samples, is_position: bool, dt: float, form: LogFormat) -> _Samples:
+def _at_constant_speed(
+    samples: _Samples, is_position: bool, dt: float, form: LogFormat
+) -> _Samples:
     """Cut out the longest stretch at constant speed, turned forward."""
     t, v = samples.t, samples.v
     lasts = t[-1] - t[0]
@@ -309,7 +362,9 @@ def _at_constant_speed(samples: _Samples, is_position: bool, dt: float, form: Lo
     period = form.period_s(level)
     turns = (t[last - 1] - t[first]) / period if last > first else 0.0
     if period < _LEAST_SAMPLES * dt:
-        raise CannotTell("too short", f"a load turn of {period:.3g} s is {period / dt:.1f} samples long")
+        raise CannotTell(
+            "too short", f"a load turn of {period:.3g} s is {period / dt:.1f} samples long"
+        )
     if turns < _LEAST_TURNS - 1.5 * dt / period:
         reason = "too short" if last - first > 0.9 * v.size else "not constant speed"
         found = f"{turns:.1f} load turns of {period:.4g} s at {level:.4g} rps"
@@ -321,7 +376,9 @@ def _at_constant_speed(samples: _Samples, is_position: bool, dt: float, form: Lo
         whole = slice(round(_MOST_TURNS * period / dt) + 1)
         samples = samples.part(whole, f"{turns:.0f} turns: used the first {_MOST_TURNS}")
     if smooth[first] < 0:
-        samples = samples.both(np.negative).changed("the motor turns backward: the speed's sign is changed")
+        samples = samples.both(np.negative).changed(
+            "the motor turns backward: the speed's sign is changed"
+        )
     _refuse_gaps(samples, dt)
     return samples
 
@@ -345,11 +402,15 @@ def _log_of(samples: _Samples, table: Table, form: LogFormat) -> Log:
     period = form.period_s(mean)
     ratio = form.gear_ratio
     if form.turn_period_s is None:
-        samples = samples.changed(f"a load turn takes {period:.6g} s: gear ratio {ratio:g} at {mean:.6g} rps")
+        samples = samples.changed(
+            f"a load turn takes {period:.6g} s: gear ratio {ratio:g} at {mean:.6g} rps"
+        )
     elif ratio is not None and abs(ratio / mean / period - 1) > _SPEED_TOLERANCE:
         turn = f"gear ratio {ratio:g} at {mean:.5g} rps makes turns of {ratio / mean:.4g} s"
         raise CannotTell("wrong period", f"{turn}, not the {period:g} s given")
-    recording = Recording(samples.t - samples.t[0], v, form.commanded_speed_rps or mean, period, table.file)
+    recording = Recording(
+        samples.t - samples.t[0], v, form.commanded_speed_rps or mean, period, table.file
+    )
     return Log(
         file=table.file,
         sha256=table.sha256,
@@ -362,7 +423,10 @@ def _log_of(samples: _Samples, table: Table, form: LogFormat) -> Log:
 
 def _check_speed(level: float, form: LogFormat) -> None:
     """Refuse a speed that is as far from the expected one as one unit from another; doubt one that is off otherwise."""
-    expected, why = form.expected_speed_rps, "commanded" if form.commanded_speed_rps else "by gear ratio and turn"
+    expected, why = (
+        form.expected_speed_rps,
+        "commanded" if form.commanded_speed_rps else "by gear ratio and turn",
+    )
     if expected is None:
         expected, why = form.usual_speed_rps, "in the calibration"
     if expected is None or abs(level / expected - 1) < _SPEED_TOLERANCE:
@@ -373,7 +437,10 @@ def _check_speed(level: float, form: LogFormat) -> None:
             hint = f"is the speed in {other}? then give --unit {other}"
             raise UnusableLog(f"the speed is {level:.4g} rps, {expected:.4g} rps {why}; {hint}")
     if form.expected_speed_rps is not None:
-        raise CannotTell("not constant speed", f"the log keeps {level:.4g} rps longest, not {expected:.4g} rps, {why}")
+        raise CannotTell(
+            "not constant speed",
+            f"the log keeps {level:.4g} rps longest, not {expected:.4g} rps, {why}",
+        )
 
 
 def _refuse_spikes(v: FloatArray, rows: NDArray[np.int64], form: LogFormat) -> None:

@@ -39,7 +39,9 @@ def name_of(source: object) -> str:
     return str(source) if isinstance(source, str | PathLike) else getattr(source, "file", "log")
 
 
-def read_source(source: object, form: LogFormat, v: ArrayLike | None = None, torque: ArrayLike | None = None) -> Table:
+def read_source(
+    source: object, form: LogFormat, v: ArrayLike | None = None, torque: ArrayLike | None = None
+) -> Table:
     """Read a log: a path ("-": standard input), a table, or time, speed and torque as arrays."""
     name = name_of(source)
     if name == STDIN:
@@ -50,10 +52,16 @@ def read_source(source: object, form: LogFormat, v: ArrayLike | None = None, tor
         frame = source.reset_index(drop=source.index.name is None).rename(columns=str)
         return Table(file=name, frame=frame)
     names = [form.time or "time", form.position or form.speed or "speed", form.torque]
-    arrays = {column: np.asarray(each) for column, each in zip(names, (source, v, torque), strict=True) if column}
+    arrays = {
+        column: np.asarray(each)
+        for column, each in zip(names, (source, v, torque), strict=True)
+        if column
+    }
     shapes = [each.shape for each in arrays.values()]
     if len(shapes[0]) != 1 or len(set(shapes)) > 1:
-        raise UnusableLog(f"arrays of shapes {' and '.join(map(str, shapes))}; give time and speed, of one length")
+        raise UnusableLog(
+            f"arrays of shapes {' and '.join(map(str, shapes))}; give time and speed, of one length"
+        )
     return Table(file=name, frame=pd.DataFrame(arrays))
 
 

@@ -1,6 +1,7 @@
 """From a log file to a table of columns: text, XLSX and Parquet.
 
-Log files are untrusted input: their kind is told by content, and size and archive headers are verified.
+Log files are untrusted input: their kind is told by content, and size and archive headers are
+verified.
 """
 
 import csv
@@ -37,10 +38,19 @@ _UNREADABLE = {
 # Parquet columns that may hold a signal; text and nested ones may unpack to anything.
 _NUMERIC = ("int", "uint", "float", "double", "halffloat", "timestamp", "decimal")
 _UTF16 = (b"\xff\xfe", b"\xfe\xff")
-_DIALECTS = (*((delimiter, mark) for delimiter in "\t;|" for mark in ".,"), (",", "."), (r"\s+", "."), (r"\s+", ","))
-_DATE = re.compile(r"(\d{4}-\d\d-\d\d[T ]|\d\d\.\d\d\.\d{4}[T ])?\d\d:\d\d(:\d\d([.,]\d+)?)?(Z|[+-]\d\d:?\d\d)?")
+_DIALECTS = (
+    *((delimiter, mark) for delimiter in "\t;|" for mark in ".,"),
+    (",", "."),
+    (r"\s+", "."),
+    (r"\s+", ","),
+)
+_DATE = re.compile(
+    r"(\d{4}-\d\d-\d\d[T ]|\d\d\.\d\d\.\d{4}[T ])?\d\d:\d\d(:\d\d([.,]\d+)?)?(Z|[+-]\d\d:?\d\d)?"
+)
 _GROUPED = r"[+-]?\d{1,3}(,\d{3})+\.\d+"  # with marks of thousands
-_NUMBER = re.compile(rf"{_GROUPED}|[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?|[+-]?(nan|inf|infinity)", re.IGNORECASE)
+_NUMBER = re.compile(
+    rf"{_GROUPED}|[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?|[+-]?(nan|inf|infinity)", re.IGNORECASE
+)
 _UNIT_WORD = re.compile(r"[\[(<]?\s*[A-Za-z°µ%/.^\-0-9]{0,8}( ?s\^?-1)?\s*[\])>]?")
 
 
@@ -83,7 +93,9 @@ def _read_parquet(path: Path) -> pd.DataFrame:
         raise UnusableLog(needed) from error
     try:
         with ParquetFile(path) as file:
-            flat = [field.name for field in file.schema_arrow if str(field.type).startswith(_NUMERIC)]
+            flat = [
+                field.name for field in file.schema_arrow if str(field.type).startswith(_NUMERIC)
+            ]
             _check_size(file.metadata.num_rows, len(flat))
             frame = file.read(columns=flat).to_pandas(ignore_metadata=True)
     except UnusableLog:
@@ -92,7 +104,9 @@ def _read_parquet(path: Path) -> pd.DataFrame:
         problem = f"a broken Parquet file ({type(error).__name__}: {str(error)[:200]})"
         raise UnusableLog(f"{problem}; export the log again, or as CSV") from error
     if frame.shape[1] < 2:
-        raise UnusableLog("no two columns of numbers in this Parquet file; export time and speed as CSV")
+        raise UnusableLog(
+            "no two columns of numbers in this Parquet file; export time and speed as CSV"
+        )
     frame.index = frame.index + 1
     return frame
 
@@ -112,15 +126,21 @@ def _check_size(rows: int, columns: int) -> None:
 def _named(frame: pd.DataFrame, above: Sequence[Sequence[str]], first: int) -> pd.DataFrame:
     """Name columns by the rows above the numbers, number rows as the file does, and drop blank rows and columns."""
     _check_size(*frame.shape)
-    names = [name or str(number + 1) for number, name in enumerate(_header_names(above, frame.shape[1]))]
-    frame.columns = [name if names.count(name) == 1 else f"{name} ({k + 1})" for k, name in enumerate(names)]
+    names = [
+        name or str(number + 1) for number, name in enumerate(_header_names(above, frame.shape[1]))
+    ]
+    frame.columns = [
+        name if names.count(name) == 1 else f"{name} ({k + 1})" for k, name in enumerate(names)
+    ]
     frame.index = frame.index + first + 1
     return frame.dropna(how="all").dropna(how="all", axis=1)
 
 
 def _header_names(rows: Sequence[Sequence[str]], columns: int) -> list[str]:
     """Names of the columns from the rows above the numbers; a row of units goes to the row of names above it."""
-    fitting = [[str(field).strip().strip('"') for field in row] for row in rows if len(row) == columns]
+    fitting = [
+        [str(field).strip().strip('"') for field in row] for row in rows if len(row) == columns
+    ]
     names = fitting[-1] if fitting else [""] * columns
     if len(fitting) > 1 and all(_UNIT_WORD.fullmatch(field) for field in names):
         units = [unit.strip("[]()") for unit in names]
@@ -132,14 +152,23 @@ def _header_names(rows: Sequence[Sequence[str]], columns: int) -> list[str]:
 def _split(line: str, delimiter: str) -> list[str]:
     if delimiter == r"\s+":
         return line.split()
-    return [field.strip() for field in next(csv.reader([line], delimiter=delimiter, skipinitialspace=True), [])]
+    return [
+        field.strip()
+        for field in next(csv.reader([line], delimiter=delimiter, skipinitialspace=True), [])
+    ]
 
 
 def _numbers(line: str, delimiter: str, decimal: str) -> list[str]:
     """Fields of a line that are numbers, with "." as decimal mark, or date-times."""
     fields = [field.strip('"') for field in _split(line, delimiter)]
-    swapped = [field.translate(str.maketrans(",.", ".,")) if decimal == "," else field for field in fields]
-    return [s for s, field in zip(swapped, fields, strict=True) if _NUMBER.fullmatch(s) or _DATE.fullmatch(field)]
+    swapped = [
+        field.translate(str.maketrans(",.", ".,")) if decimal == "," else field for field in fields
+    ]
+    return [
+        s
+        for s, field in zip(swapped, fields, strict=True)
+        if _NUMBER.fullmatch(s) or _DATE.fullmatch(field)
+    ]
 
 
 def _find_dialect(lines: Sequence[str]) -> tuple[str, str]:
@@ -151,7 +180,9 @@ def _find_dialect(lines: Sequence[str]) -> tuple[str, str]:
 
     best = max(_DIALECTS, key=score)
     if score(best) < 1:
-        raise UnusableLog("no rows with two numbers (header only, or no table); export the log again")
+        raise UnusableLog(
+            "no rows with two numbers (header only, or no table); export the log again"
+        )
     return best
 
 
@@ -176,21 +207,38 @@ def _table_of(text: str) -> pd.DataFrame:
     """Find the table in a text."""
     head = re.split(r"\r\n|\r|\n", text[:_LONGEST_LINE])[:400]
     if len(head) < 2 and len(text) >= _LONGEST_LINE:
-        raise UnusableLog(f"its first line is longer than {_LONGEST_LINE} characters; that is no log")
-    filled = [(number, line.lstrip("#%").strip()) for number, line in enumerate(head) if line.strip("#%,;\t \r")]
+        raise UnusableLog(
+            f"its first line is longer than {_LONGEST_LINE} characters; that is no log"
+        )
+    filled = [
+        (number, line.lstrip("#%").strip())
+        for number, line in enumerate(head)
+        if line.strip("#%,;\t \r")
+    ]
     if not filled:
         raise UnusableLog("nothing but blank lines; export the log again")
     last = [line for _, line in filled[-50:]]
     delimiter, decimal = _find_dialect(last)
-    grouped = any(re.fullmatch(_GROUPED, field) for line in last for field in _numbers(line, delimiter, decimal))
+    grouped = any(
+        re.fullmatch(_GROUPED, field)
+        for line in last
+        for field in _numbers(line, delimiter, decimal)
+    )
     first = next(number for number, line in filled if len(_numbers(line, delimiter, decimal)) >= 2)
     above = [_split(line, delimiter) for number, line in filled if number < first]
     try:
         frame = pd.read_csv(
-            io.StringIO(text), sep=delimiter, decimal=decimal, header=None, skiprows=first, nrows=MOST_ROWS + 1,
-            skip_blank_lines=False, skipinitialspace=True, low_memory=False,
+            io.StringIO(text),
+            sep=delimiter,
+            decimal=decimal,
+            header=None,
+            skiprows=first,
+            nrows=MOST_ROWS + 1,
+            skip_blank_lines=False,
+            skipinitialspace=True,
+            low_memory=False,
             thousands={",": ".", ".": ","}[decimal] if grouped else None,
-        )  # fmt: skip
+        )
     except (ValueError, pd.errors.ParserError, OverflowError) as error:
         raise UnusableLog(f"not a table ({error}); export the log again") from error
     return _named(frame, above, first)
@@ -203,7 +251,9 @@ def _inspect_workbook(path: Path) -> None:
         members = bundle.infolist()
         names = {member.filename for member in members}
         if "xl/workbook.xml" not in names:
-            raise UnusableLog(f"{refused} (it has no xl/workbook.xml); unpack it, or save the log as CSV")
+            raise UnusableLog(
+                f"{refused} (it has no xl/workbook.xml); unpack it, or save the log as CSV"
+            )
         declared = sum(member.file_size for member in members)
         if len(members) > MOST_ZIP_MEMBERS or declared > MOST_UNPACKED_BYTES:
             size = f"{declared / 2**20:,.0f} MiB, above {MOST_UNPACKED_BYTES // 2**20}"
@@ -232,6 +282,10 @@ def _read_workbook(path: Path) -> pd.DataFrame:
                 writer.writerow(row)
     except UnusableLog:
         raise
-    except Exception as error:  # whatever hostile bytes make zipfile, the XML parser or openpyxl raise
-        raise UnusableLog(f"not a readable workbook ({type(error).__name__}: {error}); save the log as CSV") from error
+    except (
+        Exception
+    ) as error:  # whatever hostile bytes make zipfile, the XML parser or openpyxl raise
+        raise UnusableLog(
+            f"not a readable workbook ({type(error).__name__}: {error}); save the log as CSV"
+        ) from error
     return _table_of(text.getvalue())

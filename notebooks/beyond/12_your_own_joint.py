@@ -166,11 +166,15 @@ own = calibration.fit_calibration(
     [log(delta, 100 + k, turns=12) for k, delta in enumerate(known_rad)], known_rad, method
 )
 ours = settings_for(form, own)
-print(f"{own.method}: {own.range_rad[0]:.1e} to {own.range_rad[1]:.1e} rad, uncertainty {own.uncertainty_rad:.1e} rad")
+print(
+    f"{own.method}: {own.range_rad[0]:.1e} to {own.range_rad[1]:.1e} rad, uncertainty {own.uncertainty_rad:.1e} rad"
+)
 calibrated = answer(log(backlash_rad, 0), ours)
 print(str(calibrated.estimate))
 log_figure = plots.estimate_figure(
-    calibrated.fitted.recording, calibrated.fitted.model_rps, "your joint, the waveform of its backlash"
+    calibrated.fitted.recording,
+    calibrated.fitted.model_rps,
+    "your joint, the waveform of its backlash",
 )
 
 # %% [markdown]
@@ -193,9 +197,14 @@ print(str(first.estimate))
 # %%
 true_rad = [5e-4, 8e-4, 11e-4, 14e-4, 17e-4]
 rows = [
-    answer(log(delta, 200 + k), settings).estimate.to_dict() | {"calibration": name, "true_rad": delta}
+    answer(log(delta, 200 + k), settings).estimate.to_dict()
+    | {"calibration": name, "true_rad": delta}
     for k, delta in enumerate(true_rad)
-    for name, settings in (("none", uncalibrated), ("the paper's joint", papers), ("your own", ours))
+    for name, settings in (
+        ("none", uncalibrated),
+        ("the paper's joint", papers),
+        ("your own", ours),
+    )
 ]
 table = pd.DataFrame(rows)[["calibration", "true_rad", "verdict", "backlash_rad", "method"]]
 table["error_rad"] = table["backlash_rad"].astype(float) - table["true_rad"]
@@ -221,18 +230,24 @@ trend_figure = plots.trend_figure(line)
 
 # %%
 good = log(backlash_rad, 0)
-rubbed = replace(bench, joint=replace(bench.joint, load_coulomb_nm=0.2 * bench.joint.gravity_torque_nm))
+rubbed = replace(
+    bench, joint=replace(bench.joint, load_coulomb_nm=0.2 * bench.joint.gravity_torque_nm)
+)
 noise = np.random.default_rng(bench_seed).normal(0, 5.0, good.v.size)
 odd = {
     "no backlash at all": log(0.0, 1),
-    "the turn's period taken wrong by a half": replace(good, turn_period_s=1.5 * good.turn_period_s),
+    "the turn's period taken wrong by a half": replace(
+        good, turn_period_s=1.5 * good.turn_period_s
+    ),
     "noise of 5 rps": replace(good, v=good.v + noise),
     "friction of 20 % of gravity, not there in the calibration": log(backlash_rad, 0, rubbed),
     "twice the largest backlash of the calibration": log(2 * own.range_rad[1], 2),
 }
 answers = [answer(record, ours, name).estimate for name, record in odd.items()]
 print("\n".join(str(found) for found in answers))
-odd_table = pd.DataFrame([(found.file, found.verdict) for found in answers], columns=["log", "verdict"])
+odd_table = pd.DataFrame(
+    [(found.file, found.verdict) for found in answers], columns=["log", "verdict"]
+)
 
 # %% [markdown]
 # ## Verdict
@@ -241,7 +256,9 @@ odd_table = pd.DataFrame([(found.file, found.verdict) for found in answers], col
 
 # %%
 errors = table.groupby("calibration", sort=False)["error_rad"]
-summary = pd.DataFrame({"answers": errors.count(), "mean_abs_error_rad": errors.agg(lambda error: error.abs().mean())})
+summary = pd.DataFrame(
+    {"answers": errors.count(), "mean_abs_error_rad": errors.agg(lambda error: error.abs().mean())}
+)
 display(summary)
 none, of_the_papers, yours = 1e6 * summary["mean_abs_error_rad"]
 others = [found.verdict for found in answers if found.verdict != "cannot tell"]
@@ -253,7 +270,12 @@ print(
 
 # %% tags=["plumbing"]
 workbook.export(
-    supplement={"own_joint": (table, "Estimates of one joint's logs with its own and the paper's calibration.")},
+    supplement={
+        "own_joint": (
+            table,
+            "Estimates of one joint's logs with its own and the paper's calibration.",
+        )
+    },
     figures={
         "own_joint_log": (
             log_figure,
@@ -293,7 +315,9 @@ print(f"noise {100 * noise_share:.0f} %, calibration {100 * (1 - noise_share):.0
 # **2.** A pure sine of 21 Hz is sampled at $f_s$. How much of its peak can the largest sample miss, at 500 and 84 Hz?
 
 # %% tags=["solution"]
-most_missed = {rate: 1 - np.cos(np.pi * 21 / rate) for rate in (500, 84)}  # half a sampling period from the peak
+most_missed = {
+    rate: 1 - np.cos(np.pi * 21 / rate) for rate in (500, 84)
+}  # half a sampling period from the peak
 assert np.isclose(most_missed[84], 1 - np.sqrt(0.5))
 assert most_missed[500] < 0.01
 print({rate: f"{100 * share:.1f} %" for rate, share in most_missed.items()})
@@ -306,4 +330,6 @@ print({rate: f"{100 * share:.1f} %" for rate, share in most_missed.items()})
 level, growth = line.line
 crossing = line.origin + pd.Timedelta(days=(limit_rad - level) / growth)
 assert line.crossing is None or abs(crossing - line.crossing) < pd.Timedelta(minutes=1)
-print(crossing.date(), line.crossing_interval)  # a slope that is a little smaller moves the crossing further
+print(
+    crossing.date(), line.crossing_interval
+)  # a slope that is a little smaller moves the crossing further

@@ -170,7 +170,9 @@ beyond_features = plots.cross_validation_errors(errors, targets_rad)
 STARTS = {"known": 1, "free": 2}  # unknowns: the backlash, and the start angle
 
 
-def bound_rad(slopes, settings):  # least SD of the backlash from a log with these settings, its first turn left out
+def bound_rad(
+    slopes, settings
+):  # least SD of the backlash from a log with these settings, its first turn left out
     turn_s, rate = joint.turn_period_s, settings["sampling_hz"]
     t = np.arange(round(max(int(settings["turns"]) - 1, 1) * turn_s * rate)) / rate
     noise_sd, drift = settings["noise_half_amplitude_rps"] / np.sqrt(3), []
@@ -185,7 +187,10 @@ def bound_rad(slopes, settings):  # least SD of the backlash from a log with the
 noise = dict(enumerate(published.column("Table 2", "noise"), start=2))  # by level
 slopes = {level: accuracy.waveform_slopes(joint, level_delta_rad(level)) for level in scored}
 bounds = {
-    start: [bound_rad(slopes[K][:free], accuracy.USUAL | {"noise_half_amplitude_rps": noise[K]}) for K in scored]
+    start: [
+        bound_rad(slopes[K][:free], accuracy.USUAL | {"noise_half_amplitude_rps": noise[K]})
+        for K in scored
+    ]
     for start, free in STARTS.items()
 }
 bound = pd.DataFrame(
@@ -206,7 +211,9 @@ in_microradians(bound)
 rng, turn_s, N = np.random.default_rng(1), joint.turn_period_s, joint.gear_ratio
 
 
-def first_gap(delta_rad):  # of the settled turns: the simulated motion, the displacement, separation and impact
+def first_gap(
+    delta_rad,
+):  # of the settled turns: the simulated motion, the displacement, separation and impact
     run = simulate(joint, delta_rad, duration_s=3 * turn_s, sample_s=5e-5, step_s=5e-5)
     t1 = next(t for t in run.separation_time_s if t > turn_s)
     t2 = next(t for t in run.impact_time_s if t > t1)
@@ -250,7 +257,9 @@ gap_table.round(4)
 # %%
 run, displacement, t1, t2 = first_gap(15e-4)
 turn = mean_turn(simulate_recordings(joint, [run.delta_rad])[0], 200)
-guess = min(gap_time.find_gaps(turn, joint, smoothing_s), key=lambda gap: abs(gap[0] - (t1 - turn_s)))
+guess = min(
+    gap_time.find_gaps(turn, joint, smoothing_s), key=lambda gap: abs(gap[0] - (t1 - turn_s))
+)
 near = (run.time_s > t1 - 0.02) & (run.time_s < t2 + 0.03)
 since_ms = 1e3 * (run.time_s[near] - t1)
 _, (top, bottom) = plt.subplots(2, 1, figsize=(5.3, 4.4), sharex=True, layout="constrained")
@@ -288,9 +297,13 @@ limit = [
     for value in values
     for sd in [bound_rad(each[:free], accuracy.USUAL | {axis: value}) for each in slopes]
 ]
-measured = benchmark.summarise_errors(pd.concat([found, pd.DataFrame(limit)]), ("axis", "value", "method"))
+measured = benchmark.summarise_errors(
+    pd.concat([found, pd.DataFrame(limit)]), ("axis", "value", "method")
+)
 measured = measured[["axis", "value", "method", "rmse_rad"]]
-(1e6 * measured.pivot(index=["axis", "value"], columns="method", values="rmse_rad")).round(2)  # RMS errors, 1e-6 rad
+(1e6 * measured.pivot(index=["axis", "value"], columns="method", values="rmse_rad")).round(
+    2
+)  # RMS errors, 1e-6 rad
 
 # %%
 labels = {
@@ -317,9 +330,14 @@ clean = simulate_recordings(joint, [0.0, *small_rad])
 rows = []
 for loudness in loudness_rps:
     rng = np.random.default_rng(round(1000 * loudness))
-    threshold = np.quantile(accuracy.noisy_energy(clean[0], loudness, rng, healthy), 1 - false_alarm_rate)
+    threshold = np.quantile(
+        accuracy.noisy_energy(clean[0], loudness, rng, healthy), 1 - false_alarm_rate
+    )
     for delta_rad, record in zip([0.0, *small_rad], clean, strict=True):
-        above = accuracy.noisy_energy(record, loudness, rng, seen_records if delta_rad else healthy) > threshold
+        above = (
+            accuracy.noisy_energy(record, loudness, rng, seen_records if delta_rad else healthy)
+            > threshold
+        )
         rate = rate_columns(int(above.sum()), above.size, "seen")
         rows.append({"noise_half_amplitude_rps": loudness, "delta_rad": delta_rad, **rate})
 seen = pd.DataFrame(rows)
@@ -334,9 +352,12 @@ in_microradians(seen)
 needed = stats.norm.isf(false_alarm_rate) + stats.norm.ppf(power)
 tried_rad = np.geomspace(1e-6, 1e-3, 25)
 w0 = simulate_turn(joint, 0.0, PHASES)
-distance_rps = np.sqrt(11 * 200) * np.array([np.std(simulate_turn(joint, d, PHASES) - w0) for d in tried_rad])
+distance_rps = np.sqrt(11 * 200) * np.array(
+    [np.std(simulate_turn(joint, d, PHASES) - w0) for d in tried_rad]
+)
 filtered_rad = [
-    float(np.interp(needed, distance_rps / (half / np.sqrt(3)), tried_rad, right=np.nan)) for half in loudness_rps
+    float(np.interp(needed, distance_rps / (half / np.sqrt(3)), tried_rad, right=np.nan))
+    for half in loudness_rps
 ]
 
 
@@ -349,7 +370,9 @@ def smallest_seen_rad(part):  # interpolated; NaN if the share does not stay at 
 columns = ["noise_half_amplitude_rps", "seen", "seen_low", "seen_high"]
 detected = seen[seen["delta_rad"] == 0][columns].reset_index(drop=True)
 detected = detected.rename(columns=lambda name: name.replace("seen", "false_alarms")).assign(
-    smallest_seen_rad=[smallest_seen_rad(part) for _, part in seen.groupby("noise_half_amplitude_rps", sort=False)],
+    smallest_seen_rad=[
+        smallest_seen_rad(part) for _, part in seen.groupby("noise_half_amplitude_rps", sort=False)
+    ],
     matched_filter_rad=filtered_rad,
 )
 beyond_detection = plots.detection_curves(seen, filtered_rad)
@@ -373,12 +396,18 @@ changed = [
 logs = []
 for name, share in [*changed, ("nothing", 0.0)]:
     changed_joint = accuracy.CHANGES[name](joint, share) if share else joint
-    for delta_rad, record in zip(deltas_rad, simulate_recordings(changed_joint, deltas_rad), strict=True):
+    for delta_rad, record in zip(
+        deltas_rad, simulate_recordings(changed_joint, deltas_rad), strict=True
+    ):
         logs.append(benchmark.KnownLog({"parameter": name, "change": share}, delta_rad, record))
 moved = accuracy.errors_after_changes(logs, joint)
 ends = moved.groupby(["parameter", "method", "change"], sort=False)["error_rad"]
-ends = ends.agg(mean_error_rad="mean", max_abs_error_rad=lambda error: error.abs().max()).reset_index()
-(1e6 * ends.pivot(index=["parameter", "change"], columns="method", values="mean_error_rad")).round(1)  # 1e-6 rad
+ends = ends.agg(
+    mean_error_rad="mean", max_abs_error_rad=lambda error: error.abs().max()
+).reset_index()
+(1e6 * ends.pivot(index=["parameter", "change"], columns="method", values="mean_error_rad")).round(
+    1
+)  # 1e-6 rad
 
 # %% [markdown]
 # The methods in the order of their RMS error over all changes; `unchanged_rmse_rad` (in the table `_urad`) is that on
@@ -436,7 +465,10 @@ workbook.export(
     supplement={
         "features_logs": (errors, "Error of each estimator on each of the authors' noisy logs."),
         "features": (summary, "The errors of each estimator, summarised."),
-        "limits": (measured, "Errors against noise, sampling rate, turns and encoder bits, with their bound."),
+        "limits": (
+            measured,
+            "Errors against noise, sampling rate, turns and encoder bits, with their bound.",
+        ),
         "detection": (detected, "The smallest backlash that shows, by noise."),
         "robustness": (ends, "Errors after one parameter of the joint has changed."),
         "robustness_ranking": (ranked, "The estimators by their errors over all changes."),
@@ -515,7 +547,9 @@ print(f"{1e3 * time_s:.1f} ms (simulated {1e3 * simulated_s:.1f} ms); {100 * lat
 # its twist change at the separation, and which share of $2\delta$ does that add over the time in the gap?
 
 # %% tags=["solution"]
-twist_rate = joint.gravity_torque_nm * omega / joint.stiffness_nm_per_rad  # rad/s, where cos(theta_l) is 1
+twist_rate = (
+    joint.gravity_torque_nm * omega / joint.stiffness_nm_per_rad
+)  # rad/s, where cos(theta_l) is 1
 row = gap_table.set_index("delta_rad").loc[delta_rad]
 added = twist_rate * row["time_in_gap_s"] / (2 * delta_rad)
 assert abs(row["known_instants_falling"] + added - 1) < abs(row["known_instants_falling"] - 1) / 2

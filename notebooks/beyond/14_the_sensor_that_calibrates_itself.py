@@ -152,7 +152,8 @@ bench = replace(bench, joint=replace(bench.joint, load_coulomb_nm=friction_nm))
 log = joints.encoder_log(bench, backlash_rad, np.random.default_rng((bench_seed, 0)))
 form = LogFormat(turn_period_s=log.turn_period_s, unit="rps")
 answers = {
-    method: examine_recording(log, settings_for(form, method=method), method) for method in ("self", "amplitude")
+    method: examine_recording(log, settings_for(form, method=method), method)
+    for method in ("self", "amplitude")
 }
 print("\n".join(str(answer.estimate) for answer in answers.values()))
 
@@ -223,7 +224,9 @@ unknowns = pd.DataFrame(
         "posterior_sd": sd,
         "correlation_with_backlash": fit.covariance[0] / sd / sd[0],
     }
-).iloc[2 : joint_posterior.SMOOTHING_INDEX + 1]  # without phase, transmission error, ripple and low-pass
+).iloc[
+    2 : joint_posterior.SMOOTHING_INDEX + 1
+]  # without phase, transmission error, ripple and low-pass
 unknowns["sd_reduction"] = 1 - unknowns["posterior_sd"] / unknowns["prior_sd"]
 unknowns.round(4)
 
@@ -234,9 +237,13 @@ unknowns.round(4)
 # bound is Cramér and Rao's, without any prior knowledge of the joint.
 
 # %%
-benches = {seed: joints.draw_bench(np.random.default_rng(seed)) for seed in range(bench_seed, bench_seed + reached)}
+benches = {
+    seed: joints.draw_bench(np.random.default_rng(seed))
+    for seed in range(bench_seed, bench_seed + reached)
+}
 degraded = pd.concat(
-    population.degrade_logs(each, backlash_rad, seed, harder).assign(joint=seed) for seed, each in benches.items()
+    population.degrade_logs(each, backlash_rad, seed, harder).assign(joint=seed)
+    for seed, each in benches.items()
 )
 degraded["sd_over_bound"] = degraded["sd_rad"] / degraded["bound_rad"]
 means = degraded.assign(
@@ -244,7 +251,9 @@ means = degraded.assign(
     answered=degraded["answer"] == "yes",
     error_over_sd=degraded["error_rad"].abs() / degraded["sd_rad"],
 )
-means.groupby(["what", "value"], sort=False)[["answered", "sd_rad", "sd_over_bound", "error_over_sd"]].mean()
+means.groupby(["what", "value"], sort=False)[
+    ["answered", "sd_rad", "sd_over_bound", "error_over_sd"]
+].mean()
 
 # %% [markdown]
 # ### Over the months
@@ -254,16 +263,24 @@ means.groupby(["what", "value"], sort=False)[["answered", "sd_rad", "sd_over_bou
 # %%
 worn_rad = np.linspace(6e-4, 10e-4, months)
 fits = [
-    self_calibration.fit_joint(joints.encoder_log(bench, delta, np.random.default_rng((bench_seed, 100 + k))))
+    self_calibration.fit_joint(
+        joints.encoder_log(bench, delta, np.random.default_rng((bench_seed, 100 + k)))
+    )
     for k, delta in enumerate(worn_rad)
 ]
 shared = shared_joint.share_joint(fits)
 monthly = pd.DataFrame(
     {
         "true_rad": worn_rad,
-        "alone_error_rad": [each.delta_rad - delta for each, delta in zip(fits, worn_rad, strict=True)],
-        "alone_half_width_rad": [(each.interval_rad[1] - each.interval_rad[0]) / 2 for each in fits],
-        "shared_error_rad": [estimate - delta for (estimate, _), delta in zip(shared, worn_rad, strict=True)],
+        "alone_error_rad": [
+            each.delta_rad - delta for each, delta in zip(fits, worn_rad, strict=True)
+        ],
+        "alone_half_width_rad": [
+            (each.interval_rad[1] - each.interval_rad[0]) / 2 for each in fits
+        ],
+        "shared_error_rad": [
+            estimate - delta for (estimate, _), delta in zip(shared, worn_rad, strict=True)
+        ],
         "shared_half_width_rad": [(high - low) / 2 for _, (low, high) in shared],
     }
 )
@@ -290,13 +307,19 @@ except DataUnavailable as error:
     logs, authors = [], measured[:0]
 summary = benchmark.summarise_intervals(pd.concat([measured, authors]).astype({"refused": bool}))
 columns = ["logs", "refused", "rmse_rad", "bound_rad", "coverage", "coverage_low", "coverage_high"]
-display(summary[summary["method"] == "self"].set_index("population")[columns].round({"coverage": 3, "refused": 3}))
+display(
+    summary[summary["method"] == "self"]
+    .set_index("population")[columns]
+    .round({"coverage": 3, "refused": 3})
+)
 
 # %% [markdown]
 # RMS error [10⁻⁴ rad] of every method, of the logs that it answered. The other methods use the paper's calibration.
 
 # %%
-rmse = summary.pivot(index="population", columns="method", values="rmse_rad").loc[summary["population"].unique()]
+rmse = summary.pivot(index="population", columns="method", values="rmse_rad").loc[
+    summary["population"].unique()
+]
 (1e4 * rmse[[*population.COMPARED_METHODS]]).round(2)
 
 # %% [markdown]
@@ -307,7 +330,10 @@ rmse = summary.pivot(index="population", columns="method", values="rmse_rad").lo
 # level cover as often as they say. No interval of `self` is calibrated on drawn joints: the likelihood is enough.
 
 # %%
-own = {name: measured[(measured["population"] == name) & (measured["method"] == "self")] for name in titles}
+own = {
+    name: measured[(measured["population"] == name) & (measured["method"] == "self")]
+    for name in titles
+}
 calibration_figure = plots.posterior_calibration(measured, titles)
 for name, part in own.items():
     uniformity = stats.kstest(population.ranks(part), "uniform")
@@ -327,14 +353,22 @@ for name, part in own.items():
     )
     plain = population.NORMAL_95 * answered["sd_rad"]
     rows.append(
-        (titles[name], (half_width > 1.01 * plain).mean(), (error <= plain).mean(), (error <= half_width).mean())
+        (
+            titles[name],
+            (half_width > 1.01 * plain).mean(),
+            (error <= plain).mean(),
+            (error <= half_width).mean(),
+        )
     )
-widening = pd.DataFrame(rows, columns=["population", "widened", "held_by_the_posterior", "held_by_the_interval"])
+widening = pd.DataFrame(
+    rows, columns=["population", "widened", "held_by_the_posterior", "held_by_the_interval"]
+)
 widening.round(3)
 
 # %%
 thirds = pd.concat(
-    [population.coverage_by_third(part).assign(population=name) for name, part in own.items()], ignore_index=True
+    [population.coverage_by_third(part).assign(population=name) for name, part in own.items()],
+    ignore_index=True,
 )
 thirds.round(3)
 
@@ -376,7 +410,8 @@ least_rad = np.sqrt(2 / np.pi) * np.mean(bounds_rad)
 limits = {(name, figure): limit for name, figure, _, limit in population.ACCEPTANCE_CRITERIA}
 limit_rad = limits["authors' logs", "mean_abs_error_rad"]
 missed = [
-    f"{row.population}: {row.figure} {row.bar}" for row in pd.concat([bars, sheet_bars]).query("not met").itertuples()
+    f"{row.population}: {row.figure} {row.bar}"
+    for row in pd.concat([bars, sheet_bars]).query("not met").itertuples()
 ]
 print(
     f"Without a calibration, `self` meets {bars['met'].sum()} of {len(bars)} criteria, and the whole sensor "
@@ -389,7 +424,9 @@ print(
 # %% tags=["plumbing"]
 def name_missed(criteria):
     rows = criteria.query("not met").itertuples()
-    return "; ".join(f"{row.population}: {row.figure} {row.measured:.3g}, not {row.bar}" for row in rows)
+    return "; ".join(
+        f"{row.population}: {row.figure} {row.measured:.3g}, not {row.bar}" for row in rows
+    )
 
 
 by_reason = reasons.groupby("reason")["logs"].sum().sort_values(ascending=False, kind="stable")
@@ -397,7 +434,10 @@ of_sheet = datasheet.set_index("population")
 every, others = of_sheet.loc["all by speed"], of_sheet.loc["other drives"]
 workbook.export(
     supplement={
-        "population": (summary, "Errors and coverage of every method on joints that nobody calibrated."),
+        "population": (
+            summary,
+            "Errors and coverage of every method on joints that nobody calibrated.",
+        ),
         "self_unknowns": (unknowns, "What the method fits, with its priors."),
         "self_reach": (degraded, "Errors of the method on degraded logs."),
         "self_bars": (bars, "The criteria of the method, and what was measured."),
@@ -435,7 +475,8 @@ workbook.export(
             "the stated 95 % intervals in six ranges of backlash. Crosses are benches whose interval does not hold the "
             "truth. (b), (d) The same errors over the stated SDs, with the counts of a normal distribution. Benches: "
             + " and ".join(
-                f"{(~part['refused']).sum()} answered of {len(part)} ({titles[name]})" for name, part in own.items()
+                f"{(~part['refused']).sum()} answered of {len(part)} ({titles[name]})"
+                for name, part in own.items()
             )
             + ".",
         ),
@@ -463,7 +504,9 @@ workbook.export(
 # %% tags=["solution"]
 known_sd_rad = joint_posterior.UNIT_RAD / np.sqrt((slopes @ slopes.T)[0, 0])
 assert known_sd_rad < laplace_sd_rad
-print(f"{known_sd_rad:.2g} rad in place of {laplace_sd_rad:.2g} rad: by a factor {laplace_sd_rad / known_sd_rad:.1f}")
+print(
+    f"{known_sd_rad:.2g} rad in place of {laplace_sd_rad:.2g} rad: by a factor {laplace_sd_rad / known_sd_rad:.1f}"
+)
 
 # %% [markdown]
 # **2.** A second mass whose share the log fixes to a tenth of its prior SD ($s_\mu\sqrt{I}$ = 10) costs evidence if it
@@ -484,7 +527,9 @@ print(f"{one_ring:.2f} and {one_of_31:.2f} SDs")
 # %% tags=["solution"]
 mixture_sd = np.sqrt(0.3**2 + 0.5**2)  # in 1e-4 rad
 draws = np.random.default_rng(1).normal([10.0, 11.0], 0.3, (100_000, 2)).ravel()
-coverage = stats.norm(10.5 - 10, 0.3).cdf(1.96 * mixture_sd) - stats.norm(10.5 - 10, 0.3).cdf(-1.96 * mixture_sd)
+coverage = stats.norm(10.5 - 10, 0.3).cdf(1.96 * mixture_sd) - stats.norm(10.5 - 10, 0.3).cdf(
+    -1.96 * mixture_sd
+)
 assert np.isclose(draws.std(), mixture_sd, rtol=0.01)
 assert np.isclose((np.abs(draws - 10.5) < 1.96 * mixture_sd).mean(), coverage, atol=0.005)
 print(f"{mixture_sd:.2f}e-4 rad; {100 * coverage:.1f} %")

@@ -81,7 +81,21 @@ from workbook import Interval
 # %% tags=["parameters"]
 bench_seed = 1  # which bench is drawn
 row = 2  # of Table 3, whose backlash the bench has
-shares = [0.0, 0.005, 0.01, 0.02, 0.03, 0.05, 0.075, 0.1, 0.125, 0.15, 0.2, 0.25, 0.3]  # of the gravity torque
+shares = [
+    0.0,
+    0.005,
+    0.01,
+    0.02,
+    0.03,
+    0.05,
+    0.075,
+    0.1,
+    0.125,
+    0.15,
+    0.2,
+    0.25,
+    0.3,
+]  # of the gravity torque
 judged_share = 0.02  # one of these shares, at which the claim is judged
 worn_benches = 8  # benches that wear for eight months
 limit_rad = 10e-4  # backlash that calls for maintenance
@@ -155,7 +169,9 @@ logs = joints.fitted_logs(
     [(bench_seed, start) for _, start in cases],
 ).assign(friction_share=[share for share, _ in cases])
 logs["explained_percent"] = 100 * (1 - (logs["rmse_rps"] / logs["sd_rps"]) ** 2)
-means = logs.groupby("friction_share", sort=False)[["A_rps", "rmse_rps", "frequency_hz", "explained_percent"]].mean()
+means = logs.groupby("friction_share", sort=False)[
+    ["A_rps", "rmse_rps", "frequency_hz", "explained_percent"]
+].mean()
 friction = means.reset_index()
 friction.insert(3, "change_percent", 100 * (friction["A_rps"] / friction["A_rps"].iloc[0] - 1))
 friction["opposite_percent"] = apart["opposite_percent"]
@@ -168,7 +184,11 @@ friction
 
 # %%
 first_logs = [
-    joints.encoder_log(joints.Bench(with_friction(share), 0.0, 0.0), delta_rad, np.random.default_rng((bench_seed, 0)))
+    joints.encoder_log(
+        joints.Bench(with_friction(share), 0.0, 0.0),
+        delta_rad,
+        np.random.default_rng((bench_seed, 0)),
+    )
     for share in shares
 ]
 first_fits = [global_fit(log) for log in first_logs]
@@ -176,7 +196,11 @@ parameters = pd.DataFrame([fit.X for fit in first_fits], columns=FREE_PARAMETERS
 parameters.assign(at_bound=[" ".join(fit.at_bound) for fit in first_fits]).round(4)
 
 # %%
-first, least, most = friction.iloc[0], friction.loc[friction["opposite_percent"].idxmin()], friction.iloc[-1]
+first, least, most = (
+    friction.iloc[0],
+    friction.loc[friction["opposite_percent"].idxmin()],
+    friction.iloc[-1],
+)
 print(
     f"The two oscillations cancel most at a friction of {100 * least['friction_share']:.3g} % of gravity: "
     f"{least['opposite_percent']:.0f} % of the variance repeats with opposite sign, and the fit explains "
@@ -215,7 +239,11 @@ wearing = [bench, *(joints.draw_bench(rng) for _ in range(worn_benches - 1))]
 wears = [draw_wear(rng, limit_rad) for _ in wearing]
 sensors = {
     name: calibration.default_calibration(method)
-    for name, method in (("equation 10", "paper"), ("amplitude, calibrated", "amplitude"), ("waveform", "waveform"))
+    for name, method in (
+        ("equation 10", "paper"),
+        ("amplitude, calibrated", "amplitude"),
+        ("waveform", "waveform"),
+    )
 }
 tests = pd.concat(
     [
@@ -235,7 +263,11 @@ each = tests.drop_duplicates(["sensor", "bench"])
 delay = (each["call_day"] - each["truth_day"]).groupby(each["sensor"], sort=False)
 interval_days = tests["day"].drop_duplicates().diff().max()
 error = (tests["estimate_rad"] - tests["delta_rad"]).groupby(tests["sensor"], sort=False)
-covered = tests["delta_rad"].between(tests["low_rad"], tests["high_rad"]).groupby(tests["sensor"], sort=False)
+covered = (
+    tests["delta_rad"]
+    .between(tests["low_rad"], tests["high_rad"])
+    .groupby(tests["sensor"], sort=False)
+)
 calls = pd.DataFrame(
     {
         "benches": delay.size(),
@@ -338,7 +370,9 @@ print(f"{100 * quarter_share:.1f} % of gravity")
 load_speed = identified.commanded_speed_rad_per_s / identified.gear_ratio
 viscous = 0.05 * identified.gravity_torque_nm / load_speed
 by_coulomb = simulate(with_friction(0.05, lead_s=T_f), delta_rad).separation_time_s
-by_viscous = simulate(with_friction(0.0, lead_s=T_f, load_viscous_nms_per_rad=viscous), delta_rad).separation_time_s
+by_viscous = simulate(
+    with_friction(0.0, lead_s=T_f, load_viscous_nms_per_rad=viscous), delta_rad
+).separation_time_s
 # No: the load's speed hardly changes and never its sign, so that both are the same constant torque.
 assert np.abs(by_coulomb - by_viscous).max() < 2e-4
 
@@ -351,5 +385,7 @@ drawn = [draw_wear(np.random.default_rng(number), limit_rad) for number in range
 days = np.array([one.crossing_day(limit_rad) for one in drawn])
 days = days[days <= drawn[0].test_days[-1]]
 waiting = drawn[0].test_days[np.searchsorted(drawn[0].test_days, days)] - days
-assert np.isclose(waiting.mean(), drawn[0].interval_days / 2, rtol=0.1)  # half of the time between two tests
+assert np.isclose(
+    waiting.mean(), drawn[0].interval_days / 2, rtol=0.1
+)  # half of the time between two tests
 print(f"{waiting.mean():.1f} days")

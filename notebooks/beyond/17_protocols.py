@@ -83,12 +83,25 @@ if len({*left_out}) > len(LOW_NOISE) - 2:
 # their 95 % interval. The last column is the share of runs in the [best basin](../glossary.md#best-basin).
 
 # %%
-level = published.criterion("random_start", criteria)  # a candidate with a smaller p does not explain the table
+level = published.criterion(
+    "random_start", criteria
+)  # a candidate with a smaller p does not explain the table
 used = pd.read_csv(protocols.PROTOCOL_RUNS).query("realisation not in @left_out")
 judged = protocols.judge(used, level)
 columns = {
-    **{"population": "population", "start": "start", "amplitude_factor": "box of A over Table 1's", "T_d_s": "T_d [s]"},
-    **{"T_f_s": "T_f [s]", "rpm": "in rpm", "bounds": "bounds", "runs": "runs", "p_means": "p of means"},
+    **{
+        "population": "population",
+        "start": "start",
+        "amplitude_factor": "box of A over Table 1's",
+        "T_d_s": "T_d [s]",
+    },
+    **{
+        "T_f_s": "T_f [s]",
+        "rpm": "in rpm",
+        "bounds": "bounds",
+        "runs": "runs",
+        "p_means": "p of means",
+    },
     **{"p_sds": "p of SDs", "p": "p", "explains": "explains", "means_outside": "means outside"},
     **{"sds_outside": "SDs outside", "best_basin_share": "share in the best basin"},
 }
@@ -97,7 +110,9 @@ shown_table.map(lambda value: f"{value:.3g}" if isinstance(value, float) else va
 
 # %%
 table = protocols.residuals(used)
-residuals = paper.protocol_residuals(table, judged, level, degrees=used["realisation"].nunique() - 1)
+residuals = paper.protocol_residuals(
+    table, judged, level, degrees=used["realisation"].nunique() - 1
+)
 
 # %% [markdown]
 # ### One candidate, row by row
@@ -117,7 +132,9 @@ rows.round(3)
 # %%
 tests = len(judged) * used["realisation"].nunique()
 rejected = judged[["left_out_means_rejected", "left_out_sds_rejected"]].sum() / tests
-rejected.set_axis(["means", "SDs"]).rename("share of realisations rejected at 5 %").to_frame().round(3)
+rejected.set_axis(["means", "SDs"]).rename(
+    "share of realisations rejected at 5 %"
+).to_frame().round(3)
 
 # %% [markdown]
 # ## Verdict
@@ -130,13 +147,17 @@ rejected.set_axis(["means", "SDs"]).rename("share of realisations rejected at 5 
 claims = {"random_start": protocols.random_start(judged, criteria)}
 display(workbook.judge(claims=claims))
 explaining = judged[judged["explains"]]
-named = ", ".join(f"{name} (p = {p:.2g})" for name, p in zip(explaining["protocol"], explaining["p"], strict=True))
+named = ", ".join(
+    f"{name} (p = {p:.2g})" for name, p in zip(explaining["protocol"], explaining["p"], strict=True)
+)
 drawn = (explaining["start"] != "whole").sum()
 print(
     f"At the level {level:g}, {len(explaining)} of {len(judged)} candidates are compatible with Table 2: "
     f"{named or 'none'}. Of these, {drawn} analyse the record from a random start. "
     f"The closest of the others has p = {judged.loc[~judged['explains'], 'p'].max():.2g}; no correction is made for "
-    "the number of candidates." + " The table cannot tell the compatible ones apart." * (len(explaining) > 1)
+    "the number of candidates."
+    + " The table cannot tell the compatible ones apart."
+    * (len(explaining) > 1)
 )
 
 # %% tags=["plumbing"]
@@ -178,7 +199,9 @@ workbook.export(
 half_width_5 = stats.t.ppf(0.975, 4) * np.sqrt(1 + 1 / 5)
 half_width_many = stats.norm.ppf(0.975)
 assert 1.5 < half_width_5 / half_width_many < 1.6
-print(f"{half_width_5:.2f} s against {half_width_many:.2f} s: by a factor {half_width_5 / half_width_many:.2f}")
+print(
+    f"{half_width_5:.2f} s against {half_width_many:.2f} s: by a factor {half_width_5 / half_width_many:.2f}"
+)
 
 # %% [markdown]
 # **2.** Fisher's method adds $-2 \ln p$ over the rows, which has a $\chi^2$ distribution with two degrees of freedom a

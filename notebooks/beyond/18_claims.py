@@ -98,7 +98,9 @@ workbook.check_parameters(
 # noise to its theoretical $A$ is one number.
 
 # %%
-noise, theoretical, mean = (published.column("Table 2", name)[:10] for name in ("noise", "theoretical", "mean"))
+noise, theoretical, mean = (
+    published.column("Table 2", name)[:10] for name in ("noise", "theoretical", "mean")
+)
 delta_rad = characteristic.printed_levels_rad()
 ratio = noise / theoretical
 claims = {
@@ -212,7 +214,9 @@ tests.describe().loc[["min", "50%", "max"]].drop(columns=["level", "realisation"
 # %%
 half_amplitude_rps = published.value("table2.row11.noise")
 amplitudes = studies.amplitudes_without_backlash(range(1, noises + 1), half_amplitude_rps)
-claims["no_backlash"] = studies.no_backlash(amplitudes, published.value("table2.row01.mean"), criteria)
+claims["no_backlash"] = studies.no_backlash(
+    amplitudes, published.value("table2.row01.mean"), criteria
+)
 pd.Series(amplitudes, name="|A| [rps]").describe().drop("count").to_frame()
 
 # %% [markdown]
@@ -237,7 +241,9 @@ passed
 
 # %%
 three_levels = [0, 4, 9]
-by_turns = studies.noise_errors_by_turns(joint, delta_rad[three_levels], noise[three_levels], turns, noise_seeds)
+by_turns = studies.noise_errors_by_turns(
+    joint, delta_rad[three_levels], noise[three_levels], turns, noise_seeds
+)
 claims["turns_reduce_noise"] = studies.turns_reduce_noise(by_turns, noise_seeds, criteria)
 by_turns.pivot(index="delta_rad", columns="turns", values="rms_error_rps")
 
@@ -258,9 +264,13 @@ by_bits.groupby("bits")["change_rps"].max().to_frame()
 # steps, so less than a step shows.
 
 # %%
-detection = studies.displacement_detection(joint, np.geomspace(1e-6, 2e-5, 61), encoder_bits, start_angles)
+detection = studies.displacement_detection(
+    joint, np.geomspace(1e-6, 2e-5, 61), encoder_bits, start_angles
+)
 smallest_rad = detection.loc[detection["detected"] >= 0.95, "displacement_rad"].min()
-print(f"smallest ring that shows: {smallest_rad:.2g} rad; one step: {2 * np.pi / 2**encoder_bits:.2g} rad")
+print(
+    f"smallest ring that shows: {smallest_rad:.2g} rad; one step: {2 * np.pi / 2**encoder_bits:.2g} rad"
+)
 
 # %% [markdown]
 # ### A torque that steps
@@ -318,12 +328,16 @@ verdicts = pd.DataFrame(
         "verdict": judged["verdict"],
         "measured": judged["reproduced"],
         "check": listed["check"],
-        "limit": listed["rule"] + [f" {published.criterion(claim, criteria):g}" for claim in judged.index],
+        "limit": listed["rule"]
+        + [f" {published.criterion(claim, criteria):g}" for claim in judged.index],
         "otherwise if": listed["alternative"],
     }
 )
 display(verdicts)
-of = {verdict: verdicts.loc[verdicts["verdict"] == verdict, "claim"] for verdict in set(verdicts["verdict"])}
+of = {
+    verdict: verdicts.loc[verdicts["verdict"] == verdict, "claim"]
+    for verdict in set(verdicts["verdict"])
+}
 refuted = of.get("does not hold", [])
 print(
     f"Of {len(verdicts)} claims {len(of.get('holds', []))} hold, {len(refuted)} do not hold "
@@ -340,7 +354,10 @@ workbook.export(
     supplement={
         "claims_printed": (errors, "The printed errors of A and the ratio of noise to A."),
         "claims_turns": (by_turns, "The error of A by number of turns."),
-        "claims_stepping_torque": (stepping, "Errors of a plain integration of the two dead zones."),
+        "claims_stepping_torque": (
+            stepping,
+            "Errors of a plain integration of the two dead zones.",
+        ),
         "claims_optimizers": (success, "Runs of each optimiser that find the best basin."),
     },
     claims=claims,
@@ -395,4 +412,6 @@ step_19_rps = 1 / (2**19 * 0.002)
 assert 1 / (2**needed_bits * 0.002) < 0.0009 < 1 / (2 ** (needed_bits - 1) * 0.002)
 change_rps = by_bits.query("bits == 19")["change_rps"].max()
 assert change_rps < step_19_rps / 3
-print(f"{needed_bits} bits. The fit averages over samples: steps of {step_19_rps:.1e} rps change A by {change_rps:.1e}")
+print(
+    f"{needed_bits} bits. The fit averages over samples: steps of {step_19_rps:.1e} rps change A by {change_rps:.1e}"
+)

@@ -110,7 +110,11 @@ def njit(function: Callable | None = None, *, nogil: bool = False, inner: bool =
     """
     if function is None:
         return partial(njit, nogil=nogil, inner=inner)
-    options: dict[str, Any] = {"nogil": nogil, "no_cpython_wrapper": inner, "no_cfunc_wrapper": True}
+    options: dict[str, Any] = {
+        "nogil": nogil,
+        "no_cpython_wrapper": inner,
+        "no_cfunc_wrapper": True,
+    }
     compiled: Any = numba.njit(**options)(function)
     if cache_folder() is not None:
         compiled._cache = _Cache(function)

@@ -34,10 +34,16 @@ class FoldedRecord(NamedTuple):
     half: int = 0  # samples of T_d and of T_f; 0 if nothing is folded
     turn: int = 0
     # For the sample at which a window's first, positive oscillation has a value, over all turns:
-    value: FloatArray = NOT_FOLDED  # sum of v - mean in the positive windows, less that in the negative ones
-    sign: FloatArray = NOT_FOLDED  # number of positive windows that are in the record, less that of negative ones
+    value: FloatArray = (
+        NOT_FOLDED  # sum of v - mean in the positive windows, less that in the negative ones
+    )
+    sign: FloatArray = (
+        NOT_FOLDED  # number of positive windows that are in the record, less that of negative ones
+    )
     both: FloatArray = NOT_FOLDED  # number of positive and negative ones
-    in_turn: FloatArray = NOT_FOLDED  # windows in which a long oscillation meets its own turn's other one
+    in_turn: FloatArray = (
+        NOT_FOLDED  # windows in which a long oscillation meets its own turn's other one
+    )
     in_next: FloatArray = NOT_FOLDED  # and the next turn's first one
 
 
@@ -141,7 +147,11 @@ def _square_by_sums(member, record, scratch):
     t, dt = record.t, record.dt
     begin = (t0 - t[0] + T1) / dt
     end = (t0 - t[0] + T2) / dt
-    if record.turn == 0 or abs(begin - np.rint(begin)) < record.tie or abs(end - np.rint(end)) < record.tie:
+    if (
+        record.turn == 0
+        or abs(begin - np.rint(begin)) < record.tie
+        or abs(end - np.rint(end)) < record.tie
+    ):
         return -1.0
     first = int(np.ceil(begin))
     last = min(int(np.floor(end)) + 1, t.size)

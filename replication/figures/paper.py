@@ -238,7 +238,9 @@ def protocol_residuals(
         axis.axvspan(-edge, edge, color="0.9", zorder=0)
         axis.annotate("p", (1.03, -0.9), style="italic", annotation_clip=False, **beside)
         of_column = table[table["column"] == column]
-        for at, (candidate, p) in enumerate(zip(judged["protocol"], judged[f"p_{column}s"], strict=True)):
+        for at, (candidate, p) in enumerate(
+            zip(judged["protocol"], judged[f"p_{column}s"], strict=True)
+        ):
             t = of_column.loc[of_column["protocol"] == candidate, "t"]
             axis.plot(t, np.full(len(t), at), "o", color=BLUE, markersize=4, alpha=0.6)
             digit, _, power = f"{p:.0e}".partition("e")

@@ -83,7 +83,9 @@ def description(figure: Figure) -> str:
     """Say what a figure's axes are, a panel each: the SVG's description, and what reads it aloud says."""
     panels = []
     for axis in figure.axes:
-        labels = [label.replace("\n", " ") for label in (axis.get_xlabel(), axis.get_ylabel()) if label]
+        labels = [
+            label.replace("\n", " ") for label in (axis.get_xlabel(), axis.get_ylabel()) if label
+        ]
         panels.append(" versus ".join(labels[::-1]))
     panels += [figure.get_supylabel(), figure.get_supxlabel()]
     return "; ".join(dict.fromkeys(panel for panel in panels if panel))
@@ -107,7 +109,9 @@ def letter_panels(axes: Iterable[Axes]) -> None:
 
 def finish(figure: Figure, columns: int, loc: Any = "outside lower center") -> Figure:
     """Letter the panels of a figure, and put one legend beside them, each label once."""
-    panels = [axis for axis in figure.axes if axis.get_visible() and axis.get_label() != "<colorbar>"]
+    panels = [
+        axis for axis in figure.axes if axis.get_visible() and axis.get_label() != "<colorbar>"
+    ]
     if len(panels) > 1:
         letter_panels(panels)
     listed = [zip(*axis.get_legend_handles_labels(), strict=True) for axis in panels]

@@ -64,5 +64,7 @@ def noise_amplitudes() -> FloatArray:
             v = np.array([load_noisy(level, realisation).v for realisation in LOW_NOISE])
             amplitudes.append(np.sqrt(3 * v.var(axis=0, ddof=1).mean()))
         else:
-            amplitudes.append(np.ptp([added_noise(level, realisation) for realisation in LOW_NOISE]) / 2)
+            amplitudes.append(
+                np.ptp([added_noise(level, realisation) for realisation in LOW_NOISE]) / 2
+            )
     return np.array(amplitudes)

@@ -144,7 +144,9 @@ def compute_runs() -> pd.DataFrame:
 def numbers_of(runs: pd.DataFrame, name: str) -> FloatArray:
     """Means and SDs [rps] of a candidate, shape (2, rows, realisations)."""
     part = runs[runs["protocol"] == name]
-    return np.stack([part.pivot(index="row", columns="realisation", values=column) for column in COLUMNS])
+    return np.stack(
+        [part.pivot(index="row", columns="realisation", values=column) for column in COLUMNS]
+    )
 
 
 def student_t(numbers: FloatArray, judged: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -157,7 +159,9 @@ def student_t(numbers: FloatArray, judged: FloatArray) -> tuple[FloatArray, Floa
 
 def table_p(numbers: FloatArray, judged: FloatArray) -> tuple[float, float, float]:
     """Criterion 3: p_means, p_sds and p of a whole table of shape (2, rows), among tables of n realisations."""
-    p_means, p_sds = (stats.combine_pvalues(p, "fisher").pvalue for p in student_t(numbers, judged)[1])
+    p_means, p_sds = (
+        stats.combine_pvalues(p, "fisher").pvalue for p in student_t(numbers, judged)[1]
+    )
     return p_means, p_sds, min(1.0, 2 * min(p_means, p_sds))
 
 

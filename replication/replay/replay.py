@@ -34,7 +34,9 @@ def replay_stored_runs(recording: Recording) -> pd.DataFrame:
             "cma_seed": run["cma_seed"],
             "generation": np.arange(1, len(history) + 1),
         }
-        parts.append(pd.concat([pd.DataFrame(head), table.rename(columns={"best": "best_rmse_rps"})], axis=1))
+        parts.append(
+            pd.concat([pd.DataFrame(head), table.rename(columns={"best": "best_rmse_rps"})], axis=1)
+        )
     return pd.concat(parts, ignore_index=True)
 
 
@@ -74,7 +76,9 @@ def _frame(now: Generation, box: Box) -> bytes:
 def compare_generations(ours: pd.DataFrame) -> pd.DataFrame:
     """Compare the generations that the notebook prints with ours; nan after the end of our run."""
     key = ["run", "generation"]
-    stored = published.authors_notebook_generations().rename(columns={"best_rmse_of_generation_rps": "stored_rps"})
+    stored = published.authors_notebook_generations().rename(
+        columns={"best_rmse_of_generation_rps": "stored_rps"}
+    )
     ours = ours.rename(columns={"best_rmse_rps": "ours_rps"})
     table = stored[[*key, "stored_rps"]].merge(ours[[*key, "ours_rps"]], on=key, how="left")
     return table.assign(difference_rps=(table["ours_rps"] - table["stored_rps"]).abs())

@@ -31,7 +31,9 @@ def count_replayed(recording: Recording, box: Box) -> int:
         return population_rmse(recording.t, recording.v, members, AUTHORS_PROTOCOL.timing)
 
     def first_best(seed: int) -> float:
-        return next(generations(misfits, box, random_normals(seed), AUTHORS_PROTOCOL.population)).misfits.min()
+        return next(
+            generations(misfits, box, random_normals(seed), AUTHORS_PROTOCOL.population)
+        ).misfits.min()
 
     stored = published.authors_notebook_runs()
     best = stored["cma_seed"].map(first_best)

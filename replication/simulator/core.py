@@ -120,7 +120,11 @@ def start_state(p: JointParameters, delta_rad: float) -> tuple[tuple[float, ...]
     """State and region at -lead_s: commanded speed, teeth in contact, torques in balance."""
     load_speed = p.commanded_speed_rad_per_s / p.gear_ratio
     angle = p.start_angle_rad - load_speed * p.lead_s
-    torque = p.gravity_torque_nm * math.sin(angle) + p.load_viscous_nms_per_rad * load_speed + p.load_coulomb_nm
+    torque = (
+        p.gravity_torque_nm * math.sin(angle)
+        + p.load_viscous_nms_per_rad * load_speed
+        + p.load_coulomb_nm
+    )
     motor = p.motor_viscous_nms_per_rad * p.commanded_speed_rad_per_s + p.motor_coulomb_nm
     side = -1 if torque < 0 else 1
     twist = side * delta_rad + torque / p.stiffness_nm_per_rad
@@ -130,7 +134,11 @@ def start_state(p: JointParameters, delta_rad: float) -> tuple[tuple[float, ...]
 @njit
 def stiffness(x, delta, ks, alpha):
     """K_BL of equation 8, its two arctangents written as the one angle they make."""
-    return ks / np.pi * (np.pi - np.arctan2(2 * alpha * delta, 1 + alpha**2 * (x - delta) * (x + delta)))
+    return (
+        ks
+        / np.pi
+        * (np.pi - np.arctan2(2 * alpha * delta, 1 + alpha**2 * (x - delta) * (x + delta)))
+    )
 
 
 @njit
@@ -184,7 +192,13 @@ def derivative(t, y, command, region, c):
     gravity = c.gravity * np.sin(c.start_angle + omega / n * t + y[2] - error)
     motor_friction = c.motor_viscous * motor_speed, c.motor_coulomb * np.sign(motor_speed)
     load_friction = c.load_viscous * load_speed, c.load_coulomb * np.sign(load_speed)
-    motor_torque = (y[4] if c.torque_lag > 0 else command) - tau / n - motor_friction[0] - motor_friction[1] + ripple
+    motor_torque = (
+        (y[4] if c.torque_lag > 0 else command)
+        - tau / n
+        - motor_friction[0]
+        - motor_friction[1]
+        + ripple
+    )
     load_torque = tau - gravity - load_friction[0] - load_friction[1]
     torque_rate = (command - y[4]) / c.torque_lag if c.torque_lag > 0 else 0.0
     return (
@@ -244,7 +258,9 @@ def control(t, y, memory, ring, count, drive, c):
     commanded = c.gear_ratio * c.start_angle + c.omega * t
     position, speed = y[0], y[1]
     if drive.resolution > 0:
-        position = np.floor((commanded + position) / drive.resolution) * drive.resolution - commanded
+        position = (
+            np.floor((commanded + position) / drive.resolution) * drive.resolution - commanded
+        )
     if drive.differencing > 0 and count > 0:
         speed = (position - memory[3]) / drive.period
     error = -drive.position_gain * position - speed

@@ -105,7 +105,9 @@ def identify_joint(
     values = np.array(list(free.values()))
     shortest, turn = min(record.t[-1] for record in records.values()), start.turn_period_s
     if shortest < 3 * turn:
-        raise ValueError(f"a recording of {shortest} s is too short: three turns of {turn} s are needed")
+        raise ValueError(
+            f"a recording of {shortest} s is too short: three turns of {turn} s are needed"
+        )
     size = third_turn_errors(start, records).size
 
     def residual(z: FloatArray) -> FloatArray:
@@ -129,7 +131,9 @@ def identify_joint(
     spread = np.sqrt(np.diag(inverse))
     degrees = size - len(names)
     sd = spread * math.sqrt(2 * fit.cost / degrees)
-    half = dict(zip(names, (student.ppf(0.975, degrees) * sd * np.abs(values)).tolist(), strict=True))
+    half = dict(
+        zip(names, (student.ppf(0.975, degrees) * sd * np.abs(values)).tolist(), strict=True)
+    )
     best = dict(zip(names, (values * fit.x).tolist(), strict=True))
     return JointFit(
         parameters=with_ratios(start, best),

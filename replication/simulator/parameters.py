@@ -32,8 +32,12 @@ class Disturbance:
     """A sinusoidal disturbance inside the joint."""
 
     order: float  # periods per motor turn: the frequency over the commanded motor speed
-    motor_torque_nm: float = 0.0  # of a torque on the motor (cogging, ripple), in step with the motor's own angle
-    load_torque_nm: float = 0.0  # of a torque on the load (another joint's), in step with the commanded motion
+    motor_torque_nm: float = (
+        0.0  # of a torque on the motor (cogging, ripple), in step with the motor's own angle
+    )
+    load_torque_nm: float = (
+        0.0  # of a torque on the load (another joint's), in step with the commanded motion
+    )
     # What an eccentric belt pulley or gear adds to theta_l in the displacement theta_m / N -
     # theta_l, load side.
     transmission_error_rad: float = 0.0
@@ -80,7 +84,9 @@ class JointParameters:
     commanded_speed_rps: float = 100.0  # of the motor
     torque_limit_nm: float = math.inf  # of the motor; the integrals stop while it binds
     encoder_bits: int = 0  # of the position that the drive sees; 0 for the true position
-    speed_by_differencing: bool = False  # the drive differences its position instead of knowing the true speed
+    speed_by_differencing: bool = (
+        False  # the drive differences its position instead of knowing the true speed
+    )
     disturbances: tuple[Disturbance, ...] = ()  # added up
 
     @property
@@ -131,7 +137,9 @@ def _physical(
             **{name: r.pop(name) for name in PLAIN_RATIOS},
         }
     except (KeyError, ZeroDivisionError) as error:
-        raise ValueError(f"missing or zero ratio ({error}); JointParameters.ratios has them all") from None
+        raise ValueError(
+            f"missing or zero ratio ({error}); JointParameters.ratios has them all"
+        ) from None
     if r:
         raise ValueError(f"unknown ratios {sorted(r)}; JointParameters.ratios has them all")
     return scaled
@@ -171,9 +179,13 @@ def changeable(joint: JointParameters) -> tuple[str, ...]:
 def changed_joint(joint: JointParameters, factors: Mapping[str, float]) -> JointParameters:
     """Multiply some of a joint's ratios, the other ratios kept, then physical quantities, all others kept."""
     if unknown := set(factors) - set(changeable(joint)):
-        raise ValueError(f"cannot change {', '.join(sorted(unknown))}; there are {', '.join(changeable(joint))}")
+        raise ValueError(
+            f"cannot change {', '.join(sorted(unknown))}; there are {', '.join(changeable(joint))}"
+        )
     before = joint.ratios
-    if ratios := {name: factor * before[name] for name, factor in factors.items() if name in before}:
+    if ratios := {
+        name: factor * before[name] for name, factor in factors.items() if name in before
+    }:
         joint = with_ratios(joint, ratios)
     return replace(
         joint,

@@ -32,7 +32,10 @@ def simulate_recordings(
     )
     speed, turn = joint.commanded_speed_rps, joint.turn_period_s
     name = "simulated joint, {:g} rad"
-    return [Recording(run.time_s, run.motor_speed_rps, speed, turn, name.format(run.delta_rad)) for run in runs]
+    return [
+        Recording(run.time_s, run.motor_speed_rps, speed, turn, name.format(run.delta_rad))
+        for run in runs
+    ]
 
 
 def read_encoder(

@@ -55,9 +55,13 @@ def joint_text(fit: JointFit, sources: Iterable[Path], versions: Mapping[str, st
             "control_period_s": p.control_period_s,
             "control_delay_periods": p.control_delay_periods,
         },
-        "confidence_95": {name: [float(f"{x:.4g}") for x in pair] for name, pair in fit.confidence.items()},
+        "confidence_95": {
+            name: [float(f"{x:.4g}") for x in pair] for name, pair in fit.confidence.items()
+        },
         "root_mean_square": float(f"{math.sqrt(fit.mean_square):.4g}"),
-        "sources": {path.name: hashlib.sha256(path.read_bytes()).hexdigest() for path in sorted(sources)},
+        "sources": {
+            path.name: hashlib.sha256(path.read_bytes()).hexdigest() for path in sorted(sources)
+        },
         "versions": dict(versions),
     }
     return json.dumps(data, indent=2) + "\n"

@@ -45,7 +45,9 @@ class SimulatedJoint:
     motor_torque_nm: FloatArray
     load_position_rad: FloatArray
     load_speed_rad_per_s: FloatArray
-    gap_state: IntArray  # 1: the motor drives the load, -1: the load drives the motor, 0: inside the gap
+    gap_state: (
+        IntArray  # 1: the motor drives the load, -1: the load drives the motor, 0: inside the gap
+    )
     impact_time_s: FloatArray  # when the teeth met, located to far less than a step
     impact_side: IntArray  # the gap state after each impact
     separation_time_s: FloatArray

@@ -45,7 +45,10 @@ def table3_records(
 def table3(runs: pd.DataFrame) -> pd.DataFrame:
     """Condense the runs on the bench's records into Table 3, the printed columns beside."""
     keys = ["source", "row", "delta_rad", "reading_rad", "known_A_rps"]
-    printed = {f"printed_{column}": published.column("Table 3", cell) for cell, column in TABLE3_COLUMNS.items()}
+    printed = {
+        f"printed_{column}": published.column("Table 3", cell)
+        for cell, column in TABLE3_COLUMNS.items()
+    }
     return summarise_runs(runs.assign(source="stand-in"), keys).assign(**printed)
 
 

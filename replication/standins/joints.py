@@ -53,9 +53,13 @@ class Spread:
     """
 
     ratios: float = 0.05  # relative SD (log-normal) of each of `VARIED_RATIOS`
-    load_friction: float = 0.005  # largest Coulomb, and largest viscous at the commanded speed, over m g r
+    load_friction: float = (
+        0.005  # largest Coulomb, and largest viscous at the commanded speed, over m g r
+    )
     motor_friction: float = 0.5  # the same on the motor, over m g r / N
-    ripple: float = 0.02  # largest torque ripple at one and at six periods a motor turn, over m g r / N
+    ripple: float = (
+        0.02  # largest torque ripple at one and at six periods a motor turn, over m g r / N
+    )
     belt_rad: float = 1e-5  # largest transmission error of the belt's turn, load side
     gear_rad: float = 1e-4  # largest transmission error of the load's turn
     noise_rps: float = 0.08  # largest SD of the measured speed's noise; the smallest is half of it
@@ -84,7 +88,9 @@ def draw_bench(rng: np.random.Generator, spread: Spread | None = None) -> Bench:
     gravity = joint.gravity_torque_nm
     load_speed = joint.commanded_speed_rad_per_s / joint.gear_ratio
     coulomb, viscous = gravity * spread.load_friction * rng.random(2)
-    motor_coulomb, motor_viscous = gravity / joint.gear_ratio * spread.motor_friction * rng.random(2)
+    motor_coulomb, motor_viscous = (
+        gravity / joint.gear_ratio * spread.motor_friction * rng.random(2)
+    )
     joint = replace(
         joint,
         load_coulomb_nm=coulomb,

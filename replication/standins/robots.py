@@ -73,7 +73,9 @@ def table4_records(spread: RobotSpread, seed: int) -> list[tuple[dict, Recording
     for robot, kind in zip("AB", KINDS, strict=True):
         rng = np.random.default_rng((seed, KINDS.index(kind), 0))
         axis, delta = draw_robot(rng, spread, kind)
-        records.append(({"robot": robot, "kind": kind, "delta_rad": delta}, encoder_log(axis, delta, rng)))
+        records.append(
+            ({"robot": robot, "kind": kind, "delta_rad": delta}, encoder_log(axis, delta, rng))
+        )
     return records
 
 
@@ -81,14 +83,22 @@ def table4(runs: pd.DataFrame) -> pd.DataFrame:
     """Condense the runs on the two robots into Table 4, the printed columns beside."""
     keys = ["source", "robot", "kind", "delta_rad", "theoretical_A_rps"]
     signless = runs.assign(source="stand-in", theoretical_A_rps=0.0, A_rps=runs["A_rps"].abs())
-    table = summarise_runs(signless, keys).drop(columns=["theoretical_A_rps", "relative_error_percent"])
-    return table.assign(**{f"printed_{name}_A_rps": published.column("Table 4", name) for name in ("mean", "sd")})
+    table = summarise_runs(signless, keys).drop(
+        columns=["theoretical_A_rps", "relative_error_percent"]
+    )
+    return table.assign(
+        **{f"printed_{name}_A_rps": published.column("Table 4", name) for name in ("mean", "sd")}
+    )
 
 
 def table4_cells(table: pd.DataFrame) -> dict[str, float]:
     """Values of Table 4's cells by id, from `table4`."""
     rows = enumerate(table.to_dict("records"), start=1)
-    return {f"table4.row{row:02d}.{name}": values[f"{name}_A_rps"] for row, values in rows for name in ("mean", "sd")}
+    return {
+        f"table4.row{row:02d}.{name}": values[f"{name}_A_rps"]
+        for row, values in rows
+        for name in ("mean", "sd")
+    }
 
 
 def robot_population(
@@ -100,7 +110,10 @@ def robot_population(
     """Fit the logs of many robots of each kind; the first of each are robots A and B."""
     kinds = [kind for kind in KINDS for _ in range(each)]
     seeds = [(seed, KINDS.index(kind), number) for kind in KINDS for number in range(each)]
-    cases = [draw_robot(np.random.default_rng(stream), spread, kind) for stream, kind in zip(seeds, kinds, strict=True)]
+    cases = [
+        draw_robot(np.random.default_rng(stream), spread, kind)
+        for stream, kind in zip(seeds, kinds, strict=True)
+    ]
     table = fitted_logs(fit_record, cases, [(*stream, 1) for stream in seeds])
     table.insert(0, "kind", kinds)
     return table
@@ -121,12 +134,16 @@ def disturbed_healthy_joint(
         (0.0, 0.0),
         *((frequency, share) for share in torque_shares for frequency in frequencies_hz),
     ]
-    cases = [(Bench(_shaken(joint, frequency, share), noise_rps, 0.0), 0.0) for frequency, share in grid]
+    cases = [
+        (Bench(_shaken(joint, frequency, share), noise_rps, 0.0), 0.0) for frequency, share in grid
+    ]
     table = fitted_logs(fit_record, cases, [(seed,)] * len(cases))
     heard = np.sqrt(2 * np.maximum(table["sd_rps"] ** 2 - table["sd_rps"].iloc[0] ** 2, 0.0))
     frequencies, shares = np.array(grid).T
     table = table.assign(turns_used=12 - table["t0_s"] / joint.turn_period_s)
-    head = pd.DataFrame({"disturbance_hz": frequencies, "torque_share": shares, "disturbance_rps": heard})
+    head = pd.DataFrame(
+        {"disturbance_hz": frequencies, "torque_share": shares, "disturbance_rps": heard}
+    )
     return pd.concat([head, table], axis=1).iloc[1:].reset_index(drop=True)
 
 

@@ -37,13 +37,19 @@ def package(tmp_path):
 def called(package: Path, code: str = CALLER, **environment: str) -> list[str]:
     """What a new process prints: by itself a result, how much of it was compiled before, and where that is kept."""
     site = package.parents[1]
-    outside = {name: value for name, value in os.environ.items() if not name.startswith("NUMBA_CACHE")}
+    outside = {
+        name: value for name, value in os.environ.items() if not name.startswith("NUMBA_CACHE")
+    }
     given = outside | {"PYTHONPATH": str(site), "HOME": str(site / "home")} | environment
     command = [sys.executable, "-c", code]
-    return subprocess.run(command, env=given, cwd=site, capture_output=True, text=True, check=True).stdout.split()
+    return subprocess.run(
+        command, env=given, cwd=site, capture_output=True, text=True, check=True
+    ).stdout.split()
 
 
-def test_a_second_process_compiles_nothing_and_a_change_in_any_file_that_compiles_everything(package):
+def test_a_second_process_compiles_nothing_and_a_change_in_any_file_that_compiles_everything(
+    package,
+):
     assert called(package)[:2] == ["4.0", "0"]
     assert called(package)[:2] == ["4.0", "1"]
     other = package / "other.py"
@@ -53,7 +59,9 @@ def test_a_second_process_compiles_nothing_and_a_change_in_any_file_that_compile
     assert called(package)[:2] == ["6.0", "0"]
 
 
-def test_where_the_package_cannot_be_written_the_home_keeps_it_and_else_a_temporary_folder(package, tmp_path):
+def test_where_the_package_cannot_be_written_the_home_keeps_it_and_else_a_temporary_folder(
+    package, tmp_path
+):
     (package.parent / "__pycache__").touch()  # no folder can be made of it
     assert called(package)[2].startswith(str(package.parents[1] / "home" / ".cache" / "backlash"))
     (tmp_path / "temporary").mkdir()
@@ -73,7 +81,9 @@ def test_a_folder_that_others_may_write_is_not_taken(tmp_path):
 
 def test_another_packages_cache_stays_where_numba_keeps_it(package):
     site = package.parents[1]
-    (site / "theirs.py").write_text("import numba\n\n@numba.njit(cache=True)\ndef same(x):\n    return x\n")
+    (site / "theirs.py").write_text(
+        "import numba\n\n@numba.njit(cache=True)\ndef same(x):\n    return x\n"
+    )
     shown = "import replication.compiled.one, theirs; theirs.same(1.0); print(theirs.same.stats.cache_path)"
     assert called(package, code=shown) == [str(site / "__pycache__")]
 

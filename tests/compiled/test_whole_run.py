@@ -29,7 +29,10 @@ def members(t, v, rng, number=4000):
     box = table1_box(t, v, 0.204, 1.3)
     found = box.lower + (box.upper - box.lower) * rng.random((number, 7))
     found[::3, 1] *= 0.1  # windows that lie wholly in the record
-    found[::4, 5], found[::4, 6] = 0.204 - 0.002 * rng.random(found[::4].shape[0]), 0.001  # that overlap the next one
+    found[::4, 5], found[::4, 6] = (
+        0.204 - 0.002 * rng.random(found[::4].shape[0]),
+        0.001,
+    )  # that overlap the next one
     return found
 
 
@@ -38,13 +41,17 @@ def members(t, v, rng, number=4000):
 def test_the_folded_misfit_is_the_misfit(record, timing, start):
     t, v = record[0][start:] - record[0][start], record[1][start:]
     some = members(t, v, np.random.default_rng(1))
-    np.testing.assert_allclose(folded_rmse(some, fold(t, v, timing)), population_rmse(t, v, some, timing), atol=1e-13)
+    np.testing.assert_allclose(
+        folded_rmse(some, fold(t, v, timing)), population_rmse(t, v, some, timing), atol=1e-13
+    )
 
 
 def test_the_folded_misfit_is_the_same_in_rpm_about_the_mean(record):
     t, v = record[0], 60 * (record[1] - record[1].mean())
     some = members(t, v, np.random.default_rng(1))
-    np.testing.assert_allclose(folded_rmse(some, fold(t, v, TURN)), population_rmse(t, v, some, TURN), atol=1e-11)
+    np.testing.assert_allclose(
+        folded_rmse(some, fold(t, v, TURN)), population_rmse(t, v, some, TURN), atol=1e-11
+    )
 
 
 whole = st.builds(
@@ -57,14 +64,22 @@ any_timing = st.builds(Timing, st.floats(0.05, 0.4), st.floats(0.1, 0.8), st.int
 
 @given(
     unit=st.lists(st.one_of(st.sampled_from([0.0, 1.0]), st.floats(0, 1)), min_size=7, max_size=7),
-    timing=st.one_of(st.sampled_from([TURN, Timing(0.204, 0.408, 12), Timing(0.2, 0.401, 12)]), whole, any_timing),
+    timing=st.one_of(
+        st.sampled_from([TURN, Timing(0.204, 0.408, 12), Timing(0.2, 0.401, 12)]), whole, any_timing
+    ),
     begin=st.sampled_from([0.0, 0.114, 3.0, -1.3]),
     longest=st.sampled_from([0.1, 0.204, 0.45]),
     noise=st.sampled_from([0.0, 0.1]),
 )
-def test_the_folded_misfit_is_the_papers_on_any_record_and_timing(unit, timing, begin, longest, noise):
+def test_the_folded_misfit_is_the_papers_on_any_record_and_timing(
+    unit, timing, begin, longest, noise
+):
     t = begin + 0.002 * np.arange(1300)
-    v = 100 + signature(t - begin, X, TURN) + np.random.default_rng(1).uniform(-noise, noise, t.size)
+    v = (
+        100
+        + signature(t - begin, X, TURN)
+        + np.random.default_rng(1).uniform(-noise, noise, t.size)
+    )
     box = table1_box(t, v, longest, 1.3)
     some = box.lower + np.array(unit) * (box.upper - box.lower)
     np.testing.assert_allclose(
@@ -75,7 +90,9 @@ def test_the_folded_misfit_is_the_papers_on_any_record_and_timing(unit, timing, 
 def test_a_member_at_the_truth_of_a_record_without_noise_keeps_its_digits():
     t = 0.002 * np.arange(2401)
     v, near = 100 + signature(t, X, TURN), X * (1 + 1e-7)
-    assert folded_rmse(near[None], fold(t, v, TURN))[0] == pytest.approx(rmse(t, v, near, TURN), rel=1e-6)
+    assert folded_rmse(near[None], fold(t, v, TURN))[0] == pytest.approx(
+        rmse(t, v, near, TURN), rel=1e-6
+    )
 
 
 @pytest.mark.parametrize(
@@ -88,19 +105,29 @@ def test_a_member_at_the_truth_of_a_record_without_noise_keeps_its_digits():
         (Timing(0.2, 0.401, 12), 20, 5, 60),
     ],
 )
-def test_a_compiled_run_is_the_search_generation_by_generation(record, timing, population, seed, iterations):
+def test_a_compiled_run_is_the_search_generation_by_generation(
+    record, timing, population, seed, iterations
+):
     t, v = record
     box, folded = table1_box(t, v, 0.204, 1.3), fold(t, v, timing)
     ours = whole_run(folded, box, seed, population, iterations)
-    steps = generations(lambda some: folded_rmse(some, folded), box, random_normals(seed), population)
+    steps = generations(
+        lambda some: folded_rmse(some, folded), box, random_normals(seed), population
+    )
     theirs = search(steps, iterations)
     np.testing.assert_array_equal(ours.history, theirs.history)
     np.testing.assert_array_equal(ours.best, theirs.best)
-    assert (ours.misfit, ours.evaluations, ours.stop) == (theirs.misfit, theirs.evaluations, theirs.stop)
+    assert (ours.misfit, ours.evaluations, ours.stop) == (
+        theirs.misfit,
+        theirs.evaluations,
+        theirs.stop,
+    )
     assert ours.misfit == pytest.approx(rmse(t, v, ours.best, timing), abs=1e-12)
 
 
-def test_29_of_the_30_stored_runs_end_at_the_stored_misfit_and_23_in_the_stored_generation(record_12):
+def test_29_of_the_30_stored_runs_end_at_the_stored_misfit_and_23_in_the_stored_generation(
+    record_12,
+):
     t, v = record_12.t, record_12.v
     box, folded = table1_box(t, v, 0.204, 1.3), fold(t, v, TURN)
     stored = published.authors_notebook_runs()
@@ -150,7 +177,11 @@ def test_a_compiled_run_is_the_same_to_the_last_bit_with_the_kernels_of_other_pr
     other = {"OPENBLAS_CORETYPE": "Prescott", "NUMBA_CPU_NAME": "generic", "NUMBA_CPU_FEATURES": ""}
     other["NPY_DISABLE_CPU_FEATURES"] = "X86_V4 X86_V3"
     found = subprocess.run(
-        [sys.executable, "-W", "ignore", "-c", code], env=os.environ | other, capture_output=True, text=True, check=True
+        [sys.executable, "-W", "ignore", "-c", code],
+        env=os.environ | other,
+        capture_output=True,
+        text=True,
+        check=True,
     )
     assert found.stdout.strip() == digest()
 

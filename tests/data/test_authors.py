@@ -81,7 +81,9 @@ def test_a_file_is_downloaded_verified_and_kept(registered, server, tmp_path):
 
 
 @pytest.mark.parametrize("content", [b"other bytes", b"the authors'"], ids=["wrong", "truncated"])
-def test_a_download_with_a_wrong_hash_is_refused_and_leaves_nothing(registered, server, tmp_path, content):
+def test_a_download_with_a_wrong_hash_is_refused_and_leaves_nothing(
+    registered, server, tmp_path, content
+):
     folder, url = server
     (folder / "Noisy data" / "a file.zip").write_bytes(content)
     cache = tmp_path / "cache"
@@ -99,7 +101,9 @@ def test_a_file_that_the_server_does_not_have_is_named(registered, server, tmp_p
 
 def test_without_a_network_the_file_and_the_way_out_are_named(registered, tmp_path):
     with pytest.raises(DataUnavailable, match=r"a file\.zip.*BACKLASH_DATA") as caught:
-        authors_file("Noisy data/a file.zip", base_url="http://127.0.0.1:9/", cache=tmp_path / "cache")
+        authors_file(
+            "Noisy data/a file.zip", base_url="http://127.0.0.1:9/", cache=tmp_path / "cache"
+        )
     assert "\n" not in str(caught.value)
 
 
@@ -119,7 +123,9 @@ def test_a_changed_local_copy_is_refused(registered, tmp_path, monkeypatch):
         authors_file("Noisy data/a file.zip")
 
 
-def test_a_file_missing_from_the_local_copy_is_named_and_not_downloaded(registered, tmp_path, monkeypatch):
+def test_a_file_missing_from_the_local_copy_is_named_and_not_downloaded(
+    registered, tmp_path, monkeypatch
+):
     monkeypatch.setenv("BACKLASH_DATA", str(tmp_path))
     with pytest.raises(DataUnavailable, match=r"a file\.zip.*BACKLASH_DATA"):
         authors_file("Noisy data/a file.zip")

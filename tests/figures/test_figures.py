@@ -13,14 +13,30 @@ FIGURES = sorted((workbook.ROOT / "figures").glob("*.svg"))
 
 # Axes without a unit: ratios of like quantities, and counts.
 DIMENSIONLESS = {
-    *("A over theoretical A", "SD over printed SD", "function evaluations per success", "generation", "stored run"),
+    *(
+        "A over theoretical A",
+        "SD over printed SD",
+        "function evaluations per success",
+        "generation",
+        "stored run",
+    ),
     *("log-likelihood of the printed Table 2", "mean over the printed one", "row of Table 2"),
     "signed root of the gain in chi squared",
-    *("density", "rank of the truth in the posterior", "share of intervals that hold", "nominal level"),
+    *(
+        "density",
+        "rank of the truth in the posterior",
+        "share of intervals that hold",
+        "nominal level",
+    ),
 }
 
 
-PLOTS = ("replication/figures/*.py", "replication/standins/plots.py", "backlash/plots.py", "studies/plots.py")
+PLOTS = (
+    "replication/figures/*.py",
+    "replication/standins/plots.py",
+    "backlash/plots.py",
+    "studies/plots.py",
+)
 
 
 def lightness(colour):
@@ -33,8 +49,12 @@ def lightness(colour):
 
 @pytest.mark.parametrize("figure", FIGURES, ids=lambda path: path.stem)
 def test_every_axis_of_a_figure_has_a_unit_or_is_known_to_have_none(figure):
-    described = re.search(r"<dc:description>(.*?)</dc:description>", figure.read_text(encoding="utf-8"), re.DOTALL)
-    labels = [label.strip() for panel in described[1].split(";") for label in panel.split(" versus ")]
+    described = re.search(
+        r"<dc:description>(.*?)</dc:description>", figure.read_text(encoding="utf-8"), re.DOTALL
+    )
+    labels = [
+        label.strip() for panel in described[1].split(";") for label in panel.split(" versus ")
+    ]
     assert labels
     for label in labels:
         assert label in DIMENSIONLESS or re.search(r"\[[^\]]+\]", label), label
@@ -43,21 +63,26 @@ def test_every_axis_of_a_figure_has_a_unit_or_is_known_to_have_none(figure):
 
 @pytest.mark.parametrize("figure", FIGURES, ids=lambda path: path.stem)
 def test_a_figure_is_narrow_enough_to_be_read_in_a_column_of_85_mm(figure):
-    width_pt = float(re.search(r'<svg [^>]*width="([\d.]+)pt"', figure.read_text(encoding="utf-8"))[1])
+    width_pt = float(
+        re.search(r'<svg [^>]*width="([\d.]+)pt"', figure.read_text(encoding="utf-8"))[1]
+    )
     assert width_pt <= 72 * style.WIDTH_IN + 0.01
 
 
 def test_no_plot_has_text_below_8_pt():
     for path in (path for pattern in PLOTS for path in workbook.ROOT.glob(pattern)):
         sizes = re.findall(
-            r'(?:fontsize=|[ (]size=|"font.size": |labelsize": )([\d.]+)', path.read_text(encoding="utf-8")
+            r'(?:fontsize=|[ (]size=|"font.size": |labelsize": )([\d.]+)',
+            path.read_text(encoding="utf-8"),
         )
         assert all(float(size) >= 8 for size in sizes), path
 
 
 @pytest.mark.parametrize("figure", FIGURES, ids=lambda path: path.stem)
 def test_a_figure_of_the_paper_has_its_number_in_its_name(figure):
-    sources = {name: path.read_text(encoding="utf-8") for name, path in notebook_files("py").items()}
+    sources = {
+        name: path.read_text(encoding="utf-8") for name, path in notebook_files("py").items()
+    }
     made_by = next(name for name, text in sources.items() if f'"{figure.stem}"' in text)
     in_paper = re.search(r"_(figure|table)\d+$", made_by)
     numbered = re.match(r"(figure\d\d|table\d+|equation\d+|search|replay)_[a-z]", figure.stem)

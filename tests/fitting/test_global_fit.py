@@ -43,7 +43,10 @@ def random_record(generator):
         ]
     )
     return made(
-        X, generator.uniform(0.02, 0.2), int(generator.integers(1000)), samples=int(generator.integers(1500, 2402))
+        X,
+        generator.uniform(0.02, 0.2),
+        int(generator.integers(1000)),
+        samples=int(generator.integers(1500, 2402)),
     )
 
 
@@ -59,7 +62,9 @@ def drawn(seed, on_samples=(False, False), dt=0.002, turn_s=0.4, turns=12, noise
         end = t[round(end / dt)] if on_samples[1] else end
         t0 = start - generator.uniform(0, min(start, 0.15 * turn_s))
         A, tau = generator.choice([-1, 1]) * generator.uniform(0.3, 1.5), generator.uniform(5, 30)
-        X = np.array([A, t0, tau, generator.uniform(8 * np.pi, 80 * np.pi), 100.0, end - t0, start - t0])
+        X = np.array(
+            [A, t0, tau, generator.uniform(8 * np.pi, 80 * np.pi), 100.0, end - t0, start - t0]
+        )
         v = 100 + signature(t, X, protocol.timing)
         record = Recording(t, v, 100.0, turn_s, "made")
         box = protocol_box(record, protocol)
@@ -76,7 +81,9 @@ def test_a_noise_free_signature_is_recovered_to_rounding():
 
 
 @pytest.mark.parametrize("seed", [1586741660, 2, 3])
-def test_a_record_that_is_nearly_noise_has_a_fit_though_its_best_window_may_hold_too_few_samples(seed):
+def test_a_record_that_is_nearly_noise_has_a_fit_though_its_best_window_may_hold_too_few_samples(
+    seed,
+):
     (clean,) = simulate_recordings(identified_joint(), [1.2e-4])
     fit = global_fit(add_uniform_noise(clean, 1.0, np.random.default_rng(seed)))
     low, high = fit.amplitude_interval_rps
@@ -96,7 +103,9 @@ def test_the_amplitude_is_that_of_a_window_that_starts_midway_between_samples():
     assert fit.amplitude_rps == pytest.approx(0.6, rel=1e-6)
     later = TRUE_X + np.array([0, 0, 0, 0, 0, 0, 0.0007])
     moved = global_fit(made(later, noise=0.0))
-    assert moved.amplitude_rps == pytest.approx(0.6 * np.exp(15.0 * -0.0007) * np.exp(15.0 * 0.0007), rel=0.02)
+    assert moved.amplitude_rps == pytest.approx(
+        0.6 * np.exp(15.0 * -0.0007) * np.exp(15.0 * 0.0007), rel=0.02
+    )
 
 
 def test_the_reported_misfit_is_the_papers_cost_at_the_reported_parameters_in_the_papers_box():
@@ -142,12 +151,16 @@ def test_a_record_may_be_cut_anywhere(first):
 
 @pytest.mark.parametrize("samples", [300, 777, 1333, 2000])
 def test_a_record_need_not_hold_whole_turns(samples):
-    assert global_fit(made(samples=samples, noise=0.01)).amplitude_rps == pytest.approx(0.6, rel=0.06)
+    assert global_fit(made(samples=samples, noise=0.01)).amplitude_rps == pytest.approx(
+        0.6, rel=0.06
+    )
 
 
 @pytest.mark.parametrize("dt", [0.001, 0.0025, 0.0037])
 def test_turns_need_not_be_whole_numbers_of_samples(dt):
-    X = TRUE_X + np.array([0, 0.0001, 0, 0, 0, 0.0002, 0.0002])  # no window edge on a sample, where rounding decides
+    X = TRUE_X + np.array(
+        [0, 0.0001, 0, 0, 0, 0.0002, 0.0002]
+    )  # no window edge on a sample, where rounding decides
     record = made(X, dt=dt, samples=int(4.8 / dt), noise=0.02)
     at_truth = population_rmse(record.t, record.v, X[None], PROTOCOL.timing)[0]
     assert global_fit(record).rmse <= at_truth
@@ -195,7 +208,8 @@ def test_a_noise_free_signature_is_recovered_to_rounding_wherever_its_windows_st
 
 
 @pytest.mark.parametrize(
-    ("dt", "turn_s", "turns"), [(1 / 512, 0.4, 12), (0.004, 0.4, 12), (0.002, 0.3337, 12), (0.002, 0.4, 3)]
+    ("dt", "turn_s", "turns"),
+    [(1 / 512, 0.4, 12), (0.004, 0.4, 12), (0.002, 0.3337, 12), (0.002, 0.4, 3)],
 )
 def test_it_is_recovered_whatever_the_turn_is_in_samples(dt, turn_s, turns):
     for seed in range(8):
@@ -234,7 +248,11 @@ def test_the_fit_has_the_same_bits_with_every_kernel_of_openblas():
     for kernel in kernels_here():
         environment = os.environ | {"OPENBLAS_CORETYPE": kernel, "PYTHONPATH": path}
         command = [sys.executable, "-c", "\n".join(lines)]
-        printed.add(subprocess.run(command, env=environment, capture_output=True, text=True, check=True).stdout)
+        printed.add(
+            subprocess.run(
+                command, env=environment, capture_output=True, text=True, check=True
+            ).stdout
+        )
     assert len(printed) == 1
     assert printed.pop().count("\n") == 4
 

@@ -53,6 +53,10 @@ def test_the_settled_turn_is_the_record_s_third():
 
 
 @pytest.mark.parametrize("level", [4, 8, 13])
-def test_clean_records_that_the_joint_was_not_identified_from_are_matched_to_a_microradian(authors_data, level):
+def test_clean_records_that_the_joint_was_not_identified_from_are_matched_to_a_microradian(
+    authors_data, level
+):
     # The identified joint misses 1 % of their signal.
-    assert match_joint(load_clean(level), JOINT)["delta_rad"] == pytest.approx(level_delta_rad(level), abs=1.5e-6)
+    assert match_joint(load_clean(level), JOINT)["delta_rad"] == pytest.approx(
+        level_delta_rad(level), abs=1.5e-6
+    )

@@ -36,11 +36,15 @@ def bench_fit(seed: int = 5):
 
 def noise(seed: int = 1, sd: float = 0.06) -> Recording:
     t = 2e-3 * np.arange(2400)
-    return Recording(t, 100 + np.random.default_rng(seed).normal(0, sd, t.size), 100.0, 0.4, "noise")
+    return Recording(
+        t, 100 + np.random.default_rng(seed).normal(0, sd, t.size), 100.0, 0.4, "noise"
+    )
 
 
 def rows(joint, delta_rad: float) -> np.ndarray:
-    values = dict.fromkeys(COLUMNS, 0.0) | {name: v for name, v in joint.ratios.items() if name in COLUMNS}
+    values = dict.fromkeys(COLUMNS, 0.0) | {
+        name: v for name, v in joint.ratios.items() if name in COLUMNS
+    }
     return np.array([[(values | {"delta_rad": delta_rad})[name] for name in COLUMNS]])
 
 
@@ -129,7 +133,9 @@ def test_a_push_of_a_second_mass_is_what_it_lacks_of_the_load():
     # Far below its ring a mass follows the load: z = -x'' / w^2, and the push is -z''.
     w, stiff = 2 * np.pi * 2.5, 2 * np.pi * 80.0
     acceleration = 1e-3 * w * np.cos(2 * np.pi * 2.5 * t)
-    assert found[-1] == pytest.approx(-acceleration * w**2 / stiff**2, abs=0.01 * np.abs(found[-1]).max())
+    assert found[-1] == pytest.approx(
+        -acceleration * w**2 / stiff**2, abs=0.01 * np.abs(found[-1]).max()
+    )
     assert found.shape == (31, phases)
 
 

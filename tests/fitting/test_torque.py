@@ -14,12 +14,18 @@ DELTA = 9e-4
 
 def load_data(bench: Bench, **others: float) -> LoadData:
     ratios = bench.joint.ratios
-    return LoadData(**({name: ratios[name] for name in ("inertia_ratio", "gravity_per_s2")} | others))
+    return LoadData(
+        **({name: ratios[name] for name in ("inertia_ratio", "gravity_per_s2")} | others)
+    )
 
 
 def draw(kind: str, number: int) -> Bench:
     rng = np.random.default_rng((11, number))
-    return move_bench(draw_bench(rng), 60.0, 0.8) if kind == "paper's" else move_bench(draw_cascade(rng), 60.0, 0.8)
+    return (
+        move_bench(draw_bench(rng), 60.0, 0.8)
+        if kind == "paper's"
+        else move_bench(draw_cascade(rng), 60.0, 0.8)
+    )
 
 
 def fitted(bench: Bench, delta: float = DELTA, load: LoadData | None = None, **log: float):
@@ -31,7 +37,9 @@ def fitted(bench: Bench, delta: float = DELTA, load: LoadData | None = None, **l
 def test_without_noise_the_backlash_is_right_under_either_drive(kind):
     for number in range(3):
         bench = replace(draw(kind, number), noise_rps=1e-4)
-        found = fitted(bench, torque_noise=1e-4, load=load_data(bench, inertia_sd=0.0, gravity_sd=0.0))
+        found = fitted(
+            bench, torque_noise=1e-4, load=load_data(bench, inertia_sd=0.0, gravity_sd=0.0)
+        )
         assert found.delta_rad == pytest.approx(DELTA, rel=0.05)
         assert found.motor_inertia == pytest.approx(bench.joint.motor_inertia_kgm2, rel=0.01)
         assert not found.refusal_reason
@@ -41,7 +49,9 @@ def test_the_unit_of_the_torque_and_a_lag_of_the_speed_do_not_matter():
     bench = draw("paper's", 4)
     recording, torque = log_with_torque(bench, DELTA, np.random.default_rng(1))
     load = load_data(bench)
-    plain, scaled = (fit_torque(recording, unit * torque, load, np.random.default_rng(2)) for unit in (1.0, 37.0))
+    plain, scaled = (
+        fit_torque(recording, unit * torque, load, np.random.default_rng(2)) for unit in (1.0, 37.0)
+    )
     assert scaled.delta_rad == pytest.approx(plain.delta_rad)
     assert scaled.motor_inertia == pytest.approx(37 * plain.motor_inertia)
     late = replace(recording, t=recording.t[:-1], v=recording.v[:-1])
@@ -51,7 +61,9 @@ def test_the_unit_of_the_torque_and_a_lag_of_the_speed_do_not_matter():
 
 def test_what_is_not_known_of_the_load_widens_the_interval():
     bench = draw("paper's", 5)
-    known, guessed = (fitted(bench, load=load_data(bench, inertia_sd=sd, gravity_sd=sd / 2)) for sd in (0.0, 0.2))
+    known, guessed = (
+        fitted(bench, load=load_data(bench, inertia_sd=sd, gravity_sd=sd / 2)) for sd in (0.0, 0.2)
+    )
     assert guessed.delta_rad == known.delta_rad
     assert guessed.sd_rad > 1.5 * known.sd_rad
 
@@ -59,7 +71,9 @@ def test_what_is_not_known_of_the_load_widens_the_interval():
 def test_gravity_that_is_off_is_held_by_its_stated_uncertainty():
     bench = draw("paper's", 6)
     off = 1.1 * bench.joint.ratios["gravity_per_s2"]
-    trusted, doubted = (fitted(bench, load=load_data(bench, gravity_per_s2=off, gravity_sd=sd)) for sd in (0.0, 0.1))
+    trusted, doubted = (
+        fitted(bench, load=load_data(bench, gravity_per_s2=off, gravity_sd=sd)) for sd in (0.0, 0.1)
+    )
     assert trusted.delta_rad > 1.05 * DELTA
     assert doubted.interval_rad[0] < DELTA < doubted.interval_rad[1]
 
@@ -74,7 +88,11 @@ def test_a_healthy_joint_and_a_faint_backlash_are_no_answer():
 def test_a_torque_that_is_none_is_refused_in_one_line():
     bench = draw("paper's", 8)
     recording, torque = log_with_torque(bench, DELTA, np.random.default_rng(1))
-    bad = {"numbers": torque[:-1], "vary": np.ones_like(torque), "finite": np.where(torque > 0, torque, np.nan)}
+    bad = {
+        "numbers": torque[:-1],
+        "vary": np.ones_like(torque),
+        "finite": np.where(torque > 0, torque, np.nan),
+    }
     bad |= {"sign": -torque, "gravity": np.random.default_rng(3).normal(1, 0.1, torque.size)}
     for said, each in bad.items():
         with pytest.raises(ValueError, match=said) as error:
@@ -83,7 +101,13 @@ def test_a_torque_that_is_none_is_refused_in_one_line():
 
 
 @pytest.mark.parametrize(
-    "wrong", [{"inertia_ratio": 0.0}, {"gravity_per_s2": np.nan}, {"inertia_sd": -0.1}, {"gravity_sd": 10.0}]
+    "wrong",
+    [
+        {"inertia_ratio": 0.0},
+        {"gravity_per_s2": np.nan},
+        {"inertia_sd": -0.1},
+        {"gravity_sd": 10.0},
+    ],
 )
 def test_load_data_that_no_load_has_are_refused(wrong):
     with pytest.raises(ValueError, match="above 0"):
@@ -98,7 +122,8 @@ def test_intervals_hold_the_truth_with_inputs_as_wrong_as_is_said():
             bench, rng = draw(kind, number), np.random.default_rng((12, number))
             off = np.exp(rng.standard_normal(2) * (0.1, 0.05))
             given = [
-                bench.joint.ratios[name] * f for name, f in zip(("inertia_ratio", "gravity_per_s2"), off, strict=True)
+                bench.joint.ratios[name] * f
+                for name, f in zip(("inertia_ratio", "gravity_per_s2"), off, strict=True)
             ]
             found = fitted(bench, load=LoadData(*given))
             if not found.refusal_reason:

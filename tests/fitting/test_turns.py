@@ -15,18 +15,29 @@ STEP = {
 
 
 def row(order: int, delta_rad: float) -> np.ndarray:
-    values = dict.fromkeys(COLUMNS, 0.0) | {k: v for k, v in identified_joint().ratios.items() if k in COLUMNS}
-    values |= {"delta_rad": delta_rad, "friction": 0.01, "ripple_sine": 0.01, "ripple_cosine": -0.005}
+    values = dict.fromkeys(COLUMNS, 0.0) | {
+        k: v for k, v in identified_joint().ratios.items() if k in COLUMNS
+    }
+    values |= {
+        "delta_rad": delta_rad,
+        "friction": 0.01,
+        "ripple_sine": 0.01,
+        "ripple_cosine": -0.005,
+    }
     if order:
         values |= {"error_sine_rad": 1e-5, "error_cosine_rad": -2e-5}
     return np.array([values[name] for name in COLUMNS])
 
 
-@pytest.mark.parametrize(("order", "differencing", "delta_rad"), [(0, True, 1e-3), (9, True, 4e-4), (8, False, 2e-3)])
+@pytest.mark.parametrize(
+    ("order", "differencing", "delta_rad"), [(0, True, 1e-3), (9, True, 4e-4), (8, False, 2e-3)]
+)
 def test_slopes_are_those_of_differences_of_settled_turns(order, differencing, delta_rad):
     here = row(order, delta_rad)
     turn, _, slopes, _ = turn_and_slopes(here, MOVEMENT, order, differencing, True, SETTLED)
-    assert turn == pytest.approx(simulate_turns(here[None], MOVEMENT, order, 8, differencing)[0], abs=2e-5)
+    assert turn == pytest.approx(
+        simulate_turns(here[None], MOVEMENT, order, 8, differencing)[0], abs=2e-5
+    )
     for k, name in enumerate(COLUMNS):
         if "error" in name and not order:
             continue
@@ -61,5 +72,8 @@ def test_a_joint_that_runs_away_has_no_turn_and_no_slopes():
 def test_a_weakly_damped_joint_is_simulated_for_longer():
     weak = row(0, 1e-3)
     weak[COLUMNS.index("speed_gain_per_s")] *= 0.7
-    leads = [turn_and_slopes(joint, MOVEMENT, 0, True, False, 2e-4).turns_before for joint in (row(0, 1e-3), weak)]
+    leads = [
+        turn_and_slopes(joint, MOVEMENT, 0, True, False, 2e-4).turns_before
+        for joint in (row(0, 1e-3), weak)
+    ]
     assert leads[0] < leads[1]

@@ -6,7 +6,15 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from backlash.calibration import default_calibration
-from backlash.fitting.waveform import WaveformBank, drop_first_turn, low_passed, make_bank, match, mean_turn, periodic
+from backlash.fitting.waveform import (
+    WaveformBank,
+    drop_first_turn,
+    low_passed,
+    make_bank,
+    match,
+    mean_turn,
+    periodic,
+)
 from replication.authors import level_delta_rad, load_clean
 from replication.recording import Recording, add_uniform_noise, from_sample
 
@@ -22,7 +30,9 @@ def made(bank, delta_rad, shift_turns=0.0, dt=0.002, turns=12, noise=0.0, seed=1
     """A record of the bank's own waveform."""
     t = dt * np.arange(round(turns * PERIOD_S / dt) + 1)
     v = 100 + bank.at(delta_rad)((t / PERIOD_S - shift_turns) % 1.0)
-    return add_uniform_noise(Recording(t, v, 100.0, PERIOD_S, "made"), noise, np.random.default_rng(seed))
+    return add_uniform_noise(
+        Recording(t, v, 100.0, PERIOD_S, "made"), noise, np.random.default_rng(seed)
+    )
 
 
 @settings(max_examples=25, deadline=None)
@@ -32,7 +42,9 @@ def made(bank, delta_rad, shift_turns=0.0, dt=0.002, turns=12, noise=0.0, seed=1
     dt=st.sampled_from([0.0005, 0.002, 0.0033, 0.0071]),
     turns=st.floats(1.2, 14),
 )
-def test_a_record_of_the_bank_itself_gives_its_backlash_and_phase_however_sampled(bank, delta, shift, dt, turns):
+def test_a_record_of_the_bank_itself_gives_its_backlash_and_phase_however_sampled(
+    bank, delta, shift, dt, turns
+):
     found = match(made(bank, delta, shift, dt, turns), bank)
     assert found.delta_rad == pytest.approx(delta, abs=1e-9)
     assert abs((found.shift_turns - shift + 0.5) % 1 - 0.5) < 1e-6
@@ -43,7 +55,9 @@ def test_dropping_samples_at_the_beginning_moves_the_phase_and_not_the_backlash(
     whole = made(bank, 1.05e-3, noise=0.1)
     late = replace(from_sample(whole, 50))
     assert match(late, bank).delta_rad == pytest.approx(match(whole, bank).delta_rad, abs=2e-6)
-    assert (match(whole, bank).shift_turns - match(late, bank).shift_turns) % 1 == pytest.approx(0.25, abs=1e-3)
+    assert (match(whole, bank).shift_turns - match(late, bank).shift_turns) % 1 == pytest.approx(
+        0.25, abs=1e-3
+    )
 
 
 @pytest.mark.slow
@@ -90,9 +104,14 @@ def test_waveforms_that_start_anywhere_are_aligned_into_the_same_bank(bank):
 
 def test_noisy_waveforms_are_averaged_over_the_levels_and_not_interpolated(bank):
     deltas = np.arange(3e-4, 22e-4, 1e-4)
-    turns = [mean_turn(made(bank, delta, noise=0.15, seed=k + 1), 200) for k, delta in enumerate(deltas)]
+    turns = [
+        mean_turn(made(bank, delta, noise=0.15, seed=k + 1), 200) for k, delta in enumerate(deltas)
+    ]
     noisy = make_bank(deltas, turns)
-    errors = [match(made(bank, delta, 0.2), noisy).delta_rad - delta for delta in (6.5e-4, 10.5e-4, 14.5e-4)]
+    errors = [
+        match(made(bank, delta, 0.2), noisy).delta_rad - delta
+        for delta in (6.5e-4, 10.5e-4, 14.5e-4)
+    ]
     assert np.abs(errors).max() < 3e-5
 
 
@@ -102,9 +121,13 @@ def test_five_levels_make_no_bank(bank):
 
 
 @pytest.mark.parametrize("level", [3, 5, 8, 11, 13])
-def test_the_simulated_bank_reads_the_authors_clean_records_within_three_microradians(authors_data, bank, level):
+def test_the_simulated_bank_reads_the_authors_clean_records_within_three_microradians(
+    authors_data, bank, level
+):
     # The identified joint leaves about 1 % of the signal: a few 1e-6 rad.
-    assert match(load_clean(level), bank).delta_rad == pytest.approx(level_delta_rad(level), abs=3e-6)
+    assert match(load_clean(level), bank).delta_rad == pytest.approx(
+        level_delta_rad(level), abs=3e-6
+    )
 
 
 @pytest.mark.parametrize("edge_hz", [40, 60])
@@ -113,7 +136,10 @@ def test_a_low_pass_that_the_bank_does_not_have_is_found(bank, edge_hz):
     seconds = 1 / (2 * np.pi * edge_hz)
     turn = low_passed(bank.at(9e-4)(np.arange(800) / 800), (seconds / PERIOD_S) ** 2)
     filtered = replace(
-        record, v=record.v + periodic(turn)(record.t / PERIOD_S % 1) - bank.at(9e-4)(record.t / PERIOD_S % 1)
+        record,
+        v=record.v
+        + periodic(turn)(record.t / PERIOD_S % 1)
+        - bank.at(9e-4)(record.t / PERIOD_S % 1),
     )
     found = match(filtered, bank, low_pass=True)
     assert found.low_pass_s == pytest.approx(seconds, rel=0.1)

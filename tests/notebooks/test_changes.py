@@ -16,7 +16,9 @@ def test_a_notebook_proposes_three_changes_and_allows_them(notebook):
         check(notebook, parse(change))
 
 
-@pytest.mark.parametrize(("notebook", "change"), [(name, change) for name in FAST for change in changes(name)])
+@pytest.mark.parametrize(
+    ("notebook", "change"), [(name, change) for name in FAST for change in changes(name)]
+)
 def test_a_notebook_runs_with_a_change_and_says_what_happened(notebook, change, tmp_path, capsys):
     run(notebook, parse(change), tmp_path)
     assert says_what_happened(capsys.readouterr().out)
@@ -25,11 +27,31 @@ def test_a_notebook_runs_with_a_change_and_says_what_happened(notebook, change, 
 @pytest.mark.parametrize(
     ("notebook", "wrong", "said"),
     [
-        ("10_bench_table3", {"spread": {"load_frictoin": 0.05}}, "'load_frictoin' should be one of .*'load_friction'"),
-        ("15_friction_and_wear", {"judged_share": 0.033}, "judged_share = 0.033: 0.033 should be one of"),
-        ("12_your_own_joint", {"method": "wave"}, "should be one of 'amplitude', 'energy', 'waveform'"),
-        ("11_robots_table4", {"repeats": 2.5}, "repeats = 2.5: 2.5 should be a whole number from 2 to 1000"),
-        ("17_protocols", {"left_out": [1, 2, 3, 4]}, "at least two of the five realisations are needed"),
+        (
+            "10_bench_table3",
+            {"spread": {"load_frictoin": 0.05}},
+            "'load_frictoin' should be one of .*'load_friction'",
+        ),
+        (
+            "15_friction_and_wear",
+            {"judged_share": 0.033},
+            "judged_share = 0.033: 0.033 should be one of",
+        ),
+        (
+            "12_your_own_joint",
+            {"method": "wave"},
+            "should be one of 'amplitude', 'energy', 'waveform'",
+        ),
+        (
+            "11_robots_table4",
+            {"repeats": 2.5},
+            "repeats = 2.5: 2.5 should be a whole number from 2 to 1000",
+        ),
+        (
+            "17_protocols",
+            {"left_out": [1, 2, 3, 4]},
+            "at least two of the five realisations are needed",
+        ),
     ],
 )
 def test_a_wrong_value_is_refused_in_one_sentence(notebook, wrong, said):

@@ -14,7 +14,8 @@ from workbook.checkout import notebook_files
 HEADINGS = ["Claim", "Method", "Parameters", "Result", "Verdict", "Try changing", "Exercises"]
 SOURCES = notebook_files("py")
 PLUMBING = re.compile(
-    r"workbook\.(export|check_parameters)|to_csv|savefig|os\.environ|REPLICATION_|^\s*assert\b", re.MULTILINE
+    r"workbook\.(export|check_parameters)|to_csv|savefig|os\.environ|REPLICATION_|^\s*assert\b",
+    re.MULTILINE,
 )
 CUT_SHORT = re.compile(r"<t[hd]>[^<]*(\.\.\.|…)</t[hd]>")
 TIMES = workbook.ROOT / "results" / "notebook_times.csv"
@@ -80,7 +81,11 @@ def test_the_verdict_ends_in_a_printed_sentence(name):
     notebook = execution.read_notebook(SOURCES[name]).cells
     begin = next(k for k, cell in enumerate(notebook) if cell.source.startswith("## Verdict"))
     end = next(k for k, cell in enumerate(notebook) if cell.source.startswith("## Try changing"))
-    seen = [cell for cell in notebook[begin:end] if cell.cell_type == "code" and "plumbing" not in tags(cell)]
+    seen = [
+        cell
+        for cell in notebook[begin:end]
+        if cell.cell_type == "code" and "plumbing" not in tags(cell)
+    ]
     assert seen[-1].source.splitlines()[-1] == ")" or "print(" in seen[-1].source.splitlines()[-1]
     assert "print(" in seen[-1].source
 
@@ -101,7 +106,9 @@ def test_a_notebook_displays_the_equations_that_the_map_says_it_uses(row):
 def test_no_table_of_a_notebook_is_cut_short(name):
     executed = nbformat.read(notebook_files("ipynb")[name], as_version=4)
     outputs = [output for cell in executed.cells for output in cell.get("outputs", [])]
-    tables = [output.data["text/html"] for output in outputs if "text/html" in output.get("data", {})]
+    tables = [
+        output.data["text/html"] for output in outputs if "text/html" in output.get("data", {})
+    ]
     assert [CUT_SHORT.search(table)[0] for table in tables if CUT_SHORT.search(table)] == []
 
 

@@ -57,7 +57,9 @@ def test_every_button_of_the_animation_says_what_it_does(after):
 def test_frames_follow_one_another_faster_while_the_gap_is_open():
     joint = identified_joint()
     run = simulate(joint, 21e-4, duration_s=1.6, sample_s=1e-3)
-    frames = re.findall(r'frames\[\d+\] = "data:image/png;base64,(.*?)"', teeth.animate_teeth(run, joint))
+    frames = re.findall(
+        r'frames\[\d+\] = "data:image/png;base64,(.*?)"', teeth.animate_teeth(run, joint)
+    )
     open_s = 1e-3 * (run.gap_state[(run.time_s >= 0.4) & (run.time_s < 0.8)] == 0).sum()
     assert len(frames) == pytest.approx(open_s / 0.003 + (0.4 - open_s) / 0.015, abs=4)
     assert Image.open(io.BytesIO(base64.b64decode(frames[0]))).size == (408, 294)

@@ -15,7 +15,9 @@ def without(places, t, v):
     return np.delete(t, places), np.delete(v, places)
 
 
-@pytest.mark.parametrize("places", [[1000], [3], [2396], [700, 1500], [700, 701], [5, 1200, 1300, 1301, 2390]])
+@pytest.mark.parametrize(
+    "places", [[1000], [3], [2396], [700, 1500], [700, 701], [5, 1200, 1300, 1301, 2390]]
+)
 def test_only_the_holes_of_dropped_samples_are_filled(places):
     log = opened(*without(places, noisy().t, noisy().v))
     kept = np.setdiff1d(np.arange(noisy().t.size), places)
@@ -79,7 +81,9 @@ def test_the_jitter_of_a_position_is_told_apart_and_undone(are_true):
 
 def test_a_gap_in_the_constant_speed_is_refused_and_one_elsewhere_is_not():
     t, v = without(slice(1000, 1010), noisy().t, noisy().v)
-    with pytest.raises(UnusableLog, match=r"row 1000: a gap of 0.022 s in the constant speed, at t = 1.998 s"):
+    with pytest.raises(
+        UnusableLog, match=r"row 1000: a gap of 0.022 s in the constant speed, at t = 1.998 s"
+    ):
         opened(t, v)
     ramp = np.linspace(0, 100, 300) + np.random.default_rng(1).normal(0, 0.1, 300)
     v = np.concatenate([ramp, noisy().v])
@@ -116,15 +120,21 @@ def test_the_part_between_from_and_to_is_used():
     v = noisy().v.copy()
     v[3], v[2300] = 1e9, -50.0
     assert opened(noisy().t, v, replace(TURN, start_s=0.1, end_s=4.0)).recording.v.size == 1951
-    with pytest.raises(UnusableLog, match=r"no samples between --from and --to; the log lasts 4.8 s"):
+    with pytest.raises(
+        UnusableLog, match=r"no samples between --from and --to; the log lasts 4.8 s"
+    ):
         opened(noisy().t, noisy().v, replace(TURN, start_s=10.0))
     with pytest.raises(CannotTell, match="too short"):
         opened(noisy().t, noisy().v, replace(TURN, end_s=1.0))
 
 
-@pytest.mark.parametrize(("start_s", "end_s"), [(2.0, 1.0), (1.0, 1.0), (None, -1.0), (float("nan"), None)])
+@pytest.mark.parametrize(
+    ("start_s", "end_s"), [(2.0, 1.0), (1.0, 1.0), (None, -1.0), (float("nan"), None)]
+)
 def test_an_end_that_is_not_after_the_start_is_refused(start_s, end_s):
-    with pytest.raises(UnusableLog, match=r"--from .* --to .*: give seconds, the end after the start"):
+    with pytest.raises(
+        UnusableLog, match=r"--from .* --to .*: give seconds, the end after the start"
+    ):
         LogFormat(turn_period_s=0.4, start_s=start_s, end_s=end_s)
 
 
@@ -132,7 +142,9 @@ def test_a_spoilt_log_is_estimated_as_the_whole_one():
     rng = np.random.default_rng([77, 0])
     whole = encoder_log(draw_bench(rng), 9e-4, rng)
     spoilt = without([400, 1100, 1101], whole.t + rng.uniform(-2e-4, 2e-4, whole.t.size), whole.v)
-    found = [examine(opened(*log), settings_for(TURN)).estimate for log in ((whole.t, whole.v), spoilt)]
+    found = [
+        examine(opened(*log), settings_for(TURN)).estimate for log in ((whole.t, whole.v), spoilt)
+    ]
     assert [estimate.verdict for estimate in found] == ["backlash", "backlash"]
     low, high = found[0].backlash_interval_rad
     assert abs(found[1].backlash_rad - found[0].backlash_rad) < 0.1 * (high - low)

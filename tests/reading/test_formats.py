@@ -39,7 +39,8 @@ def test_text_is_read_from_standard_input(monkeypatch):
 
 
 @pytest.mark.parametrize(
-    "first", [b"\x89HDF\r\n\x1a\n", b"MATLAB 5.0", b"MDF     4.10", b"\x89MCAP0\r\n", b"#ROSBAG V2.0\n"]
+    "first",
+    [b"\x89HDF\r\n\x1a\n", b"MATLAB 5.0", b"MDF     4.10", b"\x89MCAP0\r\n", b"#ROSBAG V2.0\n"],
 )
 def test_a_recorders_own_format_is_refused_with_what_to_do(first, tmp_path):
     path = tmp_path / "log.csv"
@@ -47,14 +48,19 @@ def test_a_recorders_own_format_is_refused_with_what_to_do(first, tmp_path):
     assert "export the log as CSV, or hand its columns over from Python" in refusal(path)
 
 
-def test_a_missing_library_is_named_with_what_installs_it_and_a_broken_file_as_broken(tmp_path, monkeypatch):
+def test_a_missing_library_is_named_with_what_installs_it_and_a_broken_file_as_broken(
+    tmp_path, monkeypatch
+):
     path = tmp_path / "log"
     path.write_bytes(b"PAR1" + bytes(100))
     with monkeypatch.context() as patch:
         for name in [name for name in sys.modules if name.split(".")[0] == "pyarrow"]:
             patch.delitem(sys.modules, name)
         patch.setitem(sys.modules, "pyarrow", None)
-        assert "reading Parquet needs pyarrow; pip install 'backlash-replication[fleet]'" in refusal(path)
+        assert (
+            "reading Parquet needs pyarrow; pip install 'backlash-replication[fleet]'"
+            in refusal(path)
+        )
     pytest.importorskip("pyarrow", reason="reading Parquet needs the extra 'fleet'")
     assert "a broken Parquet file" in refusal(path)
 
@@ -80,7 +86,9 @@ def test_dates_and_numbers_with_decimal_commas_are_read(header, row, tmp_path):
 @pytest.mark.parametrize(("power", "unit"), [(9, "ns"), (6, "us"), (3, "ms"), (0, None)])
 def test_stamps_since_1970_are_read_by_their_size(power, unit):
     stamps = (
-        (10**power * 1_710_000_000 + np.rint(10**power * noisy().t).astype("int64")) if power else 1.71e9 + noisy().t
+        (10**power * 1_710_000_000 + np.rint(10**power * noisy().t).astype("int64"))
+        if power
+        else 1.71e9 + noisy().t
     )
     log = open_log(pd.DataFrame({"timestamp": stamps, "speed_rps": noisy().v}), TURN)
     assert_is_plain(log.recording)
@@ -106,5 +114,7 @@ def test_a_long_table_is_turned(more, tmp_path):
     row = f"{{t:.4f}},temperature,20{more}\n{{t:.4f}},speed [rps],{{v}}{more}"
     path.write_text(text("time,signal,value" + (",quality" if more else ""), row), encoding="utf-8")
     assert_is_plain(read(path))
-    path.write_text("signal,value,v\n" + "\n".join(f"speed,{v},{v}" for v in noisy().v), encoding="utf-8")
+    path.write_text(
+        "signal,value,v\n" + "\n".join(f"speed,{v},{v}" for v in noisy().v), encoding="utf-8"
+    )
     assert "no column of time among 'signal', 'value', 'v'; give --time" in refusal(path)

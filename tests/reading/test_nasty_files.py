@@ -37,7 +37,16 @@ def with_value(place: int, value: float) -> np.ndarray:
 
 def to_and_fro() -> np.ndarray:
     ramp = np.linspace(0, 100, 200)
-    parts = [np.zeros(200), ramp, noisy().v, ramp[::-1], -ramp, -noisy().v[:900], -ramp[::-1], np.zeros(100)]
+    parts = [
+        np.zeros(200),
+        ramp,
+        noisy().v,
+        ramp[::-1],
+        -ramp,
+        -noisy().v[:900],
+        -ramp[::-1],
+        np.zeros(100),
+    ]
     return np.concatenate(parts) + np.random.default_rng(0).normal(0, 0.01, 4401)
 
 
@@ -45,7 +54,9 @@ def grouped(separator: str, decimal: str, between: str) -> str:
     """Speeds in rpm with marks of thousands, quoted."""
     rows = (f"{t:.4f}|{60 * v:,.3f}" for t, v in zip(noisy().t, noisy().v, strict=True))
     swapped = (row.translate(str.maketrans(",.", separator + decimal)).split("|") for row in rows)
-    return "\n".join(["time" + between + "speed [rpm]", *(f'{t}{between}"{v}"' for t, v in swapped)])
+    return "\n".join(
+        ["time" + between + "speed [rpm]", *(f'{t}{between}"{v}"' for t, v in swapped)]
+    )
 
 
 TURNS = np.concatenate([[0.25], 0.25 + np.cumsum(noisy().v[1:]) * 2e-3])
@@ -104,35 +115,76 @@ REFUSED = {
     "empty": ("", "the file is empty; export the log again"),
     "blank": (" \n\n", "nothing but blank lines"),
     "header only": ("time,speed\n", "no rows with two numbers (header only"),
-    "one column": ("speed\n" + "\n".join(f"{v:.4f}" for v in noisy().v), "no rows with two numbers"),
+    "one column": (
+        "speed\n" + "\n".join(f"{v:.4f}" for v in noisy().v),
+        "no rows with two numbers",
+    ),
     "prose": ("The robot was fine.\nNothing to report.\n", "no rows with two numbers"),
     "binary": (bytes(range(256)) * 9, "export the log as CSV"),
     "a PDF": (b"%PDF-1.7\n", "neither text nor .xlsx"),
     "an old Excel file": (b"\xd0\xcf\x11\xe0" + bytes(99), "neither text nor .xlsx"),
-    "text among numbers": (line(500, "0.996,error"), "row 500: speed [rps] is 'error', no finite number"),
+    "text among numbers": (
+        line(500, "0.996,error"),
+        "row 500: speed [rps] is 'error', no finite number",
+    ),
     "an infinite speed": (line(500, "0.996,-inf"), "row 500: speed [rps] is '-inf'"),
     "a huge speed": (line(500, "0.996,1e200"), "above 1e30; that is no measurement"),
-    "a repeated stamp": (line(500, "0.994000,100.0"), "row 500: its time stamp repeats the one before"),
+    "a repeated stamp": (
+        line(500, "0.994000,100.0"),
+        "row 500: its time stamp repeats the one before",
+    ),
     "a stamp that goes backward": (line(500, "0.5,100.0"), "row 500: its time stamp goes backward"),
-    "a clipped speed": (spoilt(v=np.minimum(noisy().v, 100.2)), "the speed is clipped at 100.2 rps"),
+    "a clipped speed": (
+        spoilt(v=np.minimum(noisy().v, 100.2)),
+        "the speed is clipped at 100.2 rps",
+    ),
     "a spike": (spoilt(v=with_value(500, 900.0)), "row 502: a spike, 900 rps"),
     "a gap": (dropped(*range(1000, 1100)), "row 1002: a gap of 0.202 s in the constant speed"),
-    "a speed that never changes": (spoilt(v=np.full(2401, 100.0)), "never changes, it is 100 throughout"),
+    "a speed that never changes": (
+        spoilt(v=np.full(2401, 100.0)),
+        "never changes, it is 100 throughout",
+    ),
     "one sample": ("time,speed\n0.0,100.0\n", "1 sample;"),
-    "ten hertz": (spoilt(0.1 * np.arange(2401)), "sampled at 10 Hz; the 21 Hz oscillation after an impact needs 84 Hz"),
+    "ten hertz": (
+        spoilt(0.1 * np.arange(2401)),
+        "sampled at 10 Hz; the 21 Hz oscillation after an impact needs 84 Hz",
+    ),
     "a very long line": (b"1," * 100_000, "first line is longer than 65536 characters"),
-    "a very long line further down": (line(500, "0.996," + "1" * 200_000), "row 500: speed [rps] is"),
-    "a row with too many fields": (line(500, "0.996,100.0,5"), "not a table (Error tokenizing data"),
-    "two columns of one name": (text("time,speed,speed", "{t:.4f},{v:.4f},{v:.4f}"), "which column is the speed"),
-    "three columns without names": (text("", "{t:.4f},{v:.4f},7"), "give --time and --speed by number"),
+    "a very long line further down": (
+        line(500, "0.996," + "1" * 200_000),
+        "row 500: speed [rps] is",
+    ),
+    "a row with too many fields": (
+        line(500, "0.996,100.0,5"),
+        "not a table (Error tokenizing data",
+    ),
+    "two columns of one name": (
+        text("time,speed,speed", "{t:.4f},{v:.4f},{v:.4f}"),
+        "which column is the speed",
+    ),
+    "three columns without names": (
+        text("", "{t:.4f},{v:.4f},7"),
+        "give --time and --speed by number",
+    ),
     "no time": (text("a,speed"), "no column of time among 'a', 'speed'; give --time"),
-    "no speed": (text("time,current"), "no column of speed or position among 'time', 'current'; give --speed"),
-    "an unknown unit": (text("time,speed [m/s]"), "the unit 'm/s' of 'speed [m/s]' is not known; give --unit"),
+    "no speed": (
+        text("time,current"),
+        "no column of speed or position among 'time', 'current'; give --speed",
+    ),
+    "an unknown unit": (
+        text("time,speed [m/s]"),
+        "the unit 'm/s' of 'speed [m/s]' is not known; give --unit",
+    ),
     "an unknown unit of time": (text("time [ticks],speed"), "is not known; there are s,"),
     "counts of an unknown encoder": (text("time,speed [counts/s]"), "give --counts-per-turn"),
-    "a position without a unit": (spoilt(v=TURNS, header="time,position"), "the unit of 'position' is not known"),
+    "a position without a unit": (
+        spoilt(v=TURNS, header="time,position"),
+        "the unit of 'position' is not known",
+    ),
     "dates that break off": (
-        text("time,speed", "2024-03-17T12:00:0{t:.3f}Z,{v:.5f}").replace("T12:00:01.000Z", "Tnever"),
+        text("time,speed", "2024-03-17T12:00:0{t:.3f}Z,{v:.5f}").replace(
+            "T12:00:01.000Z", "Tnever"
+        ),
         "row 502: time is no date-time",
     ),
     "a broken gzip file": (gzip.compress(text().encode())[:9000], "or export it again"),

@@ -67,10 +67,14 @@ def test_of_two_speeds_the_motors_is_taken_and_otherwise_the_user_is_asked():
     assert "which column is the speed" in refusal(frame.assign(**{"speed b": 1.0}))
 
 
-@pytest.mark.parametrize(("unit", "factor"), [("rps", 1.0), ("rpm", 60.0), ("rad/s", 2 * np.pi), ("counts", 4096.0)])
+@pytest.mark.parametrize(
+    ("unit", "factor"), [("rps", 1.0), ("rpm", 60.0), ("rad/s", 2 * np.pi), ("counts", 4096.0)]
+)
 def test_the_unit_is_as_given(unit, factor):
     form = replace(TURN, unit=unit, counts_per_turn=4096.0)
-    np.testing.assert_allclose(opened(RECORD.t, factor * RECORD.v, form, "speed").recording.v, RECORD.v)
+    np.testing.assert_allclose(
+        opened(RECORD.t, factor * RECORD.v, form, "speed").recording.v, RECORD.v
+    )
 
 
 # ---------------------------------------------------------------------------------------------------------------
@@ -90,7 +94,9 @@ def test_the_unit_is_as_given(unit, factor):
 )
 def test_a_position_is_unwrapped_and_differentiated(scale, wrap, said):
     position = scale * np.cumsum(RECORD.v) * 2e-3
-    log = opened(RECORD.t, position if wrap is None else position % wrap, replace(TURN, **said), "position")
+    log = opened(
+        RECORD.t, position if wrap is None else position % wrap, replace(TURN, **said), "position"
+    )
     np.testing.assert_allclose(log.recording.v, RECORD.v[1:], atol=1e-4)
     assert any("differentiated" in note for note in log.notes)
     assert any("unwrapped" in note for note in log.notes) == (wrap is not None)
@@ -98,13 +104,20 @@ def test_a_position_is_unwrapped_and_differentiated(scale, wrap, said):
 
 @settings(max_examples=40, deadline=None)
 @given(
-    speed=st.floats(20, 240), direction=st.sampled_from([1.0, -1.0]), start=st.floats(0, 1), bits=st.integers(10, 20)
+    speed=st.floats(20, 240),
+    direction=st.sampled_from([1.0, -1.0]),
+    start=st.floats(0, 1),
+    bits=st.integers(10, 20),
 )
-def test_wrapping_changes_nothing_as_long_as_a_sample_is_less_than_half_a_turn(speed, direction, start, bits):
+def test_wrapping_changes_nothing_as_long_as_a_sample_is_less_than_half_a_turn(
+    speed, direction, start, bits
+):
     t = 2e-3 * np.arange(1500)
     counts = np.floor((start + direction * speed * t) * 2**bits)
     form = LogFormat(unit="counts", counts_per_turn=2.0**bits, gear_ratio=speed / 2.5)
-    found = [opened(t, position, form, "position").recording.v for position in (counts, counts % 2**bits)]
+    found = [
+        opened(t, position, form, "position").recording.v for position in (counts, counts % 2**bits)
+    ]
     np.testing.assert_array_equal(*found)
 
 
@@ -122,7 +135,9 @@ def test_a_fast_log_is_averaged_down():
 
 def test_the_stretch_at_constant_speed_is_found_in_a_whole_movement():
     ramp = np.linspace(0, 100, 300)
-    v = np.concatenate([np.zeros(200), ramp, RECORD.v, ramp[::-1], -ramp, np.full(500, -100.0), np.zeros(100)])
+    v = np.concatenate(
+        [np.zeros(200), ramp, RECORD.v, ramp[::-1], -ramp, np.full(500, -100.0), np.zeros(100)]
+    )
     log = evenly(v + np.random.default_rng(0).normal(0, 0.01, v.size))
     assert 0.9 * RECORD.v.size < log.recording.v.size <= RECORD.v.size
     assert abs(log.recording.v - 100).max() < 1.0
@@ -146,7 +161,9 @@ def test_a_first_row_whose_stamp_the_second_repeats_is_dropped():
 
 
 def test_the_turn_period_follows_from_the_gear_ratio():
-    assert read(table(RECORD), LogFormat(gear_ratio=40.0)).turn_period_s == pytest.approx(0.4, rel=1e-4)
+    assert read(table(RECORD), LogFormat(gear_ratio=40.0)).turn_period_s == pytest.approx(
+        0.4, rel=1e-4
+    )
 
 
 # ---------------------------------------------------------------------------------------------------------------
@@ -158,7 +175,8 @@ def test_a_rate_that_blunts_the_peaks_is_said():
 
 
 @pytest.mark.parametrize(
-    ("factor", "unit", "hint"), [(60, "rps", "rpm"), (1 / 60, "rpm", "rps"), (6.2832, None, "rad/s")]
+    ("factor", "unit", "hint"),
+    [(60, "rps", "rpm"), (1 / 60, "rpm", "rps"), (6.2832, None, "rad/s")],
 )
 @pytest.mark.parametrize("known", [{"commanded_speed_rps": 100.0}, {"gear_ratio": 40.0}])
 def test_a_wrong_unit_is_recognised_by_its_factor(factor, unit, hint, known):
@@ -227,12 +245,18 @@ def rewritten(path, change):
 
 
 SHEET = "xl/worksheets/sheet1.xml"
-MACROS = b'<Types><Override ContentType="application/vnd.ms-excel.sheet.macroEnabled.main+xml"/></Types>'
+MACROS = (
+    b'<Types><Override ContentType="application/vnd.ms-excel.sheet.macroEnabled.main+xml"/></Types>'
+)
 
 
-@pytest.mark.parametrize("change", [{"xl/vbaProject.bin": b"Sub Auto_Open()"}, {"[Content_Types].xml": MACROS}])
+@pytest.mark.parametrize(
+    "change", [{"xl/vbaProject.bin": b"Sub Auto_Open()"}, {"[Content_Types].xml": MACROS}]
+)
 def test_a_workbook_with_macros_is_refused(change, tmp_path):
-    assert "a workbook with macros; save it as .xlsx without them" in refusal(rewritten(tmp_path / "a.xlsx", change))
+    assert "a workbook with macros; save it as .xlsx without them" in refusal(
+        rewritten(tmp_path / "a.xlsx", change)
+    )
 
 
 def test_a_zip_bomb_is_refused_by_what_it_declares(tmp_path, monkeypatch):
@@ -244,7 +268,9 @@ def test_a_zip_bomb_is_refused_by_what_it_declares(tmp_path, monkeypatch):
 
 def test_a_zip_bomb_that_declares_less_than_it_holds_is_refused_too(tmp_path):
     bomb = rewritten(tmp_path / "a.xlsx", {SHEET: bytes(2**22)})
-    bomb.write_bytes(bomb.read_bytes().replace((2**22).to_bytes(4, "little"), (1000).to_bytes(4, "little")))
+    bomb.write_bytes(
+        bomb.read_bytes().replace((2**22).to_bytes(4, "little"), (1000).to_bytes(4, "little"))
+    )
     with zipfile.ZipFile(bomb) as bundle:
         assert bundle.getinfo(SHEET).file_size == 1000
     assert "not a readable workbook" in refusal(bomb)
@@ -252,17 +278,23 @@ def test_a_zip_bomb_that_declares_less_than_it_holds_is_refused_too(tmp_path):
 
 @pytest.mark.parametrize("part", [SHEET, "xl/workbook.xml", "[Content_Types].xml"])
 def test_a_workbook_that_defines_entities_is_refused_before_they_unfold(part, tmp_path):
-    levels = [f'<!ENTITY e{k} "{f"&e{k - 1};" * 10 if k else "x" * 10}">' for k in range(12)]  # 1e13 letters in all
+    levels = [
+        f'<!ENTITY e{k} "{f"&e{k - 1};" * 10 if k else "x" * 10}">' for k in range(12)
+    ]  # 1e13 letters in all
     bomb = f'<?xml version="1.0"?><!DOCTYPE x [{"".join(levels)}]><x>&e11;</x>'.encode()
     with pytest.raises(UnusableLog, match="not a readable workbook") as caught:
         read_table(rewritten(tmp_path / "a.xlsx", {part: bomb}))
     cause = caught.value.__cause__
-    assert isinstance(cause.__cause__, EntitiesForbidden) or "entity amplification" in str(cause)  # by lxml
+    assert isinstance(cause.__cause__, EntitiesForbidden) or "entity amplification" in str(
+        cause
+    )  # by lxml
 
 
 def test_a_workbook_of_very_wide_rows_is_refused(tmp_path):
     rows = b"".join(b'<row r="%d"><c r="XFD%d"><v>1</v></c></row>' % (k, k) for k in range(1, 200))
-    start = b'<worksheet xmlns="http://schemas.openxmlformats.org/spreadsheetml/2006/main"><sheetData>'
+    start = (
+        b'<worksheet xmlns="http://schemas.openxmlformats.org/spreadsheetml/2006/main"><sheetData>'
+    )
     content = start + rows + b"</sheetData></worksheet>"
     assert "more than 64 columns" in refusal(rewritten(tmp_path / "a.xlsx", {SHEET: content}))
 
@@ -272,7 +304,9 @@ def test_an_empty_workbook_and_a_plain_zip_are_none(tmp_path):
     assert "nothing but blank lines" in refusal(tmp_path / "log.xlsx")
     with zipfile.ZipFile(tmp_path / "log.zip", "w") as bundle:
         bundle.writestr("log.csv", "0,100")
-    assert "it has no xl/workbook.xml); unpack it, or save the log as CSV" in refusal(tmp_path / "log.zip")
+    assert "it has no xl/workbook.xml); unpack it, or save the log as CSV" in refusal(
+        tmp_path / "log.zip"
+    )
 
 
 # ---------------------------------------------------------------------------------------------------------------
@@ -286,7 +320,10 @@ def test_an_empty_workbook_and_a_plain_zip_are_none(tmp_path):
         (RECORD.v - 100.0, "not constant speed: the motor stands still"),
         (100 * np.sin(3 * RECORD.t) + 0.1 * RECORD.v, "not constant speed"),
         (RECORD.v + 0.8 * (RECORD.t - 2.4), "not constant speed: it drifts"),
-        (np.concatenate([RECORD.v[:600], 0.5 * RECORD.v[:600], 1.5 * RECORD.v[:600]]), "not constant speed"),
+        (
+            np.concatenate([RECORD.v[:600], 0.5 * RECORD.v[:600], 1.5 * RECORD.v[:600]]),
+            "not constant speed",
+        ),
     ],
 )
 def test_a_log_without_a_long_enough_constant_speed_has_no_answer(v, reason):
@@ -297,12 +334,18 @@ def test_a_log_without_a_long_enough_constant_speed_has_no_answer(v, reason):
 def test_a_gear_ratio_that_contradicts_the_turn_period_has_no_answer():
     with pytest.raises(CannotTell, match="the log keeps 100 rps longest, not 80 rps"):
         evenly(RECORD.v, replace(TURN, gear_ratio=32.0))
-    with pytest.raises(CannotTell, match=r"wrong period: gear ratio 32 at .* makes turns of 0.32 s"):
+    with pytest.raises(
+        CannotTell, match=r"wrong period: gear ratio 32 at .* makes turns of 0.32 s"
+    ):
         evenly(RECORD.v, replace(TURN, gear_ratio=32.0, commanded_speed_rps=100.0))
 
 
 @settings(max_examples=150, deadline=None)
-@given(content=st.one_of(st.binary(max_size=400), st.text(alphabet="0123456789.,;:\t\n -eNanif#\"'", max_size=400)))
+@given(
+    content=st.one_of(
+        st.binary(max_size=400), st.text(alphabet="0123456789.,;:\t\n -eNanif#\"'", max_size=400)
+    )
+)
 def test_random_files_are_read_or_refused(content, tmp_path_factory):
     path = tmp_path_factory.mktemp("random") / "log"
     path.write_bytes(content if isinstance(content, bytes) else content.encode())

@@ -10,9 +10,29 @@ from tests.logs import TURN, noisy, opened, refusal
 
 PER_TURN = {"rps": 1.0, "rpm": 60.0, "rad/s": 2 * np.pi, "deg/s": 360.0}
 SPELLINGS = {
-    "rps": ["speed_rps", "speed [rev/s]", "speed [1/s]", "speed (s^-1)", "motor_vel_rev_per_s", "speed [Hz]"],
-    "rpm": ["Drehzahl [U/min]", "speed [min^-1]", "speed 1/min", "motorSpeedRPM", "speed [min⁻¹]", "speed [r/min]"],
-    "rad/s": ["speed_rad_s", "motor_vel_rad_per_s", "speed [rad s^-1]", "speed_radps", "speed [rad·s⁻¹]"],
+    "rps": [
+        "speed_rps",
+        "speed [rev/s]",
+        "speed [1/s]",
+        "speed (s^-1)",
+        "motor_vel_rev_per_s",
+        "speed [Hz]",
+    ],
+    "rpm": [
+        "Drehzahl [U/min]",
+        "speed [min^-1]",
+        "speed 1/min",
+        "motorSpeedRPM",
+        "speed [min⁻¹]",
+        "speed [r/min]",
+    ],
+    "rad/s": [
+        "speed_rad_s",
+        "motor_vel_rad_per_s",
+        "speed [rad s^-1]",
+        "speed_radps",
+        "speed [rad·s⁻¹]",
+    ],
     "deg/s": ["speed_deg_s", "speed [deg/s]", "speed [°/s]", "speed_deg_per_sec"],
 }
 SPELLINGS["rpm"] += ["speed [rev/min]"]
@@ -24,16 +44,22 @@ def notes_and_speed(name, factor=1.0, form=TURN):
     return log.notes, log.recording.v
 
 
-@pytest.mark.parametrize(("unit", "name"), [(unit, name) for unit, names in SPELLINGS.items() for name in names])
+@pytest.mark.parametrize(
+    ("unit", "name"), [(unit, name) for unit, names in SPELLINGS.items() for name in names]
+)
 def test_a_column_is_read_in_the_unit_of_its_name(unit, name):
     notes, v = notes_and_speed(name, PER_TURN[unit])
     np.testing.assert_allclose(v, noisy().v)
     assert notes == ()
 
 
-@pytest.mark.parametrize("name", ["speed [m/s]", "speed [knots]", "speed (filtered)", "speed_m_s", "speed_min"])
+@pytest.mark.parametrize(
+    "name", ["speed [m/s]", "speed [knots]", "speed (filtered)", "speed_m_s", "speed_min"]
+)
 def test_an_unknown_unit_is_an_error_unless_it_is_given(name):
-    with pytest.raises(UnusableLog, match=r"of 'speed.* is not known; give --unit, one of rps, rpm, rad/s, deg/s"):
+    with pytest.raises(
+        UnusableLog, match=r"of 'speed.* is not known; give --unit, one of rps, rpm, rad/s, deg/s"
+    ):
         notes_and_speed(name)
     np.testing.assert_allclose(notes_and_speed(name, 60.0, replace(TURN, unit="rpm"))[1], noisy().v)
 
@@ -55,7 +81,8 @@ def test_counts_per_turn_imply_counts_where_no_unit_is_named():
 
 
 @pytest.mark.parametrize(
-    ("name", "unit"), [("speed [rpm]", None), ("speed_rad_s", None), ("speed", "rpm"), ("speed", "rad/s")]
+    ("name", "unit"),
+    [("speed [rpm]", None), ("speed_rad_s", None), ("speed", "rpm"), ("speed", "rad/s")],
 )
 def test_a_speed_of_another_machine_is_read_if_its_unit_is_named(name, unit):
     """100 rpm and 100 rad/s are as far from the calibration's 100 rps as a wrong unit is."""

@@ -25,7 +25,9 @@ NOTEBOOK = AUTHORS_PROTOCOL.name
 def made_runs(seed, factor=1.0):
     """Summaries of the notebook's protocol that scatter about the printed numbers, or a multiple of the means."""
     rng = np.random.default_rng(seed)
-    runs = pd.DataFrame([(row, R) for row in ROWS for R in LOW_NOISE], columns=["row", "realisation"])
+    runs = pd.DataFrame(
+        [(row, R) for row in ROWS for R in LOW_NOISE], columns=["row", "realisation"]
+    )
     mean, sd = protocols.PRINTED[:, runs["row"] - 1]
     return runs.assign(
         protocol=NOTEBOOK,
@@ -45,13 +47,17 @@ def test_there_are_a_dozen_candidates_at_most_and_all_could_exist_before_2022():
 def test_the_switched_off_line_has_all_that_its_comment_says():
     line = CANDIDATES["switched-off line"]
     assert (line.population, line.T_d, line.fixed_T2_s) == (2000, 0.204, 0.218)
-    assert line.amplitude_factor == AUTHORS_PROTOCOL.amplitude_factor  # hence the same x0 and sigma0
+    assert (
+        line.amplitude_factor == AUTHORS_PROTOCOL.amplitude_factor
+    )  # hence the same x0 and sigma0
 
 
 def test_t_and_p_of_one_number_are_those_of_a_prediction_interval():
     logs = np.array([0.1, 0.3, -0.2, 0.4, 0.0])
     numbers, sd = np.exp(logs[None]), logs.std(ddof=1) * math.sqrt(1.2)
-    assert protocols.student_t(numbers, np.array([2.0]))[0] == pytest.approx((math.log(2) - logs.mean()) / sd)
+    assert protocols.student_t(numbers, np.array([2.0]))[0] == pytest.approx(
+        (math.log(2) - logs.mean()) / sd
+    )
     edge = logs.mean() + stats.t.ppf(0.975, 4) * sd
     assert protocols.student_t(numbers, np.exp([edge]))[1] == pytest.approx(0.05)
 
@@ -80,11 +86,16 @@ def test_a_realisation_that_lies_far_from_the_other_four_has_the_smallest_p_left
 
 
 @pytest.mark.parametrize(
-    ("of_drawn", "of_whole", "holds"), [(0.3, 0.01, True), (0.01, 0.3, False), (0.3, 0.3, None), (0.01, 0.01, None)]
+    ("of_drawn", "of_whole", "holds"),
+    [(0.3, 0.01, True), (0.01, 0.3, False), (0.3, 0.3, None), (0.01, 0.01, None)],
 )
-def test_the_start_is_decided_only_if_one_kind_of_start_alone_explains_the_table(of_drawn, of_whole, holds):
+def test_the_start_is_decided_only_if_one_kind_of_start_alone_explains_the_table(
+    of_drawn, of_whole, holds
+):
     start, p = ["per run", "whole", "whole", "per record"], [of_drawn, of_whole, 0.001, 0.001]
-    decided, text = protocols.random_start(pd.DataFrame({"protocol": list("abcd"), "start": start, "p": p}))
+    decided, text = protocols.random_start(
+        pd.DataFrame({"protocol": list("abcd"), "start": start, "p": p})
+    )
     assert decided is holds
     assert "(a)" in text
     assert "(b)" in text
@@ -99,12 +110,18 @@ def test_a_run_in_rpm_ends_in_rps(authors_data):
         fit = protocols.one_run(CANDIDATES[name], 5, 1, 4)
         assert fit.amplitude_rps == pytest.approx(0.68, abs=0.03)
         assert fit.rmse == pytest.approx(0.09, abs=0.04)
-        assert fit.rmse == pytest.approx(rmse(record.t, record.v, fit.X, CANDIDATES[name].timing), rel=1e-9)
+        assert fit.rmse == pytest.approx(
+            rmse(record.t, record.v, fit.X, CANDIDATES[name].timing), rel=1e-9
+        )
 
 
-def test_a_drawn_start_is_another_one_for_each_run_or_one_for_each_record(authors_data, monkeypatch):
+def test_a_drawn_start_is_another_one_for_each_run_or_one_for_each_record(
+    authors_data, monkeypatch
+):
     starts = []
-    monkeypatch.setattr(protocols, "from_sample", lambda record, start: starts.append(start) or record)
+    monkeypatch.setattr(
+        protocols, "from_sample", lambda record, start: starts.append(start) or record
+    )
     for start in ("whole", "per record", "per run"):
         quick = replace(AUTHORS_PROTOCOL, population=10, iterations=1, start=start)
         for seed in range(1, 6):
@@ -114,7 +131,9 @@ def test_a_drawn_start_is_another_one_for_each_run_or_one_for_each_record(author
     assert len(set(starts[10:])) > 2
 
 
-def test_the_run_without_bounds_goes_where_the_box_would_not_let_it_and_no_sample_is_bent(authors_data, monkeypatch):
+def test_the_run_without_bounds_goes_where_the_box_would_not_let_it_and_no_sample_is_bent(
+    authors_data, monkeypatch
+):
     line = replace(CANDIDATES["switched-off line, T_d = 0.2 s"], population=60)
     seen, plain = [], identify.generations
 
@@ -159,8 +178,15 @@ print(found["mean_A_rps"], found["sd_A_rps"])
 @pytest.mark.parametrize("number", np.random.default_rng(1).choice(600, size=3, replace=False))
 def test_a_summary_drawn_from_the_committed_ones_comes_out_the_same_again(authors_data, number):
     kept = pd.read_csv(PROTOCOL_RUNS).iloc[number]
-    command = [sys.executable, "-c", RUN_AGAIN, *kept[["protocol", "row", "realisation"]].astype(str)]
+    command = [
+        sys.executable,
+        "-c",
+        RUN_AGAIN,
+        *kept[["protocol", "row", "realisation"]].astype(str),
+    ]
     environment = os.environ | pinned_environment()
-    done = subprocess.run(command, env=environment, cwd=ROOT, capture_output=True, text=True, check=True)
+    done = subprocess.run(
+        command, env=environment, cwd=ROOT, capture_output=True, text=True, check=True
+    )
     again = [float(FLOAT_FORMAT % float(number)) for number in done.stdout.split()]
     assert again == kept[list(protocols.COLUMNS)].tolist()

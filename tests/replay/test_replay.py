@@ -31,9 +31,13 @@ def test_every_stored_generation_up_to_the_twentieth_replays(ours):
 def test_until_a_run_has_converged_or_parts_every_printed_digit_replays(ours):
     digits = {"sigma": 3, "axis_ratio": 2, "smallest_std": 1, "largest_std": 1}
     ends = replay.compare_ends(ours).set_index("run")
-    stored = published.authors_notebook_generations().merge(ours, on=["run", "generation"], suffixes=("_stored", ""))
+    stored = published.authors_notebook_generations().merge(
+        ours, on=["run", "generation"], suffixes=("_stored", "")
+    )
     beyond = stored["best_rmse_of_generation_rps"] - stored["run"].map(ends["stored_rps"])
-    open_still = (beyond > CONVERGED_RPS) & (stored["generation"] <= stored["run"].map(ends["agrees_until"]))
+    open_still = (beyond > CONVERGED_RPS) & (
+        stored["generation"] <= stored["run"].map(ends["agrees_until"])
+    )
     assert open_still.sum() > 260
     for row in stored[open_still].to_dict("records"):
         for name, count in digits.items():
@@ -50,8 +54,12 @@ def test_at_least_29_of_the_30_stored_runs_end_at_the_stored_misfit(ours):
     assert (replay.compare_ends(ours)["difference_rps"] < 1e-9).sum() >= 29
 
 
-def test_runs_part_where_rounding_decides_the_sign_of_an_eigenvector_and_not_by_ranks(ours, record_12):
-    parted = replay.first_divergences(record_12, replay.compare_ends(ours), np.random.default_rng(1))
+def test_runs_part_where_rounding_decides_the_sign_of_an_eigenvector_and_not_by_ranks(
+    ours, record_12
+):
+    parted = replay.first_divergences(
+        record_12, replay.compare_ends(ours), np.random.default_rng(1)
+    )
     assert 1 <= len(parted) <= 6
     assert (parted["flips"] > 0).all()
     known = parted.dropna(subset="parts_by")
@@ -66,7 +74,10 @@ def test_the_committed_generations_are_those_that_the_search_gives(ours):
     early = committed["generation"] <= UNTIL
     again = ours[ours["generation"] <= UNTIL].reset_index(drop=True)
     pd.testing.assert_frame_equal(
-        committed[early].reset_index(drop=True), again[committed.columns], rtol=1e-8, check_exact=False
+        committed[early].reset_index(drop=True),
+        again[committed.columns],
+        rtol=1e-8,
+        check_exact=False,
     )
 
 
@@ -79,14 +90,18 @@ def test_a_difference_and_a_run_that_parts_are_seen(ours):
 
 
 def test_the_committed_frames_are_of_the_replayed_generations_and_end_at_the_stored_misfit(ours):
-    drawn = json.loads((ROOT / "results" / "pages" / "replay_explorer.json").read_text(encoding="utf-8"))
+    drawn = json.loads(
+        (ROOT / "results" / "pages" / "replay_explorer.json").read_text(encoding="utf-8")
+    )
     frames = pd.DataFrame(drawn["runs"])[["run", "cma_seed", "generation", "frame"]]
     frames = frames.explode(["generation", "frame"], ignore_index=True).astype({"generation": int})
     frames["best"] = [np.frombuffer(b64decode(frame), "<f8", 1)[0] for frame in frames["frame"]]
     generated = pd.read_csv(ROOT / "results" / "supplement" / "replay.csv")
     both = frames.merge(generated, on=["run", "cma_seed", "generation"], how="left")
     assert (both["best"] - both["best_rmse_rps"]).abs().max() < 1e-15
-    assert (frames.groupby("run")["generation"].max() == generated.groupby("run")["generation"].max()).all()
+    assert (
+        frames.groupby("run")["generation"].max() == generated.groupby("run")["generation"].max()
+    ).all()
     printed = published.authors_notebook_generations().merge(generated, on=["run", "generation"])
     assert len(printed) == len(printed.merge(frames, on=["run", "generation"]))
     ends = replay.compare_ends(ours).set_index("run")
@@ -97,7 +112,9 @@ def test_the_committed_frames_are_of_the_replayed_generations_and_end_at_the_sto
 def test_a_frame_holds_the_distribution_that_a_generation_is_drawn_from(ours, record_12):
     one = ours[ours["run"] == 2]
     frame = b64decode(replay.replay_frames(record_12, one).set_index("generation").loc[10, "frame"])
-    now = next(islice(paper_search(record_12, AUTHORS_PROTOCOL, int(one["cma_seed"].iloc[0])), 9, None))
+    now = next(
+        islice(paper_search(record_12, AUTHORS_PROTOCOL, int(one["cma_seed"].iloc[0])), 9, None)
+    )
     box, state = protocol_box(record_12, AUTHORS_PROTOCOL), now.before
     width = box.upper - box.lower
     assert np.frombuffer(frame, "<f8", 2).tolist() == [now.misfits.min(), state.sigma]
@@ -107,5 +124,9 @@ def test_a_frame_holds_the_distribution_that_a_generation_is_drawn_from(ours, re
     axes = np.frombuffer(frame, "i1", 49, 72).reshape(7, 7) / 127
     covariance = state.sigma**2 * state.C * np.outer(state.unit, state.unit)
     assert axes @ axes.T == pytest.approx(covariance / np.outer(state.std, state.std), abs=0.02)
-    better = np.unpackbits(np.frombuffer(frame, "u1", offset=121), count=AUTHORS_PROTOCOL.population)
-    assert np.flatnonzero(better).tolist() == sorted(now.ranking[: AUTHORS_PROTOCOL.population // 2])
+    better = np.unpackbits(
+        np.frombuffer(frame, "u1", offset=121), count=AUTHORS_PROTOCOL.population
+    )
+    assert np.flatnonzero(better).tolist() == sorted(
+        now.ranking[: AUTHORS_PROTOCOL.population // 2]
+    )

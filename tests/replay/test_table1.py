@@ -27,7 +27,9 @@ def test_in_table_1s_box_of_A_hardly_one_replays(record_12):
 
 @pytest.mark.parametrize("i", range(1, 7))
 @pytest.mark.parametrize("end", ["lower", "upper"])
-def test_a_bound_that_is_a_hundredth_of_its_range_off_loses_first_generations(record_12, stored_box, i, end):
+def test_a_bound_that_is_a_hundredth_of_its_range_off_loses_first_generations(
+    record_12, stored_box, i, end
+):
     moved = getattr(stored_box, end).copy()
     moved[i] += 0.01 * (stored_box.upper - stored_box.lower)[i]
     assert table1.count_replayed(record_12, replace(stored_box, **{end: moved})) < 25
@@ -43,7 +45,9 @@ def test_twelve_turns_or_more_give_the_stored_misfits_and_fewer_do_not(record_12
         )
         assert abs(fewer - stored) > 1e-6
         assert abs(printed_turns - stored) < 1e-6  # the stored parameters have nine digits
-        assert more == printed_turns  # so the number of turns is undecided: a later turn changes nothing
+        assert (
+            more == printed_turns
+        )  # so the number of turns is undecided: a later turn changes nothing
 
 
 def test_where_two_places_replay_equally_many_the_bound_is_not_told(record_12):

@@ -34,7 +34,9 @@ def site(tmp_path_factory, report_page):
 @pytest.fixture(scope="session")
 def browser():
     """A browser without a screen."""
-    playwright = pytest.importorskip("playwright.sync_api", reason="playwright is not installed (extra `dev`)")
+    playwright = pytest.importorskip(
+        "playwright.sync_api", reason="playwright is not installed (extra `dev`)"
+    )
     program = next(filter(None, map(shutil.which, BROWSERS)), None)
     if program is None:
         pytest.skip(f"no browser: none of {', '.join(BROWSERS)} is installed")
@@ -50,7 +52,9 @@ def tab(browser):
     contexts = []
 
     def opened(file, width=1440, scheme="light", height=900):
-        context = browser.new_context(viewport={"width": width, "height": height}, color_scheme=scheme)
+        context = browser.new_context(
+            viewport={"width": width, "height": height}, color_scheme=scheme
+        )
         contexts.append(context)
         page = context.new_page()
         page.said, page.asked = [], []
@@ -68,10 +72,20 @@ def tab(browser):
 @pytest.fixture
 def serious_violations():
     """What axe finds on a page that is serious: rule and place."""
-    axe = pytest.importorskip("axe_playwright_python.sync_playwright", reason="axe is not installed (extra `dev`)")
+    axe = pytest.importorskip(
+        "axe_playwright_python.sync_playwright", reason="axe is not installed (extra `dev`)"
+    )
 
     def found_on(page):
-        found = axe.Axe().run(page, options={"runOnly": ["wcag2a", "wcag2aa", "wcag21aa"]}).response["violations"]
-        return [(each["id"], each["nodes"][0]["target"]) for each in found if each["impact"] in ("serious", "critical")]
+        found = (
+            axe.Axe()
+            .run(page, options={"runOnly": ["wcag2a", "wcag2aa", "wcag21aa"]})
+            .response["violations"]
+        )
+        return [
+            (each["id"], each["nodes"][0]["target"])
+            for each in found
+            if each["impact"] in ("serious", "critical")
+        ]
 
     return found_on

@@ -70,11 +70,15 @@ def test_tables_and_captions_have_no_empty_place(content):
 def test_the_papers_four_tables_stand_whole_beside_ours(content):
     tables = content["tables"]
     for element, cells in published.cells().groupby("element"):
-        beside = [each for row in tables[element] for each in row.values() if isinstance(each, dict)]
+        beside = [
+            each for row in tables[element] for each in row.values() if isinstance(each, dict)
+        ]
         assert sorted(each["printed"] for each in beside) == sorted(cells["printed"])
         assert all(each["sign"] for each in beside)
     stand_ins = [row for element in ("Table 3", "Table 4") for row in tables[element]]
-    assert {row[name]["sign"] for row in stand_ins for name in ("mean", "sd")} == {SIGNS["stand-in"]}
+    assert {row[name]["sign"] for row in stand_ins for name in ("mean", "sd")} == {
+        SIGNS["stand-in"]
+    }
 
 
 def test_the_ranges_of_table_2_are_those_of_its_realisations():
@@ -83,7 +87,10 @@ def test_the_ranges_of_table_2_are_those_of_its_realisations():
     for row, part in table.groupby("row"):
         said = ranges[str(row)]
         assert said["means"] == f"{part['mean_A_rps'].min():.3f} to {part['mean_A_rps'].max():.3f}"
-        assert (said["in_best"], said["runs"]) == (part["best_basin_runs"].sum(), part["runs"].sum())
+        assert (said["in_best"], said["runs"]) == (
+            part["best_basin_runs"].sum(),
+            part["runs"].sum(),
+        )
     assert len(ranges) == 11
 
 
@@ -102,7 +109,9 @@ def test_what_the_article_quotes_is_in_the_reference_list_with_its_place():
 
 def test_no_label_of_a_figure_is_smaller_than_7_pt(content):
     inputs = {"data": json.dumps(content)}
-    found = typst.query(str(article.SOURCE), "<drawing>", field="value", root=str(workbook.ROOT), sys_inputs=inputs)
+    found = typst.query(
+        str(article.SOURCE), "<drawing>", field="value", root=str(workbook.ROOT), sys_inputs=inputs
+    )
     drawn = json.loads(found)
     assert len(drawn) >= 5
     assert not [each["name"] for each in drawn if each["smallest"] < 7 - 1e-6]

@@ -39,7 +39,10 @@ def test_nothing_makes_a_page_wider_than_the_screen(tab, site):
         page.evaluate(OPENED)
         for width in WIDTHS:
             page.set_viewport_size({"width": width, "height": 900})
-            assert page.evaluate("document.documentElement.scrollWidth") <= width, (file.name, width)
+            assert page.evaluate("document.documentElement.scrollWidth") <= width, (
+                file.name,
+                width,
+            )
 
 
 def test_a_cell_is_opened_read_and_closed_by_keyboard_alone(tab, site):
@@ -94,7 +97,10 @@ def test_sorting_by_disagreement_keeps_every_row_and_show_all_restores_the_paper
     assert len(after) == len(before) == len(VERDICTS)
     sizes = [float(row["disagreement"]) for row in after]
     assert sizes == sorted(sizes, reverse=True)
-    assert not {row["verdict"] for row, size in zip(after, sizes, strict=True) if size >= 0} & {"stand-in", "undecided"}
+    assert not {row["verdict"] for row, size in zip(after, sizes, strict=True) if size >= 0} & {
+        "stand-in",
+        "undecided",
+    }
     page.get_by_role("button", name="show all").click()
     page.wait_for_function("document.getElementById('order').value === ''")
     page.wait_for_timeout(100)
@@ -115,7 +121,9 @@ def test_a_click_leads_from_a_cell_to_its_notebooks_verdict_and_back(tab, site):
 def test_on_paper_every_cell_has_its_footnote_and_no_table_is_cut(tab, site):
     page = tab(site / "report.html", 718)  # as wide as A4 within its margins, at 96 dots per inch
     page.emulate_media(media="print")
-    notes = page.evaluate("[...document.querySelectorAll('.about')].filter(each => each.checkVisibility()).length")
+    notes = page.evaluate(
+        "[...document.querySelectorAll('.about')].filter(each => each.checkVisibility()).length"
+    )
     assert notes == len(cells_of.judged_cells(VERDICTS))
     cut = page.evaluate(
         "[...document.querySelectorAll('table')].filter(t => t.checkVisibility())"
@@ -129,5 +137,7 @@ def test_on_paper_there_is_nothing_dark_and_nothing_to_click(tab, site):
     page.emulate_media(media="print", color_scheme="dark")
     assert page.evaluate("getComputedStyle(document.body).backgroundColor") == "rgb(255, 255, 255)"
     hidden = "nav, form, .close, .copy, .about .again, .about .strip, summary"
-    shown = page.evaluate(f"[...document.querySelectorAll('{hidden}')].filter(each => each.checkVisibility()).length")
+    shown = page.evaluate(
+        f"[...document.querySelectorAll('{hidden}')].filter(each => each.checkVisibility()).length"
+    )
     assert shown == 0

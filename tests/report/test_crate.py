@@ -24,7 +24,9 @@ def described():
 @pytest.fixture(scope="module")
 def crate(described, tmp_path_factory):
     """The crate of the committed results, described anew and read by ro-crate-py."""
-    rocrate = pytest.importorskip("rocrate.rocrate", reason="rocrate is not installed (extra `dev`)")
+    rocrate = pytest.importorskip(
+        "rocrate.rocrate", reason="rocrate is not installed (extra `dev`)"
+    )
     folder = tmp_path_factory.mktemp("crate")
     write_json(folder / NAME, described)
     return rocrate.ROCrate(folder)
@@ -46,13 +48,21 @@ def test_every_entity_has_a_type_and_every_reference_an_entity(described):
 
 
 def test_every_file_that_it_names_is_there(crate):
-    inside = [entity.id for entity in crate.get_by_type("File") if not entity.id.startswith("https://")]
+    inside = [
+        entity.id for entity in crate.get_by_type("File") if not entity.id.startswith("https://")
+    ]
     assert len(inside) > 100
-    beside = [entity.id.removeprefix("#") for entity in crate.contextual_entities if "/" in entity.id.partition("#")[2]]
+    beside = [
+        entity.id.removeprefix("#")
+        for entity in crate.contextual_entities
+        if "/" in entity.id.partition("#")[2]
+    ]
     assert len(beside) > 50
     assert [name for name in inside if not (RESULTS / name).is_file()] == []
     assert [name for name in beside if not (workbook.ROOT / name).is_file()] == []
-    assert {"verdicts.csv", "report.html", "article.pdf", "pages/08_noise_table2.html"} <= set(inside)
+    assert {"verdicts.csv", "report.html", "article.pdf", "pages/08_noise_table2.html"} <= set(
+        inside
+    )
 
 
 def test_every_run_says_what_it_read_and_what_it_made(crate):
@@ -60,14 +70,23 @@ def test_every_run_says_what_it_read_and_what_it_made(crate):
     assert set(runs) == set(OUTCOMES)
     assert crate.root_dataset["mentions"] == list(runs.values())
     for name, run in runs.items():
-        outcome, source = OUTCOMES[name], notebook_files("py")[name].relative_to(workbook.ROOT).as_posix()
+        outcome, source = (
+            OUTCOMES[name],
+            notebook_files("py")[name].relative_to(workbook.ROOT).as_posix(),
+        )
         assert run["instrument"].id == f"#{source}"
         made = {*outcome["files"], f"outcomes/{name}.json"}
         made |= {f"#figures/{figure}.svg" for figure in outcome["figures"]}
         results = [entity.id for entity in run["result"]]
         assert sorted(results) == sorted(made)
-        packages = {entity["name"]: entity["version"] for entity in run["instrument"]["softwareRequirements"]}
-        assert packages == {"Python": outcome["made_from"]["python"]} | outcome["made_from"]["packages"]
+        packages = {
+            entity["name"]: entity["version"]
+            for entity in run["instrument"]["softwareRequirements"]
+        }
+        assert (
+            packages
+            == {"Python": outcome["made_from"]["python"]} | outcome["made_from"]["packages"]
+        )
 
 
 def test_the_authors_files_are_named_by_their_address_and_digest(crate):
@@ -80,4 +99,6 @@ def test_the_authors_files_are_named_by_their_address_and_digest(crate):
 def test_nothing_of_it_is_from_the_clock(described):
     (whole,) = (entity for entity in described["@graph"] if entity["@id"] == "./")
     assert whole["datePublished"] in (workbook.ROOT / "CITATION.cff").read_text(encoding="utf-8")
-    assert "Time" not in json.dumps([e for e in described["@graph"] if e["@type"] == "CreateAction"])
+    assert "Time" not in json.dumps(
+        [e for e in described["@graph"] if e["@type"] == "CreateAction"]
+    )

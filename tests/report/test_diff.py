@@ -100,7 +100,11 @@ def test_diff_compares_with_the_last_commit_and_says_in_one_line_where_there_is_
     table.parent.mkdir()
     table.write_text("id,verdict\na,reproduced\n", encoding="utf-8")
     identity = ["-c", "user.name=n", "-c", "user.email=n@example.org"]
-    for command in (["init", "--quiet"], ["add", "."], [*identity, "commit", "--quiet", "--message", "results"]):
+    for command in (
+        ["init", "--quiet"],
+        ["add", "."],
+        [*identity, "commit", "--quiet", "--message", "results"],
+    ):
         subprocess.run(["git", *command], cwd=tmp_path, check=True)
     table.write_text("id,verdict\na,differs\n", encoding="utf-8")
     assert diff.committed_table("verdicts.csv", tmp_path)["verdict"].tolist() == ["reproduced"]

@@ -23,7 +23,9 @@ def expected(T_f):
     """The misfit that the package gives to the fit of the page's record."""
     drawn = json.loads((RESULTS / "pages" / "signature_explorer.json").read_text(encoding="utf-8"))
     record, fit = np.array(drawn["record"]), [drawn["fitted"][name] for name in X]
-    return rmse(drawn["dt"] * np.arange(record.size), record, np.array(fit), Timing(T_f / 2, T_f, 12))
+    return rmse(
+        drawn["dt"] * np.arange(record.size), record, np.array(fit), Timing(T_f / 2, T_f, 12)
+    )
 
 
 @pytest.fixture
@@ -69,7 +71,9 @@ def test_a_run_is_played_to_its_end_by_keyboard_and_ends_as_the_stored_one(playe
     player.get_by_role("button", name="play", exact=True).wait_for(timeout=60_000)
     assert player.inner_text("#at") == f"{run['iterations']:.0f} of {run['iterations']:.0f}"
     assert float(player.inner_text("#best")) == pytest.approx(run["final_rmse_rps"], abs=AGREE_RPS)
-    assert float(player.inner_text("#printed")) == pytest.approx(run["final_rmse_rps"], abs=AGREE_RPS)
+    assert float(player.inner_text("#printed")) == pytest.approx(
+        run["final_rmse_rps"], abs=AGREE_RPS
+    )
     assert abs(float(player.inner_text("#difference"))) < AGREE_RPS
     basin = pd.read_csv(SUPPLEMENT / "stored_runs.csv").set_index("run")["basin"][4]
     assert f"lies in basin {basin} of " in player.inner_text("#ending")
@@ -79,7 +83,9 @@ def test_a_run_is_played_to_its_end_by_keyboard_and_ends_as_the_stored_one(playe
 
 @pytest.mark.slow
 def test_all_runs_end_in_the_basin_of_the_results_and_say_which_values_are_stored(player):
-    ends, basins = (pd.read_csv(SUPPLEMENT / f"{name}.csv") for name in ("replay_ends", "stored_basins"))
+    ends, basins = (
+        pd.read_csv(SUPPLEMENT / f"{name}.csv") for name in ("replay_ends", "stored_basins")
+    )
     labels = basin_labels(np.r_[basins["rmse_rps"], ends["ours_rps"]])
     assert labels.max() == len(basins)
     assert player.evaluate("runs.map(run => run.ours)") == labels[len(basins) :].tolist()
@@ -138,7 +144,9 @@ def test_steps_the_slider_two_dimensions_and_the_zoom_work_by_keyboard(player):
 @pytest.mark.slow
 @pytest.mark.parametrize(("width", "scheme"), [(390, "dark"), (820, "light"), (1440, "dark")])
 @pytest.mark.parametrize("name", ["signature", "replay"])
-def test_axe_finds_no_serious_violation_on_an_explorer(tab, site, serious_violations, name, width, scheme):
+def test_axe_finds_no_serious_violation_on_an_explorer(
+    tab, site, serious_violations, name, width, scheme
+):
     page = tab(site / "pages" / f"{name}_explorer.html", width, scheme)
     assert serious_violations(page) == []
     assert page.evaluate("document.documentElement.scrollWidth") <= width

@@ -25,7 +25,11 @@ IN_TEMPLATE = re.compile(r"facts\.(\w+)")
 
 def named():
     """Every name of a fact in a text."""
-    data = [published.findings()["text"], published.errata()["computed"], published.trail()["counts"]]
+    data = [
+        published.findings()["text"],
+        published.errata()["computed"],
+        published.trail()["counts"],
+    ]
     found = {name for texts in data for text in texts for name in IN_BRACES.findall(text)}
     for file in (workbook.ROOT / "workbook" / "report" / "templates").glob("*.j2"):
         found |= set(IN_TEMPLATE.findall(file.read_text(encoding="utf-8")))
@@ -39,7 +43,9 @@ def test_every_name_in_a_text_is_a_fact():
 
 
 def test_every_fact_is_named_in_a_text_and_exported_by_one_notebook():
-    exported = Counter(name for outcome in outcomes.load_outcomes(RESULTS).values() for name in outcome["facts"])
+    exported = Counter(
+        name for outcome in outcomes.load_outcomes(RESULTS).values() for name in outcome["facts"]
+    )
     assert set(exported) - named() == set()
     assert set(exported.values()) == {1}
     counted = facts.count_verdicts(VERDICTS, judging.decided_claims(RESULTS))
@@ -84,7 +90,12 @@ def test_printed_numbers_are_counted_once_by_element_column_and_who_decides():
     expected = {
         **{"printed": 3, "evidence": 2, "differs": 1, "reproduced": 1, "standin": 1, "erratum": 0},
         **{"tolerance_reproduced": 1, "tolerance_differs": 1, "simulated_reproduced": 1},
-        **{"table2_differs": 1, "table2_mean_differs": 1, "table2_mean_reproduced": 0, "table4_standin": 1},
+        **{
+            "table2_differs": 1,
+            "table2_mean_differs": 1,
+            "table2_mean_reproduced": 0,
+            "table4_standin": 1,
+        },
         **{"claims_holds": 2, "claims_does_not_hold": 1, "claims_undecided": 0},
     }
     assert {name: found[name] for name in expected} == expected
@@ -100,12 +111,23 @@ def test_a_notebooks_facts_are_texts_counts_and_numbers_in_their_format(tmp_path
     monkeypatch.setenv("REPLICATION_NOTEBOOK", "01_signature_figure6")
     workbook.export(
         facts={
-            **{"text": "so", "count": np.int64(3), "number": (0.12345, ".2f"), "missing": (float("nan"), ".1f")},
+            **{
+                "text": "so",
+                "count": np.int64(3),
+                "number": (0.12345, ".2f"),
+                "missing": (float("nan"), ".1f"),
+            },
             **{"range": (pd.Series([3.0, np.nan, 1.0]), ".0f"), "nothing": ([], ".0f")},
         }
     )
     exported = outcomes.load_outcomes(tmp_path / "results")["01_signature_figure6"]["facts"]
-    assert exported == {"text": "so", "count": "3", "number": "0.12", "range_low": "1", "range_high": "3"}
+    assert exported == {
+        "text": "so",
+        "count": "3",
+        "number": "0.12",
+        "range_low": "1",
+        "range_high": "3",
+    }
 
 
 def test_powers_of_ten_are_written_as_by_hand():
@@ -113,18 +135,31 @@ def test_powers_of_ten_are_written_as_by_hand():
 
 
 def test_the_finding_names_the_protocols_that_explain_the_table():
-    judged = pd.DataFrame({"protocol": ["a", "b", "c"], "p": [0.4, 0.2, 0.01], "explains": [True, True, False]})
+    judged = pd.DataFrame(
+        {"protocol": ["a", "b", "c"], "p": [0.4, 0.2, 0.01], "explains": [True, True, False]}
+    )
     said = describe_candidates(judged)
     assert said.startswith("2 of 3 candidate protocols are compatible with Table 2: a (p = 0.4), b")
     assert "cannot tell them apart" in said
     assert "The next, c, fails with p = 0.01." in said
     none = describe_candidates(judged.iloc[2:])
-    assert none.startswith("None of 1 candidate protocols are compatible with Table 2. The next, c, fails")
+    assert none.startswith(
+        "None of 1 candidate protocols are compatible with Table 2. The next, c, fails"
+    )
 
 
 @pytest.mark.parametrize("text", [*published.findings()["text"], *published.errata()["computed"]])
 def test_no_text_types_a_number_that_results_could_change(text):
-    allowed = {"1", "10", "2", "30", "3", "4", "8", "13"}  # names: R = 1, equation 10, Table 2, 30 runs
+    allowed = {
+        "1",
+        "10",
+        "2",
+        "30",
+        "3",
+        "4",
+        "8",
+        "13",
+    }  # names: R = 1, equation 10, Table 2, 30 runs
     typed = re.findall(r"(?<![\w.{])\d+(?:\.\d+)?(?:e-?\d+)?(?![\w}])", IN_BRACES.sub("", text))
     assert set(typed) <= allowed
 

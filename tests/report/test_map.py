@@ -16,7 +16,9 @@ def test_the_map_covers_every_figure_table_and_numbered_equation_of_the_paper():
     assert elements == expected + [f"Equation {k}" for k in range(1, 20)]
 
 
-@pytest.mark.parametrize("row", published.paper_map().to_dict("records"), ids=lambda row: row["element"])
+@pytest.mark.parametrize(
+    "row", published.paper_map().to_dict("records"), ids=lambda row: row["element"]
+)
 def test_what_the_map_names_exists(row):
     for name in row["notebooks"].split():
         source = notebook_files("py")[name].read_text(encoding="utf-8")

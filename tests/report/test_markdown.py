@@ -37,7 +37,9 @@ def test_every_erratum_has_one_of_three_kinds_and_the_sheet_says_how_many_are_of
 def test_the_supplement_lists_each_of_its_tables_with_a_sentence():
     folder, listed = RESULTS / "supplement", markdown.render_supplement(RESULTS)
     assert (folder / "README.md").read_text(encoding="utf-8") == listed, "run: make report"
-    linked = re.findall(r"^\| \[(\w+)\]\(\1\.csv\) \| [A-Z][^|]+\. \| \[\d+\]", listed, re.MULTILINE)
+    linked = re.findall(
+        r"^\| \[(\w+)\]\(\1\.csv\) \| [A-Z][^|]+\. \| \[\d+\]", listed, re.MULTILINE
+    )
     assert sorted(linked) == sorted(file.stem for file in folder.glob("*.csv"))
 
 
@@ -47,7 +49,8 @@ def test_every_table_in_the_results_is_made_by_a_notebook_a_study_or_the_workboo
     others = {file.name for file in RESULTS.glob("*.csv")} - made
     places = [*workbook.ROOT.glob("studies/*.py"), *workbook.ROOT.glob("tests/tools/*.py")]
     sources = "".join(
-        path.read_text(encoding="utf-8") for path in [*places, *workbook.ROOT.glob("replication/**/*.py")]
+        path.read_text(encoding="utf-8")
+        for path in [*places, *workbook.ROOT.glob("replication/**/*.py")]
     )
     assert [name for name in others if f'"{name}"' not in sources] == []
     assert {f"supplement/{file.name}" for file in (RESULTS / "supplement").glob("*.csv")} <= made

@@ -46,7 +46,9 @@ def read(text):
 def test_the_committed_pages_are_what_the_results_give(site):
     for made in [site / "report.html", *sorted((site / "pages").glob("*.html"))]:
         committed = RESULTS / made.relative_to(site)
-        assert committed.read_text(encoding="utf-8") == made.read_text(encoding="utf-8"), "run: make report"
+        assert committed.read_text(encoding="utf-8") == made.read_text(encoding="utf-8"), (
+            "run: make report"
+        )
 
 
 def test_every_cell_claim_erratum_and_figure_is_on_the_page(report_page):
@@ -71,13 +73,17 @@ def test_every_drawing_has_its_caption_and_its_notebook():
 
 def marks(drawing):
     """Coordinates of a drawing's marks, and its styles but for what they refer to."""
-    elements = [e for e in ElementTree.fromstring(drawing).iter() if e.tag.endswith(("path", "use"))]
+    elements = [
+        e for e in ElementTree.fromstring(drawing).iter() if e.tag.endswith(("path", "use"))
+    ]
     placed = " ".join(e.get(name, "") for e in elements for name in ("d", "x", "y"))
     styles = [re.sub(r"\s|url\(.*?\)", "", e.get("style", "")) for e in elements]
     return np.array(re.findall(r"-?[\d.]+", placed), float), styles
 
 
-@pytest.mark.parametrize("file", sorted((workbook.ROOT / "figures").glob("*.svg")), ids=lambda file: file.stem)
+@pytest.mark.parametrize(
+    "file", sorted((workbook.ROOT / "figures").glob("*.svg")), ids=lambda file: file.stem
+)
 def test_a_reduced_drawing_has_the_same_marks_within_a_tenth_of_a_point(file):
     whole = file.read_text(encoding="utf-8")
     small = reduce_svg(whole)
@@ -91,7 +97,8 @@ def test_a_reduced_drawing_has_the_same_marks_within_a_tenth_of_a_point(file):
 
 def test_no_link_of_any_page_is_dead(site):
     found = {
-        file: read(file.read_text(encoding="utf-8")) for file in [site / "report.html", *site.glob("pages/*.html")]
+        file: read(file.read_text(encoding="utf-8"))
+        for file in [site / "report.html", *site.glob("pages/*.html")]
     }
     seen = 0
     for file, parser in found.items():
@@ -104,7 +111,9 @@ def test_no_link_of_any_page_is_dead(site):
             if target in found:
                 assert not anchor or anchor in found[target].ids, f"{file.name}: {link}"
             else:
-                of_project = workbook.ROOT / "results" / Path(address) if file.parent == site else None
+                of_project = (
+                    workbook.ROOT / "results" / Path(address) if file.parent == site else None
+                )
                 of_project = of_project or RESULTS / "pages" / Path(address)
                 assert of_project.exists(), f"{file.name}: {link}"
             seen += 1
@@ -128,7 +137,9 @@ def test_a_notebooks_page_has_no_script_but_the_animations_and_no_formula_left_a
         text = file.read_text(encoding="utf-8")
         animated = file.stem == "00_start_here"
         assert ("<script" in text) == ("script-src" in text) == animated, file.name
-        prose = re.sub(r'<div class="code">.*?</div>|<pre>.*?</pre>|alttext="[^"]*"', "", text, flags=re.DOTALL)
+        prose = re.sub(
+            r'<div class="code">.*?</div>|<pre>.*?</pre>|alttext="[^"]*"', "", text, flags=re.DOTALL
+        )
         assert not re.search(r"\$[^$<\n]{1,80}\$", prose), file.name
 
 
@@ -142,7 +153,9 @@ def test_the_findings_have_all_their_numbers_and_half_a_page():
     assert kinds["open"] >= 2
     assert [kinds[name] for name in ("holds", "fails", "unknown")] == [1, 1, 1]
     assert all(each["proofs"] for each in found)
-    assert sum(words[kind] for kind in ("holds", "fails", "unknown")) < 150, "more than the first screen holds"
+    assert sum(words[kind] for kind in ("holds", "fails", "unknown")) < 150, (
+        "more than the first screen holds"
+    )
     assert words["finding"] + words["open"] < 450
 
 
@@ -213,7 +226,12 @@ def test_the_sensitivity_matrix_has_the_order_of_the_paper(report_page):
 
 def test_a_cells_anchor_stays_when_cells_are_added_under_another_heading():
     markdown, code = v4.new_markdown_cell, v4.new_code_cell
-    cells = [markdown("# Title\n\n## Method"), code("a = 1"), markdown("### Table 2"), code("b = 2")]
+    cells = [
+        markdown("# Title\n\n## Method"),
+        code("a = 1"),
+        markdown("### Table 2"),
+        code("b = 2"),
+    ]
     before = pages.cell_anchors(cells)
     assert before == ["method-cell-1", "method-cell-2", "table-2-cell-1", "table-2-cell-2"]
     after = pages.cell_anchors([*cells[:2], code("new = 3"), *cells[2:]])
@@ -221,5 +239,10 @@ def test_a_cells_anchor_stays_when_cells_are_added_under_another_heading():
 
 
 def test_an_exported_figure_stands_under_the_last_cell_that_assigns_it():
-    sources = ["one = plot(1)", "two = plot(2)", "one = plot(3)", 'workbook.export(figures={"first": (one, "x")})']
+    sources = [
+        "one = plot(1)",
+        "two = plot(2)",
+        "one = plot(3)",
+        'workbook.export(figures={"first": (one, "x")})',
+    ]
     assert pages.drawing_cells([v4.new_code_cell(source) for source in sources]) == {"first": 2}

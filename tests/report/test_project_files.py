@@ -21,10 +21,17 @@ def test_the_citation_file_has_what_its_format_demands_and_cites_the_paper():
     assert citation["abstract"]
     assert isinstance(citation["date-released"], date)
     assert citation["license"] in (ROOT / "pyproject.toml").read_text(encoding="utf-8")
-    assert f'version = "{citation["version"]}"' in (ROOT / "pyproject.toml").read_text(encoding="utf-8")
+    assert f'version = "{citation["version"]}"' in (ROOT / "pyproject.toml").read_text(
+        encoding="utf-8"
+    )
     (paper,) = citation["references"]
     assert paper["title"] == "A virtual sensor for backlash in robotic manipulators"
-    assert [author["family-names"] for author in paper["authors"]] == ["Giovannitti", "Nabavi", "Squillero", "Tonda"]
+    assert [author["family-names"] for author in paper["authors"]] == [
+        "Giovannitti",
+        "Nabavi",
+        "Squillero",
+        "Tonda",
+    ]
     assert re.fullmatch(r"10\.\d+/\S+", paper["doi"])
 
 
@@ -37,7 +44,9 @@ def test_the_articles_metadata_cite_the_same_paper():
 
 def test_the_workflow_runs_what_make_offers_and_keeps_what_is_there():
     workflow = read(".github/workflows/test.yml")
-    targets = re.findall(r"^([a-z-]+):.*##", (ROOT / "Makefile").read_text(encoding="utf-8"), re.MULTILINE)
+    targets = re.findall(
+        r"^([a-z-]+):.*##", (ROOT / "Makefile").read_text(encoding="utf-8"), re.MULTILINE
+    )
     for job in ("test", "weekly"):
         run = {step["run"] for step in workflow["jobs"][job]["steps"] if "run" in step}
         assert run <= {f"make {target}" for target in targets}
@@ -49,11 +58,15 @@ def test_the_workflow_runs_what_make_offers_and_keeps_what_is_there():
 def test_a_codechecker_finds_every_output_that_is_listed():
     listed = [entry["file"] for entry in read("codecheck.yml")["manifest"]]
     assert len(listed) > 10
-    assert (ROOT / "codecheck.yml").read_text(encoding="utf-8").startswith("%YAML 1.1\n---\n")  # its specification asks
+    assert (
+        (ROOT / "codecheck.yml").read_text(encoding="utf-8").startswith("%YAML 1.1\n---\n")
+    )  # its specification asks
     assert [name for name in listed if not (ROOT / name).exists()] == []
 
 
 def test_the_pages_workflow_may_publish():
     workflow = read(".github/workflows/pages.yml")
     assert workflow["permissions"]["pages"] == "write"
-    assert any("deploy-pages" in step.get("uses", "") for step in workflow["jobs"]["publish"]["steps"])
+    assert any(
+        "deploy-pages" in step.get("uses", "") for step in workflow["jobs"]["publish"]["steps"]
+    )

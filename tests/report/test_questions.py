@@ -18,7 +18,9 @@ SCREENS = 2
 def numbers():
     """What the answers must say, by name: from the results, not typed."""
     judged = cells.judged_cells(VERDICTS).values()
-    differing = [cell for cell in judged if cell.element == "Table 2" and cell.deciding.verdict == "differs"]
+    differing = [
+        cell for cell in judged if cell.element == "Table 2" and cell.deciding.verdict == "differs"
+    ]
     largest = max(differing, key=lambda cell: cell.deciding.disagreement)
     return facts.collect_facts(RESULTS, VERDICTS) | {
         "largest": largest.id,
@@ -39,12 +41,16 @@ def screens_down(element, height):
 @pytest.mark.slow
 @pytest.mark.parametrize(("width", "height"), [(1440, 900), (390, 844)])
 @pytest.mark.parametrize("asked", QUESTIONS, ids=lambda asked: asked["question"])
-def test_a_question_is_answered_after_one_click_and_its_evidence_after_two(tab, site, numbers, asked, width, height):
+def test_a_question_is_answered_after_one_click_and_its_evidence_after_two(
+    tab, site, numbers, asked, width, height
+):
     opened = tab(site / "report.html", width, height=height)
     first = opened.locator("nav.contents a", has_text="Questions")
     assert screens_down(first, height) <= 1
     first.click()
-    entry = opened.locator(".questions > div").filter(has=opened.locator("dt", has_text=asked["question"]))
+    entry = opened.locator(".questions > div").filter(
+        has=opened.locator("dt", has_text=asked["question"])
+    )
     assert asked["answer"].format_map(numbers) in entry.inner_text()
     assert screens_down(entry, height) <= SCREENS
     entry.locator(asked["click"].format_map(numbers)).first.click()

@@ -54,7 +54,13 @@ def test_show_tells_of_a_cell_what_is_printed_ours_the_verdict_and_where_it_is_m
     assert main(["show", "table2.row03.sd"]) == 0
     said = capsys.readouterr().out
     row = VERDICTS.set_index(["id", "source"]).loc[("table2.row03.sd", "authors")]
-    for part in ("0.0138 rps", row["verdict"], f"{row['reproduced']:.5g}", "notebooks/08_noise_table2.py", "--rerun"):
+    for part in (
+        "0.0138 rps",
+        row["verdict"],
+        f"{row['reproduced']:.5g}",
+        "notebooks/08_noise_table2.py",
+        "--rerun",
+    ):
         assert part in said
     assert "results/pages/08_noise_table2.html#verdict" in said
 

@@ -58,7 +58,9 @@ def test_outside_its_range_a_calibration_says_extrapolated(method):
     values = np.linspace(0.01, 3.0, 300) if method != "waveform" else np.linspace(0, 5e-3, 300)
     for value in values:
         delta = calibration.delta_rad(value)
-        assert calibration.backlash(reading(method, float(value))).extrapolated == (not low <= delta <= high)
+        assert calibration.backlash(reading(method, float(value))).extrapolated == (
+            not low <= delta <= high
+        )
 
 
 @pytest.mark.parametrize("method", ["paper", "amplitude", "energy"])
@@ -71,13 +73,17 @@ def test_the_committed_calibration_is_what_the_code_computes(method):
 
 def test_the_default_of_the_paper_is_equation_10_which_takes_rpm():
     A = published.value("table2.row05.theoretical")
-    assert default_calibration("paper").delta_rad(A) == pytest.approx(equation_10().backlash_rad(A), rel=1e-12)
+    assert default_calibration("paper").delta_rad(A) == pytest.approx(
+        equation_10().backlash_rad(A), rel=1e-12
+    )
     assert RPM_PER_RPS == 60
 
 
 @settings(max_examples=50, deadline=None)
 @given(value=st.floats(0.3, 1.0), half_width=st.floats(0, 0.1))
-def test_the_interval_holds_the_backlash_and_is_no_narrower_than_the_calibration_allows(value, half_width):
+def test_the_interval_holds_the_backlash_and_is_no_narrower_than_the_calibration_allows(
+    value, half_width
+):
     calibration = default_calibration("energy")
     value = value * 0.3
     answer = calibration.backlash(reading("energy", value, half_width * value))
@@ -145,7 +151,11 @@ def broken(**changes):
         broken(uncertainty_rad=-1),
         broken(turn_period_s=0),
         broken(waveforms={"delta_rad": [1, 2], "waveform_rps": [[1], [2]]}),
-        broken(method="waveform", coefficients=[], waveforms={"delta_rad": [1] * 5, "waveform_rps": [[1.0, 2.0]] * 5}),
+        broken(
+            method="waveform",
+            coefficients=[],
+            waveforms={"delta_rad": [1] * 5, "waveform_rps": [[1.0, 2.0]] * 5},
+        ),
         broken(method="waveform", coefficients=[], waveforms={"delta_rad": 3, "waveform_rps": 4}),
     ],
 )
@@ -179,11 +189,16 @@ def test_the_energy_s_interval_is_that_of_its_scatter_over_noises(records):
 
 
 @pytest.mark.parametrize(("method", "bar_rad"), [("energy", 1.5e-5), ("waveform", 1.5e-5)])
-def test_records_that_start_anywhere_are_measured_by_the_default_calibration(authors_data, method, bar_rad):
+def test_records_that_start_anywhere_are_measured_by_the_default_calibration(
+    authors_data, method, bar_rad
+):
     # Both reach 1.0e-5 to 1.4e-5 on whole records.
     calibration = default_calibration(method)
     errors = []
     for level in range(3, 12):
         record = from_sample(load_noisy(level, 1), 37)
-        errors.append(calibration.backlash(read(record, method, calibration.bank)).delta_rad - level_delta_rad(level))
+        errors.append(
+            calibration.backlash(read(record, method, calibration.bank)).delta_rad
+            - level_delta_rad(level)
+        )
     assert np.mean(np.abs(errors)) < bar_rad

@@ -59,7 +59,9 @@ def refused(capsys, folder, *arguments):
 
 def test_json_is_an_array_with_an_object_of_the_documented_keys_for_each_log(log, tmp_path, capsys):
     write(silent(), tmp_path / "silent.csv")
-    status, out, _ = ran(capsys, "estimate", log, tmp_path / "silent.csv", *TURN, "--json", "--jobs", "1")
+    status, out, _ = ran(
+        capsys, "estimate", log, tmp_path / "silent.csv", *TURN, "--json", "--jobs", "1"
+    )
     rows = json.loads(out)
     assert status == 0
     assert [list(row) for row in rows] == [KEYS, KEYS]
@@ -81,7 +83,16 @@ def test_every_option_of_a_log_reaches_its_reader(tmp_path, capsys):
     frame = pd.DataFrame({"a": record.t, "b": counts, "c": 60 * record.v})
     frame.to_csv(tmp_path / "log.csv", index=False)
     shared = ["--json", "--gear-ratio", "40", "--time", "a"]
-    position = ["--position", "b", "--unit", "counts", "--counts-per-turn", 2**16, "--commanded-speed", "100"]
+    position = [
+        "--position",
+        "b",
+        "--unit",
+        "counts",
+        "--counts-per-turn",
+        2**16,
+        "--commanded-speed",
+        "100",
+    ]
     speed = ["--speed", "c", "--unit", "rpm"]
     for given in (position, speed):
         status, out, _ = ran(capsys, "estimate", tmp_path / "log.csv", *shared, *given)
@@ -92,7 +103,19 @@ def test_every_option_of_a_log_reaches_its_reader(tmp_path, capsys):
 def test_the_papers_method_takes_repeats_and_seed(log, capsys):
     found = {}
     for seed in (1, 1, 2):
-        _, out, _ = ran(capsys, "estimate", log, *TURN, "--json", "--method", "paper", "--repeats", 2, "--seed", seed)
+        _, out, _ = ran(
+            capsys,
+            "estimate",
+            log,
+            *TURN,
+            "--json",
+            "--method",
+            "paper",
+            "--repeats",
+            2,
+            "--seed",
+            seed,
+        )
         found.setdefault(seed, []).append(json.loads(out)[0])
     assert found[1][0] == found[1][1]
     assert found[1][0]["amplitude_interval_rps"] != found[2][0]["amplitude_interval_rps"]
@@ -148,8 +171,12 @@ def test_a_table_can_be_parquet(log, tmp_path, capsys):
         ("backlash>1.0mrad", 0),
     ],
 )
-def test_a_script_is_told_by_the_exit_status_of_a_log_that_it_must_not_pass(fail_on, status, log, capsys):
-    ended, out, _ = ran(capsys, "estimate", log, *TURN, "--method", "energy", "--fail-on", fail_on, "--json")
+def test_a_script_is_told_by_the_exit_status_of_a_log_that_it_must_not_pass(
+    fail_on, status, log, capsys
+):
+    ended, out, _ = ran(
+        capsys, "estimate", log, *TURN, "--method", "energy", "--fail-on", fail_on, "--json"
+    )
     assert ended == status
     assert json.loads(out)[0]["verdict"] == "backlash"
 
@@ -167,7 +194,9 @@ def test_each_log_of_a_table_is_read_by_its_own_row_and_else_by_the_options(tmp_
     assert rows[0]["file"] == str(tmp_path / "a.csv")
     assert any("gear ratio 40" in warning for warning in rows[0]["warnings"])
     batch.write_text("file,gear_ratio\na.csv,\n", encoding="utf-8")
-    assert f"{batch}, a.csv: the load's turn is not known" in refused(capsys, tmp_path, "estimate", "--batch", batch)
+    assert f"{batch}, a.csv: the load's turn is not known" in refused(
+        capsys, tmp_path, "estimate", "--batch", batch
+    )
     batch.write_text("file,period,shoe_size\na.csv,0.4,42\n", encoding="utf-8")
     assert "column 'shoe_size'" in refused(capsys, tmp_path, "estimate", "--batch", batch)
 
@@ -184,7 +213,11 @@ def test_the_play_and_where_the_answer_comes_from_are_in_the_json(log, capsys):
 
 def test_a_part_of_a_log_is_had_by_its_times_and_a_period_can_be_trusted(log, capsys, monkeypatch):
     given = []
-    monkeypatch.setattr(commands, "settings_for", lambda form, **how: given.append(form) or settings_for(form, **how))
+    monkeypatch.setattr(
+        commands,
+        "settings_for",
+        lambda form, **how: given.append(form) or settings_for(form, **how),
+    )
     how = ["--method", "energy", "--from", "1", "--to", "3.5", "--trust-period", "--json"]
     row = json.loads(ran(capsys, "estimate", log, *TURN, *how)[1])[0]
     assert row["samples"] == 1251
@@ -218,7 +251,10 @@ def test_a_defect_is_one_line_that_says_where(log, capsys, monkeypatch):
         (["estimate", "LOG", "LOG2", *TURN, "--plot", "FOLDER/plot.png"], "it shows one"),
         (["estimate", "EMPTY", *TURN, "--plot", "FOLDER/plot.png"], "the file is empty"),
         (["estimate", "EMPTY", *TURN, "--out", "FOLDER/table.csv"], "the file is empty"),
-        (["estimate", "EMPTY", "EMPTY2", *TURN, "--out", "FOLDER/table.csv"], "none of 2 logs is usable"),
+        (
+            ["estimate", "EMPTY", "EMPTY2", *TURN, "--out", "FOLDER/table.csv"],
+            "none of 2 logs is usable",
+        ),
         (["estimate", "FOLDER/void", *TURN], "no logs in this folder"),
         (["estimate", "FOLDER/missing.csv", *TURN], "no such file"),
         (["estimate", "LOG", *TURN, "--calibration", "LOG"], "not a calibration file"),
@@ -228,7 +264,10 @@ def test_a_defect_is_one_line_that_says_where(log, capsys, monkeypatch):
         (["trend", "LOG", *TURN], "no date in its name"),
         (["trend", "LOG", *TURN, "--dates", "LOG"], "columns file and date"),
         (["trend", "LOG", *TURN, "--dates", "DATES", "--limit", "0.5"], "at most 0.1 [rad]"),
-        (["estimate", "LOG", "LOG2", *TURN, "--jobs", "0"], "--jobs 0: give -1 or a number above 0"),
+        (
+            ["estimate", "LOG", "LOG2", *TURN, "--jobs", "0"],
+            "--jobs 0: give -1 or a number above 0",
+        ),
         (["nonsense"], "invalid choice"),
         (["estimate"], "give logs, or --batch"),
         (["estimate", "LOG", *TURN, "--batch", "LOG"], "give logs, or --batch"),
@@ -236,10 +275,15 @@ def test_a_defect_is_one_line_that_says_where(log, capsys, monkeypatch):
         (["estimate", "LOG", "-", *TURN], "goes alone"),
         (["estimate", "LOG", *TURN, "--fail-on", "backlash>0.5"], "--fail-on 'backlash>0.5': give"),
         (["estimate", "LOG", *TURN, "--fail-on", "cannot-tell,"], "--fail-on '': give"),
-        (["estimate", "LOG", *TURN, "--fail-on", "no-backlash>1mrad"], "--fail-on 'no-backlash>1mrad': give"),
+        (
+            ["estimate", "LOG", *TURN, "--fail-on", "no-backlash>1mrad"],
+            "--fail-on 'no-backlash>1mrad': give",
+        ),
     ],
 )
-def test_what_cannot_be_done_is_refused_in_one_line_and_nothing_is_written(arguments, expected, log, tmp_path, capsys):
+def test_what_cannot_be_done_is_refused_in_one_line_and_nothing_is_written(
+    arguments, expected, log, tmp_path, capsys
+):
     places = {
         "LOG": log, "LOG2": write(silent(), tmp_path / "log2.csv"), "FOLDER": tmp_path,
         "EMPTY": tmp_path / "empty.csv", "EMPTY2": tmp_path / "empty2.csv",
@@ -249,7 +293,9 @@ def test_what_cannot_be_done_is_refused_in_one_line_and_nothing_is_written(argum
     (tmp_path / "void").mkdir()
     places["DATES"] = tmp_path / "dates.csv"
     places["DATES"].write_text("file,date\nlog.csv,2024-03-17\n", encoding="utf-8")
-    filled = [str(places[a]) if a in places else a.replace("FOLDER", str(tmp_path)) for a in arguments]
+    filled = [
+        str(places[a]) if a in places else a.replace("FOLDER", str(tmp_path)) for a in arguments
+    ]
     assert expected in refused(capsys, tmp_path, *filled)
 
 
@@ -305,7 +351,17 @@ def test_a_relation_that_is_not_monotonic_is_refused(tmp_path, capsys):
     frame["backlash_rad"] = frame["backlash_rad"].to_numpy()[[0, 5, 2, 7, 4, 1, 6, 3]]
     frame.to_csv(table, index=False)
     for method in ("energy", "waveform"):
-        line = refused(capsys, tmp_path, "calibrate", table, *TURN, "--method", method, "--out", tmp_path / "c.json")
+        line = refused(
+            capsys,
+            tmp_path,
+            "calibrate",
+            table,
+            *TURN,
+            "--method",
+            method,
+            "--out",
+            tmp_path / "c.json",
+        )
         assert "known backlashes" in line
 
 
@@ -328,7 +384,9 @@ def test_dated_logs_become_a_trend_with_a_date_and_a_plot(tmp_path, capsys):
     for month in range(1, 8):
         write(noisy(4e-4 + 1.5e-4 * month, seed=month), tmp_path / f"axis4_2024-{month:02d}-15.csv")
     options = [*TURN, "--method", "energy", "--limit", "0.0018"]
-    status, out, _ = ran(capsys, "trend", tmp_path, *options, "--plot", tmp_path / "trend.png", "--json")
+    status, out, _ = ran(
+        capsys, "trend", tmp_path, *options, "--plot", tmp_path / "trend.png", "--json"
+    )
     found = json.loads(out)
     assert status == 0
     assert len(found["points"]) == 7
@@ -339,7 +397,9 @@ def test_dated_logs_become_a_trend_with_a_date_and_a_plot(tmp_path, capsys):
     assert "crossed on" in ran(capsys, "trend", tmp_path, *options)[1]
 
 
-def test_where_no_backlash_can_be_told_the_amplitudes_growth_in_percent_is_an_alarm(tmp_path, capsys):
+def test_where_no_backlash_can_be_told_the_amplitudes_growth_in_percent_is_an_alarm(
+    tmp_path, capsys
+):
     for month in range(1, 8):
         slow = noisy(4e-4 + 1.5e-4 * month, seed=month)
         write(replace(slow, t=1.5 * slow.t), tmp_path / f"axis4_2024-{month:02d}-15.csv")
@@ -360,7 +420,9 @@ def test_where_no_backlash_can_be_told_the_amplitudes_growth_in_percent_is_an_al
 def test_a_relative_trend_of_logs_with_a_backlash_is_had_by_asking(tmp_path, capsys):
     for month in range(1, 5):
         write(noisy(9e-4, seed=month), tmp_path / f"axis4_2024-{month:02d}-15.csv")
-    _, out, _ = ran(capsys, "trend", tmp_path, *TURN, "--relative", "--json", "--plot", tmp_path / "trend.svg")
+    _, out, _ = ran(
+        capsys, "trend", tmp_path, *TURN, "--relative", "--json", "--plot", tmp_path / "trend.svg"
+    )
     found = json.loads(out)
     assert (found["is_relative"], found["alarm"], len(found["points"])) == (True, False, 4)
     assert (tmp_path / "trend.svg").exists()
@@ -378,7 +440,9 @@ def test_the_authors_workbook_is_answered_from_the_command_line(authors_data, ca
 
 @pytest.mark.slow
 @pytest.mark.parametrize("level", [4, 7, 10, 11])
-def test_a_record_without_noise_is_answered_with_the_models_own_error_in_its_interval(authors_data, capsys, level):
+def test_a_record_without_noise_is_answered_with_the_models_own_error_in_its_interval(
+    authors_data, capsys, level
+):
     _, out, _ = ran(capsys, "estimate", authors_file(f"Speeddata{level}.xlsx"), *TURN, "--json")
     row = json.loads(out)[0]
     low, high = row["backlash_interval_rad"]
@@ -388,13 +452,17 @@ def test_a_record_without_noise_is_answered_with_the_models_own_error_in_its_int
 
 
 def test_the_console_script_is_this_command_line():
-    project = tomllib.loads((workbook.ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    project = tomllib.loads((workbook.ROOT / "pyproject.toml").read_text(encoding="utf-8"))[
+        "project"
+    ]
     assert project["scripts"] == {"backlash": "backlash.main:main"}
     assert "pyarrow" in {name.split(">")[0] for name in project["optional-dependencies"]["fleet"]}
 
 
 def test_a_log_that_disappears_is_no_traceback(log, capsys, monkeypatch):
-    monkeypatch.setattr(commands, "examine", lambda *_: (_ for _ in ()).throw(UnusableLog("gone\nfor good")))
+    monkeypatch.setattr(
+        commands, "examine", lambda *_: (_ for _ in ()).throw(UnusableLog("gone\nfor good"))
+    )
     status, out, err = ran(capsys, "estimate", log, *TURN)
     assert (status, out, err) == (2, "", "gone for good\n")
 

@@ -32,7 +32,9 @@ def filtered(poles, rng):
 
 
 def tone(hertz, rng):
-    return 0.2 * np.sin(2 * np.pi * hertz * T + rng.uniform(0, 6)) + 0.05 * rng.standard_normal(T.size)
+    return 0.2 * np.sin(2 * np.pi * hertz * T + rng.uniform(0, 6)) + 0.05 * rng.standard_normal(
+        T.size
+    )
 
 
 NOISES = {
@@ -59,14 +61,18 @@ def test_noise_in_a_healthy_joint_passes_for_a_pattern_no_more_often_than_promis
         same_sign += presence.has_same_sign
         periods += own_period(record) is not None
     assert alarms <= MOST_ALARMS
-    if name != "with mains hum":  # 20 periods of it in a turn are a pattern, with the same sign in both halves
+    if (
+        name != "with mains hum"
+    ):  # 20 periods of it in a turn are a pattern, with the same sign in both halves
         assert same_sign <= MOST_ALARMS
     assert periods <= MOST_ALARMS
 
 
 @pytest.mark.parametrize("noise", [0.1, 0.5])
 def test_a_signature_of_the_detectable_energy_is_found_as_often_as_promised(noise):
-    unit = signature(T, np.array([1.0, 0.0125, 15.0, 134.0, 100.0, 0.2, 0.0125]), Timing(0.2, 0.4, 12))
+    unit = signature(
+        T, np.array([1.0, 0.0125, 15.0, 134.0, 100.0, 0.2, 0.0125]), Timing(0.2, 0.4, 12)
+    )
     energy = band_energy(unit[: 100 * (T.size // 100)].reshape(-1, 100)[2], silent())
     found = 0
     for seed in range(TRIALS):
@@ -87,7 +93,9 @@ def test_four_turns_are_enough_for_a_clear_pattern_and_three_are_not():
     assert not cut(3)
 
 
-@pytest.mark.parametrize("given", [0.05, 0.1, 0.2, 0.3, 0.391, 0.408, 0.44, 0.5, 0.6, 0.8, 1.2, 2.0, 3.0])
+@pytest.mark.parametrize(
+    "given", [0.05, 0.1, 0.2, 0.3, 0.391, 0.408, 0.44, 0.5, 0.6, 0.8, 1.2, 2.0, 3.0]
+)
 @pytest.mark.parametrize("delta", [3e-4, 9e-4, 20e-4])
 def test_the_records_own_period_is_found_from_a_wrong_one(given, delta):
     for record in (clean(delta), noisy(delta)):
@@ -110,7 +118,9 @@ def test_a_signature_explains_itself_and_not_another_pattern():
     record = noisy()
     presence = find_pattern(record)
     assert explained_share(record, clean().v, presence) == pytest.approx(1.0, abs=0.02)
-    assert explained_share(record, np.zeros(record.t.size), presence) == pytest.approx(0.0, abs=1e-6)
+    assert explained_share(record, np.zeros(record.t.size), presence) == pytest.approx(
+        0.0, abs=1e-6
+    )
     assert explained_share(record, -clean().v, presence) < 0
 
 
@@ -132,7 +142,9 @@ def test_what_noise_hides_grows_with_the_noise():
 def test_the_right_period_stands_where_friction_makes_even_harmonics(seed):
     rng = np.random.default_rng((2, seed))
     delta = float(rng.uniform(3e-4, 21e-4))
-    log = encoder_log(draw_bench(rng, Spread(ratios=0.2, load_friction=0.05, ripple=0.04)), delta, rng)
+    log = encoder_log(
+        draw_bench(rng, Spread(ratios=0.2, load_friction=0.05, ripple=0.04)), delta, rng
+    )
     assert own_period(log) == 0.4
     assert own_period(replace(log, turn_period_s=0.41)) == pytest.approx(0.4, rel=2e-3)
 
@@ -147,7 +159,9 @@ def test_a_period_that_is_trusted_is_not_looked_for():
 
 def test_the_motors_own_harmonics_are_no_pattern_of_the_load():
     t = 2e-3 * np.arange(6001)
-    log = Recording(t, 45 + 0.3 * np.sin(2 * np.pi * 45 * t), 45.0, 1.0, "a motor's ripple at an odd harmonic")
+    log = Recording(
+        t, 45 + 0.3 * np.sin(2 * np.pi * 45 * t), 45.0, 1.0, "a motor's ripple at an odd harmonic"
+    )
     log = replace(log, v=log.v + np.random.default_rng(1).normal(0, 0.05, t.size))
     assert not find_pattern(log).found
 

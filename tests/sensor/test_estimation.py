@@ -140,7 +140,9 @@ def test_a_silent_log_is_no_backlash_by_the_log_alone_too():
 @pytest.mark.parametrize("level", [3, 8, 11])
 def test_the_authors_workbooks_are_answered_as_they_are(authors_data, level):
     for method in ("amplitude", "energy", "waveform"):
-        found = examine(authors_file(f"Speeddata{level}.xlsx"), settings_for(TURN, method=method)).estimate
+        found = examine(
+            authors_file(f"Speeddata{level}.xlsx"), settings_for(TURN, method=method)
+        ).estimate
         check(found)
         assert found.verdict == "backlash"
         assert found.backlash_rad == pytest.approx(level_delta_rad(level), rel=0.12)
@@ -187,7 +189,10 @@ def test_no_backlash_is_never_said_of_the_least_backlash_of_the_calibration(meth
     least = default_calibration(method).range_rad[0]
     loudest = max(noise for noise in np.geomspace(0.05, 2.0, 15) if answer(silent(noise), method=method).verdict
                   == "no backlash")  # fmt: skip
-    missed = [answer(noisy(least, loudest, seed), method=method).verdict == "no backlash" for seed in range(20)]
+    missed = [
+        answer(noisy(least, loudest, seed), method=method).verdict == "no backlash"
+        for seed in range(20)
+    ]
     assert sum(missed) <= 4  # 1 expected at 95 %
 
 
@@ -201,8 +206,13 @@ def test_a_wrong_gear_ratio_is_seen_in_the_record(gear_ratio):
         wrong = replace(record, turn_period_s=0.01 * gear_ratio)
         found = answer(wrong, LogFormat(gear_ratio=float(gear_ratio)))
         assert found.verdict == "cannot tell"
-        assert found.warnings[0].startswith("wrong period: the record repeats itself every 0.4000 s")
-        assert "is it --gear-ratio 40?" in found.warnings[0] or "--gear-ratio 40.0" in found.warnings[0]
+        assert found.warnings[0].startswith(
+            "wrong period: the record repeats itself every 0.4000 s"
+        )
+        assert (
+            "is it --gear-ratio 40?" in found.warnings[0]
+            or "--gear-ratio 40.0" in found.warnings[0]
+        )
 
 
 def test_a_slightly_wrong_period_is_replaced_by_the_records_own_and_said():
@@ -228,7 +238,10 @@ def test_an_amplitude_far_beyond_the_cubic_is_not_read_where_the_cubic_comes_dow
     for factor in (2, 3, 4, 5):
         loud = replace(record, v=100 + factor * (record.v - 100))
         assert answer(loud, method="paper").verdict == "cannot tell"
-    assert calibration.delta_rad(1.2 * calibration.value_at(calibration.range_rad[1])) > calibration.range_rad[1]
+    assert (
+        calibration.delta_rad(1.2 * calibration.value_at(calibration.range_rad[1]))
+        > calibration.range_rad[1]
+    )
 
 
 def test_the_value_of_a_backlash_is_the_inverse_of_the_calibration():
@@ -244,7 +257,9 @@ def test_another_movement_than_the_calibrations_is_told_with_its_amplitude_only(
     assert found.warnings[0].startswith("extrapolated calibration: a load turn takes 0.6 s")
     assert found.amplitude_rps > 0
     faster = replace(noisy(), v=noisy().v + 50)
-    assert answer(faster).warnings[0].startswith("extrapolated calibration: the motor makes 150 rps")
+    assert (
+        answer(faster).warnings[0].startswith("extrapolated calibration: the motor makes 150 rps")
+    )
 
 
 def test_a_pattern_of_another_shape_is_no_signature():
@@ -276,9 +291,13 @@ def test_friction_that_the_calibration_does_not_know_is_no_wrong_answer(name, sh
 
 def test_waveforms_calibrated_with_the_friction_measure_with_it():
     levels = np.linspace(4e-4, 20e-4, 9)
-    own = fit_calibration([with_friction(delta, 0.2, seed=5) for delta in levels], levels, "waveform")
+    own = fit_calibration(
+        [with_friction(delta, 0.2, seed=5) for delta in levels], levels, "waveform"
+    )
     for delta in (7e-4, 15e-4):
-        assert answer(with_friction(delta, 0.2), calibration=own).backlash_rad == pytest.approx(delta, abs=5e-5)
+        assert answer(with_friction(delta, 0.2), calibration=own).backlash_rad == pytest.approx(
+            delta, abs=5e-5
+        )
 
 
 def test_too_short_a_log_is_told_by_its_turns(tmp_path):
@@ -323,18 +342,24 @@ def test_whatever_the_table_there_is_an_answer_or_a_refusal_and_never_a_nan(data
     draw = data.draw
     seed = draw(st.integers(0, 10**6))
     rng = np.random.default_rng(seed)
-    record: Recording = draw(st.sampled_from([noisy(), clean(0.0), silent(0.3), noisy(3e-4), noisy(40e-4)]))
+    record: Recording = draw(
+        st.sampled_from([noisy(), clean(0.0), silent(0.3), noisy(3e-4), noisy(40e-4)])
+    )
     size = draw(st.sampled_from([0, 1, 2, 3, 10, 250, 900, 2401]))
     t, v = record.t[:size].copy(), record.v[:size].copy()
     v = draw(st.sampled_from([1.0, -1.0, 60.0, 1 / 60, 0.0, 1e-12, 1e12])) * v
-    v += draw(st.sampled_from([0.0, -100.0, 1e3])) + draw(st.sampled_from([0.0, 5.0])) * rng.standard_normal(size)
+    v += draw(st.sampled_from([0.0, -100.0, 1e3])) + draw(
+        st.sampled_from([0.0, 5.0])
+    ) * rng.standard_normal(size)
     t *= draw(st.sampled_from([1.0, 1000.0, 1e-3, 0.5, 0.0, -1.0]))
     if draw(st.booleans()) and size:
         where = rng.integers(0, size, 3)
         v[where] = draw(st.sampled_from([np.nan, np.inf, 1e300, 0.0, 100.0]))
     if draw(st.booleans()):
         t += rng.uniform(-1, 1, size) * draw(st.sampled_from([1e-9, 1e-4, 1e-2]))
-    columns = draw(st.sampled_from([("time", "speed"), ("t [ms]", "position"), ("1", "2"), ("a", "b")]))
+    columns = draw(
+        st.sampled_from([("time", "speed"), ("t [ms]", "position"), ("1", "2"), ("a", "b")])
+    )
     frame = pd.DataFrame(dict(zip(columns, (t, v), strict=True)))
     form = LogFormat(
         unit=draw(st.sampled_from([None, "rps", "rpm", "rad/s", "counts"])),

@@ -56,8 +56,16 @@ def test_one_bad_log_never_stops_the_rest_and_its_row_says_why(folder):
     paths = fleet.find_logs([folder])
     rows = fleet.run_fleet(paths, SETTINGS, jobs=1)
     assert [row.file for row in rows] == [str(path) for path in paths]
-    assert [row.verdict for row in rows] == ["no backlash", "cannot tell", "backlash", "backlash", "cannot tell"]
-    assert rows[1].warnings == (f"unusable log: {paths[1]}: the file is empty; export the log again",)
+    assert [row.verdict for row in rows] == [
+        "no backlash",
+        "cannot tell",
+        "backlash",
+        "backlash",
+        "cannot tell",
+    ]
+    assert rows[1].warnings == (
+        f"unusable log: {paths[1]}: the file is empty; export the log again",
+    )
     assert rows[4].warnings[0].startswith("unusable log: ")
 
 
@@ -86,7 +94,9 @@ def test_the_table_is_tidy(folder):
 
 
 @pytest.mark.slow
-def test_several_processes_give_the_same_rows_as_one_and_a_log_on_which_one_dies_costs_its_row_only(folder):
+def test_several_processes_give_the_same_rows_as_one_and_a_log_on_which_one_dies_costs_its_row_only(
+    folder,
+):
     deadly = f"deadly{os.getpid()}.csv"
     write(noisy(), folder / deadly)
     paths = [Deadly(folder / name) for name in ("log0.csv", deadly, "empty.csv")]
@@ -125,7 +135,9 @@ def test_an_interrupted_run_goes_on_where_it_was(folder, tmp_path, monkeypatch):
     assert sorted(first + second) == sorted(path.name for path in paths)
 
 
-def test_a_changed_log_or_other_settings_are_not_taken_from_what_was_kept(folder, tmp_path, monkeypatch):
+def test_a_changed_log_or_other_settings_are_not_taken_from_what_was_kept(
+    folder, tmp_path, monkeypatch
+):
     paths, kept = fleet.find_logs([folder]), tmp_path / "kept"
     fleet.run_fleet(paths, SETTINGS, 1, kept)
     write(noisy(15e-4), folder / "log0.csv", digits=4)
@@ -143,9 +155,15 @@ def test_the_rows_that_were_kept_are_those_of_the_logs(folder, tmp_path):
     assert fleet.run_fleet([folder / "log0.csv"], SETTINGS, 1, kept) == rows
 
 
-def test_a_log_with_separate_intervals_keeps_its_interval_beside_other_logs_of_the_joint(monkeypatch):
+def test_a_log_with_separate_intervals_keeps_its_interval_beside_other_logs_of_the_joint(
+    monkeypatch,
+):
     one = Estimate("one", "backlash", backlash_rad=5e-4, backlash_interval_rad=(4e-4, 6e-4))
-    two = replace(one, backlash_interval_rad=(4e-4, 12e-4), backlash_intervals_rad=((4e-4, 6e-4), (11e-4, 12e-4)))
+    two = replace(
+        one,
+        backlash_interval_rad=(4e-4, 12e-4),
+        backlash_intervals_rad=((4e-4, 6e-4), (11e-4, 12e-4)),
+    )
     monkeypatch.setattr(fleet, "share_joint", lambda fits: [(5.1e-4, (4.9e-4, 5.3e-4))] * len(fits))
     fitted = SimpleNamespace(joint="a fit")
     examined = [SimpleNamespace(estimate=each, fitted=fitted) for each in (one, two)]

@@ -32,11 +32,24 @@ def test_arrays_a_table_a_file_and_a_log_that_was_read_have_one_answer(tmp_path)
     path = write(noisy(), tmp_path / "log.csv")
     how = {"turn_period_s": 0.4, "unit": "rps"}
     frame = pd.read_csv(path)
-    logs = [(frame,), (frame.set_index("time [s]"),), (path,), (str(path),), (frame["time [s]"], frame["speed [rps]"])]
+    logs = [
+        (frame,),
+        (frame.set_index("time [s]"),),
+        (path,),
+        (str(path),),
+        (frame["time [s]"], frame["speed [rps]"]),
+    ]
     answers = [backlash.estimate(*log, method="energy", **how) for log in logs]
     answers.append(backlash.estimate(backlash.read_log(path, **how), method="energy"))
     assert len({answer.backlash_rad for answer in answers}) == 1
-    assert [answer.file for answer in answers] == ["log", "log", str(path), str(path), "log", str(path)]
+    assert [answer.file for answer in answers] == [
+        "log",
+        "log",
+        str(path),
+        str(path),
+        "log",
+        str(path),
+    ]
     assert {answer.sha256 is None for answer in answers[2:4]} == {False}
     assert str(answers[0]).startswith("log: backlash 0.")
 
@@ -46,14 +59,18 @@ def test_positions_are_said_to_be_positions():
     turns = np.cumsum(record.v) * 2e-3
     how = {"turn_period_s": 0.4, "unit": "rps", "method": "energy"}
     found = backlash.estimate(record.t, turns, position=True, **how)
-    assert found.backlash_rad == pytest.approx(backlash.estimate(record.t, record.v, **how).backlash_rad, rel=0.05)
+    assert found.backlash_rad == pytest.approx(
+        backlash.estimate(record.t, record.v, **how).backlash_rad, rel=0.05
+    )
 
 
 def test_results_are_ready_for_json_and_cannot_be_changed(tmp_path):
     log = backlash.read_log(write(noisy(), tmp_path / "log.csv"), turn_period_s=0.4)
     logs = [table(noisy(delta, seed=k)) for k, delta in enumerate(KNOWN_RAD)]
     own = backlash.calibrate(logs, KNOWN_RAD, method="energy", turn_period_s=0.4)
-    found = backlash.trend(logs, pd.date_range("2024-01-15", periods=7), calibration=own, turn_period_s=0.4)
+    found = backlash.trend(
+        logs, pd.date_range("2024-01-15", periods=7), calibration=own, turn_period_s=0.4
+    )
     for result in (log, backlash.estimate(log, calibration=own), own, found):
         json.dumps(result.to_dict(), allow_nan=False)
         with pytest.raises(AttributeError):
@@ -67,16 +84,30 @@ def test_results_are_ready_for_json_and_cannot_be_changed(tmp_path):
 @pytest.mark.parametrize(
     ("call", "words"),
     [
-        (lambda log: backlash.estimate([0, 1], [1, 2, 3], turn_period_s=0.4), r"shapes \(2,\) and \(3,\)"),
+        (
+            lambda log: backlash.estimate([0, 1], [1, 2, 3], turn_period_s=0.4),
+            r"shapes \(2,\) and \(3,\)",
+        ),
         (lambda log: backlash.estimate(np.ones(9), turn_period_s=0.4), "give time and speed"),
         (lambda log: backlash.estimate(log), "load's turn is not known"),
         (lambda log: backlash.estimate(log, turn_period_s=0.4, method="magic"), "method 'magic'"),
-        (lambda log: backlash.estimate(log, turn_period_s=0.4, calibration=log), "not a calibration file"),
+        (
+            lambda log: backlash.estimate(log, turn_period_s=0.4, calibration=log),
+            "not a calibration file",
+        ),
         (lambda log: backlash.read_log(log, turn_period_s=2.0), "too short: 2.4 load turns"),
-        (lambda log: backlash.trend([log] * 3, ["2024-01-01"] * 3, turn_period_s=0.4, method="energy"), "1 dates"),
+        (
+            lambda log: backlash.trend(
+                [log] * 3, ["2024-01-01"] * 3, turn_period_s=0.4, method="energy"
+            ),
+            "1 dates",
+        ),
         (lambda log: backlash.trend([log], turn_period_s=0.4), "no date in its name"),
         (lambda log: backlash.calibrate([log], [1e-3], turn_period_s=0.4), "needs 6 or more"),
-        (lambda log: backlash.estimate(backlash.read_log(log, turn_period_s=0.4), gear_ratio=40), "was read already"),
+        (
+            lambda log: backlash.estimate(backlash.read_log(log, turn_period_s=0.4), gear_ratio=40),
+            "was read already",
+        ),
     ],
 )
 def test_what_cannot_be_used_is_an_error_of_one_line(call, words, tmp_path):
@@ -97,7 +128,9 @@ def test_a_log_that_cannot_be_used_is_left_out_of_a_trend_and_named(tmp_path):
 
 
 def test_an_unknown_parameter_and_a_missing_date_are_one_line():
-    with pytest.raises(TypeError, match="no parameter 'turn_period'; of logs there are time, speed"):
+    with pytest.raises(
+        TypeError, match="no parameter 'turn_period'; of logs there are time, speed"
+    ):
         backlash.estimate([0.0, 1.0], [1.0, 1.0], turn_period=0.4)
     with pytest.raises(backlash.UnusableLog, match="2 logs and 1 dates"):
         backlash.trend(["a.csv", "b.csv"], ["2024-03-17"], turn_period_s=0.4)

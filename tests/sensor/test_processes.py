@@ -24,7 +24,9 @@ def started(*arguments, **how):
     """A process of the command line that leads a group, as it does at a terminal."""
     command = [sys.executable, "-m", "backlash", *map(str, arguments)]
     environment = os.environ | {"PYTHONPATH": str(ROOT)}
-    return subprocess.Popen(command, cwd=ROOT, env=environment, start_new_session=True, **PIPES | how)
+    return subprocess.Popen(
+        command, cwd=ROOT, env=environment, start_new_session=True, **PIPES | how
+    )
 
 
 @pytest.fixture
@@ -40,7 +42,9 @@ def logs(tmp_path):
 @pytest.mark.parametrize("jobs", [1, pytest.param(2, marks=pytest.mark.slow)])
 def test_an_interrupt_ends_a_fleet_in_one_line_and_spoils_no_row(jobs, logs, tmp_path):
     kept = tmp_path / "table.csv.kept"
-    process = started("estimate", logs, "--turn-period", "0.4", "--jobs", jobs, "--out", tmp_path / "table.csv")
+    process = started(
+        "estimate", logs, "--turn-period", "0.4", "--jobs", jobs, "--out", tmp_path / "table.csv"
+    )
     while process.poll() is None and not list(kept.rglob("output.pkl")):
         time.sleep(0.05)
     time.sleep(0.2)  # it computes now, whatever it does
@@ -73,7 +77,9 @@ def test_what_is_done_on_an_interrupt_is_so_while_a_command_runs_only():
     assert signal.getsignal(signal.SIGINT) is before
 
 
-@pytest.mark.parametrize("arguments", [("estimate", "--help"), ("estimate", "LOG", "--gear-ratio", "40", "--json")])
+@pytest.mark.parametrize(
+    "arguments", [("estimate", "--help"), ("estimate", "LOG", "--gear-ratio", "40", "--json")]
+)
 def test_a_reader_that_has_seen_enough_makes_no_noise(arguments, tmp_path):
     log = write(noisy(), tmp_path / "log.csv")
     process = started(*(log if argument == "LOG" else argument for argument in arguments))
@@ -85,7 +91,9 @@ def test_a_reader_that_has_seen_enough_makes_no_noise(arguments, tmp_path):
 def test_the_standard_input_is_a_log(tmp_path):
     log = write(noisy(), tmp_path / "log.csv")
     with log.open(encoding="utf-8") as stdin:
-        process = started("estimate", "-", "--turn-period", "0.4", "--method", "energy", stdin=stdin)
+        process = started(
+            "estimate", "-", "--turn-period", "0.4", "--method", "energy", stdin=stdin
+        )
         assert process.communicate(timeout=300)[0].startswith("-: backlash 0.")
     process = started("estimate", "-", "--turn-period", "0.4", stdin=subprocess.DEVNULL)
     assert process.communicate(timeout=300) == ("", "-: the file is empty; export the log again\n")
@@ -112,7 +120,9 @@ def test_a_person_is_told_that_the_first_command_on_a_machine_compiles(
 @pytest.mark.parametrize("closing", [">/dev/full", ">&-"])
 def test_an_answer_that_cannot_be_written_is_one_line(closing, tmp_path):
     log = write(noisy(), tmp_path / "log.csv")
-    command = f"{sys.executable} -m backlash estimate {log} --turn-period 0.4 --method energy {closing}"
+    command = (
+        f"{sys.executable} -m backlash estimate {log} --turn-period 0.4 --method energy {closing}"
+    )
     ended = subprocess.run(["/bin/sh", "-c", command], capture_output=True, text=True, check=False)
     assert (ended.returncode, ended.stderr.count("\n")) == (1, 1)
     assert "the answer cannot be written (" in ended.stderr

@@ -19,9 +19,14 @@ def logged(number: int, delta: float = DELTA, sample_s: float = 2e-3):
     """A table of a joint under a cascade, and what is known of its load."""
     bench = draw_cascade(np.random.default_rng((11, number)))
     recording, torque = log_with_torque(bench, delta, np.random.default_rng(1), sample_s)
-    frame = pd.DataFrame({"time [s]": recording.t, "speed [rps]": recording.v, "torque [Nm]": torque})
+    frame = pd.DataFrame(
+        {"time [s]": recording.t, "speed [rps]": recording.v, "torque [Nm]": torque}
+    )
     ratios = bench.joint.ratios
-    known = {"turn_period_s": recording.turn_period_s, "commanded_speed_rps": recording.commanded_speed_rps}
+    known = {
+        "turn_period_s": recording.turn_period_s,
+        "commanded_speed_rps": recording.commanded_speed_rps,
+    }
     return frame, known | {name: ratios[name] for name in ("inertia_ratio", "gravity_per_s2")}
 
 
@@ -31,8 +36,16 @@ def joint():
 
 
 def options_of(known) -> list[str]:
-    names = {"turn_period_s": "turn-period", "commanded_speed_rps": "commanded-speed", "gravity_per_s2": "gravity"}
-    return [part for name, value in known.items() for part in (f"--{names.get(name, 'inertia-ratio')}", str(value))]
+    names = {
+        "turn_period_s": "turn-period",
+        "commanded_speed_rps": "commanded-speed",
+        "gravity_per_s2": "gravity",
+    }
+    return [
+        part
+        for name, value in known.items()
+        for part in (f"--{names.get(name, 'inertia-ratio')}", str(value))
+    ]
 
 
 def test_a_file_a_table_and_arrays_have_one_answer_that_holds_the_truth(joint, tmp_path, capsys):
@@ -44,16 +57,22 @@ def test_a_file_a_table_and_arrays_have_one_answer_that_holds_the_truth(joint, t
     assert (from_file["method"], from_file["verdict"]) == ("torque", "backlash")
     low, high = from_file["backlash_interval_rad"]
     assert low < DELTA < high
-    assert any("inertia ratio of 0.6" in note and "(SD 10%)" in note for note in from_file["warnings"])
+    assert any(
+        "inertia ratio of 0.6" in note and "(SD 10%)" in note for note in from_file["warnings"]
+    )
     t, v, torque = frame.to_numpy().T
-    movement, load = ({name: known[name] for name in names} for names in (list(known)[:2], list(known)[2:]))
+    movement, load = (
+        {name: known[name] for name in names} for names in (list(known)[:2], list(known)[2:])
+    )
     answers = [
         backlash.estimate(t, v, torque=torque, unit="rps", **known),
         backlash.estimate(frame, torque="torque [Nm]", **known),
         backlash.estimate(backlash.read_log(t, v, torque=torque, **movement), **load),
     ]
     assert {answer.backlash_interval_rad for answer in answers} == {(low, high)}
-    sure = backlash.estimate(t, v, torque=torque, unit="rps", inertia_sd=0.0, gravity_sd=0.0, **known)
+    sure = backlash.estimate(
+        t, v, torque=torque, unit="rps", inertia_sd=0.0, gravity_sd=0.0, **known
+    )
     assert np.ptp(sure.backlash_interval_rad) < 0.8 * (high - low)
 
 
@@ -66,7 +85,9 @@ def test_the_torque_goes_through_all_that_is_done_to_the_speed():
         v[: k.size // 10] = np.linspace(0, 100, k.size // 10)
         v *= -1 if backward else 1
         t = sample_s * (k + jitter * rng.uniform(-1, 1, k.size))
-        frame = pd.DataFrame({"time": t, "speed": v, "torque": 7 * v}).drop(index=[k.size // 2, k.size // 3])
+        frame = pd.DataFrame({"time": t, "speed": v, "torque": 7 * v}).drop(
+            index=[k.size // 2, k.size // 3]
+        )
         log = open_log(frame, LogFormat(turn_period_s=0.4, unit="rps", torque="torque"))
         assert log.recording.v.size < k.size
         np.testing.assert_allclose(log.torque, 7 * log.recording.v, rtol=1e-12)
@@ -97,7 +118,10 @@ def test_a_dropped_sample_and_a_motor_that_turns_backward_change_little(joint):
         ({"inertia_ratio": None}, "give --inertia-ratio too"),
         ({"inertia_ratio": None, "gravity_per_s2": None}, "give --inertia-ratio and --gravity too"),
         ({"torque": None}, "give --torque too"),
-        ({"torque": None, "inertia_ratio": None, "gravity_per_s2": None, "method": "torque"}, "give --torque and"),
+        (
+            {"torque": None, "inertia_ratio": None, "gravity_per_s2": None, "method": "torque"},
+            "give --torque and",
+        ),
         ({"torque": "moment"}, "no column 'moment'"),
         ({"torque": "speed [rps]", "speed": "speed [rps]"}, "cannot be both"),
         ({"method": "self"}, "leave out one of them"),
@@ -115,7 +139,9 @@ def test_inputs_that_are_missing_or_wrong_are_named_in_one_line(joint, changed, 
 def test_a_torque_with_a_hole_is_refused_in_one_line(joint):
     frame, known = joint
     holed = frame.assign(**{"torque [Nm]": frame["torque [Nm]"].where(frame.index != 700)})
-    with pytest.raises(UnusableLog, match=r"torque \[Nm\] is missing or not a number \(NaN\)") as error:
+    with pytest.raises(
+        UnusableLog, match=r"torque \[Nm\] is missing or not a number \(NaN\)"
+    ) as error:
         backlash.estimate(holed, torque="torque [Nm]", **known)
     assert "\n" not in str(error.value)
 
@@ -128,7 +154,9 @@ def test_a_torque_of_the_wrong_sign_is_no_answer_and_says_so(joint):
     assert "with its sign?" in found.warnings[0]
 
 
-@pytest.mark.parametrize(("number", "verdict"), [(0, "cannot tell"), (1, "no backlash"), (3, "no backlash")])
+@pytest.mark.parametrize(
+    ("number", "verdict"), [(0, "cannot tell"), (1, "no backlash"), (3, "no backlash")]
+)
 def test_a_healthy_joint_has_no_backlash_or_no_answer(number, verdict):
     frame, known = logged(number, 0.0)
     found = backlash.estimate(frame, torque="torque [Nm]", **known)
@@ -139,6 +167,10 @@ def test_a_trend_of_logs_with_torque_goes_through_the_truths(capsys, tmp_path):
     for month, delta in enumerate((8e-4, 1.2e-3, 1.6e-3), 1):
         frame, known = logged(3, delta)
         frame.to_csv(tmp_path / f"axis_2024-0{month}-01.csv", index=False)
-    assert main(["trend", str(tmp_path), "--torque", "torque [Nm]", "--json", *options_of(known)]) == 0
+    assert (
+        main(["trend", str(tmp_path), "--torque", "torque [Nm]", "--json", *options_of(known)]) == 0
+    )
     points = json.loads(capsys.readouterr().out)["points"]
-    assert [point["backlash_rad"] for point in points] == pytest.approx([8e-4, 1.2e-3, 1.6e-3], rel=0.1)
+    assert [point["backlash_rad"] for point in points] == pytest.approx(
+        [8e-4, 1.2e-3, 1.6e-3], rel=0.1
+    )

@@ -25,7 +25,9 @@ def made(count=10, growth=GROWTH, seed=None, every=30.0, sigma=SIGMA):
     """Rows of a joint that wears evenly, and their dates."""
     days = every * np.arange(count)
     noise = np.random.default_rng(seed).normal(0, sigma, count) if seed is not None else 0.0
-    return rows_of(FIRST + growth * days + noise, sigma), [START + pd.Timedelta(days=day) for day in days]
+    return rows_of(FIRST + growth * days + noise, sigma), [
+        START + pd.Timedelta(days=day) for day in days
+    ]
 
 
 def crossing_day(limit=1.2e-3):
@@ -52,12 +54,16 @@ def test_the_interval_of_the_crossing_holds_the_true_date_95_times_in_100():
         held += (first is None or in_days(first) <= crossing_day()) and (
             last is None or crossing_day() <= in_days(last)
         )
-    assert 273 <= held <= 300  # the binomial 1 in 1000 limit at 95 %; a scatter below the intervals' is not made less
+    assert (
+        273 <= held <= 300
+    )  # the binomial 1 in 1000 limit at 95 %; a scatter below the intervals' is not made less
 
 
 def test_more_logs_make_the_date_surer():
     def width(count):
-        first, last = trend_line.fit_trend(*made(count=count, every=300 / count, seed=3), 1.2e-3).crossing_interval
+        first, last = trend_line.fit_trend(
+            *made(count=count, every=300 / count, seed=3), 1.2e-3
+        ).crossing_interval
         return last - first
 
     assert width(40) < width(10)
@@ -95,7 +101,10 @@ def test_a_growth_that_is_no_line_is_said():
     dates = [START + pd.Timedelta(days=day) for day in days]
     curved = trend_line.fit_trend(rows_of(FIRST + 1e-8 * days**2), dates, 2.5e-3)
     assert any("no straight line" in warning for warning in curved.warnings)
-    assert not any("no straight line" in warning for warning in trend_line.fit_trend(*made(12), 2.5e-3).warnings)
+    assert not any(
+        "no straight line" in warning
+        for warning in trend_line.fit_trend(*made(12), 2.5e-3).warnings
+    )
 
 
 def test_logs_without_backlash_are_left_out_and_counted():
@@ -120,10 +129,14 @@ def test_too_few_dates_and_a_senseless_limit_are_refused():
 
 def test_dates_come_from_names_or_from_a_table(tmp_path):
     logs = [tmp_path / "axis4_2024-03-17.csv", tmp_path / "20240401_run.csv"]
-    assert list(trend_line.dates_of(logs).values()) == [pd.Timestamp("2024-03-17"), pd.Timestamp("2024-04-01")]
+    assert list(trend_line.dates_of(logs).values()) == [
+        pd.Timestamp("2024-03-17"),
+        pd.Timestamp("2024-04-01"),
+    ]
     table = tmp_path / "dates.csv"
     table.write_text(
-        "file,date\naxis4_2024-03-17.csv,2020-01-01\n20240401_run.csv,2020-02-01T12:00\n", encoding="utf-8"
+        "file,date\naxis4_2024-03-17.csv,2020-01-01\n20240401_run.csv,2020-02-01T12:00\n",
+        encoding="utf-8",
     )
     assert list(trend_line.dates_of(logs, table).values()) == [
         pd.Timestamp("2020-01-01"),
@@ -147,7 +160,10 @@ def test_a_log_without_a_date_is_refused(tmp_path):
 
 @pytest.mark.parametrize("limit", [None, 1.2e-3, 5e-4])
 def test_a_trend_can_be_printed_stored_and_drawn(limit):
-    for found in (trend_line.fit_trend(*made(seed=2), limit), trend_line.fit_trend(*made(count=4, growth=2e-7), limit)):
+    for found in (
+        trend_line.fit_trend(*made(seed=2), limit),
+        trend_line.fit_trend(*made(count=4, growth=2e-7), limit),
+    ):
         stored = found.to_dict()
         json.dumps(stored, allow_nan=False)
         assert str(found).startswith("2023-01-01")

@@ -16,7 +16,9 @@ from replication.simulator.simulate import identified_joint, simulate
 def test_plain_fine_steps_give_the_speed_of_located_ones():
     joint = identified_joint()
     plain = edge.plain_steps_speed_rps(joint, 9e-4, 0.8, 1e-5)
-    located = simulate(joint, 9e-4, duration_s=0.8, sample_s=joint.control_period_s, step_s=5e-5).motor_speed_rps
+    located = simulate(
+        joint, 9e-4, duration_s=0.8, sample_s=joint.control_period_s, step_s=5e-5
+    ).motor_speed_rps
     np.testing.assert_allclose(plain, located[: plain.size], atol=1e-3)
 
 
@@ -45,14 +47,22 @@ def test_a_soft_edge_misses_the_records_even_when_the_joint_is_fitted_anew(autho
     assert (table["nrmse"] <= table["nrmse_kept"] * (1 + 1e-6)).all()
     records, joint = load_clean_records(FIT_LEVELS), identified_joint()
     for row in table.to_dict("records"):
-        refitted = with_ratios(replace(joint, alpha_per_rad=row["alpha_per_rad"]), {k: row[k] for k in joint.ratios})
+        refitted = with_ratios(
+            replace(joint, alpha_per_rad=row["alpha_per_rad"]), {k: row[k] for k in joint.ratios}
+        )
         assert third_turn_nrmse(refitted, records) == pytest.approx(row["nrmse"], rel=1e-2)
 
 
 def test_the_refit_at_a_soft_edge_is_a_minimum_in_every_ratio(authors_data):
-    row = pd.read_csv(workbook.ROOT / "results" / "alpha_refit.csv").set_index("alpha_per_rad").loc[1e4]
+    row = (
+        pd.read_csv(workbook.ROOT / "results" / "alpha_refit.csv")
+        .set_index("alpha_per_rad")
+        .loc[1e4]
+    )
     records, joint = load_clean_records(FIT_LEVELS), identified_joint()
-    best = with_ratios(replace(joint, alpha_per_rad=1e4), {name: row[name] for name in joint.ratios})
+    best = with_ratios(
+        replace(joint, alpha_per_rad=1e4), {name: row[name] for name in joint.ratios}
+    )
     for name, value in best.ratios.items():
         if name == "lead_s":
             continue

@@ -31,7 +31,9 @@ def fit(joint, recordings):
         "speed_gain_per_s": 1.02,
         "inertia_ratio": 0.98,
     }
-    return identify_joint(recordings, with_ratios(joint, {k: joint.ratios[k] * f for k, f in moved.items()}))
+    return identify_joint(
+        recordings, with_ratios(joint, {k: joint.ratios[k] * f for k, f in moved.items()})
+    )
 
 
 def test_the_ratios_of_a_simulated_joint_are_found_again(joint, fit):
@@ -70,5 +72,7 @@ def test_the_record_of_a_fit_makes_the_same_joint_and_names_its_sources(fit, tmp
     source = tmp_path / "record.xlsx"
     source.write_bytes(b"abc")
     data = json.loads(joint_text(fit, [source], {"numpy": "2"}))
-    assert joint_from_ratios(data["ratios"]).ratios == pytest.approx(fit.parameters.ratios, rel=1e-6)
+    assert joint_from_ratios(data["ratios"]).ratios == pytest.approx(
+        fit.parameters.ratios, rel=1e-6
+    )
     assert data["sources"]["record.xlsx"].startswith("ba7816bf")

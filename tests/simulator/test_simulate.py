@@ -8,8 +8,19 @@ from hypothesis import strategies as st
 
 from replication.dead_zone import transmitted_torque
 from replication.simulator import checks, core
-from replication.simulator.parameters import JointParameters, identified_joint, joint_from_ratios, with_ratios
-from replication.simulator.simulate import DivergenceError, encoder_position, settled_peak_rps, simulate, simulate_many
+from replication.simulator.parameters import (
+    JointParameters,
+    identified_joint,
+    joint_from_ratios,
+    with_ratios,
+)
+from replication.simulator.simulate import (
+    DivergenceError,
+    encoder_position,
+    settled_peak_rps,
+    simulate,
+    simulate_many,
+)
 from tests.tools.reference import solve_ivp_speed_rps
 
 DELTA = 15e-4
@@ -38,7 +49,9 @@ def free_response(p, y, periods, delta=0.0):
 
 
 @settings(max_examples=60, deadline=None)
-@given(x=st.floats(-5e-3, 5e-3), v=st.floats(-1, 1), delta=st.floats(1e-5, 4e-3), clamped=st.booleans())
+@given(
+    x=st.floats(-5e-3, 5e-3), v=st.floats(-1, 1), delta=st.floats(1e-5, 4e-3), clamped=st.booleans()
+)
 def test_the_compiled_torque_is_the_printed_one(x, v, delta, clamped):
     # At the edges themselves the side is a matter of convention.
     if min(abs(x), abs(abs(x) - delta)) < 1e-12:
@@ -64,7 +77,10 @@ def test_the_simulation_agrees_with_solve_ivp(joint, method):
 
 def test_located_contacts_keep_the_fourth_order(joint):
     p = replace(joint, clamped=True)
-    speeds = [simulate(p, DELTA, duration_s=0.4, step_s=p.control_period_s / k).motor_speed_rps for k in (2, 4, 8, 64)]
+    speeds = [
+        simulate(p, DELTA, duration_s=0.4, step_s=p.control_period_s / k).motor_speed_rps
+        for k in (2, 4, 8, 64)
+    ]
     coarse, middle, fine = (np.abs(v - speeds[-1]).max() for v in speeds[:3])
     assert coarse / middle > 10
     assert middle / fine > 10
@@ -80,7 +96,9 @@ def test_the_default_step_keeps_the_error_far_below_a_thousandth_of_a_turn_per_s
 def test_a_sharper_edge_converges_to_the_clamped_dead_zone(joint):
     limit = simulate(replace(joint, clamped=True), DELTA, duration_s=0.8).motor_speed_rps
     errors = [
-        np.abs(simulate(replace(joint, alpha_per_rad=a), DELTA, duration_s=0.8).motor_speed_rps - limit).max()
+        np.abs(
+            simulate(replace(joint, alpha_per_rad=a), DELTA, duration_s=0.8).motor_speed_rps - limit
+        ).max()
         for a in (1e4, 1e5, 1e6, 1e7)
     ]
     assert errors == sorted(errors, reverse=True)
@@ -95,7 +113,11 @@ def test_a_sharper_edge_converges_to_the_clamped_dead_zone(joint):
     [
         {},
         {"torque_lag_s": 0.0, "control_delay_periods": 0, "derivative_gain_nms2_per_rad": 0.0},
-        {"damping_nms_per_rad": 5.0, "motor_viscous_nms_per_rad": 1e-4, "load_viscous_nms_per_rad": 0.1},
+        {
+            "damping_nms_per_rad": 5.0,
+            "motor_viscous_nms_per_rad": 1e-4,
+            "load_viscous_nms_per_rad": 0.1,
+        },
     ],
     ids=["identified", "no lag or delay", "damped"],
 )
@@ -123,7 +145,9 @@ def test_without_a_drive_the_modes_are_those_of_two_masses_on_a_spring(joint):
     z = np.linalg.eigvals(checks.closed_loop_matrix(p))
     fastest = np.abs(np.angle(z)).max() / p.control_period_s
     ratios = p.ratios
-    assert fastest == pytest.approx(math.sqrt(ratios["stiffness_per_s2"] * (1 + ratios["inertia_ratio"])))
+    assert fastest == pytest.approx(
+        math.sqrt(ratios["stiffness_per_s2"] * (1 + ratios["inertia_ratio"]))
+    )
 
 
 def test_a_rigid_coupling_moves_both_inertias_as_one(joint):
@@ -168,7 +192,9 @@ def test_the_positive_impact_comes_late_because_the_load_turns_with_its_gap(join
     late = []
     for delta in (5e-4, 15e-4, 25e-4):
         run = simulate(joint, delta, duration_s=4.8)
-        negative, positive = run.impact_time_s[-4:-2] if run.impact_side[-4] > 0 else run.impact_time_s[-3:-1]
+        negative, positive = (
+            run.impact_time_s[-4:-2] if run.impact_side[-4] > 0 else run.impact_time_s[-3:-1]
+        )
         late.append(positive - negative - joint.turn_period_s / 2)
     assert late == sorted(late)
     assert 1e-4 < late[-1] < 2 * 25e-4 * joint.gear_ratio / joint.commanded_speed_rad_per_s
@@ -191,7 +217,9 @@ def test_the_first_impact_is_negative_and_larger_than_those_that_follow(joint):
 
 
 def test_contact_times_do_not_depend_on_the_step(joint):
-    coarse, fine = (simulate(joint, DELTA, duration_s=0.8, step_s=h).impact_time_s for h in (1e-4, 5e-6))
+    coarse, fine = (
+        simulate(joint, DELTA, duration_s=0.8, step_s=h).impact_time_s for h in (1e-4, 5e-6)
+    )
     assert coarse == pytest.approx(fine, abs=1e-7)
 
 
@@ -236,7 +264,11 @@ def test_several_levels_at_once_give_the_same_bytes_on_any_number_of_threads(joi
     for delta, a, b in zip(levels, one, two, strict=True):
         alone = simulate(joint, delta, duration_s=0.8)
         for name in ("motor_speed_rad_per_s", "motor_torque_nm", "impact_time_s", "gap_state"):
-            assert getattr(a, name).tobytes() == getattr(b, name).tobytes() == getattr(alone, name).tobytes()
+            assert (
+                getattr(a, name).tobytes()
+                == getattr(b, name).tobytes()
+                == getattr(alone, name).tobytes()
+            )
 
 
 def test_the_encoder_rounds_down_to_its_grid_and_hardly_disturbs_the_drive(joint):
@@ -256,7 +288,9 @@ def test_speed_by_differencing_delays_the_drive_by_half_a_period(joint):
 
 
 def test_the_torque_limit_holds(joint):
-    limit = 0.8 * np.abs(simulate(joint, DELTA, duration_s=0.8, sample_s=1e-4).motor_torque_nm).max()
+    limit = (
+        0.8 * np.abs(simulate(joint, DELTA, duration_s=0.8, sample_s=1e-4).motor_torque_nm).max()
+    )
     run = simulate(replace(joint, torque_limit_nm=limit), DELTA, duration_s=0.8, sample_s=1e-4)
     assert np.abs(run.motor_torque_nm).max() <= limit
 
@@ -298,7 +332,9 @@ def test_a_bad_parameter_is_refused_by_name(joint, changes, word):
 def test_a_bad_run_is_refused_by_name(joint, arguments, word):
     stiff = replace(joint, stiffness_nm_per_rad=1e6)
     with pytest.raises(ValueError, match=word):
-        simulate(stiff if arguments == {"step_s": 5e-4} else joint, **({"delta_rad": DELTA} | arguments))
+        simulate(
+            stiff if arguments == {"step_s": 5e-4} else joint, **({"delta_rad": DELTA} | arguments)
+        )
 
 
 def test_a_diverging_run_is_named_and_never_returned(joint, monkeypatch):

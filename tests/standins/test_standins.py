@@ -41,7 +41,12 @@ def shaken(joint, *waves, **run):
 
 def test_a_disturbance_of_no_amplitude_changes_not_a_bit(joint):
     with_one, without = shaken(joint, Disturbance(0.21)), shaken(joint)
-    for name in ("motor_speed_rad_per_s", "load_position_rad", "load_speed_rad_per_s", "motor_torque_nm"):
+    for name in (
+        "motor_speed_rad_per_s",
+        "load_position_rad",
+        "load_speed_rad_per_s",
+        "motor_torque_nm",
+    ):
         assert getattr(with_one, name).tobytes() == getattr(without, name).tobytes()
 
 
@@ -53,10 +58,14 @@ def test_a_disturbance_of_no_amplitude_changes_not_a_bit(joint):
         Disturbance(0.21, transmission_error_rad=5e-5, phase_rad=2.0),
     ],
 )
-def test_a_disturbed_joint_is_the_one_that_scipy_integrates_from_the_undisturbed_coordinates(joint, wave):
+def test_a_disturbed_joint_is_the_one_that_scipy_integrates_from_the_undisturbed_coordinates(
+    joint, wave
+):
     no_drive = ("position_gain_per_s", "speed_gain_nms_per_rad", "integral_gain_nm_per_rad")
     no_drive += ("derivative_gain_nms2_per_rad", "leaky_gain_nm_per_rad")
-    p = replace(joint, **dict.fromkeys(no_drive, 0.0), lead_s=0.0, gravity_arm_m=1e-9, disturbances=(wave,))
+    p = replace(
+        joint, **dict.fromkeys(no_drive, 0.0), lead_s=0.0, gravity_arm_m=1e-9, disturbances=(wave,)
+    )
     run = simulate(p, 0.0, duration_s=0.1, step_s=2.5e-5)
     n, omega = p.gear_ratio, p.commanded_speed_rad_per_s
     frequency = wave.order * omega
@@ -66,7 +75,12 @@ def test_a_disturbed_joint_is_the_one_that_scipy_integrates_from_the_undisturbed
         torque = p.stiffness_nm_per_rad * (y[0] / n - y[2] - error)
         ripple = wave.motor_torque_nm * np.sin(wave.order * (omega * t + y[0]) + wave.phase_rad)
         load = wave.load_torque_nm * np.sin(frequency * t + wave.phase_rad)
-        return y[1], (ripple - torque / n) / p.motor_inertia_kgm2, y[3], (torque + load) / p.load_inertia_kgm2
+        return (
+            y[1],
+            (ripple - torque / n) / p.motor_inertia_kgm2,
+            y[3],
+            (torque + load) / p.load_inertia_kgm2,
+        )
 
     first = [
         0.0,
@@ -74,8 +88,13 @@ def test_a_disturbed_joint_is_the_one_that_scipy_integrates_from_the_undisturbed
         run.load_position_rad[0] - p.start_angle_rad,
         run.load_speed_rad_per_s[0] - omega / n,
     ]
-    exact = solve_ivp(rates, (0, 0.1), first, t_eval=run.time_s, method="DOP853", rtol=1e-10, atol=1e-12).y
-    speed, load = run.motor_speed_rad_per_s - omega, run.load_position_rad - p.start_angle_rad - omega / n * run.time_s
+    exact = solve_ivp(
+        rates, (0, 0.1), first, t_eval=run.time_s, method="DOP853", rtol=1e-10, atol=1e-12
+    ).y
+    speed, load = (
+        run.motor_speed_rad_per_s - omega,
+        run.load_position_rad - p.start_angle_rad - omega / n * run.time_s,
+    )
     np.testing.assert_allclose(speed, exact[1], atol=1e-3 * np.abs(exact[1]).max())
     np.testing.assert_allclose(load, exact[2], atol=1e-3 * np.abs(exact[2]).max())
 
@@ -134,7 +153,9 @@ def test_a_noise_free_log_lies_on_the_encoders_grid(bench):
 
 def test_logs_differ_in_where_they_start(bench):
     quiet = replace(bench, noise_rps=0.0)
-    first, second = (joints.encoder_log(quiet, DELTA, np.random.default_rng(seed)).v for seed in (1, 2))
+    first, second = (
+        joints.encoder_log(quiet, DELTA, np.random.default_rng(seed)).v for seed in (1, 2)
+    )
     assert np.abs(first - second).max() > 0.1
 
 
@@ -160,7 +181,12 @@ def test_the_printed_known_amplitudes_are_table_2_interpolated_and_not_equation_
 def test_table_3s_frame_has_the_printed_columns_beside_and_a_cell_for_each():
     runs = pd.DataFrame({"A_rps": [0.6, -0.62, 0.61], "rmse_rps": [0.1, 0.1, 0.2]})
     rows = [
-        runs.assign(row=row, delta_rad=delta, reading_rad=delta, known_A_rps=characteristic.known_amplitude_rps(delta))
+        runs.assign(
+            row=row,
+            delta_rad=delta,
+            reading_rad=delta,
+            known_A_rps=characteristic.known_amplitude_rps(delta),
+        )
         for row, delta in enumerate(characteristic.static_levels_rad(), start=1)
     ]
     table = bench_standin.table3(pd.concat(rows))
@@ -170,7 +196,10 @@ def test_table_3s_frame_has_the_printed_columns_beside_and_a_cell_for_each():
 
 
 def test_friction_on_the_load_takes_amplitude_away(joint):
-    rubbing = [replace(joint, load_coulomb_nm=share * joint.gravity_torque_nm) for share in (0.0, 0.02, 0.05)]
+    rubbing = [
+        replace(joint, load_coulomb_nm=share * joint.gravity_torque_nm)
+        for share in (0.0, 0.02, 0.05)
+    ]
     cases = [(joints.Bench(each, 0.0, 0.0), DELTA) for each in rubbing]
     amplitude = joints.fitted_logs(global_fit, cases, [(1, 0)] * len(cases))["A_rps"]
     assert amplitude.is_monotonic_decreasing
@@ -192,7 +221,11 @@ def test_a_drawn_wear_grows_and_crosses_its_limit_within_the_eight_months(seed, 
 def test_a_bench_that_is_the_calibrated_joint_is_called_for_at_the_right_test(joint):
     wear = Wear(4e-4, 16e-4, 1.0, interval_days=60.0)
     tests = wear_study.wear_tests(
-        [joints.Bench(joint, 0.0, 0.0)], [wear], {"amplitude": default_calibration("amplitude")}, 11e-4, seed=1
+        [joints.Bench(joint, 0.0, 0.0)],
+        [wear],
+        {"amplitude": default_calibration("amplitude")},
+        11e-4,
+        seed=1,
     )
     assert tests["day"].tolist() == [0, 60, 120, 180, 240]
     assert (tests["call_day"] == 180).all()
@@ -208,7 +241,9 @@ def test_a_bench_that_nobody_calibrated_is_read_alone_and_with_all_its_logs():
     assert tests["call_day"].tolist() == [160] * 8
     np.testing.assert_allclose(tests["estimate_rad"], tests["delta_rad"], atol=1.2e-4)
     first = tests[tests["day"] == 0].set_index("sensor")["estimate_rad"]
-    assert first["self"] == pytest.approx(first["self, shared joint"], rel=0.01)  # one log shares with none
+    assert first["self"] == pytest.approx(
+        first["self, shared joint"], rel=0.01
+    )  # one log shares with none
 
 
 # Robots
@@ -225,7 +260,9 @@ def test_robots_a_and_b_are_the_first_of_the_population():
 
 
 def test_a_joint_without_backlash_is_called_backlash_in_step_with_the_turns_odd_multiple_only():
-    sweep = robots.disturbed_healthy_joint(global_fit, [20.0, 22.5], [0.05], gravity=0.5, noise_rps=0.02, seed=1)
+    sweep = robots.disturbed_healthy_joint(
+        global_fit, [20.0, 22.5], [0.05], gravity=0.5, noise_rps=0.02, seed=1
+    )
     out_of_step, in_step = sweep["A_rps"]
     assert in_step > 2.5 * out_of_step
     assert sweep["turns_used"].iloc[1] > 10
@@ -236,7 +273,9 @@ def test_a_joint_without_backlash_is_called_backlash_in_step_with_the_turns_odd_
 
 def test_every_cell_of_the_stand_ins_is_judged_a_stand_in_and_says_why():
     verdicts = pd.read_csv(RESULTS / "verdicts.csv")
-    rows = verdicts[verdicts["id"].str.startswith(("table3.", "table4.")) & (verdicts["source"] != "authors")]
+    rows = verdicts[
+        verdicts["id"].str.startswith(("table3.", "table4.")) & (verdicts["source"] != "authors")
+    ]
     assert len(rows) == 16
     assert (rows["verdict"] == "stand-in").all()
     assert rows["reason"].str.contains("never published").all()

@@ -23,7 +23,10 @@ def test_the_committed_errors_are_what_the_authors_noisy_logs_give(authors_data,
     found = cross_validation(records, identified_joint(), [7], smoothing_s=0.01)
     committed = pd.read_csv(SUPPLEMENT / "features_logs.csv")
     pd.testing.assert_frame_equal(
-        found.reset_index(drop=True), committed[committed["level"] == 7].reset_index(drop=True), rtol=1e-4, atol=1e-8
+        found.reset_index(drop=True),
+        committed[committed["level"] == 7].reset_index(drop=True),
+        rtol=1e-4,
+        atol=1e-8,
     )
     both = summarise_errors(committed).set_index("method")["mean_abs_error_rad"]
     pd.testing.assert_series_equal(both, summary["mean_abs_error_rad"], rtol=1e-5)
@@ -41,7 +44,9 @@ def test_every_calibrated_feature_beats_equation_10_on_the_authors_noisy_logs(su
 
 
 def test_nuisances_besides_the_start_angle_cost_next_to_nothing(summary):
-    start, everything = summary["mean_abs_error_rad"][["joint, start angle free", "joint, all nuisances free"]]
+    start, everything = summary["mean_abs_error_rad"][
+        ["joint, start angle free", "joint, all nuisances free"]
+    ]
     assert everything < 1.1 * start
 
 
@@ -82,7 +87,9 @@ def test_load_and_speed_do_not_matter_to_the_joint_with_nuisances(moved):
 
 
 def test_the_committed_ranking_is_of_the_committed_errors_and_the_joint_with_nuisances_leads():
-    ranked, ends = (pd.read_csv(SUPPLEMENT / f"{name}.csv") for name in ("robustness_ranking", "robustness"))
+    ranked, ends = (
+        pd.read_csv(SUPPLEMENT / f"{name}.csv") for name in ("robustness_ranking", "robustness")
+    )
     assert ranked["rmse_rad"].is_monotonic_increasing
     assert ranked["method"][0] == JOINT_ALL_FREE
     assert (ends.loc[ends["parameter"].str.contains("friction"), "change"] > 0).all()

@@ -41,14 +41,20 @@ def made_runs(seed, runs, rows=(1, 2, 3), shift=0.0):
     generator = np.random.default_rng(seed)
     A = generator.choice([0.5, 0.55], (len(rows), runs), p=[0.6, 0.4]) * (1 + shift)
     parts = [
-        pd.DataFrame({"row": row, "A_rps": a, "rmse_rps": np.where(a < 0.525 * (1 + shift), 0.05, 0.06)})
+        pd.DataFrame(
+            {"row": row, "A_rps": a, "rmse_rps": np.where(a < 0.525 * (1 + shift), 0.05, 0.06)}
+        )
         for row, a in zip(rows, A, strict=True)
     ]
     return pd.concat(parts, ignore_index=True)
 
 
 def test_sets_of_one_search_lie_apart_by_no_more_than_chance_and_a_shifted_set_by_more():
-    sets = {"first": made_runs(1, 30), "same": made_runs(2, 30), "shifted": made_runs(3, 30, shift=0.1)}
+    sets = {
+        "first": made_runs(1, 30),
+        "same": made_runs(2, 30),
+        "shifted": made_runs(3, 30, shift=0.1),
+    }
     table = basins.compare_searches(sets).set_index("search")
     assert np.isnan(table.loc["first", "shift_percent"])
     same, shifted = table.loc["same"], table.loc["shifted"]
@@ -70,14 +76,16 @@ def test_a_set_on_fewer_records_is_compared_on_those_alone():
 
 def test_more_runs_narrow_what_chance_gives():
     few, many = (
-        basins.compare_searches({"first": made_runs(1, runs), "same": made_runs(2, runs)}).iloc[1] for runs in (6, 96)
+        basins.compare_searches({"first": made_runs(1, runs), "same": made_runs(2, runs)}).iloc[1]
+        for runs in (6, 96)
     )
     ratio = few["chance_percent"] / many["chance_percent"]
     assert ratio == pytest.approx(4, rel=0.25)
 
 
 @pytest.mark.parametrize(
-    "strategy", [name for name, (kind, _) in optimizers.SEARCH_METHODS.items() if "restarts" in kind]
+    "strategy",
+    [name for name, (kind, _) in optimizers.SEARCH_METHODS.items() if "restarts" in kind],
 )
 def test_a_strategy_keeps_to_its_budget_and_depends_on_nothing_but_its_seed(made_record, strategy):
     first, second = (optimizers.run_method(strategy, made_record, 0.0, 6000, 3) for _ in range(2))
@@ -89,7 +97,9 @@ def test_a_strategy_keeps_to_its_budget_and_depends_on_nothing_but_its_seed(made
 def test_a_search_stops_at_its_target(made_record):
     target = 1.002 * rmse(made_record.t, made_record.v, TRUE_X, Protocol().timing)
     strategy = "A and v_t projected out, population 30, restarted"
-    results = [optimizers.run_method(strategy, made_record, target, 60000, seed) for seed in range(1, 4)]
+    results = [
+        optimizers.run_method(strategy, made_record, target, 60000, seed) for seed in range(1, 4)
+    ]
     assert all(result["found"] for result in results)
 
 
@@ -102,7 +112,12 @@ def the_middle(misfit, lower, upper, evaluations, seed):
 
 def test_a_function_is_an_optimiser_and_what_it_returns_is_evaluated_too(made_record):
     run = optimizers.run_method(the_middle, made_record, 0.0, 6000, 1)
-    assert (run["method"], run["kind"], run["evaluations"], run["found"]) == ("the_middle", "function", 4, False)
+    assert (run["method"], run["kind"], run["evaluations"], run["found"]) == (
+        "the_middle",
+        "function",
+        4,
+        False,
+    )
     box = protocol_box(made_record, Protocol())
     tried = (box.upper, (box.lower + box.upper) / 2, box.lower)
     misfits = [rmse(made_record.t, made_record.v, X, Protocol().timing) for X in tried]

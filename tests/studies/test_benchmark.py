@@ -12,7 +12,9 @@ from studies.benchmark import KnownLog, logs_by_methods, summarise_intervals
 
 def made(number, delta_rad):
     t = np.arange(3.0)
-    return KnownLog({"number": number}, delta_rad, Recording(t, np.full(3, delta_rad), 100.0, 0.4, "made"))
+    return KnownLog(
+        {"number": number}, delta_rad, Recording(t, np.full(3, delta_rad), 100.0, 0.4, "made")
+    )
 
 
 def answers(log):
@@ -29,7 +31,9 @@ def test_each_log_has_a_row_for_each_method_with_its_labels_its_error_and_what_t
 
 
 def test_refused_logs_count_as_refused_and_not_as_errors():
-    rows = pd.DataFrame({"method": "a", "delta_rad": 1.0, "found_rad": [1.1, 0.8, 9.0], "bound_rad": 0.1})
+    rows = pd.DataFrame(
+        {"method": "a", "delta_rad": 1.0, "found_rad": [1.1, 0.8, 9.0], "bound_rad": 0.1}
+    )
     rows = rows.assign(low_rad=rows["found_rad"] - 0.15, high_rad=rows["found_rad"] + 0.15)
     rows = rows.assign(population="all", refused=[False, False, True])
     summary = summarise_intervals(rows).iloc[0]

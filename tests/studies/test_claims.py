@@ -60,7 +60,9 @@ def test_the_error_of_a_shorter_record_is_measured_against_its_own_fit_without_n
 
 @pytest.mark.parametrize(("ratio", "holds"), [(0.3, True), (3.0, False), (1.0, None)])
 def test_the_error_of_more_turns_is_compared_by_an_f_interval(ratio, holds):
-    errors = pd.DataFrame({"delta_rad": [1.0, 1.0], "turns": [1, 12], "rms_error_rps": [1.0, ratio]})
+    errors = pd.DataFrame(
+        {"delta_rad": [1.0, 1.0], "turns": [1, 12], "rms_error_rps": [1.0, ratio]}
+    )
     assert claims.turns_reduce_noise(errors, 40)[0] is holds
 
 
@@ -68,7 +70,10 @@ def test_an_encoder_of_many_bits_gives_the_speed_and_one_of_few_its_steps():
     joint = identified_joint()
     fine, coarse = (encoder_recording(joint, 9e-4, bits, 0.3) for bits in (40, 12))
     assert fine.v.mean() == pytest.approx(100, abs=0.01)
-    assert np.abs(fine.v - coarse.v).max() > 1e3 * np.abs(fine.v - encoder_recording(joint, 9e-4, 30, 0.3).v).max()
+    assert (
+        np.abs(fine.v - coarse.v).max()
+        > 1e3 * np.abs(fine.v - encoder_recording(joint, 9e-4, 30, 0.3).v).max()
+    )
     steps = coarse.v * 2**12 * 0.002
     np.testing.assert_allclose(steps, steps.round(), atol=1e-6)
 
@@ -87,10 +92,16 @@ def test_a_large_displacement_shows_and_a_tiny_one_does_not():
 
 
 @pytest.mark.parametrize(
-    ("stepping", "modified", "holds"), [(0.01, 0.0, False), (0.5, 0.0, True), (np.nan, 0.0, True), (0.5, 0.5, None)]
+    ("stepping", "modified", "holds"),
+    [(0.01, 0.0, False), (0.5, 0.0, True), (np.nan, 0.0, True), (0.5, 0.5, None)],
 )
 def test_a_stepping_torque_is_blamed_only_where_the_smooth_one_is_sound(stepping, modified, holds):
     study = pd.DataFrame(
-        {"model": ["stepping", "modified"], "delta_rad": 1e-3, "step_s": 1e-4, "error": [stepping, modified]}
+        {
+            "model": ["stepping", "modified"],
+            "delta_rad": 1e-3,
+            "step_s": 1e-4,
+            "error": [stepping, modified],
+        }
     )
     assert claims.discontinuities_destabilise(study)[0] is holds

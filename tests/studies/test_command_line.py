@@ -13,7 +13,9 @@ def test_an_unknown_study_is_one_line_that_names_those_that_there_are(capsys):
 
 
 @pytest.mark.parametrize("name", ["identify-joint", "claims", "protocols"])
-def test_a_study_without_its_data_says_so_in_one_line_and_writes_nothing(name, tmp_path, monkeypatch, capsys):
+def test_a_study_without_its_data_says_so_in_one_line_and_writes_nothing(
+    name, tmp_path, monkeypatch, capsys
+):
     monkeypatch.setenv("BACKLASH_DATA", str(tmp_path))
     monkeypatch.setattr(optimizers, "swarms_installed", lambda: True)
     monkeypatch.setattr(studies, "write_csv", lambda *_: pytest.fail("written"))

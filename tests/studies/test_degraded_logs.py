@@ -8,7 +8,9 @@ from studies import population
 @pytest.fixture(scope="module")
 def table():
     harder = {"turns": [12, 4, 1], "decimation factor": [4]}
-    return population.degrade_logs(draw_bench(np.random.default_rng(5)), 9e-4, 1, harder).set_index(["what", "value"])
+    return population.degrade_logs(draw_bench(np.random.default_rng(5)), 9e-4, 1, harder).set_index(
+        ["what", "value"]
+    )
 
 
 def test_fewer_turns_and_coarser_samples_tell_less(table):

@@ -12,7 +12,9 @@ JOINT = identified_joint()
 
 def test_with_a_motor_at_constant_speed_the_load_falls_as_the_cube_of_the_time():
     turn_s = JOINT.turn_period_s
-    start = (np.pi - JOINT.start_angle_rad) % (2 * np.pi) / (2 * np.pi) * turn_s  # where gravity changes its sign
+    start = (
+        (np.pi - JOINT.start_angle_rad) % (2 * np.pi) / (2 * np.pi) * turn_s
+    )  # where gravity changes its sign
     found = crossing_rad(np.zeros(200), JOINT, (start, start + 0.02), falls=True)
     cube = JOINT.ratios["gravity_per_s2"] * 2 * np.pi / turn_s * 0.02**3 / 6
     assert found == pytest.approx(cube / 2, rel=0.01)
@@ -20,7 +22,9 @@ def test_with_a_motor_at_constant_speed_the_load_falls_as_the_cube_of_the_time()
 
 
 @pytest.mark.parametrize("delta_rad", [5e-4, 15e-4])
-def test_separations_lie_within_three_milliseconds_and_impacts_within_six_of_the_true_ones(delta_rad):
+def test_separations_lie_within_three_milliseconds_and_impacts_within_six_of_the_true_ones(
+    delta_rad,
+):
     run = simulate(JOINT, delta_rad, duration_s=1.0, sample_s=5e-5, step_s=5e-5)
     turn = mean_turn(simulate_recordings(JOINT, [delta_rad])[0], 200)
     for separation, impact in find_gaps(turn, JOINT, 0.01):
@@ -35,7 +39,9 @@ def test_the_time_in_the_gap_reads_a_clean_record(delta_rad, within):
 
 
 def test_a_load_that_keeps_its_speed_explains_a_small_part_of_the_gap():
-    record = add_uniform_noise(simulate_recordings(JOINT, [15e-4])[0], 0.02, np.random.default_rng(1))
+    record = add_uniform_noise(
+        simulate_recordings(JOINT, [15e-4])[0], 0.02, np.random.default_rng(1)
+    )
     turn = mean_turn(record, 200)
     gaps = find_gaps(turn, JOINT, 0.01)
     assert np.mean([crossing_rad(turn, JOINT, gap, falls=False) for gap in gaps]) < 0.25 * 15e-4

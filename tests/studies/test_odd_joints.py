@@ -20,7 +20,10 @@ def test_a_moved_bench_keeps_its_ratios_and_its_friction_over_gravity():
     )
     rubbing = [
         (
-            (joint.motor_coulomb_nm + joint.motor_viscous_nms_per_rad * joint.commanded_speed_rad_per_s)
+            (
+                joint.motor_coulomb_nm
+                + joint.motor_viscous_nms_per_rad * joint.commanded_speed_rad_per_s
+            )
             * joint.gear_ratio,
             joint.load_viscous_nms_per_rad * joint.commanded_speed_rad_per_s / joint.gear_ratio,
         )
@@ -36,15 +39,20 @@ def test_the_first_harmonic_of_a_logged_torque_is_gravity():
     bench = move_bench(draw_bench(rng), *draw_movement(rng))
     log, torque = log_with_torque(bench, 1e-3, rng)
     first = 2 * np.mean(torque * np.exp(-2j * np.pi * log.t / log.turn_period_s))
-    assert abs(first) == pytest.approx(bench.joint.gravity_torque_nm / bench.joint.gear_ratio, rel=0.05)
+    assert abs(first) == pytest.approx(
+        bench.joint.gravity_torque_nm / bench.joint.gear_ratio, rel=0.05
+    )
 
 
 def test_half_turns_under_a_cascade_share_a_pattern_with_backlash_and_only_then():
     for number in range(3):
         bench = draw_cascade(np.random.default_rng((3, number)))
-        bench = replace(bench, joint=replace(bench.joint, disturbances=()))  # a motor's ripple may be a pattern too
+        bench = replace(
+            bench, joint=replace(bench.joint, disturbances=())
+        )  # a motor's ripple may be a pattern too
         found = [
-            find_pattern(log_with_torque(bench, delta, np.random.default_rng(4))[0]).p_value for delta in (0.0, 2e-3)
+            find_pattern(log_with_torque(bench, delta, np.random.default_rng(4))[0]).p_value
+            for delta in (0.0, 2e-3)
         ]
         assert found[0] > 0.01
         assert found[1] < 0.01
@@ -53,7 +61,9 @@ def test_half_turns_under_a_cascade_share_a_pattern_with_backlash_and_only_then(
 def test_a_log_is_drawn_again_alike_at_either_sampling():
     bench = draw_cascade(np.random.default_rng(4))
     for sample_s in (1e-3, 2e-3):
-        one, two = (log_with_torque(bench, 1e-3, np.random.default_rng(5), sample_s) for _ in range(2))
+        one, two = (
+            log_with_torque(bench, 1e-3, np.random.default_rng(5), sample_s) for _ in range(2)
+        )
         assert np.array_equal(one[0].v, two[0].v)
         assert np.array_equal(one[1], two[1])
         assert one[0].sample_s == pytest.approx(sample_s)

@@ -52,7 +52,9 @@ def test_the_projected_misfit_is_the_papers_with_the_best_amplitude_and_offset(u
         return
     design = np.stack([h, np.ones_like(t)], axis=1)
     expected = np.std(v - design @ np.linalg.lstsq(design, v)[0])
-    found = optimizers.projected_rmse(t, v, timing, limit=1e6)(np.array([[t0, tau, omega, T2, T1]]))[0]
+    found = optimizers.projected_rmse(t, v, timing, limit=1e6)(
+        np.array([[t0, tau, omega, T2, T1]])
+    )[0]
     assert found == pytest.approx(expected, rel=1e-9)
 
 
@@ -81,7 +83,9 @@ def test_a_method_spends_its_budget_and_a_seed_gives_the_same_run(record, method
 
 
 def test_every_method_has_thirty_runs_on_three_records_and_the_deterministic_one_twenty_records():
-    plan = pd.DataFrame(optimizers.planned_runs(), columns=["method", "level", "realisation", "seed"])
+    plan = pd.DataFrame(
+        optimizers.planned_runs(), columns=["method", "level", "realisation", "seed"]
+    )
     assert len(plan.drop_duplicates()) == len(plan)
     for method, part in plan.groupby("method"):
         records = len(part.drop_duplicates(["level", "realisation"]))
@@ -95,7 +99,9 @@ def test_the_own_population_is_that_of_seven_dimensions():
 def test_a_swarm_is_compared_at_its_better_population():
     rows = result("CMA-ES, population 300", "CMA-ES", 25)
     for swarm in optimizers.SWARMS:
-        rows += result(f"{swarm}, population 300", "swarm", 3) + result(f"{swarm}, its own population", "swarm", 10)
+        rows += result(f"{swarm}, population 300", "swarm", 3) + result(
+            f"{swarm}, its own population", "swarm", 10
+        )
     compared = optimizers.against_swarms(optimizers.success_table(pd.DataFrame(rows)))
     assert compared["method"].str.endswith("its own population").all()
     assert claims.cma_beats_swarms(compared)[0] is True
@@ -112,21 +118,29 @@ def test_cma_es_beats_the_swarms_only_if_chance_is_ruled_out(cma, swarm, holds):
 
 @pytest.mark.parametrize(("found", "holds"), [((0, 1), True), ((29, 1), False), ((15, 1), None)])
 def test_one_classical_method_that_works_is_enough(found, holds):
-    rows = [row for k, count in enumerate(found) for row in result(f"method {k}", "classical", count)]
+    rows = [
+        row for k, count in enumerate(found) for row in result(f"method {k}", "classical", count)
+    ]
     assert claims.classical_cannot(optimizers.success_table(pd.DataFrame(rows)))[0] is holds
 
 
 @pytest.mark.parametrize(("found", "holds"), [((0, 29), True), ((1, 2), False), ((1, 15), None)])
 def test_cma_es_needs_no_tuning_if_it_succeeds_alone_or_restarted(found, holds):
     names = ["CMA-ES, its own population", "CMA-ES, its own population, restarts doubling it"]
-    rows = [row for name, count in zip(names, found, strict=True) for row in result(name, "CMA-ES", count)]
+    rows = [
+        row
+        for name, count in zip(names, found, strict=True)
+        for row in result(name, "CMA-ES", count)
+    ]
     assert claims.little_tuning(optimizers.success_table(pd.DataFrame(rows)))[0] is holds
 
 
 def test_the_kept_runs_are_the_planned_ones_and_none_is_far_below_the_global_fit():
     kept = pd.read_csv(workbook.ROOT / "results" / "optimizers.csv")
     columns = ["method", "level", "realisation", "seed"]
-    assert sorted(kept[columns].itertuples(index=False, name=None)) == sorted(optimizers.planned_runs())
+    assert sorted(kept[columns].itertuples(index=False, name=None)) == sorted(
+        optimizers.planned_runs()
+    )
     assert (kept["found"] == (kept["rmse_over_best"] <= 1 + 2e-3)).all()
     assert kept["rmse_over_best"].min() > 1 - 2e-3
     assert (kept["evaluations"] <= optimizers.BUDGET).all()
@@ -138,5 +152,7 @@ def test_kept_runs_drawn_at_random_find_the_best_basin_again_or_not(authors_data
     if not optimizers.swarms_installed():
         kept = kept[kept["kind"] != "swarm"]
     drawn = kept.sample(6, random_state=1)
-    jobs = list(drawn[["method", "level", "realisation", "seed"]].itertuples(index=False, name=None))
+    jobs = list(
+        drawn[["method", "level", "realisation", "seed"]].itertuples(index=False, name=None)
+    )
     assert optimizers.run_jobs(jobs)["found"].tolist() == drawn["found"].tolist()

@@ -22,7 +22,12 @@ def measured(size: int = 4000, shift: float = 0.0, scale: float = 1.0) -> pd.Dat
     delta = rng.uniform(3e-4, 2e-3, size)
     found = delta + 1e-5 * (shift + scale * rng.standard_normal(size))
     half = population.NORMAL_95 * 1e-5
-    rows = {"delta_rad": delta, "found_rad": found, "low_rad": found - half, "high_rad": found + half}
+    rows = {
+        "delta_rad": delta,
+        "found_rad": found,
+        "low_rad": found - half,
+        "high_rad": found + half,
+    }
     return pd.DataFrame(rows).assign(population=NEAR, method="self", bound_rad=1e-5, refused=False)
 
 
@@ -46,7 +51,9 @@ def test_the_bound_grows_with_the_noise():
 def test_the_authors_logs_have_a_bound_above_the_bar_on_their_error(authors_data):
     bounds = np.array([log.labels["bound_rad"] for log in population.authors_logs()])
     bar = next(
-        bar for name, figure, _, bar in population.ACCEPTANCE_CRITERIA if name == "authors' logs" and "error" in figure
+        bar
+        for name, figure, _, bar in population.ACCEPTANCE_CRITERIA
+        if name == "authors' logs" and "error" in figure
     )
     assert bounds.size == 18
     assert np.sqrt(2 / np.pi) * bounds.mean() > bar
@@ -66,7 +73,10 @@ def test_coverage_is_the_share_of_intervals_that_hold():
 
 
 def test_a_bar_is_met_or_missed_by_what_was_measured():
-    good, bad = (population.against_criteria(summarise_intervals(measured(scale=scale))) for scale in (1.0, 5.0))
+    good, bad = (
+        population.against_criteria(summarise_intervals(measured(scale=scale)))
+        for scale in (1.0, 5.0)
+    )
     met = good.set_index("figure")["met"]
     assert met["rmse_rad"]
     assert met["rmse_over_bound"]
@@ -99,14 +109,20 @@ def committed():
 @pytest.mark.slow
 def test_most_far_benches_without_an_answer_never_settle_even_without_noise(committed):
     refused = committed[(committed["population"] == FAR) & committed["refused"]]
-    change = np.array([turn_change_rps(FAR, number, population.FINAL_SEED) for number in refused["number"]])
+    change = np.array(
+        [turn_change_rps(FAR, number, population.FINAL_SEED) for number in refused["number"]]
+    )
     assert (change > 1e-3).sum() > 0.8 * change.size
 
 
 @pytest.mark.slow
 def test_committed_logs_drawn_at_random_are_measured_the_same_again(committed):
-    kept = committed[committed["population"] == NEAR].sample(4, random_state=3).sort_values("number")
-    again = population.measure_population(NEAR, list(kept["number"]), population.FINAL_SEED, ("self",))
+    kept = (
+        committed[committed["population"] == NEAR].sample(4, random_state=3).sort_values("number")
+    )
+    again = population.measure_population(
+        NEAR, list(kept["number"]), population.FINAL_SEED, ("self",)
+    )
     difference = np.abs(again["found_rad"].to_numpy() - kept["found_rad"].to_numpy())
     assert (difference < 0.1 * kept["sd_rad"].to_numpy()).all()
 
@@ -115,14 +131,23 @@ def sensor_rows(held: int, missed: int, refused: int, population: str = "faults"
     """Rows of the whole sensor: logs of 1e-3 rad whose interval holds it or not, and logs without an answer."""
     low = np.array([9e-4] * held + [1.1e-3] * missed + [np.nan] * refused)
     rows = pd.DataFrame({"low_rad": low, "found_rad": low + 1e-4, "high_rad": low + 2e-4})
-    return rows.assign(population=population, delta_rad=1e-3, refused=np.isnan(low), verdict="backlash")
+    return rows.assign(
+        population=population, delta_rad=1e-3, refused=np.isnan(low), verdict="backlash"
+    )
 
 
 def test_the_datasheet_counts_answers_among_logs_and_held_truths_among_answers():
     healthy = sensor_rows(0, 2, 1, "healthy").assign(delta_rad=1e-5)
     by_torque = sensor_rows(0, 5, 0, population.BY_TORQUE[0])
-    sheet = population.summarise_sensor(pd.concat([sensor_rows(6, 2, 2), healthy, by_torque])).set_index("population")
-    assert sheet.loc["faults", ["logs", "answered", "covered", "wrong_healthy"]].tolist() == [10, 0.8, 0.75, 0]
+    sheet = population.summarise_sensor(
+        pd.concat([sensor_rows(6, 2, 2), healthy, by_torque])
+    ).set_index("population")
+    assert sheet.loc["faults", ["logs", "answered", "covered", "wrong_healthy"]].tolist() == [
+        10,
+        0.8,
+        0.75,
+        0,
+    ]
     assert sheet.loc["faults", "rmse_rad"] == pytest.approx(1e-4)
     assert sheet.loc["healthy", "wrong_healthy"] == 2
     assert sheet.loc["all by speed", ["logs", "covered"]].tolist() == [13, 0.6]
@@ -131,7 +156,9 @@ def test_the_datasheet_counts_answers_among_logs_and_held_truths_among_answers()
 
 def test_the_datasheets_criteria_are_met_or_missed_by_what_the_whole_sensor_answered():
     good, bad = (
-        population.against_criteria(population.summarise_sensor(sensor_rows(*counts, population.CHANGED[0])))
+        population.against_criteria(
+            population.summarise_sensor(sensor_rows(*counts, population.CHANGED[0]))
+        )
         for counts in ((20, 0, 0), (10, 5, 5))
     )
     assert good["met"].all()

@@ -22,7 +22,13 @@ CHEAPER = {
     "10_bench_table3": {"benches": 20},
     "11_robots_table4": {"robots_each": 100, "loud_robots_each": 50, "frequency_step_hz": 10.0},
     "15_friction_and_wear": {"shares": [0.0, 0.005, 0.02, 0.05], "worn_benches": 1},
-    "18_claims": {"noises": 4, "noise_seeds": 40, "mountings": 1, "bits": [16, 19], "start_angles": 20},
+    "18_claims": {
+        "noises": 4,
+        "noise_seeds": 40,
+        "mountings": 1,
+        "bits": [16, 19],
+        "start_angles": 20,
+    },
     "13_readings_compared": {"scored": [3], "healthy": 20, "seen_records": 4},
 }
 
@@ -53,7 +59,9 @@ def run(notebook, parameters, folder):
 
 def check(notebook, parameters):
     """Run a notebook's cells up to the one that checks its parameters; the others have their own values."""
-    cells = execution.with_parameters(execution.read_notebook(NOTEBOOKS[notebook]), parameters).cells
+    cells = execution.with_parameters(
+        execution.read_notebook(NOTEBOOKS[notebook]), parameters
+    ).cells
     last = next(k for k, cell in enumerate(cells) if "check_parameters(" in cell.source)
     _execute(cells[: last + 1], notebook)
 

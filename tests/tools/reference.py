@@ -27,7 +27,9 @@ def solve_ivp_speed_rps(
     edges = np.array([-delta_rad, 0.0, delta_rad])
 
     def field(t, y, command):
-        return core.derivative(t, tuple(y), command, int(np.searchsorted(edges, y[0] / c.gear_ratio - y[2])), c)
+        return core.derivative(
+            t, tuple(y), command, int(np.searchsorted(edges, y[0] / c.gear_ratio - y[2])), c
+        )
 
     skip, speeds = round(p.lead_s / p.control_period_s), []
     for i in range(skip + round(duration_s / p.control_period_s) + 1):
@@ -35,5 +37,7 @@ def solve_ivp_speed_rps(
         speeds.append(y[1])
         command = core.control(t, tuple(y), memory, ring, i, drive, c)
         span = (t, t + p.control_period_s)
-        y = solve_ivp(field, span, np.array(y), method=method, args=(command,), **tolerances).y[:, -1]
+        y = solve_ivp(field, span, np.array(y), method=method, args=(command,), **tolerances).y[
+            :, -1
+        ]
     return p.commanded_speed_rps + np.array(speeds[skip:]) / TURN

@@ -19,7 +19,13 @@ from tqdm import tqdm
 
 import workbook
 from replication import characteristic, files, published
-from replication.authors import WORKBOOK_FILES, DataCorrupt, DataUnavailable, authors_file, level_delta_rad
+from replication.authors import (
+    WORKBOOK_FILES,
+    DataCorrupt,
+    DataUnavailable,
+    authors_file,
+    level_delta_rad,
+)
 from replication.identify import Protocol
 from replication.recording import COMMANDED_SPEED_RPS, TURN_PERIOD_S
 from replication.simulator.parameters import identified_joint
@@ -46,8 +52,17 @@ TESTS = (
     "tests/simulator/test_identified_joint.py",
 )
 
-SOLUTION = re.compile(r'\n# %% tags=\["solution"\]\n.*?(?=\n# %%|\Z)', re.DOTALL)  # asserts more than the paper says
-KINDS = ("Table", "Equation", "Figure", "Text", "claims", "tests")  # the order of the report's columns
+SOLUTION = re.compile(
+    r'\n# %% tags=\["solution"\]\n.*?(?=\n# %%|\Z)', re.DOTALL
+)  # asserts more than the paper says
+KINDS = (
+    "Table",
+    "Equation",
+    "Figure",
+    "Text",
+    "claims",
+    "tests",
+)  # the order of the report's columns
 RESULTS = workbook.ROOT / "results"
 _JUDGED = "judged.csv"
 # Judged in the notebook's own kernel, where the changed constant is.
@@ -86,19 +101,35 @@ def changes() -> list[Change]:
         "recording.add_uniform_noise = lambda record, half, rng: add(record, 1.05 * half, rng)"
     )
     sampling = (
-        "from replication.simulator import recordings\nrecordings.simulate_recordings.__defaults__ = (0.0021, 12)"
+        "from replication.simulator import recordings\n"
+        "recordings.simulate_recordings.__defaults__ = (0.0021, 12)"
     )
     found = [
         _module("characteristic", "RPM_PER_RPS", characteristic.RPM_PER_RPS, 63.0, EQUATION_10),
-        Change("first level", f"{first:g}", f"{1.2 * first:g}", levels.format(1.2 * first, step), EQUATION_10),
-        Change("level step", f"{step:g}", f"{1.05 * step:g}", levels.format(first, 1.05 * step), EQUATION_10),
+        Change(
+            "first level",
+            f"{first:g}",
+            f"{1.2 * first:g}",
+            levels.format(1.2 * first, step),
+            EQUATION_10,
+        ),
+        Change(
+            "level step",
+            f"{step:g}",
+            f"{1.05 * step:g}",
+            levels.format(first, 1.05 * step),
+            EQUATION_10,
+        ),
         Change("noise factor", "1", "1.05", noise, {}),
         Change("sampling period", "0.002", "0.0021", sampling, SIMULATION),
         _module("recording", "TURN_PERIOD_S", TURN_PERIOD_S, 0.408, RECORDS),
         _module("recording", "COMMANDED_SPEED_RPS", COMMANDED_SPEED_RPS, 101.0, RECORDS),
         _printed("text.encoder_bits", published.value("text.encoder_bits") - 1),
     ]
-    found += [_printed(cell, 1.05 * published.value(cell)) for cell in (f"equation10.A{k}" for k in range(4))]
+    found += [
+        _printed(cell, 1.05 * published.value(cell))
+        for cell in (f"equation10.A{k}" for k in range(4))
+    ]
     return found + _of_protocol() + _of_joint()
 
 
@@ -108,7 +139,9 @@ def _module(module: str, name: str, value: float, changed: float, notebooks: Map
 
 
 def _printed(cell: str, changed: float) -> Change:
-    code = f"from replication import published\npublished._cells().loc[{cell!r}, 'value'] = {changed}"
+    code = (
+        f"from replication import published\npublished._cells().loc[{cell!r}, 'value'] = {changed}"
+    )
     return Change(cell, f"{published.value(cell):g}", f"{changed:g}", code, EQUATION_10)
 
 
@@ -133,7 +166,9 @@ def _of_protocol() -> list[Change]:
 
     def changed(name: str, value: object) -> Change:
         defaults = tuple((usual | {name: value}).values())
-        return Change(f"protocol, {name}", str(usual[name]), str(value), code.format(defaults), SEARCH)
+        return Change(
+            f"protocol, {name}", str(usual[name]), str(value), code.format(defaults), SEARCH
+        )
 
     return [changed(name, value) for name, value in PROTOCOL.items()]
 
@@ -159,15 +194,24 @@ def _of_joint() -> list[Change]:
     }
 
     def changed(name: str, value: float, new: float, joint_code: str) -> Change:
-        return Change(f"joint, {name}", f"{value:g}", f"{new:g}", code.format(joint_code), SIMULATION)
+        return Change(
+            f"joint, {name}", f"{value:g}", f"{new:g}", code.format(joint_code), SIMULATION
+        )
 
     as_it_is = "parameters.identified_joint()"
     found = [
-        changed(name, joint.ratios[name], value, f"parameters.with_ratios({as_it_is}, {{{name!r}: {value}}})")
+        changed(
+            name,
+            joint.ratios[name],
+            value,
+            f"parameters.with_ratios({as_it_is}, {{{name!r}: {value}}})",
+        )
         for name, value in ratios.items()
     ]
     return found + [
-        changed(name, getattr(joint, name), value, f"parameters.replace({as_it_is}, {name}={value})")
+        changed(
+            name, getattr(joint, name), value, f"parameters.replace({as_it_is}, {name}={value})"
+        )
         for name, value in JOINT.items()
     ]
 
@@ -178,7 +222,10 @@ def _of_joint() -> list[Change]:
 
 def found_by(change: Change, folder: Path) -> dict[str, Found]:
     """Run the tests and the change's notebooks with it; what a notebook that fails would have found is missing."""
-    notebooks = {name: _executed(name, values, change.code, folder) for name, values in change.notebooks.items()}
+    notebooks = {
+        name: _executed(name, values, change.code, folder)
+        for name, values in change.notebooks.items()
+    }
     return {"tests": _tested(change.code)} | notebooks
 
 
@@ -195,19 +242,35 @@ def _executed(name: str, values: Mapping[str, object], code: str, folder: Path) 
             raise
         return {}
     cells = pd.read_csv(folder / "results" / _JUDGED)
-    claims = json.loads((folder / "results" / "outcomes" / f"{name}.json").read_text(encoding="utf-8"))["claims"]
+    claims = json.loads(
+        (folder / "results" / "outcomes" / f"{name}.json").read_text(encoding="utf-8")
+    )["claims"]
     found = {
-        ("cell", row["id"], row["source"]): (row["reproduced"], row["verdict"]) for row in cells.to_dict("records")
+        ("cell", row["id"], row["source"]): (row["reproduced"], row["verdict"])
+        for row in cells.to_dict("records")
     }
-    return found | {("claim", row["id"], ""): (float(row["holds"]), "") for row in claims if row["holds"] is not None}
+    return found | {
+        ("claim", row["id"], ""): (float(row["holds"]), "")
+        for row in claims
+        if row["holds"] is not None
+    }
 
 
 def _tested(code: str) -> Found:
     script = f"{code}\nimport pytest\npytest.main(['-rA', '-p', 'no:cacheprovider', *{TESTS!r}])"
-    run = subprocess.run([sys.executable, "-c", script], cwd=workbook.ROOT, capture_output=True, text=True, check=False)
+    run = subprocess.run(
+        [sys.executable, "-c", script],
+        cwd=workbook.ROOT,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
     ended = [line.split(" - ")[0].split(maxsplit=1) for line in run.stdout.splitlines()]
     return {
-        ("test", parts[1].partition("::")[2].partition("[")[0], ""): (float(parts[0] == "PASSED"), "")
+        ("test", parts[1].partition("::")[2].partition("[")[0], ""): (
+            float(parts[0] == "PASSED"),
+            "",
+        )
         for parts in sorted(ended, reverse=True)
         if len(parts) == 2 and parts[0] in ("PASSED", "FAILED", "ERROR")
     }
@@ -245,15 +308,22 @@ def noticing(before: Found, after: Found) -> list[tuple[tuple[str, str, str], fl
 
 
 def sensitivity(
-    chosen: Sequence[Change] | None = None, notebooks: Mapping[str, Mapping[str, object]] = SEARCH | SIMULATION
+    chosen: Sequence[Change] | None = None,
+    notebooks: Mapping[str, Mapping[str, object]] = SEARCH | SIMULATION,
 ) -> pd.DataFrame:
     """Change each constant: a row for each cell, claim or test that notices it, one of an empty group if none does."""
     for path in WORKBOOK_FILES:
         authors_file(path)
     chosen = changes() if chosen is None else chosen
-    with tempfile.TemporaryDirectory(dir=workbook.ROOT, prefix=".staging-") as folder, ThreadPoolExecutor(2) as pool:
+    with (
+        tempfile.TemporaryDirectory(dir=workbook.ROOT, prefix=".staging-") as folder,
+        ThreadPoolExecutor(2) as pool,
+    ):
         every = [Change("", "", "", "", notebooks), *chosen]
-        runs = pool.map(lambda numbered: found_by(numbered[1], Path(folder) / str(numbered[0])), enumerate(every))
+        runs = pool.map(
+            lambda numbered: found_by(numbered[1], Path(folder) / str(numbered[0])),
+            enumerate(every),
+        )
         before, *after = tqdm(runs, total=len(every), unit="constant")
     rows = []
     for change, found in zip(chosen, after, strict=True):
@@ -277,9 +347,14 @@ def matrix(table: pd.DataFrame) -> dict[str, list]:
         noticed = part[part["group"] != ""]
         about = part.iloc[0][["constant", "value", "changed"]].to_dict()
         examples = ", ".join(noticed.drop_duplicates("group")["id"]) or "nothing"
-        rows.append(about | {"counts": noticed["group"].value_counts().to_dict(), "examples": examples})
+        rows.append(
+            about | {"counts": noticed["group"].value_counts().to_dict(), "examples": examples}
+        )
     groups = set(table["group"]) - {""}
-    return {"rows": rows, "columns": sorted(groups, key=lambda name: (KINDS.index(name.split()[0]), name))}
+    return {
+        "rows": rows,
+        "columns": sorted(groups, key=lambda name: (KINDS.index(name.split()[0]), name)),
+    }
 
 
 def main() -> int:
@@ -291,7 +366,11 @@ def main() -> int:
         return 2
     files.write_csv(RESULTS / "sensitivity.csv", table)
     files.write_json(RESULTS / "pages" / "sensitivity.json", matrix(table))
-    print(table.groupby(["constant", "changed"], sort=False)["group"].agg(lambda g: (g != "").sum()).to_string())
+    print(
+        table.groupby(["constant", "changed"], sort=False)["group"]
+        .agg(lambda g: (g != "").sum())
+        .to_string()
+    )
     return 0
 
 

@@ -12,7 +12,9 @@ from tests.tools import sensitivity
 
 MATRIX = workbook.ROOT / "results" / "sensitivity.csv"
 COMMITTED = pd.read_csv(MATRIX, keep_default_na=False) if MATRIX.exists() else None
-needs_matrix = pytest.mark.skipif(COMMITTED is None, reason="not made yet: make studies NAME=sensitivity")
+needs_matrix = pytest.mark.skipif(
+    COMMITTED is None, reason="not made yet: make studies NAME=sensitivity"
+)
 
 # Off in the identified joint, so that there is nothing to be wrong; options of the simulator, tested by themselves.
 OFF = {
@@ -21,17 +23,35 @@ OFF = {
 }
 # What a record shows of these is their ratios, each of which is changed.
 AS_RATIOS = {
-    *("motor_inertia_kgm2", "load_inertia_kgm2", "stiffness_nm_per_rad", "gravity_arm_m", "position_gain_per_s"),
-    *("speed_gain_nms_per_rad", "integral_gain_nm_per_rad", "derivative_gain_nms2_per_rad", "leaky_gain_nm_per_rad"),
+    *(
+        "motor_inertia_kgm2",
+        "load_inertia_kgm2",
+        "stiffness_nm_per_rad",
+        "gravity_arm_m",
+        "position_gain_per_s",
+    ),
+    *(
+        "speed_gain_nms_per_rad",
+        "integral_gain_nm_per_rad",
+        "derivative_gain_nms2_per_rad",
+        "leaky_gain_nm_per_rad",
+    ),
     *("leaky_rate_per_s", "torque_lag_s", "start_angle_rad", "lead_s"),
 }
 
-CHOICES = {"name", "start", "rpm", "fixed_T2_s"}  # of the protocol: another one is another candidate
+CHOICES = {
+    "name",
+    "start",
+    "rpm",
+    "fixed_T2_s",
+}  # of the protocol: another one is another candidate
 
 
 def test_every_constant_of_the_joint_and_the_protocol_is_changed():
     assert {field.name for field in fields(Protocol)} - set(sensitivity.PROTOCOL) == CHOICES
-    assert {field.name for field in fields(JointParameters)} - set(sensitivity.JOINT) - AS_RATIOS == OFF
+    assert {field.name for field in fields(JointParameters)} - set(
+        sensitivity.JOINT
+    ) - AS_RATIOS == OFF
     changed = {change.constant for change in sensitivity.changes()}
     assert {f"joint, {name}" for name in identified_joint().ratios} <= changed
 
@@ -49,13 +69,17 @@ def test_no_two_changes_have_one_name_and_each_says_what_it_changes():
 
 @needs_matrix
 def test_every_constant_is_noticed_and_is_in_the_committed_table():
-    assert COMMITTED["constant"].unique().tolist() == [change.constant for change in sensitivity.changes()]
+    assert COMMITTED["constant"].unique().tolist() == [
+        change.constant for change in sensitivity.changes()
+    ]
     assert (COMMITTED["group"] != "").all(), "a constant that nothing notices is a missing test"
 
 
 @needs_matrix
 def test_every_test_in_the_matrix_exists():
-    tests = "\n".join(path.read_text(encoding="utf-8") for path in (workbook.ROOT / "tests").rglob("test_*.py"))
+    tests = "\n".join(
+        path.read_text(encoding="utf-8") for path in (workbook.ROOT / "tests").rglob("test_*.py")
+    )
     named = set(COMMITTED.loc[COMMITTED["kind"] == "test", "id"])
     assert len(named) > 5
     for name in named:
@@ -64,7 +88,9 @@ def test_every_test_in_the_matrix_exists():
 
 @pytest.mark.slow
 @needs_matrix
-def test_wrong_constants_are_noticed_by_a_notebook_and_the_tests_as_the_committed_matrix_says(authors_data):
+def test_wrong_constants_are_noticed_by_a_notebook_and_the_tests_as_the_committed_matrix_says(
+    authors_data,
+):
     wrong = ["text.encoder_bits", "equation10.A3"]
     chosen = [change for change in sensitivity.changes() if change.constant in wrong]
     table = sensitivity.sensitivity(chosen, sensitivity.EQUATION_10)
@@ -80,4 +106,7 @@ def test_only_what_agreed_can_notice_and_only_more_than_its_tolerance_counts():
     assert sensitivity.noticing(before, near) == []
     assert [key[2] for key, *_ in sensitivity.noticing(before, far)] == ["reproduced", "consistent"]
     assert [key[2] for key, *_ in sensitivity.noticing(before, {})] == ["reproduced", "consistent"]
-    assert len(sensitivity.noticing({("test", "x", ""): (1.0, "")}, {("test", "x", ""): (0.0, "")})) == 1
+    assert (
+        len(sensitivity.noticing({("test", "x", ""): (1.0, "")}, {("test", "x", ""): (0.0, "")}))
+        == 1
+    )

@@ -53,7 +53,9 @@ def reference_fit(recording: Recording, protocol: Protocol, seed: int) -> Fit:
     strategy = cma.CMAEvolutionStrategy((box.lower + box.upper) / 2, 1.0, options)
     while not strategy.stop():
         population = strategy.ask()
-        strategy.tell(population, [rmse(recording.t, recording.v, X, protocol.timing) for X in population])
+        strategy.tell(
+            population, [rmse(recording.t, recording.v, X, protocol.timing) for X in population]
+        )
     return Fit(strategy.best.x, float(strategy.best.f), strategy.countevals, strategy.countiter)
 
 
@@ -70,7 +72,9 @@ def once(call: Callable[[], object]) -> float:
     return perf_counter() - begun
 
 
-def bench_identification(records: Sequence[Recording], runs: int = 30, repeats: int = 5) -> pd.DataFrame:
+def bench_identification(
+    records: Sequence[Recording], runs: int = 30, repeats: int = 5
+) -> pd.DataFrame:
     """Measure the rows of `bench.csv` that belong to identification.
 
     Parameters
@@ -90,13 +94,23 @@ def bench_identification(records: Sequence[Recording], runs: int = 30, repeats: 
     """
     record, timing = records[0], PROTOCOL.timing
     box = protocol_box(record, PROTOCOL)
-    population = box.lower + np.random.default_rng(1).random((PROTOCOL.population, 7)) * (box.upper - box.lower)
+    population = box.lower + np.random.default_rng(1).random((PROTOCOL.population, 7)) * (
+        box.upper - box.lower
+    )
     size = len(population)
-    compiled = median_seconds(lambda: population_rmse(record.t, record.v, population, timing), repeats) / size
-    written = median_seconds(lambda: [rmse(record.t, record.v, X, timing) for X in population], repeats) / size
+    compiled = (
+        median_seconds(lambda: population_rmse(record.t, record.v, population, timing), repeats)
+        / size
+    )
+    written = (
+        median_seconds(lambda: [rmse(record.t, record.v, X, timing) for X in population], repeats)
+        / size
+    )
     fit = median_seconds(lambda: paper_fit(record, PROTOCOL, 1), repeats)
     slow: list[Fit] = []
-    slow_evaluation = once(lambda: slow.append(reference_fit(record, PROTOCOL, 1))) / slow[0].evaluations
+    slow_evaluation = (
+        once(lambda: slow.append(reference_fit(record, PROTOCOL, 1))) / slow[0].evaluations
+    )
     ours = paper_fit(record, PROTOCOL, 1)
     jobs = [delayed(paper_fit)(r, PROTOCOL, seed) for r in records for seed in range(1, runs + 1)]
     with Parallel(n_jobs=2) as pool:
@@ -109,7 +123,12 @@ def bench_identification(records: Sequence[Recording], runs: int = 30, repeats: 
     rows = [
         ("objective", compiled, written, "equations 1 to 7 in NumPy"),
         ("paper_fit", fit, slow_evaluation * ours.evaluations, scaled),
-        ("table2_300_fits", table, slow_evaluation * sum(f.evaluations for f in fits) / 2, "two cores; " + scaled),
+        (
+            "table2_300_fits",
+            table,
+            slow_evaluation * sum(f.evaluations for f in fits) / 2,
+            "two cores; " + scaled,
+        ),
         ("global_fit", whole, many, f"{runs} of our paper_fit, one core"),
     ]
     return _table(rows)
@@ -134,14 +153,23 @@ def bench_simulator(repeats: int = 11) -> pd.DataFrame:
     period = joint.control_period_s
     converged = simulate(joint, delta, sample_s=period, step_s=1e-6).motor_speed_rps
     speeds: list[np.ndarray] = []
-    slow = once(lambda: speeds.append(solve_ivp_speed_rps(joint, delta, 4.8, "LSODA", rtol=1e-6, atol=1e-9)))
+    slow = once(
+        lambda: speeds.append(solve_ivp_speed_rps(joint, delta, 4.8, "LSODA", rtol=1e-6, atol=1e-9))
+    )
     fast = median_seconds(lambda: simulate(joint, delta), repeats)
     ours = np.abs(simulate(joint, delta, sample_s=period).motor_speed_rps - converged).max()
     theirs = np.abs(speeds[0] - converged).max()
     levels = [1e-4 * (2 * k - 1) for k in range(2, 12)]
-    two, one = (median_seconds(lambda n=n: simulate_many(joint, levels, threads=n), repeats) for n in (2, 1))
+    two, one = (
+        median_seconds(lambda n=n: simulate_many(joint, levels, threads=n), repeats) for n in (2, 1)
+    )
     rows = [
-        ("simulate_record", fast, slow, f"LSODA on the same field; errors {ours:.1e} and {theirs:.1e} rps"),
+        (
+            "simulate_record",
+            fast,
+            slow,
+            f"LSODA on the same field; errors {ours:.1e} and {theirs:.1e} rps",
+        ),
         ("simulate_ten_levels", two, one, "two threads against one"),
     ]
     return _table(rows)
@@ -149,7 +177,10 @@ def bench_simulator(repeats: int = 11) -> pd.DataFrame:
 
 def _table(rows: list[tuple[str, float, float, str]]) -> pd.DataFrame:
     columns = ["name", "ours_s", "reference_s", "ratio", "note"]
-    return pd.DataFrame([(name, ours, other, other / ours, note) for name, ours, other, note in rows], columns=columns)
+    return pd.DataFrame(
+        [(name, ours, other, other / ours, note) for name, ours, other, note in rows],
+        columns=columns,
+    )
 
 
 def bench() -> pd.DataFrame:
@@ -167,7 +198,9 @@ def bench() -> pd.DataFrame:
 def notebook_times() -> pd.DataFrame:
     """Collect the seconds of each notebook's last full run, two at a time, as `make all` noted them."""
     run = json.loads((ROOT / "results" / "run.json").read_text(encoding="utf-8"))
-    rows = [(name, run["seconds"][name], run["cores"], run["machine"]) for name in notebook_files("py")]
+    rows = [
+        (name, run["seconds"][name], run["cores"], run["machine"]) for name in notebook_files("py")
+    ]
     return pd.DataFrame(rows, columns=["notebook", "seconds", "cores", "machine"])
 
 

@@ -27,7 +27,9 @@ def exported():
     """Every number that a notebook exported and that was judged by evidence: id, source, numbers, verdict."""
     table = judging.verdicts(RESULTS).set_index(["id", "source"])["verdict"]
     rows = [row for outcome in load_outcomes(RESULTS).values() for row in outcome["cells"]]
-    found = [(row["id"], row["source"], row["numbers"], table[row["id"], row["source"]]) for row in rows]
+    found = [
+        (row["id"], row["source"], row["numbers"], table[row["id"], row["source"]]) for row in rows
+    ]
     evidence = [row for row in found if row[3] in judging.EVIDENCE]
     return [pytest.param(*row, id=f"{row[0]}-{row[1]}") for row in evidence]
 
@@ -40,7 +42,11 @@ def interval(cell, numbers):
 
 
 def moved(numbers, shift=0.0, factor=1.0):
-    return [factor * x + shift for x in numbers] if isinstance(numbers, list) else factor * numbers + shift
+    return (
+        [factor * x + shift for x in numbers]
+        if isinstance(numbers, list)
+        else factor * numbers + shift
+    )
 
 
 @pytest.mark.parametrize(("cell", "source", "numbers", "now"), exported())
@@ -55,7 +61,10 @@ def test_a_verdict_by_evidence_changes_when_our_number_moves(cell, source, numbe
     else:
         printed = published.value(cell)
         agreeing = [printed * (1 + share) for share in (-2e-3, -1e-3, 0, 1e-3, 2e-3)]
-        assert verdict(cell, agreeing if isinstance(numbers, list) else printed, source) == "reproduced"
+        assert (
+            verdict(cell, agreeing if isinstance(numbers, list) else printed, source)
+            == "reproduced"
+        )
 
 
 def test_there_are_numbers_judged_by_evidence():
@@ -63,7 +72,9 @@ def test_there_are_numbers_judged_by_evidence():
 
 
 @pytest.mark.parametrize(("cell", "source", "numbers", "now"), exported())
-def test_a_verdict_by_evidence_changes_when_the_printed_number_moves(cell, source, numbers, now, monkeypatch):
+def test_a_verdict_by_evidence_changes_when_the_printed_number_moves(
+    cell, source, numbers, now, monkeypatch
+):
     low, high = interval(cell, numbers)
     cells = published.cells()
     bound = cells.loc[cell, "kind"] == "bound"
@@ -76,7 +87,9 @@ def test_a_verdict_by_evidence_changes_when_the_printed_number_moves(cell, sourc
 def test_a_verdict_on_table_2_changes_with_the_runs():
     table = pd.read_csv(RESULTS / "table2.csv")
     authors = table[table["source"] == "authors"]
-    before = {cell: verdict(cell, numbers) for cell, numbers in table2.table2_cells(authors).items()}
+    before = {
+        cell: verdict(cell, numbers) for cell, numbers in table2.table2_cells(authors).items()
+    }
     absurd = table2.table2_cells(authors.assign(mean_A_rps=999.0, sd_A_rps=999.0))
     assert set(before) == set(absurd)
     for cell, numbers in absurd.items():
@@ -88,7 +101,9 @@ def test_every_basis_of_evidence_names_a_change_and_the_test_that_makes_it():
     table = published.basis()
     evidence = table[table["basis"] == "evidence"]
     assert (evidence["fails_if"] != "").all()
-    here = {f"tests/workbook/test_evidence.py::{name}" for name in globals() if name.startswith("test_")}
+    here = {
+        f"tests/workbook/test_evidence.py::{name}" for name in globals() if name.startswith("test_")
+    }
     assert set(evidence["test"]) <= here
 
 
@@ -100,7 +115,9 @@ def test_the_turn_period_of_the_data_differs_unless_it_is_the_printed_one(record
             assert verdict(cell, value) == expected
 
 
-@pytest.mark.parametrize("cell", [cell for cell in TABLE1 if cell.split(".")[1] not in ("A", "T_d", "T_f")])
+@pytest.mark.parametrize(
+    "cell", [cell for cell in TABLE1 if cell.split(".")[1] not in ("A", "T_d", "T_f")]
+)
 def test_a_bound_that_is_off_loses_the_stored_first_generations(record_12, cell):
     tried = pd.DataFrame({"cell": cell, "shift": table1.SHIFTS})
     printed = published.value(cell)
@@ -118,7 +135,9 @@ def test_another_joint_has_other_peaks():
     joint = identified_joint()
     ours = simulate_amplitudes(joint)
     softer = with_ratios(joint, {"stiffness_per_s2": 0.8 * joint.ratios["stiffness_per_s2"]})
-    for row, (peak, other) in enumerate(zip(ours, simulate_amplitudes(softer), strict=True), start=1):
+    for row, (peak, other) in enumerate(
+        zip(ours, simulate_amplitudes(softer), strict=True), start=1
+    ):
         assert verdict(f"table2.row{row:02d}.theoretical", peak, "simulated") == "reproduced"
         assert verdict(f"table2.row{row:02d}.theoretical", other, "simulated") == "differs"
 

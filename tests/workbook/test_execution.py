@@ -48,7 +48,11 @@ def out(tmp_path):
 
 
 def bytes_below(folder):
-    return {str(path.relative_to(folder)): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+    return {
+        str(path.relative_to(folder)): path.read_bytes()
+        for path in folder.rglob("*")
+        if path.is_file()
+    }
 
 
 def cells_of(path):
@@ -82,7 +86,9 @@ workbook.export(tables={"a": table}, supplement={"b": (table, "Of x.")}, pages={
 
 
 def test_a_second_export_is_refused_before_it_writes_anything(notebook, out):
-    refused(notebook(GOOD + "workbook.export(tables={'other': table})\n"), out, "export is called again")
+    refused(
+        notebook(GOOD + "workbook.export(tables={'other': table})\n"), out, "export is called again"
+    )
     assert bytes_below(out) == {}
 
 
@@ -97,16 +103,27 @@ def first_notebook(authors_data, tmp_path_factory):
 def test_two_runs_of_a_notebook_give_the_same_bytes(first_notebook, tmp_path):
     execution.execute(FIRST, destination=tmp_path)
     assert bytes_below(tmp_path) == bytes_below(first_notebook)
-    assert {name.rpartition(".")[2] for name in bytes_below(tmp_path)} == {"csv", "json", "ipynb", "png", "svg"}
+    assert {name.rpartition(".")[2] for name in bytes_below(tmp_path)} == {
+        "csv",
+        "json",
+        "ipynb",
+        "png",
+        "svg",
+    }
 
 
 @pytest.mark.slow
 def test_the_committed_first_notebook_is_what_its_source_gives(first_notebook):
     def texts(path):
         outputs = [(cell.source, cell.get("outputs", [])) for cell in cells_of(path)]
-        return [(source, [o["data"]["text/plain"] for o in found if "data" in o]) for source, found in outputs]
+        return [
+            (source, [o["data"]["text/plain"] for o in found if "data" in o])
+            for source, found in outputs
+        ]
 
-    assert texts(first_notebook / "notebooks" / FIRST.with_suffix(".ipynb").name) == texts(FIRST.with_suffix(".ipynb"))
+    assert texts(first_notebook / "notebooks" / FIRST.with_suffix(".ipynb").name) == texts(
+        FIRST.with_suffix(".ipynb")
+    )
 
 
 def full(*_):
@@ -119,12 +136,21 @@ LIMIT = "import resource\nresource.setrlimit(resource.RLIMIT_FSIZE, (10, 10))\n"
 @pytest.mark.parametrize(
     ("broken", "said"),
     [
-        (GOOD.replace("[repeats]", "[99]") + "\n# %%\n1 / 0\n", r"small\.py, cell 3: ZeroDivisionError"),
-        pytest.param(GOOD.replace("import pandas", LIMIT + "import pandas"), "cell 2: OSError", marks=pytest.mark.slow),
+        (
+            GOOD.replace("[repeats]", "[99]") + "\n# %%\n1 / 0\n",
+            r"small\.py, cell 3: ZeroDivisionError",
+        ),
+        pytest.param(
+            GOOD.replace("import pandas", LIMIT + "import pandas"),
+            "cell 2: OSError",
+            marks=pytest.mark.slow,
+        ),
         (GOOD.replace("[repeats]", "[99]"), "No space left"),
     ],
 )
-def test_a_failing_cell_and_a_full_disk_leave_the_last_results(notebook, out, broken, said, monkeypatch):
+def test_a_failing_cell_and_a_full_disk_leave_the_last_results(
+    notebook, out, broken, said, monkeypatch
+):
     execution.execute(notebook(GOOD), destination=out)
     before = bytes_below(out)
     if said == "No space left":
@@ -149,7 +175,9 @@ def test_what_a_failed_run_got_to_is_kept_apart_and_is_no_notebook(notebook, out
 
 
 STALLED = r"small\.py, cell 1: no progress for .* minutes \(STALL_MINUTES"
-KILLED = "import os\nfrom joblib import Parallel, delayed\nParallel(2)([delayed(os._exit)(9)] * 2)\n"
+KILLED = (
+    "import os\nfrom joblib import Parallel, delayed\nParallel(2)([delayed(os._exit)(9)] * 2)\n"
+)
 
 
 @pytest.mark.parametrize(
@@ -158,11 +186,17 @@ KILLED = "import os\nfrom joblib import Parallel, delayed\nParallel(2)([delayed(
         # The first is over before the kernel has started.
         ("# %%\nimport time\ntime.sleep(60)\n", STALLED, {"stall_s": 0.3}),
         ("# %%\nimport time\ntime.sleep(60)\n", STALLED, {"stall_s": 3}),
-        ("# %%\nx = 1\n\n# %%\nimport os\nos._exit(1)\n", r"small\.py, cell 2: the kernel died", {}),
+        (
+            "# %%\nx = 1\n\n# %%\nimport os\nos._exit(1)\n",
+            r"small\.py, cell 2: the kernel died",
+            {},
+        ),
         (f"# %%\n{KILLED}", r"small\.py, cell 1: TerminatedWorkerError", {}),
     ],
 )
-def test_a_cell_without_progress_a_dead_kernel_and_a_killed_worker_are_named(notebook, out, text, said, options):
+def test_a_cell_without_progress_a_dead_kernel_and_a_killed_worker_are_named(
+    notebook, out, text, said, options
+):
     refused(notebook(text), out, said, **options)
     assert bytes_below(out) == {}
 
@@ -180,7 +214,9 @@ except execution.NotebookFailed as error:
     print(error)
 """
     environment = os.environ | {"PYTHONPATH": str(workbook.ROOT)}
-    done = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True, check=True)
+    done = subprocess.run(
+        [sys.executable, "-c", code], env=environment, capture_output=True, text=True, check=True
+    )
     assert "small.py, cell 1: the kernel died" in done.stdout
     assert "Traceback" not in done.stderr
 
@@ -205,11 +241,22 @@ def test_an_outcome_says_what_it_was_made_from(notebook, out):
     seeds = "random_seed, seeds, reseed = 7, range(1, 4), 1.5\n"
     source = notebook(GOOD + "\n# %%\n" + read + seeds)
     execution.execute(source, destination=out)
-    made_from = json.loads((out / "results" / "outcomes" / "small.json").read_text(encoding="utf-8"))["made_from"]
+    made_from = json.loads(
+        (out / "results" / "outcomes" / "small.json").read_text(encoding="utf-8")
+    )["made_from"]
     sources = made_from["sources"]
-    needed = {"small.py", "requirements.lock", "replication/published.py", "replication/data/cells.csv"}
+    needed = {
+        "small.py",
+        "requirements.lock",
+        "replication/published.py",
+        "replication/data/cells.csv",
+    }
     assert needed <= set(sources)
-    assert not set(sources) & {"replication/search.py", "backlash/interface.py", "replication/data/map.csv"}
+    assert not set(sources) & {
+        "replication/search.py",
+        "backlash/interface.py",
+        "replication/data/map.csv",
+    }
     assert made_from["seeds"] == {"random_seed": 7, "seeds": "range(1, 4)"}
     for name, digest in sources.items():
         path = source if name == "small.py" else workbook.ROOT / name
@@ -217,7 +264,9 @@ def test_an_outcome_says_what_it_was_made_from(notebook, out):
 
 
 def test_missing_data_are_told_from_a_failure(notebook, out):
-    source = notebook("# %%\nfrom replication import authors\nauthors.authors_file('Speeddata99.xlsx')\n")
+    source = notebook(
+        "# %%\nfrom replication import authors\nauthors.authors_file('Speeddata99.xlsx')\n"
+    )
     with pytest.raises(execution.NotebookNotRun, match=r"small: not run: Speeddata99\.xlsx"):
         execution.execute(source, destination=out)
     assert bytes_below(out) == {}

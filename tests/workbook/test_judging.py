@@ -26,7 +26,11 @@ def five(value, spread=0.01):
 def test_the_region_holds_the_next_realisation_as_often_as_it_says():
     rng = np.random.default_rng(1)
     draws = np.exp(rng.normal(0.3, 0.2, size=(4000, 6)))
-    inside = [low <= last <= high for *seen, last in draws for low, high in [judging.region(seen, signed=False)]]
+    inside = [
+        low <= last <= high
+        for *seen, last in draws
+        for low, high in [judging.region(seen, signed=False)]
+    ]
     assert np.mean(inside) == pytest.approx(0.95, abs=0.01)
 
 
@@ -41,14 +45,20 @@ def test_one_realisation_gives_no_region():
 
 
 def test_a_value_within_its_tolerance_is_reproduced_and_one_beyond_differs():
-    value, tolerance = published.value("table2.row03.noise"), published.tolerance("table2.row03.noise")
+    value, tolerance = (
+        published.value("table2.row03.noise"),
+        published.tolerance("table2.row03.noise"),
+    )
     assert verdict("table2.row03.noise", value + 0.99 * tolerance) == "reproduced"
     assert verdict("table2.row03.noise", value + 1.01 * tolerance) == "differs"
     assert verdict("table2.row03.noise", value - 1.01 * tolerance) == "differs"
 
 
 def test_a_mean_is_reproduced_only_where_the_region_holds_no_other_printed_number():
-    printed, theoretical = published.value("table2.row02.mean"), published.value("table2.row02.theoretical")
+    printed, theoretical = (
+        published.value("table2.row02.mean"),
+        published.value("table2.row02.theoretical"),
+    )
     assert verdict("table2.row02.mean", five(printed)) == "reproduced"
     wide = judged("table2.row02.mean", five(printed, spread=0.05))
     assert wide["low"] <= theoretical <= wide["high"]
@@ -70,12 +80,17 @@ def test_a_difference_that_depends_on_one_realisation_is_undecided():
     without = judging.region_without_one(hanging, signed=False)
     assert without[0] < low
     assert without[1] > high
-    moved = [x * printed / (0.999 * low) for x in hanging]  # the printed number just below the region
+    moved = [
+        x * printed / (0.999 * low) for x in hanging
+    ]  # the printed number just below the region
     assert verdict("table2.row02.mean", moved) == "undecided"
 
 
 def test_a_number_that_has_no_logarithm_decides_nothing():
-    assert verdict("table2.row02.sd", [0.0, *five(published.value("table2.row02.sd"), 0.05)[1:]]) == "undecided"
+    assert (
+        verdict("table2.row02.sd", [0.0, *five(published.value("table2.row02.sd"), 0.05)[1:]])
+        == "undecided"
+    )
 
 
 def test_a_cell_that_no_rule_is_about_is_not_judged():
@@ -105,7 +120,9 @@ def test_a_cell_with_an_erratum_is_an_erratum_only_when_our_number_is_the_correc
         ("table4.row01.mean", "stand-in", "stand-in", "stand-in"),
     ],
 )
-def test_what_an_agreement_and_a_difference_count_for_depends_on_what_they_are_worth(cell, source, agreeing, differing):
+def test_what_an_agreement_and_a_difference_count_for_depends_on_what_they_are_worth(
+    cell, source, agreeing, differing
+):
     printed = published.value(cell)
     assert verdict(cell, printed, source) == agreeing
     assert verdict(cell, 2 * printed + 1, source) == differing
@@ -138,7 +155,9 @@ def test_each_printed_number_counts_once_by_the_authors_data_first():
 
 
 def test_the_counts_are_of_printed_numbers(tmp_path):
-    assert judging.verdict_counts(judging.verdicts(tmp_path)).to_numpy().sum() == len(published.cells())
+    assert judging.verdict_counts(judging.verdicts(tmp_path)).to_numpy().sum() == len(
+        published.cells()
+    )
 
 
 def test_an_undecided_claim_is_neither_true_nor_false(tmp_path, monkeypatch):

@@ -41,7 +41,11 @@ def test_the_server_loads_the_pairing_by_itself():
 
 def test_saving_a_notebook_writes_its_source_too(lab, tmp_path):
     model = lab.get(f"notebooks/{NAME}.ipynb")
-    cell = next(cell for cell in model["content"]["cells"] if "parameters" in cell["metadata"].get("tags", []))
+    cell = next(
+        cell
+        for cell in model["content"]["cells"]
+        if "parameters" in cell["metadata"].get("tags", [])
+    )
     cell["source"] = cell["source"].replace("15e-4", "3e-4")
     lab.save(model, f"notebooks/{NAME}.ipynb")
     committed = (workbook.ROOT / "notebooks" / f"{NAME}.py").read_text(encoding="utf-8")
@@ -53,7 +57,10 @@ def test_saving_a_notebook_writes_its_source_too(lab, tmp_path):
 
 def test_an_edited_source_shows_in_the_notebook_which_keeps_its_outputs(lab, tmp_path):
     source = tmp_path / "notebooks" / f"{NAME}.py"
-    source.write_text(source.read_text(encoding="utf-8").replace("half of the play", "half the play"), encoding="utf-8")
+    source.write_text(
+        source.read_text(encoding="utf-8").replace("half of the play", "half the play"),
+        encoding="utf-8",
+    )
     later = (tmp_path / "notebooks" / f"{NAME}.ipynb").stat().st_mtime + 10
     os.utime(source, (later, later))
     content = lab.get(f"notebooks/{NAME}.ipynb")["content"]
@@ -99,7 +106,9 @@ def test_git_ignores_the_copies():
 
 def test_the_browser_environment_is_the_locked_one():
     folder = workbook.ROOT / ".binder"
-    python = re.fullmatch(r"python-(\d+)\.(\d+)\n", (folder / "runtime.txt").read_text(encoding="utf-8"))
+    python = re.fullmatch(
+        r"python-(\d+)\.(\d+)\n", (folder / "runtime.txt").read_text(encoding="utf-8")
+    )
     assert (int(python[1]), int(python[2])) >= (3, 11)
     for script in ("postBuild", "start"):
         assert os.access(folder / script, os.X_OK)

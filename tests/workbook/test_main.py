@@ -17,7 +17,9 @@ FIRST = workbook.ROOT / "notebooks" / "01_signature_figure6.py"
 
 def started(*command, **options):
     environment = os.environ | {"PYTHONPATH": str(workbook.ROOT)} | options.pop("environment", {})
-    return subprocess.run([sys.executable, "-m", *command], env=environment, text=True, check=False, **options)
+    return subprocess.run(
+        [sys.executable, "-m", *command], env=environment, text=True, check=False, **options
+    )
 
 
 @pytest.fixture
@@ -47,7 +49,9 @@ def test_a_notebook_that_is_not_there_is_refused_by_name(capsys, tmp_path):
     assert "missing.py" in capsys.readouterr().err
 
 
-@pytest.mark.parametrize(("given", "said"), [(["shwo"], "invalid choice"), (["run", "--watch", "x"], "--watch")])
+@pytest.mark.parametrize(
+    ("given", "said"), [(["shwo"], "invalid choice"), (["run", "--watch", "x"], "--watch")]
+)
 def test_wrong_arguments_are_refused_in_one_line(given, said, capsys):
     with pytest.raises(SystemExit) as ended:
         run_command(given)
@@ -61,7 +65,18 @@ def test_every_command_is_listed_with_a_sentence(capsys):
     with pytest.raises(SystemExit):
         run_command(["--help"])
     listed = re.findall(r"^    (\w+) +[A-Z].*", capsys.readouterr().out, re.MULTILINE)
-    assert set(listed) == {"run", "collect", "check", "report", "article", "readme", "show", "diff", "lab", "data"}
+    assert set(listed) == {
+        "run",
+        "collect",
+        "check",
+        "report",
+        "article",
+        "readme",
+        "show",
+        "diff",
+        "lab",
+        "data",
+    }
 
 
 def test_a_reader_who_has_seen_enough_and_a_full_disk_are_no_defects():
@@ -83,7 +98,9 @@ def test_a_reader_who_has_seen_enough_and_a_full_disk_are_no_defects():
 
 @pytest.mark.slow
 def test_sensitivity_without_its_data_says_so_in_one_line_and_exits_with_2(tmp_path):
-    ended = started("tests.tools.sensitivity", environment={"BACKLASH_DATA": str(tmp_path)}, capture_output=True)
+    ended = started(
+        "tests.tools.sensitivity", environment={"BACKLASH_DATA": str(tmp_path)}, capture_output=True
+    )
     assert ended.returncode == 2
     assert "BACKLASH_DATA" in ended.stderr
     assert ended.stderr.count("\n") == 1
@@ -97,15 +114,27 @@ def test_a_quick_run_never_overwrites_the_full_results(tmp_path, monkeypatch):
 
     def full():
         files = {path for folder in folders for path in folder.rglob("*") if path.is_file()}
-        return {path: path.read_bytes() for path in files if path.name != "run.json"}  # another test's, perhaps
+        return {
+            path: path.read_bytes() for path in files if path.name != "run.json"
+        }  # another test's, perhaps
 
     before = full()
-    assert run_command(["run", "--quick", str(workbook.ROOT / "notebooks" / "02_dead_zone_figure9.py")]) == 0
+    assert (
+        run_command(
+            ["run", "--quick", str(workbook.ROOT / "notebooks" / "02_dead_zone_figure9.py")]
+        )
+        == 0
+    )
     for command in ("collect", "report"):
         assert run_command([command, "--quick"]) == 0
     assert full() == before
     written = {path.name for path in (tmp_path / "quick").rglob("*")}
-    assert {"figure09_dead_zone.svg", "dead_zone_facts.csv", "verdicts.csv", "report.html"} <= written
+    assert {
+        "figure09_dead_zone.svg",
+        "dead_zone_facts.csv",
+        "verdicts.csv",
+        "report.html",
+    } <= written
     page = (tmp_path / "quick" / "results" / "report.html").read_text(encoding="utf-8")
     assert "This is a quick run with few repeats." in page
 

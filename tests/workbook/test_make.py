@@ -14,14 +14,20 @@ from workbook.checkout import RESULTS, notebook_files
 from workbook.outcomes import load_outcomes
 
 OUTCOMES = load_outcomes(RESULTS)
-SOURCES = sorted({name for outcome in OUTCOMES.values() for name in outcome["made_from"]["sources"]})
+SOURCES = sorted(
+    {name for outcome in OUTCOMES.values() for name in outcome["made_from"]["sources"]}
+)
 
 
 @pytest.fixture(scope="module")
 def tree(tmp_path_factory):
     """A copy of the sources in which everything has been made."""
     folder = tmp_path_factory.mktemp("tree")
-    for name in {*SOURCES, "Makefile", *(str(path.relative_to(workbook.ROOT)) for path in _notebooks())}:
+    for name in {
+        *SOURCES,
+        "Makefile",
+        *(str(path.relative_to(workbook.ROOT)) for path in _notebooks()),
+    }:
         (folder / name).parent.mkdir(parents=True, exist_ok=True)
         shutil.copy(workbook.ROOT / name, folder / name)
     (folder / ".venv").mkdir()
@@ -54,9 +60,15 @@ def due(folder, changed=None):
 @pytest.mark.slow
 def test_after_a_change_exactly_the_notebooks_run_that_read_the_file(tree):
     assert due(tree) == set()
-    read_by_all = set.intersection(*(set(outcome["made_from"]["sources"]) for outcome in OUTCOMES.values()))
+    read_by_all = set.intersection(
+        *(set(outcome["made_from"]["sources"]) for outcome in OUTCOMES.values())
+    )
     for name in [name for name in SOURCES if name not in read_by_all] + ["requirements.lock"]:
-        readers = {notebook for notebook, outcome in OUTCOMES.items() if name in outcome["made_from"]["sources"]}
+        readers = {
+            notebook
+            for notebook, outcome in OUTCOMES.items()
+            if name in outcome["made_from"]["sources"]
+        }
         assert due(tree, name) == readers, name
 
 
@@ -72,7 +84,9 @@ def calls(folder):
     """Calls of the program by a real `make all`, and how make ended."""
     (folder / "program").write_text(PROGRAM, encoding="utf-8")
     (folder / "calls").write_text("", encoding="utf-8")
-    ended = subprocess.run(["make", "RUN=sh program", "all"], cwd=folder, capture_output=True, text=True, check=False)
+    ended = subprocess.run(
+        ["make", "RUN=sh program", "all"], cwd=folder, capture_output=True, text=True, check=False
+    )
     said = (folder / "calls").read_text(encoding="utf-8").splitlines()
     return [re.sub(r"--stamps .make --watch \d+ ", "", call) for call in said], ended.returncode
 
@@ -95,7 +109,11 @@ def test_a_source_that_is_gone_makes_its_readers_due(tree):
     name = next(name for name in SOURCES if name.startswith("backlash/fitting/"))
     kept = (tree / name).read_bytes()
     (tree / name).unlink()
-    readers = {notebook for notebook, outcome in OUTCOMES.items() if name in outcome["made_from"]["sources"]}
+    readers = {
+        notebook
+        for notebook, outcome in OUTCOMES.items()
+        if name in outcome["made_from"]["sources"]
+    }
     assert due(tree) == readers
     (tree / name).write_bytes(kept)
 
@@ -103,7 +121,11 @@ def test_a_source_that_is_gone_makes_its_readers_due(tree):
 def test_every_notebook_has_noted_itself_the_locked_versions_and_the_package():
     assert set(OUTCOMES) == {path.stem for path in _notebooks()}
     for source in _notebooks():
-        needed = {str(source.relative_to(workbook.ROOT)), "requirements.lock", "replication/__init__.py"}
+        needed = {
+            str(source.relative_to(workbook.ROOT)),
+            "requirements.lock",
+            "replication/__init__.py",
+        }
         assert needed <= set(OUTCOMES[source.stem]["made_from"]["sources"])
 
 

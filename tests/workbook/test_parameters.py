@@ -15,7 +15,11 @@ from workbook import Interval, check_parameters, sliders
         ([2, "x"], [Interval(1, 5)], "shown = [2, 'x']: 'x' should be a number from 1 to 5"),
         (3.0, [Interval(0)], "shown = 3.0: it should be a list, each item a number from 0 on"),
         ([1], range(3), "shown = [1]: it should be one of 0, 1, 2"),
-        ({"rigidity": 2}, [("stiffness",)], "shown = {'rigidity': 2}: 'rigidity' should be one of 'stiffness'"),
+        (
+            {"rigidity": 2},
+            [("stiffness",)],
+            "shown = {'rigidity': 2}: 'rigidity' should be one of 'stiffness'",
+        ),
         (2.5, Interval(1, 9, whole=True), "shown = 2.5: 2.5 should be a whole number from 1 to 9"),
         (float("nan"), Interval(0, 1), "shown = nan: nan should be a number from 0 to 1"),
     ],
@@ -27,11 +31,15 @@ def test_a_value_that_is_not_allowed_is_refused_with_what_is(value, allowed, sen
 
 
 def test_what_is_allowed_passes():
-    check_parameters(a=(3, range(5)), b=([0.1, 2], [Interval(0, 2)]), c=({}, [("x",)]), d=([], [Interval(0)]))
+    check_parameters(
+        a=(3, range(5)), b=([0.1, 2], [Interval(0, 2)]), c=({}, [("x",)]), d=([], [Interval(0)])
+    )
 
 
 @pytest.mark.parametrize("by_hand", [False, True])
-def test_a_picture_is_drawn_once_and_by_hand_has_sliders_with_their_first_values_and_ends(by_hand, monkeypatch):
+def test_a_picture_is_drawn_once_and_by_hand_has_sliders_with_their_first_values_and_ends(
+    by_hand, monkeypatch
+):
     shown, drawn = {}, []
     widgets = ModuleType("ipywidgets")
     widgets.FloatSlider = lambda first, **options: (first, options["min"], options["max"])

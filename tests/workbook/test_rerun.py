@@ -18,7 +18,11 @@ def test_a_claim_made_again_is_what_the_results_say_and_the_results_stay(capsys)
     claims = judging.decided_claims(RESULTS)
     claim = claims[claims["notebook"] == "02_dead_zone_figure9"].iloc[0]
     table = running.rerun(claim["id"], RESULTS)
-    assert table["reproduced_now"].tolist() == table["reproduced_before"].tolist() == [claim["measured"]]
+    assert (
+        table["reproduced_now"].tolist()
+        == table["reproduced_before"].tolist()
+        == [claim["measured"]]
+    )
     assert (RESULTS / "outcomes" / "02_dead_zone_figure9.json").read_bytes() == before
 
 
@@ -27,7 +31,9 @@ def another_mean(monkeypatch):
     """Notebook 8 as it would be if it found another mean."""
 
     def execute(source, destination):
-        outcome = json.loads((RESULTS / "outcomes" / f"{source.stem}.json").read_text(encoding="utf-8"))
+        outcome = json.loads(
+            (RESULTS / "outcomes" / f"{source.stem}.json").read_text(encoding="utf-8")
+        )
         for row in outcome["cells"]:
             if row["id"] == MEAN:
                 row["numbers"] = [1.5 * number for number in row["numbers"]]

@@ -51,7 +51,11 @@ def notebooks(tmp_path):
 
 
 def alive(pids):
-    return [pid for pid in pids if psutil.pid_exists(pid) and psutil.Process(pid).status() != psutil.STATUS_ZOMBIE]
+    return [
+        pid
+        for pid in pids
+        if psutil.pid_exists(pid) and psutil.Process(pid).status() != psutil.STATUS_ZOMBIE
+    ]
 
 
 def wait_until(condition, seconds=60):
@@ -76,7 +80,9 @@ def started(notebooks, tmp_path):
         if shell:
             command = ["sh", "-c", f"{sys.executable} {script} $$; true"]
         environment = os.environ | {"PYTHONPATH": str(workbook.ROOT)}
-        process = subprocess.Popen(command, env=environment, stderr=subprocess.PIPE, start_new_session=True)
+        process = subprocess.Popen(
+            command, env=environment, stderr=subprocess.PIPE, start_new_session=True
+        )
         processes.append(process)
         wait_until(lambda: pids.exists() and (tmp_path / ".make" / "first.done").exists())
         return process, [int(pid) for pid in pids.read_text().split()]
@@ -91,13 +97,18 @@ def test_a_failing_notebook_does_not_keep_the_others_from_running(notebooks, tmp
     endings = running.run_notebooks(sources, tmp_path / "out", stamps=tmp_path / ".make")
     assert [ending.how for ending in endings] == ["failed", "done", "done"]
     assert "bad.py, cell 1: ZeroDivisionError" in capsys.readouterr().err
-    assert sorted(path.name for path in (tmp_path / ".make").glob("*.done")) == ["good.done", "later.done"]
+    assert sorted(path.name for path in (tmp_path / ".make").glob("*.done")) == [
+        "good.done",
+        "later.done",
+    ]
 
 
 def test_a_source_that_changes_while_its_notebook_runs_is_newer_than_the_stamp(notebooks, tmp_path):
     change = f"# %%\nfrom pathlib import Path\nPath({str(tmp_path / 'source')!r}).write_text('changed')\n"
     running.run_notebooks(notebooks(first=change), tmp_path / "out", stamps=tmp_path / ".make")
-    assert (tmp_path / ".make" / "first.done").stat().st_mtime < (tmp_path / "source").stat().st_mtime
+    assert (tmp_path / ".make" / "first.done").stat().st_mtime < (
+        tmp_path / "source"
+    ).stat().st_mtime
 
 
 @pytest.mark.slow
@@ -144,5 +155,8 @@ def test_what_a_killed_run_left_half_done_is_removed_by_the_next(started, notebo
 
 
 def test_count_and_time_left_are_read_off_a_progress_bar():
-    assert execution.count_and_time_left("fits:  45%|####  | 45/100 [00:10<00:12, 4.4it/s]") == "45/100, 00:12 left"
+    assert (
+        execution.count_and_time_left("fits:  45%|####  | 45/100 [00:10<00:12, 4.4it/s]")
+        == "45/100, 00:12 left"
+    )
     assert execution.count_and_time_left("no bar") == ""

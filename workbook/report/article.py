@@ -63,6 +63,8 @@ def typeset(results: Path) -> bytes:
     inputs = {"data": json.dumps(collect_content(results))}
     try:
         # Fonts that only this machine has would make other bytes elsewhere.
-        return typst.compile(str(SOURCE), root=str(files.ROOT), sys_inputs=inputs, ignore_system_fonts=True)
+        return typst.compile(
+            str(SOURCE), root=str(files.ROOT), sys_inputs=inputs, ignore_system_fonts=True
+        )
     except typst.TypstError as error:
         raise NotTypeset(f"article/article.typ: {error}") from error

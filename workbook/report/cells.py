@@ -57,7 +57,9 @@ class Judgement:
     def predicted(self) -> bool:
         """Whether the region comes from several realisations, and is not our number's tolerance."""
         half = published.tolerance(self.id)
-        by_tolerance = math.isclose(self.low, self.reproduced - half, rel_tol=1e-4, abs_tol=1e-4 * half)
+        by_tolerance = math.isclose(
+            self.low, self.reproduced - half, rel_tol=1e-4, abs_tol=1e-4 * half
+        )
         return not (by_tolerance or math.isnan(self.low))
 
     @cached_property
@@ -124,7 +126,9 @@ class Cell:
         points = [self.value, *ends]
         margin = 0.08 * (max(points) - min(points)) or abs(max(points)) or 1.0
         low, high = min(points) - margin, max(points) + margin
-        return lambda value: round(PICTURE_WIDTH * (min(max(value, low), high) - low) / (high - low), 1)
+        return lambda value: round(
+            PICTURE_WIDTH * (min(max(value, low), high) - low) / (high - low), 1
+        )
 
 
 def judged_cells(verdicts: pd.DataFrame) -> dict[str, Cell]:
@@ -145,7 +149,9 @@ def judged_claims(results: Path) -> list[dict]:
     decided = judging.decided_claims(results).set_index("id")
     table = published.claims().join(decided).astype(object).fillna("").reset_index()
     table["verdict"] = table["verdict"].replace("", "not decided")
-    table["check"] = [f"{row.check} Rule: {row.rule} {row.criterion:g}." for row in table.itertuples()]
+    table["check"] = [
+        f"{row.check} Rule: {row.rule} {row.criterion:g}." for row in table.itertuples()
+    ]
     return table.to_dict("records")
 
 

@@ -56,7 +56,9 @@ def describe_results(results: Path) -> dict[str, Any]:
             inside = name.removeprefix("results/")
             if inside in graph:
                 read.append({"@id": inside})
-            elif not name.endswith(".py"):  # those of the modules, which are many, are in provenance.json
+            elif not name.endswith(
+                ".py"
+            ):  # those of the modules, which are many, are in provenance.json
                 read.append(add(f"#{name}", "CreativeWork", name, sha256=digest))
         versions = {"Python": made_from["python"]} | made_from["packages"]
         software = []

@@ -59,7 +59,9 @@ def list_changes(results: Path, verdicts: pd.DataFrame, claims: pd.DataFrame) ->
         if old[:2] == new[:2] or (name not in now and old.notebook not in run):
             continue
         flips = "moved" if old.verdict == new.verdict else "FLIPS"
-        verdict, value = (a if a == b else f"{a} -> {b}" for a, b in zip(old[:2], new[:2], strict=True))
+        verdict, value = (
+            a if a == b else f"{a} -> {b}" for a, b in zip(old[:2], new[:2], strict=True)
+        )
         lines.append(f"{flips} {name}: {verdict}; {value}")
     return sorted(lines, key=lambda line: line[:5])
 

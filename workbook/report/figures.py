@@ -112,7 +112,9 @@ def reduce_png(content: bytes, scale: float = 1.0) -> str:
 def reduce_svg(drawing: str) -> str:
     """Leave out what is not seen: comments, names, spaces, and digits beyond a tenth of a point."""
     drawing = NOT_DRAWN.sub("", drawing)
-    short = {name: f"i{place}" for place, name in enumerate(dict.fromkeys(REFERRED.findall(drawing)))}
+    short = {
+        name: f"i{place}" for place, name in enumerate(dict.fromkeys(REFERRED.findall(drawing)))
+    }
     drawing = NAMED.sub(lambda name: f' id="{short[name[1]]}"' if name[1] in short else "", drawing)
     drawing = REFERRED.sub(lambda name: short[name[0]], drawing).replace("xlink:href", "href")
     drawing = PLACED.sub(lambda place: LONG.sub(_round, place[0]), drawing)

@@ -17,7 +17,9 @@ from workbook.report.figures import load_pictures
 from workbook.report.tables import LAYOUTS
 
 
-def render_report(results: Path, notebooks: Path, verdicts: pd.DataFrame, quick: bool = False) -> str:
+def render_report(
+    results: Path, notebooks: Path, verdicts: pd.DataFrame, quick: bool = False
+) -> str:
     """Render the report."""
     cells, facts = judged_cells(verdicts), collect_facts(results, verdicts)
     executed = pages.executed_cells(notebooks)

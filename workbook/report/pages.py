@@ -135,7 +135,9 @@ def drawing_cells(cells: Notebook) -> dict[str, int]:
     trees = [ast.parse(cell.source if cell.cell_type == "code" else "") for cell in cells]
     nodes = [(position, node) for position, tree in enumerate(trees) for node in ast.walk(tree)]
     assigned = {
-        node.id: position for position, node in nodes if isinstance(node, ast.Name) and isinstance(node.ctx, ast.Store)
+        node.id: position
+        for position, node in nodes
+        if isinstance(node, ast.Name) and isinstance(node.ctx, ast.Store)
     }
     found = {}
     for _, node in nodes:

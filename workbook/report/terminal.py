@@ -87,7 +87,8 @@ def find_surprises(verdicts: pd.DataFrame) -> tuple[list[str], list[str]]:
     """Cells that differ unexpectedly, and known differences that no longer differ."""
     known, differs = published.known_differences(), verdicts[verdicts["verdict"] == "differs"]
     expected, found, run = (
-        {f"{row.id} ({row.source})" for row in table.itertuples()} for table in (known, differs, verdicts)
+        {f"{row.id} ({row.source})" for row in table.itertuples()}
+        for table in (known, differs, verdicts)
     )
     new = [f"{cell} differs and is not a known difference" for cell in sorted(found - expected)]
     gone = sorted((expected - found) & run)
@@ -112,7 +113,9 @@ def show(name: str, results: Path, verdicts: pd.DataFrame, colour: bool) -> str:
         if judging.squeeze(element) == wanted:
             return _element(element, cells, colour)
     near = [cell for cell in cells if wanted in cell.lower()][:6]
-    hint = f"did you mean {', '.join(near)}?" if near else "`python -m workbook check` lists all cells"
+    hint = (
+        f"did you mean {', '.join(near)}?" if near else "`python -m workbook check` lists all cells"
+    )
     raise Unknown(f"{name}: no such cell, element, claim or erratum; {hint}")
 
 
