@@ -276,7 +276,7 @@ claims = {
     "static_reference": (
         published.decide("static_reference", interpolation, criteria),
         f"at most {interpolation:.1g} rps off by interpolating Table 2, {by_equation:.1g} rps off by equation 10",
-    ),
+    )
 }
 display(workbook.judge(cells, claims))
 off_SDs = errors["printed_in_SDs"].abs().max()

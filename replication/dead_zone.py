@@ -58,8 +58,7 @@ def transmitted_torque(
     if clamped:
         beyond = np.sign(x) * np.maximum(np.abs(x) - delta, 0.0)
         pushing = np.sign(x) * np.maximum(
-            np.sign(x) * (stiffness_nm_per_rad * beyond + damping),
-            0.0,
+            np.sign(x) * (stiffness_nm_per_rad * beyond + damping), 0.0
         )
         return np.where(np.abs(x) > delta, pushing, 0.0)
     displacement = x - delta * np.sign(x) + damping / stiffness_nm_per_rad

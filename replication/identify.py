@@ -95,10 +95,7 @@ def paper_search(recording: Recording, protocol: Protocol, seed: int) -> Iterato
     record = fold(recording.t, recording.v, protocol.timing)
     box = protocol_box(recording, protocol)
     return generations(
-        lambda members: folded_rmse(members, record),
-        box,
-        random_normals(seed),
-        protocol.population,
+        lambda members: folded_rmse(members, record), box, random_normals(seed), protocol.population
     )
 
 
@@ -106,11 +103,7 @@ def paper_run(recording: Recording, protocol: Protocol, seed: int) -> Search:
     """The same search as a whole, compiled; see `compiled.whole_run`."""
     record = fold(recording.t, recording.v, protocol.timing)
     return whole_run(
-        record,
-        protocol_box(recording, protocol),
-        seed,
-        protocol.population,
-        protocol.iterations,
+        record, protocol_box(recording, protocol), seed, protocol.population, protocol.iterations
     )
 
 
@@ -129,11 +122,7 @@ def unbounded_run(recording: Recording, protocol: Protocol, seed: int) -> Search
 
     wide = Box(middle - UNBOUNDED * half, middle + UNBOUNDED * half)
     steps = generations(
-        misfits,
-        wide,
-        random_normals(seed),
-        protocol.population,
-        sigma=1 / UNBOUNDED,
+        misfits, wide, random_normals(seed), protocol.population, sigma=1 / UNBOUNDED
     )
     found = search(steps, protocol.iterations)
     return replace(found, best=np.append(found.best, gate[0]))
@@ -177,9 +166,7 @@ def _fit_in_rpm(recording: Recording, protocol: Protocol, seed: int) -> Fit:
 
 
 def library_search(
-    recording: Recording,
-    protocol: Protocol,
-    seed: int,
+    recording: Recording, protocol: Protocol, seed: int
 ) -> "cma.CMAEvolutionStrategy":
     """Today's `cma` on a record, without its slow bound handling: put its samples `into_box`.
 

@@ -115,9 +115,7 @@ def criterion(claim: str, criteria: Criteria = None) -> float:
 
 
 def decide(
-    claim: str,
-    measured: float | tuple[float, float],
-    criteria: Criteria = None,
+    claim: str, measured: float | tuple[float, float], criteria: Criteria = None
 ) -> bool | None:
     """Decide a claim by its rule in `claims.csv`; None is undecided, as is whatever was not measured (nan).
 

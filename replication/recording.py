@@ -42,9 +42,7 @@ def from_sample(recording: Recording, start: int) -> Recording:
 
 
 def add_uniform_noise(
-    recording: Recording,
-    half_amplitude_rps: float,
-    rng: np.random.Generator,
+    recording: Recording, half_amplitude_rps: float, rng: np.random.Generator
 ) -> Recording:
     """Add uniform white noise n(t) to a record (equation 18), as the authors' noisy logs have it.
 

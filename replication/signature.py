@@ -40,13 +40,7 @@ class Box:
 
 
 def damped_oscillation(
-    t: FloatArray,
-    A: float,
-    t0: float,
-    tau: float,
-    omega: float,
-    T1: float,
-    T2: float,
+    t: FloatArray, A: float, t0: float, tau: float, omega: float, T1: float, T2: float
 ) -> FloatArray:
     """Equation 5: one damped oscillation d_b(t - t0), zero outside t0 + T1 <= t <= t0 + T2.
 

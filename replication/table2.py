@@ -54,9 +54,7 @@ def authors_table2_records(realisations: Sequence[int]) -> list[tuple[dict, Reco
 
 
 def simulated_table2_records(
-    joint: JointParameters,
-    seed: int,
-    factor: float = 1.0,
+    joint: JointParameters, seed: int, factor: float = 1.0
 ) -> list[tuple[dict, Recording]]:
     """Simulate Table 2's ten records: the joint at each level, with `factor` times the printed uniform noise."""
     noise = factor * published.column("Table 2", "noise")
@@ -97,9 +95,7 @@ def _key(source: str, realisation: int, row: int, noise_level: str, factor: floa
 
 
 def start_samples(
-    protocol: Protocol,
-    seeds: Sequence[int],
-    record_seed: int | Sequence[int],
+    protocol: Protocol, seeds: Sequence[int], record_seed: int | Sequence[int]
 ) -> list[int]:
     """Draw the start sample of each run of a record, as the protocol's `start` says."""
 
@@ -211,8 +207,7 @@ def table2(runs: pd.DataFrame) -> pd.DataFrame:
     theoretical = published.column("Table 2", "theoretical")[runs["row"] - 1]
     of_record = ["source", "realisation", "noise_level", "row", "delta_rad", "noise_amplitude_rps"]
     return summarise_runs(
-        runs.assign(theoretical_A_rps=theoretical),
-        [*of_record, "theoretical_A_rps"],
+        runs.assign(theoretical_A_rps=theoretical), [*of_record, "theoretical_A_rps"]
     )
 
 

@@ -98,22 +98,14 @@ def encoder_recording(
 ) -> Recording:
     """Record speeds differenced from the positions of an encoder that is turned by an offset."""
     run = simulate(
-        joint,
-        delta_rad,
-        duration_s=turns * joint.turn_period_s,
-        sample_s=sample_s,
-        step_s=step_s,
+        joint, delta_rad, duration_s=turns * joint.turn_period_s, sample_s=sample_s, step_s=step_s
     )
     source = f"simulated joint, {delta_rad:g} rad, {bits}-bit encoder"
     return read_encoder(joint, run.time_s, run.motor_position_rad + offset_rad, bits, source)
 
 
 def _draw_log(
-    joint: JointParameters,
-    axis: str,
-    value: float,
-    delta_rad: float,
-    seed: int,
+    joint: JointParameters, axis: str, value: float, delta_rad: float, seed: int
 ) -> KnownLog:
     """Record the joint with one setting changed; with an encoder there is no other noise."""
     settings = USUAL | {axis: value}
@@ -165,10 +157,7 @@ def errors_after_changes(logs: Sequence[KnownLog], joint: JointParameters) -> Da
         # all the same.
         known = replace(joint, commanded_speed_rps=log.recording.commanded_speed_rps)
         return _answers(
-            log.recording,
-            calibrations,
-            known,
-            {JOINT_ALL_FREE: JOINT_METHODS[JOINT_ALL_FREE]},
+            log.recording, calibrations, known, {JOINT_ALL_FREE: JOINT_METHODS[JOINT_ALL_FREE]}
         )
 
     return logs_by_methods(logs, answers)
@@ -193,8 +182,7 @@ CHANGES: dict[str, Callable[[JointParameters, float], JointParameters]] = {
     "torque lag": _scaled("torque_lag_s"),
     "load Coulomb friction": lambda joint, share: add_nuisances(joint, {"friction": share}),
     "load viscous friction": lambda joint, share: replace(
-        joint,
-        load_viscous_nms_per_rad=share * joint.gravity_torque_nm * joint.turn_period_s / TURN,
+        joint, load_viscous_nms_per_rad=share * joint.gravity_torque_nm * joint.turn_period_s / TURN
     ),
 }
 
@@ -228,10 +216,7 @@ def cramer_rao_sd(slopes: FloatArray, noise_sd: float) -> float:
 
 
 def noisy_energy(
-    clean: Recording,
-    half_amplitude_rps: float,
-    rng: Generator,
-    logs: int,
+    clean: Recording, half_amplitude_rps: float, rng: Generator, logs: int
 ) -> FloatArray:
     """RMS of the signature fitted to a record with uniform noise [rps], for so many drawings of the noise."""
     seeds = rng.integers(2**31, size=logs)

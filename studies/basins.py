@@ -185,9 +185,7 @@ def coverage_table(runs: int, seed: int) -> DataFrame:
     ]
     rows = []
     for (law, half_amplitude), part in zip(
-        settings,
-        in_parallel(coverage_runs, calls, "made records"),
-        strict=True,
+        settings, in_parallel(coverage_runs, calls, "made records"), strict=True
     ):
         row = {
             "law": law,

@@ -83,9 +83,7 @@ def self_answer(recording: Recording) -> Row:
 
 
 def widened_answers(
-    recording: Recording,
-    fit: GlobalFit,
-    calibrations: Mapping[str, Calibration],
+    recording: Recording, fit: GlobalFit, calibrations: Mapping[str, Calibration]
 ) -> dict[str, Row]:
     """Answers, from the global fit, to a record of another joint than that of the calibrations."""
     answers = {}

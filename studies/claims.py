@@ -41,8 +41,7 @@ def noise_tests(noises: Mapping[tuple[int, int], FloatArray]) -> DataFrame:
     z_lag_one = tested["lag_one_correlation"] * np.sqrt(sizes - 1)
     keys = DataFrame(list(noises), columns=["level", "realisation"])
     return keys.join(tested[["p_uniform", "p_normal"]]).assign(
-        p_mean=2 * stats.norm.sf(z_mean.abs()),
-        p_lag_one=2 * stats.norm.sf(z_lag_one.abs()),
+        p_mean=2 * stats.norm.sf(z_mean.abs()), p_lag_one=2 * stats.norm.sf(z_lag_one.abs())
     )
 
 
@@ -68,9 +67,7 @@ def amplitudes_without_backlash(seeds: Sequence[int], noise_rps: float) -> Float
 
 
 def no_backlash(
-    amplitude_rps: FloatArray,
-    smallest_A_rps: float,
-    criteria: Criteria = None,
+    amplitude_rps: FloatArray, smallest_A_rps: float, criteria: Criteria = None
 ) -> Decision:
     """Whether noise is recognised: the 95th percentile of |A| is a small share of the smallest A."""
     share = np.sort(amplitude_rps) / smallest_A_rps
@@ -126,8 +123,7 @@ def noise_errors_by_turns(
     records = simulate_recordings(joint, deltas_rad, turns=2 + max(turns))
     rows = []
     for (record, noise, delta), n in product(
-        zip(records, noises_rps, deltas_rad, strict=True),
-        turns,
+        zip(records, noises_rps, deltas_rad, strict=True), turns
     ):
         turn = round(record.turn_period_s / record.sample_s)
         length = n * turn + 1
@@ -155,10 +151,7 @@ def turns_reduce_noise(errors: DataFrame, seeds: int, criteria: Criteria = None)
 
 
 def bits_study(
-    joint: JointParameters,
-    deltas_rad: Sequence[float],
-    bits: Sequence[int],
-    offsets: int,
+    joint: JointParameters, deltas_rad: Sequence[float], bits: Sequence[int], offsets: int
 ) -> DataFrame:
     """Largest change of A by an encoder's bits, mounted at several angles, against a fine one."""
 
@@ -187,10 +180,7 @@ def bits_suffice(study: DataFrame, bits: int, criteria: Criteria = None) -> Deci
 
 
 def displacement_detection(
-    joint: JointParameters,
-    displacements_rad: Sequence[float],
-    bits: int,
-    angles: int,
+    joint: JointParameters, displacements_rad: Sequence[float], bits: int, angles: int
 ) -> DataFrame:
     """Share of start angles at which a ring of the motor's position shows through an encoder in twelve turns.
 

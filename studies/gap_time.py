@@ -13,9 +13,7 @@ LATEST_IMPACT = 0.15  # of a turn after the separation; later the load swings
 
 
 def find_gaps(
-    turn_rps: FloatArray,
-    joint: JointParameters,
-    smoothing_s: float,
+    turn_rps: FloatArray, joint: JointParameters, smoothing_s: float
 ) -> list[tuple[float, float]]:
     """Separation (gravity changes its sign) and impact (the sharpest bend) in both half turns [s]."""
     period = joint.turn_period_s
@@ -32,10 +30,7 @@ def find_gaps(
 
 
 def crossing_rad(
-    turn_rps: FloatArray,
-    joint: JointParameters,
-    gap_s: tuple[float, float],
-    falls: bool,
+    turn_rps: FloatArray, joint: JointParameters, gap_s: tuple[float, float], falls: bool
 ) -> float:
     """Half of the relative displacement of motor and load [rad] between the ends of a gap."""
     t = np.linspace(*gap_s, 401)

@@ -53,11 +53,7 @@ def simulate_turn(joint: JointParameters, delta_rad: float, phases: int) -> Floa
     turn_s = joint.turn_period_s
     duration_s = _SAMPLE_S * np.ceil(3 * turn_s / _SAMPLE_S - 1e-9)
     run = simulate(
-        joint,
-        delta_rad,
-        duration_s=duration_s,
-        sample_s=_SAMPLE_S,
-        step_s=SIMULATION_STEP_S,
+        joint, delta_rad, duration_s=duration_s, sample_s=_SAMPLE_S, step_s=SIMULATION_STEP_S
     )
     third = run.time_s > 2 * turn_s - 4 * _SAMPLE_S
     turn = CubicSpline(run.time_s[third], run.motor_speed_rps[third])(
@@ -67,16 +63,13 @@ def simulate_turn(joint: JointParameters, delta_rad: float, phases: int) -> Floa
 
 
 def _choose_start(
-    joint: JointParameters,
-    target: FloatArray,
-    free: Sequence[str],
+    joint: JointParameters, target: FloatArray, free: Sequence[str]
 ) -> dict[str, float]:
     """Where to start from: the simulated turn on a coarse grid that fits the record's best."""
     size = target.size
     least, best = np.inf, {}
     for friction, delta in product(
-        _FIRST_FRICTIONS if "friction" in free else (0.0,),
-        _FIRST_DELTAS,
+        _FIRST_FRICTIONS if "friction" in free else (0.0,), _FIRST_DELTAS
     ):
         turn = simulate_turn(add_nuisances(joint, {"friction": friction}), delta * _UNIT_RAD, size)
         overlap = np.fft.irfft(np.fft.rfft(target) * np.conj(np.fft.rfft(turn)), size)
@@ -90,9 +83,7 @@ def _choose_start(
 
 
 def match_joint(
-    recording: Recording,
-    joint: JointParameters,
-    free: Sequence[str] = (),
+    recording: Recording, joint: JointParameters, free: Sequence[str] = ()
 ) -> dict[str, float]:
     """Find `delta_rad`, and the `free` ones of `NUISANCES`, that repeat a record's settled turns."""
     turns, v = drop_first_turn(recording)
@@ -110,12 +101,7 @@ def match_joint(
     start = np.clip([first[name] for name in ("delta", *free)], low + _INSIDE, high - _INSIDE)
     scale = [0.1, *[1e-2] * len(free)]
     found = least_squares(
-        residual,
-        start,
-        bounds=(low, high),
-        x_scale=scale,
-        diff_step=1e-3,
-        xtol=1e-7,
+        residual, start, bounds=(low, high), x_scale=scale, diff_step=1e-3, xtol=1e-7
     )
     delta, *nuisances = found.x.tolist()
     return {"delta_rad": _UNIT_RAD * delta} | dict(zip(free, nuisances, strict=True))

@@ -196,15 +196,11 @@ def _other_log(kind: str, bench: Bench, delta_rad: float, rng: Generator) -> Rec
     second, notch = SecondLoad(), Notch()
     if kind == "two loads":
         second = SecondLoad(
-            rng.uniform(0.2, 0.5),
-            TURN * rng.uniform(8.0, 25.0),
-            rng.uniform(0.02, 0.1),
+            rng.uniform(0.2, 0.5), TURN * rng.uniform(8.0, 25.0), rng.uniform(0.02, 0.1)
         )
     elif kind == "second ring":
         second = SecondLoad(
-            rng.uniform(0.05, 0.15),
-            TURN * rng.uniform(30.0, 80.0),
-            rng.uniform(0.005, 0.03),
+            rng.uniform(0.05, 0.15), TURN * rng.uniform(30.0, 80.0), rng.uniform(0.005, 0.03)
         )
     else:
         notch = _notch(rng.uniform(40.0, 150.0), rng.uniform(0.5, 2.0), joint.control_period_s)
@@ -236,11 +232,7 @@ def _notch(frequency_hz: float, quality: float, period_s: float) -> Notch:
     a0 = 1 + alpha
     a1 = -2 * np.cos(w)
     return Notch(
-        (1 + depth * alpha) / a0,
-        a1 / a0,
-        (1 - depth * alpha) / a0,
-        a1 / a0,
-        (1 - alpha) / a0,
+        (1 + depth * alpha) / a0, a1 / a0, (1 - depth * alpha) / a0, a1 / a0, (1 - alpha) / a0
     )
 
 
@@ -281,13 +273,7 @@ def _run(c, drive, friction_share, second, notch, per_period, position):
             wanted[1:] = wanted[:-1].copy()
             passed[1:] = passed[:-1].copy()
             wanted[0] = core.control(
-                t,
-                (y[0], y[1], y[2], y[3], y[6]),
-                memory,
-                ring,
-                i // per_period,
-                drive,
-                c,
+                t, (y[0], y[1], y[2], y[3], y[6]), memory, ring, i // per_period, drive, c
             )
             fresh = notch.b0 * wanted[0] + notch.b1 * wanted[1] + notch.b2 * wanted[2]
             passed[0] = fresh - notch.a1 * passed[1] - notch.a2 * passed[2]

@@ -134,11 +134,7 @@ def _covariance(first: int, growth: int = 0, with_small: bool = False) -> Method
 
         def descend(population: int, sigma: float = 1.0) -> None:
             steps = generations(
-                cost.of_members,
-                cost.box,
-                lambda *n: rng.standard_normal(n),
-                population,
-                sigma,
+                cost.of_members, cost.box, lambda *n: rng.standard_normal(n), population, sigma
             )
             search(steps, cost.budget)
 
@@ -185,11 +181,8 @@ def _restarted(descend: Callable[[Cost, FloatArray], object]) -> Method:
 def _minimize(method: str) -> Method:
     return _restarted(
         lambda cost, start: optimize.minimize(
-            cost,
-            start,
-            method=method,
-            bounds=[(0, 1)] * start.size,
-        ),
+            cost, start, method=method, bounds=[(0, 1)] * start.size
+        )
     )
 
 
@@ -258,11 +251,7 @@ def swarms_installed() -> bool:
 
 
 def run_method(
-    method: str | Optimiser,
-    recording: Recording,
-    target_rmse: float,
-    budget: int,
-    seed: int,
+    method: str | Optimiser, recording: Recording, target_rmse: float, budget: int, seed: int
 ) -> dict:
     """Let one of `SEARCH_METHODS`, or a function, look for a record's best basin."""
     if isinstance(method, str):

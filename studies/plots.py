@@ -41,9 +41,7 @@ def _arms(table: DataFrame, middle: str, low: str, high: str) -> FloatArray:
 
 @in_style
 def landscape(
-    slices: Sequence[tuple[FloatArray, FloatArray, FloatArray]],
-    runs: DataFrame,
-    best: Series,
+    slices: Sequence[tuple[FloatArray, FloatArray, FloatArray]], runs: DataFrame, best: Series
 ) -> Figure:
     """Show two slices of the misfit through the best fit, and each `basin` of the runs with their number as area."""
     figure, axes = grid(1, 2, height_in=3.4)
@@ -61,28 +59,15 @@ def landscape(
     halo = {"path_effects": [withStroke(linewidth=2.8, foreground="white")]}
     cross = halo | {"color": INK, "markersize": 14, "mew": 0.8, "label": "global fit"}
     for axis, (columns, rows, misfit), pair, (xlabel, ylabel) in zip(
-        axes[0],
-        slices,
-        names,
-        labels,
-        strict=True,
+        axes[0], slices, names, labels, strict=True
     ):
         shade = axis.pcolormesh(
-            columns,
-            rows,
-            misfit,
-            cmap="Greys_r",
-            vmin=low,
-            vmax=high,
-            rasterized=True,
+            columns, rows, misfit, cmap="Greys_r", vmin=low, vmax=high, rasterized=True
         )
         size = np.ptp(columns), np.ptp(rows)
         axis.add_patch(Rectangle((columns[0], rows[0]), *size, fill=False, linewidth=0.8))
         for (label, group), marker, colour in zip(
-            groups.items(),
-            "ovsD",
-            (BLUE, ORANGE, GREEN, PINK),
-            strict=True,
+            groups.items(), "ovsD", (BLUE, ORANGE, GREEN, PINK), strict=True
         ):
             place = ends.loc[group, [*pair]].to_numpy().T
             ring = halo | {
@@ -235,12 +220,7 @@ def detection_curves(table: DataFrame, limits_rad: Sequence[float]) -> Figure:
     figure, ((axis,),) = grid()
     parts = table.groupby("noise_half_amplitude_rps", sort=False)
     for (noise, part), limit, colour, marker, line in zip(
-        parts,
-        limits_rad,
-        COLOURS,
-        MARKERS,
-        LINES[1:],
-        strict=False,
+        parts, limits_rad, COLOURS, MARKERS, LINES[1:], strict=False
     ):
         style = {
             "color": colour,
@@ -251,10 +231,7 @@ def detection_curves(table: DataFrame, limits_rad: Sequence[float]) -> Figure:
         arms = _arms(part, "seen", "seen_low", "seen_high")
         axis.errorbar(1e4 * part["delta_rad"], part["seen"], arms, **style)
         axis.axvline(
-            1e4 * limit,
-            color=colour,
-            linestyle=line,
-            label=f"matched filter, {noise:g} rps",
+            1e4 * limit, color=colour, linestyle=line, label=f"matched filter, {noise:g} rps"
         )
     axis.set(
         xlabel=BACKLASH_LABEL,
@@ -291,11 +268,7 @@ def tornado(table: DataFrame, methods: Sequence[str]) -> Figure:
 def population_errors(rows: DataFrame, populations: Mapping[str, str]) -> Figure:
     """Error of method "self" over the true backlash, its stated size, and how often it is how many stated SDs."""
     figure, axes = grid(
-        len(populations),
-        2,
-        height_in=2.5 * len(populations),
-        width_ratios=(3, 2),
-        sharex="col",
+        len(populations), 2, height_in=2.5 * len(populations), width_ratios=(3, 2), sharex="col"
     )
     around = np.linspace(-4, 4, 17)
     answered = rows.query("method == 'self' and not refused")
@@ -313,12 +286,7 @@ def population_errors(rows: DataFrame, populations: Mapping[str, str]) -> Figure
             label="truth in the 95 % interval",
         )
         left.plot(
-            delta[~held],
-            error[~held],
-            "x",
-            color=ORANGE,
-            markersize=5,
-            label="truth outside",
+            delta[~held], error[~held], "x", color=ORANGE, markersize=5, label="truth outside"
         )
         edges = np.linspace(delta.min(), delta.max(), 7)
         place = np.digitize(delta, edges[1:-1])
@@ -326,28 +294,18 @@ def population_errors(rows: DataFrame, populations: Mapping[str, str]) -> Figure
         stated = half.groupby(place).median()
         for sign in (1, -1):
             left.stairs(
-                sign * rms,
-                edges,
-                baseline=None,
-                color=BLUE,
-                linewidth=1.4,
-                label="RMS error",
+                sign * rms, edges, baseline=None, color=BLUE, linewidth=1.4, label="RMS error"
             )
             dashed = {"color": INK, "linestyle": "--", "label": "median half-width"}
             left.stairs(sign * stated, edges, baseline=None, **dashed)
         left.axhline(0, **THIN)
         left.set(
-            ylabel="error [$10^{-4}$ rad]",
-            title=textwrap.fill(f"{title}, n = {len(part)}", 36),
+            ylabel="error [$10^{-4}$ rad]", title=textwrap.fill(f"{title}, n = {len(part)}", 36)
         )
         right.hist((NORMAL_95 * error / half).clip(-4, 4), around, color="0.75", label="logs")
         expected = len(part) * np.diff(stats.norm.cdf(around))
         right.plot(
-            (around[1:] + around[:-1]) / 2,
-            expected,
-            ".-",
-            color=BLUE,
-            label="normal distribution",
+            (around[1:] + around[:-1]) / 2, expected, ".-", color=BLUE, label="normal distribution"
         )
         right.set(ylabel="number of logs [-]", axisbelow=True)
     axes[-1, 0].set_xlabel(f"true {BACKLASH_LABEL}")
@@ -373,13 +331,7 @@ def posterior_calibration(rows: DataFrame, populations: Mapping[str, str]) -> Fi
         low, high = 10 / rank.size * np.array(stats.binom.interval(0.95, rank.size, 0.1))
         top.axhspan(low, high, color="0.88", label="95 % of uniform ranks")
         top.hist(
-            rank,
-            bins=10,
-            range=(0, 1),
-            histtype="step",
-            density=True,
-            color=BLUE,
-            label="ranks",
+            rank, bins=10, range=(0, 1), histtype="step", density=True, color=BLUE, label="ranks"
         )
         top.axhline(1, **THIN)
         top.set_title(textwrap.fill(f"{title}, n = {rank.size}", 28))
@@ -412,19 +364,10 @@ def wear(tests: DataFrame, limit_rad: float) -> Figure:
     truth = shown.drop_duplicates("day")
     sensors = shown.groupby("sensor", sort=False)
     for axis, (name, part), marker, colour, line in zip(
-        panels,
-        sensors,
-        MARKERS,
-        COLOURS,
-        LINES,
-        strict=True,
+        panels, sensors, MARKERS, COLOURS, LINES, strict=True
     ):
         axis.plot(
-            truth["day"],
-            1e4 * truth["delta_rad"],
-            color=INK,
-            linewidth=1,
-            label="true backlash",
+            truth["day"], 1e4 * truth["delta_rad"], color=INK, linewidth=1, label="true backlash"
         )
         axis.axhline(1e4 * limit_rad, color="0.5", linestyle="--", linewidth=1, label="limit")
         estimates = 1e4 * part[["estimate_rad", "low_rad", "high_rad"]]
@@ -442,17 +385,10 @@ def wear(tests: DataFrame, limit_rad: float) -> Figure:
         delay = np.sort((each["call_day"] - each["truth_day"]).dropna())
         share = 100 * np.arange(delay.size + 1) / len(each)
         last.step(
-            [*delay[:1], *delay],
-            share,
-            where="post",
-            color=colour,
-            linestyle=line,
-            label=name,
+            [*delay[:1], *delay], share, where="post", color=colour, linestyle=line, label=name
         )
         axis.set(
-            title=name,
-            xlabel="time [days]",
-            ylabel=BACKLASH_LABEL if axis in axes[:, 0] else "",
+            title=name, xlabel="time [days]", ylabel=BACKLASH_LABEL if axis in axes[:, 0] else ""
         )
         axis.sharey(panels[0])
     last.axvspan(0, truth["day"].diff().max(), color="0.9", label="perfect sensor")

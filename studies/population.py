@@ -190,15 +190,11 @@ def measure_logs(logs: Sequence[DrawnLog], methods: Sequence[str]) -> DataFrame:
 
 
 def measure_population(
-    population: str,
-    numbers: Sequence[int],
-    seed: int,
-    methods: Sequence[str],
+    population: str, numbers: Sequence[int], seed: int, methods: Sequence[str]
 ) -> DataFrame:
     """Draw logs of a population and measure them; columns `ROW_COLUMNS`."""
     return measure_logs(
-        [partial(draw_log, population, number, seed) for number in numbers],
-        methods,
+        [partial(draw_log, population, number, seed) for number in numbers], methods
     )
 
 
@@ -207,8 +203,7 @@ def ranks(rows: DataFrame) -> Series:
     answered = rows[~rows["refused"]]
     deviation = (answered["high_rad"] - answered["found_rad"]) / NORMAL_95
     return Series(
-        stats.norm.cdf((answered["delta_rad"] - answered["found_rad"]) / deviation),
-        name="rank",
+        stats.norm.cdf((answered["delta_rad"] - answered["found_rad"]) / deviation), name="rank"
     )
 
 
@@ -227,10 +222,7 @@ def coverage_by_third(rows: DataFrame) -> DataFrame:
     levels = printed_levels_rad()
     edges = np.linspace(levels[0], levels[-1], 4)
     third = cut(
-        answered["delta_rad"],
-        edges,
-        labels=["small", "middle", "large"],
-        include_lowest=True,
+        answered["delta_rad"], edges, labels=["small", "middle", "large"], include_lowest=True
     )
     table = []
     for name, part in answered.groupby(third, observed=False):
@@ -284,8 +276,7 @@ def _draw_bench_of(population: str, number: int, rng: Generator) -> Bench:
         push = rng.uniform(0.02, 0.2) * bench.joint.gravity_torque_nm
         axis = Disturbance(rng.uniform(0.5, 4.0) / bench.joint.gear_ratio, load_torque_nm=push)
         return replace(
-            bench,
-            joint=replace(bench.joint, disturbances=(*bench.joint.disturbances, axis)),
+            bench, joint=replace(bench.joint, disturbances=(*bench.joint.disturbances, axis))
         )
     return bench
 
@@ -320,9 +311,7 @@ def _spoilt(population: str, number: int, log: Recording, rng: Generator) -> Dat
         v = np.round(v, 1)
     table = DataFrame({"time [s]": log.t, "speed [rps]": v + log.commanded_speed_rps})
     dropped = rng.choice(
-        np.arange(1, len(table) - 1),
-        2 if fault == "two dropped samples" else 0,
-        replace=False,
+        np.arange(1, len(table) - 1), 2 if fault == "two dropped samples" else 0, replace=False
     )
     return table.drop(dropped).reset_index(drop=True)
 
@@ -331,8 +320,7 @@ def _sensor_answer(log: KnownLog, table: DataFrame) -> Row:
     """Answer of the whole sensor to a log's table."""
     record = log.recording
     form = LogFormat(
-        turn_period_s=record.turn_period_s,
-        commanded_speed_rps=record.commanded_speed_rps,
+        turn_period_s=record.turn_period_s, commanded_speed_rps=record.commanded_speed_rps
     )
     try:
         found = examine(table, settings_for(form)).estimate
@@ -350,9 +338,7 @@ def _torque_answer(log: KnownLog, rng: Generator) -> Row:
     ratios = log.labels["bench"].joint.ratios
     inertia, gravity = np.exp(rng.standard_normal(2) * _LOAD_SDS)
     load = LoadData(
-        ratios["inertia_ratio"] * inertia,
-        ratios["gravity_per_s2"] * gravity,
-        *_LOAD_SDS,
+        ratios["inertia_ratio"] * inertia, ratios["gravity_per_s2"] * gravity, *_LOAD_SDS
     )
     fit = fit_torque(log.recording, log.labels["torque"], load, rng)
     return interval_answer(fit.delta_rad, fit.interval_rad, fit.refusal_reason) | {
@@ -408,10 +394,7 @@ def summarise_sensor(rows: DataFrame) -> DataFrame:
 
 
 def degrade_logs(
-    bench: Bench,
-    delta_rad: float,
-    seed: int,
-    harder: Mapping[str, Sequence[float]],
+    bench: Bench, delta_rad: float, seed: int, harder: Mapping[str, Sequence[float]]
 ) -> DataFrame:
     """Measure a bench's log as one thing after the other gets worse, all else the same."""
     worse = [(what, value) for what, values in harder.items() for value in values]

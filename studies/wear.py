@@ -33,15 +33,11 @@ def wear_tests(
 
 
 def wear_tests_by_self(
-    benches: Sequence[Bench],
-    wears: Sequence[Wear],
-    limit_rad: float,
-    seed: int,
+    benches: Sequence[Bench], wears: Sequence[Wear], limit_rad: float, seed: int
 ) -> DataFrame:
     """Read the logs of `wear_tests` by method "self": each alone, and with all logs of its bench until then."""
     table = logs_by_methods(
-        _logs(benches, wears, seed),
-        lambda log: {"self": self_answer(log.recording)},
+        _logs(benches, wears, seed), lambda log: {"self": self_answer(log.recording)}
     )
     fits: dict[int, list] = defaultdict(list)
     rows = []
@@ -60,9 +56,7 @@ def wear_tests_by_self(
 
 
 def _logs(
-    benches: Sequence[Bench],
-    wears: Sequence[Wear],
-    seed: int,
+    benches: Sequence[Bench], wears: Sequence[Wear], seed: int
 ) -> list[Callable[[], KnownLog]]:
     """Draw the log of each bench on each of its days."""
 

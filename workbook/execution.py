@@ -51,8 +51,7 @@ class _Client(NotebookClient):
     def __init__(self, notebook: NotebookNode, source: Path, stall_s: float):
         of_this_interpreter = KernelSpecManager(kernel_dirs=[])  # whatever kernels are registered
         self.kernel = AsyncKernelManager(
-            kernel_name="python3",
-            kernel_spec_manager=of_this_interpreter,
+            kernel_name="python3", kernel_spec_manager=of_this_interpreter
         )
         super().__init__(
             notebook,

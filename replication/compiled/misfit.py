@@ -107,10 +107,7 @@ def _sum_over_turns(x: FloatArray, n: int, turn: int, size: int) -> FloatArray:
 
 
 def population_rmse(
-    t: FloatArray,
-    v: FloatArray,
-    population: FloatArray,
-    timing: Timing,
+    t: FloatArray, v: FloatArray, population: FloatArray, timing: Timing
 ) -> FloatArray:
     """Misfits [rps] of a population of shape (members, 7) on an evenly sampled record, not folded."""
     return folded_rmse(np.ascontiguousarray(population), unfolded(t, v, timing))

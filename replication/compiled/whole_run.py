@@ -21,11 +21,7 @@ from replication.signature import Box
 
 
 def whole_run(
-    record: FoldedRecord,
-    box: Box,
-    seed: int,
-    population: int,
-    iterations: int,
+    record: FoldedRecord, box: Box, seed: int, population: int, iterations: int
 ) -> Search:
     """Search a folded record as `search.search` does with `random_normals(seed)`."""
     check_settings(box, population, iterations, seed)

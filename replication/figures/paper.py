@@ -65,11 +65,7 @@ def signature_parameters(t: FloatArray, h: FloatArray, X: FloatArray, timing: Ti
 
 @in_style
 def record_with_fit(
-    t: FloatArray,
-    v: FloatArray,
-    fitted: FloatArray,
-    labels: Sequence[str],
-    seconds: float,
+    t: FloatArray, v: FloatArray, fitted: FloatArray, labels: Sequence[str], seconds: float
 ) -> Figure:
     """Show a record, what was fitted to it over it, and the residual beneath."""
     figure, upper = _above_residual(t, v - fitted, ("time [s]", "residual [rps]"), "-")
@@ -81,10 +77,7 @@ def record_with_fit(
 
 
 def _above_residual(
-    x: FloatArray,
-    residual: FloatArray,
-    labels: tuple[str, str],
-    line: str,
+    x: FloatArray, residual: FloatArray, labels: tuple[str, str], line: str
 ) -> tuple[Figure, Axes]:
     """Make a figure with a residual about zero in its lower panel, and give the upper panel."""
     figure, ((upper,), (lower,)) = grid(2, 1, height_in=4.0, sharex=True, height_ratios=(2, 1))
@@ -123,10 +116,7 @@ def table2(table: pd.DataFrame, regions: pd.DataFrame) -> Figure:
     low, high = (100 * (regions[f"mean_{end}"] / regions["mean"] - 1) for end in ("low", "high"))
     first.bar(regions.index, high - low, bottom=low, **shade)
     third.bar(
-        regions.index,
-        regions["sd_high"] - regions["sd_low"],
-        bottom=regions["sd_low"],
-        **shade,
+        regions.index, regions["sd_high"] - regions["sd_low"], bottom=regions["sd_low"], **shade
     )
     for axis, source, name, colour, marker, side in (
         (first, "authors", "authors' records", BLUE, "o", -0.12),
@@ -147,10 +137,7 @@ def table2(table: pd.DataFrame, regions: pd.DataFrame) -> Figure:
         third.plot(row + side, part["sd_A_rps"], marker, color=colour, markersize=4)
     third.plot(regions.index, regions["sd"], label="printed SD", **MARKS)
     third.set(
-        title="SD of $A$, both",
-        ylabel="SD of $A$ [rps]",
-        yscale="log",
-        xlabel="row of Table 2",
+        title="SD of $A$, both", ylabel="SD of $A$ [rps]", yscale="log", xlabel="row of Table 2"
     )
     third.set_xticks(regions.index)
     return finish(figure, 2)
@@ -167,10 +154,7 @@ def basins(runs: pd.DataFrame, labels: FloatArray, title: str) -> Figure:
     figure, ((axis,),) = grid(height_in=3.4)
     ends = pd.DataFrame({"rmse": runs["rmse_rps"], "A": runs["A_rps"].abs(), "basin": labels})
     near = ends.groupby(["basin", ends["A"].round(1)], as_index=False).agg(
-        rmse=("rmse", "mean"),
-        A=("A", "mean"),
-        runs=("A", "size"),
-        basin=("basin", "first"),
+        rmse=("rmse", "mean"), A=("A", "mean"), runs=("A", "size"), basin=("basin", "first")
     )
     is_best = near["basin"] == 1
     for part, colour, marker, label in (
@@ -224,10 +208,7 @@ def protocol_variants(scores: pd.DataFrame) -> Figure:
 
 @in_style
 def protocol_residuals(
-    table: pd.DataFrame,
-    judged: pd.DataFrame,
-    level: float,
-    degrees: int,
+    table: pd.DataFrame, judged: pd.DataFrame, level: float, degrees: int
 ) -> Figure:
     """Show how far Table 2's numbers lie from each candidate's, in t (grey: p above `level`), and the p of all ten."""
     figure, axes = grid(1, 2, height_in=0.4 * len(judged) + 1.0, sharex=True, sharey=True)
@@ -267,10 +248,7 @@ def characteristic(
     line = "o" if len(residual[0]) < 50 else "-"
     figure, upper = _above_residual(residual[0], 1e6 * residual[1], labels, line)
     for (label, (A, delta)), colour, line in zip(
-        curves.items(),
-        (BLUE, INK),
-        ("-", "--"),
-        strict=False,
+        curves.items(), (BLUE, INK), ("-", "--"), strict=False
     ):
         upper.plot(A, 1e4 * delta, line, color=colour, label=label)
     upper.plot(points[0], 1e4 * points[1], **PRINTED)
@@ -330,12 +308,7 @@ def validation(table: pd.DataFrame) -> Figure:
     used = table["used_in_fit"]
     for axis, values in ((left, 100 * table["nrmse"]), (right, table["peak_error_percent"])):
         axis.plot(
-            delta[used],
-            values[used],
-            "s",
-            color=BLUE,
-            markersize=5,
-            label="level used in the fit",
+            delta[used], values[used], "s", color=BLUE, markersize=5, label="level used in the fit"
         )
         open_circle = {"mfc": "none", "color": ORANGE, "markersize": 5}
         axis.plot(delta[~used], values[~used], "o", label="level left out", **open_circle)
@@ -360,15 +333,12 @@ def speed_signal(t: FloatArray, v: FloatArray, turn_period_s: float) -> Figure:
 
 @in_style
 def growth(
-    disturbances: pd.DataFrame,
-    peaks: pd.DataFrame,
-    printed: Mapping[float, float],
+    disturbances: pd.DataFrame, peaks: pd.DataFrame, printed: Mapping[float, float]
 ) -> Figure:
     """Figure 11: the disturbance at growing backlash, and its peak beside the printed A."""
     figure, ((upper,), (lower,)) = grid(2, 1, height_in=5.2)
     shades = plt.cm.ScalarMappable(
-        plt.Normalize(0, 1.1e4 * disturbances["delta_rad"].max()),
-        "viridis",
+        plt.Normalize(0, 1.1e4 * disturbances["delta_rad"].max()), "viridis"
     )
     for delta, part in disturbances.groupby("delta_rad"):
         colour = shades.to_rgba(1e4 * delta)
@@ -377,12 +347,7 @@ def growth(
     figure.colorbar(shades, ax=upper, label=BACKLASH_LABEL)
     delta = 1e4 * peaks["delta_rad"]
     lower.plot(
-        delta,
-        peaks["amplitude_rps"],
-        "o-",
-        color=BLUE,
-        markersize=4,
-        label="peak before sampling",
+        delta, peaks["amplitude_rps"], "o-", color=BLUE, markersize=4, label="peak before sampling"
     )
     lower.plot(
         delta,

@@ -68,11 +68,7 @@ def replay(compared: pd.DataFrame, ended: pd.DataFrame, agree_rps: float) -> Fig
 
 @in_style
 def one_generation(
-    now: Generation,
-    weights: FloatArray,
-    box: Box,
-    at: tuple[int, int],
-    labels: Sequence[str],
+    now: Generation, weights: FloatArray, box: Box, at: tuple[int, int], labels: Sequence[str]
 ) -> Figure:
     """Show a generation in two of its dimensions: samples and ranks, the new mean, the new distribution."""
     figure, axes = grid(2, 2, height_in=4.8, sharex=True, sharey=True)
@@ -82,29 +78,17 @@ def one_generation(
     ranked, half = now.x[now.ranking], int((weights > 0).sum())
     before, after = now.before, now.after
     for axis, title in zip(
-        panels,
-        ("samples (eq. 12)", "new mean (eq. 13)", "new ellipse (eq. 14-17)"),
-        strict=True,
+        panels, ("samples (eq. 12)", "new mean (eq. 13)", "new ellipse (eq. 14-17)"), strict=True
     ):
         draw_bounds(axis, box, at)
         ellipse(axis, before, at, color=INK, linestyle="--", label="2 SD before")
         axis.set(xlabel=labels[0], ylabel=labels[1], title=title)
         axis.tick_params(labelbottom=True, labelleft=True)
     first.plot(
-        ranked[half:, i],
-        ranked[half:, j],
-        "x",
-        color="0.5",
-        markersize=3,
-        label="worse half",
+        ranked[half:, i], ranked[half:, j], "x", color="0.5", markersize=3, label="worse half"
     )
     first.plot(
-        ranked[:half, i],
-        ranked[:half, j],
-        ".",
-        color=BLUE,
-        markersize=4,
-        label="better half",
+        ranked[:half, i], ranked[:half, j], ".", color=BLUE, markersize=4, label="better half"
     )
     sizes = 40 * weights[:half] / weights[0]
     second.scatter(
@@ -125,11 +109,7 @@ def one_generation(
 
 @in_style
 def run(
-    states: Sequence[State],
-    best: FloatArray,
-    box: Box,
-    at: tuple[int, int],
-    labels: Sequence[str],
+    states: Sequence[State], best: FloatArray, box: Box, at: tuple[int, int], labels: Sequence[str]
 ) -> Figure:
     """Show a run: its distribution in two dimensions at some generations, and what it finds."""
     figure, ((upper,), (lower,)) = grid(2, 1, height_in=5.0, height_ratios=(3, 2))
@@ -145,11 +125,7 @@ def run(
             "markerfacecolor": "none",
         }
         upper.plot(
-            *state.m[list(at)],
-            color=colour,
-            linestyle=line,
-            label=f"generation {state.g}",
-            **style,
+            *state.m[list(at)], color=colour, linestyle=line, label=f"generation {state.g}", **style
         )
         lower.plot(state.g, above[state.g - 1], color=colour, **style)
     upper.set(xlabel=labels[0], ylabel=labels[1])
@@ -162,12 +138,7 @@ def draw_bounds(axis: Axes, box: Box, at: tuple[int, int]) -> None:
     (left, bottom), (width, height) = box.lower[list(at)], (box.upper - box.lower)[list(at)]
     axis.add_patch(
         Rectangle(
-            (left, bottom),
-            width,
-            height,
-            fill=False,
-            color="0.6",
-            label="bounds of the search",
+            (left, bottom), width, height, fill=False, color="0.6", label="bounds of the search"
         )
     )
 

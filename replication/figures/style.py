@@ -73,8 +73,7 @@ def save(figure: Figure, folder: Path, name: str, mark: str = "") -> None:
         figure.text(0.5, 0.5, mark, ha="center", va="center", **style)
     with mpl.rc_context(STYLE):
         figure.savefig(
-            folder / f"{name}.svg",
-            metadata={"Date": None, "Description": description(figure)},
+            folder / f"{name}.svg", metadata={"Date": None, "Description": description(figure)}
         )
         figure.savefig(folder / f"{name}.png", dpi=200)
 
@@ -92,10 +91,7 @@ def description(figure: Figure) -> str:
 
 
 def grid(
-    rows: int = 1,
-    columns: int = 1,
-    height_in: float = 3.2,
-    **options,
+    rows: int = 1, columns: int = 1, height_in: float = 3.2, **options
 ) -> tuple[Figure, np.ndarray]:
     """Make a figure and its axes, always as an array of shape (rows, columns)."""
     return plt.subplots(rows, columns, squeeze=False, figsize=(WIDTH_IN, height_in), **options)

@@ -91,11 +91,7 @@ def animate_teeth(run: SimulatedJoint, joint: JointParameters) -> str:
             dot.set_data(t[[k]], v[[k]])
 
         html = FuncAnimation(
-            figure,
-            draw,
-            frames=frames,
-            interval=100,
-            init_func=lambda: None,
+            figure, draw, frames=frames, interval=100, init_func=lambda: None
         ).to_jshtml()
         plt.close(figure)
     return _made_plain(html)
@@ -104,19 +100,15 @@ def animate_teeth(run: SimulatedJoint, joint: JointParameters) -> str:
 def _made_plain(html: str) -> str:
     """Make Matplotlib's HTML small and always the same, words of the icons it fetches, and show its first frame."""
     html = re.sub(
-        r"(?<=base64,)[^\"]+",
-        _reduce_png,
-        re.sub(r"<link.*?>", "", html, flags=re.DOTALL),
+        r"(?<=base64,)[^\"]+", _reduce_png, re.sub(r"<link.*?>", "", html, flags=re.DOTALL)
     )
     html = html.replace(re.findall(r"_anim_img(\w{32})", html)[0], "_teeth").replace(
-        "width: 36px",
-        "",
+        "width: 36px", ""
     )
     html = re.sub(r'aria-label="([^"]*)"( onclick="[^"]*">)\s*<i .*?</i>', r"\2\1", html)
     first = re.findall(r'frames\[0\] = "(.*?)"', html)[0]
     html = html.replace(
-        "<img ",
-        f'<img alt="arm, teeth and motor speed" style="max-width: 100%" src="{first}" ',
+        "<img ", f'<img alt="arm, teeth and motor speed" style="max-width: 100%" src="{first}" '
     )
     return html.replace("width: 374px", "width: 95%").replace('name="points"', 'aria-label="frame"')
 
@@ -124,8 +116,6 @@ def _made_plain(html: str) -> str:
 def _reduce_png(found: re.Match) -> str:
     small = io.BytesIO()
     Image.open(io.BytesIO(base64.b64decode(found[0]))).convert("RGB").quantize(32).save(
-        small,
-        "PNG",
-        optimize=True,
+        small, "PNG", optimize=True
     )
     return base64.b64encode(small.getvalue()).decode()

@@ -112,9 +112,7 @@ def compare_ends(ours: pd.DataFrame) -> pd.DataFrame:
 
 
 def first_divergences(
-    recording: Recording,
-    ended: pd.DataFrame,
-    rng: np.random.Generator,
+    recording: Recording, ended: pd.DataFrame, rng: np.random.Generator
 ) -> pd.DataFrame:
     """Show what parts runs of `compare_ends` from the stored ones: signs that rounding decides, not ranks.
 

@@ -72,17 +72,12 @@ def check_values(p: JointParameters) -> None:
             _refuse(f"{name} is {getattr(p, name)}", "give a whole number")
     if p.lead_s > 0 and not _whole(p.lead_s / p.control_period_s):
         _refuse(
-            f"lead_s {p.lead_s} is no multiple of control_period_s {p.control_period_s}",
-            "round it",
+            f"lead_s {p.lead_s} is no multiple of control_period_s {p.control_period_s}", "round it"
         )
 
 
 def check_run(
-    p: JointParameters,
-    delta: float,
-    duration: float,
-    sample: float,
-    step: float,
+    p: JointParameters, delta: float, duration: float, sample: float, step: float
 ) -> None:
     """Refuse a backlash, a duration, a sampling or a step that cannot be simulated."""
     if not 0 <= delta < TURN / 2:
@@ -93,14 +88,12 @@ def check_run(
     for name, time in (("control_period_s", p.control_period_s), ("sample_s", sample)):
         if not _whole(time / step):
             _refuse(
-                f"{name} {time} is no multiple of step_s {step}",
-                "choose a step that divides it",
+                f"{name} {time} is no multiple of step_s {step}", "choose a step that divides it"
             )
     compliance = 1 / p.load_inertia_kgm2 + 1 / p.gear_ratio**2 / p.motor_inertia_kgm2
     contact = math.sqrt(p.stiffness_nm_per_rad * compliance)
     shaking = p.commanded_speed_rad_per_s * max(
-        (wave.order for wave in p.disturbances),
-        default=0.0,
+        (wave.order for wave in p.disturbances), default=0.0
     )
     fastest = max(contact, shaking, 1 / p.torque_lag_s if p.torque_lag_s > 0 else 0.0)
     if step * fastest > 0.5:

@@ -323,14 +323,7 @@ def run(y, region, steps, step, skip, every, per_period, delay, c, drive, record
             if not up and x >= edges[region]:
                 break
             s, y = locate(
-                t,
-                y,
-                left,
-                end,
-                edges[region + 1] if up else edges[region],
-                command,
-                region,
-                c,
+                t, y, left, end, edges[region + 1] if up else edges[region], command, region, c
             )
             before, region = region, (region + 1 if up else region - 1)
             t, left = t + s, left - s

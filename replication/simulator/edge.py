@@ -70,10 +70,7 @@ def _plain_steps(y, steps, step, skip, per_period, delay, c, drive, speeds):
 
 
 def plain_steps_speed_rps(
-    joint: JointParameters,
-    delta_rad: float,
-    duration_s: float,
-    step_s: float,
+    joint: JointParameters, delta_rad: float, duration_s: float, step_s: float
 ) -> FloatArray:
     """Motor speed [rps] by control period from steps that do not locate the contact.
 
@@ -93,9 +90,7 @@ def plain_steps_speed_rps(
 
 
 def stepping_torque_study(
-    joint: JointParameters,
-    deltas_rad: FloatArray,
-    steps_s: Sequence[float],
+    joint: JointParameters, deltas_rad: FloatArray, steps_s: Sequence[float]
 ) -> pd.DataFrame:
     """Settled peaks from plain steps against fine ones that locate the contact, with a stepping torque or not."""
     damping = 2 * DAMPING_RATIO * math.sqrt(joint.stiffness_nm_per_rad * joint.load_inertia_kgm2)
@@ -115,6 +110,5 @@ def stepping_torque_study(
             peak = speed[first_turn:].max() - model.commanded_speed_rps
             rows.append((name, delta, step, peak, reference, peak / reference - 1))
     return pd.DataFrame(
-        rows,
-        columns=["model", "delta_rad", "step_s", "peak_rps", "reference_rps", "error"],
+        rows, columns=["model", "delta_rad", "step_s", "peak_rps", "reference_rps", "error"]
     )

@@ -37,8 +37,7 @@ class JointFit:
 
     parameters: JointParameters
     confidence: dict[
-        str,
-        tuple[float, float],
+        str, tuple[float, float]
     ]  # 95 % interval of each ratio, from the linearised least squares
     correlation: pd.DataFrame  # of the ratios' estimates
     mean_square: float  # mean over the levels of the squared normalised RMSE
@@ -54,17 +53,11 @@ def fine_per_sample(record: Recording) -> int:
 
 
 def simulate_finely(
-    joint: JointParameters,
-    deltas_rad: Iterable[float],
-    duration_s: float,
+    joint: JointParameters, deltas_rad: Iterable[float], duration_s: float
 ) -> list[SimulatedJoint]:
     """Simulate each backlash with nothing missed between samples."""
     return simulate_many(
-        joint,
-        list(deltas_rad),
-        duration_s=duration_s,
-        sample_s=FINE_S,
-        step_s=FINE_S,
+        joint, list(deltas_rad), duration_s=duration_s, sample_s=FINE_S, step_s=FINE_S
     )
 
 
@@ -90,10 +83,7 @@ def third_turn_errors(joint: JointParameters, records: Records) -> FloatArray:
 
 
 def identify_joint(
-    records: Records,
-    start: JointParameters,
-    *,
-    held: Iterable[str] = HELD,
+    records: Records, start: JointParameters, *, held: Iterable[str] = HELD
 ) -> JointFit:
     """Fit the ratios of a joint to clean motor-speed records by least squares.
 
@@ -161,10 +151,7 @@ def identify_lead(records: Records, parameters: JointParameters, leads_s: Iterab
 
 
 def profile_ratio(
-    name: str,
-    factors: Iterable[float],
-    records: Records,
-    best: JointParameters,
+    name: str, factors: Iterable[float], records: Records, best: JointParameters
 ) -> pd.DataFrame:
     """Profile of the misfit along one ratio: the others are fitted anew at each value."""
     rows = []

@@ -118,9 +118,7 @@ class JointParameters:
 
 
 def _physical(
-    ratios: Mapping[str, float],
-    gear_ratio: float,
-    load_mass_kg: float,
+    ratios: Mapping[str, float], gear_ratio: float, load_mass_kg: float
 ) -> dict[str, Any]:
     """Fields of a joint with a point load: J_l = m r**2, so g / r gives the arm and the mass the scale."""
     r = dict(ratios)

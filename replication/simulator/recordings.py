@@ -13,10 +13,7 @@ SIMULATION_STEP_S = 5e-5
 
 
 def simulate_recordings(
-    joint: JointParameters,
-    deltas_rad: Sequence[float],
-    sample_s: float = 2e-3,
-    turns: int = 12,
+    joint: JointParameters, deltas_rad: Sequence[float], sample_s: float = 2e-3, turns: int = 12
 ) -> list[Recording]:
     """Record the simulated joint's motor speed at each backlash.
 
@@ -24,11 +21,7 @@ def simulate_recordings(
     """
     duration_s = turns * joint.turn_period_s
     runs = simulate_many(
-        joint,
-        deltas_rad,
-        duration_s=duration_s,
-        sample_s=sample_s,
-        step_s=SIMULATION_STEP_S,
+        joint, deltas_rad, duration_s=duration_s, sample_s=sample_s, step_s=SIMULATION_STEP_S
     )
     speed, turn = joint.commanded_speed_rps, joint.turn_period_s
     name = "simulated joint, {:g} rad"
@@ -39,11 +32,7 @@ def simulate_recordings(
 
 
 def read_encoder(
-    joint: JointParameters,
-    t: FloatArray,
-    position_rad: FloatArray,
-    bits: int,
-    source: str,
+    joint: JointParameters, t: FloatArray, position_rad: FloatArray, bits: int, source: str
 ) -> Recording:
     """Record of the speed that is differenced from an encoder's positions at even times.
 

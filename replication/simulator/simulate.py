@@ -92,22 +92,13 @@ def simulate(
         If the joint runs away all the same.
     """
     (found,) = simulate_many(
-        parameters,
-        [delta_rad],
-        duration_s=duration_s,
-        sample_s=sample_s,
-        step_s=step_s,
-        threads=1,
+        parameters, [delta_rad], duration_s=duration_s, sample_s=sample_s, step_s=step_s, threads=1
     )
     return found
 
 
 def _simulate_checked(
-    p: JointParameters,
-    delta: float,
-    duration: float,
-    sample: float,
-    step: float,
+    p: JointParameters, delta: float, duration: float, sample: float, step: float
 ) -> SimulatedJoint:
     y, region = core.start_state(p, delta)
     every = round(sample / step)
@@ -122,19 +113,7 @@ def _simulate_checked(
     c = core.constants_of(p, delta)
     drive = core.drive_of(p)
     status, used = core.run(
-        y,
-        region,
-        steps,
-        step,
-        skip,
-        every,
-        per_period,
-        delay,
-        c,
-        drive,
-        record,
-        gap,
-        events,
+        y, region, steps, step, skip, every, per_period, delay, c, drive, record, gap, events
     )
     if status >= 0:
         at = f"t = {(status - skip) * step:.4f} s with delta_rad = {delta}"

@@ -27,9 +27,7 @@ TABLE3_COLUMNS = {
 
 
 def table3_records(
-    bench: Bench,
-    deltas_rad: Sequence[float],
-    seed: int,
+    bench: Bench, deltas_rad: Sequence[float], seed: int
 ) -> list[tuple[dict, Recording]]:
     """Measure and log the bench in each state of wear."""
     rng = np.random.default_rng(seed)

@@ -106,9 +106,7 @@ def draw_bench(rng: np.random.Generator, spread: Spread | None = None) -> Bench:
 
 
 def _draw_disturbances(
-    joint: JointParameters,
-    spread: Spread,
-    rng: np.random.Generator,
+    joint: JointParameters, spread: Spread, rng: np.random.Generator
 ) -> tuple[Disturbance, ...]:
     """Torque ripple at one and six periods a motor turn, eccentricity of the belt's and of the load's turn."""
     ripple = spread.ripple * joint.gravity_torque_nm / joint.gear_ratio
@@ -123,29 +121,20 @@ def _draw_disturbances(
             phase_rad=phases[2],
         ),
         Disturbance(
-            1 / joint.gear_ratio,
-            transmission_error_rad=spread.gear_rad * gear,
-            phase_rad=phases[3],
+            1 / joint.gear_ratio, transmission_error_rad=spread.gear_rad * gear, phase_rad=phases[3]
         ),
     )
 
 
 def run_and_log(
-    bench: Bench,
-    delta_rad: float,
-    rng: np.random.Generator,
-    sample_s: float = SAMPLE_S,
+    bench: Bench, delta_rad: float, rng: np.random.Generator, sample_s: float = SAMPLE_S
 ) -> tuple[SimulatedJoint, Recording]:
     """Run a bench for twelve turns from a random angle, and log its encoder's position, differenced, with noise."""
     joint = replace(bench.joint, start_angle_rad=float(rng.uniform(0, TURN)))
     run = simulate(joint, delta_rad, duration_s=TURNS * joint.turn_period_s, sample_s=sample_s)
     source = f"simulated encoder log, {delta_rad:g} rad"
     log = read_encoder(
-        joint,
-        run.time_s,
-        run.motor_position_rad,
-        joint.encoder_bits or FINE_BITS,
-        source,
+        joint, run.time_s, run.motor_position_rad, joint.encoder_bits or FINE_BITS, source
     )
     return run, add_normal_noise(log, bench.noise_rps, rng)
 
@@ -156,10 +145,7 @@ def encoder_log(bench: Bench, delta_rad: float, rng: np.random.Generator) -> Rec
 
 
 def _log_and_fit(
-    fit_record: FitRecord,
-    bench: Bench,
-    delta_rad: float,
-    seed: Sequence[int],
+    fit_record: FitRecord, bench: Bench, delta_rad: float, seed: Sequence[int]
 ) -> dict[str, float]:
     recording = encoder_log(bench, delta_rad, np.random.default_rng(seed))
     fit = fit_record(recording)
@@ -178,9 +164,7 @@ def _log_and_fit(
 
 
 def fitted_logs(
-    fit_record: FitRecord,
-    cases: Sequence[tuple[Bench, float]],
-    seeds: Sequence[Sequence[int]],
+    fit_record: FitRecord, cases: Sequence[tuple[Bench, float]], seeds: Sequence[Sequence[int]]
 ) -> pd.DataFrame:
     """Log each case and fit it, on all cores."""
     calls = [(fit_record, *case, seed) for case, seed in zip(cases, seeds, strict=True)]

@@ -25,13 +25,7 @@ def table3(table: pd.DataFrame, population: pd.DataFrame) -> Figure:
     label = f"stand-in bench, {table['runs'].iloc[0]} runs"
     axis.errorbar(delta, table["mean_A_rps"], table["sd_A_rps"], label=label, **style)
     axis.plot(
-        delta,
-        table["best_A_rps"],
-        "_",
-        color=GREEN,
-        markersize=14,
-        mew=2,
-        label="its best basin",
+        delta, table["best_A_rps"], "_", color=GREEN, markersize=14, mew=2, label="its best basin"
     )
     printed = table["printed_mean_A_rps"], table["printed_sd_A_rps"]
     axis.errorbar(
@@ -65,11 +59,7 @@ def load_friction(logs: pd.DataFrame, study: pd.DataFrame) -> Figure:
     explained = 100 * (1 - (logs["rmse_rps"] / logs["sd_rps"]) ** 2)
     share = 100 * logs["friction_share"]
     above.plot(
-        100 * study["friction_share"],
-        study["A_rps"],
-        color=BLUE,
-        linewidth=0.9,
-        label="mean",
+        100 * study["friction_share"], study["A_rps"], color=BLUE, linewidth=0.9, label="mean"
     )
     for kept, fill, label in (
         (explained >= 50, BLUE, "at least"),
@@ -95,9 +85,7 @@ def load_friction(logs: pd.DataFrame, study: pd.DataFrame) -> Figure:
 
 @in_style
 def robots(
-    population: pd.DataFrame,
-    curves: Mapping[str, tuple[pd.DataFrame, float]],
-    marks: pd.DataFrame,
+    population: pd.DataFrame, curves: Mapping[str, tuple[pd.DataFrame, float]], marks: pd.DataFrame
 ) -> Figure:
     """Show A of healthy robots and of those with excessive backlash, and the ROC curve of a threshold on A."""
     figure, ((left, right),) = grid(1, 2, height_in=3.8)
@@ -113,10 +101,7 @@ def robots(
         }
         left.hist(part["A_rps"], edges, label=f"{kind}, {len(part)} robots", **style)
     for (label, (curve, area)), line, colour in zip(
-        curves.items(),
-        ("-", "--", ":"),
-        (BLUE, PINK, PINK),
-        strict=False,
+        curves.items(), ("-", "--", ":"), (BLUE, PINK, PINK), strict=False
     ):
         shares = 100 * curve["false_alarms"], 100 * curve["detected"]
         right.plot(*shares, line, color=colour, label=f"{label}, area {area:.3f}")
@@ -133,18 +118,14 @@ def robots(
         right.plot(100 * mark["false_alarms"], 100 * mark["detected"], marker, **style)
     left.set(xlabel="fitted A [rps]", ylabel="number of robots [-]")
     right.set(
-        xlabel="healthy called excessive [%]",
-        ylabel="excessive robots found [%]",
-        ylim=(0, 102),
+        xlabel="healthy called excessive [%]", ylabel="excessive robots found [%]", ylim=(0, 102)
     )
     return house.finish(figure, 2)
 
 
 @in_style
 def robots_disturbance(
-    sweep: pd.DataFrame,
-    thresholds: Mapping[str, float],
-    turn_hz: float,
+    sweep: pd.DataFrame, thresholds: Mapping[str, float], turn_hz: float
 ) -> Figure:
     """Show the A of a joint without backlash that a sinusoidal disturbance shakes."""
     figure, ((axis,),) = grid(height_in=4.2)
@@ -154,10 +135,7 @@ def robots_disturbance(
         label = "odd harmonics of the load's turn" if place == 0 else None
         axis.axvline(frequency, color="0.7", linewidth=4, alpha=0.5, label=label)
     for (share, part), colour, marker in zip(
-        sweep.groupby("torque_share", sort=False),
-        COLOURS,
-        MARKERS,
-        strict=False,
+        sweep.groupby("torque_share", sort=False), COLOURS, MARKERS, strict=False
     ):
         heard = part["disturbance_rps"].max()
         label = f"{100 * share:.0f} % of m g r, up to {heard:.2f} rps"
@@ -172,12 +150,7 @@ def robots_disturbance(
         )
         few = part[part["turns_used"] < 2]
         axis.plot(
-            few["disturbance_hz"],
-            few["A_rps"],
-            marker,
-            color=colour,
-            markersize=4,
-            mfc="white",
+            few["disturbance_hz"], few["A_rps"], marker, color=colour, markersize=4, mfc="white"
         )
     axis.plot([], [], "o", color=INK, mfc="white", markersize=4, label="fit of less than two turns")
     for (name, amplitude), style in zip(thresholds.items(), ("--", "-."), strict=False):

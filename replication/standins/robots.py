@@ -46,24 +46,19 @@ def draw_robot(rng: np.random.Generator, spread: RobotSpread, kind: str) -> tupl
     """Draw the axis 4 of a robot, and its backlash."""
     bench = draw_bench(rng, spread.bench)
     joint = replace(
-        bench.joint,
-        load_mass_kg=bench.joint.load_mass_kg * rng.uniform(*spread.gravity),
+        bench.joint, load_mass_kg=bench.joint.load_mass_kg * rng.uniform(*spread.gravity)
     )
     orders = rng.uniform(*spread.coupling_hz, spread.couplings) / joint.commanded_speed_rps
     torques = spread.coupling * joint.gravity_torque_nm * rng.random(spread.couplings)
     couplings = tuple(
         Disturbance(float(order), load_torque_nm=float(torque), phase_rad=float(phase))
         for order, torque, phase in zip(
-            orders,
-            torques,
-            TURN * rng.random(spread.couplings),
-            strict=True,
+            orders, torques, TURN * rng.random(spread.couplings), strict=True
         )
     )
     backlash = rng.uniform(*(spread.healthy_rad if kind == "healthy" else spread.excessive_rad))
     return replace(
-        bench,
-        joint=replace(joint, disturbances=(*joint.disturbances, *couplings)),
+        bench, joint=replace(joint, disturbances=(*joint.disturbances, *couplings))
     ), float(backlash)
 
 
@@ -102,10 +97,7 @@ def table4_cells(table: pd.DataFrame) -> dict[str, float]:
 
 
 def robot_population(
-    fit_record: FitRecord,
-    each: int,
-    spread: RobotSpread,
-    seed: int,
+    fit_record: FitRecord, each: int, spread: RobotSpread, seed: int
 ) -> pd.DataFrame:
     """Fit the logs of many robots of each kind; the first of each are robots A and B."""
     kinds = [kind for kind in KINDS for _ in range(each)]

@@ -12,10 +12,7 @@ from workbook import ROOT
     ("code", "kept_out"),
     [
         ("from backlash import main", ("numpy", "studies", "workbook")),
-        (
-            "import backlash.commands",
-            ("cma", "matplotlib", "pooch", "scipy.signal", "scipy.stats"),
-        ),
+        ("import backlash.commands", ("cma", "matplotlib", "pooch", "scipy.signal", "scipy.stats")),
         ("import backlash.commands", ("studies", "workbook")),
     ],
 )

@@ -180,9 +180,5 @@ def like_printed(value: float, printed: str) -> str:
 
 
 TEMPLATES.globals.update(
-    signs=SIGNS,
-    meanings=MEANINGS,
-    sources=SOURCES,
-    evidence=EVIDENCE,
-    number=number,
+    signs=SIGNS, meanings=MEANINGS, sources=SOURCES, evidence=EVIDENCE, number=number
 )
