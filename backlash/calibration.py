@@ -28,8 +28,8 @@ from backlash.reading.refusals import UnusableLog
 from replication.arrays import FloatArray
 from replication.characteristic import RPM_PER_RPS, equation_10, first_rise, printed_levels_rad
 from replication.recording import COMMANDED_SPEED_RPS, TURN_PERIOD_S, Recording
+from replication.simulator.parameters import identified_joint
 from replication.simulator.recordings import simulate_recordings
-from replication.simulator.simulate import identified_joint
 
 _DATA = Path(__file__).with_name("data")
 # Most phases in a turn that a waveform keeps: those of the default one, sampled at 0.5 ms.
@@ -58,9 +58,8 @@ class Calibration:
     method: str  # that reads, and that read the calibration's own logs
     coefficients: tuple[float, ...]  # of delta(value), from the constant up; none for "waveform"
     range_rad: tuple[float, float]  # least and largest backlash of its logs
-    uncertainty_rad: (
-        float  # RMS error at inner levels left out, times Student's factor for so few of them
-    )
+    # RMS error at inner levels left out, times Student's factor for so few of them.
+    uncertainty_rad: float
     turn_period_s: float
     commanded_speed_rps: float
     provenance: str  # what it was made from

@@ -21,9 +21,8 @@ class Fitted(Detected):
     """A log with what was fitted to it."""
 
     signature: GlobalFit
-    reading: (
-        Reading  # of the calibration's method where that knows the movement, else the amplitude
-    )
+    # Of the calibration's method where that knows the movement, else the amplitude.
+    reading: Reading
     model_rps: FloatArray  # the method's model at the samples, less its mean
     joint: SelfFit | None = None
     torque_fit: TorqueFit | None = None

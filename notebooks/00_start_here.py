@@ -60,9 +60,9 @@ from replication import characteristic, identify, published
 from replication.figures import style, teeth
 from replication.recording import add_uniform_noise
 from replication.simulator.checks import closed_loop_matrix
-from replication.simulator.parameters import with_ratios
+from replication.simulator.parameters import identified_joint, with_ratios
 from replication.simulator.recordings import simulate_recordings
-from replication.simulator.simulate import identified_joint, settled_peak_rps, simulate
+from replication.simulator.simulate import settled_peak_rps, simulate
 from replication.table2 import AUTHORS_PROTOCOL
 from workbook import Interval
 

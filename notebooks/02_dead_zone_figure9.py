@@ -50,7 +50,7 @@ from matplotlib import pyplot as plt
 import workbook
 from replication import dead_zone, published
 from replication.figures import paper
-from replication.simulator.simulate import identified_joint
+from replication.simulator.parameters import identified_joint
 from workbook import Interval
 
 # %% [markdown]

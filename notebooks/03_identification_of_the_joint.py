@@ -108,10 +108,9 @@ from replication import published
 from replication.authors import CLEAN_LEVELS, level_delta_rad, load_clean_records
 from replication.figures import paper
 from replication.simulator import checks, identification
-from replication.simulator.parameters import with_ratios
+from replication.simulator.parameters import identified_joint, with_ratios
 from replication.simulator.recordings import simulate_recordings
 from replication.simulator.reidentify import FIT_LEVELS
-from replication.simulator.simulate import identified_joint
 from workbook import Interval
 
 # %% [markdown]

@@ -60,10 +60,15 @@ from replication.authors import CLEAN_LEVELS, level_delta_rad, load_clean_record
 from replication.figures import paper
 from replication.recording import COMMANDED_SPEED_RPS, TURN_PERIOD_S
 from replication.simulator.identification import FINE_S
-from replication.simulator.parameters import changeable, changed_joint, joint_from_ratios
+from replication.simulator.parameters import (
+    changeable,
+    changed_joint,
+    identified_joint,
+    joint_from_ratios,
+)
 from replication.simulator.recordings import SIMULATION_STEP_S, simulate_recordings
 from replication.simulator.reidentify import FIT_LEVELS
-from replication.simulator.simulate import identified_joint, simulate, simulate_many
+from replication.simulator.simulate import simulate, simulate_many
 from workbook import Interval
 
 # %% [markdown]

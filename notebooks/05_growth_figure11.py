@@ -64,9 +64,9 @@ from replication.authors import ALL_LEVELS, level_delta_rad
 from replication.figures import paper
 from replication.recording import COMMANDED_SPEED_RPS, TURN_PERIOD_S, add_uniform_noise
 from replication.simulator.identification import FINE_S
-from replication.simulator.parameters import changeable, changed_joint
+from replication.simulator.parameters import changeable, changed_joint, identified_joint
 from replication.simulator.recordings import SIMULATION_STEP_S, simulate_recordings
-from replication.simulator.simulate import identified_joint, settled_peak_rps, simulate
+from replication.simulator.simulate import settled_peak_rps, simulate
 from workbook import Interval
 
 # %% [markdown]
@@ -76,9 +76,8 @@ from workbook import Interval
 speed_level = 12  # level K of the speed signal in figure 5
 noise_rps = 0.0  # half-amplitude of uniform noise added in figure 5
 noise_seed = 1
-commanded_speed_rps = (
-    100.0  # of the motor; the load turns once in 40 of its turns, 0.4 s at 100 rps
-)
+# Of the motor; the load turns once in 40 of its turns, 0.4 s at 100 rps.
+commanded_speed_rps = 100.0
 changes = {}  # factors for the joint's ratios or physical quantities, as in notebook 4
 
 # %% tags=["plumbing"]

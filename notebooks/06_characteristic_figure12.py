@@ -52,8 +52,8 @@ from matplotlib import pyplot as plt
 import workbook
 from replication import characteristic, published
 from replication.figures import paper, style
-from replication.simulator.parameters import changed_joint
-from replication.simulator.simulate import identified_joint, simulate_many
+from replication.simulator.parameters import changed_joint, identified_joint
+from replication.simulator.simulate import simulate_many
 from workbook import Interval
 
 # %% [markdown]

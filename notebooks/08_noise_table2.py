@@ -73,7 +73,7 @@ from replication import published, table2
 from replication.authors import HIGH_NOISE, LOW_NOISE
 from replication.figures import paper
 from replication.replay import inspection
-from replication.simulator.simulate import identified_joint
+from replication.simulator.parameters import identified_joint
 from replication.statistics import LEVEL
 from workbook import Interval
 from workbook.judging import judge_cells, region

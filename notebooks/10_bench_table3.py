@@ -68,7 +68,8 @@ import workbook
 from backlash.fitting.global_fit import global_fit
 from replication import characteristic, published, table2
 from replication.figures import paper
-from replication.simulator.simulate import identified_joint, simulate
+from replication.simulator.parameters import identified_joint
+from replication.simulator.simulate import simulate
 from replication.standins import bench as bench_standin
 from replication.standins import joints, plots
 from workbook import Interval

@@ -63,7 +63,7 @@ import pandas as pd
 import workbook
 from backlash.fitting.global_fit import global_fit
 from replication import published, table2
-from replication.simulator.simulate import identified_joint
+from replication.simulator.parameters import identified_joint
 from replication.standins import plots, robots
 from workbook import Interval
 

@@ -6,13 +6,13 @@ import os
 import re
 import zipfile
 from collections.abc import Iterable
-from importlib.resources import files
 from pathlib import Path
 from urllib.parse import quote
 
 import pandas as pd
 
 from replication.arrays import FloatArray
+from replication.published import DATA
 from replication.recording import COMMANDED_SPEED_RPS, TURN_PERIOD_S, Recording
 
 AUTHORS_COMMIT = "7c81edefe3e61479d234d5080d4627dbbf584733"
@@ -51,12 +51,8 @@ class DataCorrupt(RuntimeError):
 
 def authors_registry() -> dict[str, str]:
     """SHA-256 of each file of the authors' repository at `AUTHORS_COMMIT`, by its path there."""
-    lines = (
-        (files("replication") / "data" / "authors_sha256.txt")
-        .read_text(encoding="utf-8")
-        .splitlines()
-    )
-    return {path: digest for digest, path in (line.split("  ", 1) for line in lines)}
+    text = (DATA / "authors_sha256.txt").read_text(encoding="utf-8")
+    return {path: digest for digest, path in (line.split("  ", 1) for line in text.splitlines())}
 
 
 def data_folder() -> Path:

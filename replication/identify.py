@@ -50,9 +50,8 @@ class Protocol:
     latest_start: int = 100  # sample
     engine: str = "2021"  # as the authors' library searched, by `search`; "cma": as the installed library does
     rpm: bool = False  # the search sees 60 (v - mean v), as equation 10 has A, and not v in rps
-    fixed_T2_s: float | None = (
-        None  # T1 = 0 and this T2 are fixed, the five other parameters have no bounds
-    )
+    # T1 = 0 and this T2 are fixed, the five other parameters have no bounds.
+    fixed_T2_s: float | None = None
 
     @property
     def timing(self) -> Timing:

@@ -1,9 +1,16 @@
 import os
+from dataclasses import replace
 
+import numpy as np
 import pytest
 from hypothesis import settings
 
 from replication.authors import WORKBOOK_FILES, DataUnavailable, authors_file, load_clean
+from replication.recording import add_uniform_noise, constant_speed
+from replication.signature import Timing, signature
+
+# Parameters that a record is made with.
+TRUE_X = np.array([-0.6, 0.012, 15.0, 134.0, 100.0, 0.1507, 0.0113])
 
 # No test hangs on a clock: other machines are slower.
 settings.register_profile("no clock", deadline=None)
@@ -38,6 +45,14 @@ def authors_data():
             authors_file(path)
     except DataUnavailable as error:
         pytest.skip(f"needs the authors' data: {error}")
+
+
+@pytest.fixture(scope="session")
+def made_record():
+    """A record of the signature of `TRUE_X` and noise."""
+    base = constant_speed(samples=2401, dt=0.002)
+    made = replace(base, v=base.v + signature(base.t, TRUE_X, Timing(0.2, 0.4, 12)))
+    return add_uniform_noise(made, 0.05, np.random.default_rng(5))
 
 
 @pytest.fixture(scope="session")

@@ -10,10 +10,17 @@ from backlash.reading.columns import LogFormat
 from backlash.reading.prepare import Log, open_log
 from backlash.reading.refusals import UnusableLog
 from replication.recording import Recording, add_uniform_noise, constant_speed
+from replication.simulator.parameters import identified_joint
 from replication.simulator.recordings import simulate_recordings
-from replication.simulator.simulate import identified_joint
 
 TURN = LogFormat(turn_period_s=0.4)
+ANSWER_KEYS = [
+    "file", "verdict", "amplitude_rps", "amplitude_interval_rps", "backlash_rad", "backlash_interval_rad", "rmse_rps",
+    "method", "turn_period_s", "samples", "warnings", "ring_hz", "damping_ratio", "friction_share",
+    "sha256", "calibration", "backlash_intervals_rad",
+    "half_play_rad", "half_play_interval_rad", "total_play_rad", "total_play_interval_rad",
+    "relative_index_rps", "version",
+]  # fmt: skip
 
 
 @lru_cache

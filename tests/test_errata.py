@@ -10,7 +10,7 @@ from replication.identify import Protocol, protocol_box
 from replication.replay.inspection import STORED_NAMES
 from replication.search import constants, decompose, generations, random_normals, sample, update
 from replication.signature import Box, Timing, rmse, signature
-from replication.simulator.simulate import identified_joint
+from replication.simulator.parameters import identified_joint
 from replication.table2 import noise_only_record, table2_levels
 
 T = 0.002 * np.arange(2401)

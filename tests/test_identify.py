@@ -9,22 +9,14 @@ from replication import published
 from replication.compiled.bounds import from_box, into_box, margin_2021, margin_today
 from replication.compiled.misfit import fold, folded_rmse, population_rmse
 from replication.identify import Protocol, library_search, paper_fit, paper_search, protocol_box
-from replication.recording import add_uniform_noise, constant_speed
-from replication.signature import Box, signature
+from replication.signature import Box
 from replication.table2 import start_samples
+from tests.conftest import TRUE_X
 
 MARGINS = {
     margin_2021: cma.transformations.margin_width1,
     margin_today: cma.transformations.margin_width2,
 }
-TRUE_X = np.array([-0.6, 0.012, 15.0, 134.0, 100.0, 0.1507, 0.0113])
-
-
-@pytest.fixture(scope="module")
-def made_record():
-    base = constant_speed(samples=2401, dt=0.002)
-    clean = replace(base, v=base.v + signature(base.t, TRUE_X, Protocol().timing))
-    return add_uniform_noise(clean, 0.05, np.random.default_rng(5))
 
 
 @pytest.mark.parametrize("margin", MARGINS)

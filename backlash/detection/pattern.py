@@ -53,9 +53,8 @@ class Presence:
     p_value: float  # how often random signs give as much energy
     has_same_sign: bool  # whether there is one with the same sign in both halves of a turn, as no signature has
     noise_rps: float  # RMS noise of a sample in the band, from the scatter between half turns
-    detectable_rps2: (
-        float  # energy, as `band_energy` counts it, that is found with probability `POWER`
-    )
+    # Energy, as `band_energy` counts it, that is found with probability `POWER`.
+    detectable_rps2: float
     pattern: ComplexArray  # of the mean first and second half of a turn, the second negated [rps]
 
     @property

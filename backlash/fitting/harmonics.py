@@ -45,9 +45,8 @@ class TurnHarmonics:
     ]  # of exp(i order angle), the angle 0 where the record begins [rps]
     sd: FloatArray  # noise in each of its parts, or the model's error where that is larger [rps]
     turns: int  # settled turns averaged
-    ring_noise_ratio: (
-        float  # noise in the ring's band over that above it, about 1 where turns repeat
-    )
+    # Noise in the ring's band over that above it, about 1 where turns repeat.
+    ring_noise_ratio: float
     is_quiet: bool  # there is hardly any noise: `sd` is mostly the model's error
     lines: tuple[
         tuple[float, float], ...

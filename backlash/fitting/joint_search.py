@@ -37,12 +37,10 @@ class SearchSettings(NamedTuple):
     start_apart: float = 0.2  # in the logarithm of the backlash
     first_steps: int = 5
     last_steps: int = 40
-    hopeless_chi2: float = (
-        12.0  # a harmonic (2 for noise alone): nothing but another joint explains more
-    )
-    least_fall: float = (
-        0.01  # of chi squared; a smaller step is the last: a tenth of an SD along any direction
-    )
+    # A harmonic (2 for noise alone): nothing but another joint explains more.
+    hopeless_chi2: float = 12.0
+    # Of chi squared; a smaller step is the last: a tenth of an SD along any direction.
+    least_fall: float = 0.01
     far_chi2: float = 60.0  # a start that is worse by more than this after its first steps is left
     probe_sds: tuple[float, ...] = (
         -4.0,
@@ -52,9 +50,8 @@ class SearchSettings(NamedTuple):
     )  # of the backlash, where a better minimum is looked for
     probe_steps: int = 3
     probe_rounds: int = 2
-    probe_hopeful_chi2: float = (
-        25.0  # a probe that is worse by less, and still `probe_apart_sds` away, goes on
-    )
+    # A probe that is worse by less, and still `probe_apart_sds` away, goes on.
+    probe_hopeful_chi2: float = 25.0
     probe_apart_sds: float = 1.0
     most_dropped: int = 3  # harmonics that may be left out
 

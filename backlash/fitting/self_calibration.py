@@ -85,9 +85,8 @@ class SelfFit:
     worst_phase: float  # where the joint fits worst [turns, from the load hanging down]
     ring_noise_ratio: float  # see `harmonics.TurnHarmonics`
     peaks: list[WeightedPeak]  # no second mass, then one of each ring
-    turn_rps: (
-        FloatArray  # fitted speed less its mean, at even phases from the record's first sample
-    )
+    # Fitted speed less its mean, at even phases from the record's first sample.
+    turn_rps: FloatArray
     other_intervals_rad: tuple[
         tuple[float, float], ...
     ]  # of separate peaks, less probable than `interval_rad`

@@ -42,9 +42,8 @@ _DRAWS = 200
 class LoadData:
     """What must be known of the load, by its data sheet or the drive's autotune, each with a relative SD."""
 
-    inertia_ratio: (
-        float  # rho = J_l / (N^2 J_m): of the load, seen from the motor, to the motor's own
-    )
+    # rho = J_l / (N^2 J_m): of the load, seen from the motor, to the motor's own.
+    inertia_ratio: float
     gravity_per_s2: float  # m g r / J_l: 9.81 / r for a point load
     inertia_sd: float = 0.1
     gravity_sd: float = 0.05

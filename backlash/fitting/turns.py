@@ -99,9 +99,8 @@ class _Slopes(NamedTuple):
     drive: FloatArray
     torques: FloatArray
     before: FloatArray  # the state's, before a step that is taken back
-    forced: (
-        FloatArray  # what columns and pushes do to three rates at a step's start, middle and end
-    )
+    # What columns and pushes do to three rates at a step's start, middle and end.
+    forced: FloatArray
 
 
 class _Linear(NamedTuple):

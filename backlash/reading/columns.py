@@ -105,17 +105,15 @@ class LogFormat:
     time: str | None = None
     speed: str | None = None  # of the motor
     position: str | None = None  # of the motor, instead of its speed
-    unit: str | None = (
-        None  # of the speed, one of `UNITS`; of a position the turns, radians or counts that go with it
-    )
+    # Of the speed, one of `UNITS`; of a position the turns, radians or counts that go with it.
+    unit: str | None = None
     counts_per_turn: float | None = None  # of the encoder, in a motor turn
     commanded_speed_rps: float | None = None  # of the motor
     turn_period_s: float | None = None  # of the load
     trust_period: bool = False  # whether the turn is taken as it is given
     gear_ratio: float | None = None  # motor turns in a load turn
-    usual_speed_rps: float | None = (
-        None  # of the calibration's logs; only a guessed unit is judged by it
-    )
+    # Of the calibration's logs; only a guessed unit is judged by it.
+    usual_speed_rps: float | None = None
     start_s: float | None = None  # of the part to use, from the log's first sample on
     torque: str | None = None  # of the motor, in any unit
     end_s: float | None = None

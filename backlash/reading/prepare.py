@@ -31,9 +31,8 @@ _GOOD_RATE_HZ = 12 * _RING_HZ  # below, the samples may miss more than 3 % of a 
 _FASTEST_HZ = 2000.0  # above, neighbouring samples are averaged
 
 _LEAST_SAMPLES = 8  # of a log, and of a load turn
-_LEAST_TURNS = (
-    4  # fewer half turns have too few orders of signs to tell a pattern from noise (see `pattern`)
-)
+# Fewer half turns have too few orders of signs to tell a pattern from noise (see `pattern`).
+_LEAST_TURNS = 4
 _MOST_TURNS = 60  # what is beyond adds nothing but time
 _SPEED_TOLERANCE = 0.03  # of a constant speed; backlash disturbs it by some 1 %
 _SMOOTHING_S = 0.1

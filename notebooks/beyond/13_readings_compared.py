@@ -92,9 +92,10 @@ from backlash.fitting.waveform import mean_turn
 from replication import published
 from replication.authors import level_delta_rad, load_noisy
 from replication.recording import add_uniform_noise
+from replication.simulator.parameters import identified_joint
 from replication.simulator.recordings import simulate_recordings
 from replication.simulator.reidentify import FIT_LEVELS
-from replication.simulator.simulate import identified_joint, simulate
+from replication.simulator.simulate import simulate
 from replication.statistics import rate_columns
 from studies import accuracy, benchmark, gap_time, plots
 from studies.joint_match import PHASES, simulate_turn

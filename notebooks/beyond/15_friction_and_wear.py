@@ -68,7 +68,8 @@ from backlash import calibration
 from backlash.fitting.global_fit import global_fit
 from replication import characteristic, published
 from replication.signature import FREE_PARAMETERS
-from replication.simulator.simulate import identified_joint, simulate
+from replication.simulator.parameters import identified_joint
+from replication.simulator.simulate import simulate
 from replication.standins import joints, plots
 from replication.standins.wear import draw_wear
 from studies import plots as study_plots

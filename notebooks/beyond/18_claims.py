@@ -55,7 +55,7 @@ import workbook
 from replication import characteristic, published
 from replication.authors import CLEAN_LEVELS, level_delta_rad, load_clean_records, load_noisy
 from replication.simulator import edge
-from replication.simulator.simulate import identified_joint
+from replication.simulator.parameters import identified_joint
 from studies import claims as studies
 from studies import optimizers
 from workbook import Interval

@@ -34,16 +34,13 @@ class FoldedRecord(NamedTuple):
     half: int = 0  # samples of T_d and of T_f; 0 if nothing is folded
     turn: int = 0
     # For the sample at which a window's first, positive oscillation has a value, over all turns:
-    value: FloatArray = (
-        NOT_FOLDED  # sum of v - mean in the positive windows, less that in the negative ones
-    )
-    sign: FloatArray = (
-        NOT_FOLDED  # number of positive windows that are in the record, less that of negative ones
-    )
+    # Sum of v - mean in the positive windows, less that in the negative ones.
+    value: FloatArray = NOT_FOLDED
+    # Number of positive windows that are in the record, less that of negative ones.
+    sign: FloatArray = NOT_FOLDED
     both: FloatArray = NOT_FOLDED  # number of positive and negative ones
-    in_turn: FloatArray = (
-        NOT_FOLDED  # windows in which a long oscillation meets its own turn's other one
-    )
+    # Windows in which a long oscillation meets its own turn's other one.
+    in_turn: FloatArray = NOT_FOLDED
     in_next: FloatArray = NOT_FOLDED  # and the next turn's first one
 
 

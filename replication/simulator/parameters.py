@@ -32,12 +32,10 @@ class Disturbance:
     """A sinusoidal disturbance inside the joint."""
 
     order: float  # periods per motor turn: the frequency over the commanded motor speed
-    motor_torque_nm: float = (
-        0.0  # of a torque on the motor (cogging, ripple), in step with the motor's own angle
-    )
-    load_torque_nm: float = (
-        0.0  # of a torque on the load (another joint's), in step with the commanded motion
-    )
+    # Of a torque on the motor (cogging, ripple), in step with the motor's own angle.
+    motor_torque_nm: float = 0.0
+    # Of a torque on the load (another joint's), in step with the commanded motion.
+    load_torque_nm: float = 0.0
     # What an eccentric belt pulley or gear adds to theta_l in the displacement theta_m / N -
     # theta_l, load side.
     transmission_error_rad: float = 0.0
@@ -84,9 +82,8 @@ class JointParameters:
     commanded_speed_rps: float = 100.0  # of the motor
     torque_limit_nm: float = math.inf  # of the motor; the integrals stop while it binds
     encoder_bits: int = 0  # of the position that the drive sees; 0 for the true position
-    speed_by_differencing: bool = (
-        False  # the drive differences its position instead of knowing the true speed
-    )
+    # The drive differences its position instead of knowing the true speed.
+    speed_by_differencing: bool = False
     disturbances: tuple[Disturbance, ...] = ()  # added up
 
     @property

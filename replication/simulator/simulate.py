@@ -16,7 +16,6 @@ from numpy.typing import ArrayLike
 from replication.arrays import FloatArray, IntArray
 from replication.simulator import checks, core
 from replication.simulator.parameters import TURN, JointParameters
-from replication.simulator.parameters import identified_joint as identified_joint
 
 
 class DivergenceError(ArithmeticError):
@@ -45,9 +44,8 @@ class SimulatedJoint:
     motor_torque_nm: FloatArray
     load_position_rad: FloatArray
     load_speed_rad_per_s: FloatArray
-    gap_state: (
-        IntArray  # 1: the motor drives the load, -1: the load drives the motor, 0: inside the gap
-    )
+    # 1: the motor drives the load, -1: the load drives the motor, 0: inside the gap.
+    gap_state: IntArray
     impact_time_s: FloatArray  # when the teeth met, located to far less than a step
     impact_side: IntArray  # the gap state after each impact
     separation_time_s: FloatArray

@@ -53,13 +53,11 @@ class Spread:
     """
 
     ratios: float = 0.05  # relative SD (log-normal) of each of `VARIED_RATIOS`
-    load_friction: float = (
-        0.005  # largest Coulomb, and largest viscous at the commanded speed, over m g r
-    )
+    # Largest Coulomb, and largest viscous at the commanded speed, over m g r.
+    load_friction: float = 0.005
     motor_friction: float = 0.5  # the same on the motor, over m g r / N
-    ripple: float = (
-        0.02  # largest torque ripple at one and at six periods a motor turn, over m g r / N
-    )
+    # Largest torque ripple at one and at six periods a motor turn, over m g r / N.
+    ripple: float = 0.02
     belt_rad: float = 1e-5  # largest transmission error of the belt's turn, load side
     gear_rad: float = 1e-4  # largest transmission error of the load's turn
     noise_rps: float = 0.08  # largest SD of the measured speed's noise; the smallest is half of it

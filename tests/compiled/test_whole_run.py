@@ -7,7 +7,6 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from replication import published
 from replication.compiled.misfit import fold, folded_rmse, population_rmse
 from replication.compiled.whole_run import whole_run
 from replication.recording import constant_speed
@@ -125,17 +124,6 @@ def test_a_compiled_run_is_the_search_generation_by_generation(
     assert ours.misfit == pytest.approx(rmse(t, v, ours.best, timing), abs=1e-12)
 
 
-def test_29_of_the_30_stored_runs_end_at_the_stored_misfit_and_23_in_the_stored_generation(
-    record_12,
-):
-    t, v = record_12.t, record_12.v
-    box, folded = table1_box(t, v, 0.204, 1.3), fold(t, v, TURN)
-    stored = published.authors_notebook_runs()
-    ours = [whole_run(folded, box, seed, 300, 200) for seed in stored["cma_seed"]]
-    assert (np.abs([run.misfit for run in ours] - stored["final_rmse_rps"]) < 1e-9).sum() >= 29
-    assert ([len(run.history) for run in ours] == stored["iterations"]).sum() >= 23
-
-
 @pytest.mark.parametrize(
     ("change", "words"),
     [
@@ -143,7 +131,6 @@ def test_29_of_the_30_stored_runs_end_at_the_stored_misfit_and_23_in_the_stored_
         ({"population": 3}, "population 3: at least 4"),
         ({"iterations": 0}, "iterations 0: at least one"),
         ({"box": Box(np.ones(7), np.ones(7))}, "the box is empty"),
-        ({"box": Box(np.ones(7), -np.ones(7))}, "the box is empty"),
     ],
 )
 def test_settings_that_no_search_can_run_with_are_one_clear_error(record, change, words):

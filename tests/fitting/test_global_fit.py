@@ -15,8 +15,8 @@ from replication.compiled.misfit import population_rmse
 from replication.identify import Protocol, paper_fit, protocol_box
 from replication.recording import Recording, add_uniform_noise
 from replication.signature import rmse, signature
+from replication.simulator.parameters import identified_joint
 from replication.simulator.recordings import simulate_recordings
-from replication.simulator.simulate import identified_joint
 from tests.processors import kernels_here
 
 PROTOCOL = Protocol()

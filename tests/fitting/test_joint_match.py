@@ -5,8 +5,8 @@ import pytest
 
 from replication.authors import level_delta_rad, load_clean
 from replication.recording import from_sample
+from replication.simulator.parameters import identified_joint
 from replication.simulator.recordings import simulate_recordings
-from replication.simulator.simulate import identified_joint
 from studies.joint_match import NUISANCES, add_nuisances, match_joint, simulate_turn
 
 JOINT = identified_joint()

@@ -16,8 +16,9 @@ from backlash.fitting.shared_joint import share_joint
 from backlash.fitting.turns import COLUMNS, Movement, simulate_turns
 from backlash.fitting.waveform import low_passed
 from replication.recording import Recording
+from replication.simulator.parameters import identified_joint
 from replication.simulator.recordings import simulate_recordings
-from replication.simulator.simulate import identified_joint, simulate
+from replication.simulator.simulate import simulate
 from replication.standins.joints import draw_bench, encoder_log
 from studies.odd_joints import KINDS, draw_cascade, draw_odd_log, move_bench
 

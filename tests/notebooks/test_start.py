@@ -10,7 +10,8 @@ from PIL import Image
 from test_try_changing import run as run_notebook
 
 from replication.figures import teeth
-from replication.simulator.simulate import identified_joint, simulate
+from replication.simulator.parameters import identified_joint
+from replication.simulator.simulate import simulate
 
 
 @pytest.fixture(scope="module")

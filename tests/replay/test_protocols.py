@@ -9,7 +9,7 @@ import pandas as pd
 import pytest
 from scipy import stats
 
-from replication import identify
+from replication import identify, published
 from replication.authors import LOW_NOISE
 from replication.files import FLOAT_FORMAT, ROOT
 from replication.identify import paper_fit, protocol_box
@@ -42,6 +42,9 @@ def test_there_are_a_dozen_candidates_at_most_and_all_could_exist_before_2022():
     assert len(CANDIDATES) <= 12
     assert {name for name in VARIANTS if name not in CANDIDATES} == {"today's cma"}
     assert CANDIDATES[NOTEBOOK] == identify.Protocol()
+    as_printed = CANDIDATES["T_d and T_f as printed"]
+    assert as_printed.T_d == published.value("table1.T_d.max")
+    assert as_printed.T_f == published.value("table1.T_f.max")
 
 
 def test_the_switched_off_line_has_all_that_its_comment_says():

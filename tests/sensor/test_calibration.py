@@ -13,8 +13,8 @@ from replication import published
 from replication.authors import level_delta_rad, load_noisy
 from replication.characteristic import RPM_PER_RPS, equation_10
 from replication.recording import Recording, add_uniform_noise, from_sample
+from replication.simulator.parameters import identified_joint
 from replication.simulator.recordings import simulate_recordings
-from replication.simulator.simulate import identified_joint
 
 LEVELS_RAD = [4e-4, 6e-4, 8e-4, 10e-4, 12e-4, 14e-4, 16e-4, 18e-4]
 

@@ -15,16 +15,9 @@ from backlash.main import main
 from backlash.reading.refusals import UnusableLog
 from backlash.settings import settings_for
 from replication.authors import authors_file, level_delta_rad
-from tests.logs import noisy, silent, write
+from tests.logs import ANSWER_KEYS, noisy, silent, write
 
 TURN = ["--turn-period", "0.4"]
-KEYS = [
-    "file", "verdict", "amplitude_rps", "amplitude_interval_rps", "backlash_rad", "backlash_interval_rad", "rmse_rps",
-    "method", "turn_period_s", "samples", "warnings", "ring_hz", "damping_ratio", "friction_share",
-    "sha256", "calibration", "backlash_intervals_rad",
-    "half_play_rad", "half_play_interval_rad", "total_play_rad", "total_play_interval_rad",
-    "relative_index_rps", "version",
-]  # fmt: skip
 
 
 @pytest.fixture
@@ -64,7 +57,7 @@ def test_json_is_an_array_with_an_object_of_the_documented_keys_for_each_log(log
     )
     rows = json.loads(out)
     assert status == 0
-    assert [list(row) for row in rows] == [KEYS, KEYS]
+    assert [list(row) for row in rows] == [ANSWER_KEYS, ANSWER_KEYS]
     assert [row["verdict"] for row in rows] == ["backlash", "no backlash"]
     status, out, _ = ran(capsys, "estimate", log, *TURN, "--json")
     assert json.loads(out) == rows[:1]

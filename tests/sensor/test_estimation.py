@@ -15,20 +15,13 @@ from backlash.reading.refusals import UnusableLog
 from backlash.settings import settings_for
 from replication.authors import authors_file, level_delta_rad, load_noisy
 from replication.recording import Recording, add_uniform_noise
+from replication.simulator.parameters import identified_joint
 from replication.simulator.recordings import simulate_recordings
-from replication.simulator.simulate import identified_joint
 from replication.standins.joints import draw_bench, encoder_log
 from studies.accuracy import CHANGES
 from studies.odd_joints import draw_odd_log, move_bench
-from tests.logs import TURN, clean, noisy, silent, table, write
+from tests.logs import ANSWER_KEYS, TURN, clean, noisy, silent, table, write
 
-KEYS = [
-    "file", "verdict", "amplitude_rps", "amplitude_interval_rps", "backlash_rad", "backlash_interval_rad", "rmse_rps",
-    "method", "turn_period_s", "samples", "warnings", "ring_hz", "damping_ratio", "friction_share",
-    "sha256", "calibration", "backlash_intervals_rad",
-    "half_play_rad", "half_play_interval_rad", "total_play_rad", "total_play_interval_rad",
-    "relative_index_rps", "version",
-]  # fmt: skip
 VERDICTS = ("backlash", "no backlash", "cannot tell")
 REASONS = (
     "too short", "too noisy", "wrong period", "not constant speed", "extrapolated calibration", "no signature",
@@ -46,7 +39,7 @@ def answer(recording, form=TURN, method="amplitude", calibration=None) -> Estima
 def check(found: Estimate) -> None:
     """What every answer must be."""
     row = found.to_dict()
-    assert list(row) == KEYS
+    assert list(row) == ANSWER_KEYS
     json.dumps(row, allow_nan=False)
     assert str(found)
     assert found.verdict in VERDICTS

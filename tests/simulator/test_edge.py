@@ -8,9 +8,9 @@ import workbook
 from replication.authors import load_clean_records
 from replication.simulator import edge
 from replication.simulator.identification import third_turn_errors
-from replication.simulator.parameters import with_ratios
+from replication.simulator.parameters import identified_joint, with_ratios
 from replication.simulator.reidentify import FIT_LEVELS
-from replication.simulator.simulate import identified_joint, simulate
+from replication.simulator.simulate import simulate
 
 
 def test_plain_fine_steps_give_the_speed_of_located_ones():

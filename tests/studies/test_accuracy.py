@@ -4,8 +4,8 @@ import pytest
 
 import workbook
 from replication.authors import load_noisy
+from replication.simulator.parameters import identified_joint
 from replication.simulator.recordings import simulate_recordings
-from replication.simulator.simulate import identified_joint
 from studies.accuracy import CHANGES, cross_validation, errors_after_changes
 from studies.benchmark import JOINT_ALL_FREE, KnownLog, summarise_errors
 

@@ -6,20 +6,12 @@ import pytest
 
 from replication import published
 from replication.identify import Protocol, paper_fit, protocol_box
-from replication.recording import add_uniform_noise, constant_speed
-from replication.signature import rmse, signature
+from replication.signature import rmse
 from studies import basins, optimizers
+from tests.conftest import TRUE_X
 from tests.tools.timings import reference_fit
 
-TRUE_X = np.array([-0.6, 0.0125, 15.0, 134.0, 100.0, 0.1515, 0.0125])
 STORED = {"window_start_s": "T1_s", "window_end_s": "T2_s", "final_rmse_rps": "rmse_rps"}
-
-
-@pytest.fixture(scope="module")
-def made_record():
-    base = constant_speed(samples=2401, dt=0.002)
-    clean = replace(base, v=base.v + signature(base.t, TRUE_X, Protocol().timing))
-    return add_uniform_noise(clean, 0.05, np.random.default_rng(5))
 
 
 def test_basins_are_told_apart_by_misfit_and_then_by_window():

@@ -2,7 +2,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from replication.simulator.simulate import identified_joint
+from replication.simulator.parameters import identified_joint
 from replication.statistics import rate_columns
 from studies import claims
 from studies.accuracy import encoder_recording

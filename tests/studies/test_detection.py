@@ -2,8 +2,8 @@ import numpy as np
 import pytest
 
 from replication.recording import add_uniform_noise
+from replication.simulator.parameters import identified_joint
 from replication.simulator.recordings import simulate_recordings
-from replication.simulator.simulate import identified_joint
 from studies.accuracy import cramer_rao_sd, measured_errors, noisy_energy, waveform_slopes
 from studies.joint_match import PHASES, match_joint
 

@@ -3,8 +3,9 @@ import pytest
 
 from backlash.fitting.waveform import mean_turn
 from replication.recording import Recording, add_uniform_noise
+from replication.simulator.parameters import identified_joint
 from replication.simulator.recordings import simulate_recordings
-from replication.simulator.simulate import identified_joint, simulate
+from replication.simulator.simulate import simulate
 from studies.gap_time import crossing_rad, find_gaps, time_in_gap
 
 JOINT = identified_joint()

@@ -15,7 +15,8 @@ from replication.files import ROOT, write_csv
 from replication.identify import Fit, Protocol, paper_fit, protocol_box
 from replication.recording import Recording
 from replication.signature import rmse
-from replication.simulator.simulate import identified_joint, simulate, simulate_many
+from replication.simulator.parameters import identified_joint
+from replication.simulator.simulate import simulate, simulate_many
 from replication.table2 import authors_table2_records
 from tests.tools.reference import solve_ivp_speed_rps
 from workbook.checkout import notebook_files
