@@ -20,17 +20,15 @@ class Estimate:
     method: str = SELF
     turn_period_s: float | None = None  # of the load
     samples: int = 0  # of the record that was used
-    warnings: tuple[
-        str, ...
-    ] = ()  # the reason first where the verdict is "cannot tell", then what was assumed
+    # The reason first where the verdict is "cannot tell", then what was assumed.
+    warnings: tuple[str, ...] = ()
     ring_hz: float | None = None  # by method self: slowest oscillation with the teeth in contact
     damping_ratio: float | None = None  # of that
     friction_share: float | None = None  # of the load, over m g r
     sha256: str | None = None  # of the log file's bytes
     calibration: str = ""  # what it was made from
-    backlash_intervals_rad: tuple[
-        tuple[float, float], ...
-    ] = ()  # by method self, if separate: likely first
+    # By method self, if separate: likely first.
+    backlash_intervals_rad: tuple[tuple[float, float], ...] = ()
 
     @property
     def relative_index_rps(self) -> float | None:

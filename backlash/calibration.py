@@ -26,14 +26,15 @@ from backlash.fitting.waveform import (
 )
 from backlash.reading.refusals import UnusableLog
 from replication.arrays import FloatArray
-from replication.characteristic import RPM_PER_RPS, equation_10, first_rise, printed_levels_rad
-from replication.recording import COMMANDED_SPEED_RPS, TURN_PERIOD_S, Recording
+from replication.characteristic import first_rise, printed_levels_rad
+from replication.recording import TURN_PERIOD_S, Recording
 from replication.simulator.parameters import identified_joint
 from replication.simulator.recordings import simulate_recordings
 
 _DATA = Path(__file__).with_name("data")
 # Most phases in a turn that a waveform keeps: those of the default one, sampled at 0.5 ms.
 _MOST_PHASES = 800
+SIMULATED = "the paper's joint as identified, simulated"
 # Of a calibration's range, the most uncertainty: the 95 % interval is then as wide as the range,
 # and says nothing.
 _MOST_UNCERTAINTY = 0.25
@@ -203,7 +204,7 @@ def backlashes(
     }
 
 
-def _uncertainty(errors_rad: FloatArray) -> float:
+def leave_one_out_sd(errors_rad: FloatArray) -> float:
     """SD that a normal error would have, had it the 95 % range of Student's for this RMS of so many errors."""
     return float(np.sqrt(np.mean(errors_rad**2)) * stdtrit(errors_rad.size, 0.975) / ndtri(0.975))
 
@@ -223,7 +224,7 @@ def fit_polynomial(
         Polynomial.fit(value[delta != d], delta[delta != d], 3).convert()(value[delta == d]) - d
         for d in inner
     ]
-    return tuple(cubic.coef.tolist()), _uncertainty(np.concatenate(errors))
+    return tuple(cubic.coef.tolist()), leave_one_out_sd(np.concatenate(errors))
 
 
 def _bank_uncertainty(
@@ -238,7 +239,7 @@ def _bank_uncertainty(
         problem = "logs that the others predict do not come in the order of their backlashes"
         cure = "check the known backlashes, add logs if there are few, or use another method"
         raise UnusableLog(f"method waveform: {problem}; {cure}")
-    return _uncertainty(found - delta[inner])
+    return leave_one_out_sd(found - delta[inner])
 
 
 def fit_calibration(
@@ -287,48 +288,17 @@ def fit_calibration(
 
 @lru_cache(maxsize=len(METHODS))
 def default_calibration(method: str) -> Calibration:
-    """Calibration of a method for the paper's joint; that of "waveform" is too large to be kept, and computed."""
+    """Calibration of a method for the paper's joint; that of "waveform" is too large to be kept."""
     if method not in METHODS:
         raise UnusableLog(f"method {method!r}: there are {', '.join(SENSOR_METHODS)}")
     if method == "waveform":
-        return compute_default(method)
+        # Table 2's range of backlash, and a little beyond.
+        wide = np.round(np.arange(1e-4, printed_levels_rad()[-1] + 4.5e-4, 1e-4), 6).tolist()
+        sample_s = TURN_PERIOD_S / _MOST_PHASES
+        records = simulate_recordings(identified_joint(), wide, sample_s, turns=3)
+        return fit_calibration(records, wide, method, SIMULATED)
     kept = json.loads((_DATA / "default_calibrations.json").read_text(encoding="utf-8"))
     return Calibration.from_json(json.dumps(kept[method]), "default_calibrations.json")
-
-
-def default_calibrations_text() -> str:
-    """What `data/default_calibrations.json` is to hold."""
-    kept = {name: compute_default(name).to_dict() for name in METHODS if name != "waveform"}
-    return json.dumps(kept, indent=1) + "\n"
-
-
-def compute_default(method: str) -> Calibration:
-    """Calibrate a method for the paper's joint, on simulated records of Table 2's range of backlash.
-
-    "waveform" goes a little beyond that; "paper" has equation 10 as printed, and the RMS error that
-    it makes on them.
-    """
-    joint, levels = identified_joint(), printed_levels_rad()
-    simulated = "the paper's joint as identified, simulated"
-    if method == "waveform":
-        wide = np.round(np.arange(1e-4, levels[-1] + 4.5e-4, 1e-4), 6).tolist()
-        records = simulate_recordings(joint, wide, TURN_PERIOD_S / _MOST_PHASES, turns=3)
-        return fit_calibration(records, wide, method, simulated)
-    fine = np.round(np.arange(levels[0], levels[-1] + 0.5e-4, 1e-4), 6).tolist()
-    records = simulate_recordings(joint, fine)
-    if method != "paper":
-        return fit_calibration(records, fine, method, simulated)
-    coefficients = equation_10().coefficients * RPM_PER_RPS ** np.arange(4)
-    amplitude = np.array([read(record, "amplitude").value for record in records])
-    return Calibration(
-        method,
-        tuple(coefficients.tolist()),
-        (float(levels[0]), float(levels[-1])),
-        _uncertainty(Polynomial(coefficients)(amplitude) - fine),
-        TURN_PERIOD_S,
-        COMMANDED_SPEED_RPS,
-        f"equation 10 as printed; its error is that on {simulated}",
-    )
 
 
 @lru_cache(maxsize=1)

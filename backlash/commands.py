@@ -8,7 +8,6 @@ import shutil
 import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import fields
-from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +20,7 @@ from backlash.calibration import read_calibration
 from backlash.examine import examine
 from backlash.main import ends_on_interrupt
 from backlash.reading.columns import LogFormat
-from backlash.reading.refusals import UnusableLog
+from backlash.reading.refusals import UnusableLog, library
 from backlash.reading.sources import STDIN
 from backlash.settings import Measuring, Settings, settings_for
 from replication.compiled import cache
@@ -79,8 +78,10 @@ def _check_output(path: Path | None, endings: Sequence[str], option: str) -> Non
         raise UnusableLog(
             f"{option} {path}: cannot be written there; name a file in a folder that you may write to"
         )
-    if path.suffix.lower() == ".parquet" and find_spec("pyarrow") is None:
-        raise UnusableLog(f"{option} {path}: Parquet needs pyarrow; name a .csv instead")
+    if path.suffix.lower() == ".parquet":
+        library("pyarrow", "parquet")
+    if option == "--plot":
+        library("matplotlib", "plot")
 
 
 def _keep_inputs(options: argparse.Namespace, logs: Sequence[Path]) -> None:
@@ -183,14 +184,8 @@ def _batch(path: Path, said: Mapping[str, Any]) -> tuple[list[Path], list[LogFor
     forms = []
     for log, row in zip(logs, table.to_dict("records"), strict=True):
         try:
-            forms.append(
-                LogFormat(
-                    **{
-                        **said,
-                        **{name: value for name, value in row.items() if not np.isnan(value)},
-                    }
-                )
-            )
+            own = {name: value for name, value in row.items() if not np.isnan(value)}
+            forms.append(LogFormat(**{**said, **own}))
         except UnusableLog as error:
             raise error.in_file(f"{path}, {log.name}") from error
     return logs, forms
@@ -255,9 +250,8 @@ def run_calibrate(options: argparse.Namespace) -> int:
     """Make a calibration file."""
     _check_output(options.out, (".json",), "--out")
     said = _said(options)
-    settings_for(
-        LogFormat(**said), None, None, options.repeats, options.seed
-    )  # refuses what cannot be
+    # Refuses what cannot be.
+    settings_for(LogFormat(**said), None, None, options.repeats, options.seed)
     logs, table = _listed_logs(options.table, "log", "backlash_rad")
     _keep_inputs(options, logs)
     _announce_compiling()

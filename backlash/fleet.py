@@ -76,9 +76,8 @@ def examine_or_refuse(log: object, settings: Settings) -> Examined:
     except UnusableLog as error:
         return _failed(log, settings, str(error))
     except Exception as error:  # one log must not stop a thousand others
-        if isinstance(
-            error.__cause__ or error.__context__, KeyboardInterrupt
-        ):  # what compiled code makes of Ctrl-C
+        # What compiled code makes of Ctrl-C.
+        if isinstance(error.__cause__ or error.__context__, KeyboardInterrupt):
             raise KeyboardInterrupt from error
         return _failed(log, settings, f"{name_of(log)}: {type(error).__name__}: {error}")
 
@@ -121,9 +120,8 @@ def examine_fleet(
 
     if jobs == 0 or jobs < -1:
         raise UnusableLog(f"--jobs {jobs}: give -1 or a number above 0")
-    is_quick = len(logs) < _WORTH_PROCESSES and all(
-        how.calibration.method != "paper" for how in settings
-    )
+    searches = any(how.calibration.method == "paper" for how in settings)
+    is_quick = len(logs) < _WORTH_PROCESSES and not searches
     calls = dict(enumerate(zip(logs, settings, strict=True)))
     found = _in_processes(task, calls, 1 if jobs < 0 and is_quick else jobs)
     in_any_order = tqdm(found, total=len(calls), unit="log", disable=None)

@@ -50,9 +50,8 @@ def _ending(error: BaseException) -> tuple[int, str]:
     if isinstance(error, UnusableLog):
         return _UNUSABLE, str(error)
     if isinstance(error, OSError) and error.errno in _UNWRITABLE:
-        os.dup2(
-            os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno()
-        )  # nothing is left to be flushed at the end
+        # Nothing is left to be flushed at the end.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         is_read = error.errno != errno.EPIPE
         return _DEFECT, f"the answer cannot be written ({error.strerror})" if is_read else ""
     import traceback
@@ -90,16 +89,27 @@ class _OneLineParser(argparse.ArgumentParser):
 def _parser() -> argparse.ArgumentParser:
     parser = _OneLineParser(prog="backlash", description=_ABOUT, epilog=_STATUS)
     commands = parser.add_subparsers(required=True, metavar="COMMAND")
+    for add in (_add_estimate, _add_calibrate, _add_trend):
+        add(commands)
+    return parser
 
+
+def _add_estimate(commands: argparse._SubParsersAction) -> None:
     sub = _add_command(
         commands, "estimate", "backlash (half of the play) from logs of the motor encoder"
     )
-    logs = "CSV, XLSX or Parquet files, or folders of them; - is the standard input"
-    sub.add_argument("log", nargs="*", type=Path, help=logs)
-    each = (
-        "CSV with the columns file, and period (s), gear_ratio, speed (rps): each log with its own"
+    sub.add_argument(
+        "log",
+        nargs="*",
+        type=Path,
+        help="CSV, XLSX or Parquet files, or folders of them; - is the standard input",
     )
-    sub.add_argument("--batch", type=Path, metavar="TABLE", help=each)
+    sub.add_argument(
+        "--batch",
+        type=Path,
+        metavar="TABLE",
+        help="CSV with the columns file, and period (s), gear_ratio, speed (rps): each log with its own",
+    )
     _add_log_options(sub)
     _add_measuring(sub)
     sub.add_argument(
@@ -114,15 +124,21 @@ def _parser() -> argparse.ArgumentParser:
     sub.add_argument(
         "--out", type=Path, metavar="TABLE", help="write a table, one row per log: .csv or .parquet"
     )
-    fails = (
-        "exit with 3 if a log is one of these: cannot-tell, no-backlash, backlash, "
-        "backlash>0.5mrad (half of the play)"
+    sub.add_argument(
+        "--fail-on",
+        metavar="LIST",
+        help="exit with 3 if a log is one of these: cannot-tell, no-backlash, backlash, "
+        "backlash>0.5mrad (half of the play)",
     )
-    sub.add_argument("--fail-on", metavar="LIST", help=fails)
 
+
+def _add_calibrate(commands: argparse._SubParsersAction) -> None:
     sub = _add_command(commands, "calibrate", "a calibration from logs of known backlash")
-    known = "CSV with the columns log (its file) and backlash_rad (half of the play), six different ones or more"
-    sub.add_argument("table", type=Path, help=known)
+    sub.add_argument(
+        "table",
+        type=Path,
+        help="CSV with the columns log (its file) and backlash_rad (half of the play), six different ones or more",
+    )
     sub.add_argument(
         "--out", type=Path, required=True, metavar="FILE", help="the calibration, .json"
     )
@@ -130,6 +146,8 @@ def _parser() -> argparse.ArgumentParser:
     _add_log_options(sub)
     _add_searches(sub)
 
+
+def _add_trend(commands: argparse._SubParsersAction) -> None:
     sub = _add_command(commands, "trend", "growth of the backlash, and when it crosses a limit")
     sub.add_argument(
         "log", nargs="+", type=Path, help="logs or folders; dates in their names, like 2024-03-17"
@@ -143,13 +161,15 @@ def _parser() -> argparse.ArgumentParser:
         metavar="RAD",
         help="the backlash (half of the play) whose date is wanted",
     )
-    index = "growth of the oscillation's amplitude in percent, for a joint whose backlash cannot be told"
-    sub.add_argument("--relative", action="store_true", help=index)
+    sub.add_argument(
+        "--relative",
+        action="store_true",
+        help="growth of the oscillation's amplitude in percent, for a joint whose backlash cannot be told",
+    )
     _add_log_options(sub)
     _add_measuring(sub)
     sub.add_argument("--json", action="store_true", help="print an object")
     sub.add_argument("--plot", type=Path, metavar="FILE", help="write a figure: .png, .svg or .pdf")
-    return parser
 
 
 def _add_command(
@@ -186,8 +206,11 @@ def _add_log_options(sub: argparse.ArgumentParser) -> None:
         ("--to", "end_s", "S", "leave out what is after this time"),
     ):
         group.add_argument(option, dest=name, type=float, metavar=metavar, help=text)
-    trusted = "the turn that is given is right, whatever the record seems to repeat itself by"
-    group.add_argument("--trust-period", action="store_true", help=trusted)
+    group.add_argument(
+        "--trust-period",
+        action="store_true",
+        help="the turn that is given is right, whatever the record seems to repeat itself by",
+    )
 
 
 def _add_searches(sub: argparse._ActionsContainer) -> None:
@@ -205,8 +228,11 @@ def _add_measuring(sub: argparse.ArgumentParser) -> None:
         metavar="FILE",
         help="of your joint; default: what the log tells",
     )
-    methods = "default: the calibration's, torque with --torque, else self, for a drive of the paper's kind"
-    group.add_argument("--method", choices=SENSOR_METHODS, help=methods)
+    group.add_argument(
+        "--method",
+        choices=SENSOR_METHODS,
+        help="default: the calibration's, torque with --torque, else self, for a drive of the paper's kind",
+    )
     _add_searches(group)
     group.add_argument(
         "--torque", metavar="COLUMN", help="of the motor, with the next two; for any drive"

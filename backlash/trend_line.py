@@ -7,8 +7,8 @@ instead, in percent of the first.
 """
 
 import re
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -37,10 +37,6 @@ class Trend:
     covariance: FloatArray  # of the two
     quantile: float  # of the t distribution, for two-sided intervals at `CONFIDENCE`
     limit_rad: float | None
-    crossing: pd.Timestamp | None  # when the line reaches the limit
-    crossing_interval: (
-        tuple[pd.Timestamp | None, pd.Timestamp | None] | None
-    )  # None: no end in a century
     warnings: tuple[str, ...]
     is_relative: bool = False  # the values are amplitudes, in percent of the first log's
 
@@ -48,6 +44,26 @@ class Trend:
     def alarm(self) -> bool:
         """Whether the growth is significant."""
         return self.growth_interval[0] > 0
+
+    @property
+    def crossing_days(self) -> tuple[float, float | None, float | None] | None:
+        """When a growing line reaches the limit, and the ends of the interval, in days from `origin`."""
+        a, b = self.line
+        if self.limit_rad is None or b <= 0:
+            return None
+        ends = _fieller_days(self.line, self.covariance, self.quantile, self.limit_rad)
+        return (self.limit_rad - a) / b, *ends
+
+    @property
+    def crossing(self) -> pd.Timestamp | None:
+        """When the line reaches the limit, if that is within a century."""
+        return _date(self.origin, self.crossing_days[0]) if self.crossing_days else None
+
+    @property
+    def crossing_interval(self) -> tuple[pd.Timestamp | None, ...] | None:
+        """Interval of the crossing; None: no end in a century."""
+        days = self.crossing_days
+        return days and tuple(_date(self.origin, end) for end in days[1:])
 
     @property
     def shown_in(self) -> tuple[float, str]:
@@ -162,26 +178,13 @@ def fit_trend(
     check_limit(limit_rad)
     relative = relative or all(answer.verdict == "cannot tell" for answer in answers)
     points = _points(answers, dates, relative)
-    count, left_out = points["date"].nunique(), len(answers) - len(points)
-    if count < _LEAST_DATES:
-        why = "; ".join(
-            f"{answer.file}: {answer.warnings[0]}" for answer in answers[:1] if answer.warnings
-        )
-        raise UnusableLog(
-            f"{count} dates with an estimate; a trend needs {_LEAST_DATES} or more ({why})"
-        )
-    warnings = [f"{left_out} of {len(answers)} logs are left out"] if left_out else []
-    unused = [answer for answer in answers if answer.file not in set(points["file"])]
-    warnings += [
-        f"{answer.file}: {''.join(answer.warnings[:1]) or answer.verdict}" for answer in unused
-    ]
+    warnings = _left_out(points, answers)
     if relative:
         warnings.append(
             "relative: the oscillation's amplitude in percent of the first log's, not the backlash"
         )
-        warnings += (
-            ["a limit in rad says nothing of a relative trend"] if limit_rad is not None else []
-        )
+        if limit_rad is not None:
+            warnings.append("a limit in rad says nothing of a relative trend")
         limit_rad = None
     delta = points["value"].to_numpy()
     deviation = (points["high"] - points["low"]).to_numpy() / 2 / ndtri((1 + CONFIDENCE) / 2)
@@ -194,39 +197,51 @@ def fit_trend(
     (growth, offset), covariance = np.polyfit(
         days, delta - delta[0], 1, w=np.sqrt(weight), cov="unscaled"
     )
-    line, covariance = (delta[0] + offset, growth), covariance[::-1, ::-1]
+    line = float(delta[0] + offset), float(growth)
     chi2 = float(weight @ (delta - line[0] - line[1] * days) ** 2)
     freedom = delta.size - 2
-    covariance = covariance * max(1.0, chi2 / freedom)
     if freedom > 2 and _is_curved(days, delta, weight, chi2):
         warnings.append("the growth is no straight line: the date of the crossing may be far off")
-    quantile = float(stdtrit(freedom, (1 + CONFIDENCE) / 2))
-    origin = points["date"].iloc[0] + pd.Timedelta(days=middle)
-    crossing = interval = None
-    if limit_rad is not None and line[1] <= 0:
-        warnings.append("the backlash does not grow: no crossing")
-    elif limit_rad is not None:
-        when = float((limit_rad - line[0]) / line[1])
-        ends = _fieller_days(line, covariance, quantile, limit_rad)
-        crossing, first, last = (_date(origin, day) for day in (when, *ends))
-        interval = first, last
-        if None in ends:
-            warnings.append("the growth is not sure: the interval of the crossing is open")
-        if when > days.max() + np.ptp(days):
-            warnings.append("the crossing lies further ahead than the logs go back")
-    a, b = (float(part) for part in line)
-    return Trend(
-        points,
-        origin,
-        (a, b),
-        covariance,
-        quantile,
-        limit_rad,
-        crossing,
-        interval,
-        tuple(warnings),
-        relative,
+    trend = Trend(
+        points=points,
+        origin=points["date"].iloc[0] + pd.Timedelta(days=middle),
+        line=line,
+        covariance=covariance[::-1, ::-1] * max(1.0, chi2 / freedom),
+        quantile=float(stdtrit(freedom, (1 + CONFIDENCE) / 2)),
+        limit_rad=limit_rad,
+        warnings=(),
+        is_relative=relative,
     )
+    return replace(trend, warnings=(*warnings, *_notes_on_crossing(trend, days)))
+
+
+def _left_out(points: pd.DataFrame, answers: Sequence[Estimate]) -> list[str]:
+    """Say which logs have no point; refuse too few dates."""
+    count, left_out = points["date"].nunique(), len(answers) - len(points)
+    if count < _LEAST_DATES:
+        why = "; ".join(
+            f"{answer.file}: {note}" for answer in answers[:1] for note in answer.warnings[:1]
+        )
+        raise UnusableLog(
+            f"{count} dates with an estimate; a trend needs {_LEAST_DATES} or more ({why})"
+        )
+    used = set(points["file"])
+    return [f"{left_out} of {len(answers)} logs are left out"] * (left_out > 0) + [
+        f"{answer.file}: {''.join(answer.warnings[:1]) or answer.verdict}"
+        for answer in answers
+        if answer.file not in used
+    ]
+
+
+def _notes_on_crossing(trend: Trend, days: FloatArray) -> Iterator[str]:
+    if trend.crossing_days:
+        when, *ends = trend.crossing_days
+        if None in ends:
+            yield "the growth is not sure: the interval of the crossing is open"
+        if when > days.max() + np.ptp(days):
+            yield "the crossing lies further ahead than the logs go back"
+    elif trend.limit_rad is not None:
+        yield "the backlash does not grow: no crossing"
 
 
 def _points(

@@ -110,15 +110,10 @@ coverage_runs = 200  # made records for each noise law
 
 # %% tags=["plumbing"]
 A_FUNCTION = "a function (misfit, lower, upper, evaluations, seed) that returns the best X"
-installed = [
-    name
-    for name, (kind, _) in optimizers.SEARCH_METHODS.items()
-    if kind != "swarm" or optimizers.swarms_installed()
-]
 workbook.check_parameters(
     level=(level, range(3, 14)),
     replay_runs=(replay_runs, Interval(2, 1e5, whole=True)),
-    strategies=(strategies, [installed]),
+    strategies=(strategies, [list(optimizers.SEARCH_METHODS)]),
     optimiser=(A_FUNCTION if callable(optimiser) else optimiser, (None, A_FUNCTION)),
     strategy_runs=(strategy_runs, Interval(1, 1e4, whole=True)),
     budget=(budget, Interval(100, 1e7)),

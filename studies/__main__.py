@@ -5,7 +5,7 @@ import os
 import sys
 from collections.abc import Sequence
 
-from replication.files import ROOT, write_csv, write_text
+from replication.files import ROOT, write_csv, write_json, write_text
 from replication.processors import pinned_environment
 
 RESULTS = ROOT / "results"
@@ -14,9 +14,9 @@ SENSOR_DATA = ROOT / "backlash" / "data"
 
 def write_calibrations() -> None:
     """The sensor's default calibrations anew, into backlash/data/default_calibrations.json."""
-    from backlash.calibration import default_calibrations_text
+    from studies.calibrations import compute_defaults
 
-    write_text(SENSOR_DATA / "default_calibrations.json", default_calibrations_text())
+    write_json(SENSOR_DATA / "default_calibrations.json", compute_defaults())
 
 
 def write_claims() -> None:
@@ -24,10 +24,6 @@ def write_claims() -> None:
     from replication.simulator import edge
     from studies import optimizers
 
-    if not optimizers.swarms_installed():
-        raise optimizers.SwarmsMissing(
-            "the swarms need the extra `studies`: pip install .[studies]"
-        )
     write_csv(RESULTS / "alpha_refit.csv", edge.refit_alphas())
     runs = optimizers.run_jobs(optimizers.planned_runs())
     write_csv(RESULTS / "optimizers.csv", runs)

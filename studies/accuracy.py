@@ -168,18 +168,21 @@ def _scaled(field: str) -> Callable[[JointParameters, float], JointParameters]:
     return lambda joint, share: replace(joint, **{field: (1 + share) * getattr(joint, field)})
 
 
+_SCALED = {
+    "commanded speed": "commanded_speed_rps",
+    "stiffness": "stiffness_nm_per_rad",
+    "position gain": "position_gain_per_s",
+    "speed gain": "speed_gain_nms_per_rad",
+    "integral gain": "integral_gain_nm_per_rad",
+    "derivative gain": "derivative_gain_nms2_per_rad",
+    "leaky gain": "leaky_gain_nm_per_rad",
+    "torque lag": "torque_lag_s",
+}
 # What changes, by name. The identified joint has no friction, so it only grows, to a share of the
 # gravity torque.
 CHANGES: dict[str, Callable[[JointParameters, float], JointParameters]] = {
     "load mass": lambda joint, share: add_nuisances(joint, {"load": 1 + share}),
-    "commanded speed": _scaled("commanded_speed_rps"),
-    "stiffness": _scaled("stiffness_nm_per_rad"),
-    "position gain": _scaled("position_gain_per_s"),
-    "speed gain": _scaled("speed_gain_nms_per_rad"),
-    "integral gain": _scaled("integral_gain_nm_per_rad"),
-    "derivative gain": _scaled("derivative_gain_nms2_per_rad"),
-    "leaky gain": _scaled("leaky_gain_nm_per_rad"),
-    "torque lag": _scaled("torque_lag_s"),
+    **{name: _scaled(field) for name, field in _SCALED.items()},
     "load Coulomb friction": lambda joint, share: add_nuisances(joint, {"friction": share}),
     "load viscous friction": lambda joint, share: replace(
         joint, load_viscous_nms_per_rad=share * joint.gravity_torque_nm * joint.turn_period_s / TURN

@@ -1,6 +1,6 @@
 """CMA-ES, with other populations and restarts, against swarm algorithms and classical methods.
 
-The swarms are NiaPy's (the optional extra `studies`), the classical methods SciPy's. All minimise
+The swarms are NiaPy's, the classical methods SciPy's. All minimise
 the paper's cost in the box of the authors' notebook, and stop when they find the best basin or have
 spent the budget.
 """
@@ -8,7 +8,6 @@ spent the budget.
 import contextlib
 import math
 from collections.abc import Callable, Sequence
-from importlib.util import find_spec
 from itertools import count, product
 
 import numpy as np
@@ -46,12 +45,6 @@ Misfits = Callable[[FloatArray], FloatArray]
 
 class SearchEnded(Exception):
     """The budget is spent, or the best basin found."""
-
-
-class SwarmsMissing(RuntimeError):
-    """The optional extra `studies` is not installed."""
-
-    exit_status = 2
 
 
 def projected_rmse(t: FloatArray, v: FloatArray, timing: Timing, limit: float) -> Misfits:
@@ -245,11 +238,6 @@ SEARCH_METHODS = {
 }
 
 
-def swarms_installed() -> bool:
-    """Whether the optional extra `studies` is there."""
-    return find_spec("niapy") is not None
-
-
 def run_method(
     method: str | Optimiser, recording: Recording, target_rmse: float, budget: int, seed: int
 ) -> dict:
@@ -279,11 +267,7 @@ def planned_runs() -> list[tuple[str, int, int, int]]:
     jobs = []
     for method, (kind, _) in SEARCH_METHODS.items():
         if kind == "deterministic":
-            jobs += [
-                (method, level, realisation, 0)
-                for realisation in (1, 2)
-                for level in table2_levels()
-            ]
+            jobs += [(method, level, R, 0) for R, level in product((1, 2), table2_levels())]
         elif "restarts" not in kind:
             jobs += [(method, level, 1, seed) for level, seed in product(LEVELS, seeds)]
     return jobs

@@ -141,19 +141,23 @@ def amplitude_intervals(table: DataFrame) -> Figure:
 
 
 # A method has one colour and one mark in every figure, a bound its line.
+_OF_BOUND: Style = {"color": INK, "linewidth": 1}
+_OF_METHOD = {
+    "equation 10": (INK, "x"),
+    "amplitude": (ORANGE, "s"),
+    "impact": (GREEN, "v"),
+    "energy": (PINK, "^"),
+    "waveform, noisy logs": ("0.5", "d"),
+    "waveform": (BLUE, "o"),
+    "time in the gap": (GREEN, "<"),
+    "joint": (INK, "*"),
+    "joint, start angle free": (SKY, "P"),
+    "joint, all nuisances free": (SKY, "D"),
+}
 METHOD_STYLES: dict[str, Style] = {
-    "bound, start free": {"color": INK, "linestyle": "-", "linewidth": 1},
-    "bound, start known": {"color": INK, "linestyle": "--", "linewidth": 1},
-    "equation 10": {"color": INK, "marker": "x"},
-    "amplitude": {"color": ORANGE, "marker": "s"},
-    "impact": {"color": GREEN, "marker": "v"},
-    "energy": {"color": PINK, "marker": "^"},
-    "waveform, noisy logs": {"color": "0.5", "marker": "d"},
-    "waveform": {"color": BLUE, "marker": "o"},
-    "time in the gap": {"color": GREEN, "marker": "<"},
-    "joint": {"color": INK, "marker": "*"},
-    "joint, start angle free": {"color": SKY, "marker": "P"},
-    "joint, all nuisances free": {"color": SKY, "marker": "D"},
+    "bound, start free": _OF_BOUND | {"linestyle": "-"},
+    "bound, start known": _OF_BOUND | {"linestyle": "--"},
+    **{name: {"color": colour, "marker": marker} for name, (colour, marker) in _OF_METHOD.items()},
 }
 
 

@@ -14,7 +14,7 @@ from pathlib import Path
 
 import numpy as np
 from numpy.random import Generator
-from pandas import DataFrame, Series, concat, cut, read_csv
+from pandas import DataFrame, Series, concat, read_csv
 from scipy import signal, stats
 
 from backlash.calibration import default_calibration
@@ -55,17 +55,19 @@ SPREADS = {
 NEAR, FAR = SPREADS
 COMPARED_METHODS = ("self", "paper", "amplitude", "energy", "waveform")
 ROW_COLUMNS = [
-    *(
-        "population",
-        "number",
-        "delta_rad",
-        "bound_rad",
-        "method",
-        "found_rad",
-        "low_rad",
-        "high_rad",
-    ),
-    *("sd_rad", "misfit", "unrest", "refused", "reason"),
+    "population",
+    "number",
+    "delta_rad",
+    "bound_rad",
+    "method",
+    "found_rad",
+    "low_rad",
+    "high_rad",
+    "sd_rad",
+    "misfit",
+    "unrest",
+    "refused",
+    "reason",
 ]
 
 # Logs of each population that the whole sensor measures, from a table of time and speed on, or
@@ -214,21 +216,6 @@ def coverage_curve(rows: DataFrame) -> DataFrame:
         rate_columns(int((off <= level / 2).sum()), off.size, "coverage") for level in NOMINAL
     ]
     return DataFrame(shares).assign(nominal=NOMINAL)
-
-
-def coverage_by_third(rows: DataFrame) -> DataFrame:
-    """Coverage of the 95 % interval in each third of the range of backlash: `third, logs, coverage, low, high`."""
-    answered = rows[~rows["refused"]]
-    levels = printed_levels_rad()
-    edges = np.linspace(levels[0], levels[-1], 4)
-    third = cut(
-        answered["delta_rad"], edges, labels=["small", "middle", "large"], include_lowest=True
-    )
-    table = []
-    for name, part in answered.groupby(third, observed=False):
-        coverage, low, high = rate_columns(hold_truth(part), len(part)).values()
-        table.append((name, len(part), coverage, low, high))
-    return DataFrame(table, columns=["third", "logs", "coverage", "low", "high"])
 
 
 def spread_shares(rows: DataFrame) -> DataFrame:
@@ -423,9 +410,8 @@ def _degraded_log(bench: Bench, delta_rad: float, seed: int, what: str, value: f
     if what == "turns":
         kept = round(value * log.turn_period_s / log.sample_s)
         log = replace(log, t=log.t[:kept], v=log.v[:kept])
-    elif (
-        what == "decimation factor"
-    ):  # means of samples difference the encoder's position over the longer period
+    elif what == "decimation factor":
+        # Means of samples difference the encoder's position over the longer period.
         size = log.t.size // int(value)
         means = log.v[: size * int(value)].reshape(size, -1).mean(axis=1)
         log = replace(log, t=log.t[:: int(value)][:size], v=means)

@@ -1,9 +1,11 @@
 """Which columns of a log's table are what, in which units: names, options and numbers."""
 
+import json
 import re
 import unicodedata
 from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -51,48 +53,10 @@ _POSITIVE = {
     "turn_period_s": "--turn-period",
     "gear_ratio": "--gear-ratio",
 }
-_TIME_NAMES = {
-    "t",
-    "time",
-    "timestamp",
-    "stamp",
-    "zeit",
-    "tempo",
-    "clock",
-    "date",
-    "datetime",
-    *_SECONDS,
-}
-_SPEED_NAMES = {
-    "v",
-    "speed",
-    "velocity",
-    "vel",
-    "omega",
-    "rpm",
-    "rps",
-    "geschwindigkeit",
-    "drehzahl",
-    "velocità",
-    "dq",
-    "qd",
-}
-_POSITION_NAMES = {
-    "position",
-    "pos",
-    "angle",
-    "theta",
-    "encoder",
-    "counts",
-    "phi",
-    "turns",
-    "q",
-    "winkel",
-}
-_SIGNAL_NAMES, _VALUE_NAMES = (
-    ("signal", "name", "channel", "variable"),
-    ("value", "wert"),
-)  # of a long table
+# What loggers call columns; "signal" and "value" are those of a long table.
+_NAMES = json.loads(
+    Path(__file__).parents[1].joinpath("data", "column_names.json").read_text("utf-8")
+)
 
 
 @dataclass(frozen=True)
@@ -188,8 +152,9 @@ def given_column(columns: Sequence[str], given: str) -> str:
     raise UnusableLog(f"no column {given!r}; there are {_listed(columns)}")
 
 
-def _column_like(columns: Sequence[str], names: set[str], what: str) -> str | None:
-    """Find the only column, or the motor's, that is called one of `names` or has one in its name."""
+def _column_like(columns: Sequence[str], what: str) -> str | None:
+    """Find the only column, or the motor's, that is called a name of `what` or has one in its name."""
+    names = set(_NAMES[what])
     words = {
         column: set(re.split(r"[\s_./]+|(?<=[a-z])(?=[\d\[])", _plain(column)[0]))
         for column in columns
@@ -216,11 +181,7 @@ def choose_columns(table: pd.DataFrame, form: LogFormat) -> tuple[str, str, bool
             )
         return columns[0], columns[1], False
     given_time = form.time or ("1" if nameless else None)
-    time = (
-        given_column(columns, given_time)
-        if given_time
-        else _column_like(columns, _TIME_NAMES, "time")
-    )
+    time = given_column(columns, given_time) if given_time else _column_like(columns, "time")
     if time is None:
         raise UnusableLog(f"no column of time among {_listed(columns)}; give --time")
     if given is not None:
@@ -229,8 +190,8 @@ def choose_columns(table: pd.DataFrame, form: LogFormat) -> tuple[str, str, bool
             raise UnusableLog(f"column {column!r} cannot be both the time or torque and the signal")
         return time, column, form.position is not None
     rest = [column for column in columns if column not in (time, form.torque)]
-    speed = _column_like(rest, _SPEED_NAMES, "speed")
-    signal = speed or _column_like(rest, _POSITION_NAMES, "position")
+    speed = _column_like(rest, "speed")
+    signal = speed or _column_like(rest, "position")
     if signal is None:
         raise UnusableLog(f"no column of speed or position among {_listed(columns)}; give --speed")
     return time, signal, speed is None
@@ -239,12 +200,13 @@ def choose_columns(table: pd.DataFrame, form: LogFormat) -> tuple[str, str, bool
 def tidy(table: pd.DataFrame, form: LogFormat) -> pd.DataFrame:
     """A table with a column for each signal, and one for a stamp that comes in seconds and nanoseconds."""
     plain = {_plain(column)[0]: column for column in table.columns}
-    signals = [plain[name] for name in _SIGNAL_NAMES if name in plain]
-    values = [plain[name] for name in _VALUE_NAMES if name in plain]
+    signals, values = (
+        [plain[name] for name in _NAMES[what] if name in plain] for what in ("signal", "value")
+    )
     if len(signals) == len(values) == 1 and table[signals[0]].nunique() <= MOST_COLUMNS:
         signal, value = signals[0], values[0]
         rest = [column for column in table.columns if column not in (signal, value)]
-        if time := form.time or _column_like(rest, _TIME_NAMES, "time"):
+        if time := form.time or _column_like(rest, "time"):
             index = given_column(rest, time)
             table = table.pivot_table(
                 values=value, index=index, columns=signal, aggfunc="first"

@@ -1,5 +1,8 @@
 """What keeps a log from being answered: it cannot be used, or it does not tell."""
 
+from importlib import import_module
+from typing import Any
+
 
 class UnusableLog(ValueError):
     """A file that no answer can be had from; the message is one line: what is wrong, where, what to do."""
@@ -19,3 +22,12 @@ class CannotTell(Exception):
     def __init__(self, reason: str, detail: str, notes: tuple[str, ...] = ()):
         super().__init__(f"{reason}: {detail}")
         self.notes = notes
+
+
+def library(name: str, extra: str) -> Any:
+    """A library that an installation may lack."""
+    try:
+        return import_module(name)
+    except ImportError as error:
+        what = f"{name} is not installed: pip install 'backlash-replication[{extra}]'"
+        raise UnusableLog(f"{what}, or keep to CSV") from error

@@ -18,7 +18,7 @@ from typing import BinaryIO
 
 import pandas as pd
 
-from backlash.reading.refusals import UnusableLog
+from backlash.reading.refusals import UnusableLog, library
 
 # An hour at 500 Hz is 1.8 million rows, and a log needs some 5 s of it.
 MOST_ROWS = 2_000_000
@@ -85,14 +85,10 @@ def _read_file(path: Path) -> pd.DataFrame:
 
 
 def _read_parquet(path: Path) -> pd.DataFrame:
-    """Read the numbers of a Parquet file, whose library may be missing."""
+    """Read the numbers of a Parquet file."""
+    parquet = library("pyarrow.parquet", "parquet")
     try:
-        from pyarrow.parquet import ParquetFile
-    except ImportError as error:
-        needed = "reading Parquet needs pyarrow; pip install 'backlash-replication[fleet]', or export CSV"
-        raise UnusableLog(needed) from error
-    try:
-        with ParquetFile(path) as file:
+        with parquet.ParquetFile(path) as file:
             flat = [
                 field.name for field in file.schema_arrow if str(field.type).startswith(_NUMERIC)
             ]
@@ -266,8 +262,7 @@ def _inspect_workbook(path: Path) -> None:
 
 def _read_workbook(path: Path) -> pd.DataFrame:
     """Read a workbook's first sheet as text; formulas by stored results (defusedxml refuses entities)."""
-    from openpyxl import load_workbook
-
+    load_workbook = library("openpyxl", "xlsx").load_workbook
     text = io.StringIO()
     writer = csv.writer(text, delimiter="\t", lineterminator="\n")
     try:
@@ -282,9 +277,7 @@ def _read_workbook(path: Path) -> pd.DataFrame:
                 writer.writerow(row)
     except UnusableLog:
         raise
-    except (
-        Exception
-    ) as error:  # whatever hostile bytes make zipfile, the XML parser or openpyxl raise
+    except Exception as error:  # whatever hostile bytes make the libraries raise
         raise UnusableLog(
             f"not a readable workbook ({type(error).__name__}: {error}); save the log as CSV"
         ) from error

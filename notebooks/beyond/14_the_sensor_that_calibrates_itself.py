@@ -107,6 +107,7 @@ from backlash.fitting import joint_posterior, joint_search, self_calibration, sh
 from backlash.reading.columns import LogFormat
 from backlash.settings import settings_for
 from replication.authors import DataUnavailable
+from replication.characteristic import printed_levels_rad
 from replication.standins import joints
 from studies import benchmark, plots, population
 from workbook import Interval
@@ -366,11 +367,17 @@ widening = pd.DataFrame(
 widening.round(3)
 
 # %%
-thirds = pd.concat(
-    [population.coverage_by_third(part).assign(population=name) for name, part in own.items()],
-    ignore_index=True,
+edges = np.linspace(*printed_levels_rad()[[0, -1]], 4)
+answered = pd.concat(own.values()).query("not refused")
+third = pd.cut(
+    answered["delta_rad"], edges, labels=["small", "middle", "large"], include_lowest=True
 )
-thirds.round(3)
+by_third = {
+    name: benchmark.summarise_intervals(part)
+    for name, part in answered.groupby(third, observed=True)
+}
+thirds = pd.concat(by_third, names=["third"]).reset_index("third")
+thirds[["population", "third", "logs", *thirds.filter(like="coverage")]].round(3)
 
 # %% [markdown]
 # ### What it refuses, and why

@@ -57,11 +57,8 @@ def test_a_missing_library_is_named_with_what_installs_it_and_a_broken_file_as_b
         for name in [name for name in sys.modules if name.split(".")[0] == "pyarrow"]:
             patch.delitem(sys.modules, name)
         patch.setitem(sys.modules, "pyarrow", None)
-        assert (
-            "reading Parquet needs pyarrow; pip install 'backlash-replication[fleet]'"
-            in refusal(path)
-        )
-    pytest.importorskip("pyarrow", reason="reading Parquet needs the extra 'fleet'")
+        assert "pip install 'backlash-replication[parquet]'" in refusal(path)
+    pytest.importorskip("pyarrow", reason="reading Parquet needs the extra 'parquet'")
     assert "a broken Parquet file" in refusal(path)
 
 

@@ -39,7 +39,7 @@ def test_a_workbook_is_read_with_and_without_a_header(tmp_path):
 
 
 def test_parquet_is_read_and_its_text_columns_left_out(tmp_path):
-    pytest.importorskip("pyarrow", reason="reading Parquet needs the extra 'fleet'")
+    pytest.importorskip("pyarrow", reason="reading Parquet needs the extra 'parquet'")
     path = tmp_path / "log.parquet"
     table(RECORD).assign(state="moving").to_parquet(path)
     np.testing.assert_allclose(read(path).v, RECORD.v)
@@ -221,7 +221,7 @@ def test_many_short_rows_are_refused_when_the_limit_is_reached(tmp_path, monkeyp
 
 
 def test_ten_million_rows_of_parquet_are_refused_by_their_number(tmp_path):
-    pyarrow = pytest.importorskip("pyarrow", reason="reading Parquet needs the extra 'fleet'")
+    pyarrow = pytest.importorskip("pyarrow", reason="reading Parquet needs the extra 'parquet'")
     from pyarrow import parquet
 
     path = tmp_path / "log.parquet"

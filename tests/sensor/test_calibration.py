@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from backlash.calibration import Calibration, compute_default, default_calibration, fit_calibration
+from backlash.calibration import Calibration, default_calibration, fit_calibration
 from backlash.fitting.readings import METHODS, Reading, protocol_for, read
 from backlash.reading.refusals import UnusableLog
 from replication import published
@@ -15,6 +15,7 @@ from replication.characteristic import RPM_PER_RPS, equation_10
 from replication.recording import Recording, add_uniform_noise, from_sample
 from replication.simulator.parameters import identified_joint
 from replication.simulator.recordings import simulate_recordings
+from studies.calibrations import compute_default
 
 LEVELS_RAD = [4e-4, 6e-4, 8e-4, 10e-4, 12e-4, 14e-4, 16e-4, 18e-4]
 

@@ -149,7 +149,7 @@ def test_a_folder_becomes_a_table_with_a_row_for_each_log(log, tmp_path, capsys)
 
 
 def test_a_table_can_be_parquet(log, tmp_path, capsys):
-    pytest.importorskip("pyarrow", reason="Parquet needs the extra 'fleet'")
+    pytest.importorskip("pyarrow", reason="Parquet needs the extra 'parquet'")
     assert ran(capsys, "estimate", log, *TURN, "--out", tmp_path / "table.parquet")[0] == 0
     assert pd.read_parquet(tmp_path / "table.parquet")["verdict"].tolist() == ["backlash"]
 
@@ -449,7 +449,7 @@ def test_the_console_script_is_this_command_line():
         "project"
     ]
     assert project["scripts"] == {"backlash": "backlash.main:main"}
-    assert "pyarrow" in {name.split(">")[0] for name in project["optional-dependencies"]["fleet"]}
+    assert "pyarrow" in {name.split(">")[0] for name in project["optional-dependencies"]["parquet"]}
 
 
 def test_a_log_that_disappears_is_no_traceback(log, capsys, monkeypatch):

@@ -16,6 +16,7 @@ from backlash.detection.pattern import (
     typical_half_turn,
 )
 from backlash.reading.columns import LogFormat
+from backlash.reading.prepare import Log
 from backlash.reading.refusals import CannotTell
 from replication.recording import Recording, add_uniform_noise
 from replication.signature import Timing, signature
@@ -150,11 +151,12 @@ def test_the_right_period_stands_where_friction_makes_even_harmonics(seed):
 
 
 def test_a_period_that_is_trusted_is_not_looked_for():
-    wrong = replace(noisy(), turn_period_s=0.5)
+    form = LogFormat(turn_period_s=0.5)
+    log = Log(file="log", recording=replace(noisy(), turn_period_s=0.5), form=form)
     with pytest.raises(CannotTell, match="wrong period"):
-        detect_pattern(wrong, LogFormat(turn_period_s=0.5), 1)
-    trusted, _, notes = detect_pattern(wrong, LogFormat(turn_period_s=0.5, trust_period=True), 1)
-    assert (trusted.turn_period_s, notes) == (0.5, ())
+        detect_pattern(log, 1)
+    trusted = detect_pattern(replace(log, form=replace(form, trust_period=True)), 1)
+    assert (trusted.recording.turn_period_s, trusted.notes) == (0.5, ())
 
 
 def test_the_motors_own_harmonics_are_no_pattern_of_the_load():

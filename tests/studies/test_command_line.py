@@ -1,7 +1,6 @@
 import pytest
 
 from studies import __main__ as studies
-from studies import optimizers
 
 
 def test_an_unknown_study_is_one_line_that_names_those_that_there_are(capsys):
@@ -17,15 +16,8 @@ def test_a_study_without_its_data_says_so_in_one_line_and_writes_nothing(
     name, tmp_path, monkeypatch, capsys
 ):
     monkeypatch.setenv("BACKLASH_DATA", str(tmp_path))
-    monkeypatch.setattr(optimizers, "swarms_installed", lambda: True)
     monkeypatch.setattr(studies, "write_csv", lambda *_: pytest.fail("written"))
     monkeypatch.setattr(studies, "write_text", lambda *_: pytest.fail("written"))
     assert studies.main([name]) == 2
     said = capsys.readouterr().err.strip().splitlines()[-1]
     assert "BACKLASH_DATA" in said
-
-
-def test_without_the_swarms_the_claims_are_not_begun(monkeypatch, capsys):
-    monkeypatch.setattr(optimizers, "swarms_installed", lambda: False)
-    assert studies.main(["claims"]) == 2
-    assert "pip install .[studies]" in capsys.readouterr().err

@@ -149,8 +149,6 @@ def test_the_kept_runs_are_the_planned_ones_and_none_is_far_below_the_global_fit
 @pytest.mark.slow
 def test_kept_runs_drawn_at_random_find_the_best_basin_again_or_not(authors_data):
     kept = pd.read_csv(workbook.ROOT / "results" / "optimizers.csv")
-    if not optimizers.swarms_installed():
-        kept = kept[kept["kind"] != "swarm"]
     drawn = kept.sample(6, random_state=1)
     jobs = list(
         drawn[["method", "level", "realisation", "seed"]].itertuples(index=False, name=None)

@@ -50,7 +50,7 @@ def test_a_notebook_that_is_not_there_is_refused_by_name(capsys, tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("given", "said"), [(["shwo"], "invalid choice"), (["run", "--watch", "x"], "--watch")]
+    ("given", "said"), [(["no-such"], "invalid choice"), (["run", "--watch", "x"], "--watch")]
 )
 def test_wrong_arguments_are_refused_in_one_line(given, said, capsys):
     with pytest.raises(SystemExit) as ended:
