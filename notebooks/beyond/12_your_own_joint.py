@@ -65,8 +65,7 @@
 #
 # and from Python `backlash.calibrate`, `backlash.estimate` and `backlash.trend`, on files, tables or arrays;
 # `backlash estimate --help` lists the options. Where the backlash cannot be told, the amplitude is a relative index:
-# compare it only between logs of one joint in one movement. The first call on a machine compiles for about a minute,
-# and says so.
+# compare it only between logs of one joint in one movement. The first call on a machine compiles first, and says so.
 
 # %%
 from dataclasses import replace
@@ -134,6 +133,31 @@ if my_log:
     plt.show()
 else:
     print("my_log is empty: the simulated joint below plays yours")
+
+# %% [markdown]
+# ### Logs in other formats
+#
+# Files are read as text, XLSX or Parquet. From other recorders' files hand over the columns; `time`, `speed` and
+# `/joint_states` are names in your file. These lines need libraries that the sensor does not install, and `make test`
+# does not run them.
+#
+# ```python
+# file = h5py.File("log.h5")  # HDF5, and MATLAB from 7.3 on
+# t, v = file["time"][:], file["speed"][:]
+#
+# file = scipy.io.loadmat("log.mat")  # MATLAB before 7.3
+# t, v = file["time"].ravel(), file["speed"].ravel()
+#
+# signal = asammdf.MDF("log.mf4").get("speed")  # MDF
+# t, v = signal.timestamps, signal.samples
+#
+# with rosbags.highlevel.AnyReader([Path("bag")]) as bag:  # ROS bags, also of MCAP; here the first joint, in rad/s
+#     joints = [topic for topic in bag.connections if topic.topic == "/joint_states"]
+#     read = [(stamp, bag.deserialize(raw, topic.msgtype)) for topic, stamp, raw in bag.messages(joints)]
+#     t, v = [1e-9 * stamp for stamp, _ in read], [joint.velocity[0] for _, joint in read]
+#
+# backlash.estimate(t, v, turn_period_s=0.4, unit="rps")
+# ```
 
 # %% [markdown]
 # ### The logs
