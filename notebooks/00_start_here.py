@@ -407,7 +407,9 @@ print(f"simulated: {fitted[1] / (2 * np.pi):.2f} Hz, {fitted[0]:.1f} 1/s")
 # speed. Time passes five times slower while the gap is open.
 
 # %%
-animation = teeth.animate_teeth(run, joint)
+animation = workbook.plain_animation(
+    teeth.animate_teeth(run, joint), words="arm, teeth and motor speed"
+)
 HTML(animation)
 
 # %% [markdown]

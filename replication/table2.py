@@ -9,7 +9,7 @@ from scipy import stats
 
 from replication import published
 from replication.arrays import FloatArray, IntArray
-from replication.authors import HIGH_NOISE, level_delta_rad, load_noisy
+from replication.authors import HIGH_NOISE, HIGH_OVER_LOW, level_delta_rad, load_noisy
 from replication.identify import Protocol, paper_fit
 from replication.parallel import in_parallel
 from replication.published import Criteria, Decision
@@ -23,7 +23,6 @@ AUTHORS_PROTOCOL = Protocol()
 # Runs whose misfits differ by less are the same basin: rounding at a window's end moves them by up
 # to 0.15 %.
 BASIN_GAP = 2e-3
-HIGH_OVER_LOW = 1.5  # the authors' high noise over their low one, as their read-me says
 BOOTSTRAP_DRAWS = 20000
 
 

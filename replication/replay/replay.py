@@ -29,14 +29,10 @@ def replay_stored_runs(recording: Recording) -> pd.DataFrame:
     for run in published.authors_notebook_runs().to_dict("records"):
         history = paper_run(recording, AUTHORS_PROTOCOL, run["cma_seed"]).history
         table = pd.DataFrame(history, columns=HISTORY).drop(columns=["median", "upper_quartile"])
-        head = {
-            "run": run["run"],
-            "cma_seed": run["cma_seed"],
-            "generation": np.arange(1, len(history) + 1),
-        }
-        parts.append(
-            pd.concat([pd.DataFrame(head), table.rename(columns={"best": "best_rmse_rps"})], axis=1)
-        )
+        table.insert(0, "generation", np.arange(1, len(history) + 1))
+        for name in ("cma_seed", "run"):
+            table.insert(0, name, run[name])
+        parts.append(table.rename(columns={"best": "best_rmse_rps"}))
     return pd.concat(parts, ignore_index=True)
 
 
