@@ -7,6 +7,8 @@ CHANGES := tests/test_try_changing.py tests/test_ten_changes.py
 STUDY := OPENBLAS_NUM_THREADS=1 $(PY) -m studies
 PYTEST := OPENBLAS_NUM_THREADS=1 $(PY) -m pytest --numprocesses 2 --dist worksteal
 export PYTHONPATH := $(CURDIR)
+# The make that a user started: a run ends with it, even if it is killed.
+export TOP_MAKE ?= $(shell echo $$PPID)
 
 PAPER := $(wildcard notebooks/[0-9]*.py)
 BEYOND := $(wildcard notebooks/beyond/[0-9]*.py)
@@ -19,6 +21,7 @@ help:  ## list the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 16
 
 all: .venv/.installed  ## every notebook, figure, table, verdict, the report and the article
+	@$(RUN) free
 	@mkdir -p .make && rm -f .make/due
 	@$(MAKE) --no-print-directory --keep-going .make/noted
 	@if [ -s .make/due ]; then rm -f .make/workbook.done; fi
@@ -70,12 +73,14 @@ portable: .venv/.installed  ## the tests that compute, and the cheap notebooks' 
 	  OPENBLAS_CORETYPE=$$kernel NUMBA_CPU_NAME=generic NPY_DISABLE_CPU_FEATURES="$$simd" $(PYTEST) -m portable || exit 1; \
 	done
 
+# In a container.
+ROOT_MAY := $(if $(filter 0,$(shell id -u)),--allow-root)
 data: .venv/.installed  ## fetch and verify the authors' data
 	$(RUN) data
 
 lab: .venv/.installed  ## JupyterLab on copies of the notebooks, in lab/
 	$(RUN) lab
-	JUPYTERLAB_SETTINGS_DIR=lab/.settings $(PY) -m jupyterlab --ServerApp.root_dir=lab --LabApp.default_url=/lab/tree/00_start_here.ipynb
+	JUPYTERLAB_SETTINGS_DIR=lab/.settings $(PY) -m jupyterlab $(ROOT_MAY) --ServerApp.root_dir=lab --LabApp.default_url=/lab/tree/00_start_here.ipynb
 
 lint: .venv/.installed  ## style, format, types and spelling
 	$(PY) -m ruff check .
@@ -89,7 +94,7 @@ lock: .venv/.installed  ## pin the newest versions that pyproject.toml allows
 	  --output-file requirements.lock
 
 clean:  ## remove what can be made again and is not committed
-	rm -rf .make .staging-* results/quick results/lab notebooks/partial notebooks/beyond/partial .pytest_cache .ruff_cache .hypothesis
+	rm -rf .make .staging* results/quick results/offline results/lab notebooks/partial notebooks/beyond/partial .pytest_cache .ruff_cache .hypothesis
 	find . -name __pycache__ -not -path './.venv/*' -prune -exec rm -rf {} +
 
 # ---------------------------------------------------------------------------------------------------------------
@@ -116,7 +121,7 @@ $(BEYOND:notebooks/beyond/%.py=.make/%.done): .make/%.done: notebooks/beyond/%.p
 
 # A notebook that fails keeps neither the others nor the report from being made, but make from ending well.
 .make/workbook.done: $(STAMPS) $(wildcard workbook/*.py workbook/report/*.py workbook/report/templates/*.j2 article/*.* replication/data/*.*)
-	@if [ -s .make/due ]; then $(RUN) run --stamps .make --watch $$PPID $$(sort -u .make/due); fi; echo $$? > .make/status
+	@if [ -s .make/due ]; then $(RUN) run --stamps .make --watch $$TOP_MAKE $$(sort -u .make/due); fi; echo $$? > .make/status
 	$(RUN) collect
 	$(RUN) report
 	$(RUN) article || true

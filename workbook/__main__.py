@@ -10,7 +10,7 @@ import sys
 from pathlib import Path
 
 from replication.files import ROOT, write_bytes
-from workbook.checkout import QUICK, RESULTS, notebook_files, results_folder
+from workbook.checkout import APART, OFFLINE, QUICK, RESULTS, lock, notebook_files, results_folder
 
 # Of an output that takes no more: whoever read a pipe has seen enough, or a disk is full.
 UNWRITABLE = {errno.EPIPE, errno.ENOSPC, errno.EDQUOT, errno.EIO}
@@ -50,7 +50,7 @@ def _parser() -> OneLineParser:
     parser = OneLineParser(prog="python -m workbook", description=__doc__)
     commands = parser.add_subparsers(required=True, metavar="COMMAND")
     made = {}
-    for command in (run, collect, check, report, article, readme, show, diff, lab, data):
+    for command in (run, free, collect, check, report, article, readme, show, diff, lab, data):
         made[command] = commands.add_parser(command.__name__, help=command.__doc__)
         made[command].set_defaults(command=command)
     for command in (run, collect, check, report):
@@ -88,7 +88,8 @@ def _parser() -> OneLineParser:
 
 def run(options: argparse.Namespace) -> int:
     """Execute notebooks, in order; all if none is named."""
-    from workbook import running
+    from workbook import provenance, running
+    from workbook.report import page
 
     known = notebook_files("py")
     sources = [known.get(path.name, path) for path in options.notebook or known.values()]
@@ -101,15 +102,25 @@ def run(options: argparse.Namespace) -> int:
     destination = QUICK if options.quick else ROOT
     limits = {"stall_s": 60 * options.stall_minutes, "watched": options.watch}
     try:
-        endings = running.run_notebooks(
-            sources, destination, options.quick, options.stamps, **limits
-        )
+        with lock(destination):
+            endings = running.run_notebooks(
+                sources, destination, options.quick, options.stamps, **limits
+            )
     except KeyboardInterrupt:
         print("interrupted; what was finished is kept", file=sys.stderr)
         return 130
     if not options.quick:
         running.note_run(endings)
+        if any(ending.how == "simulated" for ending in endings):
+            provenance.collect(OFFLINE / "results")
+            print(page.write_report(OFFLINE / "results"), APART[OFFLINE], sep=": ", file=sys.stderr)
     return int(any(ending.how == "failed" for ending in endings))
+
+
+def free(_: argparse.Namespace) -> int:
+    """End with 2 if another process makes results."""
+    with lock(ROOT):
+        return 0
 
 
 def collect(options: argparse.Namespace) -> int:

@@ -31,7 +31,6 @@ misses.
 
 import math
 from collections.abc import Mapping, Sequence
-from fnmatch import fnmatchcase
 from pathlib import Path
 from typing import Any
 
@@ -40,7 +39,16 @@ import pandas as pd
 
 from replication import published
 from replication.statistics import another_interval
-from workbook.outcomes import Cells, Claims, cell_rows, claim_rows, load_outcomes, notebook_name
+from workbook.outcomes import (
+    Cells,
+    Claims,
+    cell_rows,
+    claim_rows,
+    evidence_rule,
+    evidence_rules,
+    load_outcomes,
+    notebook_name,
+)
 
 VERDICT_COLUMNS = ["id", "source", "printed", "published", "reproduced", "low", "high"]
 VERDICT_COLUMNS += ["verdict", "by_tolerance", "reason", "notebook"]
@@ -129,18 +137,6 @@ def outside(cell: str, ours: float) -> tuple[str, str]:
             if name == cell and abs(ours - float(number)) <= published.half_last_digit(number):
                 return "erratum", f"corrected: {erratum['corrected']}"
     return "differs", OUTSIDE
-
-
-def evidence_rules(cell: str) -> list[dict[str, str]]:
-    """Rows of `basis.csv` about a cell: what an agreement would be worth, by source."""
-    rules = published.basis().to_dict("records")
-    return [rule for rule in rules if fnmatchcase(cell, rule["cells"])]
-
-
-def evidence_rule(cell: str, source: str) -> dict[str, str]:
-    """The first rule about a cell by a source; empty if there is none."""
-    rules = (rule for rule in evidence_rules(cell) if rule["source"] in (source, "*"))
-    return next(rules, {"basis": "", "fails_if": ""})
 
 
 def judge_rows(found: pd.DataFrame) -> pd.DataFrame:

@@ -13,12 +13,15 @@ import json
 import math
 import os
 from collections.abc import Mapping, Sequence
+from fnmatch import fnmatchcase
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pandas as pd
 
+from replication import published
+from replication.authors import records_are_simulated
 from replication.files import FLOAT_FORMAT, ROOT, write_csv, write_json
 from workbook.checkout import notebook_files
 
@@ -106,18 +109,45 @@ def _save(name: str, figure: "Figure", caption: str) -> dict[str, str]:
     """Write a figure; return what the report says of it."""
     from replication.figures import style
 
-    is_quick = os.environ.get("REPLICATION_QUICK") == "1"
-    style.save(figure, output_folder() / "figures", name, mark="quick run" if is_quick else "")
+    mark = "simulated records" if records_are_simulated() else ""
+    if os.environ.get("REPLICATION_QUICK") == "1":
+        mark = "quick run"
+    style.save(figure, output_folder() / "figures", name, mark)
     return {"caption": caption, "axes": style.description(figure)}
 
 
 def cell_rows(cells: Cells) -> list[dict[str, Any]]:
-    """Our numbers by source and cell id as rows, with six digits."""
-    return [
+    """Our numbers by source and cell id as rows, with six digits.
+
+    On records that stand in for the authors', numbers from these are simulated; they count only
+    where a simulation may judge a cell.
+    """
+    rows: list[dict[str, Any]] = [
         {"id": cell, "source": source, "numbers": _round_to_six_digits(numbers)}
         for source, of_source in cells.items()
         for cell, numbers in of_source.items()
     ]
+    if not records_are_simulated():
+        return rows
+    ours = [row for row in rows if row["source"] != "authors"]
+    known = {row["id"] for row in ours}
+    return ours + [
+        row | {"source": "simulated"}
+        for row in rows
+        if row["id"] not in known and evidence_rule(row["id"], "simulated")["basis"]
+    ]
+
+
+def evidence_rules(cell: str) -> list[dict[str, str]]:
+    """Rows of `basis.csv` about a cell: what an agreement would be worth, by source."""
+    rules = published.basis().to_dict("records")
+    return [rule for rule in rules if fnmatchcase(cell, rule["cells"])]
+
+
+def evidence_rule(cell: str, source: str) -> dict[str, str]:
+    """The first rule about a cell by a source; empty if there is none."""
+    rules = (rule for rule in evidence_rules(cell) if rule["source"] in (source, "*"))
+    return next(rules, {"basis": "", "fails_if": ""})
 
 
 def claim_rows(claims: Claims) -> list[dict[str, Any]]:

@@ -24,14 +24,14 @@ from tqdm import tqdm
 from replication import published
 from replication.files import ROOT, write_json, write_text
 from workbook import execution, judging
-from workbook.checkout import RESULTS, notebook_files
+from workbook.checkout import OFFLINE, RESULTS, notebook_files
 
 INTERRUPTS = (signal.SIGINT, signal.SIGTERM)
 
 
 @dataclass(frozen=True)
 class Ending:
-    """How a notebook ended, "done", "not run" (without its data) or "failed", and after how long."""
+    """How a notebook ended, "done", "simulated" (on our records) or "failed", and after how long."""
 
     name: str
     how: str
@@ -47,8 +47,9 @@ def run_notebooks(
     watched: int | None = None,
 ) -> list[Ending]:
     """Execute notebooks, until the process `watched` is gone; one that fails stops no other."""
-    for left_by_a_killed_run in destination.glob(".staging-*"):
-        shutil.rmtree(left_by_a_killed_run, ignore_errors=True)
+    for folder in (destination, OFFLINE):  # left by a killed run
+        for left in folder.glob(".staging-*"):
+            shutil.rmtree(left, ignore_errors=True)
     # Noted, not raised: an exception in the middle of another line could leave a lock behind closed.
     interrupted = threading.Event()
     previous = {}
@@ -83,14 +84,18 @@ def _run_one(
     """Execute a notebook, stamp it, and say how it ended."""
     begun = time.time()
     try:
-        execution.execute(source, destination, quick, stall_s=stall_s)
-        if stamps:
+        try:
+            execution.execute(source, destination, quick, stall_s=stall_s)
+            how, where = "done", ""
+        except execution.NotebookNotRun:
+            apart = destination if quick else OFFLINE
+            execution.execute(source, apart, quick, stall_s=stall_s, records="simulated")
+            how, where = "simulated", " on our simulated records"
+        line = f"{source.stem}: done{where} in {time.time() - begun:.0f} s"
+        if stamps and how == "done":
             _stamp(stamps, source.stem, destination, begun)
-        how, line = "done", f"{source.stem}: done in {time.time() - begun:.0f} s"
-    except execution.NotebookNotRun as error:
-        how, line = "not run", f"{error}; its last results stay as they are"
     except (execution.NotebookFailed, ValueError, OSError) as error:
-        how, line = "failed", f"failed: {error}"
+        how, line = "failed", f"{source.stem}: failed: {error}"
     tqdm.write(line, file=sys.stderr)
     return Ending(source.stem, how, time.time() - begun)
 

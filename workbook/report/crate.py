@@ -19,7 +19,7 @@ CONTEXT = ["https://w3id.org/ro/crate/1.1/context", {"sha256": "http://schema.or
 # Of other files: text/ and their ending.
 FORMATS = {"json": "application/json", "md": "text/markdown", "pdf": "application/pdf"}
 # What git ignores, and the crate itself.
-NOT_ARCHIVED = re.compile(r"(lab|quick)/|(run|ro-crate-metadata)\.json|(.*/)?\.")
+NOT_ARCHIVED = re.compile(r"(lab|offline|quick)/|(run|ro-crate-metadata)\.json|(.*/)?\.")
 EUPL = {"@id": "https://spdx.org/licenses/EUPL-1.2"}
 
 
