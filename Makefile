@@ -88,6 +88,9 @@ lint: .venv/.installed  ## style, format, types and spelling
 	$(PY) -m mypy
 	$(PY) -m codespell_lib
 
+audit: .venv/.installed  ## known vulnerabilities of the locked versions
+	$(PY) -m uv tool run pip-audit --requirement requirements.lock --disable-pip
+
 lock: .venv/.installed  ## pin the newest versions that pyproject.toml allows
 	$(PY) -m uv pip compile pyproject.toml --quiet --upgrade --universal --python-version 3.11 --extra dev \
 	  --generate-hashes --no-emit-index-url --no-header --no-annotate \
