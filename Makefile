@@ -62,9 +62,6 @@ studies: .venv/.installed  ## slow studies whose tables are kept: make studies N
 	$(if $(filter sensitivity,$(NAME)),$(PY) -m tests.tools.sensitivity && $(RUN) report,$(STUDY) $(or $(NAME),--help))
 	@$(if $(NAME),,echo "and sensitivity: which cells, claims and tests notice a wrong constant")
 
-protocols: .venv/.installed  ## make studies NAME=protocols: every protocol that may have printed Table 2
-	$(STUDY) protocols
-
 # NumPy without SIMD and numba for a generic processor; of the kernels, Katmai (Prescott) needs no AVX.
 KERNELS ?= Haswell Prescott
 portable: .venv/.installed  ## the tests that compute, and the cheap notebooks' verdicts, as on other processors

@@ -94,7 +94,7 @@
 #
 # The fit uses neither the other seven records nor the printed [theoretical $A$](glossary.md#theoretical-a). The
 # *structure* of the model was chosen with all of them in view, among the models listed below, so none of them
-# validates it independently. `make identify-joint` fits from rougher values and writes the set to
+# validates it independently. `make studies NAME=identify-joint` fits from rougher values and writes the set to
 # `replication/data/joint.json`; all else uses it without the authors' data.
 
 # %%

@@ -5,7 +5,9 @@ import re
 
 import pandas as pd
 import pytest
+from llvmlite import binding as llvm
 
+from replication.processors import pinned_environment
 from tests.processors import ALIASES, numba_target, numpy_simd, openblas_kernels
 from workbook import ROOT, judging
 from workbook.checkout import notebook_files
@@ -22,6 +24,20 @@ CHEAP = [
     if re.search(r"^#\s+quick: \{\}$", source.read_text(encoding="utf-8"), re.M)
 ]
 NAMES = [source.stem for source in CHEAP]
+
+
+@pytest.mark.parametrize("triple", ["aarch64-unknown-linux-gnu", "arm64-apple-darwin"])
+def test_on_arm64_a_product_is_computed_in_registers(triple):
+    llvm.initialize_all_targets()
+    llvm.initialize_all_asmprinters()
+    product = "define double @f(double %a, double %b) { %c = fmul double %a, %b ret double %c }"
+    settings = pinned_environment("arm64")
+    features = settings.get("NUMBA_CPU_FEATURES", "")
+    target = llvm.Target.from_triple(triple)
+    machine = target.create_target_machine(settings["NUMBA_CPU_NAME"], features)
+    code = machine.emit_assembly(llvm.parse_assembly(product))
+    assert "fmul" in code
+    assert "__muldf3" not in code
 
 
 @needs_settings

@@ -47,9 +47,9 @@ def run_notebooks(
     watched: int | None = None,
 ) -> list[Ending]:
     """Execute notebooks, until the process `watched` is gone; one that fails stops no other."""
-    for folder in (destination, OFFLINE):  # left by a killed run
-        for left in folder.glob(".staging-*"):
-            shutil.rmtree(left, ignore_errors=True)
+    for folder in (destination, _offline(destination)):
+        for left_by_a_killed_run in folder.glob(".staging-*"):
+            shutil.rmtree(left_by_a_killed_run, ignore_errors=True)
     # Noted, not raised: an exception in the middle of another line could leave a lock behind closed.
     interrupted = threading.Event()
     previous = {}
@@ -78,6 +78,11 @@ def run_notebooks(
             signal.signal(number, handler)
 
 
+def _offline(destination: Path) -> Path:
+    """Where what is made on our simulated records goes."""
+    return destination / OFFLINE.relative_to(ROOT)
+
+
 def _run_one(
     source: Path, destination: Path, quick: bool, stamps: Path | None, stall_s: float
 ) -> Ending:
@@ -88,7 +93,7 @@ def _run_one(
             execution.execute(source, destination, quick, stall_s=stall_s)
             how, where = "done", ""
         except execution.NotebookNotRun:
-            apart = destination if quick else OFFLINE
+            apart = destination if quick else _offline(destination)
             execution.execute(source, apart, quick, stall_s=stall_s, records="simulated")
             how, where = "simulated", " on our simulated records"
         line = f"{source.stem}: done{where} in {time.time() - begun:.0f} s"

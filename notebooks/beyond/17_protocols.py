@@ -78,9 +78,10 @@ if len({*left_out}) > len(LOW_NOISE) - 2:
 #
 # ### The candidates
 #
-# The runs take some 20 minutes (`make protocols`), so means and SDs of $|A|$ are read from `protocol_runs.csv`. `judge`
-# computes every candidate's $p$; the largest stands first. The columns "outside" count the printed numbers outside
-# their 95 % interval. The last column is the share of runs in the [best basin](../glossary.md#best-basin).
+# The runs take some 20 minutes (`make studies NAME=protocols`), so means and SDs of $|A|$ are read from
+# `protocol_runs.csv`. `judge` computes every candidate's $p$; the largest stands first. The columns "outside" count
+# the printed numbers outside their 95 % interval. The last column is the share of runs in the [best
+# basin](../glossary.md#best-basin).
 
 # %%
 level = published.criterion(

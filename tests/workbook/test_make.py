@@ -144,3 +144,21 @@ def test_results_whose_sources_have_changed_since_are_stale(tmp_path):
 
 def test_no_committed_result_is_stale():
     assert provenance.stale(RESULTS) == {}
+
+
+TARGETS = re.findall(r"^([a-z-]+):.*##", (workbook.ROOT / "Makefile").read_text("utf-8"), re.M)
+# Those that take minutes, wait for a user or need a network: only what they would do is asked.
+LONG = {"all", "quick", "test", "slow", "changes", "portable", "lab", "lock", "audit", "bench"}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("target", TARGETS)
+def test_every_target_can_be_the_first_command_in_a_clone(target, authors_data, tmp_path):
+    clone = tmp_path / "clone"
+    subprocess.run(["git", "clone", "--quiet", workbook.ROOT, clone], check=True)
+    (clone / ".venv").symlink_to(workbook.ROOT / ".venv")
+    os.utime(clone / "requirements.lock", (1e9, 1e9))
+    options = ["--dry-run"] if target in LONG else []
+    ran = subprocess.run(["make", *options, target], cwd=clone, capture_output=True, text=True)
+    assert ran.returncode == 0, ran.stderr
+    assert "Traceback" not in ran.stderr

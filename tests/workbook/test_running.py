@@ -6,11 +6,12 @@ import subprocess
 import sys
 import time
 
+import nbformat
 import psutil
 import pytest
 
 import workbook
-from workbook import execution, running
+from workbook import checkout, execution, running
 
 GOOD = "# %%\nprint('done')\n"
 BAD = "# %%\n1 / 0\n"
@@ -101,6 +102,35 @@ def test_a_failing_notebook_does_not_keep_the_others_from_running(notebooks, tmp
         "good.done",
         "later.done",
     ]
+
+
+def test_without_the_authors_files_a_notebook_runs_on_our_records_apart(notebooks, tmp_path):
+    text = "# %%\nfrom replication.authors import load_clean\nprint(load_clean(12).source)\n"
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("BACKLASH_DATA", str(tmp_path))
+        endings = running.run_notebooks(notebooks(first=text), tmp_path / "out")
+    assert [ending.how for ending in endings] == ["simulated"]
+    (made,) = (tmp_path / "out").rglob("*.ipynb")
+    assert made.is_relative_to(tmp_path / "out" / "results" / "offline")
+    said, ran = nbformat.read(made, as_version=4).cells
+    assert "On our simulated records" in said.source
+    assert "simulated joint" in ran.outputs[0].text
+
+
+def test_a_second_run_in_one_checkout_says_who_runs(tmp_path):
+    with (
+        checkout.lock(tmp_path),
+        pytest.raises(checkout.CheckoutBusy, match=f"process {os.getpid()} makes"),
+        checkout.lock(tmp_path),
+    ):
+        pass
+    with checkout.lock(tmp_path):
+        pass
+
+
+@pytest.mark.parametrize(("memory", "workers"), [(2**28, 1), (2**31, 4), (2**40, 8)])
+def test_workers_are_no_more_than_memory_and_cores_allow(memory, workers):
+    assert execution.count_workers(memory, cores=8) == workers
 
 
 def test_a_source_that_changes_while_its_notebook_runs_is_newer_than_the_stamp(notebooks, tmp_path):
