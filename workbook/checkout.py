@@ -14,8 +14,8 @@ OFFLINE = RESULTS / "offline"  # likewise, of notebooks that ran without the aut
 # What a page of such results says first.
 APART = {
     QUICK: "This is a quick run with few repeats. The full report has the results.",
-    OFFLINE: "On our simulated records, because the authors' files could not be had. The committed "
-    "results, from the authors' data, are untouched; `make data` fetches them.",
+    OFFLINE: "On our simulated records in place of the authors', whose files could not be had. The "
+    "committed results, from the authors' data, are untouched; `make data` fetches them.",
 }
 
 

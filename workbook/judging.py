@@ -42,6 +42,7 @@ from replication.statistics import another_interval
 from workbook.outcomes import (
     Cells,
     Claims,
+    as_simulated,
     cell_rows,
     claim_rows,
     evidence_rule,
@@ -199,10 +200,13 @@ def judge(cells: Cells | None = None, claims: Claims | None = None) -> pd.DataFr
     A source is "authors", "simulated" or "stand-in"; a sequence of numbers holds one for each noise
     realisation. A claim whose truth value is None is undecided.
     """
-    rows = pd.DataFrame(cell_rows(cells or {}))
-    judged = (
-        [] if rows.empty else judge_rows(rows.assign(notebook=notebook_name())).to_dict("records")
-    )
+    given = cell_rows(cells or {})
+    judged = []
+    if rows := as_simulated(given):
+        judged = judge_rows(pd.DataFrame(rows).assign(notebook=notebook_name())).to_dict("records")
+    if rows != given:
+        by_id = {row["id"]: row for row in judged}
+        judged = [by_id.get(row["id"], {"verdict": "not-run"}) | row for row in given]
     for row in claim_rows(claims or {}):
         verdict = CLAIM_VERDICTS[row["holds"]]
         judged.append({"id": row["id"], "reproduced": row["measured"], "verdict": verdict})

@@ -95,7 +95,7 @@ def export(
     for file, content in drawn.items():
         write_json(results / file, dict(content))
     outcome = {
-        "cells": cell_rows(cells or {}),
+        "cells": as_simulated(cell_rows(cells or {})),
         "claims": claim_rows(claims or {}),
         "facts": _fact_texts(facts or {}),
         "figures": {name: _save(name, *figure) for name, figure in (figures or {}).items()},
@@ -117,16 +117,16 @@ def _save(name: str, figure: "Figure", caption: str) -> dict[str, str]:
 
 
 def cell_rows(cells: Cells) -> list[dict[str, Any]]:
-    """Our numbers by source and cell id as rows, with six digits.
-
-    On records that stand in for the authors', numbers from these are simulated; they count only
-    where a simulation may judge a cell.
-    """
-    rows: list[dict[str, Any]] = [
+    """Our numbers by source and cell id as rows, with six digits."""
+    return [
         {"id": cell, "source": source, "numbers": _round_to_six_digits(numbers)}
         for source, of_source in cells.items()
         for cell, numbers in of_source.items()
     ]
+
+
+def as_simulated(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    """What rows count as where our records take the authors' place: simulated, if a simulation may judge the cell."""
     if not records_are_simulated():
         return rows
     ours = [row for row in rows if row["source"] != "authors"]
