@@ -69,9 +69,7 @@ def test_the_cost_ends_the_search_at_the_target_and_at_the_budget(record):
 
 @pytest.mark.parametrize("method", dict.fromkeys(job[0] for job in optimizers.planned_runs()))
 def test_a_method_spends_its_budget_and_a_seed_gives_the_same_run(record, method):
-    kind, run = optimizers.SEARCH_METHODS[method]
-    if kind == "swarm":
-        pytest.importorskip("niapy", reason="the swarms need the extra `studies`")
+    _, run = optimizers.SEARCH_METHODS[method]
     best = []
     for _ in range(2):
         cost = optimizers.Cost(record, 0.0, 700)

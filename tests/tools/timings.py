@@ -199,10 +199,8 @@ def bench() -> pd.DataFrame:
 def notebook_times() -> pd.DataFrame:
     """Collect the seconds of each notebook's last run, two at a time, as `make all` noted them."""
     run = json.loads(RUN.read_text(encoding="utf-8"))
-    rows = [
-        (name, seconds, run["cores"], run["machine"]) for name, seconds in run["seconds"].items()
-    ]
-    return pd.DataFrame(rows, columns=["notebook", "seconds", "cores", "machine"])
+    seconds = pd.Series(run["seconds"], name="seconds").rename_axis("notebook")
+    return seconds.reset_index().assign(cores=run["cores"], machine=run["machine"])
 
 
 if __name__ == "__main__":

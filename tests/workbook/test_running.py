@@ -6,7 +6,6 @@ import subprocess
 import sys
 import time
 
-import nbformat
 import psutil
 import pytest
 
@@ -112,9 +111,9 @@ def test_without_the_authors_files_a_notebook_runs_on_our_records_apart(notebook
     assert [ending.how for ending in endings] == ["simulated"]
     (made,) = (tmp_path / "out").rglob("*.ipynb")
     assert made.is_relative_to(tmp_path / "out" / "results" / "offline")
-    said, ran = nbformat.read(made, as_version=4).cells
-    assert "On our simulated records" in said.source
-    assert "simulated joint" in ran.outputs[0].text
+    text = made.read_text(encoding="utf-8")
+    assert "On our simulated records" in text
+    assert "simulated joint" in text
 
 
 def test_a_second_run_in_one_checkout_says_who_runs(tmp_path):
@@ -123,8 +122,6 @@ def test_a_second_run_in_one_checkout_says_who_runs(tmp_path):
         pytest.raises(checkout.CheckoutBusy, match=f"process {os.getpid()} makes"),
         checkout.lock(tmp_path),
     ):
-        pass
-    with checkout.lock(tmp_path):
         pass
 
 
