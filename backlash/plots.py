@@ -82,7 +82,7 @@ def trend_figure(trend: Trend) -> Figure:
         delta,
         ends,
         fmt="o",
-        color="C5",
+        color="black",
         markersize=4,
         capsize=3,
         label="estimate, 95 %",
