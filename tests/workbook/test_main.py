@@ -53,7 +53,7 @@ def test_every_command_is_listed_with_a_sentence(capsys):
     with pytest.raises(SystemExit):
         run_command(["--help"])
     listed = re.findall(r"^    (\w+) +[A-Z].*", capsys.readouterr().out, re.MULTILINE)
-    assert {"run", "check", "show", "diff", "lab"} <= set(listed)
+    assert {"run", "check", "show"} <= set(listed)
 
 
 def test_a_reader_who_has_seen_enough_and_a_full_disk_are_no_defects():
