@@ -7,8 +7,10 @@ CHANGES := tests/test_try_changing.py tests/test_ten_changes.py
 STUDY := OPENBLAS_NUM_THREADS=1 $(PY) -m studies
 PYTEST := OPENBLAS_NUM_THREADS=1 $(PY) -m pytest --numprocesses 2 --dist worksteal
 export PYTHONPATH := $(CURDIR)
-# The make that a user started: a run ends with it, even if it is killed.
-export TOP_MAKE ?= $(shell echo $$PPID)
+# The make that a user started, not one below it: a run ends with it, even if it is killed.
+ifndef TOP_MAKE
+export TOP_MAKE := $(shell echo $$PPID)
+endif
 
 PAPER := $(wildcard notebooks/[0-9]*.py)
 BEYOND := $(wildcard notebooks/beyond/[0-9]*.py)
@@ -70,14 +72,12 @@ portable: .venv/.installed  ## the tests that compute, and the cheap notebooks' 
 	  OPENBLAS_CORETYPE=$$kernel NUMBA_CPU_NAME=generic NPY_DISABLE_CPU_FEATURES="$$simd" $(PYTEST) -m portable || exit 1; \
 	done
 
-# In a container.
-ROOT_MAY := $(if $(filter 0,$(shell id -u)),--allow-root)
 data: .venv/.installed  ## fetch and verify the authors' data
 	$(RUN) data
 
 lab: .venv/.installed  ## JupyterLab on copies of the notebooks, in lab/
 	$(RUN) lab
-	JUPYTERLAB_SETTINGS_DIR=lab/.settings $(PY) -m jupyterlab $(ROOT_MAY) --ServerApp.root_dir=lab --LabApp.default_url=/lab/tree/00_start_here.ipynb
+	JUPYTERLAB_SETTINGS_DIR=lab/.settings $(PY) -m jupyterlab $$([ "$$(id -u)" != 0 ] || echo --allow-root) --ServerApp.root_dir=lab --LabApp.default_url=/lab/tree/00_start_here.ipynb
 
 lint: .venv/.installed  ## style, format, types and spelling
 	$(PY) -m ruff check .

@@ -38,9 +38,8 @@ def main(arguments: list[str] | None = None) -> int:
             # Nothing is left to be flushed at the end.
             os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
             return 1
-        if not hasattr(
-            error, "exit_status"
-        ):  # of errors whose message is the one line that a user needs
+        # Of errors whose message is the one line that a user needs.
+        if not hasattr(error, "exit_status"):
             raise
         print(error, file=sys.stderr)
         return error.exit_status
@@ -88,8 +87,7 @@ def _parser() -> OneLineParser:
 
 def run(options: argparse.Namespace) -> int:
     """Execute notebooks, in order; all if none is named."""
-    from workbook import provenance, running
-    from workbook.report import page
+    from workbook import running
 
     known = notebook_files("py")
     sources = [known.get(path.name, path) for path in options.notebook or known.values()]
@@ -112,6 +110,9 @@ def run(options: argparse.Namespace) -> int:
     if not options.quick:
         running.note_run(endings)
         if any(ending.how == "simulated" for ending in endings):
+            from workbook import provenance
+            from workbook.report import page
+
             provenance.collect(OFFLINE / "results")
             print(page.write_report(OFFLINE / "results"), APART[OFFLINE], sep=": ", file=sys.stderr)
     return int(any(ending.how == "failed" for ending in endings))
