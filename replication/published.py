@@ -50,6 +50,8 @@ paper_figures = partial(_read, "paper_figures.csv", "figure")
 basis = partial(_read, "basis.csv")
 # The words of verdicts on numbers and claims: `sign`, and what those on numbers mean.
 verdict_words = partial(_read, "verdict_words.csv", "verdict")
+# Protocols that may have printed Table 2, the leading one first: settings, number of `realisations`, `why`.
+table2_candidates = partial(_read, "table2_candidates.csv", "protocol")
 # Cells known not to reproduce: `id, source, reason`.
 known_differences = partial(_read, "differences.csv")
 # The 30 runs that the authors' notebook stores, on their clean record 12, and what it prints of
