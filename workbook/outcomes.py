@@ -28,7 +28,8 @@ from workbook.checkout import notebook_files
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-Cells = Mapping[str, Mapping[str, float | Sequence[float]]]
+Numbers = float | Mapping[str, Sequence[float]]  # one, or realisations by candidate
+Cells = Mapping[str, Mapping[str, Numbers]]
 Claims = Mapping[str, tuple[bool | None, str]]
 Facts = Mapping[str, str | int | tuple[Any, str]]
 
@@ -158,10 +159,11 @@ def claim_rows(claims: Claims) -> list[dict[str, Any]]:
     ]
 
 
-def _round_to_six_digits(numbers: float | Sequence[float]) -> float | list[float]:
+def _round_to_six_digits(numbers: Numbers) -> float | dict[str, list[float]]:
     """Numbers as the results keep them."""
-    kept = [float(FLOAT_FORMAT % number) for number in np.ravel(numbers)]
-    return kept if np.ndim(numbers) else kept[0]
+    if isinstance(numbers, Mapping):
+        return {name: [float(FLOAT_FORMAT % x) for x in each] for name, each in numbers.items()}
+    return float(FLOAT_FORMAT % numbers)
 
 
 def _fact_texts(facts: Facts) -> dict[str, str]:
