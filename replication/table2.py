@@ -13,10 +13,8 @@ from replication.authors import HIGH_NOISE, HIGH_OVER_LOW, level_delta_rad, load
 from replication.identify import Protocol, paper_fit
 from replication.parallel import in_parallel
 from replication.published import Criteria, Decision
-from replication.recording import Recording, add_uniform_noise, constant_speed, from_sample
+from replication.recording import Recording, from_sample
 from replication.signature import FREE_PARAMETERS
-from replication.simulator.parameters import JointParameters
-from replication.simulator.recordings import simulate_recordings
 
 AUTHORS_PROTOCOL = Protocol()
 
@@ -40,57 +38,23 @@ def theoretical_amplitudes() -> dict[float, float]:
 
 
 def authors_table2_records(realisations: Sequence[int]) -> list[tuple[dict, Recording]]:
-    """Load the authors' noisy records of Table 2's ten rows, for each of some realisations R of either noise."""
+    """Load the authors' noisy records of Table 2's ten rows, for each of some realisations R of the noise."""
     if not realisations:
         raise ValueError(
             "realisations []: name some of 1 to 5 (low noise) and 11 to 20 (high noise)"
         )
-    return [
-        (_key("authors", R, row, "high" if R in HIGH_NOISE else "low"), load_noisy(level, R))
+    noise = published.column("Table 2", "noise")
+    keys = [
+        {
+            "realisation": R,
+            "row": row,
+            "delta_rad": level_delta_rad(table2_levels()[row - 1]),
+            "noise_amplitude_rps": noise[row - 1] * (HIGH_OVER_LOW if R in HIGH_NOISE else 1),
+        }
         for R in realisations
-        for row, level in enumerate(table2_levels(), start=1)
+        for row in range(1, 1 + len(table2_levels()))
     ]
-
-
-def simulated_table2_records(
-    joint: JointParameters, seed: int, factor: float = 1.0
-) -> list[tuple[dict, Recording]]:
-    """Simulate Table 2's ten records: the joint at each level, with `factor` times the printed uniform noise."""
-    noise = factor * published.column("Table 2", "noise")
-    rng = np.random.default_rng(seed)
-    clean = simulate_recordings(joint, [level_delta_rad(level) for level in table2_levels()])
-    return [
-        (
-            _key("simulated", seed, row, "low", factor),
-            add_uniform_noise(recording, noise[row - 1], rng),
-        )
-        for row, recording in enumerate(clean, start=1)
-    ]
-
-
-def noise_only_record(seed: int, factor: float = 1.0) -> tuple[dict, Recording]:
-    """Make Table 2's last record: constant speed with uniform noise of `factor` times its printed amplitude."""
-    key = _key("simulated", seed, len(table2_levels()) + 1, "noise only", factor)
-    base = constant_speed(samples=2401, dt=0.002)
-    return key, add_uniform_noise(base, key["noise_amplitude_rps"], np.random.default_rng(seed))
-
-
-def _key(source: str, realisation: int, row: int, noise_level: str, factor: float = 1.0) -> dict:
-    """What a record of Table 2's row is called in data frames.
-
-    A simulated realisation is the seed of its noise.
-    """
-    louder = HIGH_OVER_LOW if noise_level == "high" else factor
-    return {
-        "source": source,
-        "realisation": realisation,
-        "row": row,
-        "delta_rad": 0.0
-        if noise_level == "noise only"
-        else level_delta_rad(table2_levels()[row - 1]),
-        "noise_level": noise_level,
-        "noise_amplitude_rps": published.column("Table 2", "noise")[row - 1] * louder,
-    }
+    return [(key, load_noisy(table2_levels()[key["row"] - 1], key["realisation"])) for key in keys]
 
 
 def start_samples(
@@ -199,30 +163,18 @@ def summarise_runs(runs: pd.DataFrame, keys: Sequence[str]) -> pd.DataFrame:
 
 
 def table2(runs: pd.DataFrame) -> pd.DataFrame:
-    """Condense the runs on the records of `authors_table2_records` or `simulated_table2_records` into Table 2.
-
-    A row for each source, realisation and row of Table 2.
-    """
+    """Condense the runs on the records of `authors_table2_records`: a row for each realisation and row."""
     theoretical = published.column("Table 2", "theoretical")[runs["row"] - 1]
-    of_record = ["source", "realisation", "noise_level", "row", "delta_rad", "noise_amplitude_rps"]
+    of_record = ["realisation", "row", "delta_rad", "noise_amplitude_rps"]
     return summarise_runs(
         runs.assign(theoretical_A_rps=theoretical), [*of_record, "theoretical_A_rps"]
     )
 
 
-def table2_cells(table: pd.DataFrame) -> dict[str, list[float]]:
-    """Our numbers for Table 2's means and SDs by cell id: one for each realisation in the table."""
-    cells: dict[str, list[float]] = {}
-    for row in table.to_dict("records"):
-        for name, column in (("mean", "mean_A_rps"), ("sd", "sd_A_rps")):
-            cells.setdefault(f"table2.row{row['row']:02d}.{name}", []).append(row[column])
-    return cells
-
-
 def error_percent(table: pd.DataFrame, column: str) -> pd.Series:
-    """How far a column of A lies from the printed means [%], for the rows with backlash."""
+    """How far a column of A lies from the printed means [%]."""
     printed = published.column("Table 2", "mean")[table["row"] - 1]
-    return (100 * (table[column] / printed - 1)).where(table["theoretical_A_rps"] > 0)
+    return 100 * (table[column] / printed - 1)
 
 
 def decide_error_below_10(runs: pd.DataFrame, criteria: Criteria = None) -> Decision:
@@ -233,7 +185,7 @@ def decide_error_below_10(runs: pd.DataFrame, criteria: Criteria = None) -> Deci
     """
     theoretical = published.column("Table 2", "theoretical")
     rng = np.random.default_rng(1)
-    records = runs[runs["row"] <= len(table2_levels())].groupby(["realisation", "row"], sort=False)
+    records = runs.groupby(["realisation", "row"], sort=False)
     tail = 0.025 / records.ngroups
     errors = []
     for (_, row), part in records:

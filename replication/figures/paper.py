@@ -1,6 +1,5 @@
 """The paper's figures and tables as plots: data frames and arrays in, a matplotlib figure out."""
 
-import re
 from collections.abc import Mapping, Sequence
 
 import matplotlib.pyplot as plt
@@ -9,7 +8,6 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import NullLocator
-from scipy import stats
 
 from replication.arrays import FloatArray
 from replication.figures.style import (
@@ -96,56 +94,34 @@ def _centre(axis: Axes) -> None:
 
 
 @in_style
-def table2(table: pd.DataFrame, regions: pd.DataFrame) -> Figure:
-    """Table 2: means and SDs of every realisation, with the region that the authors' give, against the printed.
+def table2(table: pd.DataFrame, own: pd.DataFrame, regions: pd.DataFrame) -> Figure:
+    """Table 2: means and SDs of the public realisations and of our own, with regions, against the printed.
 
     `regions` has a row for each of the table: `mean, mean_low, mean_high, sd, sd_low, sd_high`, two
     of them printed.
     """
-    figure, axes = grid(3, 1, height_in=6.8, sharex=True, height_ratios=(3, 3, 2.6))
-    first, second, third = axes[:, 0]
-    second.sharey(first)
-    # A region that ends at the frame would look cut.
-    first.use_sticky_edges = second.use_sticky_edges = third.use_sticky_edges = False
-    shade = {
-        "width": 0.7,
-        "color": "0.86",
-        "zorder": 0,
-        "label": "95 % region of the authors' records",
-    }
-    low, high = (100 * (regions[f"mean_{end}"] / regions["mean"] - 1) for end in ("low", "high"))
-    first.bar(regions.index, high - low, bottom=low, **shade)
-    third.bar(
-        regions.index, regions["sd_high"] - regions["sd_low"], bottom=regions["sd_low"], **shade
-    )
-    for axis, source, name, colour, marker, side in (
-        (first, "authors", "authors' records", BLUE, "o", -0.12),
-        (second, "simulated", "our simulated records", ORANGE, "^", 0.12),
-    ):
-        part = table[table["source"] == source]
-        row = part["row"]
-        printed = regions["mean"].loc[row].to_numpy()
-        dots = {"markersize": 4, "linestyle": "none", "marker": marker, "color": colour}
-        axis.axhline(0, label="printed mean", **THIN)
-        theoretical = MARKS | {"marker": "+", "markersize": 8, "label": "theoretical $A$, printed"}
-        axis.plot(row, _percent_off(part["theoretical_A_rps"], printed), **theoretical)
-        of_runs = _percent_off(part["mean_A_rps"], printed)
-        axis.plot(row - 0.12, of_runs, label=f"mean of the runs, {name}", **dots)
-        best = _percent_off(part["best_A_rps"], printed)
-        axis.plot(row + 0.12, best, label=f"best basin, {name}", markerfacecolor="none", **dots)
-        axis.set(title=f"mean of $A$, {name}", ylabel="deviation from printed [%]")
-        third.plot(row + side, part["sd_A_rps"], marker, color=colour, markersize=4)
-    third.plot(regions.index, regions["sd"], label="printed SD", **MARKS)
-    third.set(
-        title="SD of $A$, both", ylabel="SD of $A$ [rps]", yscale="log", xlabel="row of Table 2"
-    )
-    third.set_xticks(regions.index)
-    return finish(figure, 2)
-
-
-def _percent_off(values: pd.Series, printed: FloatArray) -> FloatArray:
-    """Deviations from printed values in percent."""
-    return 100 * (np.asarray(values / printed) - 1)
+    figure, axes = grid(2, 1, height_in=5.4, sharex=True, height_ratios=(3, 2.4))
+    scale = 100 / regions["mean"]
+    for axis, of in zip(axes[:, 0], ("mean", "sd"), strict=True):
+        of_row, offset = (scale, 100) if of == "mean" else (1 + 0 * scale, 0)
+        low, high = (regions[f"{of}_{end}"] * of_row - offset for end in ("low", "high"))
+        axis.use_sticky_edges = False  # a region that ends at the frame would look cut
+        axis.bar(regions.index, high - low, 0.7, low, color="0.86", zorder=0, label="95 % region")
+        for part, side, label, look in (
+            (table, 0.14, "public realisations", {"marker": "o", "mfc": "none", "markersize": 4}),
+            (own, -0.14, "our realisations", {"marker": ".", "markersize": 4}),
+        ):
+            values = part[f"{of}_A_rps"] * of_row.loc[part["row"]].to_numpy() - offset
+            axis.plot(part["row"] + side, values, linestyle="none", color=BLUE, label=label, **look)
+        axis.plot(regions.index, regions[of] * of_row - offset, **PRINTED)
+    upper, lower = axes[:, 0]
+    theoretical = MARKS | {"marker": "+", "markersize": 8, "label": "theoretical $A$, printed"}
+    of_table = table.drop_duplicates("row").set_index("row")["theoretical_A_rps"]
+    upper.plot(of_table.index, of_table * scale - 100, **theoretical)
+    upper.set(title="mean of $A$", ylabel="deviation from printed [%]")
+    lower.set(title="SD of $A$", ylabel="SD of $A$ [rps]", yscale="log", xlabel="row of Table 2")
+    lower.set_xticks(regions.index)
+    return finish(figure, 3)
 
 
 @in_style
@@ -181,59 +157,54 @@ def basins(runs: pd.DataFrame, labels: FloatArray, title: str) -> Figure:
 
 
 @in_style
-def protocol_variants(scores: pd.DataFrame) -> Figure:
-    """Show how far each protocol variant's means and SDs are from the printed ones: a band a variant, a mark a row."""
-    figure, ((left, right),) = grid(1, 2, height_in=4.2, sharey=True, width_ratios=(4, 3))
-    off = scores["mean_error_percent"].abs().groupby(scores["protocol"]).mean().sort_values()
-    for place, name in enumerate(off.index):
-        part = scores[scores["protocol"] == name]
-        y = place + np.linspace(-0.32, 0.32, len(part))
-        for axis, values in (left, part["mean_error_percent"]), (right, part["sd_ratio"]):
-            axis.plot(values, y, "o", color=BLUE, markersize=3.5)
-            axis.axhline(place + 0.5, color="0.8", linewidth=0.8)
-    names = [re.sub(r"\b(T_[df]|A)\b", r"$\1$", name) for name in off.index]
-    left.set(
-        yticks=range(off.size),
-        yticklabels=names,
-        xlabel="deviation from printed mean [%]",
-        title="mean of $A$",
-    )
-    right.set(xlabel="SD over printed SD [-]", xscale="log", title="SD of $A$")
-    left.set_ylim(off.size - 0.5, -0.5)
-    for axis, printed in ((left, 0), (right, 1)):
-        axis.axvline(printed, **THIN)
-        axis.grid(visible=False, axis="y")
-    return finish(figure, 1)
+def protocol_verdicts(verdicts: pd.DataFrame, signs: Mapping[str, str]) -> Figure:
+    """Show the verdict on each row's mean and SD under each candidate, candidates from top to bottom.
+
+    `verdicts` has the columns `of` ("mean" or "sd"), `row`, `protocol`, `verdict`, `judges`: whether the
+    other numbers of the table leave the candidate.
+    """
+    names = verdicts["protocol"].unique()
+    figure, axes = grid(1, 2, height_in=0.3 * len(names) + 1.2, sharey=True)
+    colours = {"reproduced": BLUE, "differs": ORANGE, "undecided": "0.75"}
+    for axis, (of, part) in zip(axes[0], verdicts.groupby("of", sort=False), strict=True):
+        y = part["protocol"].map(list(names).index)
+        for verdict, colour in colours.items():
+            for judges, face in ((True, colour), (False, "none")):
+                chosen = (part["verdict"] == verdict) & (part["judges"] == judges)
+                label = verdict if judges and of == "mean" else None
+                axis.scatter(
+                    part.loc[chosen, "row"],
+                    y[chosen],
+                    s=90,
+                    marker="s",
+                    facecolor=face,
+                    edgecolor=colour,
+                    label=label,
+                )
+        for row, at, verdict in zip(part["row"], y, part["verdict"], strict=True):
+            axis.annotate(signs[verdict], (row, at), ha="center", va="center", size=7)
+        axis.set(title=f"{'means' if of == 'mean' else 'SDs'}", xlabel="row of Table 2")
+        axis.set_xticks(rows := sorted(part["row"].unique()), rows, size=7)
+        axis.set_ylim(len(names) - 0.4, -0.6)
+        axis.grid(visible=False)
+    axes[0, 0].set_yticks(range(len(names)), names)
+    return finish(figure, 3)
 
 
 @in_style
-def protocol_residuals(
-    table: pd.DataFrame, judged: pd.DataFrame, level: float, degrees: int
-) -> Figure:
-    """Show how far Table 2's numbers lie from each candidate's, in t (grey: p above `level`), and the p of all ten."""
-    figure, axes = grid(1, 2, height_in=0.4 * len(judged) + 1.0, sharex=True, sharey=True)
-    edge = stats.t.isf(level / 2, degrees)
-    beside = {"xycoords": ("axes fraction", "data"), "va": "center"}
-    ticks = [-20, -2, 0, 2, 20]
-    for axis, column, text in zip(axes[0], ("mean", "sd"), ("means", "SDs"), strict=True):
-        axis.axvspan(-edge, edge, color="0.9", zorder=0)
-        axis.annotate("p", (1.03, -0.9), style="italic", annotation_clip=False, **beside)
-        of_column = table[table["column"] == column]
-        for at, (candidate, p) in enumerate(
-            zip(judged["protocol"], judged[f"p_{column}s"], strict=True)
-        ):
-            t = of_column.loc[of_column["protocol"] == candidate, "t"]
-            axis.plot(t, np.full(len(t), at), "o", color=BLUE, markersize=4, alpha=0.6)
-            digit, _, power = f"{p:.0e}".partition("e")
-            shown = f"{p:.1g}" if p >= 1e-3 else f"${digit}\\cdot10^{{{int(power)}}}$"
-            axis.annotate(shown, (1.03, at), fontsize=8, **beside)
-        axis.set(title=text, xscale="symlog", ylim=(len(judged) - 0.4, -0.6))
-        axis.axhline(judged["explains"].sum() - 0.5, color=INK, linestyle="--", linewidth=1)
-        axis.set_xticks(ticks, [f"{tick:g}".replace("-", "−") for tick in ticks])
-        axis.xaxis.set_minor_locator(NullLocator())
-    figure.supxlabel("t [-], linear from −2 to 2, logarithmic beyond", fontsize=9)
-    axes[0, 0].set_yticks(range(len(judged)), judged["protocol"].str.replace(", ", ",\n"))
-    return finish(figure, 1)
+def protocol_posterior(posterior: pd.DataFrame) -> Figure:
+    """Show the share of each candidate, for the unit and the start over the population."""
+    figure, ((axis,),) = grid(height_in=2.8)
+    kinds = posterior.groupby("kind", sort=False)
+    for (kind, part), marker in zip(kinds, "osd^v", strict=False):
+        ordered = part.sort_values("population")
+        axis.plot(ordered["population"], ordered["share"], marker + "-", label=kind)
+    axis.set(xlabel="population", ylabel="share [-]", ylim=(-0.03, 1.03), xscale="log")
+    ticks = sorted(posterior["population"].unique())
+    axis.set_xticks(ticks, [str(tick) for tick in ticks])
+    axis.xaxis.set_minor_locator(NullLocator())
+    axis.legend()
+    return figure
 
 
 @in_style

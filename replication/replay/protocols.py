@@ -23,8 +23,8 @@ candidate the SDs of rows 7 and 10.
    if none is left, all do. A candidate with too few realisations for a region judges no cell.
 6. Pooled bias of a table: the mean over ten rows of mean over theoretical A, less 1. Two-sided rank p
    of the printed one, and of zero, among a candidate's N.
-7. Claim `random_start`: it holds if a candidate with a drawn start is not excluded and all with the
-   whole record are; it does not hold the other way round; otherwise it is undecided.
+7. Claim `random_start`: it holds if a candidate with a drawn start, of either reading, is not excluded
+   and all with the whole record are; it does not hold the other way round; otherwise it is undecided.
 """
 
 import hashlib
@@ -38,7 +38,7 @@ import numpy as np
 import pandas as pd
 
 from replication import published
-from replication.arrays import FloatArray
+from replication.arrays import FloatArray, IntArray
 from replication.authors import load_clean
 from replication.files import ROOT, write_csv
 from replication.identify import Protocol, paper_fit
@@ -84,14 +84,24 @@ def clean_record(row: int) -> Recording:
     return simulate_recordings(identified_joint(), [next(iter(theoretical_amplitudes()))])[0]
 
 
+def _seeds(row: int, realisation: int, base_seed: int) -> list[np.random.SeedSequence]:
+    """Seeds of a realisation's noise, start and runs."""
+    return np.random.SeedSequence((base_seed, realisation, row)).spawn(3)
+
+
+def noisy_record(row: int, realisation: int, base_seed: int = STUDY_SEED) -> Recording:
+    """A row's record with one noise, the same for every candidate."""
+    rng = np.random.default_rng(_seeds(row, realisation, base_seed)[0])
+    half = published.column("Table 2", "noise")[row - 1]
+    return add_uniform_noise(clean_record(row), half, rng)
+
+
 def realise(
     protocol: Protocol, row: int, realisation: int, base_seed: int = STUDY_SEED
 ) -> dict[str, object]:
     """Criterion 2: a realisation of a row, `COLUMNS`; every candidate gets the same noise and seeds."""
-    seeds = np.random.SeedSequence((base_seed, realisation, row))
-    of_noise, of_start, of_runs = seeds.spawn(3)
-    half = published.column("Table 2", "noise")[row - 1]
-    noisy = add_uniform_noise(clean_record(row), half, np.random.default_rng(of_noise))
+    _, of_start, of_runs = _seeds(row, realisation, base_seed)
+    noisy = noisy_record(row, realisation, base_seed)
     if protocol.start == "per record":
         start = np.random.default_rng(of_start).integers(protocol.latest_start)
         noisy = from_sample(noisy, int(start))
@@ -184,12 +194,16 @@ def scores(numbers: FloatArray, judged: FloatArray) -> FloatArray:
     return np.stack([(2 * (means - middle) / (high - low)) ** 2, -2 * np.log(p)])
 
 
+@cache
+def _draws(size: int) -> IntArray:
+    """Which of a row's numbers take part in each drawn sum; shape (draws, 10)."""
+    return np.random.default_rng(1).integers(size, size=(DRAWS, len(ROWS)))
+
+
 def exact_p(scores: FloatArray, left_out: int | None = None) -> float:
     """Criterion 4: p of the sum of the judged numbers' scores over rows; shape (10, N + 1)."""
     rows = [row for row in range(len(scores)) if row != left_out]
-    rng = np.random.default_rng(1)
-    drawn = rng.integers(scores.shape[-1], size=(DRAWS, len(scores)))
-    sums = scores[rows, drawn[:, rows]].sum(axis=1)
+    sums = scores[rows, _draws(scores.shape[-1])[:, rows]].sum(axis=1)
     reached = (sums >= scores[rows, 0].sum() * (1 - 1e-9)).sum()
     return float((1 + reached) / (1 + DRAWS))
 
@@ -265,11 +279,14 @@ def judges_of_cells(
         return [name for name in able if table_p(of_tables[name], cell)[2] >= level] or able
 
     cells = {}
-    indexed = realisations.set_index(["protocol", "row"]).sort_index()
+    of_rows = dict(list(realisations.groupby(["protocol", "row"])))
     for (k, of), row in product(enumerate(NUMBERS), (*ROWS, LAST_ROW)):
         judges = left((k, row - 1) if row in ROWS else (-1, -1))
-        numbers = {name: indexed.loc[(name, row), f"{of}_A_rps"].tolist() for name in judges}
-        cells[f"table2.row{row:02d}.{of}"] = numbers
+        cells[f"table2.row{row:02d}.{of}"] = {
+            name: of_rows[name, row][f"{of}_A_rps"].tolist()
+            for name in judges
+            if (name, row) in of_rows
+        }
     return cells
 
 
