@@ -27,10 +27,7 @@ AUTHORS_URL = (
 CLEAN_LEVELS = range(3, 14)
 NOISY_LEVELS = range(1, 21)
 ALL_LEVELS = range(2, 21)
-# Realisations R of the noise, at two levels.
-LOW_NOISE = range(1, 6)
-HIGH_NOISE = range(11, 21)
-HIGH_OVER_LOW = 1.5  # the amplitude of the louder, as their read-me says
+LOW_NOISE = range(1, 6)  # realisations R of the noise whose amplitudes Table 2 prints
 
 WORKBOOK_FILES = (
     *(f"Speeddata{level}.xlsx" for level in CLEAN_LEVELS),
@@ -157,20 +154,15 @@ def load_clean_records(levels: Iterable[int]) -> dict[float, Recording]:
 
 
 def load_noisy(level: int, realisation: int) -> Recording:
-    """Load the authors' noisy record of a level K, 1 to 20, and a realisation R of the noise.
-
-    R is 1 to 5 for the low noise, 11 to 20 for the high one.
-    """
-    if level not in NOISY_LEVELS or realisation not in (*LOW_NOISE, *HIGH_NOISE):
-        known = "K is 1 to 20, R is 1 to 5 or 11 to 20"
+    """Load the authors' noisy record of a level K, 1 to 20, and a realisation R of the low noise, 1 to 5."""
+    if level not in NOISY_LEVELS or realisation not in LOW_NOISE:
+        known = "K is 1 to 20, R is 1 to 5"
         raise ValueError(f"no noisy record K = {level}, R = {realisation}: {known}")
     if records_are_simulated():
-        noise = published.column("Table 2", "noise")[np.clip(level - ALL_LEVELS[0], 0, 9)]
-        half = noise * (HIGH_OVER_LOW if realisation in HIGH_NOISE else 1)
+        half = 0.1 + (level - 1) * 0.15 / 19  # the law of their noise, which Table 2's rows obey
         rng = np.random.default_rng((realisation, level))
         return add_uniform_noise(load_clean(level), half, rng)
-    loudness = "Low" if realisation in LOW_NOISE else "High"
-    path = f"Noisy data/{loudness} level of noise/Data_with_Noise_{realisation}.zip"
+    path = f"Noisy data/Low level of noise/Data_with_Noise_{realisation}.zip"
     content = read_zip_member(authors_file(path), rf"(.*/)?SpeeddataNoise{level}(_\d+)?\.xlsx")
     return _authors_recording(content, f"{path}!SpeeddataNoise{level}")
 

@@ -9,11 +9,11 @@ from scipy import stats
 
 from replication import published
 from replication.arrays import FloatArray, IntArray
-from replication.authors import HIGH_NOISE, HIGH_OVER_LOW, level_delta_rad, load_noisy
+from replication.authors import level_delta_rad, load_noisy
 from replication.identify import Protocol, paper_fit
 from replication.parallel import in_parallel
 from replication.published import Criteria, Decision
-from replication.recording import Recording, from_sample
+from replication.recording import Recording
 from replication.signature import FREE_PARAMETERS
 
 AUTHORS_PROTOCOL = Protocol()
@@ -40,16 +40,14 @@ def theoretical_amplitudes() -> dict[float, float]:
 def authors_table2_records(realisations: Sequence[int]) -> list[tuple[dict, Recording]]:
     """Load the authors' noisy records of Table 2's ten rows, for each of some realisations R of the noise."""
     if not realisations:
-        raise ValueError(
-            "realisations []: name some of 1 to 5 (low noise) and 11 to 20 (high noise)"
-        )
+        raise ValueError("realisations []: name some of 1 to 5")
     noise = published.column("Table 2", "noise")
     keys = [
         {
             "realisation": R,
             "row": row,
             "delta_rad": level_delta_rad(table2_levels()[row - 1]),
-            "noise_amplitude_rps": noise[row - 1] * (HIGH_OVER_LOW if R in HIGH_NOISE else 1),
+            "noise_amplitude_rps": noise[row - 1],
         }
         for R in realisations
         for row in range(1, 1 + len(table2_levels()))
@@ -57,28 +55,11 @@ def authors_table2_records(realisations: Sequence[int]) -> list[tuple[dict, Reco
     return [(key, load_noisy(table2_levels()[key["row"] - 1], key["realisation"])) for key in keys]
 
 
-def start_samples(
-    protocol: Protocol, seeds: Sequence[int], record_seed: int | Sequence[int]
-) -> list[int]:
-    """Draw the start sample of each run of a record, as the protocol's `start` says."""
-
-    def draw(seed: int | Sequence) -> int:
-        return int(np.random.default_rng(seed).integers(protocol.latest_start))
-
-    if protocol.start == "whole":
-        return [0] * len(seeds)
-    if protocol.start == "per record":
-        return [draw(record_seed)] * len(seeds)
-    if protocol.start == "per run":
-        return [draw((record_seed, seed)) for seed in seeds]
-    raise ValueError(f"start {protocol.start!r}: expected 'whole', 'per run' or 'per record'")
-
-
-def _run(recording: Recording, protocol: Protocol, seed: int, start: int) -> dict[str, float]:
-    fit = paper_fit(from_sample(recording, start), protocol, seed)
+def _run(recording: Recording, protocol: Protocol, seed: int) -> dict[str, float]:
+    fit = paper_fit(recording, protocol, seed)
     found = dict(zip(FREE_PARAMETERS, fit.X, strict=True))
     spent = {"rmse_rps": fit.rmse, "evaluations": fit.evaluations, "iterations": fit.iterations}
-    return {"seed": seed, "start_sample": start} | found | spent
+    return {"seed": seed} | found | spent
 
 
 def repeated_fits(
@@ -97,8 +78,8 @@ def repeated_fits(
     Returns
     -------
     DataFrame
-        A row for each run: the record's entries, `protocol`, `seed`, `start_sample`, the free parameters, `rmse_rps`,
-        `evaluations`, `iterations`.
+        A row for each run: the record's entries, `protocol`, `seed`, the free parameters, `rmse_rps`, `evaluations`,
+        `iterations`.
 
     Raises
     ------
@@ -107,12 +88,9 @@ def repeated_fits(
     """
     if not len(seeds):
         raise ValueError("no seeds: at least one run of each record is needed")
-    calls, keys = [], []
-    for protocol, (index, (key, recording)) in product(protocols, enumerate(records)):
-        starts = start_samples(protocol, seeds, record_seed=index)
-        for seed, start in zip(seeds, starts, strict=True):
-            calls.append((recording, protocol, seed, start))
-            keys.append(key | {"protocol": protocol.name})
+    plan = list(product(protocols, records, seeds))
+    calls = [(recording, protocol, seed) for protocol, (_, recording), seed in plan]
+    keys = [key | {"protocol": protocol.name} for protocol, (key, _), _ in plan]
     runs = in_parallel(_run, calls, label)
     return pd.DataFrame([key | run for key, run in zip(keys, runs, strict=True)])
 

@@ -168,25 +168,17 @@ def protocol_verdicts(verdicts: pd.DataFrame, signs: Mapping[str, str]) -> Figur
     colours = {"reproduced": BLUE, "differs": ORANGE, "undecided": "0.75"}
     for axis, (of, part) in zip(axes[0], verdicts.groupby("of", sort=False), strict=True):
         y = part["protocol"].map(list(names).index)
-        for verdict, colour in colours.items():
-            for judges, face in ((True, colour), (False, "none")):
-                chosen = (part["verdict"] == verdict) & (part["judges"] == judges)
-                label = verdict if judges and of == "mean" else None
-                axis.scatter(
-                    part.loc[chosen, "row"],
-                    y[chosen],
-                    s=90,
-                    marker="s",
-                    facecolor=face,
-                    edgecolor=colour,
-                    label=label,
-                )
+        edges = part["verdict"].map(colours)
+        faces = edges.where(part["judges"], "none")
+        axis.scatter(part["row"], y, 90, marker="s", facecolor=faces, edgecolor=edges)
         for row, at, verdict in zip(part["row"], y, part["verdict"], strict=True):
             axis.annotate(signs[verdict], (row, at), ha="center", va="center", size=7)
-        axis.set(title=f"{'means' if of == 'mean' else 'SDs'}", xlabel="row of Table 2")
+        axis.set(title=f"{of}s".replace("sd", "SD"), xlabel="row of Table 2")
         axis.set_xticks(rows := sorted(part["row"].unique()), rows, size=7)
         axis.set_ylim(len(names) - 0.4, -0.6)
         axis.grid(visible=False)
+    for verdict, colour in colours.items():
+        axis.scatter([], [], 90, marker="s", color=colour, label=verdict)
     axes[0, 0].set_yticks(range(len(names)), names)
     return finish(figure, 3)
 

@@ -36,6 +36,7 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
+from scipy import stats
 
 from replication import published
 from replication.arrays import FloatArray, IntArray
@@ -59,7 +60,8 @@ STUDY_SEED = 2026
 LAST_ROW_REALISATIONS = 40
 DRAWS = 20_000
 REALISATIONS = ROOT / "results" / "table2_realisations.csv"
-COLUMNS = ("protocol", "realisation", "row", "mean_A_rps", "sd_A_rps", "best_basin_share")
+
+LEVEL = published.criterion("random_start")
 
 LISTED = published.table2_candidates()
 _SETTINGS = {field.name for field in fields(Protocol)} & {*LISTED.columns}
@@ -99,7 +101,7 @@ def noisy_record(row: int, realisation: int, base_seed: int = STUDY_SEED) -> Rec
 def realise(
     protocol: Protocol, row: int, realisation: int, base_seed: int = STUDY_SEED
 ) -> dict[str, object]:
-    """Criterion 2: a realisation of a row, `COLUMNS`; every candidate gets the same noise and seeds."""
+    """Criterion 2: a realisation of a row; every candidate gets the same noise and seeds."""
     _, of_start, of_runs = _seeds(row, realisation, base_seed)
     noisy = noisy_record(row, realisation, base_seed)
     if protocol.start == "per record":
@@ -108,8 +110,14 @@ def realise(
     fits = [paper_fit(noisy, protocol, 1 + int(seed)) for seed in of_runs.generate_state(RUNS) // 2]
     A = np.array([fit.X[0] if row == LAST_ROW else fit.amplitude_rps for fit in fits])
     best = basin_labels(np.array([fit.rmse for fit in fits])) == 1
-    found = (protocol.name, realisation, row, A.mean(), A.std(ddof=1), best.mean())
-    return dict(zip(COLUMNS, found, strict=True))
+    return {
+        "protocol": protocol.name,
+        "realisation": realisation,
+        "row": row,
+        "mean_A_rps": A.mean(),
+        "sd_A_rps": A.std(ddof=1),
+        "best_basin_share": best.mean(),
+    }
 
 
 def rows_of(realisation: int) -> Sequence[int]:
@@ -136,31 +144,21 @@ def realise_all(kept: Path | None = None) -> pd.DataFrame:
     """Every realisation of the study; what `kept` holds of an interrupted one is not computed again."""
     digest = hashlib.sha256(LISTED.to_csv().encode()).hexdigest()[:8]
     kept = kept or ROOT / ".make" / f"table2_realisations_{digest}.csv"
-    done = _whole_rows(kept)
-    there = set(zip(done["protocol"], done["realisation"], strict=True))
+    done = [pd.read_csv(kept)] if kept.exists() else []
+    there = {
+        job for table in done for job in zip(table["protocol"], table["realisation"], strict=True)
+    }
     left = [job for job in planned() if (job[0].name, job[1]) not in there]
-    write_csv(kept, done)  # without a line that was cut
     for table in one_by_one(_realise_rows, left, "realisations"):
-        with kept.open("a", encoding="utf-8") as file:
-            file.write(table.to_csv(index=False, header=False, lineterminator="\n"))
-    found = _whole_rows(kept)
+        done.append(table)
+        write_csv(kept, pd.concat(done))
+    found = pd.concat(done)
     order = {name: number for number, name in enumerate(CANDIDATES)}
     return found.sort_values(
         ["protocol", "realisation", "row"],
         key=lambda column: column.map(order) if column.name == "protocol" else column,
         ignore_index=True,
     )
-
-
-def _whole_rows(kept: Path) -> pd.DataFrame:
-    """The realisations of an interrupted study that have all their rows."""
-    if not kept.exists():
-        return pd.DataFrame(columns=list(COLUMNS))
-    text = kept.read_text(encoding="utf-8")
-    lines = text[: text.rfind("\n") + 1].splitlines()
-    table = pd.read_csv(kept, nrows=len(lines) - 1).dropna()
-    size = table.groupby(["protocol", "realisation"])["row"].transform("size")
-    return table[size == table["realisation"].map(lambda number: len(rows_of(number)))]
 
 
 # ----------------------------------------------------------------------------------------------- judging
@@ -229,12 +227,11 @@ def pooled_bias(means: FloatArray) -> FloatArray:
     return 100 * ((means.T / theoretical).T.mean(axis=0) - 1)
 
 
-def judge(realisations: pd.DataFrame, level: float | None = None) -> pd.DataFrame:
+def judge(realisations: pd.DataFrame, level: float = LEVEL) -> pd.DataFrame:
     """Judge every candidate under both readings: its settings, p, pooled bias, and the printed numbers' ranks.
 
     A rank counts the realisations that lie below the printed number.
     """
-    level = published.criterion("random_start") if level is None else level
     rows = []
     for name, reading in product(realisations["protocol"].unique(), READINGS):
         numbers, judged = numbers_of(realisations, name), printed(reading)
@@ -263,14 +260,13 @@ def judge(realisations: pd.DataFrame, level: float | None = None) -> pd.DataFram
 
 
 def judges_of_cells(
-    realisations: pd.DataFrame, level: float | None = None
+    realisations: pd.DataFrame, level: float = LEVEL
 ) -> dict[str, dict[str, list[float]]]:
     """Criterion 5: for each mean and SD of Table 2 the candidates that judge it, with their numbers [rps].
 
     The candidates are in the order of `table2_candidates.csv`. The last row is judged by those that
     the whole table leaves.
     """
-    level = published.criterion("random_start") if level is None else level
     able = LISTED.index[LISTED["realisations"] >= LAST_ROW_REALISATIONS]
     able = [name for name in able if (realisations["protocol"] == name).any()]
     of_tables = {name: scores(numbers_of(realisations, name), printed()) for name in able}
@@ -305,13 +301,11 @@ def same_law_p(first: pd.DataFrame, second: pd.DataFrame) -> float:
 
     Kolmogorov's and Smirnov's test for each row's means and SDs.
     """
-    from scipy import stats
-
-    smallest = 1.0
+    found = []
     for of, row in product(NUMBERS, ROWS):
         samples = [table.loc[table["row"] == row, f"{of}_A_rps"] for table in (first, second)]
-        smallest = min(smallest, stats.ks_2samp(*samples).pvalue)
-    return min(1.0, 2 * len(ROWS) * smallest)
+        found.append(stats.ks_2samp(*samples).pvalue)
+    return min(1.0, len(found) * min(found))
 
 
 def random_start(judged: pd.DataFrame, criteria: Criteria = None) -> Decision:
