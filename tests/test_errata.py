@@ -8,10 +8,11 @@ from replication.characteristic import equation_10, printed_levels_rad
 from replication.dead_zone import stiffness, transmitted_torque
 from replication.identify import Protocol, protocol_box
 from replication.replay.inspection import STORED_NAMES
+from replication.replay.protocols import LAST_ROW, noisy_record
 from replication.search import constants, decompose, generations, random_normals, sample, update
 from replication.signature import Box, Timing, rmse, signature
 from replication.simulator.parameters import identified_joint
-from replication.table2 import noise_only_record, table2_levels
+from replication.table2 import table2_levels
 
 T = 0.002 * np.arange(2401)
 
@@ -122,7 +123,7 @@ def test_tau_has_the_unit_1_per_s():
 def test_the_last_printed_sd_cannot_be_a_variance():
     noise, runs = published.value("table2.row11.noise"), published.value("text.runs")
     smallest = published.value("table2.row11.sd") - published.half_last_digit("0.0178")
-    _, record = noise_only_record(1)
+    record = noisy_record(LAST_ROW, 1)
     box = protocol_box(record, Protocol()).upper[0]  # of A, the wider of the two boxes
     assert 0.99 * Protocol().amplitude_factor * noise < box <= Protocol().amplitude_factor * noise
     largest_sd = box * np.sqrt(runs / (runs - 1))  # half of the runs at either end

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 from test_try_changing import OUTCOMES
 
-from replication import published
 from tests.tools.changes import run, says_what_happened
 
 
@@ -44,12 +43,9 @@ def another_gear(n):
 
 
 def louder_noise(n):
-    ours, theirs = (n["fits"][n["fits"]["source"] == source] for source in ("simulated", "authors"))
-    printed = published.column("Table 2", "noise")
-    assert np.allclose(ours["noise_amplitude_rps"], 2 * printed[ours["row"] - 1])
-    assert np.allclose(theirs["noise_amplitude_rps"], printed[theirs["row"] - 1])
-    lowest = n["spread"]["median lowest RMSE [rps]"]
-    assert 1.7 < lowest["simulated"] / lowest["authors"] < 2.3
+    assert n["same_law"] < 0.01
+    decided = n["verdicts"].query("id.str.endswith('.mean')")["verdict"]
+    assert set(decided) == {"undecided"}
 
 
 class _Name:
@@ -95,11 +91,7 @@ EDITS = {
         {"changes": {"inertia_ratio": 0.5}},
         the_inertia_ratio,
     ),
-    "noise": (
-        "08_noise_table2",
-        {"noise_factor": 2.0, "realisations": [1, 2], "noise_seeds": [1, 2]},
-        louder_noise,
-    ),
+    "noise": ("08_noise_table2", {"noise_factor": 2.0, "fresh": 5}, louder_noise),
     "optimiser": (
         "09_identification",
         {

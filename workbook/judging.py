@@ -100,20 +100,21 @@ def too_wide(cell: str, ends: Region) -> str:
     return ", ".join(f"{rival:.4g}" for rival in rivals(cell) if low <= rival <= high)
 
 
-def compare(cell: str, ours: float, inner: Region, outer: Region) -> tuple[str, str]:
-    """Apply rules 3 to 5, 7 and 8 to a cell: the verdict and its reason.
+def compare(cell: str, ours: float, ends: Region, margin: float = 0.0) -> tuple[str, str, Region]:
+    """Apply rules 3 to 5, 7 and 8 to a region: the verdict, its reason, and outside which numbers it is `differs`.
 
-    The printed number has to lie inside `inner` or outside `outer`; the same for one number.
+    `margin` is that of the region's ends, as a share of its width.
     """
     row = published.cells().loc[cell]
-    value, is_limit = float(row["value"]), row["kind"] == "bound"
+    value, is_limit, signed = float(row["value"]), row["kind"] == "bound", row["kind"] == "signed"
+    inner, outer = (moved_ends(ends, k * margin, signed) if margin else ends for k in (-1, 1))
     if value < outer[0] or (value > outer[1] and not is_limit):
-        return outside(cell, ours)
+        return *outside(cell, ours), outer
     if not (value > outer[1] if is_limit else inner[0] <= value <= inner[1]):
-        return "undecided", "the printed number is too close to an end of the region"
-    if not is_limit and (also := too_wide(cell, inner)):
-        return "undecided", f"the region is too wide: it also holds {also}"
-    return "reproduced", "the printed number lies in the region"
+        return "undecided", "the printed number is too close to an end of the region", outer
+    if not is_limit and (also := too_wide(cell, ends)):
+        return "undecided", f"the region is too wide: it also holds {also}", outer
+    return "reproduced", "the printed number lies in the region", outer
 
 
 def compare_candidates(cell: str, numbers: ByCandidate) -> tuple[str, str, Region]:
@@ -121,26 +122,26 @@ def compare_candidates(cell: str, numbers: ByCandidate) -> tuple[str, str, Regio
 
     The reason ends with the verdict's power: from which printed numbers on it would be `differs`.
     """
-    signed = published.cells().loc[cell, "kind"] == "signed"
+    positive = published.cells().loc[cell, "kind"] != "signed"
     reasons: dict[str, list[str]] = {}
     regions, outermost = [], []
-    for name, of_candidate in numbers.items():
+    for of_candidate in numbers.values():
         ends, size = predictive_region(of_candidate), len(of_candidate)
-        if not math.isfinite(ends[1]) or (ends[0] <= 0 and not signed):
+        if not math.isfinite(ends[1]) or (positive and ends[0] <= 0):
             return "undecided", f"{size} realisations give no region", (-math.inf, math.inf)
-        inner, outer = (moved_ends(ends, k * end_margin(size), signed) for k in (-1, 1))
-        verdict, reason = compare(cell, float(np.median(of_candidate)), inner, outer)
-        reasons.setdefault(verdict, []).append(f"{name}: {reason}")
+        ours = float(np.median(of_candidate))
+        verdict, reason, outer = compare(cell, ours, ends, end_margin(size))
+        reasons.setdefault(verdict, []).append(reason)
         regions.append(ends)
         outermost.append(outer)
-    low, high = (pick(ends[k] for ends in regions) for k, pick in enumerate((min, max)))
-    below, above = min(ends[0] for ends in outermost), max(ends[1] for ends in outermost)
+    (low, _), (_, high) = np.min(regions, axis=0), np.max(regions, axis=0)
+    (below, _), (_, above) = np.min(outermost, axis=0), np.max(outermost, axis=0)
     power = f"it would differ below {below:.4g} or above {above:.4g}"
     if len(reasons) > 1:
-        said = "; ".join(f"{verdict} under {len(names)}" for verdict, names in reasons.items())
-        return "undecided", f"depends on the protocol: {said}; {power}", (low, high)
-    ((verdict, names),) = reasons.items()
-    return verdict, f"{names[0].partition(': ')[2]}; {power}", (low, high)
+        counted = "; ".join(f"{verdict} under {len(said)}" for verdict, said in reasons.items())
+        return "undecided", f"depends on the protocol: {counted}; {power}", (low, high)
+    ((verdict, said),) = reasons.items()
+    return verdict, f"{said[0]}; {power}", (low, high)
 
 
 def outside(cell: str, ours: float) -> tuple[str, str]:
@@ -181,7 +182,7 @@ def _judge(row: dict) -> dict:
     elif by_candidate:
         compared, reason, decisive = compare_candidates(cell, by_candidate)
     else:
-        compared, reason = compare(cell, ours, decisive, decisive)
+        compared, reason, _ = compare(cell, ours, decisive)
     by_tolerance = compared
     if math.isfinite(ours):
         agrees = ours <= value if row["kind"] == "bound" else abs(ours - value) <= tolerance

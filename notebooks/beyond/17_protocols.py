@@ -48,7 +48,8 @@
 # whose law has two humps, $s = -2 \ln p$ with the two-sided $p$ of the rank. If the candidate printed the table, the
 # printed score is as likely as any other of its row, and the rows are independent. So the sum of the ten printed scores
 # is compared with 20 000 sums of scores drawn from each row. That $p$ is exact, whatever the law. The candidate's $p$
-# is twice the smaller one of means and SDs. Below 1 % it is excluded.
+# is twice the smaller one of means and SDs. Below 1 % it is excluded. One row alone cannot exclude a candidate with 40
+# realisations: its printed number is one of 41.
 #
 # All of this was fixed before the study was run. Outside this project, a population of 600 in rpm had been seen to fit
 # nearly all of the table by then. No correction is made for the number of candidates.

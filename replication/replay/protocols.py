@@ -91,19 +91,25 @@ def _seeds(row: int, realisation: int, base_seed: int) -> list[np.random.SeedSeq
     return np.random.SeedSequence((base_seed, realisation, row)).spawn(3)
 
 
-def noisy_record(row: int, realisation: int, base_seed: int = STUDY_SEED) -> Recording:
-    """A row's record with one noise, the same for every candidate."""
+def noisy_record(
+    row: int, realisation: int, base_seed: int = STUDY_SEED, noise_factor: float = 1.0
+) -> Recording:
+    """A row's record with one noise, `noise_factor` times the printed one, the same for every candidate."""
     rng = np.random.default_rng(_seeds(row, realisation, base_seed)[0])
-    half = published.column("Table 2", "noise")[row - 1]
+    half = noise_factor * published.column("Table 2", "noise")[row - 1]
     return add_uniform_noise(clean_record(row), half, rng)
 
 
 def realise(
-    protocol: Protocol, row: int, realisation: int, base_seed: int = STUDY_SEED
+    protocol: Protocol,
+    row: int,
+    realisation: int,
+    base_seed: int = STUDY_SEED,
+    noise_factor: float = 1.0,
 ) -> dict[str, object]:
     """Criterion 2: a realisation of a row; every candidate gets the same noise and seeds."""
     _, of_start, of_runs = _seeds(row, realisation, base_seed)
-    noisy = noisy_record(row, realisation, base_seed)
+    noisy = noisy_record(row, realisation, base_seed, noise_factor)
     if protocol.start == "per record":
         start = np.random.default_rng(of_start).integers(protocol.latest_start)
         noisy = from_sample(noisy, int(start))

@@ -47,11 +47,6 @@ def test_a_notebook_runs_with_a_change_and_says_what_happened(notebook, change, 
             {"repeats": 2.5},
             "repeats = 2.5: 2.5 should be a whole number from 2 to 1000",
         ),
-        (
-            "17_protocols",
-            {"left_out": [1, 2, 3, 4]},
-            "at least two of the five realisations are needed",
-        ),
     ],
 )
 def test_a_wrong_value_is_refused_in_one_sentence(notebook, wrong, said):

@@ -136,12 +136,17 @@ def test_powers_of_ten_are_written_as_by_hand():
 
 def test_the_finding_names_the_protocols_that_explain_the_table():
     judged = pd.DataFrame(
-        {"protocol": ["a", "b", "c"], "p": [0.4, 0.2, 0.01], "explains": [True, True, False]}
+        {
+            "protocol": list("abc"),
+            "p": [0.4, 0.2, 0.001],
+            "excluded": [False, False, True],
+            "reading": "sd",
+        }
     )
     said = describe_candidates(judged)
     assert said.startswith("2 of 3 candidate protocols are compatible with Table 2: a (p = 0.4), b")
     assert "cannot tell them apart" in said
-    assert "The next, c, fails with p = 0.01." in said
+    assert "The next, c, fails with p = 0.001." in said
     none = describe_candidates(judged.iloc[2:])
     assert none.startswith(
         "None of 1 candidate protocols are compatible with Table 2. The next, c, fails"

@@ -10,14 +10,16 @@ import pandas as pd
 from joblib import Parallel, delayed
 
 from backlash.fitting.global_fit import global_fit
+from replication import published
 from replication.compiled.misfit import population_rmse
 from replication.files import ROOT, write_csv
 from replication.identify import Fit, Protocol, paper_fit, protocol_box
-from replication.recording import Recording
+from replication.recording import Recording, add_uniform_noise
 from replication.signature import rmse
 from replication.simulator.parameters import identified_joint
+from replication.simulator.recordings import simulate_recordings
 from replication.simulator.simulate import simulate, simulate_many
-from replication.table2 import simulated_table2_records
+from replication.table2 import theoretical_amplitudes
 from tests.tools.reference import solve_ivp_speed_rps
 
 PROTOCOL = Protocol()
@@ -185,14 +187,17 @@ def _table(rows: list[tuple[str, float, float, str]]) -> pd.DataFrame:
 
 
 def bench() -> pd.DataFrame:
-    """Measure all rows of `bench.csv`, on the authors' records of Table 2.
+    """Measure all rows of `bench.csv`, on simulated records of Table 2.
 
     Raises
     ------
     DataUnavailable, DataCorrupt
         See `data.authors.authors_file`.
     """
-    records = [recording for _, recording in simulated_table2_records(identified_joint(), 1)]
+    noise = published.column("Table 2", "noise")
+    clean = simulate_recordings(identified_joint(), list(theoretical_amplitudes()))
+    rng = np.random.default_rng(1)
+    records = [add_uniform_noise(*pair, rng) for pair in zip(clean, noise[:-1], strict=True)]
     return pd.concat([bench_identification(records), bench_simulator()], ignore_index=True)
 
 

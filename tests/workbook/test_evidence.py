@@ -6,10 +6,10 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from replication import characteristic, published, table2
+from replication import characteristic, published
 from replication.authors import load_clean
 from replication.files import ROOT
-from replication.replay import inspection, table1
+from replication.replay import inspection, protocols, table1
 from replication.simulator.parameters import identified_joint, with_ratios
 from tests.tools.reference import simulate_amplitudes
 from workbook import judging
@@ -36,17 +36,15 @@ def exported():
 
 def interval(cell, numbers):
     """The region that judges a cell."""
-    if isinstance(numbers, list):
-        return judging.region(numbers, published.cells().loc[cell, "kind"] == "signed")
+    if isinstance(numbers, dict):
+        return judging.compare_candidates(cell, numbers)[2]
     return numbers - published.tolerance(cell), numbers + published.tolerance(cell)
 
 
 def moved(numbers, shift=0.0, factor=1.0):
-    return (
-        [factor * x + shift for x in numbers]
-        if isinstance(numbers, list)
-        else factor * numbers + shift
-    )
+    if isinstance(numbers, dict):
+        return {name: moved(np.array(of), shift, factor).tolist() for name, of in numbers.items()}
+    return factor * numbers + shift
 
 
 @pytest.mark.parametrize(("cell", "source", "numbers", "now"), exported())
@@ -56,15 +54,14 @@ def test_a_verdict_by_evidence_changes_when_our_number_moves(cell, source, numbe
         low, high = interval(cell, numbers)
         width = min(high, low + abs(low) + 1) - low
         assert verdict(cell, moved(numbers, shift=1.01 * width), source) != now
-        if np.any(numbers):
+        if np.any([*numbers.values()] if isinstance(numbers, dict) else numbers):
             assert verdict(cell, moved(numbers, factor=1.3), source) != now
     else:
         printed = published.value(cell)
-        agreeing = [printed * (1 + share) for share in (-2e-3, -1e-3, 0, 1e-3, 2e-3)]
-        assert (
-            verdict(cell, agreeing if isinstance(numbers, list) else printed, source)
-            == "reproduced"
-        )
+        agreeing = printed
+        if isinstance(numbers, dict):
+            agreeing = {"a": list(printed * np.linspace(0.99, 1.01, 41))}
+        assert verdict(cell, agreeing, source) == "reproduced"
 
 
 def test_there_are_numbers_judged_by_evidence():
@@ -84,17 +81,23 @@ def test_a_verdict_by_evidence_changes_when_the_printed_number_moves(
     assert verdict(cell, numbers, source) != now
 
 
-def test_a_verdict_on_table_2_changes_with_the_runs():
-    table = pd.read_csv(RESULTS / "table2.csv")
-    authors = table[table["source"] == "authors"]
-    before = {
-        cell: verdict(cell, numbers) for cell, numbers in table2.table2_cells(authors).items()
-    }
-    absurd = table2.table2_cells(authors.assign(mean_A_rps=999.0, sd_A_rps=999.0))
-    assert set(before) == set(absurd)
-    for cell, numbers in absurd.items():
-        assert verdict(cell, numbers) == "differs"
-    assert "reproduced" in before.values()
+@pytest.mark.parametrize("of", ["mean", "sd"])
+def test_a_verdict_on_table_2_changes_with_the_runs(of):
+    """From the study's table to the verdict: the realisations of every candidate are moved in it."""
+    study = pd.read_csv(protocols.REALISATIONS)
+    for factor in (0.5, 2.0):
+        other = study.assign(**{f"{of}_A_rps": factor * study[f"{of}_A_rps"]})
+        rest = study[study["row"] != 3]
+        cell = f"table2.row03.{of}"
+        numbers = protocols.judges_of_cells(pd.concat([rest, other[other["row"] == 3]]))[cell]
+        kept = protocols.judges_of_cells(study)[cell]
+        assert list(numbers) == list(kept)  # a cell does not choose its judges
+        assert verdict(cell, numbers) != "reproduced"
+        assert judging.judge_cells({cell: numbers}, "authors")[
+            "reproduced"
+        ].item() == pytest.approx(
+            factor * judging.judge_cells({cell: kept}, "authors")["reproduced"].item()
+        )
 
 
 def test_every_basis_of_evidence_names_a_change_and_the_test_that_makes_it():
@@ -174,5 +177,6 @@ def test_another_speed_is_noticed(record_12):
 
 
 def test_a_worse_mean_breaks_the_limit_on_errors():
-    assert verdict("text.error_limit_percent", [14.0, 14.5, 15.0, 15.5, 16.0]) == "differs"
-    assert verdict("text.error_limit_percent", [7.0, 7.1, 7.2, 7.3, 7.4]) == "reproduced"
+    for low, high, expected in ((14, 16, "differs"), (7, 7.4, "reproduced"), (9, 11, "undecided")):
+        largest = {"a": np.linspace(low, high, 40).tolist()}
+        assert verdict("text.error_limit_percent", largest) == expected
