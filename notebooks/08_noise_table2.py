@@ -319,9 +319,9 @@ def judged_with(realisations):
     ).set_index("id")["verdict"]
 
 
-size = 50
+size = 40
 by_seeds = pd.DataFrame({"all": judged_with(kept["realisation"])})
-for begin in range(1, int(kept["realisation"].max()), size):
+for begin in range(1, int(kept["realisation"].max()) - size + 2, size):
     by_seeds[f"{begin} to {begin + size - 1}"] = judged_with(range(begin, begin + size))
 changed = by_seeds[by_seeds.nunique(axis=1) > 1]
 flips = ((by_seeds == "reproduced").any(axis=1) & (by_seeds == "differs").any(axis=1)).sum()

@@ -125,7 +125,7 @@ rows.round(4)
 # ### Verdicts under each candidate
 #
 # What each candidate alone would say of each mean and SD. A filled square belongs to a candidate that judges the cell,
-# because the other numbers of the table leave it. A candidate with fewer than 39 realisations says nothing.
+# because the other numbers of the table leave it.
 
 # %%
 judges = protocols.judges_of_cells(used, level)
@@ -194,7 +194,8 @@ pd.Series(
 # %% [markdown]
 # ## Verdict
 #
-# A population of 2000 has few realisations, as they cost in proportion: enough for its p, not for a region.
+# What was not tried: populations above 1000 and below 300, and a start drawn for each run. A larger population costs in
+# proportion.
 
 # %%
 claims = {"random_start": protocols.random_start(judged, criteria)}

@@ -33,7 +33,7 @@ def render_report(results: Path, notebooks: Path, verdicts: pd.DataFrame, apart:
         layouts=LAYOUTS,
         cells=cells,
         footnotes={cell: number for number, cell in enumerate(cells, start=1)},
-        drawn={"runs": {}, "other_seeds": {}} | pages.load_drawn(results, "report"),
+        drawn={"runs": {}, "by_protocol": {}} | pages.load_drawn(results, "report"),
         pictures=load_pictures(results),
         map=published.paper_map().set_index("element").to_dict("index"),
         code_line=code_line,
