@@ -125,7 +125,7 @@ rows.round(4)
 # ### Verdicts under each candidate
 #
 # What each candidate alone would say of each mean and SD. A filled square belongs to a candidate that judges the cell,
-# because the other numbers of the table leave it.
+# because the other numbers of the table leave it. A candidate with fewer than 39 realisations says nothing.
 
 # %%
 judges = protocols.judges_of_cells(used, level)

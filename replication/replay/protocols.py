@@ -20,7 +20,7 @@ candidate the SDs of rows 7 and 10.
    min(1, 2 min(p_means, p_sds)). It is excluded below the level of claim `random_start`.
 5. A cell must not choose its judges: for a cell of rows 1 to 10 a candidate is excluded by the other
    19 numbers. The candidates that are left judge it, each by its own region (`workbook/judging.py`);
-   if none is left, all do.
+   if none is left, all do. A candidate with too few realisations for a region judges no cell.
 6. Pooled bias of a table: the mean over ten rows of mean over theoretical A, less 1. Two-sided rank p
    of the printed one, and of zero, among a candidate's N.
 7. Claim `random_start`: it holds if a candidate with a drawn start, of either reading, is not excluded
@@ -273,7 +273,8 @@ def judges_of_cells(
     The candidates are in the order of `table2_candidates.csv`. The last row is judged by those that
     the whole table leaves.
     """
-    able = [name for name in LISTED.index if (realisations["protocol"] == name).any()]
+    able = LISTED.index[LISTED["realisations"] >= LAST_ROW_REALISATIONS]
+    able = [name for name in able if (realisations["protocol"] == name).any()]
     of_tables = {name: scores(numbers_of(realisations, name), printed()) for name in able}
 
     def left(cell: tuple[int, int]) -> list[str]:
