@@ -27,6 +27,7 @@ study that it judges was seen; verdicts by regions of five realisations had been
 """
 
 import math
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -73,11 +74,9 @@ ByCandidate = Mapping[str, Sequence[float]]
 
 def moved_ends(ends: Region, share: float, signed: bool) -> Region:
     """A region whose ends are moved outwards by a share of its width."""
-    low, high = ends if signed else np.log(ends)
-    moved = share * (high - low)
-    grown = np.array([low - moved, high + moved])
-    low, high = grown if signed else np.exp(grown)
-    return float(low), float(high)
+    measured = np.array(ends if signed else np.log(ends))
+    low, high = measured + share * np.ptp(measured) * np.array([-1, 1])
+    return (low, high) if signed else (math.exp(low), math.exp(high))
 
 
 def rivals(cell: str) -> list[float]:
@@ -123,25 +122,22 @@ def compare_candidates(cell: str, numbers: ByCandidate) -> tuple[str, str, Regio
     The reason ends with the verdict's power: from which printed numbers on it would be `differs`.
     """
     positive = published.cells().loc[cell, "kind"] != "signed"
-    reasons: dict[str, list[str]] = {}
-    regions, outermost = [], []
-    for of_candidate in numbers.values():
-        ends, size = predictive_region(of_candidate), len(of_candidate)
-        if not math.isfinite(ends[1]) or (positive and ends[0] <= 0):
-            return "undecided", f"{size} realisations give no region", (-math.inf, math.inf)
-        ours = float(np.median(of_candidate))
-        verdict, reason, outer = compare(cell, ours, ends, end_margin(size))
-        reasons.setdefault(verdict, []).append(reason)
-        regions.append(ends)
-        outermost.append(outer)
-    (low, _), (_, high) = np.min(regions, axis=0), np.max(regions, axis=0)
-    (below, _), (_, above) = np.min(outermost, axis=0), np.max(outermost, axis=0)
-    power = f"it would differ below {below:.4g} or above {above:.4g}"
-    if len(reasons) > 1:
-        counted = "; ".join(f"{verdict} under {len(said)}" for verdict, said in reasons.items())
-        return "undecided", f"depends on the protocol: {counted}; {power}", (low, high)
-    ((verdict, said),) = reasons.items()
-    return verdict, f"{said[0]}; {power}", (low, high)
+    regions = [predictive_region(of_candidate) for of_candidate in numbers.values()]
+    low, high = np.min(regions), np.max(regions)
+    if math.isinf(high) or (positive and low <= 0):
+        return "undecided", "the realisations give no region", (-math.inf, math.inf)
+    judged = [
+        compare(cell, float(np.median(of_candidate)), ends, end_margin(len(of_candidate)))
+        for ends, of_candidate in zip(regions, numbers.values(), strict=True)
+    ]
+    outermost = [outer for _, _, outer in judged]
+    power = f"it would differ below {np.min(outermost):.4g} or above {np.max(outermost):.4g}"
+    counts = Counter(verdict for verdict, _, _ in judged)
+    verdict, reason, _ = judged[0]
+    if len(counts) > 1:
+        counted = "; ".join(f"{word} under {count}" for word, count in counts.items())
+        verdict, reason = "undecided", f"depends on the protocol: {counted}"
+    return verdict, f"{reason}; {power}", (low, high)
 
 
 def outside(cell: str, ours: float) -> tuple[str, str]:

@@ -48,19 +48,15 @@ class Judgement:
     @property
     def region(self) -> str:
         """Where the printed number should lie, in words; empty where there is no region."""
-        if math.isnan(self.low):
+        if not math.isfinite(self.low):
             return ""
-        above = " or more" if math.isinf(self.high) else f" to {number(self.high)}"
-        return number(self.low) + above
+        return f"{number(self.low)} to {number(self.high)}"
 
     @property
     def predicted(self) -> bool:
         """Whether the region comes from several realisations, and is not our number's tolerance."""
-        half = published.tolerance(self.id)
-        by_tolerance = math.isclose(
-            self.low, self.reproduced - half, rel_tol=1e-4, abs_tol=1e-4 * half
-        )
-        return not (by_tolerance or math.isnan(self.low))
+        width = 2 * published.tolerance(self.id)
+        return abs(self.high - self.low - width) > 1e-3 * width + 1e-9
 
     @cached_property
     def fails_if(self) -> str:
