@@ -448,7 +448,8 @@ pd.DataFrame(
 # %% [markdown]
 # 4. Take $A$ from the best fit. Runs of the same RMSE may differ in $A$ by up to 3 %: within one sample of 2 ms the
 #    instant $T_1$ does not change the fit, but it changes $A$. Equation 10 was made from another amplitude, the
-#    [theoretical](glossary.md#theoretical-a) one: the peak of the noise-free speed before it is sampled.
+#    [theoretical](glossary.md#theoretical-a) one: in our reading the peak of the noise-free speed before it is
+#    sampled.
 
 # %%
 A = min(fits, key=lambda fit: fit.rmse).amplitude_rps

@@ -37,7 +37,7 @@
 # $$\text{NRMSE} = \frac{1}{s_K} \sqrt{\frac{1}{n} \sum_{t_i \ge T_f}
 # \left[v_\text{simulated}(t_i) - v_K(t_i)\right]^2}$$
 #
-# The settled peak is the [theoretical $A$](glossary.md#theoretical-a) [rps], before sampling:
+# The settled peak, before sampling, is our reading of the [theoretical $A$](glossary.md#theoretical-a) [rps]:
 #
 # $$A = \max_{t \ge T_f} v(t) - v_t$$
 #

@@ -29,7 +29,7 @@ def _read(name: str, index: str | None = None) -> pd.DataFrame:
 
 # The paper's prose claims and what decides each: `claim, section, decided_in` (the notebook's
 # number), `check, rule, criterion, reason, alternative`, the days on which rule and limit were
-# `fixed` and the `first_result` was committed.
+# `fixed` and the `first_result` was committed; the `earlier_answer`, if another rule or limit gave one.
 claims = partial(_read, "claims.csv", "id")
 # `kind, location, as_printed, corrected, evidence, effect, cells, computed` (numbers by name in
 # braces), `figure`.
@@ -140,7 +140,6 @@ def decide(
         "above": (low > limit, low <= limit),
         "at least": (low >= limit, low < limit),
         "rounds to": (abs(low - limit) <= digit, abs(low - limit) > digit),
-        "odds at least": (low >= limit, low * limit <= 1),
         "p below": (low < limit, high < limit),
         "interval below": (high < limit, low > limit),
         "interval above": (low > limit, high < limit),

@@ -1,9 +1,11 @@
+import os
+import re
+from pathlib import Path
+
 import numpy as np
 import pytest
 
 from replication import characteristic, published
-
-STOCHASTIC = ("Table 2", "Table 3", "Table 4")
 
 
 def points():
@@ -57,6 +59,26 @@ def test_the_tables_have_as_many_cells_as_the_paper_prints():
     assert sizes["Table 3"] == 3 * 4
     assert sizes["Table 4"] == 2 * 2
     assert sizes["Equation 10"] == 5
+
+
+def plain(text):
+    """A formula or a row of a table without TeX, brackets and spaces."""
+    text = re.sub(r"\\frac\{(.+?)\}\{(.+?)\}", r"\1/\2", text.replace("v(t)", "v"))
+    return re.sub(r"\\cdot|no backlash|[\\$ ()]", "", text.replace("π", "pi"))
+
+
+@pytest.mark.skipif(
+    "PAPER_TEXT" not in os.environ, reason="PAPER_TEXT names no folder with the paper as text"
+)
+def test_the_numbers_of_the_tables_and_of_equation_10_are_those_of_the_paper():
+    text = "".join(path.read_text("utf-8") for path in Path(os.environ["PAPER_TEXT"]).glob("*.txt"))
+    rows = plain(text).replace("\n", "\t\n\t").replace("×10^{-", "e-")
+    cells = published.cells()
+    tables = cells[cells["element"].str.startswith("Table")]
+    for row, part in tables.groupby(["element", "row"])["printed"]:
+        assert plain("\t" + "\t".join(part) + "\t") in rows, row
+    for number in cells.loc[cells["element"] == "Equation 10", "printed"]:
+        assert number in rows
 
 
 def test_an_unknown_element_is_named_in_the_error():

@@ -263,11 +263,11 @@ def half_a_percent_of_friction_may_be_disregarded(n):
 
 
 def five_percent_of_friction_takes_more_than_a_quarter(n):
-    assert n["change"] < -25
+    assert n["changes"].item() > 25
 
 
-def two_percent_of_friction_change_A_by_less(n):
-    assert n["claims"]["friction_disregarded"][0]
+def no_friction_may_be_disregarded(n):
+    assert n["claims"]["friction_disregarded"][0] is False
 
 
 def youden_errors(best):
@@ -468,9 +468,9 @@ OUTCOMES = {
         "bench_seed = 4": your_own_calibration_still_beats_the_papers,
     },
     "15_friction_and_wear": {
-        "judged_share = 0.005": half_a_percent_of_friction_may_be_disregarded,
-        "judged_share = 0.05": five_percent_of_friction_takes_more_than_a_quarter,
-        'criteria = {"friction_disregarded": 10}': two_percent_of_friction_change_A_by_less,
+        "judged_shares = [0.005]": half_a_percent_of_friction_may_be_disregarded,
+        "judged_shares = [0.05]": five_percent_of_friction_takes_more_than_a_quarter,
+        'criteria = {"friction_disregarded": 2}': no_friction_may_be_disregarded,
     },
     "14_the_sensor_that_calibrates_itself": {
         "bench_seed = 4": another_joints_backlash_is_held,

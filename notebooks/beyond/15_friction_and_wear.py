@@ -97,7 +97,7 @@ shares = [
     0.25,
     0.3,
 ]  # of the gravity torque
-judged_share = 0.02  # one of these shares, at which the claim is judged
+judged_shares = [0.005, 0.1]  # from which to which of these shares the claim is judged
 worn_benches = 8  # benches that wear for eight months
 limit_rad = 10e-4  # backlash that calls for maintenance
 criteria = {}  # limits to try in place of those of claims.csv, such as {"friction_disregarded": 10}
@@ -107,11 +107,13 @@ workbook.check_parameters(
     bench_seed=(bench_seed, range(0, 10**6)),
     row=(row, (1, 2, 3)),
     shares=(shares, [Interval(0, 0.9)]),
-    judged_share=(judged_share, set(shares)),
+    judged_shares=(judged_shares, [set(shares)]),
     worn_benches=(worn_benches, range(1, 101)),
     limit_rad=(limit_rad, Interval(3e-4, 18e-4)),
     criteria=(criteria, [{"friction_disregarded"}]),
 )
+if not judged_shares:
+    raise ValueError("judged_shares = []: name at least one of shares")
 
 # %% [markdown]
 # ## Result
@@ -289,24 +291,28 @@ calls.astype(object).set_index("sensor").T
 # ## Verdict
 #
 # The claim is decided on simulated logs only: the bench is drawn around the joint that was identified from the authors'
-# simulated records. What friction does to the real bench cannot be decided without its logs.
+# simulated records, for frictions from that of a very good bearing to that of a gear of 90 % efficiency. How much
+# friction the real bench has is not published; as long as the limit lies between their effects, nothing is decided.
 
 # %%
-judged = friction["friction_share"] == judged_share
-change = friction.loc[judged, "change_percent"].item()
-peak_change = 100 * (apart.loc[judged, "peak_rps"].item() / apart["peak_rps"].iloc[0] - 1)
+least_share, most_share = min(judged_shares), max(judged_shares)
+judged = friction["friction_share"].between(least_share, most_share)
+changes = friction.loc[judged, "change_percent"].abs()
+peak_change = 100 * (apart.loc[judged, "peak_rps"] / apart["peak_rps"].iloc[0] - 1).abs().max()
+judged_text = f"frictions of {100 * least_share:.2g} to {100 * most_share:.2g} % of gravity"
 claims = {
     "friction_disregarded": (
-        published.decide("friction_disregarded", abs(change), criteria),
-        f"on simulated logs of the joint identified from the authors' records, A changes by {change:.0f} % at a "
-        f"friction of {100 * judged_share:.2g} % of gravity",
+        published.decide("friction_disregarded", (changes.min(), changes.max()), criteria),
+        f"on simulated logs of the joint identified from the authors' records, {judged_text} change A by "
+        f"{changes.min():.1f} to {changes.max():.0f} %; the friction of the test's joint is not published",
     )
 }
 display(workbook.judge(claims=claims))
 errors = calls.set_index("sensor")["sd_error_rad"]
 print(
-    f"Friction of {100 * judged_share:.2g} % of gravity changes the fitted A by {change:.1f} %, and the peak of the "
-    f"speed by {peak_change:.1f} %: the signature does not model impacts that are not half a turn apart. Over eight "
+    f"On simulated logs {judged_text} change the fitted A by {changes.min():.1f} to {changes.max():.0f} %, and the "
+    f"peak of the speed by at most {peak_change:.1f} %: the signature does not model impacts that are not half a turn "
+    "apart. Over eight "
     f"months the errors of {errors.idxmin()!r} scatter least, by {errors.min():.2g} rad (SD), those of "
     f"{errors.idxmax()!r} most, by {errors.max():.2g} rad."
 )
@@ -326,7 +332,7 @@ workbook.export(
         "table3_friction": (
             friction_figure,
             f"(a) A fitted to {len(logs) // len(shares)} simulated logs without noise at each of {len(shares)} shares "
-            f"of Coulomb friction on the load: at {100 * judged_share:.2g} % of gravity A changes by {change:.0f} %. "
+            f"of Coulomb friction on the load: {judged_text} change A by {changes.min():.1f} to {changes.max():.0f} %. "
             "(b) The signature can fit no more of the speed's variance than what repeats with opposite sign half a "
             f"turn later: least, {least['opposite_percent']:.0f} %, at {100 * least['friction_share']:.3g} % of "
             "gravity, where the two oscillations of a turn cancel most. Open circles: the fit explains less than half "
@@ -348,9 +354,10 @@ workbook.export(
 # %% [markdown]
 # ## Try changing
 #
-# 1. `judged_share = 0.005`: at half a percent of gravity as friction $A$ hardly changes, and the claim holds.
-# 2. `judged_share = 0.05`: at five percent $A$ falls by more than a quarter.
-# 3. `criteria = {"friction_disregarded": 10}`: if a change of 10 % is accepted, the claim holds at two percent.
+# 1. `judged_shares = [0.005]`: at half a percent of gravity as friction $A$ hardly changes, and the claim holds.
+# 2. `judged_shares = [0.05]`: at five percent $A$ falls by more than a quarter, and the claim does not hold.
+# 3. `criteria = {"friction_disregarded": 2}`: if only 2 % is accepted, the least friction is too much already, and the
+#    claim does not hold.
 #
 # ## Exercises
 #

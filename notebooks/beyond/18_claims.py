@@ -277,7 +277,8 @@ print(
 #
 # "Discontinuities typically cause instabilities": the clamped dead zone with damping lets the torque step at the edge;
 # the modified one does not. Both are integrated by plain steps that do not look for the contact. The numbers are errors
-# of the settled peak. The stepping one's largest error is 17 times the other's, yet it is stable.
+# of the settled peak. More error with a stepping torque has the claim's direction; whether a simulation is stable is
+# another question, which these runs of one joint with one solver do not answer.
 
 # %%
 stepping = edge.stepping_torque_study(joint, delta_rad[three_levels], steps_s)

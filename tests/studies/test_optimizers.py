@@ -90,10 +90,6 @@ def test_every_method_has_thirty_runs_on_three_records_and_the_deterministic_one
         assert (records, len(part)) == ((20, 20) if method == "DIRECT" else (3, 30))
 
 
-def test_the_own_population_is_that_of_seven_dimensions():
-    assert optimizers.OWN_POPULATION == 9
-
-
 def test_a_swarm_is_compared_at_its_better_population():
     rows = result("CMA-ES, population 300", "CMA-ES", 25)
     for swarm in optimizers.SWARMS:

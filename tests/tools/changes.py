@@ -18,7 +18,7 @@ CHEAPER = {
     "09_identification": {"replay_runs": 6, "strategy_runs": 1, "coverage_runs": 1, "budget": 3000},
     "10_bench_table3": {"benches": 20},
     "11_robots_table4": {"robots_each": 100, "loud_robots_each": 50, "frequency_step_hz": 10.0},
-    "15_friction_and_wear": {"shares": [0.0, 0.005, 0.02, 0.05], "worn_benches": 1},
+    "15_friction_and_wear": {"shares": [0.0, 0.005, 0.05, 0.1], "worn_benches": 1},
     "18_claims": {
         "noises": 4,
         "noise_seeds": 40,

@@ -13,7 +13,6 @@ from replication import published
 from replication.files import ROOT
 from workbook import judging
 from workbook.checkout import notebook_files
-from workbook.judging import EVIDENCE
 from workbook.report import TEMPLATES
 
 # A sign beside each word, so that colour is never the only difference.
@@ -61,9 +60,8 @@ class Judgement:
     @cached_property
     def fails_if(self) -> str:
         """What would have given another verdict; empty for what is no evidence."""
-        if self.verdict not in EVIDENCE:
-            return ""
-        return judging.evidence_rule(self.id, self.source)["fails_if"]
+        evidence = self.verdict in judging.EVIDENCE
+        return judging.evidence_rule(self.id, self.source)["fails_if"] if evidence else ""
 
     @property
     def disagreement(self) -> float:
@@ -143,8 +141,8 @@ def judged_cells(verdicts: pd.DataFrame) -> dict[str, Cell]:
 def judged_claims(results: Path) -> list[dict]:
     """The claims with check and rule, decision, measured number and proof."""
     decided = judging.decided_claims(results).set_index("id")
-    table = published.claims().join(decided).astype(object).fillna("").reset_index()
-    table["verdict"] = table["verdict"].replace("", "not decided")
+    table = published.claims().join(decided).astype(object).reset_index()
+    table = table.fillna({"verdict": "not decided"}).fillna("")
     table["check"] = [
         f"{row.check} Rule: {row.rule} {row.criterion:g}." for row in table.itertuples()
     ]
@@ -176,5 +174,5 @@ def like_printed(value: float, printed: str) -> str:
 
 
 TEMPLATES.globals.update(
-    signs=SIGNS, meanings=MEANINGS, sources=SOURCES, evidence=EVIDENCE, number=number
+    signs=SIGNS, meanings=MEANINGS, sources=SOURCES, evidence=judging.EVIDENCE, number=number
 )
