@@ -21,7 +21,10 @@ by kept pools of runs had been seen by then, and so had the width of the regions
 6. `erratum`: as `differs`, and our number is the correction that `errata.csv` gives.
 7. A printed limit is `reproduced` at or above its region, `undecided` inside it, and `differs`
    below it.
-8. What is no evidence has the word of `basis.csv`: `consistent`, `given`, `undecided`, `stand-in`.
+8. Where an agreement is no result of ours computed anew, it has the word of `basis.csv`: `traced` if
+   the number is read from the authors' own files, else `consistent`, `given`, `undecided` or
+   `stand-in`. Until 2026-11-23 what is `traced` counted as `reproduced`, and so did the theoretical
+   A of our simulator, which is `consistent`.
 9. A printed number has one verdict: by the authors' data where they judge it, else by our
    simulation, else a stand-in.
 
@@ -56,12 +59,13 @@ VERDICT_COLUMNS += ["verdict", "by_tolerance", "reason", "notebook"]
 SOURCES = ("authors", "simulated", "stand-in")  # the first that judges a cell decides it
 # What is decided by evidence comes first; the headlines count it alone.
 EVIDENCE = ("reproduced", "erratum", "differs")
-VERDICTS = (*EVIDENCE, "consistent", "given", "undecided", "stand-in", "not-run")
+VERDICTS = (*EVIDENCE, "traced", "consistent", "given", "undecided", "stand-in", "not-run")
 CLAIM_VERDICTS = {True: "holds", False: "does not hold", None: "undecided"}
 # Rule 8: by what an agreement is worth, which results of a comparison are verdicts. In place of the
 # others stands that worth itself.
 STANDS = {
     "evidence": (*EVIDENCE, "undecided", "not-run"),
+    "traced": ("erratum", "differs", "undecided", "not-run"),
     "consistent": ("erratum", "differs", "undecided", "not-run"),
     "given": ("erratum", "differs", "undecided"),
     "undecided": ("not-run",),
