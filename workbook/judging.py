@@ -57,7 +57,7 @@ from workbook.outcomes import (
 VERDICT_COLUMNS = ["id", "source", "printed", "published", "reproduced", "low", "high"]
 VERDICT_COLUMNS += ["verdict", "by_tolerance", "reason", "notebook"]
 SOURCES = ("authors", "simulated", "stand-in")  # the first that judges a cell decides it
-# What is decided by evidence comes first; the headlines count it alone.
+# What is decided by evidence comes first; the headlines count it apart from what is traced.
 EVIDENCE = ("reproduced", "erratum", "differs")
 VERDICTS = (*EVIDENCE, "traced", "consistent", "given", "undecided", "stand-in", "not-run")
 CLAIM_VERDICTS = {True: "holds", False: "does not hold", None: "undecided"}

@@ -88,15 +88,22 @@ def test_printed_numbers_are_counted_once_by_element_column_and_who_decides():
     claims = pd.DataFrame({"verdict": ["holds", "does not hold", "holds"]})
     found = facts.count_verdicts(verdicts, claims)
     expected = {
-        **{"printed": 3, "evidence": 2, "differs": 1, "reproduced": 1, "standin": 1, "erratum": 0},
-        **{"tolerance_reproduced": 1, "tolerance_differs": 1, "simulated_reproduced": 1},
-        **{
-            "table2_differs": 1,
-            "table2_mean_differs": 1,
-            "table2_mean_reproduced": 0,
-            "table4_standin": 1,
-        },
-        **{"claims_holds": 2, "claims_does_not_hold": 1, "claims_undecided": 0},
+        "printed": 3,
+        "evidence": 2,
+        "differs": 1,
+        "reproduced": 1,
+        "standin": 1,
+        "erratum": 0,
+        "tolerance_reproduced": 1,
+        "tolerance_differs": 1,
+        "simulated_reproduced": 1,
+        "table2_differs": 1,
+        "table2_mean_differs": 1,
+        "table2_mean_reproduced": 0,
+        "table4_standin": 1,
+        "claims_holds": 2,
+        "claims_does_not_hold": 1,
+        "claims_undecided": 0,
     }
     assert {name: found[name] for name in expected} == expected
     fixed = [found[f"claims_{word}"] for word in ("fixed", "committed", "changed")]
