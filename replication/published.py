@@ -46,7 +46,7 @@ findings = partial(_read, "findings.csv")
 # What the paper's figures show, in our words, and what can be compared: `shows, compare`.
 paper_figures = partial(_read, "paper_figures.csv", "figure")
 # What agreements are worth: `cells` (a pattern), `source, basis, fails_if, test`, and the `rival`, the column of the
-# same row whose number would be another answer.
+# same row whose number would be another answer. Of what is "traced", `fails_if` says what agrees.
 basis = partial(_read, "basis.csv")
 # The words of verdicts on numbers and claims: `sign`, and what those on numbers mean.
 verdict_words = partial(_read, "verdict_words.csv", "verdict")

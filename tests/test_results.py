@@ -17,9 +17,7 @@ from workbook.checkout import notebook_files
 RESULTS = workbook.ROOT / "results"
 SUPPLEMENT = RESULTS / "supplement"
 VERDICTS = pd.read_csv(RESULTS / "verdicts.csv")
-KNOWN = {
-    (row["id"], row["source"]): row["reason"] for _, row in published.known_differences().iterrows()
-}
+KNOWN = published.known_differences().set_index(["id", "source"])["reason"].to_dict()
 
 
 def rows(frame):
@@ -28,8 +26,8 @@ def rows(frame):
     ]
 
 
-@pytest.mark.parametrize("row", rows(VERDICTS[VERDICTS["verdict"] == "reproduced"]))
-def test_the_printed_number_of_a_reproduced_cell_lies_in_the_region(row):
+@pytest.mark.parametrize("row", rows(VERDICTS.query("verdict in ('reproduced', 'traced')")))
+def test_the_printed_number_of_a_reproduced_or_traced_cell_lies_in_the_region(row):
     assert row["low"] <= row["published"] <= row["high"]
     assert row["published"] == pytest.approx(
         published.value(row["id"]), rel=1e-5
@@ -37,7 +35,7 @@ def test_the_printed_number_of_a_reproduced_cell_lies_in_the_region(row):
 
 
 def test_the_cells_that_differ_are_exactly_those_with_a_known_reason():
-    differing = VERDICTS[VERDICTS["verdict"] == "differs"]
+    differing = VERDICTS.query("verdict == 'differs'")
     assert set(zip(differing["id"], differing["source"], strict=True)) == set(KNOWN)
 
 
@@ -58,12 +56,8 @@ def test_every_table_of_the_results_is_named_in_a_source():
 
 
 def test_the_verdicts_are_what_the_outcomes_give():
-    now, kept = judging.verdicts(RESULTS), VERDICTS
-    texts = ["notebook", "reason"]
-    now[texts], kept = (
-        now[texts].fillna(""),
-        kept.assign(**{name: kept[name].fillna("") for name in texts}),
-    )
+    tables = (judging.verdicts(RESULTS), VERDICTS)
+    now, kept = (table.fillna({"notebook": "", "reason": ""}) for table in tables)
     pd.testing.assert_frame_equal(now, kept, rtol=1e-3, atol=1e-9, check_dtype=False)
 
 

@@ -21,7 +21,10 @@ study that it judges was seen; verdicts by regions of five realisations had been
 6. Several candidates: the verdict that every one gives, else `undecided`.
 7. `erratum`: as `differs`, and our number is the correction that `errata.csv` gives.
 8. A printed limit is `reproduced` above its region, `undecided` inside it, and `differs` below it.
-9. What is no evidence has the word of `basis.csv`: `consistent`, `given`, `undecided`, `stand-in`.
+9. Where an agreement is no result of ours computed anew, it has the word of `basis.csv`: `traced` if
+   the number is read from the authors' own files, else `consistent`, `given`, `undecided` or
+   `stand-in`. Until 2026-11-23 what is `traced` counted as `reproduced`, and so did the theoretical
+   A of our simulator, which is `consistent`.
 10. A printed number has one verdict: by the authors' data where they judge it, else by our
    simulation, else a stand-in.
 """
@@ -52,14 +55,15 @@ from workbook.outcomes import (
 VERDICT_COLUMNS = ["id", "source", "printed", "published", "reproduced", "low", "high"]
 VERDICT_COLUMNS += ["verdict", "by_tolerance", "reason", "notebook"]
 SOURCES = ("authors", "simulated", "stand-in")  # the first that judges a cell decides it
-# What is decided by evidence comes first; the headlines count it alone.
+# What is decided by evidence comes first; the headlines count it apart from what is traced.
 EVIDENCE = ("reproduced", "erratum", "differs")
-VERDICTS = (*EVIDENCE, "consistent", "given", "undecided", "stand-in", "not-run")
+VERDICTS = (*EVIDENCE, "traced", "consistent", "given", "undecided", "stand-in", "not-run")
 CLAIM_VERDICTS = {True: "holds", False: "does not hold", None: "undecided"}
 # Rule 9: by what an agreement is worth, which results of a comparison are verdicts. In place of the
 # others stands that worth itself.
 STANDS = {
     "evidence": (*EVIDENCE, "undecided", "not-run"),
+    "traced": ("erratum", "differs", "undecided", "not-run"),
     "consistent": ("erratum", "differs", "undecided", "not-run"),
     "given": ("erratum", "differs", "undecided"),
     "undecided": ("not-run",),
@@ -121,23 +125,20 @@ def compare_candidates(cell: str, numbers: ByCandidate) -> tuple[str, str, Regio
 
     The reason ends with the verdict's power: from which printed numbers on it would be `differs`.
     """
-    positive = published.cells().loc[cell, "kind"] != "signed"
     regions = [predictive_region(of_candidate) for of_candidate in numbers.values()]
     low, high = np.min(regions), np.max(regions)
-    if math.isinf(high) or (positive and low <= 0):
+    if math.isinf(high) or (low <= 0 and published.cells().loc[cell, "kind"] != "signed"):
         return "undecided", "the realisations give no region", (-math.inf, math.inf)
     judged = [
         compare(cell, float(np.median(of_candidate)), ends, end_margin(len(of_candidate)))
         for ends, of_candidate in zip(regions, numbers.values(), strict=True)
     ]
-    outermost = [outer for _, _, outer in judged]
+    verdicts, reasons, outermost = zip(*judged, strict=True)
     power = f"it would differ below {np.min(outermost):.4g} or above {np.max(outermost):.4g}"
-    counts = Counter(verdict for verdict, _, _ in judged)
-    verdict, reason, _ = judged[0]
-    if len(counts) > 1:
-        counted = "; ".join(f"{word} under {count}" for word, count in counts.items())
-        verdict, reason = "undecided", f"depends on the protocol: {counted}"
-    return verdict, f"{reason}; {power}", (low, high)
+    counts = "; ".join(f"{word} under {count}" for word, count in Counter(verdicts).items())
+    if len({*verdicts}) > 1:
+        return "undecided", f"depends on the protocol: {counts}; {power}", (low, high)
+    return verdicts[0], f"{reasons[0]}; {power}", (low, high)
 
 
 def outside(cell: str, ours: float) -> tuple[str, str]:
@@ -180,12 +181,12 @@ def _judge(row: dict) -> dict:
     else:
         compared, reason, _ = compare(cell, ours, decisive)
     by_tolerance = compared
-    if math.isfinite(ours):
-        agrees = ours <= value if row["kind"] == "bound" else abs(ours - value) <= tolerance
-        by_tolerance = "reproduced" if agrees else outside(cell, ours)[0]
     rule = evidence_rule(cell, row["source"])
     basis = rule["basis"]
-    if math.isfinite(ours) and not basis:
+    if compared != "not-run":
+        agrees = ours <= value if row["kind"] == "bound" else abs(ours - value) <= tolerance
+        by_tolerance = "reproduced" if agrees else outside(cell, ours)[0]
+    if compared != "not-run" and not basis:
         missing = "basis.csv does not say what an agreement would be worth"
         raise ValueError(f"{cell} by {row['source']}: {missing}")
     if compared not in STANDS[basis]:
@@ -195,13 +196,15 @@ def _judge(row: dict) -> dict:
     if compared == "differs":
         known = published.known_differences().set_index(["id", "source"])["reason"]
         reason = known.get((cell, row["source"]), f"no explanation known; {reason}")
-    columns = {
+    return {
         "published": float(value),
         "reproduced": ours,
         "low": decisive[0],
         "high": decisive[1],
+        "verdict": compared,
+        "by_tolerance": by_tolerance,
+        "reason": reason,
     }
-    return columns | {"verdict": compared, "by_tolerance": by_tolerance, "reason": reason}
 
 
 def judge(cells: Cells | None = None, claims: Claims | None = None) -> pd.DataFrame:

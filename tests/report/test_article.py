@@ -9,7 +9,6 @@ import yaml
 
 import workbook
 from replication import published
-from workbook import judging
 from workbook.checkout import RESULTS
 from workbook.report import article
 from workbook.report.cells import SIGNS
@@ -44,10 +43,14 @@ def test_a_number_that_is_empty_or_not_there_stops_the_typesetting(changed, cont
         article.typeset(RESULTS)
 
 
-def test_the_theoretical_amplitudes_are_all_that_our_simulator_reproduces():
-    decided = judging.deciding(judging.verdicts(RESULTS))
-    ours = decided.query("verdict == 'reproduced' and source == 'simulated'")["id"]
-    assert set(ours.str.split(".").str[-1]) == {"theoretical"}
+def test_the_kinds_that_the_headlines_name_add_up_to_their_counts(content):
+    kinds = {
+        "reproduced": ("table2_mean", "table2_sd"),
+        "traced": ("table1", "table2_noise", "table2_theoretical", "text"),
+    }
+    for word, of_word in kinds.items():
+        counts = [int(content["facts"][f"{kind}_{word}"]) for kind in of_word]
+        assert sum(counts) == int(content["facts"][word])
 
 
 def test_tables_and_captions_have_no_empty_place(content):

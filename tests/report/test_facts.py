@@ -101,7 +101,12 @@ def test_printed_numbers_are_counted_once_by_element_column_and_who_decides():
             "table2_mean_reproduced": 0,
             "table4_standin": 1,
         },
-        **{"claims_holds": 2, "claims_does_not_hold": 1, "claims_answers_changed": 1},
+        **{
+            "claims_holds": 2,
+            "claims_does_not_hold": 1,
+            "claims_answers_changed": 1,
+            "claims_undecided": 0,
+        },
     }
     assert {name: found[name] for name in expected} == expected
     fixed = [found[f"claims_{word}"] for word in ("fixed", "committed", "changed")]

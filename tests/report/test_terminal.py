@@ -9,7 +9,6 @@ from workbook.__main__ import main
 from workbook.checkout import RESULTS
 from workbook.report import terminal
 
-EVIDENCE = judging.EVIDENCE
 VERDICTS = judging.verdicts(RESULTS)
 
 

@@ -36,12 +36,12 @@ def test_too_few_realisations_give_no_region():
     assert verdict("table2.row02.mean", {"a": forty(0.387)[:39]}) == "reproduced"
 
 
-def test_a_value_within_its_tolerance_is_reproduced_and_one_beyond_differs():
+def test_a_value_within_its_tolerance_agrees_and_one_beyond_differs():
     value, tolerance = (
         published.value("table2.row03.noise"),
         published.tolerance("table2.row03.noise"),
     )
-    assert verdict("table2.row03.noise", value + 0.99 * tolerance) == "reproduced"
+    assert verdict("table2.row03.noise", value + 0.99 * tolerance) == "traced"
     assert verdict("table2.row03.noise", value + 1.01 * tolerance) == "differs"
     assert verdict("table2.row03.noise", value - 1.01 * tolerance) == "differs"
 
@@ -119,7 +119,7 @@ def test_a_cell_with_an_erratum_is_an_erratum_only_when_our_number_is_the_correc
 @pytest.mark.parametrize(
     ("cell", "source", "agreeing", "differing"),
     [
-        ("table2.row03.noise", "authors", "reproduced", "differs"),
+        ("table2.row03.noise", "authors", "traced", "differs"),
         ("equation10.A2", "authors", "consistent", "differs"),
         ("text.load", "authors", "given", "differs"),
         ("text.turns", "authors", "undecided", "undecided"),
@@ -158,12 +158,6 @@ def test_each_printed_number_counts_once_by_the_authors_data_first():
     ]
     decided = judging.deciding(pd.concat(found, ignore_index=True))
     assert decided[["source", "verdict"]].to_numpy().tolist() == [["authors", "differs"]]
-
-
-def test_the_counts_are_of_printed_numbers(tmp_path):
-    assert judging.verdict_counts(judging.verdicts(tmp_path)).to_numpy().sum() == len(
-        published.cells()
-    )
 
 
 def test_an_undecided_claim_is_neither_true_nor_false(tmp_path, monkeypatch):

@@ -15,7 +15,14 @@ from workbook.report.cells import SIGNS, Cell, judged_cells, judged_claims, note
 from workbook.report.facts import collect_facts, fill
 from workbook.report.tables import LAYOUTS, Entry, table_rows
 
-COLOURS = {"reproduced": 32, "holds": 32, "erratum": 35, "differs": 31, "does not hold": 31}
+COLOURS = {
+    "reproduced": 32,
+    "holds": 32,
+    "traced": 36,
+    "erratum": 35,
+    "differs": 31,
+    "does not hold": 31,
+}
 WIDTH, LABEL_WIDTH = 100, 16
 
 
@@ -44,7 +51,10 @@ def verdict_tables(verdicts: pd.DataFrame, colour: bool) -> str:
     signs = ", ".join(f"{SIGNS[name]} {name}" for name in counts)
     legend = "Each cell: printed | ours, from the authors' data if there are any, then from our simulation."
     counted = ", ".join(f"{SIGNS[name]} {name} {count}" for name, count in counts.items())
-    summary = f"{evidence} of {len(cells)} printed numbers are decided by evidence: {counted}"
+    summary = (
+        f"{evidence} of {len(cells)} printed numbers are decided by evidence, "
+        f"{counts.get('traced', 0)} are traced to the authors' own files: {counted}"
+    )
     elements = dict.fromkeys(cell.element for cell in cells.values())
     parts = [f"{legend}\n{signs}.", *(_element(name, cells, colour) for name in elements), summary]
     return "\n\n".join(parts)
