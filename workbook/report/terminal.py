@@ -15,14 +15,7 @@ from workbook.report.cells import SIGNS, Cell, judged_cells, judged_claims, note
 from workbook.report.facts import collect_facts, fill
 from workbook.report.tables import LAYOUTS, Entry, table_rows
 
-COLOURS = {
-    "reproduced": 32,
-    "holds": 32,
-    "traced": 36,
-    "erratum": 35,
-    "differs": 31,
-    "does not hold": 31,
-}
+COLOURS = {"reproduced": 32, "holds": 32, "erratum": 35, "differs": 31, "does not hold": 31}
 WIDTH, LABEL_WIDTH = 100, 16
 
 
