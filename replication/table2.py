@@ -159,7 +159,7 @@ def decide_error_below_10(runs: pd.DataFrame, criteria: Criteria = None) -> Deci
     """Decide whether every mean |A| errs by less than 10 %, from runs on the authors' records.
 
     The second value says what was measured: the largest error, with a 95 % bootstrap interval, all
-    records together. The cell `text.error_limit_percent` is judged by the same largest error.
+    records together.
     """
     theoretical = published.column("Table 2", "theoretical")
     rng = np.random.default_rng(1)

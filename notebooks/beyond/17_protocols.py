@@ -270,7 +270,8 @@ assert stats.kstest(p_made, "uniform").pvalue > 0.01
 print(f"{np.mean(np.array(p_made) < 0.5):.2f} of the p lie below 0.5")
 
 # %% [markdown]
-# **3.** Eleven right candidates are tested at 1 % each. How probable is it that at least one is excluded?
+# **3.** Suppose that all candidates were right, each with noises of its own. How probable is it that at least one is
+# excluded?
 
 # %% tags=["solution"]
 one_excluded = 1 - 0.99 ** len(as_sds)
