@@ -255,10 +255,11 @@ alpha.map("{:.4g}".format)
 # ### What helped, and what did not
 #
 # The log of the models that were fitted on the way. The structure was chosen by two figures together: the waveform
-# (NRMSE over all records) and the peaks before sampling, our reading of $A$ (against the printed one). A continuous drive reproduces the
-# peaks within 2 % and the waveform within 5 %; a drive sampled at 2 ms has a better waveform, and peaks that depend on
-# its clock. About 1 ms of delay in the loop *and* a derivative reduce the misfit in the first 10 ms after an impact; a
-# leaky integrator, which adds freedom at the once-a-turn frequency, lowers both figures. It describes the authors'
+# (NRMSE over all records) and the peaks before sampling, our reading of $A$ (against the printed one). A continuous
+# drive reproduces the peaks within 2 % and the waveform within 5 %; a drive sampled at 2 ms has a better waveform, and
+# peaks that depend on its clock. About 1 ms of delay in the loop *and* a derivative reduce the misfit in the first 10
+# ms after an impact; a leaky integrator, which adds freedom at the once-a-turn frequency, lowers both figures. It
+# describes the authors'
 # loop; what it was in their model is not known. Friction, filters and damping add nothing.
 
 # %%

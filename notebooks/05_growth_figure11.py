@@ -232,8 +232,8 @@ workbook.export(
         "figure11_growth": (
             figure11,
             f"(a) One settled turn at each of {len(ten)} backlashes: the larger the backlash, the later the ring "
-            f"starts and the larger it is. (b) The settled peaks at {len(every)} backlashes: our peaks before sampling, as we read A "
-            f"{beside}; those of 2 ms samples are up to "
+            f"starts and the larger it is. (b) The settled peaks at {len(every)} backlashes: our peaks before "
+            f"sampling, as we read A {beside}; those of 2 ms samples are up to "
             f"{100 * (1 - peaks['sampled_rps'] / peaks['amplitude_rps']).max():.1f} % smaller.",
         ),
     },
