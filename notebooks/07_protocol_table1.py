@@ -404,7 +404,7 @@ judged = workbook.judge({"authors": cells})
 display(judged)
 counts = judged["verdict"].value_counts()
 print(
-    f"Of Table 1's {len(judged)} bounds {counts.get('reproduced', 0)} are those of the stored runs, "
+    f"Of Table 1's {len(judged)} bounds {counts.get('traced', 0)} are those of the stored runs, "
     f"{counts.get('undecided', 0)} are undecided and {counts.get('differs', 0)} differ. The stored runs had a box of A "
     f"{cells['table1.A.max'] / published.value('table1.A.max'):.2g} times as wide as printed; which one printed "
     f"Table 2 is unknown. The records turn in {cells['table1.T_f.max']:.4f} s, not in the printed "

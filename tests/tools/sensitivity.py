@@ -294,7 +294,8 @@ def noticing(before: Found, after: Found) -> list[tuple[tuple[str, str, str], fl
         now, verdict_now = after.get(key, (np.nan, ""))
         if kind == "cell":
             moved = not is_bound[name] and not abs(now - value) <= published.tolerance(name)
-            noticed = verdict in ("reproduced", "consistent") and (moved or verdict_now != verdict)
+            agreed = verdict in ("reproduced", "traced", "consistent")
+            noticed = agreed and (moved or verdict_now != verdict)
         else:
             noticed = now != value
         if noticed:
