@@ -194,8 +194,7 @@ pd.Series(
 # %% [markdown]
 # ## Verdict
 #
-# What was not tried: populations above 1000 and below 300, and a start drawn for each run. A larger population costs in
-# proportion.
+# What was not tried: populations above 800 and below 300, and a start drawn for each run.
 
 # %%
 claims = {"random_start": protocols.random_start(judged, criteria)}

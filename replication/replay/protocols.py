@@ -330,10 +330,9 @@ def describe_candidates(judged: pd.DataFrame) -> str:
     """Say in one sentence which candidates of `judge` are compatible with Table 2."""
     as_sds = judged[judged["reading"] == "sd"].set_index("protocol")
     left = as_sds.loc[~as_sds["excluded"], "p"]
-    named = ", ".join(f"{name} (p = {value:.2g})" for name, value in left.items())
     said = f"{len(left) or 'None'} of {len(as_sds)} candidate protocols are compatible with Table 2"
-    said += f": {named}" if named else ""
-    said += "; the table cannot tell them apart" if len(left) > 1 else ""
-    for name, row in as_sds[as_sds["excluded"]].head(1).iterrows():
-        said += f". The next, {name}, fails with p = {row['p']:.2g}"
+    for name, p in left.head(1).items():
+        said += f", {name} most (p = {p:.2g})"
+    for name, p in as_sds.loc[as_sds["excluded"], "p"].head(1).items():
+        said += f". The next, {name}, fails with p = {p:.2g}"
     return f"{said}."
