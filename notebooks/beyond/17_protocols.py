@@ -199,7 +199,16 @@ pd.Series(
 # %%
 claims = {"random_start": protocols.random_start(judged, criteria)}
 display(workbook.judge(claims=claims))
-print(protocols.describe_candidates(judged))
+of_judges = verdicts[verdicts["judges"]].groupby(["of", "row"])["verdict"]
+nearly = {
+    word: of_judges.agg(lambda words, word=word: (words != word).sum() == 1).groupby("of").sum()
+    for word in ("reproduced", "differs")
+}
+print(
+    f"{protocols.describe_candidates(judged)} By all but one of the candidates that judge them "
+    f"{nearly['reproduced']['mean']} means and {nearly['reproduced']['sd']} SDs are reproduced, "
+    f"{nearly['differs']['mean']} means and {nearly['differs']['sd']} SDs differ."
+)
 
 # %% tags=["plumbing"]
 as_sds = judged[judged["reading"] == "sd"].set_index("protocol")
@@ -216,6 +225,8 @@ workbook.export(
     facts={
         "protocol_finding": protocols.describe_candidates(judged),
         "candidates": len(as_sds),
+        "nearly_reproduced": int(nearly["reproduced"].sum()),
+        "nearly_differ": int(nearly["differs"].sum()),
         "candidates_left": int((~as_sds["excluded"]).sum()),
         "p_criterion": (level, ".2g"),
         "notebook_p": (as_sds.loc["authors' notebook", "p"], ".2g"),
