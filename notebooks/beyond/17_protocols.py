@@ -17,8 +17,8 @@
 # %% [markdown]
 # # 17 · Which protocol printed Table 2?
 #
-# *You will see how a published table is tested against candidate protocols whose tables are made by the hundred. Run
-# time: 20 s.*
+# *You will see how a published table is tested against candidate protocols whose tables are made by the hundred.
+# Run time: 20 s.*
 #
 # ## Claim
 #

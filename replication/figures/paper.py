@@ -172,9 +172,9 @@ def protocol_verdicts(verdicts: pd.DataFrame, signs: Mapping[str, str]) -> Figur
         faces = edges.where(part["judges"], "none")
         axis.scatter(part["row"], y, 90, marker="s", facecolor=faces, edgecolor=edges)
         for row, at, verdict in zip(part["row"], y, part["verdict"], strict=True):
-            axis.annotate(signs[verdict], (row, at), ha="center", va="center", size=7)
+            axis.annotate(signs[verdict], (row, at), ha="center", va="center", size=8)
         axis.set(title=f"{of}s".replace("sd", "SD"), xlabel="row of Table 2")
-        axis.set_xticks(rows := sorted(part["row"].unique()), rows, size=7)
+        axis.set_xticks(rows := sorted(part["row"].unique()), rows, size=8)
         axis.set_ylim(len(names) - 0.4, -0.6)
         axis.grid(visible=False)
     for verdict, colour in colours.items():

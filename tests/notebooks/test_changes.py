@@ -34,8 +34,8 @@ def test_a_notebook_runs_with_a_change_and_says_what_happened(notebook, change, 
         ),
         (
             "15_friction_and_wear",
-            {"judged_share": 0.033},
-            "judged_share = 0.033: 0.033 should be one of",
+            {"judged_shares": [0.033]},
+            r"judged_shares = \[0.033\]: 0.033 should be one of",
         ),
         (
             "12_your_own_joint",

@@ -46,7 +46,7 @@ def test_colour_is_beside_the_sign_and_only_where_asked_for():
     plain, coloured = (terminal.verdict_tables(VERDICTS, colour) for colour in (False, True))
     assert "\033[" in coloured
     assert "\033[" not in plain
-    assert "✓" in plain
+    assert "⇄" in plain
 
 
 def test_show_tells_of_a_cell_what_is_printed_ours_the_verdict_and_where_it_is_made(capsys):
