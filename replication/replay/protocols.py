@@ -27,8 +27,9 @@ candidate the SDs of rows 7 and 10.
    and all with the whole record are; it does not hold the other way round; otherwise it is undecided.
 
 Added after the first result, by nine candidates, and before a number of theirs: populations of 1000
-and 2000, and 160 more realisations of the drawn start in rpm (p = 0.027 with 40), which alone kept
-three cells undecided. Whichever way it falls, both results are shown; 200 are the last.
+and 2000 (for time 20 of the latter, too few to judge a cell), and 160 more realisations of the drawn
+start in rpm (p = 0.027 with 40), which alone kept three cells undecided. Whichever way it falls, both
+results are shown, and 200 are the last.
 """
 
 import hashlib
@@ -190,6 +191,12 @@ def numbers_of(realisations: pd.DataFrame, name: str) -> FloatArray:
     )
 
 
+def first_result(realisations: pd.DataFrame) -> pd.DataFrame:
+    """Those realisations that the first result was judged by."""
+    last = realisations["protocol"].map(LISTED["first_result"])
+    return realisations[realisations["realisation"] <= last]
+
+
 def scores(numbers: FloatArray, judged: FloatArray) -> FloatArray:
     """Criterion 3: scores of the judged numbers, first, and of the N, shape (2, 10, N + 1)."""
     pooled = np.concatenate([judged[..., None], numbers], axis=-1)
@@ -250,7 +257,7 @@ def judge(realisations: pd.DataFrame, level: float = LEVEL) -> pd.DataFrame:
         row = {
             "protocol": name,
             "reading": reading,
-            **LISTED.loc[name].drop(["why", "realisations"]),
+            **LISTED.loc[name].drop(["why", "realisations", "first_result"]),
             "realisations": numbers.shape[-1],
             "p_means": p_means,
             "p_sds": p_sds,
