@@ -147,7 +147,7 @@ signs = published.verdict_words()["sign"].to_dict()
 protocol_verdicts = paper.protocol_verdicts(verdicts, signs)
 
 # %% [markdown]
-# The verdicts by all that judge a cell, in the first result and now: how many of the means and SDs, with the last row's.
+# The verdicts by all that judge a cell, in the first result and now: how many of the means and SDs.
 
 
 # %%
