@@ -71,7 +71,7 @@ def cells(element: str | None = None) -> pd.DataFrame:
     """Load the printed numbers, indexed by cell id, of one element, such as "Table 2", or of all.
 
     Columns `element, row, column, printed, value, unit, kind, abs_tol, rel_tol, tol_reason,
-    section`.
+    section, quote`; the last one, words of the paper, for the numbers of its text.
     """
     table = _cells()
     if element is None:

@@ -62,17 +62,30 @@ def test_the_tables_have_as_many_cells_as_the_paper_prints():
 
 
 def plain(text):
-    """A formula or a row of a table without TeX, brackets and spaces."""
+    """A sentence, a formula or a row of a table without TeX, brackets and spaces."""
     text = re.sub(r"\\frac\{(.+?)\}\{(.+?)\}", r"\1/\2", text.replace("v(t)", "v"))
-    return re.sub(r"\\cdot|no backlash|[\\$ ()]", "", text.replace("π", "pi"))
+    text = re.sub(r"\\cdot|\\text|no backlash|[\\$ ()]", "", text.replace("π", "pi"))
+    return re.sub("[{}]", "", re.sub(r"(×|times)10\^\{-", "e-", text))
 
 
-@pytest.mark.skipif(
-    "PAPER_TEXT" not in os.environ, reason="PAPER_TEXT names no folder with the paper as text"
-)
-def test_the_numbers_of_the_tables_and_of_equation_10_are_those_of_the_paper():
-    text = "".join(path.read_text("utf-8") for path in Path(os.environ["PAPER_TEXT"]).glob("*.txt"))
-    rows = plain(text).replace("\n", "\t\n\t").replace("×10^{-", "e-")
+@pytest.fixture(scope="module")
+def paper():
+    """The paper, plain."""
+    if "PAPER_TEXT" not in os.environ:
+        pytest.skip("PAPER_TEXT names no folder with the paper as text")
+    return plain(
+        "".join(p.read_text("utf-8") for p in Path(os.environ["PAPER_TEXT"]).glob("*.txt"))
+    )
+
+
+def test_every_number_of_the_text_stands_in_words_that_the_paper_prints(paper):
+    for cell, row in published.cells("Text").iterrows():
+        assert row["printed"] in row["quote"], cell
+        assert plain(row["quote"]) in paper, cell
+
+
+def test_the_numbers_of_the_tables_and_of_equation_10_are_those_of_the_paper(paper):
+    rows = paper.replace("\n", "\t\n\t")
     cells = published.cells()
     tables = cells[cells["element"].str.startswith("Table")]
     for row, part in tables.groupby(["element", "row"])["printed"]:

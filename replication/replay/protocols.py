@@ -27,9 +27,9 @@ candidate the SDs of rows 7 and 10.
    and all with the whole record are; it does not hold the other way round; otherwise it is undecided.
 
 Added after the first result, by nine candidates, and before a number of theirs: populations of 1000
-and 2000 (for time 20 of the latter, too few to judge a cell), and 160 more realisations of the drawn
+and 2000 (for time 20 of the latter, too few to judge a cell), and 80 more realisations of the drawn
 start in rpm (p = 0.027 with 40), which alone kept three cells undecided. Whichever way it falls, both
-results are shown, and 200 are the last.
+results are shown, and 120 are the last.
 """
 
 import hashlib
