@@ -120,9 +120,9 @@ $(BEYOND:notebooks/beyond/%.py=.make/%.done): .make/%.done: notebooks/beyond/%.p
 	@mkdir -p .make && echo $< >> .make/due
 
 # A notebook that fails keeps neither the others nor the report from being made, but make from ending well.
-# An interrupted run (130; a killed make too) ends here.
+# A run that was interrupted (130; a killed make too), or that another one locks out (2), ends here.
 .make/workbook.done: $(STAMPS) $(wildcard workbook/*.py workbook/report/*.py workbook/report/templates/*.j2 article/*.* replication/data/*.*)
-	@if [ -s .make/due ]; then $(RUN) run --stamps .make --watch $$TOP_MAKE $$(sort -u .make/due); fi; echo $$? > .make/status; [ "$$(cat .make/status)" != 130 ]
+	@if [ -s .make/due ]; then $(RUN) run --stamps .make --watch $$TOP_MAKE $$(sort -u .make/due); fi; code=$$?; echo $$code > .make/status; [ $$code -lt 2 ]
 	$(RUN) collect
 	$(RUN) report
 	$(RUN) article || true
