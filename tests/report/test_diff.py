@@ -110,10 +110,13 @@ def test_diff_compares_with_the_last_commit_and_says_in_one_line_where_there_is_
     assert diff.committed_table("verdicts.csv", tmp_path)["verdict"].tolist() == ["reproduced"]
 
 
-def test_the_command_exits_with_1_and_one_line_where_nothing_is_committed(monkeypatch, capsys):
+def test_the_command_asks_git_first_and_exits_with_1_and_one_line_where_nothing_is_committed(
+    monkeypatch, capsys
+):
     def refuse(name):
         raise diff.NotComparable(f"results/{name}: no committed copy")
 
     monkeypatch.setattr(diff, "committed_table", refuse)
-    assert main(["diff"]) == 1
-    assert capsys.readouterr().err.count("\n") == 1
+    for status, ended in (("## main", 0), ("## main\n M results/verdicts.csv", 1), ("no git", 1)):
+        monkeypatch.setattr(subprocess, "getoutput", lambda _, status=status: status)
+        assert main(["diff"]) == capsys.readouterr().err.count("\n") == ended
