@@ -55,7 +55,7 @@ def test_the_kinds_that_the_headlines_name_add_up_to_their_counts(content):
 
 def test_a_final_article_names_every_blank_that_is_open(tmp_path, monkeypatch):
     file = tmp_path / "citation"
-    file.write_text('name: "OPEN: a name"  # and "OPEN: a place"', encoding="utf-8")
+    file.write_text('name: "OPEN: a name"  # and "OPEN: a place"', "utf-8")
     monkeypatch.setattr(article, "WITH_BLANKS", (file,))
     with pytest.raises(article.NotTypeset, match=r"citation: a name; .*citation: a place$"):
         article.typeset(RESULTS, final=True)
@@ -81,7 +81,7 @@ def test_the_papers_four_tables_stand_whole_beside_ours(content):
 
 
 def test_the_ranges_of_table_2_are_those_of_its_realisations():
-    ranges = json.loads((RESULTS / "pages" / "article.json").read_text(encoding="utf-8"))["table2"]
+    ranges = json.loads((RESULTS / "pages" / "article.json").read_text("utf-8"))["table2"]
     table = pd.read_csv(RESULTS / "table2.csv")
     for row, part in table.groupby("row"):
         said = ranges[str(row)]
@@ -94,9 +94,9 @@ def test_the_ranges_of_table_2_are_those_of_its_realisations():
 
 
 def test_what_the_article_quotes_is_in_the_reference_list_with_its_place():
-    text = article.SOURCE.read_text(encoding="utf-8")
+    text = article.SOURCE.read_text("utf-8")
     references = workbook.ROOT / "article" / "references.yml"
-    listed = yaml.safe_load(references.read_text(encoding="utf-8"))
+    listed = yaml.safe_load(references.read_text("utf-8"))
     cited = set(re.findall(r"@([a-z\d-]+)", text)) - set(re.findall(r"<([a-z\d-]+)>", text))
     assert cited == set(listed)
     assert len(listed) >= 15

@@ -11,7 +11,7 @@ ROOT = workbook.ROOT
 
 
 def text_of(name):
-    return (ROOT / name).read_text(encoding="utf-8")
+    return (ROOT / name).read_text("utf-8")
 
 
 def read(name):

@@ -36,12 +36,12 @@ def test_a_number_that_comes_out_otherwise_stands_below_the_one_before(monkeypat
     def execute(source, destination):
         shutil.copytree(RESULTS / "outcomes", destination / "results" / "outcomes")
         file = destination / "results" / "outcomes" / f"{source.stem}.json"
-        outcome = json.loads(file.read_text(encoding="utf-8"))
+        outcome = json.loads(file.read_text("utf-8"))
         next(row for row in outcome["cells"] if row["id"] == OF_CUBIC)["numbers"] *= 1.5
         file.write_text(json.dumps(outcome), encoding="utf-8")
 
     monkeypatch.setattr(execution, "execute", execute)
-    assert main(["show", OF_CUBIC.upper(), "--rerun"]) == 0
+    assert main(["show", OF_CUBIC, "--rerun"]) == 0
     before, now = capsys.readouterr().out.split("\n\n                Equation 10")
     number = judging.verdicts(RESULTS).set_index("id").loc[OF_CUBIC, "reproduced"]
     assert f"{number:.5g}" in before
