@@ -54,8 +54,8 @@ report: .venv/.installed  ## results/report.html from the results
 	$(RUN) collect
 	$(RUN) report
 
-article: .venv/.installed  ## results/article.pdf, the replication article, from the results
-	$(RUN) article
+article: .venv/.installed  ## results/article.pdf from the results; FINAL=1 refuses while names or addresses are open
+	$(RUN) article $(if $(FINAL),--final)
 
 bench: .venv/.installed  ## time what was made fast against a direct arm, into results/bench.csv
 	OPENBLAS_NUM_THREADS=1 $(PY) -m tests.tools.timings

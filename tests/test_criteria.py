@@ -141,7 +141,7 @@ def decisions(source):
 
 @pytest.mark.parametrize("number", [1, 2, 6, 10, 15, 18])
 def test_a_notebook_decides_its_claims_by_their_rules_and_lets_other_limits_be_tried(number):
-    found = decisions(NOTEBOOKS[number].read_text(encoding="utf-8"))
+    found = decisions(NOTEBOOKS[number].read_text("utf-8"))
     claims = published.claims()
     assert set(found) == set(claims.index[claims["decided_in"] == number])
     for claim, value in found.items():

@@ -24,7 +24,7 @@ FILE = re.compile(r".*\.(csv|json|md|py|ipynb|html|typ|toml|txt|lock|svg|png|xls
 
 def words_of_code(path: Path) -> set[str]:
     """Identifiers and words in the strings of a file's code, its docstrings and comments left out."""
-    tree = ast.parse(path.read_text(encoding="utf-8"))
+    tree = ast.parse(path.read_text("utf-8"))
     prose = {id(node.value) for node in ast.walk(tree) if isinstance(node, ast.Expr)}
     found = set()
     for node in ast.walk(tree):
@@ -44,7 +44,7 @@ def words() -> frozenset[str]:
     for path in [*(ROOT / "results").rglob("*.*"), *(ROOT / "replication" / "data").iterdir()]:
         found |= {*path.parts, path.stem}
         if path.suffix == ".csv":
-            lines = path.read_text(encoding="utf-8").splitlines()
+            lines = path.read_text("utf-8").splitlines()
             shown = lines if path.parent.name == "data" else lines[:1]
             found |= set(re.findall(r"\w+", " ".join(shown)))
     return frozenset(found | set(re.findall(r"\w+", (ROOT / "Makefile").read_text("utf-8"))))
@@ -67,7 +67,7 @@ def exists(name: str) -> bool:
 
 def prose(path: Path) -> list[tuple[int, str]]:
     """Docstrings and comments with their lines."""
-    text = path.read_text(encoding="utf-8")
+    text = path.read_text("utf-8")
     found = [
         (token.start[0], token.string)
         for token in tokenize.generate_tokens(io.StringIO(text).readline)

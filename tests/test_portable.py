@@ -19,9 +19,7 @@ needs_settings = pytest.mark.skipif(
 SOURCES = list(notebook_files("py").values())
 # Those whose quick run is their whole run.
 CHEAP = [
-    source
-    for source in SOURCES
-    if re.search(r"^#\s+quick: \{\}$", source.read_text(encoding="utf-8"), re.M)
+    source for source in SOURCES if re.search(r"^#\s+quick: \{\}$", source.read_text("utf-8"), re.M)
 ]
 NAMES = [source.stem for source in CHEAP]
 
@@ -56,7 +54,7 @@ def test_the_cheap_notebooks_reach_their_committed_verdicts(authors_data, tmp_pa
     monkeypatch.setenv("REPLICATION_QUICK", "0")
     for source in CHEAP:
         monkeypatch.setenv("REPLICATION_NOTEBOOK", source.stem)
-        code = compile(source.read_text(encoding="utf-8"), str(source), "exec")
+        code = compile(source.read_text("utf-8"), str(source), "exec")
         exec(code, {"__name__": "__main__", "display": lambda *shown, **options: None})
     for table, name in ((judging.verdicts, "verdicts.csv"), (judging.decided_claims, "claims.csv")):
         committed, here = pd.read_csv(ROOT / "results" / name), table(tmp_path / "results")

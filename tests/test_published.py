@@ -145,7 +145,7 @@ def test_every_erratum_names_a_test_that_exists():
     for key, row in published.errata().iterrows():
         file, _, test = row["evidence"].partition("::")
         path = published.DATA / ".." / ".." / file
-        assert f"def {test}(" in path.read_text(encoding="utf-8"), key
+        assert f"def {test}(" in path.read_text("utf-8"), key
 
 
 def test_errata_and_differences_name_cells_that_exist():

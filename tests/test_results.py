@@ -48,9 +48,7 @@ def test_every_table_of_the_results_is_named_in_a_source():
         "backlash/**/*.py",
         "tests/tools/*.py",
     )
-    sources = "\n".join(
-        path.read_text(encoding="utf-8") for kind in kinds for path in ROOT.glob(kind)
-    )
+    sources = "\n".join(path.read_text("utf-8") for kind in kinds for path in ROOT.glob(kind))
     assert [
         file.name for file in RESULTS.glob("*.csv") if not re.search(rf"\b{file.stem}\b", sources)
     ] == []
@@ -134,7 +132,7 @@ def test_the_simulated_characteristic_stays_close_to_equation_10_over_its_range(
 
 
 def test_the_provenance_names_versions_and_verified_inputs():
-    provenance = json.loads((RESULTS / "provenance.json").read_text(encoding="utf-8"))
+    provenance = json.loads((RESULTS / "provenance.json").read_text("utf-8"))
     registry = authors_registry()
     inputs = {
         path: digest for record in provenance.values() for path, digest in record["inputs"].items()
@@ -145,8 +143,8 @@ def test_the_provenance_names_versions_and_verified_inputs():
 
 
 def test_the_locked_versions_are_those_that_made_the_results():
-    provenance = json.loads((RESULTS / "provenance.json").read_text(encoding="utf-8"))
-    lock = (workbook.ROOT / "requirements.lock").read_text(encoding="utf-8")
+    provenance = json.loads((RESULTS / "provenance.json").read_text("utf-8"))
+    lock = (workbook.ROOT / "requirements.lock").read_text("utf-8")
     for record in provenance.values():
         for name, version in record["packages"].items():
             assert f"{name}=={version} " in lock, name
@@ -157,5 +155,5 @@ def test_the_locked_versions_are_those_that_made_the_results():
 )
 def test_a_figure_is_there_as_svg_and_png_and_named_in_a_notebook(figure):
     assert (workbook.ROOT / "figures" / f"{figure}.png").stat().st_size > 5000
-    sources = [path.read_text(encoding="utf-8") for path in notebook_files("py").values()]
+    sources = [path.read_text("utf-8") for path in notebook_files("py").values()]
     assert any(f'"{figure}"' in source for source in sources)

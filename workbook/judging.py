@@ -254,11 +254,6 @@ def decided_claims(results: Path) -> pd.DataFrame:
     return claims
 
 
-def squeeze(name: str) -> str:
-    """An element's name without capitals and spaces, such as "table2"."""
-    return name.lower().replace(" ", "")
-
-
 def by_source(table: pd.DataFrame) -> pd.DataFrame:
     """Sort verdicts by their source, the one that decides first (rule 9)."""
     return table.sort_values("source", key=lambda source: source.map(SOURCES.index), kind="stable")

@@ -185,6 +185,8 @@ def _fact_texts(facts: Facts) -> dict[str, str]:
 def load_outcomes(results: Path) -> dict[str, dict[str, Any]]:
     """Load the outcome of each notebook that is there, by its name."""
     there = notebook_files("py")
-    files = sorted((results / "outcomes").glob("*.json"))
-    kept = [file for file in files if file.stem in there]
-    return {file.stem: EMPTY | json.loads(file.read_text(encoding="utf-8")) for file in kept}
+    return {
+        file.stem: EMPTY | json.loads(file.read_text(encoding="utf-8"))
+        for file in sorted((results / "outcomes").glob("*.json"))
+        if file.stem in there
+    }

@@ -1,4 +1,4 @@
-"""Execution of many notebooks, two at a time, with nothing left behind; making one result again."""
+"""Execution of many notebooks, two at a time, with nothing left behind."""
 
 import contextlib
 import json
@@ -8,7 +8,6 @@ import shutil
 import signal
 import subprocess
 import sys
-import tempfile
 import threading
 import time
 from collections.abc import Iterable, Sequence
@@ -17,14 +16,12 @@ from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
-import pandas as pd
 import psutil
 from tqdm import tqdm
 
-from replication import published
 from replication.files import ROOT, write_json, write_text
-from workbook import execution, judging
-from workbook.checkout import OFFLINE, RESULTS, notebook_files
+from workbook import execution
+from workbook.checkout import OFFLINE, RESULTS
 
 INTERRUPTS = (signal.SIGINT, signal.SIGTERM)
 
@@ -134,32 +131,3 @@ def note_run(endings: Sequence[Ending]) -> None:
         "seconds": seconds,
     }
     write_json(path, content)
-
-
-class NotMade(ValueError):
-    """No notebook makes this."""
-
-    exit_status = 2
-
-
-def rerun(name: str, results: Path) -> pd.DataFrame:
-    """Execute what makes a cell, an element's cells or a claim; return each number before and now."""
-    before = _made_by_notebooks(results)
-    element = before["id"].map(published.cells()["element"]).fillna("")
-    asked = judging.squeeze(name)
-    wanted = before[(before["id"].str.lower() == asked) | (element.map(judging.squeeze) == asked)]
-    if wanted.empty:
-        raise NotMade(f"{name}: no notebook makes it")
-    with tempfile.TemporaryDirectory() as folder:
-        for notebook in sorted(set(wanted["notebook"])):
-            execution.execute(notebook_files("py")[notebook], Path(folder))
-        now = _made_by_notebooks(Path(folder) / "results").drop(columns="notebook")
-    return wanted.merge(now, on=["id", "source"], how="left", suffixes=("_before", "_now"))
-
-
-def _made_by_notebooks(results: Path) -> pd.DataFrame:
-    """Cells and claims that notebooks made; what a claim measured is its number."""
-    cells = judging.verdicts(results).dropna(subset="notebook")
-    claims = judging.decided_claims(results).assign(source="")
-    both = pd.concat([cells, claims.rename(columns={"measured": "reproduced"})])
-    return both[["id", "source", "reproduced", "verdict", "notebook"]]

@@ -173,8 +173,8 @@ def test_an_interrupted_study_goes_on_and_gives_the_same(tmp_path, monkeypatch):
     whole = protocols.realise_all(tmp_path / "whole.csv")
     assert whole["realisation"].tolist() == [1, 2, 3]
     kept = tmp_path / "kept.csv"
-    lines = (tmp_path / "whole.csv").read_text(encoding="utf-8").splitlines(keepends=True)
-    kept.write_text(lines[0] + lines[2], encoding="utf-8")
+    lines = (tmp_path / "whole.csv").read_text("utf-8").splitlines(keepends=True)
+    kept.write_text(lines[0] + lines[2], "utf-8")
     again = protocols.realise_all(kept)
     assert again.drop(columns="protocol").to_numpy() == pytest.approx(
         whole.drop(columns="protocol").to_numpy(), rel=1e-5

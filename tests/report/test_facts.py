@@ -17,7 +17,7 @@ from workbook.checkout import RESULTS
 from workbook.report import article, facts, markdown
 
 VERDICTS = judging.verdicts(RESULTS)
-ARTICLE = article.SOURCE.read_text(encoding="utf-8")
+ARTICLE = article.SOURCE.read_text("utf-8")
 IN_BRACES = re.compile(r"\{(\w+)\}")
 IN_ARTICLE = re.compile(r'\b(?:n|w|W|be|[aA]ll-of)\("(\w+)"')
 IN_TEMPLATE = re.compile(r"facts\.(\w+)")
@@ -32,7 +32,7 @@ def named():
     ]
     found = {name for texts in data for text in texts for name in IN_BRACES.findall(text)}
     for file in (workbook.ROOT / "workbook" / "report" / "templates").glob("*.j2"):
-        found |= set(IN_TEMPLATE.findall(file.read_text(encoding="utf-8")))
+        found |= set(IN_TEMPLATE.findall(file.read_text("utf-8")))
     return found | set(IN_ARTICLE.findall(ARTICLE))
 
 
@@ -55,7 +55,7 @@ def test_every_fact_is_named_in_a_text_and_exported_by_one_notebook():
 def test_a_fact_that_moves_moves_the_texts(tmp_path):
     shutil.copytree(RESULTS / "outcomes", tmp_path / "outcomes")
     file = tmp_path / "outcomes" / "01_signature_figure6.json"
-    outcome = json.loads(file.read_text(encoding="utf-8"))
+    outcome = json.loads(file.read_text("utf-8"))
     outcome["facts"] |= {"replayed": "1234", "replay_apart": "7e-08"}
     file.write_text(json.dumps(outcome), encoding="utf-8")
     content = article.collect_content(tmp_path)["facts"]
@@ -68,7 +68,7 @@ def test_a_verdict_that_moves_moves_the_counts_in_the_readme_and_the_texts(tmp_p
     shutil.copytree(RESULTS / "outcomes", tmp_path / "outcomes")
     before = facts.collect_facts(tmp_path, VERDICTS)
     file = tmp_path / "outcomes" / "06_characteristic_figure12.json"
-    outcome = json.loads(file.read_text(encoding="utf-8"))
+    outcome = json.loads(file.read_text("utf-8"))
     next(row for row in outcome["cells"] if row["id"] == "equation10.A2")["numbers"] = 1.0
     file.write_text(json.dumps(outcome), encoding="utf-8")
     after = facts.collect_facts(tmp_path, judging.verdicts(tmp_path))

@@ -225,11 +225,11 @@ def found_by(change: Change, folder: Path) -> dict[str, Found]:
 
 
 def _executed(name: str, values: Mapping[str, object], code: str, folder: Path) -> Found:
-    whole = (workbook.ROOT / "notebooks" / f"{name}.py").read_text(encoding="utf-8")
+    whole = (workbook.ROOT / "notebooks" / f"{name}.py").read_text("utf-8")
     head, cell, rest = SOLUTION.sub("", whole).partition("\n# %%")
     source = folder / f"{name}.py"
     folder.mkdir(exist_ok=True)
-    source.write_text(f"{head}\n# %%\n{code or 'pass'}\n{cell}{rest}{_JUDGE}", encoding="utf-8")
+    source.write_text(f"{head}\n# %%\n{code or 'pass'}\n{cell}{rest}{_JUDGE}", "utf-8")
     try:
         execute(source, quick=True, destination=folder, parameters=values)
     except NotebookFailed:
@@ -237,9 +237,9 @@ def _executed(name: str, values: Mapping[str, object], code: str, folder: Path) 
             raise
         return {}
     cells = pd.read_csv(folder / "results" / _JUDGED)
-    claims = json.loads(
-        (folder / "results" / "outcomes" / f"{name}.json").read_text(encoding="utf-8")
-    )["claims"]
+    claims = json.loads((folder / "results" / "outcomes" / f"{name}.json").read_text("utf-8"))[
+        "claims"
+    ]
     found = {
         ("cell", row["id"], row["source"]): (row["reproduced"], row["verdict"])
         for row in cells.to_dict("records")

@@ -47,7 +47,7 @@ def test_every_constant_is_noticed_and_is_in_the_committed_table():
 @needs_matrix
 def test_every_test_in_the_matrix_exists():
     tests = "\n".join(
-        path.read_text(encoding="utf-8") for path in (workbook.ROOT / "tests").rglob("test_*.py")
+        path.read_text("utf-8") for path in (workbook.ROOT / "tests").rglob("test_*.py")
     )
     named = set(COMMITTED.loc[COMMITTED["kind"] == "test", "id"])
     assert len(named) > 5

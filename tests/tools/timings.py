@@ -203,7 +203,7 @@ def bench() -> pd.DataFrame:
 
 def notebook_times() -> pd.DataFrame:
     """Collect the seconds of each notebook's last run, two at a time, as `make all` noted them."""
-    run = json.loads(RUN.read_text(encoding="utf-8"))
+    run = json.loads(RUN.read_text("utf-8"))
     seconds = pd.Series(run["seconds"], name="seconds").rename_axis("notebook")
     return seconds.reset_index().assign(cores=run["cores"], machine=run["machine"])
 

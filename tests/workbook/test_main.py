@@ -103,7 +103,7 @@ def test_a_quick_run_never_overwrites_the_full_results(tmp_path, monkeypatch):
     assert full() == before
     written = {path.name for path in (tmp_path / "quick").rglob("*")}
     assert {"figure09_dead_zone.svg", "verdicts.csv", "report.html"} <= written
-    page = (tmp_path / "quick" / "results" / "report.html").read_text(encoding="utf-8")
+    page = (tmp_path / "quick" / "results" / "report.html").read_text("utf-8")
     assert said in page
 
 

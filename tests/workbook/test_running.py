@@ -44,7 +44,7 @@ def notebooks(tmp_path):
 
     def write(**texts):
         for name, text in texts.items():
-            (tmp_path / f"{name}.py").write_text(text, encoding="utf-8")
+            (tmp_path / f"{name}.py").write_text(text, "utf-8")
         return [tmp_path / f"{name}.py" for name in texts]
 
     return write
@@ -111,7 +111,7 @@ def test_without_the_authors_files_a_notebook_runs_on_our_records_apart(notebook
     assert [ending.how for ending in endings] == ["simulated"]
     (made,) = (tmp_path / "out").rglob("*.ipynb")
     assert made.is_relative_to(tmp_path / "out" / "results" / "offline")
-    text = made.read_text(encoding="utf-8")
+    text = made.read_text("utf-8")
     assert "On our simulated records" in text
     assert "simulated joint" in text
 

@@ -10,6 +10,7 @@ from replication import published
 from workbook import judging
 from workbook.outcomes import load_outcomes
 from workbook.report import TEMPLATES
+from workbook.rerun import squeeze
 
 RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 POWER = re.compile(r"(?<![\w.])(\d+(?:\.\d+)?)e([+-]?\d+)\b")
@@ -35,7 +36,7 @@ def count_verdicts(verdicts: pd.DataFrame, claims: pd.DataFrame) -> dict[str, in
     now, and "errata_paper" errata by the last word of their kind.
     """
     decided = judging.deciding(verdicts).join(published.cells()[["element", "column"]], on="id")
-    element = decided["element"].map(judging.squeeze)
+    element = decided["element"].map(squeeze)
     groups = {"": decided, "tolerance_": decided.assign(verdict=decided["by_tolerance"])}
     for key in (decided["source"], element, element + "_" + decided["column"]):
         groups |= {f"{name}_": part for name, part in decided.groupby(key)}
