@@ -526,6 +526,7 @@ explorer = {
     "turns": AUTHORS_PROTOCOL.turns,
     "population": AUTHORS_PROTOCOL.population,
     "printed_T_f": published.value("table1.T_f.max"),
+    "backlash_rad": delta_rad,
 }
 workbook.export(
     pages={"signature_explorer": explorer},

@@ -8,7 +8,13 @@ from workbook.report import cells as cells_of
 
 VERDICTS = judging.verdicts(RESULTS)
 WIDTHS = (390, 820, 1440)
-PAGES = ("report.html", "pages/00_start_here.html", "pages/08_noise_table2.html")
+PAGES = (
+    "report.html",
+    "pages/00_start_here.html",
+    "pages/08_noise_table2.html",
+    "pages/signature_explorer.html",
+    "pages/replay_explorer.html",
+)
 OPENED = "document.querySelectorAll('details').forEach(each => each.open = true)"
 SHOWN = "[...document.querySelectorAll('tr.row')].filter(row => !row.hidden).map(row => ({...row.dataset}))"
 
