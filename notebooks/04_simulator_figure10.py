@@ -136,11 +136,12 @@ pd.DataFrame(of_joint, index=["committed", "simulated here"]).T.map("{:.4g}".for
 delta_rad = level_delta_rad(level)
 run = simulate(joint, delta_rad, duration_s=12 * joint.turn_period_s, step_s=SIMULATION_STEP_S)
 shown = (run.time_s >= 2 * joint.turn_period_s) & (run.time_s <= 4 * joint.turn_period_s)
-motion = run.motor_position_rad - joint.commanded_speed_rad_per_s * run.time_s
+start_rad = joint.gear_ratio * joint.start_angle_rad
+motion = run.motor_position_rad - start_rad - joint.commanded_speed_rad_per_s * run.time_s
 displacement = run.motor_position_rad / joint.gear_ratio - run.load_position_rad
 recorded = records[delta_rad].v if compared else None
 signals = [
-    ("$\\theta_m - \\Omega t$\n[rad]", motion[shown], None),
+    ("$\\theta_m - N \\theta_0 - \\Omega t$\n[rad]", motion[shown], None),
     ("motor speed\n[rps]", run.motor_speed_rps[shown], recorded[shown] if compared else None),
     ("motor torque\n[N m]", run.motor_torque_nm[shown], None),
     ("$\\theta_m / N - \\theta_l$\n[$10^{-4}$ rad]", 1e4 * displacement[shown], None),
@@ -150,6 +151,8 @@ if compared:
         2, ("simulated $-$\nrecord [rps]", (run.motor_speed_rps - recorded)[shown], None)
     )
 figure10 = paper.simulated_joint(run.time_s[shown], signals)
+for edge in (-delta_rad, delta_rad):
+    figure10.axes[-1].axhline(1e4 * edge, color="0.5", linestyle=":")
 
 # %% [markdown]
 # ### Level by level
@@ -375,11 +378,11 @@ print(
 
 # %% tags=["plumbing"]
 panels = [
-    "motor position less the commanded one",
+    "motor position less the start's and the commanded one",
     "motor speed",
     "motor torque (the current times a constant)",
 ]
-panels.append("motor position on the load's side less the load's position")
+panels.append("motor position over N less the load's position, between the edges of the gap (dotted)")
 if compared:
     panels.insert(
         2, f"simulated less recorded speed, at most {np.abs(signals[2][1]).max():.2g} rps"
@@ -405,7 +408,7 @@ workbook.export(
     figures={
         "figure10_simulator": (
             figure10,
-            f"Two settled turns of our joint at level {level}, a backlash of {1e4 * delta_rad:g}e-4 rad: {listed}. "
+            f"Two settled turns of our joint at level {level}, a backlash of {1e4 * delta_rad:g}·10⁻⁴ rad: {listed}. "
             + (
                 "Only the speed is published."
                 if compared
