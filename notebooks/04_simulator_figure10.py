@@ -122,8 +122,11 @@ fields = [
     "gear_ratio",
     "load_mass_kg",
     "stiffness_nm_per_rad",
+    "speed_gain_nms_per_rad",
+    "integral_gain_nm_per_rad",
+    "load_coulomb_nm",
+    "turn_period_s",
 ]
-fields += ["speed_gain_nms_per_rad", "integral_gain_nm_per_rad", "load_coulomb_nm", "turn_period_s"]
 of_joint = {name: [getattr(committed, name), getattr(joint, name)] for name in fields}
 pd.DataFrame(of_joint, index=["committed", "simulated here"]).T.map("{:.4g}".format)
 
@@ -151,13 +154,13 @@ if compared:
         2, ("simulated $-$\nrecord [rps]", (run.motor_speed_rps - recorded)[shown], None)
     )
 figure10 = paper.simulated_joint(run.time_s[shown], signals)
-for edge in (-delta_rad, delta_rad):
-    figure10.axes[-1].axhline(1e4 * edge, color="0.5", linestyle=":")
+for edge in (-1e4, 1e4):
+    figure10.axes[-1].axhline(edge * delta_rad, color="0.5", linestyle=":")
 
 # %% [markdown]
 # ### Level by level
 #
-# Misfit and peak, on one level. 40 fine samples are 2 ms, and 200 samples of 2 ms the first turn of a record.
+# Misfit and peak of a run. 40 fine samples are 2 ms, and 200 samples of 2 ms the first turn of a record.
 
 # %%
 levels = {level_delta_rad(k): k for k in range(2, CLEAN_LEVELS.stop)}  # K = 2 has a printed A alone
@@ -178,15 +181,8 @@ def finely(joint, deltas_rad=tuple(levels)):
     )
 
 
-(fine,) = finely(joint, [delta_rad])
-of_level = {
-    "NRMSE": nrmse(fine, records[delta_rad]) if compared else np.nan,
-    "A [rps]": peak_rps(fine, joint),
-}
-pd.Series(of_level).to_frame(f"K = {level}").round(4)
-
 # %% [markdown]
-# The same for every level, with the change of the peak from that of the committed joint.
+# For every level, with the change of the peak from that of the committed joint:
 
 # %%
 printed = table2.theoretical_amplitudes()
@@ -378,11 +374,11 @@ print(
 
 # %% tags=["plumbing"]
 panels = [
-    "motor position less the start's and the commanded one",
+    "motor position less the commanded one",
     "motor speed",
     "motor torque (the current times a constant)",
+    "motor position over N less the load's position, with the edges of the gap (dotted)",
 ]
-panels.append("motor position over N less the load's position, between the edges of the gap (dotted)")
 if compared:
     panels.insert(
         2, f"simulated less recorded speed, at most {np.abs(signals[2][1]).max():.2g} rps"

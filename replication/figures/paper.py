@@ -8,7 +8,6 @@ import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.ticker import NullLocator
 
 from replication.arrays import FloatArray
 from replication.figures.style import (
@@ -81,7 +80,7 @@ def _above_residual(
     """Make a figure with a residual about zero in its lower panel, and give the upper panel."""
     figure, ((upper,), (lower,)) = grid(2, 1, height_in=4.0, sharex=True, height_ratios=(2, 1))
     lower.axhline(0, **THIN)
-    lower.plot(x, residual, line, color=BLUE, markersize=4, linewidth=0.9)
+    lower.plot(x, residual, line, color=BLUE, linewidth=0.9)
     lower.set(xlabel=labels[0], ylabel=labels[1])
     _centre(lower)
     letter_panels((upper, lower))
@@ -109,8 +108,8 @@ def table2(table: pd.DataFrame, own: pd.DataFrame, regions: pd.DataFrame) -> Fig
         axis.use_sticky_edges = False  # a region that ends at the frame would look cut
         axis.bar(regions.index, high - low, 0.7, low, color="0.86", zorder=0, label="95 % region")
         for part, side, label, look in (
-            (table, 0.14, "public realisations", {"marker": "o", "mfc": "none", "markersize": 4}),
-            (own, -0.14, "our realisations", {"marker": ".", "markersize": 4}),
+            (table, 0.14, "public realisations", {"marker": "o", "mfc": "none"}),
+            (own, -0.14, "our realisations", {"marker": "."}),
         ):
             values = part[f"{of}_A_rps"] * of_row.loc[part["row"]].to_numpy() - offset
             axis.plot(part["row"] + side, values, linestyle="none", color=BLUE, label=label, **look)
@@ -166,7 +165,7 @@ def protocol_verdicts(verdicts: pd.DataFrame, signs: Mapping[str, str]) -> Figur
     other numbers of the table leave the candidate.
     """
     names = verdicts["protocol"].unique()
-    figure, axes = grid(1, 2, height_in=0.36 * len(names) + 1.2, sharey=True)
+    figure, axes = grid(1, 2, height_in=0.32 * len(names) + 1.2, sharey=True)
     colours = {"reproduced": BLUE, "differs": ORANGE, "undecided": "0.85"}
     for axis, (of, part) in zip(axes[0], verdicts.groupby("of", sort=False), strict=True):
         y = part["protocol"].map(list(names).index)
@@ -195,8 +194,8 @@ def protocol_posterior(posterior: pd.DataFrame) -> Figure:
         axis.plot(ordered["population"], ordered["share"], marker + "-", label=kind)
     axis.set(xlabel="population", ylabel="share of belief [-]", xscale="log")
     ticks = sorted(posterior["population"].unique())
-    axis.set_xticks(ticks, [str(tick) for tick in ticks])
-    axis.xaxis.set_minor_locator(NullLocator())
+    axis.set_xticks(ticks, ticks)
+    axis.minorticks_off()
     return finish(figure, 3)
 
 
@@ -226,11 +225,10 @@ def dead_zone(curves: pd.DataFrame, delta_rad: float) -> Figure:
     """Figure 9: stiffness and torque of equations 8 and 9 against the displacement, and the clamped dead zone."""
     figure, ((upper,), (lower,)) = grid(2, 1, height_in=5.0, sharex=True)
     stiffness = curves["stiffness_nm_per_rad"]
-    dashes = ("-", "--", "-.", ":", (0, (6, 2)))
+    dashes = ("-", "--", "-.", ":")
     for k, (alpha, curve) in enumerate(curves.groupby("alpha_per_rad", sort=False)):
-        line = {"linestyle": dashes[k % 5], "linewidth": max(2.4 - 0.4 * k, 1.2)}
-        power = f"$\\alpha = 10^{{{np.log10(alpha):.3g}}}$ rad$^{{-1}}$"
-        label = power
+        line = {"linestyle": dashes[k % 4], "linewidth": max(2.4 - 0.4 * k, 1.2)}
+        label = f"$\\alpha = 10^{{{np.log10(alpha):.3g}}}$ rad$^{{-1}}$"
         if np.isinf(alpha):
             label, line = "clamped dead zone", THIN
         x = 1e4 * curve["delta_theta_rad"]
@@ -275,10 +273,8 @@ def validation(table: pd.DataFrame) -> Figure:
     delta = 1e4 * table["delta_rad"]
     used = table["used_in_fit"]
     for axis, values in ((left, 100 * table["nrmse"]), (right, table["peak_error_percent"])):
-        axis.plot(
-            delta[used], values[used], "s", color=BLUE, markersize=5, label="level used in the fit"
-        )
-        open_circle = {"mfc": "none", "color": ORANGE, "markersize": 5}
+        axis.plot(delta[used], values[used], "s", color=BLUE, label="level used in the fit")
+        open_circle = {"mfc": "none", "color": ORANGE}
         axis.plot(delta[~used], values[~used], "o", label="level left out", **open_circle)
         axis.set(xlabel=BACKLASH_LABEL)
     left.set(ylabel="RMSE over the record's SD [%]", ylim=(0, None))
@@ -314,17 +310,8 @@ def growth(
     upper.set(xlabel="time in a settled turn [s]", ylabel="disturbance $v - v_t$ [rps]")
     figure.colorbar(shades, ax=upper, label=BACKLASH_LABEL)
     delta = 1e4 * peaks["delta_rad"]
-    lower.plot(
-        delta, peaks["amplitude_rps"], "o-", color=BLUE, markersize=4, label="peak before sampling"
-    )
-    lower.plot(
-        delta,
-        peaks["sampled_rps"],
-        "s--",
-        color=ORANGE,
-        markersize=4,
-        label="peak of the 2 ms samples",
-    )
+    lower.plot(delta, peaks["amplitude_rps"], "o-", color=BLUE, label="peak before sampling")
+    lower.plot(delta, peaks["sampled_rps"], "s--", color=ORANGE, label="peak of the 2 ms samples")
     lower.plot(1e4 * np.array(list(printed)), list(printed.values()), **PRINTED)
     lower.set(xlabel=BACKLASH_LABEL, ylabel="amplitude $A$ [rps]")
     return finish(figure, 3)

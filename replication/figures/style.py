@@ -38,6 +38,8 @@ STYLE: dict[Any, Any] = {
     "xtick.labelsize": 8,
     "ytick.labelsize": 8,
     "legend.fontsize": 8,
+    "lines.markersize": 4,
+    "errorbar.capsize": 3,
     "axes.grid": True,
     "axes.axisbelow": True,
     "axes.spines.top": False,
