@@ -195,7 +195,9 @@ workbook.export(
         "figure09_dead_zone": (
             figure9,
             f"(a) Stiffness of equation 8 and (b) torque of equation 9 for {len(alphas)} values of alpha, and the "
-            f"clamped dead zone, at delta = {1e4 * delta_rad:g}·10⁻⁴ rad (dotted: the edges of the gap). In mid-gap "
+            f"clamped dead zone, at delta = {1e4 * delta_rad:g}·10⁻⁴ rad (dotted: the edges of the gap). The scale of "
+            "(a) is logarithmic, because a sharp edge leaves little in the gap; the clamped stiffness there is 0. In "
+            "(b) the curves of large alpha lie on the clamped one within the line's width. In mid-gap "
             f"{100 * fitting['middle_share']:.2g} % of the stiffness is left {at_alpha}, and the torque jumps by "
             f"{fitting['jump_nm']:.2g} N m. Softer edges leave more, but do not fit the public records (notebook 18).",
         )

@@ -228,12 +228,12 @@ if least["explained_percent"] < 50:
 # | equation 10 | $A$ of the global fit | peaks of the paper's joint before sampling, as printed |
 # | amplitude, calibrated | $A$ of the global fit | what the same fit reads from the identified joint's records |
 # | waveform | the whole settled turn | turns of the identified joint |
-# | self | the joint and its backlash, from each log (notebook 14) | the log itself |
-# | self, shared joint | the same | all logs of the bench until then |
+# | self-calibrating | the joint and its backlash, from each log (notebook 14) | the log itself |
+# | self-calibrating, one joint for all logs | the same | all logs of the bench until then |
 #
 # None of the first three is calibrated on the bench itself, as the paper's is not; their intervals hold the log's
-# noise, and by how much benches differ from the paper's joint. A sensor calls at the first test whose estimate reaches
-# the limit.
+# noise, and by how much benches differ from the paper's joint. A sensor raises an alarm at the first test whose
+# estimate reaches the limit.
 
 # %%
 bench = joints.draw_bench(np.random.default_rng(bench_seed))
@@ -258,7 +258,7 @@ tests = pd.concat(
 wear_figure = study_plots.wear(tests, limit_rad)
 
 # %% [markdown]
-# The calls, counted from the day on which the true backlash reaches the limit. *Early* is before that day, *late* more
+# The alarms, counted from the day on which the true backlash reaches the limit. *Early* is before that day, *late* more
 # than one interval between tests after it, *missed* never. Errors [rad] and intervals are those of all tests.
 
 # %%
@@ -278,8 +278,6 @@ calls = pd.DataFrame(
         "late": delay.agg(lambda days: (days > interval_days).sum()),
         "missed": delay.agg(lambda days: days.isna().sum()),
         "median_days": delay.median(),
-        "earliest_days": delay.min(),
-        "latest_days": delay.max(),
         "mean_error_rad": error.mean(),
         "sd_error_rad": error.std(),
         "covered_percent": 100 * covered.mean(),
@@ -341,10 +339,10 @@ workbook.export(
         "table3_wear": (
             wear_figure,
             "Eight months of wear on simulated benches. (a) to (e) The first bench as each sensor reads it, with 95 % "
-            f"intervals. (f) Share of {worn_benches} benches that a sensor has called, by the days from the true "
-            "crossing of the limit to the call; a perfect sensor calls at the next test, in the grey band. The errors "
-            f"of the sensors that calibrate themselves have an SD of {1e4 * errors['self']:.2f}·10⁻⁴ and "
-            f"{1e4 * errors['self, shared joint']:.2f}·10⁻⁴ rad, those of the others "
+            f"intervals. (f) Alarm delay of each sensor on {worn_benches} benches, from the day on which the true "
+            "backlash reaches the limit; a perfect sensor alarms within the grey band. The errors of the "
+            f"self-calibrating sensors have an SD of {1e4 * errors.iloc[-2]:.2f}·10⁻⁴ (each log alone) and "
+            f"{1e4 * errors.iloc[-1]:.2f}·10⁻⁴ rad (one joint for all logs), those of the others "
             f"{1e4 * errors[list(sensors)].min():.2f}·10⁻⁴ to {1e4 * errors[list(sensors)].max():.2f}·10⁻⁴ rad.",
         ),
     },
@@ -385,7 +383,7 @@ by_viscous = simulate(
 assert np.abs(by_coulomb - by_viscous).max() < 2e-4
 
 # %% [markdown]
-# **3.** A sensor without error calls at the first test after the limit is reached. How long after it, in the mean over
+# **3.** A sensor without error alarms at the first test after the limit is reached. How long after it, in the mean over
 # many wears? Leave out those that reach the limit after the last test.
 
 # %% tags=["solution"]

@@ -1,5 +1,6 @@
 """The paper's figures and tables as plots: data frames and arrays in, a matplotlib figure out."""
 
+import textwrap
 from collections.abc import Mapping, Sequence
 
 import matplotlib.pyplot as plt
@@ -7,7 +8,6 @@ import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.ticker import NullLocator
 
 from replication.arrays import FloatArray
 from replication.figures.style import (
@@ -80,7 +80,7 @@ def _above_residual(
     """Make a figure with a residual about zero in its lower panel, and give the upper panel."""
     figure, ((upper,), (lower,)) = grid(2, 1, height_in=4.0, sharex=True, height_ratios=(2, 1))
     lower.axhline(0, **THIN)
-    lower.plot(x, residual, line, color=BLUE, markersize=4, linewidth=0.9)
+    lower.plot(x, residual, line, color=BLUE, linewidth=0.9)
     lower.set(xlabel=labels[0], ylabel=labels[1])
     _centre(lower)
     letter_panels((upper, lower))
@@ -108,14 +108,14 @@ def table2(table: pd.DataFrame, own: pd.DataFrame, regions: pd.DataFrame) -> Fig
         axis.use_sticky_edges = False  # a region that ends at the frame would look cut
         axis.bar(regions.index, high - low, 0.7, low, color="0.86", zorder=0, label="95 % region")
         for part, side, label, look in (
-            (table, 0.14, "public realisations", {"marker": "o", "mfc": "none", "markersize": 4}),
-            (own, -0.14, "our realisations", {"marker": ".", "markersize": 4}),
+            (table, 0.14, "public realisations", {"marker": "o", "mfc": "none"}),
+            (own, -0.14, "our realisations", {"marker": "."}),
         ):
             values = part[f"{of}_A_rps"] * of_row.loc[part["row"]].to_numpy() - offset
             axis.plot(part["row"] + side, values, linestyle="none", color=BLUE, label=label, **look)
         axis.plot(regions.index, regions[of] * of_row - offset, **PRINTED)
     upper, lower = axes[:, 0]
-    theoretical = MARKS | {"marker": "+", "markersize": 8, "label": "theoretical $A$, printed"}
+    theoretical = MARKS | {"marker": "_", "markersize": 18, "label": "theoretical $A$, printed"}
     of_table = table.drop_duplicates("row").set_index("row")["theoretical_A_rps"]
     upper.plot(of_table.index, of_table * scale - 100, **theoretical)
     upper.set(title="mean of $A$", ylabel="deviation from printed [%]")
@@ -129,7 +129,8 @@ def basins(runs: pd.DataFrame, labels: FloatArray, title: str) -> Figure:
     """Where the runs on one record end: RMSE and |A| of each basin, the area and a count for its runs, 1 the best."""
     figure, ((axis,),) = grid(height_in=3.4)
     ends = pd.DataFrame({"rmse": runs["rmse_rps"], "A": runs["A_rps"].abs(), "basin": labels})
-    near = ends.groupby(["basin", ends["A"].round(1)], as_index=False).agg(
+    apart = ends["A"].sort_values().diff().gt(0.1).cumsum().rename("apart")
+    near = ends.groupby(["basin", apart], as_index=False).agg(
         rmse=("rmse", "mean"), A=("A", "mean"), runs=("A", "size"), basin=("basin", "first")
     )
     is_best = near["basin"] == 1
@@ -164,8 +165,8 @@ def protocol_verdicts(verdicts: pd.DataFrame, signs: Mapping[str, str]) -> Figur
     other numbers of the table leave the candidate.
     """
     names = verdicts["protocol"].unique()
-    figure, axes = grid(1, 2, height_in=0.3 * len(names) + 1.2, sharey=True)
-    colours = {"reproduced": BLUE, "differs": ORANGE, "undecided": "0.75"}
+    figure, axes = grid(1, 2, height_in=0.32 * len(names) + 1.2, sharey=True)
+    colours = {"reproduced": BLUE, "differs": ORANGE, "undecided": "0.85"}
     for axis, (of, part) in zip(axes[0], verdicts.groupby("of", sort=False), strict=True):
         y = part["protocol"].map(list(names).index)
         edges = part["verdict"].map(colours)
@@ -179,24 +180,23 @@ def protocol_verdicts(verdicts: pd.DataFrame, signs: Mapping[str, str]) -> Figur
         axis.grid(visible=False)
     for verdict, colour in colours.items():
         axis.scatter([], [], 90, marker="s", color=colour, label=verdict)
-    axes[0, 0].set_yticks(range(len(names)), names)
+    axes[0, 0].set_yticks(range(len(names)), [textwrap.fill(name, 20) for name in names])
     return finish(figure, 3)
 
 
 @in_style
 def protocol_posterior(posterior: pd.DataFrame) -> Figure:
     """Show the share of each candidate, for the unit and the start over the population."""
-    figure, ((axis,),) = grid(height_in=2.8)
+    figure, ((axis,),) = grid(height_in=3.2)
     kinds = posterior.groupby("kind", sort=False)
     for (kind, part), marker in zip(kinds, "osd^v", strict=False):
         ordered = part.sort_values("population")
         axis.plot(ordered["population"], ordered["share"], marker + "-", label=kind)
-    axis.set(xlabel="population", ylabel="share [-]", ylim=(-0.03, 1.03), xscale="log")
+    axis.set(xlabel="population", ylabel="share of belief [-]", xscale="log")
     ticks = sorted(posterior["population"].unique())
-    axis.set_xticks(ticks, [str(tick) for tick in ticks])
-    axis.xaxis.set_minor_locator(NullLocator())
-    axis.legend()
-    return figure
+    axis.set_xticks(ticks, ticks)
+    axis.minorticks_off()
+    return finish(figure, 3)
 
 
 @in_style
@@ -224,18 +224,21 @@ def characteristic(
 def dead_zone(curves: pd.DataFrame, delta_rad: float) -> Figure:
     """Figure 9: stiffness and torque of equations 8 and 9 against the displacement, and the clamped dead zone."""
     figure, ((upper,), (lower,)) = grid(2, 1, height_in=5.0, sharex=True)
-    dashes = ("-", "--", "-.", ":", (0, (6, 2)))
+    stiffness = curves["stiffness_nm_per_rad"]
+    dashes = ("-", "--", "-.", ":")
     for k, (alpha, curve) in enumerate(curves.groupby("alpha_per_rad", sort=False)):
-        line = {"linestyle": dashes[k % 5], "linewidth": max(2.4 - 0.4 * k, 0.8)}
-        power = f"$\\alpha = 10^{{{np.log10(alpha):.3g}}}$ rad$^{{-1}}$"
-        label = power if np.isfinite(alpha) else "clamped dead zone"
+        line = {"linestyle": dashes[k % 4], "linewidth": max(2.4 - 0.4 * k, 1.2)}
+        label = f"$\\alpha = 10^{{{np.log10(alpha):.3g}}}$ rad$^{{-1}}$"
+        if np.isinf(alpha):
+            label, line = "clamped dead zone", THIN
         x = 1e4 * curve["delta_theta_rad"]
-        upper.plot(x, 1e-3 * curve["stiffness_nm_per_rad"], label=label, **line)
+        upper.plot(x, curve["stiffness_nm_per_rad"], label=label, **line)
         lower.plot(x, curve["torque_nm"], **line)
     for axis in (upper, lower):
         for edge in (-delta_rad, delta_rad):
             axis.axvline(1e4 * edge, color="0.5", **DOTTED)
-    upper.set(ylabel="stiffness $K_{BL}$ [kN m/rad]")
+    upper.set(ylabel="stiffness $K_{BL}$ [N m/rad]", yscale="log")
+    upper.set_ylim(stiffness[stiffness > 0].min() / 3)
     lower.set(
         xlabel="displacement $\\Delta\\theta$ [$10^{-4}$ rad]",
         ylabel="torque $\\tau_l$ on the load [N m]",
@@ -270,10 +273,8 @@ def validation(table: pd.DataFrame) -> Figure:
     delta = 1e4 * table["delta_rad"]
     used = table["used_in_fit"]
     for axis, values in ((left, 100 * table["nrmse"]), (right, table["peak_error_percent"])):
-        axis.plot(
-            delta[used], values[used], "s", color=BLUE, markersize=5, label="level used in the fit"
-        )
-        open_circle = {"mfc": "none", "color": ORANGE, "markersize": 5}
+        axis.plot(delta[used], values[used], "s", color=BLUE, label="level used in the fit")
+        open_circle = {"mfc": "none", "color": ORANGE}
         axis.plot(delta[~used], values[~used], "o", label="level left out", **open_circle)
         axis.set(xlabel=BACKLASH_LABEL)
     left.set(ylabel="RMSE over the record's SD [%]", ylim=(0, None))
@@ -309,17 +310,8 @@ def growth(
     upper.set(xlabel="time in a settled turn [s]", ylabel="disturbance $v - v_t$ [rps]")
     figure.colorbar(shades, ax=upper, label=BACKLASH_LABEL)
     delta = 1e4 * peaks["delta_rad"]
-    lower.plot(
-        delta, peaks["amplitude_rps"], "o-", color=BLUE, markersize=4, label="peak before sampling"
-    )
-    lower.plot(
-        delta,
-        peaks["sampled_rps"],
-        "s--",
-        color=ORANGE,
-        markersize=4,
-        label="peak of the 2 ms samples",
-    )
+    lower.plot(delta, peaks["amplitude_rps"], "o-", color=BLUE, label="peak before sampling")
+    lower.plot(delta, peaks["sampled_rps"], "s--", color=ORANGE, label="peak of the 2 ms samples")
     lower.plot(1e4 * np.array(list(printed)), list(printed.values()), **PRINTED)
     lower.set(xlabel=BACKLASH_LABEL, ylabel="amplitude $A$ [rps]")
     return finish(figure, 3)
