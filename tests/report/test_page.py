@@ -73,10 +73,9 @@ def test_every_drawing_has_its_caption_and_its_notebook():
 
 def marks(drawing):
     """Coordinates of a drawing's marks, and its styles but for what they refer to."""
-    elements = [
-        e for e in ElementTree.fromstring(drawing).iter() if e.tag.endswith(("path", "use"))
-    ]
-    placed = " ".join(e.get(name, "") for e in elements for name in ("d", "x", "y"))
+    moved = re.sub(r'(<use [^>]*)transform="translate\((\S+) (\S+)\)"', r'\1x="\2" y="\3"', drawing)
+    elements = [e for e in ElementTree.fromstring(moved).iter() if e.tag.endswith(("path", "use"))]
+    placed = " ".join(e.get("d") or f"{e.get('x', 0)} {e.get('y', 0)}" for e in elements)
     styles = [re.sub(r"\s|url\(.*?\)", "", e.get("style", "")) for e in elements]
     return np.array(re.findall(r"-?[\d.]+", placed), float), styles
 
@@ -91,8 +90,8 @@ def test_a_reduced_drawing_has_the_same_marks_within_a_tenth_of_a_point(file):
     (before, styles_before), (after, styles_after) = marks(whole), marks(small)
     assert np.abs(before - after).max() < 0.0501
     assert styles_before == styles_after
-    known = set(re.findall(r' id="(\w+)"', small))
-    assert set(re.findall(r'(?<=href="#)\w+|(?<=url\(#)\w+', small)) <= known
+    known = set(re.findall(r' id="([\w-]+)"', small))
+    assert set(re.findall(r'(?<=href="#)[\w-]+|(?<=url\(#)[\w-]+', small)) <= known
 
 
 def test_no_link_of_any_page_is_dead(site):

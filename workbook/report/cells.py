@@ -1,7 +1,6 @@
 """Printed numbers and claims beside ours: a `Cell` for each number of the paper, with its judgements."""
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
 from decimal import Decimal, InvalidOperation
 from functools import cached_property
@@ -20,7 +19,6 @@ WORDS = published.verdict_words()
 SIGNS = WORDS["sign"].to_dict()
 MEANINGS = WORDS.loc[WORDS["meaning"] != "", "meaning"].to_dict()
 SOURCES = {"authors": "authors' data", "simulated": "our simulation", "stand-in": "stand-in"}
-PICTURE_WIDTH = 240
 
 
 @dataclass(frozen=True)
@@ -113,16 +111,6 @@ class Cell:
         if text and self.unit.startswith("range of "):
             return f"{text} of {self.unit.split()[2]}'s range"
         return text
-
-    def scale(self, judgement: Judgement) -> Callable[[float], float]:
-        """From a number to its place in a picture of the region, the printed number and ours."""
-        ends = filter(math.isfinite, (judgement.low, judgement.high, judgement.reproduced))
-        points = [self.value, *ends]
-        margin = 0.08 * (max(points) - min(points)) or abs(max(points)) or 1.0
-        low, high = min(points) - margin, max(points) + margin
-        return lambda value: round(
-            PICTURE_WIDTH * (min(max(value, low), high) - low) / (high - low), 1
-        )
 
 
 def judged_cells(verdicts: pd.DataFrame) -> dict[str, Cell]:

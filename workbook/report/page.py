@@ -13,7 +13,7 @@ from workbook.report import TEMPLATES, markdown, pages
 from workbook.report.cells import judged_cells, judged_claims
 from workbook.report.crate import describe_results
 from workbook.report.facts import collect_facts, fill, fill_in_findings
-from workbook.report.figures import load_pictures
+from workbook.report.figures import load_pictures, share
 from workbook.report.tables import LAYOUTS
 
 
@@ -24,7 +24,7 @@ def render_report(results: Path, notebooks: Path, verdicts: pd.DataFrame, apart:
     errata, trail = published.errata().reset_index(), published.trail()
     errata["computed"] = [fill(text, facts) for text in errata["computed"]]
     trail["counts"] = [fill(text, facts) for text in trail["counts"]]
-    return TEMPLATES.get_template("report.html.j2").render(
+    page = TEMPLATES.get_template("report.html.j2").render(
         apart=apart,
         root="../../.." if apart else "..",
         facts=facts,
@@ -34,6 +34,8 @@ def render_report(results: Path, notebooks: Path, verdicts: pd.DataFrame, apart:
         cells=cells,
         footnotes={cell: number for number, cell in enumerate(cells, start=1)},
         drawn={"runs": {}, "by_protocol": {}} | pages.load_drawn(results, "report"),
+        trace=pages.load_drawn(results, "signature_explorer"),
+        candidates=_rows(results, "table2_protocols"),
         pictures=load_pictures(results),
         map=published.paper_map().set_index("element").to_dict("index"),
         code_line=code_line,
@@ -49,6 +51,7 @@ def render_report(results: Path, notebooks: Path, verdicts: pd.DataFrame, apart:
         versions=_versions(results),
         stale=provenance.stale(results),
     )
+    return share(page)
 
 
 @cache
