@@ -93,20 +93,23 @@ def test_printed_numbers_are_counted_once_by_element_column_and_who_decides():
     )
     found = facts.count_verdicts(verdicts, claims)
     expected = {
-        **{"printed": 3, "evidence": 2, "differs": 1, "reproduced": 1, "standin": 1, "erratum": 0},
-        **{"tolerance_reproduced": 1, "tolerance_differs": 1, "simulated_reproduced": 1},
-        **{
-            "table2_differs": 1,
-            "table2_mean_differs": 1,
-            "table2_mean_reproduced": 0,
-            "table4_standin": 1,
-        },
-        **{
-            "claims_holds": 2,
-            "claims_does_not_hold": 1,
-            "claims_answers_changed": 1,
-            "claims_undecided": 0,
-        },
+        "printed": 3,
+        "evidence": 2,
+        "differs": 1,
+        "reproduced": 1,
+        "standin": 1,
+        "erratum": 0,
+        "tolerance_reproduced": 1,
+        "tolerance_differs": 1,
+        "simulated_reproduced": 1,
+        "table2_differs": 1,
+        "table2_mean_differs": 1,
+        "table2_mean_reproduced": 0,
+        "table4_standin": 1,
+        "claims_holds": 2,
+        "claims_does_not_hold": 1,
+        "claims_answers_changed": 1,
+        "claims_undecided": 0,
     }
     assert {name: found[name] for name in expected} == expected
     fixed = [found[f"claims_{word}"] for word in ("fixed", "committed", "changed")]
@@ -121,13 +124,12 @@ def test_a_notebooks_facts_are_texts_counts_and_numbers_in_their_format(tmp_path
     monkeypatch.setenv("REPLICATION_NOTEBOOK", "01_signature_figure6")
     workbook.export(
         facts={
-            **{
-                "text": "so",
-                "count": np.int64(3),
-                "number": (0.12345, ".2f"),
-                "missing": (float("nan"), ".1f"),
-            },
-            **{"range": (pd.Series([3.0, np.nan, 1.0]), ".0f"), "nothing": ([], ".0f")},
+            "text": "so",
+            "count": np.int64(3),
+            "number": (0.12345, ".2f"),
+            "missing": (float("nan"), ".1f"),
+            "range": (pd.Series([3.0, np.nan, 1.0]), ".0f"),
+            "nothing": ([], ".0f"),
         }
     )
     exported = outcomes.load_outcomes(tmp_path / "results")["01_signature_figure6"]["facts"]
@@ -168,13 +170,13 @@ def test_the_finding_names_the_protocols_that_explain_the_table():
 def test_no_text_types_a_number_that_results_could_change(text):
     allowed = {
         "1",
-        "10",
         "2",
-        "30",
         "3",
         "4",
         "8",
+        "10",
         "13",
+        "30",
     }  # names: R = 1, equation 10, Table 2, 30 runs
     typed = re.findall(r"(?<![\w.{])\d+(?:\.\d+)?(?:e-?\d+)?(?![\w}])", IN_BRACES.sub("", text))
     assert set(typed) <= allowed
