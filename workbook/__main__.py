@@ -177,7 +177,7 @@ def readme(_: argparse.Namespace) -> int:
 def show(options: argparse.Namespace) -> int:
     """Print a cell, an element, a claim or an erratum with its verdict and reason."""
     name = rerun.squeeze(options.name)
-    notebooks = rerun.announce(name, RESULTS) if options.rerun else set()
+    notebooks = rerun.announce(name, RESULTS) if options.rerun else None
     from workbook.report import terminal
 
     print(terminal.show(name, RESULTS), flush=True)

@@ -53,17 +53,18 @@ def make_again(name: str, notebooks: set[str]) -> str:
     from workbook.report import terminal
 
     if cell := OF_ROW.fullmatch(name):
-        return terminal.align(_make_cell(int(cell[1]), cell[2]))
+        return terminal.align(_make_cell(name, int(cell[1]), cell[2]))
     with tempfile.TemporaryDirectory() as folder:
         for notebook in notebooks:
             execution.execute(notebook_files("py")[notebook], Path(folder))
         return terminal.show(name, Path(folder) / "results")
 
 
-def _make_cell(row: int, column: str) -> str:
+def _make_cell(name: str, row: int, column: str) -> str:
     """What the records give, or one kept and some fresh realisations beside the region of those kept."""
     import pandas as pd
 
+    from replication import published
     from replication.parallel import in_parallel
     from replication.replay import inspection, protocols
     from replication.statistics import predictive_region
@@ -71,8 +72,8 @@ def _make_cell(row: int, column: str) -> str:
     if column == "noise":
         return f"made again: {inspection.noise_amplitudes()[row - 1]:.6g} rps"
     if column == "theoretical":
-        peak = inspection.interpolated_peak_rps(protocols.clean_record(row))
-        return f"made again: {peak:.6g} rps"
+        record = protocols.clean_record(row)
+        return f"made again: {inspection.interpolated_peak_rps(record):.6g} rps"
     leader = protocols.CANDIDATES[protocols.LEADER]
     calls = [(leader, row, 1, seed) for seed in (protocols.STUDY_SEED, *FRESH_SEEDS)]
     made = pd.DataFrame(in_parallel(protocols.realise, calls, f"row {row}"))[f"{column}_A_rps"]
@@ -84,4 +85,4 @@ candidate: {leader.name}, the leading one; {protocols.RUNS} runs each
 the first kept: {kept.iloc[0]:.6g} rps; made again: {made[0]:.6g} rps
 fresh: {", ".join(made[1:].map("{:.6g}".format))} rps, with other noise and other seeds
 their region: {low:.6g} to {high:.6g} rps, from {kept.size} kept ones
-printed: {protocols.printed()[protocols.NUMBERS.index(column), row - 1]:g} rps"""
+printed: {published.value(name):g} rps"""
