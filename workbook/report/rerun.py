@@ -6,21 +6,11 @@ import tempfile
 from pathlib import Path
 
 from workbook.checkout import notebook_files
+from workbook.report import Unknown
 
 FRESH_SEEDS = range(36, 39)  # of realisations that the kept ones do not have
 # What a row gives without its notebook. Row 1's peak is that of a simulated record: notebook 4 has it.
 OF_ROW = re.compile(r"table2\.row(?!01\.t)(\d\d)\.(mean|sd|noise|theoretical)")
-
-
-class Unknown(ValueError):
-    """There is no such cell, element or claim, or no notebook makes it."""
-
-    exit_status = 2
-
-
-def squeeze(name: str) -> str:
-    """A cell's or an element's name as the results have it: "table2.row08.sd" for "Table 2.row8.SD"."""
-    return re.sub(r"\brow(\d)\b", r"row0\1", name.lower().replace(" ", ""))
 
 
 def announce(name: str, results: Path) -> set[str]:
