@@ -12,7 +12,6 @@ import sys
 from pathlib import Path
 
 from replication.files import ROOT, write_bytes
-from workbook import rerun
 from workbook.checkout import APART, OFFLINE, QUICK, RESULTS, lock, notebook_files, results_folder
 
 # Of an output that takes no more: whoever read a pipe has seen enough, or a disk is full.
@@ -176,8 +175,10 @@ def readme(_: argparse.Namespace) -> int:
 
 def show(options: argparse.Namespace) -> int:
     """Print a cell, an element, a claim or an erratum with its verdict and reason."""
-    name = rerun.squeeze(options.name)
-    notebooks = rerun.announce(name, RESULTS) if options.rerun else set()
+    from workbook.report import rerun, squeeze
+
+    name = squeeze(options.name)
+    notebooks = rerun.announce(name, RESULTS) if options.rerun else None
     from workbook.report import terminal
 
     print(terminal.show(name, RESULTS), flush=True)

@@ -19,7 +19,7 @@ from workbook.report import article, facts, markdown
 VERDICTS = judging.verdicts(RESULTS)
 ARTICLE = article.SOURCE.read_text("utf-8")
 IN_BRACES = re.compile(r"\{(\w+)\}")
-IN_ARTICLE = re.compile(r'\b(?:n|w|W|be|[aA]ll-of)\("(\w+)"')
+IN_ARTICLE = re.compile(r'\b(?:n|w|W|be|count|[aA]ll-of)\("(\w+)"')
 IN_TEMPLATE = re.compile(r"facts\.(\w+)")
 
 

@@ -9,8 +9,7 @@ import pandas as pd
 from replication import published
 from workbook import judging
 from workbook.outcomes import load_outcomes
-from workbook.report import TEMPLATES
-from workbook.rerun import squeeze
+from workbook.report import TEMPLATES, squeeze
 
 RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 POWER = re.compile(r"(?<![\w.])(\d+(?:\.\d+)?)e([+-]?\d+)\b")

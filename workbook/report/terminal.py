@@ -10,11 +10,10 @@ import pandas as pd
 
 from replication import published
 from workbook import judging
-from workbook.report import TEMPLATES
+from workbook.report import TEMPLATES, Unknown, squeeze
 from workbook.report.cells import SIGNS, Cell, judged_cells, judged_claims, notebook_source
 from workbook.report.facts import collect_facts, fill
 from workbook.report.tables import LAYOUTS, Entry, table_rows
-from workbook.rerun import Unknown, squeeze
 
 COLOURS = {"reproduced": 32, "holds": 32, "erratum": 35, "differs": 31, "does not hold": 31}
 WIDTH, LABEL_WIDTH = 100, 16
