@@ -27,7 +27,7 @@ STYLE = re.compile(r' style="([^" ]+)"')
 MOVED = re.compile(r'(<use [^>]*)transform="translate\(([-\d.]+) ([-\d.]+)\)"/>')
 FONT = "DejaVuSans-"
 CHARACTER = re.compile(rf'<path id="{FONT}[^>]*>')
-SHARED = re.compile(rf'(?<=["#])(?:{FONT}|\w+-i)\w+(?:-\w+)?(?=[")])')
+SHARED = re.compile(rf'(?<=["#])(?:{FONT}[\w-]+|\w+-i\d+)(?=[")])')
 COLOURS = 48  # enough for lines and markers with smooth edges; a third of the size
 DOTS_PER_SHOWN_DOT = 1.5
 
