@@ -86,6 +86,7 @@ class Cell:
     rel_tol: float
     tol_reason: str
     section: str
+    quote: str
     judgements: tuple[Judgement, ...]
 
     @property
