@@ -54,7 +54,7 @@ def test_a_verdict_by_evidence_changes_when_our_number_moves(cell, source, numbe
         low, high = interval(cell, numbers)
         width = min(high, low + abs(low) + 1) - low
         assert verdict(cell, moved(numbers, shift=1.01 * width), source) != now
-        if np.any([*numbers.values()] if isinstance(numbers, dict) else numbers):
+        if np.any(np.concatenate([*numbers.values()]) if isinstance(numbers, dict) else numbers):
             assert verdict(cell, moved(numbers, factor=1.3), source) != now
     else:
         printed = published.value(cell)
