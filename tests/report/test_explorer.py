@@ -168,7 +168,8 @@ def test_a_link_restores_what_was_shown(tab, file):
     for control in page.locator("main input:not([name]), [value='5']").all():
         control.press("ArrowRight")
         control.press("Space")
-    page.wait_for_function("!keeping")
+    while page.evaluate("!!keeping"):  # the pages' policy forbids a function that waits
+        page.wait_for_timeout(50)
     shown = page.evaluate(SHOWN)
     other.goto(page.url)
     assert other.evaluate(SHOWN) == shown
