@@ -38,14 +38,13 @@ def the_inertia_ratio(n):
 
 def another_gear(n):
     assert not n["compared"]
-    assert n["cells"] == {}
+    assert n["cells"]["simulated"] == {}  # the records still give their own peaks
     assert n["peak_change_percent"].mean() == pytest.approx(-7.4, abs=1)
 
 
 def louder_noise(n):
-    assert n["same_law"] < 0.01
-    decided = n["verdicts"].query("id.str.endswith('.mean')")["verdict"]
-    assert set(decided) == {"undecided"}
+    here, kept = (n[table].groupby("row")["mean_A_rps"].std() for table in ("own", "kept"))
+    assert (here / kept).median() > 2
 
 
 class _Name:
@@ -91,7 +90,7 @@ EDITS = {
         {"changes": {"inertia_ratio": 0.5}},
         the_inertia_ratio,
     ),
-    "noise": ("08_noise_table2", {"noise_factor": 2.0, "fresh": 5}, louder_noise),
+    "noise": ("08_noise_table2", {"noise_factor": 4.0, "fresh": 5}, louder_noise),
     "optimiser": (
         "09_identification",
         {
