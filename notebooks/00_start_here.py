@@ -59,6 +59,7 @@ import workbook
 from replication import characteristic, identify, published
 from replication.figures import style, teeth
 from replication.recording import add_uniform_noise
+from replication.signature import signature
 from replication.simulator.checks import closed_loop_matrix
 from replication.simulator.parameters import identified_joint, with_ratios
 from replication.simulator.recordings import simulate_recordings
@@ -490,7 +491,7 @@ print(answer)
 #
 # How to work: `make lab` opens copies of the notebooks, in `lab/`. Change the cell under *Parameters* and run all
 # cells; a wrong value is refused; the message lists valid ones. The exercises' solutions are folded. `python -m
-# replication diff --lab` lists the verdicts that a change moved. The [glossary](glossary.md) has the terms.
+# workbook diff --lab` lists the verdicts that a change moved. The [glossary](glossary.md) has the terms.
 
 # %% [markdown]
 # ## Verdict
@@ -528,8 +529,18 @@ explorer = {
     "printed_T_f": published.value("table1.T_f.max"),
     "backlash_rad": delta_rad,
 }
+one_turn = (log.t >= 3 * log.turn_period_s) & (log.t < 4 * log.turn_period_s)
+h = signature(log.t, best.X, identify.Protocol().timing)
+picture = {
+    "record": np.round((log.v - log.v.mean())[one_turn], 3).tolist(),
+    "signature": np.round(h[one_turn], 3).tolist(),
+    "A_rps": best.amplitude_rps,
+    "characteristic": [
+        [x, 1e3 * characteristic.equation_10().backlash_rad(x)] for x in np.linspace(0.2, 1.2, 11)
+    ],
+}
 workbook.export(
-    pages={"signature_explorer": explorer},
+    pages={"signature_explorer": explorer, "sensor": picture},
     figures={
         "start_joint": (
             start_joint,

@@ -337,9 +337,9 @@ workbook.export(
             "A fitted to a joint without backlash that one sinusoidal torque shakes, one log for each of "
             f"{frequencies.size} frequencies and {len(torque_shares)} torques, shares of the gravity torque m g r. The "
             "rps in the legend are the largest disturbance of the speed. A peaks near the ring's frequency and at odd "
-            "harmonics of the load's rotation; the horizontal lines are thresholds. Crosses: A's "
-            "interval contains zero, because the fit follows the slow response to gravity: at the first frequency and "
-            f"torque it ends at {sweep['low_rps'][0]:.1f} and {sweep['high_rps'][0]:.1f} rps.",
+            "harmonics of the load's rotation; the horizontal lines are thresholds. Crosses: A's interval contains "
+            "zero. At the first frequency and torque, where the fit follows the slow response to gravity, it ends at "
+            f"{sweep['low_rps'][0]:.1f} and {sweep['high_rps'][0]:.1f} rps.",
         ),
     },
     cells=cells,

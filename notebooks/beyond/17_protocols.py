@@ -87,13 +87,15 @@ workbook.check_parameters(
 # ### The candidates
 #
 # The largest p stands first. `bias` is the median of the pooled bias [%] of the candidate's tables (notebook 8). The
-# first result has no p of a population that was added after it.
+# first result has no p of a population that was added after it. `p, added alone` is that of the realisations which the
+# first result did not have: new noises and seeds.
 
 # %%
 level = published.criterion("random_start", criteria)
 used = pd.read_csv(protocols.REALISATIONS).query("realisation <= @most")
 judged = protocols.judge(used, level)
-first = protocols.judge(protocols.first_result(used), level)
+of_first = protocols.first_result(used)
+first, added = (protocols.judge(part, level) for part in (of_first, used.drop(of_first.index)))
 shown_columns = {
     "realisations": "N",
     "reading": "last column",
@@ -104,9 +106,13 @@ shown_columns = {
     "bias_percent": "bias",
     "p_printed_bias": "p of the printed bias",
 }
-earlier = first[["protocol", "reading", "p"]].rename(columns={"p": "p, first result"})
-shown_table = judged.merge(earlier, how="left").set_index("protocol")
-shown_table = shown_table[[*shown_columns, "p, first result"]].rename(columns=shown_columns)
+shown_table = judged
+for part, name in ((first, "p, first result"), (added, "p, added alone")):
+    shown_table = shown_table.merge(
+        part[["protocol", "reading", "p"]].rename(columns={"p": name}), how="left"
+    )
+    shown_columns[name] = name
+shown_table = shown_table.set_index("protocol")[[*shown_columns]].rename(columns=shown_columns)
 shown_table.map(lambda value: f"{value:.2g}" if isinstance(value, float) else value)
 
 # %% [markdown]
@@ -158,7 +164,7 @@ def verdicts_by(realisations):
     return pd.Series(given).value_counts()
 
 
-results = {"first result": verdicts_by(protocols.first_result(used)), "now": verdicts_by(used)}
+results = {"first result": verdicts_by(of_first), "now": verdicts_by(used)}
 both_results = pd.DataFrame(results).fillna(0).astype(int)
 both_results
 

@@ -34,7 +34,7 @@ def render_report(results: Path, notebooks: Path, verdicts: pd.DataFrame, apart:
         cells=cells,
         footnotes={cell: number for number, cell in enumerate(cells, start=1)},
         drawn={"runs": {}, "by_protocol": {}} | pages.load_drawn(results, "report"),
-        trace=pages.load_drawn(results, "signature_explorer"),
+        sensor=pages.load_drawn(results, "sensor"),
         candidates=_rows(results, "table2_protocols"),
         pictures=load_pictures(results),
         map=published.paper_map().set_index("element").to_dict("index"),
