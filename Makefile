@@ -77,7 +77,7 @@ data: .venv/.installed  ## fetch and verify the authors' data
 
 lab: .venv/.installed  ## JupyterLab on copies of the notebooks, in lab/
 	$(RUN) lab
-	JUPYTERLAB_SETTINGS_DIR=lab/.settings $(PY) -m jupyterlab $$([ "$$(id -u)" != 0 ] || echo --allow-root) --ServerApp.root_dir=lab --LabApp.default_url=/lab/tree/00_start_here.ipynb
+	JUPYTERLAB_SETTINGS_DIR=lab/.settings $(PY) -m jupyterlab $$([ "$$(id -u)" != 0 ] || echo --allow-root) --ServerApp.root_dir=lab --LabApp.default_url=/lab/tree/00_the_sensor.ipynb
 
 lint: .venv/.installed  ## style, format, types and spelling
 	$(PY) -m ruff check .

@@ -136,7 +136,7 @@ workbook.sliders(draw, log10_alpha=(4.0, 3.0, 6.0), delta_mrad=(1e3 * delta_rad,
 # This stiffness acts on $\Delta\theta - \delta\,\text{sign}(\Delta\theta)$, which inside the gap points to the nearer
 # edge: the teeth are pulled there. And where $\Delta\theta$ changes its sign the torque jumps by
 # $2 \delta K_{BL}(0, \delta)$. With the joint identified anew for each $\alpha$, the public records exclude $10^3$ and
-# $10^4$ per rad (notebook 18), so the verdict names the numbers at $10^5$, or at the value nearest to it.
+# $10^4$ per rad (notebook 16), so the verdict names the numbers at $10^5$, or at the value nearest to it.
 
 # %%
 facts = pd.DataFrame(
@@ -199,7 +199,7 @@ workbook.export(
             "(a) is logarithmic, because a sharp edge leaves little in the gap; the clamped stiffness there is 0. In "
             "(b) the curves of large alpha lie on the clamped one within the line's width. In mid-gap "
             f"{100 * fitting['middle_share']:.2g} % of the stiffness is left {at_alpha}, and the torque jumps by "
-            f"{fitting['jump_nm']:.2g} N m. Softer edges leave more, but do not fit the public records (notebook 18).",
+            f"{fitting['jump_nm']:.2g} N m. Softer edges leave more, but do not fit the public records (notebook 16).",
         )
     },
     claims=claims,

@@ -145,7 +145,7 @@ workbook.sliders(
 # %% [markdown]
 # ### The same from our own simulations
 #
-# The identified joint (notebook 3) at the same ten levels. In our reading $A$ is the largest disturbance $v - v_t$
+# The identified joint (notebook 9) at the same ten levels. In our reading $A$ is the largest disturbance $v - v_t$
 # [rps] of the [settled](glossary.md#settled) turns, before it is sampled at 2 ms; $v$ is the motor's speed, and $v_t$
 # the commanded one. These peaks lie on a much smoother line than the printed ones. The cubic's coefficients differ; the
 # line is nearly the same.
@@ -326,7 +326,7 @@ claims = {
     ),
     "encoder_step": (
         published.decide("encoder_step", step, criteria),
-        f"one step is 2 pi / 2^{bits:.0f} = {step:.3g} rad; what shows in a whole record is in notebook 18",
+        f"one step is 2 pi / 2^{bits:.0f} = {step:.3g} rad; what shows in a whole record is in notebook 16",
     ),
 }
 

@@ -29,15 +29,15 @@
 # ## Method
 #
 # A search looks for the seven parameters $X = [A, t_0, \tau, \omega, v_t, T_2, T_1]$ of the
-# [signature](glossary.md#signature) that have the lowest RMSE (equations 7 and 11, notebook 1). CMA-ES (N. Hansen's
+# [signature](glossary.md#signature) that have the lowest RMSE (equations 7 and 11, notebook 5). CMA-ES (N. Hansen's
 # [tutorial](https://doi.org/10.48550/arXiv.1604.00772)) draws $\lambda$ *members* in a *generation*, ranks them by
 # their RMSE, the *misfit*, and moves and reshapes the normal distribution that the next generation is drawn from.
 # Equations 12 to 17 stand below, each beside the cell that computes it. `search.py` is the same in a page of array
-# code, with the constants of the authors' library; notebook 1 shows that it reproduces their stored runs.
+# code, with the constants of the authors' library; notebook 5 shows that it reproduces their stored runs.
 #
 # The authors' notebook stores what their [runs](glossary.md#run) really did: the whole record, the box of $A$ widened
 # by 1.3, $T_d$ = 0.2 s and $T_f$ = 0.4 s, a population of 300 and at most 200 generations. That is `Protocol()`.
-# Notebook 17 asks whether Table 2 was printed with these settings.
+# Notebook 15 asks whether Table 2 was printed with these settings.
 
 # %%
 import math
@@ -112,7 +112,7 @@ tried.pivot(index="cell", columns="shift", values="replayed").loc[tried["cell"].
 # %% [markdown]
 # Twelve bounds are where they are printed: there all 30 stored runs replay; with a shift of 0.01 fewer do, mostly none
 # or one. The two of $A$ are not: the stored runs had 1.3 times the printed box, which their notebook's own comment
-# calls a later change. Which box printed Table 2 cannot be determined (notebook 17). `table1_cells` takes the bound at
+# calls a later change. Which box printed Table 2 cannot be determined (notebook 15). `table1_cells` takes the bound at
 # which most runs replay; those of $A$, $t_0$ and $v_t$ are given as fractions of the record's range.
 
 # %%

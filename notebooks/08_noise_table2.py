@@ -42,10 +42,10 @@
 # [realisations](glossary.md#realisation) of each level. Which noise Table 2 was computed from is not said. But the law
 # of the noise is known, so as many realisations can be made as are wanted: the clean record plus our uniform noise of
 # the printed amplitude, and 30 runs with seeds of their own. Row 1's clean record (K = 2) is not public: the identified
-# joint (notebook 3) takes its place. The last row is constant speed plus noise. The sign of $A$ is dropped, because
+# joint (notebook 9) takes its place. The last row is constant speed plus noise. The sign of $A$ is dropped, because
 # $(A, t_0)$ and $(-A, t_0 \pm T_d)$ are the same signal; only pure noise keeps it.
 #
-# **Protocols.** Which settings printed Table 2 is not known either. [Notebook 17](beyond/17_protocols.ipynb) judges
+# **Protocols.** Which settings printed Table 2 is not known either. [Notebook 15](beyond/15_protocols.ipynb) judges
 # candidate protocols, each by its own realisations, which take an hour or more (`make studies NAME=protocols`) and
 # are kept in `table2_realisations.csv`. Here a fresh sample of the leading candidate (rpm about the mean, Table 1's
 # box, a population of 600) is made and compared with these numbers.

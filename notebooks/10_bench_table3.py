@@ -27,7 +27,7 @@
 #
 # On a real joint with [backlash](glossary.md#backlash) measured by hand, 30 [runs](glossary.md#run) each, the mean of
 # $A$ is within 9 % of its known value (section "Testing on real-world data from the test bench", Table 3). Friction
-# and eight months of wear are in notebook 15.
+# and eight months of wear are in notebook 10.
 #
 # ## Method
 #
@@ -41,7 +41,7 @@
 #
 # $$A(\delta) = A_i + (A_{i+1} - A_i)\,\frac{\delta - \delta_i}{\delta_{i+1} - \delta_i}.$$
 #
-# The stand-in is the identified joint (notebook 3) with what a bench has and the simulator has not: every parameter
+# The stand-in is the identified joint (notebook 9) with what a bench has and the simulator has not: every parameter
 # drawn around the identified one, friction, torque ripple at one and six periods a motor turn, eccentricity of the
 # belt and of the load's gear, an unknown start angle. Friction is Coulomb's and viscous, on the motor and on the load,
 #
@@ -251,7 +251,7 @@ table.astype(object).set_index("row").T
 # %% [markdown]
 # ### Other benches
 #
-# How the errors of $A$ scatter over benches of the same spread, each log read by the global fit (notebook 9).
+# How the errors of $A$ scatter over benches of the same spread, each log read by the global fit (notebook 8).
 
 # %%
 population = bench_standin.bench_population(

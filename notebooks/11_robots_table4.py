@@ -51,7 +51,7 @@
 #
 # $$T^* = \arg\max_T \left[ d(T) - f(T) \right].$$
 #
-# These robots are fitted by the global fit (notebook 9), one fit a robot. The real logs' loader would go where the
+# These robots are fitted by the global fit (notebook 8), one fit a robot. The real logs' loader would go where the
 # bench's goes (notebook 10).
 
 # %%

@@ -1,4 +1,4 @@
-"""Decisions on the paper's prose claims that belong to no single figure or table (notebook 18).
+"""Decisions on the paper's prose claims that belong to no single figure or table (notebook 16).
 
 A study gives a table. A decision reduces it to the numbers that the claim's rule in
 `data/claims.csv` reads.

@@ -68,31 +68,31 @@ def half_a_milliradian(n):
 
 
 PROPOSED = {
-    "01_signature_figure6": ('cost = "L1"', "turn_period_s = 0.408"),
+    "05_signature_figure6": ('cost = "L1"', "turn_period_s = 0.408"),
     "06_characteristic_figure12": ('reading = "energy"',),
     "07_protocol_table1": ("population = 20", "sigma = 0.02"),
 }
 EDITS = {
     "box": ("07_protocol_table1", {"box": {"frequency_hz": (1.0, 15.0)}}, narrow_box),
     "turn period of the joint": (
-        "05_growth_figure11",
+        "04_growth_figure11",
         {"commanded_speed_rps": 50.0},
         another_speed,
     ),
-    "friction": ("04_simulator_figure10", {"friction_share": 0.02}, friction),
+    "friction": ("03_simulator_figure10", {"friction_share": 0.02}, friction),
     "motor inertia": (
-        "04_simulator_figure10",
+        "03_simulator_figure10",
         {"changes": {"motor_inertia_kgm2": 2.0}},
         the_motors_inertia,
     ),
     "inertia ratio": (
-        "04_simulator_figure10",
+        "03_simulator_figure10",
         {"changes": {"inertia_ratio": 0.5}},
         the_inertia_ratio,
     ),
     "noise": ("08_noise_table2", {"noise_factor": 4.0, "fresh": 5}, louder_noise),
     "optimiser": (
-        "09_identification",
+        "17_identification",
         {
             **{
                 "optimiser": _Name(),
@@ -105,8 +105,8 @@ EDITS = {
         },
         another_optimiser,
     ),
-    "0.5 mrad end to end": ("00_start_here", {"backlash_mrad": 0.5}, half_a_milliradian),
-    "gear ratio": ("04_simulator_figure10", {"changes": {"gear_ratio": 1.25}}, another_gear),
+    "0.5 mrad end to end": ("00_the_sensor", {"backlash_mrad": 0.5}, half_a_milliradian),
+    "gear ratio": ("03_simulator_figure10", {"changes": {"gear_ratio": 1.25}}, another_gear),
 }
 
 

@@ -21,9 +21,9 @@ from workbook import judging
 
 # Changes that touch different results are made in one run, to save time.
 TOGETHER = {
-    "03_identification_of_the_joint": [["alphas = [1e3]", 'profiled = "leaky_rate_per_s"']],
-    "05_growth_figure11": [["noise_rps = 0.18", 'changes = {"gravity_per_s2": 1.2}']],
-    "09_identification": [["level = 13", "strategy_runs = 30"]],
+    "09_identification_of_the_joint": [["alphas = [1e3]", 'profiled = "leaky_rate_per_s"']],
+    "04_growth_figure11": [["noise_rps = 0.18", 'changes = {"gravity_per_s2": 1.2}']],
+    "17_identification": [["level = 13", "strategy_runs = 30"]],
     "11_robots_table4": [["coupling = 0.0", "loud_coupling = 0.3"]],
     "13_readings_compared": [
         [
@@ -32,8 +32,8 @@ TOGETHER = {
             'left_out = ["load Coulomb friction", "load viscous friction"]',
         ]
     ],
-    "17_protocols": [['shown = "authors\' notebook"', 'criteria = {"random_start": 0.2}']],
-    "18_claims": [['criteria = {"quality_decreases": 0.2}', "turns = [1, 3]"]],
+    "15_protocols": [['shown = "authors\' notebook"', 'criteria = {"random_start": 0.2}']],
+    "16_claims": [['criteria = {"quality_decreases": 0.2}', "turns = [1, 3]"]],
 }
 
 
@@ -402,12 +402,12 @@ def the_error_falls_by_less(n):
 
 
 OUTCOMES = {
-    "00_start_here": {
+    "00_the_sensor": {
         "backlash_mrad = 1.5": a_larger_ring_and_a_smaller_error,
         "friction_share = 0.05": equation_10_finds_little_more_than_half,
         "noise_rps = 0.0": equation_10_errs_as_much_without_noise,
     },
-    "01_signature_figure6": {
+    "05_signature_figure6": {
         "run = 1": a_run_of_the_commonest_basin,
         "turn_period_s = 0.408": figure_6_barely_changes_and_the_fit_misses_half_of_A,
         'cost = "L1"': another_cost_gives_a_larger_A_in_the_same_basin,
@@ -417,17 +417,17 @@ OUTCOMES = {
         "delta_rad = 3e-4": five_times_more_stiffness_left,
         "alphas = [4e5]": a_tenth_of_a_percent_left,
     },
-    "03_identification_of_the_joint": {
+    "09_identification_of_the_joint": {
         "alphas = [1e3]": the_misfit_exceeds_the_signal,
         'profiled = "leaky_rate_per_s"': the_misfit_hardly_rises,
         "alphas = [1e9]": the_misfit_of_the_clamped_dead_zone,
     },
-    "04_simulator_figure10": {
+    "03_simulator_figure10": {
         'changes = {"stiffness_per_s2": 1.05}': nearly_six_times_the_misfit,
         'changes = {"start_angle_rad": 0.5}': three_quarters_missed,
         "level = 13": within_the_lines_width,
     },
-    "05_growth_figure11": {
+    "04_growth_figure11": {
         "noise_rps = 0.18": noise_over_figure_5,
         'changes = {"gravity_per_s2": 1.2}': every_amplitude_grows,
         "speed_level = 2": a_quarter_as_high,
@@ -447,7 +447,7 @@ OUTCOMES = {
         "fresh = 3": table_2_is_decided_as_before,
         'criteria = {"local_minima": 0.95}': the_claim_on_local_minima_fails,
     },
-    "09_identification": {
+    "17_identification": {
         "level = 13": the_global_fit_is_still_the_lowest,
         "strategy_runs = 30": the_intervals_narrow,
         "budget = 120000": restarts_succeed_in_most_runs,
@@ -467,7 +467,7 @@ OUTCOMES = {
         "log_turns = 4": answers_with_wider_intervals,
         "bench_seed = 4": your_own_calibration_still_beats_the_papers,
     },
-    "15_friction_and_wear": {
+    "18_friction_and_wear": {
         "judged_shares = [0.005]": half_a_percent_of_friction_may_be_disregarded,
         "judged_shares = [0.05]": five_percent_of_friction_takes_more_than_a_quarter,
         'criteria = {"friction_disregarded": 2}': no_friction_may_be_disregarded,
@@ -482,12 +482,12 @@ OUTCOMES = {
         "false_alarm_rate = 0.1": more_false_alarms_and_a_smaller_backlash_seen,
         'left_out = ["load Coulomb friction", "load viscous friction"]': without_friction_all_but_the_joint_err_less,
     },
-    "17_protocols": {
+    "15_protocols": {
         'shown = "authors\' notebook"': its_printed_numbers_are_ranked,
         'criteria = {"random_start": 0.2}': fewer_candidates_are_left,
         "most = 40": regions_reach_from_end_to_end,
     },
-    "18_claims": {
+    "16_claims": {
         'criteria = {"quality_decreases": 0.2}': the_quality_would_decrease,
         'criteria = {"same_amplitude": 0.005}': some_half_turns_differ,
         "turns = [1, 3]": the_error_falls_by_less,

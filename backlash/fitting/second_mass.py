@@ -20,7 +20,7 @@ from replication.arrays import FloatArray
 # it sits on it.
 _RINGS_HZ, _DAMPING = np.geomspace(8.0, 80.0, 31), 0.03
 # Probability that a joint has one at all: nobody knows. SD of its share of the inertia; of either
-# sign, for it stands for whatever else the load does that the joint of notebook 3 does not.
+# sign, for it stands for whatever else the load does that the joint of notebook 9 does not.
 _PROBABILITY, _SHARE = 0.5, 0.1
 
 

@@ -1,6 +1,6 @@
 """The backlash of a joint that nobody calibrated: the whole simulated joint fitted to one log.
 
-A maximum a posteriori fit of the joint of notebook 3 to the harmonics of a record's mean turn. The
+A maximum a posteriori fit of the joint of notebook 9 to the harmonics of a record's mean turn. The
 posterior is taken as normal around its maximum (Laplace's approximation), mixed over how the speed
 was measured and what else may swing on the load, and widened by what the residual says.
 """

@@ -41,7 +41,7 @@
 # the motor's harmonics are excluded. First turns that still ring are left out, and lines between the harmonics are
 # taken off.
 #
-# *The model* is the joint of notebook 3 with its differencing drive, simulated until its turn has settled. Its unknowns
+# *The model* is the joint of notebook 9 with its differencing drive, simulated until its turn has settled. Its unknowns
 # $z$ are the backlash $\delta$ [rad] and the phase $\varphi$ [rad] of the log's first sample, which have no prior, and
 # the $z_j$ with a normal prior of mean $m_j$ and SD $s_j$: the load's friction over gravity (SD 0.1), the logarithms of
 # stiffness, gravity, inertia ratio, speed and integral gain over those of the paper's joint (SD 0.2), those of the rest

@@ -5,7 +5,7 @@ import pytest
 from tests.tools.changes import NOTEBOOKS, changes, check, parse, run, says_what_happened
 
 # Notebooks that take a second once their code is compiled.
-FAST = ("02_dead_zone_figure9", "17_protocols")
+FAST = ("02_dead_zone_figure9", "15_protocols")
 
 
 @pytest.mark.parametrize("notebook", NOTEBOOKS)
@@ -33,7 +33,7 @@ def test_a_notebook_runs_with_a_change_and_says_what_happened(notebook, change, 
             "'load_frictoin' should be one of .*'load_friction'",
         ),
         (
-            "15_friction_and_wear",
+            "18_friction_and_wear",
             {"judged_shares": [0.033]},
             r"judged_shares = \[0.033\]: 0.033 should be one of",
         ),

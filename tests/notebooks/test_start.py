@@ -18,7 +18,7 @@ from workbook import plain_animation
 @pytest.fixture(scope="module")
 def after(tmp_path_factory):
     """Variables of the notebook after a run."""
-    return run_notebook("00_start_here", {}, tmp_path_factory.mktemp("start"))
+    return run_notebook("00_the_sensor", {}, tmp_path_factory.mktemp("start"))
 
 
 def test_the_written_out_equations_give_the_simulated_speed(after):

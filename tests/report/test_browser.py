@@ -10,7 +10,7 @@ VERDICTS = judging.verdicts(RESULTS)
 WIDTHS = (390, 820, 1440)
 PAGES = (
     "report.html",
-    "pages/00_start_here.html",
+    "pages/00_the_sensor.html",
     "pages/08_noise_table2.html",
     "pages/signature_explorer.html",
     "pages/replay_explorer.html",

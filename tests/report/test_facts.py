@@ -54,7 +54,7 @@ def test_every_fact_is_named_in_a_text_and_exported_by_one_notebook():
 
 def test_a_fact_that_moves_moves_the_texts(tmp_path):
     shutil.copytree(RESULTS / "outcomes", tmp_path / "outcomes")
-    file = tmp_path / "outcomes" / "01_signature_figure6.json"
+    file = tmp_path / "outcomes" / "05_signature_figure6.json"
     outcome = json.loads(file.read_text("utf-8"))
     outcome["facts"] |= {"replayed": "1234", "replay_apart": "7e-08"}
     file.write_text(json.dumps(outcome), encoding="utf-8")
@@ -121,7 +121,7 @@ def test_printed_numbers_are_counted_once_by_element_column_and_who_decides():
 
 def test_a_notebooks_facts_are_texts_counts_and_numbers_in_their_format(tmp_path, monkeypatch):
     monkeypatch.setenv("REPLICATION_OUT", str(tmp_path))
-    monkeypatch.setenv("REPLICATION_NOTEBOOK", "01_signature_figure6")
+    monkeypatch.setenv("REPLICATION_NOTEBOOK", "05_signature_figure6")
     workbook.export(
         facts={
             "text": "so",
@@ -132,7 +132,7 @@ def test_a_notebooks_facts_are_texts_counts_and_numbers_in_their_format(tmp_path
             "nothing": ([], ".0f"),
         }
     )
-    exported = outcomes.load_outcomes(tmp_path / "results")["01_signature_figure6"]["facts"]
+    exported = outcomes.load_outcomes(tmp_path / "results")["05_signature_figure6"]["facts"]
     assert exported == {
         "text": "so",
         "count": "3",

@@ -34,11 +34,11 @@ from workbook.execution import NotebookFailed, execute
 
 # Where a constant is tried: the cheap notebooks that use it, with the parameters that make them cheap.
 SEARCH = {
-    "01_signature_figure6": {},
+    "05_signature_figure6": {},
     "07_protocol_table1": {"repeats": 1, "rows": [1], "variants": ["authors' notebook"]},
 }
-RECORDS = {"01_signature_figure6": {}, "04_simulator_figure10": {}}
-SIMULATION = {"04_simulator_figure10": {}, "06_characteristic_figure12": {}}
+RECORDS = {"05_signature_figure6": {}, "03_simulator_figure10": {}}
+SIMULATION = {"03_simulator_figure10": {}, "06_characteristic_figure12": {}}
 EQUATION_10 = {"06_characteristic_figure12": {}}
 NOWHERE: Mapping = {}
 CHOICES = {"name", "start", "rpm", "fixed_T2_s", "engine"}  # of the protocol: another candidate

@@ -26,7 +26,7 @@ table = pd.DataFrame({"repeats": [repeats]})
 workbook.export(tables={"small": table}, cells={"authors": {"text.runs": repeats}})
 print("done")
 """
-FIRST = workbook.ROOT / "notebooks" / "01_signature_figure6.py"
+FIRST = workbook.ROOT / "notebooks" / "05_signature_figure6.py"
 
 
 @pytest.fixture

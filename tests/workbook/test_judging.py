@@ -162,7 +162,7 @@ def test_each_printed_number_counts_once_by_the_authors_data_first():
 
 def test_an_undecided_claim_is_neither_true_nor_false(tmp_path, monkeypatch):
     monkeypatch.setenv("REPLICATION_OUT", str(tmp_path))
-    monkeypatch.setenv("REPLICATION_NOTEBOOK", "01_signature_figure6")
+    monkeypatch.setenv("REPLICATION_NOTEBOOK", "05_signature_figure6")
     claims = {"monotone": (None, "no data"), "half_turn": (True, "yes")}
     workbook.export(claims=claims)
     shown = workbook.judge(claims=claims)

@@ -12,7 +12,7 @@ from workbook import __main__ as command_line
 from workbook import checkout, running
 from workbook.__main__ import main as run_command
 
-FIRST = workbook.ROOT / "notebooks" / "01_signature_figure6.py"
+FIRST = workbook.ROOT / "notebooks" / "05_signature_figure6.py"
 
 
 def started(*command, **options):

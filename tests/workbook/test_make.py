@@ -90,16 +90,16 @@ def calls(folder):
 
 
 def test_a_changed_notebook_is_run_once_and_the_report_made_until_it_succeeds(tree):
-    assert due(tree, "notebooks/05_growth_figure11.py") == {"05_growth_figure11"}
+    assert due(tree, "notebooks/04_growth_figure11.py") == {"04_growth_figure11"}
     (tree / "failing").touch()
     for _ in range(2):
         (run, *others), status = calls(tree)
-        assert run == "run notebooks/05_growth_figure11.py"
+        assert run == "run notebooks/04_growth_figure11.py"
         assert "report" in others
         assert status != 0
     (tree / "failing").unlink()
     (run, *_), status = calls(tree)
-    assert (run, status) == ("run notebooks/05_growth_figure11.py", 0)
+    assert (run, status) == ("run notebooks/04_growth_figure11.py", 0)
     assert calls(tree) == ([], 0)
 
 

@@ -9,7 +9,7 @@ from workbook.checkout import notebook_files
 from workbook.report import Unknown
 
 FRESH_SEEDS = range(36, 39)  # of realisations that the kept ones do not have
-# What a row gives without its notebook. Row 1's peak is that of a simulated record: notebook 4 has it.
+# What a row gives without its notebook. Row 1's peak is that of a simulated record: notebook 3 has it.
 OF_ROW = re.compile(r"table2\.row(?!01\.t)(\d\d)\.(mean|sd|noise|theoretical)")
 
 

@@ -15,7 +15,7 @@
 # ---
 
 # %% [markdown]
-# # 15 · What friction and wear do to the bench, as a stand-in
+# # 18 · What friction and wear do to the bench, as a stand-in
 #
 # *You will see why friction on the load moves the impacts, and how five sensors follow eight months of wear.
 # Run time: 65 s.*
@@ -161,7 +161,7 @@ apart
 #
 # ### What the fit reads
 #
-# $A$ of the global fit (notebook 9), the mean of four logs that start anywhere, the frequency of the fitted
+# $A$ of the global fit (notebook 8), the mean of four logs that start anywhere, the frequency of the fitted
 # oscillation, and the share of the log's variance that the fit explains.
 
 # %%

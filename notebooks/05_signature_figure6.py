@@ -15,7 +15,7 @@
 # ---
 
 # %% [markdown]
-# # 1 · The signature of backlash (figure 6)
+# # 5 · The signature of backlash (figure 6)
 #
 # *You will write the signature in ten lines, fit it to a record with the cost of your choice, and see the authors'
 # stored runs replayed. Run time: 10 s.*

@@ -160,7 +160,7 @@ start_joint = draw_joint(backlash_mrad)
 # ahead and pushes the motor: the speed jumps up. At the bottom the load falls back and brakes the motor: it drops.
 #
 # The joint is the one that was identified from the published signals
-# ([notebook 3](03_identification_of_the_joint.ipynb)); `simulate` integrates its equations of motion.
+# ([notebook 9](09_identification_of_the_joint.ipynb)); `simulate` integrates its equations of motion.
 
 # %%
 delta_rad, joint = 1e-3 * backlash_mrad, identified_joint()
@@ -482,8 +482,8 @@ print(answer)
 # %% [markdown]
 # ### Where to go on
 #
-# - To learn the paper: [2](02_dead_zone_figure9.ipynb) the gap, [4](04_simulator_figure10.ipynb) the simulator,
-#   [5](05_growth_figure11.ipynb) how the disturbance grows, [1](01_signature_figure6.ipynb) the signature,
+# - To learn the paper: [2](02_dead_zone_figure9.ipynb) the gap, [3](03_simulator_figure10.ipynb) the simulator,
+#   [4](04_growth_figure11.ipynb) how the disturbance grows, [5](05_signature_figure6.ipynb) the signature,
 #   [6](06_characteristic_figure12.ipynb) equation 10, [7](07_protocol_table1.ipynb) CMA-ES step by step,
 #   [8](08_noise_table2.ipynb) noise.
 # - To measure a joint of your own: [12](beyond/12_your_own_joint.ipynb).

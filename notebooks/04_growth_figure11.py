@@ -15,7 +15,7 @@
 # ---
 
 # %% [markdown]
-# # 5 · The data sets, and how the disturbance grows (figures 5 and 11)
+# # 4 · The data sets, and how the disturbance grows (figures 5 and 11)
 #
 # *You will see how the disturbance of the motor speed grows with the backlash, and why a little slower than in
 # proportion. Run time: 5 s.*
@@ -28,7 +28,7 @@
 #
 # ## Method
 #
-# The identified joint (notebook 3) is simulated at the same ten [levels](glossary.md#level), and on to the 39·10⁻⁴ rad
+# The identified joint (notebook 9) is simulated at the same ten [levels](glossary.md#level), and on to the 39·10⁻⁴ rad
 # of the authors' own files. The disturbance $r$ [rps] is the motor speed $v$ less the commanded one $v_t$:
 #
 # $$r(t) = v(t) - v_t \tag{11}$$
@@ -78,7 +78,7 @@ noise_rps = 0.0  # half-amplitude of uniform noise added in figure 5
 noise_seed = 1
 # Of the motor; the load turns once in 40 of its turns, 0.4 s at 100 rps.
 commanded_speed_rps = 100.0
-changes = {}  # factors for the joint's ratios or physical quantities, as in notebook 4
+changes = {}  # factors for the joint's ratios or physical quantities, as in notebook 3
 
 # %% tags=["plumbing"]
 workbook.check_parameters(
@@ -177,7 +177,7 @@ peaks.assign(
 # %% [markdown]
 # ## Verdict
 #
-# That the disturbance grows regularly is decided on the authors' own records, in notebook 18. Ours, over all levels:
+# That the disturbance grows regularly is decided on the authors' own records, in notebook 16. Ours, over all levels:
 
 # %%
 same = joint == identified_joint()

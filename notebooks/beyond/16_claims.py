@@ -15,7 +15,7 @@
 # ---
 
 # %% [markdown]
-# # 18 · Claims without a figure or table
+# # 16 · Claims without a figure or table
 #
 # *You will see how a sentence becomes a claim that a measurement can refute. Run time: 20 s.*
 #

@@ -15,7 +15,7 @@
 # ---
 
 # %% [markdown]
-# # 3 · The joint, identified from the published signals
+# # 9 · The joint, identified from the published signals
 #
 # *You will know the joint's equations of motion and its drive, and which of their parameters the motor speed tells.
 # Run time: 12 s.*

@@ -15,7 +15,7 @@
 # ---
 
 # %% [markdown]
-# # 17 · Which protocol printed Table 2?
+# # 15 · Which protocol printed Table 2?
 #
 # *You will see how a published table is tested against candidate protocols whose tables are made by the hundred.
 # Run time: 20 s.*

@@ -15,7 +15,7 @@
 # ---
 
 # %% [markdown]
-# # 4 · The simulator against the published signals (figure 10)
+# # 3 · The simulator against the published signals (figure 10)
 #
 # *You will see how far a simulated joint agrees with the published speed, and what friction, inertia and gear ratio
 # change. Run time: 8 s.*
@@ -27,7 +27,7 @@
 #
 # ## Method
 #
-# The simulated joint has notebook 3's equations of motion and drive, and equations 8 and 9 for the torque in the
+# The simulated joint has notebook 9's equations of motion and drive, and equations 8 and 9 for the torque in the
 # coupling. The bench's signals are not public. What can be compared is the motor speed $v$ [rps], with the records that
 # the authors' own simulator made; position and torque (the current times a constant) are shown as our simulator has
 # them. Per [level](glossary.md#level) K, two numbers say how well they agree, over the [settled](glossary.md#settled)
@@ -42,7 +42,7 @@
 # $$A = \max_{t \ge T_f} v(t) - v_t$$
 #
 # The limits for both are set under *Verdict*. The model's structure was chosen with these records and peaks in
-# view (notebook 3), so this shows how well it fits, and is no independent validation. The verdicts on the printed $A$
+# view (notebook 9), so this shows how well it fits, and is no independent validation. The verdicts on the printed $A$
 # therefore rest on the clean records alone where these are public: their settled turns, interpolated.
 #
 # Coulomb friction $\tau_c$ [N m] adds to gravity on the load, whose speed $\omega_l$ [rad/s] does not change its sign:
@@ -76,7 +76,7 @@ from workbook import Interval
 # %% [markdown]
 # ## Parameters
 #
-# `changes` multiplies by factors. A *ratio* of notebook 3 (such as `stiffness_per_s2`, `inertia_ratio`,
+# `changes` multiplies by factors. A *ratio* of notebook 9 (such as `stiffness_per_s2`, `inertia_ratio`,
 # `speed_gain_per_s`) is changed with the other ratios kept: half the `inertia_ratio` doubles the motor's inertia *and*
 # all gains. A *physical quantity* (such as `motor_inertia_kgm2`, `gear_ratio`, `load_mass_kg` or
 # `speed_gain_nms_per_rad`) is changed alone; `load_mass_kg` changes gravity, and not `load_inertia_kgm2`.

@@ -15,7 +15,7 @@
 # ---
 
 # %% [markdown]
-# # 9 · Identification: where the search ends
+# # 17 · Identification: where the search ends
 #
 # *You will see into which minima the search runs, how two linear parameters can be solved for directly, and what each
 # optimiser spends for one success. Run time: 60 s.*
@@ -27,13 +27,13 @@
 #
 # ## Method
 #
-# The authors' notebook stores 30 [runs](glossary.md#run) on their clean record 12. We run their protocol many more
-# times on the same record, sort the runs into [basins](glossary.md#basin) by misfit and window, and compare rates with
-# exact (Clopper-Pearson) intervals. Basin 1 is the [best basin](glossary.md#best-basin). Then other ways to spend
+# The authors' notebook stores 30 [runs](../glossary.md#run) on their clean record 12. We run their protocol many more
+# times on the same record, sort the runs into [basins](../glossary.md#basin) by misfit and window, and compare rates with
+# exact (Clopper-Pearson) intervals. Basin 1 is the [best basin](../glossary.md#best-basin). Then other ways to spend
 # function evaluations, counted per success.
 #
 # **Projection.** The model of the speed $v(t_k)$ [rps] at the samples $k = 1, \dots, m$ is $A\,u(t_k) + v_t$, where $u$
-# is the [signature](glossary.md#signature) of unit amplitude with the start $t_0$ [s], the damping $\tau$ [1/s], the
+# is the [signature](../glossary.md#signature) of unit amplitude with the start $t_0$ [s], the damping $\tau$ [1/s], the
 # angular frequency $\omega$ [rad/s] and the window from $T_1$ to $T_2$ [s]. The amplitude $A$ [rps] and the speed $v_t$
 # [rps] are linear. For given other parameters least squares has a direct solution, and the misfit depends on these five
 # alone. A bar is the mean over the samples:
@@ -181,7 +181,7 @@ print(
 )
 
 # %% [markdown]
-# The stored runs are runs of this same search (notebook 1), with 30 seeds that we did not draw.
+# The stored runs are runs of this same search (notebook 5), with 30 seeds that we did not draw.
 #
 # The basins of our runs, numbered anew (as in the figure below); of many basins the six with the lowest misfit:
 
@@ -304,7 +304,7 @@ strategy_costs = plots.strategy_costs(costs)
 # %% [markdown]
 # ### Table 2's records, by the global fit
 #
-# The authors' low noise, five [realisations](glossary.md#realisation) R. The measured seconds of a fit are in
+# The authors' low noise, five [realisations](../glossary.md#realisation) R. The measured seconds of a fit are in
 # `results/bench.csv`. The table and the figure show R = 1 alone.
 
 # %%
