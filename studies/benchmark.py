@@ -17,11 +17,10 @@ from replication.statistics import rate_columns
 from studies.joint_match import NUISANCES
 
 # Methods through the joint: what is unknown besides the backlash.
-JOINT_ALL_FREE = "joint, all nuisances free"
 JOINT_METHODS = {
     "joint": (),
     "joint, start angle free": ("start_angle",),
-    JOINT_ALL_FREE: tuple(NUISANCES),
+    "joint, all nuisances free": tuple(NUISANCES),
 }
 
 Row = dict[str, Any]

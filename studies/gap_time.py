@@ -29,15 +29,13 @@ def find_gaps(
     return gaps
 
 
-def crossing_rad(
-    turn_rps: FloatArray, joint: JointParameters, gap_s: tuple[float, float], falls: bool
-) -> float:
+def crossing_rad(turn_rps: FloatArray, joint: JointParameters, gap_s: tuple[float, float]) -> float:
     """Half of the relative displacement of motor and load [rad] between the ends of a gap."""
     t = np.linspace(*gap_s, 401)
     motor = periodic(turn_rps)(t / joint.turn_period_s % 1.0) * TURN / joint.gear_ratio
     angle = joint.start_angle_rad + TURN * t / joint.turn_period_s
     gravity = joint.ratios["gravity_per_s2"] * np.sin(angle)
-    load = motor[0] - (cumulative_trapezoid(gravity, t, initial=0.0) if falls else 0.0)
+    load = motor[0] - cumulative_trapezoid(gravity, t, initial=0.0)
     return float(abs(np.trapezoid(motor - load, t)) / 2)
 
 
@@ -51,4 +49,4 @@ def time_in_gap(recording: Recording, joint: JointParameters, smoothing_s: float
     """
     turn = mean_turn(recording, samples_a_turn(recording))
     gaps = find_gaps(turn, joint, smoothing_s)
-    return float(np.mean([crossing_rad(turn, joint, gap, falls=True) for gap in gaps]))
+    return float(np.mean([crossing_rad(turn, joint, gap) for gap in gaps]))

@@ -1,14 +1,12 @@
 """Plots of what goes past the paper: data frames and arrays in, a matplotlib figure out."""
 
 import textwrap
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 
 import numpy as np
 from matplotlib.figure import Figure
-from matplotlib.patches import Rectangle
-from matplotlib.patheffects import withStroke
-from matplotlib.ticker import MaxNLocator, NullLocator
-from pandas import DataFrame, Series
+from matplotlib.ticker import NullLocator
+from pandas import DataFrame
 from scipy import stats
 
 from replication.arrays import FloatArray
@@ -17,7 +15,6 @@ from replication.figures.style import (
     BLUE,
     GREEN,
     INK,
-    MARKS,
     ORANGE,
     PINK,
     SKY,
@@ -27,7 +24,7 @@ from replication.figures.style import (
     grid,
     in_style,
 )
-from replication.standins.plots import COLOURS, LINES, MARKERS
+from replication.standins.plots import COLOURS, MARKERS
 from studies.population import NORMAL_95, coverage_curve, ranks
 
 # Of text beside a row: its x in shares of the panel.
@@ -37,53 +34,6 @@ BESIDE: Style = {"xycoords": ("axes fraction", "data"), "va": "center"}
 def _arms(table: DataFrame, middle: str, low: str, high: str) -> FloatArray:
     """Arms of error bars from a middle to its limits, shape (2, rows)."""
     return np.abs(table[[low, high]].to_numpy().T - table[middle].to_numpy())
-
-
-@in_style
-def landscape(
-    slices: Sequence[tuple[FloatArray, FloatArray, FloatArray]], runs: DataFrame, best: Series
-) -> Figure:
-    """Show two slices of the misfit through the best fit, and each `basin` of the runs with their number as area."""
-    figure, axes = grid(1, 2, height_in=3.4)
-    names = (("t0_s", "A_rps"), ("T2_s", "T1_s"))
-    labels = (("$t_0$ [s]", "A [rps]"), ("$T_2$ [s]", "$T_1$ [s]"))
-    low = min(misfit.min() for _, _, misfit in slices)
-    high = max(misfit.max() for _, _, misfit in slices)
-    basins = runs.groupby("basin")
-    ends = basins[["t0_s", "A_rps", "T2_s", "T1_s"]].median()
-    sizes = basins.size()
-    named = sizes.nlargest(3).sort_index().index
-    others = sizes.drop(named)
-    groups = {f"basin {name}, {sizes[name]} runs": [name] for name in named}
-    groups[f"{len(others)} other basins, {others.sum()} runs"] = others.index
-    halo = {"path_effects": [withStroke(linewidth=2.8, foreground="white")]}
-    cross = halo | {"color": INK, "markersize": 14, "mew": 0.8, "label": "global fit"}
-    for axis, (columns, rows, misfit), pair, (xlabel, ylabel) in zip(
-        axes[0], slices, names, labels, strict=True
-    ):
-        shade = axis.pcolormesh(
-            columns, rows, misfit, cmap="Greys_r", vmin=low, vmax=high, rasterized=True
-        )
-        size = np.ptp(columns), np.ptp(rows)
-        axis.add_patch(Rectangle((columns[0], rows[0]), *size, fill=False, linewidth=0.8))
-        for (label, group), marker, colour in zip(
-            groups.items(), "ovsD", (BLUE, ORANGE, GREEN, PINK), strict=True
-        ):
-            place = ends.loc[group, [*pair]].to_numpy().T
-            ring = halo | {
-                "marker": marker,
-                "facecolors": "none",
-                "edgecolors": colour,
-                "linewidths": 1.4,
-            }
-            axis.scatter(*place, s=18 + 4 * sizes[group], zorder=3, label=label, **ring)
-        axis.plot(*best[[*pair]], "+", **cross)
-        axis.use_sticky_edges = False
-        axis.margins(0.08)
-        axis.set(xlabel=xlabel, ylabel=ylabel)
-        axis.grid(False)
-    figure.colorbar(shade, ax=axes[0].tolist(), label="RMSE [rps]")
-    return finish(figure, 2)
 
 
 @in_style
@@ -114,31 +64,6 @@ def strategy_costs(table: DataFrame) -> Figure:
     return finish(figure, 3)
 
 
-@in_style
-def amplitude_intervals(table: DataFrame) -> Figure:
-    """Show the global fit's amplitudes and intervals beside Table 2's printed means and SDs."""
-    figure, ((axis,),) = grid()
-    delta = 1e4 * table["delta_rad"].to_numpy()
-    theory = table["theoretical_A_rps"].to_numpy()
-    middle = table["A_rps"].to_numpy() / theory
-    ends = _arms(table, "A_rps", "low_rps", "high_rps") / theory
-    style = {
-        "linestyle": "none",
-        "marker": "o",
-        "color": BLUE,
-        "label": "global fit, 95 % interval",
-    }
-    axis.errorbar(delta - 0.15, middle, ends, **style)
-    printed, spread = (
-        table[f"printed_{name}_A_rps"].to_numpy() / theory for name in ("mean", "sd")
-    )
-    style = MARKS | {"elinewidth": 1, "label": "printed mean, SD of 30 runs"}
-    axis.errorbar(delta + 0.15, printed, spread, **style)
-    axis.axhline(1, label="theoretical A", **THIN)
-    axis.set(xlabel=BACKLASH_LABEL, ylabel="A over theoretical A [-]", xticks=np.round(delta))
-    return finish(figure, 3)
-
-
 # A method has one colour and one mark in every figure, a bound its line.
 _OF_BOUND: Style = {"color": INK, "linewidth": 1}
 _OF_METHOD = {
@@ -161,107 +86,39 @@ METHOD_STYLES: dict[str, Style] = {
 
 
 @in_style
-def cross_validation_errors(table: DataFrame, targets_rad: Mapping[str, float]) -> Figure:
-    """Show each method's errors on the logs, their mean size, and targets to meet."""
+def cross_validation_errors(table: DataFrame, bounds_rad: Mapping[str, float]) -> Figure:
+    """Show each method's errors on the logs and their mean size, and the least mean size that there can be."""
     figure, ((axis,),) = grid(height_in=3.8)
-    target = {
-        "color": ORANGE,
-        "linewidth": 2,
-        "linestyle": (0, (1, 1)),
-        "label": "target of the mean",
-    }
     sizes = 1e6 * table["error_rad"].abs()
     by_method = dict(list(sizes.groupby(table["method"], sort=False)))
     for row, (method, size) in enumerate(by_method.items()):
-        beside = [row - 0.4, row + 0.4]
         dots = METHOD_STYLES[method] | {"linestyle": "none", "alpha": 0.7}
         axis.plot(size, np.full(size.size, row), **dots)
+        beside = [row - 0.4, row + 0.4]
         axis.plot([size.mean()] * 2, beside, color=INK, linewidth=2, label="mean size")
-        if method in targets_rad:
-            axis.plot([1e6 * targets_rad[method]] * 2, beside, **target)
+    for name, bound in bounds_rad.items():
+        axis.axvline(1e6 * bound, label=name, **METHOD_STYLES[name])
     axis.set(xscale="log", xlabel="size of the error of the backlash [$10^{-6}$ rad]")
     axis.set_yticks(range(len(by_method)), list(by_method))
     axis.invert_yaxis()
-    return finish(figure, 2)
+    return finish(figure, 3)
 
 
 @in_style
 def error_limits(table: DataFrame, axes_labels: Mapping[str, str]) -> Figure:
     """Show measured errors as marks and Cramer-Rao bounds as lines, one panel for each thing that changes."""
-    figure, axes = grid(2, 2, height_in=5.0)
-    for axis, (name, label) in zip(axes.flat, axes_labels.items(), strict=True):
-        part = table[table["axis"] == name]
-        if name != "encoder_bits":  # its bounds lie lower by orders of magnitude
-            axis.sharey(axes[0, 0])
-        for method in (
-            "bound, start free",
-            "bound, start known",
-            "amplitude",
-            "energy",
-            "waveform",
-            "joint",
-        ):
-            rows = part[part["method"] == method]
-            style = {
-                "linestyle": "none",
-                "label": method,
-                "markersize": 6,
-                "mfc": "none",
-            } | METHOD_STYLES[method]
-            axis.plot(rows["value"], 1e6 * rows["rmse_rad"], **style)
-            if rows.empty:
-                axis.set_title(f"{method}: not applied", loc="right", fontsize=8, style="italic")
-        axis.set(xlabel=label, yscale="log", xscale="linear" if name == "encoder_bits" else "log")
-        values = list(dict.fromkeys(part["value"]))
-        axis.set_xticks(values, [f"{value:g}" for value in values])
+    panels = table.groupby("axis", sort=False)
+    figure, axes = grid(1, panels.ngroups, height_in=3.2, sharey=True)
+    for axis, (name, part) in zip(axes.flat, panels, strict=True):
+        for method, rows in part.groupby("method"):
+            style = {"linestyle": "none", "label": method, "markersize": 6, "mfc": "none"}
+            axis.plot(rows["value"], 1e6 * rows["rmse_rad"], **style | METHOD_STYLES[method])
+        axis.set(xlabel=axes_labels[name], xscale="log", yscale="log")
+        values = sorted({*part["value"]})
+        axis.set_xticks(values, [f"{value:g}" for value in values], rotation=45)
         axis.xaxis.set_minor_locator(NullLocator())
-    figure.supylabel("RMS error of the backlash [$10^{-6}$ rad]", fontsize=9)
+    axes[0, 0].set_ylabel("RMS error of the backlash [$10^{-6}$ rad]")
     return finish(figure, 3)
-
-
-@in_style
-def detection_curves(table: DataFrame, limits_rad: Sequence[float]) -> Figure:
-    """Show the share of records that are seen to have backlash, and what a filter that knows the waveform would see."""
-    figure, ((axis,),) = grid()
-    parts = table.groupby("noise_half_amplitude_rps", sort=False)
-    for (noise, part), limit, colour, marker, line in zip(
-        parts, limits_rad, COLOURS, MARKERS, LINES[1:], strict=False
-    ):
-        style = {"color": colour, "marker": marker, "label": f"energy, noise of {noise:g} rps"}
-        arms = _arms(part, "seen", "seen_low", "seen_high")
-        axis.errorbar(1e4 * part["delta_rad"], part["seen"], arms, **style)
-        axis.axvline(
-            1e4 * limit, color=colour, linestyle=line, label=f"matched filter, {noise:g} rps"
-        )
-    axis.set(
-        xlabel=BACKLASH_LABEL,
-        ylabel="share of records above\nthe threshold [-]",
-        ylim=(-0.03, 1.03),
-    )
-    return finish(figure, 2)
-
-
-@in_style
-def tornado(table: DataFrame, methods: Sequence[str]) -> Figure:
-    """Show the mean error of methods at the ends of what may change, the parameter with the largest on top."""
-    order = table["mean_error_rad"].abs().groupby(table["parameter"]).max().sort_values().index
-    figure, axes = grid(2, 3, height_in=5.4, sharey=True, sharex=True)
-    for axis, method in zip(axes.flat, methods, strict=False):
-        changes = table[table["method"] == method].groupby("change")
-        for number, (change, part) in enumerate(changes):
-            at = order.get_indexer(part["parameter"]) + 0.3 * number - 0.15
-            error = 1e6 * part["mean_error_rad"]
-            colour, label = COLOURS[number], f"changed by {100 * change:+.0f} %"
-            axis.plot(error, at, MARKERS[number], color=colour, label=label)
-            axis.hlines(at, 0, error, color=colour, linewidth=1)
-        axis.axvline(0, **THIN)
-        axis.set_yticks(range(order.size), order)
-        axis.set_title(textwrap.fill(method, 16))
-        axis.tick_params(labelbottom=True)
-    axes[0, 0].xaxis.set_major_locator(MaxNLocator(3))
-    axes[1, 2].set_visible(len(methods) > 5)
-    figure.supxlabel("mean error of the backlash [$10^{-6}$ rad]", fontsize=9)
-    return finish(figure, 2, "outside upper center")
 
 
 @in_style

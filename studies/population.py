@@ -32,19 +32,11 @@ from replication.characteristic import printed_levels_rad
 from replication.parallel import in_parallel
 from replication.recording import Recording
 from replication.simulator.parameters import TURN, Disturbance, identified_joint
-from replication.standins.joints import (
-    SAMPLE_S,
-    VARIED_RATIOS,
-    Bench,
-    Spread,
-    draw_bench,
-    encoder_log,
-)
+from replication.standins.joints import SAMPLE_S, VARIED_RATIOS, Bench, Spread, draw_bench
 from replication.statistics import rate_columns
 from studies import benchmark, odd_joints
 from studies.accuracy import cramer_rao_sd
 from studies.benchmark import DrawnLog, KnownLog, Row, hold_truth, interval_answer, self_answer
-from studies.joint_match import add_nuisances
 from studies.odd_joints import KINDS, draw_odd_log
 
 # Populations of benches: as drawn for the paper's bench, and far from it.
@@ -378,43 +370,3 @@ def summarise_sensor(rows: DataFrame) -> DataFrame:
         }
         table.append(row)
     return DataFrame(table)
-
-
-def degrade_logs(
-    bench: Bench, delta_rad: float, seed: int, harder: Mapping[str, Sequence[float]]
-) -> DataFrame:
-    """Measure a bench's log as one thing after the other gets worse, all else the same."""
-    worse = [(what, value) for what, values in harder.items() for value in values]
-    logs = [partial(_degraded_log, bench, delta_rad, seed, *each) for each in worse]
-    table = benchmark.logs_by_methods(logs, _answer_or_reason)
-    return table[["what", "value", "error_rad", "sd_rad", "bound_rad", "answer"]]
-
-
-def _answer_or_reason(log: KnownLog) -> dict[str, Row]:
-    """Answer of "self"; without a fit error, SD and bound are NaN, and `answer` says why."""
-    try:
-        answer = self_answer(log.recording)
-    except ValueError as error:
-        unknown = dict.fromkeys(("found_rad", "sd_rad", "bound_rad"), np.nan)
-        return {"self": unknown | {"answer": str(error).split(": ", 1)[-1]}}
-    return {"self": answer | {"answer": answer["reason"] or "yes"}}
-
-
-def _degraded_log(bench: Bench, delta_rad: float, seed: int, what: str, value: float) -> KnownLog:
-    """Log a bench with fewer turns, a decimation factor, a coarser encoder, or load friction (of m g r)."""
-    if what == "encoder bits":
-        bench = replace(bench, joint=replace(bench.joint, encoder_bits=int(value)))
-    elif what == "load friction":
-        bench = replace(bench, joint=add_nuisances(bench.joint, {"friction": value}))
-    log = encoder_log(bench, delta_rad, np.random.default_rng(seed))
-    if what == "turns":
-        kept = round(value * log.turn_period_s / log.sample_s)
-        log = replace(log, t=log.t[:kept], v=log.v[:kept])
-    elif what == "decimation factor":
-        # Means of samples difference the encoder's position over the longer period.
-        size = log.t.size // int(value)
-        means = log.v[: size * int(value)].reshape(size, -1).mean(axis=1)
-        log = replace(log, t=log.t[:: int(value)][:size], v=means)
-        bench = replace(bench, noise_rps=bench.noise_rps / np.sqrt(value))
-    bound = bench_bound_rad(bench, delta_rad, log)
-    return KnownLog({"what": what, "value": value, "bound_rad": bound}, delta_rad, log)

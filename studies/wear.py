@@ -5,14 +5,32 @@ from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 
 import numpy as np
-from pandas import DataFrame
+from matplotlib.figure import Figure
+from pandas import DataFrame, concat
 
-from backlash.calibration import Calibration
+from backlash.calibration import Calibration, default_calibration
 from backlash.fitting.global_fit import global_fit
 from backlash.fitting.shared_joint import share_joint
-from replication.standins.joints import Bench, encoder_log
-from replication.standins.wear import Wear
+from replication.standins.joints import Bench, draw_bench, encoder_log
+from replication.standins.wear import Wear, draw_wear
+from studies import plots
 from studies.benchmark import KnownLog, Row, logs_by_methods, self_answer, widened_answers
+
+# Sensors that know the paper's joint, by the method of their calibration.
+CALIBRATED = {"equation 10": "paper", "amplitude, calibrated": "amplitude", "waveform": "waveform"}
+
+
+def follow_wear(benches: int, limit_rad: float, seed: int) -> tuple[DataFrame, Figure]:
+    """Draw benches that wear, and read each log by every sensor: the tests, and a figure of them."""
+    rng = np.random.default_rng((seed, 1))
+    first = draw_bench(np.random.default_rng(seed))  # the one of Table 3
+    drawn = [first, *(draw_bench(rng) for _ in range(benches - 1))]
+    wears = [draw_wear(rng, limit_rad) for _ in drawn]
+    sensors = {name: default_calibration(method) for name, method in CALIBRATED.items()}
+    by_calibration = wear_tests(drawn, wears, sensors, limit_rad, seed)
+    by_self = wear_tests_by_self(drawn, wears, limit_rad, seed)
+    tests = concat([by_calibration, by_self], ignore_index=True)
+    return tests, plots.wear(tests, limit_rad)
 
 
 def wear_tests(

@@ -139,7 +139,7 @@ def decisions(source):
     return found
 
 
-@pytest.mark.parametrize("number", [1, 2, 6, 10, 15, 18])
+@pytest.mark.parametrize("number", [2, 5, 6, 10, 16])
 def test_a_notebook_decides_its_claims_by_their_rules_and_lets_other_limits_be_tried(number):
     found = decisions(NOTEBOOKS[number].read_text("utf-8"))
     claims = published.claims()

@@ -92,17 +92,8 @@ EDITS = {
     ),
     "noise": ("08_noise_table2", {"noise_factor": 4.0, "fresh": 5}, louder_noise),
     "optimiser": (
-        "17_identification",
-        {
-            **{
-                "optimiser": _Name(),
-                "replay_runs": 6,
-                "strategy_runs": 2,
-                "budget": 5000,
-                "coverage_runs": 1,
-            },
-            "strategies": ["population 100, restarted"],
-        },
+        "16_claims",
+        {"optimiser": _Name(), "strategy_runs": 2, "budget": 5000},
         another_optimiser,
     ),
     "0.5 mrad end to end": ("00_the_sensor", {"backlash_mrad": 0.5}, half_a_milliradian),

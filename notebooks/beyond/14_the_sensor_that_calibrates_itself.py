@@ -11,26 +11,28 @@
 #     language: python
 #     name: python3
 #   replication:
-#     quick: {harder: {turns: [12, 4]}, reached: 1, months: 2}
+#     quick: {}
 # ---
 
 # %% [markdown]
 # # 14 · The sensor that calibrates itself
 #
 # *You will see how a whole simulated joint is fitted to one log, and what its posterior says of the backlash.
-# Run time: 50 s.*
+# Run time: 30 s.*
 #
-# **All joints here are simulated [stand-ins](../glossary.md#stand-in), but for the authors' noisy logs. Nothing printed
-# is judged.**
+# **All joints here are simulated [stand-ins](../glossary.md#stand-in). Nothing printed is judged.**
 #
 # ## Claim
 #
-# The paper's sensor knows one joint: equation 10 was calibrated on it. On another joint the amplitude means another
-# [backlash](../glossary.md#backlash). The claim tested here is that no calibration is needed, because *the waveform
-# says which joint it is*: how it rings tells of stiffness, inertia and gains, where the impacts lie tells of friction,
-# and what is left is the gap.
+# The paper's sensor knows one joint: equation 10 was calibrated on it. On another joint the same amplitude means
+# another [backlash](../glossary.md#backlash). We test whether a log needs a calibration at all, because *the waveform
+# also says which joint it is*: the ring tells of stiffness, inertia and gains, the impacts tell of friction, and the
+# gap is left.
 #
 # ## Method
+#
+# *Two unknowns* come first: the backlash and the coupling's stiffness of the paper's joint, from one measured turn with
+# white noise of the SD $\sigma$ [rps]. Then the whole joint.
 #
 # *The data* are the harmonics of the log's mean [turn](../glossary.md#turn). With the motor speed $v(t)$ [rps] over $n$
 # [settled](../glossary.md#settled) turns of the period $T_f$ [s], and the order $k$ [periods a turn],
@@ -38,11 +40,10 @@
 # $$c_k = \frac{1}{n T_f} \int_0^{n T_f} v(t)\, e^{-2\pi i k t / T_f}\, dt.$$
 #
 # The noise $\sigma_k$ [rps] of each of its two parts comes from what lies between the harmonics. The first order and
-# the motor's harmonics are excluded. First turns that still ring are left out, and lines between the harmonics are
-# taken off.
+# the motor's harmonics are excluded, and so are first turns that still ring.
 #
 # *The model* is the joint of notebook 9 with its differencing drive, simulated until its turn has settled. Its unknowns
-# $z$ are the backlash $\delta$ [rad] and the phase $\varphi$ [rad] of the log's first sample, which have no prior, and
+# $z$ are the backlash $\delta$ [rad] and the phase $\varphi$ [rad] of the log's first sample, without a prior, and
 # the $z_j$ with a normal prior of mean $m_j$ and SD $s_j$: the load's friction over gravity (SD 0.1), the logarithms of
 # stiffness, gravity, inertia ratio, speed and integral gain over those of the paper's joint (SD 0.2), those of the rest
 # of the drive (0.02 to 0.03), the smoothing $q$, a ripple of the motor's torque, and a transmission error at a harmonic
@@ -58,58 +59,50 @@
 #
 # $r$ holds the real and imaginary parts of the first sum's terms, then those of the second. A search from many joints
 # finds the maximum $\hat z$. *Laplace's approximation* takes the posterior as normal about it, with the covariance
-# $\Sigma$ and the evidence $Z$:
 #
-# $$\Sigma = (J^\top J)^{-1}, \quad J = \left.\frac{\partial r}{\partial z}\right|_{\hat z}, \qquad
-# \ln Z = -\tfrac12 \chi^2(\hat z) + \tfrac12 \ln\det\Sigma - \sum_j \ln s_j + \text{const}.$$
+# $$\Sigma = (J^\top J)^{-1}, \quad J = \left.\frac{\partial r}{\partial z}\right|_{\hat z}.$$
 #
 # *Alternatives.* The speed may be differenced over a sampling period ($q \approx 1$, prior probability 0.8), also
-# low-passed with an unknown time constant (0.1), or not smoothed ($q \approx 0$, 0.1). A second mass may swing on the
-# load: with even odds there is one, its ring at one of 31 frequencies from 8 to 80 Hz. To first order in its share
-# $\mu$ of the load's inertia (prior SD $s_\mu$ = 0.1) it adds $\mu\, g$ to $r$; $g$ is known from the turn without it.
-# With $g_\perp = g - J \Sigma J^\top g$, the part that no other unknown can make,
+# low-passed with an unknown time constant (0.1), or not smoothed ($q \approx 0$, 0.1), and a second mass may swing on
+# the load. The answer is the mixture of all alternatives $a$ with the weights $w_a$, their prior probability times
+# their evidence $Z_a$, normalised:
 #
-# $$I = g_\perp^\top g_\perp + s_\mu^{-2}, \quad \hat\mu = -g_\perp^\top r(\hat z) / I, \quad
-# \ln\frac{Z_\text{with}}{Z_\text{without}} = \tfrac12 \hat\mu^2 I - \ln\left(s_\mu \sqrt{I}\right).$$
-#
-# The answer is the mixture of all alternatives $a$ with the weights $w_a$, their prior probability times $Z_a$,
-# normalised:
-#
-# $$\bar z = \sum_a w_a \hat z_a, \quad
+# $$\ln Z_a = -\tfrac12 \chi^2(\hat z_a) + \tfrac12 \ln\det\Sigma_a - \sum_j \ln s_j + \text{const}, \quad
+# \bar z = \sum_a w_a \hat z_a, \quad
 # \bar\Sigma = \sum_a w_a \left[\Sigma_a + (\hat z_a - \bar z)(\hat z_a - \bar z)^\top\right].$$
 #
-# *The interval* is wider where noise alone hardly leaves so large a residual. With $\sigma_\delta$ [rad], the root of
-# the backlash's variance in $\bar\Sigma$, and $\nu$, the number of residuals less that of unknowns,
+# *The interval.* With $\sigma_\delta$ [rad], the root of the backlash's variance in $\bar\Sigma$, and $\nu$, the number
+# of residuals less that of unknowns,
 #
-# $$\bar\delta \pm 1.96\, \sigma_\delta \sqrt{1 + \max\left(0,\, \chi^2 - \chi^2_{\nu,\,0.9}\right)},$$
+# $$\bar\delta \pm 1.96\, \sigma_\delta \sqrt{1 + \Delta}, \qquad
+# \Delta = \max\left(0,\, \chi^2 - \chi^2_{\nu,\,0.9}\right).$$
 #
-# where $\chi^2_{\nu,\,0.9}$ is exceeded by noise alone in one log of ten. In a record with hardly any noise the model's
-# own error, 1 to 3 % of the signal, takes the noise's place, and 3 % of the backlash is added to the interval.
+# If $\chi^2$ exceeds that of nine noise-only logs in ten, $\chi^2_{\nu,\,0.9}$, the model lacks something. Which
+# direction of $z$ it would have moved is unknown. A shift of the backlash by $k$ of its SDs changes $\chi^2$ by $k^2$.
+# So an unknown cause that left $\Delta$ in the residual, and as much along the backlash, moves it by $\sqrt\Delta$ SDs;
+# the variances 1 and $\Delta$ add. *Birge's ratio*, $\sqrt{\chi^2/\nu}$, is the other extreme: it takes the cause for
+# more noise, spread evenly over all residuals. We take the wider one, because a wrong model is no noise.
 #
 # *No answer* (`cannot tell`) is given where the second mass is too clear for noise ($p < 0.001$), the residual is
 # impossible ($p < 10^{-8}$), turns do not repeat, or where the drive ($p < 0.001$) or all unknowns with a prior
 # ($p < 0.01$) stray from what is known of them.
-#
-# *The test*: benches drawn with seeds that no decision was made on. Acceptance criteria were fixed before they were
-# drawn.
 
 # %%
 from dataclasses import replace
 
 import numpy as np
 import pandas as pd
+from matplotlib import pyplot as plt
 from scipy import stats
 
 import workbook
 from backlash import plots as log_plots
 from backlash.examine import examine_recording
-from backlash.fitting import joint_posterior, joint_search, self_calibration, shared_joint
+from backlash.fitting import joint_posterior, joint_search, self_calibration
 from backlash.reading.columns import LogFormat
 from backlash.settings import settings_for
-from replication.characteristic import printed_levels_rad
 from replication.standins import joints
-from studies import benchmark, plots, population
-from workbook import Interval
+from studies import benchmark, joint_match, plots, population
 
 # %% [markdown]
 # ## Parameters
@@ -118,31 +111,70 @@ from workbook import Interval
 bench_seed = 3  # which joint is drawn
 backlash_rad = 11e-4  # of the log that is looked at closely
 friction_share = 0.0  # Coulomb friction added to its load, over gravity
-harder = {  # what is made worse, and to what
-    "turns": [12, 6, 4, 3],
-    "decimation factor": [1, 2, 4, 8],
-    "encoder bits": [19, 15, 13, 11],
-    "load friction": [0.0, 0.1, 0.3, 0.6],  # over gravity, on top of its own
-}
-reached = 3  # joints on which that is tried
-months = 6  # logs of the joint as it wears
 
 # %% tags=["plumbing"]
 workbook.check_parameters(
-    bench_seed=(bench_seed, Interval(0, whole=True)),
-    backlash_rad=(backlash_rad, Interval(1e-4, 1e-2)),
-    friction_share=(friction_share, Interval(0, 1)),
-    harder=(harder, [{"turns", "decimation factor", "encoder bits", "load friction"}]),
-    reached=(reached, range(1, 11)),
-    months=(months, range(2, 25)),
+    bench_seed=(bench_seed, workbook.Interval(0, whole=True)),
+    backlash_rad=(backlash_rad, workbook.Interval(1e-4, 1e-2)),
+    friction_share=(friction_share, workbook.Interval(0, 1)),
 )
 
 # %% [markdown]
 # ## Result
 #
+# ### Two unknowns
+#
+# One measured turn; unknown are the backlash and the stiffness, as a factor of the paper's. *Predict:* a stiffer joint
+# rings faster. Does not knowing the stiffness make the backlash less certain?
+
+# %%
+sigma = 0.02  # rps, the noise of a mean turn
+
+
+def turn_rps(delta_rad, stiffness):
+    joint = joints.changed_joint(joints.identified_joint(), {"stiffness_per_s2": stiffness})
+    return joint_match.simulate_turn(joint, delta_rad, 200)
+
+
+truth, steps = np.array([backlash_rad, 1.0]), np.diag([1e-6, 1e-3])
+measured_rps = turn_rps(*truth) + sigma * np.random.default_rng(1).standard_normal(200)
+slopes = [(turn_rps(*(truth + h)) - turn_rps(*(truth - h))) / (2 * h.sum()) for h in steps]
+J = np.array(slopes).T / sigma
+Sigma = np.linalg.inv(J.T @ J)
+
+# %%
+grid = truth[:, None] + np.sqrt(np.diag(Sigma))[:, None] * np.linspace(-4, 4, 25)
+chi2 = np.array(
+    [[np.sum((turn_rps(d, k) - measured_rps) ** 2) / sigma**2 for d in grid[0]] for k in grid[1]]
+)
+posterior = np.exp(-(chi2 - chi2.min()) / 2)
+_, axis = plt.subplots(figsize=(4.5, 3), layout="constrained")
+axis.contourf(1e4 * grid[0], grid[1], posterior, cmap="Blues")
+axis.plot(1e4 * truth[0], truth[1], "x", color="C1", label="truth")
+axis.set(xlabel="backlash $\\delta$ [$10^{-4}$ rad]", ylabel="stiffness over the paper's [-]")
+_ = axis.legend()
+
+
+# %%
+def sd_rad(weights):  # of the backlash
+    mean = np.average(grid[0], weights=weights)
+    return np.sqrt(np.average((grid[0] - mean) ** 2, weights=weights))
+
+
+sds_rad = {
+    "grid": [sd_rad(posterior[12]), sd_rad(posterior.sum(axis=0))],
+    "Laplace": [1 / np.linalg.norm(J[:, 0]), np.sqrt(Sigma[0, 0])],
+}
+pd.DataFrame(sds_rad, index=["stiffness known", "stiffness unknown"]).map("{:.2g}".format)
+
+# %% [markdown]
+# The SD of the backlash [rad] grows where another unknown can make a similar change of the waveform: the ellipse is
+# oblique. Laplace's approximation needs a slope for each unknown, and no grid. So it also works for all
+# unknowns of a whole joint.
+#
 # ### One log of a joint that nobody calibrated
 #
-# A joint is drawn around the paper's, and a log of it. Method `self` fits the joint; method `amplitude` uses the
+# A joint is drawn around the paper's, and a log of it. Method `self` fits the whole joint; method `amplitude` uses the
 # paper's calibration.
 
 # %%
@@ -165,8 +197,7 @@ fitted_log = log_plots.estimate_figure(
 # %% [markdown]
 # ### Laplace's SD
 #
-# `problem.slopes` returns $r$ and $J^\top$ at any $z$. The SD of the backlash with all other unknowns free is in the
-# corner of $\Sigma$. `fit_joint` computes the mixture over all alternatives.
+# `problem.slopes` returns $r$ and $J^\top$ at any $z$. `fit_joint` computes the mixture over all alternatives.
 
 # %%
 problem, harmonics = self_calibration.pose_problem(log)
@@ -179,7 +210,25 @@ laplace_sd_rad = joint_posterior.UNIT_RAD * np.sqrt(covariance[0, 0])
 fit = self_calibration.fit_joint(log)
 print(f"backlash {fit.delta_rad:.4g} rad (drawn: {backlash_rad:.4g} rad)")
 print(f"SD: Laplace {laplace_sd_rad:.2g} rad, mixture {fit.sd_rad:.2g} rad")
-print(f"chi squared {residual @ residual:.0f} for {residual.size - len(peak.z)} degrees of freedom")
+
+# %% [markdown]
+# What the log says of the joint: the SD of each unknown before (prior) and after it, and its correlation with the
+# backlash. An unknown that keeps its prior SD cannot be estimated from the log; those strongly correlated with the
+# backlash are what a calibration would determine.
+
+# %%
+sd = np.sqrt(np.diag(fit.covariance))
+unknowns = pd.DataFrame(
+    {
+        "unknown": joint_posterior.NAMES,
+        "prior_sd": joint_posterior.SD,
+        "posterior_sd": sd,
+        "correlation_with_backlash": fit.covariance[0] / sd / sd[0],
+    }
+)
+# without backlash, phase, transmission error, ripple and low-pass
+unknowns = unknowns.iloc[2 : joint_posterior.SMOOTHING_INDEX + 1]
+unknowns.round(4)
 
 # %% [markdown]
 # ### The profile of the backlash
@@ -202,6 +251,7 @@ def refitted_chi2(deviation):  # at a backlash so many SDs from the best one
     return z[0] * joint_posterior.UNIT_RAD, chi2
 
 
+# %%
 deviations = np.arange(-4, 4.5, 0.5)
 profile = pd.DataFrame([refitted_chi2(k) for k in deviations], columns=["delta_rad", "chi2"])
 profile.insert(0, "deviation", deviations)
@@ -209,218 +259,54 @@ profile["chi2"] -= residual @ residual
 profile_figure = plots.backlash_profile(profile)
 
 # %% [markdown]
-# ### What the log says of the joint
+# ### Is the interval wide enough?
 #
-# The SD of each unknown before the log (prior) and after it, and its correlation with the backlash. An unknown that
-# keeps its prior SD cannot be estimated from the log; those strongly correlated with the backlash are what a
-# calibration would determine.
+# The share of answered logs whose interval holds the truth: with the posterior's SD alone, with Birge's ratio, and with
+# our factor, on hundreds of drawn joints (`make studies NAME=population`; the report has the whole table). *Predict:*
+# which of the three differ from 95 % by more than chance, which is 1 % of the larger population?
 
 # %%
-sd = np.sqrt(np.diag(fit.covariance))
-unknowns = pd.DataFrame(
-    {
-        "unknown": joint_posterior.NAMES,
-        "prior_sd": joint_posterior.SD,
-        "posterior_sd": sd,
-        "correlation_with_backlash": fit.covariance[0] / sd / sd[0],
-    }
-).iloc[
-    2 : joint_posterior.SMOOTHING_INDEX + 1
-]  # without phase, transmission error, ripple and low-pass
-unknowns["sd_reduction"] = 1 - unknowns["posterior_sd"] / unknowns["prior_sd"]
-unknowns.round(4)
-
-# %% [markdown]
-# ### How far it reaches
-#
-# Shorter and coarser logs, a coarser encoder, and more friction, on several joints. The SD is the posterior's; the
-# bound is Cramér and Rao's, without any prior knowledge of the joint.
-
-# %%
-benches = {
-    seed: joints.draw_bench(np.random.default_rng(seed))
-    for seed in range(bench_seed, bench_seed + reached)
+measured = pd.read_csv(workbook.ROOT / "results" / "population_logs.csv")
+own = measured[(measured["method"] == "self") & ~measured["refused"]]
+error = (own["found_rad"] - own["delta_rad"]).abs()
+half_width = own["high_rad"] - own["found_rad"]
+plain = population.NORMAL_95 * own["sd_rad"]
+held = {
+    "widened": half_width > 1.01 * plain,
+    "posterior": error <= plain,
+    "Birge": error <= plain * np.sqrt(own["misfit"].clip(lower=1)),
+    "ours": error <= half_width,
 }
-degraded = pd.concat(
-    population.degrade_logs(each, backlash_rad, seed, harder).assign(joint=seed)
-    for seed, each in benches.items()
-)
-degraded["sd_over_bound"] = degraded["sd_rad"] / degraded["bound_rad"]
-means = degraded.assign(
-    value=degraded["value"].map("{:g}".format),
-    answered=degraded["answer"] == "yes",
-    error_over_sd=degraded["error_rad"].abs() / degraded["sd_rad"],
-)
-means.groupby(["what", "value"], sort=False)[
-    ["answered", "sd_rad", "sd_over_bound", "error_over_sd"]
-].mean()
-
-# %% [markdown]
-# ### Over the months
-#
-# Logs of one joint share what belongs to it; only the backlash grows. `trend` uses that.
-
-# %%
-worn_rad = np.linspace(6e-4, 10e-4, months)
-fits = [
-    self_calibration.fit_joint(
-        joints.encoder_log(bench, delta, np.random.default_rng((bench_seed, 100 + k)))
-    )
-    for k, delta in enumerate(worn_rad)
-]
-shared = shared_joint.share_joint(fits)
-monthly = pd.DataFrame(
-    {
-        "true_rad": worn_rad,
-        "alone_error_rad": [
-            each.delta_rad - delta for each, delta in zip(fits, worn_rad, strict=True)
-        ],
-        "alone_half_width_rad": [
-            (each.interval_rad[1] - each.interval_rad[0]) / 2 for each in fits
-        ],
-        "shared_error_rad": [
-            estimate - delta for (estimate, _), delta in zip(shared, worn_rad, strict=True)
-        ],
-        "shared_half_width_rad": [(high - low) / 2 for _, (low, high) in shared],
-    }
-)
-monthly
-
-# %% [markdown]
-# ### Hundreds of joints
-#
-# `make studies NAME=population` draws the logs and measures them; that takes minutes, so they are read from
-# `population_logs.csv`. The last four populations before the authors' logs are joints of another kind, which `self`
-# should refuse.
-
-# %%
-measured = pd.read_csv(workbook.ROOT / "results" / "population_logs.csv", keep_default_na=True)
-near, far = population.SPREADS
-titles = {near: "default spread", far: "20 % spread, 5 % friction, double ripple"}
-errors_figure = plots.population_errors(measured, titles)
-
-# %%
-logs = population.authors_logs()
-authors = population.measure_logs(logs, ("self",))
-summary = benchmark.summarise_intervals(pd.concat([measured, authors]).astype({"refused": bool}))
-columns = ["logs", "refused", "rmse_rad", "bound_rad", "coverage", "coverage_low", "coverage_high"]
-display(
-    summary[summary["method"] == "self"]
-    .set_index("population")[columns]
-    .round({"coverage": 3, "refused": 3})
-)
-
-# %% [markdown]
-# RMS error [10⁻⁴ rad] of every method, of the logs that it answered. The other methods use the paper's calibration.
-
-# %%
-rmse = summary.pivot(index="population", columns="method", values="rmse_rad").loc[
-    summary["population"].unique()
-]
-(1e4 * rmse[[*population.COMPARED_METHODS]]).round(2)
-
-# %% [markdown]
-# ### Do the intervals cover the true backlash?
-#
-# This is simulation-based calibration (Talts et al., [2018](https://doi.org/10.48550/arXiv.1804.06788)): if they
-# do, the rank of the true backlash in the posterior is uniform from 0 to 1, and intervals of every nominal
-# level cover as often as they say. No interval of `self` is calibrated on drawn joints: the likelihood is enough.
-
-# %%
-own = {
-    name: measured[(measured["population"] == name) & (measured["method"] == "self")]
-    for name in titles
-}
-calibration_figure = plots.posterior_calibration(measured, titles)
-for name, part in own.items():
-    uniformity = stats.kstest(population.ranks(part), "uniform")
-    print(f"{titles[name]}: p of uniform ranks {uniformity.pvalue:.3f}")
-
-# %% [markdown]
-# The share of answered logs whose interval was widened, and how often the interval covers before and after that; then
-# the coverage by thirds of the range of backlash.
-
-# %%
-rows = []
-for name, part in own.items():
-    answered = part[~part["refused"]]
-    error, half_width = (
-        (answered["found_rad"] - answered["delta_rad"]).abs(),
-        answered["high_rad"] - answered["found_rad"],
-    )
-    plain = population.NORMAL_95 * answered["sd_rad"]
-    rows.append(
-        (
-            titles[name],
-            (half_width > 1.01 * plain).mean(),
-            (error <= plain).mean(),
-            (error <= half_width).mean(),
-        )
-    )
-widening = pd.DataFrame(
-    rows, columns=["population", "widened", "held_by_the_posterior", "held_by_the_interval"]
-)
+of_population = pd.DataFrame(held).groupby(own["population"], sort=False)
+widening = of_population.mean().assign(logs=of_population.size()).loc[[*population.SPREADS]]
 widening.round(3)
 
-# %%
-edges = np.linspace(*printed_levels_rad()[[0, -1]], 4)
-answered = pd.concat(own.values()).query("not refused")
-third = pd.cut(
-    answered["delta_rad"], edges, labels=["small", "middle", "large"], include_lowest=True
-)
-by_third = {
-    name: benchmark.summarise_intervals(part)
-    for name, part in answered.groupby(third, observed=True)
-}
-thirds = pd.concat(by_third, names=["third"]).reset_index("third")
-thirds[["population", "third", "logs", *thirds.filter(like="coverage")]].round(3)
-
 # %% [markdown]
-# ### What it refuses, and why
-#
-# Some benches far from the paper's have little damping: with backlash their turns never repeat, even without noise,
-# encoder and disturbances. Such a record has no mean turn that a fit could meet.
-
-# %%
-refused = measured[(measured["method"] == "self") & measured["refused"]]
-reasons = refused.groupby(["population", "reason"]).size().rename("logs").reset_index()
-reasons
-
-# %% [markdown]
-# ### The datasheet of the whole sensor
-#
-# Logs from a table of time and speed on, with detection, turn period and refusals: benches near and far from the
-# paper's joint, other movements (load turns of 0.4 to 3.2 s), dropped samples, low-passed speeds, faults, joints of
-# another kind, healthy joints, and method torque. `make studies NAME=population` measures them. The sensor was never
-# tried on hardware.
-
-# %%
-datasheet = pd.read_csv(workbook.ROOT / "results" / "datasheet.csv")
-datasheet.round({name: 3 for name in datasheet if name.startswith(("answered", "covered"))})
+# On joints of the paper's kind the choice hardly matters, because few logs are widened. The factor is a precaution
+# against causes that the drawn joints do not have; these logs do not prove that it is large enough.
 
 # %% [markdown]
 # ## Verdict
 #
-# The acceptance criteria, of `self` on logs and of the whole sensor. One cannot be met by an unbiased method that does
-# not know the joint: the mean $|$error$|$ of such a method is at least $\sqrt{2/\pi}$ times the Cramér-Rao bound of the
-# authors' logs, their noise given. Methods that do better there know the joint.
+# The acceptance criteria were fixed before benches were drawn with seeds that no decision was made on. The
+# [datasheet](../../results/report.html#datasheet) of the report lists populations of joints, refusals and misses; the
+# sensor was never tried on hardware.
+
+# %% tags=["plumbing"]
+near, far = population.SPREADS
+titles = {near: "default spread", far: "20 % spread, 5 % friction, double ripple"}
+authors = population.measure_logs(population.authors_logs(), ("self",))
+summary = benchmark.summarise_intervals(pd.concat([measured, authors]).astype({"refused": bool}))
+datasheet = pd.read_csv(workbook.ROOT / "results" / "datasheet.csv")
+bars, sheet_bars = population.against_criteria(summary), population.against_criteria(datasheet)
 
 # %%
-bars, sheet_bars = population.against_criteria(summary), population.against_criteria(datasheet)
-display(pd.concat([bars, sheet_bars], keys=["self", "whole sensor"]).droplevel(1))
-bounds_rad = [entry.labels["bound_rad"] for entry in logs] or [np.nan]
-least_rad = np.sqrt(2 / np.pi) * np.mean(bounds_rad)
-limits = {(name, figure): limit for name, figure, _, limit in population.ACCEPTANCE_CRITERIA}
-limit_rad = limits["authors' logs", "mean_abs_error_rad"]
-missed = [
-    f"{row.population}: {row.figure} {row.bar}"
-    for row in pd.concat([bars, sheet_bars]).query("not met").itertuples()
-]
+near_rmse = summary.set_index(["population", "method"]).loc[near, "rmse_rad"]
 print(
-    f"Without a calibration, `self` meets {bars['met'].sum()} of {len(bars)} criteria, and the whole sensor "
-    f"{sheet_bars['met'].sum()} of {len(sheet_bars)}. Missed: {'; '.join(missed) or 'none'}. On joints near the "
-    f"paper's the RMS error of `self` is {rmse.loc[near, 'self']:.2g} rad. On the authors' logs no unbiased method "
-    f"that does not know the joint has a mean |error| below {least_rad:.2g} rad; the criterion is {limit_rad:.2g} rad."
+    f"From this log alone `self` finds {fit.delta_rad:.4g} rad for the drawn {backlash_rad:.4g} rad, with an SD of "
+    f"{fit.sd_rad:.2g} rad. On joints near the paper's its RMS error is {near_rmse['self']:.2g} rad, that of "
+    f"`amplitude` with the paper's calibration {near_rmse['amplitude']:.2g} rad. It meets {bars['met'].sum()} of "
+    f"{len(bars)} criteria, and the whole sensor {sheet_bars['met'].sum()} of {len(sheet_bars)}."
 )
 
 
@@ -429,12 +315,14 @@ def name_missed(criteria):
     rows = criteria.query("not met").itertuples()
     return "; ".join(
         f"{row.population}: {row.figure} {row.measured:.3g}, not {row.bar}" for row in rows
-    )
+    ).replace("_", " ")
 
 
-by_reason = reasons.groupby("reason")["logs"].sum().sort_values(ascending=False, kind="stable")
+refused = measured.query("method == 'self' and refused")
+by_reason = refused["reason"].value_counts()
 of_sheet = datasheet.set_index("population")
 every, others = of_sheet.loc["all by speed"], of_sheet.loc["other drives"]
+answered = own["population"].value_counts()
 workbook.export(
     supplement={
         "population": (
@@ -442,19 +330,18 @@ workbook.export(
             "Errors and coverage of every method on joints that nobody calibrated.",
         ),
         "self_unknowns": (unknowns, "What the method fits, with its priors."),
-        "self_reach": (degraded, "Errors of the method on degraded logs."),
         "self_bars": (bars, "The criteria of the method, and what was measured."),
         "datasheet_bars": (sheet_bars, "The criteria of the whole sensor, and what was measured."),
     },
     facts={
         "self_criteria": len(bars),
         "self_met": bars["met"].sum(),
-        "self_failed": name_missed(bars).replace("_", " "),
-        "self_refused": by_reason.sum(),
+        "self_failed": name_missed(bars),
+        "self_refused": len(refused),
         "self_refusals": "; ".join(f"{reason} ({logs})" for reason, logs in by_reason.items()),
         "sheet_criteria": len(sheet_bars),
         "sheet_met": sheet_bars["met"].sum(),
-        "datasheet_failed": name_missed(sheet_bars).replace("_", " "),
+        "datasheet_failed": name_missed(sheet_bars),
         "sensor_logs": (every["logs"], ".0f"),
         "sensor_answered": (100 * every["answered"], ".0f"),
         "sensor_covered": (100 * every["covered"], ".0f"),
@@ -473,18 +360,15 @@ workbook.export(
             f"unknowns fitted anew at {len(profile)} backlashes, and Laplace's approximation (line).",
         ),
         "self_errors": (
-            errors_figure,
+            plots.population_errors(measured, titles),
             "(a), (c) Error of method self, one marker per bench; steps are the RMS error and the median half-width of "
             "the stated 95 % intervals in six ranges of backlash. Crosses are benches whose interval does not hold the "
             "truth. (b), (d) The same errors over the stated SDs, with the counts of a normal distribution. Benches: "
-            + " and ".join(
-                f"{(~part['refused']).sum()} answered of {len(part)} ({titles[name]})"
-                for name, part in own.items()
-            )
+            + " and ".join(f"{answered[name]} answered ({titles[name]})" for name in titles)
             + ".",
         ),
         "self_calibration": (
-            calibration_figure,
+            plots.posterior_calibration(measured, titles),
             "(a), (b) Rank of the true backlash in the posterior in ten bins. The line is a uniform distribution; of "
             "its bins 95 % lie in the grey band. (c), (d) Share of intervals that hold the true backlash, against "
             "their nominal level, with 95 % intervals. n is the number of answered logs.",
@@ -512,16 +396,17 @@ print(
 )
 
 # %% [markdown]
-# **2.** A second mass whose share the log fixes to a tenth of its prior SD ($s_\mu\sqrt{I}$ = 10) costs evidence if it
-# is not needed. How many SDs from zero must $\hat\mu$ lie for even odds of one ring, and how many if 31 rings share the
-# probability of one half?
+# **2.** A log has $\nu$ = 150 and $\chi^2$ = 190. How probable is so large a residual by noise alone? Compare Birge's
+# ratio with our factor.
 
 # %% tags=["solution"]
-one_ring = np.sqrt(2 * np.log(10))  # half the square is the logarithm of 10
-one_of_31 = np.sqrt(2 * np.log(31 * 10))
-assert np.isclose(one_ring**2 / 2 - np.log(10), 0)
-assert np.isclose(np.exp(one_of_31**2 / 2) / 10 * (0.5 / 31) / 0.5, 1)
-print(f"{one_ring:.2f} and {one_of_31:.2f} SDs")
+nu, large_chi2 = 150, 190
+chance = stats.chi2.sf(large_chi2, nu)
+birge = np.sqrt(large_chi2 / nu)
+factor = np.sqrt(1 + max(0, large_chi2 - stats.chi2.isf(0.1, nu)))
+assert 0.01 < chance < 0.02
+assert np.isclose(factor, self_calibration.widening_factor(large_chi2, nu))
+print(f"p = {chance:.2g}; Birge {birge:.2f}, ours {factor:.1f}")
 
 # %% [markdown]
 # **3.** Two alternatives of equal weight have backlashes of 10·10⁻⁴ and 11·10⁻⁴ rad, each with an SD of 0.3·10⁻⁴ rad.
@@ -530,9 +415,7 @@ print(f"{one_ring:.2f} and {one_of_31:.2f} SDs")
 # %% tags=["solution"]
 mixture_sd = np.sqrt(0.3**2 + 0.5**2)  # in 1e-4 rad
 draws = np.random.default_rng(1).normal([10.0, 11.0], 0.3, (100_000, 2)).ravel()
-coverage = stats.norm(10.5 - 10, 0.3).cdf(1.96 * mixture_sd) - stats.norm(10.5 - 10, 0.3).cdf(
-    -1.96 * mixture_sd
-)
+beyond = stats.norm(0.5, 0.3).cdf(1.96 * mixture_sd * np.array([-1, 1]))
 assert np.isclose(draws.std(), mixture_sd, rtol=0.01)
-assert np.isclose((np.abs(draws - 10.5) < 1.96 * mixture_sd).mean(), coverage, atol=0.005)
-print(f"{mixture_sd:.2f}e-4 rad; {100 * coverage:.1f} %")
+assert np.isclose((np.abs(draws - 10.5) < 1.96 * mixture_sd).mean(), np.diff(beyond), atol=0.005)
+print(f"{mixture_sd:.2f}e-4 rad; {100 * np.diff(beyond).item():.1f} %")

@@ -30,7 +30,6 @@ DOTTED: Style = {"linewidth": 0.8, "linestyle": ":"}
 # Of a note beside a point, so many points away.
 LEFT: Style = {"xytext": (-4, 0), "textcoords": "offset points", "ha": "right", "va": "center"}
 RIGHT: Style = {"xytext": (4, 0), "textcoords": "offset points", "va": "center"}
-BELOW: Style = {"textcoords": "offset points", "ha": "center", "va": "top", "size": 8}
 
 
 @in_style
@@ -122,39 +121,6 @@ def table2(table: pd.DataFrame, own: pd.DataFrame, regions: pd.DataFrame) -> Fig
     lower.set(title="SD of $A$", ylabel="SD of $A$ [rps]", yscale="log", xlabel="row of Table 2")
     lower.set_xticks(regions.index)
     return finish(figure, 3)
-
-
-@in_style
-def basins(runs: pd.DataFrame, labels: FloatArray, title: str) -> Figure:
-    """Where the runs on one record end: RMSE and |A| of each basin, the area and a count for its runs, 1 the best."""
-    figure, ((axis,),) = grid(height_in=3.4)
-    ends = pd.DataFrame({"rmse": runs["rmse_rps"], "A": runs["A_rps"].abs(), "basin": labels})
-    apart = ends["A"].sort_values().diff().gt(0.1).cumsum().rename("apart")
-    near = ends.groupby(["basin", apart], as_index=False).agg(
-        rmse=("rmse", "mean"), A=("A", "mean"), runs=("A", "size"), basin=("basin", "first")
-    )
-    is_best = near["basin"] == 1
-    for part, colour, marker, label in (
-        (near[is_best], BLUE, "o", "best basin"),
-        (near[~is_best], ORANGE, "s", "other basins"),
-    ):
-        axis.scatter(
-            part["rmse"],
-            part["A"],
-            20 * part["runs"],
-            color=colour,
-            marker=marker,
-            label=label,
-            zorder=2,
-        )
-        for row in part.itertuples():
-            count = f"{row.runs} run" + "s" * (row.runs > 1)
-            axis.annotate(count, (row.rmse, row.A), (0, -5 - np.sqrt(5 * row.runs)), **BELOW)
-    axis.margins(0.12, 0.15)
-    axis.set(xlabel="final RMSE [rps]", ylabel="$|A|$ [rps]", title=title)
-    key = axis.legend(loc="lower right", bbox_to_anchor=(1, 1), ncols=2, borderaxespad=0)
-    plt.setp(key.legend_handles, sizes=[30])
-    return figure
 
 
 @in_style

@@ -15,7 +15,7 @@ from replication.standins.joints import (
     encoder_log,
     fitted_logs,
 )
-from replication.table2 import summarise_runs
+from replication.table2 import AUTHORS_PROTOCOL, repeated_fits, summarise_runs
 
 # Table 3's cells, by their names among the printed ones, and our columns.
 TABLE3_COLUMNS = {
@@ -38,6 +38,13 @@ def table3_records(
         key = {"row": row, "delta_rad": delta, "reading_rad": reading, "known_A_rps": known}
         records.append((key, encoder_log(bench, delta, rng)))
     return records
+
+
+def fit_table3(bench: Bench, deltas_rad: Sequence[float], seed: int, repeats: int) -> pd.DataFrame:
+    """Table 3 of a bench: the paper's search on its log in each state of wear, from so many seeds."""
+    records = table3_records(bench, deltas_rad, seed)
+    label = "Table 3, stand-in bench"
+    return table3(repeated_fits(records, [AUTHORS_PROTOCOL], range(1, repeats + 1), label))
 
 
 def table3(runs: pd.DataFrame) -> pd.DataFrame:

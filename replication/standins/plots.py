@@ -1,16 +1,25 @@
 """Plots of the stand-ins for the bench and the robots: data frames in, a matplotlib figure out."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
+from replication.arrays import FloatArray
+from replication.figures import paper
 from replication.figures import style as house
 from replication.figures.style import BLUE, GREEN, INK, ORANGE, PINK, SKY, grid, in_style
 
 MARKERS, LINES = "osv^D", ("-", "--", "-.", ":")
 COLOURS = (BLUE, ORANGE, GREEN, PINK, SKY)
+
+
+def motions(
+    time_s: FloatArray, signals: Sequence[tuple[str, FloatArray, FloatArray | None]]
+) -> Figure:
+    """Figure 10 with the stand-in bench in the place of a record."""
+    return paper.simulated_joint(time_s, signals, "stand-in bench")
 
 
 @in_style

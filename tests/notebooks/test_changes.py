@@ -33,7 +33,7 @@ def test_a_notebook_runs_with_a_change_and_says_what_happened(notebook, change, 
             "'load_frictoin' should be one of .*'load_friction'",
         ),
         (
-            "18_friction_and_wear",
+            "10_bench_table3",
             {"judged_shares": [0.033]},
             r"judged_shares = \[0.033\]: 0.033 should be one of",
         ),

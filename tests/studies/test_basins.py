@@ -4,29 +4,11 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from replication import published
 from replication.identify import Protocol, paper_fit, protocol_box
 from replication.signature import rmse
 from studies import basins, optimizers
 from tests.conftest import TRUE_X
 from tests.tools.timings import reference_fit
-
-STORED = {"window_start_s": "T1_s", "window_end_s": "T2_s", "final_rmse_rps": "rmse_rps"}
-
-
-def test_basins_are_told_apart_by_misfit_and_then_by_window():
-    rmse = np.array([0.1, 0.2, 0.10001, 0.2, 0.10002])
-    start = np.array([0.02, 0.3, 0.021, 0.1, 0.22])
-    np.testing.assert_array_equal(basins.label_basins(rmse, start), [1, 4, 1, 3, 2])
-
-
-def test_the_stored_runs_end_in_four_basins():
-    runs = published.authors_notebook_runs().rename(columns=STORED)
-    table = basins.basin_table(runs)
-    assert table["runs"].tolist() == [10, 1, 18, 1]
-    assert table["basin"].tolist() == [1, 2, 3, 4]
-    assert (table["rate_low"] < table["rate"]).all()
-    assert (table["rate"] < table["rate_high"]).all()
 
 
 def made_runs(seed, runs, rows=(1, 2, 3), shift=0.0):

@@ -15,18 +15,18 @@ NOTEBOOKS = notebook_files("py")
 CHEAPER = {
     "07_protocol_table1": {"rows": [3, 9], "seed_runs": 1, "today_runs": 1},
     "08_noise_table2": {"fresh": 3, "public": [1, 2]},
-    "17_identification": {"replay_runs": 6, "strategy_runs": 1, "coverage_runs": 1, "budget": 3000},
-    "10_bench_table3": {"benches": 20},
+    "10_bench_table3": {"benches": 20, "shares": [0.0, 0.005, 0.05, 0.1], "worn_benches": 1},
     "11_robots_table4": {"robots_each": 100, "loud_robots_each": 50, "frequency_step_hz": 10.0},
-    "18_friction_and_wear": {"shares": [0.0, 0.005, 0.05, 0.1], "worn_benches": 1},
     "16_claims": {
         "noises": 4,
         "noise_seeds": 40,
         "mountings": 1,
         "bits": [16, 19],
         "start_angles": 20,
+        "strategy_runs": 1,
+        "budget": 3000,
     },
-    "13_readings_compared": {"scored": [3], "healthy": 20, "seen_records": 4},
+    "13_readings_compared": {"scored": [3], "sweeps": {"turns": [4]}, "deltas_rad": [5e-4, 15e-4]},
 }
 
 
