@@ -63,6 +63,9 @@
 # \hat v_t = \bar v - \hat A\,\bar u, \qquad
 # \text{RMSE}^2(t_0, \tau, \omega, T_1, T_2) = \frac{1}{m} \sum_k \left(v_k - \hat A u_k - \hat v_t\right)^2.$$
 #
+# The *global fit* of later notebooks searches these five without chance: it tries every window start on a grid of
+# damping and frequency, and descends from the best. Notebook 16 compares it with the thirty runs.
+#
 # **Region.** Of a candidate's $N$ means (or SDs) in a row, sorted, let $x_{(k)}$ be the $k$-th. One more realisation
 # lies in the [predictive region](glossary.md#predictive-region)
 #
@@ -364,6 +367,7 @@ inside, sds_inside = (
     regions[of].between(regions[f"{of}_low"], regions[f"{of}_high"]).sum()
     for of in protocols.NUMBERS
 )
+# %%
 print(
     f"With the leading candidate {inside} of Table 2's {len(regions)} means and {sds_inside} SDs lie in the regions of "
     f"{N} realisations (half-widths of the means' {half_width.min():.1f} to {half_width.max():.0f} %). By all "

@@ -204,7 +204,7 @@ known
 #
 # `fit_table3` makes a log and a static reading of the bench at each of the three backlashes, and runs the paper's
 # search on each log, from one seed a run. The known $A$ is that of the reading. `bench_population` reads the logs of
-# other benches by the global fit (notebook 16). *Predict:* is a printed error of at most 9 % typical of such benches?
+# other benches by the global fit (notebook 8). *Predict:* is a printed error of at most 9 % typical of such benches?
 
 # %%
 table = standins.bench.fit_table3(bench, deltas_rad, bench_seed, repeats)
@@ -270,7 +270,9 @@ friction
 # %% [markdown]
 # The impacts move by about what the formula says of the separations (`_ms`); it leaves out the load's inertia and the
 # time that the teeth need to cross the gap. The peak is no lower up to 25 % friction. What changes is *when* the
-# oscillation comes, and the signature does not model that. Friction on the motor changes nothing (exercise 2).
+# oscillation comes, and the signature does not model that. Where the fit explains less than half of the variance, it
+# ends in another basin (`frequency_hz`), and its $A$ says nothing of the backlash. Friction on the motor changes
+# nothing (exercise 2).
 #
 # ### Eight months of wear
 #
