@@ -22,7 +22,6 @@ def gaussian_noise(n):
 def louder_noise(n):
     here, kept = (n[table].groupby("row")["mean_A_rps"].std() for table in ("own", "kept"))
     assert (here / kept).median() > 1.5
-    assert n["same_law"] < 0.01
 
 
 def narrow_box(n):
