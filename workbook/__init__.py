@@ -11,7 +11,7 @@ _HOMES = {
     "check_parameters": "parameters",
     "export": "outcomes",
     "judge": "judging",
-    "plain_animation": "animation",
+    "plain_animation": "report.animation",
     "sliders": "parameters",
 }
 __all__ = ["QUICK", "ROOT", *_HOMES]

@@ -87,9 +87,7 @@ mountings = 3  # angles at which the encoder is mounted
 bits = [12, 14, 16, 19]  # encoders
 start_angles = 200  # start angles of the motor
 steps_s = [5e-5, 1e-4, 2.5e-4, 5e-4]  # plain integration steps
-optimiser = (
-    None  # a function (misfit, lower, upper, evaluations, seed), such as differential_evolution
-)
+optimiser = None  # of misfit, lower, upper, evaluations and seed, such as differential_evolution
 strategy_runs = 10  # searches by each strategy, and by it
 budget = 40000  # function evaluations of each
 criteria = {}  # limits to try in place of those of claims.csv, such as {"quality_decreases": 0.2}
@@ -106,7 +104,7 @@ workbook.check_parameters(
     bits=(bits, [range(8, 33)]),
     start_angles=(start_angles, Interval(2)),
     steps_s=(steps_s, [Interval(1e-6, 5e-4)]),
-    optimiser=(A_FUNCTION if callable(optimiser) else optimiser, (None, A_FUNCTION)),
+    optimiser=(optimiser, (None, callable)),
     strategy_runs=(strategy_runs, Interval(1, 1e4, whole=True)),
     budget=(budget, Interval(100, 1e7)),
     criteria=(criteria, [list(decided_here.index)]),

@@ -61,7 +61,7 @@ def test_frames_follow_one_another_faster_while_the_gap_is_open():
     joint = identified_joint()
     run = simulate(joint, 21e-4, duration_s=1.6, sample_s=1e-3)
     html = plain_animation(teeth.animate_teeth(run, joint), "teeth")
-    frames = re.findall(r'frames\[\d+\] = "data:image/png;base64,(.*?)"', html)
+    frames = re.findall(r'frames\[\d+\] = "data:image/\w+;base64,(.*?)"', html)
     open_s = 1e-3 * (run.gap_state[(run.time_s >= 0.4) & (run.time_s < 0.8)] == 0).sum()
     assert len(frames) == pytest.approx(open_s / 0.003 + (0.4 - open_s) / 0.015, abs=4)
     assert Image.open(io.BytesIO(base64.b64decode(frames[0]))).size == (408, 294)

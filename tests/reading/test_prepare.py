@@ -185,6 +185,10 @@ def test_a_wrong_unit_is_recognised_by_its_factor(factor, unit, hint, known):
     assert f"give --unit {hint}" in refusal(frame, replace(TURN, unit=unit, **known))
 
 
+def test_a_speed_that_no_motor_reaches_is_asked_about():
+    assert "give --unit rpm" in refusal(pd.DataFrame({"t": RECORD.t, "v": 60 * RECORD.v}), TURN)
+
+
 @pytest.mark.parametrize(
     "wrong",
     [

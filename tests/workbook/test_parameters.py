@@ -28,11 +28,16 @@ def test_a_value_that_is_not_allowed_is_refused_with_what_is(value, allowed, sen
     with pytest.raises(ValueError) as caught:  # noqa: PT011
         check_parameters(shown=(value, allowed))
     assert str(caught.value) == sentence
+    assert caught.value._render_traceback_() == [sentence]  # all that Jupyter shows
 
 
 def test_what_is_allowed_passes():
     check_parameters(
-        a=(3, range(5)), b=([0.1, 2], [Interval(0, 2)]), c=({}, [("x",)]), d=([], [Interval(0)])
+        a=(3, range(5)),
+        b=([0.1, 2], [Interval(0, 2)]),
+        c=({}, [("x",)]),
+        d=([], [Interval(0)]),
+        e=(len, ("x", callable)),
     )
 
 
