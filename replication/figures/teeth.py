@@ -35,12 +35,13 @@ def draw_teeth(axis: plt.Axes, displacement: float, delta: float, reach: float) 
         axis.fill(side * wall * np.array([1, 1, 1.1, 1.1]), [-0.4, 0.8, 0.8, -0.4], color="0.5")
         coils = 0.3 + 0.12 * np.array([0, 0, *[1, -1] * 5, 0, 0])
         axis.plot(np.linspace(flank[-1], side * wall, 14), coils, color=INK, linewidth=0.8)
+    axis.vlines([-delta, displacement, delta], -0.2, 1.1, INK, ":")
     axis.set(
         xlim=(-1.12 * wall, 1.12 * wall),
-        ylim=(-0.55, 1.2),
-        xlabel="displacement $\\Delta\\theta$ [mrad]",
+        xlabel="displacement $\\Delta\\theta$ [mrad]; dotted: $-\\delta$, tooth's centre, $\\delta$",
+        xticks=[-delta, delta],
+        yticks=[],
     )
-    axis.set(xticks=np.round([-reach, 0, reach], 2), yticks=[])
     axis.grid(visible=False)
     axis.spines["left"].set_visible(False)
 
@@ -79,7 +80,7 @@ def animate_teeth(run: SimulatedJoint, joint: JointParameters) -> str:
         (dot,) = speed.plot([], [], "o", color=INK)
 
         def draw(k: int) -> None:
-            for artist in (*arm.lines, *arm.texts, *gap.lines, *gap.patches):
+            for artist in (*arm.lines, *arm.texts, *gap.lines, *gap.patches, *gap.collections):
                 artist.remove()  # to clear the axes takes ten times as long
             draw_arm(arm, angle[k])
             draw_teeth(gap, x[k], 1e3 * run.delta_rad, np.abs(x).max())

@@ -1,4 +1,4 @@
-"""Notebook 0: the equations as it writes them are the simulator's, and its animation needs no network."""
+"""Notebooks 0 and 1: the sensor and its pictures, which need no network; the equations are the simulator's."""
 
 import base64
 import io
@@ -10,6 +10,7 @@ from PIL import Image
 from test_try_changing import run as run_notebook
 
 from replication.figures import teeth
+from replication.signature import Timing, signature
 from replication.simulator.parameters import identified_joint
 from replication.simulator.simulate import simulate
 from workbook import plain_animation
@@ -17,27 +18,37 @@ from workbook import plain_animation
 
 @pytest.fixture(scope="module")
 def after(tmp_path_factory):
-    """Variables of the notebook after a run."""
+    """Variables of notebook 0 after a run."""
     return run_notebook("00_the_sensor", {}, tmp_path_factory.mktemp("start"))
 
 
-def test_the_written_out_equations_give_the_simulated_speed(after):
-    assert after["difference"].size > 1600
-    assert after["difference"].max() < 1e-4
+@pytest.fixture(scope="module")
+def joint_after(tmp_path_factory):
+    """Variables of notebook 1 after a run."""
+    return run_notebook("01_the_joint", {}, tmp_path_factory.mktemp("joint"))
 
 
-def test_the_joint_rings_where_its_linear_model_says(after):
-    decay, omega = after["fitted"][:2]
-    assert omega / (2 * np.pi) == pytest.approx(after["ring_hz"], rel=2e-3)
-    assert decay == pytest.approx(-after["mode"].real, rel=0.03)
-    assert after["two_springs_hz"](after["joint"]) == pytest.approx(after["ring_hz"], rel=0.08)
+def test_the_written_out_equations_give_the_simulated_speed(joint_after):
+    assert joint_after["difference"].size > 800
+    assert joint_after["difference"].max() < 1e-4
 
 
-def test_both_ways_of_the_sensor_come_near_the_true_backlash(after):
-    assert -12 < after["error_percent"] < -6
-    assert after["answer"].verdict == "backlash"
-    low, high = after["answer"].backlash_interval_rad
-    assert low < after["delta_rad"] < high
+def test_the_joint_rings_where_its_linear_model_says(joint_after):
+    decay, omega = joint_after["fitted"][:2]
+    mode = joint_after["mode"]
+    assert omega == pytest.approx(mode.imag, rel=2e-3)
+    assert decay == pytest.approx(-mode.real, rel=0.03)
+    assert joint_after["s"][[0, -1]].imag == pytest.approx(mode.imag, rel=0.08)
+
+
+def test_the_best_run_and_equation_10_come_near_the_true_backlash(after):
+    assert 0.88 < after["found_rad"] / after["delta_rad"] < 0.94
+
+
+def test_the_fitted_signature_is_that_of_equation_7(after):
+    X = [*after["explorer"]["fitted"].values()][:7]
+    h = signature(after["t"], X, Timing(0.2, 0.4, 12))
+    assert np.abs(h - after["fit"])[after["t"] > 0.2].max() < 1e-3
 
 
 def test_the_animation_is_the_same_every_time_and_asks_nothing_of_a_server(after):
