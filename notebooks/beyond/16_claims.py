@@ -94,7 +94,6 @@ criteria = {}  # limits to try in place of those of claims.csv, such as {"qualit
 
 # %% tags=["plumbing"]
 decided_here = published.claims().query("decided_in == 16")
-A_FUNCTION = "a function (misfit, lower, upper, evaluations, seed) that returns the best X"
 encoder_bits = int(published.value("text.encoder_bits"))
 workbook.check_parameters(
     noises=(noises, Interval(2, whole=True)),
