@@ -13,6 +13,8 @@ import pytest
 
 import workbook
 from replication import published
+from replication.authors import level_delta_rad
+from replication.simulator import simulate_recordings
 from replication.standins import joints
 from replication.statistics import predictive_region, rate_columns
 from studies.benchmark import JOINT_ALL_FREE
@@ -146,7 +148,7 @@ def within_the_lines_width(n):
 
 
 def noise_over_figure_5(n):
-    quiet = n["simulate_recordings"](n["joint"], [n["level_delta_rad"](12)])[0]
+    quiet = simulate_recordings(n["joint"], [level_delta_rad(12)])[0]
     added = np.abs(n["speed"].v - quiet.v)
     assert 0.17 < added.max() <= 0.18
     assert published.value("table2.row10.noise") == pytest.approx(0.18, abs=0.005)
@@ -159,7 +161,7 @@ def every_amplitude_grows(n):
 
 
 def a_quarter_as_high(n):
-    high = n["simulate_recordings"](n["joint"], [n["level_delta_rad"](12)])[0]
+    high = simulate_recordings(n["joint"], [level_delta_rad(12)])[0]
     assert np.abs(n["speed"].v - 100).max() / np.abs(high.v - 100).max() == pytest.approx(
         0.25, abs=0.04
     )
