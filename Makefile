@@ -3,7 +3,8 @@
 PYTHON ?= python3
 PY := .venv/bin/python
 RUN := $(PY) -m workbook
-CHANGES := tests/test_try_changing.py tests/test_ten_changes.py
+CHANGES := tests/test_try_changing.py tests/test_twelve_changes.py
+STALL := $(if $(STALL_MINUTES),--stall-minutes $(STALL_MINUTES))
 STUDY := OPENBLAS_NUM_THREADS=1 $(PY) -m studies
 PYTEST := OPENBLAS_NUM_THREADS=1 $(PY) -m pytest --numprocesses 2 --dist worksteal
 export PYTHONPATH := $(CURDIR)
@@ -30,7 +31,7 @@ all: .venv/.installed  ## every notebook, figure, table, verdict, the report and
 	@$(MAKE) --no-print-directory --keep-going .make/workbook.done
 
 quick: .venv/.installed  ## the same figures from few repeats, into results/quick
-	$(RUN) run --quick
+	$(RUN) run --quick $(STALL)
 	$(RUN) collect --quick
 	$(RUN) report --quick
 	$(RUN) check --quick || true
@@ -122,7 +123,7 @@ $(BEYOND:notebooks/beyond/%.py=.make/%.done): .make/%.done: notebooks/beyond/%.p
 # A notebook that fails keeps neither the others nor the report from being made, but make from ending well.
 # A run that was interrupted (130; a killed make too), or that another one locks out (2), ends here.
 .make/workbook.done: $(STAMPS) $(wildcard workbook/*.py workbook/report/*.py workbook/report/templates/*.j2 article/*.* replication/data/*.*)
-	@if [ -s .make/due ]; then $(RUN) run --stamps .make --watch $$TOP_MAKE $$(sort -u .make/due); fi; code=$$?; echo $$code > .make/status; [ $$code -lt 2 ]
+	@if [ -s .make/due ]; then $(RUN) run --stamps .make --watch $$TOP_MAKE $(STALL) $$(sort -u .make/due); fi; code=$$?; echo $$code > .make/status; [ $$code -lt 2 ]
 	$(RUN) collect
 	$(RUN) report
 	$(RUN) article || true

@@ -181,8 +181,8 @@ missed_percent = 100 * (1 - peaks["sampled_rps"] / peaks["amplitude_rps"])
 # %%
 print(
     f"At {v_t:g} rps (a load turn of {T_f:g} s) the amplitude {'grows' if step.min() > 0 else 'does not grow'} from "
-    f"every level to the next, by {step.min():.3f} to {step.max():.3f} rps, about as the backlash to the power {p:.2f};"
-    f" the impact's speed would grow with the power 0.67. Samples of 2 ms miss up to {missed_percent.max():.1f} % of it."
+    f"every level to the next, by {step.min():.3f} to {step.max():.3f} rps, about as the backlash to the power {p:.2f}"
+    f" (the impact's speed: 0.67). Samples of 2 ms miss up to {missed_percent.max():.1f} % of it."
 )
 if not same:
     print(

@@ -66,7 +66,7 @@ from workbook import Interval
 # %% tags=["parameters"]
 population = 300  # members of a generation, in the run that is taken apart
 sigma = 0.25  # its first standard deviations, as a share of the box
-box = {}  # other bounds for it, such as {"frequency_hz": (1.0, 15.0)} or {"longest_window_s": 0.3}; see `Protocol`
+box = {}  # other bounds for it, such as {"frequency_hz": (1.0, 15.0)} or {"start_s": (0.0, 0.2)}; see `Protocol`
 generation = 5  # which generation is shown
 seed = 823840  # of the run: that of the stored run 4
 realisation = 1  # the authors' noise realisation R
@@ -80,6 +80,7 @@ settings = {
     "longest_window_s": Interval(0.01, 4.8),
     "damping_per_s": [Interval(0)],
     "frequency_hz": [Interval(0)],
+    "start_s": [Interval(0, 4.8)],
 }
 workbook.check_parameters(
     population=(population, Interval(4, 100000)),

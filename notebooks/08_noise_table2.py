@@ -87,16 +87,19 @@ from workbook.judging import compare_candidates, judge_cells
 
 # %% tags=["parameters"]
 fresh = 12  # own realisations of each row with the leading candidate
-noise_factor = 1.0  # multiplies their noise
 public = [1, 2, 3, 4, 5]  # the authors' noise realisations R that it also runs on
 settings = {}  # of the search, in place of the leading candidate's, such as {"population": 30}; see `identify.Protocol`
 shown_row = 5  # of Table 2, whose runs are condensed cell by cell
 criteria = {}  # limits to try instead of those of claims.csv, such as {"local_minima": 0.7}
 
+
+def draw_noise(rng, a, size):  # the law of their noise; a is Table 2's half-amplitude [rps]
+    return rng.uniform(-a, a, size)
+
+
 # %% tags=["plumbing"]
 workbook.check_parameters(
     fresh=(fresh, Interval(1, 1000, whole=True)),
-    noise_factor=(noise_factor, Interval(0.01, 100)),
     public=(public, [tuple(LOW_NOISE)]),
     settings=(settings, [tuple(field.name for field in fields(Protocol))]),
     shown_row=(shown_row, range(1, 11)),
@@ -177,7 +180,7 @@ pd.DataFrame(
 # and SDs, times twenty. Below 1 % the kept numbers are not what this code gives, and they judge nothing here.
 
 # %%
-jobs = product([leader], protocols.ROWS, range(1, fresh + 1), [8], [noise_factor])
+jobs = product([leader], protocols.ROWS, range(1, fresh + 1), [8], [draw_noise])
 own = pd.DataFrame(in_parallel(protocols.realise, jobs, "own realisations"))
 study = pd.read_csv(protocols.REALISATIONS)
 kept = study[study["protocol"] == protocols.LEADER]

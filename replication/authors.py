@@ -14,6 +14,7 @@ import pandas as pd
 
 from replication import published
 from replication.arrays import FloatArray
+from replication.files import UserError
 from replication.recording import COMMANDED_SPEED_RPS, TURN_PERIOD_S, Recording, add_uniform_noise
 from replication.simulator.parameters import identified_joint
 from replication.simulator.recordings import simulate_recordings
@@ -38,16 +39,12 @@ WORKBOOK_FILES = (
 )
 
 
-class DataUnavailable(RuntimeError):
+class DataUnavailable(UserError):
     """The authors' data are neither in `BACKLASH_DATA` nor to be downloaded."""
 
-    exit_status = 2
 
-
-class DataCorrupt(RuntimeError):
+class DataCorrupt(UserError):
     """A file of the authors' data is not what it should be."""
-
-    exit_status = 2
 
 
 def authors_registry() -> dict[str, str]:
@@ -156,8 +153,9 @@ def load_clean_records(levels: Iterable[int]) -> dict[float, Recording]:
 def load_noisy(level: int, realisation: int) -> Recording:
     """Load the authors' noisy record of a level K, 1 to 20, and a realisation R of the low noise, 1 to 5."""
     if level not in NOISY_LEVELS or realisation not in LOW_NOISE:
-        known = "K is 1 to 20, R is 1 to 5"
-        raise ValueError(f"no noisy record K = {level}, R = {realisation}: {known}")
+        raise ValueError(
+            f"no noisy record K = {level}, R = {realisation}: K is 1 to 20, R is 1 to 5"
+        )
     if records_are_simulated():
         half = 0.1 + (level - 1) * 0.15 / 19  # the law of their noise, which Table 2's rows obey
         rng = np.random.default_rng((realisation, level))

@@ -12,6 +12,16 @@ ROOT = Path(__file__).resolve().parents[1]
 FLOAT_FORMAT = "%.6g"
 
 
+class UserError(Exception):
+    """What a user can mend: the message is the one line that a command prints and a notebook shows."""
+
+    exit_status = 2
+
+    def _render_traceback_(self) -> list[str]:
+        """What Jupyter shows in place of a traceback."""
+        return [str(self)]
+
+
 def write_bytes(path: Path, content: bytes) -> None:
     """Write a file whole or not at all."""
     path.parent.mkdir(parents=True, exist_ok=True)

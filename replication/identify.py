@@ -33,6 +33,7 @@ class Protocol:
     longest_window_s: float = 0.204  # Table 1's upper bound of T2, twice that of T1
     damping_per_s: tuple[float, float] = DAMPING_PER_S  # bounds of tau
     frequency_hz: tuple[float, float] = FREQUENCY_HZ  # bounds of omega over 2 pi
+    start_s: tuple[float, float] | None = None  # bounds of t0; None: the whole record
     T_d: float = 0.2  # delay of the second oscillation [s]
     T_f: float = 0.4  # turn period [s]
     turns: int = 12  # n of the model
@@ -71,6 +72,7 @@ def protocol_box(recording: Recording, protocol: Protocol) -> Box:
         protocol.amplitude_factor,
         protocol.damping_per_s,
         protocol.frequency_hz,
+        protocol.start_s,
     )
 
 
@@ -80,9 +82,11 @@ def paper_search(recording: Recording, protocol: Protocol, seed: int) -> Iterato
     See `search.generations`.
     """
     record = fold(recording.t, recording.v, protocol.timing)
-    box = protocol_box(recording, protocol)
     return generations(
-        lambda members: folded_rmse(members, record), box, random_normals(seed), protocol.population
+        lambda members: folded_rmse(members, record),
+        protocol_box(recording, protocol),
+        random_normals(seed),
+        protocol.population,
     )
 
 
@@ -122,8 +126,8 @@ def paper_fit(recording: Recording, protocol: Protocol, seed: int) -> Fit:
 def _fit_in_rpm(recording: Recording, protocol: Protocol, seed: int) -> Fit:
     """Fit 60 (v - mean v), and give A, v_t and the misfit in rps."""
     mean = recording.v.mean()
-    in_rpm = replace(recording, v=RPM_PER_RPS * (recording.v - mean))
-    fit = paper_fit(in_rpm, replace(protocol, rpm=False), seed)
+    recording = replace(recording, v=RPM_PER_RPS * (recording.v - mean))
+    fit = paper_fit(recording, replace(protocol, rpm=False), seed)
     X = fit.X.copy()
     X[0] /= RPM_PER_RPS
     X[4] = mean + X[4] / RPM_PER_RPS
@@ -152,7 +156,6 @@ def library_search(
         "seed": np.nan,  # leave NumPy's global generator alone
         "randn": random_normals(seed),
         "verbose": -9,
-        "verb_disp": 0,
         "verb_log": 0,
     }
     middle = from_box((box.lower + box.upper) / 2, box, margin_today)

@@ -36,9 +36,12 @@ def from_sample(recording: Recording, start: int) -> Recording:
     """
     if not 0 <= start <= recording.t.size - 3:
         raise ValueError(f"start sample {start}: the record has {recording.t.size} samples")
-    if start == 0:
-        return recording
     return replace(recording, t=recording.t[start:] - recording.t[start], v=recording.v[start:])
+
+
+def uniform_noise(rng: np.random.Generator, half_amplitude_rps: float, size: int) -> FloatArray:
+    """Uniform white noise, the law of the authors' noisy logs; shape (size,)."""
+    return rng.uniform(-half_amplitude_rps, half_amplitude_rps, size)
 
 
 def add_uniform_noise(
@@ -48,7 +51,7 @@ def add_uniform_noise(
 
     n lies between plus and minus `half_amplitude_rps`, which Table 2 calls the noise amplitude.
     """
-    noise = rng.uniform(-half_amplitude_rps, half_amplitude_rps, recording.v.size)
+    noise = uniform_noise(rng, half_amplitude_rps, recording.v.size)
     return replace(recording, v=recording.v + noise, source=f"{recording.source} + uniform noise")
 
 
@@ -59,10 +62,9 @@ def add_normal_noise(recording: Recording, sd_rps: float, rng: np.random.Generat
 
 def constant_speed(samples: int, dt: float) -> Recording:
     """Make a record without backlash, the commanded speed and nothing else, to add noise to."""
-    v = np.full(samples, COMMANDED_SPEED_RPS)
     return Recording(
         dt * np.arange(samples, dtype=float),
-        v,
+        np.full(samples, COMMANDED_SPEED_RPS),
         COMMANDED_SPEED_RPS,
         TURN_PERIOD_S,
         "constant speed",

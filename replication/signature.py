@@ -78,6 +78,7 @@ def table1_box(
     amplitude_factor: float = 1.0,
     damping_per_s: tuple[float, float] = DAMPING_PER_S,
     frequency_hz: tuple[float, float] = FREQUENCY_HZ,
+    start_s: tuple[float, float] | None = None,
 ) -> Box:
     """Table 1's acceptable ranges of the free parameters for a record.
 
@@ -91,14 +92,17 @@ def table1_box(
         Widens the range of A; Table 1 has 1.
     damping_per_s, frequency_hz : (float, float)
         Bounds of tau, and of omega over 2 pi.
+    start_s : (float, float), optional
+        Bounds of t0; Table 1 has the whole record.
     """
-    half_range = amplitude_factor * (v.max() - v.min()) / 2
-    (tau_min, tau_max), (omega_min, omega_max) = (
+    half_range = amplitude_factor * np.ptp(v) / 2
+    bounds = [
+        (-half_range, half_range),
+        start_s or (t.min(), t.max()),
         damping_per_s,
-        (2 * np.pi * f for f in frequency_hz),
-    )
-    lower = np.array([-half_range, t.min(), tau_min, omega_min, v.min(), 0.0, 0.0])
-    upper = np.array(
-        [half_range, t.max(), tau_max, omega_max, v.max(), longest_window_s, longest_window_s / 2]
-    )
-    return Box(lower, upper)
+        2 * np.pi * np.array(frequency_hz),
+        (v.min(), v.max()),
+        (0.0, longest_window_s),
+        (0.0, longest_window_s / 2),
+    ]
+    return Box(*np.array(bounds).T.copy())

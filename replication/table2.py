@@ -42,17 +42,19 @@ def authors_table2_records(realisations: Sequence[int]) -> list[tuple[dict, Reco
     if not realisations:
         raise ValueError("realisations []: name some of 1 to 5")
     noise = published.column("Table 2", "noise")
-    keys = [
-        {
-            "realisation": R,
-            "row": row,
-            "delta_rad": level_delta_rad(table2_levels()[row - 1]),
-            "noise_amplitude_rps": noise[row - 1],
-        }
+    return [
+        (
+            {
+                "realisation": R,
+                "row": row,
+                "delta_rad": level_delta_rad(level),
+                "noise_amplitude_rps": noise[row - 1],
+            },
+            load_noisy(level, R),
+        )
         for R in realisations
-        for row in range(1, 1 + len(table2_levels()))
+        for row, level in enumerate(table2_levels(), start=1)
     ]
-    return [(key, load_noisy(table2_levels()[key["row"] - 1], key["realisation"])) for key in keys]
 
 
 def _run(recording: Recording, protocol: Protocol, seed: int) -> dict[str, float]:

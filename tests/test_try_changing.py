@@ -15,7 +15,6 @@ import workbook
 from replication import published
 from replication.authors import level_delta_rad
 from replication.simulator import simulate_recordings
-from replication.standins import joints
 from replication.statistics import predictive_region, rate_columns
 from studies.benchmark import JOINT_ALL_FREE
 from tests.tools.changes import NOTEBOOKS, changes, parse, run, says_what_happened
@@ -523,29 +522,3 @@ def test_a_change_does_what_its_notebook_says(notebook, changed, authors_data, t
     for change in changed:
         OUTCOMES[notebook][change](variables)
     assert says_what_happened(capsys.readouterr().out)
-
-
-def write_log(path, delta_rad):
-    """Write the log of a bench that no notebook knows, and return the period of its turn."""
-    bench = joints.draw_bench(np.random.default_rng(8))
-    record = joints.encoder_log(bench, delta_rad, np.random.default_rng(9))
-    pd.DataFrame({"time [s]": record.t, "motor speed [rps]": record.v}).to_csv(path, index=False)
-    return record.turn_period_s
-
-
-def test_a_log_of_ones_own_is_measured_first_and_says_what_was_assumed(tmp_path, capsys):
-    period = write_log(tmp_path / "mine.csv", 8e-4)
-    own = {"my_log": str(tmp_path / "mine.csv"), "my_turn_period_s": period}
-    n = run("12_your_own_joint", own, tmp_path / "out")
-    low, high = n["my_answer"].backlash_interval_rad
-    assert n["my_answer"].verdict == "backlash"
-    assert low < 8e-4 < high
-    printed = capsys.readouterr().out
-    assert printed.startswith(str(n["my_answer"]))
-    assert "assumed: a load turn of 0.4 s" in printed
-
-
-def test_a_log_that_is_not_there_is_refused_in_one_sentence(tmp_path):
-    with pytest.raises(ValueError, match=r"nowhere\.csv: no such file") as error:
-        run("12_your_own_joint", {"my_log": "nowhere.csv"}, tmp_path)
-    assert "\n" not in str(error.value)

@@ -63,12 +63,8 @@ def _parser() -> OneLineParser:
         "--stamps", type=Path, help="write <notebook>.done and <notebook>.d into this folder"
     )
     made[run].add_argument("--watch", type=int, help="end when this process (make) has ended")
-    text = "minutes without progress that end a notebook (default: STALL_MINUTES, or 15)"
-    minutes = os.environ.get("STALL_MINUTES") or "15"
-    made[run].add_argument("--stall-minutes", type=float, default=minutes, help=text)
-    made[check].add_argument(
-        "--strict", action="store_true", help="exit 1 if any cell differs, expected or not"
-    )
+    text = "minutes without progress that end a notebook"
+    made[run].add_argument("--stall-minutes", type=float, default=15, help=text)
     made[article].add_argument(
         "--final", action="store_true", help="refuse while names or addresses are open"
     )
@@ -77,10 +73,9 @@ def _parser() -> OneLineParser:
     )
     made[show].add_argument("--rerun", action="store_true", help="compute it again and print both")
     which = made[diff].add_mutually_exclusive_group()
-    for name, what in (("quick", "the quick run"), ("lab", "the notebooks in lab/")):
-        which.add_argument(
-            f"--{name}", action="store_const", dest="made", const=name, help=f"compare {what}"
-        )
+    for name in ("quick", "lab"):
+        text = f"compare results/{name}"
+        which.add_argument(f"--{name}", action="store_const", dest="made", const=name, help=text)
     return parser
 
 
@@ -144,7 +139,7 @@ def check(options: argparse.Namespace) -> int:
     print("\n".join(["", *new, *gone] if new or gone else [expected]))
     for notebook, changed in provenance.stale(results).items():
         print(f"stale: {notebook}: sources changed since its results: {', '.join(changed)}")
-    return int((verdicts["verdict"] == "differs").any() if options.strict else bool(new))
+    return int(bool(new))
 
 
 def report(options: argparse.Namespace) -> int:
@@ -198,7 +193,12 @@ def diff(options: argparse.Namespace) -> int:
     from workbook.report.diff import committed_table, list_changes
 
     results = RESULTS / options.made / "results" if options.made else RESULTS
-    changes = list_changes(results, committed_table("verdicts.csv"), committed_table("claims.csv"))
+    if options.made == "lab":
+        from workbook.lab import forget_undone
+
+        forget_undone()
+    tables = committed_table("verdicts.csv"), committed_table("claims.csv")
+    changes = list_changes(results, *tables, repeats=not options.made)
     print("\n".join(changes) or "nothing changed")
     return 0
 

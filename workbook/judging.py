@@ -49,7 +49,6 @@ from workbook.outcomes import (
     evidence_rule,
     evidence_rules,
     load_outcomes,
-    notebook_name,
 )
 
 VERDICT_COLUMNS = ["id", "source", "printed", "published", "reproduced", "low", "high"]
@@ -216,7 +215,7 @@ def judge(cells: Cells | None = None, claims: Claims | None = None) -> pd.DataFr
     given = cell_rows(cells or {})
     judged = []
     if rows := as_simulated(given):
-        judged = judge_rows(pd.DataFrame(rows).assign(notebook=notebook_name())).to_dict("records")
+        judged = judge_rows(pd.DataFrame(rows).assign(notebook="")).to_dict("records")
     if rows != given:
         by_id = {row["id"]: row for row in judged}
         judged = [by_id.get(row["id"], {"verdict": "not-run"}) | row for row in given]

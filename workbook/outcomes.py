@@ -35,12 +35,7 @@ Facts = Mapping[str, str | int | tuple[Any, str]]
 
 # Of a notebook that exports nothing.
 EMPTY: dict[str, Any] = {
-    "cells": [],
-    "claims": [],
-    "facts": {},
-    "figures": {},
-    "supplement": {},
-    "files": [],
+    part: {} for part in ("cells", "claims", "facts", "figures", "supplement", "files")
 }
 
 
@@ -66,6 +61,8 @@ def export(
 ) -> None:
     """Write what a notebook found, without what differs between runs; called once, at its end.
 
+    By hand no figure is written: it stands in the notebook, and takes seconds.
+
     Parameters
     ----------
     tables : mapping of str to DataFrame
@@ -86,7 +83,9 @@ def export(
     """
     results = output_folder() / "results"
     note = results / "outcomes" / f"{notebook_name()}.json"
-    if "REPLICATION_OUT" in os.environ and note.exists():
+    if "REPLICATION_OUT" not in os.environ:
+        figures = {}
+    elif note.exists():
         raise RuntimeError("workbook.export is called again: one closing cell exports everything")
     written = {f"{name}.csv": table for name, table in (tables or {}).items()}
     written |= {f"supplement/{name}.csv": table for name, (table, _) in (supplement or {}).items()}

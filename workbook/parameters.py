@@ -9,8 +9,14 @@ from typing import Any
 
 import pandas as pd
 
+from replication.files import UserError
+
 # Every notebook checks its parameters before it shows a table: tables in full.
 pd.set_option("display.max_colwidth", None, "display.max_columns", None, "display.max_rows", 200)
+
+
+class ParameterError(UserError, ValueError):
+    """A value that a parameter may not have."""
 
 
 @dataclass(frozen=True)
@@ -34,8 +40,8 @@ class Interval:
 def check_parameters(**parameters: tuple[Any, Any]) -> None:
     """Refuse in one sentence a value that is not allowed; of a list each item, of a mapping each key.
 
-    Each parameter comes with its value and what is allowed: an `Interval` or a collection. A list of
-    one of these asks for a list.
+    Each parameter comes with its value and what is allowed: an `Interval` or a collection, which may
+    hold `callable` for any function. A list of one of these asks for a list.
     """
     for name, (value, allowed) in parameters.items():
         if is_list := isinstance(allowed, list):
@@ -45,12 +51,17 @@ def check_parameters(**parameters: tuple[Any, Any]) -> None:
         choices = str(allowed)
         if not isinstance(allowed, Interval):
             choices = "one of " + ", ".join(map(repr, allowed))
+            choices = choices.replace(repr(callable), "a function")
         if is_list != isinstance(value, list | tuple | range | Mapping):
             wanted = f"a list, each item {choices}" if is_list else choices
-            raise ValueError(f"{name} = {value!r}: it should be {wanted}")
-        wrong = [item for item in (value if is_list else [value]) if item not in allowed]
+            raise ParameterError(f"{name} = {value!r}: it should be {wanted}")
+        wrong = [
+            item
+            for item in (value if is_list else [value])
+            if item not in allowed and not (callable(item) and callable in allowed)
+        ]
         if wrong:
-            raise ValueError(f"{name} = {value!r}: {wrong[0]!r} should be {choices}")
+            raise ParameterError(f"{name} = {value!r}: {wrong[0]!r} should be {choices}")
 
 
 def sliders(draw: Callable[..., None], **ranges: tuple[float, float, float]) -> None:

@@ -127,7 +127,6 @@ def note_run(endings: Sequence[Ending]) -> None:
         "machine": platform.machine(),
         "cores": os.cpu_count(),
         "commit": git.stdout.strip(),
-        "ended": time.strftime("%Y-%m-%d %H:%M"),
         "seconds": seconds,
     }
     write_json(path, content)

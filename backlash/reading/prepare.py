@@ -30,6 +30,7 @@ _LEAST_RATE_HZ = 4 * _RING_HZ  # below, the shape of an oscillation is not sampl
 _GOOD_RATE_HZ = 12 * _RING_HZ  # below, the samples may miss more than 3 % of a peak
 _FASTEST_HZ = 2000.0  # above, neighbouring samples are averaged
 
+_FASTEST_RPS = 500.0  # of a motor, 30000 rpm; above, the unit is another one
 _LEAST_SAMPLES = 8  # of a log, and of a load turn
 # Fewer half turns have too few orders of signs to tell a pattern from noise (see `pattern`).
 _LEAST_TURNS = 4
@@ -428,6 +429,9 @@ def _check_speed(level: float, form: LogFormat) -> None:
     )
     if expected is None:
         expected, why = form.usual_speed_rps, "in the calibration"
+    if expected is None and level > _FASTEST_RPS:
+        hint = "is it in rpm? then give --unit rpm, else --commanded-speed"
+        raise UnusableLog(f"the speed is {level:.4g} rps, more than motors turn; {hint}")
     if expected is None or abs(level / expected - 1) < _SPEED_TOLERANCE:
         return
     unit = form.unit or "rps"

@@ -3,8 +3,10 @@
 from importlib import import_module
 from typing import Any
 
+from replication.files import UserError
 
-class UnusableLog(ValueError):
+
+class UnusableLog(UserError, ValueError):
     """A file that no answer can be had from; the message is one line: what is wrong, where, what to do."""
 
     def __init__(self, problem: str, row: int | None = None):

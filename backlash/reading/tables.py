@@ -30,7 +30,7 @@ MOST_ZIP_MEMBERS = 1000
 _LONGEST_LINE = 2**16
 _CUT = "cut it to the test movement, a minute at most"
 _UNREADABLE = {
-    FileNotFoundError: "no such file; check the name",
+    FileNotFoundError: "no such file in {}; check the name",
     PermissionError: "no permission to read it; ask its owner for it",
     MemoryError: "too large for this machine's memory; cut it to the test movement",
 }
@@ -62,7 +62,8 @@ def read_table(path: Path) -> pd.DataFrame:
         raise
     except (OSError, EOFError, zlib.error, csv.Error, ValueError, MemoryError) as error:
         other = f"cannot be read ({error}); check its name, or export it again"  # broken gzip, an impossible name
-        raise UnusableLog(_UNREADABLE.get(type(error), other)) from error
+        why = _UNREADABLE.get(type(error), other)
+        raise UnusableLog(why.replace("{}", str(path.absolute().parent))) from error
 
 
 def _read_file(path: Path) -> pd.DataFrame:

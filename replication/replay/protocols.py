@@ -33,8 +33,8 @@ results are shown, and 120 are the last.
 """
 
 import hashlib
-from collections.abc import Iterator, Sequence
-from dataclasses import fields
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import fields, replace
 from functools import cache
 from itertools import product
 from pathlib import Path
@@ -50,7 +50,7 @@ from replication.files import ROOT, write_csv
 from replication.identify import Protocol, paper_fit
 from replication.parallel import one_by_one
 from replication.published import Criteria, Decision
-from replication.recording import Recording, add_uniform_noise, constant_speed, from_sample
+from replication.recording import Recording, constant_speed, from_sample, uniform_noise
 from replication.simulator.parameters import identified_joint
 from replication.simulator.recordings import simulate_recordings
 from replication.table2 import basin_labels, table2_levels, theoretical_amplitudes
@@ -97,12 +97,15 @@ def _seeds(row: int, realisation: int, base_seed: int) -> list[np.random.SeedSeq
 
 
 def noisy_record(
-    row: int, realisation: int, base_seed: int = STUDY_SEED, noise_factor: float = 1.0
+    row: int, realisation: int, base_seed: int = STUDY_SEED, noise: Callable = uniform_noise
 ) -> Recording:
-    """A row's record with one noise, `noise_factor` times the printed one, the same for every candidate."""
+    """A row's record with one noise of the printed half-amplitude, the same for every candidate.
+
+    Its law is a function of a generator, the half-amplitude [rps] and the number of samples.
+    """
     rng = np.random.default_rng(_seeds(row, realisation, base_seed)[0])
-    half = noise_factor * published.column("Table 2", "noise")[row - 1]
-    return add_uniform_noise(clean_record(row), half, rng)
+    record, half = clean_record(row), published.column("Table 2", "noise")[row - 1]
+    return replace(record, v=record.v + noise(rng, half, record.v.size))
 
 
 def realise(
@@ -110,11 +113,11 @@ def realise(
     row: int,
     realisation: int,
     base_seed: int = STUDY_SEED,
-    noise_factor: float = 1.0,
+    noise: Callable = uniform_noise,
 ) -> dict[str, object]:
     """Criterion 2: a realisation of a row; every candidate gets the same noise and seeds."""
     _, of_start, of_runs = _seeds(row, realisation, base_seed)
-    noisy = noisy_record(row, realisation, base_seed, noise_factor)
+    noisy = noisy_record(row, realisation, base_seed, noise)
     if protocol.start == "per record":
         start = np.random.default_rng(of_start).integers(protocol.latest_start)
         noisy = from_sample(noisy, int(start))

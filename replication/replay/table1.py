@@ -7,7 +7,6 @@ import numpy as np
 import pandas as pd
 
 from replication import published
-from replication.arrays import FloatArray
 from replication.compiled.misfit import population_rmse
 from replication.identify import protocol_box
 from replication.recording import Recording
@@ -27,13 +26,16 @@ SHIFTS = (-0.15, -0.1, -0.01, 0.0, 0.01, 0.1, 0.15)
 def count_replayed(recording: Recording, box: Box) -> int:
     """How many of the 30 stored runs give their stored first generation in a box."""
 
-    def misfits(members: FloatArray) -> FloatArray:
-        return population_rmse(recording.t, recording.v, members, AUTHORS_PROTOCOL.timing)
-
     def first_best(seed: int) -> float:
-        return next(
-            generations(misfits, box, random_normals(seed), AUTHORS_PROTOCOL.population)
-        ).misfits.min()
+        steps = generations(
+            lambda members: population_rmse(
+                recording.t, recording.v, members, AUTHORS_PROTOCOL.timing
+            ),
+            box,
+            random_normals(seed),
+            AUTHORS_PROTOCOL.population,
+        )
+        return next(steps).misfits.min()
 
     stored = published.authors_notebook_runs()
     best = stored["cma_seed"].map(first_best)

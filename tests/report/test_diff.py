@@ -45,12 +45,16 @@ def test_what_moves_is_listed_with_both_values_and_what_flips_comes_first(result
     change(results, "claims", "error_rad_small", measured="1.9e-05 rad at 3e-04 rad")
     before = VERDICTS.set_index("id").loc["equation10.A1", "reproduced"]
     said = CLAIMS.set_index("id")["measured"]
-    assert diff.list_changes(results, VERDICTS, CLAIMS) == [
-        f"FLIPS equation10.A2 (authors): consistent -> differs; {KEPT:.6g} -> {2 * KEPT:.6g}",
-        f"FLIPS monotone (claim): holds -> does not hold; {said['monotone']}",
-        f"moved equation10.A1 (authors): consistent; {before:.6g} -> {near:.6g}",
-        f"moved error_rad_small (claim): holds; {said['error_rad_small']} -> 1.9e-05 rad at 3e-04 rad",
+    here, claimed = f"(authors), {NOTEBOOK}", f"(claim), {NOTEBOOK}"
+    lines = [
+        f"FLIPS equation10.A2 {here}: consistent -> differs; {KEPT:.6g} -> {2 * KEPT:.6g}",
+        f"FLIPS monotone {claimed}: holds -> does not hold; {said['monotone']}",
+        f"moved equation10.A1 {here}: consistent; {before:.6g} -> {near:.6g}",
+        f"moved error_rad_small {claimed}: holds; {said['error_rad_small']} -> 1.9e-05 rad at 3e-04 rad",
     ]
+    assert diff.list_changes(results, VERDICTS, CLAIMS) == lines
+    # Fewer repeats may move what a claim measured, and no equation.
+    assert diff.list_changes(results, VERDICTS, CLAIMS, repeats=False) == lines[:3]
 
 
 def test_a_change_beyond_the_sixth_digit_is_none(results):
@@ -62,10 +66,10 @@ def test_what_a_notebook_no_longer_decides_and_what_it_decides_anew_are_listed(r
     measured = CLAIMS.set_index("id")["measured"]["monotone"]
     fewer = CLAIMS[CLAIMS["id"] != "monotone"]
     (line,) = diff.list_changes(results, VERDICTS, fewer)
-    assert line == f"FLIPS monotone (claim): not-run -> holds; (none) -> {measured}"
+    assert line == f"FLIPS monotone (claim), {NOTEBOOK}: not-run -> holds; (none) -> {measured}"
     change(results, "claims", "monotone")
     (line,) = diff.list_changes(results, VERDICTS, CLAIMS)
-    assert line == f"FLIPS monotone (claim): holds -> not-run; {measured} -> (none)"
+    assert line == f"FLIPS monotone (claim), {NOTEBOOK}: holds -> not-run; {measured} -> (none)"
 
 
 def test_what_was_not_run_here_is_not_listed(results):

@@ -96,6 +96,49 @@ def test_a_copy_that_is_there_stays_as_it_was_left(copies):
     assert mine.read_text("utf-8") == "mine"
 
 
+def test_a_copy_is_paired_with_no_source_and_its_link_leads_to_the_report(copies, tmp_path):
+    shutil.copy(workbook.ROOT / "pyproject.toml", tmp_path)
+    manager = TextFileContentsManager()
+    manager.root_dir = str(copies)
+    model = manager.get(f"{NAME}.ipynb")
+    manager.save(model, f"{NAME}.ipynb")
+    assert not list(copies.rglob("*.py"))
+    assert "](results/pages/replay_explorer.html)" in (
+        copies / "05_signature_figure6.ipynb"
+    ).read_text("utf-8")
+    assert manager.get("results/report.html", content=False)["type"] == "file"
+
+
+@pytest.mark.parametrize("edited", [None, "alphas = [1e8]", "# my answer"])
+def test_an_experiment_is_forgotten_once_its_copy_is_as_it_was_but_for_answers(
+    edited, copies, tmp_path
+):
+    note, copy = tmp_path / "outcomes" / f"{NAME}.json", copies / f"{NAME}.ipynb"
+    note.parent.mkdir()
+    note.write_text("{}")
+    notebook = nbformat.read(copy, as_version=4)
+    if edited:
+        tag = {"a": "parameters", "#": ""}[edited[0]]
+        cell = next(
+            cell
+            for cell in notebook.cells
+            if (tag in cell.metadata.get("tags", []) if tag else cell.id.endswith("-answer"))
+        )
+        cell.source += f"\n{edited}"
+    nbformat.write(notebook, copy)
+    os.utime(note, (1, 1))
+    lab_copies.forget_undone(copies, tmp_path)
+    assert note.exists() == (edited == "alphas = [1e8]")
+    note.write_text("{}")  # a run that is not saved yet
+    later = copy.stat().st_mtime + 10
+    os.utime(note, (later, later))
+    lab_copies.forget_undone(copies, tmp_path)
+    assert note.exists()
+    copy.unlink()
+    lab_copies.forget_undone(copies, tmp_path)
+    assert not note.exists()
+
+
 def test_git_ignores_the_copies():
     ignored = subprocess.run(
         ["git", "check-ignore", "lab/x.ipynb"], cwd=workbook.ROOT, capture_output=True, check=False

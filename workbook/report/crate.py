@@ -2,6 +2,7 @@
 
 import json
 import re
+from mimetypes import guess_type
 from pathlib import Path
 from typing import Any
 from urllib.parse import quote
@@ -16,8 +17,6 @@ from workbook.report.cells import notebook_source
 
 # The term sha256 is newer than RO-Crate 1.1.
 CONTEXT = ["https://w3id.org/ro/crate/1.1/context", {"sha256": "http://schema.org/sha256"}]
-# Of other files: text/ and their ending.
-FORMATS = {"json": "application/json", "md": "text/markdown", "pdf": "application/pdf"}
 # What git ignores, and the crate itself.
 NOT_ARCHIVED = re.compile(r"(lab|offline|quick)/|(run|ro-crate-metadata)\.json|(.*/)?\.")
 EUPL = {"@id": "https://spdx.org/licenses/EUPL-1.2"}
@@ -43,9 +42,8 @@ def describe_results(results: Path) -> dict[str, Any]:
 
     for file in sorted(path.relative_to(results).as_posix() for path in results.rglob("*.*")):
         if not NOT_ARCHIVED.match(file):
-            ending = file.rpartition(".")[2]
             name = comments.get(f"results/{file}", file)
-            add(file, "File", name, encodingFormat=FORMATS.get(ending, f"text/{ending}"))
+            add(file, "File", name, encodingFormat=guess_type(file)[0])
     whole = graph["./"]
     for notebook, outcome in load_outcomes(results).items():
         made_from, source = outcome["made_from"], notebook_source(notebook)

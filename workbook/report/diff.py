@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 import pandas as pd
 
+from replication import published
 from replication.files import FLOAT_FORMAT, ROOT
 from workbook import judging
 from workbook.outcomes import load_outcomes
@@ -24,6 +25,7 @@ class Decision(NamedTuple):
     verdict: str = "not-run"
     value: str = "(none)"
     notebook: str = ""
+    chance: bool = True  # whether it depends on how often something was repeated
 
 
 def committed_table(name: str, root: Path = ROOT) -> pd.DataFrame:
@@ -37,41 +39,48 @@ def committed_table(name: str, root: Path = ROOT) -> pd.DataFrame:
     return pd.read_csv(io.BytesIO(shown.stdout))
 
 
-def list_changes(results: Path, verdicts: pd.DataFrame, claims: pd.DataFrame) -> list[str]:
+def list_changes(
+    results: Path, verdicts: pd.DataFrame, claims: pd.DataFrame, repeats: bool = True
+) -> list[str]:
     """List what the notebooks in a results folder decide otherwise than the committed tables.
 
     The lines of other verdicts, FLIPS, come first. What a notebook decided before and no longer
-    exports is `not-run` now.
+    exports is `not-run` now. Where repeats differ, `moved` is only what does not depend on them:
+    cells that are not stochastic.
     """
-    folder = results.relative_to(ROOT) if results.is_relative_to(ROOT) else results
     try:
         run = load_outcomes(results)
         now = _decisions(judging.verdicts(results), judging.decided_claims(results))
     except (ValueError, KeyError, TypeError) as error:
-        why = f"what a notebook exported cannot be read: {error}"
-        raise NotComparable(f"{folder}: {why}") from error
+        raise NotComparable(
+            f"{results}: what a notebook exported cannot be read: {error}"
+        ) from error
     if not run:
-        raise NotComparable(f"{folder}: no notebook has been run there")
+        raise NotComparable(f"{results}: no notebook has been run there")
     before = _decisions(verdicts, claims)
     lines = []
     for name in dict.fromkeys([*before, *now]):
         old, new = before.get(name, Decision()), now.get(name, Decision())
-        if old[:2] == new[:2] or (name not in now and old.notebook not in run):
+        notebook = new.notebook if new.notebook in run else old.notebook
+        stays = old.verdict == new.verdict
+        if old[:2] == new[:2] or notebook not in run or (stays and new.chance and not repeats):
             continue
-        flips = "moved" if old.verdict == new.verdict else "FLIPS"
         verdict, value = (
             a if a == b else f"{a} -> {b}" for a, b in zip(old[:2], new[:2], strict=True)
         )
-        lines.append(f"{flips} {name}: {verdict}; {value}")
+        lines.append(f"{'moved' if stays else 'FLIPS'} {name}, {notebook}: {verdict}; {value}")
     return sorted(lines, key=lambda line: line[:5])
 
 
 def _decisions(verdicts: pd.DataFrame, claims: pd.DataFrame) -> dict[str, Decision]:
     """What has been decided, by the id and source of a cell, or the id of a claim."""
     found = {}
+    chance = published.cells()["kind"] == "stochastic"
     for row in verdicts[verdicts["verdict"] != "not-run"].itertuples():
         value = (FLOAT_FORMAT % row.reproduced).replace("nan", "(none)")
-        found[f"{row.id} ({row.source})"] = Decision(row.verdict, value, row.notebook)
+        found[f"{row.id} ({row.source})"] = Decision(
+            row.verdict, value, row.notebook, chance[row.id]
+        )
     for row in claims.dropna(subset="verdict").itertuples():
         found[f"{row.id} (claim)"] = Decision(row.verdict, row.measured, row.notebook)
     return found

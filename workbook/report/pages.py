@@ -151,9 +151,8 @@ def drawing_cells(cells: Notebook) -> dict[str, int]:
 
 def _render_output(output: nbformat.NotebookNode, has_picture: bool) -> str:
     """An output as HTML; nothing for a drawing that stands there as an exported figure."""
-    if output.output_type in ("stream", "error"):
-        text = output.text if output.output_type == "stream" else "\n".join(output.traceback)
-        return f"<pre>{ansi2html(text)}</pre>"
+    if output.output_type == "stream":
+        return f"<pre>{ansi2html(output.text)}</pre>"
     data = output.data
     if "image/png" in data:
         if has_picture:
@@ -204,9 +203,6 @@ class _Renderer(IPythonRenderer):
 
     def block_math(self, body: str) -> str:
         return _render_formula(body, "block")
-
-    def latex_environment(self, name: str, body: str) -> str:
-        return _render_formula(f"\\begin{{{name}}}{body}\\end{{{name}}}", "block")
 
     def heading(self, text: str, level: int, **attrs: object) -> str:
         return f'<h{level} id="{next(self.anchors)}">{text}</h{level}>\n'

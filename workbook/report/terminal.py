@@ -1,7 +1,5 @@
 """Cells, elements and claims on a terminal, in the paper's shape."""
 
-import os
-import sys
 import textwrap
 from collections.abc import Mapping
 from pathlib import Path
@@ -15,19 +13,7 @@ from workbook.report.cells import SIGNS, Cell, judged_cells, judged_claims, note
 from workbook.report.facts import collect_facts, fill
 from workbook.report.tables import LAYOUTS, Entry, table_rows
 
-COLOURS = {"reproduced": 32, "holds": 32, "erratum": 35, "differs": 31, "does not hold": 31}
 WIDTH, LABEL_WIDTH = 100, 16
-
-
-def has_colour() -> bool:
-    """Whether the terminal shows colours and the user has not asked for none."""
-    return sys.stdout.isatty() and "NO_COLOR" not in os.environ and os.environ.get("TERM") != "dumb"
-
-
-def paint(text: str, verdict: str) -> str:
-    """Colour a text by its verdict, where there are colours."""
-    code = COLOURS.get(verdict)
-    return f"\033[{code}m{text}\033[0m" if code and has_colour() else text
 
 
 def verdict_tables(verdicts: pd.DataFrame) -> str:
@@ -67,7 +53,7 @@ def _element(element: str, cells: Mapping[str, Cell]) -> str:
             grid.append([name, cell, "" if cell.unit == "1" else cell.unit, cell.id])
     widths = [max(len(_short(entry)) for entry in column) for column in zip(*grid, strict=True)]
     template = TEMPLATES.get_template("element.txt.j2")
-    return template.render(title=title, grid=grid, widths=widths, short=_short, paint=paint)
+    return template.render(title=title, grid=grid, widths=widths, short=_short)
 
 
 def _short(entry: Entry) -> str:
@@ -118,7 +104,7 @@ def _describe(kind: str, item: object) -> str:
     """What the template says of it."""
     text = TEMPLATES.get_template("show.txt.j2").render(
         {kind: item},
-        verdict=lambda name: paint(f"{SIGNS[name]} {name}", name),
+        verdict=lambda name: f"{SIGNS[name]} {name}",
         notebook=lambda name: f"{notebook_source(name)}; results/pages/{name}.html#verdict",
     )
     return align(text)
