@@ -184,11 +184,12 @@ print(
     f"every level to the next, by {step.min():.3f} to {step.max():.3f} rps, about as the backlash to the power {p:.2f}"
     f" (the impact's speed: 0.67). Samples of 2 ms miss up to {missed_percent.max():.1f} % of it."
 )
-if not same:
-    print(
-        f"Against the identified joint at {identified.commanded_speed_rps:g} rps the amplitudes change by "
-        f"{against.min():+.1f} to {against.max():+.1f} %, on average {against.mean():+.1f} %."
-    )
+print(
+    f"Against the identified joint at {identified.commanded_speed_rps:g} rps the amplitudes change by "
+    f"{against.min():+.1f} to {against.max():+.1f} %, on average {against.mean():+.1f} %."
+    if not same
+    else "The joint is the identified one."
+)
 
 # %% tags=["plumbing"]
 printed_A = peaks["delta_rad"].map(table2.theoretical_amplitudes())

@@ -13,7 +13,7 @@ NOTEBOOKS = notebook_files("py")
 
 # What an outcome is checked with, where the quick run is still long. A change's own parameter comes last.
 CHEAPER = {
-    "07_protocol_table1": {"rows": [3, 9], "seed_runs": 1, "today_runs": 1},
+    "15_protocols": {"rows": [3, 9], "seed_runs": 1, "today_runs": 1},
     "08_noise_table2": {"fresh": 3, "public": [1, 2]},
     "17_identification": {"replay_runs": 6, "strategy_runs": 1, "coverage_runs": 1, "budget": 3000},
     "10_bench_table3": {"benches": 20},
