@@ -75,7 +75,7 @@ workbook.check_parameters(
 # middle of the gap?
 
 # %%
-K_s = simulator.identified_joint().stiffness_nm_per_rad
+K_s = simulator.parameters.identified_joint().stiffness_nm_per_rad
 
 
 def K_BL(x, alpha, delta=delta_rad):  # equation 8; x is the displacement

@@ -68,7 +68,7 @@ criteria = {}  # limits to try in place of those of claims.csv, such as {"error_
 workbook.check_parameters(
     rpm_per_rps=(rpm_per_rps, workbook.Interval(1e-3, 1e4)),
     left_out=(left_out, [range(1, 11)]),
-    changes=(changes, [simulator.identified_joint().ratios]),
+    changes=(changes, [simulator.parameters.identified_joint().ratios]),
     reading=(reading, ("peak", "sampled peak", "energy")),
     degree=(degree, range(1, 7)),
     criteria=(criteria, [("error_rad_small", "error_rad_large", "monotone", "encoder_step")]),
@@ -139,8 +139,10 @@ workbook.sliders(draw, **ends)
 # the commanded one.
 
 # %%
-joint = simulator.changed_joint(simulator.identified_joint(), changes)
-runs = simulator.simulate_many(joint, delta, sample_s=5e-5, step_s=5e-5)  # forty samples in 2 ms
+joint = simulator.parameters.changed_joint(simulator.parameters.identified_joint(), changes)
+runs = simulator.simulate.simulate_many(
+    joint, delta, sample_s=5e-5, step_s=5e-5
+)  # forty samples in 2 ms
 settled = runs[0].time_s >= joint.turn_period_s
 disturbances = np.array([run.motor_speed_rps[settled] - joint.commanded_speed_rps for run in runs])
 peaks = disturbances.max(axis=1)

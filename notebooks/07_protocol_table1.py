@@ -370,7 +370,7 @@ print(f"{random_steps.mean():.4f}, expected {c.chi_n / np.sqrt(c.mu_eff):.4f}")
 
 # %% tags=["solution"]
 c_mu = {}
-for size in range(4, 61):
+for size in range(4, 301):
     first = next(identify.paper_search(clean, replace(protocol, population=size), seed))
     c_mu[size] = first.constants.c_mu
 smallest = next(size for size, rate in c_mu.items() if rate > 0.5)

@@ -119,7 +119,7 @@ fit_levels = [3, 6, 9, 12]  # levels K of the records that the ratios are fitted
 profiled = ""  # a ratio to profile, such as "leaky_rate_per_s"; takes a minute
 
 # %% tags=["plumbing"]
-ratios = simulator.identified_joint().ratios
+ratios = simulator.parameters.identified_joint().ratios
 fitted_ratios = tuple(name for name in ratios if name not in identification.HELD)
 workbook.check_parameters(
     start_factor=(start_factor, workbook.Interval(0.75, 1.6)),
@@ -137,10 +137,13 @@ workbook.check_parameters(
 # The largest level, which the fit of the ratios does not use.
 
 # %%
-committed = simulator.identified_joint()
+committed = simulator.parameters.identified_joint()
 records = authors.load_clean_records(authors.CLEAN_LEVELS)
 widest = authors.level_delta_rad(13)
-record, (simulated,) = records[widest], simulator.simulate_recordings(committed, [widest])
+record, (simulated,) = (
+    records[widest],
+    simulator.recordings.simulate_recordings(committed, [widest]),
+)
 labels = ("authors' record 13", "simulated joint")
 residual = paper.record_with_fit(record.t, record.v, simulated.v, labels, seconds=1.6)
 
@@ -160,7 +163,7 @@ third_turn, settled = slice(400, 600), slice(200, None)
 
 
 def nrmse(joint, records, rows):  # one number for each record
-    runs = simulator.simulate_recordings(joint, list(records))
+    runs = simulator.recordings.simulate_recordings(joint, list(records))
     return np.array(
         [
             np.sqrt(np.mean((run.v - record.v)[rows] ** 2)) / record.v[settled].std()
@@ -341,7 +344,9 @@ print(
 left = [
     (run.v - each.v)[third_turn]
     for run, each in zip(
-        simulator.simulate_recordings(fit.parameters, list(of_fit)), of_fit.values(), strict=True
+        simulator.recordings.simulate_recordings(fit.parameters, list(of_fit)),
+        of_fit.values(),
+        strict=True,
     )
 ]
 rho = np.mean([np.corrcoef(e[1:], e[:-1])[0, 1] for e in left])

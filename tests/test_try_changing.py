@@ -14,7 +14,7 @@ import pytest
 import workbook
 from replication import published
 from replication.authors import level_delta_rad
-from replication.simulator import simulate_recordings
+from replication.simulator.recordings import simulate_recordings
 from replication.statistics import predictive_region, rate_columns
 from studies.benchmark import JOINT_ALL_FREE
 from tests.tools.changes import NOTEBOOKS, changes, parse, run, says_what_happened

@@ -51,7 +51,7 @@ def bounds_by_replay(recording: Recording) -> pd.DataFrame:
     sides = ("min", "lower"), ("max", "upper")
     rows = []
     trials = list(product(sides, enumerate(NAMES), SHIFTS))
-    for (side, end), (i, name), shift in tqdm(trials, "bounds tried"):
+    for (side, end), (i, name), shift in tqdm(trials):
         bounds = getattr(stored, end).copy()
         bounds[i] = getattr(printed, end)[i] + shift * width[i]
         count = count_replayed(recording, replace(stored, **{end: bounds}))

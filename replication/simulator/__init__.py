@@ -1,8 +1,12 @@
-"""The simulated joint: its parameters, its compiled core, the simulation and its identification.
+"""The simulated joint: its parameters, its compiled core, the simulation and its identification."""
 
-What notebooks use most stands here; modules import it from where it is defined.
-"""
+from importlib import import_module
 
-from replication.simulator.parameters import changed_joint, identified_joint
-from replication.simulator.recordings import simulate_recordings
-from replication.simulator.simulate import settled_peak_rps, simulate_many
+__all__ = ["parameters", "recordings", "simulate"]
+
+
+def __getattr__(name: str) -> object:
+    """One of the modules that notebooks use, loaded when first named."""
+    if name not in __all__:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    return import_module(f"{__name__}.{name}")

@@ -99,7 +99,7 @@ def identify_joint(
             f"a recording of {shortest} s is too short: three turns of {turn} s are needed"
         )
     size = third_turn_errors(start, records).size
-    progress = tqdm(desc="fit of the joint", unit=" trials", leave=False)
+    progress = tqdm(desc="simulations of the fit")
 
     def residual(z: FloatArray) -> FloatArray:
         progress.update()
