@@ -54,24 +54,11 @@ from dataclasses import replace
 
 import numpy as np
 import pandas as pd
+from scipy import signal
 
 import workbook
-from replication import table2
-from replication.authors import CLEAN_LEVELS, level_delta_rad, load_clean_records
+from replication import authors, simulator, table2
 from replication.figures import paper
-from replication.recording import COMMANDED_SPEED_RPS, TURN_PERIOD_S, Recording
-from replication.replay.inspection import interpolated_peak_rps
-from replication.simulator.identification import FINE_S
-from replication.simulator.parameters import (
-    changeable,
-    changed_joint,
-    identified_joint,
-    joint_from_ratios,
-)
-from replication.simulator.recordings import SIMULATION_STEP_S, simulate_recordings
-from replication.simulator.reidentify import FIT_LEVELS
-from replication.simulator.simulate import simulate, simulate_many
-from workbook import Interval
 
 # %% [markdown]
 # ## Parameters
@@ -88,126 +75,102 @@ changes = {}  # factors for ratios or physical quantities, such as {"motor_inert
 
 # %% tags=["plumbing"]
 workbook.check_parameters(
-    level=(level, CLEAN_LEVELS),
-    friction_share=(friction_share, Interval(0, 0.5)),
-    changes=(changes, [changeable(identified_joint())]),
+    level=(level, authors.CLEAN_LEVELS),
+    friction_share=(friction_share, workbook.Interval(0, 0.5)),
+    changes=(changes, [simulator.parameters.changeable(simulator.parameters.identified_joint())]),
 )
-workbook.check_parameters(factors=(list(changes.values()), [Interval(0, 100)]))
+workbook.check_parameters(factors=(list(changes.values()), [workbook.Interval(0, 100)]))
 
 # %% [markdown]
 # ## Result
 #
-# ### The joint
-
-# %%
-committed = identified_joint()
-joint = changed_joint(committed, changes)
-joint = replace(
-    joint, load_coulomb_nm=joint.load_coulomb_nm + friction_share * joint.gravity_torque_nm
-)
-records = load_clean_records(CLEAN_LEVELS)
-compared = np.isclose(
-    [joint.commanded_speed_rps, joint.turn_period_s], [COMMANDED_SPEED_RPS, TURN_PERIOD_S]
-).all()
-if not compared:
-    print(
-        f"This joint turns in {joint.turn_period_s:g} s at {joint.commanded_speed_rps:g} rps, that of the records in "
-        f"{TURN_PERIOD_S:g} s at {COMMANDED_SPEED_RPS:g} rps: it is not compared with the records."
-    )
-changed = [f"{name} times {factor:g}" for name, factor in changes.items()]
-changed += [f"friction of {100 * friction_share:g} % of m g r"] * (friction_share > 0)
-fields = [
-    "motor_inertia_kgm2",
-    "load_inertia_kgm2",
-    "gear_ratio",
-    "load_mass_kg",
-    "stiffness_nm_per_rad",
-    "speed_gain_nms_per_rad",
-    "integral_gain_nm_per_rad",
-    "load_coulomb_nm",
-    "turn_period_s",
-]
-of_joint = {name: [getattr(committed, name), getattr(joint, name)] for name in fields}
-pd.DataFrame(of_joint, index=["committed", "simulated here"]).T.map("{:.4g}".format)
-
-# %% [markdown]
 # ### Figure 10
 #
-# Two settled turns.
+# Two settled turns. A joint that turns otherwise than the authors' is not compared with their records.
 
 # %%
-delta_rad = level_delta_rad(level)
-run = simulate(joint, delta_rad, duration_s=12 * joint.turn_period_s, step_s=SIMULATION_STEP_S)
-shown = (run.time_s >= 2 * joint.turn_period_s) & (run.time_s <= 4 * joint.turn_period_s)
+committed = simulator.parameters.identified_joint()
+joint = simulator.parameters.changed_joint(committed, changes)
+friction_nm = friction_share * joint.gravity_torque_nm
+joint = replace(joint, load_coulomb_nm=joint.load_coulomb_nm + friction_nm)
+v_t, T_f = joint.commanded_speed_rps, joint.turn_period_s
+compared = np.allclose([v_t, T_f], [committed.commanded_speed_rps, committed.turn_period_s])
+clean = authors.load_clean_records(authors.CLEAN_LEVELS)
+records = clean if compared else {}
+
+# %%
+delta_rad = authors.level_delta_rad(level)
+(run,) = simulator.simulate.simulate_many(joint, [delta_rad], duration_s=12 * T_f, step_s=5e-5)
+recorded = records[delta_rad].v if compared else np.nan * run.time_s
 start_rad = joint.gear_ratio * joint.start_angle_rad
-motion = run.motor_position_rad - start_rad - joint.commanded_speed_rad_per_s * run.time_s
+lag_rad = run.motor_position_rad - start_rad - joint.commanded_speed_rad_per_s * run.time_s
 displacement = run.motor_position_rad / joint.gear_ratio - run.load_position_rad
-recorded = records[delta_rad].v if compared else None
+error = run.motor_speed_rps - recorded
+
+# %%
+shown = (run.time_s >= 2 * T_f) & (run.time_s <= 4 * T_f)
 signals = [
-    ("$\\theta_m - N \\theta_0 - \\Omega t$\n[rad]", motion[shown], None),
-    ("motor speed\n[rps]", run.motor_speed_rps[shown], recorded[shown] if compared else None),
+    ("$\\theta_m - N \\theta_0 - \\Omega t$\n[rad]", lag_rad[shown], None),
+    ("motor speed\n[rps]", run.motor_speed_rps[shown], recorded[shown]),
+    ("simulated $-$\nrecord [rps]", error[shown], None),
     ("motor torque\n[N m]", run.motor_torque_nm[shown], None),
     ("$\\theta_m / N - \\theta_l$\n[$10^{-4}$ rad]", 1e4 * displacement[shown], None),
 ]
-if compared:
-    signals.insert(
-        2, ("simulated $-$\nrecord [rps]", (run.motor_speed_rps - recorded)[shown], None)
-    )
 figure10 = paper.simulated_joint(run.time_s[shown], signals)
 for edge in (-1e4, 1e4):
     figure10.axes[-1].axhline(edge * delta_rad, color="0.5", linestyle=":")
 
 # %% [markdown]
-# ### Level by level
-#
-# Misfit and peak of a run. 40 fine samples are 2 ms, and 200 samples of 2 ms the first turn of a record.
+# What changed of the joint:
 
 # %%
-levels = {level_delta_rad(k): k for k in range(2, CLEAN_LEVELS.stop)}  # K = 2 has a printed A alone
+compare_joints = pd.DataFrame({"committed": vars(committed), "here": vars(joint)})
+compare_joints[compare_joints["committed"] != compare_joints["here"]]
 
+# %% [markdown]
+# ### Level by level
+#
+# Misfit and settled peak at every level, and the change of the peak from that of the committed joint. The simulated
+# speed has 40 samples in 2 ms; 200 samples of 2 ms are the first turn of a record. K = 2 has a printed $A$ alone.
+# Predict first: where is the misfit larger, at the four levels that the fit of the ratios used, or at the others?
 
-def nrmse(run, record):
-    error = (run.motor_speed_rps[::40] - record.v)[200:]
-    return np.sqrt(np.mean(error**2)) / record.v[200:].std()
-
-
-def peak_rps(run, joint):
-    return run.motor_speed_rps[run.time_s >= joint.turn_period_s].max() - joint.commanded_speed_rps
+# %%
+FINE_S = 5e-5  # 40 in 2 ms
+levels = {authors.level_delta_rad(k): k for k in range(2, authors.CLEAN_LEVELS.stop)}
 
 
 def finely(joint, deltas_rad=tuple(levels)):
-    return simulate_many(
-        joint, deltas_rad, duration_s=12 * joint.turn_period_s, sample_s=FINE_S, step_s=FINE_S
+    duration_s = 12 * joint.turn_period_s
+    return simulator.simulate.simulate_many(
+        joint, deltas_rad, duration_s=duration_s, sample_s=FINE_S, step_s=FINE_S
     )
 
 
-# %% [markdown]
-# For every level, with the change of the peak from that of the committed joint:
+def peaks_rps(joint, deltas_rad=tuple(levels)):
+    runs = finely(joint, deltas_rad)
+    return np.array([simulator.simulate.settled_peak_rps(run, joint) for run in runs])
+
 
 # %%
-printed = table2.theoretical_amplitudes()
-rows = [
-    {
-        "dataset": f"Speeddata{k}",
-        "delta_rad": delta,
-        "used_in_fit": k in FIT_LEVELS,
-        "nrmse": nrmse(run_k, records[delta]) if compared and delta in records else np.nan,
-        "peak_rps": peak_rps(run_k, joint),
-        "printed_A_rps": printed.get(delta, np.nan),
-    }
-    for (delta, k), run_k in zip(levels.items(), finely(joint), strict=True)
-]
-table = pd.DataFrame(rows)
-table["peak_error_percent"] = (
-    100 * (table["peak_rps"] / table["printed_A_rps"] - 1) if compared else np.nan
-)
-peak_change_percent = 100 * (
-    table["peak_rps"] / [peak_rps(run_k, committed) for run_k in finely(committed)] - 1
-)
-table.assign(peak_change_percent=peak_change_percent.round(2))
+def nrmse(run):
+    if run.delta_rad not in records:
+        return np.nan
+    v = records[run.delta_rad].v[200:]
+    return np.sqrt(np.mean((run.motor_speed_rps[::40][200:] - v) ** 2)) / v.std()
+
+
+table = pd.DataFrame({"delta_rad": levels.keys(), "level": levels.values()})
+table["used_in_fit"] = table["level"].isin([3, 6, 9, 12])  # notebook 9
+table["nrmse"] = [nrmse(run) for run in finely(joint)]
+table["peak_rps"] = peaks_rps(joint)
+table["printed_A_rps"] = table["delta_rad"].map(table2.theoretical_amplitudes())
+ratio = table["peak_rps"] / table["printed_A_rps"] if compared else np.nan
+table["peak_error_percent"] = 100 * (ratio - 1)
+peak_change_percent = 100 * (table["peak_rps"] / peaks_rps(committed) - 1)
 
 # %%
 validation = paper.validation(table)
+table.assign(peak_change_percent=peak_change_percent.round(2))
 
 # %% [markdown]
 # ### The peaks without a simulator
@@ -223,33 +186,24 @@ validation = paper.validation(table)
 
 
 # %%
-def sampled(run, phase):
-    t, v = run.time_s[phase::40], run.motor_speed_rps[phase::40]
-    return Recording(
-        t - t[0],
-        np.round(v, 2),
-        committed.commanded_speed_rps,
-        committed.turn_period_s,
-        "simulated",
-    )
+def interpolated_peak_rps(v):
+    settled = v[200 : v.size // 200 * 200]
+    return signal.resample(settled, 40 * settled.size).max() - committed.commanded_speed_rps
 
 
+printed = pd.Series(table2.theoretical_amplitudes())
+public = [delta for delta in printed.index if delta in clean]
+true = peaks_rps(committed, public)
+
+# %%
 of_interpolation = 100 * np.array(
     [
-        interpolated_peak_rps(sampled(run, phase)) / peak_rps(run, committed) - 1
-        for run in finely(committed, list(printed)[1:])
+        interpolated_peak_rps(run.motor_speed_rps[phase::40].round(2)) / peak - 1
+        for run, peak in zip(finely(committed, public), true, strict=True)
         for phase in range(40)
     ]
 )
-pd.Series(
-    {
-        "rms error [%]": np.sqrt(np.mean(of_interpolation**2)),
-        "mean [%]": of_interpolation.mean(),
-        "lowest [%]": of_interpolation.min(),
-        "highest [%]": of_interpolation.max(),
-        "beyond 2.5 % [% of cases]": 100 * np.mean(np.abs(of_interpolation) > 2.5),
-    }
-).to_frame("interpolated peak, simulated signals").round(1)
+pd.Series(of_interpolation, name="error of the interpolated peak [%]").describe().round(1)
 
 # %% [markdown]
 # The authors' clean records, at the levels of Table 2 that are public (K = 3 to 11; row 1 has none). We kept the
@@ -258,19 +212,13 @@ pd.Series(
 
 # %%
 traced = pd.DataFrame(
-    [
-        {
-            "dataset": f"Speeddata{levels[delta]}",
-            "largest_sample_rps": records[delta].v[200:].max() - COMMANDED_SPEED_RPS,
-            "interpolated_rps": interpolated_peak_rps(records[delta]),
-            "printed_A_rps": A,
-        }
-        for delta, A in printed.items()
-        if delta in records
-    ],
-    index=pd.Index(
-        [row for row, delta in enumerate(printed, start=1) if delta in records], name="row"
-    ),
+    {
+        "level": [levels[delta] for delta in public],
+        "largest_sample_rps": [clean[d].v[200:].max() - 100 for d in public],
+        "interpolated_rps": [interpolated_peak_rps(clean[delta].v) for delta in public],
+        "printed_A_rps": printed[public].to_numpy(),
+    },
+    index=pd.RangeIndex(2, 2 + len(public), name="row"),
 )
 traced["error_percent"] = 100 * (traced["interpolated_rps"] / traced["printed_A_rps"] - 1)
 traced.round(4)
@@ -293,97 +241,76 @@ traced.round(4)
 # %%
 def positive_impact_delay_s(record):
     t = record.turn_period_s * np.arange(200, 1200) / 200  # turns 2 to 6, averaged into one
-    turn = (
-        np.interp(t, record.t, record.v - record.commanded_speed_rps).reshape(5, 200).mean(axis=0)
-    )
-    negative, positive = (
-        (turn[:100], turn[100:])
-        if -turn[:100].min() > turn[:100].max()
-        else (turn[100:], turn[:100])
-    )
-    X = np.conj(np.fft.rfft(-negative)) * np.fft.rfft(positive)
-    f = np.fft.rfftfreq(100, record.turn_period_s / 200)
-    band = (f > 0) & (f < 100)
-    X, f = X[band], f[band]
+    excess = np.interp(t, record.t, record.v - record.commanded_speed_rps)
+    halves = excess.reshape(5, 2, 100).mean(axis=0)
+    negative, positive = halves if -halves[0].min() > halves[0].max() else halves[::-1]
+    X = (np.conj(np.fft.rfft(-negative)) * np.fft.rfft(positive))[1:]
+    f = np.fft.rfftfreq(100, record.turn_period_s / 200)[1:]
+    X, f = X[f < 100], f[f < 100]
     return -np.sum(np.abs(X) * f * np.angle(X)) / np.sum(np.abs(X) * f**2) / (2 * np.pi)
 
 
-every_second = list(records)[::2]
-lateness = pd.DataFrame(
-    {
-        "delta_rad": every_second,
-        "record_ms": [
-            1e3 * positive_impact_delay_s(records[d]) if compared else np.nan for d in every_second
-        ],
-        "simulated_ms": [
-            1e3 * positive_impact_delay_s(record)
-            for record in simulate_recordings(joint, every_second)
-        ],
-    }
-)
-lateness.round(4)
+# %%
+every_second = list(clean)[::2]
+ours = simulator.recordings.simulate_recordings(joint, every_second)
+delays = {"record [ms]": [clean[delta] for delta in every_second], "simulated [ms]": ours}
+lateness = {
+    of: [1e3 * positive_impact_delay_s(each) for each in all_] for of, all_ in delays.items()
+}
+pd.DataFrame(lateness, index=pd.Index(every_second, name="delta_rad")).round(4)
 
 # %% [markdown]
 # ## Verdict
+#
+# The limits and their reasons. The first continuous drive that was fitted misses the records by 4.8 % on average and
+# 6.6 % at worst, and the printed peaks by up to 1.9 % (attempt 1 of notebook 9). A joint under a digital drive has more
+# freedom and must not be worse: 5 and 6.5 % are the first two, rounded. 2.5 % for the peaks is the tolerance of the
+# printed $A$. The identified joint lies far below: the limits tell whether a change spoils it, and test nothing else.
+
+# %%
+limits = pd.Series({"mean misfit": 5.0, "largest misfit": 6.5, "largest error of a peak": 2.5})
+misfits_percent = 100 * table["nrmse"]
+largest_error = table["peak_error_percent"].abs().max()
+reached = pd.Series([misfits_percent.mean(), misfits_percent.max(), largest_error], limits.index)
+pd.DataFrame({"reached [%]": reached, "limit [%]": limits}).round(2)
+
+# %%
+name = "The identified joint"
+if changes or friction_share:
+    name = (
+        f"The changed joint ({changes}, friction of {100 * friction_share:g} % of m g r), whose peaks are "
+        f"{peak_change_percent.min():+.1f} to {peak_change_percent.max():+.1f} % higher than the committed one's (on "
+        f"average {peak_change_percent.mean():+.1f} %),"
+    )
+verdict = (
+    f"{'meets' if (reached < limits).all() else 'does not meet'} the limits: it misses the records by "
+    f"{reached.iloc[0]:.1f} % of their SD on average and {reached.iloc[1]:.1f} % at worst, and its peaks differ from "
+    f"the printed ones by up to {reached.iloc[2]:.2g} %"
+)
+if not compared:
+    verdict = f"turns in {T_f:g} s at {v_t:g} rps and is not compared with the records"
 
 # %%
 peaks = table.dropna(subset="printed_A_rps")["peak_rps"]
-by_source = {
-    "authors": traced["interpolated_rps"],
-    "simulated": pd.Series(peaks.to_numpy(), index=range(1, peaks.size + 1)) if compared else {},
-}
 cells = {
-    source: {f"table2.row{row:02d}.theoretical": peak for row, peak in found.items()}
-    for source, found in by_source.items()
+    "authors": {
+        f"table2.row{row:02d}.theoretical": A for row, A in traced["interpolated_rps"].items()
+    },
+    "simulated": {
+        f"table2.row{row:02d}.theoretical": A for row, A in enumerate(peaks, 1) if compared
+    },
 }
+
+# %%
 display(workbook.judge(cells))
-name = f"The changed joint ({', '.join(changed)})" if changed else "The identified joint"
-mean, worst, off = (
-    100 * table["nrmse"].mean(),
-    100 * table["nrmse"].max(),
-    table["peak_error_percent"].abs().max(),
-)
-if compared:
-    limits = {"mean": 5.0, "worst": 6.5, "peak": 2.5}  # percent
-    met = (
-        "meets"
-        if mean < limits["mean"] and worst < limits["worst"] and off < limits["peak"]
-        else "does not meet"
-    )
-    print(
-        f"{name} {met} the limits: it misses the records by {mean:.1f} % of their SD on average ({limits['mean']:g} %) "
-        f"and {worst:.1f} % at worst ({limits['worst']:g} %), and its peaks differ from the printed ones by up to "
-        f"{off:.2g} % ({limits['peak']:g} %)."
-    )
-else:
-    print(
-        f"{name} turns in {joint.turn_period_s:g} s at {joint.commanded_speed_rps:g} rps and is not compared with the "
-        f"records of {TURN_PERIOD_S:g} s at {COMMANDED_SPEED_RPS:g} rps."
-    )
 print(
-    f"Read from the authors' clean records without a simulator, the peaks of {traced['error_percent'].size} levels lie "
-    f"within {traced['error_percent'].abs().max():.1f} % of the printed A: traced, not computed anew. The smallest "
-    "level has no public clean record."
-)
-print(
-    f"Against the committed joint its peaks change by {peak_change_percent.min():+.1f} to "
-    f"{peak_change_percent.max():+.1f} %, on average {peak_change_percent.mean():+.1f} %."
-    if changed
-    else "The peaks helped to choose the model's structure: the agreement is a fit, not a validation."
+    f"{name} {verdict}. The peaks helped to choose "
+    "the model's structure: an agreement is a fit, not a validation. Read from the authors' clean records without a "
+    f"simulator, the peaks of {len(traced)} levels lie within {traced['error_percent'].abs().max():.1f} % of the "
+    "printed A: traced, not computed anew. The smallest level has no public clean record."
 )
 
 # %% tags=["plumbing"]
-panels = [
-    "motor position less the commanded one",
-    "motor speed",
-    "motor torque (the current times a constant)",
-    "motor position over N less the load's position, with the edges of the gap (dotted)",
-]
-if compared:
-    panels.insert(
-        2, f"simulated less recorded speed, at most {np.abs(signals[2][1]).max():.2g} rps"
-    )
-listed = ", ".join(f"({letter}) {panel}" for letter, panel in zip("abcde", panels, strict=False))
 used = table["used_in_fit"]
 workbook.export(
     supplement={
@@ -395,21 +322,20 @@ workbook.export(
     facts={
         "nrmse_records": table["nrmse"].count(),
         "nrmse_used": table.loc[used, "nrmse"].count(),
-        "nrmse_mean": (mean, ".1f"),
-        "nrmse_largest": (worst, ".1f"),
+        "nrmse_mean": (reached.iloc[0], ".1f"),
+        "nrmse_largest": (reached.iloc[1], ".1f"),
         "nrmse_left_out": (100 * table.loc[~used, "nrmse"].max(), ".1f"),
-        "peak_error": (off, ".1f"),
+        "peak_error": (largest_error, ".1f"),
         "interpolated_error": (traced["error_percent"].abs().max(), ".1f"),
     },
     figures={
         "figure10_simulator": (
             figure10,
-            f"Two settled turns of our joint at level {level}, a backlash of {1e4 * delta_rad:g}·10⁻⁴ rad: {listed}. "
-            + (
-                "Only the speed is published."
-                if compared
-                else "It turns at another speed than the published records."
-            ),
+            f"Two settled turns of our joint at level {level}, a backlash of {1e4 * delta_rad:g}·10⁻⁴ rad: (a) motor "
+            "position less the commanded one, (b) motor speed over the record, (c) simulated less recorded speed, at "
+            f"most {np.abs(error[shown]).max():.2g} rps, (d) motor torque (the current times a constant), (e) motor "
+            "position over N less the load's position, with the edges of the gap (dotted). Only the speed is "
+            "published.",
         ),
         "figure10_validation": (
             validation,
@@ -431,49 +357,45 @@ workbook.export(
 # ## Exercises
 #
 # **1.** Double the motor's inertia in two ways: `{"inertia_ratio": 0.5}` and `{"motor_inertia_kgm2": 2.0}`. How do the
-# peaks at $\delta$ = 15·10⁻⁴ rad change, and what else differs between the two joints?
+# peaks at $\delta$ = 15·10⁻⁴ rad change (to 1 %), and what else differs between the two joints?
 
 # %% tags=["solution"]
-ways = {
-    "committed": {},
-    "inertia_ratio": {"inertia_ratio": 0.5},
-    "motor_inertia_kgm2": {"motor_inertia_kgm2": 2.0},
-}
-joints = {way: changed_joint(committed, factors) for way, factors in ways.items()}
-A = {way: peak_rps(finely(each, [15e-4])[0], each) for way, each in joints.items()}
-for way, each in joints.items():
-    print(
-        f"{way}: A {100 * (A[way] / A['committed'] - 1):+.0f} %, K_p = {each.speed_gain_nms_per_rad:.3f} N m s/rad"
-    )
-assert A["inertia_ratio"] < 0.7 * A["committed"] < 0.7 * A["motor_inertia_kgm2"]
-assert np.isclose(
-    joints["inertia_ratio"].speed_gain_nms_per_rad, 2 * committed.speed_gain_nms_per_rad
+(A,) = peaks_rps(committed, [15e-4])
+ways = [
+    simulator.parameters.changed_joint(committed, way)
+    for way in ({"inertia_ratio": 0.5}, {"motor_inertia_kgm2": 2.0})
+]
+all_doubled, alone = (peaks_rps(way, [15e-4])[0] / A for way in ways)
+gains = [way.speed_gain_nms_per_rad / committed.speed_gain_nms_per_rad for way in ways]
+assert all_doubled < 0.7 < 1 < alone
+assert np.allclose(gains, [2, 1])
+print(
+    f"peaks {all_doubled:.2f} and {alone:.2f} times as high; K_p {gains[0]:.0f} and {gains[1]:.0f} times"
 )
 
 # %% [markdown]
-# **2.** At constant speed the teeth separate where $\tau_l = 0$. Where is that with friction of 10 % of $m g r$, and
-# how far from half a turn apart are two separations then?
+# **2.** Move the joint's start by half a turn of the load, $\theta_0 + \pi$. What happens to the signs of the impacts,
+# and how far is the settled speed from the old one half a turn later (at most, in rps)?
 
 # %% tags=["solution"]
-rubbing = replace(committed, load_coulomb_nm=0.1 * committed.gravity_torque_nm)
-separations = simulate(rubbing, 5e-4, step_s=SIMULATION_STEP_S).separation_time_s
-apart_s = np.diff(separations[separations > committed.turn_period_s])[:2]
-# sin(theta_l) = -0.1: at theta_l = pi + asin(0.1) and at 2 pi - asin(0.1)
-expected_s = committed.turn_period_s * (0.5 + np.array([-1, 1]) * np.arcsin(0.1) / np.pi)
-assert np.allclose(np.sort(apart_s), expected_s, atol=2e-3)
-print(f"{1e3 * np.sort(apart_s).round(4)} ms apart; {1e3 * expected_s.round(4)} ms from the angles")
+moved = replace(committed, start_angle_rad=committed.start_angle_rad + np.pi)
+before, after = (
+    simulator.recordings.simulate_recordings(each, [15e-4])[0].v - 100
+    for each in (committed, moved)
+)
+apart_rps = np.abs(before[500:2000] - after[400:1900]).max()  # 100 samples are half a turn
+assert apart_rps < 1e-3
+print(f"each impact comes half a turn earlier, with the other sign; {apart_rps:.0e} rps apart")
 
 # %% [markdown]
 # **3.** A joint with all ratios as committed has the gear ratio 80 and is commanded to 200 rps. How does its load turn,
-# and how high are its peaks? What do the records tell of $N$?
+# and how high are its peaks (to 0.1 %)? What do the records tell of $N$?
 
 # %% tags=["solution"]
-geared = joint_from_ratios(committed.ratios, gear_ratio=80.0, commanded_speed_rps=200.0)
+geared = simulator.parameters.joint_from_ratios(
+    committed.ratios, gear_ratio=80.0, commanded_speed_rps=200.0
+)
 assert geared.turn_period_s == committed.turn_period_s
-twice = peak_rps(finely(geared, [15e-4])[0], geared) / peak_rps(
-    finely(committed, [15e-4])[0], committed
-)
+twice = peaks_rps(geared, [15e-4])[0] / A
 assert np.isclose(twice, 2, rtol=1e-6)
-print(
-    f"peaks {twice:.4f} times as high: theta_m / N moves as before, so the records tell N only as v_t times T_f"
-)
+print(f"{twice:.4f} times as high: theta_m / N moves as before, the records tell N only as v_t T_f")

@@ -17,8 +17,8 @@
 # %% [markdown]
 # # 5 · The signature of backlash (figure 6)
 #
-# *You will write the signature in ten lines, fit it to a record with the cost of your choice, and see the authors'
-# stored runs replayed. Run time: 10 s.*
+# *You will write the signature in ten lines, see it over a record, and fit it with the cost of your choice. Run time:
+# 6 s.*
 #
 # ## Claim
 #
@@ -74,30 +74,21 @@
 # The seven free parameters are $X = [A, t_0, \tau, \omega, v_t, T_2, T_1]$, in the order in which the authors' program
 # has them.
 #
-# ### Two tests
+# ### The test of the model
 #
 # The authors' notebook stores 30 [runs](glossary.md#run) on their clean record 12, with the seed, the parameters and
-# the final RMSE of each. The *model* at the stored parameters must have the stored RMSE. Then the *search*, CMA-ES
-# (equations 12 to 17, notebook 7), must go through the stored generations from the stored seeds.
+# the final RMSE of each. The model at the stored parameters must have the stored RMSE. That the *search*, CMA-ES
+# (equations 12 to 17, notebook 7), goes through the stored generations too, notebook 15 shows.
 
 # %%
 from dataclasses import replace
 
 import numpy as np
 import pandas as pd
-from tqdm import tqdm
 
 import workbook
-from replication import published, signature
-from replication.authors import load_clean
-from replication.compiled.misfit import residual
-from replication.figures import paper, searching
-from replication.identify import paper_fit, protocol_box
-from replication.replay import inspection, replay
-from replication.search import generations, random_normals, search
-from replication.signature import FREE_PARAMETERS
-from replication.table2 import AUTHORS_PROTOCOL, BASIN_GAP, basin_labels
-from workbook import Interval
+from replication import authors, identify, published
+from replication.figures import paper
 
 # %% [markdown]
 # ## Parameters
@@ -114,8 +105,9 @@ criteria = {}  # limits to try in place of those of claims.csv, such as {"half_t
 workbook.check_parameters(
     run=(run, range(1, 31)),
     turns=(turns, range(1, 13)),
-    turn_period_s=(turn_period_s, Interval(0.1, 1.0)),
+    turn_period_s=(turn_period_s, workbook.Interval(0.1, 1.0)),
     cost=(cost, ("RMSE", "L1", callable)),
+    more_bounds=(len(more_bounds), range(10)),
     criteria=(criteria, [("two_impacts", "half_turn")]),
 )
 
@@ -124,7 +116,7 @@ workbook.check_parameters(
 #
 # ### The signature in ten lines
 #
-# The numbers are those of `replication.signature.signature`, which the tests check. Change a line, and the fit below
+# The compiled `identify.fit_residual` has the same numbers, and the tests check it. Change a line, and the fit below
 # has your signature. It is not compiled then, and takes a minute. Further parameters of yours are `X[7:]`, within
 # `more_bounds`; the stored runs have none.
 
@@ -146,32 +138,26 @@ def h(t, X, T_d, T_f, n):  # equation 7
     return sum(f(t, X[1] + i * T_f, X, T_d) for i in range(n))
 
 
-stored_table = published.authors_notebook_runs().set_index("run")
-stored_X = stored_table[list(inspection.STORED_NAMES)].to_numpy(
-    float
-)  # a row of parameters for each run
-stored_rmse = stored_table["final_rmse_rps"].to_numpy()
-stored, X = stored_table.loc[run], stored_X[run - 1]
-
-timing = signature.Timing(T_d=turn_period_s / 2, T_f=turn_period_s, n=turns)
-t = np.arange(0, turns * turn_period_s + 0.1, 1e-4)
-shape = h(t, X, timing.T_d, timing.T_f, turns)
-print(f"largest difference: {np.abs(shape - signature.signature(t, X, timing)).max():.1g} rps")
-
 # %% [markdown]
-# ### Figure 6
+# Figure 6, at the parameters of a stored run:
 
 # %%
-figure6 = paper.signature_parameters(t, shape, X, timing)
+stored_runs = published.authors_notebook_runs().set_index("run")
+stored_X = stored_runs.loc[:, "A_rps":"window_start_s"].to_numpy(float)  # a row for each run
+stored, X = stored_runs.loc[run], stored_X[run - 1]
+protocol = identify.Protocol(T_d=turn_period_s / 2, T_f=turn_period_s, turns=turns)
+t = np.arange(0, turns * turn_period_s + 0.1, 1e-4)
+shape = h(t, X, protocol.T_d, protocol.T_f, turns)
+figure6 = paper.signature_parameters(t, shape, X, protocol.timing)
 
 # %% [markdown]
 # ### The signature on a record
 #
 # The authors' clean record 12 (a backlash of 23·10⁻⁴ rad), and over it the signature at the stored run's parameters.
-# All stored runs have $T_d$ = 0.2 s, $T_f$ = 0.4 s and twelve turns.
+# Predict first: where will the residual be largest? All stored runs have $T_d$ = 0.2 s, $T_f$ = 0.4 s and twelve turns.
 
 # %%
-record = load_clean(12)
+record = authors.load_clean(12)
 
 
 def residual_signal(X, n=12):  # equation 11, less the signature
@@ -183,13 +169,12 @@ def rmse(residual_rps):
     return np.sqrt(np.mean(residual_rps**2))
 
 
+# %%
+left_rps = rmse(residual_signal(X))
+print(f"run {run}: RMSE {left_rps:.9f} rps, stored {stored['final_rmse_rps']:.9f} rps")
+labels = ("authors' record 12", f"stored run {run}")
 fitted = record.v - residual_signal(X)
-print(
-    f"run {run}: RMSE {rmse(residual_signal(X)):.9f} rps, stored {stored['final_rmse_rps']:.9f} rps"
-)
-figure5 = paper.record_with_fit(
-    record.t, record.v, fitted, ("authors' record 12", f"stored run {run}"), seconds=1.6
-)
+figure5 = paper.record_with_fit(record.t, record.v, fitted, labels, seconds=1.6)
 
 # %% [markdown]
 # With `make lab` the same has sliders for $A$, $\tau$ and $\omega$: which of them does the RMSE depend on most?
@@ -200,9 +185,8 @@ def draw(A_rps, tau_per_s, omega_rad_per_s):
     moved = np.array([A_rps, X[1], tau_per_s, omega_rad_per_s, *X[4:]])
     left = residual_signal(moved)
     labels = ("authors' record 12", "signature")
-    upper, lower = paper.record_with_fit(
-        record.t, record.v, record.v - left, labels, seconds=1.6
-    ).axes
+    figure = paper.record_with_fit(record.t, record.v, record.v - left, labels, seconds=1.6)
+    upper, lower = figure.axes
     upper.set(ylim=(97.8, 102.2))
     upper.set_title(f"RMSE {rmse(left):.4f} rps", loc="left", fontsize=9)
     lower.set(ylim=(-3.3, 3.3))
@@ -215,34 +199,31 @@ workbook.sliders(
 # %% [markdown]
 # ### The 30 stored runs
 #
-# `rmse_rps` is the RMSE at the stored parameters, to be compared with `stored_rmse_rps`. `first_today_rps` is the first
-# generation's RMSE with the `cma` library as it is now, under the stored seed (`paper_fit` with one iteration), beside
-# the stored one. A [basin](glossary.md#basin) has a number, 1 for the lowest RMSE (`basin_labels`).
+# `rmse_rps` is the RMSE at the stored parameters, to be compared with `stored_rmse_rps`. A
+# [basin](glossary.md#basin) has a number, 1 for the lowest RMSE: a mean over all runs would hide that there are four.
 
 # %%
-first = replace(AUTHORS_PROTOCOL, engine="cma", iterations=1)
-stored_runs = pd.DataFrame(
-    {
-        "run": stored_table.index,
-        "stored_rmse_rps": stored_rmse,
-        "rmse_rps": [rmse(residual_signal(x)) for x in stored_X],
-        "stored_first_rps": stored_table["generation_1_best_rmse_rps"].to_numpy(),
-        "first_today_rps": [
-            paper_fit(record, first, seed).rmse for seed in stored_table["cma_seed"]
-        ],
-        "A_rps": stored_X[:, 0],
-        "basin": basin_labels(stored_rmse),
-    }
+table = stored_runs[["final_rmse_rps", "A_rps"]].rename(
+    columns={"final_rmse_rps": "stored_rmse_rps"}
 )
-stored_runs
+table["rmse_rps"] = [rmse(residual_signal(x)) for x in stored_X]
+table["basin"] = table["stored_rmse_rps"].round(3).rank(method="dense").astype(int)
+off = (table["rmse_rps"] - table["stored_rmse_rps"]).abs()
+print(f"The RMSE is the stored one to {off.max():.1g} rps in all {len(off)} runs.")
+table
 
 # %%
-off = (stored_runs["rmse_rps"] - stored_runs["stored_rmse_rps"]).abs()
-today = (stored_runs["first_today_rps"] - stored_runs["stored_first_rps"]).abs()
-print(
-    f"At the stored parameters the RMSE is the stored one to {off.max():.1g} rps in all {len(off)} runs."
+basins = (
+    table.assign(size=table["A_rps"].abs())
+    .groupby("basin")
+    .agg(
+        runs=("rmse_rps", "size"),
+        rmse_rps=("stored_rmse_rps", "min"),
+        smallest_A_rps=("size", "min"),
+        largest_A_rps=("size", "max"),
+    )
 )
-print(f"Today's cma begins {(today < 1e-12).sum()} of the {len(today)} runs as they are stored.")
+basins
 
 # %% [markdown]
 # The paper's model has $n$ = 12 turns. How many stored runs have their stored RMSE (to 10⁻⁶ rps, as the stored
@@ -251,100 +232,25 @@ print(f"Today's cma begins {(today < 1e-12).sum()} of the {len(today)} runs as t
 
 # %%
 reproduced = {}
-for n in range(8, 17):
+for n in range(10, 15):
     ours = np.array([rmse(residual_signal(x, n)) for x in stored_X])
-    reproduced[n] = int((np.abs(ours - stored_rmse) < 1e-6).sum())
-pd.DataFrame(
-    {"turns in the model": reproduced.keys(), "stored runs reproduced": reproduced.values()}
-)
-
-# %% [markdown]
-# ### The stored runs, replayed
-#
-# A search draws random numbers, so a run with the stored seed should be the stored run: every generation of it.
-# `replay_stored_runs` makes all 30 with the search written out in `search.py` (notebook 7), which has the constants of
-# the authors' library. Their notebook prints some 17 generations of each of the runs 1 to 20, to 16 digits, and the end
-# of all 30: `compare_generations` and `compare_ends` subtract them.
-
-# %%
-made = replay.replay_stored_runs(record)
-compared, ended = replay.compare_generations(made), replay.compare_ends(made)
-replay_figure = searching.replay(compared, ended, replay.AGREE_RPS)
-
-# %%
-agreeing = compared.loc[compared["difference_rps"] < replay.AGREE_RPS, "difference_rps"]
-early = compared.loc[compared["generation"] <= 20, "difference_rps"].max()
-pd.Series(
-    {
-        "printed generations": len(compared),
-        "of them equal to 1e-9 rps": agreeing.size,
-        "largest difference up to generation 20 [rps]": f"{early:.1e}",
-        "runs that end at the stored misfit, to 1e-9 rps": (
-            ended["difference_rps"] < replay.AGREE_RPS
-        ).sum(),
-        "runs that end in the stored generation": (
-            ended["our_generations"] == ended["stored_generations"]
-        ).sum(),
-    },
-    dtype=object,
-).to_frame("")
-
-# %% [markdown]
-# Why do the others diverge? `agrees_until` is the last printed generation that agrees, and `parts_by` the first one
-# that does not. `first_divergences` looks for the generation `undecided`, the first after `agrees_until` in which the
-# sign of an eigenvector of $\mathbf C$ depends on its last bit. A change of $\mathbf C$ by rounding turns it round in
-# `flips` of 20 cases, and with it every sample along that axis. The ranks decide nothing: no two members next in rank
-# are closer than `closest_ranks_rps`. From there on, the run is another one of the same distribution.
-
-# %%
-parted = replay.first_divergences(record, ended, np.random.default_rng(1))
-shown = parted.astype({"agrees_until": "Int64", "parts_by": "Int64"}).astype(object)
-shown.assign(closest_ranks_rps=parted["closest_ranks_rps"].map("{:.1e}".format)).fillna(
-    "not printed"
-)
-
-# %% [markdown]
-# The replay needs three things. The *bound handling*: samples are bent to a half-parabola in a margin at each bound,
-# (1 + |bound|)/20 wide until `cma` 3.3 and max(1, |bound|)/20 since 3.4, which is why today's first generation agrees
-# only for seeds whose best sample lies in no margin. The *constants*: the step size was damped differently until 3.2;
-# until 2.6 an ill-conditioned $\mathbf C$ was kept. And the *signs of eigenvectors*: LAPACK 3.10 changed the plane
-# rotation they come from, so that the same library with a newer NumPy is another search from the second generation on;
-# `compiled/eigen.py` keeps the older rotation, and the same last bits on every processor.
-#
-# ### The basins of the stored runs
-#
-# The best signatures of the 30 runs lie in different basins; a mean over them hides that. `replayed_runs` are ours with
-# the same seeds: the same basins, run by run, but for the one run that ends elsewhere. A run's best signature need not
-# be of its last generation: that of run 5 is of generation 13. The
-# [replay explorer](../results/pages/replay_explorer.html) plays every run generation by generation.
-
-# %%
-basins = stored_runs.groupby("basin").agg(
-    runs=("run", "size"),
-    rmse_rps=("stored_rmse_rps", "min"),
-    smallest_A_rps=("A_rps", lambda a: a.abs().min()),
-    largest_A_rps=("A_rps", lambda a: a.abs().max()),
-)
-basins["replayed_runs"] = [
-    int(((ended["ours_rps"] / low - 1).abs() < BASIN_GAP).sum()) for low in basins["rmse_rps"]
-]
-basins
+    reproduced[n] = int((np.abs(ours - table["stored_rmse_rps"]) < 1e-6).sum())
+pd.Series(reproduced, name="stored runs reproduced").rename_axis("turns").to_frame()
 
 # %% [markdown]
 # ### A fit with your cost and turn period
 #
 # A fit is a search for the parameters of the lowest cost in a box, here Table 1's with $A$ as wide as the stored runs
-# had it (`protocol_box`). `generations` is CMA-ES: it draws 300 members a generation and asks for their misfits, and
-# `search` follows it until a stop rule holds. `residual` is $r - h$, compiled; another `h` is evaluated as it is
-# written. The first row has the paper's signature and cost and the turn period of the data, with the stored seed; the
-# last row has yours.
+# had it (`protocol_box`). `search_with` is CMA-ES: it draws 300 members a generation, asks for their costs, and goes on
+# until a stop rule holds. `fit_residual` is $r - h$, compiled; another `h` is evaluated as it is written. The first
+# row has the paper's signature and cost and the turn period of the data, with the stored seed; the last row has yours.
 
 # %%
 costs = {"RMSE": rmse, "L1": lambda residual_rps: np.mean(np.abs(residual_rps))}
 
 
 def papers_residual(X, T_f):
-    return residual(record.t, record.v, X, signature.Timing(T_f / 2, T_f, 12))
+    return identify.fit_residual(record, X, identify.Protocol(T_d=T_f / 2, T_f=T_f))
 
 
 def your_residual(X, T_f):
@@ -356,7 +262,9 @@ as_papers = not more_bounds and all(
 )
 
 # %%
-box, more = protocol_box(record, AUTHORS_PROTOCOL), np.reshape(more_bounds, (-1, 2))
+authors_settings = identify.Protocol()
+box = identify.protocol_box(record, authors_settings)
+more = np.reshape(more_bounds, (-1, 2))
 your_box = replace(box, lower=np.r_[box.lower, more[:, 0]], upper=np.r_[box.upper, more[:, 1]])
 signatures = {"the paper's": (papers_residual, box), "your": (your_residual, your_box)}
 
@@ -367,9 +275,7 @@ def fit(whose, cost, T_f):
     def misfits(members):
         return [costs.get(cost, cost)(residual_of(X, T_f)) for X in members]
 
-    normals, most = random_normals(int(stored["cma_seed"])), AUTHORS_PROTOCOL.iterations
-    steps = generations(misfits, bounds, normals, AUTHORS_PROTOCOL.population)
-    return search(tqdm(steps, f"fit of {whose} signature", most), most)
+    return identify.search_with(misfits, bounds, authors_settings, int(stored["cma_seed"]))
 
 
 # %%
@@ -387,6 +293,7 @@ def fitted_row(whose, cost, T_f):
     }
 
 
+# %%
 whose = "the paper's" if as_papers else "your"
 settings = dict.fromkeys([("the paper's", "RMSE", 0.4), (whose, cost, turn_period_s)])
 fits = pd.DataFrame([fitted_row(*setting) for setting in settings])
@@ -396,24 +303,13 @@ fits
 usual, yours = fits.iloc[0], fits.iloc[-1]
 above = yours["RMSE [rps]"] / basins["rmse_rps"] - 1
 nearest = above.abs().idxmin()
-ratio = pd.Series(
-    {
-        name: yours[name] / usual[name]
-        for name in ("|A| [rps]", "RMSE [rps]", "mean |residual| [rps]")
-    }
+ratio = [yours[name] / usual[name] for name in ("|A| [rps]", "RMSE [rps]", "mean |residual| [rps]")]
+print(
+    f"With {yours['cost']} as cost, T_f = {turn_period_s:g} s and {whose} signature the search ends at |A| = "
+    f"{yours['|A| [rps]']:.3f} rps, {100 * (ratio[0] - 1):+.1f} % from that of the first row. Its RMSE is "
+    f"{ratio[1]:.3g} times and its mean |residual| {ratio[2]:.3g} times that of the first row. The nearest stored "
+    f"basin is {nearest}, whose RMSE it misses by {100 * above[nearest]:+.1f} %."
 )
-if len(fits) == 1:
-    off_rps = abs(usual["RMSE [rps]"] - stored["final_rmse_rps"])
-    print(
-        f"The search ends at the stored RMSE of run {run}, within {off_rps:.1g} rps, in basin {nearest}."
-    )
-else:
-    print(
-        f"With {yours['cost']} as cost, T_f = {turn_period_s:g} s and {whose} signature the search ends at |A| = "
-        f"{yours['|A| [rps]']:.3f} rps, {100 * (ratio.iloc[0] - 1):+.1f} % from that of the first row. Its RMSE is "
-        f"{ratio.iloc[1]:.3g} times and its mean |residual| {ratio.iloc[2]:.3g} times that of the first row. The "
-        f"nearest stored basin is {nearest}, whose RMSE it misses by {100 * above[nearest]:+.1f} %."
-    )
 
 # %% [markdown]
 # ### Two impacts a turn, half a turn apart
@@ -447,58 +343,27 @@ claims = {
         f"record 12, inverted and half a turn later, differs by {100 * mismatch:.1f} % of its SD",
     ),
 }
-cells = {
-    "text.turns": max(reproduced, key=reproduced.get),  # the fewest that give every stored misfit
-    "text.commanded_speed": float(np.median(record.v)),
-}
+fewest_turns = max(reproduced, key=reproduced.get)  # that give every stored misfit
+cells = {"text.turns": fewest_turns, "text.commanded_speed": float(np.median(record.v))}
+
+# %%
 display(workbook.judge({"authors": cells}, claims))
 print(
     f"The impacts {'alternate' if alternate else 'do not alternate'} in sign, and the second half of a turn is the "
     f"first one inverted within {100 * mismatch:.1f} % of the SD. Equations 5 to 7 give the stored RMSE of "
-    f"{(off < 1e-6).sum()} of {len(off)} runs, and the search ends at it in "
-    f"{(ended['difference_rps'] < replay.AGREE_RPS).sum()}: they are what the authors computed. "
-    f"Only {basins['runs'].iloc[0]} of their runs end in the basin of the lowest RMSE. A fit of {whose} signature "
-    f"with {yours['cost']} as cost leaves an RMSE of {yours['RMSE [rps]']:.4f} rps."
+    f"{(off < 1e-6).sum()} of {len(off)} runs. Only {basins['runs'].iloc[0]} of these end in the basin of the lowest "
+    f"RMSE. The fit here, of {whose} signature with {yours['cost']} as cost, leaves an RMSE of "
+    f"{yours['RMSE [rps]']:.4f} rps."
 )
 
 # %% tags=["plumbing"]
-to_16_digits = {name: made[name].map("{:.15e}".format) for name in ("best_rmse_rps", "sigma")}
-frames = replay.replay_frames(record, made).groupby("run")[["generation", "frame"]].agg(list)
-shown_runs = (
-    published.authors_notebook_runs().merge(stored_runs[["run", "basin"]]).merge(frames, on="run")
-)
-printed = published.authors_notebook_generations()[
-    ["run", "generation", "best_rmse_of_generation_rps"]
-]
-box = pd.DataFrame({"parameter": FREE_PARAMETERS, **vars(protocol_box(record, AUTHORS_PROTOCOL))})
-explorer = {
-    "runs": shown_runs.to_dict("records"),
-    "printed": printed.to_numpy().tolist(),
-    "box": box.to_dict("records"),
-    "basins": basins["rmse_rps"].tolist(),
-    "settings": {
-        "gap": BASIN_GAP,
-        "agree": replay.AGREE_RPS,
-        "members": AUTHORS_PROTOCOL.population,
-    },
-}
-same_end = ended["difference_rps"].abs() < replay.AGREE_RPS
 workbook.export(
     supplement={
         "stored_runs": (
-            stored_runs,
+            table.reset_index(),
             "The 30 runs that the authors' notebook stores: their ends and basins.",
-        ),
-        "stored_basins": (basins.reset_index(), "The basins in which the stored runs end."),
-        "replay": (
-            made[["run", "cma_seed", "generation", "best_rmse_rps", "sigma"]].assign(
-                **to_16_digits
-            ),
-            "Every generation of the replayed runs: its lowest misfit and step size.",
-        ),
-        "replay_ends": (ended, "The ends of the replayed runs beside the stored ones."),
+        )
     },
-    pages={"replay_explorer": explorer},
     figures={
         "figure06_signature": (
             figure6,
@@ -512,29 +377,9 @@ workbook.export(
             f"run {run} of {len(stored_X)} fitted to the record. (b) The residual peaks at the impacts, most at the "
             "start-up transient, which no signature has.",
         ),
-        "replay_differences": (
-            replay_figure,
-            f"The lowest misfits of the replayed runs against the stored ones. (a) Of {len(compared)} printed "
-            f"generations of {compared['run'].nunique()} runs {agreeing.size} agree within {agreeing.max():.0e} rps; "
-            "the others belong to the named runs, which diverge temporarily. (b) Of the ends of all "
-            f"{len(ended)} runs {(ended['difference_rps'] < replay.AGREE_RPS).sum()} agree. The limit of agreement is "
-            f"{replay.AGREE_RPS:.0e} rps; a difference of 0 is drawn at {searching.SMALLEST_RPS:.0e} rps.",
-        ),
     },
     cells={"authors": cells},
     claims=claims,
-    facts={
-        "stored_runs": len(ended),
-        "stored_best": basins["runs"].iloc[0],
-        "stored_in_full": compared["run"].nunique(),
-        "stored_generations": len(compared),
-        "replayed": same_end.sum(),
-        "replayed_same_count": (
-            same_end & (ended["our_generations"] == ended["stored_generations"])
-        ).sum(),
-        "replay_apart": (ended.loc[same_end, "difference_rps"].abs().max(), ".0e"),
-        "replay_generations": agreeing.size,
-    },
 )
 
 # %% [markdown]
@@ -550,13 +395,14 @@ workbook.export(
 # ## Exercises
 #
 # **1.** Read equation 4 literally: the shifts are $t_0 + T_d$ and $t_0 + T_f$. How large is the RMSE of the stored run
-# 8 then?
+# 8 then, to 1 %?
 
 # %% tags=["solution"]
 X8 = stored_X[7]
+stored_rps = stored_runs["final_rmse_rps"][8]
 literal = rmse(record.v - X8[4] - h(record.t, X8, X8[1] + 0.2, X8[1] + 0.4, 12))
-assert literal > 2 * stored_rmse[7]
-print(f"{literal:.3f} rps, {literal / stored_rmse[7]:.1f} times the stored one")
+assert literal > 2 * stored_rps
+print(f"{literal:.3f} rps, {literal / stored_rps:.1f} times the stored one")
 
 # %% [markdown]
 # **2.** Some of the stored runs have a negative $A$, others a positive one. Show that $(-A, t_0 + T_d)$ has the same

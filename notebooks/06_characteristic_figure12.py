@@ -50,11 +50,8 @@ import pandas as pd
 from matplotlib import pyplot as plt
 
 import workbook
-from replication import characteristic, published
-from replication.figures import paper, style
-from replication.simulator.parameters import changed_joint, identified_joint
-from replication.simulator.simulate import simulate_many
-from workbook import Interval
+from replication import characteristic, published, simulator
+from replication.figures import paper
 
 # %% [markdown]
 # ## Parameters
@@ -69,9 +66,9 @@ criteria = {}  # limits to try in place of those of claims.csv, such as {"error_
 
 # %% tags=["plumbing"]
 workbook.check_parameters(
-    rpm_per_rps=(rpm_per_rps, Interval(1e-3, 1e4)),
+    rpm_per_rps=(rpm_per_rps, workbook.Interval(1e-3, 1e4)),
     left_out=(left_out, [range(1, 11)]),
-    changes=(changes, [identified_joint().ratios]),
+    changes=(changes, [simulator.parameters.identified_joint().ratios]),
     reading=(reading, ("peak", "sampled peak", "energy")),
     degree=(degree, range(1, 7)),
     criteria=(criteria, [("error_rad_small", "error_rad_large", "monotone", "encoder_step")]),
@@ -86,38 +83,36 @@ if len(left_out) > 5:
 
 
 # %%
-def polynomial(A, coefficients):
-    """delta [rad] of the amplitude A; the constant's coefficient comes first."""
+def polynomial(A, coefficients):  # delta [rad]; the constant's coefficient comes first
     return sum(c * np.asarray(A) ** k for k, c in enumerate(coefficients))
 
 
-def fit_polynomial(A, delta_rad, degree=3):
-    """Coefficients and RMSE [rad] of the polynomial delta(A) by least squares."""
+def fit_polynomial(A, delta_rad, degree=3):  # by least squares: coefficients and RMSE [rad]
     powers = np.asarray(A)[:, None] ** np.arange(degree + 1)
     coefficients, *_ = np.linalg.lstsq(powers, delta_rad)
     return coefficients, np.sqrt(np.mean((powers @ coefficients - delta_rad) ** 2))
 
 
+# %%
 delta = characteristic.printed_levels_rad()
 theoretical = published.column("Table 2", "theoretical")[: delta.size]
 keep = ~np.isin(np.arange(1, delta.size + 1), left_out)
 fitted, fitted_rmse = fit_polynomial(rpm_per_rps * theoretical[keep], delta[keep])
-printed = 1e-6 * np.array([published.value(f"equation10.A{k}") for k in range(4)])
-coefficients = pd.DataFrame(
-    {"printed": 1e6 * printed, "fitted": 1e6 * fitted},
-    index=[f"A^{k} [1e-6 rad/rpm^{k}]" for k in range(4)],
-)
-coefficients.loc["RMSE [1e-6 rad]"] = 1e6 * published.value("equation10.rmse"), 1e6 * fitted_rmse
-coefficients
-
-# %%
-points, curve_A = (theoretical, delta), np.linspace(0, theoretical[-1], 200)
-curves = {"cubic through the printed points": (curve_A, polynomial(rpm_per_rps * curve_A, fitted))}
+points, A = (theoretical, delta), np.linspace(0, theoretical[-1], 200)
+curves = {"cubic through the printed points": (A, polynomial(rpm_per_rps * A, fitted))}
 residual = theoretical, polynomial(rpm_per_rps * theoretical, fitted) - delta
 figure12 = paper.characteristic(curves, points, residual, "cubic $-$ point")
 
+# %%
+printed = 1e-6 * np.array([published.value(f"equation10.A{k}") for k in range(4)])
+printed_rmse = published.value("equation10.rmse")
+names = [*(f"A^{k} [1e-6 rad/rpm^{k}]" for k in range(4)), "RMSE [1e-6 rad]"]
+both = {"printed": [*printed, printed_rmse], "fitted": [*fitted, fitted_rmse]}
+(1e6 * pd.DataFrame(both, index=names)).map("{:.6g}".format)
+
 # %% [markdown]
-# The backlash that belongs to an amplitude. With `make lab` $A$ and its error have sliders.
+# The backlash that belongs to an amplitude. With `make lab` $A$ and its error have sliders. Predict first: is an error
+# of 10 % in $A$ more or less than 10 % in $\delta$?
 
 
 # %%
@@ -125,69 +120,54 @@ def draw(A_rps, error_percent):
     read_at = A_rps * np.array([1, 1 + error_percent / 100])
     true, read = polynomial(rpm_per_rps * read_at, fitted)
     _, axis = plt.subplots(figsize=(6, 3.2), layout="constrained")
-    A = np.linspace(0, 1.2 * theoretical[-1], 200)
     axis.plot(A, 1e4 * polynomial(rpm_per_rps * A, fitted))
     axis.plot(theoretical, 1e4 * delta, "k+", label="printed points")
     axis.plot(read_at, [1e4 * true, 1e4 * read], "o-", label="true A, and with its error")
-    axis.set(xlabel="amplitude A [rps]", ylabel=style.BACKLASH_LABEL, xlim=(0, A[-1]), ylim=(0, 30))
-    axis.set_title(
-        f"{true:.3e} rad, with the error {read:.3e} rad ({100 * (read / true - 1):+.1f} %); "
-        f"RMSE of the fit {fitted_rmse:.2g} rad",
-        fontsize=9,
-    )
+    axis.set(xlabel="amplitude A [rps]", ylabel="backlash [$10^{-4}$ rad]")
+    axis.set_title(f"{true:.3e} rad; with the error {100 * (read / true - 1):+.1f} %", fontsize=9)
     axis.legend()
 
 
-workbook.sliders(
-    draw, A_rps=(theoretical[4], 0.0, theoretical[-1]), error_percent=(10.0, -20.0, 20.0)
-)
+ends = {"A_rps": (theoretical[4], 0.0, theoretical[-1]), "error_percent": (10.0, -20.0, 20.0)}
+workbook.sliders(draw, **ends)
 
 # %% [markdown]
 # ### The same from our own simulations
 #
 # The identified joint (notebook 9) at the same ten levels. In our reading $A$ is the largest disturbance $v - v_t$
 # [rps] of the [settled](glossary.md#settled) turns, before it is sampled at 2 ms; $v$ is the motor's speed, and $v_t$
-# the commanded one. These peaks lie on a much smoother line than the printed ones. The cubic's coefficients differ; the
-# line is nearly the same.
+# the commanded one.
 
 # %%
-joint = changed_joint(identified_joint(), changes)
-runs = simulate_many(joint, delta, sample_s=5e-5, step_s=5e-5)  # forty samples in 2 ms
+joint = simulator.parameters.changed_joint(simulator.parameters.identified_joint(), changes)
+runs = simulator.simulate.simulate_many(
+    joint, delta, sample_s=5e-5, step_s=5e-5
+)  # forty samples in 2 ms
 settled = runs[0].time_s >= joint.turn_period_s
 disturbances = np.array([run.motor_speed_rps[settled] - joint.commanded_speed_rps for run in runs])
 peaks = disturbances.max(axis=1)
 ours, ours_rmse = fit_polynomial(60 * peaks, delta)
 
-A = np.linspace(theoretical.min(), theoretical.max(), 400)
-difference = pd.DataFrame(
-    {
-        "amplitude_rps": A,
-        "fitted_rad": polynomial(60 * A, ours),
-        "printed_rad": polynomial(60 * A, printed),
-    }
-).assign(difference_rad=lambda table: table["fitted_rad"] - table["printed_rad"])
+# %%
+A_rps = np.linspace(theoretical.min(), theoretical.max(), 400)
+difference = pd.DataFrame({"amplitude_rps": A_rps, "fitted_rad": polynomial(60 * A_rps, ours)})
+difference["printed_rad"] = polynomial(60 * A_rps, printed)
+difference["difference_rad"] = difference["fitted_rad"] - difference["printed_rad"]
+largest_difference = difference["difference_rad"].abs().max()
 curves = {
-    "cubic through our simulated peaks": (A, difference["fitted_rad"]),
-    "equation 10, printed": (A, difference["printed_rad"]),
+    "cubic through our simulated peaks": (A_rps, difference["fitted_rad"]),
+    "equation 10, printed": (A_rps, difference["printed_rad"]),
 }
-figure12_simulated = paper.characteristic(
-    curves, points, (A, difference["difference_rad"]), "ours $-$ printed"
-)
+residual = A_rps, difference["difference_rad"]
+figure12_simulated = paper.characteristic(curves, points, residual, "ours $-$ printed")
 
 # %%
-largest_difference = difference["difference_rad"].abs().max()
-simulated = pd.DataFrame(
-    {
-        "printed points": [*(1e6 * fitted), fitted_rmse, np.nan],
-        "simulated points": [*(1e6 * ours), ours_rmse, largest_difference],
-    },
-    index=[
-        *(f"A^{k} [1e-6 rad/rpm^{k}]" for k in range(4)),
-        "RMSE [rad]",
-        "largest difference from equation 10 [rad]",
-    ],
+both = {"printed points": fitted, "simulated points": ours}
+display((1e6 * pd.DataFrame(both, index=names[:4])).map("{:.4g}".format))
+print(
+    f"A cubic misses our peaks by {ours_rmse:.2g} rad (RMSE) and the printed points by {fitted_rmse:.2g} rad. The "
+    f"coefficients differ; the lines are nowhere more than {largest_difference:.2g} rad apart."
 )
-simulated.map("{:.4g}".format)
 
 # %% [markdown]
 # ### Other features of the same signals
@@ -201,54 +181,41 @@ simulated.map("{:.4g}".format)
 
 
 # %%
-def largest_unseen_error(A, delta_rad, degree):
-    others = [np.arange(len(A)) != i for i in range(len(A))]
-    fits = [fit_polynomial(A[other], delta_rad[other], degree)[0] for other in others]
-    return max(
-        abs(polynomial(a, fit) - true) for a, fit, true in zip(A, fits, delta_rad, strict=True)
-    )
+def unseen_error(A, degree):
+    found = []
+    for i, true in enumerate(delta):
+        others = np.arange(delta.size) != i
+        left_out_fit, _ = fit_polynomial(A[others], delta[others], degree)
+        found.append(abs(polynomial(A[i], left_out_fit) - true))
+    return max(found)
 
 
+# %%
 readings = {
     "peak": peaks,
     "sampled peak": disturbances[:, ::40].max(axis=1),
     "energy": np.sqrt(np.mean(disturbances**2, axis=1)),
 }
-goodness = pd.DataFrame(
-    {
-        name: {
-            "smallest [rps]": values.min(),
-            "largest [rps]": values.max(),
-            "RMSE [1e-6 rad]": 1e6 * fit_polynomial(60 * values, delta, degree)[1],
-            "unseen [1e-6 rad]": 1e6 * largest_unseen_error(60 * values, delta, degree),
-        }
-        for name, values in readings.items()
-    }
-).T
+goodness = pd.DataFrame({"largest [rps]": {name: A.max() for name, A in readings.items()}})
+for name, A in readings.items():
+    goodness.loc[name, "RMSE [1e-6 rad]"] = 1e6 * fit_polynomial(60 * A, delta, degree)[1]
+    goodness.loc[name, "unseen [1e-6 rad]"] = 1e6 * unseen_error(60 * A, degree)
 goodness.round(3)
 
 # %%
 read = readings[reading]
 of_reading, reading_rmse = fit_polynomial(60 * read, delta, degree)
-figure, (upper, lower) = plt.subplots(
-    2, 1, sharex=True, figsize=(6, 4), height_ratios=(3, 1), layout="constrained"
-)
 dense = np.linspace(read.min(), read.max(), 200)
-upper.plot(dense, 1e4 * polynomial(60 * dense, of_reading), label=f"polynomial of degree {degree}")
-upper.plot(read, 1e4 * delta, "o", label="simulated joint")
-upper.set(ylabel=style.BACKLASH_LABEL, title=f"{reading}, RMSE {reading_rmse:.2g} rad")
-upper.legend()
-lower.plot(read, 1e6 * (polynomial(60 * read, of_reading) - delta), "o")
-lower.axhline(0, color="0.5", linewidth=0.8)
-lower.set(xlabel=f"{reading} of the disturbance [rps]", ylabel="fit $-$ point\n[$10^{-6}$ rad]")
+plt.plot(dense, 1e4 * polynomial(60 * dense, of_reading), label=f"degree {degree}")
+plt.plot(read, 1e4 * delta, "o", label="simulated joint")
+plt.gca().set(xlabel=f"{reading} [rps]", ylabel="backlash [$10^{-4}$ rad]")
+plt.legend()
 plt.show()
-
 unseen = 1e-6 * goodness.loc[reading, "unseen [1e-6 rad]"]
-best_reading = goodness["unseen [1e-6 rad]"].idxmin()
 print(
     f"Read as the {reading}, a polynomial of degree {degree} misses the ten backlashes by {reading_rmse:.2g} rad "
     f"(RMSE) and one that it has not seen by at most {unseen:.2g} rad. Of the three features of these noise-free "
-    f"signals the {best_reading} is the most accurate at an unseen backlash."
+    f"signals the {goodness['unseen [1e-6 rad]'].idxmin()} is the most accurate at an unseen backlash."
 )
 
 # %% [markdown]
@@ -257,14 +224,9 @@ print(
 # The tables give $A$ in rps; equation 10 is right only with rpm.
 
 # %%
-units = pd.DataFrame(
-    {
-        "delta_rad": delta,
-        "A_rps": theoretical,
-        "equation 10 with A in rpm": polynomial(60 * theoretical, printed),
-        "equation 10 with A in rps": polynomial(theoretical, printed),
-    }
-)
+units = pd.DataFrame({"delta_rad": delta, "A_rps": theoretical})
+units["equation 10 with A in rpm"] = by_equation = polynomial(60 * theoretical, printed)
+units["equation 10 with A in rps"] = polynomial(theoretical, printed)
 units.map("{:.4g}".format)
 
 # %% [markdown]
@@ -276,14 +238,9 @@ units.map("{:.4g}".format)
 # %%
 mean = published.column("Table 2", "mean")[: delta.size]
 estimated = polynomial(60 * mean, printed)
-errors = pd.DataFrame(
-    {
-        "delta_rad": delta,
-        "printed_mean_A_rps": mean,
-        "error_of_A_rad": estimated - polynomial(60 * theoretical, printed),
-        "error_rad": estimated - delta,
-    }
-)
+errors = pd.DataFrame({"delta_rad": delta, "printed_mean_A_rps": mean})
+errors["error_of_A_rad"] = estimated - by_equation
+errors["error_rad"] = estimated - delta
 errors.map("{:.4g}".format)
 
 # %% [markdown]
@@ -310,28 +267,23 @@ A_rps = np.linspace(0, theoretical.max(), 1000)
 slope = np.gradient(polynomial(60 * A_rps, printed), A_rps).min()
 bits = published.value("text.encoder_bits")
 step = 2 * np.pi / 2**bits
+
+# %%
 claims = {
-    "error_rad_small": (
-        published.decide("error_rad_small", error.iloc[0], criteria),
-        f"{error.iloc[0]:.2g} rad at {delta[0]:.0e} rad",
-    ),
-    "error_rad_large": (
-        published.decide("error_rad_large", error.max(), criteria),
-        f"the largest error is {error.max():.2g} rad, at {delta[error.idxmax()]:.1e} rad; the number of the text is "
-        "read as an upper bound, and is not the largest error itself",
-    ),
-    "monotone": (
-        published.decide("monotone", slope, criteria),
-        f"the smallest slope over the range of the points is {slope:.2g} rad per rps",
-    ),
-    "encoder_step": (
-        published.decide("encoder_step", step, criteria),
-        f"one step is 2 pi / 2^{bits:.0f} = {step:.3g} rad; what shows in a whole record is in notebook 16",
-    ),
+    "error_rad_small": f"{error.iloc[0]:.2g} rad at {delta[0]:.0e} rad",
+    "error_rad_large": f"the largest error is {error.max():.2g} rad, at {delta[error.idxmax()]:.1e} rad; the number of "
+    "the text is read as an upper bound, and is not the largest error itself",
+    "monotone": f"the smallest slope over the range of the points is {slope:.2g} rad per rps",
+    "encoder_step": f"one step is 2 pi / 2^{bits:.0f} = {step:.3g} rad; what shows in a whole record is in notebook 16",
+}
+measured = {"error_rad_small": error.iloc[0], "error_rad_large": error.max(), "monotone": slope}
+measured["encoder_step"] = step
+claims = {
+    claim: (published.decide(claim, measured[claim], criteria), seen)
+    for claim, seen in claims.items()
 }
 
 # %% tags=["plumbing"]
-by_equation = units["equation 10 with A in rpm"]
 cells = {f"equation10.A{k}": 1e6 * fitted[k] for k in range(4)} | {"equation10.rmse": fitted_rmse}
 cells |= {
     f"{row.element.lower().replace(' ', '')}.row{row.row:02d}.relative_error": row.relative_error_percent
@@ -341,9 +293,9 @@ cells |= {
     "text.error_rad_small": error.iloc[0],
     "text.error_rad_large": error.max(),
     "text.levels": theoretical.size,
-    "text.delta_min": by_equation.iloc[0],
-    "text.delta_max": by_equation.iloc[-1],
-    "text.delta_step": by_equation.diff().mean(),
+    "text.delta_min": by_equation[0],
+    "text.delta_max": by_equation[-1],
+    "text.delta_step": np.diff(by_equation).mean(),
     "text.encoder_step": step,
 }
 
@@ -352,11 +304,11 @@ verdicts = workbook.judge({"authors": cells}, claims)
 display(verdicts)
 of_equation = verdicts[verdicts["id"].str.match(r"equation10\.A")]
 agreeing = (of_equation["verdict"] != "differs").sum()
-off = np.abs(polynomial(60 * theoretical, printed) - delta).max()
+off = np.abs(by_equation - delta).max()
 print(
     f"{agreeing} of the {len(of_equation)} printed coefficients are those of the least-squares cubic of "
     f"{rpm_per_rps:g} times the tables' A, and its RMSE is {fitted_rmse:.3g} rad, not "
-    f"{published.value('equation10.rmse'):.4e} rad. As printed, with A in rpm, equation 10 misses its ten points by at "
+    f"{printed_rmse:.4e} rad. As printed, with A in rpm, equation 10 misses its ten points by at "
     f"most {off:.2g} rad, and Table 2's errors of A mean errors of delta of up to "
     f"{errors['error_of_A_rad'].abs().max():.2g} rad."
 )
@@ -364,7 +316,6 @@ print(
 # %% tags=["plumbing"]
 freedom = np.sqrt(delta.size / (delta.size - printed.size))
 rounded_rmse = np.sqrt(np.mean((by_equation - delta) ** 2))
-printed_rmse = published.value("equation10.rmse")
 workbook.export(
     supplement={
         "characteristic_difference": (
@@ -388,7 +339,7 @@ workbook.export(
         "figure12_characteristic": (
             figure12,
             f"(a) The cubic through {keep.sum()} printed points. (b) Its residuals, whose RMSE is "
-            f"{fitted_rmse:.2g} rad, {fitted_rmse / published.value('equation10.rmse'):.0f} times the printed one.",
+            f"{fitted_rmse:.2g} rad, {fitted_rmse / printed_rmse:.0f} times the printed one.",
         ),
         "figure12_simulated": (
             figure12_simulated,
@@ -410,39 +361,39 @@ workbook.export(
 #
 # ## Exercises
 #
-# **1.** By how much does $\delta$ change for a small error $\Delta A$? Give the relative error of $\delta$ for 1 % of
-# $A$ at the first and at the last row of Table 2.
+# **1.** Fit the inverse, $A$ [rpm] as a cubic of $\delta$, to the ten points, and read the backlash off it at
+# $A$ = 0.6 rps by bisection. How far is it from equation 10's (in rad, to two digits)? Which of the two fits has errors
+# in the right variable, if $A$ is what is measured?
 
 # %% tags=["solution"]
-A_rpm = 60 * theoretical[[0, -1]]
-slope_rad_per_rpm = printed[1] + 2 * printed[2] * A_rpm + 3 * printed[3] * A_rpm**2
-percent = slope_rad_per_rpm * A_rpm / polynomial(A_rpm, printed)  # of delta for 1 % of A
-assert np.allclose(
-    polynomial(1.0001 * A_rpm, printed) / polynomial(A_rpm, printed) - 1, 1e-4 * percent, rtol=1e-3
-)
-print(f"{percent[0]:.2f} % and {percent[1]:.2f} %")
+inverse, _ = fit_polynomial(1e4 * delta, 60 * theoretical)
+low, high = delta[0], delta[-1]
+for _ in range(50):
+    middle = (low + high) / 2
+    low, high = (middle, high) if polynomial(1e4 * middle, inverse) < 36 else (low, middle)
+apart = low - polynomial(36.0, printed)
+assert abs(apart) < 3 * fit_polynomial(60 * theoretical, delta)[1]
+print(f"{apart:.1e} rad: within the fit's misfit; the inverse has the errors of A where they arise")
 
 # %% [markdown]
-# **2.** The printed coefficients have four decimals. How far can their rounding alone move $\delta$ at the last row?
-# Compare it with the RMSE of the fit.
+# **2.** The printed coefficients have four decimals. How far can their rounding alone move $\delta$ at the last row
+# (in rad, to one digit)? Compare it with the RMSE of the fit.
 
 # %% tags=["solution"]
 rounding_rad = 1e-6 * 0.5e-4 * (60 * theoretical[-1]) ** np.arange(4)
 print("from A^0 to A^3:", ", ".join(f"{each:.1e} rad" for each in rounding_rad))
 points_rmse = fit_polynomial(60 * theoretical, delta)[1]
-assert rounding_rad[3] > 2 * points_rmse > 1000 * published.value("equation10.rmse")
+assert rounding_rad[3] > 2 * points_rmse > 1000 * printed_rmse
 
 # %% [markdown]
 # **3.** A sensor reads $A$ = 0.9 rps. Which backlash is it? And which $A$ will it read when the backlash has reached
-# 2·10⁻³ rad? Invert equation 10 numerically, and check that it grows over the range, so that there is one answer.
+# 2·10⁻³ rad (to 0.001 rps)? Invert equation 10 numerically, and check that it grows over the range, so that there is
+# one answer.
 
 # %% tags=["solution"]
-roots = np.roots([*printed[:0:-1], printed[0] - 2e-3])
-(A_limit,) = (
-    root.real / 60
-    for root in roots
-    if abs(root.imag) < 1e-9 and 0 < root.real < 60 * theoretical[-1]
-)
+roots = np.roots([*printed[:0:-1], printed[0] - 2e-3]) / 60
+real = roots[np.abs(roots.imag) < 1e-9].real
+(A_limit,) = real[(real > 0) & (real < theoretical[-1])]
 assert np.isclose(polynomial(60 * A_limit, printed), 2e-3)
 assert slope > 0
 print(f"{polynomial(54.0, printed):.2e} rad; {A_limit:.3f} rps")

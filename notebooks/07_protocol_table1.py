@@ -11,14 +11,14 @@
 #     language: python
 #     name: python3
 #   replication:
-#     quick: {rows: [1, 9], seed_runs: 2, today_runs: 2}
+#     quick: {}
 # ---
 
 # %% [markdown]
 # # 7 · The search: Table 1's box and the protocol
 #
 # *You will take one generation of CMA-ES apart, equation by equation, and see what population, first step size and box
-# do to a run. Run time: 50 s.*
+# do to a run. Run time: 10 s.*
 #
 # ## Claim
 #
@@ -31,9 +31,10 @@
 # A search looks for the seven parameters $X = [A, t_0, \tau, \omega, v_t, T_2, T_1]$ of the
 # [signature](glossary.md#signature) that have the lowest RMSE (equations 7 and 11, notebook 5). CMA-ES (N. Hansen's
 # [tutorial](https://doi.org/10.48550/arXiv.1604.00772)) draws $\lambda$ *members* in a *generation*, ranks them by
-# their RMSE, the *misfit*, and moves and reshapes the normal distribution that the next generation is drawn from.
-# Equations 12 to 17 stand below, each beside the cell that computes it. `search.py` is the same in a page of array
-# code, with the constants of the authors' library; notebook 5 shows that it reproduces their stored runs.
+# their RMSE, the [misfit](glossary.md#misfit), and moves and reshapes the normal distribution that the next generation
+# is drawn from.
+# Equations 12 to 17 stand below, each beside the cell that computes it. `search.py` is the same in 250 lines, with the
+# constants of the authors' library; notebook 15 shows that it reproduces their stored runs.
 #
 # The authors' notebook stores what their [runs](glossary.md#run) really did: the whole record, the box of $A$ widened
 # by 1.3, $T_d$ = 0.2 s and $T_f$ = 0.4 s, a population of 300 and at most 200 generations. That is `Protocol()`.
@@ -48,17 +49,9 @@ import numpy as np
 import pandas as pd
 
 import workbook
-from replication import published, search, table2
-from replication.authors import LOW_NOISE, load_clean
-from replication.compiled.bounds import into_box
-from replication.compiled.misfit import fold, folded_rmse
+from replication import authors, identify
 from replication.figures import searching
-from replication.identify import paper_run, protocol_box
-from replication.replay import inspection
-from replication.replay.table1 import bounds_by_replay, table1_cells
-from replication.signature import FREE_PARAMETERS
-from studies import basins
-from workbook import Interval
+from replication.replay import table1
 
 # %% [markdown]
 # ## Parameters
@@ -69,100 +62,49 @@ sigma = 0.25  # its first standard deviations, as a share of the box
 box = {}  # other bounds for it, such as {"frequency_hz": (1.0, 15.0)} or {"start_s": (0.0, 0.2)}; see `Protocol`
 generation = 5  # which generation is shown
 seed = 823840  # of the run: that of the stored run 4
-realisation = 1  # the authors' noise realisation R
-rows = list(range(1, 11))  # rows of Table 2 whose records are fitted
-seed_runs = 30  # runs on each record with one set of seeds, and as many with another set
-today_runs = 12  # runs of today's cma, a second each, on every third record
 
 # %% tags=["plumbing"]
 settings = {
-    "amplitude_factor": Interval(0.01, 100),
-    "longest_window_s": Interval(0.01, 4.8),
-    "damping_per_s": [Interval(0)],
-    "frequency_hz": [Interval(0)],
-    "start_s": [Interval(0, 4.8)],
+    "amplitude_factor": workbook.Interval(0.01, 100),
+    "longest_window_s": workbook.Interval(0.01, 4.8),
+    "damping_per_s": [workbook.Interval(0)],
+    "frequency_hz": [workbook.Interval(0)],
+    "start_s": [workbook.Interval(0, 4.8)],
 }
 workbook.check_parameters(
-    population=(population, Interval(4, 100000)),
-    sigma=(sigma, Interval(1e-6, 10)),
+    population=(population, workbook.Interval(4, 100000)),
+    sigma=(sigma, workbook.Interval(1e-6, 10)),
     box=(box, [tuple(settings)]),
-    generation=(generation, Interval(1, 200)),
-    seed=(seed, tuple(published.authors_notebook_runs()["cma_seed"].tolist())),
-    realisation=(realisation, LOW_NOISE),
-    rows=(rows, [range(1, 11)]),
-    seed_runs=(seed_runs, Interval(1, whole=True)),
-    today_runs=(today_runs, Interval(1, whole=True)),
+    generation=(generation, workbook.Interval(1, 200)),
+    seed=(seed, workbook.Interval(1, 2**32 - 1, whole=True)),
 )
 workbook.check_parameters(**{name: (value, settings[name]) for name, value in box.items()})
 
 # %% [markdown]
 # ## Result
 #
-# ### Table 1, read from the stored runs
-#
-# Every sample depends on every bound: the first members are drawn about the middle of the box with a quarter of its
-# width as SD, and reflected at its ends. So `bounds_by_replay` tries each bound where Table 1 prints it and beside it,
-# and counts how many of the 30 stored runs then give their stored first generation. Columns: shift divided by the width
-# of the bound.
-
-# %%
-clean = load_clean(12)
-tried = bounds_by_replay(clean)
-tried.pivot(index="cell", columns="shift", values="replayed").loc[tried["cell"].unique()]
-
-# %% [markdown]
-# Twelve bounds are where they are printed: there all 30 stored runs replay; with a shift of 0.01 fewer do, mostly none
-# or one. The two of $A$ are not: the stored runs had 1.3 times the printed box, which their notebook's own comment
-# calls a later change. Which box printed Table 2 cannot be determined (notebook 15). `table1_cells` takes the bound at
-# which most runs replay; those of $A$, $t_0$ and $v_t$ are given as fractions of the record's range.
-
-# %%
-found_table1 = table1_cells(clean, tried)
-printed = published.cells("Table 1")[["row", "column", "printed", "unit", "value"]]
-printed.assign(reproduced=found_table1)
-
-# %% [markdown]
-# ### The turn period in the data
-#
-# The turn period is the lag at which the record, after its first turn, differs least from itself. It is that of the
-# public data. Whether the printed 0.408 s is a misprint is not proved: a switched-off line of the authors' notebook has
-# $T_d$ = 0.204 s too.
-
-# %%
-lags = np.arange(180, 221)  # samples of 2 ms
-settled_rps = clean.v[200:]
-differs_rps = [np.sqrt(np.mean((settled_rps[lag:] - settled_rps[:-lag]) ** 2)) for lag in lags]
-best_lag = lags[np.argmin(differs_rps)]
-turn_period_s = inspection.turn_period(clean)  # the same, with a parabola through the three lowest
-print(f"to a sample: {best_lag * 0.002:.3f} s, between samples: {turn_period_s:.5f} s")
-
-# %% [markdown]
 # ### One generation, step by step
 #
-# The record is the authors' clean record 12, the seed that of a stored run. `search.generations` is the search, one
-# generation at a time. `population`, `sigma` and `box` above are its settings.
+# The record is the authors' clean record 12, the seed that of a stored run. `identify.paper_search` is the search, one
+# generation at a time; its settings are `population`, `sigma` and `box` above.
 
 # %%
-protocol = replace(table2.AUTHORS_PROTOCOL, population=population, **box)
-record, bounds = fold(clean.t, clean.v, protocol.timing), protocol_box(clean, protocol)
+clean = authors.load_clean(12)
+protocol = replace(identify.Protocol(), population=population, **box)
+bounds = identify.protocol_box(clean, protocol)
+names = ["A [rps]", "t0 [s]", "tau [1/s]", "omega [rad/s]", "v_t [rps]", "T2 [s]", "T1 [s]"]
 
 
-def misfits(
-    members,
-):  # RMSE of each member; `fold` sums the record over its 24 windows once, to save time
-    return folded_rmse(members, record)
-
-
-def start():
-    normals = search.random_normals(seed)
-    return search.generations(
-        misfits, bounds, normals, population, sigma=4 * sigma
-    )  # counted in quarters of the box
+def start():  # sigma is counted in quarters of the box
+    return identify.paper_search(clean, protocol, seed, 4 * sigma)
 
 
 drawn = next(islice(start(), generation - 1, None))
-before, after = drawn.before, drawn.after
-c = search.constants(population, len(FREE_PARAMETERS))
+before, after, c = drawn.before, drawn.after, drawn.constants
+
+# %%
+shown, labels = [2, 3], ("$\\tau$ [1/s]", "$\\omega$ [rad/s]")
+one_generation = searching.one_generation(drawn, c.weights, bounds, shown, labels)
 
 # %% [markdown]
 # **Sampling.** The members $\mathbf x_k$ of the generation $g + 1$ are drawn from a normal distribution about the mean
@@ -178,18 +120,14 @@ c = search.constants(population, len(FREE_PARAMETERS))
 # Only the ranks are used from here on.
 
 # %%
-normals = search.random_normals(seed)
+normals = np.random.RandomState(seed).randn  # in the order of the stored runs
 z = [normals(population, c.n) for _ in range(generation)][-1]
 x = before.m + before.sigma * before.unit * (z * before.D @ before.B.T)  # equation 12
-members = into_box(x, bounds)
-ranking = np.argsort(misfits(members), kind="stable")
-ranked = x[ranking]
-print(
-    f"largest difference from search.py, in units: {np.abs((x - drawn.x) / before.unit).max():.1g}"
-)
-pd.DataFrame(members, columns=FREE_PARAMETERS).assign(misfit_rps=misfits(members)).loc[
-    ranking
-].head()
+ranked = x[drawn.ranking]
+off = np.abs((x - drawn.x) / before.unit).max()
+print(f"largest difference from search.py, in units: {off:.1g}")
+members = pd.DataFrame(drawn.members, columns=names).assign(misfit_rps=drawn.misfits)
+members.loc[drawn.ranking].head()
 
 # %% [markdown]
 # **The mean.** The new mean is the weighted mean of the $\mu$ best; the best has the largest weight $w_1$:
@@ -221,21 +159,14 @@ print(
 # %%
 step = (m - before.m) / before.unit / before.sigma
 white = before.B @ (before.B.T @ step / before.D)  # C^(-1/2) = B D^-1 B^T
-p_sigma = (1 - c.c_sigma) * before.p_sigma + np.sqrt(
-    c.c_sigma * (2 - c.c_sigma) * c.mu_eff
-) * white  # equation 14
-growth = c.c_sigma / c.d_sigma * (np.linalg.norm(p_sigma) / c.chi_n - 1)
-new_sigma = before.sigma * np.exp(
-    min(1, growth)
-)  # equation 15; the library lets it grow by a factor e at most
-pd.Series(
-    {
-        "length of the path p_sigma": np.linalg.norm(p_sigma),
-        "length of a random walk's (chi_n)": c.chi_n,
-        "sigma before": before.sigma,
-        "sigma after": new_sigma,
-    }
-).round(3).to_frame("")
+rate = np.sqrt(c.c_sigma * (2 - c.c_sigma) * c.mu_eff)
+p_sigma = (1 - c.c_sigma) * before.p_sigma + rate * white  # equation 14
+length = np.linalg.norm(p_sigma)
+growth = min(1, c.c_sigma / c.d_sigma * (length / c.chi_n - 1))  # the library's limit: a factor e
+new_sigma = before.sigma * np.exp(growth)  # equation 15
+print(
+    f"path {length:.3f} long, a random walk's is {c.chi_n:.3f}; sigma from {before.sigma:.3f} to {new_sigma:.3f}"
+)
 
 # %% [markdown]
 # **The covariance matrix.** A second path $\mathbf p_c$, of rate $c_c$, sums the plain steps:
@@ -259,193 +190,129 @@ pd.Series(
 # %%
 fresh = 1 - (1 - c.c_sigma) ** (2 * (before.g + 1))
 h_sigma = p_sigma @ p_sigma / fresh / c.n < 2 + 4 / (c.n + 1)
-p_c = (1 - c.c_c) * before.p_c + h_sigma * np.sqrt(
-    c.c_c * (2 - c.c_c) * c.mu_eff
-) * step  # equation 16
+rate = h_sigma * np.sqrt(c.c_c * (2 - c.c_c) * c.mu_eff)
+p_c = (1 - c.c_c) * before.p_c + rate * step  # equation 16
 y = (ranked - before.m) / before.unit / before.sigma
 length = np.linalg.norm(y @ before.B / before.D, axis=1)
-w = np.where(
-    c.weights < 0, c.weights * c.n / length**2, c.weights
-)  # a negative weight counts at the mean length
-made_up = c.c_1 * (1 - h_sigma) * c.c_c * (2 - c.c_c)
-C = (
-    (1 - c.c_1 + made_up - c.c_mu * c.weights.sum()) * before.C
-    + c.c_1 * np.outer(p_c, p_c)
-    + c.c_mu * (w * y.T) @ y
-)
+w = c.weights * np.where(c.weights < 0, c.n / length**2, 1)  # a negative one at the mean length
+lost = c.c_1 * (1 - h_sigma) * c.c_c * (2 - c.c_c)
+kept = 1 - c.c_1 + lost - c.c_mu * c.weights.sum()
+C = kept * before.C + c.c_1 * np.outer(p_c, p_c) + c.c_mu * (w * y.T) @ y  # equation 17
+
+# %%
 print(
     f"c_1 = {c.c_1:.3f}, c_mu = {c.c_mu:.3f}: the samples of one generation make up {100 * c.c_mu:.0f} % of C"
 )
-pd.DataFrame(
-    {
-        "mean before": before.m,
-        "mean after": m,
-        "SD before": before.std,
-        "SD after": new_sigma * before.unit * np.sqrt(np.diag(C)),
-        "SD after, by search.py": after.std,
-    },
-    index=list(FREE_PARAMETERS),
-)
-
-# %%
-shown = [FREE_PARAMETERS.index(name) for name in ("tau_per_s", "omega_rad_per_s")]
-labels = ("$\\tau$ [1/s]", "$\\omega$ [rad/s]")
-one_generation = searching.one_generation(drawn, c.weights, bounds, shown, labels)
+moved = pd.DataFrame({"mean before": before.m, "mean after": m, "SD before": before.std}, names)
+moved["SD after"] = new_sigma * before.unit * np.sqrt(np.diag(C))
+moved.assign(by_search_py=after.std)
 
 # %% [markdown]
 # ### The whole run
 #
-# `search.search` follows the generations until a stop rule holds: `tolfun` says that all members have the same misfit
+# `identify.search` follows the generations until a stop rule holds: `tolfun` says that all members have the same misfit
 # within 10⁻¹¹ rps, `tolconditioncov` that the ellipse is 10⁷ times as long as wide, `maxiter` that 200 generations are
-# made. The stored run is shown beside it; its stop rule is that of its replay (`paper_run`).
+# made. Beside it stands the run with the authors' settings and the same seed, which for a stored seed is the stored
+# run. Predict first: does the misfit fall at a steady rate?
 
 # %%
 steps = list(islice(start(), protocol.iterations))
-found = search.search(iter(steps), protocol.iterations)
-best = found.history[:, search.HISTORY.index("best")]
-picked = [g for g in (1, 10, 20, 40, 60) if g <= best.size]
-whole_run = searching.run([steps[g - 1].after for g in picked], best, bounds, shown, labels)
+found = identify.search(iter(steps), protocol.iterations)
+best = found.history[:, 0]
+picked = [steps[g - 1].after for g in (1, 10, 20, 40, 60) if g <= best.size]
+whole_run = searching.run(picked, best, bounds, shown, labels)
 
 # %%
-stored = published.authors_notebook_runs().set_index("cma_seed").loc[seed]
-stored_X = stored[list(inspection.STORED_NAMES)].to_numpy(float)
-authors_box, authors_stop = (
-    protocol_box(clean, table2.AUTHORS_PROTOCOL),
-    paper_run(clean, table2.AUTHORS_PROTOCOL, seed).stop,
-)
-
-
-def at_bounds(X, box):
-    edge = 1e-4 * (box.upper - box.lower)
-    return ", ".join(np.array(FREE_PARAMETERS)[(X - box.lower < edge) | (box.upper - X < edge)])
-
-
-ends = {
-    "stored run": (
-        stored["final_rmse_rps"],
-        int(stored["iterations"]),
-        authors_stop,
-        stored_X,
-        authors_box,
-    ),
-    "this run": (found.misfit, best.size, found.stop, found.best, bounds),
-}
-pd.DataFrame(
-    {
-        name: {"RMSE [rps]": misfit, "generations": size, "ended by": stop}
-        | {"at a bound": at_bounds(X, of)}
-        | dict(zip(FREE_PARAMETERS, X, strict=True))
-        for name, (misfit, size, stop, X, of) in ends.items()
-    },
-    dtype=object,
-)
+authors_protocol = identify.Protocol()
+stored = identify.paper_run(clean, authors_protocol, seed)
+boxes = {"authors' settings": identify.protocol_box(clean, authors_protocol), "this run": bounds}
+ends = {}
+for name, end in zip(boxes, (stored, found), strict=True):
+    lower, upper = boxes[name].lower, boxes[name].upper
+    edge = np.minimum(end.best - lower, upper - end.best) < 1e-4 * (upper - lower)
+    ends[name] = dict(zip(names, end.best, strict=True)) | {
+        "RMSE [rps]": end.misfit,
+        "generations": len(end.history),
+        "ended by": end.stop,
+        "at a bound": ", ".join(np.array(names)[edge]),
+    }
+pd.DataFrame(ends, dtype=object)
 
 # %%
-ratio = found.misfit / stored["final_rmse_rps"]
-lies = "above" if ratio > 1 else "below"
-where = (
-    "the same basin"
-    if abs(ratio - 1) < table2.BASIN_GAP
-    else f"another minimum, {lies} the stored one"
-)
+ratio = found.misfit / stored.misfit
+where = "the same basin" if abs(ratio - 1) < 0.002 else "another minimum"
 print(
-    f"With {population} members, first SDs of {sigma:g} of the box and {box or 'the bounds of the stored run'}, the "
-    f"run ends after {best.size} generations ({found.stop}) at {ratio:.3f} times the stored RMSE: {where}. "
-    f"The stored run took {int(stored['iterations'])} ({authors_stop}). "
-    f"|A| = {abs(found.best[0]):.3f} rps, stored {abs(stored['A_rps']):.3f} rps."
+    f"With {population} members, first SDs of {sigma:g} of the box and {box or 'the bounds of the stored runs'}, the "
+    f"run ends after {best.size} generations ({found.stop}) at {ratio:.3f} times the RMSE of the run with the authors' "
+    f"settings: {where}. |A| = {abs(found.best[0]):.3f} rps, there {abs(stored.best[0]):.3f} rps."
 )
 
 # %% [markdown]
-# ### Other seeds, another version of the library
+# ### Table 1, read from the stored runs
 #
-# How far do the means of such a table move with the seeds, and how far with the version of the library? The 2021
-# search runs with two sets of seeds on every record; today's `cma`, which is slow, on every third record.
-# `basins.compare_searches` compares each set with the first.
-#
-# `shift_percent` is the average shift of the means against the first set, with a 95 % interval (bootstrap over the
-# runs); `best_shift_percent` is that of the runs in the best basin. `apart_percent` is the rms shift, and
-# `chance_percent`, with its interval, the rms shift that chance alone gives to sets of these sizes. `first_rate` is the
-# first set's rate of the best basin on these records.
+# Every sample depends on every bound: the first members are drawn about the middle of the box with a quarter of its
+# width as SD, and reflected at its ends. So `bounds_by_replay` tries each bound where Table 1 prints it and beside it,
+# and counts how many of the 30 stored runs then give their stored first generation. Columns: shift divided by the width
+# of the bound.
 
 # %%
-records = [
-    (key, noisy)
-    for key, noisy in table2.authors_table2_records([realisation])
-    if key["row"] in rows
-]
-todays_cma = replace(table2.AUTHORS_PROTOCOL, name="today's cma", engine="cma")
-every_third = [(key, noisy) for key, noisy in records if key["row"] in (rows[1::3] or rows)]
-all_seeds = range(1, 2 * seed_runs + 1)
-of_2021 = table2.repeated_fits(
-    records, [table2.AUTHORS_PROTOCOL], all_seeds, label="the search of 2021"
-)
-sets = {
-    "the search of 2021": of_2021[of_2021["seed"] <= seed_runs],
-    "the same, other seeds": of_2021[of_2021["seed"] > seed_runs],
-    "today's cma": table2.repeated_fits(
-        every_third, [todays_cma], range(1, today_runs + 1), label="today's cma"
-    ),
-}
-versions = basins.compare_searches(sets)
-versions.set_index("search").round(2).astype(object).T.fillna("")
+tried = table1.bounds_by_replay(clean)
+tried.pivot(index="cell", columns="shift", values="replayed").loc[tried["cell"].unique()]
 
 # %% [markdown]
-# What the table can tell: how far other seeds alone move means over 30 runs, and that in the best basin both versions
-# find the same $A$ within the interval of `best_shift_percent`. What it cannot: with so few runs of today's `cma`, a
-# shift of the means smaller than the interval of `shift_percent`, or a rate that differs by less than its interval.
-# A table of such means can be reproduced to some percent with any version and any seeds; to its printed digits only
-# with the seeds, the library, its BLAS and its LAPACK, which the paper does not print.
+# Twelve bounds are where they are printed: there all 30 stored runs replay; with a shift of 0.01 fewer do, mostly none
+# or one. The two of $A$ are not: the stored runs had 1.3 times the printed box, which their notebook's own comment
+# calls a later change. Which box printed Table 2 cannot be determined (notebook 15). `table1_cells` takes the bound at
+# which most runs replay; those of $A$, $t_0$ and $v_t$ are given as fractions of the record's range.
+
+# %%
+found_table1 = table1.table1_cells(clean, tried)
+judged = workbook.judge({"authors": found_table1.to_dict()}).set_index("id")
+judged
+
+# %% [markdown]
+# ### The turn period in the data
+#
+# The turn period is the lag at which the record, after its first turn, differs least from itself. It is that of the
+# public data. Whether the printed 0.408 s is a misprint is not proved: a switched-off line of the authors' notebook has
+# $T_d$ = 0.204 s too.
+
+# %%
+lags = np.arange(180, 221)  # samples of 2 ms
+settled_rps = clean.v[200:]
+differs_rps = [np.sqrt(np.mean((settled_rps[lag:] - settled_rps[:-lag]) ** 2)) for lag in lags]
+to_a_sample_s = 0.002 * lags[np.argmin(differs_rps)]
+T_f = found_table1["table1.T_f.max"]  # the same, with a parabola through the three lowest
+print(f"to a sample: {to_a_sample_s:.3f} s, between samples: {T_f:.5f} s")
 
 # %% [markdown]
 # ## Verdict
 
 # %%
-cells = found_table1.to_dict()
-judged = workbook.judge({"authors": cells})
-display(judged)
 counts = judged["verdict"].value_counts()
+wider = 2 * found_table1["table1.A.max"]  # of the range of v, of which half is printed
+printed_T_f = judged.loc["table1.T_f.max", "printed"]
 print(
     f"Of Table 1's {len(judged)} bounds {counts.get('traced', 0)} are those of the stored runs, "
     f"{counts.get('undecided', 0)} are undecided and {counts.get('differs', 0)} differ. The stored runs had a box of A "
-    f"{cells['table1.A.max'] / published.value('table1.A.max'):.2g} times as wide as printed; which one printed "
-    f"Table 2 is unknown. The records turn in {cells['table1.T_f.max']:.4f} s, not in the printed "
-    f"{published.value('table1.T_f.max'):g} s."
+    f"{wider:.2g} times as wide as printed; which one printed Table 2 is unknown. The records turn in {T_f:.4f} s, not "
+    f"in the printed {printed_T_f} s."
 )
 
 # %% tags=["plumbing"]
-of_seeds, today = (
-    versions.set_index("search").loc[name] for name in ("the same, other seeds", "today's cma")
-)
-facts = {
-    "population": table2.AUTHORS_PROTOCOL.population,
-    "iterations": table2.AUTHORS_PROTOCOL.iterations,
-    "T_f": (cells["table1.T_f.max"], ".3f"),
-    "printed_T_f": published.cells().loc["table1.T_f.max", "printed"],
-    "seeds_runs": (of_seeds["runs"] / of_seeds["records"], ".0f"),
-    "today_runs": (today["runs"] / today["records"], ".0f"),
-    "today_records": (today["records"], ".0f"),
-    "today_apart": (today["apart_percent"], ".1f"),
-    "today_chance": (today[["chance_low_percent", "chance_high_percent"]], ".1f"),
-    "today_best_shift": (today[["best_shift_low_percent", "best_shift_high_percent"]], "+.1f"),
-    "today_against_chance": "more than"
-    if today["apart_percent"] > today["chance_high_percent"]
-    else "no more than",
-}
-facts |= {
-    f"seeds_chance{end}": (of_seeds[f"chance{end}_percent"], ".1f") for end in ("", "_low", "_high")
-}
 workbook.export(
     supplement={
         "table1_replay": (
             tried,
             "How many stored first generations replay with each bound of Table 1 moved.",
-        ),
-        "library_versions": (
-            versions,
-            "Other seeds and today's library against the search of 2021.",
-        ),
+        )
     },
-    facts=facts,
+    facts={
+        "population": authors_protocol.population,
+        "iterations": authors_protocol.iterations,
+        "T_f": (T_f, ".3f"),
+        "printed_T_f": printed_T_f,
+    },
     figures={
         "search_one_generation": (
             one_generation,
@@ -460,7 +327,7 @@ workbook.export(
             "It falls slowly at first, then exponentially.",
         ),
     },
-    cells={"authors": cells},
+    cells={"authors": found_table1.to_dict()},
 )
 
 # %% [markdown]
@@ -470,13 +337,13 @@ workbook.export(
 #    run ends with a signature that begins in the middle of the record, at 4.6 times the stored RMSE.
 # 2. `population = 20`: ten members make the mean, and $c_\mu$ is 0.1 instead of 0.96, so that the ellipse changes
 #    little from one generation to the next; the run settles early, at six times the misfit of the stored run.
-# 3. `seed_runs = 5`: with five runs on each record instead of thirty, chance alone moves the means by more than twice
-#    as much.
+# 3. `box = {"start_s": (0.0, 0.2)}`: the search need not find the turn in which the signature begins; it ends at the
+#    stored run's misfit.
 #
 # ## Exercises
 #
 # **1.** Equation 15 compares $\|\mathbf p_\sigma\|$ with the mean length of a standard normal vector. Compute it for
-# $n$ = 7 from the Gamma functions and from random vectors, and compare it with $\sqrt n$.
+# $n$ = 7 from the Gamma functions and from random vectors (to 0.5 %), and compare it with $\sqrt n$.
 
 # %% tags=["solution"]
 exact = np.sqrt(2) * math.gamma((c.n + 1) / 2) / math.gamma(c.n / 2)
@@ -502,8 +369,10 @@ print(f"{random_steps.mean():.4f}, expected {c.chi_n / np.sqrt(c.mu_eff):.4f}")
 # **3.** From which population on do the samples of a single generation make up more than half of $\mathbf C$?
 
 # %% tags=["solution"]
-c_mu = {size: search.constants(size, c.n).c_mu for size in range(4, 301)}
+c_mu = {}
+for size in range(4, 301):
+    first = next(identify.paper_search(clean, replace(protocol, population=size), seed))
+    c_mu[size] = first.constants.c_mu
 smallest = next(size for size, rate in c_mu.items() if rate > 0.5)
 assert c_mu[smallest - 1] <= 0.5 < c_mu[smallest]
-assert all(c_mu[size] < c_mu[size + 1] for size in range(10, smallest))
-print(f"from {smallest} members on; with 300, {100 * c_mu[300]:.0f} %")
+print(f"from {smallest} members on")

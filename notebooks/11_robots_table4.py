@@ -62,10 +62,7 @@ import pandas as pd
 
 import workbook
 from backlash.fitting.global_fit import global_fit
-from replication import published, table2
-from replication.simulator.parameters import identified_joint
-from replication.standins import plots, robots
-from workbook import Interval
+from replication import published, standins, table2
 
 # %% [markdown]
 # ## Parameters
@@ -85,21 +82,99 @@ workbook.check_parameters(
     repeats=(repeats, range(2, 1001)),
     robots_each=(robots_each, range(2, 10001)),
     robot_seed=(robot_seed, range(0, 10**6)),
-    coupling=(coupling, Interval(0, 1)),
-    loud_coupling=(loud_coupling, Interval(0, 1)),
+    coupling=(coupling, workbook.Interval(0, 1)),
+    loud_coupling=(loud_coupling, workbook.Interval(0, 1)),
     loud_robots_each=(loud_robots_each, range(2, 10001)),
-    frequency_step_hz=(frequency_step_hz, Interval(0.1, 17.5)),
-    torque_shares=(torque_shares, [Interval(1e-4, 1)]),
+    frequency_step_hz=(frequency_step_hz, workbook.Interval(0.1, 17.5)),
+    torque_shares=(torque_shares, [workbook.Interval(1e-4, 1)]),
 )
 
 # %% [markdown]
 # ## Result
 #
+# ### Many robots, and the threshold
+#
+# $A$ [rps] of the two kinds, in arms with little and with much coupling. The ROC has one point for each $A$ that
+# occurs, taken as the threshold. Predict first: which of the printed amplitudes is the better threshold?
+
+# %%
+spread = standins.robots.RobotSpread(coupling=coupling)
+loud_spread = replace(spread, coupling=loud_coupling)
+population, loud = (
+    standins.robots.robot_population(global_fit, each, of, robot_seed)
+    for each, of in ((robots_each, spread), (loud_robots_each, loud_spread))
+)
+
+
+def roc(table):  # thresholds and their rates
+    healthy, excessive = (table["A_rps"][table["kind"] == kind] for kind in standins.robots.KINDS)
+    T = np.r_[np.inf, np.unique(table["A_rps"])[::-1]]
+    rates = [np.mean(A.to_numpy()[:, None] >= T, axis=0) for A in (healthy, excessive)]
+    return pd.DataFrame({"threshold_rps": T, "false_alarms": rates[0], "detected": rates[1]})
+
+
+# %%
+def area_under(curve):
+    return np.trapezoid(curve["detected"], curve["false_alarms"])
+
+
+def youden(curve):  # the row of the best threshold
+    return curve.loc[(curve["detected"] - curve["false_alarms"]).idxmax()]
+
+
+def rates_at(T, table):  # shares of the healthy and of the excessive at or above T
+    above = (table["A_rps"] >= T).groupby(table["kind"]).mean()
+    return tuple(above[list(standins.robots.KINDS)])
+
+
+curve, loud_curve = roc(population), roc(loud)
+best, loud_best = youden(curve), youden(loud_curve)
+
+# %%
+printed_A, printed_B = published.column("Table 4", "mean")
+named = {"printed robot A": printed_A, "printed robot B": printed_B}
+named["best (Youden)"] = best["threshold_rps"]
+marks = pd.DataFrame(
+    [(name, T, *rates_at(T, population)) for name, T in named.items()],
+    columns=["name", "threshold_rps", "false_alarms", "detected"],
+)
+curves = {
+    f"couplings up to {100 * share:.0f} %": (each, area_under(each))
+    for share, each in ((coupling, curve), (loud_coupling, loud_curve))
+}
+robots_figure = standins.plots.robots(population, curves, marks)
+
+# %%
+index = curve["detected"] - curve["false_alarms"]
+nearly_best = curve.loc[index >= index.max() - 0.011, "threshold_rps"]
+print(
+    f"thresholds from {nearly_best.min():.3f} to {nearly_best.max():.3f} rps come within 0.01 of the best index"
+)
+display(marks)
+arms = pd.concat([population.assign(coupling=coupling), loud.assign(coupling=loud_coupling)])
+arms.groupby(["coupling", "kind"], sort=False)["A_rps"].agg(["count", "mean", "std", "min", "max"])
+
+# %% [markdown]
+# The threshold depends on the amplitude of the coupling torques: that of the weakly coupled arm applied to the strongly
+# coupled one, and the latter's own.
+
+# %%
+T = best["threshold_rps"]
+cases = pd.DataFrame(
+    [
+        (coupling, "its best", *best, area_under(curve)),
+        (loud_coupling, "the weakly coupled arm's", T, *rates_at(T, loud), area_under(loud_curve)),
+        (loud_coupling, "its best", *loud_best, area_under(loud_curve)),
+    ],
+    columns=["coupling", "threshold", *best.index, "area"],
+)
+cases
+
+# %% [markdown]
 # ### What the printed amplitudes mean in rad
 
 # %%
 a = 1e-6 * np.array([published.value(f"equation10.A{k}") for k in range(4)])  # rad/rpm^k
-printed_A, printed_B = published.column("Table 4", "mean")
 printed = pd.DataFrame({"A_rps": [printed_A, printed_B]}, index=["robot A", "robot B"])
 printed.assign(
     equation_10_rad=sum(a[k] * (60 * printed["A_rps"]) ** k for k in range(4))
@@ -110,112 +185,17 @@ printed.assign(
 #
 # ### Table 4
 #
-# Robots A and B are the first healthy and the first bad one of the population below. As in notebook 8, the sign of
+# Robots A and B are the first healthy and the first bad one of the population above. As in notebook 8, the sign of
 # $A$ is dropped.
 
 # %%
-spread = robots.RobotSpread(coupling=coupling)
 seeds = range(1, repeats + 1)
-records = robots.table4_records(spread, robot_seed)
+records = standins.robots.table4_records(spread, robot_seed)
 fits = table2.repeated_fits(
     records, [table2.AUTHORS_PROTOCOL], seeds, label="Table 4, stand-in robots"
 )
-table = robots.table4(fits)
+table = standins.robots.table4(fits)
 table.astype(object).set_index("robot").T
-
-# %% [markdown]
-# ### Many robots
-#
-# $A$ [rps] of the two kinds, in arms with little and with much coupling.
-
-# %%
-population = robots.robot_population(global_fit, robots_each, spread, robot_seed)
-loud = robots.robot_population(
-    global_fit, loud_robots_each, replace(spread, coupling=loud_coupling), robot_seed
-)
-arms = pd.concat([population.assign(coupling=coupling), loud.assign(coupling=loud_coupling)])
-arms.groupby(["coupling", "kind"], sort=False)["A_rps"].agg(["count", "mean", "std", "min", "max"])
-
-# %% [markdown]
-# ### The threshold
-#
-# The ROC has one point for each $A$ that occurs, taken as the threshold.
-
-
-# %%
-def roc(healthy, excessive):
-    thresholds = np.r_[np.inf, np.unique(np.r_[healthy, excessive])[::-1]]
-    false_alarms, detected = (
-        np.mean(A[:, None] >= thresholds, axis=0) for A in (healthy, excessive)
-    )
-    return pd.DataFrame(
-        {"threshold_rps": thresholds, "false_alarms": false_alarms, "detected": detected}
-    )
-
-
-def area_under(curve):
-    return np.trapezoid(curve["detected"], curve["false_alarms"])
-
-
-def youden(curve):  # the row of the best threshold
-    return curve.loc[(curve["detected"] - curve["false_alarms"]).idxmax()]
-
-
-(healthy, excessive), (loud_healthy, loud_excessive) = (
-    [table.loc[table["kind"] == kind, "A_rps"].to_numpy() for kind in robots.KINDS]
-    for table in (population, loud)
-)
-curve, loud_curve = roc(healthy, excessive), roc(loud_healthy, loud_excessive)
-best, loud_best = youden(curve), youden(loud_curve)
-thresholds = {
-    "printed robot A": printed_A,
-    "printed robot B": printed_B,
-    "best (Youden)": best["threshold_rps"],
-}
-marks = pd.DataFrame(
-    [(name, T, np.mean(healthy >= T), np.mean(excessive >= T)) for name, T in thresholds.items()],
-    columns=["name", "threshold_rps", "false_alarms", "detected"],
-)
-index = curve["detected"] - curve["false_alarms"]
-nearly_best = curve.loc[index >= index.max() - 0.011, "threshold_rps"]
-print(
-    f"thresholds from {nearly_best.min():.3f} to {nearly_best.max():.3f} rps come within 0.01 of the best index"
-)
-marks
-
-# %%
-curves = {
-    f"couplings up to {100 * share:.0f} %": (each, area_under(each))
-    for share, each in ((coupling, curve), (loud_coupling, loud_curve))
-}
-robots_figure = plots.robots(population, curves, marks)
-
-# %% [markdown]
-# The threshold depends on the amplitude of the coupling torques: that of the weakly coupled arm applied to the strongly
-# coupled one, and the latter's own.
-
-# %%
-T = best["threshold_rps"]
-quiet_best, louder_best = (
-    [row["threshold_rps"], row["false_alarms"], row["detected"]] for row in (best, loud_best)
-)
-loud_area = area_under(loud_curve)
-cases = pd.DataFrame(
-    [
-        (coupling, "its best", *quiet_best, area_under(curve)),
-        (
-            loud_coupling,
-            "the weakly coupled arm's",
-            T,
-            np.mean(loud_healthy >= T),
-            np.mean(loud_excessive >= T),
-            loud_area,
-        ),
-        (loud_coupling, "its best", *louder_best, loud_area),
-    ],
-    columns=["coupling", "threshold", "threshold_rps", "false_alarms", "detected", "area"],
-)
-cases
 
 # %% [markdown]
 # ### A healthy joint shaken near 21 Hz
@@ -233,21 +213,21 @@ cases
 # where the signature rings too.
 
 # %%
-joint = identified_joint()
+T_f = records[0][1].turn_period_s
 middle_gravity = float(np.mean(spread.gravity))
 frequencies = np.arange(12.5, 30.01, frequency_step_hz)
-sweep = robots.disturbed_healthy_joint(
+sweep = standins.robots.disturbed_healthy_joint(
     global_fit, frequencies, torque_shares, middle_gravity, spread.bench.noise_rps / 2, robot_seed
 )
 lines = {"printed robot B": printed_B, "best threshold of the robots": best["threshold_rps"]}
-disturbance_figure = plots.robots_disturbance(sweep, lines, 1 / joint.turn_period_s)
+disturbance_figure = standins.plots.robots_disturbance(sweep, lines, 1 / T_f)
 
 # %% [markdown]
 # The fitted $A$ [rps] at the harmonics of the load's turn, and how many of the twelve turns the fit uses; columns are
 # the torque over $m g r$.
 
 # %%
-order = sweep["disturbance_hz"] * joint.turn_period_s
+order = sweep["disturbance_hz"] * T_f
 harmonics = sweep[np.isclose(order, order.round())].assign(k=order.round().astype(int))
 harmonics.pivot(
     index=["k", "disturbance_hz"], columns="torque_share", values=["A_rps", "turns_used"]
@@ -259,20 +239,14 @@ harmonics.pivot(
 # disturbance to cancel.
 
 # %%
-called = sweep.assign(
-    called_excessive=sweep["A_rps"] >= best["threshold_rps"],
-    late=sweep["turns_used"] < 2,
-    cannot_tell=sweep["low_rps"] <= 0,
+by_torque = sweep.assign(
+    called_excessive_percent=100 * (sweep["A_rps"] >= best["threshold_rps"]),
+    fits_of_under_two_turns_percent=100 * (sweep["turns_used"] < 2),
+    interval_contains_zero_percent=100 * (sweep["low_rps"] <= 0),
 ).groupby("torque_share")
-summary = pd.DataFrame(
-    {
-        "largest_disturbance_rps": called["disturbance_rps"].max(),
-        "largest_A_rps": called["A_rps"].max(),
-        "called_excessive_percent": 100 * called["called_excessive"].mean(),
-        "fits_of_under_two_turns_percent": 100 * called["late"].mean(),
-        "interval_contains_zero_percent": 100 * called["cannot_tell"].mean(),
-    }
-)
+summary = by_torque[["disturbance_rps", "A_rps"]].max().add_prefix("largest_")
+percents = [name for name in by_torque.obj.columns if name.endswith("percent")]
+summary[percents] = by_torque[percents].mean()
 summary
 
 # %% [markdown]
@@ -282,7 +256,7 @@ summary
 # off; then another window fits better.
 
 # %%
-robots.disturbed_healthy_joint(
+standins.robots.disturbed_healthy_joint(
     global_fit,
     frequencies[:1],
     [0.005, 0.01, 0.02, 0.03, 0.05],
@@ -300,7 +274,7 @@ robots.disturbed_healthy_joint(
 # All cells are `stand-in`.
 
 # %%
-cells = {"stand-in": robots.table4_cells(table)}
+cells = {"stand-in": standins.robots.table4_cells(table)}
 display(workbook.judge(cells))
 by_kind = table.set_index("kind")["mean_A_rps"]
 mistaken = summary["called_excessive_percent"].iloc[-1]
@@ -360,14 +334,17 @@ workbook.export(
 # (an equal $A$ counts as half). Compare with the area under the ROC.
 
 # %% tags=["solution"]
+healthy, excessive = (
+    population["A_rps"][population["kind"] == kind].to_numpy() for kind in standins.robots.KINDS
+)
 difference = excessive[:, None] - healthy
 chance = np.mean(difference > 0) + np.mean(difference == 0) / 2
 assert np.isclose(chance, area_under(curve))
 print(f"{chance:.4f}")
 
 # %% [markdown]
-# **2.** In a plant 2 % of the robots are bad. Which share of the robots that the best threshold calls excessive are so
-# (Bayes)? From which share of bad robots on is a call more often right than wrong?
+# **2.** In a plant 2 % of the robots are bad. Which share (to 1 %) of those that the best threshold calls excessive
+# are so (Bayes)? From which share of bad robots on is a call more often right than wrong?
 
 # %% tags=["solution"]
 d, f = best["detected"], best["false_alarms"]

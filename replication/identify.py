@@ -1,17 +1,25 @@
 """From a record to the signature's parameters: the paper's CMA-ES."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
+from tqdm import tqdm
 
 from replication.arrays import FloatArray
 from replication.compiled.bounds import from_box, into_box, margin_today
-from replication.compiled.misfit import fold, folded_rmse
+from replication.compiled.misfit import fold, folded_rmse, residual
 from replication.compiled.whole_run import whole_run
 from replication.recording import RPM_PER_RPS, Recording
-from replication.search import Generation, Search, check_settings, generations, random_normals
+from replication.search import (
+    Generation,
+    Search,
+    check_settings,
+    generations,
+    random_normals,
+    search,
+)
 from replication.signature import DAMPING_PER_S, FREQUENCY_HZ, Box, Timing, table1_box
 
 if TYPE_CHECKING:
@@ -76,7 +84,9 @@ def protocol_box(recording: Recording, protocol: Protocol) -> Box:
     )
 
 
-def paper_search(recording: Recording, protocol: Protocol, seed: int) -> Iterator[Generation]:
+def paper_search(
+    recording: Recording, protocol: Protocol, seed: int, sigma: float = 1.0
+) -> Iterator[Generation]:
     """The paper's search on a record, one generation at a time, without end.
 
     See `search.generations`.
@@ -87,6 +97,7 @@ def paper_search(recording: Recording, protocol: Protocol, seed: int) -> Iterato
         protocol_box(recording, protocol),
         random_normals(seed),
         protocol.population,
+        sigma,
     )
 
 
@@ -96,6 +107,19 @@ def paper_run(recording: Recording, protocol: Protocol, seed: int) -> Search:
     return whole_run(
         record, protocol_box(recording, protocol), seed, protocol.population, protocol.iterations
     )
+
+
+def search_with(
+    misfits: Callable[[FloatArray], FloatArray], box: Box, protocol: Protocol, seed: int
+) -> Search:
+    """The same search with misfits and a box of one's own, slower; a bar shows its progress."""
+    steps = generations(misfits, box, random_normals(seed), protocol.population)
+    return search(tqdm(steps, total=protocol.iterations), protocol.iterations)
+
+
+def fit_residual(recording: Recording, X: FloatArray, protocol: Protocol) -> FloatArray:
+    """What the signature at the parameters X leaves of a record's r(t) (equation 11) [rps], compiled."""
+    return residual(recording.t, recording.v, X, protocol.timing)
 
 
 def paper_fit(recording: Recording, protocol: Protocol, seed: int) -> Fit:

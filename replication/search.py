@@ -106,6 +106,7 @@ class Generation:
     misfits: FloatArray
     ranking: IntArray  # numbers of the members, the best first
     after: State
+    constants: Constants
 
 
 def first_state(box: Box, sigma: float) -> State:
@@ -327,7 +328,7 @@ def generations(
             )
         ranking = np.argsort(found, kind="stable")
         after = update(before, x[ranking], c)
-        yield Generation(before, x, members, found, ranking, after)
+        yield Generation(before, x, members, found, ranking, after, c)
 
 
 @dataclass(frozen=True)

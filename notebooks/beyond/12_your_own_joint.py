@@ -20,7 +20,7 @@
 # *You will calibrate the sensor for a joint, read logs with it, and see when it refuses; then measure a log of your
 # own. Run time: 11 s.*
 #
-# **A guide to the virtual sensor. The joint is a simulated one that plays yours; nothing of the paper is judged here.**
+# **A guide to the virtual sensor. A simulated joint replaces yours; nothing of the paper is judged here.**
 #
 # ## Claim
 #
@@ -111,10 +111,12 @@ workbook.check_parameters(
 # %% [markdown]
 # ## Result
 #
-# ### A log of your own
+# ### Your log, or the simulated joint's
 #
 # With `my_log` the first answer is yours, by method `self`, which needs no calibration. A `note` says what was assumed
-# or left out.
+# or left out. Then come logs of the simulated joint, and its own calibration: the same estimator reads the logs of
+# known backlash and the one to be measured, so that what it gets wrong each time cancels. The calibration's
+# uncertainty is the RMS error at levels that were left out, times Student's factor for so few of them.
 
 # %%
 my_answer = None
@@ -126,41 +128,9 @@ if my_log:
         f"assumed: a load turn of {my_turn_period_s:g} s, gravity and backlash alone, a drive of the paper's kind; "
         f"calibration {my_answer.calibration}"
     )
-    seen = my_record.recording
-    part = seen.t < seen.t[0] + 3 * seen.turn_period_s
-    plt.plot(seen.t[part], seen.v[part], lw=0.8)
-    plt.gca().set(xlabel="time [s]", ylabel="motor speed [rps]", title="three load turns of my_log")
+    part = my_record.recording.t < my_record.recording.t[0] + 3 * my_turn_period_s
+    plt.plot(my_record.recording.t[part], my_record.recording.v[part], lw=0.8)
     plt.show()
-else:
-    print("my_log is empty: the simulated joint below plays yours")
-
-# %% [markdown]
-# ### Logs in other formats
-#
-# Files are read as text, XLSX or Parquet. From other recorders' files hand over the columns; `time`, `speed` and
-# `/joint_states` are names in your file. These lines need libraries that the sensor does not install, and `make test`
-# does not run them.
-#
-# ```python
-# file = h5py.File("log.h5")  # HDF5, and MATLAB from 7.3 on
-# t, v = file["time"][:], file["speed"][:]
-#
-# file = scipy.io.loadmat("log.mat")  # MATLAB before 7.3
-# t, v = file["time"].ravel(), file["speed"].ravel()
-#
-# signal = asammdf.MDF("log.mf4").get("speed")  # MDF
-# t, v = signal.timestamps, signal.samples
-#
-# with rosbags.highlevel.AnyReader([Path("bag")]) as bag:  # ROS bags, also of MCAP; here the first joint, in rad/s
-#     joints = [topic for topic in bag.connections if topic.topic == "/joint_states"]
-#     read = [(stamp, bag.deserialize(raw, topic.msgtype)) for topic, stamp, raw in bag.messages(joints)]
-#     t, v = [1e-9 * stamp for stamp, _ in read], [joint.velocity[0] for _, joint in read]
-#
-# backlash.estimate(t, v, turn_period_s=0.4, unit="rps")
-# ```
-
-# %% [markdown]
-# ### The logs
 
 # %%
 bench = joints.draw_bench(np.random.default_rng(bench_seed))
@@ -178,21 +148,11 @@ def answer(record, settings, name="log"):
     return examine_recording(record, settings, name)
 
 
-# %% [markdown]
-# ### Your own calibration
-#
-# The same estimator reads the logs of known backlash and the one to be measured, so that what it gets wrong each time
-# cancels. The uncertainty is the RMS error at levels that were left out, times Student's factor for so few of them.
-
 # %%
 known_rad = np.linspace(3e-4, 19e-4, calibration_levels)
-own = calibration.fit_calibration(
-    [log(delta, 100 + k, turns=12) for k, delta in enumerate(known_rad)], known_rad, method
-)
+known_logs = [log(delta, 100 + k, turns=12) for k, delta in enumerate(known_rad)]
+own = calibration.fit_calibration(known_logs, known_rad, method)
 ours = settings_for(form, own)
-print(
-    f"{own.method}: {own.range_rad[0]:.1e} to {own.range_rad[1]:.1e} rad, uncertainty {own.uncertainty_rad:.1e} rad"
-)
 calibrated = answer(log(backlash_rad, 0), ours)
 print(str(calibrated.estimate))
 log_figure = plots.estimate_figure(
@@ -220,15 +180,12 @@ print(str(first.estimate))
 
 # %%
 true_rad = [5e-4, 8e-4, 11e-4, 14e-4, 17e-4]
+calibrations = {"none": uncalibrated, "the paper's joint": papers, "your own": ours}
 rows = [
     answer(log(delta, 200 + k), settings).estimate.to_dict()
     | {"calibration": name, "true_rad": delta}
     for k, delta in enumerate(true_rad)
-    for name, settings in (
-        ("none", uncalibrated),
-        ("the paper's joint", papers),
-        ("your own", ours),
-    )
+    for name, settings in calibrations.items()
 ]
 table = pd.DataFrame(rows)[["calibration", "true_rad", "verdict", "backlash_rad", "method"]]
 table["error_rad"] = table["backlash_rad"].astype(float) - table["true_rad"]
@@ -254,24 +211,44 @@ trend_figure = plots.trend_figure(line)
 
 # %%
 good = log(backlash_rad, 0)
-rubbed = replace(
-    bench, joint=replace(bench.joint, load_coulomb_nm=0.2 * bench.joint.gravity_torque_nm)
-)
+friction_nm = 0.2 * bench.joint.gravity_torque_nm
+rubbed = replace(bench, joint=replace(bench.joint, load_coulomb_nm=friction_nm))
 noise = np.random.default_rng(bench_seed).normal(0, 5.0, good.v.size)
+wrong_turn = replace(good, turn_period_s=1.5 * good.turn_period_s)
 odd = {
     "no backlash at all": log(0.0, 1),
-    "the turn's period taken wrong by a half": replace(
-        good, turn_period_s=1.5 * good.turn_period_s
-    ),
+    "the turn's period taken wrong by a half": wrong_turn,
     "noise of 5 rps": replace(good, v=good.v + noise),
     "friction of 20 % of gravity, not there in the calibration": log(backlash_rad, 0, rubbed),
     "twice the largest backlash of the calibration": log(2 * own.range_rad[1], 2),
 }
 answers = [answer(record, ours, name).estimate for name, record in odd.items()]
 print("\n".join(str(found) for found in answers))
-odd_table = pd.DataFrame(
-    [(found.file, found.verdict) for found in answers], columns=["log", "verdict"]
-)
+
+# %% [markdown]
+# ### Logs in other formats
+#
+# Files are read as text, XLSX or Parquet. From other recorders' files hand over the columns; `time`, `speed` and
+# `/joint_states` are names in your file. These lines need libraries that the sensor does not install, and `make test`
+# does not run them.
+#
+# ```python
+# file = h5py.File("log.h5")  # HDF5, and MATLAB from 7.3 on
+# t, v = file["time"][:], file["speed"][:]
+#
+# file = scipy.io.loadmat("log.mat")  # MATLAB before 7.3
+# t, v = file["time"].ravel(), file["speed"].ravel()
+#
+# signal = asammdf.MDF("log.mf4").get("speed")  # MDF
+# t, v = signal.timestamps, signal.samples
+#
+# with rosbags.highlevel.AnyReader([Path("bag")]) as bag:  # ROS bags, also of MCAP; here the first joint, in rad/s
+#     joints = [topic for topic in bag.connections if topic.topic == "/joint_states"]
+#     read = [(stamp, bag.deserialize(raw, topic.msgtype)) for topic, stamp, raw in bag.messages(joints)]
+#     t, v = [1e-9 * stamp for stamp, _ in read], [joint.velocity[0] for _, joint in read]
+#
+# backlash.estimate(t, v, turn_period_s=0.4, unit="rps")
+# ```
 
 # %% [markdown]
 # ## Verdict
@@ -336,7 +313,8 @@ assert 0 <= noise_share < 1
 print(f"noise {100 * noise_share:.0f} %, calibration {100 * (1 - noise_share):.0f} %")
 
 # %% [markdown]
-# **2.** A pure sine of 21 Hz is sampled at $f_s$. How much of its peak can the largest sample miss, at 500 and 84 Hz?
+# **2.** A pure sine of 21 Hz is sampled at $f_s$. How much of its peak can the largest sample miss
+# (to 0.1 %), at 500 and 84 Hz?
 
 # %% tags=["solution"]
 most_missed = {

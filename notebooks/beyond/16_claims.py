@@ -118,31 +118,31 @@ workbook.check_parameters(
 # noise to its theoretical $A$ is one number.
 
 # %%
-noise, theoretical, mean = (
-    published.column("Table 2", name)[:10] for name in ("noise", "theoretical", "mean")
-)
+of_table2 = ("noise", "theoretical", "mean")
+noise, theoretical, mean = (published.column("Table 2", name)[:10] for name in of_table2)
 delta_rad = characteristic.printed_levels_rad()
 ratio = noise / theoretical
+fall = ratio.max() / ratio.min()
 claims = {
     "noise_proportional": (
-        published.decide("noise_proportional", ratio.max() / ratio.min(), criteria),
-        f"noise over A falls from {ratio[0]:.2f} to {ratio[-1]:.3f}, a factor {ratio.max() / ratio.min():.2f}",
+        published.decide("noise_proportional", fall, criteria),
+        f"noise over A falls from {ratio[0]:.2f} to {ratio[-1]:.3f}, a factor {fall:.2f}",
     )
 }
+estimated_rad = characteristic.equation_10().backlash_rad(mean)
+errors = pd.DataFrame({"delta_rad": delta_rad, "error_rad": np.abs(estimated_rad - delta_rad)})
+errors["error_percent"] = 100 * np.abs(mean / theoretical - 1)
+errors["noise_over_A"] = ratio
+
+# %%
+axes = errors.plot("delta_rad", subplots=True, style="o-", figsize=(6, 4), xlabel="backlash [rad]")
+errors
 
 # %% [markdown]
 # "The quality of the estimate decreases with the increase of backlash": then the errors of the printed means, converted
 # by equation 10, are correlated with the backlash.
 
 # %%
-errors = pd.DataFrame(
-    {
-        "delta_rad": delta_rad,
-        "error_rad": np.abs(characteristic.equation_10().backlash_rad(mean) - delta_rad),
-        "error_percent": 100 * np.abs(mean / theoretical - 1),
-        "noise_over_A": ratio,
-    }
-)
 growing, falling, percent = (
     stats.kendalltau(delta_rad, errors[name], method="exact", alternative=side)
     for name, side in (("error_rad", "greater"), ("error_rad", "less"), ("error_percent", "less"))
@@ -152,7 +152,6 @@ claims["quality_decreases"] = (
     f"error in rad: tau {growing.statistic:+.2f}, p of an increase {growing.pvalue:.2f}, of a decrease "
     f"{falling.pvalue:.2f}; in percent of A: tau {percent.statistic:+.2f}, p of a decrease {percent.pvalue:.2f}",
 )
-errors
 
 # %% [markdown]
 # ### The authors' clean records
@@ -175,16 +174,12 @@ def half_turn_spread(record):
     return rms.max() / rms.min() - 1
 
 
+# %%
 clean = load_clean_records(CLEAN_LEVELS)
 settled = {delta: settled_disturbance(clean[delta]) for delta in sorted(clean)}
-growth = pd.DataFrame(
-    {
-        "delta_rad": [*settled],
-        "peak_rps": [v.max() for v in settled.values()],
-        "rms_rps": [np.sqrt((v**2).mean()) for v in settled.values()],
-        "half_turn_spread": [half_turn_spread(clean[delta]) for delta in settled],
-    }
-)
+growth = pd.DataFrame({"delta_rad": [*settled], "peak_rps": [v.max() for v in settled.values()]})
+growth["rms_rps"] = [np.sqrt((v**2).mean()) for v in settled.values()]
+growth["half_turn_spread"] = [half_turn_spread(clean[delta]) for delta in settled]
 growth
 
 # %%
@@ -198,6 +193,8 @@ claims["amplitude_grows"] = (
     published.decide("amplitude_grows", (min(increase.values()), max(increase.values())), criteria),
     f"smallest increase from level to level [rps]: {smallest}",
 )
+
+# %%
 largest = growth.loc[growth["half_turn_spread"].idxmax()]
 claims["same_amplitude"] = (
     published.decide("same_amplitude", largest["half_turn_spread"], criteria),
@@ -390,18 +387,15 @@ fits.assign(printed_mean_rps=mean).round(4)
 # %%
 judged = workbook.judge(claims=claims).set_index("id")
 listed = decided_here.loc[judged.index]
-verdicts = pd.DataFrame(
-    {
-        "claim": listed["claim"],
-        "verdict": judged["verdict"],
-        "measured": judged["reproduced"],
-        "check": listed["check"],
-        "limit": listed["rule"]
-        + [f" {published.criterion(claim, criteria):g}" for claim in judged.index],
-        "otherwise if": listed["alternative"],
-    }
-)
+limits = [f" {published.criterion(claim, criteria):g}" for claim in judged.index]
+verdicts = pd.DataFrame({"claim": listed["claim"], "verdict": judged["verdict"]})
+verdicts["measured"] = judged["reproduced"]
+verdicts["check"] = listed["check"]
+verdicts["limit"] = listed["rule"] + limits
+verdicts["otherwise if"] = listed["alternative"]
 display(verdicts)
+
+# %%
 of = {
     verdict: verdicts.loc[verdicts["verdict"] == verdict, "claim"]
     for verdict in set(verdicts["verdict"])

@@ -5,6 +5,7 @@ from itertools import product
 
 import numpy as np
 import pandas as pd
+from tqdm import tqdm
 
 from replication import published
 from replication.compiled.misfit import population_rmse
@@ -49,7 +50,8 @@ def bounds_by_replay(recording: Recording) -> pd.DataFrame:
     width = printed.upper - printed.lower
     sides = ("min", "lower"), ("max", "upper")
     rows = []
-    for (side, end), (i, name), shift in product(sides, enumerate(NAMES), SHIFTS):
+    trials = list(product(sides, enumerate(NAMES), SHIFTS))
+    for (side, end), (i, name), shift in tqdm(trials):
         bounds = getattr(stored, end).copy()
         bounds[i] = getattr(printed, end)[i] + shift * width[i]
         count = count_replayed(recording, replace(stored, **{end: bounds}))

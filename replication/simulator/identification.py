@@ -99,8 +99,10 @@ def identify_joint(
             f"a recording of {shortest} s is too short: three turns of {turn} s are needed"
         )
     size = third_turn_errors(start, records).size
+    progress = tqdm(desc="simulations of the fit")
 
     def residual(z: FloatArray) -> FloatArray:
+        progress.update()
         tried = dict(zip(names, values * z, strict=True))
         try:
             return third_turn_errors(with_ratios(start, tried), records)
@@ -117,6 +119,7 @@ def identify_joint(
         diff_step=1e-3,
         x_scale="jac",
     )
+    progress.close()
     inverse = np.linalg.inv(fit.jac.T @ fit.jac)
     spread = np.sqrt(np.diag(inverse))
     degrees = size - len(names)

@@ -1,6 +1,8 @@
 """The form of every notebook: its headings, parameters, equations and exercises, and no plumbing in sight."""
 
+import ast
 import re
+from itertools import chain
 
 import nbformat
 import pandas as pd
@@ -88,6 +90,49 @@ def test_the_verdict_ends_in_a_printed_sentence(name):
     ]
     assert seen[-1].source.splitlines()[-1] == ")" or "print(" in seen[-1].source.splitlines()[-1]
     assert "print(" in seen[-1].source
+
+
+@pytest.mark.parametrize("name", SOURCES)
+def test_a_cell_in_sight_has_at_most_fifteen_lines(name):
+    seen = [cell for cell in cells(name) if not tags(cell) & (execution.FOLDED | {"parameters"})]
+    assert [cell.source for cell in seen if cell.source.count("\n") >= 15] == []
+
+
+@pytest.mark.parametrize("name", SOURCES)
+def test_the_first_figure_is_among_the_first_four_cells_after_the_parameters(name):
+    executed = nbformat.read(SOURCES[name].with_suffix(".ipynb"), as_version=4).cells
+    begin = next(k for k, cell in enumerate(executed) if "parameters" in tags(cell))
+    outputs = chain(*(cell.get("outputs", []) for cell in executed[begin + 2 : begin + 6]))
+    assert any("image/" in str([*output.get("data", [])]) for output in outputs)
+
+
+OWN_PACKAGES = re.compile(r"(replication|backlash|workbook|studies)\b")
+
+
+@pytest.mark.parametrize("name", [name for name in SOURCES if name < "12"])
+def test_a_notebook_of_the_paper_imports_at_most_five_names_of_our_packages(name):
+    imports = [
+        node
+        for cell in cells(name)
+        for node in ast.walk(ast.parse(cell.source))
+        if isinstance(node, ast.Import | ast.ImportFrom)
+    ]
+    names = [
+        alias.name
+        for node in imports
+        for alias in node.names
+        if OWN_PACKAGES.match(getattr(node, "module", alias.name))
+    ]
+    assert len(names) <= 5, names
+
+
+def test_links_to_the_glossary_name_one_of_its_anchors_which_are_those_of_its_headings():
+    glossary = (workbook.ROOT / "notebooks" / "glossary.md").read_text("utf-8")
+    anchors = dict(re.findall(r'^## <a id="(.+?)"></a>(.+)$', glossary, re.MULTILINE))
+    assert len(anchors) == glossary.count("\n## ")
+    assert list(anchors) == [heading.lower().replace(" ", "-") for heading in anchors.values()]
+    links = chain(*(re.findall(r"glossary\.md#([^)]+)", text(name)) for name in SOURCES))
+    assert set(links) <= set(anchors)
 
 
 EQUATIONS = published.paper_map().query("element.str.startswith('Equation')").to_dict("records")
