@@ -36,15 +36,13 @@ class Estimate:
         return self.amplitude_rps if self.verdict == "cannot tell" else None
 
     def to_dict(self) -> dict[str, object]:
-        """The attributes in order, ready for JSON, then the play, the relative index and the program's version."""
+        """The attributes in order, ready for JSON, then the total play, the relative index and the version."""
         half, ends = self.backlash_rad, self.backlash_interval_rad
         row = {
             name: list(value) if isinstance(value, tuple) else value
             for name, value in vars(self).items()
         }
         return row | {
-            "half_play_rad": half,
-            "half_play_interval_rad": ends and list(ends),
             "total_play_rad": None if half is None else 2 * half,
             "total_play_interval_rad": ends and [2 * end for end in ends],
             "relative_index_rps": self.relative_index_rps,

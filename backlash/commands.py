@@ -7,7 +7,6 @@ import re
 import shutil
 import sys
 from collections.abc import Mapping, Sequence
-from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
@@ -19,10 +18,10 @@ from backlash.answers import Estimate
 from backlash.calibration import read_calibration
 from backlash.examine import examine
 from backlash.main import ends_on_interrupt
-from backlash.reading.columns import LogFormat
+from backlash.reading.columns import SAID, LogFormat
 from backlash.reading.refusals import UnusableLog, library
 from backlash.reading.sources import STDIN
-from backlash.settings import Measuring, Settings, settings_for
+from backlash.settings import MEASURING, Settings, settings_for
 from replication.compiled import cache
 
 _SHORT_NAMES = {  # of columns of --batch
@@ -52,13 +51,13 @@ _FIGURES = (".png", ".svg", ".pdf")
 
 def _said(options: argparse.Namespace) -> dict[str, Any]:
     """What the options say of the logs, by the fields of `LogFormat`."""
-    said = {field.name: getattr(options, field.name, None) for field in fields(LogFormat)}
+    said = {name: getattr(options, name, None) for name in SAID}
     return {name: value for name, value in said.items() if value is not None}
 
 
 def _how(options: argparse.Namespace) -> dict[str, Any]:
     """How the options say that logs are measured, as `settings_for` and `interface` take it."""
-    how = {name: getattr(options, name) for name in Measuring.__annotations__}
+    how = {name: getattr(options, name) for name in MEASURING}
     return how | {"calibration": read_calibration(options.calibration)}
 
 

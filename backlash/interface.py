@@ -13,7 +13,7 @@ import hashlib
 from collections.abc import Mapping, Sequence
 from os import PathLike
 from pathlib import Path
-from typing import Any, TypedDict, Unpack
+from typing import Any
 
 import pandas as pd
 from numpy.typing import ArrayLike
@@ -24,42 +24,19 @@ from backlash.calibration import Calibration, fit_calibration, read_calibration
 from backlash.detection.pattern import detect_pattern
 from backlash.examine import examine
 from backlash.fitting import SELF
-from backlash.reading.columns import LogFormat
+from backlash.reading.columns import SAID, LogFormat
 from backlash.reading.prepare import Log, open_log
 from backlash.reading.refusals import CannotTell, UnusableLog
 from backlash.reading.sources import name_of
-from backlash.settings import Measuring, settings_for
+from backlash.settings import MEASURING, settings_for
 from backlash.trend_line import Trend
-
-
-class LogWords(TypedDict, total=False):
-    """What is said of logs: the fields of `LogFormat`, those that are columns or, of arrays, the arrays themselves."""
-
-    time: str | None
-    speed: str | None
-    position: str | bool | None
-    unit: str | None
-    counts_per_turn: float | None
-    commanded_speed_rps: float | None
-    turn_period_s: float | None
-    trust_period: bool
-    gear_ratio: float | None
-    start_s: float | None
-    end_s: float | None
-    torque: str | ArrayLike | None
-
-
-class Words(LogWords, Measuring, total=False):
-    """What is said of logs, and how they are measured."""
 
 
 def _form(log: object, said: Mapping[str, Any]) -> LogFormat:
     """What is said of a log; `position=True` says it of arrays, and a log that was read has it all."""
-    said = {name: value for name, value in said.items() if name not in Measuring.__annotations__}
-    if unknown := sorted(set(said) - set(LogWords.__annotations__)):
-        raise TypeError(
-            f"no parameter {unknown[0]!r}; of logs there are {', '.join(LogWords.__annotations__)}"
-        )
+    said = {name: value for name, value in said.items() if name not in MEASURING}
+    if unknown := sorted(set(said) - set(SAID)):
+        raise TypeError(f"no parameter {unknown[0]!r}; of logs there are {', '.join(SAID)}")
     if isinstance(log, Log):
         if said:
             raise UnusableLog(f"{log.file} was read already: give {', '.join(said)} to read_log")
@@ -72,10 +49,10 @@ def _form(log: object, said: Mapping[str, Any]) -> LogFormat:
 
 
 def _how(words: Mapping[str, Any]) -> dict[str, Any]:
-    return {name: words[name] for name in Measuring.__annotations__ if name in words}
+    return {name: words[name] for name in MEASURING if name in words}
 
 
-def read_log(log: object, v: ArrayLike | None = None, **said: Unpack[LogWords]) -> Log:
+def read_log(log: object, v: ArrayLike | None = None, **said: Any) -> Log:
     """Read a log's stretch of constant speed; parameters as in `estimate`.
 
     Returns
@@ -101,7 +78,7 @@ def read_log(log: object, v: ArrayLike | None = None, **said: Unpack[LogWords]) 
         raise UnusableLog(str(refusal)) from refusal
 
 
-def estimate(log: object, v: ArrayLike | None = None, **words: Unpack[Words]) -> Estimate:
+def estimate(log: object, v: ArrayLike | None = None, **words: Any) -> Estimate:
     """Estimate the backlash, which is half of the total play, that a log tells of.
 
     Parameters
@@ -152,7 +129,7 @@ def calibrate(
     method: str = "waveform",
     repeats: int = 30,
     seed: int = 1,
-    **said: Unpack[LogWords],
+    **said: Any,
 ) -> Calibration:
     """Calibrate a method on logs of one joint in one movement; parameters not named here are those of `estimate`.
 
@@ -205,7 +182,7 @@ def trend(
     limit_rad: float | None = None,
     relative: bool = False,
     jobs: int = 1,
-    **words: Unpack[Words],
+    **words: Any,
 ) -> Trend:
     """Fit a line to the backlashes of dated logs of one joint; parameters not named here are those of `estimate`.
 

@@ -227,7 +227,7 @@ def _left_out(points: pd.DataFrame, answers: Sequence[Estimate]) -> list[str]:
         )
     used = set(points["file"])
     return [f"{left_out} of {len(answers)} logs are left out"] * (left_out > 0) + [
-        f"{answer.file}: {''.join(answer.warnings[:1]) or answer.verdict}"
+        f"{answer.file}: {''.join(answer.warnings[: answer.verdict == 'cannot tell']) or answer.verdict}"
         for answer in answers
         if answer.file not in used
     ]

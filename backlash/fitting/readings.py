@@ -28,6 +28,10 @@ class Reading:
     shift_turns: float = 0.0  # for "waveform", the phase of the record against the bank
 
 
+_UNKNOWN = (np.nan, np.nan)
+NO_READING = Reading("torque", np.nan, _UNKNOWN, np.nan, _UNKNOWN, np.nan)
+
+
 def protocol_for(recording: Recording) -> Protocol:
     """Scale the paper's protocol to a record: its turn period, as many turns as it lasts, windows in proportion."""
     authors, period = Protocol(), recording.turn_period_s

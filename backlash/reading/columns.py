@@ -4,7 +4,7 @@ import json
 import re
 import unicodedata
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
 
 import numpy as np
@@ -76,11 +76,11 @@ class LogFormat:
     turn_period_s: float | None = None  # of the load
     trust_period: bool = False  # whether the turn is taken as it is given
     gear_ratio: float | None = None  # motor turns in a load turn
+    start_s: float | None = None  # of the part to use, from the log's first sample on
+    end_s: float | None = None
+    torque: str | None = None  # of the motor, in any unit
     # Of the calibration's logs; only a guessed unit is judged by it.
     usual_speed_rps: float | None = None
-    start_s: float | None = None  # of the part to use, from the log's first sample on
-    torque: str | None = None  # of the motor, in any unit
-    end_s: float | None = None
 
     def __post_init__(self):
         """Refuse what no log could be read with, in one line."""
@@ -111,6 +111,10 @@ class LogFormat:
     def period_s(self, speed_rps: float) -> float:
         """Period of a load turn [s]: the one given, or by the gear ratio at a motor speed."""
         return self.turn_period_s or (self.gear_ratio or np.nan) / speed_rps
+
+
+# What the user may say, by its name; the last field is the calibration's.
+SAID = [field.name for field in fields(LogFormat)][:-1]
 
 
 def _known_unit(text: str) -> str:

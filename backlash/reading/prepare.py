@@ -53,18 +53,6 @@ class Log(Source):
     form: LogFormat
     torque: FloatArray | None = None  # of the motor at the recording's samples, in the log's unit
 
-    def to_dict(self) -> dict[str, object]:
-        """What was read, ready for JSON; the samples themselves are in `recording`."""
-        return {
-            "file": self.file,
-            "samples": self.recording.t.size,
-            "sample_s": self.recording.sample_s,
-            "mean_speed_rps": float(self.recording.v.mean()),
-            "turn_period_s": self.recording.turn_period_s,
-            "notes": list(self.notes),
-            "sha256": self.sha256,
-        }
-
 
 @dataclass(frozen=True)
 class _Samples:

@@ -24,6 +24,13 @@ class CannotTell(Exception):
         self.notes = notes
 
 
+# Absence is no answer where the teeth may have stayed on one flank.
+NO_REVERSAL = (
+    "no load reversal seen",
+    "vertical axis? friction above gravity? the test needs a horizontal axis and an off-centre load",
+)
+
+
 def library(name: str, extra: str) -> Any:
     """A library that an installation may lack."""
     try:

@@ -11,7 +11,7 @@ from backlash.answers import Estimate
 from backlash.examine import examine
 from backlash.reading.refusals import UnusableLog
 from backlash.settings import settings_for
-from tests.logs import TURN, noisy, silent, write
+from tests.logs import TURN, noisy, write
 
 SETTINGS = settings_for(TURN, method="amplitude")
 
@@ -22,7 +22,7 @@ def folder(tmp_path):
     (tmp_path / "logs" / "deeper").mkdir(parents=True)
     for k, delta in enumerate((5e-4, 9e-4)):
         write(noisy(delta), tmp_path / "logs" / f"log{k}.csv")
-    write(silent(), tmp_path / "logs" / "deeper" / "silent.csv")
+    write(noisy(0.0), tmp_path / "logs" / "deeper" / "healthy.csv")
     (tmp_path / "logs" / "empty.csv").write_text("", encoding="utf-8")
     (tmp_path / "logs" / "text.csv").write_text("time,speed\n0,1\n1,x\n2,3\n", encoding="utf-8")
     (tmp_path / "logs" / "notes.md").write_text("not a log", encoding="utf-8")
@@ -43,7 +43,7 @@ class Deadly(type(Path())):
 def test_a_folder_stands_for_all_logs_below_it_each_once(folder):
     found = fleet.find_logs([folder, folder / "log1.csv", folder / "missing.csv"])
     assert [path.name for path in found] == [
-        "silent.csv", "empty.csv", "log0.csv", "log1.csv", "text.csv", "missing.csv"
+        "healthy.csv", "empty.csv", "log0.csv", "log1.csv", "text.csv", "missing.csv"
     ]  # fmt: skip
 
 
