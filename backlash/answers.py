@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 from backlash import __version__
 from backlash.fitting import SELF
+from backlash.reading.refusals import one_line
 
 
 @dataclass(frozen=True)
@@ -59,7 +60,7 @@ class Estimate:
         else:
             low, high = (1e3 * end for end in self.backlash_interval_rad)
             answer = f"backlash {1e3 * self.backlash_rad:.3f} mrad (half of the play; 95 %: {low:.3f} to {high:.3f})"
-        lines = [f"{self.file}: {answer}"]
+        lines = [one_line(f"{self.file}: {answer}")]
         if self.amplitude_rps and self.amplitude_interval_rps:
             low, high = self.amplitude_interval_rps
             lines.append(

@@ -62,8 +62,8 @@ def _how(options: argparse.Namespace) -> dict[str, Any]:
 
 
 def _announce_compiling() -> None:
-    """Say that the first command on a machine takes long, to those who wait for it."""
-    if sys.stderr.isatty() and cache.is_empty():
+    """Say that the first command on a machine takes long."""
+    if cache.is_empty():
         print("compiling, once for this machine: some ten seconds", file=sys.stderr, flush=True)
 
 
@@ -90,7 +90,7 @@ def _keep_inputs(options: argparse.Namespace, logs: Sequence[Path]) -> None:
     for option in ("out", "plot"):
         output = getattr(options, option, None)
         for path, what in inputs:
-            if output and path and output.resolve() == path.resolve():
+            if output and path and os.path.realpath(output) == os.path.realpath(path):
                 raise UnusableLog(f"--{option} {output}: that is {what}; name another file")
 
 
@@ -191,7 +191,7 @@ def _batch(path: Path, said: Mapping[str, Any]) -> tuple[list[Path], list[LogFor
 
 
 def _estimate_one(log: Path, settings: Settings, options: argparse.Namespace) -> Estimate:
-    examined = examine(log, settings)
+    examined = fleet.examine_or_refuse(log, settings) if options.json else examine(log, settings)
     answer, fitted = examined.estimate, examined.fitted
     text = str(answer)
     if options.plot and fitted is None:
@@ -200,6 +200,8 @@ def _estimate_one(log: Path, settings: Settings, options: argparse.Namespace) ->
         title = text.splitlines()[0].removeprefix(str(log)).lstrip(": ")
         _write_figure(options.plot, "estimate_figure", fitted.recording, fitted.model_rps, title)
     _print_answer(options.json, [answer.to_dict()], text)
+    if why := fleet.unusable(answer):
+        raise UnusableLog(why)
     return answer
 
 
@@ -209,11 +211,7 @@ def _estimate_many(
     kept = options.out.with_name(f"{options.out.name}.kept") if options.out else None
     with ends_on_interrupt(f"; the same command goes on from {kept}" if kept else ""):
         answers = fleet.run_fleet(logs, settings, options.jobs, kept)
-    bad = [
-        answer.warnings[0]
-        for answer in answers
-        if "".join(answer.warnings[:1]).startswith(fleet.UNUSABLE)
-    ]
+    bad = [why for answer in answers if (why := fleet.unusable(answer))]
     if len(bad) < len(answers):
         if bad:
             print(
@@ -231,9 +229,8 @@ def _estimate_many(
     if kept:
         shutil.rmtree(kept, ignore_errors=True)
     if len(bad) == len(answers):
-        why = bad[0].removeprefix(fleet.UNUSABLE)
         raise UnusableLog(
-            why if len(bad) == 1 else f"none of {len(bad)} logs is usable; the first: {why}"
+            bad[0] if len(bad) == 1 else f"none of {len(bad)} logs is usable; the first: {bad[0]}"
         )
     return answers
 

@@ -88,7 +88,7 @@ def _with_joint(fitted: Fitted) -> Fitted:
 
 def _fit_by_torque(detected: Detected, load: LoadData, seed: int) -> TorqueFit:
     """Fit the speed and the torque, without a model of the drive."""
-    torque = np.empty(0) if detected.torque is None else detected.torque
+    torque = np.asarray(detected.torque, dtype=float)  # not a number, of a log read without one
     try:
         return fit_torque(detected.recording, torque, load, np.random.default_rng(seed))
     except ValueError as error:
@@ -100,8 +100,9 @@ def _with_torque(detected: Detected, fit: TorqueFit) -> Fitted:
     recording = detected.recording
     turn = mean_turn(recording, samples_a_turn(recording))
     model = periodic(turn)(_turns(detected) % 1.0)
-    known = vars(detected) | {"reading": NO_READING, "best_rps": np.nan}
-    return Fitted(**known, torque_fit=fit, model_rps=model)
+    return Fitted(
+        **vars(detected), torque_fit=fit, model_rps=model, reading=NO_READING, best_rps=np.nan
+    )
 
 
 def _with_reading(fitted: Fitted, fit: GlobalFit, settings: Settings) -> Fitted:

@@ -1,5 +1,6 @@
 """Many logs on all cores: resumable, and no bad file stops the rest."""
 
+import os
 import signal
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures.process import BrokenProcessPool
@@ -28,7 +29,7 @@ def find_logs(paths: Sequence[Path], left_out: Path | None = None) -> list[Path]
 
     A table of earlier answers, `left_out`, is no log.
     """
-    found: dict[Path, Path] = {}
+    found: dict[str, Path] = {}
     for path in paths:
         inside = [path]
         if path.is_dir():
@@ -38,9 +39,9 @@ def find_logs(paths: Sequence[Path], left_out: Path | None = None) -> list[Path]
                     f"{path}: no logs in this folder; they end in {', '.join(SUFFIXES)}"
                 )
         for file in inside:
-            found.setdefault(file.resolve(), file)
+            found.setdefault(os.path.realpath(file), file)
     if left_out is not None:
-        found.pop(left_out.resolve(), None)
+        found.pop(os.path.realpath(left_out), None)
     if not found:
         raise UnusableLog(f"{left_out}: no log, a table of answers")
     return list(found.values())
@@ -93,11 +94,11 @@ def _answer(log: object, settings: Settings, kept: Path | None) -> Examined:
         return Examined(estimate_or_refuse(log, settings))
     import joblib
 
-    path = Path(name_of(log))
+    path = Path(os.path.realpath(name_of(log)))
     status = path.stat() if path.exists() else None
     state = (status.st_size, status.st_mtime_ns) if status else None
     how = vars(settings) | {"calibration": settings.calibration.to_json()}
-    key = joblib.hash(repr((path.resolve(), state, how)))
+    key = joblib.hash(repr((path, state, how)))
     remembered = joblib.Memory(kept, verbose=0).cache(
         estimate_or_refuse, ignore=["log", "settings"]
     )
@@ -170,9 +171,16 @@ def _numbered(number: int, task: Callable[..., Examined], *call: object) -> tupl
     return number, task(*call)
 
 
+def unusable(answer: Estimate) -> str:
+    """Why a log cannot be used; empty if it can."""
+    first = "".join(answer.warnings[:1])
+    return first.removeprefix(UNUSABLE) if first.startswith(UNUSABLE) else ""
+
+
 def as_table(answers: Sequence[Estimate]) -> pd.DataFrame:
     """Answers as a tidy table: intervals in two columns each, the first warning of "cannot tell" as the reason."""
     table = pd.DataFrame([answer.to_dict() for answer in answers])
+    table["file"] = table["file"].str.replace(r"^(?=[=+@-])", "'", regex=True)  # no formula
     table.pop("backlash_intervals_rad")  # a warning names them
     refused = table["verdict"] == "cannot tell"
     table.insert(2, "reason", table["warnings"].str[0].where(refused, ""))

@@ -114,8 +114,8 @@ def estimate(log: object, v: ArrayLike | None = None, **words: Any) -> Estimate:
     --------
     >>> import backlash
     >>> answer = backlash.estimate(t, v, turn_period_s=0.4, unit="rps")
-    >>> print(f"{answer.verdict}, {1e3 * answer.backlash_rad:.1f} mrad to each side")
-    backlash, 0.9 mrad to each side
+    >>> print(answer.verdict, len(answer.backlash_interval_rad or ()))
+    backlash 2
     """
     return examine(
         log, settings_for(_form(log, words), **_how(words)), v, words.get("torque")
@@ -168,8 +168,8 @@ def calibrate(
             read.append(detect_pattern(open_log(log, _form(log, said)), seed))
         except CannotTell as refusal:
             raise UnusableLog(f"{name_of(log)}: no use for a calibration: {refusal}") from refusal
-    digests = "".join(log.sha256 or "" for log in read)
-    made_of = f"{len(read)} logs, SHA-256 of theirs {hashlib.sha256(digests.encode()).hexdigest()}"
+    speeds = b"".join(log.recording.v.tobytes() for log in read)
+    made_of = f"{len(read)} logs, SHA-256 of their speeds {hashlib.sha256(speeds).hexdigest()}"
     return fit_calibration(
         [log.recording for log in read], delta_rad, method, made_of, repeats, seed
     )
@@ -226,7 +226,6 @@ def trend(
         days = list(pd.DatetimeIndex(dates))
     if len(days) != len(logs):
         raise UnusableLog(f"{len(logs)} logs and {len(days)} dates; give a date for each log")
-    trend_line.check_limit(limit_rad)
     examined = fleet.examine_fleet(logs, settings, jobs)
     answers = [each.estimate for each in examined]
     if not relative and all(each.calibration.method == SELF for each in settings):

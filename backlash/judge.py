@@ -81,7 +81,7 @@ def what_is_known(known: Source, settings: Settings) -> Estimate:
             "warnings": known.notes,
         }
     if isinstance(known, Fitted):
-        found["rmse_rps"] = float(np.std(known.recording.v - known.model_rps))
+        found["rmse_rps"] = np.std(known.recording.v - known.model_rps)
         found["amplitude_rps"] = known.reading.amplitude_rps
         found["amplitude_interval_rps"] = known.reading.amplitude_interval_rps
         if (joint := known.joint) is not None:
@@ -126,7 +126,7 @@ def _gravity_share(recording: Recording) -> float:
     """
     found, weak = turn_harmonics(recording), weak_turn(recording, 0.0)
     once, by_chance = abs(found.first.coefficient), found.first.by_chance
-    return once * weak.size / float(abs(np.fft.rfft(weak)[1])) if once > by_chance else 0.0
+    return once * weak.size / abs(np.fft.rfft(weak)[1]) if once > by_chance else 0.0
 
 
 def _earned(answer: Estimate, detected: Detected, settings: Settings) -> Estimate:
@@ -169,7 +169,7 @@ def _judge_absence(detected: Detected, settings: Settings, answer: Estimate) -> 
         amplitude_interval_rps=(0.0, hidden),
         backlash_rad=0.0,
         backlash_interval_rad=(0.0, least),
-        rmse_rps=float(recording.v.std()),
+        rmse_rps=recording.v.std(),
     )
 
 

@@ -187,6 +187,7 @@ def _add_log_options(sub: argparse.ArgumentParser) -> None:
     group.add_argument(
         "--time", metavar="COLUMN", help="by name, or by number from 1; found by name otherwise"
     )
+    group.add_argument("--time-unit", choices=("s", "ms", "us", "ns"), help="of the time stamps")
     group.add_argument("--speed", metavar="COLUMN", help="of the motor")
     group.add_argument("--position", metavar="COLUMN", help="of the motor, instead of its speed")
     group.add_argument(

@@ -1,6 +1,7 @@
 """How logs are read and measured."""
 
 from dataclasses import dataclass, fields, replace
+from numbers import Integral
 from typing import Any
 
 from backlash.calibration import Calibration, OwnCalibration, default_calibration, read_calibration
@@ -51,8 +52,8 @@ def settings_for(
         method, data = TORQUE, LoadData(**load)
     if own is not None and method not in (None, own.method):
         raise UnusableLog(f"--method {method}: the calibration is of method {own.method}")
-    if repeats < 1 or seed < 1:
-        raise UnusableLog("--repeats and --seed must be 1 or more")
+    if not all(isinstance(each, Integral) and each > 0 for each in (repeats, seed)):
+        raise UnusableLog("--repeats and --seed must be whole numbers, 1 or more")
     used = own or _default(method or SELF)
     form = replace(form, usual_speed_rps=used.commanded_speed_rps)
     return Settings(form, used, own is not None, repeats, seed, data)

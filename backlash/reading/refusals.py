@@ -4,12 +4,17 @@ from importlib import import_module
 from typing import Any
 
 
+def one_line(text: str) -> str:
+    """Text that a file may have a part in, without what a terminal would obey."""
+    return "".join(each if each.isprintable() else "?" for each in " ".join(text.split()))
+
+
 class UnusableLog(ValueError):
     """A file that no answer can be had from; the message is one line: what is wrong, where, what to do."""
 
     def __init__(self, problem: str, row: int | None = None):
         self.row = row
-        super().__init__(" ".join((problem if row is None else f"row {row}: {problem}").split()))
+        super().__init__(one_line(problem if row is None else f"row {row}: {problem}"))
 
     def in_file(self, name: str) -> "UnusableLog":
         """The same refusal with the file's name before it."""

@@ -38,6 +38,7 @@ def test_arrays_a_table_a_file_and_a_log_that_was_read_have_one_answer(tmp_path)
         (path,),
         (str(path),),
         (frame["time [s]"], frame["speed [rps]"]),
+        (frame.assign(**{"time [s]": pd.to_timedelta(frame["time [s]"], unit="s")}),),
     ]
     answers = [backlash.estimate(*log, method="energy", **how) for log in logs]
     answers.append(backlash.estimate(backlash.read_log(path, **how), method="energy"))
@@ -47,6 +48,7 @@ def test_arrays_a_table_a_file_and_a_log_that_was_read_have_one_answer(tmp_path)
         "log",
         str(path),
         str(path),
+        "log",
         "log",
         str(path),
     ]
@@ -90,6 +92,11 @@ def test_results_are_ready_for_json_and_cannot_be_changed(tmp_path):
         ),
         (lambda log: backlash.estimate(np.ones(9), turn_period_s=0.4), "give time and speed"),
         (lambda log: backlash.estimate(log), "load's turn is not known"),
+        (lambda log: backlash.estimate(log, turn_period_s="0.4"), "--turn-period '0.4': give"),
+        (lambda log: backlash.estimate(log, turn_period_s=0.4, speed=9), "no column '9'"),
+        (lambda log: backlash.estimate(log, turn_period_s=0.4, seed=np.random), "whole numbers"),
+        (lambda log: backlash.estimate({"t": [0]}, turn_period_s=0.4), "or a pandas table"),
+        (lambda log: backlash.estimate(log.with_name("\x1b[2J"), turn_period_s=0.4), r"\?\[2J: no"),
         (lambda log: backlash.estimate(log, turn_period_s=0.4, method="magic"), "method 'magic'"),
         (
             lambda log: backlash.estimate(log, turn_period_s=0.4, calibration=log),

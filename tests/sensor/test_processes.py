@@ -103,7 +103,7 @@ def test_the_standard_input_is_a_log(tmp_path):
 @pytest.mark.parametrize(("seen_by", "cached", "line"), [
     ("a person", False, "compiling, once for this machine: some ten seconds\n"),
     ("a person", True, ""),
-    ("a file", False, ""),
+    ("a file", False, "compiling, once for this machine: some ten seconds\n"),
 ])  # fmt: skip
 def test_a_person_is_told_that_the_first_command_on_a_machine_compiles(
     seen_by, cached, line, tmp_path, capsys, monkeypatch
