@@ -92,7 +92,8 @@ def estimate(log: object, v: ArrayLike | None = None, **words: Any) -> Estimate:
         Of your joint. Without one, method "self" takes the joint from the log; it knows joints under a drive of the
         paper's kind.
     method : str, optional
-        "self", "torque", "waveform", "energy", "amplitude" or "paper"; default: the calibration's, else "self".
+        "torque", "waveform", "energy", "amplitude", "paper" or "self", for the paper's kind of drive only; default:
+        "torque" with a torque, the calibration's, else "self".
     repeats, seed : int
         Searches of method "paper", and the first seed.
     **words

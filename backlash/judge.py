@@ -34,8 +34,8 @@ _OFF = 0.05  # of the amplitude; searches that all end in the best minimum diffe
 _FAR_OUTSIDE = 1.2  # times the value at the end of the range; a cubic beyond means nothing
 _IF_IT_REVERSES = "if the load's friction is below gravity: above, the teeth never part, and only the torque shows that"
 _ADVICE = (
-    "method self knows joints under a drive of the paper's kind; for any other, calibrate on the joint itself: "
-    f"backlash calibrate, with its logs at {LEAST_LEVELS} or more known backlashes, method waveform, or --torque"
+    "method self knows joints under a drive of the paper's kind alone; for any other, log the torque too (--torque), "
+    f"or calibrate on the joint itself: backlash calibrate, with its logs at {LEAST_LEVELS} or more known backlashes"
 )
 
 
@@ -222,7 +222,7 @@ def _beyond(reading: Reading, found: Backlash, calibration: Calibration) -> str:
 
 def _judge_torque(fit: TorqueFit, said: str, answer: Estimate) -> Estimate:
     """Answer by the speed and torque of a log, and name what was said of the load."""
-    inertia = f"the motor's inertia is then {fit.motor_inertia:.3g}, in the torque's unit over rad/s^2: is that right?"
+    inertia = f"the backlash goes with m g r / J_l; the motor's inertia is {fit.motor_inertia:.3g} torque s^2/rad: right?"
     return replace(
         answer,
         verdict="backlash",

@@ -14,7 +14,11 @@ from backlash.fitting import METHODS, SENSOR_METHODS
 from backlash.reading import UNITS
 from backlash.reading.refusals import UnusableLog
 
-_ABOUT = "Backlash, half of the total play, of a robot's joint from logs of the motor encoder."
+_ABOUT = (
+    "Backlash, half of the total play, of a robot's joint from logs of the motor encoder and torque. The test needs "
+    "a horizontal axis, an off-centre load whose gravity is above its friction, and four turns or more in one "
+    "direction at constant speed."
+)
 _DEFECT = 1
 _UNUSABLE = 2
 _INTERRUPTED = 130
@@ -222,37 +226,16 @@ def _add_searches(sub: argparse._ActionsContainer) -> None:
 
 
 def _add_measuring(sub: argparse.ArgumentParser) -> None:
-    group = sub.add_argument_group("measuring")
-    group.add_argument(
-        "--calibration",
-        type=Path,
-        metavar="FILE",
-        help="of your joint; default: what the log tells",
+    group = sub.add_argument_group(
+        "measuring: by the torque under any drive (proportional to --gravity), else by the speed"
     )
     group.add_argument(
-        "--method",
-        choices=SENSOR_METHODS,
-        help="default: the calibration's, torque with --torque, else self, for a drive of the paper's kind",
-    )
-    _add_searches(group)
-    group.add_argument(
-        "--torque", metavar="COLUMN", help="of the motor, with the next two; for any drive"
+        "--torque", metavar="COLUMN", help="or current; positive if it drives forward"
     )
     for option, name, metavar, usual, text in (
-        (
-            "--inertia-ratio",
-            "inertia_ratio",
-            "RHO",
-            None,
-            "J_l/(N^2 J_m), from a data sheet or the drive's autotune",
-        ),
-        (
-            "--gravity",
-            "gravity_per_s2",
-            "PER_S2",
-            None,
-            "m g r/J_l [1/s^2], from a data sheet or autotune",
-        ),
+        ("--gravity", "gravity_per_s2", "PER_S2", None, "m g r/J_l; 9.81/r of a point at r [m]"),
+        ("--inertia-ratio", "inertia_ratio", "RHO", None, "J_l/(N^2 J_m), load over motor"),
+        ("--gravity-sd", "gravity_sd", "SHARE", 0.05, "relative SD of --gravity (default: 0.05)"),
         (
             "--inertia-sd",
             "inertia_sd",
@@ -260,9 +243,17 @@ def _add_measuring(sub: argparse.ArgumentParser) -> None:
             0.1,
             "relative SD of --inertia-ratio (default: 0.1)",
         ),
-        ("--gravity-sd", "gravity_sd", "SHARE", 0.05, "relative SD of --gravity (default: 0.05)"),
     ):
         group.add_argument(option, dest=name, type=float, metavar=metavar, default=usual, help=text)
+    group.add_argument(
+        "--calibration", type=Path, metavar="FILE", help="of your joint, for any drive"
+    )
+    group.add_argument(
+        "--method",
+        choices=SENSOR_METHODS,
+        help="default: torque with --torque, the calibration's, else self: for the paper's kind of drive only",
+    )
+    _add_searches(group)
     group.add_argument(
         "--jobs", type=int, default=-1, help="processes for many logs (default: -1, all cores)"
     )

@@ -71,9 +71,8 @@ class TurnHarmonics:
 def turn_harmonics(recording: Recording) -> TurnHarmonics:
     """Average a record's settled turns in the frequency domain; refuse it where too short, coarse or still."""
     dt, period = recording.sample_s, recording.turn_period_s
-    phase, v = drop_first_turn(recording)
-    once = _first_order(phase, v, dt / period)
-    phase, v = _without_transient(phase, v, period)
+    whole = drop_first_turn(recording)
+    phase, v = _without_transient(*whole, period)
     turns = int((phase[-1] - phase[0]) + dt / period + 1e-6)
     if turns < 2 or period < 16 * dt:
         raise ValueError(
@@ -105,7 +104,7 @@ def turn_harmonics(recording: Recording) -> TurnHarmonics:
     noise = np.sqrt([np.nanmean(between[low:high]) for low, high in zip(first, end, strict=True)])
     quiet = bool(np.median(noise) < model)
     return TurnHarmonics(
-        first=once,
+        first=_first_order(*whole, dt / period),
         order=order,
         coefficient=bins[turns * order] * np.exp(-2j * np.pi * order * phase[0]),
         sd=np.maximum(noise, model),
@@ -117,7 +116,7 @@ def turn_harmonics(recording: Recording) -> TurnHarmonics:
 
 
 def _first_order(phase: FloatArray, v: FloatArray, step: float) -> FirstOrder:
-    turns = max(int(phase[-1] - phase[0] + step + 1e-6), 1)
+    turns = int(phase[-1] - phase[0] + step + 1e-6)
     v = v[: int(turns / step + 0.5)]
     bins, between = _spectrum(v - v.mean(), turns, 2, turns / step)
     around = between[turns // 2 :]

@@ -282,7 +282,7 @@ def _refusal_reason(fit: _Goodness, peak: Peak, ring_noise_ratio: float, second:
     if residual_p < _IMPOSSIBLE_RESIDUAL:
         return f"no joint of the paper's kind makes this record (a residual like its one: p = {residual_p:.0e})"
     if second.chance < _IMPROBABLE_SECOND_MASS:
-        return f"something else swings on the load (near {second.ring_hz:.0f} Hz)"
+        return f"the joint rings a second time (near {second.ring_hz:.0f} Hz): two masses, or another drive"
     scatter = max(fit.chi2 / fit.freedom, 1.0)
     if (p := _prior_p(peak, scatter, _DRIVE)) < _IMPROBABLE_DRIVE:
         return f"the drive is not of the paper's kind (its inner workings stray from what is known: p = {p:.0e})"

@@ -228,7 +228,7 @@ def fit_torque(
     drawn = [_solve(*_draw(turn, load, rng), instruments, first).delta_rad for _ in range(_DRAWS)]
     deviation = float(np.hypot(np.std(drawn), _METHOD_ERROR * delta))
     interval = max(delta - NORMAL_95 * deviation, 0.0), max(delta + NORMAL_95 * deviation, 0.0)
-    reason = f"the torque tells {delta:.2g} rad with an SD of {deviation:.2g}, above {MOST_SD:.0%}"
+    reason = f"it tells {delta:.2g} rad, SD {deviation:.2g}, above {MOST_SD:.0%}; log more turns, or quieter"
     mean, gravity = np.mean(torque), 2 * abs(turn.mean[1, 1])
     return TorqueFit(
         delta,
