@@ -222,7 +222,7 @@ def _beyond(reading: Reading, found: Backlash, calibration: Calibration) -> str:
 
 def _judge_torque(fit: TorqueFit, said: str, answer: Estimate) -> Estimate:
     """Answer by the speed and torque of a log, and name what was said of the load."""
-    inertia = f"the backlash goes with m g r / J_l; the motor's inertia is {fit.motor_inertia:.3g} torque s^2/rad: right?"
+    inertia = f"it goes with m g r / J_l; the motor's inertia is {fit.motor_inertia:.3g} torque s^2/rad: right?"
     return replace(
         answer,
         verdict="backlash",
