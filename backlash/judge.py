@@ -132,12 +132,16 @@ def _gravity_share(recording: Recording) -> float:
 def _earned(answer: Estimate, detected: Detected, settings: Settings) -> Estimate:
     """An absence, unless something rings, or nothing tells that the load reversed.
 
-    By speed alone that is gravity's part once a turn. It says nothing of constant friction, which
+    What rings is a pattern beyond noise: a global fit finds an amplitude in any noise. By speed
+    alone a reversal is gravity's part once a turn. It says nothing of constant friction, which
     moves the speed in no way.
     """
-    if answer.amplitude_interval_rps and answer.amplitude_interval_rps[0] > 0:
+    if detected.presence.found:
         what = f"no backlash fits, but an oscillation of {answer.amplitude_rps:.3g} rps repeats itself every turn"
         raise CannotTell("no signature", what)
+    typical = band_energy(typical_half_turn(detected.recording), detected.recording)
+    hidden = float(np.sqrt(detected.presence.detectable_rps2 / typical))
+    answer = replace(answer, amplitude_rps=0.0, amplitude_interval_rps=(0.0, hidden))
     if settings.load is not None:
         return answer
     if _gravity_share(detected.recording) == 0:
@@ -152,21 +156,17 @@ def _judge_absence(detected: Detected, settings: Settings, answer: Estimate) -> 
         what = "something repeats itself every turn, but not with the opposite sign half a turn later, as backlash"
         cause = "is there much friction, another axis moving, or mains hum in step with the turn?"
         raise CannotTell("no signature", f"{what} under gravity alone does; {cause}")
-    typical = band_energy(typical_half_turn(recording), recording)
-    hidden = float(np.sqrt(presence.detectable_rps2 / typical))
     least = settings.calibration.range_rad[0]
     share = min(_gravity_share(recording) or 1.0, 1.0)
     if presence.detectable_rps2 > share**2 * _least_energy(recording, least):
-        noise = f"in this noise ({presence.noise_rps:.3g} rps) an oscillation of up to {hidden:.3g} rps stays hidden"
-        backlash = f"more than a backlash of {least:.3g} rad makes"
+        noise = f"this noise ({presence.noise_rps:.3g} rps) may hide"
+        backlash = f"what a backlash of {least:.3g} rad makes"
         raise CannotTell(
-            "too noisy", f"nothing found, but {noise}, {backlash}; log more turns, or quieter"
+            "too noisy", f"nothing found, but {noise} {backlash}; log more turns, or quieter"
         )
     return replace(
         answer,
         verdict="no backlash",
-        amplitude_rps=0.0,
-        amplitude_interval_rps=(0.0, hidden),
         backlash_rad=0.0,
         backlash_interval_rad=(0.0, least),
         rmse_rps=recording.v.std(),

@@ -29,9 +29,9 @@
 # ## Method
 #
 # *The movement*: a horizontal axis and an off-centre load, whose gravity is above its friction, so that gravity swings
-# the load through the gap twice a turn; constant motor speed; twelve load turns in one direction, four at least. *The log*: time and the encoder's position or speed, at 500 Hz if you can; the joint
-# rings near 21 Hz, and sampling below 84 Hz tells nothing. *The backlash* $\delta$ is half of the total play: the teeth
-# are free over $2 \delta$.
+# the load through the gap twice a turn; constant motor speed; twelve load turns in one direction, four at least.
+# *The log*: time and the encoder's position or speed, at 500 Hz if you can; the joint rings near 21 Hz, and sampling
+# below 84 Hz tells nothing. *The backlash* $\delta$ is half of the total play: the teeth are free over $2 \delta$.
 #
 # *The calibration*: logs of the same movement at six or more known backlashes of your joint. Method `waveform` makes
 # of them the settled motor speed $w(\varphi; \delta)$ [rps], less its mean, at each phase $\varphi$ of a load turn, a
