@@ -7,6 +7,10 @@ CHANGES := tests/test_try_changing.py tests/test_ten_changes.py
 STUDY := OPENBLAS_NUM_THREADS=1 $(PY) -m studies
 PYTEST := OPENBLAS_NUM_THREADS=1 $(PY) -m pytest --numprocesses 2 --dist worksteal
 export PYTHONPATH := $(CURDIR)
+# The make that a user started, not one below it: a run ends with it, even if it is killed.
+ifndef TOP_MAKE
+export TOP_MAKE := $(shell echo $$PPID)
+endif
 
 PAPER := $(wildcard notebooks/[0-9]*.py)
 BEYOND := $(wildcard notebooks/beyond/[0-9]*.py)
@@ -19,6 +23,7 @@ help:  ## list the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 16
 
 all: .venv/.installed  ## every notebook, figure, table, verdict, the report and the article
+	@$(RUN) free
 	@mkdir -p .make && rm -f .make/due
 	@$(MAKE) --no-print-directory --keep-going .make/noted
 	@if [ -s .make/due ]; then rm -f .make/workbook.done; fi
@@ -49,8 +54,8 @@ report: .venv/.installed  ## results/report.html from the results
 	$(RUN) collect
 	$(RUN) report
 
-article: .venv/.installed  ## results/article.pdf, the replication article, from the results
-	$(RUN) article
+article: .venv/.installed  ## results/article.pdf from the results; FINAL=1 refuses while names or addresses are open
+	$(RUN) article $(if $(FINAL),--final)
 
 bench: .venv/.installed  ## time what was made fast against a direct arm, into results/bench.csv
 	OPENBLAS_NUM_THREADS=1 $(PY) -m tests.tools.timings
@@ -58,9 +63,6 @@ bench: .venv/.installed  ## time what was made fast against a direct arm, into r
 studies: .venv/.installed  ## slow studies whose tables are kept: make studies NAME=claims (make studies lists them)
 	$(if $(filter sensitivity,$(NAME)),$(PY) -m tests.tools.sensitivity && $(RUN) report,$(STUDY) $(or $(NAME),--help))
 	@$(if $(NAME),,echo "and sensitivity: which cells, claims and tests notice a wrong constant")
-
-protocols: .venv/.installed  ## make studies NAME=protocols: every protocol that may have printed Table 2
-	$(STUDY) protocols
 
 # NumPy without SIMD and numba for a generic processor; of the kernels, Katmai (Prescott) needs no AVX.
 KERNELS ?= Haswell Prescott
@@ -75,7 +77,7 @@ data: .venv/.installed  ## fetch and verify the authors' data
 
 lab: .venv/.installed  ## JupyterLab on copies of the notebooks, in lab/
 	$(RUN) lab
-	JUPYTERLAB_SETTINGS_DIR=lab/.settings $(PY) -m jupyterlab --ServerApp.root_dir=lab --LabApp.default_url=/lab/tree/00_start_here.ipynb
+	JUPYTERLAB_SETTINGS_DIR=lab/.settings $(PY) -m jupyterlab $$([ "$$(id -u)" != 0 ] || echo --allow-root) --ServerApp.root_dir=lab --LabApp.default_url=/lab/tree/00_start_here.ipynb
 
 lint: .venv/.installed  ## style, format, types and spelling
 	$(PY) -m ruff check .
@@ -83,13 +85,16 @@ lint: .venv/.installed  ## style, format, types and spelling
 	$(PY) -m mypy
 	$(PY) -m codespell_lib
 
+audit: .venv/.installed  ## known vulnerabilities of the locked versions
+	$(PY) -m uv tool run pip-audit --requirement requirements.lock --disable-pip
+
 lock: .venv/.installed  ## pin the newest versions that pyproject.toml allows
 	$(PY) -m uv pip compile pyproject.toml --quiet --upgrade --universal --python-version 3.11 --extra dev \
 	  --generate-hashes --no-emit-index-url --no-header --no-annotate \
 	  --output-file requirements.lock
 
 clean:  ## remove what can be made again and is not committed
-	rm -rf .make .staging-* results/quick results/lab notebooks/partial notebooks/beyond/partial .pytest_cache .ruff_cache .hypothesis
+	rm -rf .make .staging* results/quick results/offline results/lab notebooks/partial notebooks/beyond/partial .pytest_cache .ruff_cache .hypothesis
 	find . -name __pycache__ -not -path './.venv/*' -prune -exec rm -rf {} +
 
 # ---------------------------------------------------------------------------------------------------------------
@@ -115,8 +120,9 @@ $(BEYOND:notebooks/beyond/%.py=.make/%.done): .make/%.done: notebooks/beyond/%.p
 	@mkdir -p .make && echo $< >> .make/due
 
 # A notebook that fails keeps neither the others nor the report from being made, but make from ending well.
+# A run that was interrupted (130; a killed make too), or that another one locks out (2), ends here.
 .make/workbook.done: $(STAMPS) $(wildcard workbook/*.py workbook/report/*.py workbook/report/templates/*.j2 article/*.* replication/data/*.*)
-	@if [ -s .make/due ]; then $(RUN) run --stamps .make --watch $$PPID $$(sort -u .make/due); fi; echo $$? > .make/status
+	@if [ -s .make/due ]; then $(RUN) run --stamps .make --watch $$TOP_MAKE $$(sort -u .make/due); fi; code=$$?; echo $$code > .make/status; [ $$code -lt 2 ]
 	$(RUN) collect
 	$(RUN) report
 	$(RUN) article || true

@@ -4,6 +4,7 @@ import os
 import signal
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures.process import BrokenProcessPool
+from contextlib import contextmanager
 from dataclasses import replace
 from functools import partial
 from operator import itemgetter
@@ -149,11 +150,8 @@ def _in_processes(
         # Processes inherit that Ctrl-C is held back: this one ends them. To start the tracker would
         # let it go.
         resource_tracker.ensure_running()
-        before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
-        try:
+        with _ctrl_c_held_back():
             found = Parallel(n_jobs=jobs, return_as="generator_unordered")(numbered)
-        finally:
-            signal.pthread_sigmask(signal.SIG_SETMASK, before)
         for number, examined in found:
             del left[number]
             yield number, examined
@@ -165,6 +163,18 @@ def _in_processes(
         again = list(left.items())
         for half in (again[::2], again[1::2]):
             yield from _in_processes(task, dict(half), jobs)
+
+
+@contextmanager
+def _ctrl_c_held_back() -> Iterator[None]:
+    if not hasattr(signal, "pthread_sigmask"):  # on Windows
+        yield
+        return
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 def _numbered(number: int, task: Callable[..., Examined], *call: object) -> tuple[int, Examined]:

@@ -82,15 +82,16 @@ def trend_figure(trend: Trend) -> Figure:
         delta,
         ends,
         fmt="o",
-        color="C5",
+        color="black",
         markersize=4,
         capsize=3,
         label="estimate, 95 %",
     )
     since = (points["date"] - trend.origin).dt.total_seconds().to_numpy() / 86400
     last = since[-1]
-    if trend.crossing_days:
-        ahead = trend.crossing_days[0] + 0.15 * np.ptp(since)
+    if trend.crossing is not None:
+        crossing = (trend.crossing - trend.origin).total_seconds() / 86400
+        ahead = crossing + 0.15 * np.ptp(since)
         last = max(last, min(ahead, last + 2 * np.ptp(since)))
     days = np.linspace(since[0], last, 200)
     line, half = trend.band(days)

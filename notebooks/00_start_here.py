@@ -407,7 +407,9 @@ print(f"simulated: {fitted[1] / (2 * np.pi):.2f} Hz, {fitted[0]:.1f} 1/s")
 # speed. Time passes five times slower while the gap is open.
 
 # %%
-animation = teeth.animate_teeth(run, joint)
+animation = workbook.plain_animation(
+    teeth.animate_teeth(run, joint), words="arm, teeth and motor speed"
+)
 HTML(animation)
 
 # %% [markdown]
@@ -446,7 +448,8 @@ pd.DataFrame(
 # %% [markdown]
 # 4. Take $A$ from the best fit. Runs of the same RMSE may differ in $A$ by up to 3 %: within one sample of 2 ms the
 #    instant $T_1$ does not change the fit, but it changes $A$. Equation 10 was made from another amplitude, the
-#    [theoretical](glossary.md#theoretical-a) one: the peak of the noise-free speed before it is sampled.
+#    [theoretical](glossary.md#theoretical-a) one: in our reading the peak of the noise-free speed before it is
+#    sampled.
 
 # %%
 A = min(fits, key=lambda fit: fit.rmse).amplitude_rps
@@ -523,6 +526,7 @@ explorer = {
     "turns": AUTHORS_PROTOCOL.turns,
     "population": AUTHORS_PROTOCOL.population,
     "printed_T_f": published.value("table1.T_f.max"),
+    "backlash_rad": delta_rad,
 }
 workbook.export(
     pages={"signature_explorer": explorer},

@@ -94,7 +94,7 @@
 #
 # The fit uses neither the other seven records nor the printed [theoretical $A$](glossary.md#theoretical-a). The
 # *structure* of the model was chosen with all of them in view, among the models listed below, so none of them
-# validates it independently. `make identify-joint` fits from rougher values and writes the set to
+# validates it independently. `make studies NAME=identify-joint` fits from rougher values and writes the set to
 # `replication/data/joint.json`; all else uses it without the authors' data.
 
 # %%
@@ -255,10 +255,11 @@ alpha.map("{:.4g}".format)
 # ### What helped, and what did not
 #
 # The log of the models that were fitted on the way. The structure was chosen by two figures together: the waveform
-# (NRMSE over all records) and the peaks before sampling (against the printed $A$). A continuous drive reproduces the
-# peaks within 2 % and the waveform within 5 %; a drive sampled at 2 ms has a better waveform, and peaks that depend on
-# its clock. About 1 ms of delay in the loop *and* a derivative reduce the misfit in the first 10 ms after an impact; a
-# leaky integrator, which adds freedom at the once-a-turn frequency, lowers both figures. It describes the authors'
+# (NRMSE over all records) and the peaks before sampling, our reading of $A$ (against the printed one). A continuous
+# drive reproduces the peaks within 2 % and the waveform within 5 %; a drive sampled at 2 ms has a better waveform, and
+# peaks that depend on its clock. About 1 ms of delay in the loop *and* a derivative reduce the misfit in the first 10
+# ms after an impact; a leaky integrator, which adds freedom at the once-a-turn frequency, lowers both figures. It
+# describes the authors'
 # loop; what it was in their model is not known. Friction, filters and damping add nothing.
 
 # %%

@@ -37,12 +37,13 @@
 # $$\text{NRMSE} = \frac{1}{s_K} \sqrt{\frac{1}{n} \sum_{t_i \ge T_f}
 # \left[v_\text{simulated}(t_i) - v_K(t_i)\right]^2}$$
 #
-# The settled peak is the [theoretical $A$](glossary.md#theoretical-a) [rps], before sampling:
+# The settled peak, before sampling, is our reading of the [theoretical $A$](glossary.md#theoretical-a) [rps]:
 #
 # $$A = \max_{t \ge T_f} v(t) - v_t$$
 #
 # The limits for both are set under *Verdict*. The model's structure was chosen with these records and peaks in
-# view (notebook 3), so this shows how well it fits, and is no independent validation.
+# view (notebook 3), so this shows how well it fits, and is no independent validation. The verdicts on the printed $A$
+# therefore rest on the clean records alone where these are public: their settled turns, interpolated.
 #
 # Coulomb friction $\tau_c$ [N m] adds to gravity on the load, whose speed $\omega_l$ [rad/s] does not change its sign:
 #
@@ -58,7 +59,8 @@ import workbook
 from replication import table2
 from replication.authors import CLEAN_LEVELS, level_delta_rad, load_clean_records
 from replication.figures import paper
-from replication.recording import COMMANDED_SPEED_RPS, TURN_PERIOD_S
+from replication.recording import COMMANDED_SPEED_RPS, TURN_PERIOD_S, Recording
+from replication.replay.inspection import interpolated_peak_rps
 from replication.simulator.identification import FINE_S
 from replication.simulator.parameters import (
     changeable,
@@ -120,8 +122,11 @@ fields = [
     "gear_ratio",
     "load_mass_kg",
     "stiffness_nm_per_rad",
+    "speed_gain_nms_per_rad",
+    "integral_gain_nm_per_rad",
+    "load_coulomb_nm",
+    "turn_period_s",
 ]
-fields += ["speed_gain_nms_per_rad", "integral_gain_nm_per_rad", "load_coulomb_nm", "turn_period_s"]
 of_joint = {name: [getattr(committed, name), getattr(joint, name)] for name in fields}
 pd.DataFrame(of_joint, index=["committed", "simulated here"]).T.map("{:.4g}".format)
 
@@ -134,11 +139,12 @@ pd.DataFrame(of_joint, index=["committed", "simulated here"]).T.map("{:.4g}".for
 delta_rad = level_delta_rad(level)
 run = simulate(joint, delta_rad, duration_s=12 * joint.turn_period_s, step_s=SIMULATION_STEP_S)
 shown = (run.time_s >= 2 * joint.turn_period_s) & (run.time_s <= 4 * joint.turn_period_s)
-motion = run.motor_position_rad - joint.commanded_speed_rad_per_s * run.time_s
+start_rad = joint.gear_ratio * joint.start_angle_rad
+motion = run.motor_position_rad - start_rad - joint.commanded_speed_rad_per_s * run.time_s
 displacement = run.motor_position_rad / joint.gear_ratio - run.load_position_rad
 recorded = records[delta_rad].v if compared else None
 signals = [
-    ("$\\theta_m - \\Omega t$\n[rad]", motion[shown], None),
+    ("$\\theta_m - N \\theta_0 - \\Omega t$\n[rad]", motion[shown], None),
     ("motor speed\n[rps]", run.motor_speed_rps[shown], recorded[shown] if compared else None),
     ("motor torque\n[N m]", run.motor_torque_nm[shown], None),
     ("$\\theta_m / N - \\theta_l$\n[$10^{-4}$ rad]", 1e4 * displacement[shown], None),
@@ -148,11 +154,13 @@ if compared:
         2, ("simulated $-$\nrecord [rps]", (run.motor_speed_rps - recorded)[shown], None)
     )
 figure10 = paper.simulated_joint(run.time_s[shown], signals)
+for edge in (-1e4, 1e4):
+    figure10.axes[-1].axhline(edge * delta_rad, color="0.5", linestyle=":")
 
 # %% [markdown]
 # ### Level by level
 #
-# Misfit and peak, on one level. 40 fine samples are 2 ms, and 200 samples of 2 ms the first turn of a record.
+# Misfit and peak of a run. 40 fine samples are 2 ms, and 200 samples of 2 ms the first turn of a record.
 
 # %%
 levels = {level_delta_rad(k): k for k in range(2, CLEAN_LEVELS.stop)}  # K = 2 has a printed A alone
@@ -173,15 +181,8 @@ def finely(joint, deltas_rad=tuple(levels)):
     )
 
 
-(fine,) = finely(joint, [delta_rad])
-of_level = {
-    "NRMSE": nrmse(fine, records[delta_rad]) if compared else np.nan,
-    "A [rps]": peak_rps(fine, joint),
-}
-pd.Series(of_level).to_frame(f"K = {level}").round(4)
-
 # %% [markdown]
-# The same for every level, with the change of the peak from that of the committed joint.
+# For every level, with the change of the peak from that of the committed joint:
 
 # %%
 printed = table2.theoretical_amplitudes()
@@ -207,6 +208,72 @@ table.assign(peak_change_percent=peak_change_percent.round(2))
 
 # %%
 validation = paper.validation(table)
+
+# %% [markdown]
+# ### The peaks without a simulator
+#
+# The settled turns of a record are periodic and have $n$ samples $v_j$ of $\Delta t$ = 2 ms. Between the samples we
+# take their Fourier series, the band-limited interpolation. It has no parameter to choose and no model of the joint:
+#
+# $$v(t) = \sum_{k=-n/2}^{n/2} c_k\, e^{2\pi i k t / (n \Delta t)}, \qquad
+# c_k = \frac{1}{n} \sum_{j=0}^{n-1} v_j\, e^{-2\pi i k j / n}$$
+#
+# (the two coefficients at $k = \pm n/2$ are halved). Simulated signals, whose peak before sampling is known, tell how
+# well this finds it. They are sampled at each of 40 phases within 2 ms, and rounded to 0.01 rps like the records.
+
+
+# %%
+def sampled(run, phase):
+    t, v = run.time_s[phase::40], run.motor_speed_rps[phase::40]
+    return Recording(
+        t - t[0],
+        np.round(v, 2),
+        committed.commanded_speed_rps,
+        committed.turn_period_s,
+        "simulated",
+    )
+
+
+of_interpolation = 100 * np.array(
+    [
+        interpolated_peak_rps(sampled(run, phase)) / peak_rps(run, committed) - 1
+        for run in finely(committed, list(printed)[1:])
+        for phase in range(40)
+    ]
+)
+pd.Series(
+    {
+        "rms error [%]": np.sqrt(np.mean(of_interpolation**2)),
+        "mean [%]": of_interpolation.mean(),
+        "lowest [%]": of_interpolation.min(),
+        "highest [%]": of_interpolation.max(),
+        "beyond 2.5 % [% of cases]": 100 * np.mean(np.abs(of_interpolation) > 2.5),
+    }
+).to_frame("interpolated peak, simulated signals").round(1)
+
+# %% [markdown]
+# The authors' clean records, at the levels of Table 2 that are public (K = 3 to 11; row 1 has none). We kept the
+# tolerance of 2.5 % that our simulator's peaks had. When we did, it was known that the interpolated peaks agree within
+# 2.3 %, so their agreement was no surprise.
+
+# %%
+traced = pd.DataFrame(
+    [
+        {
+            "dataset": f"Speeddata{levels[delta]}",
+            "largest_sample_rps": records[delta].v[200:].max() - COMMANDED_SPEED_RPS,
+            "interpolated_rps": interpolated_peak_rps(records[delta]),
+            "printed_A_rps": A,
+        }
+        for delta, A in printed.items()
+        if delta in records
+    ],
+    index=pd.Index(
+        [row for row, delta in enumerate(printed, start=1) if delta in records], name="row"
+    ),
+)
+traced["error_percent"] = 100 * (traced["interpolated_rps"] / traced["printed_A_rps"] - 1)
+traced.round(4)
 
 # %% [markdown]
 # ### How late the positive impact comes
@@ -261,12 +328,14 @@ lateness.round(4)
 
 # %%
 peaks = table.dropna(subset="printed_A_rps")["peak_rps"]
-cells = {
-    "simulated": {
-        f"table2.row{row:02d}.theoretical": peak for row, peak in enumerate(peaks, start=1)
-    }
+by_source = {
+    "authors": traced["interpolated_rps"],
+    "simulated": pd.Series(peaks.to_numpy(), index=range(1, peaks.size + 1)) if compared else {},
 }
-cells = cells if compared else {}
+cells = {
+    source: {f"table2.row{row:02d}.theoretical": peak for row, peak in found.items()}
+    for source, found in by_source.items()
+}
 display(workbook.judge(cells))
 name = f"The changed joint ({', '.join(changed)})" if changed else "The identified joint"
 mean, worst, off = (
@@ -292,6 +361,11 @@ else:
         f"records of {TURN_PERIOD_S:g} s at {COMMANDED_SPEED_RPS:g} rps."
     )
 print(
+    f"Read from the authors' clean records without a simulator, the peaks of {traced['error_percent'].size} levels lie "
+    f"within {traced['error_percent'].abs().max():.1f} % of the printed A: traced, not computed anew. The smallest "
+    "level has no public clean record."
+)
+print(
     f"Against the committed joint its peaks change by {peak_change_percent.min():+.1f} to "
     f"{peak_change_percent.max():+.1f} %, on average {peak_change_percent.mean():+.1f} %."
     if changed
@@ -303,8 +377,8 @@ panels = [
     "motor position less the commanded one",
     "motor speed",
     "motor torque (the current times a constant)",
+    "motor position over N less the load's position, with the edges of the gap (dotted)",
 ]
-panels.append("motor position on the load's side less the load's position")
 if compared:
     panels.insert(
         2, f"simulated less recorded speed, at most {np.abs(signals[2][1]).max():.2g} rps"
@@ -325,11 +399,12 @@ workbook.export(
         "nrmse_largest": (worst, ".1f"),
         "nrmse_left_out": (100 * table.loc[~used, "nrmse"].max(), ".1f"),
         "peak_error": (off, ".1f"),
+        "interpolated_error": (traced["error_percent"].abs().max(), ".1f"),
     },
     figures={
         "figure10_simulator": (
             figure10,
-            f"Two settled turns of our joint at level {level}, a backlash of {1e4 * delta_rad:g}e-4 rad: {listed}. "
+            f"Two settled turns of our joint at level {level}, a backlash of {1e4 * delta_rad:g}·10⁻⁴ rad: {listed}. "
             + (
                 "Only the speed is published."
                 if compared

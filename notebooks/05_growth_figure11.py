@@ -226,14 +226,15 @@ workbook.export(
         "figure05_speed_signal": (
             figure5,
             f"Motor speed of the simulated joint over four turns (dotted lines) {with_noise}, at a backlash of "
-            f"{1e4 * level_delta_rad(speed_level):g}e-4 rad. Two impacts a turn, opposite in sign, make the "
+            f"{1e4 * level_delta_rad(speed_level):g}·10⁻⁴ rad. Two impacts a turn, opposite in sign, make the "
             f"speed ring about the commanded {v_t:g} rps. The signal of the paper's figure 5 is not public.",
         ),
         "figure11_growth": (
             figure11,
             f"(a) One settled turn at each of {len(ten)} backlashes: the larger the backlash, the later the ring "
-            f"starts and the larger it is. (b) The settled peaks at {len(every)} backlashes: our peaks before sampling "
-            f"{beside}; those of 2 ms samples are up to "
+            f"starts and the larger it is. (b) The settled peaks at {len(every)} backlashes; the paper's end at "
+            f"{1e4 * max(ten):g}·10⁻⁴ rad, those of the authors' files at {1e4 * max(every):g}·10⁻⁴. Our peaks before "
+            f"sampling, as we read A, {beside}; those of 2 ms samples are up to "
             f"{100 * (1 - peaks['sampled_rps'] / peaks['amplitude_rps']).max():.1f} % smaller.",
         ),
     },

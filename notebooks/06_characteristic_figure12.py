@@ -145,10 +145,10 @@ workbook.sliders(
 # %% [markdown]
 # ### The same from our own simulations
 #
-# The identified joint (notebook 3) at the same ten levels. $A$ is the largest disturbance $v - v_t$ [rps] of the
-# [settled](glossary.md#settled) turns, before it is sampled at 2 ms; $v$ is the motor's speed, and $v_t$ the commanded
-# one. These peaks lie on a much smoother line than the printed ones. The cubic's coefficients differ; the line is
-# nearly the same.
+# The identified joint (notebook 3) at the same ten levels. In our reading $A$ is the largest disturbance $v - v_t$
+# [rps] of the [settled](glossary.md#settled) turns, before it is sampled at 2 ms; $v$ is the motor's speed, and $v_t$
+# the commanded one. These peaks lie on a much smoother line than the printed ones. The cubic's coefficients differ; the
+# line is nearly the same.
 
 # %%
 joint = changed_joint(identified_joint(), changes)
@@ -306,8 +306,6 @@ arithmetic
 
 # %%
 error = errors["error_rad"].abs()
-limit_rad = published.criterion("error_rad_large", criteria)
-as_a_bound = "holds" if error.max() <= limit_rad else "does not hold"
 A_rps = np.linspace(0, theoretical.max(), 1000)
 slope = np.gradient(polynomial(60 * A_rps, printed), A_rps).min()
 bits = published.value("text.encoder_bits")
@@ -318,9 +316,9 @@ claims = {
         f"{error.iloc[0]:.2g} rad at {delta[0]:.0e} rad",
     ),
     "error_rad_large": (
-        published.decide("error_rad_large", error.iloc[-1], criteria),
-        f"{error.iloc[-1]:.2g} rad at {delta[-1]:.1e} rad; the largest of all rows is {error.max():.2g} rad, at "
-        f"{delta[error.idxmax()]:.1e} rad: it should round to {limit_rad:g}; as a bound, it {as_a_bound}",
+        published.decide("error_rad_large", error.max(), criteria),
+        f"the largest error is {error.max():.2g} rad, at {delta[error.idxmax()]:.1e} rad; the number of the text is "
+        "read as an upper bound, and is not the largest error itself",
     ),
     "monotone": (
         published.decide("monotone", slope, criteria),

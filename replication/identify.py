@@ -11,20 +11,11 @@ from replication.compiled.bounds import from_box, into_box, margin_today
 from replication.compiled.misfit import fold, folded_rmse
 from replication.compiled.whole_run import whole_run
 from replication.recording import RPM_PER_RPS, Recording
-from replication.search import (
-    Generation,
-    Search,
-    check_settings,
-    generations,
-    random_normals,
-    search,
-)
+from replication.search import Generation, Search, check_settings, generations, random_normals
 from replication.signature import DAMPING_PER_S, FREQUENCY_HZ, Box, Timing, table1_box
 
 if TYPE_CHECKING:
     import cma
-
-UNBOUNDED = 1e3  # a box so much wider than Table 1's that no sample comes near its bounds
 
 
 @dataclass(frozen=True)
@@ -32,8 +23,7 @@ class Protocol:
     """How one CMA-ES fit is run; the defaults are the authors' notebook.
 
     The search starts from the middle of the box, with a quarter of its width as standard
-    deviations. "per run" and "per record" drop up to `latest_start` samples from a record's
-    beginning, drawn anew for each run, or once.
+    deviations. "per record" drops up to `latest_start` samples, drawn once, from a record's beginning.
     """
 
     name: str = "authors' notebook"  # what tables call it
@@ -46,12 +36,10 @@ class Protocol:
     T_d: float = 0.2  # delay of the second oscillation [s]
     T_f: float = 0.4  # turn period [s]
     turns: int = 12  # n of the model
-    start: str = "whole"  # "whole", "per run" or "per record"
+    start: str = "whole"  # or "per record"
     latest_start: int = 100  # sample
     engine: str = "2021"  # as the authors' library searched, by `search`; "cma": as the installed library does
     rpm: bool = False  # the search sees 60 (v - mean v), as equation 10 has A, and not v in rps
-    # T1 = 0 and this T2 are fixed, the five other parameters have no bounds.
-    fixed_T2_s: float | None = None
 
     @property
     def timing(self) -> Timing:
@@ -106,27 +94,6 @@ def paper_run(recording: Recording, protocol: Protocol, seed: int) -> Search:
     )
 
 
-def unbounded_run(recording: Recording, protocol: Protocol, seed: int) -> Search:
-    """Search over A, t0, tau, omega and v_t with T1 = 0 and the protocol's T2, from the box but not bounded by it."""
-    record = fold(recording.t, recording.v, protocol.timing)
-    box = protocol_box(recording, protocol)
-    middle = (box.upper + box.lower)[:5] / 2
-    half = (box.upper - box.lower)[:5] / 2
-    gate = np.tile([protocol.fixed_T2_s, 0.0], (protocol.population, 1))
-
-    def misfits(members: FloatArray) -> FloatArray:
-        if (np.abs(members - middle) > UNBOUNDED / 2 * half).any():
-            raise ValueError("a sample came near the bounds, which were not to be felt")
-        return folded_rmse(np.column_stack([members, gate]), record)
-
-    wide = Box(middle - UNBOUNDED * half, middle + UNBOUNDED * half)
-    steps = generations(
-        misfits, wide, random_normals(seed), protocol.population, sigma=1 / UNBOUNDED
-    )
-    found = search(steps, protocol.iterations)
-    return replace(found, best=np.append(found.best, gate[0]))
-
-
 def paper_fit(recording: Recording, protocol: Protocol, seed: int) -> Fit:
     """Fit the signature to a record by CMA-ES, as the paper does (equations 7 and 11 to 17).
 
@@ -148,8 +115,7 @@ def paper_fit(recording: Recording, protocol: Protocol, seed: int) -> Fit:
         return _fit_in_rpm(recording, protocol, seed)
     if protocol.engine == "cma":
         return _library_fit(recording, protocol, seed)
-    run = paper_run if protocol.fixed_T2_s is None else unbounded_run
-    found = run(recording, protocol, seed)
+    found = paper_run(recording, protocol, seed)
     return Fit(found.best, found.misfit, found.evaluations, len(found.history))
 
 

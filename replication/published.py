@@ -29,7 +29,7 @@ def _read(name: str, index: str | None = None) -> pd.DataFrame:
 
 # The paper's prose claims and what decides each: `claim, section, decided_in` (the notebook's
 # number), `check, rule, criterion, reason, alternative`, the days on which rule and limit were
-# `fixed` and the `first_result` was committed.
+# `fixed` and the `first_result` was committed; the `earlier_answer`, if another rule or limit gave one.
 claims = partial(_read, "claims.csv", "id")
 # `kind, location, as_printed, corrected, evidence, effect, cells, computed` (numbers by name in
 # braces), `figure`.
@@ -46,10 +46,12 @@ findings = partial(_read, "findings.csv")
 # What the paper's figures show, in our words, and what can be compared: `shows, compare`.
 paper_figures = partial(_read, "paper_figures.csv", "figure")
 # What agreements are worth: `cells` (a pattern), `source, basis, fails_if, test`, and the `rival`, the column of the
-# same row whose number would be another answer.
+# same row whose number would be another answer. Of what is "traced", `fails_if` says what agrees.
 basis = partial(_read, "basis.csv")
 # The words of verdicts on numbers and claims: `sign`, and what those on numbers mean.
 verdict_words = partial(_read, "verdict_words.csv", "verdict")
+# Protocols that may have printed Table 2, the leading one first: settings, number of `realisations`, `why`.
+table2_candidates = partial(_read, "table2_candidates.csv", "protocol")
 # Cells known not to reproduce: `id, source, reason`.
 known_differences = partial(_read, "differences.csv")
 # The 30 runs that the authors' notebook stores, on their clean record 12, and what it prints of
@@ -69,7 +71,7 @@ def cells(element: str | None = None) -> pd.DataFrame:
     """Load the printed numbers, indexed by cell id, of one element, such as "Table 2", or of all.
 
     Columns `element, row, column, printed, value, unit, kind, abs_tol, rel_tol, tol_reason,
-    section`.
+    section, quote`; the last one, words of the paper, for the numbers of its text.
     """
     table = _cells()
     if element is None:
@@ -138,7 +140,6 @@ def decide(
         "above": (low > limit, low <= limit),
         "at least": (low >= limit, low < limit),
         "rounds to": (abs(low - limit) <= digit, abs(low - limit) > digit),
-        "odds at least": (low >= limit, low * limit <= 1),
         "p below": (low < limit, high < limit),
         "interval below": (high < limit, low > limit),
         "interval above": (low > limit, high < limit),

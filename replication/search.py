@@ -21,6 +21,8 @@ from replication.compiled.cache import njit
 from replication.compiled.eigen import symmetric_eigen
 from replication.signature import Box
 
+TOLFUN = 1e-11  # the range of misfits, of a generation and of recent ones, that ends a search
+TOLFUNHIST = 1e-12  # the same of recent ones alone
 # What a search keeps of each generation.
 HISTORY = ("best", "median", "upper_quartile", "sigma", "axis_ratio", "smallest_std", "largest_std")
 
@@ -225,9 +227,9 @@ def stop_rule(history, ranked, state, first_sigma):
     std = standard_deviations(state)
     recent = history[max(0, g - 10 - 30 * n // ranked.size) :, 0]
     spread = recent.max() - recent.min()
-    if ranked[-1] - recent[-1] < 1e-11 and spread < 1e-11:
+    if ranked[-1] - recent[-1] < TOLFUN and spread < TOLFUN:
         return "tolfun"
-    if recent.size > 9 and spread < 1e-12:
+    if recent.size > 9 and spread < TOLFUNHIST:
         return "tolfunhist"
     if (std < 1e-11).all() and (sigma * unit * state.p_c < 1e-11).all():
         return "tolx"
@@ -310,7 +312,7 @@ def generations(
     """
     check_settings(box, population)
     n = box.lower.size
-    if not (math.isfinite(sigma) and sigma > 0):
+    if not 0 < sigma < math.inf:
         raise ValueError(f"sigma {sigma}: a number above 0 is needed")
     c = constants(population, n)
     after = first_state(box, sigma)

@@ -9,21 +9,18 @@ from scipy import stats
 
 from replication import published
 from replication.arrays import FloatArray, IntArray
-from replication.authors import HIGH_NOISE, level_delta_rad, load_noisy
+from replication.authors import level_delta_rad, load_noisy
 from replication.identify import Protocol, paper_fit
 from replication.parallel import in_parallel
 from replication.published import Criteria, Decision
-from replication.recording import Recording, add_uniform_noise, constant_speed, from_sample
+from replication.recording import Recording
 from replication.signature import FREE_PARAMETERS
-from replication.simulator.parameters import JointParameters
-from replication.simulator.recordings import simulate_recordings
 
 AUTHORS_PROTOCOL = Protocol()
 
 # Runs whose misfits differ by less are the same basin: rounding at a window's end moves them by up
 # to 0.15 %.
 BASIN_GAP = 2e-3
-HIGH_OVER_LOW = 1.5  # the authors' high noise over their low one, as their read-me says
 BOOTSTRAP_DRAWS = 20000
 
 
@@ -41,81 +38,28 @@ def theoretical_amplitudes() -> dict[float, float]:
 
 
 def authors_table2_records(realisations: Sequence[int]) -> list[tuple[dict, Recording]]:
-    """Load the authors' noisy records of Table 2's ten rows, for each of some realisations R of either noise."""
+    """Load the authors' noisy records of Table 2's ten rows, for each of some realisations R of the noise."""
     if not realisations:
-        raise ValueError(
-            "realisations []: name some of 1 to 5 (low noise) and 11 to 20 (high noise)"
-        )
-    return [
-        (_key("authors", R, row, "high" if R in HIGH_NOISE else "low"), load_noisy(level, R))
+        raise ValueError("realisations []: name some of 1 to 5")
+    noise = published.column("Table 2", "noise")
+    keys = [
+        {
+            "realisation": R,
+            "row": row,
+            "delta_rad": level_delta_rad(table2_levels()[row - 1]),
+            "noise_amplitude_rps": noise[row - 1],
+        }
         for R in realisations
-        for row, level in enumerate(table2_levels(), start=1)
+        for row in range(1, 1 + len(table2_levels()))
     ]
+    return [(key, load_noisy(table2_levels()[key["row"] - 1], key["realisation"])) for key in keys]
 
 
-def simulated_table2_records(
-    joint: JointParameters, seed: int, factor: float = 1.0
-) -> list[tuple[dict, Recording]]:
-    """Simulate Table 2's ten records: the joint at each level, with `factor` times the printed uniform noise."""
-    noise = factor * published.column("Table 2", "noise")
-    rng = np.random.default_rng(seed)
-    clean = simulate_recordings(joint, [level_delta_rad(level) for level in table2_levels()])
-    return [
-        (
-            _key("simulated", seed, row, "low", factor),
-            add_uniform_noise(recording, noise[row - 1], rng),
-        )
-        for row, recording in enumerate(clean, start=1)
-    ]
-
-
-def noise_only_record(seed: int, factor: float = 1.0) -> tuple[dict, Recording]:
-    """Make Table 2's last record: constant speed with uniform noise of `factor` times its printed amplitude."""
-    key = _key("simulated", seed, len(table2_levels()) + 1, "noise only", factor)
-    base = constant_speed(samples=2401, dt=0.002)
-    return key, add_uniform_noise(base, key["noise_amplitude_rps"], np.random.default_rng(seed))
-
-
-def _key(source: str, realisation: int, row: int, noise_level: str, factor: float = 1.0) -> dict:
-    """What a record of Table 2's row is called in data frames.
-
-    A simulated realisation is the seed of its noise.
-    """
-    louder = HIGH_OVER_LOW if noise_level == "high" else factor
-    return {
-        "source": source,
-        "realisation": realisation,
-        "row": row,
-        "delta_rad": 0.0
-        if noise_level == "noise only"
-        else level_delta_rad(table2_levels()[row - 1]),
-        "noise_level": noise_level,
-        "noise_amplitude_rps": published.column("Table 2", "noise")[row - 1] * louder,
-    }
-
-
-def start_samples(
-    protocol: Protocol, seeds: Sequence[int], record_seed: int | Sequence[int]
-) -> list[int]:
-    """Draw the start sample of each run of a record, as the protocol's `start` says."""
-
-    def draw(seed: int | Sequence) -> int:
-        return int(np.random.default_rng(seed).integers(protocol.latest_start))
-
-    if protocol.start == "whole":
-        return [0] * len(seeds)
-    if protocol.start == "per record":
-        return [draw(record_seed)] * len(seeds)
-    if protocol.start == "per run":
-        return [draw((record_seed, seed)) for seed in seeds]
-    raise ValueError(f"start {protocol.start!r}: expected 'whole', 'per run' or 'per record'")
-
-
-def _run(recording: Recording, protocol: Protocol, seed: int, start: int) -> dict[str, float]:
-    fit = paper_fit(from_sample(recording, start), protocol, seed)
+def _run(recording: Recording, protocol: Protocol, seed: int) -> dict[str, float]:
+    fit = paper_fit(recording, protocol, seed)
     found = dict(zip(FREE_PARAMETERS, fit.X, strict=True))
     spent = {"rmse_rps": fit.rmse, "evaluations": fit.evaluations, "iterations": fit.iterations}
-    return {"seed": seed, "start_sample": start} | found | spent
+    return {"seed": seed} | found | spent
 
 
 def repeated_fits(
@@ -134,8 +78,8 @@ def repeated_fits(
     Returns
     -------
     DataFrame
-        A row for each run: the record's entries, `protocol`, `seed`, `start_sample`, the free parameters, `rmse_rps`,
-        `evaluations`, `iterations`.
+        A row for each run: the record's entries, `protocol`, `seed`, the free parameters, `rmse_rps`, `evaluations`,
+        `iterations`.
 
     Raises
     ------
@@ -144,12 +88,9 @@ def repeated_fits(
     """
     if not len(seeds):
         raise ValueError("no seeds: at least one run of each record is needed")
-    calls, keys = [], []
-    for protocol, (index, (key, recording)) in product(protocols, enumerate(records)):
-        starts = start_samples(protocol, seeds, record_seed=index)
-        for seed, start in zip(seeds, starts, strict=True):
-            calls.append((recording, protocol, seed, start))
-            keys.append(key | {"protocol": protocol.name})
+    plan = list(product(protocols, records, seeds))
+    calls = [(recording, protocol, seed) for protocol, (_, recording), seed in plan]
+    keys = [key | {"protocol": protocol.name} for protocol, (key, _), _ in plan]
     runs = in_parallel(_run, calls, label)
     return pd.DataFrame([key | run for key, run in zip(keys, runs, strict=True)])
 
@@ -200,41 +141,29 @@ def summarise_runs(runs: pd.DataFrame, keys: Sequence[str]) -> pd.DataFrame:
 
 
 def table2(runs: pd.DataFrame) -> pd.DataFrame:
-    """Condense the runs on the records of `authors_table2_records` or `simulated_table2_records` into Table 2.
-
-    A row for each source, realisation and row of Table 2.
-    """
+    """Condense the runs on the records of `authors_table2_records`: a row for each realisation and row."""
     theoretical = published.column("Table 2", "theoretical")[runs["row"] - 1]
-    of_record = ["source", "realisation", "noise_level", "row", "delta_rad", "noise_amplitude_rps"]
+    of_record = ["realisation", "row", "delta_rad", "noise_amplitude_rps"]
     return summarise_runs(
         runs.assign(theoretical_A_rps=theoretical), [*of_record, "theoretical_A_rps"]
     )
 
 
-def table2_cells(table: pd.DataFrame) -> dict[str, list[float]]:
-    """Our numbers for Table 2's means and SDs by cell id: one for each realisation in the table."""
-    cells: dict[str, list[float]] = {}
-    for row in table.to_dict("records"):
-        for name, column in (("mean", "mean_A_rps"), ("sd", "sd_A_rps")):
-            cells.setdefault(f"table2.row{row['row']:02d}.{name}", []).append(row[column])
-    return cells
-
-
 def error_percent(table: pd.DataFrame, column: str) -> pd.Series:
-    """How far a column of A lies from the printed means [%], for the rows with backlash."""
+    """How far a column of A lies from the printed means [%]."""
     printed = published.column("Table 2", "mean")[table["row"] - 1]
-    return (100 * (table[column] / printed - 1)).where(table["theoretical_A_rps"] > 0)
+    return 100 * (table[column] / printed - 1)
 
 
 def decide_error_below_10(runs: pd.DataFrame, criteria: Criteria = None) -> Decision:
     """Decide whether every mean |A| errs by less than 10 %, from runs on the authors' records.
 
     The second value says what was measured: the largest error, with a 95 % bootstrap interval, all
-    records together. The cell `text.error_limit_percent` is judged by the same largest error.
+    records together.
     """
     theoretical = published.column("Table 2", "theoretical")
     rng = np.random.default_rng(1)
-    records = runs[runs["row"] <= len(table2_levels())].groupby(["realisation", "row"], sort=False)
+    records = runs.groupby(["realisation", "row"], sort=False)
     tail = 0.025 / records.ngroups
     errors = []
     for (_, row), part in records:

@@ -209,16 +209,20 @@ def displacement_detection(
 
 
 def discontinuities_destabilise(study: DataFrame, criteria: Criteria = None) -> Decision:
-    """Whether a torque that steps, and it alone, spoils a simulation, from `stepping_torque_study`."""
-    errors = study.assign(error=study["error"].abs().fillna(np.inf))
-    by_case = errors.pivot(index=["delta_rad", "step_s"], columns="model", values="error")
+    """Whether a torque that steps, and it alone, spoils a simulation, from `stepping_torque_study`.
+
+    An error below the limit refutes the claim only if the smooth torque's is no smaller: stability,
+    other systems and other solvers were not tried.
+    """
+    errors = study.pivot(index=["delta_rad", "step_s"], columns="model", values="error")
+    by_case = errors.abs().fillna(np.inf)
     sound = by_case["modified"] <= published.criterion("discontinuities_destabilise", criteria)
-    alone = by_case.loc[sound, "stepping"].max() if sound.any() else -np.inf
-    largest = by_case.max()
-    holds = published.decide("discontinuities_destabilise", (alone, largest["stepping"]), criteria)
-    sizes = largest.map(lambda error: "diverges" if np.isinf(error) else f"{100 * error:.1f} %")
-    named = ", ".join(f"{model} {size}" for model, size in sizes.items())
-    return holds, f"largest error of the settled peak: {named}"
+    alone, largest = by_case.loc[sound, "stepping"].max(), by_case.max()
+    most = np.inf if largest["stepping"] > largest["modified"] else largest["stepping"]
+    holds = published.decide("discontinuities_destabilise", (alone, most), criteria)
+    sizes = largest.map(lambda error: "diverges" if np.isinf(error) else f"{100 * error:.2g} %")
+    named = ", ".join(sizes.index + " " + sizes)
+    return holds, f"largest error of the settled peak: {named}; stability was not measured"
 
 
 def cma_beats_swarms(compared: DataFrame, criteria: Criteria = None) -> Decision:

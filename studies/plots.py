@@ -124,7 +124,6 @@ def amplitude_intervals(table: DataFrame) -> Figure:
     ends = _arms(table, "A_rps", "low_rps", "high_rps") / theory
     style = {
         "linestyle": "none",
-        "capsize": 3,
         "marker": "o",
         "color": BLUE,
         "label": "global fit, 95 % interval",
@@ -133,7 +132,7 @@ def amplitude_intervals(table: DataFrame) -> Figure:
     printed, spread = (
         table[f"printed_{name}_A_rps"].to_numpy() / theory for name in ("mean", "sd")
     )
-    style = MARKS | {"elinewidth": 1, "capsize": 3, "label": "printed mean, SD of 30 runs"}
+    style = MARKS | {"elinewidth": 1, "label": "printed mean, SD of 30 runs"}
     axis.errorbar(delta + 0.15, printed, spread, **style)
     axis.axhline(1, label="theoretical A", **THIN)
     axis.set(xlabel=BACKLASH_LABEL, ylabel="A over theoretical A [-]", xticks=np.round(delta))
@@ -175,7 +174,7 @@ def cross_validation_errors(table: DataFrame, targets_rad: Mapping[str, float]) 
     by_method = dict(list(sizes.groupby(table["method"], sort=False)))
     for row, (method, size) in enumerate(by_method.items()):
         beside = [row - 0.4, row + 0.4]
-        dots = METHOD_STYLES[method] | {"linestyle": "none", "alpha": 0.7, "markersize": 5}
+        dots = METHOD_STYLES[method] | {"linestyle": "none", "alpha": 0.7}
         axis.plot(size, np.full(size.size, row), **dots)
         axis.plot([size.mean()] * 2, beside, color=INK, linewidth=2, label="mean size")
         if method in targets_rad:
@@ -189,9 +188,11 @@ def cross_validation_errors(table: DataFrame, targets_rad: Mapping[str, float]) 
 @in_style
 def error_limits(table: DataFrame, axes_labels: Mapping[str, str]) -> Figure:
     """Show measured errors as marks and Cramer-Rao bounds as lines, one panel for each thing that changes."""
-    figure, axes = grid(2, 2, height_in=5.0, sharey=True)
+    figure, axes = grid(2, 2, height_in=5.0)
     for axis, (name, label) in zip(axes.flat, axes_labels.items(), strict=True):
         part = table[table["axis"] == name]
+        if name != "encoder_bits":  # its bounds lie lower by orders of magnitude
+            axis.sharey(axes[0, 0])
         for method in (
             "bound, start free",
             "bound, start known",
@@ -226,12 +227,7 @@ def detection_curves(table: DataFrame, limits_rad: Sequence[float]) -> Figure:
     for (noise, part), limit, colour, marker, line in zip(
         parts, limits_rad, COLOURS, MARKERS, LINES[1:], strict=False
     ):
-        style = {
-            "color": colour,
-            "marker": marker,
-            "capsize": 3,
-            "label": f"energy, noise of {noise:g} rps",
-        }
+        style = {"color": colour, "marker": marker, "label": f"energy, noise of {noise:g} rps"}
         arms = _arms(part, "seen", "seen_low", "seen_high")
         axis.errorbar(1e4 * part["delta_rad"], part["seen"], arms, **style)
         axis.axvline(
@@ -256,7 +252,7 @@ def tornado(table: DataFrame, methods: Sequence[str]) -> Figure:
             at = order.get_indexer(part["parameter"]) + 0.3 * number - 0.15
             error = 1e6 * part["mean_error_rad"]
             colour, label = COLOURS[number], f"changed by {100 * change:+.0f} %"
-            axis.plot(error, at, MARKERS[number], color=colour, markersize=4, label=label)
+            axis.plot(error, at, MARKERS[number], color=colour, label=label)
             axis.hlines(at, 0, error, color=colour, linewidth=1)
         axis.axvline(0, **THIN)
         axis.set_yticks(range(order.size), order)
@@ -281,17 +277,8 @@ def population_errors(rows: DataFrame, populations: Mapping[str, str]) -> Figure
         delta, found, high = (1e4 * part[f"{name}_rad"] for name in ("delta", "found", "high"))
         error, half = found - delta, high - found
         held = error.abs() <= half
-        left.plot(
-            delta[held],
-            error[held],
-            ".",
-            color="0.65",
-            markersize=3,
-            label="truth in the 95 % interval",
-        )
-        left.plot(
-            delta[~held], error[~held], "x", color=ORANGE, markersize=5, label="truth outside"
-        )
+        left.plot(delta[held], error[held], ".", color="0.65", label="truth in the 95 % interval")
+        left.plot(delta[~held], error[~held], "x", color=ORANGE, label="truth outside")
         edges = np.linspace(delta.min(), delta.max(), 7)
         place = np.digitize(delta, edges[1:-1])
         rms = np.sqrt((error**2).groupby(place).mean())
@@ -322,13 +309,7 @@ def posterior_calibration(rows: DataFrame, populations: Mapping[str, str]) -> Fi
     """Ranks of the truth in the posterior, with their band, and coverage against the nominal level."""
     figure, axes = grid(2, len(populations), height_in=5.0, sharex="row", sharey="row")
     of_self = rows[rows["method"] == "self"]
-    dots = {
-        "fmt": "o",
-        "markersize": 3,
-        "capsize": 2,
-        "color": ORANGE,
-        "label": "coverage, 95 % interval",
-    }
+    dots = {"fmt": "o", "capsize": 2, "color": ORANGE, "label": "coverage, 95 % interval"}
     for (top, bottom), (population, title) in zip(axes.T, populations.items(), strict=True):
         part = of_self[of_self["population"] == population]
         rank, curve = ranks(part), coverage_curve(part)
@@ -354,21 +335,21 @@ def backlash_profile(rows: DataFrame) -> Figure:
     delta, deviation = 1e4 * rows["delta_rad"], rows["deviation"]
     root = np.sign(deviation) * np.sqrt(rows["chi2"].clip(lower=0))
     axis.plot(delta, deviation, label="Laplace's approximation", **THIN)
-    axis.plot(delta, root, "o", markersize=4, color=BLUE, label="all else fitted anew")
+    axis.plot(delta, root, "o", color=BLUE, label="all else fitted anew")
     axis.set(xlabel=BACKLASH_LABEL, ylabel="signed root of the\nincrease of $\\chi^2$ [-]")
     return finish(figure, 2)
 
 
 @in_style
 def wear(tests: DataFrame, limit_rad: float) -> Figure:
-    """Show one bench's eight months as each sensor reads them, and how all benches' calls lie to the truth."""
+    """Show one bench's eight months as each sensor reads them, and the alarm delays on all benches."""
     figure, axes = grid(3, 2, height_in=6.0)
     *panels, last = axes.flat
     shown = tests[tests["bench"] == 0]
     truth = shown.drop_duplicates("day")
     sensors = shown.groupby("sensor", sort=False)
-    for axis, (name, part), marker, colour, line in zip(
-        panels, sensors, MARKERS, COLOURS, LINES, strict=True
+    for axis, letter, (name, part), marker, colour in zip(
+        panels, "abcde", sensors, MARKERS, COLOURS, strict=True
     ):
         axis.plot(
             truth["day"], 1e4 * truth["delta_rad"], color=INK, linewidth=1, label="true backlash"
@@ -376,26 +357,18 @@ def wear(tests: DataFrame, limit_rad: float) -> Figure:
         axis.axhline(1e4 * limit_rad, color="0.5", linestyle="--", linewidth=1, label="limit")
         estimates = 1e4 * part[["estimate_rad", "low_rad", "high_rad"]]
         arms = _arms(estimates, *estimates)
-        style = {
-            "marker": marker,
-            "color": colour,
-            "linestyle": "none",
-            "capsize": 2,
-            "markersize": 4,
-        }
-        axis.errorbar(part["day"], estimates["estimate_rad"].to_numpy(), arms, **style)
-        axis.axvline(part["call_day"].iloc[0], color=colour, linestyle=":", label="call")
+        style = {"marker": marker, "color": colour, "linestyle": "none"}
+        middle = estimates["estimate_rad"].to_numpy()
+        axis.errorbar(part["day"], middle, arms, capsize=2, **style)
+        axis.axvline(part["call_day"].iloc[0], color=INK, linestyle=":", label="alarm")
         each = tests[tests["sensor"] == name].drop_duplicates("bench")
-        delay = np.sort((each["call_day"] - each["truth_day"]).dropna())
-        share = 100 * np.arange(delay.size + 1) / len(each)
-        last.step(
-            [*delay[:1], *delay], share, where="post", color=colour, linestyle=line, label=name
-        )
-        axis.set(
-            title=name, xlabel="time [days]", ylabel=BACKLASH_LABEL if axis in axes[:, 0] else ""
-        )
+        delay = each["call_day"] - each["truth_day"]
+        row = f"({letter}) {delay.count()} of {delay.size}"
+        last.plot(delay, delay.size * [row], alpha=0.7, **style)
+        axis.set(xlabel="time [days]", ylabel=BACKLASH_LABEL, title=textwrap.fill(name, 30))
         axis.sharey(panels[0])
-    last.axvspan(0, truth["day"].diff().max(), color="0.9", label="perfect sensor")
-    last.set(xlabel="from the truth to the call [days]", ylabel="benches called for [%]")
-    last.set_title(f"calls, {tests['bench'].nunique()} benches")
-    return finish(figure, 3)
+    last.axvspan(0, truth["day"].diff().max(), color="0.9", label="alarm of a perfect sensor")
+    last.set(xlabel="alarm delay [days]", ylabel="benches with an alarm [-]")
+    last.margins(y=0.12)
+    last.invert_yaxis()
+    return finish(figure, 4)

@@ -37,7 +37,7 @@ def wear_tests_by_self(
 ) -> DataFrame:
     """Read the logs of `wear_tests` by method "self": each alone, and with all logs of its bench until then."""
     table = logs_by_methods(
-        _logs(benches, wears, seed), lambda log: {"self": self_answer(log.recording)}
+        _logs(benches, wears, seed), lambda log: {"self-calibrating": self_answer(log.recording)}
     )
     fits: dict[int, list] = defaultdict(list)
     rows = []
@@ -46,7 +46,7 @@ def wear_tests_by_self(
         of_bench.append(alone["fit"])
         shared, (low, high) = share_joint(of_bench)[-1]
         found = {
-            "method": "self, shared joint",
+            "method": "self-calibrating, one joint for all logs",
             "found_rad": shared,
             "low_rad": low,
             "high_rad": high,

@@ -9,6 +9,7 @@ from replication.authors import WORKBOOK_FILES, DataUnavailable, authors_file, l
 from replication.recording import add_uniform_noise, constant_speed
 from replication.signature import Timing, signature
 
+NEEDED = "needs the authors' data"
 # Parameters that a record is made with.
 TRUE_X = np.array([-0.6, 0.012, 15.0, 134.0, 100.0, 0.1507, 0.0113])
 
@@ -37,6 +38,15 @@ def pytest_collection_modifyitems(items):
             item.add_marker("portable")
 
 
+def pytest_terminal_summary(terminalreporter):
+    """Say how the tests that were skipped without the authors' data can be run."""
+    skipped = terminalreporter.stats.get("skipped", [])
+    if missing := [report for report in skipped if NEEDED in str(report.longrepr)]:
+        terminalreporter.write_line(
+            f"{len(missing)} tests were skipped without the authors' data: `make data` fetches them"
+        )
+
+
 @pytest.fixture(scope="session")
 def authors_data():
     """Skip a test where the authors' data are neither at hand nor to be downloaded."""
@@ -44,7 +54,7 @@ def authors_data():
         for path in WORKBOOK_FILES:
             authors_file(path)
     except DataUnavailable as error:
-        pytest.skip(f"needs the authors' data: {error}")
+        pytest.skip(f"{NEEDED}: {error}")
 
 
 @pytest.fixture(scope="session")

@@ -1,5 +1,3 @@
-from dataclasses import replace
-
 import cma
 import cma.transformations
 import numpy as np
@@ -10,7 +8,6 @@ from replication.compiled.bounds import from_box, into_box, margin_2021, margin_
 from replication.compiled.misfit import fold, folded_rmse, population_rmse
 from replication.identify import Protocol, library_search, paper_fit, paper_search, protocol_box
 from replication.signature import Box
-from replication.table2 import start_samples
 from tests.conftest import TRUE_X
 
 MARGINS = {
@@ -162,15 +159,3 @@ def test_settings_that_cannot_be_searched_with_are_one_clear_error(
 def test_seed_zero_is_refused_because_cma_takes_it_for_the_clock(made_record, engine):
     with pytest.raises(ValueError, match="seed 0"):
         paper_fit(made_record, Protocol(engine=engine), seed=0)
-
-
-def test_a_drawn_start_lies_among_the_first_samples_that_the_paper_names():
-    first = range(int(published.value("text.latest_start")))
-    for start, records in (("per run", [1]), ("per record", range(3000))):
-        protocol = replace(Protocol(), start=start)
-        drawn = {
-            sample
-            for record in records
-            for sample in start_samples(protocol, range(1, 3000), record)
-        }
-        assert drawn == set(first)

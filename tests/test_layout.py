@@ -41,7 +41,7 @@ COUNTED = (tokenize.NAME, tokenize.OP, tokenize.NUMBER, tokenize.STRING)
 
 
 def text_of(file: Path) -> str:
-    return file.read_text(encoding="utf-8")
+    return file.read_text("utf-8")
 
 
 def files_of(package: str) -> list[Path]:

@@ -5,7 +5,9 @@ import re
 
 import pandas as pd
 import pytest
+from llvmlite import binding as llvm
 
+from replication.processors import pinned_environment
 from tests.processors import ALIASES, numba_target, numpy_simd, openblas_kernels
 from workbook import ROOT, judging
 from workbook.checkout import notebook_files
@@ -17,11 +19,22 @@ needs_settings = pytest.mark.skipif(
 SOURCES = list(notebook_files("py").values())
 # Those whose quick run is their whole run.
 CHEAP = [
-    source
-    for source in SOURCES
-    if re.search(r"^#\s+quick: \{\}$", source.read_text(encoding="utf-8"), re.M)
+    source for source in SOURCES if re.search(r"^#\s+quick: \{\}$", source.read_text("utf-8"), re.M)
 ]
 NAMES = [source.stem for source in CHEAP]
+
+
+@pytest.mark.parametrize("triple", ["aarch64-unknown-linux-gnu", "arm64-apple-darwin"])
+def test_on_arm64_a_product_is_computed_in_registers(triple):
+    llvm.initialize_all_targets()
+    llvm.initialize_all_asmprinters()
+    product = "define double @f(double %a, double %b) { %c = fmul double %a, %b ret double %c }"
+    settings = pinned_environment("arm64")
+    assert "NUMBA_CPU_FEATURES" not in settings
+    target = llvm.Target.from_triple(triple).create_target_machine(settings["NUMBA_CPU_NAME"])
+    code = target.emit_assembly(llvm.parse_assembly(product))
+    assert "fmul" in code
+    assert "__muldf3" not in code
 
 
 @needs_settings
@@ -41,7 +54,7 @@ def test_the_cheap_notebooks_reach_their_committed_verdicts(authors_data, tmp_pa
     monkeypatch.setenv("REPLICATION_QUICK", "0")
     for source in CHEAP:
         monkeypatch.setenv("REPLICATION_NOTEBOOK", source.stem)
-        code = compile(source.read_text(encoding="utf-8"), str(source), "exec")
+        code = compile(source.read_text("utf-8"), str(source), "exec")
         exec(code, {"__name__": "__main__", "display": lambda *shown, **options: None})
     for table, name in ((judging.verdicts, "verdicts.csv"), (judging.decided_claims, "claims.csv")):
         committed, here = pd.read_csv(ROOT / "results" / name), table(tmp_path / "results")

@@ -1,9 +1,11 @@
+import os
+import re
+from pathlib import Path
+
 import numpy as np
 import pytest
 
 from replication import characteristic, published
-
-STOCHASTIC = ("Table 2", "Table 3", "Table 4")
 
 
 def points():
@@ -59,6 +61,39 @@ def test_the_tables_have_as_many_cells_as_the_paper_prints():
     assert sizes["Equation 10"] == 5
 
 
+def plain(text):
+    """A sentence, a formula or a row of a table without TeX, brackets and spaces."""
+    text = re.sub(r"\\frac\{(.+?)\}\{(.+?)\}", r"\1/\2", text.replace("v(t)", "v"))
+    text = re.sub(r"\\cdot|\\text|no backlash|[\\$ ()]", "", text.replace("π", "pi"))
+    return re.sub("[{}]", "", re.sub(r"(×|times)10\^\{-", "e-", text))
+
+
+@pytest.fixture(scope="module")
+def paper():
+    """The paper, plain."""
+    if "PAPER_TEXT" not in os.environ:
+        pytest.skip("PAPER_TEXT names no folder with the paper as text")
+    return plain(
+        "".join(p.read_text("utf-8") for p in Path(os.environ["PAPER_TEXT"]).glob("*.txt"))
+    )
+
+
+def test_every_number_of_the_text_stands_in_words_that_the_paper_prints(paper):
+    for cell, row in published.cells("Text").iterrows():
+        assert row["printed"] in row["quote"], cell
+        assert plain(row["quote"]) in paper, cell
+
+
+def test_the_numbers_of_the_tables_and_of_equation_10_are_those_of_the_paper(paper):
+    rows = paper.replace("\n", "\t\n\t")
+    cells = published.cells()
+    tables = cells[cells["element"].str.startswith("Table")]
+    for row, part in tables.groupby(["element", "row"])["printed"]:
+        assert plain("\t" + "\t".join(part) + "\t") in rows, row
+    for number in cells.loc[cells["element"] == "Equation 10", "printed"]:
+        assert number in rows
+
+
 def test_an_unknown_element_is_named_in_the_error():
     with pytest.raises(KeyError, match="Table 9"):
         published.cells("Table 9")
@@ -110,7 +145,7 @@ def test_every_erratum_names_a_test_that_exists():
     for key, row in published.errata().iterrows():
         file, _, test = row["evidence"].partition("::")
         path = published.DATA / ".." / ".." / file
-        assert f"def {test}(" in path.read_text(encoding="utf-8"), key
+        assert f"def {test}(" in path.read_text("utf-8"), key
 
 
 def test_errata_and_differences_name_cells_that_exist():

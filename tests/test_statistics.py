@@ -14,9 +14,19 @@ def test_the_interval_of_a_rate_is_clopper_and_pearsons():
     ).all()
 
 
-def test_another_value_lies_in_its_interval_95_times_of_100():
-    rng = np.random.default_rng(1)
-    drawn = rng.standard_normal((4000, 6))
-    intervals = np.array([statistics.another_interval(row[:5]) for row in drawn])
-    share = np.mean((intervals[:, 0] < drawn[:, 5]) & (drawn[:, 5] < intervals[:, 1]))
-    assert share == pytest.approx(0.95, abs=0.012)
+@pytest.mark.parametrize(("size", "coverage"), [(39, 0.95), (200, 0.95), (60, 1 - 2 / 61)])
+def test_one_more_number_lies_in_the_region_as_often_as_it_says(size, coverage):
+    drawn = np.exp(np.random.default_rng(1).standard_normal((4000, size + 1)))
+    regions = np.array([statistics.predictive_region(row[:-1]) for row in drawn])
+    share = np.mean((regions[:, 0] <= drawn[:, -1]) & (drawn[:, -1] <= regions[:, 1]))
+    assert share == pytest.approx(coverage, abs=0.012)
+
+
+def test_a_region_of_too_few_numbers_is_everything():
+    assert statistics.predictive_region(range(38)) == (-np.inf, np.inf)
+    assert statistics.predictive_region(range(39)) == (0, 38)
+
+
+def test_the_margin_is_two_standard_errors_of_an_end():
+    ends = np.quantile(np.random.default_rng(1).standard_normal((4000, 200)), 0.025, axis=1)
+    assert statistics.end_margin(200) * 2 * 1.96 == pytest.approx(2 * ends.std(), rel=0.1)

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 from test_try_changing import OUTCOMES
 
-from replication import published
 from tests.tools.changes import run, says_what_happened
 
 
@@ -39,17 +38,13 @@ def the_inertia_ratio(n):
 
 def another_gear(n):
     assert not n["compared"]
-    assert n["cells"] == {}
+    assert n["cells"]["simulated"] == {}  # the records still give their own peaks
     assert n["peak_change_percent"].mean() == pytest.approx(-7.4, abs=1)
 
 
 def louder_noise(n):
-    ours, theirs = (n["fits"][n["fits"]["source"] == source] for source in ("simulated", "authors"))
-    printed = published.column("Table 2", "noise")
-    assert np.allclose(ours["noise_amplitude_rps"], 2 * printed[ours["row"] - 1])
-    assert np.allclose(theirs["noise_amplitude_rps"], printed[theirs["row"] - 1])
-    lowest = n["spread"]["median lowest RMSE [rps]"]
-    assert 1.7 < lowest["simulated"] / lowest["authors"] < 2.3
+    here, kept = (n[table].groupby("row")["mean_A_rps"].std() for table in ("own", "kept"))
+    assert (here / kept).median() > 2
 
 
 class _Name:
@@ -95,11 +90,7 @@ EDITS = {
         {"changes": {"inertia_ratio": 0.5}},
         the_inertia_ratio,
     ),
-    "noise": (
-        "08_noise_table2",
-        {"noise_factor": 2.0, "realisations": [1, 2], "noise_seeds": [1, 2]},
-        louder_noise,
-    ),
+    "noise": ("08_noise_table2", {"noise_factor": 4.0, "fresh": 5}, louder_noise),
     "optimiser": (
         "09_identification",
         {

@@ -6,11 +6,13 @@ What a command needs is imported when it runs: `check` needs no kernel, and `run
 import argparse
 import errno
 import os
+import re
+import subprocess
 import sys
 from pathlib import Path
 
 from replication.files import ROOT, write_bytes
-from workbook.checkout import QUICK, RESULTS, notebook_files, results_folder
+from workbook.checkout import APART, OFFLINE, QUICK, RESULTS, lock, notebook_files, results_folder
 
 # Of an output that takes no more: whoever read a pipe has seen enough, or a disk is full.
 UNWRITABLE = {errno.EPIPE, errno.ENOSPC, errno.EDQUOT, errno.EIO}
@@ -38,9 +40,8 @@ def main(arguments: list[str] | None = None) -> int:
             # Nothing is left to be flushed at the end.
             os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
             return 1
-        if not hasattr(
-            error, "exit_status"
-        ):  # of errors whose message is the one line that a user needs
+        # Of errors whose message is the one line that a user needs.
+        if not hasattr(error, "exit_status"):
             raise
         print(error, file=sys.stderr)
         return error.exit_status
@@ -50,7 +51,7 @@ def _parser() -> OneLineParser:
     parser = OneLineParser(prog="python -m workbook", description=__doc__)
     commands = parser.add_subparsers(required=True, metavar="COMMAND")
     made = {}
-    for command in (run, collect, check, report, article, readme, show, diff, lab, data):
+    for command in (run, free, collect, check, report, article, readme, show, diff, lab, data):
         made[command] = commands.add_parser(command.__name__, help=command.__doc__)
         made[command].set_defaults(command=command)
     for command in (run, collect, check, report):
@@ -68,21 +69,18 @@ def _parser() -> OneLineParser:
     made[check].add_argument(
         "--strict", action="store_true", help="exit 1 if any cell differs, expected or not"
     )
+    made[article].add_argument(
+        "--final", action="store_true", help="refuse while names or addresses are open"
+    )
     made[show].add_argument(
         "name", help="for example table2.row03.sd, 'Table 2', local_minima or E3"
     )
     made[show].add_argument("--rerun", action="store_true", help="compute it again and print both")
     which = made[diff].add_mutually_exclusive_group()
-    which.add_argument(
-        "--quick", action="store_const", dest="made", const="quick", help="compare the quick run"
-    )
-    which.add_argument(
-        "--lab",
-        action="store_const",
-        dest="made",
-        const="lab",
-        help="compare the notebooks in lab/",
-    )
+    for name, what in (("quick", "the quick run"), ("lab", "the notebooks in lab/")):
+        which.add_argument(
+            f"--{name}", action="store_const", dest="made", const=name, help=f"compare {what}"
+        )
     return parser
 
 
@@ -101,15 +99,28 @@ def run(options: argparse.Namespace) -> int:
     destination = QUICK if options.quick else ROOT
     limits = {"stall_s": 60 * options.stall_minutes, "watched": options.watch}
     try:
-        endings = running.run_notebooks(
-            sources, destination, options.quick, options.stamps, **limits
-        )
+        with lock(destination):
+            endings = running.run_notebooks(
+                sources, destination, options.quick, options.stamps, **limits
+            )
     except KeyboardInterrupt:
         print("interrupted; what was finished is kept", file=sys.stderr)
         return 130
     if not options.quick:
         running.note_run(endings)
+        if any(ending.how == "simulated" for ending in endings):
+            from workbook import provenance
+            from workbook.report import page
+
+            provenance.collect(OFFLINE / "results")
+            print(page.write_report(OFFLINE / "results"), APART[OFFLINE], sep=": ", file=sys.stderr)
     return int(any(ending.how == "failed" for ending in endings))
+
+
+def free(_: argparse.Namespace) -> int:
+    """End with 2 if another process makes results."""
+    with lock(ROOT):
+        return 0
 
 
 def collect(options: argparse.Namespace) -> int:
@@ -127,7 +138,7 @@ def check(options: argparse.Namespace) -> int:
 
     results = results_folder(options.quick)
     verdicts = judging.verdicts(results)
-    print(terminal.verdict_tables(verdicts, terminal.has_colour()))
+    print(terminal.verdict_tables(verdicts))
     new, gone = terminal.find_surprises(verdicts)
     expected = "All cells that differ are known differences (replication/data/differences.csv)."
     print("\n".join(["", *new, *gone] if new or gone else [expected]))
@@ -144,12 +155,12 @@ def report(options: argparse.Namespace) -> int:
     return 0
 
 
-def article(_: argparse.Namespace) -> int:
+def article(options: argparse.Namespace) -> int:
     """Typeset results/article.pdf from article/article.typ and the results."""
     from workbook.report.article import typeset
 
     path = RESULTS / "article.pdf"
-    write_bytes(path, typeset(RESULTS))
+    write_bytes(path, typeset(RESULTS, options.final))
     print(path)
     return 0
 
@@ -164,23 +175,26 @@ def readme(_: argparse.Namespace) -> int:
 
 def show(options: argparse.Namespace) -> int:
     """Print a cell, an element, a claim or an erratum with its verdict and reason."""
-    from workbook import judging
+    from workbook.report import rerun, squeeze
+
+    name = squeeze(options.name)
+    notebooks = rerun.announce(name, RESULTS) if options.rerun else None
     from workbook.report import terminal
 
-    said = terminal.show(options.name, RESULTS, judging.verdicts(RESULTS), terminal.has_colour())
-    if options.rerun:
-        from workbook.running import rerun
-
-        table = rerun(options.name, RESULTS)
-        said += (
-            f"\n\nComputed again; the stored results are unchanged.\n{table.to_string(index=False)}"
-        )
-    print(said)
+    print(terminal.show(name, RESULTS), flush=True)
+    if notebooks:
+        print(f"\n{rerun.make_again(name, notebooks)}")
     return 0
 
 
 def diff(options: argparse.Namespace) -> int:
     """List cells and claims whose value or verdict changed since the last commit."""
+    # One line, the branch's, if outcomes and rules are the last commit's: seconds are saved.
+    paths = "results workbook replication"
+    status = subprocess.getoutput(f"git -C '{ROOT}' status --short --branch -- {paths}")
+    if not options.made and re.fullmatch("## .*", status):
+        print("nothing changed")
+        return 0
     from workbook.report.diff import committed_table, list_changes
 
     results = RESULTS / options.made / "results" if options.made else RESULTS

@@ -13,21 +13,23 @@ from pathlib import Path
 
 import jupytext
 import nbformat
+import psutil
 from jupyter_client.kernelspec import KernelSpecManager
 from jupyter_client.manager import AsyncKernelManager
 from nbclient import NotebookClient
 from nbclient.exceptions import CellExecutionError, DeadKernelError
 from nbclient.util import run_sync
 from nbformat import NotebookNode
-from nbformat.v4 import new_code_cell
+from nbformat.v4 import new_code_cell, new_markdown_cell
 from tqdm import tqdm
 
 from replication.authors import data_folder
-from replication.files import ROOT
+from replication.files import ROOT, write_text
 from replication.processors import pinned_environment
-from workbook.checkout import NOTEBOOKS
+from workbook.checkout import APART, NOTEBOOKS, OFFLINE
 
 STALL_S = 900.0
+WORKER_BYTES = 500 * 2**20  # of a process that computes, with the libraries that it loads
 
 
 class NotebookFailed(RuntimeError):
@@ -166,13 +168,16 @@ def execute(
     quick: bool = False,
     parameters: Mapping[str, object] | None = None,
     stall_s: float = STALL_S,
+    records: str = "",
 ) -> None:
     """Execute a notebook; put what it exports and the executed copy in place if it ends well.
 
     Everything goes to a staging folder first, so that a failing notebook leaves the last good
-    results alone.
+    results alone. Records are the authors', or "simulated".
     """
     notebook = read_notebook(source)
+    if records:
+        notebook.cells.insert(0, new_markdown_cell(f"**{APART[OFFLINE]}**", id="records"))
     values = (quick_parameters(notebook) if quick else {}) | dict(parameters or {})
     if values:
         notebook = with_parameters(notebook, values)
@@ -187,6 +192,8 @@ def execute(
             "REPLICATION_OUT": folder,
             "REPLICATION_QUICK": str(int(quick)),
             "REPLICATION_NOTEBOOK": source.stem,
+            "BACKLASH_RECORDS": records,
+            "LOKY_MAX_CPU_COUNT": str(count_workers()),
             "PYTHONPATH": os.pathsep.join(filter(None, paths)),
         }
         environment = os.environ | pinned_environment() | variables
@@ -200,6 +207,12 @@ def execute(
         for made in staging.iterdir():
             into = destination / made.name
             shutil.copytree(made, into, copy_function=os.replace, dirs_exist_ok=True)
+
+
+def count_workers(memory: int = 0, cores: int = 0) -> int:
+    """Processes that a notebook may start: no more than there are cores, and than the memory [bytes] holds."""
+    memory = memory or psutil.virtual_memory().available
+    return max(1, min(cores or os.cpu_count() or 1, memory // WORKER_BYTES))
 
 
 def _run_to_the_end(client: _Client, source: Path, environment: Mapping[str, str]) -> None:
@@ -218,8 +231,11 @@ def _run_to_the_end(client: _Client, source: Path, environment: Mapping[str, str
         if why.startswith("DataUnavailable: "):
             missing = why.removeprefix("DataUnavailable: ")
             raise NotebookNotRun(f"{source.stem}: not run: {missing}") from error
+        where = f"{source.name}, cell {client.cell + 1}: {why}"
         partial = source.parent / "partial" / f"{source.stem}.ipynb"
-        partial.parent.mkdir(exist_ok=True)
-        nbformat.write(client.nb, partial)
-        where = f"{source.name}, cell {client.cell + 1}"
-        raise NotebookFailed(f"{where}: {why}; what it got to is in {partial}") from error
+        try:
+            partial.parent.mkdir(exist_ok=True)
+            write_text(partial, nbformat.writes(client.nb))
+        except OSError as full:
+            raise NotebookFailed(f"{where}; {full.strerror}: {partial}") from error
+        raise NotebookFailed(f"{where}; what it got to is in {partial}") from error

@@ -13,19 +13,23 @@ import json
 import math
 import os
 from collections.abc import Mapping, Sequence
+from fnmatch import fnmatchcase
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pandas as pd
 
+from replication import published
+from replication.authors import records_are_simulated
 from replication.files import FLOAT_FORMAT, ROOT, write_csv, write_json
 from workbook.checkout import notebook_files
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-Cells = Mapping[str, Mapping[str, float | Sequence[float]]]
+Numbers = float | Mapping[str, Sequence[float]]  # one, or realisations by candidate
+Cells = Mapping[str, Mapping[str, Numbers]]
 Claims = Mapping[str, tuple[bool | None, str]]
 Facts = Mapping[str, str | int | tuple[Any, str]]
 
@@ -92,7 +96,7 @@ def export(
     for file, content in drawn.items():
         write_json(results / file, dict(content))
     outcome = {
-        "cells": cell_rows(cells or {}),
+        "cells": as_simulated(cell_rows(cells or {})),
         "claims": claim_rows(claims or {}),
         "facts": _fact_texts(facts or {}),
         "figures": {name: _save(name, *figure) for name, figure in (figures or {}).items()},
@@ -106,8 +110,10 @@ def _save(name: str, figure: "Figure", caption: str) -> dict[str, str]:
     """Write a figure; return what the report says of it."""
     from replication.figures import style
 
-    is_quick = os.environ.get("REPLICATION_QUICK") == "1"
-    style.save(figure, output_folder() / "figures", name, mark="quick run" if is_quick else "")
+    mark = "simulated records" if records_are_simulated() else ""
+    if os.environ.get("REPLICATION_QUICK") == "1":
+        mark = "quick run"
+    style.save(figure, output_folder() / "figures", name, mark)
     return {"caption": caption, "axes": style.description(figure)}
 
 
@@ -120,6 +126,31 @@ def cell_rows(cells: Cells) -> list[dict[str, Any]]:
     ]
 
 
+def as_simulated(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    """What rows count as where our records take the authors' place: simulated, if a simulation may judge the cell."""
+    if not records_are_simulated():
+        return rows
+    ours = [row for row in rows if row["source"] != "authors"]
+    known = {row["id"] for row in ours}
+    return ours + [
+        row | {"source": "simulated"}
+        for row in rows
+        if row["id"] not in known and evidence_rule(row["id"], "simulated")["basis"]
+    ]
+
+
+def evidence_rules(cell: str) -> list[dict[str, str]]:
+    """Rows of `basis.csv` about a cell: what an agreement would be worth, by source."""
+    rules = published.basis().to_dict("records")
+    return [rule for rule in rules if fnmatchcase(cell, rule["cells"])]
+
+
+def evidence_rule(cell: str, source: str) -> dict[str, str]:
+    """The first rule about a cell by a source; empty if there is none."""
+    rules = (rule for rule in evidence_rules(cell) if rule["source"] in (source, "*"))
+    return next(rules, {"basis": "", "fails_if": ""})
+
+
 def claim_rows(claims: Claims) -> list[dict[str, Any]]:
     """Decisions on claims as rows."""
     return [
@@ -128,10 +159,11 @@ def claim_rows(claims: Claims) -> list[dict[str, Any]]:
     ]
 
 
-def _round_to_six_digits(numbers: float | Sequence[float]) -> float | list[float]:
+def _round_to_six_digits(numbers: Numbers) -> float | dict[str, list[float]]:
     """Numbers as the results keep them."""
-    kept = [float(FLOAT_FORMAT % number) for number in np.ravel(numbers)]
-    return kept if np.ndim(numbers) else kept[0]
+    if isinstance(numbers, Mapping):
+        return {name: [float(FLOAT_FORMAT % x) for x in each] for name, each in numbers.items()}
+    return float(FLOAT_FORMAT % numbers)
 
 
 def _fact_texts(facts: Facts) -> dict[str, str]:
@@ -153,6 +185,8 @@ def _fact_texts(facts: Facts) -> dict[str, str]:
 def load_outcomes(results: Path) -> dict[str, dict[str, Any]]:
     """Load the outcome of each notebook that is there, by its name."""
     there = notebook_files("py")
-    files = sorted((results / "outcomes").glob("*.json"))
-    kept = [file for file in files if file.stem in there]
-    return {file.stem: EMPTY | json.loads(file.read_text(encoding="utf-8")) for file in kept}
+    return {
+        file.stem: EMPTY | json.loads(file.read_text(encoding="utf-8"))
+        for file in sorted((results / "outcomes").glob("*.json"))
+        if file.stem in there
+    }

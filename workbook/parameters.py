@@ -7,6 +7,11 @@ from dataclasses import dataclass
 from importlib.util import find_spec
 from typing import Any
 
+import pandas as pd
+
+# Every notebook checks its parameters before it shows a table: tables in full.
+pd.set_option("display.max_colwidth", None, "display.max_columns", None, "display.max_rows", 200)
+
 
 @dataclass(frozen=True)
 class Interval:

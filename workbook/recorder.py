@@ -55,14 +55,16 @@ def start(run: int, root: str, data: str, notebook: str) -> None:
             if (name := _name_below(root, file)).endswith(".py")
         }
         seeds = {
-            name: value for name, value in variables.items() if name.endswith(("seed", "seeds"))
+            name: value
+            for name, value in sorted(variables.items())
+            if name.endswith(("seed", "seeds")) and _is_seed(value)
         }
         made_from = {
             "sources": dict(sorted((sources | modules).items())),
             "inputs": dict(sorted(inputs.items())),
             "python": platform.python_version(),
             "packages": {name: version(name) for name in PACKAGES if name in sys.modules},
-            "seeds": {name: value for name, value in sorted(seeds.items()) if _is_seed(value)},
+            "seeds": seeds,
         }
         path = Path(outcome)
         exported = json.loads(path.read_text(encoding="utf-8")) if path.exists() else {}

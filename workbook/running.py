@@ -1,4 +1,4 @@
-"""Execution of many notebooks, two at a time, with nothing left behind; making one result again."""
+"""Execution of many notebooks, two at a time, with nothing left behind."""
 
 import contextlib
 import json
@@ -8,7 +8,6 @@ import shutil
 import signal
 import subprocess
 import sys
-import tempfile
 import threading
 import time
 from collections.abc import Iterable, Sequence
@@ -17,21 +16,19 @@ from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
-import pandas as pd
 import psutil
 from tqdm import tqdm
 
-from replication import published
 from replication.files import ROOT, write_json, write_text
-from workbook import execution, judging
-from workbook.checkout import RESULTS, notebook_files
+from workbook import execution
+from workbook.checkout import OFFLINE, RESULTS
 
 INTERRUPTS = (signal.SIGINT, signal.SIGTERM)
 
 
 @dataclass(frozen=True)
 class Ending:
-    """How a notebook ended, "done", "not run" (without its data) or "failed", and after how long."""
+    """How a notebook ended, "done", "simulated" (on our records) or "failed", and after how long."""
 
     name: str
     how: str
@@ -47,8 +44,9 @@ def run_notebooks(
     watched: int | None = None,
 ) -> list[Ending]:
     """Execute notebooks, until the process `watched` is gone; one that fails stops no other."""
-    for left_by_a_killed_run in destination.glob(".staging-*"):
-        shutil.rmtree(left_by_a_killed_run, ignore_errors=True)
+    for folder in (destination, _offline(destination)):
+        for left_by_a_killed_run in folder.glob(".staging-*"):
+            shutil.rmtree(left_by_a_killed_run, ignore_errors=True)
     # Noted, not raised: an exception in the middle of another line could leave a lock behind closed.
     interrupted = threading.Event()
     previous = {}
@@ -77,20 +75,29 @@ def run_notebooks(
             signal.signal(number, handler)
 
 
+def _offline(destination: Path) -> Path:
+    """Where what is made on our simulated records goes."""
+    return destination / OFFLINE.relative_to(ROOT)
+
+
 def _run_one(
     source: Path, destination: Path, quick: bool, stamps: Path | None, stall_s: float
 ) -> Ending:
     """Execute a notebook, stamp it, and say how it ended."""
     begun = time.time()
     try:
-        execution.execute(source, destination, quick, stall_s=stall_s)
-        if stamps:
+        try:
+            execution.execute(source, destination, quick, stall_s=stall_s)
+            how, where = "done", ""
+        except execution.NotebookNotRun:
+            apart = destination if quick else _offline(destination)
+            execution.execute(source, apart, quick, stall_s=stall_s, records="simulated")
+            how, where = "simulated", " on our simulated records"
+        line = f"{source.stem}: done{where} in {time.time() - begun:.0f} s"
+        if stamps and how == "done":
             _stamp(stamps, source.stem, destination, begun)
-        how, line = "done", f"{source.stem}: done in {time.time() - begun:.0f} s"
-    except execution.NotebookNotRun as error:
-        how, line = "not run", f"{error}; its last results stay as they are"
     except (execution.NotebookFailed, ValueError, OSError) as error:
-        how, line = "failed", f"failed: {error}"
+        how, line = "failed", f"{source.stem}: failed: {error}"
     tqdm.write(line, file=sys.stderr)
     return Ending(source.stem, how, time.time() - begun)
 
@@ -124,32 +131,3 @@ def note_run(endings: Sequence[Ending]) -> None:
         "seconds": seconds,
     }
     write_json(path, content)
-
-
-class NotMade(ValueError):
-    """No notebook makes this."""
-
-    exit_status = 2
-
-
-def rerun(name: str, results: Path) -> pd.DataFrame:
-    """Execute what makes a cell, an element's cells or a claim; return each number before and now."""
-    before = _made_by_notebooks(results)
-    element = before["id"].map(published.cells()["element"]).fillna("")
-    asked = judging.squeeze(name)
-    wanted = before[(before["id"].str.lower() == asked) | (element.map(judging.squeeze) == asked)]
-    if wanted.empty:
-        raise NotMade(f"{name}: no notebook makes it")
-    with tempfile.TemporaryDirectory() as folder:
-        for notebook in sorted(set(wanted["notebook"])):
-            execution.execute(notebook_files("py")[notebook], Path(folder))
-        now = _made_by_notebooks(Path(folder) / "results").drop(columns="notebook")
-    return wanted.merge(now, on=["id", "source"], how="left", suffixes=("_before", "_now"))
-
-
-def _made_by_notebooks(results: Path) -> pd.DataFrame:
-    """Cells and claims that notebooks made; what a claim measured is its number."""
-    cells = judging.verdicts(results).dropna(subset="notebook")
-    claims = judging.decided_claims(results).assign(source="")
-    both = pd.concat([cells, claims.rename(columns={"measured": "reproduced"})])
-    return both[["id", "source", "reproduced", "verdict", "notebook"]]

@@ -79,7 +79,7 @@ class SelfFit:
     ring_hz: float  # slowest oscillation with the teeth in contact
     damping: float  # its damping ratio
     friction: float  # of the load over m g r
-    unknowns: FloatArray  # the posterior's maximum, in the order of `joint_posterior.UNKNOWNS`
+    unknowns: FloatArray  # the posterior's maximum, in the order of `joint_posterior.NAMES`
     covariance: FloatArray  # about it
     misfit: float  # mean square of the whitened residual, 1 if right; of a quiet record, beyond the model's error
     worst_phase: float  # where the joint fits worst [turns, from the load hanging down]

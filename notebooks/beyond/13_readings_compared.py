@@ -272,8 +272,8 @@ for axis in (top, bottom):
         (np.array([t1, t2]), "-", "true instants"),
         (turn_s + np.array(guess), ":", "found instants"),
     ):
-        for at, label in zip(1e3 * (instants - t1), (name, ""), strict=True):
-            axis.axvline(at, color="0.3", linestyle=style, linewidth=1, label=label)
+        at, across = 1e3 * (instants - t1), axis.get_xaxis_transform()
+        axis.vlines(at, 0, 1, "0.3", style, label=name, transform=across)
     axis.legend(fontsize=8, loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=4)
 top.set(ylabel="speed [rps]")
 _ = bottom.set(xlabel="time since the separation [ms]", ylabel="displacement / $\\delta$ [-]")
@@ -491,8 +491,8 @@ workbook.export(
             beyond_limits,
             f"RMS error of four methods (markers) over {repeats * len(deltas_rad)} simulated records, against (a) "
             "noise, (b) sampling rate, (c) turns and (d) encoder bits, with the Cramér-Rao bound (lines). The joint "
-            "model stays close to the bound, the amplitude far above it. In (d) the encoder's rounding is the only "
-            "noise, and the joint model, which is fitted to speeds, is not applied.",
+            "model stays close to the bound, the amplitude far above it. In (d), on a scale of its own, the encoder's "
+            "rounding is the only noise, and the joint model, which is fitted to speeds, is not applied.",
         ),
         "beyond_detection": (
             beyond_detection,

@@ -106,7 +106,6 @@ from backlash.examine import examine_recording
 from backlash.fitting import joint_posterior, joint_search, self_calibration, shared_joint
 from backlash.reading.columns import LogFormat
 from backlash.settings import settings_for
-from replication.authors import DataUnavailable
 from replication.characteristic import printed_levels_rad
 from replication.standins import joints
 from studies import benchmark, plots, population
@@ -290,8 +289,9 @@ monthly
 # %% [markdown]
 # ### Hundreds of joints
 #
-# `make population` draws the logs and measures them; that takes minutes, so they are read from `population_logs.csv`.
-# The last four populations before the authors' logs are joints of another kind, which `self` should refuse.
+# `make studies NAME=population` draws the logs and measures them; that takes minutes, so they are read from
+# `population_logs.csv`. The last four populations before the authors' logs are joints of another kind, which `self`
+# should refuse.
 
 # %%
 measured = pd.read_csv(workbook.ROOT / "results" / "population_logs.csv", keep_default_na=True)
@@ -300,12 +300,8 @@ titles = {near: "default spread", far: "20 % spread, 5 % friction, double ripple
 errors_figure = plots.population_errors(measured, titles)
 
 # %%
-try:
-    logs = population.authors_logs()
-    authors = population.measure_logs(logs, ("self",))
-except DataUnavailable as error:
-    print(error)
-    logs, authors = [], measured[:0]
+logs = population.authors_logs()
+authors = population.measure_logs(logs, ("self",))
 summary = benchmark.summarise_intervals(pd.concat([measured, authors]).astype({"refused": bool}))
 columns = ["logs", "refused", "rmse_rad", "bound_rad", "coverage", "coverage_low", "coverage_high"]
 display(
@@ -395,8 +391,8 @@ reasons
 #
 # Logs from a table of time and speed on, with detection, turn period and refusals: benches near and far from the
 # paper's joint, other movements (load turns of 0.4 to 3.2 s), dropped samples, low-passed speeds, faults, joints of
-# another kind, healthy joints, and method torque. `make population` measures them. The sensor was never tried on
-# hardware.
+# another kind, healthy joints, and method torque. `make studies NAME=population` measures them. The sensor was never
+# tried on hardware.
 
 # %%
 datasheet = pd.read_csv(workbook.ROOT / "results" / "datasheet.csv")

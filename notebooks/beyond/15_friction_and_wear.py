@@ -97,7 +97,7 @@ shares = [
     0.25,
     0.3,
 ]  # of the gravity torque
-judged_share = 0.02  # one of these shares, at which the claim is judged
+judged_shares = [0.005, 0.1]  # from which to which of these shares the claim is judged
 worn_benches = 8  # benches that wear for eight months
 limit_rad = 10e-4  # backlash that calls for maintenance
 criteria = {}  # limits to try in place of those of claims.csv, such as {"friction_disregarded": 10}
@@ -107,11 +107,13 @@ workbook.check_parameters(
     bench_seed=(bench_seed, range(0, 10**6)),
     row=(row, (1, 2, 3)),
     shares=(shares, [Interval(0, 0.9)]),
-    judged_share=(judged_share, set(shares)),
+    judged_shares=(judged_shares, [set(shares)]),
     worn_benches=(worn_benches, range(1, 101)),
     limit_rad=(limit_rad, Interval(3e-4, 18e-4)),
     criteria=(criteria, [{"friction_disregarded"}]),
 )
+if not judged_shares:
+    raise ValueError("judged_shares = []: name at least one of shares")
 
 # %% [markdown]
 # ## Result
@@ -226,12 +228,12 @@ if least["explained_percent"] < 50:
 # | equation 10 | $A$ of the global fit | peaks of the paper's joint before sampling, as printed |
 # | amplitude, calibrated | $A$ of the global fit | what the same fit reads from the identified joint's records |
 # | waveform | the whole settled turn | turns of the identified joint |
-# | self | the joint and its backlash, from each log (notebook 14) | the log itself |
-# | self, shared joint | the same | all logs of the bench until then |
+# | self-calibrating | the joint and its backlash, from each log (notebook 14) | the log itself |
+# | self-calibrating, one joint for all logs | the same | all logs of the bench until then |
 #
 # None of the first three is calibrated on the bench itself, as the paper's is not; their intervals hold the log's
-# noise, and by how much benches differ from the paper's joint. A sensor calls at the first test whose estimate reaches
-# the limit.
+# noise, and by how much benches differ from the paper's joint. A sensor raises an alarm at the first test whose
+# estimate reaches the limit.
 
 # %%
 bench = joints.draw_bench(np.random.default_rng(bench_seed))
@@ -256,7 +258,7 @@ tests = pd.concat(
 wear_figure = study_plots.wear(tests, limit_rad)
 
 # %% [markdown]
-# The calls, counted from the day on which the true backlash reaches the limit. *Early* is before that day, *late* more
+# The alarms, counted from the day on which the true backlash reaches the limit. *Early* is before that day, *late* more
 # than one interval between tests after it, *missed* never. Errors [rad] and intervals are those of all tests.
 
 # %%
@@ -276,8 +278,6 @@ calls = pd.DataFrame(
         "late": delay.agg(lambda days: (days > interval_days).sum()),
         "missed": delay.agg(lambda days: days.isna().sum()),
         "median_days": delay.median(),
-        "earliest_days": delay.min(),
-        "latest_days": delay.max(),
         "mean_error_rad": error.mean(),
         "sd_error_rad": error.std(),
         "covered_percent": 100 * covered.mean(),
@@ -289,24 +289,28 @@ calls.astype(object).set_index("sensor").T
 # ## Verdict
 #
 # The claim is decided on simulated logs only: the bench is drawn around the joint that was identified from the authors'
-# simulated records. What friction does to the real bench cannot be decided without its logs.
+# simulated records, for frictions from that of a very good bearing to that of a gear of 90 % efficiency. How much
+# friction the real bench has is not published; as long as the limit lies between their effects, nothing is decided.
 
 # %%
-judged = friction["friction_share"] == judged_share
-change = friction.loc[judged, "change_percent"].item()
-peak_change = 100 * (apart.loc[judged, "peak_rps"].item() / apart["peak_rps"].iloc[0] - 1)
+least_share, most_share = min(judged_shares), max(judged_shares)
+judged = friction["friction_share"].between(least_share, most_share)
+changes = friction.loc[judged, "change_percent"].abs()
+peak_change = 100 * (apart.loc[judged, "peak_rps"] / apart["peak_rps"].iloc[0] - 1).abs().max()
+judged_text = f"frictions of {100 * least_share:.2g} to {100 * most_share:.2g} % of gravity"
 claims = {
     "friction_disregarded": (
-        published.decide("friction_disregarded", abs(change), criteria),
-        f"on simulated logs of the joint identified from the authors' records, A changes by {change:.0f} % at a "
-        f"friction of {100 * judged_share:.2g} % of gravity",
+        published.decide("friction_disregarded", (changes.min(), changes.max()), criteria),
+        f"on simulated logs of the joint identified from the authors' records, {judged_text} change A by "
+        f"{changes.min():.1f} to {changes.max():.0f} %; the friction of the test's joint is not published",
     )
 }
 display(workbook.judge(claims=claims))
 errors = calls.set_index("sensor")["sd_error_rad"]
 print(
-    f"Friction of {100 * judged_share:.2g} % of gravity changes the fitted A by {change:.1f} %, and the peak of the "
-    f"speed by {peak_change:.1f} %: the signature does not model impacts that are not half a turn apart. Over eight "
+    f"On simulated logs {judged_text} change the fitted A by {changes.min():.1f} to {changes.max():.0f} %, and the "
+    f"peak of the speed by at most {peak_change:.1f} %: the signature does not model impacts that are not half a turn "
+    "apart. Over eight "
     f"months the errors of {errors.idxmin()!r} scatter least, by {errors.min():.2g} rad (SD), those of "
     f"{errors.idxmax()!r} most, by {errors.max():.2g} rad."
 )
@@ -326,7 +330,7 @@ workbook.export(
         "table3_friction": (
             friction_figure,
             f"(a) A fitted to {len(logs) // len(shares)} simulated logs without noise at each of {len(shares)} shares "
-            f"of Coulomb friction on the load: at {100 * judged_share:.2g} % of gravity A changes by {change:.0f} %. "
+            f"of Coulomb friction on the load: {judged_text} change A by {changes.min():.1f} to {changes.max():.0f} %. "
             "(b) The signature can fit no more of the speed's variance than what repeats with opposite sign half a "
             f"turn later: least, {least['opposite_percent']:.0f} %, at {100 * least['friction_share']:.3g} % of "
             "gravity, where the two oscillations of a turn cancel most. Open circles: the fit explains less than half "
@@ -335,10 +339,10 @@ workbook.export(
         "table3_wear": (
             wear_figure,
             "Eight months of wear on simulated benches. (a) to (e) The first bench as each sensor reads it, with 95 % "
-            f"intervals. (f) Share of {worn_benches} benches that a sensor has called, by the days from the true "
-            "crossing of the limit to the call; a perfect sensor calls at the next test, in the grey band. The errors "
-            f"of the sensors that calibrate themselves have an SD of {1e4 * errors['self']:.2f}·10⁻⁴ and "
-            f"{1e4 * errors['self, shared joint']:.2f}·10⁻⁴ rad, those of the others "
+            f"intervals. (f) Alarm delay of each sensor on {worn_benches} benches, from the day on which the true "
+            "backlash reaches the limit; a perfect sensor alarms within the grey band. The errors of the "
+            f"self-calibrating sensors have an SD of {1e4 * errors.iloc[-2]:.2f}·10⁻⁴ (each log alone) and "
+            f"{1e4 * errors.iloc[-1]:.2f}·10⁻⁴ rad (one joint for all logs), those of the others "
             f"{1e4 * errors[list(sensors)].min():.2f}·10⁻⁴ to {1e4 * errors[list(sensors)].max():.2f}·10⁻⁴ rad.",
         ),
     },
@@ -348,9 +352,10 @@ workbook.export(
 # %% [markdown]
 # ## Try changing
 #
-# 1. `judged_share = 0.005`: at half a percent of gravity as friction $A$ hardly changes, and the claim holds.
-# 2. `judged_share = 0.05`: at five percent $A$ falls by more than a quarter.
-# 3. `criteria = {"friction_disregarded": 10}`: if a change of 10 % is accepted, the claim holds at two percent.
+# 1. `judged_shares = [0.005]`: at half a percent of gravity as friction $A$ hardly changes, and the claim holds.
+# 2. `judged_shares = [0.05]`: at five percent $A$ falls by more than a quarter, and the claim does not hold.
+# 3. `criteria = {"friction_disregarded": 2}`: if only 2 % is accepted, the least friction is too much already, and the
+#    claim does not hold.
 #
 # ## Exercises
 #
@@ -378,7 +383,7 @@ by_viscous = simulate(
 assert np.abs(by_coulomb - by_viscous).max() < 2e-4
 
 # %% [markdown]
-# **3.** A sensor without error calls at the first test after the limit is reached. How long after it, in the mean over
+# **3.** A sensor without error alarms at the first test after the limit is reached. How long after it, in the mean over
 # many wears? Leave out those that reach the limit after the last test.
 
 # %% tags=["solution"]

@@ -277,7 +277,8 @@ print(
 #
 # "Discontinuities typically cause instabilities": the clamped dead zone with damping lets the torque step at the edge;
 # the modified one does not. Both are integrated by plain steps that do not look for the contact. The numbers are errors
-# of the settled peak. The stepping one's largest error is 17 times the other's, yet it is stable.
+# of the settled peak. More error with a stepping torque has the claim's direction; whether a simulation is stable is
+# another question, which these runs of one joint with one solver do not answer.
 
 # %%
 stepping = edge.stepping_torque_study(joint, delta_rad[three_levels], steps_s)
@@ -285,8 +286,8 @@ claims["discontinuities_destabilise"] = studies.discontinuities_destabilise(step
 stepping.pivot(index=["delta_rad", "step_s"], columns="model", values="error")
 
 # %% [markdown]
-# How sharp must the edge be? The joint is identified anew for each $\alpha$ of equation 8 (`make claims`). The misfit
-# (RMSE over the SD) is that of the four records it is identified from.
+# How sharp must the edge be? The joint is identified anew for each $\alpha$ of equation 8 (`make studies
+# NAME=claims`). The misfit (RMSE over the SD) is that of the four records it is identified from.
 
 # %%
 alphas = pd.read_csv(workbook.ROOT / "results" / "alpha_refit.csv")
@@ -298,9 +299,9 @@ alphas[["alpha_per_rad", "nrmse", "stiffness_per_s2", "inertia_ratio", "speed_ga
 # CMA-ES gives better solutions than four swarm algorithms, classical optimisation "cannot be straightforwardly
 # applied", and CMA-ES "requires almost no parameter tuning": how often each method finds the
 # [best basin](../glossary.md#best-basin) with the function evaluations of the authors' notebook, 300 members in 200
-# generations. The runs take minutes and are read from `optimizers.csv` (`make claims`). The paper does not name its
-# four swarms; ours are a library's best known ones, with the population of the authors' notebook and with the library's
-# own.
+# generations. The runs take minutes and are read from `optimizers.csv` (`make studies NAME=claims`). The paper does
+# not name its four swarms; ours are a library's best known ones, with the population of the authors' notebook and
+# with the library's own.
 
 # %%
 success = optimizers.success_table(pd.read_csv(workbook.ROOT / "results" / "optimizers.csv"))

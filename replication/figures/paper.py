@@ -1,6 +1,6 @@
 """The paper's figures and tables as plots: data frames and arrays in, a matplotlib figure out."""
 
-import re
+import textwrap
 from collections.abc import Mapping, Sequence
 
 import matplotlib.pyplot as plt
@@ -8,8 +8,6 @@ import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.ticker import NullLocator
-from scipy import stats
 
 from replication.arrays import FloatArray
 from replication.figures.style import (
@@ -82,7 +80,7 @@ def _above_residual(
     """Make a figure with a residual about zero in its lower panel, and give the upper panel."""
     figure, ((upper,), (lower,)) = grid(2, 1, height_in=4.0, sharex=True, height_ratios=(2, 1))
     lower.axhline(0, **THIN)
-    lower.plot(x, residual, line, color=BLUE, markersize=4, linewidth=0.9)
+    lower.plot(x, residual, line, color=BLUE, linewidth=0.9)
     lower.set(xlabel=labels[0], ylabel=labels[1])
     _centre(lower)
     letter_panels((upper, lower))
@@ -96,56 +94,34 @@ def _centre(axis: Axes) -> None:
 
 
 @in_style
-def table2(table: pd.DataFrame, regions: pd.DataFrame) -> Figure:
-    """Table 2: means and SDs of every realisation, with the region that the authors' give, against the printed.
+def table2(table: pd.DataFrame, own: pd.DataFrame, regions: pd.DataFrame) -> Figure:
+    """Table 2: means and SDs of the public realisations and of our own, with regions, against the printed.
 
     `regions` has a row for each of the table: `mean, mean_low, mean_high, sd, sd_low, sd_high`, two
     of them printed.
     """
-    figure, axes = grid(3, 1, height_in=6.8, sharex=True, height_ratios=(3, 3, 2.6))
-    first, second, third = axes[:, 0]
-    second.sharey(first)
-    # A region that ends at the frame would look cut.
-    first.use_sticky_edges = second.use_sticky_edges = third.use_sticky_edges = False
-    shade = {
-        "width": 0.7,
-        "color": "0.86",
-        "zorder": 0,
-        "label": "95 % region of the authors' records",
-    }
-    low, high = (100 * (regions[f"mean_{end}"] / regions["mean"] - 1) for end in ("low", "high"))
-    first.bar(regions.index, high - low, bottom=low, **shade)
-    third.bar(
-        regions.index, regions["sd_high"] - regions["sd_low"], bottom=regions["sd_low"], **shade
-    )
-    for axis, source, name, colour, marker, side in (
-        (first, "authors", "authors' records", BLUE, "o", -0.12),
-        (second, "simulated", "our simulated records", ORANGE, "^", 0.12),
-    ):
-        part = table[table["source"] == source]
-        row = part["row"]
-        printed = regions["mean"].loc[row].to_numpy()
-        dots = {"markersize": 4, "linestyle": "none", "marker": marker, "color": colour}
-        axis.axhline(0, label="printed mean", **THIN)
-        theoretical = MARKS | {"marker": "+", "markersize": 8, "label": "theoretical $A$, printed"}
-        axis.plot(row, _percent_off(part["theoretical_A_rps"], printed), **theoretical)
-        of_runs = _percent_off(part["mean_A_rps"], printed)
-        axis.plot(row - 0.12, of_runs, label=f"mean of the runs, {name}", **dots)
-        best = _percent_off(part["best_A_rps"], printed)
-        axis.plot(row + 0.12, best, label=f"best basin, {name}", markerfacecolor="none", **dots)
-        axis.set(title=f"mean of $A$, {name}", ylabel="deviation from printed [%]")
-        third.plot(row + side, part["sd_A_rps"], marker, color=colour, markersize=4)
-    third.plot(regions.index, regions["sd"], label="printed SD", **MARKS)
-    third.set(
-        title="SD of $A$, both", ylabel="SD of $A$ [rps]", yscale="log", xlabel="row of Table 2"
-    )
-    third.set_xticks(regions.index)
-    return finish(figure, 2)
-
-
-def _percent_off(values: pd.Series, printed: FloatArray) -> FloatArray:
-    """Deviations from printed values in percent."""
-    return 100 * (np.asarray(values / printed) - 1)
+    figure, axes = grid(2, 1, height_in=5.4, sharex=True, height_ratios=(3, 2.4))
+    scale = 100 / regions["mean"]
+    for axis, of in zip(axes[:, 0], ("mean", "sd"), strict=True):
+        of_row, offset = (scale, 100) if of == "mean" else (1 + 0 * scale, 0)
+        low, high = (regions[f"{of}_{end}"] * of_row - offset for end in ("low", "high"))
+        axis.use_sticky_edges = False  # a region that ends at the frame would look cut
+        axis.bar(regions.index, high - low, 0.7, low, color="0.86", zorder=0, label="95 % region")
+        for part, side, label, look in (
+            (table, 0.14, "public realisations", {"marker": "o", "mfc": "none"}),
+            (own, -0.14, "our realisations", {"marker": "."}),
+        ):
+            values = part[f"{of}_A_rps"] * of_row.loc[part["row"]].to_numpy() - offset
+            axis.plot(part["row"] + side, values, linestyle="none", color=BLUE, label=label, **look)
+        axis.plot(regions.index, regions[of] * of_row - offset, **PRINTED)
+    upper, lower = axes[:, 0]
+    theoretical = MARKS | {"marker": "_", "markersize": 18, "label": "theoretical $A$, printed"}
+    of_table = table.drop_duplicates("row").set_index("row")["theoretical_A_rps"]
+    upper.plot(of_table.index, of_table * scale - 100, **theoretical)
+    upper.set(title="mean of $A$", ylabel="deviation from printed [%]")
+    lower.set(title="SD of $A$", ylabel="SD of $A$ [rps]", yscale="log", xlabel="row of Table 2")
+    lower.set_xticks(regions.index)
+    return finish(figure, 3)
 
 
 @in_style
@@ -153,7 +129,8 @@ def basins(runs: pd.DataFrame, labels: FloatArray, title: str) -> Figure:
     """Where the runs on one record end: RMSE and |A| of each basin, the area and a count for its runs, 1 the best."""
     figure, ((axis,),) = grid(height_in=3.4)
     ends = pd.DataFrame({"rmse": runs["rmse_rps"], "A": runs["A_rps"].abs(), "basin": labels})
-    near = ends.groupby(["basin", ends["A"].round(1)], as_index=False).agg(
+    apart = ends["A"].sort_values().diff().gt(0.1).cumsum().rename("apart")
+    near = ends.groupby(["basin", apart], as_index=False).agg(
         rmse=("rmse", "mean"), A=("A", "mean"), runs=("A", "size"), basin=("basin", "first")
     )
     is_best = near["basin"] == 1
@@ -181,59 +158,45 @@ def basins(runs: pd.DataFrame, labels: FloatArray, title: str) -> Figure:
 
 
 @in_style
-def protocol_variants(scores: pd.DataFrame) -> Figure:
-    """Show how far each protocol variant's means and SDs are from the printed ones: a band a variant, a mark a row."""
-    figure, ((left, right),) = grid(1, 2, height_in=4.2, sharey=True, width_ratios=(4, 3))
-    off = scores["mean_error_percent"].abs().groupby(scores["protocol"]).mean().sort_values()
-    for place, name in enumerate(off.index):
-        part = scores[scores["protocol"] == name]
-        y = place + np.linspace(-0.32, 0.32, len(part))
-        for axis, values in (left, part["mean_error_percent"]), (right, part["sd_ratio"]):
-            axis.plot(values, y, "o", color=BLUE, markersize=3.5)
-            axis.axhline(place + 0.5, color="0.8", linewidth=0.8)
-    names = [re.sub(r"\b(T_[df]|A)\b", r"$\1$", name) for name in off.index]
-    left.set(
-        yticks=range(off.size),
-        yticklabels=names,
-        xlabel="deviation from printed mean [%]",
-        title="mean of $A$",
-    )
-    right.set(xlabel="SD over printed SD [-]", xscale="log", title="SD of $A$")
-    left.set_ylim(off.size - 0.5, -0.5)
-    for axis, printed in ((left, 0), (right, 1)):
-        axis.axvline(printed, **THIN)
-        axis.grid(visible=False, axis="y")
-    return finish(figure, 1)
+def protocol_verdicts(verdicts: pd.DataFrame, signs: Mapping[str, str]) -> Figure:
+    """Show the verdict on each row's mean and SD under each candidate, candidates from top to bottom.
+
+    `verdicts` has the columns `of` ("mean" or "sd"), `row`, `protocol`, `verdict`, `judges`: whether the
+    other numbers of the table leave the candidate.
+    """
+    names = verdicts["protocol"].unique()
+    figure, axes = grid(1, 2, height_in=0.32 * len(names) + 1.2, sharey=True)
+    colours = {"reproduced": BLUE, "differs": ORANGE, "undecided": "0.85"}
+    for axis, (of, part) in zip(axes[0], verdicts.groupby("of", sort=False), strict=True):
+        y = part["protocol"].map(list(names).index)
+        edges = part["verdict"].map(colours)
+        faces = edges.where(part["judges"], "none")
+        axis.scatter(part["row"], y, 90, marker="s", facecolor=faces, edgecolor=edges)
+        for row, at, verdict in zip(part["row"], y, part["verdict"], strict=True):
+            axis.annotate(signs[verdict], (row, at), ha="center", va="center", size=8)
+        axis.set(title=f"{of}s".replace("sd", "SD"), xlabel="row of Table 2")
+        axis.set_xticks(rows := sorted(part["row"].unique()), rows, size=8)
+        axis.set_ylim(len(names) - 0.4, -0.6)
+        axis.grid(visible=False)
+    for verdict, colour in colours.items():
+        axis.scatter([], [], 90, marker="s", color=colour, label=verdict)
+    axes[0, 0].set_yticks(range(len(names)), [textwrap.fill(name, 20) for name in names])
+    return finish(figure, 3)
 
 
 @in_style
-def protocol_residuals(
-    table: pd.DataFrame, judged: pd.DataFrame, level: float, degrees: int
-) -> Figure:
-    """Show how far Table 2's numbers lie from each candidate's, in t (grey: p above `level`), and the p of all ten."""
-    figure, axes = grid(1, 2, height_in=0.4 * len(judged) + 1.0, sharex=True, sharey=True)
-    edge = stats.t.isf(level / 2, degrees)
-    beside = {"xycoords": ("axes fraction", "data"), "va": "center"}
-    ticks = [-20, -2, 0, 2, 20]
-    for axis, column, text in zip(axes[0], ("mean", "sd"), ("means", "SDs"), strict=True):
-        axis.axvspan(-edge, edge, color="0.9", zorder=0)
-        axis.annotate("p", (1.03, -0.9), style="italic", annotation_clip=False, **beside)
-        of_column = table[table["column"] == column]
-        for at, (candidate, p) in enumerate(
-            zip(judged["protocol"], judged[f"p_{column}s"], strict=True)
-        ):
-            t = of_column.loc[of_column["protocol"] == candidate, "t"]
-            axis.plot(t, np.full(len(t), at), "o", color=BLUE, markersize=4, alpha=0.6)
-            digit, _, power = f"{p:.0e}".partition("e")
-            shown = f"{p:.1g}" if p >= 1e-3 else f"${digit}\\cdot10^{{{int(power)}}}$"
-            axis.annotate(shown, (1.03, at), fontsize=8, **beside)
-        axis.set(title=text, xscale="symlog", ylim=(len(judged) - 0.4, -0.6))
-        axis.axhline(judged["explains"].sum() - 0.5, color=INK, linestyle="--", linewidth=1)
-        axis.set_xticks(ticks, [f"{tick:g}".replace("-", "−") for tick in ticks])
-        axis.xaxis.set_minor_locator(NullLocator())
-    figure.supxlabel("t [-], linear from −2 to 2, logarithmic beyond", fontsize=9)
-    axes[0, 0].set_yticks(range(len(judged)), judged["protocol"].str.replace(", ", ",\n"))
-    return finish(figure, 1)
+def protocol_posterior(posterior: pd.DataFrame) -> Figure:
+    """Show the share of each candidate, for the unit and the start over the population."""
+    figure, ((axis,),) = grid(height_in=3.2)
+    kinds = posterior.groupby("kind", sort=False)
+    for (kind, part), marker in zip(kinds, "osd^v", strict=False):
+        ordered = part.sort_values("population")
+        axis.plot(ordered["population"], ordered["share"], marker + "-", label=kind)
+    axis.set(xlabel="population", ylabel="share of belief [-]", xscale="log")
+    ticks = sorted(posterior["population"].unique())
+    axis.set_xticks(ticks, ticks)
+    axis.minorticks_off()
+    return finish(figure, 3)
 
 
 @in_style
@@ -261,18 +224,21 @@ def characteristic(
 def dead_zone(curves: pd.DataFrame, delta_rad: float) -> Figure:
     """Figure 9: stiffness and torque of equations 8 and 9 against the displacement, and the clamped dead zone."""
     figure, ((upper,), (lower,)) = grid(2, 1, height_in=5.0, sharex=True)
-    dashes = ("-", "--", "-.", ":", (0, (6, 2)))
+    stiffness = curves["stiffness_nm_per_rad"]
+    dashes = ("-", "--", "-.", ":")
     for k, (alpha, curve) in enumerate(curves.groupby("alpha_per_rad", sort=False)):
-        line = {"linestyle": dashes[k % 5], "linewidth": max(2.4 - 0.4 * k, 0.8)}
-        power = f"$\\alpha = 10^{{{np.log10(alpha):.3g}}}$ rad$^{{-1}}$"
-        label = power if np.isfinite(alpha) else "clamped dead zone"
+        line = {"linestyle": dashes[k % 4], "linewidth": max(2.4 - 0.4 * k, 1.2)}
+        label = f"$\\alpha = 10^{{{np.log10(alpha):.3g}}}$ rad$^{{-1}}$"
+        if np.isinf(alpha):
+            label, line = "clamped dead zone", THIN
         x = 1e4 * curve["delta_theta_rad"]
-        upper.plot(x, 1e-3 * curve["stiffness_nm_per_rad"], label=label, **line)
+        upper.plot(x, curve["stiffness_nm_per_rad"], label=label, **line)
         lower.plot(x, curve["torque_nm"], **line)
     for axis in (upper, lower):
         for edge in (-delta_rad, delta_rad):
             axis.axvline(1e4 * edge, color="0.5", **DOTTED)
-    upper.set(ylabel="stiffness $K_{BL}$ [kN m/rad]")
+    upper.set(ylabel="stiffness $K_{BL}$ [N m/rad]", yscale="log")
+    upper.set_ylim(stiffness[stiffness > 0].min() / 3)
     lower.set(
         xlabel="displacement $\\Delta\\theta$ [$10^{-4}$ rad]",
         ylabel="torque $\\tau_l$ on the load [N m]",
@@ -307,10 +273,8 @@ def validation(table: pd.DataFrame) -> Figure:
     delta = 1e4 * table["delta_rad"]
     used = table["used_in_fit"]
     for axis, values in ((left, 100 * table["nrmse"]), (right, table["peak_error_percent"])):
-        axis.plot(
-            delta[used], values[used], "s", color=BLUE, markersize=5, label="level used in the fit"
-        )
-        open_circle = {"mfc": "none", "color": ORANGE, "markersize": 5}
+        axis.plot(delta[used], values[used], "s", color=BLUE, label="level used in the fit")
+        open_circle = {"mfc": "none", "color": ORANGE}
         axis.plot(delta[~used], values[~used], "o", label="level left out", **open_circle)
         axis.set(xlabel=BACKLASH_LABEL)
     left.set(ylabel="RMSE over the record's SD [%]", ylim=(0, None))
@@ -346,17 +310,8 @@ def growth(
     upper.set(xlabel="time in a settled turn [s]", ylabel="disturbance $v - v_t$ [rps]")
     figure.colorbar(shades, ax=upper, label=BACKLASH_LABEL)
     delta = 1e4 * peaks["delta_rad"]
-    lower.plot(
-        delta, peaks["amplitude_rps"], "o-", color=BLUE, markersize=4, label="peak before sampling"
-    )
-    lower.plot(
-        delta,
-        peaks["sampled_rps"],
-        "s--",
-        color=ORANGE,
-        markersize=4,
-        label="peak of the 2 ms samples",
-    )
+    lower.plot(delta, peaks["amplitude_rps"], "o-", color=BLUE, label="peak before sampling")
+    lower.plot(delta, peaks["sampled_rps"], "s--", color=ORANGE, label="peak of the 2 ms samples")
     lower.plot(1e4 * np.array(list(printed)), list(printed.values()), **PRINTED)
     lower.set(xlabel=BACKLASH_LABEL, ylabel="amplitude $A$ [rps]")
     return finish(figure, 3)

@@ -27,33 +27,11 @@ def replay(compared: pd.DataFrame, ended: pd.DataFrame, agree_rps: float) -> Fig
         shown = np.maximum(part["difference_rps"], SMALLEST_RPS)
         if (part["difference_rps"] > agree_rps).any():
             colour, line = next(diverging, (INK, "D-"))
-            left.plot(
-                part["generation"],
-                shown,
-                line,
-                color=colour,
-                markersize=3,
-                label=f"run {run}, diverges",
-            )
+            left.plot(part["generation"], shown, line, color=colour, label=f"run {run}, diverges")
         else:
-            left.plot(
-                part["generation"],
-                shown,
-                ".-",
-                color=BLUE,
-                alpha=0.5,
-                markersize=3,
-                linewidth=0.5,
-                zorder=1,
-            )
-    left.plot([], [], ".-", color=BLUE, alpha=0.5, markersize=3, linewidth=0.5, label="other runs")
-    right.plot(
-        ended["run"],
-        np.maximum(ended["difference_rps"], SMALLEST_RPS),
-        "o",
-        color=BLUE,
-        markersize=4,
-    )
+            faint = {"alpha": 0.5, "linewidth": 0.5, "zorder": 1, "label": "other runs"}
+            left.plot(part["generation"], shown, ".-", color=BLUE, **faint)
+    right.plot(ended["run"], np.maximum(ended["difference_rps"], SMALLEST_RPS), "o", color=BLUE)
     for axis, label in (left, None), (right, "limit of agreement"):
         axis.axhline(agree_rps, color=INK, linewidth=0.8, linestyle=":", label=label)
     left.set(
@@ -84,12 +62,8 @@ def one_generation(
         ellipse(axis, before, at, color=INK, linestyle="--", label="2 SD before")
         axis.set(xlabel=labels[0], ylabel=labels[1], title=title)
         axis.tick_params(labelbottom=True, labelleft=True)
-    first.plot(
-        ranked[half:, i], ranked[half:, j], "x", color="0.5", markersize=3, label="worse half"
-    )
-    first.plot(
-        ranked[:half, i], ranked[:half, j], ".", color=BLUE, markersize=4, label="better half"
-    )
+    first.plot(ranked[half:, i], ranked[half:, j], "x", color="0.5", label="worse half")
+    first.plot(ranked[:half, i], ranked[:half, j], ".", color=BLUE, label="better half")
     sizes = 40 * weights[:half] / weights[0]
     second.scatter(
         *ranked[:half, at].T,
@@ -101,7 +75,7 @@ def one_generation(
     )
     for axis in (second, third):
         axis.plot(before.m[i], before.m[j], "P", color=INK, markersize=7, label="mean before")
-        axis.plot(after.m[i], after.m[j], "s", color=ORANGE, markersize=4, label="mean after")
+        axis.plot(after.m[i], after.m[j], "s", color=ORANGE, label="mean after")
     ellipse(third, after, at, color=ORANGE, label="2 SD after")
     key.set_visible(False)
     return finish(figure, 1, (0.64, 0.12))

@@ -1,13 +1,8 @@
-"""The teeth in the gap: how they are drawn, and one turn of a joint as an animation that needs no network."""
-
-import base64
-import io
-import re
+"""The teeth in the gap: how they are drawn, and one turn of a joint as an animation."""
 
 import numpy as np
 from matplotlib import pyplot as plt
 from matplotlib.animation import FuncAnimation
-from PIL import Image
 
 from replication.figures.style import BLUE, INK, ORANGE, STYLE
 from replication.simulator.parameters import TURN, JointParameters
@@ -90,32 +85,7 @@ def animate_teeth(run: SimulatedJoint, joint: JointParameters) -> str:
             draw_teeth(gap, x[k], 1e3 * run.delta_rad, np.abs(x).max())
             dot.set_data(t[[k]], v[[k]])
 
-        html = FuncAnimation(
-            figure, draw, frames=frames, interval=100, init_func=lambda: None
-        ).to_jshtml()
+        turned = FuncAnimation(figure, draw, frames=frames, interval=100, init_func=lambda: None)
+        html = turned.to_jshtml()
         plt.close(figure)
-    return _made_plain(html)
-
-
-def _made_plain(html: str) -> str:
-    """Make Matplotlib's HTML small and always the same, words of the icons it fetches, and show its first frame."""
-    html = re.sub(
-        r"(?<=base64,)[^\"]+", _reduce_png, re.sub(r"<link.*?>", "", html, flags=re.DOTALL)
-    )
-    html = html.replace(re.findall(r"_anim_img(\w{32})", html)[0], "_teeth").replace(
-        "width: 36px", ""
-    )
-    html = re.sub(r'aria-label="([^"]*)"( onclick="[^"]*">)\s*<i .*?</i>', r"\2\1", html)
-    first = re.findall(r'frames\[0\] = "(.*?)"', html)[0]
-    html = html.replace(
-        "<img ", f'<img alt="arm, teeth and motor speed" style="max-width: 100%" src="{first}" '
-    )
-    return html.replace("width: 374px", "width: 95%").replace('name="points"', 'aria-label="frame"')
-
-
-def _reduce_png(found: re.Match) -> str:
-    small = io.BytesIO()
-    Image.open(io.BytesIO(base64.b64decode(found[0]))).convert("RGB").quantize(32).save(
-        small, "PNG", optimize=True
-    )
-    return base64.b64encode(small.getvalue()).decode()
+    return html

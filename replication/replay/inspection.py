@@ -2,7 +2,7 @@
 
 import numpy as np
 import pandas as pd
-from scipy import stats
+from scipy import signal, stats
 
 from replication.arrays import FloatArray
 from replication.authors import LOW_NOISE, load_clean, load_noisy
@@ -23,14 +23,25 @@ STORED_NAMES = (
 
 def turn_period(recording: Recording) -> float:
     """Turn period [s]: the lag, within 20 % of the recording's own, at which its settled part best resembles itself."""
-    dt = recording.t[1] - recording.t[0]
-    expected = recording.turn_period_s / dt
+    expected = recording.turn_period_s / recording.sample_s
     settled = recording.v[round(expected) :]
     lags = np.arange(round(0.8 * expected), round(1.2 * expected) + 1)
     mismatch = np.array([np.mean((settled[lag:] - settled[:-lag]) ** 2) for lag in lags])
     best = int(np.clip(mismatch.argmin(), 1, lags.size - 2))
     before, at, after = mismatch[best - 1 : best + 2]
-    return float((lags[best] + 0.5 * (before - after) / (before - 2 * at + after)) * dt)
+    lag = lags[best] + 0.5 * (before - after) / (before - 2 * at + after)
+    return float(lag * recording.sample_s)
+
+
+def interpolated_peak_rps(recording: Recording) -> float:
+    """Theoretical A [rps] of a clean recording: its settled turns' largest v - v_t, at a 40th of its sampling period.
+
+    The settled turns are one period of their Fourier series, which is the band-limited interpolation
+    without a parameter and without a model of the joint.
+    """
+    turn = round(recording.turn_period_s / recording.sample_s)
+    settled = recording.v[turn : recording.v.size // turn * turn]
+    return signal.resample(settled, 40 * settled.size).max() - recording.commanded_speed_rps
 
 
 def added_noise(level: int, realisation: int) -> FloatArray:
@@ -40,12 +51,11 @@ def added_noise(level: int, realisation: int) -> FloatArray:
 
 def uniform_noise_test(noise: FloatArray) -> pd.Series:
     """Kolmogorov-Smirnov p of a record's noise for two laws, its mean in standard errors, its correlation."""
-    low, high = noise.min(), noise.max()
     return pd.Series(
         {
-            "p_uniform": stats.kstest(noise, stats.uniform(low, high - low).cdf).pvalue,
+            "p_uniform": stats.kstest(noise, stats.uniform(noise.min(), np.ptp(noise)).cdf).pvalue,
             "p_normal": stats.kstest(noise, stats.norm(noise.mean(), noise.std()).cdf).pvalue,
-            "mean_over_standard_error": noise.mean() / (noise.std() / np.sqrt(noise.size)),
+            "mean_over_standard_error": noise.mean() / stats.sem(noise, ddof=0),
             "lag_one_correlation": np.corrcoef(noise[1:], noise[:-1])[0, 1],
         }
     )
@@ -55,16 +65,9 @@ def noise_amplitudes() -> FloatArray:
     """Half-amplitude of the noise [rps] in the authors' low-noise records of Table 2's ten rows, R = 1 to 5.
 
     Half the range of what was added to the clean record; where that is not public, from the
-    variance about the mean of the five realisations, which is a third of the squared
-    half-amplitude.
+    variance about the mean of the five realisations, which is a twelfth of the squared range.
     """
-    amplitudes = []
-    for level in table2_levels():
-        if level < 3:
-            v = np.array([load_noisy(level, realisation).v for realisation in LOW_NOISE])
-            amplitudes.append(np.sqrt(3 * v.var(axis=0, ddof=1).mean()))
-        else:
-            amplitudes.append(
-                np.ptp([added_noise(level, realisation) for realisation in LOW_NOISE]) / 2
-            )
-    return np.array(amplitudes)
+    first, *public = table2_levels()
+    variance = np.var([load_noisy(first, R).v for R in LOW_NOISE], axis=0, ddof=1)
+    ranges = [np.ptp([added_noise(level, R) for R in LOW_NOISE]) for level in public]
+    return np.array([np.sqrt(12 * variance.mean()), *ranges]) / 2

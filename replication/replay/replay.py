@@ -29,14 +29,10 @@ def replay_stored_runs(recording: Recording) -> pd.DataFrame:
     for run in published.authors_notebook_runs().to_dict("records"):
         history = paper_run(recording, AUTHORS_PROTOCOL, run["cma_seed"]).history
         table = pd.DataFrame(history, columns=HISTORY).drop(columns=["median", "upper_quartile"])
-        head = {
-            "run": run["run"],
-            "cma_seed": run["cma_seed"],
-            "generation": np.arange(1, len(history) + 1),
-        }
-        parts.append(
-            pd.concat([pd.DataFrame(head), table.rename(columns={"best": "best_rmse_rps"})], axis=1)
-        )
+        table.insert(0, "generation", np.arange(1, len(history) + 1))
+        for name in ("cma_seed", "run"):
+            table.insert(0, name, run[name])
+        parts.append(table.rename(columns={"best": "best_rmse_rps"}))
     return pd.concat(parts, ignore_index=True)
 
 
@@ -96,18 +92,14 @@ def compare_ends(ours: pd.DataFrame) -> pd.DataFrame:
     compared = compare_generations(ours).dropna()
     parts_by = compared[compared["difference_rps"] > AGREE_RPS].groupby("run")["generation"].min()
     agreeing = compared[compared["generation"] < compared["run"].map(parts_by).fillna(np.inf)]
-    return pd.DataFrame(
-        {
-            "run": stored["run"],
-            "cma_seed": stored["cma_seed"],
-            "stored_rps": stored["final_rmse_rps"],
-            "ours_rps": end_rps,
-            "difference_rps": (end_rps - stored["final_rmse_rps"]).abs(),
-            "stored_generations": stored["iterations"],
-            "our_generations": of_runs.size().to_numpy(),
-            "agrees_until": stored["run"].map(agreeing.groupby("run")["generation"].max()),
-            "parts_by": stored["run"].map(parts_by),
-        }
+    return stored[["run", "cma_seed"]].assign(
+        stored_rps=stored["final_rmse_rps"],
+        ours_rps=end_rps,
+        difference_rps=(end_rps - stored["final_rmse_rps"]).abs(),
+        stored_generations=stored["iterations"],
+        our_generations=of_runs.size().to_numpy(),
+        agrees_until=stored["run"].map(agreeing.groupby("run")["generation"].max()),
+        parts_by=stored["run"].map(parts_by),
     )
 
 
@@ -137,11 +129,11 @@ def first_divergences(
 
 def count_sign_flips(generation: Generation, rng: np.random.Generator) -> int:
     """In how many of `ROUNDINGS` cases a change of C by 2 units in the last place turns an eigenvector round."""
-    C, B = generation.before.C, generation.before.B
+    before = generation.before
     flips = 0
     for _ in range(ROUNDINGS):
-        last_bits = np.tril(rng.integers(-2, 3, C.shape))
-        otherwise = C * (1 + 2.0**-52 * (last_bits + np.tril(last_bits, -1).T))
-        _, vectors = symmetric_eigen(otherwise)
-        flips += bool(((vectors * B).sum(axis=0) < 0).any())
+        last_bits = np.tril(rng.integers(-2, 3, before.C.shape))
+        rounding = 2.0**-52 * (last_bits + np.tril(last_bits, -1).T)
+        _, vectors = symmetric_eigen(before.C * (1 + rounding))
+        flips += bool(((vectors * before.B).sum(axis=0) < 0).any())
     return flips

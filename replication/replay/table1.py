@@ -45,9 +45,9 @@ def bounds_by_replay(recording: Recording) -> pd.DataFrame:
     stored = protocol_box(recording, AUTHORS_PROTOCOL)
     printed = protocol_box(recording, replace(AUTHORS_PROTOCOL, amplitude_factor=1.0))
     width = printed.upper - printed.lower
-    sides = {"min": "lower", "max": "upper"}
+    sides = ("min", "lower"), ("max", "upper")
     rows = []
-    for (side, end), (i, name), shift in product(sides.items(), enumerate(NAMES), SHIFTS):
+    for (side, end), (i, name), shift in product(sides, enumerate(NAMES), SHIFTS):
         bounds = getattr(stored, end).copy()
         bounds[i] = getattr(printed, end)[i] + shift * width[i]
         count = count_replayed(recording, replace(stored, **{end: bounds}))
@@ -67,6 +67,6 @@ def table1_cells(recording: Recording, tried: pd.DataFrame) -> pd.Series:
         bound = best["bound"].iloc[0] if len(best) == 1 else np.nan
         cells[cell] = (bound - shift.get(name, 0.0)) / scale.get(name, 1.0)
     period = turn_period(recording)
-    cells |= {f"table1.T_d.{side}": period / 2 for side in ("min", "max")}
-    cells |= {f"table1.T_f.{side}": period for side in ("min", "max")}
+    for side in ("min", "max"):
+        cells |= {f"table1.T_d.{side}": period / 2, f"table1.T_f.{side}": period}
     return pd.Series(cells, name="reproduced")

@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 from replication.figures import style as house
 from replication.figures.style import BLUE, GREEN, INK, ORANGE, PINK, SKY, grid, in_style
 
-MARKERS, LINES = "osv^D", ("-", "--", "-.", ":", (0, (5, 1, 1, 1, 1, 1)))
+MARKERS, LINES = "osv^D", ("-", "--", "-.", ":")
 COLOURS = (BLUE, ORANGE, GREEN, PINK, SKY)
 
 
@@ -18,10 +18,10 @@ def table3(table: pd.DataFrame, population: pd.DataFrame) -> Figure:
     """Show Table 3: the stand-in's mean and SD, the printed ones, the known A, and what other benches give."""
     figure, ((axis,),) = grid(height_in=3.6)
     delta = 1e4 * table["delta_rad"].to_numpy()
-    style = {"linestyle": "none", "capsize": 3, "marker": "s", "color": BLUE}
+    style = {"linestyle": "none", "marker": "s", "color": BLUE}
     label = f"{population['bench'].nunique()} other benches, global fit"
     others = 1e4 * population["delta_rad"] - 0.12, population["A_rps"]
-    axis.plot(*others, "o", color="0.6", mfc="none", markersize=4, label=label)
+    axis.plot(*others, "o", color="0.6", mfc="none", label=label)
     label = f"stand-in bench, {table['runs'].iloc[0]} runs"
     axis.errorbar(delta, table["mean_A_rps"], table["sd_A_rps"], label=label, **style)
     axis.plot(
@@ -29,11 +29,7 @@ def table3(table: pd.DataFrame, population: pd.DataFrame) -> Figure:
     )
     printed = table["printed_mean_A_rps"], table["printed_sd_A_rps"]
     axis.errorbar(
-        delta + 0.12,
-        *printed,
-        capsize=3,
-        elinewidth=1,
-        **house.PRINTED | {"label": "printed mean and SD"},
+        delta + 0.12, *printed, elinewidth=1, **house.PRINTED | {"label": "printed mean and SD"}
     )
     axis.plot(
         delta + 0.2,
@@ -65,7 +61,7 @@ def load_friction(logs: pd.DataFrame, study: pd.DataFrame) -> Figure:
         (explained >= 50, BLUE, "at least"),
         (explained < 50, "white", "less than"),
     ):
-        style = {"mfc": fill, "markersize": 5, "label": f"fit explains {label} 50 %"}
+        style = {"mfc": fill, "label": f"fit explains {label} 50 %"}
         above.plot(share[kept], logs["A_rps"][kept], "o", color=BLUE, **style)
     below.plot(
         100 * study["friction_share"],
@@ -73,7 +69,7 @@ def load_friction(logs: pd.DataFrame, study: pd.DataFrame) -> Figure:
         color=INK,
         label="repeats with opposite sign",
     )
-    below.plot(share, explained, "s", color=ORANGE, markersize=4, label="explained by the fit")
+    below.plot(share, explained, "s", color=ORANGE, label="explained by the fit")
     above.set(ylabel="fitted A [rps]", ylim=(0, None))
     below.set(
         xlabel="friction on the load, share of m g r [%]",
@@ -92,31 +88,28 @@ def robots(
     edges = np.linspace(0, 1.02 * population["A_rps"].max(), 40)
     kinds = population.groupby("kind", sort=False)
     for (kind, part), colour, hatch in zip(kinds, (BLUE, ORANGE), ("////", ""), strict=True):
-        style = {
-            "color": colour,
-            "alpha": 0.55,
-            "hatch": hatch,
-            "edgecolor": "white",
-            "linewidth": 0,
-        }
-        left.hist(part["A_rps"], edges, label=f"{kind}, {len(part)} robots", **style)
+        style = {"color": colour, "alpha": 0.55, "hatch": hatch, "edgecolor": "white"}
+        left.hist(part["A_rps"], edges, label=f"{kind}, {len(part)} robots", linewidth=0, **style)
     for (label, (curve, area)), line, colour in zip(
         curves.items(), ("-", "--", ":"), (BLUE, PINK, PINK), strict=False
     ):
         shares = 100 * curve["false_alarms"], 100 * curve["detected"]
         right.plot(*shares, line, color=colour, label=f"{label}, area {area:.3f}")
+    top = left.get_ylim()[1]
     for mark, marker, line in zip(marks.to_dict("records"), "xPD", (":", "-.", "-"), strict=False):
-        label = f"{mark['name']}: {mark['threshold_rps']:.4f} rps"
-        left.axvline(mark["threshold_rps"], color=INK, linestyle=line, linewidth=1.2, label=label)
+        at, label = mark["threshold_rps"], f"{mark['name']}: {mark['threshold_rps']:.4f} rps"
         style = {
             "color": INK,
+            "marker": marker,
+            "markersize": 6,
+            "linestyle": line,
+            "linewidth": 1.2,
             "clip_on": False,
             "zorder": 3,
-            "linestyle": "none",
-            "label": mark["name"],
         }
-        right.plot(100 * mark["false_alarms"], 100 * mark["detected"], marker, **style)
-    left.set(xlabel="fitted A [rps]", ylabel="number of robots [-]")
+        left.plot([at, at], [0, top], label=label, markevery=[1], **style)
+        right.plot(100 * mark["false_alarms"], 100 * mark["detected"], **style)
+    left.set(xlabel="fitted A [rps]", ylabel="number of robots [-]", ylim=(0, top))
     right.set(
         xlabel="healthy called excessive [%]", ylabel="excessive robots found [%]", ylim=(0, 102)
     )
@@ -139,20 +132,14 @@ def robots_disturbance(
     ):
         heard = part["disturbance_rps"].max()
         label = f"{100 * share:.0f} % of m g r, up to {heard:.2f} rps"
-        axis.plot(
-            part["disturbance_hz"],
-            part["A_rps"],
-            marker=marker,
-            color=colour,
-            markersize=4,
-            lw=0.9,
-            label=label,
-        )
+        look = {"marker": marker, "color": colour}
+        axis.plot(part["disturbance_hz"], part["A_rps"], linewidth=0.9, label=label, **look)
         few = part[part["turns_used"] < 2]
-        axis.plot(
-            few["disturbance_hz"], few["A_rps"], marker, color=colour, markersize=4, mfc="white"
-        )
-    axis.plot([], [], "o", color=INK, mfc="white", markersize=4, label="fit of less than two turns")
+        axis.plot(few["disturbance_hz"], few["A_rps"], linestyle="none", mfc="white", **look)
+    axis.plot([], [], "o", color=INK, mfc="white", label="fit of less than two turns")
+    unknown = sweep[sweep["low_rps"] <= 0]
+    crossed = {"color": INK, "label": "95 % interval contains 0"}
+    axis.plot(unknown["disturbance_hz"], unknown["A_rps"], "x", **crossed)
     for (name, amplitude), style in zip(thresholds.items(), ("--", "-."), strict=False):
         axis.axhline(amplitude, color=INK, linestyle=style, linewidth=1, label=name)
     axis.set(

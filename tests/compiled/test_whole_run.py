@@ -11,7 +11,7 @@ from replication.compiled.misfit import fold, folded_rmse, population_rmse
 from replication.compiled.whole_run import whole_run
 from replication.recording import constant_speed
 from replication.search import generations, random_normals, search
-from replication.signature import Box, Timing, rmse, signature, table1_box
+from replication.signature import Timing, rmse, signature, table1_box
 
 TURN = Timing(0.2, 0.4, 12)
 X = np.array([-0.6, 0.0125, 15.0, 134.0, 100.0, 0.1515, 0.0125])
@@ -122,22 +122,6 @@ def test_a_compiled_run_is_the_search_generation_by_generation(
         theirs.stop,
     )
     assert ours.misfit == pytest.approx(rmse(t, v, ours.best, timing), abs=1e-12)
-
-
-@pytest.mark.parametrize(
-    ("change", "words"),
-    [
-        ({"seed": 0}, "seed 0"),
-        ({"population": 3}, "population 3: at least 4"),
-        ({"iterations": 0}, "iterations 0: at least one"),
-        ({"box": Box(np.ones(7), np.ones(7))}, "the box is empty"),
-    ],
-)
-def test_settings_that_no_search_can_run_with_are_one_clear_error(record, change, words):
-    t, v = record
-    good = {"box": table1_box(t, v, 0.204), "seed": 1, "population": 10, "iterations": 5}
-    with pytest.raises(ValueError, match=words):
-        whole_run(fold(t, v, TURN), **good | change)
 
 
 @pytest.mark.parametrize(

@@ -2,19 +2,22 @@ import functools
 import hashlib
 import http.server
 import io
+import os
 import threading
 
 import numpy as np
 import openpyxl
 import pytest
 
-from replication import authors
+from replication import authors, published
 from replication.authors import (
     WORKBOOK_FILES,
     DataCorrupt,
     DataUnavailable,
     authors_file,
     authors_registry,
+    load_clean,
+    load_noisy,
     parse_speed_workbook,
 )
 
@@ -113,6 +116,23 @@ def test_a_local_copy_is_used_where_backlash_data_says(registered, tmp_path, mon
     file.write_bytes(registered)
     monkeypatch.setenv("BACKLASH_DATA", str(tmp_path))
     assert authors_file("Noisy data/a file.zip", base_url="http://127.0.0.1:9/") == file
+
+
+def test_a_pipe_is_refused_and_not_waited_for(registered, tmp_path, monkeypatch):
+    (tmp_path / "Noisy data").mkdir()
+    os.mkfifo(tmp_path / "Noisy data" / "a file.zip")
+    monkeypatch.setenv("BACKLASH_DATA", str(tmp_path))
+    with pytest.raises(DataUnavailable, match=r"a file\.zip: not readable \(a pipe\)"):
+        authors_file("Noisy data/a file.zip")
+
+
+def test_our_records_take_the_authors_place_if_that_is_said(monkeypatch):
+    monkeypatch.setenv("BACKLASH_RECORDS", "simulated")
+    clean, first, again, other = load_clean(3), load_noisy(3, 1), load_noisy(3, 1), load_noisy(3, 2)
+    assert "simulated" in first.source
+    assert (first.v == again.v).all()
+    assert not np.allclose(first.v, other.v)
+    assert np.abs(first.v - clean.v).max() <= published.value("table2.row02.noise")
 
 
 def test_a_changed_local_copy_is_refused(registered, tmp_path, monkeypatch):

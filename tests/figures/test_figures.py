@@ -18,6 +18,7 @@ DIMENSIONLESS = {
         "SD over printed SD",
         "function evaluations per success",
         "generation",
+        "population",
         "stored run",
     ),
     *("log-likelihood of the printed Table 2", "mean over the printed one", "row of Table 2"),

@@ -216,7 +216,7 @@ def test_ten_million_rows_are_refused_before_they_are_parsed(tmp_path, monkeypat
 def test_many_short_rows_are_refused_when_the_limit_is_reached(tmp_path, monkeypatch):
     monkeypatch.setattr(tables, "MOST_ROWS", 1000)
     path = tmp_path / "log.csv"
-    path.write_text("1,2\n" * 3000, encoding="utf-8")
+    path.write_text("1,2\n" * 3000, "utf-8")
     assert "more than 1,000 rows" in refusal(path)
 
 

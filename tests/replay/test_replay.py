@@ -90,9 +90,7 @@ def test_a_difference_and_a_run_that_parts_are_seen(ours):
 
 
 def test_the_committed_frames_are_of_the_replayed_generations_and_end_at_the_stored_misfit(ours):
-    drawn = json.loads(
-        (ROOT / "results" / "pages" / "replay_explorer.json").read_text(encoding="utf-8")
-    )
+    drawn = json.loads((ROOT / "results" / "pages" / "replay_explorer.json").read_text("utf-8"))
     frames = pd.DataFrame(drawn["runs"])[["run", "cma_seed", "generation", "frame"]]
     frames = frames.explode(["generation", "frame"], ignore_index=True).astype({"generation": int})
     frames["best"] = [np.frombuffer(b64decode(frame), "<f8", 1)[0] for frame in frames["frame"]]

@@ -9,7 +9,6 @@ import yaml
 
 import workbook
 from replication import published
-from workbook import judging
 from workbook.checkout import RESULTS
 from workbook.report import article
 from workbook.report.cells import SIGNS
@@ -44,46 +43,46 @@ def test_a_number_that_is_empty_or_not_there_stops_the_typesetting(changed, cont
         article.typeset(RESULTS)
 
 
-def test_what_the_text_says_of_single_protocols_is_what_the_table_has():
-    table = pd.read_csv(RESULTS / "supplement" / "protocols.csv")
-    table = table.sort_values("p", ascending=False, ignore_index=True)
-    assert list(table["explains"]) == [True, True] + [False] * (len(table) - 2)
-    assert table.loc[2, "protocol"] == "authors' notebook", "the candidate that just fails"
-    assert 0.03 < table.loc[2, "p"] < 0.05
-    assert table.loc[0, "sds_outside"] == 0, "the SDs differ under the notebook's settings only"
+def test_the_kinds_that_the_headlines_name_add_up_to_their_counts(content):
+    kinds = {
+        "reproduced": ("table2_mean", "table2_sd"),
+        "traced": ("table1", "table2_noise", "table2_theoretical", "text"),
+    }
+    for word, of_word in kinds.items():
+        counts = [int(content["facts"][f"{kind}_{word}"]) for kind in of_word]
+        assert sum(counts) == int(content["facts"][word])
 
 
-def test_the_theoretical_amplitudes_are_all_that_our_simulator_reproduces():
-    decided = judging.deciding(judging.verdicts(RESULTS))
-    ours = decided.query("verdict == 'reproduced' and source == 'simulated'")["id"]
-    assert set(ours.str.split(".").str[-1]) == {"theoretical"}
+def test_a_final_article_names_every_blank_that_is_open(tmp_path, monkeypatch):
+    file = tmp_path / "citation"
+    file.write_text('name: "OPEN: a name"  # and "OPEN: a place"', "utf-8")
+    monkeypatch.setattr(article, "WITH_BLANKS", (file,))
+    with pytest.raises(article.NotTypeset, match=r"citation: a name; .*citation: a place$"):
+        article.typeset(RESULTS, final=True)
 
 
 def test_tables_and_captions_have_no_empty_place(content):
     assert len(content["claims"]) == len(published.claims())
-    assert len(content["errata"]) == len(published.errata())
-    for row in content["claims"] + content["errata"]:
-        assert all(str(value).strip() for name, value in row.items() if name != "measured"), row
+    claims = pd.DataFrame(content["claims"])[["claim", "verdict", "decided_in"]]
+    errata = published.errata()[["location", "as_printed", "corrected", "evidence"]]
+    assert claims.ne("").all(axis=None)
+    assert errata.ne("").all(axis=None)
     assert len(content["open"]) >= 2
 
 
 def test_the_papers_four_tables_stand_whole_beside_ours(content):
-    tables = content["tables"]
+    beside = pd.DataFrame(content["cells"])
     for element, cells in published.cells().groupby("element"):
-        beside = [
-            each for row in tables[element] for each in row.values() if isinstance(each, dict)
-        ]
-        assert sorted(each["printed"] for each in beside) == sorted(cells["printed"])
-        assert all(each["sign"] for each in beside)
-    stand_ins = [row for element in ("Table 3", "Table 4") for row in tables[element]]
-    assert {row[name]["sign"] for row in stand_ins for name in ("mean", "sd")} == {
-        SIGNS["stand-in"]
-    }
+        own = beside[beside["element"] == element]
+        assert sorted(own["printed"]) == sorted(cells["printed"])
+        assert own["verdict"].isin(SIGNS).all()
+    stand_ins = beside.query("element in ('Table 3', 'Table 4') and column in ('mean', 'sd')")
+    assert {*stand_ins["verdict"]} == {"stand-in"}
 
 
 def test_the_ranges_of_table_2_are_those_of_its_realisations():
-    ranges = json.loads((RESULTS / "pages" / "article.json").read_text(encoding="utf-8"))["table2"]
-    table = pd.read_csv(RESULTS / "table2.csv").query("source == 'authors'")
+    ranges = json.loads((RESULTS / "pages" / "article.json").read_text("utf-8"))["table2"]
+    table = pd.read_csv(RESULTS / "table2.csv")
     for row, part in table.groupby("row"):
         said = ranges[str(row)]
         assert said["means"] == f"{part['mean_A_rps'].min():.3f} to {part['mean_A_rps'].max():.3f}"
@@ -91,13 +90,13 @@ def test_the_ranges_of_table_2_are_those_of_its_realisations():
             part["best_basin_runs"].sum(),
             part["runs"].sum(),
         )
-    assert len(ranges) == 11
+    assert len(ranges) == 10
 
 
 def test_what_the_article_quotes_is_in_the_reference_list_with_its_place():
-    text = article.SOURCE.read_text(encoding="utf-8")
+    text = article.SOURCE.read_text("utf-8")
     references = workbook.ROOT / "article" / "references.yml"
-    listed = yaml.safe_load(references.read_text(encoding="utf-8"))
+    listed = yaml.safe_load(references.read_text("utf-8"))
     cited = set(re.findall(r"@([a-z\d-]+)", text)) - set(re.findall(r"<([a-z\d-]+)>", text))
     assert cited == set(listed)
     assert len(listed) >= 15

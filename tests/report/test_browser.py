@@ -8,7 +8,13 @@ from workbook.report import cells as cells_of
 
 VERDICTS = judging.verdicts(RESULTS)
 WIDTHS = (390, 820, 1440)
-PAGES = ("report.html", "pages/00_start_here.html", "pages/08_noise_table2.html")
+PAGES = (
+    "report.html",
+    "pages/00_start_here.html",
+    "pages/08_noise_table2.html",
+    "pages/signature_explorer.html",
+    "pages/replay_explorer.html",
+)
 OPENED = "document.querySelectorAll('details').forEach(each => each.open = true)"
 SHOWN = "[...document.querySelectorAll('tr.row')].filter(row => !row.hidden).map(row => ({...row.dataset}))"
 
@@ -77,11 +83,11 @@ def test_the_filters_show_the_rows_that_the_verdicts_have_and_reset_shows_all(ta
     assert len(page.evaluate(SHOWN)) == len(VERDICTS)
     page.locator("select[name=verdict]").select_option("differs")
     assert len(page.evaluate(SHOWN)) == (VERDICTS["verdict"] == "differs").sum()
-    page.locator("select[name=source]").select_option("simulated")
-    both = ((VERDICTS["verdict"] == "differs") & (VERDICTS["source"] == "simulated")).sum()
+    page.locator("select[name=source]").select_option("authors")
+    both = ((VERDICTS["verdict"] == "differs") & (VERDICTS["source"] == "authors")).sum()
     assert {row["verdict"] for row in page.evaluate(SHOWN)} == {"differs"}
     assert page.locator("#shown").text_content() == f"{both} of {len(VERDICTS)} rows shown"
-    page.locator("select[name=element]").select_option("Table 1")
+    page.locator("select[name=element]").select_option("Table 3")
     assert page.evaluate(SHOWN) == []
     page.get_by_role("button", name="show all").click()
     page.wait_for_function("document.getElementById('shown').textContent === 'all rows shown'")

@@ -35,7 +35,7 @@ def crate(described, tmp_path_factory):
 def test_the_committed_crate_is_what_the_results_give_and_small(described):
     written = json.dumps(described, indent=1) + "\n"
     assert len(written) < 300_000
-    assert (RESULTS / NAME).read_text(encoding="utf-8") == written, "run: make report"
+    assert (RESULTS / NAME).read_text("utf-8") == written, "run: make report"
 
 
 def test_every_entity_has_a_type_and_every_reference_an_entity(described):
@@ -98,7 +98,7 @@ def test_the_authors_files_are_named_by_their_address_and_digest(crate):
 
 def test_nothing_of_it_is_from_the_clock(described):
     (whole,) = (entity for entity in described["@graph"] if entity["@id"] == "./")
-    assert whole["datePublished"] in (workbook.ROOT / "CITATION.cff").read_text(encoding="utf-8")
+    assert whole["datePublished"] in (workbook.ROOT / "CITATION.cff").read_text("utf-8")
     assert "Time" not in json.dumps(
         [e for e in described["@graph"] if e["@type"] == "CreateAction"]
     )

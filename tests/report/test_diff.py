@@ -27,7 +27,7 @@ def results(tmp_path):
 def change(results, part, key, **values):
     """Change a cell or a claim of an outcome; take it out if no value is given."""
     file = results / "outcomes" / f"{NOTEBOOK}.json"
-    outcome = json.loads(file.read_text(encoding="utf-8"))
+    outcome = json.loads(file.read_text("utf-8"))
     rows = [row | values if row["id"] == key else row for row in outcome[part]]
     outcome[part] = [row for row in rows if values or row["id"] != key]
     file.write_text(json.dumps(outcome), encoding="utf-8")
@@ -86,7 +86,7 @@ def test_results_that_are_broken_or_not_there_are_refused_in_one_line(results, b
     if broken is None:
         shutil.rmtree(results / "outcomes")
     else:
-        (results / "outcomes" / f"{NOTEBOOK}.json").write_text(broken, encoding="utf-8")
+        (results / "outcomes" / f"{NOTEBOOK}.json").write_text(broken, "utf-8")
     with pytest.raises(diff.NotComparable, match=why) as refusal:
         diff.list_changes(results, VERDICTS, CLAIMS)
     assert "\n" not in str(refusal.value)
@@ -98,7 +98,7 @@ def test_diff_compares_with_the_last_commit_and_says_in_one_line_where_there_is_
     assert "\n" not in str(refusal.value)
     table = tmp_path / "results" / "verdicts.csv"
     table.parent.mkdir()
-    table.write_text("id,verdict\na,reproduced\n", encoding="utf-8")
+    table.write_text("id,verdict\na,reproduced\n", "utf-8")
     identity = ["-c", "user.name=n", "-c", "user.email=n@example.org"]
     for command in (
         ["init", "--quiet"],
@@ -106,14 +106,18 @@ def test_diff_compares_with_the_last_commit_and_says_in_one_line_where_there_is_
         [*identity, "commit", "--quiet", "--message", "results"],
     ):
         subprocess.run(["git", *command], cwd=tmp_path, check=True)
-    table.write_text("id,verdict\na,differs\n", encoding="utf-8")
+    table.write_text("id,verdict\na,differs\n", "utf-8")
     assert diff.committed_table("verdicts.csv", tmp_path)["verdict"].tolist() == ["reproduced"]
 
 
-def test_the_command_exits_with_1_and_one_line_where_nothing_is_committed(monkeypatch, capsys):
+def test_the_command_asks_git_first_and_exits_with_1_and_one_line_where_nothing_is_committed(
+    monkeypatch, capsys
+):
     def refuse(name):
         raise diff.NotComparable(f"results/{name}: no committed copy")
 
     monkeypatch.setattr(diff, "committed_table", refuse)
-    assert main(["diff"]) == 1
-    assert capsys.readouterr().err.count("\n") == 1
+    answers = ["no git", "## main\n M results/verdicts.csv", "## main"]
+    monkeypatch.setattr(subprocess, "getoutput", lambda _: answers.pop())
+    for ended in (0, 1, 1):
+        assert main(["diff"]) == capsys.readouterr().err.count("\n") == ended

@@ -21,7 +21,7 @@ def test_the_map_covers_every_figure_table_and_numbered_equation_of_the_paper():
 )
 def test_what_the_map_names_exists(row):
     for name in row["notebooks"].split():
-        source = notebook_files("py")[name].read_text(encoding="utf-8")
+        source = notebook_files("py")[name].read_text("utf-8")
         assert name in notebook_files("ipynb")
         number = re.search(r"\d+", row["element"])[0]
         if row["element"].startswith(("Figure", "Table")):
@@ -32,7 +32,7 @@ def test_what_the_map_names_exists(row):
         assert callable(getattr(importlib.import_module(f"replication.{module}"), function))
     if row["test"]:
         file, _, test = row["test"].partition("::")
-        assert f"def {test}(" in (workbook.ROOT / file).read_text(encoding="utf-8")
+        assert f"def {test}(" in (workbook.ROOT / file).read_text("utf-8")
     assert row["test"] or row["note"], "not reproduced, and no reason given"
     for erratum in re.findall(r"\bE\d+\b", row["note"]):
         assert erratum in published.errata().index

@@ -19,7 +19,7 @@ def sheet():
 
 
 def test_the_errata_sheet_is_what_the_data_give_and_fits_a_page(sheet):
-    assert (RESULTS / "errata.md").read_text(encoding="utf-8") == sheet, "run: make report"
+    assert (RESULTS / "errata.md").read_text("utf-8") == sheet, "run: make report"
     rows = [line for line in sheet.splitlines() if re.match(r"\| E\d+ ", line)]
     assert len(rows) == len(published.errata())
     assert all(row.replace("\\|", "").count("|") == 8 for row in rows)
@@ -36,7 +36,7 @@ def test_every_erratum_has_one_of_three_kinds_and_the_sheet_says_how_many_are_of
 
 def test_the_supplement_lists_each_of_its_tables_with_a_sentence():
     folder, listed = RESULTS / "supplement", markdown.render_supplement(RESULTS)
-    assert (folder / "README.md").read_text(encoding="utf-8") == listed, "run: make report"
+    assert (folder / "README.md").read_text("utf-8") == listed, "run: make report"
     linked = re.findall(
         r"^\| \[(\w+)\]\(\1\.csv\) \| [A-Z][^|]+\. \| \[\d+\]", listed, re.MULTILINE
     )
@@ -49,15 +49,14 @@ def test_every_table_in_the_results_is_made_by_a_notebook_a_study_or_the_workboo
     others = {file.name for file in RESULTS.glob("*.csv")} - made
     places = [*workbook.ROOT.glob("studies/*.py"), *workbook.ROOT.glob("tests/tools/*.py")]
     sources = "".join(
-        path.read_text(encoding="utf-8")
-        for path in [*places, *workbook.ROOT.glob("replication/**/*.py")]
+        path.read_text("utf-8") for path in [*places, *workbook.ROOT.glob("replication/**/*.py")]
     )
     assert [name for name in others if f'"{name}"' not in sources] == []
     assert {f"supplement/{file.name}" for file in (RESULTS / "supplement").glob("*.csv")} <= made
 
 
 def test_the_readmes_block_is_what_the_command_writes():
-    text = (workbook.ROOT / "README.md").read_text(encoding="utf-8")
+    text = (workbook.ROOT / "README.md").read_text("utf-8")
     status = f"{markdown.BEGIN}{markdown.render_status(RESULTS)}{markdown.END}"
     assert status in text, "run: python -m workbook readme"
 

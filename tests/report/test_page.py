@@ -2,8 +2,7 @@
 
 import re
 from collections import Counter
-from html.parser import HTMLParser
-from pathlib import Path
+from html import unescape
 from urllib.parse import unquote
 from xml.etree import ElementTree
 
@@ -22,25 +21,10 @@ from workbook.report.figures import load_pictures, reduce_svg
 VERDICTS = judging.verdicts(RESULTS)
 
 
-class _Links(HTMLParser):
+def links_and_ids(text):
     """Every link and every id of a page."""
-
-    def __init__(self):
-        super().__init__()
-        self.links, self.ids = [], []
-
-    def handle_starttag(self, tag, attrs):
-        values = dict(attrs)
-        if tag == "a":
-            self.links.append(values["href"])
-        if "id" in values:
-            self.ids.append(values["id"])
-
-
-def read(text):
-    parser = _Links()
-    parser.feed(text)
-    return parser
+    links = re.findall(r'<a\b[^>]*\shref="([^"]*)"', text)
+    return map(unescape, links), re.findall(r'<\w+\b[^>]*\sid="([^"]*)"', text)
 
 
 def test_the_committed_pages_are_what_the_results_give(site):
@@ -52,7 +36,7 @@ def test_the_committed_pages_are_what_the_results_give(site):
 
 
 def test_every_cell_claim_erratum_and_figure_is_on_the_page(report_page):
-    ids = set(read(report_page).ids)
+    ids = set(links_and_ids(report_page)[1])
     assert set(published.cells().index) <= ids
     assert {f"about-{cell}" for cell in published.cells().index} <= ids
     assert {f"claim-{claim}" for claim in published.claims().index} <= ids
@@ -73,10 +57,9 @@ def test_every_drawing_has_its_caption_and_its_notebook():
 
 def marks(drawing):
     """Coordinates of a drawing's marks, and its styles but for what they refer to."""
-    elements = [
-        e for e in ElementTree.fromstring(drawing).iter() if e.tag.endswith(("path", "use"))
-    ]
-    placed = " ".join(e.get(name, "") for e in elements for name in ("d", "x", "y"))
+    moved = re.sub(r'(<use [^>]*)transform="translate\((\S+) (\S+)\)"', r'\1x="\2" y="\3"', drawing)
+    elements = [e for e in ElementTree.fromstring(moved).iter() if e.tag.endswith(("path", "use"))]
+    placed = " ".join(e.get("d") or f"{e.get('x', 0)} {e.get('y', 0)}" for e in elements)
     styles = [re.sub(r"\s|url\(.*?\)", "", e.get("style", "")) for e in elements]
     return np.array(re.findall(r"-?[\d.]+", placed), float), styles
 
@@ -91,31 +74,28 @@ def test_a_reduced_drawing_has_the_same_marks_within_a_tenth_of_a_point(file):
     (before, styles_before), (after, styles_after) = marks(whole), marks(small)
     assert np.abs(before - after).max() < 0.0501
     assert styles_before == styles_after
-    known = set(re.findall(r' id="(\w+)"', small))
-    assert set(re.findall(r'(?<=href="#)\w+|(?<=url\(#)\w+', small)) <= known
+    known = set(re.findall(r' id="([\w-]+)"', small))
+    assert set(re.findall(r'(?<=href="#)[\w-]+|(?<=url\(#)[\w-]+', small)) <= known
 
 
 def test_no_link_of_any_page_is_dead(site):
     found = {
-        file: read(file.read_text(encoding="utf-8"))
+        file: links_and_ids(file.read_text(encoding="utf-8"))
         for file in [site / "report.html", *site.glob("pages/*.html")]
     }
     seen = 0
-    for file, parser in found.items():
-        assert max(Counter(parser.ids).values(), default=1) == 1, file.name
-        for link in parser.links:
+    for file, (links, ids) in found.items():
+        assert len(set(ids)) == len(ids), file.name
+        for link in links:
             if link.startswith("https://"):
                 continue
             address, _, anchor = unquote(link).partition("#")
             target = (file.parent / address).resolve() if address else file
             if target in found:
-                assert not anchor or anchor in found[target].ids, f"{file.name}: {link}"
+                assert not anchor or anchor in found[target][1], f"{file.name}: {link}"
             else:
-                of_project = (
-                    workbook.ROOT / "results" / Path(address) if file.parent == site else None
-                )
-                of_project = of_project or RESULTS / "pages" / Path(address)
-                assert of_project.exists(), f"{file.name}: {link}"
+                committed = RESULTS / file.relative_to(site)
+                assert (committed.parent / address).exists(), f"{file.name}: {link}"
             seen += 1
     assert seen > 500
 
@@ -177,11 +157,9 @@ def test_a_bound_that_is_a_share_says_of_what():
 
 
 def test_an_exported_figure_stands_once_on_its_page(site):
-    drawn = load_pictures(RESULTS)
-    for name in {picture.notebook for picture in drawn}:
-        text = (site / "pages" / f"{name}.html").read_text(encoding="utf-8")
-        for picture in (picture for picture in drawn if picture.notebook == name):
-            assert text.count(f'id="{picture.anchor}"') == 1, f"{name}: {picture.name}"
+    for picture in load_pictures(RESULTS):
+        text = (site / "pages" / f"{picture.notebook}.html").read_text(encoding="utf-8")
+        assert text.count(f'id="{picture.anchor}"') == 1, picture.name
 
 
 def test_a_cells_number_is_told_with_the_digits_of_the_printed_one():
@@ -193,14 +171,12 @@ def test_a_cells_number_is_told_with_the_digits_of_the_printed_one():
 
 
 def test_the_authors_data_decide_a_cell_before_our_simulation():
-    own = VERDICTS[VERDICTS["id"] == "table2.row10.sd"].sort_values("source", ascending=False)
+    own = VERDICTS[VERDICTS["id"] == "table2.row10.theoretical"]
+    own = own.sort_values("source", ascending=False)
     table = own.assign(verdict=["differs", "undecided"])  # by our simulation, by the authors' data
     cells = cells_of.judged_cells(table)
-    assert cells["table2.row10.sd"].deciding.source == "authors"
+    assert cells["table2.row10.theoretical"].deciding.source == "authors"
     assert judging.verdict_counts(table).sum().to_dict() == {"undecided": 1}
-
-
-def test_the_counts_are_those_of_the_printed_numbers():
     assert judging.verdict_counts(VERDICTS).sum().sum() == len(published.cells())
 
 
@@ -216,8 +192,10 @@ def test_text_from_the_data_is_escaped(tmp_path, monkeypatch):
 
 
 def test_the_sensitivity_matrix_has_the_order_of_the_paper(report_page):
+    if 'id="sensitivity"' not in report_page:
+        pytest.skip("not made yet: make studies NAME=sensitivity")
     head = report_page[report_page.index('<table class="matrix">') :].partition("</thead>")[0]
-    names = re.findall(r'<th scope="col">([^<]+)</th>', head)[3:-1]
+    names = re.findall(r'<th scope="col">([^<]+)</th>', head)[3:-2]
     kinds = [name.split()[0] for name in names]
     assert kinds == sorted(kinds, key=["Table", "Equation", "Text", "claims", "tests"].index)
     in_tables = [name for name in names if name.startswith("Table")]

@@ -10,8 +10,12 @@ import workbook
 ROOT = workbook.ROOT
 
 
+def text_of(name):
+    return (ROOT / name).read_text("utf-8")
+
+
 def read(name):
-    return yaml.safe_load((ROOT / name).read_text(encoding="utf-8"))
+    return yaml.safe_load(text_of(name))
 
 
 def test_the_citation_file_has_what_its_format_demands_and_cites_the_paper():
@@ -20,10 +24,8 @@ def test_the_citation_file_has_what_its_format_demands_and_cites_the_paper():
     assert citation["cff-version"] == "1.2.0"
     assert citation["abstract"]
     assert isinstance(citation["date-released"], date)
-    assert citation["license"] in (ROOT / "pyproject.toml").read_text(encoding="utf-8")
-    assert f'version = "{citation["version"]}"' in (ROOT / "pyproject.toml").read_text(
-        encoding="utf-8"
-    )
+    assert citation["license"] in text_of("pyproject.toml")
+    assert f'version = "{citation["version"]}"' in text_of("pyproject.toml")
     (paper,) = citation["references"]
     assert paper["title"] == "A virtual sensor for backlash in robotic manipulators"
     assert [author["family-names"] for author in paper["authors"]] == [
@@ -44,9 +46,7 @@ def test_the_articles_metadata_cite_the_same_paper():
 
 def test_the_workflow_runs_what_make_offers_and_keeps_what_is_there():
     workflow = read(".github/workflows/test.yml")
-    targets = re.findall(
-        r"^([a-z-]+):.*##", (ROOT / "Makefile").read_text(encoding="utf-8"), re.MULTILINE
-    )
+    targets = re.findall(r"^([a-z-]+):.*##", text_of("Makefile"), re.MULTILINE)
     for job in ("test", "weekly"):
         run = {step["run"] for step in workflow["jobs"][job]["steps"] if "run" in step}
         assert run <= {f"make {target}" for target in targets}
@@ -58,9 +58,7 @@ def test_the_workflow_runs_what_make_offers_and_keeps_what_is_there():
 def test_a_codechecker_finds_every_output_that_is_listed():
     listed = [entry["file"] for entry in read("codecheck.yml")["manifest"]]
     assert len(listed) > 10
-    assert (
-        (ROOT / "codecheck.yml").read_text(encoding="utf-8").startswith("%YAML 1.1\n---\n")
-    )  # its specification asks
+    assert text_of("codecheck.yml").startswith("%YAML 1.1\n---\n")  # its specification asks
     assert [name for name in listed if not (ROOT / name).exists()] == []
 
 

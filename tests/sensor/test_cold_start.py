@@ -32,5 +32,5 @@ def test_the_public_names_are_these_and_each_is_there():
 
 
 def test_the_version_is_the_projects():
-    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]
     assert backlash.__version__ == project["version"]

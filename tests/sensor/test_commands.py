@@ -135,7 +135,7 @@ def test_a_log_without_a_fit_gets_no_plot_and_that_is_said(tmp_path, capsys):
 
 
 def test_a_folder_becomes_a_table_with_a_row_for_each_log(log, tmp_path, capsys):
-    (tmp_path / "empty.csv").write_text("", encoding="utf-8")
+    (tmp_path / "empty.csv").write_text("", "utf-8")
     table = tmp_path / "out" / "table.csv"
     table.parent.mkdir()
     status, _, err = ran(capsys, "estimate", tmp_path, *TURN, "--out", table)
@@ -177,7 +177,7 @@ def test_each_log_of_a_table_is_read_by_its_own_row_and_else_by_the_options(tmp_
     write(noisy(), tmp_path / "a.csv")
     write(noisy(0.0), tmp_path / "b.csv")
     batch = tmp_path / "batch.csv"
-    batch.write_text("file,period,gear ratio,speed\na.csv,,40,100\nb.csv,0.4,,\n", encoding="utf-8")
+    batch.write_text("file,period,gear ratio,speed\na.csv,,40,100\nb.csv,0.4,,\n", "utf-8")
     how = ["--method", "energy", "--json", "--jobs", 1]
     status, out, _ = ran(capsys, "estimate", "--batch", batch, *how)
     rows = json.loads(out)
@@ -185,11 +185,11 @@ def test_each_log_of_a_table_is_read_by_its_own_row_and_else_by_the_options(tmp_
     assert [row["verdict"] for row in rows] == ["backlash", "no backlash"]
     assert rows[0]["file"] == str(tmp_path / "a.csv")
     assert any("gear ratio 40" in warning for warning in rows[0]["warnings"])
-    batch.write_text("file,gear_ratio\na.csv,\n", encoding="utf-8")
+    batch.write_text("file,gear_ratio\na.csv,\n", "utf-8")
     assert f"{batch}, a.csv: the load's turn is not known" in refused(
         capsys, tmp_path, "estimate", "--batch", batch
     )
-    batch.write_text("file,period,shoe_size\na.csv,0.4,42\n", encoding="utf-8")
+    batch.write_text("file,period,shoe_size\na.csv,0.4,42\n", "utf-8")
     assert "column 'shoe_size'" in refused(capsys, tmp_path, "estimate", "--batch", batch)
 
 
@@ -283,7 +283,7 @@ def test_what_cannot_be_done_is_refused_in_one_line_and_nothing_is_written(
     places["EMPTY2"].touch()
     (tmp_path / "void").mkdir()
     places["DATES"] = tmp_path / "dates.csv"
-    places["DATES"].write_text("file,date\nlog.csv,2024-03-17\n", encoding="utf-8")
+    places["DATES"].write_text("file,date\nlog.csv,2024-03-17\n", "utf-8")
     filled = [
         str(places[a]) if a in places else a.replace("FOLDER", str(tmp_path)) for a in arguments
     ]
@@ -313,7 +313,7 @@ def test_a_calibration_goes_round_from_logs_to_a_file_to_an_estimate(method, tmp
     status, out, _ = ran(capsys, "calibrate", table, *TURN, "--method", method, "--out", made)
     assert status == 0
     assert "0.400 to 2.000 mrad" in out
-    content = json.loads(made.read_text(encoding="utf-8"))
+    content = json.loads(made.read_text("utf-8"))
     assert content["method"] == method
     assert content["unit"] == "rad"
     assert content["range_rad"] == [4e-4, 20e-4]
@@ -443,9 +443,7 @@ def test_a_record_without_noise_is_answered_with_the_models_own_error_in_its_int
 
 
 def test_the_console_script_is_this_command_line():
-    project = tomllib.loads((workbook.ROOT / "pyproject.toml").read_text(encoding="utf-8"))[
-        "project"
-    ]
+    project = tomllib.loads((workbook.ROOT / "pyproject.toml").read_text("utf-8"))["project"]
     assert project["scripts"] == {"backlash": "backlash.main:main"}
     assert "pyarrow" in {name.split(">")[0] for name in project["optional-dependencies"]["parquet"]}
 
@@ -462,7 +460,7 @@ def test_a_batch_table_may_name_its_units_and_must_have_rows(log, tmp_path, caps
     batch = tmp_path / "batch.csv"
     batch.write_text("file,period [s],speed (rps)\nlog.csv,0.4,100\n", encoding="utf-8")
     assert ran(capsys, "estimate", "--batch", batch, "--method", "energy")[0] == 0
-    batch.write_text("file,period [ms]\nlog.csv,400\n", encoding="utf-8")
+    batch.write_text("file,period [ms]\nlog.csv,400\n", "utf-8")
     assert "column 'period_[ms]'" in refused(capsys, tmp_path, "estimate", "--batch", batch)
-    batch.write_text("file,period\n", encoding="utf-8")
+    batch.write_text("file,period\n", "utf-8")
     assert "no rows" in refused(capsys, tmp_path, "estimate", "--batch", batch)

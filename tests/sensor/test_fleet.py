@@ -23,10 +23,10 @@ def folder(tmp_path):
     for k, delta in enumerate((5e-4, 9e-4)):
         write(noisy(delta), tmp_path / "logs" / f"log{k}.csv")
     write(noisy(0.0), tmp_path / "logs" / "deeper" / "healthy.csv")
-    (tmp_path / "logs" / "empty.csv").write_text("", encoding="utf-8")
-    (tmp_path / "logs" / "text.csv").write_text("time,speed\n0,1\n1,x\n2,3\n", encoding="utf-8")
-    (tmp_path / "logs" / "notes.md").write_text("not a log", encoding="utf-8")
-    (tmp_path / "logs" / ".hidden.csv").write_text("not a log", encoding="utf-8")
+    (tmp_path / "logs" / "empty.csv").write_text("", "utf-8")
+    (tmp_path / "logs" / "text.csv").write_text("time,speed\n0,1\n1,x\n2,3\n", "utf-8")
+    (tmp_path / "logs" / "notes.md").write_text("not a log", "utf-8")
+    (tmp_path / "logs" / ".hidden.csv").write_text("not a log", "utf-8")
     return tmp_path / "logs"
 
 

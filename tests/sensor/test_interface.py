@@ -126,7 +126,7 @@ def test_what_cannot_be_used_is_an_error_of_one_line(call, words, tmp_path):
 
 def test_a_log_that_cannot_be_used_is_left_out_of_a_trend_and_named(tmp_path):
     logs = [write(noisy(seed=k), tmp_path / f"axis_2024-0{k}-01.csv") for k in range(1, 6)]
-    logs[2].write_text("", encoding="utf-8")
+    logs[2].write_text("", "utf-8")
     write(noisy(0.0), logs[3])
     found = backlash.trend(logs, turn_period_s=0.4, method="energy")
     assert len(found.points) == 3

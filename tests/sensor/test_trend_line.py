@@ -150,10 +150,10 @@ def test_a_log_without_a_date_is_refused(tmp_path):
     with pytest.raises(UnusableLog, match="no date in its name"):
         trend_line.dates_of([tmp_path / "log_2024-13-45.csv"])
     table = tmp_path / "dates.csv"
-    table.write_text("file,when\na,2020\n", encoding="utf-8")
+    table.write_text("file,when\na,2020\n", "utf-8")
     with pytest.raises(UnusableLog, match="columns file and date"):
         trend_line.dates_of([tmp_path / "log_2024-03-17.csv"], table)
-    table.write_text("file,date\nother.csv,2020-01-01\n", encoding="utf-8")
+    table.write_text("file,date\nother.csv,2020-01-01\n", "utf-8")
     with pytest.raises(UnusableLog, match="no date in"):
         trend_line.dates_of([tmp_path / "log_2024-03-17.csv"], table)
 

@@ -237,13 +237,12 @@ def test_a_bench_that_nobody_calibrated_is_read_alone_and_with_all_its_logs():
     bench = joints.draw_bench(np.random.default_rng(5))
     wear = Wear(4e-4, 16e-4, 1.0, interval_days=80.0)
     tests = wear_study.wear_tests_by_self([bench], [wear], 11e-4, seed=1)
-    assert tests["sensor"].tolist() == ["self", "self, shared joint"] * 4
+    names = ["self-calibrating", "self-calibrating, one joint for all logs"]
+    assert tests["sensor"].tolist() == names * 4
     assert tests["call_day"].tolist() == [160] * 8
     np.testing.assert_allclose(tests["estimate_rad"], tests["delta_rad"], atol=1.2e-4)
-    first = tests[tests["day"] == 0].set_index("sensor")["estimate_rad"]
-    assert first["self"] == pytest.approx(
-        first["self, shared joint"], rel=0.01
-    )  # one log shares with none
+    alone, shared = tests.loc[tests["day"] == 0, "estimate_rad"]
+    assert alone == pytest.approx(shared, rel=0.01)  # one log shares with none
 
 
 # Robots

@@ -93,7 +93,13 @@ def test_a_large_displacement_shows_and_a_tiny_one_does_not():
 
 @pytest.mark.parametrize(
     ("stepping", "modified", "holds"),
-    [(0.01, 0.0, False), (0.5, 0.0, True), (np.nan, 0.0, True), (0.5, 0.5, None)],
+    [
+        (0.01, 0.0, None),
+        (0.01, 0.02, False),
+        (0.5, 0.0, True),
+        (np.nan, 0.0, True),
+        (0.5, 0.5, None),
+    ],
 )
 def test_a_stepping_torque_is_blamed_only_where_the_smooth_one_is_sound(stepping, modified, holds):
     study = pd.DataFrame(

@@ -69,9 +69,7 @@ def test_the_cost_ends_the_search_at_the_target_and_at_the_budget(record):
 
 @pytest.mark.parametrize("method", dict.fromkeys(job[0] for job in optimizers.planned_runs()))
 def test_a_method_spends_its_budget_and_a_seed_gives_the_same_run(record, method):
-    kind, run = optimizers.SEARCH_METHODS[method]
-    if kind == "swarm":
-        pytest.importorskip("niapy", reason="the swarms need the extra `studies`")
+    _, run = optimizers.SEARCH_METHODS[method]
     best = []
     for _ in range(2):
         cost = optimizers.Cost(record, 0.0, 700)
@@ -90,10 +88,6 @@ def test_every_method_has_thirty_runs_on_three_records_and_the_deterministic_one
     for method, part in plan.groupby("method"):
         records = len(part.drop_duplicates(["level", "realisation"]))
         assert (records, len(part)) == ((20, 20) if method == "DIRECT" else (3, 30))
-
-
-def test_the_own_population_is_that_of_seven_dimensions():
-    assert optimizers.OWN_POPULATION == 9
 
 
 def test_a_swarm_is_compared_at_its_better_population():

@@ -36,7 +36,7 @@ def notebook(tmp_path):
     def write(text, name="small"):
         source = tmp_path / "notebooks" / f"{name}.py"
         source.parent.mkdir(exist_ok=True)
-        source.write_text(text, encoding="utf-8")
+        source.write_text(text, "utf-8")
         return source
 
     return write
@@ -79,7 +79,7 @@ table = pd.DataFrame({"x": [1]})
 workbook.export(tables={"a": table}, supplement={"b": (table, "Of x.")}, pages={"c": {"x": [1]}})
 """
     execution.execute(notebook(export), destination=out)
-    outcome = json.loads((out / "results" / "outcomes" / "small.json").read_text(encoding="utf-8"))
+    outcome = json.loads((out / "results" / "outcomes" / "small.json").read_text("utf-8"))
     assert outcome["files"] == ["a.csv", "supplement/b.csv", "pages/c.json"]
     assert outcome["supplement"] == {"b": "Of x."}
     assert all((out / "results" / name).exists() for name in outcome["files"])
@@ -241,9 +241,9 @@ def test_an_outcome_says_what_it_was_made_from(notebook, out):
     seeds = "random_seed, seeds, reseed = 7, range(1, 4), 1.5\n"
     source = notebook(GOOD + "\n# %%\n" + read + seeds)
     execution.execute(source, destination=out)
-    made_from = json.loads(
-        (out / "results" / "outcomes" / "small.json").read_text(encoding="utf-8")
-    )["made_from"]
+    made_from = json.loads((out / "results" / "outcomes" / "small.json").read_text("utf-8"))[
+        "made_from"
+    ]
     sources = made_from["sources"]
     needed = {
         "small.py",

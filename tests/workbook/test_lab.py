@@ -48,8 +48,8 @@ def test_saving_a_notebook_writes_its_source_too(lab, tmp_path):
     )
     cell["source"] = cell["source"].replace("15e-4", "3e-4")
     lab.save(model, f"notebooks/{NAME}.ipynb")
-    committed = (workbook.ROOT / "notebooks" / f"{NAME}.py").read_text(encoding="utf-8")
-    written = (tmp_path / "notebooks" / f"{NAME}.py").read_text(encoding="utf-8")
+    committed = (workbook.ROOT / "notebooks" / f"{NAME}.py").read_text("utf-8")
+    written = (tmp_path / "notebooks" / f"{NAME}.py").read_text("utf-8")
     assert "delta_rad = 3e-4" in written
     body = committed.partition("# ---\n\n")[2].replace("delta_rad = 15e-4", "delta_rad = 3e-4")
     assert written.partition("# ---\n\n")[2] == body
@@ -58,8 +58,7 @@ def test_saving_a_notebook_writes_its_source_too(lab, tmp_path):
 def test_an_edited_source_shows_in_the_notebook_which_keeps_its_outputs(lab, tmp_path):
     source = tmp_path / "notebooks" / f"{NAME}.py"
     source.write_text(
-        source.read_text(encoding="utf-8").replace("half of the play", "half the play"),
-        encoding="utf-8",
+        source.read_text("utf-8").replace("half of the play", "half the play"), encoding="utf-8"
     )
     later = (tmp_path / "notebooks" / f"{NAME}.ipynb").stat().st_mtime + 10
     os.utime(source, (later, later))
@@ -91,10 +90,10 @@ def test_copies_have_every_notebook_with_an_empty_answer_before_each_folded_solu
 
 def test_a_copy_that_is_there_stays_as_it_was_left(copies):
     mine = next(iter(notebook_files("ipynb", copies).values()))
-    mine.write_text("mine", encoding="utf-8")
+    mine.write_text("mine", "utf-8")
     kept = lab_copies.copy_notebooks(copies)
     assert mine in kept
-    assert mine.read_text(encoding="utf-8") == "mine"
+    assert mine.read_text("utf-8") == "mine"
 
 
 def test_git_ignores_the_copies():
@@ -106,13 +105,11 @@ def test_git_ignores_the_copies():
 
 def test_the_browser_environment_is_the_locked_one():
     folder = workbook.ROOT / ".binder"
-    python = re.fullmatch(
-        r"python-(\d+)\.(\d+)\n", (folder / "runtime.txt").read_text(encoding="utf-8")
-    )
+    python = re.fullmatch(r"python-(\d+)\.(\d+)\n", (folder / "runtime.txt").read_text("utf-8"))
     assert (int(python[1]), int(python[2])) >= (3, 11)
     for script in ("postBuild", "start"):
         assert os.access(folder / script, os.X_OK)
-    assert "--requirement requirements.lock" in (folder / "postBuild").read_text(encoding="utf-8")
+    assert "--requirement requirements.lock" in (folder / "postBuild").read_text("utf-8")
     assert (workbook.ROOT / "requirements.lock").exists()
 
 

@@ -14,9 +14,13 @@ from workbook.checkout import RESULTS, notebook_files
 from workbook.outcomes import load_outcomes
 
 OUTCOMES = load_outcomes(RESULTS)
-SOURCES = sorted(
-    {name for outcome in OUTCOMES.values() for name in outcome["made_from"]["sources"]}
-)
+READ = {notebook: {*outcome["made_from"]["sources"]} for notebook, outcome in OUTCOMES.items()}
+SOURCES = sorted(set.union(*READ.values()))
+
+
+def readers_of(name):
+    """Notebooks that read a file."""
+    return {notebook for notebook, names in READ.items() if name in names}
 
 
 @pytest.fixture(scope="module")
@@ -32,9 +36,9 @@ def tree(tmp_path_factory):
         shutil.copy(workbook.ROOT / name, folder / name)
     (folder / ".venv").mkdir()
     (folder / ".make").mkdir()
-    for notebook, outcome in OUTCOMES.items():
-        rule = running.dependencies(".make", notebook, list(outcome["made_from"]["sources"]))
-        (folder / ".make" / f"{notebook}.d").write_text(rule, encoding="utf-8")
+    for notebook, names in READ.items():
+        rule = running.dependencies(".make", notebook, names)
+        (folder / ".make" / f"{notebook}.d").write_text(rule, "utf-8")
     return folder
 
 
@@ -60,16 +64,9 @@ def due(folder, changed=None):
 @pytest.mark.slow
 def test_after_a_change_exactly_the_notebooks_run_that_read_the_file(tree):
     assert due(tree) == set()
-    read_by_all = set.intersection(
-        *(set(outcome["made_from"]["sources"]) for outcome in OUTCOMES.values())
-    )
-    for name in [name for name in SOURCES if name not in read_by_all] + ["requirements.lock"]:
-        readers = {
-            notebook
-            for notebook, outcome in OUTCOMES.items()
-            if name in outcome["made_from"]["sources"]
-        }
-        assert due(tree, name) == readers, name
+    read_by_all = set.intersection(*READ.values())
+    for name in {*SOURCES} - read_by_all | {"requirements.lock"}:
+        assert due(tree, name) == readers_of(name), name
 
 
 # A stand-in for `python -m workbook` that notes how it is called; a run stamps its notebooks, or fails.
@@ -82,13 +79,14 @@ for word in "$@"; do case "$word" in notebooks/*) touch ".make/$(basename "$word
 
 def calls(folder):
     """Calls of the program by a real `make all`, and how make ended."""
-    (folder / "program").write_text(PROGRAM, encoding="utf-8")
-    (folder / "calls").write_text("", encoding="utf-8")
+    (folder / "program").write_text(PROGRAM, "utf-8")
+    (folder / "calls").write_text("", "utf-8")
     ended = subprocess.run(
         ["make", "RUN=sh program", "all"], cwd=folder, capture_output=True, text=True, check=False
     )
-    said = (folder / "calls").read_text(encoding="utf-8").splitlines()
-    return [re.sub(r"--stamps .make --watch \d+ ", "", call) for call in said], ended.returncode
+    said = (folder / "calls").read_text("utf-8").splitlines()
+    made = [re.sub(r"--stamps .make --watch \d+ ", "", call) for call in said if call != "free"]
+    return made, ended.returncode
 
 
 def test_a_changed_notebook_is_run_once_and_the_report_made_until_it_succeeds(tree):
@@ -109,12 +107,7 @@ def test_a_source_that_is_gone_makes_its_readers_due(tree):
     name = next(name for name in SOURCES if name.startswith("backlash/fitting/"))
     kept = (tree / name).read_bytes()
     (tree / name).unlink()
-    readers = {
-        notebook
-        for notebook, outcome in OUTCOMES.items()
-        if name in outcome["made_from"]["sources"]
-    }
-    assert due(tree) == readers
+    assert due(tree) == readers_of(name)
     (tree / name).write_bytes(kept)
 
 
@@ -126,7 +119,7 @@ def test_every_notebook_has_noted_itself_the_locked_versions_and_the_package():
             "requirements.lock",
             "replication/__init__.py",
         }
-        assert needed <= set(OUTCOMES[source.stem]["made_from"]["sources"])
+        assert needed <= READ[source.stem]
 
 
 def test_results_whose_sources_have_changed_since_are_stale(tmp_path):
@@ -144,3 +137,20 @@ def test_results_whose_sources_have_changed_since_are_stale(tmp_path):
 
 def test_no_committed_result_is_stale():
     assert provenance.stale(RESULTS) == {}
+
+
+TARGETS = re.findall(r"^([a-z-]+):.*##", (workbook.ROOT / "Makefile").read_text("utf-8"), re.M)
+# Those that take minutes, wait for a user or need a network: only what they would do is asked.
+LONG = {"all", "quick", "test", "slow", "changes", "portable", "lab", "lock", "audit", "bench"}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("target", TARGETS)
+def test_every_target_can_be_the_first_command_in_a_clone(target, authors_data, tmp_path):
+    clone = tmp_path / "clone"
+    subprocess.run(["git", "clone", "--quiet", workbook.ROOT, clone], check=True)
+    (clone / ".venv").symlink_to(workbook.ROOT / ".venv")
+    os.utime(clone / "requirements.lock", (1e9, 1e9))
+    options = ["--dry-run"] if target in LONG else []
+    ran = subprocess.run(["make", *options, target], cwd=clone, capture_output=True, text=True)
+    assert ran.returncode == 0, ran.stderr

@@ -1,60 +1,70 @@
 """Making one result again."""
 
 import json
+import shutil
 
+import pandas as pd
 import pytest
 
 import workbook
-from workbook import execution, judging, running
+from replication import parallel
+from replication.replay import inspection, protocols
+from replication.statistics import predictive_region
+from workbook import execution, judging
 from workbook.__main__ import main
 
 RESULTS = workbook.ROOT / "results"
-MEAN = "table2.row03.mean"
+OF_CUBIC = "equation10.A2"
 
 
 @pytest.mark.slow
 def test_a_claim_made_again_is_what_the_results_say_and_the_results_stay(capsys):
-    before = (RESULTS / "outcomes" / "02_dead_zone_figure9.json").read_bytes()
+    outcome = RESULTS / "outcomes" / "02_dead_zone_figure9.json"
+    before = outcome.read_bytes()
     claims = judging.decided_claims(RESULTS)
-    claim = claims[claims["notebook"] == "02_dead_zone_figure9"].iloc[0]
-    table = running.rerun(claim["id"], RESULTS)
-    assert (
-        table["reproduced_now"].tolist()
-        == table["reproduced_before"].tolist()
-        == [claim["measured"]]
-    )
-    assert (RESULTS / "outcomes" / "02_dead_zone_figure9.json").read_bytes() == before
+    claim = claims[claims["notebook"] == outcome.stem].iloc[0]
+    assert main(["show", claim["id"], "--rerun"]) == 0
+    first, said = capsys.readouterr().out.split("\n", 1)
+    assert outcome.stem in first
+    assert " ".join(said.split()).count(claim["measured"]) == 2
+    assert outcome.read_bytes() == before
 
 
-@pytest.fixture
-def another_mean(monkeypatch):
-    """Notebook 8 as it would be if it found another mean."""
+def test_a_number_that_comes_out_otherwise_stands_below_the_one_before(monkeypatch, capsys):
+    """Notebook 6 as it would be if it found another coefficient."""
 
     def execute(source, destination):
-        outcome = json.loads(
-            (RESULTS / "outcomes" / f"{source.stem}.json").read_text(encoding="utf-8")
-        )
-        for row in outcome["cells"]:
-            if row["id"] == MEAN:
-                row["numbers"] = [1.5 * number for number in row["numbers"]]
-        folder = destination / "results" / "outcomes"
-        folder.mkdir(parents=True)
-        (folder / f"{source.stem}.json").write_text(json.dumps(outcome), encoding="utf-8")
+        shutil.copytree(RESULTS / "outcomes", destination / "results" / "outcomes")
+        file = destination / "results" / "outcomes" / f"{source.stem}.json"
+        outcome = json.loads(file.read_text("utf-8"))
+        next(row for row in outcome["cells"] if row["id"] == OF_CUBIC)["numbers"] *= 1.5
+        file.write_text(json.dumps(outcome), encoding="utf-8")
 
     monkeypatch.setattr(execution, "execute", execute)
+    assert main(["show", OF_CUBIC, "--rerun"]) == 0
+    before, now = capsys.readouterr().out.split("\n\n                Equation 10")
+    number = judging.verdicts(RESULTS).set_index("id").loc[OF_CUBIC, "reproduced"]
+    assert f"{number:.5g}" in before
+    assert f"{1.5 * number:.5g}" in now
 
 
-@pytest.mark.slow
-def test_a_number_that_comes_out_otherwise_stands_beside_the_one_before(another_mean, capsys):
-    assert main(["show", MEAN, "--rerun"]) == 0
+def test_a_mean_made_again_stands_beside_the_region_of_the_kept_ones(monkeypatch, capsys):
+    made = [{"mean_A_rps": 0.1234 + number} for number in range(4)]
+    monkeypatch.setattr(parallel, "in_parallel", lambda *_: made)
+    assert main(["show", "table2.row3.mean", "--rerun"]) == 0
     said = capsys.readouterr().out
-    table = running.rerun(MEAN.upper(), RESULTS)
-    made = table[table["source"] == "authors"].iloc[0]
-    assert made["reproduced_now"] == pytest.approx(1.5 * made["reproduced_before"], rel=1e-5)
-    assert f"{made['reproduced_now']:.4g}"[:5] in said
+    assert said.startswith("table2.row03.mean is made again by its row alone")
+    study = pd.read_csv(protocols.REALISATIONS)
+    kept = study[(study["protocol"] == protocols.LEADER) & (study["row"] == 3)]["mean_A_rps"]
+    for number in (kept.iloc[0], 0.1234, 3.1234, *predictive_region(kept)):
+        assert f"{number:.6g}" in said
 
 
-@pytest.mark.slow
+def test_the_noise_is_read_again_from_the_records(capsys):
+    main(["show", "table2.row03.noise", "--rerun"])
+    assert f"made again      {inspection.noise_amplitudes()[2]:.6g}" in capsys.readouterr().out
+
+
 def test_what_no_notebook_makes_is_said_in_one_line(capsys):
     assert main(["show", "text.encoder_bits", "--rerun"]) == 2
     assert capsys.readouterr().err == "text.encoder_bits: no notebook makes it\n"

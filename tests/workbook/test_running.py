@@ -10,7 +10,7 @@ import psutil
 import pytest
 
 import workbook
-from workbook import execution, running
+from workbook import checkout, execution, running
 
 GOOD = "# %%\nprint('done')\n"
 BAD = "# %%\n1 / 0\n"
@@ -44,7 +44,7 @@ def notebooks(tmp_path):
 
     def write(**texts):
         for name, text in texts.items():
-            (tmp_path / f"{name}.py").write_text(text, encoding="utf-8")
+            (tmp_path / f"{name}.py").write_text(text, "utf-8")
         return [tmp_path / f"{name}.py" for name in texts]
 
     return write
@@ -101,6 +101,32 @@ def test_a_failing_notebook_does_not_keep_the_others_from_running(notebooks, tmp
         "good.done",
         "later.done",
     ]
+
+
+def test_without_the_authors_files_a_notebook_runs_on_our_records_apart(notebooks, tmp_path):
+    text = "# %%\nfrom replication.authors import load_clean\nprint(load_clean(12).source)\n"
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("BACKLASH_DATA", str(tmp_path))
+        endings = running.run_notebooks(notebooks(first=text), tmp_path / "out")
+    assert [ending.how for ending in endings] == ["simulated"]
+    (made,) = (tmp_path / "out").rglob("*.ipynb")
+    assert made.is_relative_to(tmp_path / "out" / "results" / "offline")
+    text = made.read_text("utf-8")
+    assert "On our simulated records" in text
+    assert "simulated joint" in text
+
+
+def test_a_second_run_in_one_checkout_says_who_runs(tmp_path):
+    with (
+        checkout.lock(tmp_path),
+        pytest.raises(checkout.CheckoutBusy, match=f"process {os.getpid()} makes"),
+        checkout.lock(tmp_path),
+    ):
+        pass
+
+
+def test_workers_are_no_more_than_memory_and_cores_allow():
+    assert [execution.count_workers(2**k, cores=8) for k in (28, 31, 40)] == [1, 4, 8]
 
 
 def test_a_source_that_changes_while_its_notebook_runs_is_newer_than_the_stamp(notebooks, tmp_path):

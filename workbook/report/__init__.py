@@ -1,5 +1,6 @@
 """What a reader sees: the report, the notebooks' pages, the article, and the same on a terminal."""
 
+import re
 from pathlib import Path
 
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
@@ -10,3 +11,14 @@ TEMPLATES = Environment(
     undefined=StrictUndefined,
     trim_blocks=True,
 )
+
+
+class Unknown(ValueError):
+    """There is no such cell, element or claim, or no notebook makes it."""
+
+    exit_status = 2
+
+
+def squeeze(name: str) -> str:
+    """A cell's or an element's name as the results have it: "table2.row08.sd" for "Table 2.row8.SD"."""
+    return re.sub(r"\brow(\d)\b", r"row0\1", name.lower().replace(" ", ""))

@@ -1,17 +1,17 @@
 """The replication article: typeset from a text whose every number comes from the results."""
 
 import json
+import re
 from pathlib import Path
 
-import pandas as pd
-
-from replication import files, published
+from replication import files
 from workbook import judging
-from workbook.report.cells import MEANINGS, SIGNS, judged_cells, judged_claims
+from workbook.report.cells import judged_cells, judged_claims
 from workbook.report.facts import collect_facts, fill_in_findings
-from workbook.report.figures import load_pictures
 
 SOURCE = files.ROOT / "article" / "article.typ"
+# In these a text that begins with "OPEN: " says what a person has still to fill in.
+WITH_BLANKS = ("article/metadata.yaml", "article/references.yml", "CITATION.cff", "codecheck.yml")
 
 
 class NotTypeset(RuntimeError):
@@ -24,38 +24,31 @@ def collect_content(results: Path) -> dict:
     """Collect what the article's text takes from the results and does not read itself."""
     verdicts = judging.verdicts(results)
     facts = collect_facts(results, verdicts)
-    claims = pd.DataFrame(judged_claims(results))
-    claims["sign"] = claims["verdict"].map(SIGNS)
-    errata = ["kind", "location", "as_printed", "corrected", "evidence"]
-    return {
-        "facts": facts,
-        "tables": collect_tables(verdicts),
-        "signs": {name: SIGNS[name] for name in MEANINGS},
-        "claims": claims[["claim", "sign", "verdict", "measured", "decided_in"]].to_dict("records"),
-        "errata": published.errata()[errata].reset_index().to_dict("records"),
-        "open": [each["text"] for each in fill_in_findings(facts) if each["kind"] == "open"],
-        "captions": {picture.name: picture.caption for picture in load_pictures(results)},
-    }
-
-
-def collect_tables(verdicts: pd.DataFrame) -> dict[str, list[dict]]:
-    """The rows of each table: by column, the printed number, ours and the sign of its verdict."""
-    tables: dict[str, dict[str, dict]] = {}
-    for cell in judged_cells(verdicts).values():
-        judged = cell.deciding
-        beside = {
+    cells = [
+        {
+            "element": cell.element,
+            "row": cell.row,
+            "column": cell.column,
             "printed": cell.printed,
-            "ours": cell.ours(judged),
-            "sign": SIGNS[judged.verdict],
+            "ours": cell.ours(cell.deciding),
+            "verdict": cell.deciding.verdict,
             "unit": cell.unit,
         }
-        row = tables.setdefault(cell.element, {}).setdefault(cell.row, {"row": cell.row})
-        row[cell.column] = beside
-    return {element: list(rows.values()) for element, rows in tables.items()}
+        for cell in judged_cells(verdicts).values()
+    ]
+    still_open = [each["text"] for each in fill_in_findings(facts) if each["kind"] == "open"]
+    return {"facts": facts, "cells": cells, "claims": judged_claims(results), "open": still_open}
 
 
-def typeset(results: Path) -> bytes:
-    """Typeset the article as a PDF, the same for the same results."""
+def typeset(results: Path, final: bool = False) -> bytes:
+    """Typeset the article as a PDF, the same for the same results; a final one has no blanks."""
+    blanks = [
+        f"{file}: {blank}"
+        for file in WITH_BLANKS
+        for blank in re.findall('"OPEN: (.*?)"', (files.ROOT / file).read_text(encoding="utf-8"))
+    ]
+    if final and blanks:
+        raise NotTypeset(f"not final; a person has to fill in {'; '.join(blanks)}")
     try:
         import typst  # only the article needs it
     except ImportError as error:

@@ -1,7 +1,6 @@
 """Printed numbers and claims beside ours: a `Cell` for each number of the paper, with its judgements."""
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
 from decimal import Decimal, InvalidOperation
 from functools import cached_property
@@ -13,7 +12,6 @@ from replication import published
 from replication.files import ROOT
 from workbook import judging
 from workbook.checkout import notebook_files
-from workbook.judging import EVIDENCE
 from workbook.report import TEMPLATES
 
 # A sign beside each word, so that colour is never the only difference.
@@ -21,7 +19,6 @@ WORDS = published.verdict_words()
 SIGNS = WORDS["sign"].to_dict()
 MEANINGS = WORDS.loc[WORDS["meaning"] != "", "meaning"].to_dict()
 SOURCES = {"authors": "authors' data", "simulated": "our simulation", "stand-in": "stand-in"}
-PICTURE_WIDTH = 240
 
 
 @dataclass(frozen=True)
@@ -48,26 +45,21 @@ class Judgement:
     @property
     def region(self) -> str:
         """Where the printed number should lie, in words; empty where there is no region."""
-        if math.isnan(self.low):
+        if not math.isfinite(self.low):
             return ""
-        above = " or more" if math.isinf(self.high) else f" to {number(self.high)}"
-        return number(self.low) + above
+        return f"{number(self.low)} to {number(self.high)}"
 
     @property
     def predicted(self) -> bool:
         """Whether the region comes from several realisations, and is not our number's tolerance."""
-        half = published.tolerance(self.id)
-        by_tolerance = math.isclose(
-            self.low, self.reproduced - half, rel_tol=1e-4, abs_tol=1e-4 * half
-        )
-        return not (by_tolerance or math.isnan(self.low))
+        width = 2 * published.tolerance(self.id)
+        return abs(self.high - self.low - width) > 1e-3 * width + 1e-9
 
     @cached_property
     def fails_if(self) -> str:
         """What would have given another verdict; empty for what is no evidence."""
-        if self.verdict not in EVIDENCE:
-            return ""
-        return judging.evidence_rule(self.id, self.source)["fails_if"]
+        evidence = self.verdict in judging.EVIDENCE
+        return judging.evidence_rule(self.id, self.source)["fails_if"] if evidence else ""
 
     @property
     def disagreement(self) -> float:
@@ -94,6 +86,7 @@ class Cell:
     rel_tol: float
     tol_reason: str
     section: str
+    quote: str
     judgements: tuple[Judgement, ...]
 
     @property
@@ -120,16 +113,6 @@ class Cell:
             return f"{text} of {self.unit.split()[2]}'s range"
         return text
 
-    def scale(self, judgement: Judgement) -> Callable[[float], float]:
-        """From a number to its place in a picture of the region, the printed number and ours."""
-        ends = filter(math.isfinite, (judgement.low, judgement.high, judgement.reproduced))
-        points = [self.value, *ends]
-        margin = 0.08 * (max(points) - min(points)) or abs(max(points)) or 1.0
-        low, high = min(points) - margin, max(points) + margin
-        return lambda value: round(
-            PICTURE_WIDTH * (min(max(value, low), high) - low) / (high - low), 1
-        )
-
 
 def judged_cells(verdicts: pd.DataFrame) -> dict[str, Cell]:
     """Bring together each printed number that has a verdict with what the verdicts say of it."""
@@ -147,8 +130,8 @@ def judged_cells(verdicts: pd.DataFrame) -> dict[str, Cell]:
 def judged_claims(results: Path) -> list[dict]:
     """The claims with check and rule, decision, measured number and proof."""
     decided = judging.decided_claims(results).set_index("id")
-    table = published.claims().join(decided).astype(object).fillna("").reset_index()
-    table["verdict"] = table["verdict"].replace("", "not decided")
+    table = published.claims().join(decided).astype(object).reset_index()
+    table = table.fillna({"verdict": "not decided"}).fillna("")
     table["check"] = [
         f"{row.check} Rule: {row.rule} {row.criterion:g}." for row in table.itertuples()
     ]
@@ -180,5 +163,5 @@ def like_printed(value: float, printed: str) -> str:
 
 
 TEMPLATES.globals.update(
-    signs=SIGNS, meanings=MEANINGS, sources=SOURCES, evidence=EVIDENCE, number=number
+    signs=SIGNS, meanings=MEANINGS, sources=SOURCES, evidence=judging.EVIDENCE, number=number
 )

@@ -19,7 +19,7 @@ CONTEXT = ["https://w3id.org/ro/crate/1.1/context", {"sha256": "http://schema.or
 # Of other files: text/ and their ending.
 FORMATS = {"json": "application/json", "md": "text/markdown", "pdf": "application/pdf"}
 # What git ignores, and the crate itself.
-NOT_ARCHIVED = re.compile(r"(lab|quick)/|(run|ro-crate-metadata)\.json|(.*/)?\.")
+NOT_ARCHIVED = re.compile(r"(lab|offline|quick)/|(run|ro-crate-metadata)\.json|(.*/)?\.")
 EUPL = {"@id": "https://spdx.org/licenses/EUPL-1.2"}
 
 
@@ -49,9 +49,10 @@ def describe_results(results: Path) -> dict[str, Any]:
     whole = graph["./"]
     for notebook, outcome in load_outcomes(results).items():
         made_from, source = outcome["made_from"], notebook_source(notebook)
-        read = []
-        for name, digest in made_from["inputs"].items():
-            read.append(add(AUTHORS_URL + quote(name), "File", name, sha256=digest, license=EUPL))
+        read = [
+            add(AUTHORS_URL + quote(name), "File", name, sha256=digest, license=EUPL)
+            for name, digest in made_from["inputs"].items()
+        ]
         for name, digest in made_from["sources"].items():
             inside = name.removeprefix("results/")
             if inside in graph:
@@ -61,14 +62,17 @@ def describe_results(results: Path) -> dict[str, Any]:
             ):  # those of the modules, which are many, are in provenance.json
                 read.append(add(f"#{name}", "CreativeWork", name, sha256=digest))
         versions = {"Python": made_from["python"]} | made_from["packages"]
-        software = []
-        for name, version in versions.items():
-            software.append(add(f"#{name}-{version}", "SoftwareApplication", name, version=version))
+        software = [
+            add(f"#{name}-{version}", "SoftwareApplication", name, version=version)
+            for name, version in versions.items()
+        ]
         about = {"sha256": made_from["sources"][source], "softwareRequirements": software}
         program = add(f"#{source}", "SoftwareSourceCode", source, **about)
         made = [{"@id": file} for file in (*outcome["files"], f"outcomes/{notebook}.json")]
-        for name, figure in outcome["figures"].items():
-            made.append(add(f"#figures/{name}.svg", "ImageObject", name, caption=figure["caption"]))
+        made += [
+            add(f"#figures/{name}.svg", "ImageObject", name, caption=figure["caption"])
+            for name, figure in outcome["figures"].items()
+        ]
         about = {"agent": whole["author"], "instrument": program, "object": read, "result": made}
         add(f"#run-{notebook}", "CreateAction", f"Run of {source}", **about)
     for key, kind in (("hasPart", "File"), ("mentions", "CreateAction")):

@@ -9,7 +9,7 @@ import pandas as pd
 from replication import published
 from workbook import judging
 from workbook.outcomes import load_outcomes
-from workbook.report import TEMPLATES
+from workbook.report import TEMPLATES, squeeze
 
 RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 POWER = re.compile(r"(?<![\w.])(\d+(?:\.\d+)?)e([+-]?\d+)\b")
@@ -31,31 +31,34 @@ def count_verdicts(verdicts: pd.DataFrame, claims: pd.DataFrame) -> dict[str, in
     Of printed numbers "differs" counts all, "tolerance_differs" those by tolerance alone,
     "simulated_differs" those that our simulation decides, "table2_differs" those of an element, and
     "table2_sd_differs" those of its column. "claims_undecided" counts claims, "claims_changed" those
-    whose criterion was changed, and "errata_paper" errata by the last word of their kind.
+    whose criterion was changed, "claims_answers_changed" those of them whose answer is another one
+    now, and "errata_paper" errata by the last word of their kind.
     """
     decided = judging.deciding(verdicts).join(published.cells()[["element", "column"]], on="id")
-    element = decided["element"].map(judging.squeeze)
+    element = decided["element"].map(squeeze)
     groups = {"": decided, "tolerance_": decided.assign(verdict=decided["by_tolerance"])}
     for key in (decided["source"], element, element + "_" + decided["column"]):
         groups |= {f"{name}_": part for name, part in decided.groupby(key)}
-    reasons, kinds = published.claims()["reason"], published.errata()["kind"]
-    evidence = decided["verdict"].isin(judging.EVIDENCE)
-    counts = {"printed": len(decided), "evidence": int(evidence.sum()), "claims": len(reasons)}
+    known, evidence = published.claims(), decided["verdict"].isin(judging.EVIDENCE)
+    counts = {"printed": len(decided), "evidence": int(evidence.sum()), "claims": len(known)}
     for name, part in groups.items():
         for verdict in judging.VERDICTS:
             counts[name + verdict.replace("-", "")] = int((part["verdict"] == verdict).sum())
     for verdict in judging.CLAIM_VERDICTS.values():
         counts["claims_" + verdict.replace(" ", "_")] = int((claims["verdict"] == verdict).sum())
-    fixed = reasons.str.extract(FIXED, expand=False).str.lower()
-    for name, words in (("claims", fixed), ("errata", kinds.str.split().str[-1])):
+    both = claims.join(known["earlier_answer"], on="id")
+    changed = both.query("earlier_answer != '' and earlier_answer != verdict")
+    counts["claims_answers_changed"] = len(changed)
+    fixed = known["reason"].str.extract(FIXED, expand=False).str.lower()
+    kinds = published.errata()["kind"].str.split().str[-1]
+    for name, words in (("claims", fixed), ("errata", kinds)):
         counts |= {f"{name}_{word}": number for word, number in words.value_counts().items()}
     return counts
 
 
 def typeset_powers(text: object) -> str:
     """Write the powers of ten in a text as 5.9·10⁻⁶ or 10⁵, not as 5.9e-06 or 1e5."""
-    raised = POWER.sub(_raise, str(text))
-    return re.sub(r"(?<![\d.])1·10", "10", raised)
+    return re.sub(r"(?<![\d.])1·10", "10", POWER.sub(_raise, str(text)))
 
 
 def _raise(found: re.Match) -> str:
@@ -74,9 +77,12 @@ def fill(text: str, facts: dict[str, str]) -> str:
 
 def fill_in_findings(facts: dict[str, str]) -> list[dict]:
     """The findings whose numbers are there: `kind`, `text`, label and address of each proof."""
-    found = []
-    for row in published.findings().to_dict("records"):
-        proofs = [proof.strip().split("|") for proof in row["proof"].split(";")]
-        if text := fill(row["text"], facts):
-            found.append({"kind": row["kind"], "text": text, "proofs": proofs})
-    return found
+    return [
+        {
+            "kind": row["kind"],
+            "text": text,
+            "proofs": [proof.strip().split("|") for proof in row["proof"].split(";")],
+        }
+        for row in published.findings().to_dict("records")
+        if (text := fill(row["text"], facts))
+    ]

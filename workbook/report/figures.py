@@ -3,7 +3,6 @@
 import base64
 import html
 import io
-import math
 import re
 from dataclasses import dataclass
 from functools import cache
@@ -21,7 +20,14 @@ NOT_DRAWN = re.compile(r"<\?xml.*?\?>|<!DOCTYPE.*?>|<!--.*?-->|<metadata>.*?</me
 NAMED = re.compile(r' id="([^"]+)"')
 REFERRED = re.compile(r'(?<=href="#)[^"]+|(?<=url\(#)[^)]+')
 PLACED = re.compile(r'(?:\bd="|\b[xy]="|translate\()[^")]+')
+BARE = re.compile(r"<g>((?:<(?!/?g\b)[^>]*>)*)</g>")  # a group of marks without a property
 LONG = re.compile(r"-?\d+\.\d\d+")
+# Of an SVG that a page holds: a style (those of the page itself have spaces), a place of a character.
+STYLE = re.compile(r' style="([^" ]+)"')
+MOVED = re.compile(r'(<use [^>]*)transform="translate\(([-\d.]+) ([-\d.]+)\)"/>')
+FONT = "DejaVuSans-"
+CHARACTER = re.compile(rf'<path id="{FONT}[^>]*>')
+SHARED = re.compile(rf'(?<=["#])(?:{FONT}[\w-]+|\w+-i\d+)(?=[")])')
 COLOURS = 48  # enough for lines and markers with smooth edges; a third of the size
 DOTS_PER_SHOWN_DOT = 1.5
 
@@ -52,24 +58,23 @@ class Picture:
         """What is read aloud in place of the figure: what to see, then the axes."""
         return f"{self.caption} Axes: {self.axes}." if self.axes else self.caption
 
-    def image(self, longest: float = math.inf) -> Markup:
-        """The drawing as an element of a page, at half its size if its address is longer."""
-        content = self.file.read_bytes()
-        source = reduce_png(content)
-        if len(source) > longest:
-            source = reduce_png(content, 0.5)
-        return self._element(source)
-
-    def vector(self) -> Markup:
+    def reduced(self, names: str = "i") -> str:
         """The drawing as vectors, with what a page does not need left out."""
-        drawing = reduce_svg(self.file.with_suffix(".svg").read_text(encoding="utf-8"))
-        return self._element("data:image/svg+xml," + drawing.translate(IN_ADDRESS))
+        return reduce_svg(self.file.with_suffix(".svg").read_text(encoding="utf-8"), names)
 
-    def _element(self, source: str) -> Markup:
+    def image(self) -> Markup:
+        """The drawing as an image of a page."""
         with Image.open(self.file) as image:
             width, height = (round(dots / DOTS_PER_SHOWN_DOT) for dots in image.size)
         label = html.escape(self.alternative)
+        source = "data:image/svg+xml," + self.reduced().translate(IN_ADDRESS)
         return Markup(f'<img alt="{label}" width="{width}" height="{height}" src="{source}">')
+
+    def inline(self) -> Markup:
+        """The drawing as a part of a page, for `share`: its names begin with its own."""
+        label = html.escape(self.axes or self.name)
+        about = f'<svg class="drawing" role="img" aria-label="{label}" '
+        return Markup(self.reduced(f"{self.name}-i").replace("<svg ", about, 1))
 
     def thumbnail(self) -> Markup:
         """The drawing small, as part of a link."""
@@ -109,18 +114,40 @@ def reduce_png(content: bytes, scale: float = 1.0) -> str:
     return "data:image/webp;base64," + base64.b64encode(buffer.getvalue()).decode("ascii")
 
 
-def reduce_svg(drawing: str) -> str:
-    """Leave out what is not seen: comments, names, spaces, and digits beyond a tenth of a point."""
+def reduce_svg(drawing: str, names: str = "i") -> str:
+    """Leave out what is not seen: comments, names, spaces, and digits beyond a tenth of a point.
+
+    What is referred to is named `names` and a number, but for characters, which pages share.
+    """
     drawing = NOT_DRAWN.sub("", drawing)
-    short = {
-        name: f"i{place}" for place, name in enumerate(dict.fromkeys(REFERRED.findall(drawing)))
-    }
+    short = _abbreviate(REFERRED.findall(drawing), names)
+    short |= {name: name for name in short if name.startswith(FONT)}
     drawing = NAMED.sub(lambda name: f' id="{short[name[1]]}"' if name[1] in short else "", drawing)
     drawing = REFERRED.sub(lambda name: short[name[0]], drawing).replace("xlink:href", "href")
     drawing = PLACED.sub(lambda place: LONG.sub(_round, place[0]), drawing)
     drawing = re.sub(r"(?<=[MLQCz:;]) +| +(?=[MLQCz][ \d-])", "", " ".join(drawing.split()))
-    return drawing.replace("> <", "><")
+    drawing = drawing.replace("> <", "><").replace("<defs></defs>", "")
+    for _ in range(9):  # one within another
+        drawing = BARE.sub(r"\1", drawing)
+    return MOVED.sub(r'\1x="\2" y="\3"/>', drawing).replace(' y="0"', "")
+
+
+def share(page: str) -> str:
+    """Write each style and each character of a page's drawings once, and name them shortly."""
+    styles = _abbreviate(STYLE.findall(page), "s")
+    rules = "".join(f".{name}{{{style}}}" for style, name in styles.items())
+    page = STYLE.sub(lambda style: f' class="{styles[style[1]]}"', page)
+    for character in dict.fromkeys(CHARACTER.findall(page)):
+        page = page.replace(character, "", page.count(character) - 1)
+    short = _abbreviate(SHARED.findall(page), "d")
+    page = SHARED.sub(lambda name: short[name[0]], page)
+    return page.replace("</style>", f"{rules}</style>", 1)
+
+
+def _abbreviate(names: list[str], start: str) -> dict[str, str]:
+    """A short name for each name: how it begins, and a number."""
+    return {name: f"{start}{place}" for place, name in enumerate(dict.fromkeys(names))}
 
 
 def _round(number: re.Match) -> str:
-    return f"{float(number[0]):.1f}"
+    return f"{float(number[0]):.1f}".removesuffix(".0")

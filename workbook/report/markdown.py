@@ -27,12 +27,10 @@ def render_supplement(results: Path) -> str:
 
 
 def render_status(results: Path) -> str:
-    """Write the README's status: printed numbers by element and verdict, and all by tolerance alone."""
+    """Write the README's status: printed numbers by element and verdict."""
     verdicts = judging.verdicts(results)
     counts = judging.verdict_counts(verdicts)
     counts.loc["all"] = counts.sum()
-    former = judging.deciding(verdicts)["by_tolerance"].value_counts()
-    counts.loc["all, by tolerance alone"] = former.reindex(counts.columns, fill_value=0)
     table, facts = counts.astype(int), collect_facts(results, verdicts)
     return TEMPLATES.get_template("status.md.j2").render(table=table, facts=facts)
 

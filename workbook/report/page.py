@@ -13,29 +13,29 @@ from workbook.report import TEMPLATES, markdown, pages
 from workbook.report.cells import judged_cells, judged_claims
 from workbook.report.crate import describe_results
 from workbook.report.facts import collect_facts, fill, fill_in_findings
-from workbook.report.figures import load_pictures
+from workbook.report.figures import load_pictures, share
 from workbook.report.tables import LAYOUTS
 
 
-def render_report(
-    results: Path, notebooks: Path, verdicts: pd.DataFrame, quick: bool = False
-) -> str:
+def render_report(results: Path, notebooks: Path, verdicts: pd.DataFrame, apart: str = "") -> str:
     """Render the report."""
     cells, facts = judged_cells(verdicts), collect_facts(results, verdicts)
     executed = pages.executed_cells(notebooks)
     errata, trail = published.errata().reset_index(), published.trail()
     errata["computed"] = [fill(text, facts) for text in errata["computed"]]
     trail["counts"] = [fill(text, facts) for text in trail["counts"]]
-    return TEMPLATES.get_template("report.html.j2").render(
-        quick=quick,
-        root="../../.." if quick else "..",
+    page = TEMPLATES.get_template("report.html.j2").render(
+        apart=apart,
+        root="../../.." if apart else "..",
         facts=facts,
         findings=fill_in_findings(facts),
         counts=judging.verdict_counts(verdicts).sum().astype(int).to_dict(),
         layouts=LAYOUTS,
         cells=cells,
         footnotes={cell: number for number, cell in enumerate(cells, start=1)},
-        drawn={"runs": {}, "other_seeds": {}} | pages.load_drawn(results, "report"),
+        drawn={"runs": {}, "by_protocol": {}} | pages.load_drawn(results, "report"),
+        trace=pages.load_drawn(results, "signature_explorer"),
+        candidates=_rows(results, "table2_protocols"),
         pictures=load_pictures(results),
         map=published.paper_map().set_index("element").to_dict("index"),
         code_line=code_line,
@@ -51,6 +51,7 @@ def render_report(
         versions=_versions(results),
         stale=provenance.stale(results),
     )
+    return share(page)
 
 
 @cache
@@ -83,7 +84,7 @@ def _versions(results: Path) -> dict[str, str]:
 
 def write_report(results: Path) -> Path:
     """Write `report.html`, the pages that it links to, `errata.md` and the supplement's list."""
-    quick = results == checkout.QUICK / "results"
+    apart = checkout.APART.get(results.parent, "")
     notebooks, verdicts = results.parent / "notebooks", judging.verdicts(results)
     rendered = pages.render_pages(results, notebooks, verdicts)
     for name, text in rendered.items():
@@ -94,6 +95,6 @@ def write_report(results: Path) -> Path:
     facts = collect_facts(results, verdicts)
     files.write_text(results / "errata.md", markdown.render_errata(facts))
     files.write_text(results / "supplement" / "README.md", markdown.render_supplement(results))
-    files.write_text(results / "report.html", render_report(results, notebooks, verdicts, quick))
+    files.write_text(results / "report.html", render_report(results, notebooks, verdicts, apart))
     files.write_json(results / "ro-crate-metadata.json", describe_results(results))
     return results / "report.html"

@@ -62,7 +62,9 @@ def render_pages(results: Path, notebooks: Path, verdicts: pd.DataFrame) -> dict
             contents=[(slug(text), text) for text in sections],
         )
     for name in explorers(results):
-        pages[name] = TEMPLATES.get_template(f"{name}.html.j2").render(load_drawn(results, name))
+        pages[name] = TEMPLATES.get_template(f"{name}.html.j2").render(
+            load_drawn(results, name), published=published
+        )
     return pages
 
 
@@ -73,8 +75,8 @@ def explorers(results: Path) -> list[str]:
 
 def load_drawn(results: Path, page: str) -> dict[str, Any]:
     """Load what a notebook exported for a page to draw; empty if there is none."""
-    file = results / "pages" / f"{page}.json"
-    return json.loads(file.read_text(encoding="utf-8")) if file.exists() else {}
+    file = results / f"pages/{page}.json"
+    return json.loads(file.read_bytes()) if file.exists() else {}
 
 
 def executed_cells(notebooks: Path) -> dict[str, Notebook]:

@@ -1,13 +1,12 @@
 """The paper's tables in the paper's shape, by the layouts of `tables.json`."""
 
-from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from itertools import groupby
 from typing import Any
 
 from replication import published
 from workbook.report import TEMPLATES
-from workbook.report.cells import SOURCES, Cell
+from workbook.report.cells import Cell
 
 Layout = dict[str, Any]
 Entry = Cell | str
@@ -34,21 +33,4 @@ def headings_over(layout: Layout) -> list[tuple[str, int]]:
     return [(heading, len(list(part))) for heading, part in over]
 
 
-def column_verdicts(layout: Layout, cells: Mapping[str, Cell]) -> dict[str, list[Counter[str]]]:
-    """The verdicts in each column of a table, counted for each source that judges the table."""
-    columns = list(zip(*(entries for _, entries in table_rows(layout, cells)), strict=True))
-    found = {}
-    for source in SOURCES:
-        counts = [_count_verdicts(column, source) for column in columns]
-        if any(counts):
-            found[source] = counts
-    return found
-
-
-def _count_verdicts(column: Sequence[Entry], source: str) -> Counter[str]:
-    judgements = [each for entry in column if isinstance(entry, Cell) for each in entry.judgements]
-    return Counter(each.verdict for each in judgements if each.source == source)
-
-
-for function in (table_rows, headings_over, column_verdicts):
-    TEMPLATES.globals[function.__name__] = function
+TEMPLATES.globals.update(table_rows=table_rows, headings_over=headings_over)

@@ -10,7 +10,7 @@ import pandas as pd
 
 from replication import published
 from workbook import judging
-from workbook.report import TEMPLATES
+from workbook.report import TEMPLATES, Unknown, squeeze
 from workbook.report.cells import SIGNS, Cell, judged_cells, judged_claims, notebook_source
 from workbook.report.facts import collect_facts, fill
 from workbook.report.tables import LAYOUTS, Entry, table_rows
@@ -19,38 +19,38 @@ COLOURS = {"reproduced": 32, "holds": 32, "erratum": 35, "differs": 31, "does no
 WIDTH, LABEL_WIDTH = 100, 16
 
 
-class Unknown(ValueError):
-    """There is no such cell, element or claim."""
-
-    exit_status = 2
-
-
 def has_colour() -> bool:
     """Whether the terminal shows colours and the user has not asked for none."""
     return sys.stdout.isatty() and "NO_COLOR" not in os.environ and os.environ.get("TERM") != "dumb"
 
 
-def paint(text: str, verdict: str, colour: bool) -> str:
-    """Colour a text by its verdict."""
+def paint(text: str, verdict: str) -> str:
+    """Colour a text by its verdict, where there are colours."""
     code = COLOURS.get(verdict)
-    return f"\033[{code}m{text}\033[0m" if colour and code else text
+    return f"\033[{code}m{text}\033[0m" if code and has_colour() else text
 
 
-def verdict_tables(verdicts: pd.DataFrame, colour: bool) -> str:
-    """Write every printed number beside ours, element by element, then the counts."""
+def verdict_tables(verdicts: pd.DataFrame) -> str:
+    """Write the printed numbers beside ours, element by element, then the counts.
+
+    Of what the text says, numbers that are only taken over are counted.
+    """
     cells = judged_cells(verdicts)
-    counts = judging.verdict_counts(verdicts).sum().astype(int).to_dict()
-    evidence = sum(counts.get(name, 0) for name in judging.EVIDENCE)
-    signs = ", ".join(f"{SIGNS[name]} {name}" for name in counts)
-    legend = "Each cell: printed | ours, from the authors' data if there are any, then from our simulation."
-    counted = ", ".join(f"{SIGNS[name]} {name} {count}" for name, count in counts.items())
-    summary = f"{evidence} of {len(cells)} printed numbers are decided by evidence: {counted}"
-    elements = dict.fromkeys(cell.element for cell in cells.values())
-    parts = [f"{legend}\n{signs}.", *(_element(name, cells, colour) for name in elements), summary]
-    return "\n\n".join(parts)
+    compared = {
+        name: cell
+        for name, cell in cells.items()
+        if cell.element != "Text" or cell.deciding.verdict != "given"
+    }
+    counts = judging.verdict_counts(verdicts).sum().astype(int)
+    return TEMPLATES.get_template("check.txt.j2").render(
+        elements=[_element(name, compared) for name in published.cells()["element"].unique()],
+        taken_over=len(cells) - len(compared),
+        counts=counts.to_dict(),
+        rest=counts.drop([*judging.EVIDENCE], errors="ignore").to_dict(),
+    )
 
 
-def _element(element: str, cells: Mapping[str, Cell], colour: bool) -> str:
+def _element(element: str, cells: Mapping[str, Cell]) -> str:
     """An element's cells, each as "printed | ours sign", ours from each source that judges it."""
     layout = next((layout for layout in LAYOUTS if layout["element"] == element), None)
     grid: list[list[Entry]]
@@ -66,14 +66,8 @@ def _element(element: str, cells: Mapping[str, Cell], colour: bool) -> str:
             name = cell.row if cell.column == "value" else cell.column
             grid.append([name, cell, "" if cell.unit == "1" else cell.unit, cell.id])
     widths = [max(len(_short(entry)) for entry in column) for column in zip(*grid, strict=True)]
-    lines = [title]
-    for line in grid:
-        padded = []
-        for entry, width in zip(line, widths, strict=True):
-            verdict = entry.deciding.verdict if isinstance(entry, Cell) else ""
-            padded.append(paint(f"{_short(entry):<{width}}", verdict, colour))
-        lines.append("  " + "  ".join(padded).rstrip())
-    return "\n".join(lines)
+    template = TEMPLATES.get_template("element.txt.j2")
+    return template.render(title=title, grid=grid, widths=widths, short=_short, paint=paint)
 
 
 def _short(entry: Entry) -> str:
@@ -95,10 +89,11 @@ def find_surprises(verdicts: pd.DataFrame) -> tuple[list[str], list[str]]:
     return new, [f"{cell} is a known difference and no longer differs" for cell in gone]
 
 
-def show(name: str, results: Path, verdicts: pd.DataFrame, colour: bool) -> str:
-    """Describe a cell, an element, a claim or an erratum."""
-    wanted, cells = judging.squeeze(name), judged_cells(verdicts)
-    facts, errata = collect_facts(results, verdicts), published.errata()
+def show(name: str, results: Path) -> str:
+    """Describe a cell, an element, a claim or an erratum by its name, as `squeeze` gives it."""
+    verdicts, errata = judging.verdicts(results), published.errata()
+    cells = judged_cells(verdicts)
+    facts = collect_facts(results, verdicts)
     errata["computed"] = [fill(text, facts) for text in errata["computed"]]
     kinds: dict[str, Mapping] = {
         "cell": cells,
@@ -106,26 +101,31 @@ def show(name: str, results: Path, verdicts: pd.DataFrame, colour: bool) -> str:
         "erratum": errata.to_dict("index"),
     }
     for kind, found in kinds.items():
-        for key, item in found.items():
-            if key.lower() == wanted:
-                return _describe(kind, item, colour)
+        named = {key.lower(): item for key, item in found.items()}
+        if name in named:
+            return _describe(kind, named[name])
     for element in (cell.element for cell in cells.values()):
-        if judging.squeeze(element) == wanted:
-            return _element(element, cells, colour)
-    near = [cell for cell in cells if wanted in cell.lower()][:6]
+        if squeeze(element) == name:
+            return _element(element, cells)
+    near = [cell for cell in cells if name in cell.lower()][:6]
     hint = (
         f"did you mean {', '.join(near)}?" if near else "`python -m workbook check` lists all cells"
     )
     raise Unknown(f"{name}: no such cell, element, claim or erratum; {hint}")
 
 
-def _describe(kind: str, item: object, colour: bool) -> str:
-    """What the template says of it, labels in one column and texts in another."""
+def _describe(kind: str, item: object) -> str:
+    """What the template says of it."""
     text = TEMPLATES.get_template("show.txt.j2").render(
         {kind: item},
-        verdict=lambda name: paint(f"{SIGNS[name]} {name}", name, colour),
+        verdict=lambda name: paint(f"{SIGNS[name]} {name}", name),
         notebook=lambda name: f"{notebook_source(name)}; results/pages/{name}.html#verdict",
     )
+    return align(text)
+
+
+def align(text: str) -> str:
+    """Put the labels of "label: text" lines into one column and the texts into another."""
     lines = []
     for line in text.splitlines():
         label, _, said = line.partition(": ")
