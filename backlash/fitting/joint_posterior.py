@@ -132,12 +132,6 @@ def rows_of(z: FloatArray) -> FloatArray:
     return rows
 
 
-def ratios_of(z: FloatArray) -> dict[str, float]:
-    """Ratios of a joint with these unknowns."""
-    row = dict(zip(COLUMNS, rows_of(z[None])[0].tolist(), strict=True))
-    return _PRIOR_MEDIANS | {name: row[name] for name in RATIO_PRIOR}
-
-
 class Problem:
     """Whitened residuals of a record's harmonics and their slopes; searches of a joint also change what it asks."""
 

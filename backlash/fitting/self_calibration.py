@@ -20,17 +20,16 @@ from backlash.fitting.joint_posterior import (
     SMOOTHING_INDEX,
     UNIT_RAD,
     Problem,
-    ratios_of,
     rows_of,
 )
 from backlash.fitting.joint_search import Peak, find_joint, find_peak
 from backlash.fitting.second_mass import SecondMass, WeightedPeak, with_second_mass
-from backlash.fitting.turns import Movement, simulate_turns
+from backlash.fitting.turns import FRICTION, Movement, joint_of, simulate_turns
 from backlash.fitting.waveform import delayed, low_passed
 from replication.arrays import FloatArray
 from replication.recording import Recording
 from replication.simulator.checks import closed_loop_matrix
-from replication.simulator.parameters import TURN, joint_from_ratios
+from replication.simulator.parameters import TURN
 
 # Noise in the ring's band over that above it, a low-pass taken out, beyond which there is no
 # answer.
@@ -362,8 +361,9 @@ def _worst_phase(problem: Problem, peak: Peak) -> float:
 
 def _slowest_ring(z: FloatArray, movement: Movement) -> tuple[float, float]:
     """Frequency [Hz] and damping ratio of the slowest oscillation in contact; NaN if there is none."""
-    ratios = ratios_of(z) | {"lead_s": 0.0}
-    joint = joint_from_ratios(ratios, gear_ratio=movement.gear_ratio, speed_by_differencing=True)
+    row = rows_of(z[None])[0]
+    row[FRICTION] = 0
+    joint = joint_of(row, movement, 0.0, 0, True)
     values = np.linalg.eigvals(closed_loop_matrix(joint)).astype(complex)
     modes = np.log(values[np.abs(values) > 0]) / joint.control_period_s
     # A slower oscillation than 2 Hz is the drive's.
