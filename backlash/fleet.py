@@ -5,6 +5,8 @@ import os
 import signal
 import threading
 import time
+import warnings
+from asyncio import CancelledError
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager, nullcontext, suppress
@@ -189,6 +191,8 @@ def _on_cores(task: Task, calls: Calls, jobs: int) -> Iterator[tuple[int, Examin
 
     from joblib import Parallel, delayed
 
+    # Of a run that stops on a full disk; it says so itself.
+    warnings.filterwarnings("ignore", r"\d+ tasks which were", UserWarning)
     parent = os.getpid()
     numbered = (delayed(_numbered)(parent, k, task, *call) for k, call in calls.items())
     try:
@@ -233,14 +237,17 @@ def _on_dask(client: Any, task: Task, calls: Calls) -> Iterator[tuple[int, Exami
     for number, (log, settings) in calls.items():
         source = Path(log).absolute() if isinstance(log, str | PathLike) else log
         sent[client.submit(task, source, settings, pure=False)] = number
-    done = as_completed(sent, loop=client.loop, with_results=True, raise_errors=False)
-    for future, result in done:
-        if future.status == "finished":
-            yield sent.pop(future), result
-        elif future.status != "error":
-            raise UnusableLog("the Dask cluster is gone: start it again, and the same command")
-        elif not isinstance(result[1], KilledWorker):
-            raise UnusableLog(f"Dask's workers need this package, and this version: {result[1]!r}")
+    for future in as_completed(sent, loop=client.loop):
+        try:
+            examined = future.result()
+        except KilledWorker:
+            continue
+        except (Exception, CancelledError) as error:
+            why = (
+                f"the Dask cluster failed ({error!r}); has each worker this version of the package?"
+            )
+            raise UnusableLog(why) from error
+        yield sent.pop(future), examined
 
 
 @contextmanager

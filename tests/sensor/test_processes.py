@@ -57,6 +57,18 @@ def test_an_interrupt_ends_a_fleet_in_one_line_and_spoils_no_row(jobs, logs, tmp
     assert {answer.verdict for answer in done} == {"backlash"}
 
 
+@pytest.mark.slow
+def test_a_parent_that_is_killed_leaves_no_process_behind(logs, tmp_path):
+    out = tmp_path / "table.csv"
+    process = started("estimate", logs, "--turn-period", "0.4", "--jobs", "2", "--out", out)
+    while process.poll() is None and not out.with_name("table.csv.kept").exists():
+        time.sleep(0.05)
+    process.kill()
+    # The pipes close when the last process ends that has them.
+    process.communicate(timeout=60)
+    assert process.returncode == -signal.SIGKILL
+
+
 def test_an_interrupted_run_from_python_writes_no_log_down_as_unusable(tmp_path, monkeypatch):
     def interrupted(log, settings):
         try:
