@@ -121,7 +121,8 @@ def read_batch(source: Table, words: Mapping[str, Any]) -> Batch:
             said = {**words, **own}
             settings.append(settings_for(form_of(log, said), **how_of(said)))
         except (UnusableLog, TypeError) as error:
-            raise UnusableLog(f"{_called(source)}, {Path(name_of(log)).name}: {error}") from error
+            why = error if isinstance(error, UnusableLog) else f"text for a number in {own}"
+            raise UnusableLog(f"{_called(source)}, {Path(name_of(log)).name}: {why}") from error
     return Batch(logs, settings, keys)
 
 

@@ -113,10 +113,11 @@ def test_answers_that_a_full_disk_does_not_take_are_printed_and_the_next_run_has
     out = tmp_path / "answers.csv"
     arguments = ["estimate", "--batch", str(dated), "--turn-period", "0.4", "--out", str(out)]
     arguments += ["--method", "energy"]
-    with monkeypatch.context() as disk, pytest.raises(OSError, match="device: 8 of 8 answers are"):
+    with monkeypatch.context() as disk:
         disk.setattr(commands, "write_bytes", full)
         disk.setattr("backlash.main._ending", raised)
-        main(arguments)
+        with pytest.raises(OSError, match="device: 8 of 8 answers are"):
+            main(arguments)
     assert len(json.loads(capsys.readouterr().out)) == 8
     monkeypatch.setattr("backlash.fleet.examine", None)
     assert main(arguments) == 0
