@@ -28,11 +28,11 @@ from backlash.reading.columns import SAID, LogFormat
 from backlash.reading.prepare import Log, open_log
 from backlash.reading.refusals import CannotTell, UnusableLog
 from backlash.reading.sources import name_of
-from backlash.settings import MEASURING, settings_for
+from backlash.settings import MEASURING, Settings, settings_for
 from backlash.trend_line import Trend
 
 
-def _form(log: object, said: Mapping[str, Any]) -> LogFormat:
+def form_of(log: object, said: Mapping[str, Any]) -> LogFormat:
     """What is said of a log; `position=True` says it of arrays, and a log that was read has it all."""
     said = {name: value for name, value in said.items() if name not in MEASURING}
     if unknown := sorted(set(said) - set(SAID)):
@@ -48,8 +48,16 @@ def _form(log: object, said: Mapping[str, Any]) -> LogFormat:
     return LogFormat(**said)
 
 
-def _how(words: Mapping[str, Any]) -> dict[str, Any]:
+def how_of(words: Mapping[str, Any]) -> dict[str, Any]:
+    """What is said of measuring."""
     return {name: words[name] for name in MEASURING if name in words}
+
+
+def settings_of(logs: Sequence[object], words: Mapping[str, Any]) -> list[Settings]:
+    """Settings of logs of which the same is said."""
+    how = how_of(words)
+    how["calibration"] = read_calibration(how.get("calibration"))
+    return [settings_for(form_of(log, words), **how) for log in logs]
 
 
 def read_log(log: object, v: ArrayLike | None = None, **said: Any) -> Log:
@@ -73,7 +81,7 @@ def read_log(log: object, v: ArrayLike | None = None, **said: Any) -> Log:
     2401 0.4
     """
     try:
-        return open_log(log, _form(log, said), v, said.get("torque"))
+        return open_log(log, form_of(log, said), v, said.get("torque"))
     except CannotTell as refusal:
         raise UnusableLog(str(refusal)) from refusal
 
@@ -119,7 +127,7 @@ def estimate(log: object, v: ArrayLike | None = None, **words: Any) -> Estimate:
     backlash 2
     """
     return examine(
-        log, settings_for(_form(log, words), **_how(words)), v, words.get("torque")
+        log, settings_for(form_of(log, words), **how_of(words)), v, words.get("torque")
     ).estimate
 
 
@@ -166,7 +174,7 @@ def calibrate(
     read = []
     for log in logs:
         try:
-            read.append(detect_pattern(open_log(log, _form(log, said)), seed))
+            read.append(detect_pattern(open_log(log, form_of(log, said)), seed))
         except CannotTell as refusal:
             raise UnusableLog(f"{name_of(log)}: no use for a calibration: {refusal}") from refusal
     speeds = b"".join(log.recording.v.tobytes() for log in read)
@@ -217,9 +225,7 @@ def trend(
     >>> print(worn.alarm, worn.crossing.year)
     True 2024
     """
-    how = _how(words)
-    how["calibration"] = read_calibration(how.get("calibration"))
-    settings = [settings_for(_form(log, words), **how) for log in logs]
+    settings = settings_of(logs, words)
     if dates is None or isinstance(dates, str | PathLike):
         table = Path(dates) if dates is not None else None
         days = list(trend_line.dates_of([Path(name_of(log)) for log in logs], table).values())

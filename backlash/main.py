@@ -24,7 +24,7 @@ _UNUSABLE = 2
 _INTERRUPTED = 130
 _STATUS = f"Exit status: 0 done, 1 a defect, 2 unusable input, 3 --fail-on holds, {_INTERRUPTED} interrupted."
 # Of an output that takes no more: whoever read a pipe has seen enough, or a disk is full.
-_UNWRITABLE = {errno.EPIPE, errno.ENOSPC, errno.EDQUOT, errno.EIO}
+UNWRITABLE = {errno.EPIPE, errno.ENOSPC, errno.EDQUOT, errno.EIO}
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -53,7 +53,7 @@ def _ending(error: BaseException) -> tuple[int, str]:
             return _INTERRUPTED, f"interrupted{each}"
     if isinstance(error, UnusableLog):
         return _UNUSABLE, str(error)
-    if isinstance(error, OSError) and error.errno in _UNWRITABLE:
+    if isinstance(error, OSError) and error.errno in UNWRITABLE:
         # Nothing is left to be flushed at the end.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         is_read = error.errno != errno.EPIPE
@@ -112,7 +112,8 @@ def _add_estimate(commands: argparse._SubParsersAction) -> None:
         "--batch",
         type=Path,
         metavar="TABLE",
-        help="CSV with the columns file, and period (s), gear_ratio, speed (rps): each log with its own",
+        help="CSV or Parquet with the column file, and joint, date, period (s), gear_ratio, speed (rps), torque, "
+        "inertia_ratio, gravity, calibration, ...: each log with its own",
     )
     _add_log_options(sub)
     _add_measuring(sub)
@@ -127,6 +128,9 @@ def _add_estimate(commands: argparse._SubParsersAction) -> None:
     )
     sub.add_argument(
         "--out", type=Path, metavar="TABLE", help="write a table, one row per log: .csv or .parquet"
+    )
+    sub.add_argument(
+        "--dask", metavar="ADDRESS", help="scheduler of a cluster that takes the place of --jobs"
     )
     sub.add_argument(
         "--fail-on",
@@ -154,7 +158,11 @@ def _add_calibrate(commands: argparse._SubParsersAction) -> None:
 def _add_trend(commands: argparse._SubParsersAction) -> None:
     sub = _add_command(commands, "trend", "growth of the backlash, and when it crosses a limit")
     sub.add_argument(
-        "log", nargs="+", type=Path, help="logs or folders; dates in their names, like 2024-03-17"
+        "log",
+        nargs="+",
+        type=Path,
+        help="logs or folders, dates in their names, like 2024-03-17; or tables that estimate --out wrote: a "
+        "trend for each joint",
     )
     sub.add_argument(
         "--dates", type=Path, metavar="TABLE", help="CSV with the columns file and date instead"

@@ -9,7 +9,7 @@ import pytest
 
 import backlash
 import workbook
-from backlash import commands
+from backlash import commands, interface
 from backlash.calibration import default_calibration, read_calibration
 from backlash.main import main
 from backlash.settings import settings_for
@@ -205,7 +205,7 @@ def test_the_play_and_where_the_answer_comes_from_are_in_the_json(log, capsys):
 def test_a_part_of_a_log_is_had_by_its_times_and_a_period_can_be_trusted(log, capsys, monkeypatch):
     given = []
     monkeypatch.setattr(
-        commands,
+        interface,
         "settings_for",
         lambda form, **how: given.append(form) or settings_for(form, **how),
     )
@@ -251,7 +251,7 @@ def test_a_defect_is_one_line_that_says_where(log, capsys, monkeypatch):
         (["estimate", "LOG", *TURN, "--calibration", "LOG"], "not a calibration file"),
         (["estimate", "LOG", *TURN, "--calibration", "FOLDER"], "cannot be read"),
         (["calibrate", "LOG", *TURN, "--out", "FOLDER/c.json"], "columns log and backlash_rad"),
-        (["calibrate", "FOLDER/missing.csv", *TURN, "--out", "FOLDER/c.json"], "cannot be read"),
+        (["calibrate", "FOLDER/missing.csv", *TURN, "--out", "FOLDER/c.json"], "No such file"),
         (["trend", "LOG", *TURN], "no date in its name"),
         (["trend", "LOG", *TURN, "--dates", "LOG"], "columns file and date"),
         (["trend", "LOG", *TURN, "--dates", "DATES", "--limit", "0.5"], "at most 0.1 [rad]"),

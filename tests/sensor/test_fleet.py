@@ -16,6 +16,12 @@ from tests.logs import TURN, noisy, write
 SETTINGS = settings_for(TURN, method="amplitude")
 
 
+def answers(paths, settings=SETTINGS, jobs=1, kept=None):
+    """Answers in the order of their logs."""
+    found = dict(fleet.run_fleet(paths, [settings] * len(paths), jobs, kept))
+    return [found[number] for number in sorted(found)]
+
+
 @pytest.fixture
 def folder(tmp_path):
     """Five logs, one of them empty, one with text in its numbers."""
@@ -55,7 +61,7 @@ def test_a_folder_without_logs_is_refused(tmp_path):
 
 def test_one_bad_log_never_stops_the_rest_and_its_row_says_why(folder):
     paths = fleet.find_logs([folder])
-    rows = fleet.run_fleet(paths, SETTINGS, jobs=1)
+    rows = answers(paths)
     assert [row.file for row in rows] == [str(path) for path in paths]
     assert [row.verdict for row in rows] == [
         "no backlash",
@@ -77,13 +83,13 @@ def test_even_a_defect_of_the_program_costs_one_row_only(folder, monkeypatch):
         return examine(path, settings)
 
     monkeypatch.setattr(fleet, "examine", broken)
-    rows = fleet.run_fleet(fleet.find_logs([folder]), SETTINGS, jobs=1)
+    rows = answers(fleet.find_logs([folder]))
     assert rows[2].warnings[0].endswith("log0.csv: ZeroDivisionError: division by zero")
     assert rows[3].verdict == "backlash"
 
 
 def test_the_table_is_tidy(folder):
-    table = fleet.as_table(fleet.run_fleet(fleet.find_logs([folder]), SETTINGS, jobs=1))
+    table = fleet.as_table(answers(fleet.find_logs([folder])))
     assert len(table) == 5
     assert table["file"].is_unique
     measured = table[table["verdict"] == "backlash"]
@@ -101,7 +107,7 @@ def test_several_processes_give_the_same_rows_as_one_and_a_log_on_which_one_dies
     deadly = f"deadly{os.getpid()}.csv"
     write(noisy(), folder / deadly)
     paths = [Deadly(folder / name) for name in ("log0.csv", deadly, "empty.csv")]
-    alone, together = (fleet.run_fleet(paths, SETTINGS, jobs=jobs) for jobs in (1, 2))
+    alone, together = (answers(paths, jobs=jobs) for jobs in (1, 2))
     assert alone[1].verdict == "backlash"
     assert "the process that read it died" in together[1].warnings[0]
     assert (alone[0], alone[2]) == (together[0], together[2])
@@ -127,12 +133,12 @@ def counting(monkeypatch, stop_after=None):
 
 def test_an_interrupted_run_goes_on_where_it_was(folder, tmp_path, monkeypatch):
     paths, kept = fleet.find_logs([folder]), tmp_path / "kept"
-    whole = fleet.run_fleet(paths, SETTINGS, jobs=1)
+    whole = answers(paths)
     first = counting(monkeypatch, stop_after=3)
     with pytest.raises(KeyboardInterrupt):
-        fleet.run_fleet(paths, SETTINGS, 1, kept)
+        answers(paths, kept=kept)
     second = counting(monkeypatch)
-    assert fleet.run_fleet(paths, SETTINGS, 1, kept) == whole
+    assert answers(paths, kept=kept) == whole
     assert sorted(first + second) == sorted(path.name for path in paths)
 
 
@@ -140,12 +146,12 @@ def test_a_changed_log_or_other_settings_are_not_taken_from_what_was_kept(
     folder, tmp_path, monkeypatch
 ):
     paths, kept = fleet.find_logs([folder]), tmp_path / "kept"
-    fleet.run_fleet(paths, SETTINGS, 1, kept)
+    answers(paths, kept=kept)
     write(noisy(15e-4), folder / "log0.csv", digits=4)
     done = counting(monkeypatch)
-    fleet.run_fleet(paths, SETTINGS, 1, kept)
+    answers(paths, kept=kept)
     assert done == ["log0.csv"]
-    fleet.run_fleet(paths, replace(SETTINGS, seed=2), 1, kept)
+    answers(paths, replace(SETTINGS, seed=2), kept=kept)
     assert len(done) == 1 + len(paths)
 
 
