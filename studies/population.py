@@ -30,7 +30,7 @@ from replication.authors import level_delta_rad, load_clean, load_noisy
 from replication.characteristic import printed_levels_rad
 from replication.parallel import in_parallel
 from replication.recording import Recording
-from replication.simulator.parameters import TURN, Disturbance, identified_joint, with_ratios
+from replication.simulator.parameters import TURN, Disturbance, identified_joint
 from replication.standins.joints import (
     SAMPLE_S,
     VARIED_RATIOS,
@@ -260,8 +260,8 @@ def _draw_bench_of(population: str, number: int, rng: Generator) -> Bench:
     )
     joint = bench.joint
     if population == "vertical axis":
-        light = {"gravity_per_s2": 1e-3 * joint.ratios["gravity_per_s2"]}
-        return replace(bench, joint=with_ratios(joint, joint.ratios | light))
+        rubbing = rng.uniform(0.02, 0.3) * joint.gravity_torque_nm
+        return replace(bench, joint=replace(joint, gravity_arm_m=0.0, load_coulomb_nm=rubbing))
     if population == "friction above gravity":
         rubbing = rng.uniform(1.2, 2.0) * joint.gravity_torque_nm
         return replace(bench, joint=replace(joint, load_coulomb_nm=rubbing))
@@ -381,7 +381,8 @@ def summarise_sensor(rows: DataFrame) -> DataFrame:
             **rate_columns(hold_truth(answered), len(answered), "covered"),
             "rmse_rad": benchmark.root_mean_square(answered["found_rad"] - answered["delta_rad"]),
             "wrong_healthy": int(wrong.sum()),
-            "none": int((answered["verdict"] == "no backlash").sum()),
+            "none": float((part["verdict"] == "no backlash").mean()),
+            "held_or_refused": (hold_truth(answered) + part["refused"].sum()) / len(part),
         }
         table.append(row)
     return DataFrame(table)
