@@ -147,6 +147,10 @@ def _earned(answer: Estimate, detected: Detected) -> Estimate:
     A reversal is gravity's part once a turn. It says nothing of constant friction, which moves the
     speed in no way.
     """
+    interval = answer.backlash_interval_rad or (0.0, np.inf)
+    if detected.presence.found and interval[1] > _NEGLIGIBLE_RAD:
+        what = f"no backlash fits, but an oscillation of {answer.amplitude_rps:.3g} rps repeats itself every turn"
+        raise CannotTell("no signature", what)
     if _gravity_share(detected.recording) == 0:
         raise CannotTell(*NO_REVERSAL)
     typical = band_energy(typical_half_turn(detected.recording), detected.recording)
