@@ -11,7 +11,7 @@ from backlash.fitting.readings import NO_READING, Reading, protocol_for, read, r
 from backlash.fitting.self_calibration import SelfFit, fit_joint
 from backlash.fitting.torque import LoadData, TorqueFit, fit_torque
 from backlash.fitting.waveform import mean_turn, periodic, samples_a_turn
-from backlash.reading.refusals import NO_REVERSAL, CannotTell
+from backlash.reading.refusals import CannotTell
 from backlash.settings import Settings
 from replication.arrays import FloatArray
 from replication.signature import signature
@@ -33,15 +33,12 @@ class Fitted(Detected):
 def fit_log(detected: Detected, settings: Settings) -> Detected:
     """Fit the method's model; a log without a pattern stays as it is."""
     presence, calibration = detected.presence, settings.calibration
-    by_torque = settings.load and _fit_by_torque(detected, settings.load, settings.seed)
+    if settings.load is not None:
+        return _fit_by_torque(detected, settings.load, settings.seed)
     # Friction makes a pattern of the same sign in both halves of a turn, and these methods know it.
     knows_friction = calibration.bank is not None or calibration.method == SELF
     if not presence.found and not (knows_friction and presence.has_same_sign):
-        if by_torque and not by_torque.reverses:
-            raise CannotTell(*NO_REVERSAL)
         return detected
-    if by_torque and not by_torque.refusal_reason:
-        return _with_torque(detected, by_torque)
     recording = detected.recording
     try:
         fit = global_fit(recording, protocol_for(recording))
@@ -50,9 +47,6 @@ def fit_log(detected: Detected, settings: Settings) -> Detected:
             return _with_joint(fitted)
     except ValueError as error:
         raise CannotTell("too short", str(error)) from error
-    if by_torque:
-        why = CannotTell("too noisy", by_torque.refusal_reason, (str(settings.load),))
-        return replace(fitted, refusal=why)
     return fitted if calibration.other_movement(recording) else _with_reading(fitted, fit, settings)
 
 
@@ -86,18 +80,14 @@ def _with_joint(fitted: Fitted) -> Fitted:
     return replace(fitted, joint=joint, model_rps=model, refusal=refusal)
 
 
-def _fit_by_torque(detected: Detected, load: LoadData, seed: int) -> TorqueFit:
-    """Fit the speed and the torque, without a model of the drive."""
+def _fit_by_torque(detected: Detected, load: LoadData, seed: int) -> Fitted:
+    """Fit the speed and the torque, without a model of the drive; the model of the speed is its mean turn."""
+    recording = detected.recording
     torque = np.asarray(detected.torque, dtype=float)  # not a number, of a log read without one
     try:
-        return fit_torque(detected.recording, torque, load, np.random.default_rng(seed))
+        fit = fit_torque(recording, torque, load, np.random.default_rng(seed))
     except ValueError as error:
         raise CannotTell("wrong torque", str(error), (str(load),)) from error
-
-
-def _with_torque(detected: Detected, fit: TorqueFit) -> Fitted:
-    """An answer by the torque, whose model of the speed is its mean turn."""
-    recording = detected.recording
     turn = mean_turn(recording, samples_a_turn(recording))
     model = periodic(turn)(_turns(detected) % 1.0)
     return Fitted(

@@ -13,7 +13,13 @@ import numpy as np
 
 from backlash.answers import Estimate
 from backlash.calibration import Backlash, Calibration, widened
-from backlash.detection.pattern import Detected, band_energy, explained_share, typical_half_turn
+from backlash.detection.pattern import (
+    Detected,
+    band_energy,
+    explained_share,
+    find_pattern,
+    typical_half_turn,
+)
 from backlash.fit import Fitted
 from backlash.fitting import SELF
 from backlash.fitting.harmonics import turn_harmonics
@@ -42,18 +48,19 @@ _ADVICE = (
 def judge(known: Detected, settings: Settings) -> Estimate:
     """Answer by what is known of a log: by its fit, else by what its noise could have hidden."""
     answer = what_is_known(known, settings)
+    least_rad = settings.calibration.range_rad[0]
     if not isinstance(known, Fitted):
-        answer = _judge_absence(known, settings, answer)
+        answer = _judge_absence(known, least_rad, answer)
+    elif known.torque_fit is not None:
+        return _finite(_judge_torque(known, known.torque_fit, settings, answer))
     elif known.refusal is not None:
         raise known.refusal
     elif known.joint is not None:
-        answer = _judge_joint(known, known.joint, settings.calibration.range_rad[0], answer)
-    elif known.torque_fit is not None:
-        answer = _judge_torque(known.torque_fit, str(settings.load), answer)
+        answer = _judge_joint(known, known.joint, least_rad, answer)
     else:
         answer = _judge_reading(known, settings, answer)
     if answer.verdict == "no backlash":
-        answer = _earned(answer, known, settings)
+        answer = _earned(answer, known)
     return _finite(answer)
 
 
@@ -129,38 +136,46 @@ def _gravity_share(recording: Recording) -> float:
     return once * weak.size / abs(np.fft.rfft(weak)[1]) if once > by_chance else 0.0
 
 
-def _earned(answer: Estimate, detected: Detected, settings: Settings) -> Estimate:
-    """An absence, unless something rings, or nothing tells that the load reversed.
+def _is_none(high_rad: float, least_rad: float, detected: Detected) -> bool:
+    """Whether a backlash up to there is none: negligible, or below the least one and without a pattern."""
+    return high_rad <= _NEGLIGIBLE_RAD or (high_rad <= least_rad and not detected.presence.found)
 
-    What rings is a pattern beyond noise: a global fit finds an amplitude in any noise. By speed
-    alone a reversal is gravity's part once a turn. It says nothing of constant friction, which
-    moves the speed in no way.
+
+def _earned(answer: Estimate, detected: Detected) -> Estimate:
+    """An absence by speed alone, unless nothing tells that the load reversed; its amplitude is what may be hidden.
+
+    A reversal is gravity's part once a turn. It says nothing of constant friction, which moves the
+    speed in no way.
     """
-    if detected.presence.found:
+    interval = answer.backlash_interval_rad or (0.0, np.inf)
+    if detected.presence.found and interval[1] > _NEGLIGIBLE_RAD:
         what = f"no backlash fits, but an oscillation of {answer.amplitude_rps:.3g} rps repeats itself every turn"
         raise CannotTell("no signature", what)
-    typical = band_energy(typical_half_turn(detected.recording), detected.recording)
-    hidden = float(np.sqrt(detected.presence.detectable_rps2 / typical))
-    answer = replace(answer, amplitude_rps=0.0, amplitude_interval_rps=(0.0, hidden))
-    if settings.load is not None:
-        return answer
     if _gravity_share(detected.recording) == 0:
         raise CannotTell(*NO_REVERSAL)
-    return replace(answer, warnings=(*answer.warnings, _IF_IT_REVERSES))
+    typical = band_energy(typical_half_turn(detected.recording), detected.recording)
+    hidden = float(np.sqrt(detected.presence.detectable_rps2 / typical))
+    # What a negligible backlash makes may be more.
+    high = max(hidden, *(answer.amplitude_interval_rps or (0.0,)))
+    return replace(
+        answer,
+        amplitude_rps=0.0,
+        amplitude_interval_rps=(0.0, high),
+        warnings=(*answer.warnings, _IF_IT_REVERSES),
+    )
 
 
-def _judge_absence(detected: Detected, settings: Settings, answer: Estimate) -> Estimate:
+def _judge_absence(detected: Detected, least_rad: float, answer: Estimate) -> Estimate:
     """Answer where half turns have nothing in common: no backlash, or too much noise to say so."""
     recording, presence = detected.recording, detected.presence
     if presence.has_same_sign:
         what = "something repeats itself every turn, but not with the opposite sign half a turn later, as backlash"
         cause = "is there much friction, another axis moving, or mains hum in step with the turn?"
         raise CannotTell("no signature", f"{what} under gravity alone does; {cause}")
-    least = settings.calibration.range_rad[0]
     share = min(_gravity_share(recording) or 1.0, 1.0)
-    if presence.detectable_rps2 > share**2 * _least_energy(recording, least):
+    if presence.detectable_rps2 > share**2 * _least_energy(recording, least_rad):
         noise = f"this noise ({presence.noise_rps:.3g} rps) may hide"
-        backlash = f"what a backlash of {least:.3g} rad makes"
+        backlash = f"what a backlash of {least_rad:.3g} rad makes"
         raise CannotTell(
             "too noisy", f"nothing found, but {noise} {backlash}; log more turns, or quieter"
         )
@@ -168,7 +183,7 @@ def _judge_absence(detected: Detected, settings: Settings, answer: Estimate) -> 
         answer,
         verdict="no backlash",
         backlash_rad=0.0,
-        backlash_interval_rad=(0.0, least),
+        backlash_interval_rad=(0.0, least_rad),
         rmse_rps=recording.v.std(),
     )
 
@@ -220,14 +235,20 @@ def _beyond(reading: Reading, found: Backlash, calibration: Calibration) -> str:
     return f"a signature is there, but {what} lies past the end of the calibration's range{ends}"
 
 
-def _judge_torque(fit: TorqueFit, said: str, answer: Estimate) -> Estimate:
+def _judge_torque(fitted: Fitted, fit: TorqueFit, settings: Settings, answer: Estimate) -> Estimate:
     """Answer by the speed and torque of a log, and name what was said of the load."""
+    said, (low, high) = str(settings.load), fit.interval_rad
+    is_none = _is_none(high, settings.calibration.range_rad[0], fitted)
+    if not fit.reverses and (is_none or not fitted.presence.found):
+        raise CannotTell(*NO_REVERSAL, (said,))
+    if fit.refusal_reason and not is_none:
+        raise CannotTell("too noisy", fit.refusal_reason, (said,))
     inertia = f"it goes with m g r / J_l; the motor's inertia is {fit.motor_inertia:.3g} torque s^2/rad: right?"
     return replace(
         answer,
-        verdict="backlash",
-        backlash_rad=fit.delta_rad,
-        backlash_interval_rad=fit.interval_rad,
+        verdict="no backlash" if is_none else "backlash",
+        backlash_rad=0.0 if is_none else fit.delta_rad,
+        backlash_interval_rad=(0.0 if is_none else low, high),
         warnings=(*answer.warnings, said, inertia),
     )
 
@@ -242,23 +263,26 @@ def _is_outside(reading: Reading, backlash: Backlash, calibration: Calibration) 
     return beyond or not low - one_sigma <= backlash.delta_rad <= high + one_sigma
 
 
+def _explains(fitted: Fitted, is_none: bool) -> bool:
+    """Whether the model explains the pattern; one of a negligible backlash, near the noise, if it leaves no pattern."""
+    recording, model = fitted.recording, fitted.model_rps
+    if explained_share(recording, model, fitted.presence) >= _LEAST_SHARE:
+        return True
+    return is_none and not find_pattern(replace(recording, v=recording.v - model)).found
+
+
 def _judge_joint(fitted: Fitted, joint: SelfFit, least_rad: float, answer: Estimate) -> Estimate:
     """Answer by the joint that the log itself tells of; a backlash that may be zero is none, or not known."""
-    is_found = fitted.presence.found
     separate = (joint.interval_rad, *joint.other_intervals_rad)
     low, high = min(ends[0] for ends in separate), max(ends[1] for ends in separate)
     if low <= 0 and high > least_rad:
         raise CannotTell(
             "too noisy", f"none fits as well as up to {high:.3g} rad; log more turns, or quieter"
         )
-    if high <= _NEGLIGIBLE_RAD or (
-        high <= least_rad and not is_found
-    ):  # such a pattern has another cause
+    is_none = _is_none(high, least_rad, fitted)
+    if is_none:  # such a pattern has another cause
         low = 0.0
-    if (
-        is_found
-        and explained_share(fitted.recording, fitted.model_rps, fitted.presence) < _LEAST_SHARE
-    ):
+    if fitted.presence.found and not _explains(fitted, is_none):
         raise CannotTell(
             "no signature", "a pattern repeats itself every turn, but no backlash that explains it"
         )

@@ -66,6 +66,11 @@ _APART_SDS, _LEAST_GROUP = 3.0, 0.05
 # Low-passes that the noise is compared with, and what that may count: the drive's loops colour
 # noise too.
 _TIME_CONSTANTS_MS, _MOST_LOG_ODDS = (0.5, 0.8, 1.2, 1.8, 2.7, 4.0), 5.0
+# White noise says as much once in a thousand logs; a filter takes more of the impacts than the
+# joint's other unknowns leave it, and the backlash comes out too large.
+_LOW_PASSED = (
+    "the speed was low-passed (its noise rolls off): log it unfiltered, or calibrate on such logs"
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -130,6 +135,11 @@ def fit_joint(recording: Recording) -> SelfFit:
     if converged and peak.converged and np.isfinite(fit.misfit) and np.isfinite(sd):
         ring_noise_ratio = harmonics.ring_noise_ratio / _low_pass_gain(problem, harmonics, found)
         refusal = _refusal_reason(fit, peak, ring_noise_ratio, best.second)
+        if (
+            not refusal
+            and _low_pass_log_odds(harmonics, problem.movement.turn_period_s) >= _MOST_LOG_ODDS
+        ):
+            refusal = _LOW_PASSED
     ring, damping = _slowest_ring(peak.z, problem.movement)
     return SelfFit(
         delta_rad=delta,

@@ -435,6 +435,7 @@ def name_missed(criteria):
 by_reason = reasons.groupby("reason")["logs"].sum().sort_values(ascending=False, kind="stable")
 of_sheet = datasheet.set_index("population")
 every, others = of_sheet.loc["all by speed"], of_sheet.loc["other drives"]
+answered = others["logs"] * others["answered"]
 workbook.export(
     supplement={
         "population": (
@@ -458,8 +459,8 @@ workbook.export(
         "sensor_logs": (every["logs"], ".0f"),
         "sensor_answered": (100 * every["answered"], ".0f"),
         "sensor_covered": (100 * every["covered"], ".0f"),
-        "other_answered": (100 * others["answered"], ".0f"),
-        "other_covered": (100 * others["covered"], ".0f"),
+        "other_answered": f"{answered:.0f} of {others['logs']}",
+        "other_covered": f"{answered * others['covered']:.0f} of {answered:.0f}",
     },
     figures={
         "self_log": (
