@@ -76,8 +76,10 @@ def _with_joint(fitted: Fitted) -> Fitted:
         if joint.refusal_reason
         else None
     )
-    model = periodic(joint.turn_rps)(_turns(fitted) % 1.0)
-    return replace(fitted, joint=joint, model_rps=model, refusal=refusal)
+    fitted = replace(fitted, joint=joint, refusal=refusal)
+    if not np.isfinite(joint.turn_rps).all():  # no joint fits, and the best of them runs away
+        return fitted
+    return replace(fitted, model_rps=periodic(joint.turn_rps)(_turns(fitted) % 1.0))
 
 
 def _fit_by_torque(detected: Detected, load: LoadData, seed: int) -> Fitted:
