@@ -181,7 +181,7 @@ def _estimate_many(batch: plant.Batch, options: argparse.Namespace) -> list[Esti
                 found[number] = answer
         bad = [why for answer in found.values() if (why := fleet.unusable(answer))]
         if options.out and len(bad) < len(found):
-            table = plant.as_table(batch.keys, found)
+            table = batch.keys.join(fleet.as_table([found[number] for number in sorted(found)]))
             write_bytes(options.out, _table_bytes(table, options.out.suffix.lower()))
     except OSError as error:
         if not found or error.errno not in UNWRITABLE:
@@ -264,7 +264,7 @@ def _print_trends(
 ) -> int:
     if options.plot:
         raise UnusableLog("--plot: it shows the trend of one joint's logs, not tables of answers")
-    answers = pd.concat([plant.read_rows(table, *plant.OF_ANSWERS) for table in tables])
+    answers = pd.concat([fleet.read_rows(table, *plant.OF_ANSWERS) for table in tables])
     found = plant.trend_many(answers, **shown)
     rows = [
         {"joint": joint} | (each.to_dict() if isinstance(each, Trend) else {"reason": str(each)})

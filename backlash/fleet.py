@@ -2,11 +2,11 @@
 
 import json
 import os
+import re
 import signal
 import threading
 import time
 import warnings
-from asyncio import CancelledError
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager, nullcontext, suppress
@@ -15,8 +15,9 @@ from functools import cache
 from operator import itemgetter
 from os import PathLike
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias
 
+import numpy as np
 import pandas as pd
 
 from backlash import __version__
@@ -30,10 +31,14 @@ from backlash.settings import Settings
 SUFFIXES = (".csv", ".tsv", ".txt", ".dat", ".log", ".gz", ".parquet", ".xlsx")
 UNUSABLE = "unusable log: "
 _DIED = "the process that read it died; is it too large for the memory?"
+_TEXTS = ("file", "log", "joint", "time", "speed", "position", "torque", "calibration")
 _KEPT = '{"kept by": "backlash estimate, to go on from"}\n'
 _DASK_TIMEOUT_S = 10  # for the scheduler and the first worker
 _WORTH_PROCESSES = 30  # fewer quick estimates take less time than starting processes
 
+_NOT_SAID = (np.nan, np.nan)
+
+Table: TypeAlias = pd.DataFrame | str | PathLike[str]
 Calls = Mapping[int, tuple[object, Settings]]
 Task = Callable[[object, Settings], Examined]
 
@@ -163,17 +168,13 @@ def _in_any_order(task: Task, calls: Calls, jobs: int) -> Iterator[tuple[int, Ex
 
 
 def _examine_each(task: Task, calls: Calls, jobs: int) -> Iterator[tuple[int, Examined]]:
-    """Examine each numbered log, on a Dask cluster if that is joblib's backend.
+    """Examine each numbered log.
 
     A process that dies takes others with it and does not say on which log: what is left is tried
     again in halves.
     """
-    from joblib.parallel import get_active_backend
-
     left = dict(calls)
-    client = getattr(get_active_backend()[0], "client", None)
-    found = _on_dask(client, task, calls) if client else _on_cores(task, calls, jobs)
-    for number, examined in found:
+    for number, examined in _by_joblib(task, calls, jobs):
         del left[number]
         yield number, examined
     if len(left) == 1:
@@ -185,8 +186,8 @@ def _examine_each(task: Task, calls: Calls, jobs: int) -> Iterator[tuple[int, Ex
             yield from _examine_each(task, dict(half), jobs)
 
 
-def _on_cores(task: Task, calls: Calls, jobs: int) -> Iterator[tuple[int, Examined]]:
-    """Examine logs by joblib, as far as no process dies."""
+def _by_joblib(task: Task, calls: Calls, jobs: int) -> Iterator[tuple[int, Examined]]:
+    """Examine logs by joblib's backend, as far as no process of this machine dies."""
     from multiprocessing import resource_tracker
 
     from joblib import Parallel, delayed
@@ -224,30 +225,6 @@ def cluster(address: str | None) -> Iterator[None]:
         raise UnusableLog(f"--dask {address}: {error}; is it the scheduler's address?") from error
     with client, joblib.parallel_config(backend="dask", client=client):
         yield
-
-
-def _on_dask(client: Any, task: Task, calls: Calls) -> Iterator[tuple[int, Examined]]:
-    """Examine logs on a cluster, but those that its workers die of.
-
-    Joblib's own way there waits for ever for a task whose workers die.
-    """
-    from distributed import KilledWorker, as_completed
-
-    sent = {}
-    for number, (log, settings) in calls.items():
-        source = Path(log).absolute() if isinstance(log, str | PathLike) else log
-        sent[client.submit(task, source, settings, pure=False)] = number
-    for future in as_completed(sent, loop=client.loop):
-        try:
-            examined = future.result()
-        except KilledWorker:
-            continue
-        except (Exception, CancelledError) as error:
-            why = (
-                f"the Dask cluster failed ({error!r}); has each worker this version of the package?"
-            )
-            raise UnusableLog(why) from error
-        yield sent.pop(future), examined
 
 
 @contextmanager
@@ -288,23 +265,55 @@ def unusable(answer: Estimate) -> str:
     return first.removeprefix(UNUSABLE) if first.startswith(UNUSABLE) else ""
 
 
+def read_rows(source: Table, *columns: str) -> pd.DataFrame:
+    """Rows of a table with some columns; dates as such, other columns of names as text."""
+    try:
+        if isinstance(source, pd.DataFrame):
+            table = source
+        elif str(source).lower().endswith(".parquet"):
+            table = pd.read_parquet(source)
+        else:
+            table = pd.read_csv(source, dtype=dict.fromkeys(_TEXTS, str))
+        table = table.reset_index(drop=table.index.names == [None])
+        if "date" in table:
+            dates = pd.to_datetime(table["date"], format="ISO8601", utc=True)
+            table["date"] = dates.dt.tz_localize(None)
+        if table[[*columns]].empty:
+            raise ValueError("no rows")
+        return table
+    except (OSError, ValueError, KeyError, ImportError) as error:
+        wanted = " and ".join(columns)
+        raise UnusableLog(
+            f"{called(source)}: no table with the columns {wanted} ({error})"
+        ) from error
+
+
+def called(source: Table) -> str:
+    """What a table is called in a refusal."""
+    return "the table" if isinstance(source, pd.DataFrame) else str(source)
+
+
 def as_table(answers: Sequence[Estimate]) -> pd.DataFrame:
     """Answers as a tidy table: intervals in two columns each, the first warning of "cannot tell" as the reason."""
-    table = pd.DataFrame([answer.to_dict() for answer in answers])
-    table["file"] = table["file"].str.replace(r"^(?=[=+@-])", "'", regex=True)  # no formula
-    table.pop("backlash_intervals_rad")  # a warning names them
-    refused = table["verdict"] == "cannot tell"
-    table.insert(2, "reason", table["warnings"].str[0].where(refused, ""))
-    table["warnings"] = table["warnings"].where(~refused, table["warnings"].str[1:]).str.join("; ")
-    for place, name in reversed([*enumerate(table)]):
+    return pd.DataFrame([_row(answer) for answer in answers])
+
+
+def _row(answer: Estimate) -> dict[str, object]:
+    refused = answer.verdict == "cannot tell"
+    row: dict[str, object] = {
+        "file": re.sub(r"^(?=[=+@-])", "'", answer.file),  # no formula
+        "verdict": answer.verdict,
+        "reason": "".join(answer.warnings[:refused]),
+    }
+    whole: dict[str, Any] = answer.to_dict() | {"warnings": "; ".join(answer.warnings[refused:])}
+    del whole["backlash_intervals_rad"]  # a warning names them
+    for name, value in whole.items():
         if "_interval_" in name:
-            ends = table.pop(name)
-            for k, end in ((1, "high"), (0, "low")):
-                table.insert(place, name.replace("interval", end), ends.str[k])
-    numbers = [
-        name for name in table if name.endswith(("_rps", "_rad", "_s", "_hz", "_ratio", "_share"))
-    ]
-    return table.astype(dict.fromkeys(numbers, float))
+            for end, each in zip(("low", "high"), value or _NOT_SAID, strict=True):
+                row[name.replace("interval", end)] = each
+        else:
+            row.setdefault(name, np.nan if value is None else value)
+    return row
 
 
 def with_shared_joint(examined: Sequence[Examined]) -> list[Estimate]:

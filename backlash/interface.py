@@ -237,4 +237,4 @@ def trend(
     answers = [each.estimate for each in examined]
     if not relative and all(each.calibration.method == SELF for each in settings):
         answers = fleet.with_shared_joint(examined)
-    return trend_line.fit_trend(answers, days, limit_rad, relative)
+    return trend_line.fit_trend(fleet.as_table(answers), days, limit_rad, relative)

@@ -112,8 +112,8 @@ def _add_estimate(commands: argparse._SubParsersAction) -> None:
         "--batch",
         type=Path,
         metavar="TABLE",
-        help="CSV or Parquet with the column file, and joint, date, period (s), gear_ratio, speed (rps), torque, "
-        "inertia_ratio, gravity, calibration, ...: each log with its own",
+        help="CSV or Parquet with the column file, and joint, date, turn_period_s, gear_ratio, torque, "
+        "inertia_ratio, gravity_per_s2, calibration, ...: each log with its own",
     )
     _add_log_options(sub)
     _add_measuring(sub)

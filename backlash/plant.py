@@ -1,20 +1,18 @@
 """Many joints: a table of logs, each with what is said of it, and a trend for each joint.
 
 Columns of the table are `file`, `joint`, `date`, and those in `OF_A_LOG`: fields of `LogFormat` and
-words of `estimate`. A speed in it is the commanded one; its column's name goes into `speed_column`.
+words of `estimate`.
 """
 
-import re
 from collections.abc import Mapping, Sequence
 from functools import cache
 from os import PathLike
 from pathlib import Path
-from typing import Any, NamedTuple, TypeAlias
+from typing import Any, NamedTuple
 
 import pandas as pd
 
 from backlash import fleet, trend_line
-from backlash.answers import Estimate
 from backlash.calibration import read_calibration
 from backlash.interface import form_of, how_of, settings_of
 from backlash.reading.columns import SAID
@@ -25,19 +23,7 @@ from backlash.trend_line import Trend
 
 _KEYS = ["joint", "date"]
 OF_ANSWERS = ("file", "verdict", "backlash_high_rad")
-_TEXTS = ("file", "log", "joint", "time", "speed_column", "position", "torque", "calibration")
 OF_A_LOG = {*SAID, *MEASURING} - {"trust_period", "repeats", "seed"}
-_SHORT_NAMES = {
-    "period": "turn_period_s",
-    "period_s": "turn_period_s",
-    "speed": "commanded_speed_rps",
-    "speed_rps": "commanded_speed_rps",
-    "speed_column": "speed",
-    "gravity": "gravity_per_s2",
-}
-
-
-Table: TypeAlias = pd.DataFrame | str | PathLike[str]
 
 
 class Batch(NamedTuple):
@@ -48,7 +34,9 @@ class Batch(NamedTuple):
     keys: pd.DataFrame
 
 
-def estimate_many(logs: Sequence[object] | Table, *, jobs: int = -1, **words: Any) -> pd.DataFrame:
+def estimate_many(
+    logs: Sequence[object] | fleet.Table, *, jobs: int = -1, **words: Any
+) -> pd.DataFrame:
     """Estimate the backlashes of many logs, also of different joints.
 
     Inside `joblib.parallel_config` its backend is used: with "dask" a cluster, whose workers need this package and the
@@ -88,28 +76,17 @@ def estimate_many(logs: Sequence[object] | Table, *, jobs: int = -1, **words: An
         batch = read_batch(logs, words)
     else:
         batch = Batch(logs, settings_of(logs, words), pd.DataFrame(index=range(len(logs))))
-    table = as_table(batch.keys, dict(fleet.run_fleet(batch.logs, batch.settings, jobs)))
+    found = dict(fleet.run_fleet(batch.logs, batch.settings, jobs))
+    table = batch.keys.join(fleet.as_table([found[number] for number in sorted(found)]))
     return table.set_index([*batch.keys]) if len(batch.keys.columns) else table
 
 
-def as_table(keys: pd.DataFrame, found: Mapping[int, Estimate]) -> pd.DataFrame:
-    """Numbered answers as a table, with their joints and dates first."""
-    numbers = sorted(found)
-    answers = fleet.as_table([found[number] for number in numbers])
-    return keys.iloc[numbers].reset_index(drop=True).join(answers)
-
-
-def read_batch(source: Table, words: Mapping[str, Any]) -> Batch:
+def read_batch(source: fleet.Table, words: Mapping[str, Any]) -> Batch:
     """Logs of a table, and what is said of each by its row, else by words that `estimate` takes."""
     logs, table = listed_logs(source, "file")
-    names = [
-        re.sub(r"_*[\[(]_*(s|rps)_*[\])]$", r"_\1", str(name).strip().lower().replace(" ", "_"))
-        for name in table
-    ]
-    table.columns = [_SHORT_NAMES.get(name, name) for name in names]
     if unknown := {*table} - OF_A_LOG - {*_KEYS}:
         known = ", ".join(["file", *_KEYS, *sorted(OF_A_LOG)])
-        raise UnusableLog(f"{_called(source)}: column {min(unknown)!r}; there are {known}")
+        raise UnusableLog(f"{fleet.called(source)}: column {min(unknown)!r}; there are {known}")
     keys = table[[name for name in _KEYS if name in table]]
     read = cache(read_calibration)
     settings = []
@@ -122,45 +99,20 @@ def read_batch(source: Table, words: Mapping[str, Any]) -> Batch:
             settings.append(settings_for(form_of(log, said), **how_of(said)))
         except (UnusableLog, TypeError) as error:
             why = error if isinstance(error, UnusableLog) else f"text for a number in {own}"
-            raise UnusableLog(f"{_called(source)}, {Path(name_of(log)).name}: {why}") from error
+            raise UnusableLog(
+                f"{fleet.called(source)}, {Path(name_of(log)).name}: {why}"
+            ) from error
     return Batch(logs, settings, keys)
 
 
-def listed_logs(source: Table, *columns: str) -> tuple[list[Any], pd.DataFrame]:
+def listed_logs(source: fleet.Table, *columns: str) -> tuple[list[Any], pd.DataFrame]:
     """Logs in the first of some columns of a table, and the table without it; a file's names are relative to it."""
-    table = read_rows(source, *columns)
+    table = fleet.read_rows(source, *columns)
     if not isinstance(source, pd.DataFrame):
         folder = Path(source).parent
         for name in {columns[0], "calibration"} & {*table}:
             table[name] = table[name].str.strip().map(folder.joinpath, na_action="ignore")
     return table.pop(columns[0]).tolist(), table
-
-
-def read_rows(source: Table, *columns: str) -> pd.DataFrame:
-    """Rows of a table with some columns, one of dates as such."""
-    try:
-        if isinstance(source, pd.DataFrame):
-            table = source
-        elif str(source).lower().endswith(".parquet"):
-            table = pd.read_parquet(source)
-        else:
-            table = pd.read_csv(source, dtype=dict.fromkeys(_TEXTS, str))
-        table = table.reset_index(drop=table.index.names == [None])
-        if "date" in table:
-            dates = pd.to_datetime(table["date"], format="ISO8601", utc=True)
-            table["date"] = dates.dt.tz_localize(None)
-        if table[[*columns]].empty:
-            raise ValueError("no rows")
-        return table
-    except (OSError, ValueError, KeyError, ImportError) as error:
-        wanted = " and ".join(columns)
-        raise UnusableLog(
-            f"{_called(source)}: no table with the columns {wanted} ({error})"
-        ) from error
-
-
-def _called(source: Table) -> str:
-    return "the table" if isinstance(source, pd.DataFrame) else str(source)
 
 
 def trend_many(
@@ -194,28 +146,15 @@ def trend_many(
     {'A1': True, 'A2': True}
     """
     trend_line.check_limit(limit_rad)
-    table = read_rows(answers, *OF_ANSWERS)
+    table = fleet.read_rows(answers, *OF_ANSWERS)
     if "date" not in table:
         table["date"] = trend_line.dates_of(table["file"].map(Path)).values()
-    table = table.astype(object).where(table.notna(), None)
+    if "joint" not in table:
+        table["joint"] = ""
     found: dict[str, Trend | UnusableLog] = {}
-    for joint, rows in table.groupby(table.get("joint", pd.Series("", table.index))):
-        answers = [_answer_in(row) for row in rows.to_dict("records")]
+    for joint, rows in table.fillna({"joint": "", "reason": ""}).groupby("joint"):
         try:
-            found[str(joint)] = trend_line.fit_trend(
-                answers, list(rows["date"]), limit_rad, relative
-            )
+            found[str(joint)] = trend_line.fit_trend(rows, rows["date"], limit_rad, relative)
         except UnusableLog as refusal:
             found[str(joint)] = refusal
     return found
-
-
-def _answer_in(row: Mapping[str, Any]) -> Estimate:
-    """What a trend needs of an answer, from its row."""
-    names = ("file", "verdict", "amplitude_rps", "backlash_rad", "turn_period_s")
-    return Estimate(
-        **{name: row[name] for name in names},
-        amplitude_interval_rps=(row["amplitude_low_rps"], row["amplitude_high_rps"]),
-        backlash_interval_rad=(row["backlash_low_rad"], row["backlash_high_rad"]),
-        warnings=(row["reason"] or "",),
-    )

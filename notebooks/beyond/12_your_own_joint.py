@@ -76,7 +76,7 @@ from matplotlib import pyplot as plt
 
 import backlash
 import workbook
-from backlash import calibration, plots, trend_line
+from backlash import calibration, fleet, plots, trend_line
 from backlash.examine import examine_recording
 from backlash.reading.columns import LogFormat
 from backlash.settings import settings_for
@@ -246,7 +246,7 @@ table.sort_values(["calibration", "true_rad"])
 dates = pd.date_range("2026-01-05", periods=8, freq="28D")
 worn_rad = np.linspace(5e-4, 9.2e-4, dates.size)
 logs = [answer(log(delta, 300 + k), ours).estimate for k, delta in enumerate(worn_rad)]
-line = trend_line.fit_trend(logs, dates, limit_rad)
+line = trend_line.fit_trend(fleet.as_table(logs), dates, limit_rad)
 print(line)
 trend_figure = plots.trend_figure(line)
 
