@@ -137,7 +137,8 @@ def fit_joint(recording: Recording) -> SelfFit:
         refusal = _refusal_reason(fit, peak, ring_noise_ratio, best.second)
         if (
             not refusal
-            and _low_pass_log_odds(harmonics, problem.movement.turn_period_s) >= _MOST_LOG_ODDS
+            and _low_pass_log_odds(harmonics, problem.movement.turn_period_s, RING_HZ[1])
+            >= _MOST_LOG_ODDS
         ):
             refusal = _LOW_PASSED
     ring, damping = _slowest_ring(peak.z, problem.movement)
@@ -300,11 +301,17 @@ def _refusal_reason(fit: _Goodness, peak: Peak, ring_noise_ratio: float, second:
     return ""
 
 
-def _low_pass_log_odds(harmonics: TurnHarmonics, turn_period_s: float) -> float:
-    """How much the noise speaks for a low-pass: its log-likelihood above that of white noise, up to a limit."""
-    if harmonics.is_quiet:
+def _low_pass_log_odds(
+    harmonics: TurnHarmonics, turn_period_s: float, above_hz: float = 0.0
+) -> float:
+    """How much the noise speaks for a low-pass: its log-likelihood above that of white noise, up to a limit.
+
+    Above the ring's band no joint colours it.
+    """
+    hz = harmonics.order / turn_period_s
+    power, hz = harmonics.sd[hz > above_hz] ** 2, hz[hz > above_hz]
+    if harmonics.is_quiet or not hz.size:
         return 0.0
-    power, hz = harmonics.sd**2, harmonics.order / turn_period_s
     shapes = 1 / (1 + (1e-3 * TURN * hz * np.array(_TIME_CONSTANTS_MS)[:, None]) ** 2)
     level = (power / shapes).mean(axis=1)
     gain = (harmonics.turns - 1) * np.log(power.mean() / (level[:, None] * shapes)).sum(axis=1)
