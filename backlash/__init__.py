@@ -18,8 +18,10 @@ _MODULE_OF = {
     "UnusableLog": "reading.refusals",
     "calibrate": "interface",
     "estimate": "interface",
+    "estimate_many": "plant",
     "read_log": "interface",
     "trend": "interface",
+    "trend_many": "plant",
 }
 __all__ = list(_MODULE_OF)
 

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 from backlash import __version__
 from backlash.fitting import SELF
+from backlash.reading.refusals import one_line
 
 
 @dataclass(frozen=True)
@@ -36,15 +37,13 @@ class Estimate:
         return self.amplitude_rps if self.verdict == "cannot tell" else None
 
     def to_dict(self) -> dict[str, object]:
-        """The attributes in order, ready for JSON, then the play, the relative index and the program's version."""
+        """The attributes in order, ready for JSON, then the total play, the relative index and the version."""
         half, ends = self.backlash_rad, self.backlash_interval_rad
         row = {
             name: list(value) if isinstance(value, tuple) else value
             for name, value in vars(self).items()
         }
         return row | {
-            "half_play_rad": half,
-            "half_play_interval_rad": ends and list(ends),
             "total_play_rad": None if half is None else 2 * half,
             "total_play_interval_rad": ends and [2 * end for end in ends],
             "relative_index_rps": self.relative_index_rps,
@@ -61,7 +60,7 @@ class Estimate:
         else:
             low, high = (1e3 * end for end in self.backlash_interval_rad)
             answer = f"backlash {1e3 * self.backlash_rad:.3f} mrad (half of the play; 95 %: {low:.3f} to {high:.3f})"
-        lines = [f"{self.file}: {answer}"]
+        lines = [one_line(f"{self.file}: {answer}")]
         if self.amplitude_rps and self.amplitude_interval_rps:
             low, high = self.amplitude_interval_rps
             lines.append(

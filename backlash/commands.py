@@ -4,46 +4,30 @@ import argparse
 import json
 import os
 import re
-import shutil
 import sys
 from collections.abc import Mapping, Sequence
-from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pandas as pd
 
-from backlash import fleet, interface
+from backlash import fleet, interface, plant
 from backlash.answers import Estimate
 from backlash.calibration import read_calibration
 from backlash.examine import examine
-from backlash.main import ends_on_interrupt
-from backlash.reading.columns import LogFormat
+from backlash.main import UNWRITABLE, ends_on_interrupt
+from backlash.reading.columns import SAID, LogFormat
 from backlash.reading.refusals import UnusableLog, library
 from backlash.reading.sources import STDIN
-from backlash.settings import Measuring, Settings, settings_for
+from backlash.settings import MEASURING, Settings, settings_for
+from backlash.trend_line import Trend
 from replication.compiled import cache
 
-_SHORT_NAMES = {  # of columns of --batch
-    "period": "turn_period_s",
-    "period_s": "turn_period_s",
-    "speed": "commanded_speed_rps",
-    "speed_rps": "commanded_speed_rps",
-}
 _INPUTS = {
     "batch": "the --batch table",
     "calibration": "the calibration",
     "table": "the table of known backlashes",
     "dates": "the table of dates",
-}
-_OF_A_LOG = {
-    "turn_period_s",
-    "gear_ratio",
-    "commanded_speed_rps",
-    "counts_per_turn",
-    "start_s",
-    "end_s",
 }
 _FAIL_ON = re.compile(r"cannot-tell|no-backlash|backlash( *> *(\d*\.?\d+) *(m?)rad)?")
 _FAILED = 3  # exit status
@@ -52,19 +36,19 @@ _FIGURES = (".png", ".svg", ".pdf")
 
 def _said(options: argparse.Namespace) -> dict[str, Any]:
     """What the options say of the logs, by the fields of `LogFormat`."""
-    said = {field.name: getattr(options, field.name, None) for field in fields(LogFormat)}
+    said = {name: getattr(options, name, None) for name in SAID}
     return {name: value for name, value in said.items() if value is not None}
 
 
 def _how(options: argparse.Namespace) -> dict[str, Any]:
     """How the options say that logs are measured, as `settings_for` and `interface` take it."""
-    how = {name: getattr(options, name) for name in Measuring.__annotations__}
+    how = {name: getattr(options, name) for name in MEASURING}
     return how | {"calibration": read_calibration(options.calibration)}
 
 
 def _announce_compiling() -> None:
-    """Say that the first command on a machine takes long, to those who wait for it."""
-    if sys.stderr.isatty() and cache.is_empty():
+    """Say that the first command on a machine takes long."""
+    if cache.is_empty():
         print("compiling, once for this machine: some ten seconds", file=sys.stderr, flush=True)
 
 
@@ -91,7 +75,7 @@ def _keep_inputs(options: argparse.Namespace, logs: Sequence[Path]) -> None:
     for option in ("out", "plot"):
         output = getattr(options, option, None)
         for path, what in inputs:
-            if output and path and output.resolve() == path.resolve():
+            if output and path and os.path.realpath(output) == os.path.realpath(path):
                 raise UnusableLog(f"--{option} {output}: that is {what}; name another file")
 
 
@@ -128,23 +112,24 @@ def run_estimate(options: argparse.Namespace) -> int:
     failures = _failures(options.fail_on)
     if bool(options.log) == bool(options.batch):
         raise UnusableLog("give logs, or --batch with a table of them")
+    words = _how(options) | _said(options)
     if options.batch:
-        logs, forms = _batch(options.batch, _said(options))
+        batch = plant.read_batch(options.batch, words)
     else:
-        logs = fleet.find_logs(options.log, options.out if _is_answers(options.out) else None)
-        forms = [LogFormat(**_said(options))] * len(logs)
+        found = fleet.find_logs(options.log, options.out if _is_answers(options.out) else None)
+        nothing = pd.DataFrame(index=range(len(found)))
+        batch = plant.Batch(found, interface.settings_of(found, words), nothing)
+    logs = batch.logs
     _keep_inputs(options, logs)
     if Path(STDIN) in logs and (len(logs) > 1 or options.out):
         raise UnusableLog("- (the standard input) goes alone, and without --out")
     if options.plot and len(logs) > 1:
         raise UnusableLog(f"--plot: {len(logs)} logs; it shows one")
-    how = _how(options)
-    settings = [settings_for(form, **how) for form in forms]
     _announce_compiling()
-    if len(logs) == 1 and not options.out:
-        answers = [_estimate_one(logs[0], settings[0], options)]
+    if len(logs) == 1 and not options.out and batch.keys.columns.empty:
+        answers = [_estimate_one(logs[0], batch.settings[0], options)]
     else:
-        answers = _estimate_many(logs, settings, options)
+        answers = _estimate_many(batch, options)
     is_met = any(_fails(answer, failure) for answer in answers for failure in failures)
     return _FAILED if is_met else 0
 
@@ -169,30 +154,8 @@ def _failures(text: str | None) -> list[tuple[str, float]]:
     return found
 
 
-def _batch(path: Path, said: Mapping[str, Any]) -> tuple[list[Path], list[LogFormat]]:
-    """Logs of a table, and what is said of each by its row, else by the options."""
-    logs, table = _listed_logs(path, "file")
-    names = [
-        re.sub(r"_*[\[(]_*(s|rps)_*[\])]$", r"_\1", name.strip().lower().replace(" ", "_"))
-        for name in table
-    ]
-    table.columns = [_SHORT_NAMES.get(name, name) for name in names]
-    if unknown := set(table) - _OF_A_LOG:
-        raise UnusableLog(
-            f"{path}: column {min(unknown)!r}; there are file, period (s), gear_ratio and speed (rps)"
-        )
-    forms = []
-    for log, row in zip(logs, table.to_dict("records"), strict=True):
-        try:
-            own = {name: value for name, value in row.items() if not np.isnan(value)}
-            forms.append(LogFormat(**{**said, **own}))
-        except UnusableLog as error:
-            raise error.in_file(f"{path}, {log.name}") from error
-    return logs, forms
-
-
 def _estimate_one(log: Path, settings: Settings, options: argparse.Namespace) -> Estimate:
-    examined = examine(log, settings)
+    examined = fleet.examine_or_refuse(log, settings) if options.json else examine(log, settings)
     answer, fitted = examined.estimate, examined.fitted
     text = str(answer)
     if options.plot and fitted is None:
@@ -201,42 +164,55 @@ def _estimate_one(log: Path, settings: Settings, options: argparse.Namespace) ->
         title = text.splitlines()[0].removeprefix(str(log)).lstrip(": ")
         _write_figure(options.plot, "estimate_figure", fitted.recording, fitted.model_rps, title)
     _print_answer(options.json, [answer.to_dict()], text)
+    if why := fleet.unusable(answer):
+        raise UnusableLog(why)
     return answer
 
 
-def _estimate_many(
-    logs: Sequence[Path], settings: Sequence[Settings], options: argparse.Namespace
-) -> list[Estimate]:
+def _estimate_many(batch: plant.Batch, options: argparse.Namespace) -> list[Estimate]:
     kept = options.out.with_name(f"{options.out.name}.kept") if options.out else None
-    with ends_on_interrupt(f"; the same command goes on from {kept}" if kept else ""):
-        answers = fleet.run_fleet(logs, settings, options.jobs, kept)
-    bad = [
-        answer.warnings[0]
-        for answer in answers
-        if "".join(answer.warnings[:1]).startswith(fleet.UNUSABLE)
-    ]
-    if len(bad) < len(answers):
-        if bad:
-            print(
-                f"{len(bad)} of {len(answers)} logs are not usable; their rows say why",
-                file=sys.stderr,
-            )
-        if options.json or not options.out:
-            _print_answer(
-                options.json, [answer.to_dict() for answer in answers], "\n".join(map(str, answers))
-            )
-        if options.out:
-            write_bytes(
-                options.out, _table_bytes(fleet.as_table(answers), options.out.suffix.lower())
-            )
+    found: dict[int, Estimate] = {}
+    try:
+        with (
+            ends_on_interrupt(f"; the same command goes on from {kept}" if kept else ""),
+            fleet.cluster(options.dask),
+        ):
+            for number, answer in fleet.run_fleet(batch.logs, batch.settings, options.jobs, kept):
+                found[number] = answer
+        bad = [why for answer in found.values() if (why := fleet.unusable(answer))]
+        if options.out and len(bad) < len(found):
+            table = batch.keys.join(fleet.as_table([found[number] for number in sorted(found)]))
+            write_bytes(options.out, _table_bytes(table, options.out.suffix.lower()))
+    except OSError as error:
+        if not found or error.errno not in UNWRITABLE:
+            raise
+        _print_all(batch, found)
+        what = f"{error.strerror}: {len(found)} of {len(batch.logs)} answers are printed instead"
+        raise OSError(error.errno, what) from error
     if kept:
-        shutil.rmtree(kept, ignore_errors=True)
+        kept.unlink(missing_ok=True)
+    answers = [found[number] for number in sorted(found)]
     if len(bad) == len(answers):
-        why = bad[0].removeprefix(fleet.UNUSABLE)
+        first = fleet.unusable(answers[0])
         raise UnusableLog(
-            why if len(bad) == 1 else f"none of {len(bad)} logs is usable; the first: {why}"
+            first if len(bad) == 1 else f"none of {len(bad)} logs is usable; the first: {first}"
         )
+    if bad:
+        print(
+            f"{len(bad)} of {len(answers)} logs are not usable; their rows say why", file=sys.stderr
+        )
+    if options.json:
+        _print_all(batch, found)
+    elif not options.out:
+        print(*answers, sep="\n")
     return answers
+
+
+def _print_all(batch: plant.Batch, found: Mapping[int, Estimate]) -> None:
+    """Print answers as JSON, with their joints and dates."""
+    keys = batch.keys.astype("string").fillna("").to_dict("records")
+    _print_answer(True, [keys[k] | found[k].to_dict() for k in sorted(found)], "")
+    sys.stdout.flush()
 
 
 def _table_bytes(table: pd.DataFrame, ending: str) -> bytes:
@@ -252,7 +228,7 @@ def run_calibrate(options: argparse.Namespace) -> int:
     said = _said(options)
     # Refuses what cannot be.
     settings_for(LogFormat(**said), None, None, options.repeats, options.seed)
-    logs, table = _listed_logs(options.table, "log", "backlash_rad")
+    logs, table = plant.listed_logs(options.table, "log", "backlash_rad")
     _keep_inputs(options, logs)
     _announce_compiling()
     how = {"method": options.method, "repeats": options.repeats, "seed": options.seed}
@@ -266,31 +242,33 @@ def run_calibrate(options: argparse.Namespace) -> int:
     return 0
 
 
-def _listed_logs(path: Path, logs: str, *columns: str) -> tuple[list[Path], pd.DataFrame]:
-    """Logs of a table, by names relative to its folder, and some columns of numbers, or all others."""
-    try:
-        table = pd.read_csv(path, dtype={logs: str})
-        found = [path.parent / name for name in table.pop(logs).str.strip()]
-        numbers = table[list(columns) or list(table)].apply(pd.to_numeric).astype(float)
-    except OSError as error:
-        raise UnusableLog(f"{path}: cannot be read ({error.strerror}); check the name") from error
-    except (ValueError, KeyError, TypeError, AttributeError) as error:
-        wanted = " and ".join([logs, *(columns or ["numbers"])])
-        raise UnusableLog(f"{path}: no table with the columns {wanted} ({error})") from error
-    if not found:
-        raise UnusableLog(f"{path}: no rows; name a log in each")
-    return found, numbers
-
-
 def run_trend(options: argparse.Namespace) -> int:
-    """Print how the backlash grows."""
+    """Print how the backlash grows, for tables of answers that of each joint."""
     _check_output(options.plot, _FIGURES, "--plot")
-    logs, how = fleet.find_logs(options.log), _how(options) | _said(options)
+    logs = fleet.find_logs(options.log)
+    shown = {"limit_rad": options.limit, "relative": options.relative}
+    if _is_answers(logs[0]):
+        return _print_trends(logs, options, shown)
+    how = _how(options) | _said(options)
     _keep_inputs(options, logs)
     _announce_compiling()
-    shown = {"limit_rad": options.limit, "relative": options.relative, "jobs": options.jobs}
-    found = interface.trend(logs, options.dates, **shown, **how)
+    found = interface.trend(logs, options.dates, jobs=options.jobs, **shown, **how)
     if options.plot:
         _write_figure(options.plot, "trend_figure", found)
     _print_answer(options.json, found.to_dict(), str(found))
+    return 0
+
+
+def _print_trends(
+    tables: Sequence[Path], options: argparse.Namespace, shown: Mapping[str, Any]
+) -> int:
+    if options.plot:
+        raise UnusableLog("--plot: it shows the trend of one joint's logs, not tables of answers")
+    answers = pd.concat([fleet.read_rows(table, *plant.OF_ANSWERS) for table in tables])
+    found = plant.trend_many(answers, **shown)
+    rows = [
+        {"joint": joint} | (each.to_dict() if isinstance(each, Trend) else {"reason": str(each)})
+        for joint, each in found.items()
+    ]
+    _print_answer(options.json, rows, "\n".join(f"joint {j}: {each}" for j, each in found.items()))
     return 0

@@ -1,27 +1,46 @@
 """Many logs on all cores: resumable, and no bad file stops the rest."""
 
+import json
+import os
+import re
 import signal
+import threading
+import time
+import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures.process import BrokenProcessPool
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext, suppress
 from dataclasses import replace
-from functools import partial
+from functools import cache
 from operator import itemgetter
+from os import PathLike
 from pathlib import Path
+from typing import Any, TypeAlias
 
+import numpy as np
 import pandas as pd
 
+from backlash import __version__
 from backlash.answers import Estimate
 from backlash.examine import Examined, examine
 from backlash.fitting.shared_joint import share_joint
-from backlash.reading.refusals import UnusableLog
+from backlash.reading.refusals import UnusableLog, library
 from backlash.reading.sources import name_of
 from backlash.settings import Settings
 
 SUFFIXES = (".csv", ".tsv", ".txt", ".dat", ".log", ".gz", ".parquet", ".xlsx")
 UNUSABLE = "unusable log: "
 _DIED = "the process that read it died; is it too large for the memory?"
+_TEXTS = ("file", "log", "joint", "time", "speed", "position", "torque", "calibration")
+_KEPT = '{"kept by": "backlash estimate, to go on from"}\n'
+_DASK_TIMEOUT_S = 10  # for the scheduler and the first worker
 _WORTH_PROCESSES = 30  # fewer quick estimates take less time than starting processes
+
+_NOT_SAID = (np.nan, np.nan)
+
+Table: TypeAlias = pd.DataFrame | str | PathLike[str]
+Calls = Mapping[int, tuple[object, Settings]]
+Task = Callable[[object, Settings], Examined]
 
 
 def find_logs(paths: Sequence[Path], left_out: Path | None = None) -> list[Path]:
@@ -29,7 +48,7 @@ def find_logs(paths: Sequence[Path], left_out: Path | None = None) -> list[Path]
 
     A table of earlier answers, `left_out`, is no log.
     """
-    found: dict[Path, Path] = {}
+    found: dict[str, Path] = {}
     for path in paths:
         inside = [path]
         if path.is_dir():
@@ -39,9 +58,9 @@ def find_logs(paths: Sequence[Path], left_out: Path | None = None) -> list[Path]
                     f"{path}: no logs in this folder; they end in {', '.join(SUFFIXES)}"
                 )
         for file in inside:
-            found.setdefault(file.resolve(), file)
+            found.setdefault(os.path.realpath(file), file)
     if left_out is not None:
-        found.pop(left_out.resolve(), None)
+        found.pop(os.path.realpath(left_out), None)
     if not found:
         raise UnusableLog(f"{left_out}: no log, a table of answers")
     return list(found.values())
@@ -52,22 +71,62 @@ def _is_log(file: Path) -> bool:
 
 
 def run_fleet(
-    logs: Sequence[object],
-    settings: Settings | Sequence[Settings],
-    jobs: int = -1,
-    kept: Path | None = None,
-) -> list[Estimate]:
-    """Estimate many logs, answers in their order; of a log that cannot be used the first warning says why.
+    logs: Sequence[object], settings: Sequence[Settings], jobs: int = -1, kept: Path | None = None
+) -> Iterator[tuple[int, Estimate]]:
+    """Estimate many logs; their numbers and answers come in any order.
 
-    Settings are those of all logs, or one for each; answers are kept in a folder, for a run that
-    goes on where another was interrupted. By itself it takes all cores (-1 jobs) where that is
+    Of a log that cannot be used the first warning says why. Answers are kept in a file, for a run
+    that goes on where another was interrupted. By itself it takes all cores (-1 jobs) where that is
     worth it.
     """
-    each = [settings] * len(logs) if isinstance(settings, Settings) else settings
-    return [
-        examined.estimate
-        for examined in examine_fleet(logs, each, jobs, partial(_answer, kept=kept))
-    ]
+    calls = dict(enumerate(zip(logs, settings, strict=True)))
+    known = read_kept(kept) if kept else {}
+    keys = {number: _key(*call) for number, call in calls.items() if kept}
+    for number, key in keys.items():
+        if key in known:
+            yield number, replace(known[key], file=name_of(calls.pop(number)[0]))
+    with kept.open("a", encoding="utf-8") if kept else nullcontext() as file:
+        for number, examined in _in_any_order(_answer, calls, jobs):
+            # Handed over first: where the disk is full, the answer is not lost.
+            yield number, examined.estimate
+            if file is not None:
+                file.write("\n" if file.tell() else _KEPT)
+                file.write(json.dumps({"key": keys[number], **vars(examined.estimate)}))
+                file.flush()
+
+
+def _answer(log: object, settings: Settings) -> Examined:
+    """The answer alone, without the log."""
+    return Examined(examine_or_refuse(log, settings).estimate)
+
+
+def _key(log: object, settings: Settings) -> str:
+    """What the answer on a log in its present state is kept under."""
+    import joblib
+
+    path = Path(os.path.realpath(name_of(log)))
+    status = path.stat() if path.exists() else None
+    state = (status.st_size, status.st_mtime_ns) if status else None
+    how = vars(settings) | {"calibration": settings.calibration.to_json()}
+    return joblib.hash(repr((__version__, path, state, how)))
+
+
+def read_kept(kept: Path) -> dict[str, Estimate]:
+    """Answers that an interrupted run kept, by their keys; a last line may be torn."""
+    text = kept.read_text("utf-8", "replace") if kept.exists() else ""
+    if not (text or _KEPT).startswith(_KEPT):
+        raise UnusableLog(f"{kept}: holds no answers of a run before; name another --out")
+    found = {}
+    for line in text.splitlines()[1:]:
+        with suppress(ValueError, TypeError, KeyError):
+            row = {name: _as_tuple(value) for name, value in json.loads(line).items()}
+            key = row.pop("key")
+            found[key] = Estimate(**row)
+    return found
+
+
+def _as_tuple(value: Any) -> Any:
+    return tuple(map(_as_tuple, value)) if isinstance(value, list) else value
 
 
 def examine_or_refuse(log: object, settings: Settings) -> Examined:
@@ -88,80 +147,84 @@ def _failed(log: object, settings: Settings, why: str) -> Examined:
     return Examined(Estimate(name_of(log), method=settings.calibration.method, warnings=(line,)))
 
 
-def _answer(log: object, settings: Settings, kept: Path | None) -> Examined:
-    """The answer alone for a log in its present state, kept under a name made of that and the settings."""
-    if kept is None:
-        return Examined(estimate_or_refuse(log, settings))
-    import joblib
-
-    path = Path(name_of(log))
-    status = path.stat() if path.exists() else None
-    state = (status.st_size, status.st_mtime_ns) if status else None
-    how = vars(settings) | {"calibration": settings.calibration.to_json()}
-    key = joblib.hash(repr((path.resolve(), state, how)))
-    remembered = joblib.Memory(kept, verbose=0).cache(
-        estimate_or_refuse, ignore=["log", "settings"]
-    )
-    return Examined(replace(remembered(path, settings, key), file=str(path)))
-
-
-def estimate_or_refuse(log: object, settings: Settings, key: str = "") -> Estimate:
-    """Estimate one log; `key` is what the answer is kept under."""
-    return examine_or_refuse(log, settings).estimate
-
-
 def examine_fleet(
-    logs: Sequence[object],
-    settings: Sequence[Settings],
-    jobs: int,
-    task: Callable[[object, Settings], Examined] = examine_or_refuse,
+    logs: Sequence[object], settings: Sequence[Settings], jobs: int
 ) -> list[Examined]:
     """Examine many logs, each with its settings."""
+    calls = dict(enumerate(zip(logs, settings, strict=True)))
+    found = sorted(_in_any_order(examine_or_refuse, calls, jobs), key=itemgetter(0))
+    return [examined for _, examined in found]
+
+
+def _in_any_order(task: Task, calls: Calls, jobs: int) -> Iterator[tuple[int, Examined]]:
     from tqdm import tqdm
 
     if jobs == 0 or jobs < -1:
         raise UnusableLog(f"--jobs {jobs}: give -1 or a number above 0")
-    searches = any(how.calibration.method == "paper" for how in settings)
-    is_quick = len(logs) < _WORTH_PROCESSES and not searches
-    calls = dict(enumerate(zip(logs, settings, strict=True)))
-    found = _in_processes(task, calls, 1 if jobs < 0 and is_quick else jobs)
-    in_any_order = tqdm(found, total=len(calls), unit="log", disable=None)
-    return [examined for _, examined in sorted(in_any_order, key=itemgetter(0))]
+    searches = any(how.calibration.method == "paper" for _, how in calls.values())
+    is_quick = len(calls) < _WORTH_PROCESSES and not searches
+    found = _examine_each(task, calls, 1 if jobs < 0 and is_quick else jobs)
+    return iter(tqdm(found, total=len(calls), unit="log", disable=None))
 
 
-def _in_processes(
-    task: Callable[[object, Settings], Examined],
-    calls: Mapping[int, tuple[object, Settings]],
-    jobs: int,
-) -> Iterator[tuple[int, Examined]]:
-    """Examine each numbered log, in any order.
+def _examine_each(task: Task, calls: Calls, jobs: int) -> Iterator[tuple[int, Examined]]:
+    """Examine each numbered log.
 
-    A process that dies takes the others with it and does not say on which log: what is left is
-    tried again in halves.
+    A process that dies takes others with it and does not say on which log: what is left is tried
+    again in halves.
     """
+    left = dict(calls)
+    for number, examined in _by_joblib(task, calls, jobs):
+        del left[number]
+        yield number, examined
+    if len(left) == 1:
+        [(number, (log, settings))] = left.items()
+        yield number, _failed(log, settings, f"{name_of(log)}: {_DIED}")
+    elif left:
+        again = list(left.items())
+        for half in (again[::2], again[1::2]):
+            yield from _examine_each(task, dict(half), jobs)
+
+
+def _by_joblib(task: Task, calls: Calls, jobs: int) -> Iterator[tuple[int, Examined]]:
+    """Examine logs by joblib's backend, as far as no process of this machine dies."""
     from multiprocessing import resource_tracker
 
     from joblib import Parallel, delayed
 
-    left = dict(calls)
+    # Of a run that stops on a full disk; it says so itself.
+    warnings.filterwarnings("ignore", r"\d+ tasks which were", UserWarning)
+    parent = os.getpid()
+    numbered = (delayed(_numbered)(parent, k, task, *call) for k, call in calls.items())
     try:
-        numbered = (delayed(_numbered)(number, task, *call) for number, call in calls.items())
-        # Processes inherit that Ctrl-C is held back: this one ends them. To start the tracker would
-        # let it go.
-        resource_tracker.ensure_running()
+        parallel = Parallel(n_jobs=jobs, return_as="generator_unordered")
+    except ValueError:  # a backend that gives lists only, like Ray's
+        parallel = Parallel(n_jobs=jobs)
+    # Processes inherit that Ctrl-C is held back: this one ends them. To start the tracker would let
+    # it go.
+    resource_tracker.ensure_running()
+    with suppress(BrokenProcessPool):
         with _ctrl_c_held_back():
-            found = Parallel(n_jobs=jobs, return_as="generator_unordered")(numbered)
-        for number, examined in found:
-            del left[number]
-            yield number, examined
-    except BrokenProcessPool:
-        if len(left) == 1:
-            [(number, (log, settings))] = left.items()
-            yield number, _failed(log, settings, f"{log}: {_DIED}")
-            return
-        again = list(left.items())
-        for half in (again[::2], again[1::2]):
-            yield from _in_processes(task, dict(half), jobs)
+            found = parallel(numbered)
+        yield from found
+
+
+@contextmanager
+def cluster(address: str | None) -> Iterator[None]:
+    """Have logs examined by the Dask cluster at an address, if there is one."""
+    if address is None:
+        yield
+        return
+    import joblib
+
+    distributed = library("distributed", "dask")
+    try:
+        client = distributed.Client(address, timeout=_DASK_TIMEOUT_S, set_as_default=False)
+        client.wait_for_workers(1, _DASK_TIMEOUT_S)
+    except (OSError, ValueError) as error:
+        raise UnusableLog(f"--dask {address}: {error}; is it the scheduler's address?") from error
+    with client, joblib.parallel_config(backend="dask", client=client):
+        yield
 
 
 @contextmanager
@@ -176,26 +239,81 @@ def _ctrl_c_held_back() -> Iterator[None]:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
-def _numbered(number: int, task: Callable[..., Examined], *call: object) -> tuple[int, Examined]:
-    return number, task(*call)
+def _numbered(
+    parent: int, number: int, task: Task, log: object, settings: Settings
+) -> tuple[int, Examined]:
+    if os.getppid() == parent:
+        _end_with(parent)
+    return number, task(log, settings)
+
+
+@cache
+def _end_with(parent: int) -> None:
+    """End this process soon after its parent, which may be killed without a word."""
+
+    def watch() -> None:
+        while os.getppid() == parent:
+            time.sleep(1)
+        os._exit(1)
+
+    threading.Thread(target=watch, daemon=True).start()
+
+
+def unusable(answer: Estimate) -> str:
+    """Why a log cannot be used; empty if it can."""
+    first = "".join(answer.warnings[:1])
+    return first.removeprefix(UNUSABLE) if first.startswith(UNUSABLE) else ""
+
+
+def read_rows(source: Table, *columns: str) -> pd.DataFrame:
+    """Rows of a table with some columns; dates as such, other columns of names as text."""
+    try:
+        if isinstance(source, pd.DataFrame):
+            table = source
+        elif str(source).lower().endswith(".parquet"):
+            table = pd.read_parquet(source)
+        else:
+            table = pd.read_csv(source, dtype=dict.fromkeys(_TEXTS, str))
+        table = table.reset_index(drop=table.index.names == [None])
+        if "date" in table:
+            dates = pd.to_datetime(table["date"], format="ISO8601", utc=True)
+            table["date"] = dates.dt.tz_localize(None)
+        if table[[*columns]].empty:
+            raise ValueError("no rows")
+        return table
+    except (OSError, ValueError, KeyError, ImportError) as error:
+        wanted = " and ".join(columns)
+        raise UnusableLog(
+            f"{called(source)}: no table with the columns {wanted} ({error})"
+        ) from error
+
+
+def called(source: Table) -> str:
+    """What a table is called in a refusal."""
+    return "the table" if isinstance(source, pd.DataFrame) else str(source)
 
 
 def as_table(answers: Sequence[Estimate]) -> pd.DataFrame:
     """Answers as a tidy table: intervals in two columns each, the first warning of "cannot tell" as the reason."""
-    table = pd.DataFrame([answer.to_dict() for answer in answers])
-    table.pop("backlash_intervals_rad")  # a warning names them
-    refused = table["verdict"] == "cannot tell"
-    table.insert(2, "reason", table["warnings"].str[0].where(refused, ""))
-    table["warnings"] = table["warnings"].where(~refused, table["warnings"].str[1:]).str.join("; ")
-    for place, name in reversed([*enumerate(table)]):
+    return pd.DataFrame([_row(answer) for answer in answers])
+
+
+def _row(answer: Estimate) -> dict[str, object]:
+    refused = answer.verdict == "cannot tell"
+    row: dict[str, object] = {
+        "file": re.sub(r"^(?=[=+@-])", "'", answer.file),  # no formula
+        "verdict": answer.verdict,
+        "reason": "".join(answer.warnings[:refused]),
+    }
+    whole: dict[str, Any] = answer.to_dict() | {"warnings": "; ".join(answer.warnings[refused:])}
+    del whole["backlash_intervals_rad"]  # a warning names them
+    for name, value in whole.items():
         if "_interval_" in name:
-            ends = table.pop(name)
-            for k, end in ((1, "high"), (0, "low")):
-                table.insert(place, name.replace("interval", end), ends.str[k])
-    numbers = [
-        name for name in table if name.endswith(("_rps", "_rad", "_s", "_hz", "_ratio", "_share"))
-    ]
-    return table.astype(dict.fromkeys(numbers, float))
+            for end, each in zip(("low", "high"), value or _NOT_SAID, strict=True):
+                row[name.replace("interval", end)] = each
+        else:
+            row.setdefault(name, np.nan if value is None else value)
+    return row
 
 
 def with_shared_joint(examined: Sequence[Examined]) -> list[Estimate]:

@@ -13,7 +13,7 @@ import hashlib
 from collections.abc import Mapping, Sequence
 from os import PathLike
 from pathlib import Path
-from typing import Any, TypedDict, Unpack
+from typing import Any
 
 import pandas as pd
 from numpy.typing import ArrayLike
@@ -24,42 +24,19 @@ from backlash.calibration import Calibration, fit_calibration, read_calibration
 from backlash.detection.pattern import detect_pattern
 from backlash.examine import examine
 from backlash.fitting import SELF
-from backlash.reading.columns import LogFormat
+from backlash.reading.columns import SAID, LogFormat
 from backlash.reading.prepare import Log, open_log
 from backlash.reading.refusals import CannotTell, UnusableLog
 from backlash.reading.sources import name_of
-from backlash.settings import Measuring, settings_for
+from backlash.settings import MEASURING, Settings, settings_for
 from backlash.trend_line import Trend
 
 
-class LogWords(TypedDict, total=False):
-    """What is said of logs: the fields of `LogFormat`, those that are columns or, of arrays, the arrays themselves."""
-
-    time: str | None
-    speed: str | None
-    position: str | bool | None
-    unit: str | None
-    counts_per_turn: float | None
-    commanded_speed_rps: float | None
-    turn_period_s: float | None
-    trust_period: bool
-    gear_ratio: float | None
-    start_s: float | None
-    end_s: float | None
-    torque: str | ArrayLike | None
-
-
-class Words(LogWords, Measuring, total=False):
-    """What is said of logs, and how they are measured."""
-
-
-def _form(log: object, said: Mapping[str, Any]) -> LogFormat:
+def form_of(log: object, said: Mapping[str, Any]) -> LogFormat:
     """What is said of a log; `position=True` says it of arrays, and a log that was read has it all."""
-    said = {name: value for name, value in said.items() if name not in Measuring.__annotations__}
-    if unknown := sorted(set(said) - set(LogWords.__annotations__)):
-        raise TypeError(
-            f"no parameter {unknown[0]!r}; of logs there are {', '.join(LogWords.__annotations__)}"
-        )
+    said = {name: value for name, value in said.items() if name not in MEASURING}
+    if unknown := sorted(set(said) - set(SAID)):
+        raise TypeError(f"no parameter {unknown[0]!r}; of logs there are {', '.join(SAID)}")
     if isinstance(log, Log):
         if said:
             raise UnusableLog(f"{log.file} was read already: give {', '.join(said)} to read_log")
@@ -71,11 +48,19 @@ def _form(log: object, said: Mapping[str, Any]) -> LogFormat:
     return LogFormat(**said)
 
 
-def _how(words: Mapping[str, Any]) -> dict[str, Any]:
-    return {name: words[name] for name in Measuring.__annotations__ if name in words}
+def how_of(words: Mapping[str, Any]) -> dict[str, Any]:
+    """What is said of measuring."""
+    return {name: words[name] for name in MEASURING if name in words}
 
 
-def read_log(log: object, v: ArrayLike | None = None, **said: Unpack[LogWords]) -> Log:
+def settings_of(logs: Sequence[object], words: Mapping[str, Any]) -> list[Settings]:
+    """Settings of logs of which the same is said."""
+    how = how_of(words)
+    how["calibration"] = read_calibration(how.get("calibration"))
+    return [settings_for(form_of(log, words), **how) for log in logs]
+
+
+def read_log(log: object, v: ArrayLike | None = None, **said: Any) -> Log:
     """Read a log's stretch of constant speed; parameters as in `estimate`.
 
     Returns
@@ -96,12 +81,12 @@ def read_log(log: object, v: ArrayLike | None = None, **said: Unpack[LogWords]) 
     2401 0.4
     """
     try:
-        return open_log(log, _form(log, said), v, said.get("torque"))
+        return open_log(log, form_of(log, said), v, said.get("torque"))
     except CannotTell as refusal:
         raise UnusableLog(str(refusal)) from refusal
 
 
-def estimate(log: object, v: ArrayLike | None = None, **words: Unpack[Words]) -> Estimate:
+def estimate(log: object, v: ArrayLike | None = None, **words: Any) -> Estimate:
     """Estimate the backlash, which is half of the total play, that a log tells of.
 
     Parameters
@@ -115,7 +100,8 @@ def estimate(log: object, v: ArrayLike | None = None, **words: Unpack[Words]) ->
         Of your joint. Without one, method "self" takes the joint from the log; it knows joints under a drive of the
         paper's kind.
     method : str, optional
-        "self", "torque", "waveform", "energy", "amplitude" or "paper"; default: the calibration's, else "self".
+        "torque", "waveform", "energy", "amplitude", "paper" or "self", for the paper's kind of drive only; default:
+        "torque" with a torque, the calibration's, else "self".
     repeats, seed : int
         Searches of method "paper", and the first seed.
     **words
@@ -137,11 +123,11 @@ def estimate(log: object, v: ArrayLike | None = None, **words: Unpack[Words]) ->
     --------
     >>> import backlash
     >>> answer = backlash.estimate(t, v, turn_period_s=0.4, unit="rps")
-    >>> print(f"{answer.verdict}, {1e3 * answer.backlash_rad:.1f} mrad to each side")
-    backlash, 0.9 mrad to each side
+    >>> print(answer.verdict, len(answer.backlash_interval_rad or ()))
+    backlash 2
     """
     return examine(
-        log, settings_for(_form(log, words), **_how(words)), v, words.get("torque")
+        log, settings_for(form_of(log, words), **how_of(words)), v, words.get("torque")
     ).estimate
 
 
@@ -152,7 +138,7 @@ def calibrate(
     method: str = "waveform",
     repeats: int = 30,
     seed: int = 1,
-    **said: Unpack[LogWords],
+    **said: Any,
 ) -> Calibration:
     """Calibrate a method on logs of one joint in one movement; parameters not named here are those of `estimate`.
 
@@ -188,11 +174,11 @@ def calibrate(
     read = []
     for log in logs:
         try:
-            read.append(detect_pattern(open_log(log, _form(log, said)), seed))
+            read.append(detect_pattern(open_log(log, form_of(log, said)), seed))
         except CannotTell as refusal:
             raise UnusableLog(f"{name_of(log)}: no use for a calibration: {refusal}") from refusal
-    digests = "".join(log.sha256 or "" for log in read)
-    made_of = f"{len(read)} logs, SHA-256 of theirs {hashlib.sha256(digests.encode()).hexdigest()}"
+    speeds = b"".join(log.recording.v.tobytes() for log in read)
+    made_of = f"{len(read)} logs, SHA-256 of their speeds {hashlib.sha256(speeds).hexdigest()}"
     return fit_calibration(
         [log.recording for log in read], delta_rad, method, made_of, repeats, seed
     )
@@ -205,7 +191,7 @@ def trend(
     limit_rad: float | None = None,
     relative: bool = False,
     jobs: int = 1,
-    **words: Unpack[Words],
+    **words: Any,
 ) -> Trend:
     """Fit a line to the backlashes of dated logs of one joint; parameters not named here are those of `estimate`.
 
@@ -239,9 +225,7 @@ def trend(
     >>> print(worn.alarm, worn.crossing.year)
     True 2024
     """
-    how = _how(words)
-    how["calibration"] = read_calibration(how.get("calibration"))
-    settings = [settings_for(_form(log, words), **how) for log in logs]
+    settings = settings_of(logs, words)
     if dates is None or isinstance(dates, str | PathLike):
         table = Path(dates) if dates is not None else None
         days = list(trend_line.dates_of([Path(name_of(log)) for log in logs], table).values())
@@ -249,9 +233,8 @@ def trend(
         days = list(pd.DatetimeIndex(dates))
     if len(days) != len(logs):
         raise UnusableLog(f"{len(logs)} logs and {len(days)} dates; give a date for each log")
-    trend_line.check_limit(limit_rad)
     examined = fleet.examine_fleet(logs, settings, jobs)
     answers = [each.estimate for each in examined]
     if not relative and all(each.calibration.method == SELF for each in settings):
         answers = fleet.with_shared_joint(examined)
-    return trend_line.fit_trend(answers, days, limit_rad, relative)
+    return trend_line.fit_trend(fleet.as_table(answers), days, limit_rad, relative)

@@ -12,16 +12,23 @@ from typing import Any
 import numpy as np
 
 from backlash.answers import Estimate
-from backlash.calibration import Backlash, Calibration, default_calibration, widened
-from backlash.detection.pattern import Detected, band_energy, explained_share, typical_half_turn
+from backlash.calibration import Backlash, Calibration, widened
+from backlash.detection.pattern import (
+    Detected,
+    band_energy,
+    explained_share,
+    find_pattern,
+    typical_half_turn,
+)
 from backlash.fit import Fitted
-from backlash.fitting import SELF, TORQUE
+from backlash.fitting import SELF
+from backlash.fitting.harmonics import turn_harmonics
 from backlash.fitting.readings import Reading
 from backlash.fitting.self_calibration import SelfFit, weak_turn
 from backlash.fitting.torque import TorqueFit
 from backlash.fitting.waveform import LEAST_LEVELS
 from backlash.reading.prepare import Log
-from backlash.reading.refusals import CannotTell
+from backlash.reading.refusals import NO_REVERSAL, CannotTell
 from backlash.reading.sources import Source
 from backlash.settings import Settings
 from replication.recording import Recording
@@ -31,25 +38,29 @@ _LEAST_SHARE = 0.8  # of the pattern's energy, for the model to explain; it expl
 _NEGLIGIBLE_RAD = 5e-5
 _OFF = 0.05  # of the amplitude; searches that all end in the best minimum differ less from the global fit
 _FAR_OUTSIDE = 1.2  # times the value at the end of the range; a cubic beyond means nothing
+_IF_IT_REVERSES = "if the load's friction is below gravity: above, the teeth never part, and only the torque shows that"
 _ADVICE = (
-    "method self knows joints under a drive of the paper's kind; for any other, calibrate on the joint itself: "
-    f"backlash calibrate, with its logs at {LEAST_LEVELS} or more known backlashes, method waveform, or --torque"
+    "method self knows joints under a drive of the paper's kind alone; for any other, log the torque too (--torque), "
+    f"or calibrate on the joint itself: backlash calibrate, with its logs at {LEAST_LEVELS} or more known backlashes"
 )
 
 
 def judge(known: Detected, settings: Settings) -> Estimate:
     """Answer by what is known of a log: by its fit, else by what its noise could have hidden."""
     answer = what_is_known(known, settings)
+    least_rad = settings.calibration.range_rad[0]
     if not isinstance(known, Fitted):
-        answer = _judge_absence(known, settings.calibration, answer)
+        answer = _judge_absence(known, least_rad, answer)
+    elif known.torque_fit is not None:
+        return _finite(_judge_torque(known, known.torque_fit, settings, answer))
     elif known.refusal is not None:
         raise known.refusal
     elif known.joint is not None:
-        answer = _judge_joint(known, known.joint, settings.calibration.range_rad[0], answer)
-    elif known.torque_fit is not None:
-        answer = _judge_torque(known.torque_fit, str(settings.load), answer)
+        answer = _judge_joint(known, known.joint, least_rad, answer)
     else:
         answer = _judge_reading(known, settings, answer)
+    if answer.verdict == "no backlash":
+        answer = _earned(answer, known)
     return _finite(answer)
 
 
@@ -77,12 +88,12 @@ def what_is_known(known: Source, settings: Settings) -> Estimate:
             "warnings": known.notes,
         }
     if isinstance(known, Fitted):
-        names = ("amplitude_rps", "amplitude_interval_rps", "rmse_rps")
-        found |= {name: getattr(known.reading, name) for name in names}
+        found["rmse_rps"] = np.std(known.recording.v - known.model_rps)
+        found["amplitude_rps"] = known.reading.amplitude_rps
+        found["amplitude_interval_rps"] = known.reading.amplitude_interval_rps
         if (joint := known.joint) is not None:
-            rmse = float(np.std(known.recording.v - known.model_rps))
-            found |= {"rmse_rps": rmse, "ring_hz": joint.ring_hz}
-            found |= {"damping_ratio": joint.damping, "friction_share": joint.friction}
+            found |= {"ring_hz": joint.ring_hz, "damping_ratio": joint.damping}
+            found["friction_share"] = joint.friction
     return Estimate(
         known.file, method=calibration.method, calibration=calibration.provenance, **found
     )
@@ -95,10 +106,10 @@ def _finite(found: Estimate) -> Estimate:
         numbers = value if isinstance(value, tuple) else (value,)
         return all(math.isfinite(number) for number in numbers if isinstance(number, float))
 
-    kept: dict[str, Any] = {
-        name: value if is_finite(value) else None for name, value in vars(found).items()
+    unknown: dict[str, Any] = {
+        name: None for name, value in vars(found).items() if not is_finite(value)
     }
-    return Estimate(**kept)
+    return replace(found, **unknown)
 
 
 def _check_movement(recording: Recording, calibration: Calibration) -> None:
@@ -108,53 +119,78 @@ def _check_movement(recording: Recording, calibration: Calibration) -> None:
         )
 
 
-def _least_energy(recording: Recording, calibration: Calibration) -> float:
-    """Energy [rps^2] that the calibration's least backlash puts into a record's pattern; else see `weak_turn`."""
-    if calibration.method in (SELF, TORQUE):
-        halves = weak_turn(recording, calibration.range_rad[0]).reshape(2, -1)
-        return band_energy((halves[0] - halves[1]) / 2, recording)
-    ring, least = typical_half_turn(recording), calibration.range_rad[0]
-    if calibration.bank is not None:
-        phases = np.arange(ring.size) / (2 * ring.size)
-        return band_energy(calibration.bank.at(least)(phases), recording)
-    amplitude = calibration.value_at(least)
-    if calibration.method == "energy":
-        amplitude /= float(np.sqrt(np.mean(ring**2)))
-    return amplitude**2 * band_energy(ring, recording)
+def _least_energy(recording: Recording, least_rad: float) -> float:
+    """Energy [rps^2] that the least backlash puts into a record's pattern, on the joint of `weak_turn`."""
+    halves = weak_turn(recording, least_rad).reshape(2, -1)
+    return band_energy((halves[0] - halves[1]) / 2, recording)
 
 
-def _judge_absence(detected: Detected, calibration: Calibration, answer: Estimate) -> Estimate:
+def _gravity_share(recording: Recording) -> float:
+    """The speed's part once a turn, as gravity makes it, over that of `weak_turn`; 0 if noise may make as much.
+
+    A joint whose gravity, or whose drive's answer to it, is less than that of `weak_turn` shows the
+    least backlash less, too. That of a vertical axis is of noise and eccentricity alone.
+    """
+    found, weak = turn_harmonics(recording), weak_turn(recording, 0.0)
+    once, by_chance = abs(found.first.coefficient), found.first.by_chance
+    return once * weak.size / abs(np.fft.rfft(weak)[1]) if once > by_chance else 0.0
+
+
+def _is_none(high_rad: float, least_rad: float, detected: Detected) -> bool:
+    """Whether a backlash up to there is none: negligible, or below the least one and without a pattern."""
+    return high_rad <= _NEGLIGIBLE_RAD or (high_rad <= least_rad and not detected.presence.found)
+
+
+def _earned(answer: Estimate, detected: Detected) -> Estimate:
+    """An absence by speed alone, unless nothing tells that the load reversed; its amplitude is what may be hidden.
+
+    A reversal is gravity's part once a turn. It says nothing of constant friction, which moves the
+    speed in no way.
+    """
+    interval = answer.backlash_interval_rad or (0.0, np.inf)
+    if detected.presence.found and interval[1] > _NEGLIGIBLE_RAD:
+        what = f"no backlash fits, but an oscillation of {answer.amplitude_rps:.3g} rps repeats itself every turn"
+        raise CannotTell("no signature", what)
+    if _gravity_share(detected.recording) == 0:
+        raise CannotTell(*NO_REVERSAL)
+    typical = band_energy(typical_half_turn(detected.recording), detected.recording)
+    hidden = float(np.sqrt(detected.presence.detectable_rps2 / typical))
+    # What a negligible backlash makes may be more.
+    high = max(hidden, *(answer.amplitude_interval_rps or (0.0,)))
+    return replace(
+        answer,
+        amplitude_rps=0.0,
+        amplitude_interval_rps=(0.0, high),
+        warnings=(*answer.warnings, _IF_IT_REVERSES),
+    )
+
+
+def _judge_absence(detected: Detected, least_rad: float, answer: Estimate) -> Estimate:
     """Answer where half turns have nothing in common: no backlash, or too much noise to say so."""
     recording, presence = detected.recording, detected.presence
-    if calibration.method not in (SELF, TORQUE):
-        _check_movement(recording, calibration)
     if presence.has_same_sign:
         what = "something repeats itself every turn, but not with the opposite sign half a turn later, as backlash"
         cause = "is there much friction, another axis moving, or mains hum in step with the turn?"
         raise CannotTell("no signature", f"{what} under gravity alone does; {cause}")
-    typical = band_energy(typical_half_turn(recording), recording)
-    hidden = float(np.sqrt(presence.detectable_rps2 / typical))
-    least = calibration.range_rad[0]
-    if presence.detectable_rps2 > _least_energy(recording, calibration):
-        noise = f"in this noise ({presence.noise_rps:.3g} rps) an oscillation of up to {hidden:.3g} rps stays hidden"
-        backlash = f"more than a backlash of {least:.3g} rad makes"
+    share = min(_gravity_share(recording) or 1.0, 1.0)
+    if presence.detectable_rps2 > share**2 * _least_energy(recording, least_rad):
+        noise = f"this noise ({presence.noise_rps:.3g} rps) may hide"
+        backlash = f"what a backlash of {least_rad:.3g} rad makes"
         raise CannotTell(
-            "too noisy", f"nothing found, but {noise}, {backlash}; log more turns, or quieter"
+            "too noisy", f"nothing found, but {noise} {backlash}; log more turns, or quieter"
         )
     return replace(
         answer,
         verdict="no backlash",
-        amplitude_rps=0.0,
-        amplitude_interval_rps=(0.0, hidden),
         backlash_rad=0.0,
-        backlash_interval_rad=(0.0, least),
-        rmse_rps=float(recording.v.std()),
+        backlash_interval_rad=(0.0, least_rad),
+        rmse_rps=recording.v.std(),
     )
 
 
 def _judge_reading(fitted: Fitted, settings: Settings, answer: Estimate) -> Estimate:
     """Answer by what the calibration makes of the method's reading."""
-    calibration, reading, best = settings.calibration, fitted.reading, fitted.signature
+    calibration, reading, best_rps = settings.calibration, fitted.reading, fitted.best_rps
     _check_movement(fitted.recording, calibration)
     share = explained_share(fitted.recording, fitted.model_rps, fitted.presence)
     if share < _LEAST_SHARE:
@@ -163,8 +199,10 @@ def _judge_reading(fitted: Fitted, settings: Settings, answer: Estimate) -> Esti
             "no signature", f"{what}; a faint backlash, much friction, or another cause"
         )
     notes: tuple[str, ...] = ()
-    if abs(reading.amplitude_rps - best.amplitude_rps) > _OFF * best.amplitude_rps:
-        means = f"their mean is {reading.amplitude_rps:.3f} rps, the best fit has {best.amplitude_rps:.3f} rps"
+    if abs(reading.amplitude_rps - best_rps) > _OFF * best_rps:
+        means = (
+            f"their mean is {reading.amplitude_rps:.3f} rps, the best fit has {best_rps:.3f} rps"
+        )
         notes += (
             f"searches ended in other minima: {means}; method amplitude is not prone to this",
         )
@@ -197,14 +235,20 @@ def _beyond(reading: Reading, found: Backlash, calibration: Calibration) -> str:
     return f"a signature is there, but {what} lies past the end of the calibration's range{ends}"
 
 
-def _judge_torque(fit: TorqueFit, said: str, answer: Estimate) -> Estimate:
+def _judge_torque(fitted: Fitted, fit: TorqueFit, settings: Settings, answer: Estimate) -> Estimate:
     """Answer by the speed and torque of a log, and name what was said of the load."""
-    inertia = f"the motor's inertia is then {fit.motor_inertia:.3g}, in the torque's unit over rad/s^2: is that right?"
+    said, (low, high) = str(settings.load), fit.interval_rad
+    is_none = _is_none(high, settings.calibration.range_rad[0], fitted)
+    if not fit.reverses and (is_none or not fitted.presence.found):
+        raise CannotTell(*NO_REVERSAL, (said,))
+    if fit.refusal_reason and not is_none:
+        raise CannotTell("too noisy", fit.refusal_reason, (said,))
+    inertia = f"it goes with m g r / J_l; the motor's inertia is {fit.motor_inertia:.3g} torque s^2/rad: right?"
     return replace(
         answer,
-        verdict="backlash",
-        backlash_rad=fit.delta_rad,
-        backlash_interval_rad=fit.interval_rad,
+        verdict="no backlash" if is_none else "backlash",
+        backlash_rad=0.0 if is_none else fit.delta_rad,
+        backlash_interval_rad=(0.0 if is_none else low, high),
         warnings=(*answer.warnings, said, inertia),
     )
 
@@ -219,23 +263,26 @@ def _is_outside(reading: Reading, backlash: Backlash, calibration: Calibration) 
     return beyond or not low - one_sigma <= backlash.delta_rad <= high + one_sigma
 
 
+def _explains(fitted: Fitted, is_none: bool) -> bool:
+    """Whether the model explains the pattern; one of a negligible backlash, near the noise, if it leaves no pattern."""
+    recording, model = fitted.recording, fitted.model_rps
+    if explained_share(recording, model, fitted.presence) >= _LEAST_SHARE:
+        return True
+    return is_none and not find_pattern(replace(recording, v=recording.v - model)).found
+
+
 def _judge_joint(fitted: Fitted, joint: SelfFit, least_rad: float, answer: Estimate) -> Estimate:
     """Answer by the joint that the log itself tells of; a backlash that may be zero is none, or not known."""
-    is_found = fitted.presence.found
     separate = (joint.interval_rad, *joint.other_intervals_rad)
     low, high = min(ends[0] for ends in separate), max(ends[1] for ends in separate)
     if low <= 0 and high > least_rad:
         raise CannotTell(
             "too noisy", f"none fits as well as up to {high:.3g} rad; log more turns, or quieter"
         )
-    if high <= _NEGLIGIBLE_RAD or (
-        high <= least_rad and not is_found
-    ):  # such a pattern has another cause
+    is_none = _is_none(high, least_rad, fitted)
+    if is_none:  # such a pattern has another cause
         low = 0.0
-    if (
-        is_found
-        and explained_share(fitted.recording, fitted.model_rps, fitted.presence) < _LEAST_SHARE
-    ):
+    if fitted.presence.found and not _explains(fitted, is_none):
         raise CannotTell(
             "no signature", "a pattern repeats itself every turn, but no backlash that explains it"
         )
@@ -251,19 +298,5 @@ def _judge_joint(fitted: Fitted, joint: SelfFit, least_rad: float, answer: Estim
         backlash_rad=joint.delta_rad if low > 0 else 0.0,
         backlash_interval_rad=(low, high),
         backlash_intervals_rad=separate if joint.other_intervals_rad else (),
-        warnings=answer.warnings + notes + _disagreement(fitted, joint),
+        warnings=answer.warnings + notes,
     )
-
-
-def _disagreement(fitted: Fitted, joint: SelfFit) -> tuple[str, ...]:
-    """A note where the amplitude, with what it may err on any joint, is another backlash than the joint's."""
-    calibration = default_calibration("amplitude")
-    if calibration.other_movement(fitted.recording):
-        return ()
-    other = calibration.backlash(fitted.reading)
-    low, high = widened("amplitude", other.delta_rad, other.interval_rad)
-    agree = low <= joint.interval_rad[1] and joint.interval_rad[0] <= high
-    if agree or _is_outside(fitted.reading, other, calibration):
-        return ()
-    says = f"the amplitude alone says {low:.3g} to {high:.3g} rad on joints like the paper's"
-    return (f"{says}: yours is another, or one of the two is wrong",)

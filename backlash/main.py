@@ -14,13 +14,17 @@ from backlash.fitting import METHODS, SENSOR_METHODS
 from backlash.reading import UNITS
 from backlash.reading.refusals import UnusableLog
 
-_ABOUT = "Backlash, half of the total play, of a robot's joint from logs of the motor encoder."
+_ABOUT = (
+    "Backlash, half of the total play, of a robot's joint from logs of the motor encoder and torque. The test needs "
+    "a horizontal axis, an off-centre load whose gravity is above its friction, and four turns or more in one "
+    "direction at constant speed."
+)
 _DEFECT = 1
 _UNUSABLE = 2
 _INTERRUPTED = 130
 _STATUS = f"Exit status: 0 done, 1 a defect, 2 unusable input, 3 --fail-on holds, {_INTERRUPTED} interrupted."
 # Of an output that takes no more: whoever read a pipe has seen enough, or a disk is full.
-_UNWRITABLE = {errno.EPIPE, errno.ENOSPC, errno.EDQUOT, errno.EIO}
+UNWRITABLE = {errno.EPIPE, errno.ENOSPC, errno.EDQUOT, errno.EIO}
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -49,7 +53,7 @@ def _ending(error: BaseException) -> tuple[int, str]:
             return _INTERRUPTED, f"interrupted{each}"
     if isinstance(error, UnusableLog):
         return _UNUSABLE, str(error)
-    if isinstance(error, OSError) and error.errno in _UNWRITABLE:
+    if isinstance(error, OSError) and error.errno in UNWRITABLE:
         # Nothing is left to be flushed at the end.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         is_read = error.errno != errno.EPIPE
@@ -108,7 +112,8 @@ def _add_estimate(commands: argparse._SubParsersAction) -> None:
         "--batch",
         type=Path,
         metavar="TABLE",
-        help="CSV with the columns file, and period (s), gear_ratio, speed (rps): each log with its own",
+        help="CSV or Parquet with the column file, and joint, date, turn_period_s, gear_ratio, torque, "
+        "inertia_ratio, gravity_per_s2, calibration, ...: each log with its own",
     )
     _add_log_options(sub)
     _add_measuring(sub)
@@ -123,6 +128,9 @@ def _add_estimate(commands: argparse._SubParsersAction) -> None:
     )
     sub.add_argument(
         "--out", type=Path, metavar="TABLE", help="write a table, one row per log: .csv or .parquet"
+    )
+    sub.add_argument(
+        "--dask", metavar="ADDRESS", help="scheduler of a cluster that takes the place of --jobs"
     )
     sub.add_argument(
         "--fail-on",
@@ -150,7 +158,11 @@ def _add_calibrate(commands: argparse._SubParsersAction) -> None:
 def _add_trend(commands: argparse._SubParsersAction) -> None:
     sub = _add_command(commands, "trend", "growth of the backlash, and when it crosses a limit")
     sub.add_argument(
-        "log", nargs="+", type=Path, help="logs or folders; dates in their names, like 2024-03-17"
+        "log",
+        nargs="+",
+        type=Path,
+        help="logs or folders, dates in their names, like 2024-03-17; or tables that estimate --out wrote: a "
+        "trend for each joint",
     )
     sub.add_argument(
         "--dates", type=Path, metavar="TABLE", help="CSV with the columns file and date instead"
@@ -187,6 +199,7 @@ def _add_log_options(sub: argparse.ArgumentParser) -> None:
     group.add_argument(
         "--time", metavar="COLUMN", help="by name, or by number from 1; found by name otherwise"
     )
+    group.add_argument("--time-unit", choices=("s", "ms", "us", "ns"), help="of the time stamps")
     group.add_argument("--speed", metavar="COLUMN", help="of the motor")
     group.add_argument("--position", metavar="COLUMN", help="of the motor, instead of its speed")
     group.add_argument(
@@ -221,37 +234,16 @@ def _add_searches(sub: argparse._ActionsContainer) -> None:
 
 
 def _add_measuring(sub: argparse.ArgumentParser) -> None:
-    group = sub.add_argument_group("measuring")
-    group.add_argument(
-        "--calibration",
-        type=Path,
-        metavar="FILE",
-        help="of your joint; default: what the log tells",
+    group = sub.add_argument_group(
+        "measuring: by the torque under any drive (proportional to --gravity), else by the speed"
     )
     group.add_argument(
-        "--method",
-        choices=SENSOR_METHODS,
-        help="default: the calibration's, torque with --torque, else self, for a drive of the paper's kind",
-    )
-    _add_searches(group)
-    group.add_argument(
-        "--torque", metavar="COLUMN", help="of the motor, with the next two; for any drive"
+        "--torque", metavar="COLUMN", help="or current; positive if it drives forward"
     )
     for option, name, metavar, usual, text in (
-        (
-            "--inertia-ratio",
-            "inertia_ratio",
-            "RHO",
-            None,
-            "J_l/(N^2 J_m), from a data sheet or the drive's autotune",
-        ),
-        (
-            "--gravity",
-            "gravity_per_s2",
-            "PER_S2",
-            None,
-            "m g r/J_l [1/s^2], from a data sheet or autotune",
-        ),
+        ("--gravity", "gravity_per_s2", "PER_S2", None, "m g r/J_l; 9.81/r of a point at r [m]"),
+        ("--inertia-ratio", "inertia_ratio", "RHO", None, "J_l/(N^2 J_m), load over motor"),
+        ("--gravity-sd", "gravity_sd", "SHARE", 0.05, "relative SD of --gravity (default: 0.05)"),
         (
             "--inertia-sd",
             "inertia_sd",
@@ -259,9 +251,17 @@ def _add_measuring(sub: argparse.ArgumentParser) -> None:
             0.1,
             "relative SD of --inertia-ratio (default: 0.1)",
         ),
-        ("--gravity-sd", "gravity_sd", "SHARE", 0.05, "relative SD of --gravity (default: 0.05)"),
     ):
         group.add_argument(option, dest=name, type=float, metavar=metavar, default=usual, help=text)
+    group.add_argument(
+        "--calibration", type=Path, metavar="FILE", help="of your joint, for any drive"
+    )
+    group.add_argument(
+        "--method",
+        choices=SENSOR_METHODS,
+        help="default: torque with --torque, the calibration's, else self: for the paper's kind of drive only",
+    )
+    _add_searches(group)
     group.add_argument(
         "--jobs", type=int, default=-1, help="processes for many logs (default: -1, all cores)"
     )

@@ -1,7 +1,8 @@
 """How logs are read and measured."""
 
-from dataclasses import dataclass, replace
-from typing import TypedDict, Unpack
+from dataclasses import dataclass, fields, replace
+from numbers import Integral
+from typing import Any
 
 from backlash.calibration import Calibration, OwnCalibration, default_calibration, read_calibration
 from backlash.fitting import SELF, TORQUE
@@ -22,22 +23,8 @@ class Settings:
     load: LoadData | None = None  # for method "torque"
 
 
-class LoadWords(TypedDict, total=False):
-    """What is said of the load, for method "torque"; see `LoadData`."""
-
-    inertia_ratio: float | None
-    gravity_per_s2: float | None
-    inertia_sd: float
-    gravity_sd: float
-
-
-class Measuring(LoadWords, total=False):
-    """How logs are measured."""
-
-    calibration: OwnCalibration
-    method: str | None
-    repeats: int
-    seed: int
+# What `settings_for` takes: how logs are measured, and for method "torque" the fields of `LoadData`.
+MEASURING = ("calibration", "method", "repeats", "seed", *(each.name for each in fields(LoadData)))
 
 
 def settings_for(
@@ -46,7 +33,7 @@ def settings_for(
     method: str | None = None,
     repeats: int = 30,
     seed: int = 1,
-    **load: Unpack[LoadWords],
+    **load: Any,
 ) -> Settings:
     """Put settings together: without a calibration the log's own joint, or for another method the paper's."""
     own = read_calibration(calibration)
@@ -62,11 +49,11 @@ def settings_for(
             raise UnusableLog(
                 f"method torque needs the torque and the load's data: give {missing} too"
             )
-        method, data = TORQUE, LoadData(**load)  # type: ignore[arg-type]  # none is None
+        method, data = TORQUE, LoadData(**load)
     if own is not None and method not in (None, own.method):
         raise UnusableLog(f"--method {method}: the calibration is of method {own.method}")
-    if repeats < 1 or seed < 1:
-        raise UnusableLog("--repeats and --seed must be 1 or more")
+    if not all(isinstance(each, Integral) and each > 0 for each in (repeats, seed)):
+        raise UnusableLog("--repeats and --seed must be whole numbers, 1 or more")
     used = own or _default(method or SELF)
     form = replace(form, usual_speed_rps=used.commanded_speed_rps)
     return Settings(form, used, own is not None, repeats, seed, data)

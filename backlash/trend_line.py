@@ -15,8 +15,7 @@ import numpy as np
 import pandas as pd
 from scipy.special import fdtri, ndtri, stdtrit
 
-from backlash import __version__
-from backlash.answers import Estimate
+from backlash import __version__, fleet
 from backlash.calibration import MOST_RAD, PERIOD_MISMATCH
 from backlash.reading.refusals import UnusableLog
 from replication.arrays import FloatArray
@@ -135,7 +134,10 @@ class Trend:
 
 def dates_of(files: Sequence[Path], table: Path | None = None) -> dict[Path, pd.Timestamp]:
     """Date of each log, by the table's columns `file` and `date`, else by its name, as in `axis4_2024-03-17.csv`."""
-    known = _dates_in(table) if table else {}
+    known = {}
+    if table:
+        rows = fleet.read_rows(table, "file", "date")
+        known = dict(zip(rows["file"], rows["date"], strict=True))
     found = {}
     for file in files:
         date = known.get(file.name, known.get(str(file)))
@@ -149,17 +151,6 @@ def dates_of(files: Sequence[Path], table: Path | None = None) -> dict[Path, pd.
     return found
 
 
-def _dates_in(table: Path) -> dict[str, pd.Timestamp]:
-    try:
-        frame = pd.read_csv(table, dtype=str)
-        dates = pd.to_datetime(frame["date"], format="ISO8601", utc=True).dt.tz_localize(None)
-        return dict(zip(frame["file"], dates, strict=True))
-    except (OSError, ValueError, KeyError) as error:
-        raise UnusableLog(
-            f"{table}: no table with columns file and date ({error}); dates like 2024-03-17"
-        ) from error
-
-
 def check_limit(limit_rad: float | None) -> None:
     """Refuse a limit that no backlash reaches."""
     if limit_rad is not None and not 0 < limit_rad <= MOST_RAD:
@@ -169,15 +160,15 @@ def check_limit(limit_rad: float | None) -> None:
 
 
 def fit_trend(
-    answers: Sequence[Estimate],
-    dates: Sequence[pd.Timestamp],
+    answers: pd.DataFrame,
+    dates: Sequence[pd.Timestamp] | pd.Series,
     limit_rad: float | None = None,
     relative: bool = False,
 ) -> Trend:
-    """Fit a line to dated backlashes; to amplitudes if `relative`, or if no log has an answer."""
+    """Fit a line to dated backlashes in a table of answers; to amplitudes if `relative`, or if no log has an answer."""
     check_limit(limit_rad)
-    relative = relative or all(answer.verdict == "cannot tell" for answer in answers)
-    points = _points(answers, dates, relative)
+    relative = relative or bool((answers["verdict"] == "cannot tell").all())
+    points = _points(answers.assign(date=list(dates)), relative)
     warnings = _left_out(points, answers)
     if relative:
         warnings.append(
@@ -215,22 +206,15 @@ def fit_trend(
     return replace(trend, warnings=(*warnings, *_notes_on_crossing(trend, days)))
 
 
-def _left_out(points: pd.DataFrame, answers: Sequence[Estimate]) -> list[str]:
+def _left_out(points: pd.DataFrame, answers: pd.DataFrame) -> list[str]:
     """Say which logs have no point; refuse too few dates."""
-    count, left_out = points["date"].nunique(), len(answers) - len(points)
+    count = points["date"].nunique()
+    without = answers[~answers["file"].isin(points["file"])]
+    notes = [f"{row.file}: {row.reason or row.verdict}" for row in without.itertuples()]
     if count < _LEAST_DATES:
-        why = "; ".join(
-            f"{answer.file}: {note}" for answer in answers[:1] for note in answer.warnings[:1]
-        )
-        raise UnusableLog(
-            f"{count} dates with an estimate; a trend needs {_LEAST_DATES} or more ({why})"
-        )
-    used = set(points["file"])
-    return [f"{left_out} of {len(answers)} logs are left out"] * (left_out > 0) + [
-        f"{answer.file}: {''.join(answer.warnings[:1]) or answer.verdict}"
-        for answer in answers
-        if answer.file not in used
-    ]
+        few = f"{count} dates with an estimate; a trend needs {_LEAST_DATES} or more"
+        raise UnusableLog("; ".join([few, *notes[:1]]))
+    return [f"{len(notes)} of {len(answers)} logs are left out", *notes] if notes else []
 
 
 def _notes_on_crossing(trend: Trend, days: FloatArray) -> Iterator[str]:
@@ -244,23 +228,17 @@ def _notes_on_crossing(trend: Trend, days: FloatArray) -> Iterator[str]:
         yield "the backlash does not grow: no crossing"
 
 
-def _points(
-    answers: Sequence[Estimate], dates: Sequence[pd.Timestamp], relative: bool
-) -> pd.DataFrame:
+def _points(answers: pd.DataFrame, relative: bool) -> pd.DataFrame:
     """Dated backlashes [rad], or amplitudes in percent of the first, by date."""
-    used = []
-    for answer, date in zip(answers, dates, strict=True):
-        value, ends = answer.backlash_rad, answer.backlash_interval_rad
-        if relative:
-            value, ends = answer.amplitude_rps, answer.amplitude_interval_rps
-        if value and ends:
-            used.append((date, answer.file, value, *ends, answer.turn_period_s))
-    points = pd.DataFrame(used, columns=["date", "file", "value", "low", "high", "turn_period_s"])
-    points = points.sort_values(["date", "file"], ignore_index=True)
-    turns = points.pop("turn_period_s")
+    name, unit = ("amplitude", "rps") if relative else ("backlash", "rad")
+    columns = ["date", "file", f"{name}_{unit}", f"{name}_low_{unit}", f"{name}_high_{unit}"]
+    used = answers[(answers[columns[2]] > 0) & answers[columns].notna().all(axis=1)]
+    used = used.sort_values(["date", "file"], ignore_index=True)
+    turns = used["turn_period_s"]
     if relative and turns.max() > (1 + PERIOD_MISMATCH) * turns.min():
         found = f"turns of {turns.min():.4g} to {turns.max():.4g} s"
         raise UnusableLog(f"{found}: amplitudes are only comparable between logs of one movement")
+    points = used[columns].set_axis(["date", "file", "value", "low", "high"], axis=1)
     if relative and len(points):
         points[["value", "low", "high"]] *= 100 / points["value"].iloc[0]
     return points

@@ -38,8 +38,8 @@ def write_joint() -> None:
 
 
 def write_population() -> None:
-    """Every method, and the whole sensor, on joints that nobody calibrated."""
-    from pandas import concat
+    """Every method, and the whole sensor, on joints that nobody calibrated; a row for each round of the datasheet."""
+    from pandas import DataFrame, concat, read_csv
 
     from studies import population
 
@@ -51,7 +51,12 @@ def write_population() -> None:
         population.measure_sensor(population.DATASHEET, population.DATASHEET_SEED)
     )
     write_csv(RESULTS / "datasheet.csv", sheet)
-    print(population.against_criteria(sheet).to_string(index=False))
+    bars = population.against_criteria(sheet)
+    print(bars.to_string(index=False))
+    path = RESULTS / "datasheet_rounds.csv"
+    this = {"seed": population.DATASHEET_SEED, "met": bars["met"].sum(), "criteria": len(bars)}
+    earlier = [read_csv(path)] if path.is_file() else []
+    write_csv(path, concat([*earlier, DataFrame([this])], ignore_index=True))
 
 
 def write_protocols() -> None:

@@ -212,8 +212,9 @@ def _other_log(kind: str, bench: Bench, delta_rad: float, rng: Generator) -> Rec
     turn_s = joint.turn_period_s
     per_period = round(joint.control_period_s / _STEP_S)
     movement = turns.Movement(joint.gear_ratio, turn_s)
-    c = turns.constants(row, movement, rng.uniform(0, TURN))
-    drive = turns.drive(row, movement, per_period * _STEP_S, True)
+    driven = turns.joint_of(row, movement, rng.uniform(0, TURN), 0, True)
+    c = core.constants_of(driven, delta_rad)
+    drive = core.drive_of(driven)._replace(period=per_period * _STEP_S)
     position = np.full(round((TURNS + _TURNS_BEFORE) * turn_s / _STEP_S) + 1, np.nan)
     _run(c, drive, known["friction"], second, notch, per_period, position)
     if not np.isfinite(position).all():

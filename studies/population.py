@@ -18,13 +18,12 @@ from pandas import DataFrame, Series, concat, read_csv
 from scipy import signal, stats
 
 from backlash.calibration import default_calibration
-from backlash.examine import examine
 from backlash.fitting.global_fit import global_fit
 from backlash.fitting.readings import protocol_for
 from backlash.fitting.torque import LoadData, fit_torque
 from backlash.fitting.turns import COLUMNS, Movement, simulate_turns
+from backlash.fleet import examine_or_refuse
 from backlash.reading.columns import LogFormat
-from backlash.reading.refusals import UnusableLog
 from backlash.settings import settings_for
 from replication.arrays import FloatArray
 from replication.authors import level_delta_rad, load_clean, load_noisy
@@ -66,6 +65,8 @@ ROW_COLUMNS = [
 # method torque.
 BENCHES = SPREADS | {"plain benches": SPREADS[NEAR], "hard benches": SPREADS[FAR]}
 CHANGED = ("other movements", "two dropped samples")
+# Teeth that stay on one flank, or noise in place of the log: nothing tells of their backlash.
+NEVER_PARTING = ("vertical axis", "friction above gravity", "noise alone")
 BY_TORQUE = ("torque, paper's drive", "torque, other drives")
 DATASHEET = (
     {"plain benches": 160, "hard benches": 80}
@@ -73,6 +74,7 @@ DATASHEET = (
     | dict.fromkeys((*CHANGED, "low-passed speed", "faults", "healthy"), 50)
     | {"other drives": 40}
     | dict.fromkeys(BY_TORQUE, 50)
+    | dict.fromkeys((*NEVER_PARTING, "small backlashes"), 20)
 )
 FAULTS = ("mains hum", "drift", "clipped", "coarse", "another axis")
 _HEALTHY_RAD = 2e-5
@@ -248,15 +250,20 @@ def _draw_bench_of(population: str, number: int, rng: Generator) -> Bench:
         if "drives" in population
         else draw_bench(rng, BENCHES.get(population))
     )
+    joint = bench.joint
+    if population == "vertical axis":
+        rubbing = rng.uniform(0.02, 0.3) * joint.gravity_torque_nm
+        return replace(bench, joint=replace(joint, gravity_arm_m=0.0, load_coulomb_nm=rubbing))
+    if population == "friction above gravity":
+        rubbing = rng.uniform(1.2, 2.0) * joint.gravity_torque_nm
+        return replace(bench, joint=replace(joint, load_coulomb_nm=rubbing))
     if population == "other movements":
         gear_ratio, turn_s = odd_joints.draw_movement(rng)
         return odd_joints.move_bench(bench, gear_ratio, _SLOW_TURN_S if number % 6 == 0 else turn_s)
     if population == "faults" and FAULTS[number % len(FAULTS)] == "another axis":
-        push = rng.uniform(0.02, 0.2) * bench.joint.gravity_torque_nm
-        axis = Disturbance(rng.uniform(0.5, 4.0) / bench.joint.gear_ratio, load_torque_nm=push)
-        return replace(
-            bench, joint=replace(bench.joint, disturbances=(*bench.joint.disturbances, axis))
-        )
+        push = rng.uniform(0.02, 0.2) * joint.gravity_torque_nm
+        axis = Disturbance(rng.uniform(0.5, 4.0) / joint.gear_ratio, load_torque_nm=push)
+        return replace(bench, joint=replace(joint, disturbances=(*joint.disturbances, axis)))
     return bench
 
 
@@ -280,6 +287,8 @@ def _spoilt(population: str, number: int, log: Recording, rng: Generator) -> Dat
     if fault == "low-passed speed":
         pole = np.exp(-TURN * odd_joints.draw_log_uniform(rng, 40.0, 300.0) * log.sample_s)
         v = signal.lfilter([1 - pole], [1, -pole], v)
+    elif fault == "noise alone":
+        v = rng.normal(0.0, 0.08, v.size)
     elif fault == "mains hum":
         v = v + rng.uniform(0.03, 0.3) * np.sin(TURN * (50 * log.t + rng.random()))
     elif fault == "drift":
@@ -301,15 +310,11 @@ def _sensor_answer(log: KnownLog, table: DataFrame) -> Row:
     form = LogFormat(
         turn_period_s=record.turn_period_s, commanded_speed_rps=record.commanded_speed_rps
     )
-    try:
-        found = examine(table, settings_for(form)).estimate
-    except UnusableLog as error:
-        return interval_answer(np.nan, _UNKNOWN, str(error)) | {"verdict": "cannot tell"}
-    if found.backlash_rad is None or found.backlash_interval_rad is None:
-        return interval_answer(np.nan, _UNKNOWN, found.warnings[0]) | {"verdict": found.verdict}
-    return interval_answer(found.backlash_rad, found.backlash_interval_rad, "") | {
-        "verdict": found.verdict
-    }
+    found = examine_or_refuse(table, settings_for(form)).estimate
+    why = found.warnings[0] if found.verdict == "cannot tell" else ""
+    ends = found.backlash_interval_rad or _UNKNOWN
+    half = np.nan if why else found.backlash_rad or 0.0
+    return interval_answer(half, ends, why) | {"verdict": found.verdict}
 
 
 def _torque_answer(log: KnownLog, rng: Generator) -> Row:
@@ -320,15 +325,16 @@ def _torque_answer(log: KnownLog, rng: Generator) -> Row:
         ratios["inertia_ratio"] * inertia, ratios["gravity_per_s2"] * gravity, *_LOAD_SDS
     )
     fit = fit_torque(log.recording, log.labels["torque"], load, rng)
-    return interval_answer(fit.delta_rad, fit.interval_rad, fit.refusal_reason) | {
-        "verdict": "backlash"
-    }
+    answer = interval_answer(fit.delta_rad, fit.interval_rad, fit.refusal_reason)
+    return answer | {"verdict": "backlash"}
 
 
 def _sensor_row(population: str, number: int, seed: int) -> Row:
     """Draw a log of `DATASHEET` and measure it."""
     rng = np.random.default_rng((seed, list(DATASHEET).index(population), number))
     delta = _draw_delta_rad(rng)
+    if population == "small backlashes":
+        delta = rng.uniform(2e-5, 3e-4)
     kind, place = population, number
     if population == "healthy":
         delta = rng.choice([0.0, _HEALTHY_RAD]) * rng.random()
@@ -367,6 +373,8 @@ def summarise_sensor(rows: DataFrame) -> DataFrame:
             **rate_columns(hold_truth(answered), len(answered), "covered"),
             "rmse_rad": benchmark.root_mean_square(answered["found_rad"] - answered["delta_rad"]),
             "wrong_healthy": int(wrong.sum()),
+            "none": float((part["verdict"] == "no backlash").mean()),
+            "held_or_refused": (hold_truth(answered) + part["refused"].sum()) / len(part),
         }
         table.append(row)
     return DataFrame(table)

@@ -18,7 +18,7 @@ ANSWER_KEYS = [
     "file", "verdict", "amplitude_rps", "amplitude_interval_rps", "backlash_rad", "backlash_interval_rad", "rmse_rps",
     "method", "turn_period_s", "samples", "warnings", "ring_hz", "damping_ratio", "friction_share",
     "sha256", "calibration", "backlash_intervals_rad",
-    "half_play_rad", "half_play_interval_rad", "total_play_rad", "total_play_interval_rad",
+    "total_play_rad", "total_play_interval_rad",
     "relative_index_rps", "version",
 ]  # fmt: skip
 

@@ -242,10 +242,7 @@ def _step(gram, data, A, is_free, damping, theta, low, high):
 def _bound(theta, low, high):
     """Move theta into its bounds, in place."""
     for i in range(3):
-        if theta[i] < low[i]:
-            theta[i] = low[i]
-        if theta[i] > high[i]:
-            theta[i] = high[i]
+        theta[i] = min(max(theta[i], low[i]), high[i])
 
 
 def descend(

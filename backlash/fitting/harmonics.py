@@ -5,8 +5,10 @@ alone, of whatever colour.
 """
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
+from numpy.polynomial.polynomial import polyval
 from numpy.typing import NDArray
 from scipy.special import fdtri
 
@@ -31,13 +33,26 @@ RING_HZ = (5.0, 60.0)
 # Phases at which turns are compared, and how improbable in noise alone the ring of a turn is that
 # is left out.
 _PHASES, _CHANCE_OF_TRANSIENT = 256, 1e-3
+# How often noise alone may pass for gravity, whose part once a turn is evidence of a load that
+# reverses: seldom enough for a plant of a thousand vertical axes.
+CHANCE_OF_GRAVITY = 1e-4
 # Harmonics to either side of one whose surroundings tell its noise.
 _NEIGHBOURS = 3
+
+
+class FirstOrder(NamedTuple):
+    """What a record does once a turn, as gravity makes it [rps]."""
+
+    coefficient: complex
+    sd: float  # noise in each of its parts
+    by_chance: float  # size that noise alone exceeds with the probability `CHANCE_OF_GRAVITY`
 
 
 @dataclass(frozen=True, eq=False)
 class TurnHarmonics:
     """The mean settled turn of a record: arrays of shape (harmonics,), without the first order and the motor's own."""
+
+    first: FirstOrder
 
     order: NDArray[np.int64]  # periods a turn
     coefficient: NDArray[
@@ -56,7 +71,8 @@ class TurnHarmonics:
 def turn_harmonics(recording: Recording) -> TurnHarmonics:
     """Average a record's settled turns in the frequency domain; refuse it where too short, coarse or still."""
     dt, period = recording.sample_s, recording.turn_period_s
-    phase, v = _without_transient(*drop_first_turn(recording), period)
+    whole = drop_first_turn(recording)
+    phase, v = _without_transient(*whole, period)
     turns = int((phase[-1] - phase[0]) + dt / period + 1e-6)
     if turns < 2 or period < 16 * dt:
         raise ValueError(
@@ -88,6 +104,7 @@ def turn_harmonics(recording: Recording) -> TurnHarmonics:
     noise = np.sqrt([np.nanmean(between[low:high]) for low, high in zip(first, end, strict=True)])
     quiet = bool(np.median(noise) < model)
     return TurnHarmonics(
+        first=_first_order(*whole, dt / period),
         order=order,
         coefficient=bins[turns * order] * np.exp(-2j * np.pi * order * phase[0]),
         sd=np.maximum(noise, model),
@@ -96,6 +113,17 @@ def turn_harmonics(recording: Recording) -> TurnHarmonics:
         is_quiet=quiet,
         lines=tuple(lines),
     )
+
+
+def _first_order(phase: FloatArray, v: FloatArray, step: float) -> FirstOrder:
+    turns = int(phase[-1] - phase[0] + step + 1e-6)
+    v = v[: int(turns / step + 0.5)]
+    bins, between = _spectrum(v - v.mean(), turns, 2, turns / step)
+    around = between[turns // 2 :]
+    freedom = 2 * np.count_nonzero(np.isfinite(around))
+    sd = np.sqrt(np.nanmean(around))
+    most = sd * np.sqrt(2 * fdtri(2, freedom, 1 - CHANCE_OF_GRAVITY))
+    return FirstOrder(bins[turns] * np.exp(-2j * np.pi * phase[0]), float(sd), float(most))
 
 
 def _without_transient(
@@ -151,13 +179,15 @@ def _clearest_sinusoid(
     order = np.arange(1, bins.size // turns)
     beside = np.abs(order - peak / turns) < 1.5  # not told from the line by the coefficients alone
     others = order[~beside]
-    rest = v - 2 * np.real(np.exp(1j * np.outer(phase, others)) @ bins[turns * others])
+    harmonics = np.zeros(order.size + 1, dtype=complex)
+    harmonics[others] = bins[turns * others]
+    rest = v - 2 * np.real(polyval(np.exp(1j * phase), harmonics))
     fixed = np.exp(1j * np.outer(phase, order[beside]))
     least, best = np.inf, None
     for tried in (peak + np.linspace(-0.9, 0.9, 19)) / turns:
         wave = np.exp(1j * tried * phase)
         basis = np.column_stack([wave.real, wave.imag, fixed.real, fixed.imag])
-        found, *_ = np.linalg.lstsq(basis, rest, rcond=None)
+        found = np.linalg.solve(basis.T @ basis, basis.T @ rest)
         misfit = float(((rest - basis @ found) ** 2).sum())
         if misfit < least:
             least, best = (

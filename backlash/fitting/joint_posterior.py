@@ -12,6 +12,7 @@ from backlash.fitting.turns import (
     COLUMNS,
     DELTA,
     GRAVITY,
+    RIPPLE,
     Movement,
     simulate_turns,
     turn_and_slopes,
@@ -131,12 +132,6 @@ def rows_of(z: FloatArray) -> FloatArray:
     return rows
 
 
-def ratios_of(z: FloatArray) -> dict[str, float]:
-    """Ratios of a joint with these unknowns."""
-    row = dict(zip(COLUMNS, rows_of(z[None])[0].tolist(), strict=True))
-    return _PRIOR_MEDIANS | {name: row[name] for name in RATIO_PRIOR}
-
-
 class Problem:
     """Whitened residuals of a record's harmonics and their slopes; searches of a joint also change what it asks."""
 
@@ -175,9 +170,9 @@ class Problem:
         row = rows_of(z[None])[0]
         whole = free == SIZE
         settled_rps = _SETTLED_RPS if whole else _NEARLY_RPS
-        turn = turn_and_slopes(
-            row, self.movement, self.error_order, self.differencing, whole, settled_rps
-        )
+        if not whole:
+            row[RIPPLE:] = 0
+        turn = turn_and_slopes(row, self.movement, self.error_order, self.differencing, settled_rps)
         self.lead = turn.turns_before
         by_unknown = np.where(_UNIT > 0, _UNIT, row[_COLUMN])[:, None] * turn.slopes[_COLUMN]
         parts = self._logged_parts(np.vstack([turn.motor_rps[None], by_unknown]), z)
@@ -203,7 +198,7 @@ class Problem:
     ) -> FloatArray:
         """Derivative of the residuals by pushes on the load, which follow from its speed; shape (pushes, residuals)."""
         row = rows_of(z[None])[0]
-        how = self.movement, self.error_order, self.differencing, True, _SETTLED_RPS
+        how = self.movement, self.error_order, self.differencing, _SETTLED_RPS
         load_speed = turn_and_slopes(row, *how).load_rad_per_s
         pushed = turn_and_slopes(row, *how, pushes(load_speed, row[GRAVITY], self.movement))
         data = self._whitened(self._logged(pushed.slopes[len(COLUMNS) :], z))

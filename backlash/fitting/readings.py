@@ -23,9 +23,12 @@ class Reading:
     ]  # 95 %, from the record's noise; for "paper" the spread of the searches
     amplitude_rps: float
     amplitude_interval_rps: tuple[float, float]
-    rmse_rps: float  # misfit of the signature, or of the waveform
     at_bound: tuple[str, ...] = ()  # what lies at a bound of its search
     shift_turns: float = 0.0  # for "waveform", the phase of the record against the bank
+
+
+_UNKNOWN = (np.nan, np.nan)
+NO_READING = Reading("torque", np.nan, _UNKNOWN, np.nan, _UNKNOWN)
 
 
 def protocol_for(recording: Recording) -> Protocol:
@@ -74,8 +77,8 @@ def read(
         float(amplitude.mean()),
         1.96 * float(amplitude.std(ddof=1)) if repeats > 1 else 0.0,
     )
-    interval, rmse = (max(mean - spread, 0.0), mean + spread), float(min(fit.rmse for fit in fits))
-    return Reading(method, mean, interval, mean, interval, rmse)
+    interval = max(mean - spread, 0.0), mean + spread
+    return Reading(method, mean, interval, mean, interval)
 
 
 def reading_of_fit(
@@ -90,7 +93,7 @@ def reading_of_fit(
     Where the bank `is_own`, of the record's joint, a low-pass is looked for too.
     """
     amplitude, interval = fit.amplitude_rps, fit.amplitude_interval_rps
-    found = Reading(method, amplitude, interval, amplitude, interval, fit.rmse, fit.at_bound)
+    found = Reading(method, amplitude, interval, amplitude, interval, fit.at_bound)
     if method == "energy":
         value, interval = _energy(recording, fit)
         return replace(found, value=value, interval=interval)
@@ -105,7 +108,6 @@ def reading_of_fit(
             found,
             value=best.delta_rad,
             interval=best.interval_rad,
-            rmse_rps=best.rmse_rps,
             at_bound=("backlash",) if best.at_end else (),
             shift_turns=best.shift_turns,
         )

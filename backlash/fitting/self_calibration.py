@@ -20,17 +20,16 @@ from backlash.fitting.joint_posterior import (
     SMOOTHING_INDEX,
     UNIT_RAD,
     Problem,
-    ratios_of,
     rows_of,
 )
 from backlash.fitting.joint_search import Peak, find_joint, find_peak
 from backlash.fitting.second_mass import SecondMass, WeightedPeak, with_second_mass
-from backlash.fitting.turns import Movement, simulate_turns
+from backlash.fitting.turns import FRICTION, Movement, joint_of, simulate_turns
 from backlash.fitting.waveform import delayed, low_passed
 from replication.arrays import FloatArray
 from replication.recording import Recording
 from replication.simulator.checks import closed_loop_matrix
-from replication.simulator.parameters import TURN, joint_from_ratios
+from replication.simulator.parameters import TURN
 
 # Noise in the ring's band over that above it, a low-pass taken out, beyond which there is no
 # answer.
@@ -67,6 +66,11 @@ _APART_SDS, _LEAST_GROUP = 3.0, 0.05
 # Low-passes that the noise is compared with, and what that may count: the drive's loops colour
 # noise too.
 _TIME_CONSTANTS_MS, _MOST_LOG_ODDS = (0.5, 0.8, 1.2, 1.8, 2.7, 4.0), 5.0
+# White noise says as much once in a thousand logs; a filter takes more of the impacts than the
+# joint's other unknowns leave it, and the backlash comes out too large.
+_LOW_PASSED = (
+    "the speed was low-passed (its noise rolls off): log it unfiltered, or calibrate on such logs"
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -131,6 +135,12 @@ def fit_joint(recording: Recording) -> SelfFit:
     if converged and peak.converged and np.isfinite(fit.misfit) and np.isfinite(sd):
         ring_noise_ratio = harmonics.ring_noise_ratio / _low_pass_gain(problem, harmonics, found)
         refusal = _refusal_reason(fit, peak, ring_noise_ratio, best.second)
+        if (
+            not refusal
+            and _low_pass_log_odds(harmonics, problem.movement.turn_period_s, RING_HZ[1])
+            >= _MOST_LOG_ODDS
+        ):
+            refusal = _LOW_PASSED
     ring, damping = _slowest_ring(peak.z, problem.movement)
     return SelfFit(
         delta_rad=delta,
@@ -282,7 +292,7 @@ def _refusal_reason(fit: _Goodness, peak: Peak, ring_noise_ratio: float, second:
     if residual_p < _IMPOSSIBLE_RESIDUAL:
         return f"no joint of the paper's kind makes this record (a residual like its one: p = {residual_p:.0e})"
     if second.chance < _IMPROBABLE_SECOND_MASS:
-        return f"something else swings on the load (near {second.ring_hz:.0f} Hz)"
+        return f"the joint rings a second time (near {second.ring_hz:.0f} Hz): two masses, or another drive"
     scatter = max(fit.chi2 / fit.freedom, 1.0)
     if (p := _prior_p(peak, scatter, _DRIVE)) < _IMPROBABLE_DRIVE:
         return f"the drive is not of the paper's kind (its inner workings stray from what is known: p = {p:.0e})"
@@ -291,11 +301,17 @@ def _refusal_reason(fit: _Goodness, peak: Peak, ring_noise_ratio: float, second:
     return ""
 
 
-def _low_pass_log_odds(harmonics: TurnHarmonics, turn_period_s: float) -> float:
-    """How much the noise speaks for a low-pass: its log-likelihood above that of white noise, up to a limit."""
-    if harmonics.is_quiet:
+def _low_pass_log_odds(
+    harmonics: TurnHarmonics, turn_period_s: float, above_hz: float = 0.0
+) -> float:
+    """How much the noise speaks for a low-pass: its log-likelihood above that of white noise, up to a limit.
+
+    Above the ring's band no joint colours it.
+    """
+    hz = harmonics.order / turn_period_s
+    power, hz = harmonics.sd[hz > above_hz] ** 2, hz[hz > above_hz]
+    if harmonics.is_quiet or not hz.size:
         return 0.0
-    power, hz = harmonics.sd**2, harmonics.order / turn_period_s
     shapes = 1 / (1 + (1e-3 * TURN * hz * np.array(_TIME_CONSTANTS_MS)[:, None]) ** 2)
     level = (power / shapes).mean(axis=1)
     gain = (harmonics.turns - 1) * np.log(power.mean() / (level[:, None] * shapes)).sum(axis=1)
@@ -362,8 +378,9 @@ def _worst_phase(problem: Problem, peak: Peak) -> float:
 
 def _slowest_ring(z: FloatArray, movement: Movement) -> tuple[float, float]:
     """Frequency [Hz] and damping ratio of the slowest oscillation in contact; NaN if there is none."""
-    ratios = ratios_of(z) | {"lead_s": 0.0}
-    joint = joint_from_ratios(ratios, gear_ratio=movement.gear_ratio, speed_by_differencing=True)
+    row = rows_of(z[None])[0]
+    row[FRICTION] = 0
+    joint = joint_of(row, movement, 0.0, 0, True)
     values = np.linalg.eigvals(closed_loop_matrix(joint)).astype(complex)
     modes = np.log(values[np.abs(values) > 0]) / joint.control_period_s
     # A slower oscillation than 2 Hz is the drive's.

@@ -21,7 +21,6 @@ from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve, toeplitz
 
 from backlash.fitting.harmonics import turn_harmonics
-from backlash.fitting.waveform import drop_first_turn
 from backlash.reading.refusals import UnusableLog
 from replication.arrays import FloatArray
 from replication.recording import Recording
@@ -71,6 +70,8 @@ class TorqueFit:
     sd_rad: float
     motor_inertia: float  # J_m, its unit the torque's over rad/s^2: compare it with the data sheet
     refusal_reason: str = ""  # why this is no answer; empty if it is one
+    # The mean torque, which holds all friction, is less than gravity's: it parts the teeth, if they can.
+    reverses: bool = True
 
 
 class _Turn(NamedTuple):
@@ -110,20 +111,13 @@ class _Solution(NamedTuple):
 def _harmonics(recording: Recording, count: int) -> tuple[NDArray[np.complex128], FloatArray]:
     """Coefficients and SDs; 0 where `turn_harmonics` leaves one out, but for the first."""
     found = turn_harmonics(recording)
-    phase, v = drop_first_turn(recording)
     order = found.order[found.order < count]
-    whole = (
-        phase
-        < phase[0]
-        + int(phase[-1] - phase[0] + recording.sample_s / recording.turn_period_s + 1e-6)
-        - 1e-9
-    )
     coefficient = np.zeros(count, dtype=complex)
     coefficient[order] = found.coefficient[: order.size]
-    coefficient[1] = np.mean((v[whole] - v[whole].mean()) * np.exp(-2j * np.pi * phase[whole]))
+    coefficient[1] = found.first.coefficient
     sd = np.zeros(count)
     sd[order] = found.sd[: order.size]
-    sd[1] = found.sd[0]
+    sd[1] = found.first.sd
     return coefficient, sd
 
 
@@ -234,7 +228,13 @@ def fit_torque(
     drawn = [_solve(*_draw(turn, load, rng), instruments, first).delta_rad for _ in range(_DRAWS)]
     deviation = float(np.hypot(np.std(drawn), _METHOD_ERROR * delta))
     interval = max(delta - NORMAL_95 * deviation, 0.0), max(delta + NORMAL_95 * deviation, 0.0)
-    reason = f"the torque tells {delta:.2g} rad with an SD of {deviation:.2g}, above {MOST_SD:.0%}"
+    reason = f"it tells {delta:.2g} rad, SD {deviation:.2g}, above {MOST_SD:.0%}; log more turns, or quieter"
+    mean, gravity = np.mean(torque), 2 * abs(turn.mean[1, 1])
     return TorqueFit(
-        delta, interval, deviation, inertia, "" if deviation <= MOST_SD * delta else reason
+        delta,
+        interval,
+        deviation,
+        inertia,
+        "" if deviation <= MOST_SD * delta else reason,
+        bool(mean < gravity),
     )

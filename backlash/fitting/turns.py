@@ -16,7 +16,8 @@ import numpy as np
 from replication.arrays import FloatArray
 from replication.compiled.cache import njit
 from replication.simulator import core
-from replication.simulator.parameters import TURN
+from replication.simulator.parameters import GRAVITY as GRAVITY_MS2
+from replication.simulator.parameters import TURN, Disturbance, JointParameters, joint_from_ratios
 
 # Columns of a joint's row: `JointParameters.ratios` between the first two and the last four.
 # Friction is over m g r, the ripple over m g r / N.
@@ -42,8 +43,7 @@ _SETTLING_S = 0.8
 # Of the control and of a Runge-Kutta step, a quarter of a radian of the fastest mode: 3e-5 rps RMS
 # off.
 _CONTROL_S = 5e-4
-DELAY_PERIODS = 1
-_ALPHA_PER_RAD = 1e6
+_DELAY_PERIODS = 1
 # Turns with slopes: the first two at most are the drive's; one that has not settled after the last
 # never does.
 _LEAST_TURNS, _MOST_TURNS = 3, 14
@@ -93,12 +93,11 @@ class _Memory(NamedTuple):
 
 
 class _Slopes(NamedTuple):
-    """Slopes of the state and of the drive's memory by the columns and pushes, in the last axis; and work space."""
+    """Slopes of the state and of the drive's memory by the columns and pushes, in the last axis."""
 
     state: FloatArray
     drive: FloatArray
     torques: FloatArray
-    before: FloatArray  # the state's, before a step that is taken back
     # What columns and pushes do to three rates at a step's start, middle and end.
     forced: FloatArray
 
@@ -114,99 +113,32 @@ class _Linear(NamedTuple):
     lag: float
 
 
-def constants(
-    row: FloatArray, movement: Movement, angle: float, waves: FloatArray | None = None
-) -> core.Constants:
-    """Constants of a joint, its load's inertia 1: half of the friction is Coulomb's, half viscous."""
+def joint_of(
+    row: FloatArray, movement: Movement, angle: float, order: float, differencing: bool
+) -> JointParameters:
+    """Joint of a row, its load's inertia 1: half of the friction is Coulomb's, half viscous."""
     value = dict(zip(COLUMNS, row.tolist(), strict=True))
-    n = movement.gear_ratio
-    omega = n * TURN / movement.turn_period_s
-    rubbing = 0.5 * value["friction"] * value["gravity_per_s2"]
-    return core.Constants(
+    n, period = movement
+    gravity = value["gravity_per_s2"]
+    rubbing = 0.5 * value["friction"] * gravity
+    waves: list[Disturbance] = []
+    for part, phase in (("sine", 0.0), ("cosine", TURN / 4)):
+        error, ripple = value[f"error_{part}_rad"], value[f"ripple_{part}"]
+        waves += [
+            Disturbance(order / n, transmission_error_rad=error, phase_rad=phase),
+            Disturbance(1.0, motor_torque_nm=ripple * gravity / n, phase_rad=phase),
+        ]
+    return joint_from_ratios(
+        {name: value[name] for name in COLUMNS[STIFFNESS:ERROR]}
+        | {"start_angle_rad": angle, "lead_s": 0.0},
         gear_ratio=n,
-        omega=omega,
-        start_angle=angle,
-        motor_inertia=1 / (n * n * value["inertia_ratio"]),
-        load_inertia=1.0,
-        ks=value["stiffness_per_s2"],
-        ds=0.0,
-        alpha=_ALPHA_PER_RAD,
-        delta=value["delta_rad"],
-        clamped=0.0,
-        gravity=value["gravity_per_s2"],
-        motor_viscous=0.0,
-        load_viscous=rubbing / (omega / n),
-        motor_coulomb=0.0,
-        load_coulomb=rubbing,
-        torque_lag=value["torque_lag_s"],
-        waves=waves,
-    )
-
-
-def drive(row: FloatArray, movement: Movement, period: float, differencing: bool) -> core.Drive:
-    """Drive of a joint, which differences its encoder, as real ones do, or not."""
-    value = dict(zip(COLUMNS, row.tolist(), strict=True))
-    jm = 1 / (movement.gear_ratio * movement.gear_ratio * value["inertia_ratio"])
-    return core.Drive(
-        position_gain=value["position_gain_per_s"],
-        speed_gain=value["speed_gain_per_s"] * jm,
-        integral_gain=value["integral_gain_per_s2"] * jm,
-        derivative_gain=value["derivative_gain"] * jm,
-        leaky_gain=value["leaky_gain_per_s2"] * jm,
-        leaky_rate=value["leaky_rate_per_s"],
-        period=period,
-        torque_limit=math.inf,
-        resolution=0.0,
-        differencing=float(differencing),
-    )
-
-
-def _start(joint: _Joint) -> tuple[tuple[float, ...], int]:
-    """State and region in balance, as `core.start_state`."""
-    c = joint.constants
-    torque = c.gravity * math.sin(c.start_angle) + float(joint.row[FRICTION]) * c.gravity
-    side = -1.0 if torque < 0 else 1.0
-    return (
-        0.0,
-        0.0,
-        -(side * c.delta + torque / c.ks),
-        0.0,
-        torque / c.gear_ratio,
-    ), 3 if side > 0 else 0
-
-
-def _waves_of(row: FloatArray, movement: Movement, order: float, with_ripple: bool) -> FloatArray:
-    """Disturbances of a joint as `core.disturbance` takes them, a row each."""
-    waves = []
-    for part, phase in enumerate((0.0, TURN / 4)):
-        if order > 0:
-            speed = order * TURN / movement.turn_period_s
-            error = row[ERROR + part]
-            waves.append((order / movement.gear_ratio, 0.0, -error * (speed * speed), error, phase))
-    for part, phase in enumerate((0.0, TURN / 4)):
-        if with_ripple:
-            waves.append(
-                (1.0, row[RIPPLE + part] * row[GRAVITY] / movement.gear_ratio, 0.0, 0.0, phase)
-            )
-    return np.array(waves).reshape(-1, 5)
-
-
-def _joint_of(
-    row: FloatArray,
-    movement: Movement,
-    angle: float,
-    order: float,
-    differencing: bool,
-    with_ripple: bool,
-) -> _Joint:
-    """A joint as the compiled functions take it."""
-    waves = _waves_of(row, movement, order, with_ripple)
-    period = movement.turn_period_s / movement.periods
-    return _Joint(
-        row,
-        constants(row, movement, angle, waves),
-        drive(row, movement, period, differencing),
-        float(order),
+        load_mass_kg=(gravity / GRAVITY_MS2) ** 2,
+        commanded_speed_rps=n / period,
+        control_period_s=period / movement.periods,
+        load_viscous_nms_per_rad=rubbing * period / TURN,
+        load_coulomb_nm=rubbing,
+        speed_by_differencing=differencing,
+        disturbances=tuple(waves),
     )
 
 
@@ -234,41 +166,16 @@ def simulate_turns(
     gap = np.empty(steps + 1, dtype=np.int64)
     events = np.empty((0, 2))
     out = np.full((len(rows), periods), np.nan)
-    for row, turn in zip(np.ascontiguousarray(rows, dtype=float), out, strict=True):
-        joint = _joint_of(
-            row, movement, -TURN * before / periods, order, differencing, bool(row[RIPPLE:].any())
-        )
-        c, d = joint.constants, joint.drive
-        y, region = _start(joint)
+    for row, turn in zip(rows, out, strict=True):
+        joint = joint_of(row, movement, -TURN * before / periods, order, differencing)
+        c, d = core.constants_of(joint, row[DELTA]), core.drive_of(joint)
+        y, region = core.start_state(joint, row[DELTA])
         status, _ = core.run(
-            y, region, steps, d.period, 0, 1, 1, DELAY_PERIODS, c, d, record, gap, events
+            y, region, steps, d.period, 0, 1, 1, _DELAY_PERIODS, c, d, record, gap, events
         )
         if status < 0:
             turn[:] = record[before:steps, 1] / TURN
     return out
-
-
-def _start_slopes(joint: _Joint, width: int) -> _Slopes:
-    """Slopes of `_start`, and of a drive at rest in balance."""
-    c = joint.constants
-    by_gravity = math.sin(c.start_angle) + joint.row[FRICTION]
-    torque = c.gravity * by_gravity
-    state = np.zeros((5, width))
-    state[2, DELTA] = 1.0 if torque < 0 else -1.0
-    state[2, STIFFNESS] = torque / (c.ks * c.ks)
-    state[2, GRAVITY] = -by_gravity / c.ks
-    state[2, FRICTION] = -c.gravity / c.ks
-    state[4, GRAVITY] = by_gravity / c.gear_ratio
-    state[4, FRICTION] = c.gravity / c.gear_ratio
-    drive = np.zeros((4, width))
-    drive[0] = state[4]
-    return _Slopes(
-        state,
-        drive,
-        np.tile(state[4], (DELAY_PERIODS + 1, 1)),
-        np.empty((5, width)),
-        np.zeros((3, 3, width)),
-    )
 
 
 @njit(inner=True)
@@ -310,19 +217,24 @@ def _rates(x, command, line, forced, at, p):
 
 
 @njit(inner=True)
-def _step(t, y, h, command, region, joint, slopes, dcommand):
-    """One Runge-Kutta step of the state and its slopes, those in place."""
-    c = joint.constants
-    forced = slopes.forced
+def _step(t, y, h, command, region, joint, forced):
+    """One Runge-Kutta step of the state; what is forced on its slopes goes into `forced`."""
     k = (0.0, 0.0, 0.0, 0.0, 0.0)
     after = y
     for stage in range(4):
         shift = h * _SHIFTS[stage]
         here = core.along(y, shift, k)
-        k = core.derivative(t + shift, here, command, region, c)
+        k = core.derivative(t + shift, here, command, region, joint.constants)
         after = core.along(after, h / _PARTS[stage], k)
         if stage != 1:  # of the two in the middle the second is better
             _force(t + shift, here, k, region, joint, forced[_FORCED_AT[stage]])
+    return after
+
+
+@njit(inner=True)
+def _step_slopes(t, h, region, joint, slopes, dcommand):
+    """The same step of the slopes, in place."""
+    c = joint.constants
     line = _Linear(
         ks=c.ks if region == 0 or region == 3 else 0.0,
         per_turn=1 / c.gear_ratio,
@@ -338,11 +250,10 @@ def _step(t, y, h, command, region, joint, slopes, dcommand):
         then = x
         for stage in range(4):
             here = core.along(x, h * _SHIFTS[stage], k)
-            k = _rates(here, dcommand[p], line, forced, _FORCED_AT[stage], p)
+            k = _rates(here, dcommand[p], line, slopes.forced, _FORCED_AT[stage], p)
             then = core.along(then, h / _PARTS[stage], k)
         for i in range(5):
             dy[i, p] = then[i]
-    return after
 
 
 @njit(inner=True)
@@ -399,45 +310,29 @@ def _control_slopes(y, count, joint, memory, slopes):
 
 
 @njit(inner=True)
-def _copy(source, target):
-    for k in range(source.shape[0]):
-        for p in range(source.shape[1]):
-            target[k, p] = source[k, p]
-
-
-@njit(inner=True)
 def _advance(y, region, count, joint, memory, slopes):
     """One control period of the state and its slopes, those in place; returns state and region."""
-    c, d = joint.constants, joint.drive
-    t = count * d.period
-    left = d.period
+    c = joint.constants
+    t = count * joint.drive.period
+    left = joint.drive.period
     dcommand = _control_slopes(y, count, joint, memory, slopes)
-    command = core.control(t, y, memory.drive, memory.torques, count, d, c)
+    command = core.control(t, y, memory.drive, memory.torques, count, joint.drive, c)
     edges = (-np.inf, -c.delta, 0.0, c.delta, np.inf)
     end = y
-    h = left
-    crossing = 0
-    for _ in range(32):
-        _copy(slopes.state, slopes.before)
-        reached = _step(t, y, h, command, region, joint, slopes, dcommand)
-        if crossing != 0:
-            y = reached
-            region += crossing
-            t += h
-            left -= h
-            h = left
-            crossing = 0
-            continue
-        end = reached
+    for _ in range(16):
+        end = _step(t, y, left, command, region, joint, slopes.forced)
         x = end[0] / c.gear_ratio - end[2]
         up = x > edges[region + 1]
         if not up and x >= edges[region]:
             break
-        _copy(slopes.before, slopes.state)
-        crossing = 1 if up else -1
-        h, _ = core.locate(
-            t, y, left, end, edges[region + 1] if up else edges[region], command, region, c
-        )
+        edge = edges[region + 1] if up else edges[region]
+        h, _ = core.locate(t, y, left, end, edge, command, region, c)
+        y = _step(t, y, h, command, region, joint, slopes.forced)
+        _step_slopes(t, h, region, joint, slopes, dcommand)
+        region += 1 if up else -1
+        t += h
+        left -= h
+    _step_slopes(t, left, region, joint, slopes, dcommand)
     return end, region
 
 
@@ -482,7 +377,6 @@ def turn_and_slopes(
     movement: Movement,
     order: float,
     differencing: bool,
-    with_ripple: bool,
     settled_rps: float,
     pushes: FloatArray | None = None,
 ) -> TurnWithSlopes:
@@ -493,18 +387,22 @@ def turn_and_slopes(
     the torque's lag must not be 0.
     """
     periods = movement.periods
-    pushes = np.empty((0, periods)) if pushes is None else np.ascontiguousarray(pushes, dtype=float)
+    pushes = np.empty((0, periods)) if pushes is None else pushes
+    joint = joint_of(row, movement, 0.0, order, differencing)
+    compiled = _Joint(row, core.constants_of(joint, row[DELTA]), core.drive_of(joint), float(order))
+    start = core.start_state(joint, row[DELTA])
+    torque = start[0][4]
+    memory = _Memory(np.array([torque, 0.0, 0.0, 0.0]), np.full(_DELAY_PERIODS + 1, torque))
     width = _WIDTH + len(pushes)
-    joint = _joint_of(
-        np.ascontiguousarray(row, dtype=float), movement, 0.0, order, differencing, with_ripple
+    slopes = _Slopes(
+        np.zeros((5, width)),
+        np.zeros((4, width)),
+        np.zeros((_DELAY_PERIODS + 1, width)),
+        np.zeros((3, 3, width)),
     )
-    start = _start(joint)
-    y, _ = start
-    memory = _Memory(np.array([y[4], 0.0, 0.0, y[0]]), np.full(DELAY_PERIODS + 1, y[4]))
-    slopes = _start_slopes(joint, width)
     least = min(_LEAST_TURNS, math.ceil(_SETTLING_S / movement.turn_period_s) + 1)
     out = TurnWithSlopes(np.zeros(periods), np.zeros(periods), np.zeros((width, periods)), 0)
-    turns_before, is_turn = _run(joint, start, memory, slopes, pushes, least, settled_rps, out)
+    turns_before, is_turn = _run(compiled, start, memory, slopes, pushes, least, settled_rps, out)
     if not is_turn:
         for part in out[:3]:
             part[:] = np.nan

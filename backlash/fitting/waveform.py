@@ -3,7 +3,6 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import NamedTuple
 
 import numpy as np
 from numpy.polynomial import chebyshev
@@ -73,17 +72,13 @@ class WaveformBank:
         """From the first to the last backlash [rad]."""
         return float(self.delta_rad[-1] - self.delta_rad[0])
 
-    def at(self, delta_rad: float, derivative: int = 0, low_pass: float = 0.0) -> CubicSpline:
-        """Waveform [rps] at a backlash, or its derivative by that, as a periodic spline of the phase in turns.
+    def at(self, delta_rad: float, low_pass: float = 0.0) -> CubicSpline:
+        """Waveform [rps] at a backlash, as a periodic spline of the phase in turns.
 
         `low_pass` is the square of its time constant [turns^2].
         """
-        coefficients = chebyshev.chebder(self._coefficients, derivative)
-        values = chebyshev.chebval(self._position(delta_rad), coefficients)
-        return periodic(
-            (2 / self.span_rad) ** derivative
-            * low_passed(np.asarray(values, dtype=float), low_pass)
-        )
+        values = chebyshev.chebval(self._position(delta_rad), self._coefficients)
+        return periodic(low_passed(np.asarray(values, dtype=float), low_pass))
 
     def without(self, level: int) -> "WaveformBank":
         """Return the bank without one of its levels, by position."""
@@ -201,32 +196,22 @@ def match(recording: Recording, bank: WaveformBank, low_pass: bool = False) -> W
         gain = 2 * (plain.cost - best.cost) - turns.size * bank.noise_rps2
         if gain > _LEAST_GAIN * 2 * best.cost / turns.size:
             found = best
-    slopes = _slopes(found.x, turns, bank)
     variance = (
         2
         * found.cost
         / max(turns.size - 1 - found.x.size, 1)
-        * np.linalg.pinv(slopes.T @ slopes)[0, 0]
+        * np.linalg.pinv(found.jac.T @ found.jac)[0, 0]
     )
     delta = bank.delta_rad[0] + bank.span_rad * found.x[0]
     half_width = 1.96 * bank.span_rad * np.sqrt(variance)
-    filtered = _Unknowns(*found.x).low_pass
     return WaveformMatch(
         delta_rad=float(delta),
         interval_rad=(float(delta - half_width), float(delta + half_width)),
         shift_turns=float(found.x[1] % 1.0),
         rmse_rps=float(np.sqrt(2 * found.cost / turns.size)),
         at_end=bool(min(found.x[0], 1 - found.x[0]) < 1e-6),
-        low_pass_s=float(recording.turn_period_s * np.sqrt(filtered)),
+        low_pass_s=float(recording.turn_period_s * np.sqrt(found.x[2:].sum())),
     )
-
-
-class _Unknowns(NamedTuple):
-    """Place in the bank from 0 to 1, phase [turns], and a low-pass as `WaveformBank.at` takes it."""
-
-    place: float
-    shift: float
-    low_pass: float = 0.0  # unless it is free
 
 
 def _match_from(recording: Recording, bank: WaveformBank, low_pass: float) -> OptimizeResult:
@@ -235,7 +220,7 @@ def _match_from(recording: Recording, bank: WaveformBank, low_pass: float) -> Op
     phases = min(max(samples_a_turn(recording), 16), bank.waveform_rps.shape[1])
     grid = np.linspace(0.0, 1.0, phases, endpoint=False)
     fine = np.linspace(bank.delta_rad[0], bank.delta_rad[-1], 4 * bank.delta_rad.size)
-    candidates = np.array([bank.at(delta, 0, low_pass)(grid) for delta in fine])
+    candidates = np.array([bank.at(delta, low_pass)(grid) for delta in fine])
     row, shift = _best_shift(candidates, mean_turn(recording, phases))
     place = np.clip((fine[row] - bank.delta_rad[0]) / bank.span_rad, 1e-9, 1 - 1e-9)
     start, least, most, scale = [place, shift], [0.0, -1.0], [1.0, 2.0], [1.0, 0.1]
@@ -247,29 +232,11 @@ def _match_from(recording: Recording, bank: WaveformBank, low_pass: float) -> Op
     centred = v - v.mean()
 
     def residual(x: FloatArray) -> FloatArray:
-        at = _Unknowns(*x)
-        wave = bank.at(bank.delta_rad[0] + bank.span_rad * at.place, 0, at.low_pass)(
-            (turns - at.shift) % 1.0
-        )
+        place, shift, *filtered = x
+        delta = bank.delta_rad[0] + bank.span_rad * place
+        wave = bank.at(delta, *filtered)((turns - shift) % 1.0)
         return wave - wave.mean() - centred
 
-    def slopes(x: FloatArray) -> FloatArray:
-        return _slopes(x, turns, bank)
-
     return least_squares(
-        residual, start, jac=slopes, bounds=(least, most), x_scale=scale, xtol=1e-12
+        residual, start, jac="3-point", bounds=(least, most), x_scale=scale, xtol=1e-12
     )
-
-
-def _slopes(x: FloatArray, turns: FloatArray, bank: WaveformBank) -> FloatArray:
-    """Derivatives of the model's turns by place, phase and, where free, low-pass; shape (samples, unknowns)."""
-    at = _Unknowns(*x)
-    delta = bank.delta_rad[0] + bank.span_rad * at.place
-    phase = (turns - at.shift) % 1.0
-    wave = bank.at(delta, 0, at.low_pass)
-    slopes = [bank.span_rad * bank.at(delta, 1, at.low_pass)(phase), -wave(phase, 1)]
-    if x.size == len(at):
-        step = 1e-3 * at.low_pass + 1e-9
-        slopes.append((bank.at(delta, 0, at.low_pass + step)(phase) - wave(phase)) / step)
-    columns = np.stack(slopes, axis=1)
-    return columns - columns.mean(axis=0)

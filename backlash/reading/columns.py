@@ -4,7 +4,8 @@ import json
 import re
 import unicodedata
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
+from numbers import Real
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +13,6 @@ import pandas as pd
 
 from backlash.reading import UNITS
 from backlash.reading.refusals import UnusableLog
-from backlash.reading.tables import MOST_COLUMNS
 from replication.arrays import FloatArray
 
 PER_TURN = {
@@ -53,7 +53,7 @@ _POSITIVE = {
     "turn_period_s": "--turn-period",
     "gear_ratio": "--gear-ratio",
 }
-# What loggers call columns; "signal" and "value" are those of a long table.
+# What loggers call columns.
 _NAMES = json.loads(
     Path(__file__).parents[1].joinpath("data", "column_names.json").read_text("utf-8")
 )
@@ -71,23 +71,24 @@ class LogFormat:
     position: str | None = None  # of the motor, instead of its speed
     # Of the speed, one of `UNITS`; of a position the turns, radians or counts that go with it.
     unit: str | None = None
+    time_unit: str | None = None  # of the time stamps, as s or ms
     counts_per_turn: float | None = None  # of the encoder, in a motor turn
     commanded_speed_rps: float | None = None  # of the motor
     turn_period_s: float | None = None  # of the load
     trust_period: bool = False  # whether the turn is taken as it is given
     gear_ratio: float | None = None  # motor turns in a load turn
+    start_s: float | None = None  # of the part to use, from the log's first sample on
+    end_s: float | None = None
+    torque: str | None = None  # of the motor, in any unit
     # Of the calibration's logs; only a guessed unit is judged by it.
     usual_speed_rps: float | None = None
-    start_s: float | None = None  # of the part to use, from the log's first sample on
-    torque: str | None = None  # of the motor, in any unit
-    end_s: float | None = None
 
     def __post_init__(self):
         """Refuse what no log could be read with, in one line."""
         for name, option in _POSITIVE.items():
             value = getattr(self, name)
-            if value is not None and not (np.isfinite(value) and value > 0):
-                raise UnusableLog(f"{option} {value:g}: give a finite number above 0")
+            if value is not None and not (isinstance(value, Real) and 0 < float(value) < np.inf):
+                raise UnusableLog(f"{option} {value!r}: give a finite number above 0")
         if self.turn_period_s is None and self.gear_ratio is None:
             raise UnusableLog(
                 "the load's turn is not known: give --turn-period (in s) or --gear-ratio"
@@ -113,6 +114,10 @@ class LogFormat:
         return self.turn_period_s or (self.gear_ratio or np.nan) / speed_rps
 
 
+# What the user may say, by its name; the last field is the calibration's.
+SAID = [field.name for field in fields(LogFormat)][:-1]
+
+
 def _known_unit(text: str) -> str:
     """A unit's one name, from any of its spellings; "" if it is none."""
     text = unicodedata.normalize("NFKC", text.strip()).lower()
@@ -127,9 +132,9 @@ def _plain(column: str) -> tuple[str, str]:
         .strip(" _%")
         .lower()
     )
-    bracketed = re.fullmatch(r"(.*?)[\s_]*[\[(<](.*)[\])>]", text)
-    if bracketed:
-        return bracketed[1], _known_unit(bracketed[2]) or bracketed[2].strip()
+    bracketed = re.fullmatch(r"(.*?)[\s_]*[\[(<](.*?)[\])>](.*)", text)
+    if bracketed and (not bracketed[3] or _known_unit(bracketed[2])):
+        return bracketed[1] + bracketed[3], _known_unit(bracketed[2]) or bracketed[2].strip()
     for gap in re.finditer(r"[\s_]+", text):
         if unit := _known_unit(text[gap.end() :]):
             return text[: gap.start()].replace("_", " "), unit
@@ -142,6 +147,7 @@ def _listed(columns: Sequence[str]) -> str:
 
 def given_column(columns: Sequence[str], given: str) -> str:
     """Find a column by its name, or by its number from 1."""
+    given = str(given)
     if given in columns:
         return given
     same = [column for column in columns if column.lower() == given.lower()]
@@ -197,20 +203,8 @@ def choose_columns(table: pd.DataFrame, form: LogFormat) -> tuple[str, str, bool
     return time, signal, speed is None
 
 
-def tidy(table: pd.DataFrame, form: LogFormat) -> pd.DataFrame:
-    """A table with a column for each signal, and one for a stamp that comes in seconds and nanoseconds."""
-    plain = {_plain(column)[0]: column for column in table.columns}
-    signals, values = (
-        [plain[name] for name in _NAMES[what] if name in plain] for what in ("signal", "value")
-    )
-    if len(signals) == len(values) == 1 and table[signals[0]].nunique() <= MOST_COLUMNS:
-        signal, value = signals[0], values[0]
-        rest = [column for column in table.columns if column not in (signal, value)]
-        if time := form.time or _column_like(rest, "time"):
-            index = given_column(rest, time)
-            table = table.pivot_table(
-                values=value, index=index, columns=signal, aggfunc="first"
-            ).reset_index()
+def with_whole_stamps(table: pd.DataFrame) -> pd.DataFrame:
+    """A table with one column for a stamp that comes in seconds and nanoseconds."""
     for nano in [column for column in table.columns if re.search(r"stamp\Wn(ano)?secs?$", column)]:
         whole = re.sub("n(ano)?sec", "sec", nano)
         if whole in table:
@@ -237,9 +231,13 @@ def numbers(table: pd.DataFrame, column: str) -> FloatArray:
     return found
 
 
-def seconds(table: pd.DataFrame, column: str) -> tuple[FloatArray, tuple[str, ...]]:
+def seconds(
+    table: pd.DataFrame, column: str, given_unit: str | None = None
+) -> tuple[FloatArray, tuple[str, ...]]:
     """Time stamps [s] from the first one on, from date-times too, and a note on their unit."""
     values = table[column]
+    if pd.api.types.is_timedelta64_dtype(values):
+        return (values - values.iloc[0]).dt.total_seconds().to_numpy(dtype=float), ()
     if not pd.api.types.is_numeric_dtype(values):
         text = (
             values.astype(str)
@@ -253,7 +251,7 @@ def seconds(table: pd.DataFrame, column: str) -> tuple[FloatArray, tuple[str, ..
                 row = table.index[np.flatnonzero(dates.isna())[0]]
                 raise UnusableLog(f"{column} is no date-time; mend or cut the log there", row)
             return (dates - dates.iloc[0]).dt.total_seconds().to_numpy(dtype=float), ()
-    stamps, unit = numbers(table, column), _plain(column)[1]
+    stamps, unit = numbers(table, column), given_unit or _plain(column)[1]
     if unit and unit not in _SECONDS:
         raise UnusableLog(
             f"the unit {unit!r} of {column!r} is not known; there are {', '.join(_SECONDS)}"

@@ -17,8 +17,8 @@ from backlash.reading.columns import (
     given_column,
     numbers,
     seconds,
-    tidy,
     unit_of,
+    with_whole_stamps,
 )
 from backlash.reading.refusals import CannotTell, UnusableLog
 from backlash.reading.sources import Source, Table, read_source
@@ -53,18 +53,6 @@ class Log(Source):
     notes: tuple[str, ...] = ()
     form: LogFormat
     torque: FloatArray | None = None  # of the motor at the recording's samples, in the log's unit
-
-    def to_dict(self) -> dict[str, object]:
-        """What was read, ready for JSON; the samples themselves are in `recording`."""
-        return {
-            "file": self.file,
-            "samples": self.recording.t.size,
-            "sample_s": self.recording.sample_s,
-            "mean_speed_rps": float(self.recording.v.mean()),
-            "turn_period_s": self.recording.turn_period_s,
-            "notes": list(self.notes),
-            "sha256": self.sha256,
-        }
 
 
 @dataclass(frozen=True)
@@ -110,7 +98,7 @@ def prepare(table: Table, form: LogFormat) -> Log:
 
 
 def _prepare(table: Table, form: LogFormat) -> Log:
-    frame = tidy(table.frame, form)
+    frame = with_whole_stamps(table.frame)
     if form.torque:
         form = replace(form, torque=given_column(list(frame.columns), form.torque))
     time, column, is_position = choose_columns(frame, form)
@@ -141,7 +129,7 @@ def _read_samples(table: pd.DataFrame, time: str, column: str, form: LogFormat) 
     """The signal of a table, in its own unit, at its time stamps."""
     missing = table[[time, column]].isna().any(axis=1)
     table = table[~missing]
-    t, notes = seconds(table, time)
+    t, notes = seconds(table, time, form.time_unit)
     if missing.any():
         notes += (f"left out {missing.sum()} rows without {time} or {column}",)
     kept = (t >= (form.start_s or 0.0)) & (t <= (np.inf if form.end_s is None else form.end_s))
@@ -227,9 +215,7 @@ def _sampling_period(samples: _Samples) -> float:
     if rate < _LEAST_RATE_HZ:
         needed = f"{_LEAST_RATE_HZ:g} Hz at least, {_GOOD_RATE_HZ:.0f} Hz to be measured well"
         what = f"sampled at {rate:.3g} Hz; the {_RING_HZ:g} Hz oscillation after an impact needs {needed}"
-        raise UnusableLog(
-            f"{what} (are the time stamps in s? if not, name the column like 'time [ms]')"
-        )
+        raise UnusableLog(f"{what} (are the time stamps in s? if not, give --time-unit)")
     return dt
 
 
@@ -435,7 +421,7 @@ def _check_speed(level: float, form: LogFormat) -> None:
     if expected is None or abs(level / expected - 1) < _SPEED_TOLERANCE:
         return
     unit = form.unit or "rps"
-    for other in UNITS[:3] if unit in PER_TURN else ():
+    for other in UNITS[:-1] if unit in PER_TURN else ():
         if other != unit and abs(level / expected * PER_TURN[unit] / PER_TURN[other] - 1) < 0.05:
             hint = f"is the speed in {other}? then give --unit {other}"
             raise UnusableLog(f"the speed is {level:.4g} rps, {expected:.4g} rps {why}; {hint}")

@@ -53,14 +53,14 @@ def read_source(
         return Table(file=name, frame=frame)
     names = [form.time or "time", form.position or form.speed or "speed", form.torque]
     arrays = {
-        column: np.asarray(each)
+        column: np.asanyarray(each)
         for column, each in zip(names, (source, v, torque), strict=True)
         if column
     }
     shapes = [each.shape for each in arrays.values()]
     if len(shapes[0]) != 1 or len(set(shapes)) > 1:
         raise UnusableLog(
-            f"arrays of shapes {' and '.join(map(str, shapes))}; give time and speed, of one length"
+            f"arrays of shapes {' and '.join(map(str, shapes))}; give time and speed of one length, or a pandas table"
         )
     return Table(file=name, frame=pd.DataFrame(arrays))
 

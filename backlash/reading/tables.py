@@ -25,7 +25,7 @@ MOST_ROWS = 2_000_000
 MOST_BYTES = 64 * 2**20
 MOST_COLUMNS = 64
 # What a workbook of that size may unpack to; its XML takes some 100 bytes a cell.
-MOST_UNPACKED_BYTES = 512 * 2**20
+MOST_UNPACKED_BYTES = 128 * 2**20
 MOST_ZIP_MEMBERS = 1000
 _LONGEST_LINE = 2**16
 _CUT = "cut it to the test movement, a minute at most"

@@ -323,6 +323,7 @@ by_reason = refused["reason"].value_counts()
 of_sheet = datasheet.set_index("population")
 every, others = of_sheet.loc["all by speed"], of_sheet.loc["other drives"]
 answered = own["population"].value_counts()
+answered_others = others["logs"] * others["answered"]
 workbook.export(
     supplement={
         "population": (
@@ -345,8 +346,8 @@ workbook.export(
         "sensor_logs": (every["logs"], ".0f"),
         "sensor_answered": (100 * every["answered"], ".0f"),
         "sensor_covered": (100 * every["covered"], ".0f"),
-        "other_answered": (100 * others["answered"], ".0f"),
-        "other_covered": (100 * others["covered"], ".0f"),
+        "other_answered": f"{answered_others:.0f} of {others['logs']}",
+        "other_covered": f"{answered_others * others['covered']:.0f} of {answered_others:.0f}",
     },
     figures={
         "self_log": (

@@ -14,7 +14,6 @@ from backlash.fitting.second_mass import WeightedPeak, pushes
 from backlash.fitting.self_calibration import fit_joint, separate_peaks, widening_factor
 from backlash.fitting.shared_joint import share_joint
 from backlash.fitting.turns import COLUMNS, Movement, simulate_turns
-from backlash.fitting.waveform import low_passed
 from replication.recording import Recording
 from replication.simulator.parameters import identified_joint
 from replication.simulator.recordings import simulate_recordings
@@ -55,12 +54,6 @@ def test_a_settled_turn_is_that_of_the_simulated_joint(delta_rad):
     run = simulate(joint, delta_rad, duration_s=0.4, sample_s=5e-4, step_s=5e-5)
     turn = simulate_turns(rows(joint, delta_rad), Movement(40.0, 0.4))[0]
     assert np.abs(turn - (run.motor_speed_rps[:-1] - 100)).max() < 2e-3
-
-
-def test_a_joint_that_runs_away_has_no_turn():
-    wild = rows(identified_joint(), 1e-3)
-    wild[0, COLUMNS.index("integral_gain_per_s2")] *= 1e3
-    assert np.isnan(simulate_turns(wild, Movement(40.0, 0.4))).all()
 
 
 def test_white_noise_is_found_with_its_size_in_every_harmonic():
@@ -242,16 +235,14 @@ def test_a_turn_of_almost_three_seconds_is_fitted():
 
 
 @pytest.mark.parametrize("edge_hz", [200, 100, 40])
-def test_a_low_passed_speed_keeps_the_backlash_in_its_interval(edge_hz):
+def test_a_low_passed_speed_is_refused_by_its_noise(edge_hz):
     log = bench_log()[1]
     filtered = log.v - log.v.mean()
     pole = np.exp(-2 * np.pi * edge_hz * log.sample_s)
     for k in range(1, filtered.size):
         filtered[k] = (1 - pole) * filtered[k] + pole * filtered[k - 1]
     found = fit_joint(replace(log, v=filtered + log.v.mean()))
-    assert found.refusal_reason == ""
-    assert found.interval_rad[0] <= 9e-4 <= found.interval_rad[1]
-    assert low_passed(found.turn_rps, 1.0).std() < found.turn_rps.std()
+    assert "low-passed" in found.refusal_reason
 
 
 def test_a_joint_far_from_what_is_known_is_no_answer():

@@ -103,15 +103,3 @@ def test_a_stamp_in_seconds_and_nanoseconds_is_read_as_one(names):
 def test_of_a_robots_joints_the_user_is_asked_for_one():
     frame = pd.DataFrame({"__time": noisy().t, "dq[0]": noisy().v, "dq[1]": -noisy().v})
     assert "which column is the speed: 'dq[0]', 'dq[1]'? give --speed" in refusal(frame)
-
-
-@pytest.mark.parametrize("more", ["", ",NaN"])
-def test_a_long_table_is_turned(more, tmp_path):
-    path = tmp_path / "log.csv"
-    row = f"{{t:.4f}},temperature,20{more}\n{{t:.4f}},speed [rps],{{v}}{more}"
-    path.write_text(text("time,signal,value" + (",quality" if more else ""), row), encoding="utf-8")
-    assert_is_plain(read(path))
-    path.write_text(
-        "signal,value,v\n" + "\n".join(f"speed,{v},{v}" for v in noisy().v), encoding="utf-8"
-    )
-    assert "no column of time among 'signal', 'value', 'v'; give --time" in refusal(path)

@@ -106,7 +106,6 @@ ANSWERED = {
         "17,03,2024", "17.03.2024"
     ),
     "dates with a zone": text("time,speed", "2024-03-17T12:00:0{t:.3f}Z,{v:.5f}"),
-    "a long table": text("time,name,value", "{t:.4f},load,20\n{t:.4f},speed [rps],{v:.5f}"),
     "names of ROS": text("header.stamp.sec,header.stamp.nanosec,velocity[0]", "1710000000,{ns},{v:.5f}"),
     "two rows where one stamp is repeated at the start": line(2, f"{noisy().t[1]:.6f},100.0"),
 }  # fmt: skip

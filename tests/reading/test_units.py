@@ -35,7 +35,7 @@ SPELLINGS = {
     ],
     "deg/s": ["speed_deg_s", "speed [deg/s]", "speed [°/s]", "speed_deg_per_sec"],
 }
-SPELLINGS["rpm"] += ["speed [rev/min]"]
+SPELLINGS["rpm"] += ["speed [rev/min]", "Drehzahl [1/min] für Achse 5 °"]
 SPELLINGS["rad/s"] += ["speed [rad/s]", "motorSpeedRadPerSec", "speed [rad/s] (2)"]
 
 

@@ -26,7 +26,7 @@ def records():
 
 
 def reading(method, value, half_width=0.0):
-    return Reading(method, value, (value - half_width, value + half_width), 1.0, (0.9, 1.1), 0.1)
+    return Reading(method, value, (value - half_width, value + half_width), 1.0, (0.9, 1.1))
 
 
 @pytest.mark.parametrize("method", ["amplitude", "energy", "waveform", "impact"])

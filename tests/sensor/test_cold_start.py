@@ -26,7 +26,8 @@ def test_a_command_imports_nothing_that_it_does_not_use(code, kept_out):
 
 def test_the_public_names_are_these_and_each_is_there():
     assert sorted(backlash.__all__) == [
-        "Calibration", "Estimate", "Log", "Trend", "UnusableLog", "calibrate", "estimate", "read_log", "trend"
+        "Calibration", "Estimate", "Log", "Trend", "UnusableLog", "calibrate", "estimate", "estimate_many",
+        "read_log", "trend", "trend_many",
     ]  # fmt: skip
     assert all(getattr(backlash, name).__doc__ for name in backlash.__all__)
 

@@ -7,7 +7,7 @@ import pytest
 
 import backlash
 from backlash import interface
-from tests.logs import noisy, silent, table, write
+from tests.logs import noisy, table, write
 
 KNOWN_RAD = np.linspace(4e-4, 16e-4, 7).tolist()
 
@@ -38,6 +38,7 @@ def test_arrays_a_table_a_file_and_a_log_that_was_read_have_one_answer(tmp_path)
         (path,),
         (str(path),),
         (frame["time [s]"], frame["speed [rps]"]),
+        (frame.assign(**{"time [s]": pd.to_timedelta(frame["time [s]"], unit="s")}),),
     ]
     answers = [backlash.estimate(*log, method="energy", **how) for log in logs]
     answers.append(backlash.estimate(backlash.read_log(path, **how), method="energy"))
@@ -47,6 +48,7 @@ def test_arrays_a_table_a_file_and_a_log_that_was_read_have_one_answer(tmp_path)
         "log",
         str(path),
         str(path),
+        "log",
         "log",
         str(path),
     ]
@@ -71,7 +73,7 @@ def test_results_are_ready_for_json_and_cannot_be_changed(tmp_path):
     found = backlash.trend(
         logs, pd.date_range("2024-01-15", periods=7), calibration=own, turn_period_s=0.4
     )
-    for result in (log, backlash.estimate(log, calibration=own), own, found):
+    for result in (backlash.estimate(log, calibration=own), own, found):
         json.dumps(result.to_dict(), allow_nan=False)
         with pytest.raises(AttributeError):
             result.method = "other"
@@ -90,6 +92,11 @@ def test_results_are_ready_for_json_and_cannot_be_changed(tmp_path):
         ),
         (lambda log: backlash.estimate(np.ones(9), turn_period_s=0.4), "give time and speed"),
         (lambda log: backlash.estimate(log), "load's turn is not known"),
+        (lambda log: backlash.estimate(log, turn_period_s="0.4"), "--turn-period '0.4': give"),
+        (lambda log: backlash.estimate(log, turn_period_s=0.4, speed=9), "no column '9'"),
+        (lambda log: backlash.estimate(log, turn_period_s=0.4, seed=np.random), "whole numbers"),
+        (lambda log: backlash.estimate({"t": [0]}, turn_period_s=0.4), "or a pandas table"),
+        (lambda log: backlash.estimate(log.with_name("\x1b[2J"), turn_period_s=0.4), r"\?\[2J: no"),
         (lambda log: backlash.estimate(log, turn_period_s=0.4, method="magic"), "method 'magic'"),
         (
             lambda log: backlash.estimate(log, turn_period_s=0.4, calibration=log),
@@ -120,7 +127,7 @@ def test_what_cannot_be_used_is_an_error_of_one_line(call, words, tmp_path):
 def test_a_log_that_cannot_be_used_is_left_out_of_a_trend_and_named(tmp_path):
     logs = [write(noisy(seed=k), tmp_path / f"axis_2024-0{k}-01.csv") for k in range(1, 6)]
     logs[2].write_text("", "utf-8")
-    write(silent(), logs[3])
+    write(noisy(0.0), logs[3])
     found = backlash.trend(logs, turn_period_s=0.4, method="energy")
     assert len(found.points) == 3
     assert any("2024-03-01.csv: the file is empty" in warning for warning in found.warnings)

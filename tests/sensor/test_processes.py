@@ -7,7 +7,6 @@ import subprocess
 import sys
 import time
 
-import joblib
 import pytest
 
 from backlash import commands, fleet
@@ -45,7 +44,7 @@ def test_an_interrupt_ends_a_fleet_in_one_line_and_spoils_no_row(jobs, logs, tmp
     process = started(
         "estimate", logs, "--turn-period", "0.4", "--jobs", jobs, "--out", tmp_path / "table.csv"
     )
-    while process.poll() is None and not list(kept.rglob("output.pkl")):
+    while process.poll() is None and not (kept.exists() and "verdict" in kept.read_text()):
         time.sleep(0.05)
     time.sleep(0.2)  # it computes now, whatever it does
     os.killpg(process.pid, signal.SIGINT)
@@ -53,9 +52,21 @@ def test_an_interrupt_ends_a_fleet_in_one_line_and_spoils_no_row(jobs, logs, tmp
     assert (process.returncode, out) == (130, "")
     assert err == f"interrupted; the same command goes on from {kept}\n"
     assert not (tmp_path / "table.csv").exists()
-    done = [joblib.load(answer) for answer in kept.rglob("output.pkl")]
+    done = fleet.read_kept(kept).values()
     assert 1 <= len(done) < 60
     assert {answer.verdict for answer in done} == {"backlash"}
+
+
+@pytest.mark.slow
+def test_a_parent_that_is_killed_leaves_no_process_behind(logs, tmp_path):
+    out = tmp_path / "table.csv"
+    process = started("estimate", logs, "--turn-period", "0.4", "--jobs", "2", "--out", out)
+    while process.poll() is None and not out.with_name("table.csv.kept").exists():
+        time.sleep(0.05)
+    process.kill()
+    # The pipes close when the last process ends that has them.
+    process.communicate(timeout=60)
+    assert process.returncode == -signal.SIGKILL
 
 
 def test_an_interrupted_run_from_python_writes_no_log_down_as_unusable(tmp_path, monkeypatch):
@@ -67,7 +78,7 @@ def test_an_interrupted_run_from_python_writes_no_log_down_as_unusable(tmp_path,
 
     monkeypatch.setattr(fleet, "examine", interrupted)
     with pytest.raises(KeyboardInterrupt):
-        fleet.run_fleet([tmp_path / "log.csv"], settings_for(LogFormat(turn_period_s=0.4)), 1)
+        list(fleet.run_fleet(["log.csv"], [settings_for(LogFormat(turn_period_s=0.4))], 1))
 
 
 def test_what_is_done_on_an_interrupt_is_so_while_a_command_runs_only():
@@ -103,7 +114,7 @@ def test_the_standard_input_is_a_log(tmp_path):
 @pytest.mark.parametrize(("seen_by", "cached", "line"), [
     ("a person", False, "compiling, once for this machine: some ten seconds\n"),
     ("a person", True, ""),
-    ("a file", False, ""),
+    ("a file", False, "compiling, once for this machine: some ten seconds\n"),
 ])  # fmt: skip
 def test_a_person_is_told_that_the_first_command_on_a_machine_compiles(
     seen_by, cached, line, tmp_path, capsys, monkeypatch

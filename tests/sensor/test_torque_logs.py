@@ -123,6 +123,7 @@ def test_a_dropped_sample_and_a_motor_that_turns_backward_change_little(joint):
             "give --torque and",
         ),
         ({"torque": "moment"}, "no column 'moment'"),
+        ({"torque": "holed"}, r"holed is missing or not a number \(NaN\)"),
         ({"torque": "speed [rps]", "speed": "speed [rps]"}, "cannot be both"),
         ({"method": "self"}, "leave out one of them"),
         ({"calibration": default_calibration("energy")}, "leave out one of them"),
@@ -131,18 +132,11 @@ def test_a_dropped_sample_and_a_motor_that_turns_backward_change_little(joint):
 )
 def test_inputs_that_are_missing_or_wrong_are_named_in_one_line(joint, changed, words):
     frame, known = joint
+    holed = frame["torque [Nm]"].where(frame.index != 700)
     with pytest.raises(UnusableLog, match=words) as error:
-        backlash.estimate(frame, **({"torque": "torque [Nm]"} | known | changed))
-    assert "\n" not in str(error.value)
-
-
-def test_a_torque_with_a_hole_is_refused_in_one_line(joint):
-    frame, known = joint
-    holed = frame.assign(**{"torque [Nm]": frame["torque [Nm]"].where(frame.index != 700)})
-    with pytest.raises(
-        UnusableLog, match=r"torque \[Nm\] is missing or not a number \(NaN\)"
-    ) as error:
-        backlash.estimate(holed, torque="torque [Nm]", **known)
+        backlash.estimate(
+            frame.assign(holed=holed), **({"torque": "torque [Nm]"} | known | changed)
+        )
     assert "\n" not in str(error.value)
 
 

@@ -6,6 +6,7 @@ import pytest
 
 from backlash import trend_line
 from backlash.answers import Estimate
+from backlash.fleet import as_table
 from backlash.plots import trend_figure
 from backlash.reading.refusals import UnusableLog
 
@@ -15,10 +16,14 @@ GROWTH, FIRST, SIGMA = 2e-6, 4e-4, 3e-5
 
 def rows_of(delta, sigma=SIGMA):
     half = 1.96 * sigma
-    return [
-        Estimate(f"log{k}", "backlash", backlash_rad=d, backlash_interval_rad=(d - half, d + half))
-        for k, d in enumerate(delta)
-    ]
+    return as_table(
+        [
+            Estimate(
+                f"log{k}", "backlash", backlash_rad=d, backlash_interval_rad=(d - half, d + half)
+            )
+            for k, d in enumerate(delta)
+        ]
+    )
 
 
 def made(count=10, growth=GROWTH, seed=None, every=30.0, sigma=SIGMA):
@@ -71,7 +76,7 @@ def test_more_logs_make_the_date_surer():
 
 def test_logs_that_scatter_more_than_their_intervals_say_widen_the_interval():
     rows, dates = made(seed=1)
-    wild = rows_of([row.backlash_rad for row in made(seed=1, sigma=1e-4)[0]])
+    wild = rows_of(made(seed=1, sigma=1e-4)[0]["backlash_rad"])
     assert np.diff(trend_line.fit_trend(wild, dates).growth_interval) > np.diff(
         trend_line.fit_trend(rows, dates).growth_interval
     )
@@ -109,9 +114,9 @@ def test_a_growth_that_is_no_line_is_said():
 
 def test_logs_without_backlash_are_left_out_and_counted():
     rows, dates = made()
-    rows[0] = Estimate("log0", "no backlash", backlash_rad=0.0, backlash_interval_rad=(0.0, 3e-4))
-    rows[1] = Estimate("log1", "cannot tell")
-    found = trend_line.fit_trend(rows, dates)
+    healthy = Estimate("log0", "no backlash", backlash_rad=0.0, backlash_interval_rad=(0.0, 3e-4))
+    others = as_table([healthy, Estimate("log1", "cannot tell")])
+    found = trend_line.fit_trend(pd.concat([others, rows[2:]]), dates)
     assert len(found.points) == 8
     assert any("2 of 10 logs" in warning for warning in found.warnings)
 

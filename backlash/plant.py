@@ -1,0 +1,160 @@
+"""Many joints: a table of logs, each with what is said of it, and a trend for each joint.
+
+Columns of the table are `file`, `joint`, `date`, and those in `OF_A_LOG`: fields of `LogFormat` and
+words of `estimate`.
+"""
+
+from collections.abc import Mapping, Sequence
+from functools import cache
+from os import PathLike
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import pandas as pd
+
+from backlash import fleet, trend_line
+from backlash.calibration import read_calibration
+from backlash.interface import form_of, how_of, settings_of
+from backlash.reading.columns import SAID
+from backlash.reading.refusals import UnusableLog
+from backlash.reading.sources import name_of
+from backlash.settings import MEASURING, Settings, settings_for
+from backlash.trend_line import Trend
+
+_KEYS = ["joint", "date"]
+OF_ANSWERS = ("file", "verdict", "backlash_high_rad")
+OF_A_LOG = {*SAID, *MEASURING} - {"trust_period", "repeats", "seed"}
+
+
+class Batch(NamedTuple):
+    """Logs with their settings; `keys` are their joints and dates, as far as a table has them."""
+
+    logs: Sequence[Any]
+    settings: Sequence[Settings]
+    keys: pd.DataFrame
+
+
+def estimate_many(
+    logs: Sequence[object] | fleet.Table, *, jobs: int = -1, **words: Any
+) -> pd.DataFrame:
+    """Estimate the backlashes of many logs, also of different joints.
+
+    Inside `joblib.parallel_config` its backend is used: with "dask" a cluster, whose workers need this package and the
+    logs under the same paths.
+
+    Parameters
+    ----------
+    logs : sequence of logs, DataFrame, or path of a CSV or Parquet table
+        Logs as `estimate` takes them, or a table of their files with what is said of each: column `file` (in a file
+        relative to it), and `joint`, `date`, and words of `estimate`, like `turn_period_s`, `torque`, `inertia_ratio`,
+        `gravity_per_s2`, `calibration`. What a row leaves empty is taken from `words`.
+    jobs : int
+        Processes; -1 for all cores where that is worth it.
+    **words
+        As in `estimate`.
+
+    Returns
+    -------
+    DataFrame
+        A row for each log, in their order, by joint and date if the table has them. Columns are the attributes of
+        `Estimate` in rad, rps, s and Hz, intervals in two each; `reason` says why there is no answer.
+
+    Raises
+    ------
+    UnusableLog
+        The table, or what is said of a log, cannot be used. A log that cannot be used only has no answer.
+
+    Examples
+    --------
+    >>> import backlash
+    >>> plant = pd.DataFrame({"file": files, "joint": ["A1", "A2"], "date": "2024-03-17"})
+    >>> found = backlash.estimate_many(plant, method="energy", turn_period_s=0.4)
+    >>> print(found.loc["A2"]["verdict"].tolist())
+    ['backlash']
+    """
+    if isinstance(logs, pd.DataFrame | str | PathLike):
+        batch = read_batch(logs, words)
+    else:
+        batch = Batch(logs, settings_of(logs, words), pd.DataFrame(index=range(len(logs))))
+    found = dict(fleet.run_fleet(batch.logs, batch.settings, jobs))
+    table = batch.keys.join(fleet.as_table([found[number] for number in sorted(found)]))
+    return table.set_index([*batch.keys]) if len(batch.keys.columns) else table
+
+
+def read_batch(source: fleet.Table, words: Mapping[str, Any]) -> Batch:
+    """Logs of a table, and what is said of each by its row, else by words that `estimate` takes."""
+    logs, table = listed_logs(source, "file")
+    if unknown := {*table} - OF_A_LOG - {*_KEYS}:
+        known = ", ".join(["file", *_KEYS, *sorted(OF_A_LOG)])
+        raise UnusableLog(f"{fleet.called(source)}: column {min(unknown)!r}; there are {known}")
+    keys = table[[name for name in _KEYS if name in table]]
+    read = cache(read_calibration)
+    settings = []
+    for log, row in zip(logs, table.drop(columns=keys).to_dict("records"), strict=True):
+        own = {str(name): each for name, each in row.items() if not pd.isna(each)}
+        try:
+            if "calibration" in own:
+                own["calibration"] = read(own["calibration"])
+            said = {**words, **own}
+            settings.append(settings_for(form_of(log, said), **how_of(said)))
+        except (UnusableLog, TypeError) as error:
+            why = error if isinstance(error, UnusableLog) else f"text for a number in {own}"
+            raise UnusableLog(
+                f"{fleet.called(source)}, {Path(name_of(log)).name}: {why}"
+            ) from error
+    return Batch(logs, settings, keys)
+
+
+def listed_logs(source: fleet.Table, *columns: str) -> tuple[list[Any], pd.DataFrame]:
+    """Logs in the first of some columns of a table, and the table without it; a file's names are relative to it."""
+    table = fleet.read_rows(source, *columns)
+    if not isinstance(source, pd.DataFrame):
+        folder = Path(source).parent
+        for name in {columns[0], "calibration"} & {*table}:
+            table[name] = table[name].str.strip().map(folder.joinpath, na_action="ignore")
+    return table.pop(columns[0]).tolist(), table
+
+
+def trend_many(
+    answers: pd.DataFrame, *, limit_rad: float | None = None, relative: bool = False
+) -> dict[str, Trend | UnusableLog]:
+    """Fit a line to each joint's dated backlashes.
+
+    Parameters
+    ----------
+    answers : DataFrame
+        What `estimate_many` returned, or several of these below each other; where there is no joint they are of one,
+        where there is no date it is that in the file's name.
+    limit_rad, relative
+        As in `trend`.
+
+    Returns
+    -------
+    dict
+        By joint its `Trend`, or the refusal that says why it has none.
+
+    Raises
+    ------
+    UnusableLog
+        A date is missing, or the limit is not finite and above zero.
+
+    Examples
+    --------
+    >>> import backlash
+    >>> worn = backlash.trend_many(answers, limit_rad=2e-3)
+    >>> print({joint: found.alarm for joint, found in worn.items()})
+    {'A1': True, 'A2': True}
+    """
+    trend_line.check_limit(limit_rad)
+    table = fleet.read_rows(answers, *OF_ANSWERS)
+    if "date" not in table:
+        table["date"] = trend_line.dates_of(table["file"].map(Path)).values()
+    if "joint" not in table:
+        table["joint"] = ""
+    found: dict[str, Trend | UnusableLog] = {}
+    for joint, rows in table.fillna({"joint": "", "reason": ""}).groupby("joint"):
+        try:
+            found[str(joint)] = trend_line.fit_trend(rows, rows["date"], limit_rad, relative)
+        except UnusableLog as refusal:
+            found[str(joint)] = refusal
+    return found

@@ -1,0 +1,164 @@
+"""Logs of many joints in one call, on one machine or a cluster."""
+
+import doctest
+import errno
+import json
+import os
+import shutil
+import signal
+
+import joblib
+import pandas as pd
+import pytest
+
+import backlash
+from backlash import commands, fleet, plant
+from backlash.main import main
+from backlash.settings import settings_for
+from tests.logs import TURN, noisy, table, write
+from tests.sensor.test_torque_logs import logged
+
+HOW = {"turn_period_s": 0.4, "method": "energy"}
+
+
+@pytest.fixture
+def dated(tmp_path):
+    """A table with four dates of two joints; A2 is worn faster."""
+    rows = []
+    for month in range(1, 5):
+        for joint, growth in (("A1", 1e-4), ("A2", 3e-4)):
+            log = write(noisy(4e-4 + month * growth, seed=month), tmp_path / f"{joint}{month}.csv")
+            rows.append((log.name, joint, f"2024-0{month}-15"))
+    path = tmp_path / "plant.csv"
+    pd.DataFrame(rows, columns=["file", "joint", "date"]).to_csv(path, index=False)
+    return path
+
+
+def test_each_joint_has_its_calibration_its_torque_and_its_load(tmp_path, capsys):
+    frame, known = logged(3)
+    frame.to_csv(tmp_path / "torque.csv", index=False)
+    write(noisy(), tmp_path / "speed.csv")
+    logs = [table(noisy(4e-4 + 2e-4 * k, seed=k)) for k in range(7)]
+    own = backlash.calibrate(logs, [4e-4 + 2e-4 * k for k in range(7)], **HOW)
+    (tmp_path / "own.json").write_text(own.to_json(), "utf-8")
+    rows = pd.DataFrame([
+        known | {"file": "torque.csv", "joint": "007", "torque": "torque [Nm]", "date": "2024-03-17"},
+        {"file": "speed.csv", "joint": "A2", "turn_period_s": 0.4, "calibration": "own.json"},
+    ])  # fmt: skip
+    rows.to_csv(tmp_path / "plant.csv", index=False)
+    found = backlash.estimate_many(tmp_path / "plant.csv")
+    assert found.index.names == ["joint", "date"]
+    assert found.loc["007", "method"].tolist() == ["torque"]
+    assert found.loc["A2", "calibration"].tolist() == [own.provenance]
+    assert (found["verdict"] == "backlash").all()
+    out = tmp_path / "answers.parquet"
+    assert (
+        main(["estimate", "--batch", str(tmp_path / "plant.csv"), "--out", str(out), "--json"]) == 0
+    )
+    printed = json.loads(capsys.readouterr().out)
+    assert [(row["joint"], row["date"]) for row in printed] == [("007", "2024-03-17"), ("A2", "")]
+    again = pd.read_parquet(out).set_index(["joint", "date"])
+    pd.testing.assert_frame_equal(again, found, check_dtype=False)
+    rows["gravity_per_s2"] = "much"
+    rows.to_csv(tmp_path / "plant.csv", index=False)
+    with pytest.raises(backlash.UnusableLog, match=r"plant.csv, torque.csv: .*'much'"):
+        backlash.estimate_many(tmp_path / "plant.csv")
+
+
+def test_tables_of_answers_become_a_trend_for_each_joint(dated, tmp_path, capsys):
+    answers = backlash.estimate_many(dated, **HOW)
+    answers.iloc[:4].to_parquet(tmp_path / "first.parquet")
+    answers.iloc[4:].reset_index().to_csv(tmp_path / "second.csv", index=False)
+    tables = [str(tmp_path / name) for name in ("first.parquet", "second.csv")]
+    assert main(["trend", *tables, "--limit", "0.0015", "--json"]) == 0
+    first, second = json.loads(capsys.readouterr().out)
+    assert (first["joint"], second["joint"]) == ("A1", "A2")
+    assert second["growth_rad_per_day"] > 2 * first["growth_rad_per_day"]
+    logs = [dated.with_name(f"A2{month}.csv") for month in range(1, 5)]
+    days = pd.to_datetime([f"2024-0{month}-15" for month in range(1, 5)])
+    alone = backlash.trend(logs, days, limit_rad=1.5e-3, **HOW).to_dict()
+    assert second["crossing_date"] == alone["crossing_date"]
+    assert main(["trend", tables[0]]) == 0
+    assert capsys.readouterr().out.startswith("joint A1: 2 dates with an estimate; a trend needs 3")
+
+
+@pytest.mark.parametrize("name", ["estimate_many", "trend_many"])
+def test_the_examples_of_the_documentation_run(name, dated):
+    shown = {
+        "pd": pd, "files": [dated.with_name(f"{joint}1.csv") for joint in ("A1", "A2")],
+        "answers": backlash.estimate_many(dated, **HOW),
+    }  # fmt: skip
+    tests = doctest.DocTestFinder(recurse=False).find(getattr(plant, name), name, globs=shown)
+    said = []
+    doctest.DocTestRunner().run(tests[0], out=said.append)
+    assert not said, "".join(said)
+
+
+def test_a_backend_that_gives_lists_only_is_enough():
+    logs = [table(noisy(seed=k)) for k in range(3)]
+    with joblib.parallel_config(backend="multiprocessing"):
+        found = backlash.estimate_many(logs, jobs=2, **HOW)
+    pd.testing.assert_frame_equal(found, backlash.estimate_many(logs, jobs=1, **HOW))
+
+
+def test_answers_that_a_full_disk_does_not_take_are_printed_and_the_next_run_has_them(
+    dated, tmp_path, capsys, monkeypatch
+):
+    def full(path, content):
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    def raised(error):
+        raise error
+
+    out = tmp_path / "answers.csv"
+    arguments = ["estimate", "--batch", str(dated), "--turn-period", "0.4", "--out", str(out)]
+    arguments += ["--method", "energy"]
+    with monkeypatch.context() as disk:
+        disk.setattr(commands, "write_bytes", full)
+        disk.setattr("backlash.main._ending", raised)
+        with pytest.raises(OSError, match="device: 8 of 8 answers are"):
+            main(arguments)
+    assert len(json.loads(capsys.readouterr().out)) == 8
+    monkeypatch.setattr("backlash.fleet.examine", None)
+    assert main(arguments) == 0
+    assert len(pd.read_csv(out)) == 8
+    assert not out.with_name("answers.csv.kept").exists()
+
+
+def test_a_file_that_no_run_kept_is_left_alone(dated, tmp_path, capsys):
+    mine = tmp_path / "answers.csv.kept"
+    mine.write_text("mine", "utf-8")
+    out = str(tmp_path / "answers.csv")
+    assert main(["estimate", "--batch", str(dated), "--turn-period", "0.4", "--out", out]) == 2
+    assert "holds no answers of a run before" in capsys.readouterr().err
+    assert mine.read_text("utf-8") == "mine"
+
+
+@pytest.mark.slow
+def test_a_dask_cluster_that_loses_a_worker_answers_every_log(tmp_path, capsys):
+    distributed = pytest.importorskip("distributed", reason="needs the extra dask")
+    log = write(noisy(), tmp_path / "0.csv")
+    logs = [str(log), *(shutil.copy(log, str(tmp_path / f"{k}.csv")) for k in range(1, 200))]
+    with (
+        distributed.LocalCluster(
+            n_workers=2, threads_per_worker=1, dashboard_address=None
+        ) as local,
+        distributed.Client(local) as client,
+    ):
+        [first, _] = client.run(os.getpid).values()
+        found = {}
+        with joblib.parallel_config(backend="dask"):
+            for number, answer in fleet.run_fleet(
+                logs, [settings_for(TURN, method="energy")] * 200
+            ):
+                if len(found) == 20:
+                    os.kill(first, signal.SIGKILL)
+                found[number] = answer
+        address = local.scheduler_address
+        assert (
+            main(["estimate", *logs[:2], "--turn-period", "0.4", "--dask", address, "--json"]) == 0
+        )
+    assert {found[k].file for k in range(200)} == {*logs}
+    assert {answer.verdict for answer in found.values()} == {"backlash"}
+    assert [row["file"] for row in json.loads(capsys.readouterr().out)] == logs[:2]
+    assert main(["estimate", *logs[:2], "--turn-period", "0.4", "--dask", address]) == 2
