@@ -268,7 +268,7 @@ friction_figure = standins.plots.load_friction(logs, friction)
 friction
 
 # %% [markdown]
-# The impacts move by about what the formula says of the separations (`_ms`); it leaves out the load's inertia and the
+# The impacts move by about what the formula says of the separations; it leaves out the load's inertia and the
 # time that the teeth need to cross the gap. The peak is no lower up to 25 % friction. What changes is *when* the
 # oscillation comes, and the signature does not model that. Where the fit explains less than half of the variance, it
 # ends in another basin (`frequency_hz`), and its $A$ says nothing of the backlash. Friction on the motor changes

@@ -297,7 +297,10 @@ near, far = population.SPREADS
 titles = {near: "default spread", far: "20 % spread, 5 % friction, double ripple"}
 authors = population.measure_logs(population.authors_logs(), ("self",))
 summary = benchmark.summarise_intervals(pd.concat([measured, authors]).astype({"refused": bool}))
-datasheet = pd.read_csv(workbook.ROOT / "results" / "datasheet.csv")
+datasheet, rounds = (
+    pd.read_csv(workbook.ROOT / "results" / f"{name}.csv")
+    for name in ("datasheet", "datasheet_rounds")
+)
 bars, sheet_bars = population.against_criteria(summary), population.against_criteria(datasheet)
 
 # %%
@@ -342,6 +345,8 @@ workbook.export(
         "self_refusals": "; ".join(f"{reason} ({logs})" for reason, logs in by_reason.items()),
         "sheet_criteria": len(sheet_bars),
         "sheet_met": sheet_bars["met"].sum(),
+        "sheet_rounds": len(rounds),
+        "sheet_first": f"{rounds['met'].iloc[0]} of {rounds['criteria'].iloc[0]}",
         "datasheet_failed": name_missed(sheet_bars),
         "sensor_logs": (every["logs"], ".0f"),
         "sensor_answered": (100 * every["answered"], ".0f"),
