@@ -9,41 +9,31 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-import pandas as pd
-
 from backlash import fleet, interface, plant
 from backlash.answers import Estimate
 from backlash.calibration import read_calibration
 from backlash.examine import examine
 from backlash.main import UNWRITABLE, ends_on_interrupt
-from backlash.reading.columns import SAID, LogFormat
+from backlash.reading.columns import SAID
 from backlash.reading.refusals import UnusableLog, library
 from backlash.reading.sources import STDIN
-from backlash.settings import MEASURING, Settings, settings_for
-from backlash.trend_line import Trend
+from backlash.settings import MEASURING, Settings
 from replication.compiled import cache
+from replication.files import write_bytes, write_csv, write_text
 
-_INPUTS = {
-    "batch": "the --batch table",
-    "calibration": "the calibration",
-    "table": "the table of known backlashes",
-    "dates": "the table of dates",
-}
+_INPUTS = ("batch", "calibration", "table", "dates")
 _FAIL_ON = re.compile(r"cannot-tell|no-backlash|backlash( *> *(\d*\.?\d+) *(m?)rad)?")
 _FAILED = 3  # exit status
 _FIGURES = (".png", ".svg", ".pdf")
 
 
-def _said(options: argparse.Namespace) -> dict[str, Any]:
-    """What the options say of the logs, by the fields of `LogFormat`."""
-    said = {name: getattr(options, name, None) for name in SAID}
-    return {name: value for name, value in said.items() if value is not None}
-
-
-def _how(options: argparse.Namespace) -> dict[str, Any]:
-    """How the options say that logs are measured, as `settings_for` and `interface` take it."""
-    how = {name: getattr(options, name) for name in MEASURING}
-    return how | {"calibration": read_calibration(options.calibration)}
+def _words(options: argparse.Namespace) -> dict[str, Any]:
+    """What the options say of the logs and of measuring, as `interface` takes it."""
+    given = {name: getattr(options, name, None) for name in (*SAID, *MEASURING)}
+    words = {name: value for name, value in given.items() if value is not None}
+    if "calibration" in words:
+        words["calibration"] = read_calibration(words["calibration"])
+    return words
 
 
 def _announce_compiling() -> None:
@@ -70,13 +60,12 @@ def _check_output(path: Path | None, endings: Sequence[str], option: str) -> Non
 
 def _keep_inputs(options: argparse.Namespace, logs: Sequence[Path]) -> None:
     """Refuse an output that would overwrite an input."""
-    inputs: list[tuple[Path | None, str]] = [(log, "one of the logs") for log in logs]
-    inputs += [(getattr(options, name, None), what) for name, what in _INPUTS.items()]
+    given = [getattr(options, name, None) for name in _INPUTS]
+    inputs = {os.path.realpath(path) for path in (*logs, *given) if path}
     for option in ("out", "plot"):
         output = getattr(options, option, None)
-        for path, what in inputs:
-            if output and path and os.path.realpath(output) == os.path.realpath(path):
-                raise UnusableLog(f"--{option} {output}: that is {what}; name another file")
+        if output and os.path.realpath(output) in inputs:
+            raise UnusableLog(f"--{option} {output}: that is one of the inputs; name another file")
 
 
 def _is_answers(path: Path | None) -> bool:
@@ -91,16 +80,6 @@ def _write_figure(path: Path, figure_of: str, *shown) -> None:
     write_bytes(path, plots.content_of(getattr(plots, figure_of)(*shown), path.suffix.lower()))
 
 
-def write_bytes(path: Path, content: bytes) -> None:
-    """Write a file whole or not at all."""
-    temporary = path.with_name(f".{path.name}.tmp")
-    try:
-        temporary.write_bytes(content)
-        os.replace(temporary, path)
-    finally:
-        temporary.unlink(missing_ok=True)
-
-
 def _print_answer(as_json: bool, content: object, text: str) -> None:
     print(json.dumps(content, indent=1, ensure_ascii=False, allow_nan=False) if as_json else text)
 
@@ -112,13 +91,9 @@ def run_estimate(options: argparse.Namespace) -> int:
     failures = _failures(options.fail_on)
     if bool(options.log) == bool(options.batch):
         raise UnusableLog("give logs, or --batch with a table of them")
-    words = _how(options) | _said(options)
-    if options.batch:
-        batch = plant.read_batch(options.batch, words)
-    else:
-        found = fleet.find_logs(options.log, options.out if _is_answers(options.out) else None)
-        nothing = pd.DataFrame(index=range(len(found)))
-        batch = plant.Batch(found, interface.settings_of(found, words), nothing)
+    earlier = options.out if _is_answers(options.out) else None
+    source = options.batch or fleet.find_logs(options.log, earlier)
+    batch = plant.read_batch(source, _words(options))
     logs = batch.logs
     _keep_inputs(options, logs)
     if Path(STDIN) in logs and (len(logs) > 1 or options.out):
@@ -130,14 +105,12 @@ def run_estimate(options: argparse.Namespace) -> int:
         answers = [_estimate_one(logs[0], batch.settings[0], options)]
     else:
         answers = _estimate_many(batch, options)
-    is_met = any(_fails(answer, failure) for answer in answers for failure in failures)
+    is_met = any(
+        answer.verdict == verdict and (answer.backlash_rad or 0.0) > limit_rad
+        for answer in answers
+        for verdict, limit_rad in failures
+    )
     return _FAILED if is_met else 0
-
-
-def _fails(answer: Estimate, failure: tuple[str, float]) -> bool:
-    """Whether an answer is one that --fail-on names."""
-    verdict, limit_rad = failure
-    return answer.verdict == verdict and (answer.backlash_rad or 0.0) > limit_rad
 
 
 def _failures(text: str | None) -> list[tuple[str, float]]:
@@ -158,11 +131,11 @@ def _estimate_one(log: Path, settings: Settings, options: argparse.Namespace) ->
     examined = fleet.examine_or_refuse(log, settings) if options.json else examine(log, settings)
     answer, fitted = examined.estimate, examined.fitted
     text = str(answer)
-    if options.plot and fitted is None:
-        print(f"--plot: not written, there is no fit to show ({answer.verdict})", file=sys.stderr)
-    elif options.plot and fitted is not None:
+    if options.plot and fitted:
         title = text.splitlines()[0].removeprefix(str(log)).lstrip(": ")
         _write_figure(options.plot, "estimate_figure", fitted.recording, fitted.model_rps, title)
+    elif options.plot:
+        print(f"--plot: not written, there is no fit to show ({answer.verdict})", file=sys.stderr)
     _print_answer(options.json, [answer.to_dict()], text)
     if why := fleet.unusable(answer):
         raise UnusableLog(why)
@@ -173,16 +146,20 @@ def _estimate_many(batch: plant.Batch, options: argparse.Namespace) -> list[Esti
     kept = options.out.with_name(f"{options.out.name}.kept") if options.out else None
     found: dict[int, Estimate] = {}
     try:
+        logs = [Path(log).absolute() for log in batch.logs] if options.dask else batch.logs
         with (
             ends_on_interrupt(f"; the same command goes on from {kept}" if kept else ""),
             fleet.cluster(options.dask),
         ):
-            for number, answer in fleet.run_fleet(batch.logs, batch.settings, options.jobs, kept):
+            for number, answer in fleet.run_fleet(logs, batch.settings, options.jobs, kept):
                 found[number] = answer
         bad = [why for answer in found.values() if (why := fleet.unusable(answer))]
         if options.out and len(bad) < len(found):
             table = batch.keys.join(fleet.as_table([found[number] for number in sorted(found)]))
-            write_bytes(options.out, _table_bytes(table, options.out.suffix.lower()))
+            if options.out.suffix.lower() == ".parquet":
+                write_bytes(options.out, table.to_parquet(index=False))
+            else:
+                write_csv(options.out, table)
     except OSError as error:
         if not found or error.errno not in UNWRITABLE:
             raise
@@ -215,60 +192,34 @@ def _print_all(batch: plant.Batch, found: Mapping[int, Estimate]) -> None:
     sys.stdout.flush()
 
 
-def _table_bytes(table: pd.DataFrame, ending: str) -> bytes:
-    """A table as a file of the kind that its ending names."""
-    if ending == ".parquet":
-        return table.to_parquet(index=False)
-    return table.to_csv(index=False, float_format="%.6g", lineterminator="\n").encode()
-
-
 def run_calibrate(options: argparse.Namespace) -> int:
     """Make a calibration file."""
     _check_output(options.out, (".json",), "--out")
-    said = _said(options)
-    # Refuses what cannot be.
-    settings_for(LogFormat(**said), None, None, options.repeats, options.seed)
+    words = _words(options)
+    interface.settings_of(None, words)  # refuses what cannot be
     logs, table = plant.listed_logs(options.table, "log", "backlash_rad")
     _keep_inputs(options, logs)
     _announce_compiling()
-    how = {"method": options.method, "repeats": options.repeats, "seed": options.seed}
-    made = interface.calibrate(logs, table["backlash_rad"].tolist(), **how, **said)
-    write_bytes(options.out, made.to_json().encode())
+    made = interface.calibrate(logs, table["backlash_rad"].tolist(), **words)
+    write_text(options.out, made.to_json())
     low, high, spread = (1e3 * part for part in (*made.range_rad, made.uncertainty_rad))
-    known_range = f"method {made.method}, {low:.3f} to {high:.3f} mrad"
     print(
-        f"{options.out}: {known_range}, uncertainty {spread:.4f} mrad (RMS error at levels left out)"
+        f"{options.out}: method {made.method}, {low:.3f} to {high:.3f} mrad, "
+        f"uncertainty {spread:.4f} mrad (RMS error at levels left out)"
     )
     return 0
 
 
 def run_trend(options: argparse.Namespace) -> int:
-    """Print how the backlash grows, for tables of answers that of each joint."""
+    """Print how the backlash grows."""
     _check_output(options.plot, _FIGURES, "--plot")
     logs = fleet.find_logs(options.log)
-    shown = {"limit_rad": options.limit, "relative": options.relative}
-    if _is_answers(logs[0]):
-        return _print_trends(logs, options, shown)
-    how = _how(options) | _said(options)
+    how = {"limit_rad": options.limit, "relative": options.relative, "jobs": options.jobs}
+    words = _words(options)
     _keep_inputs(options, logs)
     _announce_compiling()
-    found = interface.trend(logs, options.dates, jobs=options.jobs, **shown, **how)
+    found = interface.trend(logs, options.dates, **how, **words)
     if options.plot:
         _write_figure(options.plot, "trend_figure", found)
     _print_answer(options.json, found.to_dict(), str(found))
-    return 0
-
-
-def _print_trends(
-    tables: Sequence[Path], options: argparse.Namespace, shown: Mapping[str, Any]
-) -> int:
-    if options.plot:
-        raise UnusableLog("--plot: it shows the trend of one joint's logs, not tables of answers")
-    answers = pd.concat([fleet.read_rows(table, *plant.OF_ANSWERS) for table in tables])
-    found = plant.trend_many(answers, **shown)
-    rows = [
-        {"joint": joint} | (each.to_dict() if isinstance(each, Trend) else {"reason": str(each)})
-        for joint, each in found.items()
-    ]
-    _print_answer(options.json, rows, "\n".join(f"joint {j}: {each}" for j, each in found.items()))
     return 0

@@ -158,11 +158,7 @@ def _add_calibrate(commands: argparse._SubParsersAction) -> None:
 def _add_trend(commands: argparse._SubParsersAction) -> None:
     sub = _add_command(commands, "trend", "growth of the backlash, and when it crosses a limit")
     sub.add_argument(
-        "log",
-        nargs="+",
-        type=Path,
-        help="logs or folders, dates in their names, like 2024-03-17; or tables that estimate --out wrote: a "
-        "trend for each joint",
+        "log", nargs="+", type=Path, help="logs or folders, dates in their names, like 2024-03-17"
     )
     sub.add_argument(
         "--dates", type=Path, metavar="TABLE", help="CSV with the columns file and date instead"

@@ -8,7 +8,6 @@ from pathlib import Path
 import matplotlib as mpl
 import numpy as np
 from matplotlib import pyplot as plt
-from matplotlib.dates import AutoDateLocator, ConciseDateFormatter
 from matplotlib.figure import Figure
 
 from backlash.trend_line import Trend
@@ -88,11 +87,10 @@ def trend_figure(trend: Trend) -> Figure:
         label="estimate, 95 %",
     )
     since = (points["date"] - trend.origin).dt.total_seconds().to_numpy() / 86400
-    last = since[-1]
-    if trend.crossing is not None:
-        crossing = (trend.crossing - trend.origin).total_seconds() / 86400
-        ahead = crossing + 0.15 * np.ptp(since)
-        last = max(last, min(ahead, last + 2 * np.ptp(since)))
+    last, length = since[-1], np.ptp(since)
+    if trend.crossing_days:
+        ahead = trend.crossing_days[0] + 0.15 * length
+        last = max(last, min(ahead, last + 2 * length))
     days = np.linspace(since[0], last, 200)
     line, half = trend.band(days)
     dates = trend.origin + np.round(days * 86400).astype("timedelta64[s]")
@@ -105,9 +103,6 @@ def trend_figure(trend: Trend) -> Figure:
         if first is not None:
             last_drawn = min(after or dates[-1], dates[-1])
             axis.axvspan(first, last_drawn, color="C3", alpha=0.12, lw=0, label="crossing, 95 %")
-    locator = AutoDateLocator()
-    axis.xaxis.set_major_locator(locator)
-    axis.xaxis.set_major_formatter(ConciseDateFormatter(locator))
     name = "amplitude" if trend.is_relative else "backlash $\\delta$"
     axis.set(ylabel=f"{name} [{unit}]", xlim=(dates[0] - (dates[-1] - dates[0]) * 0.03, dates[-1]))
     axis.set_ylim(bottom=0)

@@ -124,30 +124,27 @@ class Trend:
     def band(self, days: FloatArray) -> tuple[FloatArray, FloatArray]:
         """The line at days from `origin`, and half the width of its confidence band."""
         a, b = self.line
-        variance = (
-            self.covariance[0, 0]
-            + 2 * days * self.covariance[0, 1]
-            + days**2 * self.covariance[1, 1]
-        )
+        (of_a, shared), (_, of_b) = self.covariance
+        variance = np.polyval([of_b, 2 * shared, of_a], days)
         return a + b * days, self.quantile * np.sqrt(np.maximum(variance, 0.0))
 
 
-def dates_of(files: Sequence[Path], table: Path | None = None) -> dict[Path, pd.Timestamp]:
+def dates_of(files: Sequence[Path], table: Path | None = None) -> list[pd.Timestamp]:
     """Date of each log, by the table's columns `file` and `date`, else by its name, as in `axis4_2024-03-17.csv`."""
     known = {}
     if table:
         rows = fleet.read_rows(table, "file", "date")
         known = dict(zip(rows["file"], rows["date"], strict=True))
-    found = {}
+    found = []
     for file in files:
         date = known.get(file.name, known.get(str(file)))
         match = _DATE.search(file.stem)
-        if date is None and match and table is None:
+        if match and table is None:
             date = pd.to_datetime("-".join(match.groups()), errors="coerce")
-        if date is None or pd.isna(date):
+        if pd.isna(date):
             where = f"in {table}" if table else "in its name (like 2024-03-17); give --dates"
             raise UnusableLog(f"{file}: no date {where}")
-        found[file] = date
+        found.append(date)
     return found
 
 

@@ -114,7 +114,7 @@ def test_answers_that_a_full_disk_does_not_take_are_printed_and_the_next_run_has
     arguments = ["estimate", "--batch", str(dated), "--turn-period", "0.4", "--out", str(out)]
     arguments += ["--method", "energy"]
     with monkeypatch.context() as disk:
-        disk.setattr(commands, "write_bytes", full)
+        disk.setattr(commands, "write_csv", full)
         disk.setattr("backlash.main._ending", raised)
         with pytest.raises(OSError, match="device: 8 of 8 answers are"):
             main(arguments)
