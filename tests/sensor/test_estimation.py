@@ -77,16 +77,6 @@ def test_searches_of_the_papers_method_that_missed_the_best_fit_are_said(delta):
     assert missed or low <= delta <= high
 
 
-def test_a_log_file_is_answered_with_what_was_assumed(tmp_path):
-    path = write(noisy(), tmp_path / "log.csv")
-    found = examine(path, settings_for(LogFormat(gear_ratio=40.0))).estimate
-    check(found)
-    assert found.file == str(path)
-    assert found.verdict == "backlash"
-    assert found.turn_period_s == pytest.approx(0.4, rel=1e-4)
-    assert any("gear ratio 40" in warning for warning in found.warnings)
-
-
 def test_without_a_calibration_the_log_tells_its_joint(tmp_path):
     found = examine(write(noisy(), tmp_path / "log.csv"), settings_for(TURN)).estimate
     check(found)
@@ -307,14 +297,6 @@ def test_waveforms_calibrated_with_the_friction_measure_with_it():
         assert answer(with_friction(delta, 0.2), calibration=own).backlash_rad == pytest.approx(
             delta, abs=5e-5
         )
-
-
-def test_too_short_a_log_is_told_by_its_turns(tmp_path):
-    record = noisy()
-    path = write(replace(record, t=record.t[:500], v=record.v[:500]), tmp_path / "log.csv")
-    found = examine(path, settings_for(TURN)).estimate
-    check(found)
-    assert found.warnings[0].startswith("too short: 2.5 load turns")
 
 
 # ---------------------------------------------------------------------------------------------------------------
