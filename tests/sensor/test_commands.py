@@ -61,13 +61,6 @@ def test_json_is_an_array_with_an_object_of_the_documented_keys_for_each_log(log
     assert json.loads(out) == rows[:1]
 
 
-def test_text_is_for_people(log, capsys):
-    status, out, err = ran(capsys, "estimate", log, TURN)
-    assert (status, err) == (0, "")
-    assert out.startswith(f"{log}: backlash 0.")
-    assert "mrad (half of the play; 95 %:" in out
-
-
 def test_every_option_of_a_log_reaches_its_reader(tmp_path, capsys):
     record = noisy()
     counts = np.floor(np.cumsum(record.v) * 2e-3 * 2**16) % 2**16

@@ -128,6 +128,7 @@ def test_a_log_that_cannot_be_used_is_left_out_of_a_trend_and_named(tmp_path):
     write(noisy(0.0), logs[3])
     found = backlash.trend(logs, turn_period_s=0.4, method="energy")
     assert len(found.points) == 3
+    assert "2 of 5 logs are left out" in found.warnings
     assert any("2024-03-01.csv: the file is empty" in warning for warning in found.warnings)
     assert any("2024-04-01.csv: no backlash" in warning for warning in found.warnings)
 

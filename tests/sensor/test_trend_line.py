@@ -112,15 +112,6 @@ def test_a_growth_that_is_no_line_is_said():
     )
 
 
-def test_logs_without_backlash_are_left_out_and_counted():
-    rows, dates = made()
-    healthy = Estimate("log0", "no backlash", backlash_rad=0.0, backlash_interval_rad=(0.0, 3e-4))
-    others = as_table([healthy, Estimate("log1", "cannot tell")])
-    found = trend_line.fit_trend(pd.concat([others, rows[2:]]), dates)
-    assert len(found.points) == 8
-    assert any("2 of 10 logs" in warning for warning in found.warnings)
-
-
 def test_too_few_dates_and_a_senseless_limit_are_refused():
     with pytest.raises(UnusableLog, match="2 dates"):
         trend_line.fit_trend(*made(count=2))
