@@ -122,11 +122,7 @@ class Calibration:
             content = json.loads(text)
             waves = content.get("waveforms")
             low, high = content["range_rad"]
-            levels = (
-                [np.array(waves[key], float) for key in ("delta_rad", "waveform_rps")]
-                if waves
-                else []
-            )
+            levels = {name: np.array(each, float) for name, each in (waves or {}).items()}
             found = Calibration(
                 str(content["method"]),
                 tuple(map(float, content["coefficients"])),
@@ -135,7 +131,7 @@ class Calibration:
                 float(content["turn_period_s"]),
                 float(content["commanded_speed_rps"]),
                 str(content["provenance"]),
-                WaveformBank(levels[0], levels[1]) if levels else None,
+                WaveformBank(levels["delta_rad"], levels["waveform_rps"]) if levels else None,
             )
         except (ValueError, KeyError, TypeError, AttributeError) as error:
             problem = f"{type(error).__name__}: {error}"
@@ -156,10 +152,8 @@ def read_calibration(source: OwnCalibration) -> Calibration | None:
         return source
     try:
         return Calibration.from_json(Path(source).read_text(encoding="utf-8"), str(source))
-    except OSError as error:
-        raise UnusableLog(f"{source}: cannot be read ({error.strerror}); check the name") from error
-    except UnicodeDecodeError as error:
-        raise UnusableLog(f"{source}: no text; is it the right file?") from error
+    except (OSError, UnicodeDecodeError) as error:
+        raise UnusableLog(f"{source}: cannot be read ({error}); is it the right file?") from error
 
 
 def _defect(found: Calibration) -> str:

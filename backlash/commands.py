@@ -22,22 +22,31 @@ from replication.compiled import cache
 from replication.files import write_bytes, write_csv, write_text
 
 _INPUTS = ("batch", "calibration", "table", "dates")
-_FAIL_ON = re.compile(r"cannot-tell|no-backlash|backlash( *> *(\d*\.?\d+) *(m?)rad)?")
+_FAIL_ON = re.compile(r"(cannot-tell|no-backlash)|backlash( *> *(\d*\.?\d+) *(m?)rad)?")
 _FAILED = 3  # exit status
 _FIGURES = (".png", ".svg", ".pdf")
 
 
 def _words(options: argparse.Namespace) -> dict[str, Any]:
     """What the options say of the logs and of measuring, as `interface` takes it."""
-    given = {name: getattr(options, name, None) for name in (*SAID, *MEASURING)}
-    words = {name: value for name, value in given.items() if value is not None}
+    words = {
+        name: value
+        for name in (*SAID, *MEASURING)
+        if (value := getattr(options, name, None)) is not None
+    }
     if "calibration" in words:
         words["calibration"] = read_calibration(words["calibration"])
     return words
 
 
-def _announce_compiling() -> None:
-    """Say that the first command on a machine takes long."""
+def _begin(options: argparse.Namespace, logs: Sequence[Path]) -> None:
+    """Refuse an output that would overwrite an input; say that the first command on a machine takes long."""
+    given = [getattr(options, name, None) for name in _INPUTS]
+    inputs = {os.path.realpath(path) for path in (*logs, *given) if path}
+    for option in ("out", "plot"):
+        output = getattr(options, option, None)
+        if output and os.path.realpath(output) in inputs:
+            raise UnusableLog(f"--{option} {output}: that is one of the inputs; name another file")
     if cache.is_empty():
         print("compiling, once for this machine: some ten seconds", file=sys.stderr, flush=True)
 
@@ -56,16 +65,6 @@ def _check_output(path: Path | None, endings: Sequence[str], option: str) -> Non
         library("pyarrow", "parquet")
     if option == "--plot":
         library("matplotlib", "plot")
-
-
-def _keep_inputs(options: argparse.Namespace, logs: Sequence[Path]) -> None:
-    """Refuse an output that would overwrite an input."""
-    given = [getattr(options, name, None) for name in _INPUTS]
-    inputs = {os.path.realpath(path) for path in (*logs, *given) if path}
-    for option in ("out", "plot"):
-        output = getattr(options, option, None)
-        if output and os.path.realpath(output) in inputs:
-            raise UnusableLog(f"--{option} {output}: that is one of the inputs; name another file")
 
 
 def _is_answers(path: Path | None) -> bool:
@@ -95,12 +94,11 @@ def run_estimate(options: argparse.Namespace) -> int:
     source = options.batch or fleet.find_logs(options.log, earlier)
     batch = plant.read_batch(source, _words(options))
     logs = batch.logs
-    _keep_inputs(options, logs)
     if Path(STDIN) in logs and (len(logs) > 1 or options.out):
         raise UnusableLog("- (the standard input) goes alone, and without --out")
     if options.plot and len(logs) > 1:
         raise UnusableLog(f"--plot: {len(logs)} logs; it shows one")
-    _announce_compiling()
+    _begin(options, logs)
     if len(logs) == 1 and not options.out and batch.keys.columns.empty:
         answers = [_estimate_one(logs[0], batch.settings[0], options)]
     else:
@@ -122,8 +120,8 @@ def _failures(text: str | None) -> list[tuple[str, float]]:
             raise UnusableLog(
                 f"--fail-on {term!r}: give cannot-tell, no-backlash, backlash or backlash>0.5mrad"
             )
-        limit = float(match[2]) * (1e-3 if match[3] else 1.0) if match[2] else -1.0
-        found.append((term.partition(">")[0].strip().replace("-", " "), limit))
+        verdict = (match[1] or "backlash").replace("-", " ")
+        found.append((verdict, float(match[3] or -1) * (1e-3 if match[4] else 1.0)))
     return found
 
 
@@ -171,9 +169,7 @@ def _estimate_many(batch: plant.Batch, options: argparse.Namespace) -> list[Esti
     answers = [found[number] for number in sorted(found)]
     if len(bad) == len(answers):
         first = fleet.unusable(answers[0])
-        raise UnusableLog(
-            first if len(bad) == 1 else f"none of {len(bad)} logs is usable; the first: {first}"
-        )
+        raise UnusableLog(f"none of {len(bad)} logs is usable; the first: {first}")
     if bad:
         print(
             f"{len(bad)} of {len(answers)} logs are not usable; their rows say why", file=sys.stderr
@@ -198,8 +194,7 @@ def run_calibrate(options: argparse.Namespace) -> int:
     words = _words(options)
     interface.settings_of(None, words)  # refuses what cannot be
     logs, table = plant.listed_logs(options.table, "log", "backlash_rad")
-    _keep_inputs(options, logs)
-    _announce_compiling()
+    _begin(options, logs)
     made = interface.calibrate(logs, table["backlash_rad"].tolist(), **words)
     write_text(options.out, made.to_json())
     low, high, spread = (1e3 * part for part in (*made.range_rad, made.uncertainty_rad))
@@ -216,8 +211,7 @@ def run_trend(options: argparse.Namespace) -> int:
     logs = fleet.find_logs(options.log)
     how = {"limit_rad": options.limit, "relative": options.relative, "jobs": options.jobs}
     words = _words(options)
-    _keep_inputs(options, logs)
-    _announce_compiling()
+    _begin(options, logs)
     found = interface.trend(logs, options.dates, **how, **words)
     if options.plot:
         _write_figure(options.plot, "trend_figure", found)

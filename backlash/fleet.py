@@ -105,8 +105,7 @@ def _key(log: object, settings: Settings) -> str:
     import joblib
 
     path = Path(os.path.realpath(name_of(log)))
-    status = path.stat() if path.exists() else None
-    state = (status.st_size, status.st_mtime_ns) if status else None
+    state = (path.stat().st_size, path.stat().st_mtime_ns) if path.exists() else None
     how = vars(settings) | {"calibration": settings.calibration.to_json()}
     return joblib.hash(repr((__version__, path, state, how)))
 
@@ -326,12 +325,12 @@ def with_shared_joint(examined: Sequence[Examined]) -> list[Estimate]:
     joints = {
         k: each.fitted.joint
         for k, each in enumerate(examined)
-        if each.estimate.verdict == "backlash"
+        if each.fitted
+        and each.fitted.joint
+        and each.estimate.verdict == "backlash"
         and not each.estimate.backlash_intervals_rad
-        and each.fitted
     }
-    fits = [joint for joint in joints.values() if joint is not None]
-    corrected = share_joint(fits) if fits else []
+    corrected = share_joint(list(joints.values())) if joints else []
     for k, (delta, interval) in zip(joints, corrected, strict=True):
         answers[k] = replace(answers[k], backlash_rad=delta, backlash_interval_rad=interval)
     return answers
