@@ -93,10 +93,12 @@ class Calibration:
     def other_movement(self, recording: Recording) -> str:
         """How a record's movement differs from the calibration's; empty if it does not."""
         speed = float(recording.v.mean())
-        if abs(recording.turn_period_s / self.turn_period_s - 1) > PERIOD_MISMATCH:
-            return f"a load turn takes {recording.turn_period_s:.4g} s, in the calibration {self.turn_period_s:.4g} s"
-        if abs(speed / self.commanded_speed_rps - 1) > PERIOD_MISMATCH:
-            return f"the motor makes {speed:.4g} rps, in the calibration {self.commanded_speed_rps:.4g} rps"
+        for what, here, known, unit in (
+            ("a load turn takes", recording.turn_period_s, self.turn_period_s, "s"),
+            ("the motor makes", speed, self.commanded_speed_rps, "rps"),
+        ):
+            if abs(here / known - 1) > PERIOD_MISMATCH:
+                return f"{what} {here:.4g} {unit}, in the calibration {known:.4g} {unit}"
         return ""
 
     def to_dict(self) -> dict[str, object]:
@@ -134,9 +136,8 @@ class Calibration:
                 WaveformBank(levels["delta_rad"], levels["waveform_rps"]) if levels else None,
             )
         except (ValueError, KeyError, TypeError, AttributeError) as error:
-            problem = f"{type(error).__name__}: {error}"
             raise UnusableLog(
-                f"{name}: not a calibration file ({problem}); make one anew"
+                f"{name}: not a calibration file ({type(error).__name__}: {error}); make one anew"
             ) from None
         if why := _defect(found):
             raise UnusableLog(f"{name}: not a usable calibration: {why}; make one anew")

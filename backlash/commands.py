@@ -21,7 +21,6 @@ from backlash.settings import MEASURING, Settings
 from replication.compiled import cache
 from replication.files import write_bytes, write_csv, write_text
 
-_INPUTS = ("batch", "calibration", "table", "dates")
 _FAIL_ON = re.compile(r"(cannot-tell|no-backlash)|backlash( *> *(\d*\.?\d+) *(m?)rad)?")
 _FAILED = 3  # exit status
 _FIGURES = (".png", ".svg", ".pdf")
@@ -41,8 +40,11 @@ def _words(options: argparse.Namespace) -> dict[str, Any]:
 
 def _begin(options: argparse.Namespace, logs: Sequence[Path]) -> None:
     """Refuse an output that would overwrite an input; say that the first command on a machine takes long."""
-    given = [getattr(options, name, None) for name in _INPUTS]
-    inputs = {os.path.realpath(path) for path in (*logs, *given) if path}
+    given = (
+        *logs,
+        *(vars(options).get(name) for name in ("batch", "calibration", "table", "dates")),
+    )
+    inputs = {os.path.realpath(path) for path in given if path}
     for option in ("out", "plot"):
         output = getattr(options, option, None)
         if output and os.path.realpath(output) in inputs:
@@ -53,7 +55,7 @@ def _begin(options: argparse.Namespace, logs: Sequence[Path]) -> None:
 
 def _check_output(path: Path | None, endings: Sequence[str], option: str) -> None:
     """Refuse an output that could not be written, before the work is done."""
-    if path is None:
+    if not path:
         return
     if path.suffix.lower() not in endings:
         raise UnusableLog(f"{option} {path}: its name must end in {' or '.join(endings)}")
@@ -72,13 +74,6 @@ def _is_answers(path: Path | None) -> bool:
     return path is not None and path.is_file() and b"total_play_high_rad" in path.read_bytes()
 
 
-def _write_figure(path: Path, figure_of: str, *shown) -> None:
-    """Write a figure of `plots` whole or not at all."""
-    from backlash import plots
-
-    write_bytes(path, plots.content_of(getattr(plots, figure_of)(*shown), path.suffix.lower()))
-
-
 def _print_answer(as_json: bool, content: object, text: str) -> None:
     print(json.dumps(content, indent=1, ensure_ascii=False, allow_nan=False) if as_json else text)
 
@@ -91,8 +86,9 @@ def run_estimate(options: argparse.Namespace) -> int:
     if bool(options.log) == bool(options.batch):
         raise UnusableLog("give logs, or --batch with a table of them")
     earlier = options.out if _is_answers(options.out) else None
-    source = options.batch or fleet.find_logs(options.log, earlier)
-    batch = plant.read_batch(source, _words(options))
+    batch = plant.read_batch(
+        options.batch or fleet.find_logs(options.log, earlier), _words(options)
+    )
     logs = batch.logs
     if Path(STDIN) in logs and (len(logs) > 1 or options.out):
         raise UnusableLog("- (the standard input) goes alone, and without --out")
@@ -116,7 +112,7 @@ def _failures(text: str | None) -> list[tuple[str, float]]:
     found = []
     for term in text.split(",") if text is not None else ():
         match = _FAIL_ON.fullmatch(term.strip())
-        if match is None:
+        if not match:
             raise UnusableLog(
                 f"--fail-on {term!r}: give cannot-tell, no-backlash, backlash or backlash>0.5mrad"
             )
@@ -131,7 +127,10 @@ def _estimate_one(log: Path, settings: Settings, options: argparse.Namespace) ->
     text = str(answer)
     if options.plot and fitted:
         title = text.splitlines()[0].removeprefix(str(log)).lstrip(": ")
-        _write_figure(options.plot, "estimate_figure", fitted.recording, fitted.model_rps, title)
+        from backlash import plots
+
+        figure = plots.estimate_figure(fitted.recording, fitted.model_rps, title)
+        plots.save_figure(figure, options.plot)
     elif options.plot:
         print(f"--plot: not written, there is no fit to show ({answer.verdict})", file=sys.stderr)
     _print_answer(options.json, [answer.to_dict()], text)
@@ -144,16 +143,16 @@ def _estimate_many(batch: plant.Batch, options: argparse.Namespace) -> list[Esti
     kept = options.out.with_name(f"{options.out.name}.kept") if options.out else None
     found: dict[int, Estimate] = {}
     try:
-        logs = [Path(log).absolute() for log in batch.logs] if options.dask else batch.logs
         with (
             ends_on_interrupt(f"; the same command goes on from {kept}" if kept else ""),
             fleet.cluster(options.dask),
         ):
-            for number, answer in fleet.run_fleet(logs, batch.settings, options.jobs, kept):
-                found[number] = answer
-        bad = [why for answer in found.values() if (why := fleet.unusable(answer))]
+            for number, examined in fleet.run_fleet(batch.logs, batch.settings, options.jobs, kept):
+                found[number] = examined.estimate
+        answers = [found[number] for number in sorted(found)]
+        bad = [why for answer in answers if (why := fleet.unusable(answer))]
         if options.out and len(bad) < len(found):
-            table = batch.keys.join(fleet.as_table([found[number] for number in sorted(found)]))
+            table = batch.keys.join(fleet.as_table(answers))
             if options.out.suffix.lower() == ".parquet":
                 write_bytes(options.out, table.to_parquet(index=False))
             else:
@@ -166,10 +165,8 @@ def _estimate_many(batch: plant.Batch, options: argparse.Namespace) -> list[Esti
         raise OSError(error.errno, what) from error
     if kept:
         kept.unlink(missing_ok=True)
-    answers = [found[number] for number in sorted(found)]
     if len(bad) == len(answers):
-        first = fleet.unusable(answers[0])
-        raise UnusableLog(f"none of {len(bad)} logs is usable; the first: {first}")
+        raise UnusableLog(f"none of {len(bad)} logs is usable; the first: {bad[0]}")
     if bad:
         print(
             f"{len(bad)} of {len(answers)} logs are not usable; their rows say why", file=sys.stderr
@@ -209,11 +206,12 @@ def run_trend(options: argparse.Namespace) -> int:
     """Print how the backlash grows."""
     _check_output(options.plot, _FIGURES, "--plot")
     logs = fleet.find_logs(options.log)
-    how = {"limit_rad": options.limit, "relative": options.relative, "jobs": options.jobs}
-    words = _words(options)
+    words = _words(options) | {"relative": options.relative, "jobs": options.jobs}
     _begin(options, logs)
-    found = interface.trend(logs, options.dates, **how, **words)
+    found = interface.trend(logs, options.dates, limit_rad=options.limit, **words)
     if options.plot:
-        _write_figure(options.plot, "trend_figure", found)
+        from backlash import plots
+
+        plots.save_figure(plots.trend_figure(found), options.plot)
     _print_answer(options.json, found.to_dict(), str(found))
     return 0

@@ -225,13 +225,13 @@ def trend(
     """
     settings = settings_of_all(logs, words)
     if dates is None or isinstance(dates, str | PathLike):
-        table = Path(dates) if dates is not None else None
-        days = trend_line.dates_of([Path(name_of(log)) for log in logs], table)
+        days = trend_line.dates_of([Path(name_of(log)) for log in logs], dates)
     else:
         days = list(pd.DatetimeIndex(dates))
     if len(days) != len(logs):
         raise UnusableLog(f"{len(logs)} logs and {len(days)} dates; give a date for each log")
-    examined = fleet.examine_fleet(logs, settings, jobs)
+    found = dict(fleet.run_fleet(logs, settings, jobs, task=fleet.examine_or_refuse))
+    examined = [found[number] for number in sorted(found)]
     answers = [each.estimate for each in examined]
     if not relative and all(each.calibration.method == SELF for each in settings):
         answers = fleet.with_shared_joint(examined)

@@ -1,7 +1,6 @@
 """Many joints: a table of logs, each with what is said of it, and a trend for each joint.
 
-Columns of the table are `file`, `joint`, `date`, and those in `OF_A_LOG`: fields of `LogFormat` and
-words of `estimate`.
+Columns of the table are `file`, `joint`, `date`, fields of `LogFormat`, and words of `estimate`.
 """
 
 from collections.abc import Mapping, Sequence
@@ -22,7 +21,7 @@ from backlash.settings import MEASURING, Settings
 from backlash.trend_line import Trend
 
 _KEYS = ["joint", "date"]
-OF_A_LOG = {*SAID, *MEASURING} - {"trust_period", "repeats", "seed"}
+COLUMNS = ("file", *_KEYS, *SAID, *MEASURING)
 
 
 class Batch(NamedTuple):
@@ -73,18 +72,18 @@ def estimate_many(
     """
     batch = read_batch(logs, words)
     found = dict(fleet.run_fleet(batch.logs, batch.settings, jobs))
-    table = batch.keys.join(fleet.as_table([found[number] for number in sorted(found)]))
+    table = batch.keys.join(fleet.as_table([found[number].estimate for number in sorted(found)]))
     return table.set_index([*batch.keys]) if len(batch.keys.columns) else table
 
 
 def read_batch(source: Sequence[object] | fleet.Table, words: Mapping[str, Any]) -> Batch:
     """Logs, and what is said of each by its row if they are in a table, else by words that `estimate` takes."""
     if not isinstance(source, pd.DataFrame | str | PathLike):
-        nothing = pd.DataFrame(index=range(len(source)))
-        return Batch(source, settings_of_all(source, words), nothing)
+        keys = pd.DataFrame(index=range(len(source)))
+        return Batch(source, settings_of_all(source, words), keys)
     logs, table = listed_logs(source, "file")
-    if unknown := {*table} - OF_A_LOG - {*_KEYS}:
-        known = ", ".join(["file", *_KEYS, *sorted(OF_A_LOG)])
+    if unknown := {*table}.difference(COLUMNS):
+        known = ", ".join(COLUMNS)
         raise UnusableLog(f"{fleet.called(source)}: column {min(unknown)!r}; there are {known}")
     keys = table[[name for name in _KEYS if name in table]]
     read = cache(read_calibration)
@@ -133,7 +132,7 @@ def trend_many(
     Raises
     ------
     UnusableLog
-        A column is missing, or the limit is not finite and above zero.
+        A column is missing.
 
     Examples
     --------
@@ -142,7 +141,6 @@ def trend_many(
     >>> print({joint: found.alarm for joint, found in worn.items()})
     {'A1': True, 'A2': True}
     """
-    trend_line.check_limit(limit_rad)
     table = fleet.read_rows(answers, *_KEYS, "file", "verdict", "backlash_high_rad")
     found: dict[str, Trend | UnusableLog] = {}
     for joint, rows in table.fillna({"joint": "", "reason": ""}).groupby("joint"):

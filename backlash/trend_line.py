@@ -9,6 +9,7 @@ instead, in percent of the first.
 import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from os import PathLike
 from pathlib import Path
 
 import numpy as np
@@ -129,7 +130,7 @@ class Trend:
         return a + b * days, self.quantile * np.sqrt(np.maximum(variance, 0.0))
 
 
-def dates_of(files: Sequence[Path], table: Path | None = None) -> list[pd.Timestamp]:
+def dates_of(files: Sequence[Path], table: str | PathLike[str] | None = None) -> list[pd.Timestamp]:
     """Date of each log, by the table's columns `file` and `date`, else by its name, as in `axis4_2024-03-17.csv`."""
     known = {}
     if table:
@@ -148,14 +149,6 @@ def dates_of(files: Sequence[Path], table: Path | None = None) -> list[pd.Timest
     return found
 
 
-def check_limit(limit_rad: float | None) -> None:
-    """Refuse a limit that no backlash reaches."""
-    if limit_rad is not None and not 0 < limit_rad <= MOST_RAD:
-        raise UnusableLog(
-            f"--limit {limit_rad:g}: give a finite backlash above 0, at most {MOST_RAD:g} [rad]"
-        )
-
-
 def fit_trend(
     answers: pd.DataFrame,
     dates: Sequence[pd.Timestamp] | pd.Series,
@@ -163,7 +156,10 @@ def fit_trend(
     relative: bool = False,
 ) -> Trend:
     """Fit a line to dated backlashes in a table of answers; to amplitudes if `relative`, or if no log has an answer."""
-    check_limit(limit_rad)
+    if limit_rad is not None and not 0 < limit_rad <= MOST_RAD:
+        raise UnusableLog(
+            f"--limit {limit_rad:g}: give a finite backlash above 0, at most {MOST_RAD:g} [rad]"
+        )
     relative = relative or bool((answers["verdict"] == "cannot tell").all())
     points = _points(answers.assign(date=list(dates)), relative)
     warnings = _left_out(points, answers)

@@ -18,7 +18,7 @@ SETTINGS = settings_for(TURN, method="amplitude")
 def answers(paths, settings=SETTINGS, jobs=1, kept=None):
     """Answers in the order of their logs."""
     found = dict(fleet.run_fleet(paths, [settings] * len(paths), jobs, kept))
-    return [found[number] for number in sorted(found)]
+    return [found[number].estimate for number in sorted(found)]
 
 
 @pytest.fixture
