@@ -83,22 +83,22 @@ class Calibration:
         delta = self.delta_rad(reading.value)
         ends = [self.delta_rad(end) for end in reading.interval]
         own = 1.96 * self.uncertainty_rad
-        low, high = (
-            delta - np.hypot(delta - min(ends), own),
-            delta + np.hypot(max(ends) - delta, own),
-        )
+        low = float(delta - np.hypot(delta - min(ends), own))
+        high = float(delta + np.hypot(max(ends) - delta, own))
         outside = (
             not self.range_rad[0] <= delta <= self.range_rad[1] or "backlash" in reading.at_bound
         )
-        return Backlash(delta, (float(low), float(high)), bool(outside))
+        return Backlash(delta, (low, high), bool(outside))
 
     def other_movement(self, recording: Recording) -> str:
         """How a record's movement differs from the calibration's; empty if it does not."""
         speed = float(recording.v.mean())
-        if abs(recording.turn_period_s / self.turn_period_s - 1) > PERIOD_MISMATCH:
-            return f"a load turn takes {recording.turn_period_s:.4g} s, in the calibration {self.turn_period_s:.4g} s"
-        if abs(speed / self.commanded_speed_rps - 1) > PERIOD_MISMATCH:
-            return f"the motor makes {speed:.4g} rps, in the calibration {self.commanded_speed_rps:.4g} rps"
+        for what, here, known, unit in (
+            ("a load turn takes", recording.turn_period_s, self.turn_period_s, "s"),
+            ("the motor makes", speed, self.commanded_speed_rps, "rps"),
+        ):
+            if abs(here / known - 1) > PERIOD_MISMATCH:
+                return f"{what} {here:.4g} {unit}, in the calibration {known:.4g} {unit}"
         return ""
 
     def to_dict(self) -> dict[str, object]:
@@ -124,11 +124,7 @@ class Calibration:
             content = json.loads(text)
             waves = content.get("waveforms")
             low, high = content["range_rad"]
-            levels = (
-                [np.array(waves[key], float) for key in ("delta_rad", "waveform_rps")]
-                if waves
-                else []
-            )
+            levels = {name: np.array(each, float) for name, each in (waves or {}).items()}
             found = Calibration(
                 str(content["method"]),
                 tuple(map(float, content["coefficients"])),
@@ -137,12 +133,11 @@ class Calibration:
                 float(content["turn_period_s"]),
                 float(content["commanded_speed_rps"]),
                 str(content["provenance"]),
-                WaveformBank(levels[0], levels[1]) if levels else None,
+                WaveformBank(levels["delta_rad"], levels["waveform_rps"]) if levels else None,
             )
         except (ValueError, KeyError, TypeError, AttributeError) as error:
-            problem = f"{type(error).__name__}: {error}"
             raise UnusableLog(
-                f"{name}: not a calibration file ({problem}); make one anew"
+                f"{name}: not a calibration file ({type(error).__name__}: {error}); make one anew"
             ) from None
         if why := _defect(found):
             raise UnusableLog(f"{name}: not a usable calibration: {why}; make one anew")
@@ -158,24 +153,20 @@ def read_calibration(source: OwnCalibration) -> Calibration | None:
         return source
     try:
         return Calibration.from_json(Path(source).read_text(encoding="utf-8"), str(source))
-    except OSError as error:
-        raise UnusableLog(f"{source}: cannot be read ({error.strerror}); check the name") from error
-    except UnicodeDecodeError as error:
-        raise UnusableLog(f"{source}: no text; is it the right file?") from error
+    except (OSError, UnicodeDecodeError) as error:
+        raise UnusableLog(f"{source}: cannot be read ({error}); is it the right file?") from error
 
 
 def _defect(found: Calibration) -> str:
     """What no calibration of ours could have; empty if there is nothing of the kind."""
     bank, (low, high) = found.bank, found.range_rad
-    if bank is not None:
-        delta, waves = bank.delta_rad, bank.waveform_rps
-        is_shaped = delta.ndim == 1 and waves.ndim == 2 and len(waves) == delta.size >= LEAST_LEVELS
-        is_bank = (
-            is_shaped
-            and np.isfinite(waves).all()
-            and (np.diff(delta) > 0).all()
-            and np.isfinite(delta).all()
-        )
+    is_bank = bank is None or (
+        bank.waveform_rps.ndim == 2
+        and bank.waveform_rps.shape[:1] == bank.delta_rad.shape
+        and bank.delta_rad.size >= LEAST_LEVELS
+        and np.isfinite([bank.waveform_rps.sum(), bank.delta_rad.sum()]).all()
+        and (np.diff(bank.delta_rad) > 0).all()
+    )
     checks = (
         (found.method in METHODS, f"method {found.method!r} is none of {', '.join(METHODS)}"),
         ((bank is not None) == (found.method == "waveform"), "only method waveform has waveforms"),
@@ -187,7 +178,7 @@ def _defect(found: Calibration) -> str:
         (0 <= low < high, "no range"),
         (min(found.turn_period_s, found.commanded_speed_rps) > 0, "no movement"),
         (found.uncertainty_rad >= 0, "a negative uncertainty"),
-        (bank is None or is_bank, "the waveforms do not fit their backlashes"),
+        (is_bank, "the waveforms do not fit their backlashes"),
     )
     return next((why for is_right, why in checks if not is_right), "")
 
@@ -311,8 +302,5 @@ def widened(
     method: str, delta_rad: float, interval_rad: tuple[float, float]
 ) -> tuple[float, float]:
     """Interval [rad] of a backlash by the paper's joint's calibration, the spread of joints added to the noise."""
-    other = shares()[method] * delta_rad
-    low, high = interval_rad
-    return float(delta_rad - np.hypot(delta_rad - low, other)), float(
-        delta_rad + np.hypot(high - delta_rad, other)
-    )
+    arms = np.hypot(np.subtract(interval_rad, delta_rad), shares()[method] * delta_rad)
+    return float(delta_rad - arms[0]), float(delta_rad + arms[1])

@@ -12,7 +12,6 @@ from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager, nullcontext, suppress
 from dataclasses import replace
 from functools import cache
-from operator import itemgetter
 from os import PathLike
 from pathlib import Path
 from typing import Any, TypeAlias
@@ -59,7 +58,7 @@ def find_logs(paths: Sequence[Path], left_out: Path | None = None) -> list[Path]
                 )
         for file in inside:
             found.setdefault(os.path.realpath(file), file)
-    if left_out is not None:
+    if left_out:
         found.pop(os.path.realpath(left_out), None)
     if not found:
         raise UnusableLog(f"{left_out}: no log, a table of answers")
@@ -70,10 +69,19 @@ def _is_log(file: Path) -> bool:
     return file.suffix.lower() in SUFFIXES and not file.name.startswith(".") and file.is_file()
 
 
+def answer_alone(log: object, settings: Settings) -> Examined:
+    """The answer, without the log."""
+    return Examined(examine_or_refuse(log, settings).estimate)
+
+
 def run_fleet(
-    logs: Sequence[object], settings: Sequence[Settings], jobs: int = -1, kept: Path | None = None
-) -> Iterator[tuple[int, Estimate]]:
-    """Estimate many logs; their numbers and answers come in any order.
+    logs: Sequence[object],
+    settings: Sequence[Settings],
+    jobs: int = -1,
+    kept: Path | None = None,
+    task: Task = answer_alone,
+) -> Iterator[tuple[int, Examined]]:
+    """Examine many logs; their numbers and what was found come in any order.
 
     Of a log that cannot be used the first warning says why. Answers are kept in a file, for a run
     that goes on where another was interrupted. By itself it takes all cores (-1 jobs) where that is
@@ -84,20 +92,15 @@ def run_fleet(
     keys = {number: _key(*call) for number, call in calls.items() if kept}
     for number, key in keys.items():
         if key in known:
-            yield number, replace(known[key], file=name_of(calls.pop(number)[0]))
+            yield number, Examined(replace(known[key], file=name_of(calls.pop(number)[0])))
     with kept.open("a", encoding="utf-8") if kept else nullcontext() as file:
-        for number, examined in _in_any_order(_answer, calls, jobs):
+        for number, examined in _in_any_order(task, calls, jobs):
             # Handed over first: where the disk is full, the answer is not lost.
-            yield number, examined.estimate
-            if file is not None:
+            yield number, examined
+            if file:
                 file.write("\n" if file.tell() else _KEPT)
                 file.write(json.dumps({"key": keys[number], **vars(examined.estimate)}))
                 file.flush()
-
-
-def _answer(log: object, settings: Settings) -> Examined:
-    """The answer alone, without the log."""
-    return Examined(examine_or_refuse(log, settings).estimate)
 
 
 def _key(log: object, settings: Settings) -> str:
@@ -105,8 +108,7 @@ def _key(log: object, settings: Settings) -> str:
     import joblib
 
     path = Path(os.path.realpath(name_of(log)))
-    status = path.stat() if path.exists() else None
-    state = (status.st_size, status.st_mtime_ns) if status else None
+    state = (path.stat().st_size, path.stat().st_mtime_ns) if path.exists() else None
     how = vars(settings) | {"calibration": settings.calibration.to_json()}
     return joblib.hash(repr((__version__, path, state, how)))
 
@@ -147,24 +149,15 @@ def _failed(log: object, settings: Settings, why: str) -> Examined:
     return Examined(Estimate(name_of(log), method=settings.calibration.method, warnings=(line,)))
 
 
-def examine_fleet(
-    logs: Sequence[object], settings: Sequence[Settings], jobs: int
-) -> list[Examined]:
-    """Examine many logs, each with its settings."""
-    calls = dict(enumerate(zip(logs, settings, strict=True)))
-    found = sorted(_in_any_order(examine_or_refuse, calls, jobs), key=itemgetter(0))
-    return [examined for _, examined in found]
-
-
 def _in_any_order(task: Task, calls: Calls, jobs: int) -> Iterator[tuple[int, Examined]]:
     from tqdm import tqdm
 
     if jobs == 0 or jobs < -1:
         raise UnusableLog(f"--jobs {jobs}: give -1 or a number above 0")
     searches = any(how.calibration.method == "paper" for _, how in calls.values())
-    is_quick = len(calls) < _WORTH_PROCESSES and not searches
-    found = _examine_each(task, calls, 1 if jobs < 0 and is_quick else jobs)
-    return iter(tqdm(found, total=len(calls), unit="log", disable=None))
+    if jobs < 0 and len(calls) < _WORTH_PROCESSES and not searches:
+        jobs = 1
+    yield from tqdm(_examine_each(task, calls, jobs), total=len(calls), unit="log", disable=None)
 
 
 def _examine_each(task: Task, calls: Calls, jobs: int) -> Iterator[tuple[int, Examined]]:
@@ -212,7 +205,7 @@ def _by_joblib(task: Task, calls: Calls, jobs: int) -> Iterator[tuple[int, Exami
 @contextmanager
 def cluster(address: str | None) -> Iterator[None]:
     """Have logs examined by the Dask cluster at an address, if there is one."""
-    if address is None:
+    if not address:
         yield
         return
     import joblib
@@ -326,12 +319,12 @@ def with_shared_joint(examined: Sequence[Examined]) -> list[Estimate]:
     joints = {
         k: each.fitted.joint
         for k, each in enumerate(examined)
-        if each.estimate.verdict == "backlash"
+        if each.fitted
+        and each.fitted.joint
+        and each.estimate.verdict == "backlash"
         and not each.estimate.backlash_intervals_rad
-        and each.fitted
     }
-    fits = [joint for joint in joints.values() if joint is not None]
-    corrected = share_joint(fits) if fits else []
+    corrected = share_joint(list(joints.values())) if joints else []
     for k, (delta, interval) in zip(joints, corrected, strict=True):
         answers[k] = replace(answers[k], backlash_rad=delta, backlash_interval_rad=interval)
     return answers

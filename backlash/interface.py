@@ -48,16 +48,16 @@ def form_of(log: object, said: Mapping[str, Any]) -> LogFormat:
     return LogFormat(**said)
 
 
-def how_of(words: Mapping[str, Any]) -> dict[str, Any]:
-    """What is said of measuring."""
-    return {name: words[name] for name in MEASURING if name in words}
+def settings_of(log: object, words: Mapping[str, Any]) -> Settings:
+    """Settings of a log by what is said of it."""
+    how = {name: words[name] for name in MEASURING if name in words}
+    return settings_for(form_of(log, words), **how)
 
 
-def settings_of(logs: Sequence[object], words: Mapping[str, Any]) -> list[Settings]:
+def settings_of_all(logs: Sequence[object], words: Mapping[str, Any]) -> list[Settings]:
     """Settings of logs of which the same is said."""
-    how = how_of(words)
-    how["calibration"] = read_calibration(how.get("calibration"))
-    return [settings_for(form_of(log, words), **how) for log in logs]
+    known = {**words, "calibration": read_calibration(words.get("calibration"))}
+    return [settings_of(log, known) for log in logs]
 
 
 def read_log(log: object, v: ArrayLike | None = None, **said: Any) -> Log:
@@ -126,9 +126,7 @@ def estimate(log: object, v: ArrayLike | None = None, **words: Any) -> Estimate:
     >>> print(answer.verdict, len(answer.backlash_interval_rad or ()))
     backlash 2
     """
-    return examine(
-        log, settings_for(form_of(log, words), **how_of(words)), v, words.get("torque")
-    ).estimate
+    return examine(log, settings_of(log, words), v, words.get("torque")).estimate
 
 
 def calibrate(
@@ -225,15 +223,15 @@ def trend(
     >>> print(worn.alarm, worn.crossing.year)
     True 2024
     """
-    settings = settings_of(logs, words)
+    settings = settings_of_all(logs, words)
     if dates is None or isinstance(dates, str | PathLike):
-        table = Path(dates) if dates is not None else None
-        days = list(trend_line.dates_of([Path(name_of(log)) for log in logs], table).values())
+        days = trend_line.dates_of([Path(name_of(log)) for log in logs], dates)
     else:
         days = list(pd.DatetimeIndex(dates))
     if len(days) != len(logs):
         raise UnusableLog(f"{len(logs)} logs and {len(days)} dates; give a date for each log")
-    examined = fleet.examine_fleet(logs, settings, jobs)
+    found = dict(fleet.run_fleet(logs, settings, jobs, task=fleet.examine_or_refuse))
+    examined = [found[number] for number in sorted(found)]
     answers = [each.estimate for each in examined]
     if not relative and all(each.calibration.method == SELF for each in settings):
         answers = fleet.with_shared_joint(examined)

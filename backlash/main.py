@@ -36,7 +36,9 @@ def main(arguments: list[str] | None = None) -> int:
         with ends_on_interrupt():
             try:
                 options = _parser().parse_args(arguments)
-                return getattr(import_module("backlash.commands"), options.function)(options)
+                return getattr(import_module("backlash.commands"), f"run_{options.command}")(
+                    options
+                )
             finally:
                 sys.stdout.flush()
     except (Exception, KeyboardInterrupt) as error:
@@ -92,15 +94,15 @@ class _OneLineParser(argparse.ArgumentParser):
 
 def _parser() -> argparse.ArgumentParser:
     parser = _OneLineParser(prog="backlash", description=_ABOUT, epilog=_STATUS)
-    commands = parser.add_subparsers(required=True, metavar="COMMAND")
+    commands = parser.add_subparsers(required=True, metavar="COMMAND", dest="command")
     for add in (_add_estimate, _add_calibrate, _add_trend):
         add(commands)
     return parser
 
 
 def _add_estimate(commands: argparse._SubParsersAction) -> None:
-    sub = _add_command(
-        commands, "estimate", "backlash (half of the play) from logs of the motor encoder"
+    sub = commands.add_parser(
+        "estimate", help="backlash (half of the play) from logs of the motor encoder"
     )
     sub.add_argument(
         "log",
@@ -130,7 +132,9 @@ def _add_estimate(commands: argparse._SubParsersAction) -> None:
         "--out", type=Path, metavar="TABLE", help="write a table, one row per log: .csv or .parquet"
     )
     sub.add_argument(
-        "--dask", metavar="ADDRESS", help="scheduler of a cluster that takes the place of --jobs"
+        "--dask",
+        metavar="ADDRESS",
+        help="scheduler of a cluster, in place of --jobs; it needs absolute paths of logs",
     )
     sub.add_argument(
         "--fail-on",
@@ -141,7 +145,7 @@ def _add_estimate(commands: argparse._SubParsersAction) -> None:
 
 
 def _add_calibrate(commands: argparse._SubParsersAction) -> None:
-    sub = _add_command(commands, "calibrate", "a calibration from logs of known backlash")
+    sub = commands.add_parser("calibrate", help="a calibration from logs of known backlash")
     sub.add_argument(
         "table",
         type=Path,
@@ -156,13 +160,9 @@ def _add_calibrate(commands: argparse._SubParsersAction) -> None:
 
 
 def _add_trend(commands: argparse._SubParsersAction) -> None:
-    sub = _add_command(commands, "trend", "growth of the backlash, and when it crosses a limit")
+    sub = commands.add_parser("trend", help="growth of the backlash, and when it crosses a limit")
     sub.add_argument(
-        "log",
-        nargs="+",
-        type=Path,
-        help="logs or folders, dates in their names, like 2024-03-17; or tables that estimate --out wrote: a "
-        "trend for each joint",
+        "log", nargs="+", type=Path, help="logs or folders, dates in their names, like 2024-03-17"
     )
     sub.add_argument(
         "--dates", type=Path, metavar="TABLE", help="CSV with the columns file and date instead"
@@ -182,15 +182,6 @@ def _add_trend(commands: argparse._SubParsersAction) -> None:
     _add_measuring(sub)
     sub.add_argument("--json", action="store_true", help="print an object")
     sub.add_argument("--plot", type=Path, metavar="FILE", help="write a figure: .png, .svg or .pdf")
-
-
-def _add_command(
-    commands: argparse._SubParsersAction, name: str, text: str
-) -> argparse.ArgumentParser:
-    """A command that `run_<name>` of `commands` does."""
-    sub = commands.add_parser(name, help=text)
-    sub.set_defaults(function=f"run_{name}")
-    return sub
 
 
 def _add_log_options(sub: argparse.ArgumentParser) -> None:

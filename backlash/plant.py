@@ -1,7 +1,6 @@
 """Many joints: a table of logs, each with what is said of it, and a trend for each joint.
 
-Columns of the table are `file`, `joint`, `date`, and those in `OF_A_LOG`: fields of `LogFormat` and
-words of `estimate`.
+Columns of the table are `file`, `joint`, `date`, fields of `LogFormat`, and words of `estimate`.
 """
 
 from collections.abc import Mapping, Sequence
@@ -14,16 +13,15 @@ import pandas as pd
 
 from backlash import fleet, trend_line
 from backlash.calibration import read_calibration
-from backlash.interface import form_of, how_of, settings_of
+from backlash.interface import settings_of, settings_of_all
 from backlash.reading.columns import SAID
 from backlash.reading.refusals import UnusableLog
 from backlash.reading.sources import name_of
-from backlash.settings import MEASURING, Settings, settings_for
+from backlash.settings import MEASURING, Settings
 from backlash.trend_line import Trend
 
 _KEYS = ["joint", "date"]
-OF_ANSWERS = ("file", "verdict", "backlash_high_rad")
-OF_A_LOG = {*SAID, *MEASURING} - {"trust_period", "repeats", "seed"}
+COLUMNS = ("file", *_KEYS, *SAID, *MEASURING)
 
 
 class Batch(NamedTuple):
@@ -72,20 +70,20 @@ def estimate_many(
     >>> print(found.loc["A2"]["verdict"].tolist())
     ['backlash']
     """
-    if isinstance(logs, pd.DataFrame | str | PathLike):
-        batch = read_batch(logs, words)
-    else:
-        batch = Batch(logs, settings_of(logs, words), pd.DataFrame(index=range(len(logs))))
+    batch = read_batch(logs, words)
     found = dict(fleet.run_fleet(batch.logs, batch.settings, jobs))
-    table = batch.keys.join(fleet.as_table([found[number] for number in sorted(found)]))
+    table = batch.keys.join(fleet.as_table([found[number].estimate for number in sorted(found)]))
     return table.set_index([*batch.keys]) if len(batch.keys.columns) else table
 
 
-def read_batch(source: fleet.Table, words: Mapping[str, Any]) -> Batch:
-    """Logs of a table, and what is said of each by its row, else by words that `estimate` takes."""
+def read_batch(source: Sequence[object] | fleet.Table, words: Mapping[str, Any]) -> Batch:
+    """Logs, and what is said of each by its row if they are in a table, else by words that `estimate` takes."""
+    if not isinstance(source, pd.DataFrame | str | PathLike):
+        keys = pd.DataFrame(index=range(len(source)))
+        return Batch(source, settings_of_all(source, words), keys)
     logs, table = listed_logs(source, "file")
-    if unknown := {*table} - OF_A_LOG - {*_KEYS}:
-        known = ", ".join(["file", *_KEYS, *sorted(OF_A_LOG)])
+    if unknown := {*table}.difference(COLUMNS):
+        known = ", ".join(COLUMNS)
         raise UnusableLog(f"{fleet.called(source)}: column {min(unknown)!r}; there are {known}")
     keys = table[[name for name in _KEYS if name in table]]
     read = cache(read_calibration)
@@ -95,8 +93,7 @@ def read_batch(source: fleet.Table, words: Mapping[str, Any]) -> Batch:
         try:
             if "calibration" in own:
                 own["calibration"] = read(own["calibration"])
-            said = {**words, **own}
-            settings.append(settings_for(form_of(log, said), **how_of(said)))
+            settings.append(settings_of(log, {**words, **own}))
         except (UnusableLog, TypeError) as error:
             why = error if isinstance(error, UnusableLog) else f"text for a number in {own}"
             raise UnusableLog(
@@ -123,8 +120,7 @@ def trend_many(
     Parameters
     ----------
     answers : DataFrame
-        What `estimate_many` returned, or several of these below each other; where there is no joint they are of one,
-        where there is no date it is that in the file's name.
+        What `estimate_many` returned of a table with joints and dates, or several of these below each other.
     limit_rad, relative
         As in `trend`.
 
@@ -136,7 +132,7 @@ def trend_many(
     Raises
     ------
     UnusableLog
-        A date is missing, or the limit is not finite and above zero.
+        A column is missing.
 
     Examples
     --------
@@ -145,12 +141,7 @@ def trend_many(
     >>> print({joint: found.alarm for joint, found in worn.items()})
     {'A1': True, 'A2': True}
     """
-    trend_line.check_limit(limit_rad)
-    table = fleet.read_rows(answers, *OF_ANSWERS)
-    if "date" not in table:
-        table["date"] = trend_line.dates_of(table["file"].map(Path)).values()
-    if "joint" not in table:
-        table["joint"] = ""
+    table = fleet.read_rows(answers, *_KEYS, "file", "verdict", "backlash_high_rad")
     found: dict[str, Trend | UnusableLog] = {}
     for joint, rows in table.fillna({"joint": "", "reason": ""}).groupby("joint"):
         try:

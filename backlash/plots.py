@@ -8,11 +8,11 @@ from pathlib import Path
 import matplotlib as mpl
 import numpy as np
 from matplotlib import pyplot as plt
-from matplotlib.dates import AutoDateLocator, ConciseDateFormatter
 from matplotlib.figure import Figure
 
 from backlash.trend_line import Trend
 from replication.arrays import FloatArray
+from replication.files import write_bytes
 from replication.recording import Recording
 
 _SHOWN_TURNS = 3
@@ -41,13 +41,13 @@ def in_style(plot: Callable[..., Figure]) -> Callable[..., Figure]:
     return styled
 
 
-def content_of(figure: Figure, ending: str) -> bytes:
-    """A file of a figure, the same bytes each time; the figure is closed."""
-    content = BytesIO()
+def save_figure(figure: Figure, path: Path) -> None:
+    """Write a figure whole or not at all, the same bytes each time; it is closed."""
+    content, ending = BytesIO(), path.suffix.lower()
     with plt.style.context(_STYLE):
         figure.savefig(content, format=ending[1:], metadata=STAMPS[ending])
     plt.close(figure)
-    return content.getvalue()
+    write_bytes(path, content.getvalue())
 
 
 @in_style
@@ -63,8 +63,8 @@ def estimate_figure(recording: Recording, model_rps: FloatArray, title: str) -> 
     above.set(xlim=(middle - half, middle + half), ylim=(-top, top), title=f"(a) {title}")
     above.set(xlabel="time [s]", ylabel="motor speed [rps]")
     below.plot(t, disturbance - model, color="C1", linewidth=0.7)
-    below.set(xlim=(0, t[-1]), ylim=(-top, top), xlabel="time [s]", ylabel="residual [rps]")
-    below.set_title("(b)")
+    below.set(xlim=(0, t[-1]), ylim=(-top, top), title="(b)")
+    below.set(xlabel="time [s]", ylabel="residual [rps]")
     figure.legend(loc="outside lower center", ncols=2)
     return figure
 
@@ -88,28 +88,24 @@ def trend_figure(trend: Trend) -> Figure:
         label="estimate, 95 %",
     )
     since = (points["date"] - trend.origin).dt.total_seconds().to_numpy() / 86400
-    last = since[-1]
-    if trend.crossing is not None:
-        crossing = (trend.crossing - trend.origin).total_seconds() / 86400
-        ahead = crossing + 0.15 * np.ptp(since)
-        last = max(last, min(ahead, last + 2 * np.ptp(since)))
+    last, length = since[-1], np.ptp(since)
+    if trend.crossing_days:
+        ahead = trend.crossing_days[0] + 0.15 * length
+        last = max(last, min(ahead, last + 2 * length))
     days = np.linspace(since[0], last, 200)
     line, half = trend.band(days)
     dates = trend.origin + np.round(days * 86400).astype("timedelta64[s]")
     axis.plot(dates, scale * line, color="C0", label="line")
-    low, high = scale * (line - half), scale * (line + half)
-    axis.fill_between(dates, low, high, color="C0", alpha=0.15, lw=0, label="its 95 %")
+    ends = scale * (line - half), scale * (line + half)
+    axis.fill_between(dates, *ends, color="C0", alpha=0.15, lw=0, label="its 95 %")
     if trend.limit_rad is not None:
         axis.axhline(1e3 * trend.limit_rad, color="C3", linestyle="--", label="limit")
         first, after = trend.crossing_interval or (None, None)
         if first is not None:
             last_drawn = min(after or dates[-1], dates[-1])
             axis.axvspan(first, last_drawn, color="C3", alpha=0.12, lw=0, label="crossing, 95 %")
-    locator = AutoDateLocator()
-    axis.xaxis.set_major_locator(locator)
-    axis.xaxis.set_major_formatter(ConciseDateFormatter(locator))
     name = "amplitude" if trend.is_relative else "backlash $\\delta$"
-    axis.set(ylabel=f"{name} [{unit}]", xlim=(dates[0] - (dates[-1] - dates[0]) * 0.03, dates[-1]))
-    axis.set_ylim(bottom=0)
+    axis.margins(x=0.03)
+    axis.set(ylabel=f"{name} [{unit}]", ylim=(0, None))
     figure.legend(loc="outside lower center", ncols=3)
     return figure

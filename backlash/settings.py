@@ -54,15 +54,10 @@ def settings_for(
         raise UnusableLog(f"--method {method}: the calibration is of method {own.method}")
     if not all(isinstance(each, Integral) and each > 0 for each in (repeats, seed)):
         raise UnusableLog("--repeats and --seed must be whole numbers, 1 or more")
-    used = own or _default(method or SELF)
+    method = method or SELF
+    is_alone = method in (SELF, TORQUE)  # needs only the least backlash that another would see
+    used = own or default_calibration("amplitude" if is_alone else method)
+    if own is None and is_alone:
+        used = replace(used, method=method, provenance="none: the log's own joint")
     form = replace(form, usual_speed_rps=used.commanded_speed_rps)
     return Settings(form, used, own is not None, repeats, seed, data)
-
-
-def _default(method: str) -> Calibration:
-    """Calibration of a method for the paper's joint; methods without one need only the least backlash it would see."""
-    if method not in (SELF, TORQUE):
-        return default_calibration(method)
-    return replace(
-        default_calibration("amplitude"), method=method, provenance="none: the log's own joint"
-    )

@@ -9,6 +9,7 @@ instead, in percent of the first.
 import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from os import PathLike
 from pathlib import Path
 
 import numpy as np
@@ -124,39 +125,28 @@ class Trend:
     def band(self, days: FloatArray) -> tuple[FloatArray, FloatArray]:
         """The line at days from `origin`, and half the width of its confidence band."""
         a, b = self.line
-        variance = (
-            self.covariance[0, 0]
-            + 2 * days * self.covariance[0, 1]
-            + days**2 * self.covariance[1, 1]
-        )
+        (of_a, shared), (_, of_b) = self.covariance
+        variance = np.polyval([of_b, 2 * shared, of_a], days)
         return a + b * days, self.quantile * np.sqrt(np.maximum(variance, 0.0))
 
 
-def dates_of(files: Sequence[Path], table: Path | None = None) -> dict[Path, pd.Timestamp]:
+def dates_of(files: Sequence[Path], table: str | PathLike[str] | None = None) -> list[pd.Timestamp]:
     """Date of each log, by the table's columns `file` and `date`, else by its name, as in `axis4_2024-03-17.csv`."""
     known = {}
     if table:
         rows = fleet.read_rows(table, "file", "date")
         known = dict(zip(rows["file"], rows["date"], strict=True))
-    found = {}
+    found = []
     for file in files:
         date = known.get(file.name, known.get(str(file)))
         match = _DATE.search(file.stem)
-        if date is None and match and table is None:
+        if match and table is None:
             date = pd.to_datetime("-".join(match.groups()), errors="coerce")
-        if date is None or pd.isna(date):
+        if pd.isna(date):
             where = f"in {table}" if table else "in its name (like 2024-03-17); give --dates"
             raise UnusableLog(f"{file}: no date {where}")
-        found[file] = date
+        found.append(date)
     return found
-
-
-def check_limit(limit_rad: float | None) -> None:
-    """Refuse a limit that no backlash reaches."""
-    if limit_rad is not None and not 0 < limit_rad <= MOST_RAD:
-        raise UnusableLog(
-            f"--limit {limit_rad:g}: give a finite backlash above 0, at most {MOST_RAD:g} [rad]"
-        )
 
 
 def fit_trend(
@@ -166,7 +156,10 @@ def fit_trend(
     relative: bool = False,
 ) -> Trend:
     """Fit a line to dated backlashes in a table of answers; to amplitudes if `relative`, or if no log has an answer."""
-    check_limit(limit_rad)
+    if limit_rad is not None and not 0 < limit_rad <= MOST_RAD:
+        raise UnusableLog(
+            f"--limit {limit_rad:g}: give a finite backlash above 0, at most {MOST_RAD:g} [rad]"
+        )
     relative = relative or bool((answers["verdict"] == "cannot tell").all())
     points = _points(answers.assign(date=list(dates)), relative)
     warnings = _left_out(points, answers)

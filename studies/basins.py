@@ -39,16 +39,14 @@ def compare_searches(sets: Mapping[str, DataFrame]) -> DataFrame:
         before, after = ([of[row] for row in shared] for of in (first, parts))
         row = {"search": name, "records": len(shared)} | _rates(concat(before), concat(after))
         if parts is not first:
-            pairs = [(old["A_rps"], new["A_rps"]) for old, new in zip(before, after, strict=True)]
+            both = list(zip(before, after, strict=True))
+            pairs = [(old["A_rps"], new["A_rps"]) for old, new in both]
             of_best = [
                 (a[old["best"]], b[new["best"]])
-                for (a, b), old, new in zip(pairs, before, after, strict=True)
+                for (a, b), (old, new) in zip(pairs, both, strict=True)
             ]
-            row |= (
-                _shift("shift", pairs, rng)
-                | _shift("best_shift", of_best, rng)
-                | _apart(pairs, rng)
-            )
+            row |= _shift("shift", pairs, rng)
+            row |= _shift("best_shift", of_best, rng) | _apart(pairs, rng)
         table.append(row)
     return DataFrame(table)
 

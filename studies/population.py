@@ -234,9 +234,7 @@ def against_criteria(table: DataFrame) -> DataFrame:
     )
     rows = []
     for population, figure, sign, limit in ACCEPTANCE_CRITERIA:
-        if population not in measured.index or figure not in measured:
-            continue
-        value = measured.at[population, figure]
+        value = measured.get(figure, Series()).get(population, np.nan)
         met = bool(value <= limit if sign == "<=" else value >= limit)
         if not np.isnan(value):
             rows.append((population, figure, f"{sign} {limit:g}", value, met))
@@ -250,21 +248,21 @@ def _draw_bench_of(population: str, number: int, rng: Generator) -> Bench:
         if "drives" in population
         else draw_bench(rng, BENCHES.get(population))
     )
-    joint = bench.joint
-    if population == "vertical axis":
-        rubbing = rng.uniform(0.02, 0.3) * joint.gravity_torque_nm
-        return replace(bench, joint=replace(joint, gravity_arm_m=0.0, load_coulomb_nm=rubbing))
-    if population == "friction above gravity":
-        rubbing = rng.uniform(1.2, 2.0) * joint.gravity_torque_nm
-        return replace(bench, joint=replace(joint, load_coulomb_nm=rubbing))
     if population == "other movements":
         gear_ratio, turn_s = odd_joints.draw_movement(rng)
         return odd_joints.move_bench(bench, gear_ratio, _SLOW_TURN_S if number % 6 == 0 else turn_s)
-    if population == "faults" and FAULTS[number % len(FAULTS)] == "another axis":
-        push = rng.uniform(0.02, 0.2) * joint.gravity_torque_nm
+    joint = bench.joint
+    gravity = joint.gravity_torque_nm
+    if population == "vertical axis":
+        rubbing = rng.uniform(0.02, 0.3) * gravity
+        joint = replace(joint, gravity_arm_m=0.0, load_coulomb_nm=rubbing)
+    elif population == "friction above gravity":
+        joint = replace(joint, load_coulomb_nm=rng.uniform(1.2, 2.0) * gravity)
+    elif population == "faults" and FAULTS[number % len(FAULTS)] == "another axis":
+        push = rng.uniform(0.02, 0.2) * gravity
         axis = Disturbance(rng.uniform(0.5, 4.0) / joint.gear_ratio, load_torque_nm=push)
-        return replace(bench, joint=replace(joint, disturbances=(*joint.disturbances, axis)))
-    return bench
+        joint = replace(joint, disturbances=(*joint.disturbances, axis))
+    return replace(bench, joint=joint)
 
 
 def _draw_log(population: str, number: int, delta_rad: float, rng: Generator) -> KnownLog:

@@ -1,11 +1,13 @@
 """Logs of the simulated joint, and ways to write and read them, for the tests of the sensor."""
 
+import shlex
 from functools import lru_cache
 
 import numpy as np
 import pandas as pd
 import pytest
 
+from backlash.main import main
 from backlash.reading.columns import LogFormat
 from backlash.reading.prepare import Log, open_log
 from backlash.reading.refusals import UnusableLog
@@ -76,3 +78,8 @@ def refusal(source, form=TURN) -> str:
     assert "\n" not in line
     assert len(line) < 600
     return line
+
+
+def command(*words) -> int:
+    """Exit status of a command; a text may hold several words."""
+    return main(shlex.split(" ".join(map(str, words))))

@@ -208,8 +208,8 @@ def with_whole_stamps(table: pd.DataFrame) -> pd.DataFrame:
     for nano in [column for column in table.columns if re.search(r"stamp\Wn(ano)?secs?$", column)]:
         whole = re.sub("n(ano)?sec", "sec", nano)
         if whole in table:
-            table = table.assign(**{nano: 10**9 * table[whole] + table[nano]}).drop(columns=whole)
-            table = table.rename(columns={nano: "stamp [ns]"})
+            stamp = 10**9 * table[whole] + table[nano]
+            table = table.drop(columns=[whole, nano]).assign(**{"stamp [ns]": stamp})
     return table
 
 
@@ -260,8 +260,8 @@ def seconds(
         unit = next((u for u in ("ms", "us", "ns") if 1e9 <= stamps[0] * _SECONDS[u] < 1e10), "")
     if pd.api.types.is_integer_dtype(values):  # nanoseconds since 1970 are more than a float holds
         stamps = (values - values.iloc[0]).to_numpy(dtype=float)
-    notes = () if unit in ("", "s", "sec", "seconds") else (f"time stamps read in {unit}",)
-    return (_SECONDS.get(unit, 1.0) * (stamps - stamps[0]) if stamps.size else stamps), notes
+    notes = () if _SECONDS.get(unit, 1.0) == 1.0 else (f"time stamps read in {unit}",)
+    return _SECONDS.get(unit, 1.0) * (stamps - stamps[:1]), notes
 
 
 def unit_of(column: str, is_position: bool, form: LogFormat) -> tuple[str, tuple[str, ...]]:

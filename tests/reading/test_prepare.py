@@ -67,16 +67,6 @@ def test_of_two_speeds_the_motors_is_taken_and_otherwise_the_user_is_asked():
     assert "which column is the speed" in refusal(frame.assign(**{"speed b": 1.0}))
 
 
-@pytest.mark.parametrize(
-    ("unit", "factor"), [("rps", 1.0), ("rpm", 60.0), ("rad/s", 2 * np.pi), ("counts", 4096.0)]
-)
-def test_the_unit_is_as_given(unit, factor):
-    form = replace(TURN, unit=unit, counts_per_turn=4096.0)
-    np.testing.assert_allclose(
-        opened(RECORD.t, factor * RECORD.v, form, "speed").recording.v, RECORD.v
-    )
-
-
 # ---------------------------------------------------------------------------------------------------------------
 # What is done to it
 
@@ -131,23 +121,6 @@ def test_a_fast_log_is_averaged_down():
     log = evenly(100 + 0.1 * np.sin(9e-4 * np.arange(48000)), dt=1e-4)
     assert log.recording.t[1] == pytest.approx(1e-3)
     assert any("averaged over 10" in note for note in log.notes)
-
-
-def test_the_stretch_at_constant_speed_is_found_in_a_whole_movement():
-    ramp = np.linspace(0, 100, 300)
-    v = np.concatenate(
-        [np.zeros(200), ramp, RECORD.v, ramp[::-1], -ramp, np.full(500, -100.0), np.zeros(100)]
-    )
-    log = evenly(v + np.random.default_rng(0).normal(0, 0.01, v.size))
-    assert 0.9 * RECORD.v.size < log.recording.v.size <= RECORD.v.size
-    assert abs(log.recording.v - 100).max() < 1.0
-    assert any("used the constant speed from" in note for note in log.notes)
-
-
-def test_a_motor_that_turns_backward_is_turned_round():
-    log = evenly(-RECORD.v)
-    np.testing.assert_allclose(log.recording.v, RECORD.v)
-    assert any("backward" in note for note in log.notes)
 
 
 def test_only_the_first_sixty_turns_of_a_long_log_are_used():

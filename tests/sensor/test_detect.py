@@ -109,12 +109,6 @@ def test_the_right_period_stands(delta):
         assert own_period(record) in (0.4, None)
 
 
-@pytest.mark.parametrize("scale", [0.9955, 0.998, 1.0025, 1.0045])
-def test_a_slightly_wrong_period_is_corrected(scale):
-    found = own_period(replace(noisy(), turn_period_s=0.4 * scale))
-    assert found == pytest.approx(0.4, rel=4e-4)
-
-
 def test_a_signature_explains_itself_and_not_another_pattern():
     record = noisy()
     presence = find_pattern(record)

@@ -6,23 +6,25 @@ import pandas as pd
 import pytest
 
 import backlash
-from backlash import interface
 from tests.logs import noisy, table, write
 
 KNOWN_RAD = np.linspace(4e-4, 16e-4, 7).tolist()
 
 
-@pytest.mark.parametrize("name", ["read_log", "estimate", "calibrate", "trend"])
+@pytest.mark.parametrize(
+    "name", ["read_log", "estimate", "calibrate", "trend", "estimate_many", "trend_many"]
+)
 def test_the_examples_of_the_documentation_run(name, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     write(noisy(), tmp_path / "log.csv")
-    shown = {
-        "t": noisy().t, "v": noisy().v, "known_rad": KNOWN_RAD,
-        "dates": pd.date_range("2024-01-15", periods=7, freq="MS"),
-        "logs": [table(noisy(delta, seed=k)) for k, delta in enumerate(KNOWN_RAD)],
-    }  # fmt: skip
-    tests = doctest.DocTestFinder(recurse=False).find(getattr(interface, name), name, globs=shown)
-    assert [len(test.examples) for test in tests] == [3]
+    logs = [write(noisy(delta), tmp_path / f"{delta}.csv") for delta in KNOWN_RAD]
+    months = pd.date_range("2024-01-15", periods=7, freq="MS")
+    many = pd.DataFrame({"file": logs, "date": months, "joint": "A1"})
+    many = pd.concat([many, many.assign(joint="A2")])
+    how = {"turn_period_s": 0.4, "method": "energy"}
+    shown = {"pd": pd, "logs": logs, "files": logs[:2], "dates": months, "known_rad": KNOWN_RAD}
+    shown |= {"t": noisy().t, "v": noisy().v, "answers": backlash.estimate_many(many, **how)}
+    tests = doctest.DocTestFinder(recurse=False).find(getattr(backlash, name), name, globs=shown)
     said = []
     doctest.DocTestRunner().run(tests[0], out=said.append)
     assert not said, "".join(said)
@@ -84,44 +86,40 @@ def test_results_are_ready_for_json_and_cannot_be_changed(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("call", "words"),
+    ("said", "words"),
     [
-        (
-            lambda log: backlash.estimate([0, 1], [1, 2, 3], turn_period_s=0.4),
-            r"shapes \(2,\) and \(3,\)",
-        ),
-        (lambda log: backlash.estimate(np.ones(9), turn_period_s=0.4), "give time and speed"),
-        (lambda log: backlash.estimate(log), "load's turn is not known"),
-        (lambda log: backlash.estimate(log, turn_period_s="0.4"), "--turn-period '0.4': give"),
-        (lambda log: backlash.estimate(log, turn_period_s=0.4, speed=9), "no column '9'"),
-        (lambda log: backlash.estimate(log, turn_period_s=0.4, seed=np.random), "whole numbers"),
-        (lambda log: backlash.estimate({"t": [0]}, turn_period_s=0.4), "or a pandas table"),
-        (lambda log: backlash.estimate(log.with_name("\x1b[2J"), turn_period_s=0.4), r"\?\[2J: no"),
-        (lambda log: backlash.estimate(log, turn_period_s=0.4, method="magic"), "method 'magic'"),
-        (
-            lambda log: backlash.estimate(log, turn_period_s=0.4, calibration=log),
-            "not a calibration file",
-        ),
-        (lambda log: backlash.read_log(log, turn_period_s=2.0), "too short: 2.4 load turns"),
-        (
-            lambda log: backlash.trend(
-                [log] * 3, ["2024-01-01"] * 3, turn_period_s=0.4, method="energy"
-            ),
-            "1 dates",
-        ),
-        (lambda log: backlash.trend([log], turn_period_s=0.4), "no date in its name"),
-        (lambda log: backlash.calibrate([log], [1e-3], turn_period_s=0.4), "needs 6 or more"),
-        (
-            lambda log: backlash.estimate(backlash.read_log(log, turn_period_s=0.4), gear_ratio=40),
-            "was read already",
-        ),
+        ({"turn_period_s": None}, "load's turn is not known"),
+        ({"turn_period_s": "0.4"}, "--turn-period '0.4': give"),
+        ({"speed": 9}, "no column '9'"),
+        ({"seed": np.random}, "whole numbers"),
+        ({"method": "magic"}, "method 'magic'"),
+        ({"calibration": "log.csv"}, "not a calibration file"),
+        ({"log": [0, 1], "v": [1, 2, 3]}, r"shapes \(2,\) and \(3,\)"),
+        ({"log": np.ones(9)}, "give time and speed"),
+        ({"log": {"t": [0]}}, "or a pandas table"),
+        ({"log": "\x1b[2J"}, r"\?\[2J: no"),
     ],
 )
-def test_what_cannot_be_used_is_an_error_of_one_line(call, words, tmp_path):
-    path = write(noisy(), tmp_path / "log.csv")
+def test_what_cannot_be_used_is_an_error_of_one_line(said, words, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    write(noisy(), tmp_path / "log.csv")
     with pytest.raises(backlash.UnusableLog, match=words) as caught:
-        call(path)
+        backlash.estimate(**({"log": "log.csv", "turn_period_s": 0.4} | said))
     assert "\n" not in str(caught.value)
+
+
+def test_what_other_calls_cannot_use_is_an_error_too(tmp_path):
+    log, how = write(noisy(), tmp_path / "log.csv"), {"turn_period_s": 0.4}
+    with pytest.raises(backlash.UnusableLog, match=r"too short: 2\.4 load turns"):
+        backlash.read_log(log, turn_period_s=2.0)
+    with pytest.raises(backlash.UnusableLog, match="was read already"):
+        backlash.estimate(backlash.read_log(log, **how), gear_ratio=40)
+    with pytest.raises(backlash.UnusableLog, match="1 dates"):
+        backlash.trend([log] * 3, ["2024-01-01"] * 3, method="energy", **how)
+    with pytest.raises(backlash.UnusableLog, match="no date in its name"):
+        backlash.trend([log], **how)
+    with pytest.raises(backlash.UnusableLog, match="needs 6 or more"):
+        backlash.calibrate([log], [1e-3], **how)
 
 
 def test_a_log_that_cannot_be_used_is_left_out_of_a_trend_and_named(tmp_path):
@@ -130,6 +128,7 @@ def test_a_log_that_cannot_be_used_is_left_out_of_a_trend_and_named(tmp_path):
     write(noisy(0.0), logs[3])
     found = backlash.trend(logs, turn_period_s=0.4, method="energy")
     assert len(found.points) == 3
+    assert "2 of 5 logs are left out" in found.warnings
     assert any("2024-03-01.csv: the file is empty" in warning for warning in found.warnings)
     assert any("2024-04-01.csv: no backlash" in warning for warning in found.warnings)
 

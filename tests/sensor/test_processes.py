@@ -10,10 +10,10 @@ import time
 import pytest
 
 from backlash import commands, fleet
-from backlash.main import ends_on_interrupt, main
+from backlash.main import ends_on_interrupt
 from backlash.reading.columns import LogFormat
 from backlash.settings import settings_for
-from tests.logs import noisy, write
+from tests.logs import command, noisy, write
 from workbook import ROOT
 
 PIPES = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
@@ -122,7 +122,7 @@ def test_a_person_is_told_that_the_first_command_on_a_machine_compiles(
     log = write(noisy(), tmp_path / "log.csv")
     monkeypatch.setattr(commands.cache, "is_empty", lambda: not cached)
     monkeypatch.setattr(commands.sys.stderr, "isatty", lambda: seen_by == "a person")
-    assert main(["estimate", str(log), "--turn-period", "0.4", "--method", "energy", "--json"]) == 0
+    assert command("estimate", log, "--turn-period 0.4 --method energy --json") == 0
     captured = capsys.readouterr()
     assert captured.err == line
     assert captured.out.startswith("[\n {")

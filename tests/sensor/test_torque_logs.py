@@ -6,11 +6,11 @@ import pytest
 
 import backlash
 from backlash.calibration import default_calibration
-from backlash.main import main
 from backlash.reading.columns import LogFormat
 from backlash.reading.prepare import open_log
 from backlash.reading.refusals import UnusableLog
 from studies.odd_joints import draw_cascade, log_with_torque
+from tests.logs import command
 
 DELTA = 1e-3
 
@@ -35,24 +35,17 @@ def joint():
     return logged(3)
 
 
-def options_of(known) -> list[str]:
-    names = {
-        "turn_period_s": "turn-period",
-        "commanded_speed_rps": "commanded-speed",
-        "gravity_per_s2": "gravity",
-    }
-    return [
-        part
-        for name, value in known.items()
-        for part in (f"--{names.get(name, 'inertia-ratio')}", str(value))
-    ]
+OPTIONS = (
+    "--turn-period {turn_period_s} --commanded-speed {commanded_speed_rps} "
+    "--inertia-ratio {inertia_ratio} --gravity {gravity_per_s2} --json"
+)
 
 
 def test_a_file_a_table_and_arrays_have_one_answer_that_holds_the_truth(joint, tmp_path, capsys):
     frame, known = joint
     path = tmp_path / "log.csv"
     frame.to_csv(path, index=False)
-    assert main(["estimate", str(path), "--torque", "3", "--json", *options_of(known)]) == 0
+    assert command("estimate", path, "--torque 3", OPTIONS.format(**known)) == 0
     from_file = json.loads(capsys.readouterr().out)[0]
     assert (from_file["method"], from_file["verdict"]) == ("torque", "backlash")
     low, high = from_file["backlash_interval_rad"]
@@ -161,9 +154,7 @@ def test_a_trend_of_logs_with_torque_goes_through_the_truths(capsys, tmp_path):
     for month, delta in enumerate((8e-4, 1.2e-3, 1.6e-3), 1):
         frame, known = logged(3, delta)
         frame.to_csv(tmp_path / f"axis_2024-0{month}-01.csv", index=False)
-    assert (
-        main(["trend", str(tmp_path), "--torque", "torque [Nm]", "--json", *options_of(known)]) == 0
-    )
+    assert command("trend", tmp_path, "--torque 'torque [Nm]'", OPTIONS.format(**known)) == 0
     points = json.loads(capsys.readouterr().out)["points"]
     assert [point["backlash_rad"] for point in points] == pytest.approx(
         [8e-4, 1.2e-3, 1.6e-3], rel=0.1

@@ -112,15 +112,6 @@ def test_a_growth_that_is_no_line_is_said():
     )
 
 
-def test_logs_without_backlash_are_left_out_and_counted():
-    rows, dates = made()
-    healthy = Estimate("log0", "no backlash", backlash_rad=0.0, backlash_interval_rad=(0.0, 3e-4))
-    others = as_table([healthy, Estimate("log1", "cannot tell")])
-    found = trend_line.fit_trend(pd.concat([others, rows[2:]]), dates)
-    assert len(found.points) == 8
-    assert any("2 of 10 logs" in warning for warning in found.warnings)
-
-
 def test_too_few_dates_and_a_senseless_limit_are_refused():
     with pytest.raises(UnusableLog, match="2 dates"):
         trend_line.fit_trend(*made(count=2))
@@ -134,16 +125,13 @@ def test_too_few_dates_and_a_senseless_limit_are_refused():
 
 def test_dates_come_from_names_or_from_a_table(tmp_path):
     logs = [tmp_path / "axis4_2024-03-17.csv", tmp_path / "20240401_run.csv"]
-    assert list(trend_line.dates_of(logs).values()) == [
-        pd.Timestamp("2024-03-17"),
-        pd.Timestamp("2024-04-01"),
-    ]
+    assert trend_line.dates_of(logs) == [pd.Timestamp("2024-03-17"), pd.Timestamp("2024-04-01")]
     table = tmp_path / "dates.csv"
     table.write_text(
         "file,date\naxis4_2024-03-17.csv,2020-01-01\n20240401_run.csv,2020-02-01T12:00\n",
         encoding="utf-8",
     )
-    assert list(trend_line.dates_of(logs, table).values()) == [
+    assert trend_line.dates_of(logs, table) == [
         pd.Timestamp("2020-01-01"),
         pd.Timestamp("2020-02-01T12:00"),
     ]
