@@ -70,13 +70,8 @@ def _with_amplitude(detected: Detected, fit: GlobalFit) -> Fitted:
 def _with_joint(fitted: Fitted) -> Fitted:
     """Fit the joint that the log itself tells of."""
     joint = fit_joint(fitted.recording)
-    where = f"worst at {joint.worst_phase:.2f} turns from the load hanging down"
-    refusal = (
-        CannotTell("no such joint", f"{joint.refusal_reason}, {where}")
-        if joint.refusal_reason
-        else None
-    )
-    fitted = replace(fitted, joint=joint, refusal=refusal)
+    why = joint.refusal_reason
+    fitted = replace(fitted, joint=joint, refusal=CannotTell("no such joint", why) if why else None)
     if not np.isfinite(joint.turn_rps).all():  # no joint fits, and the best of them runs away
         return fitted
     return replace(fitted, model_rps=periodic(joint.turn_rps)(_turns(fitted) % 1.0))

@@ -86,7 +86,6 @@ class SelfFit:
     unknowns: FloatArray  # the posterior's maximum, in the order of `joint_posterior.NAMES`
     covariance: FloatArray  # about it
     misfit: float  # mean square of the whitened residual, 1 if right; of a quiet record, beyond the model's error
-    worst_phase: float  # where the joint fits worst [turns, from the load hanging down]
     ring_noise_ratio: float  # see `harmonics.TurnHarmonics`
     peaks: list[WeightedPeak]  # no second mass, then one of each ring
     # Fitted speed less its mean, at even phases from the record's first sample.
@@ -152,7 +151,6 @@ def fit_joint(recording: Recording) -> SelfFit:
         unknowns=peak.z,
         covariance=covariance,
         misfit=fit.misfit,
-        worst_phase=_worst_phase(problem, peak),
         ring_noise_ratio=harmonics.ring_noise_ratio,
         peaks=best.peaks if np.isfinite(best.evidence) else [],
         turn_rps=_turn_of(problem, peak),
@@ -365,15 +363,6 @@ def _prior_p(peak: Peak, scatter: float, known: slice) -> float:
     seen = information > _LEAST_INFORMATION
     square = float(((axes.T @ centre)[seen] ** 2 / information[seen]).sum()) / scatter
     return float(chdtrc(max(int(seen.sum()), 1), square))
-
-
-def _worst_phase(problem: Problem, peak: Peak) -> float:
-    """Phase of the turn at which the residual is largest."""
-    real, imaginary = peak.residual[: 2 * problem.order.size].reshape(2, -1)
-    spectrum = np.zeros(257, dtype=complex)
-    inside = problem.order < spectrum.size
-    spectrum[problem.order[inside]] = ((real + 1j * imaginary) * problem.sd)[inside]
-    return float((np.abs(np.fft.irfft(spectrum)).argmax() / 512 + peak.z[PHASE] / TURN) % 1.0)
 
 
 def _slowest_ring(z: FloatArray, movement: Movement) -> tuple[float, float]:
