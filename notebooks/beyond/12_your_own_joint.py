@@ -290,6 +290,9 @@ print("\n".join(str(found) for found in answers))
 #     read = [(stamp, bag.deserialize(raw, topic.msgtype)) for topic, stamp, raw in bag.messages(joints)]
 #     t, v = [1e-9 * stamp for stamp, _ in read], [joint.velocity[0] for _, joint in read]
 #
+# table = pd.read_csv("long.csv").pivot(index="time", columns="signal", values="value")  # a row for each value
+# t, v = table.index, table["speed"]
+#
 # backlash.estimate(t, v, turn_period_s=0.4, unit="rps")
 # ```
 
