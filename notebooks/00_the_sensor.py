@@ -83,7 +83,7 @@ noise_rps = 0.1  # half-amplitude of the uniform noise on the logged speed
 noise_law = "uniform"  # or "normal", with the same SD
 seed = 1  # of the noise
 population = 60  # points that the search tries in a generation
-runs = 25  # of the search
+runs = 12  # of the search
 
 # %% tags=["plumbing"]
 workbook.check_parameters(

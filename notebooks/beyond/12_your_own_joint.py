@@ -213,18 +213,17 @@ trend_figure = plots.trend_figure(line)
 #
 # ```
 # backlash estimate --batch plant.csv --out 2026-11-23.parquet  # one row per log, with its joint and date
-# backlash trend 2026-*.parquet --limit 0.001                   # a trend for each joint
 # ```
 #
 # In Python, `backlash.estimate_many("plant.csv")` returns the table of answers, by joint and date, and
-# `backlash.trend_many` the trends. An interrupted run goes on from what it kept beside the table, in lines of JSON. If
-# the disk is full, it stops and prints the answers.
+# `backlash.trend_many` makes of such tables, one below the other, a trend for each joint. An interrupted run goes on
+# from what it kept beside the table, in lines of JSON. If the disk is full, it stops and prints the answers.
 #
 # *On a cluster*: `pip install .[dask]` on each machine, and `--dask tcp://scheduler:8786`, or
 # `joblib.parallel_config(backend="dask")` around `estimate_many`. The workers need this version of the package, and the
-# logs under the same absolute paths; start them with one thread each. A worker that dies is replaced by its
-# nanny, and its logs are sent again (a test kills one of two in a run of 200 logs). Dask opens ports without a password
-# by itself: keep it in a network that you trust, or use its TLS.
+# logs under the same absolute paths; start them with one thread each. A worker that dies is replaced by its nanny, and
+# its logs are sent again (a test kills one of two in a run of 200 logs). A log that kills every worker holds the run
+# up: leave it out. Dask opens ports without a password by itself: keep it in a network that you trust, or use its TLS.
 #
 # *What it takes*, measured on 2026-11-23 on two cores of a shared x86-64 machine (Python 3.11), with files in the
 # page cache; time is CPU time, including the processes' start in the first line:

@@ -58,7 +58,7 @@ def animate_teeth(run: SimulatedJoint, joint: JointParameters) -> str:
     v = run.motor_speed_rps[turn]
     x = 1e3 * (run.motor_position_rad[turn] / joint.gear_ratio - angle)
     free = run.gap_state[turn] == 0
-    frames = np.flatnonzero(np.round(t, 3) % np.where(free, 3, 15) == 0)
+    frames = np.flatnonzero(np.round(t, 3) % np.where(free, 5, 25) == 0)
     with (
         plt.rc_context(STYLE | {"figure.dpi": 64, "figure.constrained_layout.use": False}),
         plt.ioff(),
