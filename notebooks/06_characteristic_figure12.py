@@ -269,18 +269,18 @@ bits = published.value("text.encoder_bits")
 step = 2 * np.pi / 2**bits
 
 # %%
+smallest = f"{error.iloc[0]:.2g} rad at {delta[0]:.0e} rad"
+largest = (
+    f"the largest error is {error.max():.2g} rad, at {delta[error.idxmax()]:.1e} rad; the number of the text is read as "
+    "an upper bound, and is not the largest error itself"
+)
+rising = f"the smallest slope over the range of the points is {slope:.2g} rad per rps"
+resolved = f"one step is 2 pi / 2^{bits:.0f} = {step:.3g} rad; what shows in a whole record is in notebook 16"
 claims = {
-    "error_rad_small": f"{error.iloc[0]:.2g} rad at {delta[0]:.0e} rad",
-    "error_rad_large": f"the largest error is {error.max():.2g} rad, at {delta[error.idxmax()]:.1e} rad; the number of "
-    "the text is read as an upper bound, and is not the largest error itself",
-    "monotone": f"the smallest slope over the range of the points is {slope:.2g} rad per rps",
-    "encoder_step": f"one step is 2 pi / 2^{bits:.0f} = {step:.3g} rad; what shows in a whole record is in notebook 16",
-}
-measured = {"error_rad_small": error.iloc[0], "error_rad_large": error.max(), "monotone": slope}
-measured["encoder_step"] = step
-claims = {
-    claim: (published.decide(claim, measured[claim], criteria), seen)
-    for claim, seen in claims.items()
+    "error_rad_small": (published.decide("error_rad_small", error.iloc[0], criteria), smallest),
+    "error_rad_large": (published.decide("error_rad_large", error.max(), criteria), largest),
+    "monotone": (published.decide("monotone", slope, criteria), rising),
+    "encoder_step": (published.decide("encoder_step", step, criteria), resolved),
 }
 
 # %% tags=["plumbing"]

@@ -304,6 +304,10 @@ datasheet, rounds = (
 bars, sheet_bars = population.against_criteria(summary), population.against_criteria(datasheet)
 
 # %%
+self_errors = plots.population_errors(measured, titles)
+calibrated_intervals = plots.posterior_calibration(measured, titles)
+
+# %%
 near_rmse = summary.set_index(["population", "method"]).loc[near, "rmse_rad"]
 print(
     f"From this log alone `self` finds {fit.delta_rad:.4g} rad for the drawn {backlash_rad:.4g} rad, with an SD of "
@@ -366,7 +370,7 @@ workbook.export(
             f"unknowns fitted anew at {len(profile)} backlashes, and Laplace's approximation (line).",
         ),
         "self_errors": (
-            plots.population_errors(measured, titles),
+            self_errors,
             "(a), (c) Error of method self, one marker per bench; steps are the RMS error and the median half-width of "
             "the stated 95 % intervals in six ranges of backlash. Crosses are benches whose interval does not hold the "
             "truth. (b), (d) The same errors over the stated SDs, with the counts of a normal distribution. Benches: "
@@ -374,7 +378,7 @@ workbook.export(
             + ".",
         ),
         "self_calibration": (
-            plots.posterior_calibration(measured, titles),
+            calibrated_intervals,
             "(a), (b) Rank of the true backlash in the posterior in ten bins. The line is a uniform distribution; of "
             "its bins 95 % lie in the grey band. (c), (d) Share of intervals that hold the true backlash, against "
             "their nominal level, with 95 % intervals. n is the number of answered logs.",

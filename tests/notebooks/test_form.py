@@ -103,7 +103,7 @@ def test_the_first_figure_is_among_the_first_four_cells_after_the_parameters(nam
     executed = nbformat.read(SOURCES[name].with_suffix(".ipynb"), as_version=4).cells
     begin = next(k for k, cell in enumerate(executed) if "parameters" in tags(cell))
     outputs = chain(*(cell.get("outputs", []) for cell in executed[begin + 2 : begin + 6]))
-    assert any("image/" in str([*output.get("data", [])]) for output in outputs)
+    assert any("image/" in str(output.get("data", "")) for output in outputs)
 
 
 OWN_PACKAGES = re.compile(r"(replication|backlash|workbook|studies)\b")
@@ -170,7 +170,7 @@ def test_the_executed_notebook_beside_a_source_has_its_cells_and_no_error(name):
 
 @pytest.mark.parametrize("name", SOURCES)
 def test_a_notebook_states_the_run_time_that_was_measured(name):
-    said, unit = re.search(r"Run time: (\d+) (s|min)\.", text(name)).groups()
+    said, unit = re.search(r"Run time:\s(\d+) (s|min)\.", text(name)).groups()
     seconds = int(said) * (60 if unit == "min" else 1)
     measured = pd.read_csv(TIMES).set_index("notebook")["seconds"][name]
     assert 0.6 * measured - 3 <= seconds <= 1.6 * measured + 3

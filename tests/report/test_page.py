@@ -118,7 +118,10 @@ def test_a_notebooks_page_has_no_script_but_the_animations_and_no_formula_left_a
         animated = file.stem == "00_the_sensor"
         assert ("<script" in text) == ("script-src" in text) == animated, file.name
         prose = re.sub(
-            r'<div class="code">.*?</div>|<pre>.*?</pre>|alttext="[^"]*"', "", text, flags=re.DOTALL
+            r'<script>.*?</script>|<div class="code">.*?</div>|<pre>.*?</pre>|alttext="[^"]*"',
+            "",
+            text,
+            flags=re.DOTALL,
         )
         assert not re.search(r"\$[^$<\n]{1,80}\$", prose), file.name
 
