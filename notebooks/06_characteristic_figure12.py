@@ -271,8 +271,8 @@ step = 2 * np.pi / 2**bits
 # %%
 smallest = f"{error.iloc[0]:.2g} rad at {delta[0]:.0e} rad"
 largest = (
-    f"the largest error is {error.max():.2g} rad, at {delta[error.idxmax()]:.1e} rad; the number of the text is read as "
-    "an upper bound, and is not the largest error itself"
+    f"the largest error is {error.max():.2g} rad, at {delta[error.idxmax()]:.1e} rad; the number of the text is read "
+    "as an upper bound, and is not the largest error itself"
 )
 rising = f"the smallest slope over the range of the points is {slope:.2g} rad per rps"
 resolved = f"one step is 2 pi / 2^{bits:.0f} = {step:.3g} rad; what shows in a whole record is in notebook 16"

@@ -51,7 +51,7 @@ def test_every_file_that_it_names_is_there(crate):
     inside = [
         entity.id for entity in crate.get_by_type("File") if not entity.id.startswith("https://")
     ]
-    assert len(inside) > 100
+    assert len(inside) > 90
     beside = [
         entity.id.removeprefix("#")
         for entity in crate.contextual_entities
