@@ -181,4 +181,4 @@ def test_the_students_first_notebooks_take_a_minute_together():
     first = [name for name in measured.index if name[:2] in ("00", "01", "02", "04", "05", "06")]
     assert len(first) == 6
     assert measured[first].sum() <= 60
-    assert measured[first[0]] <= 15
+    assert measured[first[0]] <= 10

@@ -74,5 +74,5 @@ def test_frames_follow_one_another_faster_while_the_gap_is_open():
     html = plain_animation(teeth.animate_teeth(run, joint), "teeth")
     frames = re.findall(r'frames\[\d+\] = "data:image/\w+;base64,(.*?)"', html)
     open_s = 1e-3 * (run.gap_state[(run.time_s >= 0.4) & (run.time_s < 0.8)] == 0).sum()
-    assert len(frames) == pytest.approx(open_s / 0.005 + (0.4 - open_s) / 0.025, abs=4)
+    assert len(frames) == pytest.approx(open_s / 0.003 + (0.4 - open_s) / 0.015, abs=4)
     assert Image.open(io.BytesIO(base64.b64decode(frames[0]))).size == (408, 294)

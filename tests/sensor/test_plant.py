@@ -6,6 +6,7 @@ import os
 import shutil
 import signal
 
+import distributed
 import joblib
 import pandas as pd
 import pytest
@@ -116,7 +117,6 @@ def test_a_file_that_no_run_kept_is_left_alone(dated, tmp_path, capsys):
 
 @pytest.mark.slow
 def test_a_dask_cluster_that_loses_a_worker_answers_every_log(tmp_path, capsys):
-    distributed = pytest.importorskip("distributed", reason="needs the extra dask")
     log = write(noisy(), tmp_path / "0.csv")
     logs = [str(log), *(shutil.copy(log, str(tmp_path / f"{k}.csv")) for k in range(1, 200))]
     with (

@@ -41,7 +41,7 @@ RECORDS = {"05_signature_figure6": {}, "03_simulator_figure10": {}}
 SIMULATION = {"03_simulator_figure10": {}, "06_characteristic_figure12": {}}
 EQUATION_10 = {"06_characteristic_figure12": {}}
 NOWHERE: Mapping = {}
-CHOICES = {"name", "start", "rpm", "fixed_T2_s", "engine"}  # of the protocol: another candidate
+CHOICES = {"name", "start", "start_s", "rpm", "engine"}  # of the protocol: another candidate
 
 # The tests that are tried with every constant: those of the committed code that take seconds.
 TESTS = (

@@ -103,9 +103,8 @@ def test_a_copy_is_paired_with_no_source_and_its_link_leads_to_the_report(copies
     model = manager.get(f"{NAME}.ipynb")
     manager.save(model, f"{NAME}.ipynb")
     assert not list(copies.rglob("*.py"))
-    assert "](results/pages/replay_explorer.html)" in (
-        copies / "05_signature_figure6.ipynb"
-    ).read_text("utf-8")
+    copy = copies / "beyond" / "15_protocols.ipynb"
+    assert "](../results/pages/replay_explorer.html)" in copy.read_text("utf-8")
     assert manager.get("results/report.html", content=False)["type"] == "file"
 
 
