@@ -17,7 +17,7 @@
 # %% [markdown]
 # # 0 · Start here: the sensor
 #
-# *You will see what backlash is, how it shows in the motor speed, and how a log gives it. Run time: 12 s.*
+# *You will see what backlash is, how it shows in the motor speed, and how a log gives it. Run time: 10 s.*
 #
 # ## Claim
 #
@@ -266,8 +266,7 @@ def rmse(X):  # of each row of X
 # %% [markdown]
 # The paper's search is CMA-ES, which is random: a generation of points is drawn from a normal distribution, and the
 # better half of them moves the distribution ([notebook 7](07_protocol_table1.ipynb)). It looks within the bounds of
-# Table 1. Here a run has 120 generations. `search`, too, is compiled when it is first called: twenty
-# seconds, once; the bar waits at 0.
+# Table 1. Here a run has 120 generations. `search`, too, is compiled when it is first called: twenty seconds, once.
 
 # %%
 box = {"A": (-np.ptp(v) / 2, np.ptp(v) / 2), "t0": (0, T_f)}

@@ -348,7 +348,7 @@ workbook.export(
 # ## Exercises
 #
 # **1.** Which share of the variance of $\hat\delta$ in the calibrated answer above comes from the log's noise, which
-# from the calibration? Which of the two would a longer log reduce?
+# from the calibration (to 1 %)? Which of the two would a longer log reduce?
 
 # %% tags=["solution"]
 estimate = calibrated.estimate
@@ -371,7 +371,7 @@ print({rate: f"{100 * share:.1f} %" for rate, share in most_missed.items()})
 
 # %% [markdown]
 # **3.** The trend's line is $\delta(t) = a + b t$, $t$ in days from its origin. Find the day on which it reaches the
-# limit. Why is its interval wider on the late side than on the early one?
+# limit (a date). Why is its interval wider on the late side than on the early one?
 
 # %% tags=["solution"]
 level, growth = line.line

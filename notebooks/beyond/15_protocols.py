@@ -469,8 +469,9 @@ assert by_chance < 1e-10
 print(f"{by_chance:.0e}")
 
 # %% [markdown]
-# **2.** Ten scores are drawn from a law of their own each. Show on made numbers that the test's p is uniform if the
-# printed table comes from the same law, even where that law has two humps.
+# **2.** Ten scores are drawn from a law of their own each. Show on a hundred made tables that the test's p is uniform
+# if the printed table comes from the same law, even where that law has two humps: which share of p lies below 0.5
+# (0.5, within 0.15)?
 
 # %% tags=["solution"]
 rng = np.random.default_rng(5)

@@ -460,7 +460,7 @@ workbook.export(
 #
 # ## Exercises
 #
-# **1.** At how many noises per number of turns would an error ratio of 0.73 be told from 1?
+# **1.** At how many noises per number of turns (the least whole number) would an error ratio of 0.73 be told from 1?
 
 # %% tags=["solution"]
 repeats = np.arange(2, 200)
@@ -472,7 +472,8 @@ print(f"{needed} noises: then the interval's factor is {factor[repeats == needed
 
 # %% [markdown]
 # **2.** Suppose that every noise record gave an $|A|$ below the limit. How many records would show with 95 % confidence
-# (2.5 % on this side) that the 95th percentile lies below it? Check it with `studies.no_backlash`.
+# (2.5 % on this side) that the 95th percentile lies below it (the least whole number)? Check it with
+# `studies.no_backlash`.
 
 # %% tags=["solution"]
 enough = int(np.ceil(np.log(0.025) / np.log(0.95)))
@@ -482,7 +483,8 @@ print(f"{enough} records: 0.95^{enough} = {0.95**enough:.4f}")
 
 # %% [markdown]
 # **3.** A position of $b$ bits, differenced over 2 ms, gives a speed in steps of $1/(2^b \cdot 0.002\,\text{s})$. How
-# many bits would make the step smaller than Table 2's smallest SD (0.0009 rps)? Why do 19 suffice for $A$?
+# many bits (the least whole number) would make the step smaller than Table 2's smallest SD (0.0009 rps)? Why do 19
+# suffice for $A$?
 
 # %% tags=["solution"]
 needed_bits = int(np.ceil(np.log2(1 / (0.002 * 0.0009))))

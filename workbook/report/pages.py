@@ -42,24 +42,22 @@ def render_pages(results: Path, notebooks: Path, verdicts: pd.DataFrame) -> dict
     claims = judging.decided_claims(results)
     judged = verdicts.join(published.cells()["element"], on="id")
     executed = executed_cells(notebooks)
-    names = ["", *executed, ""]
+    contents = {name: headings(cells) for name, cells in executed.items()}
     pages = {}
-    for (name, cells), before, after in zip(executed.items(), names, names[2:], strict=False):
-        title, *sections = headings(cells)
+    for name, cells in executed.items():
         source = notebook_source(name)
         own = [picture for picture in pictures if picture.notebook == name]
         shown = list(_page_cells(cells, source, own))
         outputs = [output for cell in shown for output in cell.get("outputs", [])]
         pages[name] = TEMPLATES.get_template("notebook.html.j2").render(
+            name=name,
             source=source,
-            title=title,
             cells=shown,
             has_script=any(SCRIPT in output for output in outputs),
-            before=before,
-            after=after,
             judged=judged[judged["notebook"] == name].to_dict("records"),
             claims=(claims["notebook"] == name).sum(),
-            contents=[(slug(text), text) for text in sections],
+            contents=contents,
+            slug=slug,
         )
     for name in explorers(results):
         pages[name] = TEMPLATES.get_template(f"{name}.html.j2").render(
