@@ -10,6 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.polynomial.polynomial import polyval
 from numpy.typing import NDArray
+from scipy.fft import fft, ifft, next_fast_len
 from scipy.special import fdtri
 
 from backlash.detection.pattern import MOTOR_ORDERS
@@ -155,9 +156,15 @@ def _spectrum(
     v: FloatArray, turns: int, last: int, samples: float
 ) -> tuple[NDArray[np.complex128], FloatArray]:
     """Fourier coefficients `turns` to a harmonic, and half their squares between the harmonics (NaN at them)."""
-    from scipy.signal import czt  # slow to import, and not needed to refuse a file
-
-    bins = czt(v, (last + 1) * turns, np.exp(-2j * np.pi / samples)) / v.size
+    # Bluestein's transform, for these are no bins of the FFT; `scipy.signal` takes half a second to import.
+    count = (last + 1) * turns
+    chirp = np.exp(1j * np.pi / samples * np.arange(max(count, v.size)) ** 2)
+    size = next_fast_len(count + v.size)
+    kernel = np.zeros(size, dtype=complex)
+    kernel[:count] = chirp[:count]
+    kernel[1 - v.size :] = chirp[v.size - 1 : 0 : -1]
+    product = fft(v / chirp[: v.size], size) * fft(kernel)
+    bins = ifft(product)[:count] / chirp[:count] / v.size
     between = np.abs(bins) ** 2 / 2
     between[::turns] = np.nan
     return bins, between
