@@ -85,10 +85,8 @@ class Calibration:
         own = 1.96 * self.uncertainty_rad
         low = float(delta - np.hypot(delta - min(ends), own))
         high = float(delta + np.hypot(max(ends) - delta, own))
-        outside = (
-            not self.range_rad[0] <= delta <= self.range_rad[1] or "backlash" in reading.at_bound
-        )
-        return Backlash(delta, (low, high), bool(outside))
+        outside = not self.range_rad[0] <= delta <= self.range_rad[1] or reading.at_end
+        return Backlash(delta, (low, high), outside)
 
     def other_movement(self, recording: Recording) -> str:
         """How a record's movement differs from the calibration's; empty if it does not."""

@@ -37,9 +37,6 @@ class GlobalFit:
     amplitude_interval_rps: tuple[
         float, float
     ]  # 95 %, if the signature is right and the noise white
-    at_bound: tuple[str, ...]  # parameters at a bound of the box
-    sign_flipped: bool  # A is negative in X
-    rival_rps: tuple[float, ...]  # |A| of other basins: misfit within 1 %, |A| outside the interval
 
 
 def _window_starts(fold: FoldedWindows, limits: Limits, best: Minimum) -> FloatArray:
@@ -177,30 +174,17 @@ def global_fit(recording: Recording, protocol: Protocol | None = None) -> Global
             f"{recording.source}: shorter than half a turn, or constant: there is no signature to fit"
         )
     timing = protocol.timing
-    box = protocol_box(recording, protocol)
-    limits = _limits(box)
+    limits = _limits(protocol_box(recording, protocol))
     fold, minima = _minima(t, v, timing, limits)
     if not minima:
         raise ValueError(
             f"{recording.source}: {t.size} samples are too few for the signature's windows; sample faster"
         )
     best = minima[0]
-    low, high = _amplitude_interval(fold, limits, best)
     X = _parameters(recording, timing, limits, fold, best)
-    others = (
-        abs(_parameters(recording, timing, limits, fold, other)[0])
-        for other in minima[1:]
-        if other.cost < 1.01**2 * best.cost
-    )
-    near = np.minimum(X - box.lower, box.upper - X) <= 1e-6 * (box.upper - box.lower)
     return GlobalFit(
         X=X,
         rmse=rmse(t, v, X, timing),
         amplitude_rps=float(abs(X[0]) * np.exp(X[2] * (X[1] + X[6] - middle_of_gap(fold, best.a)))),
-        amplitude_interval_rps=(low, high),
-        at_bound=tuple(
-            name for name, is_near in zip(FREE_PARAMETERS, near, strict=True) if is_near
-        ),
-        sign_flipped=bool(X[0] < 0),
-        rival_rps=tuple(float(A) for A in others if not low <= A <= high),
+        amplitude_interval_rps=_amplitude_interval(fold, limits, best),
     )

@@ -23,7 +23,7 @@ class Reading:
     ]  # 95 %, from the record's noise; for "paper" the spread of the searches
     amplitude_rps: float
     amplitude_interval_rps: tuple[float, float]
-    at_bound: tuple[str, ...] = ()  # what lies at a bound of its search
+    at_end: bool = False  # for "waveform", the backlash is the bank's first or last
     shift_turns: float = 0.0  # for "waveform", the phase of the record against the bank
 
 
@@ -109,7 +109,7 @@ def reading_of_fit(
     Where the bank `is_own`, of the record's joint, a low-pass is looked for too.
     """
     amplitude, interval = fit.amplitude_rps, fit.amplitude_interval_rps
-    found = Reading(method, amplitude, interval, amplitude, interval, fit.at_bound)
+    found = Reading(method, amplitude, interval, amplitude, interval)
     if method == "energy":
         value, interval = _energy(recording, fit)
         return replace(found, value=value, interval=interval)
@@ -124,7 +124,7 @@ def reading_of_fit(
             found,
             value=best.delta_rad,
             interval=best.interval_rad,
-            at_bound=("backlash",) if best.at_end else (),
+            at_end=best.at_end,
             shift_turns=best.shift_turns,
         )
     return found

@@ -78,7 +78,7 @@ def test_a_noise_free_signature_is_recovered_to_rounding():
     fit = global_fit(made(noise=0.0))
     assert fit.rmse < 1e-7
     np.testing.assert_allclose(fit.X[2:5], TRUE_X[2:5], rtol=1e-6)
-    assert fit.sign_flipped
+    assert fit.X[0] < 0
 
 
 @pytest.mark.parametrize("seed", [1586741660, 2, 3])
@@ -171,13 +171,6 @@ def test_the_interval_covers_the_truth_about_95_times_in_100():
         covered[fit] += low <= 0.6 <= high
     # The binomial 1 in 1000 limits at 95 %.
     assert all(88 <= count <= 100 for count in covered.values())
-
-
-def test_a_parameter_at_its_bound_is_named():
-    X = TRUE_X.copy()
-    X[2] = 3.0
-    assert "tau_per_s" in global_fit(made(X)).at_bound
-    assert global_fit(made()).at_bound == ()
 
 
 def test_what_cannot_be_fitted_is_refused():
