@@ -1,7 +1,7 @@
 """From what a method reads to the backlash: calibrations, made with the estimator that measures."""
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from functools import lru_cache
 from os import PathLike
@@ -14,8 +14,7 @@ from numpy.polynomial import Polynomial
 from scipy.special import ndtri, stdtrit
 
 from backlash.fitting import SENSOR_METHODS
-from backlash.fitting.global_fit import GlobalFit
-from backlash.fitting.readings import METHODS, Reading, read, reading_of_fit
+from backlash.fitting.readings import METHODS, Reading, read
 from backlash.fitting.waveform import (
     LEAST_LEVELS,
     WaveformBank,
@@ -179,18 +178,6 @@ def _defect(found: Calibration) -> str:
         (is_bank, "the waveforms do not fit their backlashes"),
     )
     return next((why for is_right, why in checks if not is_right), "")
-
-
-def backlashes(
-    recording: Recording, fit: GlobalFit, calibrations: Mapping[str, Calibration]
-) -> dict[str, Backlash]:
-    """Backlash of a record by several calibrations, from its one global fit; keys as in `calibrations`."""
-    return {
-        name: calibration.backlash(
-            reading_of_fit(recording, calibration.method, fit, calibration.bank)
-        )
-        for name, calibration in calibrations.items()
-    }
 
 
 def leave_one_out_sd(errors_rad: FloatArray) -> float:
