@@ -119,24 +119,16 @@ class Calibration:
         """Read what `to_json` wrote; an UnusableLog says after `name` what is wrong with it."""
         try:
             content = json.loads(text)
-            waves = content.get("waveforms")
-            low, high = content["range_rad"]
-            levels = {name: np.array(each, float) for name, each in (waves or {}).items()}
-            found = Calibration(
-                str(content["method"]),
-                tuple(map(float, content["coefficients"])),
-                (float(low), float(high)),
-                float(content["uncertainty_rad"]),
-                float(content["turn_period_s"]),
-                float(content["commanded_speed_rps"]),
-                str(content["provenance"]),
-                WaveformBank(levels["delta_rad"], levels["waveform_rps"]) if levels else None,
-            )
+            waves = {name: np.array(each) for name, each in content.pop("waveforms", {}).items()}
+            content["bank"] = WaveformBank(**waves) if waves else None
+            content["range_rad"] = tuple(content["range_rad"])
+            del content["unit"]
+            why = _defect(found := Calibration(**content))
         except (ValueError, KeyError, TypeError, AttributeError) as error:
             raise UnusableLog(
                 f"{name}: not a calibration file ({type(error).__name__}: {error}); make one anew"
             ) from None
-        if why := _defect(found):
+        if why:
             raise UnusableLog(f"{name}: not a usable calibration: {why}; make one anew")
         return found
 
