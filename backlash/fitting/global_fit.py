@@ -107,7 +107,7 @@ def _minima(
 ) -> tuple[FoldedWindows, list[Minimum]]:
     """A folded record, and refined local minima of its misfit, the best first."""
     fold = folding.fold_record(t, v, timing)
-    coarse = fold if fold.classes == 1 else folding.fold_record(t, v, timing, whole_samples=True)
+    coarse = folding.fold_record(t, v, timing, whole_samples=True)
     dt = (t[-1] - t[0]) / (t.size - 1)
     joined = max(1, round(1 / (windows.FASTEST_RAD_PER_S * dt)))
     thin = windows.join_positions(coarse, joined)

@@ -193,19 +193,9 @@ def grid_search(fold: FoldedWindows, limits: Limits, dt: float) -> Starts:
 
 def _grid(longest: int, dt: float) -> Grid:
     tau, omega = damping_frequency_grid()
-    grid = Grid(tau, omega, np.empty((tau.size, longest)), np.empty((tau.size, longest)))
-    _fill_grid(grid, dt)
-    return grid
-
-
-@njit
-def _fill_grid(grid, dt):
-    for g in range(grid.tau.size):
-        for j in range(grid.cos.shape[1]):
-            decay = np.exp(-(grid.tau[g] * j) * dt)
-            angle = grid.omega[g] * j * dt
-            grid.cos[g, j] = decay * np.cos(angle)
-            grid.sin[g, j] = decay * np.sin(angle)
+    since = dt * np.arange(longest)
+    decay, angle = np.exp(np.outer(-tau, since)), np.outer(omega, since)
+    return Grid(tau, omega, decay * np.cos(angle), decay * np.sin(angle))
 
 
 @njit
