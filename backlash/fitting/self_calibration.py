@@ -149,7 +149,7 @@ def fit_joint(recording: Recording) -> SelfFit:
 
 def _measurements(problem: Problem, harmonics: TurnHarmonics, z: FloatArray) -> list[_Measured]:
     """Peaks near a joint for every way in which the speed may have been measured."""
-    residual = problem.residual(z)
+    residual, _ = problem.slopes(z)
     chi2 = float(residual @ residual) if np.isfinite(residual).all() else np.inf
     measured = []
     for name, measurement in joint_posterior.MEASURED_AS.items():
