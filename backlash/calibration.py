@@ -119,8 +119,9 @@ class Calibration:
         """Read what `to_json` wrote; an UnusableLog says after `name` what is wrong with it."""
         try:
             content = json.loads(text)
-            waves = {name: np.array(each) for name, each in content.pop("waveforms", {}).items()}
-            content["bank"] = WaveformBank(**waves) if waves else None
+            if waves := content.pop("waveforms", None):
+                delta, turns = (np.array(waves[name]) for name in ("delta_rad", "waveform_rps"))
+                content["bank"] = WaveformBank(delta, turns)
             content["range_rad"] = tuple(content["range_rad"])
             del content["unit"]
             why = _defect(found := Calibration(**content))
