@@ -119,7 +119,10 @@ def turn_harmonics(recording: Recording) -> TurnHarmonics:
 def _first_order(phase: FloatArray, v: FloatArray, step: float) -> FirstOrder:
     turns = int(phase[-1] - phase[0] + step + 1e-6)
     v = v[: int(turns / step + 0.5)]
-    bins, between = _spectrum(v - v.mean(), turns, 2, turns / step)
+    # A drift is no noise: its rate is that from the first turn's mean to the last one's.
+    turn = int(1 / step + 0.5)
+    drift = (v[-turn:].mean() - v[:turn].mean()) / (v.size - turn) * np.arange(v.size)
+    bins, between = _spectrum(v - drift - (v - drift).mean(), turns, 2, turns / step)
     around = between[turns // 2 :]
     freedom = 2 * np.count_nonzero(np.isfinite(around))
     sd = np.sqrt(np.nanmean(around))
