@@ -63,7 +63,8 @@ _TIME_CONSTANTS_MS, _MOST_LOG_ODDS = (0.5, 0.8, 1.2, 1.8, 2.7, 4.0), 5.0
 # White noise says as much once in a thousand logs; a filter takes more of the impacts than the
 # joint's other unknowns leave it, and the backlash comes out too large.
 _LOW_PASSED = (
-    "the speed was low-passed (its noise rolls off): log it unfiltered, or calibrate on such logs"
+    "the speed was low-passed, or something else moves (its noise rolls off): log it unfiltered, nothing else moving, "
+    "or calibrate on such logs"
 )
 
 
