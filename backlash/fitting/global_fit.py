@@ -14,7 +14,7 @@ from backlash.fitting.windows import Minimum
 from replication.arrays import FloatArray
 from replication.identify import Protocol, protocol_box
 from replication.recording import Recording
-from replication.signature import FREE_PARAMETERS, Box, Timing, rmse, signature
+from replication.signature import Box, Timing, rmse, signature
 
 _MOST_CANDIDATES = 6
 _STARTS_BESIDE = 8  # samples to either side of the best window's start that it may have instead
@@ -132,10 +132,8 @@ def _minima(
 
 def _limits(box: Box) -> Limits:
     """The box in the form the search needs."""
-    lower = dict(zip(FREE_PARAMETERS, box.lower.tolist(), strict=True))
-    upper = dict(zip(FREE_PARAMETERS, box.upper.tolist(), strict=True))
-    tau, omega = ((lower[name], upper[name]) for name in ("tau_per_s", "omega_rad_per_s"))
-    return Limits(upper["A_rps"], lower["t0_s"], upper["T1_s"], upper["T2_s"], tau, omega)
+    A, t0, tau, omega, _, T2, T1 = zip(box.lower.tolist(), box.upper.tolist(), strict=True)
+    return Limits(A[1], t0[0], T1[1], T2[1], tau, omega)
 
 
 def _parameters(

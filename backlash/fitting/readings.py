@@ -65,10 +65,8 @@ def read(
     "impact", the first instant of the oscillation within half a turn, needs records that all start
     at the same angle of the load; it has no interval.
     """
-    if method not in (*METHODS, "impact") or (method == "waveform") != (bank is not None):
-        raise ValueError(
-            f"method {method!r}: there are {', '.join(METHODS)}, and waveform alone needs a bank"
-        )
+    if method not in (*METHODS, "impact"):
+        raise ValueError(f"method {method!r}: there are {', '.join(METHODS)}")
     protocol = protocol_for(recording)
     if method != "paper":
         return reading_of_fit(recording, method, global_fit(recording, protocol), bank)
