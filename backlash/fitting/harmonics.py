@@ -8,7 +8,6 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numpy.polynomial.polynomial import polyval
 from numpy.typing import NDArray
 from scipy.fft import fft, ifft, next_fast_len
 from scipy.special import fdtri
@@ -159,18 +158,24 @@ def _spectrum(
     v: FloatArray, turns: int, last: int, samples: float
 ) -> tuple[NDArray[np.complex128], FloatArray]:
     """Fourier coefficients `turns` to a harmonic, and half their squares between the harmonics (NaN at them)."""
-    # Bluestein's transform, for these are no bins of the FFT; `scipy.signal` takes half a second to import.
-    count = (last + 1) * turns
-    chirp = np.exp(1j * np.pi / samples * np.arange(max(count, v.size)) ** 2)
+    bins = _chirp_z(v, (last + 1) * turns, samples) / v.size
+    between = np.abs(bins) ** 2 / 2
+    between[::turns] = np.nan
+    return bins, between
+
+
+def _chirp_z(v: NDArray[np.inexact], count: int, period: float) -> NDArray[np.complex128]:
+    """Sums of v_n exp(-2 pi i k n / period) for the first k, by Bluestein's algorithm.
+
+    `scipy.signal`, which has it too, takes half a second to import.
+    """
+    chirp = np.exp(1j * np.pi / period * np.arange(max(count, v.size)) ** 2)
     size = next_fast_len(count + v.size)
     kernel = np.zeros(size, dtype=complex)
     kernel[:count] = chirp[:count]
     kernel[1 - v.size :] = chirp[v.size - 1 : 0 : -1]
     product = fft(v / chirp[: v.size], size) * fft(kernel)
-    bins = ifft(product)[:count] / chirp[:count] / v.size
-    between = np.abs(bins) ** 2 / 2
-    between[::turns] = np.nan
-    return bins, between
+    return np.asarray(ifft(product)[:count] / chirp[:count])
 
 
 def _clearest_sinusoid(
@@ -191,7 +196,7 @@ def _clearest_sinusoid(
     others = order[~beside]
     harmonics = np.zeros(order.size + 1, dtype=complex)
     harmonics[others] = bins[turns * others]
-    rest = v - 2 * np.real(polyval(np.exp(1j * phase), harmonics))
+    rest = v - 2 * _chirp_z(harmonics.conj(), v.size, 1 / step).real
     fixed = np.exp(1j * np.outer(phase, order[beside]))
     least, best = np.inf, None
     for tried in (peak + np.linspace(-0.9, 0.9, 19)) / turns:
