@@ -107,9 +107,6 @@ _FASTEST_ERROR_HZ = 60.0
 _CHANCE_OF_ERROR = 0.01
 _SUSPECT = 0.3
 _ERROR_STEP = 0.05
-# A harmonic whose residual has a square this improbable, times their number, belongs to the
-# machine, not the joint.
-_OUTLIER = 1e-3
 # More starts are tried where noise alone leaves so large a residual in one log of a thousand: they
 # cost a second.
 _IMPROBABLE = 1e-3
@@ -291,15 +288,3 @@ class Problem:
                 self.target = self.target - self._logged(mean[None], z)[0]
                 subtracted = True
         return subtracted
-
-    def drop_outlier(self, z: FloatArray) -> bool:
-        """Leave out the harmonic that fits worst, if noise can't explain it; say whether there was one."""
-        data = self.slopes(z)[0][: 2 * self.order.size].reshape(2, -1)
-        square = (data**2).sum(axis=0) / 2
-        square /= max(1.0, float(np.median(square)) / np.log(2))
-        worst = int(square.argmax())
-        if self.order.size * np.exp(-square[worst]) > _OUTLIER:
-            return False
-        self.order, self.sd = np.delete(self.order, worst), np.delete(self.sd, worst)
-        self.target = np.delete(self.target, worst)
-        return True

@@ -44,7 +44,6 @@ _LEAST_FALL = 0.01
 _PROBES = (-4.0, -2.0, 2.0, 4.0)
 _PROBE_STEPS, _PROBE_ROUNDS = 3, 2
 _PROBE_HOPEFUL_CHI2, _PROBE_APART_SDS = 25.0, 1.0
-_MOST_DROPPED = 3  # harmonics that may be left out
 
 
 @dataclass(frozen=True, eq=False)
@@ -123,10 +122,6 @@ def find_joint(problem: Problem, harmonics: TurnHarmonics) -> tuple[FloatArray, 
         else:
             problem.target = unsubtracted
     if problem.find_error(found.z):
-        found = _search(problem, found.z)
-    for _ in range(_MOST_DROPPED):
-        if not problem.drop_outlier(found.z):
-            break
         found = _search(problem, found.z)
     return found.z, found.converged
 
