@@ -197,18 +197,17 @@ def _clearest_sinusoid(
     harmonics = np.zeros(order.size + 1, dtype=complex)
     harmonics[others] = bins[turns * others]
     rest = v - 2 * _chirp_z(harmonics.conj(), v.size, 1 / step).real
-    fixed = np.exp(1j * np.outer(phase, order[beside]))
-    least, best = np.inf, None
+    fixed = np.exp(1j * np.outer(order[beside], phase))
+    most, best = 0.0, None
     for tried in (peak + np.linspace(-0.9, 0.9, 19)) / turns:
         wave = np.exp(1j * tried * phase)
-        basis = np.column_stack([wave.real, wave.imag, fixed.real, fixed.imag])
-        found = np.linalg.solve(basis.T @ basis, basis.T @ rest)
-        misfit = float(((rest - basis @ found) ** 2).sum())
-        if misfit < least:
-            least, best = (
-                misfit,
-                (basis[:, :2] @ found[:2], float(tried), float(np.hypot(*found[:2]))),
-            )
+        basis = np.vstack([wave.real, wave.imag, fixed.real, fixed.imag])
+        product = basis @ rest
+        found = np.linalg.solve(basis @ basis.T, product)
+        explained = float(found @ product)
+        if explained > most:
+            most = explained
+            best = found[:2] @ basis[:2], float(tried), float(np.hypot(*found[:2]))
     return best
 
 
