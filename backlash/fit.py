@@ -72,14 +72,15 @@ def _fit_joint(detected: Detected) -> Fitted:
     """Fit the joint that the log itself tells of; its amplitude, which is only printed, is that of the mean turn."""
     reading = amplitude_of_mean_turn(detected.recording)
     joint = fit_joint(detected.recording)
-    fitted = _with_turn(detected, joint.turn_rps, reading)
+    runs_away = not np.isfinite(joint.turn_rps).all()  # no joint fits, and the best of them does
+    fitted = _with_turn(detected, None if runs_away else joint.turn_rps, reading)
     why = joint.refusal_reason
     return replace(fitted, joint=joint, refusal=CannotTell("no such joint", why) if why else None)
 
 
-def _with_turn(detected: Detected, turn: FloatArray, reading: Reading) -> Fitted:
-    """A turn as the model: the mean one where there is none, as of a joint that runs away."""
-    if not np.isfinite(turn).all():
+def _with_turn(detected: Detected, turn: FloatArray | None, reading: Reading) -> Fitted:
+    """A turn [rps] as the model of the speed, without one the mean turn."""
+    if turn is None:
         turn = mean_turn(detected.recording, samples_a_turn(detected.recording))
     model = periodic(turn)(_turns(detected) % 1.0)
     return Fitted(**vars(detected), model_rps=model, reading=reading)
@@ -92,7 +93,7 @@ def _fit_by_torque(detected: Detected, load: LoadData, seed: int) -> Fitted:
         fit = fit_torque(detected.recording, torque, load, np.random.default_rng(seed))
     except ValueError as error:
         raise CannotTell("wrong torque", str(error), (str(load),)) from error
-    return replace(_with_turn(detected, np.array([np.nan]), NO_READING), torque_fit=fit)
+    return replace(_with_turn(detected, None, NO_READING), torque_fit=fit)
 
 
 def _with_reading(fitted: Fitted, fit: GlobalFit, settings: Settings) -> Fitted:
