@@ -60,8 +60,9 @@ _APART_SDS, _LEAST_GROUP = 3.0, 0.05
 # Low-passes that the noise is compared with, and what that may count: the drive's loops colour
 # noise too.
 _TIME_CONSTANTS_MS, _MOST_LOG_ODDS = (0.5, 0.8, 1.2, 1.8, 2.7, 4.0), 5.0
-# White noise says as much once in a thousand logs; a filter takes more of the impacts than the
-# joint's other unknowns leave it, and the backlash comes out too large.
+# Log-odds of a refusal: white noise says as much in one log of a thousand. A filter takes more of
+# the impacts than the joint's other unknowns leave it, and the backlash comes out too large.
+_REFUSED_LOG_ODDS = 4.0
 _LOW_PASSED = (
     "the speed was low-passed, or something else moves (its noise rolls off): log it unfiltered, nothing else moving, "
     "or calibrate on such logs"
@@ -272,7 +273,7 @@ def _refusal_reason(
     fit: _Goodness, peak: Peak, ring_noise_ratio: float, low_pass: float, second: SecondMass
 ) -> str:
     """Why a fit that has ended is no answer; empty if it is one. `low_pass` is the log-odds of one."""
-    if low_pass >= _MOST_LOG_ODDS:
+    if low_pass >= _REFUSED_LOG_ODDS:
         return _LOW_PASSED
     if ring_noise_ratio > MOST_RING_NOISE:
         return (
