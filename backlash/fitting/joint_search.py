@@ -28,11 +28,13 @@ from replication.compiled.cache import keep_array
 # in the logarithm, and the SD of the logarithms of the ratios that a log tells most of; the other
 # ratios wait until the last steps.
 _LIBRARY_SIZE, _LIBRARY_BACKLASH = 1200, (0.8, 48.0)
-_LIBRARY_FRICTION, _LIBRARY_RATIO_SD, _LIBRARY_RATIOS = 0.06, 0.2, 5
+_LIBRARY_FRICTION = 0.06
+_LIBRARY_RATIOS, _LIBRARY_RATIO_SD = 5, 0.2
 _SEARCHED = 3 + _LIBRARY_RATIOS  # unknowns free in the first steps
 # Starts, those tried where the first ones end in an improbable residual, and how far apart they are
 # in the logarithm of the backlash.
-_STARTS, _MORE_STARTS, _START_APART = 5, 4, 0.2
+_STARTS, _MORE_STARTS = 5, 4
+_START_APART = 0.2
 _FIRST_STEPS, _LAST_STEPS = 5, 40
 _FAR_CHI2 = 60.0  # a start that is worse by more than this after its first steps is left
 # A harmonic (2 for noise alone): nothing but another joint explains more.
