@@ -1,7 +1,7 @@
 """From what a method reads to the backlash: calibrations, made with the estimator that measures."""
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from functools import lru_cache
 from os import PathLike
@@ -14,8 +14,7 @@ from numpy.polynomial import Polynomial
 from scipy.special import ndtri, stdtrit
 
 from backlash.fitting import SENSOR_METHODS
-from backlash.fitting.global_fit import GlobalFit
-from backlash.fitting.readings import METHODS, Reading, read, reading_of_fit
+from backlash.fitting.readings import METHODS, Reading, read
 from backlash.fitting.waveform import (
     LEAST_LEVELS,
     WaveformBank,
@@ -85,10 +84,8 @@ class Calibration:
         own = 1.96 * self.uncertainty_rad
         low = float(delta - np.hypot(delta - min(ends), own))
         high = float(delta + np.hypot(max(ends) - delta, own))
-        outside = (
-            not self.range_rad[0] <= delta <= self.range_rad[1] or "backlash" in reading.at_bound
-        )
-        return Backlash(delta, (low, high), bool(outside))
+        outside = not self.range_rad[0] <= delta <= self.range_rad[1] or reading.at_end
+        return Backlash(delta, (low, high), outside)
 
     def other_movement(self, recording: Recording) -> str:
         """How a record's movement differs from the calibration's; empty if it does not."""
@@ -122,24 +119,17 @@ class Calibration:
         """Read what `to_json` wrote; an UnusableLog says after `name` what is wrong with it."""
         try:
             content = json.loads(text)
-            waves = content.get("waveforms")
-            low, high = content["range_rad"]
-            levels = {name: np.array(each, float) for name, each in (waves or {}).items()}
-            found = Calibration(
-                str(content["method"]),
-                tuple(map(float, content["coefficients"])),
-                (float(low), float(high)),
-                float(content["uncertainty_rad"]),
-                float(content["turn_period_s"]),
-                float(content["commanded_speed_rps"]),
-                str(content["provenance"]),
-                WaveformBank(levels["delta_rad"], levels["waveform_rps"]) if levels else None,
-            )
+            if waves := content.pop("waveforms", None):
+                delta, turns = (np.array(waves[name]) for name in ("delta_rad", "waveform_rps"))
+                content["bank"] = WaveformBank(delta, turns)
+            content["range_rad"] = tuple(content["range_rad"])
+            del content["unit"]
+            why = _defect(found := Calibration(**content))
         except (ValueError, KeyError, TypeError, AttributeError) as error:
             raise UnusableLog(
                 f"{name}: not a calibration file ({type(error).__name__}: {error}); make one anew"
             ) from None
-        if why := _defect(found):
+        if why:
             raise UnusableLog(f"{name}: not a usable calibration: {why}; make one anew")
         return found
 
@@ -181,18 +171,6 @@ def _defect(found: Calibration) -> str:
         (is_bank, "the waveforms do not fit their backlashes"),
     )
     return next((why for is_right, why in checks if not is_right), "")
-
-
-def backlashes(
-    recording: Recording, fit: GlobalFit, calibrations: Mapping[str, Calibration]
-) -> dict[str, Backlash]:
-    """Backlash of a record by several calibrations, from its one global fit; keys as in `calibrations`."""
-    return {
-        name: calibration.backlash(
-            reading_of_fit(recording, calibration.method, fit, calibration.bank)
-        )
-        for name, calibration in calibrations.items()
-    }
 
 
 def leave_one_out_sd(errors_rad: FloatArray) -> float:

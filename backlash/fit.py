@@ -7,7 +7,14 @@ import numpy as np
 from backlash.detection.pattern import Detected
 from backlash.fitting import SELF
 from backlash.fitting.global_fit import GlobalFit, global_fit
-from backlash.fitting.readings import NO_READING, Reading, protocol_for, read, reading_of_fit
+from backlash.fitting.readings import (
+    NO_READING,
+    Reading,
+    amplitude_of_mean_turn,
+    protocol_for,
+    read,
+    reading_of_fit,
+)
 from backlash.fitting.self_calibration import SelfFit, fit_joint
 from backlash.fitting.torque import LoadData, TorqueFit, fit_torque
 from backlash.fitting.waveform import mean_turn, periodic, samples_a_turn
@@ -24,7 +31,7 @@ class Fitted(Detected):
     model_rps: FloatArray  # the method's model at the samples
     # Of the calibration's method where that knows the movement, else the amplitude.
     reading: Reading
-    best_rps: float  # the amplitude by the signature's global fit
+    best_rps: float = np.nan  # the amplitude by the global fit to the whole record
     joint: SelfFit | None = None
     torque_fit: TorqueFit | None = None
     refusal: CannotTell | None = None  # why the fit is no answer
@@ -41,12 +48,17 @@ def fit_log(detected: Detected, settings: Settings) -> Detected:
         return detected
     recording = detected.recording
     try:
-        fit = global_fit(recording, protocol_for(recording))
-        fitted = _with_amplitude(detected, fit)
         if calibration.method == SELF:
-            return _with_joint(fitted)
+            return _fit_joint(detected)
+        fit = global_fit(recording, protocol_for(recording))
     except ValueError as error:
         raise CannotTell("too short", str(error)) from error
+    fitted = Fitted(
+        **vars(detected),
+        model_rps=signature(recording.t, fit.X, protocol_for(recording).timing),
+        reading=reading_of_fit(recording, "amplitude", fit),
+        best_rps=fit.amplitude_rps,
+    )
     return fitted if calibration.other_movement(recording) else _with_reading(fitted, fit, settings)
 
 
@@ -56,40 +68,32 @@ def _turns(detected: Detected) -> FloatArray:
     return (recording.t - recording.t[0]) / recording.turn_period_s
 
 
-def _with_amplitude(detected: Detected, fit: GlobalFit) -> Fitted:
-    """The global fit's amplitude, and its signature as the model."""
-    recording = detected.recording
-    return Fitted(
-        **vars(detected),
-        model_rps=signature(recording.t, fit.X, protocol_for(recording).timing),
-        reading=reading_of_fit(recording, "amplitude", fit),
-        best_rps=fit.amplitude_rps,
-    )
-
-
-def _with_joint(fitted: Fitted) -> Fitted:
-    """Fit the joint that the log itself tells of."""
-    joint = fit_joint(fitted.recording)
+def _fit_joint(detected: Detected) -> Fitted:
+    """Fit the joint that the log itself tells of; its amplitude, which is only printed, is that of the mean turn."""
+    reading = amplitude_of_mean_turn(detected.recording)
+    joint = fit_joint(detected.recording)
+    runs_away = not np.isfinite(joint.turn_rps).all()  # no joint fits, and the best of them does
+    fitted = _with_turn(detected, None if runs_away else joint.turn_rps, reading)
     why = joint.refusal_reason
-    fitted = replace(fitted, joint=joint, refusal=CannotTell("no such joint", why) if why else None)
-    if not np.isfinite(joint.turn_rps).all():  # no joint fits, and the best of them runs away
-        return fitted
-    return replace(fitted, model_rps=periodic(joint.turn_rps)(_turns(fitted) % 1.0))
+    return replace(fitted, joint=joint, refusal=CannotTell("no such joint", why) if why else None)
+
+
+def _with_turn(detected: Detected, turn: FloatArray | None, reading: Reading) -> Fitted:
+    """A turn [rps] as the model of the speed, without one the mean turn."""
+    if turn is None:
+        turn = mean_turn(detected.recording, samples_a_turn(detected.recording))
+    model = periodic(turn)(_turns(detected) % 1.0)
+    return Fitted(**vars(detected), model_rps=model, reading=reading)
 
 
 def _fit_by_torque(detected: Detected, load: LoadData, seed: int) -> Fitted:
     """Fit the speed and the torque, without a model of the drive; the model of the speed is its mean turn."""
-    recording = detected.recording
     torque = np.asarray(detected.torque, dtype=float)  # not a number, of a log read without one
     try:
-        fit = fit_torque(recording, torque, load, np.random.default_rng(seed))
+        fit = fit_torque(detected.recording, torque, load, np.random.default_rng(seed))
     except ValueError as error:
         raise CannotTell("wrong torque", str(error), (str(load),)) from error
-    turn = mean_turn(recording, samples_a_turn(recording))
-    model = periodic(turn)(_turns(detected) % 1.0)
-    return Fitted(
-        **vars(detected), torque_fit=fit, model_rps=model, reading=NO_READING, best_rps=np.nan
-    )
+    return replace(_with_turn(detected, None, NO_READING), torque_fit=fit)
 
 
 def _with_reading(fitted: Fitted, fit: GlobalFit, settings: Settings) -> Fitted:

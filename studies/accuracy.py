@@ -8,7 +8,7 @@ from itertools import product
 import numpy as np
 from pandas import DataFrame
 
-from backlash.calibration import Calibration, backlashes, default_calibration, fit_calibration
+from backlash.calibration import Calibration, default_calibration, fit_calibration
 from backlash.fitting.global_fit import global_fit
 from backlash.fitting.readings import protocol_for
 from replication.arrays import FloatArray
@@ -17,7 +17,7 @@ from replication.recording import Recording, add_uniform_noise
 from replication.simulator.parameters import TURN, JointParameters
 from replication.simulator.recordings import SIMULATION_STEP_S, read_encoder, simulate_recordings
 from replication.simulator.simulate import simulate
-from studies.benchmark import JOINT_METHODS, KnownLog, logs_by_methods
+from studies.benchmark import JOINT_METHODS, KnownLog, backlashes, logs_by_methods
 from studies.gap_time import time_in_gap
 from studies.joint_match import PHASES, add_nuisances, match_joint, simulate_turn
 

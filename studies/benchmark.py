@@ -7,8 +7,9 @@ from typing import Any
 import numpy as np
 from pandas import DataFrame, Series
 
-from backlash.calibration import Calibration, backlashes, widened
+from backlash.calibration import Backlash, Calibration, widened
 from backlash.fitting.global_fit import GlobalFit
+from backlash.fitting.readings import reading_of_fit
 from backlash.fitting.self_calibration import fit_joint
 from replication.arrays import FloatArray
 from replication.parallel import in_parallel
@@ -78,6 +79,18 @@ def self_answer(recording: Recording) -> Row:
         "misfit": fit.misfit,
         "unrest": fit.ring_noise_ratio,
         "fit": fit,
+    }
+
+
+def backlashes(
+    recording: Recording, fit: GlobalFit, calibrations: Mapping[str, Calibration]
+) -> dict[str, Backlash]:
+    """Backlash of a record by several calibrations, from its one global fit; keys as in `calibrations`."""
+    return {
+        name: calibration.backlash(
+            reading_of_fit(recording, calibration.method, fit, calibration.bank)
+        )
+        for name, calibration in calibrations.items()
     }
 
 

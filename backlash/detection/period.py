@@ -66,7 +66,7 @@ def _line_spectrum(recording: Recording) -> _Spectrum:
 def _line_sums(
     spectrum: _Spectrum, periods: FloatArray, orders: int
 ) -> tuple[FloatArray, FloatArray]:
-    """Sum over harmonics in the band but for the loudest, and how many these are, for each turn period.
+    """Sum over harmonics in the band but for the loudest, and how many these are, for each turn period, in order.
 
     They are the odd harmonics, each second one, or from the third all: `orders` is 2 or 1.
     """
@@ -74,12 +74,12 @@ def _line_sums(
     loudest = np.zeros(periods.size)
     count = np.zeros(periods.size)
     for order in range(3, int(spectrum.fastest_hz * periods.max()) + 1, orders):
-        hz = order / periods
-        inside = (hz >= SLOWEST_HZ) & (hz <= spectrum.fastest_hz)
-        line = spectrum.at(hz[inside])
+        ends = order / np.array([spectrum.fastest_hz, SLOWEST_HZ])
+        inside = slice(*np.searchsorted(periods, ends))
+        line = spectrum.at(order / periods[inside])
         total[inside] += line
         loudest[inside] = np.maximum(loudest[inside], line)
-        count += inside
+        count[inside] += 1
     return total - loudest, np.maximum(count - 1, 0)
 
 
@@ -114,7 +114,9 @@ def own_period(recording: Recording) -> float | None:
     peak = shortest + int(excess[shortest : shortest + _PEAK_STEPS].argmax())
     found = _refined(spectrum._replace(power=logarithms), periods[peak], 2 * step)
     if abs(found / given - 1) <= PERIOD_TOLERANCE:
-        (own, others), _ = _line_sums(spectrum, np.array([found, given]), orders)
+        own, others = (
+            _line_sums(spectrum, np.array([period]), orders)[0].item() for period in (found, given)
+        )
         is_as_good = own - others < _GAIN_OF_PERIOD or abs(found / given - 1) * lasts < _DRIFT_S
         return given if is_as_good else found
     if given > found and not _has_lines_beside(spectrum, given, found, 1):

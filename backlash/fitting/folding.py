@@ -116,13 +116,11 @@ def latest_t0(x, limits, a, b, t0, omega):
     return latest if low <= latest <= high else np.nan
 
 
-def theta_bounds(
-    fold: FoldedWindows, limits: Limits, a: int, b: int
-) -> tuple[FloatArray, FloatArray]:
+@njit
+def theta_bounds(fold, limits, a, b):
     """Lowest and highest theta = (t0, tau, omega) of a window."""
-    bounds = (t0_range(fold.x, limits, a, b), limits.tau, limits.omega)
-    low, high = np.array(bounds).T.copy()
-    return low, high
+    bounds = np.array((t0_range(fold.x, limits, a, b), limits.tau, limits.omega))
+    return bounds[:, 0], bounds[:, 1]
 
 
 @njit
@@ -245,27 +243,20 @@ def _bound(theta, low, high):
         theta[i] = min(max(theta[i], low[i]), high[i])
 
 
-def descend(
-    fold: FoldedWindows, limits: Limits, a: int, b: int, theta: FloatArray, steps: int
-) -> tuple[FloatArray, float]:
+@njit
+def descend(fold, limits, a, b, start, steps):
     """Levenberg-Marquardt in theta = (t0, tau, omega), the window held; refined theta and its sum of squares."""
     low, high = theta_bounds(fold, limits, a, b)
-    theta = theta.copy()
-    return theta, _descend(fold, limits.A, a, b, low, high, theta, steps)
-
-
-@njit
-def _descend(fold, most_A, a, b, low, high, theta, steps):
-    """Refine theta in place; its sum of squares."""
+    theta = start.copy()
     _bound(theta, low, high)
     gram, data = normal_equations(fold, a, b, theta)
-    cost, A = best_misfit(gram[0, 0], data[0], fold.power, most_A)
+    cost, A = best_misfit(gram[0, 0], data[0], fold.power, limits.A)
     damping = 1e-3
     for _ in range(steps):
-        is_free = abs(A) < most_A and gram[0, 0] > 0
+        is_free = abs(A) < limits.A and gram[0, 0] > 0
         trial = _step(gram, data, A, is_free, damping, theta, low, high)
         trial_gram, trial_data = normal_equations(fold, a, b, trial)
-        trial_cost, trial_A = best_misfit(trial_gram[0, 0], trial_data[0], fold.power, most_A)
+        trial_cost, trial_A = best_misfit(trial_gram[0, 0], trial_data[0], fold.power, limits.A)
         if trial_cost < cost:
             is_settled = cost - trial_cost < 1e-13 * cost
             for k in range(3):
@@ -279,7 +270,7 @@ def _descend(fold, most_A, a, b, low, high, theta, steps):
             damping *= 10
             if damping > 1e6:
                 break
-    return cost
+    return theta, cost
 
 
 def middle_of_gap(fold: FoldedWindows, a: int) -> float:

@@ -14,7 +14,7 @@ from backlash.fitting.windows import Minimum
 from replication.arrays import FloatArray
 from replication.identify import Protocol, protocol_box
 from replication.recording import Recording
-from replication.signature import FREE_PARAMETERS, Box, Timing, rmse, signature
+from replication.signature import Box, Timing, rmse, signature
 
 _MOST_CANDIDATES = 6
 _STARTS_BESIDE = 8  # samples to either side of the best window's start that it may have instead
@@ -37,9 +37,6 @@ class GlobalFit:
     amplitude_interval_rps: tuple[
         float, float
     ]  # 95 %, if the signature is right and the noise white
-    at_bound: tuple[str, ...]  # parameters at a bound of the box
-    sign_flipped: bool  # A is negative in X
-    rival_rps: tuple[float, ...]  # |A| of other basins: misfit within 1 %, |A| outside the interval
 
 
 def _window_starts(fold: FoldedWindows, limits: Limits, best: Minimum) -> FloatArray:
@@ -110,7 +107,7 @@ def _minima(
 ) -> tuple[FoldedWindows, list[Minimum]]:
     """A folded record, and refined local minima of its misfit, the best first."""
     fold = folding.fold_record(t, v, timing)
-    coarse = fold if fold.classes == 1 else folding.fold_record(t, v, timing, whole_samples=True)
+    coarse = folding.fold_record(t, v, timing, whole_samples=True)
     dt = (t[-1] - t[0]) / (t.size - 1)
     joined = max(1, round(1 / (windows.FASTEST_RAD_PER_S * dt)))
     thin = windows.join_positions(coarse, joined)
@@ -135,10 +132,8 @@ def _minima(
 
 def _limits(box: Box) -> Limits:
     """The box in the form the search needs."""
-    lower = dict(zip(FREE_PARAMETERS, box.lower.tolist(), strict=True))
-    upper = dict(zip(FREE_PARAMETERS, box.upper.tolist(), strict=True))
-    tau, omega = ((lower[name], upper[name]) for name in ("tau_per_s", "omega_rad_per_s"))
-    return Limits(upper["A_rps"], lower["t0_s"], upper["T1_s"], upper["T2_s"], tau, omega)
+    A, t0, tau, omega, _, T2, T1 = zip(box.lower.tolist(), box.upper.tolist(), strict=True)
+    return Limits(A[1], t0[0], T1[1], T2[1], tau, omega)
 
 
 def _parameters(
@@ -177,30 +172,17 @@ def global_fit(recording: Recording, protocol: Protocol | None = None) -> Global
             f"{recording.source}: shorter than half a turn, or constant: there is no signature to fit"
         )
     timing = protocol.timing
-    box = protocol_box(recording, protocol)
-    limits = _limits(box)
+    limits = _limits(protocol_box(recording, protocol))
     fold, minima = _minima(t, v, timing, limits)
     if not minima:
         raise ValueError(
             f"{recording.source}: {t.size} samples are too few for the signature's windows; sample faster"
         )
     best = minima[0]
-    low, high = _amplitude_interval(fold, limits, best)
     X = _parameters(recording, timing, limits, fold, best)
-    others = (
-        abs(_parameters(recording, timing, limits, fold, other)[0])
-        for other in minima[1:]
-        if other.cost < 1.01**2 * best.cost
-    )
-    near = np.minimum(X - box.lower, box.upper - X) <= 1e-6 * (box.upper - box.lower)
     return GlobalFit(
         X=X,
         rmse=rmse(t, v, X, timing),
         amplitude_rps=float(abs(X[0]) * np.exp(X[2] * (X[1] + X[6] - middle_of_gap(fold, best.a)))),
-        amplitude_interval_rps=(low, high),
-        at_bound=tuple(
-            name for name, is_near in zip(FREE_PARAMETERS, near, strict=True) if is_near
-        ),
-        sign_flipped=bool(X[0] < 0),
-        rival_rps=tuple(float(A) for A in others if not low <= A <= high),
+        amplitude_interval_rps=_amplitude_interval(fold, limits, best),
     )

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numpy.polynomial.polynomial import polyval
 from numpy.typing import NDArray
+from scipy.fft import fft, ifft, next_fast_len
 from scipy.special import fdtri
 
 from backlash.detection.pattern import MOTOR_ORDERS
@@ -118,7 +118,10 @@ def turn_harmonics(recording: Recording) -> TurnHarmonics:
 def _first_order(phase: FloatArray, v: FloatArray, step: float) -> FirstOrder:
     turns = int(phase[-1] - phase[0] + step + 1e-6)
     v = v[: int(turns / step + 0.5)]
-    bins, between = _spectrum(v - v.mean(), turns, 2, turns / step)
+    # A drift is no noise: its rate is that from the first turn's mean to the last one's.
+    turn = int(1 / step + 0.5)
+    drift = (v[-turn:].mean() - v[:turn].mean()) / (v.size - turn) * np.arange(v.size)
+    bins, between = _spectrum(v - drift - (v - drift).mean(), turns, 2, turns / step)
     around = between[turns // 2 :]
     freedom = 2 * np.count_nonzero(np.isfinite(around))
     sd = np.sqrt(np.nanmean(around))
@@ -155,12 +158,24 @@ def _spectrum(
     v: FloatArray, turns: int, last: int, samples: float
 ) -> tuple[NDArray[np.complex128], FloatArray]:
     """Fourier coefficients `turns` to a harmonic, and half their squares between the harmonics (NaN at them)."""
-    from scipy.signal import czt  # slow to import, and not needed to refuse a file
-
-    bins = czt(v, (last + 1) * turns, np.exp(-2j * np.pi / samples)) / v.size
+    bins = _chirp_z(v, (last + 1) * turns, samples) / v.size
     between = np.abs(bins) ** 2 / 2
     between[::turns] = np.nan
     return bins, between
+
+
+def _chirp_z(v: NDArray[np.inexact], count: int, period: float) -> NDArray[np.complex128]:
+    """Sums of v_n exp(-2 pi i k n / period) for the first k, by Bluestein's algorithm.
+
+    `scipy.signal`, which has it too, takes half a second to import.
+    """
+    chirp = np.exp(1j * np.pi / period * np.arange(max(count, v.size)) ** 2)
+    size = next_fast_len(count + v.size)
+    kernel = np.zeros(size, dtype=complex)
+    kernel[:count] = chirp[:count]
+    kernel[1 - v.size :] = chirp[v.size - 1 : 0 : -1]
+    product = fft(v / chirp[: v.size], size) * fft(kernel)
+    return np.asarray(ifft(product)[:count] / chirp[:count])
 
 
 def _clearest_sinusoid(
@@ -181,19 +196,18 @@ def _clearest_sinusoid(
     others = order[~beside]
     harmonics = np.zeros(order.size + 1, dtype=complex)
     harmonics[others] = bins[turns * others]
-    rest = v - 2 * np.real(polyval(np.exp(1j * phase), harmonics))
-    fixed = np.exp(1j * np.outer(phase, order[beside]))
-    least, best = np.inf, None
+    rest = v - 2 * _chirp_z(harmonics.conj(), v.size, 1 / step).real
+    fixed = np.exp(1j * np.outer(order[beside], phase))
+    most, best = 0.0, None
     for tried in (peak + np.linspace(-0.9, 0.9, 19)) / turns:
         wave = np.exp(1j * tried * phase)
-        basis = np.column_stack([wave.real, wave.imag, fixed.real, fixed.imag])
-        found = np.linalg.solve(basis.T @ basis, basis.T @ rest)
-        misfit = float(((rest - basis @ found) ** 2).sum())
-        if misfit < least:
-            least, best = (
-                misfit,
-                (basis[:, :2] @ found[:2], float(tried), float(np.hypot(*found[:2]))),
-            )
+        basis = np.vstack([wave.real, wave.imag, fixed.real, fixed.imag])
+        product = basis @ rest
+        found = np.linalg.solve(basis @ basis.T, product)
+        explained = float(found @ product)
+        if explained > most:
+            most = explained
+            best = found[:2] @ basis[:2], float(tried), float(np.hypot(*found[:2]))
     return best
 
 

@@ -107,9 +107,6 @@ _FASTEST_ERROR_HZ = 60.0
 _CHANCE_OF_ERROR = 0.01
 _SUSPECT = 0.3
 _ERROR_STEP = 0.05
-# A harmonic whose residual has a square this improbable, times their number, belongs to the
-# machine, not the joint.
-_OUTLIER = 1e-3
 # More starts are tried where noise alone leaves so large a residual in one log of a thousand: they
 # cost a second.
 _IMPROBABLE = 1e-3
@@ -161,10 +158,6 @@ class Problem:
         order = self.error_order if error_order is None else error_order
         return simulate_turns(rows_of(z), self.movement, order, self.lead, self.differencing)
 
-    def residual(self, z: FloatArray) -> FloatArray:
-        """Data's and prior's residuals of one set of unknowns."""
-        return np.concatenate([self._misfit(self.turns(z[None]), z)[0], self._of_prior(z)])
-
     def slopes(self, z: FloatArray, free: int = SIZE) -> tuple[FloatArray, FloatArray]:
         """Residuals, and their derivative by each unknown, shape (unknowns, residuals); 0 from the one `free` on."""
         row = rows_of(z[None])[0]
@@ -186,12 +179,9 @@ class Problem:
             axis=0
         )
         out[free:] = 0
-        residual = np.concatenate(
-            [self._whitened(seen.sum(axis=0) - self.target), self._of_prior(z)]
-        )
-        return residual, np.concatenate(
-            [self._whitened(out), np.diag(1 / self.spread)[:, 2:]], axis=1
-        )
+        misfit = self._whitened(seen.sum(axis=0) - self.target)
+        residual = np.concatenate([misfit, ((z - self.mean) / self.spread)[2:]])
+        return residual, np.hstack([self._whitened(out), np.diag(1 / self.spread)[:, 2:]])
 
     def push_slopes(
         self, z: FloatArray, pushes: Callable[[FloatArray, float, Movement], FloatArray]
@@ -207,13 +197,6 @@ class Problem:
     def _whitened(self, spectra: ComplexArray) -> FloatArray:
         spectra = spectra / self.sd
         return np.concatenate([spectra.real, spectra.imag], axis=-1)
-
-    def _misfit(self, turns: FloatArray, z: FloatArray) -> FloatArray:
-        """Whitened difference of turns from the data, all with the phase and smoothing of one set of unknowns."""
-        return self._whitened(self._logged(turns, z) - self.target)
-
-    def _of_prior(self, z: FloatArray) -> FloatArray:
-        return ((z - self.mean) / self.spread)[2:]
 
     def _logged(self, turns: FloatArray, z: FloatArray) -> ComplexArray:
         """Harmonics of turns as the log has them."""
@@ -262,10 +245,9 @@ class Problem:
 
     def find_error(self, z: FloatArray) -> bool:
         """Take up an error in step with the load's turn, if the residual shows one; say whether it did."""
-        residual = self.residual(z)
+        residual, slopes = self.slopes(z)
         if self.error_order or chdtrc(residual.size - SIZE, residual @ residual) > _SUSPECT:
             return False
-        residual, slopes = self.slopes(z)
         tried = range(2, int(_FASTEST_ERROR_HZ * self.movement.turn_period_s) + 1)
         gain = {order: self._gain(z, residual, slopes, order) for order in tried}
         scale = max(1.0, float(residual @ residual) / residual.size)
@@ -279,11 +261,8 @@ class Problem:
         """By how much chi squared falls if the two parts of an error are let free."""
         batch = np.repeat(z[None], 2, axis=0)
         batch[[0, 1], _ERROR] += _ERROR_STEP
-        columns = np.zeros((2, residual.size))
-        data = slice(0, 2 * self.order.size)
-        columns[:, data] = (
-            self._misfit(self.turns(batch, order), z) - residual[data]
-        ) / _ERROR_STEP
+        misfit = self._whitened(self._logged(self.turns(batch, order), z) - self.target)
+        columns = np.pad((misfit - residual[: 2 - SIZE]) / _ERROR_STEP, ((0, 0), (0, SIZE - 2)))
         onto = np.linalg.solve(slopes @ slopes.T, slopes @ columns.T)
         columns -= onto.T @ slopes
         along = columns @ residual
@@ -309,15 +288,3 @@ class Problem:
                 self.target = self.target - self._logged(mean[None], z)[0]
                 subtracted = True
         return subtracted
-
-    def drop_outlier(self, z: FloatArray) -> bool:
-        """Leave out the harmonic that fits worst, if noise can't explain it; say whether there was one."""
-        data = self.residual(z)[: 2 * self.order.size].reshape(2, -1)
-        square = (data**2).sum(axis=0) / 2
-        square /= max(1.0, float(np.median(square)) / np.log(2))
-        worst = int(square.argmax())
-        if self.order.size * np.exp(-square[worst]) > _OUTLIER:
-            return False
-        self.order, self.sd = np.delete(self.order, worst), np.delete(self.sd, worst)
-        self.target = np.delete(self.target, worst)
-        return True

@@ -23,41 +23,29 @@ from backlash.fitting.turns import Movement, simulate_turns
 from replication.arrays import FloatArray
 from replication.compiled.cache import keep_array
 
-
-class SearchSettings(NamedTuple):
-    """What bounds the search for a joint; chi squared is the sum of squares of the whitened residuals."""
-
-    library_size: int = 1200  # joints among which the fit looks for where to start
-    library_backlash: tuple[float, float] = (0.8, 48.0)  # [1e-4 rad], evenly in its logarithm
-    library_friction: float = 0.06
-    library_ratio_sd: float = 0.2  # of the logarithms of the ratios searched
-    ratios_searched: int = 5  # those that a log tells most of; the others wait until the last steps
-    starts: int = 5
-    more_starts: int = 4  # where the first ones end in an improbable residual
-    start_apart: float = 0.2  # in the logarithm of the backlash
-    first_steps: int = 5
-    last_steps: int = 40
-    # A harmonic (2 for noise alone): nothing but another joint explains more.
-    hopeless_chi2: float = 12.0
-    # Of chi squared; a smaller step is the last: a tenth of an SD along any direction.
-    least_fall: float = 0.01
-    far_chi2: float = 60.0  # a start that is worse by more than this after its first steps is left
-    probe_sds: tuple[float, ...] = (
-        -4.0,
-        -2.0,
-        2.0,
-        4.0,
-    )  # of the backlash, where a better minimum is looked for
-    probe_steps: int = 3
-    probe_rounds: int = 2
-    # A probe that is worse by less, and still `probe_apart_sds` away, goes on.
-    probe_hopeful_chi2: float = 25.0
-    probe_apart_sds: float = 1.0
-    most_dropped: int = 3  # harmonics that may be left out
-
-
-SETTINGS = SearchSettings()
-_SEARCHED = 3 + SETTINGS.ratios_searched  # unknowns free in the first steps
+# What bounds the search; chi squared is the sum of squares of the whitened residuals.
+# Joints among which the fit looks for where to start: how many, their backlashes [1e-4 rad], evenly
+# in the logarithm, and the SD of the logarithms of the ratios that a log tells most of; the other
+# ratios wait until the last steps.
+_LIBRARY_SIZE, _LIBRARY_BACKLASH = 1200, (0.8, 48.0)
+_LIBRARY_FRICTION = 0.06
+_LIBRARY_RATIOS, _LIBRARY_RATIO_SD = 5, 0.2
+_SEARCHED = 3 + _LIBRARY_RATIOS  # unknowns free in the first steps
+# Starts, those tried where the first ones end in an improbable residual, and how far apart they are
+# in the logarithm of the backlash.
+_STARTS, _MORE_STARTS = 5, 4
+_START_APART = 0.2
+_FIRST_STEPS, _LAST_STEPS = 5, 40
+_FAR_CHI2 = 60.0  # a start that is worse by more than this after its first steps is left
+# A harmonic (2 for noise alone): nothing but another joint explains more.
+_HOPELESS_CHI2 = 12.0
+# Of chi squared; a smaller step is the last: a tenth of an SD along any direction.
+_LEAST_FALL = 0.01
+# SDs of the backlash at which a better minimum is looked for. A probe that is worse by less than a
+# chi squared, and still so many SDs away, goes on.
+_PROBES = (-4.0, -2.0, 2.0, 4.0)
+_PROBE_STEPS, _PROBE_ROUNDS = 3, 2
+_PROBE_HOPEFUL_CHI2, _PROBE_APART_SDS = 25.0, 1.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,10 +85,10 @@ def find_peak(
     start = z + shift * covariance[:, SMOOTHING_INDEX]
     start[0] = max(start[0], 0.5 * z[0], LEAST_BACKLASH)
     problem.measured_as(measurement)
-    limit = chi2 + SETTINGS.far_chi2
-    found = _search(problem, start, SETTINGS.first_steps)
+    limit = chi2 + _FAR_CHI2
+    found = _search(problem, start, _FIRST_STEPS)
     if found.chi2 < limit and not found.converged:
-        found = _search(problem, found.z, SETTINGS.last_steps)
+        found = _search(problem, found.z)
     residual, slopes = problem.slopes(found.z)
     normal = slopes @ slopes.T
     if not (np.isfinite(normal).all() and found.chi2 < limit):
@@ -120,15 +108,15 @@ def find_peak(
 def find_joint(problem: Problem, harmonics: TurnHarmonics) -> tuple[FloatArray, bool]:
     """Unknowns of the joint that most probably made a record, and whether the search ended in a minimum."""
     starts = _choose_starts(harmonics, problem.movement)
-    found = _search_best(problem, starts[: SETTINGS.starts])
-    if problem.is_improbable(found.chi2) and len(starts) > SETTINGS.starts:
-        found = min(found, _search_best(problem, starts[SETTINGS.starts :]), key=_chi2)
-    if found.chi2 > SETTINGS.hopeless_chi2 * problem.order.size:
+    found = _search_best(problem, starts[:_STARTS])
+    if problem.is_improbable(found.chi2) and len(starts) > _STARTS:
+        found = min(found, _search_best(problem, starts[_STARTS:]), key=_chi2)
+    if found.chi2 > _HOPELESS_CHI2 * problem.order.size:
         return found.z, found.converged
     found = _explore_nearby(problem, found)
     unsubtracted = problem.target
     if problem.subtract_belt_bias(found.z, harmonics.lines):
-        tried = _search(problem, found.z, SETTINGS.last_steps)
+        tried = _search(problem, found.z)
         # What was taken for a belt may be one's image by the turn's own frequency: then the joint
         # fits worse.
         if tried.chi2 < found.chi2:
@@ -136,11 +124,7 @@ def find_joint(problem: Problem, harmonics: TurnHarmonics) -> tuple[FloatArray, 
         else:
             problem.target = unsubtracted
     if problem.find_error(found.z):
-        found = _search(problem, found.z, SETTINGS.last_steps)
-    for _ in range(SETTINGS.most_dropped):
-        if not problem.drop_outlier(found.z):
-            break
-        found = _search(problem, found.z, SETTINGS.last_steps)
+        found = _search(problem, found.z)
     return found.z, found.converged
 
 
@@ -148,7 +132,9 @@ def _covariance(slopes: FloatArray) -> FloatArray:
     return np.asarray(np.linalg.inv(slopes @ slopes.T), dtype=float)
 
 
-def _search(problem: Problem, z: FloatArray, steps: int, free: int = MEAN.size) -> Found:
+def _search(
+    problem: Problem, z: FloatArray, steps: int = _LAST_STEPS, free: int = MEAN.size
+) -> Found:
     """Levenberg-Marquardt of the first `free` unknowns.
 
     Unlike SciPy's, it takes residual and slopes from one simulation, and no step into a joint that
@@ -176,7 +162,7 @@ def _search(problem: Problem, z: FloatArray, steps: int, free: int = MEAN.size) 
             return Found(z, chi2, tried - chi2 < 0.01 * max(chi2, 1.0))
         fallen, z, chi2, damping = chi2 - tried, trial, tried, damping * 0.2
         residual, slopes = tried_residual, tried_slopes
-        if fallen < SETTINGS.least_fall * max(1.0, chi2 / residual.size):
+        if fallen < _LEAST_FALL * max(1.0, chi2 / residual.size):
             return Found(z, chi2, True)
     return Found(z, chi2, False)
 
@@ -184,51 +170,47 @@ def _search(problem: Problem, z: FloatArray, steps: int, free: int = MEAN.size) 
 def _search_best(problem: Problem, starts: list[FloatArray]) -> Found:
     """Lowest minimum: a few steps from every start, and from the best two of different backlash to the end."""
     first, *rest = sorted(
-        (_search(problem, start, SETTINGS.first_steps, _SEARCHED) for start in starts), key=_chi2
+        (_search(problem, start, _FIRST_STEPS, _SEARCHED) for start in starts), key=_chi2
     )
-    limit = first.chi2 + SETTINGS.far_chi2
+    limit = first.chi2 + _FAR_CHI2
     others = [
         other.z
         for other in rest
         if other.chi2 < limit and abs(np.log(other.z[0] / first.z[0])) > 0.03
     ]
-    return min(
-        (_search(problem, z, SETTINGS.last_steps) for z in [first.z, *others[:1]]), key=_chi2
-    )
+    return min((_search(problem, z) for z in [first.z, *others[:1]]), key=_chi2)
 
 
 def _explore_nearby(problem: Problem, found: Found) -> Found:
     """Look for a lower minimum beside one, where the teeth bounce once more or less."""
-    for _ in range(SETTINGS.probe_rounds):
+    for _ in range(_PROBE_ROUNDS):
         covariance = _covariance(problem.slopes(found.z)[1])
         sd = np.sqrt(covariance[0, 0])
         best = found
-        for deviations in SETTINGS.probe_sds:
+        for deviations in _PROBES:
             trial = found.z + deviations * (covariance[:, 0] / sd)
             trial[0] = max(trial[0], LEAST_BACKLASH)
-            tried = _search(problem, trial, SETTINGS.probe_steps, _SEARCHED)
-            is_apart = abs(tried.z[0] - found.z[0]) > SETTINGS.probe_apart_sds * sd
-            if tried.chi2 < best.chi2 + SETTINGS.probe_hopeful_chi2 and is_apart:
-                tried = _search(problem, tried.z, SETTINGS.probe_steps)
+            tried = _search(problem, trial, _PROBE_STEPS, _SEARCHED)
+            is_apart = abs(tried.z[0] - found.z[0]) > _PROBE_APART_SDS * sd
+            if tried.chi2 < best.chi2 + _PROBE_HOPEFUL_CHI2 and is_apart:
+                tried = _search(problem, tried.z, _PROBE_STEPS)
             if tried.chi2 < best.chi2 - 0.1:
                 best = tried
         if best is found:
             break
-        found = _search(problem, best.z, SETTINGS.last_steps)
+        found = _search(problem, best.z)
     return found
 
 
 @lru_cache(maxsize=8)
 def _draw_library(movement: Movement) -> tuple[FloatArray, NDArray[np.complex128]]:
     """Unknowns to start from, and their turns' spectra."""
-    rng, size = np.random.default_rng(1), SETTINGS.library_size
+    rng, size = np.random.default_rng(1), _LIBRARY_SIZE
     z = np.tile(MEAN, (size, 1))
-    low, high = np.log(SETTINGS.library_backlash)
+    low, high = np.log(_LIBRARY_BACKLASH)
     z[:, 0] = np.exp(rng.uniform(low, high, size))
-    z[:, 2] = SETTINGS.library_friction * np.abs(rng.standard_normal(size))
-    z[:, 3:_SEARCHED] = SETTINGS.library_ratio_sd * rng.standard_normal(
-        (size, SETTINGS.ratios_searched)
-    )
+    z[:, 2] = _LIBRARY_FRICTION * np.abs(rng.standard_normal(size))
+    z[:, 3:_SEARCHED] = _LIBRARY_RATIO_SD * rng.standard_normal((size, _LIBRARY_RATIOS))
     rows = rows_of(z)
 
     def simulate() -> NDArray[np.complex128]:  # for a second
@@ -255,10 +237,10 @@ def _choose_starts(harmonics: TurnHarmonics, movement: Movement) -> list[FloatAr
     starts: list[FloatArray] = []
     for k in np.argsort(misfit):
         if np.isfinite(misfit[k]) and all(
-            abs(np.log(z[k, 0] / other[0])) > SETTINGS.start_apart for other in starts
+            abs(np.log(z[k, 0] / other[0])) > _START_APART for other in starts
         ):
             starts.append(z[k].copy())
             starts[-1][1] = -2 * np.pi * best[k] / phases
-        if len(starts) == SETTINGS.starts + SETTINGS.more_starts:
+        if len(starts) == _STARTS + _MORE_STARTS:
             break
     return starts

@@ -31,8 +31,7 @@ from replication.recording import Recording
 from replication.simulator.checks import closed_loop_matrix
 from replication.simulator.parameters import TURN
 
-# Noise in the ring's band over that above it, a low-pass taken out, beyond which there is no
-# answer.
+# Noise in the ring's band over that above it, beyond which there is no answer.
 MOST_RING_NOISE = 1.5
 # Noise alone leaves a residual as large as that of a joint of another kind in one log of so many.
 # Intervals are widened long before, so that a right joint with small causes of its own still gets
@@ -55,21 +54,18 @@ _LEAST_INFORMATION = 0.05
 # backlash too.
 _LARGE_RESIDUAL = 0.1
 NORMAL_95 = 1.96
-# Between these frequencies joints of this kind ring; noise that is more than so many times that
-# below peaks there.
-_BELOW_RING_HZ = 12.0
-_ABOVE_RING_HZ = 45.0
-_MOST_BUMP = 2.0
 # Peaks further apart than this many of their SDs are separate; what is less probable than this is
 # no answer.
 _APART_SDS, _LEAST_GROUP = 3.0, 0.05
 # Low-passes that the noise is compared with, and what that may count: the drive's loops colour
 # noise too.
 _TIME_CONSTANTS_MS, _MOST_LOG_ODDS = (0.5, 0.8, 1.2, 1.8, 2.7, 4.0), 5.0
-# White noise says as much once in a thousand logs; a filter takes more of the impacts than the
-# joint's other unknowns leave it, and the backlash comes out too large.
+# Log-odds of a refusal: white noise says as much in one log of a thousand. A filter takes more of
+# the impacts than the joint's other unknowns leave it, and the backlash comes out too large.
+_REFUSED_LOG_ODDS = 4.0
 _LOW_PASSED = (
-    "the speed was low-passed (its noise rolls off): log it unfiltered, or calibrate on such logs"
+    "the speed was low-passed, or something else moves (its noise rolls off): log it unfiltered, nothing else moving, "
+    "or calibrate on such logs"
 )
 
 
@@ -132,14 +128,8 @@ def fit_joint(recording: Recording) -> SelfFit:
     ):  # the speed's part from backlash grows with it, and so may what the model gets wrong
         half = float(np.hypot(half, MOST_MODEL_ERROR * MODEL_ERROR * delta))
     if converged and peak.converged and np.isfinite(fit.misfit) and np.isfinite(sd):
-        ring_noise_ratio = harmonics.ring_noise_ratio / _low_pass_gain(problem, harmonics, found)
-        refusal = _refusal_reason(fit, peak, ring_noise_ratio, best.second)
-        if (
-            not refusal
-            and _low_pass_log_odds(harmonics, problem.movement.turn_period_s, RING_HZ[1])
-            >= _MOST_LOG_ODDS
-        ):
-            refusal = _LOW_PASSED
+        odds = _low_pass_log_odds(harmonics, problem.movement.turn_period_s, RING_HZ[1])
+        refusal = _refusal_reason(fit, peak, harmonics.ring_noise_ratio, odds, best.second)
     ring, damping = _slowest_ring(peak.z, problem.movement)
     return SelfFit(
         delta_rad=delta,
@@ -161,7 +151,7 @@ def fit_joint(recording: Recording) -> SelfFit:
 
 def _measurements(problem: Problem, harmonics: TurnHarmonics, z: FloatArray) -> list[_Measured]:
     """Peaks near a joint for every way in which the speed may have been measured."""
-    residual = problem.residual(z)
+    residual, _ = problem.slopes(z)
     chi2 = float(residual @ residual) if np.isfinite(residual).all() else np.inf
     measured = []
     for name, measurement in joint_posterior.MEASURED_AS.items():
@@ -279,12 +269,16 @@ def _interval_rad(group: Sequence[WeightedPeak], widening: float) -> tuple[float
     return max(low, 0.0), high
 
 
-def _refusal_reason(fit: _Goodness, peak: Peak, ring_noise_ratio: float, second: SecondMass) -> str:
-    """Why a fit that has ended is no answer; empty if it is one."""
+def _refusal_reason(
+    fit: _Goodness, peak: Peak, ring_noise_ratio: float, low_pass: float, second: SecondMass
+) -> str:
+    """Why a fit that has ended is no answer; empty if it is one. `low_pass` is the log-odds of one."""
+    if low_pass >= _REFUSED_LOG_ODDS:
+        return _LOW_PASSED
     if ring_noise_ratio > MOST_RING_NOISE:
         return (
             f"turns do not repeat themselves (noise in the ring's band {ring_noise_ratio:.1f} times that above it): "
-            "the drive hardly damps, or something else moves"
+            "the drive hardly damps, something else moves, or the speed was low-passed"
         )
     residual_p = float(chdtrc(fit.freedom, fit.chi2 / fit.model_error))
     if residual_p < _IMPOSSIBLE_RESIDUAL:
@@ -314,38 +308,6 @@ def _low_pass_log_odds(
     level = (power / shapes).mean(axis=1)
     gain = (harmonics.turns - 1) * np.log(power.mean() / (level[:, None] * shapes)).sum(axis=1)
     return float(np.clip(gain.max(), 0.0, _MOST_LOG_ODDS))
-
-
-def _low_pass_gain(
-    problem: Problem, harmonics: TurnHarmonics, found: Sequence[WeightedPeak]
-) -> float:
-    """White noise in the ring's band over that above it, after as strong a low-pass as the log allows.
-
-    Noise that peaks in the band is a drive that hardly damps: no low-pass.
-    """
-    noise = harmonics.sd**2
-    all_hz = harmonics.order / problem.movement.turn_period_s
-    below = all_hz < _BELOW_RING_HZ
-    within = ~below & (all_hz < _ABOVE_RING_HZ)
-    if not below.any() or noise[within].mean() > _MOST_BUMP * noise[below].mean():
-        return 1.0
-    filtered = [
-        each.peak for each in found if each.peak.covariance[LOW_PASS_INDEX, LOW_PASS_INDEX] > 1e-4
-    ]
-    best = max(filtered, key=lambda peak: peak.evidence, default=None)
-    if best is None or not np.isfinite(best.evidence):
-        return 1.0
-    most_ms2 = max(best.z[LOW_PASS_INDEX], 0.0) + 2 * np.sqrt(
-        best.covariance[LOW_PASS_INDEX, LOW_PASS_INDEX]
-    )
-    hz = problem.order / problem.movement.turn_period_s
-    power = 1 / (1 + (1e-3 * TURN * hz) ** 2 * most_ms2)
-    in_ring = (hz > RING_HZ[0]) & (hz < RING_HZ[1])
-    return (
-        float(np.median(power[in_ring]) / np.median(power[hz >= RING_HZ[1]]))
-        if (hz >= RING_HZ[1]).any()
-        else 1.0
-    )
 
 
 def _prior_p(peak: Peak, scatter: float, known: slice) -> float:

@@ -260,7 +260,8 @@ def _step_slopes(t, h, region, joint, slopes, dcommand):
 def _control_slopes(y, count, joint, memory, slopes):
     """Slopes of `core.control`, called before it with the memory that it will find; returns those of its torque.
 
-    First those of the state, through each of its formulas; then what the gains add themselves.
+    Those of the state go through each of its formulas, what the integral's gains add themselves
+    with them; then what the other gains add.
     """
     d, row = joint.drive, joint.row
     leaky = memory.drive[1]
@@ -271,7 +272,13 @@ def _control_slopes(y, count, joint, memory, slopes):
     if d.differencing > 0 and count > 0:
         speed = (y[0] - memory.drive[3]) * rate
         new, old = 0.0, rate
+    error = -d.position_gain * y[0] - speed
+    by_leaky = leaky - d.period * (speed + d.leaky_rate * leaky)
+    gained = (speed - memory.drive[2]) * rate
     past = slopes.drive
+    past[0, POSITION] -= ki * y[0]
+    past[0, INTEGRAL] += ki / row[INTEGRAL] * error
+    past[0, INERTIA] -= ki / row[INERTIA] * error
     command = slopes.torques[count % slopes.torques.shape[0]]
     for p in range(past.shape[1]):
         dposition = slopes.state[0, p]
@@ -285,22 +292,10 @@ def _control_slopes(y, count, joint, memory, slopes):
         past[1, p] = dleaky
         past[2, p] = dspeed
         past[3, p] = dposition
-    error = -d.position_gain * y[0] - speed
-    by_leaky = leaky - d.period * (speed + d.leaky_rate * leaky)
-    gained = (speed - memory.drive[2]) * rate
     jm = d.speed_gain / row[SPEED]
-    by_position = -ki * y[0]
-    by_integral = ki / row[INTEGRAL] * error
-    by_inertia = -ki / row[INERTIA] * error
-    past[0, POSITION] += by_position
-    past[0, INTEGRAL] += by_integral
-    past[0, INERTIA] += by_inertia
     past[1, RATE] -= d.period * leaky
-    command[POSITION] += by_position
-    command[POSITION] -= d.speed_gain * y[0]
-    command[INTEGRAL] += by_integral
-    command[INERTIA] += by_inertia
     command[RATE] -= d.leaky_gain * d.period * leaky
+    command[POSITION] -= d.speed_gain * y[0]
     command[SPEED] += jm * error
     command[DERIVATIVE] -= jm * gained
     command[LEAKY] += jm * by_leaky

@@ -192,20 +192,15 @@ def grid_search(fold: FoldedWindows, limits: Limits, dt: float) -> Starts:
 
 
 def _grid(longest: int, dt: float) -> Grid:
-    tau, omega = damping_frequency_grid()
-    grid = Grid(tau, omega, np.empty((tau.size, longest)), np.empty((tau.size, longest)))
-    _fill_grid(grid, dt)
-    return grid
-
-
-@njit
-def _fill_grid(grid, dt):
-    for g in range(grid.tau.size):
-        for j in range(grid.cos.shape[1]):
-            decay = np.exp(-(grid.tau[g] * j) * dt)
-            angle = grid.omega[g] * j * dt
-            grid.cos[g, j] = decay * np.cos(angle)
-            grid.sin[g, j] = decay * np.sin(angle)
+    """Pairs of tau and omega across Table 1's ranges, omega as dense as the damping lets it be told apart."""
+    pairs = []
+    for damping, step in ((5.0, 5.0), (9.0, 6.5), (14.0, 9.0), (20.0, 11.0), (28.0, 14.0)):
+        frequencies = np.arange(2 * np.pi, FASTEST_RAD_PER_S + step / 2, step)
+        pairs += [(damping, min(frequency, FASTEST_RAD_PER_S)) for frequency in frequencies]
+    tau, omega = np.array(pairs).T.copy()
+    since = dt * np.arange(longest)
+    decay, angle = np.exp(np.outer(-tau, since)), np.outer(omega, since)
+    return Grid(tau, omega, decay * np.cos(angle), decay * np.sin(angle))
 
 
 @njit
@@ -274,14 +269,3 @@ def join_positions(fold: FoldedWindows, together: int) -> FoldedWindows:
     for name in ("value", "samples"):
         joined[name] = fold.at[name][:whole].reshape(-1, together).sum(axis=1)
     return fold._replace(x=fold.x[:whole].reshape(-1, together).mean(axis=1), at=joined)
-
-
-def damping_frequency_grid() -> tuple[FloatArray, FloatArray]:
-    """Pairs of tau and omega across Table 1's ranges, omega as dense as the damping lets it be told apart."""
-    pairs = []
-    for tau, step in ((5.0, 5.0), (9.0, 6.5), (14.0, 9.0), (20.0, 11.0), (28.0, 14.0)):
-        pairs += [
-            (tau, omega) for omega in np.arange(2 * np.pi, FASTEST_RAD_PER_S + step / 2, step)
-        ]
-    taus, omegas = np.array(pairs).T
-    return np.ascontiguousarray(taus), np.ascontiguousarray(np.minimum(omegas, FASTEST_RAD_PER_S))

@@ -152,6 +152,15 @@ def test_turns_that_still_ring_from_the_start_are_left_out():
     assert 5 <= turn_harmonics(replace(quiet, v=quiet.v + 0.5 * ring)).turns < 11
 
 
+@pytest.mark.parametrize("drift", [0.0, 1.0])
+def test_gravity_is_seen_beside_a_drift_and_a_drift_is_no_gravity(drift):
+    still = noise()
+    still = replace(still, v=still.v + drift * still.t / still.t[-1])
+    turning = replace(still, v=still.v + 0.02 * np.sin(2 * np.pi * still.t / 0.4))
+    seen = [turn_harmonics(log).first for log in (still, turning)]
+    assert [abs(each.coefficient) > each.by_chance for each in seen] == [False, True]
+
+
 def test_a_record_without_noise_is_known_as_one():
     wave = np.sin(2 * np.pi * 20 * noise().t)
     assert not turn_harmonics(noise()).is_quiet
