@@ -244,17 +244,14 @@ def test_a_turn_of_almost_three_seconds_is_fitted():
 
 
 @pytest.mark.parametrize("edge_hz", [200, 100, 40])
-def test_a_low_passed_speed_is_refused_by_its_noise_or_a_weak_filter_moves_the_answer_little(
-    edge_hz,
-):
+def test_a_low_passed_speed_is_refused_by_its_noise(edge_hz):
     log = bench_log()[1]
     filtered = log.v - log.v.mean()
     pole = np.exp(-2 * np.pi * edge_hz * log.sample_s)
     for k in range(1, filtered.size):
         filtered[k] = (1 - pole) * filtered[k] + pole * filtered[k - 1]
     found = fit_joint(replace(log, v=filtered + log.v.mean()))
-    holds = found.interval_rad[0] <= 9e-4 <= found.interval_rad[1]
-    assert "low-passed" in found.refusal_reason or (edge_hz == 200 and holds)
+    assert "low-passed" in found.refusal_reason
 
 
 def test_a_joint_far_from_what_is_known_is_no_answer():
