@@ -77,4 +77,4 @@ class Estimate:
         if self.rmse_rps is not None:
             turn = f"turn of {self.turn_period_s:.5g} s"
             lines.append(f"  misfit {self.rmse_rps:.3f} rps, {self.samples} samples, {turn}")
-        return "\n".join([*lines, *(f"  note: {note}" for note in notes)])
+        return "\n".join([*lines, *(f"  note: {one_line(note)}" for note in notes)])

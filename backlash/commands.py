@@ -49,7 +49,7 @@ def _begin(options: argparse.Namespace, logs: Sequence[Path]) -> None:
         output = getattr(options, option, None)
         if output and os.path.realpath(output) in inputs:
             raise UnusableLog(f"--{option} {output}: that is one of the inputs; name another file")
-    if cache.is_empty():
+    if cache.is_empty() and not vars(options).get("torque"):  # that method compiles nothing
         print("compiling, once for this machine: some ten seconds", file=sys.stderr, flush=True)
 
 
@@ -75,7 +75,7 @@ def _is_answers(path: Path | None) -> bool:
 
 
 def _print_answer(as_json: bool, content: object, text: str) -> None:
-    print(json.dumps(content, indent=1, ensure_ascii=False, allow_nan=False) if as_json else text)
+    print(json.dumps(content, indent=1, allow_nan=False) if as_json else text)
 
 
 def run_estimate(options: argparse.Namespace) -> int:
@@ -165,15 +165,15 @@ def _estimate_many(batch: plant.Batch, options: argparse.Namespace) -> list[Esti
         raise OSError(error.errno, what) from error
     if kept:
         kept.unlink(missing_ok=True)
+    if options.json:
+        _print_all(batch, found)
     if len(bad) == len(answers):
         raise UnusableLog(f"none of {len(bad)} logs is usable; the first: {bad[0]}")
     if bad:
         print(
             f"{len(bad)} of {len(answers)} logs are not usable; their rows say why", file=sys.stderr
         )
-    if options.json:
-        _print_all(batch, found)
-    elif not options.out:
+    if not options.json and not options.out:
         print(*answers, sep="\n")
     return answers
 

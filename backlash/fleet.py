@@ -294,7 +294,8 @@ def as_table(answers: Sequence[Estimate]) -> pd.DataFrame:
 def _row(answer: Estimate) -> dict[str, object]:
     refused = answer.verdict == "cannot tell"
     row: dict[str, object] = {
-        "file": re.sub(r"^(?=[=+@-])", "'", answer.file),  # no formula
+        # No formula, and a name that a table can hold.
+        "file": re.sub(r"^(?=[=+@\s-])", "'", answer.file.encode(errors="replace").decode()),
         "verdict": answer.verdict,
         "reason": "".join(answer.warnings[:refused]),
     }

@@ -4,9 +4,10 @@ A log is a path (str or Path), a table (DataFrame) whose columns are named as in
 `read_log` returned. What is said of logs are the fields of `LogFormat`, as on the command line:
 `turn_period_s` or `gear_ratio`, one of which is needed, and `time`, `speed`, `position` (columns),
 `unit`, `counts_per_turn`, `commanded_speed_rps`, `start_s`, `end_s`, `trust_period`, `torque`. How
-they are measured: `calibration`, `method`, `repeats`, `seed`, and with a torque `inertia_ratio`,
-`gravity_per_s2`, `inertia_sd` and `gravity_sd`. An UnusableLog is a ValueError whose message is one
-line: what is wrong, where, what to do.
+they are measured: `calibration`, `method`, `repeats`, `seed`, and with a torque the load's data:
+`inertia_ratio` and `gravity_per_s2`, or the parameters of `LoadData.from_masses`, and `inertia_sd`
+and `gravity_sd`. An UnusableLog is a ValueError whose message is one line: what is wrong, where,
+what to do.
 """
 
 import hashlib
@@ -43,7 +44,7 @@ def form_of(log: object, said: Mapping[str, Any]) -> LogFormat:
         return log.form
     if said.get("position") is True:
         said["position"] = "position"
-    if not isinstance(said.get("torque", ""), str | None):
+    if not isinstance(said.get("torque", ""), str | int | None):
         said["torque"] = "torque array"
     return LogFormat(**said)
 
@@ -107,7 +108,9 @@ def estimate(log: object, v: ArrayLike | None = None, **words: Any) -> Estimate:
     **words
         The fields of `LogFormat`, too: `turn_period_s` [s] or `gear_ratio`, and more. Method "torque", for any drive,
         needs `torque`, a column or an array, positive where it drives forward; `inertia_ratio`, J_l / (N^2 J_m), and
-        `gravity_per_s2`, m g r / J_l, of the load; `inertia_sd` (0.1) and `gravity_sd` (0.05), their relative SDs.
+        `gravity_per_s2`, m g r / J_l, of the load, or `gear_ratio`, `motor_inertia_kgm2`, `load_mass_kg` and
+        `load_arm_m`, and `load_inertia_kgm2` about the joint's axis if the load is no point; `inertia_sd` (0.1) and
+        `gravity_sd` (0.05), relative SDs. The backlash is proportional to the gravity.
 
     Returns
     -------

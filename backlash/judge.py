@@ -243,13 +243,18 @@ def _judge_torque(fitted: Fitted, fit: TorqueFit, settings: Settings, answer: Es
         raise CannotTell(*NO_REVERSAL, (said,))
     if fit.refusal_reason and not is_none:
         raise CannotTell("too noisy", fit.refusal_reason, (said,))
-    inertia = f"it goes with m g r / J_l; the motor's inertia is {fit.motor_inertia:.3g} torque s^2/rad: right?"
+    inertia = (
+        f"it goes with m g r / J_l; the motor's inertia is {fit.motor_inertia:.3g} torque s^2/rad"
+    )
+    if settings.load and settings.load.motor_inertia_kgm2:
+        unit = settings.load.motor_inertia_kgm2 / fit.motor_inertia
+        inertia += f", so the torque's unit is {unit:.3g} N m (of a current: the torque constant)"
     return replace(
         answer,
         verdict="no backlash" if is_none else "backlash",
         backlash_rad=0.0 if is_none else fit.delta_rad,
         backlash_interval_rad=(0.0 if is_none else low, high),
-        warnings=(*answer.warnings, said, inertia),
+        warnings=(*answer.warnings, said, f"{inertia}: right?"),
     )
 
 

@@ -79,6 +79,10 @@ def estimate_many(
 def read_batch(source: Sequence[object] | fleet.Table, words: Mapping[str, Any]) -> Batch:
     """Logs, and what is said of each by its row if they are in a table, else by words that `estimate` takes."""
     if not isinstance(source, pd.DataFrame | str | PathLike):
+        if not isinstance(source, Sequence):
+            raise UnusableLog(
+                f"one {type(source).__name__} of logs; give a list of them, or a pandas table with the column file"
+            )
         keys = pd.DataFrame(index=range(len(source)))
         return Batch(source, settings_of_all(source, words), keys)
     logs, table = listed_logs(source, "file")

@@ -1,5 +1,6 @@
 """How logs are read and measured."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
 from numbers import Integral
 from typing import Any
@@ -23,8 +24,25 @@ class Settings:
     load: LoadData | None = None  # for method "torque"
 
 
-# What `settings_for` takes: how logs are measured, and for method "torque" the fields of `LoadData`.
-MEASURING = ("calibration", "method", "repeats", "seed", *(each.name for each in fields(LoadData)))
+# What method "torque" needs, and the options that say it: of the load's two ratios, or of its masses.
+_BY_RATIOS = {
+    "torque": "--torque",
+    "inertia_ratio": "--inertia-ratio",
+    "gravity_per_s2": "--gravity",
+}
+_BY_MASSES = {
+    "torque": "--torque",
+    "gear_ratio": "--gear-ratio",
+    "motor_inertia_kgm2": "--motor-inertia",
+    "load_mass_kg": "--load-mass",
+    "load_arm_m": "--load-arm",
+}
+_MASSES = ("load_mass_kg", "load_arm_m", "load_inertia_kgm2")
+# What `settings_for` takes: how logs are measured, and for method "torque" what its load is known by.
+MEASURING = (
+    *("calibration", "method", "repeats", "seed", *_MASSES),
+    *(each.name for each in fields(LoadData)),
+)
 
 
 def settings_for(
@@ -37,19 +55,14 @@ def settings_for(
 ) -> Settings:
     """Put settings together: without a calibration the log's own joint, or for another method the paper's."""
     own = read_calibration(calibration)
-    given = (form.torque, load.get("inertia_ratio"), load.get("gravity_per_s2"))
+    load = {name: value for name, value in load.items() if value is not None}
     data = None
-    if method == TORQUE or any(value is not None for value in given):
+    if method == TORQUE or form.torque or any(not name.endswith("_sd") for name in load):
         if own is not None or method not in (None, TORQUE):
             raise UnusableLog(
                 "method torque goes without a calibration or another method: leave out one of them"
             )
-        options = zip(("--torque", "--inertia-ratio", "--gravity"), given, strict=True)
-        if missing := " and ".join(option for option, value in options if value is None):
-            raise UnusableLog(
-                f"method torque needs the torque and the load's data: give {missing} too"
-            )
-        method, data = TORQUE, LoadData(**load)
+        method, data = TORQUE, _load_data(form, load)
     if own is not None and method not in (None, own.method):
         raise UnusableLog(f"--method {method}: the calibration is of method {own.method}")
     if not all(isinstance(each, Integral) and each > 0 for each in (repeats, seed)):
@@ -61,3 +74,20 @@ def settings_for(
         used = replace(used, method=method, provenance="none: the log's own joint")
     form = replace(form, usual_speed_rps=used.commanded_speed_rps)
     return Settings(form, used, own is not None, repeats, seed, data)
+
+
+def _load_data(form: LogFormat, load: Mapping[str, Any]) -> LoadData:
+    """What is known of the load; refuse what is missing, or said twice."""
+    by_masses = not load.keys().isdisjoint(_MASSES)
+    needed = _BY_MASSES if by_masses else _BY_RATIOS
+    known = {**load, "torque": form.torque, "gear_ratio": form.gear_ratio}
+    if missing := " and ".join(needed[name] for name in needed if known.get(name) is None):
+        what = "the load's data, by its ratios or its masses"
+        raise UnusableLog(f"method torque needs the torque and {what}: give {missing} too")
+    if not by_masses:
+        return LoadData(**load)
+    if not load.keys().isdisjoint(_BY_RATIOS):
+        raise UnusableLog(
+            "--load-mass beside --inertia-ratio or --gravity: give the load by its ratios or by its masses"
+        )
+    return LoadData.from_masses(known["gear_ratio"], **load)

@@ -18,7 +18,8 @@ from scipy.special import fdtri, ndtri, stdtrit
 
 from backlash import __version__, fleet
 from backlash.calibration import MOST_RAD, PERIOD_MISMATCH
-from backlash.reading.refusals import UnusableLog
+from backlash.reading.columns import is_positive
+from backlash.reading.refusals import UnusableLog, one_line
 from replication.arrays import FloatArray
 
 CONFIDENCE = 0.95
@@ -102,7 +103,7 @@ class Trend:
         scale, unit = self.shown_in
         lines = [
             f"{row.date:%Y-%m-%d}  {scale * row.value:.3f} {unit} ({scale * row.low:.3f} to {scale * row.high:.3f})"
-            f"  {row.file}"
+            f"  {one_line(row.file)}"
             for row in self.points.itertuples()
         ]
         growth, low, high = (
@@ -114,7 +115,7 @@ class Trend:
             first, last = (_day(end) or "no date" for end in self.crossing_interval or (None, None))
             crossed = f"{1e3 * self.limit_rad:.3f} mrad crossed on {self.crossing:%Y-%m-%d}"
             lines.append(f"{crossed} (95 %: {first} to {last})")
-        return "\n".join([*lines, *(f"note: {warning}" for warning in self.warnings)])
+        return "\n".join([*lines, *(f"note: {one_line(warning)}" for warning in self.warnings)])
 
     @property
     def growth_interval(self) -> tuple[float, float]:
@@ -156,9 +157,9 @@ def fit_trend(
     relative: bool = False,
 ) -> Trend:
     """Fit a line to dated backlashes in a table of answers; to amplitudes if `relative`, or if no log has an answer."""
-    if limit_rad is not None and not 0 < limit_rad <= MOST_RAD:
+    if limit_rad is not None and not (is_positive(limit_rad) and limit_rad <= MOST_RAD):
         raise UnusableLog(
-            f"--limit {limit_rad:g}: give a finite backlash above 0, at most {MOST_RAD:g} [rad]"
+            f"--limit {limit_rad!r}: give a backlash above 0, at most {MOST_RAD:g} [rad]; 1 mrad is 0.001"
         )
     relative = relative or bool((answers["verdict"] == "cannot tell").all())
     points = _points(answers.assign(date=list(dates)), relative)

@@ -165,7 +165,7 @@ def detect_pattern(log: Log, seed: int) -> Detected:
                 if ratio
                 else f"--turn-period {period:.4f}"
             )
-            cure = f"is it {instead}? if the one given is right, as it may be beside a large backlash, --trust-period"
+            cure = f"is it {instead}? if the one given is right, --trust-period"
             raise CannotTell("wrong period", f"{_repeats(period, given, 4)}; {cure}")
         notes += (f"{_repeats(period, given, 5)}: used that",)
         recording = replace(recording, turn_period_s=period)

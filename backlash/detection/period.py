@@ -90,7 +90,7 @@ def own_period(recording: Recording) -> float | None:
     each line clipped and the loudest left out, so that mains hum is no period. Under noise the sum
     is at most Gamma distributed. Multiples of the right period repeat too, so the shortest one with
     nearly as much power is taken. The given period stands if its harmonics, of either parity,
-    explain what speaks for the one found.
+    explain what speaks for the one found, or if gravity's line is the given one's alone.
     """
     given = recording.turn_period_s
     spectrum = _line_spectrum(recording)
@@ -119,6 +119,11 @@ def own_period(recording: Recording) -> float | None:
         )
         is_as_good = own - others < _GAIN_OF_PERIOD or abs(found / given - 1) * lasts < _DRIFT_S
         return given if is_as_good else found
+    # Gravity swings the load once a turn, not once in the two or three turns after which a large
+    # backlash may repeat itself.
+    once, by_found = spectrum.at(1 / np.array([given, found]))
+    if once > _MOST_OF_A_LINE * max(by_found, 1.0):
+        return given
     if given > found and not _has_lines_beside(spectrum, given, found, 1):
         return found
     return found if _has_lines_beside(spectrum, found, given, 2 * periods.size) else given

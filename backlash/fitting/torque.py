@@ -14,6 +14,7 @@ friction is in no harmonic.
 """
 
 from dataclasses import dataclass, replace
+from numbers import Real
 from typing import NamedTuple
 
 import numpy as np
@@ -21,9 +22,11 @@ from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve, toeplitz
 
 from backlash.fitting.harmonics import turn_harmonics
+from backlash.reading.columns import is_positive
 from backlash.reading.refusals import UnusableLog
 from replication.arrays import FloatArray
 from replication.recording import Recording
+from replication.simulator.parameters import GRAVITY
 
 MOST_SD = 0.15  # over the backlash, above which there is no answer
 NORMAL_95 = 1.96  # half width over SD
@@ -46,14 +49,53 @@ class LoadData:
     gravity_per_s2: float  # m g r / J_l: 9.81 / r for a point load
     inertia_sd: float = 0.1
     gravity_sd: float = 0.05
+    motor_inertia_kgm2: float | None = None  # the unit of J_m that is found is compared with it
 
     def __post_init__(self):
         """Refuse what no load has."""
-        values, sds = (self.inertia_ratio, self.gravity_per_s2), (self.inertia_sd, self.gravity_sd)
-        if not (all(0 < value < np.inf for value in values) and all(0 <= sd <= 0.5 for sd in sds)):
-            raise UnusableLog(
-                f"{self!r}: inertia ratio and gravity must be above 0, their SDs shares up to 0.5"
+        known = () if self.motor_inertia_kgm2 is None else (self.motor_inertia_kgm2,)
+        if not (
+            all(map(is_positive, (self.inertia_ratio, self.gravity_per_s2, *known)))
+            and all(
+                isinstance(sd, Real) and 0 <= sd <= 0.5 for sd in (self.inertia_sd, self.gravity_sd)
             )
+        ):
+            raise UnusableLog(
+                f"{self!r}: inertias and gravity must be above 0, SDs shares up to 0.5, all numbers"
+            )
+
+    @staticmethod
+    def from_masses(
+        gear_ratio: float,
+        motor_inertia_kgm2: float,
+        load_mass_kg: float,
+        load_arm_m: float,
+        load_inertia_kgm2: float | None = None,
+        **sds: float,
+    ) -> "LoadData":
+        """Find both ratios from the mass of all that the joint moves and the arm of its centre of mass.
+
+        Its inertia is about the joint's axis; without one it is a point.
+        """
+        known = () if load_inertia_kgm2 is None else (load_inertia_kgm2,)
+        given = (gear_ratio, motor_inertia_kgm2, load_mass_kg, load_arm_m, *known)
+        if not all(map(is_positive, given)):
+            raise UnusableLog(
+                f"gear ratio, motor inertia, mass, arm and load inertia {given}: give finite numbers above 0"
+            )
+        point = load_mass_kg * load_arm_m**2
+        inertia = load_inertia_kgm2 or point
+        if inertia < 0.99 * point:
+            raise UnusableLog(
+                f"--load-inertia {inertia:g}: its mass at its arm alone has {point:.4g} kg m^2; "
+                "give the inertia about the joint's axis, not about the centre of mass"
+            )
+        return LoadData(
+            inertia / (gear_ratio**2 * motor_inertia_kgm2),
+            GRAVITY * load_mass_kg * load_arm_m / inertia,
+            motor_inertia_kgm2=motor_inertia_kgm2,
+            **sds,
+        )
 
     def __str__(self) -> str:
         """What was said, as a note."""
@@ -228,7 +270,10 @@ def fit_torque(
     drawn = [_solve(*_draw(turn, load, rng), instruments, first).delta_rad for _ in range(_DRAWS)]
     deviation = float(np.hypot(np.std(drawn), _METHOD_ERROR * delta))
     interval = max(delta - NORMAL_95 * deviation, 0.0), max(delta + NORMAL_95 * deviation, 0.0)
-    reason = f"it tells {delta:.2g} rad, SD {deviation:.2g}, above {MOST_SD:.0%}; log more turns, or quieter"
+    reason = (
+        f"it tells {delta:.2g} rad, SD {deviation:.2g}, above {MOST_SD:.0%}; "
+        "turn the joint faster (twice as fast, about half the SD), log more turns, or with a finer encoder"
+    )
     mean, gravity = np.mean(torque), 2 * abs(turn.mean[1, 1])
     return TorqueFit(
         delta,

@@ -59,6 +59,11 @@ _NAMES = json.loads(
 )
 
 
+def is_positive(value: object) -> bool:
+    """Whether a value is a finite number above 0."""
+    return isinstance(value, Real) and 0 < float(value) < np.inf
+
+
 @dataclass(frozen=True)
 class LogFormat:
     """What the user says of a log; None is left to be found.
@@ -87,7 +92,7 @@ class LogFormat:
         """Refuse what no log could be read with, in one line."""
         for name, option in _POSITIVE.items():
             value = getattr(self, name)
-            if value is not None and not (isinstance(value, Real) and 0 < float(value) < np.inf):
+            if value is not None and not is_positive(value):
                 raise UnusableLog(f"{option} {value!r}: give a finite number above 0")
         if self.turn_period_s is None and self.gear_ratio is None:
             raise UnusableLog(
@@ -97,9 +102,10 @@ class LogFormat:
             raise UnusableLog("--speed and --position: give one of them")
         if self.unit is not None and self.unit not in UNITS:
             raise UnusableLog(f"--unit {self.unit}: there are {', '.join(UNITS)}")
-        if not (self.start_s or 0.0) < (np.inf if self.end_s is None else self.end_s):
+        part = self.start_s or 0.0, np.inf if self.end_s is None else self.end_s
+        if not (all(isinstance(end, Real) for end in part) and part[0] < part[1]):
             raise UnusableLog(
-                f"--from {self.start_s} --to {self.end_s}: give seconds, the end after the start"
+                f"--from {self.start_s!r} --to {self.end_s!r}: give seconds, the end after the start"
             )
 
     @property

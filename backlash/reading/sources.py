@@ -17,6 +17,7 @@ from backlash.reading.refusals import UnusableLog
 from backlash.reading.tables import read_table
 
 STDIN = "-"
+_STAMPS = (pd.DatetimeIndex, pd.TimedeltaIndex)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -49,8 +50,15 @@ def read_source(
     if isinstance(source, str | PathLike):
         return _read_file(Path(source), name)
     if isinstance(source, pd.DataFrame):
-        frame = source.reset_index(drop=source.index.name is None).rename(columns=str)
+        index = source.index
+        named = index.name or ("time" if isinstance(index, _STAMPS) else None)
+        frame = source.rename_axis(named).reset_index(drop=named is None).rename(columns=str)
         return Table(file=name, frame=frame)
+    if v is None:
+        raise UnusableLog(
+            f"one {type(source).__name__} is no log: give time and speed as arrays of one length, or a pandas table, "
+            "as to_pandas() or to_dataframe() of other tables make it"
+        )
     names = [form.time or "time", form.position or form.speed or "speed", form.torque]
     arrays = {
         column: np.asanyarray(each)

@@ -51,6 +51,7 @@ _GROUPED = r"[+-]?\d{1,3}(,\d{3})+\.\d+"  # with marks of thousands
 _NUMBER = re.compile(
     rf"{_GROUPED}|[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?|[+-]?(nan|inf|infinity)", re.IGNORECASE
 )
+_ROW = re.compile(rb"<(\w+:)?row\b")  # of a workbook's sheet
 _UNIT_WORD = re.compile(r"[\[(<]?\s*[A-Za-z°µ%/.^\-0-9]{0,8}( ?s\^?-1)?\s*[\])>]?")
 
 
@@ -256,6 +257,10 @@ def _inspect_workbook(path: Path) -> None:
             size = f"{declared / 2**20:,.0f} MiB, above {MOST_UNPACKED_BYTES // 2**20}"
             parts = f"{refused}: {len(members)} parts that unpack to {size}"
             raise UnusableLog(f"{parts}; save the test movement alone, as CSV")
+        # Counted first, because the library takes a gigabyte for millions of empty rows.
+        for name in names:
+            if name.startswith("xl/worksheets/"):
+                _check_size(sum(1 for _ in _ROW.finditer(bundle.read(name))), 0)
         macros = any(name.lower().endswith("vbaproject.bin") for name in names)
         if macros or b"macroEnabled" in bundle.read("[Content_Types].xml"):
             raise UnusableLog("a workbook with macros; save it as .xlsx without them")

@@ -236,6 +236,12 @@ def test_a_workbook_with_macros_is_refused(change, tmp_path):
     )
 
 
+def test_a_workbooks_rows_are_counted_before_they_are_read(tmp_path, monkeypatch):
+    monkeypatch.setattr(tables, "MOST_ROWS", 40)
+    monkeypatch.setattr(openpyxl, "load_workbook", None)
+    assert "more than 40 rows" in refusal(rewritten(tmp_path / "a.xlsx", {}))
+
+
 def test_a_zip_bomb_is_refused_by_what_it_declares(tmp_path, monkeypatch):
     monkeypatch.setattr(tables, "MOST_UNPACKED_BYTES", 2**20)
     bomb = rewritten(tmp_path / "a.xlsx", {SHEET: bytes(2**22)})

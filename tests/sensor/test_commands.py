@@ -119,6 +119,26 @@ def test_a_folder_becomes_a_table_with_a_row_for_each_log(log, tmp_path, capsys)
     assert list(table.parent.iterdir()) == [table]
 
 
+def test_programs_get_a_row_for_each_log_though_none_is_usable(tmp_path, capsys):
+    logs = tmp_path / "none.csv", tmp_path / "loop.csv"
+    logs[1].symlink_to(logs[1])
+    status, out, _ = ran(capsys, "estimate", *logs, f"{TURN} --json")
+    assert (status, [row["file"] for row in json.loads(out)]) == (2, [str(log) for log in logs])
+
+
+def test_no_terminal_or_spreadsheet_obeys_the_name_of_a_file(log, tmp_path, capsys, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    names = [f"{first}2024-03-0{k}.csv" for k, first in enumerate("=\x1b\udcff", 1)]
+    for name in names:
+        (tmp_path / name).write_bytes(log.read_bytes())
+    how = f"{TURN} --method energy"
+    assert ran(capsys, "estimate", *names, how, "--out out.csv")[0] == 0
+    assert pd.read_csv("out.csv")["file"].str[:2].tolist() == ["'=", "\x1b2", "?2"]
+    out = ran(capsys, "trend", *names, how)[1]
+    assert "growth" in out
+    assert out.replace("\n", "").isprintable()
+
+
 @pytest.mark.parametrize(
     ("fail_on", "status"),
     [

@@ -144,6 +144,11 @@ def test_the_right_period_stands_where_friction_makes_even_harmonics(seed):
     assert own_period(replace(log, turn_period_s=0.41)) == pytest.approx(0.4, rel=2e-3)
 
 
+def test_a_turn_stands_though_a_large_backlash_repeats_itself_after_two():
+    bench = draw_bench(np.random.default_rng((77, 1)))
+    assert own_period(encoder_log(bench, 8e-3, np.random.default_rng(1))) == 0.4
+
+
 def test_a_period_that_is_trusted_is_not_looked_for():
     form = LogFormat(turn_period_s=0.5)
     log = Log(file="log", recording=replace(noisy(), turn_period_s=0.5), form=form)

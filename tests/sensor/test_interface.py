@@ -37,6 +37,7 @@ def test_arrays_a_table_a_file_and_a_log_that_was_read_have_one_answer(tmp_path)
     logs = [
         (frame,),
         (frame.set_index("time [s]"),),
+        (frame[["speed [rps]"]].set_index(pd.to_timedelta(frame["time [s]"].array, unit="s")),),
         (path,),
         (str(path),),
         (frame["time [s]"], frame["speed [rps]"]),
@@ -48,13 +49,14 @@ def test_arrays_a_table_a_file_and_a_log_that_was_read_have_one_answer(tmp_path)
     assert [answer.file for answer in answers] == [
         "log",
         "log",
+        "log",
         str(path),
         str(path),
         "log",
         "log",
         str(path),
     ]
-    assert {answer.sha256 is None for answer in answers[2:4]} == {False}
+    assert {answer.sha256 is None for answer in answers[3:5]} == {False}
     assert str(answers[0]).startswith("log: backlash 0.")
 
 
@@ -96,7 +98,8 @@ def test_results_are_ready_for_json_and_cannot_be_changed(tmp_path):
         ({"calibration": "log.csv"}, "not a calibration file"),
         ({"log": [0, 1], "v": [1, 2, 3]}, r"shapes \(2,\) and \(3,\)"),
         ({"log": np.ones(9)}, "give time and speed"),
-        ({"log": {"t": [0]}}, "or a pandas table"),
+        ({"log": {"t": [0]}}, "one dict is no log: .* or a pandas table"),
+        ({"torque": "2", "inertia_ratio": "2", "gravity_per_s2": 25}, "all numbers"),
         ({"log": "\x1b[2J"}, r"\?\[2J: no"),
     ],
 )
@@ -116,6 +119,8 @@ def test_what_other_calls_cannot_use_is_an_error_too(tmp_path):
         backlash.estimate(backlash.read_log(log, **how), gear_ratio=40)
     with pytest.raises(backlash.UnusableLog, match="1 dates"):
         backlash.trend([log] * 3, ["2024-01-01"] * 3, method="energy", **how)
+    with pytest.raises(backlash.UnusableLog, match="one dict of logs"):
+        backlash.estimate_many({"file": [log]}, **how)
     with pytest.raises(backlash.UnusableLog, match="no date in its name"):
         backlash.trend([log], **how)
     with pytest.raises(backlash.UnusableLog, match="needs 6 or more"):

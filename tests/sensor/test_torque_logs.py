@@ -9,6 +9,7 @@ from backlash.calibration import default_calibration
 from backlash.reading.columns import LogFormat
 from backlash.reading.prepare import open_log
 from backlash.reading.refusals import UnusableLog
+from replication.simulator.parameters import GRAVITY
 from studies.odd_joints import draw_cascade, log_with_torque
 from tests.logs import command
 
@@ -67,6 +68,42 @@ def test_a_file_a_table_and_arrays_have_one_answer_that_holds_the_truth(joint, t
         t, v, torque=torque, unit="rps", inertia_sd=0.0, gravity_sd=0.0, **known
     )
     assert np.ptp(sure.backlash_interval_rad) < 0.8 * (high - low)
+
+
+def test_a_load_is_known_by_its_masses_or_by_its_ratios(joint):
+    frame, known = joint
+    gear = known["commanded_speed_rps"] * known["turn_period_s"]
+    inertia = 1e-4 * known["inertia_ratio"] * gear**2
+    masses = {
+        "load_mass_kg": 20,
+        "load_arm_m": known["gravity_per_s2"] * inertia / (20 * GRAVITY),
+        "load_inertia_kgm2": inertia,
+    }
+    given = {"torque": "torque [Nm]", "gear_ratio": gear, "motor_inertia_kgm2": 1e-4}
+    found = backlash.estimate(frame, **given, **masses)
+    by_ratios = backlash.estimate(frame, torque="torque [Nm]", **known)
+    assert found.backlash_rad == pytest.approx(by_ratios.backlash_rad, rel=1e-3)
+    assert any("the torque constant" in note for note in found.warnings)
+    for changed, words in (
+        ({"load_mass_kg": 1e4}, "about the joint's axis"),
+        ({"load_arm_m": None}, "give --load-arm too"),
+        ({"gravity_per_s2": 25.0}, "by its ratios or by its masses"),
+    ):
+        with pytest.raises(UnusableLog, match=words):
+            backlash.estimate(frame, **(given | masses | changed))
+
+
+def test_the_answer_goes_with_gravity_and_hardly_with_the_inertia_ratio(joint):
+    frame, known = joint
+    ratio, gravity = known["inertia_ratio"], known["gravity_per_s2"]
+    loads = (ratio, gravity), (ratio, 2 * gravity), (0.7 * ratio, gravity), (1.3 * ratio, gravity)
+    usual, *found = (
+        backlash.estimate(
+            frame, torque=3, **(known | {"inertia_ratio": rho, "gravity_per_s2": g})
+        ).backlash_rad
+        for rho, g in loads
+    )
+    assert [each / usual for each in found] == pytest.approx([2.1, 1, 1], abs=0.1)
 
 
 def test_the_torque_goes_through_all_that_is_done_to_the_speed():
