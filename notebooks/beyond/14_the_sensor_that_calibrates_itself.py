@@ -331,6 +331,7 @@ of_sheet = datasheet.set_index("population")
 every, others = of_sheet.loc["all by speed"], of_sheet.loc["other drives"]
 answered = own["population"].value_counts()
 answered_others = others["logs"] * others["answered"]
+met = rounds["met"].astype(str) + " of " + rounds["criteria"].astype(str)
 workbook.export(
     supplement={
         "population": (
@@ -350,7 +351,8 @@ workbook.export(
         "sheet_criteria": len(sheet_bars),
         "sheet_met": sheet_bars["met"].sum(),
         "sheet_rounds": len(rounds),
-        "sheet_first": f"{rounds['met'].iloc[0]} of {rounds['criteria'].iloc[0]}",
+        "sheet_first": met[0],
+        "sheet_second": met[1],
         "datasheet_failed": name_missed(sheet_bars),
         "sensor_logs": (every["logs"], ".0f"),
         "sensor_answered": (100 * every["answered"], ".0f"),
