@@ -266,7 +266,7 @@ def rmse(X):  # of each row of X
 # %% [markdown]
 # The paper's search is CMA-ES, which is random: a generation of points is drawn from a normal distribution, and the
 # better half of them moves the distribution ([notebook 7](07_protocol_table1.ipynb)). It looks within the bounds of
-# Table 1. Here a run has 120 generations. `search`, too, is compiled when it is first called: twenty seconds, once.
+# Table 1. Here a run has 90 generations. `search`, too, is compiled when it is first called: twenty seconds, once.
 
 # %%
 box = {"A": (-np.ptp(v) / 2, np.ptp(v) / 2), "t0": (0, T_f)}
@@ -279,7 +279,7 @@ bounds = search.Box(*np.array([*box.values()]).T)
 
 def best_of_run(run_seed):
     normals = search.random_normals(run_seed)
-    steps = islice(search.generations(rmse, bounds, normals, population), 120)
+    steps = islice(search.generations(rmse, bounds, normals, population), 90)
     return min((step.misfits.min(), *step.members[step.misfits.argmin()]) for step in steps)
 
 
