@@ -211,7 +211,8 @@ def _render_formula(latex: str, display: str) -> str:
     latex = latex.strip()
     focus = ' tabindex="0"' if display == "block" else ""  # a wide one scrolls by keyboard too
     named = f'<math alttext="{html.escape(latex)}"{focus} '
-    drawn = convert(latex.replace("\\tag{", "\\qquad\\tag{"), display=display)
+    known = latex.replace("\\tag{", "\\qquad\\tag{").replace("\\arg", "\\mathrm{arg}\\,")
+    drawn = convert(known, display=display)
     return drawn.replace("<math ", named)
 
 
