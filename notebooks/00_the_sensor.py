@@ -366,7 +366,7 @@ explorer = {
     "record": np.round(v, 4).tolist(),
     "dt": round(t[1], 9),
     "fitted": {
-        name: round(fitted[name], 6)
+        name: round(fitted[name], 4 if name in ("tau", "omega") else 6)  # as the sliders have it
         for name in ("A", "t0", "tau", "omega", "v_t", "T2", "T1", "T_f")
     },
     "bounds": box | {"A": (-1.5, 1.5), "t0": (-0.2, 0.6), "T_f": (0.392, 0.412)},

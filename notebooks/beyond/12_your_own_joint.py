@@ -247,12 +247,14 @@ trend_figure = plots.trend_figure(line)
 #
 # From these, in proportion, and with an assumed price of 0.05 EUR for an hour of one core:
 #
-# | a day | CPU hours | cores, all day | logs | answers (Parquet) | price |
-# | - | - | - | - | - | - |
-# | 10,000 by `amplitude`, 4.8 s | 0.31 | 0.013 | 0.47 GB | 2 MB | 0.016 EUR |
-# | 10,000 by `torque`, 60 s | 1.5 | 0.062 | 7.2 GB | 2 MB | 0.075 EUR |
-# | 1,000,000 by `amplitude`, 4.8 s | 31 | 1.3 | 47 GB | 200 MB | 1.6 EUR |
-# | 1,000,000 by `torque`, 60 s | 150 | 6.2 | 720 GB | 200 MB | 7.5 EUR |
+# | logs a day | CPU [h] | logs [GB] | price [EUR] |
+# | - | - | - | - |
+# | 10,000 by `amplitude`, 4.8 s | 0.31 | 0.47 | 0.016 |
+# | 10,000 by `torque`, 60 s | 1.5 | 7.2 | 0.075 |
+# | 1,000,000 by `amplitude`, 4.8 s | 31 | 47 | 1.6 |
+# | 1,000,000 by `torque`, 60 s | 150 | 720 | 7.5 |
+#
+# A core has 24 h a day. A million answers take 200 MB of Parquet.
 #
 # Memory grows by about 150 MiB with each process, and by 3 kB with each answer, which the parent holds until the end:
 # split a day's million logs into tables of 100,000 at most. Reading from a network may take longer than the fit; price
