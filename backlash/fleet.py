@@ -11,7 +11,6 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager, nullcontext, suppress
 from dataclasses import replace
-from functools import cache
 from os import PathLike
 from pathlib import Path
 from typing import Any, TypeAlias
@@ -187,12 +186,12 @@ def _by_joblib(task: Task, calls: Calls, jobs: int) -> Iterator[tuple[int, Exami
 
     # Of a run that stops on a full disk; it says so itself.
     warnings.filterwarnings("ignore", r"\d+ tasks which were", UserWarning)
-    parent = os.getpid()
-    numbered = (delayed(_numbered)(parent, k, task, *call) for k, call in calls.items())
+    numbered = (delayed(_numbered)(k, task, *call) for k, call in calls.items())
+    how = {"n_jobs": jobs, "initializer": _end_with, "initargs": (os.getpid(),)}
     try:
-        parallel = Parallel(n_jobs=jobs, return_as="generator_unordered")
+        parallel = Parallel(return_as="generator_unordered", **how)
     except ValueError:  # a backend that gives lists only, like Ray's
-        parallel = Parallel(n_jobs=jobs)
+        parallel = Parallel(**how)
     # Processes inherit that Ctrl-C is held back: this one ends them. To start the tracker would let
     # it go.
     resource_tracker.ensure_running()
@@ -232,15 +231,10 @@ def _ctrl_c_held_back() -> Iterator[None]:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
-def _numbered(
-    parent: int, number: int, task: Task, log: object, settings: Settings
-) -> tuple[int, Examined]:
-    if os.getppid() == parent:
-        _end_with(parent)
+def _numbered(number: int, task: Task, log: object, settings: Settings) -> tuple[int, Examined]:
     return number, task(log, settings)
 
 
-@cache
 def _end_with(parent: int) -> None:
     """End this process soon after its parent, which may be killed without a word."""
 
