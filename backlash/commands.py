@@ -147,7 +147,9 @@ def _estimate_many(batch: plant.Batch, options: argparse.Namespace) -> list[Esti
             ends_on_interrupt(f"; the same command goes on from {kept}" if kept else ""),
             fleet.cluster(options.dask),
         ):
-            for number, examined in fleet.run_fleet(batch.logs, batch.settings, options.jobs, kept):
+            # A cluster's workers run in folders of their own.
+            logs = [Path(log).absolute() for log in batch.logs] if options.dask else batch.logs
+            for number, examined in fleet.run_fleet(logs, batch.settings, options.jobs, kept):
                 found[number] = examined.estimate
         answers = [found[number] for number in sorted(found)]
         bad = [why for answer in answers if (why := fleet.unusable(answer))]

@@ -133,9 +133,7 @@ def _add_estimate(commands: argparse._SubParsersAction) -> None:
         "--out", type=Path, metavar="TABLE", help="write a table, one row per log: .csv or .parquet"
     )
     sub.add_argument(
-        "--dask",
-        metavar="ADDRESS",
-        help="scheduler of a cluster, in place of --jobs; it needs absolute paths of logs",
+        "--dask", metavar="ADDRESS", help="scheduler of a cluster that takes the place of --jobs"
     )
     sub.add_argument(
         "--fail-on",

@@ -116,7 +116,7 @@ def test_a_file_that_no_run_kept_is_left_alone(dated, tmp_path, capsys):
 
 
 @pytest.mark.slow
-def test_a_dask_cluster_that_loses_a_worker_answers_every_log(tmp_path, capsys):
+def test_a_dask_cluster_that_loses_a_worker_answers_every_log(tmp_path, capsys, monkeypatch):
     log = write(noisy(), tmp_path / "0.csv")
     logs = [str(log), *(shutil.copy(log, str(tmp_path / f"{k}.csv")) for k in range(1, 200))]
     with (
@@ -134,7 +134,8 @@ def test_a_dask_cluster_that_loses_a_worker_answers_every_log(tmp_path, capsys):
                 if len(found) == 20:
                     os.kill(first, signal.SIGKILL)
                 found[number] = examined.estimate
-        line = f"estimate {logs[0]} {logs[1]} --turn-period 0.4 --dask {local.scheduler_address}"
+        monkeypatch.chdir(tmp_path)  # where the workers are not
+        line = f"estimate 0.csv 1.csv --turn-period 0.4 --dask {local.scheduler_address}"
         assert command(line, "--json") == 0
     assert {found[k].file for k in range(200)} == {*logs}
     assert {answer.verdict for answer in found.values()} == {"backlash"}
