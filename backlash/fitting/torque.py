@@ -116,6 +116,15 @@ class TorqueFit:
     reverses: bool = True
 
 
+def conclude(delta_rad: float, sd_rad: float, inertia: float, advice: str) -> TorqueFit:
+    """An answer with its interval, or why it is none and what would tell more."""
+    half = NORMAL_95 * sd_rad
+    interval = max(delta_rad - half, 0.0), max(delta_rad + half, 0.0)
+    told = f"it tells {delta_rad:.2g} rad, SD {sd_rad:.2g}, above {MOST_SD:.0%}"
+    reason = "" if sd_rad <= MOST_SD * delta_rad else f"{told}; {advice}"
+    return TorqueFit(delta_rad, interval, sd_rad, inertia, reason)
+
+
 class _Turn(NamedTuple):
     """Harmonics of the mean turn from order 0, and their SDs: a row for the speed [rad/s], one for the torque."""
 
@@ -269,17 +278,8 @@ def fit_torque(
         delta, inertia, first = _solve(turn, load, instruments, first)
     drawn = [_solve(*_draw(turn, load, rng), instruments, first).delta_rad for _ in range(_DRAWS)]
     deviation = float(np.hypot(np.std(drawn), _METHOD_ERROR * delta))
-    interval = max(delta - NORMAL_95 * deviation, 0.0), max(delta + NORMAL_95 * deviation, 0.0)
-    reason = (
-        f"it tells {delta:.2g} rad, SD {deviation:.2g}, above {MOST_SD:.0%}; "
+    advice = (
         "turn the joint faster (twice as fast, about half the SD), log more turns, or with a finer encoder"
     )
-    mean, gravity = np.mean(torque), 2 * abs(turn.mean[1, 1])
-    return TorqueFit(
-        delta,
-        interval,
-        deviation,
-        inertia,
-        "" if deviation <= MOST_SD * delta else reason,
-        bool(mean < gravity),
-    )
+    reverses = bool(np.mean(torque) < 2 * abs(turn.mean[1, 1]))
+    return replace(conclude(delta, deviation, inertia, advice), reverses=reverses)
