@@ -149,8 +149,8 @@ def _estimate_many(batch: plant.Batch, options: argparse.Namespace) -> list[Esti
         ):
             # A cluster's workers run in folders of their own.
             logs = [Path(log).absolute() for log in batch.logs] if options.dask else batch.logs
-            for number, examined in fleet.run_fleet(logs, batch.settings, options.jobs, kept):
-                found[number] = examined.estimate
+            for number, answer in fleet.run_fleet(logs, batch.settings, options.jobs, kept):
+                found[number] = answer
         answers = [found[number] for number in sorted(found)]
         bad = [why for answer in answers if (why := fleet.unusable(answer))]
         if options.out and len(bad) < len(found):

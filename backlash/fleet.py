@@ -7,7 +7,7 @@ import signal
 import threading
 import time
 import warnings
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager, nullcontext, suppress
 from dataclasses import replace
@@ -21,7 +21,6 @@ import pandas as pd
 from backlash import __version__
 from backlash.answers import Estimate
 from backlash.examine import Examined, examine
-from backlash.fitting.shared_joint import share_joint
 from backlash.reading.refusals import UnusableLog, library
 from backlash.reading.sources import name_of
 from backlash.settings import Settings
@@ -38,7 +37,6 @@ _NOT_SAID = (np.nan, np.nan)
 
 Table: TypeAlias = pd.DataFrame | str | PathLike[str]
 Calls = Mapping[int, tuple[object, Settings]]
-Task = Callable[[object, Settings], Examined]
 
 
 def find_logs(paths: Sequence[Path], left_out: Path | None = None) -> list[Path]:
@@ -68,19 +66,10 @@ def _is_log(file: Path) -> bool:
     return file.suffix.lower() in SUFFIXES and not file.name.startswith(".") and file.is_file()
 
 
-def answer_alone(log: object, settings: Settings) -> Examined:
-    """The answer, without the log."""
-    return Examined(examine_or_refuse(log, settings).estimate)
-
-
 def run_fleet(
-    logs: Sequence[object],
-    settings: Sequence[Settings],
-    jobs: int = -1,
-    kept: Path | None = None,
-    task: Task = answer_alone,
-) -> Iterator[tuple[int, Examined]]:
-    """Examine many logs; their numbers and what was found come in any order.
+    logs: Sequence[object], settings: Sequence[Settings], jobs: int = -1, kept: Path | None = None
+) -> Iterator[tuple[int, Estimate]]:
+    """Examine many logs; their numbers and answers come in any order.
 
     Of a log that cannot be used the first warning says why. Answers are kept in a file, for a run
     that goes on where another was interrupted. By itself it takes all cores (-1 jobs) where that is
@@ -91,14 +80,14 @@ def run_fleet(
     keys = {number: _key(*call) for number, call in calls.items() if kept}
     for number, key in keys.items():
         if key in known:
-            yield number, Examined(replace(known[key], file=name_of(calls.pop(number)[0])))
+            yield number, replace(known[key], file=name_of(calls.pop(number)[0]))
     with kept.open("a", encoding="utf-8") if kept else nullcontext() as file:
-        for number, examined in _in_any_order(task, calls, jobs):
+        for number, answer in _in_any_order(calls, jobs):
             # Handed over first: where the disk is full, the answer is not lost.
-            yield number, examined
+            yield number, answer
             if file:
                 file.write("\n" if file.tell() else _KEPT)
-                file.write(json.dumps({"key": keys[number], **vars(examined.estimate)}))
+                file.write(json.dumps({"key": keys[number], **vars(answer)}))
                 file.flush()
 
 
@@ -135,20 +124,21 @@ def examine_or_refuse(log: object, settings: Settings) -> Examined:
     try:
         return examine(log, settings)
     except UnusableLog as error:
-        return _failed(log, settings, str(error))
+        return Examined(_failed(log, settings, str(error)))
     except Exception as error:  # one log must not stop a thousand others
         # What compiled code makes of Ctrl-C.
         if isinstance(error.__cause__ or error.__context__, KeyboardInterrupt):
             raise KeyboardInterrupt from error
-        return _failed(log, settings, f"{name_of(log)}: {type(error).__name__}: {error}")
+        why = f"{name_of(log)}: {type(error).__name__}: {error}"
+        return Examined(_failed(log, settings, why))
 
 
-def _failed(log: object, settings: Settings, why: str) -> Examined:
+def _failed(log: object, settings: Settings, why: str) -> Estimate:
     line = UNUSABLE + " ".join(why.split())
-    return Examined(Estimate(name_of(log), method=settings.calibration.method, warnings=(line,)))
+    return Estimate(name_of(log), method=settings.calibration.method, warnings=(line,))
 
 
-def _in_any_order(task: Task, calls: Calls, jobs: int) -> Iterator[tuple[int, Examined]]:
+def _in_any_order(calls: Calls, jobs: int) -> Iterator[tuple[int, Estimate]]:
     from tqdm import tqdm
 
     if jobs == 0 or jobs < -1:
@@ -156,29 +146,29 @@ def _in_any_order(task: Task, calls: Calls, jobs: int) -> Iterator[tuple[int, Ex
     searches = any(how.calibration.method == "paper" for _, how in calls.values())
     if jobs < 0 and len(calls) < _WORTH_PROCESSES and not searches:
         jobs = 1
-    yield from tqdm(_examine_each(task, calls, jobs), total=len(calls), unit="log", disable=None)
+    yield from tqdm(_examine_each(calls, jobs), total=len(calls), unit="log", disable=None)
 
 
-def _examine_each(task: Task, calls: Calls, jobs: int) -> Iterator[tuple[int, Examined]]:
+def _examine_each(calls: Calls, jobs: int) -> Iterator[tuple[int, Estimate]]:
     """Examine each numbered log.
 
     A process that dies takes others with it and does not say on which log: what is left is tried
     again in halves.
     """
     left = dict(calls)
-    for number, examined in _by_joblib(task, calls, jobs):
+    for number, answer in _by_joblib(calls, jobs):
         del left[number]
-        yield number, examined
+        yield number, answer
     if len(left) == 1:
         [(number, (log, settings))] = left.items()
         yield number, _failed(log, settings, f"{name_of(log)}: {_DIED}")
     elif left:
         again = list(left.items())
         for half in (again[::2], again[1::2]):
-            yield from _examine_each(task, dict(half), jobs)
+            yield from _examine_each(dict(half), jobs)
 
 
-def _by_joblib(task: Task, calls: Calls, jobs: int) -> Iterator[tuple[int, Examined]]:
+def _by_joblib(calls: Calls, jobs: int) -> Iterator[tuple[int, Estimate]]:
     """Examine logs by joblib's backend, as far as no process of this machine dies."""
     from multiprocessing import resource_tracker
 
@@ -186,7 +176,7 @@ def _by_joblib(task: Task, calls: Calls, jobs: int) -> Iterator[tuple[int, Exami
 
     # Of a run that stops on a full disk; it says so itself.
     warnings.filterwarnings("ignore", r"\d+ tasks which were", UserWarning)
-    numbered = (delayed(_numbered)(k, task, *call) for k, call in calls.items())
+    numbered = (delayed(_numbered)(k, *call) for k, call in calls.items())
     how = {"n_jobs": jobs, "initializer": _end_with, "initargs": (os.getpid(),)}
     try:
         parallel = Parallel(return_as="generator_unordered", **how)
@@ -231,8 +221,8 @@ def _ctrl_c_held_back() -> Iterator[None]:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
-def _numbered(number: int, task: Task, log: object, settings: Settings) -> tuple[int, Examined]:
-    return number, task(log, settings)
+def _numbered(number: int, log: object, settings: Settings) -> tuple[int, Estimate]:
+    return number, examine_or_refuse(log, settings).estimate
 
 
 def _end_with(parent: int) -> None:
@@ -302,24 +292,3 @@ def _row(answer: Estimate) -> dict[str, object]:
         else:
             row.setdefault(name, np.nan if value is None else value)
     return row
-
-
-def with_shared_joint(examined: Sequence[Examined]) -> list[Estimate]:
-    """Correct estimates by method self by what all logs tell of their joint.
-
-    Those without a backlash stay, and those with separate intervals: one log alone cannot choose
-    between them.
-    """
-    answers = [each.estimate for each in examined]
-    joints = {
-        k: each.fitted.joint
-        for k, each in enumerate(examined)
-        if each.fitted
-        and each.fitted.joint
-        and each.estimate.verdict == "backlash"
-        and not each.estimate.backlash_intervals_rad
-    }
-    corrected = share_joint(list(joints.values())) if joints else []
-    for k, (delta, interval) in zip(joints, corrected, strict=True):
-        answers[k] = replace(answers[k], backlash_rad=delta, backlash_interval_rad=interval)
-    return answers

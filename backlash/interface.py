@@ -24,7 +24,6 @@ from backlash.answers import Estimate
 from backlash.calibration import Calibration, fit_calibration, read_calibration
 from backlash.detection.pattern import detect_pattern
 from backlash.examine import examine
-from backlash.fitting import SELF
 from backlash.reading.columns import SAID, LogFormat
 from backlash.reading.prepare import Log, open_log
 from backlash.reading.refusals import CannotTell, UnusableLog
@@ -233,9 +232,6 @@ def trend(
         days = list(pd.DatetimeIndex(dates))
     if len(days) != len(logs):
         raise UnusableLog(f"{len(logs)} logs and {len(days)} dates; give a date for each log")
-    found = dict(fleet.run_fleet(logs, settings, jobs, task=fleet.examine_or_refuse))
-    examined = [found[number] for number in sorted(found)]
-    answers = [each.estimate for each in examined]
-    if not relative and all(each.calibration.method == SELF for each in settings):
-        answers = fleet.with_shared_joint(examined)
+    found = dict(fleet.run_fleet(logs, settings, jobs))
+    answers = [found[number] for number in sorted(found)]
     return trend_line.fit_trend(fleet.as_table(answers), days, limit_rad, relative)

@@ -72,7 +72,7 @@ def estimate_many(
     """
     batch = read_batch(logs, words)
     found = dict(fleet.run_fleet(batch.logs, batch.settings, jobs))
-    table = batch.keys.join(fleet.as_table([found[number].estimate for number in sorted(found)]))
+    table = batch.keys.join(fleet.as_table([found[number] for number in sorted(found)]))
     return table.set_index([*batch.keys]) if len(batch.keys.columns) else table
 
 

@@ -10,11 +10,11 @@ from pandas import DataFrame, concat
 
 from backlash.calibration import Calibration, default_calibration
 from backlash.fitting.global_fit import global_fit
-from backlash.fitting.shared_joint import share_joint
 from replication.standins.joints import Bench, draw_bench, encoder_log
 from replication.standins.wear import Wear, draw_wear
 from studies import plots
 from studies.benchmark import KnownLog, Row, logs_by_methods, self_answer, widened_answers
+from studies.shared_joint import share_joint
 
 # Sensors that know the paper's joint, by the method of their calibration.
 CALIBRATED = {"equation 10": "paper", "amplitude, calibrated": "amplitude", "waveform": "waveform"}

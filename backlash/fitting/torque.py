@@ -278,8 +278,6 @@ def fit_torque(
         delta, inertia, first = _solve(turn, load, instruments, first)
     drawn = [_solve(*_draw(turn, load, rng), instruments, first).delta_rad for _ in range(_DRAWS)]
     deviation = float(np.hypot(np.std(drawn), _METHOD_ERROR * delta))
-    advice = (
-        "turn the joint faster (twice as fast, about half the SD), log more turns, or with a finer encoder"
-    )
+    advice = "turn the joint faster (twice as fast, about half the SD), log more turns, or with a finer encoder"
     reverses = bool(np.mean(torque) < 2 * abs(turn.mean[1, 1]))
     return replace(conclude(delta, deviation, inertia, advice), reverses=reverses)

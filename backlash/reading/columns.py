@@ -15,48 +15,18 @@ from backlash.reading import UNITS
 from backlash.reading.refusals import UnusableLog
 from replication.arrays import FloatArray
 
-PER_TURN = {
-    "rps": 1.0,
-    "rpm": 60.0,
-    "rad/s": 2 * np.pi,
-    "deg/s": 360.0,
-    "turns": 1.0,
-    "rad": 2 * np.pi,
-    "deg": 360.0,
-}
-_SECONDS = {
-    "s": 1.0,
-    "sec": 1.0,
-    "seconds": 1.0,
-    "ms": 1e-3,
-    "us": 1e-6,
-    "μs": 1e-6,
-    "ns": 1e-9,
-    "min": 60.0,
-}
-_PER_SECOND, _PER_MINUTE = (
-    rf"[\s_*·.]*(/|per|p)?[\s_]*({word})(\^?[-−]1)?" for word in ("s|sec|seconds?", "min|minutes?")
-)
-_SPELLINGS = {
-    "rps": rf"rps|hz|(rev|revs|turns?|u|r|1)?{_PER_SECOND}",
-    "rpm": rf"rpm|upm|(rev|revs|turns?|u|r|1)?{_PER_MINUTE}",
-    "rad/s": rf"(rads?|radians?){_PER_SECOND}",
-    "deg/s": rf"dps|(deg|degrees?|°){_PER_SECOND}",
-    "counts": rf"(counts?|cnts?|cts|ticks?|inc|increments?)({_PER_SECOND})?",
-    "turns": "rev|revs|revolutions?|turns?",
-    "rad": "rads?|radians?",
-    "deg": "deg|degrees?|°",
-}
 _POSITIVE = {
     "counts_per_turn": "--counts-per-turn",
     "commanded_speed_rps": "--commanded-speed",
     "turn_period_s": "--turn-period",
     "gear_ratio": "--gear-ratio",
 }
-# What loggers call columns.
-_NAMES = json.loads(
+# What loggers call columns, units, and how they spell these.
+_KNOWN = json.loads(
     Path(__file__).parents[1].joinpath("data", "column_names.json").read_text("utf-8")
 )
+PER_TURN: dict[str, float] = _KNOWN["per_turn"]
+_SECONDS: dict[str, float] = _KNOWN["seconds"]
 
 
 def is_positive(value: object) -> bool:
@@ -127,7 +97,11 @@ SAID = [field.name for field in fields(LogFormat)][:-1]
 def _known_unit(text: str) -> str:
     """A unit's one name, from any of its spellings; "" if it is none."""
     text = unicodedata.normalize("NFKC", text.strip()).lower()
-    spelled = (unit for unit, spelling in _SPELLINGS.items() if re.fullmatch(spelling, text))
+    spelled = (
+        unit
+        for unit, spelling in _KNOWN["spellings"].items()
+        if re.fullmatch(spelling.format(**_KNOWN), text)
+    )
     return text if text in _SECONDS else next(spelled, "")
 
 
@@ -166,7 +140,7 @@ def given_column(columns: Sequence[str], given: str) -> str:
 
 def _column_like(columns: Sequence[str], what: str) -> str | None:
     """Find the only column, or the motor's, that is called a name of `what` or has one in its name."""
-    names = set(_NAMES[what])
+    names = set(_KNOWN["names"][what])
     words = {
         column: set(re.split(r"[\s_./]+|(?<=[a-z])(?=[\d\[])", _plain(column)[0]))
         for column in columns
@@ -273,12 +247,12 @@ def seconds(
 def unit_of(column: str, is_position: bool, form: LogFormat) -> tuple[str, tuple[str, ...]]:
     """Unit of a speed or position, and a note if that is a guess."""
     said = _plain(column)[1]
-    if said in _SPELLINGS and form.unit and PER_TURN.get(said) != PER_TURN.get(form.unit):
+    if said in _KNOWN["spellings"] and form.unit and PER_TURN.get(said) != PER_TURN.get(form.unit):
         raise UnusableLog(
             f"column {column!r} says {said}, --unit says {form.unit}; leave --unit out, or rename"
         )
     unit = form.unit or said or ("counts" if form.counts_per_turn else "")
-    if unit not in ("", *_SPELLINGS):
+    if unit not in ("", *_KNOWN["spellings"]):
         raise UnusableLog(
             f"the unit {unit!r} of {column!r} is not known; give --unit, one of {', '.join(UNITS)}"
         )

@@ -198,10 +198,10 @@ def _unwrapped(samples: _Samples, form: LogFormat) -> _Samples:
     )  # where samples are missing, the speed is that of the neighbours
     near = np.interp(np.arange(dt.size), np.flatnonzero(short), best[short] / dt[short])
     best = np.where(short, best, steps - modulus * np.round((steps - near * dt) / modulus))
-    if np.count_nonzero(best * np.median(best) < 0) > 0.2 * best.size:
+    jumps = int(np.count_nonzero(np.abs(best - steps) > 1e-9))
+    if jumps and np.count_nonzero(best * np.median(best) < 0) > 0.2 * best.size:
         problem = "the position starts anew faster than it is sampled, or moves to and fro"
         raise UnusableLog(f"{problem}; give --commanded-speed, or sample faster")
-    jumps = int(np.count_nonzero(np.abs(best - steps) > 1e-9))
     note = f"the position starts anew every {modulus:g} motor turns: unwrapped {jumps} times"
     turns = turns[0] + np.concatenate([[0.0], np.cumsum(best)])
     return samples.changed(note, v=turns) if jumps else samples

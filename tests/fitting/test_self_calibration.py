@@ -12,7 +12,6 @@ from backlash.fitting.joint_posterior import NAMES, SIZE, SMOOTHING_INDEX, Probl
 from backlash.fitting.joint_search import Peak
 from backlash.fitting.second_mass import WeightedPeak, pushes
 from backlash.fitting.self_calibration import fit_joint, separate_peaks, widening_factor
-from backlash.fitting.shared_joint import share_joint
 from backlash.fitting.turns import COLUMNS, Movement, simulate_turns
 from replication.recording import Recording
 from replication.simulator.parameters import identified_joint
@@ -20,6 +19,7 @@ from replication.simulator.recordings import simulate_recordings
 from replication.simulator.simulate import simulate
 from replication.standins.joints import draw_bench, encoder_log
 from studies.odd_joints import KINDS, draw_cascade, draw_odd_log, move_bench
+from studies.shared_joint import share_joint
 
 
 @lru_cache

@@ -1,13 +1,11 @@
 import os
 from dataclasses import replace
 from pathlib import Path
-from types import SimpleNamespace
 
 import pandas as pd
 import pytest
 
 from backlash import fleet
-from backlash.answers import Estimate
 from backlash.examine import examine
 from backlash.settings import settings_for
 from tests.logs import TURN, noisy, write
@@ -18,7 +16,7 @@ SETTINGS = settings_for(TURN, method="amplitude")
 def answers(paths, settings=SETTINGS, jobs=1, kept=None):
     """Answers in the order of their logs."""
     found = dict(fleet.run_fleet(paths, [settings] * len(paths), jobs, kept))
-    return [found[number].estimate for number in sorted(found)]
+    return [found[number] for number in sorted(found)]
 
 
 @pytest.fixture
@@ -147,20 +145,3 @@ def test_a_changed_log_or_other_settings_are_not_taken_from_what_was_kept(
     assert done == ["log0.csv"]
     answers(paths, replace(SETTINGS, seed=2), kept=kept)
     assert len(done) == 1 + len(paths)
-
-
-def test_a_log_with_separate_intervals_keeps_its_interval_beside_other_logs_of_the_joint(
-    monkeypatch,
-):
-    one = Estimate("one", "backlash", backlash_rad=5e-4, backlash_interval_rad=(4e-4, 6e-4))
-    two = replace(
-        one,
-        backlash_interval_rad=(4e-4, 12e-4),
-        backlash_intervals_rad=((4e-4, 6e-4), (11e-4, 12e-4)),
-    )
-    monkeypatch.setattr(fleet, "share_joint", lambda fits: [(5.1e-4, (4.9e-4, 5.3e-4))] * len(fits))
-    fitted = SimpleNamespace(joint="a fit")
-    examined = [SimpleNamespace(estimate=each, fitted=fitted) for each in (one, two)]
-    shared, kept = fleet.with_shared_joint(examined)
-    assert shared.backlash_interval_rad == (4.9e-4, 5.3e-4)
-    assert kept == two

@@ -128,12 +128,12 @@ def test_a_dask_cluster_that_loses_a_worker_answers_every_log(tmp_path, capsys, 
         [first, _] = client.run(os.getpid).values()
         found = {}
         with joblib.parallel_config(backend="dask"):
-            for number, examined in fleet.run_fleet(
+            for number, answer in fleet.run_fleet(
                 logs, [settings_for(TURN, method="energy")] * 200
             ):
                 if len(found) == 20:
                     os.kill(first, signal.SIGKILL)
-                found[number] = examined.estimate
+                found[number] = answer
         monkeypatch.chdir(tmp_path)  # where the workers are not
         line = f"estimate 0.csv 1.csv --turn-period 0.4 --dask {local.scheduler_address}"
         assert command(line, "--json") == 0
