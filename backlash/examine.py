@@ -6,8 +6,8 @@ from numpy.typing import ArrayLike
 
 from backlash.answers import Estimate
 from backlash.detection.pattern import detect_pattern
-from backlash.fit import Fitted, fit_log
-from backlash.judge import judge, refuse
+from backlash.fit import Fitted, fit_log, fit_to_and_fro
+from backlash.judge import judge, judge_strokes, refuse
 from backlash.reading.prepare import Log, prepare
 from backlash.reading.refusals import CannotTell
 from backlash.reading.sources import read_source
@@ -46,6 +46,8 @@ def examine_log(log: Log, settings: Settings) -> Examined:
     """Answer for a log that was prepared."""
     known: Log = log
     try:
+        if log.makes_strokes:
+            return Examined(judge_strokes(log, fit_to_and_fro(log, settings.load), settings), log)
         known = detected = detect_pattern(log, settings.seed)
         known = fitted = fit_log(detected, settings)
         return Examined(judge(fitted, settings), fitted)

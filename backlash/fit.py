@@ -16,12 +16,15 @@ from backlash.fitting.readings import (
     reading_of_fit,
 )
 from backlash.fitting.self_calibration import SelfFit, fit_joint
+from backlash.fitting.strokes import fit_strokes
 from backlash.fitting.torque import LoadData, TorqueFit, fit_torque
 from backlash.fitting.waveform import mean_turn, periodic, samples_a_turn
+from backlash.reading.prepare import Log
 from backlash.reading.refusals import CannotTell
 from backlash.settings import Settings
 from replication.arrays import FloatArray
 from replication.signature import signature
+from replication.simulator.parameters import TURN
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -94,6 +97,18 @@ def _fit_by_torque(detected: Detected, load: LoadData, seed: int) -> Fitted:
     except ValueError as error:
         raise CannotTell("wrong torque", str(error), (str(load),)) from error
     return replace(_with_turn(detected, None, NO_READING), torque_fit=fit)
+
+
+def fit_to_and_fro(log: Log, load: LoadData | None) -> TorqueFit:
+    """Fit the speed and the torque of strokes to and fro."""
+    recording, gear_ratio = log.recording, log.form.gear_ratio
+    if log.torque is None or load is None or gear_ratio is None:
+        raise CannotTell("not constant speed", "strokes to and fro need --torque and --gear-ratio")
+    speed = TURN * recording.v
+    try:
+        return fit_strokes(speed, log.torque, recording.sample_s, gear_ratio, load)
+    except ValueError as error:
+        raise CannotTell("wrong torque", str(error), (str(load),)) from error
 
 
 def _with_reading(fitted: Fitted, fit: GlobalFit, settings: Settings) -> Fitted:

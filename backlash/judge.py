@@ -237,12 +237,29 @@ def _beyond(reading: Reading, found: Backlash, calibration: Calibration) -> str:
 
 def _judge_torque(fitted: Fitted, fit: TorqueFit, settings: Settings, answer: Estimate) -> Estimate:
     """Answer by the speed and torque of a log, and name what was said of the load."""
-    said, (low, high) = str(settings.load), fit.interval_rad
+    said, high = str(settings.load), fit.interval_rad[1]
     is_none = _is_none(high, settings.calibration.range_rad[0], fitted)
     if not fit.reverses and (is_none or not fitted.presence.found):
         raise CannotTell(*NO_REVERSAL, (said,))
     if fit.refusal_reason and not is_none:
         raise CannotTell("too noisy", fit.refusal_reason, (said,))
+    found = _told_by_torque(fit, settings, answer)
+    if not is_none:
+        return found
+    return replace(
+        found, verdict="no backlash", backlash_rad=0.0, backlash_interval_rad=(0.0, high)
+    )
+
+
+def judge_strokes(log: Log, fit: TorqueFit, settings: Settings) -> Estimate:
+    """Answer by strokes to and fro; that there is no backlash they cannot tell, for a search may end there."""
+    if fit.refusal_reason:
+        raise CannotTell("too noisy", fit.refusal_reason, (str(settings.load),))
+    return _finite(_told_by_torque(fit, settings, what_is_known(log, settings)))
+
+
+def _told_by_torque(fit: TorqueFit, settings: Settings, answer: Estimate) -> Estimate:
+    """The backlash that speed and torque tell, with what was said of the load."""
     inertia = (
         f"it goes with m g r / J_l; the motor's inertia is {fit.motor_inertia:.3g} torque s^2/rad"
     )
@@ -251,10 +268,10 @@ def _judge_torque(fitted: Fitted, fit: TorqueFit, settings: Settings, answer: Es
         inertia += f", so the torque's unit is {unit:.3g} N m (of a current: the torque constant)"
     return replace(
         answer,
-        verdict="no backlash" if is_none else "backlash",
-        backlash_rad=0.0 if is_none else fit.delta_rad,
-        backlash_interval_rad=(0.0 if is_none else low, high),
-        warnings=(*answer.warnings, said, f"{inertia}: right?"),
+        verdict="backlash",
+        backlash_rad=fit.delta_rad,
+        backlash_interval_rad=fit.interval_rad,
+        warnings=(*answer.warnings, str(settings.load), f"{inertia}: right?"),
     )
 
 

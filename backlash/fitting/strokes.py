@@ -53,17 +53,6 @@ class _Log(NamedTuple):
     noise: FloatArray
 
 
-@njit(inner=True)
-def _multiply(a, b, product):
-    """Write a b'."""
-    for i in range(4):
-        for j in range(4):
-            total = 0.0
-            for k in range(4):
-                total += a[i, k] * b[j, k]
-            product[i, j] = total
-
-
 @njit
 def _predict(log, parameters, gains, is_frozen):
     """Errors one sample ahead; gains, shape (samples, 4), are read if frozen, else written."""
@@ -89,7 +78,6 @@ def _predict(log, parameters, gains, is_frozen):
     P[1, 1] = (0.1 * delta + 1e-5) ** 2
     A = np.eye(4)
     A[3, 3] = 1 - follow
-    work = np.empty((4, 4))
     errors = np.empty(len(gains))
     start = gravity * np.sin(log.angle[0, 0] + phase)
     wind_up = start / stiffness + delta * np.sign(start)
@@ -127,8 +115,7 @@ def _predict(log, parameters, gains, is_frozen):
                     A[1, k] = h * (A[0, k] - A[2, k])
                     A[3, k] = follow * A[0, k]
                 A[1, 1] += 1
-                _multiply(A, P, work)
-                _multiply(work, A, P)
+                P = A @ P @ A.T
                 P[0, 0] += log.noise[0] * h
                 P[2, 2] += log.noise[1] * h
         error = log.speed[i] - logged

@@ -54,6 +54,11 @@ class Log(Source):
     form: LogFormat
     torque: FloatArray | None = None  # of the motor at the recording's samples, in the log's unit
 
+    @property
+    def makes_strokes(self) -> bool:
+        """Whether the motor turns to and fro."""
+        return _reverses(self.recording.v)
+
 
 @dataclass(frozen=True)
 class _Samples:
@@ -352,9 +357,13 @@ def _at_constant_speed(
             "too short", f"a load turn of {period:.3g} s is {period / dt:.1f} samples long"
         )
     if turns < _LEAST_TURNS - 1.5 * dt / period:
+        if _reverses(smooth) and form.torque and form.gear_ratio:
+            _refuse_gaps(samples, dt)
+            return samples
         reason = "too short" if last - first > 0.9 * v.size else "not constant speed"
         found = f"{turns:.1f} load turns of {period:.4g} s at {level:.4g} rps"
-        raise CannotTell(reason, f"{found}; {_LEAST_TURNS} are needed, 12 are good")
+        needed = f"{_LEAST_TURNS} are needed, 12 are good; strokes to and fro need --torque and --gear-ratio"
+        raise CannotTell(reason, f"{found}; {needed}")
     if last - first < v.size:
         note = f"used the constant speed from {t[first] - t[0]:.3f} to {t[last - 1] - t[0]:.3f} s of {lasts:.3f} s"
         samples = samples.part(slice(first, last), note)
@@ -369,6 +378,11 @@ def _at_constant_speed(
     return samples
 
 
+def _reverses(v: FloatArray) -> bool:
+    """Whether a speed of strokes to and fro, both ways about as fast."""
+    return bool(v.min() < -0.5 * v.max() and v.max() > -0.5 * v.min())
+
+
 def _longest_run(state: FloatArray) -> tuple[int, int]:
     """First and past-the-end index of the longest run of one value that is not 0; (0, 0) if there is none."""
     starts = np.concatenate(([0], np.flatnonzero(np.diff(state)) + 1, [state.size]))
@@ -380,10 +394,11 @@ def _longest_run(state: FloatArray) -> tuple[int, int]:
 def _log_of(samples: _Samples, table: Table, form: LogFormat) -> Log:
     """Check that the speed does not drift, and give the record its speed and turn period."""
     v = samples.v
-    mean = float(v.mean())
+    strokes = _reverses(v)
+    mean = _level(v, form.expected_speed_rps) if strokes else float(v.mean())
     quarter = v.size // 4
     drift = float(v[-quarter:].mean() - v[:quarter].mean())
-    if abs(drift) > _SPEED_TOLERANCE / 3 * mean:
+    if not strokes and abs(drift) > _SPEED_TOLERANCE / 3 * mean:
         raise CannotTell("not constant speed", f"it drifts by {drift:+.3g} rps from {mean:.4g} rps")
     period = form.period_s(mean)
     ratio = form.gear_ratio
