@@ -23,21 +23,11 @@ class Estimate:
     samples: int = 0  # of the record that was used
     # The reason first where the verdict is "cannot tell", then what was assumed.
     warnings: tuple[str, ...] = ()
-    ring_hz: float | None = None  # by method self: slowest oscillation with the teeth in contact
-    damping_ratio: float | None = None  # of that
-    friction_share: float | None = None  # of the load, over m g r
     sha256: str | None = None  # of the log file's bytes
     calibration: str = ""  # what it was made from
-    # By method self, if separate: likely first.
-    backlash_intervals_rad: tuple[tuple[float, float], ...] = ()
-
-    @property
-    def relative_index_rps(self) -> float | None:
-        """The amplitude where it is all there is: only comparable between logs of one joint in one movement."""
-        return self.amplitude_rps if self.verdict == "cannot tell" else None
 
     def to_dict(self) -> dict[str, object]:
-        """The attributes in order, ready for JSON, then the total play, the relative index and the version."""
+        """The attributes in order, ready for JSON, then the total play and the version."""
         half, ends = self.backlash_rad, self.backlash_interval_rad
         row = {
             name: list(value) if isinstance(value, tuple) else value
@@ -46,7 +36,6 @@ class Estimate:
         return row | {
             "total_play_rad": None if half is None else 2 * half,
             "total_play_interval_rad": ends and [2 * end for end in ends],
-            "relative_index_rps": self.relative_index_rps,
             "version": __version__,
         }
 
@@ -66,14 +55,10 @@ class Estimate:
             lines.append(
                 f"  amplitude {self.amplitude_rps:.3f} rps ({low:.3f} to {high:.3f}), method {self.method}"
             )
-            if self.relative_index_rps:
+            if self.verdict == "cannot tell":
                 lines[-1] += (
                     "; a relative index: compare it only with logs of this joint in this movement"
                 )
-        if self.ring_hz is not None and self.friction_share is not None:
-            ring = f"rings at {self.ring_hz:.1f} Hz, damping ratio {self.damping_ratio:.3f}"
-            friction = f"load friction {max(self.friction_share, 0.0):.1%} of gravity"
-            lines.append(f"  the joint: {ring}, {friction}")
         if self.rmse_rps is not None:
             turn = f"turn of {self.turn_period_s:.5g} s"
             lines.append(f"  misfit {self.rmse_rps:.3f} rps, {self.samples} samples, {turn}")

@@ -75,10 +75,6 @@ class Calibration:
 
     def backlash(self, reading: Reading) -> Backlash:
         """Turn a reading into backlash; the interval adds the record's noise and the calibration's uncertainty."""
-        if reading.method != self.method:
-            raise ValueError(
-                f"a calibration of method {self.method} cannot use a reading of method {reading.method}"
-            )
         delta = self.delta_rad(reading.value)
         ends = [self.delta_rad(end) for end in reading.interval]
         own = 1.96 * self.uncertainty_rad

@@ -49,8 +49,9 @@ def _begin(options: argparse.Namespace, logs: Sequence[Path]) -> None:
         output = getattr(options, option, None)
         if output and os.path.realpath(output) in inputs:
             raise UnusableLog(f"--{option} {output}: that is one of the inputs; name another file")
-    if cache.is_empty() and not vars(options).get("torque"):  # that method compiles nothing
-        print("compiling, once for this machine: some ten seconds", file=sys.stderr, flush=True)
+    if cache.is_empty():
+        what = "the first command on this machine may compile, some ten seconds"
+        print(what, file=sys.stderr, flush=True)
 
 
 def _check_output(path: Path | None, endings: Sequence[str], option: str) -> None:

@@ -116,7 +116,7 @@ def read_kept(kept: Path) -> dict[str, Estimate]:
 
 
 def _as_tuple(value: Any) -> Any:
-    return tuple(map(_as_tuple, value)) if isinstance(value, list) else value
+    return tuple(value) if isinstance(value, list) else value
 
 
 def examine_or_refuse(log: object, settings: Settings) -> Examined:
@@ -284,7 +284,6 @@ def _row(answer: Estimate) -> dict[str, object]:
         "reason": "".join(answer.warnings[:refused]),
     }
     whole: dict[str, Any] = answer.to_dict() | {"warnings": "; ".join(answer.warnings[refused:])}
-    del whole["backlash_intervals_rad"]  # a warning names them
     for name, value in whole.items():
         if "_interval_" in name:
             for end, each in zip(("low", "high"), value or _NOT_SAID, strict=True):

@@ -13,13 +13,7 @@ import numpy as np
 
 from backlash.answers import Estimate
 from backlash.calibration import Backlash, Calibration, widened
-from backlash.detection.pattern import (
-    Detected,
-    band_energy,
-    explained_share,
-    find_pattern,
-    typical_half_turn,
-)
+from backlash.detection.pattern import Detected, band_energy, explained_share, find_pattern
 from backlash.fit import Fitted
 from backlash.fitting import SELF
 from backlash.fitting.harmonics import turn_harmonics
@@ -91,9 +85,6 @@ def what_is_known(known: Source, settings: Settings) -> Estimate:
         found["rmse_rps"] = np.std(known.recording.v - known.model_rps)
         found["amplitude_rps"] = known.reading.amplitude_rps
         found["amplitude_interval_rps"] = known.reading.amplitude_interval_rps
-        if (joint := known.joint) is not None:
-            found |= {"ring_hz": joint.ring_hz, "damping_ratio": joint.damping}
-            found["friction_share"] = joint.friction
     return Estimate(
         known.file, method=calibration.method, calibration=calibration.provenance, **found
     )
@@ -142,7 +133,7 @@ def _is_none(high_rad: float, least_rad: float, detected: Detected) -> bool:
 
 
 def _earned(answer: Estimate, detected: Detected) -> Estimate:
-    """An absence by speed alone, unless nothing tells that the load reversed; its amplitude is what may be hidden.
+    """An absence by speed alone, unless nothing tells that the load reversed; it has no amplitude.
 
     A reversal is gravity's part once a turn. It says nothing of constant friction, which moves the
     speed in no way.
@@ -153,14 +144,10 @@ def _earned(answer: Estimate, detected: Detected) -> Estimate:
         raise CannotTell("no signature", what)
     if _gravity_share(detected.recording) == 0:
         raise CannotTell(*NO_REVERSAL)
-    typical = band_energy(typical_half_turn(detected.recording), detected.recording)
-    hidden = float(np.sqrt(detected.presence.detectable_rps2 / typical))
-    # What a negligible backlash makes may be more.
-    high = max(hidden, *(answer.amplitude_interval_rps or (0.0,)))
     return replace(
         answer,
-        amplitude_rps=0.0,
-        amplitude_interval_rps=(0.0, high),
+        amplitude_rps=None,
+        amplitude_interval_rps=None,
         warnings=(*answer.warnings, _IF_IT_REVERSES),
     )
 
@@ -230,7 +217,7 @@ def _beyond(reading: Reading, found: Backlash, calibration: Calibration) -> str:
     """What lies past the end of a calibration's range."""
     low, high = calibration.range_rad
     what, ends = f"its reading, {reading.value:.3g} rps,", ""
-    if reading.method == "waveform":
+    if calibration.bank is not None:
         what, ends = f"the best match, {found.delta_rad:.3g} rad,", f", {low:.3g} to {high:.3g} rad"
     return f"a signature is there, but {what} lies past the end of the calibration's range{ends}"
 
@@ -295,8 +282,7 @@ def _explains(fitted: Fitted, is_none: bool) -> bool:
 
 def _judge_joint(fitted: Fitted, joint: SelfFit, least_rad: float, answer: Estimate) -> Estimate:
     """Answer by the joint that the log itself tells of; a backlash that may be zero is none, or not known."""
-    separate = (joint.interval_rad, *joint.other_intervals_rad)
-    low, high = min(ends[0] for ends in separate), max(ends[1] for ends in separate)
+    low, high = joint.interval_rad
     if low <= 0 and high > least_rad:
         raise CannotTell(
             "too noisy", f"none fits as well as up to {high:.3g} rad; log more turns, or quieter"
@@ -308,17 +294,9 @@ def _judge_joint(fitted: Fitted, joint: SelfFit, least_rad: float, answer: Estim
         raise CannotTell(
             "no signature", "a pattern repeats itself every turn, but no backlash that explains it"
         )
-    notes: tuple[str, ...] = ()
-    if joint.other_intervals_rad:
-        ranges = " or ".join(
-            f"{1e3 * first:.3f} to {1e3 * last:.3f} mrad" for first, last in separate
-        )
-        notes = (f"separate backlashes fit: {ranges}",)
     return replace(
         answer,
         verdict="backlash" if low > 0 else "no backlash",
         backlash_rad=joint.delta_rad if low > 0 else 0.0,
         backlash_interval_rad=(low, high),
-        backlash_intervals_rad=separate if joint.other_intervals_rad else (),
-        warnings=answer.warnings + notes,
     )

@@ -72,7 +72,6 @@ def settings_for(
     used = own or default_calibration("amplitude" if is_alone else method)
     if own is None and is_alone:
         used = replace(used, method=method, provenance="none: the log's own joint")
-    form = replace(form, usual_speed_rps=used.commanded_speed_rps)
     return Settings(form, used, own is not None, repeats, seed, data)
 
 

@@ -24,7 +24,7 @@ from backlash.fitting.torque import LoadData, fit_torque
 from backlash.fitting.turns import COLUMNS, Movement, simulate_turns
 from backlash.fleet import examine_or_refuse
 from backlash.reading.columns import LogFormat
-from backlash.settings import settings_for
+from backlash.settings import Settings, settings_for
 from replication.arrays import FloatArray
 from replication.authors import level_delta_rad, load_clean, load_noisy
 from replication.characteristic import printed_levels_rad
@@ -37,6 +37,7 @@ from studies import benchmark, odd_joints
 from studies.accuracy import cramer_rao_sd
 from studies.benchmark import DrawnLog, KnownLog, Row, hold_truth, interval_answer, self_answer
 from studies.odd_joints import KINDS, draw_odd_log
+from studies.strokes import StrokesLog, draw_strokes
 
 # Populations of benches: as drawn for the paper's bench, and far from it.
 SPREADS = {
@@ -68,6 +69,7 @@ CHANGED = ("other movements", "two dropped samples")
 # Teeth that stay on one flank, or noise in place of the log: nothing tells of their backlash.
 NEVER_PARTING = ("vertical axis", "friction above gravity", "noise alone")
 BY_TORQUE = ("torque, paper's drive", "torque, other drives")
+STROKES = ("torque, strokes", "torque, healthy strokes")
 DATASHEET = (
     {"plain benches": 160, "hard benches": 80}
     | dict.fromkeys(KINDS, 8)
@@ -75,9 +77,11 @@ DATASHEET = (
     | {"other drives": 40}
     | dict.fromkeys(BY_TORQUE, 50)
     | dict.fromkeys((*NEVER_PARTING, "small backlashes"), 20)
+    | dict(zip(STROKES, (40, 10), strict=True))
 )
 FAULTS = ("mains hum", "drift", "clipped", "coarse", "another axis")
 _HEALTHY_RAD = 2e-5
+_STROKES_RAD = (2e-4, 2e-3)
 _HEALTHY = ("plain benches", "other movements", "other drives", "faults")
 _SLOW_TURN_S = 2.9  # of every sixth other movement
 _UNKNOWN = (np.nan, np.nan)
@@ -85,7 +89,7 @@ _LOAD_SDS = (0.1, 0.05)  # relative, of the inertia ratio and the gravity that m
 
 DEVELOPMENT_SEED = 1616
 FINAL_SEED = 20263
-DATASHEET_SEED = 52711
+DATASHEET_SEED = 90817
 # What the other methods' intervals are made wide by: population, logs, seed, methods. Then the
 # final logs, likewise.
 SPREAD_STUDY = (NEAR, range(100), DEVELOPMENT_SEED, COMPARED_METHODS[1:])
@@ -308,11 +312,27 @@ def _sensor_answer(log: KnownLog, table: DataFrame) -> Row:
     form = LogFormat(
         turn_period_s=record.turn_period_s, commanded_speed_rps=record.commanded_speed_rps
     )
-    found = examine_or_refuse(table, settings_for(form)).estimate
+    return _whole_answer(table, settings_for(form))
+
+
+def _whole_answer(table: DataFrame, settings: Settings) -> Row:
+    found = examine_or_refuse(table, settings).estimate
     why = found.warnings[0] if found.verdict == "cannot tell" else ""
     ends = found.backlash_interval_rad or _UNKNOWN
     half = np.nan if why else found.backlash_rad or 0.0
     return interval_answer(half, ends, why) | {"verdict": found.verdict}
+
+
+def _strokes_answer(log: StrokesLog, rng: Generator) -> Row:
+    """Answer of the whole sensor to strokes, the load's data off by their SDs."""
+    inertia, gravity = np.exp(rng.standard_normal(2) * _LOAD_SDS)
+    table = DataFrame({"time [s]": log.t, "speed [rps]": log.v, "torque": log.torque})
+    settings = settings_for(
+        LogFormat(gear_ratio=log.gear_ratio, torque="torque"),
+        inertia_ratio=log.inertia_ratio * inertia,
+        gravity_per_s2=log.gravity_per_s2 * gravity,
+    )
+    return _whole_answer(table, settings)
 
 
 def _torque_answer(log: KnownLog, rng: Generator) -> Row:
@@ -333,17 +353,20 @@ def _sensor_row(population: str, number: int, seed: int) -> Row:
     delta = _draw_delta_rad(rng)
     if population == "small backlashes":
         delta = rng.uniform(2e-5, 3e-4)
+    if population in STROKES:
+        delta = odd_joints.draw_log_uniform(rng, *_STROKES_RAD) if population == STROKES[0] else 0.0
     kind, place = population, number
     if population == "healthy":
         delta = rng.choice([0.0, _HEALTHY_RAD]) * rng.random()
         place, which = divmod(number, len(_HEALTHY))
         kind = _HEALTHY[which]
+    known = {"population": population, "number": number, "delta_rad": delta}
+    if population in STROKES:
+        return known | _strokes_answer(draw_strokes(rng, delta), rng)
     log = _draw_log(kind, place, delta, rng)
     if population in BY_TORQUE:
-        answer = _torque_answer(log, rng)
-    else:
-        answer = _sensor_answer(log, _spoilt(kind, place, log.recording, rng))
-    return {"population": population, "number": number, "delta_rad": delta} | answer
+        return known | _torque_answer(log, rng)
+    return known | _sensor_answer(log, _spoilt(kind, place, log.recording, rng))
 
 
 def measure_sensor(sizes: Mapping[str, int], seed: int) -> DataFrame:
@@ -359,7 +382,9 @@ def summarise_sensor(rows: DataFrame) -> DataFrame:
 
     Healthy joints called backlash.
     """
-    by_speed = rows[~rows["population"].isin(BY_TORQUE)].assign(population="all by speed")
+    by_speed = rows[~rows["population"].isin([*BY_TORQUE, *STROKES])].assign(
+        population="all by speed"
+    )
     table = []
     for population, part in concat([rows, by_speed]).groupby("population", sort=False):
         answered = part[~part["refused"]]

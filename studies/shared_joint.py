@@ -1,18 +1,16 @@
 """Several logs of one joint: what belongs to the joint is shared, the backlash is each log's own.
 
 Each log's posterior is normal; its prior taken out, it says what that log alone tells of the joint.
-What all logs tell of the joint, and of a second mass on it, then corrects each log's backlash. The
-joint's ratios may drift a little.
+What all logs tell of the joint then corrects each log's backlash. The joint's ratios may drift a
+little.
 """
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 
 from backlash.fitting.joint_posterior import MEAN, RATIO_PRIOR, SD, UNIT_RAD
-from backlash.fitting.second_mass import WeightedPeak
-from backlash.fitting.self_calibration import NORMAL_95, SelfFit, mix_peaks
+from backlash.fitting.self_calibration import NORMAL_95, SelfFit
 from replication.arrays import FloatArray
 
 # What belongs to the joint and its drive: friction changes with temperature, so it stays each log's
@@ -25,7 +23,6 @@ _DRIFT = 0.005
 
 def share_joint(fits: Sequence[SelfFit]) -> list[tuple[float, tuple[float, float]]]:
     """Backlash and 95 % interval [rad] of each log of one joint in one movement, the joint told by all of them."""
-    fits = _with_common_load(fits)
     prior = np.diag(SD[_SHARED] ** -2.0)
     drift = _DRIFT**2 * np.eye(_SHARED.size)
     own = [_own_information(fit, prior, drift) for fit in fits]
@@ -34,26 +31,6 @@ def share_joint(fits: Sequence[SelfFit]) -> list[tuple[float, tuple[float, float
     common = np.asarray(np.linalg.solve(precision, total), dtype=float)
     spread = np.asarray(np.linalg.inv(precision) + drift, dtype=float)
     return [_corrected(fit, common, spread) for fit in fits]
-
-
-def _with_common_load(fits: Sequence[SelfFit]) -> list[SelfFit]:
-    """Weigh the second masses in each log's posterior by what all logs say of them."""
-    peaked = [fit for fit in fits if fit.peaks]
-    if len(peaked) < 2:
-        return list(fits)
-    prior = np.array([each.log_prior for each in peaked[0].peaks])
-    evidence = np.array([[each.peak.evidence for each in fit.peaks] for fit in peaked])
-    common = prior + (evidence - evidence[:, :1]).sum(axis=0)
-    return [_with_weights(fit, common) if fit.peaks else fit for fit in fits]
-
-
-def _with_weights(fit: SelfFit, weight: FloatArray) -> SelfFit:
-    weighted = [
-        WeightedPeak(w - peak.evidence, peak)
-        for w, (_, peak) in zip(weight, fit.peaks, strict=True)
-    ]
-    peak, covariance = mix_peaks(weighted)
-    return replace(fit, unknowns=peak.z, covariance=covariance)
 
 
 def _own_information(

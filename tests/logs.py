@@ -18,10 +18,9 @@ from replication.simulator.recordings import simulate_recordings
 TURN = LogFormat(turn_period_s=0.4)
 ANSWER_KEYS = [
     "file", "verdict", "amplitude_rps", "amplitude_interval_rps", "backlash_rad", "backlash_interval_rad", "rmse_rps",
-    "method", "turn_period_s", "samples", "warnings", "ring_hz", "damping_ratio", "friction_share",
-    "sha256", "calibration", "backlash_intervals_rad",
+    "method", "turn_period_s", "samples", "warnings", "sha256", "calibration",
     "total_play_rad", "total_play_interval_rad",
-    "relative_index_rps", "version",
+    "version",
 ]  # fmt: skip
 
 

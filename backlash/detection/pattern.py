@@ -42,10 +42,6 @@ _NORMAL_POWER = 1.645  # its quantile
 _PERMUTATIONS = 1999
 _FILTERED_HZ = 1.3 * FASTEST_HZ  # what is above the band would leak into it with the slow part
 
-# Damping [1/s] and angular frequency [rad/s] like those of the authors' records, for what noise
-# would hide.
-_TYPICAL_RING = (15.0, 134.0)
-
 
 @dataclass(frozen=True)
 class Presence:
@@ -131,15 +127,6 @@ def _motor_lines(recording: Recording, v: FloatArray) -> FloatArray:
 def band_energy(half_turn: FloatArray, recording: Recording) -> float:
     """Energy of one half turn's pattern [rps^2] as the test of a record counts it: its squared coefficients' sum."""
     return float((np.abs(_coefficients(half_turn[None, :], _odd_harmonics(recording))) ** 2).sum())
-
-
-def typical_half_turn(recording: Recording) -> FloatArray:
-    """Half a turn of an oscillation of amplitude 1 rps, like those of the authors' records, at a record's sampling."""
-    since = recording.sample_s * np.arange(
-        int(recording.turn_period_s / 2 / recording.sample_s + 1e-6)
-    )
-    tau, omega = _TYPICAL_RING
-    return np.exp(-tau * since) * np.sin(omega * since)
 
 
 def _signs(count: int, rng: np.random.Generator) -> FloatArray:

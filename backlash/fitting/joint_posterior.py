@@ -1,6 +1,6 @@
 """What a log says of a joint: unknowns, their priors, and the whitened residuals of the mean turn's harmonics."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -11,7 +11,6 @@ from backlash.fitting.harmonics import TurnHarmonics
 from backlash.fitting.turns import (
     COLUMNS,
     DELTA,
-    GRAVITY,
     RIPPLE,
     Movement,
     simulate_turns,
@@ -182,17 +181,6 @@ class Problem:
         misfit = self._whitened(seen.sum(axis=0) - self.target)
         residual = np.concatenate([misfit, ((z - self.mean) / self.spread)[2:]])
         return residual, np.hstack([self._whitened(out), np.diag(1 / self.spread)[:, 2:]])
-
-    def push_slopes(
-        self, z: FloatArray, pushes: Callable[[FloatArray, float, Movement], FloatArray]
-    ) -> FloatArray:
-        """Derivative of the residuals by pushes on the load, which follow from its speed; shape (pushes, residuals)."""
-        row = rows_of(z[None])[0]
-        how = self.movement, self.error_order, self.differencing, _SETTLED_RPS
-        load_speed = turn_and_slopes(row, *how).load_rad_per_s
-        pushed = turn_and_slopes(row, *how, pushes(load_speed, row[GRAVITY], self.movement))
-        data = self._whitened(self._logged(pushed.slopes[len(COLUMNS) :], z))
-        return np.pad(data, ((0, 0), (0, SIZE - 2)))
 
     def _whitened(self, spectra: ComplexArray) -> FloatArray:
         spectra = spectra / self.sd

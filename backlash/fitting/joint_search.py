@@ -185,6 +185,8 @@ def _explore_nearby(problem: Problem, found: Found) -> Found:
     """Look for a lower minimum beside one, where the teeth bounce once more or less."""
     for _ in range(_PROBE_ROUNDS):
         covariance = _covariance(problem.slopes(found.z)[1])
+        if not covariance[0, 0] > 0:  # no minimum: the slopes are not independent
+            break
         sd = np.sqrt(covariance[0, 0])
         best = found
         for deviations in _PROBES:

@@ -16,7 +16,6 @@ from replication.signature import signature
 class Reading:
     """What one method read off a record."""
 
-    method: str  # one of `METHODS`, or "impact"
     value: float  # |A| or RMS [rps], for "impact" t0 [s], for "waveform" the backlash [rad]
     interval: tuple[
         float, float
@@ -29,7 +28,7 @@ class Reading:
 
 _REPEATED = 4
 _UNKNOWN = (np.nan, np.nan)
-NO_READING = Reading("torque", np.nan, _UNKNOWN, np.nan, _UNKNOWN)
+NO_READING = Reading(np.nan, _UNKNOWN, np.nan, _UNKNOWN)
 
 
 def protocol_for(recording: Recording) -> Protocol:
@@ -77,7 +76,7 @@ def read(
         1.96 * float(amplitude.std(ddof=1)) if repeats > 1 else 0.0,
     )
     interval = max(mean - spread, 0.0), mean + spread
-    return Reading(method, mean, interval, mean, interval)
+    return Reading(mean, interval, mean, interval)
 
 
 def amplitude_of_mean_turn(recording: Recording) -> Reading:
@@ -107,7 +106,7 @@ def reading_of_fit(
     Where the bank `is_own`, of the record's joint, a low-pass is looked for too.
     """
     amplitude, interval = fit.amplitude_rps, fit.amplitude_interval_rps
-    found = Reading(method, amplitude, interval, amplitude, interval)
+    found = Reading(amplitude, interval, amplitude, interval)
     if method == "energy":
         value, interval = _energy(recording, fit)
         return replace(found, value=value, interval=interval)

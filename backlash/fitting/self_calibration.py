@@ -2,7 +2,7 @@
 
 A maximum a posteriori fit of the joint of notebook 9 to the harmonics of a record's mean turn. The
 posterior is taken as normal around its maximum (Laplace's approximation), mixed over how the speed
-was measured and what else may swing on the load, and widened by what the residual says.
+was measured, and widened by what the residual says.
 """
 
 from collections.abc import Sequence
@@ -23,12 +23,10 @@ from backlash.fitting.joint_posterior import (
     rows_of,
 )
 from backlash.fitting.joint_search import Peak, find_joint, find_peak
-from backlash.fitting.second_mass import SecondMass, WeightedPeak, with_second_mass
-from backlash.fitting.turns import FRICTION, Movement, joint_of, simulate_turns
+from backlash.fitting.turns import Movement, simulate_turns
 from backlash.fitting.waveform import delayed, low_passed
 from replication.arrays import FloatArray
 from replication.recording import Recording
-from replication.simulator.checks import closed_loop_matrix
 from replication.simulator.parameters import TURN
 
 # Noise in the ring's band over that above it, beyond which there is no answer.
@@ -41,22 +39,20 @@ _IMPOSSIBLE_RESIDUAL = 1e-8
 # `harmonics.MODEL_ERROR`: the identified joint itself leaves 1 to 3 % of the authors' noise-free
 # records.
 MOST_MODEL_ERROR = 3.0
+# What small causes besides, like a second ring, make of the backlash, likewise.
+_USUAL_MODEL_ERROR = 2.0
 # A joint, or a drive's inner workings, that stray from what is known of them as this share of
 # joints of the paper's kind do are of another kind: one right joint in a hundred gets no answer for
 # it.
 _IMPROBABLE_JOINT, _IMPROBABLE_DRIVE = 0.01, 1e-3
 _JOINT = slice(2, SMOOTHING_INDEX)
 _DRIVE = slice(SMOOTHING_INDEX - joint_posterior.DRIVE_UNKNOWNS, SMOOTHING_INDEX)
-_IMPROBABLE_SECOND_MASS = 1e-3
 # Directions of which a log takes less than this from the prior's variance say nothing.
 _LEAST_INFORMATION = 0.05
 # What is left over beyond the residual that noise alone exceeds in one log of ten may lie along the
 # backlash too.
 _LARGE_RESIDUAL = 0.1
 NORMAL_95 = 1.96
-# Peaks further apart than this many of their SDs are separate; what is less probable than this is
-# no answer.
-_APART_SDS, _LEAST_GROUP = 3.0, 0.05
 # Low-passes that the noise is compared with, and what that may count: the drive's loops colour
 # noise too.
 _TIME_CONSTANTS_MS, _MOST_LOG_ODDS = (0.5, 0.8, 1.2, 1.8, 2.7, 4.0), 5.0
@@ -76,93 +72,58 @@ class SelfFit:
     delta_rad: float
     interval_rad: tuple[float, float]  # 95 %
     sd_rad: float  # of the posterior, before it was widened for what the residual says
-    ring_hz: float  # slowest oscillation with the teeth in contact
-    damping: float  # its damping ratio
     friction: float  # of the load over m g r
     unknowns: FloatArray  # the posterior's maximum, in the order of `joint_posterior.NAMES`
     covariance: FloatArray  # about it
     misfit: float  # mean square of the whitened residual, 1 if right; of a quiet record, beyond the model's error
     ring_noise_ratio: float  # see `harmonics.TurnHarmonics`
-    peaks: list[WeightedPeak]  # no second mass, then one of each ring
     # Fitted speed less its mean, at even phases from the record's first sample.
     turn_rps: FloatArray
-    other_intervals_rad: tuple[
-        tuple[float, float], ...
-    ]  # of separate peaks, less probable than `interval_rad`
     refusal_reason: str = ""  # why this is no answer; empty if it is one
-
-
-class _Measured(NamedTuple):
-    """A way in which the speed may have been measured: its peaks, without and with second masses, and its odds."""
-
-    log_odds: float
-    peaks: list[WeightedPeak]
-    second: SecondMass
-
-    @property
-    def evidence(self) -> float:
-        """Of the peak without a second mass."""
-        return self.peaks[0].peak.evidence
 
 
 def fit_joint(recording: Recording) -> SelfFit:
     """Find the backlash, and the joint besides, from one log; ValueError where it is too short or too coarse."""
     problem, harmonics = pose_problem(recording)
     z, converged = find_joint(problem, harmonics)
-    measured = _measurements(problem, harmonics, z)
-    found = [
-        WeightedPeak(way.log_odds + each.log_prior, each.peak)
-        for way in measured
-        for each in way.peaks
-    ]
-    likely, *others = separate_peaks(found)
-    peak, covariance = mix_peaks(likely)
+    peak, covariance = mix_peaks(_measurements(problem, harmonics, z))
     fit = _goodness_of(peak, harmonics)
     refusal = "the search for the joint does not end"
-    best = max(measured, key=lambda way: way.evidence)
     delta, sd = (float(UNIT_RAD * value) for value in (peak.z[0], np.sqrt(covariance[0, 0])))
-    widening = NORMAL_95 * widening_factor(fit.chi2, fit.freedom)
-    half = widening * sd
-    if (
-        harmonics.is_quiet
-    ):  # the speed's part from backlash grows with it, and so may what the model gets wrong
-        half = float(np.hypot(half, MOST_MODEL_ERROR * MODEL_ERROR * delta))
+    half = NORMAL_95 * widening_factor(fit.chi2, fit.freedom) * sd
+    # The speed's part from backlash grows with it, and so does what the model gets wrong.
+    wrong = MOST_MODEL_ERROR if harmonics.is_quiet else _USUAL_MODEL_ERROR
+    half = float(np.hypot(half, wrong * MODEL_ERROR * delta))
     if converged and peak.converged and np.isfinite(fit.misfit) and np.isfinite(sd):
         odds = _low_pass_log_odds(harmonics, problem.movement.turn_period_s, RING_HZ[1])
-        refusal = _refusal_reason(fit, peak, harmonics.ring_noise_ratio, odds, best.second)
-    ring, damping = _slowest_ring(peak.z, problem.movement)
+        refusal = _refusal_reason(fit, peak, harmonics.ring_noise_ratio, odds)
     return SelfFit(
         delta_rad=delta,
         interval_rad=(max(delta - half, 0.0), delta + half),
         sd_rad=sd,
-        ring_hz=ring,
-        damping=damping,
         friction=float(peak.z[2]),
         unknowns=peak.z,
         covariance=covariance,
         misfit=fit.misfit,
         ring_noise_ratio=harmonics.ring_noise_ratio,
-        peaks=best.peaks if np.isfinite(best.evidence) else [],
         turn_rps=_turn_of(problem, peak),
-        other_intervals_rad=tuple(_interval_rad(group, widening) for group in others),
         refusal_reason=refusal,
     )
 
 
-def _measurements(problem: Problem, harmonics: TurnHarmonics, z: FloatArray) -> list[_Measured]:
-    """Peaks near a joint for every way in which the speed may have been measured."""
+def _measurements(
+    problem: Problem, harmonics: TurnHarmonics, z: FloatArray
+) -> list[tuple[float, Peak]]:
+    """Peaks near a joint for every way in which the speed may have been measured, each with its log-odds."""
     residual, _ = problem.slopes(z)
     chi2 = float(residual @ residual) if np.isfinite(residual).all() else np.inf
     measured = []
     for name, measurement in joint_posterior.MEASURED_AS.items():
         peak = find_peak(problem, z, measurement, chi2)
-        peaks, second = [WeightedPeak(0.0, peak)], SecondMass()
-        if np.isfinite(peak.evidence):
-            peaks, second = with_second_mass(problem, peak)
         odds = np.log(measurement.probability)
         if name == "filtered":
             odds += _low_pass_log_odds(harmonics, problem.movement.turn_period_s)
-        measured.append(_Measured(odds, peaks, second))
+        measured.append((odds, peak))
     return measured
 
 
@@ -193,36 +154,18 @@ def pose_problem(recording: Recording) -> tuple[Problem, TurnHarmonics]:
     return Problem(harmonics, movement, recording.sample_s), harmonics
 
 
-def mix_peaks(found: Sequence[WeightedPeak]) -> tuple[Peak, FloatArray]:
-    """Most probable peak, moved to the mean of all, and the covariance about it, each weighed by its evidence."""
-    weights = np.array([each.log_weight for each in found])
-    if not np.isfinite(weights.max()):
-        return found[0].peak, found[0].peak.covariance
-    share = softmax(weights)
-    weighted = [(part, each.peak) for part, each in zip(share, found, strict=True)]
+def mix_peaks(found: Sequence[tuple[float, Peak]]) -> tuple[Peak, FloatArray]:
+    """Most probable peak, moved to the mean of all, and the covariance about it; each has its prior log-odds."""
+    finite = [(odds, peak) for odds, peak in found if np.isfinite(peak.evidence)]
+    if not finite:
+        return found[0][1], found[0][1].covariance
+    share = softmax([odds + peak.evidence for odds, peak in finite])
+    weighted = [(part, peak) for part, (_, peak) in zip(share, finite, strict=True)]
     mean = sum(part * peak.z for part, peak in weighted)
     covariance = sum(
         part * (peak.covariance + np.outer(peak.z - mean, peak.z - mean)) for part, peak in weighted
     )
-    return replace(found[int(share.argmax())].peak, z=mean), covariance
-
-
-def separate_peaks(found: list[WeightedPeak]) -> list[list[WeightedPeak]]:
-    """Groups of peaks whose backlashes overlap, the most probable group first; improbable groups are left out."""
-    finite = sorted(
-        (each for each in found if np.isfinite(each.peak.evidence)), key=lambda each: each.peak.z[0]
-    )
-    if not finite:
-        return [found]
-    groups = [finite[:1]]
-    for each in finite[1:]:
-        last = groups[-1][-1].peak
-        sds = np.sqrt(each.peak.covariance[0, 0]), np.sqrt(last.covariance[0, 0])
-        if each.peak.z[0] - last.z[0] > _APART_SDS * sum(sds):
-            groups.append([])
-        groups[-1].append(each)
-    share = softmax([np.logaddexp.reduce([each.log_weight for each in group]) for group in groups])
-    return [groups[k] for k in np.argsort(-share) if share[k] >= _LEAST_GROUP]
+    return replace(weighted[int(share.argmax())][1], z=mean), covariance
 
 
 class _Goodness(NamedTuple):
@@ -261,17 +204,7 @@ def widening_factor(chi2: float, freedom: int) -> float:
     return float(np.sqrt(1 + max(chi2 - float(chdtri(freedom, _LARGE_RESIDUAL)), 0.0)))
 
 
-def _interval_rad(group: Sequence[WeightedPeak], widening: float) -> tuple[float, float]:
-    """Interval of the backlash by a group of peaks [rad]."""
-    peak, covariance = mix_peaks(group)
-    half = widening * float(np.sqrt(covariance[0, 0]))
-    low, high = (float(UNIT_RAD * (peak.z[0] + sign * half)) for sign in (-1, 1))
-    return max(low, 0.0), high
-
-
-def _refusal_reason(
-    fit: _Goodness, peak: Peak, ring_noise_ratio: float, low_pass: float, second: SecondMass
-) -> str:
+def _refusal_reason(fit: _Goodness, peak: Peak, ring_noise_ratio: float, low_pass: float) -> str:
     """Why a fit that has ended is no answer; empty if it is one. `low_pass` is the log-odds of one."""
     if low_pass >= _REFUSED_LOG_ODDS:
         return _LOW_PASSED
@@ -283,8 +216,6 @@ def _refusal_reason(
     residual_p = float(chdtrc(fit.freedom, fit.chi2 / fit.model_error))
     if residual_p < _IMPOSSIBLE_RESIDUAL:
         return f"no joint of the paper's kind makes this record (a residual like its one: p = {residual_p:.0e})"
-    if second.chance < _IMPROBABLE_SECOND_MASS:
-        return f"the joint rings a second time (near {second.ring_hz:.0f} Hz): two masses, or another drive"
     scatter = max(fit.chi2 / fit.freedom, 1.0)
     if (p := _prior_p(peak, scatter, _DRIVE)) < _IMPROBABLE_DRIVE:
         return f"the drive is not of the paper's kind (its inner workings stray from what is known: p = {p:.0e})"
@@ -325,18 +256,3 @@ def _prior_p(peak: Peak, scatter: float, known: slice) -> float:
     seen = information > _LEAST_INFORMATION
     square = float(((axes.T @ centre)[seen] ** 2 / information[seen]).sum()) / scatter
     return float(chdtrc(max(int(seen.sum()), 1), square))
-
-
-def _slowest_ring(z: FloatArray, movement: Movement) -> tuple[float, float]:
-    """Frequency [Hz] and damping ratio of the slowest oscillation in contact; NaN if there is none."""
-    row = rows_of(z[None])[0]
-    row[FRICTION] = 0
-    joint = joint_of(row, movement, 0.0, 0, True)
-    values = np.linalg.eigvals(closed_loop_matrix(joint)).astype(complex)
-    modes = np.log(values[np.abs(values) > 0]) / joint.control_period_s
-    # A slower oscillation than 2 Hz is the drive's.
-    rings = modes[(modes.imag > 2 * np.pi * 2.0) & (modes.real < 0)]
-    if rings.size == 0:
-        return np.nan, np.nan
-    slowest = rings[rings.imag.argmin()]
-    return float(slowest.imag / (2 * np.pi)), float(-slowest.real / np.abs(slowest))

@@ -304,4 +304,6 @@ def fit_strokes(
     of_log = 1e-3 * (covariance @ meat @ covariance)[0, 0] ** 0.5
     deviation = float(np.linalg.norm((of_log, _METHOD_ERROR * delta, _LEAST_SD)))
     inertia = float(np.exp(-strokes.mean[_DRIVE] - fit.x[_DRIVE]) / gear_ratio)
-    return conclude(float(delta), deviation, inertia, "log more strokes, faster or quieter")
+    return conclude(
+        float(delta), deviation, inertia, "log more strokes, faster or quieter; none is never told"
+    )

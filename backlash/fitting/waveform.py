@@ -96,7 +96,6 @@ class WaveformMatch:
     delta_rad: float
     interval_rad: tuple[float, float]
     shift_turns: float  # phase of the record against the bank, 0 to 1
-    rmse_rps: float
     at_end: bool  # the backlash is the bank's first or last
     low_pass_s: float  # time constant of a low-pass that the bank's logs did not have; 0 for none
 
@@ -170,10 +169,6 @@ def make_bank(delta_rad: Sequence[float], turns_rps: Sequence[FloatArray]) -> Wa
             last = np.mean(next(reversed(aligned.values())), axis=0)
             turn = delayed(turn, -_best_shift(last[None, :], turn)[1])
         aligned.setdefault(float(delta_rad[k]), []).append(turn)
-    if len(aligned) < LEAST_LEVELS:
-        raise ValueError(
-            f"{len(aligned)} different backlashes; waveforms need {LEAST_LEVELS} or more"
-        )
     return WaveformBank(
         np.array(list(aligned)), np.array([np.mean(turns, axis=0) for turns in aligned.values()])
     )
@@ -208,7 +203,6 @@ def match(recording: Recording, bank: WaveformBank, low_pass: bool = False) -> W
         delta_rad=float(delta),
         interval_rad=(float(delta - half_width), float(delta + half_width)),
         shift_turns=float(found.x[1] % 1.0),
-        rmse_rps=float(np.sqrt(2 * found.cost / turns.size)),
         at_end=bool(min(found.x[0], 1 - found.x[0]) < 1e-6),
         low_pass_s=float(recording.turn_period_s * np.sqrt(found.x[2:].sum())),
     )

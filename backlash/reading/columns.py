@@ -55,8 +55,6 @@ class LogFormat:
     start_s: float | None = None  # of the part to use, from the log's first sample on
     end_s: float | None = None
     torque: str | None = None  # of the motor, in any unit
-    # Of the calibration's logs; only a guessed unit is judged by it.
-    usual_speed_rps: float | None = None
 
     def __post_init__(self):
         """Refuse what no log could be read with, in one line."""
@@ -90,8 +88,8 @@ class LogFormat:
         return self.turn_period_s or (self.gear_ratio or np.nan) / speed_rps
 
 
-# What the user may say, by its name; the last field is the calibration's.
-SAID = [field.name for field in fields(LogFormat)][:-1]
+# What the user may say, by its name.
+SAID = [field.name for field in fields(LogFormat)]
 
 
 def _known_unit(text: str) -> str:

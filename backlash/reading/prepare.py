@@ -108,9 +108,6 @@ def _prepare(table: Table, form: LogFormat) -> Log:
         form = replace(form, torque=given_column(list(frame.columns), form.torque))
     time, column, is_position = choose_columns(frame, form)
     unit, guess = unit_of(column, is_position, form)
-    judged = (
-        form if guess else replace(form, usual_speed_rps=None)
-    )  # a unit that is named is not doubted
     samples = _read_samples(frame, time, column, form)
     per_turn = {**PER_TURN, "counts": form.counts_per_turn or 1.0}[unit]
     samples = replace(samples, v=samples.v / per_turn, notes=samples.notes + guess)
@@ -118,7 +115,7 @@ def _prepare(table: Table, form: LogFormat) -> Log:
         dt = _sampling_period(samples)
         if is_position:
             samples = _unwrapped(samples, form)
-        samples = _at_constant_speed(samples, is_position, dt, judged)
+        samples = _at_constant_speed(samples, is_position, dt, form)
         samples = _on_even_grid(samples, dt)
         if is_position:
             samples = _differentiated(samples)
@@ -428,10 +425,8 @@ def _check_speed(level: float, form: LogFormat) -> None:
         form.expected_speed_rps,
         "commanded" if form.commanded_speed_rps else "by gear ratio and turn",
     )
-    if expected is None:
-        expected, why = form.usual_speed_rps, "in the calibration"
     if expected is None and level > _FASTEST_RPS:
-        hint = "is it in rpm? then give --unit rpm, else --commanded-speed"
+        hint = "is it in rpm, rad/s or deg/s? then give --unit, else --commanded-speed"
         raise UnusableLog(f"the speed is {level:.4g} rps, more than motors turn; {hint}")
     if expected is None or abs(level / expected - 1) < _SPEED_TOLERANCE:
         return

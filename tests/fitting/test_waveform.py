@@ -48,7 +48,6 @@ def test_a_record_of_the_bank_itself_gives_its_backlash_and_phase_however_sample
     found = match(made(bank, delta, shift, dt, turns), bank)
     assert found.delta_rad == pytest.approx(delta, abs=1e-9)
     assert abs((found.shift_turns - shift + 0.5) % 1 - 0.5) < 1e-6
-    assert found.rmse_rps < 1e-8
 
 
 def test_dropping_samples_at_the_beginning_moves_the_phase_and_not_the_backlash(bank):
@@ -113,11 +112,6 @@ def test_noisy_waveforms_are_averaged_over_the_levels_and_not_interpolated(bank)
         for delta in (6.5e-4, 10.5e-4, 14.5e-4)
     ]
     assert np.abs(errors).max() < 3e-5
-
-
-def test_five_levels_make_no_bank(bank):
-    with pytest.raises(ValueError, match="5 different backlashes"):
-        make_bank([1e-4, 2e-4, 3e-4, 4e-4, 5e-4, 5e-4], [np.zeros(8)] * 6)
 
 
 @pytest.mark.parametrize("level", [3, 5, 8, 11, 13])

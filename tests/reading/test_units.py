@@ -5,7 +5,6 @@ import pandas as pd
 import pytest
 
 from backlash.reading.refusals import UnusableLog
-from backlash.settings import settings_for
 from tests.logs import TURN, noisy, opened, refusal
 
 PER_TURN = {"rps": 1.0, "rpm": 60.0, "rad/s": 2 * np.pi, "deg/s": 360.0}
@@ -85,12 +84,11 @@ def test_counts_per_turn_imply_counts_where_no_unit_is_named():
     [("speed [rpm]", None), ("speed_rad_s", None), ("speed", "rpm"), ("speed", "rad/s")],
 )
 def test_a_speed_of_another_machine_is_read_if_its_unit_is_named(name, unit):
-    """100 rpm and 100 rad/s are as far from the calibration's 100 rps as a wrong unit is."""
-    form = settings_for(replace(TURN, unit=unit)).form
+    form = replace(TURN, unit=unit)
     per_turn = 60.0 if "rpm" in (unit or name) else 2 * np.pi
     np.testing.assert_allclose(notes_and_speed(name, form=form)[1], noisy().v / per_turn)
-    with pytest.raises(UnusableLog, match="is the speed in rpm"):
-        notes_and_speed("speed", 60.0, settings_for(TURN).form)
+    with pytest.raises(UnusableLog, match="is it in rpm, rad/s"):
+        notes_and_speed("speed", 60.0)
     with pytest.raises(UnusableLog, match="is the speed in rpm"):
         notes_and_speed("speed [rps]", 60.0, replace(TURN, commanded_speed_rps=100.0))
 

@@ -26,7 +26,7 @@ def records():
 
 
 def reading(method, value, half_width=0.0):
-    return Reading(method, value, (value - half_width, value + half_width), 1.0, (0.9, 1.1))
+    return Reading(value, (value - half_width, value + half_width), 1.0, (0.9, 1.1))
 
 
 @pytest.mark.parametrize("method", ["amplitude", "energy", "waveform", "impact"])
@@ -123,11 +123,6 @@ def test_logs_of_two_movements_are_refused(records):
     slow = replace(records[0], turn_period_s=0.5)
     with pytest.raises(ValueError, match="different turn periods"):
         fit_calibration([slow, *records[1:]], LEVELS_RAD, "energy")
-
-
-def test_a_reading_of_another_method_is_refused():
-    with pytest.raises(ValueError, match="energy cannot use a reading of method amplitude"):
-        default_calibration("energy").backlash(reading("amplitude", 0.5))
 
 
 def broken(**changes):

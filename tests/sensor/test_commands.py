@@ -189,7 +189,7 @@ def test_the_play_and_where_the_answer_comes_from_are_in_the_json(log, capsys):
     assert row["total_play_interval_rad"] == [2 * end for end in row["backlash_interval_rad"]]
     assert row["sha256"] == hashlib.sha256(log.read_bytes()).hexdigest()
     assert row["calibration"] == default_calibration("energy").provenance
-    assert (row["relative_index_rps"], row["version"]) == (None, backlash.__version__)
+    assert row["version"] == backlash.__version__
 
 
 def test_a_part_of_a_log_is_had_by_its_times_and_a_period_can_be_trusted(log, capsys, monkeypatch):

@@ -13,7 +13,6 @@ from backlash.detection.pattern import (
     explained_share,
     find_pattern,
     own_period,
-    typical_half_turn,
 )
 from backlash.reading.columns import LogFormat
 from backlash.reading.prepare import Log
@@ -26,6 +25,12 @@ from tests.logs import clean, noisy, silent
 T = clean().t
 TRIALS = 100
 MOST_ALARMS = int(binom.ppf(0.999, TRIALS, FALSE_ALARMS))
+
+
+def typical_half_turn(recording: Recording):
+    """Half a turn of an oscillation of amplitude 1 rps, like those of the authors' records, at a record's sampling."""
+    since = np.arange(0.0, recording.turn_period_s / 2 - 1e-6, recording.sample_s)
+    return np.exp(-15.0 * since) * np.sin(134.0 * since)
 
 
 def filtered(poles, rng):

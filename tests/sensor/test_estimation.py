@@ -83,9 +83,6 @@ def test_without_a_calibration_the_log_tells_its_joint(tmp_path):
     low, high = found.backlash_interval_rad
     assert (found.method, found.verdict) == ("self", "backlash")
     assert low < 9e-4 < high < low + 2e-4
-    assert found.ring_hz == pytest.approx(21, abs=2)
-    assert abs(found.friction_share) < 0.01
-    assert "the joint: rings at 2" in str(found)
 
 
 @pytest.mark.slow
@@ -112,7 +109,7 @@ def test_a_drive_of_another_structure_is_not_answered_by_the_log_alone():
     assert found.verdict == "cannot tell"
     assert found.warnings[0].startswith("no such joint")
     assert "backlash calibrate, with its logs at 6 or more known backlashes" in found.warnings[1]
-    assert found.relative_index_rps == found.amplitude_rps > 0
+    assert found.amplitude_rps > 0
     assert "a relative index" in str(found)
 
 
@@ -163,7 +160,7 @@ def test_an_oscillation_is_no_absence_and_an_absence_has_no_amplitude():
     found = Estimate("log", amplitude_rps=0.06, amplitude_interval_rps=(0.058, 0.063))
     with pytest.raises(CannotTell, match=r"an oscillation of 0\.06 rps repeats itself every turn"):
         _earned(found, ringing)
-    assert _earned(found, healthy).amplitude_interval_rps[0] == 0.0
+    assert _earned(found, healthy).amplitude_interval_rps is None
 
 
 def test_noise_that_could_hide_the_least_backlash_is_too_loud_to_tell():

@@ -111,20 +111,15 @@ def test_the_standard_input_is_a_log(tmp_path):
     assert process.returncode == 2
 
 
-@pytest.mark.parametrize(("seen_by", "cached", "line"), [
-    ("a person", False, "compiling, once for this machine: some ten seconds\n"),
-    ("a person", True, ""),
-    ("a file", False, "compiling, once for this machine: some ten seconds\n"),
-])  # fmt: skip
-def test_a_person_is_told_that_the_first_command_on_a_machine_compiles(
-    seen_by, cached, line, tmp_path, capsys, monkeypatch
+@pytest.mark.parametrize("cached", [True, False])
+def test_the_first_command_on_a_machine_says_that_it_may_compile(
+    cached, tmp_path, capsys, monkeypatch
 ):
     log = write(noisy(), tmp_path / "log.csv")
     monkeypatch.setattr(commands.cache, "is_empty", lambda: not cached)
-    monkeypatch.setattr(commands.sys.stderr, "isatty", lambda: seen_by == "a person")
     assert command("estimate", log, "--turn-period 0.4 --method energy --json") == 0
     captured = capsys.readouterr()
-    assert captured.err == line
+    assert ("may compile" in captured.err) != cached
     assert captured.out.startswith("[\n {")
 
 
