@@ -16,8 +16,8 @@ from backlash.reading.refusals import UnusableLog, one_line
 
 _ABOUT = (
     "Backlash, half of the total play, of a robot's joint from logs of the motor encoder and torque. The test needs "
-    "a horizontal axis, an off-centre load whose gravity is above its friction, and four turns or more in one "
-    "direction at constant speed."
+    "a horizontal axis, an off-centre load whose gravity is above its friction, and at constant speed four turns or "
+    "more in one direction, or with the torque six strokes or more to and fro across the vertical."
 )
 _DEFECT = 1
 _UNUSABLE = 2
@@ -227,8 +227,9 @@ def _add_measuring(sub: argparse.ArgumentParser) -> None:
     group = sub.add_argument_group(
         "measuring",
         "By the torque, under any drive: with --inertia-ratio and --gravity, or --gear-ratio, --motor-inertia, "
-        "--load-mass and --load-arm. The backlash is proportional to the gravity (twice it, twice the backlash) and "
-        "hardly depends on the inertia ratio (30 percent off: up to 10). Else by the speed alone.",
+        "--load-mass and --load-arm; strokes to and fro need --gear-ratio. The backlash is proportional to the "
+        "gravity (twice it, twice the backlash) and hardly depends on the inertia ratio (30 percent off: up to 10). "
+        "Else by the speed alone.",
     )
     group.add_argument(
         "--torque", metavar="COLUMN", help="or current; positive if it drives forward"

@@ -214,7 +214,8 @@ class _Filter:
         """One sample ahead, over their SDs' shares of the median; with the gains of before if frozen."""
         found = _predict(self.log, self.strokes.parameters(theta), self.gains, is_frozen)
         weight = 1 - self.gains[self.used, 3]
-        return found[self.used] * np.sqrt(weight / np.median(weight))
+        with np.errstate(all="ignore"):  # of a filter that runs away
+            return found[self.used] * np.sqrt(weight / np.median(weight))
 
     def size(self, theta: FloatArray, most: float = 4.0) -> float:
         """Of the errors, none taken as more than so many medians."""
@@ -305,5 +306,8 @@ def fit_strokes(
     deviation = float(np.linalg.norm((of_log, _METHOD_ERROR * delta, _LEAST_SD)))
     inertia = float(np.exp(-strokes.mean[_DRIVE] - fit.x[_DRIVE]) / gear_ratio)
     return conclude(
-        float(delta), deviation, inertia, "log more strokes, faster or quieter; none is never told"
+        float(delta),
+        deviation,
+        inertia,
+        "log more strokes, faster or quieter; strokes never tell that there is none",
     )

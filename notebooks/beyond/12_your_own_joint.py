@@ -61,6 +61,10 @@
 # simulated joints. A note compares the motor's inertia that the log tells of with yours: it gives the torque's unit in
 # N m, which for a current is the torque constant. If it is not what you know, an input is wrong.
 #
+# *Strokes to and fro*, where a joint can't turn four times: six or more across the vertical at constant speed, with
+# the torque and the gear ratio. Two inertias, spring, gap and friction are driven by the logged torque, and a Kalman
+# filter corrects them by the speed. That there is no backlash strokes can't tell.
+#
 # ```
 # backlash estimate log.csv --torque COLUMN --gear-ratio 50 --motor-inertia 6.5e-5 --load-mass 5 --load-arm 0.33
 # ```
@@ -76,7 +80,7 @@
 #
 # and from Python `backlash.calibrate`, `backlash.estimate` and `backlash.trend`, on files, tables or arrays;
 # `backlash estimate --help` lists the options. Where the backlash cannot be told, the amplitude is a relative index:
-# compare it only between logs of one joint in one movement. The first call on a machine compiles first, and says so.
+# compare it only between logs of one joint in one movement. The first call on a machine may compile first, and says so.
 
 # %%
 from dataclasses import replace
