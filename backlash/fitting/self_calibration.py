@@ -39,12 +39,10 @@ _IMPOSSIBLE_RESIDUAL = 1e-8
 # `harmonics.MODEL_ERROR`: the identified joint itself leaves 1 to 3 % of the authors' noise-free
 # records.
 MOST_MODEL_ERROR = 3.0
-# What small causes besides, like a second ring, make of the backlash, likewise.
-_USUAL_MODEL_ERROR = 2.0
 # A joint, or a drive's inner workings, that stray from what is known of them as this share of
 # joints of the paper's kind do are of another kind: one right joint in a hundred gets no answer for
 # it.
-_IMPROBABLE_JOINT, _IMPROBABLE_DRIVE = 0.01, 1e-3
+_IMPROBABLE_JOINT, _IMPROBABLE_DRIVE, _IMPROBABLE_SECOND_RING = 0.01, 1e-3, 1e-3
 _JOINT = slice(2, SMOOTHING_INDEX)
 _DRIVE = slice(SMOOTHING_INDEX - joint_posterior.DRIVE_UNKNOWNS, SMOOTHING_INDEX)
 # Directions of which a log takes less than this from the prior's variance say nothing.
@@ -91,9 +89,10 @@ def fit_joint(recording: Recording) -> SelfFit:
     refusal = "the search for the joint does not end"
     delta, sd = (float(UNIT_RAD * value) for value in (peak.z[0], np.sqrt(covariance[0, 0])))
     half = NORMAL_95 * widening_factor(fit.chi2, fit.freedom) * sd
-    # The speed's part from backlash grows with it, and so does what the model gets wrong.
-    wrong = MOST_MODEL_ERROR if harmonics.is_quiet else _USUAL_MODEL_ERROR
-    half = float(np.hypot(half, wrong * MODEL_ERROR * delta))
+    if (
+        harmonics.is_quiet
+    ):  # the speed's part from backlash grows with it; so does the model's error
+        half = float(np.hypot(half, MOST_MODEL_ERROR * MODEL_ERROR * delta))
     if converged and peak.converged and np.isfinite(fit.misfit) and np.isfinite(sd):
         odds = _low_pass_log_odds(harmonics, problem.movement.turn_period_s, RING_HZ[1])
         refusal = _refusal_reason(fit, peak, harmonics.ring_noise_ratio, odds)
@@ -216,6 +215,8 @@ def _refusal_reason(fit: _Goodness, peak: Peak, ring_noise_ratio: float, low_pas
     residual_p = float(chdtrc(fit.freedom, fit.chi2 / fit.model_error))
     if residual_p < _IMPOSSIBLE_RESIDUAL:
         return f"no joint of the paper's kind makes this record (a residual like its one: p = {residual_p:.0e})"
+    if (p := peak.second.chance) < _IMPROBABLE_SECOND_RING:
+        return f"the joint rings a second time: two masses, or another drive (p = {p:.0e})"
     scatter = max(fit.chi2 / fit.freedom, 1.0)
     if (p := _prior_p(peak, scatter, _DRIVE)) < _IMPROBABLE_DRIVE:
         return f"the drive is not of the paper's kind (its inner workings stray from what is known: p = {p:.0e})"
