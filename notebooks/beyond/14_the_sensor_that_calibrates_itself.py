@@ -63,8 +63,10 @@
 # $$\Sigma = (J^\top J)^{-1}, \quad J = \left.\frac{\partial r}{\partial z}\right|_{\hat z}.$$
 #
 # *Alternatives.* The speed may be differenced over a sampling period ($q \approx 1$, prior probability 0.8), also
-# low-passed with an unknown time constant (0.1), or not smoothed ($q \approx 0$, 0.1). The answer is the mixture of all
-# alternatives $a$ with the weights $w_a$, their prior probability times their evidence $Z_a$, normalised:
+# low-passed with an unknown time constant (0.1), or not smoothed ($q \approx 0$, 0.1). In each a second mass swings on
+# the load or not (0.5 each): to first order it moves the backlash and adds to its variance, weighed by what the
+# residual says of it. The answer is the mixture of all alternatives $a$ with the weights $w_a$, their prior
+# probability times their evidence $Z_a$, normalised:
 #
 # $$\ln Z_a = -\tfrac12 \chi^2(\hat z_a) + \tfrac12 \ln\det\Sigma_a - \sum_j \ln s_j + \text{const}, \quad
 # \bar z = \sum_a w_a \hat z_a, \quad
@@ -73,17 +75,16 @@
 # *The interval.* With $\sigma_\delta$ [rad], the root of the backlash's variance in $\bar\Sigma$, and $\nu$, the number
 # of residuals less that of unknowns,
 #
-# $$\bar\delta \pm \sqrt{1.96^2\, \sigma_\delta^2\, (1 + \Delta) + (0.02\, \bar\delta)^2}, \qquad
+# $$\bar\delta \pm 1.96\, \sigma_\delta \sqrt{1 + \Delta}, \qquad
 # \Delta = \max\left(0,\, \chi^2 - \chi^2_{\nu,\,0.9}\right).$$
 #
 # If $\chi^2$ exceeds that of nine noise-only logs in ten, $\chi^2_{\nu,\,0.9}$, the model lacks something. Which
 # direction of $z$ it would have moved is unknown. A shift of the backlash by $k$ of its SDs changes $\chi^2$ by $k^2$.
 # So an unknown cause that left $\Delta$ in the residual, and as much along the backlash, moves it by $\sqrt\Delta$ SDs;
 # the variances 1 and $\Delta$ add. *Birge's ratio*, $\sqrt{\chi^2/\nu}$, is the other extreme: it takes the cause for
-# more noise, spread evenly over all residuals. We take the wider one, because a wrong model is no noise. The last term
-# is for small causes that leave no residual, such as a second ring of the load.
+# more noise, spread evenly over all residuals. We take the wider one, because a wrong model is no noise.
 #
-# *No answer* (`cannot tell`) is given where the residual is
+# *No answer* (`cannot tell`) is given where a second mass is too clear for noise ($p < 0.001$), the residual is
 # impossible ($p < 10^{-8}$), turns do not repeat, or where the drive ($p < 0.001$) or all unknowns with a prior
 # ($p < 0.01$) stray from what is known of them.
 
