@@ -214,8 +214,7 @@ class _Filter:
         """One sample ahead, over their SDs' shares of the median; with the gains of before if frozen."""
         found = _predict(self.log, self.strokes.parameters(theta), self.gains, is_frozen)
         weight = 1 - self.gains[self.used, 3]
-        with np.errstate(all="ignore"):  # of a filter that runs away
-            return found[self.used] * np.sqrt(weight / np.median(weight))
+        return found[self.used] * np.sqrt(weight / np.median(weight))
 
     def size(self, theta: FloatArray, most: float = 4.0) -> float:
         """Of the errors, none taken as more than so many medians."""
@@ -281,6 +280,7 @@ def _search(strokes: _Strokes) -> OptimizeResult:
     return whole.descend(min(fits, key=whole.rank).x, 12, 7e-5)
 
 
+@np.errstate(all="ignore")  # a filter that runs away has large errors
 def fit_strokes(
     speed: FloatArray, torque: FloatArray, sample_s: float, gear_ratio: float, load: LoadData
 ) -> TorqueFit:
