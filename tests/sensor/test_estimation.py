@@ -353,3 +353,13 @@ def test_a_backlash_below_a_twentieth_of_a_milliradian_is_none():
     found = answer(encoder_log(draw_bench(rng), 2e-5, rng), method="self")
     assert found.verdict == "no backlash"
     assert found.backlash_interval_rad[0] == 0.0 < 2e-5 <= found.backlash_interval_rad[1] <= 5e-5
+
+
+def test_by_the_speed_a_backlash_under_friction_above_gravity_is_a_healthy_joint():
+    joint = identified_joint()
+    stuck = replace(joint, load_coulomb_nm=1.5 * joint.gravity_torque_nm)
+    healthy, hidden = (
+        simulate_recordings(each, [delta])[0] for each, delta in ((joint, 0.0), (stuck, 1e-3))
+    )
+    settled = healthy.t > 2.0
+    assert np.abs(healthy.v - hidden.v)[settled].max() < 0.01 * healthy.v[settled].std()
