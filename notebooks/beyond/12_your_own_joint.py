@@ -63,7 +63,7 @@
 #
 # *Strokes to and fro*, where a joint can't turn four times: six or more across the vertical at constant speed, with
 # the torque and the gear ratio. Two inertias, spring, gap and friction are driven by the logged torque, and a Kalman
-# filter corrects them by the speed. That there is no backlash strokes can't tell.
+# filter corrects them by the speed. Strokes can't tell that there is no backlash.
 #
 # ```
 # backlash estimate log.csv --torque COLUMN --gear-ratio 50 --motor-inertia 6.5e-5 --load-mass 5 --load-arm 0.33

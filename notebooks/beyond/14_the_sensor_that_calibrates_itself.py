@@ -322,7 +322,7 @@ print(
 def name_missed(criteria):
     rows = criteria.query("not met").itertuples()
     return "; ".join(
-        f"{row.population}: {row.figure} {row.measured:.3g}, not {row.bar}" for row in rows
+        f"{row.population}: {row.figure} {row.measured:.4g}, not {row.bar}" for row in rows
     ).replace("_", " ")
 
 
