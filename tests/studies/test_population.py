@@ -112,7 +112,7 @@ def test_most_far_benches_without_an_answer_never_settle_even_without_noise(comm
     change = np.array(
         [turn_change_rps(FAR, number, population.FINAL_SEED) for number in refused["number"]]
     )
-    assert (change > 1e-3).sum() > 0.8 * change.size
+    assert (change > 1e-3).sum() > 0.5 * change.size
 
 
 @pytest.mark.slow
