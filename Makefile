@@ -3,7 +3,7 @@
 PYTHON ?= python3
 PY := .venv/bin/python
 RUN := $(PY) -m workbook
-CHANGES := tests/test_try_changing.py tests/test_twelve_changes.py
+CHANGES := tests/test_try_changing.py
 STALL := $(if $(STALL_MINUTES),--stall-minutes $(STALL_MINUTES))
 STUDY := OPENBLAS_NUM_THREADS=1 $(PY) -m studies
 PYTEST := OPENBLAS_NUM_THREADS=1 $(PY) -m pytest --numprocesses 2 --dist worksteal
@@ -42,7 +42,7 @@ test: .venv/.installed  ## the tests, on the committed results, but for the slow
 slow: .venv/.installed  ## the slow tests: notebooks executed again, browsers, long searches
 	$(PYTEST) -m slow $(CHANGES:%=--ignore %)
 
-changes: .venv/.installed  ## make every change that a notebook proposes, and check what it says of the outcome
+changes: .venv/.installed  ## make every change that a notebook proposes; each must run and end in a sentence
 	$(PYTEST) $(CHANGES)
 
 check: .venv/.installed  ## print the tables with their verdicts; fails if a cell differs unexpectedly
@@ -59,11 +59,10 @@ article: .venv/.installed  ## results/article.pdf from the results; FINAL=1 refu
 	$(RUN) article $(if $(FINAL),--final)
 
 bench: .venv/.installed  ## time what was made fast against a direct arm, into results/bench.csv
-	OPENBLAS_NUM_THREADS=1 $(PY) -m tests.tools.timings
+	OPENBLAS_NUM_THREADS=1 $(PY) -m studies.timings
 
 studies: .venv/.installed  ## slow studies whose tables are kept: make studies NAME=claims (make studies lists them)
-	$(if $(filter sensitivity,$(NAME)),$(PY) -m tests.tools.sensitivity && $(RUN) report,$(STUDY) $(or $(NAME),--help))
-	@$(if $(NAME),,echo "and sensitivity: which cells, claims and tests notice a wrong constant")
+	$(STUDY) $(or $(NAME),--help)
 
 # NumPy without SIMD and numba for a generic processor; of the kernels, Katmai (Prescott) needs no AVX.
 KERNELS ?= Haswell Prescott

@@ -1,7 +1,6 @@
 """The committed results against the printed numbers, cell by cell."""
 
 import json
-import re
 
 import numpy as np
 import pandas as pd
@@ -10,10 +9,8 @@ import pytest
 import workbook
 from replication import published, table2
 from replication.authors import LOW_NOISE, authors_registry
-from replication.files import ROOT
 from replication.replay.protocols import CANDIDATES, LEADER
 from workbook import judging
-from workbook.checkout import notebook_files
 
 RESULTS = workbook.ROOT / "results"
 SUPPLEMENT = RESULTS / "supplement"
@@ -38,20 +35,6 @@ def test_the_printed_number_of_a_reproduced_or_traced_cell_lies_in_the_region(ro
 def test_the_cells_that_differ_are_exactly_those_with_a_known_reason():
     differing = VERDICTS.query("verdict == 'differs'")
     assert set(zip(differing["id"], differing["source"], strict=True)) == set(KNOWN)
-
-
-def test_every_table_of_the_results_is_named_in_a_source():
-    kinds = (
-        "notebooks/**/*.py",
-        "replication/**/*.py",
-        "replication/**/*.csv",
-        "backlash/**/*.py",
-        "tests/tools/*.py",
-    )
-    sources = "\n".join(path.read_text("utf-8") for kind in kinds for path in ROOT.glob(kind))
-    assert [
-        file.name for file in RESULTS.glob("*.csv") if not re.search(rf"\b{file.stem}\b", sources)
-    ] == []
 
 
 def test_the_verdicts_are_what_the_outcomes_give():
@@ -142,12 +125,3 @@ def test_the_locked_versions_are_those_that_made_the_results():
     for record in provenance.values():
         for name, version in record["packages"].items():
             assert f"{name}=={version} " in lock, name
-
-
-@pytest.mark.parametrize(
-    "figure", sorted(path.stem for path in (workbook.ROOT / "figures").glob("*.svg"))
-)
-def test_a_figure_is_there_as_svg_and_png_and_named_in_a_notebook(figure):
-    assert (workbook.ROOT / "figures" / f"{figure}.png").stat().st_size > 5000
-    sources = [path.read_text("utf-8") for path in notebook_files("py").values()]
-    assert any(f'"{figure}"' in source for source in sources)

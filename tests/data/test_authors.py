@@ -34,12 +34,6 @@ def workbook_bytes(rows):
 GOOD_ROWS = [(0.002 * k, 100.0 + k) for k in range(5)]
 
 
-def test_a_blank_first_row_is_dropped():
-    t, v = parse_speed_workbook(workbook_bytes([(None, None), *GOOD_ROWS]))
-    np.testing.assert_allclose(t, [0, 0.002, 0.004, 0.006, 0.008])
-    np.testing.assert_allclose(v, [100, 101, 102, 103, 104])
-
-
 def test_a_first_row_with_the_time_of_the_second_is_dropped():
     t, v = parse_speed_workbook(workbook_bytes([(0.0, 98.5), *GOOD_ROWS]))
     assert (t[0], v[0], t.size) == (0.0, 100.0, 5)
@@ -92,13 +86,6 @@ def test_a_download_with_a_wrong_hash_is_refused_and_leaves_nothing(
     cache = tmp_path / "cache"
     with pytest.raises(DataCorrupt, match=r"a file\.zip.*SHA-256"):
         authors_file("Noisy data/a file.zip", base_url=url, cache=cache)
-    assert [path for path in cache.rglob("*") if path.is_file()] == []
-
-
-def test_a_file_that_the_server_does_not_have_is_named(registered, server, tmp_path):
-    cache = tmp_path / "cache"
-    with pytest.raises(DataUnavailable, match=r"a file\.zip.*cannot be downloaded"):
-        authors_file("Noisy data/a file.zip", base_url=server[1], cache=cache)
     assert [path for path in cache.rglob("*") if path.is_file()] == []
 
 

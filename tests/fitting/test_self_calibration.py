@@ -88,10 +88,6 @@ def test_the_start_of_the_log_does_not_matter():
     )
 
 
-def test_the_same_log_gives_the_same_answer():
-    assert fit_joint(bench_log()[1]).delta_rad == bench_fit().delta_rad
-
-
 def test_clean_records_are_told_to_a_few_percent_of_the_backlash():
     for delta in (5e-4, 1.2e-3):
         found = fit_joint(simulate_recordings(identified_joint(), [delta])[0])
@@ -192,14 +188,6 @@ def test_an_interval_holds_the_spread_of_joints_and_the_noise():
     assert all(0.01 < share < 1 for share in shares().values())
 
 
-@pytest.mark.parametrize("kind", KINDS)
-def test_every_kind_of_odd_joint_can_be_drawn_again_alike(kind):
-    one, two = (draw_odd_log(kind, 9e-4, np.random.default_rng(3)) for _ in range(2))
-    assert np.array_equal(one.v, two.v)
-    assert abs(one.v.mean() - 100) < 0.1
-    assert one.v.std() > 0.05
-
-
 def test_logs_of_one_joint_tell_it_together():
     rng = np.random.default_rng(8)
     bench = draw_bench(rng)
@@ -211,13 +199,6 @@ def test_logs_of_one_joint_tell_it_together():
     assert (np.abs(np.array(found) - true_rad) < together).all()
     assert (together < 0.85 * alone).all()
     assert together.mean() < 0.8 * alone.mean()
-
-
-def test_one_log_alone_keeps_its_backlash_but_for_drift():
-    fit = bench_fit()
-    ((delta, (low, high)),) = share_joint([fit])
-    assert delta == pytest.approx(fit.delta_rad, abs=0.2 * fit.sd_rad)
-    assert high - low == pytest.approx(fit.interval_rad[1] - fit.interval_rad[0], rel=0.05)
 
 
 def test_a_turn_of_almost_three_seconds_is_fitted():

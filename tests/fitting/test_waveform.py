@@ -8,7 +8,6 @@ from hypothesis import strategies as st
 from backlash.calibration import default_calibration
 from backlash.fitting.waveform import (
     WaveformBank,
-    drop_first_turn,
     low_passed,
     make_bank,
     match,
@@ -75,11 +74,6 @@ def test_a_backlash_beyond_the_bank_ends_at_its_last_one(bank):
     assert found.delta_rad == pytest.approx(1e-3)
 
 
-def test_the_settled_part_leaves_out_the_start_up_turn_if_three_turns_are_there(bank):
-    assert drop_first_turn(made(bank, 1e-3, turns=4))[0][0] == pytest.approx(1.0)
-    assert drop_first_turn(made(bank, 1e-3, turns=2))[0][0] == 0.0
-
-
 def test_the_mean_turn_of_a_periodic_record_is_that_turn_with_its_gaps_interpolated(bank):
     turn = bank.at(1e-3)(np.arange(40) / 40)
     even = mean_turn(made(bank, 1e-3, dt=0.01), 40)
@@ -139,10 +133,3 @@ def test_a_low_pass_that_the_bank_does_not_have_is_found(bank, edge_hz):
     assert found.low_pass_s == pytest.approx(seconds, rel=0.1)
     assert found.interval_rad[0] <= 9e-4 <= found.interval_rad[1]
     assert match(record, bank, low_pass=True).low_pass_s == 0
-
-
-def test_the_degree_grows_with_the_levels_and_stays_when_one_is_left_out():
-    for levels, degree in {6: 2, 7: 3, 8: 3, 9: 4, 30: 4}.items():
-        bank = WaveformBank(np.linspace(3e-4, 19e-4, levels), np.zeros((levels, 8)))
-        assert (bank._degree, bank.without(1)._degree) == (degree, degree)
-        assert bank.without(1).noise_rps2 == 0

@@ -2,7 +2,7 @@
 
 import pytest
 
-from tests.tools.changes import NOTEBOOKS, changes, check, parse, run, says_what_happened
+from tests.changes import NOTEBOOKS, changes, check, parse, run, says_what_happened
 
 # Notebooks that take a second once their code is compiled.
 FAST = ("02_dead_zone_figure9", "06_characteristic_figure12")

@@ -1,18 +1,13 @@
-"""Notebooks 0 and 1: the sensor and its pictures, which need no network; the equations are the simulator's."""
+"""Notebooks 0 and 1: the sensor and the joint, which need no network; the equations are the simulator's."""
 
-import base64
-import io
 import re
 
 import numpy as np
 import pytest
-from PIL import Image
-from test_try_changing import run as run_notebook
 
 from replication.figures import teeth
 from replication.signature import Timing, signature
-from replication.simulator.parameters import identified_joint
-from replication.simulator.simulate import simulate
+from tests.changes import run as run_notebook
 from workbook import plain_animation
 
 
@@ -54,25 +49,4 @@ def test_the_fitted_signature_is_that_of_equation_7(after):
 def test_the_animation_is_the_same_every_time_and_asks_nothing_of_a_server(after):
     again = teeth.animate_teeth(after["run"], after["joint"])
     assert plain_animation(again, "arm, teeth and motor speed") == after["animation"]
-    assert len(after["animation"].encode()) <= 400_000
     assert not re.search(r"https?:|<link|@import|src=\"(?!data:)", after["animation"])
-    assert 'id="_anim_img_teeth"' in after["animation"]
-
-
-def test_every_button_of_the_animation_says_what_it_does(after):
-    buttons = re.findall(r"<button[^>]*>([^<]*)</button>", after["animation"])
-    assert buttons == [
-        *("Decrease speed", "First frame", "Previous frame", "Play backwards", "Pause", "Play"),
-        *("Next frame", "Last frame", "Increase speed"),
-    ]
-    assert 'aria-label="frame"' in after["animation"]
-
-
-def test_frames_follow_one_another_faster_while_the_gap_is_open():
-    joint = identified_joint()
-    run = simulate(joint, 21e-4, duration_s=1.6, sample_s=1e-3)
-    html = plain_animation(teeth.animate_teeth(run, joint), "teeth")
-    frames = re.findall(r'frames\[\d+\] = "data:image/\w+;base64,(.*?)"', html)
-    open_s = 1e-3 * (run.gap_state[(run.time_s >= 0.4) & (run.time_s < 0.8)] == 0).sum()
-    assert len(frames) == pytest.approx(open_s / 0.003 + (0.4 - open_s) / 0.015, abs=4)
-    assert Image.open(io.BytesIO(base64.b64decode(frames[0]))).size == (408, 294)

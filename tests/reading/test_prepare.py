@@ -11,10 +11,9 @@ from hypothesis import strategies as st
 
 from backlash.reading import tables
 from backlash.reading.columns import LogFormat
-from backlash.reading.prepare import open_log
 from backlash.reading.refusals import CannotTell, UnusableLog
 from backlash.reading.tables import read_table
-from tests.logs import TURN, noisy, opened, read, refusal, table, text, write
+from tests.logs import TURN, noisy, opened, read, refusal, table, text
 
 RECORD = noisy()
 
@@ -45,10 +44,6 @@ def test_parquet_is_read_and_its_text_columns_left_out(tmp_path):
     np.testing.assert_allclose(read(path).v, RECORD.v)
 
 
-def test_the_content_decides_and_not_the_ending(tmp_path):
-    np.testing.assert_allclose(read(write(RECORD, tmp_path / "log.xlsx")).v, RECORD.v, atol=1e-5)
-
-
 def test_columns_can_be_given_by_name_or_number(tmp_path):
     path = tmp_path / "log.csv"
     path.write_text(text("a,b,c", "{t:.4f},{v:.5f},7"), encoding="utf-8")
@@ -58,13 +53,6 @@ def test_columns_can_be_given_by_name_or_number(tmp_path):
     assert "'x'" in refusal(path, replace(TURN, time="a", speed="x"))
     path.write_text(text("", "{t:.4f},{v:.5f},7"), encoding="utf-8")
     np.testing.assert_allclose(read(path, replace(TURN, speed="2")).v, RECORD.v, atol=1e-4)
-
-
-def test_of_two_speeds_the_motors_is_taken_and_otherwise_the_user_is_asked():
-    frame = table(RECORD).rename(columns={"speed [rps]": "speed a"})
-    both = frame.rename(columns={"speed a": "motor speed"}).assign(**{"load speed": 2.5})
-    np.testing.assert_allclose(read(both).v, RECORD.v)
-    assert "which column is the speed" in refusal(frame.assign(**{"speed b": 1.0}))
 
 
 # ---------------------------------------------------------------------------------------------------------------
@@ -127,12 +115,6 @@ def test_only_the_first_sixty_turns_of_a_long_log_are_used():
     assert evenly(np.tile(RECORD.v[:-1], 8)).recording.t[-1] == pytest.approx(24.0)
 
 
-def test_a_first_row_whose_stamp_the_second_repeats_is_dropped():
-    log = open_log(pd.concat([table(RECORD).iloc[:1], table(RECORD)], ignore_index=True), TURN)
-    assert log.recording.v.size == RECORD.v.size
-    assert any("dropped the first row" in note for note in log.notes)
-
-
 def test_the_turn_period_follows_from_the_gear_ratio():
     assert read(table(RECORD), LogFormat(gear_ratio=40.0)).turn_period_s == pytest.approx(
         0.4, rel=1e-4
@@ -176,11 +158,6 @@ def test_a_speed_that_no_motor_reaches_is_asked_about():
 def test_options_that_make_no_sense_are_refused(wrong):
     with pytest.raises(UnusableLog):
         LogFormat(**wrong)
-
-
-def test_a_position_has_no_unit_of_speed():
-    frame = pd.DataFrame({"t": RECORD.t, "position": np.cumsum(RECORD.v)})
-    assert "no unit rpm" in refusal(frame, replace(TURN, unit="rpm"))
 
 
 def test_ten_million_rows_are_refused_before_they_are_parsed(tmp_path, monkeypatch):

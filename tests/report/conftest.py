@@ -8,25 +8,25 @@ from workbook import judging
 from workbook.checkout import NOTEBOOKS, RESULTS
 from workbook.report import page, pages
 
-VERDICTS = judging.verdicts(RESULTS)
 BROWSERS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
 FLAGS = ["--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run"]
 FLAGS += ["--disable-background-networking", "--disable-component-update", "--disable-sync"]
 
 
 @pytest.fixture(scope="session")
-def report_page():
-    """The report, rendered anew."""
-    return page.render_report(RESULTS, NOTEBOOKS, VERDICTS)
+def verdicts():
+    """The judged cells of the committed results."""
+    return judging.verdicts(RESULTS)
 
 
 @pytest.fixture(scope="session")
-def site(tmp_path_factory, report_page):
-    """A folder `results` with the report and the notebooks' pages in it."""
+def site(tmp_path_factory, verdicts):
+    """A folder `results` with the report and the notebooks' pages in it, rendered anew."""
     results = tmp_path_factory.mktemp("site") / "results"
     (results / "pages").mkdir(parents=True)
-    (results / "report.html").write_text(report_page, encoding="utf-8")
-    for name, text in pages.render_pages(RESULTS, NOTEBOOKS, VERDICTS).items():
+    report = page.render_report(RESULTS, NOTEBOOKS, verdicts)
+    (results / "report.html").write_text(report, encoding="utf-8")
+    for name, text in pages.render_pages(RESULTS, NOTEBOOKS, verdicts).items():
         (results / "pages" / f"{name}.html").write_text(text, encoding="utf-8")
     return results
 

@@ -1,5 +1,4 @@
 import json
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -7,12 +6,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from backlash.calibration import Calibration, default_calibration, fit_calibration
-from backlash.fitting.readings import METHODS, Reading, protocol_for, read
+from backlash.fitting.readings import METHODS, Reading, read
 from backlash.reading.refusals import UnusableLog
 from replication import published
 from replication.authors import level_delta_rad, load_noisy
 from replication.characteristic import RPM_PER_RPS, equation_10
-from replication.recording import Recording, add_uniform_noise, from_sample
+from replication.recording import add_uniform_noise, from_sample
 from replication.simulator.parameters import identified_joint
 from replication.simulator.recordings import simulate_recordings
 from studies.calibrations import compute_default
@@ -119,12 +118,6 @@ def test_a_calibration_that_says_hardly_more_than_its_range_is_refused(records):
         fit_calibration(records, scattered, "energy")
 
 
-def test_logs_of_two_movements_are_refused(records):
-    slow = replace(records[0], turn_period_s=0.5)
-    with pytest.raises(ValueError, match="different turn periods"):
-        fit_calibration([slow, *records[1:]], LEVELS_RAD, "energy")
-
-
 def broken(**changes):
     content = json.loads(default_calibration("energy").to_json())
     return json.dumps({k: v for k, v in (content | changes).items() if v is not None})
@@ -159,20 +152,6 @@ def test_a_broken_calibration_file_is_refused_with_one_line(text):
     with pytest.raises(ValueError, match=r"^my file: not a (usable )?calibration") as caught:
         Calibration.from_json(text, "my file")
     assert "\n" not in str(caught.value)
-
-
-def test_no_such_method_is_refused(records):
-    for call in (lambda: read(records[0], "guess"), lambda: default_calibration("guess")):
-        with pytest.raises(ValueError, match="there are paper, amplitude, energy, waveform"):
-            call()
-
-
-def test_the_protocol_scales_with_the_movement():
-    t = np.arange(2401) * 0.002
-    fast = protocol_for(Recording(t, t, 100.0, 0.2, ""))
-    assert (fast.T_d, fast.T_f, fast.turns) == (0.1, 0.2, 24)
-    assert fast.longest_window_s == pytest.approx(0.102)
-    assert protocol_for(Recording(t, t, 100.0, 0.4, "")).turns == 12
 
 
 def test_the_energy_s_interval_is_that_of_its_scatter_over_noises(records):

@@ -1,6 +1,5 @@
 import hashlib
 import json
-import tomllib
 from dataclasses import replace
 
 import numpy as np
@@ -8,10 +7,8 @@ import pandas as pd
 import pytest
 
 import backlash
-import workbook
-from backlash import commands, interface
+from backlash import commands
 from backlash.calibration import default_calibration
-from backlash.settings import settings_for
 from replication.authors import authors_file, level_delta_rad
 from tests.logs import ANSWER_KEYS, command, noisy, silent, write
 
@@ -74,17 +71,6 @@ def test_every_option_of_a_log_reaches_its_reader(tmp_path, capsys):
         assert json.loads(out)[0]["amplitude_rps"] == pytest.approx(0.58, abs=0.02)
 
 
-def test_the_papers_method_takes_repeats_and_seed(log, capsys):
-    found = {}
-    for seed in (1, 1, 2):
-        _, out, _ = ran(
-            capsys, "estimate", log, f"{TURN} --json --method paper --repeats 2 --seed", seed
-        )
-        found.setdefault(seed, []).append(json.loads(out)[0])
-    assert found[1][0] == found[1][1]
-    assert found[1][0]["amplitude_interval_rps"] != found[2][0]["amplitude_interval_rps"]
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize("ending", ["png", "svg", "pdf"])
 def test_a_plot_is_written_and_the_same_twice(ending, log, tmp_path, capsys):
@@ -95,15 +81,6 @@ def test_a_plot_is_written_and_the_same_twice(ending, log, tmp_path, capsys):
         contents.append(path.read_bytes())
     assert contents[0] == contents[1]
     assert not list(tmp_path.glob(".*"))
-
-
-def test_a_log_without_a_fit_gets_no_plot_and_that_is_said(tmp_path, capsys):
-    path = write(replace(noisy(), t=noisy().t[:400], v=noisy().v[:400]), tmp_path / "short.csv")
-    status, out, err = ran(capsys, "estimate", path, f"{TURN} --plot", tmp_path / "plot.png")
-    assert status == 0
-    assert "cannot tell: too short" in out
-    assert "not written" in err
-    assert not (tmp_path / "plot.png").exists()
 
 
 def test_a_folder_becomes_a_table_with_a_row_for_each_log(log, tmp_path, capsys):
@@ -190,19 +167,6 @@ def test_the_play_and_where_the_answer_comes_from_are_in_the_json(log, capsys):
     assert row["sha256"] == hashlib.sha256(log.read_bytes()).hexdigest()
     assert row["calibration"] == default_calibration("energy").provenance
     assert row["version"] == backlash.__version__
-
-
-def test_a_part_of_a_log_is_had_by_its_times_and_a_period_can_be_trusted(log, capsys, monkeypatch):
-    given = []
-    monkeypatch.setattr(
-        interface,
-        "settings_for",
-        lambda form, **how: given.append(form) or settings_for(form, **how),
-    )
-    how = f"{TURN} --method energy --from 1 --to 3.5 --trust-period --json"
-    row = json.loads(ran(capsys, "estimate", log, how)[1])[0]
-    assert row["samples"] == 1251
-    assert given[0].trust_period
 
 
 def test_a_defect_is_one_line_that_says_where(log, capsys, monkeypatch):
@@ -367,17 +331,6 @@ def test_where_no_backlash_can_be_told_the_amplitudes_growth_in_percent_is_an_al
     assert "not the backlash" in text
 
 
-def test_a_relative_trend_of_logs_with_a_backlash_is_had_by_asking(tmp_path, capsys):
-    for month in range(1, 5):
-        write(noisy(9e-4, seed=month), tmp_path / f"axis4_2024-{month:02d}-15.csv")
-    _, out, _ = ran(
-        capsys, "trend", tmp_path, f"{TURN} --relative --json --plot", tmp_path / "trend.svg"
-    )
-    found = json.loads(out)
-    assert (found["is_relative"], found["alarm"], len(found["points"])) == (True, False, 4)
-    assert (tmp_path / "trend.svg").exists()
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize("level", [4, 7, 10, 11])
 def test_a_record_without_noise_is_answered_with_the_models_own_error_in_its_interval(
@@ -389,12 +342,6 @@ def test_a_record_without_noise_is_answered_with_the_models_own_error_in_its_int
     assert (row["verdict"], row["method"]) == ("backlash", "self")
     assert low < level_delta_rad(level) < high
     assert high - low > 0.06 * row["backlash_rad"]
-
-
-def test_the_console_script_is_this_command_line():
-    project = tomllib.loads((workbook.ROOT / "pyproject.toml").read_text("utf-8"))["project"]
-    assert project["scripts"] == {"backlash": "backlash.main:main"}
-    assert "pyarrow" in {name.split(">")[0] for name in project["optional-dependencies"]["parquet"]}
 
 
 def test_an_output_never_overwrites_an_input(log, tmp_path, capsys):

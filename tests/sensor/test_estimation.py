@@ -232,13 +232,6 @@ def test_an_amplitude_far_beyond_the_cubic_is_not_read_where_the_cubic_comes_dow
     )
 
 
-def test_the_value_of_a_backlash_is_the_inverse_of_the_calibration():
-    for method in ("paper", "amplitude", "energy"):
-        calibration = default_calibration(method)
-        for delta in np.linspace(*calibration.range_rad, 5):
-            assert calibration.delta_rad(calibration.value_at(delta)) == pytest.approx(delta)
-
-
 def test_another_movement_than_the_calibrations_is_told_with_its_amplitude_only():
     slow = replace(noisy(), t=noisy().t * 1.5, turn_period_s=0.6)
     found = answer(slow)
@@ -290,11 +283,6 @@ def test_waveforms_calibrated_with_the_friction_measure_with_it():
 
 # ---------------------------------------------------------------------------------------------------------------
 # Calibration by the user
-
-
-def test_a_method_that_the_calibration_is_not_of_is_refused():
-    with pytest.raises(ValueError, match="calibration is of method energy"):
-        settings_for(TURN, default_calibration("energy"), "waveform")
 
 
 # ---------------------------------------------------------------------------------------------------------------

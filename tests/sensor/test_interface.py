@@ -136,13 +136,3 @@ def test_a_log_that_cannot_be_used_is_left_out_of_a_trend_and_named(tmp_path):
     assert "2 of 5 logs are left out" in found.warnings
     assert any("2024-03-01.csv: the file is empty" in warning for warning in found.warnings)
     assert any("2024-04-01.csv: no backlash" in warning for warning in found.warnings)
-
-
-def test_an_unknown_parameter_and_a_missing_date_are_one_line():
-    with pytest.raises(
-        TypeError, match="no parameter 'turn_period'; of logs there are time, speed"
-    ):
-        backlash.estimate([0.0, 1.0], [1.0, 1.0], turn_period=0.4)
-    with pytest.raises(backlash.UnusableLog, match="2 logs and 1 dates"):
-        backlash.trend(["a.csv", "b.csv"], ["2024-03-17"], turn_period_s=0.4)
-    assert "estimate" in dir(backlash)

@@ -106,15 +106,6 @@ def test_answers_that_a_full_disk_does_not_take_are_printed_and_the_next_run_has
     assert not out.with_name("answers.csv.kept").exists()
 
 
-def test_a_file_that_no_run_kept_is_left_alone(dated, tmp_path, capsys):
-    mine = tmp_path / "answers.csv.kept"
-    mine.write_text("mine", "utf-8")
-    line = f"estimate --batch {dated} --turn-period 0.4 --out {tmp_path / 'answers.csv'}"
-    assert command(line) == 2
-    assert "holds no answers of a run before" in capsys.readouterr().err
-    assert mine.read_text("utf-8") == "mine"
-
-
 @pytest.mark.slow
 def test_a_dask_cluster_that_loses_a_worker_answers_every_log(tmp_path, capsys, monkeypatch):
     log = write(noisy(), tmp_path / "0.csv")

@@ -9,11 +9,10 @@ import time
 
 import pytest
 
-from backlash import commands, fleet
-from backlash.main import ends_on_interrupt
+from backlash import fleet
 from backlash.reading.columns import LogFormat
 from backlash.settings import settings_for
-from tests.logs import command, noisy, write
+from tests.logs import noisy, write
 from workbook import ROOT
 
 PIPES = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
@@ -81,13 +80,6 @@ def test_an_interrupted_run_from_python_writes_no_log_down_as_unusable(tmp_path,
         list(fleet.run_fleet(["log.csv"], [settings_for(LogFormat(turn_period_s=0.4))], 1))
 
 
-def test_what_is_done_on_an_interrupt_is_so_while_a_command_runs_only():
-    before = signal.getsignal(signal.SIGINT)
-    with ends_on_interrupt():
-        assert signal.getsignal(signal.SIGINT) is not before
-    assert signal.getsignal(signal.SIGINT) is before
-
-
 @pytest.mark.parametrize(
     "arguments", [("estimate", "--help"), ("estimate", "LOG", "--gear-ratio", "40", "--json")]
 )
@@ -109,18 +101,6 @@ def test_the_standard_input_is_a_log(tmp_path):
     process = started("estimate", "-", "--turn-period", "0.4", stdin=subprocess.DEVNULL)
     assert process.communicate(timeout=300) == ("", "-: the file is empty; export the log again\n")
     assert process.returncode == 2
-
-
-@pytest.mark.parametrize("cached", [True, False])
-def test_the_first_command_on_a_machine_says_that_it_may_compile(
-    cached, tmp_path, capsys, monkeypatch
-):
-    log = write(noisy(), tmp_path / "log.csv")
-    monkeypatch.setattr(commands.cache, "is_empty", lambda: not cached)
-    assert command("estimate", log, "--turn-period 0.4 --method energy --json") == 0
-    captured = capsys.readouterr()
-    assert ("may compile" in captured.err) != cached
-    assert captured.out.startswith("[\n {")
 
 
 @pytest.mark.parametrize("closing", [">/dev/full", ">&-"])

@@ -13,7 +13,7 @@ from replication.simulator.parameters import (
     with_ratios,
 )
 from replication.simulator.recordings import simulate_recordings
-from tests.tools.reference import simulate_amplitudes
+from studies.reference import simulate_amplitudes
 
 # The first turn is not fitted but for when the joint started, to a period of the drive.
 FIRST_TURN_BAR = 0.085

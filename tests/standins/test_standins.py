@@ -1,25 +1,21 @@
 from dataclasses import replace
 
 import numpy as np
-import pandas as pd
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
-import workbook
 from backlash.calibration import default_calibration
 from backlash.fitting.global_fit import global_fit
 from replication import characteristic, published
 from replication.simulator.parameters import TURN, Disturbance, JointParameters, identified_joint
 from replication.simulator.simulate import simulate
-from replication.standins import bench as bench_standin
 from replication.standins import joints, robots
 from replication.standins.wear import Wear, draw_wear
 from studies import wear as wear_study
 
 DELTA = 10e-4
-RESULTS = workbook.ROOT / "results"
 
 
 @pytest.fixture(scope="module")
@@ -109,20 +105,6 @@ def test_a_slow_transmission_error_moves_the_load_and_not_the_motor(joint):
     np.testing.assert_allclose(moved, expected, atol=3e-6)
 
 
-@pytest.mark.parametrize(
-    ("wave", "complaint"),
-    [
-        (Disturbance(0.0, motor_torque_nm=0.1), "order above zero"),
-        (Disturbance(1.0, motor_torque_nm=np.nan), "finite numbers"),
-        (Disturbance(100.0, motor_torque_nm=0.1), "too large"),
-    ],
-)
-def test_a_disturbance_that_cannot_be_simulated_is_refused_in_one_line(joint, wave, complaint):
-    with pytest.raises(ValueError, match=complaint) as error:
-        shaken(joint, wave)
-    assert "\n" not in str(error.value)
-
-
 # Benches and their logs
 
 
@@ -136,27 +118,12 @@ def test_a_bench_without_spread_is_the_identified_joint_with_an_encoder(joint):
     assert drawn.noise_rps == 0
 
 
-def test_the_same_generator_draws_the_same_bench_and_the_same_log(bench):
-    again = joints.draw_bench(np.random.default_rng(1))
-    assert again == bench
-    logs = [joints.encoder_log(bench, DELTA, np.random.default_rng(5)).v for _ in range(2)]
-    assert logs[0].tobytes() == logs[1].tobytes()
-
-
 def test_a_noise_free_log_lies_on_the_encoders_grid(bench):
     quiet = replace(bench, noise_rps=0.0)
     log = joints.encoder_log(quiet, DELTA, np.random.default_rng(2))
     counts = log.v * joints.SAMPLE_S * 2**bench.joint.encoder_bits
     np.testing.assert_allclose(counts, np.round(counts), atol=1e-3)
     assert log.t.size == log.v.size == 2400
-
-
-def test_logs_differ_in_where_they_start(bench):
-    quiet = replace(bench, noise_rps=0.0)
-    first, second = (
-        joints.encoder_log(quiet, DELTA, np.random.default_rng(seed)).v for seed in (1, 2)
-    )
-    assert np.abs(first - second).max() > 0.1
 
 
 def test_the_wider_gap_is_read_as_the_larger_amplitude(bench):
@@ -176,23 +143,6 @@ def test_the_printed_known_amplitudes_are_table_2_interpolated_and_not_equation_
     for delta, known in zip(deltas_rad, printed, strict=True):
         assert abs(characteristic.known_amplitude_rps(delta) - known) <= half_digit * (1 + 1e-6)
         assert abs(characteristic.equation_10().amplitude_rps(delta) - known) > half_digit
-
-
-def test_table_3s_frame_has_the_printed_columns_beside_and_a_cell_for_each():
-    runs = pd.DataFrame({"A_rps": [0.6, -0.62, 0.61], "rmse_rps": [0.1, 0.1, 0.2]})
-    rows = [
-        runs.assign(
-            row=row,
-            delta_rad=delta,
-            reading_rad=delta,
-            known_A_rps=characteristic.known_amplitude_rps(delta),
-        )
-        for row, delta in enumerate(characteristic.static_levels_rad(), start=1)
-    ]
-    table = bench_standin.table3(pd.concat(rows))
-    np.testing.assert_array_equal(table["printed_mean_A_rps"], published.column("Table 3", "mean"))
-    np.testing.assert_allclose(table["mean_A_rps"], 0.61)
-    assert set(bench_standin.table3_cells(table)) == set(published.cells("Table 3").index)
 
 
 def test_friction_on_the_load_takes_amplitude_away(joint):
@@ -268,22 +218,3 @@ def test_a_joint_without_backlash_is_called_backlash_in_step_with_the_turns_odd_
 
 
 # The committed results
-
-
-def test_every_cell_of_the_stand_ins_is_judged_a_stand_in_and_says_why():
-    verdicts = pd.read_csv(RESULTS / "verdicts.csv")
-    rows = verdicts[
-        verdicts["id"].str.startswith(("table3.", "table4.")) & (verdicts["source"] != "authors")
-    ]
-    assert len(rows) == 16
-    assert (rows["verdict"] == "stand-in").all()
-    assert rows["reason"].str.contains("never published").all()
-    assert rows["reproduced"].notna().all()
-
-
-@pytest.mark.parametrize(("name", "rows"), [("table3", 3), ("table4", 2)])
-def test_the_tables_name_their_source_and_have_thirty_runs_a_row(name, rows):
-    table = pd.read_csv(RESULTS / f"{name}.csv")
-    assert len(table) == rows
-    assert (table["source"] == "stand-in").all()
-    assert (table["runs"] == published.value("text.runs")).all()

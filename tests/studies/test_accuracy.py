@@ -1,4 +1,3 @@
-import numpy as np
 import pandas as pd
 import pytest
 
@@ -40,16 +39,3 @@ def test_the_mean_error_on_the_authors_noisy_logs_is_within_its_target(summary, 
 def test_every_calibrated_feature_beats_equation_10_on_the_authors_noisy_logs(summary):
     others = summary["mean_abs_error_rad"].drop(["equation 10", "time in the gap"])
     assert (others < summary["mean_abs_error_rad"]["equation 10"]).all()
-
-
-def test_nuisances_besides_the_start_angle_cost_next_to_nothing(summary):
-    start, everything = summary["mean_abs_error_rad"][
-        ["joint, start angle free", "joint, all nuisances free"]
-    ]
-    assert everything < 1.1 * start
-
-
-def test_a_summary_has_the_mean_the_largest_and_the_root_mean_square():
-    table = pd.DataFrame({"method": ["a", "a", "b"], "error_rad": [3.0, -4.0, 1.0]})
-    found = summarise_errors(table).set_index("method")
-    assert found.loc["a"].tolist() == [2, 3.5, 4.0, np.sqrt(12.5)]

@@ -1,33 +1,10 @@
 """One table for all studies: logs of known backlash by methods."""
 
-from functools import partial
-
 import numpy as np
 import pandas as pd
 import pytest
 
-from replication.recording import Recording
-from studies.benchmark import KnownLog, logs_by_methods, summarise_intervals
-
-
-def made(number, delta_rad):
-    t = np.arange(3.0)
-    return KnownLog(
-        {"number": number}, delta_rad, Recording(t, np.full(3, delta_rad), 100.0, 0.4, "made")
-    )
-
-
-def answers(log):
-    found = float(log.recording.v[0])
-    return {"truth": found, "double": {"found_rad": 2 * found, "reason": "doubled"}}
-
-
-def test_each_log_has_a_row_for_each_method_with_its_labels_its_error_and_what_the_method_says():
-    table = logs_by_methods([made(1, 1e-3), partial(made, 2, 2e-3)], answers)
-    assert table["number"].tolist() == [1, 1, 2, 2]
-    assert table["method"].tolist() == ["truth", "double"] * 2
-    assert table["error_rad"].tolist() == [0.0, 1e-3, 0.0, 2e-3]
-    assert table["reason"].fillna("").tolist() == ["", "doubled"] * 2
+from studies.benchmark import summarise_intervals
 
 
 def test_refused_logs_count_as_refused_and_not_as_errors():

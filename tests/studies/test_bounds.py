@@ -4,7 +4,7 @@ import pytest
 from replication.recording import add_uniform_noise
 from replication.simulator.parameters import identified_joint
 from replication.simulator.recordings import simulate_recordings
-from studies.accuracy import cramer_rao_sd, measured_errors, waveform_slopes
+from studies.accuracy import cramer_rao_sd, waveform_slopes
 from studies.joint_match import PHASES, match_joint
 
 JOINT = identified_joint()
@@ -44,10 +44,3 @@ def test_the_matched_joint_scatters_as_the_bound_says():
     bound = bound_of_turns(waveform_slopes(JOINT, 9e-4)[:1], 0.15 / np.sqrt(3))
     # 20 errors know their RMS to 16 %; three of these.
     assert 0.52 < np.sqrt(np.mean(np.square(errors))) / bound < 1.48
-
-
-@pytest.mark.slow
-def test_every_method_errs_on_every_simulated_record():
-    table = measured_errors(JOINT, [9e-4], {"turns": [4], "sampling_hz": [200]}, repeats=2, seed=1)
-    assert set(table["method"]) == {"amplitude", "energy", "waveform", "joint"}
-    assert (table.groupby(["axis", "method"]).size() == 2).all()

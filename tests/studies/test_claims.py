@@ -1,9 +1,7 @@
 import numpy as np
-import pandas as pd
 import pytest
 
 from replication.simulator.parameters import identified_joint
-from replication.statistics import rate_columns
 from studies import claims
 from studies.accuracy import encoder_recording
 
@@ -28,14 +26,6 @@ def test_an_amplitude_in_noise_alone_is_held_against_a_share_of_the_smallest(A, 
     assert claims.no_backlash(np.full(10, 0.01), 0.26)[0] is None  # ten noises cannot tell
 
 
-@pytest.mark.parametrize("small", range(80, 101))
-def test_the_percentiles_interval_decides_as_the_recognised_shares_exact_interval_does(small):
-    amplitude = np.r_[np.full(small, 0.01), np.full(100 - small, 0.2)]
-    _, low, high = rate_columns(small, 100).values()
-    expected = True if low > 0.95 else False if high < 0.95 else None
-    assert claims.no_backlash(amplitude, 0.26)[0] is expected
-
-
 def test_the_search_finds_a_small_amplitude_in_faint_noise():
     found = claims.amplitudes_without_backlash([1, 2], 0.001)
     assert found.shape == (2,)
@@ -58,14 +48,6 @@ def test_the_error_of_a_shorter_record_is_measured_against_its_own_fit_without_n
     assert errors["rms_error_rps"].max() < 1e-4
 
 
-@pytest.mark.parametrize(("ratio", "holds"), [(0.3, True), (3.0, False), (1.0, None)])
-def test_the_error_of_more_turns_is_compared_by_an_f_interval(ratio, holds):
-    errors = pd.DataFrame(
-        {"delta_rad": [1.0, 1.0], "turns": [1, 12], "rms_error_rps": [1.0, ratio]}
-    )
-    assert claims.turns_reduce_noise(errors, 40)[0] is holds
-
-
 def test_an_encoder_of_many_bits_gives_the_speed_and_one_of_few_its_steps():
     joint = identified_joint()
     fine, coarse = (encoder_recording(joint, 9e-4, bits, 0.3) for bits in (40, 12))
@@ -78,36 +60,7 @@ def test_an_encoder_of_many_bits_gives_the_speed_and_one_of_few_its_steps():
     np.testing.assert_allclose(steps, steps.round(), atol=1e-6)
 
 
-def test_the_fewest_bits_that_suffice_are_named():
-    study = pd.DataFrame({"bits": [12, 16, 19], "delta_rad": 1e-3, "change_rps": [0.1, 1e-4, 1e-5]})
-    assert claims.bits_suffice(study, 19)[0]
-    assert "16" in claims.bits_suffice(study, 19)[1]
-    assert not claims.bits_suffice(study, 12)[0]
-
-
 def test_a_large_displacement_shows_and_a_tiny_one_does_not():
     detection = claims.displacement_detection(identified_joint(), [1e-9, 1e-3], 19, 40)
     assert detection["detected"].iloc[0] < 0.3
     assert detection["detected"].iloc[1] == 1
-
-
-@pytest.mark.parametrize(
-    ("stepping", "modified", "holds"),
-    [
-        (0.01, 0.0, None),
-        (0.01, 0.02, False),
-        (0.5, 0.0, True),
-        (np.nan, 0.0, True),
-        (0.5, 0.5, None),
-    ],
-)
-def test_a_stepping_torque_is_blamed_only_where_the_smooth_one_is_sound(stepping, modified, holds):
-    study = pd.DataFrame(
-        {
-            "model": ["stepping", "modified"],
-            "delta_rad": 1e-3,
-            "step_s": 1e-4,
-            "error": [stepping, modified],
-        }
-    )
-    assert claims.discontinuities_destabilise(study)[0] is holds

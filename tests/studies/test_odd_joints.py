@@ -56,14 +56,3 @@ def test_half_turns_under_a_cascade_share_a_pattern_with_backlash_and_only_then(
         ]
         assert found[0] > 0.01
         assert found[1] < 0.01
-
-
-def test_a_log_is_drawn_again_alike_at_either_sampling():
-    bench = draw_cascade(np.random.default_rng(4))
-    for sample_s in (1e-3, 2e-3):
-        one, two = (
-            log_with_torque(bench, 1e-3, np.random.default_rng(5), sample_s) for _ in range(2)
-        )
-        assert np.array_equal(one[0].v, two[0].v)
-        assert np.array_equal(one[1], two[1])
-        assert one[0].sample_s == pytest.approx(sample_s)

@@ -80,27 +80,6 @@ def test_a_method_spends_its_budget_and_a_seed_gives_the_same_run(record, method
     assert best[0] == best[1]
 
 
-def test_every_method_has_thirty_runs_on_three_records_and_the_deterministic_one_twenty_records():
-    plan = pd.DataFrame(
-        optimizers.planned_runs(), columns=["method", "level", "realisation", "seed"]
-    )
-    assert len(plan.drop_duplicates()) == len(plan)
-    for method, part in plan.groupby("method"):
-        records = len(part.drop_duplicates(["level", "realisation"]))
-        assert (records, len(part)) == ((20, 20) if method == "DIRECT" else (3, 30))
-
-
-def test_a_swarm_is_compared_at_its_better_population():
-    rows = result("CMA-ES, population 300", "CMA-ES", 25)
-    for swarm in optimizers.SWARMS:
-        rows += result(f"{swarm}, population 300", "swarm", 3) + result(
-            f"{swarm}, its own population", "swarm", 10
-        )
-    compared = optimizers.against_swarms(optimizers.success_table(pd.DataFrame(rows)))
-    assert compared["method"].str.endswith("its own population").all()
-    assert claims.cma_beats_swarms(compared)[0] is True
-
-
 @pytest.mark.parametrize(("cma", "swarm", "holds"), [(25, 2, True), (15, 14, None), (2, 25, False)])
 def test_cma_es_beats_the_swarms_only_if_chance_is_ruled_out(cma, swarm, holds):
     rows = result("CMA-ES, population 300", "CMA-ES", cma)
@@ -108,25 +87,6 @@ def test_cma_es_beats_the_swarms_only_if_chance_is_ruled_out(cma, swarm, holds):
         rows += result(f"{name}, population 300", "swarm", swarm)
     compared = optimizers.against_swarms(optimizers.success_table(pd.DataFrame(rows)))
     assert claims.cma_beats_swarms(compared)[0] is holds
-
-
-@pytest.mark.parametrize(("found", "holds"), [((0, 1), True), ((29, 1), False), ((15, 1), None)])
-def test_one_classical_method_that_works_is_enough(found, holds):
-    rows = [
-        row for k, count in enumerate(found) for row in result(f"method {k}", "classical", count)
-    ]
-    assert claims.classical_cannot(optimizers.success_table(pd.DataFrame(rows)))[0] is holds
-
-
-@pytest.mark.parametrize(("found", "holds"), [((0, 29), True), ((1, 2), False), ((1, 15), None)])
-def test_cma_es_needs_no_tuning_if_it_succeeds_alone_or_restarted(found, holds):
-    names = ["CMA-ES, its own population", "CMA-ES, its own population, restarts doubling it"]
-    rows = [
-        row
-        for name, count in zip(names, found, strict=True)
-        for row in result(name, "CMA-ES", count)
-    ]
-    assert claims.little_tuning(optimizers.success_table(pd.DataFrame(rows)))[0] is holds
 
 
 def test_the_kept_runs_are_the_planned_ones_and_none_is_far_below_the_global_fit():

@@ -11,7 +11,7 @@ from replication.authors import load_clean
 from replication.files import ROOT
 from replication.replay import inspection, protocols, table1
 from replication.simulator.parameters import identified_joint, with_ratios
-from tests.tools.reference import simulate_amplitudes
+from studies.reference import simulate_amplitudes
 from workbook import judging
 from workbook.outcomes import load_outcomes
 

@@ -1,11 +1,8 @@
 """A wrong value of a notebook's parameter gets one sentence with what there is; sliders move the others."""
 
-import sys
-from types import ModuleType
-
 import pytest
 
-from workbook import Interval, check_parameters, sliders
+from workbook import Interval, check_parameters
 
 
 @pytest.mark.parametrize(
@@ -39,21 +36,3 @@ def test_what_is_allowed_passes():
         d=([], [Interval(0)]),
         e=(len, ("x", callable)),
     )
-
-
-@pytest.mark.parametrize("by_hand", [False, True])
-def test_a_picture_is_drawn_once_and_by_hand_has_sliders_with_their_first_values_and_ends(
-    by_hand, monkeypatch
-):
-    shown, drawn = {}, []
-    widgets = ModuleType("ipywidgets")
-    widgets.FloatSlider = lambda first, **options: (first, options["min"], options["max"])
-    widgets.interact = lambda draw, **made: shown.update(made)
-    monkeypatch.setitem(sys.modules, "ipywidgets", widgets)
-    monkeypatch.setattr("workbook.parameters.find_spec", lambda name: widgets)
-    monkeypatch.setenv("REPLICATION_OUT", "x")
-    if by_hand:
-        monkeypatch.delenv("REPLICATION_OUT")
-    sliders(lambda **values: drawn.append(values), alpha=(4.0, 3.0, 6.0), delta=(1.5, 0.3, 2.1))
-    assert drawn == [{"alpha": 4.0, "delta": 1.5}]  # stays in the saved notebook
-    assert shown == ({"alpha": (4.0, 3.0, 6.0), "delta": (1.5, 0.3, 2.1)} if by_hand else {})

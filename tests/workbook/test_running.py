@@ -1,19 +1,181 @@
-"""Many notebooks: one failure stops no other, and nothing is left behind whatever ends the run."""
+"""Notebooks in kernels: what they leave, what is said when one fails, and that nothing is left whatever ends the run."""
 
+import errno
+import hashlib
+import json
 import os
+import re
 import signal
 import subprocess
 import sys
 import time
 
+import nbformat
+import pandas as pd
 import psutil
 import pytest
 
 import workbook
 from workbook import checkout, execution, running
+from workbook.checkout import notebook_files
 
-GOOD = "# %%\nprint('done')\n"
-BAD = "# %%\n1 / 0\n"
+GOOD = """# %% tags=["parameters"]
+repeats = 30
+
+# %%
+import pandas as pd
+import workbook
+table = pd.DataFrame({"repeats": [repeats]})
+cells = {"authors": {"text.runs": repeats}}
+workbook.export(tables={"small": table}, supplement={"b": (table, "Of x.")}, pages={"c": {"x": [1]}}, cells=cells)
+print("done")
+"""
+BAD = "\n# %%\n1 / 0\n"
+LEFT = [
+    "notebooks/small.ipynb",
+    "results/outcomes/small.json",
+    "results/pages/c.json",
+    "results/small.csv",
+]
+FIRST = workbook.ROOT / "notebooks" / "05_signature_figure6.py"
+
+
+@pytest.fixture
+def notebook(tmp_path):
+    """Write a notebook's source, return its path."""
+
+    def write(text, name="small"):
+        source = tmp_path / "notebooks" / f"{name}.py"
+        source.parent.mkdir(exist_ok=True)
+        source.write_text(text, "utf-8")
+        return source
+
+    return write
+
+
+@pytest.fixture
+def out(tmp_path):
+    return tmp_path / "out"
+
+
+def bytes_below(folder):
+    files = (path for path in folder.rglob("*") if path.is_file())
+    return {str(path.relative_to(folder)): path.read_bytes() for path in files}
+
+
+def cells_of(path):
+    return nbformat.read(path, as_version=4).cells
+
+
+def test_an_executed_notebook_leaves_itself_what_it_exports_and_what_it_was_made_from(
+    notebook, out
+):
+    read = "from replication import published\npublished.value('text.runs')\n"
+    source = notebook(f"{GOOD}\n# %%\n{read}random_seed, seeds, reseed = 7, range(1, 4), 1.5\n")
+    execution.execute(source, destination=out)
+    assert sorted(bytes_below(out)) == sorted([*LEFT, "results/supplement/b.csv"])
+    assert cells_of(out / LEFT[0])[1].outputs[-1].text == "done\n"
+    outcome = json.loads((out / LEFT[1]).read_text("utf-8"))
+    assert outcome["files"] == ["small.csv", "supplement/b.csv", "pages/c.json"]
+    sources = outcome["made_from"]["sources"]
+    needed = {
+        "small.py",
+        "requirements.lock",
+        "replication/published.py",
+        "replication/data/cells.csv",
+    }
+    assert needed <= set(sources)
+    assert "replication/search.py" not in sources
+    assert outcome["made_from"]["seeds"] == {"random_seed": 7, "seeds": "range(1, 4)"}
+    for name, digest in sources.items():
+        path = source if name == "small.py" else workbook.ROOT / name
+        assert hashlib.sha256(path.read_bytes()).hexdigest() == digest
+
+
+@pytest.mark.slow
+def test_two_runs_of_a_notebook_give_the_same_bytes_and_the_committed_texts(authors_data, tmp_path):
+    for name in ("one", "two"):
+        execution.execute(FIRST, destination=tmp_path / name)
+    assert bytes_below(tmp_path / "one") == bytes_below(tmp_path / "two")
+    here, committed = (
+        [
+            (cell.source, [o["data"]["text/plain"] for o in cell.get("outputs", []) if "data" in o])
+            for cell in cells_of(folder / FIRST.with_suffix(".ipynb").name)
+        ]
+        for folder in (tmp_path / "one" / "notebooks", FIRST.parent)
+    )
+    assert here == committed
+
+
+def full(*_):
+    raise OSError(errno.ENOSPC, "No space left on device")
+
+
+STALLED = r"small\.py, cell 1: no progress for .* minutes \(STALL_MINUTES"
+KILLED = (
+    "import os\nfrom joblib import Parallel, delayed\nParallel(2)([delayed(os._exit)(9)] * 2)\n"
+)
+
+
+@pytest.mark.parametrize(
+    ("text", "said", "options"),
+    [
+        (GOOD.replace("[repeats]", "[99]") + BAD, r"small\.py, cell 3: ZeroDivisionError", {}),
+        (GOOD + "workbook.export(tables={'other': table})\n", "export is called again", {}),
+        ("# %%\nimport time\ntime.sleep(60)\n", STALLED, {"stall_s": 3}),
+        ("# %%\nx = 1\n\n# %%\nimport os\nos._exit(1)\n", "cell 2: the kernel died", {}),
+        (f"# %%\n{KILLED}", "cell 1: TerminatedWorkerError", {}),
+        (GOOD.replace("[repeats]", "[99]"), "No space left", {}),
+    ],
+)
+def test_what_fails_is_named_and_leaves_the_last_results(
+    notebook, out, text, said, options, monkeypatch
+):
+    (out / "results").mkdir(parents=True)
+    (out / "results" / "small.csv").write_text("repeats\n30\n", "utf-8")
+    before = bytes_below(out)
+    if said == "No space left":
+        monkeypatch.setattr(execution.nbformat, "write", full)
+    with pytest.raises((execution.NotebookFailed, OSError), match=said):
+        execution.execute(notebook(text), destination=out, **options)
+    assert bytes_below(out) == before
+
+
+def test_what_a_failed_run_got_to_is_kept_apart_and_is_no_notebook(notebook, out):
+    source = notebook(GOOD + BAD, "01_small")
+    with pytest.raises(execution.NotebookFailed, match="cell 3"):
+        execution.execute(source, destination=out)
+    assert cells_of(source.parent / "partial" / "01_small.ipynb")[1].outputs[-1].text == "done\n"
+    assert notebook_files("ipynb", source.parent) == {}
+
+
+@pytest.mark.slow
+def test_a_cell_may_take_as_long_as_it_makes_progress(notebook, out):
+    steps = "for _ in tqdm(range(40), mininterval=0):\n    time.sleep(0.5)\n"
+    source = notebook("# %%\nimport time\nfrom tqdm import tqdm\n" + steps)
+    execution.execute(source, stall_s=15, destination=out)
+    assert cells_of(out / "notebooks" / "small.ipynb")[0].outputs == []
+
+
+def test_missing_data_are_told_from_a_failure(notebook, out):
+    text = "# %%\nfrom replication import authors\nauthors.authors_file('Speeddata99.xlsx')\n"
+    with pytest.raises(execution.NotebookNotRun, match=r"small: not run: Speeddata99\.xlsx"):
+        execution.execute(notebook(text), destination=out)
+    assert bytes_below(out) == {}
+
+
+def test_a_quick_run_uses_the_quick_parameters_and_an_unknown_one_is_refused(notebook, out):
+    header = "# ---\n# jupyter:\n#   replication:\n#     quick: {repeats: 3}\n# ---\n\n"
+    execution.execute(notebook(header + GOOD), quick=True, destination=out)
+    assert pd.read_csv(out / "results" / "small.csv")["repeats"].tolist() == [3]
+    with pytest.raises(ValueError, match=re.escape("no such parameter: repeat; there are repeats")):
+        execution.execute(notebook(GOOD), destination=out, parameters={"repeat": 3})
+
+
+# ---------------------------------------------------------------------------------------------------------------
+# Many notebooks
+
+DONE = "# %%\nprint('done')\n"
 # Starts a worker pool as the fits do, says which processes there are, and waits.
 LONG = """# %%
 import os
@@ -69,7 +231,7 @@ def wait_until(condition, seconds=60):
 def started(notebooks, tmp_path):
     """Start a run, of a notebook that ends and one that does not, in a process of its own; wait for its workers."""
     pids = tmp_path / "pids"
-    notebooks(first=GOOD, second=LONG.format(pids=str(pids)))
+    notebooks(first=DONE, second=LONG.format(pids=str(pids)))
     processes = []
 
     def start(shell=False):
@@ -93,14 +255,11 @@ def started(notebooks, tmp_path):
 
 
 def test_a_failing_notebook_does_not_keep_the_others_from_running(notebooks, tmp_path, capsys):
-    sources = notebooks(bad=BAD, good=GOOD, later=GOOD)
+    sources = notebooks(bad="# %%\n1 / 0\n", good=DONE)
     endings = running.run_notebooks(sources, tmp_path / "out", stamps=tmp_path / ".make")
-    assert [ending.how for ending in endings] == ["failed", "done", "done"]
+    assert [ending.how for ending in endings] == ["failed", "done"]
     assert "bad.py, cell 1: ZeroDivisionError" in capsys.readouterr().err
-    assert sorted(path.name for path in (tmp_path / ".make").glob("*.done")) == [
-        "good.done",
-        "later.done",
-    ]
+    assert [path.name for path in (tmp_path / ".make").glob("*.done")] == ["good.done"]
 
 
 def test_without_the_authors_files_a_notebook_runs_on_our_records_apart(notebooks, tmp_path):
@@ -127,14 +286,6 @@ def test_a_second_run_in_one_checkout_says_who_runs(tmp_path):
 
 def test_workers_are_no_more_than_memory_and_cores_allow():
     assert [execution.count_workers(2**k, cores=8) for k in (28, 31, 40)] == [1, 4, 8]
-
-
-def test_a_source_that_changes_while_its_notebook_runs_is_newer_than_the_stamp(notebooks, tmp_path):
-    change = f"# %%\nfrom pathlib import Path\nPath({str(tmp_path / 'source')!r}).write_text('changed')\n"
-    running.run_notebooks(notebooks(first=change), tmp_path / "out", stamps=tmp_path / ".make")
-    assert (tmp_path / ".make" / "first.done").stat().st_mtime < (
-        tmp_path / "source"
-    ).stat().st_mtime
 
 
 @pytest.mark.slow
@@ -175,14 +326,6 @@ def test_what_a_killed_run_left_half_done_is_removed_by_the_next(started, notebo
     process.kill()
     process.wait()
     assert list((tmp_path / "out").glob(".staging-*"))
-    second = notebooks(second=GOOD)
+    second = notebooks(second=DONE)
     assert [ending.how for ending in running.run_notebooks(second, tmp_path / "out")] == ["done"]
     assert not list((tmp_path / "out").glob(".staging-*"))
-
-
-def test_count_and_time_left_are_read_off_a_progress_bar():
-    assert (
-        execution.count_and_time_left("fits:  45%|####  | 45/100 [00:10<00:12, 4.4it/s]")
-        == "45/100, 00:12 left"
-    )
-    assert execution.count_and_time_left("no bar") == ""

@@ -46,7 +46,6 @@ def render_report(results: Path, notebooks: Path, verdicts: pd.DataFrame, apart:
         times={row["notebook"]: row for row in _rows(results, "notebook_times")},
         explorers=pages.explorers(results),
         datasheet=_rows(results, "datasheet"),
-        sensitivity=pages.load_drawn(results, "sensitivity"),
         titles={name: pages.headings(found)[0] for name, found in executed.items()},
         versions=_versions(results),
         stale=provenance.stale(results),

@@ -20,7 +20,7 @@ from replication.simulator.parameters import identified_joint
 from replication.simulator.recordings import simulate_recordings
 from replication.simulator.simulate import simulate, simulate_many
 from replication.table2 import theoretical_amplitudes
-from tests.tools.reference import solve_ivp_speed_rps
+from studies.reference import solve_ivp_speed_rps
 
 PROTOCOL = Protocol()
 RUN = ROOT / "results" / "run.json"
