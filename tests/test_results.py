@@ -71,7 +71,7 @@ def test_table_2_has_thirty_runs_on_each_of_five_realisations():
         np.testing.assert_allclose(both[ours], both[again], rtol=1e-4, atol=1e-6)
 
 
-def test_the_lowest_rmse_solutions_are_as_far_from_the_printed_means_as_ever():
+def test_frozen_numbers_the_lowest_rmse_solutions_are_as_far_from_the_printed_means_as_ever():
     """Worst row and rms over the rows in percent, for each realisation: R = 1 and 2 are the closest."""
     table = pd.read_csv(RESULTS / "table2.csv")
     error = table.assign(error=table2.error_percent(table, "best_A_rps")).pivot(

@@ -1,6 +1,5 @@
 import gzip
 import sys
-from io import BytesIO, TextIOWrapper
 
 import numpy as np
 import pandas as pd
@@ -33,11 +32,6 @@ def test_what_a_compressed_text_unpacks_to_is_bounded(tmp_path, monkeypatch):
     assert "MiB that are read; cut it to the test movement" in refusal(path)
 
 
-def test_text_is_read_from_standard_input(monkeypatch):
-    monkeypatch.setattr(sys, "stdin", TextIOWrapper(BytesIO(text().encode())))
-    assert_is_plain(open_log("-", TURN).recording)
-
-
 @pytest.mark.parametrize(
     "first",
     [b"\x89HDF\r\n\x1a\n", b"MATLAB 5.0", b"MDF     4.10", b"\x89MCAP0\r\n", b"#ROSBAG V2.0\n"],
@@ -66,20 +60,6 @@ def test_a_missing_library_is_named_with_what_installs_it_and_a_broken_file_as_b
 # Time stamps, and tables of another shape
 
 
-@pytest.mark.parametrize(
-    ("header", "row"),
-    [
-        ("Zeit;Drehzahl [U/min]", "17.03.2024 12:00:0{t:.3f};{rpm:.3f}"),
-        ("time;speed", "12:00:0{t:.3f};{v:.5f}"),
-    ],
-)
-def test_dates_and_numbers_with_decimal_commas_are_read(header, row, tmp_path):
-    path = tmp_path / "log.csv"
-    dates, dots = text(header, row), "17.03.2024"
-    path.write_text(dates.replace(dots, "@").replace(".", ",").replace("@", dots), encoding="utf-8")
-    assert_is_plain(read(path))
-
-
 @pytest.mark.parametrize(("power", "unit"), [(9, "ns"), (6, "us"), (3, "ms"), (0, None)])
 def test_stamps_since_1970_are_read_by_their_size(power, unit):
     stamps = (
@@ -90,14 +70,6 @@ def test_stamps_since_1970_are_read_by_their_size(power, unit):
     log = open_log(pd.DataFrame({"timestamp": stamps, "speed_rps": noisy().v}), TURN)
     assert_is_plain(log.recording)
     assert log.notes == ((f"time stamps read in {unit}",) if unit else ())
-
-
-@pytest.mark.parametrize("names", [("sec", "nanosec"), ("secs", "nsecs")])
-def test_a_stamp_in_seconds_and_nanoseconds_is_read_as_one(names):
-    ns = 1_710_000_000_999_000_000 + np.rint(1e9 * noisy().t).astype("int64")
-    stamp = {f"header.stamp.{names[0]}": ns // 10**9, f"header.stamp.{names[1]}": ns % 10**9}
-    frame = pd.DataFrame({"header.seq": np.arange(ns.size), **stamp, "velocity[0]": noisy().v})
-    assert_is_plain(read(frame))
 
 
 def test_of_a_robots_joints_the_user_is_asked_for_one():

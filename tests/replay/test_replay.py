@@ -1,14 +1,9 @@
-from base64 import b64decode
-from itertools import islice
-
 import numpy as np
 import pandas as pd
 import pytest
 
 from replication import published
-from replication.identify import paper_search, protocol_box
 from replication.replay import replay
-from replication.table2 import AUTHORS_PROTOCOL
 from workbook import ROOT
 
 UNTIL = 20  # generation up to which no run may part
@@ -86,26 +81,3 @@ def test_a_difference_and_a_run_that_parts_are_seen(ours):
     two = replay.compare_ends(changed).set_index("run").loc[2]
     assert (two["agrees_until"], two["parts_by"]) == (36, 44)
     assert two["difference_rps"] == pytest.approx(1e-6, rel=1e-3)
-
-
-def test_a_frame_holds_the_distribution_that_a_generation_is_drawn_from(ours, record_12):
-    one = ours[ours["run"] == 2]
-    frame = b64decode(replay.replay_frames(record_12, one).set_index("generation").loc[10, "frame"])
-    now = next(
-        islice(paper_search(record_12, AUTHORS_PROTOCOL, int(one["cma_seed"].iloc[0])), 9, None)
-    )
-    box, state = protocol_box(record_12, AUTHORS_PROTOCOL), now.before
-    width = box.upper - box.lower
-    assert np.frombuffer(frame, "<f8", 2).tolist() == [now.misfits.min(), state.sigma]
-    mean, std = np.frombuffer(frame, "<f4", 14, 16).reshape(2, 7)
-    assert mean == pytest.approx((state.m - box.lower) / width, rel=1e-6)
-    assert std == pytest.approx(state.std / width, rel=1e-6)
-    axes = np.frombuffer(frame, "i1", 49, 72).reshape(7, 7) / 127
-    covariance = state.sigma**2 * state.C * np.outer(state.unit, state.unit)
-    assert axes @ axes.T == pytest.approx(covariance / np.outer(state.std, state.std), abs=0.02)
-    better = np.unpackbits(
-        np.frombuffer(frame, "u1", offset=121), count=AUTHORS_PROTOCOL.population
-    )
-    assert np.flatnonzero(better).tolist() == sorted(
-        now.ranking[: AUTHORS_PROTOCOL.population // 2]
-    )

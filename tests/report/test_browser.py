@@ -47,17 +47,6 @@ def test_nothing_makes_a_page_wider_than_the_screen(tab, site):
             assert page.evaluate("document.documentElement.scrollWidth") <= width, file.name
 
 
-def test_a_cell_is_opened_and_closed_by_keyboard_alone(tab, site):
-    page = tab(site / "report.html")
-    page.locator("[id='table2.row03.sd']").focus()
-    page.keyboard.press("Enter")
-    about = page.locator("[id='about-table2.row03.sd']")
-    assert about.is_visible()
-    assert "0.0138" in about.inner_text()
-    page.keyboard.press("Escape")
-    assert not about.is_visible()
-
-
 def test_the_signature_explorer_computes_the_misfit_of_the_package(tab, site):
     page = tab(site / "pages" / "signature_explorer.html")
     drawn = load_drawn(RESULTS, "signature_explorer")

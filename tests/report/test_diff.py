@@ -2,13 +2,11 @@
 
 import json
 import shutil
-import subprocess
 
 import pandas as pd
 import pytest
 
 from replication import published
-from workbook.__main__ import main
 from workbook.checkout import RESULTS
 from workbook.report import diff
 
@@ -59,16 +57,3 @@ def test_results_that_are_broken_or_not_there_are_refused_in_one_line(results, b
     with pytest.raises(diff.NotComparable, match=why) as refusal:
         diff.list_changes(results, VERDICTS, CLAIMS)
     assert "\n" not in str(refusal.value)
-
-
-def test_the_command_asks_git_first_and_exits_with_1_and_one_line_where_nothing_is_committed(
-    monkeypatch, capsys
-):
-    def refuse(name):
-        raise diff.NotComparable(f"results/{name}: no committed copy")
-
-    monkeypatch.setattr(diff, "committed_table", refuse)
-    answers = ["no git", "## main\n M results/verdicts.csv", "## main"]
-    monkeypatch.setattr(subprocess, "getoutput", lambda _: answers.pop())
-    for ended in (0, 1, 1):
-        assert main(["diff"]) == capsys.readouterr().err.count("\n") == ended

@@ -60,16 +60,6 @@ def test_arrays_a_table_a_file_and_a_log_that_was_read_have_one_answer(tmp_path)
     assert str(answers[0]).startswith("log: backlash 0.")
 
 
-def test_positions_are_said_to_be_positions():
-    record = noisy()
-    turns = np.cumsum(record.v) * 2e-3
-    how = {"turn_period_s": 0.4, "unit": "rps", "method": "energy"}
-    found = backlash.estimate(record.t, turns, position=True, **how)
-    assert found.backlash_rad == pytest.approx(
-        backlash.estimate(record.t, record.v, **how).backlash_rad, rel=0.05
-    )
-
-
 def test_results_are_ready_for_json_and_cannot_be_changed(tmp_path):
     log = backlash.read_log(write(noisy(), tmp_path / "log.csv"), turn_period_s=0.4)
     logs = [table(noisy(delta, seed=k)) for k, delta in enumerate(KNOWN_RAD)]

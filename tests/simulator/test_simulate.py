@@ -299,16 +299,12 @@ def test_the_torque_limit_holds(joint):
     ("changes", "word"),
     [
         ({"motor_inertia_kgm2": -1e-5}, "motor_inertia_kgm2"),
-        ({"load_inertia_kgm2": 0.0}, "load_inertia_kgm2"),
         ({"stiffness_nm_per_rad": math.nan}, "stiffness_nm_per_rad"),
         ({"alpha_per_rad": math.inf}, "clamped"),
-        ({"damping_nms_per_rad": -1.0}, "damping_nms_per_rad"),
-        ({"control_delay_periods": -1}, "control_delay_periods"),
         ({"control_delay_periods": 0.5}, "control_delay_periods"),
         ({"torque_limit_nm": 0.0}, "torque_limit_nm"),
         ({"lead_s": 1.23e-4}, "lead_s"),
         ({"speed_gain_nms_per_rad": 1.0}, "unstable"),
-        ({"torque_lag_s": 1e-7}, "step_s"),
         ({"stiffness_nm_per_rad": 1e8}, "step_s"),
     ],
 )
@@ -321,7 +317,6 @@ def test_a_bad_parameter_is_refused_by_name(joint, changes, word):
     ("arguments", "word"),
     [
         ({"delta_rad": 4.0}, "turn"),
-        ({"delta_rad": -1e-4}, "delta_rad"),
         ({"delta_rad": math.nan}, "delta_rad"),
         ({"step_s": 5e-4}, "step_s"),
         ({"step_s": 3e-5}, "control_period_s"),
