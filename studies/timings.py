@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Callable, Sequence
+from functools import partial
 from time import perf_counter
 
 import cma
@@ -164,7 +165,7 @@ def bench_simulator(repeats: int = 11) -> pd.DataFrame:
     theirs = np.abs(speeds[0] - converged).max()
     levels = [1e-4 * (2 * k - 1) for k in range(2, 12)]
     two, one = (
-        median_seconds(lambda n=n: simulate_many(joint, levels, threads=n), repeats) for n in (2, 1)
+        median_seconds(partial(simulate_many, joint, levels, threads=n), repeats) for n in (2, 1)
     )
     rows = [
         (
@@ -192,7 +193,7 @@ def bench() -> pd.DataFrame:
     Raises
     ------
     DataUnavailable, DataCorrupt
-        See `data.authors.authors_file`.
+        See `replication.authors.authors_file`.
     """
     noise = published.column("Table 2", "noise")
     clean = simulate_recordings(identified_joint(), list(theoretical_amplitudes()))
