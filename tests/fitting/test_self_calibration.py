@@ -19,6 +19,8 @@ from replication.standins.joints import draw_bench, encoder_log
 from studies.odd_joints import KINDS, draw_cascade, draw_odd_log, move_bench
 from studies.shared_joint import share_joint
 
+SLOW = pytest.mark.slow
+
 
 @lru_cache
 def bench_log(seed: int = 5, delta_rad: float = 9e-4):
@@ -201,6 +203,7 @@ def test_logs_of_one_joint_tell_it_together():
     assert together.mean() < 0.8 * alone.mean()
 
 
+@pytest.mark.slow
 def test_a_turn_of_almost_three_seconds_is_fitted():
     rng = np.random.default_rng(9)
     bench = move_bench(draw_bench(rng), 100.0, 2.9)
@@ -220,14 +223,12 @@ def test_a_low_passed_speed_is_refused_by_its_noise(edge_hz):
     assert "low-passed" in found.refusal_reason
 
 
-def test_a_joint_far_from_what_is_known_is_no_answer():
-    refused = 0
-    for seed in range(3):
-        rng = np.random.default_rng(seed)
-        while (bench := draw_cascade(rng)).joint.turn_period_s > 1:
-            pass
-        refused += fit_joint(encoder_log(bench, 9e-4, rng)).refusal_reason != ""
-    assert refused == 3
+@pytest.mark.parametrize("seed", [0, pytest.param(1, marks=SLOW), pytest.param(2, marks=SLOW)])
+def test_a_joint_far_from_what_is_known_is_no_answer(seed):
+    rng = np.random.default_rng(seed)
+    while (bench := draw_cascade(rng)).joint.turn_period_s > 1:
+        pass
+    assert fit_joint(encoder_log(bench, 9e-4, rng)).refusal_reason
 
 
 def test_an_interval_widens_without_a_jump():

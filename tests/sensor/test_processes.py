@@ -6,13 +6,14 @@ import signal
 import subprocess
 import sys
 import time
+from io import BytesIO, TextIOWrapper
 
 import pytest
 
 from backlash import fleet
 from backlash.reading.columns import LogFormat
 from backlash.settings import settings_for
-from tests.logs import noisy, write
+from tests.logs import command, noisy, write
 from workbook import ROOT
 
 PIPES = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
@@ -81,7 +82,11 @@ def test_an_interrupted_run_from_python_writes_no_log_down_as_unusable(tmp_path,
 
 
 @pytest.mark.parametrize(
-    "arguments", [("estimate", "--help"), ("estimate", "LOG", "--gear-ratio", "40", "--json")]
+    "arguments",
+    [
+        pytest.param(("estimate", "--help"), marks=pytest.mark.slow),
+        ("estimate", "LOG", "--gear-ratio", "40", "--json"),
+    ],
 )
 def test_a_reader_that_has_seen_enough_makes_no_noise(arguments, tmp_path):
     log = write(noisy(), tmp_path / "log.csv")
@@ -98,12 +103,15 @@ def test_the_standard_input_is_a_log(tmp_path):
             "estimate", "-", "--turn-period", "0.4", "--method", "energy", stdin=stdin
         )
         assert process.communicate(timeout=300)[0].startswith("-: backlash 0.")
-    process = started("estimate", "-", "--turn-period", "0.4", stdin=subprocess.DEVNULL)
-    assert process.communicate(timeout=300) == ("", "-: the file is empty; export the log again\n")
-    assert process.returncode == 2
 
 
-@pytest.mark.parametrize("closing", [">/dev/full", ">&-"])
+def test_an_empty_standard_input_is_refused(monkeypatch, capsys):
+    monkeypatch.setattr(sys, "stdin", TextIOWrapper(BytesIO(b"")))
+    assert command("estimate - --turn-period 0.4") == 2
+    assert capsys.readouterr() == ("", "-: the file is empty; export the log again\n")
+
+
+@pytest.mark.parametrize("closing", [">/dev/full", pytest.param(">&-", marks=pytest.mark.slow)])
 def test_an_answer_that_cannot_be_written_is_one_line(closing, tmp_path):
     log = write(noisy(), tmp_path / "log.csv")
     command = (

@@ -11,13 +11,11 @@ def test_an_unknown_study_is_one_line_that_names_those_that_there_are(capsys):
         assert said.count("\n") == 1
 
 
-@pytest.mark.parametrize("name", ["identify-joint", "claims", "protocols"])
+@pytest.mark.parametrize("name", ["identify-joint", "claims"])
 def test_a_study_without_its_data_says_so_in_one_line_and_writes_nothing(
     name, tmp_path, monkeypatch, capsys
 ):
     monkeypatch.setenv("BACKLASH_DATA", str(tmp_path))
-    # Else the pins would stay in this process.
-    monkeypatch.setattr(studies, "pinned_environment", dict)
     monkeypatch.setattr(studies, "write_csv", lambda *_: pytest.fail("written"))
     monkeypatch.setattr(studies, "write_text", lambda *_: pytest.fail("written"))
     assert studies.main([name]) == 2
