@@ -262,6 +262,7 @@ def test_a_failing_notebook_does_not_keep_the_others_from_running(notebooks, tmp
     assert [path.name for path in (tmp_path / ".make").glob("*.done")] == ["good.done"]
 
 
+@pytest.mark.slow
 def test_without_the_authors_files_a_notebook_runs_on_our_records_apart(notebooks, tmp_path):
     text = "# %%\nfrom replication.authors import load_clean\nprint(load_clean(12).source)\n"
     with pytest.MonkeyPatch.context() as patch:
