@@ -329,7 +329,7 @@ def test_whatever_the_table_there_is_an_answer_or_a_refusal_and_never_a_nan(data
         assert "\n" not in str(error)  # noqa: PT017
 
 
-@pytest.mark.parametrize("turn_s", [0.4, 1.0, 2.0])
+@pytest.mark.parametrize("turn_s", [0.4, pytest.param(1.0, marks=pytest.mark.slow), 2.0])
 def test_a_healthy_joint_has_no_backlash_in_any_movement(turn_s):
     rng = np.random.default_rng(21)
     log = encoder_log(move_bench(draw_bench(rng), 80.0 * turn_s, turn_s), 0.0, rng)
