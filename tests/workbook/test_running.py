@@ -32,7 +32,7 @@ from pathlib import Path
 from workbook import running
 folder = Path({folder!r})
 try:
-    running.run_notebooks(sorted(folder.glob("*.py")), folder / "out", stamps=folder / ".make", watched={watched})
+    running.run_notebooks(sorted(folder.glob("*.py")), folder / "out", watched={watched})
 except KeyboardInterrupt:
     sys.exit(130)
 """
@@ -56,6 +56,11 @@ def alive(pids):
         for pid in pids
         if psutil.pid_exists(pid) and psutil.Process(pid).status() != psutil.STATUS_ZOMBIE
     ]
+
+
+def ran(folder):
+    """Notebooks that a run has noted as run."""
+    return sorted(path.stem for path in (folder / "out" / ".make").glob("*.ran"))
 
 
 def wait_until(condition, seconds=60):
@@ -84,7 +89,7 @@ def started(notebooks, tmp_path):
             command, env=environment, stderr=subprocess.PIPE, start_new_session=True
         )
         processes.append(process)
-        wait_until(lambda: pids.exists() and (tmp_path / ".make" / "first.done").exists())
+        wait_until(lambda: pids.exists() and ran(tmp_path) == ["first"])
         return process, [int(pid) for pid in pids.read_text().split()]
 
     yield start
@@ -94,13 +99,10 @@ def started(notebooks, tmp_path):
 
 def test_a_failing_notebook_does_not_keep_the_others_from_running(notebooks, tmp_path, capsys):
     sources = notebooks(bad=BAD, good=GOOD, later=GOOD)
-    endings = running.run_notebooks(sources, tmp_path / "out", stamps=tmp_path / ".make")
+    endings = running.run_notebooks(sources, tmp_path / "out")
     assert [ending.how for ending in endings] == ["failed", "done", "done"]
     assert "bad.py, cell 1: ZeroDivisionError" in capsys.readouterr().err
-    assert sorted(path.name for path in (tmp_path / ".make").glob("*.done")) == [
-        "good.done",
-        "later.done",
-    ]
+    assert ran(tmp_path) == ["good", "later"]
 
 
 def test_without_the_authors_files_a_notebook_runs_on_our_records_apart(notebooks, tmp_path):
@@ -129,14 +131,6 @@ def test_workers_are_no_more_than_memory_and_cores_allow():
     assert [execution.count_workers(2**k, cores=8) for k in (28, 31, 40)] == [1, 4, 8]
 
 
-def test_a_source_that_changes_while_its_notebook_runs_is_newer_than_the_stamp(notebooks, tmp_path):
-    change = f"# %%\nfrom pathlib import Path\nPath({str(tmp_path / 'source')!r}).write_text('changed')\n"
-    running.run_notebooks(notebooks(first=change), tmp_path / "out", stamps=tmp_path / ".make")
-    assert (tmp_path / ".make" / "first.done").stat().st_mtime < (
-        tmp_path / "source"
-    ).stat().st_mtime
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGINT, signal.SIGTERM])
 def test_when_the_run_ends_so_does_all_that_it_started(started, tmp_path, number):
@@ -145,8 +139,7 @@ def test_when_the_run_ends_so_does_all_that_it_started(started, tmp_path, number
     process.send_signal(number)
     assert process.wait(60) == (-number if number == signal.SIGKILL else 130)
     wait_until(lambda: not alive(pids))
-    assert (tmp_path / ".make" / "first.done").exists()
-    assert not (tmp_path / ".make" / "second.done").exists()
+    assert ran(tmp_path) == ["first"]
     assert not (tmp_path / "out" / "notebooks" / "second.ipynb").exists()
 
 
