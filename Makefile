@@ -29,8 +29,8 @@ quick: .venv/.installed  ## the same figures from few repeats, into results/quic
 	$(RUN) report --quick
 	$(RUN) check --quick || true
 
-test: .venv/.installed  ## the tests, on the committed results, but for the slow ones
-	$(PYTEST) -m "not slow" $(CHANGES:%=--ignore %)
+test: .venv/.installed  ## the tests, on the committed results, but for the slow ones; ONLY=data: those that need files
+	$(PYTEST) -m "$(if $(ONLY),$(ONLY) and )not slow" $(CHANGES:%=--ignore %)
 
 slow: .venv/.installed  ## the slow tests: notebooks executed again, browsers, long searches
 	$(PYTEST) -m slow $(CHANGES:%=--ignore %)
@@ -64,10 +64,11 @@ studies: .venv/.installed  ## slow studies whose tables are kept: make studies N
 
 # NumPy without SIMD and numba for a generic processor; of the kernels, Katmai (Prescott) needs no AVX.
 KERNELS ?= Haswell Prescott
+WHICH ?= portable
 portable: .venv/.installed  ## the tests that compute, and the cheap notebooks' verdicts, as on other processors
 	@simd="$$($(PY) -c 'import numpy; s = numpy.show_config("dicts")["SIMD Extensions"]; print(*s.get("found", []), *s.get("not found", []))')"; \
 	for kernel in $(KERNELS); do \
-	  OPENBLAS_CORETYPE=$$kernel NUMBA_CPU_NAME=generic NPY_DISABLE_CPU_FEATURES="$$simd" $(PYTEST) -m portable || exit 1; \
+	  OPENBLAS_CORETYPE=$$kernel NUMBA_CPU_NAME=generic NPY_DISABLE_CPU_FEATURES="$$simd" $(PYTEST) -m "$(WHICH)" || exit 1; \
 	done
 
 data: .venv/.installed  ## fetch and verify the authors' data

@@ -8,9 +8,11 @@ import time
 
 import psutil
 import pytest
+from matplotlib import get_cachedir
 
 import workbook
 from workbook import checkout, execution, running
+from workbook.checkout import notebook_files
 
 GOOD = "# %%\nprint('done')\n"
 BAD = "# %%\n1 / 0\n"
@@ -116,6 +118,24 @@ def test_without_the_authors_files_a_notebook_runs_on_our_records_apart(notebook
     text = made.read_text("utf-8")
     assert "On our simulated records" in text
     assert "simulated joint" in text
+
+
+def changed_files():
+    """What differs from the last commit, in full."""
+    return subprocess.run(["git", "diff"], cwd=workbook.ROOT, capture_output=True, check=True).stdout
+
+
+@pytest.mark.slow
+def test_without_data_and_network_every_notebook_runs_and_nothing_committed_changes(
+    tmp_path, monkeypatch
+):
+    monkeypatch.delenv("BACKLASH_DATA")
+    monkeypatch.setenv("MPLCONFIGDIR", get_cachedir())  # its list of fonts takes seconds
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    before = changed_files()
+    endings = running.run_notebooks([*notebook_files("py").values()], tmp_path / "out", quick=True)
+    assert {ending.how for ending in endings} == {"done", "simulated"}
+    assert changed_files() == before
 
 
 def test_a_second_run_in_one_checkout_says_who_runs(tmp_path):
