@@ -241,6 +241,8 @@ jobs = product([leader], protocols.ROWS, first, [protocols.STUDY_SEED], [draw_no
 own = pd.DataFrame(table2.in_parallel(protocols.realise, jobs, "kept realisations"))
 study = pd.read_csv(protocols.REALISATIONS)
 kept = study[study["protocol"] == protocols.LEADER]
+
+# %%
 digits_here, digits_kept = (
     part.set_index(["row", "realisation"]).drop(columns="protocol").map("{:.6g}".format)
     for part in (own, kept)

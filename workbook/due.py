@@ -6,43 +6,44 @@ from collections.abc import Sequence
 from functools import cache
 from pathlib import Path
 
-from replication.files import ROOT
+from replication.files import ROOT, write_text
 from workbook.checkout import notebook_files
 
 
 def due(sources: Sequence[Path], destination: Path) -> list[Path]:
     """Choose the notebooks to run so that a folder's results are this checkout's own and of its sources."""
+    changed = stale(destination / "results")
     return [
         source
         for source in sources
-        if not _marker(source.stem, destination).exists()
-        or not _outcome(source.stem, destination / "results").exists()
-        or _changed(_outcome(source.stem, destination / "results"))
+        if source.stem in changed or not _marker(source.stem, destination).exists()
     ]
 
 
 def mark_as_run(name: str, destination: Path, begun: float) -> None:
     """Note that this checkout has run a notebook, unless a source of it was changed meanwhile."""
-    sources = _sources(_outcome(name, destination / "results"))
-    if not any((ROOT / file).stat().st_mtime > begun for file in sources if (ROOT / file).exists()):
-        marker = _marker(name, destination)
-        marker.parent.mkdir(exist_ok=True)
-        marker.touch()
+    files = [
+        ROOT / file for file in _sources(destination / "results" / "outcomes" / f"{name}.json")
+    ]
+    if not any(file.stat().st_mtime > begun for file in files if file.exists()):
+        write_text(_marker(name, destination), "")
 
 
 def stale(results: Path) -> dict[str, list[str]]:
     """Find the notebooks whose sources have changed since their results were made, and which."""
-    outcomes = {name: _outcome(name, results) for name in notebook_files("py")}
-    found = {name: _changed(file) for name, file in outcomes.items() if file.exists()}
-    return {name: changed for name, changed in found.items() if changed}
+    there = notebook_files("py")
+    found = {
+        outcome.stem: [
+            name for name, digest in _sources(outcome).items() if _digest(name) != digest
+        ]
+        for outcome in sorted((results / "outcomes").glob("*.json"))
+        if outcome.stem in there
+    }
+    return {notebook: changed for notebook, changed in found.items() if changed}
 
 
 def _marker(name: str, destination: Path) -> Path:
     return destination / ".make" / f"{name}.ran"
-
-
-def _outcome(name: str, results: Path) -> Path:
-    return results / "outcomes" / f"{name}.json"
 
 
 def _sources(outcome: Path) -> dict[str, str]:
@@ -50,11 +51,7 @@ def _sources(outcome: Path) -> dict[str, str]:
     return json.loads(outcome.read_text("utf-8"))["made_from"]["sources"]
 
 
-def _changed(outcome: Path) -> list[str]:
-    return [name for name, digest in _sources(outcome).items() if _digest_now(name) != digest]
-
-
 @cache
-def _digest_now(name: str) -> str:
+def _digest(name: str) -> str:
     file = ROOT / name
     return hashlib.sha256(file.read_bytes()).hexdigest() if file.is_file() else ""

@@ -62,7 +62,7 @@ def test_a_cell_is_opened_read_and_closed_by_keyboard_alone(tab, site):
     about = page.locator("[id='about-table2.row03.sd']")
     assert about.is_visible()
     assert "0.0138" in about.inner_text()
-    assert "--rerun" in about.inner_text()
+    assert "RERUN=1" in about.inner_text()
     page.keyboard.press("Escape")
     assert not about.is_visible()
 

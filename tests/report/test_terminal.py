@@ -52,7 +52,7 @@ def test_show_tells_of_a_cell_what_is_printed_ours_the_verdict_and_where_it_is_m
         row["verdict"],
         f"{row['reproduced']:.5g}",
         "notebooks/08_noise_table2.py",
-        "--rerun",
+        "RERUN=1",
     ):
         assert part in said
     assert "results/pages/08_noise_table2.html#verdict" in said

@@ -25,7 +25,7 @@ def digests(monkeypatch):
     noted = {}
     for outcome in OUTCOMES.values():
         noted |= outcome["made_from"]["sources"]
-    monkeypatch.setattr(due, "_digest_now", noted.get)
+    monkeypatch.setattr(due, "_digest", noted.get)
     return noted
 
 

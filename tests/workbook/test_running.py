@@ -122,7 +122,9 @@ def test_without_the_authors_files_a_notebook_runs_on_our_records_apart(notebook
 
 def changed_files():
     """What differs from the last commit, in full."""
-    return subprocess.run(["git", "diff"], cwd=workbook.ROOT, capture_output=True, check=True).stdout
+    return subprocess.run(
+        ["git", "diff"], cwd=workbook.ROOT, capture_output=True, check=True
+    ).stdout
 
 
 @pytest.mark.slow
