@@ -94,7 +94,6 @@ def run(options: argparse.Namespace) -> int:
         )
         return 2
     destination = QUICK if options.quick else ROOT
-    limits = {"stall_s": 60 * options.stall_minutes, "watched": options.watch}
     try:
         with lock(destination):
             wanted = due(sources, destination) if options.due else sources
@@ -102,7 +101,10 @@ def run(options: argparse.Namespace) -> int:
                 return 0
             from workbook import running
 
-            endings = running.run_notebooks(wanted, destination, options.quick, **limits)
+            stall_s = 60 * options.stall_minutes
+            endings = running.run_notebooks(
+                wanted, destination, options.quick, stall_s, options.watch
+            )
     except KeyboardInterrupt:
         print("interrupted; what was finished is kept", file=sys.stderr)
         return 130

@@ -31,15 +31,12 @@ def mark_as_run(name: str, destination: Path, begun: float) -> None:
 
 def stale(results: Path) -> dict[str, list[str]]:
     """Find the notebooks whose sources have changed since their results were made, and which."""
-    there = notebook_files("py")
-    found = {
-        outcome.stem: [
-            name for name, digest in _sources(outcome).items() if _digest(name) != digest
-        ]
-        for outcome in sorted((results / "outcomes").glob("*.json"))
-        if outcome.stem in there
-    }
-    return {notebook: changed for notebook, changed in found.items() if changed}
+    found = {}
+    for outcome in sorted((results / "outcomes").glob("*.json")):
+        changed = [name for name, noted in _sources(outcome).items() if _digest(name) != noted]
+        if changed and outcome.stem in notebook_files("py"):
+            found[outcome.stem] = changed
+    return found
 
 
 def _marker(name: str, destination: Path) -> Path:

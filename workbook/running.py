@@ -6,7 +6,6 @@ import os
 import platform
 import shutil
 import signal
-import subprocess
 import sys
 import threading
 import time
@@ -98,14 +97,7 @@ def _run_one(source: Path, destination: Path, quick: bool, stall_s: float) -> En
 
 def note_run(endings: Sequence[Ending]) -> None:
     """Keep what differs from run to run in `results/run.json`, which git ignores."""
-    git = subprocess.run(["git", "rev-parse", "HEAD"], cwd=ROOT, capture_output=True, text=True)
     path = RESULTS / "run.json"
     seconds = json.loads(path.read_text(encoding="utf-8"))["seconds"] if path.exists() else {}
     seconds |= {ending.name: round(ending.seconds, 1) for ending in endings if ending.how == "done"}
-    content = {
-        "machine": platform.machine(),
-        "cores": os.cpu_count(),
-        "commit": git.stdout.strip(),
-        "seconds": seconds,
-    }
-    write_json(path, content)
+    write_json(path, {"machine": platform.machine(), "cores": os.cpu_count(), "seconds": seconds})
