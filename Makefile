@@ -7,15 +7,6 @@ CHANGES := tests/test_try_changing.py
 STALL := $(if $(STALL_MINUTES),--stall-minutes $(STALL_MINUTES))
 STUDY := OPENBLAS_NUM_THREADS=1 $(PY) -m studies
 PYTEST := OPENBLAS_NUM_THREADS=1 $(PY) -m pytest --numprocesses 2 --dist worksteal
-export PYTHONPATH := $(CURDIR)
-# The make that a user started, not one below it: a run ends with it, even if it is killed.
-ifndef TOP_MAKE
-export TOP_MAKE := $(shell echo $$PPID)
-endif
-
-PAPER := $(wildcard notebooks/[0-9]*.py)
-BEYOND := $(wildcard notebooks/beyond/[0-9]*.py)
-STAMPS := $(sort $(PAPER:notebooks/%.py=.make/%.done) $(BEYOND:notebooks/beyond/%.py=.make/%.done))
 
 .DEFAULT_GOAL := help
 .PHONY: $(shell sed -nE 's/^([a-z-]+):.*\#\# .*/\1/p' Makefile)
@@ -24,11 +15,13 @@ help:  ## list the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 16
 
 all: .venv/.installed  ## every notebook, figure, table, verdict, the report and the article
-	@$(RUN) free
-	@mkdir -p .make && rm -f .make/due
-	@$(MAKE) --no-print-directory --keep-going .make/noted
-	@if [ -s .make/due ]; then rm -f .make/workbook.done; fi
-	@$(MAKE) --no-print-directory --keep-going .make/workbook.done
+	@mkdir -p .make
+	@$(RUN) run --due --watch $$PPID $(STALL); code=$$?; echo $$code > .make/status; [ $$code -lt 2 ] || exit $$code
+	@$(MAKE) --no-print-directory .make/workbook.done
+	@exit $$(cat .make/status)
+
+run: .venv/.installed  ## one notebook: make run NOTEBOOK=notebooks/06_characteristic_figure12.py
+	$(RUN) run $(STALL) $(NOTEBOOK)
 
 quick: .venv/.installed  ## the same figures from few repeats, into results/quick
 	$(RUN) run --quick $(STALL)
@@ -36,8 +29,8 @@ quick: .venv/.installed  ## the same figures from few repeats, into results/quic
 	$(RUN) report --quick
 	$(RUN) check --quick || true
 
-test: .venv/.installed  ## the tests, on the committed results, but for the slow ones
-	$(PYTEST) -m "not slow" $(CHANGES:%=--ignore %)
+test: .venv/.installed  ## the tests, on the committed results, but for the slow ones; ONLY=data: those that need files
+	$(PYTEST) -m "$(if $(ONLY),$(ONLY) and )not slow" $(CHANGES:%=--ignore %)
 
 slow: .venv/.installed  ## the slow tests: notebooks executed again, browsers, long searches
 	$(PYTEST) -m slow $(CHANGES:%=--ignore %)
@@ -46,14 +39,18 @@ changes: .venv/.installed  ## make every change that a notebook proposes; each m
 	$(PYTEST) $(CHANGES)
 
 check: .venv/.installed  ## print the tables with their verdicts; fails if a cell differs unexpectedly
-	$(RUN) check
+	@$(RUN) check
 
-diff: .venv/.installed  ## cells and claims whose verdict is not the last commit's
-	$(RUN) diff
+show: .venv/.installed  ## a number with its verdict: make show CELL=table2.row02.mean; RERUN=1 computes it again
+	@$(RUN) show $(if $(RERUN),--rerun) '$(or $(CELL),Table 2)'
+
+diff: .venv/.installed  ## cells and claims whose verdict is not the last commit's; LAB=1 compares what make lab made
+	@$(RUN) diff $(if $(LAB),--lab)
 
 report: .venv/.installed  ## results/report.html from the results
 	$(RUN) collect
 	$(RUN) report
+	$(RUN) readme
 
 article: .venv/.installed  ## results/article.pdf from the results; FINAL=1 refuses while names or addresses are open
 	$(RUN) article $(if $(FINAL),--final)
@@ -66,10 +63,11 @@ studies: .venv/.installed  ## slow studies whose tables are kept: make studies N
 
 # NumPy without SIMD and numba for a generic processor; of the kernels, Katmai (Prescott) needs no AVX.
 KERNELS ?= Haswell Prescott
+WHICH ?= portable
 portable: .venv/.installed  ## the tests that compute, and the cheap notebooks' verdicts, as on other processors
 	@simd="$$($(PY) -c 'import numpy; s = numpy.show_config("dicts")["SIMD Extensions"]; print(*s.get("found", []), *s.get("not found", []))')"; \
 	for kernel in $(KERNELS); do \
-	  OPENBLAS_CORETYPE=$$kernel NUMBA_CPU_NAME=generic NPY_DISABLE_CPU_FEATURES="$$simd" $(PYTEST) -m portable || exit 1; \
+	  OPENBLAS_CORETYPE=$$kernel NUMBA_CPU_NAME=generic NPY_DISABLE_CPU_FEATURES="$$simd" $(PYTEST) -m "$(WHICH)" || exit 1; \
 	done
 
 data: .venv/.installed  ## fetch and verify the authors' data
@@ -103,30 +101,17 @@ clean:  ## remove what can be made again and is not committed
 	$(PYTHON) -c 'import sys; sys.version_info >= (3, 11) or sys.exit("Python 3.11 or newer is needed: make PYTHON=...")'
 	$(PYTHON) -m venv .venv
 	$(PY) -m pip install --quiet --require-hashes --requirement requirements.lock
+	# Whatever is started from this environment, an editor's kernel too, finds the packages of this folder.
+	echo '$(CURDIR)' > "$$($(PY) -c 'import sysconfig; print(sysconfig.get_path("purelib"))')/checkout.pth"
 	touch $@
 
-# A stamp says that a notebook's outputs are newer than what they were made from: its source, the locked versions, and
-# what its kernel noted that it read, kept in .make/<notebook>.d. Due notebooks are noted, then run together: their
-# stamps are not new before that, so make has to be told that the workbook is due too.
--include $(wildcard .make/*.d)
-
-.PHONY: .make/noted
-.make/noted: $(STAMPS)
-	@:
-
-$(PAPER:notebooks/%.py=.make/%.done): .make/%.done: notebooks/%.py requirements.lock | .venv/.installed
-	@mkdir -p .make && echo $< >> .make/due
-$(BEYOND:notebooks/beyond/%.py=.make/%.done): .make/%.done: notebooks/beyond/%.py requirements.lock | .venv/.installed
-	@mkdir -p .make && echo $< >> .make/due
-
-# A notebook that fails keeps neither the others nor the report from being made, but make from ending well.
-# A run that was interrupted (130; a killed make too), or that another one locks out (2), ends here.
-.make/workbook.done: $(STAMPS) $(wildcard workbook/*.py workbook/report/*.py workbook/report/templates/*.j2 article/*.* replication/data/*.*)
-	@if [ -s .make/due ]; then $(RUN) run --stamps .make --watch $$TOP_MAKE $(STALL) $$(sort -u .make/due); fi; code=$$?; echo $$code > .make/status; [ $$code -lt 2 ]
+# What is due is told by `run --due`: notebooks that this checkout has not run, or whose sources have changed since.
+# A notebook that fails (1) keeps neither the others nor the report from being made, but make from ending well. A run
+# that was interrupted (130; a killed make too), or that another one locks out (2), ends there.
+.make/workbook.done: $(wildcard results/outcomes/*.json workbook/*.py workbook/report/*.py workbook/report/templates/*.j2 article/*.* replication/data/*.*)
 	$(RUN) collect
 	$(RUN) report
 	$(RUN) article || true
 	$(RUN) readme
 	$(RUN) check || true
-	@exit $$(cat .make/status)
 	@touch $@

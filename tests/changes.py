@@ -14,7 +14,7 @@ NOTEBOOKS = notebook_files("py")
 # What an outcome is checked with, where the quick run is still long. A change's own parameter comes last.
 CHEAPER = {
     "15_protocols": {"rows": [3, 9], "seed_runs": 1, "today_runs": 1},
-    "08_noise_table2": {"fresh": 3, "public": [1, 2]},
+    "08_noise_table2": {"public": [1, 2]},
     "10_bench_table3": {"benches": 20, "shares": [0.0, 0.005, 0.05, 0.1], "worn_benches": 1},
     "11_robots_table4": {"robots_each": 100, "loud_robots_each": 50, "frequency_step_hz": 10.0},
     "16_claims": {

@@ -5,11 +5,18 @@ import numpy as np
 import pytest
 from hypothesis import settings
 
-from replication.authors import WORKBOOK_FILES, DataUnavailable, authors_file, load_clean
+from replication.authors import WORKBOOK_FILES, authors_file, load_clean
 from replication.recording import add_uniform_noise, constant_speed
 from replication.signature import Timing, signature
 
-NEEDED = "needs the authors' data"
+# Fixtures of what is not in the project: the variable that names its folder, and why a test is skipped.
+OUTSIDE = {
+    "authors_data": ("BACKLASH_DATA", "needs the authors' files, in the folder BACKLASH_DATA"),
+    "paper": ("PAPER_TEXT", "needs the paper as text, in the folder PAPER_TEXT"),
+}
+NOWHERE = f"{os.devnull}/authors-data"
+# A test that does not say that it needs the authors' files finds none, not even in a download cache.
+os.environ["BACKLASH_DATA"] = os.environ.get("BACKLASH_DATA") or NOWHERE
 # Parameters that a record is made with.
 TRUE_X = np.array([-0.6, 0.012, 15.0, 134.0, 100.0, 0.1507, 0.0113])
 
@@ -22,6 +29,12 @@ if "PYTEST_XDIST_WORKER" in os.environ:
     os.environ.setdefault("LOKY_MAX_CPU_COUNT", "1")
 
 
+# Nor does one use the network: sockets are blocked here, and these variables hold for processes that a test starts.
+CLOSED = "http://127.0.0.1:9"
+os.environ |= dict.fromkeys(("http_proxy", "https_proxy", "HTTP_PROXY", "HTTPS_PROXY"), CLOSED)
+os.environ |= {"no_proxy": "127.0.0.1,localhost", "NO_PROXY": "127.0.0.1,localhost"}
+
+
 # Tests of files and processes, and of notebooks, whose kernels are pinned: they say nothing of other processors.
 NOT_PORTABLE = (
     "tests/workbook/",
@@ -32,29 +45,22 @@ NOT_PORTABLE = (
 
 
 def pytest_collection_modifyitems(items):
-    """Mark the tests that compute: `make portable` runs them as on other processors."""
+    """Mark tests that compute (`make portable` runs them as on other processors), and those that need data."""
     for item in items:
         if not item.nodeid.startswith(NOT_PORTABLE):
             item.add_marker("portable")
-
-
-def pytest_terminal_summary(terminalreporter):
-    """Say how the tests that were skipped without the authors' data can be run."""
-    skipped = terminalreporter.stats.get("skipped", [])
-    if missing := [report for report in skipped if NEEDED in str(report.longrepr)]:
-        terminalreporter.write_line(
-            f"{len(missing)} tests were skipped without the authors' data: `make data` fetches them"
-        )
+        for fixture in OUTSIDE.keys() & item.fixturenames:
+            variable, reason = OUTSIDE[fixture]
+            item.add_marker("data")
+            if os.environ.get(variable, NOWHERE) == NOWHERE:
+                item.add_marker(pytest.mark.skip(reason=reason))
 
 
 @pytest.fixture(scope="session")
 def authors_data():
-    """Skip a test where the authors' data are neither at hand nor to be downloaded."""
-    try:
-        for path in WORKBOOK_FILES:
-            authors_file(path)
-    except DataUnavailable as error:
-        pytest.skip(f"{NEEDED}: {error}")
+    """Verify the authors' files; a test that needs them is marked `data`, and skipped without them."""
+    for path in WORKBOOK_FILES:
+        authors_file(path)
 
 
 @pytest.fixture(scope="session")

@@ -51,7 +51,7 @@ def _parser() -> OneLineParser:
     parser = OneLineParser(prog="python -m workbook", description=__doc__)
     commands = parser.add_subparsers(required=True, metavar="COMMAND")
     made = {}
-    for command in (run, free, collect, check, report, article, readme, show, diff, lab, data):
+    for command in (run, collect, check, report, article, readme, show, diff, lab, data):
         made[command] = commands.add_parser(command.__name__, help=command.__doc__)
         made[command].set_defaults(command=command)
     for command in (run, collect, check, report):
@@ -60,7 +60,9 @@ def _parser() -> OneLineParser:
         )
     made[run].add_argument("notebook", nargs="*", type=Path, help="a notebook's .py source")
     made[run].add_argument(
-        "--stamps", type=Path, help="write <notebook>.done and <notebook>.d into this folder"
+        "--due",
+        action="store_true",
+        help="leave out what this checkout has run, if no source of it has changed since",
     )
     made[run].add_argument("--watch", type=int, help="end when this process (make) has ended")
     text = "minutes without progress that end a notebook"
@@ -81,7 +83,7 @@ def _parser() -> OneLineParser:
 
 def run(options: argparse.Namespace) -> int:
     """Execute notebooks, in order; all if none is named."""
-    from workbook import running
+    from workbook.due import due
 
     known = notebook_files("py")
     sources = [known.get(path.name, path) for path in options.notebook or known.values()]
@@ -92,11 +94,16 @@ def run(options: argparse.Namespace) -> int:
         )
         return 2
     destination = QUICK if options.quick else ROOT
-    limits = {"stall_s": 60 * options.stall_minutes, "watched": options.watch}
     try:
         with lock(destination):
+            wanted = due(sources, destination) if options.due else sources
+            if not wanted:
+                return 0
+            from workbook import running
+
+            stall_s = 60 * options.stall_minutes
             endings = running.run_notebooks(
-                sources, destination, options.quick, options.stamps, **limits
+                wanted, destination, options.quick, stall_s, options.watch
             )
     except KeyboardInterrupt:
         print("interrupted; what was finished is kept", file=sys.stderr)
@@ -112,12 +119,6 @@ def run(options: argparse.Namespace) -> int:
     return int(any(ending.how == "failed" for ending in endings))
 
 
-def free(_: argparse.Namespace) -> int:
-    """End with 2 if another process makes results."""
-    with lock(ROOT):
-        return 0
-
-
 def collect(options: argparse.Namespace) -> int:
     """Write verdicts.csv, claims.csv and provenance.json from the outcomes."""
     from workbook import provenance
@@ -128,7 +129,8 @@ def collect(options: argparse.Namespace) -> int:
 
 def check(options: argparse.Namespace) -> int:
     """Print the tables with their verdicts; exit 1 if a cell differs unexpectedly."""
-    from workbook import judging, provenance
+    from workbook import judging
+    from workbook.due import stale
     from workbook.report import terminal
 
     results = results_folder(options.quick)
@@ -137,7 +139,7 @@ def check(options: argparse.Namespace) -> int:
     new, gone = terminal.find_surprises(verdicts)
     expected = "All cells that differ are known differences (replication/data/differences.csv)."
     print("\n".join(["", *new, *gone] if new or gone else [expected]))
-    for notebook, changed in provenance.stale(results).items():
+    for notebook, changed in stale(results).items():
         print(f"stale: {notebook}: sources changed since its results: {', '.join(changed)}")
     return int(bool(new))
 

@@ -6,11 +6,10 @@ import os
 import platform
 import shutil
 import signal
-import subprocess
 import sys
 import threading
 import time
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor, wait
 from dataclasses import dataclass
 from functools import partial
@@ -19,8 +18,8 @@ from pathlib import Path
 import psutil
 from tqdm import tqdm
 
-from replication.files import ROOT, write_json, write_text
-from workbook import execution
+from replication.files import ROOT, write_json
+from workbook import due, execution
 from workbook.checkout import OFFLINE, RESULTS
 
 INTERRUPTS = (signal.SIGINT, signal.SIGTERM)
@@ -39,7 +38,6 @@ def run_notebooks(
     sources: Sequence[Path],
     destination: Path,
     quick: bool = False,
-    stamps: Path | None = None,
     stall_s: float = execution.STALL_S,
     watched: int | None = None,
 ) -> list[Ending]:
@@ -53,9 +51,7 @@ def run_notebooks(
     for number in INTERRUPTS:
         previous[number] = signal.signal(number, lambda *_: interrupted.set())
     pool = ThreadPoolExecutor(max_workers=2)
-    run_one = partial(
-        _run_one, destination=destination, quick=quick, stamps=stamps, stall_s=stall_s
-    )
+    run_one = partial(_run_one, destination=destination, quick=quick, stall_s=stall_s)
     jobs = [pool.submit(run_one, source) for source in sources]
     try:
         while not all(job.done() for job in jobs):
@@ -80,53 +76,28 @@ def _offline(destination: Path) -> Path:
     return destination / OFFLINE.relative_to(ROOT)
 
 
-def _run_one(
-    source: Path, destination: Path, quick: bool, stamps: Path | None, stall_s: float
-) -> Ending:
-    """Execute a notebook, stamp it, and say how it ended."""
+def _run_one(source: Path, destination: Path, quick: bool, stall_s: float) -> Ending:
+    """Execute a notebook, note that it has run, and say how it ended."""
     begun = time.time()
     try:
         try:
             execution.execute(source, destination, quick, stall_s=stall_s)
+            due.mark_as_run(source.stem, destination, begun)
             how, where = "done", ""
         except execution.NotebookNotRun:
             apart = destination if quick else _offline(destination)
             execution.execute(source, apart, quick, stall_s=stall_s, records="simulated")
             how, where = "simulated", " on our simulated records"
         line = f"{source.stem}: done{where} in {time.time() - begun:.0f} s"
-        if stamps and how == "done":
-            _stamp(stamps, source.stem, destination, begun)
     except (execution.NotebookFailed, ValueError, OSError) as error:
         how, line = "failed", f"{source.stem}: failed: {error}"
     tqdm.write(line, file=sys.stderr)
     return Ending(source.stem, how, time.time() - begun)
 
 
-def _stamp(stamps: Path, name: str, destination: Path, begun: float) -> None:
-    """Leave what make needs: what the notebook depends on, and that it is done as of its begin."""
-    outcome = json.loads((destination / "results" / "outcomes" / f"{name}.json").read_text("utf-8"))
-    rule = dependencies(stamps.name, name, outcome["made_from"]["sources"])
-    write_text(stamps / f"{name}.d", rule)
-    done = stamps / f"{name}.done"
-    write_text(done, "")
-    os.utime(done, (begun, begun))  # a source that was changed meanwhile is newer
-
-
-def dependencies(stamps: str, notebook: str, sources: Iterable[str]) -> str:
-    """Rule for make: a notebook's stamp depends on its sources, each of which may vanish."""
-    return f"{stamps}/{notebook}.done: {' '.join(sources)}\n\n{' '.join(sources)}:\n"
-
-
 def note_run(endings: Sequence[Ending]) -> None:
     """Keep what differs from run to run in `results/run.json`, which git ignores."""
-    git = subprocess.run(["git", "rev-parse", "HEAD"], cwd=ROOT, capture_output=True, text=True)
     path = RESULTS / "run.json"
     seconds = json.loads(path.read_text(encoding="utf-8"))["seconds"] if path.exists() else {}
     seconds |= {ending.name: round(ending.seconds, 1) for ending in endings if ending.how == "done"}
-    content = {
-        "machine": platform.machine(),
-        "cores": os.cpu_count(),
-        "commit": git.stdout.strip(),
-        "seconds": seconds,
-    }
-    write_json(path, content)
+    write_json(path, {"machine": platform.machine(), "cores": os.cpu_count(), "seconds": seconds})

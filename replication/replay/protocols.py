@@ -41,7 +41,6 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
-from scipy import stats
 
 from replication import published
 from replication.arrays import FloatArray, IntArray
@@ -314,18 +313,6 @@ def largest_errors(realisations: pd.DataFrame, names: Sequence[str]) -> dict[str
         name: (100 * np.abs(means / theoretical - 1)).max(axis=0).tolist()
         for name, means in of_rows.items()
     }
-
-
-def same_law_p(first: pd.DataFrame, second: pd.DataFrame) -> float:
-    """Whether a candidate's realisations are of one law: the smallest p of rows 1 to 10, times 20.
-
-    Kolmogorov's and Smirnov's test for each row's means and SDs.
-    """
-    found = []
-    for of, row in product(NUMBERS, ROWS):
-        samples = [table.loc[table["row"] == row, f"{of}_A_rps"] for table in (first, second)]
-        found.append(stats.ks_2samp(*samples).pvalue)
-    return min(1.0, len(found) * min(found))
 
 
 def random_start(judged: pd.DataFrame, criteria: Criteria = None) -> Decision:

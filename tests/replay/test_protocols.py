@@ -118,13 +118,6 @@ def test_the_pooled_bias_is_the_mean_of_ten_relative_errors():
     assert protocols.rank_p(np.arange(1.0, 100.0), 50.5) == pytest.approx(1.0)
 
 
-def test_another_law_is_noticed_by_a_fresh_sample(two_candidates):
-    right, off = (two_candidates[two_candidates["protocol"] == name] for name in ("right", "off"))
-    early, late = right[right["realisation"] <= 12], right[right["realisation"] > 12]
-    assert protocols.same_law_p(early, late) > 0.01
-    assert protocols.same_law_p(early, off) < 0.001
-
-
 @pytest.mark.parametrize(
     ("of_drawn", "of_whole", "holds"),
     [(0.3, 0.001, True), (0.001, 0.3, False), (0.3, 0.3, None), (0.001, 0.001, None)],

@@ -35,4 +35,4 @@ def test_every_table_in_the_results_is_made_by_a_notebook_a_study_or_the_workboo
 def test_the_readmes_block_is_what_the_command_writes():
     text = (workbook.ROOT / "README.md").read_text("utf-8")
     status = f"{markdown.BEGIN}{markdown.render_status(RESULTS)}{markdown.END}"
-    assert status in text, "run: python -m workbook readme"
+    assert status in text, "run: make report"

@@ -1,114 +1,113 @@
-"""The Makefile's dependencies are what the kernels noted that each notebook read."""
+"""What `make all` runs again: what this checkout has not run yet, and what has changed since."""
 
-import json
 import os
 import re
 import shutil
 import subprocess
+import time
 
 import pytest
 
 import workbook
-from workbook import provenance, running
+from replication.files import write_json
+from workbook import due
 from workbook.checkout import RESULTS, notebook_files
 from workbook.outcomes import load_outcomes
 
 OUTCOMES = load_outcomes(RESULTS)
 READ = {notebook: {*outcome["made_from"]["sources"]} for notebook, outcome in OUTCOMES.items()}
-SOURCES = sorted(set.union(*READ.values()))
+SECOND = "02_dead_zone_figure9"
 
 
-def readers_of(name):
-    """Notebooks that read a file."""
-    return {notebook for notebook, names in READ.items() if name in names}
+@pytest.fixture
+def digests(monkeypatch):
+    """SHA-256 of each source, by name, as the committed outcomes noted it."""
+    noted = {}
+    for outcome in OUTCOMES.values():
+        noted |= outcome["made_from"]["sources"]
+    monkeypatch.setattr(due, "_digest", noted.get)
+    return noted
 
 
-@pytest.fixture(scope="module")
-def tree(tmp_path_factory):
-    """A copy of the sources in which everything has been made."""
-    folder = tmp_path_factory.mktemp("tree")
-    for name in {
-        *SOURCES,
-        "Makefile",
-        *(str(path.relative_to(workbook.ROOT)) for path in _notebooks()),
-    }:
-        (folder / name).parent.mkdir(parents=True, exist_ok=True)
-        shutil.copy(workbook.ROOT / name, folder / name)
-    (folder / ".venv").mkdir()
-    (folder / ".make").mkdir()
-    for notebook, names in READ.items():
-        rule = running.dependencies(".make", notebook, names)
-        (folder / ".make" / f"{notebook}.d").write_text(rule, "utf-8")
-    return folder
+@pytest.fixture
+def made(digests, tmp_path):
+    """A folder with the committed outcomes, as if this checkout had made them."""
+    for name, outcome in OUTCOMES.items():
+        file = tmp_path / "results" / "outcomes" / f"{name}.json"
+        sources = {source: digests[source] for source in outcome["made_from"]["sources"]}
+        write_json(file, {"made_from": {"sources": sources}})
+        due.mark_as_run(name, tmp_path, time.time())
+    return tmp_path
+
+
+def due_in(folder):
+    return {source.stem for source in due.due(list(_notebooks()), folder)}
 
 
 def _notebooks():
-    return list(notebook_files("py").values())
+    return notebook_files("py").values()
 
 
-def due(folder, changed=None):
-    """Notebooks that `make all` would run after a change of one file."""
-    made = [".venv/.installed", *(f".make/{path.stem}.done" for path in _notebooks())]
-    for path in folder.rglob("*"):
-        os.utime(path, (1e9, 1e9))
-    for name in [*made, ".make/workbook.done"]:
-        (folder / name).touch()
-        os.utime(folder / name, (1.1e9, 1.1e9))
-    if changed:
-        (folder / changed).touch()
-    command = ["make", "--dry-run", "--no-print-directory", "all"]
-    said = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=True).stdout
-    return set(re.findall(r"echo notebooks/(?:beyond/)?(\w+)\.py >> ", said))
+def test_in_a_new_checkout_every_notebook_is_due_and_after_its_run_none(made):
+    assert due_in(made) == set()
+    shutil.rmtree(made / ".make")
+    assert due_in(made) == set(READ)
 
 
-@pytest.mark.slow
-def test_after_a_change_exactly_the_notebooks_run_that_read_the_file(tree):
-    assert due(tree) == set()
-    read_by_all = set.intersection(*READ.values())
-    for name in {*SOURCES} - read_by_all | {"requirements.lock"}:
-        assert due(tree, name) == readers_of(name), name
+def test_after_a_change_exactly_the_notebooks_are_due_that_read_the_file(made, digests):
+    for name, digest in dict(digests).items():
+        digests[name] = "0" * 64
+        assert due_in(made) == {notebook for notebook, read in READ.items() if name in read}
+        digests[name] = digest
 
 
-# A stand-in for `python -m workbook` that notes how it is called; a run stamps its notebooks, or fails.
+def test_a_source_that_is_changed_while_its_notebook_runs_makes_it_due_again(made):
+    (made / ".make" / f"{SECOND}.ran").unlink()
+    due.mark_as_run(SECOND, made, begun=0.0)
+    assert due_in(made) == {SECOND}
+
+
+# A stand-in for `python -m workbook` that notes how it is called, and ends a run as a file says.
 PROGRAM = """echo "$@" >> calls
-[ "$1" = run ] || exit 0
-[ ! -e failing ] || exit 1
-for word in "$@"; do case "$word" in notebooks/*) touch ".make/$(basename "$word" .py).done";; esac; done
+[ "$1" != run ] || exit $(cat ending)
 """
 
 
-def calls(folder):
-    """Calls of the program by a real `make all`, and how make ended."""
-    (folder / "program").write_text(PROGRAM, "utf-8")
-    (folder / "calls").write_text("", "utf-8")
-    ended = subprocess.run(
-        ["make", "RUN=sh program", "all"], cwd=folder, capture_output=True, text=True, check=False
-    )
-    said = (folder / "calls").read_text("utf-8").splitlines()
-    made = [re.sub(r"--stamps .make --watch \d+ ", "", call) for call in said if call != "free"]
-    return made, ended.returncode
+@pytest.fixture
+def make_all(tmp_path):
+    """A real `make all` whose run ends with a status; return the calls of the program, and how make ended."""
+    shutil.copy(workbook.ROOT / "Makefile", tmp_path)
+    (tmp_path / ".venv").mkdir()
+    (tmp_path / "requirements.lock").touch()
+    (tmp_path / ".venv" / ".installed").touch()
+    (tmp_path / "program").write_text(PROGRAM, "utf-8")
+
+    def make(ending):
+        (tmp_path / "ending").write_text(str(ending))
+        (tmp_path / "calls").write_text("")
+        ended = subprocess.run(
+            ["make", "RUN=sh program", "all"], cwd=tmp_path, capture_output=True, check=False
+        )
+        (tmp_path / "results" / "outcomes").mkdir(parents=True, exist_ok=True)
+        return [
+            call.split()[0] for call in (tmp_path / "calls").read_text().splitlines()
+        ], ended.returncode
+
+    return make
 
 
-def test_a_changed_notebook_is_run_once_and_the_report_made_until_it_succeeds(tree):
-    assert due(tree, "notebooks/04_growth_figure11.py") == {"04_growth_figure11"}
-    (tree / "failing").touch()
-    for _ in range(2):
-        (run, *others), status = calls(tree)
-        assert run == "run notebooks/04_growth_figure11.py"
-        assert "report" in others
-        assert status != 0
-    (tree / "failing").unlink()
-    (run, *_), status = calls(tree)
-    assert (run, status) == ("run notebooks/04_growth_figure11.py", 0)
-    assert calls(tree) == ([], 0)
+REPORT = ["collect", "report", "article", "readme", "check"]
 
 
-def test_a_source_that_is_gone_makes_its_readers_due(tree):
-    name = next(name for name in SOURCES if name.startswith("backlash/fitting/"))
-    kept = (tree / name).read_bytes()
-    (tree / name).unlink()
-    assert due(tree) == readers_of(name)
-    (tree / name).write_bytes(kept)
+def test_make_makes_the_report_once_and_ends_badly_while_a_notebook_fails(make_all):
+    assert make_all(1) == (["run", *REPORT], 2)
+    assert make_all(1) == (["run"], 2)
+    assert make_all(0) == (["run"], 0)
+
+
+@pytest.mark.parametrize("ending", [2, 130])
+def test_make_ends_with_a_run_that_is_interrupted_or_locked_out(make_all, ending):
+    assert make_all(ending) == (["run"], 2)
 
 
 def test_every_notebook_has_noted_itself_the_locked_versions_and_the_package():
@@ -122,26 +121,31 @@ def test_every_notebook_has_noted_itself_the_locked_versions_and_the_package():
         assert needed <= READ[source.stem]
 
 
-def test_results_whose_sources_have_changed_since_are_stale(tmp_path):
-    outcome = json.loads((RESULTS / "outcomes" / "02_dead_zone_figure9.json").read_text("utf-8"))
-    (tmp_path / "outcomes").mkdir()
-    path = tmp_path / "outcomes" / "02_dead_zone_figure9.json"
-    path.write_text(json.dumps(outcome), encoding="utf-8")
-    assert provenance.stale(tmp_path) == {}
-    outcome["made_from"]["sources"]["replication/dead_zone.py"] = "0" * 64
-    outcome["made_from"]["sources"]["replication/no_longer.py"] = "0" * 64
-    path.write_text(json.dumps(outcome), encoding="utf-8")
-    changed = ["replication/dead_zone.py", "replication/no_longer.py"]
-    assert provenance.stale(tmp_path) == {"02_dead_zone_figure9": changed}
+def test_results_whose_sources_have_changed_since_are_stale(made, digests):
+    assert due.stale(made / "results") == {}
+    digests["replication/dead_zone.py"] = "0" * 64
+    assert due.stale(made / "results")[SECOND] == ["replication/dead_zone.py"]
 
 
 def test_no_committed_result_is_stale():
-    assert provenance.stale(RESULTS) == {}
+    assert due.stale(RESULTS) == {}
 
 
 TARGETS = re.findall(r"^([a-z-]+):.*##", (workbook.ROOT / "Makefile").read_text("utf-8"), re.M)
 # Those that take minutes, wait for a user or need a network: only what they would do is asked.
-LONG = {"all", "quick", "test", "slow", "changes", "portable", "lab", "lock", "audit", "bench"}
+LONG = {
+    "all",
+    "run",
+    "quick",
+    "test",
+    "slow",
+    "changes",
+    "portable",
+    "lab",
+    "lock",
+    "audit",
+    "bench",
+}
 
 
 @pytest.mark.slow

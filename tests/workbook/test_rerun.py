@@ -60,7 +60,7 @@ def test_a_mean_made_again_stands_beside_the_region_of_the_kept_ones(monkeypatch
         assert f"{number:.6g}" in said
 
 
-def test_the_noise_is_read_again_from_the_records(capsys):
+def test_the_noise_is_read_again_from_the_records(authors_data, capsys):
     main(["show", "table2.row03.noise", "--rerun"])
     assert f"made again      {inspection.noise_amplitudes()[2]:.6g}" in capsys.readouterr().out
 

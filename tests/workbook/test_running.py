@@ -14,6 +14,7 @@ import nbformat
 import pandas as pd
 import psutil
 import pytest
+from matplotlib import get_cachedir
 
 import workbook
 from workbook import checkout, execution, running
@@ -194,7 +195,7 @@ from pathlib import Path
 from workbook import running
 folder = Path({folder!r})
 try:
-    running.run_notebooks(sorted(folder.glob("*.py")), folder / "out", stamps=folder / ".make", watched={watched})
+    running.run_notebooks(sorted(folder.glob("*.py")), folder / "out", watched={watched})
 except KeyboardInterrupt:
     sys.exit(130)
 """
@@ -218,6 +219,11 @@ def alive(pids):
         for pid in pids
         if psutil.pid_exists(pid) and psutil.Process(pid).status() != psutil.STATUS_ZOMBIE
     ]
+
+
+def ran(folder):
+    """Notebooks that a run has noted as run."""
+    return sorted(path.stem for path in (folder / "out" / ".make").glob("*.ran"))
 
 
 def wait_until(condition, seconds=60):
@@ -246,7 +252,7 @@ def started(notebooks, tmp_path):
             command, env=environment, stderr=subprocess.PIPE, start_new_session=True
         )
         processes.append(process)
-        wait_until(lambda: pids.exists() and (tmp_path / ".make" / "first.done").exists())
+        wait_until(lambda: pids.exists() and ran(tmp_path) == ["first"])
         return process, [int(pid) for pid in pids.read_text().split()]
 
     yield start
@@ -256,10 +262,10 @@ def started(notebooks, tmp_path):
 
 def test_a_failing_notebook_does_not_keep_the_others_from_running(notebooks, tmp_path, capsys):
     sources = notebooks(bad="# %%\n1 / 0\n", good=DONE)
-    endings = running.run_notebooks(sources, tmp_path / "out", stamps=tmp_path / ".make")
+    endings = running.run_notebooks(sources, tmp_path / "out")
     assert [ending.how for ending in endings] == ["failed", "done"]
     assert "bad.py, cell 1: ZeroDivisionError" in capsys.readouterr().err
-    assert [path.name for path in (tmp_path / ".make").glob("*.done")] == ["good.done"]
+    assert ran(tmp_path) == ["good"]
 
 
 @pytest.mark.slow
@@ -274,6 +280,26 @@ def test_without_the_authors_files_a_notebook_runs_on_our_records_apart(notebook
     text = made.read_text("utf-8")
     assert "On our simulated records" in text
     assert "simulated joint" in text
+
+
+def changed_files():
+    """What differs from the last commit, in full."""
+    return subprocess.run(
+        ["git", "diff"], cwd=workbook.ROOT, capture_output=True, check=True
+    ).stdout
+
+
+@pytest.mark.slow
+def test_without_data_and_network_every_notebook_runs_and_nothing_committed_changes(
+    tmp_path, monkeypatch
+):
+    monkeypatch.delenv("BACKLASH_DATA")
+    monkeypatch.setenv("MPLCONFIGDIR", get_cachedir())  # its list of fonts takes seconds
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    before = changed_files()
+    endings = running.run_notebooks([*notebook_files("py").values()], tmp_path / "out", quick=True)
+    assert {ending.how for ending in endings} == {"done", "simulated"}
+    assert changed_files() == before
 
 
 def test_a_second_run_in_one_checkout_says_who_runs(tmp_path):
@@ -297,8 +323,7 @@ def test_when_the_run_ends_so_does_all_that_it_started(started, tmp_path, number
     process.send_signal(number)
     assert process.wait(60) == (-number if number == signal.SIGKILL else 130)
     wait_until(lambda: not alive(pids))
-    assert (tmp_path / ".make" / "first.done").exists()
-    assert not (tmp_path / ".make" / "second.done").exists()
+    assert ran(tmp_path) == ["first"]
     assert not (tmp_path / "out" / "notebooks" / "second.ipynb").exists()
 
 

@@ -7,7 +7,8 @@ from pathlib import Path
 import pandas as pd
 
 from replication import files, published
-from workbook import checkout, judging, provenance
+from workbook import checkout, judging
+from workbook.due import stale
 from workbook.outcomes import load_outcomes
 from workbook.report import TEMPLATES, markdown, pages
 from workbook.report.cells import judged_cells, judged_claims
@@ -48,7 +49,7 @@ def render_report(results: Path, notebooks: Path, verdicts: pd.DataFrame, apart:
         datasheet=_rows(results, "datasheet"),
         titles={name: pages.headings(found)[0] for name, found in executed.items()},
         versions=_versions(results),
-        stale=provenance.stale(results),
+        stale=stale(results),
     )
     return share(page)
 

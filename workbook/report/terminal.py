@@ -94,9 +94,7 @@ def show(name: str, results: Path) -> str:
         if squeeze(element) == name:
             return _element(element, cells)
     near = [cell for cell in cells if name in cell.lower()][:6]
-    hint = (
-        f"did you mean {', '.join(near)}?" if near else "`python -m workbook check` lists all cells"
-    )
+    hint = f"did you mean {', '.join(near)}?" if near else "`make check` lists all cells"
     raise Unknown(f"{name}: no such cell, element, claim or erratum; {hint}")
 
 
