@@ -311,9 +311,8 @@ class _Strokes:
         stiffness, zeta, gravity, ratio, _ = known
         known[1] = 2 * zeta * np.sqrt(stiffness)
         load, motor = np.split(gravity * theta[8:], [2])
-        return _Joint(
-            abs(theta[0]) / 1e3, *known, theta[6], theta[7] / 1e3, *load, *(ratio * motor)
-        )
+        play, lag_s = abs(theta[0]) / 1e3, theta[7] / 1e3
+        return _Joint._make((play, *known, theta[6], lag_s, *load, *(ratio * motor)))
 
 
 class _Filter:
