@@ -2,7 +2,9 @@
 
 Two inertias, spring, play and friction are driven by the logged torque, and an extended Kalman filter corrects them
 by the logged speed. Its prediction errors, one sample ahead, are made least. What is known of the load, and wide
-limits of what is not, are priors. The descent starts at many plays: the errors have several minima.
+limits of what is not, are priors. Descents start at many plays, for the errors have several minima; the lowest one is
+the answer, unless another play fits nearly as well. Teeth meet smoothly, within a few microradians: under a hard
+contact the errors are rough, so that rounding decides where a descent ends.
 
 States, over the gear ratio where the motor's: motor speed, wind-up, load speed, logged speed, which lags.
 The errors are taken ten times as large as they are, so that the priors outweigh what the model lacks: the drive's
@@ -21,6 +23,7 @@ from replication.arrays import FloatArray
 from replication.compiled.cache import njit
 
 _STEP_S = 5e-4  # of the integration, at most
+_SOFT_RAD, _HARD_RAD = 1.5e-5, 4e-6  # within which the teeth meet: in the search, and in the answer
 _SEARCH_S = 7.0  # of the log
 _TEMPER = 10.0  # on the errors
 _METHOD_ERROR = 0.065  # share of the backlash that the method errs by, found on development logs
@@ -29,16 +32,19 @@ _LEAST_CROSSINGS = 6
 # delta [mrad], ln K, ln damping ratio, ln gravity, ln rho, ln (1 / J_m), gravity's phase, the speed's lag [ms];
 # over gravity, the load's friction and viscosity, and the motor's, and its torque's offset.
 _SD = np.array([np.inf, 1.0, 0.5, 0.05, 0.1, 0.3, 0.2, 0.7, 0.05, 0.02, 0.2, 0.2, 0.02])
-_STEP = 1e-3 * np.array([2, 2, 30, 1, 3, 1, 0.3, 20, 1, 1, 1, 1, 1])
+_STEP = 1e-4  # of a parameter, for the slopes of the joint by it
 _LOAD = slice(3, 5)  # places of parameters
 _DRIVE = 5
 _PHASE = 6
 _FRICTION = 8
 _MOTOR_FRICTION = 10
 _PLAYS = np.geomspace(0.15, 2.2, 14)
-_AGAIN = (0.2, 0.35, 0.6, 1.0, 1.6, 2.4)
 _RINGS = np.array([-1.2, -0.5, 0.2, 0.9])  # ln K, less its prior's mean: 12 to 35 Hz
-_FRICTIONS = np.array([-0.025, -0.01, 0.01, 0.03])  # less the mean
+_FRICTIONS = np.array([-0.015, 0.02])  # less the mean
+_AGAIN = np.array([0.75, 0.87, 1.15, 1.33])  # of the best play
+_SAME = 0.03  # share of the play within which two minima are one
+_RIVAL_COST = 2.0  # above the least
+_RIVAL_SHARE = 0.1  # of the play, from the best
 
 
 class _Log(NamedTuple):
@@ -51,87 +57,201 @@ class _Log(NamedTuple):
     running: float  # speed of the strokes
     # Power of the accelerations of motor and load, variance of the speed; unfiltered, SDs of speed and torque.
     noise: FloatArray
+    soft_rad: float = 0.0  # within which the teeth meet
+
+
+class _Joint(NamedTuple):
+    """An angle of the load, seconds, torques over the load's inertia or, of the motor, over N^2 J_m."""
+
+    delta: float
+    stiffness: float
+    damping: float
+    gravity: float
+    ratio: float
+    drive: float  # 1 / (N J_m)
+    phase: float
+    lag_s: float
+    friction: float
+    viscosity: float
+    motor_friction: float
+    motor_viscosity: float
+    offset: float
+
+
+@njit(inner=True)
+def _soft(over):
+    """The part of a number above 0, smooth about it, and its slope."""
+    if abs(over) > 36:  # as far as digits go
+        return max(over, 0.0), 1.0 if over > 0 else 0.0
+    small = np.exp(-abs(over))
+    return max(over, 0.0) + np.log1p(small), (1.0 if over > 0 else small) / (1 + small)
+
+
+@njit(inner=True)
+def _press(joint, over, rate, soft_rad):
+    """Torque between teeth that are over their touch by an angle; its slope by stiffness; the share of them in touch.
+
+    Teeth do not pull: what damping takes off while they part is as if they were less over.
+    """
+    eased = min(rate, 0.0) * joint.damping / joint.stiffness
+    bend, share = _soft((over + eased) / soft_rad)
+    bend *= soft_rad
+    torque = joint.stiffness * bend + share * joint.damping * max(rate, 0.0)
+    return torque, bend - share * eased, share
+
+
+@njit(inner=True)
+def _touch(joint, wind_up, rate, soft_rad):
+    """Torque between the teeth, its slopes by stiffness and by delta over stiffness, and the share of them in touch."""
+    ahead, ahead_slope, leading = _press(joint, wind_up - joint.delta, rate, soft_rad)
+    behind, behind_slope, trailing = _press(joint, -wind_up - joint.delta, -rate, soft_rad)
+    return ahead - behind, ahead_slope - behind_slope, trailing - leading, leading + trailing
+
+
+@njit(inner=True)
+def _rub(share):
+    """Friction's part at a share of the strokes' speed, smooth at standstill."""
+    steep = 50 * share
+    return steep / np.sqrt(1 + steep * steep)
+
+
+@njit(inner=True)
+def _step(joint, state, torque, angle, log, follow):
+    """Move the state on by a step, in place."""
+    motor, wind_up, load, logged = state
+    h = log.step_s
+    contact = _touch(joint, wind_up, motor - load, log.soft_rad)[0]
+    driven = joint.drive * torque - joint.offset - joint.ratio * contact
+    driven -= joint.motor_friction * _rub(motor / log.running)
+    driven -= joint.motor_viscosity * motor / log.running
+    carried = contact - joint.gravity * np.sin(angle + joint.phase - wind_up)
+    carried -= joint.friction * _rub(load / log.running)
+    carried -= joint.viscosity * load / log.running
+    state[0] = motor + h * driven
+    state[2] = load + h * carried
+    state[1] = wind_up + h * (state[0] - state[2])
+    state[3] = logged + follow * (state[0] - logged)
+
+
+@njit(inner=True)
+def _slopes(joint, state, torque, angle, log, follow, slopes, by_joint):
+    """Write the slopes of a step to come: by the state, shape (4, 4), and of both speeds by the joint, (2, 13).
+
+    Those of friction at standstill and of what touches the sooner are left out: the covariance would be rough.
+    """
+    motor, wind_up, load, _ = state
+    h = log.step_s
+    contact, by_stiffness, by_delta, share = _touch(joint, wind_up, motor - load, log.soft_rad)
+    across = angle + joint.phase - wind_up
+    falling = joint.gravity * np.cos(across)
+    slopes[2, 0] = h * share * joint.damping
+    slopes[2, 1] = h * (share * joint.stiffness + falling)
+    slopes[2, 2] = 1 - slopes[2, 0] - h * joint.viscosity / log.running
+    slopes[0, 0] = 1 - joint.ratio * slopes[2, 0] - h * joint.motor_viscosity / log.running
+    slopes[0, 1] = -joint.ratio * h * share * joint.stiffness
+    slopes[0, 2] = joint.ratio * slopes[2, 0]
+    for k in range(3):
+        slopes[1, k] = h * (slopes[0, k] - slopes[2, k])
+        slopes[3, k] = follow * slopes[0, k]
+    slopes[1, 1] += 1
+    slopes[3, 3] = 1 - follow
+    for k, by in enumerate((joint.stiffness * by_delta, by_stiffness, share * (motor - load))):
+        by_joint[0, k] = -h * joint.ratio * by
+        by_joint[1, k] = h * by
+    by_joint[0, 4] = -h * contact
+    by_joint[0, 5] = h * torque
+    by_joint[0, 10] = -h * _rub(motor / log.running)
+    by_joint[0, 11] = -h * motor / log.running
+    by_joint[0, 12] = -h
+    by_joint[1, 3] = -h * np.sin(across)
+    by_joint[1, 6] = -h * falling
+    by_joint[1, 8] = -h * _rub(load / log.running)
+    by_joint[1, 9] = -h * load / log.running
+
+
+@njit(inner=True)
+def _spread(covariance, slopes, log, work):
+    """Move the covariance on by a step, in place; plain loops, as BLAS rounds by the processor."""
+    for i in range(4):
+        for j in range(4):
+            work[i, j] = 0.0
+            for k in range(4):
+                work[i, j] += slopes[i, k] * covariance[k, j]
+    for i in range(4):
+        for j in range(i + 1):
+            total = 0.0
+            for k in range(4):
+                total += work[i, k] * slopes[j, k]
+            covariance[i, j] = total
+            covariance[j, i] = total
+    covariance[0, 0] += log.noise[0] * log.step_s
+    covariance[2, 2] += log.noise[1] * log.step_s
+
+
+@njit(inner=True)
+def _lean(tangent, slopes, by_joint, h, follow):
+    """Move the slopes of the state by the joint, shape (4, 13), on by a step, in place."""
+    for k in range(tangent.shape[1]):
+        motor, wind_up, load, logged = tangent[:, k]
+        tangent[0, k] = (
+            slopes[0, 0] * motor + slopes[0, 1] * wind_up + slopes[0, 2] * load + by_joint[0, k]
+        )
+        tangent[2, k] = (
+            slopes[2, 0] * motor + slopes[2, 1] * wind_up + slopes[2, 2] * load + by_joint[1, k]
+        )
+        tangent[1, k] = wind_up + h * (tangent[0, k] - tangent[2, k])
+        tangent[3, k] = logged + follow * (tangent[0, k] - logged)
+
+
+@njit(inner=True)
+def _correct(state, covariance, error, noise, gain):
+    """Write the gain of a sample, and correct the state and its covariance by it, in place."""
+    variance = covariance[3, 3] + noise
+    for k in range(4):
+        gain[k] = covariance[3, k] / variance
+        state[k] += gain[k] * error
+    for i in range(4):
+        for j in range(4):
+            covariance[i, j] -= variance * gain[i] * gain[j]
 
 
 @njit
-def _predict(log, parameters, gains, is_frozen):
-    """Errors one sample ahead; gains, shape (samples, 4), are read if frozen, else written."""
-    (
-        delta,
-        stiffness,
-        zeta,
-        gravity,
-        ratio,
-        drive,  # 1 / (N J_m)
-        phase,
-        lag_s,
-        friction,
-        viscosity,
-        motor_friction,
-        motor_viscosity,
-        offset,
-    ) = parameters
-    damping = 2 * zeta * np.sqrt(stiffness)
-    h = log.step_s
-    follow = 1 - np.exp(-h / max(lag_s, 1e-5))
-    P = log.noise[2] * np.eye(4)
-    P[1, 1] = (0.1 * delta + 1e-5) ** 2
-    A = np.eye(4)
-    A[3, 3] = 1 - follow
-    errors = np.empty(len(gains))
-    start = gravity * np.sin(log.angle[0, 0] + phase)
-    wind_up = start / stiffness + delta * np.sign(start)
-    motor = load = logged = log.speed[0]
-    for i in range(len(gains)):
+def _predict(log, joint, count, wants_slopes):
+    """Errors one sample ahead, the logged speed's gains, and slopes of the errors by the joint, the gains held."""
+    lag_s = max(joint.lag_s, 1e-5)
+    follow = 1 - np.exp(-log.step_s / lag_s)
+    follow_by_lag = -(1 - follow) * log.step_s / lag_s**2
+    covariance = log.noise[2] * np.eye(4)
+    covariance[1, 1] = (0.1 * joint.delta + 1e-5) ** 2
+    slopes, work, tangent = np.zeros((4, 4)), np.empty((4, 4)), np.zeros((4, 13))
+    by_joint = np.zeros((2, 13))
+    start = joint.gravity * np.sin(log.angle[0, 0] + joint.phase)
+    state = np.full(4, log.speed[0])
+    state[1] = start / joint.stiffness + joint.delta * np.sign(start)
+    tangent[1, 0] = np.sign(start)
+    errors, gains, by = (
+        np.empty(count),
+        np.empty((count, 4)),
+        np.zeros((count if wants_slopes else 0, 13)),
+    )
+    for i in range(count):
         for j in range(log.torque.shape[1] if i else 0):
-            bend = wind_up - min(max(wind_up, -delta), delta)
-            contact = stiffness * bend + damping * (motor - load)
-            touch = h if contact * bend > 0 else 0.0
-            motor += (
-                h
-                * (
-                    drive * log.torque[i - 1, j]
-                    - motor_friction * min(max(50 * motor / log.running, -1.0), 1.0)
-                    - motor_viscosity * motor / log.running
-                    - offset
-                )
-                - ratio * touch * contact
-            )
-            load += touch * contact - h * (
-                gravity * np.sin(log.angle[i - 1, j] + phase - wind_up)
-                + friction * min(max(50 * load / log.running, -1.0), 1.0)
-                + viscosity * load / log.running
-            )
-            wind_up += h * (motor - load)
-            logged += follow * (motor - logged)
-            if not is_frozen:
-                A[2, 0] = touch * damping
-                A[2, 1] = touch * stiffness
-                A[2, 2] = 1 - h * viscosity / log.running - A[2, 0]
-                A[0, 0] = 1 - h * motor_viscosity / log.running - ratio * A[2, 0]
-                A[0, 1] = -ratio * A[2, 1]
-                A[0, 2] = ratio * A[2, 0]
-                for k in range(3):
-                    A[1, k] = h * (A[0, k] - A[2, k])
-                    A[3, k] = follow * A[0, k]
-                A[1, 1] += 1
-                P = A @ P @ A.T
-                P[0, 0] += log.noise[0] * h
-                P[2, 2] += log.noise[1] * h
-        error = log.speed[i] - logged
-        if not abs(error) < 1e3:
-            error = 1e3
-        errors[i] = error
-        gain = gains[i]
-        if not is_frozen:
-            variance = P[3, 3] + log.noise[2]
-            gain[:] = P[3] / variance
-            P -= variance * np.outer(gain, gain)
-        motor += gain[0] * error
-        wind_up += gain[1] * error
-        load += gain[2] * error
-        logged += gain[3] * error
-    return errors
+            torque, angle = log.torque[i - 1, j], log.angle[i - 1, j]
+            _slopes(joint, state, torque, angle, log, follow, slopes, by_joint)
+            _spread(covariance, slopes, log, work)
+            logged = state[3]
+            _step(joint, state, torque, angle, log, follow)
+            if wants_slopes:
+                _lean(tangent, slopes, by_joint, log.step_s, follow)
+                tangent[3, 7] += follow_by_lag * (state[0] - logged)
+        error = log.speed[i] - state[3]
+        errors[i] = error if abs(error) < 1e3 else 1e3
+        _correct(state, covariance, errors[i], log.noise[2], gains[i])
+        if wants_slopes:
+            by[i] = -tangent[3]
+            for k in range(4):
+                tangent[k] += gains[i, k] * by[i]
+    return errors, gains[:, 3], by
 
 
 class _Strokes:
@@ -184,13 +304,15 @@ class _Strokes:
         mean = [0, 9.86, -3.2, *known, known.sum() - np.log(size), phase, 1.0, 0.03, 0.01]
         self.mean = np.append(mean, found[3:6] / size - (0.03, 0.01, 0))
 
-    def parameters(self, theta: FloatArray) -> tuple[float, ...]:
-        """What the filter takes: an angle of the load, seconds, torques over an inertia."""
+    def joint(self, theta: FloatArray) -> _Joint:
+        """The joint of parameters less their priors' means."""
         theta = self.mean + theta
         known = np.exp(theta[1:6])
-        gravity, ratio = known[2:4]
+        stiffness, zeta, gravity, ratio, _ = known
+        known[1] = 2 * zeta * np.sqrt(stiffness)
         load, motor = np.split(gravity * theta[8:], [2])
-        return (abs(theta[0]) / 1e3, *known, theta[6], theta[7] / 1e3, *load, *(ratio * motor))
+        play, lag_s = abs(theta[0]) / 1e3, theta[7] / 1e3
+        return _Joint._make((play, *known, theta[6], lag_s, *load, *(ratio * motor)))
 
 
 class _Filter:
@@ -199,44 +321,53 @@ class _Filter:
     The model lacks a share of gravity, over 5 ms.
     """
 
-    def __init__(self, strokes: _Strokes, lacking: float, seconds: float):
+    def __init__(self, strokes: _Strokes, lacking: float, seconds: float, soft_rad: float):
         self.strokes = strokes
         count = int(min(seconds / strokes.sample_s, strokes.used.size))
         self.used = strokes.used[:count]
-        self.gains = np.empty((count, 4))
         gravity, ratio, drive = np.exp(strokes.mean[3:6])
         speed_sd, torque_sd = strokes.log.noise
         power = 5e-3 * (lacking * gravity) ** 2
         driven = strokes.sample_s * (drive * torque_sd) ** 2 + ratio**2 * power
-        self.log = strokes.log._replace(noise=np.array([driven, power, speed_sd**2]))
+        noise = np.array([driven, power, speed_sd**2])
+        self.log = strokes.log._replace(noise=noise, soft_rad=soft_rad)
 
-    def errors(self, theta: FloatArray, is_frozen: bool = False) -> FloatArray:
-        """One sample ahead, over their SDs' shares of the median; with the gains of before if frozen."""
-        found = _predict(self.log, self.strokes.parameters(theta), self.gains, is_frozen)
-        weight = 1 - self.gains[self.used, 3]
-        return found[self.used] * np.sqrt(weight / np.median(weight))
+    def errors(self, theta: FloatArray) -> FloatArray:
+        """One sample ahead, over their SDs' shares of the median."""
+        found, gains, _ = _predict(self.log, self.strokes.joint(theta), self.used.size, False)
+        return np.asarray(found[self.used] * _weight(gains[self.used]))
 
-    def size(self, theta: FloatArray, most: float = 4.0) -> float:
-        """Of the errors, none taken as more than so many medians."""
+    def slopes(self, theta: FloatArray) -> FloatArray:
+        """Slopes of the errors, the gains held."""
+        _, gains, by = _predict(self.log, self.strokes.joint(theta), self.used.size, True)
+        moved = [
+            np.array(self.strokes.joint(theta + row)) - self.strokes.joint(theta - row)
+            for row in _STEP * np.eye(_SD.size)
+        ]
+        by_theta = np.transpose(moved) / (2 * _STEP)
+        return by[self.used] @ by_theta * _weight(gains[self.used])[:, None]
+
+    def size(self, theta: FloatArray) -> float:
+        """Of the errors, none taken as more than four medians."""
         size = np.abs(self.errors(theta))
-        return float(np.sqrt(np.mean(np.minimum(size, most * np.median(size)) ** 2)))
+        return float(np.sqrt(np.mean(np.minimum(size, 4.0 * np.median(size)) ** 2)))
 
-    def rank(self, fit: OptimizeResult) -> float:
-        """Size of the errors of a fit."""
-        return self.size(fit.x, 30.0)
+    def descend_all(
+        self, starts: list[FloatArray], steps: int, least: float
+    ) -> list[OptimizeResult]:
+        """Descents from all starts, of one scale: their costs can be compared."""
+        scale = _TEMPER * min(map(self.size, starts))
+        return [self.descend(start, scale, steps, least) for start in starts]
 
-    def descend(self, start: FloatArray, steps: int, least: float) -> OptimizeResult:
+    def descend(self, start: FloatArray, scale: float, steps: int, least: float) -> OptimizeResult:
         """Least squares, robust; the gains are held while the slopes are taken."""
-        scale = _TEMPER * self.size(start)
         sd = self.strokes.sd
 
         def weigh(theta: FloatArray) -> FloatArray:
             return np.append(self.errors(theta) / scale, theta / sd)
 
         def slopes(theta: FloatArray) -> FloatArray:
-            now = self.errors(theta)
-            moved = [self.errors(theta + row, True) - now for row in np.diag(_STEP)]
-            return np.vstack([np.transpose(moved) / _STEP / scale, np.diag(1 / sd)])
+            return np.vstack([self.slopes(theta) / scale, np.diag(1 / sd)])
 
         return least_squares(
             weigh,
@@ -252,11 +383,32 @@ class _Filter:
         )
 
 
-def _search(strokes: _Strokes) -> OptimizeResult:
-    """The best of descents from many plays."""
-    rough = _Filter(strokes, 0.01, _SEARCH_S)
-    fine = _Filter(strokes, 0.001, _SEARCH_S)
-    whole = _Filter(strokes, 0.001, np.inf)
+def _weight(gains: FloatArray) -> FloatArray:
+    """Of errors by the gains of the logged speed: over their SDs, 1 in the median."""
+    return np.sqrt((1 - gains) / np.median(1 - gains))
+
+
+def _distinct(fits: list[OptimizeResult], most: int) -> list[OptimizeResult]:
+    """The best of fits whose plays differ."""
+    kept: list[OptimizeResult] = []
+    for fit in sorted(fits, key=_cost):
+        if len(kept) < most and all(_apart(fit, other) > _SAME for other in kept):
+            kept.append(fit)
+    return kept
+
+
+def _cost(fit: OptimizeResult) -> float:
+    return float(fit.cost)
+
+
+def _apart(fit: OptimizeResult, other: OptimizeResult) -> float:
+    """How far one play is from the other, over that."""
+    return float(abs(abs(fit.x[0]) / abs(other.x[0]) - 1))
+
+
+def _search(strokes: _Strokes) -> list[OptimizeResult]:
+    """The lowest minimum of descents from many plays, and the others that are nearly as low."""
+    rough = _Filter(strokes, 0.01, _SEARCH_S, _SOFT_RAD)
     starts = []
     for delta_mrad in _PLAYS:
         row = np.zeros((_RINGS.size, _FRICTIONS.size, _SD.size))
@@ -265,19 +417,15 @@ def _search(strokes: _Strokes) -> OptimizeResult:
         row[..., _FRICTION] = _FRICTIONS
         row[..., _MOTOR_FRICTION] = -_FRICTIONS
         starts.append(min(row.reshape(-1, _SD.size), key=rough.size))
-    fits = [rough.descend(theta, 9, 0.03) for theta in starts]
-    best = min(fits, key=rough.rank).x.copy()
-    best[1:3] *= np.abs(best[1:3]) < 0.8
-    for delta_mrad in _AGAIN:
-        best[0] = delta_mrad
-        fits.append(rough.descend(best, 9, 0.03))
-    kept: list[FloatArray] = []
-    for fit in sorted(fits, key=rough.rank):
-        if not any(np.allclose(fit.x[:2], theta[:2], 0.03, 0.01) for theta in kept):
-            kept.append(fit.x)
-    fits = sorted((fine.descend(theta, 10, 0.015) for theta in kept[:4]), key=fine.rank)
-    fits = [whole.descend(fit.x, 14, 7e-4) for fit in fits[:2]]
-    return whole.descend(min(fits, key=whole.rank).x, 12, 7e-5)
+    fits = rough.descend_all(starts, 9, 0.03)
+    fine = _Filter(strokes, 0.001, _SEARCH_S, _SOFT_RAD)
+    fits = fine.descend_all([fit.x for fit in _distinct(fits, 6)], 10, 0.005)
+    best = min(fits, key=_cost).x
+    others = [np.append(share * best[0], best[1:]) for share in _AGAIN]
+    fits = fine.descend_all([fit.x for fit in fits] + others, 10, 0.005)
+    whole = _Filter(strokes, 0.001, np.inf, _HARD_RAD)
+    fits = _distinct(whole.descend_all([fit.x for fit in _distinct(fits, 3)], 14, 7e-4), 3)
+    return _distinct(whole.descend_all([fit.x for fit in fits], 12, 7e-5), 3)
 
 
 @np.errstate(all="ignore")  # a filter that runs away has large errors
@@ -295,7 +443,11 @@ def fit_strokes(
         raise ValueError(
             f"{strokes.crossings} strokes cross the vertical; {_LEAST_CROSSINGS} or more are needed"
         )
-    fit = _search(strokes)
+    fit, *others = _search(strokes)
+    for other in others:
+        if other.cost < fit.cost + _RIVAL_COST and _apart(other, fit) > _RIVAL_SHARE:
+            plays = " and ".join(f"{1e-3 * abs(x):.2g}" for x in (fit.x[0], other.x[0]))
+            raise ValueError(f"{plays} rad fit nearly as well; log more strokes, faster or quieter")
     covariance = np.linalg.inv(fit.jac.T @ fit.jac)
     turned = np.cumsum(np.diff(np.sign(strokes.log.speed), prepend=0) != 0)[strokes.used]
     scores = (fit.fun[:, None] * fit.jac)[: turned.size]

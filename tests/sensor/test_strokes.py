@@ -32,6 +32,7 @@ def test_strokes_in_a_file_tell_their_backlash(tmp_path, capsys):
     assert low < 1.2e-3 < high
 
 
+@pytest.mark.slow
 def test_strokes_by_the_position_in_counts_tell_it_too():
     frame, known = strokes(1, 1.2e-3)
     turns = CubicSpline(*frame.to_numpy().T[:2]).antiderivative()(frame["time [s]"])
@@ -43,6 +44,7 @@ def test_strokes_by_the_position_in_counts_tell_it_too():
     assert low < 1.2e-3 < high
 
 
+@pytest.mark.slow
 def test_strokes_of_a_healthy_joint_are_no_absence():
     frame, known = strokes(6, 0.0)
     found = backlash.estimate(frame, torque="torque", **known)

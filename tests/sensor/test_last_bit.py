@@ -1,0 +1,47 @@
+"""No answer is decided by rounding: a log scaled by 1 + 1e-9 has the same one."""
+
+import numpy as np
+import pandas as pd
+import pytest
+
+import backlash
+from backlash.fitting import METHODS, SELF, TORQUE
+from tests.logs import noisy
+from tests.sensor.test_strokes import strokes
+from tests.sensor.test_torque_logs import logged
+
+DELTAS = (4e-4, 9e-4, 1.6e-3)
+FEW, MANY = pytest.param(DELTAS[1:2]), pytest.param(DELTAS[::2], marks=pytest.mark.slow)
+
+
+def movement(values: np.ndarray, **how) -> float:
+    """Largest relative movement of backlash and interval, of columns time, speed and maybe torque."""
+    found = []
+    for scale in (1, 1 + 1e-9):
+        t, *measured = values.T
+        names = ("speed [rps]", "torque")[: len(measured)]
+        frame = pd.DataFrame(
+            {"time [s]": t} | dict(zip(names, scale * np.array(measured), strict=True))
+        )
+        found.append(backlash.estimate(frame, **how))
+    now, nudged = found
+    assert now.verdict == nudged.verdict == "backlash"
+    ends = [np.array((each.backlash_rad, *each.backlash_interval_rad)) for each in found]
+    return float(np.abs(ends[1] / ends[0] - 1).max())
+
+
+@pytest.mark.parametrize("deltas", [FEW, MANY])
+@pytest.mark.parametrize("method", [*METHODS, SELF])
+def test_rounding_does_not_move_an_answer_by_the_speed(method, deltas):
+    for delta in deltas:
+        log = noisy(delta, 0.05, 3)
+        values = np.column_stack([log.t, log.v])
+        assert movement(values, method=method, turn_period_s=0.4, repeats=2) < 0.01
+
+
+@pytest.mark.parametrize("deltas", [FEW, MANY])
+@pytest.mark.parametrize("draw", [logged, strokes], ids=[TORQUE, "strokes"])
+def test_rounding_does_not_move_an_answer_by_the_torque(draw, deltas):
+    for delta in deltas:
+        frame, known = draw(3, delta)
+        assert movement(frame.to_numpy(), torque="torque", **known) < 0.01
