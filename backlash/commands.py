@@ -18,7 +18,7 @@ from backlash.reading.columns import SAID
 from backlash.reading.refusals import UnusableLog, library
 from backlash.reading.sources import STDIN
 from backlash.settings import MEASURING, Settings
-from replication.compiled import cache
+from replication import compiling
 from replication.files import write_bytes, write_csv, write_text
 
 _FAIL_ON = re.compile(r"(cannot-tell|no-backlash)|backlash( *> *(\d*\.?\d+) *(m?)rad)?")
@@ -49,7 +49,7 @@ def _begin(options: argparse.Namespace, logs: Sequence[Path]) -> None:
         output = getattr(options, option, None)
         if output and os.path.realpath(output) in inputs:
             raise UnusableLog(f"--{option} {output}: that is one of the inputs; name another file")
-    if cache.is_empty():
+    if compiling.is_empty():
         what = "the first command on this machine may compile, some ten seconds"
         print(what, file=sys.stderr, flush=True)
 

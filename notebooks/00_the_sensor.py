@@ -69,8 +69,11 @@ from matplotlib import pyplot as plt
 from tqdm import tqdm
 
 import workbook
-from replication import published, search, simulator
-from replication.figures import teeth
+from replication import cmaes, published
+from replication.signature import Box
+from replication.simulator.parameters import identified_joint
+from replication.simulator.simulate import simulate
+from studies import teeth
 
 # %% [markdown]
 # ## Parameters
@@ -171,8 +174,7 @@ show(+slider.value);
 # seconds.
 
 # %%
-delta_rad, joint = 1e-3 * backlash_mrad, simulator.parameters.identified_joint()
-simulate = simulator.simulate.simulate
+delta_rad, joint = 1e-3 * backlash_mrad, identified_joint()
 v_t, T_f = joint.commanded_speed_rps, joint.turn_period_s
 run = simulate(joint, delta_rad, duration_s=1.6, sample_s=1e-4, step_s=5e-5)
 animation = workbook.plain_animation(
@@ -266,7 +268,7 @@ def rmse(X):  # of each row of X
 # %% [markdown]
 # The paper's search is CMA-ES, which is random: a generation of points is drawn from a normal distribution, and the
 # better half of them moves the distribution ([notebook 7](07_protocol_table1.ipynb)). It looks within the bounds of
-# Table 1. Here a run has 90 generations. `search`, too, is compiled when it is first called: twenty seconds, once.
+# Table 1. Here a run has 90 generations.
 
 # %%
 box = {"A": (-np.ptp(v) / 2, np.ptp(v) / 2), "t0": (0, T_f)}
@@ -274,12 +276,12 @@ for name in ("tau", "omega", "T1", "T2"):
     box[name] = [published.value(f"table1.{name}.{end}") for end in ("min", "max")]
 box["T2"] = (0, T_d)  # Table 1 has half of its T_f too, which is longer
 box["v_t"] = (v.min(), v.max())
-bounds = search.Box(*np.array([*box.values()]).T)
+bounds = Box(*np.array([*box.values()]).T)
 
 
 def best_of_run(run_seed):
-    normals = search.random_normals(run_seed)
-    steps = islice(search.generations(rmse, bounds, normals, population), 90)
+    normals = cmaes.random_normals(run_seed)
+    steps = islice(cmaes.generations(rmse, bounds, normals, population), 90)
     return min((step.misfits.min(), *step.members[step.misfits.argmin()]) for step in steps)
 
 

@@ -48,8 +48,9 @@ import pandas as pd
 from matplotlib import pyplot as plt
 
 import workbook
-from replication import dead_zone, published, simulator
+from replication import dead_zone, published
 from replication.figures import paper
+from replication.simulator.parameters import identified_joint
 
 # %% [markdown]
 # ## Parameters
@@ -75,7 +76,7 @@ workbook.check_parameters(
 # middle of the gap?
 
 # %%
-K_s = simulator.parameters.identified_joint().stiffness_nm_per_rad
+K_s = identified_joint().stiffness_nm_per_rad
 
 
 def K_BL(x, alpha, delta=delta_rad):  # equation 8; x is the displacement

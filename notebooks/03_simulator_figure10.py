@@ -57,8 +57,16 @@ import pandas as pd
 from scipy import signal
 
 import workbook
-from replication import authors, simulator, table2
+from replication import authors, table2
 from replication.figures import paper
+from replication.simulator.parameters import (
+    changeable,
+    changed_joint,
+    identified_joint,
+    joint_from_ratios,
+)
+from replication.simulator.recordings import simulate_recordings
+from replication.simulator.simulate import settled_peak_rps, simulate_many
 
 # %% [markdown]
 # ## Parameters
@@ -77,7 +85,7 @@ changes = {}  # factors for ratios or physical quantities, such as {"motor_inert
 workbook.check_parameters(
     level=(level, authors.CLEAN_LEVELS),
     friction_share=(friction_share, workbook.Interval(0, 0.5)),
-    changes=(changes, [simulator.parameters.changeable(simulator.parameters.identified_joint())]),
+    changes=(changes, [changeable(identified_joint())]),
 )
 workbook.check_parameters(factors=(list(changes.values()), [workbook.Interval(0, 100)]))
 
@@ -89,8 +97,8 @@ workbook.check_parameters(factors=(list(changes.values()), [workbook.Interval(0,
 # Two settled turns. A joint that turns otherwise than the authors' is not compared with their records.
 
 # %%
-committed = simulator.parameters.identified_joint()
-joint = simulator.parameters.changed_joint(committed, changes)
+committed = identified_joint()
+joint = changed_joint(committed, changes)
 friction_nm = friction_share * joint.gravity_torque_nm
 joint = replace(joint, load_coulomb_nm=joint.load_coulomb_nm + friction_nm)
 v_t, T_f = joint.commanded_speed_rps, joint.turn_period_s
@@ -100,7 +108,7 @@ records = clean if compared else {}
 
 # %%
 delta_rad = authors.level_delta_rad(level)
-(run,) = simulator.simulate.simulate_many(joint, [delta_rad], duration_s=12 * T_f, step_s=5e-5)
+(run,) = simulate_many(joint, [delta_rad], duration_s=12 * T_f, step_s=5e-5)
 recorded = records[delta_rad].v if compared else np.nan * run.time_s
 start_rad = joint.gear_ratio * joint.start_angle_rad
 lag_rad = run.motor_position_rad - start_rad - joint.commanded_speed_rad_per_s * run.time_s
@@ -141,14 +149,12 @@ levels = {authors.level_delta_rad(k): k for k in range(2, authors.CLEAN_LEVELS.s
 
 def finely(joint, deltas_rad=tuple(levels)):
     duration_s = 12 * joint.turn_period_s
-    return simulator.simulate.simulate_many(
-        joint, deltas_rad, duration_s=duration_s, sample_s=FINE_S, step_s=FINE_S
-    )
+    return simulate_many(joint, deltas_rad, duration_s=duration_s, sample_s=FINE_S, step_s=FINE_S)
 
 
 def peaks_rps(joint, deltas_rad=tuple(levels)):
     runs = finely(joint, deltas_rad)
-    return np.array([simulator.simulate.settled_peak_rps(run, joint) for run in runs])
+    return np.array([settled_peak_rps(run, joint) for run in runs])
 
 
 # %%
@@ -252,7 +258,7 @@ def positive_impact_delay_s(record):
 
 # %%
 every_second = list(clean)[::2]
-ours = simulator.recordings.simulate_recordings(joint, every_second)
+ours = simulate_recordings(joint, every_second)
 delays = {"record [ms]": [clean[delta] for delta in every_second], "simulated [ms]": ours}
 lateness = {
     of: [1e3 * positive_impact_delay_s(each) for each in all_] for of, all_ in delays.items()
@@ -362,8 +368,7 @@ workbook.export(
 # %% tags=["solution"]
 (A,) = peaks_rps(committed, [15e-4])
 ways = [
-    simulator.parameters.changed_joint(committed, way)
-    for way in ({"inertia_ratio": 0.5}, {"motor_inertia_kgm2": 2.0})
+    changed_joint(committed, way) for way in ({"inertia_ratio": 0.5}, {"motor_inertia_kgm2": 2.0})
 ]
 all_doubled, alone = (peaks_rps(way, [15e-4])[0] / A for way in ways)
 gains = [way.speed_gain_nms_per_rad / committed.speed_gain_nms_per_rad for way in ways]
@@ -379,10 +384,7 @@ print(
 
 # %% tags=["solution"]
 moved = replace(committed, start_angle_rad=committed.start_angle_rad + np.pi)
-before, after = (
-    simulator.recordings.simulate_recordings(each, [15e-4])[0].v - 100
-    for each in (committed, moved)
-)
+before, after = (simulate_recordings(each, [15e-4])[0].v - 100 for each in (committed, moved))
 apart_rps = np.abs(before[500:2000] - after[400:1900]).max()  # 100 samples are half a turn
 assert apart_rps < 1e-3
 print(f"each impact comes half a turn earlier, with the other sign; {apart_rps:.0e} rps apart")
@@ -392,9 +394,7 @@ print(f"each impact comes half a turn earlier, with the other sign; {apart_rps:.
 # and how high are its peaks (to 0.1 %)? What do the records tell of $N$?
 
 # %% tags=["solution"]
-geared = simulator.parameters.joint_from_ratios(
-    committed.ratios, gear_ratio=80.0, commanded_speed_rps=200.0
-)
+geared = joint_from_ratios(committed.ratios, gear_ratio=80.0, commanded_speed_rps=200.0)
 assert geared.turn_period_s == committed.turn_period_s
 twice = peaks_rps(geared, [15e-4])[0] / A
 assert np.isclose(twice, 2, rtol=1e-6)

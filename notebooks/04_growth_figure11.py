@@ -59,8 +59,11 @@ import numpy as np
 import pandas as pd
 
 import workbook
-from replication import authors, simulator, table2
+from replication import authors, table2
 from replication.figures import paper
+from replication.simulator.parameters import changeable, changed_joint, identified_joint
+from replication.simulator.recordings import simulate_recordings
+from replication.simulator.simulate import settled_peak_rps, simulate_many
 
 # %% [markdown]
 # ## Parameters
@@ -79,7 +82,7 @@ workbook.check_parameters(
     noise_rps=(noise_rps, workbook.Interval(0, 10)),
     noise_seed=(noise_seed, workbook.Interval(0, whole=True)),
     commanded_speed_rps=(commanded_speed_rps, workbook.Interval(10, 300)),
-    changes=(changes, [simulator.parameters.changeable(simulator.parameters.identified_joint())]),
+    changes=(changes, [changeable(identified_joint())]),
 )
 workbook.check_parameters(factors=(list(changes.values()), [workbook.Interval(0, 100)]))
 
@@ -91,11 +94,11 @@ workbook.check_parameters(factors=(list(changes.values()), [workbook.Interval(0,
 # The paper's signal comes from a robot or bench and is not public; this is the simulated joint's.
 
 # %%
-identified = simulator.parameters.identified_joint()
+identified = identified_joint()
 joint = replace(identified, commanded_speed_rps=commanded_speed_rps)
-joint = simulator.parameters.changed_joint(joint, changes)
+joint = changed_joint(joint, changes)
 v_t, T_f = joint.commanded_speed_rps, joint.turn_period_s
-(speed,) = simulator.recordings.simulate_recordings(joint, [authors.level_delta_rad(speed_level)])
+(speed,) = simulate_recordings(joint, [authors.level_delta_rad(speed_level)])
 rng = np.random.default_rng(noise_seed)
 speed = replace(speed, v=speed.v + rng.uniform(-noise_rps, noise_rps, speed.v.size))
 shown = speed.t <= 4 * T_f
@@ -105,12 +108,12 @@ figure5 = paper.speed_signal(speed.t[shown], speed.v[shown], T_f)
 # With `make lab` the speed has a slider for $\delta$. The axes stay, so that the growth shows.
 
 # %%
-(widest,) = simulator.recordings.simulate_recordings(joint, [4e-3])
+(widest,) = simulate_recordings(joint, [4e-3])
 highest = 1.1 * np.abs(widest.v - v_t).max()
 
 
 def draw(delta_mrad):
-    (record,) = simulator.recordings.simulate_recordings(joint, [1e-3 * delta_mrad])
+    (record,) = simulate_recordings(joint, [1e-3 * delta_mrad])
     settled, first = record.t >= T_f, record.t <= 4 * T_f
     (axis,) = paper.speed_signal(record.t[first], record.v[first], T_f).axes
     axis.set(ylim=(v_t - highest, v_t + highest))
@@ -132,7 +135,7 @@ ten = [authors.level_delta_rad(level) for level in table2.table2_levels()]
 
 
 def disturbances(joint):  # r of every level, a row each, 20 samples in a millisecond
-    runs = simulator.recordings.simulate_recordings(joint, every, sample_s=5e-5)
+    runs = simulate_recordings(joint, every, sample_s=5e-5)
     return runs[0].t, np.array([run.v for run in runs]) - joint.commanded_speed_rps
 
 
@@ -232,8 +235,8 @@ workbook.export(
 
 # %% tags=["solution"]
 fine = np.linspace(every[0], 3 * every[0], 41)
-runs = simulator.simulate.simulate_many(identified, fine, sample_s=5e-5, step_s=5e-5)
-height = [simulator.simulate.settled_peak_rps(run, identified) for run in runs]
+runs = simulate_many(identified, fine, sample_s=5e-5, step_s=5e-5)
+height = [settled_peak_rps(run, identified) for run in runs]
 found_rad = np.interp(2 * height[0], height, fine)
 predicted_rad = every[0] * 2 ** (1 / p)
 assert found_rad > 2 * every[0]  # slower than in proportion
@@ -248,13 +251,13 @@ ratio = []
 for rps in (50.0, 100.0):
     slow = replace(identified, commanded_speed_rps=rps)
     turn_s = slow.turn_period_s
-    for run in simulator.simulate.simulate_many(
+    for run in simulate_many(
         slow, [3e-4, 10e-4, 20e-4], duration_s=4 * turn_s, sample_s=5e-5, step_s=5e-5
     ):
         relative = run.motor_speed_rad_per_s / slow.gear_ratio - run.load_speed_rad_per_s
         impact_s = run.impact_time_s[run.impact_time_s > 2 * turn_s]
         fastest = np.abs(np.interp(impact_s, run.time_s, relative)).max()
-        ratio.append(simulator.simulate.settled_peak_rps(run, slow) / fastest)
+        ratio.append(settled_peak_rps(run, slow) / fastest)
 print(f"A is {min(ratio):.2f} to {max(ratio):.2f} rps per rad/s")
 assert max(ratio) < 1.1 * min(ratio)
 

@@ -85,10 +85,12 @@ from dataclasses import replace
 
 import numpy as np
 import pandas as pd
+from tqdm import tqdm
 
 import workbook
-from replication import authors, identify, published
+from replication import authors, cmaes, published, table2
 from replication.figures import paper
+from replication.signature import Timing, signature
 
 # %% [markdown]
 # ## Parameters
@@ -116,7 +118,7 @@ workbook.check_parameters(
 #
 # ### The signature in ten lines
 #
-# The compiled `identify.fit_residual` has the same numbers, and the tests check it. Change a line, and the fit below
+# The compiled `misfit.population_rmse` has the same cost, and the tests check it. Change a line, and the fit below
 # has your signature. It is not compiled then, and takes a minute. Further parameters of yours are `X[7:]`, within
 # `more_bounds`; the stored runs have none.
 
@@ -145,7 +147,7 @@ def h(t, X, T_d, T_f, n):  # equation 7
 stored_runs = published.authors_notebook_runs().set_index("run")
 stored_X = stored_runs.loc[:, "A_rps":"window_start_s"].to_numpy(float)  # a row for each run
 stored, X = stored_runs.loc[run], stored_X[run - 1]
-protocol = identify.Protocol(T_d=turn_period_s / 2, T_f=turn_period_s, turns=turns)
+protocol = table2.Protocol(T_d=turn_period_s / 2, T_f=turn_period_s, turns=turns)
 t = np.arange(0, turns * turn_period_s + 0.1, 1e-4)
 shape = h(t, X, protocol.T_d, protocol.T_f, turns)
 figure6 = paper.signature_parameters(t, shape, X, protocol.timing)
@@ -241,8 +243,8 @@ pd.Series(reproduced, name="stored runs reproduced").rename_axis("turns").to_fra
 # ### A fit with your cost and turn period
 #
 # A fit is a search for the parameters of the lowest cost in a box, here Table 1's with $A$ as wide as the stored runs
-# had it (`protocol_box`). `search_with` is CMA-ES: it draws 300 members a generation, asks for their costs, and goes on
-# until a stop rule holds. `fit_residual` is $r - h$, compiled; another `h` is evaluated as it is written. The first
+# had it (`protocol_box`). `cmaes.search` draws 300 members a generation, asks for their costs, and goes on until a stop
+# rule holds. The paper's cost is compiled (`table2.cost`); another cost or `h` is evaluated as it is written. The first
 # row has the paper's signature and cost and the turn period of the data, with the stored seed; the last row has yours.
 
 # %%
@@ -250,7 +252,7 @@ costs = {"RMSE": rmse, "L1": lambda residual_rps: np.mean(np.abs(residual_rps))}
 
 
 def papers_residual(X, T_f):
-    return identify.fit_residual(record, X, identify.Protocol(T_d=T_f / 2, T_f=T_f))
+    return record.v - X[4] - signature(record.t, X, Timing(T_f / 2, T_f, 12))
 
 
 def your_residual(X, T_f):
@@ -262,8 +264,8 @@ as_papers = not more_bounds and all(
 )
 
 # %%
-authors_settings = identify.Protocol()
-box = identify.protocol_box(record, authors_settings)
+authors_settings = table2.Protocol()
+box = table2.protocol_box(record, authors_settings)
 more = np.reshape(more_bounds, (-1, 2))
 your_box = replace(box, lower=np.r_[box.lower, more[:, 0]], upper=np.r_[box.upper, more[:, 1]])
 signatures = {"the paper's": (papers_residual, box), "your": (your_residual, your_box)}
@@ -271,11 +273,17 @@ signatures = {"the paper's": (papers_residual, box), "your": (your_residual, you
 
 def fit(whose, cost, T_f):
     residual_of, bounds = signatures[whose]
+    of_paper = table2.cost(record, replace(authors_settings, T_d=T_f / 2, T_f=T_f))
 
     def misfits(members):
+        if whose == "the paper's" and cost == "RMSE":
+            return of_paper(members)
         return [costs.get(cost, cost)(residual_of(X, T_f)) for X in members]
 
-    return identify.search_with(misfits, bounds, authors_settings, int(stored["cma_seed"]))
+    normals = cmaes.random_normals(int(stored["cma_seed"]))
+    steps = cmaes.generations(misfits, bounds, normals, authors_settings.population)
+    limit = authors_settings.iterations
+    return cmaes.search(tqdm(steps, total=limit), limit)
 
 
 # %%

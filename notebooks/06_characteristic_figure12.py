@@ -50,8 +50,10 @@ import pandas as pd
 from matplotlib import pyplot as plt
 
 import workbook
-from replication import characteristic, published, simulator
+from replication import characteristic, published
 from replication.figures import paper
+from replication.simulator.parameters import changed_joint, identified_joint
+from replication.simulator.simulate import simulate_many
 
 # %% [markdown]
 # ## Parameters
@@ -68,7 +70,7 @@ criteria = {}  # limits to try in place of those of claims.csv, such as {"error_
 workbook.check_parameters(
     rpm_per_rps=(rpm_per_rps, workbook.Interval(1e-3, 1e4)),
     left_out=(left_out, [range(1, 11)]),
-    changes=(changes, [simulator.parameters.identified_joint().ratios]),
+    changes=(changes, [identified_joint().ratios]),
     reading=(reading, ("peak", "sampled peak", "energy")),
     degree=(degree, range(1, 7)),
     criteria=(criteria, [("error_rad_small", "error_rad_large", "monotone", "encoder_step")]),
@@ -139,10 +141,8 @@ workbook.sliders(draw, **ends)
 # the commanded one.
 
 # %%
-joint = simulator.parameters.changed_joint(simulator.parameters.identified_joint(), changes)
-runs = simulator.simulate.simulate_many(
-    joint, delta, sample_s=5e-5, step_s=5e-5
-)  # forty samples in 2 ms
+joint = changed_joint(identified_joint(), changes)
+runs = simulate_many(joint, delta, sample_s=5e-5, step_s=5e-5)  # forty samples in 2 ms
 settled = runs[0].time_s >= joint.turn_period_s
 disturbances = np.array([run.motor_speed_rps[settled] - joint.commanded_speed_rps for run in runs])
 peaks = disturbances.max(axis=1)

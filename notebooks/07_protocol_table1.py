@@ -49,9 +49,10 @@ import numpy as np
 import pandas as pd
 
 import workbook
-from replication import authors, identify
+from replication import authors, cmaes, table2
 from replication.figures import searching
-from replication.replay import table1
+from studies.replay import replay, table1
+from studies.replay.eigen import symmetric_eigen
 
 # %% [markdown]
 # ## Parameters
@@ -85,18 +86,21 @@ workbook.check_parameters(**{name: (value, settings[name]) for name, value in bo
 #
 # ### One generation, step by step
 #
-# The record is the authors' clean record 12, the seed that of a stored run. `identify.paper_search` is the search, one
-# generation at a time; its settings are `population`, `sigma` and `box` above.
+# The record is the authors' clean record 12, the seed that of a stored run. `cmaes.generations` is the search, one
+# generation at a time, with the signs that eigenvectors had in 2021; its settings are `population`, `sigma` and `box`
+# above.
 
 # %%
 clean = authors.load_clean(12)
-protocol = replace(identify.Protocol(), population=population, **box)
-bounds = identify.protocol_box(clean, protocol)
+protocol = replace(table2.Protocol(), population=population, **box)
+bounds = table2.protocol_box(clean, protocol)
+cost = table2.cost(clean, protocol)
 names = ["A [rps]", "t0 [s]", "tau [1/s]", "omega [rad/s]", "v_t [rps]", "T2 [s]", "T1 [s]"]
 
 
 def start():  # sigma is counted in quarters of the box
-    return identify.paper_search(clean, protocol, seed, 4 * sigma)
+    normals = cmaes.random_normals(seed)
+    return cmaes.generations(cost, bounds, normals, population, 4 * sigma, symmetric_eigen)
 
 
 drawn = next(islice(start(), generation - 1, None))
@@ -125,7 +129,7 @@ z = [normals(population, c.n) for _ in range(generation)][-1]
 x = before.m + before.sigma * before.unit * (z * before.D @ before.B.T)  # equation 12
 ranked = x[drawn.ranking]
 off = np.abs((x - drawn.x) / before.unit).max()
-print(f"largest difference from search.py, in units: {off:.1g}")
+print(f"largest difference from cmaes.py, in units: {off:.1g}")
 members = pd.DataFrame(drawn.members, columns=names).assign(misfit_rps=drawn.misfits)
 members.loc[drawn.ranking].head()
 
@@ -210,22 +214,22 @@ moved.assign(by_search_py=after.std)
 # %% [markdown]
 # ### The whole run
 #
-# `identify.search` follows the generations until a stop rule holds: `tolfun` says that all members have the same misfit
+# `cmaes.search` follows the generations until a stop rule holds: `tolfun` says that all members have the same misfit
 # within 10⁻¹¹ rps, `tolconditioncov` that the ellipse is 10⁷ times as long as wide, `maxiter` that 200 generations are
 # made. Beside it stands the run with the authors' settings and the same seed, which for a stored seed is the stored
 # run. Predict first: does the misfit fall at a steady rate?
 
 # %%
 steps = list(islice(start(), protocol.iterations))
-found = identify.search(iter(steps), protocol.iterations)
+found = cmaes.search(iter(steps), protocol.iterations)
 best = found.history[:, 0]
 picked = [steps[g - 1].after for g in (1, 10, 20, 40, 60) if g <= best.size]
 whole_run = searching.run(picked, best, bounds, shown, labels)
 
 # %%
-authors_protocol = identify.Protocol()
-stored = identify.paper_run(clean, authors_protocol, seed)
-boxes = {"authors' settings": identify.protocol_box(clean, authors_protocol), "this run": bounds}
+authors_protocol = table2.Protocol()
+stored = cmaes.search(replay.authors_search(clean, seed), authors_protocol.iterations)
+boxes = {"authors' settings": table2.protocol_box(clean, authors_protocol), "this run": bounds}
 ends = {}
 for name, end in zip(boxes, (stored, found), strict=True):
     lower, upper = boxes[name].lower, boxes[name].upper
@@ -371,8 +375,7 @@ print(f"{random_steps.mean():.4f}, expected {c.chi_n / np.sqrt(c.mu_eff):.4f}")
 # %% tags=["solution"]
 c_mu = {}
 for size in range(4, 301):
-    first = next(identify.paper_search(clean, replace(protocol, population=size), seed))
-    c_mu[size] = first.constants.c_mu
+    c_mu[size] = cmaes.constants(size, c.n).c_mu
 smallest = next(size for size, rate in c_mu.items() if rate > 0.5)
 assert c_mu[smallest - 1] <= 0.5 < c_mu[smallest]
 print(f"from {smallest} members on")

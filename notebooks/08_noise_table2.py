@@ -75,7 +75,7 @@
 # computed like this. A printed mean is reproduced if it lies in the region of every candidate that the other numbers of
 # the table leave, and if these regions hold neither a neighbouring printed mean nor the theoretical $A$. It differs if
 # it lies outside all of them. Too close to an end, where other noises would move it to the other side, it is undecided.
-# The rules are at the head of `workbook/judging.py` and of `replication/replay/protocols.py`.
+# The rules are at the head of `workbook/judging.py` and of `studies/replay/protocols.py`.
 
 # %%
 from dataclasses import replace
@@ -88,7 +88,7 @@ from matplotlib import pyplot as plt
 import workbook.judging
 from replication import table2
 from replication.figures import paper
-from replication.replay import inspection, protocols
+from studies.replay import inspection, protocols
 
 # %% [markdown]
 # ## Parameters
@@ -96,7 +96,7 @@ from replication.replay import inspection, protocols
 # %% tags=["parameters"]
 made_again = 2  # kept realisations of each row with the leading candidate that are made again
 public = [1, 2, 3, 4, 5]  # the authors' noise realisations R that it also runs on
-settings = {}  # of the search, in place of the leading candidate's, such as {"population": 30}; see `identify.Protocol`
+settings = {}  # of the search, in place of the leading candidate's, such as {"population": 30}; see `table2.Protocol`
 shown_row = 5  # of Table 2, whose thirty runs are shown one by one
 criteria = {}  # limits to try instead of those of claims.csv, such as {"local_minima": 0.7}
 

@@ -104,9 +104,11 @@ import numpy as np
 import pandas as pd
 
 import workbook
-from replication import authors, simulator
+from replication import authors
 from replication.figures import paper
 from replication.simulator import identification
+from replication.simulator.parameters import identified_joint, joint_from_ratios, with_ratios
+from replication.simulator.recordings import simulate_recordings
 
 # %% [markdown]
 # ## Parameters
@@ -119,7 +121,7 @@ fit_levels = [3, 6, 9, 12]  # levels K of the records that the ratios are fitted
 profiled = ""  # a ratio to profile, such as "leaky_rate_per_s"; takes a minute
 
 # %% tags=["plumbing"]
-ratios = simulator.parameters.identified_joint().ratios
+ratios = identified_joint().ratios
 fitted_ratios = tuple(name for name in ratios if name not in identification.HELD)
 workbook.check_parameters(
     start_factor=(start_factor, workbook.Interval(0.75, 1.6)),
@@ -137,13 +139,10 @@ workbook.check_parameters(
 # The largest level, which the fit of the ratios does not use.
 
 # %%
-committed = simulator.parameters.identified_joint()
+committed = identified_joint()
 records = authors.load_clean_records(authors.CLEAN_LEVELS)
 widest = authors.level_delta_rad(13)
-record, (simulated,) = (
-    records[widest],
-    simulator.recordings.simulate_recordings(committed, [widest]),
-)
+record, (simulated,) = (records[widest], simulate_recordings(committed, [widest]))
 labels = ("authors' record 13", "simulated joint")
 residual = paper.record_with_fit(record.t, record.v, simulated.v, labels, seconds=1.6)
 
@@ -163,7 +162,7 @@ third_turn, settled = slice(400, 600), slice(200, None)
 
 
 def nrmse(joint, records, rows):  # one number for each record
-    runs = simulator.recordings.simulate_recordings(joint, list(records))
+    runs = simulate_recordings(joint, list(records))
     return np.array(
         [
             np.sqrt(np.mean((run.v - record.v)[rows] ** 2)) / record.v[settled].std()
@@ -174,7 +173,7 @@ def nrmse(joint, records, rows):  # one number for each record
 
 # %%
 moved = {name: start_factor * committed.ratios[name] for name in started}
-start = simulator.parameters.with_ratios(committed, moved)
+start = with_ratios(committed, moved)
 fit = identification.identify_joint(of_fit, start)
 joints = {"start": start, "fitted": fit.parameters, "committed": committed}
 misfit = {f"{name} [%]": 100 * nrmse(joint, of_fit, third_turn) for name, joint in joints.items()}
@@ -316,7 +315,7 @@ workbook.export(
 # stays the same, and which value of the table does not change?
 
 # %% tags=["solution"]
-heavy = simulator.parameters.joint_from_ratios(committed.ratios, load_mass_kg=10.0)
+heavy = joint_from_ratios(committed.ratios, load_mass_kg=10.0)
 scale = {name: getattr(heavy, name) / getattr(committed, name) for name in physical}
 assert all(np.isclose(factor, 2) for name, factor in scale.items() if name != "gravity_arm_m")
 assert np.isclose(scale["gravity_arm_m"], 1)
@@ -347,9 +346,7 @@ else:
 left = [
     (run.v - each.v)[third_turn]
     for run, each in zip(
-        simulator.recordings.simulate_recordings(fit.parameters, list(of_fit)),
-        of_fit.values(),
-        strict=True,
+        simulate_recordings(fit.parameters, list(of_fit)), of_fit.values(), strict=True
     )
 ]
 rho = np.mean([np.corrcoef(e[1:], e[:-1])[0, 1] for e in left])

@@ -81,7 +81,11 @@ import pandas as pd
 import workbook
 from backlash.fitting.global_fit import global_fit
 from replication import published, standins
+from replication.figures import standins as drawings
+from replication.simulator.parameters import identified_joint
+from replication.simulator.simulate import simulate
 from studies import wear
+from studies.wear import draw_wear
 
 # %% [markdown]
 # ## Parameters
@@ -116,7 +120,7 @@ criteria = {}  # limits to try in place of those of claims.csv, such as {"fricti
 workbook.check_parameters(
     repeats=(repeats, range(2, 1001)),
     bench_seed=(bench_seed, range(0, 10**6)),
-    spread=(spread, [set(asdict(standins.joints.Spread()))]),
+    spread=(spread, [set(asdict(standins.Spread()))]),
     benches=(benches, range(2, 1001)),
     shares=(shares, [workbook.Interval(0, 0.9)]),
     judged_shares=(judged_shares, [set(shares)]),
@@ -147,12 +151,12 @@ known_A = published.column("Table 3", "known")
 deltas_rad = 1e-4 * np.round(1e4 * f(known_A))
 
 # %%
-drawn_spread = replace(standins.joints.Spread(), **spread)
-bench = standins.joints.draw_bench(np.random.default_rng(bench_seed), drawn_spread)
-identified = standins.joints.identified_joint()
+drawn_spread = replace(standins.Spread(), **spread)
+bench = standins.draw_bench(np.random.default_rng(bench_seed), drawn_spread)
+identified = identified_joint()
 T_f, start = identified.turn_period_s, identified.start_angle_rad
 simulator, stand_in = runs = [
-    standins.joints.simulate(replace(joint, start_angle_rad=start, lead_s=T_f), deltas_rad[-1])
+    simulate(replace(joint, start_angle_rad=start, lead_s=T_f), deltas_rad[-1])
     for joint in (identified, bench.joint)
 ]
 shown = simulator.time_s < 2 * T_f
@@ -168,7 +172,7 @@ signals = [
     ("motor speed\n[rps]", *speeds),
     ("motor torque\n[N m]", *(run.motor_torque_nm[shown] for run in runs)),
 ]
-figure10 = standins.plots.motions(time_s, signals)
+figure10 = drawings.motions(time_s, signals)
 
 # %% [markdown]
 # The ratios that the motion depends on. The drive's gains decide how long the ring lasts.
@@ -207,11 +211,9 @@ known
 # other benches by the global fit (notebook 8). *Predict:* is a printed error of at most 9 % typical of such benches?
 
 # %%
-table = standins.bench.fit_table3(bench, deltas_rad, bench_seed, repeats)
-population = standins.bench.bench_population(
-    global_fit, benches, deltas_rad, bench_seed, drawn_spread
-)
-table3_figure = standins.plots.table3(table, population)
+table = standins.fit_table3(bench, deltas_rad, bench_seed, repeats)
+population = standins.bench_population(global_fit, benches, deltas_rad, bench_seed, drawn_spread)
+table3_figure = drawings.table3(table, population)
 
 # %% [markdown]
 # Errors of $A$ in percent of the known one, and how many SDs of the population the printed error lies from its mean.
@@ -236,9 +238,9 @@ def with_friction(share):
 
 
 cases = [(share, number) for share in shares for number in range(4)]
-logs = standins.joints.fitted_logs(
+logs = standins.fitted_logs(
     global_fit,
-    [(standins.joints.Bench(with_friction(share), 0.0, 0.0), deltas_rad[1]) for share, _ in cases],
+    [(standins.Bench(with_friction(share), 0.0, 0.0), deltas_rad[1]) for share, _ in cases],
     [(bench_seed, number) for _, number in cases],
 ).assign(friction_share=[share for share, _ in cases])
 logs["explained_percent"] = 100 * (1 - (logs["rmse_rps"] / logs["sd_rps"]) ** 2)
@@ -250,7 +252,7 @@ friction["change_percent"] = 100 * (friction["A_rps"] / friction["A_rps"].iloc[0
 sample_s, rows = 1e-4, []
 for share in shares:
     rubbing = replace(with_friction(share), lead_s=T_f)
-    run = standins.joints.simulate(rubbing, deltas_rad[1], sample_s=sample_s)
+    run = simulate(rubbing, deltas_rad[1], sample_s=sample_s)
     v, half = run.motor_speed_rps[run.time_s > 2 * T_f], round(T_f / 2 / sample_s)
     impacts = run.impact_time_s[run.impact_time_s > 2 * T_f]
     rows.append(
@@ -264,7 +266,7 @@ for share in shares:
 
 # %%
 friction = friction.join(pd.DataFrame(rows))
-friction_figure = standins.plots.load_friction(logs, friction)
+friction_figure = drawings.load_friction(logs, friction)
 friction
 
 # %% [markdown]
@@ -329,7 +331,7 @@ judged_text = (
     f"frictions of {100 * min(judged_shares):.2g} to {100 * max(judged_shares):.2g} % of gravity "
     f"change A by {changes.min():.1f} to {changes.max():.0f} %"
 )
-cells = {"stand-in": standins.bench.table3_cells(table)}
+cells = {"stand-in": standins.table3_cells(table)}
 claims = {
     "static_reference": (
         published.decide("static_reference", np.nan, criteria),
@@ -434,7 +436,7 @@ print(by_slope, by_equation_10)
 # %% tags=["solution"]
 motor_friction_nm = 0.5 * identified.gravity_torque_nm / identified.gear_ratio
 rubbing, without = (
-    standins.joints.simulate(replace(identified, motor_coulomb_nm=friction_nm), deltas_rad[1])
+    simulate(replace(identified, motor_coulomb_nm=friction_nm), deltas_rad[1])
     for friction_nm in (motor_friction_nm, 0.0)
 )
 # The motor never turns back, so that friction is a constant torque, which the integral carries.
@@ -446,9 +448,7 @@ assert np.allclose(rubbing.motor_torque_nm - without.motor_torque_nm, motor_fric
 # many wears? Leave out those that reach the limit after the last test.
 
 # %% tags=["solution"]
-drawn = [
-    standins.wear.draw_wear(np.random.default_rng(number), limit_rad) for number in range(2000)
-]
+drawn = [draw_wear(np.random.default_rng(number), limit_rad) for number in range(2000)]
 days = np.array([one.crossing_day(limit_rad) for one in drawn])
 days = days[days <= drawn[0].test_days[-1]]
 waiting = drawn[0].test_days[np.searchsorted(drawn[0].test_days, days)] - days

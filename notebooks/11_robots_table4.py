@@ -39,7 +39,7 @@
 # A stand-in axis is a bench of notebook 10 with less gravity (axis 4 carries the wrist and a tool only), and with
 # three sinusoidal torques on its load, of any frequency from 2.5 to 40 Hz: what reaches it from the other joints. A
 # healthy axis has up to 10⁻⁴ rad of backlash, a bad one 2·10⁻⁴ to 5·10⁻⁴ rad. All of these are assumptions
-# (`RobotSpread` in `standins.robots`).
+# (`RobotSpread` in `standins`).
 #
 # Two robots say little about a threshold $T$ [rps]. Many of each kind give its rates of detection and of false alarms,
 #
@@ -63,6 +63,7 @@ import pandas as pd
 import workbook
 from backlash.fitting.global_fit import global_fit
 from replication import published, standins, table2
+from replication.figures import standins as drawings
 
 # %% [markdown]
 # ## Parameters
@@ -98,16 +99,16 @@ workbook.check_parameters(
 # occurs, taken as the threshold. Predict first: which of the printed amplitudes is the better threshold?
 
 # %%
-spread = standins.robots.RobotSpread(coupling=coupling)
+spread = standins.RobotSpread(coupling=coupling)
 loud_spread = replace(spread, coupling=loud_coupling)
 population, loud = (
-    standins.robots.robot_population(global_fit, each, of, robot_seed)
+    standins.robot_population(global_fit, each, of, robot_seed)
     for each, of in ((robots_each, spread), (loud_robots_each, loud_spread))
 )
 
 
 def roc(table):  # thresholds and their rates
-    healthy, excessive = (table["A_rps"][table["kind"] == kind] for kind in standins.robots.KINDS)
+    healthy, excessive = (table["A_rps"][table["kind"] == kind] for kind in standins.KINDS)
     T = np.r_[np.inf, np.unique(table["A_rps"])[::-1]]
     rates = [np.mean(A.to_numpy()[:, None] >= T, axis=0) for A in (healthy, excessive)]
     return pd.DataFrame({"threshold_rps": T, "false_alarms": rates[0], "detected": rates[1]})
@@ -124,7 +125,7 @@ def youden(curve):  # the row of the best threshold
 
 def rates_at(T, table):  # shares of the healthy and of the excessive at or above T
     above = (table["A_rps"] >= T).groupby(table["kind"]).mean()
-    return tuple(above[list(standins.robots.KINDS)])
+    return tuple(above[list(standins.KINDS)])
 
 
 curve, loud_curve = roc(population), roc(loud)
@@ -142,7 +143,7 @@ curves = {
     f"couplings up to {100 * share:.0f} %": (each, area_under(each))
     for share, each in ((coupling, curve), (loud_coupling, loud_curve))
 }
-robots_figure = standins.plots.robots(population, curves, marks)
+robots_figure = drawings.robots(population, curves, marks)
 
 # %%
 index = curve["detected"] - curve["false_alarms"]
@@ -190,11 +191,11 @@ printed.assign(
 
 # %%
 seeds = range(1, repeats + 1)
-records = standins.robots.table4_records(spread, robot_seed)
+records = standins.table4_records(spread, robot_seed)
 fits = table2.repeated_fits(
     records, [table2.AUTHORS_PROTOCOL], seeds, label="Table 4, stand-in robots"
 )
-table = standins.robots.table4(fits)
+table = standins.table4(fits)
 table.astype(object).set_index("robot").T
 
 # %% [markdown]
@@ -216,11 +217,11 @@ table.astype(object).set_index("robot").T
 T_f = records[0][1].turn_period_s
 middle_gravity = float(np.mean(spread.gravity))
 frequencies = np.arange(12.5, 30.01, frequency_step_hz)
-sweep = standins.robots.disturbed_healthy_joint(
+sweep = standins.disturbed_healthy_joint(
     global_fit, frequencies, torque_shares, middle_gravity, spread.bench.noise_rps / 2, robot_seed
 )
 lines = {"printed robot B": printed_B, "best threshold of the robots": best["threshold_rps"]}
-disturbance_figure = standins.plots.robots_disturbance(sweep, lines, 1 / T_f)
+disturbance_figure = drawings.robots_disturbance(sweep, lines, 1 / T_f)
 
 # %% [markdown]
 # The fitted $A$ [rps] at the harmonics of the load's turn, and how many of the twelve turns the fit uses; columns are
@@ -256,7 +257,7 @@ summary
 # off; then another window fits better.
 
 # %%
-standins.robots.disturbed_healthy_joint(
+standins.disturbed_healthy_joint(
     global_fit,
     frequencies[:1],
     [0.005, 0.01, 0.02, 0.03, 0.05],
@@ -274,7 +275,7 @@ standins.robots.disturbed_healthy_joint(
 # All cells are `stand-in`.
 
 # %%
-cells = {"stand-in": standins.robots.table4_cells(table)}
+cells = {"stand-in": standins.table4_cells(table)}
 display(workbook.judge(cells))
 by_kind = table.set_index("kind")["mean_A_rps"]
 mistaken = summary["called_excessive_percent"].iloc[-1]
@@ -335,7 +336,7 @@ workbook.export(
 
 # %% tags=["solution"]
 healthy, excessive = (
-    population["A_rps"][population["kind"] == kind].to_numpy() for kind in standins.robots.KINDS
+    population["A_rps"][population["kind"] == kind].to_numpy() for kind in standins.KINDS
 )
 difference = excessive[:, None] - healthy
 chance = np.mean(difference > 0) + np.mean(difference == 0) / 2

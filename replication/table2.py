@@ -1,27 +1,141 @@
-"""Table 2: its records, repeated fits of them, the table that they give, and the two claims that it decides."""
+"""Table 2: settings of the search, fits of its records, the table that they give, the two claims that it decides."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, replace
 from itertools import product
 
 import numpy as np
 import pandas as pd
-from scipy import stats
+from scipy.special import stdtrit
 
 from replication import published
 from replication.arrays import FloatArray, IntArray
 from replication.authors import level_delta_rad, load_noisy
-from replication.identify import Protocol, paper_fit
+from replication.cmaes import Eigensolver, generations, random_normals, search
+from replication.misfit import fold, population_rmse
 from replication.parallel import in_parallel
 from replication.published import Criteria, Decision
-from replication.recording import Recording
-from replication.signature import FREE_PARAMETERS
-
-AUTHORS_PROTOCOL = Protocol()
+from replication.recording import RPM_PER_RPS, Recording
+from replication.signature import (
+    DAMPING_PER_S,
+    FREE_PARAMETERS,
+    FREQUENCY_HZ,
+    Box,
+    Timing,
+    table1_box,
+)
 
 # Runs whose misfits differ by less are the same basin: rounding at a window's end moves them by up
 # to 0.15 %.
 BASIN_GAP = 2e-3
 BOOTSTRAP_DRAWS = 20000
+
+
+# ---------------------------------------------------------------------------------------------- one fit
+
+
+@dataclass(frozen=True)
+class Protocol:
+    """How one CMA-ES fit is run; the defaults are the authors' notebook.
+
+    The search starts from the middle of the box, with a quarter of its width as standard
+    deviations. "per record" drops up to `latest_start` samples, drawn once, from a record's beginning.
+    """
+
+    name: str = "authors' notebook"  # what tables call it
+    population: int = 300  # members of a generation
+    iterations: int = 200  # the most generations
+    amplitude_factor: float = 1.3  # how much wider than Table 1's the box of A is
+    longest_window_s: float = 0.204  # Table 1's upper bound of T2, twice that of T1
+    damping_per_s: tuple[float, float] = DAMPING_PER_S  # bounds of tau
+    frequency_hz: tuple[float, float] = FREQUENCY_HZ  # bounds of omega over 2 pi
+    start_s: tuple[float, float] | None = None  # bounds of t0; None: the whole record
+    T_d: float = 0.2  # delay of the second oscillation [s]
+    T_f: float = 0.4  # turn period [s]
+    turns: int = 12  # n of the model
+    start: str = "whole"  # or "per record"
+    latest_start: int = 100  # sample
+    rpm: bool = False  # the search sees 60 (v - mean v), as equation 10 has A, and not v in rps
+
+    @property
+    def timing(self) -> Timing:
+        """The fixed part of the signature."""
+        return Timing(self.T_d, self.T_f, self.turns)
+
+
+@dataclass(frozen=True)
+class Fit:
+    """One fitted signature: its parameters in `FREE_PARAMETERS` order, its misfit [rps], what the search spent."""
+
+    X: FloatArray
+    rmse: float
+    evaluations: int
+    iterations: int
+
+    @property
+    def amplitude_rps(self) -> float:
+        """|A| [rps]: (A, t0) and (-A, t0 plus or minus T_d) are the same signal, so the sign says nothing."""
+        return float(abs(self.X[0]))
+
+
+def protocol_box(recording: Recording, protocol: Protocol) -> Box:
+    """Table 1's box for a record, as the protocol widens it."""
+    return table1_box(
+        recording.t,
+        recording.v,
+        protocol.longest_window_s,
+        protocol.amplitude_factor,
+        protocol.damping_per_s,
+        protocol.frequency_hz,
+        protocol.start_s,
+    )
+
+
+AUTHORS_PROTOCOL = Protocol()
+
+
+def cost(recording: Recording, protocol: Protocol) -> Callable[[FloatArray], FloatArray]:
+    """The paper's cost on a record: from members of shape (population, 7) to their misfits."""
+    record = fold(recording.t, recording.v, protocol.timing)
+    return lambda members: population_rmse(members, record)
+
+
+def fit(
+    recording: Recording, protocol: Protocol, seed: int, eigen: Eigensolver = np.linalg.eigh
+) -> Fit:
+    """Fit the signature to a record by CMA-ES, as the paper does (equations 7 and 11 to 17).
+
+    Parameters
+    ----------
+    recording : Recording
+        The record, already cut to its start sample.
+    seed : int
+        Seed of the run, above 0.
+    eigen : callable
+        See `cmaes.generations`.
+
+    Raises
+    ------
+    ValueError
+        See `cmaes.generations`, `cmaes.search` and `misfit.fold`.
+    """
+    mean, unit = (recording.v.mean(), RPM_PER_RPS) if protocol.rpm else (0.0, 1.0)
+    seen = replace(recording, v=unit * (recording.v - mean)) if protocol.rpm else recording
+    steps = generations(
+        cost(seen, protocol),
+        protocol_box(seen, protocol),
+        random_normals(seed),
+        protocol.population,
+        eigen=eigen,
+    )
+    run = search(steps, protocol.iterations)
+    X = run.best.copy()
+    X[0] /= unit
+    X[4] = mean + X[4] / unit
+    return Fit(X, run.misfit / unit, run.evaluations, len(run.history))
+
+
+# -------------------------------------------------------------------------------------------- thirty fits
 
 
 def table2_levels() -> range:
@@ -57,11 +171,14 @@ def authors_table2_records(realisations: Sequence[int]) -> list[tuple[dict, Reco
     ]
 
 
-def _run(recording: Recording, protocol: Protocol, seed: int) -> dict[str, float]:
-    fit = paper_fit(recording, protocol, seed)
-    found = dict(zip(FREE_PARAMETERS, fit.X, strict=True))
-    spent = {"rmse_rps": fit.rmse, "evaluations": fit.evaluations, "iterations": fit.iterations}
-    return {"seed": seed} | found | spent
+def _row(fitted: Fit) -> dict[str, float]:
+    parameters = dict(zip(FREE_PARAMETERS, fitted.X, strict=True))
+    spent = {
+        "rmse_rps": fitted.rmse,
+        "evaluations": fitted.evaluations,
+        "iterations": fitted.iterations,
+    }
+    return parameters | spent
 
 
 def repeated_fits(
@@ -69,6 +186,7 @@ def repeated_fits(
     protocols: Iterable[Protocol],
     seeds: Sequence[int],
     label: str,
+    fit: Callable[[Recording, Protocol, int], Fit] = fit,
 ) -> pd.DataFrame:
     """Fit every record with every protocol and seed, on all cores; the label stands beside the progress bar.
 
@@ -86,15 +204,19 @@ def repeated_fits(
     Raises
     ------
     ValueError
-        There are no seeds, or see `identify.paper_fit`.
+        There are no seeds, or see `fit`.
     """
     if not len(seeds):
         raise ValueError("no seeds: at least one run of each record is needed")
     plan = list(product(protocols, records, seeds))
     calls = [(recording, protocol, seed) for protocol, (_, recording), seed in plan]
-    keys = [key | {"protocol": protocol.name} for protocol, (key, _), _ in plan]
-    runs = in_parallel(_run, calls, label)
-    return pd.DataFrame([key | run for key, run in zip(keys, runs, strict=True)])
+    fits = in_parallel(fit, calls, label)
+    return pd.DataFrame(
+        [
+            key | {"protocol": protocol.name, "seed": seed} | _row(fitted)
+            for (protocol, (key, _), seed), fitted in zip(plan, fits, strict=True)
+        ]
+    )
 
 
 def basin_labels(rmse: FloatArray) -> IntArray:
@@ -191,7 +313,7 @@ def decide_local_minima(table: pd.DataFrame, criteria: Criteria = None) -> Decis
     """
     hits, runs = table["best_basin_runs"], table["runs"]
     share = hits / runs
-    half = stats.t.ppf(0.975, share.size - 1) * share.std() / np.sqrt(share.size)
+    half = stdtrit(share.size - 1, 0.975) * share.std() / np.sqrt(share.size)
     low, high = share.mean() - half, share.mean() + half
     stored = basin_labels(published.authors_notebook_runs()["final_rmse_rps"].to_numpy())
     return published.decide("local_minima", (low, high), criteria), (

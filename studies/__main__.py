@@ -21,8 +21,7 @@ def write_calibrations() -> None:
 
 def write_claims() -> None:
     """The slow studies behind claims, into results/alpha_refit.csv and results/optimizers.csv."""
-    from replication.simulator import edge
-    from studies import optimizers
+    from studies import edge, optimizers
 
     write_csv(RESULTS / "alpha_refit.csv", edge.refit_alphas())
     runs = optimizers.run_jobs(optimizers.planned_runs())
@@ -32,7 +31,7 @@ def write_claims() -> None:
 
 def write_joint() -> None:
     """The simulated joint anew from the authors' records, into replication/data/joint.json."""
-    from replication.simulator.reidentify import reidentify_joint
+    from studies.reidentify import reidentify_joint
 
     write_text(ROOT / "replication" / "data" / "joint.json", reidentify_joint())
 
@@ -63,7 +62,7 @@ def write_protocols() -> None:
     """Realisations of every protocol that may have printed Table 2, into results/table2_realisations.csv."""
     # The slow test that runs some again has to find the same digits.
     os.environ.update(pinned_environment())
-    from replication.replay import protocols
+    from studies.replay import protocols
 
     write_csv(protocols.REALISATIONS, protocols.realise_all())
 

@@ -14,18 +14,18 @@ from scipy import stats
 from tqdm import tqdm
 
 from backlash.fitting.global_fit import global_fit
-from replication import published
+from replication import published, table2
 from replication.arrays import FloatArray
-from replication.identify import Protocol, paper_fit
 from replication.parallel import in_parallel
 from replication.published import Criteria, Decision
 from replication.recording import add_uniform_noise, constant_speed
-from replication.replay.inspection import uniform_noise_test
 from replication.simulator.parameters import TURN, JointParameters
 from replication.simulator.recordings import simulate_recordings
 from replication.simulator.simulate import encoder_position, simulate
+from replication.table2 import Protocol
 from studies.accuracy import encoder_recording
 from studies.benchmark import root_mean_square
+from studies.replay.inspection import uniform_noise_test
 
 FINE_BITS = 40  # of an encoder without steps
 
@@ -63,7 +63,7 @@ def amplitudes_without_backlash(seeds: Sequence[int], noise_rps: float) -> Float
         (add_uniform_noise(base, noise_rps, np.random.default_rng(seed)), Protocol(), seed)
         for seed in seeds
     ]
-    return np.array([fit.amplitude_rps for fit in in_parallel(paper_fit, calls, "noises")])
+    return np.array([fit.amplitude_rps for fit in in_parallel(table2.fit, calls, "noises")])
 
 
 def no_backlash(

@@ -15,7 +15,7 @@ from numpy.random import Generator
 
 from backlash.fitting import turns
 from replication.arrays import FloatArray
-from replication.compiled.cache import njit
+from replication.compiling import njit
 from replication.recording import Recording, add_normal_noise
 from replication.simulator import core
 from replication.simulator.checks import check_stability, closed_loop_matrix
@@ -27,7 +27,7 @@ from replication.simulator.parameters import (
     with_ratios,
 )
 from replication.simulator.recordings import read_encoder
-from replication.standins.joints import (
+from replication.standins import (
     SAMPLE_S,
     TURNS,
     Bench,

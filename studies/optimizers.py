@@ -17,14 +17,13 @@ from scipy import optimize, stats
 from backlash.fitting.global_fit import global_fit
 from replication.arrays import FloatArray
 from replication.authors import load_noisy
-from replication.compiled.misfit import population_rmse, residual
-from replication.identify import protocol_box
+from replication.cmaes import generations, search
 from replication.parallel import in_parallel
 from replication.recording import Recording
-from replication.search import generations, search
 from replication.signature import FREE_PARAMETERS, Box, Timing
 from replication.statistics import rate_columns
-from replication.table2 import AUTHORS_PROTOCOL, BASIN_GAP, table2_levels
+from replication.table2 import AUTHORS_PROTOCOL, BASIN_GAP, cost, protocol_box, table2_levels
+from studies.residual import residual
 
 # What the authors' notebook spends: 300 members in 200 generations.
 POPULATION = 300
@@ -74,7 +73,7 @@ class Cost:
         self.box = protocol_box(recording, AUTHORS_PROTOCOL)
         self.best = math.inf
         self.evaluations = 0
-        self._misfits: Misfits = lambda X: population_rmse(t, v, X, timing)
+        self._misfits: Misfits = cost(recording, AUTHORS_PROTOCOL)
         self._residual = lambda X: residual(t, v, X, timing)
         if projected:  # A and v_t are linear: the search is over the others alone
             self._misfits = projected_rmse(t, v, timing, self.box.upper[0])

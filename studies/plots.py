@@ -10,6 +10,7 @@ from pandas import DataFrame
 from scipy import stats
 
 from replication.arrays import FloatArray
+from replication.figures.standins import COLOURS, MARKERS
 from replication.figures.style import (
     BACKLASH_LABEL,
     BLUE,
@@ -24,7 +25,6 @@ from replication.figures.style import (
     grid,
     in_style,
 )
-from replication.standins.plots import COLOURS, MARKERS
 from studies.population import NORMAL_95, coverage_curve, ranks
 
 # Of text beside a row: its x in shares of the panel.

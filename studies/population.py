@@ -31,7 +31,7 @@ from replication.characteristic import printed_levels_rad
 from replication.parallel import in_parallel
 from replication.recording import Recording
 from replication.simulator.parameters import TURN, Disturbance, identified_joint
-from replication.standins.joints import SAMPLE_S, VARIED_RATIOS, Bench, Spread, draw_bench
+from replication.standins import SAMPLE_S, VARIED_RATIOS, Bench, Spread, draw_bench
 from replication.statistics import rate_columns
 from studies import benchmark, odd_joints
 from studies.accuracy import cramer_rao_sd

@@ -11,16 +11,14 @@ import pandas as pd
 from joblib import Parallel, delayed
 
 from backlash.fitting.global_fit import global_fit
-from replication import published
-from replication.compiled.misfit import population_rmse
+from replication import published, table2
 from replication.files import ROOT, write_csv
-from replication.identify import Fit, Protocol, paper_fit, protocol_box
 from replication.recording import Recording, add_uniform_noise
 from replication.signature import rmse
 from replication.simulator.parameters import identified_joint
 from replication.simulator.recordings import simulate_recordings
 from replication.simulator.simulate import simulate, simulate_many
-from replication.table2 import theoretical_amplitudes
+from replication.table2 import Fit, Protocol, protocol_box, theoretical_amplitudes
 from studies.reference import solve_ivp_speed_rps
 
 PROTOCOL = Protocol()
@@ -102,27 +100,25 @@ def bench_identification(
         box.upper - box.lower
     )
     size = len(population)
-    compiled = (
-        median_seconds(lambda: population_rmse(record.t, record.v, population, timing), repeats)
-        / size
-    )
+    misfits = table2.cost(record, PROTOCOL)
+    compiled = median_seconds(lambda: misfits(population), repeats) / size
     written = (
         median_seconds(lambda: [rmse(record.t, record.v, X, timing) for X in population], repeats)
         / size
     )
-    fit = median_seconds(lambda: paper_fit(record, PROTOCOL, 1), repeats)
+    fit = median_seconds(lambda: table2.fit(record, PROTOCOL, 1), repeats)
     slow: list[Fit] = []
     slow_evaluation = (
         once(lambda: slow.append(reference_fit(record, PROTOCOL, 1))) / slow[0].evaluations
     )
-    ours = paper_fit(record, PROTOCOL, 1)
-    jobs = [delayed(paper_fit)(r, PROTOCOL, seed) for r in records for seed in range(1, runs + 1)]
+    ours = table2.fit(record, PROTOCOL, 1)
+    jobs = [delayed(table2.fit)(r, PROTOCOL, seed) for r in records for seed in range(1, runs + 1)]
     with Parallel(n_jobs=2) as pool:
         pool(jobs[:2])  # starts and compiles
         fits: list[Fit] = []
         table = once(lambda: fits.extend(pool(jobs)))
     whole = median_seconds(lambda: [global_fit(r) for r in records], repeats) / len(records)
-    many = once(lambda: [paper_fit(record, PROTOCOL, seed) for seed in range(1, runs + 1)])
+    many = once(lambda: [table2.fit(record, PROTOCOL, seed) for seed in range(1, runs + 1)])
     scaled = "the authors' loop: today's cma with its bounds, equations 1 to 7 in NumPy; scaled to as many evaluations"
     rows = [
         ("objective", compiled, written, "equations 1 to 7 in NumPy"),
@@ -133,7 +129,7 @@ def bench_identification(
             slow_evaluation * sum(f.evaluations for f in fits) / 2,
             "two cores; " + scaled,
         ),
-        ("global_fit", whole, many, f"{runs} of our paper_fit, one core"),
+        ("global_fit", whole, many, f"{runs} of our fits, one core"),
     ]
     return _table(rows)
 

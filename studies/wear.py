@@ -2,19 +2,55 @@
 
 from collections import defaultdict
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
 from matplotlib.figure import Figure
+from numpy.random import Generator
 from pandas import DataFrame, concat
 
 from backlash.calibration import Calibration, default_calibration
 from backlash.fitting.global_fit import global_fit
-from replication.standins.joints import Bench, draw_bench, encoder_log
-from replication.standins.wear import Wear, draw_wear
+from replication.arrays import FloatArray
+from replication.standins import Bench, draw_bench, encoder_log
 from studies import plots
 from studies.benchmark import KnownLog, Row, logs_by_methods, self_answer, widened_answers
 from studies.shared_joint import share_joint
+
+
+@dataclass(frozen=True)
+class Wear:
+    """Backlash over the months under stress, delta(t) = first + (last - first) (t / duration)^exponent."""
+
+    first_rad: float
+    last_rad: float
+    exponent: float
+    duration_days: float = 240.0
+    interval_days: float = 21.0
+
+    @property
+    def test_days(self) -> FloatArray:
+        """Days of the tests, the first on day 0."""
+        return np.arange(0.0, self.duration_days + 1e-9, self.interval_days)
+
+    def backlash_rad(self, day: FloatArray | float) -> FloatArray | float:
+        """Backlash on a day [rad]."""
+        growth = (np.asarray(day) / self.duration_days) ** self.exponent
+        return self.first_rad + (self.last_rad - self.first_rad) * growth
+
+    def crossing_day(self, limit_rad: float) -> float:
+        """Day on which the backlash reaches a limit between its first and last value."""
+        share = (limit_rad - self.first_rad) / (self.last_rad - self.first_rad)
+        return float(self.duration_days * share ** (1 / self.exponent))
+
+
+def draw_wear(rng: Generator, limit_rad: float) -> Wear:
+    """Draw a wear that starts well below a limit and passes it within the eight months."""
+    first = limit_rad * rng.uniform(0.2, 0.5)
+    last = limit_rad * rng.uniform(1.2, 1.6)
+    return Wear(first, last, rng.uniform(1.0, 3.0))
+
 
 # Sensors that know the paper's joint, by the method of their calibration.
 CALIBRATED = {"equation 10": "paper", "amplitude, calibrated": "amplitude", "waveform": "waveform"}

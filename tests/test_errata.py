@@ -5,14 +5,13 @@ import pytest
 
 from replication import published
 from replication.characteristic import equation_10, printed_levels_rad
+from replication.cmaes import constants, decompose, generations, random_normals, sample, update
 from replication.dead_zone import stiffness, transmitted_torque
-from replication.identify import Protocol, protocol_box
-from replication.replay.inspection import STORED_NAMES
-from replication.replay.protocols import LAST_ROW, noisy_record
-from replication.search import constants, decompose, generations, random_normals, sample, update
 from replication.signature import Box, Timing, rmse, signature
 from replication.simulator.parameters import identified_joint
-from replication.table2 import table2_levels
+from replication.table2 import Protocol, protocol_box, table2_levels
+from studies.replay.inspection import STORED_NAMES
+from studies.replay.protocols import LAST_ROW, noisy_record
 
 T = 0.002 * np.arange(2401)
 

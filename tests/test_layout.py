@@ -20,7 +20,7 @@ MAY_IMPORT = {
 }
 FILES = [path for package in MAY_IMPORT for path in sorted((ROOT / package).rglob("*.py"))]
 # Rooms of the paper's package that its core and the sensor may import.
-OPEN_ROOMS = {"replication", "replication/compiled", "replication/simulator"}
+OPEN_ROOMS = {"replication", "replication/simulator"}
 
 
 def imported(file: Path) -> set[str]:
@@ -40,7 +40,7 @@ def module_of(file: Path) -> str:
 
 
 def room_of(name: str) -> str:
-    """Folder of a module, such as "replication/replay"; a package's own files are a room too."""
+    """Folder of a module, such as "replication/figures"; a package's own files are a room too."""
     package, *rest = name.split(".")
     return f"{package}/{rest[0]}" if rest and (ROOT / package / rest[0]).is_dir() else package
 

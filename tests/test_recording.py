@@ -4,7 +4,7 @@ import pytest
 from replication import published, table2
 from replication.authors import DataUnavailable, load_clean, load_noisy
 from replication.recording import Recording, add_uniform_noise, constant_speed, from_sample
-from replication.replay import inspection
+from studies.replay import inspection
 
 
 def test_a_record_from_a_later_sample_starts_at_time_zero():

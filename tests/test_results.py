@@ -9,7 +9,7 @@ import pytest
 import workbook
 from replication import published, table2
 from replication.authors import LOW_NOISE, authors_registry
-from replication.replay.protocols import CANDIDATES, LEADER
+from studies.replay.protocols import CANDIDATES, LEADER
 from workbook import judging
 
 RESULTS = workbook.ROOT / "results"

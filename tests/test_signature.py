@@ -1,12 +1,9 @@
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 from replication import published
-from replication.compiled.misfit import population_rmse
-from replication.replay.inspection import STORED_NAMES
 from replication.signature import Timing, damped_oscillation, rmse, signature, table1_box
+from studies.replay.inspection import STORED_NAMES
 
 TIMING = Timing(T_d=0.2, T_f=0.4, n=12)
 T = 0.002 * np.arange(2401)
@@ -63,24 +60,3 @@ def test_the_box_is_table_1():
     assert box.upper[0] == published.value("table1.A.max") * np.ptp(V)
     assert (box.lower[1], box.upper[1]) == (T.min(), T.max())
     assert (box.lower[4], box.upper[4]) == (V.min(), V.max())
-
-
-timings = st.builds(Timing, T_d=st.floats(0.05, 0.4), T_f=st.floats(0.1, 0.8), n=st.integers(0, 14))
-
-
-@settings(max_examples=150, deadline=None)
-@given(
-    unit=st.lists(st.one_of(st.sampled_from([0.0, 1.0]), st.floats(0, 1)), min_size=7, max_size=7),
-    timing=st.one_of(st.just(TIMING), timings),
-    start=st.integers(0, 150),
-    step=st.sampled_from([0.0005, 0.001, 0.002, 0.0037]),
-)
-def test_the_compiled_misfit_equals_the_transcription_across_the_box_and_on_its_edges(
-    unit, timing, start, step
-):
-    t = step * np.arange(start, 1200)
-    v = 100 + np.sin(7 * t) + 0.3 * np.cos(140 * t)
-    box = table1_box(t, v, 0.204, amplitude_factor=1.3)
-    X = box.lower + np.array(unit) * (box.upper - box.lower)
-    expected = rmse(t, v, X, timing)
-    np.testing.assert_allclose(population_rmse(t, v, X[None], timing), [expected], rtol=1e-12)

@@ -5,7 +5,7 @@ The rule of single numbers was fixed on 2026-11-22, when verdicts by tolerance h
 study that it judges was seen; verdicts by regions of five realisations had been seen by then.
 
 1. A notebook exports one number for a cell. For a mean or an SD of Table 2 it exports the numbers of
-   N realisations of each candidate protocol that judges it (`replication/replay/protocols.py`).
+   N realisations of each candidate protocol that judges it (`studies/replay/protocols.py`).
 2. The region of N numbers is where one more would lie with 95 %, by order statistics; ours is the
    median of the first candidate's. The region of one number is ours ± the cell's tolerance, whose
    reason stands in `cells.csv`.

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from replication.arrays import FloatArray
-from replication.compiled.cache import njit
+from replication.compiling import njit
 from replication.signature import Timing
 
 # Distance kept from a sample at which a window would open or close: far above rounding, far below

@@ -12,9 +12,9 @@ from backlash.fitting import folding, windows
 from backlash.fitting.folding import FoldedWindows, Limits, middle_of_gap
 from backlash.fitting.windows import Minimum
 from replication.arrays import FloatArray
-from replication.identify import Protocol, protocol_box
 from replication.recording import Recording
 from replication.signature import Box, Timing, rmse, signature
+from replication.table2 import Protocol, protocol_box
 
 _MOST_CANDIDATES = 6
 _STARTS_BESIDE = 8  # samples to either side of the best window's start that it may have instead

@@ -22,7 +22,7 @@ from backlash.fitting.joint_posterior import (
 )
 from backlash.fitting.turns import Movement, simulate_turns
 from replication.arrays import FloatArray
-from replication.compiled.cache import keep_array
+from replication.compiling import cache_folder, processor
 
 # What bounds the search; chi squared is the sum of squares of the whitened residuals.
 # Joints among which the fit looks for where to start: how many, their backlashes [1e-4 rad], evenly
@@ -214,16 +214,18 @@ def _draw_library(movement: Movement) -> tuple[FloatArray, NDArray[np.complex128
     z[:, 0] = np.exp(rng.uniform(low, high, size))
     z[:, 2] = _LIBRARY_FRICTION * np.abs(rng.standard_normal(size))
     z[:, 3:_SEARCHED] = _LIBRARY_RATIO_SD * rng.standard_normal((size, _LIBRARY_RATIOS))
-    rows = rows_of(z)
+    import joblib  # slow to import
 
-    def simulate() -> NDArray[np.complex128]:  # for a second
-        turns = simulate_turns(rows, movement)
-        return (
-            np.fft.rfft(turns, axis=1)[:, : int(FASTEST_HZ * movement.turn_period_s) + 2]
-            / turns.shape[1]
-        )
+    # It takes a second, so it is kept beside the code that made it.
+    kept = joblib.Memory(cache_folder(), verbose=0).cache(_spectra)
+    return z, kept(rows_of(z), movement, processor())
 
-    return z, keep_array(rows.tobytes() + repr(movement).encode(), simulate)
+
+def _spectra(rows: FloatArray, movement: Movement, _: str) -> NDArray[np.complex128]:
+    """Spectra of simulated turns; the processor is named because the last bits are its own."""
+    turns = simulate_turns(rows, movement)
+    highest = int(FASTEST_HZ * movement.turn_period_s) + 2
+    return np.fft.rfft(turns, axis=1)[:, :highest] / turns.shape[1]
 
 
 def _choose_starts(harmonics: TurnHarmonics, movement: Movement) -> list[FloatArray]:

@@ -7,9 +7,10 @@ import numpy as np
 from backlash.fitting import METHODS
 from backlash.fitting.global_fit import GlobalFit, global_fit
 from backlash.fitting.waveform import WaveformBank, match, mean_turn, samples_a_turn
-from replication.identify import Protocol, paper_fit
+from replication import table2
 from replication.recording import Recording
 from replication.signature import signature
+from replication.table2 import Protocol
 
 
 @dataclass(frozen=True)
@@ -69,7 +70,7 @@ def read(
     protocol = protocol_for(recording)
     if method != "paper":
         return reading_of_fit(recording, method, global_fit(recording, protocol), bank)
-    fits = [paper_fit(recording, protocol, seed + run) for run in range(repeats)]
+    fits = [table2.fit(recording, protocol, seed + run) for run in range(repeats)]
     amplitude = np.array([fit.amplitude_rps for fit in fits])
     mean, spread = (
         float(amplitude.mean()),

@@ -20,7 +20,7 @@ from scipy.optimize import OptimizeResult, least_squares
 
 from backlash.fitting.torque import LoadData, TorqueFit, conclude
 from replication.arrays import FloatArray
-from replication.compiled.cache import njit
+from replication.compiling import njit
 
 _STEP_S = 5e-4  # of the integration, at most
 _SOFT_RAD, _HARD_RAD = 1.5e-5, 4e-6  # within which the teeth meet: in the search, and in the answer

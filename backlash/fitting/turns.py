@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from replication.arrays import FloatArray
-from replication.compiled.cache import njit
+from replication.compiling import njit
 from replication.simulator import core
 from replication.simulator.parameters import GRAVITY as GRAVITY_MS2
 from replication.simulator.parameters import TURN, Disturbance, JointParameters, joint_from_ratios

@@ -15,7 +15,7 @@ from backlash.fitting.folding import (
     t0_range,
 )
 from replication.arrays import FloatArray
-from replication.compiled.cache import njit
+from replication.compiling import njit
 from replication.signature import FREQUENCY_HZ
 
 FASTEST_RAD_PER_S = 2 * np.pi * FREQUENCY_HZ[1]

@@ -95,7 +95,7 @@ from backlash import calibration, fleet, plots, trend_line
 from backlash.examine import examine_recording
 from backlash.reading.columns import LogFormat
 from backlash.settings import settings_for
-from replication.standins import joints
+from replication import standins
 from workbook import Interval
 
 # %% [markdown]
@@ -148,14 +148,14 @@ if my_log:
     plt.show()
 
 # %%
-bench = joints.draw_bench(np.random.default_rng(bench_seed))
+bench = standins.draw_bench(np.random.default_rng(bench_seed))
 form = LogFormat(turn_period_s=bench.joint.turn_period_s, unit="rps")
 
 
 def log(delta_rad, seed, of=bench, turns=log_turns):
     """A log of your joint, cut to the turns that are wanted."""
-    record = joints.encoder_log(of, delta_rad, np.random.default_rng((bench_seed, seed)))
-    samples = round(turns * record.turn_period_s / joints.SAMPLE_S)
+    record = standins.encoder_log(of, delta_rad, np.random.default_rng((bench_seed, seed)))
+    samples = round(turns * record.turn_period_s / standins.SAMPLE_S)
     return replace(record, t=record.t[:samples], v=record.v[:samples])
 
 

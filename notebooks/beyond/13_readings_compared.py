@@ -74,8 +74,8 @@ import workbook
 from replication import published
 from replication.authors import level_delta_rad, load_noisy
 from replication.simulator.parameters import identified_joint
-from replication.simulator.reidentify import FIT_LEVELS
 from studies import accuracy, benchmark, plots
+from studies.reidentify import FIT_LEVELS
 
 # %% [markdown]
 # ## Parameters

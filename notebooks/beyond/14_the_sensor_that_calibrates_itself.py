@@ -102,7 +102,7 @@ from backlash.examine import examine_recording
 from backlash.fitting import joint_posterior, joint_search, self_calibration
 from backlash.reading.columns import LogFormat
 from backlash.settings import settings_for
-from replication.standins import joints
+from replication import standins
 from studies import benchmark, joint_match, plots, population
 
 # %% [markdown]
@@ -133,7 +133,7 @@ sigma = 0.02  # rps, the noise of a mean turn
 
 
 def turn_rps(delta_rad, stiffness):
-    joint = joints.changed_joint(joints.identified_joint(), {"stiffness_per_s2": stiffness})
+    joint = standins.changed_joint(standins.identified_joint(), {"stiffness_per_s2": stiffness})
     return joint_match.simulate_turn(joint, delta_rad, 200)
 
 
@@ -179,10 +179,10 @@ pd.DataFrame(sds_rad, index=["stiffness known", "stiffness unknown"]).map("{:.2g
 # paper's calibration.
 
 # %%
-bench = joints.draw_bench(np.random.default_rng(bench_seed))
+bench = standins.draw_bench(np.random.default_rng(bench_seed))
 friction_nm = bench.joint.load_coulomb_nm + friction_share * bench.joint.gravity_torque_nm
 bench = replace(bench, joint=replace(bench.joint, load_coulomb_nm=friction_nm))
-log = joints.encoder_log(bench, backlash_rad, np.random.default_rng((bench_seed, 0)))
+log = standins.encoder_log(bench, backlash_rad, np.random.default_rng((bench_seed, 0)))
 form = LogFormat(turn_period_s=log.turn_period_s, unit="rps")
 answers = {
     method: examine_recording(log, settings_for(form, method=method), method)

@@ -65,10 +65,11 @@ from scipy import stats
 import workbook
 from replication import authors, published, table2
 from replication.figures import paper, searching
-from replication.identify import protocol_box
-from replication.replay import protocols, replay
 from replication.signature import FREE_PARAMETERS
+from replication.table2 import protocol_box
 from studies import basins
+from studies.replay import protocols, replay
+from studies.todays_cma import fit_with_todays_cma
 from workbook.judging import compare_candidates
 
 # %% [markdown]
@@ -308,12 +309,14 @@ stored_basins
 
 # %%
 theirs = table2.AUTHORS_PROTOCOL
-todays = replace(theirs, name="today's cma", engine="cma")
+todays = replace(theirs, name="today's cma")
 records = [each for each in table2.authors_table2_records([realisation]) if each[0]["row"] in rows]
 every_third = [each for each in records if each[0]["row"] in (rows[1::3] or rows)]
 seeds = range(1, 2 * seed_runs + 1)
 of_2021 = table2.repeated_fits(records, [theirs], seeds, label="the search of 2021")
-of_today = table2.repeated_fits(every_third, [todays], range(1, today_runs + 1), label=todays.name)
+of_today = table2.repeated_fits(
+    every_third, [todays], range(1, today_runs + 1), todays.name, fit_with_todays_cma
+)
 
 # %%
 sets = {

@@ -55,10 +55,9 @@ import workbook
 from backlash.fitting.global_fit import global_fit
 from replication import characteristic, published, table2
 from replication.authors import CLEAN_LEVELS, level_delta_rad, load_clean_records, load_noisy
-from replication.simulator import edge
 from replication.simulator.parameters import identified_joint
 from studies import claims as studies
-from studies import optimizers, plots
+from studies import edge, optimizers, plots
 from workbook import Interval
 
 # %% [markdown]

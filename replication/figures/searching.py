@@ -11,8 +11,8 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
 from replication.arrays import FloatArray
+from replication.cmaes import Generation, State
 from replication.figures.style import BLUE, GREEN, INK, ORANGE, finish, grid, in_style
-from replication.search import Generation, State
 from replication.signature import Box
 
 SMALLEST_RPS = 1e-17  # drawn for a difference of 0

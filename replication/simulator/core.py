@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from replication.arrays import FloatArray
-from replication.compiled.cache import njit
+from replication.compiling import njit
 from replication.simulator.parameters import TURN, JointParameters
 
 # Beyond this multiple of the commanded speed no joint of this kind is running any more.

@@ -11,13 +11,13 @@ import pytest
 from backlash.fitting.folding import factorise
 from backlash.fitting.global_fit import global_fit
 from backlash.fitting.readings import amplitude_of_mean_turn, protocol_for
+from replication import table2
 from replication.authors import load_clean, load_noisy
-from replication.compiled.misfit import population_rmse
-from replication.identify import Protocol, paper_fit, protocol_box
 from replication.recording import Recording, add_uniform_noise
 from replication.signature import rmse, signature
 from replication.simulator.parameters import identified_joint
 from replication.simulator.recordings import simulate_recordings
+from replication.table2 import Protocol, protocol_box
 from tests.processors import kernels_here
 
 PROTOCOL = Protocol()
@@ -116,14 +116,14 @@ def test_no_cma_es_run_beats_it_on_records_from_across_the_box():
     generator = np.random.default_rng(11)
     for _ in range(3):
         record = random_record(generator)
-        best = min(paper_fit(record, PROTOCOL, seed).rmse for seed in range(1, 5))
+        best = min(table2.fit(record, PROTOCOL, seed).rmse for seed in range(1, 5))
         assert global_fit(record).rmse <= best + 1e-9
 
 
 @pytest.mark.parametrize("level", [4, 7, 12])
 def test_no_cma_es_run_beats_it_on_the_authors_records(authors_data, level):
     for record in (load_clean(level), load_noisy(level, 1)):
-        best = min(paper_fit(record, PROTOCOL, seed).rmse for seed in range(1, 5))
+        best = min(table2.fit(record, PROTOCOL, seed).rmse for seed in range(1, 5))
         assert global_fit(record).rmse <= best + 1e-9
 
 
@@ -146,7 +146,7 @@ def test_a_record_may_be_cut_anywhere(first):
 def test_windows_that_overlap_are_fitted_as_they_add_up():
     X = np.array([0.6, 0.0005, 5.5, 134.0, 100.0, 0.2037, 0.0003])
     record = made(X, noise=0.001)
-    at_truth = population_rmse(record.t, record.v, X[None], PROTOCOL.timing)[0]
+    at_truth = rmse(record.t, record.v, X, PROTOCOL.timing)
     assert global_fit(record).rmse <= at_truth
 
 
@@ -199,7 +199,7 @@ def test_it_is_recovered_whatever_the_turn_is_in_samples(dt, turn_s, turns):
 def test_a_noisy_record_is_fitted_as_well_as_by_what_it_was_made_from(dt):
     for seed in range(10):
         X, record, protocol = drawn(seed, dt=dt, noise=0.1)
-        at_truth = population_rmse(record.t, record.v, X[None], protocol.timing)[0]
+        at_truth = rmse(record.t, record.v, X, protocol.timing)
         assert global_fit(record, protocol).rmse <= at_truth, seed
 
 

@@ -15,7 +15,7 @@ from replication.recording import Recording
 from replication.simulator.parameters import identified_joint
 from replication.simulator.recordings import simulate_recordings
 from replication.simulator.simulate import simulate
-from replication.standins.joints import draw_bench, encoder_log
+from replication.standins import draw_bench, encoder_log
 from studies.odd_joints import KINDS, draw_cascade, draw_odd_log, move_bench
 from studies.shared_joint import share_joint
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from backlash.fitting.torque import LoadData, fit_torque
-from replication.standins.joints import Bench, draw_bench
+from replication.standins import Bench, draw_bench
 from studies.odd_joints import draw_cascade, log_with_torque, move_bench
 
 DELTA = 9e-4

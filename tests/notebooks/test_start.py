@@ -5,8 +5,8 @@ import re
 import numpy as np
 import pytest
 
-from replication.figures import teeth
 from replication.signature import Timing, signature
+from studies import teeth
 from tests.changes import run as run_notebook
 from workbook import plain_animation
 

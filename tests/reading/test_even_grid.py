@@ -7,7 +7,7 @@ from backlash.examine import examine
 from backlash.reading.columns import LogFormat
 from backlash.reading.refusals import CannotTell, UnusableLog
 from backlash.settings import settings_for
-from replication.standins.joints import draw_bench, encoder_log
+from replication.standins import draw_bench, encoder_log
 from tests.logs import TURN, noisy, opened
 
 

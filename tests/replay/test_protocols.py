@@ -9,13 +9,13 @@ import pandas as pd
 import pytest
 from scipy import stats
 
-from replication import published
+from replication import published, table2
 from replication.files import FLOAT_FORMAT, ROOT
-from replication.identify import Protocol
 from replication.processors import pinned_environment
-from replication.replay import protocols
-from replication.replay.protocols import CANDIDATES, LEADER, LISTED, REALISATIONS, ROWS
 from replication.signature import rmse
+from replication.table2 import Protocol
+from studies.replay import protocols
+from studies.replay.protocols import CANDIDATES, LEADER, LISTED, REALISATIONS, ROWS
 
 NOTEBOOK = "authors' notebook"
 N = 40
@@ -199,7 +199,7 @@ def test_every_realisation_has_its_own_noise_of_the_printed_amplitude():
 def test_a_run_in_rpm_ends_in_rps(authors_data):
     record = protocols.noisy_record(5, 1)
     for name in (NOTEBOOK, LEADER):
-        fit = protocols.paper_fit(record, CANDIDATES[name], 4)
+        fit = table2.fit(record, CANDIDATES[name], 4)
         assert fit.amplitude_rps == pytest.approx(0.68, abs=0.04)
         again = rmse(record.t, record.v, fit.X, CANDIDATES[name].timing)
         assert fit.rmse == pytest.approx(again, rel=1e-9)
@@ -218,7 +218,7 @@ def test_every_candidate_has_its_realisations_of_every_row():
 
 RUN_AGAIN = """
 import sys
-from replication.replay.protocols import CANDIDATES, realise
+from studies.replay.protocols import CANDIDATES, realise
 name, row, realisation = sys.argv[1:]
 found = realise(CANDIDATES[name], int(row), int(realisation))
 print(found["mean_A_rps"], found["sd_A_rps"])

@@ -3,7 +3,7 @@ import pandas as pd
 import pytest
 
 from replication import published
-from replication.replay import replay
+from studies.replay import replay
 from workbook import ROOT
 
 UNTIL = 20  # generation up to which no run may part

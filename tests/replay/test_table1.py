@@ -4,11 +4,10 @@ import numpy as np
 import pytest
 
 from replication import published
-from replication.identify import protocol_box
-from replication.replay import table1
-from replication.replay.inspection import STORED_NAMES
 from replication.signature import Timing, rmse
-from replication.table2 import AUTHORS_PROTOCOL
+from replication.table2 import AUTHORS_PROTOCOL, protocol_box
+from studies.replay import table1
+from studies.replay.inspection import STORED_NAMES
 
 
 @pytest.fixture(scope="module")

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from replication import published
-from replication.replay import AGREE_RPS
 from replication.signature import Timing, rmse
+from studies.replay import AGREE_RPS
 from workbook.checkout import RESULTS
 from workbook.report.pages import load_drawn
 

@@ -11,7 +11,7 @@ import pytest
 
 import workbook
 from replication import published
-from replication.replay.protocols import describe_candidates
+from studies.replay.protocols import describe_candidates
 from workbook import judging, outcomes
 from workbook.checkout import RESULTS
 from workbook.report import article, facts, markdown

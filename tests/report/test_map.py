@@ -29,7 +29,8 @@ def test_what_the_map_names_exists(row):
             assert re.search(rf"{kind}s?[^.]*\b{number}\b|{kind}0?{number}_", source, re.IGNORECASE)
     for name in row["functions"].split():
         module, _, function = name.rpartition(".")
-        assert callable(getattr(importlib.import_module(f"replication.{module}"), function))
+        module = module if module.startswith("studies.") else f"replication.{module}"
+        assert callable(getattr(importlib.import_module(module), function))
     if row["test"]:
         file, _, test = row["test"].partition("::")
         assert f"def {test}(" in (workbook.ROOT / file).read_text("utf-8")

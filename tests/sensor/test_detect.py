@@ -19,7 +19,7 @@ from backlash.reading.prepare import Log
 from backlash.reading.refusals import CannotTell
 from replication.recording import Recording, add_uniform_noise
 from replication.signature import Timing, signature
-from replication.standins.joints import Spread, draw_bench, encoder_log
+from replication.standins import Spread, draw_bench, encoder_log
 from tests.logs import clean, noisy, silent
 
 T = clean().t

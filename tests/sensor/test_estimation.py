@@ -20,7 +20,7 @@ from replication.authors import authors_file, level_delta_rad
 from replication.recording import Recording, add_uniform_noise
 from replication.simulator.parameters import identified_joint, with_ratios
 from replication.simulator.recordings import simulate_recordings
-from replication.standins.joints import draw_bench, encoder_log
+from replication.standins import draw_bench, encoder_log
 from studies.accuracy import CHANGES
 from studies.odd_joints import draw_odd_log, move_bench
 from tests.logs import ANSWER_KEYS, TURN, clean, noisy, silent, write

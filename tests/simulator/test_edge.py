@@ -6,11 +6,11 @@ import pytest
 
 import workbook
 from replication.authors import load_clean_records
-from replication.simulator import edge
 from replication.simulator.identification import third_turn_errors
 from replication.simulator.parameters import identified_joint, with_ratios
-from replication.simulator.reidentify import FIT_LEVELS
 from replication.simulator.simulate import simulate
+from studies import edge
+from studies.reidentify import FIT_LEVELS
 
 
 def test_plain_fine_steps_give_the_speed_of_located_ones():

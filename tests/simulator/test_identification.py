@@ -8,7 +8,7 @@ import pytest
 from replication.simulator.identification import identify_joint, identify_lead, profile_ratio
 from replication.simulator.parameters import identified_joint, joint_from_ratios, with_ratios
 from replication.simulator.recordings import simulate_recordings
-from replication.simulator.reidentify import joint_text
+from studies.reidentify import joint_text
 
 LEVELS = (5e-4, 17e-4)
 

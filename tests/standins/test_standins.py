@@ -8,12 +8,11 @@ from scipy.integrate import solve_ivp
 
 from backlash.calibration import default_calibration
 from backlash.fitting.global_fit import global_fit
-from replication import characteristic, published
+from replication import characteristic, published, standins
 from replication.simulator.parameters import TURN, Disturbance, JointParameters, identified_joint
 from replication.simulator.simulate import simulate
-from replication.standins import joints, robots
-from replication.standins.wear import Wear, draw_wear
 from studies import wear as wear_study
+from studies.wear import Wear, draw_wear
 
 DELTA = 10e-4
 
@@ -24,8 +23,8 @@ def joint() -> JointParameters:
 
 
 @pytest.fixture(scope="module")
-def bench() -> joints.Bench:
-    return joints.draw_bench(np.random.default_rng(1))
+def bench() -> standins.Bench:
+    return standins.draw_bench(np.random.default_rng(1))
 
 
 def shaken(joint, *waves, **run):
@@ -109,8 +108,8 @@ def test_a_slow_transmission_error_moves_the_load_and_not_the_motor(joint):
 
 
 def test_a_bench_without_spread_is_the_identified_joint_with_an_encoder(joint):
-    none = joints.Spread(**dict.fromkeys(joints.Spread.__dataclass_fields__, 0.0))
-    drawn = joints.draw_bench(np.random.default_rng(1), none)
+    none = standins.Spread(**dict.fromkeys(standins.Spread.__dataclass_fields__, 0.0))
+    drawn = standins.draw_bench(np.random.default_rng(1), none)
     for name, value in joint.ratios.items():
         if name != "lead_s":
             assert drawn.joint.ratios[name] == pytest.approx(value, rel=1e-9)
@@ -120,14 +119,14 @@ def test_a_bench_without_spread_is_the_identified_joint_with_an_encoder(joint):
 
 def test_a_noise_free_log_lies_on_the_encoders_grid(bench):
     quiet = replace(bench, noise_rps=0.0)
-    log = joints.encoder_log(quiet, DELTA, np.random.default_rng(2))
-    counts = log.v * joints.SAMPLE_S * 2**bench.joint.encoder_bits
+    log = standins.encoder_log(quiet, DELTA, np.random.default_rng(2))
+    counts = log.v * standins.SAMPLE_S * 2**bench.joint.encoder_bits
     np.testing.assert_allclose(counts, np.round(counts), atol=1e-3)
     assert log.t.size == log.v.size == 2400
 
 
 def test_the_wider_gap_is_read_as_the_larger_amplitude(bench):
-    table = joints.fitted_logs(global_fit, [(bench, 5e-4), (bench, 15e-4)], [(1,), (1,)])
+    table = standins.fitted_logs(global_fit, [(bench, 5e-4), (bench, 15e-4)], [(1,), (1,)])
     assert table["A_rps"].is_monotonic_increasing
     assert (table["low_rps"] < table["A_rps"]).all()
     assert (table["A_rps"] < table["high_rps"]).all()
@@ -150,8 +149,8 @@ def test_friction_on_the_load_takes_amplitude_away(joint):
         replace(joint, load_coulomb_nm=share * joint.gravity_torque_nm)
         for share in (0.0, 0.02, 0.05)
     ]
-    cases = [(joints.Bench(each, 0.0, 0.0), DELTA) for each in rubbing]
-    amplitude = joints.fitted_logs(global_fit, cases, [(1, 0)] * len(cases))["A_rps"]
+    cases = [(standins.Bench(each, 0.0, 0.0), DELTA) for each in rubbing]
+    amplitude = standins.fitted_logs(global_fit, cases, [(1, 0)] * len(cases))["A_rps"]
     assert amplitude.is_monotonic_decreasing
     assert amplitude.iloc[-1] < 0.8 * amplitude.iloc[0]
 
@@ -171,7 +170,7 @@ def test_a_drawn_wear_grows_and_crosses_its_limit_within_the_eight_months(seed, 
 def test_a_bench_that_is_the_calibrated_joint_is_called_for_at_the_right_test(joint):
     wear = Wear(4e-4, 16e-4, 1.0, interval_days=60.0)
     tests = wear_study.wear_tests(
-        [joints.Bench(joint, 0.0, 0.0)],
+        [standins.Bench(joint, 0.0, 0.0)],
         [wear],
         {"amplitude": default_calibration("amplitude")},
         11e-4,
@@ -184,7 +183,7 @@ def test_a_bench_that_is_the_calibrated_joint_is_called_for_at_the_right_test(jo
 
 
 def test_a_bench_that_nobody_calibrated_is_read_alone_and_with_all_its_logs():
-    bench = joints.draw_bench(np.random.default_rng(5))
+    bench = standins.draw_bench(np.random.default_rng(5))
     wear = Wear(4e-4, 16e-4, 1.0, interval_days=80.0)
     tests = wear_study.wear_tests_by_self([bench], [wear], 11e-4, seed=1)
     names = ["self-calibrating", "self-calibrating, one joint for all logs"]
@@ -199,17 +198,17 @@ def test_a_bench_that_nobody_calibrated_is_read_alone_and_with_all_its_logs():
 
 
 def test_robots_a_and_b_are_the_first_of_the_population():
-    spread = robots.RobotSpread()
-    population = robots.robot_population(global_fit, 1, spread, seed=3)
-    records = robots.table4_records(spread, seed=3)
+    spread = standins.RobotSpread()
+    population = standins.robot_population(global_fit, 1, spread, seed=3)
+    records = standins.table4_records(spread, seed=3)
     assert [key["delta_rad"] for key, _ in records] == population["delta_rad"].tolist()
-    assert population["kind"].tolist() == list(robots.KINDS)
+    assert population["kind"].tolist() == list(standins.KINDS)
     low, high = population["delta_rad"]
     assert low <= spread.healthy_rad[1] < spread.excessive_rad[0] <= high
 
 
 def test_a_joint_without_backlash_is_called_backlash_in_step_with_the_turns_odd_multiple_only():
-    sweep = robots.disturbed_healthy_joint(
+    sweep = standins.disturbed_healthy_joint(
         global_fit, [20.0, 22.5], [0.05], gravity=0.5, noise_rps=0.02, seed=1
     )
     out_of_step, in_step = sweep["A_rps"]

@@ -4,10 +4,11 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from replication.identify import Protocol, paper_fit
 from replication.signature import rmse
+from replication.table2 import Protocol
 from studies import basins, optimizers
 from studies.timings import reference_fit
+from studies.todays_cma import fit_with_todays_cma
 from tests.conftest import TRUE_X
 
 
@@ -48,6 +49,6 @@ def test_a_search_stops_at_its_target(made_record):
 
 
 def test_the_reference_fit_samples_like_the_fast_one(made_record):
-    short = replace(Protocol(), population=20, iterations=3, engine="cma")
-    fast = paper_fit(made_record, short, seed=2).rmse
+    short = replace(Protocol(), population=20, iterations=3)
+    fast = fit_with_todays_cma(made_record, short, seed=2).rmse
     assert reference_fit(made_record, short, seed=2).rmse == pytest.approx(fast, rel=1e-9)

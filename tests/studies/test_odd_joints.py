@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from backlash.detection.pattern import find_pattern
-from replication.standins.joints import draw_bench
+from replication.standins import draw_bench
 from studies.odd_joints import draw_cascade, draw_movement, log_with_torque, move_bench
 
 

@@ -5,9 +5,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import workbook
-from replication.identify import Protocol
 from replication.recording import Recording
 from replication.signature import Timing, rmse, signature
+from replication.table2 import Protocol
 from studies import claims, optimizers
 
 T = 0.002 * np.arange(2401)

@@ -9,7 +9,7 @@ from scipy import stats
 
 from replication.files import ROOT
 from replication.simulator.simulate import simulate
-from replication.standins.joints import SAMPLE_S, draw_bench, encoder_log
+from replication.standins import SAMPLE_S, draw_bench, encoder_log
 from studies import population
 from studies.benchmark import summarise_intervals
 

@@ -9,9 +9,9 @@ import pytest
 from replication import characteristic, published
 from replication.authors import load_clean
 from replication.files import ROOT
-from replication.replay import inspection, protocols, table1
 from replication.simulator.parameters import identified_joint, with_ratios
 from studies.reference import simulate_amplitudes
+from studies.replay import inspection, protocols, table1
 from workbook import judging
 from workbook.outcomes import load_outcomes
 

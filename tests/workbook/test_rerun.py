@@ -7,9 +7,8 @@ import pandas as pd
 import pytest
 
 import workbook
-from replication import parallel
-from replication.replay import inspection, protocols
 from replication.statistics import predictive_region
+from studies.replay import cell, inspection, protocols
 from workbook import execution, judging
 from workbook.__main__ import main
 
@@ -48,12 +47,10 @@ def test_a_number_that_comes_out_otherwise_stands_below_the_one_before(monkeypat
     assert f"{1.5 * number:.5g}" in now
 
 
-def test_a_mean_made_again_stands_beside_the_region_of_the_kept_ones(monkeypatch, capsys):
+def test_a_mean_made_again_stands_beside_the_region_of_the_kept_ones(monkeypatch):
     made = [{"mean_A_rps": 0.1234 + number} for number in range(4)]
-    monkeypatch.setattr(parallel, "in_parallel", lambda *_: made)
-    assert main(["show", "table2.row3.mean", "--rerun"]) == 0
-    said = capsys.readouterr().out
-    assert said.startswith("table2.row03.mean is made again by its row alone")
+    monkeypatch.setattr(cell, "in_parallel", lambda *_: made)
+    said = cell.make_cell(3, "mean")
     study = pd.read_csv(protocols.REALISATIONS)
     kept = study[(study["protocol"] == protocols.LEADER) & (study["row"] == 3)]["mean_A_rps"]
     for number in (kept.iloc[0], 0.1234, 3.1234, *predictive_region(kept)):
@@ -62,7 +59,9 @@ def test_a_mean_made_again_stands_beside_the_region_of_the_kept_ones(monkeypatch
 
 def test_the_noise_is_read_again_from_the_records(authors_data, capsys):
     main(["show", "table2.row03.noise", "--rerun"])
-    assert f"made again      {inspection.noise_amplitudes()[2]:.6g}" in capsys.readouterr().out
+    said = capsys.readouterr().out
+    assert said.startswith("table2.row03.noise is made again by its row alone")
+    assert f"made again      {inspection.noise_amplitudes()[2]:.6g}" in said
 
 
 def test_what_no_notebook_makes_is_said_in_one_line(capsys):

@@ -60,7 +60,8 @@ def code_line(name: str) -> str:
     file, _, function = name.partition("::")
     if not function:
         module, _, function = name.rpartition(".")
-        file = f"replication/{module.replace('.', '/')}.py"
+        folder = "" if module.startswith("studies.") else "replication/"
+        file = f"{folder}{module.replace('.', '/')}.py"
     tree = ast.parse((files.ROOT / file).read_text(encoding="utf-8"))
     defined = (node for node in ast.walk(tree) if isinstance(node, ast.FunctionDef | ast.ClassDef))
     return next(f"{file}#L{node.lineno}" for node in defined if node.name == function)

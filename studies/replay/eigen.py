@@ -8,7 +8,7 @@ is taken in order, without BLAS.
 
 import numpy as np
 
-from replication.compiled.cache import njit
+from replication.compiling import njit
 
 EPSILON = 2.0**-53  # relative rounding error
 TINY = 2.0**-1022  # smallest normal number

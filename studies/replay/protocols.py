@@ -42,17 +42,17 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from replication import published
+from replication import published, table2
 from replication.arrays import FloatArray, IntArray
 from replication.authors import load_clean
 from replication.files import ROOT, write_csv
-from replication.identify import Protocol, paper_fit
 from replication.parallel import one_by_one
 from replication.published import Criteria, Decision
 from replication.recording import Recording, constant_speed, from_sample, uniform_noise
 from replication.simulator.parameters import identified_joint
 from replication.simulator.recordings import simulate_recordings
-from replication.table2 import basin_labels, table2_levels, theoretical_amplitudes
+from replication.table2 import Protocol, basin_labels, table2_levels, theoretical_amplitudes
+from studies.replay.eigen import symmetric_eigen
 
 ROWS = range(1, 11)
 LAST_ROW = 11  # noise only
@@ -120,7 +120,10 @@ def realise(
     if protocol.start == "per record":
         start = np.random.default_rng(of_start).integers(protocol.latest_start)
         noisy = from_sample(noisy, int(start))
-    fits = [paper_fit(noisy, protocol, 1 + int(seed)) for seed in of_runs.generate_state(RUNS) // 2]
+    fits = [
+        table2.fit(noisy, protocol, 1 + int(seed), symmetric_eigen)
+        for seed in of_runs.generate_state(RUNS) // 2
+    ]
     A = np.array([fit.X[0] if row == LAST_ROW else fit.amplitude_rps for fit in fits])
     best = basin_labels(np.array([fit.rmse for fit in fits])) == 1
     return {

@@ -4,8 +4,8 @@ Equations and symbols are the paper's. Constants, damping, negative weights and 
 of N. Hansen's tutorial (arXiv:1604.00772) with the values that `cma` had until 3.2; that nothing is
 done about an uneven C but to stop is as it was until 2.6. In equation 17, c_1 = c_cov / mu_cov and
 c_mu = c_cov (1 - 1 / mu_cov), and the sum runs over all members: the worse half has negative
-weights. The equations are compiled, and every sum in them is taken in order, without BLAS and
-LAPACK, so that a seed gives the same run on every processor.
+weights. Samples are rows, shape (population, n), and every sum is taken in order, without BLAS, so
+that a seed and an eigensolver give the same run on every processor.
 """
 
 import math
@@ -16,10 +16,10 @@ from typing import NamedTuple
 import numpy as np
 
 from replication.arrays import FloatArray, IntArray
-from replication.compiled.bounds import from_box, into_box
-from replication.compiled.cache import njit
-from replication.compiled.eigen import symmetric_eigen
 from replication.signature import Box
+
+# Eigenvalues of a symmetric matrix, ascending, and its eigenvectors in columns.
+Eigensolver = Callable[[FloatArray], tuple[FloatArray, FloatArray]]
 
 TOLFUN = 1e-11  # the range of misfits, of a generation and of recent ones, that ends a search
 TOLFUNHIST = 1e-12  # the same of recent ones alone
@@ -50,6 +50,8 @@ def constants(population: int, n: int) -> Constants:
     negative = raw[raw <= 0]
     mu_eff = 1 / (positive**2).sum()
     mu_eff_negative = negative.sum() ** 2 / (negative**2).sum()
+    # Within 3e-4 of the quotient of Gamma functions at n = 7.
+    chi_n = n**0.5 * (1 - 1 / (4 * n) + 1 / (21 * n**2))
     c_sigma = (mu_eff + 2) / (n + mu_eff + 3)
     c_1 = min(1, population / 6) * 2 / ((n + 1.3) ** 2 + mu_eff)
     c_mu = min(1 - c_1, 2 * (mu_eff - 1.75 + 1 / mu_eff) / ((n + 2) ** 2 + mu_eff))
@@ -62,10 +64,7 @@ def constants(population: int, n: int) -> Constants:
         mu=positive.size,
         n=n,
         mu_eff=mu_eff,
-        chi_n=n**0.5
-        * (
-            1 - 1 / (4 * n) + 1 / (21 * n**2)
-        ),  # the quotient of Gamma functions within 3e-4 at n = 7
+        chi_n=chi_n,
         c_sigma=c_sigma,
         d_sigma=1 + 2 * max(0, ((mu_eff - 1) / (n + 1)) ** 0.5 - 1) + c_sigma,
         c_c=(4 + mu_eff / n) / (n + 4 + 2 * mu_eff / n),
@@ -93,7 +92,7 @@ class State(NamedTuple):
     @property
     def std(self) -> FloatArray:
         """Standard deviations of the next samples, shape (n,)."""
-        return standard_deviations(self)
+        return self.sigma * (self.unit * np.sqrt(np.diag(self.C)))
 
 
 @dataclass(frozen=True)
@@ -119,113 +118,168 @@ def first_state(box: Box, sigma: float) -> State:
     return State(0, middle, sigma, C, np.zeros(n), np.zeros(n), unit, np.eye(n), np.ones(n))
 
 
-@njit
-def _column(x):
-    return x.reshape(-1, 1)
+# ---------------------------------------------------------------------------------------- equations 12 to 17
 
 
-@njit
-def _turn(axes, columns):
-    """Product of a small matrix and columns."""
-    turned = np.zeros(columns.shape)
-    for i in range(axes.shape[0]):
-        for j in range(axes.shape[1]):
-            turned[i] += axes[i, j] * columns[j]
-    return turned
-
-
-@njit
-def standard_deviations(state):
-    """Standard deviations of the next samples, shape (n,)."""
-    return state.sigma * (state.unit * np.sqrt(np.diag(state.C)))
-
-
-@njit
-def decompose(state):
+def decompose(state: State, eigen: Eigensolver = np.linalg.eigh) -> State:
     """Find axes B and lengths D of C."""
     C = (state.C + state.C.T) / 2
-    squares, B = symmetric_eigen(C)
+    squares, B = eigen(C)
     # Rounding may leave an eigenvalue at or below 0; the floor is beyond the condition at which the
     # search stops.
     D = np.sqrt(np.maximum(squares, 1e-15 * squares[-1]))
-    return State(state.g, state.m, state.sigma, C, state.p_sigma, state.p_c, state.unit, B, D)
+    return state._replace(C=C, B=B, D=D)
 
 
-@njit
-def sample(state, z):
-    """Equation 12: samples x of N(m, sigma^2 C) from standard normal z; shapes (population, n)."""
-    y = _turn(state.B, _column(state.D) * z.T)
-    x = _column(state.m) + state.sigma * (_column(state.unit) * y)
-    return np.ascontiguousarray(x.T)
+def sample(state: State, z: FloatArray) -> FloatArray:
+    """Equation 12: samples x of N(m, sigma^2 C) from standard normal z, shapes (population, n)."""
+    y = _turn(state.B, _column(state.D) * _columns(z))
+    return _rows(_column(state.m) + state.sigma * (_column(state.unit) * y))
 
 
-@njit
-def update(state, ranked, c):
-    """Equations 13 to 17: the next state from the samples x_{1:lambda} to x_{lambda:lambda}, the best first."""
-    g = state.g + 1
+def mean_step(state: State, ranked: FloatArray, c: Constants) -> FloatArray:
+    """Equation 13, as a step from the last mean: the difference of two means has lost digits."""
+    return (c.weights[: c.mu, None] * (ranked[: c.mu] - state.m)).sum(axis=0)
+
+
+def conjugate_path(state: State, shift: FloatArray, c: Constants) -> FloatArray:
+    """Equation 14: p_sigma after a step of the mean, in units and sigmas, with C^(-1/2) = B D^-1 B'."""
     B, D = state.B, state.D
-    # A sample a column, so that loops over the samples are vectorised.
-    x = np.ascontiguousarray(ranked.T)
-    n, size = x.shape
-    # Equation 13, as a step from the last mean: the difference of two means has lost digits.
-    step = (c.weights[: c.mu] * (x[:, : c.mu] - _column(state.m))).sum(axis=1)
-    shift = step / state.unit / state.sigma
-    # Equation 14, C^(-1/2) = B D^-1 B'.
     white = (B * ((B.T * shift).sum(axis=1) / D)).sum(axis=1)
-    p_sigma = (1 - c.c_sigma) * state.p_sigma + np.sqrt(
-        c.c_sigma * (2 - c.c_sigma) * c.mu_eff
-    ) * white
-    # Equation 15, by a factor e at most.
-    squared = (p_sigma**2).sum()
-    growth = c.c_sigma / c.d_sigma * (np.sqrt(squared) / c.chi_n - 1)
-    sigma = state.sigma * np.exp(min(1.0, growth))
-    # Equation 16; h_sigma is 0, and the path stalls, while p_sigma is much too long.
+    gain = math.sqrt(c.c_sigma * (2 - c.c_sigma) * c.mu_eff)
+    return (1 - c.c_sigma) * state.p_sigma + gain * white
+
+
+def step_size(sigma: float, p_sigma: FloatArray, c: Constants) -> float:
+    """Equation 15, by a factor e at most."""
+    growth = c.c_sigma / c.d_sigma * (math.sqrt((p_sigma**2).sum()) / c.chi_n - 1)
+    return sigma * math.exp(min(1.0, growth))
+
+
+def path_advances(p_sigma: FloatArray, g: int, c: Constants) -> float:
+    """h_sigma of equation 16: 0, and p_c stalls, while p_sigma is much too long; else 1."""
     fresh = 1 - (1 - c.c_sigma) ** (2 * g)
-    h_sigma = 1.0 if squared / fresh / n < 2 + 4 / (n + 1) else 0.0
-    p_c = (1 - c.c_c) * state.p_c + h_sigma * np.sqrt(c.c_c * (2 - c.c_c) * c.mu_eff) * shift
-    # Equation 17; where the weight is negative, y gets the expected length of a sample.
-    y = (x - _column(state.m)) / state.sigma / _column(state.unit)
-    length = np.sqrt(((_turn(B.T, y[:, c.mu :]) / _column(D)) ** 2).sum(axis=0))
+    return float((p_sigma**2).sum() / fresh / c.n < 2 + 4 / (c.n + 1))
+
+
+def evolution_path(state: State, shift: FloatArray, h_sigma: float, c: Constants) -> FloatArray:
+    """Equation 16: p_c after a step of the mean, in units and sigmas."""
+    gain = h_sigma * math.sqrt(c.c_c * (2 - c.c_c) * c.mu_eff)
+    return (1 - c.c_c) * state.p_c + gain * shift
+
+
+def covariance(
+    state: State, ranked: FloatArray, p_c: FloatArray, h_sigma: float, c: Constants
+) -> FloatArray:
+    """Equation 17, from the ranked samples and the new path."""
+    y = (_columns(ranked) - _column(state.m)) / state.sigma / _column(state.unit)
+    # Where the weight is negative, y gets the expected length of a sample.
+    length = np.sqrt(((_turn(state.B.T, y[:, c.mu :]) / _column(state.D)) ** 2).sum(axis=0))
     w = c.weights.copy()
-    w[c.mu :] = w[c.mu :] * n / (length + 1e-9) ** 2
-    learnt = np.zeros((n, n))
-    for k in range(size):
-        for i in range(n):
-            for j in range(n):
-                learnt[i, j] += w[k] * y[i, k] * y[j, k]
+    w[c.mu :] = w[c.mu :] * c.n / (length + 1e-9) ** 2
+    products = (w * y)[:, None] * y
+    learnt = _rows(products.reshape(c.n * c.n, -1)).sum(axis=0).reshape(c.n, c.n)
     # By a stalled path: the paper's delta(h_sigma)
     lost = c.c_1 * (1 - h_sigma) * c.c_c * (2 - c.c_c)
     kept = 1 - c.c_1 + lost - c.c_mu * c.total_weight
-    C = kept * state.C + c.c_1 * _column(p_c) * p_c + c.c_mu * learnt
-    return State(g, state.m + step, sigma, C, p_sigma, p_c, state.unit, B, D)
+    return kept * state.C + c.c_1 * _column(p_c) * p_c + c.c_mu * learnt
 
 
-@njit
-def history_row(ranked, state):
+def update(state: State, ranked: FloatArray, c: Constants) -> State:
+    """Equations 13 to 17: the next state from the samples x_{1:lambda} to x_{lambda:lambda}, the best first."""
+    step = mean_step(state, ranked, c)
+    shift = step / state.unit / state.sigma
+    p_sigma = conjugate_path(state, shift, c)
+    h_sigma = path_advances(p_sigma, state.g + 1, c)
+    p_c = evolution_path(state, shift, h_sigma, c)
+    return state._replace(
+        g=state.g + 1,
+        m=state.m + step,
+        sigma=step_size(state.sigma, p_sigma, c),
+        C=covariance(state, ranked, p_c, h_sigma, c),
+        p_sigma=p_sigma,
+        p_c=p_c,
+    )
+
+
+def _turn(axes: FloatArray, columns: FloatArray) -> FloatArray:
+    """Product of a small matrix and columns."""
+    return (axes[:, :, None] * columns).sum(axis=1)
+
+
+def _column(x: FloatArray) -> FloatArray:
+    return x[:, None]
+
+
+def _columns(rows: FloatArray) -> FloatArray:
+    """A sample a column, in memory too: a third of the time of rows."""
+    return np.ascontiguousarray(rows.T)
+
+
+_rows = _columns
+
+
+# ------------------------------------------------------------------------------------------------ bounds
+
+
+def margins_of(box: Box) -> tuple[FloatArray, FloatArray]:
+    """Widths of the margins at the lower and upper bounds, never more than half the box."""
+    half = (box.upper - box.lower) / 2
+    at_lower = np.minimum(half, (1 + np.abs(box.lower)) / 20)
+    at_upper = np.minimum(half, (1 + np.abs(box.upper)) / 20)
+    return at_lower, at_upper
+
+
+def into_box(samples: FloatArray, box: Box) -> FloatArray:
+    """Map unbounded samples, shape (population, n), into the box, as `cma` did before 3.4.
+
+    The identity inside, bent to a half-parabola in a margin at each bound; beyond the margins the
+    map goes back and forth.
+    """
+    lower, upper = _column(box.lower), _column(box.upper)
+    at_lower, at_upper = map(_column, margins_of(box))
+    y = _columns(samples)
+    first = lower - 2 * at_lower - (upper - lower) / 2
+    far = (y < first) | (y > upper + 2 * at_upper + (upper - lower) / 2)
+    if far.any():
+        period = 2 * (upper - lower + at_lower + at_upper)
+        y = np.where(far, y - period * ((y - first) // period), y)
+    y = np.where(y > upper + at_upper, y - 2 * (y - upper - at_upper), y)
+    y = np.where(y < lower - at_lower, y + 2 * (lower - at_lower - y), y)
+    bent = lower + (y - (lower - at_lower)) ** 2 / 4 / at_lower
+    y = np.where(y < lower + at_lower, bent, y)
+    bent = upper - (y - (upper + at_upper)) ** 2 / 4 / at_upper
+    return _rows(np.where(y > upper - at_upper, bent, y))
+
+
+def from_box(point: FloatArray, box: Box) -> FloatArray:
+    """Sample whose image under `into_box` is a point of the box."""
+    at_lower, at_upper = margins_of(box)
+    near_lower = (box.lower - at_lower) + 2 * (at_lower * (point - box.lower)) ** 0.5
+    near_upper = (box.upper + at_upper) - 2 * (at_upper * (box.upper - point)) ** 0.5
+    inner = np.where(point < box.upper - at_upper, point, near_upper)
+    return np.where(point < box.lower + at_lower, near_lower, inner)
+
+
+# ------------------------------------------------------------------------------------------------ search
+
+
+def history_row(ranked: FloatArray, state: State) -> FloatArray:
     """What `HISTORY` keeps of a generation, from its misfits, the best first, and the next state."""
     size = ranked.size
-    std = standard_deviations(state)
-    row = np.empty(7)
-    row[0] = ranked[0]
-    row[1] = (ranked[(size - 1) // 2] + ranked[size // 2]) / 2
-    row[2] = ranked[int(0.75 * size)]
-    row[3] = state.sigma
-    row[4] = state.D[-1] / state.D[0]
-    row[5] = std.min()
-    row[6] = std.max()
-    return row
+    median = (ranked[(size - 1) // 2] + ranked[size // 2]) / 2
+    std = state.std
+    ratio = state.D[-1] / state.D[0]
+    quartile = ranked[int(0.75 * size)]
+    return np.array([ranked[0], median, quartile, state.sigma, ratio, std.min(), std.max()])
 
 
-@njit
-def stop_rule(history, ranked, state, first_sigma):
-    """Name of the library's stop rule that holds after a generation, or "".
-
-    `history` as in `Search`, so far.
-    """
+def stop_rule(history: FloatArray, ranked: FloatArray, state: State, first_sigma: float) -> str:
+    """Name of the library's stop rule that holds after a generation, or ""; `history` as in `Search`, so far."""
     m, sigma = state.m, state.sigma
     unit = state.unit
     n, g = m.size, state.g
-    std = standard_deviations(state)
+    std = state.std
     recent = history[max(0, g - 10 - 30 * n // ranked.size) :, 0]
     spread = recent.max() - recent.min()
     if ranked[-1] - recent[-1] < TOLFUN and spread < TOLFUN:
@@ -244,9 +298,7 @@ def stop_rule(history, ranked, state, first_sigma):
     if g // 5 > max(100, 2 * part):
         fifth = history[4::5][::-1]  # every fifth generation, the newest first
         new, old = fifth[:part], fifth[part : 2 * part]
-        if np.median(new[:, 0]) >= np.median(old[:, 0]) and np.median(new[:, 1]) >= np.median(
-            old[:, 1]
-        ):
+        if (np.median(new[:, :2], axis=0) >= np.median(old[:, :2], axis=0)).all():
             return "tolstagnation"
     if (m == m + 0.2 * std).any():
         return "noeffectcoord"
@@ -256,23 +308,15 @@ def stop_rule(history, ranked, state, first_sigma):
     return ""
 
 
-def check_settings(box: Box, population: int, iterations: int = 1, seed: int = 1) -> None:
+def check_settings(box: Box, population: int) -> None:
     """Refuse settings that no search can be run with, by a ValueError that names the first one."""
     width = box.upper - box.lower
-    _check_seed(seed)
     if population < 4:
         raise ValueError(f"population {population}: at least 4 members are needed")
-    if iterations < 1:
-        raise ValueError(f"iterations {iterations}: at least one generation is needed")
     if width.size == 0 or not np.all(np.isfinite(width) & (width > 0)):
         raise ValueError(
             "the box is empty: every lower bound must lie below its upper one, both finite"
         )
-
-
-def _check_seed(seed: int) -> None:
-    if seed <= 0:
-        raise ValueError(f"seed {seed}: a seed above 0 is needed (cma takes 0 for the clock)")
 
 
 def random_normals(seed: int) -> Callable[[int, int], FloatArray]:
@@ -280,7 +324,8 @@ def random_normals(seed: int) -> Callable[[int, int], FloatArray]:
 
     A seed above 0.
     """
-    _check_seed(seed)
+    if seed <= 0:
+        raise ValueError(f"seed {seed}: a seed above 0 is needed (cma takes 0 for the clock)")
     return np.random.RandomState(seed).randn
 
 
@@ -290,6 +335,7 @@ def generations(
     normals: Callable[[int, int], FloatArray],
     population: int,
     sigma: float = 1.0,
+    eigen: Eigensolver = np.linalg.eigh,
 ) -> Iterator[Generation]:
     """Go through the search from the middle of the box, one generation at a time, without end.
 
@@ -305,6 +351,9 @@ def generations(
         Members lambda of a generation, at least 4.
     sigma : float
         First standard deviations, in quarters of the box.
+    eigen : callable
+        Eigenvalues of a symmetric matrix, ascending, and its eigenvectors. A vector's sign is free,
+        and a seed's run depends on it.
 
     Raises
     ------
@@ -318,7 +367,7 @@ def generations(
     c = constants(population, n)
     after = first_state(box, sigma)
     while True:
-        before = decompose(after)
+        before = decompose(after, eigen)
         x = sample(before, normals(population, n))
         members = into_box(x, box)
         found = np.asarray(misfits(members), dtype=float)
@@ -343,7 +392,9 @@ class Search:
 
 
 def search(steps: Iterator[Generation], iterations: int) -> Search:
-    """Follow `generations` until a stop rule holds, `iterations` at the most."""
+    """Follow `generations` until a stop rule holds, `iterations` at the most and at least one."""
+    if iterations < 1:
+        raise ValueError(f"iterations {iterations}: at least one generation is needed")
     history = np.empty((iterations, len(HISTORY)))
     best, misfit = np.empty(0), math.inf
     first_sigma = math.nan

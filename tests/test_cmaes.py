@@ -5,7 +5,7 @@ import cma
 import numpy as np
 import pytest
 
-from replication.search import (
+from replication.cmaes import (
     constants,
     first_state,
     generations,

@@ -8,14 +8,12 @@ import pandas as pd
 from tqdm import tqdm
 
 from replication import published
-from replication.compiled.misfit import population_rmse
-from replication.identify import protocol_box
+from replication.cmaes import generations, random_normals
 from replication.recording import Recording
-from replication.replay import AGREE_RPS
-from replication.replay.inspection import turn_period
-from replication.search import generations, random_normals
 from replication.signature import Box
-from replication.table2 import AUTHORS_PROTOCOL
+from replication.table2 import AUTHORS_PROTOCOL, cost, protocol_box
+from studies.replay import AGREE_RPS
+from studies.replay.inspection import turn_period
 
 NAMES = ("A", "t0", "tau", "omega", "v_t", "T2", "T1")
 
@@ -26,16 +24,10 @@ SHIFTS = (-0.15, -0.1, -0.01, 0.0, 0.01, 0.1, 0.15)
 
 def count_replayed(recording: Recording, box: Box) -> int:
     """How many of the 30 stored runs give their stored first generation in a box."""
+    misfits = cost(recording, AUTHORS_PROTOCOL)
 
     def first_best(seed: int) -> float:
-        steps = generations(
-            lambda members: population_rmse(
-                recording.t, recording.v, members, AUTHORS_PROTOCOL.timing
-            ),
-            box,
-            random_normals(seed),
-            AUTHORS_PROTOCOL.population,
-        )
+        steps = generations(misfits, box, random_normals(seed), AUTHORS_PROTOCOL.population)
         return next(steps).misfits.min()
 
     stored = published.authors_notebook_runs()

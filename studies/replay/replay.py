@@ -1,21 +1,32 @@
 """The 30 runs that the authors' notebook stores, run again with their seeds and compared generation by generation."""
 
 from base64 import b64encode
+from collections.abc import Iterator
 from itertools import islice
 
 import numpy as np
 import pandas as pd
 
 from replication import published
-from replication.compiled.eigen import symmetric_eigen
-from replication.identify import paper_run, paper_search, protocol_box
+from replication.cmaes import HISTORY, Generation, generations, random_normals, search
 from replication.recording import Recording
-from replication.replay import AGREE_RPS
-from replication.search import HISTORY, Generation
 from replication.signature import Box
-from replication.table2 import AUTHORS_PROTOCOL
+from replication.table2 import AUTHORS_PROTOCOL, cost, protocol_box
+from studies.replay import AGREE_RPS
+from studies.replay.eigen import symmetric_eigen
 
 ROUNDINGS = 20  # times that a covariance matrix is rounded otherwise
+
+
+def authors_search(recording: Recording, seed: int) -> Iterator[Generation]:
+    """The authors' search with a seed, with the eigenvectors' signs of its time."""
+    return generations(
+        cost(recording, AUTHORS_PROTOCOL),
+        protocol_box(recording, AUTHORS_PROTOCOL),
+        random_normals(seed),
+        AUTHORS_PROTOCOL.population,
+        eigen=symmetric_eigen,
+    )
 
 
 def replay_stored_runs(recording: Recording) -> pd.DataFrame:
@@ -27,7 +38,8 @@ def replay_stored_runs(recording: Recording) -> pd.DataFrame:
     """
     parts = []
     for run in published.authors_notebook_runs().to_dict("records"):
-        history = paper_run(recording, AUTHORS_PROTOCOL, run["cma_seed"]).history
+        steps = authors_search(recording, run["cma_seed"])
+        history = search(steps, AUTHORS_PROTOCOL.iterations).history
         table = pd.DataFrame(history, columns=HISTORY).drop(columns=["median", "upper_quartile"])
         table.insert(0, "generation", np.arange(1, len(history) + 1))
         for name in ("cma_seed", "run"):
@@ -51,7 +63,7 @@ def replay_frames(recording: Recording, ours: pd.DataFrame) -> pd.DataFrame:
         last = len(part)
         printed = stored.loc[stored["run"] == run, "generation"]
         kept = {*range(1, 31), *range(30, last, 5), *printed, last}
-        for now in islice(paper_search(recording, AUTHORS_PROTOCOL, seed), last):
+        for now in islice(authors_search(recording, seed), last):
             if now.after.g in kept:
                 rows.append((run, seed, now.after.g, b64encode(_frame(now, box)).decode()))
     return pd.DataFrame(rows, columns=["run", "cma_seed", "generation", "frame"])
@@ -116,7 +128,7 @@ def first_divergences(
     rows = []
     for run in parted.to_dict("records"):
         after, closest = np.nan_to_num(run["agrees_until"], nan=1), np.inf
-        for generation in paper_search(recording, AUTHORS_PROTOCOL, run["cma_seed"]):
+        for generation in authors_search(recording, run["cma_seed"]):
             flips = count_sign_flips(generation, rng)
             g = generation.after.g
             if (flips and g > after) or g == run["our_generations"]:

@@ -1,1 +1,0 @@
-"""Fast twins of plain code, each tested equal to it."""
