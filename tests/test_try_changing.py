@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from replication.standins import joints
+from replication import standins
 from tests.changes import NOTEBOOKS, changes, parse, run, says_what_happened
 
 HUBER = "np.mean(np.where(np.abs(r) < 0.05, r**2 / 2, 0.05 * (np.abs(r) - 0.025)))"
@@ -53,8 +53,8 @@ def test_a_notebook_runs_with_a_change_and_says_what_happened(
 
 def test_a_log_of_ones_own_is_measured_first_and_says_what_was_assumed(tmp_path, capsys):
     """The log of a bench that no notebook knows."""
-    bench = joints.draw_bench(np.random.default_rng(8))
-    record = joints.encoder_log(bench, 8e-4, np.random.default_rng(9))
+    bench = standins.draw_bench(np.random.default_rng(8))
+    record = standins.encoder_log(bench, 8e-4, np.random.default_rng(9))
     path = tmp_path / "mine.csv"
     pd.DataFrame({"time [s]": record.t, "motor speed [rps]": record.v}).to_csv(path, index=False)
     own = {"my_log": str(path), "my_turn_period_s": record.turn_period_s}
