@@ -270,7 +270,7 @@ parted_shown.assign(closest_ranks_rps=parted["closest_ranks_rps"].map("{:.1e}".f
 # only for seeds whose best sample lies in no margin. The *constants*: the step size was damped differently until 3.2;
 # until 2.6 an ill-conditioned $\mathbf C$ was kept. And the *signs of eigenvectors*: LAPACK 3.10 changed the plane
 # rotation they come from, so that the same library with a newer NumPy is another search from the second generation on;
-# `compiled/eigen.py` keeps the older rotation, and the same last bits on every processor.
+# `studies/replay/eigen.py` keeps the older rotation, and the same last bits on every processor.
 #
 # ### The basins of the stored runs
 #
