@@ -46,7 +46,7 @@ def test_equation_4_read_literally_contradicts_equations_6_and_7():
 
 def test_equation_4_read_literally_misses_every_stored_run_that_can_tell(record_12):
     can_tell = 0
-    for _, run in published.authors_notebook_runs().iterrows():
+    for _, run in published.table("authors_notebook_runs").iterrows():
         X, stored = run[list(STORED_NAMES)].to_numpy(float), run["final_rmse_rps"]
         T_d, T_f, t0 = run["T_d_s"], run["T_f_s"], run["t0_s"]
         assert rmse(record_12.t, record_12.v, X, Timing(T_d, T_f, 12)) == pytest.approx(
@@ -62,7 +62,7 @@ def test_equation_4_read_literally_misses_every_stored_run_that_can_tell(record_
 
 
 def test_the_numbers_that_the_errata_quote_are_those_that_are_computed():
-    effect = published.errata()["effect"]
+    effect = published.table("errata")["effect"]
     off = np.abs(
         equation_10().backlash_rad(published.column("Table 2", "theoretical")[:10])
         - printed_levels_rad()
