@@ -9,13 +9,13 @@ import numpy as np
 import pandas as pd
 import pytest
 from scipy import stats
-from tests.tools.reference import simulate_amplitudes
 
 import workbook
 from replication import characteristic, published
 from replication.authors import load_clean
 from replication.replay import inspection, table1
 from replication.simulator.parameters import identified_joint, with_ratios
+from studies.reference import simulate_amplitudes
 from workbook import judging
 from workbook.checkout import RESULTS
 from workbook.outcomes import load_outcomes
