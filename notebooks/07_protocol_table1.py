@@ -271,7 +271,7 @@ tried.pivot(index="cell", columns="shift", values="replayed").loc[tried["cell"].
 
 # %%
 found_table1 = table1.table1_cells(clean, tried)
-judged = workbook.judge({"authors": found_table1.to_dict()}).set_index("id")
+judged = workbook.judge(found_table1.to_dict()).set_index("id")
 judged
 
 # %% [markdown]
@@ -297,10 +297,10 @@ counts = judged["verdict"].value_counts()
 wider = 2 * found_table1["table1.A.max"]  # of the range of v, of which half is printed
 printed_T_f = judged.loc["table1.T_f.max", "printed"]
 print(
-    f"Of Table 1's {len(judged)} bounds {counts.get('traced', 0)} are those of the stored runs, "
-    f"{counts.get('undecided', 0)} are undecided and {counts.get('differs', 0)} differ. The stored runs had a box of A "
-    f"{wider:.2g} times as wide as printed; which one printed Table 2 is unknown. The records turn in {T_f:.4f} s, not "
-    f"in the printed {printed_T_f} s."
+    f"Of Table 1's {len(judged)} bounds {counts.get('agrees', 0)} are those of the stored runs, "
+    f"{counts.get('not tested', 0)} cannot be tested and {counts.get('differs', 0)} differ. The stored runs had a box "
+    f"of A {wider:.2g} times as wide as printed; which one printed Table 2 is unknown. The records turn in {T_f:.4f} "
+    f"s, not in the printed {printed_T_f} s."
 )
 
 # %% tags=["plumbing"]
@@ -331,7 +331,7 @@ workbook.export(
             "It falls slowly at first, then exponentially.",
         ),
     },
-    cells={"authors": found_table1.to_dict()},
+    cells=found_table1.to_dict(),
 )
 
 # %% [markdown]

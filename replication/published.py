@@ -4,7 +4,7 @@ import json
 import math
 from collections.abc import Mapping
 from decimal import Decimal
-from functools import cache, partial
+from functools import cache
 from importlib.resources import files
 from importlib.resources.abc import Traversable
 
@@ -16,50 +16,32 @@ DATA: Traversable = files("replication") / "data"
 Criteria = Mapping[str, float] | None  # limits to try in place of those of `claims.csv`, by claim
 Decision = tuple[bool | None, str]  # whether a claim holds (None: undecided), and what was measured
 
+# The column that a table's rows are known by.
+_INDEX = {
+    "cells": "id",
+    "claims": "id",
+    "errata": "id",
+    "paper_figures": "figure",
+    "table2_candidates": "protocol",
+}
+
 
 @cache
-def _kept(name: str, index: str | None = None) -> pd.DataFrame:
-    with (DATA / name).open(encoding="utf-8") as file:
-        return pd.read_csv(file, keep_default_na=False, index_col=index)
+def _kept(name: str) -> pd.DataFrame:
+    with (DATA / f"{name}.csv").open(encoding="utf-8") as file:
+        return pd.read_csv(file, keep_default_na=False, index_col=_INDEX.get(name))
 
 
-def _read(name: str, index: str | None = None) -> pd.DataFrame:
-    return _kept(name, index).copy()
+def table(name: str) -> pd.DataFrame:
+    """Load a data file by its name.
 
-
-# The paper's prose claims and what decides each: `claim, section, decided_in` (the notebook's
-# number), `check, rule, criterion, reason, alternative`, the days on which rule and limit were
-# `fixed` and the `first_result` was committed; the `earlier_answer`, if another rule or limit gave one.
-claims = partial(_read, "claims.csv", "id")
-# `kind, location, as_printed, corrected, evidence, effect, cells, computed` (numbers by name in
-# braces), `figure`.
-errata = partial(_read, "errata.csv", "id")
-# Where each figure, table and numbered equation is: `element, what, notebooks, functions, test,
-# note`.
-paper_map = partial(_read, "map.csv")
-# The rules: when each was `fixed`, its `first_result`, the commits of both, what was
-# `known_before`, its `counts`.
-trail = partial(_read, "trail.csv")
-# What the report says: `kind` (of the answer, "finding" or "open"), `text` with names of numbers in
-# braces, `proof`.
-findings = partial(_read, "findings.csv")
-# What the paper's figures show, in our words, and what can be compared: `shows, compare`.
-paper_figures = partial(_read, "paper_figures.csv", "figure")
-# What agreements are worth: `cells` (a pattern), `source, basis, fails_if, test`, and the `rival`, the column of the
-# same row whose number would be another answer. Of what is "traced", `fails_if` says what agrees.
-basis = partial(_read, "basis.csv")
-# The words of verdicts on numbers and claims: `sign`, and what those on numbers mean.
-verdict_words = partial(_read, "verdict_words.csv", "verdict")
-# Protocols that may have printed Table 2, the leading one first: settings, number of `realisations`, `why`.
-table2_candidates = partial(_read, "table2_candidates.csv", "protocol")
-# Cells known not to reproduce: `id, source, reason`.
-known_differences = partial(_read, "differences.csv")
-# The 30 runs that the authors' notebook stores, on their clean record 12, and what it prints of
-# runs 1 to 20: one row per printed generation, some 17 of each run.
-authors_notebook_runs = partial(_read, "authors_notebook_runs.csv")
-authors_notebook_generations = partial(_read, "authors_notebook_generations.csv")
-
-_cells = partial(_kept, "cells.csv", "id")
+    "claims": the paper's prose claims and what decides each, with the days on which its rule was fixed and its first
+    result committed. "errata": what is wrong in print, with its proof. "findings": texts of the report, with numbers
+    in braces. "map": where each element of the paper is. "paper_figures": what its figures show.
+    "table2_candidates": settings that may have given Table 2. "trail": the order in which rules were fixed.
+    "authors_notebook_runs", "authors_notebook_generations": what the authors' notebook stores.
+    """
+    return _kept(name).copy()
 
 
 def table_layouts() -> list[dict]:
@@ -70,28 +52,29 @@ def table_layouts() -> list[dict]:
 def cells(element: str | None = None) -> pd.DataFrame:
     """Load the printed numbers, indexed by cell id, of one element, such as "Table 2", or of all.
 
-    Columns `element, row, column, printed, value, unit, kind, abs_tol, rel_tol, tol_reason,
-    section, quote`; the last one, words of the paper, for the numbers of its text.
+    Columns `element, row, column, printed, value, unit, kind, abs_tol, rel_tol, tol_reason, section, quote` (words of
+    the paper, for the numbers of its text), `source` (where our number comes from), `reason` (how it was found, or why
+    it cannot be tested, with the notebooks' facts in braces), `known_difference` (why it differs).
     """
-    table = _cells()
+    printed = table("cells")
     if element is None:
-        return table.copy()
-    chosen = table[table["element"] == element]
+        return printed
+    chosen = printed[printed["element"] == element]
     if chosen.empty:
         raise KeyError(
-            f"{element}: no such element; there are {', '.join(table['element'].unique())}"
+            f"{element}: no such element; there are {', '.join(printed['element'].unique())}"
         )
-    return chosen.copy()
+    return chosen
 
 
 def value(cell: str) -> float:
     """Printed value of a cell, in the cell's unit; a KeyError if there is no such cell."""
-    return float(_cells().loc[cell, "value"])
+    return float(cells().loc[cell, "value"])
 
 
 def tolerance(cell: str) -> float:
-    """Largest difference from the printed value that still reproduces a cell, in its unit."""
-    row = _cells().loc[cell]
+    """Largest difference from the printed value that is none, in the cell's unit."""
+    row = cells().loc[cell]
     return float(row["abs_tol"] + row["rel_tol"] * abs(row["value"]))
 
 
@@ -102,13 +85,13 @@ def half_last_digit(printed: str) -> float:
 
 def column(element: str, name: str) -> np.ndarray:
     """Printed values of one column of a table, in the order of its rows."""
-    table = cells(element)
-    return table.loc[table["column"] == name, "value"].to_numpy(float)
+    printed = cells(element)
+    return printed.loc[printed["column"] == name, "value"].to_numpy(float)
 
 
 def criterion(claim: str, criteria: Criteria = None) -> float:
     """The limit that decides a claim: that of `claims.csv`, or the one that `criteria` tries in its place."""
-    known = claims()["criterion"]
+    known = table("claims")["criterion"]
     if unknown := {claim, *(criteria or {})} - set(known.index):
         raise KeyError(
             f"{', '.join(sorted(unknown))}: no such claim; there are {', '.join(known.index)}"
@@ -126,7 +109,7 @@ def decide(
     below". A number within 1e-9 of the limit, relatively, is the limit: the last bits do not
     decide. `criteria` are limits to try, as in `criterion`.
     """
-    limit, rule = criterion(claim, criteria), claims().loc[claim, "rule"]
+    limit, rule = criterion(claim, criteria), table("claims").loc[claim, "rule"]
     if np.size(measured) != (2 if rule.startswith(("interval", "p ")) else 1):
         raise ValueError(f"{claim}: the rule {rule!r} does not take {measured}")
     numbers = np.ravel(measured).astype(float)

@@ -214,12 +214,12 @@ def table3(runs: pd.DataFrame) -> pd.DataFrame:
 
 
 def table3_cells(table: pd.DataFrame) -> dict[str, float]:
-    """Values of Table 3's cells by id, from `table3`."""
+    """Means and SDs of Table 3 by cell id, from `table3`."""
     rows = table.set_index("row")
     return {
-        f"table3.row{row:02d}.{cell}": rows.at[row, column]
+        f"table3.row{row:02d}.{cell}": rows.at[row, TABLE3_COLUMNS[cell]]
         for row in rows.index
-        for cell, column in TABLE3_COLUMNS.items()
+        for cell in ("mean", "sd")
     }
 
 

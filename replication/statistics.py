@@ -27,14 +27,3 @@ def predictive_region(values: Sequence[float]) -> tuple[float, float]:
     k = int((len(values) + 1) * (1 - LEVEL) / 2 + 1e-9)
     ranked = sorted(values)
     return (ranked[k - 1], ranked[-k]) if k else (-np.inf, np.inf)
-
-
-def end_margin(size: int) -> float:
-    """How far other N numbers move an end of their `predictive_region`, as a share of its width.
-
-    Two standard errors of the 2.5 % quantile of N normal numbers, over the distance of the 2.5 % and
-    the 97.5 % quantile: 1.36 / sqrt(N).
-    """
-    tail = (1 - LEVEL) / 2
-    z = stats.norm.isf(tail)
-    return float(np.sqrt(tail * (1 - tail) / size) / stats.norm.pdf(z) / z)

@@ -315,7 +315,7 @@ def decide_local_minima(table: pd.DataFrame, criteria: Criteria = None) -> Decis
     share = hits / runs
     half = stdtrit(share.size - 1, 0.975) * share.std() / np.sqrt(share.size)
     low, high = share.mean() - half, share.mean() + half
-    stored = basin_labels(published.authors_notebook_runs()["final_rmse_rps"].to_numpy())
+    stored = basin_labels(published.table("authors_notebook_runs")["final_rmse_rps"].to_numpy())
     return published.decide("local_minima", (low, high), criteria), (
         f"{hits.sum()} of {runs.sum()} runs on {share.size} noisy records end in the best basin, "
         f"{100 * share.mean():.0f} % ({100 * low:.0f} to {100 * high:.0f} %); of the authors' {stored.size} "

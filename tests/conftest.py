@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 from hypothesis import settings
 
+from replication import published
 from replication.authors import WORKBOOK_FILES, authors_file, load_clean
 from replication.recording import add_uniform_noise, constant_speed
 from replication.signature import Timing, signature
@@ -42,6 +43,19 @@ NOT_PORTABLE = (
     "tests/sensor/test_fleet.py",
     "tests/test_try_changing.py",
 )
+
+
+@pytest.fixture
+def replace_table(monkeypatch):
+    """Give a data file other rows."""
+    kept = published.table
+
+    def give(name, table):
+        monkeypatch.setattr(
+            published, "table", lambda asked: table.copy() if asked == name else kept(asked)
+        )
+
+    return give
 
 
 def pytest_collection_modifyitems(items):

@@ -9,19 +9,19 @@ RULES |= dict.fromkeys(("interval below", "interval above", "p below"), "two")
 
 
 @pytest.fixture
-def rule(monkeypatch):
+def rule(replace_table):
     """Give the claim `monotone` another rule and limit."""
 
     def give(name, limit):
-        table = published.claims()
+        table = published.table("claims")
         table.loc["monotone", ["rule", "criterion"]] = name, limit
-        monkeypatch.setattr(published, "claims", lambda: table)
+        replace_table("claims", table)
 
     return give
 
 
 def test_every_claim_has_a_criterion_a_reason_for_it_and_an_alternative_that_could_win():
-    claims = published.claims()
+    claims = published.table("claims")
     for column in ("check", "criterion", "reason", "alternative"):
         assert (claims[column].astype(str).str.len() > 0).all(), column
     assert all(isinstance(published.criterion(claim), float) for claim in claims.index)
@@ -94,7 +94,7 @@ def test_exactly_the_notebook_that_claims_csv_names_decides_a_claim():
     decided = judging.decided_claims(ROOT / "results")
     assert not decided["id"].duplicated().any()
     numbers = decided.set_index("id")["notebook"].str[:2].astype(int)
-    assert numbers.to_dict() == published.claims()["decided_in"].to_dict()
+    assert numbers.to_dict() == published.table("claims")["decided_in"].to_dict()
 
 
 def test_a_limit_that_the_text_prints_is_the_criterion():

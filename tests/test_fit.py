@@ -52,14 +52,14 @@ def test_the_global_random_state_is_left_alone(made_record):
 
 
 def test_every_stored_seed_gives_its_stored_first_generation(record_12):
-    for run in published.authors_notebook_runs().to_dict("records"):
+    for run in published.table("authors_notebook_runs").to_dict("records"):
         found = fit(record_12, Protocol(iterations=1), run["cma_seed"])
         assert abs(found.rmse - run["generation_1_best_rmse_rps"]) < 1e-12, run["run"]
 
 
 def test_with_todays_cma_only_samples_away_from_the_bounds_agree(record_12):
     once = Protocol(iterations=1)
-    stored = published.authors_notebook_runs().to_dict("records")
+    stored = published.table("authors_notebook_runs").to_dict("records")
     off = [
         abs(
             fit_with_todays_cma(record_12, once, r["cma_seed"]).rmse

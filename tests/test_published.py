@@ -25,11 +25,11 @@ def test_every_cell_has_a_tolerance_and_a_reason_for_it():
     assert (cells["tol_reason"].str.len() > 0).all()
     assert (cells["abs_tol"] >= 0).all()
     assert (cells["rel_tol"] >= 0).all()
-    assert set(cells["kind"]) == {"exact", "rounded", "stochastic", "signed", "bound"}
+    assert set(cells["kind"]) == {"exact", "count", "rounded", "stochastic", "signed", "bound"}
 
 
 def test_cell_ids_are_unique():
-    for table in (published.cells(), published.claims(), published.errata()):
+    for table in (published.cells(), published.table("claims"), published.table("errata")):
         assert table.index.is_unique
 
 
@@ -124,7 +124,7 @@ def test_the_printed_rmse_of_equation_10_is_no_rmse_in_rad():
         delta.size / (delta.size - 4)
     )  # a cubic has four coefficients
     assert of_freedom == pytest.approx(7.66e-6, abs=0.005e-6)
-    corrected = published.errata().loc["E2", "corrected"]
+    corrected = published.table("errata").loc["E2", "corrected"]
     assert "5.93e-6" in corrected
     assert "7.66e-6" in corrected
     printed_cubic = characteristic.equation_10().backlash_rad(amplitude)
@@ -140,16 +140,17 @@ def test_the_printed_relative_errors_follow_from_the_printed_means():
 
 
 def test_every_erratum_names_a_test_that_exists():
-    for key, row in published.errata().iterrows():
+    for key, row in published.table("errata").iterrows():
         file, _, test = row["evidence"].partition("::")
         path = published.DATA / ".." / ".." / file
         assert f"def {test}(" in path.read_text("utf-8"), key
 
 
-def test_errata_and_differences_name_cells_that_exist():
+def test_errata_name_cells_that_exist():
     known = set(published.cells().index)
     in_errata = {
-        cell.partition("=")[0] for cells in published.errata()["cells"] for cell in cells.split()
+        cell.partition("=")[0]
+        for cells in published.table("errata")["cells"]
+        for cell in cells.split()
     }
     assert in_errata <= known
-    assert set(published.known_differences()["id"]) <= known

@@ -44,7 +44,7 @@ def test_a_gate_moved_within_a_sample_is_undone_by_the_amplitude():
 
 
 def test_the_signature_at_the_stored_parameters_has_the_stored_misfit(record_12):
-    runs = published.authors_notebook_runs()
+    runs = published.table("authors_notebook_runs")
     assert len(runs) == 30
     for _, run in runs.iterrows():
         X, timing = run[list(STORED_NAMES)].to_numpy(float), Timing(run["T_d_s"], run["T_f_s"], 12)

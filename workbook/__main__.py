@@ -137,8 +137,8 @@ def check(options: argparse.Namespace) -> int:
     verdicts = judging.verdicts(results)
     print(terminal.verdict_tables(verdicts))
     new, gone = terminal.find_surprises(verdicts)
-    expected = "All cells that differ are known differences (replication/data/differences.csv)."
-    print("\n".join(["", *new, *gone] if new or gone else [expected]))
+    expected = "All cells that differ are known differences (replication/data/cells.csv)."
+    print("\n".join(["", *new, *gone] if new or gone else ["", expected]))
     for notebook, changed in stale(results).items():
         print(f"stale: {notebook}: sources changed since its results: {', '.join(changed)}")
     return int(bool(new))

@@ -13,7 +13,6 @@ import json
 import math
 import os
 from collections.abc import Mapping, Sequence
-from fnmatch import fnmatchcase
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -28,8 +27,8 @@ from workbook.checkout import notebook_files
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-Numbers = float | Mapping[str, Sequence[float]]  # one, or realisations by candidate
-Cells = Mapping[str, Mapping[str, Numbers]]
+Numbers = float | Mapping[str, Sequence[float]]  # one, or realisations by setting
+Cells = Mapping[str, Numbers]
 Claims = Mapping[str, tuple[bool | None, str]]
 Facts = Mapping[str, str | int | tuple[Any, str]]
 
@@ -95,7 +94,7 @@ def export(
     for file, content in drawn.items():
         write_json(results / file, dict(content))
     outcome = {
-        "cells": as_simulated(cell_rows(cells or {})),
+        "cells": cell_rows(cells or {}),
         "claims": claim_rows(claims or {}),
         "facts": _fact_texts(facts or {}),
         "figures": {name: _save(name, *figure) for name, figure in (figures or {}).items()},
@@ -117,37 +116,18 @@ def _save(name: str, figure: "Figure", caption: str) -> dict[str, str]:
 
 
 def cell_rows(cells: Cells) -> list[dict[str, Any]]:
-    """Our numbers by source and cell id as rows, with six digits."""
+    """Our numbers by cell id as rows, with six digits."""
     return [
-        {"id": cell, "source": source, "numbers": _round_to_six_digits(numbers)}
-        for source, of_source in cells.items()
-        for cell, numbers in of_source.items()
+        {"id": cell, "source": source_of(cell), "numbers": _round_to_six_digits(numbers)}
+        for cell, numbers in cells.items()
     ]
 
 
-def as_simulated(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
-    """What rows count as where our records take the authors' place: simulated, if a simulation may judge the cell."""
-    if not records_are_simulated():
-        return rows
-    ours = [row for row in rows if row["source"] != "authors"]
-    known = {row["id"] for row in ours}
-    return ours + [
-        row | {"source": "simulated"}
-        for row in rows
-        if row["id"] not in known and evidence_rule(row["id"], "simulated")["basis"]
-    ]
-
-
-def evidence_rules(cell: str) -> list[dict[str, str]]:
-    """Rows of `basis.csv` about a cell: what an agreement would be worth, by source."""
-    rules = published.basis().to_dict("records")
-    return [rule for rule in rules if fnmatchcase(cell, rule["cells"])]
-
-
-def evidence_rule(cell: str, source: str) -> dict[str, str]:
-    """The first rule about a cell by a source; empty if there is none."""
-    rules = (rule for rule in evidence_rules(cell) if rule["source"] in (source, "*"))
-    return next(rules, {"basis": "", "fails_if": ""})
+def source_of(cell: str) -> str:
+    """Where our number comes from: as `cells.csv` says, or our joint where its records take the authors' place."""
+    source = published.cells().loc[cell, "source"]
+    ours = source in ("recomputed", "authors' files") and records_are_simulated()
+    return "simulated joint" if ours else source
 
 
 def claim_rows(claims: Claims) -> list[dict[str, Any]]:

@@ -93,26 +93,27 @@ def _centre(axis: Axes) -> None:
 
 
 @in_style
-def table2(table: pd.DataFrame, own: pd.DataFrame, regions: pd.DataFrame) -> Figure:
-    """Table 2: means and SDs of the public realisations and of our own, with regions, against the printed.
+def table2(table: pd.DataFrame, regions: pd.DataFrame) -> Figure:
+    """Table 2: means and SDs of the public realisations, and the intervals, against the printed.
 
     `regions` has a row for each of the table: `mean, mean_low, mean_high, sd, sd_low, sd_high`, two
-    of them printed.
+    of them printed. An interval whose ends are a factor of 9 apart makes a weak agreement: a hollow mark.
     """
     figure, axes = grid(2, 1, height_in=5.4, sharex=True, height_ratios=(3, 2.4))
     scale = 100 / regions["mean"]
     for axis, of in zip(axes[:, 0], ("mean", "sd"), strict=True):
         of_row, offset = (scale, 100) if of == "mean" else (1 + 0 * scale, 0)
         low, high = (regions[f"{of}_{end}"] * of_row - offset for end in ("low", "high"))
-        axis.use_sticky_edges = False  # a region that ends at the frame would look cut
-        axis.bar(regions.index, high - low, 0.7, low, color="0.86", zorder=0, label="95 % region")
-        for part, side, label, look in (
-            (table, 0.14, "public realisations", {"marker": "o", "mfc": "none"}),
-            (own, -0.14, "our realisations", {"marker": "."}),
-        ):
-            values = part[f"{of}_A_rps"] * of_row.loc[part["row"]].to_numpy() - offset
-            axis.plot(part["row"] + side, values, linestyle="none", color=BLUE, label=label, **look)
-        axis.plot(regions.index, regions[of] * of_row - offset, **PRINTED)
+        axis.use_sticky_edges = False  # an interval that ends at the frame would look cut
+        axis.bar(regions.index, high - low, 0.7, low, color="0.86", zorder=0, label="95 % interval")
+        values = table[f"{of}_A_rps"] * of_row.loc[table["row"]].to_numpy() - offset
+        circles = MARKS | {"marker": "o", "mfc": "none", "color": BLUE}
+        axis.plot(table["row"] + 0.14, values, **circles, label="public realisations")
+        printed = regions[of] * of_row - offset
+        filled = PRINTED | {"marker": "X", "markersize": 8}
+        weak = regions[f"{of}_high"] > 9 * regions[f"{of}_low"]
+        axis.plot(printed[~weak], **filled)
+        axis.plot(printed[weak], **filled | {"mfc": "none", "label": "printed, agrees weakly"})
     upper, lower = axes[:, 0]
     theoretical = MARKS | {"marker": "_", "markersize": 18, "label": "theoretical $A$, printed"}
     of_table = table.drop_duplicates("row").set_index("row")["theoretical_A_rps"]
@@ -124,44 +125,24 @@ def table2(table: pd.DataFrame, own: pd.DataFrame, regions: pd.DataFrame) -> Fig
 
 
 @in_style
-def protocol_verdicts(verdicts: pd.DataFrame, signs: Mapping[str, str]) -> Figure:
-    """Show the verdict on each row's mean and SD under each candidate, candidates from top to bottom.
+def protocol_agreement(inside: pd.DataFrame) -> Figure:
+    """Show under which settings alone each row's mean and SD agree, settings from top to bottom.
 
-    `verdicts` has the columns `of` ("mean" or "sd"), `row`, `protocol`, `verdict`, `judges`: whether the
-    other numbers of the table leave the candidate.
+    `inside` has the columns `of` ("mean" or "sd"), `row`, `protocol`, `agrees`.
     """
-    names = verdicts["protocol"].unique()
+    names = inside["protocol"].unique()
     figure, axes = grid(1, 2, height_in=0.32 * len(names) + 1.2, sharey=True)
-    colours = {"reproduced": BLUE, "differs": ORANGE, "undecided": "0.85"}
-    for axis, (of, part) in zip(axes[0], verdicts.groupby("of", sort=False), strict=True):
-        y = part["protocol"].map(list(names).index)
-        edges = part["verdict"].map(colours)
-        faces = edges.where(part["judges"], "none")
-        axis.scatter(part["row"], y, 90, marker="s", facecolor=faces, edgecolor=edges)
-        for row, at, verdict in zip(part["row"], y, part["verdict"], strict=True):
-            axis.annotate(signs[verdict], (row, at), ha="center", va="center", size=8)
+    for axis, (of, part) in zip(axes[0], inside.groupby("of", sort=False), strict=True):
+        for agrees, marker, colour in ((True, "o", BLUE), (False, "x", ORANGE)):
+            chosen = part[part["agrees"] == agrees]
+            y = chosen["protocol"].map(list(names).index)
+            label = "agrees" if agrees else "differs"
+            axis.scatter(chosen["row"], y, 50, marker=marker, color=colour, label=label)
         axis.set(title=f"{of}s".replace("sd", "SD"), xlabel="row of Table 2")
         axis.set_xticks(rows := sorted(part["row"].unique()), rows, size=8)
         axis.set_ylim(len(names) - 0.4, -0.6)
         axis.grid(visible=False)
-    for verdict, colour in colours.items():
-        axis.scatter([], [], 90, marker="s", color=colour, label=verdict)
     axes[0, 0].set_yticks(range(len(names)), [textwrap.fill(name, 20) for name in names])
-    return finish(figure, 3)
-
-
-@in_style
-def protocol_posterior(posterior: pd.DataFrame) -> Figure:
-    """Show the share of each candidate, for the unit and the start over the population."""
-    figure, ((axis,),) = grid(height_in=3.2)
-    kinds = posterior.groupby("kind", sort=False)
-    for (kind, part), marker in zip(kinds, "osd^v", strict=False):
-        ordered = part.sort_values("population")
-        axis.plot(ordered["population"], ordered["share"], marker + "-", label=kind)
-    axis.set(xlabel="population", ylabel="share of belief [-]", xscale="log")
-    ticks = sorted(posterior["population"].unique())
-    axis.set_xticks(ticks, ticks)
-    axis.minorticks_off()
     return finish(figure, 3)
 
 

@@ -37,7 +37,7 @@ def replay_stored_runs(recording: Recording) -> pd.DataFrame:
     unit.
     """
     parts = []
-    for run in published.authors_notebook_runs().to_dict("records"):
+    for run in published.table("authors_notebook_runs").to_dict("records"):
         steps = authors_search(recording, run["cma_seed"])
         history = search(steps, AUTHORS_PROTOCOL.iterations).history
         table = pd.DataFrame(history, columns=HISTORY).drop(columns=["median", "upper_quartile"])
@@ -56,7 +56,7 @@ def replay_frames(recording: Recording, ours: pd.DataFrame) -> pd.DataFrame:
     their axes B D (i1, in 1/127 standard deviation), and of a bit for each member, set in the
     better half. With the seed's random numbers it gives all samples.
     """
-    stored = published.authors_notebook_generations()
+    stored = published.table("authors_notebook_generations")
     box = protocol_box(recording, AUTHORS_PROTOCOL)
     rows = []
     for (run, seed), part in ours.groupby(["run", "cma_seed"]):
@@ -84,7 +84,7 @@ def _frame(now: Generation, box: Box) -> bytes:
 def compare_generations(ours: pd.DataFrame) -> pd.DataFrame:
     """Compare the generations that the notebook prints with ours; nan after the end of our run."""
     key = ["run", "generation"]
-    stored = published.authors_notebook_generations().rename(
+    stored = published.table("authors_notebook_generations").rename(
         columns={"best_rmse_of_generation_rps": "stored_rps"}
     )
     ours = ours.rename(columns={"best_rmse_rps": "ours_rps"})
@@ -98,7 +98,7 @@ def compare_ends(ours: pd.DataFrame) -> pd.DataFrame:
     `agrees_until` is the last printed generation of the part that agrees, `parts_by` the first that
     does not: nan if there is none.
     """
-    stored = published.authors_notebook_runs()
+    stored = published.table("authors_notebook_runs")
     of_runs = ours.groupby("run")["best_rmse_rps"]
     end_rps = of_runs.min().to_numpy()
     compared = compare_generations(ours).dropna()

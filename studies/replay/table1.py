@@ -30,7 +30,7 @@ def count_replayed(recording: Recording, box: Box) -> int:
         steps = generations(misfits, box, random_normals(seed), AUTHORS_PROTOCOL.population)
         return next(steps).misfits.min()
 
-    stored = published.authors_notebook_runs()
+    stored = published.table("authors_notebook_runs")
     best = stored["cma_seed"].map(first_best)
     return int(((best - stored["generation_1_best_rmse_rps"]).abs() < AGREE_RPS).sum())
 

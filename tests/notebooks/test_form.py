@@ -44,7 +44,7 @@ def test_a_notebook_has_one_parameters_cell_and_what_follows_checks_every_parame
 
 @pytest.mark.parametrize(
     "row",
-    published.paper_map().query("element.str.startswith('Equation')").to_dict("records"),
+    published.table("map").query("element.str.startswith('Equation')").to_dict("records"),
     ids=lambda row: row["element"],
 )
 def test_a_notebook_displays_the_equations_that_the_map_says_it_uses(row):

@@ -15,7 +15,7 @@ from replication.processors import pinned_environment
 from replication.signature import rmse
 from replication.table2 import Protocol
 from studies.replay import protocols
-from studies.replay.protocols import CANDIDATES, LEADER, LISTED, REALISATIONS, ROWS
+from studies.replay.protocols import CANDIDATES, LEADER, LISTED, POOLED, REALISATIONS, ROWS
 
 NOTEBOOK = "authors' notebook"
 N = 40
@@ -30,26 +30,6 @@ def made_numbers(seed, factor=1.0, size=N):
         rng.choice([0.0, 1.0], (10, size)) + 0.4 * rng.normal(size=(10, size))
     )
     return np.stack([means, sds])
-
-
-def made_study(**factors):
-    """Realisations of candidates, by a factor of their means."""
-    found = []
-    for name, factor in factors.items():
-        numbers = made_numbers(len(name), factor)
-        for row, (means, sds) in enumerate(numbers.transpose(1, 0, 2), start=1):
-            columns = {"mean_A_rps": means, "sd_A_rps": sds, "realisation": range(1, N + 1)}
-            found.append(pd.DataFrame(columns).assign(protocol=name, row=row))
-    return pd.concat(found, ignore_index=True)
-
-
-@pytest.fixture
-def two_candidates(monkeypatch):
-    """A study of which one candidate printed the table and the other has means 20 % above."""
-    study = made_study(right=1.0, off=1.2)
-    listed = LISTED.iloc[:2].set_axis(["right", "off"])
-    monkeypatch.setattr(protocols, "LISTED", listed)
-    return study
 
 
 def test_every_candidate_has_a_reason_and_one_of_them_leads():
@@ -72,41 +52,22 @@ def test_a_table_that_the_candidate_printed_has_a_uniform_p():
 def test_a_table_with_other_means_or_sds_is_not_explained(number, factor):
     numbers = made_numbers(1)
     judged = np.median(numbers, axis=-1)
-    right = protocols.table_p(protocols.scores(numbers, judged))
+    right = protocols.compare(numbers, judged)
     judged[number] *= factor
-    wrong = protocols.table_p(protocols.scores(numbers, judged))
-    assert right[2] > 0.05
-    assert wrong[number] < 0.001
-    assert wrong[2] == pytest.approx(2 * wrong[number])
-    assert wrong[1 - number] == right[1 - number]
+    wrong = protocols.compare(numbers, judged)
+    of, other = ("p_means", "p_sds")[:: 1 - 2 * number]
+    assert min(right["p_means"], right["p_sds"]) > 0.05
+    assert wrong[of] < 0.001
+    assert wrong[other] == right[other]
+    assert wrong["sds_inside" if number else "means_inside"] < 5
 
 
-def test_a_cell_does_not_choose_its_judges(two_candidates):
-    scores = protocols.scores(made_numbers(1), protocols.printed())
-    scores[0, 4, 0] = 1e6  # the mean of row 5
-    one_of_all = pytest.approx(1 / (N + 1), rel=0.2)  # the printed number is one of its row's
-    assert protocols.table_p(scores)[0] == one_of_all
-    assert protocols.table_p(scores, (0, 3))[0] == one_of_all
-    assert protocols.table_p(scores, (0, 4))[0] > 0.1
-
-
-def test_a_cell_is_judged_by_the_candidates_that_the_table_leaves_or_by_all(two_candidates):
-    some = protocols.judges_of_cells(two_candidates)
-    assert {tuple(candidates) for cell, candidates in some.items() if "row11" not in cell} == {
-        ("right",)
-    }
-    wide = two_candidates.assign(mean_A_rps=two_candidates["mean_A_rps"] * 1.3)
-    assert set(protocols.judges_of_cells(wide)["table2.row05.sd"]) == {"right", "off"}
-    assert len(some["table2.row05.sd"]["right"]) == N
-
-
-def test_a_candidate_is_read_in_both_ways_and_ranked(two_candidates):
-    judged = protocols.judge(two_candidates).set_index(["protocol", "reading"])
-    assert not judged.loc[("right", "sd"), "excluded"]
-    assert judged.loc["off", "excluded"].all()
-    below = (made_numbers(len("right"))[1, 2] < published.value("table2.row03.sd")).sum()
-    assert judged.loc[("right", "sd"), "sd_rank_03"] == below
-    assert (judged.xs("variance", level=1)["p_sds"] < 0.01).all()
+def test_a_bias_has_a_small_p_only_if_tables_drawn_row_by_row_do_not_have_it():
+    means = made_numbers(1)[0]
+    own = float(np.median(protocols.pooled_bias(means)))
+    assert protocols.bias_p(means, own) > 0.5
+    assert protocols.bias_p(means, own + 10) < 0.001
+    assert protocols.bias_p(means, own - 10) < 0.001
 
 
 def test_the_pooled_bias_is_the_mean_of_ten_relative_errors():
@@ -114,36 +75,36 @@ def test_the_pooled_bias_is_the_mean_of_ten_relative_errors():
     theoretical = published.column("Table 2", "theoretical")[:10]
     expected = 100 * np.mean([mean / A - 1 for mean, A in zip(means, theoretical, strict=True)])
     assert protocols.pooled_bias(means) == pytest.approx(expected)
-    assert protocols.rank_p(np.arange(1.0, 100.0), 0.0) == pytest.approx(0.02)
-    assert protocols.rank_p(np.arange(1.0, 100.0), 50.5) == pytest.approx(1.0)
+
+
+def test_eight_settings_judge_together_with_as_many_realisations_each():
+    study = pd.read_csv(REALISATIONS)
+    chosen = protocols.pooled(study)
+    assert len(POOLED) == 8
+    assert (chosen.groupby(["protocol", "row"]).size() == N).all()
+    assert set(chosen["protocol"]) == set(POOLED)
+    assert LISTED.loc[POOLED, "start"].eq("whole").all()
+
+
+def test_a_population_of_2000_and_drawn_starts_are_excluded_and_the_eight_are_not():
+    judged = protocols.judge(pd.read_csv(REALISATIONS)).set_index("protocol")
+    assert set(judged.index[judged["excluded"]]) == set(LISTED.index) - set(POOLED)
+    assert (judged.loc[judged["start"] == "per record", "p_bias"] < 0.001).all()
+    assert judged.loc["pooled", ["means_inside", "sds_inside"]].tolist() == [10, 8]
 
 
 @pytest.mark.parametrize(
     ("of_drawn", "of_whole", "holds"),
     [(0.3, 0.001, True), (0.001, 0.3, False), (0.3, 0.3, None), (0.001, 0.001, None)],
 )
-def test_the_start_is_decided_only_if_one_kind_of_start_alone_explains_the_table(
+def test_the_start_is_decided_only_if_one_kind_of_start_alone_explains_the_bias(
     of_drawn, of_whole, holds
 ):
-    judged = pd.DataFrame(
-        {
-            "protocol": list("abcd"),
-            "start": ["per record", "whole", "whole", "per record"],
-            "reading": "sd",
-            "p": [of_drawn, of_whole, 1e-4, 1e-4],
-        }
-    )
+    starts = ["per record", "whole", "whole", "per record"]
+    judged = pd.DataFrame({"start": starts, "p_bias": [of_drawn, of_whole, 1e-4, 1e-4]})
     decided, text = protocols.random_start(judged)
     assert decided is holds
-    assert "(a, read as sd)" in text
-    assert "(b)" in text
-
-
-def test_no_realisations_are_refused_in_one_line():
-    with pytest.raises(
-        ValueError, match=r"^unknown: no realisations; there are rpm, population 600"
-    ):
-        protocols.numbers_of(made_study(right=1.0), "unknown")
+    assert f"record {of_drawn:.2g}, with" in text
 
 
 # ---------------------------------------------------------------------------------------------------------- the study
@@ -211,8 +172,7 @@ def test_every_candidate_has_its_realisations_of_every_row():
     assert counts.to_dict() == (len(ROWS) * LISTED["realisations"]).to_dict()
     last = study[study["row"] == protocols.LAST_ROW].groupby("protocol", sort=False).size()
     assert (
-        last.to_dict()
-        == LISTED["realisations"].clip(upper=protocols.LAST_ROW_REALISATIONS).to_dict()
+        last.to_dict() == LISTED["realisations"].clip(upper=protocols.REALISATIONS_EACH).to_dict()
     )
 
 

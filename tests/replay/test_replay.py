@@ -25,7 +25,7 @@ def test_every_stored_generation_up_to_the_twentieth_replays(ours):
 def test_until_a_run_has_converged_or_parts_every_printed_digit_replays(ours):
     digits = {"sigma": 3, "axis_ratio": 2, "smallest_std": 1, "largest_std": 1}
     ends = replay.compare_ends(ours).set_index("run")
-    stored = published.authors_notebook_generations().merge(
+    stored = published.table("authors_notebook_generations").merge(
         ours, on=["run", "generation"], suffixes=("_stored", "")
     )
     beyond = stored["best_rmse_of_generation_rps"] - stored["run"].map(ends["stored_rps"])

@@ -36,7 +36,7 @@ def test_a_bound_that_is_a_hundredth_of_its_range_off_loses_first_generations(
 
 def test_twelve_turns_or_more_give_the_stored_misfits_and_fewer_do_not(record_12):
     printed = int(published.value("text.turns"))
-    for _, run in published.authors_notebook_runs().iterrows():
+    for _, run in published.table("authors_notebook_runs").iterrows():
         X, stored = run[list(STORED_NAMES)].to_numpy(float), run["final_rmse_rps"]
         fewer, printed_turns, more = (
             rmse(record_12.t, record_12.v, X, Timing(run["T_d_s"], run["T_f_s"], n))

@@ -59,7 +59,7 @@ def test_the_signature_explorer_computes_the_misfit_of_the_package(tab, site):
 
 def test_the_replay_explorer_plays_a_run_to_its_stored_end(tab, site):
     page = tab(site / "pages" / "replay_explorer.html")
-    run = published.authors_notebook_runs().set_index("run").loc[8]
+    run = published.table("authors_notebook_runs").set_index("run").loc[8]
     page.press("#frame", "End")
     shown = float(page.inner_text("#best"))
     assert shown == pytest.approx(run["final_rmse_rps"], abs=AGREE_RPS)

@@ -11,7 +11,6 @@ import pytest
 
 import workbook
 from replication import published
-from studies.replay.protocols import describe_candidates
 from workbook import judging, outcomes
 from workbook.checkout import RESULTS
 from workbook.report import article, facts, markdown
@@ -26,9 +25,10 @@ IN_TEMPLATE = re.compile(r"facts\.(\w+)")
 def named():
     """Every name of a fact in a text."""
     data = [
-        published.findings()["text"],
-        published.errata()["computed"],
-        published.trail()["counts"],
+        published.table("findings")["text"],
+        published.table("errata")["computed"],
+        published.table("trail")["counts"],
+        published.cells()["reason"],
     ]
     found = {name for texts in data for text in texts for name in IN_BRACES.findall(text)}
     for file in (workbook.ROOT / "workbook" / "report" / "templates").glob("*.j2"):
@@ -73,18 +73,18 @@ def test_a_verdict_that_moves_moves_the_counts_in_the_readme_and_the_texts(tmp_p
     file.write_text(json.dumps(outcome), encoding="utf-8")
     after = facts.collect_facts(tmp_path, judging.verdicts(tmp_path))
     assert int(after["differs"]) == int(before["differs"]) + 1
-    assert int(after["equation10_consistent"]) == int(before["equation10_consistent"]) - 1
+    assert int(after["equation10_agrees"]) == int(before["equation10_agrees"]) - 1
     assert markdown.render_status(tmp_path) != markdown.render_status(RESULTS)
 
 
-def test_printed_numbers_are_counted_once_by_element_column_and_who_decides():
+def test_printed_numbers_are_counted_by_source_element_and_column():
     rows = [
-        ("table2.row02.mean", "authors", "differs", "reproduced"),
-        ("table2.row02.mean", "simulated", "reproduced", "reproduced"),
-        ("table2.row03.theoretical", "simulated", "reproduced", "differs"),
-        ("table4.row01.mean", "stand-in", "stand-in", "stand-in"),
+        ("table2.row02.mean", "recomputed", "differs", 0.04),
+        ("table2.row03.sd", "recomputed", "agrees", 8.0),
+        ("table2.row03.theoretical", "authors' files", "agrees", 0.025),
+        ("table4.row01.mean", "stand-in", "not tested", 0.1),
     ]
-    verdicts = pd.DataFrame(rows, columns=["id", "source", "verdict", "by_tolerance"])
+    verdicts = pd.DataFrame(rows, columns=["id", "source", "agreement", "resolution"])
     claims = pd.DataFrame(
         {
             "id": ["local_minima", "random_start", "two_impacts"],
@@ -93,28 +93,29 @@ def test_printed_numbers_are_counted_once_by_element_column_and_who_decides():
     )
     found = facts.count_verdicts(verdicts, claims)
     expected = {
-        "printed": 3,
-        "evidence": 2,
+        "printed": 4,
         "differs": 1,
-        "reproduced": 1,
-        "standin": 1,
-        "erratum": 0,
-        "tolerance_reproduced": 1,
-        "tolerance_differs": 1,
-        "simulated_reproduced": 1,
+        "agrees": 2,
+        "weak": 1,
+        "not_tested": 1,
+        "recomputed_agrees": 1,
+        "authors_files_agrees": 1,
+        "stand_in_not_tested": 1,
         "table2_differs": 1,
         "table2_mean_differs": 1,
-        "table2_mean_reproduced": 0,
-        "table4_standin": 1,
+        "table2_mean_agrees": 0,
+        "table2_sd_weak": 1,
         "claims_holds": 2,
         "claims_does_not_hold": 1,
         "claims_answers_changed": 1,
+        "claims_first_holds": 1,
+        "claims_first_does_not_hold": 2,
         "claims_undecided": 0,
     }
     assert {name: found[name] for name in expected} == expected
     fixed = [found[f"claims_{word}"] for word in ("fixed", "committed", "changed")]
-    assert sum(fixed) == found["claims"] == len(published.claims())
-    kinds = published.errata()["kind"].value_counts()
+    assert sum(fixed) == found["claims"] == len(published.table("claims"))
+    kinds = published.table("errata")["kind"].value_counts()
     assert found["errata_paper"] == kinds["paper"]
     assert found["errata_data"] == kinds["against the public data"]
 
@@ -146,27 +147,9 @@ def test_powers_of_ten_are_written_as_by_hand():
     assert facts.typeset_powers("5.93e-06 rad, 1e5 and 1e-09") == "5.93·10⁻⁶ rad, 10⁵ and 10⁻⁹"
 
 
-def test_the_finding_names_the_protocols_that_explain_the_table():
-    judged = pd.DataFrame(
-        {
-            "protocol": list("abc"),
-            "p": [0.4, 0.2, 0.001],
-            "excluded": [False, False, True],
-            "reading": "sd",
-        }
-    )
-    said = describe_candidates(judged)
-    assert said == (
-        "2 of 3 candidate protocols are compatible with Table 2, a most (p = 0.4). "
-        "The next, c, fails with p = 0.001."
-    )
-    none = describe_candidates(judged.iloc[2:])
-    assert none.startswith(
-        "None of 1 candidate protocols are compatible with Table 2. The next, c, fails"
-    )
-
-
-@pytest.mark.parametrize("text", [*published.findings()["text"], *published.errata()["computed"]])
+@pytest.mark.parametrize(
+    "text", [*published.table("findings")["text"], *published.table("errata")["computed"]]
+)
 def test_no_text_types_a_number_that_results_could_change(text):
     allowed = {
         "1",

@@ -11,13 +11,13 @@ from workbook.checkout import notebook_files
 
 
 def test_the_map_covers_every_figure_table_and_numbered_equation_of_the_paper():
-    elements = published.paper_map()["element"].tolist()
+    elements = published.table("map")["element"].tolist()
     expected = [f"Figure {k}" for k in range(1, 14)] + [f"Table {k}" for k in range(1, 5)]
     assert elements == expected + [f"Equation {k}" for k in range(1, 20)]
 
 
 @pytest.mark.parametrize(
-    "row", published.paper_map().to_dict("records"), ids=lambda row: row["element"]
+    "row", published.table("map").to_dict("records"), ids=lambda row: row["element"]
 )
 def test_what_the_map_names_exists(row):
     for name in row["notebooks"].split():
@@ -36,4 +36,4 @@ def test_what_the_map_names_exists(row):
         assert f"def {test}(" in (workbook.ROOT / file).read_text("utf-8")
     assert row["test"] or row["note"], "not reproduced, and no reason given"
     for erratum in re.findall(r"\bE\d+\b", row["note"]):
-        assert erratum in published.errata().index
+        assert erratum in published.table("errata").index

@@ -12,7 +12,7 @@ from workbook.report import facts, markdown
 def test_the_errata_sheet_is_what_the_data_give_with_a_row_for_each_erratum(verdicts):
     sheet = markdown.render_errata(facts.collect_facts(RESULTS, verdicts))
     assert (RESULTS / "errata.md").read_text("utf-8") == sheet, "run: make report"
-    assert len(re.findall(r"^\| E\d+ ", sheet, re.MULTILINE)) == len(published.errata())
+    assert len(re.findall(r"^\| E\d+ ", sheet, re.MULTILINE)) == len(published.table("errata"))
 
 
 def test_the_supplement_lists_each_of_its_tables():

@@ -31,8 +31,8 @@ def test_the_committed_pages_are_what_the_results_give(files, site):
 
 def test_every_cell_claim_and_erratum_is_on_the_page(site):
     ids = set(links_and_ids((site / "report.html").read_text("utf-8"))[1])
-    assert set(published.cells().index) | set(published.errata().index) <= ids
-    assert {f"claim-{claim}" for claim in published.claims().index} <= ids
+    assert set(published.cells().index) | set(published.table("errata").index) <= ids
+    assert {f"claim-{claim}" for claim in published.table("claims").index} <= ids
 
 
 def test_no_link_of_any_page_is_dead(files, site):
@@ -58,12 +58,21 @@ def test_report_and_pages_fetch_nothing(files):
         assert "default-src 'none'" in text
 
 
-def test_text_from_the_data_is_escaped(tmp_path, monkeypatch):
+def test_the_history_tells_of_every_rule_and_of_both_counts(verdicts):
+    text = unescape(page.render_history(RESULTS, verdicts))
+    for rule in published.table("trail")["rule"]:
+        assert rule in text
+    assert "First answers: 16 claims held, 9 did not, 2 were undecided" in text
+    assert "92 agree" in text
+    assert "2 reproduced, 1 erratum, 4 differ, 32 traced" in text
+
+
+def test_text_from_the_data_is_escaped(tmp_path, replace_table):
     results = tmp_path / "results"
     (results / "outcomes").mkdir(parents=True)
     provenance.collect(results)
-    claims = published.claims()
+    claims = published.table("claims")
     claims["claim"] = "<b>1 & 2</b>"
-    monkeypatch.setattr(published, "claims", lambda: claims)
+    replace_table("claims", claims)
     shown = page.render_report(results, tmp_path, judging.verdicts(results))
     assert "&lt;b&gt;1 &amp; 2&lt;/b&gt;" in shown

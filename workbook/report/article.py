@@ -6,7 +6,7 @@ from pathlib import Path
 
 from replication import files
 from workbook import judging
-from workbook.report.cells import judged_cells, judged_claims
+from workbook.report.cells import SIGNS, judged_cells, judged_claims
 from workbook.report.facts import collect_facts, fill_in_findings
 
 SOURCE = files.ROOT / "article" / "article.typ"
@@ -30,14 +30,22 @@ def collect_content(results: Path) -> dict:
             "row": cell.row,
             "column": cell.column,
             "printed": cell.printed,
-            "ours": cell.ours(cell.deciding),
-            "verdict": cell.deciding.verdict,
+            "ours": cell.ours,
+            "agreement": cell.agreement,
+            "sign": cell.sign,
+            "source": cell.source,
             "unit": cell.unit,
         }
         for cell in judged_cells(verdicts).values()
     ]
     still_open = [each["text"] for each in fill_in_findings(facts) if each["kind"] == "open"]
-    return {"facts": facts, "cells": cells, "claims": judged_claims(results), "open": still_open}
+    return {
+        "facts": facts,
+        "signs": SIGNS,
+        "cells": cells,
+        "claims": judged_claims(results),
+        "open": still_open,
+    }
 
 
 def typeset(results: Path, final: bool = False) -> bytes:

@@ -20,9 +20,9 @@ class NotComparable(RuntimeError):
 
 
 class Decision(NamedTuple):
-    """What is said of a cell by a source, or of a claim: a number with six digits or a text."""
+    """What is said of a cell or a claim: a number with six digits or a text."""
 
-    verdict: str = "not-run"
+    verdict: str = "(none)"
     value: str = "(none)"
     notebook: str = ""
     chance: bool = True  # whether it depends on how often something was repeated
@@ -45,7 +45,7 @@ def list_changes(
     """List what the notebooks in a results folder decide otherwise than the committed tables.
 
     The lines of other verdicts, FLIPS, come first. What a notebook decided before and no longer
-    exports is `not-run` now. Where repeats differ, `moved` is only what does not depend on them:
+    exports is "(none)" now. Where repeats differ, `moved` is only what does not depend on them:
     cells that are not stochastic.
     """
     try:
@@ -73,14 +73,12 @@ def list_changes(
 
 
 def _decisions(verdicts: pd.DataFrame, claims: pd.DataFrame) -> dict[str, Decision]:
-    """What has been decided, by the id and source of a cell, or the id of a claim."""
+    """What has been decided, by the id of a cell or a claim."""
     found = {}
     chance = published.cells()["kind"] == "stochastic"
-    for row in verdicts[verdicts["verdict"] != "not-run"].itertuples():
-        value = (FLOAT_FORMAT % row.reproduced).replace("nan", "(none)")
-        found[f"{row.id} ({row.source})"] = Decision(
-            row.verdict, value, row.notebook, chance[row.id]
-        )
+    for row in verdicts.dropna(subset="reproduced").itertuples():
+        value = FLOAT_FORMAT % row.reproduced
+        found[row.id] = Decision(row.agreement, value, row.notebook, chance[row.id])
     for row in claims.dropna(subset="verdict").itertuples():
         found[f"{row.id} (claim)"] = Decision(row.verdict, row.measured, row.notebook)
     return found

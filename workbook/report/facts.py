@@ -4,6 +4,7 @@ import re
 from contextlib import suppress
 from pathlib import Path
 
+import numpy as np
 import pandas as pd
 
 from replication import published
@@ -28,29 +29,35 @@ def collect_facts(results: Path, verdicts: pd.DataFrame) -> dict[str, str]:
 def count_verdicts(verdicts: pd.DataFrame, claims: pd.DataFrame) -> dict[str, int]:
     """Count printed numbers, claims and errata by what is said of them.
 
-    Of printed numbers "differs" counts all, "tolerance_differs" those by tolerance alone,
-    "simulated_differs" those that our simulation decides, "table2_differs" those of an element, and
-    "table2_sd_differs" those of its column. "claims_undecided" counts claims, "claims_changed" those
-    whose criterion was changed, "claims_answers_changed" those of them whose answer is another one
-    now, and "errata_paper" errata by the last word of their kind.
+    Of printed numbers "differs" counts all, "recomputed_differs" those whose number of ours has that source,
+    "table2_differs" those of an element, "table2_sd_differs" those of its column; in place of "differs" also "agrees",
+    "weak" (those of "agrees" whose resolution is low) and "not_tested". "claims_undecided" counts claims,
+    "claims_changed" those whose criterion was changed, "claims_answers_changed" those of them whose answer is another
+    one now, and "errata_paper" errata by the last word of their kind.
     """
-    decided = judging.deciding(verdicts).join(published.cells()[["element", "column"]], on="id")
+    decided = verdicts.join(published.cells()[["element", "column"]], on="id")
     element = decided["element"].map(squeeze)
-    groups = {"": decided, "tolerance_": decided.assign(verdict=decided["by_tolerance"])}
-    for key in (decided["source"], element, element + "_" + decided["column"]):
+    source = decided["source"].str.replace("'", "").str.replace(r"\W", "_", regex=True)
+    groups = {"": decided}
+    for key in (source, element, element + "_" + decided["column"]):
         groups |= {f"{name}_": part for name, part in decided.groupby(key)}
-    known, evidence = published.claims(), decided["verdict"].isin(judging.EVIDENCE)
-    counts = {"printed": len(decided), "evidence": int(evidence.sum()), "claims": len(known)}
+    known = published.table("claims")
+    counts = {"printed": len(decided), "claims": len(known)}
     for name, part in groups.items():
-        for verdict in judging.VERDICTS:
-            counts[name + verdict.replace("-", "")] = int((part["verdict"] == verdict).sum())
+        for word in judging.AGREEMENTS:
+            counts[name + word.replace(" ", "_")] = int((part["agreement"] == word).sum())
+        weak = np.array([*map(judging.is_weak, part["id"], part["resolution"])], bool)
+        counts[f"{name}weak"] = int(((part["agreement"] == "agrees") & weak).sum())
     for verdict in judging.CLAIM_VERDICTS.values():
         counts["claims_" + verdict.replace(" ", "_")] = int((claims["verdict"] == verdict).sum())
     both = claims.join(known["earlier_answer"], on="id")
     changed = both.query("earlier_answer != '' and earlier_answer != verdict")
     counts["claims_answers_changed"] = len(changed)
+    first = both["earlier_answer"].where(both["earlier_answer"] != "", both["verdict"])
+    for verdict in judging.CLAIM_VERDICTS.values():
+        counts["claims_first_" + verdict.replace(" ", "_")] = int((first == verdict).sum())
     fixed = known["reason"].str.extract(FIXED, expand=False).str.lower()
-    kinds = published.errata()["kind"].str.split().str[-1]
+    kinds = published.table("errata")["kind"].str.split().str[-1]
     for name, words in (("claims", fixed), ("errata", kinds)):
         counts |= {f"{name}_{word}": number for word, number in words.value_counts().items()}
     return counts
@@ -83,6 +90,6 @@ def fill_in_findings(facts: dict[str, str]) -> list[dict]:
             "text": text,
             "proofs": [proof.strip().split("|") for proof in row["proof"].split(";")],
         }
-        for row in published.findings().to_dict("records")
+        for row in published.table("findings").to_dict("records")
         if (text := fill(row["text"], facts))
     ]

@@ -14,7 +14,7 @@ BEGIN, END = "<!-- status: begin -->\n", "\n<!-- status: end -->"
 
 def render_errata(facts: dict[str, str]) -> str:
     """Write the errata sheet."""
-    errata = published.errata().astype(str).replace(r"\|", r"\\|", regex=True).reset_index()
+    errata = published.table("errata").astype(str).replace(r"\|", r"\\|", regex=True).reset_index()
     rows = errata.to_dict("records")
     return TEMPLATES.get_template("errata.md.j2").render(facts=facts, errata=rows)
 
@@ -27,12 +27,14 @@ def render_supplement(results: Path) -> str:
 
 
 def render_status(results: Path) -> str:
-    """Write the README's status: printed numbers by element and verdict."""
+    """Write the README's status: printed numbers by element and agreement."""
     verdicts = judging.verdicts(results)
-    counts = judging.verdict_counts(verdicts)
+    counts = judging.count_by(verdicts, "element")
     counts.loc["all"] = counts.sum()
     table, facts = counts.astype(int), collect_facts(results, verdicts)
-    return TEMPLATES.get_template("status.md.j2").render(table=table, facts=facts)
+    return TEMPLATES.get_template("status.md.j2").render(
+        table=table, sources=judging.count_by(verdicts, "source"), facts=facts
+    )
 
 
 def update_readme(readme: Path, results: Path) -> None:

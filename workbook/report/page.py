@@ -22,28 +22,26 @@ def render_report(results: Path, notebooks: Path, verdicts: pd.DataFrame, apart:
     """Render the report."""
     cells, facts = judged_cells(verdicts), collect_facts(results, verdicts)
     executed = pages.executed_cells(notebooks)
-    errata, trail = published.errata().reset_index(), published.trail()
+    errata = published.table("errata").reset_index()
     errata["computed"] = [fill(text, facts) for text in errata["computed"]]
-    trail["counts"] = [fill(text, facts) for text in trail["counts"]]
     page = TEMPLATES.get_template("report.html.j2").render(
         apart=apart,
         root="../../.." if apart else "..",
         facts=facts,
         findings=fill_in_findings(facts),
-        counts=judging.verdict_counts(verdicts).sum().astype(int).to_dict(),
+        counts=judging.count_by(verdicts, "element").sum().to_dict(),
+        by_source=judging.count_by(verdicts, "source"),
         layouts=LAYOUTS,
         cells=cells,
         footnotes={cell: number for number, cell in enumerate(cells, start=1)},
         drawn={"runs": {}, "by_protocol": {}} | pages.load_drawn(results, "report"),
         sensor=pages.load_drawn(results, "sensor"),
-        candidates=_rows(results, "table2_protocols"),
         pictures=load_pictures(results),
-        map=published.paper_map().set_index("element").to_dict("index"),
+        map=published.table("map").set_index("element").to_dict("index"),
         code_line=code_line,
-        figures=published.paper_figures().reset_index().to_dict("records"),
+        figures=published.table("paper_figures").reset_index().to_dict("records"),
         claims=judged_claims(results),
         errata=errata.to_dict("records"),
-        trail=trail.to_dict("records"),
         times={row["notebook"]: row for row in _rows(results, "notebook_times")},
         explorers=pages.explorers(results),
         datasheet=_rows(results, "datasheet"),
@@ -52,6 +50,18 @@ def render_report(results: Path, notebooks: Path, verdicts: pd.DataFrame, apart:
         stale=stale(results),
     )
     return share(page)
+
+
+def render_history(results: Path, verdicts: pd.DataFrame) -> str:
+    """Render the page that tells in which order rules and results came."""
+    facts, trail = collect_facts(results, verdicts), published.table("trail")
+    trail["counts"] = [fill(text, facts) for text in trail["counts"]]
+    return TEMPLATES.get_template("history.html.j2").render(
+        facts=facts,
+        trail=trail.to_dict("records"),
+        claims=judged_claims(results),
+        rounds=_rows(results, "datasheet_rounds"),
+    )
 
 
 @cache
@@ -88,6 +98,7 @@ def write_report(results: Path) -> Path:
     apart = checkout.APART.get(results.parent, "")
     notebooks, verdicts = results.parent / "notebooks", judging.verdicts(results)
     rendered = pages.render_pages(results, notebooks, verdicts)
+    rendered["history"] = render_history(results, verdicts)
     for name, text in rendered.items():
         files.write_text(results / "pages" / f"{name}.html", text)
     for file in (results / "pages").glob("*.html"):

@@ -17,7 +17,7 @@ WIDTH, LABEL_WIDTH = 100, 16
 
 
 def verdict_tables(verdicts: pd.DataFrame) -> str:
-    """Write the printed numbers beside ours, element by element, then the counts.
+    """Write the printed numbers beside ours, element by element, then the counts by source.
 
     Of what the text says, numbers that are only taken over are counted.
     """
@@ -25,19 +25,18 @@ def verdict_tables(verdicts: pd.DataFrame) -> str:
     compared = {
         name: cell
         for name, cell in cells.items()
-        if cell.element != "Text" or cell.deciding.verdict != "given"
+        if cell.element != "Text" or cell.source != "taken over"
     }
-    counts = judging.verdict_counts(verdicts).sum().astype(int)
     return TEMPLATES.get_template("check.txt.j2").render(
         elements=[_element(name, compared) for name in published.cells()["element"].unique()],
         taken_over=len(cells) - len(compared),
-        counts=counts.to_dict(),
-        rest=counts.drop([*judging.EVIDENCE], errors="ignore").to_dict(),
+        cells=cells,
+        sources=judging.count_by(verdicts, "source").to_string(),
     )
 
 
 def _element(element: str, cells: Mapping[str, Cell]) -> str:
-    """An element's cells, each as "printed | ours sign", ours from each source that judges it."""
+    """An element's cells, each as "printed | ours sign"; Table 2's means and SDs with their intervals beneath."""
     layout = next((layout for layout in LAYOUTS if layout["element"] == element), None)
     grid: list[list[Entry]]
     if layout:
@@ -59,25 +58,22 @@ def _element(element: str, cells: Mapping[str, Cell]) -> str:
 def _short(entry: Entry) -> str:
     if not isinstance(entry, Cell):
         return entry
-    ours = (f"{entry.ours(each) or ' '} {SIGNS[each.verdict]}" for each in entry.judgements)
-    return f"{entry.printed} | {', '.join(ours)}"
+    return f"{entry.printed} | {entry.ours or ' '} {entry.sign}"
 
 
 def find_surprises(verdicts: pd.DataFrame) -> tuple[list[str], list[str]]:
     """Cells that differ unexpectedly, and known differences that no longer differ."""
-    known, differs = published.known_differences(), verdicts[verdicts["verdict"] == "differs"]
-    expected, found, run = (
-        {f"{row.id} ({row.source})" for row in table.itertuples()}
-        for table in (known, differs, verdicts)
-    )
-    new = [f"{cell} differs and is not a known difference" for cell in sorted(found - expected)]
-    gone = sorted((expected - found) & run)
-    return new, [f"{cell} is a known difference and no longer differs" for cell in gone]
+    cells = published.cells()
+    known = {*cells.index[cells["known_difference"] != ""]}
+    differs = {*verdicts.loc[verdicts["agreement"] == "differs", "id"]}
+    gone = {*verdicts.loc[verdicts["agreement"] == "agrees", "id"]} & known
+    new = [f"{cell} differs and is not a known difference" for cell in sorted(differs - known)]
+    return new, [f"{cell} is a known difference and no longer differs" for cell in sorted(gone)]
 
 
 def show(name: str, results: Path) -> str:
     """Describe a cell, an element, a claim or an erratum by its name, as `squeeze` gives it."""
-    verdicts, errata = judging.verdicts(results), published.errata()
+    verdicts, errata = judging.verdicts(results), published.table("errata")
     cells = judged_cells(verdicts)
     facts = collect_facts(results, verdicts)
     errata["computed"] = [fill(text, facts) for text in errata["computed"]]
