@@ -2,7 +2,9 @@
 
 Where the turn is a whole number of samples, all windows of a signature hold the same values: on a
 record that `fold` has summed over them, a member of the population costs one window instead of 2 n.
-What these sums cannot tell, `signature.rmse` does.
+What these sums cannot tell is computed window by window: `signature.rmse` takes a hundred times as
+long, and a run that converges to t0 = T1 = 0 needs it for all members, because rounding decides there
+which samples a window holds.
 """
 
 from typing import NamedTuple
@@ -11,7 +13,7 @@ import numpy as np
 
 from replication.arrays import FloatArray
 from replication.compiling import njit
-from replication.signature import Timing, rmse
+from replication.signature import Timing
 
 # A smaller share of the record's square, left over by a difference, has lost digits.
 CANCELLED = 1e-3
@@ -112,8 +114,16 @@ def population_rmse(members: FloatArray, record: FoldedRecord) -> FloatArray:
         squares = _squares(np.ascontiguousarray(members), record.t, record.sums)
     misfits = np.sqrt(np.maximum(squares, 0.0) / record.t.size)
     for p in np.flatnonzero(squares < 0):
-        misfits[p] = rmse(record.t, record.v, members[p], record.timing)
+        error = residual(record.t, record.v, members[p], record.timing)
+        misfits[p] = np.sqrt(_total(error * error) / record.t.size)
     return misfits
+
+
+def residual(t: FloatArray, v: FloatArray, X: FloatArray, timing: Timing) -> FloatArray:
+    """The residual r - h (equation 11) of an evenly sampled record, shape (samples,)."""
+    error = v - X[4]
+    _subtract(np.ascontiguousarray(X), t, error, float(timing.T_d), float(timing.T_f), timing.n)
+    return error
 
 
 @njit
@@ -144,7 +154,7 @@ def _square(member, t, sums, scratch):
     if first < 0 or length > sums.turn:
         return -1.0
     elapsed = t[first] - t0
-    oscillate(scratch, length, A * np.exp(-(elapsed - T1) * tau), omega * elapsed, tau, omega, dt)
+    _oscillate(scratch, length, A * np.exp(-(elapsed - T1) * tau), omega * elapsed, tau, omega, dt)
     h, part = scratch[1, :length], scratch[2, :length]
     value, sign = sums.value[first:last], sums.sign[first:last]
     both = sums.both[first:last]
@@ -165,7 +175,43 @@ def _subtract_overlap(part, h, windows, delay):
 
 
 @njit
-def oscillate(rows, length, amplitude, phase, tau, omega, dt):
+def _subtract(X, t, error, T_d, T_f, n):
+    """Subtract h, one window after the other."""
+    A, t0, tau, omega, _, T2, T1 = X
+    dt = (t[-1] - t[0]) / (t.size - 1)
+    scratch = np.empty((2, t.size))
+    c, s = scratch[0], scratch[1]
+    length = int(min(max((T2 - T1) / dt + 2.0, 1.0), float(t.size)))
+    _oscillate(scratch, length, 1.0, 0.0, tau, omega, dt)
+    for i in range(2 * n):
+        start = t0 + i // 2 * T_f + (i % 2) * T_d
+        first = _first_at_or_after(t, start + T1, dt)
+        last = min(first + length, t.size)
+        while last > first and t[last - 1] > start + T2:
+            last -= 1
+        if last > first:
+            amplitude = (1 - 2 * (i % 2)) * A * np.exp(-(t[first] - (start + T1)) * tau)
+            phase = omega * (t[first] - start)
+            a = amplitude * np.sin(phase)
+            b = amplitude * np.cos(phase)
+            part = error[first:last]
+            for j in range(part.size):
+                part[j] -= a * c[j] + b * s[j]
+
+
+@njit
+def _first_at_or_after(t, instant, dt):
+    """Index of the first sample with t[k] >= instant (t.size if there is none), on an even grid."""
+    k = int(min(max(np.ceil((instant - t[0]) / dt), 0.0), float(t.size)))
+    while k > 0 and t[k - 1] >= instant:
+        k -= 1
+    while k < t.size and t[k] < instant:
+        k += 1
+    return k
+
+
+@njit
+def _oscillate(rows, length, amplitude, phase, tau, omega, dt):
     """First values of a damped cosine and sine into two rows.
 
     A block turned on by its own length is the next block.

@@ -18,12 +18,12 @@ from backlash.fitting.global_fit import global_fit
 from replication.arrays import FloatArray
 from replication.authors import load_noisy
 from replication.cmaes import generations, search
+from replication.misfit import residual
 from replication.parallel import in_parallel
 from replication.recording import Recording
 from replication.signature import FREE_PARAMETERS, Box, Timing
 from replication.statistics import rate_columns
 from replication.table2 import AUTHORS_PROTOCOL, BASIN_GAP, cost, protocol_box, table2_levels
-from studies.residual import residual
 
 # What the authors' notebook spends: 300 members in 200 generations.
 POPULATION = 300
