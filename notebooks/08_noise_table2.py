@@ -436,7 +436,7 @@ facts = {
     "sds_inside": sds_inside,
     "theory_outside": (~theoretical.between(regions["mean_low"], regions["mean_high"])).sum(),
     "region_half": (half_width, ".1f"),
-    "sd_factor": (sd_factor**2, ".2g"),
+    "sd_factor": (sd_factor**2, ".3g"),
     "joint_p_means": (together["p_means"], ".2g"),
     "joint_p_sds": (together["p_sds"], ".2g"),
     "pooled_settings": len(protocols.POOLED),
