@@ -12,14 +12,27 @@ do. It is run once, and the outcome is kept whichever way it falls.
 from dataclasses import replace
 
 import numpy as np
-from pandas import DataFrame
+from pandas import DataFrame, Series
 
-from replication.recording import Recording
-from replication.replay.protocols import CANDIDATES
-from replication.table2 import authors_table2_records, error_percent, repeated_fits, table2
+from backlash.fitting.global_fit import global_fit
+from replication import published
+from replication.arrays import FloatArray
+from replication.identify import Protocol, paper_fit
+from replication.parallel import in_parallel
+from replication.published import Criteria, Decision
+from replication.recording import Recording, from_sample
+from replication.replay import protocols
+from replication.table2 import (
+    BASIN_GAP,
+    authors_table2_records,
+    error_percent,
+    repeated_fits,
+    table2,
+)
 
-LEADER = CANDIDATES["rpm, population 600"]
+LEADER = protocols.CANDIDATES["rpm, population 600"]
 SEED = 20261124
+DRAWS = 100_000
 
 PREDICTED_RUNS = 300
 PREDICTED_MEANS = range(1, 9)  # rows
@@ -48,3 +61,91 @@ def failed_predictions(table: DataFrame) -> dict[str, list[int]]:
         "sd": table["row"].isin(PREDICTED_SDS) & ~table["sd_A_rps"].between(*SD_BETWEEN_RPS),
     }
     return {of: table.loc[rows, "row"].tolist() for of, rows in missed.items()}
+
+
+def drawn_starts(record: Recording, protocol: Protocol, runs: int, row: int) -> dict[str, object]:
+    """Mean and SD of |A| [rps] over runs that each begin at a sample of their own, and the best basin's share.
+
+    The best basin of a run is that of the global fit to what its start leaves of the record.
+    """
+    rng = np.random.default_rng((SEED, protocol.population, row))
+    A, best = [], []
+    for start in rng.integers(protocol.latest_start, size=runs):
+        part = from_sample(record, int(start))
+        fit = paper_fit(part, protocol, int(rng.integers(1, 2**31)))
+        A.append(fit.amplitude_rps)
+        best.append(fit.rmse <= global_fit(part, protocol).rmse * (1 + BASIN_GAP))
+    return {
+        "protocol": protocol.name,
+        "row": row,
+        "runs": runs,
+        "mean_A_rps": np.mean(A),
+        "sd_A_rps": np.std(A, ddof=1),
+        "best_basin_share": np.mean(best),
+    }
+
+
+def run_drawn_starts(runs: int) -> DataFrame:
+    """`drawn_starts` on the ten rows of R = 1, for populations of 600 and 1000."""
+    calls = [
+        (
+            record,
+            replace(LEADER, name=f"start per run, population {size}", population=size),
+            runs,
+            key["row"],
+        )
+        for size in (600, 1000)
+        for key, record in authors_table2_records([1])
+    ]
+    return DataFrame(in_parallel(drawn_starts, calls, "drawn starts"))
+
+
+def on_other_noises(each_run: DataFrame, of_leader: FloatArray) -> FloatArray:
+    """Means [rps] of thirty runs of a protocol of `run_drawn_starts`, had R = 1 been another noise, shape (10, N).
+
+    A noise is taken to move them as much as it moves the leading candidate's N means.
+    """
+    rng = np.random.default_rng(1)
+    mean, sd, runs = each_run[["mean_A_rps", "sd_A_rps", "runs"]].to_numpy().T[..., None]
+    error = sd * np.sqrt(1 / protocols.RUNS + 1 / runs)
+    noise = of_leader / rng.permuted(of_leader, axis=1)
+    return noise * rng.normal(mean, error, of_leader.shape)
+
+
+def bias_p(means: FloatArray) -> float:
+    """Two-sided p of the printed pooled bias among tables recombined row by row from N, shape (10, N), and it."""
+    tables = np.column_stack([protocols.printed()[0], means])
+    drawn = np.random.default_rng(1).integers(tables.shape[1], size=(len(tables), DRAWS))
+    bias = protocols.pooled_bias(np.take_along_axis(tables, drawn, axis=1))
+    printed = protocols.pooled_bias(tables[:, 0])
+    return min(1.0, 2 * float(min((bias <= printed).mean(), (bias >= printed).mean())))
+
+
+def random_start(p: Series, criteria: Criteria = None) -> Decision:
+    """Whether the start was drawn, from `bias_p` of each protocol by its name."""
+    of_drawn = p.index.str.startswith("start per")
+    drawn, whole = p[of_drawn].max(), p[~of_drawn].max()
+    neither = p.max() < published.criterion("random_start", criteria)
+    measured = (np.nan, np.nan) if neither else (whole, drawn)
+    return published.decide("random_start", measured, criteria), (
+        f"largest p of the pooled bias with a drawn start {drawn:.1g}, with the whole record {whole:.2g}"
+    )
+
+
+def distances(own_noises: int) -> DataFrame:
+    """How far the global fit's A lies from the printed means [%], a column for each row, for each of many noises.
+
+    The authors' five, also without the last turn, and noises of our own of the same law.
+    """
+    records = {}
+    for R in range(1, 6):
+        whole = [record for _, record in authors_table2_records([R])]
+        records[f"R = {R}"] = whole
+        records[f"R = {R}, samples 0 to 2200"] = [*map(without_last_turn, whole)]
+    for own in range(1, own_noises + 1):
+        records[f"own {own}"] = [protocols.noisy_record(row, own, SEED) for row in protocols.ROWS]
+    printed = protocols.printed()[0]
+    calls = [(record, LEADER) for of_rows in records.values() for record in of_rows]
+    A = [fit.amplitude_rps for fit in in_parallel(global_fit, calls, "global fits")]
+    off = 100 * (np.reshape(A, (-1, printed.size)) / printed - 1)
+    return DataFrame(off, records, protocols.ROWS).rename_axis("noise").reset_index()

@@ -23,8 +23,6 @@ candidate the SDs of rows 7 and 10.
    if none is left, all do. A candidate with too few realisations for a region judges no cell.
 6. Pooled bias of a table: the mean over ten rows of mean over theoretical A, less 1. Two-sided rank p
    of the printed one, and of zero, among a candidate's N.
-7. Claim `random_start`: it holds if a candidate with a drawn start, of either reading, is not excluded
-   and all with the whole record are; it does not hold the other way round; otherwise it is undecided.
 
 Added after the first result, by nine candidates, and before a number of theirs: populations of 1000
 and 2000 (for time 20 of the latter, too few to judge a cell), and 80 more realisations of the drawn
@@ -48,7 +46,6 @@ from replication.authors import load_clean
 from replication.files import ROOT, write_csv
 from replication.identify import Protocol, paper_fit
 from replication.parallel import one_by_one
-from replication.published import Criteria, Decision
 from replication.recording import Recording, constant_speed, from_sample, uniform_noise
 from replication.simulator.parameters import identified_joint
 from replication.simulator.recordings import simulate_recordings
@@ -313,18 +310,6 @@ def largest_errors(realisations: pd.DataFrame, names: Sequence[str]) -> dict[str
         name: (100 * np.abs(means / theoretical - 1)).max(axis=0).tolist()
         for name, means in of_rows.items()
     }
-
-
-def random_start(judged: pd.DataFrame, criteria: Criteria = None) -> Decision:
-    """Criterion 7: whether the start was drawn, from `judge`'s table, and what was measured."""
-    best = judged.groupby(judged["start"] != "whole").first()
-    drawn, whole = best.loc[True], best.loc[False]
-    neither = max(drawn["p"], whole["p"]) < published.criterion("random_start", criteria)
-    measured = (np.nan, np.nan) if neither else (whole["p"], drawn["p"])
-    return published.decide("random_start", measured, criteria), (
-        f"largest p of Table 2 with a drawn start {drawn['p']:.2g} ({drawn['protocol']}, read as "
-        f"{drawn['reading']}), with the whole record {whole['p']:.2g} ({whole['protocol']})"
-    )
 
 
 def describe_candidates(judged: pd.DataFrame) -> str:

@@ -118,27 +118,6 @@ def test_the_pooled_bias_is_the_mean_of_ten_relative_errors():
     assert protocols.rank_p(np.arange(1.0, 100.0), 50.5) == pytest.approx(1.0)
 
 
-@pytest.mark.parametrize(
-    ("of_drawn", "of_whole", "holds"),
-    [(0.3, 0.001, True), (0.001, 0.3, False), (0.3, 0.3, None), (0.001, 0.001, None)],
-)
-def test_the_start_is_decided_only_if_one_kind_of_start_alone_explains_the_table(
-    of_drawn, of_whole, holds
-):
-    judged = pd.DataFrame(
-        {
-            "protocol": list("abcd"),
-            "start": ["per record", "whole", "whole", "per record"],
-            "reading": "sd",
-            "p": [of_drawn, of_whole, 1e-4, 1e-4],
-        }
-    )
-    decided, text = protocols.random_start(judged)
-    assert decided is holds
-    assert "(a, read as sd)" in text
-    assert "(b)" in text
-
-
 def test_no_realisations_are_refused_in_one_line():
     with pytest.raises(
         ValueError, match=r"^unknown: no realisations; there are rpm, population 600"
