@@ -118,7 +118,8 @@ def bias_p(means: FloatArray) -> float:
     drawn = np.random.default_rng(1).integers(tables.shape[1], size=(len(tables), DRAWS))
     bias = protocols.pooled_bias(np.take_along_axis(tables, drawn, axis=1))
     printed = protocols.pooled_bias(tables[:, 0])
-    return min(1.0, 2 * float(min((bias <= printed).mean(), (bias >= printed).mean())))
+    tail = min((bias <= printed).sum(), (bias >= printed).sum())
+    return min(1.0, 2 * float(1 + tail) / (1 + DRAWS))
 
 
 def random_start(p: Series, criteria: Criteria = None) -> Decision:
