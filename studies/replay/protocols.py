@@ -31,7 +31,6 @@ from replication.arrays import FloatArray, IntArray
 from replication.authors import load_clean
 from replication.files import ROOT, write_csv
 from replication.parallel import one_by_one
-from replication.published import Criteria, Decision
 from replication.recording import Recording, constant_speed, from_sample, uniform_noise
 from replication.simulator.parameters import identified_joint
 from replication.simulator.recordings import simulate_recordings
@@ -224,7 +223,7 @@ def bias_p(means: FloatArray, bias_percent: float) -> float:
     """Rule 4: p of a pooled bias among tables that are drawn row by row from means of shape (10, N)."""
     drawn = pooled_bias(means[np.arange(len(means)), _draws(means.shape[-1])].T)
     tail = min((drawn <= bias_percent).sum(), (drawn >= bias_percent).sum())
-    return min(1.0, 2 * (1 + tail) / (1 + DRAWS))
+    return min(1.0, 2 * (1 + int(tail)) / (1 + DRAWS))
 
 
 def compare(numbers: FloatArray, judged: FloatArray) -> dict[str, float]:
@@ -252,15 +251,3 @@ def judge(realisations: pd.DataFrame, level: float = LEVEL) -> pd.DataFrame:
     judged = pd.DataFrame(table)
     smallest = judged[["p_means", "p_sds", "p_bias"]].min(axis=1)
     return judged.assign(pooled=judged["protocol"].isin(POOLED), excluded=smallest < level)
-
-
-def random_start(judged: pd.DataFrame, criteria: Criteria = None) -> Decision:
-    """Rule 5: whether the start was drawn, from `judge`'s table, and what was measured."""
-    drawn = judged.loc[judged["start"] == "per record", "p_bias"].max()
-    whole = judged.loc[judged["start"] == "whole", "p_bias"].max()
-    neither = max(whole, drawn) < published.criterion("random_start", criteria)
-    measured = (np.nan, np.nan) if neither else (whole, drawn)
-    return published.decide("random_start", measured, criteria), (
-        f"largest p of the pooled bias with a start drawn for each record {drawn:.2g}, with the whole "
-        f"record {whole:.2g}"
-    )

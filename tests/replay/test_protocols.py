@@ -93,20 +93,6 @@ def test_a_population_of_2000_and_drawn_starts_are_excluded_and_the_eight_are_no
     assert judged.loc["pooled", ["means_inside", "sds_inside"]].tolist() == [10, 8]
 
 
-@pytest.mark.parametrize(
-    ("of_drawn", "of_whole", "holds"),
-    [(0.3, 0.001, True), (0.001, 0.3, False), (0.3, 0.3, None), (0.001, 0.001, None)],
-)
-def test_the_start_is_decided_only_if_one_kind_of_start_alone_explains_the_bias(
-    of_drawn, of_whole, holds
-):
-    starts = ["per record", "whole", "whole", "per record"]
-    judged = pd.DataFrame({"start": starts, "p_bias": [of_drawn, of_whole, 1e-4, 1e-4]})
-    decided, text = protocols.random_start(judged)
-    assert decided is holds
-    assert f"record {of_drawn:.2g}, with" in text
-
-
 # ---------------------------------------------------------------------------------------------------------- the study
 
 
