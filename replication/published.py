@@ -1,6 +1,5 @@
 """Every number the paper prints, once, from the data files; and the rules that decide its claims."""
 
-import json
 import math
 from collections.abc import Mapping
 from decimal import Decimal
@@ -42,11 +41,6 @@ def table(name: str) -> pd.DataFrame:
     "authors_notebook_runs", "authors_notebook_generations": what the authors' notebook stores.
     """
     return _kept(name).copy()
-
-
-def table_layouts() -> list[dict]:
-    """Captions, headings and columns of Tables 1 to 4 as the paper has them."""
-    return json.loads((DATA / "tables.json").read_text(encoding="utf-8"))
 
 
 def cells(element: str | None = None) -> pd.DataFrame:

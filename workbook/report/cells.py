@@ -1,4 +1,4 @@
-"""Printed numbers and claims beside ours: a `Cell` for each number of the paper, with its verdict."""
+"""Printed numbers and claims beside ours, as pages, article and terminal show them."""
 
 import math
 from dataclasses import dataclass
@@ -13,37 +13,31 @@ from workbook import judging
 from workbook.checkout import notebook_files
 from workbook.report import TEMPLATES
 
-# A sign beside each word, so that colour is never the only difference; a hollow one for a weak agreement.
-SIGNS = {
-    "agrees": "●",
-    "agrees weakly": "○",
-    "differs": "✗",
-    "not tested": "–",
-    "holds": "✓",
-    "does not hold": "✗",
-    "undecided": "?",
-    "not decided": "–",
+# A sign beside each word, so that colour is never the only difference; hollow where an agreement is weak.
+SIGNS = {"agrees": "●", "differs": "✗", "not tested": "–"}
+WEAK_SIGN = "○"
+SOURCES = {
+    "recomputed": "our search on the authors' clean records with noise of the printed law, or on their noisy ones",
+    "authors' files": "read or measured from them",
+    "simulated joint": "the joint that we identified from the authors' records",
+    "the paper's own numbers": "arithmetic between printed numbers",
+    "stand-in": "simulated in place of unpublished logs; not tested",
+    "taken over": "assumed as printed; not tested",
 }
 
 
 @dataclass(frozen=True)
 class Cell:
-    """A printed number, a row of `cells.csv`, with what the verdicts say of it."""
+    """A printed number, a row of `cells.csv`, with what we found: its row of `verdicts.csv`."""
 
     id: str
     element: str
     row: str
     column: str
     printed: str
-    value: float
     unit: str
-    kind: str
-    abs_tol: float
-    rel_tol: float
-    tol_reason: str
     section: str
     quote: str
-    known_difference: str
     published: float
     reproduced: float
     low: float
@@ -54,6 +48,7 @@ class Cell:
     settings: str
     reason: str
     notebook: str
+    errata: tuple[str, ...]
 
     @property
     def name(self) -> str:
@@ -63,54 +58,96 @@ class Cell:
         return f"{self.element}, {row}{column}"
 
     @property
-    def weak(self) -> bool:
-        """Whether the number agrees, but would also if it were quite another."""
-        return self.agreement == "agrees" and judging.is_weak(self.id, self.resolution)
-
-    @property
-    def sign(self) -> str:
-        """The sign of its agreement."""
-        return SIGNS["agrees weakly" if self.weak else self.agreement]
-
-    @property
-    def difference(self) -> str:
-        """What our number is off the printed one; empty where there is no number."""
-        return "" if math.isnan(self.reproduced) else f"{self.reproduced - self.published:+.3g}"
-
-    @property
-    def interval(self) -> str:
-        """Where the printed number should lie, in words; empty where there is no number."""
-        if math.isnan(self.low):
-            return ""
-        if math.isinf(self.high):
-            return f"at least {number(self.low)}"
-        return f"{number(self.low)} to {number(self.high)}"
-
-    @property
-    def seen_from(self) -> str:
-        """The resolution in words: a share of the printed number, of an SD a factor; empty where there is none."""
-        if not math.isfinite(self.resolution):
-            return ""
-        if self.id.endswith(".sd"):
-            return f"a factor of {self.resolution:.2g}"
-        return f"{100 * self.resolution:.2g} %"
+    def printed_with_unit(self) -> str:
+        """As printed, with the unit where it has one that the print does not show."""
+        bare = self.unit in ("1", "%", "count") or " of " in self.unit or " from " in self.unit
+        return (
+            self.printed
+            if bare or self.printed.endswith(self.unit)
+            else f"{self.printed} {self.unit}"
+        )
 
     @property
     def ours(self) -> str:
-        """Our number like the printed one; a share with what it is of: "0.65 of v's range"."""
+        """Our number written like the printed one; a share with what it is of: "0.65 of v's range"."""
         text = like_printed(self.reproduced, self.printed)
         if text and self.unit.startswith("range of "):
             return f"{text} of {self.unit.split()[2]}'s range"
         return text
 
+    @property
+    def difference(self) -> str:
+        """Our number less the printed one; empty where there is no number."""
+        if math.isnan(self.reproduced):
+            return ""
+        return minus(f"{self.reproduced - self.published:+.2g}")
+
+    @property
+    def percent(self) -> str:
+        """The same relatively; empty for an SD and where nothing is printed to compare with."""
+        if math.isnan(self.reproduced) or not self.published or self.is_sd:
+            return ""
+        return minus(f"{100 * (self.reproduced / self.published - 1):+.1f} %")
+
+    @property
+    def interval(self) -> str:
+        """Where the printed number has to lie to agree."""
+        if self.agreement == "not tested" or math.isnan(self.reproduced):
+            return ""
+        if math.isinf(self.high):
+            return f"at least {like_printed(self.low, self.printed)}"
+        low, high = (like_printed(end, self.printed) for end in (self.low, self.high))
+        return "exact" if low == high else minus(f"{low} to {high}")
+
+    @property
+    def is_sd(self) -> bool:
+        """Whether it is a standard deviation, whose resolution is a factor."""
+        return self.id.endswith(".sd")
+
+    @property
+    def weak(self) -> bool:
+        """Whether its agreement is weak: a large deviation would have agreed too."""
+        return self.agreement == "agrees" and judging.is_weak(self.id, self.resolution)
+
+    @property
+    def sign(self) -> str:
+        """The sign of its agreement."""
+        return WEAK_SIGN if self.weak else SIGNS[self.agreement]
+
+    @property
+    def words(self) -> str:
+        """Its agreement in words."""
+        return "weakly agrees" if self.weak else self.agreement
+
+    @property
+    def resolved(self) -> str:
+        """Its resolution: "±4.4 %", or for an SD "factor 5"."""
+        if self.agreement == "not tested" or not math.isfinite(self.resolution):
+            return ""
+        if self.is_sd:
+            return f"factor {self.resolution:.2g}"
+        return f"±{100 * self.resolution:.2g} %" if self.resolution >= 1e-4 else "exact"
+
 
 def judged_cells(verdicts: pd.DataFrame) -> dict[str, Cell]:
-    """Bring together each printed number that has a verdict with what the verdict says of it."""
-    printed = published.cells().drop(columns=["source", "reason"])
-    texts = verdicts[["settings", "reason", "notebook"]].astype(object).fillna("")
-    of_cells = verdicts.assign(**texts).drop(columns="printed").set_index("id")
-    both = printed.join(of_cells, how="inner").reset_index()
-    return {row["id"]: Cell(**row) for row in both.to_dict("records")}
+    """Bring together each printed number with what the verdicts say of it, by its id."""
+    about = published.cells()[["element", "row", "column", "unit", "section", "quote"]]
+    rows = verdicts.astype(object).fillna({"settings": "", "reason": "", "notebook": ""})
+    errata = errata_by_cell()
+    return {
+        row["id"]: Cell(**row, errata=errata.get(row["id"], ()))
+        for row in rows.join(about, on="id").to_dict("records")
+    }
+
+
+def errata_by_cell() -> dict[str, tuple[str, ...]]:
+    """The errata that correct a printed number, by its id."""
+    found: dict[str, tuple[str, ...]] = {}
+    for erratum, cells in published.table("errata")["cells"].items():
+        for corrected in cells.split():
+            cell = corrected.partition("=")[0]
+            found[cell] = (*found.get(cell, ()), str(erratum))
+    return found
 
 
 def judged_claims(results: Path) -> list[dict]:
@@ -129,9 +166,9 @@ def notebook_source(name: str) -> str:
     return notebook_files("py")[name].relative_to(ROOT).as_posix()
 
 
-def number(value: float, digits: int = 5) -> str:
-    """Write a number with so many significant digits; nothing for one that is missing."""
-    return "" if math.isnan(value) else f"{value:.{digits}g}"
+def minus(text: str) -> str:
+    """Write minus signs as such, but for those of exponents."""
+    return " ".join(f"−{word[1:]}" if word.startswith("-") else word for word in text.split(" "))
 
 
 def like_printed(value: float, printed: str) -> str:
@@ -141,11 +178,11 @@ def like_printed(value: float, printed: str) -> str:
     try:
         digits = Decimal(printed.rstrip("%"))
     except InvalidOperation:
-        return number(value, 4)
+        return f"{value:.4g}"
     if "e" in printed.lower():
         return f"{value:.2e}"
     text = f"{value:.{max(0, -int(digits.as_tuple().exponent))}f}"
-    return text if abs(float(text) - value) <= 0.02 * abs(value) else number(value, 3)
+    return text if abs(float(text) - value) <= 0.02 * abs(value) else f"{value:.3g}"
 
 
-TEMPLATES.globals.update(signs=SIGNS, number=number, tolerance=published.tolerance)
+TEMPLATES.globals.update(sources=SOURCES, agreements=judging.AGREEMENTS)

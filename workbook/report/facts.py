@@ -11,8 +11,10 @@ from replication import published
 from workbook import judging
 from workbook.outcomes import load_outcomes
 from workbook.report import TEMPLATES, squeeze
+from workbook.report.cells import minus
 
 RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+WORDS = ("none", "one", "two", "three", "four", "five", "six", "seven", "eight", "nine", "ten")
 POWER = re.compile(r"(?<![\w.])(\d+(?:\.\d+)?)e([+-]?\d+)\b")
 # When the criterion of a claim was fixed, as its reason says.
 FIXED = r"(Fixed(?= before the first)|Committed(?= together with)|Changed(?= after a first))"
@@ -20,7 +22,10 @@ FIXED = r"(Fixed(?= before the first)|Committed(?= together with)|Changed(?= aft
 
 def collect_facts(results: Path, verdicts: pd.DataFrame) -> dict[str, str]:
     """Every fact that a text may name, with powers of ten as they are written by hand."""
-    found: dict[str, object] = {**count_verdicts(verdicts, judging.decided_claims(results))}
+    found: dict[str, object] = {
+        **count_verdicts(verdicts, judging.decided_claims(results)),
+        **describe_table2(verdicts),
+    }
     for outcome in load_outcomes(results).values():
         found |= outcome["facts"]
     return {name: typeset_powers(fact) for name, fact in found.items()}
@@ -63,9 +68,50 @@ def count_verdicts(verdicts: pd.DataFrame, claims: pd.DataFrame) -> dict[str, in
     return counts
 
 
+def describe_table2(verdicts: pd.DataFrame) -> dict[str, object]:
+    """How the means and SDs of Table 2's ten rows with backlash agree, and how wide our intervals are."""
+    found: dict[str, object] = {}
+    for of in ("mean", "sd"):
+        rows = verdicts[verdicts["id"].str.fullmatch(rf"table2\.row(0\d|10)\.{of}")]
+        numbers = rows["id"].str[10:12].astype(int)
+        wide = numbers.isin((1, 10))
+        agree = rows["agreement"] == "agrees"
+        found |= {f"{of}s": WORDS[len(rows)], f"{of}s_agree": WORDS[int(agree.sum())]}
+        found[f"{of}s_differing"] = list_differing(rows[rows["agreement"] == "differs"])
+        seen_from = rows["resolution"].to_numpy(float)
+        if of == "mean":
+            found["mean_half_width"] = span(100 * seen_from[~wide], ".1f")
+            found["mean_half_width_ends"] = span(100 * seen_from[wide], ".1f")
+        else:
+            weak = [
+                judging.is_weak(*pair) for pair in rows.loc[agree, ["id", "resolution"]].to_numpy()
+            ]
+            found["sds_weak"] = WORDS[sum(weak)]
+            found["sd_factor"] = span(seen_from[agree], ".2g")
+    return found
+
+
+def list_differing(rows: pd.DataFrame) -> str:
+    """Name rows of Table 2 that differ, with the printed number and our interval; "none" where there is none."""
+    named = [
+        f"row {int(row.id[10:12])} (printed {row.printed}, ours {row.low:.2g} to {row.high:.2g})"
+        for row in rows.itertuples()
+    ]
+    return " and ".join(named) or "none"
+
+
+def span(numbers: np.ndarray, how: str) -> str:
+    """Write the smallest and the largest of some numbers: "2.5 to 4.4"; the one where they look alike."""
+    finite = numbers[np.isfinite(numbers)]
+    if not finite.size:
+        return ""
+    low, high = (format(end, how) for end in (finite.min(), finite.max()))
+    return low if low == high else f"{low} to {high}"
+
+
 def typeset_powers(text: object) -> str:
-    """Write the powers of ten in a text as 5.9·10⁻⁶ or 10⁵, not as 5.9e-06 or 1e5."""
-    return re.sub(r"(?<![\d.])1·10", "10", POWER.sub(_raise, str(text)))
+    """Write powers of ten in a text as 5.9·10⁻⁶ or 10⁵, not as 5.9e-06 or 1e5, and signs as minus signs."""
+    return minus(re.sub(r"(?<![\d.])1·10", "10", POWER.sub(_raise, str(text))))
 
 
 def _raise(found: re.Match) -> str:

@@ -1,5 +1,6 @@
 """What is written as Markdown: the errata, the supplement's list, the README's verdicts."""
 
+import html
 from pathlib import Path
 
 from replication import files, published
@@ -7,16 +8,20 @@ from workbook import judging
 from workbook.outcomes import load_outcomes
 from workbook.report import TEMPLATES
 from workbook.report.cells import notebook_source
-from workbook.report.facts import collect_facts
+from workbook.report.facts import collect_facts, fill_in_findings
 
 BEGIN, END = "<!-- status: begin -->\n", "\n<!-- status: end -->"
 
 
 def render_errata(facts: dict[str, str]) -> str:
     """Write the errata sheet."""
-    errata = published.table("errata").astype(str).replace(r"\|", r"\\|", regex=True).reset_index()
-    rows = errata.to_dict("records")
-    return TEMPLATES.get_template("errata.md.j2").render(facts=facts, errata=rows)
+    errata = published.table("errata").astype(str).reset_index()
+    for column in errata.columns:
+        errata[column] = [html.escape(text, quote=False) for text in errata[column]]
+    errata = errata.replace(r"\|", r"\\|", regex=True)
+    return TEMPLATES.get_template("errata.md.j2").render(
+        facts=facts, errata=errata.to_dict("records")
+    )
 
 
 def render_supplement(results: Path) -> str:
@@ -27,13 +32,17 @@ def render_supplement(results: Path) -> str:
 
 
 def render_status(results: Path) -> str:
-    """Write the README's status: printed numbers by element and agreement."""
+    """Write the README's status: the answers, and the printed numbers by element and by source."""
     verdicts = judging.verdicts(results)
-    counts = judging.count_by(verdicts, "element")
-    counts.loc["all"] = counts.sum()
-    table, facts = counts.astype(int), collect_facts(results, verdicts)
+    facts = collect_facts(results, verdicts)
+    by_element, by_source = (judging.count_by(verdicts, by) for by in ("element", "source"))
+    by_element.loc["all"] = by_element.sum()
+    answers = [each for each in fill_in_findings(facts) if each["kind"] == "answer"]
     return TEMPLATES.get_template("status.md.j2").render(
-        table=table, sources=judging.count_by(verdicts, "source"), facts=facts
+        facts=facts,
+        answers=answers,
+        by_element=by_element.astype(int),
+        by_source=by_source.astype(int),
     )
 
 

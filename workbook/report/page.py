@@ -1,10 +1,12 @@
-"""The report: one page with everything that the paper prints beside ours, and the way to each proof."""
+"""The report: a page that answers, and the pages with every number, claim, erratum and element of the paper."""
 
 import ast
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 import pandas as pd
+from markupsafe import Markup
 
 from replication import files, published
 from workbook import checkout, judging
@@ -13,55 +15,104 @@ from workbook.outcomes import load_outcomes
 from workbook.report import TEMPLATES, markdown, pages
 from workbook.report.cells import judged_cells, judged_claims
 from workbook.report.crate import describe_results
+from workbook.report.datasheet import datasheet_rows
 from workbook.report.facts import collect_facts, fill, fill_in_findings
-from workbook.report.figures import load_pictures, share
-from workbook.report.tables import LAYOUTS
+from workbook.report.figures import load_pictures
+
+# Files of the report and what the line above each page calls them.
+PLACES = [
+    ("report.html", "Report"),
+    ("pages/numbers.html", "All numbers"),
+    ("pages/claims.html", "Claims"),
+    ("pages/errata.html", "Errata"),
+    ("pages/datasheet.html", "Sensor's datasheet"),
+    ("pages/map.html", "Paper map"),
+    ("pages/00_the_sensor.html", "Notebooks"),
+    ("pages/history.html", "History"),
+    ("article.pdf", "Article"),
+]
+NUMBER_LABELS = (
+    *("number", "printed", "ours", "interval", "agreement", "source"),
+    *("resolution", "settings", "why", "proof"),
+)
 
 
-def render_report(results: Path, notebooks: Path, verdicts: pd.DataFrame, apart: str = "") -> str:
-    """Render the report."""
-    cells, facts = judged_cells(verdicts), collect_facts(results, verdicts)
-    executed = pages.executed_cells(notebooks)
+def report_content(results: Path, notebooks: Path, verdicts: pd.DataFrame) -> dict[str, Any]:
+    """What the report's templates show."""
+    facts = collect_facts(results, verdicts)
+    cells = judged_cells(verdicts)
+    findings = fill_in_findings(facts)
+    by_element, by_source = (judging.count_by(verdicts, by) for by in ("element", "source"))
+    by_element.loc["all"] = by_element.sum()
+    return {
+        "facts": facts,
+        "cells": cells,
+        "answers": [each for each in findings if each["kind"] == "answer"],
+        "joint_p": next((each for each in findings if each["kind"] == "joint p"), None),
+        "findings": findings,
+        "by_element": by_element.astype(int),
+        "by_source": by_source.astype(int),
+        "labels": NUMBER_LABELS,
+        "filters": {
+            "agreement": judging.AGREEMENTS,
+            "source": list(by_source.index),
+            "element": list(dict.fromkeys(cell.element for cell in cells.values())),
+        },
+        "pictures": load_pictures(results),
+        "map": published.table("map").set_index("element").to_dict("index"),
+        "figures": published.table("paper_figures").reset_index().to_dict("records"),
+        "claims": judged_claims(results),
+        "errata": list_errata(facts),
+        "history": list_rules(facts),
+        "rounds": read_rows(results / "datasheet_rounds.csv"),
+        "datasheet": datasheet_rows(results),
+        "versions": _versions(results),
+        "stale": stale(results),
+        "code_line": code_line,
+        "contents": {
+            name: pages.headings(found)[0]
+            for name, found in pages.executed_cells(notebooks).items()
+        },
+    }
+
+
+def list_errata(facts: dict[str, str]) -> list[dict]:
+    """The errata with what we computed, and the ids of the numbers that each corrects."""
     errata = published.table("errata").reset_index()
     errata["computed"] = [fill(text, facts) for text in errata["computed"]]
-    page = TEMPLATES.get_template("report.html.j2").render(
-        apart=apart,
-        root="../../.." if apart else "..",
-        facts=facts,
-        findings=fill_in_findings(facts),
-        counts=judging.count_by(verdicts, "element").sum().to_dict(),
-        by_source=judging.count_by(verdicts, "source"),
-        layouts=LAYOUTS,
-        cells=cells,
-        footnotes={cell: number for number, cell in enumerate(cells, start=1)},
-        drawn={"runs": {}, "by_protocol": {}} | pages.load_drawn(results, "report"),
-        sensor=pages.load_drawn(results, "sensor"),
-        pictures=load_pictures(results),
-        map=published.table("map").set_index("element").to_dict("index"),
-        code_line=code_line,
-        figures=published.table("paper_figures").reset_index().to_dict("records"),
-        claims=judged_claims(results),
-        errata=errata.to_dict("records"),
-        times={row["notebook"]: row for row in _rows(results, "notebook_times")},
-        explorers=pages.explorers(results),
-        datasheet=_rows(results, "datasheet"),
-        titles={name: pages.headings(found)[0] for name, found in executed.items()},
-        versions=_versions(results),
-        stale=stale(results),
-    )
-    return share(page)
+    errata["ids"] = [
+        [part.partition("=")[0] for part in cells.split()] for cells in errata["cells"]
+    ]
+    return errata.to_dict("records")
 
 
-def render_history(results: Path, verdicts: pd.DataFrame) -> str:
-    """Render the page that tells in which order rules and results came."""
-    facts, trail = collect_facts(results, verdicts), published.table("trail")
+def list_rules(facts: dict[str, str]) -> list[dict]:
+    """The rules in the order in which they were fixed, with what each said."""
+    trail = published.table("trail")
     trail["counts"] = [fill(text, facts) for text in trail["counts"]]
-    return TEMPLATES.get_template("history.html.j2").render(
-        facts=facts,
-        trail=trail.to_dict("records"),
-        claims=judged_claims(results),
-        rounds=_rows(results, "datasheet_rounds"),
-    )
+    return trail.to_dict("records")
+
+
+def read_rows(file: Path) -> list[dict]:
+    """The rows of a table of the results; none if it is not there."""
+    return pd.read_csv(file).to_dict("records") if file.exists() else []
+
+
+def render_report(
+    results: Path, notebooks: Path, verdicts: pd.DataFrame, apart: str = ""
+) -> dict[str, str]:
+    """Render the report's pages by their file below the results."""
+    content = report_content(results, notebooks, verdicts)
+    above = "../../.." if apart else ".."
+    rendered = {}
+    for file, _ in PLACES:
+        name = file.removeprefix("pages/")
+        if f"{name}.j2" in TEMPLATES.list_templates():
+            up = "../" if file.startswith("pages/") else ""
+            rendered[file] = TEMPLATES.get_template(f"{name}.j2").render(
+                content, places=PLACES, here=file, up=up, root=up + above, apart=apart
+            )
+    return rendered
 
 
 @cache
@@ -77,10 +128,21 @@ def code_line(name: str) -> str:
     return next(f"{file}#L{node.lineno}" for node in defined if node.name == function)
 
 
-def _rows(results: Path, table: str) -> list[dict]:
-    """The rows of a table of the results; none if it is not there."""
-    file = results / f"{table}.csv"
-    return pd.read_csv(file).to_dict("records") if file.exists() else []
+def relative(target: str, up: str) -> str:
+    """An address as it leads from a page so many folders `up`; anchors of the report stay there."""
+    if not up or ":" in target:
+        return target
+    return f"{up}report.html{target}" if target.startswith("#") else f"{up}{target}"
+
+
+@cache
+def static(name: str) -> Markup:
+    """A style sheet or script as it is."""
+    return Markup((Path(__file__).parent / "templates" / name).read_text(encoding="utf-8"))
+
+
+TEMPLATES.filters["relative"] = relative
+TEMPLATES.globals["static"] = static
 
 
 def _versions(results: Path) -> dict[str, str]:
@@ -97,16 +159,16 @@ def write_report(results: Path) -> Path:
     """Write `report.html`, the pages that it links to, `errata.md` and the supplement's list."""
     apart = checkout.APART.get(results.parent, "")
     notebooks, verdicts = results.parent / "notebooks", judging.verdicts(results)
-    rendered = pages.render_pages(results, notebooks, verdicts)
-    rendered["history"] = render_history(results, verdicts)
-    for name, text in rendered.items():
-        files.write_text(results / "pages" / f"{name}.html", text)
-    for file in (results / "pages").glob("*.html"):
-        if file.stem not in rendered:
-            file.unlink()
+    rendered = render_report(results, notebooks, verdicts, apart)
+    for name, text in pages.render_pages(results, notebooks, verdicts).items():
+        rendered[f"pages/{name}.html"] = text
+    for file, text in rendered.items():
+        files.write_text(results / file, text)
+    for path in (results / "pages").glob("*.html"):
+        if f"pages/{path.name}" not in rendered:
+            path.unlink()
     facts = collect_facts(results, verdicts)
     files.write_text(results / "errata.md", markdown.render_errata(facts))
     files.write_text(results / "supplement" / "README.md", markdown.render_supplement(results))
-    files.write_text(results / "report.html", render_report(results, notebooks, verdicts, apart))
     files.write_json(results / "ro-crate-metadata.json", describe_results(results))
     return results / "report.html"
