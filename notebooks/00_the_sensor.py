@@ -378,13 +378,7 @@ explorer = {
     "backlash_rad": delta_rad,
 }
 del explorer["bounds"]["v_t"]
-picture = {
-    "record": np.round((v - v.mean())[one], 3).tolist(),
-    "signature": np.round(fit[one], 3).tolist(),
-    "A_rps": A,
-    "characteristic": [[x, 1e3 * equation_10(x)] for x in np.linspace(0.2, 1.2, 11)],
-}
-workbook.export(pages={"signature_explorer": explorer, "sensor": picture})
+workbook.export(pages={"signature_explorer": explorer})
 
 # %% [markdown]
 # ## Try changing
