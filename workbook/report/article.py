@@ -1,13 +1,14 @@
 """The replication article: typeset from a text whose every number comes from the results."""
 
 import json
+import math
 import re
 from pathlib import Path
 
-from replication import files
+from replication import files, published
 from workbook import judging
-from workbook.report.cells import SIGNS, judged_cells, judged_claims
-from workbook.report.facts import collect_facts, fill_in_findings
+from workbook.report.cells import Cell, judged_cells, judged_claims, like_printed
+from workbook.report.facts import collect_facts, fill, fill_in_findings
 
 SOURCE = files.ROOT / "article" / "article.typ"
 # In these a text that begins with "OPEN: " says what a person has still to fill in.
@@ -24,27 +25,34 @@ def collect_content(results: Path) -> dict:
     """Collect what the article's text takes from the results and does not read itself."""
     verdicts = judging.verdicts(results)
     facts = collect_facts(results, verdicts)
-    cells = [
-        {
-            "element": cell.element,
-            "row": cell.row,
-            "column": cell.column,
-            "printed": cell.printed,
-            "ours": cell.ours,
-            "agreement": cell.agreement,
-            "sign": cell.sign,
-            "source": cell.source,
-            "unit": cell.unit,
-        }
-        for cell in judged_cells(verdicts).values()
-    ]
-    still_open = [each["text"] for each in fill_in_findings(facts) if each["kind"] == "open"]
+    trail = published.table("trail")
+    trail["counts"] = [fill(text, facts) for text in trail["counts"]]
     return {
         "facts": facts,
-        "signs": SIGNS,
-        "cells": cells,
+        "cells": [_beside(cell) for cell in judged_cells(verdicts).values()],
         "claims": judged_claims(results),
-        "open": still_open,
+        "open": [each["text"] for each in fill_in_findings(facts) if each["kind"] == "open"],
+        "rules": trail.reset_index().to_dict("records"),
+    }
+
+
+def _beside(cell: Cell) -> dict:
+    """A printed number and ours, as the article's tables have them."""
+    return {
+        "element": cell.element,
+        "row": cell.row,
+        "column": cell.column,
+        "printed": cell.printed,
+        "published": cell.published,
+        "ours": cell.ours,
+        "low": like_printed(cell.low, cell.printed),
+        "high": like_printed(cell.high, cell.printed),
+        "resolution": cell.resolution if math.isfinite(cell.resolution) else None,
+        "agreement": cell.agreement,
+        "weak": cell.weak,
+        "sign": cell.sign,
+        "settings": cell.settings,
+        "unit": cell.unit,
     }
 
 
