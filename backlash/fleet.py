@@ -1,5 +1,6 @@
 """Many logs on all cores: resumable, and no bad file stops the rest."""
 
+import io
 import json
 import os
 import re
@@ -22,7 +23,8 @@ from backlash import __version__
 from backlash.answers import Estimate
 from backlash.examine import Examined, examine
 from backlash.reading.refusals import UnusableLog, library
-from backlash.reading.sources import name_of
+from backlash.reading.sources import MOST_TABLE_BYTES, name_of, naming, read_bytes, unpacked
+from backlash.reading.tables import MOST_COLUMNS
 from backlash.settings import Settings
 
 SUFFIXES = (".csv", ".tsv", ".txt", ".dat", ".log", ".gz", ".parquet", ".xlsx")
@@ -30,6 +32,7 @@ UNUSABLE = "unusable log: "
 _DIED = "the process that read it died; is it too large for the memory?"
 _TEXTS = ("file", "log", "joint", "time", "speed", "position", "torque", "calibration")
 _KEPT = '{"kept by": "backlash estimate, to go on from"}\n'
+_LONGEST_HEADER = 2**16  # of a table of logs [bytes]
 _DASK_TIMEOUT_S = 10  # for the scheduler and the first worker
 _WORTH_PROCESSES = 30  # fewer quick estimates take less time than starting processes
 
@@ -245,12 +248,7 @@ def unusable(answer: Estimate) -> str:
 def read_rows(source: Table, *columns: str) -> pd.DataFrame:
     """Rows of a table with some columns; dates as such, other columns of names as text."""
     try:
-        if isinstance(source, pd.DataFrame):
-            table = source
-        elif str(source).lower().endswith(".parquet"):
-            table = pd.read_parquet(source)
-        else:
-            table = pd.read_csv(source, dtype=dict.fromkeys(_TEXTS, str))
+        table = source if isinstance(source, pd.DataFrame) else _read_csv(str(source))
         table = table.reset_index(drop=table.index.names == [None])
         if "date" in table:
             dates = pd.to_datetime(table["date"], format="ISO8601", utc=True)
@@ -258,11 +256,22 @@ def read_rows(source: Table, *columns: str) -> pd.DataFrame:
         if table[[*columns]].empty:
             raise ValueError("no rows")
         return table
-    except (OSError, ValueError, KeyError, ImportError) as error:
+    except (ValueError, KeyError) as error:
+        if isinstance(error, UnusableLog):
+            raise
         wanted = " and ".join(columns)
         raise UnusableLog(
             f"{called(source)}: no table with the columns {wanted} ({error})"
         ) from error
+
+
+def _read_csv(name: str) -> pd.DataFrame:
+    """Read a table of logs; its columns are those of its first line."""
+    with naming(name):
+        content = unpacked(read_bytes(name, MOST_TABLE_BYTES))
+    if content[:_LONGEST_HEADER].split(b"\n")[0].count(b",") >= MOST_COLUMNS:
+        raise UnusableLog(f"{name}: more than {MOST_COLUMNS} columns; that is no table of logs")
+    return pd.read_csv(io.BytesIO(content), dtype=dict.fromkeys(_TEXTS, str), index_col=False)
 
 
 def called(source: Table) -> str:
