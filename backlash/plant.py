@@ -25,10 +25,10 @@ COLUMNS = ("file", *_KEYS, *SAID, *MEASURING)
 
 
 class Batch(NamedTuple):
-    """Logs with their settings; `keys` are their joints and dates, as far as a table has them."""
+    """Logs with their settings, or why they have none; `keys` are joints and dates, as far as a table has them."""
 
     logs: Sequence[Any]
-    settings: Sequence[Settings]
+    settings: Sequence[Settings | UnusableLog]
     keys: pd.DataFrame
 
 
@@ -42,7 +42,7 @@ def estimate_many(
 
     Parameters
     ----------
-    logs : sequence of logs, DataFrame, or path of a CSV or Parquet table
+    logs : sequence of logs, DataFrame, or path of a CSV table
         Logs as `estimate` takes them, or a table of their files with what is said of each: column `file` (in a file
         relative to it), and `joint`, `date`, and words of `estimate`, like `turn_period_s`, `torque`, `inertia_ratio`,
         `gravity_per_s2`, `calibration`. What a row leaves empty is taken from `words`.
@@ -60,7 +60,7 @@ def estimate_many(
     Raises
     ------
     UnusableLog
-        The table, or what is said of a log, cannot be used. A log that cannot be used only has no answer.
+        The table cannot be used. A log that cannot, or what its row says, only has no answer.
 
     Examples
     --------
@@ -91,7 +91,7 @@ def read_batch(source: Sequence[object] | fleet.Table, words: Mapping[str, Any])
         raise UnusableLog(f"{fleet.called(source)}: column {min(unknown)!r}; there are {known}")
     keys = table[[name for name in _KEYS if name in table]]
     read = cache(read_calibration)
-    settings = []
+    settings: list[Settings | UnusableLog] = []
     for log, row in zip(logs, table.drop(columns=keys).to_dict("records"), strict=True):
         own = {str(name): each for name, each in row.items() if not pd.isna(each)}
         try:
@@ -100,9 +100,8 @@ def read_batch(source: Sequence[object] | fleet.Table, words: Mapping[str, Any])
             settings.append(settings_of(log, {**words, **own}))
         except (UnusableLog, TypeError) as error:
             why = error if isinstance(error, UnusableLog) else f"text for a number in {own}"
-            raise UnusableLog(
-                f"{fleet.called(source)}, {Path(name_of(log)).name}: {why}"
-            ) from error
+            name = f"{fleet.called(source)}, {Path(name_of(log)).name}"
+            settings.append(UnusableLog(f"{name}: {why}"))
     return Batch(logs, settings, keys)
 
 
@@ -112,7 +111,9 @@ def listed_logs(source: fleet.Table, *columns: str) -> tuple[list[Any], pd.DataF
     if not isinstance(source, pd.DataFrame):
         folder = Path(source).parent
         for name in {columns[0], "calibration"} & {*table}:
-            table[name] = table[name].str.strip().map(folder.joinpath, na_action="ignore")
+            missing = "" if name == columns[0] else None
+            names = table[name].astype(object).where(table[name].notna(), missing)
+            table[name] = names.map(lambda each: folder / each.strip(), na_action="ignore")
     return table.pop(columns[0]).tolist(), table
 
 

@@ -240,8 +240,8 @@ def _inspect_workbook(bundle: zipfile.ZipFile) -> None:
         )
     declared = sum(members.values())
     if len(bundle.infolist()) > MOST_ZIP_MEMBERS or declared > MOST_UNPACKED_BYTES:
-        size = f"{declared / 2**20:,.0f} MiB, above {MOST_UNPACKED_BYTES // 2**20}"
-        parts = f"{refused}: {len(members)} parts that unpack to {size}"
+        unpacked = f"{declared / 2**20:,.0f} MiB, above {MOST_UNPACKED_BYTES // 2**20}"
+        parts = f"{refused}: {len(members)} parts that unpack to {unpacked}"
         raise UnusableLog(f"{parts}; save the test movement alone, as CSV")
     sheets = _sheets(bundle)
     for name, size in members.items():
