@@ -1,6 +1,7 @@
 """Logs with bytes changed at random. No part of `make test` or `make slow`: run it by its name, as once a week."""
 
 import gzip
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
