@@ -9,7 +9,7 @@ WORKDIR /sensor
 COPY pyproject.toml README.md LICENSE requirements.lock ./
 COPY replication replication
 COPY backlash backlash
-RUN grep -oE '^[A-Za-z0-9_.-]+==[^ ;]+' requirements.lock > versions \
+RUN sed -nE 's/^([^ ].*) \\$/\1/p' requirements.lock > versions \
     && pip install --no-cache-dir --constraint versions '.[xlsx,parquet,plot]' \
     && useradd --create-home sensor
 # Whoever runs it may write there: what was compiled, and matplotlib's fonts.
