@@ -14,7 +14,8 @@ BEGIN, END = "<!-- status: begin -->\n", "\n<!-- status: end -->"
 
 def render_errata(facts: dict[str, str]) -> str:
     """Write the errata sheet."""
-    errata = published.errata().astype(str).replace(r"\|", r"\\|", regex=True).reset_index()
+    escaped = {r"\|": r"\\|", r"<(?=[A-Za-z/!?])": "&lt;"}
+    errata = published.errata().astype(str).replace(escaped, regex=True).reset_index()
     rows = errata.to_dict("records")
     return TEMPLATES.get_template("errata.md.j2").render(facts=facts, errata=rows)
 
