@@ -283,7 +283,10 @@ class _Strokes:
         found = np.linalg.lstsq(smooth[:, :-1], smooth[:, -1])[0]
         left = smooth[:, -1] - smooth[:, :-1] @ found
         if not (found[0] > 0 and np.std(left) < 0.3 * np.std(smooth[:, 1:3] @ found[1:3])):
-            raise ValueError("the torque shows no gravity; is it this motor's, with its sign?")
+            raise ValueError(
+                "the torque shows no gravity; is it this motor's, with its sign, and the axis "
+                "horizontal, and no other axis moving?"
+            )
         self._set_priors(load, found)
         above = np.sign(np.sin(angle + self.mean[_PHASE])[self.used])
         self.crossings = int(np.count_nonzero(np.diff(above)))
@@ -441,7 +444,8 @@ def fit_strokes(
     strokes = _Strokes(np.asarray(speed) / gear_ratio, np.asarray(torque, float), sample_s, load)
     if strokes.crossings < _LEAST_CROSSINGS:
         raise ValueError(
-            f"{strokes.crossings} strokes cross the vertical; {_LEAST_CROSSINGS} or more are needed"
+            f"{strokes.crossings} strokes cross the vertical, by the torque; {_LEAST_CROSSINGS} or more "
+            "are needed; is the gear ratio that of the log's side (1 for the joint's)?"
         )
     fit, *others = _search(strokes)
     for other in others:

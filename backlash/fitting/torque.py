@@ -129,7 +129,8 @@ def conclude(delta_rad: float, sd_rad: float, inertia: float, advice: str) -> To
     """An answer with its interval, or why it is none and what would tell more."""
     half = NORMAL_95 * sd_rad
     interval = max(delta_rad - half, 0.0), max(delta_rad + half, 0.0)
-    told = f"it tells {delta_rad:.2g} rad, SD {sd_rad:.2g}, above {MOST_SD:.0%}"
+    # Without numbers: near zero the SD is none.
+    told = f"the backlash is not known within {MOST_SD:.0%}"
     reason = "" if sd_rad <= MOST_SD * delta_rad else f"{told}; {advice}"
     return TorqueFit(delta_rad, interval, sd_rad, inertia, reason)
 
