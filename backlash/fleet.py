@@ -1,6 +1,5 @@
 """Many logs on all cores: resumable, and no bad file stops the rest."""
 
-import io
 import json
 import os
 import re
@@ -12,9 +11,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager, nullcontext, suppress
 from dataclasses import replace
-from os import PathLike
 from pathlib import Path
-from typing import Any, TypeAlias
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -24,22 +22,18 @@ from backlash.answers import Estimate
 from backlash.examine import Examined, examine
 from backlash.fitting import SELF
 from backlash.reading.refusals import UnusableLog, library, one_line
-from backlash.reading.sources import MOST_TABLE_BYTES, name_of, naming, read_bytes, unpacked
-from backlash.reading.tables import MOST_COLUMNS
+from backlash.reading.sources import name_of
 from backlash.settings import Settings
 
 SUFFIXES = (".csv", ".tsv", ".txt", ".dat", ".log", ".gz", ".parquet", ".xlsx")
 UNUSABLE = "unusable log: "
 _DIED = "the process that read it died; is it too large for the memory?"
-_TEXTS = ("file", "log", "joint", "time", "speed", "position", "torque", "calibration")
 _KEPT = '{"kept by": "backlash estimate, to go on from"}\n'
-_LONGEST_HEADER = 2**16  # of a table of logs [bytes]
 _DASK_TIMEOUT_S = 10  # for the scheduler and the first worker
 _WORTH_PROCESSES = 30  # fewer quick estimates take less time than starting processes
 
 _NOT_SAID = (np.nan, np.nan)
 
-Table: TypeAlias = pd.DataFrame | str | PathLike[str]
 # Logs by their numbers, each with its settings, or why what is said of it cannot be.
 Calls = Mapping[int, tuple[object, Settings | UnusableLog]]
 
@@ -276,40 +270,6 @@ def unusable(answer: Estimate) -> str:
     """Why a log cannot be used; empty if it can."""
     first = "".join(answer.warnings[:1])
     return first.removeprefix(UNUSABLE) if first.startswith(UNUSABLE) else ""
-
-
-def read_rows(source: Table, *columns: str) -> pd.DataFrame:
-    """Rows of a table with some columns; dates as such, other columns of names as text."""
-    try:
-        table = source if isinstance(source, pd.DataFrame) else _read_csv(str(source))
-        table = table.reset_index(drop=table.index.names == [None])
-        if "date" in table:
-            dates = pd.to_datetime(table["date"], format="ISO8601", utc=True)
-            table["date"] = dates.dt.tz_localize(None)
-        if table[[*columns]].empty:
-            raise ValueError("no rows")
-        return table
-    except (ValueError, KeyError) as error:
-        if isinstance(error, UnusableLog):
-            raise
-        wanted = " and ".join(columns)
-        raise UnusableLog(
-            f"{called(source)}: no table with the columns {wanted} ({error})"
-        ) from error
-
-
-def _read_csv(name: str) -> pd.DataFrame:
-    """Read a table of logs; its columns are those of its first line."""
-    with naming(name):
-        content = unpacked(read_bytes(name, MOST_TABLE_BYTES))
-    if content[:_LONGEST_HEADER].split(b"\n")[0].count(b",") >= MOST_COLUMNS:
-        raise UnusableLog(f"{name}: more than {MOST_COLUMNS} columns; that is no table of logs")
-    return pd.read_csv(io.BytesIO(content), dtype=dict.fromkeys(_TEXTS, str), index_col=False)
-
-
-def called(source: Table) -> str:
-    """What a table is called in a refusal."""
-    return "the table" if isinstance(source, pd.DataFrame) else str(source)
 
 
 def as_table(answers: Sequence[Estimate]) -> pd.DataFrame:

@@ -16,7 +16,7 @@ import numpy as np
 import pandas as pd
 from scipy.special import fdtri, ndtri, stdtrit
 
-from backlash import __version__, fleet
+from backlash import __version__, rows
 from backlash.calibration import MOST_RAD, PERIOD_MISMATCH
 from backlash.reading.columns import is_positive
 from backlash.reading.refusals import UnusableLog, one_line
@@ -135,8 +135,8 @@ def dates_of(files: Sequence[Path], table: str | PathLike[str] | None = None) ->
     """Date of each log, by the table's columns `file` and `date`, else by its name, as in `axis4_2024-03-17.csv`."""
     known = {}
     if table:
-        rows = fleet.read_rows(table, "file", "date")
-        known = dict(zip(rows["file"], rows["date"], strict=True))
+        dated = rows.read_rows(table, "file", "date")
+        known = dict(zip(dated["file"], dated["date"], strict=True))
     found = []
     for file in files:
         date = known.get(file.name, known.get(str(file)))

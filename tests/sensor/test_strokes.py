@@ -66,7 +66,7 @@ def test_strokes_that_cannot_tell_say_why(changed, words):
 def test_a_torque_of_the_wrong_sign_is_no_answer():
     frame, known = strokes(1, 1.2e-3)
     found = backlash.estimate(frame.assign(torque=-frame["torque"]), torque="torque", **known)
-    assert "with its sign?" in found.warnings[0]
+    assert "with its sign, and the axis horizontal" in found.warnings[0]
 
 
 @pytest.mark.slow
