@@ -11,6 +11,7 @@ The errors are taken ten times as large as they are, so that the priors outweigh
 timing, friction at low speed, cogging.
 """
 
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -33,7 +34,8 @@ _LEAST_CROSSINGS = 6
 # over gravity, the load's friction and viscosity, and the motor's, and its torque's offset.
 _SD = np.array([np.inf, 1.0, 0.5, 0.05, 0.1, 0.3, 0.2, 0.7, 0.05, 0.02, 0.2, 0.2, 0.02])
 _STEP = 1e-4  # of a parameter, for the slopes of the joint by it
-_LOAD = slice(3, 5)  # places of parameters
+_STIFFNESS = 1  # places of parameters
+_LOAD = slice(3, 5)
 _DRIVE = 5
 _PHASE = 6
 _FRICTION = 8
@@ -461,9 +463,10 @@ def fit_strokes(
     of_log = 1e-3 * (covariance @ meat @ covariance)[0, 0] ** 0.5
     deviation = float(np.linalg.norm((of_log, _METHOD_ERROR * delta, _LEAST_SD)))
     inertia = float(np.exp(-strokes.mean[_DRIVE] - fit.x[_DRIVE]) / gear_ratio)
-    return conclude(
-        float(delta),
-        deviation,
-        inertia,
-        "log more strokes, faster or quieter; strokes never tell that there is none",
+    advice = "log more strokes, faster or quieter; strokes never tell that there is none"
+    found = strokes.mean + fit.x
+    return replace(
+        conclude(float(delta), deviation, inertia, advice),
+        friction_share=float(found[_FRICTION]),
+        stiffness_per_s2=float(np.exp(found[_STIFFNESS])),
     )

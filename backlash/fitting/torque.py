@@ -123,6 +123,8 @@ class TorqueFit:
     refusal_reason: str = ""  # why this is no answer; empty if it is one
     # The mean torque, which holds all friction, is less than gravity's: it parts the teeth, if they can.
     reverses: bool = True
+    friction_share: float | None = None  # the load's friction over its gravity
+    stiffness_per_s2: float | None = None  # of the joint, over the load's inertia
 
 
 def conclude(delta_rad: float, sd_rad: float, inertia: float, advice: str) -> TorqueFit:

@@ -30,6 +30,7 @@ def test_strokes_in_a_file_tell_their_backlash(tmp_path, capsys):
     assert (found["method"], found["verdict"]) == ("torque", "backlash")
     low, high = found["backlash_interval_rad"]
     assert low < 1.2e-3 < high
+    assert any("the load's friction is 2." in note for note in found["warnings"])
 
 
 @pytest.mark.slow
