@@ -24,6 +24,7 @@ from backlash.fitting.waveform import (
     samples_a_turn,
 )
 from backlash.reading.refusals import UnusableLog
+from backlash.reading.sources import MOST_TABLE_BYTES, naming, read_bytes
 from replication.arrays import FloatArray
 from replication.characteristic import first_rise, printed_levels_rad
 from replication.recording import TURN_PERIOD_S, Recording
@@ -39,6 +40,14 @@ SIMULATED = "the paper's joint as identified, simulated"
 _MOST_UNCERTAINTY = 0.25
 # How far a log's turn may be from that of the calibration: the waveform scales with the speed.
 PERIOD_MISMATCH = 0.02
+_NO_CALIBRATION = (
+    ArithmeticError,
+    AttributeError,
+    LookupError,
+    RecursionError,
+    TypeError,
+    ValueError,
+)
 MOST_RAD = 0.1  # a larger backlash is taken for one in mrad
 
 
@@ -121,7 +130,7 @@ class Calibration:
             content["range_rad"] = tuple(content["range_rad"])
             del content["unit"]
             why = _defect(found := Calibration(**content))
-        except (ValueError, KeyError, TypeError, AttributeError) as error:
+        except _NO_CALIBRATION as error:
             raise UnusableLog(
                 f"{name}: not a calibration file ({type(error).__name__}: {error}); make one anew"
             ) from None
@@ -137,10 +146,9 @@ def read_calibration(source: OwnCalibration) -> Calibration | None:
     """Read a calibration file; refuse in one line what is none."""
     if source is None or isinstance(source, Calibration):
         return source
-    try:
-        return Calibration.from_json(Path(source).read_text(encoding="utf-8"), str(source))
-    except (OSError, UnicodeDecodeError) as error:
-        raise UnusableLog(f"{source}: cannot be read ({error}); is it the right file?") from error
+    with naming(str(source)):
+        text = read_bytes(str(source), MOST_TABLE_BYTES).decode("utf-8")
+    return Calibration.from_json(text, str(source))
 
 
 def _defect(found: Calibration) -> str:
@@ -158,7 +166,12 @@ def _defect(found: Calibration) -> str:
         ((bank is not None) == (found.method == "waveform"), "only method waveform has waveforms"),
         (bank is not None or len(found.coefficients) >= 2, "no polynomial"),
         (
-            np.isfinite([*found.coefficients, low, high, found.uncertainty_rad]).all(),
+            np.isfinite(
+                [
+                    *(*found.coefficients, low, high, found.uncertainty_rad),
+                    *(found.turn_period_s, found.commanded_speed_rps),
+                ]
+            ).all(),
             "a number is not finite",
         ),
         (0 <= low < high, "no range"),

@@ -12,17 +12,22 @@ from typing import Any
 from backlash import fleet, interface, plant
 from backlash.answers import Estimate
 from backlash.calibration import read_calibration
+from backlash.endings import UNWRITABLE, ends_on_interrupt
 from backlash.examine import examine
-from backlash.main import UNWRITABLE, ends_on_interrupt
-from backlash.reading.columns import SAID
+from backlash.reading.columns import SAID, numbers
 from backlash.reading.refusals import UnusableLog, library
-from backlash.reading.sources import STDIN
+from backlash.reading.sources import STDIN, naming
 from backlash.settings import MEASURING, Settings
 from replication import compiling
 from replication.files import write_bytes, write_csv, write_text
 
 _FAIL_ON = re.compile(r"(cannot-tell|no-backlash)|backlash( *> *(\d*\.?\d+) *(m?)rad)?")
 _FAILED = 3  # exit status
+_OURS = (
+    b"total_play_high_rad",
+    b'"uncertainty_rad"',
+)  # stand near the start or the end of what --out writes
+_ENDS = 2**16
 _FIGURES = (".png", ".svg", ".pdf")
 
 
@@ -45,7 +50,7 @@ def _begin(options: argparse.Namespace, logs: Sequence[Path]) -> None:
         *(vars(options).get(name) for name in ("batch", "calibration", "table", "dates")),
     )
     inputs = {os.path.realpath(path) for path in given if path}
-    for option in ("out", "plot"):
+    for option in ("out", "plot", "plots"):
         output = getattr(options, option, None)
         if output and os.path.realpath(output) in inputs:
             raise UnusableLog(f"--{option} {output}: that is one of the inputs; name another file")
@@ -64,15 +69,25 @@ def _check_output(path: Path | None, endings: Sequence[str], option: str) -> Non
         raise UnusableLog(
             f"{option} {path}: cannot be written there; name a file in a folder that you may write to"
         )
+    if option == "--out" and path.exists() and not _is_ours(path):
+        raise UnusableLog(
+            f"--out {path}: that file is not of this command; name another, or remove it"
+        )
     if path.suffix.lower() == ".parquet":
         library("pyarrow", "parquet")
     if option == "--plot":
         library("matplotlib", "plot")
 
 
-def _is_answers(path: Path | None) -> bool:
-    """Whether a file is a table that --out wrote."""
-    return path is not None and path.is_file() and b"total_play_high_rad" in path.read_bytes()
+def _is_ours(path: Path) -> bool:
+    """Whether a file is a table or a calibration that --out wrote."""
+    if not path.is_file():
+        return False
+    with path.open("rb") as file:
+        ends = file.read(_ENDS)
+        file.seek(max(path.stat().st_size - _ENDS, 0))
+        ends += file.read(_ENDS)
+    return any(mark in ends for mark in _OURS)
 
 
 def _print_answer(as_json: bool, content: object, text: str) -> None:
@@ -86,7 +101,7 @@ def run_estimate(options: argparse.Namespace) -> int:
     failures = _failures(options.fail_on)
     if bool(options.log) == bool(options.batch):
         raise UnusableLog("give logs, or --batch with a table of them")
-    earlier = options.out if _is_answers(options.out) else None
+    earlier = options.out if options.out and options.out.exists() else None
     batch = plant.read_batch(
         options.batch or fleet.find_logs(options.log, earlier), _words(options)
     )
@@ -94,9 +109,12 @@ def run_estimate(options: argparse.Namespace) -> int:
     if Path(STDIN) in logs and (len(logs) > 1 or options.out):
         raise UnusableLog("- (the standard input) goes alone, and without --out")
     if options.plot and len(logs) > 1:
-        raise UnusableLog(f"--plot: {len(logs)} logs; it shows one")
+        raise UnusableLog(f"--plot: {len(logs)} logs; it shows one, --plots FOLDER each")
     _begin(options, logs)
-    if len(logs) == 1 and not options.out and batch.keys.columns.empty:
+    if options.plots:
+        library("matplotlib", "plot")
+        options.plots.mkdir(exist_ok=True)
+    if len(logs) == 1 and not (options.out or options.plots) and batch.keys.columns.empty:
         answers = [_estimate_one(logs[0], batch.settings[0], options)]
     else:
         answers = _estimate_many(batch, options)
@@ -122,27 +140,36 @@ def _failures(text: str | None) -> list[tuple[str, float]]:
     return found
 
 
-def _estimate_one(log: Path, settings: Settings, options: argparse.Namespace) -> Estimate:
-    examined = fleet.examine_or_refuse(log, settings) if options.json else examine(log, settings)
-    answer, fitted = examined.estimate, examined.fitted
-    text = str(answer)
-    if options.plot and fitted:
-        title = text.splitlines()[0].removeprefix(str(log)).lstrip(": ")
-        from backlash import plots
-
-        figure = plots.estimate_figure(fitted.recording, fitted.model_rps, title)
-        plots.save_figure(figure, options.plot)
-    elif options.plot:
+def _estimate_one(
+    log: Path, settings: Settings | UnusableLog, options: argparse.Namespace
+) -> Estimate:
+    for_programs = options.json or options.jsonl
+    if for_programs:
+        examined = fleet.examine_or_refuse(log, settings)
+    elif isinstance(settings, UnusableLog):
+        raise settings
+    else:
+        examined = examine(log, settings)
+    answer = examined.estimate
+    if options.plot and not fleet.plot(examined, options.plot):
         print(f"--plot: not written, there is no fit to show ({answer.verdict})", file=sys.stderr)
-    _print_answer(options.json, [answer.to_dict()], text)
+    if options.jsonl:
+        _print_line(answer.to_dict())
+    else:
+        _print_answer(options.json, [answer.to_dict()], str(answer))
     if why := fleet.unusable(answer):
         raise UnusableLog(why)
     return answer
 
 
+def _print_line(content: dict[str, object]) -> None:
+    print(json.dumps(content, allow_nan=False), flush=True)
+
+
 def _estimate_many(batch: plant.Batch, options: argparse.Namespace) -> list[Estimate]:
     kept = options.out.with_name(f"{options.out.name}.kept") if options.out else None
     found: dict[int, Estimate] = {}
+    keys = batch.keys.astype("string").fillna("").to_dict("records")
     try:
         with (
             ends_on_interrupt(f"; the same command goes on from {kept}" if kept else ""),
@@ -150,8 +177,11 @@ def _estimate_many(batch: plant.Batch, options: argparse.Namespace) -> list[Esti
         ):
             # A cluster's workers run in folders of their own.
             logs = [Path(log).absolute() for log in batch.logs] if options.dask else batch.logs
-            for number, answer in fleet.run_fleet(logs, batch.settings, options.jobs, kept):
+            each = fleet.run_fleet(logs, batch.settings, options.jobs, kept, options.plots)
+            for number, answer in each:
                 found[number] = answer
+                if options.jsonl:
+                    _print_line(keys[number] | answer.to_dict())
         answers = [found[number] for number in sorted(found)]
         bad = [why for answer in answers if (why := fleet.unusable(answer))]
         if options.out and len(bad) < len(found):
@@ -163,27 +193,26 @@ def _estimate_many(batch: plant.Batch, options: argparse.Namespace) -> list[Esti
     except OSError as error:
         if not found or error.errno not in UNWRITABLE:
             raise
-        _print_all(batch, found)
+        _print_all(keys, found)
         what = f"{error.strerror}: {len(found)} of {len(batch.logs)} answers are printed instead"
         raise OSError(error.errno, what) from error
     if kept:
         kept.unlink(missing_ok=True)
     if options.json:
-        _print_all(batch, found)
+        _print_all(keys, found)
     if len(bad) == len(answers):
         raise UnusableLog(f"none of {len(bad)} logs is usable; the first: {bad[0]}")
     if bad:
         print(
             f"{len(bad)} of {len(answers)} logs are not usable; their rows say why", file=sys.stderr
         )
-    if not options.json and not options.out:
+    if not (options.json or options.jsonl or options.out):
         print(*answers, sep="\n")
     return answers
 
 
-def _print_all(batch: plant.Batch, found: Mapping[int, Estimate]) -> None:
+def _print_all(keys: Sequence[dict], found: Mapping[int, Estimate]) -> None:
     """Print answers as JSON, with their joints and dates."""
-    keys = batch.keys.astype("string").fillna("").to_dict("records")
     _print_answer(True, [keys[k] | found[k].to_dict() for k in sorted(found)], "")
     sys.stdout.flush()
 
@@ -194,8 +223,10 @@ def run_calibrate(options: argparse.Namespace) -> int:
     words = _words(options)
     interface.settings_of(None, words)  # refuses what cannot be
     logs, table = plant.listed_logs(options.table, "log", "backlash_rad")
+    with naming(str(options.table)):
+        known_rad = numbers(table, "backlash_rad").tolist()
     _begin(options, logs)
-    made = interface.calibrate(logs, table["backlash_rad"].tolist(), **words)
+    made = interface.calibrate(logs, known_rad, **words)
     write_text(options.out, made.to_json())
     low, high, spread = (1e3 * part for part in (*made.range_rad, made.uncertainty_rad))
     print(

@@ -95,8 +95,18 @@ def _fit_by_torque(detected: Detected, load: LoadData, seed: int) -> Fitted:
     try:
         fit = fit_torque(detected.recording, torque, load, np.random.default_rng(seed))
     except ValueError as error:
-        raise CannotTell("wrong torque", str(error), (str(load),)) from error
+        raise _no_fit(error, load) from error
     return replace(_with_turn(detected, None, NO_READING), torque_fit=fit)
+
+
+def _no_fit(error: ValueError, load: LoadData) -> CannotTell:
+    """Why there is no fit by the torque; what a library says of its numbers is no reason."""
+    trace = error.__traceback__
+    while trace and trace.tb_next:
+        trace = trace.tb_next
+    is_said_here = trace is not None and trace.tb_frame.f_globals["__name__"].startswith("backlash")
+    why = str(error) if is_said_here else "no joint with this load makes such a speed and torque"
+    return CannotTell("no answer by the torque", why, (str(load),))
 
 
 def fit_to_and_fro(log: Log, load: LoadData | None) -> TorqueFit:
@@ -108,7 +118,7 @@ def fit_to_and_fro(log: Log, load: LoadData | None) -> TorqueFit:
     try:
         return fit_strokes(speed, log.torque, recording.sample_s, gear_ratio, load)
     except ValueError as error:
-        raise CannotTell("wrong torque", str(error), (str(load),)) from error
+        raise _no_fit(error, load) from error
 
 
 def _with_reading(fitted: Fitted, fit: GlobalFit, settings: Settings) -> Fitted:

@@ -11,9 +11,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager, nullcontext, suppress
 from dataclasses import replace
-from os import PathLike
 from pathlib import Path
-from typing import Any, TypeAlias
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -21,22 +20,22 @@ import pandas as pd
 from backlash import __version__
 from backlash.answers import Estimate
 from backlash.examine import Examined, examine
-from backlash.reading.refusals import UnusableLog, library
+from backlash.fitting import SELF
+from backlash.reading.refusals import UnusableLog, library, one_line
 from backlash.reading.sources import name_of
 from backlash.settings import Settings
 
 SUFFIXES = (".csv", ".tsv", ".txt", ".dat", ".log", ".gz", ".parquet", ".xlsx")
 UNUSABLE = "unusable log: "
 _DIED = "the process that read it died; is it too large for the memory?"
-_TEXTS = ("file", "log", "joint", "time", "speed", "position", "torque", "calibration")
 _KEPT = '{"kept by": "backlash estimate, to go on from"}\n'
 _DASK_TIMEOUT_S = 10  # for the scheduler and the first worker
 _WORTH_PROCESSES = 30  # fewer quick estimates take less time than starting processes
 
 _NOT_SAID = (np.nan, np.nan)
 
-Table: TypeAlias = pd.DataFrame | str | PathLike[str]
-Calls = Mapping[int, tuple[object, Settings]]
+# Logs by their numbers, each with its settings, or why what is said of it cannot be.
+Calls = Mapping[int, tuple[object, Settings | UnusableLog]]
 
 
 def find_logs(paths: Sequence[Path], left_out: Path | None = None) -> list[Path]:
@@ -67,13 +66,17 @@ def _is_log(file: Path) -> bool:
 
 
 def run_fleet(
-    logs: Sequence[object], settings: Sequence[Settings], jobs: int = -1, kept: Path | None = None
+    logs: Sequence[object],
+    settings: Sequence[Settings | UnusableLog],
+    jobs: int = -1,
+    kept: Path | None = None,
+    plots: Path | None = None,
 ) -> Iterator[tuple[int, Estimate]]:
     """Examine many logs; their numbers and answers come in any order.
 
     Of a log that cannot be used the first warning says why. Answers are kept in a file, for a run
     that goes on where another was interrupted. By itself it takes all cores (-1 jobs) where that is
-    worth it.
+    worth it. Into the folder `plots` goes a figure of each log with a fit.
     """
     calls = dict(enumerate(zip(logs, settings, strict=True)))
     known = read_kept(kept) if kept else {}
@@ -82,7 +85,7 @@ def run_fleet(
         if key in known:
             yield number, replace(known[key], file=name_of(calls.pop(number)[0]))
     with kept.open("a", encoding="utf-8") if kept else nullcontext() as file:
-        for number, answer in _in_any_order(calls, jobs):
+        for number, answer in _in_any_order(calls, jobs, plots):
             # Handed over first: where the disk is full, the answer is not lost.
             yield number, answer
             if file:
@@ -91,20 +94,22 @@ def run_fleet(
                 file.flush()
 
 
-def _key(log: object, settings: Settings) -> str:
+def _key(log: object, settings: Settings | UnusableLog) -> str:
     """What the answer on a log in its present state is kept under."""
     import joblib
 
     path = Path(os.path.realpath(name_of(log)))
     state = (path.stat().st_size, path.stat().st_mtime_ns) if path.exists() else None
-    how = vars(settings) | {"calibration": settings.calibration.to_json()}
+    how: object = str(settings)
+    if isinstance(settings, Settings):
+        how = vars(settings) | {"calibration": settings.calibration.to_json()}
     return joblib.hash(repr((__version__, path, state, how)))
 
 
 def read_kept(kept: Path) -> dict[str, Estimate]:
     """Answers that an interrupted run kept, by their keys; a last line may be torn."""
     text = kept.read_text("utf-8", "replace") if kept.exists() else ""
-    if not (text or _KEPT).startswith(_KEPT):
+    if kept.is_symlink() or not (text or _KEPT).startswith(_KEPT):
         raise UnusableLog(f"{kept}: holds no answers of a run before; name another --out")
     found = {}
     for line in text.splitlines()[1:]:
@@ -119,9 +124,11 @@ def _as_tuple(value: Any) -> Any:
     return tuple(value) if isinstance(value, list) else value
 
 
-def examine_or_refuse(log: object, settings: Settings) -> Examined:
+def examine_or_refuse(log: object, settings: Settings | UnusableLog) -> Examined:
     """Examine one log; say why where that fails, in whatever way."""
     try:
+        if isinstance(settings, UnusableLog):
+            raise settings
         return examine(log, settings)
     except UnusableLog as error:
         return Examined(_failed(log, settings, str(error)))
@@ -133,30 +140,33 @@ def examine_or_refuse(log: object, settings: Settings) -> Examined:
         return Examined(_failed(log, settings, why))
 
 
-def _failed(log: object, settings: Settings, why: str) -> Estimate:
-    line = UNUSABLE + " ".join(why.split())
-    return Estimate(name_of(log), method=settings.calibration.method, warnings=(line,))
+def _failed(log: object, settings: Settings | UnusableLog, why: str) -> Estimate:
+    method = settings.calibration.method if isinstance(settings, Settings) else SELF
+    return Estimate(name_of(log), method=method, warnings=(UNUSABLE + " ".join(why.split()),))
 
 
-def _in_any_order(calls: Calls, jobs: int) -> Iterator[tuple[int, Estimate]]:
+def _in_any_order(calls: Calls, jobs: int, plots: Path | None) -> Iterator[tuple[int, Estimate]]:
     from tqdm import tqdm
 
     if jobs == 0 or jobs < -1:
         raise UnusableLog(f"--jobs {jobs}: give -1 or a number above 0")
-    searches = any(how.calibration.method == "paper" for _, how in calls.values())
+    searches = any(
+        isinstance(how, Settings) and how.calibration.method == "paper" for _, how in calls.values()
+    )
     if jobs < 0 and len(calls) < _WORTH_PROCESSES and not searches:
         jobs = 1
-    yield from tqdm(_examine_each(calls, jobs), total=len(calls), unit="log", disable=None)
+    each = _examine_each(calls, jobs, plots)
+    yield from tqdm(each, total=len(calls), unit="log", disable=None, leave=False)
 
 
-def _examine_each(calls: Calls, jobs: int) -> Iterator[tuple[int, Estimate]]:
+def _examine_each(calls: Calls, jobs: int, plots: Path | None) -> Iterator[tuple[int, Estimate]]:
     """Examine each numbered log.
 
     A process that dies takes others with it and does not say on which log: what is left is tried
     again in halves.
     """
     left = dict(calls)
-    for number, answer in _by_joblib(calls, jobs):
+    for number, answer in _by_joblib(calls, jobs, plots):
         del left[number]
         yield number, answer
     if len(left) == 1:
@@ -165,10 +175,10 @@ def _examine_each(calls: Calls, jobs: int) -> Iterator[tuple[int, Estimate]]:
     elif left:
         again = list(left.items())
         for half in (again[::2], again[1::2]):
-            yield from _examine_each(dict(half), jobs)
+            yield from _examine_each(dict(half), jobs, plots)
 
 
-def _by_joblib(calls: Calls, jobs: int) -> Iterator[tuple[int, Estimate]]:
+def _by_joblib(calls: Calls, jobs: int, plots: Path | None) -> Iterator[tuple[int, Estimate]]:
     """Examine logs by joblib's backend, as far as no process of this machine dies."""
     from multiprocessing import resource_tracker
 
@@ -176,7 +186,7 @@ def _by_joblib(calls: Calls, jobs: int) -> Iterator[tuple[int, Estimate]]:
 
     # Of a run that stops on a full disk; it says so itself.
     warnings.filterwarnings("ignore", r"\d+ tasks which were", UserWarning)
-    numbered = (delayed(_numbered)(k, *call) for k, call in calls.items())
+    numbered = (delayed(_numbered)(k, *call, plots) for k, call in calls.items())
     how = {"n_jobs": jobs, "initializer": _end_with, "initargs": (os.getpid(),)}
     try:
         parallel = Parallel(return_as="generator_unordered", **how)
@@ -221,8 +231,28 @@ def _ctrl_c_held_back() -> Iterator[None]:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
-def _numbered(number: int, log: object, settings: Settings) -> tuple[int, Estimate]:
-    return number, examine_or_refuse(log, settings).estimate
+def _numbered(
+    number: int, log: object, settings: Settings | UnusableLog, plots: Path | None
+) -> tuple[int, Estimate]:
+    with warnings.catch_warnings(action="ignore"):  # of libraries, in a process of its own
+        examined = examine_or_refuse(log, settings)
+        if plots:
+            name = re.sub(r"\W", "_", Path(name_of(log)).stem)[:100]
+            plot(examined, plots / f"{number + 1:05d}_{name}.png")
+    return number, examined.estimate
+
+
+def plot(examined: Examined, path: Path) -> bool:
+    """Write a figure of a log, if it has a fit."""
+    fitted = examined.fitted
+    if fitted is None:
+        return False
+    from backlash import plots
+
+    name = one_line(examined.estimate.file)
+    title = str(examined.estimate).splitlines()[0].removeprefix(f"{name}: ")
+    plots.save_figure(plots.estimate_figure(fitted.recording, fitted.model_rps, title), path)
+    return True
 
 
 def _end_with(parent: int) -> None:
@@ -240,34 +270,6 @@ def unusable(answer: Estimate) -> str:
     """Why a log cannot be used; empty if it can."""
     first = "".join(answer.warnings[:1])
     return first.removeprefix(UNUSABLE) if first.startswith(UNUSABLE) else ""
-
-
-def read_rows(source: Table, *columns: str) -> pd.DataFrame:
-    """Rows of a table with some columns; dates as such, other columns of names as text."""
-    try:
-        if isinstance(source, pd.DataFrame):
-            table = source
-        elif str(source).lower().endswith(".parquet"):
-            table = pd.read_parquet(source)
-        else:
-            table = pd.read_csv(source, dtype=dict.fromkeys(_TEXTS, str))
-        table = table.reset_index(drop=table.index.names == [None])
-        if "date" in table:
-            dates = pd.to_datetime(table["date"], format="ISO8601", utc=True)
-            table["date"] = dates.dt.tz_localize(None)
-        if table[[*columns]].empty:
-            raise ValueError("no rows")
-        return table
-    except (OSError, ValueError, KeyError, ImportError) as error:
-        wanted = " and ".join(columns)
-        raise UnusableLog(
-            f"{called(source)}: no table with the columns {wanted} ({error})"
-        ) from error
-
-
-def called(source: Table) -> str:
-    """What a table is called in a refusal."""
-    return "the table" if isinstance(source, pd.DataFrame) else str(source)
 
 
 def as_table(answers: Sequence[Estimate]) -> pd.DataFrame:

@@ -253,12 +253,19 @@ def _told_by_torque(fit: TorqueFit, settings: Settings, answer: Estimate) -> Est
     if settings.load and settings.load.motor_inertia_kgm2:
         unit = settings.load.motor_inertia_kgm2 / fit.motor_inertia
         inertia += f", so the torque's unit is {unit:.3g} N m (of a current: the torque constant)"
+    notes: tuple[str, ...] = (str(settings.load), f"{inertia}: right?")
+    if fit.friction_share is not None and fit.stiffness_per_s2 is not None:
+        rubbing = f"the load's friction is {fit.friction_share:.1%} of its gravity"
+        stiffness = (
+            f"the joint's stiffness {fit.stiffness_per_s2:.3g} per s^2 of the load's inertia"
+        )
+        notes += (f"{rubbing}, {stiffness}: as in the data sheet?",)
     return replace(
         answer,
         verdict="backlash",
         backlash_rad=fit.delta_rad,
         backlash_interval_rad=fit.interval_rad,
-        warnings=(*answer.warnings, str(settings.load), f"{inertia}: right?"),
+        warnings=(*answer.warnings, *notes),
     )
 
 

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 
 import pandas as pd
 
-from backlash import fleet, trend_line
+from backlash import fleet, rows, trend_line
 from backlash.calibration import read_calibration
 from backlash.interface import settings_of, settings_of_all
 from backlash.reading.columns import SAID
@@ -25,15 +25,15 @@ COLUMNS = ("file", *_KEYS, *SAID, *MEASURING)
 
 
 class Batch(NamedTuple):
-    """Logs with their settings; `keys` are their joints and dates, as far as a table has them."""
+    """Logs with their settings, or why they have none; `keys` are joints and dates, as far as a table has them."""
 
     logs: Sequence[Any]
-    settings: Sequence[Settings]
+    settings: Sequence[Settings | UnusableLog]
     keys: pd.DataFrame
 
 
 def estimate_many(
-    logs: Sequence[object] | fleet.Table, *, jobs: int = -1, **words: Any
+    logs: Sequence[object] | rows.Table, *, jobs: int = -1, **words: Any
 ) -> pd.DataFrame:
     """Estimate the backlashes of many logs, also of different joints.
 
@@ -42,7 +42,7 @@ def estimate_many(
 
     Parameters
     ----------
-    logs : sequence of logs, DataFrame, or path of a CSV or Parquet table
+    logs : sequence of logs, DataFrame, or path of a CSV table
         Logs as `estimate` takes them, or a table of their files with what is said of each: column `file` (in a file
         relative to it), and `joint`, `date`, and words of `estimate`, like `turn_period_s`, `torque`, `inertia_ratio`,
         `gravity_per_s2`, `calibration`. What a row leaves empty is taken from `words`.
@@ -60,7 +60,7 @@ def estimate_many(
     Raises
     ------
     UnusableLog
-        The table, or what is said of a log, cannot be used. A log that cannot be used only has no answer.
+        The table cannot be used. A log that cannot, or what its row says, only has no answer.
 
     Examples
     --------
@@ -76,7 +76,7 @@ def estimate_many(
     return table.set_index([*batch.keys]) if len(batch.keys.columns) else table
 
 
-def read_batch(source: Sequence[object] | fleet.Table, words: Mapping[str, Any]) -> Batch:
+def read_batch(source: Sequence[object] | rows.Table, words: Mapping[str, Any]) -> Batch:
     """Logs, and what is said of each by its row if they are in a table, else by words that `estimate` takes."""
     if not isinstance(source, pd.DataFrame | str | PathLike):
         if not isinstance(source, Sequence):
@@ -88,10 +88,10 @@ def read_batch(source: Sequence[object] | fleet.Table, words: Mapping[str, Any])
     logs, table = listed_logs(source, "file")
     if unknown := {*table}.difference(COLUMNS):
         known = ", ".join(COLUMNS)
-        raise UnusableLog(f"{fleet.called(source)}: column {min(unknown)!r}; there are {known}")
+        raise UnusableLog(f"{rows.called(source)}: column {min(unknown)!r}; there are {known}")
     keys = table[[name for name in _KEYS if name in table]]
     read = cache(read_calibration)
-    settings = []
+    settings: list[Settings | UnusableLog] = []
     for log, row in zip(logs, table.drop(columns=keys).to_dict("records"), strict=True):
         own = {str(name): each for name, each in row.items() if not pd.isna(each)}
         try:
@@ -100,19 +100,20 @@ def read_batch(source: Sequence[object] | fleet.Table, words: Mapping[str, Any])
             settings.append(settings_of(log, {**words, **own}))
         except (UnusableLog, TypeError) as error:
             why = error if isinstance(error, UnusableLog) else f"text for a number in {own}"
-            raise UnusableLog(
-                f"{fleet.called(source)}, {Path(name_of(log)).name}: {why}"
-            ) from error
+            name = f"{rows.called(source)}, {Path(name_of(log)).name}"
+            settings.append(UnusableLog(f"{name}: {why}"))
     return Batch(logs, settings, keys)
 
 
-def listed_logs(source: fleet.Table, *columns: str) -> tuple[list[Any], pd.DataFrame]:
+def listed_logs(source: rows.Table, *columns: str) -> tuple[list[Any], pd.DataFrame]:
     """Logs in the first of some columns of a table, and the table without it; a file's names are relative to it."""
-    table = fleet.read_rows(source, *columns)
+    table = rows.read_rows(source, *columns)
     if not isinstance(source, pd.DataFrame):
         folder = Path(source).parent
         for name in {columns[0], "calibration"} & {*table}:
-            table[name] = table[name].str.strip().map(folder.joinpath, na_action="ignore")
+            missing = "" if name == columns[0] else None
+            names = table[name].astype(object).where(table[name].notna(), missing)
+            table[name] = names.map(lambda each: folder / each.strip(), na_action="ignore")
     return table.pop(columns[0]).tolist(), table
 
 
@@ -145,11 +146,11 @@ def trend_many(
     >>> print({joint: found.alarm for joint, found in worn.items()})
     {'A1': True, 'A2': True}
     """
-    table = fleet.read_rows(answers, *_KEYS, "file", "verdict", "backlash_high_rad")
+    table = rows.read_rows(answers, *_KEYS, "file", "verdict", "backlash_high_rad")
     found: dict[str, Trend | UnusableLog] = {}
-    for joint, rows in table.fillna({"joint": "", "reason": ""}).groupby("joint"):
+    for joint, own in table.fillna({"joint": "", "reason": ""}).groupby("joint"):
         try:
-            found[str(joint)] = trend_line.fit_trend(rows, rows["date"], limit_rad, relative)
+            found[str(joint)] = trend_line.fit_trend(own, own["date"], limit_rad, relative)
         except UnusableLog as refusal:
             found[str(joint)] = refusal
     return found

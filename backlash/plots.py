@@ -8,9 +8,10 @@ from pathlib import Path
 import matplotlib as mpl
 import numpy as np
 from matplotlib import pyplot as plt
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from backlash.trend_line import Trend
+from backlash.trend_line import Trend, growth_over_time
 from replication.arrays import FloatArray
 from replication.files import write_bytes
 from replication.recording import Recording
@@ -69,10 +70,30 @@ def estimate_figure(recording: Recording, model_rps: FloatArray, title: str) -> 
     return figure
 
 
+def _draw_alarms(axis: Axes, trend: Trend) -> None:
+    """Draw the growth that the logs up to each date told; it is an alarm where its interval is above zero."""
+    told = growth_over_time(trend)
+    scale, unit = trend.shown_in
+    growth, low, high = (
+        365.25 * scale * told[name].to_numpy() for name in ("growth", "low", "high")
+    )
+    for is_alarm, color, label in ((False, "0.5", "no alarm"), (True, "C3", "alarm")):
+        of = (low > 0) == is_alarm
+        ends = np.array([growth - low, high - growth])[:, of]
+        axis.errorbar(
+            told["date"][of], growth[of], ends, fmt="o", color=color, markersize=4, label=label
+        )
+    axis.axhline(0, color="black", linewidth=0.7)
+    top = max(2 * np.abs(growth).max(), 1e-9)
+    axis.set_ylim(-top / 2, top)
+    axis.set(ylabel=f"growth [{unit} a year]")
+
+
 @in_style
 def trend_figure(trend: Trend) -> Figure:
-    """Show dated estimates with their intervals, the line through them with its band, and the limit."""
-    figure, axis = plt.subplots(figsize=(5.3, 3.6))
+    """Show dated estimates with the line through them and the limit, and below when the growth was an alarm."""
+    figure, (axis, below) = plt.subplots(2, figsize=(5.3, 5.0), height_ratios=(3, 2), sharex=True)
+    _draw_alarms(below, trend)
     points = trend.points
     scale, unit = trend.shown_in
     delta = scale * points["value"].to_numpy()

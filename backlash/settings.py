@@ -41,7 +41,7 @@ _MASSES = ("load_mass_kg", "load_arm_m", "load_inertia_kgm2")
 # What `settings_for` takes: how logs are measured, and for method "torque" what its load is known by.
 MEASURING = (
     *("calibration", "method", "repeats", "seed", *_MASSES),
-    *(each.name for each in fields(LoadData)),
+    *(each.name for each in fields(LoadData) if each.name != "note"),
 )
 
 

@@ -16,7 +16,7 @@ import numpy as np
 import pandas as pd
 from scipy.special import fdtri, ndtri, stdtrit
 
-from backlash import __version__, fleet
+from backlash import __version__, rows
 from backlash.calibration import MOST_RAD, PERIOD_MISMATCH
 from backlash.reading.columns import is_positive
 from backlash.reading.refusals import UnusableLog, one_line
@@ -135,8 +135,8 @@ def dates_of(files: Sequence[Path], table: str | PathLike[str] | None = None) ->
     """Date of each log, by the table's columns `file` and `date`, else by its name, as in `axis4_2024-03-17.csv`."""
     known = {}
     if table:
-        rows = fleet.read_rows(table, "file", "date")
-        known = dict(zip(rows["file"], rows["date"], strict=True))
+        dated = rows.read_rows(table, "file", "date")
+        known = dict(zip(dated["file"], dated["date"], strict=True))
     found = []
     for file in files:
         date = known.get(file.name, known.get(str(file)))
@@ -171,6 +171,28 @@ def fit_trend(
         if limit_rad is not None:
             warnings.append("a limit in rad says nothing of a relative trend")
         limit_rad = None
+    trend, is_curved = _line_through(points, limit_rad, relative)
+    if is_curved:
+        warnings.append("the growth is no straight line: the date of the crossing may be far off")
+    days = (points["date"] - trend.origin).dt.total_seconds().to_numpy() / 86400
+    return replace(trend, warnings=(*warnings, *_notes_on_crossing(trend, days)))
+
+
+def growth_over_time(trend: Trend) -> pd.DataFrame:
+    """Growth per day that the logs up to each date told, and its interval: `date, growth, low, high`."""
+    rows = []
+    for count in range(_LEAST_DATES, len(trend.points) + 1):
+        points = trend.points.iloc[:count]
+        if points["date"].nunique() >= _LEAST_DATES:
+            known, _ = _line_through(points, None, trend.is_relative)
+            rows.append((points["date"].iloc[-1], known.line[1], *known.growth_interval))
+    return pd.DataFrame(rows, columns=["date", "growth", "low", "high"])
+
+
+def _line_through(
+    points: pd.DataFrame, limit_rad: float | None, relative: bool
+) -> tuple[Trend, bool]:
+    """The line through dated points, and whether a parabola is clearly better."""
     delta = points["value"].to_numpy()
     deviation = (points["high"] - points["low"]).to_numpy() / 2 / ndtri((1 + CONFIDENCE) / 2)
     weight = 1 / np.maximum(deviation, 1e-3 * delta.max()) ** 2
@@ -185,8 +207,6 @@ def fit_trend(
     line = float(delta[0] + offset), float(growth)
     chi2 = float(weight @ (delta - line[0] - line[1] * days) ** 2)
     freedom = delta.size - 2
-    if freedom > 2 and _is_curved(days, delta, weight, chi2):
-        warnings.append("the growth is no straight line: the date of the crossing may be far off")
     trend = Trend(
         points=points,
         origin=points["date"].iloc[0] + pd.Timedelta(days=middle),
@@ -197,7 +217,7 @@ def fit_trend(
         warnings=(),
         is_relative=relative,
     )
-    return replace(trend, warnings=(*warnings, *_notes_on_crossing(trend, days)))
+    return trend, freedom > 2 and _is_curved(days, delta, weight, chi2)
 
 
 def _left_out(points: pd.DataFrame, answers: pd.DataFrame) -> list[str]:

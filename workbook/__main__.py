@@ -14,8 +14,8 @@ from pathlib import Path
 from replication.files import ROOT, write_bytes
 from workbook.checkout import APART, OFFLINE, QUICK, RESULTS, lock, notebook_files, results_folder
 
-# Of an output that takes no more: whoever read a pipe has seen enough, or a disk is full.
-UNWRITABLE = {errno.EPIPE, errno.ENOSPC, errno.EDQUOT, errno.EIO}
+# Of an output that takes no more: whoever read a pipe has seen enough, a disk is full, or a checkout read-only.
+UNWRITABLE = {errno.EPIPE, errno.ENOSPC, errno.EDQUOT, errno.EIO, errno.EROFS, errno.EACCES}
 
 
 class OneLineParser(argparse.ArgumentParser):

@@ -80,6 +80,8 @@ class _Client(NotebookClient):
     def run(self, environment: Mapping[str, str]) -> None:
         """Execute the cells."""
         with self.bar, self.setup_kernel(env=environment):
+            # Both ends have read it, and a run that is killed would leave it behind.
+            self.kernel.cleanup_connection_file()
             try:
                 for position, cell in enumerate(self.nb.cells):
                     self.cell, self.last_sign = position, time.monotonic()

@@ -11,6 +11,7 @@ The errors are taken ten times as large as they are, so that the priors outweigh
 timing, friction at low speed, cogging.
 """
 
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -33,7 +34,8 @@ _LEAST_CROSSINGS = 6
 # over gravity, the load's friction and viscosity, and the motor's, and its torque's offset.
 _SD = np.array([np.inf, 1.0, 0.5, 0.05, 0.1, 0.3, 0.2, 0.7, 0.05, 0.02, 0.2, 0.2, 0.02])
 _STEP = 1e-4  # of a parameter, for the slopes of the joint by it
-_LOAD = slice(3, 5)  # places of parameters
+_STIFFNESS = 1  # places of parameters
+_LOAD = slice(3, 5)
 _DRIVE = 5
 _PHASE = 6
 _FRICTION = 8
@@ -283,7 +285,10 @@ class _Strokes:
         found = np.linalg.lstsq(smooth[:, :-1], smooth[:, -1])[0]
         left = smooth[:, -1] - smooth[:, :-1] @ found
         if not (found[0] > 0 and np.std(left) < 0.3 * np.std(smooth[:, 1:3] @ found[1:3])):
-            raise ValueError("the torque shows no gravity; is it this motor's, with its sign?")
+            raise ValueError(
+                "the torque shows no gravity; is it this motor's, with its sign, and the axis "
+                "horizontal, and no other axis moving?"
+            )
         self._set_priors(load, found)
         above = np.sign(np.sin(angle + self.mean[_PHASE])[self.used])
         self.crossings = int(np.count_nonzero(np.diff(above)))
@@ -441,7 +446,8 @@ def fit_strokes(
     strokes = _Strokes(np.asarray(speed) / gear_ratio, np.asarray(torque, float), sample_s, load)
     if strokes.crossings < _LEAST_CROSSINGS:
         raise ValueError(
-            f"{strokes.crossings} strokes cross the vertical; {_LEAST_CROSSINGS} or more are needed"
+            f"{strokes.crossings} strokes cross the vertical, by the torque; {_LEAST_CROSSINGS} or more "
+            "are needed; is the gear ratio that of the log's side (1 for the joint's)?"
         )
     fit, *others = _search(strokes)
     for other in others:
@@ -457,9 +463,10 @@ def fit_strokes(
     of_log = 1e-3 * (covariance @ meat @ covariance)[0, 0] ** 0.5
     deviation = float(np.linalg.norm((of_log, _METHOD_ERROR * delta, _LEAST_SD)))
     inertia = float(np.exp(-strokes.mean[_DRIVE] - fit.x[_DRIVE]) / gear_ratio)
-    return conclude(
-        float(delta),
-        deviation,
-        inertia,
-        "log more strokes, faster or quieter; strokes never tell that there is none",
+    advice = "log more strokes, faster or quieter; strokes never tell that there is none"
+    found = strokes.mean + fit.x
+    return replace(
+        conclude(float(delta), deviation, inertia, advice),
+        friction_share=float(found[_FRICTION]),
+        stiffness_per_s2=float(np.exp(found[_STIFFNESS])),
     )

@@ -38,6 +38,7 @@ _FREE_HARMONICS = 2
 _LEAST_HARMONICS = 12
 _LEAST_GRAVITY = 10.0  # of the torque once a turn, in its SDs
 _DRAWS = 200
+_MOST_BELOW = 0.1  # of an inertia that was measured, below the least that its mass has
 
 
 @dataclass(frozen=True)
@@ -50,6 +51,7 @@ class LoadData:
     inertia_sd: float = 0.1
     gravity_sd: float = 0.05
     motor_inertia_kgm2: float | None = None  # the unit of J_m that is found is compared with it
+    note: str = ""  # what was made of what was said
 
     def __post_init__(self):
         """Refuse what no load has."""
@@ -84,23 +86,30 @@ class LoadData:
                 f"gear ratio, motor inertia, mass, arm and load inertia {given}: give finite numbers above 0"
             )
         point = load_mass_kg * load_arm_m**2
-        inertia = load_inertia_kgm2 or point
-        if inertia < 0.99 * point:
+        said = load_inertia_kgm2 or point
+        inertia, note = max(said, point), ""
+        if said < point:
+            note = (
+                f"; the load's inertia {said:g} is below m r^2 = {point:.4g} kg m^2: that was taken"
+            )
+        if said < (1 - _MOST_BELOW) * point:
             raise UnusableLog(
-                f"--load-inertia {inertia:g}: its mass at its arm alone has {point:.4g} kg m^2; "
+                f"--load-inertia {said:g}: its mass at its arm alone has {point:.4g} kg m^2; "
                 "give the inertia about the joint's axis, not about the centre of mass"
             )
         return LoadData(
             inertia / (gear_ratio**2 * motor_inertia_kgm2),
             GRAVITY * load_mass_kg * load_arm_m / inertia,
             motor_inertia_kgm2=motor_inertia_kgm2,
+            note=note,
             **sds,
         )
 
     def __str__(self) -> str:
         """What was said, as a note."""
         ratio = f"an inertia ratio of {self.inertia_ratio:g} (SD {self.inertia_sd:.0%})"
-        return f"by the torque, {ratio} and m g r / J_l of {self.gravity_per_s2:g} per s^2 (SD {self.gravity_sd:.0%})"
+        gravity = f"m g r / J_l of {self.gravity_per_s2:g} per s^2 (SD {self.gravity_sd:.0%})"
+        return f"by the torque, {ratio} and {gravity}{self.note}"
 
 
 @dataclass(frozen=True)
@@ -114,13 +123,16 @@ class TorqueFit:
     refusal_reason: str = ""  # why this is no answer; empty if it is one
     # The mean torque, which holds all friction, is less than gravity's: it parts the teeth, if they can.
     reverses: bool = True
+    friction_share: float | None = None  # the load's friction over its gravity
+    stiffness_per_s2: float | None = None  # of the joint, over the load's inertia
 
 
 def conclude(delta_rad: float, sd_rad: float, inertia: float, advice: str) -> TorqueFit:
     """An answer with its interval, or why it is none and what would tell more."""
     half = NORMAL_95 * sd_rad
     interval = max(delta_rad - half, 0.0), max(delta_rad + half, 0.0)
-    told = f"it tells {delta_rad:.2g} rad, SD {sd_rad:.2g}, above {MOST_SD:.0%}"
+    # Without numbers: near zero the SD is none.
+    told = f"the backlash is not known within {MOST_SD:.0%}"
     reason = "" if sd_rad <= MOST_SD * delta_rad else f"{told}; {advice}"
     return TorqueFit(delta_rad, interval, sd_rad, inertia, reason)
 

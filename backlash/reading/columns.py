@@ -20,12 +20,15 @@ _POSITIVE = {
     "commanded_speed_rps": "--commanded-speed",
     "turn_period_s": "--turn-period",
     "gear_ratio": "--gear-ratio",
+    "rate_hz": "--rate",
+    "speed_tolerance": "--speed-tolerance",
 }
 # What loggers call columns, units, and how they spell these.
 _KNOWN = json.loads(
     Path(__file__).parents[1].joinpath("data", "column_names.json").read_text("utf-8")
 )
 PER_TURN: dict[str, float] = _KNOWN["per_turn"]
+_LONGEST_NAME = 200  # of a column; the rest says nothing
 _SECONDS: dict[str, float] = _KNOWN["seconds"]
 
 
@@ -42,6 +45,7 @@ class LogFormat:
     """
 
     time: str | None = None
+    rate_hz: float | None = None  # of the samples, without time stamps or in place of them
     speed: str | None = None  # of the motor
     position: str | None = None  # of the motor, instead of its speed
     # Of the speed, one of `UNITS`; of a position the turns, radians or counts that go with it.
@@ -51,7 +55,10 @@ class LogFormat:
     commanded_speed_rps: float | None = None  # of the motor
     turn_period_s: float | None = None  # of the load
     trust_period: bool = False  # whether the turn is taken as it is given
-    gear_ratio: float | None = None  # motor turns in a load turn
+    gear_ratio: float | None = (
+        None  # motor turns in a load turn; 1 where the log has the joint's side
+    )
+    speed_tolerance: float = 0.03  # of a constant speed; backlash disturbs it by some 1 %
     start_s: float | None = None  # of the part to use, from the log's first sample on
     end_s: float | None = None
     torque: str | None = None  # of the motor, in any unit
@@ -105,6 +112,7 @@ def _known_unit(text: str) -> str:
 
 def _plain(column: str) -> tuple[str, str]:
     """Name of a column in lower case without its unit, and the unit: from "Motor speed [rpm]" and "speed_rad_s"."""
+    column = column[:_LONGEST_NAME]
     text = (
         re.sub(r"(?<=[a-z])(?=[A-Z])", "_", re.sub(r"\s*[\[(]\d+[\])]$", "", column))
         .strip(" _%")
@@ -151,11 +159,14 @@ def _column_like(columns: Sequence[str], what: str) -> str | None:
     return fitting[0] if fitting else None
 
 
-def choose_columns(table: pd.DataFrame, form: LogFormat) -> tuple[str, str, bool]:
-    """Columns of time and of speed or position, and whether it is a position."""
+def choose_columns(table: pd.DataFrame, form: LogFormat) -> tuple[str | None, str, bool]:
+    """Columns of time, unless the rate is known, and of speed or position, and whether it is a position."""
     columns = list(table.columns)
-    if len(columns) < 2:
-        raise UnusableLog("one column; a log needs time and motor speed, or time and position")
+    least = 1 if form.rate_hz else 2
+    if len(columns) < least:
+        raise UnusableLog(
+            "one column; a log needs time and motor speed, or time and position, or --rate"
+        )
     given = form.speed or form.position
     nameless = all(column.isdigit() for column in columns)
     if nameless and given is None:
@@ -163,11 +174,8 @@ def choose_columns(table: pd.DataFrame, form: LogFormat) -> tuple[str, str, bool
             raise UnusableLog(
                 f"{len(columns)} columns without names; give --time and --speed by number"
             )
-        return columns[0], columns[1], False
-    given_time = form.time or ("1" if nameless else None)
-    time = given_column(columns, given_time) if given_time else _column_like(columns, "time")
-    if time is None:
-        raise UnusableLog(f"no column of time among {_listed(columns)}; give --time")
+        return columns[0], columns[-1], False
+    time = _time_column(columns, form, nameless)
     if given is not None:
         column = given_column(columns, given)
         if column in (time, form.torque):
@@ -179,6 +187,17 @@ def choose_columns(table: pd.DataFrame, form: LogFormat) -> tuple[str, str, bool
     if signal is None:
         raise UnusableLog(f"no column of speed or position among {_listed(columns)}; give --speed")
     return time, signal, speed is None
+
+
+def _time_column(columns: Sequence[str], form: LogFormat, nameless: bool) -> str | None:
+    given = form.time or ("1" if nameless else None)
+    if form.rate_hz and not form.time:
+        exact = [column for column in columns if _plain(column)[0] in _KNOWN["names"]["time"]]
+        return exact[0] if exact else None
+    time = given_column(columns, given) if given else _column_like(columns, "time")
+    if time is None:
+        raise UnusableLog(f"no column of time among {_listed(columns)}; give --time, or --rate")
+    return time
 
 
 def with_whole_stamps(table: pd.DataFrame) -> pd.DataFrame:

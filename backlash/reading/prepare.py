@@ -29,16 +29,22 @@ _RING_HZ = 21.0  # of the oscillation that the signature models, in the paper's 
 _LEAST_RATE_HZ = 4 * _RING_HZ  # below, the shape of an oscillation is not sampled any more
 _GOOD_RATE_HZ = 12 * _RING_HZ  # below, the samples may miss more than 3 % of a peak
 _FASTEST_HZ = 2000.0  # above, neighbouring samples are averaged
+_MOST_HZ = 1e6  # no logger samples faster; the stamps have another unit
 
 _FASTEST_RPS = 500.0  # of a motor, 30000 rpm; above, the unit is another one
 _LEAST_SAMPLES = 8  # of a log, and of a load turn
 # Fewer half turns have too few orders of signs to tell a pattern from noise (see `pattern`).
 _LEAST_TURNS = 4
 _MOST_TURNS = 60  # what is beyond adds nothing but time
-_SPEED_TOLERANCE = 0.03  # of a constant speed; backlash disturbs it by some 1 %
+_SLOWEST_RPS = 1e-6  # of a motor that is not said to stand still
+_UNIT_TOLERANCE = 0.03  # of a speed beside the one that was said
+_MOST_DRIFT = 0.01  # of a speed that is said to be constant
 _SMOOTHING_S = 0.1
-_LONGEST_STEP = 3.5  # in sampling periods; a longer one is a gap
+# What misses more than both is a gap; less is filled, a fifth of the ring's period at most.
+_LONGEST_STEP = 3.5  # in sampling periods
+_LONGEST_FILLED_S = 0.010
 _SPIKE = 0.3
+_MOST_SPIKES = 5  # in a log that is mended by hand
 _LEAST_VALUES = 16  # of a speed that is not merely coarse
 
 
@@ -107,6 +113,7 @@ def _prepare(table: Table, form: LogFormat) -> Log:
     if form.torque:
         form = replace(form, torque=given_column(list(frame.columns), form.torque))
     time, column, is_position = choose_columns(frame, form)
+    time = None if form.rate_hz else time
     unit, guess = unit_of(column, is_position, form)
     samples = _read_samples(frame, time, column, form)
     per_turn = {**PER_TURN, "counts": form.counts_per_turn or 1.0}[unit]
@@ -127,13 +134,18 @@ def _prepare(table: Table, form: LogFormat) -> Log:
         raise
 
 
-def _read_samples(table: pd.DataFrame, time: str, column: str, form: LogFormat) -> _Samples:
-    """The signal of a table, in its own unit, at its time stamps."""
-    missing = table[[time, column]].isna().any(axis=1)
+def _read_samples(table: pd.DataFrame, time: str | None, column: str, form: LogFormat) -> _Samples:
+    """The signal of a table, in its own unit, at its time stamps, or at an even rate."""
+    needed = [time, column] if time else [column]
+    missing = table[needed].isna().any(axis=1).to_numpy()
+    if time:
+        t, notes = seconds(table[~missing], time, form.time_unit)
+    else:
+        t = np.flatnonzero(~missing) / (form.rate_hz or np.nan)
+        notes = (f"taken as even, {form.rate_hz:g} Hz, as said",)
     table = table[~missing]
-    t, notes = seconds(table, time, form.time_unit)
     if missing.any():
-        notes += (f"left out {missing.sum()} rows without {time} or {column}",)
+        notes += (f"left out {missing.sum()} rows without {' or '.join(needed)}",)
     kept = (t >= (form.start_s or 0.0)) & (t <= (np.inf if form.end_s is None else form.end_s))
     if not kept.all():
         notes += (f"used {kept.sum()} of {t.size} samples, by --from and --to",)
@@ -213,7 +225,11 @@ def _sampling_period(samples: _Samples) -> float:
     """Mean sampling period [s] but for gaps, where that is short enough."""
     steps = np.diff(samples.t)
     dt = float(steps[steps <= _LONGEST_STEP * np.median(steps)].mean())
-    rate = 1.0 / dt
+    rate = 1.0 / max(dt, 1e-300)
+    if rate > _MOST_HZ:
+        raise UnusableLog(
+            f"{rate:.3g} samples a second: are the stamps in s? then give --time-unit s"
+        )
     if rate < _LEAST_RATE_HZ:
         needed = f"{_LEAST_RATE_HZ:g} Hz at least, {_GOOD_RATE_HZ:.0f} Hz to be measured well"
         what = f"sampled at {rate:.3g} Hz; the {_RING_HZ:g} Hz oscillation after an impact needs {needed}"
@@ -221,21 +237,41 @@ def _sampling_period(samples: _Samples) -> float:
     return dt
 
 
-def _refuse_gaps(samples: _Samples, dt: float) -> None:
-    """Refuse gaps in the constant speed; elsewhere they do no harm."""
-    steps = np.diff(samples.t)
-    for k in np.flatnonzero(steps > _LONGEST_STEP * dt)[:1]:
-        gap = f"a gap of {steps[k]:.3g} s in the constant speed, at t = {samples.t[k]:.4g} s"
-        raise UnusableLog(
-            f"{gap}; log again, or use one side of it by --from and --to", samples.rows[k + 1]
-        )
+def _longest_clean(t: FloatArray, first: int, last: int, dt: float) -> tuple[int, int]:
+    """The longest part of some samples without a gap that is too long to be filled."""
+    steps = np.diff(t[first:last])
+    gaps = np.flatnonzero(steps > max(_LONGEST_STEP * dt, dt + _LONGEST_FILLED_S))
+    ends = np.concatenate(([first], first + 1 + gaps, [last]))
+    best = int((t[ends[1:] - 1] - t[ends[:-1]]).argmax())
+    return int(ends[best]), int(ends[best + 1])
+
+
+def _describe_gap(samples: _Samples, first: int, last: int) -> UnusableLog:
+    """The refusal of samples for their longest gap."""
+    steps = np.diff(samples.t[first:last])
+    k = first + int(steps.argmax())
+    gap = f"a gap of {steps.max():.3g} s in the constant speed, at t = {samples.t[k]:.4g} s"
+    cure = "no part without one is long enough; log again"
+    return UnusableLog(f"{gap}; {cure}", samples.rows[k + 1])
 
 
 def _grid_numbers(t: FloatArray, dt: float) -> NDArray[np.int64]:
-    """Numbers of samples on the even grid that they were taken on; their order if there is no such grid.
+    """Numbers of samples on the grid that they were taken on: an even one, or one whose clock drifts.
 
-    The grid's period is what brings the stamps in phase, at first those of a short part, then of
-    longer ones.
+    Those of the fewest holes are taken.
+    """
+    steps = np.maximum(np.rint(np.diff(t) / dt), 1.0).astype(np.int64)
+    drifting = np.concatenate(([0], np.cumsum(steps)))
+    even = _even_numbers(t, dt)
+    is_even = bool((np.diff(even) > 0).all()) and even[-1] <= drifting[-1]
+    return even if is_even else drifting
+
+
+def _even_numbers(t: FloatArray, dt: float) -> NDArray[np.int64]:
+    """Numbers on an even grid, some twice if there is no such grid.
+
+    Its period is what brings the stamps in phase, at first those of a short part, then of longer
+    ones.
     """
     reach, size, start = 0.1, 0, t[0]
     while size < t.size:
@@ -251,7 +287,7 @@ def _grid_numbers(t: FloatArray, dt: float) -> NDArray[np.int64]:
             1.5 / size,
         )
     k = np.rint((t - start) / dt).astype(np.int64)
-    return k - k[0] if (np.diff(k) > 0).all() else np.arange(t.size)
+    return k - k[0]
 
 
 def _follows_stamps(v: FloatArray, stray: FloatArray) -> bool:
@@ -275,20 +311,38 @@ def _on_even_grid(samples: _Samples, dt: float) -> _Samples:
     nominal = float(f"{1 / dt:.3g}")
     if abs(nominal * dt - 1) * k[-1] * np.sqrt(t.size) < 12 * stray.std() + 1e-6:
         dt = 1 / nominal
-    even = np.arange(k[-1] + 1)
-    places, v, most = k, samples.v, float(np.abs(stray).max())
+    places, even = k.astype(float), np.arange(k[-1] + 1)
+    most = float(np.abs(stray).max())
     if most > 0.01:
-        is_true = most > 1 or _follows_stamps(np.interp(even, k, v), np.interp(even, k, stray))
-        places = k + stray if is_true else k
+        places, how = _places(k, stray, samples.v, round(_SMOOTHING_S / dt))
         off = f"time stamps up to {1e3 * dt * most:.2g} ms off an even {1 / dt:.6g} Hz"
-        samples = samples.changed(f"{off}: {'resampled' if is_true else 'taken as even'}")
-    if even.size > k.size:
-        samples = samples.changed(
-            f"missing samples filled from their neighbours: {even.size - k.size}"
-        )
-    if even.size > k.size or places is not k:
+        samples = samples.changed(f"{off}: {how}")
+        # Within half a sample of the data: far beyond them a spline is anything.
+        even = np.arange(np.rint(places[0]), np.rint(places[-1]) + 1)
+    holes = int(k[-1]) + 1 - k.size
+    if holes:
+        samples = samples.changed(f"missing samples filled from their neighbours: {holes}")
+    if not np.array_equal(places, even):
         samples = samples.both(lambda signal: CubicSpline(places, signal)(even))
-    return replace(samples, t=dt * even, rows=samples.rows[np.searchsorted(k, even)])
+    rows = samples.rows[np.minimum(np.searchsorted(places, even), k.size - 1)]
+    return replace(samples, t=dt * even, rows=rows)
+
+
+def _places(
+    k: NDArray[np.int64], stray: FloatArray, v: FloatArray, width: int
+) -> tuple[FloatArray, str]:
+    """Where on the grid samples were taken whose stamps stray from their numbers, and what that is called.
+
+    A clock's drift is slow, and followed; what is fast is followed if the signal does.
+    """
+    drifts = bool(np.abs(stray).max() > 1)
+    slow = uniform_filter1d(stray, max(width, 3), mode="nearest") if drifts else np.zeros(k.size)
+    if (np.diff(k + slow) <= 0).any():
+        return k + stray, "resampled"
+    all_k = np.arange(k[-1] + 1)
+    if _follows_stamps(np.interp(all_k, k, v), np.interp(all_k, k, stray - slow)):
+        return k + stray, "resampled"
+    return k + slow, "a clock that drifts, followed" if drifts else "taken as even"
 
 
 def _averaged(samples: _Samples) -> _Samples:
@@ -311,8 +365,8 @@ def _averaged(samples: _Samples) -> _Samples:
 def _level(v: FloatArray, expected: float | None) -> float:
     """The speed [rps], without sign, that a log keeps longest; near the expected one if that is among them."""
     speed = np.abs(v)
-    if expected is not None and np.mean(np.abs(speed / expected - 1) < 2 * _SPEED_TOLERANCE) > 0.1:
-        speed = speed[np.abs(speed / expected - 1) < 2 * _SPEED_TOLERANCE]
+    if expected is not None and np.mean(np.abs(speed / expected - 1) < 2 * _UNIT_TOLERANCE) > 0.1:
+        speed = speed[np.abs(speed / expected - 1) < 2 * _UNIT_TOLERANCE]
     moving = speed[speed > 0.05 * np.percentile(speed, 99)]
     if moving.size == 0:
         return float(speed.max())
@@ -328,51 +382,76 @@ def _at_constant_speed(
 ) -> _Samples:
     """Cut out the longest stretch at constant speed, turned forward."""
     t, v = samples.t, samples.v
-    lasts = t[-1] - t[0]
     if v.size < _LEAST_SAMPLES:
-        found = f"{lasts:.3g} s in {t.size} samples"
+        found = f"{t[-1] - t[0]:.3g} s in {t.size} samples"
         raise CannotTell("too short", f"{found}; {_LEAST_TURNS} load turns are needed")
     if is_position:
-        v = np.gradient(v, t)
+        v = _rough_speed(v, t, dt)
     if 1 / dt > _FASTEST_HZ:
         v = uniform_filter1d(v, int(2 / _FASTEST_HZ / dt))
     _refuse_spikes(v, samples.rows, form)
     width = max(3, round(_SMOOTHING_S / dt))
     smooth = uniform_filter1d(v, width, mode="nearest")
     level = _level(smooth, form.expected_speed_rps)
-    if level <= np.std(v - smooth) or level == 0:
+    if level <= max(np.std(v - smooth), _SLOWEST_RPS):
         raise CannotTell("not constant speed", "the motor stands still, or turns both ways")
     _check_speed(level, form)
-    is_level = np.abs(np.abs(smooth) / level - 1) < _SPEED_TOLERANCE
-    first, last = _longest_run(np.where(is_level, np.sign(smooth), 0.0))
-    first += 2 * width if first > 0 else 0
-    last -= 2 * width if last < v.size else 0
     period = form.period_s(level)
-    turns = (t[last - 1] - t[first]) / period if last > first else 0.0
     if period < _LEAST_SAMPLES * dt:
         raise CannotTell(
             "too short", f"a load turn of {period:.3g} s is {period / dt:.1f} samples long"
         )
-    if turns < _LEAST_TURNS - 1.5 * dt / period:
+    is_level = np.abs(np.abs(smooth) / level - 1) < form.speed_tolerance
+    first, last = _longest_run(np.where(is_level, np.sign(smooth), 0.0))
+    first += 2 * width if first > 0 else 0
+    last -= 2 * width if last < v.size else 0
+    last = max(last, first + 1)
+    whole = first, last
+    first, last = _longest_clean(t, *whole, dt)
+    turns, needed = (t[last - 1] - t[first]) / period, _LEAST_TURNS - 1.5 * dt / period
+    if turns < needed:
         if _reverses(smooth) and form.torque and form.gear_ratio:
-            _refuse_gaps(samples, dt)
-            return samples
+            return _cut(samples, *_longest_clean(t, 0, v.size, dt))
+        if (t[whole[1] - 1] - t[whole[0]]) / period >= needed:
+            raise _describe_gap(samples, *whole)
         reason = "too short" if last - first > 0.9 * v.size else "not constant speed"
-        found = f"{turns:.1f} load turns of {period:.4g} s at {level:.4g} rps"
-        needed = f"{_LEAST_TURNS} are needed, 12 are good; strokes to and fro need --torque and --gear-ratio"
-        raise CannotTell(reason, f"{found}; {needed}")
-    if last - first < v.size:
-        note = f"used the constant speed from {t[first] - t[0]:.3f} to {t[last - 1] - t[0]:.3f} s of {lasts:.3f} s"
-        samples = samples.part(slice(first, last), note)
+        raise CannotTell(reason, _too_few(turns, period, level, form))
+    samples = _cut(samples, first, last)
     if turns > _MOST_TURNS:
-        whole = slice(round(_MOST_TURNS * period / dt) + 1)
-        samples = samples.part(whole, f"{turns:.0f} turns: used the first {_MOST_TURNS}")
+        kept = slice(round(_MOST_TURNS * period / dt) + 1)
+        samples = samples.part(kept, f"{turns:.0f} turns: used the first {_MOST_TURNS}")
     if smooth[first] < 0:
         samples = samples.both(np.negative).changed(
             "the motor turns backward: the speed's sign is changed"
         )
-    _refuse_gaps(samples, dt)
     return samples
+
+
+def _cut(samples: _Samples, first: int, last: int) -> _Samples:
+    t = samples.t
+    if last - first == t.size:
+        return samples
+    part = f"from {t[first] - t[0]:.3f} to {t[last - 1] - t[0]:.3f} s of {t[-1] - t[0]:.3f} s"
+    return samples.part(slice(first, last), f"used the constant speed {part}")
+
+
+def _too_few(turns: float, period: float, level: float, form: LogFormat) -> str:
+    """What is missing in a log of too few turns, and what may be wrong with what is said of it."""
+    found = f"{turns:.1f} load turns of {period:.4g} s at {level:.4g} rps"
+    needed = (
+        f"{_LEAST_TURNS} are needed, 12 are good; strokes to and fro need --torque and --gear-ratio"
+    )
+    ratio = form.gear_ratio or 1.0
+    if form.turn_period_s is None and ratio > 1 and turns * ratio > _LEAST_TURNS:
+        needed += "; is this the joint's side? then --gear-ratio 1"
+    return f"{found}; {needed}"
+
+
+def _rough_speed(turns: FloatArray, t: FloatArray, dt: float) -> FloatArray:
+    """Speed [rps] of a position, by its stamps or by the grid that they stray from, whichever is smoother."""
+    k = _grid_numbers(t, dt)
+    speeds = [np.gradient(turns, clock) for clock in (t, np.polyval(np.polyfit(k, t, 1), k))]
+    return min(speeds, key=lambda v: float(np.abs(np.diff(v, 2)).mean()))
 
 
 def _reverses(v: FloatArray) -> bool:
@@ -395,7 +474,7 @@ def _log_of(samples: _Samples, table: Table, form: LogFormat) -> Log:
     mean = _level(v, form.expected_speed_rps) if strokes else float(v.mean())
     quarter = v.size // 4
     drift = float(v[-quarter:].mean() - v[:quarter].mean())
-    if not strokes and abs(drift) > _SPEED_TOLERANCE / 3 * mean:
+    if not strokes and abs(drift) > _MOST_DRIFT * mean:
         raise CannotTell("not constant speed", f"it drifts by {drift:+.3g} rps from {mean:.4g} rps")
     period = form.period_s(mean)
     ratio = form.gear_ratio
@@ -403,7 +482,7 @@ def _log_of(samples: _Samples, table: Table, form: LogFormat) -> Log:
         samples = samples.changed(
             f"a load turn takes {period:.6g} s: gear ratio {ratio:g} at {mean:.6g} rps"
         )
-    elif ratio is not None and abs(ratio / mean / period - 1) > _SPEED_TOLERANCE:
+    elif ratio is not None and abs(ratio / mean / period - 1) > _UNIT_TOLERANCE:
         turn = f"gear ratio {ratio:g} at {mean:.5g} rps makes turns of {ratio / mean:.4g} s"
         raise CannotTell("wrong period", f"{turn}, not the {period:g} s given")
     recording = Recording(
@@ -428,7 +507,7 @@ def _check_speed(level: float, form: LogFormat) -> None:
     if expected is None and level > _FASTEST_RPS:
         hint = "is it in rpm, rad/s or deg/s? then give --unit, else --commanded-speed"
         raise UnusableLog(f"the speed is {level:.4g} rps, more than motors turn; {hint}")
-    if expected is None or abs(level / expected - 1) < _SPEED_TOLERANCE:
+    if expected is None or abs(level / expected - 1) < _UNIT_TOLERANCE:
         return
     unit = form.unit or "rps"
     for other in UNITS[:-1] if unit in PER_TURN else ():
@@ -450,8 +529,13 @@ def _refuse_spikes(v: FloatArray, rows: NDArray[np.int64], form: LogFormat) -> N
     away = away[np.abs(v[away] - v[away + 2]) < 0.1 * level]
     if 0 < away.size <= 0.01 * v.size:
         k = away[0] + 1
-        spike = f"a spike, {v[k]:.4g} rps beside {v[k - 1]:.4g} ({away.size} such samples)"
-        raise UnusableLog(f"{spike}; mend or cut the log there", rows[k])
+        spike = f"{v[k]:.4g} rps beside {v[k - 1]:.4g}"
+        if away.size > _MOST_SPIKES:
+            what = f"{away.size} samples stray from their neighbours, {spike}: is the speed differentiated"
+            raise UnusableLog(f"{what} by uneven stamps? log the position, or --rate", rows[k])
+        raise UnusableLog(
+            f"a spike, {spike} ({away.size} in all); mend or cut the log there", rows[k]
+        )
 
 
 def _refuse_clipping(samples: _Samples) -> None:

@@ -1,12 +1,20 @@
 """Read: from wherever a log comes to its table."""
 
+import csv
+import gzip
 import hashlib
-import shutil
+import io
+import os
+import select
+import stat
 import sys
+import zlib
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from os import PathLike
 from pathlib import Path
-from tempfile import NamedTemporaryFile
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -14,9 +22,18 @@ from numpy.typing import ArrayLike
 
 from backlash.reading.columns import LogFormat
 from backlash.reading.refusals import UnusableLog
-from backlash.reading.tables import read_table
+from backlash.reading.tables import CUT, read_table
 
 STDIN = "-"
+MOST_BYTES = 64 * 2**20  # of a log, packed or not
+MOST_TABLE_BYTES = 16 * 2**20  # of a table of logs or a calibration
+PATIENCE_S = 60.0  # with a pipe
+_UNREADABLE = {
+    FileNotFoundError: "no such file in {}; check the name",
+    PermissionError: "no permission to read it; ask its owner for it",
+    IsADirectoryError: "a folder where a file is needed; name a file in it",
+    MemoryError: "too large for this machine's memory; cut it to the test movement",
+}
 _STAMPS = (pd.DatetimeIndex, pd.TimedeltaIndex)
 
 
@@ -45,10 +62,8 @@ def read_source(
 ) -> Table:
     """Read a log: a path ("-": standard input), a table, or time, speed and torque as arrays."""
     name = name_of(source)
-    if name == STDIN:
-        return _read_stdin()
     if isinstance(source, str | PathLike):
-        return _read_file(Path(source), name)
+        return _read_file(name, least=1 if form.rate_hz else 2)
     if isinstance(source, pd.DataFrame):
         index = source.index
         named = index.name or ("time" if isinstance(index, _STAMPS) else None)
@@ -73,20 +88,61 @@ def read_source(
     return Table(file=name, frame=pd.DataFrame(arrays))
 
 
-def _read_file(path: Path, name: str) -> Table:
+def _read_file(name: str, least: int) -> Table:
+    with naming(name):
+        content = read_bytes(name)
+        sha256 = hashlib.sha256(content).hexdigest()
+        return Table(file=name, sha256=sha256, frame=read_table(unpacked(content), least))
+
+
+@contextmanager
+def naming(name: str) -> Iterator[None]:
+    """Refuse a file that cannot be read by its name, in one line."""
     try:
-        frame = read_table(path)
+        yield
     except UnusableLog as error:
         raise error.in_file(name) from error
-    with path.open("rb") as file:
-        return Table(file=name, sha256=hashlib.file_digest(file, "sha256").hexdigest(), frame=frame)
+    except (EOFError, OSError, zlib.error, csv.Error, ValueError, MemoryError) as error:
+        other = f"cannot be read ({error}); check its name, or export it again"
+        why = _UNREADABLE.get(type(error), other)
+        raise UnusableLog(
+            f"{name}: {why.replace('{}', str(Path(name).absolute().parent))}"
+        ) from error
 
 
-def _read_stdin() -> Table:
-    """Read the standard input by way of a file, because a log's kind is told by its first bytes."""
-    if sys.stdin is None:
-        raise UnusableLog(f"{STDIN}: the standard input is closed")
-    with NamedTemporaryFile() as file:
-        shutil.copyfileobj(sys.stdin.buffer, file)
-        file.flush()
-        return _read_file(Path(file.name), STDIN)
+def read_bytes(name: str, most: int = MOST_BYTES) -> bytes:
+    """Content of a file, of a pipe like `<(command)`, or of the standard input ("-"), never more than `most`."""
+    if name == STDIN:
+        if sys.stdin is None:
+            raise UnusableLog("the standard input is closed")
+        return _take(sys.stdin.buffer, most)
+    with open(name, "rb", buffering=0, opener=_open_at_once) as file:
+        is_file = stat.S_ISREG(os.fstat(file.fileno()).st_mode)
+        return _take(file, most, None if is_file else PATIENCE_S)
+
+
+def _open_at_once(path: str, flags: int) -> int:
+    """Open without waiting for who writes into a pipe."""
+    return os.open(path, flags | getattr(os, "O_NONBLOCK", 0))
+
+
+def _take(file: Any, most: int, patience_s: float | None = None) -> bytes:
+    """Read all of a file that has an end, and is not too large; not for ever where nothing comes."""
+    content = bytearray()
+    while True:
+        if patience_s and not select.select([file], [], [], patience_s)[0]:
+            raise UnusableLog(f"nothing came out of it for {patience_s:g} s; is it a file?")
+        chunk = file.read(2**20)
+        content += chunk or b""
+        if chunk == b"":
+            return bytes(content)
+        if len(content) > most:
+            raise UnusableLog(f"more than the {most // 2**20} MiB that are read; {CUT}")
+
+
+def unpacked(content: bytes) -> bytes:
+    """Content of a gzip file, bounded; other content as it is."""
+    if not content.startswith(b"\x1f\x8b"):
+        return content
+    with gzip.open(io.BytesIO(content)) as file:
+        return _take(file, MOST_BYTES)

@@ -1,20 +1,17 @@
-"""From a log file to a table of columns: text, XLSX and Parquet.
+"""From a log's bytes to a table of columns: text, XLSX and Parquet.
 
-Log files are untrusted input: their kind is told by content, and size and archive headers are
-verified.
+Log files are untrusted input: their kind is told by content, and what they unpack to is bounded
+before it is read.
 """
 
 import csv
-import gzip
 import io
+import posixpath
 import re
 import warnings
 import zipfile
-import zlib
 from collections.abc import Sequence
 from contextlib import closing
-from pathlib import Path
-from typing import BinaryIO
 
 import pandas as pd
 
@@ -22,18 +19,16 @@ from backlash.reading.refusals import UnusableLog, library
 
 # An hour at 500 Hz is 1.8 million rows, and a log needs some 5 s of it.
 MOST_ROWS = 2_000_000
-MOST_BYTES = 64 * 2**20
 MOST_COLUMNS = 64
-# What a workbook of that size may unpack to; its XML takes some 100 bytes a cell.
+MOST_CELLS = 16_000_000
+# A workbook's XML takes some 50 bytes a cell, and a microsecond or more.
 MOST_UNPACKED_BYTES = 128 * 2**20
+MOST_SHEET_CELLS = 2_500_000
+MOST_PART_BYTES = 4 * 2**20  # of all but the sheets, which are read whole
 MOST_ZIP_MEMBERS = 1000
 _LONGEST_LINE = 2**16
-_CUT = "cut it to the test movement, a minute at most"
-_UNREADABLE = {
-    FileNotFoundError: "no such file in {}; check the name",
-    PermissionError: "no permission to read it; ask its owner for it",
-    MemoryError: "too large for this machine's memory; cut it to the test movement",
-}
+_LONGEST_NUMBER = 60  # characters
+CUT = "cut it to the test movement, a minute at most"
 
 # Parquet columns that may hold a signal; text and nested ones may unpack to anything.
 _NUMERIC = ("int", "uint", "float", "double", "halffloat", "timestamp", "decimal")
@@ -49,59 +44,48 @@ _DATE = re.compile(
 )
 _GROUPED = r"[+-]?\d{1,3}(,\d{3})+\.\d+"  # with marks of thousands
 _NUMBER = re.compile(
-    rf"{_GROUPED}|[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?|[+-]?(nan|inf|infinity)", re.IGNORECASE
+    rf"{_GROUPED}|[+-]?(\d+(\.\d*)?|\.\d+)([eE][+-]?\d+)?|[+-]?(nan|inf|infinity)", re.IGNORECASE
 )
-_ROW = re.compile(rb"<(\w+:)?row\b")  # of a workbook's sheet
+# Of a workbook's sheet.
+_ROW = re.compile(rb"<(\w+:)?row\b")
+_CELL = re.compile(rb"<(\w+:)?c\b")
+_IS_SHEET = "/worksheet"  # ends the type of a relation
 _UNIT_WORD = re.compile(r"[\[(<]?\s*[A-Za-z°µ%/.^\-0-9]{0,8}( ?s\^?-1)?\s*[\])>]?")
 
 
-def read_table(path: Path) -> pd.DataFrame:
-    """Columns of a log file by name, or from 1 without a header; the index is the file's row."""
-    try:
-        return _read_file(path)
-    except UnusableLog:
-        raise
-    except (OSError, EOFError, zlib.error, csv.Error, ValueError, MemoryError) as error:
-        other = f"cannot be read ({error}); check its name, or export it again"  # broken gzip, an impossible name
-        why = _UNREADABLE.get(type(error), other)
-        raise UnusableLog(why.replace("{}", str(path.absolute().parent))) from error
-
-
-def _read_file(path: Path) -> pd.DataFrame:
-    """Read a file of bearable size by its first bytes."""
-    if path.is_dir():
-        raise UnusableLog("a folder where a log file is needed; name a file in it")
-    if path.exists() and not path.is_file():
-        raise UnusableLog("not a regular file; copy the log into one")
-    with path.open("rb") as file:
-        head = file.read(32)
-    if not head:
+def read_table(content: bytes, least: int = 2) -> pd.DataFrame:
+    """Columns of a log, `least` or more, by name, or from 1 without a header; the index is the file's row."""
+    if not content:
         raise UnusableLog("the file is empty; export the log again")
-    if head.startswith(b"PAR1"):
-        return _read_parquet(path)
-    _check_bytes(path.stat().st_size)
-    if head.startswith(b"PK"):
-        return _read_workbook(path)
-    with gzip.open(path) if head.startswith(b"\x1f\x8b") else path.open("rb") as file:
-        return _read_text(file)
+    if content.startswith(b"PAR1"):
+        return _read_parquet(content, least)
+    if content.startswith(b"PK"):
+        return _table_of(_read_workbook(content), "utf-8", least)
+    return _table_of(content, _encoding(content), least)
 
 
-def _read_parquet(path: Path) -> pd.DataFrame:
+def _read_parquet(content: bytes, least: int) -> pd.DataFrame:
     """Read the numbers of a Parquet file."""
     parquet = library("pyarrow.parquet", "parquet")
+    float64 = library("pyarrow", "parquet").float64()
     try:
-        with parquet.ParquetFile(path) as file:
+        with parquet.ParquetFile(io.BytesIO(content)) as file:
             flat = [
                 field.name for field in file.schema_arrow if str(field.type).startswith(_NUMERIC)
             ]
             _check_size(file.metadata.num_rows, len(flat))
-            frame = file.read(columns=flat).to_pandas(ignore_metadata=True)
+            table = file.read(columns=flat, use_threads=False)
+        for number, field in enumerate(table.schema):
+            if str(field.type).startswith("decimal"):  # else each number becomes an object
+                numbers = table.column(number).cast(float64)
+                table = table.set_column(number, field.name, numbers)
+        frame = table.to_pandas(ignore_metadata=True)
     except UnusableLog:
         raise
     except Exception as error:  # whatever hostile bytes make the library raise
         problem = f"a broken Parquet file ({type(error).__name__}: {str(error)[:200]})"
         raise UnusableLog(f"{problem}; export the log again, or as CSV") from error
-    if frame.shape[1] < 2:
+    if frame.shape[1] < least:
         raise UnusableLog(
             "no two columns of numbers in this Parquet file; export time and speed as CSV"
         )
@@ -109,16 +93,13 @@ def _read_parquet(path: Path) -> pd.DataFrame:
     return frame
 
 
-def _check_bytes(size: int) -> None:
-    if size > MOST_BYTES:
-        raise UnusableLog(f"more than the {MOST_BYTES // 2**20} MiB that are read; {_CUT}")
-
-
 def _check_size(rows: int, columns: int) -> None:
     if rows > MOST_ROWS:
-        raise UnusableLog(f"more than {MOST_ROWS:,} rows; {_CUT}")
+        raise UnusableLog(f"more than {MOST_ROWS:,} rows; {CUT}")
     if columns > MOST_COLUMNS:
         raise UnusableLog(f"more than {MOST_COLUMNS} columns; export time and speed alone")
+    if rows * columns > MOST_CELLS:
+        raise UnusableLog(f"{rows:,} rows of {columns} columns; export time and speed alone")
 
 
 def _named(frame: pd.DataFrame, above: Sequence[Sequence[str]], first: int) -> pd.DataFrame:
@@ -165,16 +146,18 @@ def _numbers(line: str, delimiter: str, decimal: str) -> list[str]:
     return [
         s
         for s, field in zip(swapped, fields, strict=True)
-        if _NUMBER.fullmatch(s) or _DATE.fullmatch(field)
+        if len(s) <= _LONGEST_NUMBER and (_NUMBER.fullmatch(s) or _DATE.fullmatch(field))
     ]
 
 
-def _find_dialect(lines: Sequence[str]) -> tuple[str, str]:
-    """Delimiter and decimal mark that read most lines as two numbers or more."""
+def _find_dialect(lines: Sequence[str], least: int) -> tuple[str, str]:
+    """Delimiter and decimal mark that read most lines as `least` numbers or more."""
 
     def score(dialect: tuple[str, str]) -> float:
         counts = [len(_numbers(line, *dialect)) for line in lines]
-        return sum(count >= 2 for count in counts) + 1e-3 * sum(min(count, 10) for count in counts)
+        return sum(count >= least for count in counts) + 1e-3 * sum(
+            min(count, 10) for count in counts
+        )
 
     best = max(_DIALECTS, key=score)
     if score(best) < 1:
@@ -184,26 +167,25 @@ def _find_dialect(lines: Sequence[str]) -> tuple[str, str]:
     return best
 
 
-def _read_text(file: BinaryIO | gzip.GzipFile) -> pd.DataFrame:
-    """Read text in the encodings of loggers and spreadsheets."""
-    content = file.read(MOST_BYTES + 1)
-    _check_bytes(len(content))
+def _encoding(content: bytes) -> str:
+    """The encoding of a text, among those of loggers and spreadsheets."""
     if content.startswith(_UTF16):
-        return _table_of(content.decode("utf-16", errors="replace"))
+        return "utf-16"
     if b"\0" in content[:_LONGEST_LINE] or content.startswith(b"%PDF"):
         raise UnusableLog(
             "neither text nor .xlsx nor Parquet; export the log as CSV, or hand its columns over from Python"
         )
     try:
-        text = content.decode("utf-8-sig")
+        content.decode("utf-8")
     except UnicodeDecodeError:  # Latin-1 takes any bytes
-        text = content.decode("latin-1")
-    return _table_of(text)
+        return "latin-1"
+    return "utf-8-sig"
 
 
-def _table_of(text: str) -> pd.DataFrame:
+def _table_of(content: bytes, encoding: str, least: int) -> pd.DataFrame:
     """Find the table in a text."""
-    head = re.split(r"\r\n|\r|\n", text[:_LONGEST_LINE])[:400]
+    text = content[: 2 * _LONGEST_LINE].decode(encoding, "replace")[:_LONGEST_LINE]
+    head = re.split(r"\r\n|\r|\n", text)[:400]
     if len(head) < 2 and len(text) >= _LONGEST_LINE:
         raise UnusableLog(
             f"its first line is longer than {_LONGEST_LINE} characters; that is no log"
@@ -216,17 +198,23 @@ def _table_of(text: str) -> pd.DataFrame:
     if not filled:
         raise UnusableLog("nothing but blank lines; export the log again")
     last = [line for _, line in filled[-50:]]
-    delimiter, decimal = _find_dialect(last)
+    delimiter, decimal = _find_dialect(last, least)
     grouped = any(
         re.fullmatch(_GROUPED, field)
         for line in last
         for field in _numbers(line, delimiter, decimal)
     )
-    first = next(number for number, line in filled if len(_numbers(line, delimiter, decimal)) >= 2)
+    first = next(
+        number for number, line in filled if len(_numbers(line, delimiter, decimal)) >= least
+    )
     above = [_split(line, delimiter) for number, line in filled if number < first]
+    # The parser makes all rows as wide as this one.
+    _check_size(0, len(_split(head[first], delimiter)))
     try:
         frame = pd.read_csv(
-            io.StringIO(text),
+            io.BytesIO(content),
+            encoding=encoding,
+            encoding_errors="replace",
             sep=delimiter,
             decimal=decimal,
             header=None,
@@ -242,41 +230,67 @@ def _table_of(text: str) -> pd.DataFrame:
     return _named(frame, above, first)
 
 
-def _inspect_workbook(path: Path) -> None:
-    """See by its directory that a workbook is one, without macros and not too large; no part unpacks to more."""
+def _inspect_workbook(bundle: zipfile.ZipFile) -> None:
+    """See that a workbook is one, without macros, and that no part of it unpacks to more than is read in seconds."""
     refused = "a zip archive that is no plain workbook"
-    with zipfile.ZipFile(path) as bundle:
-        members = bundle.infolist()
-        names = {member.filename for member in members}
-        if "xl/workbook.xml" not in names:
-            raise UnusableLog(
-                f"{refused} (it has no xl/workbook.xml); unpack it, or save the log as CSV"
-            )
-        declared = sum(member.file_size for member in members)
-        if len(members) > MOST_ZIP_MEMBERS or declared > MOST_UNPACKED_BYTES:
-            size = f"{declared / 2**20:,.0f} MiB, above {MOST_UNPACKED_BYTES // 2**20}"
-            parts = f"{refused}: {len(members)} parts that unpack to {size}"
-            raise UnusableLog(f"{parts}; save the test movement alone, as CSV")
-        # Counted first, because the library takes a gigabyte for millions of empty rows.
-        for name in names:
-            if name.startswith("xl/worksheets/"):
-                _check_size(sum(1 for _ in _ROW.finditer(bundle.read(name))), 0)
-        macros = any(name.lower().endswith("vbaproject.bin") for name in names)
-        if macros or b"macroEnabled" in bundle.read("[Content_Types].xml"):
-            raise UnusableLog("a workbook with macros; save it as .xlsx without them")
+    members = {member.filename: member.file_size for member in bundle.infolist()}
+    if "xl/workbook.xml" not in members:
+        raise UnusableLog(
+            f"{refused} (it has no xl/workbook.xml); unpack it, or save the log as CSV"
+        )
+    declared = sum(members.values())
+    if len(bundle.infolist()) > MOST_ZIP_MEMBERS or declared > MOST_UNPACKED_BYTES:
+        unpacked = f"{declared / 2**20:,.0f} MiB, above {MOST_UNPACKED_BYTES // 2**20}"
+        parts = f"{refused}: {len(members)} parts that unpack to {unpacked}"
+        raise UnusableLog(f"{parts}; save the test movement alone, as CSV")
+    sheets = _sheets(bundle)
+    for name, size in members.items():
+        if size > MOST_PART_BYTES and name not in sheets:
+            what = f"{name} unpacks to {size / 2**20:,.0f} MiB, above {MOST_PART_BYTES // 2**20}"
+            raise UnusableLog(f"{refused}: {what}; save the log as CSV")
+        if name in sheets:
+            _count_cells(bundle.read(name))
+    macros = any(name.lower().endswith("vbaproject.bin") for name in members)
+    if macros or b"macroEnabled" in bundle.read("[Content_Types].xml"):
+        raise UnusableLog("a workbook with macros; save it as .xlsx without them")
 
 
-def _read_workbook(path: Path) -> pd.DataFrame:
+def _sheets(bundle: zipfile.ZipFile) -> set[str]:
+    """Parts of a workbook that are its sheets, by their relations."""
+    relations = bundle.getinfo("xl/_rels/workbook.xml.rels")
+    if relations.file_size > MOST_PART_BYTES:
+        return set()
+    return {
+        posixpath.normpath(posixpath.join("/xl", relation.get("Target", "")))[1:]
+        for relation in library("defusedxml.ElementTree", "xlsx").fromstring(bundle.read(relations))
+        if relation.get("Type", "").endswith(_IS_SHEET)
+    }
+
+
+def _count_cells(sheet: bytes) -> None:
+    """Refuse a sheet of too many cells before the library takes gigabytes for it, also for empty ones."""
+    if sheet.startswith(_UTF16) or b"\0" in sheet[:4]:
+        raise UnusableLog(
+            "its sheet is in UTF-16, as no spreadsheet writes it; save the log as CSV"
+        )
+    _check_size(sum(1 for _ in _ROW.finditer(sheet)), 0)
+    cells = sum(1 for _ in _CELL.finditer(sheet))
+    if max(cells, sheet.count(b"<") // 8) > MOST_SHEET_CELLS:
+        raise UnusableLog(f"more than {MOST_SHEET_CELLS:,} cells; {CUT}")
+
+
+def _read_workbook(content: bytes) -> bytes:
     """Read a workbook's first sheet as text; formulas by stored results (defusedxml refuses entities)."""
     load_workbook = library("openpyxl", "xlsx").load_workbook
     text = io.StringIO()
     writer = csv.writer(text, delimiter="\t", lineterminator="\n")
     try:
-        _inspect_workbook(path)
-        with (
-            warnings.catch_warnings(action="ignore"),
-            closing(load_workbook(path, read_only=True, data_only=True, keep_links=False)) as book,
-        ):
+        with zipfile.ZipFile(io.BytesIO(content)) as bundle:
+            _inspect_workbook(bundle)
+        opened = load_workbook(
+            io.BytesIO(content), read_only=True, data_only=True, keep_links=False
+        )
+        with warnings.catch_warnings(action="ignore"), closing(opened) as book:
             book.worksheets[0].reset_dimensions()
             for number, row in enumerate(book.worksheets[0].iter_rows(values_only=True)):
                 _check_size(number, len(row))
@@ -285,6 +299,6 @@ def _read_workbook(path: Path) -> pd.DataFrame:
         raise
     except Exception as error:  # whatever hostile bytes make the libraries raise
         raise UnusableLog(
-            f"not a readable workbook ({type(error).__name__}: {error}); save the log as CSV"
+            f"not a readable workbook ({type(error).__name__}: {str(error)[:200]}); save the log as CSV"
         ) from error
-    return _table_of(text.getvalue())
+    return text.getvalue().encode()

@@ -61,6 +61,12 @@
 # simulated joints. A note compares the motor's inertia that the log tells of with yours: it gives the torque's unit in
 # N m, which for a current is the torque constant. If it is not what you know, an input is wrong.
 #
+# *Which side*: speed, position and torque are the motor's, and the backlash is the joint's, half of the angle by which
+# the load can turn while the motor stands. Most robots log the joint's side: then $N = 1$, and the load is said by its
+# two ratios (`--gear-ratio 1 --inertia-ratio RHO --gravity PER_S2`). Gear makers state the *lost motion*, measured from
+# side to side at a few per cent of the rated torque: the total play $2 \delta$ and the wind-up of the teeth at that
+# torque. So $2 \delta$ is less than the lost motion of the data sheet.
+#
 # *Strokes to and fro*, where a joint can't turn four times: six or more across the vertical at constant speed, with
 # the torque and the gear ratio. Two inertias, spring, gap and friction are driven by the logged torque, and a Kalman
 # filter corrects them by the speed. Strokes can't tell that there is no backlash.

@@ -79,12 +79,15 @@ def test_the_jitter_of_a_position_is_told_apart_and_undone(are_true):
     assert (log.recording.v - 100 - 0.6 * np.sin(2 * np.pi * 20 * middle)).std() < 0.01
 
 
-def test_a_gap_in_the_constant_speed_is_refused_and_one_elsewhere_is_not():
+def test_of_a_constant_speed_with_a_gap_the_longer_side_is_used_if_it_has_four_turns():
     t, v = without(slice(1000, 1010), noisy().t, noisy().v)
+    log = opened(t, v)
+    np.testing.assert_array_equal(log.recording.v, noisy().v[1010:])
+    assert log.notes == ("used the constant speed from 2.020 to 4.800 s of 4.800 s",)
     with pytest.raises(
-        UnusableLog, match=r"row 1000: a gap of 0.022 s in the constant speed, at t = 1.998 s"
+        UnusableLog, match=r"row 700: a gap of 0.022 s in the constant speed, at t = 1.398 s"
     ):
-        opened(t, v)
+        opened(*without(slice(700, 710), noisy().t[:1400], noisy().v[:1400]))
     ramp = np.linspace(0, 100, 300) + np.random.default_rng(1).normal(0, 0.1, 300)
     v = np.concatenate([ramp, noisy().v])
     t = 2e-3 * np.arange(v.size) + np.where(np.arange(v.size) > 100, 0.1234, 0.0)
@@ -148,3 +151,28 @@ def test_a_spoilt_log_is_estimated_as_the_whole_one():
     assert [estimate.verdict for estimate in found] == ["backlash", "backlash"]
     low, high = found[0].backlash_interval_rad
     assert abs(found[1].backlash_rad - found[0].backlash_rad) < 0.1 * (high - low)
+
+
+def drifting(speed_rps: float, rate_hz: float, seconds: float, delta_rad: float = 9e-4):
+    """A log by a clock that drifts by many samples, with late stamps, gaps of 8 ms and 1 % lost samples."""
+    rng = np.random.default_rng(8)
+    true = np.arange(round(seconds * rate_hz)) / rate_hz
+    ring = noisy(delta_rad)
+    turn = np.interp(true * speed_rps % ring.t[-1], ring.t, ring.v) - 100
+    v = speed_rps * (1 + 0.01 * turn) + rng.normal(0, 1e-4 * speed_rps, true.size)
+    drift = 20 / rate_hz * np.sin(2 * np.pi * true / seconds)
+    stamps = true + drift + rng.uniform(0, 2e-4, true.size)
+    lost = rng.random(true.size) < 0.01
+    for gap in (500, 1700, 2800):
+        lost[gap : gap + 3] = True
+    return true[~lost], stamps[~lost], v[~lost]
+
+
+def test_a_clock_that_drifts_is_followed_and_no_sample_is_made_beyond_the_last():
+    true, stamps, v = drifting(1.0, 490.0, 20.0)
+    log = opened(stamps, v, LogFormat(turn_period_s=1.0))
+    assert "a clock that drifts, followed" in log.notes[0]
+    assert v.min() - 0.002 < log.recording.v.min()
+    assert log.recording.v.max() < v.max() + 0.002
+    at = log.recording.t + true[0]
+    assert np.abs(log.recording.v - np.interp(at, true, v)).std() < 2e-3

@@ -5,7 +5,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from backlash.reading import tables
+from backlash.reading import sources
 from backlash.reading.prepare import open_log
 from replication.recording import Recording
 from tests.logs import TURN, noisy, read, refusal, text
@@ -25,7 +25,7 @@ def test_a_compressed_text_is_read_and_a_broken_one_refused(tmp_path):
 
 
 def test_what_a_compressed_text_unpacks_to_is_bounded(tmp_path, monkeypatch):
-    monkeypatch.setattr(tables, "MOST_BYTES", 2**16)
+    monkeypatch.setattr(sources, "MOST_BYTES", 2**16)
     path = tmp_path / "log.csv.gz"
     path.write_bytes(gzip.compress(b"1,2\n" * 2**20))
     assert path.stat().st_size < 2**16

@@ -138,7 +138,10 @@ REFUSED = {
         "the speed is clipped at 100.2 rps",
     ),
     "a spike": (spoilt(v=with_value(500, 900.0)), "row 502: a spike, 900 rps"),
-    "a gap": (dropped(*range(1000, 1100)), "row 1002: a gap of 0.202 s in the constant speed"),
+    "gaps": (
+        dropped(*range(700, 800), *range(1550, 1650)),
+        "row 702: a gap of 0.202 s in the constant speed",
+    ),
     "a speed that never changes": (
         spoilt(v=np.full(2401, 100.0)),
         "never changes, it is 100 throughout",
@@ -218,14 +221,14 @@ def test_what_cannot_be_read_is_refused_in_one_line_that_says_why(kind, tmp_path
 
 
 def test_a_folder_a_missing_file_and_a_forbidden_one_are_refused(tmp_path, monkeypatch):
-    assert "a folder where a log file is needed; name a file in it" in refusal(tmp_path)
+    assert "a folder where a file is needed; name a file in it" in refusal(tmp_path)
     assert f"no such file in {tmp_path}; check" in refusal(tmp_path / "missing.csv")
     assert "check its name" in refusal(Path("log\0.csv"))
-    assert "not a regular file; copy the log into one" in refusal(Path("/dev/null"))
+    assert "the file is empty" in refusal(Path("/dev/null"))
     path = written(text(), tmp_path / "log")
 
     def forbidden(*_, **__):
         raise PermissionError(13, "Permission denied")
 
-    monkeypatch.setattr(Path, "open", forbidden)
+    monkeypatch.setattr("builtins.open", forbidden)
     assert "no permission to read it; ask its owner for it" in refusal(path)

@@ -15,6 +15,14 @@ def test_the_errata_sheet_is_what_the_data_give_with_a_row_for_each_erratum(verd
     assert len(re.findall(r"^\| E\d+ ", sheet, re.MULTILINE)) == len(published.table("errata"))
 
 
+def test_the_errata_sheet_holds_no_tag_that_a_reader_would_run(verdicts, monkeypatch):
+    hostile = published.errata().assign(effect="<script>alert(1)</script>")
+    monkeypatch.setattr(published, "errata", lambda: hostile)
+    text = markdown.render_errata(facts.collect_facts(RESULTS, verdicts))
+    assert "&lt;script>" in text
+    assert "<script" not in text
+
+
 def test_the_supplement_lists_each_of_its_tables():
     folder, listed = RESULTS / "supplement", markdown.render_supplement(RESULTS)
     assert (folder / "README.md").read_text("utf-8") == listed, "run: make report"

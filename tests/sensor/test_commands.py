@@ -189,7 +189,6 @@ def test_a_defect_is_one_line_that_says_where(log, capsys, monkeypatch):
         ("estimate LOG --turn-period 0.4 --method magic", "invalid choice"),
         ("estimate LOG --turn-period 0.4 --unit rpm", "says rps, --unit says rpm"),
         ("estimate LOG --turn-period 0.4 --speed x", "no column 'x'"),
-        ("estimate LOG --turn-period 0.4 --repeats 0", "1 or more"),
         ("estimate LOG --turn-period 0.4 --plot FOLDER/plot.gif", "must end in"),
         ("estimate LOG --turn-period 0.4 --plot FOLDER/missing/plot.png", "cannot be written"),
         ("estimate LOG --turn-period 0.4 --out FOLDER/table.xlsx", "must end in"),
@@ -203,9 +202,9 @@ def test_a_defect_is_one_line_that_says_where(log, capsys, monkeypatch):
         ("estimate FOLDER/void --turn-period 0.4", "no logs in this folder"),
         ("estimate FOLDER/missing.csv --turn-period 0.4", "no such file"),
         ("estimate LOG --turn-period 0.4 --calibration LOG", "not a calibration file"),
-        ("estimate LOG --turn-period 0.4 --calibration FOLDER", "cannot be read"),
+        ("estimate LOG --turn-period 0.4 --calibration FOLDER", "a folder where a file is"),
         ("calibrate LOG --turn-period 0.4 --out FOLDER/c.json", "columns log and backlash_rad"),
-        ("calibrate FOLDER/missing.csv --turn-period 0.4 --out FOLDER/c.json", "No such file"),
+        ("calibrate FOLDER/missing.csv --turn-period 0.4 --out FOLDER/c.json", "no such file"),
         ("trend LOG --turn-period 0.4", "no date in its name"),
         ("trend LOG --turn-period 0.4 --dates LOG", "columns file and date"),
         ("trend LOG --turn-period 0.4 --dates DATES --limit 0.5", "at most 0.1 [rad]"),
@@ -344,11 +343,61 @@ def test_a_record_without_noise_is_answered_with_the_models_own_error_in_its_int
     assert high - low > 0.06 * row["backlash_rad"]
 
 
-def test_an_output_never_overwrites_an_input(log, tmp_path, capsys):
+def test_an_output_never_overwrites_a_file_that_is_not_its_own(log, tmp_path, capsys):
     before = log.read_bytes()
     line = refused(capsys, tmp_path, "estimate", log, f"{TURN} --out", log)
-    assert "that is one of the inputs; name another file" in line
-    assert "one of the inputs" in refused(
-        capsys, tmp_path, "estimate", tmp_path, f"{TURN} --out", log
+    assert "that file is not of this command; name another, or remove it" in line
+    other = write(silent(), tmp_path / "other.csv")
+    assert "not of this command" in refused(
+        capsys, tmp_path, "estimate", other, f"{TURN} --out", log
+    )
+    assert "not of this command" in refused(
+        capsys, tmp_path, "calibrate", other, f"{TURN} --out", write(silent(), tmp_path / "a.json")
     )
     assert log.read_bytes() == before
+
+
+def test_lines_of_json_come_as_logs_are_answered(log, tmp_path, capsys):
+    (tmp_path / "empty.csv").write_text("", "utf-8")
+    status, out, _ = ran(capsys, "estimate", tmp_path, f"{TURN} --method energy --jsonl --jobs 1")
+    rows = [json.loads(line) for line in out.splitlines()]
+    assert (status, {row["verdict"] for row in rows}) == (0, {"cannot tell", "backlash"})
+    assert [list(row) for row in rows] == [ANSWER_KEYS, ANSWER_KEYS]
+
+
+def test_of_64_rows_one_that_cannot_be_costs_its_own_answer_only(log, tmp_path, capsys):
+    batch, out = tmp_path / "batch.csv", tmp_path / "out.csv"
+    batch.write_text(
+        "file,turn_period_s,inertia_ratio\n" + "log.csv,0.4,\n" * 63 + "log.csv,0.4,much\n", "utf-8"
+    )
+    status, _, err = ran(capsys, "estimate --batch", batch, "--method energy --jobs 1 --out", out)
+    found = pd.read_csv(out)
+    assert (status, "1 of 64 logs" in err) == (0, True)
+    assert (found["verdict"] == "backlash").sum() == 63
+    assert f"{batch}, log.csv: " in found["reason"].iloc[-1]
+
+
+@pytest.mark.slow
+def test_a_figure_of_each_log_that_has_a_fit_goes_into_a_folder(log, tmp_path, capsys):
+    (tmp_path / "empty.csv").write_text("", "utf-8")
+    status, _, _ = ran(
+        capsys, "estimate", tmp_path, f"{TURN} --method energy --plots", tmp_path / "figures"
+    )
+    assert status == 0
+    assert [path.name for path in (tmp_path / "figures").iterdir()] == ["00002_log.png"]
+
+
+def test_without_stamps_the_rate_is_enough(tmp_path, capsys):
+    (tmp_path / "log.csv").write_text("speed\n" + "\n".join(map(str, noisy().v)), "utf-8")
+    how = "--method energy --json --rate 500"
+    row = json.loads(ran(capsys, "estimate", tmp_path / "log.csv", TURN, how)[1])[0]
+    assert (row["verdict"], row["samples"]) == ("backlash", 2401)
+    assert "taken as even, 500 Hz, as said" in row["warnings"]
+
+
+def test_a_log_of_the_joints_side_is_recognised_by_its_turns(tmp_path, capsys):
+    slow = replace(noisy(), v=noisy().v / 40)
+    how = "--gear-ratio 40"
+    _, out, _ = ran(capsys, "estimate", write(slow, tmp_path / "log.csv"), how)
+    assert "0.3 load turns of 16 s" in out
+    assert "is this the joint's side? then --gear-ratio 1" in out

@@ -30,6 +30,7 @@ def test_strokes_in_a_file_tell_their_backlash(tmp_path, capsys):
     assert (found["method"], found["verdict"]) == ("torque", "backlash")
     low, high = found["backlash_interval_rad"]
     assert low < 1.2e-3 < high
+    assert any("the load's friction is 2." in note for note in found["warnings"])
 
 
 @pytest.mark.slow
@@ -66,7 +67,7 @@ def test_strokes_that_cannot_tell_say_why(changed, words):
 def test_a_torque_of_the_wrong_sign_is_no_answer():
     frame, known = strokes(1, 1.2e-3)
     found = backlash.estimate(frame.assign(torque=-frame["torque"]), torque="torque", **known)
-    assert "with its sign?" in found.warnings[0]
+    assert "with its sign, and the axis horizontal" in found.warnings[0]
 
 
 @pytest.mark.slow

@@ -6,6 +6,7 @@ import pytest
 
 import backlash
 from backlash.calibration import default_calibration
+from backlash.fitting.torque import LoadData
 from backlash.reading.columns import LogFormat
 from backlash.reading.prepare import open_log
 from backlash.reading.refusals import UnusableLog
@@ -196,3 +197,12 @@ def test_a_trend_of_logs_with_torque_goes_through_the_truths(capsys, tmp_path):
     assert [point["backlash_rad"] for point in points] == pytest.approx(
         [8e-4, 1.2e-3, 1.6e-3], rel=0.1
     )
+
+
+def test_a_load_inertia_a_little_below_that_of_a_point_is_a_measurement():
+    masses = {"load_mass_kg": 5.0, "load_arm_m": 0.2, "motor_inertia_kgm2": 1e-4}
+    load = LoadData.from_masses(40.0, load_inertia_kgm2=0.19, **masses)
+    assert load.gravity_per_s2 == pytest.approx(9.81 / 0.2, rel=1e-3)
+    assert "0.19 is below m r^2 = 0.2 kg m^2: that was taken" in str(load)
+    with pytest.raises(UnusableLog, match=r"--load-inertia 0\.17: its mass at its arm alone"):
+        LoadData.from_masses(40.0, load_inertia_kgm2=0.17, **masses)

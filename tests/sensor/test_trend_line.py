@@ -131,3 +131,14 @@ def test_a_log_without_a_date_is_refused(tmp_path):
     table.write_text("file,date\nother.csv,2020-01-01\n", "utf-8")
     with pytest.raises(UnusableLog, match="no date in"):
         trend_line.dates_of([tmp_path / "log_2024-03-17.csv"], table)
+
+
+def test_the_chart_shows_from_which_log_on_the_growth_was_an_alarm():
+    found = trend_line.fit_trend(*made(), 1.2e-3)
+    told = trend_line.growth_over_time(found)
+    assert told.iloc[-1][["growth", "low", "high"]].tolist() == pytest.approx(
+        [found.line[1], *found.growth_interval]
+    )
+    assert found.alarm
+    assert (told["low"] > 0).is_monotonic_increasing
+    assert len(told) == len(found.points) - 2

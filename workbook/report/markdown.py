@@ -1,6 +1,5 @@
 """What is written as Markdown: the errata, the supplement's list, the README's verdicts."""
 
-import html
 from pathlib import Path
 
 from replication import files, published
@@ -15,13 +14,10 @@ BEGIN, END = "<!-- status: begin -->\n", "\n<!-- status: end -->"
 
 def render_errata(facts: dict[str, str]) -> str:
     """Write the errata sheet."""
-    errata = published.table("errata").astype(str).reset_index()
-    for column in errata.columns:
-        errata[column] = [html.escape(text, quote=False) for text in errata[column]]
-    errata = errata.replace(r"\|", r"\\|", regex=True)
-    return TEMPLATES.get_template("errata.md.j2").render(
-        facts=facts, errata=errata.to_dict("records")
-    )
+    escaped = {r"\|": r"\\|", r"<(?=[A-Za-z/!?])": "&lt;"}
+    errata = published.table("errata").astype(str).replace(escaped, regex=True).reset_index()
+    rows = errata.to_dict("records")
+    return TEMPLATES.get_template("errata.md.j2").render(facts=facts, errata=rows)
 
 
 def render_supplement(results: Path) -> str:

@@ -1,0 +1,164 @@
+"""The command line's options, in groups, the recommended way first."""
+
+import argparse
+from pathlib import Path
+
+from backlash.endings import UNUSABLE
+from backlash.fitting import METHODS, SENSOR_METHODS
+from backlash.reading import UNITS
+from backlash.reading.refusals import one_line
+
+_ABOUT = (
+    "Backlash, half of the total play, of a robot's joint from logs of the motor encoder and torque. The test needs "
+    "a horizontal axis, an off-centre load whose gravity is above its friction, and at constant speed four turns or "
+    "more in one direction, or with the torque six strokes or more to and fro across the vertical."
+)
+_STATUS = "Exit status: 0 done, 1 a defect, 2 unusable input, 3 --fail-on holds, 130 interrupted."
+_FIGURE = "write a figure: .png, .svg or .pdf"
+_TORQUE = (
+    "Under any drive: --torque with --gear-ratio, --motor-inertia, --load-mass and --load-arm, or with --inertia-ratio "
+    "and --gravity; strokes to and fro need --gear-ratio. The backlash is proportional to the gravity (twice it, twice "
+    "the backlash) and hardly depends on the inertia ratio (30 percent off: up to 10)."
+)
+_SIDES = (
+    "Speed, position and torque are the motor's, the backlash is the joint's. Of a log with the joint's side, as most "
+    "robots write it: --gear-ratio 1 with --inertia-ratio and --gravity, --commanded-speed of the joint."
+)
+_SPEED = "Where there is no torque. Without a calibration for the paper's kind of drive only."
+
+
+class _OneLineParser(argparse.ArgumentParser):
+    def error(self, message: str):
+        """Say in one line what is wrong with the arguments, and exit."""
+        self.exit(UNUSABLE, one_line(f"{self.prog}: {message}; see --help") + "\n")
+
+
+def parser() -> argparse.ArgumentParser:
+    """The commands `estimate`, `calibrate` and `trend`."""
+    whole = _OneLineParser(prog="backlash", description=_ABOUT, epilog=_STATUS)
+    commands = whole.add_subparsers(required=True, metavar="COMMAND", dest="command")
+    estimate = commands.add_parser(
+        "estimate", help="backlash (half of the play) from logs of the motor encoder and torque"
+    )
+    what = "CSV, XLSX or Parquet files, or folders of them; - is the standard input"
+    estimate.add_argument("log", nargs="*", type=Path, help=what)
+    calibrate = commands.add_parser("calibrate", help="a calibration from logs of known backlash")
+    _add_calibrate(calibrate)
+    trend = commands.add_parser("trend", help="growth of the backlash, and when it crosses a limit")
+    _add_trend(trend)
+    for command in (estimate, trend):
+        _add_torque(command)
+        _add_speed(command)
+    for command in (estimate, calibrate, trend):
+        _add_movement(command)
+        _add_columns(command)
+    for command in (estimate, trend):
+        if command is estimate:
+            _add_answers(command)
+        many = command.add_argument_group("many logs")
+        many.add_argument("--jobs", type=int, default=-1, help="processes (default: all cores)")
+        if command is estimate:
+            _add_plant(many)
+    return whole
+
+
+def _add_answers(command: argparse.ArgumentParser) -> None:
+    add = command.add_argument_group("answers").add_argument
+    add(
+        "--json", action="store_true", help="print an array with an object for each log, at the end"
+    )
+    what = "print a line with an object for each log, as soon as it is answered"
+    add("--jsonl", action="store_true", help=what)
+    what = "write a table, one row per log: .csv or .parquet; interrupted, the same command goes on"
+    add("--out", type=Path, metavar="TABLE", help=what)
+    add("--plot", type=Path, metavar="FILE", help=f"of the one log {_FIGURE}")
+    add("--plots", type=Path, metavar="FOLDER", help="write a figure of each log with a fit: .png")
+    what = (
+        "exit with 3 if a log is one of these: cannot-tell, no-backlash, backlash, backlash>0.5mrad"
+    )
+    add("--fail-on", metavar="LIST", help=what)
+
+
+def _add_calibrate(command: argparse.ArgumentParser) -> None:
+    add = command.add_argument
+    what = "CSV with the columns log (its file) and backlash_rad (half of the play), six different ones or more"
+    add("table", type=Path, help=what)
+    add("--out", type=Path, required=True, metavar="FILE", help="the calibration, .json")
+    add("--method", choices=METHODS, default="waveform", help="default: waveform")
+
+
+def _add_trend(command: argparse.ArgumentParser) -> None:
+    add = command.add_argument
+    what = "logs or folders, dates in their names, like 2024-03-17"
+    add("log", nargs="+", type=Path, help=what)
+    add("--dates", type=Path, metavar="TABLE", help="CSV with the columns file and date instead")
+    what = "the backlash (half of the play) whose date is wanted, in rad: 0.001 for 1 mrad"
+    add("--limit", type=float, metavar="RAD", help=what)
+    what = "growth of the oscillation's amplitude in percent, for a joint whose backlash cannot be told"
+    add("--relative", action="store_true", help=what)
+    add("--json", action="store_true", help="print an object")
+    add("--plot", type=Path, metavar="FILE", help=_FIGURE)
+
+
+def _add_torque(command: argparse.ArgumentParser) -> None:
+    add = command.add_argument_group("by the torque (recommended)", _TORQUE).add_argument
+    add("--torque", metavar="COLUMN", help="or current; positive if it drives forward")
+    for option, name, unit, what in (
+        ("--motor-inertia", "motor_inertia_kgm2", "KGM2", "J_m, to check the torque's unit, too"),
+        ("--load-mass", "load_mass_kg", "KG", "m, of all that the joint moves"),
+        ("--load-arm", "load_arm_m", "M", "r, from the axis to its centre of mass"),
+        ("--load-inertia", "load_inertia_kgm2", "KGM2", "J_l, about the axis (default: m r^2)"),
+        ("--inertia-ratio", "inertia_ratio", "RHO", "J_l/(N^2 J_m), load over motor"),
+        ("--gravity", "gravity_per_s2", "PER_S2", "m g r/J_l; 9.81/r of a point at r [m]"),
+        ("--inertia-sd", "inertia_sd", "SHARE", "relative SD of the inertia ratio (0.1)"),
+        ("--gravity-sd", "gravity_sd", "SHARE", "relative SD of the gravity (0.05)"),
+    ):
+        add(option, dest=name, type=float, metavar=unit, help=what)
+
+
+def _add_speed(command: argparse.ArgumentParser) -> None:
+    add = command.add_argument_group("by the speed alone", _SPEED).add_argument
+    add("--calibration", type=Path, metavar="FILE", help="of your joint, for any drive")
+    what = "default: torque with --torque, the calibration's, else self"
+    add("--method", choices=SENSOR_METHODS, help=what)
+
+
+def _add_movement(command: argparse.ArgumentParser) -> None:
+    add = command.add_argument_group("the movement", _SIDES).add_argument
+    for option, name, unit, what in (
+        ("--gear-ratio", "gear_ratio", "N", "motor turns in a load turn; 1 for the joint's side"),
+        ("--turn-period", "turn_period_s", "S", "of the load [s], instead or too"),
+        ("--commanded-speed", "commanded_speed_rps", "RPS", "to check the unit by"),
+        ("--speed-tolerance", "speed_tolerance", "SHARE", "of the constant speed (0.03)"),
+        ("--from", "start_s", "S", "leave out what is before [s from the first sample]"),
+        ("--to", "end_s", "S", "leave out what is after"),
+    ):
+        add(option, dest=name, type=float, metavar=unit, help=what)
+    what = "the turn that is given is right, whatever the record seems to repeat itself by"
+    add("--trust-period", action="store_true", help=what)
+
+
+def _add_columns(command: argparse.ArgumentParser) -> None:
+    what = "Columns by name, or by number from 1; found by name otherwise."
+    add = command.add_argument_group("the log's columns", what).add_argument
+    add("--time", metavar="COLUMN", help="stamps")
+    add("--time-unit", choices=("s", "ms", "us", "ns"), help="of the time stamps")
+    what = "without stamps, or where they are to be ignored: samples a second"
+    add("--rate", dest="rate_hz", type=float, metavar="HZ", help=what)
+    add("--speed", metavar="COLUMN", help="of the motor, or the joint (--gear-ratio 1)")
+    add("--position", metavar="COLUMN", help="instead of the speed")
+    what = "of the speed; of a position: rps for turns, rad/s for rad"
+    add("--unit", choices=UNITS, help=what)
+    what = "encoder counts of a motor turn"
+    add("--counts-per-turn", type=float, metavar="N", help=what)
+
+
+def _add_plant(group: argparse._ArgumentGroup) -> None:
+    what = (
+        "CSV with the column file, and joint, date, and each log's own turn_period_s, gear_ratio, torque, "
+        "inertia_ratio, gravity_per_s2 (or motor_inertia_kgm2, load_mass_kg, load_arm_m, load_inertia_kgm2), "
+        "calibration, ..."
+    )
+    group.add_argument("--batch", type=Path, metavar="TABLE", help=what)
+    what = "scheduler of a cluster that takes the place of --jobs"
+    group.add_argument("--dask", metavar="ADDRESS", help=what)
