@@ -46,7 +46,7 @@ def judge(known: Detected, settings: Settings) -> Estimate:
     if not isinstance(known, Fitted):
         answer = _judge_absence(known, least_rad, answer)
     elif known.torque_fit is not None:
-        return _finite(_judge_torque(known, known.torque_fit, settings, answer))
+        return _finite(_judge_torque(known.torque_fit, settings, answer))
     elif known.refusal is not None:
         raise known.refusal
     elif known.joint is not None:
@@ -222,17 +222,17 @@ def _beyond(reading: Reading, found: Backlash, calibration: Calibration) -> str:
     return f"a signature is there, but {what} lies past the end of the calibration's range{ends}"
 
 
-def _judge_torque(fitted: Fitted, fit: TorqueFit, settings: Settings, answer: Estimate) -> Estimate:
+def _judge_torque(fit: TorqueFit, settings: Settings, answer: Estimate) -> Estimate:
     """Answer by the speed and torque of a log, and name what was said of the load."""
-    said, high = str(settings.load), fit.interval_rad[1]
-    is_none = _is_none(high, settings.calibration.range_rad[0], fitted)
-    if not fit.reverses and (is_none or not fitted.presence.found):
+    said = str(settings.load)
+    if not fit.reverses:
         raise CannotTell(*NO_REVERSAL, (said,))
-    if fit.refusal_reason and not is_none:
+    if fit.refusal_reason:
         raise CannotTell("too noisy", fit.refusal_reason, (said,))
     found = _told_by_torque(fit, settings, answer)
-    if not is_none:
+    if not fit.is_none:
         return found
+    high = fit.interval_rad[1]
     return replace(
         found, verdict="no backlash", backlash_rad=0.0, backlash_interval_rad=(0.0, high)
     )
