@@ -32,7 +32,10 @@ _LEAST_SHARE = 0.8  # of the pattern's energy, for the model to explain; it expl
 _NEGLIGIBLE_RAD = 5e-5
 _OFF = 0.05  # of the amplitude; searches that all end in the best minimum differ less from the global fit
 _FAR_OUTSIDE = 1.2  # times the value at the end of the range; a cubic beyond means nothing
-_IF_IT_REVERSES = "valid only if the load's friction is below gravity: above, the teeth never part; the torque shows that"
+_IF_IT_REVERSES = (
+    "valid only if the load's friction is below gravity: above, the teeth never part, and only the "
+    "torque shows that"
+)
 _ADVICE = (
     "method self knows joints under a drive of the paper's kind alone; for any other, log the torque too (--torque), "
     f"or calibrate on the joint itself: backlash calibrate, with its logs at {LEAST_LEVELS} or more known backlashes"

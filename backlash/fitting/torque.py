@@ -259,7 +259,7 @@ def _change(recording: Recording, torque: FloatArray) -> float:
 
 
 def _ripple(recording: Recording) -> float:
-    """Largest amplitude of the motor's acceleration [rad/s^2] at orders of its own turn, unless folded onto a ring's."""
+    """Largest amplitude of the motor's acceleration [rad/s^2] at orders of its own turn, but for those folded low."""
     speed, dt = TURN * recording.v, recording.sample_s
     rate = speed.mean()
     waves = np.exp(-1j * np.outer(_RIPPLES, np.cumsum(speed) * dt))
@@ -530,8 +530,10 @@ def fit_torque(recording: Recording, torque: FloatArray, load: LoadData) -> Torq
         raise ValueError(
             f"a gap of {delta:.2g} rad, less than none, fits best; are the load's data right?"
         )
-    if fit.interval_rad[1] < _NEGLIGIBLE_RAD and lost_by(1e3 * _NEGLIGIBLE_RAD) > _CLEAR * misfit:
-        return replace(fit, is_none=True, refusal_reason="")
+    if fit.interval_rad[1] < _NEGLIGIBLE_RAD:
+        is_none = lost_by(1e3 * _NEGLIGIBLE_RAD) > _CLEAR * misfit
+        reason = "" if is_none else f"{_NEGLIGIBLE_RAD:g} rad fits nearly as well as none; {advice}"
+        return replace(fit, is_none=is_none, refusal_reason=reason)
     if not fit.refusal_reason and lost_by(0.0) < _CLEAR * misfit:
         return replace(fit, refusal_reason=f"none fits nearly as well as {delta:.2g} rad; {advice}")
     return fit
