@@ -182,7 +182,7 @@ def draw_turns(
     )
     counts = joint.gravity * 4 / 2.0 ** rng.integers(11, 15)
     return TurnsLog(
-        every * _CONTROL_S * np.arange(speed.size),
+        every * _CONTROL_S * np.arange(speed.size, dtype=float),
         speed * gear_ratio / TURN,
         counts * np.rint(torque / counts),
         gear_ratio,

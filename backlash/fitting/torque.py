@@ -208,7 +208,8 @@ def _harmonics(
     ]
     # The last sample's share of the last turn counts.
     whole = bins + (turns * a_turn - y.size) * y[0] / y.size
-    return whole[turns::turns][:last], np.sqrt([np.nanmean(power) for power in beside])
+    sd = np.array([np.nanmean(power) for power in beside]) ** 0.5
+    return whole[turns::turns][:last], sd
 
 
 def _mean_turn(recording: Recording, torque: FloatArray) -> _Turn:
@@ -349,7 +350,7 @@ class _Joint:
         turn = self.turn
         self.used = turn.is_fitted & (np.arange(turn.omega.size) < harmonics)
         self.lacking = lacking * self.size[self.used]
-        self.over_noise = np.float64(1)
+        self.over_noise = np.ones_like(self.lacking)
         least = max(TURN / turn.omega[0] / step_s, 2 * turn.omega.size + 2)
         self.steps = 2 * next_fast_len(int(least / 2) + 1, real=True)
         self.start = np.zeros(2)
