@@ -10,7 +10,7 @@ import numpy as np
 from numpy.random import Generator
 
 from replication.arrays import FloatArray
-from replication.compiled.cache import njit
+from replication.compiling import njit
 from replication.simulator.parameters import GRAVITY, TURN
 from studies.odd_joints import draw_log_uniform
 

@@ -30,7 +30,7 @@ from backlash.fitting.waveform import drop_first_turn
 from backlash.reading.columns import is_positive
 from backlash.reading.refusals import UnusableLog
 from replication.arrays import FloatArray
-from replication.compiled.cache import njit
+from replication.compiling import njit
 from replication.recording import Recording
 from replication.simulator.parameters import GRAVITY, TURN
 
@@ -208,7 +208,7 @@ def _harmonics(
     ]
     # The last sample's share of the last turn counts.
     whole = bins + (turns * a_turn - y.size) * y[0] / y.size
-    sd = np.array([np.nanmean(power) for power in beside]) ** 0.5
+    sd = np.sqrt(np.array([float(np.nanmean(power)) for power in beside]))
     return whole[turns::turns][:last], sd
 
 
@@ -236,7 +236,7 @@ def _mean_turn(recording: Recording, torque: FloatArray) -> _Turn:
     order = np.arange(1, last + 1)
     beside_motor = np.abs(order[:, None] - gear_ratio * np.array(MOTOR_ORDERS)) < 1.5
     return _Turn(
-        TURN / period * order,
+        np.float64(TURN / period) * order,
         speed,
         found,
         speed_sd,
