@@ -403,7 +403,8 @@ class _Joint:
         return np.nan_to_num(np.concatenate([rest.real, rest.imag, prior, [beyond]]), nan=1e6)
 
     def chi2(self, theta: FloatArray) -> float:
-        """Sum of the squared residuals."""
+        """Sum of the squared residuals, whatever joint was simulated before."""
+        self.start[:] = 0.0
         return float(np.sum(self.residuals(theta) ** 2))
 
     def slopes(self, theta: FloatArray, is_central: bool = True) -> FloatArray:
