@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 
 from backlash import __version__
-from backlash.fitting import SELF
+from backlash.fitting import SELF, TORQUE
 from backlash.reading.refusals import one_line
 
 
@@ -45,7 +45,12 @@ class Estimate:
         if self.backlash_rad is None or self.backlash_interval_rad is None:
             answer, notes = f"cannot tell: {notes[0]}", notes[1:]
         elif self.verdict == "no backlash":
-            answer = f"no backlash (less than {1e3 * self.backlash_interval_rad[1]:.3f} mrad, half of the play)"
+            less = f"less than {1e3 * self.backlash_interval_rad[1]:.3f} mrad, half of the play"
+            answer = f"no backlash ({less})"
+            if self.method != TORQUE:
+                answer = (
+                    f"no backlash seen ({less}); valid only if the load's friction is below gravity"
+                )
         else:
             low, high = (1e3 * end for end in self.backlash_interval_rad)
             answer = f"backlash {1e3 * self.backlash_rad:.3f} mrad (half of the play; 95 %: {low:.3f} to {high:.3f})"

@@ -44,7 +44,7 @@ def fit_log(detected: Detected, settings: Settings) -> Detected:
     """Fit the method's model; a log without a pattern stays as it is."""
     presence, calibration = detected.presence, settings.calibration
     if settings.load is not None:
-        return _fit_by_torque(detected, settings.load, settings.seed)
+        return _fit_by_torque(detected, settings.load)
     # Friction makes a pattern of the same sign in both halves of a turn, and these methods know it.
     knows_friction = calibration.bank is not None or calibration.method == SELF
     if not presence.found and not (knows_friction and presence.has_same_sign):
@@ -89,11 +89,11 @@ def _with_turn(detected: Detected, turn: FloatArray | None, reading: Reading) ->
     return Fitted(**vars(detected), model_rps=model, reading=reading)
 
 
-def _fit_by_torque(detected: Detected, load: LoadData, seed: int) -> Fitted:
+def _fit_by_torque(detected: Detected, load: LoadData) -> Fitted:
     """Fit the speed and the torque, without a model of the drive; the model of the speed is its mean turn."""
     torque = np.asarray(detected.torque, dtype=float)  # not a number, of a log read without one
     try:
-        fit = fit_torque(detected.recording, torque, load, np.random.default_rng(seed))
+        fit = fit_torque(detected.recording, torque, load)
     except ValueError as error:
         raise _no_fit(error, load) from error
     return replace(_with_turn(detected, None, NO_READING), torque_fit=fit)

@@ -32,7 +32,10 @@ _LEAST_SHARE = 0.8  # of the pattern's energy, for the model to explain; it expl
 _NEGLIGIBLE_RAD = 5e-5
 _OFF = 0.05  # of the amplitude; searches that all end in the best minimum differ less from the global fit
 _FAR_OUTSIDE = 1.2  # times the value at the end of the range; a cubic beyond means nothing
-_IF_IT_REVERSES = "if the load's friction is below gravity: above, the teeth never part, and only the torque shows that"
+_IF_IT_REVERSES = (
+    "valid only if the load's friction is below gravity: above, the teeth never part, and only the "
+    "torque shows that"
+)
 _ADVICE = (
     "method self knows joints under a drive of the paper's kind alone; for any other, log the torque too (--torque), "
     f"or calibrate on the joint itself: backlash calibrate, with its logs at {LEAST_LEVELS} or more known backlashes"
@@ -46,7 +49,7 @@ def judge(known: Detected, settings: Settings) -> Estimate:
     if not isinstance(known, Fitted):
         answer = _judge_absence(known, least_rad, answer)
     elif known.torque_fit is not None:
-        return _finite(_judge_torque(known, known.torque_fit, settings, answer))
+        return _finite(_judge_torque(known.torque_fit, settings, answer))
     elif known.refusal is not None:
         raise known.refusal
     elif known.joint is not None:
@@ -148,7 +151,7 @@ def _earned(answer: Estimate, detected: Detected) -> Estimate:
         answer,
         amplitude_rps=None,
         amplitude_interval_rps=None,
-        warnings=(*answer.warnings, _IF_IT_REVERSES),
+        warnings=(_IF_IT_REVERSES, *answer.warnings),
     )
 
 
@@ -222,17 +225,17 @@ def _beyond(reading: Reading, found: Backlash, calibration: Calibration) -> str:
     return f"a signature is there, but {what} lies past the end of the calibration's range{ends}"
 
 
-def _judge_torque(fitted: Fitted, fit: TorqueFit, settings: Settings, answer: Estimate) -> Estimate:
+def _judge_torque(fit: TorqueFit, settings: Settings, answer: Estimate) -> Estimate:
     """Answer by the speed and torque of a log, and name what was said of the load."""
-    said, high = str(settings.load), fit.interval_rad[1]
-    is_none = _is_none(high, settings.calibration.range_rad[0], fitted)
-    if not fit.reverses and (is_none or not fitted.presence.found):
+    said = str(settings.load)
+    if not fit.reverses:
         raise CannotTell(*NO_REVERSAL, (said,))
-    if fit.refusal_reason and not is_none:
+    if fit.refusal_reason:
         raise CannotTell("too noisy", fit.refusal_reason, (said,))
     found = _told_by_torque(fit, settings, answer)
-    if not is_none:
+    if not fit.is_none:
         return found
+    high = fit.interval_rad[1]
     return replace(
         found, verdict="no backlash", backlash_rad=0.0, backlash_interval_rad=(0.0, high)
     )

@@ -17,8 +17,8 @@ _STATUS = "Exit status: 0 done, 1 a defect, 2 unusable input, 3 --fail-on holds,
 _FIGURE = "write a figure: .png, .svg or .pdf"
 _TORQUE = (
     "Under any drive: --torque with --gear-ratio, --motor-inertia, --load-mass and --load-arm, or with --inertia-ratio "
-    "and --gravity; strokes to and fro need --gear-ratio. The backlash is proportional to the gravity (twice it, twice "
-    "the backlash) and hardly depends on the inertia ratio (30 percent off: up to 10)."
+    "and --gravity; strokes to and fro need --gear-ratio. The backlash is about proportional to the gravity (20 "
+    "percent off: up to 20) and hardly depends on the inertia ratio (30 percent off: up to 10)."
 )
 _SIDES = (
     "Speed, position and torque are the motor's, the backlash is the joint's. Of a log with the joint's side, as most "

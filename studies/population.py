@@ -342,9 +342,12 @@ def _torque_answer(log: KnownLog, rng: Generator) -> Row:
     load = LoadData(
         ratios["inertia_ratio"] * inertia, ratios["gravity_per_s2"] * gravity, *_LOAD_SDS
     )
-    fit = fit_torque(log.recording, log.labels["torque"], load, rng)
+    try:
+        fit = fit_torque(log.recording, log.labels["torque"], load)
+    except ValueError as error:
+        return interval_answer(np.nan, (np.nan, np.nan), str(error)) | {"verdict": "backlash"}
     answer = interval_answer(fit.delta_rad, fit.interval_rad, fit.refusal_reason)
-    return answer | {"verdict": "backlash"}
+    return answer | {"verdict": "no backlash" if fit.is_none else "backlash"}
 
 
 def _sensor_row(population: str, number: int, seed: int) -> Row:

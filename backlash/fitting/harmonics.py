@@ -86,7 +86,7 @@ def turn_harmonics(recording: Recording) -> TurnHarmonics:
         raise ValueError(f"{recording.source}: the speed does not vary")
     last = int(min(_OF_NYQUIST * 0.5 / dt, FASTEST_HZ) * period)
     order = np.arange(2, last + 1)
-    bins, between = _spectrum(v, turns, last, turns * period / dt)
+    bins, between = spectrum(v, turns, last, turns * period / dt)
     lines: list[tuple[float, float]] = []
     while len(lines) < _MOST_LINES and (
         line := _clearest_sinusoid(v, bins, between, turns, dt / period)
@@ -94,7 +94,7 @@ def turn_harmonics(recording: Recording) -> TurnHarmonics:
         wave, tried, amplitude = line
         v = v - wave
         lines.append((tried, amplitude))
-        bins, between = _spectrum(v, turns, last, turns * period / dt)
+        bins, between = spectrum(v, turns, last, turns * period / dt)
     model = MODEL_ERROR * v.std() / (2 * np.sqrt(order.size))
     hz, sixth_hz = order / period, MOTOR_ORDERS[-1] * recording.commanded_speed_rps
     modulated = (np.abs(hz - sixth_hz) < _SIDEBANDS_HZ) & (hz > RING_HZ[1])
@@ -121,7 +121,7 @@ def _first_order(phase: FloatArray, v: FloatArray, step: float) -> FirstOrder:
     # A drift is no noise: its rate is that from the first turn's mean to the last one's.
     turn = int(1 / step + 0.5)
     drift = (v[-turn:].mean() - v[:turn].mean()) / (v.size - turn) * np.arange(v.size)
-    bins, between = _spectrum(v - drift - (v - drift).mean(), turns, 2, turns / step)
+    bins, between = spectrum(v - drift - (v - drift).mean(), turns, 2, turns / step)
     around = between[turns // 2 :]
     freedom = 2 * np.count_nonzero(np.isfinite(around))
     sd = np.sqrt(np.nanmean(around))
@@ -154,7 +154,7 @@ def _without_transient(
     return phase[kept], v[kept]
 
 
-def _spectrum(
+def spectrum(
     v: FloatArray, turns: int, last: int, samples: float
 ) -> tuple[NDArray[np.complex128], FloatArray]:
     """Fourier coefficients `turns` to a harmonic, and half their squares between the harmonics (NaN at them)."""

@@ -56,10 +56,13 @@
 # *By the torque*: where the motor's torque or current is logged too, method `torque` needs no calibration and no model
 # of the drive, but what you know of the load: its mass $m$ [kg], the arm $r$ [m] of its centre of mass, its inertia
 # $J_l$ about the joint's axis ($m r^2$ of a point, if you leave it out), the motor's inertia $J_m$ [kg m²] and the gear
-# ratio $N$; or $J_l/(N^2 J_m)$ and $m g r/J_l$ [1/s²] themselves. The backlash is proportional to $m g r/J_l$: twice
-# it, twice the backlash. It hardly depends on the inertia ratio: one 30 % off changed it by 10 % at most on 30
-# simulated joints. A note compares the motor's inertia that the log tells of with yours: it gives the torque's unit in
-# N m, which for a current is the torque constant. If it is not what you know, an input is wrong.
+# ratio $N$; or $J_l/(N^2 J_m)$ and $m g r/J_l$ [1/s²] themselves. The load alone is simulated, driven by the measured
+# motion of the motor, and the torque that it asks for is compared with the measured one: friction of the load,
+# stiffness and damping are found on the way. The backlash is about proportional to $m g r/J_l$ and hardly depends on
+# the inertia ratio. On 100 simulated benches of other code, with a load friction of 0 to 50 % of gravity, 92 were
+# answered, 88 of these intervals hold the true backlash, and none was called "no backlash". A note compares the motor's
+# inertia that the log tells of with yours: it gives the torque's unit in N m, which for a current is the torque
+# constant. If it is not what you know, an input is wrong.
 #
 # *Which side*: speed, position and torque are the motor's, and the backlash is the joint's, half of the angle by which
 # the load can turn while the motor stands. Most robots log the joint's side: then $N = 1$, and the load is said by its

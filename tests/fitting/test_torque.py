@@ -5,8 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+import backlash
 from backlash.fitting.torque import LoadData, fit_torque
 from replication.standins import Bench, draw_bench
+from studies.benches import Fault, TurnsLog, draw_turns
 from studies.odd_joints import draw_cascade, log_with_torque, move_bench
 
 DELTA = 9e-4
@@ -30,7 +32,7 @@ def draw(kind: str, number: int) -> Bench:
 
 def fitted(bench: Bench, delta: float = DELTA, load: LoadData | None = None, **log: float):
     recording, torque = log_with_torque(bench, delta, np.random.default_rng(1), **log)
-    return fit_torque(recording, torque, load or load_data(bench), np.random.default_rng(2))
+    return fit_torque(recording, torque, load or load_data(bench))
 
 
 @pytest.mark.parametrize("kind", ["paper's", "cascade"])
@@ -41,7 +43,7 @@ def test_without_noise_the_backlash_is_right_under_either_drive(kind):
             bench, torque_noise=1e-4, load=load_data(bench, inertia_sd=0.0, gravity_sd=0.0)
         )
         assert found.delta_rad == pytest.approx(DELTA, rel=0.05)
-        assert found.motor_inertia == pytest.approx(bench.joint.motor_inertia_kgm2, rel=0.01)
+        assert found.motor_inertia == pytest.approx(bench.joint.motor_inertia_kgm2, rel=0.04)
         assert not found.refusal_reason
 
 
@@ -49,23 +51,22 @@ def test_the_unit_of_the_torque_and_a_lag_of_the_speed_do_not_matter():
     bench = draw("paper's", 4)
     recording, torque = log_with_torque(bench, DELTA, np.random.default_rng(1))
     load = load_data(bench)
-    plain, scaled = (
-        fit_torque(recording, unit * torque, load, np.random.default_rng(2)) for unit in (1.0, 37.0)
-    )
-    assert scaled.delta_rad == pytest.approx(plain.delta_rad)
-    assert scaled.motor_inertia == pytest.approx(37 * plain.motor_inertia)
+    plain, scaled = (fit_torque(recording, unit * torque, load) for unit in (1.0, 37.0))
+    assert scaled.delta_rad == pytest.approx(plain.delta_rad, rel=1e-4)
+    assert scaled.motor_inertia == pytest.approx(37 * plain.motor_inertia, rel=1e-4)
     late = replace(recording, t=recording.t[:-1], v=recording.v[:-1])
-    lagging = fit_torque(late, torque[1:], load, np.random.default_rng(2))
+    lagging = fit_torque(late, torque[1:], load)
     assert lagging.delta_rad == pytest.approx(plain.delta_rad, abs=0.5 * plain.sd_rad)
 
 
-def test_what_is_not_known_of_the_load_widens_the_interval():
+def test_what_is_not_known_of_the_load_is_found_by_the_log():
     bench = draw("paper's", 5)
     known, guessed = (
         fitted(bench, load=load_data(bench, inertia_sd=sd, gravity_sd=sd / 2)) for sd in (0.0, 0.2)
     )
-    assert guessed.delta_rad == known.delta_rad
-    assert guessed.sd_rad > 1.5 * known.sd_rad
+    for found in (known, guessed):
+        assert found.interval_rad[0] < DELTA < found.interval_rad[1]
+    assert guessed.delta_rad == pytest.approx(known.delta_rad, abs=known.sd_rad)
 
 
 def test_gravity_that_is_off_is_held_by_its_stated_uncertainty():
@@ -78,11 +79,89 @@ def test_gravity_that_is_off_is_held_by_its_stated_uncertainty():
     assert doubted.interval_rad[0] < DELTA < doubted.interval_rad[1]
 
 
-def test_a_healthy_joint_and_a_faint_backlash_are_no_answer():
-    for kind in ("paper's", "cascade"):
-        assert "SD" in fitted(draw(kind, 7), 0.0).refusal_reason
-    loud = replace(draw("cascade", 7), noise_rps=3.0)
-    assert "SD" in fitted(loud, 2e-4).refusal_reason
+@pytest.mark.parametrize(("kind", "number"), [("paper's", 7), ("cascade", 8)])
+def test_a_healthy_joint_has_none_and_a_faint_backlash_is_no_answer(kind, number):
+    healthy = fitted(draw(kind, number), 0.0)
+    assert healthy.is_none or healthy.refusal_reason
+    assert healthy.interval_rad[1] < 5e-5
+    loud = fitted(replace(draw(kind, number), noise_rps=3.0), 1e-4)
+    assert "SD" in loud.refusal_reason
+
+
+def answered(log: TurnsLog, **others: float):
+    """The whole sensor's answer to a bench's log."""
+    known = {"gear_ratio": log.gear_ratio, "inertia_ratio": log.inertia_ratio}
+    known |= {"gravity_per_s2": log.gravity_per_s2} | others
+    return backlash.estimate(log.t, log.v, torque=log.torque, unit="rps", **known)
+
+
+def is_held(found: backlash.Estimate, delta: float) -> bool:
+    return found.verdict == "backlash" and (
+        found.backlash_interval_rad[0] < delta < found.backlash_interval_rad[1]
+    )
+
+
+def test_friction_of_the_load_hides_no_backlash():
+    for number, delta in ((2, 4.3e-4), (3, 1e-3)):
+        log = draw_turns(np.random.default_rng((150, number)), delta, 0.2)
+        assert is_held(answered(log), delta)
+
+
+def test_friction_above_gravity_is_no_answer():
+    found = answered(draw_turns(np.random.default_rng((150, 4)), DELTA, 1.15))
+    assert found.warnings[0].startswith("no load reversal seen")
+
+
+GEAR = draw_turns(np.random.default_rng((246, 1)), DELTA, 0.05).gear_ratio
+FAULTS = {
+    "does another axis move": Fault(second_axis=0.2),
+    "ms too late": Fault(late_torque_s=0.01),
+    "error of the gear": Fault(transmission_rad=5e-4, transmission_order=3),
+    "the gear's error part the teeth": Fault(transmission_rad=5e-4, transmission_order=2 * GEAR),
+}
+
+
+@pytest.mark.parametrize(("words", "fault"), FAULTS.items(), ids=FAULTS)
+def test_what_the_model_lacks_is_refused_by_its_name(words, fault):
+    found = answered(draw_turns(np.random.default_rng((246, 1)), DELTA, 0.05, fault))
+    assert found.verdict == "cannot tell"
+    assert words in found.warnings[0]
+
+
+def test_a_gear_s_error_once_a_turn_does_not_matter():
+    fault = Fault(transmission_rad=5e-4)
+    assert is_held(answered(draw_turns(np.random.default_rng((246, 1)), DELTA, 0.05, fault)), DELTA)
+
+
+@pytest.mark.parametrize("factor", [0.5, 2.0])
+def test_a_gear_ratio_that_is_off_by_two_is_refused(factor):
+    log = draw_turns(np.random.default_rng((246, 1)), DELTA, 0.05)
+    found = answered(log, gear_ratio=factor * log.gear_ratio)
+    assert found.warnings[0].startswith(("wrong period", "wrong torque"))
+
+
+def test_an_answer_does_not_hang_on_the_last_bits_of_its_log():
+    log = draw_turns(np.random.default_rng((150, 2)), 4.3e-4, 0.2)
+    moved = log._replace(v=log.v * (1 + 1e-9), torque=log.torque * (1 + 1e-9))
+    assert answered(moved).backlash_rad == pytest.approx(answered(log).backlash_rad, rel=1e-3)
+
+
+@pytest.mark.slow
+def test_no_friction_of_the_load_makes_a_false_all_clear():
+    """Joints with backlash are answered, most rightly; healthy ones are never called."""
+    held = []
+    for number in range(24):
+        rng = np.random.default_rng((151, number))
+        delta = 0.0 if number % 4 == 3 else np.exp(rng.uniform(np.log(2e-4), np.log(2.2e-3)))
+        log = draw_turns(rng, delta, rng.uniform(0, 0.5))
+        inertia, gravity = np.exp(rng.standard_normal(2) * (0.1, 0.05))
+        load = {"inertia_ratio": inertia * log.inertia_ratio}
+        found = answered(log, **load, gravity_per_s2=gravity * log.gravity_per_s2)
+        assert found.verdict != ("backlash" if delta == 0 else "no backlash")
+        if found.verdict == "backlash":
+            held.append(is_held(found, delta))
+    assert len(held) >= 14
+    assert np.mean(held) >= 0.85
 
 
 def test_a_torque_that_is_none_is_refused_in_one_line():
@@ -96,7 +175,7 @@ def test_a_torque_that_is_none_is_refused_in_one_line():
     bad |= {"sign": -torque, "gravity": np.random.default_rng(3).normal(1, 0.1, torque.size)}
     for said, each in bad.items():
         with pytest.raises(ValueError, match=said) as error:
-            fit_torque(recording, each, load_data(bench), np.random.default_rng(2))
+            fit_torque(recording, each, load_data(bench))
         assert "\n" not in str(error.value)
 
 

@@ -16,7 +16,7 @@ def test_the_errata_sheet_is_what_the_data_give_with_a_row_for_each_erratum(verd
 
 
 def test_the_errata_sheet_holds_no_tag_that_a_reader_would_run(verdicts, monkeypatch):
-    hostile = published.errata().assign(effect="<script>alert(1)</script>")
+    hostile = published.table("errata").assign(effect="<script>alert(1)</script>")
     monkeypatch.setattr(published, "errata", lambda: hostile)
     text = markdown.render_errata(facts.collect_facts(RESULTS, verdicts))
     assert "&lt;script>" in text
