@@ -5,8 +5,11 @@ from pathlib import Path
 
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
+from replication.files import ROOT
+
 TEMPLATES = Environment(
-    loader=FileSystemLoader(Path(__file__).parent / "templates"),
+    # What a study draws in a page of its own lies with the study.
+    loader=FileSystemLoader([Path(__file__).parent / "templates", ROOT / "studies" / "pages"]),
     autoescape=lambda name: name is not None and name.endswith(".html.j2"),
     undefined=StrictUndefined,
     trim_blocks=True,
