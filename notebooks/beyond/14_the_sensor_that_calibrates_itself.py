@@ -290,7 +290,7 @@ widening.round(3)
 # ## Verdict
 #
 # The acceptance criteria were fixed before benches were drawn with seeds that no decision was made on. The
-# [datasheet](../../results/report.html#datasheet) of the report lists populations of joints, refusals and misses; the
+# [datasheet](../../results/pages/datasheet.html) lists populations of joints, refusals and misses; the
 # sensor was never tried on hardware.
 
 # %% tags=["plumbing"]

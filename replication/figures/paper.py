@@ -93,34 +93,39 @@ def _centre(axis: Axes) -> None:
 
 
 @in_style
-def table2(table: pd.DataFrame, regions: pd.DataFrame) -> Figure:
-    """Table 2: means and SDs of the public realisations, and the intervals, against the printed.
+def table2(rows: pd.DataFrame) -> Figure:
+    """Table 2: printed means and SDs, our intervals, and the theoretical A.
 
-    `regions` has a row for each of the table: `mean, mean_low, mean_high, sd, sd_low, sd_high`, two
-    of them printed. An interval whose ends are a factor of 9 apart makes a weak agreement: a hollow mark.
+    `rows` has a row for each of the table: `mean, mean_low, mean_high, sd, sd_low, sd_high, theoretical`. A number that
+    agrees with an interval whose ends are a factor of 9 apart has a hollow mark: the agreement is weak.
     """
-    figure, axes = grid(2, 1, height_in=5.4, sharex=True, height_ratios=(3, 2.4))
-    scale = 100 / regions["mean"]
-    for axis, of in zip(axes[:, 0], ("mean", "sd"), strict=True):
-        of_row, offset = (scale, 100) if of == "mean" else (1 + 0 * scale, 0)
-        low, high = (regions[f"{of}_{end}"] * of_row - offset for end in ("low", "high"))
-        axis.use_sticky_edges = False  # an interval that ends at the frame would look cut
-        axis.bar(regions.index, high - low, 0.7, low, color="0.86", zorder=0, label="95 % interval")
-        values = table[f"{of}_A_rps"] * of_row.loc[table["row"]].to_numpy() - offset
-        circles = MARKS | {"marker": "o", "mfc": "none", "color": BLUE}
-        axis.plot(table["row"] + 0.14, values, **circles, label="public realisations")
-        printed = regions[of] * of_row - offset
-        filled = PRINTED | {"marker": "X", "markersize": 8}
-        weak = regions[f"{of}_high"] > 9 * regions[f"{of}_low"]
-        axis.plot(printed[~weak], **filled)
-        axis.plot(printed[weak], **filled | {"mfc": "none", "label": "printed, agrees weakly"})
+    figure, axes = grid(2, 1, height_in=4.6, sharex=True, height_ratios=(3, 2.4))
     upper, lower = axes[:, 0]
-    theoretical = MARKS | {"marker": "_", "markersize": 18, "label": "theoretical $A$, printed"}
-    of_table = table.drop_duplicates("row").set_index("row")["theoretical_A_rps"]
-    upper.plot(of_table.index, of_table * scale - 100, **theoretical)
-    upper.set(title="mean of $A$", ylabel="deviation from printed [%]")
+    percent = 100 / rows["mean"]
+    for axis, of, scale, offset in ((upper, "mean", percent, 100), (lower, "sd", 1.0, 0)):
+        printed, low, high = (rows[of + end] * scale - offset for end in ("", "_low", "_high"))
+        axis.use_sticky_edges = False  # an interval that ends at the frame would look cut
+        axis.bar(rows.index, high - low, 0.6, low, color="0.8", label="our 95 % interval")
+        agrees = (printed >= low) & (printed <= high)
+        weak = agrees & (rows[f"{of}_high"] > 9 * rows[f"{of}_low"])
+        filled = PRINTED | {"marker": "X", "markersize": 8}
+        for chosen, look in (
+            (agrees & ~weak, {"label": "printed, agrees"}),
+            (weak, {"label": "printed, agrees weakly", "mfc": "none"}),
+            (~agrees, {"label": "printed, differs", "color": ORANGE}),
+        ):
+            if chosen.any():
+                axis.plot(printed[chosen], **filled | look)
+    theoretical = MARKS | {
+        "marker": "_",
+        "markersize": 18,
+        "color": BLUE,
+        "label": "theoretical $A$",
+    }
+    upper.plot(rows["theoretical"] * percent - 100, **theoretical)
+    upper.set(title="mean of $A$", ylabel="off the printed mean [%]")
     lower.set(title="SD of $A$", ylabel="SD of $A$ [rps]", yscale="log", xlabel="row of Table 2")
-    lower.set_xticks(regions.index)
+    lower.set_xticks(rows.index)
     return finish(figure, 3)
 
 
