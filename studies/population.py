@@ -103,6 +103,8 @@ FINAL_STUDIES = (
 NORMAL_95 = 1.96
 NOMINAL = (0.5, 0.6, 0.7, 0.8, 0.9, 0.95, 0.99)
 
+MET_BY_SILENCE = ("held_or_refused", "wrong_healthy")
+
 # What "self" is to reach, then the whole sensor: population, column of `summarise_intervals` (or
 # RMS error over the bound) or of `summarise_sensor`, sign and limit. Why these: a third of the
 # error that a calibration of another joint makes; no more than 30 % above what any method could
@@ -230,7 +232,10 @@ def spread_shares(rows: DataFrame) -> DataFrame:
 
 
 def against_criteria(table: DataFrame) -> DataFrame:
-    """Compare `ACCEPTANCE_CRITERIA` with what `summarise_intervals` says of "self", or `summarise_sensor`."""
+    """Compare `ACCEPTANCE_CRITERIA` with what `summarise_intervals` says of "self", or `summarise_sensor`.
+
+    `met_by_silence` tells of which a sensor that never answers would meet, too.
+    """
     of_self = table[table["method"] == "self"] if "method" in table else table
     measured = of_self.set_index("population")
     measured = measured.assign(
@@ -241,8 +246,10 @@ def against_criteria(table: DataFrame) -> DataFrame:
         value = measured.get(figure, Series()).get(population, np.nan)
         met = bool(value <= limit if sign == "<=" else value >= limit)
         if not np.isnan(value):
-            rows.append((population, figure, f"{sign} {limit:g}", value, met))
-    return DataFrame(rows, columns=["population", "figure", "bar", "measured", "met"])
+            silence = figure in MET_BY_SILENCE or (figure, sign) == ("none", "<=")
+            rows.append((population, figure, f"{sign} {limit:g}", value, met, silence))
+    columns = ["population", "figure", "bar", "measured", "met", "met_by_silence"]
+    return DataFrame(rows, columns=columns)
 
 
 def _draw_bench_of(population: str, number: int, rng: Generator) -> Bench:

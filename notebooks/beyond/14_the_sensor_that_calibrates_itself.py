@@ -351,6 +351,7 @@ workbook.export(
         "self_refused": len(refused),
         "self_refusals": "; ".join(f"{reason} ({logs})" for reason, logs in by_reason.items()),
         "sheet_criteria": len(sheet_bars),
+        "sheet_silent": int(sheet_bars["met_by_silence"].sum()),
         "sheet_met": sheet_bars["met"].sum(),
         "sheet_rounds": len(rounds),
         "sheet_first": met[0],
