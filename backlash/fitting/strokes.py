@@ -157,6 +157,7 @@ def _slopes(joint, state, torque, angle, log, follow, slopes, by_joint):
         slopes[3, k] = follow * slopes[0, k]
     slopes[1, 1] += 1
     slopes[3, 3] = 1 - follow
+    # Columns are places in the joint.
     for k, by in enumerate((joint.stiffness * by_delta, by_stiffness, share * (motor - load))):
         by_joint[0, k] = -h * joint.ratio * by
         by_joint[1, k] = h * by
