@@ -3,8 +3,9 @@
 Two inertias, spring, play and friction are driven by the logged torque, and an extended Kalman filter corrects them
 by the logged speed. Its prediction errors, one sample ahead, are made least. What is known of the load, and wide
 limits of what is not, are priors. Descents start at many plays, for the errors have several minima; the lowest one is
-the answer, unless another play fits nearly as well. Teeth meet smoothly, within a few microradians: under a hard
-contact the errors are rough, so that rounding decides where a descent ends.
+the answer, unless a play outside its interval fits nearly as well. The first steps hold the filter's gains: they depend
+on the play, and slopes without that dependence lead a descent astray. Teeth meet smoothly, within a few microradians:
+under a hard contact the errors are rough, so that rounding decides where a descent ends.
 
 States, over the gear ratio where the motor's: motor speed, wind-up, load speed, logged speed, which lags.
 The errors are taken ten times as large as they are, so that the priors outweigh what the model lacks: the drive's
@@ -18,8 +19,9 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 from scipy.ndimage import gaussian_filter1d
 from scipy.optimize import OptimizeResult, least_squares
+from scipy.special import huber
 
-from backlash.fitting.torque import LoadData, TorqueFit, conclude
+from backlash.fitting.torque import NORMAL_95, LoadData, TorqueFit, conclude
 from replication.arrays import FloatArray
 from replication.compiling import njit
 
@@ -27,6 +29,7 @@ _STEP_S = 5e-4  # of the integration, at most
 _SOFT_RAD, _HARD_RAD = 1.5e-5, 4e-6  # within which the teeth meet: in the search, and in the answer
 _SEARCH_S = 7.0  # of the log
 _TEMPER = 10.0  # on the errors
+_HUBER = 3.0  # SDs above which errors count linearly
 _METHOD_ERROR = 0.065  # share of the backlash that the method errs by, found on development logs
 _LEAST_SD = 1e-5  # rad
 _LEAST_CROSSINGS = 6
@@ -43,10 +46,10 @@ _MOTOR_FRICTION = 10
 _PLAYS = np.geomspace(0.15, 2.2, 14)
 _RINGS = np.array([-1.2, -0.5, 0.2, 0.9])  # ln K, less its prior's mean: 12 to 35 Hz
 _FRICTIONS = np.array([-0.015, 0.02])  # less the mean
-_AGAIN = np.array([0.75, 0.87, 1.15, 1.33])  # of the best play
+_AGAIN = np.array([0.8, 0.93, 1.07, 1.25])  # of the best play
 _SAME = 0.03  # share of the play within which two minima are one
-_RIVAL_COST = 2.0  # above the least
-_RIVAL_SHARE = 0.1  # of the play, from the best
+_RIVAL_COST = NORMAL_95**2 / 2  # above the least: within it lies a likelihood interval of 95 %
+_FILTER = np.empty((0, 4))  # gains to hold: none, the filter's own are taken
 
 
 class _Log(NamedTuple):
@@ -219,8 +222,8 @@ def _correct(state, covariance, error, noise, gain):
 
 
 @njit
-def _predict(log, joint, count, wants_slopes):
-    """Errors one sample ahead, the logged speed's gains, and slopes of the errors by the joint, the gains held."""
+def _predict(log, joint, count, wants_slopes, held):
+    """Errors one sample ahead, the gains, and slopes of the errors by the joint; gains are those held, if any."""
     lag_s = max(joint.lag_s, 1e-5)
     follow = 1 - np.exp(-log.step_s / lag_s)
     follow_by_lag = -(1 - follow) * log.step_s / lag_s**2
@@ -240,8 +243,10 @@ def _predict(log, joint, count, wants_slopes):
     for i in range(count):
         for j in range(log.torque.shape[1] if i else 0):
             torque, angle = log.torque[i - 1, j], log.angle[i - 1, j]
-            _slopes(joint, state, torque, angle, log, follow, slopes, by_joint)
-            _spread(covariance, slopes, log, work)
+            if wants_slopes or not held.size:
+                _slopes(joint, state, torque, angle, log, follow, slopes, by_joint)
+            if not held.size:
+                _spread(covariance, slopes, log, work)
             logged = state[3]
             _step(joint, state, torque, angle, log, follow)
             if wants_slopes:
@@ -249,12 +254,17 @@ def _predict(log, joint, count, wants_slopes):
                 tangent[3, 7] += follow_by_lag * (state[0] - logged)
         error = log.speed[i] - state[3]
         errors[i] = error if abs(error) < 1e3 else 1e3
-        _correct(state, covariance, errors[i], log.noise[2], gains[i])
+        if held.size:
+            for k in range(4):
+                gains[i, k] = held[i, k]
+                state[k] += gains[i, k] * errors[i]
+        else:
+            _correct(state, covariance, errors[i], log.noise[2], gains[i])
         if wants_slopes:
             by[i] = -tangent[3]
             for k in range(4):
                 tangent[k] += gains[i, k] * by[i]
-    return errors, gains[:, 3], by
+    return errors, gains, by
 
 
 class _Strokes:
@@ -338,20 +348,29 @@ class _Filter:
         noise = np.array([driven, power, speed_sd**2])
         self.log = strokes.log._replace(noise=noise, soft_rad=soft_rad)
 
-    def errors(self, theta: FloatArray) -> FloatArray:
-        """One sample ahead, over their SDs' shares of the median."""
-        found, gains, _ = _predict(self.log, self.strokes.joint(theta), self.used.size, False)
-        return np.asarray(found[self.used] * _weight(gains[self.used]))
+    def _predict(
+        self, theta: FloatArray, wants_slopes: bool, held: FloatArray
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+        return _predict(self.log, self.strokes.joint(theta), self.used.size, wants_slopes, held)
 
-    def slopes(self, theta: FloatArray) -> FloatArray:
+    def gains(self, theta: FloatArray) -> FloatArray:
+        """Of the filter at each sample."""
+        return np.asarray(self._predict(theta, False, _FILTER)[1])
+
+    def errors(self, theta: FloatArray, held: FloatArray = _FILTER) -> FloatArray:
+        """One sample ahead, over their SDs' shares of the median."""
+        found, gains, _ = self._predict(theta, False, held)
+        return np.asarray(found[self.used] * _weight(gains[self.used, 3]))
+
+    def slopes(self, theta: FloatArray, held: FloatArray = _FILTER) -> FloatArray:
         """Slopes of the errors, the gains held."""
-        _, gains, by = _predict(self.log, self.strokes.joint(theta), self.used.size, True)
+        _, gains, by = self._predict(theta, True, held)
         moved = [
             np.array(self.strokes.joint(theta + row)) - self.strokes.joint(theta - row)
             for row in _STEP * np.eye(_SD.size)
         ]
         by_theta = np.transpose(moved) / (2 * _STEP)
-        return by[self.used] @ by_theta * _weight(gains[self.used])[:, None]
+        return by[self.used] @ by_theta * _weight(gains[self.used, 3])[:, None]
 
     def size(self, theta: FloatArray) -> float:
         """Of the errors, none taken as more than four medians."""
@@ -365,15 +384,28 @@ class _Filter:
         scale = _TEMPER * min(map(self.size, starts))
         return [self.descend(start, scale, steps, least) for start in starts]
 
-    def descend(self, start: FloatArray, scale: float, steps: int, least: float) -> OptimizeResult:
-        """Least squares, robust; the gains are held while the slopes are taken."""
+    def leap(self, starts: list[FloatArray]) -> list[FloatArray]:
+        """Where descents with the gains of their starts end, or the starts where those fit better; the best first."""
+        scale = _TEMPER * min(map(self.size, starts))
+
+        def cost(theta: FloatArray) -> float:
+            weighed = np.append(self.errors(theta) / scale, theta / self.strokes.sd)
+            return float(huber(_HUBER, weighed).sum())
+
+        ends = [self.descend(start, scale, 8, 0.01, self.gains(start)).x for start in starts]
+        return sorted((min(pair, key=cost) for pair in zip(starts, ends, strict=True)), key=cost)
+
+    def descend(
+        self, start: FloatArray, scale: float, steps: int, least: float, held: FloatArray = _FILTER
+    ) -> OptimizeResult:
+        """Least squares, robust; the gains are held while the slopes are taken, or all the time."""
         sd = self.strokes.sd
 
         def weigh(theta: FloatArray) -> FloatArray:
-            return np.append(self.errors(theta) / scale, theta / sd)
+            return np.append(self.errors(theta, held) / scale, theta / sd)
 
         def slopes(theta: FloatArray) -> FloatArray:
-            return np.vstack([self.slopes(theta) / scale, np.diag(1 / sd)])
+            return np.vstack([self.slopes(theta, held) / scale, np.diag(1 / sd)])
 
         return least_squares(
             weigh,
@@ -381,7 +413,7 @@ class _Filter:
             slopes,
             x_scale=np.minimum(sd, 1.0),
             loss="huber",
-            f_scale=3.0,
+            f_scale=_HUBER,
             ftol=least,
             xtol=None,
             gtol=None,
@@ -423,12 +455,12 @@ def _search(strokes: _Strokes) -> list[OptimizeResult]:
         row[..., _FRICTION] = _FRICTIONS
         row[..., _MOTOR_FRICTION] = -_FRICTIONS
         starts.append(min(row.reshape(-1, _SD.size), key=rough.size))
-    fits = rough.descend_all(starts, 9, 0.03)
-    fine = _Filter(strokes, 0.001, _SEARCH_S, _SOFT_RAD)
-    fits = fine.descend_all([fit.x for fit in _distinct(fits, 6)], 10, 0.005)
-    best = min(fits, key=_cost).x
-    others = [np.append(share * best[0], best[1:]) for share in _AGAIN]
-    fits = fine.descend_all([fit.x for fit in fits] + others, 10, 0.005)
+    fits = rough.descend_all(rough.leap(rough.leap(starts)[:7]), 5, 0.03)
+    for lacking in (0.003, 0.001):
+        fine = _Filter(strokes, lacking, _SEARCH_S, _SOFT_RAD)
+        kept = [fit.x for fit in _distinct(fits, 4)]
+        kept += [np.append(share * kept[0][0], kept[0][1:]) for share in _AGAIN]
+        fits = fine.descend_all(fine.leap(kept), 10, 0.005)
     whole = _Filter(strokes, 0.001, np.inf, _HARD_RAD)
     fits = _distinct(whole.descend_all([fit.x for fit in _distinct(fits, 3)], 14, 7e-4), 3)
     return _distinct(whole.descend_all([fit.x for fit in fits], 12, 7e-5), 3)
@@ -451,10 +483,6 @@ def fit_strokes(
             "are needed; is the gear ratio that of the log's side (1 for the joint's)?"
         )
     fit, *others = _search(strokes)
-    for other in others:
-        if other.cost < fit.cost + _RIVAL_COST and _apart(other, fit) > _RIVAL_SHARE:
-            plays = " and ".join(f"{1e-3 * abs(x):.2g}" for x in (fit.x[0], other.x[0]))
-            raise ValueError(f"{plays} rad fit nearly as well; log more strokes, faster or quieter")
     covariance = np.linalg.inv(fit.jac.T @ fit.jac)
     turned = np.cumsum(np.diff(np.sign(strokes.log.speed), prepend=0) != 0)[strokes.used]
     scores = (fit.fun[:, None] * fit.jac)[: turned.size]
@@ -463,6 +491,11 @@ def fit_strokes(
     delta = 1e-3 * abs(fit.x[0])
     of_log = 1e-3 * (covariance @ meat @ covariance)[0, 0] ** 0.5
     deviation = float(np.linalg.norm((of_log, _METHOD_ERROR * delta, _LEAST_SD)))
+    for other in others:
+        play = 1e-3 * abs(other.x[0])
+        if other.cost < fit.cost + _RIVAL_COST and abs(play - delta) > NORMAL_95 * deviation:
+            told = f"{delta:.2g} and {play:.2g} rad fit nearly as well"
+            raise ValueError(f"{told}; log more strokes, faster or quieter")
     inertia = float(np.exp(-strokes.mean[_DRIVE] - fit.x[_DRIVE]) / gear_ratio)
     advice = "log more strokes, faster or quieter; strokes never tell that there is none"
     found = strokes.mean + fit.x
