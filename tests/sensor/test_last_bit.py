@@ -12,6 +12,10 @@ from tests.sensor.test_torque_logs import logged
 
 DELTAS = (4e-4, 9e-4, 1.6e-3)
 FEW, MANY = pytest.param(DELTAS[1:2]), pytest.param(DELTAS[::2], marks=pytest.mark.slow)
+BY_SPEED = [
+    pytest.param(method, marks=[pytest.mark.slow] if method == "paper" else [])
+    for method in (*METHODS, SELF)
+]
 
 
 def movement(values: np.ndarray, **how) -> float:
@@ -31,7 +35,7 @@ def movement(values: np.ndarray, **how) -> float:
 
 
 @pytest.mark.parametrize("deltas", [FEW, MANY])
-@pytest.mark.parametrize("method", [*METHODS, SELF])
+@pytest.mark.parametrize("method", BY_SPEED)
 def test_rounding_does_not_move_an_answer_by_the_speed(method, deltas):
     for delta in deltas:
         log = noisy(delta, 0.05, 3)
