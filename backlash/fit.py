@@ -3,6 +3,7 @@
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.ndimage import map_coordinates
 
 from backlash.detection.pattern import Detected
 from backlash.fitting import SELF
@@ -16,9 +17,8 @@ from backlash.fitting.readings import (
     reading_of_fit,
 )
 from backlash.fitting.self_calibration import SelfFit, fit_joint
-from backlash.fitting.strokes import fit_strokes
 from backlash.fitting.torque import LoadData, TorqueFit, fit_torque
-from backlash.fitting.waveform import mean_turn, periodic, samples_a_turn
+from backlash.fitting.waveform import mean_turn, samples_a_turn
 from backlash.reading.prepare import Log
 from backlash.reading.refusals import CannotTell
 from backlash.settings import Settings
@@ -85,7 +85,9 @@ def _with_turn(detected: Detected, turn: FloatArray | None, reading: Reading) ->
     """A turn [rps] as the model of the speed, without one the mean turn."""
     if turn is None:
         turn = mean_turn(detected.recording, samples_a_turn(detected.recording))
-    model = periodic(turn)(_turns(detected) % 1.0)
+    places = _turns(detected) % 1.0 * turn.size
+    # The periodic cubic spline, as `periodic` makes it; scipy.interpolate is slow to import.
+    model = map_coordinates(turn, [places], order=3, mode="grid-wrap")
     return Fitted(**vars(detected), model_rps=model, reading=reading)
 
 
@@ -111,6 +113,8 @@ def _no_fit(error: ValueError, load: LoadData) -> CannotTell:
 
 def fit_to_and_fro(log: Log, load: LoadData | None) -> TorqueFit:
     """Fit the speed and the torque of strokes to and fro."""
+    from backlash.fitting.strokes import fit_strokes  # slow to import
+
     recording, gear_ratio = log.recording, log.form.gear_ratio
     if log.torque is None or load is None or gear_ratio is None:
         raise CannotTell("not constant speed", "strokes to and fro need --torque and --gear-ratio")

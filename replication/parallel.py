@@ -3,15 +3,15 @@
 from collections.abc import Callable, Iterable, Iterator
 from typing import Any
 
-from joblib import Parallel, delayed
-from tqdm import tqdm
-
 
 def one_by_one(function: Callable, calls: Iterable[tuple], label: str) -> Iterator[Any]:
     """Results of a function for tuples of arguments, in their order, each as soon as it is there.
 
     The label stands beside the progress bar.
     """
+    from joblib import Parallel, delayed  # slow to import, and most commands work on one core
+    from tqdm import tqdm
+
     work = [delayed(function)(*arguments) for arguments in calls]
     results = Parallel(n_jobs=-1, return_as="generator")(work)
     yield from tqdm(results, total=len(work), desc=label, mininterval=5)

@@ -5,7 +5,6 @@ from dataclasses import dataclass
 from operator import attrgetter
 
 import numpy as np
-from scipy.optimize import brentq
 from scipy.special import ndtr
 
 from backlash.fitting import folding, windows
@@ -76,13 +75,15 @@ def _amplitude_interval(fold: FoldedWindows, limits: Limits, best: Minimum) -> t
     deviations = np.sqrt(variance / information)
     ends = (A - 12 * deviations).min(), (A + 12 * deviations).max()
 
-    def excess(amplitude: float, probability: float) -> float:
-        return float(weights @ ndtr((amplitude - A) / deviations) / weights.sum() - probability)
+    def quantile(probability: float) -> float:
+        """Halve the interval to the last digit; scipy's root finders are slow to import."""
+        low, high = ends
+        while low < (middle := (low + high) / 2) < high:
+            share = weights @ ndtr((middle - A) / deviations) / weights.sum()
+            low, high = (middle, high) if share < probability else (low, middle)
+        return float(middle)
 
-    low, high = (
-        brentq(excess, *ends, (probability,), xtol=1e-14) for probability in (0.025, 0.975)
-    )
-    return low, high
+    return quantile(0.025), quantile(0.975)
 
 
 def _candidates(found: windows.Starts, power: float) -> list[int]:

@@ -22,7 +22,6 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.fft import next_fast_len
 from scipy.ndimage import uniform_filter1d
-from scipy.optimize import least_squares
 
 from backlash.detection.pattern import MOTOR_ORDERS
 from backlash.fitting.harmonics import spectrum
@@ -439,6 +438,8 @@ class _Joint:
         self, start: FloatArray, steps: int, least: float, holds_delta: bool = False
     ) -> FloatArray:
         """Least squares by Levenberg and Marquardt, in a trust region."""
+        from scipy.optimize import least_squares  # slow to import
+
         kept = slice(1 if holds_delta else 0, None)
         self.start[:] = 0.0
 

@@ -3,15 +3,18 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.polynomial import chebyshev
 from numpy.typing import ArrayLike, NDArray
-from scipy.interpolate import CubicSpline
-from scipy.optimize import OptimizeResult, least_squares
 
 from replication.arrays import FloatArray
 from replication.recording import Recording
+
+if TYPE_CHECKING:  # slow to import, and most logs need neither
+    from scipy.interpolate import CubicSpline
+    from scipy.optimize import OptimizeResult
 
 # Each phase of aligned waveforms is a polynomial of the backlash. The fourth degree leaves 1e-6 rad
 # on noise-free waveforms of Table 2's range, and averages the noise of logs that an interpolation
@@ -24,8 +27,10 @@ _LOW_PASSES_S, _LEAST_GAIN = (1e-3, 4e-3), 8.0
 LEAST_LEVELS = 6
 
 
-def periodic(turn: NDArray[np.floating]) -> CubicSpline:
+def periodic(turn: NDArray[np.floating]) -> "CubicSpline":
     """Interpolate a turn at even phases from 0, as a function of the phase in turns from 0 to 1."""
+    from scipy.interpolate import CubicSpline
+
     return CubicSpline(
         np.linspace(0.0, 1.0, turn.size + 1), np.append(turn, turn[0]), bc_type="periodic"
     )
@@ -72,7 +77,7 @@ class WaveformBank:
         """From the first to the last backlash [rad]."""
         return float(self.delta_rad[-1] - self.delta_rad[0])
 
-    def at(self, delta_rad: float, low_pass: float = 0.0) -> CubicSpline:
+    def at(self, delta_rad: float, low_pass: float = 0.0) -> "CubicSpline":
         """Waveform [rps] at a backlash, as a periodic spline of the phase in turns.
 
         `low_pass` is the square of its time constant [turns^2].
@@ -208,8 +213,10 @@ def match(recording: Recording, bank: WaveformBank, low_pass: bool = False) -> W
     )
 
 
-def _match_from(recording: Recording, bank: WaveformBank, low_pass: float) -> OptimizeResult:
+def _match_from(recording: Recording, bank: WaveformBank, low_pass: float) -> "OptimizeResult":
     """Least squares in the place in the bank, the phase and, unless it is 0, the low-pass to start from."""
+    from scipy.optimize import least_squares
+
     turns, v = drop_first_turn(recording)
     phases = min(max(samples_a_turn(recording), 16), bank.waveform_rps.shape[1])
     grid = np.linspace(0.0, 1.0, phases, endpoint=False)

@@ -6,7 +6,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike, NDArray
-from scipy.interpolate import CubicSpline
 from scipy.ndimage import uniform_filter1d
 
 from backlash.reading import UNITS
@@ -186,6 +185,8 @@ def _check_clock(samples: _Samples) -> None:
 def _differentiated(samples: _Samples) -> _Samples:
     """Speed from a position on an even grid; the torque's mean between samples, as the speed's, is by its integral."""
     if samples.torque is not None:
+        from scipy.interpolate import CubicSpline  # slow to import
+
         samples = replace(
             samples, torque=CubicSpline(samples.t, samples.torque).antiderivative()(samples.t)
         )
@@ -323,6 +324,8 @@ def _on_even_grid(samples: _Samples, dt: float) -> _Samples:
     if holes:
         samples = samples.changed(f"missing samples filled from their neighbours: {holes}")
     if not np.array_equal(places, even):
+        from scipy.interpolate import CubicSpline  # slow to import
+
         samples = samples.both(lambda signal: CubicSpline(places, signal)(even))
     rows = samples.rows[np.minimum(np.searchsorted(places, even), k.size - 1)]
     return replace(samples, t=dt * even, rows=rows)
