@@ -1,11 +1,15 @@
 """The virtual sensor's command line: `backlash estimate`, `calibrate` and `trend`."""
 
+import os
 import sys
 import warnings
 from importlib import import_module
 
 from backlash.endings import DEFECT, ending, ends_on_interrupt
 from backlash.options import parser
+
+# Threads for matrices of ten rows cost more than they save; read when NumPy is imported, later.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 
 def main(arguments: list[str] | None = None) -> int:
