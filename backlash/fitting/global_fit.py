@@ -69,6 +69,8 @@ def _amplitude_interval(fold: FoldedWindows, limits: Limits, best: Minimum) -> t
     cost, A, information = profile[np.isfinite(profile[:, 0]) & (profile[:, 2] > 0)].T
     if cost.size == 0:
         return 0.0, float(limits.A)
+    if fold.total <= 7:
+        raise ValueError(f"{fold.total:g} samples leave nothing over for an interval")
     cost = np.maximum(cost, 1e-15 * fold.power)
     variance = cost.min() / (fold.total - 7)
     weights = np.exp(-(cost - cost.min()) / (2 * variance))

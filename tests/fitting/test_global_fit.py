@@ -159,6 +159,13 @@ def test_the_interval_covers_the_truth_about_95_times_in_100():
     assert all(88 <= count <= 100 for count in covered.values())
 
 
+def test_a_record_of_as_many_samples_as_unknowns_has_no_interval():
+    speed = np.random.default_rng(1).normal(size=7)
+    record = Recording(np.linspace(0.0, 0.4, 7), speed, 100.0, 0.4, "made")
+    with pytest.raises(ValueError, match="7 samples leave nothing over"):
+        global_fit(record)
+
+
 def test_what_cannot_be_fitted_is_refused():
     record = made()
     with pytest.raises(ValueError, match="constant"):

@@ -12,7 +12,10 @@ from workbook import ROOT
         ("from backlash import main", ("numpy", "studies", "workbook")),
         (
             "import backlash.commands",
-            ("cma", "matplotlib", "pooch", "scipy.signal", "scipy.stats", "studies", "workbook"),
+            (
+                *("cma", "joblib", "matplotlib", "pooch", "scipy.interpolate", "scipy.optimize"),
+                *("scipy.signal", "scipy.stats", "studies", "tqdm", "workbook"),
+            ),
         ),
     ],
 )
