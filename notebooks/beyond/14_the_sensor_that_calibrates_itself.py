@@ -326,8 +326,6 @@ def name_missed(criteria):
     ).replace("_", " ")
 
 
-refused = measured.query("method == 'self' and refused")
-by_reason = refused["reason"].value_counts()
 of_sheet = datasheet.set_index("population")
 every, others = of_sheet.loc["all by speed"], of_sheet.loc["other drives"]
 strokes = of_sheet.loc["torque, strokes"]
@@ -348,12 +346,9 @@ workbook.export(
         "self_criteria": len(bars),
         "self_met": bars["met"].sum(),
         "self_failed": name_missed(bars),
-        "self_refused": len(refused),
-        "self_refusals": "; ".join(f"{reason} ({logs})" for reason, logs in by_reason.items()),
         "sheet_criteria": len(sheet_bars),
         "sheet_silent": int(sheet_bars["met_by_silence"].sum()),
         "sheet_met": sheet_bars["met"].sum(),
-        "sheet_rounds": len(rounds),
         "sheet_first": met[0],
         "sheet_second": met[1],
         "sheet_third": met[2],

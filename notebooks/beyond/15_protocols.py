@@ -451,7 +451,6 @@ workbook.export(
         "candidates_left": int((~of_settings["excluded"]).sum()),
         "settings_p_means": (pooled_p["p_means"], ".2g"),
         "settings_p_sds": (pooled_p["p_sds"], ".2g"),
-        "p_criterion": (level, ".2g"),
         "drawn_start_bias": (drawn_start["bias_percent"], ".0f"),
         "drawn_start_p": (drawn_start["p_bias"].max(), ".1g"),
         "largest_population_p": (of_settings.loc["rpm, population 2000", "p_sds"], ".1g"),
@@ -465,7 +464,6 @@ workbook.export(
         "drawn_bias_p": (of_drawn.max(), ".1g"),
         "each_run_off": (each_run["off_percent"].abs().agg(["min", "max"]), ".0f"),
         "each_run_sd": (each_run["sd_A_rps"].agg(["min", "max"]), ".2f"),
-        "each_run_best": (100 * each_run["best_basin_share"].agg(["min", "max"]), ".0f"),
     },
     figures={
         "replay_differences": (

@@ -24,10 +24,11 @@ def site(tmp_path_factory, verdicts):
     """A folder `results` with the report and the notebooks' pages in it, rendered anew."""
     results = tmp_path_factory.mktemp("site") / "results"
     (results / "pages").mkdir(parents=True)
-    report = page.render_report(RESULTS, NOTEBOOKS, verdicts)
-    (results / "report.html").write_text(report, encoding="utf-8")
+    rendered = page.render_report(RESULTS, NOTEBOOKS, verdicts)
     for name, text in pages.render_pages(RESULTS, NOTEBOOKS, verdicts).items():
-        (results / "pages" / f"{name}.html").write_text(text, encoding="utf-8")
+        rendered[f"pages/{name}.html"] = text
+    for file, text in rendered.items():
+        (results / file).write_text(text, encoding="utf-8")
     return results
 
 

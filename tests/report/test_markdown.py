@@ -15,9 +15,9 @@ def test_the_errata_sheet_is_what_the_data_give_with_a_row_for_each_erratum(verd
     assert len(re.findall(r"^\| E\d+ ", sheet, re.MULTILINE)) == len(published.table("errata"))
 
 
-def test_the_errata_sheet_holds_no_tag_that_a_reader_would_run(verdicts, monkeypatch):
+def test_the_errata_sheet_holds_no_tag_that_a_reader_would_run(verdicts, replace_table):
     hostile = published.table("errata").assign(effect="<script>alert(1)</script>")
-    monkeypatch.setattr(published, "errata", lambda: hostile)
+    replace_table("errata", hostile)
     text = markdown.render_errata(facts.collect_facts(RESULTS, verdicts))
     assert "&lt;script>" in text
     assert "<script" not in text
@@ -34,7 +34,7 @@ def test_every_table_in_the_results_is_made_by_a_notebook_a_study_or_the_workboo
     made = {file for outcome in load_outcomes(RESULTS).values() for file in outcome["files"]}
     made |= {"verdicts.csv", "claims.csv"}
     others = {file.name for file in RESULTS.glob("*.csv")} - made
-    kinds = ("studies/*.py", "replication/**/*.py")
+    kinds = ("studies/**/*.py", "replication/**/*.py")
     sources = "".join(path.read_text("utf-8") for k in kinds for path in workbook.ROOT.glob(k))
     assert [name for name in others if f'"{name}"' not in sources] == []
     assert {f"supplement/{file.name}" for file in (RESULTS / "supplement").glob("*.csv")} <= made

@@ -8,7 +8,7 @@ import pytest
 
 from replication import published
 from workbook import judging, provenance
-from workbook.checkout import RESULTS
+from workbook.checkout import NOTEBOOKS, RESULTS
 from workbook.report import page
 
 
@@ -29,10 +29,23 @@ def test_the_committed_pages_are_what_the_results_give(files, site):
         assert committed.read_text("utf-8") == made.read_text("utf-8"), "run: make report"
 
 
-def test_every_cell_claim_and_erratum_is_on_the_page(site):
-    ids = set(links_and_ids((site / "report.html").read_text("utf-8"))[1])
-    assert set(published.cells().index) | set(published.table("errata").index) <= ids
-    assert {f"claim-{claim}" for claim in published.table("claims").index} <= ids
+def test_every_number_claim_and_erratum_is_on_its_page(site):
+    wanted = {
+        "numbers": set(published.cells().index),
+        "errata": set(published.table("errata").index),
+        "claims": {f"claim-{claim}" for claim in published.table("claims").index},
+    }
+    for name, ids in wanted.items():
+        text = (site / "pages" / f"{name}.html").read_text("utf-8")
+        assert ids <= set(links_and_ids(text)[1])
+
+
+def test_the_main_page_is_read_in_minutes(site):
+    """At most 1,500 words and 1 MB: it is the answer, the rest has pages of its own."""
+    page_text = (site / "report.html").read_text("utf-8")
+    assert len(page_text) < 1e6
+    body = re.sub(r"<(style|script|svg)\b.*?</\1>", " ", page_text, flags=re.DOTALL)
+    assert len(re.sub(r"<[^>]*>", " ", body).split()) <= 1500
 
 
 def test_no_link_of_any_page_is_dead(files, site):
@@ -59,7 +72,8 @@ def test_report_and_pages_fetch_nothing(files):
 
 
 def test_the_history_tells_of_every_rule_and_of_both_counts(verdicts):
-    text = unescape(page.render_history(RESULTS, verdicts))
+    rendered = page.render_report(RESULTS, NOTEBOOKS, verdicts)
+    text = " ".join(unescape(rendered["pages/history.html"]).split())
     for rule in published.table("trail")["rule"]:
         assert rule in text
     assert "First answers: 16 claims held, 9 did not, 2 were undecided" in text
@@ -74,5 +88,5 @@ def test_text_from_the_data_is_escaped(tmp_path, replace_table):
     claims = published.table("claims")
     claims["claim"] = "<b>1 & 2</b>"
     replace_table("claims", claims)
-    shown = page.render_report(results, tmp_path, judging.verdicts(results))
+    shown = page.render_report(results, tmp_path, judging.verdicts(results))["pages/claims.html"]
     assert "&lt;b&gt;1 &amp; 2&lt;/b&gt;" in shown

@@ -10,7 +10,7 @@ def test_check_ends_well_and_prints_every_compared_number(verdicts, capsys):
     taken = verdicts.query("source == 'taken over' and id.str.startswith('text')")["id"]
     assert [text for text in published.cells().drop(taken)["printed"] if text not in said] == []
     row = verdicts.set_index("id").loc["table2.row03.mean"]
-    assert f"{row['low']:.5g} to {row['high']:.5g}" in said
+    assert f"{row['low']:.4f} to {row['high']:.4f}" in said
 
 
 def test_check_fails_if_a_cell_differs_and_is_not_a_known_difference(replace_table, capsys):
@@ -25,7 +25,7 @@ def test_show_tells_of_a_cell_what_is_printed_ours_and_the_verdict(verdicts, cap
     assert main(["show", "Table 2.row3.SD"]) == 0
     said = capsys.readouterr().out
     row = verdicts.set_index("id").loc["table2.row03.sd"]
-    for part in ("0.0138 rps", row["agreement"], f"{row['reproduced']:.5g}"):
+    for part in ("0.0138 rps", "weakly agrees", f"{row['reproduced']:.4f}"):
         assert part in said
 
 

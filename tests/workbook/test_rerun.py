@@ -43,8 +43,9 @@ def test_a_number_that_comes_out_otherwise_stands_below_the_one_before(monkeypat
     assert main(["show", OF_CUBIC, "--rerun"]) == 0
     before, now = capsys.readouterr().out.split("\n\n                Equation 10")
     number = judging.verdicts(RESULTS).set_index("id").loc[OF_CUBIC, "reproduced"]
-    assert f"{number:.5g}" in before
-    assert f"{1.5 * number:.5g}" in now
+    assert f"{number:.4f}" in before
+    assert f"{1.5 * number:.4f}" in now
+    assert now.rstrip().endswith(": different")
 
 
 def test_a_mean_made_again_stands_beside_the_region_of_the_kept_ones(monkeypatch):
@@ -53,15 +54,17 @@ def test_a_mean_made_again_stands_beside_the_region_of_the_kept_ones(monkeypatch
     said = cell.make_cell(3, "mean")
     study = pd.read_csv(protocols.REALISATIONS)
     kept = study[(study["protocol"] == protocols.LEADER) & (study["row"] == 3)]["mean_A_rps"]
-    for number in (kept.iloc[0], 0.1234, 3.1234, *predictive_region(kept)):
+    for number in (3.1234, *predictive_region(kept)):
         assert f"{number:.6g}" in said
+    assert said.endswith(f"recomputed 0.1234, committed {kept.iloc[0]:.6g}: different")
 
 
 def test_the_noise_is_read_again_from_the_records(authors_data, capsys):
     main(["show", "table2.row03.noise", "--rerun"])
     said = capsys.readouterr().out
     assert said.startswith("table2.row03.noise is made again by its row alone")
-    assert f"made again      {inspection.noise_amplitudes()[2]:.6g}" in said
+    noise = f"{inspection.noise_amplitudes()[2]:.6g}"
+    assert said.rstrip().endswith(f"recomputed {noise}, committed {noise}: identical")
 
 
 def test_what_no_notebook_makes_is_said_in_one_line(capsys):

@@ -27,7 +27,7 @@ repeats = 30
 import pandas as pd
 import workbook
 table = pd.DataFrame({"repeats": [repeats]})
-cells = {"authors": {"text.runs": repeats}}
+cells = {"text.runs": repeats}
 workbook.export(tables={"small": table}, supplement={"b": (table, "Of x.")}, pages={"c": {"x": [1]}}, cells=cells)
 print("done")
 """
@@ -86,7 +86,7 @@ def test_an_executed_notebook_leaves_itself_what_it_exports_and_what_it_was_made
         "replication/data/cells.csv",
     }
     assert needed <= set(sources)
-    assert "replication/search.py" not in sources
+    assert "replication/cmaes.py" not in sources
     assert outcome["made_from"]["seeds"] == {"random_seed": 7, "seeds": "range(1, 4)"}
     for name, digest in sources.items():
         path = source if name == "small.py" else workbook.ROOT / name

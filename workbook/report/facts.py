@@ -91,6 +91,16 @@ def describe_table2(verdicts: pd.DataFrame) -> dict[str, object]:
     return found
 
 
+def count_numbers(verdicts: pd.DataFrame) -> tuple[pd.DataFrame, pd.DataFrame]:
+    """Count the printed numbers by agreement: by element, with a last row of all, and by source."""
+    by_element, by_source = (
+        judging.count_by(verdicts, by).reindex(columns=judging.AGREEMENTS, fill_value=0)
+        for by in ("element", "source")
+    )
+    by_element.loc["all"] = by_element.sum()
+    return by_element.fillna(0).astype(int), by_source.fillna(0).astype(int)
+
+
 def list_differing(rows: pd.DataFrame) -> str:
     """Name rows of Table 2 that differ, with the printed number and our interval; "none" where there is none."""
     named = [

@@ -7,7 +7,7 @@ from workbook import judging
 from workbook.outcomes import load_outcomes
 from workbook.report import TEMPLATES
 from workbook.report.cells import notebook_source
-from workbook.report.facts import collect_facts, fill_in_findings
+from workbook.report.facts import collect_facts, count_numbers, fill_in_findings
 
 BEGIN, END = "<!-- status: begin -->\n", "\n<!-- status: end -->"
 
@@ -31,14 +31,10 @@ def render_status(results: Path) -> str:
     """Write the README's status: the answers, and the printed numbers by element and by source."""
     verdicts = judging.verdicts(results)
     facts = collect_facts(results, verdicts)
-    by_element, by_source = (judging.count_by(verdicts, by) for by in ("element", "source"))
-    by_element.loc["all"] = by_element.sum()
+    by_element, by_source = count_numbers(verdicts)
     answers = [each for each in fill_in_findings(facts) if each["kind"] == "answer"]
     return TEMPLATES.get_template("status.md.j2").render(
-        facts=facts,
-        answers=answers,
-        by_element=by_element.astype(int),
-        by_source=by_source.astype(int),
+        facts=facts, answers=answers, by_element=by_element, by_source=by_source
     )
 
 

@@ -16,7 +16,7 @@ from workbook.report import TEMPLATES, markdown, pages
 from workbook.report.cells import judged_cells, judged_claims
 from workbook.report.crate import describe_results
 from workbook.report.datasheet import datasheet_rows
-from workbook.report.facts import collect_facts, fill, fill_in_findings
+from workbook.report.facts import collect_facts, count_numbers, fill, fill_in_findings
 from workbook.report.figures import load_pictures
 
 # Files of the report and what the line above each page calls them.
@@ -42,16 +42,15 @@ def report_content(results: Path, notebooks: Path, verdicts: pd.DataFrame) -> di
     facts = collect_facts(results, verdicts)
     cells = judged_cells(verdicts)
     findings = fill_in_findings(facts)
-    by_element, by_source = (judging.count_by(verdicts, by) for by in ("element", "source"))
-    by_element.loc["all"] = by_element.sum()
+    by_element, by_source = count_numbers(verdicts)
     return {
         "facts": facts,
         "cells": cells,
         "answers": [each for each in findings if each["kind"] == "answer"],
         "joint_p": next((each for each in findings if each["kind"] == "joint p"), None),
         "findings": findings,
-        "by_element": by_element.astype(int),
-        "by_source": by_source.astype(int),
+        "by_element": by_element,
+        "by_source": by_source,
         "labels": NUMBER_LABELS,
         "filters": {
             "agreement": judging.AGREEMENTS,

@@ -7,7 +7,7 @@ import sys
 import tempfile
 from pathlib import Path
 
-from workbook.checkout import ROOT, notebook_files
+from workbook.checkout import RESULTS, ROOT, notebook_files
 from workbook.report import Unknown
 
 # What a row gives without its notebook. Row 1's peak is that of a simulated record: notebook 3 has it.
@@ -48,7 +48,23 @@ def make_again(name: str, notebooks: set[str]) -> str:
     with tempfile.TemporaryDirectory() as folder:
         for notebook in notebooks:
             execution.execute(notebook_files("py")[notebook], Path(folder))
-        return terminal.show(name, Path(folder) / "results")
+        results = Path(folder) / "results"
+        return "\n".join([terminal.show(name, results), *_compare(name, results)])
+
+
+def _compare(name: str, results: Path) -> list[str]:
+    """Our number of a cell made again, beside the committed one; nothing of what is no cell."""
+    from workbook import judging
+
+    now, committed = (
+        {row["id"].lower(): row["reproduced"] for row in judging.verdicts(place).to_dict("records")}
+        for place in (results, RESULTS)
+    )
+    if name not in now:
+        return []
+    same = f"{now[name]:.6g}" == f"{committed[name]:.6g}"
+    both = f"recomputed {now[name]:.6g}, committed {committed[name]:.6g}"
+    return [f"{both}: {'identical' if same else 'different'}"]
 
 
 def _make_cell(row: str, column: str) -> str:

@@ -100,6 +100,6 @@ def align(text: str) -> str:
     lines = []
     for line in text.splitlines():
         label, _, said = line.partition(": ")
-        indented = f"{label:<{LABEL_WIDTH}}{said}"
+        indented = f"{label:<{LABEL_WIDTH}}{said}" if len(label) < LABEL_WIDTH else line
         lines.append(textwrap.fill(indented, WIDTH, subsequent_indent=" " * LABEL_WIDTH))
     return "\n".join(lines)
