@@ -18,7 +18,7 @@ from workbook.report import article, facts, markdown
 VERDICTS = judging.verdicts(RESULTS)
 ARTICLE = article.SOURCE.read_text("utf-8")
 IN_BRACES = re.compile(r"\{(\w+)\}")
-IN_ARTICLE = re.compile(r'\b(?:n|w|W|be|count|[aA]ll-of)\("(\w+)"')
+IN_ARTICLE = re.compile(r'\b(?:n|w|W|be|count|[aA]ll-of|out-of)\("(\w+)"|\bout-of\("\w+", "(\w+)"')
 IN_TEMPLATE = re.compile(r"facts\.(\w+)")
 
 
@@ -33,7 +33,7 @@ def named():
     found = {name for texts in data for text in texts for name in IN_BRACES.findall(text)}
     for file in (workbook.ROOT / "workbook" / "report" / "templates").glob("*.j2"):
         found |= set(IN_TEMPLATE.findall(file.read_text("utf-8")))
-    return found | set(IN_ARTICLE.findall(ARTICLE))
+    return found | {name for names in IN_ARTICLE.findall(ARTICLE) for name in names if name}
 
 
 def test_every_name_in_a_text_is_a_fact():
