@@ -18,7 +18,7 @@ from workbook.report import article, facts, markdown
 VERDICTS = judging.verdicts(RESULTS)
 ARTICLE = article.SOURCE.read_text("utf-8")
 IN_BRACES = re.compile(r"\{(\w+)\}")
-IN_ARTICLE = re.compile(r'\b(?:n|w|W|be|count|[aA]ll-of|out-of)\("(\w+)"|\bout-of\("\w+", "(\w+)"')
+IN_ARTICLE = re.compile(r'\b(?:n|w|W|be|count|[aA]ll-of)\("(\w+)"|\bout-of\("(\w+)", "(\w+)"')
 IN_TEMPLATE = re.compile(r"facts\.(\w+)")
 
 
