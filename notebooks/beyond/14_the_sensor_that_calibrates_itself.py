@@ -327,10 +327,16 @@ def name_missed(criteria):
 
 
 of_sheet = datasheet.set_index("population")
-every, others = of_sheet.loc["all by speed"], of_sheet.loc["other drives"]
-strokes = of_sheet.loc["torque, strokes"]
+
+
+def count_answers(name):
+    logs, answered, covered = of_sheet.loc[name, ["logs", "answered", "covered"]]
+    answers = logs * answered
+    inside = f"{answers * covered:.0f} of these intervals with the true backlash"
+    return f"{answers:.0f} of {logs:.0f} logs answered, {inside}"
+
+
 answered = own["population"].value_counts()
-answered_others = others["logs"] * others["answered"]
 met = rounds["met"].astype(str) + " of " + rounds["criteria"].astype(str)
 workbook.export(
     supplement={
@@ -353,14 +359,10 @@ workbook.export(
         "sheet_second": met[1],
         "sheet_third": met[2],
         "datasheet_failed": name_missed(sheet_bars),
-        "sensor_logs": (every["logs"], ".0f"),
-        "sensor_answered": (100 * every["answered"], ".0f"),
-        "sensor_covered": (100 * every["covered"], ".0f"),
-        "strokes_logs": (strokes["logs"], ".0f"),
-        "strokes_answered": (strokes["logs"] * strokes["answered"], ".0f"),
-        "strokes_covered": (strokes["logs"] * strokes["answered"] * strokes["covered"], ".0f"),
-        "other_answered": f"{answered_others:.0f} of {others['logs']}",
-        "other_covered": f"{answered_others * others['covered']:.0f} of {answered_others:.0f}",
+        "sheet_plain": count_answers("plain benches"),
+        "sheet_hard": count_answers("hard benches"),
+        "sheet_other_drives": count_answers("other drives"),
+        "sheet_strokes": count_answers("torque, strokes"),
     },
     figures={
         "self_log": (

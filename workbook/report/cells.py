@@ -70,7 +70,7 @@ class Cell:
     @property
     def ours(self) -> str:
         """Our number written like the printed one; a share with what it is of: "0.65 of v's range"."""
-        text = like_printed(self.reproduced, self.printed)
+        text = minus(like_printed(self.reproduced, self.printed))
         if text and self.unit.startswith("range of "):
             return f"{text} of {self.unit.split()[2]}'s range"
         return text
@@ -126,7 +126,10 @@ class Cell:
             return ""
         if self.is_sd:
             return f"factor {self.resolution:.2g}"
-        return f"±{100 * self.resolution:.2g} %" if self.resolution >= 1e-4 else "exact"
+        if self.resolution < 1e-4:
+            return "exact"
+        percent = 100 * self.resolution
+        return f"±{percent:.0f} %" if percent >= 100 else f"±{percent:.2g} %"
 
 
 def judged_cells(verdicts: pd.DataFrame) -> dict[str, Cell]:
