@@ -1,5 +1,6 @@
 """The backlash by the motor's torque: a joint's drive need not be known."""
 
+from contextlib import suppress
 from dataclasses import replace
 
 import numpy as np
@@ -204,8 +205,9 @@ def test_intervals_hold_the_truth_with_inputs_as_wrong_as_is_said():
                 bench.joint.ratios[name] * f
                 for name, f in zip(("inertia_ratio", "gravity_per_s2"), off, strict=True)
             ]
-            found = fitted(bench, load=LoadData(*given))
-            if not found.refusal_reason:
-                held.append(found.interval_rad[0] <= DELTA <= found.interval_rad[1])
+            with suppress(ValueError):  # refused
+                found = fitted(bench, load=LoadData(*given))
+                if not found.refusal_reason:
+                    held.append(found.interval_rad[0] <= DELTA <= found.interval_rad[1])
     assert len(held) >= 15
     assert np.mean(held) >= 0.85

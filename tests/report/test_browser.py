@@ -50,9 +50,12 @@ def test_nothing_makes_a_page_wider_than_the_screen(tab, site):
 def test_the_signature_explorer_computes_the_misfit_of_the_package(tab, site):
     page = tab(site / "pages" / "signature_explorer.html")
     drawn = load_drawn(RESULTS, "signature_explorer")
-    record, X = np.array(drawn["record"]), np.array([*drawn["fitted"].values()][:7])
+    record, names = np.array(drawn["record"]), [*drawn["fitted"]][:7]
     for clicked, T_f in (("#printed", 0.408), ("#fitted", 0.4)):
         page.click(clicked)
+        state = page.evaluate("state")  # with the digits that the sliders hold
+        X = np.array([state[name] for name in names])
+        assert pytest.approx([drawn["fitted"][name] for name in names], rel=1e-5) == X
         expected = rmse(drawn["dt"] * np.arange(record.size), record, X, Timing(T_f / 2, T_f, 12))
         assert page.evaluate("rmse(state)") == pytest.approx(expected, abs=1e-9)
 
