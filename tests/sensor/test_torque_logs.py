@@ -180,12 +180,19 @@ def test_a_torque_of_the_wrong_sign_is_no_answer_and_says_so(joint):
 
 
 @pytest.mark.parametrize(
-    ("number", "verdict"), [(0, "no backlash"), (1, "no backlash"), (3, "cannot tell")]
+    ("number", "verdicts"),
+    [
+        (0, ["no backlash"]),
+        (1, ["no backlash"]),
+        # On the edge of an answer: which of the two it is hangs on the BLAS kernel.
+        (3, ["no backlash", "cannot tell"]),
+    ],
 )
-def test_a_healthy_joint_has_no_backlash_or_no_answer(number, verdict):
+def test_a_healthy_joint_has_no_backlash_or_no_answer(number, verdicts):
     frame, known = logged(number, 0.0)
     found = backlash.estimate(frame, torque="torque [Nm]", **known)
-    assert (found.verdict, found.method) == (verdict, "torque")
+    assert found.verdict in verdicts
+    assert found.method == "torque"
 
 
 def test_a_trend_of_logs_with_torque_goes_through_the_truths(capsys, tmp_path):
