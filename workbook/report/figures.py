@@ -22,12 +22,9 @@ REFERRED = re.compile(r'(?<=href="#)[^"]+|(?<=url\(#)[^)]+')
 PLACED = re.compile(r'(?:\bd="|\b[xy]="|translate\()[^")]+')
 BARE = re.compile(r"<g>((?:<(?!/?g\b)[^>]*>)*)</g>")  # a group of marks without a property
 LONG = re.compile(r"-?\d+\.\d\d+")
-# Of an SVG that a page holds: a style (those of the page itself have spaces), a place of a character.
-STYLE = re.compile(r' style="([^" ]+)"')
+# Of an SVG: a place of a character.
 MOVED = re.compile(r'(<use [^>]*)transform="translate\(([-\d.]+) ([-\d.]+)\)"/>')
 FONT = "DejaVuSans-"
-CHARACTER = re.compile(rf'<path id="{FONT}[^>]*>')
-SHARED = re.compile(rf'(?<=["#])(?:{FONT}[\w-]+|\w+-i\d+)(?=[")])')
 COLOURS = 48  # enough for lines and markers with smooth edges; a third of the size
 DOTS_PER_SHOWN_DOT = 1.5
 
@@ -69,17 +66,6 @@ class Picture:
         label = html.escape(self.alternative)
         source = "data:image/svg+xml," + self.reduced().translate(IN_ADDRESS)
         return Markup(f'<img alt="{label}" width="{width}" height="{height}" src="{source}">')
-
-    def inline(self) -> Markup:
-        """The drawing as a part of a page, for `share`: its names begin with its own."""
-        label = html.escape(self.axes or self.name)
-        about = f'<svg class="drawing" role="img" aria-label="{label}" '
-        return Markup(self.reduced(f"{self.name}-i").replace("<svg ", about, 1))
-
-    def thumbnail(self) -> Markup:
-        """The drawing small, as part of a link."""
-        source = reduce_png(self.file.read_bytes(), 0.2)
-        return Markup(f'<img class="thumbnail" alt="{html.escape(self.caption)}" src="{source}">')
 
 
 def load_pictures(results: Path) -> list[Picture]:
@@ -130,18 +116,6 @@ def reduce_svg(drawing: str, names: str = "i") -> str:
     for _ in range(9):  # one within another
         drawing = BARE.sub(r"\1", drawing)
     return MOVED.sub(r'\1x="\2" y="\3"/>', drawing).replace(' y="0"', "")
-
-
-def share(page: str) -> str:
-    """Write each style and each character of a page's drawings once, and name them shortly."""
-    styles = _abbreviate(STYLE.findall(page), "s")
-    rules = "".join(f".{name}{{{style}}}" for style, name in styles.items())
-    page = STYLE.sub(lambda style: f' class="{styles[style[1]]}"', page)
-    for character in dict.fromkeys(CHARACTER.findall(page)):
-        page = page.replace(character, "", page.count(character) - 1)
-    short = _abbreviate(SHARED.findall(page), "d")
-    page = SHARED.sub(lambda name: short[name[0]], page)
-    return page.replace("</style>", f"{rules}</style>", 1)
 
 
 def _abbreviate(names: list[str], start: str) -> dict[str, str]:
