@@ -16,6 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 from replication.arrays import FloatArray, IntArray
+from replication.compiling import njit
 from replication.signature import Box
 
 # Eigenvalues of a symmetric matrix, ascending, and its eigenvectors in columns.
@@ -177,8 +178,9 @@ def covariance(
     length = np.sqrt(((_turn(state.B.T, y[:, c.mu :]) / _column(state.D)) ** 2).sum(axis=0))
     w = c.weights.copy()
     w[c.mu :] = w[c.mu :] * c.n / (length + 1e-9) ** 2
-    products = (w * y)[:, None] * y
-    learnt = _rows(products.reshape(c.n * c.n, -1)).sum(axis=0).reshape(c.n, c.n)
+    products = np.empty((w.size, c.n, c.n))
+    np.multiply((w * y)[:, None], y, out=products.transpose(1, 2, 0))
+    learnt = products.reshape(w.size, -1).sum(axis=0).reshape(c.n, c.n)
     # By a stalled path: the paper's delta(h_sigma)
     lost = c.c_1 * (1 - h_sigma) * c.c_c * (2 - c.c_c)
     kept = 1 - c.c_1 + lost - c.c_mu * c.total_weight
@@ -231,25 +233,32 @@ def margins_of(box: Box) -> tuple[FloatArray, FloatArray]:
 
 
 def into_box(samples: FloatArray, box: Box) -> FloatArray:
-    """Map unbounded samples, shape (population, n), into the box, as `cma` did before 3.4.
+    """Map unbounded samples, shape (population, n), into the box, as `cma` did before 3.4."""
+    return _into_box(samples, box.lower, box.upper, *margins_of(box))
 
-    The identity inside, bent to a half-parabola in a margin at each bound; beyond the margins the
-    map goes back and forth.
-    """
-    lower, upper = _column(box.lower), _column(box.upper)
-    at_lower, at_upper = map(_column, margins_of(box))
-    y = _columns(samples)
-    first = lower - 2 * at_lower - (upper - lower) / 2
-    far = (y < first) | (y > upper + 2 * at_upper + (upper - lower) / 2)
-    if far.any():
-        period = 2 * (upper - lower + at_lower + at_upper)
-        y = np.where(far, y - period * ((y - first) // period), y)
-    y = np.where(y > upper + at_upper, y - 2 * (y - upper - at_upper), y)
-    y = np.where(y < lower - at_lower, y + 2 * (lower - at_lower - y), y)
-    bent = lower + (y - (lower - at_lower)) ** 2 / 4 / at_lower
-    y = np.where(y < lower + at_lower, bent, y)
-    bent = upper - (y - (upper + at_upper)) ** 2 / 4 / at_upper
-    return _rows(np.where(y > upper - at_upper, bent, y))
+
+@njit
+def _into_box(samples, lower, upper, at_lower, at_upper):
+    """The identity inside, bent to a half-parabola in a margin at each bound; beyond it back and forth."""
+    members = np.empty_like(samples)
+    for i in range(lower.size):
+        first = lower[i] - 2 * at_lower[i] - (upper[i] - lower[i]) / 2
+        last = upper[i] + 2 * at_upper[i] + (upper[i] - lower[i]) / 2
+        period = 2 * (upper[i] - lower[i] + at_lower[i] + at_upper[i])
+        for k in range(len(samples)):
+            y = samples[k, i]
+            if y < first or y > last:
+                y -= period * ((y - first) // period)
+            if y > upper[i] + at_upper[i]:
+                y -= 2 * (y - upper[i] - at_upper[i])
+            if y < lower[i] - at_lower[i]:
+                y += 2 * (lower[i] - at_lower[i] - y)
+            if y < lower[i] + at_lower[i]:
+                y = lower[i] + (y - (lower[i] - at_lower[i])) ** 2 / 4 / at_lower[i]
+            if y > upper[i] - at_upper[i]:
+                y = upper[i] - (y - (upper[i] + at_upper[i])) ** 2 / 4 / at_upper[i]
+            members[k, i] = y
+    return members
 
 
 def from_box(point: FloatArray, box: Box) -> FloatArray:
