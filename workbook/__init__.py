@@ -1,9 +1,15 @@
 """The workbook: runs the notebooks, keeps what they export, and turns it into verdicts and a report."""
 
+import sys
 from importlib import import_module
+from typing import Any
 
 from replication.files import ROOT
 from workbook.checkout import QUICK
+
+# A library of nbformat's builds a grammar of addresses, which no notebook is checked for, in 2 s of every start.
+_modules: dict[str, Any] = sys.modules
+_modules.setdefault("rfc3987_syntax", None)
 
 # What notebooks call, by its module: loaded when first named, because a command needs little of it.
 _HOMES = {

@@ -18,13 +18,22 @@ MOST_SWEEPS = 30  # for each eigenvalue; two or three are usual
 @njit
 def symmetric_eigen(matrix):
     """Eigenvalues of a symmetric matrix, ascending, and its eigenvectors in columns."""
-    diagonal, beside, unsorted = make_tridiagonal(matrix.copy())
-    make_diagonal(diagonal, beside, unsorted)
-    order = np.argsort(diagonal, kind="mergesort")
-    vectors = np.empty_like(unsorted)
-    for k in range(order.size):
-        vectors[:, k] = unsorted[:, order[k]]
-    return diagonal[order], vectors
+    values, beside, vectors = make_tridiagonal(matrix.copy())
+    make_diagonal(values, beside, vectors)
+    sort_columns(values, vectors)
+    return values, vectors
+
+
+@njit
+def sort_columns(values, vectors):
+    """Bring values into ascending order in place, and the columns with them; equal ones keep theirs."""
+    for last in range(1, values.size):
+        k = last
+        while k > 0 and values[k] < values[k - 1]:
+            values[k - 1], values[k] = values[k], values[k - 1]
+            for row in range(values.size):
+                vectors[row, k - 1], vectors[row, k] = vectors[row, k], vectors[row, k - 1]
+            k -= 1
 
 
 @njit
