@@ -3,7 +3,6 @@
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.ndimage import map_coordinates
 
 from backlash.detection.pattern import Detected
 from backlash.fitting import SELF
@@ -25,6 +24,8 @@ from backlash.settings import Settings
 from replication.arrays import FloatArray
 from replication.signature import signature
 from replication.simulator.parameters import TURN
+
+_FINER = 32  # phases between which a straight line is good enough, for one of a turn
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -85,9 +86,10 @@ def _with_turn(detected: Detected, turn: FloatArray | None, reading: Reading) ->
     """A turn [rps] as the model of the speed, without one the mean turn."""
     if turn is None:
         turn = mean_turn(detected.recording, samples_a_turn(detected.recording))
-    places = _turns(detected) % 1.0 * turn.size
-    # The periodic cubic spline, as `periodic` makes it; scipy.interpolate is slow to import.
-    model = map_coordinates(turn, [places], order=3, mode="grid-wrap")
+    # Its Fourier series at many phases; scipy.interpolate is slow to import.
+    fine = _FINER * np.fft.irfft(np.fft.rfft(turn), _FINER * turn.size)
+    phases = np.arange(fine.size) / fine.size
+    model = np.interp(_turns(detected), phases, fine, period=1.0)
     return Fitted(**vars(detected), model_rps=model, reading=reading)
 
 

@@ -3,8 +3,8 @@
 from typing import NamedTuple
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 from scipy.fft import next_fast_len
-from scipy.ndimage import median_filter
 from scipy.special import gammaincc
 
 from replication.arrays import FloatArray
@@ -53,10 +53,11 @@ def _line_spectrum(recording: Recording) -> _Spectrum:
     v = (recording.v - line @ np.linalg.lstsq(line, recording.v)[0]) * window
     size = next_fast_len(4 * samples, real=True)
     spacing = 1 / (size * dt)
-    power = np.abs(np.fft.rfft(v, size)) ** 2
+    power = np.abs(np.fft.rfft(v, size)[: int(2 * FASTEST_HZ / spacing)]) ** 2
     every = size // v.size
     around = max(int(_BACKGROUND_HZ / (every * spacing)) | 1, 9)
-    background = median_filter(power[::every], around, mode="nearest") / np.log(2)
+    padded = np.pad(power[::every], around // 2, mode="edge")
+    background = np.median(sliding_window_view(padded, around), axis=1) / np.log(2)
     background = np.interp(np.arange(power.size), every * np.arange(background.size), background)
     loudest = power[int(SLOWEST_HZ / spacing) : int(FASTEST_HZ / spacing)].max(initial=0.0)
     over = power / np.maximum(background, max(_LEAST_BACKGROUND * loudest, 1e-300))

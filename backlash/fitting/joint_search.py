@@ -1,7 +1,10 @@
 """Where the joint that made a log is looked for, so that no local minimum is taken for it."""
 
+import hashlib
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import lru_cache
+from io import BytesIO
 from operator import attrgetter
 from typing import NamedTuple
 
@@ -23,6 +26,7 @@ from backlash.fitting.joint_posterior import (
 from backlash.fitting.turns import Movement, simulate_turns
 from replication.arrays import FloatArray
 from replication.compiling import cache_folder, processor
+from replication.files import write_bytes
 
 # What bounds the search; chi squared is the sum of squares of the whitened residuals.
 # Joints among which the fit looks for where to start: how many, their backlashes [1e-4 rad], evenly
@@ -214,16 +218,24 @@ def _draw_library(movement: Movement) -> tuple[FloatArray, NDArray[np.complex128
     z[:, 0] = np.exp(rng.uniform(low, high, size))
     z[:, 2] = _LIBRARY_FRICTION * np.abs(rng.standard_normal(size))
     z[:, 3:_SEARCHED] = _LIBRARY_RATIO_SD * rng.standard_normal((size, _LIBRARY_RATIOS))
-    import joblib  # slow to import
+    folder = cache_folder()
+    if folder is None:
+        return z, _spectra(z, movement)
+    # It takes a second, so it is kept beside the code that made it; the last bits are the processor's.
+    told = hashlib.sha256(repr((movement, processor())).encode()).hexdigest()[:16]
+    file = folder / f"turns-{told}.npy"
+    with suppress(OSError, ValueError, EOFError):  # there is none, or a broken one
+        return z, np.load(file, allow_pickle=False)
+    spectra, content = _spectra(z, movement), BytesIO()
+    np.save(content, spectra)
+    with suppress(OSError):  # a full disk
+        write_bytes(file, content.getvalue())
+    return z, spectra
 
-    # It takes a second, so it is kept beside the code that made it.
-    kept = joblib.Memory(cache_folder(), verbose=0).cache(_spectra)
-    return z, kept(rows_of(z), movement, processor())
 
-
-def _spectra(rows: FloatArray, movement: Movement, _: str) -> NDArray[np.complex128]:
-    """Spectra of simulated turns; the processor is named because the last bits are its own."""
-    turns = simulate_turns(rows, movement)
+def _spectra(z: FloatArray, movement: Movement) -> NDArray[np.complex128]:
+    """Spectra of simulated turns."""
+    turns = simulate_turns(rows_of(z), movement)
     highest = int(FASTEST_HZ * movement.turn_period_s) + 2
     return np.fft.rfft(turns, axis=1)[:, :highest] / turns.shape[1]
 

@@ -21,7 +21,6 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 from scipy.fft import next_fast_len
-from scipy.ndimage import uniform_filter1d
 
 from backlash.detection.pattern import MOTOR_ORDERS
 from backlash.fitting.harmonics import spectrum
@@ -338,6 +337,8 @@ class _Joint:
     """A mean turn with its priors; `compare` says how much of it a fit takes, and how well it must agree."""
 
     def __init__(self, turn: _Turn, load: LoadData):
+        from scipy.ndimage import uniform_filter1d  # slow to import
+
         self.turn = turn
         g, rho = load.gravity_per_s2, load.inertia_ratio
         turning = (1 + rho) * 1j * turn.omega[0] * turn.speed[0]

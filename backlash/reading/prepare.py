@@ -6,7 +6,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike, NDArray
-from scipy.ndimage import uniform_filter1d
 
 from backlash.reading import UNITS
 from backlash.reading.columns import (
@@ -339,7 +338,7 @@ def _places(
     A clock's drift is slow, and followed; what is fast is followed if the signal does.
     """
     drifts = bool(np.abs(stray).max() > 1)
-    slow = uniform_filter1d(stray, max(width, 3), mode="nearest") if drifts else np.zeros(k.size)
+    slow = moving_mean(stray, max(width, 3)) if drifts else np.zeros(k.size)
     if (np.diff(k + slow) <= 0).any():
         return k + stray, "resampled"
     all_k = np.arange(k[-1] + 1)
@@ -391,10 +390,10 @@ def _at_constant_speed(
     if is_position:
         v = _rough_speed(v, t, dt)
     if 1 / dt > _FASTEST_HZ:
-        v = uniform_filter1d(v, int(2 / _FASTEST_HZ / dt))
+        v = moving_mean(v, int(2 / _FASTEST_HZ / dt))
     _refuse_spikes(v, samples.rows, form)
     width = max(3, round(_SMOOTHING_S / dt))
-    smooth = uniform_filter1d(v, width, mode="nearest")
+    smooth = moving_mean(v, width)
     level = _level(smooth, form.expected_speed_rps)
     if level <= max(np.std(v - smooth), _SLOWEST_RPS):
         raise CannotTell("not constant speed", "the motor stands still, or turns both ways")
@@ -428,6 +427,13 @@ def _at_constant_speed(
             "the motor turns backward: the speed's sign is changed"
         )
     return samples
+
+
+def moving_mean(values: FloatArray, width: int) -> FloatArray:
+    """Means of so many neighbours; beyond the ends the values stay. `scipy.ndimage` is slow to import."""
+    padded = np.pad(values - values[0], (width // 2 + 1, (width - 1) // 2), mode="edge")
+    sums = np.cumsum(padded)
+    return values[0] + (sums[width:] - sums[:-width]) / width
 
 
 def _cut(samples: _Samples, first: int, last: int) -> _Samples:
