@@ -55,9 +55,11 @@ def authors_registry() -> dict[str, str]:
 
 def data_folder() -> Path:
     """Folder that the authors' data are read from: `BACKLASH_DATA`, or else the download cache."""
+    if local := os.environ.get("BACKLASH_DATA"):
+        return Path(local)
     import pooch  # slow to import, and not used by the sensor
 
-    return Path(os.environ.get("BACKLASH_DATA") or pooch.os_cache("backlash-replication"))
+    return Path(pooch.os_cache("backlash-replication"))
 
 
 def authors_file(path: str, base_url: str = AUTHORS_URL, cache: Path | None = None) -> Path:
@@ -71,29 +73,35 @@ def authors_file(path: str, base_url: str = AUTHORS_URL, cache: Path | None = No
         raise DataUnavailable(
             f"{path}: no such file in the authors' repository at {AUTHORS_COMMIT[:7]}"
         )
-    if local := os.environ.get("BACKLASH_DATA"):
-        return _verified_local(Path(local) / path, registry[path])
+    folder = cache or data_folder()
+    return public_file(base_url + quote(path), path, registry[path], "BACKLASH_DATA", folder)
+
+
+def public_file(address: str, name: str, digest: str, variable: str, cache: Path) -> Path:
+    """Find a public file by its name in the folder that an environment variable names, or else download it."""
+    if local := os.environ.get(variable):
+        return _verified_local(Path(local) / name, digest, variable)
     import pooch  # slow to import, and not used by the sensor
 
-    address = base_url + quote(path)
-    folder = cache or data_folder()
     downloader = pooch.HTTPDownloader(timeout=20)
     try:
-        return Path(pooch.retrieve(address, registry[path], path, folder, downloader=downloader))
+        return Path(pooch.retrieve(address, digest, name, cache, downloader=downloader))
     except ValueError as error:
         raise DataCorrupt(
-            f"{path}: the download lacks the registered SHA-256; try again later"
+            f"{name}: the download lacks the registered SHA-256; try again later"
         ) from error
     except OSError as error:
-        advice = "connect to the network, or set BACKLASH_DATA to a copy of the authors' repository"
+        advice = f"connect to the network, or set {variable} to a copy of the repository"
         if isinstance(error, PermissionError):
-            advice = f"set BACKLASH_DATA, or XDG_CACHE_HOME to a folder that can be written, not {folder}"
+            advice = (
+                f"set {variable}, or XDG_CACHE_HOME to a folder that can be written, not {cache}"
+            )
         raise DataUnavailable(
-            f"{path}: cannot be downloaded ({type(error).__name__}); {advice}"
+            f"{name}: cannot be downloaded ({type(error).__name__}); {advice}"
         ) from error
 
 
-def _verified_local(file: Path, digest: str) -> Path:
+def _verified_local(file: Path, digest: str, variable: str) -> Path:
     """Check a local file against its registered SHA-256."""
     try:
         if file.is_fifo():  # to read it would wait for ever
@@ -101,7 +109,7 @@ def _verified_local(file: Path, digest: str) -> Path:
         content = file.read_bytes()
     except OSError as error:
         raise DataUnavailable(
-            f"{file}: not readable ({error.strerror}); is BACKLASH_DATA right?"
+            f"{file}: not readable ({error.strerror}); is {variable} right?"
         ) from error
     if hashlib.sha256(content).hexdigest() != digest:
         raise DataCorrupt(f"{file}: its SHA-256 is not the registered one; copy it again")

@@ -29,6 +29,14 @@ def write_claims() -> None:
     print(optimizers.success_table(runs).to_string(index=False))
 
 
+def write_hardware() -> None:
+    """What the sensor would see on twins of logs of real joints, into results/hardware.csv."""
+    os.environ.update(pinned_environment())
+    from studies import hardware
+
+    write_csv(RESULTS / "hardware.csv", hardware.measure_all())
+
+
 def write_joint() -> None:
     """The simulated joint anew from the authors' records, into replication/data/joint.json."""
     from studies.reidentify import reidentify_joint
@@ -89,6 +97,7 @@ def write_protocols() -> None:
 STUDIES = {
     "calibrations": write_calibrations,
     "claims": write_claims,
+    "hardware": write_hardware,
     "identify-joint": write_joint,
     "noise": write_noise,
     "population": write_population,

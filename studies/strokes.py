@@ -15,7 +15,7 @@ from replication.simulator.parameters import GRAVITY, TURN
 from studies.odd_joints import draw_log_uniform
 
 _STEP_S = 2e-5
-_CONTROL_S = 5e-4
+CONTROL_S = 5e-4
 _SETTLED = 0.02  # of the speed; a joint that moves more after its last stroke is not tuned
 _RUBBING_FROM = 2e-3  # rad/s of the load, at which friction is at three quarters
 
@@ -53,7 +53,7 @@ class StrokesLog(NamedTuple):
 
 
 @njit(nogil=True)
-def _run(joint, path, seen):
+def run_joint(joint, path, seen):
     """Measured speed and torque at each control period of a path, whose rows are angle and speed."""
     hanging = joint.gravity * np.sin(path[0, 0] + joint.vertical_rad)
     motor_angle = path[0, 0]
@@ -63,17 +63,17 @@ def _run(joint, path, seen):
     before = np.floor(motor_angle / joint.resolution_rad)
     for i in range(len(path)):
         count = np.floor(motor_angle / joint.resolution_rad)
-        speed = (count - before) * joint.resolution_rad / _CONTROL_S
+        speed = (count - before) * joint.resolution_rad / CONTROL_S
         before = count
-        measured += (speed - measured) * (1 - np.exp(-_CONTROL_S / joint.speed_filter_s))
+        measured += (speed - measured) * (1 - np.exp(-CONTROL_S / joint.speed_filter_s))
         off = path[i, 0] - count * joint.resolution_rad
         error = path[i, 1] + joint.position_gain * off - measured
-        integral += joint.integral_gain * error * _CONTROL_S
+        integral += joint.integral_gain * error * CONTROL_S
         command = pending
         pending = joint.speed_gain * error + integral
         seen[i, 0] = measured
         seen[i, 1] = torque
-        for _ in range(round(_CONTROL_S / _STEP_S)):
+        for _ in range(round(CONTROL_S / _STEP_S)):
             torque += (command - torque) * _STEP_S / joint.current_lag_s
             twist = motor_angle - angle
             bend = twist - min(max(twist, -joint.delta_rad), joint.delta_rad)
@@ -90,7 +90,7 @@ def _run(joint, path, seen):
             angle += _STEP_S * load
 
 
-def _draw_joint(rng: Generator, delta_rad: float, speed: float, gear_ratio: float) -> StrokingJoint:
+def draw_joint(rng: Generator, delta_rad: float, speed: float, gear_ratio: float) -> StrokingJoint:
     """Draw a joint whose drive is tuned to it."""
     ring = TURN * draw_log_uniform(rng, 12.0, 50.0)
     gravity = GRAVITY / rng.uniform(0.15, 0.5)
@@ -128,24 +128,24 @@ def _draw_path(rng: Generator, speed: float) -> FloatArray:
         direction = 1.0 if stroke % 2 == 0 else -1.0
         corners += list(stroke * (stroke_s + 1e-3) + ends)
         shape += [0.0, direction, direction, 0.0]
-    t = np.arange(0.0, corners[-1] + 0.3, _CONTROL_S)
+    t = np.arange(0.0, corners[-1] + 0.3, CONTROL_S)
     moved = speed * np.interp(t, corners, shape)
     start = rng.uniform(-0.1, 0.1) - half
-    return np.column_stack([start + np.cumsum(moved) * _CONTROL_S, moved])
+    return np.column_stack([start + np.cumsum(moved) * CONTROL_S, moved])
 
 
 def draw_strokes(rng: Generator, delta_rad: float) -> StrokesLog:
     """Draw a log of strokes, its speed and torque with noise; a joint that its drive does not settle is drawn again."""
     while True:
         speed, gear_ratio = rng.uniform(0.8, 2.5), float(rng.choice([50, 80, 100, 121, 160]))
-        joint, path = _draw_joint(rng, delta_rad, speed, gear_ratio), _draw_path(rng, speed)
+        joint, path = draw_joint(rng, delta_rad, speed, gear_ratio), _draw_path(rng, speed)
         seen = np.full(path.shape, np.nan)
-        _run(joint, path, seen)
-        if np.std(seen[-round(0.15 / _CONTROL_S) :, 0]) < _SETTLED * speed:
+        run_joint(joint, path, seen)
+        if np.std(seen[-round(0.15 / CONTROL_S) :, 0]) < _SETTLED * speed:
             break
     every = int(rng.choice([2, 4, 8, 10]))
     noise = np.array([rng.uniform(0, 0.003) * speed, rng.uniform(0.002, 0.01) * joint.gravity])
     v, torque = (seen[::every] + noise * rng.standard_normal(seen[::every].shape)).T
-    t = every * _CONTROL_S * np.arange(v.size)
+    t = every * CONTROL_S * np.arange(v.size)
     v = v * gear_ratio / TURN
     return StrokesLog(t, v, torque, gear_ratio, joint.inertia_ratio, joint.gravity)

@@ -1,0 +1,253 @@
+"""Logs of real joints, from public repositories: the sensor's answers, and what it could have seen.
+
+`hardware.csv` names each log's file, and what is known of its load; the files are downloaded or found in the folder
+that `HARDWARE_LOGS` names, `OWNER+REPOSITORY/` and then the path. A gravity of 0 is a load without any.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+from urllib.parse import quote
+
+import numpy as np
+import pandas as pd
+from numpy.random import Generator
+from scipy import stats
+from scipy.ndimage import gaussian_filter1d
+from tqdm import tqdm
+
+from backlash.answers import Estimate
+from backlash.interface import estimate
+from replication.arrays import FloatArray
+from replication.authors import public_file
+from replication.simulator.parameters import TURN
+from studies.strokes import CONTROL_S, draw_joint, run_joint
+
+DELTAS_RAD = (0.0, 3e-4, 6e-4, 1e-3, 2e-3, 3e-3)
+DRAWS = 8
+SEED = 17
+_SEEN = 0.9  # share of the draws that are answered, from the detection limit on
+_SMOOTHING_S = 0.02  # of the speed that a twin is to follow
+_REST_RAD_S = 0.02
+_GEAR_RATIO = 100  # of the twin's encoder
+_ASSUMED_GRAVITY = 10.0  # 1/s^2, said of a load without any
+_BLOCK_S = 0.5  # within which residuals are not independent
+
+
+class JointLog(NamedTuple):
+    """A log of a joint: time [s], angle [rad] and speed [rad/s] of the load's side, and the motor's torque."""
+
+    t: FloatArray
+    angle: FloatArray
+    speed: FloatArray
+    torque: FloatArray
+    load_angle: FloatArray = np.empty(0)  # by a second encoder
+
+
+def list_logs() -> pd.DataFrame:
+    """The logs, by name."""
+    return pd.read_csv(Path(__file__).with_name("hardware.csv"), index_col="log")
+
+
+def load_log(row: Mapping[str, Any]) -> JointLog:
+    """Read the log of a row of `list_logs`; DataUnavailable where it cannot be had."""
+    import pooch  # slow to import
+
+    address = f"https://raw.githubusercontent.com/{row['repository']}/{row['commit']}/"
+    name = f"{row['repository'].replace('/', '+')}/{row['path']}"
+    cache = Path(pooch.os_cache("backlash-hardware"))
+    file = public_file(address + quote(row["path"]), name, row["sha256"], "HARDWARE_LOGS", cache)
+    log = _READERS[row["make"]](file, row["axis"])
+    return log._replace(t=log.t - log.t[0])
+
+
+def _read_ur10e(file: Path, axis: int) -> JointLog:
+    columns = np.loadtxt(file, delimiter=",").T
+    return JointLog(columns[0], *columns[[axis, axis + 6, axis + 12]])
+
+
+def _read_printed_gear(file: Path, _: int) -> JointLog:
+    table = pd.read_csv(file, sep=";")
+    t = 1e-9 * (table["TIME"] - table["TIME"].iloc[0])
+    turns, speed_rps = table["POSITION"], table["VELOCITY"]
+    return JointLog(*np.array([t, TURN * turns, TURN * speed_rps, table["TORQUE"]]))
+
+
+def _read_kr300(file: Path, axis: int) -> JointLog:
+    from scipy.io import loadmat  # slow to import
+
+    record = loadmat(file, squeeze_me=True, struct_as_record=False)["rec"]
+    k = axis - 1
+    angle, load_angle, speed = np.deg2rad(
+        [record.act_pos_mot_deg[k], record.act_pos_se_deg[k], record.act_vel_mot_deg_per_s[k]]
+    )
+    return JointLog(record.time_cont, angle, speed, record.act_torque_abs_nm[k], load_angle)
+
+
+def _read_pendulum(file: Path, _: int) -> JointLog:
+    table = pd.read_csv(file).rename(columns={"pos": "position", "vel": "velocity"})
+    return JointLog(*table[["time", "position", "velocity", "torque"]].to_numpy().T)
+
+
+_READERS: dict[str, Callable[[Path, int], JointLog]] = {
+    "Universal Robots": _read_ur10e,
+    "printed": _read_printed_gear,
+    "KUKA": _read_kr300,
+    "T-Motor": _read_pendulum,
+}
+
+
+def answer(log: JointLog, row: Mapping[str, Any], **words: Any) -> Estimate:
+    """Estimate by the torque, from what is known of the load, or by what else is said."""
+    if not words:
+        gravity = row["gravity_per_s2"] or _ASSUMED_GRAVITY
+        words = {"inertia_ratio": row["inertia_ratio"], "gravity_per_s2": gravity}
+        words["torque"] = log.torque
+    ratio = row["gear_ratio"]
+    return estimate(log.t, ratio * log.speed, gear_ratio=ratio, unit="rad/s", **words)
+
+
+class Twin(NamedTuple):
+    """What a joint is simulated from: the path at each control period, the noise of a log, and its rigid load.
+
+    Torques over the load's inertia: of gravity, friction and viscosity; the torque's unit, and its offset.
+    """
+
+    path: FloatArray
+    speed_noise: FloatArray
+    torque_noise: FloatArray
+    vertical_rad: float
+    gravity: float
+    friction: float
+    viscosity: float
+    unit: float
+    offset: float
+
+
+def find_twin(log: JointLog, row: Mapping[str, Any]) -> Twin:
+    """Fit a rigid load under gravity and friction to a log; what is left is noise."""
+    t = np.arange(0.0, log.t[-1], CONTROL_S)
+    speed = gaussian_filter1d(np.interp(t, log.t, log.speed), _SMOOTHING_S / CONTROL_S)
+    angle = log.angle[0] + CONTROL_S * np.cumsum(speed)
+    acceleration = np.gradient(speed, CONTROL_S)
+    rubbing = np.tanh(speed / _REST_RAD_S)
+    terms = np.array(
+        [np.sin(angle), np.cos(angle), rubbing, speed, acceleration, np.ones_like(angle)]
+    )
+    at_samples = np.array([np.interp(log.t, t, term) for term in terms]).T
+    found = np.linalg.lstsq(at_samples, log.torque, rcond=None)[0]
+    sine, cosine, friction, viscosity, inertia, offset = found
+    unit = abs(inertia) / (1 + 1 / row["inertia_ratio"])
+    if row["gravity_per_s2"]:
+        unit = np.hypot(sine, cosine) / row["gravity_per_s2"]
+    return Twin(
+        np.column_stack([angle, speed]),
+        log.speed - at_samples[:, 3],
+        log.torque - at_samples @ found,
+        np.arctan2(cosine, sine),
+        row["gravity_per_s2"],
+        max(friction, 0) / unit,
+        max(viscosity, 0) / unit,
+        unit,
+        offset,
+    )
+
+
+def simulate_twin(
+    log: JointLog, row: Mapping[str, Any], delta_rad: float, rng: Generator
+) -> JointLog:
+    """A log of a drawn joint with the movement, clock, load and noise of a log, and a backlash.
+
+    Stiffness, damping and drive are drawn as those of `strokes`; the noise starts at a random sample.
+    """
+    twin = find_twin(log, row)
+    joint = draw_joint(rng, delta_rad, float(np.abs(log.speed).max()), _GEAR_RATIO)
+    ratio = row["inertia_ratio"]
+    heavier = (1 + 1 / ratio) / (1 + 1 / joint.inertia_ratio)
+    of_load = twin.gravity * rng.uniform(0.0, 0.06)
+    joint = joint._replace(
+        gravity=twin.gravity,
+        inertia_ratio=ratio,
+        vertical_rad=twin.vertical_rad,
+        load_friction=min(of_load, twin.friction),
+        load_viscous=0.0,
+        motor_friction=max(twin.friction - of_load, 0),
+        motor_viscous=twin.viscosity,
+        speed_gain=heavier * joint.speed_gain,
+        integral_gain=heavier * joint.integral_gain,
+    )
+    seen = np.full(twin.path.shape, np.nan)
+    run_joint(joint, twin.path, seen)
+    t = CONTROL_S * np.arange(len(seen))
+    speed, torque = (np.interp(log.t, t, column) for column in seen.T)
+    start = rng.integers(log.t.size)
+    speed += np.roll(twin.speed_noise, start)
+    torque = twin.unit * torque + twin.offset + np.roll(twin.torque_noise, start)
+    return log._replace(speed=speed, torque=torque)
+
+
+def measure_twins(name: str, row: Mapping[str, Any]) -> pd.DataFrame:
+    """Answers on the twins of a log: of how many draws at each backlash, and how many of them cover it."""
+    log = load_log(row)
+    table = []
+    for delta_rad in DELTAS_RAD:
+        answered = covered = 0
+        for draw in range(DRAWS):
+            rng = np.random.default_rng((SEED, draw))
+            found = answer(simulate_twin(log, row, delta_rad, rng), row)
+            if found.backlash_interval_rad:
+                low, high = found.backlash_interval_rad
+                answered += 1
+                covered += low <= delta_rad <= high
+        table.append((name, delta_rad, DRAWS, answered, covered))
+    return pd.DataFrame(table, columns=["log", "delta_rad", "draws", "answered", "covered"])
+
+
+def measure_all() -> pd.DataFrame:
+    """Answers on the twins of every log."""
+    rows = list_logs().iterrows()
+    return pd.concat([measure_twins(str(name), row) for name, row in tqdm(rows)])
+
+
+def detection_limits(twins: pd.DataFrame) -> pd.DataFrame:
+    """The smallest backlash of each log whose twins are answered in 90 % of the draws; nan: none is.
+
+    And the answered share of the twins with the largest backlash, with its exact 95 % interval.
+    """
+    rows = {}
+    for name, of_log in twins[twins["delta_rad"] > 0].groupby("log", sort=False):
+        seen = of_log[of_log["answered"] >= _SEEN * of_log["draws"]]
+        last = of_log.iloc[-1]
+        share = stats.binomtest(int(last["answered"]), int(last["draws"])).proportion_ci()
+        rows[name] = (seen["delta_rad"].min(), last["answered"] / last["draws"], *share)
+    columns = ["limit_rad", "answered", "low", "high"]
+    return pd.DataFrame.from_dict(rows, orient="index", columns=columns)
+
+
+def lost_motion(logs: Sequence[JointLog]) -> pd.DataFrame:
+    """By how much motor and load part [rad] with the sign of torque and speed, with 95 % intervals.
+
+    Regressed beside torque, speed, acceleration and angle; residuals of half a second count as one.
+    """
+    designs, parted, blocks = [], [], []
+    for k, log in enumerate(logs):
+        acceleration = np.gradient(gaussian_filter1d(log.speed, 3), log.t)
+        signs = np.sign(log.torque), np.sign(log.speed)
+        offsets = np.eye(len(logs))[:, k, None] * np.ones_like(log.t)
+        designs.append([*signs, log.torque, log.speed, acceleration, log.angle, *offsets])
+        parted.append(log.angle - log.load_angle)
+        blocks.append(1000 * k + log.t // _BLOCK_S)
+    X, block = np.concatenate(designs, axis=1).T, np.concatenate(blocks)
+    y = np.concatenate(parted)
+    found = np.linalg.lstsq(X, y, rcond=None)[0]
+    scores = pd.DataFrame(X * (y - X @ found)[:, None]).groupby(block).sum().to_numpy()
+    bread = np.linalg.pinv(X.T @ X)
+    sd = np.sqrt(np.diag(bread @ (scores.T @ scores) @ bread))[:2]
+    half = stats.t.ppf(0.975, len(scores) - 1) * sd
+    table = {
+        "coefficient_rad": found[:2],
+        "low_rad": found[:2] - half,
+        "high_rad": found[:2] + half,
+    }
+    rarer = [min((X[:, k] > 0).mean(), (X[:, k] < 0).mean()) for k in (0, 1)]
+    return pd.DataFrame({**table, "rarer_sign": rarer}, index=["sign of torque", "sign of speed"])
