@@ -103,7 +103,7 @@ from backlash.fitting import joint_posterior, joint_search, self_calibration
 from backlash.reading.columns import LogFormat
 from backlash.settings import settings_for
 from replication import standins
-from studies import benchmark, joint_match, plots, population
+from studies import benchmark, datasheet, joint_match, plots, population
 
 # %% [markdown]
 # ## Parameters
@@ -298,11 +298,11 @@ near, far = population.SPREADS
 titles = {near: "default spread", far: "20 % spread, 5 % friction, double ripple"}
 authors = population.measure_logs(population.authors_logs(), ("self",))
 summary = benchmark.summarise_intervals(pd.concat([measured, authors]).astype({"refused": bool}))
-datasheet, rounds = (
+sheet, rounds = (
     pd.read_csv(workbook.ROOT / "results" / f"{name}.csv")
     for name in ("datasheet", "datasheet_rounds")
 )
-bars, sheet_bars = population.against_criteria(summary), population.against_criteria(datasheet)
+bars, sheet_bars = population.against_criteria(summary), datasheet.against_criteria(sheet)
 
 # %%
 self_errors = plots.population_errors(measured, titles)
@@ -326,18 +326,7 @@ def name_missed(criteria):
     ).replace("_", " ")
 
 
-of_sheet = datasheet.set_index("population")
-
-
-def count_answers(name):
-    logs, answered, covered = of_sheet.loc[name, ["logs", "answered", "covered"]]
-    answers = logs * answered
-    inside = f"{answers * covered:.0f} of these intervals with the true backlash"
-    return f"{answers:.0f} of {logs:.0f} logs answered, {inside}"
-
-
 answered = own["population"].value_counts()
-met = rounds["met"].astype(str) + " of " + rounds["criteria"].astype(str)
 workbook.export(
     supplement={
         "population": (
@@ -352,18 +341,8 @@ workbook.export(
         "self_criteria": len(bars),
         "self_met": bars["met"].sum(),
         "self_failed": name_missed(bars),
-        "sheet_criteria": len(sheet_bars),
-        "sheet_silent": int(sheet_bars["met_by_silence"].sum()),
-        "sheet_met": sheet_bars["met"].sum(),
-        "sheet_first": met[0],
-        "sheet_second": met[1],
-        "sheet_third": met[2],
-        "datasheet_failed": name_missed(sheet_bars),
-        "sheet_plain": count_answers("plain benches"),
-        "sheet_hard": count_answers("hard benches"),
-        "sheet_other_drives": count_answers("other drives"),
-        "sheet_strokes": count_answers("torque, strokes"),
-    },
+    }
+    | datasheet.datasheet_facts(sheet, rounds),
     figures={
         "self_log": (
             fitted_log,

@@ -17,13 +17,19 @@ def datasheet_rows(results: Path) -> list[dict]:
         {
             "population": row["population"],
             "logs": row["logs"],
-            "answered": _share(row, "answered", row["logs"]),
-            "covered": _share(row, "covered", row["logs"] * row["answered"]),
+            "answered": _share(row, "answered", row["asked"]),
+            "covered": _share(row, "covered", row["answers"]),
             "rmse": "" if pd.isna(row["rmse_rad"]) else f"{1e3 * row['rmse_rad']:.3f}",
-            "wrong_healthy": row["wrong_healthy"],
+            "false_alarms": _count(row["false_alarms"], row["healthy"]),
+            "false_all_clears": _count(row["false_all_clears"], row["ill"]),
         }
         for row in table.to_dict("records")
     ]
+
+
+def _count(hits: int, logs: int) -> str:
+    """A count among logs, blank without logs."""
+    return f"{hits} of {logs}" if logs else ""
 
 
 def _share(row: dict, name: str, logs: float) -> str:
