@@ -107,6 +107,12 @@ def answer(log: JointLog, row: Mapping[str, Any], **words: Any) -> Estimate:
     return estimate(log.t, ratio * log.speed, gear_ratio=ratio, unit="rad/s", **words)
 
 
+def turn_period_s(log: JointLog) -> float:
+    """Mean turn [s] of the second half of a log, by its angle."""
+    late = log.t > log.t[-1] / 2
+    return float(TURN * np.ptp(log.t[late]) / np.ptp(log.angle[late]))
+
+
 class Twin(NamedTuple):
     """What a joint is simulated from: the path at each control period, the noise of a log, and its rigid load.
 

@@ -13,6 +13,7 @@ from replication.signature import Timing, signature
 # Fixtures of what is not in the project: the variable that names its folder, and why a test is skipped.
 OUTSIDE = {
     "authors_data": ("BACKLASH_DATA", "needs the authors' files, in the folder BACKLASH_DATA"),
+    "hardware_logs": ("HARDWARE_LOGS", "needs logs of real joints, in the folder HARDWARE_LOGS"),
     "paper": ("PAPER_TEXT", "needs the paper as text, in the folder PAPER_TEXT"),
 }
 NOWHERE = f"{os.devnull}/authors-data"
@@ -75,6 +76,11 @@ def authors_data():
     """Verify the authors' files; a test that needs them is marked `data`, and skipped without them."""
     for path in WORKBOOK_FILES:
         authors_file(path)
+
+
+@pytest.fixture
+def hardware_logs():
+    """Logs of real joints, which are verified as they are read; a test without them is skipped."""
 
 
 @pytest.fixture(scope="session")

@@ -27,7 +27,7 @@ INTERRUPTS = (signal.SIGINT, signal.SIGTERM)
 
 @dataclass(frozen=True)
 class Ending:
-    """How a notebook ended, "done", "simulated" (on our records) or "failed", and after how long."""
+    """How a notebook ended, "done", "simulated" (on our records), "not run" or "failed", and after how long."""
 
     name: str
     how: str
@@ -89,6 +89,8 @@ def _run_one(source: Path, destination: Path, quick: bool, stall_s: float) -> En
             execution.execute(source, apart, quick, stall_s=stall_s, records="simulated")
             how, where = "simulated", " on our simulated records"
         line = f"{source.stem}: done{where} in {time.time() - begun:.0f} s"
+    except execution.NotebookNotRun as missing:  # nothing takes the place of its data
+        how, line = "not run", f"{missing}; its committed results stay"
     except (execution.NotebookFailed, ValueError, OSError) as error:
         how, line = "failed", f"{source.stem}: failed: {error}"
     tqdm.write(line, file=sys.stderr)

@@ -282,6 +282,16 @@ def test_without_the_authors_files_a_notebook_runs_on_our_records_apart(notebook
     assert "simulated joint" in text
 
 
+def test_a_notebook_whose_data_nothing_replaces_is_not_run_and_keeps_its_results(
+    notebooks, tmp_path, capsys
+):
+    text = "# %%\nfrom replication import authors\nauthors.authors_file('Speeddata99.xlsx')\n"
+    (ending,) = running.run_notebooks(notebooks(first=text), tmp_path / "out")
+    assert ending.how == "not run"
+    assert "not run: Speeddata99.xlsx" in capsys.readouterr().err
+    assert not list((tmp_path / "out").rglob("*.ipynb"))
+
+
 def changed_files():
     """What differs from the last commit, in full."""
     return subprocess.run(
@@ -294,11 +304,14 @@ def test_without_data_and_network_every_notebook_runs_and_nothing_committed_chan
     tmp_path, monkeypatch
 ):
     monkeypatch.delenv("BACKLASH_DATA")
+    monkeypatch.delenv("HARDWARE_LOGS", raising=False)
     monkeypatch.setenv("MPLCONFIGDIR", get_cachedir())  # its list of fonts takes seconds
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
     before = changed_files()
     endings = running.run_notebooks([*notebook_files("py").values()], tmp_path / "out", quick=True)
-    assert {ending.how for ending in endings} == {"done", "simulated"}
+    ended = {ending.name: ending.how for ending in endings}
+    assert ended.pop("17_logs_of_real_joints") == "not run"
+    assert set(ended.values()) == {"done", "simulated"}
     assert changed_files() == before
 
 
