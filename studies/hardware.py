@@ -23,7 +23,7 @@ from replication.authors import public_file
 from replication.simulator.parameters import TURN
 from studies.strokes import CONTROL_S, draw_joint, run_joint
 
-DELTAS_RAD = (0.0, 3e-4, 6e-4, 1e-3, 2e-3, 3e-3)
+DELTAS_RAD = (0.0, 5e-4, 1e-3, 2e-3, 3e-3)
 DRAWS = 8
 SEED = 17
 _SEEN = 0.9  # share of the draws that are answered, from the detection limit on
@@ -31,6 +31,7 @@ _SMOOTHING_S = 0.02  # of the speed that a twin is to follow
 _REST_RAD_S = 0.02
 _GEAR_RATIO = 100  # of the twin's encoder
 _ASSUMED_GRAVITY = 10.0  # 1/s^2, said of a load without any
+_MOST_OF_ONE_SIGN = 0.98  # mean sign above which a regression can't tell it from a constant
 _BLOCK_S = 0.5  # within which residuals are not independent
 
 
@@ -114,20 +115,12 @@ def turn_period_s(log: JointLog) -> float:
 
 
 class Twin(NamedTuple):
-    """What a joint is simulated from: the path at each control period, the noise of a log, and its rigid load.
-
-    Torques over the load's inertia: of gravity, friction and viscosity; the torque's unit, and its offset.
-    """
+    """What a joint is simulated from: angle and speed at each control period, its load, and the torque's unit."""
 
     path: FloatArray
-    speed_noise: FloatArray
-    torque_noise: FloatArray
-    vertical_rad: float
-    gravity: float
-    friction: float
-    viscosity: float
+    load: dict[str, float]  # of a StrokingJoint
     unit: float
-    offset: float
+    noise: FloatArray  # of speed and torque, at the samples
 
 
 def find_twin(log: JointLog, row: Mapping[str, Any]) -> Twin:
@@ -135,28 +128,25 @@ def find_twin(log: JointLog, row: Mapping[str, Any]) -> Twin:
     t = np.arange(0.0, log.t[-1], CONTROL_S)
     speed = gaussian_filter1d(np.interp(t, log.t, log.speed), _SMOOTHING_S / CONTROL_S)
     angle = log.angle[0] + CONTROL_S * np.cumsum(speed)
-    acceleration = np.gradient(speed, CONTROL_S)
-    rubbing = np.tanh(speed / _REST_RAD_S)
-    terms = np.array(
-        [np.sin(angle), np.cos(angle), rubbing, speed, acceleration, np.ones_like(angle)]
-    )
-    at_samples = np.array([np.interp(log.t, t, term) for term in terms]).T
-    found = np.linalg.lstsq(at_samples, log.torque, rcond=None)[0]
-    sine, cosine, friction, viscosity, inertia, offset = found
+    rubbing, acceleration = np.tanh(speed / _REST_RAD_S), np.gradient(speed, CONTROL_S)
+    terms = [np.sin(angle), np.cos(angle), rubbing, speed, acceleration]
+    at_samples = np.array([np.interp(log.t, t, term) for term in terms])
+    found = np.linalg.lstsq(at_samples.T, log.torque, rcond=None)[0]
+    sine, cosine, friction, viscosity, inertia = found
     unit = abs(inertia) / (1 + 1 / row["inertia_ratio"])
     if row["gravity_per_s2"]:
         unit = np.hypot(sine, cosine) / row["gravity_per_s2"]
-    return Twin(
-        np.column_stack([angle, speed]),
-        log.speed - at_samples[:, 3],
-        log.torque - at_samples @ found,
-        np.arctan2(cosine, sine),
-        row["gravity_per_s2"],
-        max(friction, 0) / unit,
-        max(viscosity, 0) / unit,
-        unit,
-        offset,
-    )
+    load = {
+        "inertia_ratio": row["inertia_ratio"],
+        "gravity": row["gravity_per_s2"],
+        "vertical_rad": np.arctan2(cosine, sine),
+        "load_friction": 0.0,
+        "load_viscous": 0.0,
+        "motor_friction": max(friction, 0) / unit,
+        "motor_viscous": max(viscosity, 0) / unit,
+    }
+    noise = np.array([log.speed - at_samples[3], log.torque - found @ at_samples])
+    return Twin(np.column_stack([angle, speed]), load, unit, noise)
 
 
 def simulate_twin(
@@ -167,29 +157,18 @@ def simulate_twin(
     Stiffness, damping and drive are drawn as those of `strokes`; the noise starts at a random sample.
     """
     twin = find_twin(log, row)
-    joint = draw_joint(rng, delta_rad, float(np.abs(log.speed).max()), _GEAR_RATIO)
-    ratio = row["inertia_ratio"]
-    heavier = (1 + 1 / ratio) / (1 + 1 / joint.inertia_ratio)
-    of_load = twin.gravity * rng.uniform(0.0, 0.06)
+    drawn = draw_joint(rng, delta_rad, float(np.abs(log.speed).max()), _GEAR_RATIO)
+    joint = drawn._replace(**twin.load)
+    heavier = (1 + 1 / joint.inertia_ratio) / (1 + 1 / drawn.inertia_ratio)
     joint = joint._replace(
-        gravity=twin.gravity,
-        inertia_ratio=ratio,
-        vertical_rad=twin.vertical_rad,
-        load_friction=min(of_load, twin.friction),
-        load_viscous=0.0,
-        motor_friction=max(twin.friction - of_load, 0),
-        motor_viscous=twin.viscosity,
-        speed_gain=heavier * joint.speed_gain,
-        integral_gain=heavier * joint.integral_gain,
+        speed_gain=heavier * drawn.speed_gain, integral_gain=heavier * drawn.integral_gain
     )
     seen = np.full(twin.path.shape, np.nan)
     run_joint(joint, twin.path, seen)
     t = CONTROL_S * np.arange(len(seen))
+    noise = np.roll(twin.noise, rng.integers(log.t.size), axis=1)
     speed, torque = (np.interp(log.t, t, column) for column in seen.T)
-    start = rng.integers(log.t.size)
-    speed += np.roll(twin.speed_noise, start)
-    torque = twin.unit * torque + twin.offset + np.roll(twin.torque_noise, start)
-    return log._replace(speed=speed, torque=torque)
+    return log._replace(speed=speed + noise[0], torque=twin.unit * torque + noise[1])
 
 
 def measure_twins(name: str, row: Mapping[str, Any]) -> pd.DataFrame:
@@ -231,7 +210,7 @@ def detection_limits(twins: pd.DataFrame) -> pd.DataFrame:
 
 
 def lost_motion(logs: Sequence[JointLog]) -> pd.DataFrame:
-    """By how much motor and load part [rad] with the sign of torque and speed, with 95 % intervals.
+    """By how much motor and load part [rad] with the sign of torque and speed, if that changes, with 95 % intervals.
 
     Regressed beside torque, speed, acceleration and angle; residuals of half a second count as one.
     """
@@ -255,5 +234,5 @@ def lost_motion(logs: Sequence[JointLog]) -> pd.DataFrame:
         "low_rad": found[:2] - half,
         "high_rad": found[:2] + half,
     }
-    rarer = [min((X[:, k] > 0).mean(), (X[:, k] < 0).mean()) for k in (0, 1)]
-    return pd.DataFrame({**table, "rarer_sign": rarer}, index=["sign of torque", "sign of speed"])
+    changes = [abs(X[:, k].mean()) < _MOST_OF_ONE_SIGN for k in (0, 1)]
+    return pd.DataFrame(table, index=["sign of torque", "sign of speed"]).loc[changes]

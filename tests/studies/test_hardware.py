@@ -44,8 +44,8 @@ def test_a_twin_has_the_load_of_its_log_and_the_noise_that_the_load_leaves():
     log = STROKES._replace(torque=3 * (gravity + 2 * np.tanh(SPEED / 0.02)) + noise)
     twin = hardware.find_twin(log, row)
     assert twin.unit == pytest.approx(3, rel=0.02)
-    assert twin.vertical_rad == pytest.approx(-0.3, abs=0.02)
-    assert twin.friction == pytest.approx(2, rel=0.1)
+    assert twin.load["vertical_rad"] == pytest.approx(-0.3, abs=0.02)
+    assert twin.load["motor_friction"] == pytest.approx(2, rel=0.1)
     simulated = hardware.simulate_twin(log, row, 1e-3, np.random.default_rng(2))
     assert (simulated.t == T).all()
     assert np.corrcoef(simulated.torque, log.torque)[0, 1] > 0.99
