@@ -51,12 +51,13 @@ def test_a_number_that_comes_out_otherwise_stands_below_the_one_before(monkeypat
 def test_a_mean_made_again_stands_beside_the_region_of_the_kept_ones(monkeypatch):
     made = [{"mean_A_rps": 0.1234 + number} for number in range(4)]
     monkeypatch.setattr(cell, "in_parallel", lambda *_: made)
-    said = cell.make_cell(3, "mean")
+    made_again = cell.make_cell(3, "mean")
     study = pd.read_csv(protocols.REALISATIONS)
     kept = study[(study["protocol"] == protocols.LEADER) & (study["row"] == 3)]["mean_A_rps"]
-    for number in (3.1234, *predictive_region(kept)):
-        assert f"{number:.6g}" in said
-    assert said.endswith(f"recomputed 0.1234, committed {kept.iloc[0]:.6g}: different")
+    assert (made_again["recomputed"], made_again["committed"]) == (0.1234, kept.iloc[0])
+    assert "3.1234 rps" in made_again["beside"]["fresh"]
+    low, high = predictive_region(kept)
+    assert made_again["beside"]["their interval"].startswith(f"{low:.6g} to {high:.6g} rps")
 
 
 def test_the_noise_is_read_again_from_the_records(authors_data, capsys):

@@ -1,11 +1,13 @@
 """Making one result again: a cell of Table 2 from its row alone, anything else with its notebook."""
 
 import csv
+import json
 import re
 import subprocess
 import sys
 import tempfile
 from pathlib import Path
+from typing import Any
 
 from workbook.checkout import RESULTS, ROOT, notebook_files
 from workbook.report import Unknown
@@ -44,7 +46,11 @@ def make_again(name: str, notebooks: set[str]) -> str:
     from workbook.report import terminal
 
     if cell := OF_ROW.fullmatch(name):
-        return terminal.align(_make_cell(cell[1], cell[2]))
+        made = _make_cell(cell[1], cell[2])
+        beside = [f"{label}: {text}" for label, text in made["beside"].items()]
+        label = "the first kept: " if beside else ""
+        both = label + _both(made["recomputed"], made["committed"])
+        return terminal.align("\n".join([*beside, both]))
     with tempfile.TemporaryDirectory() as folder:
         for notebook in notebooks:
             execution.execute(notebook_files("py")[notebook], Path(folder))
@@ -62,12 +68,18 @@ def _compare(name: str, results: Path) -> list[str]:
     )
     if name not in now:
         return []
-    same = f"{now[name]:.6g}" == f"{committed[name]:.6g}"
-    both = f"recomputed {now[name]:.6g}, committed {committed[name]:.6g}"
-    return [f"{both}: {'identical' if same else 'different'}"]
+    return [_both(now[name], committed[name])]
 
 
-def _make_cell(row: str, column: str) -> str:
-    """What a study says of a cell, in a process of its own."""
+def _both(now: float, committed: float) -> str:
+    """Two numbers side by side, in the six digits that are kept."""
+    recomputed, kept = f"{now:.6g}", f"{committed:.6g}"
+    same = "identical" if recomputed == kept else "different"
+    return f"recomputed {recomputed}, committed {kept}: {same}"
+
+
+def _make_cell(row: str, column: str) -> dict[str, Any]:
+    """What a study finds for a cell, in a process of its own."""
     command = [sys.executable, "-m", "studies.replay.cell", row, column]
-    return subprocess.run(command, cwd=ROOT, stdout=subprocess.PIPE, text=True, check=True).stdout
+    made = subprocess.run(command, cwd=ROOT, stdout=subprocess.PIPE, text=True, check=True)
+    return json.loads(made.stdout)
