@@ -12,58 +12,52 @@ from replication.table2 import BASIN_GAP
 
 _DRAWS = 4000  # of a bootstrap
 
-Pairs = list[tuple[Series, Series]]  # values of two sets, a pair for each record
+Pairs = list[tuple[Series, Series]]  # |A| of two sets, a pair for each record
 
 
 def compare_searches(sets: Mapping[str, DataFrame]) -> DataFrame:
     """Compare sets of runs of `table2.repeated_fits` with the first set, on the records that they share.
 
-    `first_rate` is the first set's rate of the best basin, that of the lowest misfit that any set
-    has on a record. `shift_percent` is how far the means over a record's runs lie from the first
-    set's, on average, `best_shift_percent` that of the best basin, with bootstrap limits.
-    `apart_percent` is the rms over the records, and `chance_percent` what it is if both sets are
-    drawn from all runs together.
+    `first_rate` is the first set's rate of the best basin, that of the lowest misfit that any set has on a record.
+    `shift_percent` is how far the means over a record's runs lie from the first set's, on average,
+    `best_shift_percent` that of the best basin, with bootstrap limits. `apart_percent` is the rms over the records, and
+    `chance_percent` what it is if both sets are drawn from all runs together.
     """
-    lowest = concat(sets.values()).groupby("row")["rmse_rps"].min()
-    by_row = {}
-    for name, runs in sets.items():
-        best = runs["rmse_rps"] <= runs["row"].map(lowest) * (1 + BASIN_GAP)
-        by_row[name] = dict(
-            list(runs[["row"]].assign(A_rps=runs["A_rps"].abs(), best=best).groupby("row"))
-        )
-    first = next(iter(by_row.values()))
+    limits = concat(sets.values()).groupby("row")["rmse_rps"].min() * (1 + BASIN_GAP)
+    first = next(iter(sets.values()))
     rng = np.random.default_rng(1)
     table = []
-    for name, parts in by_row.items():
-        shared = sorted(first.keys() & parts.keys())
-        before, after = ([of[row] for row in shared] for of in (first, parts))
-        row = {"search": name, "records": len(shared)} | _rates(concat(before), concat(after))
-        if parts is not first:
-            both = list(zip(before, after, strict=True))
-            pairs = [(old["A_rps"], new["A_rps"]) for old, new in both]
-            of_best = [
-                (a[old["best"]], b[new["best"]])
-                for (a, b), (old, new) in zip(pairs, both, strict=True)
-            ]
+    for name, runs in sets.items():
+        before = first[first["row"].isin(runs["row"])]
+        after = runs[runs["row"].isin(first["row"])]
+        best_before, best_after = (
+            part[part["rmse_rps"] <= part["row"].map(limits)] for part in (before, after)
+        )
+        row = {
+            "search": name,
+            "records": after["row"].nunique(),
+            "runs": len(after),
+            "best_basin_runs": len(best_after),
+            **rate_columns(len(best_after), len(after)),
+            "first_rate": len(best_before) / len(before),
+        }
+        if runs is not first:
+            pairs = _pairs(before, after)
             row |= _shift("shift", pairs, rng)
-            row |= _shift("best_shift", of_best, rng) | _apart(pairs, rng)
+            row |= _shift("best_shift", _pairs(best_before, best_after), rng)
+            row |= _apart(pairs, rng)
         table.append(row)
     return DataFrame(table)
 
 
-def _rates(before: DataFrame, after: DataFrame) -> dict[str, float]:
-    """How many runs of the second set end in the best basin, and the share of the first set's."""
-    hits, runs = int(after["best"].sum()), len(after)
-    return (
-        {"runs": runs, "best_basin_runs": hits}
-        | rate_columns(hits, runs)
-        | {"first_rate": before["best"].mean()}
-    )
+def _pairs(before: DataFrame, after: DataFrame) -> Pairs:
+    """|A| of the runs of two sets on each record that both have."""
+    old, new = (dict(list(runs["A_rps"].abs().groupby(runs["row"]))) for runs in (before, after))
+    return [(old[record], new[record]) for record in sorted(old.keys() & new.keys())]
 
 
 def _shift(name: str, pairs: Pairs, rng: Generator) -> dict[str, float]:
     """Mean over the records of how far the second mean lies from the first, with its limits."""
-    pairs = [pair for pair in pairs if all(part.size for part in pair)]
     if not pairs:
         return _percent(name, np.nan, np.array([np.nan]))
     shift = np.mean([after.mean() / before.mean() - 1 for before, after in pairs])

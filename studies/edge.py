@@ -40,16 +40,14 @@ def refit_alphas() -> pd.DataFrame:
 
 
 @njit
-def _plain_steps(y, steps, step, skip, per_period, delay, c, drive, speeds):
-    """Runge-Kutta steps of one length, whatever the gap does within them.
-
-    Speeds at every control period.
-    """
+def _plain_steps(y, speeds, skip, delay, step, c, drive):
+    """Runge-Kutta steps of one length, whatever the gap does within them; speeds at every control period."""
     ring = np.full(delay + 1, y[4])
     memory = np.array([y[4], 0.0, 0.0, y[0]])
     edges = np.array([-c.delta, 0.0, c.delta])
     command = y[4]
-    for i in range(steps):
+    per_period = round(drive.period / step)
+    for i in range(speeds.size * per_period):
         t = (i - skip) * step
         if i % per_period == 0:
             speeds[i // per_period] = y[1]
@@ -65,28 +63,21 @@ def _plain_steps(y, steps, step, skip, per_period, delay, c, drive, speeds):
             stage = core.along(y, step * (0.5, 0.5, 1.0, 0.0)[k], rates)
         y = total
         if not abs(y[1]) < core.DIVERGED * c.omega:
-            return False
-    return True
+            speeds[:] = np.nan
+            return
 
 
 def plain_steps_speed_rps(
     joint: JointParameters, delta_rad: float, duration_s: float, step_s: float
 ) -> FloatArray:
-    """Motor speed [rps] by control period from steps that do not locate the contact.
-
-    NaN if it diverged.
-    """
+    """Motor speed [rps] by control period from steps that do not locate the contact; NaN if it diverged."""
     skip = round(joint.lead_s / step_s)
-    steps = round((joint.lead_s + duration_s) / step_s)
-    per_period = round(joint.control_period_s / step_s)
+    before = skip // round(joint.control_period_s / step_s)
+    speeds = np.full(before + round(duration_s / joint.control_period_s), np.nan)
     y, _ = core.start_state(joint, delta_rad)
-    speeds = np.empty(-(-steps // per_period))
     c = core.constants_of(joint, delta_rad)
-    drive = core.drive_of(joint)
-    delay = joint.control_delay_periods
-    if not _plain_steps(y, steps, step_s, skip, per_period, delay, c, drive, speeds):
-        return np.full(round(duration_s / joint.control_period_s), np.nan)
-    return joint.commanded_speed_rps + speeds[skip // per_period :] / TURN
+    _plain_steps(y, speeds, skip, joint.control_delay_periods, step_s, c, core.drive_of(joint))
+    return joint.commanded_speed_rps + speeds[before:] / TURN
 
 
 def stepping_torque_study(

@@ -1,17 +1,25 @@
 """Today's `cma` on a record, with its own bounds, to compare with the paper's search as it was in 2021."""
 
+from collections.abc import Callable, Sequence
+
 import cma
 import numpy as np
 
+from replication.arrays import FloatArray
 from replication.cmaes import random_normals
 from replication.recording import Recording
 from replication.table2 import Fit, Protocol, cost, protocol_box
 
 
-def fit_with_todays_cma(recording: Recording, protocol: Protocol, seed: int) -> Fit:
-    """Fit as `table2.fit` does, by another search from the same random numbers."""
+def fit_with_todays_cma(
+    recording: Recording,
+    protocol: Protocol,
+    seed: int,
+    misfits: Callable[[FloatArray], Sequence[float] | FloatArray] | None = None,
+) -> Fit:
+    """Fit as `table2.fit` does, by another search from the same random numbers, with the paper's cost or one given."""
     box = protocol_box(recording, protocol)
-    misfits = cost(recording, protocol)
+    misfits = misfits or cost(recording, protocol)
     options = {
         "bounds": [box.lower, box.upper],
         "popsize": protocol.population,
