@@ -13,7 +13,6 @@ from pathlib import Path
 
 import numpy as np
 from pandas import DataFrame, Series, read_csv
-from scipy import stats
 
 from backlash.calibration import default_calibration
 from backlash.fitting.global_fit import global_fit
@@ -24,7 +23,6 @@ from replication.characteristic import printed_levels_rad
 from replication.recording import Recording
 from replication.simulator.parameters import TURN, identified_joint
 from replication.standins import SAMPLE_S, VARIED_RATIOS, Bench, Spread, draw_bench
-from replication.statistics import rate_columns
 from studies import benchmark, odd_joints
 from studies.accuracy import cramer_rao_sd
 from studies.benchmark import DrawnLog, KnownLog, Row, self_answer
@@ -67,7 +65,6 @@ FINAL_STUDIES = (
     *((kind, range(25), FINAL_SEED, COMPARED_METHODS) for kind in KINDS),
 )
 NORMAL_95 = 1.96
-NOMINAL = (0.5, 0.6, 0.7, 0.8, 0.9, 0.95, 0.99)
 
 # What "self" is to reach: population, column of `summarise_intervals` (or RMS error over the bound),
 # sign and limit. Why these: a third of the error that a calibration of another joint makes; no more
@@ -158,24 +155,6 @@ def measure_population(
     return measure_logs(
         [partial(draw_log, population, number, seed) for number in numbers], methods
     )
-
-
-def ranks(rows: DataFrame) -> Series:
-    """Rank of the true backlash in each posterior: uniform from 0 to 1 if it is calibrated."""
-    answered = rows[~rows["refused"]]
-    deviation = (answered["high_rad"] - answered["found_rad"]) / NORMAL_95
-    return Series(
-        stats.norm.cdf((answered["delta_rad"] - answered["found_rad"]) / deviation), name="rank"
-    )
-
-
-def coverage_curve(rows: DataFrame) -> DataFrame:
-    """Share of the answered logs that intervals of each of the `NOMINAL` levels hold, with its interval."""
-    off = np.abs(ranks(rows) - 0.5)
-    shares = [
-        rate_columns(int((off <= level / 2).sum()), off.size, "coverage") for level in NOMINAL
-    ]
-    return DataFrame(shares).assign(nominal=NOMINAL)
 
 
 def spread_shares(rows: DataFrame) -> DataFrame:

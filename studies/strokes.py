@@ -1,9 +1,11 @@
-"""Logs of joints that make strokes to and fro under loops of position, speed and current, drawn apart from the sensor.
+"""Logs of joints under gravity, drawn apart from the sensor's model of them, with speed and torque: strokes to and fro.
 
-Contacts damp, friction grows steeply from rest, the drive differences its encoder and filters that,
-and its torque comes a period late: the sensor's model has none of these.
+Both sides rub by Coulomb, viscous and (in `benches`) Stribeck friction, contacts damp, the motor may cog, the drive is
+a P-PI cascade with a current loop on a quantised encoder, whose torque comes a period late. What a bench may have
+besides is a `Fault`.
 """
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -16,11 +18,22 @@ from studies.odd_joints import draw_log_uniform
 
 _STEP_S = 2e-5
 CONTROL_S = 5e-4
-_SETTLED = 0.02  # of the speed; a joint that moves more after its last stroke is not tuned
 _RUBBING_FROM = 2e-3  # rad/s of the load, at which friction is at three quarters
+_STRIBECK_RAD_PER_S = 0.3  # of the load, at which a third of what friction at rest has more is left
+_SETTLED = 0.02  # of the speed; a joint that moves more after its last stroke is not tuned
 
 
-class StrokingJoint(NamedTuple):
+class Fault(NamedTuple):
+    """What the sensor's model of a joint lacks."""
+
+    second_axis: float = 0.0  # share of gravity that another axis adds and takes
+    second_axis_turns: float = 0.37  # its movement's periods in a load turn
+    transmission_rad: float = 0.0  # amplitude of the gear's error, of the load's angle
+    transmission_order: float = 1.0  # its periods in a load turn
+    late_torque_s: float = 0.0
+
+
+class DrivenJoint(NamedTuple):
     """A joint and its drive; torques over the load's inertia, angles and speeds those of the load."""
 
     delta_rad: float
@@ -28,11 +41,16 @@ class StrokingJoint(NamedTuple):
     damping: float
     gravity: float
     inertia_ratio: float
-    vertical_rad: float
+    speed: float
+    vertical_rad: float  # of the load from the path's zero; where turns begin
     load_friction: float
     load_viscous: float
+    load_stribeck: float  # share of the Coulomb friction that friction at rest has more
     motor_friction: float
     motor_viscous: float
+    motor_stribeck: float
+    cogging: float
+    cogging_order: float
     position_gain: float
     speed_gain: float
     integral_gain: float
@@ -41,7 +59,7 @@ class StrokingJoint(NamedTuple):
     resolution_rad: float
 
 
-class StrokesLog(NamedTuple):
+class BenchLog(NamedTuple):
     """Time [s], motor speed [rps] and torque in an own unit; a joint's gear ratio, J_l / (N^2 J_m) and m g r / J_l."""
 
     t: FloatArray
@@ -52,12 +70,20 @@ class StrokesLog(NamedTuple):
     gravity_per_s2: float
 
 
+@njit(inner=True)
+def _rubbing(speed, coulomb, viscous, stribeck):
+    at_rest = 1 + stribeck * np.exp(-((speed / _STRIBECK_RAD_PER_S) ** 2))
+    return coulomb * at_rest * np.tanh(speed / _RUBBING_FROM) + viscous * speed
+
+
 @njit(nogil=True)
-def run_joint(joint, path, seen):
-    """Measured speed and torque at each control period of a path, whose rows are angle and speed."""
-    hanging = joint.gravity * np.sin(path[0, 0] + joint.vertical_rad)
+def run_from(joint, fault, path, angle, hanging, seen):
+    """Measured speed and torque of each control period of a path, whose rows are the motor's angle and speed.
+
+    The load starts from rest at an angle, held by the torque `hanging`.
+    """
+    turn = joint.speed / TURN
     motor_angle = path[0, 0]
-    angle = motor_angle - hanging / joint.stiffness - np.sign(hanging) * joint.delta_rad
     motor = load = measured = 0.0
     integral = torque = command = pending = hanging
     before = np.floor(motor_angle / joint.resolution_rad)
@@ -73,41 +99,56 @@ def run_joint(joint, path, seen):
         pending = joint.speed_gain * error + integral
         seen[i, 0] = measured
         seen[i, 1] = torque
-        for _ in range(round(CONTROL_S / _STEP_S)):
+        for j in range(round(CONTROL_S / _STEP_S)):
+            t = i * CONTROL_S + j * _STEP_S
             torque += (command - torque) * _STEP_S / joint.current_lag_s
-            twist = motor_angle - angle
+            order = fault.transmission_order
+            lead = fault.transmission_rad * np.sin(order * motor_angle)
+            quick = fault.transmission_rad * order * motor * np.cos(order * motor_angle)
+            twist = motor_angle + lead - angle
             bend = twist - min(max(twist, -joint.delta_rad), joint.delta_rad)
-            contact = joint.stiffness * bend + joint.damping * (motor - load) if bend else 0.0
+            rate = motor + quick - load
+            contact = joint.stiffness * bend + joint.damping * rate if bend else 0.0
             contact = contact if contact * bend > 0 else 0.0  # teeth do not pull
-            rubbing = joint.motor_friction * np.tanh(motor / _RUBBING_FROM)
-            rubbing += joint.motor_viscous * motor
-            motor += _STEP_S * joint.inertia_ratio * (torque - contact - rubbing)
-            rubbing = joint.load_friction * np.tanh(load / _RUBBING_FROM)
-            rubbing += joint.load_viscous * load
-            gravity = joint.gravity * np.sin(angle + joint.vertical_rad)
+            other = fault.second_axis * np.sin(TURN * fault.second_axis_turns * turn * t)
+            gravity = joint.gravity * (1 + other) * np.sin(angle + joint.vertical_rad)
+            cogging = joint.cogging * np.sin(joint.cogging_order * motor_angle)
+            rubbing = _rubbing(
+                motor, joint.motor_friction, joint.motor_viscous, joint.motor_stribeck
+            )
+            motor += _STEP_S * joint.inertia_ratio * (torque - contact - rubbing - cogging)
+            rubbing = _rubbing(load, joint.load_friction, joint.load_viscous, joint.load_stribeck)
             load += _STEP_S * (contact - gravity - rubbing)
             motor_angle += _STEP_S * motor
             angle += _STEP_S * load
 
 
-def draw_joint(rng: Generator, delta_rad: float, speed: float, gear_ratio: float) -> StrokingJoint:
-    """Draw a joint whose drive is tuned to it."""
+def draw_joint(
+    rng: Generator, delta_rad: float, speed: float, gear_ratio: float, friction: float | None = None
+) -> DrivenJoint:
+    """Draw a joint whose drive is tuned to it, for strokes, or for turns with a friction: the load's, over gravity."""
+    turns = friction is not None
     ring = TURN * draw_log_uniform(rng, 12.0, 50.0)
     gravity = GRAVITY / rng.uniform(0.15, 0.5)
     ratio = draw_log_uniform(rng, 0.5, 5.0)
     bandwidth = TURN * rng.uniform(12.0, 45.0)
     gain = bandwidth * (1 + 1 / ratio)
-    return StrokingJoint(
+    return DrivenJoint(
         delta_rad=delta_rad,
         stiffness=ring**2,
         damping=2 * rng.uniform(0.01, 0.06) * ring,
         gravity=gravity,
         inertia_ratio=ratio,
-        vertical_rad=rng.uniform(-0.05, 0.05),
-        load_friction=gravity * rng.uniform(0.0, 0.06),
+        speed=speed,
+        vertical_rad=rng.uniform(0.0, TURN) if turns else rng.uniform(-0.05, 0.05),
+        load_friction=gravity * (rng.uniform(0.0, 0.06) if friction is None else friction),
         load_viscous=gravity * rng.uniform(0.0, 0.03) / speed,
+        load_stribeck=rng.uniform(0.0, 0.5) if turns else 0.0,
         motor_friction=gravity * rng.uniform(0.02, 0.2),
         motor_viscous=gravity * rng.uniform(0.0, 0.1) / speed,
+        motor_stribeck=rng.uniform(0.0, 0.5) if turns else 0.0,
+        cogging=gravity * rng.uniform(0.0, 0.03) if turns else 0.0,
+        cogging_order=6 * gear_ratio,
         position_gain=bandwidth * rng.uniform(0.05, 0.2),
         speed_gain=gain,
         integral_gain=gain * bandwidth / rng.uniform(4.0, 10.0),
@@ -115,6 +156,23 @@ def draw_joint(rng: Generator, delta_rad: float, speed: float, gear_ratio: float
         speed_filter_s=rng.uniform(2e-4, 1.5e-3),
         resolution_rad=TURN / 2.0 ** rng.integers(17, 21) / gear_ratio,
     )
+
+
+def log_of(
+    joint: DrivenJoint, gear_ratio: float, sample_s: float, v: FloatArray, torque: FloatArray
+) -> BenchLog:
+    """A log from the load's speed [rad/s] and the torque."""
+    t = sample_s * np.arange(v.size)
+    return BenchLog(
+        t, v * gear_ratio / TURN, torque, gear_ratio, joint.inertia_ratio, joint.gravity
+    )
+
+
+def run_joint(joint: DrivenJoint, path: FloatArray, seen: FloatArray) -> None:
+    """Fill in measured speed and torque at each control period of a path, whose rows are angle and speed."""
+    hanging = joint.gravity * math.sin(path[0, 0] + joint.vertical_rad)
+    angle = path[0, 0] - hanging / joint.stiffness - math.copysign(joint.delta_rad, hanging)
+    run_from(joint, Fault(), path, angle, hanging, seen)
 
 
 def _draw_path(rng: Generator, speed: float) -> FloatArray:
@@ -134,11 +192,13 @@ def _draw_path(rng: Generator, speed: float) -> FloatArray:
     return np.column_stack([start + np.cumsum(moved) * CONTROL_S, moved])
 
 
-def draw_strokes(rng: Generator, delta_rad: float) -> StrokesLog:
+def draw_strokes(rng: Generator, delta_rad: float) -> BenchLog:
     """Draw a log of strokes, its speed and torque with noise; a joint that its drive does not settle is drawn again."""
     while True:
-        speed, gear_ratio = rng.uniform(0.8, 2.5), float(rng.choice([50, 80, 100, 121, 160]))
-        joint, path = draw_joint(rng, delta_rad, speed, gear_ratio), _draw_path(rng, speed)
+        speed = rng.uniform(0.8, 2.5)
+        gear_ratio = float(rng.choice([50, 80, 100, 121, 160]))
+        joint = draw_joint(rng, delta_rad, speed, gear_ratio)
+        path = _draw_path(rng, speed)
         seen = np.full(path.shape, np.nan)
         run_joint(joint, path, seen)
         if np.std(seen[-round(0.15 / CONTROL_S) :, 0]) < _SETTLED * speed:
@@ -146,6 +206,4 @@ def draw_strokes(rng: Generator, delta_rad: float) -> StrokesLog:
     every = int(rng.choice([2, 4, 8, 10]))
     noise = np.array([rng.uniform(0, 0.003) * speed, rng.uniform(0.002, 0.01) * joint.gravity])
     v, torque = (seen[::every] + noise * rng.standard_normal(seen[::every].shape)).T
-    t = every * CONTROL_S * np.arange(v.size)
-    v = v * gear_ratio / TURN
-    return StrokesLog(t, v, torque, gear_ratio, joint.inertia_ratio, joint.gravity)
+    return log_of(joint, gear_ratio, every * CONTROL_S, v, torque)

@@ -9,7 +9,7 @@ import pytest
 import backlash
 from backlash.fitting.torque import LoadData, fit_torque
 from replication.standins import Bench, draw_bench
-from studies.benches import Fault, TurnsLog, draw_turns
+from studies.benches import BenchLog, Fault, draw_turns
 from studies.odd_joints import draw_cascade, log_with_torque, move_bench
 
 DELTA = 9e-4
@@ -93,7 +93,7 @@ def test_a_healthy_joint_has_none_and_a_faint_backlash_is_no_answer(kind, number
     assert "SD" in loud.refusal_reason
 
 
-def answered(log: TurnsLog, **others: float):
+def answered(log: BenchLog, **others: float):
     """The whole sensor's answer to a bench's log."""
     known = {"gear_ratio": log.gear_ratio, "inertia_ratio": log.inertia_ratio}
     known |= {"gravity_per_s2": log.gravity_per_s2} | others
