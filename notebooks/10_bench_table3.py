@@ -18,7 +18,7 @@
 # # 10 · The test bench (Table 3), as a stand-in
 #
 # *You will see what stands between the simulated joint and a log of a real one, what friction on the load does to $A$,
-# and how five sensors follow eight months of wear. Run time: 75 s.*
+# and how four sensors follow eight months of wear. Run time: 75 s.*
 #
 # **The bench's logs were never published. Everything below but the arithmetic of the printed numbers comes from a
 # simulated bench, a [stand-in](glossary.md#stand-in), and none of it tests the printed numbers.**
@@ -278,7 +278,7 @@ friction
 #
 # ### Eight months of wear
 #
-# Benches wear from well below a limit to above it, and are tested on day 0 and every three weeks. Five sensors read
+# Benches wear from well below a limit to above it, and are tested on day 0 and every three weeks. Four sensors read
 # each log. A sensor raises an alarm at the first test whose estimate reaches the limit.
 #
 # | sensor | what it reads | calibrated on |
@@ -287,7 +287,6 @@ friction
 # | amplitude, calibrated | $A$ of the global fit | what the same fit reads from the identified joint's records |
 # | waveform | the whole settled turn | turns of the identified joint |
 # | self-calibrating | the joint and its backlash, from each log (notebook 14) | the log itself |
-# | self-calibrating, one joint for all logs | the same | all logs of the bench until then |
 #
 # None of the first three is calibrated on the bench itself, as the paper's is not; their intervals hold the log's
 # noise, and by how much benches differ from the paper's joint. *Predict:* which sensor calls closest to the day on
@@ -398,12 +397,11 @@ workbook.export(
         ),
         "table3_wear": (
             wear_figure,
-            "Eight months of wear on simulated benches. (a) to (e) The first bench as each sensor reads it, with 95 % "
-            f"intervals. (f) Alarm delay of each sensor on {worn_benches} benches, from the day on which the true "
+            "Eight months of wear on simulated benches. (a) to (d) The first bench as each sensor reads it, with 95 % "
+            f"intervals. (e) Alarm delay of each sensor on {worn_benches} benches, from the day on which the true "
             "backlash reaches the limit; a perfect sensor alarms within the grey band. The errors of the "
-            f"self-calibrating sensors have an SD of {1e4 * scatter.iloc[-2]:.2f}·10⁻⁴ (each log alone) and "
-            f"{1e4 * scatter.iloc[-1]:.2f}·10⁻⁴ rad (one joint for all logs), those of the others "
-            f"{1e4 * scatter.iloc[:3].min():.2f}·10⁻⁴ to {1e4 * scatter.iloc[:3].max():.2f}·10⁻⁴ rad.",
+            f"self-calibrating sensor have an SD of {1e4 * scatter.iloc[-1]:.2f}·10⁻⁴ rad, those of the others "
+            f"{1e4 * scatter.iloc[:-1].min():.2f}·10⁻⁴ to {1e4 * scatter.iloc[:-1].max():.2f}·10⁻⁴ rad.",
         ),
     },
     cells=cells,

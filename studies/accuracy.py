@@ -2,52 +2,25 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from functools import partial
-from itertools import product
 
 import numpy as np
 from pandas import DataFrame
 
-from backlash.calibration import Calibration, default_calibration, fit_calibration
+from backlash.calibration import default_calibration, fit_calibration
 from backlash.fitting.global_fit import global_fit
 from backlash.fitting.readings import protocol_for
 from replication.arrays import FloatArray
 from replication.authors import level_delta_rad
-from replication.recording import Recording, add_uniform_noise
+from replication.recording import Recording
 from replication.simulator.parameters import TURN, JointParameters
-from replication.simulator.recordings import SIMULATION_STEP_S, read_encoder, simulate_recordings
+from replication.simulator.recordings import SIMULATION_STEP_S, read_encoder
 from replication.simulator.simulate import simulate
 from studies.benchmark import JOINT_METHODS, KnownLog, backlashes, logs_by_methods
-from studies.gap_time import time_in_gap
 from studies.joint_match import PHASES, add_nuisances, match_joint, simulate_turn
-
-CALIBRATED_METHODS = ("amplitude", "energy", "waveform")
-
-# The authors' records, around which one thing is changed at a time.
-USUAL: dict[str, float] = {"noise_half_amplitude_rps": 0.1, "sampling_hz": 500.0, "turns": 12}
-
-
-def _answers(
-    recording: Recording,
-    calibrations: Mapping[str, Calibration],
-    joint: JointParameters,
-    unknown: Mapping[str, tuple],
-) -> dict[str, float]:
-    """Backlash [rad] by calibrations, and by simulating the joint with some of it unknown, by method."""
-    fit = global_fit(recording, protocol_for(recording))
-    calibrated = {
-        name: found.delta_rad for name, found in backlashes(recording, fit, calibrations).items()
-    }
-    return calibrated | {
-        name: match_joint(recording, joint, free)["delta_rad"] for name, free in unknown.items()
-    }
 
 
 def cross_validation(
-    records: Mapping[tuple[int, int], Recording],
-    joint: JointParameters,
-    scored: Sequence[int],
-    smoothing_s: float,
+    records: Mapping[tuple[int, int], Recording], joint: JointParameters, scored: Sequence[int]
 ) -> DataFrame:
     """Errors on noisy logs (realisation, level) of the scored levels, none of which is known to what measures it.
 
@@ -67,8 +40,12 @@ def cross_validation(
         }
         calibrations["waveform, noisy logs"] = fit_calibration(*known, "waveform")
         calibrations["waveform"] = default_calibration("waveform")
-        rival = {"time in the gap": time_in_gap(log.recording, joint, smoothing_s)}
-        return _answers(log.recording, calibrations, joint, JOINT_METHODS) | rival
+        fit = global_fit(log.recording, protocol_for(log.recording))
+        calibrated = backlashes(log.recording, fit, calibrations)
+        return {name: found.delta_rad for name, found in calibrated.items()} | {
+            name: match_joint(log.recording, joint, free)["delta_rad"]
+            for name, free in JOINT_METHODS.items()
+        }
 
     logs = [
         KnownLog({"realisation": R, "level": level}, level_delta_rad(level), record)
@@ -93,37 +70,6 @@ def encoder_recording(
     )
     source = f"simulated joint, {delta_rad:g} rad, {bits}-bit encoder"
     return read_encoder(joint, run.time_s, run.motor_position_rad + offset_rad, bits, source)
-
-
-def _draw_log(
-    joint: JointParameters, axis: str, value: float, delta_rad: float, seed: int
-) -> KnownLog:
-    """Record the joint with one setting changed."""
-    settings = USUAL | {axis: value}
-    length = 1 / settings["sampling_hz"], int(settings["turns"])
-    (clean,) = simulate_recordings(joint, [delta_rad], *length)
-    rng = np.random.default_rng(seed)
-    record = add_uniform_noise(clean, settings["noise_half_amplitude_rps"], rng)
-    return KnownLog({"axis": axis, "value": value}, delta_rad, record)
-
-
-def measured_errors(
-    joint: JointParameters,
-    deltas_rad: Sequence[float],
-    sweeps: Mapping[str, Sequence[float]],
-    repeats: int,
-    seed: int,
-) -> DataFrame:
-    """Errors on simulated records as one of `USUAL` changes at a time."""
-    calibrations = {method: default_calibration(method) for method in CALIBRATED_METHODS}
-
-    def answers(log: KnownLog) -> dict[str, float]:
-        return _answers(log.recording, calibrations, joint, {"joint": ()})
-
-    settings = [(axis, value) for axis, values in sweeps.items() for value in values]
-    drawn = product(settings, deltas_rad, range(repeats))
-    logs = [partial(_draw_log, joint, *setting, delta, seed + run) for setting, delta, run in drawn]
-    return logs_by_methods(logs, answers)
 
 
 # Friction on the load of a joint without it, grown to a share of the gravity torque, by name.

@@ -21,7 +21,7 @@ from replication.published import Criteria, Decision
 from replication.recording import add_uniform_noise, constant_speed
 from replication.simulator.parameters import TURN, JointParameters
 from replication.simulator.recordings import simulate_recordings
-from replication.simulator.simulate import encoder_position, simulate
+from replication.simulator.simulate import simulate
 from replication.table2 import Protocol
 from studies.accuracy import encoder_recording
 from studies.benchmark import root_mean_square
@@ -177,35 +177,6 @@ def bits_suffice(study: DataFrame, bits: int, criteria: Criteria = None) -> Deci
     least = f"; the fewest tried that suffice: {min(enough)}" if enough else ""
     holds = published.decide("bits_suffice", largest[bits], criteria)
     return holds, f"{bits} bits change A by up to {largest[bits]:.2g} rps{least}"
-
-
-def displacement_detection(
-    joint: JointParameters, displacements_rad: Sequence[float], bits: int, angles: int
-) -> DataFrame:
-    """Share of start angles at which a ring of the motor's position shows through an encoder in twelve turns.
-
-    The joint has no backlash; the ring has the form of Table 2's (20 Hz, damping 14 per s, two a
-    turn). It is seen if the differenced speed's projection on it exceeds that of 95 % of the start
-    angles without a ring.
-    """
-    run = simulate(joint, 0.0)
-    t, dt = run.time_s, run.time_s[1]
-    half = joint.turn_period_s / 2
-    since = t % half
-    sign = 1 - 2 * (np.floor(t / half + 1e-9) % 2)
-    ring = sign * np.exp(-14 * since) * np.sin(TURN * 20 * since)
-    template = np.diff(ring) / dt
-    true_speed = np.diff(run.motor_position_rad) / dt
-
-    def projections(amplitude: float, seed: int) -> FloatArray:
-        offsets = np.random.default_rng(seed).uniform(0, TURN, angles)
-        position = run.motor_position_rad + amplitude * ring
-        read = np.diff(encoder_position(position + offsets[:, None], bits), axis=1) / dt
-        return (read - true_speed) @ template / (template @ template)
-
-    threshold = np.quantile(projections(0.0, seed=2), 0.95)
-    rows = [(d, float((projections(d, seed=1) > threshold).mean())) for d in displacements_rad]
-    return DataFrame(rows, columns=["displacement_rad", "detected"])
 
 
 def discontinuities_destabilise(study: DataFrame, criteria: Criteria = None) -> Decision:

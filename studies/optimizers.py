@@ -1,8 +1,7 @@
-"""CMA-ES, with other populations and restarts, against swarm algorithms and classical methods.
+"""CMA-ES against swarm algorithms and classical methods.
 
-The swarms are NiaPy's, the classical methods SciPy's. All minimise
-the paper's cost in the box of the authors' notebook, and stop when they find the best basin or have
-spent the budget.
+The swarms are NiaPy's, the classical methods SciPy's. All minimise the paper's cost in the box of the authors'
+notebook, and stop when they find the best basin or have spent the budget.
 """
 
 import contextlib
@@ -21,7 +20,6 @@ from replication.cmaes import generations, search
 from replication.misfit import residual
 from replication.parallel import in_parallel
 from replication.recording import Recording
-from replication.signature import FREE_PARAMETERS, Box, Timing
 from replication.statistics import rate_columns
 from replication.table2 import AUTHORS_PROTOCOL, BASIN_GAP, cost, protocol_box, table2_levels
 
@@ -38,47 +36,22 @@ SWARMS = {
     "bat": "BatAlgorithm",
 }
 
-# From members of shape (members, parameters) to misfits [rps].
-Misfits = Callable[[FloatArray], FloatArray]
-
 
 class SearchEnded(Exception):
     """The budget is spent, or the best basin found."""
 
 
-def projected_rmse(t: FloatArray, v: FloatArray, timing: Timing, limit: float) -> Misfits:
-    """Make the misfit [rps] of rows (t0, tau, omega, T2, T1), each with its best A up to `limit` and v_t."""
-    centred, zeros = v - v.mean(), np.zeros_like(v)
-
-    def misfit(X: FloatArray) -> float:
-        unit = -residual(t, zeros, X, timing)
-        unit -= unit.mean()
-        gram, data = (unit * unit).sum(), (unit * centred).sum()
-        A = min(max(data / gram, -limit), limit) if gram > 0 else 0.0
-        return math.sqrt(((centred - A * unit) ** 2).mean())
-
-    return lambda members: np.array(
-        [misfit(X) for X in np.insert(members, (0, 3), (1.0, 0.0), axis=1)]
-    )
-
-
 class Cost:
     """The paper's cost, counting evaluations; raises `SearchEnded` when there is no more to do."""
 
-    def __init__(self, recording: Recording, target: float, budget: int, projected: bool = False):
-        t, v = recording.t, recording.v
-        timing = AUTHORS_PROTOCOL.timing
+    def __init__(self, recording: Recording, target: float, budget: int):
         self.target = target
         self.budget = budget
         self.box = protocol_box(recording, AUTHORS_PROTOCOL)
         self.best = math.inf
         self.evaluations = 0
-        self._misfits: Misfits = cost(recording, AUTHORS_PROTOCOL)
-        self._residual = lambda X: residual(t, v, X, timing)
-        if projected:  # A and v_t are linear: the search is over the others alone
-            self._misfits = projected_rmse(t, v, timing, self.box.upper[0])
-            kept = [name not in ("A_rps", "v_t_rps") for name in FREE_PARAMETERS]
-            self.box = Box(self.box.lower[kept], self.box.upper[kept])
+        self._misfits = cost(recording, AUTHORS_PROTOCOL)
+        self._recording = recording
 
     def of_members(self, X: FloatArray) -> FloatArray:
         """Misfits [rps] of a population of shape (members, parameters), in the box's own units."""
@@ -92,10 +65,11 @@ class Cost:
 
     def residuals(self, unit: FloatArray) -> FloatArray:
         """Residuals over the root of their number: their norm is the misfit."""
-        found = self._residual(self._in_box(unit))
-        found /= math.sqrt(found.size)
-        self._count(math.sqrt(found @ found), 1)
-        return found
+        t, v = self._recording.t, self._recording.v
+        residuals = residual(t, v, self._in_box(unit), AUTHORS_PROTOCOL.timing)
+        residuals /= math.sqrt(residuals.size)
+        self._count(math.sqrt(residuals @ residuals), 1)
+        return residuals
 
     def _in_box(self, unit: FloatArray) -> FloatArray:
         return self.box.lower + np.clip(unit, 0.0, 1.0) * (self.box.upper - self.box.lower)
@@ -109,33 +83,20 @@ class Cost:
 
 # A way to search: spends a cost with a seed.
 Method = Callable[[Cost, int], None]
-# One of the reader's own: misfit [rps] of X, its bounds, evaluations and seed, to the best X in the
-# box's own units.
+# One of the reader's own: from the misfit [rps] of X, its bounds, evaluations and a seed to the best X.
 Optimiser = Callable[[Callable[[FloatArray], float], FloatArray, FloatArray, int, int], FloatArray]
 
 
-def _covariance(first: int, growth: int = 0, with_small: bool = False) -> Method:
-    """CMA-ES from the middle of the box: once, or until the end with a population that grows by a factor.
-
-    Doubled each time it is Auger and Hansen's IPOP (2005); by turns with a small one of narrow
-    start, Hansen's BIPOP.
-    """
+def _covariance(population: int, restarts: bool = False) -> Method:
+    """CMA-ES from the middle of the box; restarts double the population (Auger and Hansen's IPOP, 2005)."""
 
     def run(cost: Cost, seed: int) -> None:
         rng = np.random.default_rng(seed)
-
-        def descend(population: int, sigma: float = 1.0) -> None:
+        for k in count() if restarts else (0,):
             steps = generations(
-                cost.of_members, cost.box, lambda *n: rng.standard_normal(n), population, sigma
+                cost.of_members, cost.box, lambda *n: rng.standard_normal(n), population * 2**k
             )
             search(steps, cost.budget)
-
-        descend(first)
-        for k in count(1) if growth else ():
-            descend(first * growth**k)
-            if with_small:
-                small = first * (2**k / 2) ** (rng.random() ** 2)
-                descend(int(small), float(10 ** (-2 * rng.random())))
 
     return run
 
@@ -199,12 +160,13 @@ def _of_function(optimiser: Optimiser) -> Method:
     return run
 
 
-# By kind: the ways to restart CMA-ES come last, with fewer dimensions where projected.
 METHODS_OF_KIND: dict[str, dict[str, Method]] = {
     "CMA-ES": {
         "CMA-ES, population 300": _covariance(POPULATION),
         "CMA-ES, its own population": _covariance(OWN_POPULATION),
-        "CMA-ES, its own population, restarts doubling it": _covariance(OWN_POPULATION, growth=2),
+        "CMA-ES, its own population, restarts doubling it": _covariance(
+            OWN_POPULATION, restarts=True
+        ),
     },
     "swarm": {
         **{
@@ -219,18 +181,6 @@ METHODS_OF_KIND: dict[str, dict[str, Method]] = {
         "Nelder-Mead, restarted": _minimize("Nelder-Mead"),
     },
     "deterministic": {"DIRECT": _rectangles},
-    "restarts": {
-        "population 300 (the authors'), restarted": _covariance(POPULATION, growth=1),
-        **{
-            f"population {size}, restarted": _covariance(size, growth=1) for size in (1000, 100, 30)
-        },
-        "IPOP from 30": _covariance(30, growth=2),
-        "BIPOP from 30": _covariance(30, growth=2, with_small=True),
-    },
-    "projected restarts": {
-        f"A and v_t projected out, population {size}, restarted": _covariance(size, growth=1)
-        for size in (300, 100, 30)
-    },
 }
 SEARCH_METHODS = {
     name: (kind, run) for kind, methods in METHODS_OF_KIND.items() for name, run in methods.items()
@@ -247,7 +197,7 @@ def run_method(
     else:
         name = method.__name__
         kind, run = "function", _of_function(method)
-    cost = Cost(recording, target_rmse, budget, projected=kind == "projected restarts")
+    cost = Cost(recording, target_rmse, budget)
     with contextlib.suppress(SearchEnded):
         run(cost, seed)
     return {
@@ -267,7 +217,7 @@ def planned_runs() -> list[tuple[str, int, int, int]]:
     for method, (kind, _) in SEARCH_METHODS.items():
         if kind == "deterministic":
             jobs += [(method, level, R, 0) for R, level in product((1, 2), table2_levels())]
-        elif "restarts" not in kind:
+        else:
             jobs += [(method, level, 1, seed) for level, seed in product(LEVELS, seeds)]
     return jobs
 

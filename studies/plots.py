@@ -5,7 +5,6 @@ from collections.abc import Mapping
 
 import numpy as np
 from matplotlib.figure import Figure
-from matplotlib.ticker import NullLocator
 from pandas import DataFrame
 from scipy import stats
 
@@ -25,43 +24,12 @@ from replication.figures.style import (
     grid,
     in_style,
 )
-from studies.population import NORMAL_95, coverage_curve, ranks
-
-# Of text beside a row: its x in shares of the panel.
-BESIDE: Style = {"xycoords": ("axes fraction", "data"), "va": "center"}
+from studies.population import NORMAL_95
 
 
 def _arms(table: DataFrame, middle: str, low: str, high: str) -> FloatArray:
     """Arms of error bars from a middle to its limits, shape (2, rows)."""
     return np.abs(table[[low, high]].to_numpy().T - table[middle].to_numpy())
-
-
-@in_style
-def strategy_costs(table: DataFrame) -> Figure:
-    """Show the evaluations that each search strategy spends for one success, with 95 % intervals."""
-    figure, ((axis,),) = grid(height_in=0.36 * len(table) + 1.0)
-    costs = table.filter(like="evaluations_per_success")
-    left = costs.min().min() / 1.5
-    right = max(2 * costs[np.isfinite(costs)].max().max(), 2.5 * left)
-    arrow = {"linestyle": "--", "marker": ">", "markevery": [1], "clip_on": False, "color": ORANGE}
-    for at, row in enumerate(table.itertuples()):
-        low = row.evaluations_per_success_low
-        if row.found:
-            ends = [low, row.evaluations_per_success_high]
-            axis.plot(ends, [at, at], color=BLUE, linewidth=1.2, label="95 % interval")
-            axis.plot(row.evaluations_per_success, at, "o", color=BLUE, label="estimate")
-        else:
-            axis.plot([low, right], [at, at], label="no success: above this limit (95 %)", **arrow)
-        axis.annotate(f"{row.found} of {row.runs}", (1.04, at), **BESIDE)
-    axis.annotate("found in", (1.04, -0.8), annotation_clip=False, **BESIDE)
-    names = [textwrap.fill(name, 32) for name in table["strategy"]]
-    axis.set_yticks(range(len(table)), names, linespacing=1.1)
-    axis.set(xscale="log", xlabel="function evaluations per success [$10^3$]")
-    axis.set(xlim=(left, right), ylim=(len(table) - 0.5, -0.5))
-    ticks = [tick for tick in (1e4, 2e4, 5e4, 1e5, 2e5, 5e5, 1e6) if left < tick < right]
-    axis.set_xticks(ticks, [f"{tick / 1e3:g}" for tick in ticks])
-    axis.xaxis.set_minor_locator(NullLocator())
-    return finish(figure, 3)
 
 
 # A method has one colour and one mark in every figure, a bound its line.
@@ -73,7 +41,6 @@ _OF_METHOD = {
     "energy": (PINK, "^"),
     "waveform, noisy logs": ("0.5", "d"),
     "waveform": (BLUE, "o"),
-    "time in the gap": (GREEN, "<"),
     "joint": (INK, "*"),
     "joint, start angle free": (SKY, "P"),
     "joint, all nuisances free": (SKY, "D"),
@@ -101,23 +68,6 @@ def cross_validation_errors(table: DataFrame, bounds_rad: Mapping[str, float]) -
     axis.set(xscale="log", xlabel="size of the error of the backlash [$10^{-6}$ rad]")
     axis.set_yticks(range(len(by_method)), list(by_method))
     axis.invert_yaxis()
-    return finish(figure, 3)
-
-
-@in_style
-def error_limits(table: DataFrame, axes_labels: Mapping[str, str]) -> Figure:
-    """Show measured errors as marks and Cramer-Rao bounds as lines, one panel for each thing that changes."""
-    panels = table.groupby("axis", sort=False)
-    figure, axes = grid(1, panels.ngroups, height_in=3.2, sharey=True)
-    for axis, (name, part) in zip(axes.flat, panels, strict=True):
-        for method, rows in part.groupby("method"):
-            style = {"linestyle": "none", "label": method, "markersize": 6, "mfc": "none"}
-            axis.plot(rows["value"], 1e6 * rows["rmse_rad"], **style | METHOD_STYLES[method])
-        axis.set(xlabel=axes_labels[name], xscale="log", yscale="log")
-        values = sorted({*part["value"]})
-        axis.set_xticks(values, [f"{value:g}" for value in values], rotation=45)
-        axis.xaxis.set_minor_locator(NullLocator())
-    axes[0, 0].set_ylabel("RMS error of the backlash [$10^{-6}$ rad]")
     return finish(figure, 3)
 
 
@@ -162,30 +112,6 @@ def population_errors(rows: DataFrame, populations: Mapping[str, str]) -> Figure
 
 
 @in_style
-def posterior_calibration(rows: DataFrame, populations: Mapping[str, str]) -> Figure:
-    """Ranks of the truth in the posterior, with their band, and coverage against the nominal level."""
-    figure, axes = grid(2, len(populations), height_in=5.0, sharex="row", sharey="row")
-    of_self = rows[rows["method"] == "self"]
-    dots = {"fmt": "o", "capsize": 2, "color": ORANGE, "label": "coverage, 95 % interval"}
-    for (top, bottom), (population, title) in zip(axes.T, populations.items(), strict=True):
-        part = of_self[of_self["population"] == population]
-        rank, curve = ranks(part), coverage_curve(part)
-        low, high = 10 / rank.size * np.array(stats.binom.interval(0.95, rank.size, 0.1))
-        top.axhspan(low, high, color="0.88", label="95 % of uniform ranks")
-        top.hist(
-            rank, bins=10, range=(0, 1), histtype="step", density=True, color=BLUE, label="ranks"
-        )
-        top.axhline(1, **THIN)
-        top.set_title(textwrap.fill(f"{title}, n = {rank.size}", 28))
-        top.set(xlabel="rank of the true backlash [-]", ylabel="density [-]")
-        arms = _arms(curve, "coverage", "coverage_low", "coverage_high")
-        bottom.errorbar(curve["nominal"], curve["coverage"], arms, **dots)
-        bottom.plot([0.5, 1], [0.5, 1], label="expected", **THIN)
-        bottom.set(xlabel="nominal level [-]", ylabel="share of intervals that\nhold the truth [-]")
-    return finish(figure, 2)
-
-
-@in_style
 def backlash_profile(rows: DataFrame) -> Figure:
     """Signed root of chi squared over the backlash, and Laplace's approximation of it."""
     figure, ((axis,),) = grid()
@@ -201,12 +127,13 @@ def backlash_profile(rows: DataFrame) -> Figure:
 def wear(tests: DataFrame, limit_rad: float) -> Figure:
     """Show one bench's eight months as each sensor reads them, and the alarm delays on all benches."""
     figure, axes = grid(3, 2, height_in=6.0)
-    *panels, last = axes.flat
+    *panels, last, spare = axes.flat
+    spare.remove()
     shown = tests[tests["bench"] == 0]
     truth = shown.drop_duplicates("day")
     sensors = shown.groupby("sensor", sort=False)
     for axis, letter, (name, part), marker, colour in zip(
-        panels, "abcde", sensors, MARKERS, COLOURS, strict=True
+        panels, "abcd", sensors, MARKERS, COLOURS, strict=False
     ):
         axis.plot(
             truth["day"], 1e4 * truth["delta_rad"], color=INK, linewidth=1, label="true backlash"

@@ -1,6 +1,5 @@
 """Eight months of wear on the stand-in bench: what sensors read at each test, and when they call."""
 
-from collections import defaultdict
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -16,7 +15,6 @@ from replication.arrays import FloatArray
 from replication.standins import Bench, draw_bench, encoder_log
 from studies import plots
 from studies.benchmark import KnownLog, Row, logs_by_methods, self_answer, widened_answers
-from studies.shared_joint import share_joint
 
 
 @dataclass(frozen=True)
@@ -54,6 +52,7 @@ def draw_wear(rng: Generator, limit_rad: float) -> Wear:
 
 # Sensors that know the paper's joint, by the method of their calibration.
 CALIBRATED = {"equation 10": "paper", "amplitude, calibrated": "amplitude", "waveform": "waveform"}
+COLUMNS = ["bench", "sensor", "day", "delta_rad", "A_rps", "estimate_rad", "low_rad", "high_rad"]
 
 
 def follow_wear(benches: int, limit_rad: float, seed: int) -> tuple[DataFrame, Figure]:
@@ -63,9 +62,7 @@ def follow_wear(benches: int, limit_rad: float, seed: int) -> tuple[DataFrame, F
     drawn = [first, *(draw_bench(rng) for _ in range(benches - 1))]
     wears = [draw_wear(rng, limit_rad) for _ in drawn]
     sensors = {name: default_calibration(method) for name, method in CALIBRATED.items()}
-    by_calibration = wear_tests(drawn, wears, sensors, limit_rad, seed)
-    by_self = wear_tests_by_self(drawn, wears, limit_rad, seed)
-    tests = concat([by_calibration, by_self], ignore_index=True)
+    tests = wear_tests(drawn, wears, sensors, limit_rad, seed)
     return tests, plots.wear(tests, limit_rad)
 
 
@@ -76,37 +73,24 @@ def wear_tests(
     limit_rad: float,
     seed: int,
 ) -> DataFrame:
-    """Test worn benches every few weeks and read the backlash off each log."""
+    """Test worn benches every few weeks: each sensor's reading, and when the truth and it reach the limit."""
 
-    def answers(log: KnownLog) -> dict[str, Row]:
+    def by_calibration(log: KnownLog) -> dict[str, Row]:
         fit = global_fit(log.recording)
-        found = widened_answers(log.recording, fit, calibrations)
-        return {name: {"A_rps": fit.amplitude_rps} | answer for name, answer in found.items()}
+        answers = widened_answers(log.recording, fit, calibrations)
+        return {name: {"A_rps": fit.amplitude_rps} | answer for name, answer in answers.items()}
 
-    return _with_calls(logs_by_methods(_logs(benches, wears, seed), answers), wears, limit_rad)
+    def by_self(log: KnownLog) -> dict[str, Row]:
+        return {"self-calibrating": self_answer(log.recording)}
 
-
-def wear_tests_by_self(
-    benches: Sequence[Bench], wears: Sequence[Wear], limit_rad: float, seed: int
-) -> DataFrame:
-    """Read the logs of `wear_tests` by method "self": each alone, and with all logs of its bench until then."""
-    table = logs_by_methods(
-        _logs(benches, wears, seed), lambda log: {"self-calibrating": self_answer(log.recording)}
-    )
-    fits: dict[int, list] = defaultdict(list)
-    rows = []
-    for alone in table[~table["refused"]].to_dict("records"):
-        of_bench = fits[alone["bench"]]
-        of_bench.append(alone["fit"])
-        shared, (low, high) = share_joint(of_bench)[-1]
-        found = {
-            "method": "self-calibrating, one joint for all logs",
-            "found_rad": shared,
-            "low_rad": low,
-            "high_rad": high,
-        }
-        rows += [alone, alone | found]
-    return _with_calls(DataFrame(rows), wears, limit_rad)
+    logs = _logs(benches, wears, seed)
+    calibrated = logs_by_methods(logs, by_calibration)
+    own = logs_by_methods(logs, by_self)
+    rows = concat([calibrated, own[~own["refused"].astype(bool)]], ignore_index=True)
+    table = rows.rename(columns={"method": "sensor", "found_rad": "estimate_rad"})[COLUMNS]
+    table["truth_day"] = table["bench"].map(lambda number: wears[number].crossing_day(limit_rad))
+    called = table["day"].where(table["estimate_rad"] >= limit_rad)
+    return table.assign(call_day=called.groupby([table["sensor"], table["bench"]]).transform("min"))
 
 
 def _logs(
@@ -121,23 +105,3 @@ def _logs(
 
     tests = [(number, day) for number, wear in enumerate(wears) for day in wear.test_days]
     return [partial(draw, index, *test) for index, test in enumerate(tests)]
-
-
-def _with_calls(rows: DataFrame, wears: Sequence[Wear], limit_rad: float) -> DataFrame:
-    """Columns of tests, and the days on which the truth and each sensor reach the limit."""
-    columns = [
-        "bench",
-        "sensor",
-        "day",
-        "delta_rad",
-        "A_rps",
-        "estimate_rad",
-        "low_rad",
-        "high_rad",
-    ]
-    table = rows.rename(columns={"method": "sensor", "found_rad": "estimate_rad"}).reindex(
-        columns=columns
-    )
-    table["truth_day"] = table["bench"].map(lambda number: wears[number].crossing_day(limit_rad))
-    called = table["day"].where(table["estimate_rad"] >= limit_rad)
-    return table.assign(call_day=called.groupby([table["sensor"], table["bench"]]).transform("min"))

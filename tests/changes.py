@@ -22,11 +22,10 @@ CHEAPER = {
         "noise_seeds": 40,
         "mountings": 1,
         "bits": [16, 19],
-        "start_angles": 20,
         "strategy_runs": 1,
         "budget": 3000,
     },
-    "13_readings_compared": {"scored": [3], "sweeps": {"turns": [4]}, "deltas_rad": [5e-4, 15e-4]},
+    "13_readings_compared": {"scored": [3]},
 }
 
 

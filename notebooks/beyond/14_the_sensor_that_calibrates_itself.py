@@ -306,7 +306,6 @@ bars, sheet_bars = population.against_criteria(summary), datasheet.against_crite
 
 # %%
 self_errors = plots.population_errors(measured, titles)
-calibrated_intervals = plots.posterior_calibration(measured, titles)
 
 # %%
 near_rmse = summary.set_index(["population", "method"]).loc[near, "rmse_rad"]
@@ -361,12 +360,6 @@ workbook.export(
             "truth. (b), (d) The same errors over the stated SDs, with the counts of a normal distribution. Benches: "
             + " and ".join(f"{answered[name]} answered ({titles[name]})" for name in titles)
             + ".",
-        ),
-        "self_calibration": (
-            calibrated_intervals,
-            "(a), (b) Rank of the true backlash in the posterior in ten bins. The line is a uniform distribution; of "
-            "its bins 95 % lie in the grey band. (c), (d) Share of intervals that hold the true backlash, against "
-            "their nominal level, with 95 % intervals. n is the number of answered logs.",
         ),
     },
 )

@@ -17,7 +17,6 @@ from replication.simulator.recordings import simulate_recordings
 from replication.simulator.simulate import simulate
 from replication.standins import draw_bench, encoder_log
 from studies.odd_joints import KINDS, draw_cascade, draw_odd_log, move_bench
-from studies.shared_joint import share_joint
 
 SLOW = pytest.mark.slow
 
@@ -188,19 +187,6 @@ def test_an_interval_holds_the_spread_of_joints_and_the_noise():
     half = np.hypot(1e-4, shares()["amplitude"] * 1e-3)
     assert (low, high) == (pytest.approx(1e-3 - half), pytest.approx(1e-3 + half))
     assert all(0.01 < share < 1 for share in shares().values())
-
-
-def test_logs_of_one_joint_tell_it_together():
-    rng = np.random.default_rng(8)
-    bench = draw_bench(rng)
-    true_rad = np.linspace(6e-4, 12e-4, 5)
-    fits = [fit_joint(encoder_log(bench, delta, rng)) for delta in true_rad]
-    alone = np.ptp([fit.interval_rad for fit in fits], axis=1)
-    found, ends = zip(*share_joint(fits), strict=True)
-    together = np.ptp(ends, axis=1)
-    assert (np.abs(np.array(found) - true_rad) < together).all()
-    assert (together < 0.85 * alone).all()
-    assert together.mean() < 0.8 * alone.mean()
 
 
 @pytest.mark.slow

@@ -167,31 +167,23 @@ def test_a_drawn_wear_grows_and_crosses_its_limit_within_the_eight_months(seed, 
     assert (np.diff(wear.backlash_rad(wear.test_days)) > 0).all()
 
 
-def test_a_bench_that_is_the_calibrated_joint_is_called_for_at_the_right_test(joint):
-    wear = Wear(4e-4, 16e-4, 1.0, interval_days=60.0)
+def test_worn_benches_are_called_for_at_the_right_test_by_their_calibration_or_by_their_logs_alone(
+    joint,
+):
+    wear = Wear(4e-4, 16e-4, 1.0, interval_days=80.0)
     tests = wear_study.wear_tests(
-        [standins.Bench(joint, 0.0, 0.0)],
-        [wear],
+        [standins.Bench(joint, 0.0, 0.0), standins.draw_bench(np.random.default_rng(5))],
+        [wear, wear],
         {"amplitude": default_calibration("amplitude")},
         11e-4,
         seed=1,
     )
-    assert tests["day"].tolist() == [0, 60, 120, 180, 240]
-    assert (tests["call_day"] == 180).all()
-    assert tests["truth_day"].iloc[0] == pytest.approx(140)
-    np.testing.assert_allclose(tests["estimate_rad"], tests["delta_rad"], atol=1e-4)
-
-
-def test_a_bench_that_nobody_calibrated_is_read_alone_and_with_all_its_logs():
-    bench = standins.draw_bench(np.random.default_rng(5))
-    wear = Wear(4e-4, 16e-4, 1.0, interval_days=80.0)
-    tests = wear_study.wear_tests_by_self([bench], [wear], 11e-4, seed=1)
-    names = ["self-calibrating", "self-calibrating, one joint for all logs"]
-    assert tests["sensor"].tolist() == names * 4
-    assert tests["call_day"].tolist() == [160] * 8
-    np.testing.assert_allclose(tests["estimate_rad"], tests["delta_rad"], atol=1.2e-4)
-    alone, shared = tests.loc[tests["day"] == 0, "estimate_rad"]
-    assert alone == pytest.approx(shared, rel=0.01)  # one log shares with none
+    for bench, sensor in enumerate(["amplitude", "self-calibrating"]):
+        found = tests[(tests["bench"] == bench) & (tests["sensor"] == sensor)]
+        assert found["day"].tolist() == [0, 80, 160, 240]
+        assert (found["call_day"] == 160).all()
+        assert found["truth_day"].iloc[0] == pytest.approx(140)
+        np.testing.assert_allclose(found["estimate_rad"], found["delta_rad"], atol=1.2e-4)
 
 
 # Robots

@@ -18,7 +18,7 @@ def summary():
 @pytest.mark.slow
 def test_the_committed_errors_are_what_the_authors_noisy_logs_give(authors_data, summary):
     records = {(R, K): load_noisy(K, R) for R in (1, 2) for K in range(2, 13)}
-    found = cross_validation(records, identified_joint(), [7], smoothing_s=0.01)
+    found = cross_validation(records, identified_joint(), [7])
     committed = pd.read_csv(SUPPLEMENT / "features_logs.csv")
     pd.testing.assert_frame_equal(
         found.reset_index(drop=True),
@@ -37,5 +37,6 @@ def test_the_mean_error_on_the_authors_noisy_logs_is_within_its_target(summary, 
 
 
 def test_every_calibrated_feature_beats_equation_10_on_the_authors_noisy_logs(summary):
-    others = summary["mean_abs_error_rad"].drop(["equation 10", "time in the gap"])
+    calibrated = ["amplitude", "energy", "impact", "waveform", "waveform, noisy logs"]
+    others = summary.loc[calibrated, "mean_abs_error_rad"]
     assert (others < summary["mean_abs_error_rad"]["equation 10"]).all()
