@@ -27,7 +27,7 @@ from backlash.reading.refusals import UnusableLog
 from backlash.reading.sources import MOST_TABLE_BYTES, naming, read_bytes
 from replication.arrays import FloatArray
 from replication.characteristic import first_rise, printed_levels_rad
-from replication.recording import TURN_PERIOD_S, Recording
+from replication.records import TURN_PERIOD_S, Recording
 from replication.simulator.parameters import identified_joint
 from replication.simulator.recordings import simulate_recordings
 

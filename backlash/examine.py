@@ -12,7 +12,7 @@ from backlash.reading.prepare import Log, prepare
 from backlash.reading.refusals import CannotTell
 from backlash.reading.sources import read_source
 from backlash.settings import Settings
-from replication.recording import Recording
+from replication.records import Recording
 
 
 @dataclass(frozen=True)

@@ -25,7 +25,7 @@ from backlash.reading.prepare import Log
 from backlash.reading.refusals import NO_REVERSAL, CannotTell
 from backlash.reading.sources import Source
 from backlash.settings import Settings
-from replication.recording import Recording
+from replication.records import Recording
 
 _LEAST_SHARE = 0.8  # of the pattern's energy, for the model to explain; it explains 0.96 or more in the paper's range
 # A backlash below this counts as none: 0.015 mm at an arm of 0.3 m, a sixth of Table 2's least.

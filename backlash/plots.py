@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 from backlash.trend_line import Trend, growth_over_time
 from replication.arrays import FloatArray
 from replication.files import write_bytes
-from replication.recording import Recording
+from replication.records import Recording
 
 _SHOWN_TURNS = 3
 _STYLE = Path(__file__).with_name("data") / "plots.mplstyle"

@@ -57,8 +57,9 @@ import pandas as pd
 from scipy import signal
 
 import workbook
-from replication import authors, table2
+from replication import sources, table2
 from replication.figures import paper
+from replication.records import CLEAN_LEVELS, level_delta_rad
 from replication.simulator.parameters import (
     changeable,
     changed_joint,
@@ -83,7 +84,7 @@ changes = {}  # factors for ratios or physical quantities, such as {"motor_inert
 
 # %% tags=["plumbing"]
 workbook.check_parameters(
-    level=(level, authors.CLEAN_LEVELS),
+    level=(level, CLEAN_LEVELS),
     friction_share=(friction_share, workbook.Interval(0, 0.5)),
     changes=(changes, [changeable(identified_joint())]),
 )
@@ -103,11 +104,11 @@ friction_nm = friction_share * joint.gravity_torque_nm
 joint = replace(joint, load_coulomb_nm=joint.load_coulomb_nm + friction_nm)
 v_t, T_f = joint.commanded_speed_rps, joint.turn_period_s
 compared = np.allclose([v_t, T_f], [committed.commanded_speed_rps, committed.turn_period_s])
-clean = authors.load_clean_records(authors.CLEAN_LEVELS)
+clean = sources.load_clean_records(CLEAN_LEVELS)
 records = clean if compared else {}
 
 # %%
-delta_rad = authors.level_delta_rad(level)
+delta_rad = level_delta_rad(level)
 (run,) = simulate_many(joint, [delta_rad], duration_s=12 * T_f, step_s=5e-5)
 recorded = records[delta_rad].v if compared else np.nan * run.time_s
 start_rad = joint.gear_ratio * joint.start_angle_rad
@@ -144,7 +145,7 @@ compare_joints[compare_joints["committed"] != compare_joints["here"]]
 
 # %%
 FINE_S = 5e-5  # 40 in 2 ms
-levels = {authors.level_delta_rad(k): k for k in range(2, authors.CLEAN_LEVELS.stop)}
+levels = {level_delta_rad(k): k for k in range(2, CLEAN_LEVELS.stop)}
 
 
 def finely(joint, deltas_rad=tuple(levels)):

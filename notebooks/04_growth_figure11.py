@@ -59,8 +59,9 @@ import numpy as np
 import pandas as pd
 
 import workbook
-from replication import authors, table2
+from replication import table2
 from replication.figures import paper
+from replication.records import ALL_LEVELS, level_delta_rad
 from replication.simulator.parameters import changeable, changed_joint, identified_joint
 from replication.simulator.recordings import simulate_recordings
 from replication.simulator.simulate import settled_peak_rps, simulate_many
@@ -78,7 +79,7 @@ changes = {}  # factors for the joint's ratios or physical quantities, as in not
 
 # %% tags=["plumbing"]
 workbook.check_parameters(
-    speed_level=(speed_level, authors.ALL_LEVELS),
+    speed_level=(speed_level, ALL_LEVELS),
     noise_rps=(noise_rps, workbook.Interval(0, 10)),
     noise_seed=(noise_seed, workbook.Interval(0, whole=True)),
     commanded_speed_rps=(commanded_speed_rps, workbook.Interval(10, 300)),
@@ -98,7 +99,7 @@ identified = identified_joint()
 joint = replace(identified, commanded_speed_rps=commanded_speed_rps)
 joint = changed_joint(joint, changes)
 v_t, T_f = joint.commanded_speed_rps, joint.turn_period_s
-(speed,) = simulate_recordings(joint, [authors.level_delta_rad(speed_level)])
+(speed,) = simulate_recordings(joint, [level_delta_rad(speed_level)])
 rng = np.random.default_rng(noise_seed)
 speed = replace(speed, v=speed.v + rng.uniform(-noise_rps, noise_rps, speed.v.size))
 shown = speed.t <= 4 * T_f
@@ -121,7 +122,7 @@ def draw(delta_mrad):
     axis.set_title(f"largest settled sample {most:.3f} rps above {v_t:g} rps")
 
 
-workbook.sliders(draw, delta_mrad=(1e3 * authors.level_delta_rad(speed_level), 0.1, 4.0))
+workbook.sliders(draw, delta_mrad=(1e3 * level_delta_rad(speed_level), 0.1, 4.0))
 
 # %% [markdown]
 # ### Figure 11
@@ -130,8 +131,8 @@ workbook.sliders(draw, delta_mrad=(1e3 * authors.level_delta_rad(speed_level), 0
 # at twice the backlash, is the peak twice as high?
 
 # %%
-every = [authors.level_delta_rad(level) for level in authors.ALL_LEVELS]
-ten = [authors.level_delta_rad(level) for level in table2.table2_levels()]
+every = [level_delta_rad(level) for level in ALL_LEVELS]
+ten = [level_delta_rad(level) for level in table2.table2_levels()]
 
 
 def disturbances(joint):  # r of every level, a row each, 20 samples in a millisecond
@@ -206,7 +207,7 @@ workbook.export(
         "figure05_speed_signal": (
             figure5,
             f"Motor speed of the simulated joint over four turns (dotted lines), at a backlash of "
-            f"{1e4 * authors.level_delta_rad(speed_level):g}·10⁻⁴ rad, with uniform noise of half-amplitude "
+            f"{1e4 * level_delta_rad(speed_level):g}·10⁻⁴ rad, with uniform noise of half-amplitude "
             f"{noise_rps:g} rps. Two impacts a turn, opposite in sign, make the speed ring about the commanded "
             f"{v_t:g} rps. The signal of the paper's figure 5 is not public.",
         ),

@@ -89,7 +89,7 @@ from scipy.signal import find_peaks
 from tqdm import tqdm
 
 import workbook
-from replication import authors, cmaes, published, table2
+from replication import cmaes, published, sources, table2
 from replication.figures import paper
 from replication.signature import Timing, signature
 
@@ -148,7 +148,7 @@ def h(t, X, T_d, T_f, n):  # equation 7
 stored_runs = published.table("authors_notebook_runs").set_index("run")
 stored_X = stored_runs.loc[:, "A_rps":"window_start_s"].to_numpy(float)  # a row for each run
 stored, X = stored_runs.loc[run], stored_X[run - 1]
-protocol = table2.Protocol(T_d=turn_period_s / 2, T_f=turn_period_s, turns=turns)
+protocol = table2.SearchSettings(T_d=turn_period_s / 2, T_f=turn_period_s, turns=turns)
 t = np.arange(0, turns * turn_period_s + 0.1, 1e-4)
 shape = h(t, X, protocol.T_d, protocol.T_f, turns)
 figure6 = paper.signature_parameters(t, shape, X, protocol.timing)
@@ -160,7 +160,7 @@ figure6 = paper.signature_parameters(t, shape, X, protocol.timing)
 # Predict first: where will the residual be largest? All stored runs have $T_d$ = 0.2 s, $T_f$ = 0.4 s and twelve turns.
 
 # %%
-record = authors.load_clean(12)
+record = sources.load_clean(12)
 
 
 def residual_signal(X, n=12):  # equation 11, less the signature
@@ -244,7 +244,7 @@ pd.Series(reproduced, name="stored runs reproduced").rename_axis("turns").to_fra
 # ### A fit with your cost and turn period
 #
 # A fit is a search for the parameters of the lowest cost in a box, here Table 1's with $A$ as wide as the stored runs
-# had it (`protocol_box`). `cmaes.search` draws 300 members a generation, asks for their costs, and goes on until a stop
+# had it (`search_box`). `cmaes.search` draws 300 members a generation, asks for their costs, and goes on until a stop
 # rule holds. The paper's cost is compiled (`table2.cost`); another cost or `h` is evaluated as it is written. The first
 # row has the paper's signature and cost and the turn period of the data, with the stored seed; the last row has yours.
 
@@ -265,8 +265,8 @@ as_papers = not more_bounds and all(
 )
 
 # %%
-authors_settings = table2.Protocol()
-box = table2.protocol_box(record, authors_settings)
+authors_settings = table2.SearchSettings()
+box = table2.search_box(record, authors_settings)
 more = np.reshape(more_bounds, (-1, 2))
 your_box = replace(box, lower=np.r_[box.lower, more[:, 0]], upper=np.r_[box.upper, more[:, 1]])
 signatures = {"the paper's": (papers_residual, box), "your": (your_residual, your_box)}

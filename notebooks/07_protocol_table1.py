@@ -37,7 +37,7 @@
 # constants of the authors' library; notebook 15 shows that it reproduces their stored runs.
 #
 # The authors' notebook stores what their [runs](glossary.md#run) really did: the whole record, the box of $A$ widened
-# by 1.3, $T_d$ = 0.2 s and $T_f$ = 0.4 s, a population of 300 and at most 200 generations. That is `Protocol()`.
+# by 1.3, $T_d$ = 0.2 s and $T_f$ = 0.4 s, a population of 300 and at most 200 generations. That is `SearchSettings()`.
 # Notebook 15 asks whether Table 2 was printed with these settings.
 
 # %%
@@ -49,7 +49,7 @@ import numpy as np
 import pandas as pd
 
 import workbook
-from replication import authors, cmaes, table2
+from replication import cmaes, sources, table2
 from replication.figures import searching
 from studies.replay import replay, table1
 from studies.replay.eigen import symmetric_eigen
@@ -60,7 +60,7 @@ from studies.replay.eigen import symmetric_eigen
 # %% tags=["parameters"]
 population = 300  # members of a generation, in the run that is taken apart
 sigma = 0.25  # its first standard deviations, as a share of the box
-box = {}  # other bounds for it, such as {"frequency_hz": (1.0, 15.0)} or {"start_s": (0.0, 0.2)}; see `Protocol`
+box = {}  # other bounds for it, such as {"frequency_hz": (1.0, 15.0)} or {"start_s": (0.0, 0.2)}; see `SearchSettings`
 generation = 5  # which generation is shown
 seed = 823840  # of the run: that of the stored run 4
 
@@ -91,9 +91,9 @@ workbook.check_parameters(**{name: (value, settings[name]) for name, value in bo
 # above.
 
 # %%
-clean = authors.load_clean(12)
-protocol = replace(table2.Protocol(), population=population, **box)
-bounds = table2.protocol_box(clean, protocol)
+clean = sources.load_clean(12)
+protocol = replace(table2.SearchSettings(), population=population, **box)
+bounds = table2.search_box(clean, protocol)
 cost = table2.cost(clean, protocol)
 names = ["A [rps]", "t0 [s]", "tau [1/s]", "omega [rad/s]", "v_t [rps]", "T2 [s]", "T1 [s]"]
 
@@ -227,9 +227,9 @@ picked = [steps[g - 1].after for g in (1, 10, 20, 40, 60) if g <= best.size]
 whole_run = searching.run(picked, best, bounds, shown, labels)
 
 # %%
-authors_protocol = table2.Protocol()
+authors_protocol = table2.SearchSettings()
 stored = cmaes.search(replay.authors_search(clean, seed), authors_protocol.iterations)
-boxes = {"authors' settings": table2.protocol_box(clean, authors_protocol), "this run": bounds}
+boxes = {"authors' settings": table2.search_box(clean, authors_protocol), "this run": bounds}
 ends = {}
 for name, end in zip(boxes, (stored, found), strict=True):
     lower, upper = boxes[name].lower, boxes[name].upper

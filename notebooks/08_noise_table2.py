@@ -87,7 +87,7 @@ import pandas as pd
 from matplotlib import pyplot as plt
 
 import workbook.judging
-from replication import table2
+from replication import sources, table2
 from replication.figures import paper
 from studies.replay import inspection, protocols
 
@@ -97,7 +97,7 @@ from studies.replay import inspection, protocols
 # %% tags=["parameters"]
 made_again = 2  # kept realisations of each row with the leading candidate that are made again
 public = [1, 2, 3, 4, 5]  # the authors' noise realisations R that it also runs on
-settings = {}  # of the search, in place of the leading candidate's, such as {"population": 30}; see `table2.Protocol`
+settings = {}  # of the search, in place of the leading one, such as {"population": 30}; see `table2.SearchSettings`
 shown_row = 5  # of Table 2, whose thirty runs are shown one by one
 criteria = {}  # limits to try instead of those of claims.csv, such as {"local_minima": 0.7}
 
@@ -110,7 +110,7 @@ def draw_noise(rng, a, size):  # the law of their noise; a is Table 2's half-amp
 workbook.check_parameters(
     made_again=(made_again, workbook.Interval(1, 200, whole=True)),
     public=(public, [(1, 2, 3, 4, 5)]),
-    settings=(settings, [tuple(vars(table2.AUTHORS_PROTOCOL))]),
+    settings=(settings, [tuple(vars(table2.AUTHORS_SETTINGS))]),
     shown_row=(shown_row, range(1, 11)),
     criteria=(criteria, [("error_below_10", "local_minima")]),
 )
@@ -130,7 +130,7 @@ if not public or len(set(public)) < len(public):
 
 # %%
 leader = replace(protocols.CANDIDATES[protocols.LEADER], **settings)
-of_authors = table2.authors_table2_records(public)
+of_authors = table2.table2_records(public, sources.load_noisy)
 fits = table2.repeated_fits(of_authors, [leader], range(1, protocols.RUNS + 1), "public records")
 shown = fits[(fits["row"] == shown_row) & (fits["realisation"] == public[0])]
 record = of_authors[shown_row - 1][1]

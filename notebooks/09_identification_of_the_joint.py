@@ -104,8 +104,9 @@ import numpy as np
 import pandas as pd
 
 import workbook
-from replication import authors
+from replication import sources
 from replication.figures import paper
+from replication.records import CLEAN_LEVELS, level_delta_rad
 from replication.simulator import identification
 from replication.simulator.parameters import identified_joint, joint_from_ratios, with_ratios
 from replication.simulator.recordings import simulate_recordings
@@ -127,7 +128,7 @@ workbook.check_parameters(
     start_factor=(start_factor, workbook.Interval(0.75, 1.6)),
     started=(started, [fitted_ratios]),
     alphas=(alphas, [workbook.Interval(1e3, 1e12)]),
-    fit_levels=(fit_levels, [authors.CLEAN_LEVELS]),
+    fit_levels=(fit_levels, [CLEAN_LEVELS]),
     profiled=(profiled, ("", *fitted_ratios)),
 )
 
@@ -140,8 +141,8 @@ workbook.check_parameters(
 
 # %%
 committed = identified_joint()
-records = authors.load_clean_records(authors.CLEAN_LEVELS)
-widest = authors.level_delta_rad(13)
+records = sources.load_clean_records(CLEAN_LEVELS)
+widest = level_delta_rad(13)
 record, (simulated,) = (records[widest], simulate_recordings(committed, [widest]))
 labels = ("authors' record 13", "simulated joint")
 residual = paper.record_with_fit(record.t, record.v, simulated.v, labels, seconds=1.6)
@@ -157,7 +158,7 @@ residual = paper.record_with_fit(record.t, record.v, simulated.v, labels, second
 # third turn of 200 samples. Its mean square over the four records is $2C / n$, $n$ = 800.
 
 # %%
-of_fit = {delta: records[delta] for delta in map(authors.level_delta_rad, fit_levels)}
+of_fit = {delta: records[delta] for delta in map(level_delta_rad, fit_levels)}
 third_turn, settled = slice(400, 600), slice(200, None)
 
 
@@ -329,7 +330,7 @@ print("all twice as large but for the arm r, which the ratio g / r fixes")
 alone = identification.identify_joint({widest: record}, committed)
 widths = pd.DataFrame(alone.confidence).T.diff(axis=1)[1]
 wider = (widths / width).dropna()
-if authors.records_are_simulated():
+if sources.records_are_simulated():
     print("Our own records fit up to rounding: the widths have nothing to measure.")
 else:
     assert wider.median() > 1, "one record tells most ratios less closely than four"

@@ -193,7 +193,7 @@ printed.assign(
 seeds = range(1, repeats + 1)
 records = standins.table4_records(spread, robot_seed)
 fits = table2.repeated_fits(
-    records, [table2.AUTHORS_PROTOCOL], seeds, label="Table 4, stand-in robots"
+    records, [table2.AUTHORS_SETTINGS], seeds, label="Table 4, stand-in robots"
 )
 table = standins.table4(fits)
 table.astype(object).set_index("robot").T

@@ -9,7 +9,7 @@ from numpy.polynomial import Polynomial
 
 from replication import published
 from replication.arrays import FloatArray
-from replication.recording import RPM_PER_RPS
+from replication.records import RPM_PER_RPS
 
 
 def first_rise(coefficients: Sequence[float] | FloatArray, level: float) -> float | None:

@@ -3,7 +3,7 @@
 A bench is the identified joint with other parameters, friction, periodic disturbances, and a log
 that comes from its encoder; a plant robot is axis 4 of an arm whose other joints shake it. Every
 spread is an assumption; the paper gives none. If their logs are ever published, one function beside
-`authors.load_clean`, from a log's file to a `Recording`, takes the place of `encoder_log`: nothing
+`records.read_clean`, from a log's file to a `Recording`, takes the place of `encoder_log`: nothing
 that comes after asks where a record is from.
 """
 
@@ -16,7 +16,7 @@ import pandas as pd
 
 from replication import characteristic, published
 from replication.parallel import in_parallel
-from replication.recording import Recording, add_normal_noise
+from replication.records import Recording, add_normal_noise
 from replication.simulator.parameters import (
     TURN,
     Disturbance,
@@ -26,7 +26,7 @@ from replication.simulator.parameters import (
 )
 from replication.simulator.recordings import read_encoder
 from replication.simulator.simulate import SimulatedJoint, simulate
-from replication.table2 import AUTHORS_PROTOCOL, repeated_fits, summarise_runs
+from replication.table2 import AUTHORS_SETTINGS, repeated_fits, summarise_runs
 
 SAMPLE_S = 2e-3
 TURNS = 12  # of a log
@@ -200,7 +200,7 @@ def fit_table3(bench: Bench, deltas_rad: Sequence[float], seed: int, repeats: in
     """Table 3 of a bench: the paper's search on its log in each state of wear, from so many seeds."""
     records = table3_records(bench, deltas_rad, seed)
     label = "Table 3, stand-in bench"
-    return table3(repeated_fits(records, [AUTHORS_PROTOCOL], range(1, repeats + 1), label))
+    return table3(repeated_fits(records, [AUTHORS_SETTINGS], range(1, repeats + 1), label))
 
 
 def table3(runs: pd.DataFrame) -> pd.DataFrame:

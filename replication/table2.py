@@ -10,12 +10,11 @@ from scipy.special import stdtrit
 
 from replication import published
 from replication.arrays import FloatArray, IntArray
-from replication.authors import level_delta_rad, load_noisy
 from replication.cmaes import Eigensolver, generations, random_normals, search
 from replication.misfit import fold, population_rmse
 from replication.parallel import in_parallel
 from replication.published import Criteria, Decision
-from replication.recording import RPM_PER_RPS, Recording
+from replication.records import RPM_PER_RPS, Recording, level_delta_rad
 from replication.signature import (
     DAMPING_PER_S,
     FREE_PARAMETERS,
@@ -29,13 +28,14 @@ from replication.signature import (
 # to 0.15 %.
 BASIN_GAP = 2e-3
 BOOTSTRAP_DRAWS = 20000
+LEVEL = 0.95  # of an interval
 
 
 # ---------------------------------------------------------------------------------------------- one fit
 
 
 @dataclass(frozen=True)
-class Protocol:
+class SearchSettings:
     """How one CMA-ES fit is run; the defaults are the authors' notebook.
 
     The search starts from the middle of the box, with a quarter of its width as standard
@@ -78,7 +78,7 @@ class Fit:
         return float(abs(self.X[0]))
 
 
-def protocol_box(recording: Recording, protocol: Protocol) -> Box:
+def search_box(recording: Recording, protocol: SearchSettings) -> Box:
     """Table 1's box for a record, as the protocol widens it."""
     return table1_box(
         recording.t,
@@ -91,17 +91,17 @@ def protocol_box(recording: Recording, protocol: Protocol) -> Box:
     )
 
 
-AUTHORS_PROTOCOL = Protocol()
+AUTHORS_SETTINGS = SearchSettings()
 
 
-def cost(recording: Recording, protocol: Protocol) -> Callable[[FloatArray], FloatArray]:
+def cost(recording: Recording, protocol: SearchSettings) -> Callable[[FloatArray], FloatArray]:
     """The paper's cost on a record: from members of shape (population, 7) to their misfits."""
     record = fold(recording.t, recording.v, protocol.timing)
     return lambda members: population_rmse(members, record)
 
 
 def fit(
-    recording: Recording, protocol: Protocol, seed: int, eigen: Eigensolver = np.linalg.eigh
+    recording: Recording, protocol: SearchSettings, seed: int, eigen: Eigensolver = np.linalg.eigh
 ) -> Fit:
     """Fit the signature to a record by CMA-ES, as the paper does (equations 7 and 11 to 17).
 
@@ -123,7 +123,7 @@ def fit(
     seen = replace(recording, v=unit * (recording.v - mean)) if protocol.rpm else recording
     steps = generations(
         cost(seen, protocol),
-        protocol_box(seen, protocol),
+        search_box(seen, protocol),
         random_normals(seed),
         protocol.population,
         eigen=eigen,
@@ -151,8 +151,13 @@ def theoretical_amplitudes() -> dict[float, float]:
     }
 
 
-def authors_table2_records(realisations: Sequence[int]) -> list[tuple[dict, Recording]]:
-    """Load the authors' noisy records of Table 2's ten rows, for each of some realisations R of the noise."""
+def table2_records(
+    realisations: Sequence[int], load_noisy: Callable[[int, int], Recording]
+) -> list[tuple[dict, Recording]]:
+    """Load Table 2's ten records for each of some realisations R of the noise.
+
+    `load_noisy` gives the record of a level K and a realisation, such as `records.read_noisy`.
+    """
     if not realisations:
         raise ValueError("realisations []: name some of 1 to 5")
     noise = published.column("Table 2", "noise")
@@ -183,10 +188,10 @@ def _row(fitted: Fit) -> dict[str, float]:
 
 def repeated_fits(
     records: Sequence[tuple[dict, Recording]],
-    protocols: Iterable[Protocol],
+    protocols: Iterable[SearchSettings],
     seeds: Sequence[int],
     label: str,
-    fit: Callable[[Recording, Protocol, int], Fit] = fit,
+    fit: Callable[[Recording, SearchSettings, int], Fit] = fit,
 ) -> pd.DataFrame:
     """Fit every record with every protocol and seed, on all cores; the label stands beside the progress bar.
 
@@ -265,12 +270,23 @@ def summarise_runs(runs: pd.DataFrame, keys: Sequence[str]) -> pd.DataFrame:
 
 
 def table2(runs: pd.DataFrame) -> pd.DataFrame:
-    """Condense the runs on the records of `authors_table2_records`: a row for each realisation and row."""
+    """Condense the runs on the records of `table2_records`: a row for each realisation and row."""
     theoretical = published.column("Table 2", "theoretical")[runs["row"] - 1]
     of_record = ["realisation", "row", "delta_rad", "noise_amplitude_rps"]
     return summarise_runs(
         runs.assign(theoretical_A_rps=theoretical), [*of_record, "theoretical_A_rps"]
     )
+
+
+def predictive_region(values: Sequence[float]) -> tuple[float, float]:
+    """Ends between which one more number like these lies with at least 95 %: order statistics, no law assumed.
+
+    Of N numbers the k-th smallest and the k-th largest, k the largest with 1 - 2 k / (N + 1) >= 95 %.
+    Anywhere, where N is below 39.
+    """
+    k = int((len(values) + 1) * (1 - LEVEL) / 2 + 1e-9)
+    ranked = sorted(values)
+    return (ranked[k - 1], ranked[-k]) if k else (-np.inf, np.inf)
 
 
 def error_percent(table: pd.DataFrame, column: str) -> pd.Series:

@@ -10,8 +10,7 @@ from backlash.calibration import default_calibration, fit_calibration
 from backlash.fitting.global_fit import global_fit
 from backlash.fitting.readings import protocol_for
 from replication.arrays import FloatArray
-from replication.authors import level_delta_rad
-from replication.recording import Recording
+from replication.records import Recording, level_delta_rad
 from replication.simulator.parameters import TURN, JointParameters
 from replication.simulator.recordings import SIMULATION_STEP_S, read_encoder
 from replication.simulator.simulate import simulate

@@ -7,8 +7,8 @@ from numpy.random import Generator
 from pandas import DataFrame, Series, concat
 
 from replication.arrays import FloatArray
-from replication.statistics import rate_columns
 from replication.table2 import BASIN_GAP
+from studies.rates import rate_columns
 
 _DRAWS = 4000  # of a bootstrap
 

@@ -13,9 +13,9 @@ from backlash.fitting.readings import reading_of_fit
 from backlash.fitting.self_calibration import fit_joint
 from replication.arrays import FloatArray
 from replication.parallel import in_parallel
-from replication.recording import Recording
-from replication.statistics import rate_columns
+from replication.records import Recording
 from studies.joint_match import NUISANCES
+from studies.rates import rate_columns
 
 # Methods through the joint: what is unknown besides the backlash.
 JOINT_METHODS = {

@@ -8,7 +8,7 @@ from numpy.polynomial import Polynomial
 from backlash.calibration import SIMULATED, Calibration, fit_calibration, leave_one_out_sd
 from backlash.fitting.readings import METHODS, read
 from replication.characteristic import RPM_PER_RPS, equation_10, printed_levels_rad
-from replication.recording import TURN_PERIOD_S
+from replication.records import TURN_PERIOD_S
 from replication.simulator.parameters import identified_joint
 from replication.simulator.recordings import simulate_recordings
 

@@ -21,14 +21,14 @@ from backlash.settings import Settings, settings_for
 from replication.arrays import FloatArray
 from replication.characteristic import printed_levels_rad
 from replication.parallel import in_parallel
-from replication.recording import Recording
+from replication.records import Recording
 from replication.simulator.parameters import TURN, Disturbance
 from replication.standins import SAMPLE_S, Bench, Spread, draw_bench
-from replication.statistics import rate_columns
 from studies import odd_joints
 from studies.benches import draw_turns
 from studies.benchmark import Row, hold_truth, interval_answer, root_mean_square
 from studies.odd_joints import KINDS, draw_log_uniform, draw_odd_log
+from studies.rates import rate_columns
 from studies.strokes import draw_strokes
 
 SEED = 48271

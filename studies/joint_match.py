@@ -10,7 +10,7 @@ from scipy.optimize import least_squares
 
 from backlash.fitting.waveform import drop_first_turn, mean_turn, periodic, samples_a_turn
 from replication.arrays import FloatArray
-from replication.recording import Recording
+from replication.records import Recording
 from replication.simulator.parameters import JointParameters
 from replication.simulator.recordings import SIMULATION_STEP_S
 from replication.simulator.simulate import simulate

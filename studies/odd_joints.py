@@ -16,7 +16,7 @@ from numpy.random import Generator
 from backlash.fitting import turns
 from replication.arrays import FloatArray
 from replication.compiling import njit
-from replication.recording import Recording, add_normal_noise
+from replication.records import Recording, add_normal_noise
 from replication.simulator import core
 from replication.simulator.checks import check_stability, closed_loop_matrix
 from replication.simulator.parameters import (

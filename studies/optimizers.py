@@ -15,13 +15,13 @@ from scipy import optimize, stats
 
 from backlash.fitting.global_fit import global_fit
 from replication.arrays import FloatArray
-from replication.authors import load_noisy
 from replication.cmaes import generations, search
 from replication.misfit import residual
 from replication.parallel import in_parallel
-from replication.recording import Recording
-from replication.statistics import rate_columns
-from replication.table2 import AUTHORS_PROTOCOL, BASIN_GAP, cost, protocol_box, table2_levels
+from replication.records import Recording
+from replication.sources import load_noisy
+from replication.table2 import AUTHORS_SETTINGS, BASIN_GAP, cost, search_box, table2_levels
+from studies.rates import rate_columns
 
 # What the authors' notebook spends: 300 members in 200 generations.
 POPULATION = 300
@@ -47,10 +47,10 @@ class Cost:
     def __init__(self, recording: Recording, target: float, budget: int):
         self.target = target
         self.budget = budget
-        self.box = protocol_box(recording, AUTHORS_PROTOCOL)
+        self.box = search_box(recording, AUTHORS_SETTINGS)
         self.best = math.inf
         self.evaluations = 0
-        self._misfits = cost(recording, AUTHORS_PROTOCOL)
+        self._misfits = cost(recording, AUTHORS_SETTINGS)
         self._recording = recording
 
     def of_members(self, X: FloatArray) -> FloatArray:
@@ -66,7 +66,7 @@ class Cost:
     def residuals(self, unit: FloatArray) -> FloatArray:
         """Residuals over the root of their number: their norm is the misfit."""
         t, v = self._recording.t, self._recording.v
-        residuals = residual(t, v, self._in_box(unit), AUTHORS_PROTOCOL.timing)
+        residuals = residual(t, v, self._in_box(unit), AUTHORS_SETTINGS.timing)
         residuals /= math.sqrt(residuals.size)
         self._count(math.sqrt(residuals @ residuals), 1)
         return residuals

@@ -18,10 +18,10 @@ from backlash.calibration import default_calibration
 from backlash.fitting.global_fit import global_fit
 from backlash.fitting.readings import protocol_for
 from backlash.fitting.turns import COLUMNS, Movement, simulate_turns
-from replication.authors import level_delta_rad, load_clean, load_noisy
 from replication.characteristic import printed_levels_rad
-from replication.recording import Recording
+from replication.records import Recording, level_delta_rad
 from replication.simulator.parameters import TURN, identified_joint
+from replication.sources import load_clean, load_noisy
 from replication.standins import SAMPLE_S, VARIED_RATIOS, Bench, Spread, draw_bench
 from studies import benchmark, odd_joints
 from studies.accuracy import cramer_rao_sd
@@ -96,7 +96,7 @@ def draw_log(population: str, number: int, seed: int) -> KnownLog:
 
 
 def authors_logs() -> list[KnownLog]:
-    """The authors' noisy logs of levels 3 to 11; errors as of `authors.load_noisy`."""
+    """The authors' noisy logs of levels 3 to 11; errors as of `sources.load_noisy`."""
     logs = []
     for number, (realisation, level) in enumerate(product((1, 2), range(3, 12))):
         recording = load_noisy(level, realisation)

@@ -20,15 +20,16 @@ from replication import published
 from replication.arrays import FloatArray
 from replication.parallel import in_parallel
 from replication.published import Criteria, Decision
-from replication.recording import Recording, from_sample
+from replication.records import Recording, from_sample
+from replication.sources import load_noisy
 from replication.table2 import (
     BASIN_GAP,
-    Protocol,
-    authors_table2_records,
+    SearchSettings,
     error_percent,
     fit,
     repeated_fits,
     table2,
+    table2_records,
 )
 from studies.replay import protocols
 from studies.replay.eigen import symmetric_eigen
@@ -51,7 +52,7 @@ def without_last_turn(recording: Recording) -> Recording:
 
 def run_prediction() -> DataFrame:
     """The runs of the prediction, condensed to a row for each of Table 2's rows."""
-    records = [(key, without_last_turn(record)) for key, record in authors_table2_records([1])]
+    records = [(key, without_last_turn(record)) for key, record in table2_records([1], load_noisy)]
     seeds = 1 + np.random.SeedSequence(SEED).generate_state(PREDICTED_RUNS) // 2
     return table2(repeated_fits(records, [LEADER], seeds.tolist(), "prediction", FIT))
 
@@ -66,7 +67,9 @@ def failed_predictions(table: DataFrame) -> dict[str, list[int]]:
     return {of: table.loc[rows, "row"].tolist() for of, rows in missed.items()}
 
 
-def drawn_starts(record: Recording, protocol: Protocol, runs: int, row: int) -> dict[str, object]:
+def drawn_starts(
+    record: Recording, protocol: SearchSettings, runs: int, row: int
+) -> dict[str, object]:
     """Mean and SD of |A| [rps] over runs that each begin at a sample of their own, and the best basin's share.
 
     The best basin of a run is that of the global fit to what its start leaves of the record.
@@ -98,7 +101,7 @@ def run_drawn_starts(runs: int) -> DataFrame:
             key["row"],
         )
         for size in (600, 1000)
-        for key, record in authors_table2_records([1])
+        for key, record in table2_records([1], load_noisy)
     ]
     return DataFrame(in_parallel(drawn_starts, calls, "drawn starts"))
 
@@ -133,7 +136,7 @@ def distances(own_noises: int) -> DataFrame:
     """
     records = {}
     for R in range(1, 6):
-        whole = [record for _, record in authors_table2_records([R])]
+        whole = [record for _, record in table2_records([R], load_noisy)]
         records[f"R = {R}"] = whole
         records[f"R = {R}, samples 0 to 2200"] = [*map(without_last_turn, whole)]
     for own in range(1, own_noises + 1):

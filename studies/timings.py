@@ -13,16 +13,16 @@ from backlash.fitting.global_fit import global_fit
 from replication import published, table2
 from replication.arrays import FloatArray
 from replication.files import ROOT, write_csv
-from replication.recording import Recording, add_uniform_noise
+from replication.records import Recording, add_uniform_noise
 from replication.signature import rmse
 from replication.simulator.parameters import identified_joint
 from replication.simulator.recordings import simulate_recordings
 from replication.simulator.simulate import simulate
-from replication.table2 import Protocol, protocol_box, theoretical_amplitudes
+from replication.table2 import SearchSettings, search_box, theoretical_amplitudes
 from studies.reference import solve_ivp_speed_rps
 from studies.todays_cma import fit_with_todays_cma
 
-PROTOCOL = Protocol()
+PROTOCOL = SearchSettings()
 RUNS = 30  # of each record in the table, and CMA-ES fits that one global fit is measured against
 REPEATS = 5  # that a median is taken over
 LEAST_RATIOS = {"objective": 400, "paper_fit": 900, "table2_300_fits": 800}
@@ -61,7 +61,7 @@ def bench_search(records: Sequence[Recording]) -> list[Row]:
     All but the last two rows use the first record.
     """
     record = records[0]
-    box = protocol_box(record, PROTOCOL)
+    box = search_box(record, PROTOCOL)
     unit = np.random.default_rng(1).random((PROTOCOL.population, box.lower.size))
     population = box.lower + unit * (box.upper - box.lower)
     misfits, plain = table2.cost(record, PROTOCOL), plain_misfits(record)

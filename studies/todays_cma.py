@@ -7,18 +7,18 @@ import numpy as np
 
 from replication.arrays import FloatArray
 from replication.cmaes import random_normals
-from replication.recording import Recording
-from replication.table2 import Fit, Protocol, cost, protocol_box
+from replication.records import Recording
+from replication.table2 import Fit, SearchSettings, cost, search_box
 
 
 def fit_with_todays_cma(
     recording: Recording,
-    protocol: Protocol,
+    protocol: SearchSettings,
     seed: int,
     misfits: Callable[[FloatArray], Sequence[float] | FloatArray] | None = None,
 ) -> Fit:
     """Fit as `table2.fit` does, by another search from the same random numbers, with the paper's cost or one given."""
-    box = protocol_box(recording, protocol)
+    box = search_box(recording, protocol)
     misfits = misfits or cost(recording, protocol)
     options = {
         "bounds": [box.lower, box.upper],

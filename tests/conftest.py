@@ -6,9 +6,9 @@ import pytest
 from hypothesis import settings
 
 from replication import published
-from replication.authors import WORKBOOK_FILES, authors_file, load_clean
-from replication.recording import add_uniform_noise, constant_speed
+from replication.records import WORKBOOK_FILES, add_uniform_noise, authors_file, constant_speed
 from replication.signature import Timing, signature
+from replication.sources import load_clean
 
 # Fixtures of what is not in the project: the variable that names its folder, and why a test is skipped.
 OUTSIDE = {

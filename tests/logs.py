@@ -11,7 +11,7 @@ from backlash.main import main
 from backlash.reading.columns import LogFormat
 from backlash.reading.prepare import Log, open_log
 from backlash.reading.refusals import UnusableLog
-from replication.recording import Recording, add_uniform_noise, constant_speed
+from replication.records import Recording, add_uniform_noise, constant_speed
 from replication.simulator.parameters import identified_joint
 from replication.simulator.recordings import simulate_recordings
 

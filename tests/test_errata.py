@@ -9,7 +9,7 @@ from replication.cmaes import constants, decompose, generations, random_normals,
 from replication.dead_zone import stiffness, transmitted_torque
 from replication.signature import Box, Timing, rmse, signature
 from replication.simulator.parameters import identified_joint
-from replication.table2 import Protocol, protocol_box, table2_levels
+from replication.table2 import SearchSettings, search_box, table2_levels
 from studies.replay.inspection import STORED_NAMES
 from studies.replay.protocols import LAST_ROW, noisy_record
 
@@ -103,8 +103,12 @@ def test_the_last_printed_sd_cannot_be_a_variance():
     noise, runs = published.value("table2.row11.noise"), published.value("text.runs")
     smallest = published.value("table2.row11.sd") - published.half_last_digit("0.0178")
     record = noisy_record(LAST_ROW, 1)
-    box = protocol_box(record, Protocol()).upper[0]  # of A, the wider of the two boxes
-    assert 0.99 * Protocol().amplitude_factor * noise < box <= Protocol().amplitude_factor * noise
+    box = search_box(record, SearchSettings()).upper[0]  # of A, the wider of the two boxes
+    assert (
+        0.99 * SearchSettings().amplitude_factor * noise
+        < box
+        <= SearchSettings().amplitude_factor * noise
+    )
     largest_sd = box * np.sqrt(runs / (runs - 1))  # half of the runs at either end
     assert np.sqrt(smallest) > largest_sd
     assert smallest < 0.2 * largest_sd

@@ -8,7 +8,7 @@ import pytest
 from replication import published
 from replication.cmaes import from_box, generations, into_box, random_normals
 from replication.signature import Box, rmse
-from replication.table2 import Protocol, cost, fit, protocol_box
+from replication.table2 import SearchSettings, cost, fit, search_box
 from studies.todays_cma import fit_with_todays_cma
 from tests.conftest import TRUE_X
 
@@ -35,8 +35,8 @@ def test_a_point_of_the_box_comes_back_from_its_sample():
 
 
 def test_the_fit_is_the_best_member_of_the_generations_that_can_be_gone_through(made_record):
-    protocol = Protocol(population=40, iterations=25)
-    box = protocol_box(made_record, protocol)
+    protocol = SearchSettings(population=40, iterations=25)
+    box = search_box(made_record, protocol)
     lowest = [
         now.misfits.min()
         for now in islice(generations(cost(made_record, protocol), box, random_normals(6), 40), 25)
@@ -47,18 +47,18 @@ def test_the_fit_is_the_best_member_of_the_generations_that_can_be_gone_through(
 def test_the_global_random_state_is_left_alone(made_record):
     np.random.seed(3)  # noqa: NPY002
     before = np.random.get_state()[1].copy()  # noqa: NPY002
-    fit(made_record, Protocol(iterations=1), seed=11)
+    fit(made_record, SearchSettings(iterations=1), seed=11)
     np.testing.assert_array_equal(np.random.get_state()[1], before)  # noqa: NPY002
 
 
 def test_every_stored_seed_gives_its_stored_first_generation(record_12):
     for run in published.table("authors_notebook_runs").to_dict("records"):
-        found = fit(record_12, Protocol(iterations=1), run["cma_seed"])
+        found = fit(record_12, SearchSettings(iterations=1), run["cma_seed"])
         assert abs(found.rmse - run["generation_1_best_rmse_rps"]) < 1e-12, run["run"]
 
 
 def test_with_todays_cma_only_samples_away_from_the_bounds_agree(record_12):
-    once = Protocol(iterations=1)
+    once = SearchSettings(iterations=1)
     stored = published.table("authors_notebook_runs").to_dict("records")
     off = [
         abs(
@@ -73,24 +73,24 @@ def test_with_todays_cma_only_samples_away_from_the_bounds_agree(record_12):
 
 
 def test_the_search_finds_the_parameters_that_a_record_was_made_with(made_record):
-    fits = [fit(made_record, Protocol(), seed) for seed in range(1, 9)]
+    fits = [fit(made_record, SearchSettings(), seed) for seed in range(1, 9)]
     best = min(fits, key=attrgetter("rmse"))
-    at_truth = rmse(made_record.t, made_record.v, TRUE_X, Protocol().timing)
+    at_truth = rmse(made_record.t, made_record.v, TRUE_X, SearchSettings().timing)
     assert best.rmse <= at_truth
     assert best.amplitude_rps == pytest.approx(abs(TRUE_X[0]), rel=0.03)
     np.testing.assert_allclose(best.X[2:5], TRUE_X[2:5], rtol=0.05)
 
 
 def test_a_seed_gives_the_same_fit_twice(made_record):
-    protocol = Protocol(population=40, iterations=30)
+    protocol = SearchSettings(population=40, iterations=30)
     first, second = (fit(made_record, protocol, seed=4) for _ in range(2))
     np.testing.assert_array_equal(first.X, second.X)
     assert (first.rmse, first.evaluations) == (second.rmse, second.evaluations)
 
 
 def test_every_fit_lies_in_the_box(made_record):
-    protocol = Protocol(population=20, iterations=15)
-    box = protocol_box(made_record, protocol)
+    protocol = SearchSettings(population=20, iterations=15)
+    box = search_box(made_record, protocol)
     for seed in range(1, 20):
         X = fit(made_record, protocol, seed).X
         assert (box.lower <= X).all()
@@ -111,9 +111,9 @@ def test_every_fit_lies_in_the_box(made_record):
 )
 def test_settings_that_cannot_be_searched_with_are_one_clear_error(made_record, change, words):
     with pytest.raises(ValueError, match=words):
-        fit(made_record, Protocol(**change), 1)
+        fit(made_record, SearchSettings(**change), 1)
 
 
 def test_seed_zero_is_refused_because_cma_takes_it_for_the_clock(made_record):
     with pytest.raises(ValueError, match="seed 0"):
-        fit(made_record, Protocol(), seed=0)
+        fit(made_record, SearchSettings(), seed=0)

@@ -6,7 +6,17 @@ import pytest
 
 from replication.files import ROOT
 
-READ_IN_ORDER = ("signature", "misfit", "cmaes", "table2", "standins")
+READ_IN_ORDER = (
+    "signature",
+    "misfit",
+    "cmaes",
+    "records",
+    "table2",
+    "characteristic",
+    "dead_zone",
+    "standins",
+    "sources",
+)
 SIMULATOR = sorted((ROOT / "replication" / "simulator").glob("*.py"))
 
 
@@ -29,4 +39,4 @@ def test_a_file_of_the_paper_imports_only_those_before_it(number):
 
 @pytest.mark.parametrize("file", SIMULATOR, ids=lambda file: file.stem)
 def test_the_simulated_joint_knows_nothing_of_the_signature_and_its_search(file):
-    assert not modules_of_the_paper(file) & set(READ_IN_ORDER)
+    assert modules_of_the_paper(file) & set(READ_IN_ORDER) <= {"records"}

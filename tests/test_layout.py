@@ -94,7 +94,7 @@ def test_no_module_imports_itself_by_way_of_others():
 
 
 def test_importing_the_core_loads_no_room_beyond_it():
-    code = "import sys; from replication import recording; print(*sys.modules, sep='\\n')"
+    code = "import sys; from replication import records; print(*sys.modules, sep='\\n')"
     command = [sys.executable, "-c", code]
     loaded = subprocess.run(command, capture_output=True, text=True, check=True, cwd=ROOT).stdout
     beyond = ("numba", "matplotlib", "backlash", "workbook", "studies")

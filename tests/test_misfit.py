@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from replication.cmaes import generations, random_normals, search
 from replication.misfit import fold, population_rmse
-from replication.recording import constant_speed
+from replication.records import constant_speed
 from replication.signature import Timing, rmse, signature, table1_box
 from studies.replay.eigen import symmetric_eigen
 

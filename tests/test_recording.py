@@ -2,8 +2,14 @@ import numpy as np
 import pytest
 
 from replication import published, table2
-from replication.authors import DataUnavailable, load_clean, load_noisy
-from replication.recording import Recording, add_uniform_noise, constant_speed, from_sample
+from replication.records import (
+    DataUnavailable,
+    Recording,
+    add_uniform_noise,
+    constant_speed,
+    from_sample,
+)
+from replication.sources import load_clean, load_noisy
 from studies.replay import inspection
 
 

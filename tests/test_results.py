@@ -7,7 +7,7 @@ import pandas as pd
 
 import workbook
 from replication import published, table2
-from replication.authors import LOW_NOISE, authors_registry
+from replication.records import LOW_NOISE, authors_registry
 from studies.replay.protocols import CANDIDATES, LEADER
 from workbook import judging
 
@@ -69,7 +69,7 @@ def test_frozen_numbers_the_lowest_rmse_solutions_are_as_far_from_the_printed_me
 def test_the_runs_of_table_2_spent_what_the_protocol_allows():
     runs = pd.read_csv(SUPPLEMENT / "table2_runs.csv")
     assert (runs["evaluations"] == CANDIDATES[LEADER].population * runs["iterations"]).all()
-    assert runs["iterations"].max() == table2.AUTHORS_PROTOCOL.iterations
+    assert runs["iterations"].max() == table2.AUTHORS_SETTINGS.iterations
 
 
 def test_the_global_fit_is_never_above_the_best_of_thirty_runs_on_table_2s_records():

@@ -3,7 +3,7 @@ import pandas as pd
 import pytest
 
 from replication import published, table2
-from replication.authors import LOW_NOISE
+from replication.records import LOW_NOISE, read_noisy
 
 
 @pytest.mark.parametrize("realisations", [[], [7]])
@@ -11,17 +11,17 @@ def test_table_2_is_made_of_published_noise_or_refused_in_one_line(realisations)
     with pytest.raises(
         ValueError, match=r"^(realisations \[\]: name some of 1 to 5|no noisy record K = 2, R = )"
     ):
-        table2.authors_table2_records(realisations)
+        table2.table2_records(realisations, read_noisy)
 
 
 def test_no_runs_are_refused_before_anything_is_computed():
     with pytest.raises(ValueError, match=r"^no seeds: .*$"):
-        table2.repeated_fits([], [table2.AUTHORS_PROTOCOL], range(1, 1), label="none")
+        table2.repeated_fits([], [table2.AUTHORS_SETTINGS], range(1, 1), label="none")
 
 
 @pytest.mark.slow
 def test_the_five_realisations_give_fifty_records_of_their_own(authors_data):
-    records = table2.authors_table2_records(LOW_NOISE)
+    records = table2.table2_records(LOW_NOISE, read_noisy)
     assert len({(key["realisation"], key["row"]) for key, _ in records}) == 50
     assert len({recording.v.tobytes() for _, recording in records}) == 50
 
@@ -75,3 +75,16 @@ def test_the_share_of_runs_in_the_best_basin_varies_with_the_record(hits, holds)
     assert decided is holds
     assert said.startswith(f"{sum(hits)} of 90 runs on 3 noisy records")
     assert "stored runs on the noise-free record 12, 10 do" in said
+
+
+@pytest.mark.parametrize(("size", "coverage"), [(39, 0.95), (200, 0.95), (60, 1 - 2 / 61)])
+def test_one_more_number_lies_in_the_region_as_often_as_it_says(size, coverage):
+    drawn = np.exp(np.random.default_rng(1).standard_normal((4000, size + 1)))
+    regions = np.array([table2.predictive_region(row[:-1]) for row in drawn])
+    share = np.mean((regions[:, 0] <= drawn[:, -1]) & (drawn[:, -1] <= regions[:, 1]))
+    assert share == pytest.approx(coverage, abs=0.012)
+
+
+def test_a_region_of_too_few_numbers_is_everything():
+    assert table2.predictive_region(range(38)) == (-np.inf, np.inf)
+    assert table2.predictive_region(range(39)) == (0, 38)

@@ -23,9 +23,9 @@ from nbformat import NotebookNode
 from nbformat.v4 import new_code_cell, new_markdown_cell
 from tqdm import tqdm
 
-from replication.authors import data_folder
 from replication.files import ROOT, write_text
 from replication.processors import pinned_environment
+from replication.records import data_folder
 from workbook.checkout import APART, NOTEBOOKS, OFFLINE
 
 STALL_S = 900.0

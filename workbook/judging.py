@@ -26,7 +26,7 @@ import numpy as np
 import pandas as pd
 
 from replication import published
-from replication.statistics import predictive_region
+from replication.table2 import predictive_region
 from workbook.outcomes import Claims, Numbers, cell_rows, claim_rows, load_outcomes, source_of
 
 VERDICT_COLUMNS = ["id", "printed", "published", "reproduced", "low", "high", "agreement"]

@@ -20,8 +20,8 @@ import numpy as np
 import pandas as pd
 
 from replication import published
-from replication.authors import records_are_simulated
 from replication.files import FLOAT_FORMAT, ROOT, write_csv, write_json
+from replication.sources import records_are_simulated
 from workbook.checkout import notebook_files
 
 if TYPE_CHECKING:

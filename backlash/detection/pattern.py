@@ -29,7 +29,7 @@ from backlash.detection.period import (
 from backlash.reading.prepare import Log
 from backlash.reading.refusals import CannotTell
 from replication.arrays import FloatArray
-from replication.recording import Recording
+from replication.records import Recording
 
 # Orders of the motor's turn at which torque ripples and encoders err: once and twice a turn, and
 # with the phases.

@@ -8,7 +8,7 @@ from scipy.fft import next_fast_len
 from scipy.special import gammaincc
 
 from replication.arrays import FloatArray
-from replication.recording import Recording
+from replication.records import Recording
 
 FALSE_ALARMS = 0.01  # how often noise alone may pass for a pattern
 SLOWEST_HZ, FASTEST_HZ = 5.0, 60.0

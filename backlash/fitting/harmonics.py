@@ -15,7 +15,7 @@ from scipy.special import fdtri
 from backlash.detection.pattern import MOTOR_ORDERS
 from backlash.fitting.waveform import drop_first_turn
 from replication.arrays import FloatArray
-from replication.recording import Recording
+from replication.records import Recording
 
 # Harmonics above this share of half the sampling rate, or above this frequency, are left out.
 _OF_NYQUIST, FASTEST_HZ = 0.9, 225.0

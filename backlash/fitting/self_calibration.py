@@ -26,7 +26,7 @@ from backlash.fitting.joint_search import Peak, find_joint, find_peak
 from backlash.fitting.turns import Movement, simulate_turns
 from backlash.fitting.waveform import delayed, low_passed
 from replication.arrays import FloatArray
-from replication.recording import Recording
+from replication.records import Recording
 from replication.simulator.parameters import TURN
 
 # Noise in the ring's band over that above it, beyond which there is no answer.

@@ -29,7 +29,7 @@ from backlash.reading.columns import is_positive
 from backlash.reading.refusals import UnusableLog
 from replication.arrays import FloatArray
 from replication.compiling import njit
-from replication.recording import Recording
+from replication.records import Recording
 from replication.simulator.parameters import GRAVITY, TURN
 
 ComplexArray = NDArray[np.complex128]

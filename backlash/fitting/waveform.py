@@ -10,7 +10,7 @@ from numpy.polynomial import chebyshev
 from numpy.typing import ArrayLike, NDArray
 
 from replication.arrays import FloatArray
-from replication.recording import Recording
+from replication.records import Recording
 
 if TYPE_CHECKING:  # slow to import, and most logs need neither
     from scipy.interpolate import CubicSpline

@@ -21,7 +21,7 @@ from backlash.reading.columns import (
 from backlash.reading.refusals import CannotTell, UnusableLog
 from backlash.reading.sources import Source, Table, read_source
 from replication.arrays import FloatArray
-from replication.recording import Recording
+from replication.records import Recording
 
 _RING_HZ = 21.0  # of the oscillation that the signature models, in the paper's joint
 _LEAST_RATE_HZ = 4 * _RING_HZ  # below, the shape of an oscillation is not sampled any more

@@ -61,8 +61,9 @@ import numpy as np
 
 import workbook
 from replication import published
-from replication.authors import level_delta_rad, load_noisy
+from replication.records import level_delta_rad
 from replication.simulator.parameters import identified_joint
+from replication.sources import load_noisy
 from studies import accuracy, benchmark, plots
 from studies.reidentify import FIT_LEVELS
 

@@ -63,10 +63,10 @@ import pandas as pd
 from scipy import stats
 
 import workbook
-from replication import authors, published, table2
+from replication import published, sources, table2
 from replication.figures import paper, searching
+from replication.records import LOW_NOISE
 from replication.signature import FREE_PARAMETERS
-from replication.table2 import protocol_box
 from studies import basins, table2_noise
 from studies.replay import protocols, replay
 from studies.todays_cma import fit_with_todays_cma
@@ -88,7 +88,7 @@ criteria = {}  # a limit to try instead of that of claims.csv, such as {"random_
 workbook.check_parameters(
     shown=(shown, protocols.CANDIDATES),
     most=(most, workbook.Interval(10, whole=True)),
-    realisation=(realisation, authors.LOW_NOISE),
+    realisation=(realisation, LOW_NOISE),
     rows=(rows, [range(1, 11)]),
     seed_runs=(seed_runs, workbook.Interval(1, whole=True)),
     today_runs=(today_runs, workbook.Interval(1, whole=True)),
@@ -169,7 +169,7 @@ pd.Series(
 # end of all 30: `compare_generations` and `compare_ends` subtract them.
 
 # %%
-record = authors.load_clean(12)
+record = sources.load_clean(12)
 made = replay.replay_stored_runs(record)
 compared, ended = replay.compare_generations(made), replay.compare_ends(made)
 replay_figure = searching.replay(compared, ended, replay.AGREE_RPS)
@@ -243,9 +243,13 @@ stored_basins
 # first set's rate of the best basin on these records.
 
 # %%
-theirs = table2.AUTHORS_PROTOCOL
+theirs = table2.AUTHORS_SETTINGS
 todays = replace(theirs, name="today's cma")
-records = [each for each in table2.authors_table2_records([realisation]) if each[0]["row"] in rows]
+records = [
+    each
+    for each in table2.table2_records([realisation], sources.load_noisy)
+    if each[0]["row"] in rows
+]
 every_third = [each for each in records if each[0]["row"] in (rows[1::3] or rows)]
 seeds = range(1, 2 * seed_runs + 1)
 of_2021 = table2.repeated_fits(records, [theirs], seeds, label="the search of 2021")
@@ -284,7 +288,7 @@ versions.set_index("search").round(2).astype(object).T.fillna("")
 distances = pd.read_csv(workbook.ROOT / "results" / "table2_distances.csv", index_col="noise")
 rms = np.sqrt((distances**2).mean(axis=1))
 own_rms = rms[rms.index.str.startswith("own")]
-nearness = rms[[f"R = {R}" for R in authors.LOW_NOISE]].to_frame("rms_percent")
+nearness = rms[[f"R = {R}" for R in LOW_NOISE]].to_frame("rms_percent")
 shorter = [rms[f"{noise}, samples 0 to 2200"] for noise in nearness.index]
 nearer = [(own_rms <= each).sum() for each in nearness["rms_percent"]]
 nearness["p"] = (len(nearness) * (1 + np.array(nearer)) / (1 + own_rms.size)).clip(max=1)
@@ -394,7 +398,7 @@ shown_runs = stored_runs.drop(columns="size").merge(frames, on="run")
 printed_generations = published.table("authors_notebook_generations")[
     ["run", "generation", "best_rmse_of_generation_rps"]
 ]
-search_box = pd.DataFrame({"parameter": FREE_PARAMETERS, **vars(protocol_box(record, theirs))})
+search_box = pd.DataFrame({"parameter": FREE_PARAMETERS, **vars(table2.search_box(record, theirs))})
 explorer = {
     "runs": shown_runs.to_dict("records"),
     "printed": printed_generations.to_numpy().tolist(),

@@ -54,8 +54,9 @@ from scipy import optimize, stats
 import workbook
 from backlash.fitting.global_fit import global_fit
 from replication import characteristic, published, table2
-from replication.authors import CLEAN_LEVELS, level_delta_rad, load_clean_records, load_noisy
+from replication.records import CLEAN_LEVELS, level_delta_rad
 from replication.simulator.parameters import identified_joint
+from replication.sources import load_clean_records, load_noisy
 from studies import claims as studies
 from studies import edge, optimizers
 from workbook import Interval
@@ -347,7 +348,7 @@ tried_success.drop(columns=["kind", "records"]).round(3)
 fits = pd.DataFrame(
     [
         {"row": key["row"], "A_rps": fit.amplitude_rps, "rmse_rps": fit.rmse}
-        for key, noisy in table2.authors_table2_records([1])
+        for key, noisy in table2.table2_records([1], load_noisy)
         for fit in [global_fit(noisy)]
     ]
 )

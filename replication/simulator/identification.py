@@ -18,7 +18,7 @@ from scipy.stats import t as student
 from tqdm import tqdm
 
 from replication.arrays import FloatArray
-from replication.recording import Recording
+from replication.records import Recording
 from replication.simulator.parameters import JointParameters, with_ratios
 from replication.simulator.simulate import DivergenceError, SimulatedJoint, simulate_many
 

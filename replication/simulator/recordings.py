@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 
 from replication.arrays import FloatArray
-from replication.recording import Recording
+from replication.records import Recording
 from replication.simulator.parameters import JointParameters
 from replication.simulator.simulate import encoder_speed_rps, simulate_many
 

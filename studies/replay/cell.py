@@ -8,7 +8,7 @@ import pandas as pd
 from replication import published
 from replication.files import ROOT
 from replication.parallel import in_parallel
-from replication.statistics import predictive_region
+from replication.table2 import predictive_region
 from studies.replay import inspection, protocols
 
 FRESH_SEEDS = range(36, 39)  # of realisations that the kept ones do not have

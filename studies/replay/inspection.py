@@ -5,8 +5,8 @@ import pandas as pd
 from scipy import signal, stats
 
 from replication.arrays import FloatArray
-from replication.authors import LOW_NOISE, load_clean, load_noisy
-from replication.recording import Recording
+from replication.records import LOW_NOISE, Recording
+from replication.sources import load_clean, load_noisy
 from replication.table2 import table2_levels
 
 # Parameters of a stored run, in `signature.FREE_PARAMETERS` order.

@@ -28,14 +28,19 @@ import pandas as pd
 
 from replication import published, table2
 from replication.arrays import FloatArray, IntArray
-from replication.authors import load_clean
 from replication.files import ROOT, write_csv
 from replication.parallel import one_by_one
-from replication.recording import Recording, constant_speed, from_sample, uniform_noise
+from replication.records import Recording, constant_speed, from_sample, uniform_noise
 from replication.simulator.parameters import identified_joint
 from replication.simulator.recordings import simulate_recordings
-from replication.statistics import predictive_region
-from replication.table2 import Protocol, basin_labels, table2_levels, theoretical_amplitudes
+from replication.sources import load_clean
+from replication.table2 import (
+    SearchSettings,
+    basin_labels,
+    predictive_region,
+    table2_levels,
+    theoretical_amplitudes,
+)
 from studies.replay.eigen import symmetric_eigen
 
 ROWS = range(1, 11)
@@ -49,9 +54,9 @@ REALISATIONS = ROOT / "results" / "table2_realisations.csv"
 LEVEL = published.criterion("random_start")
 
 LISTED = published.table("table2_candidates")
-_SETTINGS = {field.name for field in fields(Protocol)} & {*LISTED.columns}
+_SETTINGS = {field.name for field in fields(SearchSettings)} & {*LISTED.columns}
 CANDIDATES = {
-    name: Protocol(name=str(name), **{setting: row[setting] for setting in _SETTINGS})
+    name: SearchSettings(name=str(name), **{setting: row[setting] for setting in _SETTINGS})
     for name, row in LISTED.astype({"rpm": bool}).iterrows()
 }
 LEADER = LISTED.index[0]
@@ -92,7 +97,7 @@ def noisy_record(
 
 
 def realise(
-    protocol: Protocol,
+    protocol: SearchSettings,
     row: int,
     realisation: int,
     base_seed: int = STUDY_SEED,
@@ -125,7 +130,7 @@ def rows_of(realisation: int) -> Sequence[int]:
     return (*ROWS, LAST_ROW) if realisation <= REALISATIONS_EACH else ROWS
 
 
-def planned() -> Iterator[tuple[Protocol, int]]:
+def planned() -> Iterator[tuple[SearchSettings, int]]:
     """Every candidate's realisations, those of each candidate's first ones before more of the leading one."""
     for first, last in ((0, REALISATIONS_EACH), (REALISATIONS_EACH, LISTED["realisations"].max())):
         for name, wanted in LISTED["realisations"].items():
@@ -133,7 +138,7 @@ def planned() -> Iterator[tuple[Protocol, int]]:
                 yield CANDIDATES[name], realisation
 
 
-def _realise_rows(protocol: Protocol, realisation: int) -> pd.DataFrame:
+def _realise_rows(protocol: SearchSettings, realisation: int) -> pd.DataFrame:
     return pd.DataFrame([realise(protocol, row, realisation) for row in rows_of(realisation)])
 
 

@@ -9,9 +9,9 @@ import pandas as pd
 
 from replication import published
 from replication.cmaes import HISTORY, Generation, generations, random_normals, search
-from replication.recording import Recording
+from replication.records import Recording
 from replication.signature import Box
-from replication.table2 import AUTHORS_PROTOCOL, cost, protocol_box
+from replication.table2 import AUTHORS_SETTINGS, cost, search_box
 from studies.replay import AGREE_RPS
 from studies.replay.eigen import symmetric_eigen
 
@@ -21,10 +21,10 @@ ROUNDINGS = 20  # times that a covariance matrix is rounded otherwise
 def authors_search(recording: Recording, seed: int) -> Iterator[Generation]:
     """The authors' search with a seed, with the eigenvectors' signs of its time."""
     return generations(
-        cost(recording, AUTHORS_PROTOCOL),
-        protocol_box(recording, AUTHORS_PROTOCOL),
+        cost(recording, AUTHORS_SETTINGS),
+        search_box(recording, AUTHORS_SETTINGS),
         random_normals(seed),
-        AUTHORS_PROTOCOL.population,
+        AUTHORS_SETTINGS.population,
         eigen=symmetric_eigen,
     )
 
@@ -39,7 +39,7 @@ def replay_stored_runs(recording: Recording) -> pd.DataFrame:
     parts = []
     for run in published.table("authors_notebook_runs").to_dict("records"):
         steps = authors_search(recording, run["cma_seed"])
-        history = search(steps, AUTHORS_PROTOCOL.iterations).history
+        history = search(steps, AUTHORS_SETTINGS.iterations).history
         table = pd.DataFrame(history, columns=HISTORY).drop(columns=["median", "upper_quartile"])
         table.insert(0, "generation", np.arange(1, len(history) + 1))
         for name in ("cma_seed", "run"):
@@ -57,7 +57,7 @@ def replay_frames(recording: Recording, ours: pd.DataFrame) -> pd.DataFrame:
     better half. With the seed's random numbers it gives all samples.
     """
     stored = published.table("authors_notebook_generations")
-    box = protocol_box(recording, AUTHORS_PROTOCOL)
+    box = search_box(recording, AUTHORS_SETTINGS)
     rows = []
     for (run, seed), part in ours.groupby(["run", "cma_seed"]):
         last = len(part)

@@ -9,9 +9,9 @@ from tqdm import tqdm
 
 from replication import published
 from replication.cmaes import generations, random_normals
-from replication.recording import Recording
+from replication.records import Recording
 from replication.signature import Box
-from replication.table2 import AUTHORS_PROTOCOL, cost, protocol_box
+from replication.table2 import AUTHORS_SETTINGS, cost, search_box
 from studies.replay import AGREE_RPS
 from studies.replay.inspection import turn_period
 
@@ -24,10 +24,10 @@ SHIFTS = (-0.15, -0.1, -0.01, 0.0, 0.01, 0.1, 0.15)
 
 def count_replayed(recording: Recording, box: Box) -> int:
     """How many of the 30 stored runs give their stored first generation in a box."""
-    misfits = cost(recording, AUTHORS_PROTOCOL)
+    misfits = cost(recording, AUTHORS_SETTINGS)
 
     def first_best(seed: int) -> float:
-        steps = generations(misfits, box, random_normals(seed), AUTHORS_PROTOCOL.population)
+        steps = generations(misfits, box, random_normals(seed), AUTHORS_SETTINGS.population)
         return next(steps).misfits.min()
 
     stored = published.table("authors_notebook_runs")
@@ -37,8 +37,8 @@ def count_replayed(recording: Recording, box: Box) -> int:
 
 def bounds_by_replay(recording: Recording) -> pd.DataFrame:
     """First generations of 30 that replay with each bound shifted, the others as the stored runs had them."""
-    stored = protocol_box(recording, AUTHORS_PROTOCOL)
-    printed = protocol_box(recording, replace(AUTHORS_PROTOCOL, amplitude_factor=1.0))
+    stored = search_box(recording, AUTHORS_SETTINGS)
+    printed = search_box(recording, replace(AUTHORS_SETTINGS, amplitude_factor=1.0))
     width = printed.upper - printed.lower
     sides = ("min", "lower"), ("max", "upper")
     rows = []

@@ -12,15 +12,15 @@ from backlash.fitting.folding import factorise
 from backlash.fitting.global_fit import global_fit
 from backlash.fitting.readings import amplitude_of_mean_turn, protocol_for
 from replication import table2
-from replication.authors import load_clean, load_noisy
-from replication.recording import Recording, add_uniform_noise
+from replication.records import Recording, add_uniform_noise
 from replication.signature import rmse, signature
 from replication.simulator.parameters import identified_joint
 from replication.simulator.recordings import simulate_recordings
-from replication.table2 import Protocol, protocol_box
+from replication.sources import load_clean, load_noisy
+from replication.table2 import SearchSettings, search_box
 from tests.processors import kernels_here
 
-PROTOCOL = Protocol()
+PROTOCOL = SearchSettings()
 TRUE_X = np.array([-0.6, 0.0125, 15.0, 134.0, 100.0, 0.1515, 0.0125])
 
 
@@ -68,7 +68,7 @@ def drawn(seed, on_samples=(False, False), dt=0.002, turn_s=0.4, turns=12, noise
         )
         v = 100 + signature(t, X, protocol.timing)
         record = Recording(t, v, 100.0, turn_s, "made")
-        box = protocol_box(record, protocol)
+        box = search_box(record, protocol)
         if (box.lower <= X).all() and (box.upper >= X).all():
             noisy = v + generator.uniform(-noise, noise, v.size) if noise else v
             return X, Recording(t, noisy, 100.0, turn_s, "made"), protocol
@@ -106,7 +106,7 @@ def test_the_reported_misfit_is_the_papers_cost_at_the_reported_parameters_in_th
     generator = np.random.default_rng(3)
     for _ in range(8):
         record = random_record(generator)
-        fit, box = global_fit(record), protocol_box(record, PROTOCOL)
+        fit, box = global_fit(record), search_box(record, PROTOCOL)
         assert fit.rmse == rmse(record.t, record.v, fit.X, PROTOCOL.timing)
         assert (box.lower <= fit.X).all()
         assert (box.upper >= fit.X).all()
@@ -179,7 +179,7 @@ def test_a_noise_free_signature_is_recovered_to_rounding_wherever_its_windows_st
     missed = {}
     for seed in range(20 * block, 20 * (block + 1)):
         _, record, protocol = drawn(seed)
-        fit, box = global_fit(record, protocol), protocol_box(record, protocol)
+        fit, box = global_fit(record, protocol), search_box(record, protocol)
         if not (fit.rmse < 1e-7 and (box.lower <= fit.X).all() and (box.upper >= fit.X).all()):
             missed[seed] = fit.rmse
     assert missed == {}

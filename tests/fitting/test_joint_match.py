@@ -3,10 +3,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from replication.authors import level_delta_rad, load_clean
-from replication.recording import from_sample
+from replication.records import from_sample, level_delta_rad
 from replication.simulator.parameters import identified_joint
 from replication.simulator.recordings import simulate_recordings
+from replication.sources import load_clean
 from studies.joint_match import NUISANCES, add_nuisances, match_joint, simulate_turn
 
 JOINT = identified_joint()

@@ -11,7 +11,7 @@ from backlash.fitting.harmonics import turn_harmonics
 from backlash.fitting.joint_posterior import NAMES, SIZE, SMOOTHING_INDEX, Problem
 from backlash.fitting.self_calibration import fit_joint, widening_factor
 from backlash.fitting.turns import COLUMNS, Movement, simulate_turns
-from replication.recording import Recording
+from replication.records import Recording
 from replication.simulator.parameters import identified_joint
 from replication.simulator.recordings import simulate_recordings
 from replication.simulator.simulate import simulate

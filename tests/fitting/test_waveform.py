@@ -14,8 +14,8 @@ from backlash.fitting.waveform import (
     mean_turn,
     periodic,
 )
-from replication.authors import level_delta_rad, load_clean
-from replication.recording import Recording, add_uniform_noise, from_sample
+from replication.records import Recording, add_uniform_noise, from_sample, level_delta_rad
+from replication.sources import load_clean
 
 PERIOD_S = 0.4
 

@@ -7,7 +7,7 @@ import pytest
 
 from backlash.reading import sources
 from backlash.reading.prepare import open_log
-from replication.recording import Recording
+from replication.records import Recording
 from tests.logs import TURN, noisy, read, refusal, text
 
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from backlash.reading.prepare import open_log
-from replication.recording import Recording
+from replication.records import Recording
 from tests.logs import TURN, noisy, refusal, text
 
 RPM = ("Zeit [s];Drehzahl [U/min]", "{t:.4f};{rpm:.2f}")

@@ -13,7 +13,7 @@ from replication import published, table2
 from replication.files import FLOAT_FORMAT, ROOT
 from replication.processors import pinned_environment
 from replication.signature import rmse
-from replication.table2 import Protocol
+from replication.table2 import SearchSettings
 from studies.replay import protocols
 from studies.replay.protocols import CANDIDATES, LEADER, LISTED, POOLED, REALISATIONS, ROWS
 
@@ -35,7 +35,7 @@ def made_numbers(seed, factor=1.0, size=N):
 def test_every_candidate_has_a_reason_and_one_of_them_leads():
     assert (LISTED["why"] != "").all()
     assert LISTED["realisations"].idxmax() == LEADER
-    assert CANDIDATES[NOTEBOOK] == Protocol()
+    assert CANDIDATES[NOTEBOOK] == SearchSettings()
     assert CANDIDATES[LEADER].rpm
     assert {type(candidate.rpm) for candidate in CANDIDATES.values()} == {bool}
 
@@ -98,7 +98,7 @@ def test_a_population_of_2000_and_drawn_starts_are_excluded_and_the_eight_are_no
 
 def quick(monkeypatch, **settings):
     """Candidates and rows that take no time."""
-    candidate = Protocol(name="a", population=10, iterations=1, **settings)
+    candidate = SearchSettings(name="a", population=10, iterations=1, **settings)
     monkeypatch.setattr(protocols, "CANDIDATES", {"a": candidate})
     monkeypatch.setattr(protocols, "LISTED", LISTED.iloc[:1].set_axis(["a"]).assign(realisations=3))
     monkeypatch.setattr(protocols, "rows_of", lambda realisation: (protocols.LAST_ROW,))

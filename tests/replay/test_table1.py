@@ -5,14 +5,14 @@ import pytest
 
 from replication import published
 from replication.signature import Timing, rmse
-from replication.table2 import AUTHORS_PROTOCOL, protocol_box
+from replication.table2 import AUTHORS_SETTINGS, search_box
 from studies.replay import table1
 from studies.replay.inspection import STORED_NAMES
 
 
 @pytest.fixture(scope="module")
 def stored_box(record_12):
-    return protocol_box(record_12, AUTHORS_PROTOCOL)
+    return search_box(record_12, AUTHORS_SETTINGS)
 
 
 def test_in_the_stored_runs_box_all_thirty_first_generations_replay(record_12, stored_box):
@@ -20,7 +20,7 @@ def test_in_the_stored_runs_box_all_thirty_first_generations_replay(record_12, s
 
 
 def test_in_table_1s_box_of_A_hardly_one_replays(record_12):
-    box = protocol_box(record_12, replace(AUTHORS_PROTOCOL, amplitude_factor=1.0))
+    box = search_box(record_12, replace(AUTHORS_SETTINGS, amplitude_factor=1.0))
     assert table1.count_replayed(record_12, box) <= 1
 
 

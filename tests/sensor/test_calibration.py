@@ -9,11 +9,11 @@ from backlash.calibration import Calibration, default_calibration, fit_calibrati
 from backlash.fitting.readings import METHODS, Reading, read
 from backlash.reading.refusals import UnusableLog
 from replication import published
-from replication.authors import level_delta_rad, load_noisy
 from replication.characteristic import RPM_PER_RPS, equation_10
-from replication.recording import add_uniform_noise, from_sample
+from replication.records import add_uniform_noise, from_sample, level_delta_rad
 from replication.simulator.parameters import identified_joint
 from replication.simulator.recordings import simulate_recordings
+from replication.sources import load_noisy
 from studies.calibrations import compute_default
 
 LEVELS_RAD = [4e-4, 6e-4, 8e-4, 10e-4, 12e-4, 14e-4, 16e-4, 18e-4]

@@ -9,7 +9,7 @@ import pytest
 import backlash
 from backlash import commands
 from backlash.calibration import default_calibration
-from replication.authors import authors_file, level_delta_rad
+from replication.records import authors_file, level_delta_rad
 from tests.logs import ANSWER_KEYS, command, noisy, silent, write
 
 TURN = "--turn-period 0.4"

@@ -17,7 +17,7 @@ from backlash.detection.pattern import (
 from backlash.reading.columns import LogFormat
 from backlash.reading.prepare import Log
 from backlash.reading.refusals import CannotTell
-from replication.recording import Recording, add_uniform_noise
+from replication.records import Recording, add_uniform_noise
 from replication.signature import Timing, signature
 from replication.standins import Spread, draw_bench, encoder_log
 from tests.logs import clean, noisy, silent

@@ -16,8 +16,7 @@ from backlash.reading.columns import LogFormat
 from backlash.reading.prepare import Log
 from backlash.reading.refusals import CannotTell, UnusableLog
 from backlash.settings import settings_for
-from replication.authors import authors_file, level_delta_rad
-from replication.recording import Recording, add_uniform_noise
+from replication.records import Recording, add_uniform_noise, authors_file, level_delta_rad
 from replication.simulator.parameters import identified_joint, with_ratios
 from replication.simulator.recordings import simulate_recordings
 from replication.standins import draw_bench, encoder_log

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from replication import table2
-from replication.authors import CLEAN_LEVELS, level_delta_rad, load_clean_records
-from replication.recording import TURN_PERIOD_S
+from replication.records import CLEAN_LEVELS, TURN_PERIOD_S, level_delta_rad
 from replication.simulator.parameters import (
     changeable,
     changed_joint,
@@ -13,6 +12,7 @@ from replication.simulator.parameters import (
     with_ratios,
 )
 from replication.simulator.recordings import simulate_recordings
+from replication.sources import load_clean_records
 from studies.reference import simulate_amplitudes
 
 # The first turn is not fitted but for when the joint started, to a period of the drive.

@@ -4,7 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from replication.table2 import Protocol
+from replication.table2 import SearchSettings
 from studies import basins
 from studies.timings import plain_misfits
 from studies.todays_cma import fit_with_todays_cma
@@ -41,7 +41,7 @@ def test_sets_of_one_search_lie_apart_by_no_more_than_chance_and_a_shifted_set_b
 
 
 def test_the_authors_loop_samples_like_the_fast_search(made_record):
-    short = replace(Protocol(), population=20, iterations=3)
+    short = replace(SearchSettings(), population=20, iterations=3)
     fast = fit_with_todays_cma(made_record, short, seed=2).rmse
     slow = fit_with_todays_cma(made_record, short, 2, plain_misfits(made_record)).rmse
     assert slow == pytest.approx(fast, rel=1e-9)

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from replication.recording import add_uniform_noise
+from replication.records import add_uniform_noise
 from replication.simulator.parameters import identified_joint
 from replication.simulator.recordings import simulate_recordings
 from studies.accuracy import cramer_rao_sd, waveform_slopes

@@ -3,9 +3,9 @@ import pandas as pd
 import pytest
 
 import workbook
-from replication.recording import Recording
+from replication.records import Recording
 from replication.signature import Timing, rmse, signature
-from replication.table2 import Protocol
+from replication.table2 import SearchSettings
 from studies import claims, optimizers
 
 T = 0.002 * np.arange(2401)
@@ -26,7 +26,7 @@ def result(method, kind, found, runs=30):
 def test_the_cost_and_the_residuals_are_the_papers(record):
     cost = optimizers.Cost(record, 0.0, 1000)
     unit = (X - cost.box.lower) / (cost.box.upper - cost.box.lower)
-    expected = rmse(T, record.v, X, Protocol().timing)
+    expected = rmse(T, record.v, X, SearchSettings().timing)
     assert cost(unit) == pytest.approx(expected, rel=1e-9)
     assert np.linalg.norm(cost.residuals(unit)) == pytest.approx(expected, rel=1e-9)
     assert cost.of_members(X[None])[0] == pytest.approx(expected, rel=1e-9)

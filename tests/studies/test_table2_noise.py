@@ -2,7 +2,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from replication.table2 import Protocol
+from replication.table2 import SearchSettings
 from studies import table2_noise
 from studies.replay import protocols
 
@@ -41,7 +41,7 @@ def test_the_start_is_decided_only_if_one_kind_of_start_alone_explains_the_means
 
 
 def test_runs_begin_at_samples_of_their_own(made_record):
-    protocol = Protocol(population=30, iterations=60)
+    protocol = SearchSettings(population=30, iterations=60)
     found = table2_noise.drawn_starts(made_record, protocol, 4, 1)
     assert found["runs"] == 4
     assert 0.1 < found["mean_A_rps"] < 0.8

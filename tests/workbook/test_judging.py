@@ -12,8 +12,8 @@ from scipy import stats
 
 import workbook
 from replication import characteristic, published
-from replication.authors import load_clean
 from replication.simulator.parameters import identified_joint, with_ratios
+from replication.sources import load_clean
 from studies.reference import simulate_amplitudes
 from studies.replay import inspection, table1
 from workbook import judging

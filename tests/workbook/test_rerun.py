@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 
 import workbook
-from replication.statistics import predictive_region
+from replication.table2 import predictive_region
 from studies.replay import cell, inspection, protocols
 from workbook import execution, judging
 from workbook.__main__ import main

@@ -159,7 +159,7 @@ def test_a_cell_may_take_as_long_as_it_makes_progress(notebook, out):
 
 
 def test_missing_data_are_told_from_a_failure(notebook, out):
-    text = "# %%\nfrom replication import authors\nauthors.authors_file('Speeddata99.xlsx')\n"
+    text = "# %%\nfrom replication import records\nrecords.authors_file('Speeddata99.xlsx')\n"
     with pytest.raises(execution.NotebookNotRun, match=r"small: not run: Speeddata99\.xlsx"):
         execution.execute(notebook(text), destination=out)
     assert bytes_below(out) == {}
@@ -270,7 +270,7 @@ def test_a_failing_notebook_does_not_keep_the_others_from_running(notebooks, tmp
 
 @pytest.mark.slow
 def test_without_the_authors_files_a_notebook_runs_on_our_records_apart(notebooks, tmp_path):
-    text = "# %%\nfrom replication.authors import load_clean\nprint(load_clean(12).source)\n"
+    text = "# %%\nfrom replication.sources import load_clean\nprint(load_clean(12).source)\n"
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("BACKLASH_DATA", str(tmp_path))
         endings = running.run_notebooks(notebooks(first=text), tmp_path / "out")

@@ -9,8 +9,8 @@ from urllib.parse import quote
 
 import yaml
 
-from replication.authors import AUTHORS_URL
 from replication.files import ROOT
+from replication.records import AUTHORS_URL
 from workbook.outcomes import load_outcomes
 from workbook.report import TEMPLATES
 from workbook.report.cells import notebook_source

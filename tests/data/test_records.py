@@ -9,17 +9,16 @@ import numpy as np
 import openpyxl
 import pytest
 
-from replication import authors, published
-from replication.authors import (
+from replication import published, records
+from replication.records import (
     WORKBOOK_FILES,
     DataCorrupt,
     DataUnavailable,
     authors_file,
     authors_registry,
-    load_clean,
-    load_noisy,
     parse_speed_workbook,
 )
+from replication.sources import load_clean, load_noisy
 
 
 def workbook_bytes(rows):
@@ -47,7 +46,7 @@ def registered(monkeypatch):
     """Register one small file instead of the authors'."""
     content = b"the authors' bytes"
     digest = hashlib.sha256(content).hexdigest()
-    monkeypatch.setattr(authors, "authors_registry", lambda: {"Noisy data/a file.zip": digest})
+    monkeypatch.setattr(records, "authors_registry", lambda: {"Noisy data/a file.zip": digest})
     monkeypatch.delenv("BACKLASH_DATA", raising=False)
     return content
 

@@ -1,11 +1,11 @@
-"""The authors' records: their files found locally or downloaded, verified, and read."""
+"""Records of motor speed: their type, noise added to them, and the authors' files, found locally or downloaded."""
 
 import hashlib
 import io
 import os
 import re
 import zipfile
-from collections.abc import Iterable
+from dataclasses import dataclass, replace
 from pathlib import Path
 from urllib.parse import quote
 
@@ -15,9 +15,74 @@ import pandas as pd
 from replication import published
 from replication.arrays import FloatArray
 from replication.files import UserError
-from replication.recording import COMMANDED_SPEED_RPS, TURN_PERIOD_S, Recording, add_uniform_noise
-from replication.simulator.parameters import identified_joint
-from replication.simulator.recordings import simulate_recordings
+
+# What the logs are records of: the paper gives the commanded speed, the logs the turn period.
+COMMANDED_SPEED_RPS = 100.0
+TURN_PERIOD_S = 0.4
+
+RPM_PER_RPS = 60.0
+
+
+@dataclass(frozen=True)
+class Recording:
+    """An evenly sampled record of a joint's motor speed during the test movement."""
+
+    t: FloatArray  # time [s], shape (samples,)
+    v: FloatArray  # motor speed [rps], shape (samples,)
+    commanded_speed_rps: float  # v_t of equation 11
+    turn_period_s: float  # of the load
+    source: str  # where it comes from; of the authors' data a file's path, and after "!" an archive's member
+
+    @property
+    def sample_s(self) -> float:
+        """Sampling period [s]."""
+        return (self.t[-1] - self.t[0]) / (self.t.size - 1)
+
+
+def from_sample(recording: Recording, start: int) -> Recording:
+    """Drop a record's first `start` samples.
+
+    At least three must be left, and time starts from zero again.
+    """
+    if not 0 <= start <= recording.t.size - 3:
+        raise ValueError(f"start sample {start}: the record has {recording.t.size} samples")
+    return replace(recording, t=recording.t[start:] - recording.t[start], v=recording.v[start:])
+
+
+def uniform_noise(rng: np.random.Generator, half_amplitude_rps: float, size: int) -> FloatArray:
+    """Uniform white noise, the law of the authors' noisy logs; shape (size,)."""
+    return rng.uniform(-half_amplitude_rps, half_amplitude_rps, size)
+
+
+def add_uniform_noise(
+    recording: Recording, half_amplitude_rps: float, rng: np.random.Generator
+) -> Recording:
+    """Add uniform white noise n(t) to a record (equation 18), as the authors' noisy logs have it.
+
+    n lies between plus and minus `half_amplitude_rps`, which Table 2 calls the noise amplitude.
+    """
+    noise = uniform_noise(rng, half_amplitude_rps, recording.v.size)
+    return replace(recording, v=recording.v + noise, source=f"{recording.source} + uniform noise")
+
+
+def add_normal_noise(recording: Recording, sd_rps: float, rng: np.random.Generator) -> Recording:
+    """Add normal white noise to a record, as stand-ins for real logs have it."""
+    return replace(recording, v=recording.v + rng.normal(0.0, sd_rps, recording.v.size))
+
+
+def constant_speed(samples: int, dt: float) -> Recording:
+    """Make a record without backlash, the commanded speed and nothing else, to add noise to."""
+    return Recording(
+        dt * np.arange(samples, dtype=float),
+        np.full(samples, COMMANDED_SPEED_RPS),
+        COMMANDED_SPEED_RPS,
+        TURN_PERIOD_S,
+        "constant speed",
+    )
+
+
+# ------------------------------------------------------------------------------------ the authors' files
+
 
 AUTHORS_COMMIT = "7c81edefe3e61479d234d5080d4627dbbf584733"
 AUTHORS_URL = (
@@ -140,37 +205,26 @@ def level_delta_rad(level: int) -> float:
     return (2 * level - 1) * 1e-4
 
 
-def records_are_simulated() -> bool:
-    """Whether our records take the authors' place; whoever runs notebooks says so where these cannot be had."""
-    return os.environ.get("BACKLASH_RECORDS") == "simulated"
-
-
-def load_clean(level: int) -> Recording:
-    """Load the authors' noise-free record of level K, `SpeeddataK.xlsx`; K = 3 to 13 are public."""
-    if records_are_simulated():
-        return simulate_recordings(identified_joint(), [level_delta_rad(level)])[0]
+def read_clean(level: int) -> Recording:
+    """Read the authors' noise-free record of level K, `SpeeddataK.xlsx`; K = 3 to 13 are public."""
     path = f"Speeddata{level}.xlsx"
     return _authors_recording(authors_file(path).read_bytes(), path)
 
 
-def load_clean_records(levels: Iterable[int]) -> dict[float, Recording]:
-    """Load the authors' clean records of some levels K, by backlash [rad]."""
-    return {level_delta_rad(level): load_clean(level) for level in levels}
+def read_noisy(level: int, realisation: int) -> Recording:
+    """Read the authors' noisy record of a level K and a realisation R of the low noise."""
+    check_noisy(level, realisation)
+    path = f"Noisy data/Low level of noise/Data_with_Noise_{realisation}.zip"
+    content = read_zip_member(authors_file(path), rf"(.*/)?SpeeddataNoise{level}(_\d+)?\.xlsx")
+    return _authors_recording(content, f"{path}!SpeeddataNoise{level}")
 
 
-def load_noisy(level: int, realisation: int) -> Recording:
-    """Load the authors' noisy record of a level K, 1 to 20, and a realisation R of the low noise, 1 to 5."""
+def check_noisy(level: int, realisation: int) -> None:
+    """Refuse a level K or a realisation R that the authors' low noise does not have."""
     if level not in NOISY_LEVELS or realisation not in LOW_NOISE:
         raise ValueError(
             f"no noisy record K = {level}, R = {realisation}: K is 1 to 20, R is 1 to 5"
         )
-    if records_are_simulated():
-        half = 0.1 + (level - 1) * 0.15 / 19  # the law of their noise, which Table 2's rows obey
-        rng = np.random.default_rng((realisation, level))
-        return add_uniform_noise(load_clean(level), half, rng)
-    path = f"Noisy data/Low level of noise/Data_with_Noise_{realisation}.zip"
-    content = read_zip_member(authors_file(path), rf"(.*/)?SpeeddataNoise{level}(_\d+)?\.xlsx")
-    return _authors_recording(content, f"{path}!SpeeddataNoise{level}")
 
 
 def _authors_recording(content: bytes, source: str) -> Recording:
