@@ -89,7 +89,7 @@ from scipy.signal import find_peaks
 from tqdm import tqdm
 
 import workbook
-from replication import cmaes, published, sources, table2
+from replication import cmaes, published, sources, stopping, table2
 from replication.figures import paper
 from replication.signature import Timing, signature
 
@@ -244,7 +244,7 @@ pd.Series(reproduced, name="stored runs reproduced").rename_axis("turns").to_fra
 # ### A fit with your cost and turn period
 #
 # A fit is a search for the parameters of the lowest cost in a box, here Table 1's with $A$ as wide as the stored runs
-# had it (`search_box`). `cmaes.search` draws 300 members a generation, asks for their costs, and goes on until a stop
+# had it (`search_box`). `stopping.search` draws 300 members a generation, asks their costs, and goes on until a stop
 # rule holds. The paper's cost is compiled (`table2.cost`); another cost or `h` is evaluated as it is written. The first
 # row has the paper's signature and cost and the turn period of the data, with the stored seed; the last row has yours.
 
@@ -284,7 +284,7 @@ def fit(whose, cost, T_f):
     normals = cmaes.random_normals(int(stored["cma_seed"]))
     steps = cmaes.generations(misfits, bounds, normals, authors_settings.population)
     limit = authors_settings.iterations
-    return cmaes.search(tqdm(steps, total=limit), limit)
+    return stopping.search(tqdm(steps, total=limit), limit)
 
 
 # %%

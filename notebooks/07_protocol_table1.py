@@ -49,7 +49,7 @@ import numpy as np
 import pandas as pd
 
 import workbook
-from replication import cmaes, sources, table2
+from replication import cmaes, sources, stopping, table2
 from replication.figures import searching
 from studies.replay import replay, table1
 from studies.replay.eigen import symmetric_eigen
@@ -214,21 +214,21 @@ moved.assign(by_search_py=after.std)
 # %% [markdown]
 # ### The whole run
 #
-# `cmaes.search` follows the generations until a stop rule holds: `tolfun` says that all members have the same misfit
+# `stopping.search` follows the generations until a stop rule holds: `tolfun` says that all members have the same misfit
 # within 10⁻¹¹ rps, `tolconditioncov` that the ellipse is 10⁷ times as long as wide, `maxiter` that 200 generations are
 # made. Beside it stands the run with the authors' settings and the same seed, which for a stored seed is the stored
 # run. Predict first: does the misfit fall at a steady rate?
 
 # %%
 steps = list(islice(start(), protocol.iterations))
-found = cmaes.search(iter(steps), protocol.iterations)
+found = stopping.search(iter(steps), protocol.iterations)
 best = found.history[:, 0]
 picked = [steps[g - 1].after for g in (1, 10, 20, 40, 60) if g <= best.size]
 whole_run = searching.run(picked, best, bounds, shown, labels)
 
 # %%
 authors_protocol = table2.SearchSettings()
-stored = cmaes.search(replay.authors_search(clean, seed), authors_protocol.iterations)
+stored = stopping.search(replay.authors_search(clean, seed), authors_protocol.iterations)
 boxes = {"authors' settings": table2.search_box(clean, authors_protocol), "this run": bounds}
 ends = {}
 for name, end in zip(boxes, (stored, found), strict=True):

@@ -87,7 +87,7 @@ import pandas as pd
 from matplotlib import pyplot as plt
 
 import workbook.judging
-from replication import sources, table2
+from replication import sources, table2, table2_claims
 from replication.figures import paper
 from studies.replay import inspection, protocols
 
@@ -380,8 +380,8 @@ cells |= {
     "text.noise_law_max": shares.max(),
 }
 claims = {
-    "error_below_10": table2.decide_error_below_10(fits, criteria),
-    "local_minima": table2.decide_local_minima(table, criteria),
+    "error_below_10": table2_claims.decide_error_below_10(fits, criteria),
+    "local_minima": table2_claims.decide_local_minima(table, criteria),
 }
 
 # %%

@@ -16,16 +16,11 @@ from typing import NamedTuple
 import numpy as np
 
 from replication.arrays import FloatArray, IntArray
-from replication.compiling import njit
+from replication.bounds import from_box, into_box
 from replication.signature import Box
 
 # Eigenvalues of a symmetric matrix, ascending, and its eigenvectors in columns.
 Eigensolver = Callable[[FloatArray], tuple[FloatArray, FloatArray]]
-
-TOLFUN = 1e-11  # the range of misfits, of a generation and of recent ones, that ends a search
-TOLFUNHIST = 1e-12  # the same of recent ones alone
-# What a search keeps of each generation.
-HISTORY = ("best", "median", "upper_quartile", "sigma", "axis_ratio", "smallest_std", "largest_std")
 
 
 class Constants(NamedTuple):
@@ -221,100 +216,7 @@ def _columns(rows: FloatArray) -> FloatArray:
 _rows = _columns
 
 
-# ------------------------------------------------------------------------------------------------ bounds
-
-
-def margins_of(box: Box) -> tuple[FloatArray, FloatArray]:
-    """Widths of the margins at the lower and upper bounds, never more than half the box."""
-    half = (box.upper - box.lower) / 2
-    at_lower = np.minimum(half, (1 + np.abs(box.lower)) / 20)
-    at_upper = np.minimum(half, (1 + np.abs(box.upper)) / 20)
-    return at_lower, at_upper
-
-
-def into_box(samples: FloatArray, box: Box) -> FloatArray:
-    """Map unbounded samples, shape (population, n), into the box, as `cma` did before 3.4."""
-    return _into_box(samples, box.lower, box.upper, *margins_of(box))
-
-
-@njit
-def _into_box(samples, lower, upper, at_lower, at_upper):
-    """The identity inside, bent to a half-parabola in a margin at each bound; beyond it back and forth."""
-    members = np.empty_like(samples)
-    for i in range(lower.size):
-        first = lower[i] - 2 * at_lower[i] - (upper[i] - lower[i]) / 2
-        last = upper[i] + 2 * at_upper[i] + (upper[i] - lower[i]) / 2
-        period = 2 * (upper[i] - lower[i] + at_lower[i] + at_upper[i])
-        for k in range(len(samples)):
-            y = samples[k, i]
-            if y < first or y > last:
-                y -= period * ((y - first) // period)
-            if y > upper[i] + at_upper[i]:
-                y -= 2 * (y - upper[i] - at_upper[i])
-            if y < lower[i] - at_lower[i]:
-                y += 2 * (lower[i] - at_lower[i] - y)
-            if y < lower[i] + at_lower[i]:
-                y = lower[i] + (y - (lower[i] - at_lower[i])) ** 2 / 4 / at_lower[i]
-            if y > upper[i] - at_upper[i]:
-                y = upper[i] - (y - (upper[i] + at_upper[i])) ** 2 / 4 / at_upper[i]
-            members[k, i] = y
-    return members
-
-
-def from_box(point: FloatArray, box: Box) -> FloatArray:
-    """Sample whose image under `into_box` is a point of the box."""
-    at_lower, at_upper = margins_of(box)
-    near_lower = (box.lower - at_lower) + 2 * (at_lower * (point - box.lower)) ** 0.5
-    near_upper = (box.upper + at_upper) - 2 * (at_upper * (box.upper - point)) ** 0.5
-    inner = np.where(point < box.upper - at_upper, point, near_upper)
-    return np.where(point < box.lower + at_lower, near_lower, inner)
-
-
 # ------------------------------------------------------------------------------------------------ search
-
-
-def history_row(ranked: FloatArray, state: State) -> FloatArray:
-    """What `HISTORY` keeps of a generation, from its misfits, the best first, and the next state."""
-    size = ranked.size
-    median = (ranked[(size - 1) // 2] + ranked[size // 2]) / 2
-    std = state.std
-    ratio = state.D[-1] / state.D[0]
-    quartile = ranked[int(0.75 * size)]
-    return np.array([ranked[0], median, quartile, state.sigma, ratio, std.min(), std.max()])
-
-
-def stop_rule(history: FloatArray, ranked: FloatArray, state: State, first_sigma: float) -> str:
-    """Name of the library's stop rule that holds after a generation, or ""; `history` as in `Search`, so far."""
-    m, sigma = state.m, state.sigma
-    unit = state.unit
-    n, g = m.size, state.g
-    std = state.std
-    recent = history[max(0, g - 10 - 30 * n // ranked.size) :, 0]
-    spread = recent.max() - recent.min()
-    if ranked[-1] - recent[-1] < TOLFUN and spread < TOLFUN:
-        return "tolfun"
-    if recent.size > 9 and spread < TOLFUNHIST:
-        return "tolfunhist"
-    if (std < 1e-11).all() and (sigma * unit * state.p_c < 1e-11).all():
-        return "tolx"
-    if (std > 1000 * first_sigma * unit).any():
-        return "tolfacupx"
-    if state.D[-1] > 1e7 * state.D[0]:
-        return "tolconditioncov"
-    if g > 1 and history[-1, 2] <= history[-1, 0] and history[-2, 2] <= history[-2, 0]:
-        return "tolflatfitness"
-    part = int(max(int(100 + 100 * n**1.5 / ranked.size) / 10, g // 5 / 10))
-    if g // 5 > max(100, 2 * part):
-        fifth = history[4::5][::-1]  # every fifth generation, the newest first
-        new, old = fifth[:part], fifth[part : 2 * part]
-        if (np.median(new[:, :2], axis=0) >= np.median(old[:, :2], axis=0)).all():
-            return "tolstagnation"
-    if (m == m + 0.2 * std).any():
-        return "noeffectcoord"
-    k = g % n  # the axis that this generation tries
-    if (m == m + 0.1 * sigma * state.D[k] * unit * state.B[:, k]).all():
-        return "noeffectaxis"
-    return ""
 
 
 def check_settings(box: Box, population: int) -> None:
@@ -387,37 +289,3 @@ def generations(
         ranking = np.argsort(found, kind="stable")
         after = update(before, x[ranking], c)
         yield Generation(before, x, members, found, ranking, after, c)
-
-
-@dataclass(frozen=True)
-class Search:
-    """A finished search: its best member, the rule that ended it, and a row of `HISTORY` for each generation."""
-
-    best: FloatArray
-    misfit: float
-    evaluations: int
-    stop: str
-    history: FloatArray
-
-
-def search(steps: Iterator[Generation], iterations: int) -> Search:
-    """Follow `generations` until a stop rule holds, `iterations` at the most and at least one."""
-    if iterations < 1:
-        raise ValueError(f"iterations {iterations}: at least one generation is needed")
-    history = np.empty((iterations, len(HISTORY)))
-    best, misfit = np.empty(0), math.inf
-    first_sigma = math.nan
-    for now in steps:
-        g = now.after.g
-        ranked = now.misfits[now.ranking]
-        history[g - 1] = history_row(ranked, now.after)
-        if g == 1:
-            first_sigma = now.before.sigma
-        if ranked[0] < misfit:
-            best, misfit = now.members[now.ranking[0]], float(ranked[0])
-        stop = (
-            "maxiter" if g == iterations else stop_rule(history[:g], ranked, now.after, first_sigma)
-        )
-        if stop:
-            return Search(best, misfit, g * ranked.size, stop, history[:g].copy())
-    raise ValueError("the generations ended before a stop rule held")

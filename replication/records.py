@@ -1,6 +1,5 @@
 """Records of motor speed: their type, noise added to them, and the authors' files, found locally or downloaded."""
 
-import hashlib
 import io
 import os
 import re
@@ -14,7 +13,7 @@ import pandas as pd
 
 from replication import published
 from replication.arrays import FloatArray
-from replication.files import UserError
+from replication.public_files import DataUnavailable, public_file
 
 # What the logs are records of: the paper gives the commanded speed, the logs the turn period.
 COMMANDED_SPEED_RPS = 100.0
@@ -104,14 +103,6 @@ WORKBOOK_FILES = (
 )
 
 
-class DataUnavailable(UserError):
-    """The authors' data are neither in `BACKLASH_DATA` nor to be downloaded."""
-
-
-class DataCorrupt(UserError):
-    """A file of the authors' data is not what it should be."""
-
-
 def authors_registry() -> dict[str, str]:
     """SHA-256 of each file of the authors' repository at `AUTHORS_COMMIT`, by its path there."""
     text = (published.DATA / "authors_sha256.txt").read_text(encoding="utf-8")
@@ -140,45 +131,6 @@ def authors_file(path: str, base_url: str = AUTHORS_URL, cache: Path | None = No
         )
     folder = cache or data_folder()
     return public_file(base_url + quote(path), path, registry[path], "BACKLASH_DATA", folder)
-
-
-def public_file(address: str, name: str, digest: str, variable: str, cache: Path) -> Path:
-    """Find a public file by its name in the folder that an environment variable names, or else download it."""
-    if local := os.environ.get(variable):
-        return _verified_local(Path(local) / name, digest, variable)
-    import pooch  # slow to import, and not used by the sensor
-
-    downloader = pooch.HTTPDownloader(timeout=20)
-    try:
-        return Path(pooch.retrieve(address, digest, name, cache, downloader=downloader))
-    except ValueError as error:
-        raise DataCorrupt(
-            f"{name}: the download lacks the registered SHA-256; try again later"
-        ) from error
-    except OSError as error:
-        advice = f"connect to the network, or set {variable} to a copy of the repository"
-        if isinstance(error, PermissionError):
-            advice = (
-                f"set {variable}, or XDG_CACHE_HOME to a folder that can be written, not {cache}"
-            )
-        raise DataUnavailable(
-            f"{name}: cannot be downloaded ({type(error).__name__}); {advice}"
-        ) from error
-
-
-def _verified_local(file: Path, digest: str, variable: str) -> Path:
-    """Check a local file against its registered SHA-256."""
-    try:
-        if file.is_fifo():  # to read it would wait for ever
-            raise OSError(0, "a pipe")
-        content = file.read_bytes()
-    except OSError as error:
-        raise DataUnavailable(
-            f"{file}: not readable ({error.strerror}); is {variable} right?"
-        ) from error
-    if hashlib.sha256(content).hexdigest() != digest:
-        raise DataCorrupt(f"{file}: its SHA-256 is not the registered one; copy it again")
-    return file
 
 
 def parse_speed_workbook(content: bytes) -> tuple[FloatArray, FloatArray]:

@@ -5,16 +5,9 @@ import cma
 import numpy as np
 import pytest
 
-from replication.cmaes import (
-    constants,
-    first_state,
-    generations,
-    random_normals,
-    search,
-    stop_rule,
-    update,
-)
+from replication.cmaes import constants, first_state, generations, random_normals, update
 from replication.signature import Box
+from replication.stopping import search, stop_rule
 
 UNIT = Box(np.full(7, -1.0), np.ones(7))
 

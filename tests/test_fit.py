@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from replication import published
-from replication.cmaes import from_box, generations, into_box, random_normals
+from replication.bounds import from_box, into_box
+from replication.cmaes import generations, random_normals
 from replication.signature import Box, rmse
 from replication.table2 import SearchSettings, cost, fit, search_box
 from studies.todays_cma import fit_with_todays_cma

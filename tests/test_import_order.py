@@ -9,9 +9,12 @@ from replication.files import ROOT
 READ_IN_ORDER = (
     "signature",
     "misfit",
+    "bounds",
     "cmaes",
+    "stopping",
     "records",
     "table2",
+    "table2_claims",
     "characteristic",
     "dead_zone",
     "standins",

@@ -7,10 +7,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from replication.cmaes import generations, random_normals, search
+from replication.cmaes import generations, random_normals
 from replication.misfit import fold, population_rmse
 from replication.records import constant_speed
 from replication.signature import Timing, rmse, signature, table1_box
+from replication.stopping import search
 from studies.replay.eigen import symmetric_eigen
 
 TURN = Timing(0.2, 0.4, 12)

@@ -2,13 +2,8 @@ import numpy as np
 import pytest
 
 from replication import published, table2
-from replication.records import (
-    DataUnavailable,
-    Recording,
-    add_uniform_noise,
-    constant_speed,
-    from_sample,
-)
+from replication.public_files import DataUnavailable
+from replication.records import Recording, add_uniform_noise, constant_speed, from_sample
 from replication.sources import load_clean, load_noisy
 from studies.replay import inspection
 

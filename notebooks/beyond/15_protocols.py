@@ -64,11 +64,10 @@ from scipy import stats
 
 import workbook
 from replication import published, sources, table2
-from replication.figures import paper, searching
 from replication.records import LOW_NOISE
 from replication.signature import FREE_PARAMETERS
 from studies import basins, table2_noise
-from studies.replay import protocols, replay
+from studies.replay import plots, protocols, replay
 from studies.todays_cma import fit_with_todays_cma
 from workbook.judging import agrees
 
@@ -125,7 +124,7 @@ found = [
     for name, numbers in by_setting.items()
 ]
 inside = pd.DataFrame(found, columns=["of", "row", "protocol", "agrees"])
-protocol_agreement = paper.protocol_agreement(inside)
+protocol_agreement = plots.protocol_agreement(inside)
 
 # %% [markdown]
 # ### One of the settings, row by row
@@ -172,7 +171,7 @@ pd.Series(
 record = sources.load_clean(12)
 made = replay.replay_stored_runs(record)
 compared, ended = replay.compare_generations(made), replay.compare_ends(made)
-replay_figure = searching.replay(compared, ended, replay.AGREE_RPS)
+replay_figure = plots.replay(compared, ended, replay.AGREE_RPS)
 
 # %%
 agreeing = compared.loc[compared["difference_rps"] < replay.AGREE_RPS, "difference_rps"]
@@ -476,7 +475,7 @@ workbook.export(
             f"generations of {compared['run'].nunique()} runs {agreeing.size} agree within {agreeing.max():.0e} rps; "
             "the others belong to the named runs, which diverge temporarily. (b) Of the ends of all "
             f"{len(ended)} runs {same_end.sum()} agree. The limit of agreement is {replay.AGREE_RPS:.0e} rps; a "
-            f"difference of 0 is drawn at {searching.SMALLEST_RPS:.0e} rps.",
+            f"difference of 0 is drawn at {plots.SMALLEST_RPS:.0e} rps.",
         ),
         "table2_by_protocol": (
             protocol_agreement,

@@ -1,6 +1,5 @@
 """The paper's figures and tables as plots: data frames and arrays in, a matplotlib figure out."""
 
-import textwrap
 from collections.abc import Mapping, Sequence
 
 import matplotlib.pyplot as plt
@@ -126,28 +125,6 @@ def table2(rows: pd.DataFrame) -> Figure:
     upper.set(title="mean of $A$", ylabel="off the printed mean [%]")
     lower.set(title="SD of $A$", ylabel="SD of $A$ [rps]", yscale="log", xlabel="row of Table 2")
     lower.set_xticks(rows.index)
-    return finish(figure, 3)
-
-
-@in_style
-def protocol_agreement(inside: pd.DataFrame) -> Figure:
-    """Show under which settings alone each row's mean and SD agree, settings from top to bottom.
-
-    `inside` has the columns `of` ("mean" or "sd"), `row`, `protocol`, `agrees`.
-    """
-    names = inside["protocol"].unique()
-    figure, axes = grid(1, 2, height_in=0.32 * len(names) + 1.2, sharey=True)
-    for axis, (of, part) in zip(axes[0], inside.groupby("of", sort=False), strict=True):
-        for agrees, marker, colour in ((True, "o", BLUE), (False, "x", ORANGE)):
-            chosen = part[part["agrees"] == agrees]
-            y = chosen["protocol"].map(list(names).index)
-            label = "agrees" if agrees else "differs"
-            axis.scatter(chosen["row"], y, 50, marker=marker, color=colour, label=label)
-        axis.set(title=f"{of}s".replace("sd", "SD"), xlabel="row of Table 2")
-        axis.set_xticks(rows := sorted(part["row"].unique()), rows, size=8)
-        axis.set_ylim(len(names) - 0.4, -0.6)
-        axis.grid(visible=False)
-    axes[0, 0].set_yticks(range(len(names)), [textwrap.fill(name, 20) for name in names])
     return finish(figure, 3)
 
 

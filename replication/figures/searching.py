@@ -1,47 +1,18 @@
-"""Pictures of the search: the replay of the stored runs, one generation in two dimensions, and a whole run."""
+"""Pictures of the search: one generation in two dimensions, and a whole run."""
 
 from collections.abc import Sequence
 from typing import Any
 
 import matplotlib.pyplot as plt
 import numpy as np
-import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
 from replication.arrays import FloatArray
 from replication.cmaes import Generation, State
-from replication.figures.style import BLUE, GREEN, INK, ORANGE, finish, grid, in_style
+from replication.figures.style import BLUE, INK, ORANGE, finish, grid, in_style
 from replication.signature import Box
-
-SMALLEST_RPS = 1e-17  # drawn for a difference of 0
-
-
-@in_style
-def replay(compared: pd.DataFrame, ended: pd.DataFrame, agree_rps: float) -> Figure:
-    """Show how far the replayed runs are from the stored ones, generation by generation and at their ends."""
-    figure, ((left, right),) = grid(1, 2, height_in=3.6, sharey=True, width_ratios=(3, 2))
-    diverging = iter(((ORANGE, "^-"), (GREEN, "s-"), (INK, "D-")))
-    for run, part in compared.dropna().groupby("run"):
-        shown = np.maximum(part["difference_rps"], SMALLEST_RPS)
-        if (part["difference_rps"] > agree_rps).any():
-            colour, line = next(diverging, (INK, "D-"))
-            left.plot(part["generation"], shown, line, color=colour, label=f"run {run}, diverges")
-        else:
-            faint = {"alpha": 0.5, "linewidth": 0.5, "zorder": 1, "label": "other runs"}
-            left.plot(part["generation"], shown, ".-", color=BLUE, **faint)
-    right.plot(ended["run"], np.maximum(ended["difference_rps"], SMALLEST_RPS), "o", color=BLUE)
-    for axis, label in (left, None), (right, "limit of agreement"):
-        axis.axhline(agree_rps, color=INK, linewidth=0.8, linestyle=":", label=label)
-    left.set(
-        xlabel="generation [-]",
-        ylabel="|ours $-$ stored| [rps]",
-        yscale="log",
-        title="printed generations",
-    )
-    right.set(xlabel="stored run", title="end of each run")
-    return finish(figure, 2)
 
 
 @in_style

@@ -8,9 +8,10 @@ import numpy as np
 import pandas as pd
 
 from replication import published
-from replication.cmaes import HISTORY, Generation, generations, random_normals, search
+from replication.cmaes import Generation, generations, random_normals
 from replication.records import Recording
 from replication.signature import Box
+from replication.stopping import HISTORY, search
 from replication.table2 import AUTHORS_SETTINGS, cost, search_box
 from studies.replay import AGREE_RPS
 from studies.replay.eigen import symmetric_eigen

@@ -10,14 +10,8 @@ import openpyxl
 import pytest
 
 from replication import published, records
-from replication.records import (
-    WORKBOOK_FILES,
-    DataCorrupt,
-    DataUnavailable,
-    authors_file,
-    authors_registry,
-    parse_speed_workbook,
-)
+from replication.public_files import DataCorrupt, DataUnavailable
+from replication.records import WORKBOOK_FILES, authors_file, authors_registry, parse_speed_workbook
 from replication.sources import load_clean, load_noisy
 
 
