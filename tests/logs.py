@@ -1,6 +1,7 @@
 """Logs of the simulated joint, and ways to write and read them, for the tests of the sensor."""
 
 import shlex
+import zipfile
 from functools import lru_cache
 
 import numpy as np
@@ -58,6 +59,17 @@ def text(header="time [s],speed [rps]", row="{t:.6f},{v:.5f}", record=None) -> s
 def write(recording: Recording, path, digits: int = 6):
     """Write a log with a header; returns its path."""
     path.write_text(text(row=f"{{t:.6f}},{{v:.{digits}f}}", record=recording), encoding="utf-8")
+    return path
+
+
+def rewritten(path, change: dict[str, bytes]):
+    """A workbook with members changed or added, by name; returns its path."""
+    plain = path.with_name("plain.xlsx")
+    table(noisy()).iloc[:50].to_excel(plain, index=False)
+    with zipfile.ZipFile(plain) as old, zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as new:
+        for name, content in ({name: old.read(name) for name in old.namelist()} | change).items():
+            new.writestr(name, content)
+    plain.unlink()
     return path
 
 

@@ -1,6 +1,9 @@
 """Machine code that OpenBLAS, numba and NumPy use in this process, and kernels that this processor can run."""
 
 import ctypes
+import os
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -18,6 +21,14 @@ def kernels_here() -> list[str]:
     """OpenBLAS kernels that this processor can run."""
     features = get_host_cpu_features()
     return [kernel for kernel, needed in KERNEL_NEEDS.items() if features.get(needed)]
+
+
+def printed(code: str, **settings: str) -> str:
+    """What a process prints that runs some code under other settings."""
+    command = [sys.executable, "-W", "ignore", "-c", code]
+    return subprocess.run(
+        command, env=os.environ | settings, capture_output=True, text=True, check=True
+    ).stdout.strip()
 
 
 def openblas_kernels() -> set[str]:

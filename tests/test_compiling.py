@@ -4,6 +4,7 @@ import os
 import shutil
 import subprocess
 import sys
+import tempfile
 from pathlib import Path
 
 import pytest
@@ -12,8 +13,8 @@ from replication import compiling
 from replication.files import ROOT
 
 CALLER = """
-from replication import compiling, one
-print(one.twice(2.0), sum(one.twice.stats.cache_hits.values()), compiling.cache_folder())
+from replication import one
+print(one.twice(2.0), sum(one.twice.stats.cache_hits.values()))
 """
 
 
@@ -32,13 +33,13 @@ def package(tmp_path):
     return room
 
 
-def called(package: Path, code: str = CALLER, **environment: str) -> list[str]:
-    """What a new process prints: by itself a result, how much of it was compiled before, and where that is kept."""
+def called(package: Path, code: str = CALLER) -> list[str]:
+    """What a new process prints: by itself a result, and how much of it was compiled before."""
     site = package.parent
     outside = {
         name: value for name, value in os.environ.items() if not name.startswith("NUMBA_CACHE")
     }
-    given = outside | {"PYTHONPATH": str(site), "HOME": str(site / "home")} | environment
+    given = outside | {"PYTHONPATH": str(site)}
     command = [sys.executable, "-c", code]
     return subprocess.run(
         command, env=given, cwd=site, capture_output=True, text=True, check=True
@@ -48,24 +49,31 @@ def called(package: Path, code: str = CALLER, **environment: str) -> list[str]:
 def test_a_second_process_compiles_nothing_and_a_change_in_any_file_that_compiles_everything(
     package,
 ):
+    site, other = package.parent, package / "other.py"
     assert called(package)[:2] == ["4.0", "0"]
-    assert called(package)[:2] == ["4.0", "1"]
-    other = package / "other.py"
     (package / "plain.py").write_text("x = 1")
-    assert called(package)[1] == "1"
+    (site / "theirs.py").write_text(
+        "import numba\n\n@numba.njit(cache=True)\ndef same(x):\n    return x\n"
+    )
+    shown = "import theirs; theirs.same(1.0); print(theirs.same.stats.cache_path)"
+    # Another package's cache stays where numba keeps it.
+    assert called(package, CALLER + shown)[1:] == ["1", str(site / "__pycache__")]
     other.write_text(other.read_text().replace("2 * x", "3 * x"))
     assert called(package)[:2] == ["6.0", "0"]
 
 
 def test_where_the_package_cannot_be_written_the_home_keeps_it_and_else_a_temporary_folder(
-    package, tmp_path
+    tmp_path, monkeypatch
 ):
-    (package / "__pycache__").touch()  # no folder can be made of it
-    assert called(package)[2].startswith(str(package.parent / "home" / ".cache" / "backlash"))
-    (tmp_path / "temporary").mkdir()
-    nowhere = {"HOME": "/proc/nowhere", "TMPDIR": str(tmp_path / "temporary")}
-    assert called(package, **nowhere)[2].startswith(str(tmp_path / "temporary"))
-    assert called(package, **nowhere)[:2] == ["4.0", "1"]
+    (tmp_path / "__pycache__").touch()  # no folder can be made of it
+    monkeypatch.setattr(compiling, "_PACKAGE", tmp_path)
+    monkeypatch.setattr(compiling.config, "CACHE_DIR", "")
+    monkeypatch.setenv("HOME", str(tmp_path))
+    found = compiling.cache_folder.__wrapped__
+    assert found().parent == tmp_path / ".cache" / "backlash"
+    monkeypatch.setenv("HOME", "/proc/nowhere")
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    assert found().parent.parent == tmp_path
 
 
 def test_a_folder_that_others_may_write_is_not_taken(tmp_path):
@@ -75,12 +83,3 @@ def test_a_folder_that_others_may_write_is_not_taken(tmp_path):
     folder.chmod(0o777)
     assert not compiling._is_ours(folder)
     assert not compiling._is_ours(Path("/dev/null"))
-
-
-def test_another_packages_cache_stays_where_numba_keeps_it(package):
-    site = package.parent
-    (site / "theirs.py").write_text(
-        "import numba\n\n@numba.njit(cache=True)\ndef same(x):\n    return x\n"
-    )
-    shown = "import replication.one, theirs; theirs.same(1.0); print(theirs.same.stats.cache_path)"
-    assert called(package, code=shown) == [str(site / "__pycache__")]

@@ -1,10 +1,10 @@
-"""Imports go one way: among the packages, among the rooms of a package, and among modules."""
+"""Imports go one way: among the packages, their rooms and modules; the paper's files in the order of reading."""
 
 import ast
 import subprocess
 import sys
 from collections import defaultdict
-from collections.abc import Mapping
+from graphlib import TopologicalSorter
 from pathlib import Path
 
 import pytest
@@ -18,13 +18,35 @@ MAY_IMPORT = {
     "workbook": {"replication"},
     "studies": {"replication", "backlash"},
 }
-FILES = [path for package in MAY_IMPORT for path in sorted((ROOT / package).rglob("*.py"))]
+READ_IN_ORDER = (
+    "signature",
+    "misfit",
+    "bounds",
+    "cmaes",
+    "stopping",
+    "records",
+    "table2",
+    "table2_claims",
+    "characteristic",
+    "dead_zone",
+    "standins",
+    "sources",
+)
 # Rooms of the paper's package that its core and the sensor may import.
 OPEN_ROOMS = {"replication", "replication/simulator"}
+# What is not loaded yet when modules are imported one after the other.
+KEPT_OUT = {
+    "backlash.main": ("numpy", "studies", "workbook"),
+    "replication.records": ("numba", "matplotlib", "studies", "workbook"),
+    "backlash.commands": (
+        *("cma", "joblib", "matplotlib", "pooch", "scipy.interpolate", "scipy.optimize"),
+        *("scipy.signal", "scipy.stats", "studies", "tqdm", "workbook"),
+    ),
+}
 
 
 def imported(file: Path) -> set[str]:
-    """Modules of the project that a file imports, at the top or in a function."""
+    """What a file imports of the project, at the top or in a function."""
     found = set()
     for node in ast.walk(ast.parse(file.read_text("utf-8"))):
         if isinstance(node, ast.ImportFrom):
@@ -35,8 +57,7 @@ def imported(file: Path) -> set[str]:
 
 
 def module_of(file: Path) -> str:
-    parts = file.relative_to(ROOT).with_suffix("").parts
-    return ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
+    return ".".join(file.relative_to(ROOT).with_suffix("").parts).removesuffix(".__init__")
 
 
 def room_of(name: str) -> str:
@@ -45,30 +66,26 @@ def room_of(name: str) -> str:
     return f"{package}/{rest[0]}" if rest and (ROOT / package / rest[0]).is_dir() else package
 
 
-def circles(imports: Mapping[str, set[str]]) -> list[str]:
-    """What is left of a graph of imports when everything is taken away that imports nothing that is left."""
-    left = dict(imports)
-    while free := [name for name, others in left.items() if not others & set(left)]:
-        left = {name: others for name, others in left.items() if name not in free}
-    return sorted(left)
+@pytest.fixture(scope="module")
+def imports() -> dict[str, set[str]]:
+    files = (file for package in MAY_IMPORT for file in (ROOT / package).rglob("*.py"))
+    return {module_of(file): imported(file) for file in files}
 
 
 @pytest.fixture(scope="module")
-def rooms() -> dict[str, set[str]]:
+def rooms(imports) -> dict[str, set[str]]:
     """Rooms that each room imports; `__main__` only opens a door."""
     found = defaultdict(set)
-    for file in FILES:
-        if file.name != "__main__.py":
-            room = room_of(module_of(file))
-            found[room] |= {room_of(name) for name in imported(file)} - {room}
+    for module, names in imports.items():
+        if not module.endswith("__main__"):
+            found[room_of(module)] |= {room_of(name) for name in names} - {room_of(module)}
     return found
 
 
-@pytest.mark.parametrize("package", MAY_IMPORT)
-def test_a_package_imports_only_those_below_it(package):
-    files = (file for file in FILES if file.is_relative_to(ROOT / package))
-    found = {name.partition(".")[0] for file in files for name in imported(file)}
-    assert found - {package} <= MAY_IMPORT[package]
+def test_a_package_imports_only_those_below_it(imports):
+    for module, names in imports.items():
+        package = module.partition(".")[0]
+        assert {name.partition(".")[0] for name in names} - {package} <= MAY_IMPORT[package], module
 
 
 def test_the_core_and_the_sensor_import_of_the_papers_package_only_the_core_and_the_simulator(
@@ -79,23 +96,28 @@ def test_the_core_and_the_sensor_import_of_the_papers_package_only_the_core_and_
             assert {other for other in others if other.startswith("replication")} <= OPEN_ROOMS
 
 
-def test_imports_among_the_rooms_go_one_way(rooms):
+def test_imports_among_rooms_and_among_modules_go_one_way(imports, rooms):
     graph = {room: others - {"replication"} for room, others in rooms.items()}
     del graph["replication"]
-    assert circles(graph) == []
+    TopologicalSorter(graph).prepare()
+    graph = {}
+    for module, names in imports.items():
+        names = names | {name.rpartition(".")[0] for name in names}
+        graph[module] = names & set(imports) - {module}
+    TopologicalSorter(graph).prepare()
 
 
-def test_no_module_imports_itself_by_way_of_others():
-    imports = {module_of(file): imported(file) for file in FILES}
-    for name, found in imports.items():
-        found |= {each.rpartition(".")[0] for each in found}
-        imports[name] = found & set(imports) - {name}
-    assert circles(imports) == []
+def test_a_file_of_the_paper_imports_only_those_before_it_and_the_simulated_joint_none(imports):
+    later = {f"replication.{name}": {*READ_IN_ORDER[k:]} for k, name in enumerate(READ_IN_ORDER)}
+    later |= {name: {*READ_IN_ORDER} - {"records"} for name in imports if ".simulator" in name}
+    for module, names in later.items():
+        found = {name.split(".")[1] for name in imports[module] if name.startswith("replication.")}
+        assert not found & names, module
 
 
-def test_importing_the_core_loads_no_room_beyond_it():
-    code = "import sys; from replication import records; print(*sys.modules, sep='\\n')"
+def test_a_module_loads_nothing_that_it_does_not_use():
+    code = "import sys\n" + "".join(f"import {name}; print(*sys.modules)\n" for name in KEPT_OUT)
     command = [sys.executable, "-c", code]
     loaded = subprocess.run(command, capture_output=True, text=True, check=True, cwd=ROOT).stdout
-    beyond = ("numba", "matplotlib", "backlash", "workbook", "studies")
-    assert not [name for name in loaded.splitlines() if name.startswith(beyond)]
+    for line, kept_out in zip(loaded.splitlines(), KEPT_OUT.values(), strict=True):
+        assert not set(line.split()) & set(kept_out)

@@ -1,7 +1,3 @@
-import os
-import subprocess
-import sys
-
 import numpy as np
 import pytest
 from hypothesis import given
@@ -13,6 +9,7 @@ from replication.records import constant_speed
 from replication.signature import Timing, rmse, signature, table1_box
 from replication.stopping import search
 from studies.replay.eigen import symmetric_eigen
+from tests.processors import printed
 
 TURN = Timing(0.2, 0.4, 12)
 X = np.array([-0.6, 0.0125, 15.0, 134.0, 100.0, 0.1515, 0.0125])
@@ -121,18 +118,11 @@ def test_a_record_that_cannot_be_fitted_is_one_clear_error(samples, speed, timin
         fold(0.002 * np.arange(samples), v, timing)
 
 
+@pytest.mark.slow  # all is compiled for another processor, 7 s
 def test_but_for_the_eigensolver_a_run_is_the_same_to_the_last_bit_with_the_kernels_of_other_processors():
-    code = "from tests.test_misfit import digest; print(digest())"
     other = {"OPENBLAS_CORETYPE": "Prescott", "NUMBA_CPU_NAME": "generic", "NUMBA_CPU_FEATURES": ""}
     other["NPY_DISABLE_CPU_FEATURES"] = "X86_V4 X86_V3"
-    found = subprocess.run(
-        [sys.executable, "-W", "ignore", "-c", code],
-        env=os.environ | other,
-        capture_output=True,
-        text=True,
-        check=True,
-    )
-    assert found.stdout.strip() == digest()
+    assert printed("from tests.test_misfit import digest; print(digest())", **other) == digest()
 
 
 def digest() -> str:

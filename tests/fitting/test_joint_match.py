@@ -1,13 +1,12 @@
 from dataclasses import replace
 
-import numpy as np
 import pytest
 
-from replication.records import from_sample, level_delta_rad
+from replication.records import level_delta_rad
 from replication.simulator.parameters import identified_joint
 from replication.simulator.recordings import simulate_recordings
 from replication.sources import load_clean
-from studies.joint_match import NUISANCES, add_nuisances, match_joint, simulate_turn
+from studies.joint_match import NUISANCES, add_nuisances, match_joint
 
 JOINT = identified_joint()
 
@@ -33,23 +32,10 @@ def test_an_unknown_friction_breaks_the_match_that_does_not_look_for_it():
     assert abs(match_joint(record, JOINT, ("start_angle",))["delta_rad"] - 9e-4) > 1e-4
 
 
-def test_dropped_samples_are_a_start_angle():
-    record = from_sample(simulate_recordings(JOINT, [9e-4])[0], 50)
-    found = match_joint(record, JOINT, ("start_angle",))
-    assert found["delta_rad"] == pytest.approx(9e-4, abs=1e-7)
-    assert found["start_angle"] == pytest.approx(50 / 200 * 2 * np.pi, abs=1e-5)
-
-
 def test_any_speed_and_sampling_are_matched_at_the_speed_that_was_commanded():
     fast = replace(JOINT, commanded_speed_rps=113.0)
     record = simulate_recordings(fast, [9e-4], sample_s=1e-3)[0]
     assert match_joint(record, fast)["delta_rad"] == pytest.approx(9e-4, abs=2e-7)
-
-
-def test_the_settled_turn_is_the_record_s_third():
-    record = simulate_recordings(JOINT, [9e-4])[0]
-    turn = simulate_turn(JOINT, 9e-4, 200)
-    assert turn == pytest.approx(record.v[400:600] - record.v[400:600].mean(), abs=1e-9)
 
 
 @pytest.mark.parametrize("level", [4, 8, 13])

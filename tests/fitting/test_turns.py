@@ -1,10 +1,16 @@
-"""Slopes of a settled turn."""
+"""A settled turn and its slopes."""
+
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
+from backlash.fitting.harmonics import turn_harmonics
+from backlash.fitting.joint_posterior import NAMES, SIZE, Problem
 from backlash.fitting.turns import COLUMNS, Movement, simulate_turns, turn_and_slopes
 from replication.simulator.parameters import identified_joint
+from replication.simulator.simulate import simulate
+from tests.logs import silent
 
 MOVEMENT = Movement(40.0, 0.4)
 SETTLED = 1e-7
@@ -14,26 +20,20 @@ STEP = {
 }  # fmt: skip
 
 
-def row(order: int, delta_rad: float) -> np.ndarray:
-    values = dict.fromkeys(COLUMNS, 0.0) | {
-        k: v for k, v in identified_joint().ratios.items() if k in COLUMNS
-    }
-    values |= {
-        "delta_rad": delta_rad,
-        "friction": 0.01,
-        "ripple_sine": 0.01,
-        "ripple_cosine": -0.005,
-    }
-    if order:
-        values |= {"error_sine_rad": 1e-5, "error_cosine_rad": -2e-5}
-    return np.array([values[name] for name in COLUMNS])
+DISTURBED = {"friction": 0.01, "ripple_sine": 0.01, "ripple_cosine": -0.005}
+ERROR = {"error_sine_rad": 1e-5, "error_cosine_rad": -2e-5}
+
+
+def row(delta_rad: float, **others: float) -> np.ndarray:
+    values = identified_joint().ratios | {"delta_rad": delta_rad} | others
+    return np.array([values.get(name, 0.0) for name in COLUMNS])
 
 
 @pytest.mark.parametrize(
     ("order", "differencing", "delta_rad"), [(0, True, 1e-3), (9, True, 4e-4), (8, False, 2e-3)]
 )
 def test_slopes_are_those_of_differences_of_settled_turns(order, differencing, delta_rad):
-    here = row(order, delta_rad)
+    here = row(delta_rad, **DISTURBED | (ERROR if order else {}))
     turn, _, slopes, _ = turn_and_slopes(here, MOVEMENT, order, differencing, SETTLED)
     assert turn == pytest.approx(
         simulate_turns(here[None], MOVEMENT, order, 8, differencing)[0], abs=2e-5
@@ -51,7 +51,7 @@ def test_slopes_are_those_of_differences_of_settled_turns(order, differencing, d
 
 
 def test_a_push_on_the_load_has_the_slope_of_its_difference():
-    here = row(9, 1e-3)
+    here = row(1e-3, **DISTURBED, **ERROR)
     angle = 2 * np.pi * np.arange(MOVEMENT.periods) / MOVEMENT.periods
     omega = 2 * np.pi / MOVEMENT.turn_period_s
     # A transmission error shakes the load with its second derivative; what it does to gravity besides is small.
@@ -62,9 +62,30 @@ def test_a_push_on_the_load_has_the_slope_of_its_difference():
 
 
 def test_a_joint_that_runs_away_has_no_turn_and_no_slopes():
-    wild = row(0, 1e-3)
+    wild = row(1e-3, **DISTURBED)
     wild[COLUMNS.index("integral_gain_per_s2")] *= 1e3
     assert np.isnan(simulate_turns(wild[None], MOVEMENT)).all()
     turn = turn_and_slopes(wild, MOVEMENT, 0, True, SETTLED)
     for part in (turn.motor_rps, turn.load_rad_per_s, turn.slopes):
         assert np.isnan(part).all()
+
+
+@pytest.mark.parametrize("delta_rad", [3e-4, 2e-3])
+def test_a_settled_turn_is_that_of_the_simulated_joint(delta_rad):
+    joint = replace(identified_joint(), start_angle_rad=0.0, lead_s=0.8, speed_by_differencing=True)
+    run = simulate(joint, delta_rad, duration_s=0.4, sample_s=5e-4, step_s=5e-5)
+    turn = simulate_turns(row(delta_rad)[None], MOVEMENT)[0]
+    assert np.abs(turn - (run.motor_speed_rps[:-1] - 100)).max() < 2e-3
+
+
+def test_a_weakly_damped_joint_is_simulated_until_it_rings_no_more():
+    weak = row(1e-3)[None]
+    weak[0, COLUMNS.index("speed_gain_per_s")] *= 0.7
+    z = np.zeros(SIZE)
+    z[0], z[NAMES.index("speed_gain_per_s")] = 10.0, np.log(0.7)
+    problem = Problem(turn_harmonics(silent()), MOVEMENT, 2e-3)
+    usual = problem.lead
+    problem.slopes(z)
+    last = simulate_turns(weak, MOVEMENT, lead=14)[0]
+    early, late = (simulate_turns(weak, MOVEMENT, lead=lead)[0] for lead in (usual, problem.lead))
+    assert np.abs(late - last).max() < 0.1 * np.abs(early - last).max()

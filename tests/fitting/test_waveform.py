@@ -14,7 +14,7 @@ from backlash.fitting.waveform import (
     mean_turn,
     periodic,
 )
-from replication.records import Recording, add_uniform_noise, from_sample, level_delta_rad
+from replication.records import Recording, add_uniform_noise, level_delta_rad
 from replication.sources import load_clean
 
 PERIOD_S = 0.4
@@ -47,15 +47,6 @@ def test_a_record_of_the_bank_itself_gives_its_backlash_and_phase_however_sample
     found = match(made(bank, delta, shift, dt, turns), bank)
     assert found.delta_rad == pytest.approx(delta, abs=1e-9)
     assert abs((found.shift_turns - shift + 0.5) % 1 - 0.5) < 1e-6
-
-
-def test_dropping_samples_at_the_beginning_moves_the_phase_and_not_the_backlash(bank):
-    whole = made(bank, 1.05e-3, noise=0.1)
-    late = replace(from_sample(whole, 50))
-    assert match(late, bank).delta_rad == pytest.approx(match(whole, bank).delta_rad, abs=2e-6)
-    assert (match(whole, bank).shift_turns - match(late, bank).shift_turns) % 1 == pytest.approx(
-        0.25, abs=1e-3
-    )
 
 
 @pytest.mark.slow

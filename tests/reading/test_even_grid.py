@@ -3,11 +3,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from backlash.examine import examine
 from backlash.reading.columns import LogFormat
 from backlash.reading.refusals import CannotTell, UnusableLog
-from backlash.settings import settings_for
-from replication.standins import draw_bench, encoder_log
 from tests.logs import TURN, noisy, opened
 
 
@@ -25,14 +22,6 @@ def test_only_the_holes_of_dropped_samples_are_filled(places):
     np.testing.assert_allclose(log.recording.v[kept], noisy().v[kept], rtol=1e-12)
     assert abs(log.recording.v[places] - noisy().v[places]).max() < 0.5
     assert log.notes == (f"missing samples filled from their neighbours: {len(places)}",)
-
-
-def test_rows_without_a_number_are_holes_too():
-    v = noisy().v.copy()
-    v[[500, 900]] = np.nan
-    log = opened(noisy().t, v)
-    assert np.isfinite(log.recording.v).all()
-    assert "left out 2 rows without time or speed [rps]" in log.notes
 
 
 @pytest.mark.parametrize("rate", [667.0, 300.0, 600.0])
@@ -129,28 +118,6 @@ def test_the_part_between_from_and_to_is_used():
         opened(noisy().t, noisy().v, replace(TURN, start_s=10.0))
     with pytest.raises(CannotTell, match="too short"):
         opened(noisy().t, noisy().v, replace(TURN, end_s=1.0))
-
-
-@pytest.mark.parametrize(
-    ("start_s", "end_s"), [(2.0, 1.0), (1.0, 1.0), (None, -1.0), (float("nan"), None)]
-)
-def test_an_end_that_is_not_after_the_start_is_refused(start_s, end_s):
-    with pytest.raises(
-        UnusableLog, match=r"--from .* --to .*: give seconds, the end after the start"
-    ):
-        LogFormat(turn_period_s=0.4, start_s=start_s, end_s=end_s)
-
-
-def test_a_spoilt_log_is_estimated_as_the_whole_one():
-    rng = np.random.default_rng([77, 0])
-    whole = encoder_log(draw_bench(rng), 9e-4, rng)
-    spoilt = without([400, 1100, 1101], whole.t + rng.uniform(-2e-4, 2e-4, whole.t.size), whole.v)
-    found = [
-        examine(opened(*log), settings_for(TURN)).estimate for log in ((whole.t, whole.v), spoilt)
-    ]
-    assert [estimate.verdict for estimate in found] == ["backlash", "backlash"]
-    low, high = found[0].backlash_interval_rad
-    assert abs(found[1].backlash_rad - found[0].backlash_rad) < 0.1 * (high - low)
 
 
 def drifting(speed_rps: float, rate_hz: float, seconds: float, delta_rad: float = 9e-4):

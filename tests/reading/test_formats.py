@@ -8,20 +8,12 @@ import pytest
 from backlash.reading import sources
 from backlash.reading.prepare import open_log
 from replication.records import Recording
-from tests.logs import TURN, noisy, read, refusal, text
+from tests.logs import TURN, noisy, refusal
 
 
 def assert_is_plain(record: Recording, atol: float = 1e-4):
     np.testing.assert_allclose(record.v, noisy().v, atol=atol)
     np.testing.assert_allclose(record.t, noisy().t, atol=1e-6)
-
-
-def test_a_compressed_text_is_read_and_a_broken_one_refused(tmp_path):
-    path = tmp_path / "log.csv.gz"
-    path.write_bytes(gzip.compress(text().encode()))
-    assert_is_plain(read(path))
-    path.write_bytes(path.read_bytes()[:-5000])
-    assert "cannot be read (Compressed file ended before" in refusal(path)
 
 
 def test_what_a_compressed_text_unpacks_to_is_bounded(tmp_path, monkeypatch):

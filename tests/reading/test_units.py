@@ -1,11 +1,10 @@
 from dataclasses import replace
 
 import numpy as np
-import pandas as pd
 import pytest
 
 from backlash.reading.refusals import UnusableLog
-from tests.logs import TURN, noisy, opened, refusal
+from tests.logs import TURN, noisy, opened
 
 PER_TURN = {"rps": 1.0, "rpm": 60.0, "rad/s": 2 * np.pi, "deg/s": 360.0}
 SPELLINGS = {
@@ -91,8 +90,3 @@ def test_a_speed_of_another_machine_is_read_if_its_unit_is_named(name, unit):
         notes_and_speed("speed", 60.0)
     with pytest.raises(UnusableLog, match="is the speed in rpm"):
         notes_and_speed("speed [rps]", 60.0, replace(TURN, commanded_speed_rps=100.0))
-
-
-def test_an_unknown_unit_of_the_time_is_an_error():
-    frame = pd.DataFrame({"time [ticks]": noisy().t, "speed": noisy().v})
-    assert "unit 'counts' of 'time [ticks]' is not known; there are s, sec" in refusal(frame)

@@ -28,7 +28,7 @@ def reading(method, value, half_width=0.0):
     return Reading(value, (value - half_width, value + half_width), 1.0, (0.9, 1.1))
 
 
-@pytest.mark.parametrize("method", ["amplitude", "energy", "waveform", "impact"])
+@pytest.mark.parametrize("method", ["energy", "waveform", "impact"])
 def test_a_calibration_reads_its_own_logs_back_and_brackets_one_that_it_never_saw(records, method):
     calibration = fit_calibration(records, LEVELS_RAD, method)
     for record, delta in zip(records, LEVELS_RAD, strict=True):
@@ -92,12 +92,6 @@ def test_the_interval_holds_the_backlash_and_is_no_narrower_than_the_calibration
     assert high - low >= 2 * 1.96 * calibration.uncertainty_rad * (1 - 1e-12)
 
 
-def test_logs_of_one_backlash_under_two_names_are_refused_as_not_monotonic(records):
-    for method in ("energy", "waveform"):
-        with pytest.raises(ValueError, match=r"grow|order"):
-            fit_calibration(records, [4e-4, 6e-4, 14e-4, 12e-4, 10e-4, 8e-4, 16e-4, 18e-4], method)
-
-
 @pytest.mark.parametrize(
     ("deltas", "words"),
     [
@@ -105,11 +99,13 @@ def test_logs_of_one_backlash_under_two_names_are_refused_as_not_monotonic(recor
         ([*LEVELS_RAD[1:], np.nan], "finite"),
         ([*LEVELS_RAD[1:], -1e-4], "negative"),
         ([1e-4, 2e-4], "each log needs"),
+        (np.take(LEVELS_RAD, [0, 1, 5, 4, 3, 2, 6, 7]), r"grow|order"),
     ],
 )
 def test_unusable_backlashes_are_refused(records, deltas, words):
-    with pytest.raises(ValueError, match=words):
-        fit_calibration(records, deltas, "energy")
+    for method in ("energy", "waveform"):
+        with pytest.raises(ValueError, match=words):
+            fit_calibration(records, deltas, method)
 
 
 def test_a_calibration_that_says_hardly_more_than_its_range_is_refused(records):
@@ -128,15 +124,11 @@ def broken(**changes):
     [
         "",
         "[]",
-        "no json",
         broken(method="guess"),
-        broken(method="waveform"),
         broken(coefficients=None),
-        broken(coefficients=[1.0]),
         broken(coefficients=["a", "b"]),
         broken(coefficients=[1.0, float("nan")]),
         broken(range_rad=[2e-3, 1e-3]),
-        broken(range_rad=[]),
         broken(uncertainty_rad=-1),
         broken(turn_period_s=0),
         broken(waveforms={"delta_rad": [1, 2], "waveform_rps": [[1], [2]]}),
@@ -145,7 +137,6 @@ def broken(**changes):
             coefficients=[],
             waveforms={"delta_rad": [1] * 5, "waveform_rps": [[1.0, 2.0]] * 5},
         ),
-        broken(method="waveform", coefficients=[], waveforms={"delta_rad": 3, "waveform_rps": 4}),
     ],
 )
 def test_a_broken_calibration_file_is_refused_with_one_line(text):

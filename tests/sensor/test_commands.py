@@ -45,17 +45,24 @@ def refused(capsys, folder, *arguments):
 # estimate
 
 
-def test_json_is_an_array_with_an_object_of_the_documented_keys_for_each_log(log, tmp_path, capsys):
+def test_json_has_an_object_of_the_documented_keys_for_each_log_with_the_play_and_the_origin(
+    log, tmp_path, capsys
+):
     write(noisy(0.0), tmp_path / "healthy.csv")
-    status, out, _ = ran(
-        capsys, "estimate", log, tmp_path / "healthy.csv", f"{TURN} --json --jobs 1"
-    )
+    how = f"{TURN} --method energy --jobs 1"
+    status, out, _ = ran(capsys, "estimate", log, tmp_path / "healthy.csv", how, "--json")
     rows = json.loads(out)
     assert status == 0
     assert [list(row) for row in rows] == [ANSWER_KEYS, ANSWER_KEYS]
     assert [row["verdict"] for row in rows] == ["backlash", "no backlash"]
-    status, out, _ = ran(capsys, "estimate", log, f"{TURN} --json")
-    assert json.loads(out) == rows[:1]
+    row = rows[0]
+    assert row["total_play_rad"] == 2 * row["backlash_rad"]
+    assert row["total_play_interval_rad"] == [2 * end for end in row["backlash_interval_rad"]]
+    assert row["sha256"] == hashlib.sha256(log.read_bytes()).hexdigest()
+    assert row["calibration"] == default_calibration("energy").provenance
+    assert row["version"] == backlash.__version__
+    lines = ran(capsys, "estimate", tmp_path, how, "--jsonl")[1].splitlines()
+    assert sorted(map(json.loads, lines), key=rows.index) == rows
 
 
 def test_every_option_of_a_log_reaches_its_reader(tmp_path, capsys):
@@ -65,7 +72,7 @@ def test_every_option_of_a_log_reaches_its_reader(tmp_path, capsys):
     frame.to_csv(tmp_path / "log.csv", index=False)
     position = "--position b --unit counts --counts-per-turn 65536 --commanded-speed 100"
     for given in (position, "--speed c --unit rpm"):
-        how = f"--json --gear-ratio 40 --time a {given}"
+        how = f"--json --method energy --gear-ratio 40 --time a {given}"
         status, out, _ = ran(capsys, "estimate", tmp_path / "log.csv", how)
         assert status == 0
         assert json.loads(out)[0]["amplitude_rps"] == pytest.approx(0.58, abs=0.02)
@@ -83,26 +90,6 @@ def test_a_plot_is_written_and_the_same_twice(ending, log, tmp_path, capsys):
     assert not list(tmp_path.glob(".*"))
 
 
-def test_a_folder_becomes_a_table_with_a_row_for_each_log(log, tmp_path, capsys):
-    (tmp_path / "empty.csv").write_text("", "utf-8")
-    table = tmp_path / "out" / "table.csv"
-    table.parent.mkdir()
-    status, _, err = ran(capsys, "estimate", tmp_path, f"{TURN} --out", table)
-    found = pd.read_csv(table)
-    assert status == 0
-    assert "1 of 2 logs are not usable" in err
-    assert found["verdict"].tolist() == ["cannot tell", "backlash"]
-    assert "the file is empty" in found["reason"][0]
-    assert list(table.parent.iterdir()) == [table]
-
-
-def test_programs_get_a_row_for_each_log_though_none_is_usable(tmp_path, capsys):
-    logs = tmp_path / "none.csv", tmp_path / "loop.csv"
-    logs[1].symlink_to(logs[1])
-    status, out, _ = ran(capsys, "estimate", *logs, f"{TURN} --json")
-    assert (status, [row["file"] for row in json.loads(out)]) == (2, [str(log) for log in logs])
-
-
 def test_no_terminal_or_spreadsheet_obeys_the_name_of_a_file(log, tmp_path, capsys, monkeypatch):
     monkeypatch.chdir(tmp_path)
     names = [f"{first}2024-03-0{k}.csv" for k, first in enumerate("=\x1b\udcff", 1)]
@@ -116,15 +103,16 @@ def test_no_terminal_or_spreadsheet_obeys_the_name_of_a_file(log, tmp_path, caps
     assert out.replace("\n", "").isprintable()
 
 
+def test_programs_get_a_row_for_each_log_though_none_is_usable(tmp_path, capsys):
+    logs = tmp_path / "none.csv", tmp_path / "loop.csv"
+    logs[1].symlink_to(logs[1])
+    status, out, _ = ran(capsys, "estimate", *logs, f"{TURN} --json")
+    assert (status, [row["file"] for row in json.loads(out)]) == (2, [str(log) for log in logs])
+
+
 @pytest.mark.parametrize(
     ("fail_on", "status"),
-    [
-        ("backlash", 3),
-        ("cannot-tell, backlash > 0.8mrad", 3),
-        ("backlash>0.0008rad", 3),
-        ("cannot-tell,no-backlash", 0),
-        ("backlash>1.0mrad", 0),
-    ],
+    [("backlash", 3), ("cannot-tell, backlash > 0.8mrad", 3), ("backlash>1.0mrad", 0)],
 )
 def test_a_script_is_told_by_the_exit_status_of_a_log_that_it_must_not_pass(
     fail_on, status, log, capsys
@@ -160,15 +148,6 @@ def test_each_log_of_a_table_is_read_by_its_own_row_and_else_by_the_options(tmp_
     assert "no rows" in refused(capsys, tmp_path, "estimate --batch", batch)
 
 
-def test_the_play_and_where_the_answer_comes_from_are_in_the_json(log, capsys):
-    row = json.loads(ran(capsys, "estimate", log, f"{TURN} --method energy --json")[1])[0]
-    assert row["total_play_rad"] == 2 * row["backlash_rad"]
-    assert row["total_play_interval_rad"] == [2 * end for end in row["backlash_interval_rad"]]
-    assert row["sha256"] == hashlib.sha256(log.read_bytes()).hexdigest()
-    assert row["calibration"] == default_calibration("energy").provenance
-    assert row["version"] == backlash.__version__
-
-
 def test_a_defect_is_one_line_that_says_where(log, capsys, monkeypatch):
     monkeypatch.setattr(commands, "examine", lambda *_: 1 / 0)
     status, out, err = ran(capsys, "estimate", log, TURN)
@@ -185,15 +164,11 @@ def test_a_defect_is_one_line_that_says_where(log, capsys, monkeypatch):
     [
         ("estimate LOG", "--turn-period (in s) or --gear-ratio"),
         ("estimate LOG --turn-period soon", "invalid float value"),
-        ("estimate LOG --turn-period -1", "above 0"),
-        ("estimate LOG --turn-period 0.4 --method magic", "invalid choice"),
         ("estimate LOG --turn-period 0.4 --unit rpm", "says rps, --unit says rpm"),
-        ("estimate LOG --turn-period 0.4 --speed x", "no column 'x'"),
         ("estimate LOG --turn-period 0.4 --plot FOLDER/plot.gif", "must end in"),
         ("estimate LOG --turn-period 0.4 --plot FOLDER/missing/plot.png", "cannot be written"),
         ("estimate LOG --turn-period 0.4 --out FOLDER/table.xlsx", "must end in"),
         ("estimate LOG LOG2 --turn-period 0.4 --plot FOLDER/plot.png", "it shows one"),
-        ("estimate EMPTY --turn-period 0.4 --plot FOLDER/plot.png", "the file is empty"),
         ("estimate EMPTY --turn-period 0.4 --out FOLDER/table.csv", "the file is empty"),
         (
             "estimate EMPTY EMPTY2 --turn-period 0.4 --out FOLDER/table.csv",
@@ -202,20 +177,14 @@ def test_a_defect_is_one_line_that_says_where(log, capsys, monkeypatch):
         ("estimate FOLDER/void --turn-period 0.4", "no logs in this folder"),
         ("estimate FOLDER/missing.csv --turn-period 0.4", "no such file"),
         ("estimate LOG --turn-period 0.4 --calibration LOG", "not a calibration file"),
-        ("estimate LOG --turn-period 0.4 --calibration FOLDER", "a folder where a file is"),
         ("calibrate LOG --turn-period 0.4 --out FOLDER/c.json", "columns log and backlash_rad"),
-        ("calibrate FOLDER/missing.csv --turn-period 0.4 --out FOLDER/c.json", "no such file"),
         ("trend LOG --turn-period 0.4", "no date in its name"),
-        ("trend LOG --turn-period 0.4 --dates LOG", "columns file and date"),
         ("trend LOG --turn-period 0.4 --dates DATES --limit 0.5", "at most 0.1 [rad]"),
         ("estimate LOG LOG2 --turn-period 0.4 --jobs 0", "--jobs 0: give -1 or a number above 0"),
-        ("nonsense", "invalid choice"),
         ("estimate", "give logs, or --batch"),
-        ("estimate LOG --turn-period 0.4 --batch LOG", "give logs, or --batch"),
         ("estimate --batch LOG --turn-period 0.4", "no table with the columns file"),
         ("estimate LOG - --turn-period 0.4", "goes alone"),
         ("estimate LOG --turn-period 0.4 --fail-on backlash>0.5", "--fail-on 'backlash>0.5': give"),
-        ("estimate LOG --turn-period 0.4 --fail-on cannot-tell,", "--fail-on '': give"),
         (
             "estimate LOG --turn-period 0.4 --fail-on no-backlash>1mrad",
             "--fail-on 'no-backlash>1mrad': give",
@@ -255,17 +224,14 @@ def calibration_table(folder, levels, method_noise=0.1):
 LEVELS = np.linspace(4e-4, 20e-4, 8)
 
 
-@pytest.mark.parametrize("method", ["energy", "waveform"])
+@pytest.mark.parametrize("method", ["energy", pytest.param("waveform", marks=pytest.mark.slow)])
 def test_a_calibration_goes_round_from_logs_to_a_file_to_an_estimate(method, tmp_path, capsys):
     table, made = calibration_table(tmp_path, LEVELS), tmp_path / "joint.json"
     status, out, _ = ran(capsys, "calibrate", table, f"{TURN} --method", method, "--out", made)
     assert status == 0
     assert "0.400 to 2.000 mrad" in out
     content = json.loads(made.read_text("utf-8"))
-    assert content["method"] == method
-    assert content["unit"] == "rad"
-    assert content["range_rad"] == [4e-4, 20e-4]
-    assert content["uncertainty_rad"] > 0
+    assert (content["method"], content["range_rad"]) == (method, [4e-4, 20e-4])
     assert "8 logs, SHA-256" in content["provenance"]
     log = write(noisy(11e-4, seed=3), tmp_path / "new.csv")
     status, out, _ = ran(capsys, "estimate", log, f"{TURN} --calibration", made, "--json")
@@ -284,9 +250,6 @@ def test_a_calibration_from_a_log_that_is_no_use_names_it(tmp_path, capsys):
     write(short, tmp_path / "known3.csv")
     line = refused(capsys, tmp_path, "calibrate", table, f"{TURN} --out", tmp_path / "c.json")
     assert "known3.csv: no use for a calibration: too short" in line
-    (tmp_path / "known3.csv").unlink()
-    line = refused(capsys, tmp_path, "calibrate", table, f"{TURN} --out", tmp_path / "c.json")
-    assert "known3.csv: no such file" in line
 
 
 # ---------------------------------------------------------------------------------------------------------------
@@ -355,26 +318,6 @@ def test_an_output_never_overwrites_a_file_that_is_not_its_own(log, tmp_path, ca
         capsys, tmp_path, "calibrate", other, f"{TURN} --out", write(silent(), tmp_path / "a.json")
     )
     assert log.read_bytes() == before
-
-
-def test_lines_of_json_come_as_logs_are_answered(log, tmp_path, capsys):
-    (tmp_path / "empty.csv").write_text("", "utf-8")
-    status, out, _ = ran(capsys, "estimate", tmp_path, f"{TURN} --method energy --jsonl --jobs 1")
-    rows = [json.loads(line) for line in out.splitlines()]
-    assert (status, {row["verdict"] for row in rows}) == (0, {"cannot tell", "backlash"})
-    assert [list(row) for row in rows] == [ANSWER_KEYS, ANSWER_KEYS]
-
-
-def test_of_64_rows_one_that_cannot_be_costs_its_own_answer_only(log, tmp_path, capsys):
-    batch, out = tmp_path / "batch.csv", tmp_path / "out.csv"
-    batch.write_text(
-        "file,turn_period_s,inertia_ratio\n" + "log.csv,0.4,\n" * 63 + "log.csv,0.4,much\n", "utf-8"
-    )
-    status, _, err = ran(capsys, "estimate --batch", batch, "--method energy --jobs 1 --out", out)
-    found = pd.read_csv(out)
-    assert (status, "1 of 64 logs" in err) == (0, True)
-    assert (found["verdict"] == "backlash").sum() == 63
-    assert f"{batch}, log.csv: " in found["reason"].iloc[-1]
 
 
 @pytest.mark.slow

@@ -6,18 +6,17 @@ from scipy.signal import lfilter
 from scipy.stats import binom
 
 from backlash.detection.pattern import (
-    FALSE_ALARMS,
     POWER,
     band_energy,
     detect_pattern,
     explained_share,
     find_pattern,
-    own_period,
 )
+from backlash.detection.period import FALSE_ALARMS, own_period
 from backlash.reading.columns import LogFormat
 from backlash.reading.prepare import Log
 from backlash.reading.refusals import CannotTell
-from replication.records import Recording, add_uniform_noise
+from replication.records import Recording
 from replication.signature import Timing, signature
 from replication.standins import Spread, draw_bench, encoder_log
 from tests.logs import clean, noisy, silent
@@ -25,12 +24,6 @@ from tests.logs import clean, noisy, silent
 T = clean().t
 TRIALS = 100
 MOST_ALARMS = int(binom.ppf(0.999, TRIALS, FALSE_ALARMS))
-
-
-def typical_half_turn(recording: Recording):
-    """Half a turn of an oscillation of amplitude 1 rps, like those of the authors' records, at a record's sampling."""
-    since = np.arange(0.0, recording.turn_period_s / 2 - 1e-6, recording.sample_s)
-    return np.exp(-15.0 * since) * np.sin(134.0 * since)
 
 
 def filtered(poles, rng):
@@ -99,10 +92,8 @@ def test_four_turns_are_enough_for_a_clear_pattern_and_three_are_not():
     assert not cut(3)
 
 
-@pytest.mark.parametrize(
-    "given", [0.05, 0.1, 0.2, 0.3, 0.391, 0.408, 0.44, 0.5, 0.6, 0.8, 1.2, 2.0, 3.0]
-)
-@pytest.mark.parametrize("delta", [3e-4, 9e-4, 20e-4])
+@pytest.mark.parametrize("given", [0.05, 0.2, 0.3, 0.391, 0.408, 0.5, 0.8, 3.0])
+@pytest.mark.parametrize("delta", [3e-4, 20e-4])
 def test_the_records_own_period_is_found_from_a_wrong_one(given, delta):
     for record in (clean(delta), noisy(delta)):
         assert own_period(replace(record, turn_period_s=given)) == pytest.approx(0.4, rel=1e-3)
@@ -130,11 +121,7 @@ def test_a_turn_without_room_for_an_oscillation_is_told_apart():
 
 
 def test_what_noise_hides_grows_with_the_noise():
-    def hidden(noise):
-        record = add_uniform_noise(silent(1e-9), noise, np.random.default_rng(1))
-        return find_pattern(record).detectable_rps2 / band_energy(typical_half_turn(record), record)
-
-    quiet, loud = hidden(0.1), hidden(0.2)
+    quiet, loud = (find_pattern(silent(noise)).detectable_rps2 for noise in (0.1, 0.2))
     assert loud == pytest.approx(4 * quiet, rel=1e-3)
 
 

@@ -84,17 +84,6 @@ def test_without_a_calibration_the_log_tells_its_joint(tmp_path):
     assert low < 9e-4 < high < low + 2e-4
 
 
-@pytest.mark.slow
-def test_intervals_without_a_calibration_hold_the_truth(tmp_path):
-    held = 0
-    for seed in range(1, 7):
-        found = examine(write(noisy(seed=seed), tmp_path / "log.csv"), settings_for(TURN)).estimate
-        low, high = found.backlash_interval_rad
-        assert high - low < 2e-4
-        held += low < 9e-4 < high
-    assert held >= 4  # of six, fewer hold once in 500 if each does 19 times in 20
-
-
 def test_another_joint_by_the_papers_calibration_has_an_interval_with_the_spread_of_joints():
     found = answer(noisy(), method="energy")
     low, high = found.backlash_interval_rad
@@ -188,7 +177,7 @@ def test_no_backlash_is_never_said_of_the_least_backlash_of_the_calibration(meth
 # Cannot tell
 
 
-@pytest.mark.parametrize("gear_ratio", [10, 20, 30, 39, 40.8, 41, 50, 60, 80, 120])
+@pytest.mark.parametrize("gear_ratio", [10, 20, 39, 40.8, 50, 120])
 def test_a_wrong_gear_ratio_is_seen_in_the_record(gear_ratio):
     for record in (clean(), noisy()):
         wrong = replace(record, turn_period_s=0.01 * gear_ratio)
@@ -212,7 +201,7 @@ def test_a_slightly_wrong_period_is_replaced_by_the_records_own_and_said():
 
 
 @pytest.mark.parametrize("method", ["paper", "amplitude", "energy"])
-@pytest.mark.parametrize("delta", [1e-4, 2e-4, 40e-4, 60e-4, 80e-4])
+@pytest.mark.parametrize("delta", [1e-4, 40e-4, 80e-4])
 def test_backlash_outside_the_calibration_is_not_extrapolated(method, delta):
     found = answer(noisy(delta, 0.02), method=method)
     assert found.verdict == "cannot tell"
@@ -223,7 +212,7 @@ def test_backlash_outside_the_calibration_is_not_extrapolated(method, delta):
 def test_an_amplitude_far_beyond_the_cubic_is_not_read_where_the_cubic_comes_down_again():
     record = clean(20e-4)
     calibration = default_calibration("paper")
-    for factor in (2, 3, 4, 5):
+    for factor in (2, 5):
         loud = replace(record, v=100 + factor * (record.v - 100))
         assert answer(loud, method="paper").verdict == "cannot tell"
     assert (
@@ -282,47 +271,46 @@ def test_waveforms_calibrated_with_the_friction_measure_with_it():
 
 
 # ---------------------------------------------------------------------------------------------------------------
-# Calibration by the user
-
-
-# ---------------------------------------------------------------------------------------------------------------
 # Anything at all
 
 
+TABLES = {
+    "record": [noisy(), clean(0.0), silent(0.3), noisy(3e-4), noisy(40e-4)],
+    "size": [0, 1, 2, 3, 10, 250, 900, 2401],
+    "scale": [1.0, -1.0, 60.0, 1 / 60, 0.0, 1e-12, 1e12],
+    "offset": [0.0, -100.0, 1e3],
+    "noise": [0.0, 5.0],
+    "clock": [1.0, 1000.0, 1e-3, 0.5, 0.0, -1.0],
+    "odd": [None, np.nan, np.inf, 1e300, 0.0, 100.0],
+    "jitter": [0.0, 0.0, 0.0, 1e-9, 1e-4, 1e-2],
+    "names": [("time", "speed"), ("t [ms]", "position"), ("1", "2"), ("a", "b")],
+    "method": ["amplitude", "energy", "waveform"],
+}
+FORMS = {
+    "unit": [None, "rps", "rpm", "rad/s", "counts"],
+    "counts_per_turn": [None, 4096.0],
+    "commanded_speed_rps": [None, 100.0, 1e-6],
+    "turn_period_s": [0.4, 0.4 / 3, 1e-9, 5.0],
+    "gear_ratio": [None, 40.0, 1e9],
+}
+
+
+def one_of_each(choices):
+    return st.fixed_dictionaries({name: st.sampled_from(some) for name, some in choices.items()})
+
+
 @settings(max_examples=60, deadline=None)
-@given(data=st.data())
-def test_whatever_the_table_there_is_an_answer_or_a_refusal_and_never_a_nan(data):
-    draw = data.draw
-    seed = draw(st.integers(0, 10**6))
-    rng = np.random.default_rng(seed)
-    record: Recording = draw(
-        st.sampled_from([noisy(), clean(0.0), silent(0.3), noisy(3e-4), noisy(40e-4)])
-    )
-    size = draw(st.sampled_from([0, 1, 2, 3, 10, 250, 900, 2401]))
-    t, v = record.t[:size].copy(), record.v[:size].copy()
-    v = draw(st.sampled_from([1.0, -1.0, 60.0, 1 / 60, 0.0, 1e-12, 1e12])) * v
-    v += draw(st.sampled_from([0.0, -100.0, 1e3])) + draw(
-        st.sampled_from([0.0, 5.0])
-    ) * rng.standard_normal(size)
-    t *= draw(st.sampled_from([1.0, 1000.0, 1e-3, 0.5, 0.0, -1.0]))
-    if draw(st.booleans()) and size:
-        where = rng.integers(0, size, 3)
-        v[where] = draw(st.sampled_from([np.nan, np.inf, 1e300, 0.0, 100.0]))
-    if draw(st.booleans()):
-        t += rng.uniform(-1, 1, size) * draw(st.sampled_from([1e-9, 1e-4, 1e-2]))
-    columns = draw(
-        st.sampled_from([("time", "speed"), ("t [ms]", "position"), ("1", "2"), ("a", "b")])
-    )
-    frame = pd.DataFrame(dict(zip(columns, (t, v), strict=True)))
-    form = LogFormat(
-        unit=draw(st.sampled_from([None, "rps", "rpm", "rad/s", "counts"])),
-        counts_per_turn=draw(st.sampled_from([None, 4096.0])),
-        commanded_speed_rps=draw(st.sampled_from([None, 100.0, 1e-6])),
-        turn_period_s=draw(st.sampled_from([0.4, 0.4 / 3, 1e-9, 5.0])),
-        gear_ratio=draw(st.sampled_from([None, 40.0, 1e9])),
-    )
-    method = draw(st.sampled_from(["amplitude", "energy", "waveform"]))
-    options = settings_for(form, method=method)
+@given(seed=st.integers(0, 10**6), made=one_of_each(TABLES), form=one_of_each(FORMS))
+def test_whatever_the_table_there_is_an_answer_or_a_refusal_and_never_a_nan(seed, made, form):
+    rng, size = np.random.default_rng(seed), made["size"]
+    record: Recording = made["record"]
+    v = made["scale"] * record.v[:size] + made["offset"]
+    v += made["noise"] * rng.standard_normal(size)
+    t = made["clock"] * record.t[:size] + made["jitter"] * rng.uniform(-1, 1, size)
+    if made["odd"] is not None and size:
+        v[rng.integers(0, size, 3)] = made["odd"]
+    frame = pd.DataFrame(dict(zip(made["names"], (t, v), strict=True)))
+    options = settings_for(LogFormat(**form), method=made["method"])
     try:
         check(examine(frame, options).estimate)
     except UnusableLog as error:

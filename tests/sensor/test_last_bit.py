@@ -5,7 +5,7 @@ import pandas as pd
 import pytest
 
 import backlash
-from backlash.fitting import METHODS, SELF, TORQUE
+from backlash.fitting import METHODS, SELF
 from tests.logs import noisy
 from tests.sensor.test_strokes import strokes
 from tests.sensor.test_torque_logs import logged
@@ -43,8 +43,11 @@ def test_rounding_does_not_move_an_answer_by_the_speed(method, deltas):
         assert movement(values, method=method, turn_period_s=0.4, repeats=2) < 0.01
 
 
-@pytest.mark.parametrize("deltas", [FEW, MANY])
-@pytest.mark.parametrize("draw", [logged, strokes], ids=[TORQUE, "strokes"])
+# Of strokes, test_strokes.py has one that is not slow.
+@pytest.mark.parametrize(
+    ("draw", "deltas"),
+    [(logged, DELTAS[1:2]), pytest.param(strokes, DELTAS, marks=pytest.mark.slow)],
+)
 def test_rounding_does_not_move_an_answer_by_the_torque(draw, deltas):
     for delta in deltas:
         frame, known = draw(3, delta)

@@ -1,19 +1,16 @@
 """What a plant, or somebody hostile, can hand to the sensor: one line, little time and memory, nothing left behind."""
 
 import gzip
-import json
 import os
 import resource
 import subprocess
 import sys
-import zipfile
 from pathlib import Path
 
 import numpy as np
-import pandas as pd
 import pytest
 
-from tests.logs import command, noisy, text, write
+from tests.logs import command, noisy, rewritten, text, write
 
 CPU_S = 20
 MEMORY_KB = 2**20
@@ -58,20 +55,9 @@ def ran(folder: Path, *words, stdin=subprocess.DEVNULL) -> tuple[int, str, str]:
         (folder / name).unlink()
     assert used.ru_utime + used.ru_stime < CPU_S
     assert used.ru_maxrss < MEMORY_KB
+    assert "Warning" not in printed[1]
     assert {path: path.stat().st_mtime_ns for path in folder.rglob("*")} == before
     return process.returncode, *printed
-
-
-def workbook(folder: Path, changed: dict[str, bytes] | None = None) -> Path:
-    """A workbook with parts replaced or added."""
-    plain, path = folder / "plain.xlsx", folder / "log.xlsx"
-    pd.DataFrame({"time": noisy().t, "speed": noisy().v}).iloc[:50].to_excel(plain, index=False)
-    with zipfile.ZipFile(plain) as old, zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as new:
-        parts = {name: old.read(name) for name in old.namelist()} | (changed or {})
-        for name, content in parts.items():
-            new.writestr(name, content)
-    plain.unlink()
-    return path
 
 
 def sheet(rows: bytes) -> bytes:
@@ -140,19 +126,9 @@ def known(folder: Path, backlash: str) -> Path:
     return file(folder, f"log,backlash_rad\nlog.csv,{backlash}\n", "known.csv")
 
 
-def nested(folder: Path) -> Path:
-    return file(folder, "[" * 100_000, "c.json")
-
-
 def huge_number(folder: Path) -> Path:
-    return file(
-        folder,
-        json.dumps({"method": "energy", "range_rad": [0, 1]})[:-1]
-        + ', "uncertainty_rad": '
-        + "9" * 400
-        + "}",
-        "c.json",
-    )
+    start = '{"method": "energy", "range_rad": [0, 1], "uncertainty_rad": '
+    return file(folder, start + "9" * 400 + "}", "c.json")
 
 
 # What is handed over, as words of a command, and a part of the line with which it is refused.
@@ -169,26 +145,26 @@ HOSTILE = {
         lambda f: [file(f, "t," + "a [" * 20_000 + "\n" + "1,2\n" * 9)], "",
     ),
     "styles of 15 million entries": (
-        lambda f: [workbook(f, {"xl/styles.xml": STYLES + b"<xf/>" * 15_000_000})],
+        lambda f: [rewritten(f / "log.xlsx", {"xl/styles.xml": STYLES + b"<xf/>" * 15_000_000})],
         "xl/styles.xml unpacks to 72 MiB, above 4",
     ),
     "names of 15 million entries": (
-        lambda f: [workbook(f, {"xl/workbook.xml": b"<a/>" * 15_000_000})],
+        lambda f: [rewritten(f / "log.xlsx", {"xl/workbook.xml": b"<a/>" * 15_000_000})],
         "xl/workbook.xml unpacks to 57 MiB, above 4",
     ),
     "a row of 20 million cells": (
-        lambda f: [workbook(f, {SHEET: sheet(b"<row>" + b"<c/>" * 20_000_000 + b"</row>")})],
+        lambda f: [rewritten(f / "log.xlsx", {SHEET: sheet(b"<row>" + b"<c/>" * 20_000_000 + b"</row>")})],
         "more than 2,500,000 cells",
     ),
     "a sheet in another folder": (
-        lambda f: [workbook(f, {
+        lambda f: [rewritten(f / "log.xlsx", {
             "xl/_rels/workbook.xml.rels": ELSEWHERE,
             "xl/media/a.xml": sheet(b"<row/>" * 15_000_000),
         })],
         "more than 2,000,000 rows",
     ),
     "a sheet in UTF-16": (
-        lambda f: [workbook(f, {SHEET: sheet(b"<row/>" * 5_000_000).decode().encode("utf-16")})],
+        lambda f: [rewritten(f / "log.xlsx", {SHEET: sheet(b"<row/>" * 5_000_000).decode().encode("utf-16")})],
         "its sheet is in UTF-16",
     ),
     "64 columns of 2 million rows": (lambda f: [parquet(f, "wide")], "export time and speed alone"),
@@ -201,6 +177,7 @@ HOSTILE = {
         lambda f: [file(f, scaled(1e-300))], "samples a second: are the stamps in s?",
     ),
     "speeds of 1e-298": (lambda f: [file(f, scaled(1.0, rps=1e-300))], ""),
+    "speeds that overflow": (lambda f: [file(f, text().replace("100.", "1e39", 3))], ""),
     "a pipe without an end as a log": (lambda f: [fifo(f)], "nothing came out of it"),
     "an endless device": (lambda f: ["/dev/zero"], "more than the 64 MiB"),
     "a table on a pipe": (lambda f: ["--batch", fifo(f)], "nothing came out of it"),
@@ -209,7 +186,7 @@ HOSTILE = {
     "a packed table": (lambda f: ["--batch", bomb(f)], "more than the 64 MiB"),
     "a calibration on a pipe": (lambda f: [log(f), "--calibration", fifo(f)], "nothing came out"),
     "a sparse calibration": (lambda f: [log(f), "--calibration", sparse(f)], "more than the 16"),
-    "a calibration in brackets": (lambda f: [log(f), "--calibration", nested(f)], "not a calib"),
+    "a calibration in brackets": (lambda f: [log(f), "--calibration", file(f, "[" * 100_000, "c.json")], "not a calib"),
     "a calibration of 400 digits": (
         lambda f: [log(f), "--calibration", huge_number(f)], "not a calibration file",
     ),
@@ -221,10 +198,8 @@ HOSTILE = {
     "a name of 300 characters": (lambda f: ["x" * 300 + ".csv"], "check"),
     "an output of 300 characters": (lambda f: [log(f), "--out", "x" * 300 + ".csv"], "check"),
 }  # fmt: skip
-QUICK = (
-    "rows of 200,000 fields", "a field of 60,000 digits", "nanoseconds that are seconds",
-    "a table on a pipe", "a calibration in brackets", "a known backlash with its unit",
-)  # fmt: skip
+# One of each way in: each is a process, which takes a second to start.
+QUICK = ("rows of 200,000 fields", "a table on a pipe", "a calibration in brackets")
 
 
 @pytest.mark.parametrize(
@@ -274,9 +249,3 @@ def test_a_link_that_was_planted_is_not_written_through(tmp_path):
     (tmp_path / "out.csv.kept").unlink()
     assert command("estimate", log(tmp_path), *TURN, "--out", tmp_path / "out.csv") == 0
     assert victim.read_text() == "mine"
-
-
-def test_warnings_of_libraries_do_not_reach_the_terminal(tmp_path):
-    path = file(tmp_path, text().replace("100.", "1e39,"[:-1], 3))
-    _, _, err = ran(tmp_path, "estimate", path, *TURN)
-    assert "Warning" not in err

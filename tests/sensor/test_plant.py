@@ -76,6 +76,7 @@ def test_answers_become_a_trend_for_each_joint(dated, tmp_path):
     assert str(few["A1"]) == "2 dates with an estimate; a trend needs 3 or more"
 
 
+@pytest.mark.slow
 def test_a_backend_that_gives_lists_only_is_enough():
     logs = [table(noisy(seed=k)) for k in range(3)]
     with joblib.parallel_config(backend="multiprocessing"):

@@ -13,19 +13,17 @@ import pytest
 from backlash import fleet
 from backlash.reading.columns import LogFormat
 from backlash.settings import settings_for
-from tests.logs import command, noisy, write
+from tests.logs import command, noisy, text, write
 from workbook import ROOT
 
 PIPES = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
 
 
-def started(*arguments, **how):
+def started(*arguments):
     """A process of the command line that leads a group, as it does at a terminal."""
     command = [sys.executable, "-m", "backlash", *map(str, arguments)]
     environment = os.environ | {"PYTHONPATH": str(ROOT)}
-    return subprocess.Popen(
-        command, cwd=ROOT, env=environment, start_new_session=True, **PIPES | how
-    )
+    return subprocess.Popen(command, cwd=ROOT, env=environment, start_new_session=True, **PIPES)
 
 
 @pytest.fixture
@@ -96,16 +94,10 @@ def test_a_reader_that_has_seen_enough_makes_no_noise(arguments, tmp_path):
     assert process.stderr.read() == ""
 
 
-def test_the_standard_input_is_a_log(tmp_path):
-    log = write(noisy(), tmp_path / "log.csv")
-    with log.open(encoding="utf-8") as stdin:
-        process = started(
-            "estimate", "-", "--turn-period", "0.4", "--method", "energy", stdin=stdin
-        )
-        assert process.communicate(timeout=300)[0].startswith("-: backlash 0.")
-
-
-def test_an_empty_standard_input_is_refused(monkeypatch, capsys):
+def test_the_standard_input_is_a_log_and_an_empty_one_is_refused(monkeypatch, capsys):
+    monkeypatch.setattr(sys, "stdin", TextIOWrapper(BytesIO(text().encode())))
+    assert command("estimate - --turn-period 0.4 --method energy") == 0
+    assert capsys.readouterr().out.startswith("-: backlash 0.")
     monkeypatch.setattr(sys, "stdin", TextIOWrapper(BytesIO(b"")))
     assert command("estimate - --turn-period 0.4") == 2
     assert capsys.readouterr() == ("", "-: the file is empty; export the log again\n")

@@ -4,17 +4,16 @@ import gzip
 from pathlib import Path
 
 import numpy as np
-import pandas as pd
 import pytest
 
-from tests.logs import command, noisy, text
-from tests.sensor.test_limits import TURN, file, workbook
+from tests.logs import command, noisy, rewritten, table, text
+from tests.sensor.test_limits import TURN, file
 
 
 def columns(folder: Path) -> Path:
     pytest.importorskip("pyarrow", reason="reading Parquet needs the extra 'parquet'")
     path = folder / "log.parquet"
-    pd.DataFrame({"time": noisy().t, "speed": noisy().v}).to_parquet(path)
+    table(noisy()).to_parquet(path)
     return path
 
 
@@ -36,7 +35,7 @@ def test_a_mutated_log_is_answered_or_refused_in_one_line(seed, tmp_path, capsys
         "csv": text().encode(),
         "gz": gzip.compress(text().encode()),
         "utf16": text().encode("utf-16"),
-        "xlsx": workbook(tmp_path).read_bytes(),
+        "xlsx": rewritten(tmp_path / "log.xlsx", {}).read_bytes(),
         "parquet": columns(tmp_path).read_bytes(),
     }
     content = kinds[list(kinds)[seed % len(kinds)]]
