@@ -113,10 +113,7 @@ STUDIES = {
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run one study.
-
-    Return the exit status: 0 done, 2 the name or the data are not there, 1 anything else.
-    """
+    """Run one study and return the exit status: 0 done, 2 the name or the data are not there, 1 anything else."""
     parser = argparse.ArgumentParser(prog="python -m studies", description=__doc__)
     parser.add_argument("name", nargs="?", default="", help=", ".join(STUDIES))
     name = parser.parse_args(arguments).name

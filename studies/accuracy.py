@@ -32,16 +32,20 @@ def cross_validation(
             for R, K in records
             if log.labels["realisation"] != R and log.labels["level"] != K
         ]
-        known = [records[key] for key in others], [level_delta_rad(level) for _, level in others]
+        logs_and_levels = (
+            [records[key] for key in others],
+            [level_delta_rad(level) for _, level in others],
+        )
         calibrations = {"equation 10": default_calibration("paper")}
         calibrations |= {
-            method: fit_calibration(*known, method) for method in ("amplitude", "energy", "impact")
+            method: fit_calibration(*logs_and_levels, method)
+            for method in ("amplitude", "energy", "impact")
         }
-        calibrations["waveform, noisy logs"] = fit_calibration(*known, "waveform")
+        calibrations["waveform, noisy logs"] = fit_calibration(*logs_and_levels, "waveform")
         calibrations["waveform"] = default_calibration("waveform")
         fit = global_fit(log.recording, protocol_for(log.recording))
         calibrated = backlashes(log.recording, fit, calibrations)
-        return {name: found.delta_rad for name, found in calibrated.items()} | {
+        return {name: answer.delta_rad for name, answer in calibrated.items()} | {
             name: match_joint(log.recording, joint, free)["delta_rad"]
             for name, free in JOINT_METHODS.items()
         }
@@ -81,10 +85,7 @@ CHANGES: dict[str, Callable[[JointParameters, float], JointParameters]] = {
 
 
 def waveform_slopes(joint: JointParameters, delta_rad: float) -> FloatArray:
-    """Slopes of a turn's settled speed at even phases by the backlash, and by the start angle.
-
-    Shape (2, phases).
-    """
+    """Slopes of a turn's settled speed at even phases by the backlash, and by the start angle, shape (2, phases)."""
 
     def slope(step_rad: float, angle_step_rad: float) -> FloatArray:
         def turn(sign: int) -> FloatArray:

@@ -43,8 +43,8 @@ DrawnLog = KnownLog | Callable[[], KnownLog]  # a log, or a function that draws 
 
 def logs_by_methods(logs: Iterable[DrawnLog], answers: Callable[[KnownLog], Answers]) -> DataFrame:
     """One row per log and method: labels, true and found backlash, error, and whatever else is answered."""
-    found = in_parallel(_rows, ((log, answers) for log in logs), "logs")
-    return DataFrame([row for rows in found for row in rows])
+    rows_of_logs = in_parallel(_rows, ((log, answers) for log in logs), "logs")
+    return DataFrame([row for rows in rows_of_logs for row in rows])
 
 
 def _rows(drawn: DrawnLog, answers: Callable[[KnownLog], Answers]) -> list[Row]:
@@ -52,9 +52,11 @@ def _rows(drawn: DrawnLog, answers: Callable[[KnownLog], Answers]) -> list[Row]:
     rows = []
     for method, answer in answers(log).items():
         columns = answer if isinstance(answer, dict) else {"found_rad": answer}
-        found = columns["found_rad"]
+        found_rad = columns["found_rad"]
         key = {"method": method, **log.labels, "delta_rad": log.delta_rad}
-        rows.append(key | {"found_rad": found, "error_rad": found - log.delta_rad} | columns)
+        rows.append(
+            key | {"found_rad": found_rad, "error_rad": found_rad - log.delta_rad} | columns
+        )
     return rows
 
 
@@ -99,10 +101,10 @@ def widened_answers(
 ) -> dict[str, Row]:
     """Answers, from the global fit, to a record of another joint than that of the calibrations."""
     answers = {}
-    for name, found in backlashes(recording, fit, calibrations).items():
-        interval = widened(calibrations[name].method, found.delta_rad, found.interval_rad)
-        reason = "extrapolated calibration" if found.extrapolated else ""
-        answers[name] = interval_answer(found.delta_rad, interval, reason)
+    for name, backlash in backlashes(recording, fit, calibrations).items():
+        interval = widened(calibrations[name].method, backlash.delta_rad, backlash.interval_rad)
+        reason = "extrapolated calibration" if backlash.extrapolated else ""
+        answers[name] = interval_answer(backlash.delta_rad, interval, reason)
     return answers
 
 
@@ -112,10 +114,7 @@ def root_mean_square(values: Series | FloatArray) -> float:
 
 
 def summarise_errors(table: DataFrame, by: Sequence[str] = ("method",)) -> DataFrame:
-    """Number of logs, and mean size, largest size and root mean square of the errors.
-
-    Groups in their first order.
-    """
+    """Number of logs, and mean size, largest size and root mean square of the errors; groups in their first order."""
     groups = table.assign(size=table["error_rad"].abs()).groupby(list(by), sort=False)
     return groups.agg(
         logs=("size", "size"),
@@ -126,10 +125,7 @@ def summarise_errors(table: DataFrame, by: Sequence[str] = ("method",)) -> DataF
 
 
 def summarise_intervals(rows: DataFrame) -> DataFrame:
-    """Refusals of each method on each population.
-
-    Errors, coverage and bound (RMS) of the logs that were answered.
-    """
+    """Refusals of each method on each population; errors, coverage and bound (RMS) of the logs that were answered."""
     table = []
     for (population, method), part in rows.groupby(["population", "method"], sort=False):
         answered = part[~part["refused"]]

@@ -71,8 +71,7 @@ def no_backlash(
 ) -> Decision:
     """Whether noise is recognised: the 95th percentile of |A| is a small share of the smallest A."""
     share = np.sort(amplitude_rps) / smallest_A_rps
-    # The order statistics that hold the percentile: nan where there are too few for 95 %
-    # confidence.
+    # The order statistics that hold the percentile: nan where there are too few for 95 % confidence.
     low, high = stats.quantile_test(share, p=0.95).confidence_interval(0.95)
     limit = published.criterion("no_backlash", criteria)
     return published.decide("no_backlash", (low, high), criteria), (
@@ -211,21 +210,21 @@ def cma_beats_swarms(compared: DataFrame, criteria: Criteria = None) -> Decision
 def classical_cannot(table: DataFrame, criteria: Criteria = None) -> Decision:
     """Whether no classical method is applicable as it comes, from `optimizers.success_table`."""
     classical = table[table["kind"].isin(["classical", "deterministic"])]
-    found = ", ".join(f"{row.method} {row.found} of {row.runs}" for row in classical.itertuples())
+    rates = ", ".join(f"{row.method} {row.found} of {row.runs}" for row in classical.itertuples())
     return published.decide("classical_cannot", _best_rate(classical), criteria), (
-        f"best basin found off the shelf: {found}; the global fit, classical but made for it, is at or below every run"
+        f"best basin found off the shelf: {rates}; the global fit, classical but made for it, is at or below every run"
     )
 
 
 def little_tuning(table: DataFrame, criteria: Criteria = None) -> Decision:
     """Whether CMA-ES succeeds with its own settings, from `optimizers.success_table`."""
-    own = table[table["method"].str.startswith("CMA-ES, its own population")]
+    untuned = table[table["method"].str.startswith("CMA-ES, its own population")]
     rates = ", ".join(
         f"{row.method}: {row.rate:.2f} ({row.rate_low:.2f} to {row.rate_high:.2f})"
-        for row in own.itertuples()
+        for row in untuned.itertuples()
     )
     return published.decide(
-        "little_tuning", _best_rate(own), criteria
+        "little_tuning", _best_rate(untuned), criteria
     ), f"rate of the best basin, {rates}"
 
 

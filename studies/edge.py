@@ -4,6 +4,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import replace
 from itertools import product
+from operator import attrgetter
 
 import numpy as np
 import pandas as pd
@@ -31,7 +32,7 @@ def refit_alphas() -> pd.DataFrame:
         # With a soft edge the misfit has several minima: two starts, the better fit counts.
         starts = [replace(start, alpha_per_rad=alpha) for start in (joint, last)]
         fits = [identify_joint(records, start) for start in starts[: 1 + (last is not joint)]]
-        fit = min(fits, key=lambda found: found.mean_square)
+        fit = min(fits, key=attrgetter("mean_square"))
         last = fit.parameters
         kept = math.sqrt(np.mean(third_turn_errors(starts[0], records) ** 2))
         misfits = {"nrmse": math.sqrt(fit.mean_square), "nrmse_kept": kept}

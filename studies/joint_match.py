@@ -18,13 +18,11 @@ from replication.simulator.simulate import simulate
 # What may be unknown besides the backlash, between which bounds.
 NUISANCES = {"start_angle": (-2 * np.pi, 2 * np.pi), "friction": (0.0, 0.5), "load": (0.5, 1.5)}
 
-# Simulated turns are sampled with the drive and interpolated between: so many in the authors' turn
-# of 0.4 s.
+# Simulated turns are sampled with the drive and interpolated between: so many in the authors' turn of 0.4 s.
 PHASES = 800
 _SAMPLE_S = 5e-4
 
-# The search steps in units of 1e-4 rad, starts inside its bounds, and looks first at these
-# backlashes and frictions.
+# The search steps in units of 1e-4 rad, starts inside its bounds, and looks first at these backlashes and frictions.
 _UNIT_RAD = 1e-4
 _BOUNDS = (0.01, 100.0)
 _INSIDE = 1e-4
@@ -46,10 +44,7 @@ def add_nuisances(joint: JointParameters, nuisances: Mapping[str, float]) -> Joi
 
 
 def simulate_turn(joint: JointParameters, delta_rad: float, phases: int) -> FloatArray:
-    """Simulated third turn of the motor speed less its mean [rps], at even phases.
-
-    It repeats from the second on.
-    """
+    """Simulated third turn of the motor speed less its mean [rps], at even phases; it repeats from the second on."""
     turn_s = joint.turn_period_s
     duration_s = _SAMPLE_S * np.ceil(3 * turn_s / _SAMPLE_S - 1e-9)
     run = simulate(
@@ -100,8 +95,8 @@ def match_joint(
     low, high = np.array([_BOUNDS, *(NUISANCES[name] for name in free)]).T
     start = np.clip([first[name] for name in ("delta", *free)], low + _INSIDE, high - _INSIDE)
     scale = [0.1, *[1e-2] * len(free)]
-    found = least_squares(
+    solution = least_squares(
         residual, start, bounds=(low, high), x_scale=scale, diff_step=1e-3, xtol=1e-7
     )
-    delta, *nuisances = found.x.tolist()
+    delta, *nuisances = solution.x.tolist()
     return {"delta_rad": _UNIT_RAD * delta} | dict(zip(free, nuisances, strict=True))

@@ -47,8 +47,7 @@ _STEP_S = 5e-5
 _TURNS_BEFORE = 2
 _ENCODER_BITS = 19
 
-# Of other movements: motor turns in a load turn, the load turn [s], and the motor's speed that both
-# give [rps].
+# Of other movements: motor turns in a load turn, the load turn [s], and the motor's speed that both give [rps].
 _GEAR_RATIOS = (30.0, 160.0)
 _TURNS_S = (0.4, 3.2)
 _SPEEDS_RPS = (8.0, 110.0)
@@ -158,27 +157,21 @@ def log_with_torque(
     sample_s: float = SAMPLE_S,
     torque_noise: float = 0.01,
 ) -> tuple[Recording, FloatArray]:
-    """Log a bench as `joints.run_and_log` does, with its torque [N m].
-
-    The torque's noise is over m g r / N.
-    """
+    """Log a bench as `standins.run_and_log` does, with its torque [N m], whose noise is over m g r / N."""
     run, log = run_and_log(bench, delta_rad, rng, sample_s)
     sd = torque_noise * bench.joint.gravity_torque_nm / bench.joint.gear_ratio
     return log, run.motor_torque_nm[:-1] + rng.normal(0.0, sd, log.v.size)
 
 
 def draw_odd_log(kind: str, delta_rad: float, rng: Generator) -> Recording:
-    """Log twelve turns of a joint outside the model, as `joints.encoder_log` does.
-
-    Unstable draws are drawn again.
-    """
+    """Log twelve turns of a joint outside the model, as `standins.encoder_log` does; unstable ones are drawn again."""
     log = _pi_log if kind == "PI with current loop" else _other_log
     for _ in range(_MOST_TRIES):
         bench = draw_bench(rng)
         with suppress(ValueError, ArithmeticError):
-            found = log(kind, bench, delta_rad, rng)
-            if np.abs(found.v - found.commanded_speed_rps).max() < _LARGEST_RPS:
-                return found
+            recording = log(kind, bench, delta_rad, rng)
+            if np.abs(recording.v - recording.commanded_speed_rps).max() < _LARGEST_RPS:
+                return recording
     raise ValueError(f"{kind}: no stable joint in {_MOST_TRIES} draws")
 
 
@@ -204,11 +197,11 @@ def _other_log(kind: str, bench: Bench, delta_rad: float, rng: Generator) -> Rec
         )
     else:
         notch = _notch(rng.uniform(40.0, 150.0), rng.uniform(0.5, 2.0), joint.control_period_s)
-    known = joint.ratios | {
+    values = joint.ratios | {
         "delta_rad": delta_rad,
         "friction": joint.load_coulomb_nm / joint.gravity_torque_nm,
     }
-    row = np.array([known.get(name, 0.0) for name in turns.COLUMNS])
+    row = np.array([values.get(name, 0.0) for name in turns.COLUMNS])
     turn_s = joint.turn_period_s
     per_period = round(joint.control_period_s / _STEP_S)
     movement = turns.Movement(joint.gear_ratio, turn_s)
@@ -216,7 +209,7 @@ def _other_log(kind: str, bench: Bench, delta_rad: float, rng: Generator) -> Rec
     c = core.constants_of(driven, delta_rad)
     drive = core.drive_of(driven)._replace(period=per_period * _STEP_S)
     position = np.full(round((TURNS + _TURNS_BEFORE) * turn_s / _STEP_S) + 1, np.nan)
-    _run(c, drive, known["friction"], second, notch, per_period, position)
+    _run(c, drive, values["friction"], second, notch, per_period, position)
     if not np.isfinite(position).all():
         raise ArithmeticError("diverged")
     seen = position[round(_TURNS_BEFORE * turn_s / _STEP_S) :: round(SAMPLE_S / _STEP_S)]

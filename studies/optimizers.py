@@ -268,15 +268,17 @@ def success_table(runs: DataFrame) -> DataFrame:
     """Rate at which each method finds the best basin, its interval, and evaluations per success."""
     rows = []
     for (method, kind), part in runs.groupby(["method", "kind"], sort=False):
-        found = int(part["found"].sum())
+        successes = int(part["found"].sum())
         row = {
             "method": method,
             "kind": kind,
             "records": part.groupby(["level", "realisation"]).ngroups,
             "runs": len(part),
-            "found": found,
-            **rate_columns(found, len(part)),
-            "evaluations_per_success": part["evaluations"].sum() / found if found else np.inf,
+            "found": successes,
+            **rate_columns(successes, len(part)),
+            "evaluations_per_success": part["evaluations"].sum() / successes
+            if successes
+            else np.inf,
         }
         rows.append(row)
     return DataFrame(rows)

@@ -54,8 +54,7 @@ ROW_COLUMNS = [
 
 DEVELOPMENT_SEED = 1616
 FINAL_SEED = 20263
-# What the other methods' intervals are made wide by: population, logs, seed, methods. Then the
-# final logs, likewise.
+# What the other methods' intervals are made wide by: population, logs, seed, methods. Then the final logs, likewise.
 SPREAD_STUDY = (NEAR, range(100), DEVELOPMENT_SEED, COMPARED_METHODS[1:])
 FINAL_STUDIES = (
     (NEAR, range(100), FINAL_SEED, COMPARED_METHODS),
@@ -66,10 +65,10 @@ FINAL_STUDIES = (
 )
 NORMAL_95 = 1.96
 
-# What "self" is to reach: population, column of `summarise_intervals` (or RMS error over the bound),
-# sign and limit. Why these: a third of the error that a calibration of another joint makes; no more
-# than 30 % above what any method could reach; an interval of 95 % that holds within what 400 logs
-# can tell; refusals that leave an owner without an answer seldom.
+# What "self" is to reach: population, column of `summarise_intervals` (or RMS error over the bound), sign and limit.
+# Why these: a third of the error that a calibration of another joint makes; no more than 30 % above what any method
+# could reach; an interval of 95 % that holds within what 400 logs can tell; refusals that leave an owner without an
+# answer seldom.
 _CRITERIA_FILE = Path(__file__).with_name("criteria.csv")
 ACCEPTANCE_CRITERIA = list(read_csv(_CRITERIA_FILE).itertuples(index=False, name=None))
 # Steps of the slopes of a Cramer-Rao bound; those of the ratios are shares of them.
@@ -78,10 +77,7 @@ _BOUND_SHARE = 1e-2
 
 
 def draw_log(population: str, number: int, seed: int) -> KnownLog:
-    """Draw a log of a population, one of `SPREADS` or `odd_joints.KINDS`.
-
-    Its bench and Cramer-Rao bound if known.
-    """
+    """Draw a log of a population, of `SPREADS` or `odd_joints.KINDS`, with its bench and Cramer-Rao bound if known."""
     rng = np.random.default_rng((seed, [*SPREADS, *KINDS].index(population), number))
     delta = float(rng.uniform(*printed_levels_rad()[[0, -1]]))
     labels = {"population": population, "number": number, "bound_rad": np.nan}
@@ -134,11 +130,11 @@ def bench_bound_rad(bench: Bench, delta_rad: float, recording: Recording) -> flo
 
 def _answers_to(log: KnownLog, methods: Sequence[str]) -> dict[str, Row]:
     """Answers of methods that have no calibration of the log's joint."""
-    found = {"self": self_answer(log.recording)} if "self" in methods else {}
+    answers = {"self": self_answer(log.recording)} if "self" in methods else {}
     if others := {name: default_calibration(name) for name in methods if name != "self"}:
         fit = global_fit(log.recording, protocol_for(log.recording))
-        found |= benchmark.widened_answers(log.recording, fit, others)
-    return found
+        answers |= benchmark.widened_answers(log.recording, fit, others)
+    return answers
 
 
 def measure_logs(logs: Sequence[DrawnLog], methods: Sequence[str]) -> DataFrame:

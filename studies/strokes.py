@@ -162,7 +162,7 @@ def log_of(
     joint: DrivenJoint, gear_ratio: float, sample_s: float, v: FloatArray, torque: FloatArray
 ) -> BenchLog:
     """A log from the load's speed [rad/s] and the torque."""
-    t = sample_s * np.arange(v.size)
+    t = sample_s * np.arange(v.size, dtype=float)
     return BenchLog(
         t, v * gear_ratio / TURN, torque, gear_ratio, joint.inertia_ratio, joint.gravity
     )

@@ -64,7 +64,7 @@ def failed_predictions(table: DataFrame) -> dict[str, list[int]]:
         "mean": table["row"].isin(PREDICTED_MEANS) & ~(off < MEAN_WITHIN_PERCENT),
         "sd": table["row"].isin(PREDICTED_SDS) & ~table["sd_A_rps"].between(*SD_BETWEEN_RPS),
     }
-    return {of: table.loc[rows, "row"].tolist() for of, rows in missed.items()}
+    return {name: table.loc[rows, "row"].tolist() for name, rows in missed.items()}
 
 
 def drawn_starts(
@@ -78,9 +78,9 @@ def drawn_starts(
     A, best = [], []
     for start in rng.integers(protocol.latest_start, size=runs):
         part = from_sample(record, int(start))
-        found = FIT(part, protocol, int(rng.integers(1, 2**31)))
-        A.append(found.amplitude_rps)
-        best.append(found.rmse <= global_fit(part, protocol).rmse * (1 + BASIN_GAP))
+        run = FIT(part, protocol, int(rng.integers(1, 2**31)))
+        A.append(run.amplitude_rps)
+        best.append(run.rmse <= global_fit(part, protocol).rmse * (1 + BASIN_GAP))
     return {
         "protocol": protocol.name,
         "row": row,
@@ -139,8 +139,10 @@ def distances(own_noises: int) -> DataFrame:
         whole = [record for _, record in table2_records([R], load_noisy)]
         records[f"R = {R}"] = whole
         records[f"R = {R}, samples 0 to 2200"] = [*map(without_last_turn, whole)]
-    for own in range(1, own_noises + 1):
-        records[f"own {own}"] = [protocols.noisy_record(row, own, SEED) for row in protocols.ROWS]
+    for number in range(1, own_noises + 1):
+        records[f"own {number}"] = [
+            protocols.noisy_record(row, number, SEED) for row in protocols.ROWS
+        ]
     printed = protocols.printed()[0]
     calls = [(record, LEADER) for of_rows in records.values() for record in of_rows]
     A = [fit.amplitude_rps for fit in in_parallel(global_fit, calls, "global fits")]

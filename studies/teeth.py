@@ -21,10 +21,7 @@ def draw_arm(axis: plt.Axes, angle_rad: float) -> None:
 
 
 def draw_teeth(axis: plt.Axes, displacement: float, delta: float, reach: float) -> None:
-    """Draw the motor's tooth between the load's flanks, which springs (the coupling) hold.
-
-    Lengths in mrad.
-    """
+    """Draw the motor's tooth between the load's flanks, which springs (the coupling) hold; lengths in mrad."""
     twist = displacement - np.clip(displacement, -delta, delta)
     half, wall = 0.5 * reach, 2.5 * reach  # of the motor's tooth, of the load's body
     axis.fill(displacement + half * np.array([-1, -0.8, 0.8, 1]), [1, 0, 0, 1], color=BLUE)
@@ -47,10 +44,7 @@ def draw_teeth(axis: plt.Axes, displacement: float, delta: float, reach: float) 
 
 
 def animate_teeth(run: SimulatedJoint, joint: JointParameters) -> str:
-    """Show a turn of a run as HTML: the arm, the teeth in the gap, the motor speed.
-
-    Slower while the gap is open.
-    """
+    """Show a turn of a run as HTML: the arm, the teeth in the gap, the motor speed; slower while the gap is open."""
     turn = np.floor((run.load_position_rad - TURN / 4) / TURN) == 1
     t = 1e3 * (run.time_s[turn] - run.time_s[turn][0])
     angle = run.load_position_rad[turn]

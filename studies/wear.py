@@ -85,8 +85,10 @@ def wear_tests(
 
     logs = _logs(benches, wears, seed)
     calibrated = logs_by_methods(logs, by_calibration)
-    own = logs_by_methods(logs, by_self)
-    rows = concat([calibrated, own[~own["refused"].astype(bool)]], ignore_index=True)
+    by_themselves = logs_by_methods(logs, by_self)
+    rows = concat(
+        [calibrated, by_themselves[~by_themselves["refused"].astype(bool)]], ignore_index=True
+    )
     table = rows.rename(columns={"method": "sensor", "found_rad": "estimate_rad"})[COLUMNS]
     table["truth_day"] = table["bench"].map(lambda number: wears[number].crossing_day(limit_rad))
     called = table["day"].where(table["estimate_rad"] >= limit_rad)

@@ -166,7 +166,7 @@ def sweep(d, e, vectors, start, end, way):
 @njit
 def make_diagonal(d, e, vectors):
     """Bring a tridiagonal matrix to diagonal form in place, one block without zeros beside the diagonal at a time."""
-    left = MOST_SWEEPS * d.size
+    sweeps_left = MOST_SWEEPS * d.size
     first = 0
     while first < d.size:
         last = first
@@ -193,8 +193,8 @@ def make_diagonal(d, e, vectors):
                 e[low] = 0.0
                 turn_columns(vectors, low, low + 1, c, s)
                 start += 2 * way
-            elif left == 0:
+            elif sweeps_left == 0:
                 raise ValueError("no eigenvalues: the sweeps do not converge")
             else:
-                left -= 1
+                sweeps_left -= 1
                 sweep(d, e, vectors, start, m, way)

@@ -150,13 +150,13 @@ def realise_all(kept: Path | None = None) -> pd.DataFrame:
     there = {
         job for table in done for job in zip(table["protocol"], table["realisation"], strict=True)
     }
-    left = [job for job in planned() if (job[0].name, job[1]) not in there]
-    for table in one_by_one(_realise_rows, left, "realisations"):
+    missing = [job for job in planned() if (job[0].name, job[1]) not in there]
+    for table in one_by_one(_realise_rows, missing, "realisations"):
         done.append(table)
         write_csv(kept, pd.concat(done))
-    found = pd.concat(done)
+    realisations = pd.concat(done)
     order = {name: number for number, name in enumerate(CANDIDATES)}
-    return found.sort_values(
+    return realisations.sort_values(
         ["protocol", "realisation", "row"],
         key=lambda column: column.map(order) if column.name == "protocol" else column,
         ignore_index=True,
@@ -181,8 +181,10 @@ def numbers_by_setting(realisations: pd.DataFrame) -> dict[str, dict[str, list[f
     """Numbers [rps] of each mean and SD of Table 2 by cell id and setting."""
     cells: dict[str, dict[str, list[float]]] = {}
     for (row, name), part in realisations.groupby(["row", "protocol"], sort=False):
-        for of in NUMBERS:
-            cells.setdefault(f"table2.row{row:02d}.{of}", {})[name] = part[f"{of}_A_rps"].tolist()
+        for number in NUMBERS:
+            cells.setdefault(f"table2.row{row:02d}.{number}", {})[name] = part[
+                f"{number}_A_rps"
+            ].tolist()
     return cells
 
 
@@ -190,7 +192,9 @@ def numbers_of(realisations: pd.DataFrame) -> FloatArray:
     """Means and SDs [rps] in rows 1 to 10, of one setting or of several together, shape (2, 10, N)."""
     rows = realisations[realisations["row"].isin(ROWS)]
     made = ["protocol", "realisation"]
-    return np.stack([rows.pivot(index="row", columns=made, values=f"{of}_A_rps") for of in NUMBERS])
+    return np.stack(
+        [rows.pivot(index="row", columns=made, values=f"{number}_A_rps") for number in NUMBERS]
+    )
 
 
 def scores(numbers: FloatArray, judged: FloatArray) -> FloatArray:

@@ -17,8 +17,8 @@ from studies.replay.inspection import turn_period
 
 NAMES = ("A", "t0", "tau", "omega", "v_t", "T2", "T1")
 
-# Each bound is tried where Table 1 has it and moved by these shares of the parameter's printed
-# range; 0.15 at both ends makes A's box 1.3 times as wide.
+# Each bound is tried where Table 1 has it and moved by these shares of the parameter's printed range; 0.15 at both
+# ends makes A's box 1.3 times as wide.
 SHIFTS = (-0.15, -0.1, -0.01, 0.0, 0.01, 0.1, 0.15)
 
 
