@@ -23,7 +23,7 @@ from replication.public_files import public_file
 from replication.simulator.parameters import TURN
 from studies.strokes import CONTROL_S, draw_joint, run_joint
 
-DELTAS_RAD = (0.0, 5e-4, 1e-3, 2e-3, 3e-3)
+DELTAS_RAD = (0.0, 1e-3, 3e-3)
 DRAWS = 8
 SEED = 17
 _SEEN = 0.9  # share of the draws that are answered, from the detection limit on
