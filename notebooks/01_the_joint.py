@@ -18,7 +18,7 @@
 # # 1 · The joint: why its motor speed rings
 #
 # *You will solve the joint's equations of motion with SciPy, and build up the frequency and the decay of its ring,
-# one term a step. Run time: 6 s.*
+# one term a step. Run time: 6 s. Before this: notebook [0](00_the_sensor.ipynb).*
 #
 # ## Claim
 #
@@ -44,8 +44,9 @@
 #
 # A digital [drive](glossary.md#drive) holds the commanded speed $\Omega$ [rad/s]. Its equations, and the fit of all
 # numbers to the published signals, stand in [notebook 9](09_identification_of_the_joint.ipynb): a speed loop (gains
-# $K_p$, $K_i$, $K_d$, $K_w$) within a position loop ($K_{pos}$), computed every $T_c$ [s], one period late, with the
-# lag $T_\tau$ [s] of the torque. Speed fixes ratios only; 5 kg sets the scale.
+# $K_p$, $K_i$, $K_d$, and $K_w$ of an integrator that forgets at the rate $a_w$) within a position loop ($K_{pos}$),
+# computed every $T_c$ [s], one period late, with the lag $T_\tau$ [s] of the torque. The speed tells only ratios such
+# as $K_s/J_l$; the paper's load of 5 kg fixes their size.
 #
 # The paper writes $\tau$ for the damping of the [signature](glossary.md#signature) too. Here $\tau$ is a torque, and
 # the decay of the ring is $\sigma$ [1/s].
@@ -222,9 +223,9 @@ axis.set(xlabel="decay of the ring [1/s]", ylabel="frequency [Hz]", xlim=(-2, 48
 ring.round(1)
 
 # %% [markdown]
-# Two springs alone come near the frequency, partly by luck: what they leave out is large and cancels. They give no
-# decay at all. The decay is the drive's: $K_p$ damps the ring, and what acts late undoes much of it. So the frequency
-# *and* the damping of the signature depend on the drive's settings, not on the gear alone.
+# Two springs alone come near the committed joint's frequency, partly by luck: what they leave out is large and cancels.
+# They give no decay at all. The decay is the drive's: $K_p$ damps the ring, and what acts late undoes much of it. So
+# the frequency *and* the damping of the signature depend on the drive's settings, not on the gear alone.
 #
 # $K_w$ is negative: it makes the drive's spring softer. It came out of the fit to the signals; we do not know why.
 
@@ -274,13 +275,14 @@ _ = axis.legend()
 # %% [markdown]
 # ## Verdict
 
-# %%
-print(
-    f"The simulated speed rings at {fitted[1] / (2 * np.pi):.2f} Hz and decays at {fitted[0]:.1f} 1/s. The sampled "
-    f"loop has {mode.imag / (2 * np.pi):.2f} Hz and {-mode.real:.1f} 1/s, the continuous one "
-    f"{ring.iloc[-1, 0]:.1f} Hz and {ring.iloc[-1, 1]:.0f} 1/s, two springs {ring.iloc[0, 0]:.1f} Hz and no decay. "
-    f"The first two impacts of the second turn lie {np.diff(impacts)[0]:.4f} s apart, half a turn is "
-    f"{joint.turn_period_s / 2:g} s."
+# %% tags=["plumbing", "verdict"]
+workbook.verdict(
+    f"With a backlash of {backlash_mrad:g} mrad the simulated speed rings at {fitted[1] / (2 * np.pi):.2f} Hz and "
+    f"decays at {fitted[0]:.1f} 1/s. The sampled loop has {mode.imag / (2 * np.pi):.2f} Hz and {-mode.real:.1f} 1/s, "
+    f"the continuous one {ring.iloc[-1, 0]:.1f} Hz and {ring.iloc[-1, 1]:.0f} 1/s, two springs "
+    f"{ring.iloc[0, 0]:.1f} Hz and no decay: they miss the frequency by "
+    f"{100 * (ring.iloc[0, 0] / ring.iloc[-1, 0] - 1):+.0f} %. The first two impacts of the second turn lie "
+    f"{np.diff(impacts)[0]:.4f} s apart, half a turn is {joint.turn_period_s / 2:g} s."
 )
 
 # %% [markdown]

@@ -18,13 +18,35 @@
 # # 9 · The joint, identified from the published signals
 #
 # *You will know the joint's equations of motion and its drive, and which of their parameters the motor speed tells.
-# Run time: 12 s.*
+# Run time: 12 s. Before this: notebooks [1](01_the_joint.ipynb) and [2](02_dead_zone_figure9.ipynb).*
 #
 # ## Claim
 #
 # "The parameters of the Simulink model were estimated by processing experimental data collected on a test-bench"
 # (section "Matlab/Simulink model of the robotic joint"). Neither the model nor its parameters are public.
-#
+
+# %%
+from dataclasses import replace
+
+import numpy as np
+import pandas as pd
+from IPython.display import HTML
+
+import workbook
+from replication import sources
+from replication.figures import paper
+from replication.records import CLEAN_LEVELS, level_delta_rad
+from replication.simulator import identification
+from replication.simulator.parameters import identified_joint, joint_from_ratios, with_ratios
+from replication.simulator.recordings import simulate_recordings
+
+# %% [markdown]
+# The joint and its drive in one picture. Only the motor's speed is published.
+
+# %%
+HTML((workbook.ROOT / "studies" / "pages" / "loop.svg").read_text("utf-8"))
+
+# %% [markdown]
 # ## Method
 #
 # The signals that the model made are public: eleven noise-free records. A joint with
@@ -96,20 +118,6 @@
 # *structure* of the model was chosen with all of them in view, among the models listed below, so none of them
 # validates it independently. `make studies NAME=identify-joint` fits from rougher values and writes the set to
 # `replication/data/joint.json`; all else uses it without the authors' data.
-
-# %%
-from dataclasses import replace
-
-import numpy as np
-import pandas as pd
-
-import workbook
-from replication import sources
-from replication.figures import paper
-from replication.records import CLEAN_LEVELS, level_delta_rad
-from replication.simulator import identification
-from replication.simulator.parameters import identified_joint, joint_from_ratios, with_ratios
-from replication.simulator.recordings import simulate_recordings
 
 # %% [markdown]
 # ## Parameters
@@ -271,15 +279,19 @@ attempts.nsmallest(8, "max_nrmse_percent")
 #
 # The paper prints no parameter of its model, so no cell is judged here.
 
-# %%
+# %% tags=["plumbing", "verdict"]
 farthest = ratios.loc[ratios["off_in_widths"].idxmax()]
 off_percent = 100 * farthest["off_in_widths"]
 came_back = "comes back to" if off_percent < 50 else "does not come back to"
-print(
-    f"Started with {', '.join(started) or 'no ratio'} at {start_factor:g} times the committed value, the fit "
-    f"{came_back} the committed set after {fit.evaluations} simulations of the records: the farthest ratio, "
-    f"{farthest.name}, is off by {off_percent:.2g} % of its interval's width. "
-    f"It misses the fitted turns by {100 * np.sqrt(fit.mean_square):.2f} % of their SD."
+of_levels = ", ".join(map(str, fit_levels))
+workbook.verdict(
+    f"Started with {', '.join(started) or 'no ratio'} at {start_factor:g} times the committed value and fitted to the "
+    f"levels K = {of_levels}, the joint {came_back} the committed set after {fit.evaluations} simulations of the "
+    f"records: the farthest ratio, {farthest.name}, is off by {off_percent:.2g} % of its interval's width. "
+    f"It misses the fitted turns by {100 * np.sqrt(fit.mean_square):.2f} % of their SD. At the edge's sharpness of "
+    f"{alphas[0]:.0e} per rad the committed joint misses all records by "
+    f"{alpha['mean_nrmse_percent'].iloc[0]:.1f} % on average, with a clamped edge by "
+    f"{alpha['mean_nrmse_percent'].iloc[-1]:.1f} %."
 )
 
 # %% tags=["plumbing"]

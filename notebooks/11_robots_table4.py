@@ -274,18 +274,18 @@ standins.disturbed_healthy_joint(
 #
 # All numbers are those of stand-ins and test nothing.
 
-# %%
+# %% tags=["plumbing", "verdict"]
 cells = standins.table4_cells(table)
-display(workbook.judge(cells))
 by_kind = table.set_index("kind")["mean_A_rps"]
 mistaken = summary["called_excessive_percent"].iloc[-1]
-print(
+workbook.verdict(
     f"Robot B's mean A is {by_kind['excessive'] / by_kind['healthy']:.1f} times robot A's. Of {robots_each} robots of "
     f"each kind the best threshold, {best['threshold_rps']:.3f} rps, finds {100 * best['detected']:.0f} % of the bad "
     f"ones with {100 * best['false_alarms']:.0f} % false alarms (area {area_under(curve):.3f}); with couplings of up "
     f"to {100 * loud_coupling:.3g} % of gravity the area is {area_under(loud_curve):.3f}. One sinusoidal torque of "
     f"{100 * torque_shares[-1]:.3g} % makes {mistaken:.0f} % of the joints without backlash look excessive"
-    f"{': A alone does not tell a coupling torque from backlash' if mistaken > 0 else ''}."
+    f"{': $A$ alone does not tell a coupling torque from backlash' if mistaken > 0 else ''}.",
+    cells,
 )
 
 # %% tags=["plumbing"]

@@ -11,9 +11,10 @@ do. It is run once, and the outcome is kept whichever way it falls.
 
 from dataclasses import replace
 from functools import partial
+from itertools import chain
 
 import numpy as np
-from pandas import DataFrame, Series
+from pandas import DataFrame, Series, concat
 
 from backlash.fitting.global_fit import global_fit
 from replication import published
@@ -27,6 +28,7 @@ from replication.table2 import (
     SearchSettings,
     error_percent,
     fit,
+    predictive_region,
     repeated_fits,
     table2,
     table2_records,
@@ -65,6 +67,22 @@ def failed_predictions(table: DataFrame) -> dict[str, list[int]]:
         "sd": table["row"].isin(PREDICTED_SDS) & ~table["sd_A_rps"].between(*SD_BETWEEN_RPS),
     }
     return {name: table.loc[rows, "row"].tolist() for name, rows in missed.items()}
+
+
+def describe_prediction(table: DataFrame) -> str:
+    """Say how many of the predicted numbers are met, over all runs and over those in the best basin."""
+    of_best = {"mean_A_rps": table["best_A_rps"], "sd_A_rps": table["best_sd_A_rps"]}
+    counts = []
+    for judged in (table, table.assign(**of_best)):
+        failed = failed_predictions(judged)
+        means, sds = len(PREDICTED_MEANS), len(PREDICTED_SDS)
+        met = means - len(failed["mean"]), sds - len(failed["sd"])
+        counts.append(f"{met[0]} of {means} means and {met[1]} of {sds} SDs")
+    fails = any(failed_predictions(table).values())
+    return (
+        f"The prediction {'fails' if fails else 'holds'}: {counts[0]} are as predicted; over the runs in the best "
+        f"basin alone, which was not the criterion, {counts[1]}"
+    )
 
 
 def drawn_starts(
@@ -116,6 +134,30 @@ def on_other_noises(each_run: DataFrame, of_leader: FloatArray) -> FloatArray:
     error = sd * np.sqrt(1 / protocols.RUNS + 1 / runs)
     noise = of_leader / rng.permuted(of_leader, axis=1)
     return noise * rng.normal(mean, error, of_leader.shape)
+
+
+def agreement_by_seeds(study: DataFrame) -> DataFrame:
+    """How Table 2's means and SDs are judged, by cell id, with each set of the leading candidate's realisations.
+
+    The candidate has more of them than the others: each set of 40 takes the place of its first.
+    """
+    rows = study[study["row"].isin(protocols.ROWS)]
+    leading = rows[rows["protocol"] == protocols.LEADER]
+    others = protocols.pooled(rows).query("protocol != @protocols.LEADER")
+    size, made = protocols.REALISATIONS_EACH, int(leading["realisation"].max())
+    found = {}
+    for first in range(1, made - size + 2, size):
+        chosen = leading[leading["realisation"].between(first, first + size - 1)]
+        cells = protocols.numbers_by_setting(concat([chosen, others]))
+        found[f"{first} to {first + size - 1}"] = {
+            cell: _judge(cell, [*chain(*of.values())]) for cell, of in cells.items()
+        }
+    return DataFrame(found).rename_axis("id")
+
+
+def _judge(cell: str, numbers: list[float]) -> str:
+    low, high = predictive_region(numbers)
+    return "agrees" if low <= published.value(cell) <= high else "differs"
 
 
 def random_start(p: Series, criteria: Criteria = None) -> Decision:

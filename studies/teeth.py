@@ -1,12 +1,22 @@
-"""The teeth in the gap: how they are drawn, and one turn of a joint as an animation."""
+"""The teeth in the gap: how they are drawn, one turn of a joint as an animation, and the pages of notebook 0."""
+
+import json
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from matplotlib import pyplot as plt
 from matplotlib.animation import FuncAnimation
 
+from replication import published
+from replication.arrays import FloatArray
 from replication.figures.style import BLUE, INK, ORANGE, STYLE
+from replication.files import ROOT
 from replication.simulator.parameters import TURN, JointParameters
 from replication.simulator.simulate import SimulatedJoint
+
+PAGES = ROOT / "studies" / "pages"
+JOINT = (PAGES / "joint.svg").read_text("utf-8")  # a drawing
+GAP = (PAGES / "gap.html").read_text("utf-8")  # a picture with a slider, which needs no network
 
 
 def draw_arm(axis: plt.Axes, angle_rad: float) -> None:
@@ -82,3 +92,44 @@ def animate_teeth(run: SimulatedJoint, joint: JointParameters) -> str:
         speed.axis("off")
         plt.close(figure)
         return FuncAnimation(figure, draw, frames=frames, interval=100).to_jshtml()
+
+
+def gap_slider(
+    turns_rps: Sequence[FloatArray], peaks_rps: FloatArray, backlash_rad: FloatArray, first: int
+) -> str:
+    """Picture with a slider: gap, motor speed over a turn and equation 10, at backlashes in steps of 0.1 mrad."""
+    shown = {
+        "r": [np.round(turn, 2).tolist() for turn in turns_rps],
+        "peak": np.round(peaks_rps, 4).tolist(),
+        "equation_10": np.round(1e3 * backlash_rad, 4).tolist(),
+    }
+    return GAP.replace("DATA", json.dumps(shown)).replace("VALUE", str(first))
+
+
+def explorer_page(
+    t: FloatArray,
+    v: FloatArray,
+    fitted: Mapping[str, float],
+    bounds: Mapping[str, Sequence[float]],
+    population: int,
+    delta_rad: float,
+) -> dict[str, object]:
+    """What the signature explorer draws: a log, the fitted signature from its first impact on, and the bounds."""
+    shape = dict(fitted)
+    while shape["t0"] + shape["T1"] > shape["T_f"] / 2:  # the same signature
+        shape |= {"t0": shape["t0"] - shape["T_f"] / 2, "A": -shape["A"]}
+    order = ("A", "t0", "tau", "omega", "v_t", "T2", "T1", "T_f")
+    wider = {"A": (-1.5, 1.5), "t0": (-0.2, 0.6), "T_f": (0.392, 0.412)}
+    return {
+        "record": np.round(v, 4).tolist(),
+        "dt": round(t[1], 9),
+        # as the sliders have it
+        "fitted": {
+            name: round(shape[name], 4 if name in ("tau", "omega") else 6) for name in order
+        },
+        "bounds": {name: pair for name, pair in (dict(bounds) | wider).items() if name != "v_t"},
+        "turns": 12,
+        "population": population,
+        "printed_T_f": published.value("table1.T_f.max"),
+        "backlash_rad": delta_rad,
+    }

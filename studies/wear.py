@@ -5,15 +5,14 @@ from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
-from matplotlib.figure import Figure
 from numpy.random import Generator
 from pandas import DataFrame, concat
 
 from backlash.calibration import Calibration, default_calibration
 from backlash.fitting.global_fit import global_fit
 from replication.arrays import FloatArray
+from replication.files import ROOT
 from replication.standins import Bench, draw_bench, encoder_log
-from studies import plots
 from studies.benchmark import KnownLog, Row, logs_by_methods, self_answer, widened_answers
 
 
@@ -55,15 +54,18 @@ CALIBRATED = {"equation 10": "paper", "amplitude, calibrated": "amplitude", "wav
 COLUMNS = ["bench", "sensor", "day", "delta_rad", "A_rps", "estimate_rad", "low_rad", "high_rad"]
 
 
-def follow_wear(benches: int, limit_rad: float, seed: int) -> tuple[DataFrame, Figure]:
-    """Draw benches that wear, and read each log by every sensor: the tests, and a figure of them."""
+KEPT = ROOT / "results" / "table3_wear.csv"
+LIMIT_RAD = 1e-3
+
+
+def follow_wear(benches: int = 8, limit_rad: float = LIMIT_RAD, seed: int = 1) -> DataFrame:
+    """Draw benches that wear, and read each log by every sensor."""
     rng = np.random.default_rng((seed, 1))
     first = draw_bench(np.random.default_rng(seed))  # the one of Table 3
     drawn = [first, *(draw_bench(rng) for _ in range(benches - 1))]
     wears = [draw_wear(rng, limit_rad) for _ in drawn]
     sensors = {name: default_calibration(method) for name, method in CALIBRATED.items()}
-    tests = wear_tests(drawn, wears, sensors, limit_rad, seed)
-    return tests, plots.wear(tests, limit_rad)
+    return wear_tests(drawn, wears, sensors, limit_rad, seed)
 
 
 def wear_tests(

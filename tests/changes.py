@@ -13,19 +13,15 @@ NOTEBOOKS = notebook_files("py")
 
 # What an outcome is checked with, where the quick run is still long. A change's own parameter comes last.
 CHEAPER = {
-    "15_protocols": {"rows": [3, 9], "seed_runs": 1, "today_runs": 1},
     "08_noise_table2": {"public": [1, 2]},
-    "10_bench_table3": {"benches": 20, "shares": [0.0, 0.005, 0.05, 0.1], "worn_benches": 1},
+    "10_bench_table3": {"benches": 20},
     "11_robots_table4": {"robots_each": 100, "loud_robots_each": 50, "frequency_step_hz": 10.0},
-    "16_claims": {
-        "noises": 4,
-        "noise_seeds": 40,
-        "mountings": 1,
-        "bits": [16, 19],
-        "strategy_runs": 1,
-        "budget": 3000,
-    },
     "13_readings_compared": {"scored": [3]},
+    "15_protocols": {"made_again": 1},
+    "16_claims": {"noises": 4, "noise_seeds": 40, "mountings": 1, "bits": [16, 19]},
+    "18_the_stored_runs": {"rows": [3, 9], "seed_runs": 1, "today_runs": 1},
+    "19_friction": {"shares": [0.0, 0.005, 0.05, 0.1]},
+    "20_another_optimiser": {"strategy_runs": 1, "budget": 3000},
 }
 
 
@@ -50,6 +46,7 @@ def run(notebook, parameters, folder, edits=None):
     values = execution.quick_parameters(source) | CHEAPER.get(notebook, {}) | parameters
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("REPLICATION_OUT", str(folder))
+        patch.setenv("REPLICATION_NOTEBOOK", notebook)
         patch.setenv("REPLICATION_QUICK", "1")
         variables = _execute(execution.with_parameters(source, values).cells, notebook)
     plt.close("all")

@@ -16,13 +16,12 @@ from tests.changes import NOTEBOOKS, changes, parse, run, says_what_happened
 
 HUBER = "np.mean(np.where(np.abs(r) < 0.05, r**2 / 2, 0.05 * (np.abs(r) - 0.025)))"
 SIN = "np.sin(omega * (t - t0))"
-SIMULATE = "simulate(joint, delta_rad, step_s=5e-5)"
 
 # The notebook, parameters, and lines as they stand in the source with what they become.
 MORE = {
     "Gaussian noise": ("00_the_sensor", {"noise_law": "normal"}, {}),
     "Gaussian noise in Table 2": (
-        "08_noise_table2",
+        "15_protocols",
         {},
         {"rng.uniform(-a, a, size)": "rng.normal(0, 2 * a, size)"},
     ),
@@ -35,8 +34,12 @@ MORE = {
     ),
     "gear ratio": ("03_simulator_figure10", {"changes": {"gear_ratio": 1.25}}, {}),
     "friction": ("03_simulator_figure10", {"friction_share": 0.02}, {}),
-    "4 ms sampling": ("00_the_sensor", {}, {SIMULATE: f"{SIMULATE[:-1]}, sample_s=4e-3)"}),
-    "optimiser": ("16_claims", {}, {"optimiser = None": "optimiser = differential_evolution"}),
+    "softer coupling": ("02_dead_zone_figure9", {"stiffness_factor": 1e-3}, {}),
+    "optimiser": (
+        "20_another_optimiser",
+        {},
+        {'optimiser = "none"': "optimiser = differential_evolution"},
+    ),
     "Huber cost": ("05_signature_figure6", {}, {'cost = "RMSE"': f"cost = lambda r: {HUBER}"}),
 }
 PROPOSED = {

@@ -19,6 +19,7 @@ _HOMES = {
     "judge": "judging",
     "plain_animation": "report.animation",
     "sliders": "parameters",
+    "verdict": "judging",
 }
 __all__ = ["QUICK", "ROOT", *_HOMES]
 

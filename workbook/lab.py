@@ -25,7 +25,8 @@ def copy_notebooks(folder: Path = LAB) -> list[Path]:
             notebook.metadata["jupytext"] = {"formats": "ipynb"}  # no source is paired with it
             text = nbformat.writes(notebook).replace("../results/", "results/")
             write_text(copy, text + "\n")
-    shutil.copy(NOTEBOOKS / "glossary.md", folder)
+    for page in NOTEBOOKS.glob("*.md"):
+        shutil.copy(page, folder)
     if not (folder / "results").exists():
         (folder / "results").symlink_to(RESULTS)  # JupyterLab opens nothing above its folder
     write_text(folder / WIDGETS, '{"saveState": true}\n')

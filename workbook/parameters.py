@@ -5,6 +5,7 @@ import os
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from importlib.util import find_spec
+from pathlib import Path
 from typing import Any
 
 import pandas as pd
@@ -37,15 +38,26 @@ class Interval:
         return f"a {'whole ' if self.whole else ''}number from {self.low:g}{above}"
 
 
+# What `check_parameters` was asked about, by name.
+checked: dict[str, Any] = {}
+
+
 def check_parameters(**parameters: tuple[Any, Any]) -> None:
     """Refuse in one sentence a value that is not allowed; of a list each item, of a mapping each key.
 
     Each parameter comes with its value and what is allowed: an `Interval` or a collection, which may
-    hold `callable` for any function. A list of one of these asks for a list.
+    hold `callable` for any function. A list of one of these asks for a list; an empty list beside it
+    says that none is allowed, too. A mapping says for each key which values it may have.
     """
     for name, (value, allowed) in parameters.items():
+        checked[name] = value
+        if isinstance(allowed, Mapping):
+            check_parameters(**{name: (value, [tuple(allowed)])})
+            check_parameters(**{key: (item, allowed[key]) for key, item in value.items()})
+            checked[name] = value
+            continue
         if is_list := isinstance(allowed, list):
-            (allowed,) = allowed
+            allowed = allowed[0]
         if isinstance(allowed, range) and len(allowed) > 20:
             allowed = Interval(allowed[0], allowed[-1], whole=True)
         choices = str(allowed)
@@ -62,6 +74,18 @@ def check_parameters(**parameters: tuple[Any, Any]) -> None:
         ]
         if wrong:
             raise ParameterError(f"{name} = {value!r}: {wrong[0]!r} should be {choices}")
+
+
+def changed_parameters(source: Path) -> dict[str, tuple[Any, Any]]:
+    """Parameters that are not those of a notebook's source: their value here and there."""
+    cell = source.read_text("utf-8").partition('tags=["parameters"]\n')[2].partition("\n# %%")[0]
+    there: dict[str, Any] = {}
+    exec(cell, there)
+    return {
+        name: (value, there[name])
+        for name, value in checked.items()
+        if name in there and not callable(value) and value != there[name]
+    }
 
 
 def sliders(draw: Callable[..., None], **ranges: tuple[float, float, float]) -> None:

@@ -18,7 +18,8 @@
 # # 14 · The sensor that calibrates itself
 #
 # *You will see how a whole simulated joint is fitted to one log, and what its posterior says of the backlash.
-# Run time: 30 s.*
+# Run time: 30 s. Before this: notebooks [9](../09_identification_of_the_joint.ipynb) and
+# [13](13_readings_compared.ipynb).*
 #
 # **All joints here are simulated [stand-ins](../glossary.md#stand-in). Nothing printed is judged.**
 #
@@ -32,7 +33,96 @@
 # ## Method
 #
 # *Two unknowns* come first: the backlash and the coupling's stiffness of the paper's joint, from one measured turn with
-# white noise of the SD $\sigma$ [rps]. Then the whole joint.
+# white noise of the SD $\sigma$ [rps] (standard deviation). Then the whole joint.
+#
+# The theory of the whole joint stands under *Result*, after the picture of two unknowns.
+
+# %%
+from dataclasses import replace
+
+import numpy as np
+import pandas as pd
+from matplotlib import pyplot as plt
+from scipy import stats
+
+import workbook
+from backlash import plots as log_plots
+from backlash.examine import examine_recording
+from backlash.fitting import joint_posterior, joint_search, self_calibration
+from backlash.reading.columns import LogFormat
+from backlash.settings import settings_for
+from replication import standins
+from studies import benchmark, datasheet, joint_match, plots, population
+
+# %% [markdown]
+# ## Parameters
+
+# %% tags=["parameters"]
+bench_seed = 3  # which joint is drawn
+backlash_mrad = 1.1  # of the log that is looked at closely
+friction_share = 0.0  # Coulomb friction added to its load, over gravity
+
+# %% tags=["plumbing"]
+workbook.check_parameters(
+    bench_seed=(bench_seed, workbook.Interval(0, whole=True)),
+    backlash_mrad=(backlash_mrad, workbook.Interval(0.1, 10)),
+    friction_share=(friction_share, workbook.Interval(0, 1)),
+)
+
+# %% [markdown]
+# ## Result
+#
+# ### Two unknowns
+#
+# One measured turn; unknown are the backlash and the stiffness, as a factor of the paper's. *Predict:* a stiffer joint
+# rings faster. Does not knowing the stiffness make the backlash less certain?
+
+# %%
+sigma, backlash_rad = 0.02, 1e-3 * backlash_mrad  # the noise of a mean turn [rps]
+
+
+def turn_rps(delta_rad, stiffness):
+    joint = standins.changed_joint(standins.identified_joint(), {"stiffness_per_s2": stiffness})
+    return joint_match.simulate_turn(joint, delta_rad, 200)
+
+
+truth, steps = np.array([backlash_rad, 1.0]), np.diag([1e-6, 1e-3])
+measured_rps = turn_rps(*truth) + sigma * np.random.default_rng(1).standard_normal(200)
+slopes = [(turn_rps(*(truth + h)) - turn_rps(*(truth - h))) / (2 * h.sum()) for h in steps]
+J = np.array(slopes).T / sigma
+Sigma = np.linalg.inv(J.T @ J)
+
+# %%
+grid = truth[:, None] + np.sqrt(np.diag(Sigma))[:, None] * np.linspace(-4, 4, 25)
+chi2 = np.array(
+    [[np.sum((turn_rps(d, k) - measured_rps) ** 2) / sigma**2 for d in grid[0]] for k in grid[1]]
+)
+posterior = np.exp(-(chi2 - chi2.min()) / 2)
+_, axis = plt.subplots(figsize=(4.5, 3), layout="constrained")
+axis.contourf(1e3 * grid[0], grid[1], posterior, cmap="Blues")
+axis.plot(1e3 * truth[0], truth[1], "x", color="C1", label="truth")
+axis.set(xlabel="backlash $\\delta$ [mrad]", ylabel="stiffness over the paper's [-]")
+_ = axis.legend()
+
+
+# %%
+def sd_rad(weights):  # of the backlash
+    mean = np.average(grid[0], weights=weights)
+    return np.sqrt(np.average((grid[0] - mean) ** 2, weights=weights))
+
+
+sds_rad = {
+    "grid": [sd_rad(posterior[12]), sd_rad(posterior.sum(axis=0))],
+    "Laplace": [1 / np.linalg.norm(J[:, 0]), np.sqrt(Sigma[0, 0])],
+}
+pd.DataFrame(sds_rad, index=["stiffness known", "stiffness unknown"]).map("{:.2g}".format)
+
+# %% [markdown]
+# The SD of the backlash [rad] grows where another unknown can make a similar change of the waveform: the ellipse is
+# oblique. Laplace's approximation needs a slope for each unknown, and no grid. So it also works for all
+# unknowns of a whole joint.
+#
+# ### The whole joint
 #
 # *The data* are the harmonics of the log's mean [turn](../glossary.md#turn). With the motor speed $v(t)$ [rps] over $n$
 # [settled](../glossary.md#settled) turns of the period $T_f$ [s], and the order $k$ [periods a turn],
@@ -43,12 +133,13 @@
 # the motor's harmonics are excluded, and so are first turns that still ring.
 #
 # *The model* is the joint of notebook 9 with its differencing drive, simulated until its turn has settled. Its unknowns
-# $z$ are the backlash $\delta$ [rad] and the phase $\varphi$ [rad] of the log's first sample, without a prior, and
-# the $z_j$ with a normal prior of mean $m_j$ and SD $s_j$: the load's friction over gravity (SD 0.1), the logarithms of
+# $z$ are the backlash $\delta$ [rad] and the phase $\varphi$ [rad] of the log's first sample, without a prior, and the
+# $z_j$ with a normal prior of mean $m_j$ and SD $s_j$: the load's friction over gravity (SD 0.1), the logarithms of
 # stiffness, gravity, inertia ratio, speed and integral gain over those of the paper's joint (SD 0.2), those of the rest
-# of the drive (0.02 to 0.03), the smoothing $q$, a ripple of the motor's torque, and a transmission error at a harmonic
-# of the load's rotation where the residual shows one. With the settled turn's harmonics $V_k(z)$ [rps] and the sampling
-# period $T_s$ [s], and $\text{sinc}\, x = \sin(\pi x)/(\pi x)$, a log has
+# of the drive (0.02 to 0.03), the smoothing $q$ (1: the speed is differenced over a sampling period, 0: it is not
+# smoothed), a ripple of the motor's torque, and a transmission error at a harmonic of the load's rotation where the
+# residual shows one. With the settled turn's harmonics $V_k(z)$ [rps] and the sampling period $T_s$ [s], and
+# $\text{sinc}\, x = \sin(\pi x)/(\pi x)$, a log has
 #
 # $$h_k(z) = \text{sinc}\left(k T_s / T_f\right)^q\, e^{i k \varphi}\, V_k(z).$$
 #
@@ -88,91 +179,7 @@
 # impossible ($p < 10^{-8}$), turns do not repeat, or where the drive ($p < 0.001$) or all unknowns with a prior
 # ($p < 0.01$) stray from what is known of them.
 
-# %%
-from dataclasses import replace
-
-import numpy as np
-import pandas as pd
-from matplotlib import pyplot as plt
-from scipy import stats
-
-import workbook
-from backlash import plots as log_plots
-from backlash.examine import examine_recording
-from backlash.fitting import joint_posterior, joint_search, self_calibration
-from backlash.reading.columns import LogFormat
-from backlash.settings import settings_for
-from replication import standins
-from studies import benchmark, datasheet, joint_match, plots, population
-
 # %% [markdown]
-# ## Parameters
-
-# %% tags=["parameters"]
-bench_seed = 3  # which joint is drawn
-backlash_rad = 11e-4  # of the log that is looked at closely
-friction_share = 0.0  # Coulomb friction added to its load, over gravity
-
-# %% tags=["plumbing"]
-workbook.check_parameters(
-    bench_seed=(bench_seed, workbook.Interval(0, whole=True)),
-    backlash_rad=(backlash_rad, workbook.Interval(1e-4, 1e-2)),
-    friction_share=(friction_share, workbook.Interval(0, 1)),
-)
-
-# %% [markdown]
-# ## Result
-#
-# ### Two unknowns
-#
-# One measured turn; unknown are the backlash and the stiffness, as a factor of the paper's. *Predict:* a stiffer joint
-# rings faster. Does not knowing the stiffness make the backlash less certain?
-
-# %%
-sigma = 0.02  # rps, the noise of a mean turn
-
-
-def turn_rps(delta_rad, stiffness):
-    joint = standins.changed_joint(standins.identified_joint(), {"stiffness_per_s2": stiffness})
-    return joint_match.simulate_turn(joint, delta_rad, 200)
-
-
-truth, steps = np.array([backlash_rad, 1.0]), np.diag([1e-6, 1e-3])
-measured_rps = turn_rps(*truth) + sigma * np.random.default_rng(1).standard_normal(200)
-slopes = [(turn_rps(*(truth + h)) - turn_rps(*(truth - h))) / (2 * h.sum()) for h in steps]
-J = np.array(slopes).T / sigma
-Sigma = np.linalg.inv(J.T @ J)
-
-# %%
-grid = truth[:, None] + np.sqrt(np.diag(Sigma))[:, None] * np.linspace(-4, 4, 25)
-chi2 = np.array(
-    [[np.sum((turn_rps(d, k) - measured_rps) ** 2) / sigma**2 for d in grid[0]] for k in grid[1]]
-)
-posterior = np.exp(-(chi2 - chi2.min()) / 2)
-_, axis = plt.subplots(figsize=(4.5, 3), layout="constrained")
-axis.contourf(1e4 * grid[0], grid[1], posterior, cmap="Blues")
-axis.plot(1e4 * truth[0], truth[1], "x", color="C1", label="truth")
-axis.set(xlabel="backlash $\\delta$ [$10^{-4}$ rad]", ylabel="stiffness over the paper's [-]")
-_ = axis.legend()
-
-
-# %%
-def sd_rad(weights):  # of the backlash
-    mean = np.average(grid[0], weights=weights)
-    return np.sqrt(np.average((grid[0] - mean) ** 2, weights=weights))
-
-
-sds_rad = {
-    "grid": [sd_rad(posterior[12]), sd_rad(posterior.sum(axis=0))],
-    "Laplace": [1 / np.linalg.norm(J[:, 0]), np.sqrt(Sigma[0, 0])],
-}
-pd.DataFrame(sds_rad, index=["stiffness known", "stiffness unknown"]).map("{:.2g}".format)
-
-# %% [markdown]
-# The SD of the backlash [rad] grows where another unknown can make a similar change of the waveform: the ellipse is
-# oblique. Laplace's approximation needs a slope for each unknown, and no grid. So it also works for all
-# unknowns of a whole joint.
-#
 # ### One log of a joint that nobody calibrated
 #
 # A joint is drawn around the paper's, and a log of it. Method `self` fits the whole joint; method `amplitude` uses the
@@ -209,8 +216,7 @@ covariance = np.linalg.inv(slopes @ slopes.T)
 laplace_sd_rad = joint_posterior.UNIT_RAD * np.sqrt(covariance[0, 0])
 
 fit = self_calibration.fit_joint(log)
-print(f"backlash {fit.delta_rad:.4g} rad (drawn: {backlash_rad:.4g} rad)")
-print(f"SD: Laplace {laplace_sd_rad:.2g} rad, mixture {fit.sd_rad:.2g} rad")
+pd.Series({"Laplace": laplace_sd_rad, "mixture": fit.sd_rad}, name="SD [mrad]").mul(1e3).round(5)
 
 # %% [markdown]
 # What the log says of the joint: the SD of each unknown before (prior) and after it, and its correlation with the
@@ -307,24 +313,23 @@ bars, sheet_bars = population.against_criteria(summary), datasheet.against_crite
 # %%
 self_errors = plots.population_errors(measured, titles)
 
-# %%
-near_rmse = summary.set_index(["population", "method"]).loc[near, "rmse_rad"]
-print(
-    f"From this log alone `self` finds {fit.delta_rad:.4g} rad for the drawn {backlash_rad:.4g} rad, with an SD of "
-    f"{fit.sd_rad:.2g} rad. On joints near the paper's its RMS error is {near_rmse['self']:.2g} rad, that of "
-    f"`amplitude` with the paper's calibration {near_rmse['amplitude']:.2g} rad. It meets {bars['met'].sum()} of "
-    f"{len(bars)} criteria, and the whole sensor {sheet_bars['met'].sum()} of {len(sheet_bars)}."
+# %% tags=["plumbing", "verdict"]
+near_rmse = 1e3 * summary.set_index(["population", "method"]).loc[near, "rmse_rad"]
+low, high = 1e3 * (fit.delta_rad + population.NORMAL_95 * fit.sd_rad * np.array([-1, 1]))
+workbook.verdict(
+    f"From this log alone (bench {bench_seed}, friction of {100 * friction_share:g} % added) `self` finds "
+    f"{1e3 * fit.delta_rad:.4f} mrad for the drawn {backlash_mrad:g} mrad, and its interval of {low:.4f} to {high:.4f} "
+    f"mrad {'holds' if low <= backlash_mrad <= high else 'does not hold'} it. On kept populations of joints near the "
+    f"paper's its RMS error is {near_rmse['self']:.4f} mrad, that of `amplitude` with the paper's calibration "
+    f"{near_rmse['amplitude']:.3f} mrad. It meets {bars['met'].sum()} of {len(bars)} criteria, and the whole sensor "
+    f"{sheet_bars['met'].sum()} of {len(sheet_bars)}."
 )
 
-
 # %% tags=["plumbing"]
-def name_missed(criteria):
-    rows = criteria.query("not met").itertuples()
-    return "; ".join(
-        f"{row.population}: {row.figure} {row.measured:.4g}, not {row.bar}" for row in rows
-    ).replace("_", " ")
-
-
+missed = [
+    f"{row.population}: {row.figure} {row.measured:.4g}, not {row.bar}".replace("_", " ")
+    for row in bars[~bars["met"]].itertuples()
+]
 answered = own["population"].value_counts()
 workbook.export(
     supplement={
@@ -336,12 +341,8 @@ workbook.export(
         "self_bars": (bars, "The criteria of the method, and what was measured."),
         "datasheet_bars": (sheet_bars, "The criteria of the whole sensor, and what was measured."),
     },
-    facts={
-        "self_criteria": len(bars),
-        "self_met": bars["met"].sum(),
-        "self_failed": name_missed(bars),
-    }
-    | datasheet.datasheet_facts(sheet, rounds),
+    facts=datasheet.datasheet_facts(sheet, rounds)
+    | {"self_criteria": len(bars), "self_met": bars["met"].sum(), "self_failed": "; ".join(missed)},
     figures={
         "self_log": (
             fitted_log,
@@ -368,7 +369,7 @@ workbook.export(
 # ## Try changing
 #
 # 1. `bench_seed = 4`: another joint; the interval of `self` still covers the true backlash.
-# 2. `backlash_rad = 5e-4`: a smaller gap is estimated with a smaller error.
+# 2. `backlash_mrad = 0.5`: a smaller gap is estimated with a smaller error.
 # 3. `friction_share = 0.05`: the fit finds the friction, and the backlash stays right.
 #
 # ## Exercises
@@ -379,9 +380,7 @@ workbook.export(
 # %% tags=["solution"]
 known_sd_rad = joint_posterior.UNIT_RAD / np.sqrt((slopes @ slopes.T)[0, 0])
 assert known_sd_rad < laplace_sd_rad
-print(
-    f"{known_sd_rad:.2g} rad in place of {laplace_sd_rad:.2g} rad: by a factor {laplace_sd_rad / known_sd_rad:.1f}"
-)
+print(f"by a factor {laplace_sd_rad / known_sd_rad:.1f}")
 
 # %% [markdown]
 # **2.** A log has $\nu$ = 150 and $\chi^2$ = 190. How probable is so large a residual by noise alone? Compare Birge's
@@ -397,13 +396,13 @@ assert np.isclose(factor, self_calibration.widening_factor(large_chi2, nu))
 print(f"p = {chance:.2g}; Birge {birge:.2f}, ours {factor:.1f}")
 
 # %% [markdown]
-# **3.** Two alternatives of equal weight have backlashes of 10·10⁻⁴ and 11·10⁻⁴ rad, each with an SD of 0.3·10⁻⁴ rad.
+# **3.** Two alternatives of equal weight have backlashes of 1.0 and 1.1 mrad, each with an SD of 0.03 mrad.
 # What is the SD of their mixture, and how often would an interval of ±1.96 such SDs cover?
 
 # %% tags=["solution"]
-mixture_sd = np.sqrt(0.3**2 + 0.5**2)  # in 1e-4 rad
+mixture_sd = np.sqrt(0.3**2 + 0.5**2)  # in 0.1 mrad
 draws = np.random.default_rng(1).normal([10.0, 11.0], 0.3, (100_000, 2)).ravel()
 beyond = stats.norm(0.5, 0.3).cdf(1.96 * mixture_sd * np.array([-1, 1]))
 assert np.isclose(draws.std(), mixture_sd, rtol=0.01)
 assert np.isclose((np.abs(draws - 10.5) < 1.96 * mixture_sd).mean(), np.diff(beyond), atol=0.005)
-print(f"{mixture_sd:.2f}e-4 rad; {100 * np.diff(beyond).item():.1f} %")
+print(f"{0.1 * mixture_sd:.3f} mrad; {100 * np.diff(beyond).item():.1f} %")

@@ -17,8 +17,9 @@
 # %% [markdown]
 # # 15 · Which search settings produced Table 2?
 #
-# *You will see the authors' stored runs replayed, and how a published table is compared with those that
-# candidate settings give by the hundred. Run time: 60 s.*
+# *You will see how a published table is compared with those that candidate settings give by the hundred, and what that
+# says of the settings, the noise and the start. Run time: 15 s. Before this: notebook
+# [8](../08_noise_table2.ipynb).*
 #
 # ## Claim
 #
@@ -33,9 +34,10 @@
 # $A$ (Table 1's, or the notebook's, 1.3 times as wide), in the population and in the start of the record. Their reasons
 # stand in `table2_candidates.csv`.
 #
-# **Realisations.** Each of the settings runs on $N$ noises of its own for each row, as in notebook 8; all settings get
-# the same noises and seeds. `make studies NAME=protocols` computes them, in an hour or more, and writes
-# `table2_realisations.csv`. It goes on where it was interrupted.
+# **Realisations.** Each of the settings runs on $N$ noises of its own for each row: the authors' clean record (row 1's
+# is not public; the identified joint replaces it) plus uniform noise of the printed amplitude, and 30 runs with seeds
+# of their own. All settings get the same noises and seeds. `make studies NAME=protocols` computes them, in an hour or
+# more, and writes `table2_realisations.csv`.
 #
 # **Test.** Is the printed table one more realisation under these settings? For each row the printed number joins the
 # $N$ others, and all $N + 1$ get a score $s$: for means
@@ -57,40 +59,38 @@
 
 # %%
 from dataclasses import replace
+from itertools import product
 
 import numpy as np
 import pandas as pd
 from scipy import stats
 
 import workbook
-from replication import published, sources, table2
+from replication import published, table2
 from replication.records import LOW_NOISE
-from replication.signature import FREE_PARAMETERS
-from studies import basins, table2_noise
-from studies.replay import plots, protocols, replay
-from studies.todays_cma import fit_with_todays_cma
+from studies import table2_facts, table2_noise
+from studies.replay import plots, protocols
 from workbook.judging import agrees
 
 # %% [markdown]
 # ## Parameters
 
 # %% tags=["parameters"]
-shown = "rpm, population 600"  # the settings whose rows are shown one by one
 most = 200  # realisations under each of the settings that are used, the first ones
-realisation = 1  # the authors' noise realisation R on which searches are compared
-rows = list(range(1, 11))  # rows of Table 2 whose records are searched
-seed_runs = 30  # runs on each record with one set of seeds, and as many with another set
-today_runs = 12  # runs of today's cma, a second each, on every third record
+made_again = 2  # kept realisations of each row with the leading candidate that are made again
+settings = {}  # for them, in place of the leading candidate's, such as {"population": 30}; see `table2.SearchSettings`
 criteria = {}  # a limit to try instead of that of claims.csv, such as {"random_start": 0.001}
+
+
+def draw_noise(rng, a, size):  # the law of their noise; a is Table 2's half-amplitude [rps]
+    return rng.uniform(-a, a, size)
+
 
 # %% tags=["plumbing"]
 workbook.check_parameters(
-    shown=(shown, protocols.CANDIDATES),
     most=(most, workbook.Interval(10, whole=True)),
-    realisation=(realisation, LOW_NOISE),
-    rows=(rows, [range(1, 11)]),
-    seed_runs=(seed_runs, workbook.Interval(1, whole=True)),
-    today_runs=(today_runs, workbook.Interval(1, whole=True)),
+    made_again=(made_again, workbook.Interval(1, 200, whole=True)),
+    settings=(settings, [tuple(vars(table2.AUTHORS_SETTINGS))]),
     criteria=(criteria, [{"random_start"}]),
 )
 
@@ -105,7 +105,8 @@ workbook.check_parameters(
 
 # %%
 level = published.criterion("random_start", criteria)
-used = pd.read_csv(protocols.REALISATIONS).query("realisation <= @most")
+study = pd.read_csv(protocols.REALISATIONS)
+used = study[study["realisation"] <= most]
 judged = protocols.judge(used, level)
 p_columns = ["p_means", "p_sds", "p_bias"]
 about = ["pooled", "excluded", "realisations", "bias_percent", "means_inside", "sds_inside"]
@@ -127,150 +128,64 @@ inside = pd.DataFrame(found, columns=["of", "row", "protocol", "agrees"])
 protocol_agreement = plots.protocol_agreement(inside)
 
 # %% [markdown]
-# ### One of the settings, row by row
+# ### Kept realisations, made again
 #
-# How many realisations of each row lie below the printed number, of all.
+# `protocols.realise` makes one realisation of a row: noise, thirty runs, their mean and SD. We make the first ones of
+# each row again from the same seeds. Their means and SDs have to be the kept ones in all six digits; with other
+# settings or another noise they are not.
 
 # %%
-numbers = protocols.numbers_of(used[used["protocol"] == shown])
-printed = protocols.printed()
-ranks = pd.DataFrame(index=pd.Index(protocols.ROWS, name="row"))
-for k, of in enumerate(protocols.NUMBERS):
-    ranks[f"printed {of}"] = printed[k]
-    ranks[[f"{of}, 2.5 %", f"{of}, 50 %", f"{of}, 97.5 %"]] = np.quantile(
-        numbers[k], [0.025, 0.5, 0.975], axis=1
-    ).T
-    ranks[f"{of}s below"] = (numbers[k] < printed[k][:, None]).sum(axis=1)
-ranks.round(4)
+leader = replace(protocols.CANDIDATES[protocols.LEADER], **settings)
+first = range(1, made_again + 1)
+jobs = product([leader], protocols.ROWS, first, [protocols.STUDY_SEED], [draw_noise])
+own = pd.DataFrame(table2.in_parallel(protocols.realise, jobs, "kept realisations"))
+kept = study[study["protocol"] == protocols.LEADER]
+digits_here, digits_kept = (
+    part.set_index(["row", "realisation"]).drop(columns="protocol").map("{:.6g}".format)
+    for part in (own, kept)
+)
+same = digits_here == digits_kept.loc[digits_here.index]
+same_tables = same[["mean_A_rps", "sd_A_rps"]].all(axis=1)
+
+# %%
+of_row = pd.concat({"here": own, "kept": kept[kept["realisation"].isin(first)]})
+of_row.groupby([pd.Grouper(level=0), "row"])["mean_A_rps"].mean().unstack(0).assign(
+    same_of=same_tables.groupby("row").sum()
+)
 
 # %% [markdown]
-# ### Calibration of the test
+# ### Pooled bias
 #
-# Each of the first realisations of the shown settings in turn takes the place of the printed table. How often is one of
-# the three p below a limit, though the settings are right?
+# The printed table's and those of the kept tables; rank p of the printed bias, and of zero, among the kept ones.
 
 # %%
-p_left_out = []
-for k in range(min(numbers.shape[-1], 40)):
-    compared_k = protocols.compare(np.delete(numbers, k, axis=-1), numbers[..., k])
-    p_left_out.append([compared_k[name] for name in p_columns])
-smallest = np.min(p_left_out, axis=1)
+judging = protocols.pooled(study)
+pooled = protocols.numbers_of(judging)
+kept_bias, no_bias_p = protocols.pooled_bias(pooled[0]), protocols.bias_p(pooled[0], 0.0)
+printed_bias = float(protocols.pooled_bias(protocols.printed()[0]))
+whole = protocols.compare(pooled, protocols.printed())
 pd.Series(
-    {f"smallest p below {limit:g}": np.mean(smallest < limit) for limit in (level, 0.05, 0.5)}
-).rename("share of right tables").to_frame().round(3)
+    {
+        "printed [%]": printed_bias,
+        "kept, median [%]": np.median(kept_bias),
+        "kept, least [%]": kept_bias.min(),
+        "kept, largest [%]": kept_bias.max(),
+        "p of the printed bias": whole["p_bias"],
+        "p of no bias": no_bias_p,
+    },
+    name="pooled bias",
+).map("{:.2g}".format).to_frame()
 
 # %% [markdown]
-# ### The stored runs, replayed
+# ### Other seeds
 #
-# A search draws random numbers, so a run with the stored seed should be the stored run: every generation of it.
-# `replay_stored_runs` makes all 30 with the search written out in `search.py` (notebook 7), which has the constants of
-# the authors' library. Their notebook prints about 17 generations of each of the runs 1 to 20, to 16 digits, and the
-# end of all 30: `compare_generations` and `compare_ends` subtract them.
+# The seeds are a choice. One of the settings has more realisations, with noises and seeds of their own: each set of 40
+# takes the place of its first. Which means and SDs of Table 2 are judged otherwise with some set?
 
 # %%
-record = sources.load_clean(12)
-made = replay.replay_stored_runs(record)
-compared, ended = replay.compare_generations(made), replay.compare_ends(made)
-replay_figure = plots.replay(compared, ended, replay.AGREE_RPS)
-
-# %%
-agreeing = compared.loc[compared["difference_rps"] < replay.AGREE_RPS, "difference_rps"]
-early = compared.loc[compared["generation"] <= 20, "difference_rps"].max()
-same_end = ended["difference_rps"] < replay.AGREE_RPS
-same_count = same_end & (ended["our_generations"] == ended["stored_generations"])
-print(
-    f"{agreeing.size} of {len(compared)} printed generations agree within {replay.AGREE_RPS:.0e} rps; up to generation "
-    f"20 the largest difference is {early:.1e} rps. {same_end.sum()} of {len(ended)} runs end at the stored misfit, "
-    f"{same_count.sum()} of them in the stored generation."
-)
-
-# %% [markdown]
-# Why do the others diverge? `agrees_until` is the last printed generation that agrees, and `parts_by` the first one
-# that does not. `first_divergences` looks for the generation `undecided`, the first after `agrees_until` in which the
-# sign of an eigenvector of $\mathbf C$ depends on its last bit. Rounding reverses that eigenvector in
-# `flips` of 20 trials, and with it every sample along that axis. The ranks decide nothing: no two members next in rank
-# are closer than `closest_ranks_rps`. From there on, the run is another one of the same distribution.
-
-# %%
-parted = replay.first_divergences(record, ended, np.random.default_rng(1))
-parted_shown = parted.astype({"agrees_until": "Int64", "parts_by": "Int64"}).astype(object)
-parted_shown.assign(closest_ranks_rps=parted["closest_ranks_rps"].map("{:.1e}".format)).fillna(
-    "not printed"
-)
-
-# %% [markdown]
-# The replay needs three things. The *bound handling*: samples are bent to a half-parabola in a margin at each bound,
-# (1 + |bound|)/20 wide until `cma` 3.3 and max(1, |bound|)/20 since 3.4, which is why today's first generation agrees
-# only for seeds whose best sample lies in no margin. The *constants*: the step size was damped differently until 3.2;
-# until 2.6 an ill-conditioned $\mathbf C$ was kept. And the *signs of eigenvectors*: LAPACK 3.10 changed the plane
-# rotation they come from, so that the same library with a newer NumPy is another search from the second generation on;
-# `studies/replay/eigen.py` keeps the older rotation, and the same last bits on every processor.
-#
-# ### The basins of the stored runs
-#
-# The best signatures of the 30 runs lie in different basins; a mean over them hides that. `replayed_runs` are ours with
-# the same seeds: the same basins, run by run, but for the one run that ends elsewhere. A run's best signature need not
-# be of its last generation: that of run 5 is of generation 13. The
-# [replay explorer](../../results/pages/replay_explorer.html) plays every run generation by generation.
-
-# %%
-stored_runs = published.table("authors_notebook_runs")
-stored_runs["basin"] = table2.basin_labels(stored_runs["final_rmse_rps"])
-stored_runs["size"] = stored_runs["A_rps"].abs()
-stored_basins = stored_runs.groupby("basin").agg(
-    runs=("run", "size"),
-    rmse_rps=("final_rmse_rps", "min"),
-    smallest_A_rps=("size", "min"),
-    largest_A_rps=("size", "max"),
-)
-stored_basins["replayed_runs"] = [
-    int(((ended["ours_rps"] / low - 1).abs() < table2.BASIN_GAP).sum())
-    for low in stored_basins["rmse_rps"]
-]
-stored_basins
-
-# %% [markdown]
-# ### Other seeds, another version of the library
-#
-# How far do the means of such a table move with the seeds, and how far with the version of the library? The 2021
-# search runs with two sets of seeds on every record; today's `cma`, which is slow, on every third record.
-# `basins.compare_searches` compares each set with the first.
-#
-# `shift_percent` is the average shift of the means against the first set, with a 95 % interval (bootstrap over the
-# runs); `best_shift_percent` is that of the runs in the best basin. `apart_percent` is the rms shift, and
-# `chance_percent`, with its interval, the rms shift that chance alone gives to sets of these sizes. `first_rate` is the
-# first set's rate of the best basin on these records.
-
-# %%
-theirs = table2.AUTHORS_SETTINGS
-todays = replace(theirs, name="today's cma")
-records = [
-    each
-    for each in table2.table2_records([realisation], sources.load_noisy)
-    if each[0]["row"] in rows
-]
-every_third = [each for each in records if each[0]["row"] in (rows[1::3] or rows)]
-seeds = range(1, 2 * seed_runs + 1)
-of_2021 = table2.repeated_fits(records, [theirs], seeds, label="the search of 2021")
-of_today = table2.repeated_fits(
-    every_third, [todays], range(1, today_runs + 1), todays.name, fit_with_todays_cma
-)
-
-# %%
-sets = {
-    "the search of 2021": of_2021[of_2021["seed"] <= seed_runs],
-    "the same, other seeds": of_2021[of_2021["seed"] > seed_runs],
-    "today's cma": of_today,
-}
-versions = basins.compare_searches(sets)
-versions.set_index("search").round(2).astype(object).T.fillna("")
-
-# %% [markdown]
-# What the table can tell: how far other seeds alone move means over 30 runs, and that in the best basin both versions
-# find the same $A$ within the interval of `best_shift_percent`. What it cannot: with so few runs of today's `cma`, a
-# shift of the means smaller than the interval of `shift_percent`, or a rate that differs by less than its interval.
-# A table of such means can be reproduced to some percent with any version and any seeds; to its printed digits only
-# with the seeds, the library, its BLAS and its LAPACK, which the paper does not print.
+by_seeds = table2_noise.agreement_by_seeds(study)
+changed = by_seeds[by_seeds.nunique(axis=1) > 1]
+changed
 
 # %% [markdown]
 # ### Which noise?
@@ -312,24 +227,7 @@ prediction = pd.read_csv(workbook.ROOT / "results" / "table2_prediction.csv")
 prediction["off_percent"] = table2.error_percent(prediction, "mean_A_rps")
 prediction_columns = ["mean_A_rps", "off_percent", "sd_A_rps", "best_A_rps", "best_basin_runs"]
 display(prediction.set_index("row")[prediction_columns].round(4))
-failed = table2_noise.failed_predictions(prediction)
-of_best = {"mean_A_rps": prediction["best_A_rps"], "sd_A_rps": prediction["best_sd_A_rps"]}
-failed_in_best = table2_noise.failed_predictions(prediction.assign(**of_best))
-
-
-def as_predicted(failed):
-    """How many of the predicted numbers are met."""
-    means = len(table2_noise.PREDICTED_MEANS)
-    sds = len(table2_noise.PREDICTED_SDS)
-    return (
-        f"{means - len(failed['mean'])} of {means} means and {sds - len(failed['sd'])} of {sds} SDs"
-    )
-
-
-prediction_finding = (
-    f"The prediction {'fails' if any(failed.values()) else 'holds'}: {as_predicted(failed)} are as predicted; over the "
-    f"runs in the best basin alone, which was not the criterion, {as_predicted(failed_in_best)}"
-)
+prediction_finding = table2_noise.describe_prediction(prediction)
 print(f"{prediction_finding}. R = 1 as the noise of Table 2 remains suggestive, not proven.")
 
 # %% [markdown]
@@ -355,59 +253,34 @@ means_of = {
 }
 for name, part in each_run.groupby("protocol"):
     means_of[name] = table2_noise.on_other_noises(part, means_of[protocols.LEADER])
-printed_bias = float(protocols.pooled_bias(protocols.printed()[0]))
 bias_p = pd.Series(
     {name: protocols.bias_p(means, printed_bias) for name, means in means_of.items()}
 )
 display(bias_p.map("{:.2g}".format).rename("p of the printed pooled bias").to_frame())
 of_drawn = bias_p[bias_p.index.str.startswith("start per")]
-print(
-    f"Every start that is drawn for each record or run has p = {of_drawn.max():.1g} or less, from the means alone. "
-    + (
-        "What remains of the text's sentence is one start for all rows."
-        if of_drawn.max() < level
-        else ""
-    )
-)
 
 # %% [markdown]
 # ## Verdict
 #
 # What was not tried: populations above 2000 and below 300.
 
-# %%
+# %% tags=["plumbing", "verdict"]
 claims = {"random_start": table2_noise.random_start(bias_p, criteria)}
-display(workbook.judge(claims=claims))
-together = judged.set_index("protocol").loc["pooled"]
-excluded = judged.loc[judged["excluded"], "protocol"]
-print(
-    f"{len(judged) - 1 - len(excluded)} of {len(judged) - 1} settings are compatible with Table 2; excluded: "
-    f"{'; '.join(excluded) or 'none'}. All that judge together have p = {together['p_means']:.2g} for the means and "
-    f"{together['p_sds']:.2g} for the SDs. The search is the authors': {same_end.sum()} of their {len(ended)} stored "
-    "runs end as replayed."
+of_settings = judged.set_index("protocol").drop("pooled")
+excluded = of_settings.index[of_settings["excluded"]]
+workbook.verdict(
+    f"{len(of_settings) - len(excluded)} of {len(of_settings)} settings are compatible with Table 2; excluded at "
+    f"{100 * level:g} %: {'; '.join(excluded) or 'none'}. All that judge together have p = {whole['p_means']:.2g} for "
+    f"the means and {whole['p_sds']:.2g} for the SDs. Every start that is drawn for each record or run has p = "
+    f"{of_drawn.max():.1g} or less, from the means alone"
+    f"{'; what remains of the text is one start for all rows' if of_drawn.max() < level else ''}. "
+    f"Made again with a population of {leader.population}, {same_tables.sum()} of {len(own)} realisations have the "
+    f"kept mean and SD: the kept numbers are {'' if same_tables.all() else 'not '}those of these settings and this "
+    f"noise. With other seeds {len(changed)} of {len(by_seeds)} judgements change.",
+    claims=claims,
 )
 
 # %% tags=["plumbing"]
-of_settings = judged.set_index("protocol").drop("pooled")
-pooled_p = of_settings.loc[protocols.POOLED]
-drawn_start = of_settings[of_settings["start"] == "per record"]
-to_16_digits = {name: made[name].map("{:.15e}".format) for name in ("best_rmse_rps", "sigma")}
-frames = replay.replay_frames(record, made).groupby("run")[["generation", "frame"]].agg(list)
-shown_runs = stored_runs.drop(columns="size").merge(frames, on="run")
-printed_generations = published.table("authors_notebook_generations")[
-    ["run", "generation", "best_rmse_of_generation_rps"]
-]
-search_box = pd.DataFrame({"parameter": FREE_PARAMETERS, **vars(table2.search_box(record, theirs))})
-explorer = {
-    "runs": shown_runs.to_dict("records"),
-    "printed": printed_generations.to_numpy().tolist(),
-    "box": search_box.to_dict("records"),
-    "basins": stored_basins["rmse_rps"].tolist(),
-    "settings": {"gap": table2.BASIN_GAP, "agree": replay.AGREE_RPS, "members": theirs.population},
-}
-of_seeds, today = (
-    versions.set_index("search").loc[name] for name in ("the same, other seeds", "today's cma")
-)
 workbook.export(
     tables={"table2_protocols": judged},
     supplement={
@@ -415,73 +288,23 @@ workbook.export(
             inside,
             "Whether each mean and SD of Table 2 agrees under each of the settings alone.",
         ),
-        "stored_basins": (stored_basins.reset_index(), "The basins in which the stored runs end."),
-        "replay": (
-            made[["run", "cma_seed", "generation", "best_rmse_rps", "sigma"]].assign(
-                **to_16_digits
-            ),
-            "Every generation of the replayed runs: its lowest misfit and step size.",
-        ),
-        "replay_ends": (ended, "The ends of the replayed runs beside the stored ones."),
-        "library_versions": (
-            versions,
-            "Other seeds and today's library against the search of 2021.",
+        "table2_seeds": (
+            by_seeds.reset_index(),
+            "Agreement of the means and SDs with other sets of seeds.",
         ),
     },
-    pages={"replay_explorer": explorer},
-    facts={
-        "stored_runs": len(ended),
-        "stored_best": stored_basins["runs"].iloc[0],
-        "stored_in_full": compared["run"].nunique(),
-        "stored_generations": len(compared),
-        "replayed": same_end.sum(),
-        "replayed_same_count": same_count.sum(),
-        "replay_apart": (ended.loc[same_end, "difference_rps"].abs().max(), ".0e"),
-        "replay_generations": agreeing.size,
-        "seeds_runs": (of_seeds["runs"] / of_seeds["records"], ".0f"),
-        "seeds_chance": (of_seeds["chance_percent"], ".1f"),
-        "seeds_chance_low": (of_seeds["chance_low_percent"], ".1f"),
-        "seeds_chance_high": (of_seeds["chance_high_percent"], ".1f"),
-        "today_runs": (today["runs"] / today["records"], ".0f"),
-        "today_records": (today["records"], ".0f"),
-        "today_apart": (today["apart_percent"], ".1f"),
-        "today_chance": (today[["chance_low_percent", "chance_high_percent"]], ".1f"),
-        "today_best_shift": (today[["best_shift_low_percent", "best_shift_high_percent"]], "+.1f"),
-        "today_against_chance": "more than"
-        if today["apart_percent"] > today["chance_high_percent"]
-        else "no more than",
-        "candidates": len(of_settings),
-        "candidates_left": int((~of_settings["excluded"]).sum()),
-        "settings_p_means": (pooled_p["p_means"], ".2g"),
-        "settings_p_sds": (pooled_p["p_sds"], ".2g"),
-        "drawn_start_bias": (drawn_start["bias_percent"], ".0f"),
-        "drawn_start_p": (drawn_start["p_bias"].max(), ".1g"),
-        "largest_population_p": (of_settings.loc["rpm, population 2000", "p_sds"], ".1g"),
-        "nearest_own": (own_rms.min(), ".2f"),
-        "own_noises": own_rms.size,
-        "nearness_1": (nearness.loc["R = 1", "rms_percent"], ".2f"),
-        "nearness_2": (nearness.loc["R = 2", "rms_percent"], ".2f"),
-        "nearness_p": (nearness["p"].min(), ".2g"),
-        "nearness_1_short": (nearness.loc["R = 1", "rms_without_last_turn"], ".2f"),
-        "prediction_finding": prediction_finding,
-        "drawn_bias_p": (of_drawn.max(), ".1g"),
-        "each_run_off": (each_run["off_percent"].abs().agg(["min", "max"]), ".0f"),
-        "each_run_sd": (each_run["sd_A_rps"].agg(["min", "max"]), ".2f"),
-    },
+    facts=table2_facts.of_settings(of_settings, whole)
+    | table2_facts.of_bias(printed_bias, kept_bias, no_bias_p)
+    | table2_facts.of_seeds(same, by_seeds)
+    | table2_facts.of_noise(nearness, own_rms)
+    | {"prediction_finding": prediction_finding}
+    | table2_facts.of_starts(of_drawn, each_run),
     figures={
-        "replay_differences": (
-            replay_figure,
-            f"The lowest misfits of the replayed runs against the stored ones. (a) Of {len(compared)} printed "
-            f"generations of {compared['run'].nunique()} runs {agreeing.size} agree within {agreeing.max():.0e} rps; "
-            "the others belong to the named runs, which diverge temporarily. (b) Of the ends of all "
-            f"{len(ended)} runs {same_end.sum()} agree. The limit of agreement is {replay.AGREE_RPS:.0e} rps; a "
-            f"difference of 0 is drawn at {plots.SMALLEST_RPS:.0e} rps.",
-        ),
         "table2_by_protocol": (
             protocol_agreement,
             f"Whether each mean and SD of Table 2 lies in the 95 % prediction interval of "
             f"{protocols.REALISATIONS_EACH} realisations under each of {len(protocols.POOLED)} settings alone.",
-        ),
+        )
     },
     claims=claims,
 )
@@ -489,21 +312,22 @@ workbook.export(
 # %% [markdown]
 # ## Try changing
 #
-# 1. `shown = "authors' notebook"`: with a population of 300 more runs leave the best basin, and most means lie lower.
+# 1. `settings = {"population": 30}`: more runs leave the best basin; none of the kept means and SDs comes out.
 # 2. `criteria = {"random_start": 0.02}`: a stricter limit excludes more settings.
 # 3. `most = 20`: with twenty realisations no interval has an end, and every number lies inside.
 #
 # ## Exercises
 #
-# **1.** Of 30 stored runs `replayed` end as stored. If a search that is not the authors' ended each run in one of the
-# four stored basins with the stored shares, at the basin's lowest misfit, how probable would it be that all 30 end in
-# their own basin by chance (the power of ten)?
+# **1.** Of 30 runs 29 end at the same $A$ and one at a distance $d$. Which SD do they have? How far off is the one run
+# that would give the SD printed in row 10?
 
 # %% tags=["solution"]
-share = stored_basins["runs"] / stored_basins["runs"].sum()
-by_chance = np.prod(share[stored_runs["basin"]])  # run by run, the share of its own basin
-assert by_chance < 1e-10
-print(f"{by_chance:.0e}")
+d = 0.3
+assert np.isclose(np.std([1.0] * 29 + [1.0 - d], ddof=1), d / np.sqrt(30))
+mean_10, sd_10 = protocols.printed()[:, 9]
+distance = sd_10 * np.sqrt(30)
+assert 0.1 < distance < 0.11
+print(f"{distance:.3f} rps, {100 * distance / mean_10:.0f} % of the printed mean")
 
 # %% [markdown]
 # **2.** Ten scores are drawn from a law of their own each. Show on a hundred made tables that the test's p is uniform

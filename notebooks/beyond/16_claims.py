@@ -11,19 +11,20 @@
 #     language: python
 #     name: python3
 #   replication:
-#     quick: {noises: 20, noise_seeds: 10, mountings: 1, strategy_runs: 2, budget: 10000}
+#     quick: {noises: 20, noise_seeds: 10, mountings: 1}
 # ---
 
 # %% [markdown]
 # # 16 · Claims without a figure or table
 #
-# *You will see how a sentence becomes a claim that a measurement can refute. Run time: 40 s.*
+# *You will see how a sentence becomes a claim that a measurement can refute. Run time: 25 s. Before this: notebooks
+# [4](../04_growth_figure11.ipynb) and [8](../08_noise_table2.ipynb).*
 #
 # ## Claim
 #
 # The text makes many statements that belong to no figure and no table: on the noise, on the growth of the error, on the
-# impacts, on the encoder, on the dead zone, and on CMA-ES against swarms and classical methods. Each is paraphrased in
-# the section that decides it, and again beside its verdict; quotation marks enclose the paper's own words.
+# impacts, on the encoder and on the dead zone; those on CMA-ES are in notebook [20](20_another_optimiser.ipynb). Each
+# is paraphrased in the section that decides it; quotation marks enclose the paper's own words.
 #
 # ## Method
 #
@@ -49,30 +50,16 @@
 # %%
 import numpy as np
 import pandas as pd
-from scipy import optimize, stats
+from scipy import stats
 
 import workbook
-from backlash.fitting.global_fit import global_fit
-from replication import characteristic, published, table2
+from replication import characteristic, published
 from replication.records import CLEAN_LEVELS, level_delta_rad
 from replication.simulator.parameters import identified_joint
 from replication.sources import load_clean_records, load_noisy
 from studies import claims as studies
-from studies import edge, optimizers
+from studies import edge
 from workbook import Interval
-
-# %% [markdown]
-# *Another optimiser* is any function of a misfit [rps] of X, the bounds of X, the evaluations to spend and a seed. X
-# holds the seven parameters in the order of `signature.FREE_PARAMETERS`. It returns the best X. This one is SciPy's:
-
-
-# %%
-def differential_evolution(misfit, lower, upper, evaluations, seed):
-    bounds = list(zip(lower, upper, strict=True))
-    return optimize.differential_evolution(
-        misfit, bounds, maxiter=evaluations, tol=0, polish=False, seed=seed
-    ).x
-
 
 # %% [markdown]
 # ## Parameters
@@ -86,9 +73,6 @@ turns = [1, 12]  # turns in the model that are compared
 mountings = 3  # angles at which the encoder is mounted
 bits = [12, 14, 16, 19]  # encoders
 steps_s = [5e-5, 1e-4, 2.5e-4, 5e-4]  # plain integration steps
-optimiser = None  # of misfit, lower, upper, evaluations and seed, such as differential_evolution
-strategy_runs = 10  # searches by it, and by CMA-ES
-budget = 40000  # function evaluations of each
 criteria = {}  # limits to try in place of those of claims.csv, such as {"quality_decreases": 0.2}
 
 # %% tags=["plumbing"]
@@ -101,58 +85,32 @@ workbook.check_parameters(
     mountings=(mountings, Interval(1)),
     bits=(bits, [range(8, 33)]),
     steps_s=(steps_s, [Interval(1e-6, 5e-4)]),
-    optimiser=(optimiser, (None, callable)),
-    strategy_runs=(strategy_runs, Interval(1, 1e4, whole=True)),
-    budget=(budget, Interval(100, 1e7)),
     criteria=(criteria, [list(decided_here.index)]),
 )
 
 # %% [markdown]
 # ## Result
 #
-# ### The printed numbers
+# ### The claims
 #
-# The amplitude of the noise is proportional to the disturbance's expected amplitude: then the ratio of Table 2's
-# noise to its theoretical $A$ is one number.
+# What is checked, by which rule and limit.
 
 # %%
+listed = decided_here[["claim", "check"]].assign(
+    rule=decided_here["rule"]
+    + [f" {published.criterion(claim, criteria):g}" for claim in decided_here.index],
+    otherwise=decided_here["alternative"],
+)
+listed
+
+# %%
+claims, joint = {}, identified_joint()
 of_table2 = ("noise", "theoretical", "mean")
 noise, theoretical, mean = (published.column("Table 2", name)[:10] for name in of_table2)
 delta_rad = characteristic.printed_levels_rad()
-ratio = noise / theoretical
-fall = ratio.max() / ratio.min()
-claims = {
-    "noise_proportional": (
-        published.decide("noise_proportional", fall, criteria),
-        f"noise over A falls from {ratio[0]:.2f} to {ratio[-1]:.3f}, a factor {fall:.2f}",
-    )
-}
-estimated_rad = characteristic.equation_10().backlash_rad(mean)
-errors = pd.DataFrame({"delta_rad": delta_rad, "error_rad": np.abs(estimated_rad - delta_rad)})
-errors["error_percent"] = 100 * np.abs(mean / theoretical - 1)
-errors["noise_over_A"] = ratio
-
-# %%
-axes = errors.plot("delta_rad", subplots=True, style="o-", figsize=(6, 4), xlabel="backlash [rad]")
-errors
 
 # %% [markdown]
-# "The quality of the estimate decreases with the increase of backlash": then the errors of the printed means, converted
-# by equation 10, are correlated with the backlash.
-
-# %%
-growing, falling, percent = (
-    stats.kendalltau(delta_rad, errors[name], method="exact", alternative=side)
-    for name, side in (("error_rad", "greater"), ("error_rad", "less"), ("error_percent", "less"))
-)
-claims["quality_decreases"] = (
-    published.decide("quality_decreases", (growing.pvalue, falling.pvalue), criteria),
-    f"error in rad: tau {growing.statistic:+.2f}, p of an increase {growing.pvalue:.2f}, of a decrease "
-    f"{falling.pvalue:.2f}; in percent of A: tau {percent.statistic:+.2f}, p of a decrease {percent.pvalue:.2f}",
-)
-
-# %% [markdown]
-# ### The authors' clean records
+# ### The disturbance: growth and repetition
 #
 # The disturbance grows regularly as the backlash gap enlarges, and in a record "all the oscillations have the same
 # amplitude": peak and RMS of the [settled](../glossary.md#settled) disturbance by [level](../glossary.md#level), and
@@ -201,7 +159,56 @@ claims["same_amplitude"] = (
 )
 
 # %% [markdown]
-# ### The authors' noise
+# ### The disturbance: when the teeth meet
+#
+# One impact comes at the beginning of the load's descent, one at the beginning of its ascent: the share of the phase
+# that has passed at the impact, in the simulated joint. The gap takes time to cross, the longer the wider it is.
+
+# %%
+phases = studies.impact_phases(joint, delta_rad)
+claims["impacts_at_phase_start"] = studies.impacts_at_phase_start(phases, criteria)
+passed = phases.groupby(["delta_rad", "phase"])["share_passed"].mean().unstack().reset_index()
+passed
+
+# %% [markdown]
+# ### The noise: printed numbers
+#
+# The amplitude of the noise is proportional to the disturbance's expected amplitude: then the ratio of Table 2's
+# noise to its theoretical $A$ is one number.
+
+# %%
+ratio = noise / theoretical
+fall = ratio.max() / ratio.min()
+claims["noise_proportional"] = (
+    published.decide("noise_proportional", fall, criteria),
+    f"noise over A falls from {ratio[0]:.2f} to {ratio[-1]:.3f}, a factor {fall:.2f}",
+)
+estimated_rad = characteristic.equation_10().backlash_rad(mean)
+errors = pd.DataFrame({"delta_rad": delta_rad, "error_rad": np.abs(estimated_rad - delta_rad)})
+errors["error_percent"] = 100 * np.abs(mean / theoretical - 1)
+errors["noise_over_A"] = ratio
+
+# %%
+axes = errors.plot("delta_rad", subplots=True, style="o-", figsize=(6, 4), xlabel="backlash [rad]")
+errors
+
+# %% [markdown]
+# "The quality of the estimate decreases with the increase of backlash": then the errors of the printed means, converted
+# by equation 10, are correlated with the backlash.
+
+# %%
+growing, falling, percent = (
+    stats.kendalltau(delta_rad, errors[name], method="exact", alternative=side)
+    for name, side in (("error_rad", "greater"), ("error_rad", "less"), ("error_percent", "less"))
+)
+claims["quality_decreases"] = (
+    published.decide("quality_decreases", (growing.pvalue, falling.pvalue), criteria),
+    f"error in rad: tau {growing.statistic:+.2f}, p of an increase {growing.pvalue:.2f}, of a decrease "
+    f"{falling.pvalue:.2f}; in percent of A: tau {percent.statistic:+.2f}, p of a decrease {percent.pvalue:.2f}",
+)
+
+# %% [markdown]
+# ### The noise: its law
 #
 # The noise is uniform and white with zero mean: what the authors added to nine records in two
 # [realisations](../glossary.md#realisation), tested for its law, its mean and the correlation of neighbours. That the
@@ -221,7 +228,7 @@ claims["simulator_agrees"] = (published.decide("simulator_agrees", np.nan, crite
 tests.describe().loc[["min", "50%", "max"]].drop(columns=["level", "realisation"])
 
 # %% [markdown]
-# ### Noise without backlash
+# ### The noise: without backlash
 #
 # The absence of backlash is correctly recognised: $|A|$ that the authors' search finds in noise alone, against Table
 # 2's smallest mean. The mean of a signed $A$ would say little, because the signs cancel.
@@ -235,20 +242,7 @@ claims["no_backlash"] = studies.no_backlash(
 pd.Series(amplitudes, name="|A| [rps]").describe().drop("count").to_frame()
 
 # %% [markdown]
-# ### When the teeth meet
-#
-# One impact comes at the beginning of the load's descent, one at the beginning of its ascent: the share of the phase
-# that has passed at the impact, in the simulated joint. The gap takes time to cross, the longer the wider it is.
-
-# %%
-joint = identified_joint()
-phases = studies.impact_phases(joint, delta_rad)
-claims["impacts_at_phase_start"] = studies.impacts_at_phase_start(phases, criteria)
-passed = phases.groupby(["delta_rad", "phase"])["share_passed"].mean().unstack().reset_index()
-passed
-
-# %% [markdown]
-# ### More turns, less noise
+# ### The noise: more turns
 #
 # More than one turn in the model avoids errors due to noise: the RMS error of $A$ due to noise. White noise averaged
 # over twelve turns would leave $1/\sqrt{12} = 0.29$ of the error. At the largest backlash little is gained: there
@@ -263,7 +257,7 @@ claims["turns_reduce_noise"] = studies.turns_reduce_noise(by_turns, noise_seeds,
 by_turns.pivot(index="delta_rad", columns="turns", values="rms_error_rps")
 
 # %% [markdown]
-# ### The encoder
+# ### The encoder: how many bits
 #
 # The method needs no more than a standard 19 bit motor encoder: how much $A$ changes when the motor's position is
 # rounded.
@@ -274,7 +268,7 @@ claims["bits_suffice"] = studies.bits_suffice(by_bits, encoder_bits, criteria)
 by_bits.groupby("bits")["change_rps"].max().to_frame()
 
 # %% [markdown]
-# ### A torque that steps
+# ### The dead zone: a torque that steps
 #
 # "Discontinuities typically cause instabilities": the clamped dead zone with damping lets the torque step at the edge;
 # the modified one does not. Both are integrated by plain steps that do not look for the contact. The numbers are errors
@@ -295,114 +289,21 @@ alphas = pd.read_csv(workbook.ROOT / "results" / "alpha_refit.csv")
 alphas[["alpha_per_rad", "nrmse", "stiffness_per_s2", "inertia_ratio", "speed_gain_per_s"]]
 
 # %% [markdown]
-# ### CMA-ES, swarms and classical methods
-#
-# CMA-ES gives better solutions than four swarm algorithms, classical optimisation "cannot be straightforwardly
-# applied", and CMA-ES "requires almost no parameter tuning": how often each method finds the
-# [best basin](../glossary.md#best-basin) with the function evaluations of the authors' notebook, 300 members in 200
-# generations. The runs take minutes and are read from `optimizers.csv` (`make studies NAME=claims`). The paper does
-# not name its four swarms; ours are a library's best known ones, with the population of the authors' notebook and
-# with the library's own.
-
-# %%
-success = optimizers.success_table(pd.read_csv(workbook.ROOT / "results" / "optimizers.csv"))
-success.drop(columns="kind").round(3)
-
-# %% [markdown]
-# CMA-ES against each swarm at its better population, by Fisher's exact test.
-
-# %%
-compared = optimizers.against_swarms(success)
-claims["cma_beats_swarms"] = studies.cma_beats_swarms(compared, criteria)
-claims["classical_cannot"] = studies.classical_cannot(success, criteria)
-claims["little_tuning"] = studies.little_tuning(success, criteria)
-compared
-
-# %% [markdown]
-# ### Another optimiser
-#
-# How often does `optimiser` find the best basin of the authors' clean record 12, beside CMA-ES? A search stops within
-# 0.2 % of the global fit's misfit, or where its budget is spent. *Predict:* does a small population that doubles with
-# every restart succeed more often than one of 300?
-
-# %%
-record = load_clean_records([12])[level_delta_rad(12)]
-target = global_fit(record).rmse * (1 + table2.BASIN_GAP)
-tried = [name for name, (kind, _) in optimizers.SEARCH_METHODS.items() if kind == "CMA-ES"]
-tried += [optimiser] if optimiser else []
-searches = optimizers.compare_strategies(record, tried, range(1, strategy_runs + 1), target, budget)
-tried_success = optimizers.success_table(searches.assign(level=12, realisation=0))
-if optimiser:
-    print(
-        f"Your {optimiser.__name__} succeeds in {tried_success['found'].iloc[-1]} of {strategy_runs}."
-    )
-tried_success.drop(columns=["kind", "records"]).round(3)
-
-# %% [markdown]
-# ### The global fit
-#
-# The *global fit* (notebook 8) is deterministic. On Table 2's records, R = 1, none of the thirty runs of
-# notebook 8 has a lower RMSE (a test compares them). Its $A$ beside the printed means:
-
-# %%
-fits = pd.DataFrame(
-    [
-        {"row": key["row"], "A_rps": fit.amplitude_rps, "rmse_rps": fit.rmse}
-        for key, noisy in table2.table2_records([1], load_noisy)
-        for fit in [global_fit(noisy)]
-    ]
-)
-fits.assign(printed_mean_rps=mean).round(4)
-
-# %% [markdown]
-# ### The signature's own error
-#
-# How far off is $A$ without noise and without chance? The global fit of the clean records of Table 2's rows 2 to 10, in
-# percent of the theoretical $A$, beside the printed means. Most of the printed error is that of the signature, which a
-# settled record does not follow.
-
-# %%
-clean = load_clean_records(range(3, 12))
-true_A = pd.Series(table2.theoretical_amplitudes())
-own_A = pd.Series({delta: global_fit(each).amplitude_rps for delta, each in clean.items()})
-own_error = pd.DataFrame({"without noise": 100 * (own_A / true_A - 1)}).dropna()
-own_error["printed"] = 100 * (pd.Series(mean, true_A.index) / true_A - 1)
-own_error.rename_axis("delta_rad").round(1)
-
-# %%
-print(", ".join(f"{name} {value:.1f} %" for name, value in own_error.mean().items()), "on average")
-
-# %% [markdown]
 # ## Verdict
 
-# %%
-judged = workbook.judge(claims=claims).set_index("id")
-listed = decided_here.loc[judged.index]
-limits = [f" {published.criterion(claim, criteria):g}" for claim in judged.index]
-verdicts = pd.DataFrame({"claim": listed["claim"], "verdict": judged["verdict"]})
-verdicts["measured"] = judged["reproduced"]
-verdicts["check"] = listed["check"]
-verdicts["limit"] = listed["rule"] + limits
-verdicts["otherwise if"] = listed["alternative"]
-display(verdicts)
-
-# %%
-of = {
-    verdict: verdicts.loc[verdicts["verdict"] == verdict, "claim"]
-    for verdict in set(verdicts["verdict"])
-}
-refuted = of.get("does not hold", [])
-print(
-    f"Of {len(verdicts)} claims {len(of.get('holds', []))} hold, {len(refuted)} do not hold "
-    f"({'; '.join(refuted) or 'none'}), and {len(of.get('undecided', []))} are undecided: our repeats, or what is "
-    "published, neither support nor refute them."
+# %% tags=["plumbing", "verdict"]
+counts = dict.fromkeys(("holds", "does not hold", "undecided"), 0)
+counts |= workbook.judge(claims=claims)["verdict"].value_counts()
+refuted = decided_here.loc[[name for name, (holds, _) in claims.items() if holds is False], "claim"]
+workbook.verdict(
+    f"Of {len(claims)} claims {counts['holds']} hold, {counts['does not hold']} do not hold "
+    f"({'; '.join(refuted) or 'none'}), and {counts['undecided']} are undecided: our repeats, or what is published, "
+    "neither support nor refute them.",
+    claims=claims,
 )
 
 # %% tags=["plumbing"]
 misfit = 100 * alphas.set_index("alpha_per_rad")["nrmse"]
-runs_of = success.set_index("method")[["found", "runs"]]
-own_population = runs_of.loc["CMA-ES, its own population"]
-restarts = runs_of.loc["CMA-ES, its own population, restarts doubling it"]
 workbook.export(
     supplement={
         "claims_printed": (errors, "The printed errors of A and the ratio of noise to A."),
@@ -411,22 +312,14 @@ workbook.export(
             stepping,
             "Errors of a plain integration of the two dead zones.",
         ),
-        "claims_optimizers": (success, "Runs of each optimiser that find the best basin."),
-        "identification_table2": (fits, "The global fit's A and misfit on Table 2's records."),
     },
     claims=claims,
     facts={
         "alpha_misfit": (misfit[1e5], ".1f"),
         "softer_alpha": (1e4, ".0e"),
         "softer_misfit": (misfit[1e4], ".1f"),
-        "clean_error": (own_error["without noise"], "+.1f"),
-        "clean_error_mean": (own_error["without noise"].mean(), ".1f"),
         "last_sd": (published.value("table2.row11.sd") ** 0.5, ".3f"),
         "noise_share": (100 * errors["noise_over_A"], ".0f"),
-        "own_population_found": own_population["found"],
-        "own_population_runs": own_population["runs"],
-        "restarts_found": restarts["found"],
-        "restarts_runs": restarts["runs"],
     },
 )
 
@@ -436,8 +329,6 @@ workbook.export(
 # 1. `criteria = {"quality_decreases": 0.2}`: a laxer test, and the paper's sentence on the quality would hold.
 # 2. `criteria = {"same_amplitude": 0.005}`: half a percent tells the half turns of ten records apart.
 # 3. `turns = [1, 3]`: three turns instead of twelve; the error still falls, by less.
-#
-# And `optimiser = differential_evolution`, the function above, stands beside CMA-ES; write your own in its place.
 #
 # ## Exercises
 #

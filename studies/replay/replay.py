@@ -10,9 +10,9 @@ import pandas as pd
 from replication import published
 from replication.cmaes import Generation, generations, random_normals
 from replication.records import Recording
-from replication.signature import Box
+from replication.signature import FREE_PARAMETERS, Box
 from replication.stopping import HISTORY, search
-from replication.table2 import AUTHORS_SETTINGS, cost, search_box
+from replication.table2 import AUTHORS_SETTINGS, BASIN_GAP, cost, search_box
 from studies.replay import AGREE_RPS
 from studies.replay.eigen import symmetric_eigen
 
@@ -68,6 +68,25 @@ def replay_frames(recording: Recording, ours: pd.DataFrame) -> pd.DataFrame:
             if now.after.g in kept:
                 rows.append((run, seed, now.after.g, b64encode(_frame(now, box)).decode()))
     return pd.DataFrame(rows, columns=["run", "cma_seed", "generation", "frame"])
+
+
+def explorer_page(
+    recording: Recording, ours: pd.DataFrame, stored: pd.DataFrame, basins: pd.DataFrame
+) -> dict[str, object]:
+    """What the replay explorer draws, from our runs, the stored ones with their basin, and the basins."""
+    frames = replay_frames(recording, ours).groupby("run")[["generation", "frame"]].agg(list)
+    printed = published.table("authors_notebook_generations")
+    box = search_box(recording, AUTHORS_SETTINGS)
+    settings = {"gap": BASIN_GAP, "agree": AGREE_RPS, "members": AUTHORS_SETTINGS.population}
+    return {
+        "runs": stored.merge(frames, on="run").to_dict("records"),
+        "printed": printed[["run", "generation", "best_rmse_of_generation_rps"]]
+        .to_numpy()
+        .tolist(),
+        "box": pd.DataFrame({"parameter": FREE_PARAMETERS, **vars(box)}).to_dict("records"),
+        "basins": basins["rmse_rps"].tolist(),
+        "settings": settings,
+    }
 
 
 def _frame(now: Generation, box: Box) -> bytes:

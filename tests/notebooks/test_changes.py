@@ -27,7 +27,7 @@ def test_a_notebook_runs_with_a_change_and_says_what_happened(tmp_path, capsys):
             "'load_frictoin' should be one of .*'load_friction'",
         ),
         (
-            "10_bench_table3",
+            "19_friction",
             {"judged_shares": [0.033]},
             r"judged_shares = \[0.033\]: 0.033 should be one of",
         ),
