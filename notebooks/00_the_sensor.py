@@ -314,12 +314,14 @@ workbook.export(pages={"signature_explorer": explorer})
 # %% [markdown]
 # ## Try changing
 #
-# 1. `sample_ms = 4.0`: TODO
-# 2. `turn_period_s = 0.408`, the value that Table 1 prints: TODO
-# 3. `friction_share = 0.05`: TODO
+# 1. `sample_ms = 4.0`: the best run's $A$ comes out 2 % larger, nearer to the truth, by luck: the gate may open up to
+#    4 ms earlier on the same samples, which makes $A$ up to 6 % larger, not 3 %. Two errors cancel.
+# 2. `turn_period_s = 0.408`, the value that Table 1 prints: the mean turn is that of turns that slip past each other,
+#    and the backlash comes out at a quarter.
+# 3. `friction_share = 0.05`: the impacts are no longer half a turn apart, and the backlash comes out 44 % too small.
 #
 # And `backlash_mrad = 0.0`: equation 10 gives 0.034 mrad at $A$ = 0, and noise and gravity leave an $A$ above 0;
-# `population = 300`: hardly a run ends in a wrong minimum; `noise_rps = 0.0`: the best run errs as much.
+# `population = 300`: hardly a run ends in a wrong minimum; `noise_rps = 0.0`: the best run errs nearly as much.
 #
 # ## Exercises
 #

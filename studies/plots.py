@@ -112,18 +112,6 @@ def population_errors(rows: DataFrame, populations: Mapping[str, str]) -> Figure
 
 
 @in_style
-def backlash_profile(rows: DataFrame) -> Figure:
-    """Signed root of chi squared over the backlash, and Laplace's approximation of it."""
-    figure, ((axis,),) = grid()
-    delta, deviation = 1e4 * rows["delta_rad"], rows["deviation"]
-    root = np.sign(deviation) * np.sqrt(rows["chi2"].clip(lower=0))
-    axis.plot(delta, deviation, label="Laplace's approximation", **THIN)
-    axis.plot(delta, root, "o", color=BLUE, label="all else fitted anew")
-    axis.set(xlabel=BACKLASH_LABEL, ylabel="signed root of the\nincrease of $\\chi^2$ [-]")
-    return finish(figure, 2)
-
-
-@in_style
 def wear(tests: DataFrame, limit_rad: float) -> Figure:
     """Show one bench's eight months as each sensor reads them, and the alarm delays on all benches."""
     figure, axes = grid(3, 2, height_in=6.0)

@@ -238,34 +238,6 @@ unknowns = unknowns.iloc[2 : joint_posterior.SMOOTHING_INDEX + 1]
 unknowns.round(4)
 
 # %% [markdown]
-# ### The profile of the backlash
-#
-# Is the posterior normal? At each backlash all other unknowns are fitted anew by Gauss-Newton steps,
-# $z \leftarrow z - (J^\top J)^{-1} J^\top r$ without the backlash's column. Laplace's approximation takes the root of
-# the gain in $\chi^2$ for a straight line.
-
-
-# %%
-def refitted_chi2(deviation):  # at a backlash so many SDs from the best one
-    z, chi2 = peak.z + deviation * covariance[:, 0] / np.sqrt(covariance[0, 0]), np.inf
-    z[0] = max(z[0], joint_posterior.LEAST_BACKLASH)
-    for _ in range(12):
-        r, J_T = problem.slopes(z)
-        if not r @ r < chi2:
-            break
-        chi2, others = r @ r, J_T[1:]
-        z = np.r_[z[0], z[1:] - np.linalg.solve(others @ others.T, others @ r)]
-    return z[0] * joint_posterior.UNIT_RAD, chi2
-
-
-# %%
-deviations = np.arange(-4, 4.5, 0.5)
-profile = pd.DataFrame([refitted_chi2(k) for k in deviations], columns=["delta_rad", "chi2"])
-profile.insert(0, "deviation", deviations)
-profile["chi2"] -= residual @ residual
-profile_figure = plots.backlash_profile(profile)
-
-# %% [markdown]
 # ### Is the interval wide enough?
 #
 # The share of answered logs whose interval holds the truth: with the posterior's SD alone, with Birge's ratio, and with
@@ -348,11 +320,6 @@ workbook.export(
             fitted_log,
             "(a) Three of the twelve turns of one log of a simulated joint that nobody calibrated, with the speed of "
             "the fitted joint. (b) Residual of the whole log: noise.",
-        ),
-        "self_profile": (
-            profile_figure,
-            f"Profile of the backlash from one log: root of the increase of χ² from its minimum, with all other "
-            f"unknowns fitted anew at {len(profile)} backlashes, and Laplace's approximation (line).",
         ),
         "self_errors": (
             self_errors,
