@@ -35,7 +35,7 @@ from matplotlib import pyplot as plt
 from tqdm import tqdm
 
 import workbook
-from replication import authors, cmaes, published, table2
+from replication import cmaes, published, sources, stopping, table2
 from replication.figures import paper
 from replication.signature import signature
 from replication.simulator.parameters import identified_joint
@@ -164,7 +164,7 @@ def h(t, X, T_d, T_f, n):  # equation 7
 stored_runs = published.table("authors_notebook_runs").set_index("run")
 stored_X = stored_runs.loc[:, "A_rps":"window_start_s"].to_numpy(float)  # a row for each run
 stored, X = stored_runs.loc[run], stored_X[run - 1]
-protocol = table2.Protocol(T_d=turn_period_s / 2, T_f=turn_period_s, turns=turns)
+protocol = table2.SearchSettings(T_d=turn_period_s / 2, T_f=turn_period_s, turns=turns)
 t = np.arange(0, turns * turn_period_s + 0.1, 1e-4)
 shape = h(t, X, protocol.T_d, protocol.T_f, turns)
 figure6 = paper.signature_parameters(t, shape, X, protocol.timing)
@@ -177,7 +177,7 @@ figure6 = paper.signature_parameters(t, shape, X, protocol.timing)
 
 
 # %%
-record = authors.load_clean(12)
+record = sources.load_clean(12)
 
 
 def residual_signal(X, n=12):  # equation 11, less the signature
@@ -217,14 +217,14 @@ off = pd.DataFrame(
 # %% [markdown]
 # ### A fit with your cost and turn period
 #
-# `cmaes.search` draws 300 members a generation, asks for their costs, and goes on until a stop rule holds, in Table 1's
-# box, with $A$ as wide as the stored runs had it. The first row has the paper's cost and the turn period of the data,
-# with the stored seed; the last row has yours. Your own `h` or cost is not compiled, and takes a minute.
+# `stopping.search` draws 300 members a generation, asks for their costs, and goes on until a stop rule holds, in Table
+# 1's box, with $A$ as wide as the stored runs had it. The first row has the paper's cost and the turn period of the
+# data, with the stored seed; the last row has yours. Your own `h` or cost is not compiled, and takes a minute.
 
 # %%
 costs = {"RMSE": rmse, "L1": lambda residual_rps: np.mean(np.abs(residual_rps))}
-authors_settings = table2.Protocol()
-box = table2.protocol_box(record, authors_settings)
+authors_settings = table2.SearchSettings()
+box = table2.search_box(record, authors_settings)
 more = np.reshape(more_bounds, (-1, 2))
 box = replace(box, lower=np.r_[box.lower, more[:, 0]], upper=np.r_[box.upper, more[:, 1]])
 
@@ -242,7 +242,7 @@ def as_papers(X):
 # %%
 def fit(cost, T_f, compiled):
     settings = replace(authors_settings, T_d=T_f / 2, T_f=T_f)
-    bounds = table2.protocol_box(record, settings) if compiled else box
+    bounds = table2.search_box(record, settings) if compiled else box
     of_paper = table2.cost(record, settings)
 
     def misfits(members):
@@ -252,7 +252,7 @@ def fit(cost, T_f, compiled):
 
     normals = cmaes.random_normals(int(stored["cma_seed"]))
     steps = cmaes.generations(misfits, bounds, normals, settings.population)
-    found = cmaes.search(tqdm(steps, total=settings.iterations), settings.iterations)
+    found = stopping.search(tqdm(steps, total=settings.iterations), settings.iterations)
     return {
         "cost": cost if isinstance(cost, str) else "your function",
         "T_f [s]": T_f,
