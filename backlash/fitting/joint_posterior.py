@@ -5,13 +5,12 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import chdtrc, softmax
+from scipy.special import chdtrc
 
 from backlash.fitting.harmonics import TurnHarmonics
 from backlash.fitting.turns import (
     COLUMNS,
     DELTA,
-    GRAVITY,
     RIPPLE,
     Movement,
     simulate_turns,
@@ -110,9 +109,6 @@ _ERROR_STEP = 0.05
 # More starts are tried where noise alone leaves so large a residual in one log of a thousand: they
 # cost a second.
 _IMPROBABLE = 1e-3
-# Where a second mass may ring [Hz]: below, it swings with the load, and above it sits on it. Its
-# damping ratio; SD of its share of the load's inertia.
-_RINGS_HZ, _DAMPING, _SHARE = np.geomspace(8.0, 80.0, 31), 0.03, 0.1
 # Samples and turns are in step if a sample's phase in the turn moves by less than this over the log
 # [samples].
 _IN_STEP = 0.25
@@ -132,33 +128,11 @@ def rows_of(z: FloatArray) -> FloatArray:
     return rows
 
 
-class SecondMass(NamedTuple):
-    """Probability that noise alone shows a second mass so clearly; its shift of the backlash, and variance added."""
-
-    chance: float = 1.0
-    shift: float = 0.0
-    variance: float = 0.0
-
-
 def _project(slopes: FloatArray, misfit: FloatArray) -> tuple[FloatArray, FloatArray]:
     """What a cause does to the residuals: along the unknowns, whose slopes these are, and beyond them."""
     columns = np.pad(misfit, ((0, 0), (0, SIZE - 2)))
     along = np.asarray(np.linalg.solve(slopes @ slopes.T, slopes @ columns.T), dtype=float)
     return along, columns - along.T @ slopes
-
-
-def _pushes(load_speed: FloatArray, gravity_per_s2: float, movement: Movement) -> FloatArray:
-    """What second masses do to the load, per share of its inertia [rad/s^2], shape (rings, phases).
-
-    A mass swings by z'' + 2 zeta w z' + w^2 z = -(x'' + g sin), z being its angle from the load's
-    and x the load's, whose speed [rad/s] is given over a turn; it pushes the load with -z''.
-    """
-    w = TURN * np.arange(load_speed.size // 2 + 1) / movement.turn_period_s
-    ring = TURN * _RINGS_HZ[:, None]
-    gravity = gravity_per_s2 * np.sin(TURN * np.arange(load_speed.size) / load_speed.size)
-    moved = 1j * w * np.fft.rfft(load_speed) + np.fft.rfft(gravity)
-    swing = ring**2 - w**2 + 2j * _DAMPING * ring * w
-    return np.fft.irfft(-(w**2) * moved / swing, load_speed.size)
 
 
 class Problem:
@@ -214,24 +188,6 @@ class Problem:
         misfit = self._whitened(seen.sum(axis=0) - self.target)
         residual = np.concatenate([misfit, ((z - self.mean) / self.spread)[2:]])
         return residual, np.hstack([self._whitened(out), np.diag(1 / self.spread)[:, 2:]])
-
-    def second_mass(self, z: FloatArray, residual: FloatArray, slopes: FloatArray) -> SecondMass:
-        """What a second mass on the load, which is there or not, makes of a joint's backlash."""
-        row = rows_of(z[None])[0]
-        how = self.movement, self.error_order, self.differencing, _SETTLED_RPS
-        load_speed = turn_and_slopes(row, *how).load_rad_per_s
-        pushed = turn_and_slopes(row, *how, _pushes(load_speed, row[GRAVITY], self.movement))
-        columns = self._whitened(self._logged(pushed.slopes[len(COLUMNS) :], z))
-        along, left = _project(slopes, columns)
-        variance = 1 / ((left**2).sum(axis=1) + _SHARE**-2)  # of its share of the load's inertia
-        share = -variance * (left @ residual)
-        gain = share**2 / variance
-        evidence = np.append(0.0, gain / 2 + np.log(np.sqrt(variance) / _SHARE / gain.size))
-        probability = softmax(evidence)[1:]
-        moved = -share * along[0]
-        shift = probability @ moved
-        added = probability @ (variance * along[0] ** 2 + moved**2) - shift**2
-        return SecondMass(float(gain.size * chdtrc(1, gain.max())), float(shift), float(added))
 
     def _whitened(self, spectra: ComplexArray) -> FloatArray:
         spectra = spectra / self.sd

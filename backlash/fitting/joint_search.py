@@ -20,7 +20,6 @@ from backlash.fitting.joint_posterior import (
     SMOOTHING_INDEX,
     Measurement,
     Problem,
-    SecondMass,
     rows_of,
 )
 from backlash.fitting.turns import Movement, simulate_turns
@@ -63,7 +62,6 @@ class Peak:
     evidence: float
     converged: bool
     differencing: bool
-    second: SecondMass
 
 
 class Found(NamedTuple):
@@ -98,15 +96,16 @@ def find_peak(
     residual, slopes = problem.slopes(found.z)
     normal = slopes @ slopes.T
     if not (np.isfinite(normal).all() and found.chi2 < limit):
-        return Peak(start, covariance, residual, -np.inf, False, problem.differencing, SecondMass())
+        return Peak(start, covariance, residual, -np.inf, False, problem.differencing)
     widths = np.log([measurement.smoothing_sd, measurement.low_pass_sd]).sum()
     evidence = -0.5 * found.chi2 - 0.5 * np.linalg.slogdet(normal)[1] - widths
-    second = problem.second_mass(found.z, residual, slopes)
-    z, covariance = found.z.copy(), _covariance(slopes)
-    z[0] += second.shift
-    covariance[0, 0] += second.variance
     return Peak(
-        z, covariance, residual, float(evidence), found.converged, problem.differencing, second
+        found.z,
+        _covariance(slopes),
+        residual,
+        float(evidence),
+        found.converged,
+        problem.differencing,
     )
 
 

@@ -42,7 +42,8 @@ MOST_MODEL_ERROR = 3.0
 # A joint, or a drive's inner workings, that stray from what is known of them as this share of
 # joints of the paper's kind do are of another kind: one right joint in a hundred gets no answer for
 # it.
-_IMPROBABLE_JOINT, _IMPROBABLE_DRIVE, _IMPROBABLE_SECOND_RING = 0.01, 1e-3, 1e-3
+_IMPROBABLE_JOINT = 0.01
+_IMPROBABLE_DRIVE = 1e-3
 _JOINT = slice(2, SMOOTHING_INDEX)
 _DRIVE = slice(SMOOTHING_INDEX - joint_posterior.DRIVE_UNKNOWNS, SMOOTHING_INDEX)
 # Directions of which a log takes less than this from the prior's variance say nothing.
@@ -215,8 +216,6 @@ def _refusal_reason(fit: _Goodness, peak: Peak, ring_noise_ratio: float, low_pas
     residual_p = float(chdtrc(fit.freedom, fit.chi2 / fit.model_error))
     if residual_p < _IMPOSSIBLE_RESIDUAL:
         return f"no joint of the paper's kind makes this record (a residual like its one: p = {residual_p:.0e})"
-    if (p := peak.second.chance) < _IMPROBABLE_SECOND_RING:
-        return f"the joint rings a second time: two masses, or another drive (p = {p:.0e})"
     scatter = max(fit.chi2 / fit.freedom, 1.0)
     if (p := _prior_p(peak, scatter, _DRIVE)) < _IMPROBABLE_DRIVE:
         return f"the drive is not of the paper's kind (its inner workings stray from what is known: p = {p:.0e})"

@@ -71,8 +71,7 @@ class TurnWithSlopes(NamedTuple):
     """One settled turn of a joint, arrays over its control periods; all NaN for a joint that runs away."""
 
     motor_rps: FloatArray  # deviation from the commanded speed
-    load_rad_per_s: FloatArray
-    slopes: FloatArray  # of the motor's speed by `COLUMNS`, then by the pushes
+    slopes: FloatArray  # of the motor's speed by `COLUMNS`
     turns_before: int
 
 
@@ -93,13 +92,12 @@ class _Memory(NamedTuple):
 
 
 class _Slopes(NamedTuple):
-    """Slopes of the state and of the drive's memory by the columns and pushes, in the last axis."""
+    """Slopes of the state and of the drive's memory by the columns, in the last axis."""
 
     state: FloatArray
     drive: FloatArray
     torques: FloatArray
-    # What columns and pushes do to three rates at a step's start, middle and end.
-    forced: FloatArray
+    forced: FloatArray  # what columns do to three rates at a step's start, middle and end
 
 
 class _Linear(NamedTuple):
@@ -244,7 +242,7 @@ def _step_slopes(t, h, region, joint, slopes, dcommand):
         lag=1 / c.torque_lag,
     )
     dy = slopes.state
-    for p in range(dy.shape[1]):
+    for p in range(_WIDTH):
         x = (dy[0, p], dy[1, p], dy[2, p], dy[3, p], dy[4, p])
         k = (0.0, 0.0, 0.0, 0.0, 0.0)
         then = x
@@ -280,7 +278,7 @@ def _control_slopes(y, count, joint, memory, slopes):
     past[0, INTEGRAL] += ki / row[INTEGRAL] * error
     past[0, INERTIA] -= ki / row[INERTIA] * error
     command = slopes.torques[count % slopes.torques.shape[0]]
-    for p in range(past.shape[1]):
+    for p in range(_WIDTH):
         dposition = slopes.state[0, p]
         dspeed = old * (dposition - past[3, p]) + new * slopes.state[1, p]
         derror = -d.position_gain * dposition - dspeed
@@ -332,25 +330,18 @@ def _advance(y, region, count, joint, memory, slopes):
 
 
 @njit(nogil=True)
-def _run(joint, start, memory, slopes, pushes, least, settled_rps, out):
+def _run(joint, start, memory, slopes, least, settled_rps, out):
     """Go on from the start until a turn has settled; it in `out`, the turns before it, and whether it is one."""
     y, region = start
-    periods = pushes.shape[1]
+    periods = out.motor_rps.size
     before = np.inf
     for turn in range(_MOST_TURNS):
         square = 0.0
         for i in range(periods):
             square += (y[1] / TURN - out.motor_rps[i]) ** 2
             out.motor_rps[i] = y[1] / TURN
-            out.load_rad_per_s[i] = y[3]
-            for p in range(out.slopes.shape[0]):
+            for p in range(_WIDTH):
                 out.slopes[p, i] = slopes.state[1, p] / TURN
-            for p in range(pushes.shape[0]):
-                now = pushes[p, i]
-                then = pushes[p, (i + 1) % periods]
-                slopes.forced[0, 1, _WIDTH + p] = now
-                slopes.forced[1, 1, _WIDTH + p] = 0.5 * (now + then)
-                slopes.forced[2, 1, _WIDTH + p] = then
             y, region = _advance(y, region, turn * periods + i, joint, memory, slopes)
             if not abs(y[1]) < core.DIVERGED * joint.constants.omega:
                 return turn, False
@@ -373,32 +364,28 @@ def turn_and_slopes(
     order: float,
     differencing: bool,
     settled_rps: float,
-    pushes: FloatArray | None = None,
 ) -> TurnWithSlopes:
     """One settled turn of a joint, and the derivatives of its speed.
 
-    `pushes` are further accelerations of the load over a turn. The turn has settled where turns to
-    come would change it by less than `settled_rps` (RMS). The drive's speed and integral gain and
-    the torque's lag must not be 0.
+    The turn has settled where turns to come would change it by less than `settled_rps` (RMS). The
+    drive's speed and integral gain and the torque's lag must not be 0.
     """
     periods = movement.periods
-    pushes = np.empty((0, periods)) if pushes is None else pushes
     joint = joint_of(row, movement, 0.0, order, differencing)
     compiled = _Joint(row, core.constants_of(joint, row[DELTA]), core.drive_of(joint), float(order))
     start = core.start_state(joint, row[DELTA])
     torque = start[0][4]
     memory = _Memory(np.array([torque, 0.0, 0.0, 0.0]), np.full(_DELAY_PERIODS + 1, torque))
-    width = _WIDTH + len(pushes)
     slopes = _Slopes(
-        np.zeros((5, width)),
-        np.zeros((4, width)),
-        np.zeros((_DELAY_PERIODS + 1, width)),
-        np.zeros((3, 3, width)),
+        np.zeros((5, _WIDTH)),
+        np.zeros((4, _WIDTH)),
+        np.zeros((_DELAY_PERIODS + 1, _WIDTH)),
+        np.zeros((3, 3, _WIDTH)),
     )
     least = min(_LEAST_TURNS, math.ceil(_SETTLING_S / movement.turn_period_s) + 1)
-    out = TurnWithSlopes(np.zeros(periods), np.zeros(periods), np.zeros((width, periods)), 0)
-    turns_before, is_turn = _run(compiled, start, memory, slopes, pushes, least, settled_rps, out)
+    out = TurnWithSlopes(np.zeros(periods), np.zeros((_WIDTH, periods)), 0)
+    turns_before, is_turn = _run(compiled, start, memory, slopes, least, settled_rps, out)
     if not is_turn:
-        for part in out[:3]:
+        for part in out[:2]:
             part[:] = np.nan
     return out._replace(turns_before=turns_before)
