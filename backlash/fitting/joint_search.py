@@ -45,11 +45,6 @@ _FAR_CHI2 = 60.0  # a start that is worse by more than this after its first step
 _HOPELESS_CHI2 = 12.0
 # Of chi squared; a smaller step is the last: a tenth of an SD along any direction.
 _LEAST_FALL = 0.01
-# SDs of the backlash at which a better minimum is looked for. A probe that is worse by less than a
-# chi squared, and still so many SDs away, goes on.
-_PROBES = (-4.0, -2.0, 2.0, 4.0)
-_PROBE_STEPS, _PROBE_ROUNDS = 3, 2
-_PROBE_HOPEFUL_CHI2, _PROBE_APART_SDS = 25.0, 1.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -117,7 +112,6 @@ def find_joint(problem: Problem, harmonics: TurnHarmonics) -> tuple[FloatArray, 
         found = min(found, _search_best(problem, starts[_STARTS:]), key=_chi2)
     if found.chi2 > _HOPELESS_CHI2 * problem.order.size:
         return found.z, found.converged
-    found = _explore_nearby(problem, found)
     unsubtracted = problem.target
     if problem.subtract_belt_bias(found.z, harmonics.lines):
         tried = _search(problem, found.z)
@@ -183,29 +177,6 @@ def _search_best(problem: Problem, starts: list[FloatArray]) -> Found:
         if other.chi2 < limit and abs(np.log(other.z[0] / first.z[0])) > 0.03
     ]
     return min((_search(problem, z) for z in [first.z, *others[:1]]), key=_chi2)
-
-
-def _explore_nearby(problem: Problem, found: Found) -> Found:
-    """Look for a lower minimum beside one, where the teeth bounce once more or less."""
-    for _ in range(_PROBE_ROUNDS):
-        covariance = _covariance(problem.slopes(found.z)[1])
-        if not covariance[0, 0] > 0:  # no minimum: the slopes are not independent
-            break
-        sd = np.sqrt(covariance[0, 0])
-        best = found
-        for deviations in _PROBES:
-            trial = found.z + deviations * (covariance[:, 0] / sd)
-            trial[0] = max(trial[0], LEAST_BACKLASH)
-            tried = _search(problem, trial, _PROBE_STEPS, _SEARCHED)
-            is_apart = abs(tried.z[0] - found.z[0]) > _PROBE_APART_SDS * sd
-            if tried.chi2 < best.chi2 + _PROBE_HOPEFUL_CHI2 and is_apart:
-                tried = _search(problem, tried.z, _PROBE_STEPS)
-            if tried.chi2 < best.chi2 - 0.1:
-                best = tried
-        if best is found:
-            break
-        found = _search(problem, best.z)
-    return found
 
 
 @lru_cache(maxsize=8)
