@@ -359,11 +359,7 @@ def _run(joint, start, memory, slopes, least, settled_rps, out):
 
 
 def turn_and_slopes(
-    row: FloatArray,
-    movement: Movement,
-    order: float,
-    differencing: bool,
-    settled_rps: float,
+    row: FloatArray, movement: Movement, order: float, differencing: bool, settled_rps: float
 ) -> TurnWithSlopes:
     """One settled turn of a joint, and the derivatives of its speed.
 
