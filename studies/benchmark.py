@@ -2,10 +2,11 @@
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
-from pandas import DataFrame, Series
+from pandas import DataFrame, Series, read_csv
 
 from backlash.calibration import Backlash, Calibration, widened
 from backlash.fitting.global_fit import GlobalFit
@@ -144,6 +145,23 @@ def summarise_intervals(rows: DataFrame) -> DataFrame:
         }
         table.append(row)
     return DataFrame(table)
+
+
+def against_criteria(table: DataFrame, criteria: Path) -> DataFrame:
+    """Compare a table of populations with criteria on them (column, sign, limit), fixed before its logs were drawn."""
+    measured = table.set_index("population")
+    bars = read_csv(criteria)
+    bars = bars[bars["population"].isin(measured.index)]
+    values = [measured.at[bar.population, bar.figure] for bar in bars.itertuples()]
+    return DataFrame(
+        {
+            "population": bars["population"],
+            "figure": bars["figure"],
+            "bar": bars["sign"] + bars["limit"].map(" {:g}".format),
+            "measured": values,
+            "met": np.where(bars["sign"] == "<=", values <= bars["limit"], values >= bars["limit"]),
+        }
+    ).reset_index(drop=True)
 
 
 def hold_truth(rows: DataFrame) -> int:

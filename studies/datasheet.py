@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 from numpy.random import Generator
-from pandas import DataFrame, Series, concat, read_csv
+from pandas import DataFrame, Series, concat
 from scipy import signal
 
 from backlash.fleet import examine_or_refuse
@@ -24,7 +24,7 @@ from replication.parallel import in_parallel
 from replication.records import Recording
 from replication.simulator.parameters import TURN, Disturbance
 from replication.standins import SAMPLE_S, Bench, Spread, draw_bench
-from studies import odd_joints
+from studies import benchmark, odd_joints
 from studies.benches import draw_turns
 from studies.benchmark import Row, hold_truth, interval_answer, root_mean_square
 from studies.odd_joints import KINDS, draw_log_uniform, draw_odd_log
@@ -237,20 +237,9 @@ def _summary(population: str, part: DataFrame) -> Row:
     }
 
 
-def read_criteria() -> list[tuple]:
-    """Population, column of `summarise_sensor`, sign and limit: fixed before the final logs were drawn."""
-    return list(read_csv(CRITERIA).itertuples(index=False, name=None))
-
-
 def against_criteria(sheet: DataFrame) -> DataFrame:
     """Compare `datasheet_criteria.csv` with a datasheet; none of these would be met by a sensor that never answers."""
-    measured = sheet.set_index("population")
-    rows = []
-    for population, figure, sign, limit in read_criteria():
-        value = measured.loc[population, figure]
-        met = bool(value <= limit if sign == "<=" else value >= limit)
-        rows.append((population, figure, f"{sign} {limit:g}", value, met))
-    return DataFrame(rows, columns=["population", "figure", "bar", "measured", "met"])
+    return benchmark.against_criteria(sheet, CRITERIA)
 
 
 _IN_SENTENCES = {

@@ -1,6 +1,6 @@
 """Every method on logs of joints that nobody calibrated: benches drawn at large, joints outside the model, worse logs.
 
-Criteria, fixed before the final logs were drawn, are `ACCEPTANCE_CRITERIA`. Methods were developed
+Criteria, fixed before the final logs were drawn, are `CRITERIA`. Methods were developed
 on other seeds, among them 20260, 20261 and 20262, whose logs were the final ones of earlier states
 of "self" and told where it erred.
 """
@@ -12,7 +12,7 @@ from itertools import product
 from pathlib import Path
 
 import numpy as np
-from pandas import DataFrame, Series, read_csv
+from pandas import DataFrame, Series
 
 from backlash.calibration import default_calibration
 from backlash.fitting.global_fit import global_fit
@@ -69,8 +69,7 @@ NORMAL_95 = 1.96
 # Why these: a third of the error that a calibration of another joint makes; no more than 30 % above what any method
 # could reach; an interval of 95 % that holds within what 400 logs can tell; refusals that leave an owner without an
 # answer seldom.
-_CRITERIA_FILE = Path(__file__).with_name("criteria.csv")
-ACCEPTANCE_CRITERIA = list(read_csv(_CRITERIA_FILE).itertuples(index=False, name=None))
+CRITERIA = Path(__file__).with_name("criteria.csv")
 # Steps of the slopes of a Cramer-Rao bound; those of the ratios are shares of them.
 _BOUND_STEPS = {"delta_rad": 2e-6, "friction": 1e-3}
 _BOUND_SHARE = 1e-2
@@ -167,16 +166,7 @@ def spread_shares(rows: DataFrame) -> DataFrame:
 
 
 def against_criteria(table: DataFrame) -> DataFrame:
-    """Compare `ACCEPTANCE_CRITERIA` with what `summarise_intervals` says of "self"."""
-    measured = table[table["method"] == "self"].set_index("population")
-    measured = measured.assign(
-        rmse_over_bound=measured["rmse_rad"] / measured.get("bound_rad", np.nan)
-    )
-    rows = []
-    for population, figure, sign, limit in ACCEPTANCE_CRITERIA:
-        value = measured.get(figure, Series()).get(population, np.nan)
-        met = bool(value <= limit if sign == "<=" else value >= limit)
-        if not np.isnan(value):
-            rows.append((population, figure, f"{sign} {limit:g}", value, met))
-    columns = ["population", "figure", "bar", "measured", "met"]
-    return DataFrame(rows, columns=columns)
+    """Compare `CRITERIA` with what `summarise_intervals` says of "self"."""
+    of_self = table[table["method"] == "self"]
+    over_bound = of_self["rmse_rad"] / of_self["bound_rad"]
+    return benchmark.against_criteria(of_self.assign(rmse_over_bound=over_bound), CRITERIA)

@@ -70,13 +70,6 @@ def test_a_bias_has_a_small_p_only_if_tables_drawn_row_by_row_do_not_have_it():
     assert protocols.bias_p(means, own - 10) < 0.001
 
 
-def test_the_pooled_bias_is_the_mean_of_ten_relative_errors():
-    means = published.column("Table 2", "mean")[:10]
-    theoretical = published.column("Table 2", "theoretical")[:10]
-    expected = 100 * np.mean([mean / A - 1 for mean, A in zip(means, theoretical, strict=True)])
-    assert protocols.pooled_bias(means) == pytest.approx(expected)
-
-
 def test_eight_settings_judge_together_with_as_many_realisations_each():
     study = pd.read_csv(REALISATIONS)
     chosen = protocols.pooled(study)
