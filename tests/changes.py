@@ -48,6 +48,7 @@ def run(notebook, parameters, folder, edits=None):
         patch.setenv("REPLICATION_OUT", str(folder))
         patch.setenv("REPLICATION_NOTEBOOK", notebook)
         patch.setenv("REPLICATION_QUICK", "1")
+        patch.setenv("REPLICATION_NOTEBOOK", notebook)
         variables = _execute(execution.with_parameters(source, values).cells, notebook)
     plt.close("all")
     return variables

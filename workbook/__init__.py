@@ -19,7 +19,7 @@ _HOMES = {
     "judge": "judging",
     "plain_animation": "report.animation",
     "sliders": "parameters",
-    "verdict": "judging",
+    "verdict": "changes",
 }
 __all__ = ["QUICK", "ROOT", *_HOMES]
 

@@ -6,8 +6,6 @@ What a command needs is imported when it runs: `check` needs no kernel, and `run
 import argparse
 import errno
 import os
-import re
-import subprocess
 import sys
 from pathlib import Path
 
@@ -186,19 +184,9 @@ def show(options: argparse.Namespace) -> int:
 
 def diff(options: argparse.Namespace) -> int:
     """List cells and claims whose value or verdict changed since the last commit."""
-    # One line, the branch's, if outcomes and rules are the last commit's: seconds are saved.
-    paths = "results workbook replication"
-    status = subprocess.getoutput(f"git -C '{ROOT}' status --short --branch -- {paths}")
-    if not options.made and re.fullmatch("## .*", status):
-        print("nothing changed")
-        return 0
-    from workbook.report.diff import committed_table, list_changes
+    from workbook.changes import committed_table, list_changes
 
     results = RESULTS / options.made / "results" if options.made else RESULTS
-    if options.made == "lab":
-        from workbook.lab import forget_undone
-
-        forget_undone()
     tables = committed_table("verdicts.csv"), committed_table("claims.csv")
     changes = list_changes(results, *tables, repeats=not options.made)
     print("\n".join(changes) or "nothing changed")

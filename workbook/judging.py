@@ -16,7 +16,6 @@
 """
 
 import math
-import sys
 from collections import defaultdict
 from collections.abc import Mapping
 from itertools import chain
@@ -28,17 +27,7 @@ import pandas as pd
 
 from replication import published
 from replication.table2 import predictive_region
-from workbook.checkout import notebook_files
-from workbook.outcomes import (
-    Claims,
-    Numbers,
-    cell_rows,
-    claim_rows,
-    load_outcomes,
-    notebook_name,
-    source_of,
-)
-from workbook.parameters import changed_parameters
+from workbook.outcomes import Claims, Numbers, cell_rows, claim_rows, load_outcomes, source_of
 
 VERDICT_COLUMNS = ["id", "printed", "published", "reproduced", "low", "high", "agreement"]
 VERDICT_COLUMNS += ["source", "resolution", "settings", "reason", "notebook"]
@@ -138,26 +127,8 @@ def judge(cells: Mapping[str, Numbers] | None = None, claims: Claims | None = No
     for row in claim_rows(claims or {}):
         verdict = CLAIM_VERDICTS[row["holds"]]
         judged.append({"id": row["id"], "reproduced": row["measured"], "verdict": verdict})
-    shown = ["id", "printed", "reproduced", "low", "high", "verdict", "source"]
+    shown = ["id", "printed", "reproduced", "low", "high", "verdict", "source", "reason"]
     return pd.DataFrame(judged, columns=shown).astype(object).fillna("")
-
-
-def verdict(
-    sentence: str, cells: Mapping[str, Numbers] | None = None, claims: Claims | None = None
-) -> None:
-    """Show how numbers and claims are judged, and a sentence in Markdown that begins with the changed parameters."""
-    from IPython.display import Markdown, display
-
-    source = notebook_files("py").get(notebook_name())
-    changed = changed_parameters(source) if source else {}
-    named = ", ".join(f"`{name} = {here!r}` ({there!r})" for name, (here, there) in changed.items())
-    text = f"**With {named}:** {sentence}" if named else sentence
-    if cells or claims:
-        display(judge(cells, claims))
-    if "ipykernel" in sys.modules:
-        display(Markdown(text))
-    else:
-        print(text)
 
 
 def _exported(results: Path, kind: str, columns: list[str]) -> pd.DataFrame:

@@ -60,7 +60,8 @@ def export(
 ) -> None:
     """Write what a notebook found, without what differs between runs; called once, at its end.
 
-    By hand no figure is written: it stands in the notebook, and takes seconds.
+    By hand no figure is written: it stands in the notebook, and takes seconds. What the run decides
+    otherwise than the committed one is shown.
 
     Parameters
     ----------
@@ -102,6 +103,10 @@ def export(
         "files": [*written, *drawn],
     }
     write_json(note, outcome)
+    if "REPLICATION_OUT" not in os.environ:
+        from workbook.changes import show_changes
+
+        show_changes(note.stem, outcome)
 
 
 def _save(name: str, figure: "Figure", caption: str) -> dict[str, str]:
@@ -164,8 +169,12 @@ def _fact_texts(facts: Facts) -> dict[str, str]:
 def load_outcomes(results: Path) -> dict[str, dict[str, Any]]:
     """Load the outcome of each notebook that is there, by its name."""
     there = notebook_files("py")
+    return {name: outcome for name, outcome in read_outcomes(results).items() if name in there}
+
+
+def read_outcomes(results: Path) -> dict[str, dict[str, Any]]:
+    """Load every outcome in a results folder, by the name of its run."""
     return {
         file.stem: EMPTY | json.loads(file.read_text(encoding="utf-8"))
         for file in sorted((results / "outcomes").glob("*.json"))
-        if file.stem in there
     }

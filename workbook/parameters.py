@@ -4,8 +4,8 @@ import math
 import os
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from difflib import get_close_matches
 from importlib.util import find_spec
-from pathlib import Path
 from typing import Any
 
 import pandas as pd
@@ -38,54 +38,54 @@ class Interval:
         return f"a {'whole ' if self.whole else ''}number from {self.low:g}{above}"
 
 
-# What `check_parameters` was asked about, by name.
-checked: dict[str, Any] = {}
+# Values of the notebook that runs, by the parameter's name.
+GIVEN: dict[str, Any] = {}
 
 
 def check_parameters(**parameters: tuple[Any, Any]) -> None:
     """Refuse in one sentence a value that is not allowed; of a list each item, of a mapping each key.
 
     Each parameter comes with its value and what is allowed: an `Interval` or a collection, which may
-    hold `callable` for any function. A list of one of these asks for a list; an empty list beside it
-    says that none is allowed, too. A mapping says for each key which values it may have.
+    hold `callable` for any function. A list of one of these asks for a list with an item or more, and
+    with `[]` as second item for any list. A mapping of them asks for a mapping with some of its keys,
+    each with a value that is allowed there.
     """
     for name, (value, allowed) in parameters.items():
-        checked[name] = value
-        if isinstance(allowed, Mapping):
-            check_parameters(**{name: (value, [tuple(allowed)])})
-            check_parameters(**{key: (item, allowed[key]) for key, item in value.items()})
-            checked[name] = value
-            continue
-        if is_list := isinstance(allowed, list):
-            allowed = allowed[0]
-        if isinstance(allowed, range) and len(allowed) > 20:
-            allowed = Interval(allowed[0], allowed[-1], whole=True)
-        choices = str(allowed)
-        if not isinstance(allowed, Interval):
-            choices = "one of " + ", ".join(map(repr, allowed))
-            choices = choices.replace(repr(callable), "a function")
-        if is_list != isinstance(value, list | tuple | range | Mapping):
-            wanted = f"a list, each item {choices}" if is_list else choices
-            raise ParameterError(f"{name} = {value!r}: it should be {wanted}")
-        wrong = [
-            item
-            for item in (value if is_list else [value])
-            if item not in allowed and not (callable(item) and callable in allowed)
-        ]
-        if wrong:
-            raise ParameterError(f"{name} = {value!r}: {wrong[0]!r} should be {choices}")
+        _check(name, value, allowed)
+        GIVEN[name] = value
 
 
-def changed_parameters(source: Path) -> dict[str, tuple[Any, Any]]:
-    """Parameters that are not those of a notebook's source: their value here and there."""
-    cell = source.read_text("utf-8").partition('tags=["parameters"]\n')[2].partition("\n# %%")[0]
-    there: dict[str, Any] = {}
-    exec(cell, there)
-    return {
-        name: (value, there[name])
-        for name, value in checked.items()
-        if name in there and not callable(value) and value != there[name]
-    }
+def _check(name: str, value: Any, allowed: Any) -> None:
+    said = f"{name} = {value!r}"
+    by_key = isinstance(allowed, dict) and all(
+        isinstance(each, Interval | list | tuple) for each in allowed.values()
+    )
+    if is_list := isinstance(allowed, list) or by_key:
+        allowed, *or_empty = [allowed] if by_key else allowed
+    if isinstance(allowed, range) and len(allowed) > 20:
+        allowed = Interval(allowed[0], allowed[-1], whole=True)
+    choices = str(allowed)
+    if not isinstance(allowed, Interval):
+        choices = "one of " + ", ".join(map(repr, allowed))
+        choices = choices.replace(repr(callable), "a function")
+    if is_list != isinstance(value, list | tuple | range | Mapping):
+        wanted = f"a list, each item {choices}" if is_list else choices
+        raise ParameterError(f"{said}: it should be {wanted}")
+    if is_list and not (value or or_empty or isinstance(value, Mapping)):
+        raise ParameterError(f"{said}: it should have an item or more, each {choices}")
+    for item in value if is_list else [value]:
+        if item not in allowed and not (callable(item) and callable in allowed):
+            raise ParameterError(f"{said}: {item!r} should be {choices}{_hint(item, allowed)}")
+    for key, item in value.items() if by_key else ():
+        _check(key, item, allowed[key])
+
+
+def _hint(item: Any, allowed: Any) -> str:
+    """Ask whether another word was meant, if there is one like it."""
+    if not isinstance(item, str) or isinstance(allowed, Interval):
+        return ""
+    near = get_close_matches(item, [word for word in allowed if isinstance(word, str)], 1)
+    return f"; did you mean {near[0]!r}?" if near else ""
 
 
 def sliders(draw: Callable[..., None], **ranges: tuple[float, float, float]) -> None:

@@ -18,6 +18,22 @@ from workbook import Interval, check_parameters
             "shown = {'rigidity': 2}: 'rigidity' should be one of 'stiffness'",
         ),
         (2.5, Interval(1, 9, whole=True), "shown = 2.5: 2.5 should be a whole number from 1 to 9"),
+        (
+            [],
+            [Interval(0, 1)],
+            "shown = []: it should have an item or more, each a number from 0 to 1",
+        ),
+        (
+            {"load_frictoin": 1},
+            {"load_friction": Interval(0)},
+            "shown = {'load_frictoin': 1}: 'load_frictoin' should be one of 'load_friction'; "
+            "did you mean 'load_friction'?",
+        ),
+        (
+            {"load_friction": -1},
+            {"load_friction": Interval(0)},
+            "load_friction = -1: -1 should be a number from 0 on",
+        ),
         (float("nan"), Interval(0, 1), "shown = nan: nan should be a number from 0 to 1"),
     ],
 )
@@ -33,6 +49,6 @@ def test_what_is_allowed_passes():
         a=(3, range(5)),
         b=([0.1, 2], [Interval(0, 2)]),
         c=({}, [("x",)]),
-        d=([], [Interval(0)]),
+        d=([], [Interval(0), []]),
         e=(len, ("x", callable)),
     )

@@ -1,0 +1,155 @@
+"""What a change did: parameters, numbers and decisions that are not those of the committed run."""
+
+import io
+import re
+import subprocess
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import pandas as pd
+
+from replication import published
+from replication.files import FLOAT_FORMAT, ROOT
+from workbook import judging, outcomes
+from workbook.checkout import RESULTS, notebook_files
+from workbook.parameters import GIVEN
+
+PARAMETERS = re.compile(r'^# %% tags=\["parameters"\]\n(.*?)^# %%', re.DOTALL | re.MULTILINE)
+
+
+class NotComparable(RuntimeError):
+    """There are no results to compare, or no committed ones to compare with."""
+
+    exit_status = 1
+
+
+class Decision(NamedTuple):
+    """What is said of a cell or a claim: a number with six digits or a text."""
+
+    verdict: str = "(none)"
+    value: str = "(none)"
+    notebook: str = ""
+    chance: bool = True  # whether it depends on how often something was repeated
+
+
+class Sentence(str):
+    """A text that a notebook shows as Markdown, and a terminal as it is."""
+
+    __repr__ = str.__str__
+
+    def _repr_markdown_(self) -> str:
+        return str(self)
+
+
+def verdict(
+    text: str, cells: outcomes.Cells | None = None, claims: outcomes.Claims | None = None
+) -> None:
+    """Show how numbers and decisions are judged, and a sentence on it, which begins with the changed parameters."""
+    from IPython.display import display
+
+    if cells or claims:
+        display(judging.judge(cells, claims))
+    changed = " and ".join(f"`{name} = {now}` ({was})" for name, now, was in changed_parameters())
+    display(Sentence(f"**With {changed}:** {text}" if changed else text))
+
+
+def changed_parameters() -> list[tuple[str, str, str]]:
+    """Parameters of the notebook that runs that are not those of its source: name, value, and that of the source."""
+    source = notebook_files("py").get(outcomes.notebook_name())
+    if source is None:
+        return []
+    committed: dict[str, Any] = {}
+    exec(PARAMETERS.search(source.read_text(encoding="utf-8"))[1], committed)
+    return [
+        (name, getattr(value, "__name__", repr(value)), f"{committed[name]!r} in the committed run")
+        for name, value in GIVEN.items()
+        if name in committed and repr(value) != repr(committed[name])
+    ]
+
+
+def show_changes(name: str, outcome: Mapping[str, Any]) -> None:
+    """Show what a run by hand decides otherwise than the results that are kept."""
+    from IPython.display import display
+
+    kept = (pd.read_csv(RESULTS / f"{table}.csv") for table in ("verdicts", "claims"))
+    lines = sort_changes(_changes(name, outcome, _decisions(*kept), repeats=True))
+    listed = "".join(f"\n- {line}" for line in lines)
+    changed = f"against the committed run:\n{listed}" if lines else "nothing"
+    display(Sentence(f"**What changed:** {changed}"))
+
+
+def committed_table(name: str, root: Path = ROOT) -> pd.DataFrame:
+    """Load a table of the results as the last commit has it."""
+    command = ["git", "show", f"HEAD:./results/{name}"]
+    try:
+        shown = subprocess.run(command, cwd=root, capture_output=True, check=True)
+    except (OSError, subprocess.CalledProcessError) as error:
+        why = "no committed copy to compare with; this needs git and a clone of the repository"
+        raise NotComparable(f"results/{name}: {why}") from error
+    return pd.read_csv(io.BytesIO(shown.stdout))
+
+
+def list_changes(
+    results: Path, verdicts: pd.DataFrame, claims: pd.DataFrame, repeats: bool = True
+) -> list[str]:
+    """List what the runs in a results folder decide otherwise than the committed tables.
+
+    The lines of other verdicts, FLIPS, come first. What a notebook decided before and no longer
+    exports is "(none)" now. Where repeats differ, `moved` is only what does not depend on them:
+    cells that are not stochastic. A run whose notebook is not known has a line of its own.
+    """
+    before, lines = _decisions(verdicts, claims), []
+    known = notebook_files("py")
+    try:
+        for name, outcome in outcomes.read_outcomes(results).items():
+            lines += _changes(name, outcome, before, repeats)
+            if name not in known:
+                lines.append(f"{name}: run under a name that is no notebook's; compared by its ids")
+    except (ValueError, KeyError, TypeError) as error:
+        raise NotComparable(
+            f"{results}: what a notebook exported cannot be read: {error}"
+        ) from error
+    if not any(results.glob("outcomes/*.json")):
+        raise NotComparable(f"{results}: no notebook has been run there")
+    return sort_changes(lines)
+
+
+def sort_changes(lines: list[str]) -> list[str]:
+    """Other verdicts first."""
+    return sorted(lines, key=lambda line: not line.startswith("FLIPS"))
+
+
+def _changes(
+    name: str, outcome: Mapping[str, Any], committed: Mapping[str, Decision], repeats: bool
+) -> list[str]:
+    """What one run decides otherwise than what is committed of its notebook, or of the same ids."""
+    exported = pd.DataFrame(outcome["cells"], columns=["id", "source", "numbers"])
+    claims = pd.DataFrame(outcome["claims"], columns=["id", "holds", "measured"])
+    claims["verdict"] = [judging.CLAIM_VERDICTS[holds] for holds in claims["holds"]]
+    now = _decisions(
+        judging.judge_rows(exported.assign(notebook=name)), claims.assign(notebook=name)
+    )
+    before = {key: old for key, old in committed.items() if key in now or old.notebook == name}
+    lines = []
+    for key in dict.fromkeys([*before, *now]):
+        old, new = before.get(key, Decision()), now.get(key, Decision())
+        stays = old.verdict == new.verdict
+        if old[:2] == new[:2] or (stays and new.chance and not repeats):
+            continue
+        both = zip(old[:2], new[:2], strict=True)
+        said, value = (was if was == becomes else f"{was} -> {becomes}" for was, becomes in both)
+        lines.append(f"{'moved' if stays else 'FLIPS'} {key}, {name}: {said}; {value}")
+    return lines
+
+
+def _decisions(verdicts: pd.DataFrame, claims: pd.DataFrame) -> dict[str, Decision]:
+    """What has been decided, by the id of a cell or a claim."""
+    found = {}
+    chance = published.cells()["kind"] == "stochastic"
+    for row in verdicts.dropna(subset="reproduced").itertuples():
+        value = FLOAT_FORMAT % row.reproduced
+        found[row.id] = Decision(row.agreement, value, row.notebook, chance[row.id])
+    for row in claims.dropna(subset="verdict").itertuples():
+        found[f"{row.id} (claim)"] = Decision(row.verdict, row.measured, row.notebook)
+    return found
