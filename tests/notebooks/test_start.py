@@ -49,4 +49,4 @@ def test_the_fitted_signature_is_that_of_equation_7(after):
 def test_the_animation_is_the_same_every_time_and_asks_nothing_of_a_server(after):
     again = teeth.animate_teeth(after["run"], after["joint"])
     assert plain_animation(again, "arm, teeth and motor speed") == after["animation"]
-    assert not re.search(r"https?:|<link|@import|src=\"(?!data:)", after["animation"])
+    assert not re.search(r"\bid=|https?:|<link|@import|src=\"(?!data:)", after["animation"])

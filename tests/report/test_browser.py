@@ -1,11 +1,17 @@
 """The report, pages and explorers in a real browser: widths, accessibility, no request; each explorer works."""
 
+import os
+import re
+import subprocess
+import sys
+
 import numpy as np
 import pytest
 
 from replication import published
 from replication.signature import Timing, rmse
 from studies.replay import AGREE_RPS
+from workbook import lab
 from workbook.checkout import RESULTS
 from workbook.report.pages import load_drawn
 
@@ -66,3 +72,40 @@ def test_the_replay_explorer_plays_a_run_to_its_stored_end(tab, site):
     page.press("#frame", "End")
     shown = float(page.inner_text("#best"))
     assert shown == pytest.approx(run["final_rmse_rps"], abs=AGREE_RPS)
+
+
+@pytest.fixture
+def jupyterlab(tmp_path, monkeypatch):
+    """The address of a JupyterLab on copies of the notebooks."""
+    pytest.importorskip("jupyterlab", reason="JupyterLab is not installed (extra `workbook`)")
+    monkeypatch.setenv("JUPYTER_DATA_DIR", str(tmp_path / ".data"))  # of signatures
+    lab.copy_notebooks(tmp_path)
+    command = [sys.executable, "-m", "jupyterlab", "--no-browser", "--allow-root", "--port=0"]
+    command += [f"--ServerApp.root_dir={tmp_path}", "--IdentityProvider.token=test"]
+    environment = os.environ | {"JUPYTERLAB_SETTINGS_DIR": str(tmp_path / ".settings")}
+    server = subprocess.Popen(command, stderr=subprocess.PIPE, text=True, env=environment)
+    lines = (re.search(r"http://127\.0\.0\.1:\d+/lab", line) for line in server.stderr)
+    yield next(filter(None, lines))[0]
+    server.terminate()
+    server.communicate()
+
+
+def test_the_first_notebook_opened_unrun_in_jupyterlab_shows_joint_slider_and_curves(
+    browser, jupyterlab
+):
+    page = browser.new_page()
+    page.goto(f"{jupyterlab}/tree/00_the_sensor.ipynb?token=test")
+    drawn = page.locator(".jp-OutputArea svg[role=img]")
+    drawn.first.wait_for(timeout=60_000)
+    assert "encoder, motor, gear and load" in drawn.first.get_attribute("aria-label")
+    slider = page.locator(".jp-OutputArea label:has-text('backlash') input[type=range]").first
+    slider.scroll_into_view_if_needed()
+    said = page.locator(".jp-OutputArea output").first
+    slider.fill("0")
+    before = said.inner_text()
+    slider.fill("20")
+    assert "2.0 mrad" in said.inner_text() != before
+    curves = page.locator(".jp-OutputArea svg[role=img] path[stroke='#0072B2'][d]")
+    assert curves.count() > 0
+    assert page.get_by_text("get notified about official Jupyter news").count() == 0
+    page.close()

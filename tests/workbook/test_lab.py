@@ -1,6 +1,5 @@
 """The student's way in: JupyterLab with paired notebooks, and copies to work on."""
 
-import os
 import shutil
 
 import nbformat
@@ -13,13 +12,15 @@ from workbook.checkout import notebook_files
 pytest.importorskip("jupyter_server", reason="JupyterLab's server is not installed (extra `lab`)")
 
 from jupytext import TextFileContentsManager
+from nbformat.sign import NotebookNotary
 
 NAME = "02_dead_zone_figure9"
 
 
 @pytest.fixture
-def copies(tmp_path):
+def copies(tmp_path, monkeypatch):
     """A project's copies of its notebooks."""
+    monkeypatch.setenv("JUPYTER_DATA_DIR", str(tmp_path / "data"))  # of signatures
     folder = tmp_path / "lab"
     lab_copies.copy_notebooks(folder)
     return folder
@@ -51,6 +52,7 @@ def test_copies_have_every_notebook_with_an_empty_answer_before_each_folded_solu
         for k in solved:
             assert cells[k - 1].source == "# your answer"
             assert cells[k].source.startswith("<details><summary>Solution</summary>")
+            assert "jupyter" not in cells[k].metadata, "folded twice"
     assert set(notebook_files("ipynb", copies)) == set(notebook_files("ipynb"))
 
 
@@ -61,14 +63,6 @@ def test_a_copy_that_is_there_stays_as_it_was_left(copies):
     assert mine.read_text("utf-8") == "mine"
 
 
-def test_an_experiment_is_kept_until_its_copy_is_gone(copies, tmp_path):
-    note, copy = tmp_path / "outcomes" / f"{NAME}.json", copies / f"{NAME}.ipynb"
-    note.parent.mkdir()
-    note.write_text("{}")
-    later = copy.stat().st_mtime + 10  # a run that is not saved yet
-    os.utime(note, (later, later))
-    lab_copies.forget_undone(copies, tmp_path)
-    assert note.exists()
-    copy.unlink()
-    lab_copies.forget_undone(copies, tmp_path)
-    assert not note.exists()
+def test_a_copy_is_signed_so_that_jupyterlab_shows_its_drawings(copies):
+    for file in notebook_files("ipynb", copies).values():
+        assert NotebookNotary().check_signature(nbformat.read(file, as_version=4)), file.name
