@@ -360,3 +360,7 @@ assert largest <= largest_clean + np.abs(v - clean).max()
 print(
     f"theoretical A {theoretical_A:.3f}, largest sample {largest_clean:.3f} without noise, {largest:.3f} rps with it"
 )
+
+# %% [markdown]
+# **What you have learnt**: an impact rings, a fit gives $A$, equation 10 gives the backlash, and single searches go
+# astray. *Next:* [the joint](01_the_joint.ipynb).

@@ -323,3 +323,7 @@ weaker = {"speed_gain_per_s": joint.ratios["speed_gain_per_s"] / 2}
 weak = ringing_mode(with_ratios(joint, weaker))
 assert weak.real > mode.real  # the ring decays more slowly, or grows: the drive is unstable
 print(f"decay {-weak.real:.1f} 1/s instead of {-mode.real:.1f} 1/s")
+
+# %% [markdown]
+# **What you have learnt**: gravity opens the gap twice a turn, and drive and coupling together set the ring's frequency
+# and decay. *Next:* [the dead zone](02_dead_zone_figure9.ipynb).

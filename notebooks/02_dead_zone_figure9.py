@@ -249,3 +249,7 @@ print(f"{barrier_j:.2g} J against {spring_j:.2g} J")
 torque_nm = K_s * (x - np.clip(x, -delta_rad, delta_rad))
 assert np.allclose(torque_nm, clamped_tau_l(x))
 assert np.abs(np.diff(torque_nm)).max() <= K_s * (x[1] - x[0]) * (1 + 1e-9)
+
+# %% [markdown]
+# **What you have learnt**: a smooth dead zone leaves stiffness in the gap, and equation 9 jumps at its middle. *Next:*
+# [the simulator](03_simulator_figure10.ipynb).

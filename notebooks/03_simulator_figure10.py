@@ -370,3 +370,7 @@ assert geared.turn_period_s == committed.turn_period_s
 twice = peaks_rps(geared, [15e-4])[0] / A
 assert np.isclose(twice, 2, rtol=1e-6)
 print(f"{twice:.4f} times as high: theta_m / N moves as before, the records tell N only as v_t T_f")
+
+# %% [markdown]
+# **What you have learnt**: a fitted simulator can be compared with records, and is not validated by those it was chosen
+# with. *Next:* [records and noise](04_growth_figure11.ipynb).

@@ -368,3 +368,7 @@ tenth_rps = 15 * identified.gear_ratio / 2 / np.log(10)
 assert np.isclose(np.exp(-15 * identified.gear_ratio / tenth_rps / 2), 0.1)
 assert left[50] < left[100] < 0.1
 print(f"{100 * left[100]:.1f} % and {100 * left[50]:.2g} %; a tenth at {tenth_rps:.0f} rps")
+
+# %% [markdown]
+# **What you have learnt**: the disturbance grows with the backlash to the power 0.7, and the noise is uniform. *Next:*
+# [the signature](05_signature_figure6.ipynb).

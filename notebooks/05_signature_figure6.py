@@ -127,7 +127,7 @@ workbook.check_parameters(
     turns=(turns, range(1, 13)),
     turn_period_s=(turn_period_s, workbook.Interval(0.1, 1.0)),
     cost=(cost, ("RMSE", "L1", callable)),
-    more_bounds=(len(more_bounds), range(10)),
+    more_bounds=(more_bounds, [more_bounds, []]),  # any
 )
 
 # %% [markdown]
@@ -365,3 +365,7 @@ assert np.allclose(h(record.t, moved, 0.2, 0.4, 12), h(record.t, X8, 0.2, 0.4, 1
 print(
     f"here {100 * (factor - 1):.2f} %; over a whole sample {100 * (np.exp(0.002 * X8[2]) - 1):.1f} %"
 )
+
+# %% [markdown]
+# **What you have learnt**: a model of seven parameters, a cost and a search make a fit; its $A$ is free within a
+# sample. *Next:* [from amplitude to backlash](06_characteristic_figure12.ipynb).

@@ -378,3 +378,7 @@ real = roots[np.abs(roots.imag) < 1e-9].real
 assert np.isclose(polynomial(60 * A_limit, printed), 2e-3)
 assert slope > 0
 print(f"{polynomial(54.0, printed):.2e} rad; {A_limit:.3f} rps")
+
+# %% [markdown]
+# **What you have learnt**: a formula without units can be tested on its own points, and a printed RMSE, too. *Next:*
+# [the search](07_protocol_table1.ipynb).

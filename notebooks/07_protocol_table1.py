@@ -363,3 +363,7 @@ for size in range(4, 301):
 smallest = next(size for size, rate in c_mu.items() if rate > 0.5)
 assert c_mu[smallest - 1] <= 0.5 < c_mu[smallest]
 print(f"from {smallest} members on")
+
+# %% [markdown]
+# **What you have learnt**: CMA-ES moves and reshapes a normal distribution by ranks alone. *Next:* [noise
+# sensitivity](08_noise_table2.ipynb).

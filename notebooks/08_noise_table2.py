@@ -333,3 +333,7 @@ runs_needed = np.ceil(np.log(0.01) / np.log(1 - p)).astype(int)
 assert ((1 - p) ** runs_needed <= 0.01).all()
 assert ((1 - p) ** (runs_needed - 1) > 0.01).all()
 print(runs_needed)
+
+# %% [markdown]
+# **What you have learnt**: a cost with many minima makes an SD depend on strays; a prediction interval judges one more
+# number; a model can be wrong without noise. *Next:* [the identified joint](09_identification_of_the_joint.ipynb).

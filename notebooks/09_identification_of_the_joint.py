@@ -365,3 +365,7 @@ left = [
 rho = np.mean([np.corrcoef(e[1:], e[:-1])[0, 1] for e in left])
 assert -1 < rho < 1
 print(f"{rho:.2f}: a factor of {np.sqrt((1 + rho) / (1 - rho)):.2f}")
+
+# %% [markdown]
+# **What you have learnt**: a motion tells ratios, some of them only together. *Next:* [the test
+# bench](10_bench_table3.ipynb).

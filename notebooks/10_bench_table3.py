@@ -288,3 +288,7 @@ A_axis_rps = np.interp(1e-3, f(A_axis), A_axis)
 change = dial_rad / ((f(A_axis_rps + 1e-4) - f(A_axis_rps - 1e-4)) / 2e-4) / A_axis_rps
 assert np.isclose(change, np.interp(1e-3 + dial_rad, f(A_axis), A_axis) / A_axis_rps - 1, atol=1e-3)
 print(f"{100 * change:.1f} %: no")
+
+# %% [markdown]
+# **What you have learnt**: a stand-in shows what is typical and tests nothing; known values can be traced to their
+# formula. *Next:* [robots](11_robots_table4.ipynb).

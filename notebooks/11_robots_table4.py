@@ -17,7 +17,8 @@
 # %% [markdown]
 # # 11 · Two robots in a plant (Table 4), as stand-ins
 #
-# *You will see how a threshold on $A$ is chosen, and which disturbance looks like backlash. Run time: 30 s.*
+# *You will see how a threshold on $A$ is chosen, and which disturbance looks like backlash. Run time: 30 s.
+# Before this: notebook [10](10_bench_table3.ipynb).*
 #
 # **The robots' logs were never published. Everything below comes from simulated robots,
 # [stand-ins](glossary.md#stand-in), and none of it tests the printed numbers.**
@@ -370,3 +371,7 @@ parts = {
 kept = {k: np.sqrt(np.mean(part**2)) for k, part in parts.items()}
 assert np.isclose(kept[9], np.sqrt(0.5))  # all of it; nothing of the others
 assert max(kept[8], kept[8.5]) < 1e-9
+
+# %% [markdown]
+# **What you have learnt**: a threshold is chosen by rates of detection and false alarm, and a torque at an odd harmonic
+# looks like backlash. *Next:* [your own joint](beyond/12_your_own_joint.ipynb).

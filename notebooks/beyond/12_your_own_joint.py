@@ -332,3 +332,7 @@ assert line.crossing is None or abs(crossing - line.crossing) < pd.Timedelta(min
 print(
     crossing.date(), line.crossing_interval
 )  # a slope that is a little smaller moves the crossing further
+
+# %% [markdown]
+# **What you have learnt**: a calibration of your own cancels what an estimator gets wrong each time, and a sensor must
+# refuse. *Next:* [estimators compared](13_readings_compared.ipynb).

@@ -264,3 +264,7 @@ waiting = drawn[0].test_days[np.searchsorted(drawn[0].test_days, days)] - days
 # half of the time between two tests
 assert np.isclose(waiting.mean(), drawn[0].interval_days / 2, rtol=0.1)
 print(f"{waiting.mean():.1f} days")
+
+# %% [markdown]
+# **What you have learnt**: the whole waveform comes near the least error, one number of it does not. *Next:* [the
+# sensor that calibrates itself](14_the_sensor_that_calibrates_itself.ipynb).

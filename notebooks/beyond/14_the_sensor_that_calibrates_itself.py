@@ -373,3 +373,7 @@ beyond = stats.norm(0.5, 0.3).cdf(1.96 * mixture_sd * np.array([-1, 1]))
 assert np.isclose(draws.std(), mixture_sd, rtol=0.01)
 assert np.isclose((np.abs(draws - 10.5) < 1.96 * mixture_sd).mean(), np.diff(beyond), atol=0.005)
 print(f"{0.1 * mixture_sd:.3f} mrad; {100 * np.diff(beyond).item():.1f} %")
+
+# %% [markdown]
+# **What you have learnt**: unknowns that act alike widen an interval; a posterior says by how much. *Next:* [which
+# settings produced Table 2](15_protocols.ipynb).

@@ -318,16 +318,14 @@ workbook.export(
 #
 # ## Exercises
 #
-# **1.** Of 30 runs 29 end at the same $A$ and one at a distance $d$. Which SD do they have? How far off is the one run
-# that would give the SD printed in row 10?
+# **1.** How many realisations does a 95 % interval by order statistics need at least, and a 99 % one? Check the first
+# with `table2.predictive_region`.
 
 # %% tags=["solution"]
-d = 0.3
-assert np.isclose(np.std([1.0] * 29 + [1.0 - d], ddof=1), d / np.sqrt(30))
-mean_10, sd_10 = protocols.printed()[:, 9]
-distance = sd_10 * np.sqrt(30)
-assert 0.1 < distance < 0.11
-print(f"{distance:.3f} rps, {100 * distance / mean_10:.0f} % of the printed mean")
+needed = {level: int(np.ceil(2 / (1 - level) - 1e-9)) - 1 for level in (0.95, 0.99)}
+assert np.isfinite(table2.predictive_region(range(needed[0.95]))).all()
+assert not np.isfinite(table2.predictive_region(range(needed[0.95] - 1))).any()
+print(needed)
 
 # %% [markdown]
 # **2.** Ten scores are drawn from a law of their own each. Show on a hundred made tables that the test's p is uniform
@@ -352,3 +350,7 @@ print(f"{np.mean(np.array(p_made) < 0.5):.2f} of the p lie below 0.5")
 one_excluded = 1 - 0.99 ** len(of_settings)
 assert np.isclose(one_excluded, stats.binom.sf(0, len(of_settings), 0.01))
 print(f"{one_excluded:.2f}")
+
+# %% [markdown]
+# **What you have learnt**: settings can be excluded by the tables that they give, not proved. *Next:*
+# [claims](16_claims.ipynb).

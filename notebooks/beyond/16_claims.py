@@ -367,3 +367,7 @@ assert change_rps < step_19_rps / 3
 print(
     f"{needed_bits} bits. The fit averages over samples: steps of {step_19_rps:.1e} rps change A by {change_rps:.1e}"
 )
+
+# %% [markdown]
+# **What you have learnt**: a sentence becomes a claim by a check, a limit, and an answer that would refute it. *Next:*
+# [the stored runs](18_the_stored_runs.ipynb).

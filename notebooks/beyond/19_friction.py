@@ -256,3 +256,7 @@ print(
 run = simulate(replace(with_friction(1.2), lead_s=T_f), delta_rad, duration_s=12 * T_f)
 assert not (run.impact_time_s > 4 * T_f).any()
 print("none: its speed is that of a joint without backlash")
+
+# %% [markdown]
+# **What you have learnt**: friction shifts the impacts, and a model that has them half a turn apart reads a smaller
+# $A$. *Next:* [another optimiser](20_another_optimiser.ipynb).

@@ -205,3 +205,7 @@ print(f"from p_2 = {either:.2f}")
 hours = {n: 20**n * 1e-5 / 3600 for n in (7, 5)}
 assert round(hours[7] / hours[5]) == 400
 print({n: f"{time:.2g} h" for n, time in hours.items()})
+
+# %% [markdown]
+# **What you have learnt**: optimisers are compared by rates of success with intervals, and by what a success costs.
+# *Back to:* [the start](../00_the_sensor.ipynb).
