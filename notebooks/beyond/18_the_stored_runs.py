@@ -255,7 +255,7 @@ assert np.isclose(d * np.std(strayed[:, 0] - strayed[:, 1]), expected, rtol=0.05
 print(f"{expected:.3f} rps")
 
 # %% [markdown]
-# **3.** For which bound $b$ do the margins of `cma` until 3.3 and since 3.4 differ most, relatively, and by which factor?
+# **3.** For which bound $b$ do the margins of `cma` until 3.3 and since 3.4 differ most, relatively? By which factor?
 
 # %% tags=["solution"]
 b = np.linspace(-10, 10, 2001)
