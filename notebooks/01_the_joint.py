@@ -223,21 +223,12 @@ axis.set(xlabel="decay of the ring [1/s]", ylabel="frequency [Hz]", xlim=(-2, 48
 ring.round(1)
 
 # %% [markdown]
-# Two springs alone come near the committed joint's frequency, partly by luck: what they leave out is large and cancels.
+# Two springs alone come near the committed joint's frequency, partly by luck: what they leave out is as large as their
+# spring, and cancels.
 # They give no decay at all. The decay is the drive's: $K_p$ damps the ring, and what acts late undoes much of it. So
 # the frequency *and* the damping of the signature depend on the drive's settings, not on the gear alone.
 #
 # $K_w$ is negative: it makes the drive's spring softer. It came out of the fit to the signals; we do not know why.
-
-# %%
-omega = 2 * np.pi * ring["frequency [Hz]"].iloc[-1]
-print(
-    f"K_i = {K_i:.2f}, K_p K_pos = {K_p * K_pos:.2f}, K_w = {K_w:.2f} N m/rad: a spring of {spring:.2f}"
-)
-print(
-    f"left out at {omega / (2 * np.pi):.1f} Hz, over that spring: K_p {100 * K_p * omega / spring:.0f} %, "
-    f"J_m {100 * J_m * omega**2 / spring:.0f} %, K_d {100 * K_d * omega**2 / spring:.0f} %"
-)
 
 # %% [markdown]
 # ### Is it what the speed does?

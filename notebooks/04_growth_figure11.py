@@ -120,25 +120,6 @@ shown = speed.t <= 4 * T_f
 figure5 = paper.speed_signal(speed.t[shown], speed.v[shown], T_f)
 
 # %% [markdown]
-# With `make lab` the speed has a slider for $\delta$. The axes stay, so that the growth shows.
-
-# %%
-(widest,) = simulate_recordings(joint, [4e-3])
-highest = 1.1 * np.abs(widest.v - v_t).max()
-
-
-def draw(delta_mrad):
-    (record,) = simulate_recordings(joint, [1e-3 * delta_mrad])
-    settled, first = record.t >= T_f, record.t <= 4 * T_f
-    (axis,) = paper.speed_signal(record.t[first], record.v[first], T_f).axes
-    axis.set(ylim=(v_t - highest, v_t + highest))
-    most = (record.v[settled] - v_t).max()
-    axis.set_title(f"largest settled sample {most:.3f} rps above {v_t:g} rps")
-
-
-workbook.sliders(draw, delta_mrad=(1e3 * level_delta_rad(speed_level), 0.1, 4.0))
-
-# %% [markdown]
 # ### Figure 11
 #
 # The third turn of each level, and the settled peak before and after sampling: 40 fine samples are 2 ms. Predict first:

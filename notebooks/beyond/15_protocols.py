@@ -147,12 +147,6 @@ digits_here, digits_kept = (
 same = digits_here == digits_kept.loc[digits_here.index]
 same_tables = same[["mean_A_rps", "sd_A_rps"]].all(axis=1)
 
-# %%
-of_row = pd.concat({"here": own, "kept": kept[kept["realisation"].isin(first)]})
-of_row.groupby([pd.Grouper(level=0), "row"])["mean_A_rps"].mean().unstack(0).assign(
-    same_of=same_tables.groupby("row").sum()
-)
-
 # %% [markdown]
 # ### Pooled bias
 #
@@ -164,17 +158,9 @@ pooled = protocols.numbers_of(judging)
 kept_bias, no_bias_p = protocols.pooled_bias(pooled[0]), protocols.bias_p(pooled[0], 0.0)
 printed_bias = float(protocols.pooled_bias(protocols.printed()[0]))
 whole = protocols.compare(pooled, protocols.printed())
-pd.Series(
-    {
-        "printed [%]": printed_bias,
-        "kept, median [%]": np.median(kept_bias),
-        "kept, least [%]": kept_bias.min(),
-        "kept, largest [%]": kept_bias.max(),
-        "p of the printed bias": whole["p_bias"],
-        "p of no bias": no_bias_p,
-    },
-    name="pooled bias",
-).map("{:.2g}".format).to_frame()
+tail = {"printed": whole["p_bias"], "none": no_bias_p}
+bias = {"printed": printed_bias, "none": 0.0, "kept, median": np.median(kept_bias)}
+pd.DataFrame({"bias [%]": bias, "p": tail}).round(4)
 
 # %% [markdown]
 # ### Other seeds
