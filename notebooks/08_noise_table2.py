@@ -71,7 +71,7 @@ import workbook
 from backlash.fitting.global_fit import global_fit
 from replication import sources, table2, table2_claims
 from replication.figures import paper
-from replication.records import CLEAN_LEVELS
+from replication.records import level_delta_rad
 from replication.signature import signature
 from studies import table2_facts
 from studies.replay import protocols
@@ -91,7 +91,7 @@ workbook.check_parameters(
     public=(public, [(1, 2, 3, 4, 5)]),
     settings=(settings, [tuple(vars(table2.AUTHORS_SETTINGS))]),
     shown_row=(shown_row, range(1, 11)),
-    shown_level=(shown_level, CLEAN_LEVELS),
+    shown_level=(shown_level, range(3, 12)),
     criteria=(criteria, [("error_below_10", "local_minima")]),
 )
 workbook.check_parameters(
@@ -201,8 +201,7 @@ own_error["left over [% of the SD]"] = 100 * pd.Series(left)
 own_error.rename(index=lambda delta: f"{1e3 * delta:.1f} mrad").round(1)
 
 # %%
-one = sources.load_clean(shown_level)
-fit = global_fit(one)
+one, fit = (each[level_delta_rad(shown_level)] for each in (clean, own_fits))
 h, turn = signature(one.t, fit.X, table2.AUTHORS_SETTINGS.timing), slice(1000, 1200)
 _, axis = plt.subplots(figsize=(7, 3), layout="constrained")
 axis.plot(one.t[turn], one.v[turn] - 100, label=f"noise-free record, K = {shown_level}")

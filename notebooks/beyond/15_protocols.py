@@ -193,14 +193,7 @@ shorter = [rms[f"{noise}, samples 0 to 2200"] for noise in nearness.index]
 nearer = [(own_rms <= each).sum() for each in nearness["rms_percent"]]
 nearness["p"] = (len(nearness) * (1 + np.array(nearer)) / (1 + own_rms.size)).clip(max=1)
 nearness["rms_without_last_turn"] = shorter
-display(nearness.round(3))
-outside = nearness.index[np.array(nearer) == 0]
-gaining = nearness.index[nearness["rms_without_last_turn"] < nearness["rms_percent"]]
-print(
-    f"Nearer than all {own_rms.size} noises of our own (smallest rms {own_rms.min():.2f} %, median "
-    f"{own_rms.median():.1f} %): {', '.join(outside) or 'none'}; p {nearness['p'].min():.2g} at least. Without the "
-    f"last turn nearer than with it: {', '.join(gaining) or 'none'}."
-)
+nearness.round(3)
 
 # %% [markdown]
 # The second answer made a prediction possible. It was fixed in `studies/table2_noise.py` before its run, with fresh
@@ -212,9 +205,8 @@ print(
 prediction = pd.read_csv(workbook.ROOT / "results" / "table2_prediction.csv")
 prediction["off_percent"] = table2.error_percent(prediction, "mean_A_rps")
 prediction_columns = ["mean_A_rps", "off_percent", "sd_A_rps", "best_A_rps", "best_basin_runs"]
-display(prediction.set_index("row")[prediction_columns].round(4))
 prediction_finding = table2_noise.describe_prediction(prediction)
-print(f"{prediction_finding}. R = 1 as the noise of Table 2 remains suggestive, not proven.")
+prediction.set_index("row")[prediction_columns].round(4)
 
 # %% [markdown]
 # ### A start drawn for each run
@@ -262,7 +254,8 @@ workbook.verdict(
     f"{'; what remains of the text is one start for all rows' if of_drawn.max() < level else ''}. "
     f"Made again with a population of {leader.population}, {same_tables.sum()} of {len(own)} realisations have the "
     f"kept mean and SD: the kept numbers are {'' if same_tables.all() else 'not '}those of these settings and this "
-    f"noise. With other seeds {len(changed)} of {len(by_seeds)} judgements change.",
+    f"noise. {prediction_finding}; R = 1 as the noise of Table 2 remains suggestive. With other seeds {len(changed)} "
+    f"of {len(by_seeds)} judgements change.",
     claims=claims,
 )
 
