@@ -111,9 +111,8 @@ plt.ion()
 # One turn of the load. Above, the load on its arm, and the teeth: blue is the motor's tooth, orange the flank of the
 # load that is pressed. Below, the motor speed. Time passes five times slower while the gap is open.
 #
-# The joint was identified from the published signals ([notebook 9](09_identification_of_the_joint.ipynb)). `simulate`
-# integrates its equations of motion ([notebook 1](01_the_joint.ipynb)). It is compiled when it is first called: five
-# seconds.
+# The joint was identified from the published signals (notebook 9); `simulate` integrates its equations of motion
+# (notebook 1). It is compiled when it is first called: five seconds.
 
 # %%
 delta_rad, joint = 1e-3 * backlash_mrad, identified_joint()
@@ -280,16 +279,10 @@ for axis in (upper, lower):
 # %% [markdown]
 # ### Where to go on
 #
-# - To learn the paper: [1](01_the_joint.ipynb) the joint, [2](02_dead_zone_figure9.ipynb) the gap,
-#   [3](03_simulator_figure10.ipynb) the simulator, [4](04_growth_figure11.ipynb) how the disturbance grows,
-#   [5](05_signature_figure6.ipynb) the signature, [6](06_characteristic_figure12.ipynb) equation 10,
-#   [7](07_protocol_table1.ipynb) CMA-ES step by step, [8](08_noise_table2.ipynb) noise.
-# - To measure a joint of your own, with an interval: [12](beyond/12_your_own_joint.ipynb).
-# - To review the replication: the [report](../results/report.html).
-#
-# How to work: `make lab` opens copies of the notebooks, in `lab/`. Change the cell under *Parameters* and run all
-# cells; a wrong value is refused; the message lists valid ones. The exercises' solutions are folded. `python -m
-# workbook diff --lab` lists the verdicts that a change moved. The [glossary](glossary.md) has the terms.
+# - To learn the paper: notebooks 1 to 9, in this order. To measure a joint of your own, with an interval:
+#   [12](beyond/12_your_own_joint.ipynb). To review the replication: the [report](../results/report.html).
+# - `make lab` opens copies of the notebooks, in `lab/`. Change the cell under *Parameters* and run all cells. `python
+#   -m workbook diff --lab` lists the verdicts that a change moved. The [glossary](glossary.md) has the terms.
 
 # %% [markdown]
 # ## Verdict

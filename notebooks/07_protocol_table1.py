@@ -143,9 +143,7 @@ members.loc[drawn.ranking].head()
 # %%
 w = c.weights[: c.mu]
 m = w @ ranked[: c.mu]  # equation 13
-print(
-    f"{c.mu} of {population} members make the mean; the weights are worth mu_eff = {c.mu_eff:.1f} equal ones"
-)
+c.mu, c.mu_eff  # so many members make the mean, with weights worth so many equal ones
 
 # %% [markdown]
 # **The step size.** The path $\mathbf p_\sigma$ sums the steps of the mean, whitened by $\mathbf C^{-1/2}$ and with

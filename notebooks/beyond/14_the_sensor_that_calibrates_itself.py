@@ -154,10 +154,8 @@ pd.DataFrame(sds_rad, index=["stiffness known", "stiffness unknown"]).map("{:.2g
 # $$\Sigma = (J^\top J)^{-1}, \quad J = \left.\frac{\partial r}{\partial z}\right|_{\hat z}.$$
 #
 # *Alternatives.* The speed may be differenced over a sampling period ($q \approx 1$, prior probability 0.8), also
-# low-passed with an unknown time constant (0.1), or not smoothed ($q \approx 0$, 0.1). In each a second mass swings on
-# the load or not (0.5 each): to first order it moves the backlash and adds to its variance, weighed by what the
-# residual says of it. The answer is the mixture of all alternatives $a$ with the weights $w_a$, their prior
-# probability times their evidence $Z_a$, normalised:
+# low-passed with an unknown time constant (0.1), or not smoothed ($q \approx 0$, 0.1). The answer is the mixture of all
+# alternatives $a$ with the weights $w_a$, their prior probability times their evidence $Z_a$, normalised:
 #
 # $$\ln Z_a = -\tfrac12 \chi^2(\hat z_a) + \tfrac12 \ln\det\Sigma_a - \sum_j \ln s_j + \text{const}, \quad
 # \bar z = \sum_a w_a \hat z_a, \quad
@@ -175,9 +173,8 @@ pd.DataFrame(sds_rad, index=["stiffness known", "stiffness unknown"]).map("{:.2g
 # the variances 1 and $\Delta$ add. *Birge's ratio*, $\sqrt{\chi^2/\nu}$, is the other extreme: it takes the cause for
 # more noise, spread evenly over all residuals. We take the wider one, because a wrong model is no noise.
 #
-# *No answer* (`cannot tell`) is given where a second mass is too clear for noise ($p < 0.001$), the residual is
-# impossible ($p < 10^{-8}$), turns do not repeat, or where the drive ($p < 0.001$) or all unknowns with a prior
-# ($p < 0.01$) stray from what is known of them.
+# *No answer* (`cannot tell`) is given where the residual is impossible ($p < 10^{-8}$), turns do not repeat, or the
+# unknowns stray from what is known of them.
 
 # %% [markdown]
 # ### One log of a joint that nobody calibrated
@@ -261,15 +258,13 @@ widening = of_population.mean().assign(logs=of_population.size()).loc[[*populati
 widening.round(3)
 
 # %% [markdown]
-# On joints of the paper's kind the choice hardly matters, because few logs are widened. The factor is a precaution
-# against causes that the drawn joints do not have; these logs do not prove that it is large enough.
+# On joints of the paper's kind the choice hardly matters: few logs are widened. These logs do not prove that the factor
+# is large enough for others.
 
 # %% [markdown]
 # ## Verdict
 #
-# The acceptance criteria were fixed before benches were drawn with seeds that no decision was made on. The
-# [datasheet](../../results/pages/datasheet.html) lists populations of joints, refusals and misses; the
-# sensor was never tried on hardware.
+# The [datasheet](../../results/pages/datasheet.html) lists populations of joints, refusals and misses.
 
 # %% tags=["plumbing"]
 near, far = population.SPREADS
