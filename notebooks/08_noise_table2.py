@@ -213,10 +213,10 @@ axis.set(xlabel="time [s]", ylabel="$v - 100$ [rps]")
 _ = axis.legend(fontsize=8)
 
 # %% [markdown]
-# The signature is not the shape of the disturbance. Gravity bends the speed slowly before and after each impact, the
-# positive impact comes late ([notebook 3](03_simulator_figure10.ipynb)), and the ring of a real impact does not begin
-# as a sine at its full envelope. Least squares takes the $A$ that leaves least over the whole turn, not the one that
-# meets the peak. Most of Table 2's error is this error of the model; noise adds the rest.
+# The signature is not the shape of the disturbance. Gravity bends the speed slowly between the impacts, and a damped
+# sine does not: at small gaps most of what is left is slow. At the largest gaps it stands at the impact, where the
+# window opens with a jump that the record does not have. Least squares takes the $A$ that leaves least over the whole
+# turn, not the one that meets the peak. Most of Table 2's error is this error of the model; noise adds the rest.
 #
 # ### Prediction intervals
 #
@@ -296,7 +296,8 @@ workbook.export(
 # ## Try changing
 #
 # 1. `settings = {"population": 30}`: TODO
-# 2. `shown_level = 12`: TODO
+# 2. `shown_level = 3`: a small gap, where gravity's slow bend is a larger part of the turn: the fit leaves a third of
+#    the SD.
 # 3. `criteria = {"local_minima": 0.95}`: if 95 % of the runs had to succeed, the claim would fail.
 #
 # ## Exercises
