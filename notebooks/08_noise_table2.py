@@ -109,7 +109,7 @@ workbook.check_parameters(
 
 # %%
 leader = replace(protocols.CANDIDATES[protocols.LEADER], **settings)
-of_authors = table2.authors_table2_records(sorted(set(public)))
+of_authors = table2.table2_records(sorted(set(public)), sources.load_noisy)
 fits = table2.repeated_fits(of_authors, [leader], range(1, protocols.RUNS + 1), "public records")
 shown = fits[(fits["row"] == shown_row) & (fits["realisation"] == min(public))]
 record = of_authors[shown_row - 1][1]
