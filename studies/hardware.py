@@ -31,7 +31,7 @@ _SMOOTHING_S = 0.02  # of the speed that a twin is to follow
 _REST_RAD_S = 0.02
 _GEAR_RATIO = 100  # of the twin's encoder
 _ASSUMED_GRAVITY = 10.0  # 1/s^2, said of a load without any
-_MOST_OF_ONE_SIGN = 0.98  # mean sign above which a regression can't tell it from a constant
+_LEAST_VARIANCE = 0.04  # of a sign: below, it hardly changes
 _BLOCK_S = 0.5  # within which residuals are not independent
 
 
@@ -214,25 +214,25 @@ def lost_motion(logs: Sequence[JointLog]) -> pd.DataFrame:
 
     Regressed beside torque, speed, acceleration and angle; residuals of half a second count as one.
     """
-    designs, parted, blocks = [], [], []
-    for k, log in enumerate(logs):
-        acceleration = np.gradient(gaussian_filter1d(log.speed, 3), log.t)
-        signs = np.sign(log.torque), np.sign(log.speed)
-        offsets = np.eye(len(logs))[:, k, None] * np.ones_like(log.t)
-        designs.append([*signs, log.torque, log.speed, acceleration, log.angle, *offsets])
-        parted.append(log.angle - log.load_angle)
-        blocks.append(1000 * k + log.t // _BLOCK_S)
-    X, block = np.concatenate(designs, axis=1).T, np.concatenate(blocks)
-    y = np.concatenate(parted)
-    found = np.linalg.lstsq(X, y, rcond=None)[0]
-    scores = pd.DataFrame(X * (y - X @ found)[:, None]).groupby(block).sum().to_numpy()
-    bread = np.linalg.pinv(X.T @ X)
-    sd = np.sqrt(np.diag(bread @ (scores.T @ scores) @ bread))[:2]
-    half = stats.t.ppf(0.975, len(scores) - 1) * sd
-    table = {
-        "coefficient_rad": found[:2],
-        "low_rad": found[:2] - half,
-        "high_rad": found[:2] + half,
-    }
-    changes = [abs(X[:, k].mean()) < _MOST_OF_ONE_SIGN for k in (0, 1)]
-    return pd.DataFrame(table, index=["sign of torque", "sign of speed"]).loc[changes]
+    blocks = np.concatenate([_block_motion(log) for log in logs])
+    X, parted = blocks[..., :-1], blocks[..., -1]
+    terms = X.reshape(-1, X.shape[-1])
+    bread = np.linalg.inv(terms.T @ terms)
+    found = bread @ terms.T @ parted.ravel()
+    scores = np.einsum("ijk,ij->ik", X, parted - X @ found)
+    deviation = np.sqrt(np.diag(bread @ scores.T @ scores @ bread))
+    half = stats.t.ppf(0.975, len(scores) - 1) * deviation
+    table = {"coefficient_rad": found, "low_rad": found - half, "high_rad": found + half}
+    by_sign = pd.DataFrame(table)[:2].set_axis(["sign of torque", "sign of speed"])
+    return by_sign[terms[:, :2].var(axis=0) > _LEAST_VARIANCE]
+
+
+def _block_motion(log: JointLog) -> FloatArray:
+    """Terms of a log's lost motion and, last, by how much motor and load part, less their means, by block."""
+    acceleration = np.gradient(gaussian_filter1d(log.speed, 3), log.t)
+    signs = np.sign(log.torque), np.sign(log.speed)
+    parted = log.angle - log.load_angle
+    z = np.array([*signs, log.torque, log.speed, acceleration, log.angle, parted]).T
+    size = round(_BLOCK_S / (log.t[1] - log.t[0]))
+    whole = len(z) // size * size
+    return (z - z.mean(axis=0))[:whole].reshape(-1, size, z.shape[1])
