@@ -405,7 +405,7 @@ def _at_constant_speed(
         )
     is_level = np.abs(np.abs(smooth) / level - 1) < form.speed_tolerance
     first, last = _longest_run(np.where(is_level, np.sign(smooth), 0.0))
-    first += 2 * width if first > 0 else 0
+    first = min(first + 2 * width, v.size - 1) if first > 0 else 0
     last -= 2 * width if last < v.size else 0
     last = max(last, first + 1)
     whole = first, last

@@ -262,6 +262,7 @@ def test_an_empty_workbook_and_a_plain_zip_are_none(tmp_path):
     ("v", "reason"),
     [
         (RECORD.v[:500], "too short"),
+        (np.append(0.0, RECORD.v[:9]), "not constant speed"),
         (RECORD.v - 100.0, "not constant speed: the motor stands still"),
         (100 * np.sin(3 * RECORD.t) + 0.1 * RECORD.v, "not constant speed"),
         (RECORD.v + 0.8 * (RECORD.t - 2.4), "not constant speed: it drifts"),

@@ -163,13 +163,10 @@ def test_a_defect_is_one_line_that_says_where(log, capsys, monkeypatch):
     ("arguments", "expected"),
     [
         ("estimate LOG", "--turn-period (in s) or --gear-ratio"),
-        ("estimate LOG --turn-period soon", "invalid float value"),
         ("estimate LOG --turn-period 0.4 --unit rpm", "says rps, --unit says rpm"),
         ("estimate LOG --turn-period 0.4 --plot FOLDER/plot.gif", "must end in"),
         ("estimate LOG --turn-period 0.4 --plot FOLDER/missing/plot.png", "cannot be written"),
-        ("estimate LOG --turn-period 0.4 --out FOLDER/table.xlsx", "must end in"),
         ("estimate LOG LOG2 --turn-period 0.4 --plot FOLDER/plot.png", "it shows one"),
-        ("estimate EMPTY --turn-period 0.4 --out FOLDER/table.csv", "the file is empty"),
         (
             "estimate EMPTY EMPTY2 --turn-period 0.4 --out FOLDER/table.csv",
             "none of 2 logs is usable",
@@ -180,11 +177,9 @@ def test_a_defect_is_one_line_that_says_where(log, capsys, monkeypatch):
         ("calibrate LOG --turn-period 0.4 --out FOLDER/c.json", "columns log and backlash_rad"),
         ("trend LOG --turn-period 0.4", "no date in its name"),
         ("trend LOG --turn-period 0.4 --dates DATES --limit 0.5", "at most 0.1 [rad]"),
-        ("estimate LOG LOG2 --turn-period 0.4 --jobs 0", "--jobs 0: give -1 or a number above 0"),
         ("estimate", "give logs, or --batch"),
         ("estimate --batch LOG --turn-period 0.4", "no table with the columns file"),
         ("estimate LOG - --turn-period 0.4", "goes alone"),
-        ("estimate LOG --turn-period 0.4 --fail-on backlash>0.5", "--fail-on 'backlash>0.5': give"),
         (
             "estimate LOG --turn-period 0.4 --fail-on no-backlash>1mrad",
             "--fail-on 'no-backlash>1mrad': give",
@@ -256,9 +251,15 @@ def test_a_calibration_from_a_log_that_is_no_use_names_it(tmp_path, capsys):
 # trend and the rest
 
 
-def test_dated_logs_become_a_trend_with_a_date_and_a_plot(tmp_path, capsys):
+def write_months(folder, slower=1.0):
+    """Dated logs of a joint that wears."""
     for month in range(1, 8):
-        write(noisy(4e-4 + 1.5e-4 * month, seed=month), tmp_path / f"axis4_2024-{month:02d}-15.csv")
+        log = noisy(4e-4 + 1.5e-4 * month, seed=month)
+        write(replace(log, t=slower * log.t), folder / f"axis4_2024-{month:02d}-15.csv")
+
+
+def test_dated_logs_become_a_trend_with_a_date_and_a_plot(tmp_path, capsys):
+    write_months(tmp_path)
     options = f"{TURN} --method energy --limit 0.0018"
     status, out, _ = ran(
         capsys, "trend", tmp_path, options, "--plot", tmp_path / "trend.png", "--json"
@@ -276,9 +277,7 @@ def test_dated_logs_become_a_trend_with_a_date_and_a_plot(tmp_path, capsys):
 def test_where_no_backlash_can_be_told_the_amplitudes_growth_in_percent_is_an_alarm(
     tmp_path, capsys
 ):
-    for month in range(1, 8):
-        slow = noisy(4e-4 + 1.5e-4 * month, seed=month)
-        write(replace(slow, t=1.5 * slow.t), tmp_path / f"axis4_2024-{month:02d}-15.csv")
+    write_months(tmp_path, 1.5)
     options = "--turn-period 0.6 --method energy --limit 0.0018"
     status, out, err = ran(capsys, "trend", tmp_path, options, "--json")
     found = json.loads(out)

@@ -43,7 +43,7 @@ def test_rounding_does_not_move_an_answer_by_the_speed(method, deltas):
         assert movement(values, method=method, turn_period_s=0.4, repeats=2) < 0.01
 
 
-# Of strokes, test_strokes.py has one that is not slow.
+# A log of strokes takes 3 s a fit.
 @pytest.mark.parametrize(
     ("draw", "deltas"),
     [(logged, DELTAS[1:2]), pytest.param(strokes, DELTAS, marks=pytest.mark.slow)],

@@ -6,7 +6,6 @@ import os
 import shutil
 import signal
 
-import distributed
 import joblib
 import pandas as pd
 import pytest
@@ -109,6 +108,8 @@ def test_answers_that_a_full_disk_does_not_take_are_printed_and_the_next_run_has
 
 @pytest.mark.slow
 def test_a_dask_cluster_that_loses_a_worker_answers_every_log(tmp_path, capsys, monkeypatch):
+    import distributed  # half a second
+
     log = write(noisy(), tmp_path / "0.csv")
     logs = [str(log), *(shutil.copy(log, str(tmp_path / f"{k}.csv")) for k in range(1, 200))]
     with (
