@@ -13,7 +13,7 @@ import numpy as np
 
 from replication.arrays import FloatArray
 from replication.compiling import njit
-from replication.signature import Timing
+from replication.signature import Parameters, Timing
 
 # A smaller share of the record's square, left over by a difference, has lost digits.
 CANCELLED = 1e-3
@@ -121,8 +121,9 @@ def population_rmse(members: FloatArray, record: FoldedRecord) -> FloatArray:
 
 def residual(t: FloatArray, v: FloatArray, X: FloatArray, timing: Timing) -> FloatArray:
     """The residual r - h (equation 11) of an evenly sampled record, shape (samples,)."""
-    error = v - X[4]
-    _subtract(np.ascontiguousarray(X), t, error, float(timing.T_d), float(timing.T_f), timing.n)
+    free = Parameters(*map(float, X))
+    error = v - free.v_t
+    _subtract(free, t, error, float(timing.T_d), float(timing.T_f), timing.n)
     return error
 
 
@@ -138,7 +139,7 @@ def _squares(members, t, sums):
 
 @njit
 def _square(member, t, sums, scratch):
-    A, t0, tau, omega, v_t, T2, T1 = member
+    A, t0, tau, omega, v_t, T2, T1 = member  # the order of `Parameters`
     dt = sums.dt
     begin = (t0 - t[0] + T1) / dt
     end = (t0 - t[0] + T2) / dt
@@ -175,9 +176,9 @@ def _subtract_overlap(part, h, windows, delay):
 
 
 @njit
-def _subtract(X, t, error, T_d, T_f, n):
+def _subtract(free, t, error, T_d, T_f, n):
     """Subtract h, one window after the other."""
-    A, t0, tau, omega, _, T2, T1 = X
+    A, t0, tau, omega, _, T2, T1 = free
     dt = (t[-1] - t[0]) / (t.size - 1)
     scratch = np.empty((2, t.size))
     c, s = scratch[0], scratch[1]

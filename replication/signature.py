@@ -3,23 +3,35 @@
 Symbols are the paper's: t0, T1, T2, T_d and T_f in s, the damping tau in 1/s, the angular frequency
 omega in rad/s, the amplitude factor A and the motor speed v in rps. Time t and v are arrays of
 shape (samples,). A parameter vector X of shape (7,) lists the free parameters in the order of
-`FREE_PARAMETERS`. T_d and T_f are not free: Table 1 gives them equal lower and upper bounds, so the
+`Parameters`. T_d and T_f are not free: Table 1 gives them equal lower and upper bounds, so the
 optimiser never sees them.
 """
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
 from replication.arrays import FloatArray
 
-# The order in which the authors' CMA-ES samples them: a seed means the same runs only in this
-# order.
+# Names of the columns that hold `Parameters`, with their units.
 FREE_PARAMETERS = ("A_rps", "t0_s", "tau_per_s", "omega_rad_per_s", "v_t_rps", "T2_s", "T1_s")
 
 # Table 1's bounds of tau [1/s], and of omega over 2 pi [Hz].
 DAMPING_PER_S = (5.0, 30.0)
 FREQUENCY_HZ = (1.0, 40.0)
+
+
+class Parameters(NamedTuple):
+    """The free parameters in the order in which the authors' CMA-ES samples them: a seed means its run only so."""
+
+    A: float
+    t0: float
+    tau: float
+    omega: float
+    v_t: float
+    T2: float
+    T1: float
 
 
 @dataclass(frozen=True)
@@ -33,42 +45,37 @@ class Timing:
 
 @dataclass(frozen=True)
 class Box:
-    """Bounds of the free parameters, each of shape (7,), in `FREE_PARAMETERS` order."""
+    """Bounds of the free parameters, each of shape (7,), in the order of `Parameters`."""
 
     lower: FloatArray
     upper: FloatArray
 
 
-def damped_oscillation(
-    t: FloatArray, A: float, t0: float, tau: float, omega: float, T1: float, T2: float
-) -> FloatArray:
-    """Equation 5: one damped oscillation d_b(t - t0), zero outside t0 + T1 <= t <= t0 + T2.
-
-    Shape (samples,).
-    """
-    inside = (t >= t0 + T1) & (t <= t0 + T2)
-    elapsed = np.where(inside, t - (t0 + T1), 0.0)
-    return np.where(inside, A * np.exp(-elapsed * tau) * np.sin(omega * (t - t0)), 0.0)
+def damped_oscillation(t: FloatArray, X: Parameters) -> FloatArray:
+    """Equation 5: one damped oscillation d_b(t - t0), zero outside t0 + T1 <= t <= t0 + T2; shape (samples,)."""
+    inside = (t >= X.t0 + X.T1) & (t <= X.t0 + X.T2)
+    elapsed = np.where(inside, t - (X.t0 + X.T1), 0.0)
+    return np.where(inside, X.A * np.exp(-elapsed * X.tau) * np.sin(X.omega * (t - X.t0)), 0.0)
 
 
 def signature(t: FloatArray, X: FloatArray, timing: Timing) -> FloatArray:
     """Equation 7: the signature h(t) [rps], n turns of equation 6, as the paper writes it; shape (samples,).
 
-    This direct transcription is the reference; `compiled.misfit.population_rmse` is what a search
-    calls. The fifth element of X, v_t, does not enter.
+    This direct transcription is the reference; `misfit.population_rmse` is what a search calls. v_t
+    does not enter.
     """
-    A, t0, tau, omega, _, T2, T1 = X
+    first = Parameters(*X)
     h = np.zeros_like(t)
     for i in range(timing.n):
-        start = t0 + i * timing.T_f
-        h += damped_oscillation(t, A, start, tau, omega, T1, T2)
-        h -= damped_oscillation(t, A, start + timing.T_d, tau, omega, T1, T2)
+        start = first.t0 + i * timing.T_f
+        h += damped_oscillation(t, first._replace(t0=start))
+        h -= damped_oscillation(t, first._replace(t0=start + timing.T_d))
     return h
 
 
 def rmse(t: FloatArray, v: FloatArray, X: FloatArray, timing: Timing) -> float:
     """Root mean square of r(t) - h(t) [rps], the paper's cost function, with r(t) = v(t) - v_t (equation 11)."""
-    return float(np.sqrt(np.mean((v - X[4] - signature(t, X, timing)) ** 2)))
+    return float(np.sqrt(np.mean((v - Parameters(*X).v_t - signature(t, X, timing)) ** 2)))
 
 
 def table1_box(

@@ -18,6 +18,7 @@ from replication.signature import (
     FREE_PARAMETERS,
     FREQUENCY_HZ,
     Box,
+    Parameters,
     Timing,
     table1_box,
 )
@@ -63,7 +64,7 @@ class SearchSettings:
 
 @dataclass(frozen=True)
 class Fit:
-    """One fitted signature: its parameters in `FREE_PARAMETERS` order, its misfit [rps], what the search spent."""
+    """One fitted signature: its `Parameters`, its misfit [rps], what the search spent."""
 
     X: FloatArray
     rmse: float
@@ -73,33 +74,33 @@ class Fit:
     @property
     def amplitude_rps(self) -> float:
         """|A| [rps]: (A, t0) and (-A, t0 plus or minus T_d) are the same signal, so the sign says nothing."""
-        return float(abs(self.X[0]))
+        return float(abs(Parameters(*self.X).A))
 
 
-def search_box(recording: Recording, protocol: SearchSettings) -> Box:
-    """Table 1's box for a record, as the protocol widens it."""
+def search_box(recording: Recording, settings: SearchSettings) -> Box:
+    """Table 1's box for a record, as the settings widen it."""
     return table1_box(
         recording.t,
         recording.v,
-        protocol.longest_window_s,
-        protocol.amplitude_factor,
-        protocol.damping_per_s,
-        protocol.frequency_hz,
-        protocol.start_s,
+        settings.longest_window_s,
+        settings.amplitude_factor,
+        settings.damping_per_s,
+        settings.frequency_hz,
+        settings.start_s,
     )
 
 
 AUTHORS_SETTINGS = SearchSettings()
 
 
-def cost(recording: Recording, protocol: SearchSettings) -> Callable[[FloatArray], FloatArray]:
+def cost(recording: Recording, settings: SearchSettings) -> Callable[[FloatArray], FloatArray]:
     """The paper's cost on a record: from members of shape (population, 7) to their misfits."""
-    record = fold(recording.t, recording.v, protocol.timing)
+    record = fold(recording.t, recording.v, settings.timing)
     return lambda members: population_rmse(members, record)
 
 
 def fit(
-    recording: Recording, protocol: SearchSettings, seed: int, eigen: Eigensolver = np.linalg.eigh
+    recording: Recording, settings: SearchSettings, seed: int, eigen: Eigensolver = np.linalg.eigh
 ) -> Fit:
     """Fit the signature to a record by CMA-ES, as the paper does (equations 7 and 11 to 17).
 
@@ -115,21 +116,20 @@ def fit(
     Raises
     ------
     ValueError
-        See `cmaes.generations`, `cmaes.search` and `misfit.fold`.
+        See `cmaes.generations`, `stopping.search` and `misfit.fold`.
     """
-    mean, unit = (recording.v.mean(), RPM_PER_RPS) if protocol.rpm else (0.0, 1.0)
-    seen = replace(recording, v=unit * (recording.v - mean)) if protocol.rpm else recording
+    mean, unit = (recording.v.mean(), RPM_PER_RPS) if settings.rpm else (0.0, 1.0)
+    seen = replace(recording, v=unit * (recording.v - mean)) if settings.rpm else recording
     steps = generations(
-        cost(seen, protocol),
-        search_box(seen, protocol),
+        cost(seen, settings),
+        search_box(seen, settings),
         random_normals(seed),
-        protocol.population,
+        settings.population,
         eigen=eigen,
     )
-    run = search(steps, protocol.iterations)
-    X = run.best.copy()
-    X[0] /= unit
-    X[4] = mean + X[4] / unit
+    run = search(steps, settings.iterations)
+    best = Parameters(*run.best)
+    X = np.array(best._replace(A=best.A / unit, v_t=mean + best.v_t / unit))
     return Fit(X, run.misfit / unit, run.evaluations, len(run.history))
 
 
@@ -186,12 +186,12 @@ def _row(fitted: Fit) -> dict[str, float]:
 
 def repeated_fits(
     records: Sequence[tuple[dict, Recording]],
-    protocols: Iterable[SearchSettings],
+    settings: Iterable[SearchSettings],
     seeds: Sequence[int],
     label: str,
     fit: Callable[[Recording, SearchSettings, int], Fit] = fit,
 ) -> pd.DataFrame:
-    """Fit every record with every protocol and seed, on all cores; the label stands beside the progress bar.
+    """Fit every record with all settings and seeds, on all cores; the label stands beside the progress bar.
 
     Parameters
     ----------
@@ -211,13 +211,13 @@ def repeated_fits(
     """
     if not len(seeds):
         raise ValueError("no seeds: at least one run of each record is needed")
-    plan = list(product(protocols, records, seeds))
-    calls = [(recording, protocol, seed) for protocol, (_, recording), seed in plan]
+    plan = list(product(settings, records, seeds))
+    calls = [(recording, each, seed) for each, (_, recording), seed in plan]
     fits = in_parallel(fit, calls, label)
     return pd.DataFrame(
         [
-            key | {"protocol": protocol.name, "seed": seed} | _row(fitted)
-            for (protocol, (key, _), seed), fitted in zip(plan, fits, strict=True)
+            key | {"protocol": each.name, "seed": seed} | _row(fitted)
+            for (each, (key, _), seed), fitted in zip(plan, fits, strict=True)
         ]
     )
 

@@ -2,7 +2,14 @@ import numpy as np
 import pytest
 
 from replication import published
-from replication.signature import Timing, damped_oscillation, rmse, signature, table1_box
+from replication.signature import (
+    Parameters,
+    Timing,
+    damped_oscillation,
+    rmse,
+    signature,
+    table1_box,
+)
 from studies.replay.inspection import STORED_NAMES
 
 TIMING = Timing(T_d=0.2, T_f=0.4, n=12)
@@ -12,7 +19,7 @@ V = 100 + np.sin(7 * T) + 0.3 * np.cos(140 * T)
 
 def test_the_oscillation_is_zero_outside_its_window_and_equation_5_inside():
     t = np.array([0.0, 0.1, 0.15, 0.2, 0.3])
-    h = damped_oscillation(t, A=2.0, t0=0.05, tau=10.0, omega=100.0, T1=0.05, T2=0.15)
+    h = damped_oscillation(t, Parameters(2.0, 0.05, 10.0, 100.0, v_t=100.0, T2=0.15, T1=0.05))
     inside = (
         2.0
         * np.exp(-10.0 * np.array([0.0, 0.05, 0.1]))

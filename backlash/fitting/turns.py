@@ -168,9 +168,8 @@ def simulate_turns(
         joint = joint_of(row, movement, -TURN * before / periods, order, differencing)
         c, d = core.constants_of(joint, row[DELTA]), core.drive_of(joint)
         y, region = core.start_state(joint, row[DELTA])
-        status, _ = core.run(
-            y, region, steps, d.period, 0, 1, 1, _DELAY_PERIODS, c, d, record, gap, events
-        )
+        schedule = core.Schedule(steps, d.period, 0, 1, 1, _DELAY_PERIODS)
+        status, _ = core.run(y, region, schedule, c, d, core.Log(record, gap, events))
         if status < 0:
             turn[:] = record[before:steps, 1] / TURN
     return out

@@ -23,7 +23,7 @@ from replication.figures.style import (
     in_style,
     letter_panels,
 )
-from replication.signature import Timing
+from replication.signature import Parameters, Timing
 
 DOTTED: Style = {"linewidth": 0.8, "linestyle": ":"}
 # Of a note beside a point, so many points away.
@@ -35,7 +35,7 @@ RIGHT: Style = {"xytext": (4, 0), "textcoords": "offset points", "va": "center"}
 def signature_parameters(t: FloatArray, h: FloatArray, X: FloatArray, timing: Timing) -> Figure:
     """Figure 6: the signature h(t) over some turns, and its first oscillation, with the instants and intervals."""
     figure, ((turns,), (first,)) = grid(2, 1, height_in=4.2)
-    A, t0, tau, _, _, T2, T1 = X
+    A, t0, tau, _, _, T2, T1 = Parameters(*X)
     top = np.abs(h).max()
     arrow = THIN | {"arrowstyle": "<->", "shrinkA": 0, "shrinkB": 0}
     for axis, spans in (

@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from replication.arrays import FloatArray
+from replication.arrays import FloatArray, IntArray
 from replication.compiling import njit
 from replication.simulator.parameters import TURN, JointParameters
 
@@ -56,6 +56,25 @@ class Drive(NamedTuple):
     torque_limit: float
     resolution: float
     differencing: float
+
+
+class Schedule(NamedTuple):
+    """The steps of a run, the first `skip` of them before t = 0, and how many make a sample and a control period."""
+
+    steps: int
+    step: float
+    skip: int
+    every: int
+    per_period: int
+    delay: int  # control periods until a torque acts
+
+
+class Log(NamedTuple):
+    """What a run writes: states and gap states at the samples; times of contacts, and the side met or 0 when parted."""
+
+    states: FloatArray
+    gap: IntArray
+    events: FloatArray
 
 
 def constants_of(p: JointParameters, delta_rad: float) -> Constants:
@@ -142,18 +161,18 @@ def stiffness(x, delta, ks, alpha):
 
 
 @njit
-def torque(x, v, region, delta, ks, ds, alpha, clamped):
+def torque(x, v, region, c):
     """tau_l of equation 9 or of the clamped dead zone.
 
     The region (0 to 3 from the left) replaces sign().
     """
-    if not clamped:
-        edge = delta if region >= 2 else -delta
-        return (x - edge + ds / ks * v) * stiffness(x, delta, ks, alpha)
+    if not c.clamped > 0:
+        edge = c.delta if region >= 2 else -c.delta
+        return (x - edge + c.ds / c.ks * v) * stiffness(x, c.delta, c.ks, c.alpha)
     if region == 3:
-        return max(0.0, ks * (x - delta) + ds * v)
+        return max(0.0, c.ks * (x - c.delta) + c.ds * v)
     if region == 0:
-        return min(0.0, ks * (x + delta) + ds * v)
+        return min(0.0, c.ks * (x + c.delta) + c.ds * v)
     return 0.0
 
 
@@ -187,7 +206,7 @@ def derivative(t, y, command, region, c):
     n, omega = c.gear_ratio, c.omega
     ripple, push, error = disturbance(t, y[0], omega, c.waves)
     x, v = y[0] / n - y[2], y[1] / n - y[3]
-    tau = torque(x, v, region, c.delta, c.ks, c.ds, c.alpha, c.clamped > 0)
+    tau = torque(x, v, region, c)
     motor_speed, load_speed = omega + y[1], omega / n + y[3]
     gravity = c.gravity * np.sin(c.start_angle + omega / n * t + y[2] - error)
     motor_friction = c.motor_viscous * motor_speed, c.motor_coulomb * np.sign(motor_speed)
@@ -296,24 +315,25 @@ def control_matrix(delay: int, drive: Drive, c: Constants) -> FloatArray:
 
 
 @njit(nogil=True)
-def run(y, region, steps, step, skip, every, per_period, delay, c, drive, record, gap, events):
-    """Integrate into `record`, `gap`, `events` (time, side met or 0 when parted).
+def run(y, region, schedule, c, drive, log):
+    """Integrate into the log.
 
     Returns the step at which the run diverged, or -1, and the number of events.
     """
-    ring, memory = np.full(delay + 1, y[4]), np.array([y[4], 0.0, 0.0, y[0]])
+    ring, memory = np.full(schedule.delay + 1, y[4]), np.array([y[4], 0.0, 0.0, y[0]])
     edges = (-np.inf, -c.delta, 0.0, c.delta, np.inf)
     used = row = 0
     command = y[4]
-    for i in range(steps + 1):
-        t, left = (i - skip) * step, step
-        if i >= skip and (i - skip) % every == 0:
+    for i in range(schedule.steps + 1):
+        t = (i - schedule.skip) * schedule.step
+        left = schedule.step
+        if i >= schedule.skip and (i - schedule.skip) % schedule.every == 0:
             for j in range(5):
-                record[row, j] = y[j]
-            gap[row] = 1 if region == 3 else (-1 if region == 0 else 0)
+                log.states[row, j] = y[j]
+            log.gap[row] = gap_state(region)
             row += 1
-        if i % per_period == 0:
-            command = control(t, y, memory, ring, i // per_period, drive, c)
+        if i % schedule.per_period == 0:
+            command = control(t, y, memory, ring, i // schedule.per_period, drive, c)
             if c.torque_lag == 0:
                 y = (y[0], y[1], y[2], y[3], command)
         end = _runge_kutta(t, y, left, command, region, c)
@@ -322,19 +342,25 @@ def run(y, region, steps, step, skip, every, per_period, delay, c, drive, record
             up = x > edges[region + 1]
             if not up and x >= edges[region]:
                 break
-            s, y = locate(
-                t, y, left, end, edges[region + 1] if up else edges[region], command, region, c
-            )
-            before, region = region, (region + 1 if up else region - 1)
-            t, left = t + s, left - s
-            if c.delta > 0 and (before in (0, 3) or region in (0, 3)) and used < len(events):
-                events[used, 0], events[used, 1] = (
-                    t,
-                    1.0 if region == 3 else (-1.0 if region == 0 else 0.0),
-                )
+            edge = edges[region + 1] if up else edges[region]
+            s, y = locate(t, y, left, end, edge, command, region, c)
+            before = region
+            region += 1 if up else -1
+            t += s
+            left -= s
+            touches = before in (0, 3) or region in (0, 3)
+            if c.delta > 0 and touches and used < len(log.events):
+                log.events[used, 0] = t
+                log.events[used, 1] = gap_state(region)
                 used += 1
             end = _runge_kutta(t, y, left, command, region, c)
         y = end
         if not abs(y[1]) < DIVERGED * c.omega:
             return i, used
     return -1, used
+
+
+@njit(inner=True)
+def gap_state(region):
+    """1 where the motor drives the load, -1 where the load drives the motor, 0 inside the gap."""
+    return 1 if region == 3 else (-1 if region == 0 else 0)

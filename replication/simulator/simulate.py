@@ -102,17 +102,15 @@ def _simulate_checked(
     every = round(sample / step)
     skip = round(p.lead_s / step)
     samples = round(duration / sample) + 1
+    steps = skip + (samples - 1) * every
+    per_period = round(p.control_period_s / step)
+    schedule = core.Schedule(steps, step, skip, every, per_period, int(p.control_delay_periods))
     record = np.empty((samples, 5))
     gap = np.empty(samples, dtype=np.int64)
-    steps = skip + (samples - 1) * every
     events = np.empty((steps + 1, 2))
-    per_period = round(p.control_period_s / step)
-    delay = int(p.control_delay_periods)
+    log = core.Log(record, gap, events)
     c = core.constants_of(p, delta)
-    drive = core.drive_of(p)
-    status, used = core.run(
-        y, region, steps, step, skip, every, per_period, delay, c, drive, record, gap, events
-    )
+    status, used = core.run(y, region, schedule, c, core.drive_of(p), log)
     if status >= 0:
         at = f"t = {(status - skip) * step:.4f} s with delta_rad = {delta}"
         raise DivergenceError(f"simulate: the joint diverged at {at}; lower the gains or the step")

@@ -10,12 +10,12 @@ from tqdm import tqdm
 from replication import published
 from replication.cmaes import generations, random_normals
 from replication.records import Recording
-from replication.signature import Box
+from replication.signature import Box, Parameters
 from replication.table2 import AUTHORS_SETTINGS, cost, search_box
 from studies.replay import AGREE_RPS
 from studies.replay.inspection import turn_period
 
-NAMES = ("A", "t0", "tau", "omega", "v_t", "T2", "T1")
+NAMES = Parameters._fields
 
 # Each bound is tried where Table 1 has it and moved by these shares of the parameter's printed range; 0.15 at both
 # ends makes A's box 1.3 times as wide.

@@ -43,8 +43,10 @@ def free_response(p, y, periods, delta=0.0):
     record, gap, per = np.empty((periods + 1, 5)), np.empty(periods + 1, dtype=np.int64), 50
     p = replace(p, gravity_arm_m=0.0, lead_s=0.0)
     c, drive = core.constants_of(p, delta), core.drive_of(p)
-    run = (p.control_period_s / per, 0, per, per, p.control_delay_periods)
-    core.run(y, 3, periods * per, *run, c, drive, record, gap, np.empty((0, 2)))
+    schedule = core.Schedule(
+        periods * per, p.control_period_s / per, 0, per, per, p.control_delay_periods
+    )
+    core.run(y, 3, schedule, c, drive, core.Log(record, gap, np.empty((0, 2))))
     return record
 
 
@@ -57,7 +59,9 @@ def test_the_compiled_torque_is_the_printed_one(x, v, delta, clamped):
     if min(abs(x), abs(abs(x) - delta)) < 1e-12:
         return
     region = int(np.searchsorted([-delta, 0.0, delta], x))
-    compiled = core.torque(x, v, region, delta, 2e4, 5.0, 1e6, clamped)
+    c = core.constants_of(identified_joint(), delta)
+    c = c._replace(ks=2e4, ds=5.0, alpha=1e6, clamped=float(clamped))
+    compiled = core.torque(x, v, region, c)
     printed = float(transmitted_torque(x, v, delta, 2e4, 5.0, 1e6, clamped))
     assert compiled == pytest.approx(printed, rel=1e-6, abs=1e-8)
 
