@@ -66,12 +66,6 @@ def known_amplitude_rps(delta_rad: float) -> float:
     return float(np.interp(delta_rad, levels, theoretical))
 
 
-def static_levels_rad() -> FloatArray:
-    """Backlash [rad] of Table 3's rows: their known A through equation 10, in whole 1e-4 rad."""
-    known = equation_10().backlash_rad(published.column("Table 3", "known"))
-    return 1e-4 * np.round(1e4 * known)
-
-
 def table_arithmetic() -> pd.DataFrame:
     """Recompute the relative errors of Tables 2 and 3 from their printed means.
 

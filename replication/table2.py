@@ -144,9 +144,7 @@ def table2_levels() -> range:
 def theoretical_amplitudes() -> dict[float, float]:
     """Table 2's theoretical A [rps] of its ten rows, by backlash [rad]."""
     theoretical = published.column("Table 2", "theoretical")
-    return {
-        level_delta_rad(level): A for level, A in zip(table2_levels(), theoretical, strict=False)
-    }
+    return dict(zip(map(level_delta_rad, table2_levels()), theoretical, strict=False))
 
 
 def table2_records(
@@ -172,16 +170,6 @@ def table2_records(
         for R in realisations
         for row, level in enumerate(table2_levels(), start=1)
     ]
-
-
-def _row(fitted: Fit) -> dict[str, float]:
-    parameters = dict(zip(FREE_PARAMETERS, fitted.X, strict=True))
-    spent = {
-        "rmse_rps": fitted.rmse,
-        "evaluations": fitted.evaluations,
-        "iterations": fitted.iterations,
-    }
-    return parameters | spent
 
 
 def repeated_fits(
@@ -216,7 +204,14 @@ def repeated_fits(
     fits = in_parallel(fit, calls, label)
     return pd.DataFrame(
         [
-            key | {"protocol": each.name, "seed": seed} | _row(fitted)
+            key
+            | {"protocol": each.name, "seed": seed}
+            | dict(zip(FREE_PARAMETERS, fitted.X, strict=True))
+            | {
+                "rmse_rps": fitted.rmse,
+                "evaluations": fitted.evaluations,
+                "iterations": fitted.iterations,
+            }
             for (each, (key, _), seed), fitted in zip(plan, fits, strict=True)
         ]
     )

@@ -16,9 +16,9 @@ from scipy import optimize, stats
 from backlash.fitting.global_fit import global_fit
 from replication.arrays import FloatArray
 from replication.cmaes import generations
-from replication.misfit import residual
 from replication.parallel import in_parallel
 from replication.records import Recording
+from replication.residual import residual
 from replication.sources import load_noisy
 from replication.stopping import search
 from replication.table2 import AUTHORS_SETTINGS, BASIN_GAP, cost, search_box, table2_levels

@@ -20,6 +20,7 @@ MAY_IMPORT = {
 }
 READ_IN_ORDER = (
     "signature",
+    "residual",
     "misfit",
     "bounds",
     "cmaes",
