@@ -285,7 +285,7 @@ def test_without_the_authors_files_a_notebook_runs_on_our_records_apart(notebook
 def test_a_notebook_whose_data_nothing_replaces_is_not_run_and_keeps_its_results(
     notebooks, tmp_path, capsys
 ):
-    text = "# %%\nfrom replication import authors\nauthors.authors_file('Speeddata99.xlsx')\n"
+    text = "# %%\nfrom replication import records\nrecords.authors_file('Speeddata99.xlsx')\n"
     (ending,) = running.run_notebooks(notebooks(first=text), tmp_path / "out")
     assert ending.how == "not run"
     assert "not run: Speeddata99.xlsx" in capsys.readouterr().err
