@@ -1,7 +1,6 @@
 """What a change did: parameters, numbers and decisions that are not those of the committed run."""
 
 import io
-import re
 import subprocess
 from collections.abc import Mapping
 from pathlib import Path
@@ -14,8 +13,6 @@ from replication.files import FLOAT_FORMAT, ROOT
 from workbook import judging, outcomes
 from workbook.checkout import RESULTS, notebook_files
 from workbook.parameters import GIVEN
-
-PARAMETERS = re.compile(r'^# %% tags=\["parameters"\]\n(.*?)^# %%', re.DOTALL | re.MULTILINE)
 
 
 class NotComparable(RuntimeError):
@@ -60,7 +57,8 @@ def changed_parameters() -> list[tuple[str, str, str]]:
     if source is None:
         return []
     committed: dict[str, Any] = {}
-    exec(PARAMETERS.search(source.read_text(encoding="utf-8"))[1], committed)
+    text = source.read_text(encoding="utf-8").partition('tags=["parameters"]\n')[2]
+    exec(text.partition("\n# %%")[0], committed)
     return [
         (name, getattr(value, "__name__", repr(value)), f"{committed[name]!r} in the committed run")
         for name, value in GIVEN.items()

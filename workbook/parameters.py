@@ -2,18 +2,24 @@
 
 import math
 import os
+import sys
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from difflib import get_close_matches
+from functools import partialmethod
 from importlib.util import find_spec
 from typing import Any
 
 import pandas as pd
+from tqdm import tqdm
 
 from replication.files import UserError
 
 # Every notebook checks its parameters before it shows a table: tables in full.
 pd.set_option("display.max_colwidth", None, "display.max_columns", None, "display.max_rows", 200)
+# A notebook that is run by hand shows standard error in red: progress bars go to standard output.
+if "JPY_PARENT_PID" in os.environ and "REPLICATION_OUT" not in os.environ:
+    tqdm.__init__ = partialmethod(tqdm.__init__, file=sys.stdout)
 
 
 class ParameterError(UserError, ValueError):

@@ -6,7 +6,7 @@ import html
 import json
 import posixpath
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -15,14 +15,17 @@ import pandas as pd
 from latex2mathml.converter import convert
 from nbconvert.filters import Highlight2HTML, ansi2html
 from nbconvert.filters.markdown_mistune import IPythonRenderer, MarkdownWithMath
+from nbformat.v4 import new_markdown_cell
 
 from replication import published
 from workbook import judging
-from workbook.checkout import notebook_files
+from workbook.checkout import NOTEBOOKS, notebook_files
 from workbook.report import TEMPLATES
 from workbook.report.cells import notebook_source
 from workbook.report.figures import Picture, load_pictures, reduce_png
 
+EQUATION = re.compile(r"\$\$.*?\$\$", re.DOTALL)
+TEXTS = sorted(NOTEBOOKS.glob("*.md"))
 HEADING = re.compile(r"^#{1,4} (.+)$", re.MULTILINE)
 TABLE_NUMBER = re.compile(r"<td>(-?\d+\.\d+(?:e[+-]?\d+)?|-?\d+e[+-]?\d+)</td>")
 LONG_NUMBER = re.compile(r"-?\d+\.\d{7,}(?!\d|e)")
@@ -34,6 +37,8 @@ SCRIPT = "<script"  # an animation has one
 DIGITS = 4  # of a number in a table; the exported CSV has six
 SCROLLS = '<div class="wide" tabindex="0" role="group" aria-label="table, scrolls sideways">'
 Notebook = Sequence[nbformat.NotebookNode]
+# Of careful reading.
+WORDS_A_MINUTE, LINE_S, EQUATION_S = 150, 8, 60
 
 
 def render_pages(results: Path, notebooks: Path, verdicts: pd.DataFrame) -> dict[str, str]:
@@ -42,10 +47,11 @@ def render_pages(results: Path, notebooks: Path, verdicts: pd.DataFrame) -> dict
     claims = judging.decided_claims(results)
     judged = verdicts.join(published.cells()["element"], on="id")
     executed = executed_cells(notebooks)
-    contents = {name: headings(cells) for name, cells in executed.items()}
+    texts = {file.stem: [new_markdown_cell(file.read_text("utf-8"))] for file in TEXTS}
+    contents = {name: headings(cells) for name, cells in (executed | texts).items()}
     pages = {}
-    for name, cells in executed.items():
-        source = notebook_source(name)
+    for name, cells in (executed | texts).items():
+        source = f"notebooks/{name}.md" if name in texts else notebook_source(name)
         own = [picture for picture in pictures if picture.notebook == name]
         shown = list(_page_cells(cells, source, own))
         outputs = [output for cell in shown for output in cell.get("outputs", [])]
@@ -56,14 +62,72 @@ def render_pages(results: Path, notebooks: Path, verdicts: pd.DataFrame) -> dict
             has_script=any(SCRIPT in output for output in outputs),
             judged=judged[judged["notebook"] == name].to_dict("records"),
             claims=(claims["notebook"] == name).sum(),
+            minutes="" if name in texts else reading_minutes(cells),
             contents=contents,
-            slug=slug,
+            groups=group_pages(contents),
+            anchor=anchor,
         )
+    pages["search"] = TEMPLATES.get_template("search.html.j2").render(
+        contents=contents, groups=group_pages(contents), index=search_index(contents)
+    )
     for name in explorers(results):
         pages[name] = TEMPLATES.get_template(f"{name}.html.j2").render(
             load_drawn(results, name), published=published
         )
     return pages
+
+
+def group_pages(names: Iterable[str]) -> dict[str, list[str]]:
+    """Names of pages by what they belong to, in reading order."""
+    groups: dict[str, list[str]] = {"The paper": [], "Beyond the paper": [], "Reference": []}
+    beyond = {path.stem for path in (NOTEBOOKS / "beyond").glob("*.py")}
+    texts = {file.stem for file in TEXTS}
+    for name in names:
+        group = (
+            "Reference" if name in texts else "Beyond the paper" if name in beyond else "The paper"
+        )
+        groups[group].append(name)
+    return groups
+
+
+def reading_minutes(cells: Notebook) -> int:
+    """Minutes of careful reading: words, lines of the code that is shown, displayed equations."""
+    text = "\n".join(cell.source for cell in cells if cell.cell_type == "markdown")
+    folded = {"plumbing", "solution"}
+    lines = [
+        line
+        for cell in cells
+        if cell.cell_type == "code" and not folded.intersection(cell.metadata.get("tags", []))
+        for line in cell.source.splitlines()
+        if line.strip()
+    ]
+    words = len(EQUATION.sub("", text).split())
+    seconds = 60 * words / WORDS_A_MINUTE
+    seconds += LINE_S * len(lines) + EQUATION_S * len(EQUATION.findall(text))
+    return round(seconds / 60)
+
+
+def search_index(contents: Mapping[str, Sequence[str]]) -> list[list[str]]:
+    """Every heading and term: its text, its page's title, its address."""
+    return [
+        [plain_heading(text), plain_heading(texts[0]), f"{name}.html#{anchor(text)}"]
+        for name, texts in contents.items()
+        for text in texts
+    ]
+
+
+def plain_heading(text: str) -> str:
+    """A heading without anchors and the signs of its formulas."""
+    return re.sub(r"<.*?>|[$\\{}]", "", text)
+
+
+TEMPLATES.globals["plain"] = plain_heading
+
+
+def anchor(text: str) -> str:
+    """The anchor of a heading: the one that it names itself, or its slug."""
+    named = re.search(r'id="(.*?)"', text)
+    return named[1] if named else slug(text)
 
 
 def explorers(results: Path) -> list[str]:
@@ -118,16 +182,21 @@ def _page_cells(cells: Notebook, source: str, pictures: list[Picture]) -> Iterat
         if cell.cell_type == "markdown":
             body = render_markdown(cell.source, source)
             yield {"anchor": anchor, "kind": "markdown", "body": body}
-        elif cell.cell_type == "code" and "plumbing" not in tags:
+        elif cell.cell_type == "code" and ("plumbing" not in tags or _says(cell)):
             own = [picture for picture in pictures if drawn.get(picture.name) == position]
-            outputs = [_render_output(output, bool(own)) for output in cell.outputs]
+            outputs = [_render_output(output, bool(own), source) for output in cell.outputs]
             yield {
                 "anchor": anchor,
                 "kind": "solution" if "solution" in tags else "code",
-                "body": UNCOLOURED.sub(r"\1", highlight(cell.source)),
+                "body": "" if "plumbing" in tags else UNCOLOURED.sub(r"\1", highlight(cell.source)),
                 "outputs": list(filter(None, outputs)),
                 "pictures": own,
             }
+
+
+def _says(cell: nbformat.NotebookNode) -> bool:
+    """Whether a cell's outputs hold a sentence."""
+    return any("text/markdown" in output.get("data", {}) for output in cell.outputs)
 
 
 def drawing_cells(cells: Notebook) -> dict[str, int]:
@@ -147,7 +216,7 @@ def drawing_cells(cells: Notebook) -> dict[str, int]:
     return found
 
 
-def _render_output(output: nbformat.NotebookNode, has_picture: bool) -> str:
+def _render_output(output: nbformat.NotebookNode, has_picture: bool, source: str) -> str:
     """An output as HTML; nothing for a drawing that stands there as an exported figure."""
     if output.output_type == "stream":
         return f"<pre>{ansi2html(output.text)}</pre>"
@@ -157,6 +226,8 @@ def _render_output(output: nbformat.NotebookNode, has_picture: bool) -> str:
             return ""
         picture = reduce_png(base64.b64decode(data["image/png"]))
         return f'<img alt="a drawing that the cell above makes" src="{picture}">'
+    if "text/markdown" in data:
+        return render_markdown(data["text/markdown"], source)
     if "text/html" in data:
         text = data["text/html"]
         return text if SCRIPT in text else _render_table(text)
@@ -188,12 +259,12 @@ class _Renderer(IPythonRenderer):
     def __init__(self, source: str, notebook: str) -> None:
         super().__init__(escape=False, exclude_anchor_links=True)
         self.notebook = notebook
-        self.anchors = iter([slug(text) for text in HEADING.findall(source)])
+        self.anchors = iter([anchor(text) for text in HEADING.findall(source)])
 
     def link(self, text: str, url: str, title: str | None = None) -> str:
         if not re.match(r"#|\w+:", url):
             url = posixpath.normpath(posixpath.join("../..", self.notebook, "..", url))
-            url = re.sub(r".*/(\d\d_\w+)\.ipynb", r"\1.html", url)
+            url = re.sub(r".*/(\d\d_\w+)\.ipynb|.*/notebooks/(\w+)\.md", r"\1\2.html", url)
         return super().link(text, url, title)
 
     def inline_math(self, body: str) -> str:
@@ -203,6 +274,7 @@ class _Renderer(IPythonRenderer):
         return _render_formula(body, "block")
 
     def heading(self, text: str, level: int, **attrs: object) -> str:
+        text = re.sub(r"<a id=.*?></a>", "", text)
         return f'<h{level} id="{next(self.anchors)}">{text}</h{level}>\n'
 
 
