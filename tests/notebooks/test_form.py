@@ -4,10 +4,12 @@ import re
 
 import nbformat
 import pytest
+from nbformat.v4 import new_code_cell, new_markdown_cell
 
 from replication import published
 from workbook import execution
 from workbook.checkout import notebook_files
+from workbook.report.pages import reading_minutes
 
 HEADINGS = ["Claim", "Method", "Parameters", "Result", "Verdict", "Try changing", "Exercises"]
 SOURCES = notebook_files("py")
@@ -63,3 +65,18 @@ def test_the_executed_notebook_beside_a_source_has_its_cells_and_no_error(name):
     outputs = [out for cell in executed.cells for out in cell.get("outputs", [])]
     assert outputs
     assert all(out.output_type != "error" for out in outputs)
+
+
+def test_reading_time_counts_words_lines_of_shown_code_and_displayed_equations():
+    text = new_markdown_cell("word " * 300 + "$$a = b$$")
+    code = [new_code_cell("x = 1\n" * 15), new_code_cell("y = 1", metadata={"tags": ["plumbing"]})]
+    assert reading_minutes([text, *code]) == 2 + 1 + 2
+
+
+@pytest.mark.parametrize("name", SOURCES)
+def test_a_notebook_is_read_with_care_in_25_minutes_and_says_so_truly(name):
+    source = execution.read_notebook(SOURCES[name])
+    minutes = reading_minutes(source.cells)
+    said = re.search(r"[Cc]areful reading: (\d+) minutes", text(name))
+    assert minutes <= 25
+    assert said is None or int(said[1]) == minutes

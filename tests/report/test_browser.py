@@ -21,6 +21,8 @@ PAGES = (
     "report.html",
     "pages/00_the_sensor.html",
     "pages/08_noise_table2.html",
+    "pages/glossary.html",
+    "pages/search.html",
     "pages/signature_explorer.html",
     "pages/replay_explorer.html",
 )
@@ -51,6 +53,16 @@ def test_nothing_makes_a_page_wider_than_the_screen(tab, site):
         for width in WIDTHS:
             page.set_viewport_size({"width": width, "height": 900})
             assert page.evaluate("document.documentElement.scrollWidth") <= width, file.name
+
+
+def test_a_search_finds_headings_and_terms_and_leads_to_them(tab, site):
+    page = tab(site / "pages" / "05_signature_figure6.html")
+    page.fill("input[type=search]", "off-basin")
+    page.click("text=Search")
+    assert "found" in page.inner_text("#count")
+    page.click("#found a")
+    assert page.url.endswith("glossary.html#off-basin-run")
+    assert page.said == []
 
 
 def test_the_signature_explorer_computes_the_misfit_of_the_package(tab, site):

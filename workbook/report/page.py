@@ -14,7 +14,6 @@ from workbook.due import stale
 from workbook.outcomes import load_outcomes
 from workbook.report import TEMPLATES, markdown, pages
 from workbook.report.cells import judged_cells, judged_claims
-from workbook.report.crate import describe_results
 from workbook.report.datasheet import datasheet_rows
 from workbook.report.facts import collect_facts, count_numbers, fill, fill_in_findings
 from workbook.report.figures import load_pictures
@@ -169,5 +168,4 @@ def write_report(results: Path) -> Path:
     facts = collect_facts(results, verdicts)
     files.write_text(results / "errata.md", markdown.render_errata(facts))
     files.write_text(results / "supplement" / "README.md", markdown.render_supplement(results))
-    files.write_json(results / "ro-crate-metadata.json", describe_results(results))
     return results / "report.html"

@@ -101,7 +101,7 @@ def reading_minutes(cells: Notebook) -> int:
         for line in cell.source.splitlines()
         if line.strip()
     ]
-    words = len(EQUATION.sub("", text).split())
+    words = len(re.findall(r"\S*\w\S*", EQUATION.sub("", text)))  # no marks of headings and lists
     seconds = 60 * words / WORDS_A_MINUTE
     seconds += LINE_S * len(lines) + EQUATION_S * len(EQUATION.findall(text))
     return round(seconds / 60)

@@ -3,7 +3,7 @@ const index = JSON.parse(document.getElementById("index").textContent);
 const asked = new URLSearchParams(location.search).get("q") || "";
 const words = asked.toLowerCase().split(/\s+/).filter(Boolean);
 const matches = words.length
-  ? index.filter(([text, title]) => words.every((word) => `${text} ${title}`.toLowerCase().includes(word)))
+  ? index.filter(([text]) => words.every((word) => text.toLowerCase().includes(word)))
   : [];
 document.querySelector("input[name=q]").value = asked;
 document.getElementById("count").textContent = words.length ? `${matches.length} found` : "";
