@@ -205,7 +205,7 @@ def _other_log(kind: str, bench: Bench, delta_rad: float, rng: Generator) -> Rec
     turn_s = joint.turn_period_s
     per_period = round(joint.control_period_s / _STEP_S)
     movement = turns.Movement(joint.gear_ratio, turn_s)
-    driven = turns.joint_of(row, movement, rng.uniform(0, TURN), 0, True)
+    driven = turns.joint_of(row, movement, rng.uniform(0, TURN), True)
     c = core.constants_of(driven, delta_rad)
     drive = core.drive_of(driven)._replace(period=per_period * _STEP_S)
     position = np.full(round((TURNS + _TURNS_BEFORE) * turn_s / _STEP_S) + 1, np.nan)

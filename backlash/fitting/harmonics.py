@@ -63,9 +63,6 @@ class TurnHarmonics:
     # Noise in the ring's band over that above it, about 1 where turns repeat.
     ring_noise_ratio: float
     is_quiet: bool  # there is hardly any noise: `sd` is mostly the model's error
-    lines: tuple[
-        tuple[float, float], ...
-    ]  # sinusoids taken off: periods a turn, and amplitude [rps]
 
 
 def turn_harmonics(recording: Recording) -> TurnHarmonics:
@@ -87,13 +84,11 @@ def turn_harmonics(recording: Recording) -> TurnHarmonics:
     last = int(min(_OF_NYQUIST * 0.5 / dt, FASTEST_HZ) * period)
     order = np.arange(2, last + 1)
     bins, between = spectrum(v, turns, last, turns * period / dt)
-    lines: list[tuple[float, float]] = []
-    while len(lines) < _MOST_LINES and (
-        line := _clearest_sinusoid(v, bins, between, turns, dt / period)
-    ):
-        wave, tried, amplitude = line
+    for _ in range(_MOST_LINES):
+        wave = _clearest_sinusoid(v, bins, between, turns, dt / period)
+        if wave is None:
+            break
         v = v - wave
-        lines.append((tried, amplitude))
         bins, between = spectrum(v, turns, last, turns * period / dt)
     model = MODEL_ERROR * v.std() / (2 * np.sqrt(order.size))
     hz, sixth_hz = order / period, MOTOR_ORDERS[-1] * recording.commanded_speed_rps
@@ -111,7 +106,6 @@ def turn_harmonics(recording: Recording) -> TurnHarmonics:
         turns=turns,
         ring_noise_ratio=1.0 if quiet else _ring_noise_ratio(between, turns, period),
         is_quiet=quiet,
-        lines=tuple(lines),
     )
 
 
@@ -180,8 +174,8 @@ def _chirp_z(v: NDArray[np.inexact], count: int, period: float) -> NDArray[np.co
 
 def _clearest_sinusoid(
     v: FloatArray, bins: NDArray[np.complex128], between: FloatArray, turns: int, step: float
-) -> tuple[FloatArray, float, float] | None:
-    """The clearest sinusoid (a belt, a fan) that is no harmonic of the turn, its order and amplitude, if any."""
+) -> FloatArray | None:
+    """The clearest sinusoid (a belt, a fan) that is no harmonic of the turn, if any."""
     floor = np.nanmedian(between) / np.log(2)
     around = np.convolve(np.nan_to_num(between), np.ones(6 * turns + 1), mode="same") / (
         6 * (turns - 1)
@@ -207,7 +201,7 @@ def _clearest_sinusoid(
         explained = float(found @ product)
         if explained > most:
             most = explained
-            best = found[:2] @ basis[:2], float(tried), float(np.hypot(*found[:2]))
+            best = found[:2] @ basis[:2]
     return best
 
 

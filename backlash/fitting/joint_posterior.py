@@ -1,6 +1,5 @@
 """What a log says of a joint: unknowns, their priors, and the whitened residuals of the mean turn's harmonics."""
 
-from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -77,9 +76,6 @@ _UNKNOWNS = (
     Unknown("friction", 0.1, "friction", 1.0),
     *(Unknown(name, sd, name) for name, sd in RATIO_PRIOR.items()),
     Unknown("smoothing", _SEARCHED.smoothing_sd),
-    # A transmission error in step with the turn (a belt, a gear), on the load's side.
-    Unknown("error_sine", 2.0, "error_sine_rad", 1e-5),
-    Unknown("error_cosine", 2.0, "error_cosine_rad", 1e-5),
     # A torque ripple once a motor turn, in percent of m g r / N. Its own harmonic is left out, for
     # an encoder errs there too; what it does to the teeth shows in the others.
     Unknown("ripple_sine", 2.0, "ripple_sine", 0.01),
@@ -93,19 +89,12 @@ SIZE = len(NAMES)
 PHASE, SMOOTHING_INDEX, LOW_PASS_INDEX = (
     NAMES.index(name) for name in ("phase", "smoothing", "low_pass")
 )
-_ERROR = [NAMES.index("error_sine"), NAMES.index("error_cosine")]
 SD = np.array([unknown.sd for unknown in _UNKNOWNS])
 MEAN = np.where(np.arange(SIZE) == SMOOTHING_INDEX, _SEARCHED.smoothing, 0.0)
 _SIMULATED = [k for k, unknown in enumerate(_UNKNOWNS) if unknown.column]
 _COLUMN = [COLUMNS.index(_UNKNOWNS[k].column) for k in _SIMULATED]
 _UNIT = np.array([_UNKNOWNS[k].unit for k in _SIMULATED])
 
-# Transmission errors up to this frequency are looked for; one must be this improbable in noise
-# alone, and the residual without it improbable too. Its difference's step.
-_FASTEST_ERROR_HZ = 60.0
-_CHANCE_OF_ERROR = 0.01
-_SUSPECT = 0.3
-_ERROR_STEP = 0.05
 # More starts are tried where noise alone leaves so large a residual in one log of a thousand: they
 # cost a second.
 _IMPROBABLE = 1e-3
@@ -128,13 +117,6 @@ def rows_of(z: FloatArray) -> FloatArray:
     return rows
 
 
-def _project(slopes: FloatArray, misfit: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """What a cause does to the residuals: along the unknowns, whose slopes these are, and beyond them."""
-    columns = np.pad(misfit, ((0, 0), (0, SIZE - 2)))
-    along = np.asarray(np.linalg.solve(slopes @ slopes.T, slopes @ columns.T), dtype=float)
-    return along, columns - along.T @ slopes
-
-
 class Problem:
     """Whitened residuals of a record's harmonics and their slopes; searches of a joint also change what it asks."""
 
@@ -147,7 +129,6 @@ class Problem:
         self._rad_per_ms = 1e-3 * TURN / movement.turn_period_s  # of the first harmonic
         self.folded = abs(self.samples - round(self.samples)) * harmonics.turns < _IN_STEP
         self.mean, self.spread = MEAN, SD  # of the unknowns' priors
-        self.error_order = 0  # of the transmission error, periods a turn; 0 for none
         self.lead = turns_to_settle(movement)  # turns that the last joint took to settle
         self.differencing = True  # what the drive does to its encoder
 
@@ -159,10 +140,9 @@ class Problem:
         self.spread[LOW_PASS_INDEX] = measurement.low_pass_sd
         self.differencing = measurement.smoothing > 0.5
 
-    def turns(self, z: FloatArray, error_order: float | None = None) -> FloatArray:
+    def turns(self, z: FloatArray) -> FloatArray:
         """Settled turns [rps] of joints, shape (joints, periods)."""
-        order = self.error_order if error_order is None else error_order
-        return simulate_turns(rows_of(z), self.movement, order, self.lead, self.differencing)
+        return simulate_turns(rows_of(z), self.movement, self.lead, self.differencing)
 
     def slopes(self, z: FloatArray, free: int = SIZE) -> tuple[FloatArray, FloatArray]:
         """Residuals, and their derivative by each unknown, shape (unknowns, residuals); 0 from the one `free` on."""
@@ -171,7 +151,7 @@ class Problem:
         settled_rps = _SETTLED_RPS if whole else _NEARLY_RPS
         if not whole:
             row[RIPPLE:] = 0
-        turn = turn_and_slopes(row, self.movement, self.error_order, self.differencing, settled_rps)
+        turn = turn_and_slopes(row, self.movement, self.differencing, settled_rps)
         self.lead = turn.turns_before
         by_unknown = np.where(_UNIT > 0, _UNIT, row[_COLUMN])[:, None] * turn.slopes[_COLUMN]
         parts = self._logged_parts(np.vstack([turn.motor_rps[None], by_unknown]), z)
@@ -192,10 +172,6 @@ class Problem:
     def _whitened(self, spectra: ComplexArray) -> FloatArray:
         spectra = spectra / self.sd
         return np.concatenate([spectra.real, spectra.imag], axis=-1)
-
-    def _logged(self, turns: FloatArray, z: FloatArray) -> ComplexArray:
-        """Harmonics of turns as the log has them."""
-        return self._logged_parts(turns, z).sum(axis=0)
 
     def _logged_parts(self, turns: FloatArray, z: FloatArray) -> ComplexArray:
         """Harmonics of turns that the log shows at one: aliased, later by the phase, smoothed and low-passed."""
@@ -237,47 +213,3 @@ class Problem:
     def is_improbable(self, chi2: float) -> bool:
         """Whether noise alone hardly leaves so large a sum of squares."""
         return not chdtrc(2 * self.order.size - SMOOTHING_INDEX, chi2) > _IMPROBABLE
-
-    def find_error(self, z: FloatArray) -> bool:
-        """Take up an error in step with the load's turn, if the residual shows one; say whether it did."""
-        residual, slopes = self.slopes(z)
-        if self.error_order or chdtrc(residual.size - SIZE, residual @ residual) > _SUSPECT:
-            return False
-        tried = range(2, int(_FASTEST_ERROR_HZ * self.movement.turn_period_s) + 1)
-        gain = {order: self._gain(z, residual, slopes, order) for order in tried}
-        scale = max(1.0, float(residual @ residual) / residual.size)
-        best = max(gain, key=lambda order: gain[order], default=0)
-        if not best or len(gain) * np.exp(-gain[best] / scale / 2) > _CHANCE_OF_ERROR:
-            return False
-        self.error_order = best
-        return True
-
-    def _gain(self, z: FloatArray, residual: FloatArray, slopes: FloatArray, order: int) -> float:
-        """By how much chi squared falls if the two parts of an error are let free."""
-        batch = np.repeat(z[None], 2, axis=0)
-        batch[[0, 1], _ERROR] += _ERROR_STEP
-        misfit = self._whitened(self._logged(self.turns(batch, order), z) - self.target)
-        _, columns = _project(slopes, (misfit - residual[: 2 - SIZE]) / _ERROR_STEP)
-        along = columns @ residual
-        prior = np.diag(SD[_ERROR] ** -2.0)
-        return float(along @ np.linalg.solve(columns @ columns.T + prior, along))
-
-    def subtract_belt_bias(self, z: FloatArray, lines: Sequence[tuple[float, float]]) -> bool:
-        """Take off what errors out of step with the turn (a belt's) do to the mean turn; say whether there are any.
-
-        It grows with the square of their size, which the sinusoids tell that they leave in the
-        speed.
-        """
-        subtracted = False
-        for order, amplitude in lines:
-            batch = np.repeat(z[None], 5, axis=0)
-            batch[:4, _ERROR] += np.array([[1.0, 0.0], [-1.0, 0.0], [0.0, 1.0], [0.0, -1.0]])
-            turns = self.turns(batch, order)
-            wave = np.exp(-2j * np.pi * order * np.arange(turns.shape[1]) / turns.shape[1])
-            response = ((turns[2] - turns[3]) + 1j * (turns[0] - turns[1])) / 2
-            size = amplitude / max(abs((response * wave).mean()), 1e-9)
-            if size < SD[_ERROR[0]]:
-                mean = size**2 * (turns[:4].mean(axis=0) - turns[4])
-                self.target = self.target - self._logged(mean[None], z)[0]
-                subtracted = True
-        return subtracted

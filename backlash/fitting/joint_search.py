@@ -41,8 +41,6 @@ _STARTS, _MORE_STARTS = 5, 4
 _START_APART = 0.2
 _FIRST_STEPS, _LAST_STEPS = 5, 40
 _FAR_CHI2 = 60.0  # a start that is worse by more than this after its first steps is left
-# A harmonic (2 for noise alone): nothing but another joint explains more.
-_HOPELESS_CHI2 = 12.0
 # Of chi squared; a smaller step is the last: a tenth of an SD along any direction.
 _LEAST_FALL = 0.01
 
@@ -110,19 +108,6 @@ def find_joint(problem: Problem, harmonics: TurnHarmonics) -> tuple[FloatArray, 
     found = _search_best(problem, starts[:_STARTS])
     if problem.is_improbable(found.chi2) and len(starts) > _STARTS:
         found = min(found, _search_best(problem, starts[_STARTS:]), key=_chi2)
-    if found.chi2 > _HOPELESS_CHI2 * problem.order.size:
-        return found.z, found.converged
-    unsubtracted = problem.target
-    if problem.subtract_belt_bias(found.z, harmonics.lines):
-        tried = _search(problem, found.z)
-        # What was taken for a belt may be one's image by the turn's own frequency: then the joint
-        # fits worse.
-        if tried.chi2 < found.chi2:
-            found = tried
-        else:
-            problem.target = unsubtracted
-    if problem.find_error(found.z):
-        found = _search(problem, found.z)
     return found.z, found.converged
 
 

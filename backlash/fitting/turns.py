@@ -30,12 +30,11 @@ _GAINS = (
     "position_gain_per_s",
 )
 _TIMES = ("leaky_rate_per_s", "torque_lag_s")
-_WAVES = ("error_sine_rad", "error_cosine_rad", "ripple_sine", "ripple_cosine")
+_WAVES = ("ripple_sine", "ripple_cosine")
 COLUMNS = (*_PLANT, *_GAINS, *_TIMES, *_WAVES)
 DELTA, FRICTION, STIFFNESS, GRAVITY, INERTIA = range(5)
 SPEED, INTEGRAL, DERIVATIVE, LEAKY, POSITION, RATE, LAG = range(5, 12)
-ERROR = 12
-RIPPLE = 14
+RIPPLE = 12
 _WIDTH = len(COLUMNS)
 
 # The drive's slowest modes, 13 per second in the paper's joint, are gone after this time to 3e-5.
@@ -76,12 +75,11 @@ class TurnWithSlopes(NamedTuple):
 
 
 class _Joint(NamedTuple):
-    """A joint's row, and what the simulator makes of it; the order of its transmission error in a turn, or 0."""
+    """A joint's row, and what the simulator makes of it."""
 
     row: FloatArray
     constants: core.Constants
     drive: core.Drive
-    order: float
 
 
 class _Memory(NamedTuple):
@@ -112,22 +110,19 @@ class _Linear(NamedTuple):
 
 
 def joint_of(
-    row: FloatArray, movement: Movement, angle: float, order: float, differencing: bool
+    row: FloatArray, movement: Movement, angle: float, differencing: bool
 ) -> JointParameters:
     """Joint of a row, its load's inertia 1: half of the friction is Coulomb's, half viscous."""
     value = dict(zip(COLUMNS, row.tolist(), strict=True))
     n, period = movement
     gravity = value["gravity_per_s2"]
     rubbing = 0.5 * value["friction"] * gravity
-    waves: list[Disturbance] = []
-    for part, phase in (("sine", 0.0), ("cosine", TURN / 4)):
-        error, ripple = value[f"error_{part}_rad"], value[f"ripple_{part}"]
-        waves += [
-            Disturbance(order / n, transmission_error_rad=error, phase_rad=phase),
-            Disturbance(1.0, motor_torque_nm=ripple * gravity / n, phase_rad=phase),
-        ]
+    waves = (
+        Disturbance(1.0, motor_torque_nm=value["ripple_sine"] * gravity / n),
+        Disturbance(1.0, motor_torque_nm=value["ripple_cosine"] * gravity / n, phase_rad=TURN / 4),
+    )
     return joint_from_ratios(
-        {name: value[name] for name in COLUMNS[STIFFNESS:ERROR]}
+        {name: value[name] for name in COLUMNS[STIFFNESS:RIPPLE]}
         | {"start_angle_rad": angle, "lead_s": 0.0},
         gear_ratio=n,
         load_mass_kg=(gravity / GRAVITY_MS2) ** 2,
@@ -136,7 +131,7 @@ def joint_of(
         load_viscous_nms_per_rad=rubbing * period / TURN,
         load_coulomb_nm=rubbing,
         speed_by_differencing=differencing,
-        disturbances=tuple(waves),
+        disturbances=waves,
     )
 
 
@@ -146,16 +141,11 @@ def turns_to_settle(movement: Movement) -> int:
 
 
 def simulate_turns(
-    rows: FloatArray,
-    movement: Movement,
-    order: float = 0,
-    lead: int | None = None,
-    differencing: bool = True,
+    rows: FloatArray, movement: Movement, lead: int | None = None, differencing: bool = True
 ) -> FloatArray:
     """Deviation from the commanded speed [rps] of each joint over one settled turn; NaN for a joint that runs away.
 
-    `order` is the transmission error's periods a turn (0: none), `lead` the turns before the one
-    that is returned.
+    `lead` is the number of turns before the one that is returned.
     """
     periods = movement.periods
     before = (turns_to_settle(movement) if lead is None else lead) * periods
@@ -165,7 +155,7 @@ def simulate_turns(
     events = np.empty((0, 2))
     out = np.full((len(rows), periods), np.nan)
     for row, turn in zip(rows, out, strict=True):
-        joint = joint_of(row, movement, -TURN * before / periods, order, differencing)
+        joint = joint_of(row, movement, -TURN * before / periods, differencing)
         c, d = core.constants_of(joint, row[DELTA]), core.drive_of(joint)
         y, region = core.start_state(joint, row[DELTA])
         schedule = core.Schedule(steps, d.period, 0, 1, 1, _DELAY_PERIODS)
@@ -178,7 +168,7 @@ def simulate_turns(
 @njit(inner=True)
 def _force(t, y, rates, region, joint, out):
     """What the columns themselves do to the rates of motor speed, load speed and torque, into `out` (3, columns)."""
-    c, row, order = joint.constants, joint.row, joint.order
+    c, row = joint.constants, joint.row
     n, omega = c.gear_ratio, c.omega
     angle = c.start_angle + omega / n * t
     side = 1.0 if region == 3 else (-1.0 if region == 0 else 0.0)
@@ -198,10 +188,6 @@ def _force(t, y, rates, region, joint, out):
     out[2, LAG] = -rates[4] / c.torque_lag
     out[0, RIPPLE] = c.gravity * sine
     out[0, RIPPLE + 1] = c.gravity * cosine
-    if order > 0:
-        shaken = c.gravity * np.cos(angle) - (order * omega / n) ** 2
-        out[1, ERROR] = shaken * np.sin(order * omega / n * t)
-        out[1, ERROR + 1] = shaken * np.cos(order * omega / n * t)
 
 
 @njit(inner=True)
@@ -358,7 +344,7 @@ def _run(joint, start, memory, slopes, least, settled_rps, out):
 
 
 def turn_and_slopes(
-    row: FloatArray, movement: Movement, order: float, differencing: bool, settled_rps: float
+    row: FloatArray, movement: Movement, differencing: bool, settled_rps: float
 ) -> TurnWithSlopes:
     """One settled turn of a joint, and the derivatives of its speed.
 
@@ -366,8 +352,8 @@ def turn_and_slopes(
     drive's speed and integral gain and the torque's lag must not be 0.
     """
     periods = movement.periods
-    joint = joint_of(row, movement, 0.0, order, differencing)
-    compiled = _Joint(row, core.constants_of(joint, row[DELTA]), core.drive_of(joint), float(order))
+    joint = joint_of(row, movement, 0.0, differencing)
+    compiled = _Joint(row, core.constants_of(joint, row[DELTA]), core.drive_of(joint))
     start = core.start_state(joint, row[DELTA])
     torque = start[0][4]
     memory = _Memory(np.array([torque, 0.0, 0.0, 0.0]), np.full(_DELAY_PERIODS + 1, torque))

@@ -15,13 +15,12 @@ from tests.logs import silent
 MOVEMENT = Movement(40.0, 0.4)
 SETTLED = 1e-7
 STEP = {
-    "delta_rad": 1e-6, "friction": 1e-3, "error_sine_rad": 1e-6, "error_cosine_rad": 1e-6, "ripple_sine": 1e-3,
+    "delta_rad": 1e-6, "friction": 1e-3, "ripple_sine": 1e-3,
     "ripple_cosine": 1e-3,
 }  # fmt: skip
 
 
 DISTURBED = {"friction": 0.01, "ripple_sine": 0.01, "ripple_cosine": -0.005}
-ERROR = {"error_sine_rad": 1e-5, "error_cosine_rad": -2e-5}
 
 
 def row(delta_rad: float, **others: float) -> np.ndarray:
@@ -29,22 +28,16 @@ def row(delta_rad: float, **others: float) -> np.ndarray:
     return np.array([values.get(name, 0.0) for name in COLUMNS])
 
 
-@pytest.mark.parametrize(
-    ("order", "differencing", "delta_rad"), [(0, True, 1e-3), (9, True, 4e-4), (8, False, 2e-3)]
-)
-def test_slopes_are_those_of_differences_of_settled_turns(order, differencing, delta_rad):
-    here = row(delta_rad, **DISTURBED | (ERROR if order else {}))
-    turn, slopes, _ = turn_and_slopes(here, MOVEMENT, order, differencing, SETTLED)
-    assert turn == pytest.approx(
-        simulate_turns(here[None], MOVEMENT, order, 8, differencing)[0], abs=2e-5
-    )
+@pytest.mark.parametrize(("differencing", "delta_rad"), [(True, 1e-3), (True, 4e-4), (False, 2e-3)])
+def test_slopes_are_those_of_differences_of_settled_turns(differencing, delta_rad):
+    here = row(delta_rad, **DISTURBED)
+    turn, slopes, _ = turn_and_slopes(here, MOVEMENT, differencing, SETTLED)
+    assert turn == pytest.approx(simulate_turns(here[None], MOVEMENT, 8, differencing)[0], abs=2e-5)
     for k, name in enumerate(COLUMNS):
-        if "error" in name and not order:
-            continue
         step = STEP.get(name, 1e-3 * here[k])
         batch = np.repeat(here[None], 2, axis=0)
         batch[:, k] += [step, -step]
-        up, down = simulate_turns(batch, MOVEMENT, order, 8, differencing)
+        up, down = simulate_turns(batch, MOVEMENT, 8, differencing)
         difference = (up - down) / (2 * step)
         # Where the teeth meet, a step moves the turn's corners by more than its slope tells: the difference errs there.
         assert np.std(slopes[k] - difference) < 0.02 * np.std(difference), name
@@ -54,7 +47,7 @@ def test_a_joint_that_runs_away_has_no_turn_and_no_slopes():
     wild = row(1e-3, **DISTURBED)
     wild[COLUMNS.index("integral_gain_per_s2")] *= 1e3
     assert np.isnan(simulate_turns(wild[None], MOVEMENT)).all()
-    turn = turn_and_slopes(wild, MOVEMENT, 0, True, SETTLED)
+    turn = turn_and_slopes(wild, MOVEMENT, True, SETTLED)
     for part in (turn.motor_rps, turn.slopes):
         assert np.isnan(part).all()
 
