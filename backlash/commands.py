@@ -171,13 +171,8 @@ def _estimate_many(batch: plant.Batch, options: argparse.Namespace) -> list[Esti
     found: dict[int, Estimate] = {}
     keys = batch.keys.astype("string").fillna("").to_dict("records")
     try:
-        with (
-            ends_on_interrupt(f"; the same command goes on from {kept}" if kept else ""),
-            fleet.cluster(options.dask),
-        ):
-            # A cluster's workers run in folders of their own.
-            logs = [Path(log).absolute() for log in batch.logs] if options.dask else batch.logs
-            each = fleet.run_fleet(logs, batch.settings, options.jobs, kept, options.plots)
+        with ends_on_interrupt(f"; the same command goes on from {kept}" if kept else ""):
+            each = fleet.run_fleet(batch.logs, batch.settings, options.jobs, kept, options.plots)
             for number, answer in each:
                 found[number] = answer
                 if options.jsonl:

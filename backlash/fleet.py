@@ -21,7 +21,7 @@ from backlash import __version__
 from backlash.answers import Estimate
 from backlash.examine import Examined, examine
 from backlash.fitting import SELF
-from backlash.reading.refusals import UnusableLog, library, one_line
+from backlash.reading.refusals import UnusableLog, one_line
 from backlash.reading.sources import name_of
 from backlash.settings import Settings
 
@@ -29,7 +29,6 @@ SUFFIXES = (".csv", ".tsv", ".txt", ".dat", ".log", ".gz", ".parquet", ".xlsx")
 UNUSABLE = "unusable log: "
 _DIED = "the process that read it died; is it too large for the memory?"
 _KEPT = '{"kept by": "backlash estimate, to go on from"}\n'
-_DASK_TIMEOUT_S = 10  # for the scheduler and the first worker
 _WORTH_PROCESSES = 30  # fewer quick estimates take less time than starting processes
 
 _NOT_SAID = (np.nan, np.nan)
@@ -199,24 +198,6 @@ def _by_joblib(calls: Calls, jobs: int, plots: Path | None) -> Iterator[tuple[in
         with _ctrl_c_held_back():
             found = parallel(numbered)
         yield from found
-
-
-@contextmanager
-def cluster(address: str | None) -> Iterator[None]:
-    """Have logs examined by the Dask cluster at an address, if there is one."""
-    if not address:
-        yield
-        return
-    import joblib
-
-    distributed = library("distributed", "dask")
-    try:
-        client = distributed.Client(address, timeout=_DASK_TIMEOUT_S, set_as_default=False)
-        client.wait_for_workers(1, _DASK_TIMEOUT_S)
-    except (OSError, ValueError) as error:
-        raise UnusableLog(f"--dask {address}: {error}; is it the scheduler's address?") from error
-    with client, joblib.parallel_config(backend="dask", client=client):
-        yield
 
 
 @contextmanager

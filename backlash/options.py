@@ -160,5 +160,3 @@ def _add_plant(group: argparse._ArgumentGroup) -> None:
         "calibration, ..."
     )
     group.add_argument("--batch", type=Path, metavar="TABLE", help=what)
-    what = "scheduler of a cluster that takes the place of --jobs"
-    group.add_argument("--dask", metavar="ADDRESS", help=what)

@@ -13,6 +13,7 @@ timing, friction at low speed, cogging.
 """
 
 from dataclasses import replace
+from multiprocessing import parent_process
 from typing import NamedTuple
 
 import numpy as np
@@ -20,6 +21,7 @@ from scipy.interpolate import CubicSpline
 from scipy.ndimage import gaussian_filter1d
 from scipy.optimize import OptimizeResult, least_squares
 from scipy.special import huber
+from tqdm import tqdm
 
 from backlash.fitting.torque import NORMAL_95, LoadData, TorqueFit, conclude
 from replication.arrays import FloatArray
@@ -48,6 +50,7 @@ _RINGS = np.array([-1.2, -0.5, 0.2, 0.9])  # ln K, less its prior's mean: 12 to 
 _FRICTIONS = np.array([-0.015, 0.02])  # less the mean
 _AGAIN = np.array([0.8, 0.93, 1.07, 1.25])  # of the best play
 _SAME = 0.03  # share of the play within which two minima are one
+_MOST_DESCENTS = 66
 _RIVAL_COST = NORMAL_95**2 / 2  # above the least: within it lies a likelihood interval of 95 %
 _FILTER = np.empty((0, 4))  # gains to hold: none, the filter's own are taken
 
@@ -272,6 +275,9 @@ class _Strokes:
 
     def __init__(self, speed: FloatArray, torque: FloatArray, sample_s: float, load: LoadData):
         self.sample_s = sample_s
+        # A terminal sees the descents of its own process, and the time left.
+        is_hidden = None if parent_process() is None else True
+        self.progress = tqdm(total=_MOST_DESCENTS, leave=False, disable=is_hidden)
         time = sample_s * np.arange(speed.size)
         curve = CubicSpline(time, speed)
         steps = int(np.ceil(sample_s / _STEP_S))
@@ -400,6 +406,7 @@ class _Filter:
     ) -> OptimizeResult:
         """Least squares, robust; the gains are held while the slopes are taken, or all the time."""
         sd = self.strokes.sd
+        self.strokes.progress.update()
 
         def weigh(theta: FloatArray) -> FloatArray:
             return np.append(self.errors(theta, held) / scale, theta / sd)
@@ -463,7 +470,9 @@ def _search(strokes: _Strokes) -> list[OptimizeResult]:
         fits = fine.descend_all(fine.leap(kept), 10, 0.005)
     whole = _Filter(strokes, 0.001, np.inf, _HARD_RAD)
     fits = _distinct(whole.descend_all([fit.x for fit in _distinct(fits, 3)], 14, 7e-4), 3)
-    return _distinct(whole.descend_all([fit.x for fit in fits], 12, 7e-5), 3)
+    found = _distinct(whole.descend_all([fit.x for fit in fits], 12, 7e-5), 3)
+    strokes.progress.close()
+    return found
 
 
 @np.errstate(all="ignore")  # a filter that runs away has large errors

@@ -107,7 +107,7 @@ def test_answers_that_a_full_disk_does_not_take_are_printed_and_the_next_run_has
 
 
 @pytest.mark.slow
-def test_a_dask_cluster_that_loses_a_worker_answers_every_log(tmp_path, capsys, monkeypatch):
+def test_a_dask_cluster_that_loses_a_worker_answers_every_log(tmp_path):
     import distributed  # half a second
 
     log = write(noisy(), tmp_path / "0.csv")
@@ -127,10 +127,5 @@ def test_a_dask_cluster_that_loses_a_worker_answers_every_log(tmp_path, capsys, 
                 if len(found) == 20:
                     os.kill(first, signal.SIGKILL)
                 found[number] = answer
-        monkeypatch.chdir(tmp_path)  # where the workers are not
-        line = f"estimate 0.csv 1.csv --turn-period 0.4 --dask {local.scheduler_address}"
-        assert command(line, "--json") == 0
     assert {found[k].file for k in range(200)} == {*logs}
     assert {answer.verdict for answer in found.values()} == {"backlash"}
-    assert [row["file"] for row in json.loads(capsys.readouterr().out)] == logs[:2]
-    assert command(line) == 2
