@@ -180,7 +180,9 @@ def _judge_absence(detected: Detected, least_rad: float, answer: Estimate) -> Es
 
 def _judge_reading(fitted: Fitted, settings: Settings, answer: Estimate) -> Estimate:
     """Answer by what the calibration makes of the method's reading."""
-    calibration, reading, best_rps = settings.calibration, fitted.reading, fitted.best_rps
+    calibration = settings.calibration
+    reading = fitted.reading
+    best_rps = fitted.best_rps
     _check_movement(fitted.recording, calibration)
     share = explained_share(fitted.recording, fitted.model_rps, fitted.presence)
     if share < _LEAST_SHARE:

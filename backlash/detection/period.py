@@ -11,7 +11,8 @@ from replication.arrays import FloatArray
 from replication.records import Recording
 
 FALSE_ALARMS = 0.01  # how often noise alone may pass for a pattern
-SLOWEST_HZ, FASTEST_HZ = 5.0, 60.0
+SLOWEST_HZ = 5.0
+FASTEST_HZ = 60.0
 LEAST_HARMONICS = 3
 PERIOD_TOLERANCE = 0.005
 

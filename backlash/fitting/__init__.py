@@ -3,5 +3,6 @@
 # Those with a calibration. "impact" comes besides: it needs records that all start at one angle of
 # the load.
 METHODS = ("paper", "amplitude", "energy", "waveform")
-SELF, TORQUE = "self", "torque"
+SELF = "self"
+TORQUE = "torque"
 SENSOR_METHODS = (*METHODS, SELF, TORQUE)

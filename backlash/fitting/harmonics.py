@@ -18,13 +18,15 @@ from replication.arrays import FloatArray
 from replication.records import Recording
 
 # Harmonics above this share of half the sampling rate, or above this frequency, are left out.
-_OF_NYQUIST, FASTEST_HZ = 0.9, 225.0
+_OF_NYQUIST = 0.9
+FASTEST_HZ = 225.0
 # The ripple of the phases is modulated by the speed: so far to either side, above the ring,
 # harmonics say more of it.
 _SIDEBANDS_HZ = 40.0
 # Sinusoids that are taken off, and how far above the noise around them they must be: in noise
 # alone, one log in a thousand has one.
-_MOST_LINES, _HIGH_LINE = 3, 14.0
+_MOST_LINES = 3
+_HIGH_LINE = 14.0
 # No joint is simulated better than to this share of its signal; only records without noise come
 # near it.
 MODEL_ERROR = 0.01
@@ -32,7 +34,8 @@ MODEL_ERROR = 0.01
 RING_HZ = (5.0, 60.0)
 # Phases at which turns are compared, and how improbable in noise alone the ring of a turn is that
 # is left out.
-_PHASES, _CHANCE_OF_TRANSIENT = 256, 1e-3
+_PHASES = 256
+_CHANCE_OF_TRANSIENT = 1e-3
 # How often noise alone may pass for gravity, whose part once a turn is evidence of a load that
 # reverses: seldom enough for a plant of a thousand vertical axes.
 CHANCE_OF_GRAVITY = 1e-4

@@ -49,7 +49,8 @@ class Measurement(NamedTuple):
     low_pass_sd: float  # of a low-pass's squared time constant [ms^2]
 
 
-_NO_FILTER, _FILTER_MS2 = 1e-3, 8.0
+_NO_FILTER = 1e-3
+_FILTER_MS2 = 8.0
 MEASURED_AS = {
     "differenced": Measurement(0.8, 1.0, 0.03, _NO_FILTER),
     "filtered": Measurement(0.1, 1.0, 0.03, _FILTER_MS2),
@@ -58,7 +59,8 @@ MEASURED_AS = {
 # While the joint is looked for, the smoothing is between the two.
 _SEARCHED = Measurement(1.0, 0.85, 0.2, _NO_FILTER)
 
-UNIT_RAD, LEAST_BACKLASH = 1e-4, 0.01
+UNIT_RAD = 1e-4
+LEAST_BACKLASH = 0.01
 
 
 class Unknown(NamedTuple):
@@ -103,7 +105,8 @@ _IMPROBABLE = 1e-3
 _IN_STEP = 0.25
 # How well a turn has settled: to a hundredth of the noise of a mean turn, and to a tenth while
 # starts are compared.
-_SETTLED_RPS, _NEARLY_RPS = 2e-4, 2e-3
+_SETTLED_RPS = 2e-4
+_NEARLY_RPS = 2e-3
 
 
 def rows_of(z: FloatArray) -> FloatArray:
@@ -156,7 +159,9 @@ class Problem:
         by_unknown = np.where(_UNIT > 0, _UNIT, row[_COLUMN])[:, None] * turn.slopes[_COLUMN]
         parts = self._logged_parts(np.vstack([turn.motor_rps[None], by_unknown]), z)
         seen = parts[:, 0]
-        order, fade, lag = self._aliases(), self._fade(), self._lag(z)
+        order = self._aliases()
+        fade = self._fade()
+        lag = self._lag(z)
         out = np.zeros((SIZE, self.order.size), dtype=complex)
         out[_SIMULATED] = parts[:, 1:].sum(axis=0)
         out[PHASE] = (1j * order * seen).sum(axis=0)

@@ -31,15 +31,19 @@ from replication.files import write_bytes
 # Joints among which the fit looks for where to start: how many, their backlashes [1e-4 rad], evenly
 # in the logarithm, and the SD of the logarithms of the ratios that a log tells most of; the other
 # ratios wait until the last steps.
-_LIBRARY_SIZE, _LIBRARY_BACKLASH = 1200, (0.8, 48.0)
+_LIBRARY_SIZE = 1200
+_LIBRARY_BACKLASH = (0.8, 48.0)
 _LIBRARY_FRICTION = 0.06
-_LIBRARY_RATIOS, _LIBRARY_RATIO_SD = 5, 0.2
+_LIBRARY_RATIOS = 5
+_LIBRARY_RATIO_SD = 0.2
 _SEARCHED = 3 + _LIBRARY_RATIOS  # unknowns free in the first steps
 # Starts, those tried where the first ones end in an improbable residual, and how far apart they are
 # in the logarithm of the backlash.
-_STARTS, _MORE_STARTS = 5, 4
+_STARTS = 5
+_MORE_STARTS = 4
 _START_APART = 0.2
-_FIRST_STEPS, _LAST_STEPS = 5, 40
+_FIRST_STEPS = 5
+_LAST_STEPS = 40
 _FAR_CHI2 = 60.0  # a start that is worse by more than this after its first steps is left
 # Of chi squared; a smaller step is the last: a tenth of an SD along any direction.
 _LEAST_FALL = 0.01

@@ -54,7 +54,8 @@ _LARGE_RESIDUAL = 0.1
 NORMAL_95 = 1.96
 # Low-passes that the noise is compared with, and what that may count: the drive's loops colour
 # noise too.
-_TIME_CONSTANTS_MS, _MOST_LOG_ODDS = (0.5, 0.8, 1.2, 1.8, 2.7, 4.0), 5.0
+_TIME_CONSTANTS_MS = (0.5, 0.8, 1.2, 1.8, 2.7, 4.0)
+_MOST_LOG_ODDS = 5.0
 # Log-odds of a refusal: white noise says as much in one log of a thousand. A filter takes more of
 # the impacts than the joint's other unknowns leave it, and the backlash comes out too large.
 _REFUSED_LOG_ODDS = 4.0

@@ -28,7 +28,9 @@ from replication.arrays import FloatArray
 from replication.compiling import njit
 
 _STEP_S = 5e-4  # of the integration, at most
-_SOFT_RAD, _HARD_RAD = 1.5e-5, 4e-6  # within which the teeth meet: in the search, and in the answer
+# within which the teeth meet: in the search, and in the answer
+_SOFT_RAD = 1.5e-5
+_HARD_RAD = 4e-6
 _SEARCH_S = 7.0  # of the log
 _TEMPER = 10.0  # on the errors
 _HUBER = 3.0  # SDs above which errors count linearly
@@ -232,17 +234,17 @@ def _predict(log, joint, count, wants_slopes, held):
     follow_by_lag = -(1 - follow) * log.step_s / lag_s**2
     covariance = log.noise[2] * np.eye(4)
     covariance[1, 1] = (0.1 * joint.delta + 1e-5) ** 2
-    slopes, work, tangent = np.zeros((4, 4)), np.empty((4, 4)), np.zeros((4, 13))
+    slopes = np.zeros((4, 4))
+    work = np.empty((4, 4))
+    tangent = np.zeros((4, 13))
     by_joint = np.zeros((2, 13))
     start = joint.gravity * np.sin(log.angle[0, 0] + joint.phase)
     state = np.full(4, log.speed[0])
     state[1] = start / joint.stiffness + joint.delta * np.sign(start)
     tangent[1, 0] = np.sign(start)
-    errors, gains, by = (
-        np.empty(count),
-        np.empty((count, 4)),
-        np.zeros((count if wants_slopes else 0, 13)),
-    )
+    errors = np.empty(count)
+    gains = np.empty((count, 4))
+    by = np.zeros((count if wants_slopes else 0, 13))
     for i in range(count):
         for j in range(log.torque.shape[1] if i else 0):
             torque, angle = log.torque[i - 1, j], log.angle[i - 1, j]

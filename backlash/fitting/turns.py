@@ -45,7 +45,8 @@ _CONTROL_S = 5e-4
 _DELAY_PERIODS = 1
 # Turns with slopes: the first two at most are the drive's; one that has not settled after the last
 # never does.
-_LEAST_TURNS, _MOST_TURNS = 3, 14
+_LEAST_TURNS = 3
+_MOST_TURNS = 14
 
 # Of the Runge-Kutta method: when a stage is [steps], what part of the step it weighs, and which
 # forcing it takes.

@@ -23,7 +23,8 @@ _MOST_DEGREE = 4
 # Time constants [s] from which a low-pass is looked for, and by how many variances of the noise the
 # sum of squares must fall for one: without a low-pass it does in one log of four hundred. It takes
 # the noise of the bank's waveforms too.
-_LOW_PASSES_S, _LEAST_GAIN = (1e-3, 4e-3), 8.0
+_LOW_PASSES_S = (1e-3, 4e-3)
+_LEAST_GAIN = 8.0
 LEAST_LEVELS = 6
 
 
@@ -224,7 +225,10 @@ def _match_from(recording: Recording, bank: WaveformBank, low_pass: float) -> "O
     candidates = np.array([bank.at(delta, low_pass)(grid) for delta in fine])
     row, shift = _best_shift(candidates, mean_turn(recording, phases))
     place = np.clip((fine[row] - bank.delta_rad[0]) / bank.span_rad, 1e-9, 1 - 1e-9)
-    start, least, most, scale = [place, shift], [0.0, -1.0], [1.0, 2.0], [1.0, 0.1]
+    start = [place, shift]
+    least = [0.0, -1.0]
+    most = [1.0, 2.0]
+    scale = [1.0, 0.1]
     if low_pass > 0:
         start.append(low_pass)
         least.append(0.0)

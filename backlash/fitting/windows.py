@@ -89,7 +89,9 @@ def refine(fold: FoldedWindows, limits: Limits, start: Minimum, steps: int, roun
             new_a, new_b = (edge, b) if move_start else (a, edge)
             if new_cost < cost and (new_a, new_b) != (a, b):
                 theta[0] = latest_t0(fold.x, limits, new_a, new_b, theta[0], theta[2])
-                a, b, cost = new_a, new_b, new_cost
+                a = new_a
+                b = new_b
+                cost = new_cost
         if (a, b) == before:
             break
         theta, cost = descend(fold, limits, a, b, theta, steps)

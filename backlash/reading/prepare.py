@@ -273,7 +273,9 @@ def _even_numbers(t: FloatArray, dt: float) -> NDArray[np.int64]:
     Its period is what brings the stamps in phase, at first those of a short part, then of longer
     ones.
     """
-    reach, size, start = 0.1, 0, t[0]
+    reach = 0.1
+    size = 0
+    start = t[0]
     while size < t.size:
         size = min(max(64, 4 * size), t.size)
         trials = dt * (1 + reach * np.linspace(-1, 1, 81))
@@ -281,11 +283,9 @@ def _even_numbers(t: FloatArray, dt: float) -> NDArray[np.int64]:
             2j * np.pi * (t[: size : max(1, size // 2048)] - t[0]) / trials[:, None]
         ).sum(axis=1)
         best = int(np.abs(phases).argmax())
-        dt, start, reach = (
-            trials[best],
-            t[0] + trials[best] * np.angle(phases[best]) / (2 * np.pi),
-            1.5 / size,
-        )
+        dt = trials[best]
+        start = t[0] + trials[best] * np.angle(phases[best]) / (2 * np.pi)
+        reach = 1.5 / size
     k = np.rint((t - start) / dt).astype(np.int64)
     return k - k[0]
 
