@@ -10,7 +10,6 @@ from backlash.fitting.harmonics import TurnHarmonics
 from backlash.fitting.turns import (
     COLUMNS,
     DELTA,
-    RIPPLE,
     Movement,
     simulate_turns,
     turn_and_slopes,
@@ -78,10 +77,6 @@ _UNKNOWNS = (
     Unknown("friction", 0.1, "friction", 1.0),
     *(Unknown(name, sd, name) for name, sd in RATIO_PRIOR.items()),
     Unknown("smoothing", _SEARCHED.smoothing_sd),
-    # A torque ripple once a motor turn, in percent of m g r / N. Its own harmonic is left out, for
-    # an encoder errs there too; what it does to the teeth shows in the others.
-    Unknown("ripple_sine", 2.0, "ripple_sine", 0.01),
-    Unknown("ripple_cosine", 2.0, "ripple_cosine", 0.01),
     # Squared time constant [ms^2] of a low-pass between encoder and log, its delay taken out: zero
     # unless let free.
     Unknown("low_pass", _SEARCHED.low_pass_sd),
@@ -150,10 +145,7 @@ class Problem:
     def slopes(self, z: FloatArray, free: int = SIZE) -> tuple[FloatArray, FloatArray]:
         """Residuals, and their derivative by each unknown, shape (unknowns, residuals); 0 from the one `free` on."""
         row = rows_of(z[None])[0]
-        whole = free == SIZE
-        settled_rps = _SETTLED_RPS if whole else _NEARLY_RPS
-        if not whole:
-            row[RIPPLE:] = 0
+        settled_rps = _SETTLED_RPS if free == SIZE else _NEARLY_RPS
         turn = turn_and_slopes(row, self.movement, self.differencing, settled_rps)
         self.lead = turn.turns_before
         by_unknown = np.where(_UNIT > 0, _UNIT, row[_COLUMN])[:, None] * turn.slopes[_COLUMN]

@@ -17,24 +17,25 @@ from replication.arrays import FloatArray
 from replication.compiling import njit
 from replication.simulator import core
 from replication.simulator.parameters import GRAVITY as GRAVITY_MS2
-from replication.simulator.parameters import TURN, Disturbance, JointParameters, joint_from_ratios
+from replication.simulator.parameters import TURN, JointParameters, joint_from_ratios
 
-# Columns of a joint's row: `JointParameters.ratios` between the first two and the last four.
-# Friction is over m g r, the ripple over m g r / N.
-_PLANT = ("delta_rad", "friction", "stiffness_per_s2", "gravity_per_s2", "inertia_ratio")
-_GAINS = (
+# Columns of a joint's row: backlash, friction over m g r, and `JointParameters.ratios`.
+COLUMNS = (
+    "delta_rad",
+    "friction",
+    "stiffness_per_s2",
+    "gravity_per_s2",
+    "inertia_ratio",
     "speed_gain_per_s",
     "integral_gain_per_s2",
     "derivative_gain",
     "leaky_gain_per_s2",
     "position_gain_per_s",
+    "leaky_rate_per_s",
+    "torque_lag_s",
 )
-_TIMES = ("leaky_rate_per_s", "torque_lag_s")
-_WAVES = ("ripple_sine", "ripple_cosine")
-COLUMNS = (*_PLANT, *_GAINS, *_TIMES, *_WAVES)
 DELTA, FRICTION, STIFFNESS, GRAVITY, INERTIA = range(5)
 SPEED, INTEGRAL, DERIVATIVE, LEAKY, POSITION, RATE, LAG = range(5, 12)
-RIPPLE = 12
 _WIDTH = len(COLUMNS)
 
 # The drive's slowest modes, 13 per second in the paper's joint, are gone after this time to 3e-5.
@@ -118,12 +119,8 @@ def joint_of(
     n, period = movement
     gravity = value["gravity_per_s2"]
     rubbing = 0.5 * value["friction"] * gravity
-    waves = (
-        Disturbance(1.0, motor_torque_nm=value["ripple_sine"] * gravity / n),
-        Disturbance(1.0, motor_torque_nm=value["ripple_cosine"] * gravity / n, phase_rad=TURN / 4),
-    )
     return joint_from_ratios(
-        {name: value[name] for name in COLUMNS[STIFFNESS:RIPPLE]}
+        {name: value[name] for name in COLUMNS[STIFFNESS:]}
         | {"start_angle_rad": angle, "lead_s": 0.0},
         gear_ratio=n,
         load_mass_kg=(gravity / GRAVITY_MS2) ** 2,
@@ -132,7 +129,6 @@ def joint_of(
         load_viscous_nms_per_rad=rubbing * period / TURN,
         load_coulomb_nm=rubbing,
         speed_by_differencing=differencing,
-        disturbances=waves,
     )
 
 
@@ -176,19 +172,14 @@ def _force(t, y, rates, region, joint, out):
     twist = abs(side) * (y[0] / n - y[2]) - side * c.delta
     rubbing = 0.5 * (1 + n * y[3] / omega) + 0.5 * np.sign(omega / n + y[3])
     to_motor = n * c.motor_inertia
-    sine = np.sin(omega * t + y[0]) / to_motor
-    cosine = np.cos(omega * t + y[0]) / to_motor
     out[0, DELTA] = side * c.ks / to_motor
     out[1, DELTA] = -side * c.ks
     out[0, STIFFNESS] = -twist / to_motor
     out[1, STIFFNESS] = twist
     out[1, FRICTION] = -c.gravity * rubbing
-    out[0, GRAVITY] = row[RIPPLE] * sine + row[RIPPLE + 1] * cosine
     out[1, GRAVITY] = -np.sin(angle + y[2]) - row[FRICTION] * rubbing
     out[0, INERTIA] = rates[1] / row[INERTIA]
     out[2, LAG] = -rates[4] / c.torque_lag
-    out[0, RIPPLE] = c.gravity * sine
-    out[0, RIPPLE + 1] = c.gravity * cosine
 
 
 @njit(inner=True)

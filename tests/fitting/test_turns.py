@@ -14,13 +14,7 @@ from tests.logs import silent
 
 MOVEMENT = Movement(40.0, 0.4)
 SETTLED = 1e-7
-STEP = {
-    "delta_rad": 1e-6, "friction": 1e-3, "ripple_sine": 1e-3,
-    "ripple_cosine": 1e-3,
-}  # fmt: skip
-
-
-DISTURBED = {"friction": 0.01, "ripple_sine": 0.01, "ripple_cosine": -0.005}
+STEP = {"delta_rad": 1e-6, "friction": 1e-3}
 
 
 def row(delta_rad: float, **others: float) -> np.ndarray:
@@ -30,7 +24,7 @@ def row(delta_rad: float, **others: float) -> np.ndarray:
 
 @pytest.mark.parametrize(("differencing", "delta_rad"), [(True, 1e-3), (True, 4e-4), (False, 2e-3)])
 def test_slopes_are_those_of_differences_of_settled_turns(differencing, delta_rad):
-    here = row(delta_rad, **DISTURBED)
+    here = row(delta_rad, friction=0.01)
     turn, slopes, _ = turn_and_slopes(here, MOVEMENT, differencing, SETTLED)
     assert turn == pytest.approx(simulate_turns(here[None], MOVEMENT, 8, differencing)[0], abs=2e-5)
     for k, name in enumerate(COLUMNS):
@@ -44,7 +38,7 @@ def test_slopes_are_those_of_differences_of_settled_turns(differencing, delta_ra
 
 
 def test_a_joint_that_runs_away_has_no_turn_and_no_slopes():
-    wild = row(1e-3, **DISTURBED)
+    wild = row(1e-3, friction=0.01)
     wild[COLUMNS.index("integral_gain_per_s2")] *= 1e3
     assert np.isnan(simulate_turns(wild[None], MOVEMENT)).all()
     turn = turn_and_slopes(wild, MOVEMENT, True, SETTLED)
