@@ -136,9 +136,8 @@ pd.DataFrame(sds_rad, index=["stiffness known", "stiffness unknown"]).map("{:.2g
 # $z$ are the backlash $\delta$ [rad] and the phase $\varphi$ [rad] of the log's first sample, without a prior, and the
 # $z_j$ with a normal prior of mean $m_j$ and SD $s_j$: the load's friction over gravity (SD 0.1), the logarithms of
 # stiffness, gravity, inertia ratio, speed and integral gain over those of the paper's joint (SD 0.2), those of the rest
-# of the drive (0.02 to 0.03), the smoothing $q$ (1: the speed is differenced over a sampling period, 0: it is not
-# smoothed), a ripple of the motor's torque, and a transmission error at a harmonic of the load's rotation where the
-# residual shows one. With the settled turn's harmonics $V_k(z)$ [rps] and the sampling period $T_s$ [s], and
+# of the drive (0.02 to 0.03), and the smoothing $q$ (1: the speed is differenced over a sampling period, 0: it is not
+# smoothed). With the settled turn's harmonics $V_k(z)$ [rps] and the sampling period $T_s$ [s], and
 # $\text{sinc}\, x = \sin(\pi x)/(\pi x)$, a log has
 #
 # $$h_k(z) = \text{sinc}\left(k T_s / T_f\right)^q\, e^{i k \varphi}\, V_k(z).$$
@@ -230,7 +229,7 @@ unknowns = pd.DataFrame(
         "correlation_with_backlash": fit.covariance[0] / sd / sd[0],
     }
 )
-# without backlash, phase, transmission error, ripple and low-pass
+# without backlash, phase and low-pass
 unknowns = unknowns.iloc[2 : joint_posterior.SMOOTHING_INDEX + 1]
 unknowns.round(4)
 
