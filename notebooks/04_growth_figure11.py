@@ -255,12 +255,13 @@ step = peaks["amplitude_rps"].diff()
 p = np.polyfit(np.log(peaks["delta_rad"]), np.log(peaks["amplitude_rps"]), 1)[0]
 against = 100 * (peaks["amplitude_rps"] / as_committed["amplitude_rps"] - 1)
 missed_percent = 100 * (1 - peaks["sampled_rps"] / peaks["amplitude_rps"])
+beside_ours = f"Against the identified joint the amplitudes change by {against.min():+.1f} to {against.max():+.1f} %. "
 workbook.verdict(
     f"At {v_t:g} rps (a load turn of {T_f:g} s) the amplitude {'grows' if step.min() > 0 else 'does not grow'} from "
     f"every level to the next, by {step.min():.3f} to {step.max():.3f} rps, about as the backlash to the power {p:.2f} "
-    f"(the impact's speed: 0.67). Samples of 2 ms miss up to {missed_percent.max():.1f} % of it. Against the "
-    f"identified joint at {identified.commanded_speed_rps:g} rps the amplitudes change by {against.min():+.1f} to "
-    f"{against.max():+.1f} %. In record 12 the impacts {'alternate' if alternate else 'do not alternate'} in sign, and "
+    f"(the impact's speed: 0.67). Samples of 2 ms miss up to {missed_percent.max():.1f} % of it. "
+    f"{'' if same else beside_ours}In "
+    f"record 12 the impacts {'alternate' if alternate else 'do not alternate'} in sign, and "
     f"the second half of a turn is the first one inverted within {100 * mismatch:.1f} % of the SD. In figure 5 the "
     f"largest settled sample is {(speed.v[speed.t >= T_f] - v_t).max():.3f} rps.",
     cells,

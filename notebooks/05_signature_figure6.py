@@ -278,12 +278,16 @@ cells = {
 usual, yours = fits.iloc[0], fits.iloc[-1]
 ratio = [yours[name] / usual[name] for name in ("|A| [rps]", "RMSE [rps]")]
 best_runs = (table["basin"] == 1).sum()
+against = (
+    f": {100 * (ratio[0] - 1):+.1f} % in $|A|$ and {ratio[1]:.3g} times the RMSE of the first row"
+    if len(fits) > 1
+    else ""
+)
 workbook.verdict(
     f"Equations 5 to 7 give the stored RMSE of {reproduced[12]} of {len(off)} runs. Only {best_runs} of these end in "
     f"the basin of the lowest RMSE. With {yours['cost']} as cost, $T_f$ = {turn_period_s:g} s and "
     f"{'the published' if same_signature else 'your'} signature the search ends at $|A|$ = "
-    f"{yours['|A| [rps]']:.3f} rps, {100 * (ratio[0] - 1):+.1f} % from that with the paper's cost and the turn period "
-    f"of the data. Its RMSE is {ratio[1]:.3g} times that one's.",
+    f"{yours['|A| [rps]']:.3f} rps with an RMSE of {yours['RMSE [rps]']:.4f} rps{against}.",
     cells,
 )
 

@@ -54,7 +54,7 @@ def test_every_fact_is_named_in_a_text_and_exported_by_one_notebook():
 
 def test_a_fact_that_moves_moves_the_texts(tmp_path):
     shutil.copytree(RESULTS / "outcomes", tmp_path / "outcomes")
-    file = tmp_path / "outcomes" / "15_protocols.json"
+    file = tmp_path / "outcomes" / "18_the_stored_runs.json"
     outcome = json.loads(file.read_text("utf-8"))
     outcome["facts"] |= {"replayed": "1234", "replay_apart": "7e-08"}
     file.write_text(json.dumps(outcome), encoding="utf-8")
