@@ -32,9 +32,7 @@
 # meet with an impact, and the motor speed rings. The larger the [backlash](glossary.md#backlash), the larger the ring.
 #
 # **1. The log.** The encoder gives the motor speed $v(t)$ in rps, revolutions per second. Subtracting the commanded
-# speed $v_t$ [rps] gives
-#
-# $$r(t) = v(t) - v_t \tag{11}$$
+# speed $v_t$ [rps] gives the disturbance $r(t) = v(t) - v_t$ (equation 11).
 #
 # **2. The fit.** The [signature](glossary.md#signature) is a model of $r(t)$. An impact leaves a damped oscillation of
 # the amplitude $A$ [rps], the damping $\tau$ [1/s] and the frequency $\omega$ [rad/s], from $T_1$ to $T_2$ [s] after

@@ -37,7 +37,7 @@
 # Equations 12 to 17 stand below, each beside the cell that computes it. `cmaes.py` is the same in 250 lines, with the
 # constants of the authors' library; notebook 18 shows that it reproduces their stored runs.
 #
-# The authors' notebook stores what their [runs](glossary.md#run) really did: the whole record, the box of $A$ widened
+# The authors' notebook stores their [runs](glossary.md#run): the whole record, the box of $A$ widened
 # by 1.3, $T_d$ = 0.2 s and $T_f$ = 0.4 s, a population of 300 and at most 200 generations. That is `SearchSettings()`.
 # Notebook 15 asks whether Table 2 was printed with these settings.
 
@@ -122,7 +122,6 @@ one_generation = searching.one_generation(drawn, c.weights, bounds, shown, label
 # normal numbers $\mathbf z$ into such samples: $\mathbf x = \mathbf m + \sigma\,\mathbf B \mathbf D\,\mathbf z$. The
 # parameters have different units, so each is counted in a quarter of its box's width (`unit`). A sample beyond the box
 # is reflected into it. Then the misfits are computed and ranked; $\mathbf x_{i:\lambda}$ is the sample of rank $i$.
-# Only the ranks are used from here on.
 
 # %%
 normals = np.random.RandomState(seed).randn  # in the order of the stored runs

@@ -154,9 +154,8 @@ residual = paper.record_with_fit(record.t, record.v, simulated.v, labels, second
 # %% [markdown]
 # ### The ratios, fitted from a start away from the committed set
 #
-# The ratios in `started` start away from the committed values, the others at them. Much farther away, such as from 0.7
-# times the default three, the fit ends in another minimum of the cost. Predict first: which ratios will come back to
-# all their digits, and which only roughly?
+# The ratios in `started` start away from the committed values, the others at them. Predict first: which ratios will
+# come back to all their digits, and which only roughly?
 #
 # The misfit is the [NRMSE](glossary.md#nrmse): the root mean square of the error over the record's SD, here on the
 # third turn of 200 samples. Its mean square over the four records is $2C / n$, $n$ = 800.

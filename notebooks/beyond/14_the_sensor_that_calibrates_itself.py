@@ -170,7 +170,7 @@ pd.DataFrame(sds_rad, index=["stiffness known", "stiffness unknown"]).map("{:.2g
 # direction of $z$ it would have moved is unknown. A shift of the backlash by $k$ of its SDs changes $\chi^2$ by $k^2$.
 # So an unknown cause that left $\Delta$ in the residual, and as much along the backlash, moves it by $\sqrt\Delta$ SDs;
 # the variances 1 and $\Delta$ add. *Birge's ratio*, $\sqrt{\chi^2/\nu}$, is the other extreme: it takes the cause for
-# more noise, spread evenly over all residuals. We take the wider one, because a wrong model is no noise.
+# more noise. We take the wider one, because a wrong model is no noise.
 #
 # *No answer* (`cannot tell`) is given where the residual is impossible ($p < 10^{-8}$), turns do not repeat, or the
 # unknowns stray from what is known of them.
@@ -216,8 +216,7 @@ pd.Series({"Laplace": laplace_sd_rad, "mixture": fit.sd_rad}, name="SD [mrad]").
 
 # %% [markdown]
 # What the log says of the joint: the SD of each unknown before (prior) and after it, and its correlation with the
-# backlash. An unknown that keeps its prior SD cannot be estimated from the log; those strongly correlated with the
-# backlash are what a calibration would determine.
+# backlash. An unknown that keeps its prior SD cannot be estimated from the log.
 
 # %%
 sd = np.sqrt(np.diag(fit.covariance))

@@ -1,6 +1,7 @@
 from dataclasses import replace
 
 import numpy as np
+import pandas as pd
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -185,6 +186,15 @@ def test_worn_benches_are_called_for_at_the_right_test_by_their_calibration_or_b
         assert (found["call_day"] == 160).all()
         assert found["truth_day"].iloc[0] == pytest.approx(140)
         np.testing.assert_allclose(found["estimate_rad"], found["delta_rad"], atol=1.2e-4)
+
+
+@pytest.mark.slow
+def test_the_kept_wear_is_what_its_study_gives():
+    kept = pd.read_csv(wear_study.KEPT)
+    again = wear_study.follow_wear()
+    assert again["sensor"].tolist() == kept["sensor"].tolist()
+    numbers = ["delta_rad", "A_rps", "estimate_rad", "truth_day", "call_day"]
+    np.testing.assert_allclose(again[numbers], kept[numbers], rtol=1e-5)
 
 
 # Robots
