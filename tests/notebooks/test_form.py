@@ -74,9 +74,7 @@ def test_reading_time_counts_words_lines_of_shown_code_and_displayed_equations()
 
 
 @pytest.mark.parametrize("name", SOURCES)
-def test_a_notebook_is_read_with_care_in_25_minutes_and_says_so_truly(name):
-    source = execution.read_notebook(SOURCES[name])
-    minutes = reading_minutes(source.cells)
-    said = re.search(r"[Cc]areful reading: (\d+) minutes", text(name))
-    assert minutes <= 25
-    assert said is None or int(said[1]) == minutes
+def test_a_notebook_that_says_its_reading_time_says_it_truly(name):
+    minutes = reading_minutes(execution.read_notebook(SOURCES[name]).cells)
+    said = re.findall(r"[Cc]areful reading: (\d+) minutes", text(name))
+    assert said in ([], [str(minutes)])

@@ -15,16 +15,10 @@ from workbook.outcomes import load_outcomes
 
 FIGURE_NAME = re.compile(r"(figure|table|equation)0*(\d+)_")
 IN_ADDRESS = str.maketrans({"%": "%25", "#": "%23", '"': "'"})
-# Of an SVG: what a page does not show; names, and what refers to them; coordinates, and long numbers.
+# Of an SVG: what a page does not show; coordinates, and their digits beyond a tenth of a point.
 NOT_DRAWN = re.compile(r"<\?xml.*?\?>|<!DOCTYPE.*?>|<!--.*?-->|<metadata>.*?</metadata>", re.DOTALL)
-NAMED = re.compile(r' id="([^"]+)"')
-REFERRED = re.compile(r'(?<=href="#)[^"]+|(?<=url\(#)[^)]+')
 PLACED = re.compile(r'(?:\bd="|\b[xy]="|translate\()[^")]+')
-BARE = re.compile(r"<g>((?:<(?!/?g\b)[^>]*>)*)</g>")  # a group of marks without a property
-LONG = re.compile(r"-?\d+\.\d\d+")
-# Of an SVG: a place of a character.
-MOVED = re.compile(r'(<use [^>]*)transform="translate\(([-\d.]+) ([-\d.]+)\)"/>')
-FONT = "DejaVuSans-"
+DIGITS = re.compile(r"(?<=\.\d)\d+")
 COLOURS = 48  # enough for lines and markers with smooth edges; a third of the size
 DOTS_PER_SHOWN_DOT = 1.5
 
@@ -55,16 +49,13 @@ class Picture:
         """What is read aloud in place of the figure: what to see, then the axes."""
         return f"{self.caption} Axes: {self.axes}." if self.axes else self.caption
 
-    def reduced(self, names: str = "i") -> str:
-        """The drawing as vectors, with what a page does not need left out."""
-        return reduce_svg(self.file.with_suffix(".svg").read_text(encoding="utf-8"), names)
-
     def image(self) -> Markup:
         """The drawing as an image of a page."""
         with Image.open(self.file) as image:
             width, height = (round(dots / DOTS_PER_SHOWN_DOT) for dots in image.size)
         label = html.escape(self.alternative)
-        source = "data:image/svg+xml," + self.reduced().translate(IN_ADDRESS)
+        drawing = self.file.with_suffix(".svg").read_text(encoding="utf-8")
+        source = "data:image/svg+xml," + reduce_svg(drawing).translate(IN_ADDRESS)
         return Markup(f'<img alt="{label}" width="{width}" height="{height}" src="{source}">')
 
 
@@ -100,28 +91,7 @@ def reduce_png(content: bytes, scale: float = 1.0) -> str:
     return "data:image/webp;base64," + base64.b64encode(buffer.getvalue()).decode("ascii")
 
 
-def reduce_svg(drawing: str, names: str = "i") -> str:
-    """Leave out what is not seen: comments, names, spaces, and digits beyond a tenth of a point.
-
-    What is referred to is named `names` and a number, but for characters, which pages share.
-    """
-    drawing = NOT_DRAWN.sub("", drawing)
-    short = _abbreviate(REFERRED.findall(drawing), names)
-    short |= {name: name for name in short if name.startswith(FONT)}
-    drawing = NAMED.sub(lambda name: f' id="{short[name[1]]}"' if name[1] in short else "", drawing)
-    drawing = REFERRED.sub(lambda name: short[name[0]], drawing).replace("xlink:href", "href")
-    drawing = PLACED.sub(lambda place: LONG.sub(_round, place[0]), drawing)
-    drawing = re.sub(r"(?<=[MLQCz:;]) +| +(?=[MLQCz][ \d-])", "", " ".join(drawing.split()))
-    drawing = drawing.replace("> <", "><").replace("<defs></defs>", "")
-    for _ in range(9):  # one within another
-        drawing = BARE.sub(r"\1", drawing)
-    return MOVED.sub(r'\1x="\2" y="\3"/>', drawing).replace(' y="0"', "")
-
-
-def _abbreviate(names: list[str], start: str) -> dict[str, str]:
-    """A short name for each name: how it begins, and a number."""
-    return {name: f"{start}{place}" for place, name in enumerate(dict.fromkeys(names))}
-
-
-def _round(number: re.Match) -> str:
-    return f"{float(number[0]):.1f}".removesuffix(".0")
+def reduce_svg(drawing: str) -> str:
+    """Leave out what is not seen: comments, spaces between tags, and digits."""
+    drawing = " ".join(NOT_DRAWN.sub("", drawing).split()).replace("> <", "><")
+    return PLACED.sub(lambda place: DIGITS.sub("", place[0]), drawing)

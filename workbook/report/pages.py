@@ -208,12 +208,15 @@ def drawing_cells(cells: Notebook) -> dict[str, int]:
         for position, node in nodes
         if isinstance(node, ast.Name) and isinstance(node.ctx, ast.Store)
     }
-    found = {}
-    for _, node in nodes:
-        if isinstance(node, ast.keyword) and node.arg == "figures":
-            for name, variable in re.findall(r"'(\w+)': \((\w+),", ast.unparse(node.value)):
-                found[name] = assigned[variable]
-    return found
+    named = {
+        ast.literal_eval(key): ast.unparse(drawn).partition(",")[0].strip("(")
+        for _, node in nodes
+        if isinstance(node, ast.keyword) and node.arg == "figures"
+        if isinstance(node.value, ast.Dict)
+        for key, drawn in zip(node.value.keys, node.value.values, strict=True)
+        if key
+    }
+    return {name: assigned[variable] for name, variable in named.items()}
 
 
 def _render_output(output: nbformat.NotebookNode, has_picture: bool, source: str) -> str:
