@@ -15,7 +15,7 @@ _modules.setdefault("rfc3987_syntax", None)
 _HOMES = {
     "Interval": "parameters",
     "check_parameters": "parameters",
-    "export": "outcomes",
+    "export": "changes",
     "judge": "judging",
     "plain_animation": "report.animation",
     "sliders": "parameters",

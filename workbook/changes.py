@@ -1,6 +1,7 @@
 """What a change did: parameters, numbers and decisions that are not those of the committed run."""
 
 import io
+import os
 import subprocess
 from collections.abc import Mapping
 from pathlib import Path
@@ -66,8 +67,14 @@ def changed_parameters() -> list[tuple[str, str, str]]:
     ]
 
 
-def show_changes(name: str, outcome: Mapping[str, Any]) -> None:
-    """Show what a run by hand decides otherwise than the results that are kept."""
+def export(**parts: Any) -> None:
+    """Write what a notebook found, as `outcomes.export` does; by hand show what the committed run decided otherwise."""
+    outcome = outcomes.export(**parts)
+    if "REPLICATION_OUT" not in os.environ:
+        _show_changes(outcomes.notebook_name(), outcome)
+
+
+def _show_changes(name: str, outcome: Mapping[str, Any]) -> None:
     from IPython.display import display
 
     kept = (pd.read_csv(RESULTS / f"{table}.csv") for table in ("verdicts", "claims"))

@@ -57,11 +57,10 @@ def export(
     facts: Facts | None = None,
     supplement: Mapping[str, tuple[pd.DataFrame, str]] | None = None,
     pages: Mapping[str, Mapping] | None = None,
-) -> None:
-    """Write what a notebook found, without what differs between runs; called once, at its end.
+) -> dict[str, Any]:
+    """Write what a notebook found, without what differs between runs; called once, at its end; return the outcome.
 
-    By hand no figure is written: it stands in the notebook, and takes seconds. What the run decides
-    otherwise than the committed one is shown.
+    By hand no figure is written: it stands in the notebook, and takes seconds.
 
     Parameters
     ----------
@@ -103,10 +102,7 @@ def export(
         "files": [*written, *drawn],
     }
     write_json(note, outcome)
-    if "REPLICATION_OUT" not in os.environ:
-        from workbook.changes import show_changes
-
-        show_changes(note.stem, outcome)
+    return outcome
 
 
 def _save(name: str, figure: "Figure", caption: str) -> dict[str, str]:

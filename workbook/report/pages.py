@@ -293,4 +293,5 @@ def _render_formula(latex: str, display: str) -> str:
 
 def render_markdown(source: str, notebook: str) -> str:
     """Turn a notebook's markdown into a page's HTML, headings with their slug as id."""
-    return str(MarkdownWithMath(renderer=_Renderer(source, notebook))(source))
+    text = str(MarkdownWithMath(renderer=_Renderer(source, notebook))(source))
+    return text.replace("<table>", f"{SCROLLS}<table>").replace("</table>", "</table></div>")
