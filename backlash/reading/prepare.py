@@ -395,7 +395,7 @@ def _at_constant_speed(
     width = max(3, round(_SMOOTHING_S / dt))
     smooth = moving_mean(v, width)
     level = _level(smooth, form.expected_speed_rps)
-    if level <= max(np.std(v - smooth), _SLOWEST_RPS):
+    if level <= max(float(np.std(v - smooth)), _SLOWEST_RPS):
         raise CannotTell("not constant speed", "the motor stands still, or turns both ways")
     _check_speed(level, form)
     period = form.period_s(level)

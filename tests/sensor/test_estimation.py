@@ -81,7 +81,15 @@ def test_without_a_calibration_the_log_tells_its_joint(tmp_path):
     check(found)
     low, high = found.backlash_interval_rad
     assert (found.method, found.verdict) == ("self", "backlash")
-    assert low < 9e-4 < high < low + 2e-4
+    assert low < high < low + 1e-4
+
+
+def test_intervals_of_logs_of_one_joint_hold_its_backlash_nineteen_times_in_twenty():
+    held = 0
+    for seed in range(20):
+        low, high = answer(noisy(seed=seed), method="self").backlash_interval_rad
+        held += low < 9e-4 < high
+    assert held >= 18  # of intervals of 95 %, fewer come in one test of thirteen
 
 
 def test_another_joint_by_the_papers_calibration_has_an_interval_with_the_spread_of_joints():
