@@ -11,7 +11,7 @@ import pandas as pd
 
 from replication import published
 from replication.files import FLOAT_FORMAT, ROOT
-from workbook import judging, outcomes
+from workbook import outcomes
 from workbook.checkout import RESULTS, notebook_files
 from workbook.parameters import GIVEN
 
@@ -47,6 +47,10 @@ def verdict(
     from IPython.display import display
 
     if cells or claims:
+        from workbook import (
+            judging,
+        )  # and with it the search, which not every notebook is made from
+
         display(judging.judge(cells, claims))
     changed = " and ".join(f"`{name} = {now}` ({was})" for name, now, was in changed_parameters())
     display(Sentence(f"**With {changed}:** {text}" if changed else text))
@@ -129,6 +133,8 @@ def _changes(
     name: str, outcome: Mapping[str, Any], committed: Mapping[str, Decision], repeats: bool
 ) -> list[str]:
     """What one run decides otherwise than what is committed of its notebook, or of the same ids."""
+    from workbook import judging
+
     exported = pd.DataFrame(outcome["cells"], columns=["id", "source", "numbers"])
     claims = pd.DataFrame(outcome["claims"], columns=["id", "holds", "measured"])
     claims["verdict"] = [judging.CLAIM_VERDICTS[holds] for holds in claims["holds"]]
