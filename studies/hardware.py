@@ -23,12 +23,14 @@ from replication.public_files import public_file
 from replication.simulator.parameters import TURN
 from studies.strokes import CONTROL_S, draw_joint, run_joint
 
-DELTAS_RAD = (0.0, 1e-3, 3e-3)
+DELTAS_RAD = (0.0, 3e-3)
 DRAWS = 8
 SEED = 17
 _SEEN = 0.9  # share of the draws that are answered, from the detection limit on
 _SMOOTHING_S = 0.02  # of the speed that a twin is to follow
 _REST_RAD_S = 0.02
+_MOST_RATIO = 5.0  # of inertias: with more the drawn drives are unstable
+_SETTLED = 0.02  # of the fastest speed; a joint that strays more from its path is not tuned
 _GEAR_RATIO = 100  # of the twin's encoder
 _ASSUMED_GRAVITY = 10.0  # 1/s^2, said of a load without any
 _LEAST_VARIANCE = 0.04  # of a sign: below, it hardly changes
@@ -137,7 +139,7 @@ def find_twin(log: JointLog, row: Mapping[str, Any]) -> Twin:
     if row["gravity_per_s2"]:
         unit = np.hypot(sine, cosine) / row["gravity_per_s2"]
     load = {
-        "inertia_ratio": row["inertia_ratio"],
+        "inertia_ratio": min(row["inertia_ratio"], _MOST_RATIO),
         "gravity": row["gravity_per_s2"],
         "vertical_rad": np.arctan2(cosine, sine),
         "load_friction": 0.0,
@@ -154,17 +156,18 @@ def simulate_twin(
 ) -> JointLog:
     """A log of a drawn joint with the movement, clock, load and noise of a log, and a backlash.
 
-    Stiffness, damping and drive are drawn as those of `strokes`; the noise starts at a random sample.
+    Stiffness, damping and drive are drawn as those of `strokes`, again if the joint does not follow the movement; the noise
+    starts at a random sample.
     """
     twin = find_twin(log, row)
-    drawn = draw_joint(rng, delta_rad, float(np.abs(log.speed).max()), _GEAR_RATIO)
-    joint = drawn._replace(**twin.load)
-    heavier = (1 + 1 / joint.inertia_ratio) / (1 + 1 / drawn.inertia_ratio)
-    joint = joint._replace(
-        speed_gain=heavier * drawn.speed_gain, integral_gain=heavier * drawn.integral_gain
-    )
-    seen = np.full(twin.path.shape, np.nan)
-    run_joint(joint, twin.path, seen)
+    fastest = float(np.abs(log.speed).max())
+    seen = np.full(twin.path.shape, np.inf)
+    while not np.abs(seen[:, 0] - twin.path[:, 1]).mean() < _SETTLED * fastest:
+        drawn = draw_joint(rng, delta_rad, fastest, _GEAR_RATIO)
+        joint = drawn._replace(**twin.load)
+        heavier = (1 + 1 / joint.inertia_ratio) / (1 + 1 / drawn.inertia_ratio)
+        gains = heavier * drawn.speed_gain, heavier * drawn.integral_gain
+        run_joint(joint._replace(speed_gain=gains[0], integral_gain=gains[1]), twin.path, seen)
     t = CONTROL_S * np.arange(len(seen))
     noise = np.roll(twin.noise, rng.integers(log.t.size), axis=1)
     speed, torque = (np.interp(log.t, t, column) for column in seen.T)
