@@ -47,9 +47,8 @@ def verdict(
     from IPython.display import display
 
     if cells or claims:
-        from workbook import (
-            judging,
-        )  # and with it the search, which not every notebook is made from
+        # With the search, which not every notebook is made from.
+        from workbook import judging
 
         display(judging.judge(cells, claims))
     changed = " and ".join(f"`{name} = {now}` ({was})" for name, now, was in changed_parameters())
