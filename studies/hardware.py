@@ -156,8 +156,8 @@ def simulate_twin(
 ) -> JointLog:
     """A log of a drawn joint with the movement, clock, load and noise of a log, and a backlash.
 
-    Stiffness, damping and drive are drawn as those of `strokes`, again if the joint does not follow the movement; the noise
-    starts at a random sample.
+    Stiffness, damping and drive are drawn as those of `strokes`, again if the joint does not follow the movement; the
+    noise starts at a random sample.
     """
     twin = find_twin(log, row)
     fastest = float(np.abs(log.speed).max())
