@@ -11,7 +11,7 @@
 #     language: python
 #     name: python3
 #   replication:
-#     quick: {made_again: 1, public: [1]}
+#     quick: {public: [1]}
 # ---
 
 # %% [markdown]
