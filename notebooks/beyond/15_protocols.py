@@ -11,7 +11,7 @@
 #     language: python
 #     name: python3
 #   replication:
-#     quick: {rows: [1, 9], seed_runs: 2, today_runs: 2}
+#     quick: {made_again: 1}
 # ---
 
 # %% [markdown]

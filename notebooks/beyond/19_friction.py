@@ -11,7 +11,7 @@
 #     language: python
 #     name: python3
 #   replication:
-#     quick: {repeats: 3, benches: 3, worn_benches: 2}
+#     quick: {}
 # ---
 
 # %% [markdown]

@@ -11,7 +11,7 @@
 #     language: python
 #     name: python3
 #   replication:
-#     quick: {noises: 20, noise_seeds: 10, mountings: 1, start_angles: 40, strategy_runs: 2, budget: 10000}
+#     quick: {strategy_runs: 2, budget: 10000}
 # ---
 
 # %% [markdown]
