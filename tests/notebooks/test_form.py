@@ -44,6 +44,12 @@ def test_a_notebook_has_one_parameters_cell_and_what_follows_checks_every_parame
     assert set(assigned) <= set(checked), "not checked"
 
 
+@pytest.mark.parametrize("name", SOURCES)
+def test_a_quick_run_changes_parameters_that_its_notebook_has(name):
+    notebook = execution.read_notebook(SOURCES[name])
+    execution.with_parameters(notebook, execution.quick_parameters(notebook))
+
+
 @pytest.mark.parametrize(
     "row",
     published.table("map").query("element.str.startswith('Equation')").to_dict("records"),
