@@ -9,12 +9,12 @@ STUDY := OPENBLAS_NUM_THREADS=1 $(PY) -m studies
 PYTEST := OPENBLAS_NUM_THREADS=1 $(PY) -m pytest --numprocesses 2 --dist worksteal
 
 .DEFAULT_GOAL := help
-.PHONY: $(shell sed -nE 's/^([a-z-]+):.*\#\# .*/\1/p' Makefile)
+.PHONY: writable $(shell sed -nE 's/^([a-z-]+):.*\#\# .*/\1/p' Makefile)
 
 help:  ## list the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 16
 
-all: .venv/.installed  ## every notebook, figure, table, verdict, the report and the article
+all: writable .venv/.installed  ## every notebook, figure, table, verdict, the report and the article
 	@mkdir -p .make
 	@$(RUN) run --due --watch $$PPID $(STALL); code=$$?; echo $$code > .make/status; [ $$code -lt 2 ] || exit $$code
 	@$(MAKE) --no-print-directory .make/workbook.done
@@ -96,6 +96,9 @@ clean:  ## remove what can be made again and is not committed
 	find . -name __pycache__ -not -path './.venv/*' -prune -exec rm -rf {} +
 
 # ---------------------------------------------------------------------------------------------------------------
+
+writable:
+	@[ -w . ] || { echo "$(CURDIR) is read-only: copy it to where you may write, then run make there" >&2; exit 2; }
 
 .venv/.installed: requirements.lock
 	$(PYTHON) -c 'import sys; sys.version_info >= (3, 11) or sys.exit("Python 3.11 or newer is needed: make PYTHON=...")'
