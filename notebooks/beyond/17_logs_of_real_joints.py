@@ -119,8 +119,8 @@ limits = hardware.detection_limits(twins)
 limits.rename_axis("log")
 
 # %% [markdown]
-# A limit of nan: nothing would have shown at any backlash up to the largest that was simulated, and the refusal of such
-# a log says nothing of its joint. One twin, looked at:
+# A limit of nan: too few twins were answered at each backlash that was simulated, so the refusal of such a log says
+# nothing of its joint. Backlashes between the simulated ones were not tried. One twin, looked at:
 
 # %%
 row = logs.loc[twin_of]
@@ -154,8 +154,8 @@ blind = int(limits["limit_rad"].isna().sum())
 largest_mrad = 1e3 * twins["delta_rad"].max()
 workbook.verdict(
     f"Of {len(table)} logs of {joints} joints ({', '.join(makes)}) {alarms} are called a backlash and {clear} none. On "
-    f"{blind} of {len(limits)} logs nothing would have shown up to {largest_mrad:g} mrad: no alarm there proves "
-    "nothing. A positive test needs a joint of known play on a bench, loaded by gravity, 12 turns at constant speed, "
+    f"{blind} of {len(limits)} logs the simulated twins with {largest_mrad:g} mrad are refused, too: no alarm there "
+    "proves nothing. A positive test needs a joint of known play on a bench, loaded by gravity, 12 turns at constant speed, "
     "sampled at 500 Hz or more."
 )
 
