@@ -48,7 +48,6 @@ def run(notebook, parameters, folder, edits=None):
         patch.setenv("REPLICATION_OUT", str(folder))
         patch.setenv("REPLICATION_NOTEBOOK", notebook)
         patch.setenv("REPLICATION_QUICK", "1")
-        patch.setenv("REPLICATION_NOTEBOOK", notebook)
         variables = _execute(execution.with_parameters(source, values).cells, notebook)
     plt.close("all")
     return variables
@@ -71,6 +70,9 @@ def _execute(cells, name):
     return variables
 
 
-def says_what_happened(printed):
-    """Whether a notebook prints a sentence, not numbers alone."""
-    return max(len(line) for line in printed.splitlines()) > 60
+def says_what_happened(printed, changed=()):
+    """Whether a notebook prints a sentence, not numbers alone, and names in it every parameter that was changed."""
+    return any(
+        len(line) > 60 and all(f"`{name} = " in line for name in changed)
+        for line in printed.splitlines()
+    )

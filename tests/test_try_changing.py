@@ -1,8 +1,8 @@
 """Every change that a notebook proposes, and ten more that a reader may want, of two lines at most.
 
-Each runs, and the notebook ends in a sentence on what happened. Notebooks run in this process with their quick
-parameters, those of `CHEAPER` and the change. `make changes` runs this, once a week; that a change is allowed,
-`make test` tests (`tests/notebooks/test_changes.py`).
+Each runs, and the notebook ends in a sentence on what happened, which names what was changed. Notebooks run in this
+process with their quick parameters, those of `CHEAPER` and the change. `make changes` runs this, once a week; that a
+change is allowed, `make test` tests (`tests/notebooks/test_changes.py`).
 """
 
 import os
@@ -48,14 +48,15 @@ PROPOSED = {
 
 
 @pytest.mark.parametrize("change", PROPOSED | MORE)
-def test_a_notebook_runs_with_a_change_and_says_what_happened(
+def test_a_notebook_runs_with_a_change_names_it_and_says_what_happened(
     change, authors_data, tmp_path, capsys
 ):
     notebook, parameters, edits = (PROPOSED | MORE)[change]
     if notebook == "17_logs_of_real_joints" and not os.environ.get("HARDWARE_LOGS"):
         pytest.skip("needs logs of real joints, in the folder HARDWARE_LOGS")
     run(notebook, parameters, tmp_path, edits)
-    assert says_what_happened(capsys.readouterr().out)
+    reassigned = [edited.partition(" = ")[0] for edited in edits.values() if " = " in edited]
+    assert says_what_happened(capsys.readouterr().out, [*parameters, *reassigned])
 
 
 def test_a_log_of_ones_own_is_measured_first_and_says_what_was_assumed(tmp_path, capsys):

@@ -13,9 +13,10 @@ def test_a_notebook_proposes_three_changes_and_allows_them(notebook):
         check(notebook, parse(change))
 
 
-def test_a_notebook_runs_with_a_change_and_says_what_happened(tmp_path, capsys):
-    run("02_dead_zone_figure9", parse(changes("02_dead_zone_figure9")[0]), tmp_path)
-    assert says_what_happened(capsys.readouterr().out)
+def test_a_notebook_runs_with_a_change_names_it_and_says_what_happened(tmp_path, capsys):
+    change = parse(changes("02_dead_zone_figure9")[0])
+    run("02_dead_zone_figure9", change, tmp_path)
+    assert says_what_happened(capsys.readouterr().out, change)
 
 
 @pytest.mark.parametrize(

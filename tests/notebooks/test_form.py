@@ -80,7 +80,8 @@ def test_reading_time_counts_words_lines_of_shown_code_and_displayed_equations()
 
 
 @pytest.mark.parametrize("name", SOURCES)
-def test_a_notebook_that_says_its_reading_time_says_it_truly(name):
+def test_a_notebook_takes_25_minutes_of_careful_reading_at_most_and_says_its_time_truly(name):
     minutes = reading_minutes(execution.read_notebook(SOURCES[name]).cells)
     said = re.findall(r"[Cc]areful reading: (\d+) minutes", text(name))
+    assert minutes <= 25
     assert said in ([], [str(minutes)])
