@@ -225,9 +225,11 @@ workbook.export(
 # %% [markdown]
 # ## Try changing
 #
-# 1. `realisation = 4`: another noise of the same law; other seeds move the means by as much.
-# 2. `rows = [1]`: the smallest backlash, whose runs stray most; chance alone moves its mean by more than others'.
-# 3. `seed_runs = 60`: twice as many runs; chance moves a mean by about 0.7 times as much.
+# 1. `realisation = 4`: another noise of the same law; other seeds move the means by 1.4 %, not by 2.6 %; chance alone
+#    gives 0.8 to 3.7 %.
+# 2. `rows = [1]`: the smallest backlash alone; other seeds move its mean by 5.8 %, and chance by up to 9 %.
+# 3. `seed_runs = 60`: twice as many runs; chance moves a mean by 1.6 %, not by 2.0 %. Independent runs would give
+#    $1/\sqrt 2$ times as much.
 #
 # ## Exercises
 #
