@@ -191,9 +191,7 @@ workbook.verdict(
 # %% tags=["plumbing"]
 at_1e5 = facts[facts["alpha_per_rad"] == 1e5].mean()
 workbook.export(
-    supplement={
-        "dead_zone_facts": (facts, "Equations 8 and 9 at the edge and in the middle of the gap.")
-    },
+    supplement={"dead_zone_facts": (facts, "Equations 8 and 9 at the edge and in mid-gap.")},
     facts={
         "alpha": (at_1e5["alpha_per_rad"], ".0e"),
         "alpha_jump": (at_1e5["jump_nm"], ".2f"),
@@ -203,11 +201,9 @@ workbook.export(
         "figure09_dead_zone": (
             figure9,
             f"(a) Stiffness of equation 8 and (b) torque of equation 9 for {len(alphas)} values of alpha, and the "
-            f"clamped dead zone, at delta = {backlash_mrad:g} mrad (dotted: the edges of the gap). The scale of "
-            "(a) is logarithmic, because a sharp edge leaves little in the gap; the clamped stiffness there is 0. In "
-            "(b) the curves of large alpha lie on the clamped one within the line's width. In mid-gap "
-            f"{100 * fitting['middle_share']:.2g} % of the stiffness is left {at_alpha}, and the torque jumps by "
-            f"{fitting['jump_nm']:.2g} N m. Softer edges leave more, but do not fit the public records (notebook 16).",
+            f"clamped dead zone, at delta = {backlash_mrad:g} mrad (dotted: its edges). The clamped stiffness in "
+            f"the gap is 0. In mid-gap {100 * fitting['middle_share']:.2g} % is left {at_alpha}, and the torque jumps "
+            f"by {fitting['jump_nm']:.2g} N m. Softer edges leave more.",
         )
     },
     claims=claims,

@@ -277,12 +277,9 @@ workbook.export(
     supplement={
         "characteristic_difference": (
             difference.iloc[::20],
-            "Our characteristic less equation 10, over the amplitude.",
+            "Our characteristic less equation 10.",
         ),
-        "equation10_units": (
-            units,
-            "Equation 10 at the ten printed amplitudes, with A in rpm and in rps.",
-        ),
+        "equation10_units": (units, "Equation 10 at the printed amplitudes, A in rpm and rps."),
     },
     facts={
         "rmse10": (fitted_rmse, ".2e"),

@@ -286,12 +286,7 @@ workbook.verdict(
 
 # %% tags=["plumbing"]
 workbook.export(
-    supplement={
-        "table1_replay": (
-            tried,
-            "How many stored first generations replay with each bound of Table 1 moved.",
-        )
-    },
+    supplement={"table1_replay": (tried, "First generations that replay with a bound moved.")},
     facts={
         "population": authors_protocol.population,
         "iterations": authors_protocol.iterations,

@@ -282,12 +282,7 @@ workbook.verdict(
 # %% tags=["plumbing"]
 workbook.export(
     tables={"joint_ratios": ratios.rename_axis("ratio").reset_index()},
-    supplement={
-        "joint_alpha": (
-            alpha,
-            "Misfit of the identified joint to all clean records, by sharpness of the edge.",
-        )
-    },
+    supplement={"joint_alpha": (alpha, "Misfit to all clean records, by sharpness of the edge.")},
     facts={"models_tried": len(attempts)},
     figures={
         "joint_residual": (

@@ -222,21 +222,17 @@ workbook.verdict(
 # %% tags=["plumbing"]
 workbook.export(
     tables={"table3": table},
-    supplement={
-        "table3_population": (population, "A of other benches of the same spread, one log each.")
-    },
+    supplement={"table3_population": (population, "A of other benches of one spread, a log each.")},
     figures={
         "figure10_bench_standin": (
             figure10,
             "Two turns of the simulated joint and of a stand-in of the bench with friction, ripple and noise: (a) "
-            "motor position less the commanded one, (b) motor speed, (c) motor torque (the current times a constant). "
-            "In both the speed rings after each impact. The bench's own logs are not public.",
+            "motor position less the commanded one, (b) motor speed, (c) motor torque. The real logs are not public.",
         ),
         "table3_bench": (
             table3_figure,
-            f"A of the stand-in bench, mean and SD of {repeats} runs, beside what Table 3 prints, at three backlashes; "
-            f"symbols of one backlash are drawn side by side. Circles: {benches} other benches of the same spread, one "
-            f"log each, whose error of A has an SD of {errors['std'].min():.0f} to {errors['std'].max():.0f} %.",
+            f"A of the stand-in bench (mean, SD of {repeats} runs) and Table 3's, side by side. Circles: {benches} "
+            f"other benches, a log each; SD of their errors {errors['std'].min():.0f} to {errors['std'].max():.0f} %.",
         ),
     },
     cells=cells,

@@ -293,10 +293,7 @@ workbook.verdict(
 workbook.export(
     tables={"table4": table},
     supplement={
-        "table4_population": (
-            population,
-            "A of simulated healthy robots and of robots with excessive backlash.",
-        ),
+        "table4_population": (population, "A of robots, healthy and with excessive backlash."),
         "table4_thresholds": (marks, "Rates of three thresholds of A."),
         "table4_disturbance": (sweep, "A that a sinusoidal torque gives a joint without backlash."),
     },

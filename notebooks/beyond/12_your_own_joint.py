@@ -268,12 +268,7 @@ workbook.verdict(
 
 # %% tags=["plumbing"]
 workbook.export(
-    supplement={
-        "own_joint": (
-            table,
-            "Estimates of one joint's logs with its own and the paper's calibration.",
-        )
-    },
+    supplement={"own_joint": (table, "Estimates with its own and the paper's calibration.")},
     figures={
         "own_joint_log": (
             log_figure,

@@ -207,16 +207,14 @@ workbook.export(
             beyond_features,
             f"Size of each method's error on {len(errors) // len(summary)} simulated noisy logs of the authors "
             f"({len(scored)} backlashes, two noises), one marker per log. Bars are mean sizes; vertical lines the "
-            "least mean sizes by the Cramér-Rao bound. Of the calibrated methods the amplitude errs most; the whole "
-            "waveform and the joint model err least.",
+            "least mean sizes by the Cramér-Rao bound.",
         ),
         "table3_wear": (
             wear_figure,
             "Eight months of wear on simulated benches. (a) to (d) The first bench as each sensor reads it, with 95 % "
             f"intervals. (e) Alarm delay of each sensor on {tests['bench'].nunique()} benches, from the day on which "
-            "the true backlash reaches the limit; a perfect sensor alarms within the grey band. The errors of the "
-            f"self-calibrating sensor have an SD of {scatter.iloc[-1]:.3f} mrad, those of the others "
-            f"{scatter.iloc[:-1].min():.3f} to {scatter.iloc[:-1].max():.3f} mrad.",
+            "the true backlash reaches the limit; a perfect sensor alarms within the grey band. SD of the errors: "
+            f"{scatter.iloc[-1]:.3f} mrad (self), {scatter.iloc[:-1].min():.3f} to {scatter.iloc[:-1].max():.3f} mrad.",
         ),
     },
 )

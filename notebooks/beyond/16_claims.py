@@ -308,10 +308,7 @@ workbook.export(
     supplement={
         "claims_printed": (errors, "The printed errors of A and the ratio of noise to A."),
         "claims_turns": (by_turns, "The error of A by number of turns."),
-        "claims_stepping_torque": (
-            stepping,
-            "Errors of a plain integration of the two dead zones.",
-        ),
+        "claims_stepping_torque": (stepping, "Errors of a plain integration of two dead zones."),
     },
     claims=claims,
     facts={

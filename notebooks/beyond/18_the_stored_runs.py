@@ -202,10 +202,7 @@ workbook.export(
             "Every generation of the replayed runs: its lowest misfit and step size.",
         ),
         "replay_ends": (ended, "The ends of the replayed runs beside the stored ones."),
-        "library_versions": (
-            versions,
-            "Other seeds and today's library against the search of 2021.",
-        ),
+        "library_versions": (versions, "Other seeds and today's library beside the 2021 search."),
     },
     pages={"replay_explorer": explorer},
     facts=table2_facts.of_replay(compared, ended, stored_basins)
