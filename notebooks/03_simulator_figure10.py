@@ -289,12 +289,7 @@ workbook.verdict(
 used = table["used_in_fit"]
 printed_A = np.array([*table2.theoretical_amplitudes().values()])
 workbook.export(
-    supplement={
-        "simulator_validation": (
-            table,
-            "The simulator against every clean record and every printed amplitude.",
-        )
-    },
+    supplement={"simulator_validation": (table, "Its errors at records and printed amplitudes.")},
     facts={
         "nrmse_records": table["nrmse"].count(),
         "nrmse_used": table.loc[used, "nrmse"].count(),

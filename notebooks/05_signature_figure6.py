@@ -293,12 +293,7 @@ workbook.verdict(
 
 # %% tags=["plumbing"]
 workbook.export(
-    supplement={
-        "stored_runs": (
-            table.reset_index(),
-            "The 30 runs that the authors' notebook stores: their ends and basins.",
-        )
-    },
+    supplement={"stored_runs": (table.reset_index(), "The authors' runs: ends and basins.")},
     figures={
         "figure06_signature": (
             figure6,

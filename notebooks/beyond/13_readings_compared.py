@@ -206,8 +206,7 @@ workbook.export(
         "beyond_features": (
             beyond_features,
             f"Size of each method's error on {len(errors) // len(summary)} simulated noisy logs of the authors "
-            f"({len(scored)} backlashes, two noises), one marker per log. Bars are mean sizes; vertical lines the "
-            "least mean sizes by the Cramér-Rao bound.",
+            f"({len(scored)} backlashes, two noises), one marker per log. Bars: means; lines: the Cramér-Rao bound.",
         ),
         "table3_wear": (
             wear_figure,

@@ -298,10 +298,7 @@ missed = [
 answered = own["population"].value_counts()
 workbook.export(
     supplement={
-        "population": (
-            summary,
-            "Errors and coverage of every method on joints that nobody calibrated.",
-        ),
+        "population": (summary, "Errors and coverage of every method on uncalibrated joints."),
         "self_unknowns": (unknowns, "What the method fits, with its priors."),
         "self_bars": (bars, "The criteria of the method, and what was measured."),
         "datasheet_bars": (sheet_bars, "The criteria of the whole sensor, and what was measured."),

@@ -263,14 +263,8 @@ workbook.verdict(
 workbook.export(
     tables={"table2_protocols": judged},
     supplement={
-        "table2_by_protocol": (
-            inside,
-            "Whether each mean and SD of Table 2 agrees under each of the settings alone.",
-        ),
-        "table2_seeds": (
-            by_seeds.reset_index(),
-            "Agreement of the means and SDs with other sets of seeds.",
-        ),
+        "table2_by_protocol": (inside, "Whether each mean and SD agrees under each setting alone."),
+        "table2_seeds": (by_seeds.reset_index(), "Whether they agree with other sets of seeds."),
     },
     facts=table2_facts.of_settings(of_settings, whole)
     | table2_facts.of_bias(printed_bias, kept_bias, no_bias_p)
