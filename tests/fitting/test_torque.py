@@ -38,18 +38,14 @@ def fitted(bench: Bench, delta: float = DELTA, load: LoadData | None = None, **l
 
 @pytest.mark.parametrize("kind", ["paper's", "cascade"])
 def test_without_noise_the_backlash_is_right_under_either_drive(kind):
-    answers = 0
     for number in range(3):
         bench = replace(draw(kind, number), noise_rps=1e-4)
-        load = load_data(bench, inertia_sd=0.0, gravity_sd=0.0)
-        # Without noise a search that ends beside the truth is refused; which one does hangs on the BLAS kernel.
-        with suppress(ValueError):
-            found = fitted(bench, torque_noise=1e-4, load=load)
-            assert found.delta_rad == pytest.approx(DELTA, rel=0.05)
-            assert found.motor_inertia == pytest.approx(bench.joint.motor_inertia_kgm2, rel=0.04)
-            assert not found.refusal_reason
-            answers += 1
-    assert answers >= 2
+        found = fitted(
+            bench, torque_noise=1e-4, load=load_data(bench, inertia_sd=0.0, gravity_sd=0.0)
+        )
+        assert found.delta_rad == pytest.approx(DELTA, rel=0.05)
+        assert found.motor_inertia == pytest.approx(bench.joint.motor_inertia_kgm2, rel=0.04)
+        assert not found.refusal_reason
 
 
 def test_the_unit_of_the_torque_and_a_lag_of_the_speed_do_not_matter():
@@ -65,13 +61,21 @@ def test_the_unit_of_the_torque_and_a_lag_of_the_speed_do_not_matter():
 
 
 def test_what_is_not_known_of_the_load_is_found_by_the_log():
-    bench = draw("paper's", 5)
+    bench = draw("paper's", 6)
     known, guessed = (
         fitted(bench, load=load_data(bench, inertia_sd=sd, gravity_sd=sd / 2)) for sd in (0.0, 0.2)
     )
     for found in (known, guessed):
         assert found.interval_rad[0] < DELTA < found.interval_rad[1]
     assert guessed.delta_rad == pytest.approx(known.delta_rad, abs=known.sd_rad)
+
+
+def test_two_backlashes_that_fit_alike_are_no_answer_and_both_are_named():
+    bench = draw("paper's", 5)
+    found = fitted(bench, load=load_data(bench, inertia_sd=0.2, gravity_sd=0.1))
+    assert "fits nearly as well as" in found.refusal_reason
+    other = float(found.refusal_reason.split()[0])
+    assert min(abs(each - DELTA) for each in (found.delta_rad, other)) < 0.1 * DELTA
 
 
 def test_gravity_that_is_off_is_held_by_its_stated_uncertainty():
@@ -143,12 +147,6 @@ def test_a_gear_ratio_that_is_off_by_two_is_refused(factor):
     log = draw_turns(np.random.default_rng((246, 1)), DELTA, 0.05)
     found = answered(log, gear_ratio=factor * log.gear_ratio)
     assert found.warnings[0].startswith(("wrong period", "wrong torque"))
-
-
-def test_an_answer_does_not_hang_on_the_last_bits_of_its_log():
-    log = draw_turns(np.random.default_rng((150, 2)), 4.3e-4, 0.2)
-    moved = log._replace(v=log.v * (1 + 1e-9), torque=log.torque * (1 + 1e-9))
-    assert answered(moved).backlash_rad == pytest.approx(answered(log).backlash_rad, rel=1e-3)
 
 
 @pytest.mark.slow

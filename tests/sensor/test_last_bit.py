@@ -6,6 +6,8 @@ import pytest
 
 import backlash
 from backlash.fitting import METHODS, SELF
+from studies.benches import draw_turns
+from tests.fitting.test_torque import answered
 from tests.logs import noisy
 from tests.sensor.test_strokes import strokes
 from tests.sensor.test_torque_logs import logged
@@ -52,3 +54,19 @@ def test_rounding_does_not_move_an_answer_by_the_torque(draw, deltas):
     for delta in deltas:
         frame, known = draw(3, delta)
         assert movement(frame.to_numpy(), torque="torque", **known) < 0.01
+
+
+# The second, without backlash, has ends of nearly the same chi squared at delays on either side of the limit.
+@pytest.mark.parametrize(("seed", "delta"), [((150, 2), 4.3e-4), ((20462, 1, 8), 0.0)])
+def test_rounding_turns_no_verdict_by_the_torque(seed, delta):
+    rng = np.random.default_rng(seed)
+    log = draw_turns(rng, delta, rng.uniform(0, 0.5))
+    inertia, gravity = np.exp(rng.standard_normal(2) * (0.1, 0.05))
+    load = {"inertia_ratio": inertia * log.inertia_ratio}
+    load["gravity_per_s2"] = gravity * log.gravity_per_s2
+    now, nudged = (
+        answered(log._replace(v=scale * log.v, torque=scale * log.torque), **load)
+        for scale in (1, 1 + 1e-9)
+    )
+    assert now.verdict == nudged.verdict == ("backlash" if delta else "no backlash")
+    assert nudged.backlash_rad == pytest.approx(now.backlash_rad, rel=0.01, abs=1e-6)
