@@ -155,8 +155,8 @@ largest_mrad = 1e3 * twins["delta_rad"].max()
 workbook.verdict(
     f"Of {len(table)} logs of {joints} joints ({', '.join(makes)}) {alarms} are called a backlash and {clear} none. On "
     f"{blind} of {len(limits)} logs the simulated twins with {largest_mrad:g} mrad are refused, too: no alarm there "
-    "proves nothing. A positive test needs a joint of known play on a bench, loaded by gravity, 12 turns at constant speed, "
-    "sampled at 500 Hz or more."
+    "proves nothing. A positive test needs a joint of known play on a bench, loaded by gravity, 12 turns at constant "
+    "speed, sampled at 500 Hz or more."
 )
 
 # %% tags=["plumbing"]
