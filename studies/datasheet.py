@@ -254,7 +254,7 @@ _IN_SENTENCES = {
 def datasheet_facts(sheet: DataFrame, rounds: DataFrame) -> dict[str, str]:
     """What sentences say of a datasheet and of its rounds."""
     rows = sheet.set_index("population")
-    drawn = rows.loc[list(SIZES)].sum()
+    drawn, above = rows.loc[list(SIZES)].sum(), rows.loc[ABOVE_GRAVITY]
     bars = against_criteria(sheet)
     met = rounds["met"].astype(str) + " of " + rounds["criteria"].astype(str)
     missed = [
@@ -276,19 +276,24 @@ def datasheet_facts(sheet: DataFrame, rounds: DataFrame) -> dict[str, str]:
             "sheet_all_clears_speed": _false_all_clears(
                 rows.loc[[name for name in BY_SPEED if name != ABOVE_GRAVITY]]
             ),
-            "sheet_above_gravity": _false_all_clears(rows.loc[[ABOVE_GRAVITY]]),
-            "sheet_alarms": f"{drawn['false_alarms']} of {drawn['healthy']}",
+            "sheet_above_gravity": f"{above['false_all_clears']} of {above['ill']}",
+            "sheet_alarms": f"{drawn['false_alarms']:.0f} of {drawn['healthy']:.0f}",
         }
     )
 
 
 def _describe(row: Series) -> str:
     """Answered and covered logs of a population, with 95 % intervals of the shares."""
-    answered = f"{row['answered'] * row['asked']:.0f} of {row['asked']} answered"
-    covered = f"{row['covered'] * row['answers']:.0f} of {row['answers']} intervals hold the true backlash"
+    text = (
+        f"{row['answered'] * row['asked']:.0f} of {row['asked']:.0f} answered "
+        f"({100 * row['answered_low']:.0f} to {100 * row['answered_high']:.0f} %)"
+    )
+    if not row["answers"]:
+        return text
+    held = row["covered"] * row["answers"]
     return (
-        f"{answered} ({row['answered_low']:.0%} to {row['answered_high']:.0%}), "
-        f"{covered} ({row['covered_low']:.0%} to {row['covered_high']:.0%})"
+        f"{text}, {held:.0f} of {row['answers']:.0f} intervals hold the true backlash "
+        f"({100 * row['covered_low']:.0f} to {100 * row['covered_high']:.0f} %)"
     )
 
 
@@ -296,4 +301,4 @@ def _false_all_clears(rows: DataFrame) -> str:
     """How many joints with backlash were told to have none."""
     wrong, ill = int(rows["false_all_clears"].sum()), int(rows["ill"].sum())
     high = rate_columns(wrong, ill)["rate_high"]
-    return f"{wrong} of {ill} (95 % interval up to {high:.1%})" if ill else "none drawn"
+    return f"{wrong} of {ill} (95 % interval up to {100 * high:.1f} %)"
