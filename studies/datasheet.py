@@ -36,7 +36,7 @@ CRITERIA = Path(__file__).with_name("datasheet_criteria.csv")
 
 # Logs of each population. Every sixth joint of turns with torque has no backlash.
 FRICTIONS = {
-    f"turns with torque, friction {share:.0%} of gravity": share
+    f"turns with torque, friction {100 * share:.0f} % of gravity": share
     for share in (0.0, 0.05, 0.1, 0.15, 0.25, 0.5)
 }
 STROKES = ("strokes with torque", "strokes with torque, healthy")
@@ -276,7 +276,7 @@ def datasheet_facts(sheet: DataFrame, rounds: DataFrame) -> dict[str, str]:
             "sheet_all_clears_speed": _false_all_clears(
                 rows.loc[[name for name in BY_SPEED if name != ABOVE_GRAVITY]]
             ),
-            "sheet_above_gravity": f"{above['false_all_clears']} of {above['ill']}",
+            "sheet_above_gravity": f"{above['false_all_clears']:.0f} of {above['ill']:.0f}",
             "sheet_alarms": f"{drawn['false_alarms']:.0f} of {drawn['healthy']:.0f}",
         }
     )
