@@ -268,8 +268,9 @@ def datasheet_facts(sheet: DataFrame, rounds: DataFrame) -> dict[str, str]:
             f"sheet_{name}": _describe(rows.loc[population])
             for name, population in _IN_SENTENCES.items()
         }
-        | {f"sheet_round_{number}": text for number, text in enumerate(met, 1)}
+        | {f"sheet_round_{number}": text for number, text in enumerate(met[:-1], 1)}
         | {
+            "sheet_friction": f"{100 * max(FRICTIONS.values()):.0f} %",
             "sheet_met": f"{bars['met'].sum()} of {len(bars)}",
             "sheet_missed": "; ".join(missed) or "none",
             "sheet_all_clears_torque": _false_all_clears(rows.loc[[TURNS, STROKES[0]]]),
