@@ -80,10 +80,9 @@ _ = axis.set_title(
 #
 # *By the torque*: where the motor's torque or current is logged too, method `torque` needs no calibration and no model
 # of the drive, but what you know of the load: mass, arm, inertias and gear ratio, or $J_l/(N^2 J_m)$ and $m g r/J_l$
-# [1/s²] themselves. The estimate is proportional to $m g r/J_l$. On 100 simulated benches of other code, with a load
-# friction of 0 to 50 % of gravity, 95 were answered, 93 of these intervals hold the true backlash, and none was called
-# "no backlash". A note compares the motor's inertia that the log tells of with yours: if it is not what you know, an
-# input is wrong. Where a joint can't turn four times, six or more *strokes* across the vertical, with the torque and
+# [1/s²] themselves. The estimate is proportional to $m g r/J_l$. The [datasheet](../../results/pages/datasheet.html)
+# says how often it answers and how often the interval holds the true backlash. A note compares the motor's inertia that
+# the log tells of with yours: if it is not what you know, an input is wrong. Where a joint can't turn four times, six or more *strokes* across the vertical, with the torque and
 # the gear ratio, serve too; they can't tell that there is no backlash.
 #
 # *Which side*: speed, position and torque are the motor's, and the backlash is the joint's. Most robots log the joint's
