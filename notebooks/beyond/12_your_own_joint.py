@@ -82,8 +82,9 @@ _ = axis.set_title(
 # of the drive, but what you know of the load: mass, arm, inertias and gear ratio, or $J_l/(N^2 J_m)$ and $m g r/J_l$
 # [1/s²] themselves. The estimate is proportional to $m g r/J_l$. The [datasheet](../../results/pages/datasheet.html)
 # says how often it answers and how often the interval holds the true backlash. A note compares the motor's inertia that
-# the log tells of with yours: if it is not what you know, an input is wrong. Where a joint can't turn four times, six or more *strokes* across the vertical, with the torque and
-# the gear ratio, serve too; they can't tell that there is no backlash.
+# the log tells of with yours: if it is not what you know, an input is wrong. Where a joint can't turn four times, six
+# or more *strokes* across the vertical, with the torque and the gear ratio, serve too; they can't tell that there is no
+# backlash.
 #
 # *Which side*: speed, position and torque are the motor's, and the backlash is the joint's. Most robots log the joint's
 # side: then $N = 1$, and the load is said by its two ratios (`--gear-ratio 1 --inertia-ratio RHO --gravity PER_S2`).
