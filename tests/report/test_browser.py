@@ -4,6 +4,8 @@ import os
 import re
 import subprocess
 import sys
+import time
+from contextlib import suppress
 
 import numpy as np
 import pytest
@@ -95,11 +97,20 @@ def jupyterlab(tmp_path, monkeypatch):
     command = [sys.executable, "-m", "jupyterlab", "--no-browser", "--allow-root", "--port=0"]
     command += [f"--ServerApp.root_dir={tmp_path}", "--IdentityProvider.token=test"]
     environment = os.environ | {"JUPYTERLAB_SETTINGS_DIR": str(tmp_path / ".settings")}
-    server = subprocess.Popen(command, stderr=subprocess.PIPE, text=True, env=environment)
-    lines = (re.search(r"http://127\.0\.0\.1:\d+/lab", line) for line in server.stderr)
-    yield next(filter(None, lines))[0]
-    server.terminate()
-    server.communicate()
+    log = tmp_path / "server.log"  # a pipe that nobody reads would fill and stop the server
+    with log.open("w") as stderr:
+        server = subprocess.Popen(command, stderr=stderr, env=environment)
+    try:
+        while not (found := re.search(r"http://127\.0\.0\.1:\d+/lab", log.read_text())):
+            assert server.poll() is None, log.read_text()
+            time.sleep(0.2)
+        yield found[0]
+    finally:
+        server.terminate()
+        with suppress(subprocess.TimeoutExpired):
+            server.wait(timeout=20)
+        server.kill()
+        server.wait()
 
 
 def test_the_first_notebook_opened_unrun_in_jupyterlab_shows_joint_slider_and_curves(
