@@ -99,7 +99,7 @@ workbook.check_parameters(
     runs=(runs, range(1, 101)),
 )
 plt.rcParams.update(teeth.STYLE)
-plt.ion()
+_ = plt.ion()
 
 # %% [markdown]
 # ## Result
