@@ -23,11 +23,12 @@ from replication.characteristic import printed_levels_rad
 from replication.parallel import in_parallel
 from replication.records import Recording
 from replication.simulator.parameters import TURN, Disturbance
-from replication.standins import SAMPLE_S, Bench, Spread, draw_bench
+from replication.standins import SAMPLE_S, Bench, draw_bench
 from studies import benchmark, odd_joints
 from studies.benches import draw_turns
 from studies.benchmark import Row, hold_truth, interval_answer, root_mean_square
 from studies.odd_joints import KINDS, draw_log_uniform, draw_odd_log
+from studies.population import SPREADS as DRAWN_SPREADS
 from studies.rates import rate_columns
 from studies.strokes import draw_strokes
 
@@ -42,10 +43,7 @@ FRICTIONS = {
 STROKES = ("strokes with torque", "strokes with torque, healthy")
 TURNS, ALL_BY_SPEED = "turns with torque, all", "speed alone, all"
 ABOVE_GRAVITY = "friction above gravity"
-SPREADS = {
-    "plain benches": Spread(),
-    "hard benches": Spread(ratios=0.2, load_friction=0.05, ripple=0.04),
-}
+SPREADS = dict(zip(("plain benches", "hard benches"), DRAWN_SPREADS.values(), strict=True))
 BY_SPEED = {
     "plain benches": 120,
     "hard benches": 60,
