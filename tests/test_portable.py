@@ -48,7 +48,7 @@ def test_the_settings_that_the_environment_asks_for_are_in_effect():
 
 @needs_settings
 def test_the_cheap_notebooks_reach_their_committed_verdicts(authors_data, tmp_path, monkeypatch):
-    assert len(CHEAP) == 10
+    assert CHEAP, "no notebook says that its quick run is its whole run"
     monkeypatch.setenv("MPLBACKEND", "Agg")
     monkeypatch.setenv("REPLICATION_OUT", str(tmp_path))
     monkeypatch.setenv("REPLICATION_QUICK", "0")
