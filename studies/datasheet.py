@@ -28,6 +28,7 @@ from studies import benchmark, odd_joints
 from studies.benches import draw_turns
 from studies.benchmark import Row, hold_truth, interval_answer, root_mean_square
 from studies.odd_joints import KINDS, draw_log_uniform, draw_odd_log
+from studies.population import FAR, NEAR
 from studies.population import SPREADS as DRAWN_SPREADS
 from studies.rates import rate_columns
 from studies.strokes import draw_strokes
@@ -43,7 +44,7 @@ FRICTIONS = {
 STROKES = ("strokes with torque", "strokes with torque, healthy")
 TURNS, ALL_BY_SPEED = "turns with torque, all", "speed alone, all"
 ABOVE_GRAVITY = "friction above gravity"
-SPREADS = dict(zip(("plain benches", "hard benches"), DRAWN_SPREADS.values(), strict=True))
+SPREADS = {"plain benches": DRAWN_SPREADS[NEAR], "hard benches": DRAWN_SPREADS[FAR]}
 BY_SPEED = {
     "plain benches": 120,
     "hard benches": 60,
