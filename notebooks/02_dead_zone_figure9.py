@@ -105,7 +105,12 @@ curves = pd.concat(
     )
     for alpha, (torque, stiffness) in shapes.items()
 )
-figure9 = paper.dead_zone(curves, delta_rad)
+workbook.show_figure(
+    "figure09_dead_zone",
+    paper.dead_zone(curves, delta_rad),
+    f"(a) Stiffness of equation 8 and (b) torque of equation 9 for {len(alphas)} values of alpha, and the clamped "
+    f"dead zone, at delta = {backlash_mrad:g} mrad (dotted: its edges). Softer edges leave more stiffness in the gap.",
+)
 
 # %% [markdown]
 # With `make lab` the torque has sliders for $\alpha$ and $\delta$. The grey line is the clamped dead zone.
@@ -196,15 +201,6 @@ workbook.export(
         "alpha": (at_1e5["alpha_per_rad"], ".0e"),
         "alpha_jump": (at_1e5["jump_nm"], ".2f"),
         "alpha_leak": (100 * at_1e5["middle_share"], ".2f"),
-    },
-    figures={
-        "figure09_dead_zone": (
-            figure9,
-            f"(a) Stiffness of equation 8 and (b) torque of equation 9 for {len(alphas)} values of alpha, and the "
-            f"clamped dead zone, at delta = {backlash_mrad:g} mrad (dotted: its edges). The clamped stiffness in "
-            f"the gap is 0. In mid-gap {100 * fitting['middle_share']:.2g} % is left {at_alpha}, and the torque jumps "
-            f"by {fitting['jump_nm']:.2g} N m. Softer edges leave more.",
-        )
     },
     claims=claims,
 )

@@ -74,8 +74,8 @@ _ = axis.set(xlabel="time [s]", ylabel="$v - 100$ [rps]")
 #
 # $$t_1 = t_0 + T_1, \quad t_2 = t_0 + T_2, \quad t_d = t_0 + T_d, \quad t_f = t_0 + T_f \tag{4}$$
 #
-# The last two contradict what follows: by them each turn would come $t_0$ later than by equation 7. The authors' runs
-# have the shifts $T_d$ and $T_f$ without $t_0$ (erratum E6, exercise 1). With those,
+# The last two contradict equation 7. The authors' runs have the shifts $T_d$ and $T_f$ without $t_0$ (erratum E6,
+# exercise 1). With those,
 #
 # $$d_b(t - t_0) = \begin{cases} A\,e^{-(t - (t_0 + T_1))\tau} \sin\omega(t - t_0) & t_0 + T_1 \le t \le t_0 + T_2 \\
 # 0 & \text{else} \end{cases} \tag{5}$$
@@ -99,9 +99,8 @@ _ = axis.set(xlabel="time [s]", ylabel="$v - 100$ [rps]")
 #
 # ### The test of the model
 #
-# The authors' notebook stores 30 [runs](glossary.md#run) on their clean record 12, with the seed, the parameters and
-# the final RMSE of each. The model at the stored parameters must have the stored RMSE. Notebook
-# [18](beyond/18_the_stored_runs.ipynb) replays the search.
+# The authors' notebook stores 30 [runs](glossary.md#run) on their clean record 12. The model at the stored parameters
+# must have the stored RMSE. Notebook [18](beyond/18_the_stored_runs.ipynb) replays the search.
 
 # %% [markdown]
 # ## Parameters
@@ -150,7 +149,7 @@ def h(t, X, T_d, T_f, n):  # equation 7
 
 
 # %% [markdown]
-# Figure 6, at the parameters of a stored run:
+# Figure 6:
 
 # %%
 stored_runs = published.table("authors_notebook_runs").set_index("run")
@@ -159,13 +158,18 @@ stored, X = stored_runs.loc[run], stored_X[run - 1]
 protocol = table2.SearchSettings(T_d=turn_period_s / 2, T_f=turn_period_s, turns=turns)
 t = np.arange(0, turns * turn_period_s + 0.1, 1e-4)
 shape = h(t, X, protocol.T_d, protocol.T_f, turns)
-figure6 = paper.signature_parameters(t, shape, X, protocol.timing)
+workbook.show_figure(
+    "figure06_signature",
+    paper.signature_parameters(t, shape, X, protocol.timing),
+    f"(a) The signature of {turns} turns at the parameters of stored run {run}: two oscillations a turn, T_d apart. "
+    "(b) The first lasts from t_0 + T_1 to t_0 + T_2; its envelope (dashed) decays from the amplitude A.",
+)
 
 # %% [markdown]
 # ### The signature on a record
 #
-# The authors' clean record 12 (a backlash of 23·10⁻⁴ rad), and over it the signature at the stored run's parameters.
-# Predict first: where will the residual be largest? All stored runs have $T_d$ = 0.2 s, $T_f$ = 0.4 s and twelve turns.
+# The authors' clean record 12 (2.3 mrad), and over it the signature at the stored run's parameters ($T_d$ = 0.2 s,
+# $T_f$ = 0.4 s, twelve turns). Predict first: where will the residual be largest?
 
 
 # %%
@@ -186,7 +190,12 @@ left_rps = rmse(residual_signal(X))
 print(f"run {run}: RMSE {left_rps:.9f} rps, stored {stored['final_rmse_rps']:.9f} rps")
 labels = ("authors' record 12", f"stored run {run}")
 fitted = record.v - residual_signal(X)
-figure5 = paper.record_with_fit(record.t, record.v, fitted, labels, seconds=1.6)
+workbook.show_figure(
+    "figure05_record12_with_signature",
+    paper.record_with_fit(record.t, record.v, fitted, labels, seconds=1.6),
+    f"(a) Four turns of the authors' record 12, and the signature that stored run {run} fitted to it. (b) The "
+    "residual peaks at the impacts, most at the start-up transient, which no signature has.",
+)
 
 # %% [markdown]
 # ### The 30 stored runs
@@ -196,9 +205,7 @@ figure5 = paper.record_with_fit(record.t, record.v, fitted, labels, seconds=1.6)
 # The runs end in several [basins](glossary.md#basin) (notebook 18): a mean over all hides that.
 
 # %%
-table = stored_runs[["final_rmse_rps", "A_rps"]].rename(
-    columns={"final_rmse_rps": "stored_rmse_rps"}
-)
+table = stored_runs[["A_rps"]].assign(stored_rmse_rps=stored_runs["final_rmse_rps"])
 table["rmse_rps"] = [rmse(residual_signal(x)) for x in stored_X]
 table["basin"] = table["stored_rmse_rps"].round(3).rank(method="dense").astype(int)
 off = pd.DataFrame(
@@ -209,9 +216,8 @@ off = pd.DataFrame(
 # %% [markdown]
 # ### A fit with your cost and turn period
 #
-# `stopping.search` draws 300 members a generation, asks for their costs, and goes on until a stop rule holds, in Table
-# 1's box, with $A$ as wide as the stored runs had it. The first row has the paper's cost and the turn period of the
-# data, with the stored seed; the last row has yours. Your own `h` or cost is not compiled, and takes a minute.
+# `stopping.search` draws 300 members a generation and asks for their costs until a stop rule holds, in Table 1's box,
+# with $A$ as wide as the stored runs had it. The first row has the paper's cost and turn period, the last row yours.
 
 # %% tags=["plumbing"]
 costs = {"RMSE": rmse, "L1": lambda residual_rps: np.mean(np.abs(residual_rps))}
@@ -265,8 +271,7 @@ fits
 # %% [markdown]
 # ## Verdict
 #
-# Whether the search avoids local minima is decided on the noisy records of Table 2 (notebook 8), not on these 30 runs:
-# record 12 has no noise, and its backlash is larger than any in the paper's tables.
+# Whether the search avoids local minima is decided on the noisy records of Table 2 (notebook 8).
 
 # %% tags=["plumbing", "verdict"]
 reproduced = (off.abs() < 1e-6).sum()
@@ -294,20 +299,6 @@ workbook.verdict(
 # %% tags=["plumbing"]
 workbook.export(
     supplement={"stored_runs": (table.reset_index(), "The authors' runs: ends and basins.")},
-    figures={
-        "figure06_signature": (
-            figure6,
-            f"(a) The signature h(t) of {turns} turns at the parameters of stored run {run}: two damped oscillations a "
-            "turn, opposite in sign and T_d apart; a turn takes T_f. (b) The first oscillation lasts from t_0 + T_1 to "
-            "t_0 + T_2. Its envelope (dashed) decays from the amplitude A.",
-        ),
-        "figure05_record12_with_signature": (
-            figure5,
-            f"(a) The first four of twelve turns of the authors' record 12, and over them the signature that stored "
-            f"run {run} of {len(stored_X)} fitted to the record. (b) The residual peaks at the impacts, most at the "
-            "start-up transient, which no signature has.",
-        ),
-    },
     cells=cells,
 )
 

@@ -53,6 +53,7 @@ from replication import characteristic, published
 from replication.figures import paper
 from replication.simulator.parameters import changed_joint, identified_joint
 from replication.simulator.simulate import simulate_many
+from studies import table2_facts
 
 # %% [markdown]
 # ## Parameters
@@ -100,7 +101,11 @@ fitted, fitted_rmse = fit_polynomial(rpm_per_rps * theoretical[keep], delta[keep
 points, A = (theoretical, delta), np.linspace(0, theoretical[-1], 200)
 curves = {"cubic through the printed points": (A, polynomial(rpm_per_rps * A, fitted))}
 residual = theoretical, polynomial(rpm_per_rps * theoretical, fitted) - delta
-figure12 = paper.characteristic(curves, points, residual, "cubic $-$ point")
+workbook.show_figure(
+    "figure12_characteristic",
+    paper.characteristic(curves, points, residual, "cubic $-$ point"),
+    f"(a) The cubic through {keep.sum()} printed points. (b) Its residuals, with an RMSE of {fitted_rmse:.2g} rad.",
+)
 
 # %%
 printed = 1e-6 * np.array([published.value(f"equation10.A{k}") for k in range(4)])
@@ -136,6 +141,12 @@ curves = {
 }
 residual = A_rps, difference["difference_rad"]
 figure12_simulated = paper.characteristic(curves, points, residual, "ours $-$ printed")
+workbook.show_figure(
+    "figure12_simulated",
+    figure12_simulated,
+    f"(a) The cubic through the peaks of our simulated joint at {peaks.size} backlashes, and equation 10 as "
+    f"printed. (b) Their difference is at most {largest_difference:.2g} rad, though their coefficients differ.",
+)
 
 # %%
 both = {"printed points": pd.Series(fitted), "simulated points": pd.Series(ours)}
@@ -196,6 +207,32 @@ arithmetic = characteristic.table_arithmetic()
 arithmetic
 
 # %% [markdown]
+# ### Numbers of the text
+#
+# What the text says in passing, and what the printed tables and equation give; the four blocks of the model are
+# counted in the text itself.
+
+# %%
+bounds = published.cells("Table 1").pivot(index="row", columns="column", values="value")
+encoder_step_rad = 2 * np.pi / 2 ** published.value("text.encoder_bits")
+of_text = {
+    "error_rad_small": errors["error_rad"].abs().iloc[0],
+    "error_rad_large": errors["error_rad"].abs().max(),
+    "levels": theoretical.size,
+    "delta_min": by_equation[0],
+    "delta_max": by_equation[-1],
+    "delta_step": np.diff(by_equation).mean(),
+    "encoder_step": encoder_step_rad,
+    "error_limit_percent": published.column("Table 2", "relative_error").max(),
+    "figure11_signals": theoretical.size,
+    "figure12_points": theoretical.size,
+    "parameters": (bounds["min"] < bounds["max"]).sum(),
+    "blocks": len(("motor with encoder", "transmission", "load", "control loops")),
+}
+text_cells = {f"text.{name}": number for name, number in of_text.items()}
+workbook.judge(text_cells)
+
+# %% [markdown]
 # ## Verdict
 #
 # The coefficients are judged to their printed digits, which only a cubic through the printed points can give. Those of
@@ -206,54 +243,28 @@ arithmetic
 error = errors["error_rad"].abs()
 A_rps = np.linspace(0, theoretical.max(), 1000)
 slope = np.gradient(polynomial(60 * A_rps, printed), A_rps).min()
-bits = published.value("text.encoder_bits")
-bounds = published.cells("Table 1").pivot(index="row", columns="column", values="value")
-free = bounds.index[bounds["min"] < bounds["max"]]  # of Table 1's parameters
-blocks = ("motor with encoder", "transmission", "load", "position and speed control loop")
-step = 2 * np.pi / 2**bits
-
-# %% tags=["plumbing", "verdict"]
 smallest = f"{error.iloc[0]:.2g} rad at {delta[0]:.0e} rad"
 largest = (
     f"the largest error is {error.max():.2g} rad, at {delta[error.idxmax()]:.1e} rad; the number of the text is read "
     "as an upper bound, and is not the largest error itself"
 )
 rising = f"the smallest slope over the range of the points is {slope:.2g} rad per rps"
-resolved = f"one step is 2 pi / 2^{bits:.0f} = {step:.3g} rad"
+resolved = f"one step of the encoder is {encoder_step_rad:.3g} rad"
 claims = {
     "error_rad_small": (published.decide("error_rad_small", error.iloc[0], criteria), smallest),
     "error_rad_large": (published.decide("error_rad_large", error.max(), criteria), largest),
     "monotone": (published.decide("monotone", slope, criteria), rising),
-    "encoder_step": (published.decide("encoder_step", step, criteria), resolved),
-}
-
-# %% tags=["plumbing"]
-cells = {f"equation10.A{k}": 1e6 * fitted[k] for k in range(4)} | {"equation10.rmse": fitted_rmse}
-cells |= {
-    f"{row.element.lower().replace(' ', '')}.row{row.row:02d}.relative_error": row.relative_error_percent
-    for row in arithmetic.itertuples()
-}
-cells |= {
-    "text.error_rad_small": error.iloc[0],
-    "text.error_rad_large": error.max(),
-    "text.levels": theoretical.size,
-    "text.delta_min": by_equation[0],
-    "text.delta_max": by_equation[-1],
-    "text.delta_step": np.diff(by_equation).mean(),
-    "text.encoder_step": step,
-    "text.error_limit_percent": published.column("Table 2", "relative_error").max(),
-    "text.figure11_signals": theoretical.size,
-    "text.figure12_points": theoretical.size,
-    "text.parameters": len(free),
-    "text.blocks": len(blocks),
-    "table2.row11.theoretical": 0.0,
+    "encoder_step": (published.decide("encoder_step", encoder_step_rad, criteria), resolved),
 }
 
 # %% tags=["plumbing", "verdict"]
-of_equation = workbook.judge(
-    {name: cells[name] for name in cells if name.startswith("equation10.A")}
-)
-agreeing = (of_equation["verdict"] == "agrees").sum()
+of_equation = {f"equation10.A{k}": 1e6 * fitted[k] for k in range(4)}
+by_table = arithmetic["element"].str.lower().str.replace(" ", "")
+ids = by_table + arithmetic["row"].map(".row{:02d}.relative_error".format)
+of_arithmetic = dict(zip(ids, arithmetic["relative_error_percent"], strict=True))
+cells = of_equation | of_arithmetic | text_cells
+cells |= {"equation10.rmse": fitted_rmse, "table2.row11.theoretical": 0.0}
+agreeing = (workbook.judge(of_equation)["verdict"] == "agrees").sum()
 off = np.abs(by_equation - delta).max()
 of_rows = (
     f"{keep.sum()} of {keep.size} printed points" if left_out else f"the {keep.size} printed points"
@@ -271,39 +282,12 @@ workbook.verdict(
 )
 
 # %% tags=["plumbing"]
-freedom = np.sqrt(delta.size / (delta.size - printed.size))
-rounded_rmse = np.sqrt(np.mean((by_equation - delta) ** 2))
 workbook.export(
     supplement={
-        "characteristic_difference": (
-            difference.iloc[::20],
-            "Our characteristic less equation 10.",
-        ),
-        "equation10_units": (units, "Equation 10 at the printed amplitudes, A in rpm and rps."),
+        "characteristic_difference": (difference.iloc[::20], "Our cubic less equation 10."),
+        "equation10_units": (units, "Equation 10 at the printed A, in rpm and rps."),
     },
-    facts={
-        "rmse10": (fitted_rmse, ".2e"),
-        "rmse10_of_freedom": (fitted_rmse * freedom, ".2e"),
-        "rmse10_rounded": (rounded_rmse, ".2e"),
-        "printed_rmse10": (printed_rmse, ".4e"),
-        "rmse10_ratio": (float(f"{fitted_rmse / printed_rmse:.1g}"), ".0f"),
-        "rounding_moves_A0": (rounding_moves[0], ".2f"),
-        "bound_small_ratio": (published.value("text.error_rad_small") / error.iloc[0], ".0f"),
-        "bound_large_ratio": (published.value("text.error_rad_large") / error.max(), ".1f"),
-        "largest_in_rps": (units["equation 10 with A in rps"].max(), ".1e"),
-    },
-    figures={
-        "figure12_characteristic": (
-            figure12,
-            f"(a) The cubic through {keep.sum()} printed points. (b) Its residuals, whose RMSE is "
-            f"{fitted_rmse:.2g} rad, {fitted_rmse / printed_rmse:.0f} times the printed one.",
-        ),
-        "figure12_simulated": (
-            figure12_simulated,
-            f"(a) The cubic through the peaks of our simulated joint at {peaks.size} backlashes, and equation 10 as "
-            f"printed. (b) Their difference is at most {largest_difference:.2g} rad, though their coefficients differ.",
-        ),
-    },
+    facts=table2_facts.of_equation10(fitted_rmse, rounding_moves, units, errors),
     cells=cells,
     claims=claims,
 )

@@ -17,15 +17,14 @@
 # %% [markdown]
 # # 7 · The search: Table 1's box and the protocol
 #
-# *You will take one generation of CMA-ES apart, equation by equation, and see what population, first step size and box
-# do to a run. Run time: 10 s. Before this: notebook [5](05_signature_figure6.ipynb).*
+# *You will take one generation of CMA-ES apart, and see what population, first step size and box do to a run. Run time:
+# 10 s. Before this: notebook [5](05_signature_figure6.ipynb).*
 #
 # ## Claim
 #
 # The signature is fitted by CMA-ES (covariance matrix adaptation evolution strategy) inside the box of Table 1, 30
 # times, on a record that begins at one of its first 100 samples, drawn at random (sections "Stochastic optimization
-# algorithm" and "Experimental evaluation"). Table 1 fixes $T_d$ = 0.204 s and $T_f$ = 0.408 s. CMA-ES is equations 12
-# to 17.
+# algorithm", "Experimental evaluation"). Table 1 fixes $T_d$ = 0.204 s and $T_f$ = 0.408 s.
 #
 # ## Method
 #
@@ -33,13 +32,11 @@
 # [signature](glossary.md#signature) that have the lowest RMSE (equations 7 and 11, notebook 5). CMA-ES (N. Hansen's
 # [tutorial](https://doi.org/10.48550/arXiv.1604.00772)) draws $\lambda$ *members* in a *generation*, ranks them by
 # their RMSE, the [misfit](glossary.md#misfit), and moves and reshapes the normal distribution that the next generation
-# is drawn from.
-# Equations 12 to 17 stand below, each beside the cell that computes it. `cmaes.py` is the same in 250 lines, with the
-# constants of the authors' library; notebook 18 shows that it reproduces their stored runs.
+# is drawn from. Equations 12 to 17 stand below, each beside its cell. `cmaes.py` has the same with the constants of the
+# authors' library, and reproduces their stored runs (notebook 18).
 #
-# The authors' notebook stores their [runs](glossary.md#run): the whole record, the box of $A$ widened
-# by 1.3, $T_d$ = 0.2 s and $T_f$ = 0.4 s, a population of 300 and at most 200 generations. That is `SearchSettings()`.
-# Notebook 15 asks whether Table 2 was printed with these settings.
+# The authors' notebook stores their [runs](glossary.md#run): the whole record, the box of $A$ widened by 1.3, $T_d$ =
+# 0.2 s and $T_f$ = 0.4 s, a population of 300 and at most 200 generations. That is `SearchSettings()`.
 
 # %%
 import math
@@ -51,7 +48,7 @@ import pandas as pd
 
 import workbook
 from replication import cmaes, sources, stopping, table2
-from replication.figures import searching
+from studies import search_plots
 from studies.replay import replay, table1
 from studies.replay.eigen import symmetric_eigen
 
@@ -87,9 +84,8 @@ workbook.check_parameters(**{name: (value, settings[name]) for name, value in bo
 #
 # ### One generation, step by step
 #
-# The record is the authors' clean record 12, the seed that of a stored run. `cmaes.generations` is the search, one
-# generation at a time, with the signs that eigenvectors had in 2021; its settings are `population`, `sigma` and `box`
-# above.
+# The record is the authors' clean record 12. `cmaes.generations` is the search, one generation at a time, with the
+# signs that eigenvectors had in 2021.
 
 # %%
 clean = sources.load_clean(12)
@@ -109,7 +105,12 @@ before, after, c = drawn.before, drawn.after, drawn.constants
 
 # %%
 shown, labels = [2, 3], ("$\\tau$ [1/s]", "$\\omega$ [rad/s]")
-one_generation = searching.one_generation(drawn, c.weights, bounds, shown, labels)
+workbook.show_figure(
+    "search_one_generation",
+    search_plots.one_generation(drawn, c.weights, bounds, shown, labels),
+    f"Generation {generation} in two of seven dimensions: (a) its {population} samples, (b) the new mean, to which "
+    "each of the better half adds by its weight, (c) the distribution of the next samples. Ellipses show 2 SD.",
+)
 
 # %% [markdown]
 # **Sampling.** The members $\mathbf x_k$ of the generation $g + 1$ are drawn from a normal distribution about the mean
@@ -121,7 +122,7 @@ one_generation = searching.one_generation(drawn, c.weights, bounds, shown, label
 # The eigenvectors $\mathbf B$ and lengths $\mathbf D$ of $\mathbf C = \mathbf B \mathbf D^2 \mathbf B^T$ turn standard
 # normal numbers $\mathbf z$ into such samples: $\mathbf x = \mathbf m + \sigma\,\mathbf B \mathbf D\,\mathbf z$. The
 # parameters have different units, so each is counted in a quarter of its box's width (`unit`). A sample beyond the box
-# is reflected into it. Then the misfits are computed and ranked; $\mathbf x_{i:\lambda}$ is the sample of rank $i$.
+# is reflected into it; $\mathbf x_{i:\lambda}$ is the sample of rank $i$.
 
 # %%
 normals = np.random.RandomState(seed).randn  # in the order of the stored runs
@@ -151,8 +152,8 @@ c.mu, c.mu_eff  # so many members make the mean, with weights worth so many equa
 # $$\mathbf p_\sigma^{(g+1)} = (1 - c_\sigma)\,\mathbf p_\sigma^{(g)} + \sqrt{c_\sigma (2 - c_\sigma)\,\mu_\text{eff}}
 # \;\mathbf C^{(g)\,-\frac 12}\,\frac{\mathbf m^{(g+1)} - \mathbf m^{(g)}}{\sigma^{(g)}} \tag{14}$$
 #
-# If the path is longer than that of a random walk, successive steps agree, and $\sigma$ grows; if it is shorter, they
-# cancel, and $\sigma$ shrinks. $d_\sigma$ damps it, and the quotient of Gamma functions (`chi_n`) is the mean length of
+# If the path is longer than that of a random walk, $\sigma$ grows; else it shrinks. $d_\sigma$
+# damps it, and the quotient of Gamma functions (`chi_n`) is the mean length of
 # a standard normal vector in $n$ = 7 dimensions:
 #
 # $$\sigma^{(g+1)} = \sigma^{(g)} \exp\left(\frac{c_\sigma}{d_\sigma} \left(\frac{\|\mathbf p_\sigma^{(g+1)}\|}
@@ -183,11 +184,11 @@ print(
 # \left(1 - \frac{1}{\mu_\text{cov}}\right) \sum_{i=1}^{\mu} w_i\,\text{OP}\left(\frac{\mathbf x_{i:\lambda}^{(g+1)} -
 # \mathbf m^{(g)}}{\sigma^{(g)}}\right) \tag{17}$$
 #
-# The path stretches $\mathbf C$ along the direction in which the mean keeps moving, with the rate $c_1 = c_\text{cov} /
-# \mu_\text{cov}$. The better half of the samples stretch it towards themselves, with the rate $c_\mu = c_\text{cov}
-# (1 - 1/\mu_\text{cov})$. In the authors' library the sum runs over all $\lambda$ members: the worse half has negative
-# weights and shrinks $\mathbf C$. $h_\sigma$ is 0, and $\mathbf p_c$ stalls, while $\mathbf p_\sigma$ is much too long;
-# $\delta(h_\sigma)$ makes up for what is lost by that.
+# The path stretches $\mathbf C$ along the direction in which the mean keeps moving, at the rate $c_1 = c_\text{cov} /
+# \mu_\text{cov}$, the better half of the samples towards themselves, at $c_\mu = c_\text{cov} (1 - 1/\mu_\text{cov})$.
+# In their library the sum runs over all $\lambda$ members: the worse half has negative weights and shrinks
+# $\mathbf C$. $h_\sigma$ is 0, and $\mathbf p_c$ stalls, while $\mathbf p_\sigma$ is much too long; $\delta(h_\sigma)$
+# makes up for what is lost by that.
 
 # %%
 fresh = 1 - (1 - c.c_sigma) ** (2 * (before.g + 1))
@@ -214,15 +215,19 @@ moved.assign(by_search_py=after.std)
 #
 # `stopping.search` follows the generations until a stop rule holds: `tolfun` says that all members have the same misfit
 # within 10⁻¹¹ rps, `tolconditioncov` that the ellipse is 10⁷ times as long as wide, `maxiter` that 200 generations are
-# made. Beside it stands the run with the authors' settings and the same seed, which for a stored seed is the stored
-# run. Predict first: does the misfit fall at a steady rate?
+# made. Beside it: the authors' settings, same seed. *Predict:* does the misfit fall at a
+# steady rate?
 
 # %%
 steps = list(islice(start(), protocol.iterations))
 found = stopping.search(iter(steps), protocol.iterations)
 best = found.history[:, 0]
 picked = [steps[g - 1].after for g in (1, 10, 20, 40, 60) if g <= best.size]
-whole_run = searching.run(picked, best, bounds, shown, labels)
+workbook.show_figure(
+    "search_run",
+    search_plots.run(picked, best, bounds, shown, labels),
+    f"(a) Mean and distribution (2 SD) after some of {best.size} generations, (b) their lowest misfit above the run's.",
+)
 
 # %%
 authors_protocol = table2.SearchSettings()
@@ -243,8 +248,8 @@ pd.DataFrame(ends, dtype=object)
 # %% [markdown]
 # ### Table 1, read from the stored runs
 #
-# Every sample depends on every bound: the first members are drawn about the middle of the box with a quarter of its
-# width as SD, and reflected at its ends. So `bounds_by_replay` tries each bound where Table 1 prints it and beside it,
+# Every sample depends on every bound: the first are drawn about the middle of the box with a quarter of its width as
+# SD, and reflected at its ends. So `bounds_by_replay` tries each bound where Table 1 prints it and beside it,
 # and counts how many of the 30 stored runs then give their stored first generation. Columns: shift divided by the width
 # of the bound.
 
@@ -253,12 +258,12 @@ tried = table1.bounds_by_replay(clean)
 tried.pivot(index="cell", columns="shift", values="replayed").loc[tried["cell"].unique()]
 
 # %% [markdown]
-# Twelve bounds are where they are printed: there all 30 stored runs replay; with a shift of 0.01 fewer do, mostly none
-# or one. The two of $A$ are not: the stored runs had 1.3 times the printed box, which their notebook's own comment
+# Twelve bounds are where they are printed: there all 30 stored runs replay; with a shift of 0.01 hardly any do. The two
+# of $A$ are not: the stored runs had 1.3 times the printed box, which their notebook's own comment
 # calls a later change. Which box printed Table 2 cannot be determined (notebook 15). The turn period is the lag at
-# which the record, after its first turn, differs least from itself; whether the printed 0.408 s is a misprint is not
-# proved, because a switched-off line of the authors' notebook has $T_d$ = 0.204 s too. `table1_cells` takes the bound
-# at which most runs replay; those of $A$, $t_0$ and $v_t$ are given as fractions of the record's range.
+# which the record differs least from itself; that the printed 0.408 s is a misprint is not proved, because a
+# switched-off line of the authors' notebook has $T_d$ = 0.204 s too. `table1_cells` takes the bound at which most runs
+# replay.
 
 # %%
 found_table1 = table1.table1_cells(clean, tried)
@@ -292,20 +297,6 @@ workbook.export(
         "iterations": authors_protocol.iterations,
         "T_f": (T_f, ".3f"),
         "printed_T_f": printed_T_f,
-    },
-    figures={
-        "search_one_generation": (
-            one_generation,
-            f"Generation {generation} of one run in two of its seven dimensions: (a) its {population} samples, (b) the "
-            "new mean, to which each sample of the better half adds by its weight, (c) the distribution of the next "
-            "samples. Ellipses show 2 SD; samples beyond the bounds are reflected.",
-        ),
-        "search_run": (
-            whole_run,
-            f"One run of {best.size} generations of {population} members: (a) mean and distribution (2 SD) after some "
-            "generations, in two of seven dimensions, (b) the lowest misfit of each generation above that of the run. "
-            "It falls slowly at first, then exponentially.",
-        ),
     },
     cells=found_table1.to_dict(),
 )

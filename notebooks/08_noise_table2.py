@@ -30,8 +30,8 @@
 # ## Method
 #
 # **Records.** The authors published five noisy [realisations](glossary.md#realisation) R of each of Table 2's ten
-# [levels](glossary.md#level); notebook 4 shows their noise. We drop the sign of $A$, because $(A, t_0)$ and
-# $(-A, t_0 \pm T_d)$ are the same signal. The last row is constant speed plus noise, and keeps it.
+# [levels](glossary.md#level); notebook 4 shows their noise. We drop the sign of $A$, because $(A, t_0)$ and $(-A, t_0
+# \pm T_d)$ are the same signal. The last row, pure noise, keeps it.
 #
 # **Basins.** Runs that end at nearly the same RMSE are in one [basin](glossary.md#basin). The
 # [best basin](glossary.md#best-basin) holds the runs whose RMSE follows the lowest one without a gap above 0.2 %. The
@@ -50,10 +50,10 @@
 # frequency, and descends from the best.
 #
 # **Prediction interval.** The paper gives neither the noise nor the search settings of Table 2. So we make its rows
-# again with noises of our own, under eight settings that may have been the paper's:
-# [notebook 15](beyond/15_protocols.ipynb) has them; their 320 realisations of each row, 40 under each of the settings,
-# are kept in `table2_realisations.csv`. Of $N$ means (or SDs) in a row, sorted, let $x_{(k)}$ be the $k$-th. One more
-# realisation lies in the [predictive region](glossary.md#predictive-region)
+# again with noises of our own, under eight settings that may have been the paper's (notebook
+# [15](beyond/15_protocols.ipynb)); their 320 realisations of each row, 40 under each, are kept. Of $N$ means (or SDs)
+# in a row, sorted, let $x_{(k)}$ be the $k$-th. One more realisation lies in the [predictive
+# region](glossary.md#predictive-region)
 #
 # $$[x_{(k)},\; x_{(N + 1 - k)}] \quad\text{with the probability}\quad 1 - \frac{2k}{N + 1},$$
 #
@@ -94,9 +94,8 @@ workbook.check_parameters(
     shown_level=(shown_level, range(3, 12)),
     criteria=(criteria, [("error_below_10", "local_minima")]),
 )
-workbook.check_parameters(
-    population=(settings.get("population", 300), workbook.Interval(4, 10000, whole=True))
-)
+population = dict(settings).get("population", 300)
+workbook.check_parameters(population=(population, workbook.Interval(4, 10000, whole=True)))
 
 # %% [markdown]
 # ## Result
@@ -152,14 +151,11 @@ def project(*others):  # A and v_t [rps] of the least misfit, and that misfit [r
 # %%
 best_run = shown.loc[misfit.idxmin()]
 t0, *others = best_run[["t0_s", "tau_per_s", "omega_rad_per_s", "T2_s", "T1_s"]]
-pd.DataFrame(
-    {"projected": project(t0, *others), "best run": [*best_run[["A_rps", "v_t_rps", "rmse_rps"]]]},
-    index=["A [rps]", "v_t [rps]", "RMSE [rps]"],
-).round(5)
+of_run = best_run[["A_rps", "v_t_rps", "rmse_rps"]].astype(float)
+pd.DataFrame({"projected": project(t0, *others), "best run": of_run}).round(5)
 
 # %% [markdown]
-# Now $t_0$ moves over one turn, and the window with it; damping, frequency and window length stay. *Predict:* how many
-# minima has the misfit?
+# Now $t_0$ moves over one turn, and the window with it; the others stay. *Predict:* how many minima has the misfit?
 
 # %%
 starts = np.linspace(0, leader.T_f, 401)
@@ -174,8 +170,8 @@ _ = axis.legend(fontsize=8)
 
 # %% [markdown]
 # Each minimum is the same oscillation, some periods early or late. The two lowest, half a turn apart, are one signal
-# but for its first half turn: the start shifts, and $A$ changes its sign. An end off the curve has another damping,
-# frequency or window. The runs on each record that end in its best basin, of thirty:
+# but for its first half turn. An end off the curve has another damping, frequency or window. The runs on each record
+# that end in its best basin, of thirty:
 
 # %%
 table = table2.table2(fits)
@@ -205,9 +201,8 @@ one, fit = (each[level_delta_rad(shown_level)] for each in (clean, own_fits))
 h, turn = signature(one.t, fit.X, table2.AUTHORS_SETTINGS.timing), slice(1000, 1200)
 _, axis = plt.subplots(figsize=(7, 3), layout="constrained")
 axis.plot(one.t[turn], one.v[turn] - 100, label=f"noise-free record, K = {shown_level}")
-axis.plot(
-    one.t[turn], h[turn] + fit.X[4] - 100, label=f"best signature, $|A|$ = {abs(fit.X[0]):.3f}"
-)
+label = f"best signature, $|A|$ = {fit.amplitude_rps:.3f}"
+axis.plot(one.t[turn], h[turn] + fit.X[4] - 100, label=label)
 axis.plot(one.t[turn], (one.v - h - fit.X[4])[turn], "k", linewidth=0.8, label="what it leaves")
 axis.set(xlabel="time [s]", ylabel="$v - 100$ [rps]")
 _ = axis.legend(fontsize=8)
@@ -236,13 +231,17 @@ for of, of_print, numbers in zip(protocols.NUMBERS, protocols.printed(), pooled,
 half_width = 50 * (regions["mean_high"] - regions["mean_low"]) / regions["mean"]
 sd_factor = regions["sd_high"] / regions["sd_low"]
 regions["theoretical"] = true_A.to_numpy()
-table2_amplitudes = paper.table2(regions)
-
-# %%
+workbook.show_figure(
+    "table2_amplitudes",
+    paper.table2(regions),
+    f"(a) Means and (b) SDs over {protocols.RUNS} runs. Bars: our 95 % prediction intervals, from {N} noises under "
+    f"{len(protocols.POOLED)} settings. Crosses: printed, hollow where the agreement is weak, orange where it differs. "
+    "Dashes: the theoretical A.",
+)
 regions.assign(half_width_percent=half_width, sd_high_over_low=sd_factor).round(4)
 
 # %% [markdown]
-# The SD depends on which few runs leave the best basin, so its interval is wide.
+# The SD depends on which few runs leave the best basin: its interval is wide.
 #
 # ## Verdict
 #
@@ -250,10 +249,6 @@ regions.assign(half_width_percent=half_width, sd_high_over_low=sd_factor).round(
 # about one falls outside by chance.
 
 # %% tags=["plumbing"]
-claims = {
-    "error_below_10": table2_claims.decide_error_below_10(fits, criteria),
-    "local_minima": table2_claims.decide_local_minima(table, criteria),
-}
 facts = table2_facts.of_table2(regions, table, N, level) | table2_facts.of_signature(own_error)
 inside = {
     of: regions[of].between(regions[f"{of}_low"], regions[f"{of}_high"]) for of in ("mean", "sd")
@@ -262,6 +257,10 @@ outside = ", ".join(map(str, regions.index[~inside["sd"]])) or "none"
 cells = protocols.numbers_by_setting(judging)
 
 # %% tags=["plumbing", "verdict"]
+claims = {
+    "error_below_10": table2_claims.decide_error_below_10(fits, criteria),
+    "local_minima": table2_claims.decide_local_minima(table, criteria),
+}
 found_best = table["best_basin_runs"].sum() / table["runs"].sum()
 workbook.verdict(
     f"{inside['mean'].sum()} of Table 2's {len(regions)} means agree (half-widths {half_width.min():.1f} to "
@@ -280,14 +279,6 @@ workbook.export(
     tables={"table2": table},
     supplement={"table2_runs": (fits, "Every run on the public noisy records of Table 2.")},
     facts=facts,
-    figures={
-        "table2_amplitudes": (
-            table2_amplitudes,
-            f"Table 2: (a) means and (b) SDs over {protocols.RUNS} runs. Bars: 95 % prediction intervals of ours, from "
-            f"{N} realisations of the noise under {len(protocols.POOLED)} settings. Crosses: printed, hollow where the "
-            "agreement is weak, orange where it differs. Dashes: the theoretical A.",
-        )
-    },
     cells=cells,
     claims=claims,
 )
@@ -318,15 +309,14 @@ print(f"{together:.4f} rps expected, {row_10:.4f} found, the noise alone {noise_
 # that would give the SD printed in row 10?
 
 # %% tags=["solution"]
-d = 0.3
-assert np.isclose(np.std([1.0] * 29 + [1.0 - d], ddof=1), d / np.sqrt(30))
+assert np.isclose(np.std([1.0] * 29 + [1.0 - 0.3], ddof=1), 0.3 / np.sqrt(30))  # d = 0.3
 distance = regions["sd"].loc[10] * np.sqrt(30)
 assert 0.1 < distance < 0.11
 print(f"{distance:.3f} rps, {100 * distance / regions['mean'].loc[10]:.0f} % of the printed mean")
 
 # %% [markdown]
-# **3.** A run ends in the best basin with the probability $p$. How many runs make it 99 % sure that at least one does?
-# Take $p$ = 1/3, as of the authors' 30 stored runs on the noise-free record 12 (notebook 5), and 0.84.
+# **3.** A run ends in the best basin with the probability $p$. How many runs make it 99 % sure that one does?
+# Take $p$ = 1/3 (the stored runs of notebook 5) and 0.84.
 
 # %% tags=["solution"]
 p = np.array([1 / 3, 0.84])

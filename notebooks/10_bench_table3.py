@@ -28,7 +28,7 @@
 #
 # On a real joint with [backlash](glossary.md#backlash) measured by hand, 30 [runs](glossary.md#run) each, the mean of
 # $A$ is within 9 % of its known value, at three states of wear (section "Testing on real-world data from the test
-# bench", Table 3). Notebook [13](beyond/13_readings_compared.ipynb) follows eight months of wear, notebook
+# bench", Table 3). Notebook
 # [19](beyond/19_friction.ipynb) has friction.
 #
 # ## Method
@@ -62,9 +62,9 @@ import pandas as pd
 import workbook
 from backlash.fitting.global_fit import global_fit
 from replication import published, standins
-from replication.figures import standins as drawings
 from replication.simulator.parameters import identified_joint
 from replication.simulator.simulate import simulate
+from studies import standin_plots
 
 # %% [markdown]
 # ## Parameters
@@ -139,7 +139,12 @@ signals = [
     ("motor speed\n[rps]", *speeds),
     ("motor torque\n[N m]", *(run.motor_torque_nm[shown] for run in runs)),
 ]
-figure10 = drawings.motions(time_s, signals)
+workbook.show_figure(
+    "figure10_bench_standin",
+    standin_plots.motions(time_s, signals),
+    "Two turns of the simulated joint and of a stand-in of the bench with friction, ripple and noise: (a) "
+    "motor position less the commanded one, (b) motor speed, (c) motor torque. The real logs are not public.",
+)
 
 # %% [markdown]
 # The ratios that the motion depends on. The drive's gains decide how long the ring lasts.
@@ -180,7 +185,12 @@ known
 # %%
 table = standins.fit_table3(bench, deltas_rad, bench_seed, repeats)
 population = standins.bench_population(global_fit, benches, deltas_rad, bench_seed, drawn_spread)
-table3_figure = drawings.table3(table, population)
+workbook.show_figure(
+    "table3_bench",
+    standin_plots.table3(table, population),
+    f"A of the stand-in bench (mean, SD of {repeats} runs) and Table 3's, side by side. Circles: {benches} other "
+    "benches, a log each.",
+)
 
 # %% [markdown]
 # Errors of $A$ in percent of the known one, and how many SDs of the population the printed error lies from its mean.
@@ -223,18 +233,6 @@ workbook.verdict(
 workbook.export(
     tables={"table3": table},
     supplement={"table3_population": (population, "A of other benches of one spread, a log each.")},
-    figures={
-        "figure10_bench_standin": (
-            figure10,
-            "Two turns of the simulated joint and of a stand-in of the bench with friction, ripple and noise: (a) "
-            "motor position less the commanded one, (b) motor speed, (c) motor torque. The real logs are not public.",
-        ),
-        "table3_bench": (
-            table3_figure,
-            f"A of the stand-in bench (mean, SD of {repeats} runs) and Table 3's, side by side. Circles: {benches} "
-            f"other benches, a log each; SD of their errors {errors['std'].min():.0f} to {errors['std'].max():.0f} %.",
-        ),
-    },
     cells=cells,
     claims=claims,
 )

@@ -64,7 +64,7 @@ import pandas as pd
 import workbook
 from backlash.fitting.global_fit import global_fit
 from replication import published, standins, table2
-from replication.figures import standins as drawings
+from studies import standin_plots
 
 # %% [markdown]
 # ## Parameters
@@ -144,7 +144,14 @@ curves = {
     f"couplings up to {100 * share:.0f} %": (each, area_under(each))
     for share, each in ((coupling, curve), (loud_coupling, loud_curve))
 }
-robots_figure = drawings.robots(population, curves, marks)
+workbook.show_figure(
+    "table4_robots",
+    standin_plots.robots(population, curves, marks),
+    f"(a) A of {robots_each} simulated healthy robots and {robots_each} with excessive backlash, one log each, "
+    "and three thresholds. (b) Rates of these thresholds, and of all others (curves), for couplings up to "
+    f"{100 * coupling:.3g} % of gravity and, with {loud_robots_each} robots of each kind, up to "
+    f"{100 * loud_coupling:.3g} %. Larger coupling torques leave a smaller area under the curve.",
+)
 
 # %%
 index = curve["detected"] - curve["false_alarms"]
@@ -222,7 +229,14 @@ sweep = standins.disturbed_healthy_joint(
     global_fit, frequencies, torque_shares, middle_gravity, spread.bench.noise_rps / 2, robot_seed
 )
 lines = {"printed robot B": printed_B, "best threshold of the robots": best["threshold_rps"]}
-disturbance_figure = drawings.robots_disturbance(sweep, lines, 1 / T_f)
+workbook.show_figure(
+    "table4_disturbance",
+    standin_plots.robots_disturbance(sweep, lines, 1 / T_f),
+    f"A fitted to a joint without backlash that one sinusoidal torque shakes, at each of {frequencies.size} "
+    f"frequencies and {len(torque_shares)} torques (shares of m g r); the legend's rps are the largest disturbance of "
+    "the speed. A peaks near the ring's frequency and at odd harmonics of the load's rotation. Lines: thresholds. "
+    "Crosses: A's interval contains zero, so that nothing is known of A.",
+)
 
 # %% [markdown]
 # The fitted $A$ [rps] at the harmonics of the load's turn, and how many of the twelve turns the fit uses; columns are
@@ -252,25 +266,6 @@ summary[percents] = by_torque[percents].mean()
 summary
 
 # %% [markdown]
-# Why does the smallest torque give the largest $A$ at the first frequency? There the fit follows the slow response to
-# gravity. The fifth harmonic bends that wave a little, and with growing torque the fit slides along a valley of the
-# misfit, to a lower frequency and a larger $A$, down to the box's lowest frequency, where $A$, damping and window trade
-# off; then another window fits better.
-
-# %%
-standins.disturbed_healthy_joint(
-    global_fit,
-    frequencies[:1],
-    [0.005, 0.01, 0.02, 0.03, 0.05],
-    middle_gravity,
-    spread.bench.noise_rps / 2,
-    robot_seed,
-).loc[:, "torque_share":"rmse_rps"]
-
-# %% [markdown]
-# The intervals of that valley contain zero: they say that nothing is known of $A$, the amplitude alone does not.
-
-# %% [markdown]
 # ## Verdict
 #
 # All numbers are those of stand-ins and test nothing.
@@ -296,24 +291,6 @@ workbook.export(
         "table4_population": (population, "A of robots, healthy and with excessive backlash."),
         "table4_thresholds": (marks, "Rates of three thresholds of A."),
         "table4_disturbance": (sweep, "A that a sinusoidal torque gives a joint without backlash."),
-    },
-    figures={
-        "table4_robots": (
-            robots_figure,
-            f"(a) A of {robots_each} simulated healthy robots and {robots_each} with excessive backlash, one log each, "
-            "and three thresholds. (b) Rates of these thresholds, and of all others (curves), for couplings up to "
-            f"{100 * coupling:.3g} % of gravity and, with {loud_robots_each} robots of each kind, up to "
-            f"{100 * loud_coupling:.3g} %. Larger coupling torques leave a smaller area under the curve.",
-        ),
-        "table4_disturbance": (
-            disturbance_figure,
-            "A fitted to a joint without backlash that one sinusoidal torque shakes, one log for each of "
-            f"{frequencies.size} frequencies and {len(torque_shares)} torques, shares of the gravity torque m g r. The "
-            "rps in the legend are the largest disturbance of the speed. A peaks near the ring's frequency and at odd "
-            "harmonics of the load's rotation; the horizontal lines are thresholds. Crosses: A's interval contains "
-            "zero. At the first frequency and torque, where the fit follows the slow response to gravity, it ends at "
-            f"{sweep['low_rps'][0]:.1f} and {sweep['high_rps'][0]:.1f} rps.",
-        ),
     },
     cells=cells,
 )

@@ -99,14 +99,6 @@ def write_protocols() -> None:
     write_csv(protocols.REALISATIONS, protocols.realise_all())
 
 
-def write_wear() -> None:
-    """Eight months of wear as each sensor reads them, into results/table3_wear.csv."""
-    os.environ.update(pinned_environment())
-    from studies import wear
-
-    write_csv(wear.KEPT, wear.follow_wear())
-
-
 STUDIES = {
     "calibrations": write_calibrations,
     "claims": write_claims,
@@ -117,7 +109,6 @@ STUDIES = {
     "population": write_population,
     "prediction": write_prediction,
     "protocols": write_protocols,
-    "wear": write_wear,
 }
 
 

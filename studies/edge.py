@@ -23,6 +23,16 @@ ALPHAS = (1e6, 1e5, 1e4, 1e3)
 DAMPING_RATIO = 0.05  # of the joint whose torque steps
 
 
+def misfit_facts(refitted: pd.DataFrame) -> dict[str, tuple[float, str]]:
+    """What texts say of two of the edges of `refit_alphas`: their sharpness [1/rad] and misfit [%]."""
+    misfit = 100 * refitted.set_index("alpha_per_rad")["nrmse"]
+    return {
+        "alpha_misfit": (misfit[1e5], ".1f"),
+        "softer_alpha": (1e4, ".0e"),
+        "softer_misfit": (misfit[1e4], ".1f"),
+    }
+
+
 def refit_alphas() -> pd.DataFrame:
     """Identify the joint anew at each of `ALPHAS`: misfit, misfit with the joint's own ratios, new ratios."""
     records = load_clean_records(FIT_LEVELS)

@@ -8,8 +8,6 @@ from matplotlib.figure import Figure
 from pandas import DataFrame
 from scipy import stats
 
-from replication.arrays import FloatArray
-from replication.figures.standins import COLOURS, MARKERS
 from replication.figures.style import (
     BACKLASH_LABEL,
     BLUE,
@@ -25,12 +23,6 @@ from replication.figures.style import (
     in_style,
 )
 from studies.population import NORMAL_95
-
-
-def _arms(table: DataFrame, middle: str, low: str, high: str) -> FloatArray:
-    """Arms of error bars from a middle to its limits, shape (2, rows)."""
-    return np.abs(table[[low, high]].to_numpy().T - table[middle].to_numpy())
-
 
 # A method has one colour and one mark in every figure, a bound its line.
 _OF_BOUND: Style = {"color": INK, "linewidth": 1}
@@ -109,38 +101,3 @@ def population_errors(rows: DataFrame, populations: Mapping[str, str]) -> Figure
     axes[-1, 0].set_xlabel(f"true {BACKLASH_LABEL}")
     axes[-1, 1].set_xlabel("error over stated SD [-]")
     return finish(figure, 3)
-
-
-@in_style
-def wear(tests: DataFrame, limit_rad: float) -> Figure:
-    """Show one bench's eight months as each sensor reads them, and the alarm delays on all benches."""
-    figure, axes = grid(3, 2, height_in=6.0)
-    *panels, last, spare = axes.flat
-    spare.remove()
-    shown = tests[tests["bench"] == 0]
-    truth = shown.drop_duplicates("day")
-    sensors = shown.groupby("sensor", sort=False)
-    for axis, letter, (name, part), marker, colour in zip(
-        panels, "abcd", sensors, MARKERS, COLOURS, strict=False
-    ):
-        axis.plot(
-            truth["day"], 1e4 * truth["delta_rad"], color=INK, linewidth=1, label="true backlash"
-        )
-        axis.axhline(1e4 * limit_rad, color="0.5", linestyle="--", linewidth=1, label="limit")
-        estimates = 1e4 * part[["estimate_rad", "low_rad", "high_rad"]]
-        arms = _arms(estimates, *estimates)
-        style = {"marker": marker, "color": colour, "linestyle": "none"}
-        middle = estimates["estimate_rad"].to_numpy()
-        axis.errorbar(part["day"], middle, arms, capsize=2, **style)
-        axis.axvline(part["call_day"].iloc[0], color=INK, linestyle=":", label="alarm")
-        each = tests[tests["sensor"] == name].drop_duplicates("bench")
-        delay = each["call_day"] - each["truth_day"]
-        row = f"({letter}) {delay.count()} of {delay.size}"
-        last.plot(delay, delay.size * [row], alpha=0.7, **style)
-        axis.set(xlabel="time [days]", ylabel=BACKLASH_LABEL, title=textwrap.fill(name, 30))
-        axis.sharey(panels[0])
-    last.axvspan(0, truth["day"].diff().max(), color="0.9", label="alarm of a perfect sensor")
-    last.set(xlabel="alarm delay [days]", ylabel="benches with an alarm [-]")
-    last.margins(y=0.12)
-    last.invert_yaxis()
-    return finish(figure, 4)

@@ -10,6 +10,7 @@ from contextlib import suppress
 from functools import partial
 from itertools import product
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from pandas import DataFrame, Series
@@ -163,6 +164,19 @@ def spread_shares(rows: DataFrame) -> DataFrame:
 
     shares = share.groupby(answered["method"], sort=False).agg(quantile)
     return shares.rename("share_95").reset_index()
+
+
+def criteria_facts(judged: DataFrame) -> dict[str, Any]:
+    """What texts say of the criteria, as `against_criteria` judged them."""
+    missed = [
+        f"{row.population}: {row.figure} {row.measured:.4g}, not {row.bar}".replace("_", " ")
+        for row in judged[~judged["met"]].itertuples()
+    ]
+    return {
+        "self_criteria": len(judged),
+        "self_met": judged["met"].sum(),
+        "self_failed": "; ".join(missed),
+    }
 
 
 def against_criteria(table: DataFrame) -> DataFrame:

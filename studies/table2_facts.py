@@ -1,4 +1,4 @@
-"""Numbers on Table 2 that texts name in braces, as `workbook.export` takes them."""
+"""Numbers on Table 2 and equation 10 that texts name in braces, as `workbook.export` takes them."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -6,11 +6,33 @@ from typing import Any
 import numpy as np
 from pandas import DataFrame, Series
 
+from replication import published
 from replication.arrays import FloatArray
 from replication.table2 import error_percent
 from studies.replay import AGREE_RPS, protocols
 
 Facts = dict[str, Any]
+
+
+def of_equation10(
+    fitted_rmse: float, rounding_moves: FloatArray, units: DataFrame, errors: DataFrame
+) -> Facts:
+    """Of the cubic through the printed points, and of equation 10 at them, as notebook 6 has both."""
+    n, unknowns = len(units), rounding_moves.size
+    off = units["equation 10 with A in rpm"] - units["delta_rad"]
+    error = errors["error_rad"].abs()
+    printed_rmse = published.value("equation10.rmse")
+    return {
+        "rmse10": (fitted_rmse, ".2e"),
+        "rmse10_of_freedom": (fitted_rmse * np.sqrt(n / (n - unknowns)), ".2e"),
+        "rmse10_rounded": (np.sqrt(np.mean(off**2)), ".2e"),
+        "printed_rmse10": (printed_rmse, ".4e"),
+        "rmse10_ratio": (float(f"{fitted_rmse / printed_rmse:.1g}"), ".0f"),
+        "rounding_moves_A0": (rounding_moves[0], ".2f"),
+        "bound_small_ratio": (published.value("text.error_rad_small") / error.iloc[0], ".0f"),
+        "bound_large_ratio": (published.value("text.error_rad_large") / error.max(), ".1f"),
+        "largest_in_rps": (units["equation 10 with A in rps"].max(), ".1e"),
+    }
 
 
 def of_table2(regions: DataFrame, table: DataFrame, realisations: int, level: float) -> Facts:

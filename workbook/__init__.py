@@ -18,6 +18,7 @@ _HOMES = {
     "export": "changes",
     "judge": "judging",
     "plain_animation": "report.animation",
+    "show_figure": "outcomes",
     "sliders": "parameters",
     "verdict": "changes",
 }

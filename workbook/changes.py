@@ -31,15 +31,6 @@ class Decision(NamedTuple):
     chance: bool = True  # whether it depends on how often something was repeated
 
 
-class Sentence(str):
-    """A text that a notebook shows as Markdown, and a terminal as it is."""
-
-    __repr__ = str.__str__
-
-    def _repr_markdown_(self) -> str:
-        return str(self)
-
-
 def verdict(
     text: str, cells: outcomes.Cells | None = None, claims: outcomes.Claims | None = None
 ) -> None:
@@ -52,7 +43,7 @@ def verdict(
 
         display(judging.judge(cells, claims))
     changed = " and ".join(f"`{name} = {now}` ({was})" for name, now, was in changed_parameters())
-    display(Sentence(f"**With {changed}:** {text}" if changed else text))
+    display(outcomes.Sentence(f"**With {changed}:** {text}" if changed else text))
 
 
 def changed_parameters() -> list[tuple[str, str, str]]:
@@ -84,7 +75,7 @@ def _show_changes(name: str, outcome: Mapping[str, Any]) -> None:
     lines = sort_changes(_changes(name, outcome, _decisions(*kept), repeats=True))
     listed = "".join(f"\n- {line}" for line in lines)
     changed = f"against the committed run:\n{listed}" if lines else "nothing"
-    display(Sentence(f"**What changed:** {changed}"))
+    display(outcomes.Sentence(f"**What changed:** {changed}"))
 
 
 def committed_table(name: str, root: Path = ROOT) -> pd.DataFrame:

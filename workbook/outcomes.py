@@ -32,10 +32,23 @@ Cells = Mapping[str, Numbers]
 Claims = Mapping[str, tuple[bool | None, str]]
 Facts = Mapping[str, str | int | tuple[Any, str]]
 
+FIGURE = (
+    "figure"  # what an output's metadata names: the figure that it shows, or whose caption it is
+)
+
 # Of a notebook that exports nothing.
 EMPTY: dict[str, Any] = {
     part: {} for part in ("cells", "claims", "facts", "figures", "supplement", "files")
 }
+
+
+class Sentence(str):
+    """A text that a notebook shows as Markdown, and a terminal as it is."""
+
+    __repr__ = str.__str__
+
+    def _repr_markdown_(self) -> str:
+        return str(self)
 
 
 def output_folder() -> Path:
@@ -51,7 +64,6 @@ def notebook_name() -> str:
 
 def export(
     tables: Mapping[str, pd.DataFrame] | None = None,
-    figures: "Mapping[str, tuple[Figure, str]] | None" = None,
     cells: Cells | None = None,
     claims: Claims | None = None,
     facts: Facts | None = None,
@@ -60,15 +72,10 @@ def export(
 ) -> dict[str, Any]:
     """Write what a notebook found, without what differs between runs; called once, at its end; return the outcome.
 
-    By hand no figure is written: it stands in the notebook, and takes seconds.
-
     Parameters
     ----------
     tables : mapping of str to DataFrame
         Tables by name that a text, a page or another notebook reads.
-    figures : mapping of str to (Figure, str)
-        Figures with captions. A name such as `figure12_...` or `table2_...` says which element of
-        the paper it belongs to.
     cells, claims : mappings
         Our numbers and decisions, as `judging.judge` takes them.
     facts : mapping of str to str, int or (number or numbers, str)
@@ -81,10 +88,8 @@ def export(
         What a page draws, such as `replay_explorer`, by the page's name.
     """
     results = output_folder() / "results"
-    note = results / "outcomes" / f"{notebook_name()}.json"
-    if "REPLICATION_OUT" not in os.environ:
-        figures = {}
-    elif note.exists():
+    before = _noted()
+    if "files" in before:
         raise RuntimeError("workbook.export is called again: one closing cell exports everything")
     written = {f"{name}.csv": table for name, table in (tables or {}).items()}
     written |= {f"supplement/{name}.csv": table for name, (table, _) in (supplement or {}).items()}
@@ -97,23 +102,49 @@ def export(
         "cells": cell_rows(cells or {}),
         "claims": claim_rows(claims or {}),
         "facts": _fact_texts(facts or {}),
-        "figures": {name: _save(name, *figure) for name, figure in (figures or {}).items()},
+        "figures": before.get("figures", {}),
         "supplement": {name: sentence for name, (_, sentence) in (supplement or {}).items()},
         "files": [*written, *drawn],
     }
-    write_json(note, outcome)
+    write_json(_note(), outcome)
     return outcome
 
 
-def _save(name: str, figure: "Figure", caption: str) -> dict[str, str]:
-    """Write a figure; return what the report says of it."""
+def show_figure(name: str, figure: "Figure", caption: str) -> None:
+    """Show a figure with its caption, and write it for the report.
+
+    A name such as `figure12_...` or `table2_...` says which element of the paper it belongs to. By
+    hand nothing is written: that takes seconds.
+    """
+    from IPython.display import display
+    from matplotlib import pyplot as plt
+
     from replication.figures import style
 
+    plt.close(figure)  # so that the end of the cell does not show it again
+    display(figure, metadata={FIGURE: name})
+    display(Sentence(caption), metadata={FIGURE: name})
+    if "REPLICATION_OUT" not in os.environ:
+        return
     mark = "simulated records" if records_are_simulated() else ""
     if os.environ.get("REPLICATION_QUICK") == "1":
         mark = "quick run"
     style.save(figure, output_folder() / "figures", name, mark)
-    return {"caption": caption, "axes": style.description(figure)}
+    before = _noted()
+    about = {name: {"caption": caption, "axes": style.description(figure)}}
+    write_json(_note(), before | {"figures": before.get("figures", {}) | about})
+
+
+def _note() -> Path:
+    """File of the outcome of the notebook that runs."""
+    return output_folder() / "results" / "outcomes" / f"{notebook_name()}.json"
+
+
+def _noted() -> dict[str, Any]:
+    """What a run has noted of its outcome; one by hand begins anew."""
+    if "REPLICATION_OUT" not in os.environ or not _note().exists():
+        return {}
+    return json.loads(_note().read_text(encoding="utf-8"))
 
 
 def cell_rows(cells: Cells) -> list[dict[str, Any]]:

@@ -176,10 +176,15 @@ own = calibration.fit_calibration(known_logs, known_rad, method)
 ours = settings_for(form, own)
 calibrated = answer(log(backlash_rad, 0), ours)
 print(str(calibrated.estimate))
-log_figure = plots.estimate_figure(
-    calibrated.fitted.recording,
-    calibrated.fitted.model_rps,
-    "your joint, the waveform of its backlash",
+workbook.show_figure(
+    "own_joint_log",
+    plots.estimate_figure(
+        calibrated.fitted.recording,
+        calibrated.fitted.model_rps,
+        "your joint, the waveform of its backlash",
+    ),
+    f"(a) Three of the {log_turns} turns of one log of a simulated joint, with the model that its own "
+    "calibration fits. (b) Residual of the whole log.",
 )
 
 # %% [markdown]
@@ -225,6 +230,12 @@ logs = [answer(log(delta, 300 + k), ours).estimate for k, delta in enumerate(wor
 line = trend_line.fit_trend(fleet.as_table(logs), dates, limit_rad)
 print(line)
 trend_figure = plots.trend_figure(line)
+workbook.show_figure(
+    "own_joint_trend",
+    trend_figure,
+    f"Estimates of {len(logs)} dated logs of one simulated joint, the line through them, and the time at which "
+    "it crosses the limit, each with its 95 % interval.",
+)
 
 # %% [markdown]
 # ### What it refuses
@@ -268,19 +279,7 @@ workbook.verdict(
 
 # %% tags=["plumbing"]
 workbook.export(
-    supplement={"own_joint": (table, "Estimates with its own and the paper's calibration.")},
-    figures={
-        "own_joint_log": (
-            log_figure,
-            f"(a) Three of the {log_turns} turns of one log of a simulated joint, with the model that its own "
-            "calibration fits. (b) Residual of the whole log.",
-        ),
-        "own_joint_trend": (
-            trend_figure,
-            f"Estimates of {len(logs)} dated logs of one simulated joint, the line through them, and the time at which "
-            "it crosses the limit, each with its 95 % interval.",
-        ),
-    },
+    supplement={"own_joint": (table, "Estimates with its own and the paper's calibration.")}
 )
 
 # %% [markdown]

@@ -303,7 +303,6 @@ workbook.verdict(
 )
 
 # %% tags=["plumbing"]
-misfit = 100 * alphas.set_index("alpha_per_rad")["nrmse"]
 workbook.export(
     supplement={
         "claims_printed": (errors, "The printed errors of A and the ratio of noise to A."),
@@ -311,10 +310,8 @@ workbook.export(
         "claims_stepping_torque": (stepping, "Errors of a plain integration of two dead zones."),
     },
     claims=claims,
-    facts={
-        "alpha_misfit": (misfit[1e5], ".1f"),
-        "softer_alpha": (1e4, ".0e"),
-        "softer_misfit": (misfit[1e4], ".1f"),
+    facts=edge.misfit_facts(alphas)
+    | {
         "last_sd": (published.value("table2.row11.sd") ** 0.5, ".3f"),
         "noise_share": (100 * errors["noise_over_A"], ".0f"),
     },

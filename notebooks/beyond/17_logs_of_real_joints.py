@@ -160,20 +160,9 @@ workbook.verdict(
 )
 
 # %% tags=["plumbing"]
-of_robots = table["make"] == "Universal Robots"
-no_gravity = table["reason"].str.contains("shows no gravity") & of_robots
-by_torque = lost[lost.index.get_level_values(-1) == "sign of torque"]
 workbook.export(
-    facts={
-        "hardware_logs": len(table),
-        "hardware_joints": joints,
-        "hardware_makes": len(makes),
-        "hardware_blind": blind,
-        "hardware_largest": (largest_mrad, "g"),
-        "hardware_turn_off": (turns["off_percent"].max(), ".1g"),
-        "hardware_no_gravity": int(no_gravity.sum()),
-        "hardware_lost_mrad": (1e3 * by_torque.abs().max(axis=1).to_numpy(), ".2g"),
-    },
+    facts=hardware.facts(table, twins, limits, lost)
+    | {"hardware_turn_off": (turns["off_percent"].max(), ".1g")},
     supplement={
         "hardware_answers": (table.reset_index(), "Public logs of real joints: the answers."),
         "hardware_limits": (limits.reset_index(names="log"), "What their twins would have shown."),

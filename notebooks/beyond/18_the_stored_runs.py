@@ -82,7 +82,13 @@ workbook.check_parameters(
 record = sources.load_clean(12)
 made = replay.replay_stored_runs(record)
 compared, ended = replay.compare_generations(made), replay.compare_ends(made)
-replay_figure = plots.replay(compared, ended, replay.AGREE_RPS)
+workbook.show_figure(
+    "replay_differences",
+    plots.replay(compared, ended, replay.AGREE_RPS),
+    f"The lowest misfits of the replayed runs against the stored ones: (a) {len(compared)} printed generations of "
+    f"{compared['run'].nunique()} runs, of which the named ones diverge temporarily, (b) the ends of all {len(ended)} "
+    f"runs. The limit of agreement is {replay.AGREE_RPS:.0e} rps; 0 is drawn at {plots.SMALLEST_RPS:.0e} rps.",
+)
 
 # %%
 agreeing = compared.loc[compared["difference_rps"] < replay.AGREE_RPS, "difference_rps"]
@@ -207,16 +213,6 @@ workbook.export(
     pages={"replay_explorer": explorer},
     facts=table2_facts.of_replay(compared, ended, stored_basins)
     | table2_facts.of_versions(of_seeds, today),
-    figures={
-        "replay_differences": (
-            replay_figure,
-            f"The lowest misfits of the replayed runs against the stored ones. (a) Of {len(compared)} printed "
-            f"generations of {compared['run'].nunique()} runs {agreeing.size} agree within {agreeing.max():.0e} rps; "
-            "the others belong to the named runs, which diverge temporarily. (b) Of the ends of all "
-            f"{len(ended)} runs {same_end.sum()} agree. The limit of agreement is {replay.AGREE_RPS:.0e} rps; a "
-            f"difference of 0 is drawn at {plots.SMALLEST_RPS:.0e} rps.",
-        )
-    },
 )
 
 # %% [markdown]

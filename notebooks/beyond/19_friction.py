@@ -55,9 +55,9 @@ from matplotlib import pyplot as plt
 import workbook
 from backlash.fitting.global_fit import global_fit
 from replication import published, standins
-from replication.figures import standins as drawings
 from replication.simulator.parameters import identified_joint
 from replication.simulator.simulate import simulate
+from studies import standin_plots
 
 # %% [markdown]
 # ## Parameters
@@ -154,7 +154,14 @@ for share in shares:
 
 # %%
 friction = friction.join(pd.DataFrame(rows))
-friction_figure = drawings.load_friction(logs, friction)
+workbook.show_figure(
+    "table3_friction",
+    standin_plots.load_friction(logs, friction),
+    f"(a) A fitted to {len(logs) // len(shares)} simulated logs without noise at each of {len(shares)} shares of "
+    "Coulomb friction on the load. (b) The signature can fit no more of the speed's variance than what repeats with "
+    "opposite sign half a turn later. Open circles: the fit explains less than half of the variance, and A is not the "
+    "amplitude of these oscillations.",
+)
 friction
 
 # %% [markdown]
@@ -200,17 +207,6 @@ workbook.export(
     facts={
         "friction_share": (100 * at_2_percent["friction_share"], ".0f"),
         "friction_change": (abs(at_2_percent["change_percent"]), ".0f"),
-    },
-    figures={
-        "table3_friction": (
-            friction_figure,
-            f"(a) A fitted to {len(logs) // len(shares)} simulated logs without noise at each of {len(shares)} shares "
-            f"of Coulomb friction on the load: {judged_text}. (b) The signature can fit no more of the speed's "
-            "variance than what repeats with opposite sign half a turn later: least, "
-            f"{least['opposite_percent']:.0f} %, at {100 * least['friction_share']:.3g} % of gravity, where the two "
-            "oscillations of a turn cancel most. Open circles: the fit explains less than half of the variance, and A "
-            "is not the amplitude of these oscillations.",
-        )
     },
     claims=claims,
 )

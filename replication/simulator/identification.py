@@ -151,15 +151,3 @@ def identify_lead(records: Records, parameters: JointParameters, leads_s: Iterab
         return max(errors)
 
     return min(leads_s, key=worst_first_turn)
-
-
-def profile_ratio(
-    name: str, factors: Iterable[float], records: Records, best: JointParameters
-) -> pd.DataFrame:
-    """Profile of the misfit along one ratio: the others are fitted anew at each value."""
-    rows = []
-    for factor in tqdm(list(factors), desc=f"profile of {name}"):
-        start = with_ratios(best, {name: best.ratios[name] * factor})
-        fit = identify_joint(records, start, held={name, *HELD})
-        rows.append((factor, start.ratios[name], math.sqrt(fit.mean_square)))
-    return pd.DataFrame(rows, columns=["factor", "value", "nrmse"])

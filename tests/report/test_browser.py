@@ -132,3 +132,27 @@ def test_the_first_notebook_opened_unrun_in_jupyterlab_shows_joint_slider_and_cu
     assert curves.count() > 0
     assert page.get_by_text("get notified about official Jupyter news").count() == 0
     page.close()
+
+
+def test_two_views_of_the_first_notebook_show_a_slider_each_that_moves_its_own_picture(
+    browser, jupyterlab
+):
+    page = browser.new_page()
+    page.goto(f"{jupyterlab}/tree/00_the_sensor.ipynb?token=test")
+    sliders = page.locator(".jp-OutputArea label:has-text('backlash') input[type=range]")
+    sliders.first.wait_for(timeout=60_000)
+    in_one = sliders.count()
+    page.get_by_text("File", exact=True).first.click()
+    page.get_by_text("New View for Notebook").click()
+    views = page.locator(".jp-NotebookPanel")
+    views.nth(1).wait_for(timeout=60_000)
+    for view, tenths_of_mrad in zip(views.all(), ("20", "5"), strict=True):
+        own = view.locator(".jp-OutputArea label:has-text('backlash') input[type=range]")
+        own.first.wait_for(state="attached", timeout=60_000)
+        assert own.count() == in_one
+        move = "(slider, to) => { slider.value = to; slider.dispatchEvent(new Event('input')) }"
+        own.first.evaluate(move, tenths_of_mrad)
+    said = [view.locator(".jp-OutputArea output").first.text_content() for view in views.all()]
+    assert "2.0 mrad" in said[0]
+    assert "0.5 mrad" in said[1]
+    page.close()

@@ -1,24 +1,13 @@
-import os
-import subprocess
-import sys
 from dataclasses import replace
 
 import numpy as np
-import pandas as pd
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
-from backlash.calibration import default_calibration
 from backlash.fitting.global_fit import global_fit
 from replication import characteristic, published, standins
-from replication.files import ROOT
-from replication.processors import pinned_environment
 from replication.simulator.parameters import TURN, Disturbance, JointParameters, identified_joint
 from replication.simulator.simulate import simulate
-from studies import wear as wear_study
-from studies.wear import Wear, draw_wear
 
 DELTA = 10e-4
 
@@ -160,51 +149,6 @@ def test_friction_on_the_load_takes_amplitude_away(joint):
     amplitude = standins.fitted_logs(global_fit, cases, [(1, 0)] * len(cases))["A_rps"]
     assert amplitude.is_monotonic_decreasing
     assert amplitude.iloc[-1] < 0.8 * amplitude.iloc[0]
-
-
-# Wear
-
-
-@given(st.integers(0, 1000), st.floats(3e-4, 20e-4))
-def test_a_drawn_wear_grows_and_crosses_its_limit_within_the_eight_months(seed, limit):
-    wear = draw_wear(np.random.default_rng(seed), limit)
-    day = wear.crossing_day(limit)
-    assert 0 < day < wear.duration_days
-    assert wear.backlash_rad(day) == pytest.approx(limit, rel=1e-9)
-    assert (np.diff(wear.backlash_rad(wear.test_days)) > 0).all()
-
-
-def test_worn_benches_are_called_for_at_the_right_test_by_their_calibration_or_by_their_logs_alone(
-    joint,
-):
-    wear = Wear(4e-4, 16e-4, 1.0, interval_days=80.0)
-    tests = wear_study.wear_tests(
-        [standins.Bench(joint, 0.0, 0.0), standins.draw_bench(np.random.default_rng(5))],
-        [wear, wear],
-        {"amplitude": default_calibration("amplitude")},
-        11e-4,
-        seed=1,
-    )
-    for bench, sensor in enumerate(["amplitude", "self-calibrating"]):
-        found = tests[(tests["bench"] == bench) & (tests["sensor"] == sensor)]
-        assert found["day"].tolist() == [0, 80, 160, 240]
-        assert (found["call_day"] == 160).all()
-        assert found["truth_day"].iloc[0] == pytest.approx(140)
-        np.testing.assert_allclose(found["estimate_rad"], found["delta_rad"], atol=1.2e-4)
-
-
-@pytest.mark.slow
-def test_the_kept_wear_is_what_its_study_gives(tmp_path):
-    kept = pd.read_csv(wear_study.KEPT)
-    code = "import sys; from studies import wear; wear.follow_wear().to_csv(sys.argv[1])"
-    # As the study was made: a search goes another way where the last bit differs.
-    pinned = os.environ | pinned_environment()
-    command = [sys.executable, "-c", code, str(tmp_path / "wear.csv")]
-    subprocess.run(command, check=True, env=pinned, cwd=ROOT)
-    again = pd.read_csv(tmp_path / "wear.csv")
-    assert again["sensor"].tolist() == kept["sensor"].tolist()
-    numbers = ["delta_rad", "A_rps", "estimate_rad", "truth_day", "call_day"]
-    np.testing.assert_allclose(again[numbers], kept[numbers], rtol=1e-5)
 
 
 # Robots

@@ -1,6 +1,5 @@
 """Every executed notebook as a page for a browser: no script, no network, light, and linked."""
 
-import ast
 import base64
 import html
 import json
@@ -20,6 +19,7 @@ from nbformat.v4 import new_markdown_cell
 from replication import published
 from workbook import judging
 from workbook.checkout import NOTEBOOKS, notebook_files
+from workbook.outcomes import FIGURE
 from workbook.report import TEMPLATES
 from workbook.report.cells import notebook_source
 from workbook.report.figures import Picture, load_pictures, reduce_png
@@ -176,20 +176,24 @@ def cell_anchors(cells: Notebook) -> list[str]:
 def _page_cells(cells: Notebook, source: str, pictures: list[Picture]) -> Iterator[dict]:
     """A notebook's cells as HTML, but for plumbing; a figure stands under the cell that draws it."""
     highlight = Highlight2HTML(pygments_lexer="python3")
-    drawn = drawing_cells(cells)
-    for position, (cell, anchor) in enumerate(zip(cells, cell_anchors(cells), strict=True)):
+    for cell, anchor in zip(cells, cell_anchors(cells), strict=True):
         tags = cell.metadata.get("tags", [])
         if cell.cell_type == "markdown":
             body = render_markdown(cell.source, source)
             yield {"anchor": anchor, "kind": "markdown", "body": body}
         elif cell.cell_type == "code" and ("plumbing" not in tags or _says(cell)):
-            own = [picture for picture in pictures if drawn.get(picture.name) == position]
-            outputs = [_render_output(output, bool(own), source) for output in cell.outputs]
+            named = [output.get("metadata", {}).get(FIGURE) for output in cell.outputs]
+            own = [picture for picture in pictures if picture.name in named]
+            outputs = [
+                _render_output(output, source)
+                for output, name in zip(cell.outputs, named, strict=True)
+                if not name
+            ]
             yield {
                 "anchor": anchor,
                 "kind": "solution" if "solution" in tags else "code",
                 "body": "" if "plumbing" in tags else UNCOLOURED.sub(r"\1", highlight(cell.source)),
-                "outputs": list(filter(None, outputs)),
+                "outputs": outputs,
                 "pictures": own,
             }
 
@@ -199,34 +203,12 @@ def _says(cell: nbformat.NotebookNode) -> bool:
     return any("text/markdown" in output.get("data", {}) for output in cell.outputs)
 
 
-def drawing_cells(cells: Notebook) -> dict[str, int]:
-    """Position of the last cell that assigns each figure that the notebook exports, by its name."""
-    trees = [ast.parse(cell.source if cell.cell_type == "code" else "") for cell in cells]
-    nodes = [(position, node) for position, tree in enumerate(trees) for node in ast.walk(tree)]
-    assigned = {
-        node.id: position
-        for position, node in nodes
-        if isinstance(node, ast.Name) and isinstance(node.ctx, ast.Store)
-    }
-    named = {
-        ast.literal_eval(key): ast.unparse(drawn).partition(",")[0].strip("(")
-        for _, node in nodes
-        if isinstance(node, ast.keyword) and node.arg == "figures"
-        if isinstance(node.value, ast.Dict)
-        for key, drawn in zip(node.value.keys, node.value.values, strict=True)
-        if key
-    }
-    return {name: assigned[variable] for name, variable in named.items()}
-
-
-def _render_output(output: nbformat.NotebookNode, has_picture: bool, source: str) -> str:
-    """An output as HTML; nothing for a drawing that stands there as an exported figure."""
+def _render_output(output: nbformat.NotebookNode, source: str) -> str:
+    """An output as HTML."""
     if output.output_type == "stream":
         return f"<pre>{ansi2html(output.text)}</pre>"
     data = output.data
     if "image/png" in data:
-        if has_picture:
-            return ""
         picture = reduce_png(base64.b64decode(data["image/png"]))
         return f'<img alt="a drawing that the cell above makes" src="{picture}">'
     if "text/markdown" in data:

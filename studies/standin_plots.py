@@ -11,7 +11,7 @@ from replication.figures import paper
 from replication.figures import style as house
 from replication.figures.style import BLUE, GREEN, INK, ORANGE, PINK, SKY, grid, in_style
 
-MARKERS, LINES = "osv^D", ("-", "--", "-.", ":")
+MARKERS = "osv^D"
 COLOURS = (BLUE, ORANGE, GREEN, PINK, SKY)
 
 
