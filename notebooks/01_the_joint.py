@@ -119,7 +119,8 @@ for axis in (upper, lower):
 
 
 # %%
-N, J_m, J_l = joint.gear_ratio, joint.motor_inertia_kgm2, joint.load_inertia_kgm2
+N = joint.gear_ratio
+J_m, J_l = joint.motor_inertia_kgm2, joint.load_inertia_kgm2
 K_s, G = joint.stiffness_nm_per_rad, joint.gravity_torque_nm
 T_tau, T_c = joint.torque_lag_s, joint.control_period_s
 
@@ -152,7 +153,9 @@ theta_l = theta_0 + Omega / N * first * T_c
 tau_l = G * np.sin(theta_l) + tau_c
 twist = np.sign(tau_l) * delta + tau_l / K_s
 state = np.array([N * theta_l, Omega, theta_l - twist, Omega / N, tau_l / N])
-u, integral, w, before, speeds = tau_l / N, tau_l / N, 0.0, Omega, []
+u = integral = tau_l / N
+w, before = 0.0, Omega
+speeds = []
 for k in range(first, round(0.8 / T_c) + 1):
     theta_m, omega_m = state[:2]
     speeds.append(omega_m)

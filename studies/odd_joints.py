@@ -274,7 +274,9 @@ def _run(c, drive, friction_share, second, notch, per_period, position):
             fresh = notch.b0 * wanted[0] + notch.b1 * wanted[1] + notch.b2 * wanted[2]
             passed[0] = fresh - notch.a1 * passed[1] - notch.a2 * passed[2]
             command, pending = pending, passed[0]
-        slope, total, at = np.zeros(7), np.zeros(7), np.empty(7)  # a Runge-Kutta step
+        # A Runge-Kutta step.
+        slope, total = np.zeros(7), np.zeros(7)
+        at = np.empty(7)
         for late, weight in ((0.0, 1.0), (step / 2, 2.0), (step / 2, 2.0), (step, 1.0)):
             for k in range(7):
                 at[k] = y[k] + late * slope[k]

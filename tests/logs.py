@@ -18,11 +18,23 @@ from replication.simulator.recordings import simulate_recordings
 
 TURN = LogFormat(turn_period_s=0.4)
 ANSWER_KEYS = [
-    "file", "verdict", "amplitude_rps", "amplitude_interval_rps", "backlash_rad", "backlash_interval_rad", "rmse_rps",
-    "method", "turn_period_s", "samples", "warnings", "sha256", "calibration",
-    "total_play_rad", "total_play_interval_rad",
+    "file",
+    "verdict",
+    "amplitude_rps",
+    "amplitude_interval_rps",
+    "backlash_rad",
+    "backlash_interval_rad",
+    "rmse_rps",
+    "method",
+    "turn_period_s",
+    "samples",
+    "warnings",
+    "sha256",
+    "calibration",
+    "total_play_rad",
+    "total_play_interval_rad",
     "version",
-]  # fmt: skip
+]
 
 
 @lru_cache

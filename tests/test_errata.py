@@ -47,7 +47,7 @@ def test_equation_4_read_literally_misses_every_stored_run_that_can_tell(record_
     can_tell = 0
     for _, run in published.table("authors_notebook_runs").iterrows():
         X, stored = run[list(STORED_NAMES)].to_numpy(float), run["final_rmse_rps"]
-        T_d, T_f, t0 = run["T_d_s"], run["T_f_s"], run["t0_s"]
+        T_d, T_f, t0 = run[["T_d_s", "T_f_s", "t0_s"]]
         assert rmse(record_12.t, record_12.v, X, Timing(T_d, T_f, 12)) == pytest.approx(
             stored, abs=1e-6
         )

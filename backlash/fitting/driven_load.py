@@ -230,11 +230,12 @@ def _simulate(theta, motion, start, columns, torque, slopes):
     h = motion.step_s
     delta, stiffness = 1e-3 * theta[DELTA], np.exp(theta[STIFFNESS])
     damping = 2 * np.exp(theta[DAMPING]) * np.sqrt(stiffness)
-    gravity, friction, lag = np.exp(theta[PULL]), theta[FRICTION], theta[LAG]
+    gravity = np.exp(theta[PULL])
+    friction, lag = theta[FRICTION], theta[LAG]
     x, v = start
-    end = np.zeros((2, 10))
-    end[0, 0], end[1, 1] = 1.0, 1.0
-    forced_by, slope_by, contact_by = np.zeros(10), np.zeros(10), np.zeros(10)
+    end = np.eye(2, 10)
+    forced_by = np.zeros(10)
+    slope_by, contact_by = np.zeros(10), np.zeros(10)
     forced_by[2 + FRICTION] = gravity
     for i in range(torque.size):
         angle = motion.angle[i] + lag * motion.angle_slope[i] + theta[PHASE]
@@ -294,7 +295,8 @@ def _return(theta, motion, start, torque, slopes):
             return True
         if not off < 1.0:  # ran away
             return False
-        xx, xv, vx, vv = end[0, 0], end[0, 1], end[1, 0], end[1, 1]
+        xx, xv = end[0, 0], end[0, 1]
+        vx, vv = end[1, 0], end[1, 1]
         determinant = (1 - xx) * (1 - vv) - xv * vx
         if off < before and determinant > 1e-9:
             dx, dv = (
@@ -311,7 +313,8 @@ def _return(theta, motion, start, torque, slopes):
 def _settle(theta, motion, start, torque, slopes):
     """Slopes of the contact's torque by the unknowns, those of the start included; whether there are any."""
     _, _, end = _simulate(theta, motion, start, 2 + _OF_CONTACT, torque, slopes)
-    xx, xv, vx, vv = end[0, 0], end[0, 1], end[1, 0], end[1, 1]
+    xx, xv = end[0, 0], end[0, 1]
+    vx, vv = end[1, 0], end[1, 1]
     determinant = (1 - xx) * (1 - vv) - xv * vx
     if abs(determinant) < 1e-9:
         return False

@@ -147,7 +147,9 @@ def _search(
             damping *= 5
         else:
             return Found(z, chi2, tried - chi2 < 0.01 * max(chi2, 1.0))
-        fallen, z, chi2, damping = chi2 - tried, trial, tried, damping * 0.2
+        fallen = chi2 - tried
+        z, chi2 = trial, tried
+        damping *= 0.2
         residual, slopes = tried_residual, tried_slopes
         if fallen < _LEAST_FALL * max(1.0, chi2 / residual.size):
             return Found(z, chi2, True)

@@ -48,7 +48,9 @@ _SD = np.array([np.inf, 1.5, 0.5, 0.3, np.inf, 0.0, 0.5, 0.0, np.inf, 2.0])
 _LONGEST = np.array([0.3, 0.5, 1.0, 0.2, 0.1, 0.2, 1.0, 0.2, 0.2, 1.0])
 _MOST_STEPS = 100
 _STANDS = 1e-6  # steps in units of the longest, below which a descent stands
-_MEAN_RING_HZ, _MEAN_DAMPING, _MEAN_LAG_MS = 22.0, 0.04, 0.7
+_MEAN_RING_HZ = 22.0
+_MEAN_DAMPING = 0.04
+_MEAN_LAG_MS = 0.7
 _PLAYS = np.array([0.0, 0.05, 0.15, 0.3, 0.5, 0.8, 1.2, 1.7, 2.4])  # mrad
 _RINGS = np.log((TURN * np.geomspace(*RINGS_HZ, 9)) ** 2)
 _FRICTIONS = np.array([0.02, 0.12, 0.25, 0.4])
@@ -285,7 +287,10 @@ def _descend(
         matrix = curvature + damped * np.diag(np.diag(curvature))
         pull = -gradient
         if holds_delta:
-            matrix[DELTA], matrix[:, DELTA], matrix[DELTA, DELTA], pull[DELTA] = 0.0, 0.0, 1.0, 0.0
+            matrix[DELTA] = 0.0
+            matrix[:, DELTA] = 0.0
+            matrix[DELTA, DELTA] = 1.0
+            pull[DELTA] = 0.0
         step = _solve(matrix, pull)
         long = np.abs(step / _LONGEST).max()
         step /= max(long, 1.0)

@@ -241,7 +241,8 @@ print(f"{by_chance:.0e}")
 # means of two sets of $n$ runs differ? Check it by drawing for $p$ = 0.9, $d$ = 0.3 and $n$ = 30 (to 5 %).
 
 # %% tags=["solution"]
-p, d, n = 0.9, 0.3, 30
+p, d = 0.9, 0.3
+n = 30
 expected = d * np.sqrt(
     2 * p * (1 - p) / n
 )  # the variance of a share is p (1 - p) / n, of two twice that

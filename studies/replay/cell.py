@@ -1,4 +1,4 @@
-"""A cell of Table 2 from its row alone: `python -m studies.replay.cell ROW COLUMN` prints it as JSON."""
+"""A cell of Table 2 from its row: `python -m studies.replay.cell ROW COLUMN` prints JSON."""
 
 import json
 import sys

@@ -26,7 +26,7 @@ def symmetric_eigen(matrix):
 
 @njit
 def sort_columns(values, vectors):
-    """Bring values into ascending order in place, and the columns with them; equal ones keep theirs."""
+    """Sort values ascending, in place, and the columns with them; equal ones keep their order."""
     for last in range(1, values.size):
         k = last
         while k > 0 and values[k] < values[k - 1]:
@@ -110,7 +110,7 @@ def plane_rotation(f, g):
 
 @njit
 def two_by_two(a, b, c):
-    """Eigenvalues of [[a, b], [b, c]], the larger in size first, and the cosine and sine of its eigenvector."""
+    """Eigenvalues of [[a, b], [b, c]], the larger first; cosine and sine of its eigenvector."""
     total, difference = a + c, a - c
     root = length(difference, 2 * b)
     sign = -1.0 if total < 0.0 else 1.0
@@ -141,7 +141,7 @@ def turn_columns(vectors, i, j, c, s):
 
 @njit
 def sweep(d, e, vectors, start, end, way):
-    """One implicit sweep with Wilkinson's shift from `end` back to `start`: QL for way 1, QR for way -1."""
+    """One implicit sweep by Wilkinson's shift from `end` to `start`: QL for way 1, QR for -1."""
     at = min(0, way)  # e[i + at] lies between i and i + way
     p = d[start]
     g = (d[start + way] - p) / (2 * e[start + at])

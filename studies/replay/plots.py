@@ -13,7 +13,7 @@ SMALLEST_RPS = 1e-17  # drawn for a difference of 0
 
 @in_style
 def replay(compared: pd.DataFrame, ended: pd.DataFrame, agree_rps: float) -> Figure:
-    """Show how far the replayed runs are from the stored ones, generation by generation and at their ends."""
+    """Show how far replayed runs are from stored ones, at their generations and ends."""
     figure, ((left, right),) = grid(1, 2, height_in=3.6, sharey=True, width_ratios=(3, 2))
     diverging = iter(((ORANGE, "^-"), (GREEN, "s-"), (INK, "D-")))
     for run, part in compared.dropna().groupby("run"):

@@ -36,7 +36,7 @@ def count_replayed(recording: Recording, box: Box) -> int:
 
 
 def bounds_by_replay(recording: Recording) -> pd.DataFrame:
-    """First generations of 30 that replay with each bound shifted, the others as the stored runs had them."""
+    """First generations of 30 that replay with each bound shifted, the others as stored."""
     stored = search_box(recording, AUTHORS_SETTINGS)
     printed = search_box(recording, replace(AUTHORS_SETTINGS, amplitude_factor=1.0))
     width = printed.upper - printed.lower

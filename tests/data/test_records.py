@@ -108,7 +108,9 @@ def test_a_pipe_is_refused_and_not_waited_for(registered, tmp_path, monkeypatch)
 
 def test_our_records_take_the_authors_place_if_that_is_said(monkeypatch):
     monkeypatch.setenv("BACKLASH_RECORDS", "simulated")
-    clean, first, again, other = load_clean(3), load_noisy(3, 1), load_noisy(3, 1), load_noisy(3, 2)
+    clean = load_clean(3)
+    first, again = load_noisy(3, 1), load_noisy(3, 1)
+    other = load_noisy(3, 2)
     assert "simulated" in first.source
     assert (first.v == again.v).all()
     assert not np.allclose(first.v, other.v)

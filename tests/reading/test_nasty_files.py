@@ -78,13 +78,15 @@ ANSWERED = {
     "blank rows": text().replace("\n", "\n\n"),
     "blank columns": text(",time,,speed,", ",{t:.4f},,{v:.5f},"),
     "a compressed log": gzip.compress(text().encode()),
-    "German dates": text("Zeit;speed", "17.03.2024 12:00:0{t:.3f};{v:.5f}").replace(".", ",").replace(
-        "17,03,2024", "17.03.2024"
-    ),
+    "German dates": text("Zeit;speed", "17.03.2024 12:00:0{t:.3f};{v:.5f}")
+    .replace(".", ",")
+    .replace("17,03,2024", "17.03.2024"),
     "dates with a zone": text("time,speed", "2024-03-17T12:00:0{t:.3f}Z,{v:.5f}"),
-    "names of ROS": text("header.stamp.sec,header.stamp.nanosec,velocity[0]", "1710000000,{ns},{v:.5f}"),
+    "names of ROS": text(
+        "header.stamp.sec,header.stamp.nanosec,velocity[0]", "1710000000,{ns},{v:.5f}"
+    ),
     "two rows where one stamp is repeated at the start": line(2, f"{noisy().t[1]:.6f},100.0"),
-}  # fmt: skip
+}
 
 REFUSED = {
     "empty": ("", "the file is empty; export the log again"),

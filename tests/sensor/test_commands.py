@@ -190,9 +190,12 @@ def test_what_cannot_be_done_is_refused_in_one_line_and_nothing_is_written(
     arguments, expected, log, tmp_path, capsys
 ):
     places = {
-        "LOG": log, "LOG2": write(silent(), tmp_path / "log2.csv"), "FOLDER": tmp_path,
-        "EMPTY": tmp_path / "empty.csv", "EMPTY2": tmp_path / "empty2.csv",
-    }  # fmt: skip
+        "LOG": log,
+        "LOG2": write(silent(), tmp_path / "log2.csv"),
+        "FOLDER": tmp_path,
+        "EMPTY": tmp_path / "empty.csv",
+        "EMPTY2": tmp_path / "empty2.csv",
+    }
     places["EMPTY"].touch()
     places["EMPTY2"].touch()
     (tmp_path / "void").mkdir()

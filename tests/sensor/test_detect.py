@@ -52,7 +52,8 @@ NOISES = {
 @pytest.mark.parametrize("name", sorted(NOISES))
 def test_noise_in_a_healthy_joint_passes_for_a_pattern_no_more_often_than_promised(name):
     """The healthy joint is simulated, with gravity's ripple once a turn."""
-    healthy, alarms, same_sign, periods = clean(0.0), 0, 0, 0
+    healthy = clean(0.0)
+    alarms = same_sign = periods = 0
     for seed in range(TRIALS):
         record = replace(healthy, v=healthy.v + NOISES[name](np.random.default_rng(seed)))
         presence = find_pattern(record, seed=seed + 1)

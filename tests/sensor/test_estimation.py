@@ -26,9 +26,15 @@ from tests.logs import ANSWER_KEYS, TURN, clean, noisy, silent, write
 
 VERDICTS = ("backlash", "no backlash", "cannot tell")
 REASONS = (
-    "too short", "too noisy", "wrong period", "not constant speed", "extrapolated calibration", "no signature",
-    "no such joint", "no load reversal seen",
-)  # fmt: skip
+    "too short",
+    "too noisy",
+    "wrong period",
+    "not constant speed",
+    "extrapolated calibration",
+    "no signature",
+    "no such joint",
+    "no load reversal seen",
+)
 
 
 def answer(recording, form=TURN, method="amplitude", calibration=None) -> Estimate:

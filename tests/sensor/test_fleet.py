@@ -46,8 +46,13 @@ def test_a_folder_stands_for_all_logs_below_it_each_once(folder):
     (folder / "circle").symlink_to("circle")
     found = fleet.find_logs([folder, folder / "log1.csv", folder / "missing.csv"])
     assert [path.name for path in found] == [
-        "healthy.csv", "empty.csv", "log0.csv", "log1.csv", "text.csv", "missing.csv"
-    ]  # fmt: skip
+        "healthy.csv",
+        "empty.csv",
+        "log0.csv",
+        "log1.csv",
+        "text.csv",
+        "missing.csv",
+    ]
 
 
 def test_one_bad_log_or_a_defect_never_stops_the_rest_and_its_row_says_why(folder, monkeypatch):

@@ -142,7 +142,8 @@ HOSTILE = {
         "no column of time among '1', '111",
     ),
     "a name of 60,000 letters": (
-        lambda f: [file(f, "t," + "a [" * 20_000 + "\n" + "1,2\n" * 9)], "",
+        lambda f: [file(f, "t," + "a [" * 20_000 + "\n" + "1,2\n" * 9)],
+        "",
     ),
     "styles of 15 million entries": (
         lambda f: [rewritten(f / "log.xlsx", {"xl/styles.xml": STYLES + b"<xf/>" * 15_000_000})],
@@ -153,18 +154,29 @@ HOSTILE = {
         "xl/workbook.xml unpacks to 57 MiB, above 4",
     ),
     "a row of 20 million cells": (
-        lambda f: [rewritten(f / "log.xlsx", {SHEET: sheet(b"<row>" + b"<c/>" * 20_000_000 + b"</row>")})],
+        lambda f: [
+            rewritten(f / "log.xlsx", {SHEET: sheet(b"<row>" + b"<c/>" * 20_000_000 + b"</row>")})
+        ],
         "more than 2,500,000 cells",
     ),
     "a sheet in another folder": (
-        lambda f: [rewritten(f / "log.xlsx", {
-            "xl/_rels/workbook.xml.rels": ELSEWHERE,
-            "xl/media/a.xml": sheet(b"<row/>" * 15_000_000),
-        })],
+        lambda f: [
+            rewritten(
+                f / "log.xlsx",
+                {
+                    "xl/_rels/workbook.xml.rels": ELSEWHERE,
+                    "xl/media/a.xml": sheet(b"<row/>" * 15_000_000),
+                },
+            )
+        ],
         "more than 2,000,000 rows",
     ),
     "a sheet in UTF-16": (
-        lambda f: [rewritten(f / "log.xlsx", {SHEET: sheet(b"<row/>" * 5_000_000).decode().encode("utf-16")})],
+        lambda f: [
+            rewritten(
+                f / "log.xlsx", {SHEET: sheet(b"<row/>" * 5_000_000).decode().encode("utf-16")}
+            )
+        ],
         "its sheet is in UTF-16",
     ),
     "64 columns of 2 million rows": (lambda f: [parquet(f, "wide")], "export time and speed alone"),
@@ -174,7 +186,8 @@ HOSTILE = {
         "samples a second: are the stamps in s?",
     ),
     "stamps times 1e-300": (
-        lambda f: [file(f, scaled(1e-300))], "samples a second: are the stamps in s?",
+        lambda f: [file(f, scaled(1e-300))],
+        "samples a second: are the stamps in s?",
     ),
     "speeds of 1e-298": (lambda f: [file(f, scaled(1.0, rps=1e-300))], ""),
     "speeds that overflow": (lambda f: [file(f, text().replace("100.", "1e39", 3))], ""),
@@ -186,9 +199,13 @@ HOSTILE = {
     "a packed table": (lambda f: ["--batch", bomb(f)], "more than the 64 MiB"),
     "a calibration on a pipe": (lambda f: [log(f), "--calibration", fifo(f)], "nothing came out"),
     "a sparse calibration": (lambda f: [log(f), "--calibration", sparse(f)], "more than the 16"),
-    "a calibration in brackets": (lambda f: [log(f), "--calibration", file(f, "[" * 100_000, "c.json")], "not a calib"),
+    "a calibration in brackets": (
+        lambda f: [log(f), "--calibration", file(f, "[" * 100_000, "c.json")],
+        "not a calib",
+    ),
     "a calibration of 400 digits": (
-        lambda f: [log(f), "--calibration", huge_number(f)], "not a calibration file",
+        lambda f: [log(f), "--calibration", huge_number(f)],
+        "not a calibration file",
     ),
     "dates on a pipe": (lambda f: ["TREND", log(f), "--dates", fifo(f)], "nothing came out"),
     "a known backlash with its unit": (
@@ -197,7 +214,7 @@ HOSTILE = {
     ),
     "a name of 300 characters": (lambda f: ["x" * 300 + ".csv"], "check"),
     "an output of 300 characters": (lambda f: [log(f), "--out", "x" * 300 + ".csv"], "check"),
-}  # fmt: skip
+}
 # One of each way in: each is a process, which takes a second to start.
 QUICK = ("rows of 200,000 fields", "a table on a pipe", "a calibration in brackets")
 

@@ -39,10 +39,13 @@ def test_each_joint_has_its_calibration_its_torque_and_its_load(tmp_path, capsys
     logs = [table(noisy(4e-4 + 2e-4 * k, seed=k)) for k in range(7)]
     own = backlash.calibrate(logs, [4e-4 + 2e-4 * k for k in range(7)], **HOW)
     (tmp_path / "own.json").write_text(own.to_json(), "utf-8")
-    rows = pd.DataFrame([
-        known | {"file": "torque.csv", "joint": "007", "torque": "torque [Nm]", "date": "2024-03-17"},
-        {"file": "speed.csv", "joint": "A2", "turn_period_s": 0.4, "calibration": "own.json"},
-    ])  # fmt: skip
+    rows = pd.DataFrame(
+        [
+            known
+            | {"file": "torque.csv", "joint": "007", "torque": "torque [Nm]", "date": "2024-03-17"},
+            {"file": "speed.csv", "joint": "A2", "turn_period_s": 0.4, "calibration": "own.json"},
+        ]
+    )
     rows.to_csv(tmp_path / "plant.csv", index=False)
     found = backlash.estimate_many(tmp_path / "plant.csv")
     assert found.index.names == ["joint", "date"]

@@ -8,7 +8,9 @@ from backlash.fleet import as_table
 from backlash.reading.refusals import UnusableLog
 
 START = pd.Timestamp("2023-01-01")
-GROWTH, FIRST, SIGMA = 2e-6, 4e-4, 3e-5
+GROWTH = 2e-6
+FIRST = 4e-4
+SIGMA = 3e-5
 
 
 def rows_of(delta, sigma=SIGMA):

@@ -40,7 +40,8 @@ def joint() -> JointParameters:
 
 def free_response(p, y, periods, delta=0.0):
     """States at each control period from any start, without gravity."""
-    record, gap, per = np.empty((periods + 1, 5)), np.empty(periods + 1, dtype=np.int64), 50
+    record, gap = np.empty((periods + 1, 5)), np.empty(periods + 1, dtype=np.int64)
+    per = 50
     p = replace(p, gravity_arm_m=0.0, lead_s=0.0)
     c, drive = core.constants_of(p, delta), core.drive_of(p)
     schedule = core.Schedule(

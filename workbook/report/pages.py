@@ -38,7 +38,9 @@ DIGITS = 4  # of a number in a table; the exported CSV has six
 SCROLLS = '<div class="wide" tabindex="0" role="group" aria-label="table, scrolls sideways">'
 Notebook = Sequence[nbformat.NotebookNode]
 # Of careful reading.
-WORDS_A_MINUTE, LINE_S, EQUATION_S = 150, 8, 60
+WORDS_A_MINUTE = 150
+LINE_S = 8
+EQUATION_S = 60
 
 
 def render_pages(results: Path, notebooks: Path, verdicts: pd.DataFrame) -> dict[str, str]:
@@ -164,7 +166,8 @@ def slug(text: str) -> str:
 
 def cell_anchors(cells: Notebook) -> list[str]:
     """Name each cell after the heading above it and its place there, whatever stands elsewhere."""
-    section, position, anchors = "top", 0, []
+    section, position = "top", 0
+    anchors = []
     for cell in cells:
         if found := headings([cell]):
             section, position = slug(found[-1]), 0
