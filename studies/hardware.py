@@ -14,17 +14,17 @@ import pandas as pd
 from numpy.random import Generator
 from scipy import stats
 from scipy.ndimage import gaussian_filter1d
-from tqdm import tqdm
 
 from backlash.answers import Estimate
 from backlash.interface import estimate
 from replication.arrays import FloatArray
+from replication.parallel import in_parallel
 from replication.public_files import public_file
 from replication.simulator.parameters import TURN
 from studies.strokes import CONTROL_S, draw_joint, run_joint
 
-DELTAS_RAD = (0.0, 3e-3)
-DRAWS = 8
+DELTAS_RAD = (0.0, 5e-4, 1e-3, 2e-3, 3e-3)
+DRAWS = 20
 SEED = 17
 _SEEN = 0.9  # share of the draws that are answered, from the detection limit on
 _SMOOTHING_S = 0.02  # of the speed that a twin is to follow
@@ -193,8 +193,8 @@ def measure_twins(name: str, row: Mapping[str, Any]) -> pd.DataFrame:
 
 def measure_all() -> pd.DataFrame:
     """Answers on the twins of every log."""
-    rows = list_logs().iterrows()
-    return pd.concat([measure_twins(str(name), row) for name, row in tqdm(rows)])
+    calls = [(str(name), row) for name, row in list_logs().iterrows()]
+    return pd.concat(in_parallel(measure_twins, calls, "logs"))
 
 
 def detection_limits(twins: pd.DataFrame) -> pd.DataFrame:

@@ -34,7 +34,8 @@ _HARD_RAD = 4e-6
 _SEARCH_S = 7.0  # of the log
 _TEMPER = 10.0  # on the errors
 _HUBER = 3.0  # SDs above which errors count linearly
-_METHOD_ERROR = 0.065  # share of the backlash that the method errs by, found on development logs
+# Share of the backlash that the method errs by: of the intervals on 68 fresh logs 94 % hold with it, 82 % without.
+_METHOD_ERROR = 0.065
 _LEAST_SD = 1e-5  # rad
 _LEAST_CROSSINGS = 6
 # delta [mrad], ln K, ln damping ratio, ln gravity, ln rho, ln (1 / J_m), gravity's phase, the speed's lag [ms];
@@ -48,7 +49,7 @@ _PHASE = 6
 _FRICTION = 8
 _MOTOR_FRICTION = 10
 _PLAYS = np.geomspace(0.15, 2.2, 14)
-_RINGS = np.array([-1.2, -0.5, 0.2, 0.9])  # ln K, less its prior's mean: 12 to 35 Hz
+_RINGS = np.array([-1.2, -0.5, 0.2, 0.9, 1.5])  # ln K, less its prior's mean: 12 to 47 Hz
 _FRICTIONS = np.array([-0.015, 0.02])  # less the mean
 _AGAIN = np.array([0.8, 0.93, 1.07, 1.25])  # of the best play
 _SAME = 0.03  # share of the play within which two minima are one
