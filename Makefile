@@ -25,7 +25,6 @@ run: .venv/.installed  ## one notebook: make run NOTEBOOK=notebooks/06_character
 
 quick: .venv/.installed  ## the same figures from few repeats, into results/quick
 	$(RUN) run --quick $(STALL)
-	$(RUN) collect --quick
 	$(RUN) report --quick
 	$(RUN) check --quick || true
 
@@ -48,9 +47,7 @@ diff: .venv/.installed  ## cells and claims whose verdict is not the last commit
 	@$(RUN) diff $(if $(LAB),--lab)
 
 report: .venv/.installed  ## results/report.html from the results
-	$(RUN) collect
 	$(RUN) report
-	$(RUN) readme
 
 article: .venv/.installed  ## results/article.pdf from the results; FINAL=1 refuses while names or addresses are open
 	$(RUN) article $(if $(FINAL),--final)
@@ -112,9 +109,7 @@ writable:
 # A notebook that fails (1) keeps neither the others nor the report from being made, but make from ending well. A run
 # that was interrupted (130; a killed make too), or that another one locks out (2), ends there.
 .make/workbook.done: $(wildcard results/outcomes/*.json workbook/*.py workbook/report/*.py workbook/report/templates/*.j2 article/*.* replication/data/*.*)
-	$(RUN) collect
 	$(RUN) report
 	$(RUN) article || true
-	$(RUN) readme
 	$(RUN) check || true
 	@touch $@

@@ -49,10 +49,10 @@ def _parser() -> OneLineParser:
     parser = OneLineParser(prog="python -m workbook", description=__doc__)
     commands = parser.add_subparsers(required=True, metavar="COMMAND")
     made = {}
-    for command in (run, collect, check, report, article, readme, show, diff, lab, data):
+    for command in (run, report, check, article, show, diff, lab, data):
         made[command] = commands.add_parser(command.__name__, help=command.__doc__)
         made[command].set_defaults(command=command)
-    for command in (run, collect, check, report):
+    for command in (run, report, check):
         made[command].add_argument(
             "--quick", action="store_true", help="few repeats; results go to results/quick"
         )
@@ -109,20 +109,10 @@ def run(options: argparse.Namespace) -> int:
     if not options.quick:
         running.note_run(endings)
         if any(ending.how == "simulated" for ending in endings):
-            from workbook import provenance
             from workbook.report import page
 
-            provenance.collect(OFFLINE / "results")
             print(page.write_report(OFFLINE / "results"), APART[OFFLINE], sep=": ", file=sys.stderr)
     return int(any(ending.how == "failed" for ending in endings))
-
-
-def collect(options: argparse.Namespace) -> int:
-    """Write verdicts.csv, claims.csv and provenance.json from the outcomes."""
-    from workbook import provenance
-
-    provenance.collect(results_folder(options.quick))
-    return 0
 
 
 def check(options: argparse.Namespace) -> int:
@@ -143,10 +133,12 @@ def check(options: argparse.Namespace) -> int:
 
 
 def report(options: argparse.Namespace) -> int:
-    """Write results/report.html, the notebooks' pages, errata.md and the list of the supplement."""
-    from workbook.report import page
+    """Write the verdicts, the report with its pages, errata.md, and the numbers in README.md."""
+    from workbook.report import markdown, page
 
     print(page.write_report(results_folder(options.quick)))
+    if not options.quick:
+        markdown.update_readme(ROOT / "README.md", RESULTS)
     return 0
 
 
@@ -157,14 +149,6 @@ def article(options: argparse.Namespace) -> int:
     path = RESULTS / "article.pdf"
     write_bytes(path, typeset(RESULTS, options.final))
     print(path)
-    return 0
-
-
-def readme(_: argparse.Namespace) -> int:
-    """Write the results' numbers into README.md."""
-    from workbook.report import markdown
-
-    markdown.update_readme(ROOT / "README.md", RESULTS)
     return 0
 
 

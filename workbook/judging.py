@@ -26,6 +26,7 @@ import numpy as np
 import pandas as pd
 
 from replication import published
+from replication.files import write_csv, write_json
 from replication.table2 import predictive_region
 from workbook.outcomes import Claims, Numbers, cell_rows, claim_rows, load_outcomes, source_of
 
@@ -163,6 +164,15 @@ def decided_claims(results: Path) -> pd.DataFrame:
     claims = _exported(results, "claims", ["id", "holds", "measured"])
     claims.insert(1, "verdict", [CLAIM_VERDICTS[holds] for holds in claims.pop("holds")])
     return claims
+
+
+def collect(results: Path) -> None:
+    """Write `verdicts.csv`, `claims.csv` and `provenance.json` from what the notebooks exported."""
+    write_csv(results / "verdicts.csv", verdicts(results))
+    claims = published.table("claims").reset_index()[["id", "claim", "section"]]
+    write_csv(results / "claims.csv", claims.merge(decided_claims(results), on="id", how="left"))
+    made_from = {name: outcome["made_from"] for name, outcome in load_outcomes(results).items()}
+    write_json(results / "provenance.json", made_from)
 
 
 def count_by(table: pd.DataFrame, by: str) -> pd.DataFrame:

@@ -187,11 +187,11 @@ assert np.isclose(highest, stats.binomtest(0, joints).proportion_ci().high)
 print(f"up to {100 * highest:.0f} %")
 
 # %% [markdown]
-# **2.** All of 8 twins are answered. Which share of the draws may be answered at least (two-sided, 95 %)?
+# **2.** All of 20 twins are answered. Which share of the draws may be answered at least (two-sided, 95 %)?
 
 # %% tags=["solution"]
-least = stats.binomtest(8, 8).proportion_ci().low
-assert np.isclose(least, 0.025 ** (1 / 8))
+least = stats.binomtest(20, 20).proportion_ci().low
+assert np.isclose(least, 0.025 ** (1 / 20))
 print(f"{100 * least:.0f} %")
 
 # %% [markdown]

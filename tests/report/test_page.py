@@ -7,7 +7,7 @@ from urllib.parse import unquote
 import pytest
 
 from replication import published
-from workbook import judging, provenance
+from workbook import judging
 from workbook.checkout import NOTEBOOKS, RESULTS
 from workbook.report import page
 
@@ -84,7 +84,7 @@ def test_the_history_tells_of_every_rule_and_of_both_counts(verdicts):
 def test_text_from_the_data_is_escaped(tmp_path, replace_table):
     results = tmp_path / "results"
     (results / "outcomes").mkdir(parents=True)
-    provenance.collect(results)
+    judging.collect(results)
     claims = published.table("claims")
     claims["claim"] = "<b>1 & 2</b>"
     replace_table("claims", claims)

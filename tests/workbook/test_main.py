@@ -72,7 +72,7 @@ def test_a_quick_run_never_overwrites_the_full_results(tmp_path, monkeypatch):
 
     before = full()
     notebook = str(workbook.ROOT / "notebooks" / "02_dead_zone_figure9.py")
-    for command in (["run", notebook], ["collect"], ["report"]):
+    for command in (["run", notebook], ["report"]):
         assert run_command([*command, "--quick"]) == 0
     assert full() == before
     written = {path.name for path in (tmp_path / "quick").rglob("*")}

@@ -96,7 +96,7 @@ def make_all(tmp_path):
     return make
 
 
-REPORT = ["collect", "report", "article", "readme", "check"]
+REPORT = ["report", "article", "check"]
 
 
 def test_make_makes_the_report_once_and_ends_badly_while_a_notebook_fails(make_all):

@@ -154,7 +154,8 @@ def _versions(results: Path) -> dict[str, str]:
 
 
 def write_report(results: Path) -> Path:
-    """Write `report.html`, the pages that it links to, `errata.md` and the supplement's list."""
+    """Write the tables of verdicts, `report.html`, its pages, `errata.md` and the supplement's list."""
+    judging.collect(results)
     apart = checkout.APART.get(results.parent, "")
     notebooks, verdicts = results.parent / "notebooks", judging.verdicts(results)
     rendered = render_report(results, notebooks, verdicts, apart)
