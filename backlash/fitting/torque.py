@@ -69,6 +69,9 @@ _OVERLAP_MRAD = 0.01  # a gap that is less than none by more is no joint's
 _METHOD_ERROR = 0.07  # share of the backlash
 _LEAST_SD = 5e-6  # rad: half a count of 19 bits
 _MOST_CHI2 = 3.0  # per compared number
+_MOST_CHI2_OF_NONE = (
+    1.5  # an absence needs a model that fits; noise alone exceeds this in 3 of 10,000 logs
+)
 _MOST_OFF = 3.5  # SDs of the load's data
 _MOST_DELAY_MS = 3.0  # a current loop's and a filter's are below
 _MOST_CHANGE = (
@@ -458,6 +461,9 @@ def fit_torque(recording: Recording, torque: FloatArray, load: LoadData) -> Torq
             also = f"{other:.2g} rad fits nearly as well as {delta:.2g} rad"
             return replace(fit, refusal_reason=f"{also}; {advice}")
     if fit.interval_rad[1] < _NEGLIGIBLE_RAD:
+        if misfit > _MOST_CHI2_OF_NONE:
+            told = f"none fits best, but not well (chi squared {misfit:.2g})"
+            raise ValueError(f"{told}; does the gear's error part the teeth, or another axis move?")
         is_none = lost_by(1e3 * _NEGLIGIBLE_RAD) > _CLEAR * misfit
         reason = "" if is_none else f"{_NEGLIGIBLE_RAD:g} rad fits nearly as well as none; {advice}"
         return replace(fit, is_none=is_none, refusal_reason=reason)

@@ -137,6 +137,15 @@ def test_what_the_model_lacks_is_refused_by_its_name(words, fault):
     assert words in found.warnings[0]
 
 
+def test_a_gear_s_error_that_parts_the_teeth_at_no_order_of_the_motor_is_no_absence():
+    fault = Fault(transmission_rad=5e-4, transmission_order=100)
+    log = draw_turns(np.random.default_rng((3131, 13)), 4e-4, 0.1, fault)
+    assert log.gear_ratio % 100
+    found = answered(log)
+    assert found.verdict == "cannot tell"
+    assert "the gear's error part the teeth" in found.warnings[0]
+
+
 def test_a_gear_s_error_once_a_turn_does_not_matter():
     fault = Fault(transmission_rad=5e-4)
     assert is_held(answered(draw_turns(np.random.default_rng((246, 1)), DELTA, 0.05, fault)), DELTA)
