@@ -230,9 +230,7 @@ def lost_motion(logs: Sequence[JointLog]) -> pd.DataFrame:
     return by_sign[terms[:, :2].var(axis=0) > _LEAST_VARIANCE]
 
 
-def facts(
-    answers: pd.DataFrame, twins: pd.DataFrame, limits: pd.DataFrame, lost: pd.DataFrame
-) -> dict[str, Any]:
+def facts(answers: pd.DataFrame, twins: pd.DataFrame, lost: pd.DataFrame) -> dict[str, Any]:
     """What texts say of the logs, of what their twins would have shown, and of the lost motion."""
     robots = answers[answers["make"] == "Universal Robots"]
     by_torque = lost[lost.index.get_level_values(-1) == "sign of torque"]
@@ -240,7 +238,9 @@ def facts(
         "hardware_logs": len(answers),
         "hardware_joints": answers["joint"].nunique(),
         "hardware_makes": answers["make"].nunique(),
-        "hardware_blind": int(limits["limit_rad"].isna().sum()),
+        "hardware_twins": twins["draws"].sum(),
+        "hardware_twins_answered": twins["answered"].sum(),
+        "hardware_twins_right": twins["covered"].sum(),
         "hardware_largest": (1e3 * twins["delta_rad"].max(), "g"),
         "hardware_no_gravity": int(robots["reason"].str.contains("shows no gravity").sum()),
         "hardware_lost_mrad": (1e3 * by_torque.abs().max(axis=1).to_numpy(), ".2g"),
