@@ -140,10 +140,9 @@ curves = {
     "equation 10, printed": (A_rps, difference["printed_rad"]),
 }
 residual = A_rps, difference["difference_rad"]
-figure12_simulated = paper.characteristic(curves, points, residual, "ours $-$ printed")
 workbook.show_figure(
     "figure12_simulated",
-    figure12_simulated,
+    paper.characteristic(curves, points, residual, "ours $-$ printed"),
     f"(a) The cubic through the peaks of our simulated joint at {peaks.size} backlashes, and equation 10 as "
     f"printed. (b) Their difference is at most {largest_difference:.2g} rad, though their coefficients differ.",
 )

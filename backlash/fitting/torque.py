@@ -69,9 +69,8 @@ _OVERLAP_MRAD = 0.01  # a gap that is less than none by more is no joint's
 _METHOD_ERROR = 0.07  # share of the backlash
 _LEAST_SD = 5e-6  # rad: half a count of 19 bits
 _MOST_CHI2 = 3.0  # per compared number
-_MOST_CHI2_OF_NONE = (
-    1.5  # an absence needs a model that fits; noise alone exceeds this in 3 of 10,000 logs
-)
+# An absence needs a model that fits; noise alone exceeds this in 3 of 10,000 logs.
+_MOST_CHI2_OF_NONE = 1.5
 _MOST_OFF = 3.5  # SDs of the load's data
 _MOST_DELAY_MS = 3.0  # a current loop's and a filter's are below
 _MOST_CHANGE = (
@@ -328,16 +327,17 @@ def _search(turn: Turn, compared: Comparison, priors: _Priors) -> list[Joint]:
     found = [_descend(each, compared, priors) for each in ends[:_FINALISTS]]
     if not any(map(_is_physical, found)):
         found.append(_hold(min(found, key=_chi2), compared, priors, 0.0))
+    best = min(filter(_is_physical, found), key=_chi2)
     for _ in range(_MOST_ROUNDS):
-        best = min(filter(_is_physical, found), key=_chi2)
-        beside = [_move(best, *step) for step in _NEIGHBOURS]
-        found += [_descend(each, compared, priors) for each in beside]
-        if min(filter(_is_physical, found), key=_chi2).chi2 > best.chi2 - 1e-3:
+        found += [_descend(_move(best, *step), compared, priors) for step in _NEIGHBOURS]
+        before, best = best, min(filter(_is_physical, found), key=_chi2)
+        if best.chi2 > before.chi2 - 1e-3:
             break
     return _distinct(found)
 
 
 def _is_physical(joint: Joint) -> bool:
+    """Whether its gap is one, or none but for what rounding leaves."""
     return bool(joint.theta[DELTA] >= -_OVERLAP_MRAD)
 
 

@@ -229,10 +229,9 @@ worn_rad = np.linspace(5e-4, 9.2e-4, dates.size)
 logs = [answer(log(delta, 300 + k), ours).estimate for k, delta in enumerate(worn_rad)]
 line = trend_line.fit_trend(fleet.as_table(logs), dates, limit_rad)
 print(line)
-trend_figure = plots.trend_figure(line)
 workbook.show_figure(
     "own_joint_trend",
-    trend_figure,
+    plots.trend_figure(line),
     f"Estimates of {len(logs)} dated logs of one simulated joint, the line through them, and the time at which "
     "it crosses the limit, each with its 95 % interval.",
 )

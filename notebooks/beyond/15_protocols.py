@@ -125,10 +125,9 @@ found = [
     for name, numbers in by_setting.items()
 ]
 inside = pd.DataFrame(found, columns=["of", "row", "protocol", "agrees"])
-protocol_agreement = plots.protocol_agreement(inside)
 workbook.show_figure(
     "table2_by_protocol",
-    protocol_agreement,
+    plots.protocol_agreement(inside),
     f"Whether each mean and SD of Table 2 lies in the 95 % prediction interval of "
     f"{protocols.REALISATIONS_EACH} realisations under each of {len(protocols.POOLED)} settings alone.",
 )

@@ -110,7 +110,7 @@ def plane_rotation(f, g):
 
 @njit
 def two_by_two(a, b, c):
-    """Eigenvalues of [[a, b], [b, c]], the larger first; cosine and sine of its eigenvector."""
+    """Eigenvalues of [[a, b], [b, c]], the larger in size first; cosine, sine of its vector."""
     total, difference = a + c, a - c
     root = length(difference, 2 * b)
     sign = -1.0 if total < 0.0 else 1.0

@@ -50,7 +50,7 @@ def added_noise(level: int, realisation: int) -> FloatArray:
 
 
 def uniform_noise_test(noise: FloatArray) -> pd.Series:
-    """Kolmogorov-Smirnov p of a noise for two laws, its mean in SDs of it, its correlation."""
+    """Kolmogorov-Smirnov p of a noise by two laws, its mean in standard errors, correlation."""
     return pd.Series(
         {
             "p_uniform": stats.kstest(noise, stats.uniform(noise.min(), np.ptp(noise)).cdf).pvalue,
