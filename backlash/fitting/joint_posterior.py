@@ -7,14 +7,7 @@ from numpy.typing import NDArray
 from scipy.special import chdtrc
 
 from backlash.fitting.harmonics import TurnHarmonics
-from backlash.fitting.turns import (
-    COLUMNS,
-    DELTA,
-    Movement,
-    simulate_turns,
-    turn_and_slopes,
-    turns_to_settle,
-)
+from backlash.fitting.turns import COLUMNS, DELTA, FRICTION, SETTLING_S, Movement, simulate_turns
 from replication.arrays import FloatArray
 from replication.simulator.parameters import TURN, identified_joint
 
@@ -32,7 +25,7 @@ RATIO_PRIOR = {
     ),
 }
 DRIVE_UNKNOWNS = 5
-_PRIOR_MEDIANS = identified_joint().ratios
+_PRIOR_MEDIANS = np.array([identified_joint().ratios[name] for name in RATIO_PRIOR])
 
 
 class Measurement(NamedTuple):
@@ -62,35 +55,27 @@ UNIT_RAD = 1e-4
 LEAST_BACKLASH = 0.01
 
 
-class Unknown(NamedTuple):
-    """An unknown of the fit, the SD of its prior, and what it sets in a joint's row, if anything."""
-
-    name: str
-    sd: float
-    column: str = ""
-    unit: float = 0.0  # there; 0 for a ratio, which is relative to the identified joint's
-
-
-_UNKNOWNS = (
-    Unknown("backlash", np.inf, "delta_rad", UNIT_RAD),
-    Unknown("phase", np.inf),
-    Unknown("friction", 0.1, "friction", 1.0),
-    *(Unknown(name, sd, name) for name, sd in RATIO_PRIOR.items()),
-    Unknown("smoothing", _SEARCHED.smoothing_sd),
-    # Squared time constant [ms^2] of a low-pass between encoder and log, its delay taken out: zero
-    # unless let free.
-    Unknown("low_pass", _SEARCHED.low_pass_sd),
-)
-NAMES = tuple(unknown.name for unknown in _UNKNOWNS)
+NAMES = ("backlash", "phase", "friction", *RATIO_PRIOR, "smoothing", "low_pass")
 SIZE = len(NAMES)
 PHASE, SMOOTHING_INDEX, LOW_PASS_INDEX = (
     NAMES.index(name) for name in ("phase", "smoothing", "low_pass")
 )
-SD = np.array([unknown.sd for unknown in _UNKNOWNS])
+_FRICTION_SD = 0.1
+# Of the priors: what a log itself has to tell, friction over m g r, ratios, smoothing, and the
+# squared time constant [ms^2] of a low-pass between encoder and log, its delay taken out: zero
+# unless let free.
+SD = np.array(
+    [
+        np.inf,
+        np.inf,
+        _FRICTION_SD,
+        *RATIO_PRIOR.values(),
+        _SEARCHED.smoothing_sd,
+        _SEARCHED.low_pass_sd,
+    ]
+)
 MEAN = np.where(np.arange(SIZE) == SMOOTHING_INDEX, _SEARCHED.smoothing, 0.0)
-_SIMULATED = [k for k, unknown in enumerate(_UNKNOWNS) if unknown.column]
-_COLUMN = [COLUMNS.index(_UNKNOWNS[k].column) for k in _SIMULATED]
-_UNIT = np.array([_UNKNOWNS[k].unit for k in _SIMULATED])
+_RATIO_COLUMNS = [COLUMNS.index(name) for name in RATIO_PRIOR]
 
 # More starts are tried where noise alone leaves so large a residual in one log of a thousand: they
 # cost a second.
@@ -98,20 +83,18 @@ _IMPROBABLE = 1e-3
 # Samples and turns are in step if a sample's phase in the turn moves by less than this over the log
 # [samples].
 _IN_STEP = 0.25
-# How well a turn has settled: to a hundredth of the noise of a mean turn, and to a tenth while
-# starts are compared.
-_SETTLED_RPS = 2e-4
-_NEARLY_RPS = 2e-3
+# A drive slower than the paper's takes longer to settle; so long in the last steps.
+_LONG_SETTLING_S = 2 * SETTLING_S
+# Of the unknowns in a difference: far below an SD, far above rounding.
+_STEP = 1e-4
 
 
 def rows_of(z: FloatArray) -> FloatArray:
     """Rows of `simulate_turns` for unknowns of shape (joints, unknowns)."""
     rows = np.zeros((len(z), len(COLUMNS)))
-    for k, column, unit in zip(_SIMULATED, _COLUMN, _UNIT, strict=True):
-        rows[:, column] = (
-            unit * z[:, k] if unit else _PRIOR_MEDIANS[_UNKNOWNS[k].column] * np.exp(z[:, k])
-        )
     rows[:, DELTA] = np.maximum(z[:, 0], LEAST_BACKLASH) * UNIT_RAD
+    rows[:, FRICTION] = z[:, 2]
+    rows[:, _RATIO_COLUMNS] = _PRIOR_MEDIANS * np.exp(z[:, 3:SMOOTHING_INDEX])
     return rows
 
 
@@ -127,7 +110,6 @@ class Problem:
         self._rad_per_ms = 1e-3 * TURN / movement.turn_period_s  # of the first harmonic
         self.folded = abs(self.samples - round(self.samples)) * harmonics.turns < _IN_STEP
         self.mean, self.spread = MEAN, SD  # of the unknowns' priors
-        self.lead = turns_to_settle(movement)  # turns that the last joint took to settle
         self.differencing = True  # what the drive does to its encoder
 
     def measured_as(self, measurement: Measurement) -> None:
@@ -138,74 +120,56 @@ class Problem:
         self.spread[LOW_PASS_INDEX] = measurement.low_pass_sd
         self.differencing = measurement.smoothing > 0.5
 
-    def turns(self, z: FloatArray) -> FloatArray:
+    def turns(self, z: FloatArray, settling_s: float = _LONG_SETTLING_S) -> FloatArray:
         """Settled turns [rps] of joints, shape (joints, periods)."""
-        return simulate_turns(rows_of(z), self.movement, self.lead, self.differencing)
+        rows, place = np.unique(rows_of(z), axis=0, return_inverse=True)
+        return simulate_turns(rows, self.movement, settling_s, self.differencing)[place]
+
+    def residual(self, z: FloatArray, free: int = SIZE) -> FloatArray:
+        """Of the harmonics, then of the unknowns' priors, over their SDs."""
+        return np.concatenate(
+            [self._misfits(z[None], free)[0], ((z - self.mean) / self.spread)[2:]]
+        )
 
     def slopes(self, z: FloatArray, free: int = SIZE) -> tuple[FloatArray, FloatArray]:
         """Residuals, and their derivative by each unknown, shape (unknowns, residuals); 0 from the one `free` on."""
-        row = rows_of(z[None])[0]
-        settled_rps = _SETTLED_RPS if free == SIZE else _NEARLY_RPS
-        turn = turn_and_slopes(row, self.movement, self.differencing, settled_rps)
-        self.lead = turn.turns_before
-        by_unknown = np.where(_UNIT > 0, _UNIT, row[_COLUMN])[:, None] * turn.slopes[_COLUMN]
-        parts = self._logged_parts(np.vstack([turn.motor_rps[None], by_unknown]), z)
-        seen = parts[:, 0]
-        order = self._aliases()
-        fade = self._fade()
-        lag = self._lag(z)
-        out = np.zeros((SIZE, self.order.size), dtype=complex)
-        out[_SIMULATED] = parts[:, 1:].sum(axis=0)
-        out[PHASE] = (1j * order * seen).sum(axis=0)
-        out[SMOOTHING_INDEX] = (fade * seen).sum(axis=0)
-        out[LOW_PASS_INDEX] = (-0.5 * (self._rad_per_ms * order) ** 2 / (1 + lag) * seen).sum(
-            axis=0
-        )
-        out[free:] = 0
-        misfit = self._whitened(seen.sum(axis=0) - self.target)
-        residual = np.concatenate([misfit, ((z - self.mean) / self.spread)[2:]])
-        return residual, np.hstack([self._whitened(out), np.diag(1 / self.spread)[:, 2:]])
+        moved = z + _STEP * np.eye(SIZE + 1, SIZE, -1)[: free + 1]
+        here, *there = self._misfits(moved, free)
+        by_unknown = np.zeros((SIZE, here.size))
+        by_unknown[:free] = (np.array(there) - here) / _STEP
+        by_prior = np.diag(1 / self.spread)[:, 2:]
+        residual = np.concatenate([here, ((z - self.mean) / self.spread)[2:]])
+        return residual, np.hstack([by_unknown, by_prior])
+
+    def _misfits(self, z: FloatArray, free: int) -> FloatArray:
+        """Harmonics of joints less the log's, over their SDs; settled less well while not all unknowns are free."""
+        settling_s = _LONG_SETTLING_S if free == SIZE else SETTLING_S
+        return self._whitened(self._logged(self.turns(z, settling_s), z) - self.target)
 
     def _whitened(self, spectra: ComplexArray) -> FloatArray:
         spectra = spectra / self.sd
         return np.concatenate([spectra.real, spectra.imag], axis=-1)
 
-    def _logged_parts(self, turns: FloatArray, z: FloatArray) -> ComplexArray:
-        """Harmonics of turns that the log shows at one: aliased, later by the phase, smoothed and low-passed."""
-        order, lag = self._aliases(), self._lag(z)
-        sign = np.sign(np.sinc(order / self.samples)) if z[SMOOTHING_INDEX] > 0.5 else 1.0
-        passed = (
-            sign
-            * np.exp(1j * order * z[PHASE] + self._fade() * z[SMOOTHING_INDEX] + lag)
-            / (1 + lag)
-        )
-        return self._aliased(turns) * passed[:, None]
-
-    def _aliases(self) -> NDArray[np.int64]:
-        """Orders that a log shows at each of its own, a row each.
+    def _logged(self, turns: FloatArray, z: FloatArray) -> ComplexArray:
+        """Harmonics that the log shows of turns: aliased, later by the phase, smoothed and low-passed.
 
         Where a turn has a whole number of samples, what is faster than half the sampling rate comes
         back at harmonics.
         """
-        return self.order + round(self.samples) * np.array(
-            [[0], [-1], [1]][: 3 if self.folded else 1]
-        )
-
-    def _aliased(self, turns: FloatArray) -> ComplexArray:
-        """Harmonics of turns at the aliases, shape (aliases, turns, orders)."""
+        phase, smoothing, low_pass = z[:, [PHASE, SMOOTHING_INDEX, LOW_PASS_INDEX]].T[..., None]
         spectra = np.fft.rfft(turns, axis=1) / turns.shape[1]
-        order = self._aliases()
-        there = np.abs(order) < spectra.shape[1]
-        seen = np.moveaxis(spectra[:, np.where(there, np.abs(order), 0)], 1, 0)
-        return np.where(order[:, None] < 0, seen.conj(), seen) * there[:, None]
-
-    def _fade(self) -> FloatArray:
-        """What smoothing over a sampling period does to the harmonics' logarithms."""
-        return np.log(np.maximum(np.abs(np.sinc(self._aliases() / self.samples)), 1e-3))
-
-    def _lag(self, z: FloatArray) -> ComplexArray:
-        """Times i, the angle by which a low-pass lags."""
-        return 1j * self._rad_per_ms * self._aliases() * np.sqrt(max(z[LOW_PASS_INDEX], 0.0))
+        logged = np.zeros((len(z), self.order.size), dtype=complex)
+        for fold in (0, -1, 1)[: 3 if self.folded else 1]:
+            order = self.order + fold * round(self.samples)
+            there = np.abs(order) < spectra.shape[1]
+            seen = spectra[:, np.where(there, np.abs(order), 0)] * there
+            passed = np.sinc(order / self.samples)
+            fade = np.log(np.maximum(np.abs(passed), 1e-3))
+            sign = np.where(smoothing > 0.5, np.sign(passed), 1.0)
+            lag = 1j * self._rad_per_ms * order * np.sqrt(np.maximum(low_pass, 0.0))
+            shown = sign * np.exp(1j * order * phase + fade * smoothing + lag) / (1 + lag)
+            logged += np.where(order < 0, seen.conj(), seen) * shown
+        return logged
 
     def is_improbable(self, chi2: float) -> bool:
         """Whether noise alone hardly leaves so large a sum of squares."""

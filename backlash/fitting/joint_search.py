@@ -124,15 +124,14 @@ def _search(
 ) -> Found:
     """Levenberg-Marquardt of the first `free` unknowns.
 
-    Unlike SciPy's, it takes residual and slopes from one simulation, and no step into a joint that
-    runs away.
+    Unlike SciPy's, it takes no step into a joint that runs away.
     """
-    damping = 1e-2
-    residual, slopes = problem.slopes(z, free)
-    chi2 = float(residual @ residual)
-    if not np.isfinite(slopes).all():
-        return Found(z, np.inf, False)
+    damping, chi2 = 1e-2, np.inf
     for _ in range(steps):
+        residual, slopes = problem.slopes(z, free)
+        if not np.isfinite(slopes).all():
+            return Found(z, np.inf, False)
+        chi2 = float(residual @ residual)
         normal, gradient = slopes @ slopes.T, slopes @ residual
         for _ in range(8):
             step = -np.linalg.solve(normal + damping * np.diag(np.diag(normal)), gradient)
@@ -140,9 +139,9 @@ def _search(
             trial = z + step
             trial[0] = max(trial[0], 0.3 * z[0], LEAST_BACKLASH)
             trial[LOW_PASS_INDEX] = max(trial[LOW_PASS_INDEX], 0.0)
-            tried_residual, tried_slopes = problem.slopes(trial, free)
+            tried_residual = problem.residual(trial, free)
             tried = float(tried_residual @ tried_residual)
-            if tried < chi2 and np.isfinite(tried_slopes).all():
+            if tried < chi2:
                 break
             damping *= 5
         else:
@@ -150,7 +149,6 @@ def _search(
         fallen = chi2 - tried
         z, chi2 = trial, tried
         damping *= 0.2
-        residual, slopes = tried_residual, tried_slopes
         if fallen < _LEAST_FALL * max(1.0, chi2 / residual.size):
             return Found(z, chi2, True)
     return Found(z, chi2, False)

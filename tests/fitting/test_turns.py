@@ -7,14 +7,12 @@ import pytest
 
 from backlash.fitting.harmonics import turn_harmonics
 from backlash.fitting.joint_posterior import NAMES, SIZE, Problem
-from backlash.fitting.turns import COLUMNS, Movement, simulate_turns, turn_and_slopes
+from backlash.fitting.turns import COLUMNS, SETTLING_S, Movement, simulate_turns
 from replication.simulator.parameters import identified_joint
 from replication.simulator.simulate import simulate
-from tests.logs import silent
+from tests.logs import noisy, silent
 
 MOVEMENT = Movement(40.0, 0.4)
-SETTLED = 1e-7
-STEP = {"delta_rad": 1e-6, "friction": 1e-3}
 
 
 def row(delta_rad: float, **others: float) -> np.ndarray:
@@ -22,28 +20,10 @@ def row(delta_rad: float, **others: float) -> np.ndarray:
     return np.array([values.get(name, 0.0) for name in COLUMNS])
 
 
-@pytest.mark.parametrize(("differencing", "delta_rad"), [(True, 1e-3), (True, 4e-4), (False, 2e-3)])
-def test_slopes_are_those_of_differences_of_settled_turns(differencing, delta_rad):
-    here = row(delta_rad, friction=0.01)
-    turn, slopes, _ = turn_and_slopes(here, MOVEMENT, differencing, SETTLED)
-    assert turn == pytest.approx(simulate_turns(here[None], MOVEMENT, 8, differencing)[0], abs=2e-5)
-    for k, name in enumerate(COLUMNS):
-        step = STEP.get(name, 1e-3 * here[k])
-        batch = np.repeat(here[None], 2, axis=0)
-        batch[:, k] += [step, -step]
-        up, down = simulate_turns(batch, MOVEMENT, 8, differencing)
-        difference = (up - down) / (2 * step)
-        # Where the teeth meet, a step moves the turn's corners by more than its slope tells: the difference errs there.
-        assert np.std(slopes[k] - difference) < 0.02 * np.std(difference), name
-
-
-def test_a_joint_that_runs_away_has_no_turn_and_no_slopes():
+def test_a_joint_that_runs_away_has_no_turn():
     wild = row(1e-3, friction=0.01)
     wild[COLUMNS.index("integral_gain_per_s2")] *= 1e3
     assert np.isnan(simulate_turns(wild[None], MOVEMENT)).all()
-    turn = turn_and_slopes(wild, MOVEMENT, True, SETTLED)
-    for part in (turn.motor_rps, turn.slopes):
-        assert np.isnan(part).all()
 
 
 @pytest.mark.parametrize("delta_rad", [3e-4, 2e-3])
@@ -55,13 +35,21 @@ def test_a_settled_turn_is_that_of_the_simulated_joint(delta_rad):
 
 
 def test_a_weakly_damped_joint_is_simulated_until_it_rings_no_more():
-    weak = row(1e-3)[None]
-    weak[0, COLUMNS.index("speed_gain_per_s")] *= 0.7
-    z = np.zeros(SIZE)
-    z[0], z[NAMES.index("speed_gain_per_s")] = 10.0, np.log(0.7)
+    z = np.zeros((1, SIZE))
+    z[0, 0], z[0, NAMES.index("speed_gain_per_s")] = 10.0, np.log(0.7)
     problem = Problem(turn_harmonics(silent()), MOVEMENT, 2e-3)
-    usual = problem.lead
-    problem.slopes(z)
-    last = simulate_turns(weak, MOVEMENT, lead=14)[0]
-    early, late = (simulate_turns(weak, MOVEMENT, lead=lead)[0] for lead in (usual, problem.lead))
-    assert np.abs(late - last).max() < 0.1 * np.abs(early - last).max()
+    early, last = (problem.turns(z, settling_s) for settling_s in (SETTLING_S, 6.0))
+    assert np.abs(problem.turns(z) - last).max() < 0.1 * np.abs(early - last).max()
+
+
+@pytest.mark.parametrize("differencing", [True, False])
+def test_slopes_tell_the_residuals_of_a_joint_beside(differencing):
+    problem = Problem(turn_harmonics(noisy()), MOVEMENT, 2e-3)
+    problem.differencing = differencing
+    z = np.zeros(SIZE)
+    z[0], z[2] = 10.0, 0.01
+    _, slopes = problem.slopes(z)
+    for k, name in enumerate(NAMES):
+        step = 1e-3 * np.eye(SIZE)[k]
+        moved = (problem.residual(z + step) - problem.residual(z - step)) / 2e-3
+        assert np.abs(slopes[k] - moved).max() < 0.1 * np.abs(moved).max(), name
