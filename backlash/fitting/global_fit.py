@@ -43,11 +43,10 @@ def _window_starts(fold: FoldedWindows, limits: Limits, best: Minimum) -> FloatA
     rows = []
     for away in range(-_STARTS_BESIDE, _STARTS_BESIDE + 1):
         start = best.a + away * fold.classes
-        theta, cost = windows.descend_in_window(fold, limits, start, best.b, best.theta, 10)
-        if start == best.b or cost == np.inf:
+        last = windows.reachable_end(fold, limits, start, best)
+        theta, cost = windows.descend_in_window(fold, limits, start, last, best.theta, 20)
+        if start == last or cost == np.inf:
             continue
-        last, _ = windows.scan_edge(fold, limits, start, best.b, theta, False)
-        theta, cost = folding.descend(fold, limits, start, last, theta, 10)
         gram, data = folding.normal_equations(fold, start, last, theta)
         A = folding.best_misfit(gram[0, 0], data[0], fold.power, limits.A)[1]
         low, high = folding.theta_bounds(fold, limits, start, last)
@@ -119,7 +118,7 @@ def _minima(
     for k in _candidates(found, fold.power):
         a = int(np.searchsorted(fold.x, thin.x[k] - joined * dt / 2))
         b = int(np.searchsorted(fold.x, thin.x[found.end[k]] + joined * dt / 2)) - 1
-        minimum = windows.refine(fold, limits, Minimum(a, b, found.theta[k], np.inf), 8, 3)
+        minimum = Minimum(a, b, *folding.descend(fold, limits, a, b, found.theta[k], 8))
         place = minimum.a, minimum.b
         if place not in minima or minimum.cost < minima[place].cost:
             minima[place] = minimum

@@ -9,7 +9,6 @@ from backlash.fitting.folding import (
     CLEARANCE_S,
     FoldedWindows,
     Limits,
-    best_misfit,
     descend,
     latest_t0,
     t0_range,
@@ -30,38 +29,6 @@ class Minimum(NamedTuple):
     cost: float
 
 
-@njit
-def scan_edge(fold, limits, a, b, theta, move_start):
-    """The best place for one edge of the window, the rest held; returns it and its sum of squares."""
-    t0, tau, omega = theta
-    anchor = fold.x[a]
-    hold, direction = (b, -1) if move_start else (a, 1)
-    best_edge = a if move_start else b
-    best_cost = np.inf
-    data = gram = offset = 0.0
-    unit = np.empty(fold.x.size)
-    i = hold
-    while 0 <= i < fold.x.size and abs(fold.x[i] - fold.x[hold]) <= limits.T2:
-        unit[i] = np.exp(-tau * (fold.x[i] - anchor)) * np.sin(omega * (fold.x[i] - t0))
-        data += unit[i] * fold.at[i].value
-        gram += unit[i] * unit[i] * fold.at[i].samples
-        offset += unit[i] * fold.at[i].sign
-        k = fold.at[i].partner if move_start else fold.at[i].inverse
-        if k >= 0 and (k - hold) * direction >= 0 and (i - k) * direction > 0:
-            gram -= 2 * fold.at[min(i, k)].pairs * unit[i] * unit[k]
-        first, last = (i, hold) if move_start else (hold, i)
-        if not np.isnan(latest_t0(fold.x, limits, first, last, t0, omega)):
-            limit = limits.A * np.exp(
-                tau * (fold.x[first] - anchor)
-            )  # of A as seen from the anchor
-            cost, _ = best_misfit(gram - offset * offset / fold.total, data, fold.power, limit)
-            if cost < best_cost:
-                best_cost = cost
-                best_edge = i
-        i += direction
-    return best_edge, best_cost
-
-
 def descend_in_window(
     fold: FoldedWindows, limits: Limits, a: int, b: int, theta: FloatArray, steps: int
 ) -> tuple[FloatArray, float]:
@@ -78,33 +45,13 @@ def descend_in_window(
     return descend(fold, limits, a, b, start, steps)
 
 
-def refine(fold: FoldedWindows, limits: Limits, start: Minimum, steps: int, rounds: int) -> Minimum:
-    """Alternate between descent and scans of the edges until nothing moves."""
-    a, b = start.a, start.b
-    theta, cost = descend(fold, limits, a, b, start.theta, steps)
-    for _ in range(rounds):
-        before = a, b
-        for move_start in (False, True):
-            edge, new_cost = scan_edge(fold, limits, a, b, theta, move_start)
-            new_a, new_b = (edge, b) if move_start else (a, edge)
-            if new_cost < cost and (new_a, new_b) != (a, b):
-                theta[0] = latest_t0(fold.x, limits, new_a, new_b, theta[0], theta[2])
-                a = new_a
-                b = new_b
-                cost = new_cost
-        if (a, b) == before:
-            break
-        theta, cost = descend(fold, limits, a, b, theta, steps)
-    return Minimum(a, b, theta, cost)
-
-
 def _try_window(fold: FoldedWindows, limits: Limits, best: Minimum, a: int, b: int) -> Minimum:
     """The better of the window from a to b and of the best one."""
     theta, cost = descend_in_window(fold, limits, a, b, best.theta, 6)
     return Minimum(a, b, theta, cost) if cost < best.cost * (1 - 1e-12) else best
 
 
-def _reachable_end(fold: FoldedWindows, limits: Limits, a: int, best: Minimum) -> int:
+def reachable_end(fold: FoldedWindows, limits: Limits, a: int, best: Minimum) -> int:
     """The end of the best window, or as far as T2 reaches if the window starts on position a at the same phase."""
     b = best.b
     if 0 <= a < fold.x.size:
@@ -126,12 +73,12 @@ def polish(fold: FoldedWindows, limits: Limits, best: Minimum) -> Minimum:
             best = _try_window(fold, limits, best, best.a, b)
         near = 12 * fold.classes
         for a in range(best.a - near, best.a + near + 1, fold.classes):
-            best = _try_window(fold, limits, best, a, _reachable_end(fold, limits, a, best))
+            best = _try_window(fold, limits, best, a, reachable_end(fold, limits, a, best))
         middle = best
         for a in range(middle.a - 2, middle.a + 3):
             for b in range(middle.b - 2, middle.b + 3):
                 best = _try_window(fold, limits, best, a, b)
-    return refine(fold, limits, best, 30, 5)
+    return Minimum(best.a, best.b, *descend(fold, limits, best.a, best.b, best.theta, 30))
 
 
 def turn_back(fold: FoldedWindows, limits: Limits, best: Minimum) -> Minimum:
@@ -148,7 +95,7 @@ def turn_back(fold: FoldedWindows, limits: Limits, best: Minimum) -> Minimum:
             )
             if np.isnan(theta[0]):
                 break
-            trial = refine(fold, limits, Minimum(a, b, theta, np.inf), 8, 3)
+            trial = Minimum(a, b, *descend(fold, limits, a, b, theta, 8))
             if trial.cost >= best.cost * (1 - 1e-12):
                 break
             best = trial
