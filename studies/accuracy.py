@@ -1,21 +1,27 @@
 """Errors of every method on the authors' logs and on simulated ones; their bound."""
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 from pandas import DataFrame
 
 from backlash.calibration import default_calibration, fit_calibration
-from backlash.fitting.global_fit import global_fit
-from backlash.fitting.readings import protocol_for
 from replication.arrays import FloatArray
+from replication.parallel import in_parallel
 from replication.records import Recording, level_delta_rad
-from replication.simulator.parameters import TURN, JointParameters
-from replication.simulator.recordings import SIMULATION_STEP_S, read_encoder
+from replication.simulator.parameters import JointParameters
+from replication.simulator.recordings import read_encoder
 from replication.simulator.simulate import simulate
-from studies.benchmark import JOINT_METHODS, KnownLog, backlashes, logs_by_methods
-from studies.joint_match import PHASES, add_nuisances, match_joint, simulate_turn
+from studies.benchmark import backlashes
+from studies.joint_match import NUISANCES, PHASES, add_nuisances, match_joint, simulate_turn
+
+# Methods through the joint: what is unknown besides the backlash.
+JOINT_METHODS = {
+    "joint": (),
+    "joint, start angle free": ("start_angle",),
+    "joint, all nuisances free": tuple(NUISANCES),
+}
 
 
 def cross_validation(
@@ -26,62 +32,36 @@ def cross_validation(
     Calibrations on noisy logs are made on the other realisations' logs of the other levels.
     """
 
-    def answers(log: KnownLog) -> dict[str, float]:
-        others = [
-            (R, K)
-            for R, K in records
-            if log.labels["realisation"] != R and log.labels["level"] != K
-        ]
-        logs_and_levels = (
-            [records[key] for key in others],
-            [level_delta_rad(level) for _, level in others],
-        )
+    def measure_log(realisation: int, level: int) -> list[dict[str, Any]]:
+        others = {key: log for key, log in records.items() if key[0] != realisation}
+        others = {key: log for key, log in others.items() if key[1] != level}
+        levels_rad = [level_delta_rad(level) for _, level in others]
         calibrations = {"equation 10": default_calibration("paper")}
-        calibrations |= {
-            method: fit_calibration(*logs_and_levels, method)
-            for method in ("amplitude", "energy", "impact")
-        }
-        calibrations["waveform, noisy logs"] = fit_calibration(*logs_and_levels, "waveform")
+        for name in ("amplitude", "energy", "impact", "waveform, noisy logs"):
+            method = name.split(",")[0]
+            calibrations[name] = fit_calibration([*others.values()], levels_rad, method)
         calibrations["waveform"] = default_calibration("waveform")
-        fit = global_fit(log.recording, protocol_for(log.recording))
-        calibrated = backlashes(log.recording, fit, calibrations)
-        return {name: answer.delta_rad for name, answer in calibrated.items()} | {
-            name: match_joint(log.recording, joint, free)["delta_rad"]
-            for name, free in JOINT_METHODS.items()
-        }
+        log, delta_rad = records[realisation, level], level_delta_rad(level)
+        found = {name: each.delta_rad for name, each in backlashes(log, calibrations).items()}
+        for name, free in JOINT_METHODS.items():
+            found[name] = match_joint(log, joint, free)["delta_rad"]
+        key = {"realisation": realisation, "level": level, "delta_rad": delta_rad}
+        return [
+            {"method": name, **key, "found_rad": rad, "error_rad": rad - delta_rad}
+            for name, rad in found.items()
+        ]
 
-    logs = [
-        KnownLog({"realisation": R, "level": level}, level_delta_rad(level), record)
-        for (R, level), record in records.items()
-        if level in scored
-    ]
-    return logs_by_methods(logs, answers)
+    tables = in_parallel(measure_log, [key for key in records if key[1] in scored], "logs")
+    return DataFrame([row for rows in tables for row in rows])
 
 
 def encoder_recording(
-    joint: JointParameters,
-    delta_rad: float,
-    bits: int,
-    offset_rad: float = 0.0,
-    sample_s: float = 2e-3,
-    turns: int = 12,
-    step_s: float = SIMULATION_STEP_S,
+    joint: JointParameters, delta_rad: float, bits: int, offset_rad: float
 ) -> Recording:
     """Record speeds differenced from the positions of an encoder that is turned by an offset."""
-    run = simulate(
-        joint, delta_rad, duration_s=turns * joint.turn_period_s, sample_s=sample_s, step_s=step_s
-    )
+    run = simulate(joint, delta_rad, duration_s=12 * joint.turn_period_s)
     source = f"simulated joint, {delta_rad:g} rad, {bits}-bit encoder"
     return read_encoder(joint, run.time_s, run.motor_position_rad + offset_rad, bits, source)
-
-
-# Friction on the load of a joint without it, grown to a share of the gravity torque, by name.
-CHANGES: dict[str, Callable[[JointParameters, float], JointParameters]] = {
-    "load Coulomb friction": lambda joint, share: add_nuisances(joint, {"friction": share}),
-    "load viscous friction": lambda joint, share: replace(
-        joint, load_viscous_nms_per_rad=share * joint.gravity_torque_nm * joint.turn_period_s / TURN
-    ),
-}
 
 
 def waveform_slopes(joint: JointParameters, delta_rad: float) -> FloatArray:

@@ -1,64 +1,20 @@
-"""Methods on logs of known backlash: a table of answers, and what it says of errors and intervals."""
+"""Methods on logs of known backlash: their answers, and what a table of these says of errors and intervals."""
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from pandas import DataFrame, Series, read_csv
 
-from backlash.calibration import Backlash, Calibration, widened
-from backlash.fitting.global_fit import GlobalFit
-from backlash.fitting.readings import reading_of_fit
-from backlash.fitting.self_calibration import fit_joint
+from backlash.calibration import Backlash, Calibration
+from backlash.fitting.global_fit import global_fit
+from backlash.fitting.readings import protocol_for, reading_of_fit
 from replication.arrays import FloatArray
-from replication.parallel import in_parallel
 from replication.records import Recording
-from studies.joint_match import NUISANCES
 from studies.rates import rate_columns
 
-# Methods through the joint: what is unknown besides the backlash.
-JOINT_METHODS = {
-    "joint": (),
-    "joint, start angle free": ("start_angle",),
-    "joint, all nuisances free": tuple(NUISANCES),
-}
-
 Row = dict[str, Any]
-
-
-@dataclass(frozen=True)
-class KnownLog:
-    """A log of known backlash [rad]; its labels are the columns that say which log it is."""
-
-    labels: Row
-    delta_rad: float
-    recording: Recording
-
-
-# By method: the backlash found [rad], or columns of which `found_rad` is one.
-Answers = Mapping[str, float | Row]
-DrawnLog = KnownLog | Callable[[], KnownLog]  # a log, or a function that draws it
-
-
-def logs_by_methods(logs: Iterable[DrawnLog], answers: Callable[[KnownLog], Answers]) -> DataFrame:
-    """One row per log and method: labels, true and found backlash, error, and whatever else is answered."""
-    rows_of_logs = in_parallel(_rows, ((log, answers) for log in logs), "logs")
-    return DataFrame([row for rows in rows_of_logs for row in rows])
-
-
-def _rows(drawn: DrawnLog, answers: Callable[[KnownLog], Answers]) -> list[Row]:
-    log = drawn if isinstance(drawn, KnownLog) else drawn()
-    rows = []
-    for method, answer in answers(log).items():
-        columns = answer if isinstance(answer, dict) else {"found_rad": answer}
-        found_rad = columns["found_rad"]
-        key = {"method": method, **log.labels, "delta_rad": log.delta_rad}
-        rows.append(
-            key | {"found_rad": found_rad, "error_rad": found_rad - log.delta_rad} | columns
-        )
-    return rows
 
 
 def interval_answer(found_rad: float, interval_rad: tuple[float, float], reason: str) -> Row:
@@ -73,22 +29,11 @@ def interval_answer(found_rad: float, interval_rad: tuple[float, float], reason:
     }
 
 
-def self_answer(recording: Recording) -> Row:
-    """Answer of method "self", and its whole fit."""
-    fit = fit_joint(recording)
-    answer = interval_answer(fit.delta_rad, fit.interval_rad, fit.refusal_reason)
-    return answer | {
-        "sd_rad": fit.sd_rad,
-        "misfit": fit.misfit,
-        "unrest": fit.ring_noise_ratio,
-        "fit": fit,
-    }
-
-
 def backlashes(
-    recording: Recording, fit: GlobalFit, calibrations: Mapping[str, Calibration]
+    recording: Recording, calibrations: Mapping[str, Calibration]
 ) -> dict[str, Backlash]:
     """Backlash of a record by several calibrations, from its one global fit; keys as in `calibrations`."""
+    fit = global_fit(recording, protocol_for(recording))
     return {
         name: calibration.backlash(
             reading_of_fit(recording, calibration.method, fit, calibration.bank)
@@ -97,26 +42,14 @@ def backlashes(
     }
 
 
-def widened_answers(
-    recording: Recording, fit: GlobalFit, calibrations: Mapping[str, Calibration]
-) -> dict[str, Row]:
-    """Answers, from the global fit, to a record of another joint than that of the calibrations."""
-    answers = {}
-    for name, backlash in backlashes(recording, fit, calibrations).items():
-        interval = widened(calibrations[name].method, backlash.delta_rad, backlash.interval_rad)
-        reason = "extrapolated calibration" if backlash.extrapolated else ""
-        answers[name] = interval_answer(backlash.delta_rad, interval, reason)
-    return answers
-
-
 def root_mean_square(values: Series | FloatArray) -> float:
     """Root of the mean square; NaN of nothing."""
     return float(np.sqrt(np.mean(values**2)))
 
 
-def summarise_errors(table: DataFrame, by: Sequence[str] = ("method",)) -> DataFrame:
-    """Number of logs, and mean size, largest size and root mean square of the errors; groups in their first order."""
-    groups = table.assign(size=table["error_rad"].abs()).groupby(list(by), sort=False)
+def summarise_errors(table: DataFrame) -> DataFrame:
+    """Number of logs, and mean size, largest size and root mean square of the errors of each method, in their order."""
+    groups = table.assign(size=table["error_rad"].abs()).groupby("method", sort=False)
     return groups.agg(
         logs=("size", "size"),
         mean_abs_error_rad=("size", "mean"),

@@ -157,7 +157,7 @@ def bits_study(
     """Largest change of A by an encoder's bits, mounted at several angles, against a fine one."""
 
     def amplitude(delta: float, bits: int, angle: float) -> float:
-        return global_fit(encoder_recording(joint, delta, bits, angle, step_s=1e-4)).amplitude_rps
+        return global_fit(encoder_recording(joint, delta, bits, angle)).amplitude_rps
 
     angles = np.random.default_rng(1).uniform(0, TURN, offsets)
     rows = []

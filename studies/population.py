@@ -7,27 +7,25 @@ of "self" and told where it erred.
 
 from collections.abc import Sequence
 from contextlib import suppress
-from functools import partial
-from itertools import product
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from pandas import DataFrame, Series
 
-from backlash.calibration import default_calibration
-from backlash.fitting.global_fit import global_fit
-from backlash.fitting.readings import protocol_for
+from backlash.calibration import default_calibration, widened
+from backlash.fitting.self_calibration import fit_joint
 from backlash.fitting.turns import COLUMNS, Movement, simulate_turns
 from replication.characteristic import printed_levels_rad
+from replication.parallel import in_parallel
 from replication.records import Recording, level_delta_rad
 from replication.simulator.parameters import TURN, identified_joint
 from replication.sources import load_clean, load_noisy
-from replication.standins import SAMPLE_S, VARIED_RATIOS, Bench, Spread, draw_bench
-from studies import benchmark, odd_joints
+from replication.standins import VARIED_RATIOS, Bench, Spread, draw_bench, encoder_log
+from studies import benchmark
 from studies.accuracy import cramer_rao_sd
-from studies.benchmark import DrawnLog, KnownLog, Row, self_answer
-from studies.odd_joints import KINDS
+from studies.benchmark import Row, interval_answer
+from studies.odd_joints import KINDS, draw_odd_log
 
 # Populations of benches: as drawn for the paper's bench, and far from it.
 SPREADS = {
@@ -35,6 +33,7 @@ SPREADS = {
     "20 % spread, 5 % friction, double ripple": Spread(ratios=0.2, load_friction=0.05, ripple=0.04),
 }
 NEAR, FAR = SPREADS
+AUTHORS = "authors' logs"
 COMPARED_METHODS = ("self", "paper", "amplitude", "energy", "waveform")
 ROW_COLUMNS = [
     "population",
@@ -76,32 +75,36 @@ _BOUND_STEPS = {"delta_rad": 2e-6, "friction": 1e-3}
 _BOUND_SHARE = 1e-2
 
 
+class KnownLog(NamedTuple):
+    """A log of known backlash [rad], and the Cramer-Rao bound on its error [rad], nan where none is known."""
+
+    recording: Recording
+    delta_rad: float
+    bound_rad: float = np.nan
+
+
 def draw_log(population: str, number: int, seed: int) -> KnownLog:
-    """Draw a log of a population, of `SPREADS` or `odd_joints.KINDS`, with its bench and Cramer-Rao bound if known."""
+    """Draw a log of a population: of `SPREADS`, of `odd_joints.KINDS`, or the authors' (`AUTHORS`)."""
+    if population == AUTHORS:
+        return _authors_log(number)
     rng = np.random.default_rng((seed, [*SPREADS, *KINDS].index(population), number))
     delta = float(rng.uniform(*printed_levels_rad()[[0, -1]]))
-    labels = {"population": population, "number": number, "bound_rad": np.nan}
     if population in KINDS:
-        return KnownLog(labels, delta, odd_joints.draw_odd_log(population, delta, rng))
+        return KnownLog(draw_odd_log(population, delta, rng), delta)
     while True:
         bench = draw_bench(rng, SPREADS[population])
         with suppress(ValueError, ArithmeticError):  # an unstable drive: nobody runs one
-            recording, _ = odd_joints.log_with_torque(bench, delta, rng, SAMPLE_S)
-            bound = bench_bound_rad(bench, delta, recording)
-            return KnownLog(labels | {"bench": bench, "bound_rad": bound}, delta, recording)
+            recording = encoder_log(bench, delta, rng)
+            return KnownLog(recording, delta, bench_bound_rad(bench, delta, recording))
 
 
-def authors_logs() -> list[KnownLog]:
-    """The authors' noisy logs of levels 3 to 11; errors as of `sources.load_noisy`."""
-    logs = []
-    for number, (realisation, level) in enumerate(product((1, 2), range(3, 12))):
-        recording = load_noisy(level, realisation)
-        delta = level_delta_rad(level)
-        noise = float(np.std(recording.v - load_clean(level).v))
-        bound = bench_bound_rad(Bench(identified_joint(), noise, np.nan), delta, recording)
-        labels = {"population": "authors' logs", "number": number, "bound_rad": bound}
-        logs.append(KnownLog(labels, delta, recording))
-    return logs
+def _authors_log(number: int) -> KnownLog:
+    """One of the authors' noisy logs of levels 3 to 11, R = 1 and then R = 2."""
+    realisation, level = 1 + number // 9, 3 + number % 9
+    recording, delta = load_noisy(level, realisation), level_delta_rad(level)
+    noise = float(np.std(recording.v - load_clean(level).v))
+    bench = Bench(identified_joint(), noise, np.nan)
+    return KnownLog(recording, delta, bench_bound_rad(bench, delta, recording))
 
 
 def bench_bound_rad(bench: Bench, delta_rad: float, recording: Recording) -> float:
@@ -128,29 +131,44 @@ def bench_bound_rad(bench: Bench, delta_rad: float, recording: Recording) -> flo
     return cramer_rao_sd(columns, bench.noise_rps * np.sqrt(columns.shape[1] / settled))
 
 
-def _answers_to(log: KnownLog, methods: Sequence[str]) -> dict[str, Row]:
+def _answers_to(recording: Recording, methods: Sequence[str]) -> dict[str, Row]:
     """Answers of methods that have no calibration of the log's joint."""
-    answers = {"self": self_answer(log.recording)} if "self" in methods else {}
-    if others := {name: default_calibration(name) for name in methods if name != "self"}:
-        fit = global_fit(log.recording, protocol_for(log.recording))
-        answers |= benchmark.widened_answers(log.recording, fit, others)
+    answers = {}
+    if "self" in methods:
+        fit = fit_joint(recording)
+        answers["self"] = interval_answer(fit.delta_rad, fit.interval_rad, fit.refusal_reason)
+        answers["self"] |= {
+            "sd_rad": fit.sd_rad,
+            "misfit": fit.misfit,
+            "unrest": fit.ring_noise_ratio,
+        }
+    calibrations = {name: default_calibration(name) for name in methods if name != "self"}
+    found = benchmark.backlashes(recording, calibrations) if calibrations else {}
+    for name, backlash in found.items():
+        interval = widened(name, backlash.delta_rad, backlash.interval_rad)
+        reason = "extrapolated calibration" if backlash.extrapolated else ""
+        answers[name] = interval_answer(backlash.delta_rad, interval, reason)
     return answers
 
 
-def measure_logs(logs: Sequence[DrawnLog], methods: Sequence[str]) -> DataFrame:
-    """A row of `ROW_COLUMNS` for each log and method; only "self" knows its SD."""
-    return benchmark.logs_by_methods(logs, partial(_answers_to, methods=methods)).reindex(
-        columns=ROW_COLUMNS
-    )
+def _measure_log(population: str, number: int, seed: int, methods: Sequence[str]) -> list[Row]:
+    log = draw_log(population, number, seed)
+    of_log = {"population": population, "number": number, "delta_rad": log.delta_rad}
+    of_log["bound_rad"] = log.bound_rad
+    answers = _answers_to(log.recording, methods)
+    return [of_log | {"method": method} | answer for method, answer in answers.items()]
 
 
 def measure_population(
     population: str, numbers: Sequence[int], seed: int, methods: Sequence[str]
 ) -> DataFrame:
-    """Draw logs of a population and measure them; columns `ROW_COLUMNS`."""
-    return measure_logs(
-        [partial(draw_log, population, number, seed) for number in numbers], methods
-    )
+    """Draw logs of a population and measure them; a row of `ROW_COLUMNS` for each log and method.
+
+    Only "self" knows its SD.
+    """
+    calls = ((population, number, seed, methods) for number in numbers)
+    tables = in_parallel(_measure_log, calls, "logs")
+    return DataFrame([row for rows in tables for row in rows], columns=ROW_COLUMNS)
 
 
 def spread_shares(rows: DataFrame) -> DataFrame:

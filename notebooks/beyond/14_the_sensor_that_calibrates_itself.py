@@ -263,7 +263,7 @@ widening.round(3)
 # %% tags=["plumbing"]
 near, far = population.SPREADS
 titles = {near: "default spread", far: "20 % spread, 5 % friction, double ripple"}
-authors = population.measure_logs(population.authors_logs(), ("self",))
+authors = population.measure_population(population.AUTHORS, range(18), 0, ("self",))
 summary = benchmark.summarise_intervals(pd.concat([measured, authors]).astype({"refused": bool}))
 sheet = pd.read_csv(workbook.ROOT / "results" / "datasheet.csv")
 rounds = pd.read_csv(workbook.ROOT / "results" / "datasheet_rounds.csv")

@@ -20,7 +20,6 @@ from replication.records import Recording, add_uniform_noise, authors_file, leve
 from replication.simulator.parameters import identified_joint, with_ratios
 from replication.simulator.recordings import simulate_recordings
 from replication.standins import draw_bench, encoder_log
-from studies.accuracy import CHANGES
 from studies.odd_joints import draw_odd_log, move_bench
 from tests.logs import ANSWER_KEYS, TURN, clean, noisy, silent, write
 
@@ -259,7 +258,15 @@ FRICTIONS = ("load Coulomb friction", "load viscous friction")
 
 def with_friction(delta, share, name=FRICTIONS[0], seed=1):
     """A joint whose load has friction, a share of the gravity torque: the two impacts of a turn drift apart."""
-    record = simulate_recordings(CHANGES[name](identified_joint(), share), [delta])[0]
+    joint = identified_joint()
+    coulomb_nm = share * joint.gravity_torque_nm
+    friction = {
+        "load Coulomb friction": {"load_coulomb_nm": coulomb_nm},
+        "load viscous friction": {
+            "load_viscous_nms_per_rad": coulomb_nm * joint.turn_period_s / (2 * np.pi)
+        },
+    }
+    record = simulate_recordings(replace(joint, **friction[name]), [delta])[0]
     return add_uniform_noise(record, 0.1, np.random.default_rng(seed))
 
 
