@@ -1,9 +1,8 @@
 """Joints that the simulated joint is not: what a sensor built on it must refuse, or hold in its interval.
 
 Two loads one behind the other, a second ring, a PI drive with a current loop, and a notch filter in
-the torque command, each drawn around a bench of `joints.draw_bench`. Also benches that make another
-movement, joints under a cascade of loops that has nothing of the paper's, and logs with the motor's
-torque.
+the torque command, each drawn around a bench of `standins.draw_bench`. Also benches that make
+another movement, and logs with the motor's torque.
 """
 
 from contextlib import suppress
@@ -18,24 +17,9 @@ from replication.arrays import FloatArray
 from replication.compiling import njit
 from replication.records import Recording, add_normal_noise
 from replication.simulator import core
-from replication.simulator.checks import check_stability, closed_loop_matrix
-from replication.simulator.parameters import (
-    GRAVITY,
-    TURN,
-    Disturbance,
-    JointParameters,
-    with_ratios,
-)
+from replication.simulator.parameters import TURN, Disturbance, with_ratios
 from replication.simulator.recordings import read_encoder
-from replication.standins import (
-    SAMPLE_S,
-    TURNS,
-    Bench,
-    Spread,
-    draw_bench,
-    encoder_log,
-    run_and_log,
-)
+from replication.standins import SAMPLE_S, TURNS, Bench, draw_bench, encoder_log, run_and_log
 
 KINDS = ("two loads", "second ring", "PI with current loop", "notch filter")
 
@@ -52,7 +36,6 @@ _GEAR_RATIOS = (30.0, 160.0)
 _TURNS_S = (0.4, 3.2)
 _SPEEDS_RPS = (8.0, 110.0)
 _LEAST_LEAD_S = 0.8  # a slower start than this is part of the log of no bench
-_LEAST_DAMPING = 0.02  # who tunes a cascade leaves its ring this damping at least
 
 
 class SecondLoad(NamedTuple):
@@ -111,43 +94,6 @@ def _moved_wave(wave: Disturbance, gear_ratio: float, per_gear: float) -> Distur
     of_load_turn = abs(wave.order * gear_ratio - 1) < 1e-9
     order = wave.order * (per_gear if of_load_turn else 1)
     return replace(wave, motor_torque_nm=per_gear * wave.motor_torque_nm, order=order)
-
-
-def draw_cascade(rng: Generator) -> Bench:
-    """Draw a joint under P position, PI speed and current loops tuned to it, its encoder of 17 to 20 bits."""
-    for _ in range(_MOST_TRIES):
-        bench = move_bench(draw_bench(rng, Spread(load_friction=0.02)), *draw_movement(rng))
-        ring = TURN * draw_log_uniform(rng, 12.0, 50.0)
-        bandwidth = TURN * rng.uniform(15.0, 60.0)
-        inertia_ratio = draw_log_uniform(rng, 0.5, 5.0)
-        gain = bandwidth * (1 + inertia_ratio)
-        ratios = {
-            "stiffness_per_s2": ring**2,
-            "gravity_per_s2": GRAVITY / rng.uniform(0.15, 0.5),
-            "inertia_ratio": inertia_ratio,
-            "speed_gain_per_s": gain,
-            "integral_gain_per_s2": gain * bandwidth / rng.uniform(4.0, 10.0),
-            "derivative_gain": 0.0,
-            "leaky_gain_per_s2": 0.0,
-            "leaky_rate_per_s": 0.0,
-            "position_gain_per_s": bandwidth * rng.uniform(0.03, 0.2),
-            "torque_lag_s": rng.uniform(3e-4, 1e-3),
-        }
-        joint = with_ratios(bench.joint, ratios)
-        damping = 2 * rng.uniform(0.01, 0.06) * ring * joint.load_inertia_kgm2
-        joint = replace(joint, damping_nms_per_rad=damping, encoder_bits=int(rng.integers(17, 21)))
-        with suppress(ValueError):
-            check_stability(joint)
-            if _is_damped(joint):
-                return replace(bench, joint=joint)
-    raise ValueError(f"cascade: no stable joint in {_MOST_TRIES} draws")
-
-
-def _is_damped(joint: JointParameters) -> bool:
-    """Whether all modes above 2 Hz are damped by `_LEAST_DAMPING`."""
-    modes = np.log(np.linalg.eigvals(closed_loop_matrix(joint)).astype(complex) + 1e-300)
-    ringing = modes[modes.imag > TURN * 2.0 * joint.control_period_s]
-    return bool((-ringing.real >= _LEAST_DAMPING * np.abs(ringing)).all())
 
 
 def log_with_torque(

@@ -14,7 +14,8 @@ from replication.records import Recording
 from replication.simulator.parameters import identified_joint
 from replication.simulator.recordings import simulate_recordings
 from replication.standins import draw_bench, encoder_log
-from studies.odd_joints import draw_cascade, draw_odd_log, move_bench
+from studies.odd_joints import draw_odd_log, move_bench
+from tests.cascades import draw_cascade
 
 
 @lru_cache

@@ -10,7 +10,8 @@ import backlash
 from backlash.fitting.torque import LoadData, fit_torque
 from replication.standins import Bench, draw_bench
 from studies.benches import BenchLog, Fault, draw_turns
-from studies.odd_joints import draw_cascade, log_with_torque, move_bench
+from studies.odd_joints import log_with_torque, move_bench
+from tests.cascades import draw_cascade
 
 DELTA = 9e-4
 

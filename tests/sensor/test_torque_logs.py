@@ -11,7 +11,8 @@ from backlash.reading.columns import LogFormat
 from backlash.reading.prepare import open_log
 from backlash.reading.refusals import UnusableLog
 from replication.simulator.parameters import GRAVITY
-from studies.odd_joints import draw_cascade, log_with_torque
+from studies.odd_joints import log_with_torque
+from tests.cascades import draw_cascade
 from tests.logs import command
 
 DELTA = 1e-3

@@ -7,7 +7,8 @@ import pytest
 
 from backlash.detection.pattern import find_pattern
 from replication.standins import draw_bench
-from studies.odd_joints import draw_cascade, draw_movement, log_with_torque, move_bench
+from studies.odd_joints import draw_movement, log_with_torque, move_bench
+from tests.cascades import draw_cascade
 
 
 def test_a_moved_bench_keeps_its_ratios_and_its_friction_over_gravity():
