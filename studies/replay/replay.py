@@ -8,6 +8,7 @@ import numpy as np
 import pandas as pd
 
 from replication import published
+from replication.bounds import margins_of
 from replication.cmaes import Generation, generations, random_normals
 from replication.records import Recording
 from replication.signature import FREE_PARAMETERS, Box
@@ -15,6 +16,7 @@ from replication.stopping import HISTORY, search
 from replication.table2 import AUTHORS_SETTINGS, BASIN_GAP, cost, search_box
 from studies.replay import AGREE_RPS
 from studies.replay.eigen import symmetric_eigen
+from studies.replay.inspection import STORED_NAMES
 
 ROUNDINGS = 20  # times that a covariance matrix is rounded otherwise
 
@@ -77,13 +79,20 @@ def explorer_page(
     frames = replay_frames(recording, ours).groupby("run")[["generation", "frame"]].agg(list)
     printed = published.table("authors_notebook_generations")
     box = search_box(recording, AUTHORS_SETTINGS)
+    low_margin, high_margin = margins_of(box) / (box.upper - box.lower)
+    of_parameters = pd.DataFrame(vars(box)).assign(
+        parameter=FREE_PARAMETERS,
+        column=STORED_NAMES,
+        low_margin=low_margin,
+        high_margin=high_margin,
+    )
     settings = {"gap": BASIN_GAP, "agree": AGREE_RPS, "members": AUTHORS_SETTINGS.population}
     return {
         "runs": stored.merge(frames, on="run").to_dict("records"),
         "printed": printed[["run", "generation", "best_rmse_of_generation_rps"]]
         .to_numpy()
         .tolist(),
-        "box": pd.DataFrame({"parameter": FREE_PARAMETERS, **vars(box)}).to_dict("records"),
+        "box": of_parameters.to_dict("records"),
         "basins": basins["rmse_rps"].tolist(),
         "settings": settings,
     }
