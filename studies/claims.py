@@ -28,6 +28,7 @@ from studies.benchmark import root_mean_square
 from studies.replay.inspection import uniform_noise_test
 
 FINE_BITS = 40  # of an encoder without steps
+_INTERVAL = ["rate_low", "rate_high"]
 
 
 def noise_tests(noises: Mapping[tuple[int, int], FloatArray]) -> DataFrame:
@@ -36,13 +37,7 @@ def noise_tests(noises: Mapping[tuple[int, int], FloatArray]) -> DataFrame:
     P-values are not corrected for their number; those of the law are Kolmogorov and Smirnov's.
     """
     tested = DataFrame([uniform_noise_test(noise) for noise in noises.values()])
-    sizes = np.array([noise.size for noise in noises.values()])
-    z_mean = tested["mean_over_standard_error"]
-    z_lag_one = tested["lag_one_correlation"] * np.sqrt(sizes - 1)
-    keys = DataFrame(list(noises), columns=["level", "realisation"])
-    return keys.join(tested[["p_uniform", "p_normal"]]).assign(
-        p_mean=2 * stats.norm.sf(z_mean.abs()), p_lag_one=2 * stats.norm.sf(z_lag_one.abs())
-    )
+    return DataFrame(list(noises), columns=["level", "realisation"]).join(tested)
 
 
 def uniform_noise(tests: DataFrame, criteria: Criteria = None) -> Decision:
@@ -211,7 +206,7 @@ def classical_cannot(table: DataFrame, criteria: Criteria = None) -> Decision:
     """Whether no classical method is applicable as it comes, from `optimizers.success_table`."""
     classical = table[table["kind"].isin(["classical", "deterministic"])]
     rates = ", ".join(f"{row.method} {row.found} of {row.runs}" for row in classical.itertuples())
-    return published.decide("classical_cannot", _best_rate(classical), criteria), (
+    return published.decide("classical_cannot", classical[_INTERVAL].max(), criteria), (
         f"best basin found off the shelf: {rates}; the global fit, classical but made for it, is at or below every run"
     )
 
@@ -224,10 +219,5 @@ def little_tuning(table: DataFrame, criteria: Criteria = None) -> Decision:
         for row in untuned.itertuples()
     )
     return published.decide(
-        "little_tuning", _best_rate(untuned), criteria
+        "little_tuning", untuned[_INTERVAL].max(), criteria
     ), f"rate of the best basin, {rates}"
-
-
-def _best_rate(table: DataFrame) -> tuple[float, float]:
-    """Interval of the largest rate."""
-    return table["rate_low"].max(), table["rate_high"].max()

@@ -1,7 +1,6 @@
 """What the authors' records show by themselves: their turn period and their noise."""
 
 import numpy as np
-import pandas as pd
 from scipy import signal, stats
 
 from replication.arrays import FloatArray
@@ -49,16 +48,17 @@ def added_noise(level: int, realisation: int) -> FloatArray:
     return load_noisy(level, realisation).v - load_clean(level).v
 
 
-def uniform_noise_test(noise: FloatArray) -> pd.Series:
-    """Kolmogorov-Smirnov p of a noise by two laws, its mean in standard errors, correlation."""
-    return pd.Series(
-        {
-            "p_uniform": stats.kstest(noise, stats.uniform(noise.min(), np.ptp(noise)).cdf).pvalue,
-            "p_normal": stats.kstest(noise, stats.norm(noise.mean(), noise.std()).cdf).pvalue,
-            "mean_over_standard_error": noise.mean() / stats.sem(noise, ddof=0),
-            "lag_one_correlation": np.corrcoef(noise[1:], noise[:-1])[0, 1],
-        }
-    )
+def uniform_noise_test(noise: FloatArray) -> dict[str, float]:
+    """P-values of a noise: of two laws (Kolmogorov and Smirnov's), of its mean, of the correlation of neighbours."""
+    correlation = np.corrcoef(noise[1:], noise[:-1])[0, 1]
+    z = [noise.mean() / stats.sem(noise, ddof=0), correlation * np.sqrt(noise.size - 1)]
+    p_mean, p_lag_one = 2 * stats.norm.sf(np.abs(z))
+    return {
+        "p_uniform": stats.kstest(noise, stats.uniform(noise.min(), np.ptp(noise)).cdf).pvalue,
+        "p_normal": stats.kstest(noise, stats.norm(noise.mean(), noise.std()).cdf).pvalue,
+        "p_mean": p_mean,
+        "p_lag_one": p_lag_one,
+    }
 
 
 def noise_amplitudes() -> FloatArray:

@@ -17,19 +17,19 @@
    the pooled bias excludes every start drawn for each record, but not the whole record.
 """
 
-import hashlib
-from collections.abc import Callable, Iterator, Sequence
+from collections import defaultdict
+from collections.abc import Callable, Sequence
 from dataclasses import fields, replace
 from functools import cache
-from pathlib import Path
 
 import numpy as np
 import pandas as pd
+from joblib import Memory
 
 from replication import published, table2
 from replication.arrays import FloatArray, IntArray
-from replication.files import ROOT, write_csv
-from replication.parallel import one_by_one
+from replication.files import ROOT
+from replication.parallel import in_parallel
 from replication.records import Recording, constant_speed, from_sample, uniform_noise
 from replication.simulator.parameters import identified_joint
 from replication.simulator.recordings import simulate_recordings
@@ -54,15 +54,16 @@ REALISATIONS = ROOT / "results" / "table2_realisations.csv"
 LEVEL = published.criterion("random_start")
 
 LISTED = published.table("table2_candidates")
-_SETTINGS = {field.name for field in fields(SearchSettings)} & {*LISTED.columns}
+_SETTINGS = LISTED.columns.intersection([field.name for field in fields(SearchSettings)])
 CANDIDATES = {
-    name: SearchSettings(name=str(name), **{setting: row[setting] for setting in _SETTINGS})
-    for name, row in LISTED.astype({"rpm": bool}).iterrows()
+    name: SearchSettings(name=str(name), **settings)
+    for name, settings in LISTED.astype({"rpm": bool})[_SETTINGS].to_dict("index").items()
 }
 LEADER = LISTED.index[0]
 # Those that judge Table 2 together, with as many realisations each.
 POOLED = [*LISTED.index[(LISTED["start"] == "whole") & LISTED["population"].between(300, 1000)]]
 REALISATIONS_EACH = 40
+KEPT = ROOT / ".make"  # where the realisations of an interrupted study are
 
 
 # ------------------------------------------------------------------------- realisations
@@ -130,37 +131,19 @@ def rows_of(realisation: int) -> Sequence[int]:
     return (*ROWS, LAST_ROW) if realisation <= REALISATIONS_EACH else ROWS
 
 
-def planned() -> Iterator[tuple[SearchSettings, int]]:
-    """Every candidate's realisations, those of each candidate's first ones before more of the leading one."""
-    for first, last in ((0, REALISATIONS_EACH), (REALISATIONS_EACH, LISTED["realisations"].max())):
-        for name, wanted in LISTED["realisations"].items():
-            for realisation in range(first + 1, min(last, wanted) + 1):
-                yield CANDIDATES[name], realisation
-
-
 def _realise_rows(protocol: SearchSettings, realisation: int) -> pd.DataFrame:
     return pd.DataFrame([realise(protocol, row, realisation) for row in rows_of(realisation)])
 
 
-def realise_all(kept: Path | None = None) -> pd.DataFrame:
-    """Every realisation of the study; what `kept` holds of an interrupted one is not computed again."""
-    digest = hashlib.sha256(LISTED.to_csv().encode()).hexdigest()[:8]
-    kept = kept or ROOT / ".make" / f"table2_realisations_{digest}.csv"
-    done = [pd.read_csv(kept)] if kept.exists() else []
-    there = {
-        job for table in done for job in zip(table["protocol"], table["realisation"], strict=True)
-    }
-    missing = [job for job in planned() if (job[0].name, job[1]) not in there]
-    for table in one_by_one(_realise_rows, missing, "realisations"):
-        done.append(table)
-        write_csv(kept, pd.concat(done))
-    realisations = pd.concat(done)
-    order = {name: number for number, name in enumerate(CANDIDATES)}
-    return realisations.sort_values(
-        ["protocol", "realisation", "row"],
-        key=lambda column: column.map(order) if column.name == "protocol" else column,
-        ignore_index=True,
-    )
+def realise_all() -> pd.DataFrame:
+    """Every realisation of the study; what `KEPT` holds of an interrupted one is not computed again."""
+    realise_rows = Memory(KEPT, verbose=0).cache(_realise_rows)
+    calls = [
+        (CANDIDATES[name], realisation)
+        for name, wanted in LISTED["realisations"].items()
+        for realisation in range(1, wanted + 1)
+    ]
+    return pd.concat(in_parallel(realise_rows, calls, "realisations"), ignore_index=True)
 
 
 # ------------------------------------------------------------------------------ judging
@@ -179,13 +162,11 @@ def pooled(realisations: pd.DataFrame) -> pd.DataFrame:
 
 def numbers_by_setting(realisations: pd.DataFrame) -> dict[str, dict[str, list[float]]]:
     """Numbers [rps] of each mean and SD of Table 2 by cell id and setting."""
-    cells: dict[str, dict[str, list[float]]] = {}
+    cells: dict[str, dict[str, list[float]]] = defaultdict(dict)
     for (row, name), part in realisations.groupby(["row", "protocol"], sort=False):
         for number in NUMBERS:
-            cells.setdefault(f"table2.row{row:02d}.{number}", {})[name] = part[
-                f"{number}_A_rps"
-            ].tolist()
-    return cells
+            cells[f"table2.row{row:02d}.{number}"][name] = part[f"{number}_A_rps"].tolist()
+    return dict(cells)
 
 
 def numbers_of(realisations: pd.DataFrame) -> FloatArray:

@@ -43,12 +43,11 @@ def replay_stored_runs(recording: Recording) -> pd.DataFrame:
     for run in published.table("authors_notebook_runs").to_dict("records"):
         steps = authors_search(recording, run["cma_seed"])
         history = search(steps, AUTHORS_SETTINGS.iterations).history
-        table = pd.DataFrame(history, columns=HISTORY).drop(columns=["median", "upper_quartile"])
-        table.insert(0, "generation", np.arange(1, len(history) + 1))
-        for name in ("cma_seed", "run"):
-            table.insert(0, name, run[name])
-        parts.append(table.rename(columns={"best": "best_rmse_rps"}))
-    return pd.concat(parts, ignore_index=True)
+        key = {"run": run["run"], "cma_seed": run["cma_seed"]}
+        numbered = pd.DataFrame({"generation": range(1, len(history) + 1)} | key)
+        parts.append(numbered.join(pd.DataFrame(history, columns=HISTORY)))
+    columns = ["run", "cma_seed", "generation", "best_rmse_rps", *HISTORY[3:]]
+    return pd.concat(parts, ignore_index=True).rename(columns={"best": "best_rmse_rps"})[columns]
 
 
 def replay_frames(recording: Recording, ours: pd.DataFrame) -> pd.DataFrame:

@@ -96,22 +96,30 @@ def quick(monkeypatch, **settings):
     monkeypatch.setattr(protocols, "LISTED", LISTED.iloc[:1].set_axis(["a"]).assign(realisations=3))
     monkeypatch.setattr(protocols, "rows_of", lambda realisation: (protocols.LAST_ROW,))
     monkeypatch.setattr(
-        protocols, "one_by_one", lambda function, calls, label: starmap(function, calls)
+        protocols, "in_parallel", lambda function, calls, label: [*starmap(function, calls)]
     )
     return candidate
 
 
 def test_an_interrupted_study_goes_on_and_gives_the_same(tmp_path, monkeypatch):
     quick(monkeypatch)
-    whole = protocols.realise_all(tmp_path / "whole.csv")
-    assert whole["realisation"].tolist() == [1, 2, 3]
-    kept = tmp_path / "kept.csv"
-    lines = (tmp_path / "whole.csv").read_text("utf-8").splitlines(keepends=True)
-    kept.write_text(lines[0] + lines[2], "utf-8")
-    again = protocols.realise_all(kept)
-    assert again.drop(columns="protocol").to_numpy() == pytest.approx(
-        whole.drop(columns="protocol").to_numpy(), rel=1e-5
-    )
+    monkeypatch.setattr(protocols, "KEPT", tmp_path)
+    realise, made = protocols.realise, []
+
+    def count_or_stop(protocol, row, realisation):
+        if len(made) == 2:
+            raise KeyboardInterrupt
+        made.append(realisation)
+        return realise(protocol, row, realisation)
+
+    monkeypatch.setattr(protocols, "realise", count_or_stop)
+    with pytest.raises(KeyboardInterrupt):
+        protocols.realise_all()
+    made.clear()
+    again = protocols.realise_all()
+    assert made == [3]
+    assert again["realisation"].tolist() == [1, 2, 3]
+    assert again.loc[0].to_dict() == realise(protocols.CANDIDATES["a"], protocols.LAST_ROW, 1)
 
 
 def test_a_drawn_start_is_one_for_each_record(monkeypatch):
