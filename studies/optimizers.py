@@ -7,6 +7,7 @@ notebook, and stop when they find the best basin or have spent the budget.
 import contextlib
 import math
 from collections.abc import Callable, Sequence
+from functools import partial
 from itertools import count, product
 
 import numpy as np
@@ -132,12 +133,8 @@ def _restarted(descend: Callable[[Cost, FloatArray], object]) -> Method:
     return run
 
 
-def _minimize(method: str) -> Method:
-    return _restarted(
-        lambda cost, start: optimize.minimize(
-            cost, start, method=method, bounds=[(0, 1)] * start.size
-        )
-    )
+def _minimize(cost: Cost, start: FloatArray, method: str) -> None:
+    optimize.minimize(cost, start, method=method, bounds=[(0, 1)] * start.size)
 
 
 def _least_squares(cost: Cost, start: FloatArray) -> None:
@@ -161,30 +158,25 @@ def _of_function(optimiser: Optimiser) -> Method:
     return run
 
 
-METHODS_OF_KIND: dict[str, dict[str, Method]] = {
-    "CMA-ES": {
-        "CMA-ES, population 300": _covariance(POPULATION),
-        "CMA-ES, its own population": _covariance(OWN_POPULATION),
-        "CMA-ES, its own population, restarts doubling it": _covariance(
-            OWN_POPULATION, restarts=True
-        ),
+SEARCH_METHODS: dict[str, tuple[str, Method]] = {
+    "CMA-ES, population 300": ("CMA-ES", _covariance(POPULATION)),
+    "CMA-ES, its own population": ("CMA-ES", _covariance(OWN_POPULATION)),
+    "CMA-ES, its own population, restarts doubling it": (
+        "CMA-ES",
+        _covariance(OWN_POPULATION, restarts=True),
+    ),
+    **{
+        f"{name}, population 300": ("swarm", _swarm(algorithm, population_size=POPULATION))
+        for name, algorithm in SWARMS.items()
     },
-    "swarm": {
-        **{
-            f"{name}, population 300": _swarm(way, population_size=POPULATION)
-            for name, way in SWARMS.items()
-        },
-        **{f"{name}, its own population": _swarm(way) for name, way in SWARMS.items()},
+    **{
+        f"{name}, its own population": ("swarm", _swarm(algorithm))
+        for name, algorithm in SWARMS.items()
     },
-    "classical": {
-        "least squares, restarted": _restarted(_least_squares),
-        "L-BFGS-B, restarted": _minimize("L-BFGS-B"),
-        "Nelder-Mead, restarted": _minimize("Nelder-Mead"),
-    },
-    "deterministic": {"DIRECT": _rectangles},
-}
-SEARCH_METHODS = {
-    name: (kind, run) for kind, methods in METHODS_OF_KIND.items() for name, run in methods.items()
+    "least squares, restarted": ("classical", _restarted(_least_squares)),
+    "L-BFGS-B, restarted": ("classical", _restarted(partial(_minimize, method="L-BFGS-B"))),
+    "Nelder-Mead, restarted": ("classical", _restarted(partial(_minimize, method="Nelder-Mead"))),
+    "DIRECT": ("deterministic", _rectangles),
 }
 
 
@@ -224,18 +216,8 @@ def planned_runs() -> list[tuple[str, int, int, int]]:
 
 
 def run_jobs(jobs: Sequence[tuple[str, int, int, int]]) -> DataFrame:
-    """Run methods on the authors' records, a row a run: the columns of `results/optimizers.csv`."""
-    columns = [
-        "method",
-        "kind",
-        "level",
-        "realisation",
-        "seed",
-        "found",
-        "rmse_over_best",
-        "evaluations",
-    ]
-    return DataFrame(in_parallel(_run_on_authors_record, jobs, "searches"), columns=columns)
+    """Run methods on the authors' records, a row a run: what `results/optimizers.csv` holds."""
+    return DataFrame(in_parallel(_run_on_authors_record, jobs, "searches"))
 
 
 def _run_on_authors_record(method: str, level: int, realisation: int, seed: int) -> dict:
@@ -243,11 +225,16 @@ def _run_on_authors_record(method: str, level: int, realisation: int, seed: int)
     recording = load_noisy(level, realisation)
     best = global_fit(recording).rmse
     run = run_method(method, recording, best * (1 + BASIN_GAP), BUDGET, seed)
-    spent = {
+    return {
+        "method": method,
+        "kind": run["kind"],
+        "level": level,
+        "realisation": realisation,
+        "seed": seed,
+        "found": run["found"],
         "rmse_over_best": run["rmse_rps"] / best,
         "evaluations": min(run["evaluations"], BUDGET),
     }
-    return run | {"level": level, "realisation": realisation} | spent
 
 
 def compare_strategies(
