@@ -15,15 +15,14 @@ SMALLEST_RPS = 1e-17  # drawn for a difference of 0
 def replay(compared: pd.DataFrame, ended: pd.DataFrame, agree_rps: float) -> Figure:
     """Show how far replayed runs are from stored ones, at their generations and ends."""
     figure, ((left, right),) = grid(1, 2, height_in=3.6, sharey=True, width_ratios=(3, 2))
-    diverging = iter(((ORANGE, "^-"), (GREEN, "s-"), (INK, "D-")))
+    diverging = iter(((ORANGE, "^"), (GREEN, "s")))
     for run, part in compared.dropna().groupby("run"):
         shown = np.maximum(part["difference_rps"], SMALLEST_RPS)
+        style = {"color": BLUE, "alpha": 0.5, "zorder": 1, "label": "other runs"}
         if (part["difference_rps"] > agree_rps).any():
-            colour, line = next(diverging, (INK, "D-"))
-            left.plot(part["generation"], shown, line, color=colour, label=f"run {run}, diverges")
-        else:
-            faint = {"alpha": 0.5, "linewidth": 0.5, "zorder": 1, "label": "other runs"}
-            left.plot(part["generation"], shown, ".-", color=BLUE, **faint)
+            colour, marker = next(diverging, (INK, "D"))
+            style = {"color": colour, "marker": marker, "label": f"run {run}, diverges"}
+        left.plot(part["generation"], shown, linewidth=0.7, **style)
     right.plot(ended["run"], np.maximum(ended["difference_rps"], SMALLEST_RPS), "o", color=BLUE)
     for axis, label in (left, None), (right, "limit of agreement"):
         axis.axhline(agree_rps, color=INK, linewidth=0.8, linestyle=":", label=label)
