@@ -8,6 +8,7 @@ is taken in order, without BLAS.
 
 import numpy as np
 
+from replication.arrays import FloatArray
 from replication.compiling import njit
 
 EPSILON = 2.0**-53  # relative rounding error
@@ -15,25 +16,12 @@ TINY = 2.0**-1022  # smallest normal number
 MOST_SWEEPS = 30  # for each eigenvalue; two or three are usual
 
 
-@njit
-def symmetric_eigen(matrix):
+def symmetric_eigen(matrix: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Eigenvalues of a symmetric matrix, ascending, and its eigenvectors in columns."""
     values, beside, vectors = make_tridiagonal(matrix.copy())
     make_diagonal(values, beside, vectors)
-    sort_columns(values, vectors)
-    return values, vectors
-
-
-@njit
-def sort_columns(values, vectors):
-    """Sort values ascending, in place, and the columns with them; equal ones keep their order."""
-    for last in range(1, values.size):
-        k = last
-        while k > 0 and values[k] < values[k - 1]:
-            values[k - 1], values[k] = values[k], values[k - 1]
-            for row in range(values.size):
-                vectors[row, k - 1], vectors[row, k] = vectors[row, k], vectors[row, k - 1]
-            k -= 1
+    order = np.argsort(values, kind="stable")
+    return values[order], np.take(vectors, order, axis=1)
 
 
 @njit
