@@ -13,7 +13,7 @@ from replication.simulator.parameters import (
 )
 from replication.simulator.recordings import simulate_recordings
 from replication.sources import load_clean_records
-from studies.reference import simulate_amplitudes
+from tests.reference import simulate_amplitudes
 
 # The first turn is not fitted but for when the joint started, to a period of the drive.
 FIRST_TURN_BAR = 0.085

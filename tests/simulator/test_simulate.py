@@ -21,7 +21,7 @@ from replication.simulator.simulate import (
     simulate,
     simulate_many,
 )
-from studies.reference import solve_ivp_speed_rps
+from tests.reference import solve_ivp_speed_rps
 
 DELTA = 15e-4
 NO_DRIVE = {

@@ -14,8 +14,8 @@ import workbook
 from replication import characteristic, published
 from replication.simulator.parameters import identified_joint, with_ratios
 from replication.sources import load_clean
-from studies.reference import simulate_amplitudes
 from studies.replay import inspection, table1
+from tests.reference import simulate_amplitudes
 from workbook import judging
 from workbook.checkout import RESULTS
 from workbook.outcomes import load_outcomes

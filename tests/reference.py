@@ -1,4 +1,4 @@
-"""What the simulator is checked and timed against: the joint integrated by SciPy, and its settled peaks."""
+"""What the simulator is checked against: the joint integrated by SciPy, and its settled peaks."""
 
 import numpy as np
 from scipy.integrate import solve_ivp
