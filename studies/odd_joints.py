@@ -23,9 +23,13 @@ from replication.standins import SAMPLE_S, TURNS, Bench, draw_bench, encoder_log
 
 KINDS = ("two loads", "second ring", "PI with current loop", "notch filter")
 
-_MOST_TRIES = 200
 _LARGEST_RPS = 10.0  # no joint of this kind runs so far from its commanded speed
 
+# Of a load behind the load: share of the inertia, ring [Hz] and damping ratio.
+_SECOND_LOADS = {
+    "two loads": ((0.2, 0.5), (8.0, 25.0), (0.02, 0.1)),
+    "second ring": ((0.05, 0.15), (30.0, 80.0), (0.005, 0.03)),
+}
 # Of a joint outside the model: the step, the turns before its log, and its encoder.
 _STEP_S = 5e-5
 _TURNS_BEFORE = 2
@@ -111,36 +115,32 @@ def log_with_torque(
 
 def draw_odd_log(kind: str, delta_rad: float, rng: Generator) -> Recording:
     """Log twelve turns of a joint outside the model, as `standins.encoder_log` does; unstable ones are drawn again."""
-    log = _pi_log if kind == "PI with current loop" else _other_log
-    for _ in range(_MOST_TRIES):
+    while True:
         bench = draw_bench(rng)
         with suppress(ValueError, ArithmeticError):
-            recording = log(kind, bench, delta_rad, rng)
+            if kind == "PI with current loop":
+                recording = encoder_log(_with_pi_drive(bench, rng), delta_rad, rng)
+            else:
+                recording = _other_log(kind, bench, delta_rad, rng)
             if np.abs(recording.v - recording.commanded_speed_rps).max() < _LARGEST_RPS:
                 return recording
-    raise ValueError(f"{kind}: no stable joint in {_MOST_TRIES} draws")
 
 
-def _pi_log(kind: str, bench: Bench, delta_rad: float, rng: Generator) -> Recording:
+def _with_pi_drive(bench: Bench, rng: Generator) -> Bench:
     """PI speed loop without derivative and leaky integral, position loop, faster current loop."""
     ratios = bench.joint.ratios | {"derivative_gain": 0.0, "leaky_gain_per_s2": 0.0}
     ratios["speed_gain_per_s"] *= rng.uniform(0.3, 0.8)
     ratios["integral_gain_per_s2"] *= rng.uniform(0.05, 0.3)
     ratios["torque_lag_s"] = rng.uniform(0.3e-3, 1e-3)
-    return encoder_log(replace(bench, joint=with_ratios(bench.joint, ratios)), delta_rad, rng)
+    return replace(bench, joint=with_ratios(bench.joint, ratios))
 
 
 def _other_log(kind: str, bench: Bench, delta_rad: float, rng: Generator) -> Recording:
     joint = bench.joint
     second, notch = SecondLoad(), Notch()
-    if kind == "two loads":
-        second = SecondLoad(
-            rng.uniform(0.2, 0.5), TURN * rng.uniform(8.0, 25.0), rng.uniform(0.02, 0.1)
-        )
-    elif kind == "second ring":
-        second = SecondLoad(
-            rng.uniform(0.05, 0.15), TURN * rng.uniform(30.0, 80.0), rng.uniform(0.005, 0.03)
-        )
+    if kind in _SECOND_LOADS:
+        share, frequency_hz, damping = (rng.uniform(*limits) for limits in _SECOND_LOADS[kind])
+        second = SecondLoad(share, TURN * frequency_hz, damping)
     else:
         notch = _notch(rng.uniform(40.0, 150.0), rng.uniform(0.5, 2.0), joint.control_period_s)
     values = joint.ratios | {

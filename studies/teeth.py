@@ -64,32 +64,23 @@ def animate_teeth(run: SimulatedJoint, joint: JointParameters) -> str:
     free = run.gap_state[turn] == 0
     frames = np.flatnonzero(np.round(t, 3) % np.where(free, 3, 15) == 0)
     with plt.rc_context(STYLE | {"figure.dpi": 64}), plt.ioff():
-        figure, _ = plt.subplot_mosaic("ABB;CCC", figsize=(6.4, 4.6), height_ratios=(3, 2))
-        figure.canvas.draw_idle = lambda: None  # type: ignore[method-assign,misc]  # a frame is drawn as it is saved
-        arm, gap, speed = figure.axes
-
-        def clear() -> None:
-            for axis in figure.axes:
-                for artist in (*axis.lines, *axis.texts, *axis.patches, *axis.collections):
-                    artist.remove()  # to clear the axes takes ten times as long
-
-        def draw(k: int) -> None:
-            clear()
-            draw_arm(arm, angle[k])
-            draw_teeth(gap, x[k], **lengths)
-            speed.plot(t[k], v[k], "o", color=INK)
-
-        draw(0)
-        clear()
+        figure, axes = plt.subplot_mosaic("ABB;CCC", figsize=(6.4, 4.6), height_ratios=(3, 2))
+        arm, gap, speed = axes.values()
         speed.plot(t, v, linewidth=0.9)
         speed.fill_between(t, v.min(), v.max(), where=free, color="0.85")
-        speed.set(xlabel="time [ms]; grey: gap open", ylabel="speed [rps]", autoscale_on=False)
+        speed.set(xlabel="time [ms]; grey: gap open", ylabel="speed [rps]")
+        (now,) = speed.plot([], [], "o", color=INK)
+
+        def draw(k: int) -> None:
+            arm.clear()
+            draw_arm(arm, angle[k])
+            gap.clear()
+            draw_teeth(gap, x[k], **lengths)
+            now.set_data([t[k]], [v[k]])
+
+        draw(0)
         figure.canvas.draw()
-        figure.set_layout_engine("none")
-        # What stays is an image: to draw ticks and words takes most of a frame's time.
-        figure.figimage(np.array(figure.canvas.buffer_rgba()), zorder=-1)  # type: ignore[attr-defined]
-        gap.axis("off")
-        speed.axis("off")
+        figure.set_layout_engine("none")  # the axes stay where they are
         plt.close(figure)
         return FuncAnimation(figure, draw, frames=frames, interval=100).to_jshtml()
 
