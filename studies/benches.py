@@ -12,6 +12,7 @@ from studies.strokes import CONTROL_S, BenchLog, DrivenJoint, Fault, draw_joint,
 
 _TURNS = 12
 _TURNS_BEFORE = 2
+_NO_FAULT = Fault()
 _LARGEST = 0.1  # of the speed, that a tuned joint strays from it by
 
 
@@ -25,16 +26,14 @@ def _turn(joint: DrivenJoint, fault: Fault) -> FloatArray:
     speed = joint.speed * np.minimum(periods * CONTROL_S * (joint.speed / TURN), 1.0)
     wanted = np.cumsum([motor_rad, *speed[:-1] * CONTROL_S])
     path = np.column_stack([wanted, speed])
-    seen = np.full(path.shape, np.nan)
-    run_from(joint._replace(vertical_rad=0.0), fault, path, start_rad, hanging, seen)
+    seen = run_from(joint._replace(vertical_rad=0.0), fault, path, start_rad, hanging)
     return seen[round(_TURNS_BEFORE * turn_s / CONTROL_S) :]
 
 
 def draw_turns(
-    rng: Generator, delta_rad: float, friction: float = 0.03, fault: Fault | None = None
+    rng: Generator, delta_rad: float, friction: float = 0.03, fault: Fault = _NO_FAULT
 ) -> BenchLog:
     """Draw a log of twelve turns with noise; a joint that its drive does not keep at its speed is drawn again."""
-    fault = fault or Fault()
     while True:
         speed = TURN / draw_log_uniform(rng, 0.5, 2.5)
         gear_ratio = float(rng.choice([50, 80, 100, 101, 121, 160]))

@@ -97,6 +97,15 @@ def against_criteria(table: DataFrame, criteria: Path) -> DataFrame:
     ).reset_index(drop=True)
 
 
+def describe_missed(bars: DataFrame) -> str:
+    """Say which of the criteria of `against_criteria` are not met."""
+    missed = [
+        f"{bar.population}: {bar.figure} {bar.measured:.3g}, not {bar.bar}"
+        for bar in bars[~bars["met"]].itertuples()
+    ]
+    return "; ".join(missed).replace("_rad", " [rad]").replace("_", " ") or "none"
+
+
 def hold_truth(rows: DataFrame) -> int:
     """How many intervals hold the true backlash."""
     return int(rows["delta_rad"].between(rows["low_rad"], rows["high_rad"]).sum())

@@ -26,7 +26,7 @@ from replication.simulator.parameters import TURN, Disturbance
 from replication.standins import SAMPLE_S, Bench, draw_bench
 from studies import benchmark, odd_joints
 from studies.benches import draw_turns
-from studies.benchmark import Row, hold_truth, interval_answer, root_mean_square
+from studies.benchmark import Row, describe_missed, hold_truth, interval_answer, root_mean_square
 from studies.odd_joints import KINDS, draw_log_uniform, draw_odd_log
 from studies.population import FAR, NEAR
 from studies.population import SPREADS as DRAWN_SPREADS
@@ -256,12 +256,6 @@ def datasheet_facts(sheet: DataFrame, rounds: DataFrame) -> dict[str, str]:
     drawn, above = rows.loc[list(SIZES)].sum(), rows.loc[ABOVE_GRAVITY]
     bars = against_criteria(sheet)
     met = rounds["met"].astype(str) + " of " + rounds["criteria"].astype(str)
-    missed = [
-        f"{bar.population}: {bar.figure} {bar.measured:.3g}, not {bar.bar}".replace(
-            "_rad", " [rad]"
-        )
-        for bar in bars[~bars["met"]].itertuples()
-    ]
     return (
         {
             f"sheet_{name}": _describe(rows.loc[population])
@@ -271,7 +265,7 @@ def datasheet_facts(sheet: DataFrame, rounds: DataFrame) -> dict[str, str]:
         | {
             "sheet_friction": f"{100 * max(FRICTIONS.values()):.0f} %",
             "sheet_met": f"{bars['met'].sum()} of {len(bars)}",
-            "sheet_missed": "; ".join(missed) or "none",
+            "sheet_missed": describe_missed(bars),
             "sheet_all_clears_torque": _false_all_clears(rows.loc[[TURNS, STROKES[0]]]),
             "sheet_all_clears_speed": _false_all_clears(
                 rows.loc[[name for name in BY_SPEED if name != ABOVE_GRAVITY]]

@@ -41,7 +41,7 @@ def refit_alphas() -> pd.DataFrame:
     for alpha in ALPHAS:
         # With a soft edge the misfit has several minima: two starts, the better fit counts.
         starts = [replace(start, alpha_per_rad=alpha) for start in (joint, last)]
-        fits = [identify_joint(records, start) for start in starts[: 1 + (last is not joint)]]
+        fits = [identify_joint(records, start) for start in starts]
         fit = min(fits, key=attrgetter("mean_square"))
         last = fit.parameters
         kept = math.sqrt(np.mean(third_turn_errors(starts[0], records) ** 2))

@@ -161,13 +161,15 @@ def simulate_twin(
     """
     twin = find_twin(log, row)
     fastest = float(np.abs(log.speed).max())
-    seen = np.full(twin.path.shape, np.inf)
-    while not np.abs(seen[:, 0] - twin.path[:, 1]).mean() < _SETTLED * fastest:
+    while True:
         drawn = draw_joint(rng, delta_rad, fastest, _GEAR_RATIO)
         joint = drawn._replace(**twin.load)
         heavier = (1 + 1 / joint.inertia_ratio) / (1 + 1 / drawn.inertia_ratio)
         gains = heavier * drawn.speed_gain, heavier * drawn.integral_gain
-        run_joint(joint._replace(speed_gain=gains[0], integral_gain=gains[1]), twin.path, seen)
+        tuned = joint._replace(speed_gain=gains[0], integral_gain=gains[1])
+        seen = run_joint(tuned, twin.path)
+        if np.abs(seen[:, 0] - twin.path[:, 1]).mean() < _SETTLED * fastest:
+            break
     t = CONTROL_S * np.arange(len(seen))
     noise = np.roll(twin.noise, rng.integers(log.t.size), axis=1)
     speed, torque = (np.interp(log.t, t, column) for column in seen.T)
@@ -179,15 +181,11 @@ def measure_twins(name: str, row: Mapping[str, Any]) -> pd.DataFrame:
     log = load_log(row)
     table = []
     for delta_rad in DELTAS_RAD:
-        answered = covered = 0
-        for draw in range(DRAWS):
-            rng = np.random.default_rng((SEED, draw))
-            found = answer(simulate_twin(log, row, delta_rad, rng), row)
-            if found.backlash_interval_rad:
-                low, high = found.backlash_interval_rad
-                answered += 1
-                covered += low <= delta_rad <= high
-        table.append((name, delta_rad, DRAWS, answered, covered))
+        rngs = [np.random.default_rng((SEED, draw)) for draw in range(DRAWS)]
+        twins = [simulate_twin(log, row, delta_rad, rng) for rng in rngs]
+        found = [answer(twin, row).backlash_interval_rad for twin in twins]
+        covered = [low <= delta_rad <= high for low, high in filter(None, found)]
+        table.append((name, delta_rad, DRAWS, len(covered), sum(covered)))
     return pd.DataFrame(table, columns=["log", "delta_rad", "draws", "answered", "covered"])
 
 

@@ -186,14 +186,10 @@ def spread_shares(rows: DataFrame) -> DataFrame:
 
 def criteria_facts(judged: DataFrame) -> dict[str, Any]:
     """What texts say of the criteria, as `against_criteria` judged them."""
-    missed = [
-        f"{row.population}: {row.figure} {row.measured:.4g}, not {row.bar}".replace("_", " ")
-        for row in judged[~judged["met"]].itertuples()
-    ]
     return {
         "self_criteria": len(judged),
         "self_met": judged["met"].sum(),
-        "self_failed": "; ".join(missed),
+        "self_failed": benchmark.describe_missed(judged),
     }
 
 

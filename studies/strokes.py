@@ -77,11 +77,12 @@ def _rubbing(speed, coulomb, viscous, stribeck):
 
 
 @njit(nogil=True)
-def run_from(joint, fault, path, angle, hanging, seen):
+def run_from(joint, fault, path, angle, hanging):
     """Measured speed and torque of each control period of a path, whose rows are the motor's angle and speed.
 
     The load starts from rest at an angle, held by the torque `hanging`.
     """
+    seen = np.empty_like(path)
     turn = joint.speed / TURN
     motor_angle = path[0, 0]
     motor = load = measured = 0.0
@@ -121,6 +122,7 @@ def run_from(joint, fault, path, angle, hanging, seen):
             load += _STEP_S * (contact - gravity - rubbing)
             motor_angle += _STEP_S * motor
             angle += _STEP_S * load
+    return seen
 
 
 def draw_joint(
@@ -168,11 +170,11 @@ def log_of(
     )
 
 
-def run_joint(joint: DrivenJoint, path: FloatArray, seen: FloatArray) -> None:
-    """Fill in measured speed and torque at each control period of a path, whose rows are angle and speed."""
+def run_joint(joint: DrivenJoint, path: FloatArray) -> FloatArray:
+    """Measured speed and torque at each control period of a path, whose rows are angle and speed."""
     hanging = joint.gravity * math.sin(path[0, 0] + joint.vertical_rad)
     angle = path[0, 0] - hanging / joint.stiffness - math.copysign(joint.delta_rad, hanging)
-    run_from(joint, Fault(), path, angle, hanging, seen)
+    return run_from(joint, Fault(), path, angle, hanging)
 
 
 def _draw_path(rng: Generator, speed: float) -> FloatArray:
@@ -198,9 +200,7 @@ def draw_strokes(rng: Generator, delta_rad: float) -> BenchLog:
         speed = rng.uniform(0.8, 2.5)
         gear_ratio = float(rng.choice([50, 80, 100, 121, 160]))
         joint = draw_joint(rng, delta_rad, speed, gear_ratio)
-        path = _draw_path(rng, speed)
-        seen = np.full(path.shape, np.nan)
-        run_joint(joint, path, seen)
+        seen = run_joint(joint, _draw_path(rng, speed))
         if np.std(seen[-round(0.15 / CONTROL_S) :, 0]) < _SETTLED * speed:
             break
     every = int(rng.choice([2, 4, 8, 10]))
