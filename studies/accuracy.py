@@ -33,13 +33,12 @@ def cross_validation(
     """
 
     def measure_log(realisation: int, level: int) -> list[dict[str, Any]]:
-        others = {key: log for key, log in records.items() if key[0] != realisation}
-        others = {key: log for key, log in others.items() if key[1] != level}
-        levels_rad = [level_delta_rad(level) for _, level in others]
+        others = [(R, K) for R, K in records if realisation != R and level != K]
+        logs, levels_rad = [records[key] for key in others], [level_delta_rad(K) for _, K in others]
         calibrations = {"equation 10": default_calibration("paper")}
         for name in ("amplitude", "energy", "impact", "waveform, noisy logs"):
             method = name.split(",")[0]
-            calibrations[name] = fit_calibration([*others.values()], levels_rad, method)
+            calibrations[name] = fit_calibration(logs, levels_rad, method)
         calibrations["waveform"] = default_calibration("waveform")
         log, delta_rad = records[realisation, level], level_delta_rad(level)
         found = {name: each.delta_rad for name, each in backlashes(log, calibrations).items()}
@@ -67,20 +66,18 @@ def encoder_recording(
 def waveform_slopes(joint: JointParameters, delta_rad: float) -> FloatArray:
     """Slopes of a turn's settled speed at even phases by the backlash, and by the start angle, shape (2, phases)."""
 
-    def slope(step_rad: float, angle_step_rad: float) -> FloatArray:
-        def turn(sign: int) -> FloatArray:
-            moved = add_nuisances(joint, {"start_angle": sign * angle_step_rad})
-            return simulate_turn(moved, delta_rad + sign * step_rad, PHASES)
+    def turn_rps(delta_step_rad: float, angle_step_rad: float) -> FloatArray:
+        moved = add_nuisances(joint, {"start_angle": angle_step_rad})
+        return simulate_turn(moved, delta_rad + delta_step_rad, PHASES)
 
-        return (turn(1) - turn(-1)) / (2 * (step_rad + angle_step_rad))
-
-    return np.array([slope(1e-6, 0.0), slope(0.0, 1e-3)])
+    h, angle_h = 1e-6, 1e-3
+    by_backlash = (turn_rps(h, 0.0) - turn_rps(-h, 0.0)) / (2 * h)
+    by_start = (turn_rps(0.0, angle_h) - turn_rps(0.0, -angle_h)) / (2 * angle_h)
+    return np.array([by_backlash, by_start])
 
 
 def cramer_rao_sd(slopes: FloatArray, noise_sd: float) -> float:
     """Least SD of the first unknown in white noise, its mean unknown too; slopes: unknowns by samples."""
-    if slopes.shape[1] <= len(slopes):
-        return np.inf
     centred = slopes - slopes.mean(axis=1, keepdims=True)
     information = centred @ centred.T
     # Unknowns in units of their own, so that the inverse is well conditioned.

@@ -112,8 +112,6 @@ def bench_bound_rad(bench: Bench, delta_rad: float, recording: Recording) -> flo
     joint = bench.joint
     samples = round(joint.turn_period_s / recording.sample_s)
     settled = recording.t.size - samples
-    if settled <= 0:
-        return np.inf
     load_speed = joint.commanded_speed_rad_per_s / joint.gear_ratio
     rubbing = joint.load_coulomb_nm + joint.load_viscous_nms_per_rad * load_speed
     here = joint.ratios | {"delta_rad": delta_rad, "friction": rubbing / joint.gravity_torque_nm}
