@@ -11,7 +11,7 @@ do. It is run once, and the outcome is kept whichever way it falls.
 
 from dataclasses import replace
 from functools import partial
-from itertools import chain
+from itertools import product
 
 import numpy as np
 from pandas import DataFrame, Series, concat
@@ -28,7 +28,6 @@ from replication.table2 import (
     SearchSettings,
     error_percent,
     fit,
-    predictive_region,
     repeated_fits,
     table2,
     table2_records,
@@ -147,17 +146,14 @@ def agreement_by_seeds(study: DataFrame) -> DataFrame:
     size, made = protocols.REALISATIONS_EACH, int(leading["realisation"].max())
     found = {}
     for first in range(1, made - size + 2, size):
-        chosen = leading[leading["realisation"].between(first, first + size - 1)]
-        cells = protocols.numbers_by_setting(concat([chosen, others]))
-        found[f"{first} to {first + size - 1}"] = {
-            cell: _judge(cell, [*chain(*of.values())]) for cell, of in cells.items()
-        }
-    return DataFrame(found).rename_axis("id")
-
-
-def _judge(cell: str, numbers: list[float]) -> str:
-    low, high = predictive_region(numbers)
-    return "agrees" if low <= published.value(cell) <= high else "differs"
+        last = first + size - 1
+        chosen = leading[leading["realisation"].between(first, last)]
+        numbers = protocols.numbers_of(concat([chosen, others]))
+        agrees = protocols.lies_inside(numbers, protocols.printed())
+        found[f"{first} to {last}"] = np.where(agrees.T.ravel(), "agrees", "differs")
+    cells = product(protocols.ROWS, protocols.NUMBERS)
+    ids = [f"table2.row{row:02d}.{number}" for row, number in cells]
+    return DataFrame(found, index=ids).rename_axis("id")
 
 
 def random_start(p: Series, criteria: Criteria = None) -> Decision:

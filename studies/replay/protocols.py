@@ -25,6 +25,7 @@ from functools import cache
 import numpy as np
 import pandas as pd
 from joblib import Memory
+from numpy.typing import NDArray
 
 from replication import published, table2
 from replication.arrays import FloatArray, IntArray
@@ -216,11 +217,16 @@ def bias_p(means: FloatArray, bias_percent: float) -> float:
     return min(1.0, 2 * (1 + int(tail)) / (1 + DRAWS))
 
 
+def lies_inside(numbers: FloatArray, judged: FloatArray) -> NDArray[np.bool_]:
+    """Whether judged numbers, shape (2, 10), lie in the prediction intervals of N others."""
+    ends = np.array([[predictive_region(row) for row in rows] for rows in numbers.tolist()])
+    return (ends[..., 0] <= judged) & (judged <= ends[..., 1])
+
+
 def compare(numbers: FloatArray, judged: FloatArray) -> dict[str, float]:
     """Compare a table of means and SDs, shape (2, 10), with N others: rules 3 and 4, and how many lie inside."""
     of_table = scores(numbers, judged)
-    ends = np.array([[predictive_region(row) for row in rows] for rows in numbers.tolist()])
-    inside = ((ends[..., 0] <= judged) & (judged <= ends[..., 1])).sum(axis=-1)
+    inside = lies_inside(numbers, judged).sum(axis=-1)
     return {
         "realisations": numbers.shape[-1],
         "p_means": exact_p(of_table[0]),
