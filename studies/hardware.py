@@ -120,7 +120,7 @@ class Twin(NamedTuple):
     """What a joint is simulated from: angle and speed at each control period, its load, and the torque's unit."""
 
     path: FloatArray
-    load: dict[str, float]  # of a StrokingJoint
+    load: dict[str, float]  # of a `DrivenJoint`
     unit: float
     noise: FloatArray  # of speed and torque, at the samples
 

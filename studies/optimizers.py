@@ -89,48 +89,34 @@ Method = Callable[[Cost, int], None]
 Optimiser = Callable[[Callable[[FloatArray], float], FloatArray, FloatArray, int, int], FloatArray]
 
 
-def _covariance(population: int, restarts: bool = False) -> Method:
+def _covariance(cost: Cost, seed: int, population: int, restarts: bool = False) -> None:
     """CMA-ES from the middle of the box; restarts double the population (Auger and Hansen's IPOP, 2005)."""
-
-    def run(cost: Cost, seed: int) -> None:
-        rng = np.random.default_rng(seed)
-        for k in count() if restarts else (0,):
-            steps = generations(
-                cost.of_members, cost.box, lambda *n: rng.standard_normal(n), population * 2**k
-            )
-            search(steps, cost.budget)
-
-    return run
+    rng = np.random.default_rng(seed)
+    for k in count() if restarts else (0,):
+        size = population * 2**k
+        steps = generations(cost.of_members, cost.box, lambda *n: rng.standard_normal(n), size)
+        search(steps, cost.budget)
 
 
-def _swarm(algorithm: str, **settings: int) -> Method:
+def _swarm(cost: Cost, seed: int, algorithm: str, **settings: int) -> None:
     """One of NiaPy's swarms, its settings but for a population left alone."""
+    from niapy.algorithms import basic
+    from niapy.problems import Problem
+    from niapy.task import Task
 
-    def run(cost: Cost, seed: int) -> None:
-        from niapy.algorithms import basic
-        from niapy.problems import Problem
-        from niapy.task import Task
+    class UnitCube(Problem):
+        def _evaluate(self, x: FloatArray) -> float:
+            return cost(x)
 
-        class UnitCube(Problem):
-            def _evaluate(self, x: FloatArray) -> float:
-                return cost(x)
-
-        getattr(basic, algorithm)(seed=seed, **settings).run(
-            Task(UnitCube(cost.box.lower.size, 0.0, 1.0))
-        )
-
-    return run
+    task = Task(UnitCube(cost.box.lower.size, 0.0, 1.0))
+    getattr(basic, algorithm)(seed=seed, **settings).run(task)
 
 
-def _restarted(descend: Callable[[Cost, FloatArray], object]) -> Method:
+def _restarted(cost: Cost, seed: int, descend: Callable[[Cost, FloatArray], None]) -> None:
     """A local method from random points of the box, over and over."""
-
-    def run(cost: Cost, seed: int) -> None:
-        rng = np.random.default_rng(seed)
-        while True:
-            descend(cost, rng.random(cost.box.lower.size))
-
-    return run
+    rng = np.random.default_rng(seed)
+    while True:
+        descend(cost, rng.random(cost.box.lower.size))
 
 
 def _minimize(cost: Cost, start: FloatArray, method: str) -> None:
@@ -146,36 +132,42 @@ def _rectangles(cost: Cost, seed: int) -> None:
     optimize.direct(cost, cube, maxfun=2 * cost.budget, maxiter=cost.budget, vol_tol=0)
 
 
-def _of_function(optimiser: Optimiser) -> Method:
+def _function(cost: Cost, seed: int, optimiser: Optimiser) -> None:
     """A function as a method; what it returns is evaluated too."""
 
-    def run(cost: Cost, seed: int) -> None:
-        def misfit(X: FloatArray) -> float:
-            return float(cost.of_members(np.clip(X, cost.box.lower, cost.box.upper)[None])[0])
+    def misfit(X: FloatArray) -> float:
+        return float(cost.of_members(np.clip(X, cost.box.lower, cost.box.upper)[None])[0])
 
-        misfit(optimiser(misfit, cost.box.lower, cost.box.upper, cost.budget, seed))
-
-    return run
+    misfit(optimiser(misfit, cost.box.lower, cost.box.upper, cost.budget, seed))
 
 
 SEARCH_METHODS: dict[str, tuple[str, Method]] = {
-    "CMA-ES, population 300": ("CMA-ES", _covariance(POPULATION)),
-    "CMA-ES, its own population": ("CMA-ES", _covariance(OWN_POPULATION)),
+    "CMA-ES, population 300": ("CMA-ES", partial(_covariance, population=POPULATION)),
+    "CMA-ES, its own population": ("CMA-ES", partial(_covariance, population=OWN_POPULATION)),
     "CMA-ES, its own population, restarts doubling it": (
         "CMA-ES",
-        _covariance(OWN_POPULATION, restarts=True),
+        partial(_covariance, population=OWN_POPULATION, restarts=True),
     ),
     **{
-        f"{name}, population 300": ("swarm", _swarm(algorithm, population_size=POPULATION))
+        f"{name}, population 300": (
+            "swarm",
+            partial(_swarm, algorithm=algorithm, population_size=POPULATION),
+        )
         for name, algorithm in SWARMS.items()
     },
     **{
-        f"{name}, its own population": ("swarm", _swarm(algorithm))
+        f"{name}, its own population": ("swarm", partial(_swarm, algorithm=algorithm))
         for name, algorithm in SWARMS.items()
     },
-    "least squares, restarted": ("classical", _restarted(_least_squares)),
-    "L-BFGS-B, restarted": ("classical", _restarted(partial(_minimize, method="L-BFGS-B"))),
-    "Nelder-Mead, restarted": ("classical", _restarted(partial(_minimize, method="Nelder-Mead"))),
+    "least squares, restarted": ("classical", partial(_restarted, descend=_least_squares)),
+    "L-BFGS-B, restarted": (
+        "classical",
+        partial(_restarted, descend=partial(_minimize, method="L-BFGS-B")),
+    ),
+    "Nelder-Mead, restarted": (
+        "classical",
+        partial(_restarted, descend=partial(_minimize, method="Nelder-Mead")),
+    ),
     "DIRECT": ("deterministic", _rectangles),
 }
 
@@ -189,7 +181,7 @@ def run_method(
         kind, run = SEARCH_METHODS[method]
     else:
         name = method.__name__
-        kind, run = "function", _of_function(method)
+        kind, run = "function", partial(_function, optimiser=method)
     cost = Cost(recording, target_rmse, budget)
     with contextlib.suppress(SearchEnded):
         run(cost, seed)
