@@ -104,7 +104,7 @@ def test_imports_among_rooms_and_among_modules_go_one_way(imports, rooms):
     graph = {}
     for module, names in imports.items():
         names = names | {name.rpartition(".")[0] for name in names}
-        graph[module] = names & set(imports) - {module}
+        graph[module] = names & set(imports) - {module, *MAY_IMPORT}  # which only open doors
     TopologicalSorter(graph).prepare()
 
 

@@ -31,6 +31,26 @@ class Decision(NamedTuple):
     chance: bool = True  # whether it depends on how often something was repeated
 
 
+def judge(
+    cells: outcomes.Cells | None = None, claims: outcomes.Claims | None = None
+) -> pd.DataFrame:
+    """Judge our numbers by cell id, and decisions on claims with what was measured.
+
+    Several numbers are realisations by setting. A claim whose truth value is None is undecided.
+    """
+    # With the search, which not every notebook is made from.
+    from workbook import judging
+
+    found = pd.DataFrame(outcomes.cell_rows(cells or {})).assign(notebook="")
+    judged = judging.judge_rows(found).rename(columns={"agreement": "verdict"}).to_dict("records")
+    for claim, (holds, measured) in (claims or {}).items():
+        judged.append(
+            {"id": claim, "reproduced": measured, "verdict": judging.CLAIM_VERDICTS[holds]}
+        )
+    shown = ["id", "printed", "reproduced", "low", "high", "verdict", "source", "reason"]
+    return pd.DataFrame(judged, columns=shown).astype(object).fillna("")
+
+
 def verdict(
     text: str, cells: outcomes.Cells | None = None, claims: outcomes.Claims | None = None
 ) -> None:
@@ -38,10 +58,7 @@ def verdict(
     from IPython.display import display
 
     if cells or claims:
-        # With the search, which not every notebook is made from.
-        from workbook import judging
-
-        display(judging.judge(cells, claims))
+        display(judge(cells, claims))
     changed = " and ".join(f"`{name} = {now}` ({was})" for name, now, was in changed_parameters())
     display(outcomes.Sentence(f"**With {changed}:** {text}" if changed else text))
 

@@ -28,7 +28,7 @@ import pandas as pd
 from replication import published
 from replication.files import write_csv, write_json
 from replication.table2 import predictive_region
-from workbook.outcomes import Claims, Numbers, cell_rows, claim_rows, load_outcomes, source_of
+from workbook.outcomes import Numbers, load_outcomes, source_of
 
 VERDICT_COLUMNS = ["id", "printed", "published", "reproduced", "low", "high", "agreement"]
 VERDICT_COLUMNS += ["source", "resolution", "settings", "reason", "notebook"]
@@ -79,11 +79,6 @@ def judge_rows(found: pd.DataFrame, facts: Mapping[str, str] | None = None) -> p
     return pd.DataFrame(judged, columns=VERDICT_COLUMNS)
 
 
-def judge_numbers(numbers: Mapping[str, Numbers]) -> pd.DataFrame:
-    """Judge our numbers by cell id."""
-    return judge_rows(pd.DataFrame(cell_rows(numbers)).assign(notebook=""))
-
-
 def _judge(cell: str, source: str, numbers: Numbers, facts: Mapping[str, str]) -> dict[str, Any]:
     """Columns that tell how our number and a printed one compare."""
     row = published.cells().loc[cell]
@@ -117,19 +112,6 @@ def _judge(cell: str, source: str, numbers: Numbers, facts: Mapping[str, str]) -
         "settings": settings,
         "reason": reason,
     }
-
-
-def judge(cells: Mapping[str, Numbers] | None = None, claims: Claims | None = None) -> pd.DataFrame:
-    """Judge our numbers by cell id, and decisions on claims with what was measured.
-
-    Several numbers are realisations by setting. A claim whose truth value is None is undecided.
-    """
-    judged = judge_numbers(cells or {}).rename(columns={"agreement": "verdict"}).to_dict("records")
-    for row in claim_rows(claims or {}):
-        verdict = CLAIM_VERDICTS[row["holds"]]
-        judged.append({"id": row["id"], "reproduced": row["measured"], "verdict": verdict})
-    shown = ["id", "printed", "reproduced", "low", "high", "verdict", "source", "reason"]
-    return pd.DataFrame(judged, columns=shown).astype(object).fillna("")
 
 
 def _exported(results: Path, kind: str, columns: list[str]) -> pd.DataFrame:

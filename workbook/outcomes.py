@@ -77,7 +77,7 @@ def export(
     tables : mapping of str to DataFrame
         Tables by name that a text, a page or another notebook reads.
     cells, claims : mappings
-        Our numbers and decisions, as `judging.judge` takes them.
+        Our numbers and decisions, as `workbook.judge` takes them.
     facts : mapping of str to str, int or (number or numbers, str)
         What texts name in braces: a text, a count, or a number with its format. Several numbers are
         two facts, the smallest, `<name>_low`, and the largest, `<name>_high`. A number that is not

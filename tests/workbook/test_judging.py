@@ -18,7 +18,7 @@ from studies.replay import inspection, table1
 from tests.reference import simulate_amplitudes
 from workbook import judging
 from workbook.checkout import RESULTS
-from workbook.outcomes import load_outcomes
+from workbook.outcomes import cell_rows, load_outcomes
 
 OURS = ("recomputed", "simulated joint")
 EXPORTED = {
@@ -34,7 +34,7 @@ AGREEING = [
 
 
 def judged(cell, numbers):
-    return judging.judge_numbers({cell: numbers}).iloc[0]
+    return judging.judge_rows(pd.DataFrame(cell_rows({cell: numbers})).assign(notebook="")).iloc[0]
 
 
 def agreement(cell, numbers):

@@ -1,11 +1,8 @@
 """The figures that the notebooks exported: what each shows, its notebook, and the drawing."""
 
-import base64
 import html
-import io
 import re
 from dataclasses import dataclass
-from functools import cache
 from pathlib import Path
 
 from markupsafe import Markup
@@ -19,7 +16,6 @@ IN_ADDRESS = str.maketrans({"%": "%25", "#": "%23", '"': "'"})
 NOT_DRAWN = re.compile(r"<\?xml.*?\?>|<!DOCTYPE.*?>|<!--.*?-->|<metadata>.*?</metadata>", re.DOTALL)
 PLACED = re.compile(r'(?:\bd="|\b[xy]="|translate\()[^")]+')
 DIGITS = re.compile(r"(?<=\.\d)\d+")
-COLOURS = 48  # enough for lines and markers with smooth edges; a third of the size
 DOTS_PER_SHOWN_DOT = 1.5
 
 
@@ -76,19 +72,6 @@ def _plain_label(label: str) -> str:
     for markup, sign in (("\\delta", "δ"), ("\\Delta", "Δ"), ("\\theta", "θ"), ("\\pm", "±")):
         label = label.replace(markup, sign)
     return re.sub(r"[${}\\]", "", label)
-
-
-@cache
-def reduce_png(content: bytes, scale: float = 1.0) -> str:
-    """Turn a PNG into a data address, with few colours."""
-    image = Image.open(io.BytesIO(content)).convert("RGB")
-    if scale != 1:
-        size = (round(scale * image.width), round(scale * image.height))
-        image = image.resize(size, Image.Resampling.LANCZOS)
-    few = image.quantize(COLOURS, Image.Quantize.FASTOCTREE, dither=Image.Dither.NONE)
-    buffer = io.BytesIO()
-    few.convert("RGB").save(buffer, "WEBP", lossless=True, quality=80, method=4)
-    return "data:image/webp;base64," + base64.b64encode(buffer.getvalue()).decode("ascii")
 
 
 def reduce_svg(drawing: str) -> str:

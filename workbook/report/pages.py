@@ -18,11 +18,12 @@ from nbformat.v4 import new_markdown_cell
 
 from replication import published
 from workbook import judging
+from workbook.animation import reduce_png
 from workbook.checkout import NOTEBOOKS, notebook_files
 from workbook.outcomes import FIGURE
 from workbook.report import TEMPLATES
 from workbook.report.cells import notebook_source
-from workbook.report.figures import Picture, load_pictures, reduce_png
+from workbook.report.figures import Picture, load_pictures
 
 EQUATION = re.compile(r"\$\$.*?\$\$", re.DOTALL)
 TEXTS = sorted(NOTEBOOKS.glob("*.md"))
