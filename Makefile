@@ -79,6 +79,7 @@ lint: .venv/.installed  ## style, format, types and spelling
 	$(PY) -m ruff format --check .
 	$(PY) -m mypy
 	$(PY) -m codespell_lib
+	$(if $(shell command -v node),for script in workbook/report/templates/*.js; do node --check $$script || exit 1; done)
 
 audit: .venv/.installed  ## known vulnerabilities of the locked versions
 	$(PY) -m uv tool run pip-audit --requirement requirements.lock --disable-pip
@@ -108,7 +109,7 @@ writable:
 # What is due is told by `run --due`: notebooks that this checkout has not run, or whose sources have changed since.
 # A notebook that fails (1) keeps neither the others nor the report from being made, but make from ending well. A run
 # that was interrupted (130; a killed make too), or that another one locks out (2), ends there.
-.make/workbook.done: $(wildcard results/outcomes/*.json workbook/*.py workbook/report/*.py workbook/report/templates/*.j2 article/*.* replication/data/*.*)
+.make/workbook.done: $(wildcard results/outcomes/*.json workbook/*.py workbook/report/*.py workbook/report/templates/*.* workbook/report/templates/sections/*.* article/*.* replication/data/*.*)
 	$(RUN) report
 	$(RUN) article || true
 	$(RUN) check || true
