@@ -223,6 +223,8 @@ def _run_to_the_end(client: _Client, source: Path, environment: Mapping[str, str
         client.run(environment)
     except (CellExecutionError, RuntimeError) as error:
         client.nb.cells.pop()
+        if isinstance(error, CellExecutionError) and error.ename == "DataUnavailable":
+            raise NotebookNotRun(f"{source.stem}: not run: {error.evalue}") from error
         if isinstance(error, CellExecutionError):
             why = f"{error.ename}: {error.evalue}"
         elif client.has_stalled():
@@ -230,9 +232,6 @@ def _run_to_the_end(client: _Client, source: Path, environment: Mapping[str, str
             why = f"no progress for {minutes} (STALL_MINUTES=... allows more)"
         else:
             why = "the kernel died"
-        if why.startswith("DataUnavailable: "):
-            missing = why.removeprefix("DataUnavailable: ")
-            raise NotebookNotRun(f"{source.stem}: not run: {missing}") from error
         where = f"{source.name}, cell {client.cell + 1}: {why}"
         partial = source.parent / "partial" / f"{source.stem}.ipynb"
         try:

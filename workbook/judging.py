@@ -33,7 +33,14 @@ from workbook.outcomes import Numbers, load_outcomes, source_of
 VERDICT_COLUMNS = ["id", "printed", "published", "reproduced", "low", "high", "agreement"]
 VERDICT_COLUMNS += ["source", "resolution", "settings", "reason", "notebook"]
 AGREEMENTS = ("agrees", "differs", "not tested")
-SOURCES = ("recomputed", "authors' files", "simulated joint", "the paper's own numbers")
+SOURCES = {
+    "recomputed": "our search on the authors' clean records with noise of the printed law, or on their noisy ones",
+    "authors' files": "read or measured from them",
+    "simulated joint": "the joint that we identified from the authors' records",
+    "the paper's own numbers": "arithmetic between printed numbers",
+    "stand-in": "simulated in place of unpublished logs; not tested",
+    "taken over": "assumed as printed; not tested",
+}
 NOT_TESTED = ("stand-in", "taken over")
 CLAIM_VERDICTS = {True: "holds", False: "does not hold", None: "undecided"}
 WEAK_SHARE, WEAK_FACTOR = 0.1, 3.0
@@ -162,6 +169,6 @@ def count_by(table: pd.DataFrame, by: str) -> pd.DataFrame:
     elements = published.cells()["element"]
     key = table["source"] if by == "source" else elements.loc[table["id"]].to_numpy()
     counts = pd.crosstab(key, table["agreement"]).rename_axis(index=by, columns="agreement")
-    order = (*SOURCES, *NOT_TESTED) if by == "source" else elements.unique()
+    order = SOURCES if by == "source" else elements.unique()
     words = [word for word in AGREEMENTS if word in counts]
     return counts.reindex([name for name in order if name in counts.index])[words]

@@ -117,7 +117,7 @@ def test_printed_numbers_are_counted_by_source_element_and_column():
     assert sum(fixed) == found["claims"] == len(published.table("claims"))
     kinds = published.table("errata")["kind"].value_counts()
     assert found["errata_paper"] == kinds["paper"]
-    assert found["errata_data"] == kinds["against the public data"]
+    assert found["errata_data"] == kinds["data"]
 
 
 def test_a_notebooks_facts_are_texts_counts_and_numbers_in_their_format(tmp_path, monkeypatch):

@@ -16,13 +16,11 @@ from workbook.report import TEMPLATES
 # A sign beside each word, so that colour is never the only difference; hollow where an agreement is weak.
 SIGNS = {"agrees": "●", "differs": "✗", "not tested": "–"}
 WEAK_SIGN = "○"
-SOURCES = {
-    "recomputed": "our search on the authors' clean records with noise of the printed law, or on their noisy ones",
-    "authors' files": "read or measured from them",
-    "simulated joint": "the joint that we identified from the authors' records",
-    "the paper's own numbers": "arithmetic between printed numbers",
-    "stand-in": "simulated in place of unpublished logs; not tested",
-    "taken over": "assumed as printed; not tested",
+# What is wrong in print, by the kinds of `errata.csv`.
+ERRATUM_KINDS = {
+    "paper": "paper",
+    "data": "against the public data",
+    "repository": "public repository",
 }
 
 
@@ -48,7 +46,7 @@ class Cell:
     settings: str
     reason: str
     notebook: str
-    errata: tuple[str, ...]
+    errata: list[str]
 
     @property
     def name(self) -> str:
@@ -136,21 +134,20 @@ def judged_cells(verdicts: pd.DataFrame) -> dict[str, Cell]:
     """Bring together each printed number with what the verdicts say of it, by its id."""
     about = published.cells()[["element", "row", "column", "unit", "section", "quote"]]
     rows = verdicts.astype(object).fillna({"settings": "", "reason": "", "notebook": ""})
-    errata = errata_by_cell()
+    errata = corrected_cells()
     return {
-        row["id"]: Cell(**row, errata=errata.get(row["id"], ()))
+        row["id"]: Cell(**row, errata=[each for each in errata if row["id"] in errata[each]])
         for row in rows.join(about, on="id").to_dict("records")
     }
 
 
-def errata_by_cell() -> dict[str, tuple[str, ...]]:
-    """The errata that correct a printed number, by its id."""
-    found: dict[str, tuple[str, ...]] = {}
-    for erratum, cells in published.table("errata")["cells"].items():
-        for corrected in cells.split():
-            cell = corrected.partition("=")[0]
-            found[cell] = (*found.get(cell, ()), str(erratum))
-    return found
+def corrected_cells() -> dict[str, list[str]]:
+    """Ids of the printed numbers that each erratum corrects."""
+    corrected = published.table("errata")["cells"]
+    return {
+        erratum: [each.partition("=")[0] for each in cells.split()]
+        for erratum, cells in corrected.items()
+    }
 
 
 def judged_claims(results: Path) -> list[dict]:
@@ -188,4 +185,4 @@ def like_printed(value: float, printed: str) -> str:
     return text if abs(float(text) - value) <= 0.02 * abs(value) else f"{value:.3g}"
 
 
-TEMPLATES.globals.update(sources=SOURCES, agreements=judging.AGREEMENTS)
+TEMPLATES.globals.update(sources=judging.SOURCES, agreements=judging.AGREEMENTS)

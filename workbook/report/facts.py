@@ -11,13 +11,11 @@ from replication import published
 from workbook import judging
 from workbook.outcomes import load_outcomes
 from workbook.report import TEMPLATES, squeeze
-from workbook.report.cells import minus
+from workbook.report.cells import ERRATUM_KINDS, corrected_cells, minus
 
 RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 WORDS = ("none", "one", "two", "three", "four", "five", "six", "seven", "eight", "nine", "ten")
 POWER = re.compile(r"(?<![\w.])(\d+(?:\.\d+)?)e([+-]?\d+)\b")
-# When the criterion of a claim was fixed, as its reason says.
-FIXED = r"(Fixed(?= before the first)|Committed(?= together with)|Changed(?= after a first))"
 
 
 def collect_facts(results: Path, verdicts: pd.DataFrame) -> dict[str, str]:
@@ -38,7 +36,7 @@ def count_verdicts(verdicts: pd.DataFrame, claims: pd.DataFrame) -> dict[str, in
     "table2_differs" those of an element, "table2_sd_differs" those of its column; in place of "differs" also "agrees",
     "weak" (those of "agrees" whose resolution is low) and "not_tested". "claims_undecided" counts claims,
     "claims_changed" those whose criterion was changed, "claims_answers_changed" those of them whose answer is another
-    one now, and "errata_paper" errata by the last word of their kind.
+    one now, and "errata_paper" errata by their kind.
     """
     decided = verdicts.join(published.cells()[["element", "column"]], on="id")
     element = decided["element"].map(squeeze)
@@ -61,9 +59,8 @@ def count_verdicts(verdicts: pd.DataFrame, claims: pd.DataFrame) -> dict[str, in
     first = both["earlier_answer"].where(both["earlier_answer"] != "", both["verdict"])
     for verdict in judging.CLAIM_VERDICTS.values():
         counts["claims_first_" + verdict.replace(" ", "_")] = int((first == verdict).sum())
-    fixed = known["reason"].str.extract(FIXED, expand=False).str.lower()
-    kinds = published.table("errata")["kind"].str.split().str[-1]
-    for name, words in (("claims", fixed), ("errata", kinds)):
+    kinds = {"claims": known["criterion_was"], "errata": published.table("errata")["kind"]}
+    for name, words in kinds.items():
         counts |= {f"{name}_{word}": number for word, number in words.value_counts().items()}
     return counts
 
@@ -149,3 +146,13 @@ def fill_in_findings(facts: dict[str, str]) -> list[dict]:
         for row in published.table("findings").to_dict("records")
         if (text := fill(row["text"], facts))
     ]
+
+
+def list_errata(facts: dict[str, str]) -> pd.DataFrame:
+    """The errata with what we computed, and the ids of the numbers that each corrects."""
+    errata = published.table("errata")
+    return errata.assign(
+        kind=[ERRATUM_KINDS[kind] for kind in errata["kind"]],
+        computed=[fill(text, facts) for text in errata["computed"]],
+        ids=pd.Series(corrected_cells()),
+    ).reset_index()

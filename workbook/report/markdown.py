@@ -2,12 +2,12 @@
 
 from pathlib import Path
 
-from replication import files, published
+from replication import files
 from workbook import judging
 from workbook.outcomes import load_outcomes
 from workbook.report import TEMPLATES
 from workbook.report.cells import notebook_source
-from workbook.report.facts import collect_facts, count_numbers, fill_in_findings
+from workbook.report.facts import collect_facts, count_numbers, fill_in_findings, list_errata
 
 BEGIN, END = "<!-- status: begin -->\n", "\n<!-- status: end -->"
 
@@ -15,8 +15,7 @@ BEGIN, END = "<!-- status: begin -->\n", "\n<!-- status: end -->"
 def render_errata(facts: dict[str, str]) -> str:
     """Write the errata sheet."""
     escaped = {r"\|": r"\\|", r"<(?=[A-Za-z/!?])": "&lt;"}
-    errata = published.table("errata").astype(str).replace(escaped, regex=True).reset_index()
-    rows = errata.to_dict("records")
+    rows = list_errata(facts).replace(escaped, regex=True).to_dict("records")
     return TEMPLATES.get_template("errata.md.j2").render(facts=facts, errata=rows)
 
 

@@ -15,7 +15,7 @@ from workbook.outcomes import load_outcomes
 from workbook.report import TEMPLATES, markdown, pages
 from workbook.report.cells import judged_cells, judged_claims
 from workbook.report.datasheet import datasheet_rows
-from workbook.report.facts import collect_facts, count_numbers, fill, fill_in_findings
+from workbook.report.facts import collect_facts, count_numbers, fill, fill_in_findings, list_errata
 from workbook.report.figures import load_pictures
 
 # Files of the report and what the line above each page calls them.
@@ -60,7 +60,7 @@ def report_content(results: Path, notebooks: Path, verdicts: pd.DataFrame) -> di
         "map": published.table("map").set_index("element").to_dict("index"),
         "figures": published.table("paper_figures").reset_index().to_dict("records"),
         "claims": judged_claims(results),
-        "errata": list_errata(facts),
+        "errata": list_errata(facts).to_dict("records"),
         "history": list_rules(facts),
         "rounds": read_rows(results / "datasheet_rounds.csv"),
         "datasheet": datasheet_rows(results),
@@ -72,16 +72,6 @@ def report_content(results: Path, notebooks: Path, verdicts: pd.DataFrame) -> di
             for name, found in pages.executed_cells(notebooks).items()
         },
     }
-
-
-def list_errata(facts: dict[str, str]) -> list[dict]:
-    """The errata with what we computed, and the ids of the numbers that each corrects."""
-    errata = published.table("errata").reset_index()
-    errata["computed"] = [fill(text, facts) for text in errata["computed"]]
-    errata["ids"] = [
-        [part.partition("=")[0] for part in cells.split()] for cells in errata["cells"]
-    ]
-    return errata.to_dict("records")
 
 
 def list_rules(facts: dict[str, str]) -> list[dict]:

@@ -10,8 +10,7 @@ from replication import published
 from workbook import judging
 from workbook.report import TEMPLATES, Unknown, squeeze
 from workbook.report.cells import Cell, judged_cells, judged_claims, notebook_source
-from workbook.report.facts import collect_facts
-from workbook.report.page import list_errata
+from workbook.report.facts import collect_facts, list_errata
 
 WIDTH, LABEL_WIDTH = 100, 16
 LABELS = ("", "printed", "ours", "difference", "interval", "", "source")
@@ -72,7 +71,7 @@ def show(name: str, results: Path) -> str:
     kinds: dict[str, Mapping] = {
         "cell": cells,
         "claim": {row["id"]: row for row in judged_claims(results)},
-        "erratum": {row["id"]: row for row in list_errata(collect_facts(results, verdicts))},
+        "erratum": list_errata(collect_facts(results, verdicts)).set_index("id").to_dict("index"),
     }
     for kind, found in kinds.items():
         named = {key.lower(): item for key, item in found.items()}
