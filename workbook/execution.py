@@ -168,7 +168,6 @@ def execute(
     source: Path,
     destination: Path,
     quick: bool = False,
-    parameters: Mapping[str, object] | None = None,
     stall_s: float = STALL_S,
     records: str = "",
 ) -> None:
@@ -180,8 +179,7 @@ def execute(
     notebook = read_notebook(source)
     if records:
         notebook.cells.insert(0, new_markdown_cell(f"**{APART[OFFLINE]}**", id="records"))
-    values = (quick_parameters(notebook) if quick else {}) | dict(parameters or {})
-    if values:
+    if quick and (values := quick_parameters(notebook)):
         notebook = with_parameters(notebook, values)
     destination.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory(dir=destination, prefix=".staging-") as folder:

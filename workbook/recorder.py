@@ -29,38 +29,22 @@ def start(run: int, root: str, data: str, notebook: str) -> None:
         sources[_name_below(root, file) or Path(file).name] = _sha256(file)
 
     def note(event: str, arguments: tuple) -> None:
-        if (
-            event != "open"
-            or not isinstance(arguments[0], str)
-            or arguments[2] & (os.O_WRONLY | os.O_RDWR)
-        ):
-            return
+        file = _read_file(event, arguments)
         for folder, digests in ((root, sources), (data, inputs)):
-            name = _name_below(folder, arguments[0])
-            if (
-                name
-                and name not in digests
-                and not name.endswith(".py")
-                and os.path.isfile(arguments[0])
-            ):
+            name = _name_below(folder, file)
+            if name and name not in digests and os.path.isfile(file):
                 digests[name] = ""  # hashing opens the file again
-                digests[name] = _sha256(arguments[0])
+                digests[name] = _sha256(file)
 
     def write(outcome: str, variables: Mapping[str, object]) -> None:
-        """Add to a notebook's outcome what it was made from; of Python files, the modules that are loaded."""
-        loaded = {str(getattr(module, "__file__", "")) for module in list(sys.modules.values())}
-        modules = {
-            name: _sha256(file)
-            for file in loaded
-            if (name := _name_below(root, file)).endswith(".py")
-        }
+        """Add to a notebook's outcome what it was made from."""
         seeds = {
             name: value
             for name, value in sorted(variables.items())
             if name.endswith(("seed", "seeds")) and _is_seed(value)
         }
         made_from = {
-            "sources": dict(sorted((sources | modules).items())),
+            "sources": dict(sorted(sources.items())),
             "inputs": dict(sorted(inputs.items())),
             "python": platform.python_version(),
             "packages": {name: version(name) for name in PACKAGES if name in sys.modules},
@@ -83,6 +67,16 @@ def _end_with(run: int) -> None:
     while os.getppid() == run:
         time.sleep(0.5)
     os.killpg(os.getpgid(0), signal.SIGKILL)
+
+
+def _read_file(event: str, arguments: tuple) -> str:
+    """File that is read: a module that is executed, or what is opened; a module's text is no data."""
+    if event == "exec":
+        return arguments[0].co_filename
+    if event != "open" or not isinstance(arguments[0], str):
+        return ""
+    is_written = arguments[2] & (os.O_WRONLY | os.O_RDWR)
+    return "" if is_written or arguments[0].endswith(".py") else arguments[0]
 
 
 def _name_below(folder: str, file: str) -> str:

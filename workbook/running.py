@@ -18,7 +18,7 @@ from pathlib import Path
 import psutil
 from tqdm import tqdm
 
-from replication.files import ROOT, write_json
+from replication.files import ROOT, write_json, write_text
 from workbook import due, execution
 from workbook.checkout import OFFLINE, RESULTS
 
@@ -82,7 +82,7 @@ def _run_one(source: Path, destination: Path, quick: bool, stall_s: float) -> En
     try:
         try:
             execution.execute(source, destination, quick, stall_s=stall_s)
-            due.mark_as_run(source.stem, destination, begun)
+            write_text(due.marker(source.stem, destination), "")
             how, where = "done", ""
         except execution.NotebookNotRun:
             apart = destination if quick else _offline(destination)

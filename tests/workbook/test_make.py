@@ -4,12 +4,11 @@ import os
 import re
 import shutil
 import subprocess
-import time
 
 import pytest
 
 import workbook
-from replication.files import write_json
+from replication.files import write_json, write_text
 from workbook import due
 from workbook.checkout import RESULTS, notebook_files
 from workbook.outcomes import load_outcomes
@@ -36,7 +35,7 @@ def made(digests, tmp_path):
         file = tmp_path / "results" / "outcomes" / f"{name}.json"
         sources = {source: digests[source] for source in outcome["made_from"]["sources"]}
         write_json(file, {"made_from": {"sources": sources}})
-        due.mark_as_run(name, tmp_path, time.time())
+        write_text(due.marker(name, tmp_path), "")
     return tmp_path
 
 
@@ -59,12 +58,6 @@ def test_after_a_change_exactly_the_notebooks_are_due_that_read_the_file(made, d
         digests[name] = "0" * 64
         assert due_in(made) == {notebook for notebook, read in READ.items() if name in read}
         digests[name] = digest
-
-
-def test_a_source_that_is_changed_while_its_notebook_runs_makes_it_due_again(made):
-    (made / ".make" / f"{SECOND}.ran").unlink()
-    due.mark_as_run(SECOND, made, begun=0.0)
-    assert due_in(made) == {SECOND}
 
 
 # A stand-in for `python -m workbook` that notes how it is called, and ends a run as a file says.

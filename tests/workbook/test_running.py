@@ -93,6 +93,23 @@ def test_an_executed_notebook_leaves_itself_what_it_exports_and_what_it_was_made
         assert hashlib.sha256(path.read_bytes()).hexdigest() == digest
 
 
+def test_a_source_that_is_changed_after_it_was_loaded_is_noted_as_it_was(tmp_path):
+    recorder = workbook.ROOT / "workbook" / "recorder.py"
+    for name in ("requirements.lock", "notebook.py"):
+        (tmp_path / name).touch()
+    module = tmp_path / "module.py"
+    module.write_text("x = 1\n", "utf-8")
+    root = str(tmp_path)
+    start = (os.getpid(), root, root, f"{root}/notebook.py")
+    code = f"""import runpy, sys; sys.path.insert(0, {root!r})
+runpy.run_path({str(recorder)!r})["start"](*{start})
+import module; open(module.__file__, "a").write("x = 2")
+sys.modules["notebook_recorder"].write({f"{root}/outcome.json"!r}, {{}})"""
+    subprocess.run([sys.executable, "-c", code], check=True)
+    noted = json.loads((tmp_path / "outcome.json").read_text("utf-8"))["made_from"]["sources"]
+    assert noted["module.py"] == hashlib.sha256(b"x = 1\n").hexdigest()
+
+
 @pytest.mark.slow
 def test_two_runs_of_a_notebook_give_the_same_bytes_and_the_committed_texts(authors_data, tmp_path):
     for name in ("one", "two"):
@@ -170,7 +187,7 @@ def test_a_quick_run_uses_the_quick_parameters_and_an_unknown_one_is_refused(not
     execution.execute(notebook(header + GOOD), quick=True, destination=out)
     assert pd.read_csv(out / "results" / "small.csv")["repeats"].tolist() == [3]
     with pytest.raises(ValueError, match=re.escape("no such parameter: repeat; there are repeats")):
-        execution.execute(notebook(GOOD), destination=out, parameters={"repeat": 3})
+        execution.execute(notebook((header + GOOD).replace("{repeats", "{repeat")), out, quick=True)
 
 
 # ---------------------------------------------------------------------------------------------------------------
