@@ -154,12 +154,12 @@ def article(options: argparse.Namespace) -> int:
 
 def show(options: argparse.Namespace) -> int:
     """Print a cell, an element, a claim or an erratum with its verdict and reason."""
-    from workbook.report import rerun, squeeze
+    from workbook.report import rerun, squeeze, terminal
 
     name = squeeze(options.name)
-    notebooks = rerun.announce(name, RESULTS) if options.rerun else None
-    from workbook.report import terminal
-
+    notebooks = rerun.find_notebooks(name, RESULTS) if options.rerun else []
+    if notebooks:
+        print(rerun.announce(name, notebooks, RESULTS))
     print(terminal.show(name, RESULTS), flush=True)
     if notebooks:
         print(f"\n{rerun.make_again(name, notebooks)}")

@@ -12,10 +12,6 @@ from workbook.outcomes import load_outcomes
 
 FIGURE_NAME = re.compile(r"(figure|table|equation)0*(\d+)_")
 IN_ADDRESS = str.maketrans({"%": "%25", "#": "%23", '"': "'"})
-# Of an SVG: what a page does not show; coordinates, and their digits beyond a tenth of a point.
-NOT_DRAWN = re.compile(r"<\?xml.*?\?>|<!DOCTYPE.*?>|<!--.*?-->|<metadata>.*?</metadata>", re.DOTALL)
-PLACED = re.compile(r'(?:\bd="|\b[xy]="|translate\()[^")]+')
-DIGITS = re.compile(r"(?<=\.\d)\d+")
 DOTS_PER_SHOWN_DOT = 1.5
 
 
@@ -51,7 +47,7 @@ class Picture:
             width, height = (round(dots / DOTS_PER_SHOWN_DOT) for dots in image.size)
         label = html.escape(self.alternative)
         drawing = self.file.with_suffix(".svg").read_text(encoding="utf-8")
-        source = "data:image/svg+xml," + reduce_svg(drawing).translate(IN_ADDRESS)
+        source = "data:image/svg+xml," + " ".join(drawing.split()).translate(IN_ADDRESS)
         return Markup(f'<img alt="{label}" width="{width}" height="{height}" src="{source}">')
 
 
@@ -72,9 +68,3 @@ def _plain_label(label: str) -> str:
     for markup, sign in (("\\delta", "δ"), ("\\Delta", "Δ"), ("\\theta", "θ"), ("\\pm", "±")):
         label = label.replace(markup, sign)
     return re.sub(r"[${}\\]", "", label)
-
-
-def reduce_svg(drawing: str) -> str:
-    """Leave out what is not seen: comments, spaces between tags, and digits."""
-    drawing = " ".join(NOT_DRAWN.sub("", drawing).split()).replace("> <", "><")
-    return PLACED.sub(lambda place: DIGITS.sub("", place[0]), drawing)
