@@ -135,17 +135,13 @@ def verdicts(results: Path) -> pd.DataFrame:
     if found["id"].duplicated().any():
         twice = found.loc[found["id"].duplicated(), "id"].unique()
         raise ValueError(f"{', '.join(twice)}: exported by two notebooks")
-    cells = published.cells().index
-    missing = cells[~cells.isin(found["id"])]
-    without = [
-        {"id": cell, "source": source_of(cell), "numbers": math.nan, "notebook": ""}
-        for cell in missing
-    ]
+    found = found.set_index("id").reindex(published.cells().index)
+    sources = pd.Series({cell: source_of(cell) for cell in found.index})
+    found = found.fillna({"source": sources, "notebook": ""})
     facts: dict[str, str] = {}
     for outcome in load_outcomes(results).values():
         facts |= outcome["facts"]
-    table = judge_rows(pd.concat([found, pd.DataFrame(without)]), facts)
-    return table.set_index("id").loc[cells].reset_index()
+    return judge_rows(found.reset_index(), facts)
 
 
 def decided_claims(results: Path) -> pd.DataFrame:
@@ -170,5 +166,5 @@ def count_by(table: pd.DataFrame, by: str) -> pd.DataFrame:
     key = table["source"] if by == "source" else elements.loc[table["id"]].to_numpy()
     counts = pd.crosstab(key, table["agreement"]).rename_axis(index=by, columns="agreement")
     order = SOURCES if by == "source" else elements.unique()
-    words = [word for word in AGREEMENTS if word in counts]
-    return counts.reindex([name for name in order if name in counts.index])[words]
+    named = [name for name in order if name in counts.index]
+    return counts.reindex(index=named, columns=AGREEMENTS, fill_value=0)

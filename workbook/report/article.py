@@ -5,10 +5,10 @@ import math
 import re
 from pathlib import Path
 
-from replication import files, published
+from replication import files
 from workbook import judging
 from workbook.report.cells import Cell, judged_cells, judged_claims, like_printed
-from workbook.report.facts import collect_facts, fill, fill_in_findings
+from workbook.report.facts import collect_facts, fill_in_findings, list_rules
 
 SOURCE = files.ROOT / "article" / "article.typ"
 # In these a text that begins with "OPEN: " says what a person has still to fill in.
@@ -25,34 +25,22 @@ def collect_content(results: Path) -> dict:
     """Collect what the article's text takes from the results and does not read itself."""
     verdicts = judging.verdicts(results)
     facts = collect_facts(results, verdicts)
-    trail = published.table("trail")
-    trail["counts"] = [fill(text, facts) for text in trail["counts"]]
     return {
         "facts": facts,
         "cells": [_beside(cell) for cell in judged_cells(verdicts).values()],
         "claims": judged_claims(results),
         "open": [each["text"] for each in fill_in_findings(facts) if each["kind"] == "open"],
-        "rules": trail.reset_index().to_dict("records"),
+        "rules": list_rules(facts),
     }
 
 
 def _beside(cell: Cell) -> dict:
     """A printed number and ours, as the article's tables have them."""
-    return {
-        "element": cell.element,
-        "row": cell.row,
-        "column": cell.column,
-        "printed": cell.printed,
-        "published": cell.published,
-        "ours": cell.ours,
+    names = ("element", "row", "column", "printed", "published", "ours", "agreement", "weak")
+    return {name: getattr(cell, name) for name in (*names, "sign", "settings", "unit")} | {
         "low": like_printed(cell.low, cell.printed),
         "high": like_printed(cell.high, cell.printed),
         "resolution": cell.resolution if math.isfinite(cell.resolution) else None,
-        "agreement": cell.agreement,
-        "weak": cell.weak,
-        "sign": cell.sign,
-        "settings": cell.settings,
-        "unit": cell.unit,
     }
 
 

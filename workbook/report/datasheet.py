@@ -7,12 +7,14 @@ import pandas as pd
 FEW_LOGS = 10  # fewer have counts in place of shares
 
 
+def read_rows(results: Path, name: str) -> list[dict]:
+    """The rows of a table of the results; none if it is not there."""
+    file = results / f"{name}.csv"
+    return pd.read_csv(file).to_dict("records") if file.exists() else []
+
+
 def datasheet_rows(results: Path) -> list[dict]:
-    """The rows of `datasheet.csv` as texts; none if it is not there."""
-    file = results / "datasheet.csv"
-    if not file.exists():
-        return []
-    table = pd.read_csv(file)
+    """The rows of `datasheet.csv` as texts."""
     return [
         {
             "population": row["population"],
@@ -23,7 +25,7 @@ def datasheet_rows(results: Path) -> list[dict]:
             "false_alarms": _count(row["false_alarms"], row["healthy"]),
             "false_all_clears": _count(row["false_all_clears"], row["ill"]),
         }
-        for row in table.to_dict("records")
+        for row in read_rows(results, "datasheet")
     ]
 
 

@@ -39,30 +39,34 @@ def count_verdicts(verdicts: pd.DataFrame, claims: pd.DataFrame) -> dict[str, in
     one now, and "errata_paper" errata by their kind.
     """
     decided = verdicts.join(published.cells()[["element", "column"]], on="id")
+    decided["weak"] = find_weak(decided)
     element = decided["element"].map(squeeze)
     source = decided["source"].str.replace("'", "").str.replace(r"\W", "_", regex=True)
     groups = {"": decided}
     for key in (source, element, element + "_" + decided["column"]):
         groups |= {f"{name}_": part for name, part in decided.groupby(key)}
-    known = published.table("claims")
+    known, errata = published.table("claims"), published.table("errata")
     counts = {"printed": len(decided), "claims": len(known)}
     for name, part in groups.items():
         for word in judging.AGREEMENTS:
-            counts[name + word.replace(" ", "_")] = int((part["agreement"] == word).sum())
-        weak = np.array([*map(judging.is_weak, part["id"], part["resolution"])], bool)
-        counts[f"{name}weak"] = int(((part["agreement"] == "agrees") & weak).sum())
+            counts[name + word.replace(" ", "_")] = (part["agreement"] == word).sum()
+        counts[f"{name}weak"] = part["weak"].sum()
+    earlier = claims["id"].map(known["earlier_answer"])
+    first = earlier.where(earlier != "", claims["verdict"])
+    counts["claims_answers_changed"] = (first != claims["verdict"]).sum()
     for verdict in judging.CLAIM_VERDICTS.values():
-        counts["claims_" + verdict.replace(" ", "_")] = int((claims["verdict"] == verdict).sum())
-    both = claims.join(known["earlier_answer"], on="id")
-    changed = both.query("earlier_answer != '' and earlier_answer != verdict")
-    counts["claims_answers_changed"] = len(changed)
-    first = both["earlier_answer"].where(both["earlier_answer"] != "", both["verdict"])
-    for verdict in judging.CLAIM_VERDICTS.values():
-        counts["claims_first_" + verdict.replace(" ", "_")] = int((first == verdict).sum())
-    kinds = {"claims": known["criterion_was"], "errata": published.table("errata")["kind"]}
-    for name, words in kinds.items():
-        counts |= {f"{name}_{word}": number for word, number in words.value_counts().items()}
+        name = verdict.replace(" ", "_")
+        counts[f"claims_{name}"] = (claims["verdict"] == verdict).sum()
+        counts[f"claims_first_{name}"] = (first == verdict).sum()
+    for kind, words in (("claims", known["criterion_was"]), ("errata", errata["kind"])):
+        counts |= {f"{kind}_{word}": number for word, number in words.value_counts().items()}
     return counts
+
+
+def find_weak(verdicts: pd.DataFrame) -> pd.Series:
+    """Whether each printed number's agreement is weak."""
+    weak = [*map(judging.is_weak, verdicts["id"], verdicts["resolution"])]
+    return (verdicts["agreement"] == "agrees") & pd.Series(weak, verdicts.index, dtype=bool)
 
 
 def describe_table2(verdicts: pd.DataFrame) -> dict[str, object]:
@@ -73,29 +77,23 @@ def describe_table2(verdicts: pd.DataFrame) -> dict[str, object]:
         numbers = rows["id"].str[10:12].astype(int)
         wide = numbers.isin((1, 10))
         agree = rows["agreement"] == "agrees"
-        found |= {f"{of}s": WORDS[len(rows)], f"{of}s_agree": WORDS[int(agree.sum())]}
+        found |= {f"{of}s": WORDS[len(rows)], f"{of}s_agree": WORDS[agree.sum()]}
         found[f"{of}s_differing"] = list_differing(rows[rows["agreement"] == "differs"])
         seen_from = rows["resolution"].to_numpy(float)
         if of == "mean":
             found["mean_half_width"] = span(100 * seen_from[~wide], ".1f")
             found["mean_half_width_ends"] = span(100 * seen_from[wide], ".1f")
         else:
-            weak = [
-                judging.is_weak(*pair) for pair in rows.loc[agree, ["id", "resolution"]].to_numpy()
-            ]
-            found["sds_weak"] = WORDS[sum(weak)]
+            found["sds_weak"] = WORDS[find_weak(rows).sum()]
             found["sd_factor"] = span(seen_from[agree], ".2g")
     return found
 
 
 def count_numbers(verdicts: pd.DataFrame) -> tuple[pd.DataFrame, pd.DataFrame]:
     """Count the printed numbers by agreement: by element, with a last row of all, and by source."""
-    by_element, by_source = (
-        judging.count_by(verdicts, by).reindex(columns=judging.AGREEMENTS, fill_value=0)
-        for by in ("element", "source")
-    )
+    by_element = judging.count_by(verdicts, "element")
     by_element.loc["all"] = by_element.sum()
-    return by_element.fillna(0).astype(int), by_source.fillna(0).astype(int)
+    return by_element, judging.count_by(verdicts, "source")
 
 
 def list_differing(rows: pd.DataFrame) -> str:
@@ -156,3 +154,9 @@ def list_errata(facts: dict[str, str]) -> pd.DataFrame:
         computed=[fill(text, facts) for text in errata["computed"]],
         ids=pd.Series(corrected_cells()),
     ).reset_index()
+
+
+def list_rules(facts: dict[str, str]) -> list[dict]:
+    """The rules in the order in which they were fixed, with what each said."""
+    trail = published.table("trail")
+    return trail.assign(counts=[fill(text, facts) for text in trail["counts"]]).to_dict("records")

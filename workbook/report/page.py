@@ -14,8 +14,14 @@ from workbook.due import stale
 from workbook.outcomes import load_outcomes
 from workbook.report import TEMPLATES, markdown, pages
 from workbook.report.cells import judged_cells, judged_claims
-from workbook.report.datasheet import datasheet_rows
-from workbook.report.facts import collect_facts, count_numbers, fill, fill_in_findings, list_errata
+from workbook.report.datasheet import datasheet_rows, read_rows
+from workbook.report.facts import (
+    collect_facts,
+    count_numbers,
+    fill_in_findings,
+    list_errata,
+    list_rules,
+)
 from workbook.report.figures import load_pictures
 
 # Files of the report and what the line above each page calls them.
@@ -62,7 +68,7 @@ def report_content(results: Path, notebooks: Path, verdicts: pd.DataFrame) -> di
         "claims": judged_claims(results),
         "errata": list_errata(facts).to_dict("records"),
         "history": list_rules(facts),
-        "rounds": read_rows(results / "datasheet_rounds.csv"),
+        "rounds": read_rows(results, "datasheet_rounds"),
         "datasheet": datasheet_rows(results),
         "versions": _versions(results),
         "stale": stale(results),
@@ -72,18 +78,6 @@ def report_content(results: Path, notebooks: Path, verdicts: pd.DataFrame) -> di
             for name, found in pages.executed_cells(notebooks).items()
         },
     }
-
-
-def list_rules(facts: dict[str, str]) -> list[dict]:
-    """The rules in the order in which they were fixed, with what each said."""
-    trail = published.table("trail")
-    trail["counts"] = [fill(text, facts) for text in trail["counts"]]
-    return trail.to_dict("records")
-
-
-def read_rows(file: Path) -> list[dict]:
-    """The rows of a table of the results; none if it is not there."""
-    return pd.read_csv(file).to_dict("records") if file.exists() else []
 
 
 def render_report(
