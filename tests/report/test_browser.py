@@ -1,5 +1,6 @@
 """The report, pages and explorers in a real browser: widths, accessibility, no request; each explorer works."""
 
+import json
 import os
 import re
 import subprocess
@@ -15,7 +16,6 @@ from replication.signature import Timing, rmse
 from studies.replay import AGREE_RPS
 from workbook import lab
 from workbook.checkout import RESULTS
-from workbook.report.pages import load_drawn
 
 pytestmark = pytest.mark.slow
 WIDTHS = (390, 820, 1440)
@@ -69,7 +69,7 @@ def test_a_search_finds_headings_and_terms_and_leads_to_them(tab, site):
 
 def test_the_signature_explorer_computes_the_misfit_of_the_package(tab, site):
     page = tab(site / "pages" / "signature_explorer.html")
-    drawn = load_drawn(RESULTS, "signature_explorer")
+    drawn = json.loads((RESULTS / "pages" / "signature_explorer.json").read_bytes())
     record, names = np.array(drawn["record"]), [*drawn["fitted"]][:7]
     for clicked, T_f in (("#printed", 0.408), ("#fitted", 0.4)):
         page.click(clicked)

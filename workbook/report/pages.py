@@ -5,9 +5,8 @@ import html
 import json
 import posixpath
 import re
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any
 
 import nbformat
 import pandas as pd
@@ -49,47 +48,43 @@ def render_pages(results: Path, notebooks: Path, verdicts: pd.DataFrame) -> dict
     pictures = load_pictures(results)
     claims = judging.decided_claims(results)
     judged = verdicts.join(published.cells()["element"], on="id")
-    executed = executed_cells(notebooks)
-    texts = {file.stem: [new_markdown_cell(file.read_text("utf-8"))] for file in TEXTS}
-    contents = {name: headings(cells) for name, cells in (executed | texts).items()}
+    found = executed_cells(notebooks)
+    sources = {name: notebook_source(name) for name in found}
+    for file in TEXTS:
+        found[file.stem] = [new_markdown_cell(file.read_text("utf-8"))]
+        sources[file.stem] = f"notebooks/{file.name}"
+    contents = {name: headings(cells) for name, cells in found.items()}
+    book = {"contents": contents, "groups": group_pages(sources)}
     pages = {}
-    for name, cells in (executed | texts).items():
-        source = f"notebooks/{name}.md" if name in texts else notebook_source(name)
-        own = [picture for picture in pictures if picture.notebook == name]
-        shown = list(_page_cells(cells, source, own))
-        outputs = [output for cell in shown for output in cell.get("outputs", [])]
+    for name, cells in found.items():
+        shown = list(_page_cells(cells, sources[name], pictures))
         pages[name] = TEMPLATES.get_template("notebook.html.j2").render(
+            book,
             name=name,
-            source=source,
+            source=sources[name],
             cells=shown,
-            has_script=any(SCRIPT in output for output in outputs),
+            has_script=any(SCRIPT in output for cell in shown for output in cell["outputs"]),
             judged=judged[judged["notebook"] == name].to_dict("records"),
             claims=(claims["notebook"] == name).sum(),
-            minutes="" if name in texts else reading_minutes(cells),
-            contents=contents,
-            groups=group_pages(contents),
-            anchor=anchor,
+            minutes=reading_minutes(cells) if sources[name].endswith(".py") else "",
         )
     pages["search"] = TEMPLATES.get_template("search.html.j2").render(
-        contents=contents, groups=group_pages(contents), index=search_index(contents)
+        book, index=search_index(contents)
     )
-    for name in explorers(results):
-        pages[name] = TEMPLATES.get_template(f"{name}.html.j2").render(
-            load_drawn(results, name), published=published
-        )
+    # Pages that a reader can play with, for which notebooks exported data.
+    for file in (results / "pages").glob("*_explorer.json"):
+        drawn = json.loads(file.read_bytes())
+        template = TEMPLATES.get_template(f"{file.stem}.html.j2")
+        pages[file.stem] = template.render(drawn, published=published)
     return pages
 
 
-def group_pages(names: Iterable[str]) -> dict[str, list[str]]:
+def group_pages(sources: Mapping[str, str]) -> dict[str, list[str]]:
     """Names of pages by what they belong to, in reading order."""
     groups: dict[str, list[str]] = {"The paper": [], "Beyond the paper": [], "Reference": []}
-    beyond = {path.stem for path in (NOTEBOOKS / "beyond").glob("*.py")}
-    texts = {file.stem for file in TEXTS}
-    for name in names:
-        group = (
-            "Reference" if name in texts else "Beyond the paper" if name in beyond else "The paper"
-        )
-        groups[group].append(name)
+    for name, source in sources.items():
+        group = "Beyond the paper" if "/beyond/" in source else "The paper"
+        groups["Reference" if source.endswith(".md") else group].append(name)
     return groups
 
 
@@ -124,24 +119,13 @@ def plain_heading(text: str) -> str:
     return re.sub(r"<.*?>|[$\\{}]", "", text)
 
 
-TEMPLATES.globals["plain"] = plain_heading
-
-
 def anchor(text: str) -> str:
     """The anchor of a heading: the one that it names itself, or its slug."""
     named = re.search(r'id="(.*?)"', text)
     return named[1] if named else slug(text)
 
 
-def explorers(results: Path) -> list[str]:
-    """Names of the pages that a reader can play with, for which notebooks exported data."""
-    return sorted(file.stem for file in (results / "pages").glob("*_explorer.json"))
-
-
-def load_drawn(results: Path, page: str) -> dict[str, Any]:
-    """Load what a notebook exported for a page to draw; empty if there is none."""
-    file = results / f"pages/{page}.json"
-    return json.loads(file.read_bytes()) if file.exists() else {}
+TEMPLATES.globals.update(plain=plain_heading, anchor=anchor)
 
 
 def executed_cells(notebooks: Path) -> dict[str, Notebook]:
@@ -182,29 +166,28 @@ def _page_cells(cells: Notebook, source: str, pictures: list[Picture]) -> Iterat
     highlight = Highlight2HTML(pygments_lexer="python3")
     for cell, anchor in zip(cells, cell_anchors(cells), strict=True):
         tags = cell.metadata.get("tags", [])
-        if cell.cell_type == "markdown":
+        kind = "solution" if "solution" in tags else cell.cell_type
+        made = cell.get("outputs", [])
+        figures = {output.get("metadata", {}).get(FIGURE) for output in made}
+        if kind == "markdown":
             body = render_markdown(cell.source, source)
-            yield {"anchor": anchor, "kind": "markdown", "body": body}
-        elif cell.cell_type == "code" and ("plumbing" not in tags or _says(cell)):
-            named = [output.get("metadata", {}).get(FIGURE) for output in cell.outputs]
-            own = [picture for picture in pictures if picture.name in named]
-            outputs = [
+        elif "plumbing" not in tags:
+            body = UNCOLOURED.sub(r"\1", highlight(cell.source))
+        elif any("text/markdown" in output.get("data", {}) for output in made):
+            body = ""
+        else:
+            continue  # it says nothing
+        yield {
+            "anchor": anchor,
+            "kind": kind,
+            "body": body,
+            "outputs": [
                 _render_output(output, source)
-                for output, name in zip(cell.outputs, named, strict=True)
-                if not name
-            ]
-            yield {
-                "anchor": anchor,
-                "kind": "solution" if "solution" in tags else "code",
-                "body": "" if "plumbing" in tags else UNCOLOURED.sub(r"\1", highlight(cell.source)),
-                "outputs": outputs,
-                "pictures": own,
-            }
-
-
-def _says(cell: nbformat.NotebookNode) -> bool:
-    """Whether a cell's outputs hold a sentence."""
-    return any("text/markdown" in output.get("data", {}) for output in cell.outputs)
+                for output in made
+                if FIGURE not in output.get("metadata", {})
+            ],
+            "pictures": [picture for picture in pictures if picture.name in figures],
+        }
 
 
 def _render_output(output: nbformat.NotebookNode, source: str) -> str:
