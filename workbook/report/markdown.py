@@ -31,9 +31,8 @@ def render_status(results: Path) -> str:
     verdicts = judging.verdicts(results)
     facts = collect_facts(results, verdicts)
     by_element, by_source = count_numbers(verdicts)
-    answers = [each for each in fill_in_findings(facts) if each["kind"] == "answer"]
     return TEMPLATES.get_template("status.md.j2").render(
-        facts=facts, answers=answers, by_element=by_element, by_source=by_source
+        facts=facts, findings=fill_in_findings(facts), by_element=by_element, by_source=by_source
     )
 
 

@@ -36,27 +36,19 @@ PLACES = [
     ("pages/history.html", "History"),
     ("article.pdf", "Article"),
 ]
-NUMBER_LABELS = (
-    *("number", "printed", "ours", "interval", "agreement", "source"),
-    *("resolution", "settings", "why", "proof"),
-)
 
 
 def report_content(results: Path, notebooks: Path, verdicts: pd.DataFrame) -> dict[str, Any]:
     """What the report's templates show."""
     facts = collect_facts(results, verdicts)
     cells = judged_cells(verdicts)
-    findings = fill_in_findings(facts)
     by_element, by_source = count_numbers(verdicts)
     return {
         "facts": facts,
         "cells": cells,
-        "answers": [each for each in findings if each["kind"] == "answer"],
-        "joint_p": next((each for each in findings if each["kind"] == "joint p"), None),
-        "findings": findings,
+        "findings": fill_in_findings(facts),
         "by_element": by_element,
         "by_source": by_source,
-        "labels": NUMBER_LABELS,
         "filters": {
             "agreement": judging.AGREEMENTS,
             "source": list(by_source.index),
@@ -110,20 +102,12 @@ def code_line(name: str) -> str:
     return next(f"{file}#L{node.lineno}" for node in defined if node.name == function)
 
 
-def relative(target: str, up: str) -> str:
-    """An address as it leads from a page so many folders `up`; anchors of the report stay there."""
-    if not up or ":" in target:
-        return target
-    return f"{up}report.html{target}" if target.startswith("#") else f"{up}{target}"
-
-
 @cache
 def static(name: str) -> Markup:
     """A style sheet or script as it is."""
     return Markup((Path(__file__).parent / "templates" / name).read_text(encoding="utf-8"))
 
 
-TEMPLATES.filters["relative"] = relative
 TEMPLATES.globals["static"] = static
 
 
