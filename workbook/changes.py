@@ -142,12 +142,9 @@ def _changes(
     """What one run decides otherwise than what is committed of its notebook, or of the same ids."""
     from workbook import judging
 
-    exported = pd.DataFrame(outcome["cells"], columns=["id", "source", "numbers"])
-    claims = pd.DataFrame(outcome["claims"], columns=["id", "holds", "measured"])
-    claims["verdict"] = [judging.CLAIM_VERDICTS[holds] for holds in claims["holds"]]
-    now = _decisions(
-        judging.judge_rows(exported.assign(notebook=name)), claims.assign(notebook=name)
-    )
+    made = {name: outcome}
+    found = judging.judge_rows(judging.exported_cells(made))
+    now = _decisions(found, judging.decide_claims(made))
     before = {key: old for key, old in committed.items() if key in now or old.notebook == name}
     lines = []
     for key in dict.fromkeys([*before, *now]):

@@ -30,6 +30,7 @@ from replication.files import write_csv, write_json
 from replication.table2 import predictive_region
 from workbook.outcomes import Numbers, load_outcomes, source_of
 
+Outcomes = Mapping[str, Mapping[str, Any]]  # by notebook
 VERDICT_COLUMNS = ["id", "printed", "published", "reproduced", "low", "high", "agreement"]
 VERDICT_COLUMNS += ["source", "resolution", "settings", "reason", "notebook"]
 AGREEMENTS = ("agrees", "differs", "not tested")
@@ -121,17 +122,26 @@ def _judge(cell: str, source: str, numbers: Numbers, facts: Mapping[str, str]) -
     }
 
 
-def _exported(results: Path, kind: str, columns: list[str]) -> pd.DataFrame:
-    """The notebooks' "cells" or "claims"."""
-    rows: list[dict[str, Any]] = []
-    for name, outcome in load_outcomes(results).items():
-        rows += [row | {"notebook": name} for row in outcome[kind]]
-    return pd.DataFrame(rows, columns=[*columns, "notebook"])
+def exported_cells(outcomes: Outcomes) -> pd.DataFrame:
+    """Our numbers, as `judge_rows` takes them."""
+    rows = [row | {"notebook": name} for name, each in outcomes.items() for row in each["cells"]]
+    return pd.DataFrame(rows, columns=["id", "source", "numbers", "notebook"], dtype=object)
+
+
+def decide_claims(outcomes: Outcomes) -> pd.DataFrame:
+    """Decisions on the claims: `id, verdict, measured, notebook`."""
+    rows = [
+        {**row, "verdict": CLAIM_VERDICTS[row["holds"]], "notebook": name}
+        for name, each in outcomes.items()
+        for row in each["claims"]
+    ]
+    return pd.DataFrame(rows, columns=["id", "verdict", "measured", "notebook"])
 
 
 def verdicts(results: Path) -> pd.DataFrame:
     """Judge every printed number from the notebooks' outcomes, in the paper's order."""
-    found = _exported(results, "cells", ["id", "source", "numbers"]).astype(object)
+    outcomes = load_outcomes(results)
+    found = exported_cells(outcomes)
     if found["id"].duplicated().any():
         twice = found.loc[found["id"].duplicated(), "id"].unique()
         raise ValueError(f"{', '.join(twice)}: exported by two notebooks")
@@ -139,16 +149,14 @@ def verdicts(results: Path) -> pd.DataFrame:
     sources = pd.Series({cell: source_of(cell) for cell in found.index})
     found = found.fillna({"source": sources, "notebook": ""})
     facts: dict[str, str] = {}
-    for outcome in load_outcomes(results).values():
+    for outcome in outcomes.values():
         facts |= outcome["facts"]
     return judge_rows(found.reset_index(), facts)
 
 
 def decided_claims(results: Path) -> pd.DataFrame:
-    """What the notebooks' outcomes say of the claims: `id, verdict, measured, notebook`."""
-    claims = _exported(results, "claims", ["id", "holds", "measured"])
-    claims.insert(1, "verdict", [CLAIM_VERDICTS[holds] for holds in claims.pop("holds")])
-    return claims
+    """What the notebooks' outcomes say of the claims."""
+    return decide_claims(load_outcomes(results))
 
 
 def collect(results: Path) -> None:

@@ -32,9 +32,8 @@ Cells = Mapping[str, Numbers]
 Claims = Mapping[str, tuple[bool | None, str]]
 Facts = Mapping[str, str | int | tuple[Any, str]]
 
-FIGURE = (
-    "figure"  # what an output's metadata names: the figure that it shows, or whose caption it is
-)
+# What an output's metadata names: the figure that it shows, or whose caption it is.
+FIGURE = "figure"
 
 # Of a notebook that exports nothing.
 EMPTY: dict[str, Any] = {
@@ -91,19 +90,23 @@ def export(
     before = _noted()
     if "files" in before:
         raise RuntimeError("workbook.export is called again: one closing cell exports everything")
+    supplement = supplement or {}
     written = {f"{name}.csv": table for name, table in (tables or {}).items()}
-    written |= {f"supplement/{name}.csv": table for name, (table, _) in (supplement or {}).items()}
+    written |= {f"supplement/{name}.csv": table for name, (table, _) in supplement.items()}
     for file, table in written.items():
         write_csv(results / file, table)
-    drawn = {f"pages/{name}.json": content for name, content in (pages or {}).items()}
+    drawn = {f"pages/{name}.json": dict(content) for name, content in (pages or {}).items()}
     for file, content in drawn.items():
-        write_json(results / file, dict(content))
+        write_json(results / file, content)
     outcome = {
         "cells": cell_rows(cells or {}),
-        "claims": claim_rows(claims or {}),
+        "claims": [
+            {"id": claim, "holds": None if holds is None else bool(holds), "measured": measured}
+            for claim, (holds, measured) in (claims or {}).items()
+        ],
         "facts": _fact_texts(facts or {}),
         "figures": before.get("figures", {}),
-        "supplement": {name: sentence for name, (_, sentence) in (supplement or {}).items()},
+        "supplement": {name: sentence for name, (_, sentence) in supplement.items()},
         "files": [*written, *drawn],
     }
     write_json(_note(), outcome)
@@ -160,14 +163,6 @@ def source_of(cell: str) -> str:
     source = published.cells().loc[cell, "source"]
     ours = source in ("recomputed", "authors' files") and records_are_simulated()
     return "simulated joint" if ours else source
-
-
-def claim_rows(claims: Claims) -> list[dict[str, Any]]:
-    """Decisions on claims as rows."""
-    return [
-        {"id": claim, "holds": None if holds is None else bool(holds), "measured": measured}
-        for claim, (holds, measured) in claims.items()
-    ]
 
 
 def _round_to_six_digits(numbers: Numbers) -> float | dict[str, list[float]]:
