@@ -72,10 +72,9 @@ def _parser() -> OneLineParser:
         "name", help="for example table2.row03.sd, 'Table 2', local_minima or E3"
     )
     made[show].add_argument("--rerun", action="store_true", help="compute it again and print both")
-    which = made[diff].add_mutually_exclusive_group()
-    for name in ("quick", "lab"):
-        text = f"compare results/{name}"
-        which.add_argument(f"--{name}", action="store_const", dest="made", const=name, help=text)
+    made[diff].add_argument(
+        "--lab", action="store_true", help="compare what was run by hand, in results/lab"
+    )
     return parser
 
 
@@ -170,9 +169,9 @@ def diff(options: argparse.Namespace) -> int:
     """List cells and claims whose value or verdict changed since the last commit."""
     from workbook.changes import committed_table, list_changes
 
-    results = RESULTS / options.made / "results" if options.made else RESULTS
+    results = RESULTS / "lab" / "results" if options.lab else RESULTS
     tables = committed_table("verdicts.csv"), committed_table("claims.csv")
-    changes = list_changes(results, *tables, repeats=not options.made)
+    changes = list_changes(results, *tables, repeats=not options.lab)
     print("\n".join(changes) or "nothing changed")
     return 0
 

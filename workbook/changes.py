@@ -59,12 +59,12 @@ def verdict(
 
     if cells or claims:
         display(judge(cells, claims))
-    changed = " and ".join(f"`{name} = {now}` ({was})" for name, now, was in changed_parameters())
+    changed = " and ".join(changed_parameters())
     display(outcomes.Sentence(f"**With {changed}:** {text}" if changed else text))
 
 
-def changed_parameters() -> list[tuple[str, str, str]]:
-    """Parameters of the notebook that runs that are not those of its source: name, value, and that of the source."""
+def changed_parameters() -> list[str]:
+    """Parameters of the notebook that runs that are not those of its source, with both values."""
     source = notebook_files("py").get(outcomes.notebook_name())
     if source is None:
         return []
@@ -72,7 +72,7 @@ def changed_parameters() -> list[tuple[str, str, str]]:
     text = source.read_text(encoding="utf-8").partition('tags=["parameters"]\n')[2]
     exec(text.partition("\n# %%")[0], committed)
     return [
-        (name, getattr(value, "__name__", repr(value)), f"{committed[name]!r} in the committed run")
+        f"`{name} = {getattr(value, '__name__', repr(value))}` ({committed[name]!r} in the committed run)"
         for name, value in GIVEN.items()
         if name in committed and repr(value) != repr(committed[name])
     ]
@@ -95,11 +95,11 @@ def _show_changes(name: str, outcome: Mapping[str, Any]) -> None:
     display(outcomes.Sentence(f"**What changed:** {changed}"))
 
 
-def committed_table(name: str, root: Path = ROOT) -> pd.DataFrame:
+def committed_table(name: str) -> pd.DataFrame:
     """Load a table of the results as the last commit has it."""
     command = ["git", "show", f"HEAD:./results/{name}"]
     try:
-        shown = subprocess.run(command, cwd=root, capture_output=True, check=True)
+        shown = subprocess.run(command, cwd=ROOT, capture_output=True, check=True)
     except (OSError, subprocess.CalledProcessError) as error:
         why = "no committed copy to compare with; this needs git and a clone of the repository"
         raise NotComparable(f"results/{name}: {why}") from error

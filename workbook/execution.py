@@ -199,8 +199,7 @@ def execute(
         environment = os.environ | pinned_environment() | variables
         _run_to_the_end(_Client(notebook, source, stall_s), source, environment)
         notebook.cells.pop()
-        inside = source.resolve().parent
-        inside = inside.relative_to(NOTEBOOKS) if inside.is_relative_to(NOTEBOOKS) else Path()
+        inside = "beyond" if source.resolve().parent == NOTEBOOKS / "beyond" else ""
         executed = staging / "notebooks" / inside / f"{source.stem}.ipynb"
         executed.parent.mkdir(parents=True)
         nbformat.write(notebook, executed)

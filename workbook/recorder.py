@@ -41,7 +41,7 @@ def start(run: int, root: str, data: str, notebook: str) -> None:
         seeds = {
             name: value
             for name, value in sorted(variables.items())
-            if name.endswith(("seed", "seeds")) and _is_seed(value)
+            if name.endswith(("seed", "seeds")) and isinstance(value, int | list | range)
         }
         made_from = {
             "sources": dict(sorted(sources.items())),
@@ -88,8 +88,3 @@ def _name_below(folder: str, file: str) -> str:
 
 def _sha256(file: str) -> str:
     return hashlib.sha256(Path(file).read_bytes()).hexdigest()
-
-
-def _is_seed(value: object) -> bool:
-    values = value if isinstance(value, list | tuple | range) else [value]
-    return all(isinstance(item, int) for item in values)
