@@ -79,6 +79,7 @@ lint: .venv/.installed  ## style, format, types and spelling
 	$(PY) -m ruff format --check .
 	$(PY) -m mypy
 	$(PY) -m codespell_lib
+	$(PY) -m djlint --lint --quiet workbook/report/templates studies/pages
 	$(if $(shell command -v node),for script in workbook/report/templates/*.js; do node --check $$script || exit 1; done)
 
 audit: .venv/.installed  ## known vulnerabilities of the locked versions
