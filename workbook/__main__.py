@@ -82,8 +82,7 @@ def run(options: argparse.Namespace) -> int:
     """Execute notebooks, in order; all if none is named."""
     from workbook.due import due
 
-    known = notebook_files("py")
-    sources = [known.get(path.name, path) for path in options.notebook or known.values()]
+    sources = options.notebook or [*notebook_files("py").values()]
     if missing := [str(path) for path in sources if path.suffix != ".py" or not path.is_file()]:
         print(
             f"{missing[0]}: give a notebook's .py source, such as notebooks/08_noise_table2.py",

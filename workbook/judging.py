@@ -100,15 +100,18 @@ def _judge(cell: str, source: str, numbers: Numbers, facts: Mapping[str, str]) -
         settings = f"{alone} of {len(by_setting)}"
         below = sum(number < value for number in pooled)
         reason += f"; {below} of {len(pooled)} realisations lie below the printed number"
-    agreement = "agrees" if low <= value <= high else "differs"
-    if agreement == "differs" and source not in NOT_TESTED:
-        reason = f"{row['known_difference'] or 'no explanation known'}; {reason}"
+    agreement = "not tested"
     if source in NOT_TESTED:
-        agreement = "not tested"
+        pass
     elif not math.isfinite(ours):
-        agreement, reason = "not tested", "no notebook computed it"
+        reason = "no notebook computed it"
     elif not math.isfinite(low):
-        agreement, reason = "not tested", "too few realisations for an interval"
+        reason = "too few realisations for an interval"
+    elif low <= value <= high:
+        agreement = "agrees"
+    else:
+        agreement = "differs"
+        reason = f"{row['known_difference'] or 'no explanation known'}; {reason}"
     return {
         "printed": row["printed"],
         "published": value,

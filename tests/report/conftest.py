@@ -24,7 +24,7 @@ def site(tmp_path_factory, verdicts):
     """A folder `results` with the report and the notebooks' pages in it, rendered anew."""
     results = tmp_path_factory.mktemp("site") / "results"
     (results / "pages").mkdir(parents=True)
-    rendered = page.render_report(RESULTS, NOTEBOOKS, verdicts)
+    rendered = page.render_report(RESULTS, verdicts)
     for name, text in pages.render_pages(RESULTS, NOTEBOOKS, verdicts).items():
         rendered[f"pages/{name}.html"] = text
     for file, text in rendered.items():

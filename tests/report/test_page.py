@@ -8,7 +8,7 @@ import pytest
 
 from replication import published
 from workbook import judging
-from workbook.checkout import NOTEBOOKS, RESULTS
+from workbook.checkout import RESULTS
 from workbook.report import page
 
 
@@ -72,7 +72,7 @@ def test_report_and_pages_fetch_nothing(files):
 
 
 def test_the_history_tells_of_every_rule_and_of_both_counts(verdicts):
-    rendered = page.render_report(RESULTS, NOTEBOOKS, verdicts)
+    rendered = page.render_report(RESULTS, verdicts)
     text = " ".join(unescape(rendered["pages/history.html"]).split())
     for rule in published.table("trail")["rule"]:
         assert rule in text
@@ -88,5 +88,5 @@ def test_text_from_the_data_is_escaped(tmp_path, replace_table):
     claims = published.table("claims")
     claims["claim"] = "<b>1 & 2</b>"
     replace_table("claims", claims)
-    shown = page.render_report(results, tmp_path, judging.verdicts(results))["pages/claims.html"]
+    shown = page.render_report(results, judging.verdicts(results))["pages/claims.html"]
     assert "&lt;b&gt;1 &amp; 2&lt;/b&gt;" in shown

@@ -35,7 +35,6 @@ class Cell:
     printed: str
     unit: str
     section: str
-    quote: str
     published: float
     reproduced: float
     low: float
@@ -132,7 +131,7 @@ class Cell:
 
 def judged_cells(verdicts: pd.DataFrame) -> dict[str, Cell]:
     """Bring together each printed number with what the verdicts say of it, by its id."""
-    about = published.cells()[["element", "row", "column", "unit", "section", "quote"]]
+    about = published.cells()[["element", "row", "column", "unit", "section"]]
     rows = verdicts.astype(object).fillna({"settings": "", "reason": "", "notebook": ""})
     errata = corrected_cells()
     return {

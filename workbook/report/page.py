@@ -38,7 +38,7 @@ PLACES = [
 ]
 
 
-def report_content(results: Path, notebooks: Path, verdicts: pd.DataFrame) -> dict[str, Any]:
+def report_content(results: Path, verdicts: pd.DataFrame) -> dict[str, Any]:
     """What the report's templates show."""
     facts = collect_facts(results, verdicts)
     cells = judged_cells(verdicts)
@@ -65,18 +65,12 @@ def report_content(results: Path, notebooks: Path, verdicts: pd.DataFrame) -> di
         "versions": _versions(results),
         "stale": stale(results),
         "code_line": code_line,
-        "contents": {
-            name: pages.headings(found)[0]
-            for name, found in pages.executed_cells(notebooks).items()
-        },
     }
 
 
-def render_report(
-    results: Path, notebooks: Path, verdicts: pd.DataFrame, apart: str = ""
-) -> dict[str, str]:
+def render_report(results: Path, verdicts: pd.DataFrame, apart: str = "") -> dict[str, str]:
     """Render the report's pages by their file below the results."""
-    content = report_content(results, notebooks, verdicts)
+    content = report_content(results, verdicts)
     above = "../../.." if apart else ".."
     rendered = {}
     for file, _ in PLACES:
@@ -126,7 +120,7 @@ def write_report(results: Path) -> Path:
     judging.collect(results)
     apart = checkout.APART.get(results.parent, "")
     notebooks, verdicts = results.parent / "notebooks", judging.verdicts(results)
-    rendered = render_report(results, notebooks, verdicts, apart)
+    rendered = render_report(results, verdicts, apart)
     for name, text in pages.render_pages(results, notebooks, verdicts).items():
         rendered[f"pages/{name}.html"] = text
     for file, text in rendered.items():
