@@ -162,13 +162,15 @@ def decided_claims(results: Path) -> pd.DataFrame:
     return decide_claims(load_outcomes(results))
 
 
-def collect(results: Path) -> None:
-    """Write `verdicts.csv`, `claims.csv` and `provenance.json` from what the notebooks exported."""
-    write_csv(results / "verdicts.csv", verdicts(results))
+def collect(results: Path) -> pd.DataFrame:
+    """Write `verdicts.csv`, `claims.csv` and `provenance.json` from the outcomes; return the verdicts."""
+    judged = verdicts(results)
+    write_csv(results / "verdicts.csv", judged)
     claims = published.table("claims").reset_index()[["id", "claim", "section"]]
     write_csv(results / "claims.csv", claims.merge(decided_claims(results), on="id", how="left"))
     made_from = {name: outcome["made_from"] for name, outcome in load_outcomes(results).items()}
     write_json(results / "provenance.json", made_from)
+    return judged
 
 
 def count_by(table: pd.DataFrame, by: str) -> pd.DataFrame:

@@ -5,7 +5,7 @@ import shutil
 import pytest
 
 from workbook import judging
-from workbook.checkout import NOTEBOOKS, RESULTS
+from workbook.checkout import RESULTS
 from workbook.report import page, pages
 
 BROWSERS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
@@ -24,9 +24,7 @@ def site(tmp_path_factory, verdicts):
     """A folder `results` with the report and the notebooks' pages in it, rendered anew."""
     results = tmp_path_factory.mktemp("site") / "results"
     (results / "pages").mkdir(parents=True)
-    rendered = page.render_report(RESULTS, verdicts)
-    for name, text in pages.render_pages(RESULTS, NOTEBOOKS, verdicts).items():
-        rendered[f"pages/{name}.html"] = text
+    rendered = page.render_report(RESULTS, verdicts) | pages.render_pages(RESULTS, verdicts)
     for file, text in rendered.items():
         (results / file).write_text(text, encoding="utf-8")
     return results

@@ -117,12 +117,9 @@ def _versions(results: Path) -> dict[str, str]:
 
 def write_report(results: Path) -> Path:
     """Write the tables of verdicts, `report.html`, its pages, `errata.md` and the supplement's list."""
-    judging.collect(results)
+    verdicts = judging.collect(results)
     apart = checkout.APART.get(results.parent, "")
-    notebooks, verdicts = results.parent / "notebooks", judging.verdicts(results)
-    rendered = render_report(results, verdicts, apart)
-    for name, text in pages.render_pages(results, notebooks, verdicts).items():
-        rendered[f"pages/{name}.html"] = text
+    rendered = render_report(results, verdicts, apart) | pages.render_pages(results, verdicts)
     for file, text in rendered.items():
         files.write_text(results / file, text)
     for path in (results / "pages").glob("*.html"):

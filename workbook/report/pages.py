@@ -43,13 +43,17 @@ LINE_S = 8
 EQUATION_S = 60
 
 
-def render_pages(results: Path, notebooks: Path, verdicts: pd.DataFrame) -> dict[str, str]:
-    """Render the page of every executed notebook in a folder, by the notebook's name."""
+def render_pages(results: Path, verdicts: pd.DataFrame) -> dict[str, str]:
+    """Render the page of every executed notebook beside the results, by its file below these."""
     pictures = load_pictures(results)
     claims = judging.decided_claims(results)
     judged = verdicts.join(published.cells()["element"], on="id")
-    found = executed_cells(notebooks)
-    sources = {name: notebook_source(name) for name in found}
+    found: dict[str, Notebook] = {}
+    sources = {}
+    for name, file in notebook_files("ipynb", results.parent / "notebooks").items():
+        if name in notebook_files("py"):
+            found[name] = nbformat.read(file, as_version=4).cells
+            sources[name] = notebook_source(name)
     for file in TEXTS:
         found[file.stem] = [new_markdown_cell(file.read_text("utf-8"))]
         sources[file.stem] = f"notebooks/{file.name}"
@@ -58,7 +62,7 @@ def render_pages(results: Path, notebooks: Path, verdicts: pd.DataFrame) -> dict
     pages = {}
     for name, cells in found.items():
         shown = list(_page_cells(cells, sources[name], pictures))
-        pages[name] = TEMPLATES.get_template("notebook.html.j2").render(
+        pages[f"pages/{name}.html"] = TEMPLATES.get_template("notebook.html.j2").render(
             book,
             name=name,
             source=sources[name],
@@ -68,14 +72,14 @@ def render_pages(results: Path, notebooks: Path, verdicts: pd.DataFrame) -> dict
             claims=(claims["notebook"] == name).sum(),
             minutes=reading_minutes(cells) if sources[name].endswith(".py") else "",
         )
-    pages["search"] = TEMPLATES.get_template("search.html.j2").render(
+    pages["pages/search.html"] = TEMPLATES.get_template("search.html.j2").render(
         book, index=search_index(contents)
     )
     # Pages that a reader can play with, for which notebooks exported data.
     for file in (results / "pages").glob("*_explorer.json"):
         drawn = json.loads(file.read_bytes())
         template = TEMPLATES.get_template(f"{file.stem}.html.j2")
-        pages[file.stem] = template.render(drawn, published=published)
+        pages[f"pages/{file.stem}.html"] = template.render(drawn, published=published)
     return pages
 
 
@@ -126,16 +130,6 @@ def anchor(text: str) -> str:
 
 
 TEMPLATES.globals.update(plain=plain_heading, anchor=anchor)
-
-
-def executed_cells(notebooks: Path) -> dict[str, Notebook]:
-    """Cells of the executed notebooks in a folder by name; not of those whose source is gone."""
-    sources = notebook_files("py")
-    return {
-        name: nbformat.read(file, as_version=4).cells
-        for name, file in notebook_files("ipynb", notebooks).items()
-        if name in sources
-    }
 
 
 def headings(cells: Notebook) -> list[str]:

@@ -74,9 +74,10 @@ def show(name: str, results: Path) -> str:
         "erratum": list_errata(collect_facts(results, verdicts)).set_index("id").to_dict("index"),
     }
     for kind, found in kinds.items():
-        named = {key.lower(): item for key, item in found.items()}
-        if name in named:
-            return _describe(kind, named[name])
+        for key, item in found.items():
+            if key.lower() == name:
+                shown = {kind: item, "notebook": _place_of_notebook}
+                return align(TEMPLATES.get_template("show.txt.j2").render(shown))
     for element in dict.fromkeys(cell.element for cell in cells.values()):
         if squeeze(element) == name:
             return _element(element, (cell for cell in cells.values() if cell.element == element))
@@ -85,13 +86,8 @@ def show(name: str, results: Path) -> str:
     raise Unknown(f"{name}: no such cell, element, claim or erratum; {hint}")
 
 
-def _describe(kind: str, item: object) -> str:
-    """What the template says of it."""
-    text = TEMPLATES.get_template("show.txt.j2").render(
-        {kind: item},
-        notebook=lambda name: f"{notebook_source(name)}; results/pages/{name}.html#verdict",
-    )
-    return align(text)
+def _place_of_notebook(name: str) -> str:
+    return f"{notebook_source(name)}; results/pages/{name}.html#verdict"
 
 
 def align(text: str) -> str:
