@@ -47,9 +47,9 @@ def run_notebooks(
             shutil.rmtree(left_by_a_killed_run, ignore_errors=True)
     # Noted, not raised: an exception in the middle of another line could leave a lock behind closed.
     interrupted = threading.Event()
-    previous = {}
-    for number in INTERRUPTS:
-        previous[number] = signal.signal(number, lambda *_: interrupted.set())
+    previous = {
+        number: signal.signal(number, lambda *_: interrupted.set()) for number in INTERRUPTS
+    }
     pool = ThreadPoolExecutor(max_workers=2)
     run_one = partial(_run_one, destination=destination, quick=quick, stall_s=stall_s)
     jobs = [pool.submit(run_one, source) for source in sources]
