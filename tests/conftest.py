@@ -19,8 +19,8 @@ OUTSIDE = {
 NOWHERE = f"{os.devnull}/authors-data"
 # A test that does not say that it needs the authors' files finds none, not even in a download cache.
 os.environ["BACKLASH_DATA"] = os.environ.get("BACKLASH_DATA") or NOWHERE
-# Parameters that a record is made with.
-TRUE_X = np.array([-0.6, 0.012, 15.0, 134.0, 100.0, 0.1507, 0.0113])
+# Parameters that a record is made with: its windows start midway between samples.
+TRUE_X = np.array([-0.6, 0.0125, 15.0, 134.0, 100.0, 0.1515, 0.0125])
 
 # No test hangs on a clock: other machines are slower.
 settings.register_profile("no clock", deadline=None)
@@ -83,12 +83,16 @@ def hardware_logs():
     """Logs of real joints, which are verified as they are read; a test without them is skipped."""
 
 
+def signature_record(X=TRUE_X, noise_rps=0.05, seed=1):
+    """A record of the paper's signature and noise."""
+    base = constant_speed(samples=2401, dt=0.002)
+    made = replace(base, v=base.v + signature(base.t, X, Timing(0.2, 0.4, 12)))
+    return add_uniform_noise(made, noise_rps, np.random.default_rng(seed))
+
+
 @pytest.fixture(scope="session")
 def made_record():
-    """A record of the signature of `TRUE_X` and noise."""
-    base = constant_speed(samples=2401, dt=0.002)
-    made = replace(base, v=base.v + signature(base.t, TRUE_X, Timing(0.2, 0.4, 12)))
-    return add_uniform_noise(made, 0.05, np.random.default_rng(5))
+    return signature_record(seed=5)
 
 
 @pytest.fixture(scope="session")

@@ -75,24 +75,12 @@ def test_the_search_finds_the_parameters_that_a_record_was_made_with(made_record
     np.testing.assert_allclose(best.X[2:5], TRUE_X[2:5], rtol=0.05)
 
 
-def test_every_fit_lies_in_the_box(made_record):
-    settings = SearchSettings(population=20, iterations=15)
-    box = search_box(made_record, settings)
-    for seed in range(1, 20):
-        X = fit(made_record, settings, seed).X
-        assert (box.lower <= X).all()
-        assert (box.upper >= X).all()
-
-
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        ({"population": 3}, "population 3"),
         ({"iterations": 0}, "iterations 0"),
         ({"amplitude_factor": 0.0}, "the box is empty"),
-        ({"amplitude_factor": -1.0}, "the box is empty"),
         ({"T_d": 0.0}, "must lie above 0"),
-        ({"T_f": -0.4}, "must lie above 0"),
         ({"T_f": 9.0}, "shorter than one turn"),
     ],
 )

@@ -5,21 +5,13 @@ from hypothesis import strategies as st
 
 from replication.cmaes import generations, random_normals
 from replication.misfit import fold, population_rmse
-from replication.records import constant_speed
 from replication.signature import Timing, rmse, signature, table1_box
 from replication.stopping import search
 from studies.replay.eigen import symmetric_eigen
+from tests.conftest import TRUE_X, signature_record
 from tests.processors import printed
 
 TURN = Timing(0.2, 0.4, 12)
-X = np.array([-0.6, 0.0125, 15.0, 134.0, 100.0, 0.1515, 0.0125])
-
-
-@pytest.fixture(scope="module")
-def record():
-    base = constant_speed(samples=2401, dt=0.002)
-    rng = np.random.default_rng(5)
-    return base.t, base.v + signature(base.t, X, TURN) + rng.uniform(-0.1, 0.1, base.t.size)
 
 
 def members(t, v, rng, number=400):
@@ -33,26 +25,12 @@ def members(t, v, rng, number=400):
     return found
 
 
-def by_equation(some, t, v, timing):
-    return [rmse(t, v, X, timing) for X in some]
-
-
-@pytest.mark.parametrize("timing", [TURN, Timing(0.204, 0.408, 12), Timing(0.2, 0.4, 5)], ids=str)
-@pytest.mark.parametrize("start", [0, 57])
-def test_the_folded_misfit_is_the_misfit(record, timing, start):
-    t, v = record[0][start:] - record[0][start], record[1][start:]
+def test_the_folded_misfit_is_the_same_in_rpm_about_the_mean():
+    record = signature_record()
+    t, v = record.t, 60 * (record.v - record.v.mean())
     some = members(t, v, np.random.default_rng(1))
-    np.testing.assert_allclose(
-        population_rmse(some, fold(t, v, timing)), by_equation(some, t, v, timing), atol=1e-12
-    )
-
-
-def test_the_folded_misfit_is_the_same_in_rpm_about_the_mean(record):
-    t, v = record[0], 60 * (record[1] - record[1].mean())
-    some = members(t, v, np.random.default_rng(1))
-    np.testing.assert_allclose(
-        population_rmse(some, fold(t, v, TURN)), by_equation(some, t, v, TURN), atol=1e-10
-    )
+    by_equation = [rmse(t, v, each, TURN) for each in some]
+    np.testing.assert_allclose(population_rmse(some, fold(t, v, TURN)), by_equation, atol=1e-10)
 
 
 whole = st.builds(
@@ -78,7 +56,7 @@ def test_the_folded_misfit_is_the_papers_on_any_record_and_timing(
     t = begin + 0.002 * np.arange(1300)
     v = (
         100
-        + signature(t - begin, X, TURN)
+        + signature(t - begin, TRUE_X, TURN)
         + np.random.default_rng(1).uniform(-noise, noise, t.size)
     )
     box = table1_box(t, v, longest, 1.3)
@@ -93,7 +71,7 @@ def test_the_folded_misfit_is_the_papers_on_any_record_and_timing(
 
 def test_a_member_at_the_truth_of_a_record_without_noise_keeps_its_digits():
     t = 0.002 * np.arange(2401)
-    v, near = 100 + signature(t, X, TURN), X * (1 + 1e-7)
+    v, near = 100 + signature(t, TRUE_X, TURN), TRUE_X * (1 + 1e-7)
     assert population_rmse(near[None], fold(t, v, TURN))[0] == pytest.approx(
         rmse(t, v, near, TURN), rel=1e-6
     )
@@ -126,12 +104,11 @@ def test_but_for_the_eigensolver_a_run_is_the_same_to_the_last_bit_with_the_kern
 
 
 def digest() -> str:
-    t = 0.002 * np.arange(2401)
-    v = 100 + signature(t, X, TURN) + np.random.default_rng(5).uniform(-0.1, 0.1, t.size)
-    record = fold(t, v, TURN)
+    made = signature_record()
+    record = fold(made.t, made.v, TURN)
     steps = generations(
         lambda some: population_rmse(some, record),
-        table1_box(t, v, 0.204, 1.3),
+        table1_box(made.t, made.v, 0.204, 1.3),
         random_normals(4),
         100,
         eigen=symmetric_eigen,

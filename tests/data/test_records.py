@@ -1,36 +1,16 @@
 import functools
 import hashlib
 import http.server
-import io
 import os
 import threading
 
 import numpy as np
-import openpyxl
 import pytest
 
 from replication import published, records
 from replication.public_files import DataCorrupt, DataUnavailable
-from replication.records import WORKBOOK_FILES, authors_file, authors_registry, parse_speed_workbook
+from replication.records import WORKBOOK_FILES, authors_file, authors_registry
 from replication.sources import load_clean, load_noisy
-
-
-def workbook_bytes(rows):
-    book = openpyxl.Workbook()
-    for row in rows:
-        book.active.append(row)
-    buffer = io.BytesIO()
-    book.save(buffer)
-    return buffer.getvalue()
-
-
-GOOD_ROWS = [(0.002 * k, 100.0 + k) for k in range(5)]
-
-
-def test_a_first_row_with_the_time_of_the_second_is_dropped():
-    t, v = parse_speed_workbook(workbook_bytes([(0.0, 98.5), *GOOD_ROWS]))
-    assert (t[0], v[0], t.size) == (0.0, 100.0, 5)
-
 
 # ------------------------------------------------------------------------------------------- finding and download
 

@@ -114,12 +114,6 @@ def test_only_the_first_sixty_turns_of_a_long_log_are_used():
     assert evenly(np.tile(RECORD.v[:-1], 8)).recording.t[-1] == pytest.approx(24.0)
 
 
-def test_the_turn_period_follows_from_the_gear_ratio():
-    assert read(table(RECORD), LogFormat(gear_ratio=40.0)).turn_period_s == pytest.approx(
-        0.4, rel=1e-4
-    )
-
-
 # ---------------------------------------------------------------------------------------------------------------
 # What is refused
 
