@@ -65,13 +65,6 @@ def test_a_backlash_beyond_the_bank_ends_at_its_last_one(bank):
     assert found.delta_rad == pytest.approx(1e-3)
 
 
-def test_the_mean_turn_of_a_periodic_record_is_that_turn_with_its_gaps_interpolated(bank):
-    turn = bank.at(1e-3)(np.arange(40) / 40)
-    even = mean_turn(made(bank, 1e-3, dt=0.01), 40)
-    assert even == pytest.approx(turn - turn.mean(), abs=1e-9)
-    assert even.mean() == pytest.approx(0, abs=1e-12)
-
-
 def test_a_record_shorter_than_a_turn_is_refused(bank):
     with pytest.raises(ValueError, match=r"0\.50 turns at 200 samples"):
         match(made(bank, 1e-3, turns=0.5), bank)

@@ -9,7 +9,7 @@ from backlash.calibration import Calibration, default_calibration, fit_calibrati
 from backlash.fitting.readings import METHODS, Reading, read
 from backlash.reading.refusals import UnusableLog
 from replication import published
-from replication.characteristic import RPM_PER_RPS, equation_10
+from replication.characteristic import equation_10
 from replication.records import add_uniform_noise, from_sample, level_delta_rad
 from replication.simulator.parameters import identified_joint
 from replication.simulator.recordings import simulate_recordings
@@ -24,7 +24,7 @@ def records():
     return simulate_recordings(identified_joint(), LEVELS_RAD)
 
 
-def reading(method, value, half_width=0.0):
+def reading(value, half_width):
     return Reading(value, (value - half_width, value + half_width), 1.0, (0.9, 1.1))
 
 
@@ -46,21 +46,8 @@ def test_a_calibration_written_and_read_back_gives_the_same_answers(method):
     again = Calibration.from_json(calibration.to_json(), "file")
     assert again.to_json() == calibration.to_json()
     value = 1e-3 if method == "waveform" else 0.5
-    assert again.backlash(reading(method, value, value / 50)) == calibration.backlash(
-        reading(method, value, value / 50)
-    )
-
-
-@pytest.mark.parametrize("method", METHODS)
-def test_outside_its_range_a_calibration_says_extrapolated(method):
-    calibration = default_calibration(method)
-    low, high = calibration.range_rad
-    values = np.linspace(0.01, 3.0, 300) if method != "waveform" else np.linspace(0, 5e-3, 300)
-    for value in values:
-        delta = calibration.delta_rad(value)
-        assert calibration.backlash(reading(method, float(value))).extrapolated == (
-            not low <= delta <= high
-        )
+    read_value = reading(value, value / 50)
+    assert again.backlash(read_value) == calibration.backlash(read_value)
 
 
 @pytest.mark.parametrize("method", ["paper", "amplitude", "energy"])
@@ -76,7 +63,6 @@ def test_the_default_of_the_paper_is_equation_10_which_takes_rpm():
     assert default_calibration("paper").delta_rad(A) == pytest.approx(
         equation_10().backlash_rad(A), rel=1e-12
     )
-    assert RPM_PER_RPS == 60
 
 
 @settings(max_examples=50, deadline=None)
@@ -86,7 +72,7 @@ def test_the_interval_holds_the_backlash_and_is_no_narrower_than_the_calibration
 ):
     calibration = default_calibration("energy")
     value = value * 0.3
-    answer = calibration.backlash(reading("energy", value, half_width * value))
+    answer = calibration.backlash(reading(value, half_width * value))
     low, high = answer.interval_rad
     assert low <= answer.delta_rad <= high
     assert high - low >= 2 * 1.96 * calibration.uncertainty_rad * (1 - 1e-12)
@@ -154,10 +140,8 @@ def test_the_energy_s_interval_is_that_of_its_scatter_over_noises(records):
     assert 0.8 < scatter / stated < 1.6
 
 
-@pytest.mark.parametrize(("method", "bar_rad"), [("energy", 1.5e-5), ("waveform", 1.5e-5)])
-def test_records_that_start_anywhere_are_measured_by_the_default_calibration(
-    authors_data, method, bar_rad
-):
+@pytest.mark.parametrize("method", ["energy", "waveform"])
+def test_records_that_start_anywhere_are_measured_by_the_default_calibration(authors_data, method):
     # Both reach 1.0e-5 to 1.4e-5 on whole records.
     calibration = default_calibration(method)
     errors = []
@@ -167,4 +151,4 @@ def test_records_that_start_anywhere_are_measured_by_the_default_calibration(
             calibration.backlash(read(record, method, calibration.bank)).delta_rad
             - level_delta_rad(level)
         )
-    assert np.mean(np.abs(errors)) < bar_rad
+    assert np.mean(np.abs(errors)) < 1.5e-5

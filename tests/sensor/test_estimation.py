@@ -1,4 +1,5 @@
 import json
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -58,6 +59,13 @@ def check(found: Estimate) -> None:
         assert 0 <= low <= found.backlash_rad <= high
 
 
+def reason(recording, form=TURN, method="amplitude") -> str:
+    """Why a log has no answer."""
+    found = answer(recording, form, method)
+    assert found.verdict == "cannot tell"
+    return found.warnings[0]
+
+
 ACCURACY_RAD = {"amplitude": 1.5e-4, "energy": 6e-5, "waveform": 4e-5}
 
 
@@ -65,10 +73,8 @@ ACCURACY_RAD = {"amplitude": 1.5e-4, "energy": 6e-5, "waveform": 4e-5}
 @pytest.mark.parametrize("delta", [5e-4, 12e-4, 19e-4])
 def test_known_backlash_is_measured(method, delta):
     found = answer(noisy(delta, 0.15), method=method)
-    assert found.verdict == "backlash"
-    assert found.method == method
+    assert (found.verdict, found.method, found.samples) == ("backlash", method, 2401)
     assert found.backlash_rad == pytest.approx(delta, abs=ACCURACY_RAD[method])
-    assert found.samples == 2401
 
 
 @pytest.mark.parametrize("delta", [5e-4, 12e-4])
@@ -139,8 +145,8 @@ def test_absence_needs_gravity_in_the_speed(method):
     assert f"{seen}; valid only if the load's friction is below gravity" in str(found)
     assert "valid only if the load's friction is below gravity" in found.warnings[0]
     for noise in (0.02, 0.1):
-        seen = answer(silent(noise), method=method)
-        assert seen.warnings[0].startswith("no load reversal seen: vertical axis?")
+        why = reason(silent(noise), method=method)
+        assert why.startswith("no load reversal seen: vertical axis?")
 
 
 @pytest.mark.slow
@@ -151,7 +157,7 @@ def test_teeth_that_never_part_are_never_called_no_backlash():
         light = {"gravity_per_s2": 1e-3 * bench.joint.ratios["gravity_per_s2"]}
         vertical = with_ratios(bench.joint, bench.joint.ratios | light)
         log = encoder_log(replace(bench, joint=vertical), 1e-3, rng)
-        assert answer(log, method="self").verdict == "cannot tell"
+        assert reason(log, method="self")
 
 
 def test_an_oscillation_is_no_absence_and_an_absence_has_no_amplitude():
@@ -163,12 +169,6 @@ def test_an_oscillation_is_no_absence_and_an_absence_has_no_amplitude():
     with pytest.raises(CannotTell, match=r"an oscillation of 0\.06 rps repeats itself every turn"):
         _earned(found, ringing)
     assert _earned(found, healthy).amplitude_interval_rps is None
-
-
-def test_noise_that_could_hide_the_least_backlash_is_too_loud_to_tell():
-    found = answer(silent(3.0))
-    assert found.verdict == "cannot tell"
-    assert found.warnings[0].startswith("too noisy")
 
 
 @pytest.mark.slow
@@ -194,15 +194,9 @@ def test_no_backlash_is_never_said_of_the_least_backlash_of_the_calibration(meth
 def test_a_wrong_gear_ratio_is_seen_in_the_record(gear_ratio):
     for record in (clean(), noisy()):
         wrong = replace(record, turn_period_s=0.01 * gear_ratio)
-        found = answer(wrong, LogFormat(gear_ratio=float(gear_ratio)))
-        assert found.verdict == "cannot tell"
-        assert found.warnings[0].startswith(
-            "wrong period: the record repeats itself every 0.4000 s"
-        )
-        assert (
-            "is it --gear-ratio 40?" in found.warnings[0]
-            or "--gear-ratio 40.0" in found.warnings[0]
-        )
+        why = reason(wrong, LogFormat(gear_ratio=float(gear_ratio)))
+        assert why.startswith("wrong period: the record repeats itself every 0.4000 s")
+        assert re.search(r"--gear-ratio 40(\?|\.0)", why)
 
 
 def test_a_slightly_wrong_period_is_replaced_by_the_records_own_and_said():
@@ -227,30 +221,31 @@ def test_an_amplitude_far_beyond_the_cubic_is_not_read_where_the_cubic_comes_dow
     calibration = default_calibration("paper")
     for factor in (2, 5):
         loud = replace(record, v=100 + factor * (record.v - 100))
-        assert answer(loud, method="paper").verdict == "cannot tell"
+        assert reason(loud, method="paper")
     assert (
         calibration.delta_rad(1.2 * calibration.value_at(calibration.range_rad[1]))
         > calibration.range_rad[1]
     )
 
 
-def test_another_movement_than_the_calibrations_is_told_with_its_amplitude_only():
-    slow = replace(noisy(), t=noisy().t * 1.5, turn_period_s=0.6)
-    found = answer(slow)
-    assert found.warnings[0].startswith("extrapolated calibration: a load turn takes 0.6 s")
-    assert found.amplitude_rps > 0
-    faster = replace(noisy(), v=noisy().v + 50)
-    assert (
-        answer(faster).warnings[0].startswith("extrapolated calibration: the motor makes 150 rps")
-    )
+TONES = sum(0.1 * np.sin(2 * np.pi * odd * clean().t / 0.4 + odd) for odd in (5, 11, 19, 23))
 
 
-def test_a_pattern_of_another_shape_is_no_signature():
-    t = clean().t
-    tones = sum(0.1 * np.sin(2 * np.pi * odd * t / 0.4 + odd) for odd in (5, 11, 19, 23))
-    found = answer(replace(silent(0.05), v=silent(0.05).v + tones))
-    assert found.verdict == "cannot tell"
-    assert found.warnings[0].startswith("no signature")
+@pytest.mark.parametrize(
+    ("log", "why"),
+    [
+        (silent(3.0), "too noisy"),
+        (
+            replace(noisy(), t=noisy().t * 1.5, turn_period_s=0.6),
+            "extrapolated calibration: a load turn takes 0.6 s",
+        ),
+        (replace(noisy(), v=noisy().v + 50), "extrapolated calibration: the motor makes 150 rps"),
+        (replace(silent(0.05), v=silent(0.05).v + TONES), "no signature"),
+    ],
+    ids=["loud noise", "a slower turn", "a faster motor", "a pattern of another shape"],
+)
+def test_what_hides_the_least_backlash_moves_otherwise_or_has_another_shape_is_no_answer(log, why):
+    assert reason(log).startswith(why)
 
 
 FRICTIONS = ("load Coulomb friction", "load viscous friction")
@@ -276,8 +271,8 @@ def with_friction(delta, share, name=FRICTIONS[0], seed=1):
 @pytest.mark.parametrize("method", ["amplitude", "waveform"])
 def test_friction_that_the_calibration_does_not_know_is_no_wrong_answer(name, share, method):
     for delta in (5e-4, 15e-4):
-        found = answer(with_friction(delta, share, name), method=method)
-        assert found.warnings[0].startswith("no signature")
+        why = reason(with_friction(delta, share, name), method=method)
+        assert why.startswith("no signature")
 
 
 def test_waveforms_calibrated_with_the_friction_measure_with_it():

@@ -110,13 +110,6 @@ def test_a_noise_free_log_lies_on_the_encoders_grid(bench):
     assert log.t.size == log.v.size == 2400
 
 
-def test_the_wider_gap_is_read_as_the_larger_amplitude(bench):
-    table = standins.fitted_logs(global_fit, [(bench, 5e-4), (bench, 15e-4)], [(1,), (1,)])
-    assert table["A_rps"].is_monotonic_increasing
-    assert (table["low_rps"] < table["A_rps"]).all()
-    assert (table["A_rps"] < table["high_rps"]).all()
-
-
 # Table 3
 
 
