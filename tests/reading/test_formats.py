@@ -7,13 +7,7 @@ import pytest
 
 from backlash.reading import sources
 from backlash.reading.prepare import open_log
-from replication.records import Recording
 from tests.logs import TURN, noisy, refusal
-
-
-def assert_is_plain(record: Recording, atol: float = 1e-4):
-    np.testing.assert_allclose(record.v, noisy().v, atol=atol)
-    np.testing.assert_allclose(record.t, noisy().t, atol=1e-6)
 
 
 def test_what_a_compressed_text_unpacks_to_is_bounded(tmp_path, monkeypatch):
@@ -54,13 +48,11 @@ def test_a_missing_library_is_named_with_what_installs_it_and_a_broken_file_as_b
 
 @pytest.mark.parametrize(("power", "unit"), [(9, "ns"), (6, "us"), (3, "ms"), (0, None)])
 def test_stamps_since_1970_are_read_by_their_size(power, unit):
-    stamps = (
-        (10**power * 1_710_000_000 + np.rint(10**power * noisy().t).astype("int64"))
-        if power
-        else 1.71e9 + noisy().t
-    )
+    stamps = 10**power * (1_710_000_000 + noisy().t.astype("longdouble"))
+    stamps = np.rint(stamps).astype("int64") if power else stamps.astype(float)
     log = open_log(pd.DataFrame({"timestamp": stamps, "speed_rps": noisy().v}), TURN)
-    assert_is_plain(log.recording)
+    np.testing.assert_allclose(log.recording.v, noisy().v, atol=1e-4)
+    np.testing.assert_allclose(log.recording.t, noisy().t, atol=1e-6)
     assert log.notes == ((f"time stamps read in {unit}",) if unit else ())
 
 

@@ -114,7 +114,7 @@ REFUSED = {
     "a spike": (spoilt(v=with_value(500, 900.0)), "row 502: a spike, 900 rps"),
     "gaps": (
         dropped(*range(700, 800), *range(1550, 1650)),
-        "row 702: a gap of 0.202 s in the constant speed",
+        "row 702: a gap of 0.202 s in the constant speed, at t = 1.398 s",
     ),
     "a speed that never changes": (
         spoilt(v=np.full(2401, 100.0)),

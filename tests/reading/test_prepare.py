@@ -134,7 +134,7 @@ def test_a_wrong_unit_is_recognised_by_its_factor(factor, unit, hint, known):
 
 
 def test_a_speed_that_no_motor_reaches_is_asked_about():
-    assert "then give --unit" in refusal(pd.DataFrame({"t": RECORD.t, "v": 60 * RECORD.v}), TURN)
+    assert "is it in rpm, rad/s" in refusal(pd.DataFrame({"t": RECORD.t, "v": 60 * RECORD.v}), TURN)
 
 
 @pytest.mark.parametrize(

@@ -8,7 +8,7 @@ import backlash
 from backlash.fitting import METHODS, SELF
 from studies.benches import draw_turns
 from tests.fitting.test_torque import answered
-from tests.logs import noisy
+from tests.logs import noisy, table
 from tests.sensor.test_strokes import strokes
 from tests.sensor.test_torque_logs import logged
 
@@ -20,17 +20,10 @@ BY_SPEED = [
 ]
 
 
-def movement(values: np.ndarray, **how) -> float:
+def movement(log: pd.DataFrame, **how) -> float:
     """Largest relative movement of backlash and interval, of columns time, speed and maybe torque."""
-    found = []
-    for scale in (1, 1 + 1e-9):
-        t, *measured = values.T
-        names = ("speed [rps]", "torque")[: len(measured)]
-        frame = pd.DataFrame(
-            {"time [s]": t} | dict(zip(names, scale * np.array(measured), strict=True))
-        )
-        found.append(backlash.estimate(frame, **how))
-    now, nudged = found
+    nudge = np.where(log.columns.str.startswith("time"), 1, 1 + 1e-9)
+    found = now, nudged = [backlash.estimate(each, **how) for each in (log, nudge * log)]
     assert now.verdict == nudged.verdict == "backlash"
     ends = [np.array((each.backlash_rad, *each.backlash_interval_rad)) for each in found]
     return float(np.abs(ends[1] / ends[0] - 1).max())
@@ -40,9 +33,8 @@ def movement(values: np.ndarray, **how) -> float:
 @pytest.mark.parametrize("method", BY_SPEED)
 def test_rounding_does_not_move_an_answer_by_the_speed(method, deltas):
     for delta in deltas:
-        log = noisy(delta, 0.05, 3)
-        values = np.column_stack([log.t, log.v])
-        assert movement(values, method=method, turn_period_s=0.4, repeats=2) < 0.01
+        log = table(noisy(delta, 0.05, 3))
+        assert movement(log, method=method, turn_period_s=0.4, repeats=2) < 0.01
 
 
 # A log of strokes takes 3 s a fit.
@@ -53,7 +45,7 @@ def test_rounding_does_not_move_an_answer_by_the_speed(method, deltas):
 def test_rounding_does_not_move_an_answer_by_the_torque(draw, deltas):
     for delta in deltas:
         frame, known = draw(3, delta)
-        assert movement(frame.to_numpy(), torque="torque", **known) < 0.01
+        assert movement(frame, **known) < 0.01
 
 
 # The second, without backlash, has ends of nearly the same chi squared at delays on either side of the limit.

@@ -41,8 +41,7 @@ def test_each_joint_has_its_calibration_its_torque_and_its_load(tmp_path, capsys
     (tmp_path / "own.json").write_text(own.to_json(), "utf-8")
     rows = pd.DataFrame(
         [
-            known
-            | {"file": "torque.csv", "joint": "007", "torque": "torque [Nm]", "date": "2024-03-17"},
+            known | {"file": "torque.csv", "joint": "007", "date": "2024-03-17"},
             {"file": "speed.csv", "joint": "A2", "turn_period_s": 0.4, "calibration": "own.json"},
         ]
     )

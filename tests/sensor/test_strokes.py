@@ -15,7 +15,7 @@ from tests.logs import command
 def strokes(number: int, delta_rad: float):
     """A table of strokes, and what is known of their joint."""
     log = draw_strokes(np.random.default_rng((5, number)), delta_rad)
-    known = {name: getattr(log, name) for name in log._fields[3:]}
+    known = {name: getattr(log, name) for name in log._fields[3:]} | {"torque": "torque"}
     return pd.DataFrame({"time [s]": log.t, "speed [rps]": log.v, "torque": log.torque}), known
 
 
@@ -38,9 +38,7 @@ def test_strokes_by_the_position_in_counts_tell_it_too():
     frame, known = strokes(1, 1.2e-3)
     turns = CubicSpline(*frame.to_numpy().T[:2]).antiderivative()(frame["time [s]"])
     counted = frame.assign(**{"position [counts]": np.round(2**16 * turns)})
-    found = backlash.estimate(
-        counted.drop(columns="speed [rps]"), torque="torque", counts_per_turn=2**16, **known
-    )
+    found = backlash.estimate(counted.drop(columns="speed [rps]"), counts_per_turn=2**16, **known)
     low, high = found.backlash_interval_rad
     assert low < 1.2e-3 < high
 
@@ -48,7 +46,7 @@ def test_strokes_by_the_position_in_counts_tell_it_too():
 @pytest.mark.slow
 def test_strokes_of_a_healthy_joint_are_no_absence():
     frame, known = strokes(6, 0.0)
-    found = backlash.estimate(frame, torque="torque", **known)
+    found = backlash.estimate(frame, **known)
     assert (found.verdict, found.backlash_rad) == ("cannot tell", None)
 
 
@@ -60,13 +58,13 @@ def test_strokes_that_cannot_tell_say_why(changed, words):
     frame, known = strokes(1, 1.2e-3)
     if not changed:
         frame = frame.iloc[: len(frame) // 3]
-    found = backlash.estimate(frame, torque="torque", **(known | changed))
+    found = backlash.estimate(frame, **known | changed)
     assert words in found.warnings[0]
 
 
 def test_a_torque_of_the_wrong_sign_is_no_answer():
     frame, known = strokes(1, 1.2e-3)
-    found = backlash.estimate(frame.assign(torque=-frame["torque"]), torque="torque", **known)
+    found = backlash.estimate(frame.assign(torque=-frame["torque"]), **known)
     assert "with its sign, and the axis horizontal" in found.warnings[0]
 
 
@@ -75,10 +73,7 @@ def test_most_intervals_hold_the_truth():
     held = 0
     for number in range(10, 15):
         frame, known = strokes(number, 4e-4)
-        low, high = backlash.estimate(frame, torque="torque", **known).backlash_interval_rad or (
-            0,
-            0,
-        )
+        low, high = backlash.estimate(frame, **known).backlash_interval_rad or (0, 0)
         held += low <= 4e-4 <= high
     # Of 90 % held, fewer than three of five come once in a hundred times.
     assert held >= 3

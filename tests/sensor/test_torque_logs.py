@@ -13,7 +13,7 @@ from backlash.reading.refusals import UnusableLog
 from replication.simulator.parameters import GRAVITY
 from studies.odd_joints import log_with_torque
 from tests.cascades import draw_cascade
-from tests.logs import command
+from tests.logs import command, table
 
 DELTA = 1e-3
 
@@ -22,13 +22,12 @@ def logged(number: int, delta: float = DELTA, sample_s: float = 2e-3):
     """A table of a joint under a cascade, and what is known of its load."""
     bench = draw_cascade(np.random.default_rng((11, number)))
     recording, torque = log_with_torque(bench, delta, np.random.default_rng(1), sample_s)
-    frame = pd.DataFrame(
-        {"time [s]": recording.t, "speed [rps]": recording.v, "torque [Nm]": torque}
-    )
+    frame = table(recording).assign(**{"torque [Nm]": torque})
     ratios = bench.joint.ratios
     known = {
         "turn_period_s": recording.turn_period_s,
         "commanded_speed_rps": recording.commanded_speed_rps,
+        "torque": "torque [Nm]",
     }
     return frame, known | {name: ratios[name] for name in ("inertia_ratio", "gravity_per_s2")}
 
@@ -57,18 +56,17 @@ def test_a_file_a_table_and_arrays_have_one_answer_that_holds_the_truth(joint, t
         "inertia ratio of 0.6" in note and "(SD 10%)" in note for note in from_file["warnings"]
     )
     t, v, torque = frame.to_numpy().T
+    arrays = known | {"torque": torque}
     movement, load = (
-        {name: known[name] for name in names} for names in (list(known)[:2], list(known)[2:])
+        {name: arrays[name] for name in names} for names in (list(known)[:3], list(known)[3:])
     )
     answers = [
-        backlash.estimate(t, v, torque=torque, unit="rps", **known),
-        backlash.estimate(frame, torque="torque [Nm]", **known),
-        backlash.estimate(backlash.read_log(t, v, torque=torque, **movement), **load),
+        backlash.estimate(t, v, unit="rps", **arrays),
+        backlash.estimate(frame, **known),
+        backlash.estimate(backlash.read_log(t, v, **movement), **load),
     ]
     assert {answer.backlash_interval_rad for answer in answers} == {(low, high)}
-    sure = backlash.estimate(
-        t, v, torque=torque, unit="rps", inertia_sd=0.0, gravity_sd=0.0, **known
-    )
+    sure = backlash.estimate(frame, inertia_sd=0.0, gravity_sd=0.0, **known)
     assert np.ptp(sure.backlash_interval_rad) < 0.9 * (high - low)
 
 
@@ -83,7 +81,7 @@ def test_a_load_is_known_by_its_masses_or_by_its_ratios(joint):
     }
     given = {"torque": "torque [Nm]", "gear_ratio": gear, "motor_inertia_kgm2": 1e-4}
     found = backlash.estimate(frame, **given, **masses)
-    by_ratios = backlash.estimate(frame, torque="torque [Nm]", **known)
+    by_ratios = backlash.estimate(frame, **known)
     assert found.backlash_rad == pytest.approx(by_ratios.backlash_rad, rel=1e-3)
     assert any("the torque constant" in note for note in found.warnings)
     for changed, words in (
@@ -97,15 +95,14 @@ def test_a_load_is_known_by_its_masses_or_by_its_ratios(joint):
 
 def test_the_answer_goes_with_gravity_and_hardly_with_the_inertia_ratio(joint):
     frame, known = joint
-    ratio, gravity = known["inertia_ratio"], known["gravity_per_s2"]
-    loads = (ratio, gravity), (ratio, 1.2 * gravity), (0.7 * ratio, gravity), (1.3 * ratio, gravity)
-    usual, *found = (
-        backlash.estimate(
-            frame, torque=3, **(known | {"inertia_ratio": rho, "gravity_per_s2": g})
-        ).backlash_rad
-        for rho, g in loads
-    )
-    assert [each / usual for each in found] == pytest.approx([1.15, 1, 1], abs=0.1)
+    usual = backlash.estimate(frame, **known).backlash_rad
+    for name, factor, expected in (
+        ("gravity_per_s2", 1.2, 1.15),
+        ("inertia_ratio", 0.7, 1.0),
+        ("inertia_ratio", 1.3, 1.0),
+    ):
+        other = backlash.estimate(frame, **known | {name: factor * known[name]}).backlash_rad
+        assert other / usual == pytest.approx(expected, abs=0.1)
 
 
 def test_the_torque_goes_through_all_that_is_done_to_the_speed():
@@ -135,25 +132,25 @@ def test_a_differentiated_position_has_the_torque_at_the_instants_of_its_speed()
 
 def test_a_dropped_sample_and_a_motor_that_turns_backward_change_little(joint):
     frame, known = joint
-    whole = backlash.estimate(frame, torque="torque [Nm]", **known)
+    whole = backlash.estimate(frame, **known)
     changed = frame.drop(index=500)
     changed[["speed [rps]", "torque [Nm]"]] *= -1
-    found = backlash.estimate(changed, torque="torque [Nm]", **known)
+    found = backlash.estimate(changed, **known)
     assert "missing samples filled from their neighbours: 1" in found.warnings
     width = np.ptp(whole.backlash_interval_rad)
     assert found.backlash_rad == pytest.approx(whole.backlash_rad, abs=0.2 * width)
+
+
+NO_LOAD = {"inertia_ratio": None, "gravity_per_s2": None}
 
 
 @pytest.mark.parametrize(
     ("changed", "words"),
     [
         ({"inertia_ratio": None}, "give --inertia-ratio too"),
-        ({"inertia_ratio": None, "gravity_per_s2": None}, "give --inertia-ratio and --gravity too"),
+        (NO_LOAD, "give --inertia-ratio and --gravity too"),
         ({"torque": None}, "give --torque too"),
-        (
-            {"torque": None, "inertia_ratio": None, "gravity_per_s2": None, "method": "torque"},
-            "give --torque and",
-        ),
+        (NO_LOAD | {"torque": None, "method": "torque"}, "give --torque and"),
         ({"torque": "moment"}, "no column 'moment'"),
         ({"torque": "holed"}, r"holed is missing or not a number \(NaN\)"),
         ({"torque": "speed [rps]", "speed": "speed [rps]"}, "cannot be both"),
@@ -166,16 +163,14 @@ def test_inputs_that_are_missing_or_wrong_are_named_in_one_line(joint, changed, 
     frame, known = joint
     holed = frame["torque [Nm]"].where(frame.index != 700)
     with pytest.raises(UnusableLog, match=words) as error:
-        backlash.estimate(
-            frame.assign(holed=holed), **({"torque": "torque [Nm]"} | known | changed)
-        )
+        backlash.estimate(frame.assign(holed=holed), **known | changed)
     assert "\n" not in str(error.value)
 
 
 def test_a_torque_of_the_wrong_sign_is_no_answer_and_says_so(joint):
     frame, known = joint
-    t, v, torque = frame.to_numpy().T
-    found = backlash.estimate(t, v, torque=-torque, **known)
+    changed = frame.assign(**{"torque [Nm]": -frame["torque [Nm]"]})
+    found = backlash.estimate(changed, **known)
     assert found.verdict == "cannot tell"
     assert "with its sign?" in found.warnings[0]
 
@@ -183,7 +178,7 @@ def test_a_torque_of_the_wrong_sign_is_no_answer_and_says_so(joint):
 @pytest.mark.parametrize("number", [0, 1, 3])
 def test_a_healthy_joint_has_no_backlash(number):
     frame, known = logged(number, 0.0)
-    found = backlash.estimate(frame, torque="torque [Nm]", **known)
+    found = backlash.estimate(frame, **known)
     assert (found.verdict, found.method) == ("no backlash", "torque")
 
 
