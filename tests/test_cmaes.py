@@ -1,4 +1,3 @@
-import hashlib
 from itertools import islice
 
 import cma
@@ -19,11 +18,6 @@ def sphere(members):
 def valley(members):
     x = 10 * members
     return (100 * (x[:, 1:] - x[:, :-1] ** 2) ** 2 + (1 - x[:, :-1]) ** 2).sum(axis=1)
-
-
-def digest() -> str:
-    run = search(generations(valley, UNIT, random_normals(4), 100), 150)
-    return hashlib.sha256(run.history.tobytes() + run.best.tobytes()).hexdigest()
 
 
 @pytest.mark.parametrize("population", [8, 31, 300])
@@ -116,7 +110,10 @@ def test_a_search_ends_when_misfits_lie_closer_together_than_the_library_tells(r
 def test_a_seed_gives_the_same_run_twice_and_leaves_the_global_generator_alone():
     np.random.seed(3)  # noqa: NPY002
     before = np.random.get_state()[1].copy()  # noqa: NPY002
-    assert digest() == digest()
+    first, again = (
+        search(generations(valley, UNIT, random_normals(4), 100), 150) for _ in range(2)
+    )
+    assert (first.history.tobytes(), *first.best) == (again.history.tobytes(), *again.best)
     np.testing.assert_array_equal(np.random.get_state()[1], before)  # noqa: NPY002
 
 
@@ -129,7 +126,6 @@ def some(members):
     [
         ({"population": 3}, "population 3: at least 4"),
         ({"box": Box(np.ones(7), -np.ones(7))}, "the box is empty"),
-        ({"box": Box(np.zeros(7), np.zeros(7))}, "the box is empty"),
         ({"box": Box(np.zeros(7), np.full(7, np.inf))}, "the box is empty"),
         ({"box": Box(np.zeros(0), np.zeros(0))}, "the box is empty"),
         ({"sigma": 0.0}, "sigma 0"),

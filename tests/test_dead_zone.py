@@ -27,12 +27,6 @@ def test_the_printed_torque_jumps_at_zero_displacement():
     assert (left, right) == pytest.approx((jump, -jump), rel=1e-3)
 
 
-def test_inside_the_gap_the_printed_torque_points_to_the_nearer_edge():
-    x = np.linspace(0.1, 0.9, 9) * DELTA
-    assert (transmitted_torque(x, 0.0, DELTA, 2e4) < 0).all()
-    assert (transmitted_torque(-x, 0.0, DELTA, 2e4) > 0).all()
-
-
 def test_damping_makes_the_printed_torque_pull_on_separation_and_the_clamped_one_not():
     x, parting = DELTA + 1e-5, -1.0
     assert transmitted_torque(x, parting, DELTA, 2e4, 10.0) < 0

@@ -33,21 +33,23 @@ def test_cell_ids_are_unique():
         assert table.index.is_unique
 
 
-def test_no_tolerance_is_tighter_than_half_the_last_printed_digit():
+@pytest.fixture
+def numeric():
+    """Cells that are printed as one number."""
     cells = published.cells()
-    numeric = cells[
-        cells["printed"].str.fullmatch(r"-?[\d.]+(e-?\d+)?%?") & (cells["kind"] != "bound")
-    ]
-    assert len(numeric) > 80
-    for cell, row in numeric[numeric["value"] != 0].iterrows():  # a printed zero is exact
+    return cells[cells["printed"].str.fullmatch(r"-?[\d.]+(e-?\d+)?%?")]
+
+
+def test_no_tolerance_is_tighter_than_half_the_last_printed_digit(numeric):
+    inexact = numeric.query("kind != 'bound' and value != 0")  # a printed zero is exact
+    assert len(inexact) > 80
+    for cell, row in inexact.iterrows():
         assert published.tolerance(cell) >= published.half_last_digit(row["printed"]) * (
             1 - 1e-9
         ), cell
 
 
-def test_a_printed_number_and_its_value_agree():
-    cells = published.cells()
-    numeric = cells[cells["printed"].str.fullmatch(r"-?[\d.]+(e-?\d+)?%?")]
+def test_a_printed_number_and_its_value_agree(numeric):
     for cell, row in numeric.iterrows():
         assert float(row["printed"].rstrip("%")) == row["value"], cell
 

@@ -26,22 +26,6 @@ def test_the_oscillations_alternate_in_sign_half_a_turn_apart():
     np.testing.assert_allclose(h[100:2400], -h[:2300], atol=1e-12)
 
 
-def test_negating_A_and_shifting_by_half_a_turn_leaves_the_settled_signature():
-    X = np.array([1.0, 0.01, 12.0, 130.0, 100.0, 0.1507, 0.0113])
-    shifted = X + np.array([-2.0, 0.2, 0, 0, 0, 0, 0])
-    np.testing.assert_allclose(
-        signature(T, shifted, TIMING)[105:], signature(T, X, TIMING)[105:], atol=1e-12
-    )
-
-
-def test_a_gate_moved_within_a_sample_is_undone_by_the_amplitude():
-    X = np.array([1.0, 0.0101, 12.0, 130.0, 100.0, 0.1507, 0.0115])
-    moved = X.copy()
-    moved[6] -= 0.001
-    moved[0] *= np.exp(0.001 * 12.0)
-    np.testing.assert_allclose(signature(T, moved, TIMING), signature(T, X, TIMING), atol=1e-12)
-
-
 def test_the_box_is_table_1():
     box = table1_box(T, V, published.value("table1.T2.max"))
     for index, name in ((2, "tau"), (3, "omega"), (5, "T2"), (6, "T1")):

@@ -27,11 +27,6 @@ def test_friction_load_and_start_are_found_with_the_backlash():
         assert found[name] == pytest.approx(value, abs=2e-3), name
 
 
-def test_an_unknown_friction_breaks_the_match_that_does_not_look_for_it():
-    record = simulate_recordings(add_nuisances(JOINT, {"friction": 0.17}), [9e-4])[0]
-    assert abs(match_joint(record, JOINT, ("start_angle",))["delta_rad"] - 9e-4) > 1e-4
-
-
 def test_any_speed_and_sampling_are_matched_at_the_speed_that_was_commanded():
     fast = replace(JOINT, commanded_speed_rps=113.0)
     record = simulate_recordings(fast, [9e-4], sample_s=1e-3)[0]

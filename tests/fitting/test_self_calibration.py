@@ -5,17 +5,18 @@ from functools import lru_cache
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 from backlash.calibration import shares, widened
 from backlash.fitting.harmonics import turn_harmonics
 from backlash.fitting.joint_posterior import SMOOTHING_INDEX
 from backlash.fitting.self_calibration import fit_joint, widening_factor
-from replication.records import Recording
 from replication.simulator.parameters import identified_joint
 from replication.simulator.recordings import simulate_recordings
 from replication.standins import draw_bench, encoder_log
 from studies.odd_joints import draw_odd_log, move_bench
 from tests.cascades import draw_cascade
+from tests.logs import silent
 
 
 @lru_cache
@@ -30,22 +31,15 @@ def bench_fit(seed: int = 5):
     return fit_joint(bench_log(seed)[1])
 
 
-def noise(seed: int = 1, sd: float = 0.06) -> Recording:
-    t = 2e-3 * np.arange(2400)
-    return Recording(
-        t, 100 + np.random.default_rng(seed).normal(0, sd, t.size), 100.0, 0.4, "noise"
-    )
-
-
 def test_white_noise_is_found_with_its_size_in_every_harmonic():
-    found = turn_harmonics(noise())
-    assert found.sd == pytest.approx(0.06 / np.sqrt(2 * 2200), rel=0.35)
+    found = turn_harmonics(silent(seed=2))
+    assert found.sd == pytest.approx(0.1 / np.sqrt(3 * 2 * 2200), rel=0.35)
     assert found.ring_noise_ratio == pytest.approx(1.0, abs=0.3)
     assert not set(found.order) & {0, 1, 40}
 
 
 def test_a_sinusoid_between_the_harmonics_does_not_leak_into_them():
-    quiet = noise()
+    quiet = silent()
     belt = replace(quiet, v=quiet.v + 0.2 * np.sin(2 * np.pi * 26.1 * quiet.t + 1))
     change = np.abs(turn_harmonics(belt).coefficient - turn_harmonics(quiet).coefficient)
     assert change.max() < 4 * turn_harmonics(quiet).sd.max()
@@ -103,7 +97,7 @@ def test_a_record_that_rings_on_from_turn_to_turn_is_refused():
 
 
 def test_turns_that_still_ring_from_the_start_are_left_out():
-    quiet = noise()
+    quiet = silent()
     ring = np.exp(-2 * quiet.t) * np.sin(2 * np.pi * 20.7 * quiet.t)
     assert turn_harmonics(quiet).turns == 11
     assert 5 <= turn_harmonics(replace(quiet, v=quiet.v + 0.5 * ring)).turns < 11
@@ -111,7 +105,7 @@ def test_turns_that_still_ring_from_the_start_are_left_out():
 
 @pytest.mark.parametrize("drift", [0.0, 1.0])
 def test_gravity_is_seen_beside_a_drift_and_a_drift_is_no_gravity(drift):
-    still = noise()
+    still = silent()
     still = replace(still, v=still.v + drift * still.t / still.t[-1])
     turning = replace(still, v=still.v + 0.02 * np.sin(2 * np.pi * still.t / 0.4))
     seen = [turn_harmonics(log).first for log in (still, turning)]
@@ -119,9 +113,9 @@ def test_gravity_is_seen_beside_a_drift_and_a_drift_is_no_gravity(drift):
 
 
 def test_a_record_without_noise_is_known_as_one():
-    wave = np.sin(2 * np.pi * 20 * noise().t)
-    assert not turn_harmonics(noise()).is_quiet
-    assert turn_harmonics(replace(noise(sd=1e-4), v=noise(sd=1e-4).v + wave)).is_quiet
+    wave = np.sin(2 * np.pi * 20 * silent().t)
+    assert not turn_harmonics(silent()).is_quiet
+    assert turn_harmonics(replace(silent(1e-4), v=silent(1e-4).v + wave)).is_quiet
 
 
 def test_how_the_speed_was_measured_is_told_from_the_log():
@@ -139,10 +133,10 @@ def test_too_few_turns_and_a_speed_that_does_not_vary_are_refused_in_words():
     with pytest.raises(ValueError, match="two turns"):
         fit_joint(replace(log, t=log.t[:350], v=log.v[:350]))
     with pytest.raises(ValueError, match="does not vary"):
-        fit_joint(replace(noise(), v=np.full(2400, 100.0)))
+        fit_joint(replace(silent(), v=np.full(2401, 100.0)))
 
 
-def test_an_interval_holds_the_spread_of_joints_and_the_noise():
+def test_an_interval_holds_the_spread_of_joints_and_the_silent():
     low, high = widened("amplitude", 1e-3, (0.9e-3, 1.1e-3))
     half = np.hypot(1e-4, shares()["amplitude"] * 1e-3)
     assert (low, high) == (pytest.approx(1e-3 - half), pytest.approx(1e-3 + half))
@@ -161,12 +155,9 @@ def test_a_turn_of_almost_three_seconds_is_fitted():
 @pytest.mark.parametrize("edge_hz", [200, 40])
 def test_a_low_passed_speed_is_refused_by_its_noise(edge_hz):
     log = bench_log()[1]
-    filtered = log.v - log.v.mean()
     pole = np.exp(-2 * np.pi * edge_hz * log.sample_s)
-    for k in range(1, filtered.size):
-        filtered[k] = (1 - pole) * filtered[k] + pole * filtered[k - 1]
-    found = fit_joint(replace(log, v=filtered + log.v.mean()))
-    assert "low-passed" in found.refusal_reason
+    filtered = lfilter([1 - pole], [1, -pole], log.v - log.v.mean())
+    assert "low-passed" in fit_joint(replace(log, v=filtered + log.v.mean())).refusal_reason
 
 
 @pytest.mark.slow  # each is searched for from many starts, 7 s

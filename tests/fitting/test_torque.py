@@ -17,19 +17,14 @@ DELTA = 9e-4
 
 
 def load_data(bench: Bench, **others: float) -> LoadData:
-    ratios = bench.joint.ratios
-    return LoadData(
-        **({name: ratios[name] for name in ("inertia_ratio", "gravity_per_s2")} | others)
-    )
+    known = {name: bench.joint.ratios[name] for name in ("inertia_ratio", "gravity_per_s2")}
+    return LoadData(**known | others)
 
 
 def draw(kind: str, number: int) -> Bench:
     rng = np.random.default_rng((11, number))
-    return (
-        move_bench(draw_bench(rng), 60.0, 0.8)
-        if kind == "paper's"
-        else move_bench(draw_cascade(rng), 60.0, 0.8)
-    )
+    bench = draw_bench(rng) if kind == "paper's" else draw_cascade(rng)
+    return move_bench(bench, 60.0, 0.8)
 
 
 def fitted(bench: Bench, delta: float = DELTA, load: LoadData | None = None, **log: float):
@@ -122,7 +117,11 @@ def test_friction_above_gravity_is_no_answer():
     assert found.warnings[0].startswith("no load reversal seen")
 
 
-GEAR = draw_turns(np.random.default_rng((246, 1)), DELTA, 0.05).gear_ratio
+def faulty(fault: Fault | None = None) -> BenchLog:
+    return draw_turns(np.random.default_rng((246, 1)), DELTA, 0.05, fault)
+
+
+GEAR = faulty().gear_ratio
 FAULTS = {
     "does another axis move": Fault(second_axis=0.2),
     "ms too late": Fault(late_torque_s=0.01),
@@ -133,7 +132,7 @@ FAULTS = {
 
 @pytest.mark.parametrize(("words", "fault"), FAULTS.items(), ids=FAULTS)
 def test_what_the_model_lacks_is_refused_by_its_name(words, fault):
-    found = answered(draw_turns(np.random.default_rng((246, 1)), DELTA, 0.05, fault))
+    found = answered(faulty(fault))
     assert found.verdict == "cannot tell"
     assert words in found.warnings[0]
 
@@ -148,14 +147,12 @@ def test_a_gear_s_error_that_parts_the_teeth_at_no_order_of_the_motor_is_no_abse
 
 
 def test_a_gear_s_error_once_a_turn_does_not_matter():
-    fault = Fault(transmission_rad=5e-4)
-    assert is_held(answered(draw_turns(np.random.default_rng((246, 1)), DELTA, 0.05, fault)), DELTA)
+    assert is_held(answered(faulty(Fault(transmission_rad=5e-4))), DELTA)
 
 
 @pytest.mark.parametrize("factor", [0.5, 2.0])
 def test_a_gear_ratio_that_is_off_by_two_is_refused(factor):
-    log = draw_turns(np.random.default_rng((246, 1)), DELTA, 0.05)
-    found = answered(log, gear_ratio=factor * log.gear_ratio)
+    found = answered(faulty(), gear_ratio=factor * GEAR)
     assert found.warnings[0].startswith(("wrong period", "wrong torque"))
 
 

@@ -38,6 +38,8 @@ def test_a_calibration_reads_its_own_logs_back_and_brackets_one_that_it_never_sa
     answer = calibration.backlash(read(new, method, calibration.bank))
     assert answer.interval_rad[0] <= 11e-4 <= answer.interval_rad[1]
     assert not answer.extrapolated
+    for outside in simulate_recordings(identified_joint(), [3e-4, 20e-4]):
+        assert calibration.backlash(read(outside, method, calibration.bank)).extrapolated
 
 
 @pytest.mark.parametrize("method", METHODS)

@@ -213,23 +213,25 @@ def test_what_cannot_be_done_is_refused_in_one_line_and_nothing_is_written(
 # calibrate
 
 
-def calibration_table(folder, levels, method_noise=0.1):
-    rows = []
-    for k, delta in enumerate(levels):
-        write(noisy(delta, method_noise, seed=50 + k), folder / f"known{k}.csv")
-        rows.append((f"known{k}.csv", delta))
-    path = folder / "known.csv"
-    pd.DataFrame(rows, columns=["log", "backlash_rad"]).to_csv(path, index=False)
+@pytest.fixture
+def known(tmp_path):
+    """A table of eight logs of known backlash."""
+    levels = np.linspace(4e-4, 20e-4, 8)
+    logs = [
+        write(noisy(delta, seed=50 + k), tmp_path / f"known{k}.csv").name
+        for k, delta in enumerate(levels)
+    ]
+    path = tmp_path / "known.csv"
+    pd.DataFrame({"log": logs, "backlash_rad": levels}).to_csv(path, index=False)
     return path
 
 
-LEVELS = np.linspace(4e-4, 20e-4, 8)
-
-
 @pytest.mark.parametrize("method", ["energy", pytest.param("waveform", marks=pytest.mark.slow)])
-def test_a_calibration_goes_round_from_logs_to_a_file_to_an_estimate(method, tmp_path, run, rows):
-    table, made = calibration_table(tmp_path, LEVELS), tmp_path / "joint.json"
-    status, out, _ = run("calibrate", table, f"{TURN} --method", method, "--out", made)
+def test_a_calibration_goes_round_from_logs_to_a_file_to_an_estimate(
+    method, known, tmp_path, run, rows
+):
+    made = tmp_path / "joint.json"
+    status, out, _ = run("calibrate", known, f"{TURN} --method", method, "--out", made)
     assert status == 0
     assert "0.400 to 2.000 mrad" in out
     content = json.loads(made.read_text("utf-8"))
@@ -245,11 +247,10 @@ def test_a_calibration_goes_round_from_logs_to_a_file_to_an_estimate(method, tmp
     assert "cannot tell: extrapolated calibration" in out
 
 
-def test_a_calibration_from_a_log_that_is_no_use_names_it(tmp_path, refused):
-    table = calibration_table(tmp_path, LEVELS)
+def test_a_calibration_from_a_log_that_is_no_use_names_it(known, tmp_path, refused):
     short = replace(noisy(), t=noisy().t[:300], v=noisy().v[:300])
     write(short, tmp_path / "known3.csv")
-    line = refused("calibrate", table, f"{TURN} --out", tmp_path / "c.json")
+    line = refused("calibrate", known, f"{TURN} --out", tmp_path / "c.json")
     assert "known3.csv: no use for a calibration: too short" in line
 
 

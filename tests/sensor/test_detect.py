@@ -121,6 +121,11 @@ def test_a_turn_without_room_for_an_oscillation_is_told_apart():
         find_pattern(replace(noisy(), turn_period_s=0.01))
 
 
+def test_what_noise_hides_grows_with_the_noise():
+    quiet, loud = (find_pattern(silent(noise)).detectable_rps2 for noise in (0.1, 0.2))
+    assert loud == pytest.approx(4 * quiet, rel=1e-3)
+
+
 @pytest.mark.parametrize("seed", [3, 11, 19])
 def test_the_right_period_stands_where_friction_makes_even_harmonics(seed):
     rng = np.random.default_rng((2, seed))

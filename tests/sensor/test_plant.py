@@ -14,6 +14,7 @@ import backlash
 from backlash import commands, fleet
 from backlash.settings import settings_for
 from tests.logs import TURN, command, noisy, table, write
+from tests.sensor.test_interface import KNOWN_RAD
 from tests.sensor.test_torque_logs import logged
 
 HOW = {"turn_period_s": 0.4, "method": "energy"}
@@ -36,8 +37,7 @@ def test_each_joint_has_its_calibration_its_torque_and_its_load(tmp_path, capsys
     frame, known = logged(3)
     frame.to_csv(tmp_path / "torque.csv", index=False)
     write(noisy(), tmp_path / "speed.csv")
-    logs = [table(noisy(4e-4 + 2e-4 * k, seed=k)) for k in range(7)]
-    own = backlash.calibrate(logs, [4e-4 + 2e-4 * k for k in range(7)], **HOW)
+    own = backlash.calibrate([table(noisy(delta)) for delta in KNOWN_RAD], KNOWN_RAD, **HOW)
     (tmp_path / "own.json").write_text(own.to_json(), "utf-8")
     rows = pd.DataFrame(
         [
@@ -69,9 +69,9 @@ def test_answers_become_a_trend_for_each_joint(dated, tmp_path):
     found = backlash.trend_many(pd.read_parquet(tmp_path / "answers.parquet"), limit_rad=1.5e-3)
     assert list(found) == ["A1", "A2"]
     assert found["A2"].line[1] > 2 * found["A1"].line[1]
-    logs = [dated.with_name(f"A2{month}.csv") for month in range(1, 5)]
-    days = pd.to_datetime([f"2024-0{month}-15" for month in range(1, 5)])
-    alone = backlash.trend(logs, days, limit_rad=1.5e-3, **HOW)
+    worn = pd.read_csv(dated).query("joint == 'A2'")
+    logs = [dated.with_name(name) for name in worn["file"]]
+    alone = backlash.trend(logs, worn["date"].tolist(), limit_rad=1.5e-3, **HOW)
     assert found["A2"].to_dict() == alone.to_dict()
     few = backlash.trend_many(answers.iloc[:4])
     assert str(few["A1"]) == "2 dates with an estimate; a trend needs 3 or more"

@@ -25,27 +25,24 @@ def rows_of(delta, sigma=SIGMA):
     )
 
 
-def made(count=10, growth=GROWTH, seed=None, every=30.0, sigma=SIGMA):
+def made(count=10, growth=GROWTH, seed=None, sigma=SIGMA):
     """Rows of a joint that wears evenly, and their dates."""
-    days = every * np.arange(count)
+    days = 30.0 * np.arange(count)
     noise = np.random.default_rng(seed).normal(0, sigma, count) if seed is not None else 0.0
-    return rows_of(FIRST + growth * days + noise, sigma), [
-        START + pd.Timedelta(days=day) for day in days
-    ]
+    return rows_of(FIRST + growth * days + noise, sigma), dates_after(days)
 
 
-def crossing_day(limit=1.2e-3):
-    return (limit - FIRST) / GROWTH
+def dates_after(days):
+    return list(START + pd.to_timedelta(days, unit="D"))
 
 
-def in_days(stamp):
-    return (stamp - START).total_seconds() / 86400
+CROSSING = START + pd.Timedelta(days=(1.2e-3 - FIRST) / GROWTH)
 
 
 def test_an_even_growth_is_recovered_and_its_crossing_dated():
     found = trend_line.fit_trend(*made(), 1.2e-3)
     assert found.line[1] == pytest.approx(GROWTH)
-    assert in_days(found.crossing) == pytest.approx(crossing_day(), abs=1e-3)
+    assert abs(found.crossing - CROSSING) < pd.Timedelta(days=1e-3)
     first, last = found.crossing_interval
     assert first < found.crossing < last
 
@@ -55,9 +52,7 @@ def test_the_interval_of_the_crossing_holds_the_true_date_95_times_in_100():
     for seed in range(300):
         found = trend_line.fit_trend(*made(seed=seed), 1.2e-3)
         first, last = found.crossing_interval
-        held += (first is None or in_days(first) <= crossing_day()) and (
-            last is None or crossing_day() <= in_days(last)
-        )
+        held += (first or CROSSING) <= CROSSING <= (last or CROSSING)
     assert (
         273 <= held <= 300
     )  # the binomial 1 in 1000 limit at 95 %; a scatter below the intervals' is not made less
@@ -66,13 +61,14 @@ def test_the_interval_of_the_crossing_holds_the_true_date_95_times_in_100():
 def test_logs_that_scatter_more_than_their_intervals_say_widen_the_interval():
     rows, dates = made(seed=1)
     wild = rows_of(made(seed=1, sigma=1e-4)[0]["backlash_rad"])
-    assert np.diff(trend_line.fit_trend(wild, dates).growth_interval) > np.diff(
-        trend_line.fit_trend(rows, dates).growth_interval
+    usual, wider = (
+        np.ptp(trend_line.fit_trend(each, dates).growth_interval) for each in (rows, wild)
     )
+    assert wider > usual
 
 
 def test_a_growth_that_is_not_sure_leaves_the_crossing_open():
-    found = trend_line.fit_trend(*made(count=4, growth=2e-7, every=30.0), 1.2e-3)
+    found = trend_line.fit_trend(*made(count=4, growth=2e-7), 1.2e-3)
     assert found.crossing is not None
     assert found.crossing_interval[1] is None
     assert any("not sure" in warning for warning in found.warnings)
@@ -87,13 +83,10 @@ def test_without_growth_there_is_no_crossing(growth):
 
 def test_a_growth_that_is_no_line_is_said():
     days = 30.0 * np.arange(12)
-    dates = [START + pd.Timedelta(days=day) for day in days]
-    curved = trend_line.fit_trend(rows_of(FIRST + 1e-8 * days**2), dates, 2.5e-3)
-    assert any("no straight line" in warning for warning in curved.warnings)
-    assert not any(
-        "no straight line" in warning
-        for warning in trend_line.fit_trend(*made(12), 2.5e-3).warnings
-    )
+    curved = rows_of(FIRST + 1e-8 * days**2), dates_after(days)
+    for joint, is_said in ((curved, True), (made(12), False)):
+        found = trend_line.fit_trend(*joint, 2.5e-3)
+        assert any("no straight line" in warning for warning in found.warnings) == is_said
 
 
 def test_too_few_dates_and_a_senseless_limit_are_refused():

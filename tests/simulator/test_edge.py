@@ -35,37 +35,36 @@ def test_coarser_plain_steps_are_compared_with_the_located_peak():
     assert study.loc[study["model"] == "modified", "error"].abs().max() < 0.01
 
 
-def third_turn_nrmse(joint, records):
-    return np.sqrt(np.mean(third_turn_errors(joint, records) ** 2))
+@pytest.fixture(scope="module")
+def refits():
+    """What the joint's refits at soft edges gave, by alpha."""
+    path = workbook.ROOT / "results" / "alpha_refit.csv"
+    return pd.read_csv(path).set_index("alpha_per_rad", drop=False)
 
 
-def test_a_soft_edge_misses_the_records_even_when_the_joint_is_fitted_anew(authors_data):
-    table = pd.read_csv(workbook.ROOT / "results" / "alpha_refit.csv")
-    misfit = table.set_index("alpha_per_rad")["nrmse"]
+def refitted(row):
+    joint = replace(identified_joint(), alpha_per_rad=row["alpha_per_rad"])
+    return with_ratios(joint, {name: row[name] for name in joint.ratios})
+
+
+def third_turn_nrmse(joint):
+    return np.sqrt(np.mean(third_turn_errors(joint, load_clean_records(FIT_LEVELS)) ** 2))
+
+
+def test_a_soft_edge_misses_the_records_even_when_the_joint_is_fitted_anew(authors_data, refits):
+    misfit = refits["nrmse"]
     assert misfit[1e4] > 3 * misfit[1e5]
     assert misfit[1e3] > misfit[1e4]
-    assert (table["nrmse"] <= table["nrmse_kept"] * (1 + 1e-6)).all()
-    records, joint = load_clean_records(FIT_LEVELS), identified_joint()
-    for row in table.to_dict("records"):
-        refitted = with_ratios(
-            replace(joint, alpha_per_rad=row["alpha_per_rad"]), {k: row[k] for k in joint.ratios}
-        )
-        assert third_turn_nrmse(refitted, records) == pytest.approx(row["nrmse"], rel=1e-2)
+    assert (misfit <= refits["nrmse_kept"] * (1 + 1e-6)).all()
+    for row in refits.to_dict("records"):
+        assert third_turn_nrmse(refitted(row)) == pytest.approx(row["nrmse"], rel=1e-2)
 
 
-def test_the_refit_at_a_soft_edge_is_a_minimum_in_every_ratio(authors_data):
-    row = (
-        pd.read_csv(workbook.ROOT / "results" / "alpha_refit.csv")
-        .set_index("alpha_per_rad")
-        .loc[1e4]
-    )
-    records, joint = load_clean_records(FIT_LEVELS), identified_joint()
-    best = with_ratios(
-        replace(joint, alpha_per_rad=1e4), {name: row[name] for name in joint.ratios}
-    )
+def test_the_refit_at_a_soft_edge_is_a_minimum_in_every_ratio(authors_data, refits):
+    best = refitted(refits.loc[1e4])
     for name, value in best.ratios.items():
         if name == "lead_s":
             continue
         for factor in (0.98, 1.02):
-            moved = third_turn_nrmse(with_ratios(best, {name: factor * value}), records)
-            assert moved > row["nrmse"] * (1 - 1e-3), name
+            moved = third_turn_nrmse(with_ratios(best, {name: factor * value}))
+            assert moved > refits.loc[1e4, "nrmse"] * (1 - 1e-3), name
