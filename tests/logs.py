@@ -3,6 +3,7 @@
 import shlex
 import zipfile
 from functools import lru_cache
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -68,10 +69,16 @@ def text(header="time [s],speed [rps]", row="{t:.6f},{v:.5f}", record=None) -> s
     return "\n".join([*([header] if header else []), *rows, ""])
 
 
-def write(recording: Recording, path, digits: int = 6):
-    """Write a log with a header; returns its path."""
-    path.write_text(text(row=f"{{t:.6f}},{{v:.{digits}f}}", record=recording), encoding="utf-8")
+def file(folder: Path, content: str | bytes, name: str = "log.csv") -> Path:
+    """Write a file; returns its path."""
+    path = folder / name
+    path.write_bytes(content if isinstance(content, bytes) else content.encode())
     return path
+
+
+def write(recording: Recording, path: Path) -> Path:
+    """Write a log with a header; returns its path."""
+    return file(path.parent, text(row="{t:.6f},{v:.6f}", record=recording), path.name)
 
 
 def rewritten(path, change: dict[str, bytes]):

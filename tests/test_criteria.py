@@ -4,8 +4,6 @@ import pytest
 from replication import published
 from workbook import ROOT, judging
 
-RULES = dict.fromkeys(("below", "at most", "above", "at least", "rounds to"), "one")
-RULES |= dict.fromkeys(("interval below", "interval above", "p below"), "two")
 LESS, MORE = 3 * (1 - 1e-12), 3 * (1 + 1e-12)
 # Of each rule, its limit and what it tells of measured numbers; None is undecided.
 TOLD = [
@@ -18,6 +16,8 @@ TOLD = [
     ("interval above", 3.0, {(3.1, 4.0): True, (1.0, 2.9): False, (2.0, 4.0): None}),
     ("p below", 0.05, {(0.01, 0.99): True, (0.99, 0.01): False, (0.2, 0.8): None}),
 ]
+# How many numbers each rule takes.
+RULES = {name: np.size(next(iter(decided))) for name, _, decided in TOLD}
 
 
 @pytest.fixture
@@ -52,7 +52,7 @@ def test_every_rule_tells_what_holds_from_what_does_not_and_last_bits_decide_not
 def test_what_was_not_measured_is_undecided_and_the_wrong_number_of_numbers_is_refused(rule, name):
     rule(name, 1.0)
     one, two = np.nan, (np.nan, np.nan)
-    right, wrong = (one, two) if RULES[name] == "one" else (two, one)
+    right, wrong = (one, two) if RULES[name] == 1 else (two, one)
     assert published.decide("monotone", right) is None
     with pytest.raises(ValueError, match="monotone"):
         published.decide("monotone", wrong)

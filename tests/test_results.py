@@ -13,6 +13,8 @@ from workbook import judging
 RESULTS = workbook.ROOT / "results"
 SUPPLEMENT = RESULTS / "supplement"
 VERDICTS = pd.read_csv(RESULTS / "verdicts.csv")
+TABLE2 = pd.read_csv(RESULTS / "table2.csv")
+PROVENANCE = json.loads((RESULTS / "provenance.json").read_text("utf-8"))
 
 
 def test_the_cells_that_differ_are_exactly_the_known_differences():
@@ -37,24 +39,23 @@ def test_every_claim_is_decided_and_every_verdict_has_its_reason():
 
 
 def test_table_2_has_thirty_runs_on_each_of_five_realisations():
-    table, runs = pd.read_csv(RESULTS / "table2.csv"), pd.read_csv(SUPPLEMENT / "table2_runs.csv")
-    assert (table["runs"] == published.value("text.runs")).all()
+    runs = pd.read_csv(SUPPLEMENT / "table2_runs.csv")
+    assert (TABLE2["runs"] == published.value("text.runs")).all()
     keys = ["realisation", "row"]
     expected = {(R, row) for R in LOW_NOISE for row in range(1, 11)}
-    assert set(table[keys].itertuples(index=False, name=None)) == expected
+    assert set(TABLE2[keys].itertuples(index=False, name=None)) == expected
     runs["amplitude"] = runs["A_rps"].abs()
     of_runs = runs.groupby(keys).agg(
         mean=("amplitude", "mean"), sd=("amplitude", "std"), best=("rmse_rps", "min")
     )
-    both = table.set_index(keys).join(of_runs)
+    both = TABLE2.set_index(keys).join(of_runs)
     for ours, again in (("mean_A_rps", "mean"), ("sd_A_rps", "sd"), ("best_rmse_rps", "best")):
         np.testing.assert_allclose(both[ours], both[again], rtol=1e-4, atol=1e-6)
 
 
 def test_frozen_numbers_the_lowest_rmse_solutions_are_as_far_from_the_printed_means_as_ever():
     """Worst row and rms over the rows in percent, for each realisation: R = 1 and 2 are the closest."""
-    table = pd.read_csv(RESULTS / "table2.csv")
-    error = table.assign(error=table2.error_percent(table, "best_A_rps")).pivot(
+    error = TABLE2.assign(error=table2.error_percent(TABLE2, "best_A_rps")).pivot(
         index="row", columns="realisation", values="error"
     )
     np.testing.assert_allclose(error.abs().max(), [1.5, 2.1, 7.1, 7.5, 9.3], atol=0.25)
@@ -62,8 +63,7 @@ def test_frozen_numbers_the_lowest_rmse_solutions_are_as_far_from_the_printed_me
 
 
 def test_the_global_fit_is_never_above_the_best_of_thirty_runs_on_table_2s_records():
-    table = pd.read_csv(RESULTS / "table2.csv")
-    searched = table.query("realisation == 1").set_index("row")["best_rmse_rps"]
+    searched = TABLE2.query("realisation == 1").set_index("row")["best_rmse_rps"]
     found = pd.read_csv(SUPPLEMENT / "identification_table2.csv").set_index("row")["rmse_rps"]
     assert len(found) == 10
     assert (found <= searched.loc[found.index] * (1 + 1e-5)).all()  # the tables keep six digits
@@ -83,19 +83,17 @@ def test_the_simulated_characteristic_stays_close_to_equation_10_over_its_range(
 
 
 def test_the_provenance_names_versions_and_verified_inputs():
-    provenance = json.loads((RESULTS / "provenance.json").read_text("utf-8"))
     registry = authors_registry()
     inputs = {
-        path: digest for record in provenance.values() for path, digest in record["inputs"].items()
+        path: digest for record in PROVENANCE.values() for path, digest in record["inputs"].items()
     }
     assert len(inputs) >= 13
     assert all(registry[path] == digest for path, digest in inputs.items())
-    assert all(record["python"] and "numpy" in record["packages"] for record in provenance.values())
+    assert all(record["python"] and "numpy" in record["packages"] for record in PROVENANCE.values())
 
 
 def test_the_locked_versions_are_those_that_made_the_results():
-    provenance = json.loads((RESULTS / "provenance.json").read_text("utf-8"))
     lock = (workbook.ROOT / "requirements.lock").read_text("utf-8")
-    for record in provenance.values():
+    for record in PROVENANCE.values():
         for name, version in record["packages"].items():
             assert f"{name}=={version} " in lock, name

@@ -34,7 +34,7 @@ def made(bank, delta_rad, shift_turns=0.0, dt=0.002, turns=12, noise=0.0, seed=1
     )
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(
     delta=st.floats(1.5e-4, 2.4e-3),
     shift=st.floats(0, 1),

@@ -7,13 +7,12 @@ import pytest
 
 from backlash.reading import sources
 from backlash.reading.prepare import open_log
-from tests.logs import TURN, noisy, refusal
+from tests.logs import TURN, file, noisy, refusal
 
 
 def test_what_a_compressed_text_unpacks_to_is_bounded(tmp_path, monkeypatch):
     monkeypatch.setattr(sources, "MOST_BYTES", 2**16)
-    path = tmp_path / "log.csv.gz"
-    path.write_bytes(gzip.compress(b"1,2\n" * 2**20))
+    path = file(tmp_path, gzip.compress(b"1,2\n" * 2**20))
     assert path.stat().st_size < 2**16
     assert "MiB that are read; cut it to the test movement" in refusal(path)
 
@@ -23,16 +22,14 @@ def test_what_a_compressed_text_unpacks_to_is_bounded(tmp_path, monkeypatch):
     [b"\x89HDF\r\n\x1a\n", b"MATLAB 5.0", b"MDF     4.10", b"\x89MCAP0\r\n", b"#ROSBAG V2.0\n"],
 )
 def test_a_recorders_own_format_is_refused_with_what_to_do(first, tmp_path):
-    path = tmp_path / "log.csv"
-    path.write_bytes(first + bytes(100))
+    path = file(tmp_path, first + bytes(100))
     assert "export the log as CSV, or hand its columns over from Python" in refusal(path)
 
 
 def test_a_missing_library_is_named_with_what_installs_it_and_a_broken_file_as_broken(
     tmp_path, monkeypatch
 ):
-    path = tmp_path / "log"
-    path.write_bytes(b"PAR1" + bytes(100))
+    path = file(tmp_path, b"PAR1" + bytes(100))
     with monkeypatch.context() as patch:
         for name in [name for name in sys.modules if name.split(".")[0] == "pyarrow"]:
             patch.delitem(sys.modules, name)

@@ -8,7 +8,7 @@ import pytest
 
 from backlash.reading.prepare import open_log
 from replication.records import Recording
-from tests.logs import TURN, noisy, refusal, text
+from tests.logs import TURN, file, noisy, refusal, text
 
 RPM = ("Zeit [s];Drehzahl [U/min]", "{t:.4f};{rpm:.2f}")
 
@@ -165,14 +165,9 @@ REFUSED = {
 }
 
 
-def written(content: str | bytes, path: Path) -> Path:
-    path.write_bytes(content if isinstance(content, bytes) else content.encode())
-    return path
-
-
 @pytest.mark.parametrize("kind", ANSWERED)
 def test_a_log_is_read_however_it_is_written(kind, tmp_path):
-    found = open_log(written(ANSWERED[kind], tmp_path / "log"), TURN).recording
+    found = open_log(file(tmp_path, ANSWERED[kind], "log"), TURN).recording
     whole = noisy().v - 100
     start = int(np.correlate(whole, found.v[:2000] - 100, mode="valid").argmax())
     apart = np.abs(found.v[:2000] - noisy().v[start : start + 2000])
@@ -184,7 +179,7 @@ def test_a_log_is_read_however_it_is_written(kind, tmp_path):
 @pytest.mark.parametrize("kind", REFUSED)
 def test_what_cannot_be_read_is_refused_in_one_line_that_says_why(kind, tmp_path):
     content, why = REFUSED[kind]
-    path = written(content, tmp_path / "log")
+    path = file(tmp_path, content, "log")
     said = refusal(path)
     assert said.startswith(str(path))
     assert why in said
@@ -195,7 +190,7 @@ def test_a_folder_a_missing_file_and_a_forbidden_one_are_refused(tmp_path, monke
     assert f"no such file in {tmp_path}; check" in refusal(tmp_path / "missing.csv")
     assert "check its name" in refusal(Path("log\0.csv"))
     assert "the file is empty" in refusal(Path("/dev/null"))
-    path = written(text(), tmp_path / "log")
+    path = file(tmp_path, text())
 
     def forbidden(*_, **__):
         raise PermissionError(13, "Permission denied")

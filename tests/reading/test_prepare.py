@@ -13,7 +13,7 @@ from backlash.reading import tables
 from backlash.reading.columns import LogFormat
 from backlash.reading.refusals import CannotTell, UnusableLog
 from backlash.reading.tables import read_table
-from tests.logs import TURN, noisy, opened, read, refusal, rewritten, table, text
+from tests.logs import TURN, file, noisy, opened, read, refusal, rewritten, table, text
 
 RECORD = noisy()
 
@@ -45,13 +45,12 @@ def test_parquet_is_read_and_its_text_columns_left_out(tmp_path):
 
 
 def test_columns_can_be_given_by_name_or_number(tmp_path):
-    path = tmp_path / "log.csv"
-    path.write_text(text("a,b,c", "{t:.4f},{v:.5f},7"), encoding="utf-8")
+    path = file(tmp_path, text("a,b,c", "{t:.4f},{v:.5f},7"))
     for form in (replace(TURN, time="a", speed="b"), replace(TURN, time="1", speed="2")):
         np.testing.assert_allclose(read(path, form).v, RECORD.v, atol=1e-4)
     assert "no column of time" in refusal(path)
     assert "'x'" in refusal(path, replace(TURN, time="a", speed="x"))
-    path.write_text(text("", "{t:.4f},{v:.5f},7"), encoding="utf-8")
+    file(tmp_path, text("", "{t:.4f},{v:.5f},7"))
     np.testing.assert_allclose(read(path, replace(TURN, speed="2")).v, RECORD.v, atol=1e-4)
 
 
@@ -79,7 +78,7 @@ def test_a_position_is_unwrapped_and_differentiated(scale, wrap, said):
     assert any("unwrapped" in note for note in log.notes) == (wrap is not None)
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 @given(
     speed=st.floats(20, 240),
     direction=st.sampled_from([1.0, -1.0]),
@@ -158,9 +157,7 @@ def test_options_that_make_no_sense_are_refused(wrong):
 
 def test_many_short_rows_are_refused_when_the_limit_is_reached(tmp_path, monkeypatch):
     monkeypatch.setattr(tables, "MOST_ROWS", 1000)
-    path = tmp_path / "log.csv"
-    path.write_text("1,2\n" * 3000, "utf-8")
-    assert "more than 1,000 rows" in refusal(path)
+    assert "more than 1,000 rows" in refusal(file(tmp_path, "1,2\n" * 3000))
 
 
 def test_ten_million_rows_of_parquet_are_refused_by_their_number(tmp_path):
@@ -280,17 +277,15 @@ def test_a_gear_ratio_that_contradicts_the_turn_period_has_no_answer():
         evenly(RECORD.v, replace(TURN, gear_ratio=32.0, commanded_speed_rps=100.0))
 
 
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=150)
 @given(
     content=st.one_of(
         st.binary(max_size=400), st.text(alphabet="0123456789.,;:\t\n -eNanif#\"'", max_size=400)
     )
 )
-def test_random_files_are_read_or_refused(content, tmp_path_factory):
-    path = tmp_path_factory.mktemp("random") / "log"
-    path.write_bytes(content if isinstance(content, bytes) else content.encode())
+def test_random_files_are_read_or_refused(content):
     try:
-        frame = read_table(path.read_bytes())
+        frame = read_table(content if isinstance(content, bytes) else content.encode())
     except UnusableLog as error:
         said = str(error)
     else:

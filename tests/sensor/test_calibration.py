@@ -67,7 +67,7 @@ def test_the_default_of_the_paper_is_equation_10_which_takes_rpm():
     )
 
 
-@settings(max_examples=50, deadline=None)
+@settings(max_examples=50)
 @given(value=st.floats(0.3, 1.0), half_width=st.floats(0, 0.1))
 def test_the_interval_holds_the_backlash_and_is_no_narrower_than_the_calibration_allows(
     value, half_width

@@ -10,7 +10,7 @@ import backlash
 from backlash import commands
 from backlash.calibration import default_calibration
 from replication.records import authors_file, level_delta_rad
-from tests.logs import ANSWER_KEYS, command, noisy, silent, write
+from tests.logs import ANSWER_KEYS, command, file, noisy, silent, write
 
 TURN = "--turn-period 0.4"
 
@@ -139,26 +139,17 @@ def test_a_script_is_told_by_the_exit_status_of_a_log_that_it_must_not_pass(
     assert json.loads(out)[0]["verdict"] == "backlash"
 
 
-def test_each_log_of_a_table_is_read_by_its_own_row_and_else_by_the_options(
-    tmp_path, rows, refused
-):
-    write(noisy(), tmp_path / "a.csv")
-    write(noisy(0.0), tmp_path / "b.csv")
-    batch = tmp_path / "batch.csv"
-    batch.write_text(
-        "file,turn_period_s,gear_ratio,commanded_speed_rps\na.csv,,40,100\nb.csv,0.4,,\n", "utf-8"
-    )
-    found = rows("--batch", batch, "--method energy --jobs 1")
-    assert [row["verdict"] for row in found] == ["backlash", "no backlash"]
-    assert found[0]["file"] == str(tmp_path / "a.csv")
-    assert any("gear ratio 40" in warning for warning in found[0]["warnings"])
-    for table, why in (
-        ("file,gear_ratio\na.csv,\n", f"{batch}, a.csv: the load's turn is not known"),
-        ("file,turn_period_s,shoe_size\na.csv,0.4,42\n", "column 'shoe_size'"),
+@pytest.mark.parametrize(
+    ("table", "why"),
+    [
+        ("file,gear_ratio\nlog.csv,\n", "batch.csv, log.csv: the load's turn is not known"),
+        ("file,turn_period_s,shoe_size\nlog.csv,0.4,42\n", "column 'shoe_size'"),
         ("file,gear_ratio\n", "no rows"),
-    ):
-        batch.write_text(table, "utf-8")
-        assert why in refused("estimate --batch", batch)
+    ],
+    ids=["no turn", "an unknown column", "no rows"],
+)
+def test_a_table_of_logs_that_cannot_be_used_is_refused(table, why, log, tmp_path, refused):
+    assert why in refused("estimate --batch", file(tmp_path, table, "batch.csv"))
 
 
 def test_a_defect_is_one_line_that_says_where(log, run, monkeypatch):
@@ -205,7 +196,7 @@ def test_what_cannot_be_done_is_refused_in_one_line_and_nothing_is_written(
     for name in ("log2.csv", "empty.csv", "empty2.csv"):
         (tmp_path / name).touch()
     (tmp_path / "void").mkdir()
-    (tmp_path / "dates.csv").write_text("file,date\nlog.csv,2024-03-17\n", "utf-8")
+    file(tmp_path, "file,date\nlog.csv,2024-03-17\n", "dates.csv")
     assert expected in refused(arguments.replace("LOG", str(log)).replace("FOLDER", str(tmp_path)))
 
 
@@ -318,7 +309,7 @@ def test_an_output_never_overwrites_a_file_that_is_not_its_own(log, tmp_path, re
 
 @pytest.mark.slow
 def test_a_figure_of_each_log_that_has_a_fit_goes_into_a_folder(log, tmp_path, run):
-    (tmp_path / "empty.csv").write_text("", "utf-8")
+    (tmp_path / "empty.csv").touch()
     status, _, _ = run(
         "estimate", tmp_path, f"{TURN} --method energy --plots", tmp_path / "figures"
     )
@@ -327,8 +318,8 @@ def test_a_figure_of_each_log_that_has_a_fit_goes_into_a_folder(log, tmp_path, r
 
 
 def test_without_stamps_the_rate_is_enough(tmp_path, rows):
-    (tmp_path / "log.csv").write_text("speed\n" + "\n".join(map(str, noisy().v)), "utf-8")
-    (row,) = rows(tmp_path / "log.csv", TURN, "--method energy --rate 500")
+    log = file(tmp_path, "speed\n" + "\n".join(map(str, noisy().v)))
+    (row,) = rows(log, TURN, "--method energy --rate 500")
     assert (row["verdict"], row["samples"]) == ("backlash", 2401)
     assert "taken as even, 500 Hz, as said" in row["warnings"]
 

@@ -120,7 +120,7 @@ def test_a_changed_log_or_other_settings_are_not_taken_from_what_was_kept(
 ):
     paths, kept = fleet.find_logs([folder]), tmp_path / "kept"
     answers(paths, kept=kept)
-    write(noisy(15e-4), folder / "log0.csv", digits=4)
+    write(noisy(15e-4), folder / "log0.csv")
     done = counting(monkeypatch)
     answers(paths, kept=kept)
     assert done == ["log0.csv"]

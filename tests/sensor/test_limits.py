@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tests.logs import command, noisy, rewritten, text, write
+from tests.logs import command, file, noisy, rewritten, text, write
 
 CPU_S = 20
 MEMORY_KB = 2**20
@@ -86,12 +86,6 @@ def parquet(folder: Path, columns: int, are_decimals: bool = False) -> Path:
         column = column.cast(pyarrow.decimal128(20, 0))
     names = ["t", "v", *(f"c{k}" for k in range(2, columns))]
     parquet.write_table(pyarrow.table(dict.fromkeys(names, column)), path)
-    return path
-
-
-def file(folder: Path, content: str | bytes, name: str = "log.csv") -> Path:
-    path = folder / name
-    path.write_bytes(content if isinstance(content, bytes) else content.encode())
     return path
 
 

@@ -6,6 +6,7 @@ from backlash import trend_line
 from backlash.answers import Estimate
 from backlash.fleet import as_table
 from backlash.reading.refusals import UnusableLog
+from tests.logs import file
 
 START = pd.Timestamp("2023-01-01")
 GROWTH = 2e-6
@@ -103,11 +104,8 @@ def test_too_few_dates_and_a_senseless_limit_are_refused():
 def test_dates_come_from_names_or_from_a_table(tmp_path):
     logs = [tmp_path / "axis4_2024-03-17.csv", tmp_path / "20240401_run.csv"]
     assert trend_line.dates_of(logs) == [pd.Timestamp("2024-03-17"), pd.Timestamp("2024-04-01")]
-    table = tmp_path / "dates.csv"
-    table.write_text(
-        "file,date\naxis4_2024-03-17.csv,2020-01-01\n20240401_run.csv,2020-02-01T12:00\n",
-        encoding="utf-8",
-    )
+    rows = "file,date\naxis4_2024-03-17.csv,2020-01-01\n20240401_run.csv,2020-02-01T12:00\n"
+    table = file(tmp_path, rows, "dates.csv")
     assert trend_line.dates_of(logs, table) == [
         pd.Timestamp("2020-01-01"),
         pd.Timestamp("2020-02-01T12:00"),
@@ -117,13 +115,13 @@ def test_dates_come_from_names_or_from_a_table(tmp_path):
 def test_a_log_without_a_date_is_refused(tmp_path):
     with pytest.raises(UnusableLog, match="no date in its name"):
         trend_line.dates_of([tmp_path / "log_2024-13-45.csv"])
-    table = tmp_path / "dates.csv"
-    table.write_text("file,when\na,2020\n", "utf-8")
-    with pytest.raises(UnusableLog, match="columns file and date"):
-        trend_line.dates_of([tmp_path / "log_2024-03-17.csv"], table)
-    table.write_text("file,date\nother.csv,2020-01-01\n", "utf-8")
-    with pytest.raises(UnusableLog, match="no date in"):
-        trend_line.dates_of([tmp_path / "log_2024-03-17.csv"], table)
+    for rows, why in (
+        ("file,when\na,2020\n", "columns file and date"),
+        ("file,date\nother.csv,2020-01-01\n", "no date in"),
+    ):
+        table = file(tmp_path, rows, "dates.csv")
+        with pytest.raises(UnusableLog, match=why):
+            trend_line.dates_of([tmp_path / "log_2024-03-17.csv"], table)
 
 
 def test_the_chart_shows_from_which_log_on_the_growth_was_an_alarm():

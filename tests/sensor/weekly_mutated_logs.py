@@ -6,8 +6,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tests.logs import command, noisy, rewritten, table, text
-from tests.sensor.test_limits import TURN, file
+from tests.logs import command, file, noisy, rewritten, table, text
+from tests.sensor.test_limits import TURN
 
 
 def columns(folder: Path) -> Path:

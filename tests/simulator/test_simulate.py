@@ -32,7 +32,7 @@ def joint() -> JointParameters:
     return identified_joint()
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(
     x=st.floats(-5e-3, 5e-3), v=st.floats(-1, 1), delta=st.floats(1e-5, 4e-3), clamped=st.booleans()
 )
@@ -79,18 +79,6 @@ def test_the_default_step_keeps_the_error_far_below_a_thousandth_of_a_turn_per_s
         assert default.motor_speed_rps == pytest.approx(converged.motor_speed_rps, abs=5e-5)
 
 
-def test_a_sharper_edge_converges_to_the_clamped_dead_zone(joint):
-    limit = simulate(replace(joint, clamped=True), DELTA, duration_s=0.8).motor_speed_rps
-    errors = [
-        np.abs(
-            simulate(replace(joint, alpha_per_rad=a), DELTA, duration_s=0.8).motor_speed_rps - limit
-        ).max()
-        for a in (1e4, 1e5, 1e6, 1e7)
-    ]
-    assert errors == sorted(errors, reverse=True)
-    assert errors[-1] < 1e-3
-
-
 # Limits
 
 
@@ -133,12 +121,6 @@ def test_a_rigid_coupling_moves_both_inertias_as_one(joint):
         # The load's free motion (1) and the drive's unused memory (0) are no modes of the single mass.
         if 1e-6 < abs(mode) < 1 - 1e-9:
             assert np.abs(modes - mode).min() < 1e-4
-
-
-def test_without_gravity_there_are_no_impacts_and_no_ripple(joint):
-    run = simulate(replace(joint, gravity_arm_m=0.0), DELTA, duration_s=0.8)
-    assert run.impact_time_s.size == 0
-    assert run.motor_speed_rps == pytest.approx(np.full(401, 100.0), abs=1e-6)
 
 
 def test_without_drive_and_damping_the_energy_is_kept(joint):
