@@ -3,6 +3,7 @@
 import shlex
 import zipfile
 from functools import lru_cache
+from io import BytesIO
 from pathlib import Path
 
 import numpy as np
@@ -83,12 +84,11 @@ def write(recording: Recording, path: Path) -> Path:
 
 def rewritten(path, change: dict[str, bytes]):
     """A workbook with members changed or added, by name; returns its path."""
-    plain = path.with_name("plain.xlsx")
+    plain = BytesIO()
     table(noisy()).iloc[:50].to_excel(plain, index=False)
     with zipfile.ZipFile(plain) as old, zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as new:
         for name, content in ({name: old.read(name) for name in old.namelist()} | change).items():
             new.writestr(name, content)
-    plain.unlink()
     return path
 
 

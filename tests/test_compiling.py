@@ -65,21 +65,16 @@ def test_a_second_process_compiles_nothing_and_a_change_in_any_file_that_compile
 def test_where_the_package_cannot_be_written_the_home_keeps_it_and_else_a_temporary_folder(
     tmp_path, monkeypatch
 ):
+    """A folder that others may write is not taken."""
     (tmp_path / "__pycache__").touch()  # no folder can be made of it
     monkeypatch.setattr(compiling, "_PACKAGE", tmp_path)
     monkeypatch.setattr(compiling.config, "CACHE_DIR", "")
     monkeypatch.setenv("HOME", str(tmp_path))
     found = compiling.cache_folder.__wrapped__
-    assert found().parent == tmp_path / ".cache" / "backlash"
-    monkeypatch.setenv("HOME", "/proc/nowhere")
+    at_home = found()
+    assert at_home.parent == tmp_path / ".cache" / "backlash"
     monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    at_home.chmod(0o777)
     assert found().parent.parent == tmp_path
-
-
-def test_a_folder_that_others_may_write_is_not_taken(tmp_path):
-    folder = tmp_path / "shared"
-    folder.mkdir()
-    assert compiling._is_ours(folder)
-    folder.chmod(0o777)
-    assert not compiling._is_ours(folder)
-    assert not compiling._is_ours(Path("/dev/null"))
+    monkeypatch.setenv("HOME", "/proc/nowhere")
+    assert found().parent.parent == tmp_path

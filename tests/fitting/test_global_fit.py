@@ -24,7 +24,8 @@ def drawn(seed, dt=0.002, turn_s=0.4, turns=12, noise=0.0):
     """A signature in the box that its record gives, that record with noise, and the box's settings."""
     generator = np.random.default_rng([seed, 0, 0])
     t = dt * np.arange(int(turns * turn_s / dt) + 1)
-    protocol = protocol_for(Recording(t, t, 100.0, turn_s, "empty"))
+    empty = Recording(t, t, 100.0, turn_s, "made")
+    protocol = protocol_for(empty)
     while True:
         start = generator.uniform(0, 0.9 * turn_s)
         end = start + generator.uniform(0.08, 0.45) * turn_s
@@ -33,8 +34,7 @@ def drawn(seed, dt=0.002, turn_s=0.4, turns=12, noise=0.0):
         X = np.array(
             [A, t0, tau, generator.uniform(8 * np.pi, 80 * np.pi), 100.0, end - t0, start - t0]
         )
-        v = 100 + signature(t, X, protocol.timing)
-        record = Recording(t, v, 100.0, turn_s, "made")
+        record = replace(empty, v=100 + signature(t, X, protocol.timing))
         box = search_box(record, protocol)
         if (box.lower <= X).all() and (box.upper >= X).all():
             return X, add_uniform_noise(record, noise, generator), protocol

@@ -48,7 +48,6 @@ def test_columns_can_be_given_by_name_or_number(tmp_path):
     path = file(tmp_path, text("a,b,c", "{t:.4f},{v:.5f},7"))
     for form in (replace(TURN, time="a", speed="b"), replace(TURN, time="1", speed="2")):
         np.testing.assert_allclose(read(path, form).v, RECORD.v, atol=1e-4)
-    assert "no column of time" in refusal(path)
     assert "'x'" in refusal(path, replace(TURN, time="a", speed="x"))
     file(tmp_path, text("", "{t:.4f},{v:.5f},7"))
     np.testing.assert_allclose(read(path, replace(TURN, speed="2")).v, RECORD.v, atol=1e-4)

@@ -7,7 +7,7 @@ import pytest
 from backlash import fleet
 from backlash.examine import examine
 from backlash.settings import settings_for
-from tests.logs import TURN, noisy, write
+from tests.logs import TURN, file, noisy, write
 
 SETTINGS = settings_for(TURN, method="amplitude")
 
@@ -21,15 +21,14 @@ def answers(paths, settings=SETTINGS, jobs=1, kept=None):
 @pytest.fixture
 def folder(tmp_path):
     """Five logs, one of them empty, one with text in its numbers."""
-    (tmp_path / "logs" / "deeper").mkdir(parents=True)
-    for k, delta in enumerate((5e-4, 9e-4)):
-        write(noisy(delta), tmp_path / "logs" / f"log{k}.csv")
-    write(noisy(0.0), tmp_path / "logs" / "deeper" / "healthy.csv")
-    (tmp_path / "logs" / "empty.csv").write_text("", "utf-8")
-    (tmp_path / "logs" / "text.csv").write_text("time,speed\n0,1\n1,x\n2,3\n", "utf-8")
-    (tmp_path / "logs" / "notes.md").write_text("not a log", "utf-8")
-    (tmp_path / "logs" / ".hidden.csv").write_text("not a log", "utf-8")
-    return tmp_path / "logs"
+    logs = tmp_path / "logs"
+    (logs / "deeper").mkdir(parents=True)
+    for name, delta in (("log0.csv", 5e-4), ("log1.csv", 9e-4), ("deeper/healthy.csv", 0.0)):
+        write(noisy(delta), logs / name)
+    file(logs, "time,speed\n0,1\n1,x\n2,3\n", "text.csv")
+    for name in ("empty.csv", "notes.md", ".hidden.csv"):
+        (logs / name).touch()
+    return logs
 
 
 class Deadly(type(Path())):

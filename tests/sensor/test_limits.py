@@ -6,6 +6,7 @@ import resource
 import subprocess
 import sys
 from pathlib import Path
+from tempfile import TemporaryFile
 
 import numpy as np
 import pytest
@@ -33,7 +34,7 @@ def ran(folder: Path, *words, stdin=subprocess.DEVNULL) -> tuple[int, str, str]:
 
     (folder / "temporary").mkdir()
     before = {path: path.stat().st_mtime_ns for path in folder.rglob("*")}
-    with (folder / "out").open("w") as out, (folder / "err").open("w") as err:
+    with TemporaryFile("w+") as out, TemporaryFile("w+") as err:
         process = subprocess.Popen(
             [sys.executable, "-c", MAIN, *map(str, words)],
             cwd=Path(__file__).parents[2],
@@ -50,9 +51,7 @@ def ran(folder: Path, *words, stdin=subprocess.DEVNULL) -> tuple[int, str, str]:
         )
         _, status, used = os.wait4(process.pid, 0)
         process.returncode = os.waitstatus_to_exitcode(status)
-    printed = [(folder / name).read_text() for name in ("out", "err")]
-    for name in ("out", "err"):
-        (folder / name).unlink()
+        printed = [os.pread(stream.fileno(), 2**20, 0).decode() for stream in (out, err)]
     assert used.ru_utime + used.ru_stime < CPU_S
     assert used.ru_maxrss < MEMORY_KB
     assert "Warning" not in printed[1]

@@ -1,20 +1,12 @@
 """Logs with bytes changed at random. No part of `make test` or `make slow`: run it by its name, as once a week."""
 
 import gzip
-from pathlib import Path
 
 import numpy as np
 import pytest
 
 from tests.logs import command, file, noisy, rewritten, table, text
 from tests.sensor.test_limits import TURN
-
-
-def columns(folder: Path) -> Path:
-    pytest.importorskip("pyarrow", reason="reading Parquet needs the extra 'parquet'")
-    path = folder / "log.parquet"
-    table(noisy()).to_parquet(path)
-    return path
 
 
 def mutated(content: bytes, rng: np.random.Generator) -> bytes:
@@ -36,7 +28,7 @@ def test_a_mutated_log_is_answered_or_refused_in_one_line(seed, tmp_path, capsys
         "gz": gzip.compress(text().encode()),
         "utf16": text().encode("utf-16"),
         "xlsx": rewritten(tmp_path / "log.xlsx", {}).read_bytes(),
-        "parquet": columns(tmp_path).read_bytes(),
+        "parquet": table(noisy()).to_parquet(),
     }
     content = kinds[list(kinds)[seed % len(kinds)]]
     path = file(tmp_path, mutated(content, rng))
