@@ -147,10 +147,12 @@ def test_impacts_come_twice_a_turn_on_alternating_sides(joint):
     assert (parted[:3] < run.impact_time_s[1:4]).all()
 
 
-def test_the_gap_state_says_which_side_drives(joint):
+def test_the_gap_state_and_an_impact_say_which_side_drives(joint):
     run = simulate(joint, DELTA, duration_s=0.8, sample_s=1e-3)
     twist = run.motor_position_rad / joint.gear_ratio - run.load_position_rad
     assert (run.gap_state == np.where(np.abs(twist) < DELTA, 0, np.sign(twist))).all()
+    after = np.searchsorted(run.time_s, run.impact_time_s)
+    assert (run.gap_state[after] == run.impact_side).all()
 
 
 # Parameters

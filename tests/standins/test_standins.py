@@ -6,7 +6,7 @@ from scipy.integrate import solve_ivp
 
 from backlash.fitting.global_fit import global_fit
 from replication import characteristic, published, standins
-from replication.simulator.parameters import TURN, Disturbance, JointParameters, identified_joint
+from replication.simulator.parameters import Disturbance, JointParameters, identified_joint
 from replication.simulator.simulate import simulate
 from tests.simulator.test_simulate import NO_DRIVE
 
@@ -69,15 +69,6 @@ def test_a_disturbed_joint_is_the_one_that_scipy_integrates_from_the_undisturbed
     )
     np.testing.assert_allclose(speed, exact[1], atol=1e-3 * np.abs(exact[1]).max())
     np.testing.assert_allclose(load, exact[2], atol=1e-3 * np.abs(exact[2]).max())
-
-
-def test_a_slow_transmission_error_moves_the_load_and_not_the_motor(joint):
-    wave = Disturbance(0.01, transmission_error_rad=1e-4)
-    run = simulate(replace(joint, gravity_arm_m=1e-9, disturbances=(wave,)), 0.0, duration_s=0.8)
-    settled = run.time_s > 0.3
-    moved = (run.load_position_rad - run.motor_position_rad / joint.gear_ratio)[settled]
-    expected = -wave.transmission_error_rad * np.sin(TURN * run.time_s[settled])
-    np.testing.assert_allclose(moved, expected, atol=3e-6)
 
 
 # Benches and their logs
