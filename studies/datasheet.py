@@ -33,7 +33,7 @@ from studies.population import SPREADS as DRAWN_SPREADS
 from studies.rates import rate_columns
 from studies.strokes import draw_strokes
 
-SEED = 60317
+SEED = 71019
 CRITERIA = Path(__file__).with_name("datasheet_criteria.csv")
 
 # Logs of each population. Every sixth joint of turns with torque has no backlash.

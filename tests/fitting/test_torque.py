@@ -117,11 +117,11 @@ def test_friction_above_gravity_is_no_answer():
     assert found.warnings[0].startswith("no load reversal seen")
 
 
-def faulty(fault: Fault | None = None) -> BenchLog:
+def faulty(fault: Fault) -> BenchLog:
     return draw_turns(np.random.default_rng((246, 1)), DELTA, 0.05, fault)
 
 
-GEAR = faulty().gear_ratio
+GEAR = faulty(Fault()).gear_ratio
 FAULTS = {
     "does another axis move": Fault(second_axis=0.2),
     "ms too late": Fault(late_torque_s=0.01),
@@ -152,7 +152,7 @@ def test_a_gear_s_error_once_a_turn_does_not_matter():
 
 @pytest.mark.parametrize("factor", [0.5, 2.0])
 def test_a_gear_ratio_that_is_off_by_two_is_refused(factor):
-    found = answered(faulty(), gear_ratio=factor * GEAR)
+    found = answered(faulty(Fault()), gear_ratio=factor * GEAR)
     assert found.warnings[0].startswith(("wrong period", "wrong torque"))
 
 
