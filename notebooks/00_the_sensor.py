@@ -17,41 +17,46 @@
 # %% [markdown]
 # # 0 · Start here: the sensor
 #
-# *You will see what backlash is, how it shows in the motor speed, and how to estimate it from a log. Run time: 10 s.
-# Before this: nothing but Python. Symbols and units: [notation](glossary.md#notation).*
+# *You will see what backlash is, how it shows in the motor speed, and how to estimate it from a
+# log. Run time: 10 s. Before this: nothing but Python. Symbols and units:
+# [notation](glossary.md#notation).*
 #
 # ## Claim
 #
-# The backlash of a robot's joint can be known from the motor's encoder alone: the method "only relies on data gathered
-# from the motor encoder, which is always present in a robotic joint" (abstract).
+# The backlash of a robot's joint can be known from the motor's encoder alone: the method "only
+# relies on data gathered from the motor encoder, which is always present in a robotic joint"
+# (abstract).
 #
 # ## Method
 #
-# The arm turns about a horizontal axis, at constant speed. Gravity presses the teeth of the gear on one flank while the
-# load rises, on the other while it falls. So the teeth cross the gap twice in each turn of the load. Each time they
-# meet with an impact, and the motor speed rings. The larger the [backlash](glossary.md#backlash), the larger the ring.
+# The arm turns about a horizontal axis, at constant speed. Gravity presses the teeth of the gear on
+# one flank while the load rises, on the other while it falls. So the teeth cross the gap twice in
+# each turn of the load. Each time they meet with an impact, and the motor speed rings. The larger
+# the [backlash](glossary.md#backlash), the larger the ring.
 #
-# **1. The log.** The encoder gives the motor speed $v(t)$ in rps, revolutions per second. Subtracting the commanded
-# speed $v_t$ [rps] gives the disturbance $r(t) = v(t) - v_t$ (equation 11).
+# **1. The log.** The encoder gives the motor speed $v(t)$ in rps, revolutions per second.
+# Subtracting the commanded speed $v_t$ [rps] gives the disturbance $r(t) = v(t) - v_t$ (equation
+# 11).
 #
-# **2. The fit.** The [signature](glossary.md#signature) is a model of $r(t)$. An impact leaves a damped oscillation of
-# the amplitude $A$ [rps], the damping $\tau$ [1/s] and the frequency $\omega$ [rad/s], from $T_1$ to $T_2$ [s] after
-# the instant $t_0$ [s]:
+# **2. The fit.** The [signature](glossary.md#signature) is a model of $r(t)$. An impact leaves a
+# damped oscillation of the amplitude $A$ [rps], the damping $\tau$ [1/s] and the frequency $\omega$
+# [rad/s], from $T_1$ to $T_2$ [s] after the instant $t_0$ [s]:
 #
 # $$d_b(t - t_0) = A\,e^{-(t - (t_0 + T_1))\tau} \sin\omega(t - t_0)
 # \quad\text{for}\quad t_0 + T_1 \le t \le t_0 + T_2, \text{ else } 0 \tag{5}$$
 #
-# The second impact of a turn comes $T_d$ [s], half a turn, later and has the opposite sign. The next turn comes $T_f$
-# [s] later:
+# The second impact of a turn comes $T_d$ [s], half a turn, later and has the opposite sign. The
+# next turn comes $T_f$ [s] later:
 #
 # $$f(t - t_0) = d_b(t - t_0) - d_b(t - (t_0 + T_d)) \tag{6}$$
 #
 # $$h(t) = \sum_{i=1}^{n} f(t - (t_0 + (i - 1)\,T_f)) \tag{7}$$
 #
-# $n$ is the number of turns. The search looks for the parameters with the smallest root mean square (RMSE) of
-# $r(t) - h(t)$.
+# $n$ is the number of turns. The search looks for the parameters with the smallest root mean square
+# (RMSE) of $r(t) - h(t)$.
 #
-# **3. The backlash.** A cubic turns the fitted $A$, in rpm (revolutions per minute), into the backlash $\delta$ [rad]:
+# **3. The backlash.** A cubic turns the fitted $A$, in rpm (revolutions per minute), into the
+# backlash $\delta$ [rad]:
 #
 # $$\delta = 10^{-6} \left(-0.0018\, A^3 + 0.4323\, A^2 + 9.2524\, A + 34.0313\right)
 # \quad\text{with } A \text{ in rpm} \tag{10}$$
@@ -106,11 +111,12 @@ _ = plt.ion()
 #
 # ### The teeth in the gap
 #
-# One turn of the load. Above, the load on its arm, and the teeth: blue is the motor's tooth, orange the flank of the
-# load that is pressed. Below, the motor speed. Time passes five times slower while the gap is open.
+# One turn of the load. Above, the load on its arm, and the teeth: blue is the motor's tooth, orange
+# the flank of the load that is pressed. Below, the motor speed. Time passes five times slower while
+# the gap is open.
 #
-# The joint was identified from the published signals (notebook 9); `simulate` integrates its equations of motion
-# (notebook 1). It is compiled when it is first called: five seconds.
+# The joint was identified from the published signals (notebook 9); `simulate` integrates its
+# equations of motion (notebook 1). It is compiled when it is first called: five seconds.
 
 # %%
 delta_rad, joint = 1e-3 * backlash_mrad, identified_joint()
@@ -123,17 +129,19 @@ animation = workbook.plain_animation(
 HTML(animation + teeth.JOINT)
 
 # %% [markdown]
-# A motor turns a load through a gear of ratio $N$. The encoder measures the motor's angle $\theta_m$ [rad]; nothing
-# measures the load's angle $\theta_l$ [rad]. The *displacement* $\Delta\theta = \theta_m / N - \theta_l$ [rad] is the
-# place of the centre of the motor's tooth between the flanks of the load. The tooth is free while $|\Delta\theta| \le
-# \delta$: the backlash $\delta$ is *half* of the play. Beyond $\pm\delta$ it presses on a flank. Springs stand for the
+# A motor turns a load through a gear of ratio $N$. The encoder measures the motor's angle
+# $\theta_m$ [rad]; nothing measures the load's angle $\theta_l$ [rad]. The *displacement*
+# $\Delta\theta = \theta_m / N - \theta_l$ [rad] is the place of the centre of the motor's tooth
+# between the flanks of the load. The tooth is free while $|\Delta\theta| \le \delta$: the backlash
+# $\delta$ is *half* of the play. Beyond $\pm\delta$ it presses on a flank. Springs stand for the
 # elasticity of shaft and teeth. The paper's figures 1, 2, 3 and 8 are sketches of the same.
 
 # %% [markdown]
 # ### Turn up the backlash
 #
-# Drag the slider: the gap opens from nothing to 2.1 mrad, and the ring grows with it. Its largest value (dots) moves
-# along a curve. Equation 10 is the paper's formula for that curve: it makes the ring a sensor.
+# Drag the slider: the gap opens from nothing to 2.1 mrad, and the ring grows with it. Its largest
+# value (dots) moves along a curve. Equation 10 is the paper's formula for that curve: it makes the
+# ring a sensor.
 
 # %%
 coefficients = [published.value(f"equation10.A{power}") for power in range(4)]
@@ -157,8 +165,8 @@ HTML(teeth.gap_slider(turns_rps, peaks, equation_10(peaks), round(10 * backlash_
 # %% [markdown]
 # ### 1. The log
 #
-# Twelve turns, sampled every `sample_ms`, with noise: as the authors' logs are. The true backlash is `backlash_mrad`;
-# from here on only the log is used.
+# Twelve turns, sampled every `sample_ms`, with noise: as the authors' logs are. The true backlash
+# is `backlash_mrad`; from here on only the log is used.
 
 # %%
 log = simulate(joint, delta_rad, sample_s=1e-3 * sample_ms, step_s=5e-5)
@@ -176,8 +184,8 @@ _ = axis.legend()
 # %% [markdown]
 # ### 2. The fit
 #
-# The signature repeats in every turn, so the parameters that fit the mean of the twelve turns best also fit the log
-# best: the fit takes the mean turn.
+# The signature repeats in every turn, so the parameters that fit the mean of the twelve turns best
+# also fit the log best: the fit takes the mean turn.
 
 
 # %%
@@ -209,9 +217,10 @@ def rmse(X):  # of each row of X
 
 
 # %% [markdown]
-# The paper's search is CMA-ES (covariance matrix adaptation evolution strategy), which is random: a generation of
-# points is drawn from a normal distribution, and the better half of them moves the distribution ([notebook
-# 7](07_protocol_table1.ipynb)). It looks within the bounds of Table 1. Here a run has 90 generations.
+# The paper's search is CMA-ES (covariance matrix adaptation evolution strategy), which is random: a
+# generation of points is drawn from a normal distribution, and the better half of them moves the
+# distribution ([notebook 7](07_protocol_table1.ipynb)). It looks within the bounds of Table 1. Here
+# a run has 90 generations.
 
 # %%
 box = {"A": (-np.ptp(v) / 2, np.ptp(v) / 2), "t0": (0, T_f)}
@@ -252,11 +261,12 @@ _ = axis.legend(loc="upper center", ncols=4, bbox_to_anchor=(0.5, 1.2))
 # %% [markdown]
 # ### 3. From the amplitude to the backlash
 #
-# Above, equation 10. Its $A$ is the [theoretical](glossary.md#theoretical-a) one: in our reading the peak of the
-# noise-free speed before it is sampled. Below, the amplitudes and misfits of all runs. A run may end in a wrong local
-# minimum, so we take the lowest misfit. The paper takes the mean of 30 single runs, wrong ones included
-# ([notebook 8](08_noise_table2.ipynb)). Even right ones differ in $A$ by up to 3 %: $A$ is the envelope where the gate
-# opens, and opening up to one sample of 2 ms earlier gives the same samples.
+# Above, equation 10. Its $A$ is the [theoretical](glossary.md#theoretical-a) one: in our reading
+# the peak of the noise-free speed before it is sampled. Below, the amplitudes and misfits of all
+# runs. A run may end in a wrong local minimum, so we take the lowest misfit. The paper takes the
+# mean of 30 single runs, wrong ones included ([notebook 8](08_noise_table2.ipynb)). Even right ones
+# differ in $A$ by up to 3 %: $A$ is the envelope where the gate opens, and opening up to one sample
+# of 2 ms earlier gives the same samples.
 
 # %%
 theoretical_A, found_rad = settled_peak(run), equation_10(A)
@@ -277,10 +287,12 @@ for axis in (upper, lower):
 # %% [markdown]
 # ### Where to go on
 #
-# - To learn the paper: notebooks 1 to 9, in this order. To measure a joint of your own, with an interval:
-#   [12](beyond/12_your_own_joint.ipynb). To review the replication: the [report](../results/report.html).
-# - `make lab` opens copies of the notebooks, in `lab/`. Change the cell under *Parameters* and run all cells. `python
-#   -m workbook diff --lab` lists the verdicts that a change moved. The [glossary](glossary.md) has the terms.
+# - To learn the paper: notebooks 1 to 9, in this order. To measure a joint of your own, with an
+#   interval: [12](beyond/12_your_own_joint.ipynb). To review the replication: the
+#   [report](../results/report.html).
+# - `make lab` opens copies of the notebooks, in `lab/`. Change the cell under *Parameters* and run
+#   all cells. `python -m workbook diff --lab` lists the verdicts that a change moved. The
+#   [glossary](glossary.md) has the terms.
 
 # %% [markdown]
 # ## Verdict
@@ -305,20 +317,23 @@ workbook.export(pages={"signature_explorer": explorer})
 # %% [markdown]
 # ## Try changing
 #
-# 1. `sample_ms = 4.0`: the best run's $A$ comes out 2 % larger, nearer to the truth, by luck: the gate may open up to
-#    4 ms earlier on the same samples, which makes $A$ up to 6 % larger, not 3 %. Two errors cancel.
-# 2. `turn_period_s = 0.408`, the value that Table 1 prints: the mean turn is that of turns that slip past each other,
-#    and the backlash comes out at a quarter.
-# 3. `friction_share = 0.05`: the impacts are no longer half a turn apart, and the backlash comes out 44 % too small.
+# 1. `sample_ms = 4.0`: the best run's $A$ comes out 2 % larger, nearer to the truth, by luck: the
+#    gate may open up to 4 ms earlier on the same samples, which makes $A$ up to 6 % larger, not 3
+#    %. Two errors cancel.
+# 2. `turn_period_s = 0.408`, the value that Table 1 prints: the mean turn is that of turns that
+#    slip past each other, and the backlash comes out at a quarter.
+# 3. `friction_share = 0.05`: the impacts are no longer half a turn apart, and the backlash comes
+#    out 44 % too small.
 #
-# And `backlash_mrad = 0.0`: equation 10 gives 0.034 mrad at $A$ = 0, and noise and gravity leave an $A$ above 0;
-# `population = 300`: hardly a run ends in a wrong minimum; `noise_rps = 0.0`: the best run errs nearly as much.
+# And `backlash_mrad = 0.0`: equation 10 gives 0.034 mrad at $A$ = 0, and noise and gravity leave an
+# $A$ above 0; `population = 300`: hardly a run ends in a wrong minimum; `noise_rps = 0.0`: the best
+# run errs nearly as much.
 #
 # ## Exercises
 #
-# **1.** Why is $A$ too small even without noise? Fit the mean turn of the noise-free speed. Split the error of $A$ into
-# the signature's own and what the noise adds. Which share of the turn's SD does the best signature leave? (Notebook
-# [8](08_noise_table2.ipynb) shows what it leaves.)
+# **1.** Why is $A$ too small even without noise? Fit the mean turn of the noise-free speed. Split
+# the error of $A$ into the signature's own and what the noise adds. Which share of the turn's SD
+# does the best signature leave? (Notebook [8](08_noise_table2.ipynb) shows what it leaves.)
 
 # %% tags=["solution"]
 noisy_turn, mean_turn = mean_turn, average_turns(clean)
@@ -332,8 +347,8 @@ print(
 )
 
 # %% [markdown]
-# **2.** Every table of the paper has $A$ in rps. Which backlash does equation 10 give for every log of the paper if
-# you forget to turn rps into rpm?
+# **2.** Every table of the paper has $A$ in rps. Which backlash does equation 10 give for every log
+# of the paper if you forget to turn rps into rpm?
 
 # %% tags=["solution"]
 forgotten_mrad = 1e3 * equation_10(amplitudes / 60)
@@ -341,8 +356,8 @@ assert forgotten_mrad.max() - forgotten_mrad.min() < 0.02
 print(f"{forgotten_mrad.min():.3f} to {forgotten_mrad.max():.3f} mrad, whatever A is")
 
 # %% [markdown]
-# **3.** Why not read the largest sample instead of a fit? Compare the largest $r(t)$ after the first turn, of the
-# log and without noise, with the theoretical $A$.
+# **3.** Why not read the largest sample instead of a fit? Compare the largest $r(t)$ after the
+# first turn, of the log and without noise, with the theoretical $A$.
 
 # %% tags=["solution"]
 largest, largest_clean = ((each - v_t)[t >= 0.4].max() for each in (v, clean))
@@ -353,5 +368,5 @@ print(
 )
 
 # %% [markdown]
-# **What you have learnt**: an impact rings, a fit gives $A$, equation 10 gives the backlash, and single searches go
-# astray. *Next:* [the joint](01_the_joint.ipynb).
+# **What you have learnt**: an impact rings, a fit gives $A$, equation 10 gives the backlash, and
+# single searches go astray. *Next:* [the joint](01_the_joint.ipynb).

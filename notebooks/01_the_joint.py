@@ -17,39 +17,44 @@
 # %% [markdown]
 # # 1 · The joint: why its motor speed rings
 #
-# *You will solve the joint's equations of motion with SciPy, and build up the frequency and the decay of its ring,
-# one term a step. Run time: 6 s. Before this: notebook [0](00_the_sensor.ipynb).*
+# *You will solve the joint's equations of motion with SciPy, and build up the frequency and the
+# decay of its ring, one term a step. Run time: 6 s. Before this: notebook
+# [0](00_the_sensor.ipynb).*
 #
 # ## Claim
 #
-# "A robotic joint is a mechanical system with elastic properties; when properly excited, it exhibits oscillations"
-# (section "Proposed approach"). Two impacts in each [turn](glossary.md#turn) of the load excite them.
+# "A robotic joint is a mechanical system with elastic properties; when properly excited, it
+# exhibits oscillations" (section "Proposed approach"). Two impacts in each [turn](glossary.md#turn)
+# of the load excite them.
 #
 # ## Method
 #
-# The motor (angle $\theta_m$ [rad], speed $\omega_m = \dot\theta_m$ [rad/s], inertia $J_m$ [kg m²]) turns the load
-# ($\theta_l$, $\omega_l$, $J_l$) through a gear of ratio $N$ and an elastic coupling. $\tau_m$ and $\tau_l$ [N m] are
-# the torques of motor and coupling. $G$ [N m] is the largest torque of gravity, $\theta_l = 0$ hangs straight down,
-# and $\tau_c$ [N m] is Coulomb friction:
+# The motor (angle $\theta_m$ [rad], speed $\omega_m = \dot\theta_m$ [rad/s], inertia $J_m$ [kg m²])
+# turns the load ($\theta_l$, $\omega_l$, $J_l$) through a gear of ratio $N$ and an elastic
+# coupling. $\tau_m$ and $\tau_l$ [N m] are the torques of motor and coupling. $G$ [N m] is the
+# largest torque of gravity, $\theta_l = 0$ hangs straight down, and $\tau_c$ [N m] is Coulomb
+# friction:
 #
 # $$J_m \dot\omega_m = \tau_m - \tau_l / N, \qquad
 # J_l \dot\omega_l = \tau_l - G \sin\theta_l - \tau_c \, \text{sign}(\omega_l)$$
 #
-# The coupling, of stiffness $K_s$ [N m/rad], is free while the displacement $\Delta\theta = \theta_m / N - \theta_l$ is
-# within the [backlash](glossary.md#backlash) $\pm\delta$. This notebook takes a sharp edge; equations 8 and 9 smooth it
-# ([notebook 2](02_dead_zone_figure9.ipynb)):
+# The coupling, of stiffness $K_s$ [N m/rad], is free while the displacement
+# $\Delta\theta = \theta_m / N - \theta_l$ is within the [backlash](glossary.md#backlash)
+# $\pm\delta$. This notebook takes a sharp edge; equations 8 and 9 smooth it ([notebook
+# 2](02_dead_zone_figure9.ipynb)):
 #
 # $$\tau_l = K_s \left(\Delta\theta - \delta\,\text{sign}(\Delta\theta)\right) \quad\text{for } |\Delta\theta| > \delta,
 # \text{ else } 0$$
 #
-# A digital [drive](glossary.md#drive) holds the commanded speed $\Omega$ [rad/s]. Its equations, and the fit of all
-# numbers to the published signals, stand in [notebook 9](09_identification_of_the_joint.ipynb): a speed loop (gains
-# $K_p$, $K_i$, $K_d$, and $K_w$ of an integrator that forgets at the rate $a_w$) within a position loop ($K_{pos}$),
-# computed every $T_c$ [s], one period late, with the lag $T_\tau$ [s] of the torque. The speed tells only ratios such
-# as $K_s/J_l$; the paper's load of 5 kg fixes their size.
+# A digital [drive](glossary.md#drive) holds the commanded speed $\Omega$ [rad/s]. Its equations,
+# and the fit of all numbers to the published signals, stand in [notebook
+# 9](09_identification_of_the_joint.ipynb): a speed loop (gains $K_p$, $K_i$, $K_d$, and $K_w$ of an
+# integrator that forgets at the rate $a_w$) within a position loop ($K_{pos}$), computed every
+# $T_c$ [s], one period late, with the lag $T_\tau$ [s] of the torque. The speed tells only ratios
+# such as $K_s/J_l$; the paper's load of 5 kg fixes their size.
 #
-# The paper writes $\tau$ for the damping of the [signature](glossary.md#signature) too. Here $\tau$ is a torque, and
-# the decay of the ring is $\sigma$ [1/s].
+# The paper writes $\tau$ for the damping of the [signature](glossary.md#signature) too. Here $\tau$
+# is a torque, and the decay of the ring is $\sigma$ [1/s].
 
 # %%
 from dataclasses import replace
@@ -85,11 +90,12 @@ workbook.check_parameters(
 #
 # ### Why there are two impacts a turn
 #
-# At constant speed the coupling carries only gravity and friction, $\tau_l \approx G \sin\theta_l + \tau_c$. While that
-# is positive the motor drives the load, on one flank; while it is negative the load drives the motor, on the other.
-# Without friction the sign changes at the top ($\theta_l = \pi$) and at the bottom ($2\pi$). Each time the teeth cross
-# the gap $2\delta$ and meet with an impact. At the top the load runs ahead and pushes the motor: its speed jumps up. At
-# the bottom the load falls back and brakes the motor: its speed drops.
+# At constant speed the coupling carries only gravity and friction,
+# $\tau_l \approx G \sin\theta_l + \tau_c$. While that is positive the motor drives the load, on one
+# flank; while it is negative the load drives the motor, on the other. Without friction the sign
+# changes at the top ($\theta_l = \pi$) and at the bottom ($2\pi$). Each time the teeth cross the
+# gap $2\delta$ and meet with an impact. At the top the load runs ahead and pushes the motor: its
+# speed jumps up. At the bottom the load falls back and brakes the motor: its speed drops.
 
 # %%
 delta, joint = 1e-3 * backlash_mrad, identified_joint()
@@ -114,8 +120,8 @@ for axis in (upper, lower):
 # %% [markdown]
 # ### The same with SciPy
 #
-# `simulate` is compiled, finds each contact exactly and takes milliseconds. These cells solve the equations above with
-# `solve_ivp`, from one control period to the next: mechanics, drive, loop.
+# `simulate` is compiled, finds each contact exactly and takes milliseconds. These cells solve the
+# equations above with `solve_ivp`, from one control period to the next: mechanics, drive, loop.
 
 
 # %%
@@ -178,13 +184,15 @@ print(f"second turn: at most {difference.max():.1g} rps apart")
 # %% [markdown]
 # ### Why it rings near 21 Hz, and decays
 #
-# With the teeth in contact the joint is linear. Let the motor resist a motion $e^{st}$ of its angle with the torque
-# $Z(s)$ [N m/rad]. Then the load swings on the coupling $K_s$ and, through the gear, on $N^2 Z$, in series:
+# With the teeth in contact the joint is linear. Let the motor resist a motion $e^{st}$ of its angle
+# with the torque $Z(s)$ [N m/rad]. Then the load swings on the coupling $K_s$ and, through the
+# gear, on $N^2 Z$, in series:
 #
 # $$J_l s^2 + \frac{K_s \, N^2 Z(s)}{K_s + N^2 Z(s)} = 0, \qquad s = -\sigma + i\omega.$$
 #
-# The integral of the speed's error is the error of the position. So the drive holds the motor like a spring, with
-# damping: $Z \approx K_i + K_p K_{pos} + K_w$. That is the first step, *two springs*. Each further step adds one term.
+# The integral of the speed's error is the error of the position. So the drive holds the motor like
+# a spring, with damping: $Z \approx K_i + K_p K_{pos} + K_w$. That is the first step, *two
+# springs*. Each further step adds one term.
 
 # %%
 spring = K_i + K_p * K_pos + K_w
@@ -226,19 +234,21 @@ axis.set(xlabel="decay of the ring [1/s]", ylabel="frequency [Hz]", xlim=(-2, 48
 ring.round(1)
 
 # %% [markdown]
-# Two springs alone come near the committed joint's frequency, partly by luck: what they leave out is as large as their
-# spring, and cancels.
-# They give no decay at all. The decay is the drive's: $K_p$ damps the ring, and what acts late undoes much of it. So
-# the frequency *and* the damping of the signature depend on the drive's settings, not on the gear alone.
+# Two springs alone come near the committed joint's frequency, partly by luck: what they leave out
+# is as large as their spring, and cancels. They give no decay at all. The decay is the drive's:
+# $K_p$ damps the ring, and what acts late undoes much of it. So the frequency *and* the damping of
+# the signature depend on the drive's settings, not on the gear alone.
 #
-# $K_w$ is negative: it makes the drive's spring softer. It came out of the fit to the signals; we do not know why.
+# $K_w$ is negative: it makes the drive's spring softer. It came out of the fit to the signals; we
+# do not know why.
 
 # %% [markdown]
 # ### Is it what the speed does?
 #
-# A damped oscillation is fitted to the simulated speed, from 20 ms after an impact until the teeth part again; a
-# parabola absorbs gravity's slow change. Beside it the sampled loop without approximation: one control period
-# multiplies the state by a matrix, and an eigenvalue $\lambda$ of it is a mode $s = \ln(\lambda) / T_c$.
+# A damped oscillation is fitted to the simulated speed, from 20 ms after an impact until the teeth
+# part again; a parabola absorbs gravity's slow change. Beside it the sampled loop without
+# approximation: one control period multiplies the state by a matrix, and an eigenvalue $\lambda$ of
+# it is a mode $s = \ln(\lambda) / T_c$.
 
 
 # %%
@@ -282,16 +292,19 @@ workbook.verdict(
 # %% [markdown]
 # ## Try changing
 #
-# 1. `changes = {"stiffness_per_s2": 0.5}`: a softer coupling rings more slowly, and two springs are nearly right.
-# 2. `changes = {"leaky_gain_per_s2": 0.0}`: without $K_w$ the drive's spring is stiffer; the joint rings faster, and
-#    longer.
-# 3. `friction_share = 0.05`: gravity has to overcome friction first, so the impacts are no longer half a turn apart.
+# 1. `changes = {"stiffness_per_s2": 0.5}`: a softer coupling rings more slowly, and two springs are
+#    nearly right.
+# 2. `changes = {"leaky_gain_per_s2": 0.0}`: without $K_w$ the drive's spring is stiffer; the joint
+#    rings faster, and longer.
+# 3. `friction_share = 0.05`: gravity has to overcome friction first, so the impacts are no longer
+#    half a turn apart.
 #
 # ## Exercises
 #
-# **1.** In the gap no torque holds the load. Suppose that the teeth part at the top without a relative speed, and that
-# the motor keeps its speed: how long does it take the load to fall through $2\delta$? How does this time grow with
-# $\delta$? Compare it with the simulated one, and say why that is shorter.
+# **1.** In the gap no torque holds the load. Suppose that the teeth part at the top without a
+# relative speed, and that the motor keeps its speed: how long does it take the load to fall through
+# $2\delta$? How does this time grow with $\delta$? Compare it with the simulated one, and say why
+# that is shorter.
 
 # %% tags=["solution"]
 # The load's acceleration is about G Omega t / (N J_l); twice integrated, 2 delta = G Omega t**3 / (6 N J_l).
@@ -302,7 +315,8 @@ assert gap_s < fall_s  # as the coupling unwinds at the rate G Omega / (N K_s) w
 print(f"{1e3 * fall_s:.1f} ms against {1e3 * gap_s:.1f} ms")
 
 # %% [markdown]
-# **2.** A newer drive has half the lag $T_\tau$. Does the joint ring longer or shorter? Find the eigenvalue.
+# **2.** A newer drive has half the lag $T_\tau$. Does the joint ring longer or shorter? Find the
+# eigenvalue.
 
 # %% tags=["solution"]
 quicker = ringing_mode(replace(joint, torque_lag_s=T_tau / 2))
@@ -319,5 +333,5 @@ assert weak.real > mode.real  # the ring decays more slowly, or grows: the drive
 print(f"decay {-weak.real:.1f} 1/s instead of {-mode.real:.1f} 1/s")
 
 # %% [markdown]
-# **What you have learnt**: gravity opens the gap twice a turn, and drive and coupling together set the ring's frequency
-# and decay. *Next:* [the dead zone](02_dead_zone_figure9.ipynb).
+# **What you have learnt**: gravity opens the gap twice a turn, and drive and coupling together set
+# the ring's frequency and decay. *Next:* [the dead zone](02_dead_zone_figure9.ipynb).

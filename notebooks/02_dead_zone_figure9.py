@@ -17,23 +17,24 @@
 # %% [markdown]
 # # 2 · Stiffness and torque in the gap (equations 8 and 9, figure 9)
 #
-# *You will see what a dead zone is, and how much stiffness a smooth formula leaves inside the gap. Run time: 3 s.
-# Before this: notebook [1](01_the_joint.ipynb).*
+# *You will see what a dead zone is, and how much stiffness a smooth formula leaves inside the gap.
+# Run time: 3 s. Before this: notebook [1](01_the_joint.ipynb).*
 #
 # ## Claim
 #
-# The modified dead zone model has the stiffness $K_s$ outside the [backlash](glossary.md#backlash) gap and 0 inside it,
-# and "unlike the typical dead zone models, it does not present discontinuities" (section "Matlab/Simulink model of the
-# robotic joint"). The model is that of Papageorgiou et al.
-# ([2019](https://doi.org/10.1109/TCST.2018.2837642)); Nordin and Gutman
+# The modified dead zone model has the stiffness $K_s$ outside the [backlash](glossary.md#backlash)
+# gap and 0 inside it, and "unlike the typical dead zone models, it does not present
+# discontinuities" (section "Matlab/Simulink model of the robotic joint"). The model is that of
+# Papageorgiou et al. ([2019](https://doi.org/10.1109/TCST.2018.2837642)); Nordin and Gutman
 # ([2002](https://doi.org/10.1016/S0005-1098(02)00047-X)) compare models of backlash.
 #
 # ## Method
 #
-# The displacement $\Delta\theta = \theta_m / N - \theta_l$ [rad] is the motor's angle, divided by the gear ratio $N$,
-# less the load's. The teeth are free while $|\Delta\theta| \le \delta$: $\delta$ is half of the play. The coupling has
-# the stiffness $K_s$ [N m/rad] and the damping $D_s$ [N m s/rad]; $\alpha$ [1/rad] sets how sharp the edge of the gap
-# is. The paper does not print $\alpha$.
+# The displacement $\Delta\theta = \theta_m / N - \theta_l$ [rad] is the motor's angle, divided by
+# the gear ratio $N$, less the load's. The teeth are free while $|\Delta\theta| \le \delta$:
+# $\delta$ is half of the play. The coupling has the stiffness $K_s$ [N m/rad] and the damping $D_s$
+# [N m s/rad]; $\alpha$ [1/rad] sets how sharp the edge of the gap is. The paper does not print
+# $\alpha$.
 #
 # $$K_{BL}(\Delta\theta, \delta) = \frac{K_s}{\pi}\left[\pi + \arctan(\alpha(\Delta\theta - \delta))
 # - \arctan(\alpha(\Delta\theta + \delta))\right] \tag{8}$$
@@ -41,7 +42,8 @@
 # $$\tau_l = \left[\Delta\theta - \delta \cdot \text{sign}(\Delta\theta) + \frac{D_s}{K_s}\Delta\omega\right]
 # \cdot K_{BL}(\Delta\theta, \delta) \tag{9}$$
 #
-# The plain, clamped dead zone gives no torque inside the gap, and $K_s$ times the distance from the edge outside it.
+# The plain, clamped dead zone gives no torque inside the gap, and $K_s$ times the distance from the
+# edge outside it.
 
 # %%
 import numpy as np
@@ -75,8 +77,8 @@ workbook.check_parameters(
 #
 # ### Figure 9
 #
-# Equations 8 and 9, at rest ($\Delta\omega = 0$). Predict first: what do the curves have at the edge, and what in the
-# middle of the gap?
+# Equations 8 and 9, at rest ($\Delta\omega = 0$). Predict first: what do the curves have at the
+# edge, and what in the middle of the gap?
 
 # %%
 delta_rad = 1e-3 * backlash_mrad
@@ -113,7 +115,8 @@ workbook.show_figure(
 )
 
 # %% [markdown]
-# With `make lab` the torque has sliders for $\alpha$ and $\delta$. The grey line is the clamped dead zone.
+# With `make lab` the torque has sliders for $\alpha$ and $\delta$. The grey line is the clamped
+# dead zone.
 
 
 # %%
@@ -132,16 +135,17 @@ workbook.sliders(draw, log10_alpha=(4.0, 3.0, 6.0), delta_mrad=(backlash_mrad, 0
 # %% [markdown]
 # ### What is left in the gap
 #
-# At the edge, $\Delta\theta = \delta$, the second arctangent is nearly $\pi/2$, so that half of $K_s$ is left. In the
-# middle, $\Delta\theta = 0$, equation 8 is
+# At the edge, $\Delta\theta = \delta$, the second arctangent is nearly $\pi/2$, so that half of
+# $K_s$ is left. In the middle, $\Delta\theta = 0$, equation 8 is
 #
 # $$K_{BL}(0, \delta) = K_s \left[1 - \frac{2}{\pi}\arctan(\alpha\delta)\right] \approx \frac{2 K_s}{\pi\alpha\delta}
 # \quad\text{for}\quad \alpha\delta \gg 1.$$
 #
-# This stiffness acts on $\Delta\theta - \delta\,\text{sign}(\Delta\theta)$, which inside the gap points to the nearer
-# edge: the teeth are pulled there. And where $\Delta\theta$ changes its sign the torque jumps by
-# $2 \delta K_{BL}(0, \delta)$. With the joint identified anew for each $\alpha$, the public records exclude $10^3$ and
-# $10^4$ per rad (notebook 16), so the verdict names the numbers at $10^5$, or at the value nearest to it.
+# This stiffness acts on $\Delta\theta - \delta\,\text{sign}(\Delta\theta)$, which inside the gap
+# points to the nearer edge: the teeth are pulled there. And where $\Delta\theta$ changes its sign
+# the torque jumps by $2 \delta K_{BL}(0, \delta)$. With the joint identified anew for each
+# $\alpha$, the public records exclude $10^3$ and $10^4$ per rad (notebook 16), so the verdict names
+# the numbers at $10^5$, or at the value nearest to it.
 
 # %%
 facts = pd.DataFrame(
@@ -208,14 +212,17 @@ workbook.export(
 # %% [markdown]
 # ## Try changing
 #
-# 1. `alphas = [1e8]`: nearly the clamped dead zone; the share left in mid-gap falls below a thousandth of a percent.
-# 2. `backlash_mrad = 0.3`: a fifth of the gap; five times the stiffness is left in the middle (twice at 10³).
-# 3. `alphas = [4e5]`: sharp enough for the published signals; a tenth of a percent of the stiffness is left in mid-gap.
+# 1. `alphas = [1e8]`: nearly the clamped dead zone; the share left in mid-gap falls below a
+#    thousandth of a percent.
+# 2. `backlash_mrad = 0.3`: a fifth of the gap; five times the stiffness is left in the middle
+#    (twice at 10³).
+# 3. `alphas = [4e5]`: sharp enough for the published signals; a tenth of a percent of the stiffness
+#    is left in mid-gap.
 #
 # ## Exercises
 #
-# **1.** Which $\alpha$ leaves 1 % of $K_s$ in the middle of a gap of $\delta$ = 1.5 mrad? Use the exact
-# form; a right answer leaves 1.00 %.
+# **1.** Which $\alpha$ leaves 1 % of $K_s$ in the middle of a gap of $\delta$ = 1.5 mrad? Use the
+# exact form; a right answer leaves 1.00 %.
 
 # %% tags=["solution"]
 alpha_1_percent = np.tan(0.99 * np.pi / 2) / 15e-4
@@ -223,8 +230,9 @@ assert np.isclose(K_BL(0.0, alpha_1_percent, 15e-4) / K_s, 0.01)
 print(f"{alpha_1_percent:.3g} per rad")
 
 # %% [markdown]
-# **2.** The torque inside the gap does work. How large is the potential's barrier between the two edges at
-# $\alpha = 10^4$ per rad (to 1 %), compared with the energy that the spring stores 0.1 mrad beyond the edge?
+# **2.** The torque inside the gap does work. How large is the potential's barrier between the two
+# edges at $\alpha = 10^4$ per rad (to 1 %), compared with the energy that the spring stores 0.1
+# mrad beyond the edge?
 
 # %% tags=["solution"]
 inside = np.linspace(0.0, delta_rad, 20001)
@@ -234,8 +242,9 @@ assert 0 < barrier_j < K_BL(0.0, 1e4) * delta_rad**2
 print(f"{barrier_j:.2g} J against {spring_j:.2g} J")
 
 # %% [markdown]
-# **3.** Without sign() the torque would not jump. Write $\tau_l$ as $K_s$ times the displacement less its clamped part
-# to $\pm\delta$, and check that it is continuous, zero in the gap, and equal to the clamped dead zone.
+# **3.** Without sign() the torque would not jump. Write $\tau_l$ as $K_s$ times the displacement
+# less its clamped part to $\pm\delta$, and check that it is continuous, zero in the gap, and equal
+# to the clamped dead zone.
 
 # %% tags=["solution"]
 torque_nm = K_s * (x - np.clip(x, -delta_rad, delta_rad))
@@ -243,5 +252,5 @@ assert np.allclose(torque_nm, clamped_tau_l(x))
 assert np.abs(np.diff(torque_nm)).max() <= K_s * (x[1] - x[0]) * (1 + 1e-9)
 
 # %% [markdown]
-# **What you have learnt**: a smooth dead zone leaves stiffness in the gap, and equation 9 jumps at its middle. *Next:*
-# [the simulator](03_simulator_figure10.ipynb).
+# **What you have learnt**: a smooth dead zone leaves stiffness in the gap, and equation 9 jumps at
+# its middle. *Next:* [the simulator](03_simulator_figure10.ipynb).

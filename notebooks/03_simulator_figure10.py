@@ -17,35 +17,41 @@
 # %% [markdown]
 # # 3 · The simulator against the published signals (figure 10)
 #
-# *You will see how far a simulated joint agrees with the published speed, and what friction, inertia and gear ratio
-# change. Run time: 8 s. Before this: notebook [1](01_the_joint.ipynb).*
+# *You will see how far a simulated joint agrees with the published speed, and what friction,
+# inertia and gear ratio change. Run time: 8 s. Before this: notebook [1](01_the_joint.ipynb).*
 #
 # ## Claim
 #
-# The simulator reproduces the behaviour of the joint with [backlash](glossary.md#backlash): position, speed and current
-# of the bench and of the simulator, superimposed (section "Matlab/Simulink model of the robotic joint", figure 10).
+# The simulator reproduces the behaviour of the joint with [backlash](glossary.md#backlash):
+# position, speed and current of the bench and of the simulator, superimposed (section
+# "Matlab/Simulink model of the robotic joint", figure 10).
 #
 # ## Method
 #
-# The simulated joint has notebook 9's equations of motion and drive, and equations 8 and 9 for the torque in the
-# coupling. The bench's signals are not public. What can be compared is the motor speed $v$ [rps], with the records that
-# the authors' own simulator made; position and torque (the current times a constant) are shown as our simulator has
-# them. Per [level](glossary.md#level) K, two numbers say how well they agree, over the [settled](glossary.md#settled)
-# turns, after the first turn of the duration $T_f = N / v_t$ [s] with the gear ratio $N$ and the commanded motor speed
-# $v_t$ [rps]. The misfit is over the $n$ samples of 2 ms, in units of the record's SD $s_K$ [rps]:
+# The simulated joint has notebook 9's equations of motion and drive, and equations 8 and 9 for the
+# torque in the coupling. The bench's signals are not public. What can be compared is the motor
+# speed $v$ [rps], with the records that the authors' own simulator made; position and torque (the
+# current times a constant) are shown as our simulator has them. Per [level](glossary.md#level) K,
+# two numbers say how well they agree, over the [settled](glossary.md#settled) turns, after the
+# first turn of the duration $T_f = N / v_t$ [s] with the gear ratio $N$ and the commanded motor
+# speed $v_t$ [rps]. The misfit is over the $n$ samples of 2 ms, in units of the record's SD $s_K$
+# [rps]:
 #
 # $$\text{NRMSE} = \frac{1}{s_K} \sqrt{\frac{1}{n} \sum_{t_i \ge T_f}
 # \left[v_\text{simulated}(t_i) - v_K(t_i)\right]^2}$$
 #
-# The settled peak, before sampling, is our reading of the [theoretical $A$](glossary.md#theoretical-a) [rps]:
+# The settled peak, before sampling, is our reading of the [theoretical
+# $A$](glossary.md#theoretical-a) [rps]:
 #
 # $$A = \max_{t \ge T_f} v(t) - v_t$$
 #
-# The limits for both are set under *Verdict*. The model's structure was chosen with these records and peaks in
-# view (notebook 9), so this shows how well it fits, and is no independent validation. The verdicts on the printed $A$
-# therefore rest on the clean records alone where these are public: their settled turns, interpolated.
+# The limits for both are set under *Verdict*. The model's structure was chosen with these records
+# and peaks in view (notebook 9), so this shows how well it fits, and is no independent validation.
+# The verdicts on the printed $A$ therefore rest on the clean records alone where these are public:
+# their settled turns, interpolated.
 #
-# Coulomb friction $\tau_c$ [N m] adds to gravity on the load, whose speed $\omega_l$ [rad/s] does not change its sign:
+# Coulomb friction $\tau_c$ [N m] adds to gravity on the load, whose speed $\omega_l$ [rad/s] does
+# not change its sign:
 #
 # $$J_l \dot\omega_l = \tau_l - m g r \sin\theta_l - \tau_c, \qquad \tau_c = \text{friction share} \cdot m g r$$
 
@@ -72,10 +78,11 @@ from replication.simulator.simulate import settled_peak_rps, simulate_many
 # %% [markdown]
 # ## Parameters
 #
-# `changes` multiplies by factors. A *ratio* of notebook 9 (such as `stiffness_per_s2`, `inertia_ratio`,
-# `speed_gain_per_s`) is changed with the other ratios kept: half the `inertia_ratio` doubles the motor's inertia *and*
-# all gains. A *physical quantity* (such as `motor_inertia_kgm2`, `gear_ratio`, `load_mass_kg` or
-# `speed_gain_nms_per_rad`) is changed alone; `load_mass_kg` changes gravity, and not `load_inertia_kgm2`.
+# `changes` multiplies by factors. A *ratio* of notebook 9 (such as `stiffness_per_s2`,
+# `inertia_ratio`, `speed_gain_per_s`) is changed with the other ratios kept: half the
+# `inertia_ratio` doubles the motor's inertia *and* all gains. A *physical quantity* (such as
+# `motor_inertia_kgm2`, `gear_ratio`, `load_mass_kg` or `speed_gain_nms_per_rad`) is changed alone;
+# `load_mass_kg` changes gravity, and not `load_inertia_kgm2`.
 
 # %% tags=["parameters"]
 level = 8  # the authors' record K that is drawn
@@ -94,7 +101,8 @@ workbook.check_parameters(
 #
 # ### Figure 10
 #
-# Two settled turns. A joint that turns otherwise than the authors' is not compared with their records.
+# Two settled turns. A joint that turns otherwise than the authors' is not compared with their
+# records.
 
 # %%
 committed = identified_joint()
@@ -145,9 +153,10 @@ compare_joints[compare_joints["committed"] != compare_joints["here"]]
 # %% [markdown]
 # ### Level by level
 #
-# Misfit and settled peak at every level, and the change of the peak from that of the committed joint. The simulated
-# speed has 40 samples in 2 ms; 200 samples of 2 ms are the first turn of a record. K = 2 has a printed $A$ alone.
-# Predict first: where is the misfit larger, at the four levels that the fit of the ratios used, or at the others?
+# Misfit and settled peak at every level, and the change of the peak from that of the committed
+# joint. The simulated speed has 40 samples in 2 ms; 200 samples of 2 ms are the first turn of a
+# record. K = 2 has a printed $A$ alone. Predict first: where is the misfit larger, at the four
+# levels that the fit of the ratios used, or at the others?
 
 # %%
 FINE_S = 5e-5  # 40 in 2 ms
@@ -194,14 +203,14 @@ table.assign(peak_change_percent=peak_change_percent.round(2))
 # %% [markdown]
 # ### The peaks without a simulator
 #
-# The settled turns of a record are periodic and have $n$ samples $v_j$ of $\Delta t$ = 2 ms. Between the samples we
-# take their Fourier series, the band-limited interpolation:
+# The settled turns of a record are periodic and have $n$ samples $v_j$ of $\Delta t$ = 2 ms.
+# Between the samples we take their Fourier series, the band-limited interpolation:
 #
 # $$v(t) = \sum_{k=-n/2}^{n/2} c_k\, e^{2\pi i k t / (n \Delta t)}, \qquad
 # c_k = \frac{1}{n} \sum_{j=0}^{n-1} v_j\, e^{-2\pi i k j / n}$$
 #
-# (the two coefficients at $k = \pm n/2$ are halved). Simulated signals, sampled at each of 40 phases within 2 ms and
-# rounded to 0.01 rps like the records, tell how well this finds the peak.
+# (the two coefficients at $k = \pm n/2$ are halved). Simulated signals, sampled at each of 40
+# phases within 2 ms and rounded to 0.01 rps like the records, tell how well this finds the peak.
 
 
 # %%
@@ -225,9 +234,9 @@ of_interpolation = 100 * np.array(
 pd.Series(of_interpolation, name="error of the interpolated peak [%]").describe().round(1)
 
 # %% [markdown]
-# The authors' clean records, at the levels of Table 2 that are public (K = 3 to 11; row 1 has none). We kept the
-# tolerance of 2.5 % that our simulator's peaks had. When we did, it was known that the interpolated peaks agree within
-# 2.3 %, so their agreement was no surprise.
+# The authors' clean records, at the levels of Table 2 that are public (K = 3 to 11; row 1 has
+# none). We kept the tolerance of 2.5 % that our simulator's peaks had. When we did, it was known
+# that the interpolated peaks agree within 2.3 %, so their agreement was no surprise.
 
 # %%
 traced = pd.DataFrame(
@@ -245,8 +254,9 @@ traced.round(4)
 # %% [markdown]
 # ### How late the positive impact comes
 #
-# The two impacts are half a turn apart only in the paper's [signature](glossary.md#signature). Gravity turns with the
-# load, and the load lags by the gap: the positive impact is late, the more the wider the gap.
+# The two impacts are half a turn apart only in the paper's [signature](glossary.md#signature).
+# Gravity turns with the load, and the load lags by the gap: the positive impact is late, the more
+# the wider the gap.
 
 # %%
 impacts = [run.impact_time_s[run.impact_time_s > 2 * T_f] for run in finely(joint)]
@@ -258,10 +268,11 @@ pd.Series(late_ms, 1e3 * table["delta_rad"], name="late [ms]").rename_axis("back
 # %% [markdown]
 # ## Verdict
 #
-# The limits and their reasons. The first continuous drive that was fitted misses the records by 4.8 % on average and
-# 6.6 % at worst, and the printed peaks by up to 1.9 % (attempt 1 of notebook 9). A joint under a digital drive has more
-# freedom and must not be worse: 5 and 6.5 % are the first two, rounded. 2.5 % for the peaks is the tolerance of the
-# printed $A$. The limits only tell whether a change spoils the joint.
+# The limits and their reasons. The first continuous drive that was fitted misses the records by 4.8
+# % on average and 6.6 % at worst, and the printed peaks by up to 1.9 % (attempt 1 of notebook 9). A
+# joint under a digital drive has more freedom and must not be worse: 5 and 6.5 % are the first two,
+# rounded. 2.5 % for the peaks is the tolerance of the printed $A$. The limits only tell whether a
+# change spoils the joint.
 
 # %%
 limits = pd.Series({"mean misfit": 5.0, "largest misfit": 6.5, "largest error of a peak": 2.5})
@@ -318,14 +329,17 @@ workbook.export(
 # %% [markdown]
 # ## Try changing
 #
-# 1. `changes = {"stiffness_per_s2": 1.05}`: 5 % more stiffness, a faster ring, and nearly six times the misfit.
-# 2. `changes = {"start_angle_rad": 0.5}`: the impacts come at another time; three quarters of the signal are missed.
+# 1. `changes = {"stiffness_per_s2": 1.05}`: 5 % more stiffness, a faster ring, and nearly six times
+#    the misfit.
+# 2. `changes = {"start_angle_rad": 0.5}`: the impacts come at another time; three quarters of the
+#    signal are missed.
 # 3. `level = 13`: the widest gap that is public; the speed still lies within the line's width.
 #
 # ## Exercises
 #
-# **1.** Double the motor's inertia in two ways: `{"inertia_ratio": 0.5}` and `{"motor_inertia_kgm2": 2.0}`. How do the
-# peaks at $\delta$ = 15·10⁻⁴ rad change (to 1 %), and what else differs between the two joints?
+# **1.** Double the motor's inertia in two ways: `{"inertia_ratio": 0.5}` and
+# `{"motor_inertia_kgm2": 2.0}`. How do the peaks at $\delta$ = 15·10⁻⁴ rad change (to 1 %), and
+# what else differs between the two joints?
 
 # %% tags=["solution"]
 (A,) = peaks_rps(committed, [15e-4])
@@ -341,8 +355,9 @@ print(
 )
 
 # %% [markdown]
-# **2.** Move the joint's start by half a turn of the load, $\theta_0 + \pi$. What happens to the signs of the impacts,
-# and how far is the settled speed from the old one half a turn later (at most, in rps)?
+# **2.** Move the joint's start by half a turn of the load, $\theta_0 + \pi$. What happens to the
+# signs of the impacts, and how far is the settled speed from the old one half a turn later (at
+# most, in rps)?
 
 # %% tags=["solution"]
 moved = replace(committed, start_angle_rad=committed.start_angle_rad + np.pi)
@@ -352,8 +367,8 @@ assert apart_rps < 1e-3
 print(f"each impact comes half a turn earlier, with the other sign; {apart_rps:.0e} rps apart")
 
 # %% [markdown]
-# **3.** A joint with all ratios as committed has the gear ratio 80 and is commanded to 200 rps. How does its load turn,
-# and how high are its peaks (to 0.1 %)? What do the records tell of $N$?
+# **3.** A joint with all ratios as committed has the gear ratio 80 and is commanded to 200 rps. How
+# does its load turn, and how high are its peaks (to 0.1 %)? What do the records tell of $N$?
 
 # %% tags=["solution"]
 geared = joint_from_ratios(committed.ratios, gear_ratio=80.0, commanded_speed_rps=200.0)
@@ -363,5 +378,5 @@ assert np.isclose(twice, 2, rtol=1e-6)
 print(f"{twice:.4f} times as high: theta_m / N moves as before, the records tell N only as v_t T_f")
 
 # %% [markdown]
-# **What you have learnt**: a fitted simulator can be compared with records, and is not validated by those it was chosen
-# with. *Next:* [records and noise](04_growth_figure11.ipynb).
+# **What you have learnt**: a fitted simulator can be compared with records, and is not validated by
+# those it was chosen with. *Next:* [records and noise](04_growth_figure11.ipynb).

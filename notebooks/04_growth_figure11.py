@@ -17,31 +17,35 @@
 # %% [markdown]
 # # 4 · The data sets, and how the disturbance grows (figures 5 and 11)
 #
-# *You will see the records, their noise, how the disturbance of the motor speed grows with the backlash, and why a
-# little slower than in proportion. Run time: 6 s. Before this: notebook [1](01_the_joint.ipynb).*
+# *You will see the records, their noise, how the disturbance of the motor speed grows with the
+# backlash, and why a little slower than in proportion. Run time: 6 s. Before this: notebook
+# [1](01_the_joint.ipynb).*
 #
 # ## Claim
 #
-# Ten data sets are simulated at 100 rps with a load of 5 kg, [backlash](glossary.md#backlash) 0.3 to 2.1 mrad in steps
-# of 0.2 mrad; the amplitude of the disturbance grows regularly with the backlash (sections "Dataset creation" and
-# "Backlash signature behaviour"). Each impact leaves a damped oscillation, two a turn, half a turn apart, of opposite
-# sign (section "Backlash signature and its mathematical model"). Uniform noise is added.
+# Ten data sets are simulated at 100 rps with a load of 5 kg, [backlash](glossary.md#backlash) 0.3
+# to 2.1 mrad in steps of 0.2 mrad; the amplitude of the disturbance grows regularly with the
+# backlash (sections "Dataset creation" and "Backlash signature behaviour"). Each impact leaves a
+# damped oscillation, two a turn, half a turn apart, of opposite sign (section "Backlash signature
+# and its mathematical model"). Uniform noise is added.
 #
 # ## Method
 #
-# The identified joint (notebook 9) is simulated at the same ten [levels](glossary.md#level), and on to the 3.9 mrad
-# of the authors' own files. The disturbance $r$ [rps] is the motor speed $v$ less the commanded one $v_t$:
+# The identified joint (notebook 9) is simulated at the same ten [levels](glossary.md#level), and on
+# to the 3.9 mrad of the authors' own files. The disturbance $r$ [rps] is the motor speed $v$ less
+# the commanded one $v_t$:
 #
 # $$r(t) = v(t) - v_t \tag{11}$$
 #
-# The [theoretical $A$](glossary.md#theoretical-a) is its largest value in the [settled](glossary.md#settled) turns,
-# *before* the speed is sampled at 2 ms: the samples miss up to some percent of it. The load turns once in
-# $T_f = N / v_t$ [s] with the gear ratio $N$.
+# The [theoretical $A$](glossary.md#theoretical-a) is its largest value in the
+# [settled](glossary.md#settled) turns, *before* the speed is sampled at 2 ms: the samples miss up
+# to some percent of it. The load turns once in $T_f = N / v_t$ [s] with the gear ratio $N$.
 #
-# **Why the growth slows down.** The teeth separate where gravity on the load changes its sign. If the motor kept its
-# speed, gravity alone would then turn the load (angle $\theta_l$ [rad], speed $\omega_l = 2\pi / T_f$ [rad/s], mass $m$
-# [kg] on an arm $r_m$ [m], inertia $J_l = m r_m^2$ [kg m²], gravity $g$ [m/s²]) against it, with an acceleration that
-# grows from zero as $\frac{g}{r_m} \sin(\omega_l t) \approx \frac{g}{r_m} \omega_l t$. The gap of $2\delta$ [rad] is
+# **Why the growth slows down.** The teeth separate where gravity on the load changes its sign. If
+# the motor kept its speed, gravity alone would then turn the load (angle $\theta_l$ [rad], speed
+# $\omega_l = 2\pi / T_f$ [rad/s], mass $m$ [kg] on an arm $r_m$ [m], inertia $J_l = m r_m^2$ [kg
+# m²], gravity $g$ [m/s²]) against it, with an acceleration that grows from zero as
+# $\frac{g}{r_m} \sin(\omega_l t) \approx \frac{g}{r_m} \omega_l t$. The gap of $2\delta$ [rad] is
 # crossed after
 #
 # $$2\delta = \frac{1}{6} \frac{g}{r_m} \omega_l t_\text{gap}^3 \quad\Rightarrow\quad
@@ -59,9 +63,10 @@
 #
 # $$n(t) \sim \frac{A_n - A_{min}}{\Delta A} \cdot \mathcal{U}(-0.5, 0.5) \tag{19}$$
 #
-# The paper calls $A_n$ the amplitude of the noise; $A_{min}$ and $\Delta A$ are not given. No values of them give the
-# noise amplitudes that Table 2 prints (erratum E4). The public records have uniform noise between $-a_K$ and $a_K$,
-# which is linear in the [level](glossary.md#level) K and not in $A$: $a_K = 0.1 + (K - 1) \cdot 0.15/19$ rps.
+# The paper calls $A_n$ the amplitude of the noise; $A_{min}$ and $\Delta A$ are not given. No
+# values of them give the noise amplitudes that Table 2 prints (erratum E4). The public records have
+# uniform noise between $-a_K$ and $a_K$, which is linear in the [level](glossary.md#level) K and
+# not in $A$: $a_K = 0.1 + (K - 1) \cdot 0.15/19$ rps.
 
 # %%
 from dataclasses import replace
@@ -129,8 +134,8 @@ workbook.show_figure(
 # %% [markdown]
 # ### Figure 11
 #
-# The third turn of each level, and the settled peak before and after sampling: 40 fine samples are 2 ms. Predict first:
-# at twice the backlash, is the peak twice as high?
+# The third turn of each level, and the settled peak before and after sampling: 40 fine samples are
+# 2 ms. Predict first: at twice the backlash, is the peak twice as high?
 
 # %%
 every = [level_delta_rad(level) for level in ALL_LEVELS]
@@ -167,8 +172,8 @@ workbook.show_figure(
 )
 
 # %% [markdown]
-# The amplitudes, the share of the peak that the samples miss, and the exponent $p$ of $A \propto \delta^p$ from each
-# level to the next.
+# The amplitudes, the share of the peak that the samples miss, and the exponent $p$ of
+# $A \propto \delta^p$ from each level to the next.
 
 # %%
 logs = np.log(peaks[["delta_rad", "amplitude_rps"]]).diff()
@@ -180,9 +185,10 @@ peaks.assign(
 # %% [markdown]
 # ### Two impacts a turn, half a turn apart
 #
-# The authors' clean record 12. Each [settled](glossary.md#settled) half turn is a row; its largest excursion has a
-# sign. The record is compared with itself, inverted and half a turn later. At which lag is it most nearly its own
-# inverse? And how often does it ring up in a settled turn, to at least half of its largest excursion, 100 ms apart?
+# The authors' clean record 12. Each [settled](glossary.md#settled) half turn is a row; its largest
+# excursion has a sign. The record is compared with itself, inverted and half a turn later. At which
+# lag is it most nearly its own inverse? And how often does it ring up in a settled turn, to at
+# least half of its largest excursion, 100 ms apart?
 
 
 # %%
@@ -220,8 +226,9 @@ pd.Series(
 # %% [markdown]
 # ### The noise that was added
 #
-# Half its range [rps], over R = 1 to 5 of the authors' low-noise [realisations](glossary.md#realisation), where the
-# clean record is public; for row 1 from its variance.
+# Half its range [rps], over R = 1 to 5 of the authors' low-noise
+# [realisations](glossary.md#realisation), where the clean record is public; for row 1 from its
+# variance.
 
 # %%
 measured_noise = inspection.noise_amplitudes()
@@ -234,7 +241,8 @@ amplitudes.rename_axis("K").round(4)
 # %% [markdown]
 # ## Verdict
 #
-# That the disturbance grows regularly is decided on the authors' own records, in notebook 16. Ours, over all levels:
+# That the disturbance grows regularly is decided on the authors' own records, in notebook 16. Ours,
+# over all levels:
 
 # %% tags=["plumbing"]
 shares = [
@@ -291,13 +299,14 @@ workbook.export(
 # ## Try changing
 #
 # 1. `noise_rps = 0.18`: the noise of Table 2's row 10, over figure 5's signal.
-# 2. `changes = {"gravity_per_s2": 1.2}`: a heavier load closes the gap harder; every amplitude grows.
+# 2. `changes = {"gravity_per_s2": 1.2}`: a heavier load closes the gap harder; every amplitude
+#    grows.
 # 3. `speed_level = 2`: the smallest of the ten gaps; the oscillation is a quarter as high.
 #
 # ## Exercises
 #
-# **1.** Which backlash gives twice the settled peak of level K = 2? Predict it from the exponent above, then find it by
-# simulation, to 1 %. Why is the first answer too small or too large?
+# **1.** Which backlash gives twice the settled peak of level K = 2? Predict it from the exponent
+# above, then find it by simulation, to 1 %. Why is the first answer too small or too large?
 
 # %% tags=["solution"]
 fine = np.linspace(every[0], 3 * every[0], 41)
@@ -311,8 +320,8 @@ print(
 )
 
 # %% [markdown]
-# **2.** By the formula under *Method* the impact's speed grows as $\omega_l^{1/3}$. How does $A$ change from 50 to 100
-# rps at 1 mrad? Compare it with $2^{1/3}$ (to 15 %).
+# **2.** By the formula under *Method* the impact's speed grows as $\omega_l^{1/3}$. How does $A$
+# change from 50 to 100 rps at 1 mrad? Compare it with $2^{1/3}$ (to 15 %).
 
 # %% tags=["solution"]
 slow = replace(identified, commanded_speed_rps=50.0)
@@ -325,9 +334,9 @@ print(f"{heights[1] / heights[0]:.2f} times, by the formula {2 ** (1 / 3):.2f}")
 assert np.isclose(heights[1] / heights[0], 2 ** (1 / 3), rtol=0.15)
 
 # %% [markdown]
-# **3.** The faster the joint turns, the more is left of a ring when the next impact comes. The ring decays as
-# $e^{-15 t}$ with $t$ in s. How much is left half a turn later at 100 and at 50 rps (to 0.1 %), and at which commanded
-# speed is a tenth left (to 1 rps)?
+# **3.** The faster the joint turns, the more is left of a ring when the next impact comes. The ring
+# decays as $e^{-15 t}$ with $t$ in s. How much is left half a turn later at 100 and at 50 rps (to
+# 0.1 %), and at which commanded speed is a tenth left (to 1 rps)?
 
 # %% tags=["solution"]
 left = {rps: np.exp(-15 * identified.gear_ratio / rps / 2) for rps in (100, 50)}
@@ -337,5 +346,5 @@ assert left[50] < left[100] < 0.1
 print(f"{100 * left[100]:.1f} % and {100 * left[50]:.2g} %; a tenth at {tenth_rps:.0f} rps")
 
 # %% [markdown]
-# **What you have learnt**: the disturbance grows with the backlash to the power 0.7, and the noise is uniform. *Next:*
-# [the signature](05_signature_figure6.ipynb).
+# **What you have learnt**: the disturbance grows with the backlash to the power 0.7, and the noise
+# is uniform. *Next:* [the signature](05_signature_figure6.ipynb).

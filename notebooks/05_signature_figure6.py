@@ -17,14 +17,16 @@
 # %% [markdown]
 # # 5 · The signature of backlash (figure 6)
 #
-# *You will write the signature in ten lines, see it over a record, and fit it with the cost of your choice. Run time:
-# 6 s. Before this: notebooks [0](00_the_sensor.ipynb) and [4](04_growth_figure11.ipynb).*
+# *You will write the signature in ten lines, see it over a record, and fit it with the cost of your
+# choice. Run time: 6 s. Before this: notebooks [0](00_the_sensor.ipynb) and
+# [4](04_growth_figure11.ipynb).*
 #
 # ## Claim
 #
-# A joint with [backlash](glossary.md#backlash), driven at constant speed with its axis horizontal, is hit twice in
-# every [turn](glossary.md#turn) of the load, and each impact leaves a damped oscillation on the motor speed (section
-# "Backlash signature and its mathematical model"). Equations 1 to 7 describe it, and figure 6 shows it.
+# A joint with [backlash](glossary.md#backlash), driven at constant speed with its axis horizontal,
+# is hit twice in every [turn](glossary.md#turn) of the load, and each impact leaves a damped
+# oscillation on the motor speed (section "Backlash signature and its mathematical model").
+# Equations 1 to 7 describe it, and figure 6 shows it.
 
 # %%
 from dataclasses import replace
@@ -42,7 +44,8 @@ from replication.simulator.parameters import identified_joint
 from replication.simulator.simulate import simulate
 
 # %% [markdown]
-# Two half turns of the simulated joint with a backlash of 2.3 mrad. Which seven numbers would draw them?
+# Two half turns of the simulated joint with a backlash of 2.3 mrad. Which seven numbers would draw
+# them?
 
 # %%
 example = simulate(identified_joint(), 2.3e-3, duration_s=1.3)
@@ -56,15 +59,15 @@ _ = axis.set(xlabel="time [s]", ylabel="$v - 100$ [rps]")
 #
 # ### One damped oscillation, and all of them
 #
-# Time $t$ and all instants are in s, the disturbance $d_b$ of the motor speed in rps. An oscillation begins at $t_1$
-# and ends at $t_2$. It has the amplitude factor $A$ [rps], the damping $\tau$ [1/s] and the angular frequency $\omega$
-# [rad/s]:
+# Time $t$ and all instants are in s, the disturbance $d_b$ of the motor speed in rps. An
+# oscillation begins at $t_1$ and ends at $t_2$. It has the amplitude factor $A$ [rps], the damping
+# $\tau$ [1/s] and the angular frequency $\omega$ [rad/s]:
 #
 # $$d_b(t) = \begin{cases} A\,e^{-(t - t_1)\tau} \sin\omega(t) & t_1 \le t \le t_2 \\
 # 0 & \text{else} \end{cases} \tag{1}$$
 #
-# The second oscillation of a turn has the opposite sign and comes $t_d$ later; $n$ turns follow each other at the
-# distance $t_f$:
+# The second oscillation of a turn has the opposite sign and comes $t_d$ later; $n$ turns follow
+# each other at the distance $t_f$:
 #
 # $$f(t) = d_b(t) - d_b(t - t_d) \tag{2}$$
 #
@@ -74,8 +77,8 @@ _ = axis.set(xlabel="time [s]", ylabel="$v - 100$ [rps]")
 #
 # $$t_1 = t_0 + T_1, \quad t_2 = t_0 + T_2, \quad t_d = t_0 + T_d, \quad t_f = t_0 + T_f \tag{4}$$
 #
-# The last two contradict equation 7. The authors' runs have the shifts $T_d$ and $T_f$ without $t_0$ (erratum E6,
-# exercise 1). With those,
+# The last two contradict equation 7. The authors' runs have the shifts $T_d$ and $T_f$ without
+# $t_0$ (erratum E6, exercise 1). With those,
 #
 # $$d_b(t - t_0) = \begin{cases} A\,e^{-(t - (t_0 + T_1))\tau} \sin\omega(t - t_0) & t_0 + T_1 \le t \le t_0 + T_2 \\
 # 0 & \text{else} \end{cases} \tag{5}$$
@@ -85,22 +88,25 @@ _ = axis.set(xlabel="time [s]", ylabel="$v - 100$ [rps]")
 # $$h(t, A, t_0, \tau, \omega, T_1, T_2, T_d, T_f, n) = \sum_{i=1}^{n} f(t, A, t_0 + (i - 1)\,T_f, \tau, \omega, T_1,
 # T_2, T_d) \tag{7}$$
 #
-# Equation 7 is the [signature](glossary.md#signature), and the interval from $t_0 + T_1$ to $t_0 + T_2$ its
-# [gate](glossary.md#gate). $T_f$ is the turn period of the load, and $T_d = T_f/2$. A fit fixes both, and $n$.
+# Equation 7 is the [signature](glossary.md#signature), and the interval from $t_0 + T_1$ to
+# $t_0 + T_2$ its [gate](glossary.md#gate). $T_f$ is the turn period of the load, and $T_d = T_f/2$.
+# A fit fixes both, and $n$.
 #
 # ### The cost
 #
-# The difference signal $r$ is the motor speed $v$ [rps] less the commanded speed $v_t$ [rps], which is fitted too:
+# The difference signal $r$ is the motor speed $v$ [rps] less the commanded speed $v_t$ [rps], which
+# is fitted too:
 #
 # $$r(t) = v(t) - v_t \tag{11}$$
 #
-# The cost is the root mean square (RMSE) of $r - h$ over the samples. The seven free parameters are $X = [A, t_0, \tau,
-# \omega, v_t, T_2, T_1]$, in the order in which the authors' program has them.
+# The cost is the root mean square (RMSE) of $r - h$ over the samples. The seven free parameters are
+# $X = [A, t_0, \tau, \omega, v_t, T_2, T_1]$, in the order in which the authors' program has them.
 #
 # ### The test of the model
 #
-# The authors' notebook stores 30 [runs](glossary.md#run) on their clean record 12. The model at the stored parameters
-# must have the stored RMSE. Notebook [18](beyond/18_the_stored_runs.ipynb) replays the search.
+# The authors' notebook stores 30 [runs](glossary.md#run) on their clean record 12. The model at the
+# stored parameters must have the stored RMSE. Notebook [18](beyond/18_the_stored_runs.ipynb)
+# replays the search.
 
 # %% [markdown]
 # ## Parameters
@@ -126,9 +132,9 @@ workbook.check_parameters(
 #
 # ### The signature in ten lines
 #
-# The compiled `misfit.population_rmse` has the same cost, and the tests check it. Change a line, and the fit below
-# has your signature. It is not compiled then, and takes a minute. Further parameters of yours are `X[7:]`, within
-# `more_bounds`; the stored runs have none.
+# The compiled `misfit.population_rmse` has the same cost, and the tests check it. Change a line,
+# and the fit below has your signature. It is not compiled then, and takes a minute. Further
+# parameters of yours are `X[7:]`, within `more_bounds`; the stored runs have none.
 
 
 # %%
@@ -168,8 +174,8 @@ workbook.show_figure(
 # %% [markdown]
 # ### The signature on a record
 #
-# The authors' clean record 12 (2.3 mrad), and over it the signature at the stored run's parameters ($T_d$ = 0.2 s,
-# $T_f$ = 0.4 s, twelve turns). Predict first: where will the residual be largest?
+# The authors' clean record 12 (2.3 mrad), and over it the signature at the stored run's parameters
+# ($T_d$ = 0.2 s, $T_f$ = 0.4 s, twelve turns). Predict first: where will the residual be largest?
 
 
 # %%
@@ -200,9 +206,10 @@ workbook.show_figure(
 # %% [markdown]
 # ### The 30 stored runs
 #
-# The RMSE at the stored parameters, less the stored one, with $n$ turns in the model; the stored parameters have nine
-# digits. From 12 on all are reproduced: the record ends after twelve turns, and a later oscillation changes nothing.
-# The runs end in several [basins](glossary.md#basin) (notebook 18): a mean over all hides that.
+# The RMSE at the stored parameters, less the stored one, with $n$ turns in the model; the stored
+# parameters have nine digits. From 12 on all are reproduced: the record ends after twelve turns,
+# and a later oscillation changes nothing. The runs end in several [basins](glossary.md#basin)
+# (notebook 18): a mean over all hides that.
 
 # %%
 table = stored_runs[["A_rps"]].assign(stored_rmse_rps=stored_runs["final_rmse_rps"])
@@ -216,8 +223,9 @@ off = pd.DataFrame(
 # %% [markdown]
 # ### A fit with your cost and turn period
 #
-# `stopping.search` draws 300 members a generation and asks for their costs until a stop rule holds, in Table 1's box,
-# with $A$ as wide as the stored runs had it. The first row has the paper's cost and turn period, the last row yours.
+# `stopping.search` draws 300 members a generation and asks for their costs until a stop rule holds,
+# in Table 1's box, with $A$ as wide as the stored runs had it. The first row has the paper's cost
+# and turn period, the last row yours.
 
 # %% tags=["plumbing"]
 costs = {"RMSE": rmse, "L1": lambda residual_rps: np.mean(np.abs(residual_rps))}
@@ -305,18 +313,19 @@ workbook.export(
 # %% [markdown]
 # ## Try changing
 #
-# 1. `run = 1`: a run in the basin with RMSE 0.159, the commonest of the 30. Its $t_0$ is stuck at 0 and its window
-#    closes after 0.1 s: the second half of every oscillation is left standing in the residual.
-#    With its seed, the fit below finds the best basin.
-# 2. `turn_period_s = 0.408`, the value that Table 1 prints: figure 6 barely changes. But over twelve turns the model
-#    comes 0.1 s late: the fit's RMSE is twice that of the first row, and $A$ is a third smaller.
-# 3. `cost = "L1"`: the largest residuals, at the impacts, have less weight. The search ends near the same basin, with
-#    an $A$ about 4 % larger and an RMSE about 9 % larger.
+# 1. `run = 1`: a run in the basin with RMSE 0.159, the commonest of the 30. Its $t_0$ is stuck at 0
+#    and its window closes after 0.1 s: the second half of every oscillation is left standing in the
+#    residual. With its seed, the fit below finds the best basin.
+# 2. `turn_period_s = 0.408`, the value that Table 1 prints: figure 6 barely changes. But over
+#    twelve turns the model comes 0.1 s late: the fit's RMSE is twice that of the first row, and $A$
+#    is a third smaller.
+# 3. `cost = "L1"`: the largest residuals, at the impacts, have less weight. The search ends near
+#    the same basin, with an $A$ about 4 % larger and an RMSE about 9 % larger.
 #
 # ## Exercises
 #
-# **1.** Read equation 4 literally: the shifts are $t_0 + T_d$ and $t_0 + T_f$. How large is the RMSE of the stored run
-# 8 then, to 1 %?
+# **1.** Read equation 4 literally: the shifts are $t_0 + T_d$ and $t_0 + T_f$. How large is the
+# RMSE of the stored run 8 then, to 1 %?
 
 # %% tags=["solution"]
 X8 = stored_X[7]
@@ -326,8 +335,9 @@ assert literal > 2 * stored_rps
 print(f"{literal:.3f} rps, {literal / stored_rps:.1f} times the stored one")
 
 # %% [markdown]
-# **2.** Some of the stored runs have a negative $A$, others a positive one. Show that $(-A, t_0 + T_d)$ has the same
-# signature as $(A, t_0)$ once both have begun. What can a fit tell of $A$?
+# **2.** Some of the stored runs have a negative $A$, others a positive one. Show that
+# $(-A, t_0 + T_d)$ has the same signature as $(A, t_0)$ once both have begun. What can a fit tell
+# of $A$?
 
 # %% tags=["solution"]
 inverted = X8 * [-1, 1, 1, 1, 1, 1, 1] + [0, 0.2, 0, 0, 0, 0, 0]
@@ -336,8 +346,9 @@ assert np.allclose(h(record.t, inverted, 0.2, 0.4, 12)[begun], h(record.t, X8, 0
 print("its size |A|, not its sign")
 
 # %% [markdown]
-# **3.** The gate opens at $t_0 + T_1$, between two samples. Let it open just after the earlier sample of the two. By
-# which factor must $A$ change so that no sample of $h$ does? How far is $A$ free at a sampling period of 2 ms?
+# **3.** The gate opens at $t_0 + T_1$, between two samples. Let it open just after the earlier
+# sample of the two. By which factor must $A$ change so that no sample of $h$ does? How far is $A$
+# free at a sampling period of 2 ms?
 
 # %% tags=["solution"]
 opens = X8[1] + X8[6]
@@ -350,5 +361,5 @@ print(
 )
 
 # %% [markdown]
-# **What you have learnt**: a model of seven parameters, a cost and a search make a fit; its $A$ is free within a
-# sample. *Next:* [from amplitude to backlash](06_characteristic_figure12.ipynb).
+# **What you have learnt**: a model of seven parameters, a cost and a search make a fit; its $A$ is
+# free within a sample. *Next:* [from amplitude to backlash](06_characteristic_figure12.ipynb).

@@ -17,14 +17,14 @@
 # %% [markdown]
 # # 6 · From amplitude to backlash (equation 10, figure 12)
 #
-# *You will fit the sensor's characteristic, see in which unit it takes the amplitude, and what the printed digits can
-# tell. Run time: 4 s. Before this: notebook [4](04_growth_figure11.ipynb).*
+# *You will fit the sensor's characteristic, see in which unit it takes the amplitude, and what the
+# printed digits can tell. Run time: 4 s. Before this: notebook [4](04_growth_figure11.ipynb).*
 #
 # ## Claim
 #
-# [Backlash](glossary.md#backlash) is a cubic of the amplitude, fitted to ten simulations with an RMSE of 8.6983·10⁻¹⁰
-# rad (section "Backlash signature behaviour"). Table 2's errors of $A$ mean less than 0.0002 rad at the smallest
-# backlash, and 0.0004 rad at the largest.
+# [Backlash](glossary.md#backlash) is a cubic of the amplitude, fitted to ten simulations with an
+# RMSE of 8.6983·10⁻¹⁰ rad (section "Backlash signature behaviour"). Table 2's errors of $A$ mean
+# less than 0.0002 rad at the smallest backlash, and 0.0004 rad at the largest.
 #
 # ## Method
 #
@@ -32,12 +32,13 @@
 #
 # $$\delta = f(A) = 10^{-6}\left(-0.0018\,A^3 + 0.4323\,A^2 + 9.2524\,A + 34.0313\right) \tag{10}$$
 #
-# The paper prints no unit of $A$. It turns out to be rpm (erratum E1), so the coefficient of $A^k$ is in rad/rpm$^k$.
-# The tables give $A$ in rps; 1 rps is 60 rpm.
+# The paper prints no unit of $A$. It turns out to be rpm (erratum E1), so the coefficient of $A^k$
+# is in rad/rpm$^k$. The tables give $A$ in rps; 1 rps is 60 rpm.
 #
-# The ten points $(A_i, \delta_i)$ of figure 12 are printed: Table 2's
-# [theoretical A](glossary.md#theoretical-a) and the levels of section "Dataset creation". A polynomial of degree $d$
-# with the coefficients $c_k$ is linear in them, so least squares has a direct solution, of this misfit:
+# The ten points $(A_i, \delta_i)$ of figure 12 are printed: Table 2's [theoretical
+# A](glossary.md#theoretical-a) and the levels of section "Dataset creation". A polynomial of degree
+# $d$ with the coefficients $c_k$ is linear in them, so least squares has a direct solution, of this
+# misfit:
 #
 # $$\min_c \sum_{i=1}^{n} \left(\sum_{k=0}^{d} c_k A_i^k - \delta_i\right)^2, \qquad
 # \text{RMSE} = \sqrt{\frac{1}{n} \sum_{i=1}^{n} \left(f(A_i) - \delta_i\right)^2}.$$
@@ -117,9 +118,9 @@ both = {"printed": [*printed, printed_rmse], "fitted": [*fitted, fitted_rmse]}
 # %% [markdown]
 # ### The same from our own simulations
 #
-# The identified joint (notebook 9) at the same ten levels. In our reading $A$ is the largest disturbance $v - v_t$
-# [rps] of the [settled](glossary.md#settled) turns, before it is sampled at 2 ms; $v$ is the motor's speed, and $v_t$
-# the commanded one.
+# The identified joint (notebook 9) at the same ten levels. In our reading $A$ is the largest
+# disturbance $v - v_t$ [rps] of the [settled](glossary.md#settled) turns, before it is sampled at 2
+# ms; $v$ is the motor's speed, and $v_t$ the commanded one.
 
 # %%
 joint = changed_joint(identified_joint(), changes)
@@ -165,9 +166,10 @@ units.map("{:.4g}".format)
 # %% [markdown]
 # ### Rounded amplitudes
 #
-# Was the cubic fitted to the printed, rounded $A$, or to more digits of them? Each $A$ is moved at random within its
-# last printed digit, and the cubic fitted again: `rounding moves it by` is the largest change of each coefficient, in
-# its unit of $10^{-6}$. Only the printed digits give the printed coefficients.
+# Was the cubic fitted to the printed, rounded $A$, or to more digits of them? Each $A$ is moved at
+# random within its last printed digit, and the cubic fitted again: `rounding moves it by` is the
+# largest change of each coefficient, in its unit of $10^{-6}$. Only the printed digits give the
+# printed coefficients.
 
 # %%
 rng = np.random.default_rng(1)
@@ -183,8 +185,8 @@ by_rounding.rename_axis("power of A").map("{:.6g}".format)
 # %% [markdown]
 # ### What Table 2's errors of A mean in rad
 #
-# `error_of_A_rad` is the effect of the error in $A$ alone; `error_rad` is against the true level, with the
-# cubic's own misfit.
+# `error_of_A_rad` is the effect of the error in $A$ alone; `error_rad` is against the true level,
+# with the cubic's own misfit.
 
 # %%
 mean = published.column("Table 2", "mean")[: delta.size]
@@ -198,8 +200,8 @@ errors.map("{:.4g}".format)
 # ### The tables' arithmetic
 #
 # Every printed relative error [%] follows from the printed mean within the rounding of the mean.
-# `characteristic.table_arithmetic` computes $100\,|\bar A - A| / A$ of every row of Tables 2 and 3, with the mean
-# $\bar A$ and the known $A$ as printed.
+# `characteristic.table_arithmetic` computes $100\,|\bar A - A| / A$ of every row of Tables 2 and 3,
+# with the mean $\bar A$ and the known $A$ as printed.
 
 # %%
 arithmetic = characteristic.table_arithmetic()
@@ -208,8 +210,8 @@ arithmetic
 # %% [markdown]
 # ### Numbers of the text
 #
-# What the text says in passing, and what the printed tables and equation give; the four blocks of the model are
-# counted in the text itself.
+# What the text says in passing, and what the printed tables and equation give; the four blocks of
+# the model are counted in the text itself.
 
 # %%
 bounds = published.cells("Table 1").pivot(index="row", columns="column", values="value")
@@ -234,9 +236,9 @@ workbook.judge(text_cells)
 # %% [markdown]
 # ## Verdict
 #
-# The coefficients are judged to their printed digits, which only a cubic through the printed points can give. Those of
-# our own peaks are shown above and not judged: a cubic's coefficients are strongly correlated, so peaks 1 % apart give
-# other coefficients and nearly the same curve.
+# The coefficients are judged to their printed digits, which only a cubic through the printed points
+# can give. Those of our own peaks are shown above and not judged: a cubic's coefficients are
+# strongly correlated, so peaks 1 % apart give other coefficients and nearly the same curve.
 
 # %% tags=["plumbing", "verdict"]
 error = errors["error_rad"].abs()
@@ -294,16 +296,19 @@ workbook.export(
 # %% [markdown]
 # ## Try changing
 #
-# 1. `rpm_per_rps = 1.0`: the coefficients of the cubic in rps; all but the constant are out of their tolerance.
-# 2. `left_out = [10]`: without the last point all four coefficients change, by 10 to 42 %, and leave their tolerances.
-# 3. `degree = 2`: a parabola misses our simulated peaks by 4.5·10⁻⁶ rad, eleven times as much as a cubic, and about as
-#    much as the cubic misses the printed points: their rounding hides the third degree.
+# 1. `rpm_per_rps = 1.0`: the coefficients of the cubic in rps; all but the constant are out of
+#    their tolerance.
+# 2. `left_out = [10]`: without the last point all four coefficients change, by 10 to 42 %, and
+#    leave their tolerances.
+# 3. `degree = 2`: a parabola misses our simulated peaks by 4.5·10⁻⁶ rad, eleven times as much as a
+#    cubic, and about as much as the cubic misses the printed points: their rounding hides the third
+#    degree.
 #
 # ## Exercises
 #
-# **1.** Fit the inverse, $A$ [rpm] as a cubic of $\delta$, to the ten points, and read the backlash off it at
-# $A$ = 0.6 rps by bisection. How far is it from equation 10's (in rad, to two digits)? Which of the two fits has errors
-# in the right variable, if $A$ is what is measured?
+# **1.** Fit the inverse, $A$ [rpm] as a cubic of $\delta$, to the ten points, and read the backlash
+# off it at $A$ = 0.6 rps by bisection. How far is it from equation 10's (in rad, to two digits)?
+# Which of the two fits has errors in the right variable, if $A$ is what is measured?
 
 # %% tags=["solution"]
 inverse, _ = fit_polynomial(1e4 * delta, 60 * theoretical)
@@ -316,8 +321,8 @@ assert abs(apart) < 3 * fit_polynomial(60 * theoretical, delta)[1]
 print(f"{apart:.1e} rad: within the fit's misfit; the inverse has the errors of A where they arise")
 
 # %% [markdown]
-# **2.** The printed coefficients have four decimals. How far can their rounding alone move $\delta$ at the last row
-# (in rad, to one digit)? Compare it with the RMSE of the fit.
+# **2.** The printed coefficients have four decimals. How far can their rounding alone move $\delta$
+# at the last row (in rad, to one digit)? Compare it with the RMSE of the fit.
 
 # %% tags=["solution"]
 rounding_rad = 1e-6 * 0.5e-4 * (60 * theoretical[-1]) ** np.arange(4)
@@ -326,9 +331,9 @@ points_rmse = fit_polynomial(60 * theoretical, delta)[1]
 assert rounding_rad[3] > 2 * points_rmse > 1000 * printed_rmse
 
 # %% [markdown]
-# **3.** A sensor reads $A$ = 0.9 rps. Which backlash is it? And which $A$ will it read when the backlash has reached
-# 2·10⁻³ rad (to 0.001 rps)? Invert equation 10 numerically, and check that it grows over the range, so that there is
-# one answer.
+# **3.** A sensor reads $A$ = 0.9 rps. Which backlash is it? And which $A$ will it read when the
+# backlash has reached 2·10⁻³ rad (to 0.001 rps)? Invert equation 10 numerically, and check that it
+# grows over the range, so that there is one answer.
 
 # %% tags=["solution"]
 roots = np.roots([*printed[:0:-1], printed[0] - 2e-3]) / 60
@@ -339,5 +344,5 @@ assert slope > 0
 print(f"{polynomial(54.0, printed):.2e} rad; {A_limit:.3f} rps")
 
 # %% [markdown]
-# **What you have learnt**: a formula without units can be tested on its own points, and a printed RMSE, too. *Next:*
-# [the search](07_protocol_table1.ipynb).
+# **What you have learnt**: a formula without units can be tested on its own points, and a printed
+# RMSE, too. *Next:* [the search](07_protocol_table1.ipynb).

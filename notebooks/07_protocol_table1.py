@@ -17,26 +17,29 @@
 # %% [markdown]
 # # 7 · The search: Table 1's box and the protocol
 #
-# *You will take one generation of CMA-ES apart, and see what population, first step size and box do to a run. Run time:
-# 10 s. Before this: notebook [5](05_signature_figure6.ipynb).*
+# *You will take one generation of CMA-ES apart, and see what population, first step size and box do
+# to a run. Run time: 10 s. Before this: notebook [5](05_signature_figure6.ipynb).*
 #
 # ## Claim
 #
-# The signature is fitted by CMA-ES (covariance matrix adaptation evolution strategy) inside the box of Table 1, 30
-# times, on a record that begins at one of its first 100 samples, drawn at random (sections "Stochastic optimization
-# algorithm", "Experimental evaluation"). Table 1 fixes $T_d$ = 0.204 s and $T_f$ = 0.408 s.
+# The signature is fitted by CMA-ES (covariance matrix adaptation evolution strategy) inside the box
+# of Table 1, 30 times, on a record that begins at one of its first 100 samples, drawn at random
+# (sections "Stochastic optimization algorithm", "Experimental evaluation"). Table 1 fixes $T_d$ =
+# 0.204 s and $T_f$ = 0.408 s.
 #
 # ## Method
 #
 # A search looks for the seven parameters $X = [A, t_0, \tau, \omega, v_t, T_2, T_1]$ of the
-# [signature](glossary.md#signature) that have the lowest RMSE (equations 7 and 11, notebook 5). CMA-ES (N. Hansen's
-# [tutorial](https://doi.org/10.48550/arXiv.1604.00772)) draws $\lambda$ *members* in a *generation*, ranks them by
-# their RMSE, the [misfit](glossary.md#misfit), and moves and reshapes the normal distribution that the next generation
-# is drawn from. Equations 12 to 17 stand below, each beside its cell. `cmaes.py` has the same with the constants of the
-# authors' library, and reproduces their stored runs (notebook 18).
+# [signature](glossary.md#signature) that have the lowest RMSE (equations 7 and 11, notebook 5).
+# CMA-ES (N. Hansen's [tutorial](https://doi.org/10.48550/arXiv.1604.00772)) draws $\lambda$
+# *members* in a *generation*, ranks them by their RMSE, the [misfit](glossary.md#misfit), and moves
+# and reshapes the normal distribution that the next generation is drawn from. Equations 12 to 17
+# stand below, each beside its cell. `cmaes.py` has the same with the constants of the authors'
+# library, and reproduces their stored runs (notebook 18).
 #
-# The authors' notebook stores their [runs](glossary.md#run): the whole record, the box of $A$ widened by 1.3, $T_d$ =
-# 0.2 s and $T_f$ = 0.4 s, a population of 300 and at most 200 generations. That is `SearchSettings()`.
+# The authors' notebook stores their [runs](glossary.md#run): the whole record, the box of $A$
+# widened by 1.3, $T_d$ = 0.2 s and $T_f$ = 0.4 s, a population of 300 and at most 200 generations.
+# That is `SearchSettings()`.
 
 # %%
 import math
@@ -84,8 +87,8 @@ workbook.check_parameters(**{name: (value, settings[name]) for name, value in bo
 #
 # ### One generation, step by step
 #
-# The record is the authors' clean record 12. `cmaes.generations` is the search, one generation at a time, with the
-# signs that eigenvectors had in 2021.
+# The record is the authors' clean record 12. `cmaes.generations` is the search, one generation at a
+# time, with the signs that eigenvectors had in 2021.
 
 # %%
 clean = sources.load_clean(12)
@@ -113,16 +116,18 @@ workbook.show_figure(
 )
 
 # %% [markdown]
-# **Sampling.** The members $\mathbf x_k$ of the generation $g + 1$ are drawn from a normal distribution about the mean
-# $\mathbf m^{(g)}$; $\sigma^{(g)}$ is the step size, $\mathbf C^{(g)}$ the covariance matrix:
+# **Sampling.** The members $\mathbf x_k$ of the generation $g + 1$ are drawn from a normal
+# distribution about the mean $\mathbf m^{(g)}$; $\sigma^{(g)}$ is the step size, $\mathbf C^{(g)}$
+# the covariance matrix:
 #
 # $$\mathbf x_k^{(g+1)} \sim \mathcal N\left(\mathbf m^{(g)}, (\sigma^{(g)})^2\,\mathbf C^{(g)}\right), \quad
 # k = 1, \ldots, \lambda \tag{12}$$
 #
-# The eigenvectors $\mathbf B$ and lengths $\mathbf D$ of $\mathbf C = \mathbf B \mathbf D^2 \mathbf B^T$ turn standard
-# normal numbers $\mathbf z$ into such samples: $\mathbf x = \mathbf m + \sigma\,\mathbf B \mathbf D\,\mathbf z$. The
-# parameters have different units, so each is counted in a quarter of its box's width (`unit`). A sample beyond the box
-# is reflected into it; $\mathbf x_{i:\lambda}$ is the sample of rank $i$.
+# The eigenvectors $\mathbf B$ and lengths $\mathbf D$ of
+# $\mathbf C = \mathbf B \mathbf D^2 \mathbf B^T$ turn standard normal numbers $\mathbf z$ into such
+# samples: $\mathbf x = \mathbf m + \sigma\,\mathbf B \mathbf D\,\mathbf z$. The parameters have
+# different units, so each is counted in a quarter of its box's width (`unit`). A sample beyond the
+# box is reflected into it; $\mathbf x_{i:\lambda}$ is the sample of rank $i$.
 
 # %%
 normals = np.random.RandomState(seed).randn  # in the order of the stored runs
@@ -135,7 +140,8 @@ members = pd.DataFrame(drawn.members, columns=names).assign(misfit_rps=drawn.mis
 members.loc[drawn.ranking].head()
 
 # %% [markdown]
-# **The mean.** The new mean is the weighted mean of the $\mu$ best; the best has the largest weight $w_1$:
+# **The mean.** The new mean is the weighted mean of the $\mu$ best; the best has the largest weight
+# $w_1$:
 #
 # $$\mathbf m^{(g+1)} = \sum_{i=1}^{\mu} w_i\,\mathbf x_{i:\lambda}^{(g+1)}, \quad w_1 \ge \ldots \ge w_\mu > 0, \quad
 # \sum_{i=1}^{\mu} w_i = 1 \tag{13}$$
@@ -146,8 +152,9 @@ m = w @ ranked[: c.mu]  # equation 13
 c.mu, c.mu_eff  # so many members make the mean, with weights worth so many equal ones
 
 # %% [markdown]
-# **The step size.** The path $\mathbf p_\sigma$ sums the steps of the mean, whitened by $\mathbf C^{-1/2}$ and with
-# $c_\sigma$ as the rate of forgetting; $\mu_\text{eff} = 1 / \sum w_i^2$:
+# **The step size.** The path $\mathbf p_\sigma$ sums the steps of the mean, whitened by
+# $\mathbf C^{-1/2}$ and with $c_\sigma$ as the rate of forgetting;
+# $\mu_\text{eff} = 1 / \sum w_i^2$:
 #
 # $$\mathbf p_\sigma^{(g+1)} = (1 - c_\sigma)\,\mathbf p_\sigma^{(g)} + \sqrt{c_\sigma (2 - c_\sigma)\,\mu_\text{eff}}
 # \;\mathbf C^{(g)\,-\frac 12}\,\frac{\mathbf m^{(g+1)} - \mathbf m^{(g)}}{\sigma^{(g)}} \tag{14}$$
@@ -177,18 +184,20 @@ print(
 # $$\mathbf p_c^{(g+1)} = (1 - c_c)\,\mathbf p_c^{(g)} + \sqrt{c_c (2 - c_c)\,\mu_\text{eff}}
 # \;\frac{\mathbf m^{(g+1)} - \mathbf m^{(g)}}{\sigma^{(g)}} \tag{16}$$
 #
-# $\mathbf C$ becomes a weighted mean of itself and two updates, with $\text{OP}(\mathbf y) = \mathbf y \mathbf y^T$:
+# $\mathbf C$ becomes a weighted mean of itself and two updates, with
+# $\text{OP}(\mathbf y) = \mathbf y \mathbf y^T$:
 #
 # $$\mathbf C^{(g+1)} = (1 - c_\text{cov})\,\mathbf C^{(g)} + \frac{c_\text{cov}}{\mu_\text{cov}} \left(
 # \mathbf p_c^{(g+1)} \mathbf p_c^{(g+1)\,T} + \delta(h_\sigma^{(g+1)})\,\mathbf C^{(g)}\right) + c_\text{cov}
 # \left(1 - \frac{1}{\mu_\text{cov}}\right) \sum_{i=1}^{\mu} w_i\,\text{OP}\left(\frac{\mathbf x_{i:\lambda}^{(g+1)} -
 # \mathbf m^{(g)}}{\sigma^{(g)}}\right) \tag{17}$$
 #
-# The path stretches $\mathbf C$ along the direction in which the mean keeps moving, at the rate $c_1 = c_\text{cov} /
-# \mu_\text{cov}$, the better half of the samples towards themselves, at $c_\mu = c_\text{cov} (1 - 1/\mu_\text{cov})$.
-# In their library the sum runs over all $\lambda$ members: the worse half has negative weights and shrinks
-# $\mathbf C$. $h_\sigma$ is 0, and $\mathbf p_c$ stalls, while $\mathbf p_\sigma$ is much too long; $\delta(h_\sigma)$
-# makes up for what is lost by that.
+# The path stretches $\mathbf C$ along the direction in which the mean keeps moving, at the rate
+# $c_1 = c_\text{cov} / \mu_\text{cov}$, the better half of the samples towards themselves, at
+# $c_\mu = c_\text{cov} (1 - 1/\mu_\text{cov})$. In their library the sum runs over all $\lambda$
+# members: the worse half has negative weights and shrinks $\mathbf C$. $h_\sigma$ is 0, and
+# $\mathbf p_c$ stalls, while $\mathbf p_\sigma$ is much too long; $\delta(h_\sigma)$ makes up for
+# what is lost by that.
 
 # %%
 fresh = 1 - (1 - c.c_sigma) ** (2 * (before.g + 1))
@@ -213,10 +222,10 @@ moved.assign(by_search_py=after.std)
 # %% [markdown]
 # ### The whole run
 #
-# `stopping.search` follows the generations until a stop rule holds: `tolfun` says that all members have the same misfit
-# within 10⁻¹¹ rps, `tolconditioncov` that the ellipse is 10⁷ times as long as wide, `maxiter` that 200 generations are
-# made. Beside it: the authors' settings, same seed. *Predict:* does the misfit fall at a
-# steady rate?
+# `stopping.search` follows the generations until a stop rule holds: `tolfun` says that all members
+# have the same misfit within 10⁻¹¹ rps, `tolconditioncov` that the ellipse is 10⁷ times as long as
+# wide, `maxiter` that 200 generations are made. Beside it: the authors' settings, same seed.
+# *Predict:* does the misfit fall at a steady rate?
 
 # %%
 steps = list(islice(start(), protocol.iterations))
@@ -248,22 +257,22 @@ pd.DataFrame(ends, dtype=object)
 # %% [markdown]
 # ### Table 1, read from the stored runs
 #
-# Every sample depends on every bound: the first are drawn about the middle of the box with a quarter of its width as
-# SD, and reflected at its ends. So `bounds_by_replay` tries each bound where Table 1 prints it and beside it,
-# and counts how many of the 30 stored runs then give their stored first generation. Columns: shift divided by the width
-# of the bound.
+# Every sample depends on every bound: the first are drawn about the middle of the box with a
+# quarter of its width as SD, and reflected at its ends. So `bounds_by_replay` tries each bound
+# where Table 1 prints it and beside it, and counts how many of the 30 stored runs then give their
+# stored first generation. Columns: shift divided by the width of the bound.
 
 # %%
 tried = table1.bounds_by_replay(clean)
 tried.pivot(index="cell", columns="shift", values="replayed").loc[tried["cell"].unique()]
 
 # %% [markdown]
-# Twelve bounds are where they are printed: there all 30 stored runs replay; with a shift of 0.01 hardly any do. The two
-# of $A$ are not: the stored runs had 1.3 times the printed box, which their notebook's own comment
-# calls a later change. Which box printed Table 2 cannot be determined (notebook 15). The turn period is the lag at
-# which the record differs least from itself; that the printed 0.408 s is a misprint is not proved, because a
-# switched-off line of the authors' notebook has $T_d$ = 0.204 s too. `table1_cells` takes the bound at which most runs
-# replay.
+# Twelve bounds are where they are printed: there all 30 stored runs replay; with a shift of 0.01
+# hardly any do. The two of $A$ are not: the stored runs had 1.3 times the printed box, which their
+# notebook's own comment calls a later change. Which box printed Table 2 cannot be determined
+# (notebook 15). The turn period is the lag at which the record differs least from itself; that the
+# printed 0.408 s is a misprint is not proved, because a switched-off line of the authors' notebook
+# has $T_d$ = 0.204 s too. `table1_cells` takes the bound at which most runs replay.
 
 # %%
 found_table1 = table1.table1_cells(clean, tried)
@@ -304,17 +313,20 @@ workbook.export(
 # %% [markdown]
 # ## Try changing
 #
-# 1. `sigma = 0.02`: the first members lie about the middle of the box, $t_0$ = 2.4 s, and later ones stay near it. The
-#    run ends with a signature that begins in the middle of the record, at 4.6 times the stored RMSE.
-# 2. `population = 20`: ten members make the mean, and $c_\mu$ is 0.1 instead of 0.96, so that the ellipse changes
-#    little from one generation to the next; the run settles early, at six times the misfit of the stored run.
-# 3. `box = {"start_s": (0.0, 0.2)}`: the search need not find the turn in which the signature begins; it ends at the
-#    stored run's misfit.
+# 1. `sigma = 0.02`: the first members lie about the middle of the box, $t_0$ = 2.4 s, and later
+#    ones stay near it. The run ends with a signature that begins in the middle of the record, at
+#    4.6 times the stored RMSE.
+# 2. `population = 20`: ten members make the mean, and $c_\mu$ is 0.1 instead of 0.96, so that the
+#    ellipse changes little from one generation to the next; the run settles early, at six times the
+#    misfit of the stored run.
+# 3. `box = {"start_s": (0.0, 0.2)}`: the search need not find the turn in which the signature
+#    begins; it ends at the stored run's misfit.
 #
 # ## Exercises
 #
-# **1.** Equation 15 compares $\|\mathbf p_\sigma\|$ with the mean length of a standard normal vector. Compute it for
-# $n$ = 7 from the Gamma functions and from random vectors (to 0.5 %), and compare it with $\sqrt n$.
+# **1.** Equation 15 compares $\|\mathbf p_\sigma\|$ with the mean length of a standard normal
+# vector. Compute it for $n$ = 7 from the Gamma functions and from random vectors (to 0.5 %), and
+# compare it with $\sqrt n$.
 
 # %% tags=["solution"]
 exact = np.sqrt(2) * math.gamma((c.n + 1) / 2) / math.gamma(c.n / 2)
@@ -326,9 +338,9 @@ print(
 )
 
 # %% [markdown]
-# **2.** If the misfits told nothing, the ranks would be random. How long is the step of the mean then, in units of
-# $\sigma$, with $\mathbf C = \mathbf I$? Check $\chi_n / \sqrt{\mu_\text{eff}}$ by drawing; it is what the factor
-# $\sqrt{\mu_\text{eff}}$ in equation 14 is for.
+# **2.** If the misfits told nothing, the ranks would be random. How long is the step of the mean
+# then, in units of $\sigma$, with $\mathbf C = \mathbf I$? Check $\chi_n / \sqrt{\mu_\text{eff}}$
+# by drawing; it is what the factor $\sqrt{\mu_\text{eff}}$ in equation 14 is for.
 
 # %% tags=["solution"]
 samples = np.random.default_rng(2).standard_normal((2000, c.mu, c.n))
@@ -337,7 +349,8 @@ assert np.isclose(random_steps.mean(), c.chi_n / np.sqrt(c.mu_eff), rtol=0.05)
 print(f"{random_steps.mean():.4f}, expected {c.chi_n / np.sqrt(c.mu_eff):.4f}")
 
 # %% [markdown]
-# **3.** From which population on do the samples of a single generation make up more than half of $\mathbf C$?
+# **3.** From which population on do the samples of a single generation make up more than half of
+# $\mathbf C$?
 
 # %% tags=["solution"]
 c_mu = {}
@@ -348,5 +361,5 @@ assert c_mu[smallest - 1] <= 0.5 < c_mu[smallest]
 print(f"from {smallest} members on")
 
 # %% [markdown]
-# **What you have learnt**: CMA-ES moves and reshapes a normal distribution by ranks alone. *Next:* [noise
-# sensitivity](08_noise_table2.ipynb).
+# **What you have learnt**: CMA-ES moves and reshapes a normal distribution by ranks alone. *Next:*
+# [noise sensitivity](08_noise_table2.ipynb).

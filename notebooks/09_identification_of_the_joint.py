@@ -17,13 +17,15 @@
 # %% [markdown]
 # # 9 · The joint, identified from the published signals
 #
-# *You will know the joint's equations of motion and its drive, and which of their parameters the motor speed tells.
-# Run time: 12 s. Before this: notebooks [1](01_the_joint.ipynb) and [2](02_dead_zone_figure9.ipynb).*
+# *You will know the joint's equations of motion and its drive, and which of their parameters the
+# motor speed tells. Run time: 12 s. Before this: notebooks [1](01_the_joint.ipynb) and
+# [2](02_dead_zone_figure9.ipynb).*
 #
 # ## Claim
 #
-# "The parameters of the Simulink model were estimated by processing experimental data collected on a test-bench"
-# (section "Matlab/Simulink model of the robotic joint"). Neither the model nor its parameters are public.
+# "The parameters of the Simulink model were estimated by processing experimental data collected on
+# a test-bench" (section "Matlab/Simulink model of the robotic joint"). Neither the model nor its
+# parameters are public.
 
 # %%
 from dataclasses import replace
@@ -52,10 +54,11 @@ HTML((workbook.ROOT / "studies" / "pages" / "loop.svg").read_text("utf-8"))
 # The signals that the model made are public: eleven noise-free records. A joint with
 # [backlash](glossary.md#backlash) and a digital drive is fitted to four of them.
 #
-# **The mechanics.** The motor (angle $\theta_m$ [rad], speed $\omega_m = \dot\theta_m$ [rad/s], inertia $J_m$
-# [kg m²]) turns the load ($\theta_l$, $\omega_l$, $J_l$) through a gear of ratio $N$ and an elastic coupling, which
-# transmits the torque $\tau_l$ [N m]. Gravity pulls at a mass $m$ [kg] on an arm $r$ [m], $g$ = 9.81 m/s²;
-# $\theta_l = 0$ hangs straight down. $\tau_m$ [N m] is the motor's torque.
+# **The mechanics.** The motor (angle $\theta_m$ [rad], speed $\omega_m = \dot\theta_m$ [rad/s],
+# inertia $J_m$ [kg m²]) turns the load ($\theta_l$, $\omega_l$, $J_l$) through a gear of ratio $N$
+# and an elastic coupling, which transmits the torque $\tau_l$ [N m]. Gravity pulls at a mass $m$
+# [kg] on an arm $r$ [m], $g$ = 9.81 m/s²; $\theta_l = 0$ hangs straight down. $\tau_m$ [N m] is the
+# motor's torque.
 #
 # $$J_m \dot\omega_m = \tau_m - \frac{\tau_l}{N}, \qquad J_l \dot\omega_l = \tau_l - m g r \sin\theta_l$$
 #
@@ -63,13 +66,14 @@ HTML((workbook.ROOT / "studies" / "pages" / "loop.svg").read_text("utf-8"))
 # \cdot K_{BL}(\Delta\theta, \delta), \qquad \Delta\theta = \frac{\theta_m}{N} - \theta_l,
 # \quad \Delta\omega = \frac{\omega_m}{N} - \omega_l \tag{9}$$
 #
-# $K_{BL}$ [N m/rad] is equation 8's stiffness (notebook 2), $K_s$ outside the gap of $2\delta$ [rad]. The damping
-# $D_s$ [N m s/rad] and all friction are zero here: the records do not need them.
+# $K_{BL}$ [N m/rad] is equation 8's stiffness (notebook 2), $K_s$ outside the gap of $2\delta$
+# [rad]. The damping $D_s$ [N m s/rad] and all friction are zero here: the records do not need them.
 #
-# **The drive.** Every control period $T_c$ = 0.5 ms, at $t_k = k T_c$, it reads the motor's angle and speed and
-# compares them with those commanded, $N\theta_0 + \Omega t_k$ and $\Omega = 2\pi v_t$, $v_t$ = 100 rps. $\theta_0$ is
-# the load's angle at $t = 0$. The position gain $K_\text{pos}$ and the speed gain $K_p$ act on the error $e_k$ [rad/s],
-# the integral $I_k$ adds it up, a derivative $K_d$ damps, and a leaky integrator $w_k$ [rad] forgets at the rate $a_w$:
+# **The drive.** Every control period $T_c$ = 0.5 ms, at $t_k = k T_c$, it reads the motor's angle
+# and speed and compares them with those commanded, $N\theta_0 + \Omega t_k$ and
+# $\Omega = 2\pi v_t$, $v_t$ = 100 rps. $\theta_0$ is the load's angle at $t = 0$. The position gain
+# $K_\text{pos}$ and the speed gain $K_p$ act on the error $e_k$ [rad/s], the integral $I_k$ adds it
+# up, a derivative $K_d$ damps, and a leaky integrator $w_k$ [rad] forgets at the rate $a_w$:
 #
 # $$e_k = K_\text{pos}\left[N\theta_0 + \Omega t_k - \theta_m(t_k)\right] + \Omega - \omega_m(t_k)$$
 #
@@ -77,13 +81,13 @@ HTML((workbook.ROOT / "studies" / "pages" / "loop.svg").read_text("utf-8"))
 #
 # $$u_k = K_p e_k + I_k + K_w w_k - K_d \frac{\omega_m(t_k) - \omega_m(t_{k-1})}{T_c}$$
 #
-# The torque is applied one period late and held for a period, and the current loop follows it with the lag $T_\tau$
-# [s]:
+# The torque is applied one period late and held for a period, and the current loop follows it with
+# the lag $T_\tau$ [s]:
 #
 # $$T_\tau \dot\tau_m = u_{k-1} - \tau_m \quad\text{for}\quad t_k \le t < t_{k+1}$$
 #
-# **What can be identified.** Multiplying both inertias, $K_s$, the mass and the gains by one factor multiplies every
-# torque and changes no motion. So the motor speed tells only these ratios:
+# **What can be identified.** Multiplying both inertias, $K_s$, the mass and the gains by one factor
+# multiplies every torque and changes no motion. So the motor speed tells only these ratios:
 #
 # | ratio | symbol | unit |
 # |---|---|---|
@@ -100,21 +104,25 @@ HTML((workbook.ROOT / "studies" / "pages" / "loop.svg").read_text("utf-8"))
 # | `start_angle_rad` | $\theta_0$ | rad |
 # | `lead_s` | time from the joint's start to the record's | s |
 #
-# The 5 kg of the load, as a point mass, set the scale. $N$ is 100 motor turns per 2.5 load turns a second, 40.
+# The 5 kg of the load, as a point mass, set the scale. $N$ is 100 motor turns per 2.5 load turns a
+# second, 40.
 #
-# **The cost.** The eleven ratios $p$ above `lead_s` minimise the squared error of the speed $v$ [rps] over the third
-# [turn](glossary.md#turn) of four records, [levels](glossary.md#level) K = 3, 6, 9, 12, each in units of its SD $s_K$
-# [rps] over the [settled](glossary.md#settled) turns. Only the backlash differs between the records.
+# **The cost.** The eleven ratios $p$ above `lead_s` minimise the squared error of the speed $v$
+# [rps] over the third [turn](glossary.md#turn) of four records, [levels](glossary.md#level) K = 3,
+# 6, 9, 12, each in units of its SD $s_K$ [rps] over the [settled](glossary.md#settled) turns. Only
+# the backlash differs between the records.
 #
 # $$C(p) = \frac{1}{2} \sum_{K} \sum_{i \in \text{turn 3}}
 # \left[\frac{v_\text{simulated}(t_i; p, \delta_K) - v_K(t_i)}{s_K}\right]^2$$
 #
-# With the Jacobian $J$ of the $n$ residuals, $\hat p_j \pm t_{0.975}\,\sigma \sqrt{[(J^\top J)^{-1}]_{jj}}$ with
-# $\sigma^2 = 2C / (n - 11)$ are the 95 % intervals.
+# With the Jacobian $J$ of the $n$ residuals,
+# $\hat p_j \pm t_{0.975}\,\sigma \sqrt{[(J^\top J)^{-1}]_{jj}}$ with $\sigma^2 = 2C / (n - 11)$ are
+# the 95 % intervals.
 #
-# The fit uses neither the other seven records nor the printed [theoretical $A$](glossary.md#theoretical-a). The
-# *structure* of the model was chosen with all of them in view, among the models listed below, so none of them
-# validates it independently. `make studies NAME=identify-joint` fits from rougher values and writes the set to
+# The fit uses neither the other seven records nor the printed [theoretical
+# $A$](glossary.md#theoretical-a). The *structure* of the model was chosen with all of them in view,
+# among the models listed below, so none of them validates it independently.
+# `make studies NAME=identify-joint` fits from rougher values and writes the set to
 # `replication/data/joint.json`; all else uses it without the authors' data.
 
 # %% [markdown]
@@ -160,11 +168,12 @@ workbook.show_figure(
 # %% [markdown]
 # ### The ratios, fitted from a start away from the committed set
 #
-# The ratios in `started` start away from the committed values, the others at them. Predict first: which ratios will
-# come back to all their digits, and which only roughly?
+# The ratios in `started` start away from the committed values, the others at them. Predict first:
+# which ratios will come back to all their digits, and which only roughly?
 #
-# The misfit is the [NRMSE](glossary.md#nrmse): the root mean square of the error over the record's SD, here on the
-# third turn of 200 samples. Its mean square over the four records is $2C / n$, $n$ = 800.
+# The misfit is the [NRMSE](glossary.md#nrmse): the root mean square of the error over the record's
+# SD, here on the third turn of 200 samples. Its mean square over the four records is $2C / n$,
+# $n$ = 800.
 
 # %%
 of_fit = {delta: records[delta] for delta in map(level_delta_rad, fit_levels)}
@@ -190,7 +199,8 @@ misfit = {f"{name} [%]": 100 * nrmse(joint, of_fit, third_turn) for name, joint 
 pd.DataFrame(misfit, index=[f"K = {level}" for level in fit_levels]).round(3)
 
 # %% [markdown]
-# `off_in_widths` is the distance of the fitted ratio from the committed one, over its interval's width.
+# `off_in_widths` is the distance of the fitted ratio from the committed one, over its interval's
+# width.
 
 # %%
 ratios = pd.DataFrame({"committed": committed.ratios, "fitted": fit.parameters.ratios})
@@ -202,12 +212,12 @@ shown = ["started", "committed", "fitted", "low_95", "high_95", "off_in_widths"]
 ratios[shown].map("{:.6g}".format).replace("nan", "held")
 
 # %% [markdown]
-# The intervals are those of the linearised least squares. They take the residual for white noise of one SD; most of it
-# is the records' rounding to five digits, so read them as approximate (exercise 3). `lead_s` shows in the first turn
-# only and is identified there.
+# The intervals are those of the linearised least squares. They take the residual for white noise of
+# one SD; most of it is the records' rounding to five digits, so read them as approximate (exercise
+# 3). `lead_s` shows in the first turn only and is identified there.
 #
-# Some ratios are known only together: four of the drive's form one shallow valley. The pairs with a correlation
-# beyond 0.9:
+# Some ratios are known only together: four of the drive's form one shallow valley. The pairs with a
+# correlation beyond 0.9:
 
 # %%
 correlation = fit.correlation.stack().rename("correlation").reset_index()
@@ -237,8 +247,9 @@ pd.DataFrame(values, index=list(physical), columns=["symbol", "value"])
 # %% [markdown]
 # ### The sharpness of the edge
 #
-# The misfit to the settled turns, the mean over all eleven records, as $\alpha$ of equation 8 changes and the ratios
-# are kept; the clamped dead zone is an infinite $\alpha$. From 10⁶ per rad on little changes.
+# The misfit to the settled turns, the mean over all eleven records, as $\alpha$ of equation 8
+# changes and the ratios are kept; the clamped dead zone is an infinite $\alpha$. From 10⁶ per rad
+# on little changes.
 
 # %%
 edges = {value: replace(committed, alpha_per_rad=value) for value in alphas}
@@ -252,13 +263,14 @@ alpha.map("{:.4g}".format)
 # %% [markdown]
 # ### What helped, and what did not
 #
-# Models we tried, with misfits. The structure was chosen by two figures together: the waveform (NRMSE over all records)
-# and the peaks before sampling, our reading of $A$ (against the printed one). A continuous drive reproduces the peaks
-# within 2 % and the waveform within 5 %; a drive sampled at 2 ms has a better waveform, and peaks that depend on its
-# clock. About 1 ms of delay in the loop *and* a derivative reduce the misfit in the first 10 ms after an impact. A
-# leaky integrator, which adds freedom at the once-a-turn frequency, lowers both figures. It describes the authors'
-# loop; what it was in their model is not known. Its gain is negative; we do not know why. Friction, filters and
-# damping add nothing.
+# Models we tried, with misfits. The structure was chosen by two figures together: the waveform
+# (NRMSE over all records) and the peaks before sampling, our reading of $A$ (against the printed
+# one). A continuous drive reproduces the peaks within 2 % and the waveform within 5 %; a drive
+# sampled at 2 ms has a better waveform, and peaks that depend on its clock. About 1 ms of delay in
+# the loop *and* a derivative reduce the misfit in the first 10 ms after an impact. A leaky
+# integrator, which adds freedom at the once-a-turn frequency, lowers both figures. It describes the
+# authors' loop; what it was in their model is not known. Its gain is negative; we do not know why.
+# Friction, filters and damping add nothing.
 
 # %%
 log = workbook.ROOT / "replication" / "data" / "simulator_attempts.csv"
@@ -295,15 +307,16 @@ workbook.export(
 # %% [markdown]
 # ## Try changing
 #
-# 1. `alphas = [1e3]`: so soft an edge that the gap leaks a third of the stiffness; the misfit exceeds the signal.
-# 2. `fit_levels = [12]`: one record, the widest of the four; the ratios come back less closely, the farthest to a
-#    third of its interval's width, not to a five-hundredth.
+# 1. `alphas = [1e3]`: so soft an edge that the gap leaks a third of the stiffness; the misfit
+#    exceeds the signal.
+# 2. `fit_levels = [12]`: one record, the widest of the four; the ratios come back less closely, the
+#    farthest to a third of its interval's width, not to a five-hundredth.
 # 3. `alphas = [1e9]`: the misfit of the clamped dead zone, to three digits.
 #
 # ## Exercises
 #
-# **1.** Of a load of 5 kg the table above gives $K_s$, $J_m$ and $K_p$. What are they for 10 kg, if the motor speed
-# stays the same, and which value of the table does not change?
+# **1.** Of a load of 5 kg the table above gives $K_s$, $J_m$ and $K_p$. What are they for 10 kg, if
+# the motor speed stays the same, and which value of the table does not change?
 
 # %% tags=["solution"]
 heavy = joint_from_ratios(committed.ratios, load_mass_kg=10.0)
@@ -313,8 +326,9 @@ assert np.isclose(scale["gravity_arm_m"], 1)
 print("all twice as large but for the arm r, which the ratio g / r fixes")
 
 # %% [markdown]
-# **2.** The fit uses four records. How well would one do? Fit the widest gap's record alone, and compare the widths of
-# the 95 % intervals with those above. Which ratio loses most, and by which factor (to a factor of 2)?
+# **2.** The fit uses four records. How well would one do? Fit the widest gap's record alone, and
+# compare the widths of the 95 % intervals with those above. Which ratio loses most, and by which
+# factor (to a factor of 2)?
 
 # %% tags=["solution"]
 alone = identification.identify_joint({widest: record}, committed)
@@ -331,9 +345,9 @@ else:
     )
 
 # %% [markdown]
-# **3.** The intervals take the residual for white noise. Compute the correlation of neighbouring samples of the
-# residual on the fitted turns (to 0.1). By which factor would a correlation of $\rho$ widen the intervals, roughly
-# $\sqrt{(1 + \rho) / (1 - \rho)}$?
+# **3.** The intervals take the residual for white noise. Compute the correlation of neighbouring
+# samples of the residual on the fitted turns (to 0.1). By which factor would a correlation of
+# $\rho$ widen the intervals, roughly $\sqrt{(1 + \rho) / (1 - \rho)}$?
 
 # %% tags=["solution"]
 left = [

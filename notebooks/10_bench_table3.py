@@ -17,41 +17,44 @@
 # %% [markdown]
 # # 10 · The test bench (Table 3), as a stand-in
 #
-# *You will see what stands between the simulated joint and a log of a real one, how the known $A$ of Table 3 were
-# computed, and how far benches of one kind scatter. Run time: 25 s. Before this: notebooks
-# [6](06_characteristic_figure12.ipynb) and [8](08_noise_table2.ipynb).*
+# *You will see what stands between the simulated joint and a log of a real one, how the known $A$
+# of Table 3 were computed, and how far benches of one kind scatter. Run time: 25 s. Before this:
+# notebooks [6](06_characteristic_figure12.ipynb) and [8](08_noise_table2.ipynb).*
 #
-# **The bench's logs were never published. Everything below but the arithmetic of the printed numbers comes from a
-# simulated bench, a [stand-in](glossary.md#stand-in), and none of it tests the printed numbers.**
+# **The bench's logs were never published. Everything below but the arithmetic of the printed
+# numbers comes from a simulated bench, a [stand-in](glossary.md#stand-in), and none of it tests the
+# printed numbers.**
 #
 # ## Claim
 #
-# On a real joint with [backlash](glossary.md#backlash) measured by hand, 30 [runs](glossary.md#run) each, the mean of
-# $A$ is within 9 % of its known value, at three states of wear (section "Testing on real-world data from the test
-# bench", Table 3). Notebook
-# [19](beyond/19_friction.ipynb) has friction.
+# On a real joint with [backlash](glossary.md#backlash) measured by hand, 30 [runs](glossary.md#run)
+# each, the mean of $A$ is within 9 % of its known value, at three states of wear (section "Testing
+# on real-world data from the test bench", Table 3). Notebook [19](beyond/19_friction.ipynb) has
+# friction.
 #
 # ## Method
 #
-# **Known A.** The known $A$ [rps] must come from the backlash $\delta$ [rad] that was measured by hand. The paper has
-# two ways to it. The first is the static characteristic, solved for $A$, with the printed coefficients $a_k$
-# [rad/rpm$^k$] (it takes rpm: notebook 6):
+# **Known A.** The known $A$ [rps] must come from the backlash $\delta$ [rad] that was measured by
+# hand. The paper has two ways to it. The first is the static characteristic, solved for $A$, with
+# the printed coefficients $a_k$ [rad/rpm$^k$] (it takes rpm: notebook 6):
 #
 # $$\delta = f(A) = a_0 + a_1 \cdot 60A + a_2 (60A)^2 + a_3 (60A)^3 \tag{10}$$
 #
-# The second is Table 2's [theoretical A](glossary.md#theoretical-a), interpolated between two neighbours.
+# The second is Table 2's [theoretical A](glossary.md#theoretical-a), interpolated between two
+# neighbours.
 #
-# **The bench.** The stand-in is the identified joint (notebook 9) with what a bench has and the simulator has not:
-# every parameter drawn around the identified one, friction, torque ripple at one and six periods a motor turn,
-# eccentricity of the belt and of the load's gear, an unknown start angle. Drive and log see the motor's angle
-# $\theta_m$ [rad] in the encoder's 19 bits; the log differences it every $\Delta t$ = 2 ms, with white noise $n_k$
-# [rps] on top:
+# **The bench.** The stand-in is the identified joint (notebook 9) with what a bench has and the
+# simulator has not: every parameter drawn around the identified one, friction, torque ripple at one
+# and six periods a motor turn, eccentricity of the belt and of the load's gear, an unknown start
+# angle. Drive and log see the motor's angle $\theta_m$ [rad] in the encoder's 19 bits; the log
+# differences it every $\Delta t$ = 2 ms, with white noise $n_k$ [rps] on top:
 #
 # $$\theta_k = q \left\lfloor \frac{\theta_m(k \Delta t)}{q} \right\rfloor, \quad q = \frac{2\pi}{2^{19}}, \qquad
 # v_k = \frac{\theta_{k+1} - \theta_k}{2\pi \Delta t} + n_k.$$
 #
-# The paper gives none of these; how widely each is drawn is our assumption. If the real logs are ever published, one
-# function from a log to a `Recording` replaces `joints.encoder_log`; nothing after it changes.
+# The paper gives none of these; how widely each is drawn is our assumption. If the real logs are
+# ever published, one function from a log to a `Recording` replaces `joints.encoder_log`; nothing
+# after it changes.
 
 # %%
 from dataclasses import asdict, replace
@@ -70,8 +73,8 @@ from studies import standin_plots
 # %% [markdown]
 # ## Parameters
 #
-# The keys of `spread`; a torque is given as a share of the largest gravity torque, $m g r$ on the load, $m g r / N$
-# on the motor:
+# The keys of `spread`; a torque is given as a share of the largest gravity torque, $m g r$ on the
+# load, $m g r / N$ on the motor:
 #
 # | key | unit | what it is |
 # |---|---|---|
@@ -105,8 +108,9 @@ workbook.check_parameters(
 #
 # ### Figure 10's second curve
 #
-# Equation 10 at the printed known $A$ gives nearly whole 0.1 mrad: the backlashes of the stand-in. One motion of the
-# simulator and of a bench drawn around it. *Predict:* which of the three signals differs most?
+# Equation 10 at the printed known $A$ gives nearly whole 0.1 mrad: the backlashes of the stand-in.
+# One motion of the simulator and of a bench drawn around it. *Predict:* which of the three signals
+# differs most?
 
 
 # %%
@@ -174,14 +178,16 @@ known = pd.DataFrame(
 known
 
 # %% [markdown]
-# The known $A$ are Table 2's, interpolated, and not those of equation 10. The hand's measures must then have been round
-# 0.1 mrad, or rounded to it. That says how the known $A$ were computed, not what was measured.
+# The known $A$ are Table 2's, interpolated, and not those of equation 10. The hand's measures must
+# then have been round 0.1 mrad, or rounded to it. That says how the known $A$ were computed, not
+# what was measured.
 #
 # ### Table 3
 #
-# `fit_table3` makes a log and a static reading of the bench at each of the three backlashes, and runs the paper's
-# search on each log, from one seed a run. The known $A$ is that of the reading. `bench_population` reads the logs of
-# other benches by the global fit (notebook 8). *Predict:* is a printed error of at most 9 % typical of such benches?
+# `fit_table3` makes a log and a static reading of the bench at each of the three backlashes, and
+# runs the paper's search on each log, from one seed a run. The known $A$ is that of the reading.
+# `bench_population` reads the logs of other benches by the global fit (notebook 8). *Predict:* is a
+# printed error of at most 9 % typical of such benches?
 
 # %%
 table = standins.fit_table3(bench, deltas_rad, bench_seed, repeats)
@@ -194,7 +200,8 @@ workbook.show_figure(
 )
 
 # %% [markdown]
-# Errors of $A$ in percent of the known one, and how many SDs of the population the printed error lies from its mean.
+# Errors of $A$ in percent of the known one, and how many SDs of the population the printed error
+# lies from its mean.
 
 # %%
 errors = population.groupby("delta_rad")["error_percent"].agg(["mean", "std", "min", "max"])
@@ -205,8 +212,8 @@ errors
 # %% [markdown]
 # ## Verdict
 #
-# Means and SDs are those of stand-ins and test nothing. The claim is undecided: the static measures are not printed;
-# whole 0.1 mrad were found here from the known $A$ themselves.
+# Means and SDs are those of stand-ins and test nothing. The claim is undecided: the static measures
+# are not printed; whole 0.1 mrad were found here from the known $A$ themselves.
 
 # %% tags=["plumbing", "verdict"]
 cells = standins.table3_cells(table) | {
@@ -241,17 +248,18 @@ workbook.export(
 # %% [markdown]
 # ## Try changing
 #
-# 1. `bench_seed = 2`: a bench whose drive damps the ring half as well as the identified one, by a speed gain that is
-#    an eighth smaller and an integral gain a tenth larger; $A$ comes out at about half of its known value.
-# 2. `spread = {"load_friction": 0.05}`: up to 5 % of gravity as friction on the load; the population's mean error
-#    grows fivefold.
-# 3. `measure_mrad = 0.01`: the backlashes are then those of equation 10 at the printed known $A$, and Table 2
-#    interpolated no longer gives these.
+# 1. `bench_seed = 2`: a bench whose drive damps the ring half as well as the identified one, by a
+#    speed gain that is an eighth smaller and an integral gain a tenth larger; $A$ comes out at
+#    about half of its known value.
+# 2. `spread = {"load_friction": 0.05}`: up to 5 % of gravity as friction on the load; the
+#    population's mean error grows fivefold.
+# 3. `measure_mrad = 0.01`: the backlashes are then those of equation 10 at the printed known $A$,
+#    and Table 2 interpolated no longer gives these.
 #
 # ## Exercises
 #
-# **1.** Which error of the backlash [rad] does the largest printed error of $A$ make? Use the slope of equation 10 at
-# the known $A$, and compare with equation 10 at the printed mean.
+# **1.** Which error of the backlash [rad] does the largest printed error of $A$ make? Use the slope
+# of equation 10 at the known $A$, and compare with equation 10 at the printed mean.
 
 # %% tags=["solution"]
 mean_A = published.column("Table 3", "mean")
@@ -261,8 +269,9 @@ assert np.allclose(by_slope, by_equation_10, rtol=0.05)
 print(by_slope, by_equation_10)
 
 # %% [markdown]
-# **2.** The encoder rounds the motor's angle to $q = 2\pi / 2^{19}$ rad, and the log differences it over 2 ms. Which SD
-# has the speed's error, if the rounding errors are uniform and independent (to 2 %)? Compare it with the bench's noise.
+# **2.** The encoder rounds the motor's angle to $q = 2\pi / 2^{19}$ rad, and the log differences it
+# over 2 ms. Which SD has the speed's error, if the rounding errors are uniform and independent (to
+# 2 %)? Compare it with the bench's noise.
 
 # %% tags=["solution"]
 q = 2 * np.pi / 2**19
@@ -274,8 +283,9 @@ assert np.isclose(drawn_sd, sd_rps, rtol=0.02)
 print(f"{sd_rps:.1e} rps; the noise has {bench.noise_rps:.1e}")
 
 # %% [markdown]
-# **3.** The stand-in's static measure has an SD of 0.01 mm at an arm of 0.3 m. Which relative error of the known $A$ is
-# that at 1 mrad, by the slope of equation 10 (to 0.1 %)? Is it an excuse for an error of 9 %?
+# **3.** The stand-in's static measure has an SD of 0.01 mm at an arm of 0.3 m. Which relative error
+# of the known $A$ is that at 1 mrad, by the slope of equation 10 (to 0.1 %)? Is it an excuse for an
+# error of 9 %?
 
 # %% tags=["solution"]
 dial_rad = 1e-5 / 0.3
@@ -285,5 +295,5 @@ assert np.isclose(change, np.interp(1e-3 + dial_rad, f(A_axis), A_axis) / A_axis
 print(f"{100 * change:.1f} %: no")
 
 # %% [markdown]
-# **What you have learnt**: a stand-in shows what is typical and tests nothing; known values can be traced to their
-# formula. *Next:* [robots](11_robots_table4.ipynb).
+# **What you have learnt**: a stand-in shows what is typical and tests nothing; known values can be
+# traced to their formula. *Next:* [robots](11_robots_table4.ipynb).

@@ -17,17 +17,17 @@
 # %% [markdown]
 # # 11 · Two robots in a plant (Table 4), as stand-ins
 #
-# *You will see how a threshold on $A$ is chosen, and which disturbance looks like backlash. Run time: 30 s.
-# Before this: notebook [10](10_bench_table3.ipynb).*
+# *You will see how a threshold on $A$ is chosen, and which disturbance looks like backlash. Run
+# time: 30 s. Before this: notebook [10](10_bench_table3.ipynb).*
 #
 # **The robots' logs were never published. Everything below comes from simulated robots,
 # [stand-ins](glossary.md#stand-in), and none of it tests the printed numbers.**
 #
 # ## Claim
 #
-# On axis 4 of two robots of one model, 30 [runs](glossary.md#run) each, $A$ tells the one with excessive
-# [backlash](glossary.md#backlash) from the other, although the other joints' disturbances may hide the signature
-# (section "Testing on real-world data from robots", Table 4).
+# On axis 4 of two robots of one model, 30 [runs](glossary.md#run) each, $A$ tells the one with
+# excessive [backlash](glossary.md#backlash) from the other, although the other joints' disturbances
+# may hide the signature (section "Testing on real-world data from robots", Table 4).
 #
 # ## Method
 #
@@ -37,23 +37,26 @@
 #
 # with the printed coefficients $a_k$ [rad/rpm$^k$] (notebook 6).
 #
-# A stand-in axis is a bench of notebook 10 with less gravity (axis 4 carries the wrist and a tool only), and with
-# three sinusoidal torques on its load, of any frequency from 2.5 to 40 Hz: what reaches it from the other joints. A
-# healthy axis has up to 10⁻⁴ rad of backlash, a bad one 2·10⁻⁴ to 5·10⁻⁴ rad. All of these are assumptions
-# (`RobotSpread` in `standins`).
+# A stand-in axis is a bench of notebook 10 with less gravity (axis 4 carries the wrist and a tool
+# only), and with three sinusoidal torques on its load, of any frequency from 2.5 to 40 Hz: what
+# reaches it from the other joints. A healthy axis has up to 10⁻⁴ rad of backlash, a bad one 2·10⁻⁴
+# to 5·10⁻⁴ rad. All of these are assumptions (`RobotSpread` in `standins`).
 #
-# Two robots say little about a threshold $T$ [rps]. Many of each kind give its rates of detection and of false alarms,
+# Two robots say little about a threshold $T$ [rps]. Many of each kind give its rates of detection
+# and of false alarms,
 #
 # $$d(T) = P(A \ge T \mid \text{excessive}), \qquad f(T) = P(A \ge T \mid \text{healthy}).$$
 #
-# The curve of $d$ over $f$ for all $T$ is the receiver operating characteristic (ROC). The area under it is the
-# probability that an excessive robot has a larger $A$ than a healthy one. Youden's index
-# ([1950](https://doi.org/10.1002/1097-0142%281950%293:1%3C32::AID-CNCR2820030106%3E3.0.CO;2-3)) selects
+# The curve of $d$ over $f$ for all $T$ is the receiver operating characteristic (ROC). The area
+# under it is the probability that an excessive robot has a larger $A$ than a healthy one. Youden's
+# index
+# ([1950](https://doi.org/10.1002/1097-0142%281950%293:1%3C32::AID-CNCR2820030106%3E3.0.CO;2-3))
+# selects
 #
 # $$T^* = \arg\max_T \left[ d(T) - f(T) \right].$$
 #
-# These robots are fitted by the global fit (notebook 8), one fit a robot. The real logs' loader would go where the
-# bench's goes (notebook 10).
+# These robots are fitted by the global fit (notebook 8), one fit a robot. The real logs' loader
+# would go where the bench's goes (notebook 10).
 
 # %%
 from dataclasses import replace
@@ -96,8 +99,9 @@ workbook.check_parameters(
 #
 # ### Many robots, and the threshold
 #
-# $A$ [rps] of the two kinds, in arms with little and with much coupling. The ROC has one point for each $A$ that
-# occurs, taken as the threshold. Predict first: which of the printed amplitudes is the better threshold?
+# $A$ [rps] of the two kinds, in arms with little and with much coupling. The ROC has one point for
+# each $A$ that occurs, taken as the threshold. Predict first: which of the printed amplitudes is
+# the better threshold?
 
 # %%
 spread = standins.RobotSpread(coupling=coupling)
@@ -164,8 +168,8 @@ arms = pd.concat([population.assign(coupling=coupling), loud.assign(coupling=lou
 arms.groupby(["coupling", "kind"], sort=False)["A_rps"].agg(["count", "mean", "std", "min", "max"])
 
 # %% [markdown]
-# The threshold depends on the amplitude of the coupling torques: that of the weakly coupled arm applied to the strongly
-# coupled one, and the latter's own.
+# The threshold depends on the amplitude of the coupling torques: that of the weakly coupled arm
+# applied to the strongly coupled one, and the latter's own.
 
 # %%
 T = best["threshold_rps"]
@@ -194,8 +198,8 @@ printed.assign(
 #
 # ### Table 4
 #
-# Robots A and B are the first healthy and the first bad one of the population above. As in notebook 8, the sign of
-# $A$ is dropped.
+# Robots A and B are the first healthy and the first bad one of the population above. As in notebook
+# 8, the sign of $A$ is dropped.
 
 # %%
 seeds = range(1, repeats + 1)
@@ -209,16 +213,18 @@ table.astype(object).set_index("robot").T
 # %% [markdown]
 # ### A healthy joint shaken near 21 Hz
 #
-# A joint without any backlash, shaken by one sinusoidal torque of amplitude $\tau_0$ [N m] and phase $\varphi$ [rad].
-# If it goes through $k$ periods in a load turn of $T_f$ [s], then half a turn later it is
+# A joint without any backlash, shaken by one sinusoidal torque of amplitude $\tau_0$ [N m] and
+# phase $\varphi$ [rad]. If it goes through $k$ periods in a load turn of $T_f$ [s], then half a
+# turn later it is
 #
 # $$\tau\left(t + \frac{T_f}{2}\right) = \tau_0 \sin\left(2\pi k\,\frac{t + T_f/2}{T_f} + \varphi\right)
 # = \tau_0 \sin\left(\frac{2\pi k t}{T_f} + \varphi + \pi k\right) = (-1)^k\,\tau(t).$$
 #
-# At an odd $k$ it repeats with opposite sign half a turn later. So does the [signature](glossary.md#signature), because
-# gravity pulls the teeth from one side to the other: no number of turns tells the two apart by their sign, and the
-# disturbance is read as $A$. At an even $k$ the two half turns of the signature cancel it, and at other frequencies it
-# averages out over twelve turns. The response is largest near the coupling's own frequency with the teeth in contact,
+# At an odd $k$ it repeats with opposite sign half a turn later. So does the
+# [signature](glossary.md#signature), because gravity pulls the teeth from one side to the other: no
+# number of turns tells the two apart by their sign, and the disturbance is read as $A$. At an even
+# $k$ the two half turns of the signature cancel it, and at other frequencies it averages out over
+# twelve turns. The response is largest near the coupling's own frequency with the teeth in contact,
 # where the signature rings too.
 
 # %%
@@ -239,8 +245,8 @@ workbook.show_figure(
 )
 
 # %% [markdown]
-# The fitted $A$ [rps] at the harmonics of the load's turn, and how many of the twelve turns the fit uses; columns are
-# the torque over $m g r$.
+# The fitted $A$ [rps] at the harmonics of the load's turn, and how many of the twelve turns the fit
+# uses; columns are the torque over $m g r$.
 
 # %%
 order = sweep["disturbance_hz"] * T_f
@@ -250,9 +256,9 @@ harmonics.pivot(
 )
 
 # %% [markdown]
-# Away from the odd harmonics a disturbance can still be large enough for a fit that begins in the record's last turn:
-# Table 1 allows $t_0$ up to the record's end, so that the signature has only one or two windows to fit, too few for the
-# disturbance to cancel.
+# Away from the odd harmonics a disturbance can still be large enough for a fit that begins in the
+# record's last turn: Table 1 allows $t_0$ up to the record's end, so that the signature has only
+# one or two windows to fit, too few for the disturbance to cancel.
 
 # %%
 by_torque = sweep.assign(
@@ -298,16 +304,16 @@ workbook.export(
 # %% [markdown]
 # ## Try changing
 #
-# 1. `coupling = 0.0`: without couplings the best threshold errs nearly as often, because gravity and friction differ
-#    from arm to arm, and that alone makes the kinds overlap.
-# 2. `robot_seed = 2`: two other robots, B with half the backlash; its mean $A$ halves, while the best threshold of the
-#    population moves by less than a tenth.
+# 1. `coupling = 0.0`: without couplings the best threshold errs nearly as often, because gravity
+#    and friction differ from arm to arm, and that alone makes the kinds overlap.
+# 2. `robot_seed = 2`: two other robots, B with half the backlash; its mean $A$ halves, while the
+#    best threshold of the population moves by less than a tenth.
 # 3. `loud_coupling = 0.3`: $A$ hardly separates the kinds; the area is near 0.5, that of guessing.
 #
 # ## Exercises
 #
-# **1.** Count, over all pairs of an excessive and a healthy robot, how often the excessive one has the larger $A$
-# (an equal $A$ counts as half). Compare with the area under the ROC.
+# **1.** Count, over all pairs of an excessive and a healthy robot, how often the excessive one has
+# the larger $A$ (an equal $A$ counts as half). Compare with the area under the ROC.
 
 # %% tags=["solution"]
 healthy, excessive = (
@@ -319,8 +325,9 @@ assert np.isclose(chance, area_under(curve))
 print(f"{chance:.4f}")
 
 # %% [markdown]
-# **2.** In a plant 2 % of the robots are bad. Which share (to 1 %) of those that the best threshold calls excessive
-# are so (Bayes)? From which share of bad robots on is a call more often right than wrong?
+# **2.** In a plant 2 % of the robots are bad. Which share (to 1 %) of those that the best threshold
+# calls excessive are so (Bayes)? From which share of bad robots on is a call more often right than
+# wrong?
 
 # %% tags=["solution"]
 d, f = best["detected"], best["false_alarms"]
@@ -333,8 +340,9 @@ print(
 )
 
 # %% [markdown]
-# **3.** Split a disturbance into the part that repeats with opposite sign half a turn later and the rest. What is left
-# of it in the first part at $k = 8$, at $k = 9$ and at $k = 8.5$, averaged over twelve turns?
+# **3.** Split a disturbance into the part that repeats with opposite sign half a turn later and the
+# rest. What is left of it in the first part at $k = 8$, at $k = 9$ and at $k = 8.5$, averaged over
+# twelve turns?
 
 # %% tags=["solution"]
 sample = np.arange(2400)  # 2 ms apart; a half turn has 100
@@ -347,5 +355,6 @@ assert np.isclose(kept[9], np.sqrt(0.5))  # all of it; nothing of the others
 assert max(kept[8], kept[8.5]) < 1e-9
 
 # %% [markdown]
-# **What you have learnt**: a threshold is chosen by rates of detection and false alarm, and a torque at an odd harmonic
-# looks like backlash. *Next:* [your own joint](beyond/12_your_own_joint.ipynb).
+# **What you have learnt**: a threshold is chosen by rates of detection and false alarm, and a
+# torque at an odd harmonic looks like backlash. *Next:* [your own
+# joint](beyond/12_your_own_joint.ipynb).

@@ -17,14 +17,17 @@
 # %% [markdown]
 # # 12 · Measure your own joint
 #
-# *You will calibrate the sensor for a joint, estimate the backlash from logs with it, and see when it refuses; then
-# measure a log of your own. Run time: 11 s. Before this: notebook [0](../00_the_sensor.ipynb).*
+# *You will calibrate the sensor for a joint, estimate the backlash from logs with it, and see when
+# it refuses; then measure a log of your own. Run time: 11 s. Before this: notebook
+# [0](../00_the_sensor.ipynb).*
 #
-# **A guide to the virtual sensor. A simulated joint replaces yours; nothing of the paper is judged here.**
+# **A guide to the virtual sensor. A simulated joint replaces yours; nothing of the paper is judged
+# here.**
 #
 # ## Claim
 #
-# The [backlash](../glossary.md#backlash) of a joint can be read off its motor encoder alone, without taking it apart.
+# The [backlash](../glossary.md#backlash) of a joint can be read off its motor encoder alone,
+# without taking it apart.
 
 # %%
 from dataclasses import replace
@@ -57,39 +60,43 @@ _ = axis.set_title(
 # %% [markdown]
 # ## Method
 #
-# *The movement*: a horizontal axis and an off-centre load, whose gravity is above its friction, so that gravity swings
-# the load through the gap twice a turn; constant motor speed; twelve load turns in one direction, four at least. *The
-# log*: time and the encoder's position or speed, at 500 Hz if you can; the joint rings near 21 Hz. Below 84 Hz (four
-# samples a ring period) the sensor does not answer. *The backlash* $\delta$ is half of the total play.
+# *The movement*: a horizontal axis and an off-centre load, whose gravity is above its friction, so
+# that gravity swings the load through the gap twice a turn; constant motor speed; twelve load turns
+# in one direction, four at least. *The log*: time and the encoder's position or speed, at 500 Hz if
+# you can; the joint rings near 21 Hz. Below 84 Hz (four samples a ring period) the sensor does not
+# answer. *The backlash* $\delta$ is half of the total play.
 #
-# *The calibration*: logs of the same movement at six or more known backlashes of your joint. Method `waveform` makes
-# of them the settled motor speed $w(\varphi; \delta)$ [rps], less its mean, at each phase $\varphi$ of a load turn, a
-# polynomial in $\delta$. A log of speeds $v_i$ [rps] at times $t_i$ [s], with the turn period $T_f$ [s], has the
-# backlash and the phase that fit best,
+# *The calibration*: logs of the same movement at six or more known backlashes of your joint. Method
+# `waveform` makes of them the settled motor speed $w(\varphi; \delta)$ [rps], less its mean, at
+# each phase $\varphi$ of a load turn, a polynomial in $\delta$. A log of speeds $v_i$ [rps] at
+# times $t_i$ [s], with the turn period $T_f$ [s], has the backlash and the phase that fit best,
 #
 # $$\hat\delta, \hat\varphi = \arg\min_{\delta, \varphi} \sum_i
 # \left[v_i - \bar v - w\left(\frac{t_i}{T_f} - \varphi; \delta\right)\right]^2.$$
 #
-# Methods `amplitude` and `energy` read one number off the fitted signature instead. The 95 % interval is
-# $\hat\delta \pm 1.96 \sqrt{\sigma_n^2 + \sigma_c^2}$ with the SD $\sigma_n$ (standard deviation) that the log's noise
-# gives $\hat\delta$, and the calibration's own uncertainty $\sigma_c$, from the errors at levels that were left out.
+# Methods `amplitude` and `energy` read one number off the fitted signature instead. The 95 %
+# interval is $\hat\delta \pm 1.96 \sqrt{\sigma_n^2 + \sigma_c^2}$ with the SD $\sigma_n$ (standard
+# deviation) that the log's noise gives $\hat\delta$, and the calibration's own uncertainty
+# $\sigma_c$, from the errors at levels that were left out.
 #
-# Calibrate first if you can: it holds for any drive. Without a calibration, method `self` finds the joint from the log
-# (notebook 14). It assumes the paper's drive, with gains known to 2 to 3 %, and mechanics known to 20 %, and says
-# `cannot tell` for others.
+# Calibrate first if you can: it holds for any drive. Without a calibration, method `self` finds the
+# joint from the log (notebook 14). It assumes the paper's drive, with gains known to 2 to 3 %, and
+# mechanics known to 20 %, and says `cannot tell` for others.
 #
-# *By the torque*: where the motor's torque or current is logged too, method `torque` needs no calibration and no model
-# of the drive, but what you know of the load: mass, arm, inertias and gear ratio, or $J_l/(N^2 J_m)$ and $m g r/J_l$
-# [1/s²] themselves. The estimate is proportional to $m g r/J_l$. The [datasheet](../../results/pages/datasheet.html)
-# says how often it answers and how often the interval holds the true backlash. A note compares the motor's inertia that
-# the log tells of with yours: if it is not what you know, an input is wrong. Where a joint can't turn four times, six
-# or more *strokes* across the vertical, with the torque and the gear ratio, serve too; they can't tell that there is no
-# backlash.
+# *By the torque*: where the motor's torque or current is logged too, method `torque` needs no
+# calibration and no model of the drive, but what you know of the load: mass, arm, inertias and gear
+# ratio, or $J_l/(N^2 J_m)$ and $m g r/J_l$ [1/s²] themselves. The estimate is proportional to
+# $m g r/J_l$. The [datasheet](../../results/pages/datasheet.html) says how often it answers and how
+# often the interval holds the true backlash. A note compares the motor's inertia that the log tells
+# of with yours: if it is not what you know, an input is wrong. Where a joint can't turn four times,
+# six or more *strokes* across the vertical, with the torque and the gear ratio, serve too; they
+# can't tell that there is no backlash.
 #
-# *Which side*: speed, position and torque are the motor's, and the backlash is the joint's. Most robots log the joint's
-# side: then $N = 1$, and the load is said by its two ratios (`--gear-ratio 1 --inertia-ratio RHO --gravity PER_S2`).
-# Gear makers state the *lost motion*: the total play $2 \delta$ and the wind-up of the teeth at a few per cent of the
-# rated torque. So $2 \delta$ is less than the lost motion of the data sheet.
+# *Which side*: speed, position and torque are the motor's, and the backlash is the joint's. Most
+# robots log the joint's side: then $N = 1$, and the load is said by its two ratios
+# (`--gear-ratio 1 --inertia-ratio RHO --gravity PER_S2`). Gear makers state the *lost motion*: the
+# total play $2 \delta$ and the wind-up of the teeth at a few per cent of the rated torque. So
+# $2 \delta$ is less than the lost motion of the data sheet.
 #
 # ```
 # backlash calibrate table.csv --out joint.json --turn-period 0.4
@@ -98,10 +105,11 @@ _ = axis.set_title(
 # backlash trend logs/ --turn-period 0.4 --calibration joint.json --limit 0.001 --plot trend.png
 # ```
 #
-# and from Python `backlash.calibrate`, `backlash.estimate` and `backlash.trend`, on files, tables or arrays. The first
-# call on a machine may compile first, and says so. Many logs, a cluster, costs and other formats: the
-# [guide](../guide.md). Here your joint is a simulated bench of notebook 10: other stiffness, gravity and gains than the
-# paper's, some friction, an encoder of 19 bits, and a log that starts anywhere.
+# and from Python `backlash.calibrate`, `backlash.estimate` and `backlash.trend`, on files, tables
+# or arrays. The first call on a machine may compile first, and says so. Many logs, a cluster, costs
+# and other formats: the [guide](../guide.md). Here your joint is a simulated bench of notebook 10:
+# other stiffness, gravity and gains than the paper's, some friction, an encoder of 19 bits, and a
+# log that starts anywhere.
 
 # %% [markdown]
 # ## Parameters
@@ -133,10 +141,11 @@ workbook.check_parameters(
 #
 # ### Your log, or the simulated joint's
 #
-# With `my_log` the first answer is yours, by method `self`, which needs no calibration. A `note` says what was assumed
-# or left out. Then come logs of the simulated joint, and its own calibration: the same estimator reads the logs of
-# known backlash and the one to be measured, so that what it gets wrong each time cancels. The calibration's
-# uncertainty is the RMS error at levels that were left out, times Student's factor for so few of them.
+# With `my_log` the first answer is yours, by method `self`, which needs no calibration. A `note`
+# says what was assumed or left out. Then come logs of the simulated joint, and its own calibration:
+# the same estimator reads the logs of known backlash and the one to be measured, so that what it
+# gets wrong each time cancels. The calibration's uncertainty is the RMS error at levels that were
+# left out, times Student's factor for so few of them.
 
 # %%
 my_answer = None
@@ -190,8 +199,9 @@ workbook.show_figure(
 # %% [markdown]
 # ### One log, without a calibration
 #
-# The first line is the answer; the joint's line gives what else the log shows of the joint; a `note` says what was
-# assumed. For a log that no joint of this kind could have made, the answer is `cannot tell`.
+# The first line is the answer; the joint's line gives what else the log shows of the joint; a
+# `note` says what was assumed. For a log that no joint of this kind could have made, the answer is
+# `cannot tell`.
 
 # %%
 uncalibrated = settings_for(form)
@@ -202,7 +212,8 @@ print(str(first.estimate))
 # %% [markdown]
 # ### How much the calibration matters
 #
-# The same five logs read without a calibration (method `self`), with the paper's joint's, and with your own.
+# The same five logs read without a calibration (method `self`), with the paper's joint's, and with
+# your own.
 
 # %%
 true_rad = [5e-4, 8e-4, 11e-4, 14e-4, 17e-4]
@@ -284,7 +295,8 @@ workbook.export(
 # %% [markdown]
 # ## Try changing
 #
-# 1. `method = "amplitude"`: the paper's feature with your own calibration; it errs more than the waveform.
+# 1. `method = "amplitude"`: the paper's feature with your own calibration; it errs more than the
+#    waveform.
 # 2. `log_turns = 4`: a third of the log; there are still answers, with wider intervals.
 # 3. `bench_seed = 4`: another joint; your own calibration still beats the paper's.
 #
@@ -292,8 +304,8 @@ workbook.export(
 #
 # ## Exercises
 #
-# **1.** Which share of the variance of $\hat\delta$ in the calibrated answer above comes from the log's noise, which
-# from the calibration (to 1 %)? Which of the two would a longer log reduce?
+# **1.** Which share of the variance of $\hat\delta$ in the calibrated answer above comes from the
+# log's noise, which from the calibration (to 1 %)? Which of the two would a longer log reduce?
 
 # %% tags=["solution"]
 estimate = calibrated.estimate
@@ -315,8 +327,9 @@ assert most_missed[500] < 0.01
 print({rate: f"{100 * share:.1f} %" for rate, share in most_missed.items()})
 
 # %% [markdown]
-# **3.** The trend's line is $\delta(t) = a + b t$, $t$ in days from its origin. Find the day on which it reaches the
-# limit (a date). Why is its interval wider on the late side than on the early one?
+# **3.** The trend's line is $\delta(t) = a + b t$, $t$ in days from its origin. Find the day on
+# which it reaches the limit (a date). Why is its interval wider on the late side than on the early
+# one?
 
 # %% tags=["solution"]
 level, growth = line.line
@@ -327,5 +340,5 @@ print(
 )  # a slope that is a little smaller moves the crossing further
 
 # %% [markdown]
-# **What you have learnt**: a calibration of your own cancels what an estimator gets wrong each time, and a sensor must
-# refuse. *Next:* [estimators compared](13_readings_compared.ipynb).
+# **What you have learnt**: a calibration of your own cancels what an estimator gets wrong each
+# time, and a sensor must refuse. *Next:* [estimators compared](13_readings_compared.ipynb).

@@ -17,45 +17,47 @@
 # %% [markdown]
 # # 13 · Estimators compared, and how accurate one can be
 #
-# *You will see which estimator finds the [backlash](../glossary.md#backlash) in the motor speed most accurately, and
-# how close it comes to the least error that there can be. Run time: 60 s. Before this: notebooks
-# [8](../08_noise_table2.ipynb) and [10](../10_bench_table3.ipynb).*
+# *You will see which estimator finds the [backlash](../glossary.md#backlash) in the motor speed
+# most accurately, and how close it comes to the least error that there can be. Run time: 60 s.
+# Before this: notebooks [8](../08_noise_table2.ipynb) and [10](../10_bench_table3.ipynb).*
 #
 # ## Claim
 #
-# The paper estimates the backlash from one number, the amplitude $A$ of the motor speed. It leaves open whether another
-# estimator is more accurate, and how accurate one can be at all.
+# The paper estimates the backlash from one number, the amplitude $A$ of the motor speed. It leaves
+# open whether another estimator is more accurate, and how accurate one can be at all.
 #
 # ## Method
 #
-# $v_i$ [rps], $i = 1 \dots n$, is the motor speed at the times $t_i$ [s], $T_f$ [s] the load's turn, and $h(t)$ [rps]
-# the fitted [signature](../glossary.md#signature). Besides $A$ the signature has its *impact time* $t_0$ and its
-# *energy*, here its RMS over whole turns:
+# $v_i$ [rps], $i = 1 \dots n$, is the motor speed at the times $t_i$ [s], $T_f$ [s] the load's
+# turn, and $h(t)$ [rps] the fitted [signature](../glossary.md#signature). Besides $A$ the signature
+# has its *impact time* $t_0$ and its *energy*, here its RMS over whole turns:
 #
 # $$E = \sqrt{\frac{1}{n} \sum_{i=1}^{n} h(t_i)^2}$$
 #
 # A polynomial, fitted to logs of known backlash, turns $A$, $E$ or $t_0$ into $\delta$ [rad].
 #
-# *Waveform matching* uses the whole [settled](../glossary.md#settled) speed. $w(\varphi; \delta)$ [rps] is the settled
-# speed at the phase $\varphi$ [turns], less its mean; $\bar v$ is the mean of $v$:
+# *Waveform matching* uses the whole [settled](../glossary.md#settled) speed. $w(\varphi; \delta)$
+# [rps] is the settled speed at the phase $\varphi$ [turns], less its mean; $\bar v$ is the mean of
+# $v$:
 #
 # $$(\hat\delta, \hat\varphi) = \arg\min_{\delta, \varphi}
 # \sum_{i=1}^{n} \left[v_i - \bar v - w(t_i / T_f - \varphi; \delta)\right]^2$$
 #
-# For method `waveform`, $w$ is interpolated between simulated waveforms of known backlash. For method `joint` it is
-# simulated anew for each $\delta$: with nothing else unknown, with the start angle free, and with start angle, friction
-# and load free.
+# For method `waveform`, $w$ is interpolated between simulated waveforms of known backlash. For
+# method `joint` it is simulated anew for each $\delta$: with nothing else unknown, with the start
+# angle free, and with start angle, friction and load free.
 #
-# *The least error.* With the unknowns $\theta = (\delta, \dots)$, $S_{ki} = \partial w(t_i) / \partial \theta_k$, less
-# its mean over $i$, and white noise of the SD $\sigma$ [rps], no unbiased estimator has a smaller SD than the
-# Cramér-Rao bound
+# *The least error.* With the unknowns $\theta = (\delta, \dots)$,
+# $S_{ki} = \partial w(t_i) / \partial \theta_k$, less its mean over $i$, and white noise of the SD
+# $\sigma$ [rps], no unbiased estimator has a smaller SD than the Cramér-Rao bound
 #
 # $$\sigma_\delta \ge \sqrt{\left[F^{-1}\right]_{\delta\delta}}, \qquad F = \frac{S S^\mathsf{T}}{\sigma^2}.$$
 #
-# *Fairness.* On the authors' noisy logs calibration leaves out the log's [level](../glossary.md#level) and uses the
-# other noise [realisation](../glossary.md#realisation). The simulated joint was identified from four clean records (K =
-# 3, 6, 9, 12) of the same simulator, never from a noisy one; its structure was chosen with all eleven clean records in
-# view. All logs here are of the joint that the methods know; notebook 14 has other joints.
+# *Fairness.* On the authors' noisy logs calibration leaves out the log's
+# [level](../glossary.md#level) and uses the other noise [realisation](../glossary.md#realisation).
+# The simulated joint was identified from four clean records (K = 3, 6, 9, 12) of the same
+# simulator, never from a noisy one; its structure was chosen with all eleven clean records in view.
+# All logs here are of the joint that the methods know; notebook 14 has other joints.
 
 # %%
 import numpy as np
@@ -82,9 +84,9 @@ workbook.check_parameters(scored=(scored, [range(2, 12)]))
 #
 # ### The authors' noisy logs
 #
-# Each method reads each log. The lines are the bound on the mean size of an error, for a normal error $\sqrt{2/\pi}$
-# times its SD, with the start angle known or free. *Predict:* which method errs least, and which of them can lie left
-# of a line?
+# Each method reads each log. The lines are the bound on the mean size of an error, for a normal
+# error $\sqrt{2/\pi}$ times its SD, with the start angle known or free. *Predict:* which method
+# errs least, and which of them can lie left of a line?
 
 # %%
 joint = identified_joint()
@@ -133,8 +135,8 @@ in_mrad = (
 (1e3 * in_mrad).round(4)
 
 # %% [markdown]
-# The methods that use the whole waveform lie near the bound. $A$ is one number of it, the largest; most of what the
-# waveform says of the backlash is elsewhere.
+# The methods that use the whole waveform lie near the bound. $A$ is one number of it, the largest;
+# most of what the waveform says of the backlash is elsewhere.
 
 # %% [markdown]
 # ## Verdict
@@ -167,14 +169,18 @@ workbook.export(
 # %% [markdown]
 # ## Try changing
 #
-# 1. `scored = [11]`: near the largest backlash equation 10 errs by 0.16 mrad, the joint model by 0.008 mrad.
-# 2. `scored = [3, 4, 5, 6, 7]`: at the smaller backlashes the amplitude errs by 0.04 mrad, no longer by 0.06 mrad.
-# 3. `scored = [9, 10, 11]`: at the larger ones the amplitude errs by 0.08 mrad, the waveform by 0.008 mrad.
+# 1. `scored = [11]`: near the largest backlash equation 10 errs by 0.16 mrad, the joint model by
+#    0.008 mrad.
+# 2. `scored = [3, 4, 5, 6, 7]`: at the smaller backlashes the amplitude errs by 0.04 mrad, no
+#    longer by 0.06 mrad.
+# 3. `scored = [9, 10, 11]`: at the larger ones the amplitude errs by 0.08 mrad, the waveform by
+#    0.008 mrad.
 #
 # ## Exercises
 #
-# **1.** The amplitude $a$ of $a \sin(2\pi f t)$ is to be estimated from $n$ samples over whole periods, in white noise
-# of SD $\sigma$. Which SD does the Cramér-Rao bound leave? Check it with `accuracy.cramer_rao_sd`.
+# **1.** The amplitude $a$ of $a \sin(2\pi f t)$ is to be estimated from $n$ samples over whole
+# periods, in white noise of SD $\sigma$. Which SD does the Cramér-Rao bound leave? Check it with
+# `accuracy.cramer_rao_sd`.
 
 # %% tags=["solution"]
 n, sigma = 2000, 0.1
@@ -185,8 +191,9 @@ assert np.isclose(by_hand, accuracy.cramer_rao_sd(sine[None, :], sigma))
 print(f"sigma sqrt(2 / n) = {by_hand:.2g}")
 
 # %% [markdown]
-# **2.** By which factor does an unknown start angle widen the bound? Show that it is $1 / \sqrt{1 - \rho^2}$ with the
-# correlation $\rho$ of the two slopes at the samples, and say why the factor does not depend on the noise.
+# **2.** By which factor does an unknown start angle widen the bound? Show that it is
+# $1 / \sqrt{1 - \rho^2}$ with the correlation $\rho$ of the two slopes at the samples, and say why
+# the factor does not depend on the noise.
 
 # %% tags=["solution"]
 rho = np.corrcoef(slopes[:, ::4])[0, 1]  # 800 phases, 200 samples a turn
@@ -195,8 +202,8 @@ assert np.isclose(free / known, 1 / np.sqrt(1 - rho**2), rtol=1e-3)
 print(f"{free / known:.2f}: both bounds grow in proportion to sigma")
 
 # %% [markdown]
-# **3.** A log of twelve turns has eleven settled ones. How many turns does a log need for half of the bound, and why
-# does that not depend on what is known of the start?
+# **3.** A log of twelve turns has eleven settled ones. How many turns does a log need for half of
+# the bound, and why does that not depend on what is known of the start?
 
 # %% tags=["solution"]
 for unknowns in (1, 2):
@@ -205,5 +212,5 @@ for unknowns in (1, 2):
 print("45: 44 settled turns are four times 11, and each turn tells as much as another")
 
 # %% [markdown]
-# **What you have learnt**: the whole waveform comes near the least error, one number of it does not. *Next:* [the
-# sensor that calibrates itself](14_the_sensor_that_calibrates_itself.ipynb).
+# **What you have learnt**: the whole waveform comes near the least error, one number of it does
+# not. *Next:* [the sensor that calibrates itself](14_the_sensor_that_calibrates_itself.ipynb).

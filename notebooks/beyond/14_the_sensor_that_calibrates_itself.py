@@ -17,8 +17,8 @@
 # %% [markdown]
 # # 14 · The sensor that calibrates itself
 #
-# *You will see how a whole simulated joint is fitted to one log, and what its posterior says of the backlash.
-# Run time: 30 s. Before this: notebooks [9](../09_identification_of_the_joint.ipynb) and
+# *You will see how a whole simulated joint is fitted to one log, and what its posterior says of the
+# backlash. Run time: 30 s. Before this: notebooks [9](../09_identification_of_the_joint.ipynb) and
 # [13](13_readings_compared.ipynb).*
 #
 # **All joints here are simulated [stand-ins](../glossary.md#stand-in). Nothing printed is judged.**
@@ -26,13 +26,15 @@
 # ## Claim
 #
 # Equation 10 was calibrated on one joint. On another the same amplitude means another
-# [backlash](../glossary.md#backlash). We test whether a log needs a calibration at all, because *the waveform also says
-# which joint it is*: the ring tells of stiffness, inertia and gains, the impacts of friction, and the gap is left.
+# [backlash](../glossary.md#backlash). We test whether a log needs a calibration at all, because
+# *the waveform also says which joint it is*: the ring tells of stiffness, inertia and gains, the
+# impacts of friction, and the gap is left.
 #
 # ## Method
 #
-# *Two unknowns* come first: the backlash and the coupling's stiffness of the paper's joint, from one measured turn with
-# white noise of the SD $\sigma$ [rps] (standard deviation). Then the whole joint; its theory follows that picture.
+# *Two unknowns* come first: the backlash and the coupling's stiffness of the paper's joint, from
+# one measured turn with white noise of the SD $\sigma$ [rps] (standard deviation). Then the whole
+# joint; its theory follows that picture.
 
 # %%
 from dataclasses import replace
@@ -115,26 +117,29 @@ sds_rad = {
 pd.DataFrame(sds_rad, index=["stiffness known", "stiffness unknown"]).map("{:.2g}".format)
 
 # %% [markdown]
-# The SD of the backlash [rad] grows where another unknown changes the waveform alike: the ellipse is oblique. Laplace's
-# approximation needs a slope for each unknown, and no grid: it works for a whole joint, too.
+# The SD of the backlash [rad] grows where another unknown changes the waveform alike: the ellipse
+# is oblique. Laplace's approximation needs a slope for each unknown, and no grid: it works for a
+# whole joint, too.
 #
 # ### The whole joint
 #
-# *The data* are the harmonics of the log's mean [turn](../glossary.md#turn). With the motor speed $v(t)$ [rps] over $n$
-# [settled](../glossary.md#settled) turns of the period $T_f$ [s], and the order $k$ [periods a turn],
+# *The data* are the harmonics of the log's mean [turn](../glossary.md#turn). With the motor speed
+# $v(t)$ [rps] over $n$ [settled](../glossary.md#settled) turns of the period $T_f$ [s], and the
+# order $k$ [periods a turn],
 #
 # $$c_k = \frac{1}{n T_f} \int_0^{n T_f} v(t)\, e^{-2\pi i k t / T_f}\, dt.$$
 #
-# The noise $\sigma_k$ [rps] of each of its two parts comes from what lies between the harmonics. The first order and
-# the motor's harmonics are excluded, and so are first turns that still ring.
+# The noise $\sigma_k$ [rps] of each of its two parts comes from what lies between the harmonics.
+# The first order and the motor's harmonics are excluded, and so are first turns that still ring.
 #
-# *The model* is the joint of notebook 9 with its differencing drive, simulated until its turn has settled. Its unknowns
-# $z$ are the backlash $\delta$ [rad] and the phase $\varphi$ [rad] of the log's first sample, without a prior, and the
-# $z_j$ with a normal prior of mean $m_j$ and SD $s_j$: the load's friction over gravity (SD 0.1), the logarithms of
-# stiffness, gravity, inertia ratio, speed and integral gain over those of the paper's joint (SD 0.2), those of the rest
-# of the drive (0.02 to 0.03), and the smoothing $q$ (1: the speed is differenced over a sampling period, 0: it is not
-# smoothed). With the settled turn's harmonics $V_k(z)$ [rps] and the sampling period $T_s$ [s], and
-# $\text{sinc}\, x = \sin(\pi x)/(\pi x)$, a log has
+# *The model* is the joint of notebook 9 with its differencing drive, simulated until its turn has
+# settled. Its unknowns $z$ are the backlash $\delta$ [rad] and the phase $\varphi$ [rad] of the
+# log's first sample, without a prior, and the $z_j$ with a normal prior of mean $m_j$ and SD $s_j$:
+# the load's friction over gravity (SD 0.1), the logarithms of stiffness, gravity, inertia ratio,
+# speed and integral gain over those of the paper's joint (SD 0.2), those of the rest of the drive
+# (0.02 to 0.03), and the smoothing $q$ (1: the speed is differenced over a sampling period, 0: it
+# is not smoothed). With the settled turn's harmonics $V_k(z)$ [rps] and the sampling period $T_s$
+# [s], and $\text{sinc}\, x = \sin(\pi x)/(\pi x)$, a log has
 #
 # $$h_k(z) = \text{sinc}\left(k T_s / T_f\right)^q\, e^{i k \varphi}\, V_k(z).$$
 #
@@ -143,37 +148,41 @@ pd.DataFrame(sds_rad, index=["stiffness known", "stiffness unknown"]).map("{:.2g
 # $$-2 \ln p(z \mid c) + \text{const} = \chi^2(z) = \sum_k \frac{|h_k(z) - c_k|^2}{\sigma_k^2}
 # + \sum_j \frac{(z_j - m_j)^2}{s_j^2} = r(z)^\top r(z).$$
 #
-# $r$ holds the real and imaginary parts of the first sum's terms, then those of the second. A search from many joints
-# finds the maximum $\hat z$. *Laplace's approximation* takes the posterior as normal about it, with the covariance
+# $r$ holds the real and imaginary parts of the first sum's terms, then those of the second. A
+# search from many joints finds the maximum $\hat z$. *Laplace's approximation* takes the posterior
+# as normal about it, with the covariance
 #
 # $$\Sigma = (J^\top J)^{-1}, \quad J = \left.\frac{\partial r}{\partial z}\right|_{\hat z}.$$
 #
-# *Alternatives.* The speed may be differenced over a sampling period ($q \approx 1$, prior probability 0.8), also
-# low-passed with an unknown time constant (0.1), or not smoothed ($q \approx 0$, 0.1). The answer is the mixture of all
-# alternatives $a$ with the weights $w_a$, their prior probability times their evidence $Z_a$, normalised:
+# *Alternatives.* The speed may be differenced over a sampling period ($q \approx 1$, prior
+# probability 0.8), also low-passed with an unknown time constant (0.1), or not smoothed
+# ($q \approx 0$, 0.1). The answer is the mixture of all alternatives $a$ with the weights $w_a$,
+# their prior probability times their evidence $Z_a$, normalised:
 #
 # $$\ln Z_a = -\tfrac12 \chi^2(\hat z_a) + \tfrac12 \ln\det\Sigma_a - \sum_j \ln s_j + \text{const}, \quad
 # \bar z = \sum_a w_a \hat z_a, \quad
 # \bar\Sigma = \sum_a w_a \left[\Sigma_a + (\hat z_a - \bar z)(\hat z_a - \bar z)^\top\right].$$
 #
-# *The interval.* With $\sigma_\delta$ [rad], the root of the backlash's variance in $\bar\Sigma$, and $\nu$, the number
-# of residuals less that of unknowns,
+# *The interval.* With $\sigma_\delta$ [rad], the root of the backlash's variance in $\bar\Sigma$,
+# and $\nu$, the number of residuals less that of unknowns,
 #
 # $$\bar\delta \pm 1.96\, \sigma_\delta \sqrt{1 + \Delta}, \qquad
 # \Delta = \max\left(0,\, \chi^2 - \chi^2_{\nu,\,0.9}\right).$$
 #
-# If $\chi^2$ exceeds that of nine noise-only logs in ten, $\chi^2_{\nu,\,0.9}$, the model lacks something. A shift of
-# the backlash by $k$ of its SDs changes $\chi^2$ by $k^2$. So an unknown cause that left $\Delta$ in the residual, and
-# as much along the backlash, moves it by $\sqrt\Delta$ SDs; the variances 1 and $\Delta$ add. *Birge's ratio*,
-# $\sqrt{\chi^2/\nu}$, takes the cause for more noise. We take the wider one, because a wrong model is no noise.
+# If $\chi^2$ exceeds that of nine noise-only logs in ten, $\chi^2_{\nu,\,0.9}$, the model lacks
+# something. A shift of the backlash by $k$ of its SDs changes $\chi^2$ by $k^2$. So an unknown
+# cause that left $\Delta$ in the residual, and as much along the backlash, moves it by
+# $\sqrt\Delta$ SDs; the variances 1 and $\Delta$ add. *Birge's ratio*, $\sqrt{\chi^2/\nu}$, takes
+# the cause for more noise. We take the wider one, because a wrong model is no noise.
 #
-# *No answer* (`cannot tell`) is given where the residual is impossible ($p < 10^{-8}$), turns do not repeat, or the
-# unknowns stray from what is known of them.
+# *No answer* (`cannot tell`) is given where the residual is impossible ($p < 10^{-8}$), turns do
+# not repeat, or the unknowns stray from what is known of them.
 
 # %% [markdown]
 # ### One log of a joint that nobody calibrated
 #
-# A log of a joint near the paper's. `self` fits the whole joint; `amplitude` uses the paper's calibration.
+# A log of a joint near the paper's. `self` fits the whole joint; `amplitude` uses the paper's
+# calibration.
 
 # %%
 bench = standins.draw_bench(np.random.default_rng(bench_seed))
@@ -199,7 +208,8 @@ workbook.show_figure(
 # %% [markdown]
 # ### Laplace's SD
 #
-# `problem.slopes` returns $r$ and $J^\top$ at any $z$. `fit_joint` computes the mixture over all alternatives.
+# `problem.slopes` returns $r$ and $J^\top$ at any $z$. `fit_joint` computes the mixture over all
+# alternatives.
 
 # %%
 problem, harmonics = self_calibration.pose_problem(log)
@@ -213,8 +223,9 @@ fit = self_calibration.fit_joint(log)
 pd.Series({"Laplace": laplace_sd_rad, "mixture": fit.sd_rad}, name="SD [mrad]").mul(1e3).round(5)
 
 # %% [markdown]
-# What the log says of the joint: the SD of each unknown before (prior) and after it, and its correlation with the
-# backlash. An unknown that keeps its prior SD cannot be estimated from the log.
+# What the log says of the joint: the SD of each unknown before (prior) and after it, and its
+# correlation with the backlash. An unknown that keeps its prior SD cannot be estimated from the
+# log.
 
 # %%
 sd = np.sqrt(np.diag(fit.covariance))
@@ -233,8 +244,9 @@ unknowns.round(4)
 # %% [markdown]
 # ### Is the interval wide enough?
 #
-# The share of answered logs whose interval holds the truth: with the posterior's SD alone, with Birge's ratio, and with
-# our factor, on hundreds of drawn joints. *Predict:* which differ from 95 % by more than chance (1 %)?
+# The share of answered logs whose interval holds the truth: with the posterior's SD alone, with
+# Birge's ratio, and with our factor, on hundreds of drawn joints. *Predict:* which differ from 95 %
+# by more than chance (1 %)?
 
 # %%
 measured = pd.read_csv(workbook.ROOT / "results" / "population_logs.csv")
@@ -258,7 +270,8 @@ widening.round(3)
 # %% [markdown]
 # ## Verdict
 #
-# The [datasheet](../../results/pages/datasheet.html) lists populations of joints, refusals and misses.
+# The [datasheet](../../results/pages/datasheet.html) lists populations of joints, refusals and
+# misses.
 
 # %% tags=["plumbing"]
 near, far = population.SPREADS
@@ -309,8 +322,8 @@ workbook.export(
 #
 # ## Exercises
 #
-# **1.** If everything but the backlash were known, its SD would be $1/\sqrt{(J^\top J)_{11}}$. By what factor does not
-# knowing the joint widen it?
+# **1.** If everything but the backlash were known, its SD would be $1/\sqrt{(J^\top J)_{11}}$. By
+# what factor does not knowing the joint widen it?
 
 # %% tags=["solution"]
 known_sd_rad = joint_posterior.UNIT_RAD / np.sqrt((slopes @ slopes.T)[0, 0])
@@ -318,8 +331,8 @@ assert known_sd_rad < laplace_sd_rad
 print(f"by a factor {laplace_sd_rad / known_sd_rad:.1f}")
 
 # %% [markdown]
-# **2.** A log has $\nu$ = 150 and $\chi^2$ = 190. How probable is so large a residual by noise alone? Compare Birge's
-# ratio with our factor.
+# **2.** A log has $\nu$ = 150 and $\chi^2$ = 190. How probable is so large a residual by noise
+# alone? Compare Birge's ratio with our factor.
 
 # %% tags=["solution"]
 nu, large_chi2 = 150, 190
@@ -331,8 +344,9 @@ assert np.isclose(factor, self_calibration.widening_factor(large_chi2, nu))
 print(f"p = {chance:.2g}; Birge {birge:.2f}, ours {factor:.1f}")
 
 # %% [markdown]
-# **3.** Two alternatives of equal weight have backlashes of 1.0 and 1.1 mrad, each with an SD of 0.03 mrad.
-# What is the SD of their mixture, and how often would an interval of ±1.96 such SDs cover?
+# **3.** Two alternatives of equal weight have backlashes of 1.0 and 1.1 mrad, each with an SD of
+# 0.03 mrad. What is the SD of their mixture, and how often would an interval of ±1.96 such SDs
+# cover?
 
 # %% tags=["solution"]
 mixture_sd = np.sqrt(0.3**2 + 0.5**2)  # in 0.1 mrad
@@ -343,5 +357,5 @@ assert np.isclose((np.abs(draws - 10.5) < 1.96 * mixture_sd).mean(), np.diff(bey
 print(f"{0.1 * mixture_sd:.3f} mrad; {100 * np.diff(beyond).item():.1f} %")
 
 # %% [markdown]
-# **What you have learnt**: unknowns that act alike widen an interval; a posterior says by how much. *Next:* [which
-# settings produced Table 2](15_protocols.ipynb).
+# **What you have learnt**: unknowns that act alike widen an interval; a posterior says by how much.
+# *Next:* [which settings produced Table 2](15_protocols.ipynb).

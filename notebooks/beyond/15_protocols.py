@@ -17,45 +17,49 @@
 # %% [markdown]
 # # 15 · Which search settings produced Table 2?
 #
-# *You will see how a published table is compared with those that candidate settings give by the hundred, and what that
-# says of the settings, the noise and the start. Run time: 15 s. Before this: notebook
-# [8](../08_noise_table2.ipynb).*
+# *You will see how a published table is compared with those that candidate settings give by the
+# hundred, and what that says of the settings, the noise and the start. Run time: 15 s. Before this:
+# notebook [8](../08_noise_table2.ipynb).*
 #
 # ## Claim
 #
-# Table 2's means and SDs are those of 30 [runs](../glossary.md#run) of "the proposed approach" on one record, whose
-# analysis begins at a random one of the first 100 samples (sections "Experimental evaluation" and "Testing noise
-# sensitivity on simulated data"). The paper does not give the settings of the search. The authors' notebook says that
-# it was changed after the paper: population, iterations, the box of $A$ and the unit.
+# Table 2's means and SDs are those of 30 [runs](../glossary.md#run) of "the proposed approach" on
+# one record, whose analysis begins at a random one of the first 100 samples (sections "Experimental
+# evaluation" and "Testing noise sensitivity on simulated data"). The paper does not give the
+# settings of the search. The authors' notebook says that it was changed after the paper:
+# population, iterations, the box of $A$ and the unit.
 #
 # ## Method
 #
-# **Settings** differ in the unit that the search sees (rps, or rpm about the mean: $60\,(v - \bar v)$), in the box of
-# $A$ (Table 1's, or the notebook's, 1.3 times as wide), in the population and in the start of the record. Their reasons
-# stand in `table2_candidates.csv`.
+# **Settings** differ in the unit that the search sees (rps, or rpm about the mean:
+# $60\,(v - \bar v)$), in the box of $A$ (Table 1's, or the notebook's, 1.3 times as wide), in the
+# population and in the start of the record. Their reasons stand in `table2_candidates.csv`.
 #
-# **Realisations.** Each of the settings runs on $N$ noises of its own for each row: the authors' clean record (row 1's
-# is not public; the identified joint replaces it) plus uniform noise of the printed amplitude, and 30 runs with seeds
-# of their own. All settings get the same noises and seeds. `make studies NAME=protocols` computes them, in an hour or
-# more, and writes `table2_realisations.csv`.
+# **Realisations.** Each of the settings runs on $N$ noises of its own for each row: the authors'
+# clean record (row 1's is not public; the identified joint replaces it) plus uniform noise of the
+# printed amplitude, and 30 runs with seeds of their own. All settings get the same noises and
+# seeds. `make studies NAME=protocols` computes them, in an hour or more, and writes
+# `table2_realisations.csv`.
 #
-# **Test.** Is the printed table one more realisation under these settings? For each row the printed number joins the
-# $N$ others, and all $N + 1$ get a score $s$: for means
+# **Test.** Is the printed table one more realisation under these settings? For each row the printed
+# number joins the $N$ others, and all $N + 1$ get a score $s$: for means
 #
 # $$s = \left(\frac{\ln x - m}{h}\right)^2,$$
 #
-# where $m$ is the median of the $N + 1$ logarithms and $h$ half the distance of their 16 % and 84 % quantiles; for SDs,
-# whose law has two humps, $s = -2 \ln p$ with the two-sided $p$ of the rank. If these settings produced the table, the
-# printed score is as likely as any other of its row, and the rows are independent. So the sum of the ten printed scores
-# is compared with 20 000 sums of scores drawn from each row: `p_means` and `p_sds`, exact whatever the law.
+# where $m$ is the median of the $N + 1$ logarithms and $h$ half the distance of their 16 % and 84 %
+# quantiles; for SDs, whose law has two humps, $s = -2 \ln p$ with the two-sided $p$ of the rank. If
+# these settings produced the table, the printed score is as likely as any other of its row, and the
+# rows are independent. So the sum of the ten printed scores is compared with 20 000 sums of scores
+# drawn from each row: `p_means` and `p_sds`, exact whatever the law.
 #
-# **Pooled bias.** The mean over ten rows of mean $A$ over theoretical $A$, less 1. `p_bias` is the two-sided $p$ of the
-# printed one among 20 000 tables that are drawn row by row from the realisations. It needs no SDs, so it does not
-# depend on whether Table 2's last column holds SDs (its head) or variances (the text).
+# **Pooled bias.** The mean over ten rows of mean $A$ over theoretical $A$, less 1. `p_bias` is the
+# two-sided $p$ of the printed one among 20 000 tables that are drawn row by row from the
+# realisations. It needs no SDs, so it does not depend on whether Table 2's last column holds SDs
+# (its head) or variances (the text).
 #
-# Settings are excluded if one of the three is below 1 %; no correction is made for their number. Those with the whole
-# record and a population of 300 to 1000 judge Table 2 together (notebook 8), with as many realisations each: the row
-# `pooled`.
+# Settings are excluded if one of the three is below 1 %; no correction is made for their number.
+# Those with the whole record and a population of 300 to 1000 judge Table 2 together (notebook 8),
+# with as many realisations each: the row `pooled`.
 
 # %%
 from dataclasses import replace
@@ -99,9 +103,9 @@ workbook.check_parameters(
 #
 # ### The settings
 #
-# `bias_percent` is the median of the pooled bias of their tables; `means_inside` and `sds_inside` count the printed
-# numbers of ten that lie in the 95 % prediction interval of these realisations alone (38 or fewer have none: all lie
-# inside).
+# `bias_percent` is the median of the pooled bias of their tables; `means_inside` and `sds_inside`
+# count the printed numbers of ten that lie in the 95 % prediction interval of these realisations
+# alone (38 or fewer have none: all lie inside).
 
 # %%
 level = published.criterion("random_start", criteria)
@@ -113,8 +117,9 @@ about = ["pooled", "excluded", "realisations", "bias_percent", "means_inside", "
 judged.set_index("protocol")[about + p_columns].round(4)
 
 # %% [markdown]
-# A start drawn for each record makes the means some 12 % too low, twice the printed bias: excluded from the means
-# alone. A population of 2000 leaves too few strays for the printed SDs. Neither judges a number.
+# A start drawn for each record makes the means some 12 % too low, twice the printed bias: excluded
+# from the means alone. A population of 2000 leaves too few strays for the printed SDs. Neither
+# judges a number.
 #
 # Under which settings alone does each mean and SD agree?
 
@@ -135,9 +140,9 @@ workbook.show_figure(
 # %% [markdown]
 # ### Kept realisations, made again
 #
-# `protocols.realise` makes one realisation of a row: noise, thirty runs, their mean and SD. We make the first ones of
-# each row again from the same seeds. Their means and SDs have to be the kept ones in all six digits; with other
-# settings or another noise they are not.
+# `protocols.realise` makes one realisation of a row: noise, thirty runs, their mean and SD. We make
+# the first ones of each row again from the same seeds. Their means and SDs have to be the kept ones
+# in all six digits; with other settings or another noise they are not.
 
 # %%
 leader = replace(protocols.CANDIDATES[protocols.LEADER], **settings)
@@ -155,7 +160,8 @@ same_tables = same[["mean_A_rps", "sd_A_rps"]].all(axis=1)
 # %% [markdown]
 # ### Pooled bias
 #
-# The printed table's and those of the kept tables; rank p of the printed bias, and of zero, among the kept ones.
+# The printed table's and those of the kept tables; rank p of the printed bias, and of zero, among
+# the kept ones.
 
 # %%
 judging = protocols.pooled(study)
@@ -170,8 +176,9 @@ pd.DataFrame({"bias [%]": bias, "p": tail}).round(4)
 # %% [markdown]
 # ### Other seeds
 #
-# The seeds are a choice. One of the settings has more realisations, with noises and seeds of their own: each set of 40
-# takes the place of its first. Which means and SDs of Table 2 are judged otherwise with some set?
+# The seeds are a choice. One of the settings has more realisations, with noises and seeds of their
+# own: each set of 40 takes the place of its first. Which means and SDs of Table 2 are judged
+# otherwise with some set?
 
 # %%
 by_seeds = table2_noise.agreement_by_seeds(study)
@@ -181,13 +188,15 @@ changed
 # %% [markdown]
 # ### Which noise?
 #
-# Is one of the authors' five public noises $R$ behind Table 2? Searches outside this project, through some 340
-# settings, gave two answers after the fact: the best fits to $R = 1$ and $R = 2$ lie nearer to the printed means than
-# those to noises of our own, and nearest is $R = 1$ without its last turn (samples 0 to 2200).
+# Is one of the authors' five public noises $R$ behind Table 2? Searches outside this project,
+# through some 340 settings, gave two answers after the fact: the best fits to $R = 1$ and $R = 2$
+# lie nearer to the printed means than those to noises of our own, and nearest is $R = 1$ without
+# its last turn (samples 0 to 2200).
 #
-# `rms_percent` is the rms over ten rows of the best fit's $A$ over the printed mean, less 1. `p` is the share of noises
-# that lie as near, ours and this one, times five, because five noises are compared. It is not corrected for the
-# settings that were tried. The best fit is the global fit, which is deterministic.
+# `rms_percent` is the rms over ten rows of the best fit's $A$ over the printed mean, less 1. `p` is
+# the share of noises that lie as near, ours and this one, times five, because five noises are
+# compared. It is not corrected for the settings that were tried. The best fit is the global fit,
+# which is deterministic.
 
 # %%
 distances = pd.read_csv(workbook.ROOT / "results" / "table2_distances.csv", index_col="noise")
@@ -201,10 +210,11 @@ nearness["rms_without_last_turn"] = shorter
 nearness.round(3)
 
 # %% [markdown]
-# The second answer made a prediction possible. It was fixed in `studies/table2_noise.py` before its run, with fresh
-# seeds: on $R = 1$, samples 0 to 2200, in rpm, with a population of 600 and 300 runs on each row
-# (`make studies NAME=prediction`), the means of rows 1 to 8 lie within 1 % of the printed ones, and the SDs of rows 1,
-# 2 and 7 between 0.0015 and 0.0025 rps, each over all runs. `best_A_rps` and `best_basin_runs` decide nothing.
+# The second answer made a prediction possible. It was fixed in `studies/table2_noise.py` before its
+# run, with fresh seeds: on $R = 1$, samples 0 to 2200, in rpm, with a population of 600 and 300
+# runs on each row (`make studies NAME=prediction`), the means of rows 1 to 8 lie within 1 % of the
+# printed ones, and the SDs of rows 1, 2 and 7 between 0.0015 and 0.0025 rps, each over all runs.
+# `best_A_rps` and `best_basin_runs` decide nothing.
 
 # %%
 prediction = pd.read_csv(workbook.ROOT / "results" / "table2_prediction.csv")
@@ -216,14 +226,15 @@ prediction.set_index("row")[prediction_columns].round(4)
 # %% [markdown]
 # ### A start drawn for each run
 #
-# The text has the analysis begin at a random one of the first 100 samples. The candidates above draw it once for a
-# record. Here each run on $R = 1$ begins at a sample of its own. A run is in the best basin if it ends at the misfit
-# of the global fit to the same samples.
+# The text has the analysis begin at a random one of the first 100 samples. The candidates above
+# draw it once for a record. Here each run on $R = 1$ begins at a sample of its own. A run is in the
+# best basin if it ends at the misfit of the global fit to the same samples.
 #
-# The pooled bias compares such tables with the printed one. It needs no SDs, so it does not matter whether Table 2's
-# last column holds SDs or variances. Tables are recombined row by row from a candidate's realisations. For starts drawn
-# for each run, which have one noise, thirty of the runs are drawn, and another noise is taken to move the means as much
-# as it moves the leading candidate's.
+# The pooled bias compares such tables with the printed one. It needs no SDs, so it does not matter
+# whether Table 2's last column holds SDs or variances. Tables are recombined row by row from a
+# candidate's realisations. For starts drawn for each run, which have one noise, thirty of the runs
+# are drawn, and another noise is taken to move the means as much as it moves the leading
+# candidate's.
 
 # %%
 each_run = pd.read_csv(workbook.ROOT / "results" / "table2_drawn_starts.csv")
@@ -283,14 +294,15 @@ workbook.export(
 # %% [markdown]
 # ## Try changing
 #
-# 1. `settings = {"population": 30}`: more runs leave the best basin; none of the kept means and SDs comes out.
+# 1. `settings = {"population": 30}`: more runs leave the best basin; none of the kept means and SDs
+#    comes out.
 # 2. `criteria = {"random_start": 0.02}`: a stricter limit excludes more settings.
 # 3. `most = 20`: with twenty realisations no interval has an end, and every number lies inside.
 #
 # ## Exercises
 #
-# **1.** How many realisations does a 95 % interval by order statistics need at least, and a 99 % one? Check the first
-# with `table2.predictive_region`.
+# **1.** How many realisations does a 95 % interval by order statistics need at least, and a 99 %
+# one? Check the first with `table2.predictive_region`.
 
 # %% tags=["solution"]
 needed = {level: int(np.ceil(2 / (1 - level) - 1e-9)) - 1 for level in (0.95, 0.99)}
@@ -299,9 +311,9 @@ assert not np.isfinite(table2.predictive_region(range(needed[0.95] - 1))).any()
 print(needed)
 
 # %% [markdown]
-# **2.** Ten scores are drawn from a law of their own each. Show on a hundred made tables that the test's p is uniform
-# if the printed table comes from the same law, even where that law has two humps: which share of p lies below 0.5
-# (0.5, within 0.15)?
+# **2.** Ten scores are drawn from a law of their own each. Show on a hundred made tables that the
+# test's p is uniform if the printed table comes from the same law, even where that law has two
+# humps: which share of p lies below 0.5 (0.5, within 0.15)?
 
 # %% tags=["solution"]
 rng = np.random.default_rng(5)
@@ -314,8 +326,8 @@ assert stats.kstest(p_made, "uniform").pvalue > 0.01
 print(f"{np.mean(np.array(p_made) < 0.5):.2f} of the p lie below 0.5")
 
 # %% [markdown]
-# **3.** Suppose that all settings were right, each with noises of its own. How probable is it (to 0.01) that at least
-# one is excluded, if one p of each is compared with 1 %?
+# **3.** Suppose that all settings were right, each with noises of its own. How probable is it (to
+# 0.01) that at least one is excluded, if one p of each is compared with 1 %?
 
 # %% tags=["solution"]
 one_excluded = 1 - 0.99 ** len(of_settings)
@@ -323,5 +335,5 @@ assert np.isclose(one_excluded, stats.binom.sf(0, len(of_settings), 0.01))
 print(f"{one_excluded:.2f}")
 
 # %% [markdown]
-# **What you have learnt**: settings can be excluded by the tables that they give, not proved. *Next:*
-# [claims](16_claims.ipynb).
+# **What you have learnt**: settings can be excluded by the tables that they give, not proved.
+# *Next:* [claims](16_claims.ipynb).

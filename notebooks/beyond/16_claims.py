@@ -17,33 +17,36 @@
 # %% [markdown]
 # # 16 · Claims without a figure or table
 #
-# *You will see how a sentence becomes a claim that a measurement can refute. Run time: 25 s. Before this: notebooks
-# [4](../04_growth_figure11.ipynb) and [8](../08_noise_table2.ipynb).*
+# *You will see how a sentence becomes a claim that a measurement can refute. Run time: 25 s. Before
+# this: notebooks [4](../04_growth_figure11.ipynb) and [8](../08_noise_table2.ipynb).*
 #
 # ## Claim
 #
-# The text makes many statements that belong to no figure and no table: on the noise, on the growth of the error, on the
-# impacts, on the encoder and on the dead zone; those on CMA-ES are in notebook [20](20_another_optimiser.ipynb). Each
-# is paraphrased in the section that decides it; quotation marks enclose the paper's own words.
+# The text makes many statements that belong to no figure and no table: on the noise, on the growth
+# of the error, on the impacts, on the encoder and on the dead zone; those on CMA-ES are in notebook
+# [20](20_another_optimiser.ipynb). Each is paraphrased in the section that decides it; quotation
+# marks enclose the paper's own words.
 #
 # ## Method
 #
-# For each claim `claims.csv` holds the check, the rule and the limit that decide it, the reason for the limit, what
-# would have decided otherwise, and when the limit was fixed. Some limits were changed after a first result was seen,
-# and say so. A claim *holds*, *does not hold*, or is *undecided*: where a rate or an error is estimated from repeats,
-# it is decided only if its 95 % interval lies on one side of the limit. Three intervals and tests are used.
+# For each claim `claims.csv` holds the check, the rule and the limit that decide it, the reason for
+# the limit, what would have decided otherwise, and when the limit was fixed. Some limits were
+# changed after a first result was seen, and say so. A claim *holds*, *does not hold*, or is
+# *undecided*: where a rate or an error is estimated from repeats, it is decided only if its 95 %
+# interval lies on one side of the limit. Three intervals and tests are used.
 #
-# *Rank correlation.* Kendall's $\tau$ of $n$ pairs $(x_i, y_i)$ compares the orders of all pairs; its $p$ is exact:
+# *Rank correlation.* Kendall's $\tau$ of $n$ pairs $(x_i, y_i)$ compares the orders of all pairs;
+# its $p$ is exact:
 #
 # $$\tau = \frac{2}{n(n-1)} \sum_{i<j} \text{sign}(x_i - x_j)\, \text{sign}(y_i - y_j).$$
 #
-# *Percentile.* Of $n$ sorted values $x_{(1)} \leq \dots \leq x_{(n)}$ the percentile $q$ of the population lies between
-# two of them with a binomial probability, whatever the law of $x$:
+# *Percentile.* Of $n$ sorted values $x_{(1)} \leq \dots \leq x_{(n)}$ the percentile $q$ of the
+# population lies between two of them with a binomial probability, whatever the law of $x$:
 #
 # $$P\left(x_{(l)} \leq x_q \leq x_{(u)}\right) = \sum_{i=l}^{u-1} \binom{n}{i} q^i (1-q)^{n-i} \geq 0.95.$$
 #
-# *Ratio of two RMS errors* $e_1$, $e_2$, each from $n$ repeats: $e_2^2/e_1^2$ over its true value has the distribution
-# $F_{n,n}$, so the true ratio of the errors lies with 95 % between
+# *Ratio of two RMS errors* $e_1$, $e_2$, each from $n$ repeats: $e_2^2/e_1^2$ over its true value
+# has the distribution $F_{n,n}$, so the true ratio of the errors lies with 95 % between
 #
 # $$\frac{e_2}{e_1} / \sqrt{F_{0.975}(n, n)} \quad\text{and}\quad \frac{e_2}{e_1} \sqrt{F_{0.975}(n, n)}.$$
 
@@ -112,9 +115,10 @@ delta_rad = characteristic.printed_levels_rad()
 # %% [markdown]
 # ### The disturbance: growth and repetition
 #
-# The disturbance grows regularly as the backlash gap enlarges, and in a record "all the oscillations have the same
-# amplitude": peak and RMS of the [settled](../glossary.md#settled) disturbance by [level](../glossary.md#level), and
-# the RMS of a record's half turns, largest over smallest, less one.
+# The disturbance grows regularly as the backlash gap enlarges, and in a record "all the
+# oscillations have the same amplitude": peak and RMS of the [settled](../glossary.md#settled)
+# disturbance by [level](../glossary.md#level), and the RMS of a record's half turns, largest over
+# smallest, less one.
 
 
 # %%
@@ -161,8 +165,9 @@ claims["same_amplitude"] = (
 # %% [markdown]
 # ### The disturbance: when the teeth meet
 #
-# One impact comes at the beginning of the load's descent, one at the beginning of its ascent: the share of the phase
-# that has passed at the impact, in the simulated joint. The gap takes time to cross, the longer the wider it is.
+# One impact comes at the beginning of the load's descent, one at the beginning of its ascent: the
+# share of the phase that has passed at the impact, in the simulated joint. The gap takes time to
+# cross, the longer the wider it is.
 
 # %%
 phases = studies.impact_phases(joint, delta_rad)
@@ -173,8 +178,8 @@ passed
 # %% [markdown]
 # ### The noise: printed numbers
 #
-# The amplitude of the noise is proportional to the disturbance's expected amplitude: then the ratio of Table 2's
-# noise to its theoretical $A$ is one number.
+# The amplitude of the noise is proportional to the disturbance's expected amplitude: then the ratio
+# of Table 2's noise to its theoretical $A$ is one number.
 
 # %%
 ratio = noise / theoretical
@@ -193,8 +198,8 @@ axes = errors.plot("delta_rad", subplots=True, style="o-", figsize=(6, 4), xlabe
 errors
 
 # %% [markdown]
-# "The quality of the estimate decreases with the increase of backlash": then the errors of the printed means, converted
-# by equation 10, are correlated with the backlash.
+# "The quality of the estimate decreases with the increase of backlash": then the errors of the
+# printed means, converted by equation 10, are correlated with the backlash.
 
 # %%
 growing, falling, percent = (
@@ -211,9 +216,9 @@ claims["quality_decreases"] = (
 # ### The noise: its law
 #
 # The noise is uniform and white with zero mean: what the authors added to nine records in two
-# [realisations](../glossary.md#realisation), tested for its law, its mean and the correlation of neighbours. That the
-# simulator reproduces the behaviour of the joint with backlash cannot be tested: the signals of the bench are not
-# public.
+# [realisations](../glossary.md#realisation), tested for its law, its mean and the correlation of
+# neighbours. That the simulator reproduces the behaviour of the joint with backlash cannot be
+# tested: the signals of the bench are not public.
 
 # %%
 added = {
@@ -230,8 +235,9 @@ tests.describe().loc[["min", "50%", "max"]].drop(columns=["level", "realisation"
 # %% [markdown]
 # ### The noise: without backlash
 #
-# The absence of backlash is correctly recognised: $|A|$ that the authors' search finds in noise alone, against Table
-# 2's smallest mean. The mean of a signed $A$ would say little, because the signs cancel.
+# The absence of backlash is correctly recognised: $|A|$ that the authors' search finds in noise
+# alone, against Table 2's smallest mean. The mean of a signed $A$ would say little, because the
+# signs cancel.
 
 # %%
 half_amplitude_rps = published.value("table2.row11.noise")
@@ -244,9 +250,10 @@ pd.Series(amplitudes, name="|A| [rps]").describe().drop("count").to_frame()
 # %% [markdown]
 # ### The noise: more turns
 #
-# More than one turn in the model avoids errors due to noise: the RMS error of $A$ due to noise. White noise averaged
-# over twelve turns would leave $1/\sqrt{12} = 0.29$ of the error. At the largest backlash little is gained: there
-# another [gate](../glossary.md#gate), not the noise itself, changes $A$.
+# More than one turn in the model avoids errors due to noise: the RMS error of $A$ due to noise.
+# White noise averaged over twelve turns would leave $1/\sqrt{12} = 0.29$ of the error. At the
+# largest backlash little is gained: there another [gate](../glossary.md#gate), not the noise
+# itself, changes $A$.
 
 # %%
 three_levels = [0, 4, 9]
@@ -259,8 +266,8 @@ by_turns.pivot(index="delta_rad", columns="turns", values="rms_error_rps")
 # %% [markdown]
 # ### The encoder: how many bits
 #
-# The method needs no more than a standard 19 bit motor encoder: how much $A$ changes when the motor's position is
-# rounded.
+# The method needs no more than a standard 19 bit motor encoder: how much $A$ changes when the
+# motor's position is rounded.
 
 # %%
 by_bits = studies.bits_study(joint, delta_rad, sorted({*bits, encoder_bits}), mountings)
@@ -270,10 +277,11 @@ by_bits.groupby("bits")["change_rps"].max().to_frame()
 # %% [markdown]
 # ### The dead zone: a torque that steps
 #
-# "Discontinuities typically cause instabilities": the clamped dead zone with damping lets the torque step at the edge;
-# the modified one does not. Both are integrated by plain steps that do not look for the contact. The numbers are errors
-# of the settled peak. More error with a stepping torque has the claim's direction; whether a simulation is stable is
-# another question, which these runs of one joint with one solver do not answer.
+# "Discontinuities typically cause instabilities": the clamped dead zone with damping lets the
+# torque step at the edge; the modified one does not. Both are integrated by plain steps that do not
+# look for the contact. The numbers are errors of the settled peak. More error with a stepping
+# torque has the claim's direction; whether a simulation is stable is another question, which these
+# runs of one joint with one solver do not answer.
 
 # %%
 stepping = edge.stepping_torque_study(joint, delta_rad[three_levels], steps_s)
@@ -281,8 +289,9 @@ claims["discontinuities_destabilise"] = studies.discontinuities_destabilise(step
 stepping.pivot(index=["delta_rad", "step_s"], columns="model", values="error")
 
 # %% [markdown]
-# How sharp must the edge be? The joint is identified anew for each $\alpha$ of equation 8 (`make studies
-# NAME=claims`). The misfit (RMSE over the SD) is that of the four records it is identified from.
+# How sharp must the edge be? The joint is identified anew for each $\alpha$ of equation 8
+# (`make studies NAME=claims`). The misfit (RMSE over the SD) is that of the four records it is
+# identified from.
 
 # %%
 alphas = pd.read_csv(workbook.ROOT / "results" / "alpha_refit.csv")
@@ -320,13 +329,16 @@ workbook.export(
 # %% [markdown]
 # ## Try changing
 #
-# 1. `criteria = {"quality_decreases": 0.2}`: a laxer test, and the paper's sentence on the quality would hold.
-# 2. `criteria = {"same_amplitude": 0.005}`: half a percent tells the half turns of ten records apart.
+# 1. `criteria = {"quality_decreases": 0.2}`: a laxer test, and the paper's sentence on the quality
+#    would hold.
+# 2. `criteria = {"same_amplitude": 0.005}`: half a percent tells the half turns of ten records
+#    apart.
 # 3. `turns = [1, 3]`: three turns instead of twelve; the error still falls, by less.
 #
 # ## Exercises
 #
-# **1.** At how many noises per number of turns (the least whole number) would an error ratio of 0.73 be told from 1?
+# **1.** At how many noises per number of turns (the least whole number) would an error ratio of
+# 0.73 be told from 1?
 
 # %% tags=["solution"]
 repeats = np.arange(2, 200)
@@ -337,9 +349,9 @@ assert 0.73 * np.sqrt(stats.f.ppf(0.975, needed, needed)) < 1
 print(f"{needed} noises: then the interval's factor is {factor[repeats == needed][0]:.3f}")
 
 # %% [markdown]
-# **2.** Suppose that every noise record gave an $|A|$ below the limit. How many records would show with 95 % confidence
-# (2.5 % on this side) that the 95th percentile lies below it (the least whole number)? Check it with
-# `studies.no_backlash`.
+# **2.** Suppose that every noise record gave an $|A|$ below the limit. How many records would show
+# with 95 % confidence (2.5 % on this side) that the 95th percentile lies below it (the least whole
+# number)? Check it with `studies.no_backlash`.
 
 # %% tags=["solution"]
 enough = int(np.ceil(np.log(0.025) / np.log(0.95)))
@@ -348,9 +360,9 @@ assert studies.no_backlash(np.full(enough - 1, 0.01), 0.26)[0] is None
 print(f"{enough} records: 0.95^{enough} = {0.95**enough:.4f}")
 
 # %% [markdown]
-# **3.** A position of $b$ bits, differenced over 2 ms, gives a speed in steps of $1/(2^b \cdot 0.002\,\text{s})$. How
-# many bits (the least whole number) would make the step smaller than Table 2's smallest SD (0.0009 rps)? Why do 19
-# suffice for $A$?
+# **3.** A position of $b$ bits, differenced over 2 ms, gives a speed in steps of
+# $1/(2^b \cdot 0.002\,\text{s})$. How many bits (the least whole number) would make the step
+# smaller than Table 2's smallest SD (0.0009 rps)? Why do 19 suffice for $A$?
 
 # %% tags=["solution"]
 needed_bits = int(np.ceil(np.log2(1 / (0.002 * 0.0009))))
@@ -363,5 +375,5 @@ print(
 )
 
 # %% [markdown]
-# **What you have learnt**: a sentence becomes a claim by a check, a limit, and an answer that would refute it. *Next:*
-# [the stored runs](18_the_stored_runs.ipynb).
+# **What you have learnt**: a sentence becomes a claim by a check, a limit, and an answer that would
+# refute it. *Next:* [the stored runs](18_the_stored_runs.ipynb).

@@ -17,37 +17,40 @@
 # %% [markdown]
 # # 17 · Logs of real joints
 #
-# *You will give the sensor public logs of real joints, and find out what it could have seen in them. Run time: 2 min.
-# Before this: notebook [12](12_your_own_joint.ipynb).*
+# *You will give the sensor public logs of real joints, and find out what it could have seen in
+# them. Run time: 2 min. Before this: notebook [12](12_your_own_joint.ipynb).*
 #
 # ## Claim
 #
-# The sensor works on real joints. The paper says so of its own bench and robots, whose logs were never published.
-# Public logs of other joints allow only half of a test: none is of a joint of known
-# [backlash](../glossary.md#backlash), so they can show false alarms, but no right answer.
+# The sensor works on real joints. The paper says so of its own bench and robots, whose logs were
+# never published. Public logs of other joints allow only half of a test: none is of a joint of
+# known [backlash](../glossary.md#backlash), so they can show false alarms, but no right answer.
 #
 # ## Method
 #
-# Each log is downloaded from its repository at a fixed commit and verified, or read from the folder `HARDWARE_LOGS`; no
-# log is part of this project. Without them this notebook is not run, and its committed results stay.
+# Each log is downloaded from its repository at a fixed commit and verified, or read from the folder
+# `HARDWARE_LOGS`; no log is part of this project. Without them this notebook is not run, and its
+# committed results stay.
 #
-# *What it could have seen.* A log without an answer says something only if a backlash would have been answered. A twin
-# is a simulated joint that makes the log's movement under a rigid load of the inertia $J_l$ [kg m²], with gravity
-# $m g r$ [N m] and friction $F$ [N m]. Without backlash and elasticity its torque would be
+# *What it could have seen.* A log without an answer says something only if a backlash would have
+# been answered. A twin is a simulated joint that makes the log's movement under a rigid load of the
+# inertia $J_l$ [kg m²], with gravity $m g r$ [N m] and friction $F$ [N m]. Without backlash and
+# elasticity its torque would be
 #
 # $$\tau = m g r \sin(q - q_0) + F\, \text{sign}(\dot q) + d\, \dot q + (J_l + N^2 J_m)\, \ddot q$$
 #
-# with the angle $q$ [rad], and $q_0$, $F$ and the viscosity $d$ [N m s] from the log. It has the log's time stamps;
-# what this equation leaves of the log's torque is its noise. Stiffness, damping and drive are drawn. The *detection
-# limit* of a log is the smallest backlash whose twins are answered in 90 % of the draws
-# (`make studies NAME=hardware`).
+# with the angle $q$ [rad], and $q_0$, $F$ and the viscosity $d$ [N m s] from the log. It has the
+# log's time stamps; what this equation leaves of the log's torque is its noise. Stiffness, damping
+# and drive are drawn. The *detection limit* of a log is the smallest backlash whose twins are
+# answered in 90 % of the draws (`make studies NAME=hardware`).
 #
 # *A second encoder.* Three axes have one at the load. Motor and load part by $\varepsilon$ [rad],
 #
 # $$\varepsilon = \delta\, \text{sign}(\tau) + h\, \text{sign}(\dot q)
 # + c_1 \tau + c_2 \dot q + c_3 \ddot q + c_4 q + c_0$$
 #
-# where $h$ [rad] is what friction winds up. The regression's $\delta$ is an upper limit of the backlash.
+# where $h$ [rad] is what friction winds up. The regression's $\delta$ is an upper limit of the
+# backlash.
 
 # %%
 import numpy as np
@@ -83,7 +86,8 @@ workbook.check_parameters(
 #
 # ### The answers
 #
-# By the torque, from what is known of each load. The printed gears carry no load, and are read by the speed alone, too.
+# By the torque, from what is known of each load. The printed gears carry no load, and are read by
+# the speed alone, too.
 
 # %%
 read = {name: hardware.load_log(row) for name, row in logs.iterrows() if row["make"] in makes}
@@ -106,12 +110,13 @@ turns["off_percent"] = 100 * (turns["turn_s"] / turns["by_position_s"] - 1).abs(
 turns
 
 # %% [markdown]
-# The ripple of a printed gear repeats with its turn, as a backlash does. The turn that the sensor finds in the speed is
-# that of the position; the speed column itself is 0.2 % off.
+# The ripple of a printed gear repeats with its turn, as a backlash does. The turn that the sensor
+# finds in the speed is that of the position; the speed column itself is 0.2 % off.
 #
 # ### What it could have seen
 #
-# *Predict:* a log at 94 Hz, strokes of 0.6 to 1 rad/s: from which backlash on does the sensor answer?
+# *Predict:* a log at 94 Hz, strokes of 0.6 to 1 rad/s: from which backlash on does the sensor
+# answer?
 
 # %%
 twins = pd.read_csv(workbook.ROOT / "results" / "hardware.csv")
@@ -119,8 +124,9 @@ limits = hardware.detection_limits(twins)
 limits.rename_axis("log")
 
 # %% [markdown]
-# A limit of nan: too few twins were answered at each backlash that was simulated, so the refusal of such a log says
-# nothing of its joint. Twins that were answered, and how many of their intervals hold the backlash:
+# A limit of nan: too few twins were answered at each backlash that was simulated, so the refusal of
+# such a log says nothing of its joint. Twins that were answered, and how many of their intervals
+# hold the backlash:
 
 # %%
 twins[twins["answered"] > 0]
@@ -148,8 +154,9 @@ lost = pd.concat(parts, names=["joint", "by"]) if parts else pd.DataFrame()
 lost
 
 # %% [markdown]
-# The larger end of an interval is the limit, as far as the motor's torque changes sign when the teeth's does. The
-# torque of axis 3 does not change its sign, so that a backlash would not be seen there.
+# The larger end of an interval is the limit, as far as the motor's torque changes sign when the
+# teeth's does. The torque of axis 3 does not change its sign, so that a backlash would not be seen
+# there.
 #
 # ## Verdict
 
@@ -185,7 +192,8 @@ workbook.export(
 #
 # ## Exercises
 #
-# **1.** No alarm on $n$ independent joints: how large may the rate of false alarms still be (two-sided, 95 %)?
+# **1.** No alarm on $n$ independent joints: how large may the rate of false alarms still be
+# (two-sided, 95 %)?
 
 # %% tags=["solution"]
 highest = 1 - 0.025 ** (1 / joints)
@@ -193,7 +201,8 @@ assert np.isclose(highest, stats.binomtest(0, joints).proportion_ci().high)
 print(f"up to {100 * highest:.0f} %")
 
 # %% [markdown]
-# **2.** All of 20 twins are answered. Which share of the draws may be answered at least (two-sided, 95 %)?
+# **2.** All of 20 twins are answered. Which share of the draws may be answered at least (two-sided,
+# 95 %)?
 
 # %% tags=["solution"]
 least = stats.binomtest(20, 20).proportion_ci().low
@@ -201,7 +210,8 @@ assert np.isclose(least, 0.025 ** (1 / 20))
 print(f"{100 * least:.0f} %")
 
 # %% [markdown]
-# **3.** A data sheet gives a lost motion of 0.15 degrees from side to side. What is $\delta$ in mrad, at most?
+# **3.** A data sheet gives a lost motion of 0.15 degrees from side to side. What is $\delta$ in
+# mrad, at most?
 
 # %% tags=["solution"]
 half_play_mrad = 1e3 * np.deg2rad(0.15) / 2

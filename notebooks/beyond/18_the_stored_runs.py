@@ -17,28 +17,31 @@
 # %% [markdown]
 # # 18 · The authors' stored runs, replayed
 #
-# *You will see that a search with a stored seed is the stored run, generation by generation, where it is not, and how
-# far other seeds and another version of the library move a mean. Run time: 45 s. Before this: notebook
-# [7](../07_protocol_table1.ipynb).*
+# *You will see that a search with a stored seed is the stored run, generation by generation, where
+# it is not, and how far other seeds and another version of the library move a mean. Run time: 45 s.
+# Before this: notebook [7](../07_protocol_table1.ipynb).*
 #
 # ## Claim
 #
-# The signature is fitted by CMA-ES, with N. Hansen's library `cma` (section "Stochastic optimization algorithm"). The
-# authors' notebook stores 30 [runs](../glossary.md#run) on their clean record 12: seeds, ends, and of 20 runs about 17
-# generations each.
+# The signature is fitted by CMA-ES, with N. Hansen's library `cma` (section "Stochastic
+# optimization algorithm"). The authors' notebook stores 30 [runs](../glossary.md#run) on their
+# clean record 12: seeds, ends, and of 20 runs about 17 generations each.
 #
 # ## Method
 #
-# A search draws random numbers, so a run with the stored seed should be the stored run: every generation of it. With
-# the lowest misfit $f_g$ [rps] of generation $g$, stored to 16 digits, and ours $\hat f_g$, they *agree* where
+# A search draws random numbers, so a run with the stored seed should be the stored run: every
+# generation of it. With the lowest misfit $f_g$ [rps] of generation $g$, stored to 16 digits, and
+# ours $\hat f_g$, they *agree* where
 #
 # $$|\hat f_g - f_g| < 10^{-8} \text{ rps}.$$
 #
-# The replay needs three things. The *bound handling*: samples are bent to a half-parabola in a margin at each bound,
-# (1 + |bound|)/20 wide until `cma` 3.3 and max(1, |bound|)/20 since 3.4. The *constants*: the step size was damped
-# differently until 3.2; until 2.6 an ill-conditioned $\mathbf C$ was kept. And the *signs of eigenvectors*: LAPACK 3.10
-# changed the plane rotation they come from, so that the same library with a newer NumPy is another search from the
-# second generation on; `studies/replay/eigen.py` keeps the older rotation, and the same last bits on every processor.
+# The replay needs three things. The *bound handling*: samples are bent to a half-parabola in a
+# margin at each bound, (1 + |bound|)/20 wide until `cma` 3.3 and max(1, |bound|)/20 since 3.4. The
+# *constants*: the step size was damped differently until 3.2; until 2.6 an ill-conditioned
+# $\mathbf C$ was kept. And the *signs of eigenvectors*: LAPACK 3.10 changed the plane rotation they
+# come from, so that the same library with a newer NumPy is another search from the second
+# generation on; `studies/replay/eigen.py` keeps the older rotation, and the same last bits on every
+# processor.
 
 # %%
 from dataclasses import replace
@@ -74,9 +77,10 @@ workbook.check_parameters(
 #
 # ### The stored runs, replayed
 #
-# `replay_stored_runs` makes all 30 with the search written out in `search.py` (notebook 7), which has the constants of
-# the authors' library. Their notebook prints about 17 generations of each of the runs 1 to 20, to 16 digits, and the
-# end of all 30: `compare_generations` and `compare_ends` subtract them.
+# `replay_stored_runs` makes all 30 with the search written out in `search.py` (notebook 7), which
+# has the constants of the authors' library. Their notebook prints about 17 generations of each of
+# the runs 1 to 20, to 16 digits, and the end of all 30: `compare_generations` and `compare_ends`
+# subtract them.
 
 # %%
 record = sources.load_clean(12)
@@ -97,11 +101,12 @@ same_end = ended["difference_rps"] < replay.AGREE_RPS
 same_count = same_end & (ended["our_generations"] == ended["stored_generations"])
 
 # %% [markdown]
-# Why do the others diverge? `agrees_until` is the last printed generation that agrees, and `parts_by` the first one
-# that does not. `first_divergences` looks for the generation `undecided`, the first after `agrees_until` in which the
-# sign of an eigenvector of $\mathbf C$ depends on its last bit. Rounding reverses that eigenvector in
-# `flips` of 20 trials, and with it every sample along that axis. The ranks decide nothing: no two members next in rank
-# are closer than `closest_ranks_rps`. From there on, the run is another one of the same distribution.
+# Why do the others diverge? `agrees_until` is the last printed generation that agrees, and
+# `parts_by` the first one that does not. `first_divergences` looks for the generation `undecided`,
+# the first after `agrees_until` in which the sign of an eigenvector of $\mathbf C$ depends on its
+# last bit. Rounding reverses that eigenvector in `flips` of 20 trials, and with it every sample
+# along that axis. The ranks decide nothing: no two members next in rank are closer than
+# `closest_ranks_rps`. From there on, the run is another one of the same distribution.
 
 # %%
 parted = replay.first_divergences(record, ended, np.random.default_rng(1))
@@ -113,10 +118,11 @@ parted_shown.assign(closest_ranks_rps=parted["closest_ranks_rps"].map("{:.1e}".f
 # %% [markdown]
 # ### The basins of the stored runs
 #
-# The best signatures of the 30 runs lie in different basins; a mean over them hides that. `replayed_runs` are ours with
-# the same seeds: the same basins, run by run, but for the one run that ends elsewhere. A run's best signature need not
-# be of its last generation: that of run 5 is of generation 13. The
-# [replay explorer](../../results/pages/replay_explorer.html) plays every run generation by generation.
+# The best signatures of the 30 runs lie in different basins; a mean over them hides that.
+# `replayed_runs` are ours with the same seeds: the same basins, run by run, but for the one run
+# that ends elsewhere. A run's best signature need not be of its last generation: that of run 5 is
+# of generation 13. The [replay explorer](../../results/pages/replay_explorer.html) plays every run
+# generation by generation.
 
 # %%
 stored_runs = published.table("authors_notebook_runs")
@@ -137,14 +143,15 @@ stored_basins
 # %% [markdown]
 # ### Other seeds, another version of the library
 #
-# How far do the means of such a table move with the seeds, and how far with the version of the library? The 2021
-# search runs with two sets of seeds on every record; today's `cma`, which is slow, on every third record.
-# `basins.compare_searches` compares each set with the first.
+# How far do the means of such a table move with the seeds, and how far with the version of the
+# library? The 2021 search runs with two sets of seeds on every record; today's `cma`, which is
+# slow, on every third record. `basins.compare_searches` compares each set with the first.
 #
-# `shift_percent` is the average shift of the means against the first set, with a 95 % interval (bootstrap over the
-# runs); `best_shift_percent` is that of the runs in the best basin. `apart_percent` is the rms shift, and
-# `chance_percent`, with its interval, the rms shift that chance alone gives to sets of these sizes. `first_rate` is the
-# first set's rate of the best basin on these records.
+# `shift_percent` is the average shift of the means against the first set, with a 95 % interval
+# (bootstrap over the runs); `best_shift_percent` is that of the runs in the best basin.
+# `apart_percent` is the rms shift, and `chance_percent`, with its interval, the rms shift that
+# chance alone gives to sets of these sizes. `first_rate` is the first set's rate of the best basin
+# on these records.
 
 # %%
 theirs = table2.AUTHORS_SETTINGS
@@ -171,11 +178,12 @@ versions = basins.compare_searches(sets)
 versions.set_index("search").round(2).astype(object).T.fillna("")
 
 # %% [markdown]
-# What the table can tell: how far other seeds alone move means over 30 runs, and that in the best basin both versions
-# find the same $A$ within the interval of `best_shift_percent`. What it cannot: with so few runs of today's `cma`, a
-# shift of the means smaller than the interval of `shift_percent`, or a rate that differs by less than its interval.
-# A table of such means can be reproduced to some percent with any version and any seeds; to its printed digits only
-# with the seeds, the library, its BLAS and its LAPACK, which the paper does not print.
+# What the table can tell: how far other seeds alone move means over 30 runs, and that in the best
+# basin both versions find the same $A$ within the interval of `best_shift_percent`. What it cannot:
+# with so few runs of today's `cma`, a shift of the means smaller than the interval of
+# `shift_percent`, or a rate that differs by less than its interval. A table of such means can be
+# reproduced to some percent with any version and any seeds; to its printed digits only with the
+# seeds, the library, its BLAS and its LAPACK, which the paper does not print.
 
 # %% [markdown]
 # ## Verdict
@@ -218,17 +226,18 @@ workbook.export(
 # %% [markdown]
 # ## Try changing
 #
-# 1. `realisation = 4`: another noise of the same law; other seeds move the means by 1.4 %, not by 2.6 %; chance alone
-#    gives 0.8 to 3.7 %.
-# 2. `rows = [1]`: the smallest backlash alone; other seeds move its mean by 5.8 %, and chance by up to 9 %.
-# 3. `seed_runs = 60`: twice as many runs; chance moves a mean by 1.6 %, not by 2.0 %. Independent runs would give
-#    $1/\sqrt 2$ times as much.
+# 1. `realisation = 4`: another noise of the same law; other seeds move the means by 1.4 %, not by
+#    2.6 %; chance alone gives 0.8 to 3.7 %.
+# 2. `rows = [1]`: the smallest backlash alone; other seeds move its mean by 5.8 %, and chance by up
+#    to 9 %.
+# 3. `seed_runs = 60`: twice as many runs; chance moves a mean by 1.6 %, not by 2.0 %. Independent
+#    runs would give $1/\sqrt 2$ times as much.
 #
 # ## Exercises
 #
-# **1.** Of 30 stored runs `replayed` end as stored. If a search that is not the authors' ended each run in one of the
-# four stored basins with the stored shares, at the basin's lowest misfit, how probable would it be that all 30 end in
-# their own basin by chance (the power of ten)?
+# **1.** Of 30 stored runs `replayed` end as stored. If a search that is not the authors' ended each
+# run in one of the four stored basins with the stored shares, at the basin's lowest misfit, how
+# probable would it be that all 30 end in their own basin by chance (the power of ten)?
 
 # %% tags=["solution"]
 share = stored_basins["runs"] / stored_basins["runs"].sum()
@@ -237,8 +246,9 @@ assert by_chance < 1e-10
 print(f"{by_chance:.0e}")
 
 # %% [markdown]
-# **2.** A share $p$ of the runs ends in the best basin, the others at a distance $d$ from it. By how much (rms) do the
-# means of two sets of $n$ runs differ? Check it by drawing for $p$ = 0.9, $d$ = 0.3 and $n$ = 30 (to 5 %).
+# **2.** A share $p$ of the runs ends in the best basin, the others at a distance $d$ from it. By
+# how much (rms) do the means of two sets of $n$ runs differ? Check it by drawing for $p$ = 0.9,
+# $d$ = 0.3 and $n$ = 30 (to 5 %).
 
 # %% tags=["solution"]
 p, d = 0.9, 0.3
@@ -251,7 +261,8 @@ assert np.isclose(d * np.std(strayed[:, 0] - strayed[:, 1]), expected, rtol=0.05
 print(f"{expected:.3f} rps")
 
 # %% [markdown]
-# **3.** For which bound $b$ do the margins of `cma` until 3.3 and since 3.4 differ most, relatively? By which factor?
+# **3.** For which bound $b$ do the margins of `cma` until 3.3 and since 3.4 differ most,
+# relatively? By which factor?
 
 # %% tags=["solution"]
 b = np.linspace(-10, 10, 2001)
@@ -261,5 +272,5 @@ assert np.isclose(np.abs(b[factor.argmax()]), 1)
 print("at 1 and -1 by 2; at 0 they are the same")
 
 # %% [markdown]
-# **What you have learnt**: a seed fixes a run only with library, LAPACK and last bits; means over runs move by chance.
-# *Next:* [friction](19_friction.ipynb).
+# **What you have learnt**: a seed fixes a run only with library, LAPACK and last bits; means over
+# runs move by chance. *Next:* [friction](19_friction.ipynb).

@@ -17,31 +17,35 @@
 # %% [markdown]
 # # 19 · Friction on the load
 #
-# *You will see why Coulomb friction moves the impacts, and why the amplitude suffers although the ring does not.
-# Run time: 6 s. Before this: notebooks [1](../01_the_joint.ipynb) and [5](../05_signature_figure6.ipynb).*
+# *You will see why Coulomb friction moves the impacts, and why the amplitude suffers although the
+# ring does not. Run time: 6 s. Before this: notebooks [1](../01_the_joint.ipynb) and
+# [5](../05_signature_figure6.ipynb).*
 #
 # **The bench's logs were never published: all logs here are simulated.**
 #
 # ## Claim
 #
-# Friction may be disregarded under the test's conditions (section "Backlash signature and its mathematical model").
+# Friction may be disregarded under the test's conditions (section "Backlash signature and its
+# mathematical model").
 #
 # ## Method
 #
 # The load of inertia $J_l$ [kg m$^2$] at the angle $\theta_l$ [rad] from hanging down has the speed
-# $\omega_l$ [rad/s]. The coupling's torque $\tau_l$ [N m] works against gravity, of the largest torque $m g r$ [N m],
-# Coulomb friction $\tau_c$ [N m] and viscous friction $b_l$ [N m s/rad]:
+# $\omega_l$ [rad/s]. The coupling's torque $\tau_l$ [N m] works against gravity, of the largest
+# torque $m g r$ [N m], Coulomb friction $\tau_c$ [N m] and viscous friction $b_l$ [N m s/rad]:
 #
 # $$J_l\,\dot\omega_l = \tau_l - m g r \sin\theta_l - \tau_c\,\text{sign}(\omega_l) - b_l\,\omega_l.$$
 #
 # At constant speed the left side is small, and the teeth part where $\tau_l$ changes its sign. With
-# $s = \tau_c / (m g r)$ this is at $\pi + \arcsin s$, later than without friction, and at $2\pi - \arcsin s$, earlier.
-# The two separations are no longer half a turn $T_f / 2$ [s] apart, but
+# $s = \tau_c / (m g r)$ this is at $\pi + \arcsin s$, later than without friction, and at
+# $2\pi - \arcsin s$, earlier. The two separations are no longer half a turn $T_f / 2$ [s] apart,
+# but
 #
 # $$\Delta t_s = \frac{T_f}{2} \mp \frac{T_f}{\pi} \arcsin s.$$
 #
-# The [signature](../glossary.md#signature) has its two oscillations exactly half a turn apart, with opposite signs. So
-# it can fit no more of a speed $v(t)$ [rps] than the part that repeats with opposite sign half a turn later:
+# The [signature](../glossary.md#signature) has its two oscillations exactly half a turn apart, with
+# opposite signs. So it can fit no more of a speed $v(t)$ [rps] than the part that repeats with
+# opposite sign half a turn later:
 #
 # $$o(t) = \tfrac12 \left[v(t) - v(t + T_f / 2)\right].$$
 
@@ -119,9 +123,9 @@ _ = axis.legend(fontsize=8)
 # %% [markdown]
 # ### Friction on the load
 #
-# The identified joint without noise with more and more friction; $A$ is the mean of four logs
-# that start anywhere. *Predict:* the ring has a period of 48 ms. At which friction do the two oscillations of a turn
-# cancel in $o$, and what will the fit read there?
+# The identified joint without noise with more and more friction; $A$ is the mean of four logs that
+# start anywhere. *Predict:* the ring has a period of 48 ms. At which friction do the two
+# oscillations of a turn cancel in $o$, and what will the fit read there?
 
 
 # %%
@@ -165,16 +169,17 @@ workbook.show_figure(
 friction
 
 # %% [markdown]
-# The impacts move by about what the formula says of the separations; it leaves out the load's inertia and the
-# time that the teeth need to cross the gap. The peak is no lower up to 25 % friction. What changes is *when* the
-# oscillation comes, and the signature does not model that. Where the fit explains less than half of the variance, it
-# ends in another basin (`frequency_hz`), and its $A$ says nothing of the backlash. Friction on the motor changes
-# nothing (exercise 1).
+# The impacts move by about what the formula says of the separations; it leaves out the load's
+# inertia and the time that the teeth need to cross the gap. The peak is no lower up to 25 %
+# friction. What changes is *when* the oscillation comes, and the signature does not model that.
+# Where the fit explains less than half of the variance, it ends in another basin (`frequency_hz`),
+# and its $A$ says nothing of the backlash. Friction on the motor changes nothing (exercise 1).
 # %% [markdown]
 # ## Verdict
 #
-# The friction of the real bench is not published: the claim is judged for frictions from that of a very good bearing to
-# that of a gear of 90 % efficiency, and nothing is decided as long as its limit lies between their effects.
+# The friction of the real bench is not published: the claim is judged for frictions from that of a
+# very good bearing to that of a gear of 90 % efficiency, and nothing is decided as long as its
+# limit lies between their effects.
 
 # %% tags=["plumbing", "verdict"]
 judged = friction[friction["friction_share"].between(min(judged_shares), max(judged_shares))]
@@ -214,14 +219,15 @@ workbook.export(
 # %% [markdown]
 # ## Try changing
 #
-# 1. `judged_shares = [0.005]`: at half a percent of gravity as friction $A$ hardly changes, and the claim holds.
+# 1. `judged_shares = [0.005]`: at half a percent of gravity as friction $A$ hardly changes, and the
+#    claim holds.
 # 2. `shares = [0.0, 0.005, 0.05, 0.1]`: at 5 % the impacts move by 8 ms, and $A$ loses 29 %.
 # 3. `backlash_mrad = 0.5`: half the gap suffers as much: friction of 10 % takes 59 % of its $A$.
 #
 # ## Exercises
 #
-# **1.** What does Coulomb friction on the motor do to the motor speed, once the drive's integral has settled? Write
-# the motor's equation of motion first, and think of the sign of $\omega_m$.
+# **1.** What does Coulomb friction on the motor do to the motor speed, once the drive's integral
+# has settled? Write the motor's equation of motion first, and think of the sign of $\omega_m$.
 
 # %% tags=["solution"]
 motor_friction_nm = 0.5 * identified.gravity_torque_nm / identified.gear_ratio
@@ -234,8 +240,8 @@ assert np.allclose(rubbing.motor_speed_rps, without.motor_speed_rps, atol=1e-9)
 assert np.allclose(rubbing.motor_torque_nm - without.motor_torque_nm, motor_friction_nm)
 
 # %% [markdown]
-# **2.** At which friction do the two separations of a turn lie half a period of the ring (24 ms) from half a turn? What
-# happens there to the two oscillations in $o$?
+# **2.** At which friction do the two separations of a turn lie half a period of the ring (24 ms)
+# from half a turn? What happens there to the two oscillations in $o$?
 
 # %% tags=["solution"]
 share_24_ms = np.sin(np.pi * 0.024 / T_f)
@@ -245,8 +251,8 @@ print(
 )
 
 # %% [markdown]
-# **3.** With $s = \tau_c / (m g r) > 1$ gravity never turns the load's torque round. How many impacts a turn has the
-# settled joint then? What would the sensor say of its backlash?
+# **3.** With $s = \tau_c / (m g r) > 1$ gravity never turns the load's torque round. How many
+# impacts a turn has the settled joint then? What would the sensor say of its backlash?
 
 # %% tags=["solution"]
 run = simulate(replace(with_friction(1.2), lead_s=T_f), delta_rad, duration_s=12 * T_f)
@@ -254,5 +260,5 @@ assert not (run.impact_time_s > 4 * T_f).any()
 print("none: its speed is that of a joint without backlash")
 
 # %% [markdown]
-# **What you have learnt**: friction shifts the impacts, and a model that has them half a turn apart reads a smaller
-# $A$. *Next:* [another optimiser](20_another_optimiser.ipynb).
+# **What you have learnt**: friction shifts the impacts, and a model that has them half a turn apart
+# reads a smaller $A$. *Next:* [another optimiser](20_another_optimiser.ipynb).

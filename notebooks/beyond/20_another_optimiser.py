@@ -17,22 +17,23 @@
 # %% [markdown]
 # # 20 · Another optimiser
 #
-# *You will see how often CMA-ES, swarms and classical methods find the best fit, what a success costs, and how to try
-# an optimiser of your own. Run time: 15 s. Before this: notebooks [7](../07_protocol_table1.ipynb) and
-# [8](../08_noise_table2.ipynb).*
+# *You will see how often CMA-ES, swarms and classical methods find the best fit, what a success
+# costs, and how to try an optimiser of your own. Run time: 15 s. Before this: notebooks
+# [7](../07_protocol_table1.ipynb) and [8](../08_noise_table2.ipynb).*
 #
 # ## Claim
 #
-# CMA-ES gives better solutions than four swarm algorithms and "requires almost no parameter tuning" (section
-# "Stochastic optimization algorithm"); classical optimisation "cannot be straightforwardly applied" (section "Problem
-# formulation"). The paper does not name its swarms.
+# CMA-ES gives better solutions than four swarm algorithms and "requires almost no parameter tuning"
+# (section "Stochastic optimization algorithm"); classical optimisation "cannot be straightforwardly
+# applied" (section "Problem formulation"). The paper does not name its swarms.
 #
 # ## Method
 #
-# An *optimiser* is a function of a misfit [rps] of X, the bounds of X, the function evaluations to spend and a seed. X
-# holds the seven parameters in the order of `signature.FREE_PARAMETERS`. It returns the best X. A run *succeeds* if its
-# misfit is within 0.2 % of the global fit's (notebook 8), that of the [best basin](../glossary.md#best-basin). With the
-# rate of success $p$ and the mean number $n$ of evaluations of a search, a success costs
+# An *optimiser* is a function of a misfit [rps] of X, the bounds of X, the function evaluations to
+# spend and a seed. X holds the seven parameters in the order of `signature.FREE_PARAMETERS`. It
+# returns the best X. A run *succeeds* if its misfit is within 0.2 % of the global fit's (notebook
+# 8), that of the [best basin](../glossary.md#best-basin). With the rate of success $p$ and the mean
+# number $n$ of evaluations of a search, a success costs
 #
 # $$n / p \text{ evaluations.}$$
 #
@@ -84,9 +85,10 @@ workbook.check_parameters(
 #
 # ### CMA-ES, swarms and classical methods
 #
-# How often each method finds the best basin with the function evaluations of the authors' notebook, 300 members in 200
-# generations. The runs take minutes and are read from `optimizers.csv` (`make studies NAME=claims`). Our four swarms
-# are a library's best known ones, with the population of the authors' notebook and with the library's own.
+# How often each method finds the best basin with the function evaluations of the authors' notebook,
+# 300 members in 200 generations. The runs take minutes and are read from `optimizers.csv`
+# (`make studies NAME=claims`). Our four swarms are a library's best known ones, with the population
+# of the authors' notebook and with the library's own.
 
 # %%
 success = optimizers.success_table(pd.read_csv(workbook.ROOT / "results" / "optimizers.csv"))
@@ -107,9 +109,9 @@ compared
 # %% [markdown]
 # ### Another optimiser
 #
-# How often does `optimiser` find the best basin of the authors' clean record 12, beside CMA-ES, and what does a success
-# cost? A search stops at a success, or where its budget is spent. *Predict:* does a small population that doubles with
-# every restart succeed more often than one of 300?
+# How often does `optimiser` find the best basin of the authors' clean record 12, beside CMA-ES, and
+# what does a success cost? A search stops at a success, or where its budget is spent. *Predict:*
+# does a small population that doubles with every restart succeed more often than one of 300?
 
 # %%
 record, own = sources.load_clean(12), of_name.get(optimiser, optimiser)
@@ -172,15 +174,16 @@ workbook.export(
 # %% [markdown]
 # ## Try changing
 #
-# 1. `optimiser = "differential evolution"`: within the budget it hardly ever finds the best basin, which CMA-ES with
-#    300 members finds in about half of the searches.
+# 1. `optimiser = "differential evolution"`: within the budget it hardly ever finds the best basin,
+#    which CMA-ES with 300 members finds in about half of the searches.
 # 2. `budget = 10000`: 33 generations of 300 members are too few, and no search succeeds.
-# 3. `criteria = {"little_tuning": 0.3}`: if three successes in ten were enough, the claim would hold.
+# 3. `criteria = {"little_tuning": 0.3}`: if three successes in ten were enough, the claim would
+#    hold.
 #
 # ## Exercises
 #
-# **1.** Of 10 searches 3 succeed. Between which rates does $p$ lie with 95 % (Clopper and Pearson)? Between which costs
-# does a success then lie, in units of $n$?
+# **1.** Of 10 searches 3 succeed. Between which rates does $p$ lie with 95 % (Clopper and Pearson)?
+# Between which costs does a success then lie, in units of $n$?
 
 # %% tags=["solution"]
 low, high = stats.binomtest(3, 10).proportion_ci(method="exact")
@@ -189,8 +192,8 @@ assert stats.binom.cdf(3, 10, high) - 0.025 < 1e-6
 print(f"p from {low:.2f} to {high:.2f}; a success costs {1 / high:.1f} to {1 / low:.1f} n")
 
 # %% [markdown]
-# **2.** Two searches of $n$ evaluations, or one of $2n$: from which rate $p_2$ of the longer one on is it the better
-# choice, if the shorter succeeds at $p$ = 0.3?
+# **2.** Two searches of $n$ evaluations, or one of $2n$: from which rate $p_2$ of the longer one on
+# is it the better choice, if the shorter succeeds at $p$ = 0.3?
 
 # %% tags=["solution"]
 p = 0.3
@@ -199,8 +202,8 @@ assert abs(either - stats.binom.sf(0, 2, p)) < 1e-12
 print(f"from p_2 = {either:.2f}")
 
 # %% [markdown]
-# **3.** The global fit solves for $A$ and $v_t$ directly. How many members does a grid of 20 values for each parameter
-# have in seven dimensions, in five, and how long would they take at 10 μs each?
+# **3.** The global fit solves for $A$ and $v_t$ directly. How many members does a grid of 20 values
+# for each parameter have in seven dimensions, in five, and how long would they take at 10 μs each?
 
 # %% tags=["solution"]
 hours = {n: 20**n * 1e-5 / 3600 for n in (7, 5)}
@@ -208,5 +211,5 @@ assert round(hours[7] / hours[5]) == 400
 print({n: f"{time:.2g} h" for n, time in hours.items()})
 
 # %% [markdown]
-# **What you have learnt**: optimisers are compared by rates of success with intervals, and by what a success costs.
-# *Back to:* [the start](../00_the_sensor.ipynb).
+# **What you have learnt**: optimisers are compared by rates of success with intervals, and by what
+# a success costs. *Back to:* [the start](../00_the_sensor.ipynb).
