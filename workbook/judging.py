@@ -149,8 +149,9 @@ def verdicts(results: Path) -> pd.DataFrame:
         twice = found.loc[found["id"].duplicated(), "id"].unique()
         raise ValueError(f"{', '.join(twice)}: exported by two notebooks")
     found = found.set_index("id").reindex(published.cells().index)
-    sources = pd.Series({cell: source_of(cell) for cell in found.index})
-    found = found.fillna({"source": sources, "notebook": ""})
+    missing = found["source"].isna()
+    found.loc[missing, "source"] = [source_of(cell) for cell in found.index[missing]]
+    found.loc[missing, "notebook"] = ""
     facts: dict[str, str] = {}
     for outcome in outcomes.values():
         facts |= outcome["facts"]
