@@ -33,7 +33,7 @@
 # generation of it. With the lowest misfit $f_g$ [rps] of generation $g$, stored to 16 digits, and
 # ours $\hat f_g$, they *agree* where
 #
-# $$|\hat f_g - f_g| < 10^{-8} \text{ rps}.$$
+# $$|\hat f_g - f_g| < 10^{-9} \text{ rps}.$$
 #
 # The replay needs three things. The *bound handling*: samples are bent to a half-parabola in a
 # margin at each bound, (1 + |bound|)/20 wide until `cma` 3.3 and max(1, |bound|)/20 since 3.4. The
