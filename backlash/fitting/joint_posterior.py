@@ -25,7 +25,8 @@ RATIO_PRIOR = {
     ),
 }
 DRIVE_UNKNOWNS = 5
-_PRIOR_MEDIANS = np.array([identified_joint().ratios[name] for name in RATIO_PRIOR])
+_IDENTIFIED = identified_joint().ratios
+_PRIOR_MEDIANS = np.array([_IDENTIFIED[name] for name in RATIO_PRIOR])
 
 
 class Measurement(NamedTuple):
@@ -127,9 +128,7 @@ class Problem:
 
     def residual(self, z: FloatArray, free: int = SIZE) -> FloatArray:
         """Of the harmonics, then of the unknowns' priors, over their SDs."""
-        return np.concatenate(
-            [self._misfits(z[None], free)[0], ((z - self.mean) / self.spread)[2:]]
-        )
+        return self._with_priors(self._misfits(z[None], free)[0], z)
 
     def slopes(self, z: FloatArray, free: int = SIZE) -> tuple[FloatArray, FloatArray]:
         """Residuals, and their derivative by each unknown, shape (unknowns, residuals); 0 from the one `free` on."""
@@ -138,8 +137,11 @@ class Problem:
         by_unknown = np.zeros((SIZE, here.size))
         by_unknown[:free] = (np.array(there) - here) / _STEP
         by_prior = np.diag(1 / self.spread)[:, 2:]
-        residual = np.concatenate([here, ((z - self.mean) / self.spread)[2:]])
-        return residual, np.hstack([by_unknown, by_prior])
+        return self._with_priors(here, z), np.hstack([by_unknown, by_prior])
+
+    def _with_priors(self, misfit: FloatArray, z: FloatArray) -> FloatArray:
+        """A misfit, then how far unknowns lie from their priors' means, over the SDs."""
+        return np.concatenate([misfit, ((z - self.mean) / self.spread)[2:]])
 
     def _misfits(self, z: FloatArray, free: int) -> FloatArray:
         """Harmonics of joints less the log's, over their SDs; settled less well while not all unknowns are free."""
