@@ -107,7 +107,7 @@ clean:  ## remove what can be made again and is not committed
 # ---------------------------------------------------------------------------------------------------------------
 
 writable:
-	@[ -w . ] || { echo "$(CURDIR) is read-only: copy it to where you may write, then run make there" >&2; exit 2; }
+	@[ -w . ] || { echo 'This folder is read-only: copy it to where you may write, then run make there' >&2; exit 2; }
 
 .venv/.installed: pyproject.toml requirements.lock
 	@$(PYTHON) -c 'import sys; sys.version_info >= (3, 11) or sys.exit("Python 3.11 or newer is needed: make PYTHON=...")'
@@ -117,13 +117,14 @@ writable:
 	# path is relative, so that a copied or moved checkout finds its own.
 	$(PY) -I -c 'import pathlib, sysconfig; pathlib.Path(sysconfig.get_path("purelib"), "checkout.pth").write_text("../../../..\n")'
 	sed -n '/^uv==/,/[^\\]$$/p' requirements.lock > .venv/uv.lock
+	sed '/^uv==/,/[^\\]$$/d' requirements.lock > .venv/all.lock
 	command -v uv > .venv/uv.path || $(PIP) --requirement .venv/uv.lock || true
-	$(UV) --requirement pyproject.toml --extra plot --extra xlsx --group workbook || $(PIP) --requirement requirements.lock
+	$(UV) --requirement pyproject.toml --extra plot --extra xlsx --group workbook || $(PIP) --requirement .venv/all.lock
 	touch $@
 
 # What a target needs besides: a group of pyproject.toml.
 .venv/.%: .venv/.installed
-	$(UV) --group $* || $(PIP) --requirement requirements.lock
+	$(UV) --group $* || $(PIP) --requirement .venv/all.lock
 	touch $@
 
 # What is due is told by `run --due`: notebooks that this checkout has not run, or whose sources have changed since.
