@@ -1,4 +1,4 @@
-"""The workbook: runs the notebooks, compares what they export with the printed numbers, makes the report and the book."""
+"""The workbook: runs the notebooks, compares what they export with the printed numbers, makes report and book."""
 
 import pandas as pd
 

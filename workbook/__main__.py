@@ -9,14 +9,14 @@ import sys
 from pathlib import Path
 
 from replication.files import ROOT, UserError, write_json
-from workbook.checkout import RESULTS
+from workbook.checkout import OFFLINE, RESULTS
 
 
 def main(arguments: list[str] | None = None) -> int:
     """Run one command; return the exit status: 0 done, 2 the input is not usable, 1 anything else."""
     parser = argparse.ArgumentParser(prog="python -m workbook", description=__doc__)
     commands = parser.add_subparsers(required=True, metavar="COMMAND")
-    for command in (run, report, check, lab, data):
+    for command in (run, report, check, verify, lab, data):
         made = commands.add_parser(command.__name__, help=command.__doc__)
         made.set_defaults(command=command)
         if command is run:
@@ -45,27 +45,36 @@ def run(options: argparse.Namespace) -> int:
 
 
 def report(_: argparse.Namespace) -> int:
-    """Write the verdicts, the report, what the results are made from, and the README's status."""
+    """Write the verdicts, report.md, what the results are made from, and the status in README.md."""
     from workbook.provenance import provenance
-    from workbook.report import markdown, page
+    from workbook.report import update_readme, write_report
 
-    print(page.write_report(RESULTS))
-    markdown.update_readme(ROOT / "README.md", RESULTS)
+    for results in (RESULTS, OFFLINE / "results"):
+        if (results / "outcomes").is_dir():
+            print(write_report(results))
+    update_readme(ROOT / "README.md", RESULTS)
     write_json(RESULTS / "provenance.json", provenance())
     return 0
 
 
 def check(_: argparse.Namespace) -> int:
-    """Print all numbers with their verdicts; exit 1 if one differs unexpectedly."""
-    from workbook import judging
-    from workbook.report import terminal
+    """Print every number with its verdict; exit 1 if one differs unexpectedly."""
+    from workbook import judging, report
 
     verdicts = judging.verdicts(RESULTS)
-    print(terminal.verdict_tables(verdicts))
-    new, gone = terminal.find_surprises(verdicts)
-    expected = "All cells that differ are known differences (replication/data/cells.csv)."
-    print("\n".join(["", *new, *gone] if new or gone else ["", expected]))
+    new, gone = report.find_surprises(verdicts)
+    print("\n".join([report.list_numbers(verdicts), *new, *gone]))
     return int(bool(new))
+
+
+def verify(_: argparse.Namespace) -> int:
+    """Write versions, processor, hashes and verdicts to verification.json, for whoever asks."""
+    from workbook.report import write_manifest
+
+    path = ROOT / "verification.json"
+    write_manifest(RESULTS, path)
+    print(path)
+    return 0
 
 
 def lab(_: argparse.Namespace) -> int:

@@ -7,8 +7,9 @@ import subprocess
 import threading
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
+from typing import Any
 
 import joblib
 import jupytext
@@ -123,7 +124,9 @@ def _execute_into(destination: Path, source: Path, project: Path, records: str =
         "LOKY_MAX_CPU_COUNT": str(count_workers(joblib.cpu_count(), available_memory())),
         "PYTHONPATH": os.pathsep.join(filter(None, [str(ROOT), os.environ.get("PYTHONPATH")])),
     }
-    execute(notebook, source, os.environ | pinned_environment() | isolated_environment() | variables)
+    execute(
+        notebook, source, os.environ | pinned_environment() | isolated_environment() | variables
+    )
     executed = staging / source.resolve().relative_to(project).with_suffix(".ipynb")
     executed.parent.mkdir(parents=True)
     nbformat.write(notebook, executed)
@@ -177,7 +180,7 @@ def execute(notebook: NotebookNode, source: Path, environment: dict[str, str]) -
         extra_arguments=["--IPKernelApp.log_level=ERROR"],
         resources={"metadata": {"path": str(source.parent)}},
     )
-    client.on_notebook_start = lambda notebook: _kill_with_this_process(client.km.provisioner.pgid)
+    client.on_notebook_start = lambda notebook: _kill_with_this_process(client)
     try:
         client.execute(env=environment)
     except (CellExecutionError, CellTimeoutError, DeadKernelError) as error:
@@ -185,11 +188,15 @@ def execute(notebook: NotebookNode, source: Path, environment: dict[str, str]) -
     for cell in notebook.cells:
         if cell.cell_type == "code":
             cell.outputs = [each for each in cell.outputs if each.get("name") != "stderr"]
-    del notebook.metadata["language_info"]["version"]  # to the third number, which results don't depend on
+    del notebook.metadata["language_info"][
+        "version"
+    ]  # to the third number, which results don't depend on
 
 
-def _kill_with_this_process(group: int) -> None:
+def _kill_with_this_process(client: NotebookClient) -> None:
     """Kill a kernel and its workers when this process ends, however it does: then the pipe closes."""
+    kernel: Any = client.km
+    group = kernel.provisioner.pgid
     subprocess.Popen(
         ["sh", "-c", f"read -r line; kill -s KILL -- -{group}"],
         stdin=subprocess.PIPE,
@@ -219,10 +226,8 @@ def end_with(process: int) -> None:
     """End this process when another, make, has ended without waiting for it."""
 
     def watch() -> None:
-        try:
+        with suppress(psutil.NoSuchProcess):
             psutil.Process(process).wait()
-        except psutil.NoSuchProcess:
-            pass
         os._exit(1)
 
     threading.Thread(target=watch, daemon=True).start()

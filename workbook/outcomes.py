@@ -143,7 +143,13 @@ def _fact_texts(facts: Facts) -> dict[str, str]:
 
 def load_outcomes(results: Path) -> dict[str, dict[str, Any]]:
     """Load the outcome of each notebook that is there, by its name."""
-    empty: dict[str, Any] = {"cells": [], "claims": [], "facts": {}, "figures": {}, "supplement": {}}
+    empty: dict[str, Any] = {
+        "cells": [],
+        "claims": [],
+        "facts": {},
+        "figures": {},
+        "supplement": {},
+    }
     return {
         file.stem: empty | json.loads(file.read_text(encoding="utf-8"))
         for file in sorted((results / "outcomes").glob("*.json"))

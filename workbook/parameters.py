@@ -29,7 +29,8 @@ def check_parameters(**parameters: tuple[Any, Any]) -> None:
     **parameters : (value, allowed)
         A parameter's value, and what it may be: an `Interval` of numbers, a `range` of whole numbers,
         a tuple of choices, which may hold `callable` for any function. `[allowed]` asks for a list
-        with an item or more, `{name: allowed}` for a mapping with some of these names.
+        with an item or more, `[allowed, []]` for one that may be empty, `{name: allowed}` for a
+        mapping with some of these names.
 
     Raises
     ------
@@ -54,8 +55,8 @@ def _is_allowed(value: Any, allowed: Any) -> bool:
             return is_number and allowed.low <= value <= allowed.high
         case range():
             return isinstance(value, Integral) and value in allowed and not isinstance(value, bool)
-        case [each] if isinstance(allowed, list):
-            is_list = isinstance(value, list | tuple | range) and len(value) > 0
+        case [each, *or_empty] if isinstance(allowed, list):
+            is_list = isinstance(value, list | tuple | range) and (len(value) > 0 or bool(or_empty))
             return is_list and all(_is_allowed(item, each) for item in value)
         case dict():
             is_mapping = isinstance(value, Mapping) and set(value) <= set(allowed)
@@ -70,7 +71,7 @@ def _describe(allowed: Any) -> str:
             return f"a number from {low:g}" + (f" to {high:g}" if math.isfinite(high) else " on")
         case range():
             return f"a whole number from {allowed[0]} to {allowed[-1]}"
-        case [each] if isinstance(allowed, list):
+        case [each, *_] if isinstance(allowed, list):
             return f"a list, each item {_describe(each)}"
         case dict():
             return "a mapping of " + "; ".join(f"{k!r}: {_describe(v)}" for k, v in allowed.items())
@@ -92,7 +93,9 @@ def sliders(draw: Callable[..., None], **ranges: tuple[float, float, float]) -> 
     from ipywidgets import FloatSlider, interact
 
     made = {
-        name: FloatSlider(first, min=low, max=high, step=(high - low) / 100, continuous_update=False)
+        name: FloatSlider(
+            first, min=low, max=high, step=(high - low) / 100, continuous_update=False
+        )
         for name, (first, low, high) in ranges.items()
     }
     interact(draw, **made)

@@ -79,7 +79,7 @@ workbook.check_parameters(
     most=(most, range(10, 2**31)),
     made_again=(made_again, range(1, 201)),
     settings=(settings, [tuple(vars(table2.AUTHORS_SETTINGS))]),
-    criteria=(criteria, [{"random_start"}]),
+    criteria=(criteria, {"random_start": workbook.Interval(0)}),
 )
 
 # %% [markdown]

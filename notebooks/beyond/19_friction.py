@@ -77,7 +77,7 @@ workbook.check_parameters(
     shares=(shares, [workbook.Interval(0, 0.9)]),
     judged_shares=(judged_shares, [set(shares)]),
     seed=(seed, range(0, 10**6)),
-    criteria=(criteria, [{"friction_disregarded"}]),
+    criteria=(criteria, {"friction_disregarded": workbook.Interval(0)}),
 )
 
 # %% [markdown]

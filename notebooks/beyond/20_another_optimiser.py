@@ -56,7 +56,9 @@ criteria = {}  # limits to try in place of those of claims.csv, such as {"cma_be
 
 # %% jupyter={"source_hidden": true} tags=["hide-input"]
 of_name = {"none": None, "differential evolution": differential_evolution}
-decided_here = published.table("claims").query("decided_in == 20")
+decided_here = published.table("claims").loc[
+    ["cma_beats_swarms", "classical_cannot", "little_tuning"]
+]
 workbook.check_parameters(
     optimiser=(optimiser, (*of_name, callable)),
     strategy_runs=(strategy_runs, range(1, 10_001)),
