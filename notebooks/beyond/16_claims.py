@@ -80,10 +80,9 @@ criteria = {}  # limits to try in place of those of claims.csv, such as {"qualit
 
 # %% tags=["plumbing"]
 decided_here = published.table("claims").loc[
-    ["amplitude_grows", "same_amplitude", "depends_on_joint", "impacts_at_phase_start"]
-    + ["noise_proportional", "quality_decreases", "uniform_noise", "simulator_agrees"]
-    + ["code_and_data_public", "no_backlash", "turns_reduce_noise", "bits_suffice"]
-    + ["discontinuities_destabilise"]
+    "amplitude_grows same_amplitude depends_on_joint impacts_at_phase_start noise_proportional "
+    "quality_decreases uniform_noise simulator_agrees code_and_data_public no_backlash "
+    "turns_reduce_noise bits_suffice discontinuities_destabilise".split()
 ]
 encoder_bits = int(published.value("text.encoder_bits"))
 workbook.check_parameters(
@@ -239,7 +238,7 @@ claims["quality_decreases"] = (
 # [realisations](../glossary.md#realisation), tested for its law, its mean and the correlation of
 # neighbours. That the simulator reproduces the behaviour of the joint with backlash cannot be
 # tested: the signals of the bench are not public. "Both the source code of the tools and the data"
-are said to be public: those of the bench and of the robots are not.
+# are said to be public: those of the bench and of the robots are not.
 
 # %%
 added = {
