@@ -37,8 +37,8 @@ def cells(element: str | None = None) -> pd.DataFrame:
     """Load the printed numbers, indexed by cell id, of one element, such as "Table 2", or of all.
 
     Columns `element, row, column, printed, value, unit, kind, abs_tol, rel_tol, tol_reason, section, quote` (words of
-    the paper, for the numbers of its text), `source` (where our number comes from), `reason` (how it is computed, or why it
-    cannot be tested), `known_difference` (why it differs).
+    the paper, for the numbers of its text), `source` (where our number comes from), `reason` (how it is computed, or
+    why it cannot be tested), `known_difference` (why it differs).
     """
     printed = table("cells")
     if element is None:

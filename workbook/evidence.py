@@ -38,7 +38,7 @@ def read_realisations(results: Path) -> pd.DataFrame:
 
 def starts_drawn(realisations: pd.DataFrame) -> pd.Series:
     """Which realisations start at a random one of the first 100 samples, as the text says."""
-    return realisations["protocol"].str.startswith("start per")
+    return realisations["protocol"].str.contains("drawn start|start per")
 
 
 def tables(realisations: pd.DataFrame) -> Tables:

@@ -31,7 +31,7 @@ SOURCES = {
     "recomputed": "our search, on the authors' clean records with noise of the printed law",
     "authors' files": "read or measured from them",
     "simulated joint": "the joint that we identified from the authors' records",
-    "the paper's own numbers": "arithmetic between printed numbers: it shows that the paper is consistent, not that it is right",
+    "the paper's own numbers": "arithmetic between printed numbers, which shows consistency alone",
     "stand-in": "simulated in place of unpublished logs; not tested",
     "taken over": "assumed as printed; not tested",
 }
@@ -84,7 +84,8 @@ def _judge(cell: str, source: str, numbers: Numbers) -> dict[str, Any]:
     if isinstance(numbers, Mapping):
         alone = sum(agrees(cell, {name: each}) for name, each in numbers.items())
         below = sum(number < value for number in pooled)
-        reason += f"; agrees under {alone} of {len(numbers)} settings alone; {below} of {len(pooled)} realisations lie below"
+        reason += f"; agrees under {alone} of {len(numbers)} settings alone"
+        reason += f"; {below} of {len(pooled)} realisations lie below the printed number"
     agreement = "not tested"
     if source in NOT_TESTED:
         pass

@@ -74,10 +74,11 @@ def word(count: int) -> str:
 
 
 def describe_cells(verdicts: pd.DataFrame) -> pd.DataFrame:
-    """Printed numbers with their verdicts, as a reader reads them: `name, printed, ours, interval` and the rest."""
+    """Printed numbers with their verdicts, as a reader reads them: `name, printed, ours, interval, why` it differs."""
     about = published.cells()[["element", "row", "column", "unit"]]
     table = verdicts.fillna({"resolution": "", "notebook": ""}).join(about, on="id")
     table["name"] = [_name(*row) for row in table[["element", "row", "column"]].to_numpy()]
+    table["why"] = published.cells().loc[table["id"], "known_difference"].to_numpy()
     table["ours"] = [*map(like_printed, table["reproduced"], table["printed"])]
     table["interval"] = [_interval(row) for row in table.itertuples()]
     return table
@@ -120,7 +121,7 @@ def describe_table2(cells: pd.DataFrame, column: str) -> dict[str, Any]:
         "differ": [*rows.loc[rows["agreement"] == "differs", "row"]],
         "down": 100 * (1 - rows["low"] / rows["reproduced"]),
         "up": 100 * (rows["high"] / rows["reproduced"] - 1),
-        "factor": rows["high"] / rows["low"],
+        "factor": (rows["high"] / rows["low"])[rows["agreement"] == "agrees"],
     }
 
 
