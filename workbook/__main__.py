@@ -7,14 +7,23 @@ import argparse
 import os
 import sys
 from pathlib import Path
+from typing import NoReturn
 
 from replication.files import ROOT, UserError, write_json
 from workbook.checkout import OFFLINE, RESULTS
 
 
+class OneLineParser(argparse.ArgumentParser):
+    """A parser that says in one line what is wrong with its arguments."""
+
+    def error(self, message: str) -> NoReturn:
+        """Exit with 2."""
+        self.exit(2, f"{self.prog}: {message}; see --help\n")
+
+
 def main(arguments: list[str] | None = None) -> int:
     """Run one command; return the exit status: 0 done, 2 the input is not usable, 1 anything else."""
-    parser = argparse.ArgumentParser(prog="python -m workbook", description=__doc__)
+    parser = OneLineParser(prog="python -m workbook", description=__doc__)
     commands = parser.add_subparsers(required=True, metavar="COMMAND")
     for command in (run, report, check, verify, lab, data):
         made = commands.add_parser(command.__name__, help=command.__doc__)
@@ -23,10 +32,16 @@ def main(arguments: list[str] | None = None) -> int:
             made.add_argument("notebook", type=Path, help="a notebook's .py source")
     options = parser.parse_args(arguments)
     try:
-        return options.command(options)
+        status = options.command(options)
+        print(end="", flush=True)
+        return status
     except UserError as error:
         print(error, file=sys.stderr)
         return error.exit_status
+    except OSError as error:
+        print(error, file=sys.stderr)
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # a closed pipe, a full disk
+        return 1
     except KeyboardInterrupt:
         print("interrupted; what was finished is kept", file=sys.stderr)
         return 130
