@@ -80,9 +80,21 @@ criteria = {}  # limits to try in place of those of claims.csv, such as {"qualit
 
 # %% tags=["plumbing"]
 decided_here = published.table("claims").loc[
-    "amplitude_grows same_amplitude depends_on_joint impacts_at_phase_start noise_proportional "
-    "quality_decreases uniform_noise simulator_agrees code_and_data_public no_backlash "
-    "turns_reduce_noise bits_suffice discontinuities_destabilise".split()
+    [
+        "amplitude_grows",
+        "same_amplitude",
+        "depends_on_joint",
+        "impacts_at_phase_start",
+        "noise_proportional",
+        "quality_decreases",
+        "uniform_noise",
+        "simulator_agrees",
+        "code_and_data_public",
+        "no_backlash",
+        "turns_reduce_noise",
+        "bits_suffice",
+        "discontinuities_destabilise",
+    ]
 ]
 encoder_bits = int(published.value("text.encoder_bits"))
 workbook.check_parameters(
