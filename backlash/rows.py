@@ -7,12 +7,12 @@ from typing import TypeAlias
 import pandas as pd
 
 from backlash.reading.sources import MOST_TABLE_BYTES, naming, read_bytes, unpacked
-from backlash.reading.tables import MOST_COLUMNS
 from backlash.refusals import Refusal
 
 Table: TypeAlias = pd.DataFrame | str | PathLike[str]
 _TEXTS = ("file", "log", "joint", "time", "speed", "position", "torque", "calibration")
 _LONGEST_HEADER = 2**16  # bytes
+_MOST_COLUMNS = 64
 
 
 def read_rows(source: Table, *columns: str) -> pd.DataFrame:
@@ -37,8 +37,8 @@ def _read_csv(name: str) -> pd.DataFrame:
     """Read a table of logs; its columns are those of its first line."""
     with naming(name):
         content = unpacked(read_bytes(name, MOST_TABLE_BYTES))
-    if content[:_LONGEST_HEADER].split(b"\n")[0].count(b",") >= MOST_COLUMNS:
-        raise Refusal(f"{name}: more than {MOST_COLUMNS} columns; that is no table of logs")
+    if content[:_LONGEST_HEADER].split(b"\n")[0].count(b",") >= _MOST_COLUMNS:
+        raise Refusal(f"{name}: more than {_MOST_COLUMNS} columns; that is no table of logs")
     return pd.read_csv(io.BytesIO(content), dtype=dict.fromkeys(_TEXTS, str), index_col=False)
 
 
