@@ -5,7 +5,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike, NDArray
-from scipy.interpolate import CubicSpline
 from scipy.ndimage import uniform_filter1d
 
 from backlash.reading import UNITS, clock
@@ -342,6 +341,8 @@ def _on_even_grid(samples: _Samples, dt: float) -> _Samples:
     places, even, dt, notes = clock.place_on_grid(samples.t, samples.v, dt)
     signals = samples.signals
     if not np.array_equal(places, even):
+        from scipy.interpolate import CubicSpline  # slow to import
+
         signals = CubicSpline(places, signals, axis=1)(even)
     rows = samples.rows[np.minimum(np.searchsorted(places, even), places.size - 1)]
     return samples.noted(*notes, t=dt * even, signals=signals, rows=rows)
@@ -349,6 +350,8 @@ def _on_even_grid(samples: _Samples, dt: float) -> _Samples:
 
 def _differentiated(samples: _Samples) -> _Samples:
     """Speed from a position on an even grid; the torque's mean between samples, as the speed's, is by its integral."""
+    from scipy.interpolate import CubicSpline  # slow to import
+
     signals, t = samples.signals.copy(), samples.t
     signals[1:] = CubicSpline(t, signals[1:], axis=1).antiderivative()(t)
     signals = np.diff(signals) / np.diff(t)

@@ -67,7 +67,7 @@ def read_table(content: bytes, least: int = 2) -> Sheet:
     if content.startswith(b"PK"):
         text, name = _workbook_text(content)
         return _read_text(text, name, least)
-    return _read_text(_decoded(content), "", least)
+    return _read_text(decoded(content), "", least)
 
 
 def check_cells(rows: int, columns: int) -> None:
@@ -149,7 +149,7 @@ def _check_workbook(bundle: zipfile.ZipFile) -> None:
             raise Refusal(f"{name}: more than {MOST_CELLS // 8:,} cells; {CUT}, or save it as CSV")
 
 
-def _decoded(content: bytes) -> str:
+def decoded(content: bytes) -> str:
     """A text in an encoding of loggers and spreadsheets, thousands without spaces between."""
     encoding = "utf-8-sig"
     if content.startswith((b"\xff\xfe", b"\xfe\xff")):
