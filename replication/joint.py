@@ -409,6 +409,24 @@ def check(joint: Joint, delta: float, duration: float, sample: float, step: floa
         )
 
 
+def balance(joint: Joint, delta: float) -> tuple[tuple[float, ...], int]:
+    """State in which a joint starts, at its speed and with torques in balance, and the side on which its teeth touch."""
+    load = joint.Omega / joint.N
+    angle = joint.start_angle - load * joint.lead
+    torque = joint.G * np.sin(angle) + joint.load_viscous * load + joint.load_coulomb
+    driving = torque / joint.N + joint.motor_viscous * joint.Omega + joint.motor_coulomb
+    side = -1 if torque < 0 else 1
+    return (0.0, 0.0, -side * float(delta) - torque / joint.K_s, 0.0, driving), side
+
+
+def compilable(joint: Joint) -> Joint:
+    """The same joint with numbers of one type, so that one compiled function serves all joints without waves."""
+    fields: dict[str, Any] = {name: float(value) for name, value in numbers_of(joint).items()}
+    waves = np.array(joint.waves, dtype=float) if joint.waves else None
+    fields |= {"delay": int(joint.delay), "waves": waves}
+    return joint._replace(**fields)
+
+
 def simulate(
     joint: Joint, delta: float, duration: float = 4.8, sample: float = 2e-3, step: float = 1e-4
 ) -> Run:
@@ -434,19 +452,10 @@ def simulate(
         is too long, or the joint runs away.
     """
     check(joint, delta, duration, sample, step)
-    load = joint.Omega / joint.N
-    angle = joint.start_angle - load * joint.lead
-    torque = joint.G * np.sin(angle) + joint.load_viscous * load + joint.load_coulomb
-    driving = torque / joint.N + joint.motor_viscous * joint.Omega + joint.motor_coulomb
-    side = -1 if torque < 0 else 1
-    start = (0.0, 0.0, -side * float(delta) - torque / joint.K_s, 0.0, driving)
-    # Numbers of one type, so that one compiled function serves all joints.
-    fields: dict[str, Any] = {name: float(value) for name, value in numbers_of(joint).items()}
-    waves = np.array(joint.waves, dtype=float) if joint.waves else None
-    typed = joint._replace(**fields, delay=int(joint.delay), waves=waves)  # type: ignore[arg-type]
+    start, side = balance(joint, delta)
     samples = np.full((round(duration / sample) + 1, 6), np.nan)
     every, lead_steps = round(sample / step), round(joint.lead / step)
-    integrate(start, side, float(delta), step, lead_steps, every, samples, typed)
+    integrate(start, side, float(delta), step, lead_steps, every, samples, compilable(joint))
     if np.isnan(samples).any():
         raise ValueError(
             f"the joint runs away with a backlash of {delta} rad; lower the gains, the delay or the step"
@@ -459,7 +468,7 @@ def simulate(
         theta + theta_m,
         joint.Omega + omega_m,
         theta / joint.N + theta_l,
-        load + omega_l,
+        joint.Omega / joint.N + omega_l,
         motor_torque,
         gap,
     )
