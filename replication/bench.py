@@ -14,9 +14,9 @@ import pandas as pd
 from joblib import Parallel, delayed
 
 from replication import characteristic, published
-from replication.arrays import FloatArray
 from replication.joint import TURN, Joint, Run, Wave, change, identified_joint, simulate
 from replication.records import Recording
+from replication.signature import FloatArray
 from replication.table2 import NOTEBOOK, best_fit, repeated_fits, summarise_runs
 
 SAMPLE = 2e-3

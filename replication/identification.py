@@ -14,10 +14,9 @@ import pandas as pd
 from scipy.optimize import least_squares
 from scipy.stats import t as student
 
-from replication.arrays import FloatArray
 from replication.joint import Joint, from_ratios, ratios, simulate
-from replication.records import Recording
-from replication.sources import load_clean_records
+from replication.records import Recording, load_clean_records
+from replication.signature import FloatArray
 
 Records = Mapping[float, Recording]  # by backlash [rad]
 

@@ -18,8 +18,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from replication.arrays import FloatArray
-from replication.compiling import njit
+from replication import njit
+from replication.signature import FloatArray
 
 GRAVITY = 9.80665
 TURN = 2 * np.pi
@@ -321,7 +321,7 @@ def reach_edge(t, y, h, end, edge, command, delta, side, j):
             last = -1
 
 
-@njit(nogil=True)
+@njit
 def integrate(y, side, delta, step, lead_steps, every, samples, j):
     """Fill in the states and the gap state at every so many steps; rows stay NaN from where the joint runs away.
 
@@ -410,7 +410,7 @@ def check(joint: Joint, delta: float, duration: float, sample: float, step: floa
 
 
 def balance(joint: Joint, delta: float) -> tuple[tuple[float, ...], int]:
-    """State in which a joint starts, at its speed and with torques in balance, and the side on which its teeth touch."""
+    """State at the start, at the commanded speed and with torques in balance, and the side on which the teeth touch."""
     load = joint.Omega / joint.N
     angle = joint.start_angle - load * joint.lead
     torque = joint.G * np.sin(angle) + joint.load_viscous * load + joint.load_coulomb

@@ -14,9 +14,9 @@ from backlash.main import main
 from backlash.reading.columns import LogFormat
 from backlash.reading.prepare import Log, open_log
 from backlash.refusals import Refusal
+from replication.bench import clean_record
+from replication.joint import identified_joint
 from replication.records import Recording, add_uniform_noise, constant_speed
-from replication.simulator.parameters import identified_joint
-from replication.simulator.recordings import simulate_recordings
 
 TURN = LogFormat(turn_period_s=0.4)
 ANSWER_KEYS = [
@@ -41,7 +41,7 @@ ANSWER_KEYS = [
 
 @lru_cache
 def clean(delta_rad: float = 9e-4) -> Recording:
-    return simulate_recordings(identified_joint(), [delta_rad])[0]
+    return clean_record(identified_joint(), delta_rad)
 
 
 @lru_cache

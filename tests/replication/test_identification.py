@@ -13,8 +13,7 @@ from replication.identification import (
     reidentify_joint,
 )
 from replication.joint import change, identified_joint, ratios, settled_peak, simulate
-from replication.records import CLEAN_LEVELS
-from replication.sources import load_clean_records
+from replication.records import CLEAN_LEVELS, load_clean_records
 from replication.table2 import theoretical_amplitudes
 
 JOINT = identified_joint()
