@@ -24,7 +24,7 @@ unexport $(filter IPYTHON% JUPYTER% MPL%,$(.VARIABLES))
 help:  ## list the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 16
 
-all: writable .venv/.installed  ## every notebook, figure, table, verdict, the report and the article
+all: writable .venv/.installed  ## every notebook, figure, table and verdict, and the report
 	@mkdir -p .make
 	@$(RUN) run --due --watch $$PPID $(STALL); code=$$?; echo $$code > .make/status; [ $$code -lt 2 ] || exit $$code
 	@$(MAKE) --no-print-directory .make/workbook.done
@@ -47,20 +47,17 @@ slow: .venv/.slow  ## the slow tests: notebooks executed again, browsers, long s
 changes: .venv/.test  ## make every change that a notebook proposes; each must run and end in a sentence
 	$(PYTEST) $(CHANGES)
 
-check: .venv/.installed  ## print the tables with their verdicts; fails if a cell differs unexpectedly
+check: .venv/.installed  ## print every number with its verdict; fails if one differs unexpectedly
 	@$(RUN) check
 
-show: .venv/.installed  ## a number with its verdict: make show CELL=table2.row02.mean; RERUN=1 computes it again
-	@$(RUN) show $(if $(RERUN),--rerun) '$(or $(CELL),Table 2)'
+verify: .venv/.installed  ## verification.json, to send back: versions, processor, hashes of the results, verdicts
+	@$(RUN) verify
 
 diff: .venv/.installed  ## cells and claims whose verdict is not the last commit's; LAB=1 compares what make lab made
 	@$(RUN) diff $(if $(LAB),--lab)
 
-report: .venv/.installed  ## results/report.html from the results
+report: .venv/.installed  ## results/report.md and the status in README.md, from the results
 	$(RUN) report
-
-article: .venv/.installed  ## results/article.pdf from the results; FINAL=1 refuses while names or addresses are open
-	$(RUN) article $(if $(FINAL),--final)
 
 bench: .venv/.installed  ## time what was made fast against a direct arm, into results/bench.csv
 	OPENBLAS_NUM_THREADS=1 $(PY) -m studies.timings
@@ -89,8 +86,6 @@ lint: .venv/.lint  ## style, format, types and spelling
 	$(PY) -m ruff format --check .
 	$(PY) -m mypy
 	$(PY) -m codespell_lib
-	$(PY) -m djlint --lint --quiet workbook/report/templates studies/pages
-	$(if $(shell command -v node),for script in workbook/report/templates/*.js; do node --check $$script || exit 1; done)
 
 audit: .venv/.lock  ## known vulnerabilities of the locked versions
 	PATH="$$PATH:.venv/bin" uv tool run pip-audit --requirement requirements.lock --disable-pip
@@ -129,8 +124,7 @@ writable:
 # What is due is told by `run --due`: notebooks that this checkout has not run, or whose sources have changed since.
 # A notebook that fails (1) keeps neither the others nor the report from being made, but make from ending well. A run
 # that was interrupted (130; a killed make too), or that another one locks out (2), ends there.
-.make/workbook.done: $(wildcard results/outcomes/*.json workbook/*.py workbook/report/*.py workbook/report/templates/*.* workbook/report/templates/sections/*.* article/*.* replication/data/*.*)
+.make/workbook.done: $(wildcard results/outcomes/*.json workbook/*.py workbook/*.j2 replication/data/*.*)
 	$(RUN) report
-	$(RUN) article || true
 	$(RUN) check || true
 	@touch $@

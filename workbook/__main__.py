@@ -9,7 +9,7 @@ import os
 import sys
 from pathlib import Path
 
-from replication.files import ROOT, write_bytes
+from replication.files import ROOT
 from workbook.checkout import APART, OFFLINE, QUICK, RESULTS, lock, notebook_files, results_folder
 
 # Of an output that takes no more: whoever read a pipe has seen enough, a disk is full, or a checkout read-only.
@@ -49,7 +49,7 @@ def _parser() -> OneLineParser:
     parser = OneLineParser(prog="python -m workbook", description=__doc__)
     commands = parser.add_subparsers(required=True, metavar="COMMAND")
     made = {}
-    for command in (run, report, check, article, show, diff, lab, data):
+    for command in (run, report, check, verify, diff, lab, data):
         made[command] = commands.add_parser(command.__name__, help=command.__doc__)
         made[command].set_defaults(command=command)
     for command in (run, report, check):
@@ -65,13 +65,6 @@ def _parser() -> OneLineParser:
     made[run].add_argument("--watch", type=int, help="end when this process (make) has ended")
     text = "minutes without progress that end a notebook"
     made[run].add_argument("--stall-minutes", type=float, default=15, help=text)
-    made[article].add_argument(
-        "--final", action="store_true", help="refuse while names or addresses are open"
-    )
-    made[show].add_argument(
-        "name", help="for example table2.row03.sd, 'Table 2', local_minima or E3"
-    )
-    made[show].add_argument("--rerun", action="store_true", help="compute it again and print both")
     made[diff].add_argument(
         "--lab", action="store_true", help="compare what was run by hand, in results/lab"
     )
@@ -107,60 +100,40 @@ def run(options: argparse.Namespace) -> int:
     if not options.quick:
         running.note_run(endings)
         if any(ending.how == "simulated" for ending in endings):
-            from workbook.report import page
+            from workbook.report import write_report
 
-            print(page.write_report(OFFLINE / "results"), APART[OFFLINE], sep=": ", file=sys.stderr)
+            print(write_report(OFFLINE / "results"), APART[OFFLINE], sep=": ", file=sys.stderr)
     return int(any(ending.how == "failed" for ending in endings))
 
 
 def check(options: argparse.Namespace) -> int:
-    """Print the tables with their verdicts; exit 1 if a cell differs unexpectedly."""
-    from workbook import judging
-    from workbook.due import stale
-    from workbook.report import terminal
+    """Print every number with its verdict; exit 1 if one differs unexpectedly."""
+    from workbook import judging, report
 
-    results = results_folder(options.quick)
-    verdicts = judging.verdicts(results)
-    print(terminal.verdict_tables(verdicts))
-    new, gone = terminal.find_surprises(verdicts)
-    expected = "All cells that differ are known differences (replication/data/cells.csv)."
-    print("\n".join(["", *new, *gone] if new or gone else ["", expected]))
-    for notebook, changed in stale(results).items():
-        print(f"stale: {notebook}: sources changed since its results: {', '.join(changed)}")
+    verdicts = judging.verdicts(results_folder(options.quick))
+    new, gone = report.find_surprises(verdicts)
+    print("\n".join([report.list_numbers(verdicts), *new, *gone]))
     return int(bool(new))
 
 
 def report(options: argparse.Namespace) -> int:
-    """Write the verdicts, the report with its pages, errata.md, and the numbers in README.md."""
-    from workbook.report import markdown, page
+    """Write the verdicts, report.md, and the status in README.md."""
+    from workbook.report import update_readme, write_report
 
-    print(page.write_report(results_folder(options.quick)))
+    results = results_folder(options.quick)
+    print(write_report(results))
     if not options.quick:
-        markdown.update_readme(ROOT / "README.md", RESULTS)
+        update_readme(ROOT / "README.md", results)
     return 0
 
 
-def article(options: argparse.Namespace) -> int:
-    """Typeset results/article.pdf from article/article.typ and the results."""
-    from workbook.report.article import typeset
+def verify(_: argparse.Namespace) -> int:
+    """Write versions, processor, hashes and verdicts to verification.json, for whoever asks."""
+    from workbook.report import write_manifest
 
-    path = RESULTS / "article.pdf"
-    write_bytes(path, typeset(RESULTS, options.final))
+    path = ROOT / "verification.json"
+    write_manifest(RESULTS, path)
     print(path)
-    return 0
-
-
-def show(options: argparse.Namespace) -> int:
-    """Print a cell, an element, a claim or an erratum with its verdict and reason."""
-    from workbook.report import rerun, squeeze, terminal
-
-    name = squeeze(options.name)
-    notebooks = rerun.find_notebooks(name, RESULTS) if options.rerun else []
-    if notebooks:
-        print(rerun.announce(name, notebooks, RESULTS))
-    print(terminal.show(name, RESULTS), flush=True)
-    if notebooks:
-        print(f"\n{rerun.make_again(name, notebooks)}")
     return 0
 
 

@@ -4,12 +4,9 @@ import re
 
 import nbformat
 import pytest
-from nbformat.v4 import new_code_cell, new_markdown_cell
 
-from replication import published
 from workbook import execution
 from workbook.checkout import notebook_files
-from workbook.report.pages import reading_minutes
 
 HEADINGS = ["Claim", "Method", "Parameters", "Result", "Verdict", "Try changing", "Exercises"]
 SOURCES = notebook_files("py")
@@ -50,19 +47,6 @@ def test_a_quick_run_changes_parameters_that_its_notebook_has(name):
     execution.with_parameters(notebook, execution.quick_parameters(notebook))
 
 
-@pytest.mark.parametrize(
-    "row",
-    published.table("map").query("element.str.startswith('Equation')").to_dict("records"),
-    ids=lambda row: row["element"],
-)
-def test_a_notebook_displays_the_equations_that_the_map_says_it_uses(row):
-    number = row["element"].split()[1]
-    assert row["notebooks"]
-    for name in row["notebooks"].split():
-        displayed = re.findall(r"\$\$(.*?)\$\$", text(name), re.DOTALL)
-        assert any(f"\\tag{{{number}}}" in formula for formula in displayed), name
-
-
 @pytest.mark.parametrize("name", SOURCES)
 def test_the_executed_notebook_beside_a_source_has_its_cells_and_no_error(name):
     executed = nbformat.read(SOURCES[name].with_suffix(".ipynb"), as_version=4)
@@ -72,17 +56,3 @@ def test_the_executed_notebook_beside_a_source_has_its_cells_and_no_error(name):
     assert outputs
     assert all(out.output_type != "error" for out in outputs)
     assert " at 0x" not in str(outputs), "an object's address, which changes from run to run"
-
-
-def test_reading_time_counts_words_lines_of_shown_code_and_displayed_equations():
-    text = new_markdown_cell("word " * 300 + "$$a = b$$")
-    code = [new_code_cell("x = 1\n" * 15), new_code_cell("y = 1", metadata={"tags": ["plumbing"]})]
-    assert reading_minutes([text, *code]) == 2 + 1 + 2
-
-
-@pytest.mark.parametrize("name", SOURCES)
-def test_a_notebook_takes_25_minutes_of_careful_reading_at_most_and_says_its_time_truly(name):
-    minutes = reading_minutes(execution.read_notebook(SOURCES[name]).cells)
-    said = re.findall(r"[Cc]areful reading: (\d+) minutes", text(name))
-    assert minutes <= 25
-    assert said in ([], [str(minutes)])

@@ -46,7 +46,7 @@ def test_wrong_arguments_are_refused_in_one_line(given, said, capsys):
 def test_a_full_disk_is_no_defect():
     with open("/dev/full", "w") as full:
         ended = subprocess.run(
-            [sys.executable, "-m", "workbook", "show", "Table 1"],
+            [sys.executable, "-m", "workbook", "check"],
             env=os.environ | {"PYTHONPATH": str(workbook.ROOT)},
             stdout=full,
             stderr=subprocess.PIPE,
@@ -76,7 +76,7 @@ def test_a_quick_run_never_overwrites_the_full_results(tmp_path, monkeypatch):
         assert run_command([*command, "--quick"]) == 0
     assert full() == before
     written = {path.name for path in (tmp_path / "quick").rglob("*")}
-    assert {"figure09_dead_zone.svg", "verdicts.csv", "report.html"} <= written
+    assert {"figure09_dead_zone.svg", "verdicts.csv", "report.md"} <= written
 
 
 def test_a_failed_notebook_makes_the_command_fail(monkeypatch):

@@ -144,3 +144,43 @@ def test_the_noise_is_not_proportional_to_the_amplitude():
     assert ratio[0] / ratio[-1] > 2
     line = [0.1 + (level - 1) * 0.15 / 19 for level in table2_levels()]
     np.testing.assert_allclose(printed, line, atol=1e-4)
+
+
+def test_v_t_is_bounded_in_table_1_and_identified_by_the_stored_runs():
+    bounds = published.cells("Table 1").set_index(["row", "column"])["value"]["v_t"]
+    assert bounds["min"] < bounds["max"]
+    identified = published.table("authors_notebook_runs")["c_rps"]
+    assert identified.nunique() > 1
+    assert identified.between(99.98, 100.02).all()
+
+
+def test_equation_1_depends_on_the_clock_and_equation_5_does_not():
+    def equation_1(t, t_1):
+        return np.exp(-14.0 * (t - t_1)) * np.sin(130.0 * t)
+
+    def equation_5(t, t_0, T_1=0.01):
+        return np.exp(-14.0 * (t - (t_0 + T_1))) * np.sin(130.0 * (t - t_0))
+
+    t = np.linspace(0.02, 0.1, 50)
+    assert np.allclose(equation_5(t, 0.0), equation_5(t + 0.3, 0.3))
+    assert not np.allclose(equation_1(t, 0.01), equation_1(t + 0.3, 0.31), atol=0.5)
+
+
+def one_generation(low, high):
+    box = Box(np.full(7, low), np.full(7, high))
+    return next(generations(lambda members: (members**2).sum(axis=1), box, random_normals(1), 300))
+
+
+def test_c_sigma_acts_on_the_step_size_and_not_on_the_path_of_the_covariance():
+    first = one_generation(-1.0, 1.0)
+    ranked, c = first.x[first.ranking], first.constants
+    ours, theirs = (update(first.before, ranked, each) for each in (c, c._replace(c_sigma=0.5)))
+    assert ours.sigma != theirs.sigma
+    np.testing.assert_array_equal(ours.p_c, theirs.p_c)
+
+
+def test_members_are_drawn_about_the_mean_of_equation_12():
+    first = one_generation(5.0, 6.0)
+    off = np.abs(first.x.mean(axis=0) - first.before.m) / first.before.std * len(first.x) ** 0.5
+    assert off.max() < 4
+    assert (np.abs(first.before.m) > 10 * first.before.std).all()  # a mean of zero would be far off
