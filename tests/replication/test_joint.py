@@ -9,22 +9,29 @@ JOINT = identified_joint()
 FREE = JOINT._replace(K_pos=0.0, K_p=0.0, K_i=0.0, K_d=0.0, K_w=0.0, start_angle=0.0, lead=0.0)
 
 
-def test_the_stiffness_is_half_at_the_edge_and_leaks_in_the_middle_of_the_gap():
+def test_the_stiffness_is_half_at_the_edge_and_whole_outside():
     assert K_BL(DELTA, DELTA, 2e4, 1e6) == pytest.approx(1e4, rel=1e-3)
-    far = K_BL(np.array([-1.0, 1.0]), DELTA, 2e4, 1e6)
-    np.testing.assert_allclose(far, 2e4, rtol=1e-6)
+    np.testing.assert_allclose(K_BL(np.array([-1.0, 1.0]), DELTA, 2e4, 1e6), 2e4, rtol=1e-6)
+
+
+def test_the_stiffness_leaks_in_the_middle_of_the_gap():
     for alpha in (1e4, 1e5, 1e6):
         leak = 2 * 2e4 / (np.pi * alpha * DELTA)
         assert K_BL(0.0, DELTA, 2e4, alpha) == pytest.approx(leak, rel=0.01)
 
 
-def test_the_printed_torque_jumps_at_zero_and_pulls_when_the_teeth_part():
-    damped = JOINT._replace(K_s=2e4, D_s=10.0)
+DAMPED = JOINT._replace(K_s=2e4, D_s=10.0)
+
+
+def test_the_printed_torque_jumps_at_zero_displacement():
     jump = 2 * 2e4 / (np.pi * 1e6)
-    assert tau_l(1e-12, 0.0, DELTA, 1, damped) == pytest.approx(-jump, rel=1e-3)
-    assert tau_l(-1e-12, 0.0, DELTA, -1, damped) == pytest.approx(jump, rel=1e-3)
-    assert tau_l(DELTA + 1e-5, -1.0, DELTA, 1, damped) < 0
-    clamped = damped._replace(clamped=True)
+    assert tau_l(1e-12, 0.0, DELTA, 1, DAMPED) == pytest.approx(-jump, rel=1e-3)
+    assert tau_l(-1e-12, 0.0, DELTA, -1, DAMPED) == pytest.approx(jump, rel=1e-3)
+
+
+def test_the_printed_torque_pulls_when_the_teeth_part_and_the_clamped_one_does_not():
+    assert tau_l(DELTA + 1e-5, -1.0, DELTA, 1, DAMPED) < 0
+    clamped = DAMPED._replace(clamped=True)
     assert tau_l(DELTA + 1e-5, -1.0, DELTA, 1, clamped) == 0
     assert tau_l(-2 * DELTA, 0.0, DELTA, -1, clamped) == pytest.approx(-2e4 * DELTA)
 
