@@ -23,10 +23,8 @@ SAMPLE = 2e-3
 TURNS = 12  # of a log
 VARIED_RATIOS = ("K_s/J_l", "G/J_l", "J_l/(N^2 J_m)", "K_p/J_m", "K_i/J_m")
 DIAL_GAUGE_RAD = 3e-5  # SD of a static measure of the backlash: 0.01 mm at 0.3 m
-BELT_ORDER = (
-    0.2,
-    0.4,
-)  # belt turns in a motor turn: a belt as long as 2.5 to 5 circumferences of its pulley
+# Belt turns in a motor turn: a belt as long as 2.5 to 5 circumferences of its pulley.
+BELT_ORDER = (0.2, 0.4)
 
 
 @dataclass(frozen=True)
@@ -34,10 +32,9 @@ class Spread:
     """How far a bench may be from the identified joint: uniform from zero where nothing else is said."""
 
     ratios: float = 0.05  # relative SD (log-normal) of each of `VARIED_RATIOS`
-    load_friction: float = (
-        0.005  # largest Coulomb, and largest viscous at the commanded speed, over G
-    )
-    motor_friction: float = 0.5  # the same on the motor, over G / N
+    # Largest Coulomb, and largest viscous at the commanded speed: on the load over G, on the motor over G / N.
+    load_friction: float = 0.005
+    motor_friction: float = 0.5
     ripple: float = 0.02  # largest torque ripple at one and at six periods a motor turn, over G / N
     belt_rad: float = 1e-5  # largest transmission error of the belt's turn, load side
     gear_rad: float = 1e-4  # largest transmission error of the load's turn
@@ -188,7 +185,7 @@ def draw_robot(rng: np.random.Generator, kind: str, coupling: float = 0.03) -> t
 
 
 def table4(robots: Sequence[tuple[Bench, float]], seed: int, repeats: int) -> pd.DataFrame:
-    """Make Table 4 of two robots, healthy A and excessive B; logs as `fit_logs` has them, |A| by the paper's search."""
+    """Make Table 4 of two robots, a healthy A and an excessive B: a log each, |A| by the paper's search."""
     records = []
     for number, (robot, (bench, delta)) in enumerate(zip("AB", robots, strict=True)):
         key = {"robot": robot, "delta_rad": delta, "theoretical_A_rps": np.nan}
