@@ -191,6 +191,7 @@ def K_BL(x, delta, K_s, alpha):
     float or ndarray
         Stiffness [N m/rad].
     """
+    # equation 8
     return K_s / np.pi * (np.pi + np.arctan(alpha * (x - delta)) - np.arctan(alpha * (x + delta)))
 
 
@@ -217,8 +218,8 @@ def tau_l(x, rate, delta, side, joint):
     if joint.clamped:
         push = side * (joint.K_s * (x - side * delta) + joint.D_s * rate)
         return side * max(push, 0.0)
-    displacement = x - side * delta + joint.D_s / joint.K_s * rate
-    return displacement * K_BL(x, delta, joint.K_s, joint.alpha)
+    stiffness = K_BL(x, delta, joint.K_s, joint.alpha)
+    return (x - delta * side + joint.D_s / joint.K_s * rate) * stiffness  # equation 9
 
 
 @njit
