@@ -55,9 +55,7 @@ class Settings:
     iterations: int = 200  # the most generations
     amplitude_factor: float = 1.3  # how much wider than Table 1's the box of A is
     rpm: bool = False  # the search sees 60 (v - mean v), as equation 10 has A, in place of v [rps]
-    drawn_start: bool = (
-        False  # a record's analysis begins at one of its first 100 samples, as the text says
-    )
+    drawn_start: bool = False  # begin at one of the first 100 samples, drawn, as the text says
     timing: Timing = MOVEMENT
     longest_window_s: float = 0.204  # Table 1's upper bound of T2, twice that of T1
 

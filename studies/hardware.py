@@ -20,7 +20,7 @@ from backlash.interface import estimate
 from replication.arrays import FloatArray
 from replication.joint import TURN
 from replication.parallel import in_parallel
-from replication.public_files import public_file
+from replication.records import public_file
 from studies.strokes import CONTROL_S, draw_joint, run_joint
 
 DELTAS_RAD = (0.0, 5e-4, 1e-3, 2e-3, 3e-3)
