@@ -124,7 +124,7 @@ def encoder_log(bench: Bench, delta: float, rng: np.random.Generator) -> Recordi
 def fit_log(bench: Bench, delta: float, seed: Sequence[int]) -> dict[str, float]:
     """Log a bench and find the best fit of the signature; `turns_used` are those after its first impact."""
     record = encoder_log(bench, delta, np.random.default_rng(seed))
-    fit = best_fit(record, seeds=(1,))
+    fit = best_fit(record)
     return {
         "delta_rad": delta,
         "A_rps": fit.amplitude_rps,
