@@ -277,14 +277,19 @@ for axis in (upper, lower):
 # %% [markdown]
 # ## Verdict
 
+
 # %% jupyter={"source_hidden": true} tags=["hide-input", "verdict"]
+def off_percent(amplitude):
+    return 100 * (amplitude / A_true - 1)
+
+
 reached = sum(each.rmse <= best.rmse * (1 + BASIN_GAP) for each in fits)
 error = f"{100 * (estimate_mrad / backlash_mrad - 1):+.1f} %" if backlash_mrad else "none"
 workbook.verdict(
     f"From the motor speed alone the best fit and equation 10 give {estimate_mrad:.3f} mrad for a true backlash of "
     f"{backlash_mrad:g} mrad (relative error: {error}). {reached} of the {runs} single searches reach the lowest "
     f"misfit, {best.rmse:.4f} rps, within {100 * BASIN_GAP:g} %. The theoretical $A$ is {A_true:.3f} rps; the best "
-    f"fit's is {100 * (A / A_true - 1):+.1f} % off, the mean of all runs {100 * (amplitudes.mean() / A_true - 1):+.1f} %."
+    f"fit's is {off_percent(A):+.1f} % off, the mean of all runs {off_percent(amplitudes.mean()):+.1f} %."
 )
 
 # %% [markdown]
@@ -307,11 +312,10 @@ workbook.verdict(
 
 # %% jupyter={"source_hidden": true} tags=["hide-cell", "solution"]
 quiet = best_fit(Recording(t, clean, v_t, T_f, "without noise"), settings)
-own_percent = 100 * (quiet.amplitude_rps / A_true - 1)
-noise_percent = 100 * (A - quiet.amplitude_rps) / A_true
+own_percent = off_percent(quiet.amplitude_rps)
 print(
-    f"the signature's own error {own_percent:+.1f} %, of the noise {noise_percent:+.1f} % (A is free within some 3 % "
-    f"besides); the best signature leaves {100 * quiet.rmse / clean.std():.0f} % of the SD"
+    f"the signature's own error {own_percent:+.1f} %, of the noise {off_percent(A) - own_percent:+.1f} % "
+    f"(A is free within some 3 % besides); the best signature leaves {100 * quiet.rmse / clean.std():.0f} % of the SD"
 )
 
 # %% [markdown]

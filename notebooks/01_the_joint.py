@@ -151,7 +151,9 @@ def solve_joint(j, seconds):  # motor speed at each period of the drive
         held = u  # computed one period ago
         u, integral, w = drive(k, theta_m, omega_m, before, integral, w, j)
         before = omega_m
-        state = solve_ivp(rates, (0, j.period), state, args=(held, j), rtol=1e-8, atol=1e-9).y[:, -1]
+        state = solve_ivp(rates, (0, j.period), state, args=(held, j), rtol=1e-8, atol=1e-9).y[
+            :, -1
+        ]
     return np.array(speeds[-first:])
 
 

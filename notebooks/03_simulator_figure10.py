@@ -109,7 +109,11 @@ signals = [
     ("$\\theta_m - N \\theta_0 - \\Omega t$\n[rad]", lag[shown], None),
     ("motor speed\n[rps]", run.v[shown], recorded),
     ("motor torque\n[N m]", run.torque[shown], None),
-    ("$\\theta_m / N - \\theta_l$\n[mrad]", 1e3 * (run.theta_m / joint.N - run.theta_l)[shown], None),
+    (
+        "$\\theta_m / N - \\theta_l$\n[mrad]",
+        1e3 * (run.theta_m / joint.N - run.theta_l)[shown],
+        None,
+    ),
 ]
 figure10 = paper.simulated_joint(run.t[shown], signals)
 workbook.show_figure(
@@ -156,7 +160,9 @@ printed = table2.theoretical_amplitudes()
 traced = pd.DataFrame({"printed_A_rps": printed}).drop(index=level_delta_rad(2))
 settled_v = {delta: records[delta].v[200:2400] for delta in traced.index}
 traced["largest_sample_rps"] = [v.max() - 100 for v in settled_v.values()]
-traced["interpolated_rps"] = [signal.resample(v, 40 * v.size).max() - 100 for v in settled_v.values()]
+traced["interpolated_rps"] = [
+    signal.resample(v, 40 * v.size).max() - 100 for v in settled_v.values()
+]
 traced["error_percent"] = 100 * (traced["interpolated_rps"] / traced["printed_A_rps"] - 1)
 traced.rename_axis("delta_rad").round(4)
 
@@ -207,7 +213,9 @@ edges.rename("mean NRMSE [%]").rename_axis("alpha [1/rad]").round(2).to_frame()
 # ## Verdict
 
 # %% jupyter={"source_hidden": true} tags=["hide-input", "verdict"]
-cells = {f"table2.row{row:02d}.theoretical": A for row, A in enumerate(traced["interpolated_rps"], 2)}
+cells = {
+    f"table2.row{row:02d}.theoretical": A for row, A in enumerate(traced["interpolated_rps"], 2)
+}
 which = "The changed joint" if changes or friction_share else "The identified joint"
 beside = f"{which} turns in {T_f:g} s at {v_t:g} rps and is not compared with the records."
 if compared:

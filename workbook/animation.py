@@ -35,6 +35,9 @@ class Flipbook(NamedTuple):
     html: str
     png: bytes
 
+    def __repr__(self) -> str:
+        return "Flipbook"
+
     def _repr_html_(self) -> str:
         return self.html
 

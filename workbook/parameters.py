@@ -54,7 +54,7 @@ def explain(name: str, value: object) -> Iterator[None]:
     """Say in one line which parameter a computation could not be done with."""
     try:
         yield
-    except (ValueError, RuntimeError) as error:
+    except (ValueError, TypeError, RuntimeError) as error:
         raise ParameterError(f"{name} = {value!r}: {error}") from error
 
 
