@@ -79,23 +79,11 @@ steps_s = [5e-5, 1e-4, 2.5e-4, 5e-4]  # plain integration steps
 criteria = {}  # limits to try in place of those of claims.csv, such as {"quality_decreases": 0.2}
 
 # %% tags=["plumbing"]
-decided_here = published.table("claims").loc[
-    [
-        "amplitude_grows",
-        "same_amplitude",
-        "depends_on_joint",
-        "impacts_at_phase_start",
-        "noise_proportional",
-        "quality_decreases",
-        "uniform_noise",
-        "simulator_agrees",
-        "code_and_data_public",
-        "no_backlash",
-        "turns_reduce_noise",
-        "bits_suffice",
-        "discontinuities_destabilise",
-    ]
-]
+of_motion = ["amplitude_grows", "same_amplitude", "depends_on_joint", "impacts_at_phase_start"]
+of_noise = ["noise_proportional", "quality_decreases", "uniform_noise", "no_backlash"]
+of_method = ["turns_reduce_noise", "bits_suffice", "discontinuities_destabilise"]
+of_data = ["simulator_agrees", "code_and_data_public"]
+decided_here = published.table("claims").loc[[*of_motion, *of_noise, *of_method, *of_data]]
 encoder_bits = int(published.value("text.encoder_bits"))
 workbook.check_parameters(
     noises=(noises, Interval(2, whole=True)),
