@@ -122,7 +122,7 @@ def show_figure(name: str, figure: "Figure", caption: str) -> None:
     from IPython.display import display
     from matplotlib import pyplot as plt
 
-    from replication.figures import style
+    from replication import figures
 
     plt.close(figure)  # so that the end of the cell does not show it again
     display(figure, metadata={FIGURE: name})
@@ -132,9 +132,9 @@ def show_figure(name: str, figure: "Figure", caption: str) -> None:
     mark = "simulated records" if records_are_simulated() else ""
     if os.environ.get("REPLICATION_QUICK") == "1":
         mark = "quick run"
-    style.save(figure, output_folder() / "figures", name, mark)
+    figures.save(figure, output_folder() / "figures", name, mark)
     before = _noted()
-    about = {name: {"caption": caption, "axes": style.description(figure)}}
+    about = {name: {"caption": caption, "axes": figures.description(figure)}}
     write_json(_note(), before | {"figures": before.get("figures", {}) | about})
 
 
