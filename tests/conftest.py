@@ -38,12 +38,7 @@ os.environ |= {"no_proxy": "127.0.0.1,localhost", "NO_PROXY": "127.0.0.1,localho
 
 
 # Tests of files and processes, and of notebooks, whose kernels are pinned: they say nothing of other processors.
-NOT_PORTABLE = (
-    "tests/workbook/",
-    "tests/report/",
-    "tests/sensor/test_fleet.py",
-    "tests/test_try_changing.py",
-)
+NOT_PORTABLE = ("tests/workbook/", "tests/sensor/test_fleet.py")
 
 
 @pytest.fixture

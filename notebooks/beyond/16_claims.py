@@ -1,19 +1,3 @@
-# ---
-# jupyter:
-#   jupytext:
-#     formats: ipynb,py:percent
-#     notebook_metadata_filter: replication
-#     text_representation:
-#       extension: .py
-#       format_name: percent
-#   kernelspec:
-#     display_name: Python 3
-#     language: python
-#     name: python3
-#   replication:
-#     quick: {noises: 20, noise_seeds: 10, mountings: 1}
-# ---
-
 # %% [markdown]
 # # 16 · Claims without a figure or table
 #
@@ -78,21 +62,33 @@ bits = [12, 14, 16, 19]  # encoders
 steps_s = [5e-5, 1e-4, 2.5e-4, 5e-4]  # plain integration steps
 criteria = {}  # limits to try in place of those of claims.csv, such as {"quality_decreases": 0.2}
 
-# %% tags=["plumbing"]
-of_motion = ["amplitude_grows", "same_amplitude", "depends_on_joint", "impacts_at_phase_start"]
-of_noise = ["noise_proportional", "quality_decreases", "uniform_noise", "no_backlash"]
-of_method = ["turns_reduce_noise", "bits_suffice", "discontinuities_destabilise"]
-of_data = ["simulator_agrees", "code_and_data_public"]
-decided_here = published.table("claims").loc[[*of_motion, *of_noise, *of_method, *of_data]]
+# %% jupyter={"source_hidden": true} tags=["hide-input"]
+decided_here = published.table("claims").loc[
+    [
+        "amplitude_grows",
+        "same_amplitude",
+        "depends_on_joint",
+        "impacts_at_phase_start",
+        "noise_proportional",
+        "quality_decreases",
+        "uniform_noise",
+        "simulator_agrees",
+        "code_and_data_public",
+        "no_backlash",
+        "turns_reduce_noise",
+        "bits_suffice",
+        "discontinuities_destabilise",
+    ]
+]
 encoder_bits = int(published.value("text.encoder_bits"))
 workbook.check_parameters(
-    noises=(noises, Interval(2, whole=True)),
-    noise_seeds=(noise_seeds, Interval(2, whole=True)),
+    noises=(noises, range(2, 2**31)),
+    noise_seeds=(noise_seeds, range(2, 2**31)),
     turns=(turns, [range(1, 25)]),
     mountings=(mountings, Interval(1)),
     bits=(bits, [range(8, 33)]),
     steps_s=(steps_s, [Interval(1e-6, 5e-4)]),
-    criteria=(criteria, [list(decided_here.index)]),
+    criteria=(criteria, dict.fromkeys(decided_here.index, Interval(0))),
 )
 
 # %% [markdown]
@@ -325,7 +321,7 @@ alphas[["alpha_per_rad", "nrmse", "stiffness_per_s2", "inertia_ratio", "speed_ga
 # %% [markdown]
 # ## Verdict
 
-# %% tags=["plumbing", "verdict"]
+# %% jupyter={"source_hidden": true} tags=["hide-input", "verdict"]
 counts = dict.fromkeys(("holds", "does not hold", "undecided"), 0)
 counts |= workbook.judge(claims=claims)["verdict"].value_counts()
 refuted = decided_here.loc[[name for name, (holds, _) in claims.items() if holds is False], "claim"]
@@ -336,7 +332,7 @@ workbook.verdict(
     claims=claims,
 )
 
-# %% tags=["plumbing"]
+# %% jupyter={"source_hidden": true} tags=["hide-input"]
 workbook.export(
     supplement={
         "claims_printed": (errors, "The printed errors of A and the ratio of noise to A."),
@@ -365,7 +361,7 @@ workbook.export(
 # **1.** At how many noises per number of turns (the least whole number) would an error ratio of
 # 0.73 be told from 1?
 
-# %% tags=["solution"]
+# %% jupyter={"source_hidden": true} tags=["hide-cell", "solution"]
 repeats = np.arange(2, 200)
 factor = np.sqrt(stats.f.ppf(0.975, repeats, repeats))
 needed = repeats[0.73 * factor < 1][0]
@@ -378,7 +374,7 @@ print(f"{needed} noises: then the interval's factor is {factor[repeats == needed
 # with 95 % confidence (2.5 % on this side) that the 95th percentile lies below it (the least whole
 # number)? Check it with `studies.no_backlash`.
 
-# %% tags=["solution"]
+# %% jupyter={"source_hidden": true} tags=["hide-cell", "solution"]
 enough = int(np.ceil(np.log(0.025) / np.log(0.95)))
 assert studies.no_backlash(np.full(enough, 0.01), 0.26)[0] is True
 assert studies.no_backlash(np.full(enough - 1, 0.01), 0.26)[0] is None
@@ -389,7 +385,7 @@ print(f"{enough} records: 0.95^{enough} = {0.95**enough:.4f}")
 # $1/(2^b \cdot 0.002\,\text{s})$. How many bits (the least whole number) would make the step
 # smaller than Table 2's smallest SD (0.0009 rps)? Why do 19 suffice for $A$?
 
-# %% tags=["solution"]
+# %% jupyter={"source_hidden": true} tags=["hide-cell", "solution"]
 needed_bits = int(np.ceil(np.log2(1 / (0.002 * 0.0009))))
 step_19_rps = 1 / (2**19 * 0.002)
 assert 1 / (2**needed_bits * 0.002) < 0.0009 < 1 / (2 ** (needed_bits - 1) * 0.002)
