@@ -1,4 +1,4 @@
-"""The proofs that `errata.csv` names; those on equation 10 are in `test_published.py`, on equations 8 and 9 in `test_joint.py`."""
+"""Proofs that `errata.csv` names; those on equation 10 are in `test_published.py`, on 8 and 9 in `test_joint.py`."""
 
 import numpy as np
 import pytest
