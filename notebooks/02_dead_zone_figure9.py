@@ -32,8 +32,7 @@ import pandas as pd
 from matplotlib import pyplot as plt
 
 import workbook
-from replication import published
-from replication.figures import paper
+from replication import figures, published
 from replication.joint import identified_joint
 
 # %% [markdown]
@@ -87,9 +86,9 @@ curves = pd.concat(
 )
 workbook.show_figure(
     "figure09_dead_zone",
-    paper.dead_zone(curves, delta),
+    figures.dead_zone(curves, delta),
     f"(a) Stiffness of equation 8 and (b) torque of equation 9 for {len(alphas)} values of alpha, and the clamped "
-    f"dead zone, at delta = {backlash_mrad:g} mrad (dotted: its edges). Softer edges leave more stiffness in the gap.",
+    f"dead zone, at delta = {backlash_mrad:g} mrad (dotted: its edges); (c) within the gap, the sharp edges alone.",
 )
 
 # %% [markdown]

@@ -45,8 +45,7 @@ import pandas as pd
 from scipy import signal
 
 import workbook
-from replication import table2
-from replication.figures import paper
+from replication import figures, table2
 from replication.identification import FIT_LEVELS, identify_joint
 from replication.joint import change, identified_joint, numbers_of, ratios, settled_peak, simulate
 from replication.records import CLEAN_LEVELS, level_delta_rad, load_clean_records
@@ -115,7 +114,7 @@ signals = [
         None,
     ),
 ]
-figure10 = paper.simulated_joint(run.t[shown], signals)
+figure10 = figures.simulated_joint(run.t[shown], signals)
 workbook.show_figure(
     "figure10_simulator",
     figure10,

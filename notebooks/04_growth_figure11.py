@@ -54,8 +54,7 @@ import pandas as pd
 from scipy.signal import find_peaks
 
 import workbook
-from replication import published, table2
-from replication.figures import paper
+from replication import figures, published, table2
 from replication.joint import change, identified_joint, numbers_of, ratios, settled_peak, simulate
 from replication.records import (
     LOW_NOISE,
@@ -133,7 +132,7 @@ signals = pd.concat(
 same_motion = np.allclose([v_t, T_f], [100, 0.4])
 workbook.show_figure(
     "figure11_growth",
-    paper.growth(signals, peaks, table2.theoretical_amplitudes() if same_motion else {}),
+    figures.growth(signals, peaks, table2.theoretical_amplitudes() if same_motion else {}),
     f"(a) One settled turn at each of {len(ten)} backlashes: the larger the backlash, the later the ring starts "
     f"and the larger it is. (b) The settled peaks at {len(every)} backlashes, before sampling (our reading of A) and "
     f"of 2 ms samples; the paper's end at {1e3 * max(ten):g} mrad, the authors' files at {1e3 * max(every):g} mrad.",
@@ -160,7 +159,7 @@ rng = np.random.default_rng(noise_seed)
 v_n = speed.v + rng.uniform(-noise_rps, noise_rps, speed.v.size)  # equation 18
 workbook.show_figure(
     "figure05_speed_signal",
-    paper.speed_signal(speed.t, v_n, T_f),
+    figures.speed_signal(speed.t, v_n, T_f),
     f"Motor speed of the simulated joint over four turns (dotted lines), at a backlash of "
     f"{1e3 * level_delta_rad(speed_level):g} mrad, with uniform noise of half-amplitude "
     f"{noise_rps:g} rps. Two impacts a turn make the speed ring about the commanded {v_t:g} rps. The signal of the "
