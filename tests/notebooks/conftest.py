@@ -20,6 +20,7 @@ def run_notebook(monkeypatch):
         names = {"display": lambda *shown: None, "print": lambda *text: print(*text, file=printed)}
         monkeypatch.setattr(workbook, "verdict", lambda text, *_: verdicts.append(text))
         monkeypatch.setattr(IPython.display, "display", lambda *shown: None)
+        monkeypatch.setattr(workbook, "flipbook", lambda *drawn, **options: None)
         (source,) = (ROOT / "notebooks").glob(f"**/{name}*.py")
         for cell in jupytext.read(source).cells:
             if cell.cell_type == "code":
