@@ -1,111 +1,181 @@
-"""The authors' files are read and verified, ours take their place, and a wrong folder is named."""
+"""Records, their noise (equations 18 and 19), and the authors' files: found, verified, or refused in one line."""
 
 import hashlib
 import io
+import os
 import zipfile
+from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
+from scipy import stats
 
 from replication import published, records
-from replication.records import DataCorrupt, DataUnavailable
+from replication.records import (
+    AUTHORS_FILES,
+    LOW_NOISE,
+    DataCorrupt,
+    DataUnavailable,
+    add_noise,
+    authors_checksums,
+    constant_speed,
+    from_sample,
+    level_delta_rad,
+    load_clean,
+    load_noisy,
+    noise_half_amplitude_rps,
+    public_file,
+    read_worksheet,
+)
 
-SHEET = """<?xml version="1.0"?><worksheet xmlns="http://schemas.openxmlformats.org/spreadsheetml/2006/main"><sheetData>
-<row r="1"/>{rows}</sheetData></worksheet>"""
+CONTENT = b"a public file"
+SHA256 = hashlib.sha256(CONTENT).hexdigest()
 
 
-def make_workbook(table) -> io.BytesIO:
-    rows = "".join(
-        "<row>" + "".join(f'<c r="A1"><v>{value!r}</v></c>' for value in row) + "</row>"
-        for row in table
-    )
-    content = io.BytesIO()
-    with zipfile.ZipFile(content, "w") as archive:
-        archive.writestr("xl/worksheets/sheet1.xml", SHEET.format(rows=rows))
-    content.seek(0)
-    return content
-
-
-def test_a_worksheet_of_numbers_is_read_without_its_blank_rows():
-    table = [[0.0, 100.07], [2e-3, 99.5], [4e-3, 1e2]]
-    np.testing.assert_array_equal(records.read_worksheet(make_workbook(table)), table)
+def find(sha256: str = SHA256) -> Path:
+    return public_file("http://127.0.0.1:9/x.zip", "a folder/x.zip", sha256, "SOME_DATA")
 
 
 @pytest.fixture
-def folder(tmp_path, monkeypatch):
-    """Where a copy of one registered file belongs."""
-    digest = hashlib.sha256(b"the authors' bytes").hexdigest()
-    monkeypatch.setattr(records, "authors_checksums", lambda: {"a file.zip": digest})
-    monkeypatch.setenv("BACKLASH_DATA", str(tmp_path))
-    return tmp_path
+def local(tmp_path, monkeypatch) -> Path:
+    """Where a local copy belongs."""
+    monkeypatch.setenv("SOME_DATA", str(tmp_path))
+    (tmp_path / "a folder").mkdir()
+    return tmp_path / "a folder" / "x.zip"
 
 
-def test_a_file_of_the_folder_is_verified(folder):
-    (folder / "a file.zip").write_bytes(b"the authors' bytes")
-    assert records.authors_file("a file.zip") == folder / "a file.zip"
-    (folder / "a file.zip").write_bytes(b"the authors' byte")
-    with pytest.raises(DataCorrupt, match="SHA-256"):
-        records.authors_file("a file.zip")
+def test_a_level_has_table_2s_backlash_and_noise():
+    levels = range(2, 12)
+    deltas = [level_delta_rad(level) for level in levels]
+    noise = [noise_half_amplitude_rps(level) for level in levels]
+    np.testing.assert_allclose(deltas, np.arange(3e-4, 22e-4, 2e-4), rtol=1e-12)
+    np.testing.assert_allclose(noise, published.column("Table 2", "noise")[:10], atol=1e-4)
 
 
-@pytest.mark.parametrize("is_folder", [True, False])
-def test_a_folder_without_the_file_is_named_with_its_variable(folder, is_folder):
-    if is_folder:
-        (folder / "a file.zip").mkdir()
-    with pytest.raises(DataCorrupt, match=r"a file\.zip.*BACKLASH_DATA"):
-        records.authors_file("a file.zip")
+def test_a_record_from_a_later_sample_starts_at_time_zero():
+    record = constant_speed()
+    cut = from_sample(record, 10)
+    assert (cut.t[0], cut.t[1], cut.t.size) == (0.0, pytest.approx(0.002), 2391)
+    assert from_sample(record, 2398).t.size == 3
+    with pytest.raises(ValueError, match="start sample 2399"):
+        from_sample(record, 2399)
 
 
-def test_without_network_and_folder_the_variable_is_named(monkeypatch, tmp_path):
-    monkeypatch.delenv("BACKLASH_DATA", raising=False)
-    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
-    monkeypatch.setattr(records, "AUTHORS_URL", "http://127.0.0.1:9/")
-    with pytest.raises(DataUnavailable, match=r"Speeddata3\.xlsx.*BACKLASH_DATA"):
-        records.authors_file("Speeddata3.xlsx")
+def test_a_record_of_constant_speed_is_twelve_turns_at_100_rps():
+    record = constant_speed()
+    assert (record.v == 100).all()
+    assert record.sample_s == pytest.approx(0.002, rel=1e-12)
+    assert record.t[-1] == pytest.approx(12 * record.turn_period_s)
 
 
-def test_noise_is_uniform_within_its_half_amplitude():
-    quiet = records.constant_speed()
-    noise = records.add_noise(quiet, 0.2, np.random.default_rng(1)).v - quiet.v
-    assert 0.199 < np.abs(noise).max() <= 0.2
-    assert noise.std() == pytest.approx(0.2 / np.sqrt(3), rel=0.03)
-    assert abs(noise.mean()) < 0.01
+def test_noise_is_uniform_about_zero_and_its_seed_gives_it_again():
+    record = constant_speed()
+    first, second = (add_noise(record, 0.1, np.random.default_rng(3)).v - 100 for _ in range(2))
+    np.testing.assert_array_equal(first, second)
+    assert stats.kstest(first, stats.uniform(-0.1, 0.2).cdf).pvalue > 0.01
 
 
-def test_the_noise_of_a_level_is_the_printed_one():
-    printed = published.column("Table 2", "noise")[:10]
-    levels = [records.noise_half_amplitude_rps(level) for level in range(2, 12)]
-    np.testing.assert_allclose(levels, printed, atol=6e-5)
-
-
-def test_a_record_cut_at_a_sample_starts_from_zero_again():
-    part = records.from_sample(records.constant_speed(), 100)
-    assert (part.t[0], part.t.size) == (0, 2301)
-    with pytest.raises(ValueError, match="start sample 2400"):
-        records.from_sample(records.constant_speed(), 2400)
-
-
-def test_simulated_records_take_the_place_of_the_authors(monkeypatch):
+def test_our_records_take_the_authors_place_if_that_is_asked_for(monkeypatch):
     monkeypatch.setenv("BACKLASH_RECORDS", "simulated")
-    clean, noisy = records.load_clean(6), records.load_noisy(6, 2)
-    assert "simulated joint" in clean.source
-    assert clean.t.size == 2401
-    assert (clean.v - 100).max() == pytest.approx(0.72, abs=0.03)  # of the printed 0.7246
-    assert np.abs(noisy.v - clean.v).max() <= records.noise_half_amplitude_rps(6)
-    with pytest.raises(ValueError, match="K is 1 to 20, R is 1 to 5"):
-        records.load_noisy(21, 1)
+    clean, first, again, other = load_clean(3), load_noisy(3, 1), load_noisy(3, 1), load_noisy(3, 2)
+    assert "simulated" in first.source
+    np.testing.assert_array_equal(clean.v, clean.v.round(2))
+    np.testing.assert_array_equal(first.v, again.v)
+    assert not np.allclose(first.v, other.v)
+    half = noise_half_amplitude_rps(3)
+    assert 0.99 * half < np.abs(first.v - clean.v).max() <= half
 
 
-def test_the_authors_files_are_as_they_say(authors_data):
-    clean, noisy = records.load_clean(12), records.load_noisy(2, 1)
-    assert clean.t.size == noisy.t.size == 2401
-    np.testing.assert_allclose(np.diff(clean.t), 2e-3, atol=1e-9)
-    assert set(records.AUTHORS_FILES) <= set(records.authors_checksums())
-    # The records repeat after 0.400 s, not after Table 1's 0.408 s: E3.
-    settled = clean.v[400:]
-    off = {shift: np.std(settled[shift:] - settled[:-shift]) for shift in (200, 204)}
-    assert off[200] < 0.02 < 0.2 < off[204]
+@pytest.mark.parametrize(("level", "realisation"), [(3, 6), (3, 0), (21, 1), (0, 1)])
+def test_a_noisy_record_that_is_not_public_is_refused_in_one_line(level, realisation):
+    with pytest.raises(ValueError, match=rf"^no noisy record K = {level}, R = {realisation}: .*$"):
+        load_noisy(level, realisation)
 
 
-def test_a_first_row_that_is_no_sample_is_dropped(authors_data):
-    assert records.load_noisy(1, 1).t[:2] == pytest.approx([0, 2e-3])
+def test_a_worksheet_of_numbers_is_read_as_pandas_reads_it(tmp_path):
+    table = np.random.default_rng(1).normal(size=(40, 2)).round(5)
+    path = tmp_path / "x.xlsx"
+    pd.DataFrame(table).to_excel(path, index=False, header=False, startrow=1)
+    np.testing.assert_array_equal(read_worksheet(path), table)
+    np.testing.assert_array_equal(read_worksheet(io.BytesIO(path.read_bytes())), table)
+
+
+# ----------------------------------------------------------------------------- found, verified, refused
+
+
+def test_a_local_copy_is_verified(local):
+    local.write_bytes(CONTENT)
+    assert find() == local
+    local.write_bytes(CONTENT[:-1])
+    with pytest.raises(DataCorrupt, match="SHA-256"):
+        find()
+
+
+@pytest.mark.parametrize("make", [Path.mkdir, os.mkfifo, lambda path: None])
+def test_what_is_no_file_in_the_folder_is_named_with_its_variable(local, make):
+    make(local)
+    with pytest.raises(DataCorrupt, match=r"x\.zip: .* SOME_DATA") as caught:
+        find()
+    assert "\n" not in str(caught.value)
+    assert caught.value.exit_status == 2
+
+
+def test_without_network_and_copy_the_file_and_the_way_out_are_named(monkeypatch, tmp_path):
+    monkeypatch.delenv("SOME_DATA", raising=False)
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    with pytest.raises(DataUnavailable, match=r"x\.zip: .* SOME_DATA") as caught:
+        find()
+    assert "\n" not in str(caught.value)
+
+
+def test_every_file_that_is_read_is_registered():
+    registered = authors_checksums()
+    assert set(AUTHORS_FILES) <= set(registered)
+    assert {len(digest) for digest in registered.values()} == {64}
+
+
+def test_a_repeated_first_row_is_no_sample(tmp_path, monkeypatch):
+    rows = np.array([[0, 99.0], [0, 100.0], [0.002, 101.0], [0.004, 102.0]])
+    sheet = io.BytesIO()
+    pd.DataFrame(rows).to_excel(sheet, index=False, header=False)
+    path = tmp_path / "noisy.zip"
+    with zipfile.ZipFile(path, "w") as archive:
+        archive.writestr("R/SpeeddataNoise1_7.xlsx", sheet.getvalue())
+        archive.writestr("R/SpeeddataNoise11_7.xlsx", b"")
+    monkeypatch.setattr(records, "authors_file", lambda name: path)
+    record = load_noisy(1, 1)
+    assert record.v.tolist() == [100, 101, 102]
+    assert (record.t[0], record.commanded_speed_rps, record.turn_period_s) == (0, 100, 0.4)
+
+
+# ------------------------------------------------------------------------------------ the authors' records
+
+
+def test_the_clean_records_are_twelve_turns_of_five_significant_digits(authors_data):
+    for level in range(3, 14):
+        record = load_clean(level)
+        np.testing.assert_allclose(record.t, 0.002 * np.arange(2401), atol=1e-9)
+        five_digits = np.where(record.v < 100, record.v.round(3), record.v.round(2))
+        np.testing.assert_array_equal(record.v, five_digits)
+
+
+def test_the_authors_noise_is_uniform_with_the_printed_half_amplitude_and_not_gaussian(
+    authors_data,
+):
+    for level in range(3, 12):
+        noise = load_noisy(level, 1).v - load_clean(level).v
+        half = published.column("Table 2", "noise")[level - 2]
+        assert np.ptp(noise) / 2 == pytest.approx(half, rel=0.005)
+        assert stats.kstest(noise, stats.uniform(-half, 2 * half).cdf).pvalue > 0.01
+        assert stats.kstest(noise / noise.std(), stats.norm.cdf).pvalue < 1e-3
+
+
+def test_the_authors_noisy_records_differ_and_have_as_many_samples(authors_data):
+    loaded = [load_noisy(level, R) for R in LOW_NOISE for level in (1, 2, 11)]
+    assert {record.t.size for record in loaded} == {2401}
+    assert len({record.v.tobytes() for record in loaded}) == 15
+
+
+def test_level_1_is_not_free_of_backlash(authors_data):
+    assert load_noisy(1, 1).v.std() > 1.2 * 0.1 / np.sqrt(3)
