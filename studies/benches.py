@@ -31,13 +31,13 @@ def _turn(joint: DrivenJoint, fault: Fault) -> FloatArray:
 
 
 def draw_turns(
-    rng: Generator, delta_rad: float, friction: float = 0.03, fault: Fault = _NO_FAULT
+    rng: Generator, delta_rad: float, friction: float = 0.03, fault: Fault = _NO_FAULT, gear_loss: float = 0.0
 ) -> BenchLog:
     """Draw a log of twelve turns with noise; a joint that its drive does not keep at its speed is drawn again."""
     while True:
         speed = TURN / draw_log_uniform(rng, 0.5, 2.5)
         gear_ratio = float(rng.choice([50, 80, 100, 101, 121, 160]))
-        joint = draw_joint(rng, delta_rad, speed, gear_ratio, friction)
+        joint = draw_joint(rng, delta_rad, speed, gear_ratio, friction, gear_loss)
         seen = _turn(joint, fault)
         if np.abs(seen[:, 0] / joint.speed - 1).max() < _LARGEST:
             break

@@ -31,6 +31,9 @@ class Fault(NamedTuple):
     transmission_rad: float = 0.0  # amplitude of the gear's error, of the load's angle
     transmission_order: float = 1.0  # its periods in a load turn
     late_torque_s: float = 0.0
+    torque_filter_s: float = 0.0  # time constant of a low-pass of the logged torque
+    soft_share: float = 1.0  # of the stiffness that is left within `soft_rad` beyond the gap
+    soft_rad: float = 0.0
 
 
 class DrivenJoint(NamedTuple):
@@ -43,6 +46,7 @@ class DrivenJoint(NamedTuple):
     inertia_ratio: float
     speed: float
     vertical_rad: float  # of the load from the path's zero; where turns begin
+    gear_loss: float  # share of the contact's torque that rubs in the gear
     load_friction: float
     load_viscous: float
     load_stribeck: float  # share of the Coulomb friction that friction at rest has more
@@ -86,7 +90,7 @@ def run_from(joint, fault, path, angle, hanging):
     turn = joint.speed / TURN
     motor_angle = path[0, 0]
     motor = load = measured = 0.0
-    integral = torque = command = pending = hanging
+    integral = torque = command = pending = logged = hanging
     before = np.floor(motor_angle / joint.resolution_rad)
     for i in range(len(path)):
         count = np.floor(motor_angle / joint.resolution_rad)
@@ -99,7 +103,10 @@ def run_from(joint, fault, path, angle, hanging):
         command = pending
         pending = joint.speed_gain * error + integral
         seen[i, 0] = measured
-        seen[i, 1] = torque
+        logged += (torque - logged) * (
+            1 - np.exp(-CONTROL_S / fault.torque_filter_s) if fault.torque_filter_s > 0 else 1.0
+        )
+        seen[i, 1] = logged
         for j in range(round(CONTROL_S / _STEP_S)):
             t = i * CONTROL_S + j * _STEP_S
             torque += (command - torque) * _STEP_S / joint.current_lag_s
@@ -109,7 +116,8 @@ def run_from(joint, fault, path, angle, hanging):
             twist = motor_angle + lead - angle
             bend = twist - min(max(twist, -joint.delta_rad), joint.delta_rad)
             rate = motor + quick - load
-            contact = joint.stiffness * bend + joint.damping * rate if bend else 0.0
+            soft = min(abs(bend), fault.soft_rad) * (1 - fault.soft_share) * np.sign(bend)
+            contact = joint.stiffness * (bend - soft) + joint.damping * rate if bend else 0.0
             contact = contact if contact * bend > 0 else 0.0  # teeth do not pull
             other = fault.second_axis * np.sin(TURN * fault.second_axis_turns * turn * t)
             gravity = joint.gravity * (1 + other) * np.sin(angle + joint.vertical_rad)
@@ -117,6 +125,7 @@ def run_from(joint, fault, path, angle, hanging):
             rubbing = _rubbing(
                 motor, joint.motor_friction, joint.motor_viscous, joint.motor_stribeck
             )
+            rubbing += joint.gear_loss * abs(contact) * np.tanh(motor / _RUBBING_FROM)
             motor += _STEP_S * joint.inertia_ratio * (torque - contact - rubbing - cogging)
             rubbing = _rubbing(load, joint.load_friction, joint.load_viscous, joint.load_stribeck)
             load += _STEP_S * (contact - gravity - rubbing)
@@ -126,7 +135,7 @@ def run_from(joint, fault, path, angle, hanging):
 
 
 def draw_joint(
-    rng: Generator, delta_rad: float, speed: float, gear_ratio: float, friction: float | None = None
+    rng: Generator, delta_rad: float, speed: float, gear_ratio: float, friction: float | None = None, gear_loss: float = 0.0
 ) -> DrivenJoint:
     """Draw a joint whose drive is tuned to it, for strokes, or for turns with a friction: the load's, over gravity."""
     turns = friction is not None
@@ -143,6 +152,7 @@ def draw_joint(
         inertia_ratio=ratio,
         speed=speed,
         vertical_rad=rng.uniform(0.0, TURN) if turns else rng.uniform(-0.05, 0.05),
+        gear_loss=gear_loss,
         load_friction=gravity * (rng.uniform(0.0, 0.06) if friction is None else friction),
         load_viscous=gravity * rng.uniform(0.0, 0.03) / speed,
         load_stribeck=rng.uniform(0.0, 0.5) if turns else 0.0,
@@ -170,11 +180,11 @@ def log_of(
     )
 
 
-def run_joint(joint: DrivenJoint, path: FloatArray) -> FloatArray:
+def run_joint(joint: DrivenJoint, path: FloatArray, fault: Fault = Fault()) -> FloatArray:
     """Measured speed and torque at each control period of a path, whose rows are angle and speed."""
     hanging = joint.gravity * math.sin(path[0, 0] + joint.vertical_rad)
     angle = path[0, 0] - hanging / joint.stiffness - math.copysign(joint.delta_rad, hanging)
-    return run_from(joint, Fault(), path, angle, hanging)
+    return run_from(joint, fault, path, angle, hanging)
 
 
 def _draw_path(rng: Generator, speed: float) -> FloatArray:
@@ -194,13 +204,15 @@ def _draw_path(rng: Generator, speed: float) -> FloatArray:
     return np.column_stack([start + np.cumsum(moved) * CONTROL_S, moved])
 
 
-def draw_strokes(rng: Generator, delta_rad: float) -> BenchLog:
+def draw_strokes(rng: Generator, delta_rad: float, friction: float | None = None, gear_loss: float = 0.0, fault: Fault = Fault()) -> BenchLog:
     """Draw a log of strokes, its speed and torque with noise; a joint that its drive does not settle is drawn again."""
     while True:
         speed = rng.uniform(0.8, 2.5)
         gear_ratio = float(rng.choice([50, 80, 100, 121, 160]))
-        joint = draw_joint(rng, delta_rad, speed, gear_ratio)
-        seen = run_joint(joint, _draw_path(rng, speed))
+        joint = draw_joint(rng, delta_rad, speed, gear_ratio, None, gear_loss)
+        if friction is not None:
+            joint = joint._replace(load_friction=friction * joint.gravity)
+        seen = run_joint(joint, _draw_path(rng, speed), fault)
         if np.std(seen[-round(0.15 / CONTROL_S) :, 0]) < _SETTLED * speed:
             break
     every = int(rng.choice([2, 4, 8, 10]))
