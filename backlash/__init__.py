@@ -15,7 +15,7 @@ _MODULE_OF = {
     "Estimate": "answers",
     "Log": "reading.prepare",
     "Trend": "trend_line",
-    "UnusableLog": "reading.refusals",
+    "Refusal": "refusals",
     "calibrate": "interface",
     "estimate": "interface",
     "estimate_many": "plant",

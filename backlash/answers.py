@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 from backlash import __version__
 from backlash.fitting import SELF, TORQUE
-from backlash.reading.refusals import one_line
+from backlash.refusals import one_line
 
 
 @dataclass(frozen=True)

@@ -23,8 +23,8 @@ from backlash.fitting.waveform import (
     mean_turn,
     samples_a_turn,
 )
-from backlash.reading.refusals import UnusableLog
 from backlash.reading.sources import MOST_TABLE_BYTES, naming, read_bytes
+from backlash.refusals import Refusal
 from replication.arrays import FloatArray
 from replication.characteristic import first_rise, printed_levels_rad
 from replication.records import TURN_PERIOD_S, Recording
@@ -121,7 +121,7 @@ class Calibration:
 
     @staticmethod
     def from_json(text: str, name: str) -> "Calibration":
-        """Read what `to_json` wrote; an UnusableLog says after `name` what is wrong with it."""
+        """Read what `to_json` wrote; an Refusal says after `name` what is wrong with it."""
         try:
             content = json.loads(text)
             if waves := content.pop("waveforms", None):
@@ -131,11 +131,11 @@ class Calibration:
             del content["unit"]
             why = _defect(found := Calibration(**content))
         except _NO_CALIBRATION as error:
-            raise UnusableLog(
+            raise Refusal(
                 f"{name}: not a calibration file ({type(error).__name__}: {error}); make one anew"
             ) from None
         if why:
-            raise UnusableLog(f"{name}: not a usable calibration: {why}; make one anew")
+            raise Refusal(f"{name}: not a usable calibration: {why}; make one anew")
         return found
 
 
@@ -196,7 +196,7 @@ def fit_polynomial(
     if not (cubic.deriv()(along) > 0).all():
         problem = "the backlash does not grow with the value over the range of these logs"
         cure = "check the known backlashes, add levels, or use another method"
-        raise UnusableLog(f"method {method}: {problem}, so a value would have two meanings; {cure}")
+        raise Refusal(f"method {method}: {problem}, so a value would have two meanings; {cure}")
     inner = np.unique(delta)[1:-1]
     errors = [
         Polynomial.fit(value[delta != d], delta[delta != d], 3).convert()(value[delta == d]) - d
@@ -216,7 +216,7 @@ def _bank_uncertainty(
     if not (np.diff(by_level) > 0).all():
         problem = "logs that the others predict do not come in the order of their backlashes"
         cure = "check the known backlashes, add logs if there are few, or use another method"
-        raise UnusableLog(f"method waveform: {problem}; {cure}")
+        raise Refusal(f"method waveform: {problem}; {cure}")
     return leave_one_out_sd(found - delta[inner])
 
 
@@ -228,21 +228,21 @@ def fit_calibration(
     repeats: int = 30,
     seed: int = 1,
 ) -> Calibration:
-    """Calibrate a method on records of known backlash; an UnusableLog says why that cannot be done."""
+    """Calibrate a method on records of known backlash; an Refusal says why that cannot be done."""
     delta = np.asarray(delta_rad, dtype=float)
     if delta.size != len(recordings) or not (np.isfinite(delta) & (delta >= 0)).all():
-        raise UnusableLog("each log needs a known backlash, finite and not negative [rad]")
+        raise Refusal("each log needs a known backlash, finite and not negative [rad]")
     if delta.max(initial=0.0) > MOST_RAD:
-        raise UnusableLog(
+        raise Refusal(
             f"a known backlash of {delta.max():g} rad, above {MOST_RAD:g}: is the column in mrad?"
         )
     if np.unique(delta).size < LEAST_LEVELS:
-        raise UnusableLog(
+        raise Refusal(
             f"{np.unique(delta).size} different backlashes; a calibration needs {LEAST_LEVELS} or more"
         )
     periods = np.array([recording.turn_period_s for recording in recordings])
     if np.ptp(periods) > PERIOD_MISMATCH * periods.mean():
-        raise UnusableLog("the logs have different turn periods; calibrate one movement at a time")
+        raise Refusal("the logs have different turn periods; calibrate one movement at a time")
     coefficients: tuple[float, ...] = ()
     bank = None
     if method == "waveform":
@@ -258,7 +258,7 @@ def fit_calibration(
     range_rad = float(delta.min()), float(delta.max())
     if (share := uncertainty / np.ptp(delta)) > _MOST_UNCERTAINTY:
         known = f"the uncertainty, {1e3 * uncertainty:.3f} mrad, is {share:.0%} of the range of the known backlashes"
-        raise UnusableLog(f"method {method}: {known}; check them, add logs, or use another method")
+        raise Refusal(f"method {method}: {known}; check them, add logs, or use another method")
     return Calibration(
         method, coefficients, range_rad, uncertainty, float(periods.mean()), speed, provenance, bank
     )
@@ -268,7 +268,7 @@ def fit_calibration(
 def default_calibration(method: str) -> Calibration:
     """Calibration of a method for the paper's joint; that of "waveform" is too large to be kept."""
     if method not in METHODS:
-        raise UnusableLog(f"method {method!r}: there are {', '.join(SENSOR_METHODS)}")
+        raise Refusal(f"method {method!r}: there are {', '.join(SENSOR_METHODS)}")
     if method == "waveform":
         # Table 2's range of backlash, and a little beyond.
         wide = np.round(np.arange(1e-4, printed_levels_rad()[-1] + 4.5e-4, 1e-4), 6).tolist()

@@ -15,8 +15,8 @@ from backlash.calibration import read_calibration
 from backlash.endings import UNWRITABLE, ends_on_interrupt
 from backlash.examine import examine
 from backlash.reading.columns import SAID, numbers
-from backlash.reading.refusals import UnusableLog, library
 from backlash.reading.sources import STDIN, naming
+from backlash.refusals import Refusal, library
 from backlash.settings import MEASURING, Settings
 from replication import compiling
 from replication.files import write_bytes, write_csv, write_text
@@ -53,7 +53,7 @@ def _begin(options: argparse.Namespace, logs: Sequence[Path]) -> None:
     for option in ("out", "plot", "plots"):
         output = getattr(options, option, None)
         if output and os.path.realpath(output) in inputs:
-            raise UnusableLog(f"--{option} {output}: that is one of the inputs; name another file")
+            raise Refusal(f"--{option} {output}: that is one of the inputs; name another file")
     if compiling.is_empty():
         what = "the first command on this machine may compile, some ten seconds"
         print(what, file=sys.stderr, flush=True)
@@ -64,15 +64,13 @@ def _check_output(path: Path | None, endings: Sequence[str], option: str) -> Non
     if not path:
         return
     if path.suffix.lower() not in endings:
-        raise UnusableLog(f"{option} {path}: its name must end in {' or '.join(endings)}")
+        raise Refusal(f"{option} {path}: its name must end in {' or '.join(endings)}")
     if path.is_dir() or not path.parent.is_dir() or not os.access(path.parent, os.W_OK):
-        raise UnusableLog(
+        raise Refusal(
             f"{option} {path}: cannot be written there; name a file in a folder that you may write to"
         )
     if option == "--out" and path.exists() and not _is_ours(path):
-        raise UnusableLog(
-            f"--out {path}: that file is not of this command; name another, or remove it"
-        )
+        raise Refusal(f"--out {path}: that file is not of this command; name another, or remove it")
     if path.suffix.lower() == ".parquet":
         library("pyarrow", "parquet")
     if option == "--plot":
@@ -100,16 +98,16 @@ def run_estimate(options: argparse.Namespace) -> int:
     _check_output(options.out, (".csv", ".parquet"), "--out")
     failures = _failures(options.fail_on)
     if bool(options.log) == bool(options.batch):
-        raise UnusableLog("give logs, or --batch with a table of them")
+        raise Refusal("give logs, or --batch with a table of them")
     earlier = options.out if options.out and options.out.exists() else None
     batch = plant.read_batch(
         options.batch or fleet.find_logs(options.log, earlier), _words(options)
     )
     logs = batch.logs
     if Path(STDIN) in logs and (len(logs) > 1 or options.out):
-        raise UnusableLog("- (the standard input) goes alone, and without --out")
+        raise Refusal("- (the standard input) goes alone, and without --out")
     if options.plot and len(logs) > 1:
-        raise UnusableLog(f"--plot: {len(logs)} logs; it shows one, --plots FOLDER each")
+        raise Refusal(f"--plot: {len(logs)} logs; it shows one, --plots FOLDER each")
     _begin(options, logs)
     if options.plots:
         library("matplotlib", "plot")
@@ -132,7 +130,7 @@ def _failures(text: str | None) -> list[tuple[str, float]]:
     for term in text.split(",") if text is not None else ():
         match = _FAIL_ON.fullmatch(term.strip())
         if not match:
-            raise UnusableLog(
+            raise Refusal(
                 f"--fail-on {term!r}: give cannot-tell, no-backlash, backlash or backlash>0.5mrad"
             )
         verdict = (match[1] or "backlash").replace("-", " ")
@@ -140,13 +138,11 @@ def _failures(text: str | None) -> list[tuple[str, float]]:
     return found
 
 
-def _estimate_one(
-    log: Path, settings: Settings | UnusableLog, options: argparse.Namespace
-) -> Estimate:
+def _estimate_one(log: Path, settings: Settings | Refusal, options: argparse.Namespace) -> Estimate:
     for_programs = options.json or options.jsonl
     if for_programs:
         examined = fleet.examine_or_refuse(log, settings)
-    elif isinstance(settings, UnusableLog):
+    elif isinstance(settings, Refusal):
         raise settings
     else:
         examined = examine(log, settings)
@@ -158,7 +154,7 @@ def _estimate_one(
     else:
         _print_answer(options.json, [answer.to_dict()], str(answer))
     if why := fleet.unusable(answer):
-        raise UnusableLog(why)
+        raise Refusal(why)
     return answer
 
 
@@ -196,7 +192,7 @@ def _estimate_many(batch: plant.Batch, options: argparse.Namespace) -> list[Esti
     if options.json:
         _print_all(keys, found)
     if len(bad) == len(answers):
-        raise UnusableLog(f"none of {len(bad)} logs is usable; the first: {bad[0]}")
+        raise Refusal(f"none of {len(bad)} logs is usable; the first: {bad[0]}")
     if bad:
         print(
             f"{len(bad)} of {len(answers)} logs are not usable; their rows say why", file=sys.stderr

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from backlash.reading.refusals import UnusableLog, one_line
+from backlash.refusals import Refusal, one_line
 
 DEFECT = 1
 UNUSABLE = 2
@@ -22,7 +22,7 @@ def ending(error: BaseException) -> tuple[int, str]:
     for each in (error, error.__cause__, error.__context__):
         if isinstance(each, KeyboardInterrupt):
             return _INTERRUPTED, f"interrupted{each}"
-    if isinstance(error, UnusableLog):
+    if isinstance(error, Refusal):
         return UNUSABLE, str(error)
     if isinstance(error, OSError) and error.errno in UNWRITABLE:
         # Nothing is left to be flushed at the end.

@@ -9,8 +9,8 @@ from backlash.detection.pattern import detect_pattern
 from backlash.fit import Fitted, fit_log, fit_to_and_fro
 from backlash.judge import judge, judge_strokes, refuse
 from backlash.reading.prepare import Log, prepare
-from backlash.reading.refusals import CannotTell
 from backlash.reading.sources import read_source
+from backlash.refusals import Refusal
 from backlash.settings import Settings
 from replication.records import Recording
 
@@ -37,7 +37,9 @@ def examine(
     table = read_source(source, settings.form, v, torque)
     try:
         log = prepare(table, settings.form)
-    except CannotTell as refusal:
+    except Refusal as refusal:
+        if refusal.is_unusable:
+            raise
         return Examined(refuse(table, refusal, settings))
     return examine_log(log, settings)
 
@@ -51,7 +53,9 @@ def examine_log(log: Log, settings: Settings) -> Examined:
         known = detected = detect_pattern(log, settings.seed)
         known = fitted = fit_log(detected, settings)
         return Examined(judge(fitted, settings), fitted)
-    except CannotTell as refusal:
+    except Refusal as refusal:
+        if refusal.is_unusable:
+            raise
         return Examined(refuse(known, refusal, settings), known)
 
 

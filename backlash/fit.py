@@ -19,7 +19,7 @@ from backlash.fitting.self_calibration import SelfFit, fit_joint
 from backlash.fitting.torque import LoadData, TorqueFit, fit_torque
 from backlash.fitting.waveform import mean_turn, samples_a_turn
 from backlash.reading.prepare import Log
-from backlash.reading.refusals import CannotTell
+from backlash.refusals import Reason, Refusal
 from backlash.settings import Settings
 from replication.arrays import FloatArray
 from replication.signature import signature
@@ -38,7 +38,7 @@ class Fitted(Detected):
     best_rps: float = np.nan  # the amplitude by the global fit to the whole record
     joint: SelfFit | None = None
     torque_fit: TorqueFit | None = None
-    refusal: CannotTell | None = None  # why the fit is no answer
+    refusal: Refusal | None = None  # why the fit is no answer
 
 
 def fit_log(detected: Detected, settings: Settings) -> Detected:
@@ -56,7 +56,7 @@ def fit_log(detected: Detected, settings: Settings) -> Detected:
             return _fit_joint(detected)
         fit = global_fit(recording, protocol_for(recording))
     except ValueError as error:
-        raise CannotTell("too short", str(error)) from error
+        raise Refusal(str(error), Reason.TOO_SHORT) from error
     fitted = Fitted(
         **vars(detected),
         model_rps=signature(recording.t, fit.X, protocol_for(recording).timing),
@@ -79,7 +79,7 @@ def _fit_joint(detected: Detected) -> Fitted:
     runs_away = not np.isfinite(joint.turn_rps).all()  # no joint fits, and the best of them does
     fitted = _with_turn(detected, None if runs_away else joint.turn_rps, reading)
     why = joint.refusal_reason
-    return replace(fitted, joint=joint, refusal=CannotTell("no such joint", why) if why else None)
+    return replace(fitted, joint=joint, refusal=Refusal(why, Reason.NO_SUCH_JOINT) if why else None)
 
 
 def _with_turn(detected: Detected, turn: FloatArray | None, reading: Reading) -> Fitted:
@@ -103,14 +103,14 @@ def _fit_by_torque(detected: Detected, load: LoadData) -> Fitted:
     return replace(_with_turn(detected, None, NO_READING), torque_fit=fit)
 
 
-def _no_fit(error: ValueError, load: LoadData) -> CannotTell:
+def _no_fit(error: ValueError, load: LoadData) -> Refusal:
     """Why there is no fit by the torque; what a library says of its numbers is no reason."""
     trace = error.__traceback__
     while trace and trace.tb_next:
         trace = trace.tb_next
     is_said_here = trace is not None and trace.tb_frame.f_globals["__name__"].startswith("backlash")
     why = str(error) if is_said_here else "no joint with this load makes such a speed and torque"
-    return CannotTell("no answer by the torque", why, (str(load),))
+    return Refusal(why, Reason.NO_FIT, notes=(str(load),))
 
 
 def fit_to_and_fro(log: Log, load: LoadData | None) -> TorqueFit:
@@ -119,7 +119,9 @@ def fit_to_and_fro(log: Log, load: LoadData | None) -> TorqueFit:
 
     recording, gear_ratio = log.recording, log.form.gear_ratio
     if log.torque is None or load is None or gear_ratio is None:
-        raise CannotTell("not constant speed", "strokes to and fro need --torque and --gear-ratio")
+        raise Refusal(
+            "strokes to and fro need --torque and --gear-ratio", Reason.NOT_CONSTANT_SPEED
+        )
     speed = TURN * recording.v
     try:
         return fit_strokes(speed, log.torque, recording.sample_s, gear_ratio, load)

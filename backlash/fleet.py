@@ -21,8 +21,8 @@ from backlash import __version__
 from backlash.answers import Estimate
 from backlash.examine import Examined, examine
 from backlash.fitting import SELF
-from backlash.reading.refusals import UnusableLog, one_line
 from backlash.reading.sources import name_of
+from backlash.refusals import Refusal, one_line
 from backlash.settings import Settings
 
 SUFFIXES = (".csv", ".tsv", ".txt", ".dat", ".log", ".gz", ".parquet", ".xlsx")
@@ -34,7 +34,7 @@ _WORTH_PROCESSES = 30  # fewer quick estimates take less time than starting proc
 _NOT_SAID = (np.nan, np.nan)
 
 # Logs by their numbers, each with its settings, or why what is said of it cannot be.
-Calls = Mapping[int, tuple[object, Settings | UnusableLog]]
+Calls = Mapping[int, tuple[object, Settings | Refusal]]
 
 
 def find_logs(paths: Sequence[Path], left_out: Path | None = None) -> list[Path]:
@@ -48,15 +48,13 @@ def find_logs(paths: Sequence[Path], left_out: Path | None = None) -> list[Path]
         if path.is_dir():
             inside = sorted(file for file in path.rglob("*") if _is_log(file))
             if not inside:
-                raise UnusableLog(
-                    f"{path}: no logs in this folder; they end in {', '.join(SUFFIXES)}"
-                )
+                raise Refusal(f"{path}: no logs in this folder; they end in {', '.join(SUFFIXES)}")
         for file in inside:
             found.setdefault(os.path.realpath(file), file)
     if left_out:
         found.pop(os.path.realpath(left_out), None)
     if not found:
-        raise UnusableLog(f"{left_out}: no log, a table of answers")
+        raise Refusal(f"{left_out}: no log, a table of answers")
     return list(found.values())
 
 
@@ -66,7 +64,7 @@ def _is_log(file: Path) -> bool:
 
 def run_fleet(
     logs: Sequence[object],
-    settings: Sequence[Settings | UnusableLog],
+    settings: Sequence[Settings | Refusal],
     jobs: int = -1,
     kept: Path | None = None,
     plots: Path | None = None,
@@ -93,7 +91,7 @@ def run_fleet(
                 file.flush()
 
 
-def _key(log: object, settings: Settings | UnusableLog) -> str:
+def _key(log: object, settings: Settings | Refusal) -> str:
     """What the answer on a log in its present state is kept under."""
     import joblib
 
@@ -109,7 +107,7 @@ def read_kept(kept: Path) -> dict[str, Estimate]:
     """Answers that an interrupted run kept, by their keys; a last line may be torn."""
     text = kept.read_text("utf-8", "replace") if kept.exists() else ""
     if kept.is_symlink() or not (text or _KEPT).startswith(_KEPT):
-        raise UnusableLog(f"{kept}: holds no answers of a run before; name another --out")
+        raise Refusal(f"{kept}: holds no answers of a run before; name another --out")
     found = {}
     for line in text.splitlines()[1:]:
         with suppress(ValueError, TypeError, KeyError):
@@ -123,13 +121,13 @@ def _as_tuple(value: Any) -> Any:
     return tuple(value) if isinstance(value, list) else value
 
 
-def examine_or_refuse(log: object, settings: Settings | UnusableLog) -> Examined:
+def examine_or_refuse(log: object, settings: Settings | Refusal) -> Examined:
     """Examine one log; say why where that fails, in whatever way."""
     try:
-        if isinstance(settings, UnusableLog):
+        if isinstance(settings, Refusal):
             raise settings
         return examine(log, settings)
-    except UnusableLog as error:
+    except Refusal as error:
         return Examined(_failed(log, settings, str(error)))
     except Exception as error:  # one log must not stop a thousand others
         # What compiled code makes of Ctrl-C.
@@ -139,7 +137,7 @@ def examine_or_refuse(log: object, settings: Settings | UnusableLog) -> Examined
         return Examined(_failed(log, settings, why))
 
 
-def _failed(log: object, settings: Settings | UnusableLog, why: str) -> Estimate:
+def _failed(log: object, settings: Settings | Refusal, why: str) -> Estimate:
     method = settings.calibration.method if isinstance(settings, Settings) else SELF
     return Estimate(name_of(log), method=method, warnings=(UNUSABLE + " ".join(why.split()),))
 
@@ -148,7 +146,7 @@ def _in_any_order(calls: Calls, jobs: int, plots: Path | None) -> Iterator[tuple
     from tqdm import tqdm
 
     if jobs == 0 or jobs < -1:
-        raise UnusableLog(f"--jobs {jobs}: give -1 or a number above 0")
+        raise Refusal(f"--jobs {jobs}: give -1 or a number above 0")
     searches = any(
         isinstance(how, Settings) and how.calibration.method == "paper" for _, how in calls.values()
     )
@@ -213,7 +211,7 @@ def _ctrl_c_held_back() -> Iterator[None]:
 
 
 def _numbered(
-    number: int, log: object, settings: Settings | UnusableLog, plots: Path | None
+    number: int, log: object, settings: Settings | Refusal, plots: Path | None
 ) -> tuple[int, Estimate]:
     with warnings.catch_warnings(action="ignore"):  # of libraries, in a process of its own
         examined = examine_or_refuse(log, settings)

@@ -6,7 +6,7 @@ A log is a path (str or Path), a table (DataFrame) whose columns are named as in
 `unit`, `counts_per_turn`, `commanded_speed_rps`, `start_s`, `end_s`, `trust_period`, `torque`. How
 they are measured: `calibration`, `method`, `repeats`, `seed`, and with a torque the load's data:
 `inertia_ratio` and `gravity_per_s2`, or the parameters of `LoadData.from_masses`, and `inertia_sd`
-and `gravity_sd`. An UnusableLog is a ValueError whose message is one line: what is wrong, where,
+and `gravity_sd`. A Refusal is a ValueError whose message is one line: what is wrong, where,
 what to do.
 """
 
@@ -26,8 +26,8 @@ from backlash.detection.pattern import detect_pattern
 from backlash.examine import examine
 from backlash.reading.columns import SAID, LogFormat
 from backlash.reading.prepare import Log, open_log
-from backlash.reading.refusals import CannotTell, UnusableLog
 from backlash.reading.sources import name_of
+from backlash.refusals import Refusal
 from backlash.settings import MEASURING, Settings, settings_for
 from backlash.trend_line import Trend
 
@@ -39,7 +39,7 @@ def form_of(log: object, said: Mapping[str, Any]) -> LogFormat:
         raise TypeError(f"no parameter {unknown[0]!r}; of logs there are {', '.join(SAID)}")
     if isinstance(log, Log):
         if said:
-            raise UnusableLog(f"{log.file} was read already: give {', '.join(said)} to read_log")
+            raise Refusal(f"{log.file} was read already: give {', '.join(said)} to read_log")
         return log.form
     if said.get("position") is True:
         said["position"] = "position"
@@ -70,7 +70,7 @@ def read_log(log: object, v: ArrayLike | None = None, **said: Any) -> Log:
 
     Raises
     ------
-    UnusableLog
+    Refusal
         The file is no usable log, or too short or uneven for any answer.
 
     Examples
@@ -80,10 +80,7 @@ def read_log(log: object, v: ArrayLike | None = None, **said: Any) -> Log:
     >>> print(log.recording.v.size, round(log.recording.turn_period_s, 4))
     2401 0.4
     """
-    try:
-        return open_log(log, form_of(log, said), v, said.get("torque"))
-    except CannotTell as refusal:
-        raise UnusableLog(str(refusal)) from refusal
+    return open_log(log, form_of(log, said), v, said.get("torque"))
 
 
 def estimate(log: object, v: ArrayLike | None = None, **words: Any) -> Estimate:
@@ -118,7 +115,7 @@ def estimate(log: object, v: ArrayLike | None = None, **words: Any) -> Estimate:
 
     Raises
     ------
-    UnusableLog
+    Refusal
         The log, the calibration or what is said of them cannot be used.
 
     Examples
@@ -160,7 +157,7 @@ def calibrate(
 
     Raises
     ------
-    UnusableLog
+    Refusal
         A log cannot be used, there are too few levels, several movements, a negative backlash, no monotonic relation,
         or the uncertainty is more than a quarter of the range.
 
@@ -175,8 +172,10 @@ def calibrate(
     for log in logs:
         try:
             read.append(detect_pattern(open_log(log, form_of(log, said)), seed))
-        except CannotTell as refusal:
-            raise UnusableLog(f"{name_of(log)}: no use for a calibration: {refusal}") from refusal
+        except Refusal as refusal:
+            if refusal.is_unusable:
+                raise
+            raise Refusal(f"{name_of(log)}: no use for a calibration: {refusal}") from refusal
     speeds = b"".join(log.recording.v.tobytes() for log in read)
     made_of = f"{len(read)} logs, SHA-256 of their speeds {hashlib.sha256(speeds).hexdigest()}"
     return fit_calibration(
@@ -215,7 +214,7 @@ def trend(
 
     Raises
     ------
-    UnusableLog
+    Refusal
         A date is missing, there are fewer than three, or the limit is not finite and above zero.
 
     Examples
@@ -231,7 +230,7 @@ def trend(
     else:
         days = list(pd.DatetimeIndex(dates))
     if len(days) != len(logs):
-        raise UnusableLog(f"{len(logs)} logs and {len(days)} dates; give a date for each log")
+        raise Refusal(f"{len(logs)} logs and {len(days)} dates; give a date for each log")
     found = dict(fleet.run_fleet(logs, settings, jobs))
     answers = [found[number] for number in sorted(found)]
     return trend_line.fit_trend(fleet.as_table(answers), days, limit_rad, relative)

@@ -22,8 +22,8 @@ from backlash.fitting.self_calibration import SelfFit, weak_turn
 from backlash.fitting.torque import TorqueFit
 from backlash.fitting.waveform import LEAST_LEVELS
 from backlash.reading.prepare import Log
-from backlash.reading.refusals import NO_REVERSAL, CannotTell
 from backlash.reading.sources import Source
+from backlash.refusals import NO_REVERSAL, Reason, Refusal
 from backlash.settings import Settings
 from replication.records import Recording
 
@@ -61,11 +61,12 @@ def judge(known: Detected, settings: Settings) -> Estimate:
     return _finite(answer)
 
 
-def refuse(known: Source, refusal: CannotTell, settings: Settings) -> Estimate:
+def refuse(known: Source, refusal: Refusal, settings: Settings) -> Estimate:
     """Answer why that cannot be told, with what is known all the same."""
     answer = what_is_known(known, settings)
-    other_joint = answer.method == SELF and str(refusal).startswith(
-        ("no such joint", "no signature")
+    other_joint = answer.method == SELF and refusal.reason in (
+        Reason.NO_SUCH_JOINT,
+        Reason.NO_SIGNATURE,
     )
     advice = (_ADVICE,) if other_joint else ()
     return _finite(
@@ -108,9 +109,7 @@ def _finite(found: Estimate) -> Estimate:
 
 def _check_movement(recording: Recording, calibration: Calibration) -> None:
     if difference := calibration.other_movement(recording):
-        raise CannotTell(
-            "extrapolated calibration", f"{difference}; calibrate at the speed of the logs"
-        )
+        raise Refusal(f"{difference}; calibrate at the speed of the logs", Reason.EXTRAPOLATED)
 
 
 def _least_energy(recording: Recording, least_rad: float) -> float:
@@ -144,9 +143,9 @@ def _earned(answer: Estimate, detected: Detected) -> Estimate:
     interval = answer.backlash_interval_rad or (0.0, np.inf)
     if detected.presence.found and interval[1] > _NEGLIGIBLE_RAD:
         what = f"no backlash fits, but an oscillation of {answer.amplitude_rps:.3g} rps repeats itself every turn"
-        raise CannotTell("no signature", what)
+        raise Refusal(what, Reason.NO_SIGNATURE)
     if _gravity_share(detected.recording) == 0:
-        raise CannotTell(*NO_REVERSAL)
+        raise Refusal(NO_REVERSAL, Reason.NO_REVERSAL)
     return replace(
         answer,
         amplitude_rps=None,
@@ -161,13 +160,13 @@ def _judge_absence(detected: Detected, least_rad: float, answer: Estimate) -> Es
     if presence.has_same_sign:
         what = "something repeats itself every turn, but not with the opposite sign half a turn later, as backlash"
         cause = "is there much friction, another axis moving, or mains hum in step with the turn?"
-        raise CannotTell("no signature", f"{what} under gravity alone does; {cause}")
+        raise Refusal(f"{what} under gravity alone does; {cause}", Reason.NO_SIGNATURE)
     share = min(_gravity_share(recording) or 1.0, 1.0)
     if presence.detectable_rps2 > share**2 * _least_energy(recording, least_rad):
         noise = f"this noise ({presence.noise_rps:.3g} rps) may hide"
         backlash = f"what a backlash of {least_rad:.3g} rad makes"
-        raise CannotTell(
-            "too noisy", f"nothing found, but {noise} {backlash}; log more turns, or quieter"
+        raise Refusal(
+            f"nothing found, but {noise} {backlash}; log more turns, or quieter", Reason.TOO_NOISY
         )
     return replace(
         answer,
@@ -187,8 +186,8 @@ def _judge_reading(fitted: Fitted, settings: Settings, answer: Estimate) -> Esti
     share = explained_share(fitted.recording, fitted.model_rps, fitted.presence)
     if share < _LEAST_SHARE:
         what = f"a pattern repeats itself every turn, but the model explains {max(share, 0.0):.0%} of it"
-        raise CannotTell(
-            "no signature", f"{what}; a faint backlash, much friction, or another cause"
+        raise Refusal(
+            f"{what}; a faint backlash, much friction, or another cause", Reason.NO_SIGNATURE
         )
     notes: tuple[str, ...] = ()
     if abs(reading.amplitude_rps - best_rps) > _OFF * best_rps:
@@ -200,7 +199,7 @@ def _judge_reading(fitted: Fitted, settings: Settings, answer: Estimate) -> Esti
         )
     found = calibration.backlash(reading)
     if _is_outside(reading, found, calibration):
-        raise CannotTell("extrapolated calibration", _beyond(reading, found, calibration), notes)
+        raise Refusal(_beyond(reading, found, calibration), Reason.EXTRAPOLATED, notes=notes)
     if found.extrapolated:
         notes += ("at the edge of the calibration's range",)
     low, high = found.interval_rad
@@ -231,9 +230,9 @@ def _judge_torque(fit: TorqueFit, settings: Settings, answer: Estimate) -> Estim
     """Answer by the speed and torque of a log, and name what was said of the load."""
     said = str(settings.load)
     if not fit.reverses:
-        raise CannotTell(*NO_REVERSAL, (said,))
+        raise Refusal(NO_REVERSAL, Reason.NO_REVERSAL, notes=(said,))
     if fit.refusal_reason:
-        raise CannotTell("too noisy", fit.refusal_reason, (said,))
+        raise Refusal(fit.refusal_reason, Reason.TOO_NOISY, notes=(said,))
     found = _told_by_torque(fit, settings, answer)
     if not fit.is_none:
         return found
@@ -246,7 +245,7 @@ def _judge_torque(fit: TorqueFit, settings: Settings, answer: Estimate) -> Estim
 def judge_strokes(log: Log, fit: TorqueFit, settings: Settings) -> Estimate:
     """Answer by strokes to and fro; that there is no backlash they cannot tell, for a search may end there."""
     if fit.refusal_reason:
-        raise CannotTell("too noisy", fit.refusal_reason, (str(settings.load),))
+        raise Refusal(fit.refusal_reason, Reason.TOO_NOISY, notes=(str(settings.load),))
     return _finite(_told_by_torque(fit, settings, what_is_known(log, settings)))
 
 
@@ -296,15 +295,17 @@ def _judge_joint(fitted: Fitted, joint: SelfFit, least_rad: float, answer: Estim
     """Answer by the joint that the log itself tells of; a backlash that may be zero is none, or not known."""
     low, high = joint.interval_rad
     if low <= 0 and high > least_rad:
-        raise CannotTell(
-            "too noisy", f"none fits as well as up to {high:.3g} rad; log more turns, or quieter"
+        raise Refusal(
+            f"none fits as well as up to {high:.3g} rad; log more turns, or quieter",
+            Reason.TOO_NOISY,
         )
     is_none = _is_none(high, least_rad, fitted)
     if is_none:  # such a pattern has another cause
         low = 0.0
     if fitted.presence.found and not _explains(fitted, is_none):
-        raise CannotTell(
-            "no signature", "a pattern repeats itself every turn, but no backlash that explains it"
+        raise Refusal(
+            "a pattern repeats itself every turn, but no backlash that explains it",
+            Reason.NO_SIGNATURE,
         )
     return replace(
         answer,

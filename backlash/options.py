@@ -6,7 +6,7 @@ from pathlib import Path
 from backlash.endings import UNUSABLE
 from backlash.fitting import METHODS, SENSOR_METHODS
 from backlash.reading import UNITS
-from backlash.reading.refusals import one_line
+from backlash.refusals import one_line
 
 _ABOUT = (
     "Backlash, half of the total play, of a robot's joint from logs of the motor encoder and torque. The test needs "

@@ -15,8 +15,8 @@ from backlash import fleet, rows, trend_line
 from backlash.calibration import read_calibration
 from backlash.interface import settings_of, settings_of_all
 from backlash.reading.columns import SAID
-from backlash.reading.refusals import UnusableLog
 from backlash.reading.sources import name_of
+from backlash.refusals import Refusal
 from backlash.settings import MEASURING, Settings
 from backlash.trend_line import Trend
 
@@ -28,7 +28,7 @@ class Batch(NamedTuple):
     """Logs with their settings, or why they have none; `keys` are joints and dates, as far as a table has them."""
 
     logs: Sequence[Any]
-    settings: Sequence[Settings | UnusableLog]
+    settings: Sequence[Settings | Refusal]
     keys: pd.DataFrame
 
 
@@ -59,7 +59,7 @@ def estimate_many(
 
     Raises
     ------
-    UnusableLog
+    Refusal
         The table cannot be used. A log that cannot, or what its row says, only has no answer.
 
     Examples
@@ -80,7 +80,7 @@ def read_batch(source: Sequence[object] | rows.Table, words: Mapping[str, Any]) 
     """Logs, and what is said of each by its row if they are in a table, else by words that `estimate` takes."""
     if not isinstance(source, pd.DataFrame | str | PathLike):
         if not isinstance(source, Sequence):
-            raise UnusableLog(
+            raise Refusal(
                 f"one {type(source).__name__} of logs; give a list of them, or a pandas table with the column file"
             )
         keys = pd.DataFrame(index=range(len(source)))
@@ -88,20 +88,20 @@ def read_batch(source: Sequence[object] | rows.Table, words: Mapping[str, Any]) 
     logs, table = listed_logs(source, "file")
     if unknown := {*table}.difference(COLUMNS):
         known = ", ".join(COLUMNS)
-        raise UnusableLog(f"{rows.called(source)}: column {min(unknown)!r}; there are {known}")
+        raise Refusal(f"{rows.called(source)}: column {min(unknown)!r}; there are {known}")
     keys = table[[name for name in _KEYS if name in table]]
     read = cache(read_calibration)
-    settings: list[Settings | UnusableLog] = []
+    settings: list[Settings | Refusal] = []
     for log, row in zip(logs, table.drop(columns=keys).to_dict("records"), strict=True):
         own = {str(name): each for name, each in row.items() if not pd.isna(each)}
         try:
             if "calibration" in own:
                 own["calibration"] = read(own["calibration"])
             settings.append(settings_of(log, {**words, **own}))
-        except (UnusableLog, TypeError) as error:
-            why = error if isinstance(error, UnusableLog) else f"text for a number in {own}"
+        except (Refusal, TypeError) as error:
+            why = error if isinstance(error, Refusal) else f"text for a number in {own}"
             name = f"{rows.called(source)}, {Path(name_of(log)).name}"
-            settings.append(UnusableLog(f"{name}: {why}"))
+            settings.append(Refusal(f"{name}: {why}"))
     return Batch(logs, settings, keys)
 
 
@@ -119,7 +119,7 @@ def listed_logs(source: rows.Table, *columns: str) -> tuple[list[Any], pd.DataFr
 
 def trend_many(
     answers: pd.DataFrame, *, limit_rad: float | None = None, relative: bool = False
-) -> dict[str, Trend | UnusableLog]:
+) -> dict[str, Trend | Refusal]:
     """Fit a line to each joint's dated backlashes.
 
     Parameters
@@ -136,7 +136,7 @@ def trend_many(
 
     Raises
     ------
-    UnusableLog
+    Refusal
         A column is missing.
 
     Examples
@@ -147,10 +147,10 @@ def trend_many(
     {'A1': True, 'A2': True}
     """
     table = rows.read_rows(answers, *_KEYS, "file", "verdict", "backlash_high_rad")
-    found: dict[str, Trend | UnusableLog] = {}
+    found: dict[str, Trend | Refusal] = {}
     for joint, own in table.fillna({"joint": "", "reason": ""}).groupby("joint"):
         try:
             found[str(joint)] = trend_line.fit_trend(own, own["date"], limit_rad, relative)
-        except UnusableLog as refusal:
+        except Refusal as refusal:
             found[str(joint)] = refusal
     return found

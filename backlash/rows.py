@@ -6,9 +6,9 @@ from typing import TypeAlias
 
 import pandas as pd
 
-from backlash.reading.refusals import UnusableLog
 from backlash.reading.sources import MOST_TABLE_BYTES, naming, read_bytes, unpacked
 from backlash.reading.tables import MOST_COLUMNS
+from backlash.refusals import Refusal
 
 Table: TypeAlias = pd.DataFrame | str | PathLike[str]
 _TEXTS = ("file", "log", "joint", "time", "speed", "position", "torque", "calibration")
@@ -27,12 +27,10 @@ def read_rows(source: Table, *columns: str) -> pd.DataFrame:
             raise ValueError("no rows")
         return table
     except (ValueError, KeyError) as error:
-        if isinstance(error, UnusableLog):
+        if isinstance(error, Refusal):
             raise
         wanted = " and ".join(columns)
-        raise UnusableLog(
-            f"{called(source)}: no table with the columns {wanted} ({error})"
-        ) from error
+        raise Refusal(f"{called(source)}: no table with the columns {wanted} ({error})") from error
 
 
 def _read_csv(name: str) -> pd.DataFrame:
@@ -40,7 +38,7 @@ def _read_csv(name: str) -> pd.DataFrame:
     with naming(name):
         content = unpacked(read_bytes(name, MOST_TABLE_BYTES))
     if content[:_LONGEST_HEADER].split(b"\n")[0].count(b",") >= MOST_COLUMNS:
-        raise UnusableLog(f"{name}: more than {MOST_COLUMNS} columns; that is no table of logs")
+        raise Refusal(f"{name}: more than {MOST_COLUMNS} columns; that is no table of logs")
     return pd.read_csv(io.BytesIO(content), dtype=dict.fromkeys(_TEXTS, str), index_col=False)
 
 

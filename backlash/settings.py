@@ -9,7 +9,7 @@ from backlash.calibration import Calibration, OwnCalibration, default_calibratio
 from backlash.fitting import SELF, TORQUE
 from backlash.fitting.torque import LoadData
 from backlash.reading.columns import LogFormat
-from backlash.reading.refusals import UnusableLog
+from backlash.refusals import Refusal
 
 
 @dataclass(frozen=True)
@@ -59,14 +59,14 @@ def settings_for(
     data = None
     if method == TORQUE or form.torque or any(not name.endswith("_sd") for name in load):
         if own is not None or method not in (None, TORQUE):
-            raise UnusableLog(
+            raise Refusal(
                 "method torque goes without a calibration or another method: leave out one of them"
             )
         method, data = TORQUE, _load_data(form, load)
     if own is not None and method not in (None, own.method):
-        raise UnusableLog(f"--method {method}: the calibration is of method {own.method}")
+        raise Refusal(f"--method {method}: the calibration is of method {own.method}")
     if not all(isinstance(each, Integral) and each > 0 for each in (repeats, seed)):
-        raise UnusableLog("--repeats and --seed must be whole numbers, 1 or more")
+        raise Refusal("--repeats and --seed must be whole numbers, 1 or more")
     method = method or SELF
     is_alone = method in (SELF, TORQUE)  # needs only the least backlash that another would see
     used = own or default_calibration("amplitude" if is_alone else method)
@@ -82,11 +82,11 @@ def _load_data(form: LogFormat, load: Mapping[str, Any]) -> LoadData:
     known = {**load, "torque": form.torque, "gear_ratio": form.gear_ratio}
     if missing := " and ".join(needed[name] for name in needed if known.get(name) is None):
         what = "the load's data, by its ratios or its masses"
-        raise UnusableLog(f"method torque needs the torque and {what}: give {missing} too")
+        raise Refusal(f"method torque needs the torque and {what}: give {missing} too")
     if not by_masses:
         return LoadData(**load)
     if not load.keys().isdisjoint(_BY_RATIOS):
-        raise UnusableLog(
+        raise Refusal(
             "--load-mass beside --inertia-ratio or --gravity: give the load by its ratios or by its masses"
         )
     return LoadData.from_masses(known["gear_ratio"], **load)

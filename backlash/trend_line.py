@@ -19,7 +19,7 @@ from scipy.special import fdtri, ndtri, stdtrit
 from backlash import __version__, rows
 from backlash.calibration import MOST_RAD, PERIOD_MISMATCH
 from backlash.reading.columns import is_positive
-from backlash.reading.refusals import UnusableLog, one_line
+from backlash.refusals import Refusal, one_line
 from replication.arrays import FloatArray
 
 CONFIDENCE = 0.95
@@ -145,7 +145,7 @@ def dates_of(files: Sequence[Path], table: str | PathLike[str] | None = None) ->
             date = pd.to_datetime("-".join(match.groups()), errors="coerce")
         if pd.isna(date):
             where = f"in {table}" if table else "in its name (like 2024-03-17); give --dates"
-            raise UnusableLog(f"{file}: no date {where}")
+            raise Refusal(f"{file}: no date {where}")
         found.append(date)
     return found
 
@@ -158,7 +158,7 @@ def fit_trend(
 ) -> Trend:
     """Fit a line to dated backlashes in a table of answers; to amplitudes if `relative`, or if no log has an answer."""
     if limit_rad is not None and not (is_positive(limit_rad) and limit_rad <= MOST_RAD):
-        raise UnusableLog(
+        raise Refusal(
             f"--limit {limit_rad!r}: give a backlash above 0, at most {MOST_RAD:g} [rad]; 1 mrad is 0.001"
         )
     relative = relative or bool((answers["verdict"] == "cannot tell").all())
@@ -227,7 +227,7 @@ def _left_out(points: pd.DataFrame, answers: pd.DataFrame) -> list[str]:
     notes = [f"{row.file}: {row.reason or row.verdict}" for row in without.itertuples()]
     if count < _LEAST_DATES:
         few = f"{count} dates with an estimate; a trend needs {_LEAST_DATES} or more"
-        raise UnusableLog("; ".join([few, *notes[:1]]))
+        raise Refusal("; ".join([few, *notes[:1]]))
     return [f"{len(notes)} of {len(answers)} logs are left out", *notes] if notes else []
 
 
@@ -251,7 +251,7 @@ def _points(answers: pd.DataFrame, relative: bool) -> pd.DataFrame:
     turns = used["turn_period_s"]
     if relative and turns.max() > (1 + PERIOD_MISMATCH) * turns.min():
         found = f"turns of {turns.min():.4g} to {turns.max():.4g} s"
-        raise UnusableLog(f"{found}: amplitudes are only comparable between logs of one movement")
+        raise Refusal(f"{found}: amplitudes are only comparable between logs of one movement")
     points = used[columns].set_axis(["date", "file", "value", "low", "high"], axis=1)
     if relative and len(points):
         points[["value", "low", "high"]] *= 100 / points["value"].iloc[0]

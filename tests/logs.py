@@ -13,7 +13,7 @@ import pytest
 from backlash.main import main
 from backlash.reading.columns import LogFormat
 from backlash.reading.prepare import Log, open_log
-from backlash.reading.refusals import UnusableLog
+from backlash.refusals import Refusal
 from replication.records import Recording, add_uniform_noise, constant_speed
 from replication.simulator.parameters import identified_joint
 from replication.simulator.recordings import simulate_recordings
@@ -102,7 +102,7 @@ def opened(t, v, form=TURN, name="speed [rps]") -> Log:
 
 def refusal(source, form=TURN) -> str:
     """The one line with which a log is refused."""
-    with pytest.raises(UnusableLog) as caught:
+    with pytest.raises(Refusal) as caught:
         open_log(source, form)
     line = str(caught.value)
     assert "\n" not in line

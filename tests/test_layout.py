@@ -64,6 +64,8 @@ def module_of(file: Path) -> str:
 def room_of(name: str) -> str:
     """Folder of a module, such as "replication/figures"; a package's own files are a room too."""
     package, *rest = name.split(".")
+    if name.startswith("backlash.refusals"):  # one file, for all rooms of the sensor
+        return "backlash/refusals"
     return f"{package}/{rest[0]}" if rest and (ROOT / package / rest[0]).is_dir() else package
 
 

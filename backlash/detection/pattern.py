@@ -27,7 +27,7 @@ from backlash.detection.period import (
     own_period,
 )
 from backlash.reading.prepare import Log
-from backlash.reading.refusals import CannotTell
+from backlash.refusals import Reason, Refusal
 from replication.arrays import FloatArray
 from replication.records import Recording
 
@@ -153,7 +153,7 @@ def detect_pattern(log: Log, seed: int) -> Detected:
                 else f"--turn-period {period:.4f}"
             )
             cure = f"is it {instead}? if the one given is right, --trust-period"
-            raise CannotTell("wrong period", f"{_repeats(period, given, 4)}; {cure}")
+            raise Refusal(f"{_repeats(period, given, 4)}; {cure}", Reason.WRONG_PERIOD)
         notes += (f"{_repeats(period, given, 5)}: used that",)
         recording = replace(recording, turn_period_s=period)
     known = vars(log) | {"recording": recording, "notes": notes}
@@ -168,8 +168,9 @@ def find_pattern(recording: Recording, seed: int = 1) -> Presence:
     """Test whether half turns share a pattern in the band of a backlash's ring."""
     harmonics = _odd_harmonics(recording)
     if harmonics.size < LEAST_HARMONICS:
-        raise CannotTell(
-            "too short", f"a turn of {recording.turn_period_s:.3g} s has no room for an oscillation"
+        raise Refusal(
+            f"a turn of {recording.turn_period_s:.3g} s has no room for an oscillation",
+            Reason.TOO_SHORT,
         )
     halves = _half_turns(recording)
     rows = _coefficients(halves, harmonics)

@@ -30,7 +30,7 @@ from backlash.fitting.driven_load import (
     residuals,
 )
 from backlash.reading.columns import is_positive
-from backlash.reading.refusals import UnusableLog
+from backlash.refusals import Refusal
 from replication.arrays import FloatArray
 from replication.compiling import njit
 from replication.records import Recording
@@ -105,7 +105,7 @@ class LoadData:
                 isinstance(sd, Real) and 0 <= sd <= 0.5 for sd in (self.inertia_sd, self.gravity_sd)
             )
         ):
-            raise UnusableLog(
+            raise Refusal(
                 f"{self!r}: inertias and gravity must be above 0, SDs shares up to 0.5, all numbers"
             )
 
@@ -125,7 +125,7 @@ class LoadData:
         known = () if load_inertia_kgm2 is None else (load_inertia_kgm2,)
         given = (gear_ratio, motor_inertia_kgm2, load_mass_kg, load_arm_m, *known)
         if not all(map(is_positive, given)):
-            raise UnusableLog(
+            raise Refusal(
                 f"gear ratio, motor inertia, mass, arm and load inertia {given}: give finite numbers above 0"
             )
         point = load_mass_kg * load_arm_m**2
@@ -136,7 +136,7 @@ class LoadData:
                 f"; the load's inertia {said:g} is below m r^2 = {point:.4g} kg m^2: that was taken"
             )
         if said < (1 - _MOST_BELOW) * point:
-            raise UnusableLog(
+            raise Refusal(
                 f"--load-inertia {said:g}: its mass at its arm alone has {point:.4g} kg m^2; "
                 "give the inertia about the joint's axis, not about the centre of mass"
             )

@@ -12,7 +12,7 @@ import numpy as np
 import pandas as pd
 
 from backlash.reading import UNITS
-from backlash.reading.refusals import UnusableLog
+from backlash.refusals import Refusal
 from replication.arrays import FloatArray
 
 _POSITIVE = {
@@ -68,18 +68,16 @@ class LogFormat:
         for name, option in _POSITIVE.items():
             value = getattr(self, name)
             if value is not None and not is_positive(value):
-                raise UnusableLog(f"{option} {value!r}: give a finite number above 0")
+                raise Refusal(f"{option} {value!r}: give a finite number above 0")
         if self.turn_period_s is None and self.gear_ratio is None:
-            raise UnusableLog(
-                "the load's turn is not known: give --turn-period (in s) or --gear-ratio"
-            )
+            raise Refusal("the load's turn is not known: give --turn-period (in s) or --gear-ratio")
         if self.speed is not None and self.position is not None:
-            raise UnusableLog("--speed and --position: give one of them")
+            raise Refusal("--speed and --position: give one of them")
         if self.unit is not None and self.unit not in UNITS:
-            raise UnusableLog(f"--unit {self.unit}: there are {', '.join(UNITS)}")
+            raise Refusal(f"--unit {self.unit}: there are {', '.join(UNITS)}")
         part = self.start_s or 0.0, np.inf if self.end_s is None else self.end_s
         if not (all(isinstance(end, Real) for end in part) and part[0] < part[1]):
-            raise UnusableLog(
+            raise Refusal(
                 f"--from {self.start_s!r} --to {self.end_s!r}: give seconds, the end after the start"
             )
 
@@ -141,7 +139,7 @@ def given_column(columns: Sequence[str], given: str) -> str:
         return same[0]
     if given.isdigit() and 1 <= int(given) <= len(columns):
         return columns[int(given) - 1]
-    raise UnusableLog(f"no column {given!r}; there are {_listed(columns)}")
+    raise Refusal(f"no column {given!r}; there are {_listed(columns)}")
 
 
 def _column_like(columns: Sequence[str], what: str) -> str | None:
@@ -155,7 +153,7 @@ def _column_like(columns: Sequence[str], what: str) -> str | None:
     fitting = exact or [column for column in columns if words[column] & names]
     fitting = [column for column in fitting if "motor" in words[column]] or fitting
     if len(fitting) > 1:
-        raise UnusableLog(f"which column is the {what}: {_listed(fitting)}? give --{what}")
+        raise Refusal(f"which column is the {what}: {_listed(fitting)}? give --{what}")
     return fitting[0] if fitting else None
 
 
@@ -164,14 +162,14 @@ def choose_columns(table: pd.DataFrame, form: LogFormat) -> tuple[str | None, st
     columns = list(table.columns)
     least = 1 if form.rate_hz else 2
     if len(columns) < least:
-        raise UnusableLog(
+        raise Refusal(
             "one column; a log needs time and motor speed, or time and position, or --rate"
         )
     given = form.speed or form.position
     nameless = all(column.isdigit() for column in columns)
     if nameless and given is None:
         if len(columns) > 2:
-            raise UnusableLog(
+            raise Refusal(
                 f"{len(columns)} columns without names; give --time and --speed by number"
             )
         return columns[0], columns[-1], False
@@ -179,13 +177,13 @@ def choose_columns(table: pd.DataFrame, form: LogFormat) -> tuple[str | None, st
     if given is not None:
         column = given_column(columns, given)
         if column in (time, form.torque):
-            raise UnusableLog(f"column {column!r} cannot be both the time or torque and the signal")
+            raise Refusal(f"column {column!r} cannot be both the time or torque and the signal")
         return time, column, form.position is not None
     rest = [column for column in columns if column not in (time, form.torque)]
     speed = _column_like(rest, "speed")
     signal = speed or _column_like(rest, "position")
     if signal is None:
-        raise UnusableLog(f"no column of speed or position among {_listed(columns)}; give --speed")
+        raise Refusal(f"no column of speed or position among {_listed(columns)}; give --speed")
     return time, signal, speed is None
 
 
@@ -196,7 +194,7 @@ def _time_column(columns: Sequence[str], form: LogFormat, nameless: bool) -> str
         return exact[0] if exact else None
     time = given_column(columns, given) if given else _column_like(columns, "time")
     if time is None:
-        raise UnusableLog(f"no column of time among {_listed(columns)}; give --time, or --rate")
+        raise Refusal(f"no column of time among {_listed(columns)}; give --time, or --rate")
     return time
 
 
@@ -222,9 +220,9 @@ def numbers(table: pd.DataFrame, column: str) -> FloatArray:
             if pd.isna(cell)
             else f"is {str(cell)[:40]!r}, no finite number"
         )
-        raise UnusableLog(f"{column} {what}; mend or cut the log there", table.index[bad[0]])
+        raise Refusal(f"{column} {what}; mend or cut the log there", row=table.index[bad[0]])
     if np.abs(found).max(initial=0.0) > 1e30:
-        raise UnusableLog(f"{column} has values above 1e30; that is no measurement")
+        raise Refusal(f"{column} has values above 1e30; that is no measurement")
     return found
 
 
@@ -246,11 +244,11 @@ def seconds(
         if dates.notna().mean() > 0.5:
             if dates.isna().any():
                 row = table.index[np.flatnonzero(dates.isna())[0]]
-                raise UnusableLog(f"{column} is no date-time; mend or cut the log there", row)
+                raise Refusal(f"{column} is no date-time; mend or cut the log there", row=row)
             return (dates - dates.iloc[0]).dt.total_seconds().to_numpy(dtype=float), ()
     stamps, unit = numbers(table, column), given_unit or _plain(column)[1]
     if unit and unit not in _SECONDS:
-        raise UnusableLog(
+        raise Refusal(
             f"the unit {unit!r} of {column!r} is not known; there are {', '.join(_SECONDS)}"
         )
     if not unit and stamps.size:  # since 1970, from 2001 on
@@ -265,24 +263,22 @@ def unit_of(column: str, is_position: bool, form: LogFormat) -> tuple[str, tuple
     """Unit of a speed or position, and a note if that is a guess."""
     said = _plain(column)[1]
     if said in _KNOWN["spellings"] and form.unit and PER_TURN.get(said) != PER_TURN.get(form.unit):
-        raise UnusableLog(
+        raise Refusal(
             f"column {column!r} says {said}, --unit says {form.unit}; leave --unit out, or rename"
         )
     unit = form.unit or said or ("counts" if form.counts_per_turn else "")
     if unit not in ("", *_KNOWN["spellings"]):
-        raise UnusableLog(
+        raise Refusal(
             f"the unit {unit!r} of {column!r} is not known; give --unit, one of {', '.join(UNITS)}"
         )
     if unit == "" and is_position:
-        raise UnusableLog(
+        raise Refusal(
             f"the unit of {column!r} is not known; give --unit (rps for turns, rad/s for rad)"
         )
     if unit == "counts" and form.counts_per_turn is None:
-        raise UnusableLog(
-            "counts need the encoder's counts of a motor turn; give --counts-per-turn"
-        )
+        raise Refusal("counts need the encoder's counts of a motor turn; give --counts-per-turn")
     if is_position and unit == "rpm":
-        raise UnusableLog(
+        raise Refusal(
             "a position has no unit rpm; give --unit rps for turns, rad/s for rad, or counts"
         )
     return unit or "rps", () if unit else ("unit of the speed not said: taken as rps",)

@@ -18,8 +18,8 @@ from backlash.reading.columns import (
     unit_of,
     with_whole_stamps,
 )
-from backlash.reading.refusals import CannotTell, UnusableLog
 from backlash.reading.sources import Source, Table, read_source
+from backlash.refusals import Reason, Refusal
 from replication.arrays import FloatArray
 from replication.records import Recording
 
@@ -102,8 +102,9 @@ def prepare(table: Table, form: LogFormat) -> Log:
     """Prepare the record of a table."""
     try:
         return _prepare(table, form)
-    except UnusableLog as error:
-        raise error if table.sha256 is None else error.in_file(table.file) from error
+    except Refusal as error:
+        is_told_elsewhere = table.sha256 is None or not error.is_unusable
+        raise error if is_told_elsewhere else error.in_file(table.file) from error
 
 
 def _prepare(table: Table, form: LogFormat) -> Log:
@@ -127,7 +128,7 @@ def _prepare(table: Table, form: LogFormat) -> Log:
         samples = _averaged(samples)
         _refuse_clipping(samples)
         return _log_of(samples, table, form)
-    except CannotTell as refusal:
+    except Refusal as refusal:
         refusal.notes = samples.notes
         raise
 
@@ -148,7 +149,7 @@ def _read_samples(table: pd.DataFrame, time: str | None, column: str, form: LogF
     if not kept.all():
         notes += (f"used {kept.sum()} of {t.size} samples, by --from and --to",)
         if not kept.any():
-            raise UnusableLog(f"no samples between --from and --to; the log lasts {t[-1]:.6g} s")
+            raise Refusal(f"no samples between --from and --to; the log lasts {t[-1]:.6g} s")
     torque = None if form.torque is None else numbers(table[kept], form.torque)
     samples = _Samples(
         t[kept], numbers(table[kept], column), table.index.to_numpy()[kept], notes, torque
@@ -159,7 +160,7 @@ def _read_samples(table: pd.DataFrame, time: str | None, column: str, form: LogF
         )
     _check_clock(samples)
     if np.ptp(samples.v) == 0:
-        raise UnusableLog(
+        raise Refusal(
             f"{column} never changes, it is {samples.v[0]:g} throughout; is it the right column?"
         )
     return samples
@@ -168,7 +169,7 @@ def _read_samples(table: pd.DataFrame, time: str | None, column: str, form: LogF
 def _check_clock(samples: _Samples) -> None:
     t = samples.t
     if t.size < 3:
-        raise UnusableLog(
+        raise Refusal(
             f"{t.size} sample{'s' * (t.size != 1)}; a log of {_LEAST_TURNS} load turns is needed"
         )
     wrong = np.flatnonzero(np.diff(t) <= 0)
@@ -176,8 +177,8 @@ def _check_clock(samples: _Samples) -> None:
         k = wrong[0] + 1
         what = "repeats the one before" if t[k] == t[k - 1] else "goes backward"
         cure = "sort the log, drop doubled rows, and export stamps with all their digits"
-        raise UnusableLog(
-            f"its time stamp {what} ({wrong.size} such rows); {cure}", samples.rows[k]
+        raise Refusal(
+            f"its time stamp {what} ({wrong.size} such rows); {cure}", row=samples.rows[k]
         )
 
 
@@ -215,7 +216,7 @@ def _unwrapped(samples: _Samples, form: LogFormat) -> _Samples:
     jumps = int(np.count_nonzero(np.abs(best - steps) > 1e-9))
     if jumps and np.count_nonzero(best * np.median(best) < 0) > 0.2 * best.size:
         problem = "the position starts anew faster than it is sampled, or moves to and fro"
-        raise UnusableLog(f"{problem}; give --commanded-speed, or sample faster")
+        raise Refusal(f"{problem}; give --commanded-speed, or sample faster")
     note = f"the position starts anew every {modulus:g} motor turns: unwrapped {jumps} times"
     turns = turns[0] + np.concatenate([[0.0], np.cumsum(best)])
     return samples.changed(note, v=turns) if jumps else samples
@@ -227,13 +228,11 @@ def _sampling_period(samples: _Samples) -> float:
     dt = float(steps[steps <= _LONGEST_STEP * np.median(steps)].mean())
     rate = 1.0 / max(dt, 1e-300)
     if rate > _MOST_HZ:
-        raise UnusableLog(
-            f"{rate:.3g} samples a second: are the stamps in s? then give --time-unit s"
-        )
+        raise Refusal(f"{rate:.3g} samples a second: are the stamps in s? then give --time-unit s")
     if rate < _LEAST_RATE_HZ:
         needed = f"{_LEAST_RATE_HZ:g} Hz at least, {_GOOD_RATE_HZ:.0f} Hz to be measured well"
         what = f"sampled at {rate:.3g} Hz; the {_RING_HZ:g} Hz oscillation after an impact needs {needed}"
-        raise UnusableLog(f"{what} (are the time stamps in s? if not, give --time-unit)")
+        raise Refusal(f"{what} (are the time stamps in s? if not, give --time-unit)")
     return dt
 
 
@@ -246,13 +245,13 @@ def _longest_clean(t: FloatArray, first: int, last: int, dt: float) -> tuple[int
     return int(ends[best]), int(ends[best + 1])
 
 
-def _describe_gap(samples: _Samples, first: int, last: int) -> UnusableLog:
+def _describe_gap(samples: _Samples, first: int, last: int) -> Refusal:
     """The refusal of samples for their longest gap."""
     steps = np.diff(samples.t[first:last])
     k = first + int(steps.argmax())
     gap = f"a gap of {steps.max():.3g} s in the constant speed, at t = {samples.t[k]:.4g} s"
     cure = "no part without one is long enough; log again"
-    return UnusableLog(f"{gap}; {cure}", samples.rows[k + 1])
+    return Refusal(f"{gap}; {cure}", row=samples.rows[k + 1])
 
 
 def _grid_numbers(t: FloatArray, dt: float) -> NDArray[np.int64]:
@@ -386,7 +385,7 @@ def _at_constant_speed(
     t, v = samples.t, samples.v
     if v.size < _LEAST_SAMPLES:
         found = f"{t[-1] - t[0]:.3g} s in {t.size} samples"
-        raise CannotTell("too short", f"{found}; {_LEAST_TURNS} load turns are needed")
+        raise Refusal(f"{found}; {_LEAST_TURNS} load turns are needed", Reason.TOO_SHORT)
     if is_position:
         v = _rough_speed(v, t, dt)
     if 1 / dt > _FASTEST_HZ:
@@ -396,12 +395,12 @@ def _at_constant_speed(
     smooth = moving_mean(v, width)
     level = _level(smooth, form.expected_speed_rps)
     if level <= max(float(np.std(v - smooth)), _SLOWEST_RPS):
-        raise CannotTell("not constant speed", "the motor stands still, or turns both ways")
+        raise Refusal("the motor stands still, or turns both ways", Reason.NOT_CONSTANT_SPEED)
     _check_speed(level, form)
     period = form.period_s(level)
     if period < _LEAST_SAMPLES * dt:
-        raise CannotTell(
-            "too short", f"a load turn of {period:.3g} s is {period / dt:.1f} samples long"
+        raise Refusal(
+            f"a load turn of {period:.3g} s is {period / dt:.1f} samples long", Reason.TOO_SHORT
         )
     is_level = np.abs(np.abs(smooth) / level - 1) < form.speed_tolerance
     first, last = _longest_run(np.where(is_level, np.sign(smooth), 0.0))
@@ -416,8 +415,8 @@ def _at_constant_speed(
             return _cut(samples, *_longest_clean(t, 0, v.size, dt))
         if (t[whole[1] - 1] - t[whole[0]]) / period >= needed:
             raise _describe_gap(samples, *whole)
-        reason = "too short" if last - first > 0.9 * v.size else "not constant speed"
-        raise CannotTell(reason, _too_few(turns, period, level, form))
+        reason = Reason.TOO_SHORT if last - first > 0.9 * v.size else Reason.NOT_CONSTANT_SPEED
+        raise Refusal(_too_few(turns, period, level, form), reason)
     samples = _cut(samples, first, last)
     if turns > _MOST_TURNS:
         kept = slice(round(_MOST_TURNS * period / dt) + 1)
@@ -484,7 +483,9 @@ def _log_of(samples: _Samples, table: Table, form: LogFormat) -> Log:
     quarter = v.size // 4
     drift = float(v[-quarter:].mean() - v[:quarter].mean())
     if not strokes and abs(drift) > _MOST_DRIFT * mean:
-        raise CannotTell("not constant speed", f"it drifts by {drift:+.3g} rps from {mean:.4g} rps")
+        raise Refusal(
+            f"it drifts by {drift:+.3g} rps from {mean:.4g} rps", Reason.NOT_CONSTANT_SPEED
+        )
     period = form.period_s(mean)
     ratio = form.gear_ratio
     if form.turn_period_s is None:
@@ -493,7 +494,7 @@ def _log_of(samples: _Samples, table: Table, form: LogFormat) -> Log:
         )
     elif ratio is not None and abs(ratio / mean / period - 1) > _UNIT_TOLERANCE:
         turn = f"gear ratio {ratio:g} at {mean:.5g} rps makes turns of {ratio / mean:.4g} s"
-        raise CannotTell("wrong period", f"{turn}, not the {period:g} s given")
+        raise Refusal(f"{turn}, not the {period:g} s given", Reason.WRONG_PERIOD)
     recording = Recording(
         samples.t - samples.t[0], v, form.commanded_speed_rps or mean, period, table.file
     )
@@ -515,18 +516,18 @@ def _check_speed(level: float, form: LogFormat) -> None:
     )
     if expected is None and level > _FASTEST_RPS:
         hint = "is it in rpm, rad/s or deg/s? then give --unit, else --commanded-speed"
-        raise UnusableLog(f"the speed is {level:.4g} rps, more than motors turn; {hint}")
+        raise Refusal(f"the speed is {level:.4g} rps, more than motors turn; {hint}")
     if expected is None or abs(level / expected - 1) < _UNIT_TOLERANCE:
         return
     unit = form.unit or "rps"
     for other in UNITS[:-1] if unit in PER_TURN else ():
         if other != unit and abs(level / expected * PER_TURN[unit] / PER_TURN[other] - 1) < 0.05:
             hint = f"is the speed in {other}? then give --unit {other}"
-            raise UnusableLog(f"the speed is {level:.4g} rps, {expected:.4g} rps {why}; {hint}")
+            raise Refusal(f"the speed is {level:.4g} rps, {expected:.4g} rps {why}; {hint}")
     if form.expected_speed_rps is not None:
-        raise CannotTell(
-            "not constant speed",
+        raise Refusal(
             f"the log keeps {level:.4g} rps longest, not {expected:.4g} rps, {why}",
+            Reason.NOT_CONSTANT_SPEED,
         )
 
 
@@ -541,9 +542,9 @@ def _refuse_spikes(v: FloatArray, rows: NDArray[np.int64], form: LogFormat) -> N
         spike = f"{v[k]:.4g} rps beside {v[k - 1]:.4g}"
         if away.size > _MOST_SPIKES:
             what = f"{away.size} samples stray from their neighbours, {spike}: is the speed differentiated"
-            raise UnusableLog(f"{what} by uneven stamps? log the position, or --rate", rows[k])
-        raise UnusableLog(
-            f"a spike, {spike} ({away.size} in all); mend or cut the log there", rows[k]
+            raise Refusal(f"{what} by uneven stamps? log the position, or --rate", row=rows[k])
+        raise Refusal(
+            f"a spike, {spike} ({away.size} in all); mend or cut the log there", row=rows[k]
         )
 
 
@@ -557,4 +558,4 @@ def _refuse_clipping(samples: _Samples) -> None:
         held = np.flatnonzero(at[2:] & at[1:-1] & at[:-2])
         if held.size > 0.005 * v.size:
             clipped = f"the speed is clipped at {limit:.6g} rps in {np.count_nonzero(at)} samples"
-            raise UnusableLog(f"{clipped}; log it with a wider range", samples.rows[held[0]])
+            raise Refusal(f"{clipped}; log it with a wider range", row=samples.rows[held[0]])

@@ -21,8 +21,8 @@ import pandas as pd
 from numpy.typing import ArrayLike
 
 from backlash.reading.columns import LogFormat
-from backlash.reading.refusals import UnusableLog
 from backlash.reading.tables import CUT, read_table
+from backlash.refusals import Refusal
 
 STDIN = "-"
 MOST_BYTES = 64 * 2**20  # of a log, packed or not
@@ -70,7 +70,7 @@ def read_source(
         frame = source.rename_axis(named).reset_index(drop=named is None).rename(columns=str)
         return Table(file=name, frame=frame)
     if v is None:
-        raise UnusableLog(
+        raise Refusal(
             f"one {type(source).__name__} is no log: give time and speed as arrays of one length, or a pandas table, "
             "as to_pandas() or to_dataframe() of other tables make it"
         )
@@ -82,7 +82,7 @@ def read_source(
     }
     shapes = [each.shape for each in arrays.values()]
     if len(shapes[0]) != 1 or len(set(shapes)) > 1:
-        raise UnusableLog(
+        raise Refusal(
             f"arrays of shapes {' and '.join(map(str, shapes))}; give time and speed of one length, or a pandas table"
         )
     return Table(file=name, frame=pd.DataFrame(arrays))
@@ -100,21 +100,19 @@ def naming(name: str) -> Iterator[None]:
     """Refuse a file that cannot be read by its name, in one line."""
     try:
         yield
-    except UnusableLog as error:
+    except Refusal as error:
         raise error.in_file(name) from error
     except (EOFError, OSError, zlib.error, csv.Error, ValueError, MemoryError) as error:
         other = f"cannot be read ({error}); check its name, or export it again"
         why = _UNREADABLE.get(type(error), other)
-        raise UnusableLog(
-            f"{name}: {why.replace('{}', str(Path(name).absolute().parent))}"
-        ) from error
+        raise Refusal(f"{name}: {why.replace('{}', str(Path(name).absolute().parent))}") from error
 
 
 def read_bytes(name: str, most: int = MOST_BYTES) -> bytes:
     """Content of a file, of a pipe like `<(command)`, or of the standard input ("-"), never more than `most`."""
     if name == STDIN:
         if sys.stdin is None:
-            raise UnusableLog("the standard input is closed")
+            raise Refusal("the standard input is closed")
         return _take(sys.stdin.buffer, most)
     with open(name, "rb", buffering=0, opener=_open_at_once) as file:
         is_file = stat.S_ISREG(os.fstat(file.fileno()).st_mode)
@@ -131,13 +129,13 @@ def _take(file: Any, most: int, patience_s: float | None = None) -> bytes:
     content = bytearray()
     while True:
         if patience_s and not select.select([file], [], [], patience_s)[0]:
-            raise UnusableLog(f"nothing came out of it for {patience_s:g} s; is it a file?")
+            raise Refusal(f"nothing came out of it for {patience_s:g} s; is it a file?")
         chunk = file.read(2**20)
         content += chunk or b""
         if chunk == b"":
             return bytes(content)
         if len(content) > most:
-            raise UnusableLog(f"more than the {most // 2**20} MiB that are read; {CUT}")
+            raise Refusal(f"more than the {most // 2**20} MiB that are read; {CUT}")
 
 
 def unpacked(content: bytes) -> bytes:

@@ -15,7 +15,7 @@ from contextlib import closing
 
 import pandas as pd
 
-from backlash.reading.refusals import UnusableLog, library
+from backlash.refusals import Refusal, library
 
 # An hour at 500 Hz is 1.8 million rows, and a log needs some 5 s of it.
 MOST_ROWS = 2_000_000
@@ -56,7 +56,7 @@ _UNIT_WORD = re.compile(r"[\[(<]?\s*[A-Za-z°µ%/.^\-0-9]{0,8}( ?s\^?-1)?\s*[\])
 def read_table(content: bytes, least: int = 2) -> pd.DataFrame:
     """Columns of a log, `least` or more, by name, or from 1 without a header; the index is the file's row."""
     if not content:
-        raise UnusableLog("the file is empty; export the log again")
+        raise Refusal("the file is empty; export the log again")
     if content.startswith(b"PAR1"):
         return _read_parquet(content, least)
     if content.startswith(b"PK"):
@@ -80,13 +80,13 @@ def _read_parquet(content: bytes, least: int) -> pd.DataFrame:
                 numbers = table.column(number).cast(float64)
                 table = table.set_column(number, field.name, numbers)
         frame = table.to_pandas(ignore_metadata=True)
-    except UnusableLog:
+    except Refusal:
         raise
     except Exception as error:  # whatever hostile bytes make the library raise
         problem = f"a broken Parquet file ({type(error).__name__}: {str(error)[:200]})"
-        raise UnusableLog(f"{problem}; export the log again, or as CSV") from error
+        raise Refusal(f"{problem}; export the log again, or as CSV") from error
     if frame.shape[1] < least:
-        raise UnusableLog(
+        raise Refusal(
             "no two columns of numbers in this Parquet file; export time and speed as CSV"
         )
     frame.index = frame.index + 1
@@ -95,11 +95,11 @@ def _read_parquet(content: bytes, least: int) -> pd.DataFrame:
 
 def _check_size(rows: int, columns: int) -> None:
     if rows > MOST_ROWS:
-        raise UnusableLog(f"more than {MOST_ROWS:,} rows; {CUT}")
+        raise Refusal(f"more than {MOST_ROWS:,} rows; {CUT}")
     if columns > MOST_COLUMNS:
-        raise UnusableLog(f"more than {MOST_COLUMNS} columns; export time and speed alone")
+        raise Refusal(f"more than {MOST_COLUMNS} columns; export time and speed alone")
     if rows * columns > MOST_CELLS:
-        raise UnusableLog(f"{rows:,} rows of {columns} columns; export time and speed alone")
+        raise Refusal(f"{rows:,} rows of {columns} columns; export time and speed alone")
 
 
 def _named(frame: pd.DataFrame, above: Sequence[Sequence[str]], first: int) -> pd.DataFrame:
@@ -161,9 +161,7 @@ def _find_dialect(lines: Sequence[str], least: int) -> tuple[str, str]:
 
     best = max(_DIALECTS, key=score)
     if score(best) < 1:
-        raise UnusableLog(
-            "no rows with two numbers (header only, or no table); export the log again"
-        )
+        raise Refusal("no rows with two numbers (header only, or no table); export the log again")
     return best
 
 
@@ -172,7 +170,7 @@ def _encoding(content: bytes) -> str:
     if content.startswith(_UTF16):
         return "utf-16"
     if b"\0" in content[:_LONGEST_LINE] or content.startswith(b"%PDF"):
-        raise UnusableLog(
+        raise Refusal(
             "neither text nor .xlsx nor Parquet; export the log as CSV, or hand its columns over from Python"
         )
     try:
@@ -187,16 +185,14 @@ def _table_of(content: bytes, encoding: str, least: int) -> pd.DataFrame:
     text = content[: 2 * _LONGEST_LINE].decode(encoding, "replace")[:_LONGEST_LINE]
     head = re.split(r"\r\n|\r|\n", text)[:400]
     if len(head) < 2 and len(text) >= _LONGEST_LINE:
-        raise UnusableLog(
-            f"its first line is longer than {_LONGEST_LINE} characters; that is no log"
-        )
+        raise Refusal(f"its first line is longer than {_LONGEST_LINE} characters; that is no log")
     filled = [
         (number, line.lstrip("#%").strip())
         for number, line in enumerate(head)
         if line.strip("#%,;\t \r")
     ]
     if not filled:
-        raise UnusableLog("nothing but blank lines; export the log again")
+        raise Refusal("nothing but blank lines; export the log again")
     last = [line for _, line in filled[-50:]]
     delimiter, decimal = _find_dialect(last, least)
     grouped = any(
@@ -226,7 +222,7 @@ def _table_of(content: bytes, encoding: str, least: int) -> pd.DataFrame:
             thousands={",": ".", ".": ","}[decimal] if grouped else None,
         )
     except (ValueError, pd.errors.ParserError, OverflowError) as error:
-        raise UnusableLog(f"not a table ({error}); export the log again") from error
+        raise Refusal(f"not a table ({error}); export the log again") from error
     return _named(frame, above, first)
 
 
@@ -235,24 +231,22 @@ def _inspect_workbook(bundle: zipfile.ZipFile) -> None:
     refused = "a zip archive that is no plain workbook"
     members = {member.filename: member.file_size for member in bundle.infolist()}
     if "xl/workbook.xml" not in members:
-        raise UnusableLog(
-            f"{refused} (it has no xl/workbook.xml); unpack it, or save the log as CSV"
-        )
+        raise Refusal(f"{refused} (it has no xl/workbook.xml); unpack it, or save the log as CSV")
     declared = sum(members.values())
     if len(bundle.infolist()) > MOST_ZIP_MEMBERS or declared > MOST_UNPACKED_BYTES:
         unpacked = f"{declared / 2**20:,.0f} MiB, above {MOST_UNPACKED_BYTES // 2**20}"
         parts = f"{refused}: {len(members)} parts that unpack to {unpacked}"
-        raise UnusableLog(f"{parts}; save the test movement alone, as CSV")
+        raise Refusal(f"{parts}; save the test movement alone, as CSV")
     sheets = _sheets(bundle)
     for name, size in members.items():
         if size > MOST_PART_BYTES and name not in sheets:
             what = f"{name} unpacks to {size / 2**20:,.0f} MiB, above {MOST_PART_BYTES // 2**20}"
-            raise UnusableLog(f"{refused}: {what}; save the log as CSV")
+            raise Refusal(f"{refused}: {what}; save the log as CSV")
         if name in sheets:
             _count_cells(bundle.read(name))
     macros = any(name.lower().endswith("vbaproject.bin") for name in members)
     if macros or b"macroEnabled" in bundle.read("[Content_Types].xml"):
-        raise UnusableLog("a workbook with macros; save it as .xlsx without them")
+        raise Refusal("a workbook with macros; save it as .xlsx without them")
 
 
 def _sheets(bundle: zipfile.ZipFile) -> set[str]:
@@ -270,13 +264,11 @@ def _sheets(bundle: zipfile.ZipFile) -> set[str]:
 def _count_cells(sheet: bytes) -> None:
     """Refuse a sheet of too many cells before the library takes gigabytes for it, also for empty ones."""
     if sheet.startswith(_UTF16) or b"\0" in sheet[:4]:
-        raise UnusableLog(
-            "its sheet is in UTF-16, as no spreadsheet writes it; save the log as CSV"
-        )
+        raise Refusal("its sheet is in UTF-16, as no spreadsheet writes it; save the log as CSV")
     _check_size(sum(1 for _ in _ROW.finditer(sheet)), 0)
     cells = sum(1 for _ in _CELL.finditer(sheet))
     if max(cells, sheet.count(b"<") // 8) > MOST_SHEET_CELLS:
-        raise UnusableLog(f"more than {MOST_SHEET_CELLS:,} cells; {CUT}")
+        raise Refusal(f"more than {MOST_SHEET_CELLS:,} cells; {CUT}")
 
 
 def _read_workbook(content: bytes) -> bytes:
@@ -295,10 +287,10 @@ def _read_workbook(content: bytes) -> bytes:
             for number, row in enumerate(book.worksheets[0].iter_rows(values_only=True)):
                 _check_size(number, len(row))
                 writer.writerow(row)
-    except UnusableLog:
+    except Refusal:
         raise
     except Exception as error:  # whatever hostile bytes make the libraries raise
-        raise UnusableLog(
+        raise Refusal(
             f"not a readable workbook ({type(error).__name__}: {str(error)[:200]}); save the log as CSV"
         ) from error
     return text.getvalue().encode()

@@ -191,4 +191,5 @@ def changed_joint(joint: JointParameters, factors: Mapping[str, float]) -> Joint
 def identified_joint() -> JointParameters:
     """Return the joint identified from the published signals (``data/joint.json``)."""
     data = json.loads(files("replication").joinpath("data/joint.json").read_text(encoding="utf-8"))
-    return joint_from_ratios(data["ratios"], **data["drive"])
+    names = ("stiffness_per_s2", "gravity_per_s2", "inertia_ratio", *GAINS, *PLAIN_RATIOS)
+    return joint_from_ratios(dict(zip(names, data["ratios"].values(), strict=True)))

@@ -3,7 +3,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from backlash.reading.refusals import UnusableLog
+from backlash.refusals import Refusal
 from tests.logs import TURN, noisy, opened
 
 PER_TURN = {"rps": 1.0, "rpm": 60.0, "rad/s": 2 * np.pi, "deg/s": 360.0}
@@ -59,7 +59,7 @@ def test_a_column_is_read_in_the_unit_of_its_name(unit, name):
 )
 def test_an_unknown_unit_is_an_error_unless_it_is_given(name):
     with pytest.raises(
-        UnusableLog, match=r"of 'speed.* is not known; give --unit, one of rps, rpm, rad/s, deg/s"
+        Refusal, match=r"of 'speed.* is not known; give --unit, one of rps, rpm, rad/s, deg/s"
     ):
         notes_and_speed(name)
     np.testing.assert_allclose(notes_and_speed(name, 60.0, replace(TURN, unit="rpm"))[1], noisy().v)

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from backlash.calibration import Calibration, default_calibration, fit_calibration
 from backlash.fitting.readings import METHODS, Reading, read
-from backlash.reading.refusals import UnusableLog
+from backlash.refusals import Refusal
 from replication import published
 from replication.characteristic import equation_10
 from replication.records import add_uniform_noise, from_sample, level_delta_rad
@@ -98,7 +98,7 @@ def test_unusable_backlashes_are_refused(records, deltas, words):
 
 def test_a_calibration_that_says_hardly_more_than_its_range_is_refused(records):
     scattered = [4e-4, 12e-4, 5e-4, 13e-4, 9e-4, 17e-4, 10e-4, 18e-4]
-    with pytest.raises(UnusableLog, match=r"the uncertainty, 0.7\d\d mrad, is 5\d% of the range"):
+    with pytest.raises(Refusal, match=r"the uncertainty, 0.7\d\d mrad, is 5\d% of the range"):
         fit_calibration(records, scattered, "energy")
 
 

@@ -15,7 +15,7 @@ from backlash.detection.pattern import (
 from backlash.detection.period import FALSE_ALARMS, own_period
 from backlash.reading.columns import LogFormat
 from backlash.reading.prepare import Log
-from backlash.reading.refusals import CannotTell
+from backlash.refusals import Refusal
 from replication.records import Recording
 from replication.signature import Timing, signature
 from replication.standins import Spread, draw_bench, encoder_log
@@ -117,7 +117,7 @@ def test_a_signature_explains_itself_and_not_another_pattern():
 
 
 def test_a_turn_without_room_for_an_oscillation_is_told_apart():
-    with pytest.raises(CannotTell, match="no room for an oscillation"):
+    with pytest.raises(Refusal, match="no room for an oscillation"):
         find_pattern(replace(noisy(), turn_period_s=0.01))
 
 
@@ -145,7 +145,7 @@ def test_a_turn_stands_though_a_large_backlash_repeats_itself_after_two():
 def test_a_period_that_is_trusted_is_not_looked_for():
     form = LogFormat(turn_period_s=0.5)
     log = Log(file="log", recording=replace(noisy(), turn_period_s=0.5), form=form)
-    with pytest.raises(CannotTell, match="wrong period"):
+    with pytest.raises(Refusal, match="wrong period"):
         detect_pattern(log, 1)
     trusted = detect_pattern(replace(log, form=replace(form, trust_period=True)), 1)
     assert (trusted.recording.turn_period_s, trusted.notes) == (0.5, ())

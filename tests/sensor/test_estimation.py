@@ -15,7 +15,7 @@ from backlash.examine import examine, examine_recording
 from backlash.judge import _earned
 from backlash.reading.columns import LogFormat
 from backlash.reading.prepare import Log
-from backlash.reading.refusals import CannotTell, UnusableLog
+from backlash.refusals import Refusal
 from backlash.settings import settings_for
 from replication.records import Recording, add_uniform_noise
 from replication.simulator.parameters import identified_joint, with_ratios
@@ -151,7 +151,7 @@ def test_an_oscillation_is_no_absence_and_an_absence_has_no_amplitude():
         for record in (noisy(), noisy(0.0))
     )
     found = Estimate("log", amplitude_rps=0.06, amplitude_interval_rps=(0.058, 0.063))
-    with pytest.raises(CannotTell, match=r"an oscillation of 0\.06 rps repeats itself every turn"):
+    with pytest.raises(Refusal, match=r"an oscillation of 0\.06 rps repeats itself every turn"):
         _earned(found, ringing)
     assert _earned(found, healthy).amplitude_interval_rps is None
 
@@ -314,7 +314,7 @@ def test_whatever_the_table_there_is_an_answer_or_a_refusal_and_never_a_nan(seed
     options = settings_for(LogFormat(**form), method=made["method"])
     try:
         check(examine(frame, options).estimate)
-    except UnusableLog as error:
+    except Refusal as error:
         assert "\n" not in str(error)  # noqa: PT017
 
 

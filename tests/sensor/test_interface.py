@@ -66,22 +66,22 @@ def test_arrays_a_table_a_file_and_a_log_that_was_read_have_one_answer(tmp_path)
 def test_what_cannot_be_used_is_an_error_of_one_line(said, words, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     write(noisy(), tmp_path / "log.csv")
-    with pytest.raises(backlash.UnusableLog, match=words) as caught:
+    with pytest.raises(backlash.Refusal, match=words) as caught:
         backlash.estimate(**({"log": "log.csv", "turn_period_s": 0.4} | said))
     assert "\n" not in str(caught.value)
 
 
 def test_what_other_calls_cannot_use_is_an_error_too(tmp_path):
     log, how = write(noisy(), tmp_path / "log.csv"), {"turn_period_s": 0.4}
-    with pytest.raises(backlash.UnusableLog, match=r"too short: 2\.4 load turns"):
+    with pytest.raises(backlash.Refusal, match=r"too short: 2\.4 load turns"):
         backlash.read_log(log, turn_period_s=2.0)
-    with pytest.raises(backlash.UnusableLog, match="was read already"):
+    with pytest.raises(backlash.Refusal, match="was read already"):
         backlash.estimate(backlash.read_log(log, **how), gear_ratio=40)
-    with pytest.raises(backlash.UnusableLog, match="1 dates"):
+    with pytest.raises(backlash.Refusal, match="1 dates"):
         backlash.trend([log] * 3, ["2024-01-01"] * 3, method="energy", **how)
-    with pytest.raises(backlash.UnusableLog, match="one dict of logs"):
+    with pytest.raises(backlash.Refusal, match="one dict of logs"):
         backlash.estimate_many({"file": [log]}, **how)
-    with pytest.raises(backlash.UnusableLog, match="needs 6 or more"):
+    with pytest.raises(backlash.Refusal, match="needs 6 or more"):
         backlash.calibrate([log], [1e-3], **how)
 
 

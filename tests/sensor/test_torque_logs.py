@@ -9,7 +9,7 @@ from backlash.calibration import default_calibration
 from backlash.fitting.torque import LoadData
 from backlash.reading.columns import LogFormat
 from backlash.reading.prepare import open_log
-from backlash.reading.refusals import UnusableLog
+from backlash.refusals import Refusal
 from replication.simulator.parameters import GRAVITY
 from studies.odd_joints import log_with_torque
 from tests.cascades import draw_cascade
@@ -89,7 +89,7 @@ def test_a_load_is_known_by_its_masses_or_by_its_ratios(joint):
         ({"load_arm_m": None}, "give --load-arm too"),
         ({"gravity_per_s2": 25.0}, "by its ratios or by its masses"),
     ):
-        with pytest.raises(UnusableLog, match=words):
+        with pytest.raises(Refusal, match=words):
             backlash.estimate(frame, **(given | masses | changed))
 
 
@@ -162,7 +162,7 @@ NO_LOAD = {"inertia_ratio": None, "gravity_per_s2": None}
 def test_inputs_that_are_missing_or_wrong_are_named_in_one_line(joint, changed, words):
     frame, known = joint
     holed = frame["torque [Nm]"].where(frame.index != 700)
-    with pytest.raises(UnusableLog, match=words) as error:
+    with pytest.raises(Refusal, match=words) as error:
         backlash.estimate(frame.assign(holed=holed), **known | changed)
     assert "\n" not in str(error.value)
 
@@ -198,5 +198,5 @@ def test_a_load_inertia_a_little_below_that_of_a_point_is_a_measurement():
     load = LoadData.from_masses(40.0, load_inertia_kgm2=0.19, **masses)
     assert load.gravity_per_s2 == pytest.approx(9.81 / 0.2, rel=1e-3)
     assert "0.19 is below m r^2 = 0.2 kg m^2: that was taken" in str(load)
-    with pytest.raises(UnusableLog, match=r"--load-inertia 0\.17: its mass at its arm alone"):
+    with pytest.raises(Refusal, match=r"--load-inertia 0\.17: its mass at its arm alone"):
         LoadData.from_masses(40.0, load_inertia_kgm2=0.17, **masses)

@@ -5,7 +5,7 @@ import pytest
 from backlash import trend_line
 from backlash.answers import Estimate
 from backlash.fleet import as_table
-from backlash.reading.refusals import UnusableLog
+from backlash.refusals import Refusal
 from tests.logs import file
 
 START = pd.Timestamp("2023-01-01")
@@ -91,13 +91,13 @@ def test_a_growth_that_is_no_line_is_said():
 
 
 def test_too_few_dates_and_a_senseless_limit_are_refused():
-    with pytest.raises(UnusableLog, match="2 dates"):
+    with pytest.raises(Refusal, match="2 dates"):
         trend_line.fit_trend(*made(count=2))
     rows, dates = made()
-    with pytest.raises(UnusableLog, match="1 dates"):
+    with pytest.raises(Refusal, match="1 dates"):
         trend_line.fit_trend(rows, [dates[0]] * 10)
     for limit in (0.0, -1.0, float("nan")):
-        with pytest.raises(UnusableLog, match="--limit"):
+        with pytest.raises(Refusal, match="--limit"):
             trend_line.fit_trend(rows, dates, limit)
 
 
@@ -113,14 +113,14 @@ def test_dates_come_from_names_or_from_a_table(tmp_path):
 
 
 def test_a_log_without_a_date_is_refused(tmp_path):
-    with pytest.raises(UnusableLog, match="no date in its name"):
+    with pytest.raises(Refusal, match="no date in its name"):
         trend_line.dates_of([tmp_path / "log_2024-13-45.csv"])
     for rows, why in (
         ("file,when\na,2020\n", "columns file and date"),
         ("file,date\nother.csv,2020-01-01\n", "no date in"),
     ):
         table = file(tmp_path, rows, "dates.csv")
-        with pytest.raises(UnusableLog, match=why):
+        with pytest.raises(Refusal, match=why):
             trend_line.dates_of([tmp_path / "log_2024-03-17.csv"], table)
 
 

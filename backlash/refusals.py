@@ -1,0 +1,76 @@
+"""The one kind of refusal: a reason, and a sentence that says what is wrong, where, and what to do."""
+
+from enum import Enum
+from importlib import import_module
+from typing import Any
+
+from replication.files import UserError
+
+
+class Reason(Enum):
+    """Why there is no answer; all but `UNUSABLE` are those of a log that can be read."""
+
+    UNUSABLE = "unusable log"
+    TOO_SHORT = "too short"
+    NOT_CONSTANT_SPEED = "not constant speed"
+    WRONG_PERIOD = "wrong period"
+    NO_REVERSAL = "no load reversal seen"
+    NO_SIGNATURE = "no signature"
+    TOO_NOISY = "too noisy"
+    NO_FIT = "no answer by the torque"
+    NO_SUCH_JOINT = "no such joint"
+    EXTRAPOLATED = "extrapolated calibration"
+    JOINTS_SIDE = "the joint's side"
+
+
+class Refusal(UserError, ValueError):
+    """No answer: the reason, one sentence, the file's row, and notes on what was read and done before."""
+
+    def __init__(
+        self,
+        sentence: str,
+        reason: Reason = Reason.UNUSABLE,
+        row: int | None = None,
+        notes: tuple[str, ...] = (),
+    ):
+        self.sentence = one_line(sentence)
+        self.reason = reason
+        self.row = row
+        self.notes = notes
+        place = "" if row is None else f"row {row}: "
+        kind = "" if self.is_unusable else f"{reason.value}: "
+        super().__init__(kind + place + self.sentence)
+
+    def __reduce__(self):
+        """Travel between processes."""
+        return Refusal, (self.sentence, self.reason, self.row, self.notes)
+
+    @property
+    def is_unusable(self) -> bool:
+        """Whether the input cannot be read or used, rather than that it does not tell."""
+        return self.reason is Reason.UNUSABLE
+
+    def in_file(self, name: str) -> "Refusal":
+        """The same refusal with the file's name before it."""
+        place = f"{name}: " if self.row is None else f"{name}, row {self.row}: "
+        return Refusal(place + self.sentence, self.reason, notes=self.notes)
+
+
+# Absence is no answer where the teeth may have stayed on one flank.
+NO_REVERSAL = (
+    "vertical axis? friction above gravity? the test needs a horizontal axis and an off-centre load"
+)
+
+
+def one_line(text: str) -> str:
+    """Text that a file may have a part in, without what a terminal would obey."""
+    return "".join(each if each.isprintable() else "?" for each in " ".join(text.split()))
+
+
+def library(name: str, extra: str) -> Any:
+    """A library that an installation may lack."""
+    try:
+        return import_module(name)
+    except ImportError as error:
+        what = f"{name} is not installed: pip install 'backlash-replication[{extra}]'"
+        raise Refusal(f"{what}, or keep to CSV") from error
