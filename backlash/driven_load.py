@@ -71,7 +71,9 @@ def compare(
     power = np.abs(torque.coefficient) ** 2
     power[1:] = uniform_filter1d(power[1:], 7)
     turn_s = TURN / speed.omega[0]
-    steps = 2 * next_fast_len(int(max(turn_s / step_s, 2 * speed.order.size + 2) / 2) + 1, real=True)
+    steps = 2 * next_fast_len(
+        int(max(turn_s / step_s, 2 * speed.order.size + 2) / 2) + 1, real=True
+    )
     half_step = np.exp(0.5j * turn_s / steps * speed.omega)
     waves = np.zeros((4, steps // 2 + 1), dtype=complex)
     for k, (of_lag, derivative) in enumerate([(1.0, -1), (1e-3, 0), (1.0, 1), (1e-3, 2)]):

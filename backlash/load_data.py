@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from numbers import Real
 
 from backlash.reading.columns import is_positive
-from backlash.reading.refusals import UnusableLog
+from backlash.refusals import Refusal
 from replication.simulator.parameters import GRAVITY
 
 _MOST_BELOW = 0.1  # of an inertia that was measured, below the least that its mass has
@@ -14,7 +14,9 @@ _MOST_BELOW = 0.1  # of an inertia that was measured, below the least that its m
 class LoadData:
     """The load, by its data sheet or the drive's autotune, each number with a relative SD."""
 
-    inertia_ratio: float  # rho = J_l / (N^2 J_m): of the load, seen from the motor, to the motor's own
+    inertia_ratio: (
+        float  # rho = J_l / (N^2 J_m): of the load, seen from the motor, to the motor's own
+    )
     gravity_per_s2: float  # m g r / J_l: 9.81 / r for a point load
     inertia_sd: float = 0.1
     gravity_sd: float = 0.05
@@ -27,7 +29,7 @@ class LoadData:
         sds = (self.inertia_sd, self.gravity_sd)
         is_share = all(isinstance(sd, Real) and 0 <= sd <= 0.5 for sd in sds)
         if not (all(map(is_positive, given)) and is_share):
-            raise UnusableLog(
+            raise Refusal(
                 f"{self!r}: inertias and gravity must be above 0, SDs shares up to 0.5, all numbers"
             )
 
@@ -51,19 +53,21 @@ def load_from_masses(
     """
     given = (gear_ratio, motor_inertia_kgm2, load_mass_kg, load_arm_m, load_inertia_kgm2 or 1.0)
     if not all(map(is_positive, given)):
-        raise UnusableLog(
+        raise Refusal(
             f"gear ratio, motor inertia, mass, arm and load inertia {given}: give finite numbers above 0"
         )
     point = load_mass_kg * load_arm_m**2
     inertia = load_inertia_kgm2 or point
     note = ""
     if inertia < (1 - _MOST_BELOW) * point:
-        raise UnusableLog(
+        raise Refusal(
             f"--load-inertia {inertia:g}: its mass at its arm alone has {point:.4g} kg m^2; "
             "give the inertia about the joint's axis, not about the centre of mass"
         )
     if inertia < point:
-        note = f"; the load's inertia {inertia:g} is below m r^2 = {point:.4g} kg m^2: that was taken"
+        note = (
+            f"; the load's inertia {inertia:g} is below m r^2 = {point:.4g} kg m^2: that was taken"
+        )
     inertia = max(inertia, point)
     return LoadData(
         inertia / (gear_ratio**2 * motor_inertia_kgm2),

@@ -31,20 +31,17 @@ from backlash.driven_load import (
     solve_load,
 )
 from backlash.load_data import LoadData
-from backlash.reading.refusals import CannotTell, Reason
-from backlash.turns import (
-    TURN,
-    Harmonics,
-    gravity_by_turn,
-    harmonics,
-    periodic,
-    turn_phases,
-)
+from backlash.refusals import Reason, Refusal
+from backlash.turns import TURN, Harmonics, gravity_by_turn, harmonics, periodic, turn_phases
 from replication.arrays import FloatArray
 from replication.records import Recording
 
 NORMAL_95 = 1.96  # half width over SD of a 95 % interval
-MOTOR_ORDERS = (1, 2, 6)  # of the motor's turn: encoders err once and twice, torques ripple with the phases
+MOTOR_ORDERS = (
+    1,
+    2,
+    6,
+)  # of the motor's turn: encoders err once and twice, torques ripple with the phases
 
 
 @dataclass(frozen=True)
@@ -55,7 +52,9 @@ class TorqueSettings:
     """
 
     driven_hz: float = 300.0  # of the motion that drives the load: five times the fastest ring
-    fitted_hz: float = 100.0  # of the torque that is compared: beyond, benches' logs hold noise alone
+    fitted_hz: float = (
+        100.0  # of the torque that is compared: beyond, benches' logs hold noise alone
+    )
     rings_hz: tuple[float, float] = (10.0, 60.0)  # industrial joints: 8 to 60 Hz
     step_s: float = 7e-4  # an eighth of a radian of a ring of 30 Hz
     most_harmonics: int = 80
@@ -86,7 +85,9 @@ class TorqueSettings:
     start_frictions: tuple[float, ...] = (0.02, 0.25, 0.5, 0.75, 0.95)  # of all friction
     finalists: int = 6
     # Beside the best: steps of 6 % of the backlash and 0.02 mrad, and of ln K.
-    neighbours: tuple[tuple[float, float], ...] = tuple(product((1.0, -1.0), (0.15, -0.15, 0.45, -0.45)))
+    neighbours: tuple[tuple[float, float], ...] = tuple(
+        product((1.0, -1.0), (0.15, -0.15, 0.45, -0.45))
+    )
     most_rounds: int = 4
     most_steps: int = 100  # of a descent; most need 15
     overlap_mrad: float = 0.01  # a gap that is less than none by more is no joint's
@@ -99,7 +100,9 @@ class TorqueSettings:
     most_chi2_of_none: float = 1.5  # noise alone exceeds this in 3 of 10,000 logs
     most_off: float = 3.5  # SDs of the load's data and of the loss
     most_delay_ms: float = 3.0  # a current loop's and a filter's are below
-    most_change: float = 0.03  # of gravity's torque from turn to turn: a backlash that is off by as much is covered
+    most_change: float = (
+        0.03  # of gravity's torque from turn to turn: a backlash that is off by as much is covered
+    )
     most_ripple: float = 0.1  # acceleration over gravity's; cogging and encoders make a third of it
     least_gravity: float = 10.0  # of the torque once a turn, in its SDs
     # Chi squared that a backlash must lose to another to be excluded, five SDs, and to be as good, three.
@@ -206,30 +209,32 @@ class Problem(NamedTuple):
 
 
 def measure_turn(recording: Recording, torque: FloatArray) -> MeasuredTurn:
-    """Harmonics of the mean turn; CannotTell where they cannot tell the backlash."""
+    """Harmonics of the mean turn; Refusal where they cannot tell the backlash."""
     gear_ratio = recording.commanded_speed_rps * recording.turn_period_s
     speed = harmonics(recording, TURN / gear_ratio * recording.v, SETTINGS.driven_hz)
     of_torque = harmonics(recording, torque, SETTINGS.driven_hz)
     gravity = abs(of_torque.coefficient[0])
     if gravity < SETTINGS.least_gravity * of_torque.sd[0] or torque.mean() < 0:
         significance = gravity / of_torque.sd[0]
-        raise CannotTell(
-            Reason.NO_GRAVITY,
+        raise Refusal(
             f"once a turn the torque has {2 * gravity:.3g} in the log's unit, {significance:.1f} SDs "
             f"({SETTINGS.least_gravity:g} are needed), its mean is {torque.mean():.3g}; is it this motor's, "
             "positive where it drives forward, and the axis horizontal?",
+            Reason.NO_GRAVITY,
         )
     beside_motor = np.abs(speed.order[:, None] - gear_ratio * np.array(MOTOR_ORDERS)) < 1.5
     used = (speed.omega <= TURN * SETTINGS.fitted_hz) & (speed.order <= SETTINGS.most_harmonics)
     used &= ~beside_motor.any(axis=1)
     if used.sum() < SETTINGS.least_harmonics:
-        raise CannotTell(
-            Reason.TOO_SLOWLY_SAMPLED,
+        raise Refusal(
             f"{used.sum()} harmonics of the turn up to {SETTINGS.fitted_hz:g} Hz can be compared; "
             f"{SETTINGS.least_harmonics} are needed: sample faster",
+            Reason.TOO_SLOWLY_SAMPLED,
         )
     friction = float(torque.mean() / (2 * gravity))
-    return MeasuredTurn(speed, of_torque, used, gear_ratio, friction, _ripple(recording) / gear_ratio)
+    return MeasuredTurn(
+        speed, of_torque, used, gear_ratio, friction, _ripple(recording) / gear_ratio
+    )
 
 
 def _ripple(recording: Recording) -> float:
@@ -244,7 +249,9 @@ def _ripple(recording: Recording) -> float:
     return float((TURN * hz * above_noise * is_own).max())
 
 
-def state_problem(turn: MeasuredTurn, load: LoadData, model_error: float, harmonics: int, step_s: float) -> Problem:
+def state_problem(
+    turn: MeasuredTurn, load: LoadData, model_error: float, harmonics: int, step_s: float
+) -> Problem:
     """What is compared, and what is known of the joint beforehand: by its load and by the first harmonic."""
     g, rho = load.gravity_per_s2, load.inertia_ratio
     first = turn.torque.coefficient[0]
@@ -321,7 +328,9 @@ def _distinct(candidates: list[Candidate]) -> list[Candidate]:
     """The best first, each but once."""
     kept: list[Candidate] = []
     for candidate in sorted(candidates, key=_chi2):
-        if all(np.abs((candidate.theta - each.theta) / _LONGEST_STEP).max() > 0.03 for each in kept):
+        if all(
+            np.abs((candidate.theta - each.theta) / _LONGEST_STEP).max() > 0.03 for each in kept
+        ):
             kept.append(candidate)
     return kept
 
@@ -338,7 +347,7 @@ _ADVICE = "turn the joint faster (twice as fast, about half the SD), log more tu
 
 @np.errstate(all="ignore")  # trials far from any joint
 def fit_torque(recording: Recording, torque: FloatArray, load: LoadData) -> TorqueFit:
-    """Find the backlash from the motor's speed and torque; CannotTell where they do not tell it.
+    """Find the backlash from the motor's speed and torque; Refusal where they do not tell it.
 
     The torque, shape (samples,), is the motor's at the same samples, positive where it drives forward, in any unit, as
     its current.
@@ -356,7 +365,7 @@ def fit_torque(recording: Recording, torque: FloatArray, load: LoadData) -> Torq
     _check_joint(problem, best, covariance, best.chi2 / count)
     if candidates[0].chi2 < best.chi2 - s.clear * misfit:
         overlap = f"a gap of {candidates[0].theta[DELTA]:.2g} mrad, less than none, fits best"
-        raise CannotTell(Reason.NO_FIT, f"{overlap}; are the load's data right?")
+        raise Refusal(f"{overlap}; are the load's data right?", Reason.NO_FIT)
 
     delta = 1e-3 * float(best.theta[DELTA])
     sd = float(np.hypot(1e-3 * np.sqrt(covariance[DELTA, DELTA]), s.method_error * delta))
@@ -365,20 +374,25 @@ def fit_torque(recording: Recording, torque: FloatArray, load: LoadData) -> Torq
     is_none = interval[1] < s.negligible_rad
     low, high = (-np.inf, s.negligible_rad) if is_none else interval
     for rival in rivals:
-        if rival.chi2 < best.chi2 + s.rival * misfit and not low <= 1e-3 * rival.theta[DELTA] <= high:
+        if (
+            rival.chi2 < best.chi2 + s.rival * misfit
+            and not low <= 1e-3 * rival.theta[DELTA] <= high
+        ):
             both = f"{rival.theta[DELTA]:.2g} mrad fits nearly as well as {1e3 * delta:.2g} mrad"
-            raise CannotTell(Reason.AMBIGUOUS, f"{both}; {_ADVICE}")
+            raise Refusal(f"{both}; {_ADVICE}", Reason.AMBIGUOUS)
     excluded_rad = s.negligible_rad if is_none else 0.0
     if is_none and misfit > s.most_chi2_of_none:
         none = f"none fits best, but not well (chi squared {misfit:.2g})"
-        raise CannotTell(
-            Reason.NO_FIT, f"{none}; does the gear's error part the teeth, or another axis move?"
+        raise Refusal(
+            f"{none}; does the gear's error part the teeth, or another axis move?", Reason.NO_FIT
         )
     if not is_none and sd > s.most_sd * delta:
-        raise CannotTell(Reason.TOO_NOISY, f"the backlash is not known within {s.most_sd:.0%}; {_ADVICE}")
+        raise Refusal(
+            f"the backlash is not known within {s.most_sd:.0%}; {_ADVICE}", Reason.TOO_NOISY
+        )
     if hold_delta(problem, best, 1e3 * excluded_rad).chi2 - best.chi2 < s.clear * misfit:
         also = f"{1e3 * excluded_rad:g} mrad fits nearly as well as {1e3 * delta:.2g} mrad"
-        raise CannotTell(Reason.AMBIGUOUS, f"{also}; {_ADVICE}")
+        raise Refusal(f"{also}; {_ADVICE}", Reason.AMBIGUOUS)
     return TorqueFit(
         delta_rad=delta,
         interval_rad=interval,
@@ -397,21 +411,21 @@ def _check_movement(
     by_turn = gravity_by_turn(recording, torque)
     change = max(by_turn.real.std(), by_turn.imag.std()) / abs(by_turn.mean())
     if change > SETTINGS.most_change:
-        raise CannotTell(
-            Reason.NOT_PERIODIC,
+        raise Refusal(
             f"gravity's torque changes by {change:.0%} from turn to turn; does another axis move?",
+            Reason.NOT_PERIODIC,
         )
     if turn.friction >= 1:
-        raise CannotTell(
-            Reason.NO_REVERSAL,
+        raise Refusal(
             f"the mean torque, {turn.friction:.2f} of gravity's, may hold the teeth on one flank; the test needs an "
             "off-centre load whose gravity exceeds friction and losses, and a horizontal axis",
+            Reason.NO_REVERSAL,
         )
     ripple = turn.ripple / (load.gravity_per_s2 * load.inertia_ratio)
     if ripple > SETTINGS.most_ripple:
-        raise CannotTell(
-            Reason.NO_FIT,
+        raise Refusal(
             f"a ripple with the motor's turns is {ripple:.0%} of gravity; does the gear's error part the teeth?",
+            Reason.NO_FIT,
         )
 
 
@@ -423,17 +437,17 @@ def _check_joint(
     off = (best.theta - problem.mean) / problem.sd
     delay = float(best.theta[DELAY])
     if chi_squared > s.most_chi2 or np.abs(off[[GRAVITY, RATIO, LOSS]]).max() > s.most_off:
-        raise CannotTell(
-            Reason.NO_FIT,
+        raise Refusal(
             f"no joint fits speed and torque (chi squared {chi_squared:.2g}, gravity {off[GRAVITY]:+.1f} and inertia "
             f"ratio {off[RATIO]:+.1f} SDs off, gear loss {best.theta[LOSS]:.0%}, torque {delay:.1f} ms late); are the "
             "load's data right? is there a belt, another axis, or an error of the gear?",
+            Reason.NO_FIT,
         )
     if abs(delay) - NORMAL_95 * np.sqrt(covariance[DELAY, DELAY]) > s.most_delay_ms:
         when = "late" if delay > 0 else "early"
-        raise CannotTell(
-            Reason.NO_FIT,
+        raise Refusal(
             f"the torque comes {abs(delay):.2g} ms too {when}; log it at the same instants as the speed",
+            Reason.NO_FIT,
         )
 
 

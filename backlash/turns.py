@@ -21,7 +21,9 @@ _BESIDE = 3  # harmonics to either side whose surroundings tell a harmonic's noi
 _PERIOD_TOLERANCE = 0.005  # a gear ratio is exact; a load's turn that is given is read off a clock
 _DRIFT_S = 2.5e-3  # over the record: a twentieth of a ring's period (21 Hz), which does not blur it
 _OCTAVES = 3  # a wrong gear ratio is off by less than eight
-_DOMINATES = 3.0  # amplitude over that of gravity's line; other lines of a torque are smaller than gravity's
+_DOMINATES = (
+    3.0  # amplitude over that of gravity's line; other lines of a torque are smaller than gravity's
+)
 _BETTER = 1.05  # energy of the mean turn by another period, over that by the one given
 
 
@@ -43,7 +45,9 @@ def settled_turns(recording: Recording, signal: FloatArray) -> FloatArray:
     turns = int(signal.size / samples + 1e-6)
     turns -= turns >= 3
     if turns < 1 or samples < 16:
-        raise ValueError(f"{turns} settled turns of {samples:.0f} samples; one turn of 16 is needed")
+        raise ValueError(
+            f"{turns} settled turns of {samples:.0f} samples; one turn of 16 is needed"
+        )
     phases = int(np.ceil(samples - 1e-3))
     places = signal.size - turns * samples + np.arange(turns * phases) * samples / phases
     # The last sample stands for the time to the next one, too.
@@ -63,7 +67,11 @@ def harmonics(recording: Recording, signal: FloatArray, fastest_hz: float) -> Ha
     order = np.arange(1, last + 1)
     power = np.abs(bins[: bins.size // turns * turns].reshape(-1, turns)[:, 1:]) ** 2 / 2
     # Row k lies between harmonics k and k + 1.
-    beside = uniform_filter1d(power.mean(axis=1), 2 * _BESIDE, mode="nearest") if turns > 1 else np.zeros(last + 1)
+    beside = (
+        uniform_filter1d(power.mean(axis=1), 2 * _BESIDE, mode="nearest")
+        if turns > 1
+        else np.zeros(last + 1)
+    )
     omega = TURN / recording.turn_period_s * order
     return Harmonics(order, omega, bins[turns * order], np.sqrt(beside[order]))
 
