@@ -8,7 +8,7 @@ import pandas as pd
 from numpy.polynomial import Polynomial
 
 from replication import published
-from replication.arrays import FloatArray
+from replication.signature import FloatArray
 from replication.records import RPM_PER_RPS
 
 
