@@ -43,7 +43,10 @@ def measure_amplitude(recording: Recording) -> Amplitude | None:
     turn = t[phases : 2 * phases]
     steps = np.array([1e-4, 1e-7, 1e-3, 1e-3, 1e-4, 0, 0])
     X = np.array(fit.X)
-    slopes = [(h(turn, X + s, timing) - h(turn, X - s, timing)) / (2 * s.sum()) for s in np.diag(steps)[:5]]
+    slopes = [
+        (h(turn, X + s, timing) - h(turn, X - s, timing)) / (2 * s.sum())
+        for s in np.diag(steps)[:5]
+    ]
     covariance = fit.rmse**2 * np.linalg.pinv(np.array(slopes) @ np.array(slopes).T)
     model = np.interp(turn_phases(recording), places, h(turn, X, timing), period=1.0)
     return Amplitude(fit.amplitude_rps, float(1.96 * np.sqrt(covariance[0, 0])), model)

@@ -66,9 +66,7 @@ def read_rows(source: Table, *columns: str) -> pd.DataFrame:
         if isinstance(error, Refusal):
             raise
         wanted = " and ".join(columns)
-        raise Refusal(
-            f"{called(source)}: no table with the columns {wanted} ({error})"
-        ) from error
+        raise Refusal(f"{called(source)}: no table with the columns {wanted} ({error})") from error
 
 
 def listed_logs(source: Table, column: str) -> tuple[list[Any], pd.DataFrame]:
@@ -95,15 +93,15 @@ def read_batch(source: Sequence[object] | Table, given: Mapping[str, Any]) -> Ba
     logs, table = listed_logs(source, "file")
     columns = ("file", *KEYS, *GIVEN)
     if unknown := {*table}.difference(columns):
-        raise Refusal(
-            f"{called(source)}: column {min(unknown)!r}; there are {', '.join(columns)}"
-        )
+        raise Refusal(f"{called(source)}: column {min(unknown)!r}; there are {', '.join(columns)}")
     keys = table[[name for name in KEYS if name in table]]
     read = cache(read_calibration)
     settings: list[Settings | Refusal] = []
     for log, row in zip(logs, table.drop(columns=keys).to_dict("records"), strict=True):
         try:
-            own = {name: _cell(str(name), value) for name, value in row.items() if not pd.isna(value)}
+            own = {
+                name: _cell(str(name), value) for name, value in row.items() if not pd.isna(value)
+            }
             if "calibration" in own:
                 own["calibration"] = read(own["calibration"])
             settings.append(settings_for(log, {**given, **own}))
@@ -210,7 +208,9 @@ def run_batch(
             yield number, replace(earlier[key], file=name_of(calls.pop(number)[0]))
     if jobs < 0 and len(calls) < _WORTH_PROCESSES:
         jobs = 1
-    each = tqdm(_examine_each(calls, jobs, plots), total=len(calls), unit="log", disable=None, leave=False)
+    each = tqdm(
+        _examine_each(calls, jobs, plots), total=len(calls), unit="log", disable=None, leave=False
+    )
     for number, answer in each:
         yield number, answer
         if journal:
@@ -238,7 +238,8 @@ def read_journal(journal: Path) -> dict[str, Estimate]:
     for line in text.splitlines():
         with suppress(ValueError, TypeError, KeyError):
             row = {name: _as_tuple(value) for name, value in json.loads(line).items()}
-            answers[row.pop("key")] = Estimate(**row)
+            key = row.pop("key")
+            answers[key] = Estimate(**row)
     return answers
 
 

@@ -19,7 +19,9 @@ from replication.joint import identified_joint, simulate
 from replication.records import Recording
 
 MOST_RAD = 0.1  # a larger backlash is taken for one in mrad
-MISMATCH = 0.02  # of turn and speed: the waveform scales with the speed, by less than its uncertainty
+MISMATCH = (
+    0.02  # of turn and speed: the waveform scales with the speed, by less than its uncertainty
+)
 _MOST_PHASES = 800  # in a turn: the paper's joint at 0.5 ms
 # Of the range, the largest uncertainty: its 95 % interval is then as wide as the range, and says nothing.
 _MOST_UNCERTAINTY = 0.25
@@ -33,7 +35,9 @@ class Calibration:
     """Waveforms at known backlashes, for one joint in one movement; made by `calibrate`."""
 
     bank: WaveformBank
-    uncertainty_rad: float  # RMS error at inner levels left out, times Student's factor for so few of them
+    uncertainty_rad: (
+        float  # RMS error at inner levels left out, times Student's factor for so few of them
+    )
     turn_period_s: float
     commanded_speed_rps: float
     provenance: str  # what it was made from
@@ -174,5 +178,7 @@ def example_calibration() -> Calibration:
     records = []
     for delta in _EXAMPLE_RAD:
         run = simulate(joint, float(delta), duration=3 * period, sample=period / _MOST_PHASES)
-        records.append(Recording(run.t[:-1], run.v[:-1], joint.Omega / (2 * np.pi), period, EXAMPLE))
+        records.append(
+            Recording(run.t[:-1], run.v[:-1], joint.Omega / (2 * np.pi), period, EXAMPLE)
+        )
     return fit_calibration(records, _EXAMPLE_RAD, EXAMPLE)

@@ -9,12 +9,7 @@ from numpy.typing import ArrayLike
 
 from backlash import __version__, turns
 from backlash.amplitude import measure_amplitude
-from backlash.calibration import (
-    Calibration,
-    describe_source,
-    example_calibration,
-    fit_calibration,
-)
+from backlash.calibration import Calibration, describe_source, example_calibration, fit_calibration
 from backlash.reading.prepare import Log, open_log
 from backlash.reading.sources import name_of
 from backlash.refusals import Reason, Refusal, one_line
@@ -29,9 +24,7 @@ BACKLASH, NONE, CANNOT_TELL = "backlash", "no backlash", "cannot tell"
 # 0.96 or more.
 _LEAST_EXPLAINED = 0.8
 _NO_TORQUE = "the speed alone gives an index of this joint in this movement, no backlash: log the torque, or calibrate"
-_HOLDS_FOR = (
-    "holds for the stiffness and the drive of the calibration's logs: after a change of either, calibrate anew"
-)
+_HOLDS_FOR = "holds for the stiffness and the drive of the calibration's logs: after a change of either, calibrate anew"
 
 
 class Trace(NamedTuple):
@@ -232,9 +225,7 @@ def examine(
 def _refused(answer: Estimate, refusal: Refusal) -> Estimate:
     """The answer with the reason why there is none."""
     notes = (*answer.notes, *refusal.notes)
-    return replace(
-        answer, reason=refusal.reason.value, explanation=refusal.sentence, notes=notes
-    )
+    return replace(answer, reason=refusal.reason.value, explanation=refusal.sentence, notes=notes)
 
 
 def _with_own_period(log: Log) -> Log:
@@ -249,7 +240,11 @@ def _with_own_period(log: Log) -> Log:
         period = other or turns.period_by_torque(recording, log.torque)
         if not turns.is_near_period(recording, period):
             ratio = log.form.gear_ratio
-            instead = f"--gear-ratio {ratio * period / given:.4g}" if ratio else f"--turn-period {period:.4g}"
+            instead = (
+                f"--gear-ratio {ratio * period / given:.4g}"
+                if ratio
+                else f"--turn-period {period:.4g}"
+            )
             raise Refusal(
                 f"gravity's line in the torque comes every {period:.4g} s, not every {given:.4g} s: is it {instead}? "
                 "if the turn given is right, --trust-period",
@@ -269,9 +264,7 @@ def _answer_by_torque(log: Log, settings: Settings, answer: Estimate) -> Estimat
     try:
         fit = fit_torque(log.recording, log.torque, settings.load)
     except Refusal as refusal:
-        raise Refusal(
-            refusal.sentence, refusal.reason, notes=(str(settings.load),)
-        ) from refusal
+        raise Refusal(refusal.sentence, refusal.reason, notes=(str(settings.load),)) from refusal
     if fit.is_none and log.form.gear_ratio == 1:
         raise Refusal(
             "signals of the joint's side hardly show a play, and these show none: log the motor's encoder",
@@ -344,7 +337,10 @@ def with_amplitude(answer: Estimate, recording: Recording) -> Estimate:
     found = measure_amplitude(recording)
     if found is None:
         return answer
-    interval = found.amplitude_rps - found.half_width_rps, found.amplitude_rps + found.half_width_rps
+    interval = (
+        found.amplitude_rps - found.half_width_rps,
+        found.amplitude_rps + found.half_width_rps,
+    )
     trace = Trace(recording.t, recording.v, found.model_rps, "motor speed [rps]")
     return replace(
         answer,

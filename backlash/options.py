@@ -3,28 +3,30 @@
 import argparse
 from pathlib import Path
 
-from backlash.endings import UNUSABLE
-from backlash.fitting import METHODS, SENSOR_METHODS
 from backlash.reading import UNITS
 from backlash.refusals import one_line
 
+UNUSABLE = 2  # exit status
+METHODS = ("torque", "waveform", "amplitude")
+
 _ABOUT = (
-    "Backlash, half of the total play, of a robot's joint from logs of the motor encoder and torque. The test needs "
-    "a horizontal axis, an off-centre load whose gravity is above its friction, and at constant speed four turns or "
-    "more in one direction, or with the torque six strokes or more to and fro across the vertical."
+    "Backlash, half of the total play, of a robot's joint from logs of the motor's encoder and torque. The joint must "
+    "turn round, four turns or more in one direction (twelve are good) at constant speed, about a horizontal axis, with "
+    "an off-centre load whose gravity is above its friction."
 )
 _STATUS = "Exit status: 0 done, 1 a defect, 2 unusable input, 3 --fail-on holds, 130 interrupted."
 _FIGURE = "write a figure: .png, .svg or .pdf"
 _TORQUE = (
     "Under any drive: --torque with --gear-ratio, --motor-inertia, --load-mass and --load-arm, or with --inertia-ratio "
-    "and --gravity; strokes to and fro need --gear-ratio. The backlash is about proportional to the gravity (20 "
-    "percent off: up to 20) and hardly depends on the inertia ratio (30 percent off: up to 10)."
+    "and --gravity. The backlash is about proportional to the gravity (20 percent off: up to 20) and hardly depends on "
+    "the inertia ratio (30 percent off: up to 10)."
 )
 _SIDES = (
     "Speed, position and torque are the motor's, the backlash is the joint's. Of a log with the joint's side, as most "
-    "robots write it: --gear-ratio 1 with --inertia-ratio and --gravity, --commanded-speed of the joint."
+    "robots write it: --gear-ratio 1 with --inertia-ratio and --gravity, --commanded-speed of the joint; such a log is "
+    "never told to have no backlash, for the load's side hardly shows it."
 )
-_SPEED = "Where there is no torque. Without a calibration for the paper's kind of drive only."
+_SPEED = "Where there is no torque: a calibration of this joint, or else the paper's index, the amplitude A, for `trend`."
 
 
 class _OneLineParser(argparse.ArgumentParser):
@@ -41,10 +43,13 @@ def parser() -> argparse.ArgumentParser:
         "estimate", help="backlash (half of the play) from logs of the motor encoder and torque"
     )
     what = "CSV, XLSX or Parquet files, or folders of them; - is the standard input"
+    estimate.set_defaults(run=lambda commands, options: commands.run_estimate(options))
     estimate.add_argument("log", nargs="*", type=Path, help=what)
     calibrate = commands.add_parser("calibrate", help="a calibration from logs of known backlash")
+    calibrate.set_defaults(run=lambda commands, options: commands.run_calibrate(options))
     _add_calibrate(calibrate)
     trend = commands.add_parser("trend", help="growth of the backlash, and when it crosses a limit")
+    trend.set_defaults(run=lambda commands, options: commands.run_trend(options))
     _add_trend(trend)
     for command in (estimate, trend):
         _add_torque(command)
@@ -84,7 +89,6 @@ def _add_calibrate(command: argparse.ArgumentParser) -> None:
     what = "CSV with the columns log (its file) and backlash_rad (half of the play), six different ones or more"
     add("table", type=Path, help=what)
     add("--out", type=Path, required=True, metavar="FILE", help="the calibration, .json")
-    add("--method", choices=METHODS, default="waveform", help="default: waveform")
 
 
 def _add_trend(command: argparse.ArgumentParser) -> None:
@@ -118,9 +122,9 @@ def _add_torque(command: argparse.ArgumentParser) -> None:
 
 def _add_speed(command: argparse.ArgumentParser) -> None:
     add = command.add_argument_group("by the speed alone", _SPEED).add_argument
-    add("--calibration", type=Path, metavar="FILE", help="of your joint, for any drive")
-    what = "default: torque with --torque, the calibration's, else self"
-    add("--method", choices=SENSOR_METHODS, help=what)
+    add("--calibration", type=Path, metavar="FILE", help="of your joint, see `backlash calibrate`")
+    what = "default: torque with --torque, waveform with --calibration, else amplitude"
+    add("--method", choices=METHODS, help=what)
 
 
 def _add_movement(command: argparse.ArgumentParser) -> None:

@@ -83,7 +83,9 @@ def settings_for(log: object, given: Mapping[str, Any]) -> Settings:
         raise Refusal(f"--method {method}: there are {', '.join(METHODS)}")
     if method == TORQUE or form.torque or not given.keys().isdisjoint(_RATIOS + _MASSES):
         if calibration or method not in (None, TORQUE):
-            raise Refusal("a torque needs no calibration and no other method: leave out one of them")
+            raise Refusal(
+                "a torque needs no calibration and no other method: leave out one of them"
+            )
         return Settings(form, TORQUE, load=_load_of(form, given))
     if calibration or method == WAVEFORM:
         if method not in (None, WAVEFORM):

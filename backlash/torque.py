@@ -112,6 +112,7 @@ class TorqueSettings:
 
 
 SETTINGS = TorqueSettings()
+_NO_ORBIT = 1e6  # residuals where the load runs away
 # The longest steps of a descent, by the places of the unknowns.
 _LONGEST_STEP = np.array([0.3, 0.5, 1.0, 0.2, 0.1, 0.2, 1.0, 0.2, 0.2, 1.0, 0.1])
 
@@ -170,7 +171,9 @@ class Problem(NamedTuple):
         solved = residuals(theta, self.compared, orbit, wants_slopes)
         if solved is None:
             count = 2 * self.compared.order.size
-            return np.full(count + prior.size, 1e6), np.zeros((count + prior.size, theta.size))
+            return np.full(count + prior.size, _NO_ORBIT), np.zeros(
+                (count + prior.size, theta.size)
+            )
         start[:] = orbit
         return np.concatenate([solved[0], prior]), np.vstack([solved[1], by_prior])
 
@@ -184,9 +187,12 @@ class Problem(NamedTuple):
         free = slice(1 if holds_delta else 0, None)
         left, slopes = self.residuals(theta, start, True)
         chi2, damping = left @ left, 1e-3
+        if left[0] == _NO_ORBIT:
+            return candidate._replace(chi2=float(chi2))
         for _ in range(SETTINGS.most_steps):
             curvature = slopes[:, free].T @ slopes[:, free]
-            damped = curvature + damping * np.diag(np.diag(curvature))
+            # A load that never touches its gap's sides has no slope by the backlash.
+            damped = curvature + damping * np.diag(np.maximum(np.diag(curvature), 1e-6))
             step = np.zeros(theta.size)
             step[free] = -np.linalg.solve(damped, slopes[:, free].T @ left)
             longest = np.abs(step / _LONGEST_STEP).max()
@@ -222,7 +228,8 @@ def measure_turn(recording: Recording, torque: FloatArray) -> MeasuredTurn:
             "positive where it drives forward, and the axis horizontal?",
             Reason.NO_GRAVITY,
         )
-    beside_motor = np.abs(speed.order[:, None] - gear_ratio * np.array(MOTOR_ORDERS)) < 1.5
+    orders = gear_ratio * np.array(MOTOR_ORDERS if gear_ratio > 1.5 else ())  # the joint's side has none
+    beside_motor = np.abs(speed.order[:, None] - orders) < 1.5
     used = (speed.omega <= TURN * SETTINGS.fitted_hz) & (speed.order <= SETTINGS.most_harmonics)
     used &= ~beside_motor.any(axis=1)
     if used.sum() < SETTINGS.least_harmonics:
@@ -239,6 +246,8 @@ def measure_turn(recording: Recording, torque: FloatArray) -> MeasuredTurn:
 
 def _ripple(recording: Recording) -> float:
     """Largest acceleration [rad/s^2] at orders 1 to 6 of the motor's turn, but for those that sampling folds low."""
+    if recording.commanded_speed_rps * recording.turn_period_s < 1.5:  # the joint's side
+        return 0.0
     order = np.arange(1, 7, 0.5)  # those between tell the noise
     speed, dt = TURN * recording.v, recording.sample_s
     waves = np.exp(-1j * np.outer(order, np.cumsum(speed) * dt))

@@ -24,6 +24,8 @@ _OCTAVES = 3  # a wrong gear ratio is off by less than eight
 _DOMINATES = (
     3.0  # amplitude over that of gravity's line; other lines of a torque are smaller than gravity's
 )
+_PHASES = 512
+_RING_HZ = 60.0  # no joint rings faster
 _BETTER = 1.05  # energy of the mean turn by another period, over that by the one given
 
 
@@ -37,13 +39,13 @@ class Harmonics(NamedTuple):
 
 
 def settled_turns(recording: Recording, signal: FloatArray) -> FloatArray:
-    """Whole turns up to the record's end without the first one, in which a drive settles, shape (turns, phases).
+    """Whole turns up to the record's end, without half a turn or more, in which a drive settles; (turns, phases).
 
     They are resampled, so that each has the same whole number of phases.
     """
     samples = recording.turn_period_s / recording.sample_s
-    turns = int(signal.size / samples + 1e-6)
-    turns -= turns >= 3
+    whole = signal.size / samples
+    turns = int(whole - 0.5) if whole > 2.5 else int(whole + 1e-6)
     if turns < 1 or samples < 16:
         raise ValueError(
             f"{turns} settled turns of {samples:.0f} samples; one turn of 16 is needed"
@@ -127,11 +129,15 @@ def period_by_energy(recording: Recording, signal: FloatArray) -> float:
     reach = min(_PERIOD_TOLERANCE, 0.5 * given / recording.t[-1])
     tried = given * (1 + np.linspace(-reach, reach, 81))
     turns = int(recording.t[-1] / given)
-    phases = (np.arange(64) / 64 + np.arange(turns)[:, None])[None]
-    rows = np.interp(tried[:, None, None] * phases, recording.t, signal - signal.mean())
-    energy = rows.mean(axis=1).var(axis=1)
+    phases = np.arange(_PHASES) / _PHASES + np.arange(turns)[:, None]
+    # Up to the ring: the motor's own orders are no property of the load's turn.
+    last = min(int(_RING_HZ * given), _PHASES // 4)
+    energy = np.empty(tried.size)
+    for k, period in enumerate(tried):
+        rows = np.interp(period * phases, recording.t, signal - signal.mean())
+        energy[k] = np.square(np.abs(np.fft.rfft(rows.mean(axis=0))[1 : last + 1])).sum()
     best = int(energy.argmax())
-    return float(tried[best]) if energy[best] > _BETTER * energy[40] else given
+    return float(tried[best]) if energy[best] > _BETTER * energy[tried.size // 2] else given
 
 
 def is_same_period(recording: Recording, period_s: float) -> bool:
