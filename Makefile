@@ -3,8 +3,6 @@
 PYTHON ?= python3
 PY := .venv/bin/python
 RUN := $(PY) -m workbook
-CHANGES := tests/test_try_changing.py
-STALL := $(if $(STALL_MINUTES),--stall-minutes $(STALL_MINUTES))
 STUDY := OPENBLAS_NUM_THREADS=1 $(PY) -m studies
 PYTEST := OPENBLAS_NUM_THREADS=1 $(PY) -m pytest --numprocesses 2 --dist worksteal
 
@@ -24,43 +22,32 @@ unexport $(filter IPYTHON% JUPYTER% MPL%,$(.VARIABLES))
 help:  ## list the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 16
 
-all: writable .venv/.installed  ## every notebook, figure, table, verdict, the report and the article
-	@mkdir -p .make
-	@$(RUN) run --due --watch $$PPID $(STALL); code=$$?; echo $$code > .make/status; [ $$code -lt 2 ] || exit $$code
-	@$(MAKE) --no-print-directory .make/workbook.done
-	@exit $$(cat .make/status)
-
-run: .venv/.installed  ## one notebook: make run NOTEBOOK=notebooks/06_characteristic_figure12.py
-	$(RUN) run $(STALL) $(NOTEBOOK)
-
-quick: .venv/.installed  ## the same figures from few repeats, into results/quick
-	$(RUN) run --quick $(STALL)
-	$(RUN) report --quick
-	$(RUN) check --quick || true
+# Two notebooks at a time, the longest first; one that fails keeps neither the others nor the report from being made, but
+# make from ending well. Each run watches this make: killed in whatever way, it leaves nothing that computes.
+all: writable .venv/.installed  ## every notebook, figure, table and verdict, and the report
+	@MAKE_PID=$$PPID $(MAKE) --no-print-directory --keep-going --jobs 2 $(STAMPS); status=$$?; \
+	$(MAKE) --no-print-directory .make/report.made; exit $$status
 
 test: .venv/.test  ## the tests, on the committed results, but for the slow ones; ONLY=data: those that need files
-	$(PYTEST) -m "$(if $(ONLY),$(ONLY) and )not slow" $(CHANGES:%=--ignore %)
+	$(PYTEST) -m "$(if $(ONLY),$(ONLY) and )not slow"
 
 slow: .venv/.slow  ## the slow tests: notebooks executed again, browsers, long searches
-	$(PYTEST) -m slow $(CHANGES:%=--ignore %)
+	$(PYTEST) -m slow
 
-changes: .venv/.test  ## make every change that a notebook proposes; each must run and end in a sentence
-	$(PYTEST) $(CHANGES)
-
-check: .venv/.installed  ## print the tables with their verdicts; fails if a cell differs unexpectedly
+check: .venv/.installed  ## print every number with its verdict; fails if one differs unexpectedly
 	@$(RUN) check
 
-show: .venv/.installed  ## a number with its verdict: make show CELL=table2.row02.mean; RERUN=1 computes it again
-	@$(RUN) show $(if $(RERUN),--rerun) '$(or $(CELL),Table 2)'
+verify: .venv/.installed  ## verification.json, to send back: versions, processor, hashes of the results, verdicts
+	@$(RUN) verify
 
-diff: .venv/.installed  ## cells and claims whose verdict is not the last commit's; LAB=1 compares what make lab made
-	@$(RUN) diff $(if $(LAB),--lab)
+lab: .venv/.lab  ## JupyterLab on copies of the notebooks, in lab/
+	$(RUN) lab
+	JUPYTERLAB_SETTINGS_DIR=lab/.settings $(PY) -m jupyterlab $$([ "$$(id -u)" != 0 ] || echo --allow-root) \
+	  --LabApp.default_url=/lab/tree/lab/00_the_sensor.ipynb
 
-report: .venv/.installed  ## results/report.html from the results
-	$(RUN) report
-
-article: .venv/.installed  ## results/article.pdf from the results; FINAL=1 refuses while names or addresses are open
-	$(RUN) article $(if $(FINAL),--final)
+book: .venv/.installed  ## the report and the notebooks as a book with a search: results/book/index.html
+	$(PY) -m sphinx --quiet --jobs 2 --conf-dir workbook --doctree-dir .make/doctrees . .make/book
+	rm -rf results/book && cp -r .make/book results/book
 
 bench: .venv/.installed  ## time what was made fast against a direct arm, into results/bench.csv
 	OPENBLAS_NUM_THREADS=1 $(PY) -m studies.timings
@@ -80,17 +67,11 @@ portable: .venv/.test  ## the tests that compute, and the cheap notebooks' verdi
 data: .venv/.installed  ## fetch and verify the authors' data
 	$(RUN) data
 
-lab: .venv/.lab  ## JupyterLab on copies of the notebooks, in lab/
-	$(RUN) lab
-	JUPYTERLAB_SETTINGS_DIR=lab/.settings $(PY) -m jupyterlab $$([ "$$(id -u)" != 0 ] || echo --allow-root) --ServerApp.root_dir=lab --LabApp.default_url=/lab/tree/00_the_sensor.ipynb
-
 lint: .venv/.lint  ## style, format, types and spelling
 	$(PY) -m ruff check .
 	$(PY) -m ruff format --check .
 	$(PY) -m mypy
 	$(PY) -m codespell_lib
-	$(PY) -m djlint --lint --quiet workbook/report/templates studies/pages
-	$(if $(shell command -v node),for script in workbook/report/templates/*.js; do node --check $$script || exit 1; done)
 
 audit: .venv/.lock  ## known vulnerabilities of the locked versions
 	PATH="$$PATH:.venv/bin" uv tool run pip-audit --requirement requirements.lock --disable-pip
@@ -101,13 +82,13 @@ lock: .venv/.lock  ## pin the newest versions that pyproject.toml allows
 	  $(GROUPS:%=--group %) --generate-hashes --no-emit-index-url --no-header --no-annotate --output-file requirements.lock
 
 clean:  ## remove what can be made again and is not committed
-	rm -rf .make .staging* results/quick results/offline results/lab notebooks/partial notebooks/beyond/partial .pytest_cache .ruff_cache .hypothesis
+	rm -rf .make results/book results/offline .pytest_cache .ruff_cache .hypothesis
 	find . -name __pycache__ -not -path './.venv/*' -prune -exec rm -rf {} +
 
 # ---------------------------------------------------------------------------------------------------------------
 
 writable:
-	@[ -w . ] || { echo "$(CURDIR) is read-only: copy it to where you may write, then run make there" >&2; exit 2; }
+	@[ -w . ] || { echo 'This folder is read-only: copy it to where you may write, then run make there' >&2; exit 2; }
 
 .venv/.installed: pyproject.toml requirements.lock
 	@$(PYTHON) -c 'import sys; sys.version_info >= (3, 11) or sys.exit("Python 3.11 or newer is needed: make PYTHON=...")'
@@ -117,20 +98,31 @@ writable:
 	# path is relative, so that a copied or moved checkout finds its own.
 	$(PY) -I -c 'import pathlib, sysconfig; pathlib.Path(sysconfig.get_path("purelib"), "checkout.pth").write_text("../../../..\n")'
 	sed -n '/^uv==/,/[^\\]$$/p' requirements.lock > .venv/uv.lock
+	sed '/^uv==/,/[^\\]$$/d' requirements.lock > .venv/all.lock
 	command -v uv > .venv/uv.path || $(PIP) --requirement .venv/uv.lock || true
-	$(UV) --requirement pyproject.toml --extra plot --extra xlsx --group workbook || $(PIP) --requirement requirements.lock
+	$(UV) --requirement pyproject.toml --extra plot --extra xlsx --group workbook || $(PIP) --requirement .venv/all.lock
 	touch $@
 
 # What a target needs besides: a group of pyproject.toml.
 .venv/.%: .venv/.installed
-	$(UV) --group $* || $(PIP) --requirement requirements.lock
+	$(UV) --group $* || $(PIP) --requirement .venv/all.lock
 	touch $@
 
-# What is due is told by `run --due`: notebooks that this checkout has not run, or whose sources have changed since.
-# A notebook that fails (1) keeps neither the others nor the report from being made, but make from ending well. A run
-# that was interrupted (130; a killed make too), or that another one locks out (2), ends there.
-.make/workbook.done: $(wildcard results/outcomes/*.json workbook/*.py workbook/report/*.py workbook/report/templates/*.* workbook/report/templates/sections/*.* article/*.* replication/data/*.*)
+# A notebook is due when this checkout has not run it yet, or when it or a package has changed since. `run` makes its
+# stamp; none is made where the authors' files could not be had.
+PACKAGES := $(wildcard replication/*.* replication/*/*.* workbook/*.py)
+BEYOND := $(wildcard backlash/*.py backlash/*/*.py studies/*.py studies/*/*.py)
+.make/%.ran: notebooks/%.py $(PACKAGES) .venv/.installed
+	@$(RUN) run $<
+.make/%.ran: notebooks/beyond/%.py $(PACKAGES) $(BEYOND) .venv/.installed
+	@$(RUN) run $<
+
+NOTEBOOKS := $(notdir $(basename $(wildcard notebooks/[0-9]*.py notebooks/beyond/[0-9]*.py)))
+ORDER := $(shell sort -t , -k 2 -rn results/notebook_times.csv | cut -d , -f 1)
+STAMPS := $(patsubst %,.make/%.ran,$(filter $(NOTEBOOKS),$(ORDER)) $(filter-out $(ORDER),$(NOTEBOOKS)))
+
+.make/report.made: $(wildcard results/*.csv results/*/*.csv results/outcomes/*.json results/offline/results/outcomes/*.json workbook/*.*) replication/data/cells.csv
+	@mkdir -p .make
 	$(RUN) report
-	$(RUN) article || true
 	$(RUN) check || true
 	@touch $@

@@ -1,19 +1,3 @@
-# ---
-# jupyter:
-#   jupytext:
-#     formats: ipynb,py:percent
-#     notebook_metadata_filter: replication
-#     text_representation:
-#       extension: .py
-#       format_name: percent
-#   kernelspec:
-#     display_name: Python 3
-#     language: python
-#     name: python3
-#   replication:
-#     quick: {}
-# ---
-
 # %% [markdown]
 # # 0 · Start here: the sensor
 #
@@ -91,7 +75,7 @@ seed = 1  # of the noise
 population = 60  # points that the search tries in a generation
 runs = 25  # of the search
 
-# %% tags=["plumbing"]
+# %% jupyter={"source_hidden": true} tags=["hide-input"]
 workbook.check_parameters(
     backlash_mrad=(backlash_mrad, workbook.Interval(0, 2.1)),
     friction_share=(friction_share, workbook.Interval(0, 0.5)),
@@ -99,7 +83,7 @@ workbook.check_parameters(
     turn_period_s=(turn_period_s, workbook.Interval(0.3, 0.5)),
     noise_rps=(noise_rps, workbook.Interval(0, 0.5)),
     noise_law=(noise_law, ("uniform", "normal")),
-    seed=(seed, workbook.Interval(1, 1e6)),
+    seed=(seed, range(1, 1_000_001)),
     population=(population, range(10, 1001)),
     runs=(runs, range(1, 101)),
 )
@@ -289,15 +273,15 @@ for axis in (upper, lower):
 #
 # - To learn the paper: notebooks 1 to 9, in this order. To measure a joint of your own, with an
 #   interval: [12](beyond/12_your_own_joint.ipynb). To review the replication: the
-#   [report](../results/report.html).
+#   [report](../results/report.md).
 # - `make lab` opens copies of the notebooks, in `lab/`. Change the cell under *Parameters* and run
-#   all cells. `python -m workbook diff --lab` lists the verdicts that a change moved. The
+#   all cells; the verdict shows your numbers beside the committed ones. The
 #   [glossary](glossary.md) has the terms.
 
 # %% [markdown]
 # ## Verdict
 
-# %% tags=["plumbing", "verdict"]
+# %% jupyter={"source_hidden": true} tags=["hide-input", "verdict"]
 off_percent = 100 * (abs(found[:, 0]) / theoretical_A - 1)
 strays = (abs(off_percent) > 15).sum()
 error_rad = found_rad - delta_rad
@@ -308,11 +292,6 @@ workbook.verdict(
     f"by more than 15 %; the mean of all runs is {off_percent.mean():+.1f} % off, the best run "
     f"{100 * (A / theoretical_A - 1):+.1f} %."
 )
-
-# %% tags=["plumbing"]
-fitted = dict(zip(box, best, strict=True)) | {"T_f": T_f}
-explorer = teeth.explorer_page(log.time_s, v, fitted, box, population, delta_rad)
-workbook.export(pages={"signature_explorer": explorer})
 
 # %% [markdown]
 # ## Try changing
@@ -335,7 +314,7 @@ workbook.export(pages={"signature_explorer": explorer})
 # the error of $A$ into the signature's own and what the noise adds. Which share of the turn's SD
 # does the best signature leave? (Notebook [8](08_noise_table2.ipynb) shows what it leaves.)
 
-# %% tags=["solution"]
+# %% jupyter={"source_hidden": true} tags=["hide-cell", "solution"]
 noisy_turn, mean_turn = mean_turn, average_turns(clean)
 without_noise = min(best_of_run(k) for k in range(1, 4))
 left_over, mean_turn = without_noise[0] / mean_turn.std(), noisy_turn
@@ -350,7 +329,7 @@ print(
 # **2.** Every table of the paper has $A$ in rps. Which backlash does equation 10 give for every log
 # of the paper if you forget to turn rps into rpm?
 
-# %% tags=["solution"]
+# %% jupyter={"source_hidden": true} tags=["hide-cell", "solution"]
 forgotten_mrad = 1e3 * equation_10(amplitudes / 60)
 assert forgotten_mrad.max() - forgotten_mrad.min() < 0.02
 print(f"{forgotten_mrad.min():.3f} to {forgotten_mrad.max():.3f} mrad, whatever A is")
@@ -359,7 +338,7 @@ print(f"{forgotten_mrad.min():.3f} to {forgotten_mrad.max():.3f} mrad, whatever 
 # **3.** Why not read the largest sample instead of a fit? Compare the largest $r(t)$ after the
 # first turn, of the log and without noise, with the theoretical $A$.
 
-# %% tags=["solution"]
+# %% jupyter={"source_hidden": true} tags=["hide-cell", "solution"]
 largest, largest_clean = ((each - v_t)[t >= 0.4].max() for each in (v, clean))
 assert largest_clean <= theoretical_A
 assert largest <= largest_clean + np.abs(v - clean).max()

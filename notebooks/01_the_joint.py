@@ -1,19 +1,3 @@
-# ---
-# jupyter:
-#   jupytext:
-#     formats: ipynb,py:percent
-#     notebook_metadata_filter: replication
-#     text_representation:
-#       extension: .py
-#       format_name: percent
-#   kernelspec:
-#     display_name: Python 3
-#     language: python
-#     name: python3
-#   replication:
-#     quick: {}
-# ---
-
 # %% [markdown]
 # # 1 · The joint: why its motor speed rings
 #
@@ -78,7 +62,7 @@ backlash_mrad = 0.5  # delta, half of the play
 friction_share = 0.0  # Coulomb friction on the load, over the largest torque of gravity
 changes = {}  # factors on ratios of the joint, such as {"stiffness_per_s2": 0.5}
 
-# %% tags=["plumbing"]
+# %% jupyter={"source_hidden": true} tags=["hide-input"]
 workbook.check_parameters(
     backlash_mrad=(backlash_mrad, workbook.Interval(0.1, 2.1)),
     friction_share=(friction_share, workbook.Interval(0, 0.2)),
@@ -279,7 +263,7 @@ _ = axis.legend()
 # %% [markdown]
 # ## Verdict
 
-# %% tags=["plumbing", "verdict"]
+# %% jupyter={"source_hidden": true} tags=["hide-input", "verdict"]
 workbook.verdict(
     f"With a backlash of {backlash_mrad:g} mrad the simulated speed rings at {fitted[1] / (2 * np.pi):.2f} Hz and "
     f"decays at {fitted[0]:.1f} 1/s. The sampled loop has {mode.imag / (2 * np.pi):.2f} Hz and {-mode.real:.1f} 1/s, "
@@ -306,7 +290,7 @@ workbook.verdict(
 # $2\delta$? How does this time grow with $\delta$? Compare it with the simulated one, and say why
 # that is shorter.
 
-# %% tags=["solution"]
+# %% jupyter={"source_hidden": true} tags=["hide-cell", "solution"]
 # The load's acceleration is about G Omega t / (N J_l); twice integrated, 2 delta = G Omega t**3 / (6 N J_l).
 fall_s = (12 * delta * J_l * N / (G * Omega)) ** (1 / 3)  # grows with the cube root of delta
 met = impacts[1]  # at the top
@@ -318,7 +302,7 @@ print(f"{1e3 * fall_s:.1f} ms against {1e3 * gap_s:.1f} ms")
 # **2.** A newer drive has half the lag $T_\tau$. Does the joint ring longer or shorter? Find the
 # eigenvalue.
 
-# %% tags=["solution"]
+# %% jupyter={"source_hidden": true} tags=["hide-cell", "solution"]
 quicker = ringing_mode(replace(joint, torque_lag_s=T_tau / 2))
 assert -quicker.real > -mode.real  # less lag undoes less of the damping
 print(f"decay {-quicker.real:.1f} 1/s instead of {-mode.real:.1f} 1/s")
@@ -326,7 +310,7 @@ print(f"decay {-quicker.real:.1f} 1/s instead of {-mode.real:.1f} 1/s")
 # %% [markdown]
 # **3.** Halve the speed gain $K_p$. What happens to the ring?
 
-# %% tags=["solution"]
+# %% jupyter={"source_hidden": true} tags=["hide-cell", "solution"]
 weaker = {"speed_gain_per_s": joint.ratios["speed_gain_per_s"] / 2}
 weak = ringing_mode(with_ratios(joint, weaker))
 assert weak.real > mode.real  # the ring decays more slowly, or grows: the drive is unstable

@@ -1,19 +1,3 @@
-# ---
-# jupyter:
-#   jupytext:
-#     formats: ipynb,py:percent
-#     notebook_metadata_filter: replication
-#     text_representation:
-#       extension: .py
-#       format_name: percent
-#   kernelspec:
-#     display_name: Python 3
-#     language: python
-#     name: python3
-#   replication:
-#     quick: {}
-# ---
-
 # %% [markdown]
 # # 3 · The simulator against the published signals (figure 10)
 #
@@ -89,7 +73,7 @@ level = 8  # the authors' record K that is drawn
 friction_share = 0.0  # Coulomb friction on the load as a share of m g r
 changes = {}  # factors for ratios or physical quantities, such as {"motor_inertia_kgm2": 2.0}
 
-# %% tags=["plumbing"]
+# %% jupyter={"source_hidden": true} tags=["hide-input"]
 workbook.check_parameters(
     level=(level, CLEAN_LEVELS),
     friction_share=(friction_share, workbook.Interval(0, 0.5)),
@@ -281,7 +265,7 @@ largest_error = table["peak_error_percent"].abs().max()
 reached = pd.Series([misfits_percent.mean(), misfits_percent.max(), largest_error], limits.index)
 pd.DataFrame({"reached [%]": reached, "limit [%]": limits}).round(2)
 
-# %% tags=["plumbing", "verdict"]
+# %% jupyter={"source_hidden": true} tags=["hide-input", "verdict"]
 name = "The identified joint"
 if changes or friction_share:
     name = (
@@ -308,7 +292,7 @@ workbook.verdict(
     cells,
 )
 
-# %% tags=["plumbing"]
+# %% jupyter={"source_hidden": true} tags=["hide-input"]
 used = table["used_in_fit"]
 printed_A = np.array([*table2.theoretical_amplitudes().values()])
 workbook.export(
@@ -341,7 +325,7 @@ workbook.export(
 # `{"motor_inertia_kgm2": 2.0}`. How do the peaks at $\delta$ = 15·10⁻⁴ rad change (to 1 %), and
 # what else differs between the two joints?
 
-# %% tags=["solution"]
+# %% jupyter={"source_hidden": true} tags=["hide-cell", "solution"]
 (A,) = peaks_rps(committed, [15e-4])
 ways = [
     changed_joint(committed, way) for way in ({"inertia_ratio": 0.5}, {"motor_inertia_kgm2": 2.0})
@@ -359,7 +343,7 @@ print(
 # signs of the impacts, and how far is the settled speed from the old one half a turn later (at
 # most, in rps)?
 
-# %% tags=["solution"]
+# %% jupyter={"source_hidden": true} tags=["hide-cell", "solution"]
 moved = replace(committed, start_angle_rad=committed.start_angle_rad + np.pi)
 before, after = (simulate_recordings(each, [15e-4])[0].v - 100 for each in (committed, moved))
 apart_rps = np.abs(before[500:2000] - after[400:1900]).max()  # 100 samples are half a turn
@@ -370,7 +354,7 @@ print(f"each impact comes half a turn earlier, with the other sign; {apart_rps:.
 # **3.** A joint with all ratios as committed has the gear ratio 80 and is commanded to 200 rps. How
 # does its load turn, and how high are its peaks (to 0.1 %)? What do the records tell of $N$?
 
-# %% tags=["solution"]
+# %% jupyter={"source_hidden": true} tags=["hide-cell", "solution"]
 geared = joint_from_ratios(committed.ratios, gear_ratio=80.0, commanded_speed_rps=200.0)
 assert geared.turn_period_s == committed.turn_period_s
 twice = peaks_rps(geared, [15e-4])[0] / A

@@ -1,19 +1,3 @@
-# ---
-# jupyter:
-#   jupytext:
-#     formats: ipynb,py:percent
-#     notebook_metadata_filter: replication
-#     text_representation:
-#       extension: .py
-#       format_name: percent
-#   kernelspec:
-#     display_name: Python 3
-#     language: python
-#     name: python3
-#   replication:
-#     quick: {}
-# ---
-
 # %% [markdown]
 # # 4 · The data sets, and how the disturbance grows (figures 5 and 11)
 #
@@ -96,11 +80,11 @@ commanded_speed_rps = 100.0
 changes = {}  # factors for the joint's ratios or physical quantities, as in notebook 3
 criteria = {}  # limits to try in place of those of claims.csv, such as {"half_turn": 0.03}
 
-# %% tags=["plumbing"]
+# %% jupyter={"source_hidden": true} tags=["hide-input"]
 workbook.check_parameters(
     speed_level=(speed_level, ALL_LEVELS),
     noise_rps=(noise_rps, workbook.Interval(0, 10)),
-    noise_seed=(noise_seed, workbook.Interval(0, whole=True)),
+    noise_seed=(noise_seed, range(0, 2**31)),
     commanded_speed_rps=(commanded_speed_rps, workbook.Interval(10, 300)),
     changes=(changes, dict.fromkeys(changeable(identified_joint()), workbook.Interval(0, 100))),
     criteria=(criteria, [("two_impacts", "half_turn")]),
@@ -244,7 +228,7 @@ amplitudes.rename_axis("K").round(4)
 # That the disturbance grows regularly is decided on the authors' own records, in notebook 16. Ours,
 # over all levels:
 
-# %% tags=["plumbing"]
+# %% jupyter={"source_hidden": true} tags=["hide-input"]
 shares = [
     inspection.added_noise(level, R) / (2 * amplitudes["printed"][level])
     for level in K[1:]
@@ -258,7 +242,7 @@ cells = {f"table2.row{row:02d}.noise": a for row, a in enumerate(measured_noise,
     "text.half_turn": inverted_after / turn_samples,
 }
 
-# %% tags=["plumbing", "verdict"]
+# %% jupyter={"source_hidden": true} tags=["hide-input", "verdict"]
 claims = {
     "two_impacts": (
         published.decide("two_impacts", float(alternate), criteria),
@@ -288,7 +272,7 @@ workbook.verdict(
     claims,
 )
 
-# %% tags=["plumbing"]
+# %% jupyter={"source_hidden": true} tags=["hide-input"]
 workbook.export(
     supplement={"growth": (peaks, "The largest excursion of the speed at each backlash.")},
     cells=cells,
@@ -308,7 +292,7 @@ workbook.export(
 # **1.** Which backlash gives twice the settled peak of level K = 2? Predict it from the exponent
 # above, then find it by simulation, to 1 %. Why is the first answer too small or too large?
 
-# %% tags=["solution"]
+# %% jupyter={"source_hidden": true} tags=["hide-cell", "solution"]
 fine = np.linspace(every[0], 3 * every[0], 41)
 runs = simulate_many(identified, fine, sample_s=5e-5, step_s=5e-5)
 height = [settled_peak_rps(run, identified) for run in runs]
@@ -323,7 +307,7 @@ print(
 # **2.** By the formula under *Method* the impact's speed grows as $\omega_l^{1/3}$. How does $A$
 # change from 50 to 100 rps at 1 mrad? Compare it with $2^{1/3}$ (to 15 %).
 
-# %% tags=["solution"]
+# %% jupyter={"source_hidden": true} tags=["hide-cell", "solution"]
 slow = replace(identified, commanded_speed_rps=50.0)
 heights = []
 for each in (slow, identified):
@@ -338,7 +322,7 @@ assert np.isclose(heights[1] / heights[0], 2 ** (1 / 3), rtol=0.15)
 # decays as $e^{-15 t}$ with $t$ in s. How much is left half a turn later at 100 and at 50 rps (to
 # 0.1 %), and at which commanded speed is a tenth left (to 1 rps)?
 
-# %% tags=["solution"]
+# %% jupyter={"source_hidden": true} tags=["hide-cell", "solution"]
 left = {rps: np.exp(-15 * identified.gear_ratio / rps / 2) for rps in (100, 50)}
 tenth_rps = 15 * identified.gear_ratio / 2 / np.log(10)
 assert np.isclose(np.exp(-15 * identified.gear_ratio / tenth_rps / 2), 0.1)

@@ -1,19 +1,3 @@
-# ---
-# jupyter:
-#   jupytext:
-#     formats: ipynb,py:percent
-#     notebook_metadata_filter: replication
-#     text_representation:
-#       extension: .py
-#       format_name: percent
-#   kernelspec:
-#     display_name: Python 3
-#     language: python
-#     name: python3
-#   replication:
-#     quick: {}
-# ---
-
 # %% [markdown]
 # # 5 · The signature of backlash (figure 6)
 #
@@ -118,7 +102,7 @@ turn_period_s = 0.4  # T_f of figure 6 and of the fit; Table 1 prints 0.408
 cost = "RMSE"  # what the fit minimises: "RMSE", "L1" (the mean absolute residual), or a function of the residual
 more_bounds = []  # of further parameters that you give the signature, such as [(100.0, 500.0)]
 
-# %% tags=["plumbing"]
+# %% jupyter={"source_hidden": true} tags=["hide-input"]
 workbook.check_parameters(
     run=(run, range(1, 31)),
     turns=(turns, range(1, 13)),
@@ -227,7 +211,7 @@ off = pd.DataFrame(
 # in Table 1's box, with $A$ as wide as the stored runs had it. The first row has the paper's cost
 # and turn period, the last row yours.
 
-# %% tags=["plumbing"]
+# %% jupyter={"source_hidden": true} tags=["hide-input"]
 costs = {"RMSE": rmse, "L1": lambda residual_rps: np.mean(np.abs(residual_rps))}
 authors_settings = table2.SearchSettings()
 box = table2.search_box(record, authors_settings)
@@ -281,7 +265,7 @@ fits
 #
 # Whether the search avoids local minima is decided on the noisy records of Table 2 (notebook 8).
 
-# %% tags=["plumbing", "verdict"]
+# %% jupyter={"source_hidden": true} tags=["hide-input", "verdict"]
 reproduced = (off.abs() < 1e-6).sum()
 cells = {
     "text.turns": int(reproduced.idxmax()),
@@ -304,7 +288,7 @@ workbook.verdict(
     cells,
 )
 
-# %% tags=["plumbing"]
+# %% jupyter={"source_hidden": true} tags=["hide-input"]
 workbook.export(
     supplement={"stored_runs": (table.reset_index(), "The authors' runs: ends and basins.")},
     cells=cells,
@@ -327,7 +311,7 @@ workbook.export(
 # **1.** Read equation 4 literally: the shifts are $t_0 + T_d$ and $t_0 + T_f$. How large is the
 # RMSE of the stored run 8 then, to 1 %?
 
-# %% tags=["solution"]
+# %% jupyter={"source_hidden": true} tags=["hide-cell", "solution"]
 X8 = stored_X[7]
 stored_rps = stored_runs["final_rmse_rps"][8]
 literal = rmse(record.v - X8[4] - h(record.t, X8, X8[1] + 0.2, X8[1] + 0.4, 12))
@@ -339,7 +323,7 @@ print(f"{literal:.3f} rps, {literal / stored_rps:.1f} times the stored one")
 # $(-A, t_0 + T_d)$ has the same signature as $(A, t_0)$ once both have begun. What can a fit tell
 # of $A$?
 
-# %% tags=["solution"]
+# %% jupyter={"source_hidden": true} tags=["hide-cell", "solution"]
 inverted = X8 * [-1, 1, 1, 1, 1, 1, 1] + [0, 0.2, 0, 0, 0, 0, 0]
 begun = record.t > X8[1] + X8[5]
 assert np.allclose(h(record.t, inverted, 0.2, 0.4, 12)[begun], h(record.t, X8, 0.2, 0.4, 12)[begun])
@@ -350,7 +334,7 @@ print("its size |A|, not its sign")
 # sample of the two. By which factor must $A$ change so that no sample of $h$ does? How far is $A$
 # free at a sampling period of 2 ms?
 
-# %% tags=["solution"]
+# %% jupyter={"source_hidden": true} tags=["hide-cell", "solution"]
 opens = X8[1] + X8[6]
 earlier = opens - (np.floor(opens / 0.002) + 0.01) * 0.002
 factor = np.exp(X8[2] * earlier)

@@ -1,19 +1,3 @@
-# ---
-# jupyter:
-#   jupytext:
-#     formats: ipynb,py:percent
-#     notebook_metadata_filter: replication
-#     text_representation:
-#       extension: .py
-#       format_name: percent
-#   kernelspec:
-#     display_name: Python 3
-#     language: python
-#     name: python3
-#   replication:
-#     quick: {}
-# ---
-
 # %% [markdown]
 # # 6 · From amplitude to backlash (equation 10, figure 12)
 #
@@ -66,7 +50,7 @@ changes = {}  # ratios of the simulated joint to multiply, such as {"stiffness_p
 degree = 3  # of the polynomial through our simulated peaks
 criteria = {}  # limits to try in place of those of claims.csv, such as {"error_rad_small": 1e-5}
 
-# %% tags=["plumbing"]
+# %% jupyter={"source_hidden": true} tags=["hide-input"]
 workbook.check_parameters(
     rpm_per_rps=(rpm_per_rps, workbook.Interval(1e-3, 1e4)),
     left_out=(left_out, [range(1, 11), []]),
@@ -240,7 +224,7 @@ workbook.judge(text_cells)
 # can give. Those of our own peaks are shown above and not judged: a cubic's coefficients are
 # strongly correlated, so peaks 1 % apart give other coefficients and nearly the same curve.
 
-# %% tags=["plumbing", "verdict"]
+# %% jupyter={"source_hidden": true} tags=["hide-input", "verdict"]
 error = errors["error_rad"].abs()
 A_rps = np.linspace(0, theoretical.max(), 1000)
 slope = np.gradient(polynomial(60 * A_rps, printed), A_rps).min()
@@ -258,7 +242,7 @@ claims = {
     "encoder_step": (published.decide("encoder_step", encoder_step_rad, criteria), resolved),
 }
 
-# %% tags=["plumbing", "verdict"]
+# %% jupyter={"source_hidden": true} tags=["hide-input", "verdict"]
 of_equation = {f"equation10.A{k}": 1e6 * fitted[k] for k in range(4)}
 by_table = arithmetic["element"].str.lower().str.replace(" ", "")
 ids = by_table + arithmetic["row"].map(".row{:02d}.relative_error".format)
@@ -282,7 +266,7 @@ workbook.verdict(
     claims,
 )
 
-# %% tags=["plumbing"]
+# %% jupyter={"source_hidden": true} tags=["hide-input"]
 workbook.export(
     supplement={
         "characteristic_difference": (difference.iloc[::20], "Our cubic less equation 10."),
@@ -310,7 +294,7 @@ workbook.export(
 # off it at $A$ = 0.6 rps by bisection. How far is it from equation 10's (in rad, to two digits)?
 # Which of the two fits has errors in the right variable, if $A$ is what is measured?
 
-# %% tags=["solution"]
+# %% jupyter={"source_hidden": true} tags=["hide-cell", "solution"]
 inverse, _ = fit_polynomial(1e4 * delta, 60 * theoretical)
 low, high = delta[0], delta[-1]
 for _ in range(50):
@@ -324,7 +308,7 @@ print(f"{apart:.1e} rad: within the fit's misfit; the inverse has the errors of 
 # **2.** The printed coefficients have four decimals. How far can their rounding alone move $\delta$
 # at the last row (in rad, to one digit)? Compare it with the RMSE of the fit.
 
-# %% tags=["solution"]
+# %% jupyter={"source_hidden": true} tags=["hide-cell", "solution"]
 rounding_rad = 1e-6 * 0.5e-4 * (60 * theoretical[-1]) ** np.arange(4)
 print("from A^0 to A^3:", ", ".join(f"{each:.1e} rad" for each in rounding_rad))
 points_rmse = fit_polynomial(60 * theoretical, delta)[1]
@@ -335,7 +319,7 @@ assert rounding_rad[3] > 2 * points_rmse > 1000 * printed_rmse
 # backlash has reached 2·10⁻³ rad (to 0.001 rps)? Invert equation 10 numerically, and check that it
 # grows over the range, so that there is one answer.
 
-# %% tags=["solution"]
+# %% jupyter={"source_hidden": true} tags=["hide-cell", "solution"]
 roots = np.roots([*printed[:0:-1], printed[0] - 2e-3]) / 60
 real = roots[np.abs(roots.imag) < 1e-9].real
 (A_limit,) = real[(real > 0) & (real < theoretical[-1])]

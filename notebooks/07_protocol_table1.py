@@ -1,19 +1,3 @@
-# ---
-# jupyter:
-#   jupytext:
-#     formats: ipynb,py:percent
-#     notebook_metadata_filter: replication
-#     text_representation:
-#       extension: .py
-#       format_name: percent
-#   kernelspec:
-#     display_name: Python 3
-#     language: python
-#     name: python3
-#   replication:
-#     quick: {}
-# ---
-
 # %% [markdown]
 # # 7 · The search: Table 1's box and the protocol
 #
@@ -65,7 +49,7 @@ box = {}  # other bounds for it, such as {"frequency_hz": (1.0, 15.0)} or {"star
 generation = 5  # which generation is shown
 seed = 823840  # of the run: that of the stored run 4
 
-# %% tags=["plumbing"]
+# %% jupyter={"source_hidden": true} tags=["hide-input"]
 settings = {
     "amplitude_factor": workbook.Interval(0.01, 100),
     "longest_window_s": workbook.Interval(0.01, 4.8),
@@ -78,7 +62,7 @@ workbook.check_parameters(
     sigma=(sigma, workbook.Interval(1e-6, 10)),
     box=(box, [tuple(settings)]),
     generation=(generation, workbook.Interval(1, 200)),
-    seed=(seed, workbook.Interval(1, 2**32 - 1, whole=True)),
+    seed=(seed, range(1, 2**32)),
 )
 workbook.check_parameters(**{name: (value, settings[name]) for name, value in box.items()})
 
@@ -276,12 +260,12 @@ tried.pivot(index="cell", columns="shift", values="replayed").loc[tried["cell"].
 
 # %%
 found_table1 = table1.table1_cells(clean, tried)
-judged = workbook.judge(found_table1.to_dict()).set_index("id")
+judged = workbook.judge(found_table1.to_dict())
 
 # %% [markdown]
 # ## Verdict
 
-# %% tags=["plumbing", "verdict"]
+# %% jupyter={"source_hidden": true} tags=["hide-input", "verdict"]
 counts = judged["verdict"].value_counts()
 wider = 2 * found_table1["table1.A.max"]  # of the range of v, of which half is printed
 printed_T_f, T_f = judged.loc["table1.T_f.max", "printed"], found_table1["table1.T_f.max"]
@@ -298,7 +282,7 @@ workbook.verdict(
     found_table1.to_dict(),
 )
 
-# %% tags=["plumbing"]
+# %% jupyter={"source_hidden": true} tags=["hide-input"]
 workbook.export(
     supplement={"table1_replay": (tried, "First generations that replay with a bound moved.")},
     facts={
@@ -328,7 +312,7 @@ workbook.export(
 # vector. Compute it for $n$ = 7 from the Gamma functions and from random vectors (to 0.5 %), and
 # compare it with $\sqrt n$.
 
-# %% tags=["solution"]
+# %% jupyter={"source_hidden": true} tags=["hide-cell", "solution"]
 exact = np.sqrt(2) * math.gamma((c.n + 1) / 2) / math.gamma(c.n / 2)
 drawn_lengths = np.linalg.norm(np.random.default_rng(1).standard_normal((100000, c.n)), axis=1)
 assert np.isclose(exact, drawn_lengths.mean(), rtol=0.005)
@@ -342,7 +326,7 @@ print(
 # then, in units of $\sigma$, with $\mathbf C = \mathbf I$? Check $\chi_n / \sqrt{\mu_\text{eff}}$
 # by drawing; it is what the factor $\sqrt{\mu_\text{eff}}$ in equation 14 is for.
 
-# %% tags=["solution"]
+# %% jupyter={"source_hidden": true} tags=["hide-cell", "solution"]
 samples = np.random.default_rng(2).standard_normal((2000, c.mu, c.n))
 random_steps = np.linalg.norm(np.einsum("i,kij->kj", c.weights[: c.mu], samples), axis=1)
 assert np.isclose(random_steps.mean(), c.chi_n / np.sqrt(c.mu_eff), rtol=0.05)
@@ -352,7 +336,7 @@ print(f"{random_steps.mean():.4f}, expected {c.chi_n / np.sqrt(c.mu_eff):.4f}")
 # **3.** From which population on do the samples of a single generation make up more than half of
 # $\mathbf C$?
 
-# %% tags=["solution"]
+# %% jupyter={"source_hidden": true} tags=["hide-cell", "solution"]
 c_mu = {}
 for size in range(4, 301):
     c_mu[size] = cmaes.constants(size, c.n).c_mu

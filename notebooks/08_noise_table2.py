@@ -1,19 +1,3 @@
-# ---
-# jupyter:
-#   jupytext:
-#     formats: ipynb,py:percent
-#     notebook_metadata_filter: replication
-#     text_representation:
-#       extension: .py
-#       format_name: percent
-#   kernelspec:
-#     display_name: Python 3
-#     language: python
-#     name: python3
-#   replication:
-#     quick: {public: [1]}
-# ---
-
 # %% [markdown]
 # # 8 · Noise sensitivity (Table 2)
 #
@@ -86,7 +70,7 @@ shown_row = 5  # of Table 2, whose thirty runs are shown one by one
 shown_level = 7  # K of the noise-free record whose fit is shown
 criteria = {}  # limits to try instead of those of claims.csv, such as {"local_minima": 0.7}
 
-# %% tags=["plumbing"]
+# %% jupyter={"source_hidden": true} tags=["hide-input"]
 workbook.check_parameters(
     public=(public, [(1, 2, 3, 4, 5)]),
     settings=(settings, [tuple(vars(table2.AUTHORS_SETTINGS))]),
@@ -95,7 +79,7 @@ workbook.check_parameters(
     criteria=(criteria, [("error_below_10", "local_minima")]),
 )
 population = dict(settings).get("population", 300)
-workbook.check_parameters(population=(population, workbook.Interval(4, 10000, whole=True)))
+workbook.check_parameters(population=(population, range(4, 10001)))
 
 # %% [markdown]
 # ## Result
@@ -248,7 +232,7 @@ regions.assign(half_width_percent=half_width, sd_high_over_low=sd_factor).round(
 # The table's `reason` says how many realisations lie below a printed number. With 95 % intervals for twenty numbers,
 # about one falls outside by chance.
 
-# %% tags=["plumbing"]
+# %% jupyter={"source_hidden": true} tags=["hide-input"]
 facts = table2_facts.of_table2(regions, table, N, level) | table2_facts.of_signature(own_error)
 inside = {
     of: regions[of].between(regions[f"{of}_low"], regions[f"{of}_high"]) for of in ("mean", "sd")
@@ -256,7 +240,7 @@ inside = {
 outside = ", ".join(map(str, regions.index[~inside["sd"]])) or "none"
 cells = protocols.numbers_by_setting(judging)
 
-# %% tags=["plumbing", "verdict"]
+# %% jupyter={"source_hidden": true} tags=["hide-input", "verdict"]
 claims = {
     "error_below_10": table2_claims.decide_error_below_10(fits, criteria),
     "local_minima": table2_claims.decide_local_minima(table, criteria),
@@ -274,7 +258,7 @@ workbook.verdict(
     claims,
 )
 
-# %% tags=["plumbing"]
+# %% jupyter={"source_hidden": true} tags=["hide-input"]
 workbook.export(
     tables={"table2": table},
     supplement={"table2_runs": (fits, "Every run on the public noisy records of Table 2.")},
@@ -297,7 +281,7 @@ workbook.export(
 # **1.** The residual of the noise-free fit repeats every turn, the noise does not. By how much would the fit's RMSE on
 # row 10's noisy record exceed the noise's own SD, if both add up as independent parts do (to 3 %)?
 
-# %% tags=["solution"]
+# %% jupyter={"source_hidden": true} tags=["hide-cell", "solution"]
 row_10 = fits[(fits["row"] == 10) & (fits["realisation"] == min(public))]["rmse_rps"].min()
 noise_sd = fits["noise_amplitude_rps"].max() / np.sqrt(3)
 together = np.hypot(noise_sd, own_fits[true_A.index[9]].rmse)
@@ -308,7 +292,7 @@ print(f"{together:.4f} rps expected, {row_10:.4f} found, the noise alone {noise_
 # **2.** Of 30 runs 29 end at the same $A$ and one at a distance $d$. Which SD do they have? How far off is the one run
 # that would give the SD printed in row 10?
 
-# %% tags=["solution"]
+# %% jupyter={"source_hidden": true} tags=["hide-cell", "solution"]
 assert np.isclose(np.std([1.0] * 29 + [1.0 - 0.3], ddof=1), 0.3 / np.sqrt(30))  # d = 0.3
 distance = regions["sd"].loc[10] * np.sqrt(30)
 assert 0.1 < distance < 0.11
@@ -318,7 +302,7 @@ print(f"{distance:.3f} rps, {100 * distance / regions['mean'].loc[10]:.0f} % of 
 # **3.** A run ends in the best basin with the probability $p$. How many runs make it 99 % sure that one does?
 # Take $p$ = 1/3 (the stored runs of notebook 5) and 0.84.
 
-# %% tags=["solution"]
+# %% jupyter={"source_hidden": true} tags=["hide-cell", "solution"]
 p = np.array([1 / 3, 0.84])
 runs_needed = np.ceil(np.log(0.01) / np.log(1 - p)).astype(int)
 assert ((1 - p) ** runs_needed <= 0.01).all()

@@ -1,19 +1,3 @@
-# ---
-# jupyter:
-#   jupytext:
-#     formats: ipynb,py:percent
-#     notebook_metadata_filter: replication
-#     text_representation:
-#       extension: .py
-#       format_name: percent
-#   kernelspec:
-#     display_name: Python 3
-#     language: python
-#     name: python3
-#   replication:
-#     quick: {}
-# ---
-
 # %% [markdown]
 # # 9 · The joint, identified from the published signals
 #
@@ -134,7 +118,7 @@ started = ["stiffness_per_s2", "inertia_ratio", "speed_gain_per_s"]
 alphas = [1e4, 1e5, 1e6, 1e7]  # sharpness of the edge, 1/rad
 fit_levels = [3, 6, 9, 12]  # levels K of the records that the ratios are fitted to
 
-# %% tags=["plumbing"]
+# %% jupyter={"source_hidden": true} tags=["hide-input"]
 ratios = identified_joint().ratios
 fitted_ratios = tuple(name for name in ratios if name not in identification.HELD)
 workbook.check_parameters(
@@ -282,7 +266,7 @@ attempts[attempts["kept"] != "no"]
 #
 # The paper prints no parameter of its model, so no cell is judged here.
 
-# %% tags=["plumbing", "verdict"]
+# %% jupyter={"source_hidden": true} tags=["hide-input", "verdict"]
 farthest = ratios.loc[ratios["off_in_widths"].idxmax()]
 off_percent = 100 * farthest["off_in_widths"]
 came_back = "comes back to" if off_percent < 50 else "does not come back to"
@@ -297,7 +281,7 @@ workbook.verdict(
     f"{alpha['mean_nrmse_percent'].iloc[-1]:.1f} %."
 )
 
-# %% tags=["plumbing"]
+# %% jupyter={"source_hidden": true} tags=["hide-input"]
 workbook.export(
     tables={"joint_ratios": ratios.rename_axis("ratio").reset_index()},
     supplement={"joint_alpha": (alpha, "Misfit to all clean records, by sharpness of the edge.")},
@@ -318,7 +302,7 @@ workbook.export(
 # **1.** Of a load of 5 kg the table above gives $K_s$, $J_m$ and $K_p$. What are they for 10 kg, if
 # the motor speed stays the same, and which value of the table does not change?
 
-# %% tags=["solution"]
+# %% jupyter={"source_hidden": true} tags=["hide-cell", "solution"]
 heavy = joint_from_ratios(committed.ratios, load_mass_kg=10.0)
 scale = {name: getattr(heavy, name) / getattr(committed, name) for name in physical}
 assert all(np.isclose(factor, 2) for name, factor in scale.items() if name != "gravity_arm_m")
@@ -330,7 +314,7 @@ print("all twice as large but for the arm r, which the ratio g / r fixes")
 # compare the widths of the 95 % intervals with those above. Which ratio loses most, and by which
 # factor (to a factor of 2)?
 
-# %% tags=["solution"]
+# %% jupyter={"source_hidden": true} tags=["hide-cell", "solution"]
 alone = identification.identify_joint({widest: record}, committed)
 widths = pd.DataFrame(alone.confidence).T.diff(axis=1)[1]
 wider = (widths / width).dropna()
@@ -349,7 +333,7 @@ else:
 # samples of the residual on the fitted turns (to 0.1). By which factor would a correlation of
 # $\rho$ widen the intervals, roughly $\sqrt{(1 + \rho) / (1 - \rho)}$?
 
-# %% tags=["solution"]
+# %% jupyter={"source_hidden": true} tags=["hide-cell", "solution"]
 left = [
     (run.v - each.v)[third_turn]
     for run, each in zip(

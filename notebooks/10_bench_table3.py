@@ -1,19 +1,3 @@
-# ---
-# jupyter:
-#   jupytext:
-#     formats: ipynb,py:percent
-#     notebook_metadata_filter: replication
-#     text_representation:
-#       extension: .py
-#       format_name: percent
-#   kernelspec:
-#     display_name: Python 3
-#     language: python
-#     name: python3
-#   replication:
-#     quick: {repeats: 3, benches: 3}
-# ---
-
 # %% [markdown]
 # # 10 · The test bench (Table 3), as a stand-in
 #
@@ -94,7 +78,7 @@ spread = {}  # what to change of the spread, such as {"load_friction": 0.05}
 benches = 20  # benches of the population
 measure_mrad = 0.1  # step to which the hand's measure of the backlash is rounded
 
-# %% tags=["plumbing"]
+# %% jupyter={"source_hidden": true} tags=["hide-input"]
 workbook.check_parameters(
     repeats=(repeats, range(2, 1001)),
     bench_seed=(bench_seed, range(0, 10**6)),
@@ -215,7 +199,7 @@ errors
 # Means and SDs are those of stand-ins and test nothing. The claim is undecided: the static measures
 # are not printed; whole 0.1 mrad were found here from the known $A$ themselves.
 
-# %% tags=["plumbing", "verdict"]
+# %% jupyter={"source_hidden": true} tags=["hide-input", "verdict"]
 cells = standins.table3_cells(table) | {
     f"table3.row{row:02d}.known": A for row, A in enumerate(known["Table 2 interpolated"], start=1)
 }
@@ -237,7 +221,7 @@ workbook.verdict(
     claims,
 )
 
-# %% tags=["plumbing"]
+# %% jupyter={"source_hidden": true} tags=["hide-input"]
 workbook.export(
     tables={"table3": table},
     supplement={"table3_population": (population, "A of other benches of one spread, a log each.")},
@@ -261,7 +245,7 @@ workbook.export(
 # **1.** Which error of the backlash [rad] does the largest printed error of $A$ make? Use the slope
 # of equation 10 at the known $A$, and compare with equation 10 at the printed mean.
 
-# %% tags=["solution"]
+# %% jupyter={"source_hidden": true} tags=["hide-cell", "solution"]
 mean_A = published.column("Table 3", "mean")
 slope = (f(known_A + 1e-4) - f(known_A - 1e-4)) / 2e-4  # rad/rps
 by_slope, by_equation_10 = slope * (mean_A - known_A), f(mean_A) - f(known_A)
@@ -273,7 +257,7 @@ print(by_slope, by_equation_10)
 # over 2 ms. Which SD has the speed's error, if the rounding errors are uniform and independent (to
 # 2 %)? Compare it with the bench's noise.
 
-# %% tags=["solution"]
+# %% jupyter={"source_hidden": true} tags=["hide-cell", "solution"]
 q = 2 * np.pi / 2**19
 sd_rps = np.sqrt(2 / 12) * q / (2 * np.pi * 0.002)  # two errors of the variance q^2 / 12
 angles = np.cumsum(np.random.default_rng(1).uniform(0, 1, 100_001))
@@ -287,7 +271,7 @@ print(f"{sd_rps:.1e} rps; the noise has {bench.noise_rps:.1e}")
 # of the known $A$ is that at 1 mrad, by the slope of equation 10 (to 0.1 %)? Is it an excuse for an
 # error of 9 %?
 
-# %% tags=["solution"]
+# %% jupyter={"source_hidden": true} tags=["hide-cell", "solution"]
 dial_rad = 1e-5 / 0.3
 A_axis_rps = np.interp(1e-3, f(A_axis), A_axis)
 change = dial_rad / ((f(A_axis_rps + 1e-4) - f(A_axis_rps - 1e-4)) / 2e-4) / A_axis_rps

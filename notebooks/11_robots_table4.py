@@ -1,19 +1,3 @@
-# ---
-# jupyter:
-#   jupytext:
-#     formats: ipynb,py:percent
-#     notebook_metadata_filter: replication
-#     text_representation:
-#       extension: .py
-#       format_name: percent
-#   kernelspec:
-#     display_name: Python 3
-#     language: python
-#     name: python3
-#   replication:
-#     quick: {repeats: 3, robots_each: 10, loud_robots_each: 10, frequency_step_hz: 2.5}
-# ---
-
 # %% [markdown]
 # # 11 · Two robots in a plant (Table 4), as stand-ins
 #
@@ -82,7 +66,7 @@ loud_robots_each = 50  # robots of each kind with strongly coupled arms
 frequency_step_hz = 0.5  # of the sweep of one disturbance
 torque_shares = [0.02, 0.05, 0.1]  # its torque over m g r
 
-# %% tags=["plumbing"]
+# %% jupyter={"source_hidden": true} tags=["hide-input"]
 workbook.check_parameters(
     repeats=(repeats, range(2, 1001)),
     robots_each=(robots_each, range(2, 10001)),
@@ -276,7 +260,7 @@ summary
 #
 # All numbers are those of stand-ins and test nothing.
 
-# %% tags=["plumbing", "verdict"]
+# %% jupyter={"source_hidden": true} tags=["hide-input", "verdict"]
 cells = standins.table4_cells(table)
 by_kind = table.set_index("kind")["mean_A_rps"]
 mistaken = summary["called_excessive_percent"].iloc[-1]
@@ -290,7 +274,7 @@ workbook.verdict(
     cells,
 )
 
-# %% tags=["plumbing"]
+# %% jupyter={"source_hidden": true} tags=["hide-input"]
 workbook.export(
     tables={"table4": table},
     supplement={
@@ -315,7 +299,7 @@ workbook.export(
 # **1.** Count, over all pairs of an excessive and a healthy robot, how often the excessive one has
 # the larger $A$ (an equal $A$ counts as half). Compare with the area under the ROC.
 
-# %% tags=["solution"]
+# %% jupyter={"source_hidden": true} tags=["hide-cell", "solution"]
 healthy, excessive = (
     population["A_rps"][population["kind"] == kind].to_numpy() for kind in standins.KINDS
 )
@@ -329,7 +313,7 @@ print(f"{chance:.4f}")
 # calls excessive are so (Bayes)? From which share of bad robots on is a call more often right than
 # wrong?
 
-# %% tags=["solution"]
+# %% jupyter={"source_hidden": true} tags=["hide-cell", "solution"]
 d, f = best["detected"], best["false_alarms"]
 right = 0.02 * d / (0.02 * d + 0.98 * f)
 even = f / (d + f)
@@ -344,7 +328,7 @@ print(
 # rest. What is left of it in the first part at $k = 8$, at $k = 9$ and at $k = 8.5$, averaged over
 # twelve turns?
 
-# %% tags=["solution"]
+# %% jupyter={"source_hidden": true} tags=["hide-cell", "solution"]
 sample = np.arange(2400)  # 2 ms apart; a half turn has 100
 t, sign = 2e-3 * sample, np.where(sample // 100 % 2 == 0, 1.0, -1.0)
 parts = {

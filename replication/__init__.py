@@ -8,7 +8,7 @@ import numba
 
 
 def njit(function: Callable) -> Any:
-    """Compile a function; its machine code is kept beside the source or in the user's cache, where either can be written."""
+    """Compile a function; its machine code is kept where a folder for it can be written."""
     try:
         return numba.njit(cache=True, nogil=True)(function)
     except RuntimeError:  # no folder for the cache

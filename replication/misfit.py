@@ -63,7 +63,7 @@ def fold(t: FloatArray, v: FloatArray, timing: Timing) -> FoldedRecord | None:
 
 @njit
 def sum_windows(members, r):
-    """Sums of u^2, u (v - mean) and u over a record, with u the signature of A = 1; shapes (members, 7), (members, 3)."""
+    """Sums of u^2, u (v - mean) and u over a record, shape (members, 3), with u the signature of A = 1."""
     sums = np.empty((len(members), 3))
     wave = np.empty(r.size)
     for p in range(len(members)):

@@ -15,14 +15,7 @@ DATA: Traversable = files("replication") / "data"
 Criteria = Mapping[str, float] | None  # limits to try in place of those of `claims.csv`, by claim
 Decision = tuple[bool | None, str]  # whether a claim holds (None: undecided), and what was measured
 
-# The column that a table's rows are known by.
-_INDEX = {
-    "cells": "id",
-    "claims": "id",
-    "errata": "id",
-    "paper_figures": "figure",
-    "table2_candidates": "protocol",
-}
+_INDEX = {"cells": "id", "claims": "id", "errata": "id", "table2_candidates": "protocol"}
 
 
 @cache
@@ -34,10 +27,7 @@ def _kept(name: str) -> pd.DataFrame:
 def table(name: str) -> pd.DataFrame:
     """Load a data file by its name.
 
-    "claims": the paper's prose claims and what decides each, with the days on which its rule was fixed and its first
-    result committed. "errata": what is wrong in print, with its proof. "findings": texts of the report, with numbers
-    in braces. "map": where each element of the paper is. "paper_figures": what its figures show.
-    "table2_candidates": settings that may have given Table 2. "trail": the order in which rules were fixed.
+    "claims": the paper's claims in words and what decides each. "errata": what is wrong in print, with its proof.
     "authors_notebook_runs", "authors_notebook_generations": what the authors' notebook stores.
     """
     return _kept(name).copy()
@@ -47,8 +37,8 @@ def cells(element: str | None = None) -> pd.DataFrame:
     """Load the printed numbers, indexed by cell id, of one element, such as "Table 2", or of all.
 
     Columns `element, row, column, printed, value, unit, kind, abs_tol, rel_tol, tol_reason, section, quote` (words of
-    the paper, for the numbers of its text), `source` (where our number comes from), `reason` (how it was found, or why
-    it cannot be tested, with the notebooks' facts in braces), `known_difference` (why it differs).
+    the paper, for the numbers of its text), `source` (where our number comes from), `reason` (how it is computed, or
+    why it cannot be tested), `known_difference` (why it differs).
     """
     printed = table("cells")
     if element is None:
@@ -122,3 +112,91 @@ def decide(
         "interval above": (low > limit, high < limit),
     }[rule]
     return True if holds else False if fails else None
+
+
+# ------------------------------------------------------------------ numbers that follow from other printed numbers
+
+_RPM_PER_RPS = 60.0  # equation 10 takes A in rpm (erratum E1)
+
+
+def derived_numbers() -> dict[str, float]:
+    """Compute what follows from other printed numbers, by the cell that prints it, too.
+
+    Equation 10 from the points of Table 2, relative errors from means, Table 3's known A from Table 2's, numbers of
+    the text from tables and equation 10.
+    """
+    return _equation_10() | _relative_errors() | _known_amplitudes() | _numbers_of_the_text()
+
+
+def _points() -> tuple[np.ndarray, np.ndarray]:
+    """Table 2's theoretical A [rpm] of the rows with backlash, and their backlash [rad] by the text."""
+    theoretical = column("Table 2", "theoretical")
+    A = _RPM_PER_RPS * theoretical[theoretical > 0]
+    return A, value("text.delta_min") + value("text.delta_step") * np.arange(A.size)
+
+
+def _printed_cubic(A_rps: np.ndarray | float) -> np.ndarray:
+    """Equation 10 with its printed coefficients: backlash [rad] of an amplitude [rps]."""
+    coefficients = [1e-6 * value(f"equation10.A{power}") for power in (3, 2, 1, 0)]
+    return np.polyval(coefficients, _RPM_PER_RPS * np.asarray(A_rps))
+
+
+def _equation_10() -> dict[str, float]:
+    A, delta = _points()
+    coefficients = np.polyfit(A, delta, 3)
+    misfit = np.polyval(coefficients, A) - delta
+    numbers = {f"equation10.A{3 - k}": 1e6 * float(c) for k, c in enumerate(coefficients)}
+    return numbers | {"equation10.rmse": float(np.sqrt(np.mean(misfit**2)))}
+
+
+def _relative_errors() -> dict[str, float]:
+    """100 |mean - A| / A [%] of the rows of Tables 2 and 3."""
+    errors = {}
+    for element, reference in (("Table 2", "theoretical"), ("Table 3", "known")):
+        rows = cells(element).pivot(index="row", columns="column", values="value")
+        for row, of_row in rows[rows[reference] > 0].iterrows():
+            cell = f"{element.lower().replace(' ', '')}.row{int(row):02d}.relative_error"
+            errors[cell] = 100 * abs(of_row["mean"] - of_row[reference]) / of_row[reference]
+    return errors
+
+
+def _known_amplitudes() -> dict[str, float]:
+    """Table 2's theoretical A [rps], interpolated at the round backlashes that Table 3's known A mean."""
+    A, delta = _points()
+    known = column("Table 3", "known")
+    static = np.round(_printed_cubic(known), 4)
+    numbers = np.interp(static, delta, A) / _RPM_PER_RPS
+    return {f"table3.row{row:02d}.known": float(x) for row, x in enumerate(numbers, start=1)}
+
+
+def _numbers_of_the_text() -> dict[str, float]:
+    A, delta = _points()
+    by_equation = _printed_cubic(A / _RPM_PER_RPS)
+    mean = column("Table 2", "mean")[: A.size]
+    error = np.abs(_printed_cubic(mean) - delta)
+    bounded = cells("Table 1")["row"].unique()
+    numbers = {
+        "levels": A.size,
+        "delta_min": by_equation[0],
+        "delta_max": by_equation[-1],
+        "delta_step": np.diff(by_equation).mean(),
+        "encoder_step": 2 * np.pi / 2 ** value("text.encoder_bits"),
+        "error_limit_percent": column("Table 2", "relative_error").max(),
+        "error_rad_small": error[0],
+        "error_rad_large": error.max(),
+        "figure12_points": _points_of_equation_10(),
+        # v_t is commanded (equation 11), and T_d is half of T_f.
+        "parameters": len(set(bounded) - {"v_t", "T_d"}),
+    }
+    return {f"text.{name}": float(number) for name, number in numbers.items()}
+
+
+def _points_of_equation_10() -> float:
+    """How many of Table 2's rows, from the first one, have a cubic with the printed coefficients; nan if none."""
+    A, delta = _points()
+    printed = np.array([value(f"equation10.A{power}") for power in (3, 2, 1, 0)])
+    for count in range(5, A.size + 1):
+        coefficients = 1e6 * np.polyfit(A[:count], delta[:count], 3)
+        if np.abs(coefficients - printed).max() <= 0.5e-4:
+            return count
+    return math.nan

@@ -35,6 +35,9 @@ class Timing(NamedTuple):
     n: int = 12  # turns
 
 
+MOVEMENT = Timing()
+
+
 class Box(NamedTuple):
     """Bounds of a search, each of shape (parameters,)."""
 
@@ -45,7 +48,7 @@ class Box(NamedTuple):
 def d_b(t: FloatArray, X: Parameters, t0: float) -> FloatArray:
     """Equation 5: one damped oscillation, between T1 and T2 after the instant t0; shape (samples,)."""
     since = t - t0
-    inside = (X.T1 <= since) & (since <= X.T2)
+    inside = (since >= X.T1) & (since <= X.T2)
     since = np.where(inside, since, X.T1)
     return np.where(inside, X.A * np.exp(-(since - X.T1) * X.tau) * np.sin(X.omega * since), 0.0)
 
@@ -55,7 +58,7 @@ def f(t: FloatArray, X: Parameters, t0: float, T_d: float) -> FloatArray:
     return d_b(t, X, t0) - d_b(t, X, t0 + T_d)
 
 
-def h(t: FloatArray, X: Parameters | FloatArray, timing: Timing = Timing()) -> FloatArray:
+def h(t: FloatArray, X: Parameters | FloatArray, timing: Timing = MOVEMENT) -> FloatArray:
     """Equation 7: the signature [rps] of n turns.
 
     Parameters
@@ -77,7 +80,7 @@ def h(t: FloatArray, X: Parameters | FloatArray, timing: Timing = Timing()) -> F
 
 
 def rmse(
-    t: FloatArray, v: FloatArray, X: Parameters | FloatArray, timing: Timing = Timing()
+    t: FloatArray, v: FloatArray, X: Parameters | FloatArray, timing: Timing = MOVEMENT
 ) -> float:
     """Root mean square [rps] of r - h, the paper's cost function, with r of equation 11.
 

@@ -3,16 +3,11 @@
 import os
 import re
 
-import jupytext
-import pandas as pd
 import pytest
 from llvmlite import binding as llvm
 
 from replication.processors import pinned_environment
 from tests.processors import ALIASES, numba_target, numpy_simd, openblas_kernels
-from workbook import ROOT, judging
-from workbook.checkout import notebook_files
-from workbook.execution import quick_parameters
 
 KERNEL = os.environ.get("OPENBLAS_CORETYPE")
 needs_settings = pytest.mark.skipif(
@@ -40,30 +35,3 @@ def test_the_settings_that_the_environment_asks_for_are_in_effect():
         assert numba_target() == os.environ["NUMBA_CPU_NAME"]
     disabled = set(re.split("[ ,]", os.environ.get("NPY_DISABLE_CPU_FEATURES", "")))
     assert not disabled & set(numpy_simd())
-
-
-@needs_settings
-def test_the_cheap_notebooks_reach_their_committed_verdicts(authors_data, tmp_path, monkeypatch):
-    # Those whose quick run is their whole run.
-    cheap = [
-        source
-        for source in notebook_files("py").values()
-        if not quick_parameters(jupytext.read(source))
-    ]
-    assert len(cheap) == 11, "a notebook has become cheap, or is no longer: change the count"
-    monkeypatch.setenv("MPLBACKEND", "Agg")
-    monkeypatch.setenv("REPLICATION_OUT", str(tmp_path))
-    monkeypatch.setenv("REPLICATION_QUICK", "0")
-    for source in cheap:
-        monkeypatch.setenv("REPLICATION_NOTEBOOK", source.stem)
-        code = compile(source.read_text("utf-8"), str(source), "exec")
-        exec(code, {"__name__": "__main__", "display": lambda *shown, **options: None})
-    for table, name in ((judging.verdicts, "verdicts.csv"), (judging.decided_claims, "claims.csv")):
-        committed, here = pd.read_csv(ROOT / "results" / name), table(tmp_path / "results")
-        key = [column for column in ("id", "source", "notebook") if column in here]
-        both = here[here["notebook"].isin([source.stem for source in cheap])].merge(
-            committed, on=key, suffixes=("", "_committed")
-        )
-        assert len(both) > 1
-        word = "agreement" if name == "verdicts.csv" else "verdict"
-        assert both[word].tolist() == both[f"{word}_committed"].tolist()

@@ -1,13 +1,12 @@
-"""The workbook: runs the notebooks, keeps what they export, and turns it into verdicts and a report."""
+"""The workbook: runs the notebooks, compares what they export with the printed numbers, makes report and book."""
 
-import sys
-from typing import Any
+import pandas as pd
 
 from replication.files import ROOT
 from workbook.animation import plain_animation
-from workbook.changes import export, judge, verdict
-from workbook.outcomes import show_figure
+from workbook.outcomes import export, show_figure
 from workbook.parameters import Interval, check_parameters, sliders
+from workbook.verdict import judge, verdict
 
 # What notebooks call.
 __all__ = [
@@ -22,6 +21,5 @@ __all__ = [
     "verdict",
 ]
 
-# A library of nbformat's builds a grammar of addresses, which no notebook is checked for, in 2 s of every start.
-_modules: dict[str, Any] = sys.modules
-_modules.setdefault("rfc3987_syntax", None)
+# Notebooks show tables in full.
+pd.set_option("display.max_colwidth", None, "display.max_columns", None, "display.max_rows", 200)

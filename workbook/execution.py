@@ -1,136 +1,139 @@
-"""Execution of one notebook in a fresh kernel; what it exports is kept only if all went well."""
+"""Execution of one notebook in a fresh kernel; what it makes is put in place only if it ended well."""
 
-import ast
-import math
+import fcntl
 import os
-import re
 import shutil
-import signal
-import tempfile
+import subprocess
+import threading
 import time
-from collections.abc import Mapping
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
+from typing import Any
 
+import joblib
 import jupytext
 import nbformat
 import psutil
-from jupyter_client.kernelspec import KernelSpecManager
-from jupyter_client.manager import AsyncKernelManager
 from nbclient import NotebookClient
-from nbclient.exceptions import CellExecutionError, DeadKernelError
-from nbclient.util import run_sync
+from nbclient.exceptions import CellExecutionError, CellTimeoutError, DeadKernelError
 from nbformat import NotebookNode
-from nbformat.v4 import new_code_cell, new_markdown_cell
-from tqdm import tqdm
+from nbformat.v4 import new_markdown_cell
 
-from replication.files import ROOT, write_text
+from replication.files import ROOT, UserError, write_text
 from replication.processors import pinned_environment
-from replication.records import data_folder
-from workbook.checkout import APART, NOTEBOOKS, OFFLINE
+from workbook.checkout import OFFLINE
 
-STALL_S = 900.0
+CELL_TIMEOUT_S = 900
 WORKER_BYTES = 500 * 2**20  # of a process that computes, with the libraries that it loads
+KERNEL = {"display_name": "Python 3 (ipykernel)", "language": "python", "name": "python3"}
+SIMULATED = """**On our simulated records in place of the authors', whose files could not be had. The \
+committed results, from the authors' data, are untouched; `make data` fetches them.**"""
 
 
-class NotebookFailed(RuntimeError):
+class NotebookFailed(UserError):
     """A notebook did not run to its end."""
 
     exit_status = 1
 
 
-class NotebookNotRun(RuntimeError):
+class DataMissing(UserError):
     """A notebook needs data that are not to be had."""
 
-    exit_status = 1
 
+def run(source: Path) -> str:
+    """Execute a notebook and put what it makes in place, beside its folder `notebooks`; say how it ended.
 
-class _Client(NotebookClient):
-    """Runs a notebook in a fresh kernel, shows its progress, and ends it if it makes none.
+    Where the authors' files can't be had it runs on our simulated records, into `results/offline`. A
+    stamp, `.make/NAME.ran`, says that it ran on what it asks for.
 
-    A private name of nbclient is overridden; tests of stalled and killed kernels notice a change.
+    Raises
+    ------
+    NotebookFailed
+        A cell failed, or its kernel did; what it got to lies in `.make`.
+    UserError
+        The source is none, its `.ipynb` was edited, or another process runs it.
     """
-
-    def __init__(self, notebook: NotebookNode, source: Path, stall_s: float):
-        of_this_interpreter = KernelSpecManager(kernel_dirs=[])  # whatever kernels are registered
-        self.kernel = AsyncKernelManager(
-            kernel_name="python3", kernel_spec_manager=of_this_interpreter
-        )
-        super().__init__(
-            notebook,
-            km=self.kernel,
-            coalesce_streams=True,  # in how many pieces a text arrives is a matter of time
-            startup_timeout=math.ceil(stall_s),
-            shutdown_kernel="immediate",
-            record_timing=False,
-            extra_arguments=_kernel_arguments(source),
-            resources={"metadata": {"path": str(ROOT)}},
-        )
-        self.owns_km = True  # nbclient is to end the kernel
-        self.stall_s = stall_s
-        self.last_sign = time.monotonic()
-        self.cell = 0
-        self.bar = tqdm(
-            total=len(notebook.cells),
-            desc=source.stem,
-            leave=False,
-            disable=None,
-            bar_format="{desc}: cell {n} of {total}{postfix}",
-        )
-
-    def run(self, environment: Mapping[str, str]) -> None:
-        """Execute the cells."""
-        with self.bar, self.setup_kernel(env=environment):
-            # Both ends have read it, and a run that is killed would leave it behind.
-            self.kernel.cleanup_connection_file()
+    project = find_project(source)
+    name, start = source.stem, time.monotonic()
+    with _lock(project, name):
+        _check_pair(source)
+        try:
+            _execute_into(project, source, project)
+            where = ""
+            write_text(project / ".make" / f"{name}.ran", "")
+        except DataMissing as missing:
             try:
-                for position, cell in enumerate(self.nb.cells):
-                    self.cell, self.last_sign = position, time.monotonic()
-                    self.bar.update()
-                    self.execute_cell(cell, position, execution_count=self.code_cells_executed + 1)
-            finally:
-                # And its workers, even if it is dead.
-                run_sync(self.kernel.signal_kernel)(signal.SIGKILL)
-
-    def process_message(self, msg, cell, cell_index):
-        """Take in a message; standard error is progress, and does not belong to the notebook."""
-        self.last_sign = time.monotonic()
-        if msg["msg_type"] == "stream" and msg["content"]["name"] == "stderr":
-            self.bar.set_postfix_str(count_and_time_left(msg["content"]["text"]))
-            return None
-        return super().process_message(msg, cell, cell_index)
-
-    def has_stalled(self) -> bool:
-        return time.monotonic() - self.last_sign > self.stall_s
-
-    async def _async_check_alive(self):
-        """End a cell whose kernel is dead or has stalled; called every second."""
-        if self.has_stalled():
-            raise DeadKernelError
-        await super()._async_check_alive()
+                apart = project / OFFLINE.relative_to(ROOT)
+                _execute_into(apart, source, project, records="simulated")
+                where = " on our simulated records"
+            except DataMissing:
+                return f"{name}: not run: {missing}; its committed results stay"
+    return f"{name}: done{where} in {time.monotonic() - start:.0f} s"
 
 
-def _kernel_arguments(source: Path) -> list[str]:
-    """Arguments with which a kernel starts the recorder.
-
-    The recorder ends the kernel and its workers with the run; ipykernel would end the kernel alone.
-    """
-    recorder = str(Path(__file__).with_name("recorder.py"))
-    started = (os.getpid(), str(ROOT), str(data_folder().absolute()), str(source.resolve()))
-    start = f"__import__('runpy').run_path({recorder!r})['start']{started}"
-    return [
-        "--IPKernelApp.log_level=ERROR",
-        "--IPKernelApp.parent_handle=1",
-        f"--IPKernelApp.exec_lines={start}",
-    ]
+def find_project(source: Path) -> Path:
+    """Find the folder that holds `notebooks`, with a notebook's source in it."""
+    folders = [path.parent for path in source.resolve().parents if path.name == "notebooks"]
+    if source.suffix != ".py" or not source.is_file() or not folders:
+        example = "such as notebooks/08_noise_table2.py"
+        raise UserError(f"{source}: give the .py source of a notebook, {example}")
+    return folders[0]
 
 
-def count_and_time_left(text: str) -> str:
-    """Count and time left of the last state of a progress bar in a text, if there is one."""
-    found = re.findall(r"(\d+/\d+) \[[\d:]+<([\d:?]+)", text)
-    return f"{found[-1][0]}, {found[-1][1]} left" if found else ""
+@contextmanager
+def _lock(project: Path, name: str) -> Iterator[None]:
+    """Keep other processes from running the same notebook, until this one ends, in whatever way."""
+    (project / ".make").mkdir(exist_ok=True)
+    with (project / ".make" / f"{name}.lock").open("w") as file:
+        try:
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError as error:
+            raise UserError(f"{name}: another process runs it; wait until it has ended") from error
+        yield
 
 
-FOLDED = {"plumbing", "solution"}  # tags of cells whose source JupyterLab and the pages fold
+def _check_pair(source: Path) -> None:
+    """Refuse to overwrite an `.ipynb` that was edited after its source."""
+    executed = source.with_suffix(".ipynb")
+    if not executed.exists() or executed.stat().st_mtime_ns < source.stat().st_mtime_ns:
+        return
+    here, there = (
+        [(cell.cell_type, cell.source.rstrip()) for cell in notebook.cells]
+        for notebook in (jupytext.read(source), nbformat.read(executed, as_version=4))
+    )
+    if here != there:
+        raise UserError(
+            f"{executed}: edited after {source.name}, and left as it is; take the edits over by "
+            f"jupytext --sync {source}, or delete it"
+        )
+
+
+def _execute_into(destination: Path, source: Path, project: Path, records: str = "") -> None:
+    """Execute a notebook in a staging folder, then rename each file into a destination."""
+    staging = project / ".make" / "staging" / source.stem
+    shutil.rmtree(staging, ignore_errors=True)  # what a killed run has left
+    staging.mkdir(parents=True)
+    notebook = read_notebook(source)
+    if records:
+        notebook.cells.insert(0, new_markdown_cell(SIMULATED, id="records"))
+    variables = {
+        "REPLICATION_OUT": str(staging),
+        "REPLICATION_NOTEBOOK": source.stem,
+        "BACKLASH_RECORDS": records,
+        "LOKY_MAX_CPU_COUNT": str(count_workers(joblib.cpu_count(), available_memory())),
+        "PYTHONPATH": os.pathsep.join(filter(None, [str(ROOT), os.environ.get("PYTHONPATH")])),
+    }
+    execute(
+        notebook, source, os.environ | pinned_environment() | isolated_environment() | variables
+    )
+    executed = staging / source.resolve().relative_to(project).with_suffix(".ipynb")
+    executed.parent.mkdir(parents=True)
+    nbformat.write(notebook, executed)
+    for made in staging.iterdir():
+        into = destination / made.name
+        shutil.copytree(made, into, copy_function=os.replace, dirs_exist_ok=True)
+    shutil.rmtree(staging)
 
 
 def read_notebook(source: Path) -> NotebookNode:
@@ -138,102 +141,93 @@ def read_notebook(source: Path) -> NotebookNode:
     notebook = jupytext.read(source)
     for position, cell in enumerate(notebook.cells):
         cell["id"] = f"cell-{position:02d}"
-        if tags := FOLDED.intersection(cell.metadata.get("tags", [])):
-            cell.metadata["jupyter"] = {"source_hidden": True, "outputs_hidden": "solution" in tags}
+    notebook.metadata = nbformat.from_dict({"kernelspec": KERNEL})
     return notebook
 
 
-def quick_parameters(notebook: NotebookNode) -> dict[str, object]:
-    """Values that a notebook's metadata give for a quick run."""
-    return dict(notebook.metadata.get("replication", {}).get("quick", {}))
+def isolated_environment() -> dict[str, str]:
+    """Environment variables that shut out a user's own settings of matplotlib, IPython and Jupyter."""
+    settings = ROOT / ".make" / "settings"  # kept, for the list of fonts takes seconds to make
+    settings.mkdir(parents=True, exist_ok=True)
+    names = ("MPLCONFIGDIR", "IPYTHONDIR", "JUPYTER_CONFIG_DIR", "JUPYTER_DATA_DIR")
+    nowhere = dict.fromkeys(("JUPYTER_PATH", "JUPYTER_CONFIG_PATH", "PYTHONSTARTUP"), "")
+    rc_file = {"MATPLOTLIBRC": str(settings / "none")}
+    return {name: str(settings / name.lower()) for name in names} | nowhere | rc_file
 
 
-def with_parameters(notebook: NotebookNode, values: Mapping[str, object]) -> NotebookNode:
-    """Override values of a notebook's tagged parameters cell, by a cell inserted after it."""
-    tags = [cell.metadata.get("tags", []) for cell in notebook.cells]
-    position = next(k for k, own in enumerate(tags) if "parameters" in own)
-    nodes = ast.walk(ast.parse(notebook.cells[position].source))
-    names = {
-        node.id for node in nodes if isinstance(node, ast.Name) and isinstance(node.ctx, ast.Store)
-    }
-    if unknown := ", ".join(sorted(set(values) - names)):
-        raise ValueError(f"no such parameter: {unknown}; there are {', '.join(sorted(names))}")
-    source = "\n".join(f"{name} = {value!r}" for name, value in values.items())
-    tag = "injected-parameters"
-    notebook.cells.insert(position + 1, new_code_cell(source, id=tag, metadata={"tags": [tag]}))
-    return notebook
+def count_workers(cores: int, memory: int) -> int:
+    """Processes that each of two notebooks may start at a time, given all cores and the memory [bytes]."""
+    return max(1, min(cores, max(2, cores // 2), memory // (2 * WORKER_BYTES)))
 
 
-def execute(
-    source: Path,
-    destination: Path,
-    quick: bool = False,
-    stall_s: float = STALL_S,
-    records: str = "",
-) -> None:
-    """Execute a notebook; put what it exports and the executed copy in place if it ends well.
-
-    Everything goes to a staging folder first, so that a failing notebook leaves the last good
-    results alone. Records are the authors', or "simulated".
-    """
-    notebook = read_notebook(source)
-    if records:
-        notebook.cells.insert(0, new_markdown_cell(f"**{APART[OFFLINE]}**", id="records"))
-    if quick and (values := quick_parameters(notebook)):
-        notebook = with_parameters(notebook, values)
-    destination.mkdir(parents=True, exist_ok=True)
-    with tempfile.TemporaryDirectory(dir=destination, prefix=".staging-") as folder:
-        staging = Path(folder)
-        outcome = staging / "results" / "outcomes" / f"{source.stem}.json"
-        write = f"__import__('sys').modules['notebook_recorder'].write({str(outcome)!r}, globals())"
-        notebook.cells.append(new_code_cell(write, id="recorder"))
-        paths = [str(ROOT), os.environ.get("PYTHONPATH")]
-        variables = {
-            "REPLICATION_OUT": folder,
-            "REPLICATION_QUICK": str(int(quick)),
-            "REPLICATION_NOTEBOOK": source.stem,
-            "BACKLASH_RECORDS": records,
-            "LOKY_MAX_CPU_COUNT": str(count_workers()),
-            "PYTHONPATH": os.pathsep.join(filter(None, paths)),
-        }
-        environment = os.environ | pinned_environment() | variables
-        _run_to_the_end(_Client(notebook, source, stall_s), source, environment)
-        notebook.cells.pop()
-        inside = "beyond" if source.resolve().parent == NOTEBOOKS / "beyond" else ""
-        executed = staging / "notebooks" / inside / f"{source.stem}.ipynb"
-        executed.parent.mkdir(parents=True)
-        nbformat.write(notebook, executed)
-        for made in staging.iterdir():
-            into = destination / made.name
-            shutil.copytree(made, into, copy_function=os.replace, dirs_exist_ok=True)
+def available_memory() -> int:
+    """Memory that this machine has left, or its container may take [bytes]."""
+    limit = Path("/sys/fs/cgroup/memory.max")
+    text = limit.read_text().strip() if limit.exists() else "max"
+    available = psutil.virtual_memory().available
+    return available if text == "max" else min(available, int(text))
 
 
-def count_workers(memory: int = 0, cores: int = 0) -> int:
-    """Processes that a notebook may start: no more than there are cores, and than the memory [bytes] holds."""
-    memory = memory or psutil.virtual_memory().available
-    return max(1, min(cores or os.cpu_count() or 1, memory // WORKER_BYTES))
-
-
-def _run_to_the_end(client: _Client, source: Path, environment: Mapping[str, str]) -> None:
-    """Run a notebook; where that fails, keep the partial notebook and say what went wrong."""
+def execute(notebook: NotebookNode, source: Path, environment: dict[str, str]) -> None:
+    """Execute a notebook's cells in place, in its own folder; progress bars leave no trace in it."""
+    client = NotebookClient(
+        notebook,
+        kernel_name="python3",
+        timeout=CELL_TIMEOUT_S,
+        coalesce_streams=True,  # in how many pieces a text arrives is a matter of time
+        record_timing=False,
+        shutdown_kernel="immediate",
+        extra_arguments=["--IPKernelApp.log_level=ERROR"],
+        resources={"metadata": {"path": str(source.parent)}},
+    )
+    client.on_notebook_start = lambda notebook: _kill_with_this_process(client)
     try:
-        client.run(environment)
-    except (CellExecutionError, RuntimeError) as error:
-        client.nb.cells.pop()
-        if isinstance(error, CellExecutionError) and error.ename == "DataUnavailable":
-            raise NotebookNotRun(f"{source.stem}: not run: {error.evalue}") from error
-        if isinstance(error, CellExecutionError):
-            why = f"{error.ename}: {error.evalue}"
-        elif client.has_stalled():
-            minutes = f"{client.stall_s / 60:.3g} minutes"
-            why = f"no progress for {minutes} (STALL_MINUTES=... allows more)"
-        else:
-            why = "the kernel died"
-        where = f"{source.name}, cell {client.cell + 1}: {why}"
-        partial = source.parent / "partial" / f"{source.stem}.ipynb"
-        try:
-            partial.parent.mkdir(exist_ok=True)
-            write_text(partial, nbformat.writes(client.nb))
-        except OSError as full:
-            raise NotebookFailed(f"{where}; {full.strerror}: {partial}") from error
-        raise NotebookFailed(f"{where}; what it got to is in {partial}") from error
+        client.execute(env=environment)
+    except (CellExecutionError, CellTimeoutError, DeadKernelError) as error:
+        _report_failure(notebook, source, error)
+    for cell in notebook.cells:
+        if cell.cell_type == "code":
+            cell.outputs = [each for each in cell.outputs if each.get("name") != "stderr"]
+    del notebook.metadata["language_info"][
+        "version"
+    ]  # to the third number, which results don't depend on
+
+
+def _kill_with_this_process(client: NotebookClient) -> None:
+    """Kill a kernel and its workers when this process ends, however it does: then the pipe closes."""
+    kernel: Any = client.km
+    group = kernel.provisioner.pgid
+    subprocess.Popen(
+        ["sh", "-c", f"read -r line; kill -s KILL -- -{group}"],
+        stdin=subprocess.PIPE,
+        stderr=subprocess.DEVNULL,
+        start_new_session=True,
+    )
+
+
+def _report_failure(notebook: NotebookNode, source: Path, error: Exception) -> None:
+    """Raise in one line what ended a notebook, and where."""
+    if isinstance(error, CellExecutionError) and error.ename == "DataUnavailable":
+        raise DataMissing(error.evalue) from error
+    if isinstance(error, CellExecutionError):
+        why = f"{error.ename}: {error.evalue}"
+    elif isinstance(error, CellTimeoutError):
+        why = f"no end after {CELL_TIMEOUT_S / 60:.3g} minutes"
+    else:
+        why = "the kernel died"
+    started = [k for k, cell in enumerate(notebook.cells) if cell.get("execution_count")]
+    partial = find_project(source) / ".make" / f"{source.stem}.failed.ipynb"
+    write_text(partial, nbformat.writes(notebook))
+    where = f"{source.name}, cell {max(started, default=0) + 1}"
+    raise NotebookFailed(f"{where}: {why}; what it got to is in {partial}") from error
+
+
+def end_with(process: int) -> None:
+    """End this process when another, make, has ended without waiting for it."""
+
+    def watch() -> None:
+        with suppress(psutil.NoSuchProcess):
+            psutil.Process(process).wait()
+        os._exit(1)
+
+    threading.Thread(target=watch, daemon=True).start()

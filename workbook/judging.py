@@ -1,22 +1,15 @@
-"""Verdicts: does a printed number agree with ours, how well would we have noticed, and where does ours come from.
+"""Verdicts: does a printed number lie in our interval, how far might it have moved, where does ours come from.
 
-1. A notebook exports one number for a printed number, or realisations by setting: for a mean or an SD of
-   Table 2, the first 40 realisations of each setting that `protocols.POOLED` names.
-2. The interval of one number is ours ± the tolerance of `cells.csv`, whose reason stands there; of a
-   printed upper bound, whatever is not below ours. The interval of realisations is the 95 % prediction
-   interval of all of them together, by order statistics, and ours is their median.
-3. `agrees`: the printed number lies in the interval. `differs`: it does not. `not tested`: the number is
-   a stand-in's or was taken over, no notebook computed it, or too few realisations give an interval.
-4. `resolution`: half of the interval's width over the printed number, for an SD the factor by which its
-   ends lie from their middle. Above 10 % or a factor of 3 an agreement is weak.
-5. `settings`: under how many of the settings alone the printed number agrees.
-
-"The original lies in the replication's 95 % prediction interval" is the criterion of Patil, Peng and Leek
-(2016). It was chosen after the numbers were known (`results/pages/history.html`).
+1. A notebook exports one number for a printed number; for a mean or an SD of Table 2, realisations by setting.
+2. The interval of one number is ours plus and minus the tolerance of `cells.csv`; of a printed upper bound, whatever
+   is not below ours. The interval of realisations is the 95 % prediction interval of all of them together, by order
+   statistics, and ours is their median.
+3. `agrees`: the printed number lies in the interval. `differs`: it does not. `not tested`: ours is a stand-in's or
+   was taken over, no notebook computed it, or too few realisations give an interval.
+4. `resolution`: how far below and above ours the printed number might have been, and agreed.
 """
 
 import math
-from collections import defaultdict
 from collections.abc import Mapping
 from itertools import chain
 from pathlib import Path
@@ -26,31 +19,30 @@ import numpy as np
 import pandas as pd
 
 from replication import published
-from replication.files import write_csv, write_json
-from replication.table2 import predictive_region
+from replication.files import write_csv
+from replication.table2 import prediction_interval
 from workbook.outcomes import Numbers, load_outcomes, source_of
 
 Outcomes = Mapping[str, Mapping[str, Any]]  # by notebook
 VERDICT_COLUMNS = ["id", "printed", "published", "reproduced", "low", "high", "agreement"]
-VERDICT_COLUMNS += ["source", "resolution", "settings", "reason", "notebook"]
+VERDICT_COLUMNS += ["source", "resolution", "reason", "notebook"]
 AGREEMENTS = ("agrees", "differs", "not tested")
 SOURCES = {
-    "recomputed": "our search on the authors' clean records with noise of the printed law, or on their noisy ones",
+    "recomputed": "our search, on the authors' clean records with noise of the printed law",
     "authors' files": "read or measured from them",
     "simulated joint": "the joint that we identified from the authors' records",
-    "the paper's own numbers": "arithmetic between printed numbers",
+    "the paper's own numbers": "arithmetic between printed numbers, which shows consistency alone",
     "stand-in": "simulated in place of unpublished logs; not tested",
     "taken over": "assumed as printed; not tested",
 }
 NOT_TESTED = ("stand-in", "taken over")
 CLAIM_VERDICTS = {True: "holds", False: "does not hold", None: "undecided"}
-WEAK_SHARE, WEAK_FACTOR = 0.1, 3.0
 
 
 def interval(cell: str, numbers: Numbers) -> tuple[float, float]:
     """Rule 2: the numbers that agree with ours."""
     if isinstance(numbers, Mapping):
-        return predictive_region([*chain(*numbers.values())])
+        return prediction_interval([*chain(*numbers.values())])
     tolerance = published.tolerance(cell)
     is_bound = published.cells().loc[cell, "kind"] == "bound"
     return numbers - tolerance, math.inf if is_bound else numbers + tolerance
@@ -62,43 +54,37 @@ def agrees(cell: str, numbers: Numbers) -> bool:
     return low <= published.value(cell) <= high
 
 
-def resolution(cell: str, low: float, high: float) -> float:
-    """Rule 4: what a deviation must exceed to be seen; nan for a count and for a printed zero."""
+def resolution(cell: str, ours: float, low: float, high: float) -> str:
+    """Rule 4, in words: "-4.3 % to +2.4 %"; of an SD factors: "1/4.3 to 21 times"; of a number about zero, its ends."""
+    if not math.isfinite(low) or not math.isfinite(ours):
+        return ""
+    if math.isinf(high):
+        return "anything above"
     if cell.endswith(".sd"):
-        return math.sqrt(high / low) if low > 0 else math.inf
-    value = abs(published.value(cell))
-    is_count = published.cells().loc[cell, "kind"] == "count"
-    return math.nan if is_count or not value else (high - low) / 2 / value
+        return f"1/{ours / low:.2g} to {high / ours:.2g} times"
+    if low <= 0 <= high:
+        return f"{low - ours:+.2g} to {high - ours:+.2g}"
+    ends = sorted((100 * (low / ours - 1), 100 * (high / ours - 1)))
+    return f"{ends[0]:+.2g} % to {ends[1]:+.2g} %"
 
 
-def is_weak(cell: str, seen_from: float) -> bool:
-    """Rule 4: whether a resolution makes an agreement weak."""
-    return seen_from > (WEAK_FACTOR if cell.endswith(".sd") else WEAK_SHARE)
-
-
-def judge_rows(found: pd.DataFrame, facts: Mapping[str, str] | None = None) -> pd.DataFrame:
-    """Compare `id, source, numbers, notebook` with the printed numbers: `VERDICT_COLUMNS`.
-
-    `facts` are the numbers that reasons name in braces.
-    """
-    rows = found.to_dict("records")
-    known = defaultdict(lambda: "?", facts or {})
-    judged = [row | _judge(row["id"], row["source"], row["numbers"], known) for row in rows]
+def judge_rows(ours: pd.DataFrame) -> pd.DataFrame:
+    """Compare rows of `id, source, numbers, notebook` with the printed numbers: `VERDICT_COLUMNS`."""
+    rows = ours.to_dict("records")
+    judged = [row | _judge(row["id"], row["source"], row["numbers"]) for row in rows]
     return pd.DataFrame(judged, columns=VERDICT_COLUMNS)
 
 
-def _judge(cell: str, source: str, numbers: Numbers, facts: Mapping[str, str]) -> dict[str, Any]:
-    """Columns that tell how our number and a printed one compare."""
+def _judge(cell: str, source: str, numbers: Numbers) -> dict[str, Any]:
     row = published.cells().loc[cell]
-    value, reason = float(row["value"]), row["reason"].format_map(facts)
-    by_setting = numbers if isinstance(numbers, Mapping) else {"": [numbers]}
-    pooled = [*chain(*by_setting.values())]
+    source = row["source"] if row["source"] in NOT_TESTED else source
+    value, reason = float(row["value"]), row["reason"]
+    pooled = [*chain(*numbers.values())] if isinstance(numbers, Mapping) else [numbers]
     ours, (low, high) = float(np.median(pooled)), interval(cell, numbers)
-    settings = ""
     if isinstance(numbers, Mapping):
-        alone = sum(agrees(cell, {name: each}) for name, each in by_setting.items())
-        settings = f"{alone} of {len(by_setting)}"
+        alone = sum(agrees(cell, {name: each}) for name, each in numbers.items())
         below = sum(number < value for number in pooled)
+        reason += f"; agrees under {alone} of {len(numbers)} settings alone"
         reason += f"; {below} of {len(pooled)} realisations lie below the printed number"
     agreement = "not tested"
     if source in NOT_TESTED:
@@ -119,8 +105,8 @@ def _judge(cell: str, source: str, numbers: Numbers, facts: Mapping[str, str]) -
         "low": low,
         "high": high,
         "agreement": agreement,
-        "resolution": resolution(cell, low, high),
-        "settings": settings,
+        "source": source,
+        "resolution": "" if agreement == "not tested" else resolution(cell, ours, low, high),
         "reason": reason,
     }
 
@@ -129,6 +115,19 @@ def exported_cells(outcomes: Outcomes) -> pd.DataFrame:
     """Our numbers, as `judge_rows` takes them."""
     rows = [row | {"notebook": name} for name, each in outcomes.items() for row in each["cells"]]
     return pd.DataFrame(rows, columns=["id", "source", "numbers", "notebook"], dtype=object)
+
+
+def verdicts(results: Path) -> pd.DataFrame:
+    """Judge every printed number from the notebooks' outcomes, in the paper's order."""
+    ours = exported_cells(load_outcomes(results))
+    if ours["id"].duplicated().any():
+        twice = ours.loc[ours["id"].duplicated(), "id"].unique()
+        raise ValueError(f"{', '.join(twice)}: exported by two notebooks")
+    ours = ours.set_index("id").reindex(published.cells().index)
+    missing = ours["source"].isna()
+    ours.loc[missing, "source"] = [source_of(cell) for cell in ours.index[missing]]
+    ours.loc[missing, "notebook"] = ""
+    return judge_rows(ours.reset_index())
 
 
 def decide_claims(outcomes: Outcomes) -> pd.DataFrame:
@@ -141,44 +140,20 @@ def decide_claims(outcomes: Outcomes) -> pd.DataFrame:
     return pd.DataFrame(rows, columns=["id", "verdict", "measured", "notebook"])
 
 
-def verdicts(results: Path) -> pd.DataFrame:
-    """Judge every printed number from the notebooks' outcomes, in the paper's order."""
-    outcomes = load_outcomes(results)
-    found = exported_cells(outcomes)
-    if found["id"].duplicated().any():
-        twice = found.loc[found["id"].duplicated(), "id"].unique()
-        raise ValueError(f"{', '.join(twice)}: exported by two notebooks")
-    found = found.set_index("id").reindex(published.cells().index)
-    missing = found["source"].isna()
-    found.loc[missing, "source"] = [source_of(cell) for cell in found.index[missing]]
-    found.loc[missing, "notebook"] = ""
-    facts: dict[str, str] = {}
-    for outcome in outcomes.values():
-        facts |= outcome["facts"]
-    return judge_rows(found.reset_index(), facts)
-
-
 def decided_claims(results: Path) -> pd.DataFrame:
-    """What the notebooks' outcomes say of the claims."""
-    return decide_claims(load_outcomes(results))
+    """The paper's claims in words with their verdicts: `id, claim, section, verdict, measured, notebook`.
+
+    Of a claim that no notebook can decide, `claims.csv` says why: it is undecided.
+    """
+    claims = published.table("claims").reset_index()[["id", "claim", "section", "untested"]]
+    table = claims.merge(decide_claims(load_outcomes(results)), on="id", how="left")
+    table["measured"] = table["measured"].fillna(table.pop("untested"))
+    return table.fillna({"verdict": CLAIM_VERDICTS[None], "notebook": ""})
 
 
 def collect(results: Path) -> pd.DataFrame:
-    """Write `verdicts.csv`, `claims.csv` and `provenance.json` from the outcomes; return the verdicts."""
+    """Write `verdicts.csv` and `claims.csv` from the outcomes; return the verdicts."""
     judged = verdicts(results)
     write_csv(results / "verdicts.csv", judged)
-    claims = published.table("claims").reset_index()[["id", "claim", "section"]]
-    write_csv(results / "claims.csv", claims.merge(decided_claims(results), on="id", how="left"))
-    made_from = {name: outcome["made_from"] for name, outcome in load_outcomes(results).items()}
-    write_json(results / "provenance.json", made_from)
+    write_csv(results / "claims.csv", decided_claims(results))
     return judged
-
-
-def count_by(table: pd.DataFrame, by: str) -> pd.DataFrame:
-    """Count printed numbers by their agreement, and by "element" or "source"."""
-    elements = published.cells()["element"]
-    key = table["source"] if by == "source" else elements.loc[table["id"]].to_numpy()
-    counts = pd.crosstab(key, table["agreement"]).rename_axis(index=by, columns="agreement")
-    order = SOURCES if by == "source" else elements.unique()
-    named = [name for name in order if name in counts.index]
-    return counts.reindex(index=named, columns=AGREEMENTS, fill_value=0)

@@ -7,14 +7,11 @@ import nbformat
 from nbformat.sign import NotebookNotary
 
 from replication.files import ROOT, write_text
-from workbook.checkout import NOTEBOOKS, RESULTS, notebook_files
+from workbook.checkout import NOTEBOOKS, notebook_files
 
 LAB = ROOT / "lab"
-# Settings of JupyterLab: sliders stay in a saved notebook; no news and no updates are asked for.
-SETTINGS = {
-    "@jupyter-widgets/jupyterlab-manager/plugin": '{"saveState": true}',
-    "@jupyterlab/apputils-extension/notification": '{"fetchNews": "false", "checkForUpdates": false}',
-}
+# JupyterLab is not to ask for news and updates.
+SETTINGS = '{"fetchNews": "false", "checkForUpdates": false}\n'
 
 
 def copy_notebooks(folder: Path = LAB) -> list[Path]:
@@ -27,30 +24,30 @@ def copy_notebooks(folder: Path = LAB) -> list[Path]:
         copy = folder / file.relative_to(NOTEBOOKS)
         if copy.exists():
             kept.append(copy)
-        else:
-            notebook = with_empty_answers(nbformat.read(file, as_version=4))
-            notebook.metadata["jupytext"] = {"formats": "ipynb"}  # no source is paired with it
-            text = nbformat.writes(notebook).replace("../results/", "results/")
-            write_text(copy, text + "\n")
-            notary.sign(nbformat.reads(text, as_version=4))
+            continue
+        notebook = nbformat.read(file, as_version=4)
+        for cell in notebook.cells:
+            ask_for_answer(cell)
+        notebook.metadata["jupytext"] = {"formats": "ipynb"}  # no source is paired with it
+        write_text(copy, nbformat.writes(notebook) + "\n")
+        notary.sign(notebook)
     for page in NOTEBOOKS.glob("*.md"):
         shutil.copy(page, folder)
-    if not (folder / "results").exists():
-        (folder / "results").symlink_to(RESULTS)  # JupyterLab opens nothing above its folder
-    for plugin, setting in SETTINGS.items():
-        write_text(folder / ".settings" / f"{plugin}.jupyterlab-settings", setting + "\n")
+    settings = folder / ".settings" / "@jupyterlab" / "apputils-extension"
+    write_text(settings / "notification.jupyterlab-settings", SETTINGS)
     return kept
 
 
-def with_empty_answers(notebook: nbformat.NotebookNode) -> nbformat.NotebookNode:
-    """Put an empty cell before each solution, and fold the solution into a text that no run executes."""
-    cells = []
-    for cell in notebook.cells:
-        if "solution" in cell.metadata.get("tags", []):
-            cells.append(nbformat.v4.new_code_cell("# your answer", id=f"{cell.id}-answer"))
-            text = f"<details><summary>Solution</summary>\n\n```python\n{cell.source}\n```\n\n</details>"
-            metadata = {"tags": cell.metadata["tags"]}  # the text folds itself
-            cell = nbformat.v4.new_markdown_cell(text, id=cell.id, metadata=metadata)
-        cells.append(cell)
-    notebook.cells = cells
-    return notebook
+def ask_for_answer(cell: nbformat.NotebookNode) -> None:
+    """Leave of a solution the comment that it begins with, and of the check of an answer no output."""
+    tags = cell.metadata.get("tags", [])
+    if "solution" in tags:
+        comments = []
+        for line in cell.source.splitlines():
+            if not line.startswith("#"):
+                break
+            comments.append(line)
+        cell.source = "\n".join([*(comments or ["# Your answer:"]), "..."])
+        cell.metadata = nbformat.from_dict({"tags": ["answer"]})
+    if {"solution", "check"}.intersection(tags):
+        cell.outputs, cell.execution_count = [], None

@@ -1,97 +1,84 @@
 """A notebook's parameters: what they may be, and pictures that they move."""
 
 import math
-import os
-import sys
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
-from difflib import get_close_matches
-from functools import partialmethod
 from importlib.util import find_spec
-from typing import Any
-
-import pandas as pd
-from tqdm import tqdm
+from numbers import Integral, Real
+from typing import Any, NamedTuple
 
 from replication.files import UserError
-
-# Every notebook checks its parameters before it shows a table: tables in full.
-pd.set_option("display.max_colwidth", None, "display.max_columns", None, "display.max_rows", 200)
-# A notebook that is run by hand shows standard error in red: progress bars go to standard output.
-if "JPY_PARENT_PID" in os.environ and "REPLICATION_OUT" not in os.environ:
-    tqdm.__init__ = partialmethod(tqdm.__init__, file=sys.stdout)
+from workbook.outcomes import OUTPUT_FOLDER
 
 
 class ParameterError(UserError, ValueError):
     """A value that a parameter may not have."""
 
 
-@dataclass(frozen=True)
-class Interval:
-    """Numbers from `low` to `high`, as what a parameter may be."""
+class Interval(NamedTuple):
+    """Numbers from `low` to `high`; whole ones are those of a `range`."""
 
     low: float
     high: float = math.inf
-    whole: bool = False
-
-    def __contains__(self, value: object) -> bool:
-        return (
-            isinstance(value, int if self.whole else int | float) and self.low <= value <= self.high
-        )
-
-    def __str__(self) -> str:
-        above = f" to {self.high:g}" if math.isfinite(self.high) else " on"
-        return f"a {'whole ' if self.whole else ''}number from {self.low:g}{above}"
-
-
-# Values of the notebook that runs, by the parameter's name.
-GIVEN: dict[str, Any] = {}
 
 
 def check_parameters(**parameters: tuple[Any, Any]) -> None:
-    """Refuse in one sentence a value that is not allowed; of a list each item, of a mapping each key.
+    """Refuse a value that is not allowed, in one line.
 
-    Each parameter comes with its value and what is allowed: an `Interval` or a collection, which may
-    hold `callable` for any function. A list of one of these asks for a list with an item or more, and
-    with `[]` as second item for any list. A mapping of them asks for a mapping with some of its keys,
-    each with a value that is allowed there.
+    Parameters
+    ----------
+    **parameters : (value, allowed)
+        A parameter's value, and what it may be: an `Interval` of numbers, a `range` of whole numbers,
+        a tuple of choices, which may hold `callable` for any function. `[allowed]` asks for a list
+        with an item or more, `[allowed, []]` for one that may be empty, `{name: allowed}` for a
+        mapping with some of these names.
+
+    Raises
+    ------
+    ParameterError
+        It names the parameter, its value, and what is allowed.
+
+    Examples
+    --------
+    >>> check_parameters(seed=(1.5, range(1, 1000)))
+    Traceback (most recent call last):
+    workbook.parameters.ParameterError: seed = 1.5: it should be a whole number from 1 to 999
     """
     for name, (value, allowed) in parameters.items():
-        _check(name, value, allowed)
-        GIVEN[name] = value
+        if not _is_allowed(value, allowed):
+            raise ParameterError(f"{name} = {value!r}: it should be {_describe(allowed)}")
 
 
-def _check(name: str, value: Any, allowed: Any) -> None:
-    said = f"{name} = {value!r}"
-    by_key = isinstance(allowed, dict) and all(
-        isinstance(each, Interval | list | tuple) for each in allowed.values()
-    )
-    if is_list := isinstance(allowed, list) or by_key:
-        allowed, *or_empty = [allowed] if by_key else allowed
-    if isinstance(allowed, range) and len(allowed) > 20:
-        allowed = Interval(allowed[0], allowed[-1], whole=True)
-    choices = str(allowed)
-    if not isinstance(allowed, Interval):
-        choices = "one of " + ", ".join(map(repr, allowed))
-        choices = choices.replace(repr(callable), "a function")
-    if is_list != isinstance(value, list | tuple | range | Mapping):
-        wanted = f"a list, each item {choices}" if is_list else choices
-        raise ParameterError(f"{said}: it should be {wanted}")
-    if is_list and not (value or or_empty or isinstance(value, Mapping)):
-        raise ParameterError(f"{said}: it should have an item or more, each {choices}")
-    for item in value if is_list else [value]:
-        if item not in allowed and not (callable(item) and callable in allowed):
-            raise ParameterError(f"{said}: {item!r} should be {choices}{_hint(item, allowed)}")
-    for key, item in value.items() if by_key else ():
-        _check(key, item, allowed[key])
+def _is_allowed(value: Any, allowed: Any) -> bool:
+    match allowed:
+        case Interval():
+            is_number = isinstance(value, Real) and not isinstance(value, bool)
+            return is_number and allowed.low <= value <= allowed.high
+        case range():
+            return isinstance(value, Integral) and value in allowed and not isinstance(value, bool)
+        case [each, *or_empty] if isinstance(allowed, list):
+            is_list = isinstance(value, list | tuple | range) and (len(value) > 0 or bool(or_empty))
+            return is_list and all(_is_allowed(item, each) for item in value)
+        case dict():
+            is_mapping = isinstance(value, Mapping) and set(value) <= set(allowed)
+            return is_mapping and all(_is_allowed(value[key], allowed[key]) for key in value)
+        case _:
+            return value in allowed or (callable in allowed and callable(value))
 
 
-def _hint(item: Any, allowed: Any) -> str:
-    """Ask whether another word was meant, if there is one like it."""
-    if not isinstance(item, str) or isinstance(allowed, Interval):
-        return ""
-    near = get_close_matches(item, [word for word in allowed if isinstance(word, str)], 1)
-    return f"; did you mean {near[0]!r}?" if near else ""
+def _describe(allowed: Any) -> str:
+    match allowed:
+        case Interval(low, high):
+            return f"a number from {low:g}" + (f" to {high:g}" if math.isfinite(high) else " on")
+        case range():
+            return f"a whole number from {allowed[0]} to {allowed[-1]}"
+        case [each, *_] if isinstance(allowed, list):
+            return f"a list, each item {_describe(each)}"
+        case dict():
+            return "a mapping of " + "; ".join(f"{k!r}: {_describe(v)}" for k, v in allowed.items())
+        case _:
+            return "one of " + ", ".join(
+                "a function" if each is callable else repr(each) for each in allowed
+            )
 
 
 def sliders(draw: Callable[..., None], **ranges: tuple[float, float, float]) -> None:
@@ -101,7 +88,7 @@ def sliders(draw: Callable[..., None], **ranges: tuple[float, float, float]) -> 
     stays in the saved notebook.
     """
     draw(**{name: first for name, (first, _, _) in ranges.items()})
-    if "REPLICATION_OUT" in os.environ or not find_spec("ipywidgets"):
+    if OUTPUT_FOLDER or not find_spec("ipywidgets"):
         return
     from ipywidgets import FloatSlider, interact
 

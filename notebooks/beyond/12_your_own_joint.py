@@ -1,19 +1,3 @@
-# ---
-# jupyter:
-#   jupytext:
-#     formats: ipynb,py:percent
-#     notebook_metadata_filter: replication
-#     text_representation:
-#       extension: .py
-#       format_name: percent
-#   kernelspec:
-#     display_name: Python 3
-#     language: python
-#     name: python3
-#   replication:
-#     quick: {calibration_levels: 7}
-# ---
-
 # %% [markdown]
 # # 12 · Measure your own joint
 #
@@ -124,7 +108,7 @@ calibration_levels = 9  # logs of known backlash
 log_turns = 12  # load turns of the logs that are measured
 limit_mrad = 1.0  # backlash that calls for maintenance
 
-# %% tags=["plumbing"]
+# %% jupyter={"source_hidden": true} tags=["hide-input"]
 workbook.check_parameters(
     my_log=(my_log, (my_log,)),  # reading it says what is wrong with a path
     my_turn_period_s=(my_turn_period_s, Interval(1e-3, 1e3)),
@@ -132,7 +116,7 @@ workbook.check_parameters(
     backlash_mrad=(backlash_mrad, Interval(0.3, 1.9)),
     method=(method, ("amplitude", "energy", "waveform")),
     calibration_levels=(calibration_levels, range(6, 101)),
-    log_turns=(log_turns, Interval(4, 12, whole=True)),
+    log_turns=(log_turns, range(4, 13)),
     limit_mrad=(limit_mrad, Interval(0.01, 10)),
 )
 
@@ -273,7 +257,7 @@ print("\n".join(str(found) for found in answers))
 #
 # No number of the paper is judged here.
 
-# %% tags=["plumbing", "verdict"]
+# %% jupyter={"source_hidden": true} tags=["hide-input", "verdict"]
 errors = table.groupby("calibration", sort=False)["error_rad"]
 summary = 1e3 * errors.agg(lambda error: error.abs().mean())
 answered = errors.count()
@@ -287,7 +271,7 @@ workbook.verdict(
     f"{len(answers) - len(others)}; of the others it says: {', '.join(others) or 'nothing'}."
 )
 
-# %% tags=["plumbing"]
+# %% jupyter={"source_hidden": true} tags=["hide-input"]
 workbook.export(
     supplement={"own_joint": (table, "Estimates with its own and the paper's calibration.")}
 )
@@ -307,7 +291,7 @@ workbook.export(
 # **1.** Which share of the variance of $\hat\delta$ in the calibrated answer above comes from the
 # log's noise, which from the calibration (to 1 %)? Which of the two would a longer log reduce?
 
-# %% tags=["solution"]
+# %% jupyter={"source_hidden": true} tags=["hide-cell", "solution"]
 estimate = calibrated.estimate
 total_sd = max(np.abs(np.array(estimate.backlash_interval_rad) - estimate.backlash_rad)) / 1.96
 noise_share = 1 - (own.uncertainty_rad / total_sd) ** 2  # a longer log reduces this part only
@@ -318,7 +302,7 @@ print(f"noise {100 * noise_share:.0f} %, calibration {100 * (1 - noise_share):.0
 # **2.** A pure sine of 21 Hz is sampled at $f_s$. How much of its peak can the largest sample miss
 # (to 0.1 %), at 500 and 84 Hz?
 
-# %% tags=["solution"]
+# %% jupyter={"source_hidden": true} tags=["hide-cell", "solution"]
 most_missed = {
     rate: 1 - np.cos(np.pi * 21 / rate) for rate in (500, 84)
 }  # half a sampling period from the peak
@@ -331,7 +315,7 @@ print({rate: f"{100 * share:.1f} %" for rate, share in most_missed.items()})
 # which it reaches the limit (a date). Why is its interval wider on the late side than on the early
 # one?
 
-# %% tags=["solution"]
+# %% jupyter={"source_hidden": true} tags=["hide-cell", "solution"]
 level, growth = line.line
 crossing = line.origin + pd.Timedelta(days=(limit_rad - level) / growth)
 assert line.crossing is None or abs(crossing - line.crossing) < pd.Timedelta(minutes=1)

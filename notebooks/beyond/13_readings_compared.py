@@ -1,19 +1,3 @@
-# ---
-# jupyter:
-#   jupytext:
-#     formats: ipynb,py:percent
-#     notebook_metadata_filter: replication
-#     text_representation:
-#       extension: .py
-#       format_name: percent
-#   kernelspec:
-#     display_name: Python 3
-#     language: python
-#     name: python3
-#   replication:
-#     quick: {scored: [7]}
-# ---
-
 # %% [markdown]
 # # 13 · Estimators compared, and how accurate one can be
 #
@@ -76,7 +60,7 @@ from studies.reidentify import FIT_LEVELS
 # %% tags=["parameters"]
 scored = range(3, 12)  # levels K of the authors' noisy logs, of which 2 to 12 calibrate
 
-# %% tags=["plumbing"]
+# %% jupyter={"source_hidden": true} tags=["hide-input"]
 workbook.check_parameters(scored=(scored, [range(2, 12)]))
 
 # %% [markdown]
@@ -143,7 +127,7 @@ in_mrad = (
 #
 # No number of the paper is judged here.
 
-# %% tags=["plumbing", "verdict"]
+# %% jupyter={"source_hidden": true} tags=["hide-input", "verdict"]
 mean_error = summary.set_index("method")["mean_abs_error_rad"]
 best, joint_error = mean_error.idxmin(), mean_error["joint, all nuisances free"]
 workbook.verdict(
@@ -154,7 +138,7 @@ workbook.verdict(
     f"{1e3 * mean_error['equation 10']:.3f} mrad."
 )
 
-# %% tags=["plumbing"]
+# %% jupyter={"source_hidden": true} tags=["hide-input"]
 workbook.export(
     supplement={
         "features_logs": (errors, "Error of each estimator on each of the authors' noisy logs."),
@@ -182,7 +166,7 @@ workbook.export(
 # periods, in white noise of SD $\sigma$. Which SD does the Cramér-Rao bound leave? Check it with
 # `accuracy.cramer_rao_sd`.
 
-# %% tags=["solution"]
+# %% jupyter={"source_hidden": true} tags=["hide-cell", "solution"]
 n, sigma = 2000, 0.1
 sine = np.sin(2 * np.pi * 5 * np.arange(n) / n)  # the slope by a; the sum of its squares is n / 2
 by_hand = sigma / np.sqrt(sine @ sine)
@@ -195,7 +179,7 @@ print(f"sigma sqrt(2 / n) = {by_hand:.2g}")
 # $1 / \sqrt{1 - \rho^2}$ with the correlation $\rho$ of the two slopes at the samples, and say why
 # the factor does not depend on the noise.
 
-# %% tags=["solution"]
+# %% jupyter={"source_hidden": true} tags=["hide-cell", "solution"]
 rho = np.corrcoef(slopes[:, ::4])[0, 1]  # 800 phases, 200 samples a turn
 known, free = (bound_rad(slopes[:unknowns], 0.1) for unknowns in (1, 2))
 assert np.isclose(free / known, 1 / np.sqrt(1 - rho**2), rtol=1e-3)
@@ -205,7 +189,7 @@ print(f"{free / known:.2f}: both bounds grow in proportion to sigma")
 # **3.** A log of twelve turns has eleven settled ones. How many turns does a log need for half of
 # the bound, and why does that not depend on what is known of the start?
 
-# %% tags=["solution"]
+# %% jupyter={"source_hidden": true} tags=["hide-cell", "solution"]
 for unknowns in (1, 2):
     twelve, more = (bound_rad(slopes[:unknowns], 0.1, turns=turns) for turns in (12, 45))
     assert np.isclose(twelve / more, 2, rtol=1e-6)

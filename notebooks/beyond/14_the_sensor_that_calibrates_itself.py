@@ -1,19 +1,3 @@
-# ---
-# jupyter:
-#   jupytext:
-#     formats: ipynb,py:percent
-#     notebook_metadata_filter: replication
-#     text_representation:
-#       extension: .py
-#       format_name: percent
-#   kernelspec:
-#     display_name: Python 3
-#     language: python
-#     name: python3
-#   replication:
-#     quick: {}
-# ---
-
 # %% [markdown]
 # # 14 · The sensor that calibrates itself
 #
@@ -61,9 +45,9 @@ bench_seed = 3  # which joint is drawn
 backlash_mrad = 1.1  # of the log that is looked at closely
 friction_share = 0.0  # Coulomb friction added to its load, over gravity
 
-# %% tags=["plumbing"]
+# %% jupyter={"source_hidden": true} tags=["hide-input"]
 workbook.check_parameters(
-    bench_seed=(bench_seed, workbook.Interval(0, whole=True)),
+    bench_seed=(bench_seed, range(0, 2**31)),
     backlash_mrad=(backlash_mrad, workbook.Interval(0.1, 10)),
     friction_share=(friction_share, workbook.Interval(0, 1)),
 )
@@ -273,7 +257,7 @@ widening.round(3)
 # The [datasheet](../../results/pages/datasheet.html) lists populations of joints, refusals and
 # misses.
 
-# %% tags=["plumbing"]
+# %% jupyter={"source_hidden": true} tags=["hide-input"]
 near, far = population.SPREADS
 titles = {near: "default spread", far: "20 % spread, 5 % friction, double ripple"}
 authors = population.measure_population(population.AUTHORS, range(18), 0, ("self",))
@@ -290,7 +274,7 @@ workbook.show_figure(
     "error and median half-width of intervals. (b), (d) Errors over the stated SDs, and a normal distribution.",
 )
 
-# %% tags=["plumbing", "verdict"]
+# %% jupyter={"source_hidden": true} tags=["hide-input", "verdict"]
 near_rmse = 1e3 * summary.set_index(["population", "method"]).loc[near, "rmse_rad"]
 low, high = 1e3 * (fit.delta_rad + population.NORMAL_95 * fit.sd_rad * np.array([-1, 1]))
 workbook.verdict(
@@ -302,7 +286,7 @@ workbook.verdict(
     f"{sheet_bars['met'].sum()} of {len(sheet_bars)}."
 )
 
-# %% tags=["plumbing"]
+# %% jupyter={"source_hidden": true} tags=["hide-input"]
 workbook.export(
     supplement={
         "population": (summary, "Errors and coverage of every method on uncalibrated joints."),
@@ -325,7 +309,7 @@ workbook.export(
 # **1.** If everything but the backlash were known, its SD would be $1/\sqrt{(J^\top J)_{11}}$. By
 # what factor does not knowing the joint widen it?
 
-# %% tags=["solution"]
+# %% jupyter={"source_hidden": true} tags=["hide-cell", "solution"]
 known_sd_rad = joint_posterior.UNIT_RAD / np.sqrt((slopes @ slopes.T)[0, 0])
 assert known_sd_rad < laplace_sd_rad
 print(f"by a factor {laplace_sd_rad / known_sd_rad:.1f}")
@@ -334,7 +318,7 @@ print(f"by a factor {laplace_sd_rad / known_sd_rad:.1f}")
 # **2.** A log has $\nu$ = 150 and $\chi^2$ = 190. How probable is so large a residual by noise
 # alone? Compare Birge's ratio with our factor.
 
-# %% tags=["solution"]
+# %% jupyter={"source_hidden": true} tags=["hide-cell", "solution"]
 nu, large_chi2 = 150, 190
 chance = stats.chi2.sf(large_chi2, nu)
 birge = np.sqrt(large_chi2 / nu)
@@ -348,7 +332,7 @@ print(f"p = {chance:.2g}; Birge {birge:.2f}, ours {factor:.1f}")
 # 0.03 mrad. What is the SD of their mixture, and how often would an interval of ±1.96 such SDs
 # cover?
 
-# %% tags=["solution"]
+# %% jupyter={"source_hidden": true} tags=["hide-cell", "solution"]
 mixture_sd = np.sqrt(0.3**2 + 0.5**2)  # in 0.1 mrad
 draws = np.random.default_rng(1).normal([10.0, 11.0], 0.3, (100_000, 2)).ravel()
 beyond = stats.norm(0.5, 0.3).cdf(1.96 * mixture_sd * np.array([-1, 1]))

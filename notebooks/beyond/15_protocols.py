@@ -1,19 +1,3 @@
-# ---
-# jupyter:
-#   jupytext:
-#     formats: ipynb,py:percent
-#     notebook_metadata_filter: replication
-#     text_representation:
-#       extension: .py
-#       format_name: percent
-#   kernelspec:
-#     display_name: Python 3
-#     language: python
-#     name: python3
-#   replication:
-#     quick: {made_again: 1}
-# ---
-
 # %% [markdown]
 # # 15 · Which search settings produced Table 2?
 #
@@ -90,12 +74,12 @@ def draw_noise(rng, a, size):  # the law of their noise; a is Table 2's half-amp
     return rng.uniform(-a, a, size)
 
 
-# %% tags=["plumbing"]
+# %% jupyter={"source_hidden": true} tags=["hide-input"]
 workbook.check_parameters(
-    most=(most, workbook.Interval(10, whole=True)),
-    made_again=(made_again, workbook.Interval(1, 200, whole=True)),
+    most=(most, range(10, 2**31)),
+    made_again=(made_again, range(1, 201)),
     settings=(settings, [tuple(vars(table2.AUTHORS_SETTINGS))]),
-    criteria=(criteria, [{"random_start"}]),
+    criteria=(criteria, {"random_start": workbook.Interval(0)}),
 )
 
 # %% [markdown]
@@ -258,7 +242,7 @@ of_drawn = bias_p[bias_p.index.str.startswith("start per")]
 #
 # What was not tried: populations above 2000 and below 300.
 
-# %% tags=["plumbing", "verdict"]
+# %% jupyter={"source_hidden": true} tags=["hide-input", "verdict"]
 claims = {"random_start": table2_noise.random_start(bias_p, criteria)}
 of_settings = judged.set_index("protocol").drop("pooled")
 excluded = of_settings.index[of_settings["excluded"]]
@@ -275,7 +259,7 @@ workbook.verdict(
     claims=claims,
 )
 
-# %% tags=["plumbing"]
+# %% jupyter={"source_hidden": true} tags=["hide-input"]
 workbook.export(
     tables={"table2_protocols": judged},
     supplement={
@@ -304,7 +288,7 @@ workbook.export(
 # **1.** How many realisations does a 95 % interval by order statistics need at least, and a 99 %
 # one? Check the first with `table2.predictive_region`.
 
-# %% tags=["solution"]
+# %% jupyter={"source_hidden": true} tags=["hide-cell", "solution"]
 needed = {level: int(np.ceil(2 / (1 - level) - 1e-9)) - 1 for level in (0.95, 0.99)}
 assert np.isfinite(table2.predictive_region(range(needed[0.95]))).all()
 assert not np.isfinite(table2.predictive_region(range(needed[0.95] - 1))).any()
@@ -315,7 +299,7 @@ print(needed)
 # test's p is uniform if the printed table comes from the same law, even where that law has two
 # humps: which share of p lies below 0.5 (0.5, within 0.15)?
 
-# %% tags=["solution"]
+# %% jupyter={"source_hidden": true} tags=["hide-cell", "solution"]
 rng = np.random.default_rng(5)
 p_made = []
 for _ in range(100):
@@ -329,7 +313,7 @@ print(f"{np.mean(np.array(p_made) < 0.5):.2f} of the p lie below 0.5")
 # **3.** Suppose that all settings were right, each with noises of its own. How probable is it (to
 # 0.01) that at least one is excluded, if one p of each is compared with 1 %?
 
-# %% tags=["solution"]
+# %% jupyter={"source_hidden": true} tags=["hide-cell", "solution"]
 one_excluded = 1 - 0.99 ** len(of_settings)
 assert np.isclose(one_excluded, stats.binom.sf(0, len(of_settings), 0.01))
 print(f"{one_excluded:.2f}")

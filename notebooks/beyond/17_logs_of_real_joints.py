@@ -1,19 +1,3 @@
-# ---
-# jupyter:
-#   jupytext:
-#     formats: ipynb,py:percent
-#     notebook_metadata_filter: replication
-#     text_representation:
-#       extension: .py
-#       format_name: percent
-#   kernelspec:
-#     display_name: Python 3
-#     language: python
-#     name: python3
-#   replication:
-#     quick: {makes: [KUKA]}
-# ---
-
 # %% [markdown]
 # # 17 · Logs of real joints
 #
@@ -72,13 +56,13 @@ twin_of = "UR10e joint 1"  # log whose twin is looked at
 backlash_mrad = 3.0  # of the twin
 twin_seed = 1  # its stiffness, damping, drive and noise
 
-# %% tags=["plumbing"]
+# %% jupyter={"source_hidden": true} tags=["hide-input"]
 logs = hardware.list_logs()
 workbook.check_parameters(
     makes=(makes, [sorted(logs["make"].unique())]),
     twin_of=(twin_of, tuple(logs.index)),
     backlash_mrad=(backlash_mrad, Interval(0, 10)),
-    twin_seed=(twin_seed, Interval(0, whole=True)),
+    twin_seed=(twin_seed, range(0, 2**31)),
 )
 
 # %% [markdown]
@@ -160,7 +144,7 @@ lost
 #
 # ## Verdict
 
-# %% tags=["plumbing", "verdict"]
+# %% jupyter={"source_hidden": true} tags=["hide-input", "verdict"]
 joints = table["joint"].nunique()
 alarms, clear = (int((table["verdict"] == name).sum()) for name in ("backlash", "no backlash"))
 drawn, answered, covered = twins[["draws", "answered", "covered"]].sum()
@@ -172,7 +156,7 @@ workbook.verdict(
     "turns at constant speed, sampled at 500 Hz or more."
 )
 
-# %% tags=["plumbing"]
+# %% jupyter={"source_hidden": true} tags=["hide-input"]
 workbook.export(
     facts=hardware.facts(table, twins, lost)
     | {"hardware_turn_off": (turns["off_percent"].max(), ".1g")},
@@ -195,7 +179,7 @@ workbook.export(
 # **1.** No alarm on $n$ independent joints: how large may the rate of false alarms still be
 # (two-sided, 95 %)?
 
-# %% tags=["solution"]
+# %% jupyter={"source_hidden": true} tags=["hide-cell", "solution"]
 highest = 1 - 0.025 ** (1 / joints)
 assert np.isclose(highest, stats.binomtest(0, joints).proportion_ci().high)
 print(f"up to {100 * highest:.0f} %")
@@ -204,7 +188,7 @@ print(f"up to {100 * highest:.0f} %")
 # **2.** All of 20 twins are answered. Which share of the draws may be answered at least (two-sided,
 # 95 %)?
 
-# %% tags=["solution"]
+# %% jupyter={"source_hidden": true} tags=["hide-cell", "solution"]
 least = stats.binomtest(20, 20).proportion_ci().low
 assert np.isclose(least, 0.025 ** (1 / 20))
 print(f"{100 * least:.0f} %")
@@ -213,7 +197,7 @@ print(f"{100 * least:.0f} %")
 # **3.** A data sheet gives a lost motion of 0.15 degrees from side to side. What is $\delta$ in
 # mrad, at most?
 
-# %% tags=["solution"]
+# %% jupyter={"source_hidden": true} tags=["hide-cell", "solution"]
 half_play_mrad = 1e3 * np.deg2rad(0.15) / 2
 assert 1.3 < half_play_mrad < 1.32
 print(f"{half_play_mrad:.2f} mrad")

@@ -1,19 +1,3 @@
-# ---
-# jupyter:
-#   jupytext:
-#     formats: ipynb,py:percent
-#     notebook_metadata_filter: replication
-#     text_representation:
-#       extension: .py
-#       format_name: percent
-#   kernelspec:
-#     display_name: Python 3
-#     language: python
-#     name: python3
-#   replication:
-#     quick: {rows: [1, 9], seed_runs: 2, today_runs: 2}
-# ---
-
 # %% [markdown]
 # # 18 · The authors' stored runs, replayed
 #
@@ -64,12 +48,12 @@ rows = list(range(1, 11))  # rows of Table 2 whose records are searched
 seed_runs = 30  # runs on each record with one set of seeds, and as many with another set
 today_runs = 12  # runs of today's cma, a second each, on every third record
 
-# %% tags=["plumbing"]
+# %% jupyter={"source_hidden": true} tags=["hide-input"]
 workbook.check_parameters(
     realisation=(realisation, LOW_NOISE),
     rows=(rows, [range(1, 11)]),
-    seed_runs=(seed_runs, workbook.Interval(1, whole=True)),
-    today_runs=(today_runs, workbook.Interval(1, whole=True)),
+    seed_runs=(seed_runs, range(1, 2**31)),
+    today_runs=(today_runs, range(1, 2**31)),
 )
 
 # %% [markdown]
@@ -188,7 +172,7 @@ versions.set_index("search").round(2).astype(object).T.fillna("")
 # %% [markdown]
 # ## Verdict
 
-# %% tags=["plumbing", "verdict"]
+# %% jupyter={"source_hidden": true} tags=["hide-input", "verdict"]
 of_seeds, today = (
     versions.set_index("search").loc[name] for name in ("the same, other seeds", "today's cma")
 )
@@ -202,9 +186,8 @@ workbook.verdict(
     f"{'more' if beyond else 'no more'} than chance gives."
 )
 
-# %% tags=["plumbing"]
+# %% jupyter={"source_hidden": true} tags=["hide-input"]
 runs_shown = stored_runs.drop(columns="size")
-explorer = replay.explorer_page(record, made, runs_shown, stored_basins)
 to_16_digits = {name: made[name].map("{:.15e}".format) for name in ("best_rmse_rps", "sigma")}
 workbook.export(
     supplement={
@@ -218,7 +201,6 @@ workbook.export(
         "replay_ends": (ended, "The ends of the replayed runs beside the stored ones."),
         "library_versions": (versions, "Other seeds and today's library beside the 2021 search."),
     },
-    pages={"replay_explorer": explorer},
     facts=table2_facts.of_replay(compared, ended, stored_basins)
     | table2_facts.of_versions(of_seeds, today),
 )
@@ -239,7 +221,7 @@ workbook.export(
 # run in one of the four stored basins with the stored shares, at the basin's lowest misfit, how
 # probable would it be that all 30 end in their own basin by chance (the power of ten)?
 
-# %% tags=["solution"]
+# %% jupyter={"source_hidden": true} tags=["hide-cell", "solution"]
 share = stored_basins["runs"] / stored_basins["runs"].sum()
 by_chance = np.prod(share[stored_runs["basin"]])  # run by run, the share of its own basin
 assert by_chance < 1e-10
@@ -250,7 +232,7 @@ print(f"{by_chance:.0e}")
 # how much (rms) do the means of two sets of $n$ runs differ? Check it by drawing for $p$ = 0.9,
 # $d$ = 0.3 and $n$ = 30 (to 5 %).
 
-# %% tags=["solution"]
+# %% jupyter={"source_hidden": true} tags=["hide-cell", "solution"]
 p, d = 0.9, 0.3
 n = 30
 expected = d * np.sqrt(
@@ -264,7 +246,7 @@ print(f"{expected:.3f} rps")
 # **3.** For which bound $b$ do the margins of `cma` until 3.3 and since 3.4 differ most,
 # relatively? By which factor?
 
-# %% tags=["solution"]
+# %% jupyter={"source_hidden": true} tags=["hide-cell", "solution"]
 b = np.linspace(-10, 10, 2001)
 factor = (1 + np.abs(b)) / np.maximum(1, np.abs(b))
 assert np.isclose(factor.max(), 2)

@@ -1,19 +1,3 @@
-# ---
-# jupyter:
-#   jupytext:
-#     formats: ipynb,py:percent
-#     notebook_metadata_filter: replication
-#     text_representation:
-#       extension: .py
-#       format_name: percent
-#   kernelspec:
-#     display_name: Python 3
-#     language: python
-#     name: python3
-#   replication:
-#     quick: {}
-# ---
-
 # %% [markdown]
 # # 19 · Friction on the load
 #
@@ -87,13 +71,13 @@ judged_shares = [0.005, 0.1]  # from which to which of them the claim is judged
 seed = 1  # of the logs' start angles
 criteria = {}  # limits to try in place of those of claims.csv, such as {"friction_disregarded": 10}
 
-# %% tags=["plumbing"]
+# %% jupyter={"source_hidden": true} tags=["hide-input"]
 workbook.check_parameters(
     backlash_mrad=(backlash_mrad, workbook.Interval(0.1, 2.1)),
     shares=(shares, [workbook.Interval(0, 0.9)]),
     judged_shares=(judged_shares, [set(shares)]),
     seed=(seed, range(0, 10**6)),
-    criteria=(criteria, [{"friction_disregarded"}]),
+    criteria=(criteria, {"friction_disregarded": workbook.Interval(0)}),
 )
 
 # %% [markdown]
@@ -181,7 +165,7 @@ friction
 # very good bearing to that of a gear of 90 % efficiency, and nothing is decided as long as its
 # limit lies between their effects.
 
-# %% tags=["plumbing", "verdict"]
+# %% jupyter={"source_hidden": true} tags=["hide-input", "verdict"]
 judged = friction[friction["friction_share"].between(min(judged_shares), max(judged_shares))]
 changes = judged["change_percent"].abs()
 judged_text = (
@@ -204,7 +188,7 @@ workbook.verdict(
     claims=claims,
 )
 
-# %% tags=["plumbing"]
+# %% jupyter={"source_hidden": true} tags=["hide-input"]
 at_2_percent = friction[friction["friction_share"] == 0.02].mean()
 least = friction.loc[friction["opposite_percent"].idxmin()]
 workbook.export(
@@ -229,7 +213,7 @@ workbook.export(
 # **1.** What does Coulomb friction on the motor do to the motor speed, once the drive's integral
 # has settled? Write the motor's equation of motion first, and think of the sign of $\omega_m$.
 
-# %% tags=["solution"]
+# %% jupyter={"source_hidden": true} tags=["hide-cell", "solution"]
 motor_friction_nm = 0.5 * identified.gravity_torque_nm / identified.gear_ratio
 rubbing, without = (
     simulate(replace(identified, motor_coulomb_nm=friction_nm), delta_rad)
@@ -243,7 +227,7 @@ assert np.allclose(rubbing.motor_torque_nm - without.motor_torque_nm, motor_fric
 # **2.** At which friction do the two separations of a turn lie half a period of the ring (24 ms)
 # from half a turn? What happens there to the two oscillations in $o$?
 
-# %% tags=["solution"]
+# %% jupyter={"source_hidden": true} tags=["hide-cell", "solution"]
 share_24_ms = np.sin(np.pi * 0.024 / T_f)
 assert np.isclose(T_f / np.pi * np.arcsin(share_24_ms), 0.024)
 print(
@@ -254,7 +238,7 @@ print(
 # **3.** With $s = \tau_c / (m g r) > 1$ gravity never turns the load's torque round. How many
 # impacts a turn has the settled joint then? What would the sensor say of its backlash?
 
-# %% tags=["solution"]
+# %% jupyter={"source_hidden": true} tags=["hide-cell", "solution"]
 run = simulate(replace(with_friction(1.2), lead_s=T_f), delta_rad, duration_s=12 * T_f)
 assert not (run.impact_time_s > 4 * T_f).any()
 print("none: its speed is that of a joint without backlash")

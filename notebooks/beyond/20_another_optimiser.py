@@ -1,19 +1,3 @@
-# ---
-# jupyter:
-#   jupytext:
-#     formats: ipynb,py:percent
-#     notebook_metadata_filter: replication
-#     text_representation:
-#       extension: .py
-#       format_name: percent
-#   kernelspec:
-#     display_name: Python 3
-#     language: python
-#     name: python3
-#   replication:
-#     quick: {strategy_runs: 2, budget: 10000}
-# ---
-
 # %% [markdown]
 # # 20 · Another optimiser
 #
@@ -70,12 +54,14 @@ strategy_runs = 10  # searches by each strategy, and by it
 budget = 40000  # function evaluations of each
 criteria = {}  # limits to try in place of those of claims.csv, such as {"cma_beats_swarms": 0.01}
 
-# %% tags=["plumbing"]
+# %% jupyter={"source_hidden": true} tags=["hide-input"]
 of_name = {"none": None, "differential evolution": differential_evolution}
-decided_here = published.table("claims").query("decided_in == 20")
+decided_here = published.table("claims").loc[
+    ["cma_beats_swarms", "classical_cannot", "little_tuning"]
+]
 workbook.check_parameters(
     optimiser=(optimiser, (*of_name, callable)),
-    strategy_runs=(strategy_runs, Interval(1, 1e4, whole=True)),
+    strategy_runs=(strategy_runs, range(1, 10_001)),
     budget=(budget, Interval(100, 1e7)),
     criteria=(criteria, [list(decided_here.index)]),
 )
@@ -143,7 +129,7 @@ fits.assign(printed_mean_rps=published.column("Table 2", "mean")[: len(fits)]).r
 # %% [markdown]
 # ## Verdict
 
-# %% tags=["plumbing", "verdict"]
+# %% jupyter={"source_hidden": true} tags=["hide-input", "verdict"]
 found = ", ".join(f"{name} in {row['found']:.0f}" for name, row in costs.iterrows())
 kept = success.set_index("method")
 own_population = kept.loc["CMA-ES, its own population"]
@@ -156,7 +142,7 @@ workbook.verdict(
     claims=claims,
 )
 
-# %% tags=["plumbing"]
+# %% jupyter={"source_hidden": true} tags=["hide-input"]
 workbook.export(
     supplement={
         "claims_optimizers": (success, "Runs of each optimiser that find the best basin."),
@@ -185,7 +171,7 @@ workbook.export(
 # **1.** Of 10 searches 3 succeed. Between which rates does $p$ lie with 95 % (Clopper and Pearson)?
 # Between which costs does a success then lie, in units of $n$?
 
-# %% tags=["solution"]
+# %% jupyter={"source_hidden": true} tags=["hide-cell", "solution"]
 low, high = stats.binomtest(3, 10).proportion_ci(method="exact")
 assert stats.binom.sf(2, 10, low) - 0.025 < 1e-6
 assert stats.binom.cdf(3, 10, high) - 0.025 < 1e-6
@@ -195,7 +181,7 @@ print(f"p from {low:.2f} to {high:.2f}; a success costs {1 / high:.1f} to {1 / l
 # **2.** Two searches of $n$ evaluations, or one of $2n$: from which rate $p_2$ of the longer one on
 # is it the better choice, if the shorter succeeds at $p$ = 0.3?
 
-# %% tags=["solution"]
+# %% jupyter={"source_hidden": true} tags=["hide-cell", "solution"]
 p = 0.3
 either = 1 - (1 - p) ** 2
 assert abs(either - stats.binom.sf(0, 2, p)) < 1e-12
@@ -205,7 +191,7 @@ print(f"from p_2 = {either:.2f}")
 # **3.** The global fit solves for $A$ and $v_t$ directly. How many members does a grid of 20 values
 # for each parameter have in seven dimensions, in five, and how long would they take at 10 μs each?
 
-# %% tags=["solution"]
+# %% jupyter={"source_hidden": true} tags=["hide-cell", "solution"]
 hours = {n: 20**n * 1e-5 / 3600 for n in (7, 5)}
 assert round(hours[7] / hours[5]) == 400
 print({n: f"{time:.2g} h" for n, time in hours.items()})

@@ -1,0 +1,219 @@
+import os
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from replication import characteristic, published
+
+
+def points():
+    delta = characteristic.printed_levels_rad()
+    return published.column("Table 2", "theoretical")[: delta.size], delta
+
+
+def cubic(amplitude_rps, delta_rad):
+    """Coefficients [rad/rpm^k] of the least-squares cubic, the constant first, and its RMSE [rad]."""
+    rpm = characteristic.RPM_PER_RPS * amplitude_rps
+    falling = np.polyfit(rpm, delta_rad, 3)
+    return falling[::-1], np.sqrt(np.mean((np.polyval(falling, rpm) - delta_rad) ** 2))
+
+
+def test_every_cell_has_a_tolerance_and_a_reason_for_it():
+    cells = published.cells()
+    assert (cells["tol_reason"].str.len() > 0).all()
+    assert (cells["abs_tol"] >= 0).all()
+    assert (cells["rel_tol"] >= 0).all()
+    assert set(cells["kind"]) == {"exact", "count", "rounded", "stochastic", "signed", "bound"}
+
+
+def test_cell_ids_are_unique():
+    for table in (published.cells(), published.table("claims"), published.table("errata")):
+        assert table.index.is_unique
+
+
+@pytest.fixture
+def numeric():
+    """Cells that are printed as one number."""
+    cells = published.cells()
+    return cells[cells["printed"].str.fullmatch(r"-?[\d.]+(e-?\d+)?%?")]
+
+
+def test_no_tolerance_is_tighter_than_half_the_last_printed_digit(numeric):
+    inexact = numeric.query("kind != 'bound' and value != 0")  # a printed zero is exact
+    assert len(inexact) > 80
+    for cell, row in inexact.iterrows():
+        assert published.tolerance(cell) >= published.half_last_digit(row["printed"]) * (
+            1 - 1e-9
+        ), cell
+
+
+def test_a_printed_number_and_its_value_agree(numeric):
+    for cell, row in numeric.iterrows():
+        assert float(row["printed"].rstrip("%")) == row["value"], cell
+
+
+def test_the_tables_have_as_many_cells_as_the_paper_prints():
+    sizes = published.cells().groupby("element").size()
+    assert sizes["Table 1"] == 9 * 2
+    assert sizes["Table 2"] == 10 * 5 + 4
+    assert sizes["Table 3"] == 3 * 4
+    assert sizes["Table 4"] == 2 * 2
+    assert sizes["Equation 10"] == 5
+
+
+def plain(text):
+    """A sentence, a formula or a row of a table without TeX, brackets and spaces."""
+    text = re.sub(r"\\frac\{(.+?)\}\{(.+?)\}", r"\1/\2", text.replace("v(t)", "v"))
+    text = re.sub(r"\\cdot|\\text|no backlash|[\\$ ()]", "", text.replace("π", "pi"))
+    return re.sub("[{}]", "", re.sub(r"(×|times)10\^\{-", "e-", text))
+
+
+@pytest.fixture(scope="module")
+def paper():
+    """The paper, plain."""
+    return plain(
+        "".join(p.read_text("utf-8") for p in Path(os.environ["PAPER_TEXT"]).glob("*.txt"))
+    )
+
+
+def test_every_number_of_the_text_stands_in_words_that_the_paper_prints(paper):
+    for cell, row in published.cells("Text").iterrows():
+        assert row["printed"] in row["quote"], cell
+        assert plain(row["quote"]) in paper, cell
+
+
+def test_the_numbers_of_the_tables_and_of_equation_10_are_those_of_the_paper(paper):
+    rows = paper.replace("\n", "\t\n\t")
+    cells = published.cells()
+    tables = cells[cells["element"].str.startswith("Table")]
+    for row, part in tables.groupby(["element", "row"])["printed"]:
+        assert plain("\t" + "\t".join(part) + "\t") in rows, row
+    for number in cells.loc[cells["element"] == "Equation 10", "printed"]:
+        assert number in rows
+
+
+def test_an_unknown_element_is_named_in_the_error():
+    with pytest.raises(KeyError, match="Table 9"):
+        published.cells("Table 9")
+
+
+def test_equation_10_takes_rpm_not_rps():
+    amplitude, delta = points()
+    equation = characteristic.equation_10()
+    in_rpm = equation.backlash_rad(amplitude)
+    in_rps = equation.backlash_rad(amplitude / characteristic.RPM_PER_RPS)
+    assert np.abs(in_rpm - delta).max() < 2e-5
+    assert in_rps.max() < 5e-5
+    assert np.abs(in_rps - delta).min() > 2e-4
+
+
+def test_a_cubic_through_the_printed_points_has_the_printed_coefficients():
+    coefficients, _ = cubic(*points())
+    for power in range(4):
+        cell = f"equation10.A{power}"
+        assert abs(1e6 * coefficients[power] - published.value(cell)) <= published.tolerance(cell)
+
+
+def test_the_printed_rmse_of_equation_10_is_no_rmse_in_rad():
+    amplitude, delta = points()
+    _, best_possible = cubic(amplitude, delta)
+    printed = published.value("equation10.rmse")
+    assert best_possible > 1000 * printed
+    assert best_possible == pytest.approx(5.93e-6, abs=0.005e-6)
+    of_freedom = best_possible * np.sqrt(
+        delta.size / (delta.size - 4)
+    )  # a cubic has four coefficients
+    assert of_freedom == pytest.approx(7.66e-6, abs=0.005e-6)
+    corrected = published.table("errata").loc["E2", "corrected"]
+    assert "5.93e-6" in corrected
+    assert "7.66e-6" in corrected
+    printed_cubic = characteristic.equation_10().backlash_rad(amplitude)
+    assert np.sqrt(np.mean((printed_cubic - delta) ** 2)) == pytest.approx(8.36e-6, abs=0.005e-6)
+    assert "8.36e-6" in corrected
+
+
+def test_the_printed_relative_errors_follow_from_the_printed_means():
+    table = characteristic.table_arithmetic()
+    assert len(table) == 13
+    off = (table["relative_error_percent"] - table["printed_percent"]).abs()
+    assert (off <= table["rounding_percent"]).all()
+
+
+def test_every_erratum_names_a_test_that_exists():
+    tests = "".join(
+        path.read_text("utf-8") for path in Path(__file__).parents[1].rglob("test_*.py")
+    )
+    for key, proof in published.table("errata")["proof"].items():
+        assert f"def {proof}(" in tests, key
+
+
+def test_errata_name_cells_that_exist():
+    known = set(published.cells().index)
+    assert {cell for cells in published.table("errata")["cells"] for cell in cells.split()} <= known
+
+
+# ---------------------------------------------------------------------------------------------- the claims' rules
+
+LESS, MORE = 3 * (1 - 1e-12), 3 * (1 + 1e-12)
+# Of each rule, its limit and what it tells of measured numbers; None is undecided.
+TOLD = [
+    ("below", 3.0, {2.9: True, LESS: False, MORE: False}),
+    ("at most", 3.0, {LESS: True, MORE: True, 3.0001: False}),
+    ("above", 3.0, {3.1: True, LESS: False, MORE: False}),
+    ("at least", 3.0, {LESS: True, MORE: True, 2.9: False}),
+    ("rounds to", 4e-4, {4.49e-4: True, 4.51e-4: False, 3.51e-4: True, 3.49e-4: False}),
+    ("interval below", 3.0, {(1.0, 2.9): True, (3.1, 4.0): False, (2.0, 4.0): None}),
+    ("interval above", 3.0, {(3.1, 4.0): True, (1.0, 2.9): False, (2.0, 4.0): None}),
+    ("p below", 0.05, {(0.01, 0.99): True, (0.99, 0.01): False, (0.2, 0.8): None}),
+]
+# How many numbers each rule takes.
+RULES = {name: np.size(next(iter(decided))) for name, _, decided in TOLD}
+
+
+@pytest.fixture
+def rule(replace_table):
+    """Give the claim `monotone` another rule and limit."""
+
+    def give(name, limit):
+        table = published.table("claims")
+        table.loc["monotone", ["rule", "criterion"]] = name, limit
+        replace_table("claims", table)
+
+    return give
+
+
+@pytest.mark.parametrize(("name", "limit", "decided"), TOLD)
+def test_every_rule_tells_what_holds_from_what_does_not_and_last_bits_decide_nothing(
+    rule, name, limit, decided
+):
+    rule(name, limit)
+    assert {measured: published.decide("monotone", measured) for measured in decided} == decided
+
+
+@pytest.mark.parametrize("name", RULES)
+def test_what_was_not_measured_is_undecided_and_the_wrong_number_of_numbers_is_refused(rule, name):
+    rule(name, 1.0)
+    one, two = np.nan, (np.nan, np.nan)
+    right, wrong = (one, two) if RULES[name] == 1 else (two, one)
+    assert published.decide("monotone", right) is None
+    with pytest.raises(ValueError, match="monotone"):
+        published.decide("monotone", wrong)
+
+
+def test_another_limit_can_be_tried():
+    assert published.decide("half_turn", 0.04) is True
+    assert published.decide("half_turn", 0.04, {"half_turn": 0.03}) is False
+
+
+def test_a_claim_says_its_check_its_limit_and_why():
+    claims = published.table("claims")
+    assert (claims[["claim", "section", "check", "reason"]] != "").all(axis=None)
+    assert set(claims["changed"]) == {"yes", ""}
+
+
+def test_a_limit_that_the_text_prints_is_the_criterion():
+    for claim in ("error_rad_small", "error_rad_large", "encoder_step"):
+        assert published.criterion(claim) == published.value(f"text.{claim}")
+    assert published.criterion("error_below_10") == published.value("text.error_limit_percent")

@@ -1,0 +1,128 @@
+"""The report and the README say what the results say, in words that follow from them."""
+
+import re
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from replication import published
+from workbook import ROOT, evidence, judging, report
+from workbook.checkout import RESULTS
+
+TEXT = (RESULTS / "report.md").read_text("utf-8")
+README = (ROOT / "README.md").read_text("utf-8")
+PROSE = TEXT.partition("## All numbers")[0]
+
+
+@pytest.fixture(scope="module")
+def facts():
+    return report.describe(RESULTS)
+
+
+def render(facts, **changed):
+    return report._load_template().render(facts | changed, up="../")
+
+
+def words(text):
+    return [word for word in text.split() if re.search("[A-Za-z]", word)]
+
+
+def test_the_committed_report_and_readme_are_those_of_the_results(facts, tmp_path):
+    assert render(facts) == TEXT
+    copy = tmp_path / "README.md"
+    copy.write_text(README, encoding="utf-8")
+    report.update_readme(copy, RESULTS)
+    assert copy.read_text("utf-8") == README
+
+
+def test_nothing_is_left_uncomputed_and_both_are_short():
+    assert report.NOT_COMPUTED not in TEXT
+    assert len(words(PROSE)) <= 2500
+    assert len(words(README)) <= 600
+
+
+def test_every_link_of_report_and_readme_leads_to_a_file():
+    for folder, text in ((RESULTS, TEXT), (ROOT, README)):
+        for target in re.findall(r"\]\(([^)#]+)", text):
+            assert target.startswith("http") or (folder / target).exists(), target
+
+
+def test_every_printed_number_has_its_row():
+    rows = TEXT.partition("## All numbers")[2].count("\n| ") - 1
+    assert rows == len(published.cells())
+
+
+def test_make_check_prints_every_number_and_notices_a_new_difference():
+    verdicts = judging.verdicts(RESULTS)
+    printed = report.list_numbers(verdicts)
+    assert all(cell in printed for cell in published.cells().index)
+    assert report.find_surprises(verdicts) == ([], [])
+    verdicts.loc[verdicts["id"] == "table2.row03.mean", "agreement"] = "differs"
+    new, _ = report.find_surprises(verdicts)
+    assert new == ["table2.row03.mean: differs, which is not expected"]
+
+
+def test_the_sentence_on_sds_follows_their_joint_p(facts):
+    for p, sentence in ((0.01, "do not agree as a whole"), (0.3, "are compatible as a whole")):
+        whole = facts["evidence"]["whole"] | {"p_sds": p}
+        said = render(facts, evidence=facts["evidence"] | {"whole": whole})
+        assert f"SDs {sentence}" in said
+
+
+def test_the_sentence_on_hardware_follows_the_answers(facts):
+    quiet = facts["hardware"] | {"answered": 1, "right": 0, "draws": 100}
+    assert "refusals are no evidence" in render(facts, hardware=quiet)
+    seeing = facts["hardware"] | {"answered": 90, "right": 88, "draws": 100}
+    assert "refusals are no evidence" not in render(facts, hardware=seeing)
+
+
+def test_a_verdict_that_changes_changes_the_sentences(facts):
+    means = facts["means"] | {"agree": 7}
+    assert "seven of ten printed means" in render(facts, means=means)
+    claims = facts["claims"].assign(verdict="holds")
+    assert f"{len(claims)} hold, 0 do not, 0 are undecided" in render(facts, claims=claims)
+
+
+def test_numbers_are_written_as_the_paper_writes_them():
+    assert report.like_printed(0.26413, "0.2641") == "0.2641"
+    assert report.like_printed(0.00086, "0.0009") == "0.00086"
+    assert report.typeset("-5.9e-06 to 1e5 rad") == "−5.9·10⁻⁶ to 10⁵ rad"
+
+
+# ------------------------------------------------------------------------------------------------ Table 2 as a whole
+
+
+@pytest.fixture(scope="module")
+def whole():
+    realisations = evidence.read_realisations(RESULTS)
+    return realisations[~evidence.starts_drawn(realisations)]
+
+
+def test_p_as_a_whole_is_uniform_among_our_own_tables(whole):
+    """Tables put together from ours row by row, judged like the printed one: about a tenth have p below 0.1."""
+    means, _ = evidence.tables(whole)
+    rng = np.random.default_rng(3)
+    p = []
+    for _ in range(100):
+        left = rng.permuted(means, axis=1)
+        p.append(evidence.joint_p(evidence.mean_scores(left)))
+    assert 2 <= np.sum(np.array(p) < 0.1) <= 20
+    assert 40 <= np.sum(np.array(p) < 0.5) <= 60 + 5
+
+
+def test_a_table_that_is_off_is_rejected(whole):
+    means, sds = evidence.tables(whole)
+    printed = evidence.printed_table()
+    for factor in (0.93, 1.07):
+        off = np.hstack([factor * printed.means, means])
+        assert evidence.joint_p(evidence.mean_scores(off)) < 0.01
+        assert evidence.bias_p(means, factor * printed.means) < 0.01
+    assert evidence.joint_p(evidence.rank_scores(np.hstack([20 * printed.sds, sds]))) < 0.01
+
+
+def test_a_setting_with_too_few_realisations_does_not_judge():
+    table = pd.read_csv(RESULTS / "table2_realisations.csv")
+    sizes = evidence.read_realisations(RESULTS).groupby(["protocol", "row"]).size()
+    assert set(sizes) == {evidence.REALISATIONS}
+    assert set(sizes.index.get_level_values("protocol")) <= set(table["protocol"])

@@ -1,0 +1,128 @@
+"""Is the printed Table 2 one more of our tables? Its means together, its SDs together, its bias.
+
+A realisation is one noise on a row's record and thirty runs of the search: one mean and one SD of A. Rows have noises
+of their own, so a table of ours is any choice of one realisation for each row.
+"""
+
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from replication import published
+
+ROWS = range(1, 11)  # those of Table 2 with backlash
+REALISATIONS = 40  # of each setting that judge Table 2
+DRAWS = 20_000  # tables drawn for a p
+LEVEL = 0.05
+
+Floats = NDArray[np.float64]
+
+
+class Tables(NamedTuple):
+    """The numbers of ours that judge Table 2, by setting: means and SDs [rps], each of shape (10, N)."""
+
+    means: Floats
+    sds: Floats
+
+
+def read_realisations(results: Path) -> pd.DataFrame:
+    """Read the first forty realisations of each setting that has as many: rows of `table2_realisations.csv`."""
+    table = pd.read_csv(results / "table2_realisations.csv")
+    first = table[table["realisation"] <= REALISATIONS]
+    complete = first.groupby("protocol")["realisation"].transform("max") == REALISATIONS
+    return first[complete]
+
+
+def starts_drawn(realisations: pd.DataFrame) -> pd.Series:
+    """Which realisations start at a random one of the first 100 samples, as the text says."""
+    return realisations["protocol"].str.contains("drawn start|start per")
+
+
+def tables(realisations: pd.DataFrame) -> Tables:
+    """Arrange realisations of one setting, or of several together, as numbers of each of the ten rows."""
+    of_rows = realisations[realisations["row"].isin(ROWS)]
+    made = ["protocol", "realisation"]
+    wide = of_rows.pivot(index="row", columns=made, values=["mean_A_rps", "sd_A_rps"])
+    return Tables(wide["mean_A_rps"].to_numpy(), wide["sd_A_rps"].to_numpy())
+
+
+def printed_table() -> Tables:
+    """Table 2's printed means and SDs [rps], of shape (10, 1)."""
+    columns = (published.column("Table 2", name)[: len(ROWS), None] for name in ("mean", "sd"))
+    return Tables(*columns)
+
+
+def mean_scores(numbers: Floats) -> Floats:
+    """How far each mean lies from its row's middle: squared deviation of the logarithm over its scatter."""
+    logs = np.log(numbers)
+    low, middle, high = np.quantile(logs, [0.16, 0.5, 0.84], axis=1)[..., None]
+    return (2 * (logs - middle) / (high - low)) ** 2
+
+
+def rank_scores(numbers: Floats) -> Floats:
+    """How far each SD lies from its row's middle: -2 ln p of its two-sided rank, because SDs have two humps."""
+    below = (numbers[:, None, :] <= numbers[:, :, None]).mean(axis=-1)
+    above = (numbers[:, None, :] >= numbers[:, :, None]).mean(axis=-1)
+    return -2 * np.log(np.minimum(1, 2 * np.minimum(below, above)))
+
+
+def joint_p(scores: Floats) -> float:
+    """Share of tables that lie as far out as the printed one; scores of shape (10, 1 + N), the printed ones first.
+
+    Of each row one of the 1 + N scores is drawn; exact whatever the law of the numbers.
+    """
+    chosen = np.random.default_rng(1).integers(scores.shape[1], size=(DRAWS, len(scores)))
+    sums = scores[np.arange(len(scores)), chosen].sum(axis=1)
+    reached = (sums >= scores[:, 0].sum() * (1 - 1e-9)).sum()
+    return float((1 + reached) / (1 + DRAWS))
+
+
+def bias_percent(means: Floats) -> Floats:
+    """Mean over the ten rows of mean A over theoretical A, less 1 [%]; means of shape (10, N)."""
+    theoretical = published.column("Table 2", "theoretical")[: len(ROWS), None]
+    return 100 * ((means / theoretical).mean(axis=0) - 1)
+
+
+def bias_p(means: Floats, printed: Floats) -> float:
+    """Two-sided p of the printed bias among tables drawn row by row from means of shape (10, N)."""
+    chosen = np.random.default_rng(1).integers(means.shape[1], size=(DRAWS, len(means)))
+    drawn = bias_percent(means[np.arange(len(means)), chosen].T)
+    (bias,) = bias_percent(printed)
+    tail = min((drawn <= bias).sum(), (drawn >= bias).sum())
+    return min(1.0, 2 * (1 + int(tail)) / (1 + DRAWS))
+
+
+def weigh(realisations: pd.DataFrame) -> dict[str, float]:
+    """Weigh the printed table against realisations: p of the means, of the SDs, of the bias, and our bias [%]."""
+    ours, printed = tables(realisations), printed_table()
+    return {
+        "p_means": joint_p(mean_scores(np.hstack([printed.means, ours.means]))),
+        "p_sds": joint_p(rank_scores(np.hstack([printed.sds, ours.sds]))),
+        "p_bias": bias_p(ours.means, printed.means),
+        "bias": float(np.median(bias_percent(ours.means))),
+    }
+
+
+def table2_evidence(realisations: pd.DataFrame) -> dict[str, Any]:
+    """What the report says of Table 2 as a whole: with the whole record, and with a drawn start."""
+    drawn = starts_drawn(realisations)
+    whole = realisations[~drawn]
+    alone = {name: weigh(part) for name, part in whole.groupby("protocol", sort=False)}
+    late = {name: weigh(part) for name, part in realisations[drawn].groupby("protocol")}
+    shifts = [
+        100 * (np.median(tables(part).means, axis=1) / printed_table().means[:, 0] - 1)
+        for _, part in realisations[drawn].groupby("protocol")
+    ]
+    return {
+        "settings": len(alone),
+        "tables": whole["realisation"].nunique() * len(alone),
+        "whole": weigh(whole),
+        "alone": alone,
+        "sds_rejected": sum(each["p_sds"] < LEVEL for each in alone.values()),
+        "drawn_p": max((each["p_bias"] for each in late.values()), default=np.nan),
+        "drawn_shift": np.ravel(shifts),
+        "printed_bias": float(bias_percent(printed_table().means)[0]),
+    }

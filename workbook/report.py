@@ -1,0 +1,239 @@
+"""The report: one template with the results' numbers filled in, `make check`, and the manifest of `make verify`."""
+
+import hashlib
+import math
+import platform
+import re
+from collections.abc import Mapping
+from decimal import Decimal, InvalidOperation
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+import jinja2
+import numpy as np
+import pandas as pd
+
+from replication import published
+from replication.files import ROOT, write_json, write_text
+from workbook import evidence, judging
+from workbook.outcomes import load_outcomes
+
+TEMPLATE = Path(__file__).with_name("report.md.j2")
+STATUS = re.compile(r"(<!-- status: begin -->\n).*(<!-- status: end -->)", re.DOTALL)
+WORDS = ("none", "one", "two", "three", "four", "five", "six", "seven", "eight", "nine", "ten")
+RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+POWER = re.compile(r"(?<![\w.])(\d+(?:\.\d+)?)e([+-]?\d+)\b")
+PACKAGES = ("numpy", "scipy", "numba", "pandas", "matplotlib")
+NOT_COMPUTED = "(not computed)"
+
+
+class Facts(dict):
+    """Numbers that notebooks export for the text, by name; one that is missing shows as such."""
+
+    def __missing__(self, name: str) -> str:
+        return NOT_COMPUTED
+
+
+# ------------------------------------------------------------------------------------------------- numbers in words
+
+
+def like_printed(value: float, printed: str) -> str:
+    """Write our number with the digits of the printed one, or with more where that shows nothing."""
+    if math.isnan(value):
+        return ""
+    try:
+        digits = Decimal(printed.rstrip("%"))
+    except InvalidOperation:
+        return f"{value:.4g}"
+    if "e" in printed.lower():
+        return f"{value:.2e}"
+    text = f"{value:.{max(0, -int(digits.as_tuple().exponent))}f}"
+    return text if abs(float(text) - value) <= 0.02 * abs(value) else f"{value:.3g}"
+
+
+def typeset(text: object) -> str:
+    """Write powers of ten as 5.9·10⁻⁶ or 10⁵, and a minus sign before a number as such."""
+    raised = POWER.sub(lambda e: f"{e[1]}·10{str(int(e[2])).translate(RAISED)}", str(text))
+    raised = re.sub(r"(?<![\d.])1·10", "10", raised)
+    return re.sub(r"(?<![\w)\]])-(?=[\d.])", "−", raised)
+
+
+def span(numbers: Any, form: str) -> str:
+    """Write the smallest and the largest of some numbers: "2.5 to 4.4"; the one where they look alike."""
+    low, high = (format(end, form) for end in (np.min(numbers), np.max(numbers)))
+    return low if low == high else f"{low} to {high}"
+
+
+def word(count: int) -> str:
+    """Write a small count in words."""
+    return WORDS[count] if count < len(WORDS) else str(count)
+
+
+# ------------------------------------------------------------------------------------------------ what the text has
+
+
+def describe_cells(verdicts: pd.DataFrame) -> pd.DataFrame:
+    """Printed numbers with their verdicts, as a reader reads them: `name, printed, ours, interval, why` it differs."""
+    about = published.cells()[["element", "row", "column", "unit"]]
+    table = verdicts.fillna({"resolution": "", "notebook": ""}).join(about, on="id")
+    table["name"] = [_name(*row) for row in table[["element", "row", "column"]].to_numpy()]
+    table["why"] = published.cells().loc[table["id"], "known_difference"].to_numpy()
+    table["ours"] = [*map(like_printed, table["reproduced"], table["printed"])]
+    table["interval"] = [_interval(row) for row in table.itertuples()]
+    return table
+
+
+def _name(element: str, row: str, column: str) -> str:
+    of_row = f"row {row}" if row.isdigit() else row
+    return f"{element}, {of_row}" + ("" if column == "value" else f", {column.replace('_', ' ')}")
+
+
+def _interval(row: Any) -> str:
+    if row.agreement == "not tested" or math.isnan(row.reproduced):
+        return ""
+    if math.isinf(row.high):
+        return f"at least {like_printed(row.low, row.printed)}"
+    return " to ".join(like_printed(end, row.printed) for end in (row.low, row.high))
+
+
+def count_by(cells: pd.DataFrame, key: str) -> pd.DataFrame:
+    """Count printed numbers by agreement, and by "element" or "source"."""
+    counts = pd.crosstab(cells[key], cells["agreement"])
+    order = judging.SOURCES if key == "source" else cells["element"].unique()
+    named = [name for name in order if name in counts.index]
+    return counts.reindex(index=named, columns=judging.AGREEMENTS, fill_value=0)
+
+
+def count_seconds(cells: pd.DataFrame) -> pd.Series:
+    """Seconds of the notebooks that made an element's numbers, on the machine of `notebook_times.csv`."""
+    seconds = pd.read_csv(ROOT / "results" / "notebook_times.csv").set_index("notebook")["seconds"]
+    made = cells.loc[cells["notebook"] != "", ["element", "notebook"]].drop_duplicates()
+    return made.assign(seconds=made["notebook"].map(seconds)).groupby("element")["seconds"].sum()
+
+
+def describe_table2(cells: pd.DataFrame, column: str) -> dict[str, Any]:
+    """How the ten means or SDs of Table 2 agree one by one, and how far their intervals reach."""
+    rows = cells[cells["id"].str.fullmatch(rf"table2\.row(0\d|10)\.{column}")]
+    return {
+        "all": len(rows),
+        "agree": (rows["agreement"] == "agrees").sum(),
+        "differ": [*rows.loc[rows["agreement"] == "differs", "row"]],
+        "down": 100 * (1 - rows["low"] / rows["reproduced"]),
+        "up": 100 * (rows["high"] / rows["reproduced"] - 1),
+        "factor": (rows["high"] / rows["low"])[rows["agreement"] == "agrees"],
+    }
+
+
+def describe_hardware(results: Path) -> dict[str, Any]:
+    """What the sensor says of public logs of real joints, and of simulated joints under their noise."""
+    logs = pd.read_csv(results / "supplement" / "hardware_answers.csv")
+    draws = pd.read_csv(results / "hardware.csv").query("delta_rad > 0")
+    return {
+        "logs": len(logs),
+        "joints": logs["joint"].nunique(),
+        "refused": (logs["verdict"] == "cannot tell").sum(),
+        "draws": draws["draws"].sum(),
+        "answered": draws["answered"].sum(),
+        "right": draws["covered"].sum(),
+        "largest_mrad": 1e3 * draws["delta_rad"].max(),
+    }
+
+
+def describe(results: Path) -> dict[str, Any]:
+    """Everything that the template names."""
+    cells = describe_cells(judging.collect(results))
+    facts = Facts()
+    for outcome in load_outcomes(results).values():
+        facts |= outcome["facts"]
+    by_element = count_by(cells, "element")
+    by_element.loc["all"] = by_element.sum()
+    return {
+        "f": facts,
+        "cells": cells.to_dict("records"),
+        "cell": cells.set_index("id").to_dict("index"),
+        "by_element": by_element,
+        "by_source": count_by(cells, "source"),
+        "seconds": count_seconds(cells),
+        "means": describe_table2(cells, "mean"),
+        "sds": describe_table2(cells, "sd"),
+        "evidence": evidence.table2_evidence(evidence.read_realisations(ROOT / "results")),
+        "hardware": describe_hardware(ROOT / "results"),
+        "claims": judging.decided_claims(results).set_index("id"),
+        "changed": (published.table("claims")["changed"] == "yes").sum(),
+        "errata": published.table("errata").reset_index().to_dict("records"),
+        "sources": judging.SOURCES,
+    }
+
+
+# ---------------------------------------------------------------------------------------------------------- writing
+
+
+def _load_template() -> jinja2.Template:
+    loader = jinja2.FileSystemLoader(TEMPLATE.parent)
+    pages = jinja2.Environment(
+        loader=loader, trim_blocks=True, lstrip_blocks=True, undefined=jinja2.StrictUndefined
+    )
+    pages.filters.update(typeset=typeset, span=span, word=word)
+    return pages.get_template(TEMPLATE.name)
+
+
+def write_report(results: Path) -> Path:
+    """Write the verdicts, the claims and `report.md` of a results folder; return the report."""
+    text = _load_template().render(describe(results), up="../")
+    path = results / "report.md"
+    write_text(path, text)
+    return path
+
+
+def update_readme(readme: Path, results: Path) -> None:
+    """Put the report's first section into the README, between the marks of the status."""
+    template = _load_template()
+    context = template.new_context(describe(results) | {"up": ""})
+    status = "".join(template.blocks["status"](context)).strip()
+    text = readme.read_text(encoding="utf-8")
+    write_text(readme, STATUS.sub(lambda marks: f"{marks[1]}{status}\n{marks[2]}", text))
+
+
+def list_numbers(verdicts: pd.DataFrame) -> str:
+    """Every printed number with ours, the interval and the verdict, as `make check` prints them, and the counts."""
+    shown = describe_cells(verdicts)[["id", "printed", "ours", "interval", "agreement"]]
+    counts = verdicts["agreement"].value_counts().reindex([*judging.AGREEMENTS], fill_value=0)
+    total = ", ".join(f"{count} {name}" for name, count in counts.items())
+    return f"{shown.to_string(index=False)}\n\n{len(verdicts)} printed numbers: {total}"
+
+
+def find_surprises(verdicts: pd.DataFrame) -> tuple[list[str], list[str]]:
+    """Numbers that differ and are no known difference of `cells.csv`; and known ones that no longer differ."""
+    known = published.cells()["known_difference"] != ""
+    differs = verdicts.set_index("id")["agreement"] == "differs"
+    tested = verdicts.set_index("id")["agreement"] != "not tested"
+    new = [f"{cell}: differs, which is not expected" for cell in differs.index[differs & ~known]]
+    gone = [f"{cell}: no longer differs" for cell in differs.index[tested & ~differs & known]]
+    return new, gone
+
+
+def write_manifest(results: Path, path: Path) -> None:
+    """Write what a reader can send back: versions, processor, hashes of the results, the verdicts."""
+    verdicts = judging.verdicts(results)
+    files = sorted([*results.glob("*.csv"), results / "report.md"])
+    hashes = {file.name: hashlib.sha256(file.read_bytes()).hexdigest() for file in files}
+    manifest: Mapping[str, Any] = {
+        "python": platform.python_version(),
+        "packages": {name: version(name) for name in PACKAGES},
+        "system": platform.platform(),
+        "processor": _processor(),
+        "results": hashes,
+        "verdicts": verdicts["agreement"].value_counts().to_dict(),
+        "differs": verdicts.loc[verdicts["agreement"] == "differs", "id"].tolist(),
+    }
+    write_json(path, dict(manifest))
+
+
+def _processor() -> str:
+    information = Path("/proc/cpuinfo")
+    if information.exists():
+        named = re.search(r"model name\s*:\s*(.+)", information.read_text(encoding="utf-8"))
+        if named:
+            return named[1]
+    return platform.processor() or platform.machine()
