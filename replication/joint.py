@@ -18,8 +18,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from replication.arrays import FloatArray
-from replication.compiling import njit
+from replication import njit
+from replication.signature import FloatArray
 
 GRAVITY = 9.80665
 TURN = 2 * np.pi
@@ -191,6 +191,7 @@ def K_BL(x, delta, K_s, alpha):
     float or ndarray
         Stiffness [N m/rad].
     """
+    # equation 8
     return K_s / np.pi * (np.pi + np.arctan(alpha * (x - delta)) - np.arctan(alpha * (x + delta)))
 
 
@@ -217,8 +218,8 @@ def tau_l(x, rate, delta, side, joint):
     if joint.clamped:
         push = side * (joint.K_s * (x - side * delta) + joint.D_s * rate)
         return side * max(push, 0.0)
-    displacement = x - side * delta + joint.D_s / joint.K_s * rate
-    return displacement * K_BL(x, delta, joint.K_s, joint.alpha)
+    stiffness = K_BL(x, delta, joint.K_s, joint.alpha)
+    return (x - delta * side + joint.D_s / joint.K_s * rate) * stiffness  # equation 9
 
 
 @njit
@@ -321,7 +322,7 @@ def reach_edge(t, y, h, end, edge, command, delta, side, j):
             last = -1
 
 
-@njit(nogil=True)
+@njit
 def integrate(y, side, delta, step, lead_steps, every, samples, j):
     """Fill in the states and the gap state at every so many steps; rows stay NaN from where the joint runs away.
 
@@ -409,6 +410,24 @@ def check(joint: Joint, delta: float, duration: float, sample: float, step: floa
         )
 
 
+def balance(joint: Joint, delta: float) -> tuple[tuple[float, ...], int]:
+    """State at the start, at the commanded speed and with torques in balance, and the side on which the teeth touch."""
+    load = joint.Omega / joint.N
+    angle = joint.start_angle - load * joint.lead
+    torque = joint.G * np.sin(angle) + joint.load_viscous * load + joint.load_coulomb
+    driving = torque / joint.N + joint.motor_viscous * joint.Omega + joint.motor_coulomb
+    side = -1 if torque < 0 else 1
+    return (0.0, 0.0, -side * float(delta) - torque / joint.K_s, 0.0, driving), side
+
+
+def compilable(joint: Joint) -> Joint:
+    """The same joint with numbers of one type, so that one compiled function serves all joints without waves."""
+    fields: dict[str, Any] = {name: float(value) for name, value in numbers_of(joint).items()}
+    waves = np.array(joint.waves, dtype=float) if joint.waves else None
+    fields |= {"delay": int(joint.delay), "waves": waves}
+    return joint._replace(**fields)
+
+
 def simulate(
     joint: Joint, delta: float, duration: float = 4.8, sample: float = 2e-3, step: float = 1e-4
 ) -> Run:
@@ -434,19 +453,10 @@ def simulate(
         is too long, or the joint runs away.
     """
     check(joint, delta, duration, sample, step)
-    load = joint.Omega / joint.N
-    angle = joint.start_angle - load * joint.lead
-    torque = joint.G * np.sin(angle) + joint.load_viscous * load + joint.load_coulomb
-    driving = torque / joint.N + joint.motor_viscous * joint.Omega + joint.motor_coulomb
-    side = -1 if torque < 0 else 1
-    start = (0.0, 0.0, -side * float(delta) - torque / joint.K_s, 0.0, driving)
-    # Numbers of one type, so that one compiled function serves all joints.
-    fields: dict[str, Any] = {name: float(value) for name, value in numbers_of(joint).items()}
-    waves = np.array(joint.waves, dtype=float) if joint.waves else None
-    typed = joint._replace(**fields, delay=int(joint.delay), waves=waves)  # type: ignore[arg-type]
+    start, side = balance(joint, delta)
     samples = np.full((round(duration / sample) + 1, 6), np.nan)
     every, lead_steps = round(sample / step), round(joint.lead / step)
-    integrate(start, side, float(delta), step, lead_steps, every, samples, typed)
+    integrate(start, side, float(delta), step, lead_steps, every, samples, compilable(joint))
     if np.isnan(samples).any():
         raise ValueError(
             f"the joint runs away with a backlash of {delta} rad; lower the gains, the delay or the step"
@@ -459,7 +469,7 @@ def simulate(
         theta + theta_m,
         joint.Omega + omega_m,
         theta / joint.N + theta_l,
-        load + omega_l,
+        joint.Omega / joint.N + omega_l,
         motor_torque,
         gap,
     )

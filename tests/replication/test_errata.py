@@ -6,9 +6,8 @@ import pytest
 from replication import published
 from replication.characteristic import equation_10, printed_levels_rad
 from replication.cmaes import constants, decompose, generations, random_normals, sample, update
-from replication.dead_zone import stiffness, transmitted_torque
+from replication.joint import K_BL, identified_joint, tau_l
 from replication.signature import Box, Timing, rmse, signature
-from replication.simulator.parameters import identified_joint
 from replication.table2 import SearchSettings, search_box, table2_levels
 from studies.replay.inspection import STORED_NAMES
 from studies.replay.protocols import LAST_ROW, noisy_record
@@ -69,13 +68,12 @@ def test_the_numbers_that_the_errata_quote_are_those_that_are_computed():
     assert off.max() == pytest.approx(1.8e-5, abs=0.05e-5)
     assert "1.8e-5 rad" in effect["E2"]
     joint = identified_joint()
-    assert joint.gravity_torque_nm == pytest.approx(14, abs=0.5)
+    assert pytest.approx(14, abs=0.5) == joint.G
     for alpha, leak_percent, jump_nm in ((1e5, 0.42, 0.25), (1e6, 0.042, 0.025)):
-        assert 100 * stiffness(0.0, 15e-4, 1.0, alpha) == pytest.approx(leak_percent, rel=0.02)
+        assert 100 * K_BL(0.0, 15e-4, 1.0, alpha) == pytest.approx(leak_percent, rel=0.02)
         assert f"{leak_percent:g} %" in effect["E8"]
-        below, above = transmitted_torque(
-            [-1e-12, 1e-12], 0.0, 15e-4, joint.stiffness_nm_per_rad, alpha_per_rad=alpha
-        )
+        edge = joint._replace(alpha=alpha)
+        below, above = (tau_l(side * 1e-12, 0.0, 15e-4, side, edge) for side in (-1, 1))
         assert below - above == pytest.approx(jump_nm, rel=0.02)
         assert f"{jump_nm:g} N m" in effect["E9"]
     sds = published.column("Table 2", "sd")
