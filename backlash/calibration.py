@@ -152,8 +152,8 @@ def fit_calibration(
     uncertainty = _bank_uncertainty(recordings, delta, bank)
     if (share := uncertainty / np.ptp(delta)) > _MOST_UNCERTAINTY:
         raise Refusal(
-            f"the uncertainty, {1e3 * uncertainty:.3f} mrad, is {share:.0%} of the range of the known backlashes; check "
-            "them, or add logs"
+            f"the uncertainty, {1e3 * uncertainty:.3f} mrad, is {share:.0%} of the range of the known backlashes; "
+            "check them, or add logs"
         )
     speed = float(np.mean([recording.commanded_speed_rps for recording in recordings]))
     return Calibration(bank, uncertainty, float(periods.mean()), speed, provenance)

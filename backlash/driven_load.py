@@ -67,7 +67,7 @@ def compare(
     step_s: float,
     smoothing: float,
 ) -> Comparison:
-    """Prepare the used ones of the torque's harmonics, and the motion by all of the speed's in steps of `step_s` at most."""
+    """Prepare the used ones of the torque's harmonics, and the motion by all of the speed's, in steps of `step_s`."""
     power = np.abs(torque.coefficient) ** 2
     power[1:] = uniform_filter1d(power[1:], 7)
     turn_s = TURN / speed.omega[0]
@@ -120,8 +120,8 @@ def _mean_penetration(first, last):
 def _simulate_turn(theta, motion, start, columns, contact, slopes):
     """Contact torque in each step of the turn that begins at `start`, and the first `columns` of its slopes.
 
-    Columns are by x and x' at the start, then by the unknowns. The contact torque of a step is its mean along a straight
-    course, which makes it smooth in all of them. Returns x and x' at the end with their slopes.
+    Columns are by x and x' at the start, then by the unknowns. The contact torque of a step is its mean along a
+    straight course, which makes it smooth in all of them. Returns x and x' at the end with their slopes.
     """
     h = motion.step_s
     delta, K = 1e-3 * theta[DELTA], np.exp(theta[STIFFNESS])
@@ -237,7 +237,7 @@ class Prediction(NamedTuple):
 def predict_torque(
     theta: FloatArray, c: Comparison, contact: FloatArray, contact_by: FloatArray
 ) -> Prediction:
-    """Predict the torque's harmonics from the contact torque of a turn and its slopes, shape (7, steps) or (0, steps)."""
+    """Predict the torque's harmonics from the contact torque of a turn and its slopes, shape (7 or 0, steps)."""
     K, zeta = np.exp(theta[STIFFNESS]), np.exp(theta[DAMPING])
     rho, N_J_m = np.exp(theta[RATIO]), np.exp(theta[DRIVE])
     iw = 1j * c.omega

@@ -153,15 +153,15 @@ def estimate(log: object, v: ArrayLike | None = None, **given: Unpack[Given]) ->
     turn_period_s, gear_ratio : float
         Of the load [s], and motor turns in a load turn (1 where the signals are the joint's); one is needed.
     torque : str or array of shape (samples,), optional
-        Column, or the motor's torque or current, positive where it drives forward, in any unit; for any drive. Needs
+        Column, or the motor's torque or current, positive where it drives forward, in any unit. Needs
         `inertia_ratio`, J_l / (N^2 J_m), and `gravity_per_s2`, m g r / J_l, of the load, or `gear_ratio`,
-        `motor_inertia_kgm2`, `load_mass_kg`, `load_arm_m`, and `load_inertia_kgm2` about the joint's axis if the load is
-        no point; `inertia_sd` (0.1) and `gravity_sd` (0.05) are relative SDs.
+        `motor_inertia_kgm2`, `load_mass_kg`, `load_arm_m`, and `load_inertia_kgm2` about the joint's axis if the load
+        is no point; `inertia_sd` (0.1) and `gravity_sd` (0.05) are relative SDs.
     calibration : Calibration or path, optional
         Of your joint: method "waveform".
     method : str, optional
-        "torque", "waveform" (without a calibration that of the paper's joint, an example) or "amplitude"; by default the
-        first that the rest allows. "amplitude" gives the paper's index A, never a backlash.
+        "torque", "waveform" (without a calibration that of the paper's joint, an example) or "amplitude"; by default
+        the first that the rest allows. "amplitude" gives the paper's index A, never a backlash.
     **given
         `time`, `speed`, `position` (columns), `unit`, `counts_per_turn`, `rate_hz`, `commanded_speed_rps`, `start_s`,
         `end_s`, `speed_tolerance`, `trust_period`: as the command line's options.
@@ -246,8 +246,8 @@ def _with_own_period(log: Log) -> Log:
                 else f"--turn-period {period:.4g}"
             )
             raise Refusal(
-                f"gravity's line in the torque comes every {period:.4g} s, not every {given:.4g} s: is it {instead}? "
-                "if the turn given is right, --trust-period",
+                f"the torque's strongest line comes every {period:.4g} s, not every {given:.4g} s: if it is gravity's, "
+                f"{instead}; if the turn given is right, --trust-period",
                 Reason.WRONG_PERIOD,
             )
     if turns.is_same_period(recording, period):

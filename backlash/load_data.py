@@ -5,7 +5,7 @@ from numbers import Real
 
 from backlash.reading.columns import is_positive
 from backlash.refusals import Refusal
-from replication.simulator.parameters import GRAVITY
+from replication.joint import GRAVITY
 
 _MOST_BELOW = 0.1  # of an inertia that was measured, below the least that its mass has
 

@@ -11,8 +11,8 @@ METHODS = ("torque", "waveform", "amplitude")
 
 _ABOUT = (
     "Backlash, half of the total play, of a robot's joint from logs of the motor's encoder and torque. The joint must "
-    "turn round, four turns or more in one direction (twelve are good) at constant speed, about a horizontal axis, with "
-    "an off-centre load whose gravity is above its friction."
+    "turn round, four turns or more in one direction (twelve are good) at constant speed, about a horizontal axis, "
+    "with an off-centre load whose gravity is above its friction."
 )
 _STATUS = "Exit status: 0 done, 1 a defect, 2 unusable input, 3 --fail-on holds, 130 interrupted."
 _FIGURE = "write a figure: .png, .svg or .pdf"
@@ -23,10 +23,10 @@ _TORQUE = (
 )
 _SIDES = (
     "Speed, position and torque are the motor's, the backlash is the joint's. Of a log with the joint's side, as most "
-    "robots write it: --gear-ratio 1 with --inertia-ratio and --gravity, --commanded-speed of the joint; such a log is "
-    "never told to have no backlash, for the load's side hardly shows it."
+    "robots write it: --gear-ratio 1 with --inertia-ratio and --gravity, --commanded-speed of the joint; such a log "
+    "is never told to have no backlash, for the load's side hardly shows it."
 )
-_SPEED = "Where there is no torque: a calibration of this joint, or else the paper's index, the amplitude A, for `trend`."
+_SPEED = "Where there is no torque: a calibration of this joint, or else the paper's index, the amplitude A, for trends."
 
 
 class _OneLineParser(argparse.ArgumentParser):

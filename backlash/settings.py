@@ -113,7 +113,7 @@ def _load_of(form: LogFormat, given: Mapping[str, Any]) -> LoadData:
     """The load by its ratios or by its masses; refuse what is missing, or given twice."""
     known = {**given, "torque": form.torque, "gear_ratio": form.gear_ratio}
     by_masses = not given.keys().isdisjoint(_MASSES)
-    needed = ("torque", *_RATIOS)
+    needed: tuple[str, ...] = ("torque", *_RATIOS)
     if by_masses:
         needed = ("torque", "gear_ratio", "motor_inertia_kgm2", "load_mass_kg", "load_arm_m")
     if missing := " and ".join(_OPTIONS[name] for name in needed if known.get(name) is None):

@@ -74,7 +74,7 @@ def harmonics(recording: Recording, signal: FloatArray, fastest_hz: float) -> Ha
         if turns > 1
         else np.zeros(last + 1)
     )
-    omega = TURN / recording.turn_period_s * order
+    omega = np.asarray(TURN / recording.turn_period_s * order, dtype=float)
     return Harmonics(order, omega, bins[turns * order], np.sqrt(beside[order]))
 
 
@@ -99,7 +99,7 @@ def gravity_by_turn(recording: Recording, torque: FloatArray) -> ComplexArray:
     whole = turn < int(angle[-1] + 1e-3)
     wave = (torque - torque.mean()) * np.exp(-1j * TURN * angle)
     parts = [np.bincount(turn[whole], part[whole]) for part in (wave.real, wave.imag)]
-    return (parts[0] + 1j * parts[1]) / np.bincount(turn[whole])
+    return np.asarray((parts[0] + 1j * parts[1]) / np.bincount(turn[whole]))
 
 
 def period_by_torque(recording: Recording, torque: FloatArray) -> float:

@@ -76,7 +76,7 @@ class WaveformMatch:
 
 
 def low_passed(order: ArrayLike, low_pass: float) -> ComplexArray:
-    """Response of a first-order low-pass at some orders, its delay taken out; `low_pass` is its time constant squared."""
+    """Response of a first-order low-pass at some orders without its delay; `low_pass` is its time constant squared."""
     lag = 1j * TURN * np.sqrt(max(low_pass, 0.0)) * np.asarray(order)
     return np.asarray(np.exp(lag) / (1 + lag))
 
@@ -117,7 +117,7 @@ def match(recording: Recording, bank: WaveformBank, is_own: bool = False) -> Wav
     """
     seen = harmonics(recording, recording.v, FASTEST_HZ)
     used = min(seen.order.size, bank.waveform_rps.shape[1] // 2)
-    seen = Harmonics(*(part[:used] for part in seen))
+    seen = Harmonics(seen.order[:used], seen.omega[:used], seen.coefficient[:used], seen.sd[:used])
     size = np.linalg.norm(seen.coefficient)
     # The mean turn's noise, and what no model of a joint explains.
     sd = np.hypot(seen.sd, _MODEL_ERROR * size / np.sqrt(2 * used))

@@ -1,0 +1,50 @@
+"""The datasheet counts what it says it counts."""
+
+import numpy as np
+import pandas as pd
+
+from studies import datasheet
+
+
+def rows(population: str) -> pd.DataFrame:
+    """Of six joints: two answered, one of these covered, a false all-clear, a refusal; healthy ones called and cleared."""
+    verdicts = ["backlash", "backlash", "no backlash", "cannot tell", "backlash", "no backlash"]
+    return pd.DataFrame(
+        {
+            "population": population,
+            "delta_rad": [1e-3, 1e-3, 1e-3, 1e-3, 0.0, 0.0],
+            "verdict": verdicts,
+            "reason": ["", "", "", "too noisy", "", ""],
+            "low_rad": [9e-4, 1.1e-3, 0, np.nan, 4e-4, 0],
+            "high_rad": [1.2e-3, 1.3e-3, 4e-5, np.nan, 6e-4, 4e-5],
+        }
+    )
+
+
+def test_answers_covers_and_errors_are_counted():
+    row = datasheet.summarise(rows("one")).iloc[0]
+    counts = [
+        "joints",
+        "answered",
+        "covered",
+        "false_all_clears",
+        "healthy",
+        "healthy_called",
+        "healthy_cleared",
+    ]
+    assert row[counts].tolist() == [4, 2, 1, 1, 2, 1, 1]
+    assert row["reasons"] == "too noisy 1"
+
+
+def test_the_page_has_every_population_and_at_most_300_words():
+    names = [*datasheet.TURNS, *datasheet.FAULTS]
+    page = datasheet.write_page(datasheet.summarise(pd.concat([rows(name) for name in names])))
+    assert all(name in page for name in names)
+    prose = [line for line in page.splitlines() if not line.startswith("|")]
+    assert len(" ".join(prose).split()) <= 300
+
+
+def test_no_log_depends_on_another():
+    assert datasheet.measure_log("gear ratio doubled", 1) == datasheet.measure_log(
+        "gear ratio doubled", 1
+    )
