@@ -2,9 +2,9 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from backlash import trend_line
-from backlash.answers import Estimate
-from backlash.fleet import as_table
+from backlash import trend as trend_line
+from backlash.estimates import Estimate
+from backlash.batch import as_table
 from backlash.refusals import Refusal
 from tests.logs import file
 
