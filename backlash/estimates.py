@@ -55,6 +55,7 @@ class Estimate:
     joint: dict[str, tuple[float, float]] | None = None
     turn_period_s: float | None = None  # of the load
     samples: int = 0  # of the record that was used
+    arm_m: float | None = None  # at which the play is wanted, too
     columns: str = ""  # that were read, with their units
     notes: tuple[str, ...] = ()  # what was done and assumed
     sha256: str | None = None  # of the log file's bytes
@@ -100,7 +101,10 @@ class Estimate:
         if self.verdict == NONE:
             return f"no backlash (less than {high:.3f} mrad, half of the play)"
         told = f"backlash {1e3 * self.backlash_rad:.3f} mrad"
-        return f"{told} (half of the play; 95 %: {low:.3f} to {high:.3f})"
+        also = f"{60 * np.degrees(self.backlash_rad):.2f} arcmin"
+        if self.arm_m:
+            also += f", {1e3 * self.backlash_rad * self.arm_m:.3f} mm at {self.arm_m:g} m"
+        return f"{told} (half of the play; 95 %: {low:.3f} to {high:.3f}; {also})"
 
 
 def describe_joint(joint: dict[str, tuple[float, float]]) -> list[str]:
@@ -193,7 +197,9 @@ def examine(
 ) -> Estimate:
     """Answer for a log, wherever it comes from."""
     calibration = settings.calibration.provenance if settings.calibration else ""
-    answer = Estimate(name_of(log), method=settings.method, calibration=calibration)
+    answer = Estimate(
+        name_of(log), method=settings.method, calibration=calibration, arm_m=settings.arm_m
+    )
     try:
         read = open_log(log, settings.form, v, torque)
     except Refusal as refusal:
@@ -210,11 +216,6 @@ def examine(
         notes=read.notes,
     )
     try:
-        if read.makes_strokes:
-            raise Refusal(
-                "the motor moves to and fro; the joint has to turn round, four turns or more in one direction",
-                Reason.NOT_CONSTANT_SPEED,
-            )
         read = _with_own_period(read)
         answer = replace(answer, turn_period_s=read.recording.turn_period_s, notes=read.notes)
         return _ANSWERS[settings.method](read, settings, answer)

@@ -27,7 +27,7 @@ _SIDES = (
     "robots write it: --gear-ratio 1 with --inertia-ratio and --gravity, --commanded-speed of the joint; such a log "
     "is never told to have no backlash, for the load's side hardly shows it."
 )
-_SPEED = "Where there is no torque: a calibration of this joint, or else the paper's index, the amplitude A, for trends."
+_SPEED = "Without a torque: a calibration of this joint, or else the paper's index, the amplitude A, for trends."
 
 
 class _OneLineParser(argparse.ArgumentParser):
@@ -87,6 +87,7 @@ def _add_answers(command: argparse.ArgumentParser) -> None:
     add("--out", type=_path, metavar="TABLE", help=what)
     add("--plot", type=_path, metavar="FILE", help=f"of the one log {_FIGURE}")
     add("--plots", type=_path, metavar="FOLDER", help="write a figure of each log with a fit: .png")
+    add("--arm", dest="arm_m", type=float, metavar="M", help="give the play in mm at this arm, too")
     what = (
         "exit with 3 if a log is one of these: cannot-tell, no-backlash, backlash, backlash>0.5mrad"
     )

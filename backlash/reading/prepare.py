@@ -48,11 +48,6 @@ class Log(Source):
     columns: str = ""  # that were read, with their units, the sheet and the side of the gear
     is_links_side: bool = False  # of the gear; else the motor's
 
-    @property
-    def makes_strokes(self) -> bool:
-        """Whether the motor turns to and fro."""
-        return _reverses(self.recording.v)
-
 
 @dataclass(frozen=True)
 class _Samples:
@@ -234,8 +229,9 @@ def _at_constant_speed(
     first, last = clock.longest_clean(t, *whole, dt)
     turns, needed = (t[last - 1] - t[first]) / period, _LEAST_TURNS - 1.5 * dt / period
     if turns < needed:
-        if _reverses(smooth) and form.torque and form.gear_ratio:
-            return _cut(samples, *clock.longest_clean(t, 0, v.size, dt))
+        if smooth.min() < -0.5 * smooth.max() and smooth.max() > -0.5 * smooth.min():
+            what = "the motor moves to and fro; the joint has to turn round in one direction"
+            raise Refusal(f"{what}, {_LEAST_TURNS} turns or more", Reason.NOT_CONSTANT_SPEED)
         if (t[whole[1] - 1] - t[whole[0]]) / period >= needed:
             raise _describe_gap(samples, *whole)
         is_short = last - first > 0.9 * v.size
@@ -307,9 +303,7 @@ def _cut(samples: _Samples, first: int, last: int) -> _Samples:
 def _too_few(turns: float, period: float, level: float, form: LogFormat) -> str:
     """What is missing in a log of too few turns, and what may be wrong with what is said of it."""
     what = f"{turns:.1f} load turns of {period:.4g} s at {level:.4g} rps"
-    needed = (
-        f"{_LEAST_TURNS} are needed, 12 are good; strokes to and fro need --torque and --gear-ratio"
-    )
+    needed = f"{_LEAST_TURNS} alike are needed, 12 are good"
     ratio = form.gear_ratio or 1.0
     if form.turn_period_s is None and ratio > 1 and turns * ratio > _LEAST_TURNS:
         needed += "; is this the joint's side? then --gear-ratio 1"
@@ -321,11 +315,6 @@ def _rough_speed(turns: FloatArray, t: FloatArray, dt: float) -> FloatArray:
     k = clock.grid_numbers(t, dt)
     speeds = [np.gradient(turns, each) for each in (t, np.polyval(np.polyfit(k, t, 1), k))]
     return min(speeds, key=lambda v: float(np.abs(np.diff(v, 2)).mean()))
-
-
-def _reverses(v: FloatArray) -> bool:
-    """Whether a speed of strokes to and fro, both ways about as fast."""
-    return bool(v.min() < -0.5 * v.max() and v.max() > -0.5 * v.min())
 
 
 def _longest_run(state: FloatArray) -> tuple[int, int]:
@@ -381,11 +370,9 @@ def _averaged(samples: _Samples, ring_hz: float) -> _Samples:
 def _log_of(samples: _Samples, table: Table, columns: Columns, form: LogFormat) -> Log:
     """Check that the speed does not drift, and give the record its speed and turn period."""
     v = samples.v
-    strokes = _reverses(v)
-    mean = _level(v, form.expected_speed_rps) if strokes else float(v.mean())
+    mean = float(v.mean())
     period = form.period_s(mean)
-    if not strokes:
-        _refuse_drift(samples, period, mean)
+    _refuse_drift(samples, period, mean)
     notes = samples.notes
     if form.turn_period_s is None:
         ratio = f"gear ratio {form.gear_ratio:g} at {mean:.6g} rps"
