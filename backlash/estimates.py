@@ -54,6 +54,7 @@ class Estimate:
     # ratio, motor inertia in the torque's unit, delay and lag; each with its SD.
     joint: dict[str, tuple[float, float]] | None = None
     turn_period_s: float | None = None  # of the load
+    speed_rps: float | None = None  # of the signal's side, in the mean
     samples: int = 0  # of the record that was used
     arm_m: float | None = None  # at which the play is wanted, too
     columns: str = ""  # that were read, with their units
@@ -212,6 +213,7 @@ def examine(
         sha256=read.sha256,
         samples=read.recording.t.size,
         turn_period_s=read.recording.turn_period_s,
+        speed_rps=float(read.recording.v.mean()),
         columns=read.columns,
         notes=read.notes,
     )
