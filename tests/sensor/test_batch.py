@@ -51,8 +51,8 @@ def test_a_table_is_text_and_a_bad_cell_refuses_its_own_row(plant):
 
 
 def test_a_column_that_means_nothing_is_refused(plant):
-    pd.read_csv(plant).assign(tork="x").to_csv(plant, index=False)
-    with pytest.raises(backlash.Refusal, match="column 'tork'"):
+    pd.read_csv(plant).assign(moment_x="x").to_csv(plant, index=False)
+    with pytest.raises(backlash.Refusal, match="column 'moment_x'"):
         backlash.estimate_many(plant, **HOW)
 
 
