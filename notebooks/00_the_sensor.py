@@ -203,7 +203,7 @@ def rmse(X):  # of each row of X
 # %% [markdown]
 # The paper's search is CMA-ES (covariance matrix adaptation evolution strategy), which is random: a
 # generation of points is drawn from a normal distribution, and the better half of them moves the
-# distribution ([notebook 7](07_protocol_table1.ipynb)). It looks within the bounds of Table 1. Here
+# distribution ([notebook 7](07_search_table1.ipynb)). It looks within the bounds of Table 1. Here
 # a run has 90 generations.
 
 # %%

@@ -190,6 +190,7 @@ def _unwrapped(samples: _Samples, form: LogFormat) -> _Samples:
     best = min(
         ways, key=lambda way: float(np.abs(np.abs(np.diff(way) / np.diff(t)) - speed).mean())
     )
+    best = turns + modulus * np.rint((best - turns) / modulus)  # to the last digit
     jumps = int(np.count_nonzero(np.abs(np.diff(best) - np.diff(turns)) > 1e-9))
     if jumps and np.mean(np.diff(best) * (best[-1] - best[0]) < 0) > 0.2:
         problem = "the position starts anew faster than it is sampled, or moves to and fro"
