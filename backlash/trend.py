@@ -11,16 +11,19 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from os import PathLike
 from pathlib import Path
+from typing import Any, Unpack
 
 import numpy as np
 import pandas as pd
 from scipy.special import fdtri, ndtri, stdtrit
 
-from backlash import __version__
-from backlash.calibration import MOST_RAD, PERIOD_MISMATCH
+from backlash import __version__, batch
+from backlash.calibration import MISMATCH, MOST_RAD
 from backlash.reading.batch import read_rows
 from backlash.reading.columns import is_positive
+from backlash.reading.sources import name_of
 from backlash.refusals import Refusal, one_line
+from backlash.settings import Given
 from replication.arrays import FloatArray
 
 CONFIDENCE = 0.95
@@ -130,6 +133,97 @@ class Trend:
         (of_a, shared), (_, of_b) = self.covariance
         variance = np.polyval([of_b, 2 * shared, of_a], days)
         return a + b * days, self.quantile * np.sqrt(np.maximum(variance, 0.0))
+
+
+def trend(
+    logs: Sequence[object],
+    dates: Sequence[Any] | str | PathLike[str] | None = None,
+    *,
+    limit_rad: float | None = None,
+    relative: bool = False,
+    jobs: int = 1,
+    **given: Unpack[Given],
+) -> Trend:
+    """Fit a line to the backlashes of dated logs of one joint; parameters not named here are those of `estimate`.
+
+    Parameters
+    ----------
+    logs : sequence of logs
+        Paths, tables, or what `read_log` returned; one without a backlash is left out, and a warning says why.
+    dates : sequence of dates, or path, optional
+        As pandas reads them, or a table with columns file and date; else those in the files' names, like 2024-03-17.
+    limit_rad : float, optional
+        The backlash, half of the total play, whose date is wanted [rad].
+    relative : bool
+        Take the oscillations' amplitudes, in percent of the first; so it is by itself where no log has an answer.
+    jobs : int
+        Processes; -1 for all cores where that is worth it.
+
+    Returns
+    -------
+    Trend
+        The line, and the date on which it crosses the limit with its 95 % interval.
+
+    Raises
+    ------
+    Refusal
+        A date is missing, there are fewer than three, or the limit is not finite and above zero.
+
+    Examples
+    --------
+    >>> import backlash
+    >>> worn = backlash.trend(logs, dates, calibration="joint.json", turn_period_s=0.4, limit_rad=2e-3)
+    >>> print(worn.alarm, worn.crossing.year)
+    True 2024
+    """
+    if dates is None or isinstance(dates, str | PathLike):
+        days = dates_of([Path(name_of(log)) for log in logs], dates)
+    else:
+        days = list(pd.DatetimeIndex(dates))
+    if len(days) != len(logs):
+        raise Refusal(f"{len(logs)} logs and {len(days)} dates; give a date for each log")
+    answers = dict(batch.run_batch(batch.read_batch(logs, given), jobs))
+    table = batch.as_table([answers[number] for number in sorted(answers)])
+    return fit_trend(table, days, limit_rad, relative)
+
+
+def trend_many(
+    answers: pd.DataFrame, *, limit_rad: float | None = None, relative: bool = False
+) -> dict[str, Trend | Refusal]:
+    """Fit a line to each joint's dated backlashes.
+
+    Parameters
+    ----------
+    answers : DataFrame
+        What `estimate_many` returned of a table with joints and dates, or several of these below each other.
+    limit_rad, relative
+        As in `trend`.
+
+    Returns
+    -------
+    dict
+        By joint its `Trend`, or the refusal that says why it has none.
+
+    Raises
+    ------
+    Refusal
+        A column is missing.
+
+    Examples
+    --------
+    >>> import backlash
+    >>> worn = backlash.trend_many(answers, limit_rad=2e-3)
+    >>> print({joint: found.alarm for joint, found in worn.items()})
+    {'A1': True, 'A2': True}
+    """
+    table = read_rows(answers, *batch.KEYS, "file", "verdict", "backlash_high_rad")
+    trends: dict[str, Trend | Refusal] = {}
+    for joint, own in table.fillna({"joint": "", "reason": ""}).groupby("joint"):
+        try:
+            trends[str(joint)] = fit_trend(own, own["date"], limit_rad, relative)
+        except Refusal as refusal:
+            trends[str(joint)] = refusal
+    return trends
 
 
 def dates_of(files: Sequence[Path], table: str | PathLike[str] | None = None) -> list[pd.Timestamp]:
@@ -249,10 +343,12 @@ def _points(answers: pd.DataFrame, relative: bool) -> pd.DataFrame:
     columns = ["date", "file", f"{name}_{unit}", f"{name}_low_{unit}", f"{name}_high_{unit}"]
     used = answers[(answers[columns[2]] > 0) & answers[columns].notna().all(axis=1)]
     used = used.sort_values(["date", "file"], ignore_index=True)
-    turns = used["turn_period_s"]
-    if relative and turns.max() > (1 + PERIOD_MISMATCH) * turns.min():
-        found = f"turns of {turns.min():.4g} to {turns.max():.4g} s"
-        raise Refusal(f"{found}: amplitudes are only comparable between logs of one movement")
+    for name, unit in (("turn_period_s", "s a turn"), ("speed_rps", "rps")):
+        values = used[name]
+        if relative and values.max() > (1 + MISMATCH) * values.min():
+            other = used["file"][(values / values.median() - 1).abs().idxmax()]
+            what = f"{values.min():.4g} to {values.max():.4g} {unit}, {other} unlike the others"
+            raise Refusal(f"{what}: amplitudes are only comparable between logs of one movement")
     points = used[columns].set_axis(["date", "file", "value", "low", "high"], axis=1)
     if relative and len(points):
         points[["value", "low", "high"]] *= 100 / points["value"].iloc[0]
