@@ -18,9 +18,8 @@ from backlash.fitting.self_calibration import fit_joint
 from backlash.fitting.turns import COLUMNS, Movement, simulate_turns
 from replication.characteristic import printed_levels_rad
 from replication.parallel import in_parallel
-from replication.records import Recording, level_delta_rad
+from replication.records import Recording, level_delta_rad, load_clean, load_noisy
 from replication.simulator.parameters import TURN, identified_joint
-from replication.records import load_clean, load_noisy
 from replication.standins import VARIED_RATIOS, Bench, Spread, draw_bench, encoder_log
 from studies import benchmark
 from studies.accuracy import cramer_rao_sd

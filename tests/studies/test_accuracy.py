@@ -2,8 +2,8 @@ import pandas as pd
 import pytest
 
 import workbook
-from replication.simulator.parameters import identified_joint
 from replication.records import load_noisy
+from replication.simulator.parameters import identified_joint
 from studies.accuracy import cross_validation
 from studies.benchmark import summarise_errors
 
