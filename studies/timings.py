@@ -1,4 +1,4 @@
-"""Seconds of a fit on a noisy record by our search and by others, into results/bench.csv; `python -m studies.timings`."""
+"""Seconds of a fit on a noisy record by our search and others, into results/bench.csv: `python -m studies.timings`."""
 
 from collections.abc import Callable
 from time import perf_counter
