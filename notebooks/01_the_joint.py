@@ -66,7 +66,7 @@ changes = {}  # factors on ratios of the joint, such as {"stiffness_per_s2": 0.5
 workbook.check_parameters(
     backlash_mrad=(backlash_mrad, workbook.Interval(0.1, 2.1)),
     friction_share=(friction_share, workbook.Interval(0, 0.2)),
-    changes=(changes, [identified_joint().ratios]),
+    changes=(changes, dict.fromkeys(identified_joint().ratios, workbook.Interval(0))),
 )
 
 # %% [markdown]

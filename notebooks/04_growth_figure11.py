@@ -87,7 +87,7 @@ workbook.check_parameters(
     noise_seed=(noise_seed, range(0, 2**31)),
     commanded_speed_rps=(commanded_speed_rps, workbook.Interval(10, 300)),
     changes=(changes, dict.fromkeys(changeable(identified_joint()), workbook.Interval(0, 100))),
-    criteria=(criteria, [("two_impacts", "half_turn")]),
+    criteria=(criteria, dict.fromkeys(("two_impacts", "half_turn"), workbook.Interval(0))),
 )
 
 # %% [markdown]

@@ -54,9 +54,14 @@ criteria = {}  # limits to try in place of those of claims.csv, such as {"error_
 workbook.check_parameters(
     rpm_per_rps=(rpm_per_rps, workbook.Interval(1e-3, 1e4)),
     left_out=(left_out, [range(1, 11), []]),
-    changes=(changes, [identified_joint().ratios]),
+    changes=(changes, dict.fromkeys(identified_joint().ratios, workbook.Interval(0))),
     degree=(degree, range(1, 7)),
-    criteria=(criteria, [("error_rad_small", "error_rad_large", "monotone", "encoder_step")]),
+    criteria=(
+        criteria,
+        dict.fromkeys(
+            ("error_rad_small", "error_rad_large", "monotone", "encoder_step"), workbook.Interval(0)
+        ),
+    ),
 )
 if len(left_out) > 5:
     raise ValueError(f"left_out = {left_out!r}: leave out at most five of the ten rows")

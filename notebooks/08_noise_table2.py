@@ -76,7 +76,7 @@ workbook.check_parameters(
     settings=(settings, [tuple(vars(table2.AUTHORS_SETTINGS))]),
     shown_row=(shown_row, range(1, 11)),
     shown_level=(shown_level, range(3, 12)),
-    criteria=(criteria, [("error_below_10", "local_minima")]),
+    criteria=(criteria, dict.fromkeys(("error_below_10", "local_minima"), workbook.Interval(0))),
 )
 population = dict(settings).get("population", 300)
 workbook.check_parameters(population=(population, range(4, 10001)))

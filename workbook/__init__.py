@@ -4,9 +4,9 @@ import pandas as pd
 
 from replication.files import ROOT
 from workbook.animation import plain_animation
+from workbook.comparison import judge, verdict
 from workbook.outcomes import export, show_figure
 from workbook.parameters import Interval, check_parameters, sliders
-from workbook.verdict import judge, verdict
 
 # What notebooks call.
 __all__ = [

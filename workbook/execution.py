@@ -180,11 +180,13 @@ def execute(notebook: NotebookNode, source: Path, environment: dict[str, str]) -
         extra_arguments=["--IPKernelApp.log_level=ERROR"],
         resources={"metadata": {"path": str(source.parent)}},
     )
+    started = [0]
+    client.on_cell_start = lambda cell, cell_index: started.append(cell_index)
     client.on_notebook_start = lambda notebook: _kill_with_this_process(client)
     try:
         client.execute(env=environment)
     except (CellExecutionError, CellTimeoutError, DeadKernelError) as error:
-        _report_failure(notebook, source, error)
+        _report_failure(notebook, source, started[-1], error)
     for cell in notebook.cells:
         if cell.cell_type == "code":
             cell.outputs = [each for each in cell.outputs if each.get("name") != "stderr"]
@@ -205,21 +207,21 @@ def _kill_with_this_process(client: NotebookClient) -> None:
     )
 
 
-def _report_failure(notebook: NotebookNode, source: Path, error: Exception) -> None:
+def _report_failure(notebook: NotebookNode, source: Path, cell: int, error: Exception) -> None:
     """Raise in one line what ended a notebook, and where."""
     if isinstance(error, CellExecutionError) and error.ename == "DataUnavailable":
         raise DataMissing(error.evalue) from error
     if isinstance(error, CellExecutionError):
-        why = f"{error.ename}: {error.evalue}"
+        why = f"{error.ename}: {error.evalue}".partition("\n")[0]
     elif isinstance(error, CellTimeoutError):
         why = f"no end after {CELL_TIMEOUT_S / 60:.3g} minutes"
     else:
         why = "the kernel died"
-    started = [k for k, cell in enumerate(notebook.cells) if cell.get("execution_count")]
     partial = find_project(source) / ".make" / f"{source.stem}.failed.ipynb"
     write_text(partial, nbformat.writes(notebook))
-    where = f"{source.name}, cell {max(started, default=0) + 1}"
-    raise NotebookFailed(f"{where}: {why}; what it got to is in {partial}") from error
+    raise NotebookFailed(
+        f"{source.name}, cell {cell + 1}: {why}; what it got to is in {partial}"
+    ) from error
 
 
 def end_with(process: int) -> None:

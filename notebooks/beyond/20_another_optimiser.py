@@ -63,7 +63,7 @@ workbook.check_parameters(
     optimiser=(optimiser, (*of_name, callable)),
     strategy_runs=(strategy_runs, range(1, 10_001)),
     budget=(budget, Interval(100, 1e7)),
-    criteria=(criteria, [list(decided_here.index)]),
+    criteria=(criteria, dict.fromkeys(decided_here.index, Interval(0))),
 )
 
 # %% [markdown]
