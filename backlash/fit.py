@@ -22,7 +22,7 @@ from backlash.reading.prepare import Log
 from backlash.refusals import Reason, Refusal
 from backlash.settings import Settings
 from replication.arrays import FloatArray
-from replication.signature import signature
+from replication.signature import h as signature
 from replication.simulator.parameters import TURN
 
 _FINER = 32  # phases between which a straight line is good enough, for one of a turn

@@ -4,7 +4,7 @@ from enum import Enum
 from importlib import import_module
 from typing import Any
 
-from replication.files import UserError
+from replication.records import UserError
 
 
 class Reason(Enum):

@@ -8,8 +8,8 @@ import pandas as pd
 from numpy.polynomial import Polynomial
 
 from replication import published
-from replication.arrays import FloatArray
 from replication.records import RPM_PER_RPS
+from replication.signature import FloatArray
 
 
 def first_rise(coefficients: Sequence[float] | FloatArray, level: float) -> float | None:

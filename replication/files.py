@@ -9,18 +9,10 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     import pandas as pd
 
-ROOT = Path(__file__).resolve().parents[1]
+from replication.records import ROOT as ROOT
+from replication.records import UserError as UserError
+
 FLOAT_FORMAT = "%.6g"
-
-
-class UserError(Exception):
-    """What a user can mend: the message is the one line that a command prints and a notebook shows."""
-
-    exit_status = 2
-
-    def _render_traceback_(self) -> list[str]:
-        """What Jupyter shows in place of a traceback."""
-        return [str(self)]
 
 
 def write_bytes(path: Path, content: bytes) -> None:

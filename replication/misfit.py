@@ -1,168 +1,146 @@
-"""The misfit of a whole population of signatures: the paper's cost, equal to `signature.rmse` but for rounding.
+"""The cost of a population of signatures, compiled: equal to `signature.rmse` but for rounding.
 
-Where the turn is a whole number of samples, all windows of a signature hold the same values: on a
-record that `fold` has summed over them, a member of the population costs one window instead of 2 n.
-What these sums cannot tell is computed window by window: `signature.rmse` takes a hundred times as
-long, and a run that converges to t0 = T1 = 0 needs it for all members, because rounding decides there
-which samples a window holds.
+All windows of a signature hold the same oscillation, half a turn apart and of alternating sign. So a record that is
+summed over the windows once, with their signs, costs one window in place of 2 n. Whether a window holds a sample at its
+very edge is decided once, for all windows; `signature.h` decides it by rounding, window by window.
 """
 
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
 
-from replication.arrays import FloatArray
-from replication.compiling import njit
-from replication.residual import oscillate, residual, sum_in_order
-from replication.signature import Timing
-
-# A smaller share of the record's square, left over by a difference, has lost digits.
-CANCELLED = 1e-3
+from replication import njit
+from replication.signature import FloatArray, Timing, rmse
 
 
-class Sums(NamedTuple):
-    """A record's sums over the windows of a signature.
+class FoldedRecord(NamedTuple):
+    """A record and its sums over the windows; the arrays are over the samples of the first window."""
 
-    The arrays are over the sample at which a window's first, positive oscillation has a value, all
-    turns together.
-    """
-
+    t0: float  # time of the first sample [s]
     dt: float
-    mean: float
+    size: int
+    mean: float  # of v
     square: float  # sum of (v - mean)^2
-    tie: float  # how close to a sample [samples] rounding decides anew in each turn whether a window holds it
     half: int  # samples of T_d
     turn: int  # and of T_f
     value: FloatArray  # v - mean in the positive windows, less that in the negative ones
-    sign: (
-        FloatArray  # number of positive windows that are in the record, less that of negative ones
-    )
-    both: FloatArray  # number of positive and negative ones
+    sign: FloatArray  # number of positive windows that have this sample in the record, less that of negative ones
+    both: FloatArray  # number of both
     in_turn: FloatArray  # windows in which a long oscillation meets its own turn's other one
     in_next: FloatArray  # and the next turn's first one
 
 
-class FoldedRecord(NamedTuple):
-    """An evenly sampled record, v in any unit, and its sums where it can be folded."""
-
-    t: FloatArray
-    v: FloatArray
-    timing: Timing
-    sums: Sums | None
-
-
-def fold(t: FloatArray, v: FloatArray, timing: Timing) -> FoldedRecord:
-    """Fold an evenly sampled record if T_d < T_f and both are whole numbers of samples.
-
-    Raises
-    ------
-    ValueError
-        A sample is not finite, T_d or T_f is not above 0, or the record is shorter than one turn.
-    """
-    if not (timing.T_d > 0 and timing.T_f > 0):
-        raise ValueError(f"T_d = {timing.T_d} s, T_f = {timing.T_f} s: both must lie above 0")
-    if not (np.isfinite(t).all() and np.isfinite(v).all()):
-        raise ValueError("the record holds a time or a speed that is not finite")
-    if t.size < 2 or t.size * (t[-1] - t[0]) / (t.size - 1) < (1 - 1e-9) * timing.T_f:
-        raise ValueError(f"the record is shorter than one turn of {timing.T_f} s")
-    dt = (t[-1] - t[0]) / (t.size - 1)
+def fold(t: FloatArray, v: FloatArray, timing: Timing) -> FoldedRecord | None:
+    """Sum a record over the windows; None if it is sampled unevenly, or T_d or T_f is no whole number of samples."""
+    dt = float(t[-1] - t[0]) / (t.size - 1)
     half, turn = round(timing.T_d / dt), round(timing.T_f / dt)
-    rounding = 1e-15 * max(abs(t[0]), abs(t[-1]))
-    uneven = np.ptp(t - t[0] - dt * np.arange(t.size))
-    off_half = abs(half * dt - timing.T_d)
-    off_last_turn = abs(timing.n * (turn * dt - timing.T_f))
-    if max(uneven, off_half, off_last_turn) > rounding or not 0 < half < turn:
-        return FoldedRecord(t, v, timing, None)
-    return FoldedRecord(t, v, timing, _sums(t, v, timing.n, half, turn, 4 * rounding / dt))
-
-
-def _sums(t: FloatArray, v: FloatArray, n: int, half: int, turn: int, tie: float) -> Sums:
-    size, mean = t.size, float(v.mean())
-    r = np.zeros(size + half + n * turn)
-    r[:size] = v - mean
-    there = np.zeros(r.size)
-    there[:size] = 1.0
-    value = _sum_over_turns(r, n, turn, size + half)
-    count = _sum_over_turns(there, n, turn, size + half)
-    positive, negative = count[:size], count[half:]
-    return Sums(
-        dt=float((t[-1] - t[0]) / (size - 1)),
+    uneven = np.ptp(t - dt * np.arange(t.size))
+    off_grid = timing.n * max(abs(half * dt - timing.T_d), abs(turn * dt - timing.T_f))
+    if max(uneven, off_grid) > 1e-6 * dt or not 0 < half < turn:
+        return None
+    mean = float(v.mean())
+    padded = np.zeros((2, t.size + half + timing.n * turn))
+    padded[0, : t.size] = v - mean
+    padded[1, : t.size] = 1
+    turns = [padded[:, i * turn :][:, : t.size + half] for i in range(timing.n)]
+    first, second = (np.sum(turns, axis=0)[:, k:][:, : t.size] for k in (0, half))
+    return FoldedRecord(
+        t0=float(t[0]),
+        dt=dt,
+        size=t.size,
         mean=mean,
-        square=float((r**2).sum()),
-        tie=float(tie),
+        square=float(np.sum((v - mean) ** 2)),
         half=half,
         turn=turn,
-        value=value[:size] - value[half:],
-        sign=positive - negative,
-        both=positive + negative,
-        in_turn=positive,
-        in_next=np.minimum(negative, max(n - 1, 0)),
+        value=first[0] - second[0],
+        sign=first[1] - second[1],
+        both=first[1] + second[1],
+        in_turn=first[1],
+        in_next=np.minimum(second[1], timing.n - 1),
     )
 
 
-def _sum_over_turns(x: FloatArray, n: int, turn: int, size: int) -> FloatArray:
-    """Add up x from each of n turns on, the first `size` values of each."""
-    total = np.zeros(size)
-    for i in range(n):
-        total += x[i * turn :][:size]
-    return total
+@njit
+def sum_windows(members, r):
+    """Sums of u^2, u (v - mean) and u over a record, shape (members, 3), with u the signature of A = 1."""
+    sums = np.empty((len(members), 3))
+    wave = np.empty(r.size)
+    for p in range(len(members)):
+        _, t0, tau, omega, _, T2, T1 = members[p]
+        start = (t0 - r.t0) / r.dt
+        first = max(int(np.ceil(start + T1 / r.dt)), 0)
+        last = min(int(np.floor(start + T2 / r.dt)), r.size - 1)
+        u = wave[: max(last + 1 - first, 0)]
+        fill_oscillation(u, (first - start) * r.dt, T1, tau, omega, r.dt)
+        value, both, sign = r.value[first:], r.both[first:], r.sign[first:]
+        square = product = total = 0.0
+        for k in range(u.size):
+            square += both[k] * u[k] ** 2
+            product += value[k] * u[k]
+            total += sign[k] * u[k]
+        # A window longer than half a turn overlaps its own turn's other one, and the next turn's first one.
+        for k in range(r.half, u.size):
+            square -= 2 * r.in_turn[first + k] * u[k] * u[k - r.half]
+        for k in range(r.turn - r.half, u.size):
+            square -= 2 * r.in_next[first + k] * u[k] * u[k - r.turn + r.half]
+        sums[p] = square, product, total
+    return sums
+
+
+@njit
+def fill_oscillation(u, since, T1, tau, omega, dt):
+    """Equation 5 with A = 1 in even samples, the first one a time after the instant t0."""
+    # exp(-(t - T1) tau) sin(omega t) is the imaginary part of a wave that each sample multiplies by the same factor.
+    wave = np.exp(-(since - T1) * tau + 1j * omega * since)
+    factor = np.exp((1j * omega - tau) * dt)
+    for k in range(min(u.size, 16)):
+        u[k] = wave.imag
+        wave *= factor
+    # So u_k = a u_(k - 8) + b u_(k - 16): of eight samples none waits for another.
+    factor *= factor
+    factor *= factor
+    factor *= factor
+    a, b = 2 * factor.real, -(factor.real**2 + factor.imag**2)
+    for k in range(16, u.size):
+        u[k] = a * u[k - 8] + b * u[k - 16]
 
 
 def population_rmse(members: FloatArray, record: FoldedRecord) -> FloatArray:
-    """Misfits of members of shape (members, 7), in the unit of v."""
-    squares = np.full(len(members), -1.0)
-    if record.sums is not None:
-        squares = _squares(np.ascontiguousarray(members), record.t, record.sums)
-    misfits = np.sqrt(np.maximum(squares, 0.0) / record.t.size)
-    for p in np.flatnonzero(squares < 0):
-        error = residual(record.t, record.v, members[p], record.timing)
-        misfits[p] = np.sqrt(sum_in_order(error * error) / record.t.size)
-    return misfits
+    """Misfits of members, shape (members, 7) in the order of `Parameters`, in the unit of v."""
+    square, product, total = sum_windows(members, record).T
+    A, level = members[:, 0], members[:, 4] - record.mean
+    # The sum of (r - h)^2 with r = v - v_t (equation 11) and h = A u.
+    squares = record.square + record.size * level**2
+    squares += A**2 * square - 2 * A * (product - level * total)
+    return np.sqrt(np.maximum(squares, 0) / record.size)
 
 
-@njit
-def _squares(members, t, sums):
-    """Sums of squares of r - h; negative where the sums over the windows do not tell them exactly."""
-    squares = np.empty(members.shape[0])
-    scratch = np.empty((3, t.size))
-    for p in range(squares.size):
-        squares[p] = _square(members[p], t, sums, scratch)
-    return squares
+def project(
+    members: FloatArray, record: FoldedRecord, largest_A: float
+) -> tuple[FloatArray, FloatArray]:
+    """Replace A and v_t of members by those of the least misfit; with these misfits, shapes (members, 7), (members,).
+
+    v = A u + v_t is linear in both, so least squares gives A = mean((u - mean u) (v - mean v)) / var u and
+    v_t = mean v - A mean u. A is held within plus and minus `largest_A`.
+    """
+    square, product, total = sum_windows(members, record).T
+    variance = square - total**2 / record.size
+    A = np.divide(product, variance, out=np.zeros_like(product), where=variance > 1e-9 * square)
+    A = np.clip(A, -largest_A, largest_A)
+    projected = members.copy()
+    projected[:, 0] = A
+    projected[:, 4] = record.mean - A * total / record.size
+    squares = record.square - 2 * A * product + A**2 * variance
+    return projected, np.sqrt(np.maximum(squares, 0) / record.size)
 
 
-@njit
-def _square(member, t, sums, scratch):
-    A, t0, tau, omega, v_t, T2, T1 = member  # the order of `Parameters`
-    dt = sums.dt
-    begin = (t0 - t[0] + T1) / dt
-    end = (t0 - t[0] + T2) / dt
-    if abs(begin - np.rint(begin)) < sums.tie or abs(end - np.rint(end)) < sums.tie:
-        return -1.0
-    first = int(np.ceil(begin))
-    last = min(int(np.floor(end)) + 1, t.size)
-    length = last - first
-    level = v_t - sums.mean
-    square = sums.square + t.size * level * level
-    if length <= 0:
-        return square
-    if first < 0 or length > sums.turn:
-        return -1.0
-    elapsed = t[first] - t0
-    oscillate(scratch, length, A * np.exp(-(elapsed - T1) * tau), omega * elapsed, tau, omega, dt)
-    h, part = scratch[1, :length], scratch[2, :length]
-    value, sign = sums.value[first:last], sums.sign[first:last]
-    both = sums.both[first:last]
-    for j in range(length):
-        part[j] = h[j] * (both[j] * h[j] - 2 * (value[j] - level * sign[j]))
-    # A window longer than half a turn overlaps its own turn's other one or the next turn's first.
-    _subtract_overlap(part, h, sums.in_turn[first:last], sums.half)
-    _subtract_overlap(part, h, sums.in_next[first:last], sums.turn - sums.half)
-    square += sum_in_order(part)
-    return square if square > CANCELLED * sums.square else -1.0
+def cost(t: FloatArray, v: FloatArray, timing: Timing) -> Callable[[FloatArray], FloatArray]:
+    """The paper's cost on a record: from members of shape (members, 7) to misfits of shape (members,).
 
-
-@njit
-def _subtract_overlap(part, h, windows, delay):
-    """Subtract what two oscillations of opposite sign, a delay [samples] apart, have in common."""
-    for j in range(delay, part.size):
-        part[j] -= 2 * windows[j] * h[j] * h[j - delay]
+    A record that cannot be folded is fitted by equation 7 as it stands, some thousand times slower.
+    """
+    record = fold(t, v, timing)
+    if record is None:
+        return lambda members: np.array([rmse(t, v, X, timing) for X in members])
+    return lambda members: population_rmse(members, record)

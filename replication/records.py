@@ -1,25 +1,58 @@
-"""Records of motor speed: their type, noise added to them, and the authors' files, found locally or downloaded."""
+"""Records of motor speed: their type, the noise added to them (equations 18 and 19), and the authors' files.
 
+The authors' files are read from the folder that the environment variable BACKLASH_DATA names, or else downloaded; each
+is verified. Where they cannot be had, whoever runs notebooks sets BACKLASH_RECORDS=simulated: then records of our own
+joint take their place, which every result says.
+"""
+
+import hashlib
 import io
 import os
 import re
 import zipfile
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
+from functools import cache
 from pathlib import Path
 from urllib.parse import quote
+from xml.etree import ElementTree
 
 import numpy as np
-import pandas as pd
 
 from replication import published
-from replication.arrays import FloatArray
-from replication.public_files import DataUnavailable, public_file
+from replication.joint import identified_joint, simulate
+from replication.signature import FloatArray
 
-# What the logs are records of: the paper gives the commanded speed, the logs the turn period.
-COMMANDED_SPEED_RPS = 100.0
-TURN_PERIOD_S = 0.4
+ROOT = Path(__file__).resolve().parents[1]
 
+COMMANDED_SPEED_RPS = 100.0  # v_t of the paper's movement
+TURN_PERIOD_S = 0.4  # of the load in the records; Table 1 prints 0.408
+SAMPLE_S = 2e-3
 RPM_PER_RPS = 60.0
+
+# Levels K of the authors' data: those published clean and noisy, and realisations R of the noise
+# whose amplitudes Table 2 prints.
+CLEAN_LEVELS = range(3, 14)
+NOISY_LEVELS = range(1, 21)
+LOW_NOISE = range(1, 6)
+
+
+class UserError(Exception):
+    """What a user can mend: the message is the one line that a command prints and a notebook shows."""
+
+    exit_status = 2
+
+    def _render_traceback_(self) -> list[str]:
+        """What Jupyter shows in place of a traceback."""
+        return [str(self)]
+
+
+class DataUnavailable(UserError):
+    """Public data cannot be downloaded, and no folder with them was named."""
+
+
+class DataCorrupt(UserError):
+    """The folder that was named, or a file of it, is not what it should be."""
 
 
 @dataclass(frozen=True)
@@ -30,155 +63,165 @@ class Recording:
     v: FloatArray  # motor speed [rps], shape (samples,)
     commanded_speed_rps: float  # v_t of equation 11
     turn_period_s: float  # of the load
-    source: str  # where it comes from; of the authors' data a file's path, and after "!" an archive's member
+    source: str  # where it comes from
 
     @property
     def sample_s(self) -> float:
         """Sampling period [s]."""
-        return (self.t[-1] - self.t[0]) / (self.t.size - 1)
+        return float(self.t[-1] - self.t[0]) / (self.t.size - 1)
 
 
 def from_sample(recording: Recording, start: int) -> Recording:
-    """Drop a record's first `start` samples.
-
-    At least three must be left, and time starts from zero again.
-    """
+    """Drop a record's first samples, so that its time starts from zero at sample `start`."""
     if not 0 <= start <= recording.t.size - 3:
         raise ValueError(f"start sample {start}: the record has {recording.t.size} samples")
     return replace(recording, t=recording.t[start:] - recording.t[start], v=recording.v[start:])
 
 
-def uniform_noise(rng: np.random.Generator, half_amplitude_rps: float, size: int) -> FloatArray:
-    """Uniform white noise, the law of the authors' noisy logs; shape (size,)."""
-    return rng.uniform(-half_amplitude_rps, half_amplitude_rps, size)
+# -------------------------------------------------------------------------------------------------- noise
 
 
-def add_uniform_noise(
+def level_delta_rad(level: int) -> float:
+    """Backlash of the authors' dataset K, (2 K - 1) 1e-4 rad: Table 2's ten rows are K = 2 to 11."""
+    return (2 * level - 1) * 1e-4
+
+
+def noise_half_amplitude_rps(level: int) -> float:
+    """Half-amplitude a_K of the authors' noise, Table 2's second column; equation 19 as printed does not give it."""
+    return 0.1 + (level - 1) * 0.15 / 19
+
+
+def add_noise(
     recording: Recording, half_amplitude_rps: float, rng: np.random.Generator
 ) -> Recording:
-    """Add uniform white noise n(t) to a record (equation 18), as the authors' noisy logs have it.
-
-    n lies between plus and minus `half_amplitude_rps`, which Table 2 calls the noise amplitude.
-    """
-    noise = uniform_noise(rng, half_amplitude_rps, recording.v.size)
+    """Equation 18: a record with uniform white noise between plus and minus a half-amplitude."""
+    noise = rng.uniform(-half_amplitude_rps, half_amplitude_rps, recording.v.size)
     return replace(recording, v=recording.v + noise, source=f"{recording.source} + uniform noise")
 
 
-def add_normal_noise(recording: Recording, sd_rps: float, rng: np.random.Generator) -> Recording:
-    """Add normal white noise to a record, as stand-ins for real logs have it."""
-    return replace(recording, v=recording.v + rng.normal(0.0, sd_rps, recording.v.size))
+def constant_speed() -> Recording:
+    """A record of twelve turns without backlash and noise: the commanded speed and nothing else."""
+    t = SAMPLE_S * np.arange(2401)
+    v = np.full(t.size, COMMANDED_SPEED_RPS)
+    return Recording(t, v, COMMANDED_SPEED_RPS, TURN_PERIOD_S, "constant speed")
 
 
-def constant_speed(samples: int, dt: float) -> Recording:
-    """Make a record without backlash, the commanded speed and nothing else, to add noise to."""
-    return Recording(
-        dt * np.arange(samples, dtype=float),
-        np.full(samples, COMMANDED_SPEED_RPS),
-        COMMANDED_SPEED_RPS,
-        TURN_PERIOD_S,
-        "constant speed",
-    )
+@cache
+def simulate_clean(level: int) -> Recording:
+    """Record of our identified joint in place of the authors' of level K, to five significant digits as theirs are."""
+    run = simulate(identified_joint(), level_delta_rad(level), step=5e-5)
+    source = f"simulated joint, level {level}"
+    return Recording(run.t, run.v.round(2), COMMANDED_SPEED_RPS, TURN_PERIOD_S, source)
 
 
-# ------------------------------------------------------------------------------------ the authors' files
-
+# ------------------------------------------------------------------------------------- the authors' files
 
 AUTHORS_COMMIT = "7c81edefe3e61479d234d5080d4627dbbf584733"
 AUTHORS_URL = (
     f"https://raw.githubusercontent.com/ElianaGiovannitti/Backlash-estimation/{AUTHORS_COMMIT}/"
 )
-
-# Levels K of their data: those published clean and noisy, and all from Table 2's first row on.
-CLEAN_LEVELS = range(3, 14)
-NOISY_LEVELS = range(1, 21)
-ALL_LEVELS = range(2, 21)
-LOW_NOISE = range(1, 6)  # realisations R of the noise whose amplitudes Table 2 prints
-
-WORKBOOK_FILES = (
+NOISY_ARCHIVE = "Noisy data/Low level of noise/Data_with_Noise_{}.zip"
+AUTHORS_FILES = (
     *(f"Speeddata{level}.xlsx" for level in CLEAN_LEVELS),
-    *(
-        f"Noisy data/Low level of noise/Data_with_Noise_{realisation}.zip"
-        for realisation in LOW_NOISE
-    ),
+    *(NOISY_ARCHIVE.format(realisation) for realisation in LOW_NOISE),
 )
 
 
-def authors_registry() -> dict[str, str]:
+def authors_checksums() -> dict[str, str]:
     """SHA-256 of each file of the authors' repository at `AUTHORS_COMMIT`, by its path there."""
     text = (published.DATA / "authors_sha256.txt").read_text(encoding="utf-8")
     return {path: digest for digest, path in (line.split("  ", 1) for line in text.splitlines())}
 
 
-def data_folder() -> Path:
-    """Folder that the authors' data are read from: `BACKLASH_DATA`, or else the download cache."""
-    if local := os.environ.get("BACKLASH_DATA"):
-        return Path(local)
-    import pooch  # slow to import, and not used by the sensor
-
-    return Path(pooch.os_cache("backlash-replication"))
+def authors_file(path: str) -> Path:
+    """Find one file of the authors' data, by its path in their repository, or download it."""
+    return public_file(AUTHORS_URL + quote(path), path, authors_checksums()[path], "BACKLASH_DATA")
 
 
-def authors_file(path: str, base_url: str = AUTHORS_URL, cache: Path | None = None) -> Path:
-    """Find one file of the authors' data and verify it.
+def public_file(address: str, name: str, sha256: str, variable: str) -> Path:
+    """Find a public file by its name in the folder that an environment variable names, or else download it.
 
-    Looked for in the folder that the environment variable `BACKLASH_DATA` names; without that
-    variable, in the download cache, and downloaded where it is not there yet.
+    Raises
+    ------
+    DataCorrupt
+        The variable is set, and the file is not there or not the registered one; or the download is not.
+    DataUnavailable
+        The variable is not set, and there is no network or no folder to download to.
     """
-    registry = authors_registry()
-    if path not in registry:
+    if folder := os.environ.get(variable):
+        file = Path(folder).expanduser() / name
+        try:
+            content = file.read_bytes() if file.is_file() else None
+        except OSError:
+            content = None
+        if content is None:
+            raise DataCorrupt(f"{file}: not there or not readable; is {variable} right?")
+        if hashlib.sha256(content).hexdigest() != sha256:
+            raise DataCorrupt(f"{file}: its SHA-256 is not the registered one; copy it again")
+        return file
+    import pooch  # slow to import, and not needed where the variable is set
+
+    try:
+        downloader = pooch.HTTPDownloader(timeout=20)
+        cached = pooch.os_cache("backlash-replication")
+        return Path(pooch.retrieve(address, sha256, name, cached, downloader=downloader))
+    except ValueError as error:
+        raise DataCorrupt(f"{name}: the download is not the registered file") from error
+    except OSError as error:
         raise DataUnavailable(
-            f"{path}: no such file in the authors' repository at {AUTHORS_COMMIT[:7]}"
-        )
-    folder = cache or data_folder()
-    return public_file(base_url + quote(path), path, registry[path], "BACKLASH_DATA", folder)
+            f"{name}: cannot be downloaded ({type(error).__name__}); connect to the network, "
+            f"or set {variable} to a folder with a copy"
+        ) from error
 
 
-def parse_speed_workbook(content: bytes) -> tuple[FloatArray, FloatArray]:
-    """Read time and speed from the bytes of an XLSX file of the authors, which `authors_file` has verified.
-
-    Blank rows are dropped, and so is a first row whose time stamp the second row repeats (it is no
-    sample).
-    """
-    table = pd.read_excel(io.BytesIO(content), header=None).dropna(how="all").to_numpy(dtype=float)
-    repeated = table[1, 0] == table[0, 0]
-    t, v = table[int(repeated) :].T.copy()
-    return t, v
-
-
-def read_zip_member(archive: Path, pattern: str) -> bytes:
-    """Read the one member of a zip archive whose whole name matches a regular expression."""
-    with zipfile.ZipFile(archive) as bundle:
-        (member,) = (name for name in bundle.namelist() if re.fullmatch(pattern, name))
-        return bundle.read(member)
+def read_worksheet(workbook: Path | io.BytesIO) -> FloatArray:
+    """Numbers of the first sheet of an XLSX file that holds numbers alone; shape (rows, columns)."""
+    with zipfile.ZipFile(workbook) as parts:
+        sheet = ElementTree.fromstring(parts.read("xl/worksheets/sheet1.xml"))
+    rows = [
+        [float(value.text or "nan") for value in row.iterfind("{*}c/{*}v")]
+        for row in sheet.iterfind("{*}sheetData/{*}row")
+    ]
+    return np.array([row for row in rows if row])
 
 
-def level_delta_rad(level: int) -> float:
-    """Backlash of the authors' dataset K, (2K - 1)e-4 rad: Table 2's ten rows are K = 2 to 11."""
-    return (2 * level - 1) * 1e-4
+def _authors_recording(workbook: Path | io.BytesIO, source: str) -> Recording:
+    table = read_worksheet(workbook)
+    repeated = int(table[1, 0] == table[0, 0])  # of R = 1, K = 1: its first row is no sample
+    t, v = table[repeated:].T.copy()
+    return Recording(t, v, COMMANDED_SPEED_RPS, TURN_PERIOD_S, source)
 
 
-def read_clean(level: int) -> Recording:
-    """Read the authors' noise-free record of level K, `SpeeddataK.xlsx`; K = 3 to 13 are public."""
+def records_are_simulated() -> bool:
+    """Whether our joint's records take the place of the authors'."""
+    return os.environ.get("BACKLASH_RECORDS") == "simulated"
+
+
+def load_clean(level: int) -> Recording:
+    """Load the noise-free record of level K; the authors' K = 3 to 13 are public."""
+    if records_are_simulated():
+        return simulate_clean(level)
     path = f"Speeddata{level}.xlsx"
-    return _authors_recording(authors_file(path).read_bytes(), path)
+    return _authors_recording(authors_file(path), path)
 
 
-def read_noisy(level: int, realisation: int) -> Recording:
-    """Read the authors' noisy record of a level K and a realisation R of the low noise."""
-    check_noisy(level, realisation)
-    path = f"Noisy data/Low level of noise/Data_with_Noise_{realisation}.zip"
-    content = read_zip_member(authors_file(path), rf"(.*/)?SpeeddataNoise{level}(_\d+)?\.xlsx")
-    return _authors_recording(content, f"{path}!SpeeddataNoise{level}")
+def load_clean_records(levels: Iterable[int]) -> dict[float, Recording]:
+    """Load the clean records of some levels K, by backlash [rad]."""
+    return {level_delta_rad(level): load_clean(level) for level in levels}
 
 
-def check_noisy(level: int, realisation: int) -> None:
-    """Refuse a level K or a realisation R that the authors' low noise does not have."""
+def load_noisy(level: int, realisation: int) -> Recording:
+    """Load the noisy record of a level K, 1 to 20, and a realisation R of the low noise, 1 to 5."""
     if level not in NOISY_LEVELS or realisation not in LOW_NOISE:
         raise ValueError(
             f"no noisy record K = {level}, R = {realisation}: K is 1 to 20, R is 1 to 5"
         )
-
-
-def _authors_recording(content: bytes, source: str) -> Recording:
-    t, v = parse_speed_workbook(content)
-    return Recording(t, v, COMMANDED_SPEED_RPS, TURN_PERIOD_S, source)
+    if records_are_simulated():
+        rng = np.random.default_rng((realisation, level))
+        return add_noise(simulate_clean(level), noise_half_amplitude_rps(level), rng)
+    path = NOISY_ARCHIVE.format(realisation)
+    with zipfile.ZipFile(authors_file(path)) as archive:
+        member = rf"(.*/)?SpeeddataNoise{level}(_\d+)?\.xlsx"
+        (name,) = (each for each in archive.namelist() if re.fullmatch(member, each))
+        content = io.BytesIO(archive.read(name))
+    return _authors_recording(content, f"{path}!{name}")

@@ -1,115 +1,118 @@
-"""The backlash signature h(t) and its misfit (equations 1 to 7 and 11, the cost function, Table 1).
+"""The backlash signature h(t), its cost and the box of its parameters (equations 1 to 7 and 11, Table 1).
 
-Symbols are the paper's: t0, T1, T2, T_d and T_f in s, the damping tau in 1/s, the angular frequency
-omega in rad/s, the amplitude factor A and the motor speed v in rps. Time t and v are arrays of
-shape (samples,). A parameter vector X of shape (7,) lists the free parameters in the order of
-`Parameters`. T_d and T_f are not free: Table 1 gives them equal lower and upper bounds, so the
-optimiser never sees them.
+Times in s, speeds in rps, frequencies in rad/s. Equations 1 to 4 are equations 5 to 7 with absolute instants in
+place of intervals after t0.
 """
 
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
-from replication.arrays import FloatArray
-
-# Names of the columns that hold `Parameters`, with their units.
-FREE_PARAMETERS = ("A_rps", "t0_s", "tau_per_s", "omega_rad_per_s", "v_t_rps", "T2_s", "T1_s")
-
-# Table 1's bounds of tau [1/s], and of omega over 2 pi [Hz].
-DAMPING_PER_S = (5.0, 30.0)
-FREQUENCY_HZ = (1.0, 40.0)
+FloatArray = NDArray[np.float64]
 
 
 class Parameters(NamedTuple):
-    """The free parameters in the order in which the authors' CMA-ES samples them: a seed means its run only so."""
+    """Free parameters X, in the order in which the authors' CMA-ES samples them: a seed means its run only so.
 
-    A: float
-    t0: float
-    tau: float
-    omega: float
-    v_t: float
-    T2: float
-    T1: float
+    Table 1 gives T_d and T_f equal lower and upper bounds, so they are not searched (`Timing`).
+    """
 
-
-@dataclass(frozen=True)
-class Timing:
-    """What of the signature the test movement fixes (section "Backlash signature", Table 1)."""
-
-    T_d: float  # delay of a turn's second oscillation [s], half a turn
-    T_f: float  # period of a load turn [s]
-    n: int  # turns in the model, 12 in the paper
+    A: float  # amplitude factor [rps]
+    t0: float  # first instant [s]
+    tau: float  # damping factor [1/s]
+    omega: float  # angular frequency [rad/s]
+    v_t: float  # commanded speed [rps]
+    T2: float  # end of an oscillation after its instant [s]
+    T1: float  # and its beginning
 
 
-@dataclass(frozen=True)
-class Box:
-    """Bounds of the free parameters, each of shape (7,), in the order of `Parameters`."""
+class Timing(NamedTuple):
+    """What the test movement fixes. Table 1 prints 0.204 and 0.408 s; the records repeat after 0.400 s."""
+
+    T_d: float = 0.2  # delay of a turn's second oscillation [s]
+    T_f: float = 0.4  # period of a load turn [s]
+    n: int = 12  # turns
+
+
+MOVEMENT = Timing()
+
+
+class Box(NamedTuple):
+    """Bounds of a search, each of shape (parameters,)."""
 
     lower: FloatArray
     upper: FloatArray
 
 
-def damped_oscillation(t: FloatArray, X: Parameters) -> FloatArray:
-    """Equation 5: one damped oscillation d_b(t - t0), zero outside t0 + T1 <= t <= t0 + T2; shape (samples,)."""
-    inside = (t >= X.t0 + X.T1) & (t <= X.t0 + X.T2)
-    elapsed = np.where(inside, t - (X.t0 + X.T1), 0.0)
-    return np.where(inside, X.A * np.exp(-elapsed * X.tau) * np.sin(X.omega * (t - X.t0)), 0.0)
+def d_b(t: FloatArray, X: Parameters, t0: float) -> FloatArray:
+    """Equation 5: one damped oscillation, between T1 and T2 after the instant t0; shape (samples,)."""
+    since = t - t0
+    inside = (since >= X.T1) & (since <= X.T2)
+    since = np.where(inside, since, X.T1)
+    return np.where(inside, X.A * np.exp(-(since - X.T1) * X.tau) * np.sin(X.omega * since), 0.0)
 
 
-def signature(t: FloatArray, X: FloatArray, timing: Timing) -> FloatArray:
-    """Equation 7: the signature h(t) [rps], n turns of equation 6, as the paper writes it; shape (samples,).
+def f(t: FloatArray, X: Parameters, t0: float, T_d: float) -> FloatArray:
+    """Equation 6: the two oscillations of a turn, of opposite sign; shape (samples,)."""
+    return d_b(t, X, t0) - d_b(t, X, t0 + T_d)
 
-    This direct transcription is the reference; `misfit.population_rmse` is what a search calls. v_t
-    does not enter.
+
+def h(t: FloatArray, X: Parameters | FloatArray, timing: Timing = MOVEMENT) -> FloatArray:
+    """Equation 7: the signature [rps] of n turns.
+
+    Parameters
+    ----------
+    t : array of shape (samples,)
+        Time [s].
+    X : Parameters, or array of shape (7,)
+        The free parameters; v_t does not enter.
+    timing : Timing
+        T_d, T_f and n.
+
+    Returns
+    -------
+    array of shape (samples,)
     """
-    first = Parameters(*X)
-    h = np.zeros_like(t)
-    for i in range(timing.n):
-        start = first.t0 + i * timing.T_f
-        h += damped_oscillation(t, first._replace(t0=start))
-        h -= damped_oscillation(t, first._replace(t0=start + timing.T_d))
-    return h
+    X = Parameters(*X)
+    turns = [f(t, X, X.t0 + i * timing.T_f, timing.T_d) for i in range(timing.n)]
+    return np.sum(turns, axis=0)
 
 
-def rmse(t: FloatArray, v: FloatArray, X: FloatArray, timing: Timing) -> float:
-    """Root mean square of r(t) - h(t) [rps], the paper's cost function, with r(t) = v(t) - v_t (equation 11)."""
-    return float(np.sqrt(np.mean((v - Parameters(*X).v_t - signature(t, X, timing)) ** 2)))
+def rmse(
+    t: FloatArray, v: FloatArray, X: Parameters | FloatArray, timing: Timing = MOVEMENT
+) -> float:
+    """Root mean square [rps] of r - h, the paper's cost function, with r of equation 11.
+
+    `t` and `v` [rps] have shape (samples,). `misfit.population_rmse` is the same for many X, compiled.
+    """
+    r = v - Parameters(*X).v_t  # equation 11
+    return float(np.sqrt(np.mean((r - h(t, X, timing)) ** 2)))
 
 
 def table1_box(
-    t: FloatArray,
-    v: FloatArray,
-    longest_window_s: float,
-    amplitude_factor: float = 1.0,
-    damping_per_s: tuple[float, float] = DAMPING_PER_S,
-    frequency_hz: tuple[float, float] = FREQUENCY_HZ,
-    start_s: tuple[float, float] | None = None,
+    t: FloatArray, v: FloatArray, amplitude_factor: float = 1.0, longest_window: float = 0.204
 ) -> Box:
-    """Table 1's acceptable ranges of the free parameters for a record.
+    """Table 1: acceptable ranges of the free parameters for a record, each of shape (7,).
 
     Parameters
     ----------
     t, v : array of shape (samples,)
         The record [s, rps].
-    longest_window_s : float
-        Upper bound of T2, and twice that of T1; Table 1 prints its T_d there.
     amplitude_factor : float
-        Widens the range of A; Table 1 has 1.
-    damping_per_s, frequency_hz : (float, float)
-        Bounds of tau, and of omega over 2 pi.
-    start_s : (float, float), optional
-        Bounds of t0; Table 1 has the whole record.
+        Widens the range of A. Table 1 has 1, the authors' notebook 1.3.
+    longest_window : float
+        Upper bound of T2 [s], and twice that of T1.
     """
-    half_range = amplitude_factor * np.ptp(v) / 2
-    bounds = [
-        (-half_range, half_range),
-        start_s or (t.min(), t.max()),
-        damping_per_s,
-        2 * np.pi * np.array(frequency_hz),
-        (v.min(), v.max()),
-        (0.0, longest_window_s),
-        (0.0, longest_window_s / 2),
-    ]
-    return Box(*np.array(bounds).T.copy())
+    A = amplitude_factor * np.ptp(v) / 2
+    bounds = Parameters(
+        A=(-A, A),
+        t0=(t.min(), t.max()),
+        tau=(5, 30),
+        omega=(2 * np.pi, 2 * np.pi * 40),
+        v_t=(v.min(), v.max()),
+        T2=(0, longest_window),
+        T1=(0, longest_window / 2),
+    )
+    lower, upper = np.array(bounds, dtype=float).T
+    return Box(lower, upper)

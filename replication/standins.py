@@ -16,7 +16,7 @@ import pandas as pd
 
 from replication import characteristic, published
 from replication.parallel import in_parallel
-from replication.records import Recording, add_normal_noise
+from replication.records import Recording
 from replication.simulator.parameters import (
     TURN,
     Disturbance,
@@ -135,7 +135,8 @@ def run_and_log(
     log = read_encoder(
         joint, run.time_s, run.motor_position_rad, joint.encoder_bits or FINE_BITS, source
     )
-    return run, add_normal_noise(log, bench.noise_rps, rng)
+    noise = rng.normal(0.0, bench.noise_rps, log.v.size)
+    return run, replace(log, v=log.v + noise)
 
 
 def encoder_log(bench: Bench, delta_rad: float, rng: np.random.Generator) -> Recording:

@@ -18,7 +18,7 @@ from replication import published, table2
 from replication.arrays import FloatArray
 from replication.parallel import in_parallel
 from replication.published import Criteria, Decision
-from replication.records import add_uniform_noise, constant_speed
+from replication.records import add_noise, constant_speed
 from replication.simulator.parameters import TURN, JointParameters
 from replication.simulator.recordings import simulate_recordings
 from replication.simulator.simulate import simulate
@@ -55,7 +55,7 @@ def amplitudes_without_backlash(seeds: Sequence[int], noise_rps: float) -> Float
     """|A| [rps] that one run of the authors' search finds in noise alone, for each noise seed."""
     base = constant_speed(samples=2401, dt=0.002)
     calls = [
-        (add_uniform_noise(base, noise_rps, np.random.default_rng(seed)), SearchSettings(), seed)
+        (add_noise(base, noise_rps, np.random.default_rng(seed)), SearchSettings(), seed)
         for seed in seeds
     ]
     return np.array([fit.amplitude_rps for fit in in_parallel(table2.fit, calls, "noises")])
@@ -123,7 +123,7 @@ def noise_errors_by_turns(
         length = n * turn + 1
         part = replace(record, t=record.t[:length], v=record.v[2 * turn : 2 * turn + length])
         rng = np.random.default_rng((n, round(1e7 * delta)))
-        parts = [part, *(add_uniform_noise(part, noise, rng) for _ in range(seeds))]
+        parts = [part, *(add_noise(part, noise, rng) for _ in range(seeds))]
         fits = in_parallel(
             global_fit, [(each, SearchSettings(turns=n)) for each in parts], f"{n} turns"
         )

@@ -15,7 +15,7 @@ from replication.simulator import core
 from replication.simulator.identification import identify_joint, third_turn_errors
 from replication.simulator.parameters import TURN, JointParameters, identified_joint
 from replication.simulator.simulate import settled_peak_rps, simulate
-from replication.sources import load_clean_records
+from replication.records import load_clean_records
 from studies.reidentify import FIT_LEVELS
 
 # Sharpness of the edge [1/rad] at which the joint is identified anew, from sharp to soft.

@@ -19,7 +19,7 @@ from backlash.answers import Estimate
 from backlash.interface import estimate
 from replication.arrays import FloatArray
 from replication.parallel import in_parallel
-from replication.public_files import public_file
+from replication.records import public_file
 from replication.simulator.parameters import TURN
 from studies.strokes import CONTROL_S, draw_joint, run_joint
 

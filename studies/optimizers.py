@@ -20,7 +20,7 @@ from replication.cmaes import generations
 from replication.parallel import in_parallel
 from replication.records import Recording
 from replication.residual import residual
-from replication.sources import load_noisy
+from replication.records import load_noisy
 from replication.stopping import search
 from replication.table2 import AUTHORS_SETTINGS, BASIN_GAP, cost, search_box, table2_levels
 from studies.rates import rate_columns

@@ -20,7 +20,7 @@ from replication.characteristic import printed_levels_rad
 from replication.parallel import in_parallel
 from replication.records import Recording, level_delta_rad
 from replication.simulator.parameters import TURN, identified_joint
-from replication.sources import load_clean, load_noisy
+from replication.records import load_clean, load_noisy
 from replication.standins import VARIED_RATIOS, Bench, Spread, draw_bench, encoder_log
 from studies import benchmark
 from studies.accuracy import cramer_rao_sd

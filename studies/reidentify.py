@@ -13,7 +13,7 @@ import numpy as np
 from replication.records import authors_file
 from replication.simulator.identification import JointFit, identify_joint, identify_lead
 from replication.simulator.parameters import joint_from_ratios
-from replication.sources import load_clean_records
+from replication.records import load_clean_records
 
 FIT_LEVELS = (3, 6, 9, 12)  # levels K whose records identify the joint; the others validate it
 

@@ -22,7 +22,7 @@ from replication.arrays import FloatArray
 from replication.parallel import in_parallel
 from replication.published import Criteria, Decision
 from replication.records import Recording, from_sample
-from replication.sources import load_noisy
+from replication.records import load_noisy
 from replication.table2 import (
     BASIN_GAP,
     SearchSettings,

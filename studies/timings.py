@@ -13,7 +13,7 @@ from backlash.fitting.global_fit import global_fit
 from replication import published, table2
 from replication.arrays import FloatArray
 from replication.files import ROOT, write_csv
-from replication.records import Recording, add_uniform_noise
+from replication.records import Recording, add_noise
 from replication.signature import rmse
 from replication.simulator.parameters import identified_joint
 from replication.simulator.recordings import simulate_recordings
@@ -55,7 +55,7 @@ def bench() -> pd.DataFrame:
     noise = published.column("Table 2", "noise")
     clean = simulate_recordings(identified_joint(), list(theoretical_amplitudes()))
     rng = np.random.default_rng(1)
-    records = [add_uniform_noise(*pair, rng) for pair in zip(clean, noise[:-1], strict=True)]
+    records = [add_noise(*pair, rng) for pair in zip(clean, noise[:-1], strict=True)]
     record = records[0]
     box = search_box(record, PROTOCOL)
     unit = np.random.default_rng(1).random((PROTOCOL.population, box.lower.size))

@@ -6,9 +6,8 @@ import pytest
 from hypothesis import settings
 
 from replication import published
-from replication.records import WORKBOOK_FILES, add_uniform_noise, authors_file, constant_speed
-from replication.signature import Timing, signature
-from replication.sources import load_clean
+from replication.records import AUTHORS_FILES, add_noise, authors_file, constant_speed, load_clean
+from replication.signature import Timing, h
 
 # Fixtures of what is not in the project: the variable that names its folder, and why a test is skipped.
 OUTSIDE = {
@@ -69,7 +68,7 @@ def pytest_collection_modifyitems(items):
 @pytest.fixture(scope="session")
 def authors_data():
     """Verify the authors' files; a test that needs them is marked `data`, and skipped without them."""
-    for path in WORKBOOK_FILES:
+    for path in AUTHORS_FILES:
         authors_file(path)
 
 
@@ -80,9 +79,9 @@ def hardware_logs():
 
 def signature_record(X=TRUE_X, noise_rps=0.05, seed=1):
     """A record of the paper's signature and noise."""
-    base = constant_speed(samples=2401, dt=0.002)
-    made = replace(base, v=base.v + signature(base.t, X, Timing(0.2, 0.4, 12)))
-    return add_uniform_noise(made, noise_rps, np.random.default_rng(seed))
+    base = constant_speed()
+    made = replace(base, v=base.v + h(base.t, X, Timing()))
+    return add_noise(made, noise_rps, np.random.default_rng(seed))
 
 
 @pytest.fixture(scope="session")

@@ -14,7 +14,7 @@ from backlash.main import main
 from backlash.reading.columns import LogFormat
 from backlash.reading.prepare import Log, open_log
 from backlash.refusals import Refusal
-from replication.records import Recording, add_uniform_noise, constant_speed
+from replication.records import Recording, add_noise, constant_speed
 from replication.simulator.parameters import identified_joint
 from replication.simulator.recordings import simulate_recordings
 
@@ -47,12 +47,12 @@ def clean(delta_rad: float = 9e-4) -> Recording:
 @lru_cache
 def noisy(delta_rad: float = 9e-4, noise_rps: float = 0.1, seed: int = 1) -> Recording:
     """Twelve turns of the paper's joint."""
-    return add_uniform_noise(clean(delta_rad), noise_rps, np.random.default_rng(seed))
+    return add_noise(clean(delta_rad), noise_rps, np.random.default_rng(seed))
 
 
 def silent(noise_rps: float = 0.1, seed: int = 1) -> Recording:
     """A record of a constant speed and noise."""
-    return add_uniform_noise(constant_speed(2401, 2e-3), noise_rps, np.random.default_rng(seed))
+    return add_noise(constant_speed(2401, 2e-3), noise_rps, np.random.default_rng(seed))
 
 
 def table(recording: Recording) -> pd.DataFrame:

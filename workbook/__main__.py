@@ -103,9 +103,9 @@ def lab(_: argparse.Namespace) -> int:
 
 def data(_: argparse.Namespace) -> int:
     """Fetch and verify the authors' files."""
-    from replication.records import WORKBOOK_FILES, authors_file
+    from replication.records import AUTHORS_FILES, authors_file
 
-    print(*(authors_file(path) for path in WORKBOOK_FILES), sep="\n")
+    print(*(authors_file(path) for path in AUTHORS_FILES), sep="\n")
     return 0
 
 

@@ -2,7 +2,7 @@
 
 import pandas as pd
 
-from replication.sources import records_are_simulated
+from replication.records import records_are_simulated
 from workbook.checkout import RESULTS
 from workbook.outcomes import OUTPUT_FOLDER, Cells, Claims, Sentence, cell_rows
 

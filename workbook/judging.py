@@ -20,7 +20,7 @@ import pandas as pd
 
 from replication import published
 from replication.files import write_csv
-from replication.table2 import predictive_region
+from replication.table2 import prediction_interval
 from workbook.outcomes import Numbers, load_outcomes, source_of
 
 Outcomes = Mapping[str, Mapping[str, Any]]  # by notebook
@@ -42,7 +42,7 @@ CLAIM_VERDICTS = {True: "holds", False: "does not hold", None: "undecided"}
 def interval(cell: str, numbers: Numbers) -> tuple[float, float]:
     """Rule 2: the numbers that agree with ours."""
     if isinstance(numbers, Mapping):
-        return predictive_region([*chain(*numbers.values())])
+        return prediction_interval([*chain(*numbers.values())])
     tolerance = published.tolerance(cell)
     is_bound = published.cells().loc[cell, "kind"] == "bound"
     return numbers - tolerance, math.inf if is_bound else numbers + tolerance

@@ -18,7 +18,7 @@ import pandas as pd
 
 from replication import published
 from replication.files import FLOAT_FORMAT, write_csv, write_json
-from replication.sources import records_are_simulated
+from replication.records import records_are_simulated
 from workbook.checkout import notebook_files
 
 if TYPE_CHECKING:

@@ -8,7 +8,7 @@ from typing import Any
 
 import jupytext
 
-from replication.records import WORKBOOK_FILES, authors_registry
+from replication.records import AUTHORS_FILES, authors_checksums
 from workbook.checkout import notebook_files
 
 PACKAGES = ("cma", "joblib", "matplotlib", "numba", "numpy", "openpyxl", "pandas", "scipy")
@@ -16,11 +16,11 @@ PACKAGES = ("cma", "joblib", "matplotlib", "numba", "numpy", "openpyxl", "pandas
 
 def provenance() -> dict[str, Any]:
     """Versions of Python and the packages that compute, SHA-256 by file, seeds by notebook."""
-    registry = authors_registry()
+    registry = authors_checksums()
     python = ".".join(map(str, sys.version_info[:2]))
     return {
         "versions": {"python": python} | {package: version(package) for package in PACKAGES},
-        "authors_files": {file: registry[file] for file in WORKBOOK_FILES},
+        "authors_files": {file: registry[file] for file in AUTHORS_FILES},
         "seeds": {name: seeds(source) for name, source in notebook_files("py").items()},
     }
 

@@ -12,8 +12,9 @@ from backlash.fitting.folding import FoldedWindows, Limits, middle_of_gap
 from backlash.fitting.windows import Minimum
 from replication.arrays import FloatArray
 from replication.records import Recording
-from replication.signature import Box, Timing, rmse, signature
-from replication.table2 import SearchSettings, search_box
+from replication.signature import Box, Timing, rmse
+from replication.signature import h as signature
+from replication.table2 import Settings, search_box
 
 _MOST_CANDIDATES = 6
 _STARTS_BESIDE = 8  # samples to either side of the best window's start that it may have instead
@@ -161,15 +162,15 @@ def _parameters(
     return X
 
 
-def global_fit(recording: Recording, protocol: SearchSettings | None = None) -> GlobalFit:
+def global_fit(recording: Recording, protocol: Settings | None = None) -> GlobalFit:
     """Find the signature with the least misfit to a record, in the box of a protocol: by default the authors' notebook.
 
     ValueError if T_d is not half of T_f, or the record is too short, constant, or sampled too
     rarely for any window.
     """
-    protocol = SearchSettings() if protocol is None else protocol
+    protocol = Settings() if protocol is None else protocol
     t, v = recording.t, recording.v
-    if t[-1] - t[0] < protocol.T_d or v.max() == v.min():
+    if t[-1] - t[0] < protocol.timing.T_d or v.max() == v.min():
         raise ValueError(
             f"{recording.source}: shorter than half a turn, or constant: there is no signature to fit"
         )

@@ -9,8 +9,9 @@ from backlash.fitting.global_fit import GlobalFit, global_fit
 from backlash.fitting.waveform import WaveformBank, match, mean_turn, samples_a_turn
 from replication import table2
 from replication.records import Recording
-from replication.signature import signature
-from replication.table2 import SearchSettings
+from replication.signature import Timing
+from replication.signature import h as signature
+from replication.table2 import Settings
 
 
 @dataclass(frozen=True)
@@ -32,13 +33,13 @@ _UNKNOWN = (np.nan, np.nan)
 NO_READING = Reading(np.nan, _UNKNOWN, np.nan, _UNKNOWN)
 
 
-def protocol_for(recording: Recording) -> SearchSettings:
+def protocol_for(recording: Recording) -> Settings:
     """Scale the paper's protocol to a record: its turn period, as many turns as it lasts, windows in proportion."""
-    authors, period = SearchSettings(), recording.turn_period_s
+    period = recording.turn_period_s
     turns = max(1, int(np.ceil((recording.t[-1] - recording.t[0]) / period - 1e-6)))
-    longest_window_s = authors.longest_window_s * period / authors.T_f
-    return SearchSettings(
-        T_d=period / 2, T_f=period, turns=turns, longest_window_s=longest_window_s
+    timing = Timing(period / 2, period, turns)
+    return Settings(
+        timing=timing, longest_window_s=Settings().longest_window_s * period / Timing().T_f
     )
 
 

@@ -15,9 +15,8 @@ from backlash.fitting.folding import (
 )
 from replication.arrays import FloatArray
 from replication.compiling import njit
-from replication.signature import FREQUENCY_HZ
 
-FASTEST_RAD_PER_S = 2 * np.pi * FREQUENCY_HZ[1]
+FASTEST_RAD_PER_S = 2 * np.pi * 40.0
 
 
 class Minimum(NamedTuple):

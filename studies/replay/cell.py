@@ -8,7 +8,7 @@ import pandas as pd
 from replication import published
 from replication.files import ROOT
 from replication.parallel import in_parallel
-from replication.table2 import predictive_region
+from replication.table2 import prediction_interval
 from studies.replay import inspection, protocols
 
 FRESH_SEEDS = range(36, 39)  # of realisations that the kept ones do not have
@@ -30,7 +30,7 @@ def make_cell(row: int, column: str) -> dict[str, float | dict[str, str]]:
     made = pd.DataFrame(in_parallel(protocols.realise, calls, f"row {row}"))[f"{column}_A_rps"]
     table = pd.read_csv(protocols.REALISATIONS).query("protocol == @leader.name and row == @row")
     kept = table[f"{column}_A_rps"]
-    low, high = predictive_region(kept)
+    low, high = prediction_interval(kept)
     fresh = ", ".join(made[1:].map("{:.6g}".format))
     beside = {
         "settings": f"{leader.name}; {protocols.RUNS} runs for each realisation",

@@ -5,7 +5,7 @@ from scipy import signal, stats
 
 from replication.arrays import FloatArray
 from replication.records import LOW_NOISE, Recording
-from replication.sources import load_clean, load_noisy
+from replication.records import load_clean, load_noisy
 from replication.table2 import table2_levels
 
 # Parameters of a stored run, in `signature.FREE_PARAMETERS` order.

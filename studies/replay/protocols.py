@@ -34,11 +34,11 @@ from replication.parallel import in_parallel
 from replication.records import Recording, constant_speed, from_sample, uniform_noise
 from replication.simulator.parameters import identified_joint
 from replication.simulator.recordings import simulate_recordings
-from replication.sources import load_clean
+from replication.records import load_clean
 from replication.table2 import (
     SearchSettings,
     basin_labels,
-    predictive_region,
+    prediction_interval,
     table2_levels,
     theoretical_amplitudes,
 )
@@ -219,7 +219,7 @@ def bias_p(means: FloatArray, bias_percent: float) -> float:
 
 def lies_inside(numbers: FloatArray, judged: FloatArray) -> NDArray[np.bool_]:
     """Whether judged numbers, shape (2, 10), lie in the prediction intervals of N others."""
-    ends = np.array([[predictive_region(row) for row in rows] for rows in numbers.tolist()])
+    ends = np.array([[prediction_interval(row) for row in rows] for rows in numbers.tolist()])
     return (ends[..., 0] <= judged) & (judged <= ends[..., 1])
 
 

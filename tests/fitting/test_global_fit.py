@@ -8,11 +8,11 @@ from backlash.fitting.folding import factorise
 from backlash.fitting.global_fit import global_fit
 from backlash.fitting.readings import amplitude_of_mean_turn, protocol_for
 from replication import table2
-from replication.records import Recording, add_uniform_noise, from_sample
+from replication.records import Recording, add_noise, from_sample
 from replication.signature import rmse, signature
 from replication.simulator.parameters import identified_joint
 from replication.simulator.recordings import simulate_recordings
-from replication.sources import load_clean, load_noisy
+from replication.records import load_clean, load_noisy
 from replication.table2 import SearchSettings, search_box
 from tests.conftest import TRUE_X, signature_record
 from tests.processors import kernels_here, printed
@@ -37,7 +37,7 @@ def drawn(seed, dt=0.002, turn_s=0.4, turns=12, noise=0.0):
         record = replace(empty, v=100 + signature(t, X, protocol.timing))
         box = search_box(record, protocol)
         if (box.lower <= X).all() and (box.upper >= X).all():
-            return X, add_uniform_noise(record, noise, generator), protocol
+            return X, add_noise(record, noise, generator), protocol
 
 
 @pytest.mark.parametrize("seed", [1586741660, 2, 3])
@@ -45,7 +45,7 @@ def test_a_record_that_is_nearly_noise_has_a_fit_though_its_best_window_may_hold
     seed,
 ):
     (clean,) = simulate_recordings(identified_joint(), [1.2e-4])
-    fit = global_fit(add_uniform_noise(clean, 1.0, np.random.default_rng(seed)))
+    fit = global_fit(add_noise(clean, 1.0, np.random.default_rng(seed)))
     low, high = fit.amplitude_interval_rps
     assert np.isfinite(fit.X).all()
     assert 0 <= low < high or low < 0 < high

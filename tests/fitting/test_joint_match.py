@@ -5,7 +5,7 @@ import pytest
 from replication.records import level_delta_rad
 from replication.simulator.parameters import identified_joint
 from replication.simulator.recordings import simulate_recordings
-from replication.sources import load_clean
+from replication.records import load_clean
 from studies.joint_match import NUISANCES, add_nuisances, match_joint
 
 JOINT = identified_joint()

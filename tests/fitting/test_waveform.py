@@ -14,8 +14,8 @@ from backlash.fitting.waveform import (
     mean_turn,
     periodic,
 )
-from replication.records import Recording, add_uniform_noise, level_delta_rad
-from replication.sources import load_clean
+from replication.records import Recording, add_noise, level_delta_rad
+from replication.records import load_clean
 
 PERIOD_S = 0.4
 
@@ -29,7 +29,7 @@ def made(bank, delta_rad, shift_turns=0.0, dt=0.002, turns=12, noise=0.0, seed=1
     """A record of the bank's own waveform."""
     t = dt * np.arange(round(turns * PERIOD_S / dt) + 1)
     v = 100 + bank.at(delta_rad)((t / PERIOD_S - shift_turns) % 1.0)
-    return add_uniform_noise(
+    return add_noise(
         Recording(t, v, 100.0, PERIOD_S, "made"), noise, np.random.default_rng(seed)
     )
 

@@ -10,10 +10,10 @@ from backlash.fitting.readings import METHODS, Reading, read
 from backlash.refusals import Refusal
 from replication import published
 from replication.characteristic import equation_10
-from replication.records import add_uniform_noise, from_sample, level_delta_rad
+from replication.records import add_noise, from_sample, level_delta_rad
 from replication.simulator.parameters import identified_joint
 from replication.simulator.recordings import simulate_recordings
-from replication.sources import load_noisy
+from replication.records import load_noisy
 from studies.calibrations import compute_default
 
 LEVELS_RAD = [4e-4, 6e-4, 8e-4, 10e-4, 12e-4, 14e-4, 16e-4, 18e-4]
@@ -135,7 +135,7 @@ def test_a_broken_calibration_file_is_refused_with_one_line(text):
 
 def test_the_energy_s_interval_is_that_of_its_scatter_over_noises(records):
     rng = np.random.default_rng(5)
-    readings = [read(add_uniform_noise(records[2], 0.2, rng), "energy") for _ in range(60)]
+    readings = [read(add_noise(records[2], 0.2, rng), "energy") for _ in range(60)]
     scatter = np.std([r.value for r in readings])
     stated = np.mean([(r.interval[1] - r.interval[0]) / 2 / 1.96 for r in readings])
     # The window's search adds a little to the noise along the signature; 60 runs know an SD to 10 %.

@@ -17,7 +17,7 @@ from backlash.reading.columns import LogFormat
 from backlash.reading.prepare import Log
 from backlash.refusals import Refusal
 from backlash.settings import settings_for
-from replication.records import Recording, add_uniform_noise
+from replication.records import Recording, add_noise
 from replication.simulator.parameters import identified_joint, with_ratios
 from replication.simulator.recordings import simulate_recordings
 from replication.standins import draw_bench, encoder_log
@@ -247,7 +247,7 @@ def with_friction(delta, share, name=FRICTIONS[0], seed=1):
         },
     }
     record = simulate_recordings(replace(joint, **friction[name]), [delta])[0]
-    return add_uniform_noise(record, 0.1, np.random.default_rng(seed))
+    return add_noise(record, 0.1, np.random.default_rng(seed))
 
 
 @pytest.mark.slow

@@ -8,7 +8,7 @@ import workbook
 from replication.simulator.identification import third_turn_errors
 from replication.simulator.parameters import identified_joint, with_ratios
 from replication.simulator.simulate import simulate
-from replication.sources import load_clean_records
+from replication.records import load_clean_records
 from studies import edge
 from studies.reidentify import FIT_LEVELS
 

@@ -12,7 +12,7 @@ from replication.simulator.parameters import (
     with_ratios,
 )
 from replication.simulator.recordings import simulate_recordings
-from replication.sources import load_clean_records
+from replication.records import load_clean_records
 from tests.reference import simulate_amplitudes
 
 # The first turn is not fitted but for when the joint started, to a period of the drive.

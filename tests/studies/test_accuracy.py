@@ -3,7 +3,7 @@ import pytest
 
 import workbook
 from replication.simulator.parameters import identified_joint
-from replication.sources import load_noisy
+from replication.records import load_noisy
 from studies.accuracy import cross_validation
 from studies.benchmark import summarise_errors
 

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from replication.records import add_uniform_noise
+from replication.records import add_noise
 from replication.simulator.parameters import identified_joint
 from replication.simulator.recordings import simulate_recordings
 from studies.accuracy import cramer_rao_sd, waveform_slopes
@@ -37,7 +37,7 @@ def test_an_unknown_start_widens_the_bound():
 def test_the_matched_joint_scatters_as_the_bound_says():
     clean = simulate_recordings(JOINT, [9e-4])[0]
     errors = [
-        match_joint(add_uniform_noise(clean, 0.15, np.random.default_rng(seed)), JOINT)["delta_rad"]
+        match_joint(add_noise(clean, 0.15, np.random.default_rng(seed)), JOINT)["delta_rad"]
         - 9e-4
         for seed in range(20)
     ]

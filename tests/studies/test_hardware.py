@@ -2,7 +2,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from replication.public_files import DataCorrupt, DataUnavailable
+from replication.records import DataCorrupt, DataUnavailable
 from studies import hardware
 
 LOGS = hardware.list_logs()

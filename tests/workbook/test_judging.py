@@ -11,7 +11,7 @@ from scipy import stats
 
 import workbook
 from replication import published
-from replication.sources import load_clean
+from replication.records import load_clean
 from studies.replay import inspection, table1
 from workbook import judging
 from workbook.checkout import RESULTS
