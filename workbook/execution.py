@@ -20,8 +20,8 @@ from nbclient.exceptions import CellExecutionError, CellTimeoutError, DeadKernel
 from nbformat import NotebookNode
 from nbformat.v4 import new_markdown_cell
 
+from replication import pinned_environment
 from replication.files import ROOT, UserError, write_text
-from replication.processors import pinned_environment
 from workbook.checkout import OFFLINE
 
 CELL_TIMEOUT_S = 900
@@ -121,6 +121,8 @@ def _execute_into(destination: Path, source: Path, project: Path, records: str =
         "REPLICATION_OUT": str(staging),
         "REPLICATION_NOTEBOOK": source.stem,
         "BACKLASH_RECORDS": records,
+        "MPLBACKEND": "module://matplotlib_inline.backend_inline",
+        "PYTHONHASHSEED": "0",
         "LOKY_MAX_CPU_COUNT": str(count_workers(joblib.cpu_count(), available_memory())),
         "PYTHONPATH": os.pathsep.join(filter(None, [str(ROOT), os.environ.get("PYTHONPATH")])),
     }

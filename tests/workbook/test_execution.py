@@ -127,7 +127,7 @@ def test_without_the_authors_files_a_notebook_runs_on_our_records_apart_and_is_d
     project, tmp_path, monkeypatch
 ):
     monkeypatch.setenv("BACKLASH_DATA", str(tmp_path))
-    text = "# %%\nfrom replication.sources import load_clean\nprint(load_clean(12).source)\n"
+    text = "# %%\nfrom replication.records import load_clean\nprint(load_clean(12).source)\n"
     folder = project(small=text)
     assert "on our simulated records" in execution.run(small(folder))
     assert list(made_in(folder)) == ["results/offline/notebooks/small.ipynb"]
@@ -137,9 +137,9 @@ def test_without_the_authors_files_a_notebook_runs_on_our_records_apart_and_is_d
 
 def test_a_notebook_whose_data_nothing_replaces_is_not_run(project, tmp_path, monkeypatch):
     monkeypatch.setenv("BACKLASH_DATA", str(tmp_path))
-    text = "# %%\nfrom replication import records\nrecords.authors_file('Speeddata99.xlsx')\n"
+    text = "# %%\nfrom replication import records\nrecords.authors_file('Speeddata3.xlsx')\n"
     folder = project(small=text)
-    assert "small: not run: Speeddata99.xlsx" in execution.run(small(folder))
+    assert "small: not run: Speeddata3.xlsx" in execution.run(small(folder))
     assert made_in(folder) == {}
 
 
