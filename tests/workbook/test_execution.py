@@ -123,10 +123,16 @@ def test_an_executed_notebook_that_was_edited_is_never_overwritten(project):
     assert (folder / "results" / "small.csv").read_text("utf-8") == "repeats\n32\n"
 
 
+@pytest.fixture
+def no_data(tmp_path, monkeypatch):
+    """No folder with the authors' files, nor a cache, nor a network to download them from."""
+    monkeypatch.delenv("BACKLASH_DATA")
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+
+
 def test_without_the_authors_files_a_notebook_runs_on_our_records_apart_and_is_due_again(
-    project, tmp_path, monkeypatch
+    project, no_data
 ):
-    monkeypatch.setenv("BACKLASH_DATA", str(tmp_path))
     text = "# %%\nfrom replication.records import load_clean\nprint(load_clean(12).source)\n"
     folder = project(small=text)
     assert "on our simulated records" in execution.run(small(folder))
@@ -135,8 +141,7 @@ def test_without_the_authors_files_a_notebook_runs_on_our_records_apart_and_is_d
     assert not (folder / ".make" / "small.ran").exists()
 
 
-def test_a_notebook_whose_data_nothing_replaces_is_not_run(project, tmp_path, monkeypatch):
-    monkeypatch.setenv("BACKLASH_DATA", str(tmp_path))
+def test_a_notebook_whose_data_nothing_replaces_is_not_run(project, no_data):
     text = "# %%\nfrom replication import records\nrecords.authors_file('Speeddata3.xlsx')\n"
     folder = project(small=text)
     assert "small: not run: Speeddata3.xlsx" in execution.run(small(folder))
