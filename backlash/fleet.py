@@ -21,6 +21,7 @@ from backlash import __version__
 from backlash.answers import Estimate
 from backlash.examine import Examined, examine
 from backlash.fitting import SELF
+from backlash.reading.batch import escape
 from backlash.reading.sources import name_of
 from backlash.refusals import Refusal, one_line
 from backlash.settings import Settings
@@ -259,8 +260,7 @@ def as_table(answers: Sequence[Estimate]) -> pd.DataFrame:
 def _row(answer: Estimate) -> dict[str, object]:
     refused = answer.verdict == "cannot tell"
     row: dict[str, object] = {
-        # No formula, and a name that a table can hold.
-        "file": re.sub(r"^(?=[=+@\s-])", "'", answer.file.encode(errors="replace").decode()),
+        "file": escape(answer.file),
         "verdict": answer.verdict,
         "reason": "".join(answer.warnings[:refused]),
     }

@@ -11,17 +11,17 @@ from typing import Any, NamedTuple
 
 import pandas as pd
 
-from backlash import fleet, rows, trend_line
+from backlash import fleet, trend_line
 from backlash.calibration import read_calibration
 from backlash.interface import settings_of, settings_of_all
+from backlash.reading import batch
 from backlash.reading.columns import SAID
 from backlash.reading.sources import name_of
 from backlash.refusals import Refusal
 from backlash.settings import MEASURING, Settings
 from backlash.trend_line import Trend
 
-_KEYS = ["joint", "date"]
-COLUMNS = ("file", *_KEYS, *SAID, *MEASURING)
+COLUMNS = ("file", *batch.KEYS, *SAID, *MEASURING)
 
 
 class Batch(NamedTuple):
@@ -33,7 +33,7 @@ class Batch(NamedTuple):
 
 
 def estimate_many(
-    logs: Sequence[object] | rows.Table, *, jobs: int = -1, **words: Any
+    logs: Sequence[object] | batch.TableOfLogs, *, jobs: int = -1, **words: Any
 ) -> pd.DataFrame:
     """Estimate the backlashes of many logs, also of different joints.
 
@@ -70,13 +70,13 @@ def estimate_many(
     >>> print(found.loc["A2"]["verdict"].tolist())
     ['backlash']
     """
-    batch = read_batch(logs, words)
-    found = dict(fleet.run_fleet(batch.logs, batch.settings, jobs))
-    table = batch.keys.join(fleet.as_table([found[number] for number in sorted(found)]))
-    return table.set_index([*batch.keys]) if len(batch.keys.columns) else table
+    listed = read_batch(logs, words)
+    found = dict(fleet.run_fleet(listed.logs, listed.settings, jobs))
+    table = listed.keys.join(fleet.as_table([found[number] for number in sorted(found)]))
+    return table.set_index([*listed.keys]) if len(listed.keys.columns) else table
 
 
-def read_batch(source: Sequence[object] | rows.Table, words: Mapping[str, Any]) -> Batch:
+def read_batch(source: Sequence[object] | batch.TableOfLogs, words: Mapping[str, Any]) -> Batch:
     """Logs, and what is said of each by its row if they are in a table, else by words that `estimate` takes."""
     if not isinstance(source, pd.DataFrame | str | PathLike):
         if not isinstance(source, Sequence):
@@ -88,26 +88,27 @@ def read_batch(source: Sequence[object] | rows.Table, words: Mapping[str, Any]) 
     logs, table = listed_logs(source, "file")
     if unknown := {*table}.difference(COLUMNS):
         known = ", ".join(COLUMNS)
-        raise Refusal(f"{rows.called(source)}: column {min(unknown)!r}; there are {known}")
-    keys = table[[name for name in _KEYS if name in table]]
+        raise Refusal(f"{batch.called(source)}: column {min(unknown)!r}; there are {known}")
+    keys = batch.keys_of(table)
     read = cache(read_calibration)
     settings: list[Settings | Refusal] = []
-    for log, row in zip(logs, table.drop(columns=keys).to_dict("records"), strict=True):
-        own = {str(name): each for name, each in row.items() if not pd.isna(each)}
+    for log, row in zip(logs, table.to_dict("records"), strict=True):
         try:
+            own = batch.options_of(row)
+            for name in batch.KEYS:
+                own.pop(name, None)
             if "calibration" in own:
                 own["calibration"] = read(own["calibration"])
             settings.append(settings_of(log, {**words, **own}))
-        except (Refusal, TypeError) as error:
-            why = error if isinstance(error, Refusal) else f"text for a number in {own}"
-            name = f"{rows.called(source)}, {Path(name_of(log)).name}"
-            settings.append(Refusal(f"{name}: {why}"))
+        except Refusal as error:
+            name = f"{batch.called(source)}, {Path(name_of(log)).name}"
+            settings.append(Refusal(f"{name}: {error}"))
     return Batch(logs, settings, keys)
 
 
-def listed_logs(source: rows.Table, *columns: str) -> tuple[list[Any], pd.DataFrame]:
+def listed_logs(source: batch.TableOfLogs, *columns: str) -> tuple[list[Any], pd.DataFrame]:
     """Logs in the first of some columns of a table, and the table without it; a file's names are relative to it."""
-    table = rows.read_rows(source, *columns)
+    table = batch.read_rows(source, *columns)
     if not isinstance(source, pd.DataFrame):
         folder = Path(source).parent
         for name in {columns[0], "calibration"} & {*table}:
@@ -146,7 +147,7 @@ def trend_many(
     >>> print({joint: found.alarm for joint, found in worn.items()})
     {'A1': True, 'A2': True}
     """
-    table = rows.read_rows(answers, *_KEYS, "file", "verdict", "backlash_high_rad")
+    table = batch.read_rows(answers, *batch.KEYS, "file", "verdict", "backlash_high_rad")
     found: dict[str, Trend | Refusal] = {}
     for joint, own in table.fillna({"joint": "", "reason": ""}).groupby("joint"):
         try:

@@ -16,8 +16,9 @@ import numpy as np
 import pandas as pd
 from scipy.special import fdtri, ndtri, stdtrit
 
-from backlash import __version__, rows
+from backlash import __version__
 from backlash.calibration import MOST_RAD, PERIOD_MISMATCH
+from backlash.reading.batch import read_rows
 from backlash.reading.columns import is_positive
 from backlash.refusals import Refusal, one_line
 from replication.arrays import FloatArray
@@ -135,7 +136,7 @@ def dates_of(files: Sequence[Path], table: str | PathLike[str] | None = None) ->
     """Date of each log, by the table's columns `file` and `date`, else by its name, as in `axis4_2024-03-17.csv`."""
     known = {}
     if table:
-        dated = rows.read_rows(table, "file", "date")
+        dated = read_rows(table, "file", "date")
         known = dict(zip(dated["file"], dated["date"], strict=True))
     found = []
     for file in files:

@@ -18,14 +18,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from replication.arrays import FloatArray
-from replication.compiling import njit
+from replication import njit
+from replication.signature import FloatArray
 
 GRAVITY = 9.80665
 TURN = 2 * np.pi
-LOAD_KG = (
-    5.0  # the text's; a motor's speed tells ratios only, so the load sets the scale of all torques
-)
+LOAD_KG = 5.0  # the text's; a motor's speed tells ratios only: the load sets the scale of torques
 
 
 class Wave(NamedTuple):
@@ -93,13 +91,7 @@ ANY_SIGN = ("K_pos", "K_p", "K_i", "K_d", "K_w", "start_angle")
 # ------------------------------------------------------------ what a record of the motor's speed can tell
 
 GAINS = ("K_p", "K_i", "K_d", "K_w")
-PLAIN = (
-    "K_pos",
-    "w_rate",
-    "torque_lag",
-    "start_angle",
-    "lead",
-)  # rates, angles and times need no scale
+PLAIN = ("K_pos", "w_rate", "torque_lag", "start_angle", "lead")  # times and angles need no scale
 
 
 def ratios(joint: Joint) -> dict[str, float]:
@@ -191,6 +183,7 @@ def K_BL(x, delta, K_s, alpha):
     float or ndarray
         Stiffness [N m/rad].
     """
+    # equation 8
     return K_s / np.pi * (np.pi + np.arctan(alpha * (x - delta)) - np.arctan(alpha * (x + delta)))
 
 
@@ -217,8 +210,8 @@ def tau_l(x, rate, delta, side, joint):
     if joint.clamped:
         push = side * (joint.K_s * (x - side * delta) + joint.D_s * rate)
         return side * max(push, 0.0)
-    displacement = x - side * delta + joint.D_s / joint.K_s * rate
-    return displacement * K_BL(x, delta, joint.K_s, joint.alpha)
+    stiffness = K_BL(x, delta, joint.K_s, joint.alpha)
+    return (x - delta * side + joint.D_s / joint.K_s * rate) * stiffness  # equation 9
 
 
 @njit
@@ -321,7 +314,7 @@ def reach_edge(t, y, h, end, edge, command, delta, side, j):
             last = -1
 
 
-@njit(nogil=True)
+@njit
 def integrate(y, side, delta, step, lead_steps, every, samples, j):
     """Fill in the states and the gap state at every so many steps; rows stay NaN from where the joint runs away.
 
@@ -390,11 +383,11 @@ def check(joint: Joint, delta: float, duration: float, sample: float, step: floa
     """Raise a ValueError for what has no physical meaning or cannot be integrated at this step."""
     times = {"duration": duration, "sample": sample, "step": step}
     for name, value in (numbers_of(joint) | {"delay": joint.delay} | times).items():
-        sign = "positive" if name in POSITIVE or name in times else "zero or positive"
+        least = "positive" if name in (*POSITIVE, *times) else "zero or positive"
         if not math.isfinite(value):
             raise ValueError(f"{name} is {value}; it must be finite")
-        if name not in ANY_SIGN and (value < 0 or (value == 0 and sign == "positive")):
-            raise ValueError(f"{name} is {value}; it must be {sign}")
+        if name not in ANY_SIGN and (value < 0 or (value == 0 and least == "positive")):
+            raise ValueError(f"{name} is {value}; it must be {least}")
     if not 0 <= delta < np.pi:
         raise ValueError(f"delta is {delta}; half the gap must be at least 0 and less than pi rad")
     for name, time in (("sample", sample), ("period", joint.period), ("lead", joint.lead)):
@@ -407,6 +400,24 @@ def check(joint: Joint, delta: float, duration: float, sample: float, step: floa
         raise ValueError(
             f"step is {step} s; for this stiffness, torque lag or disturbance it must be at most {0.5 / fastest:.2g} s"
         )
+
+
+def balance(joint: Joint, delta: float) -> tuple[tuple[float, ...], int]:
+    """State at the start, at the commanded speed and with torques in balance, and the side on which the teeth touch."""
+    load = joint.Omega / joint.N
+    angle = joint.start_angle - load * joint.lead
+    torque = joint.G * np.sin(angle) + joint.load_viscous * load + joint.load_coulomb
+    driving = torque / joint.N + joint.motor_viscous * joint.Omega + joint.motor_coulomb
+    side = -1 if torque < 0 else 1
+    return (0.0, 0.0, -side * float(delta) - torque / joint.K_s, 0.0, driving), side
+
+
+def compilable(joint: Joint) -> Joint:
+    """The same joint with numbers of one type, so that one compiled function serves all joints without waves."""
+    fields: dict[str, Any] = {name: float(value) for name, value in numbers_of(joint).items()}
+    waves = np.array(joint.waves, dtype=float) if joint.waves else None
+    fields |= {"delay": int(joint.delay), "waves": waves}
+    return joint._replace(**fields)
 
 
 def simulate(
@@ -434,35 +445,22 @@ def simulate(
         is too long, or the joint runs away.
     """
     check(joint, delta, duration, sample, step)
-    load = joint.Omega / joint.N
-    angle = joint.start_angle - load * joint.lead
-    torque = joint.G * np.sin(angle) + joint.load_viscous * load + joint.load_coulomb
-    driving = torque / joint.N + joint.motor_viscous * joint.Omega + joint.motor_coulomb
-    side = -1 if torque < 0 else 1
-    start = (0.0, 0.0, -side * float(delta) - torque / joint.K_s, 0.0, driving)
-    # Numbers of one type, so that one compiled function serves all joints.
-    fields: dict[str, Any] = {name: float(value) for name, value in numbers_of(joint).items()}
-    waves = np.array(joint.waves, dtype=float) if joint.waves else None
-    typed = joint._replace(**fields, delay=int(joint.delay), waves=waves)  # type: ignore[arg-type]
+    start, side = balance(joint, delta)
     samples = np.full((round(duration / sample) + 1, 6), np.nan)
     every, lead_steps = round(sample / step), round(joint.lead / step)
-    integrate(start, side, float(delta), step, lead_steps, every, samples, typed)
+    integrate(start, side, float(delta), step, lead_steps, every, samples, compilable(joint))
     if np.isnan(samples).any():
         raise ValueError(
             f"the joint runs away with a backlash of {delta} rad; lower the gains, the delay or the step"
         )
     t = np.arange(len(samples), dtype=float) * sample
+    # The motion commanded, to which the states are deviations.
     theta = joint.N * joint.start_angle + joint.Omega * t
-    theta_m, omega_m, theta_l, omega_l, motor_torque, gap = samples.T
-    return Run(
-        t,
-        theta + theta_m,
-        joint.Omega + omega_m,
-        theta / joint.N + theta_l,
-        load + omega_l,
-        motor_torque,
-        gap,
-    )
+    samples[:, 0] += theta
+    samples[:, 1] += joint.Omega
+    samples[:, 2] += theta / joint.N
+    samples[:, 3] += joint.Omega / joint.N
+    return Run(t, *samples.T)
 
 
 def settled_peak(run: Run, joint: Joint) -> float:

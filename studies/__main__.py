@@ -38,9 +38,9 @@ def write_hardware() -> None:
 
 def write_joint() -> None:
     """The simulated joint anew from the authors' records, into replication/data/joint.json."""
-    from studies.reidentify import reidentify_joint
+    from replication.identification import reidentify_joint
 
-    write_text(ROOT / "replication" / "data" / "joint.json", reidentify_joint())
+    write_json(ROOT / "replication" / "data" / "joint.json", reidentify_joint())
 
 
 def write_noise() -> None:

@@ -9,22 +9,17 @@ from dataclasses import replace
 from itertools import product
 
 import numpy as np
+from joblib import Parallel, delayed
 from pandas import DataFrame
 from scipy import stats
-from tqdm import tqdm
 
-from backlash.fitting.global_fit import global_fit
 from replication import published, table2
-from replication.arrays import FloatArray
-from replication.parallel import in_parallel
+from replication.bench import clean_record, read_encoder
+from replication.joint import TURN, Joint, simulate
 from replication.published import Criteria, Decision
-from replication.records import add_noise, constant_speed
-from replication.simulator.parameters import TURN, JointParameters
-from replication.simulator.recordings import simulate_recordings
-from replication.simulator.simulate import simulate
-from replication.table2 import SearchSettings
-from studies.accuracy import encoder_recording
-from studies.benchmark import root_mean_square
+from replication.records import Recording, add_noise, constant_speed
+from replication.signature import FloatArray, Timing
+from replication.table2 import NOTEBOOK, best_fit
 from studies.replay.inspection import uniform_noise_test
 
 FINE_BITS = 40  # of an encoder without steps
@@ -53,12 +48,12 @@ def uniform_noise(tests: DataFrame, criteria: Criteria = None) -> Decision:
 
 def amplitudes_without_backlash(seeds: Sequence[int], noise_rps: float) -> FloatArray:
     """|A| [rps] that one run of the authors' search finds in noise alone, for each noise seed."""
-    base = constant_speed(samples=2401, dt=0.002)
-    calls = [
-        (add_noise(base, noise_rps, np.random.default_rng(seed)), SearchSettings(), seed)
-        for seed in seeds
+    noises = [add_noise(constant_speed(), noise_rps, np.random.default_rng(seed)) for seed in seeds]
+    work = [
+        delayed(table2.fit)(noise, NOTEBOOK, seed)
+        for noise, seed in zip(noises, seeds, strict=True)
     ]
-    return np.array([fit.amplitude_rps for fit in in_parallel(table2.fit, calls, "noises")])
+    return np.array([fit.amplitude_rps for fit in Parallel(n_jobs=-1)(work)])
 
 
 def no_backlash(
@@ -76,7 +71,7 @@ def no_backlash(
     )
 
 
-def impact_phases(joint: JointParameters, deltas_rad: Sequence[float]) -> DataFrame:
+def impact_phases(joint: Joint, deltas_rad: Sequence[float]) -> DataFrame:
     """When the teeth first meet on the new side, a row a settled half turn.
 
     `share_passed` counts from the beginning of the load's descent, in which it drives the motor, or
@@ -84,12 +79,13 @@ def impact_phases(joint: JointParameters, deltas_rad: Sequence[float]) -> DataFr
     """
     rows = []
     for delta in deltas_rad:
-        run = simulate(joint, delta, step_s=5e-5)
-        angle = np.interp(run.impact_time_s, run.time_s, run.load_position_rad)
-        new_side = np.r_[False, run.impact_side[1:] != run.impact_side[:-1]]
-        for k in np.flatnonzero(new_side & (run.impact_time_s >= joint.turn_period_s)):
-            descends = run.impact_side[k] < 0
-            turned = (angle[k] - np.pi * descends + np.pi / 2) % TURN - np.pi / 2
+        run = simulate(joint, delta, sample=5e-5, step=5e-5)
+        at = np.searchsorted(run.t, run.impacts)
+        side = run.gap[at]
+        new_side = np.r_[False, side[1:] != side[:-1]]
+        for k in at[new_side & (run.impacts >= joint.turn_period)]:
+            descends = run.gap[k] < 0
+            turned = (run.theta_l[k] - np.pi * descends + np.pi / 2) % TURN - np.pi / 2
             rows.append((delta, "descent" if descends else "ascent", turned / np.pi))
     return DataFrame(rows, columns=["delta_rad", "phase", "share_passed"])
 
@@ -104,7 +100,7 @@ def impacts_at_phase_start(phases: DataFrame, criteria: Criteria = None) -> Deci
 
 
 def noise_errors_by_turns(
-    joint: JointParameters,
+    joint: Joint,
     deltas_rad: Sequence[float],
     noises_rps: Sequence[float],
     turns: Sequence[int],
@@ -114,7 +110,7 @@ def noise_errors_by_turns(
 
     The record begins with the third turn; the error is against its own fit without noise.
     """
-    records = simulate_recordings(joint, deltas_rad, turns=2 + max(turns))
+    records = [clean_record(joint, delta, 2 + max(turns)) for delta in deltas_rad]
     rows = []
     for (record, noise, delta), n in product(
         zip(records, noises_rps, deltas_rad, strict=True), turns
@@ -124,11 +120,10 @@ def noise_errors_by_turns(
         part = replace(record, t=record.t[:length], v=record.v[2 * turn : 2 * turn + length])
         rng = np.random.default_rng((n, round(1e7 * delta)))
         parts = [part, *(add_noise(part, noise, rng) for _ in range(seeds))]
-        fits = in_parallel(
-            global_fit, [(each, SearchSettings(turns=n)) for each in parts], f"{n} turns"
-        )
+        settings = replace(NOTEBOOK, timing=Timing(n=n))
+        fits = Parallel(n_jobs=-1)(delayed(best_fit)(each, settings) for each in parts)
         quiet, *noisy = (fit.amplitude_rps for fit in fits)
-        rows.append((delta, n, root_mean_square(np.array(noisy) - quiet)))
+        rows.append((delta, n, np.sqrt(np.mean((np.array(noisy) - quiet) ** 2))))
     return DataFrame(rows, columns=["delta_rad", "turns", "rms_error_rps"])
 
 
@@ -146,17 +141,24 @@ def turns_reduce_noise(errors: DataFrame, seeds: int, criteria: Criteria = None)
     )
 
 
+def encoder_record(joint: Joint, delta_rad: float, bits: int, offset_rad: float) -> Recording:
+    """Record speeds differenced from the positions of an encoder that is turned by an offset."""
+    run = simulate(joint, delta_rad, 12 * joint.turn_period)
+    source = f"simulated joint, {delta_rad:g} rad, {bits}-bit encoder"
+    return read_encoder(joint, run.t, run.theta_m + offset_rad, TURN / 2**bits, source)
+
+
 def bits_study(
-    joint: JointParameters, deltas_rad: Sequence[float], bits: Sequence[int], offsets: int
+    joint: Joint, deltas_rad: Sequence[float], bits: Sequence[int], offsets: int
 ) -> DataFrame:
     """Largest change of A by an encoder's bits, mounted at several angles, against a fine one."""
 
     def amplitude(delta: float, bits: int, angle: float) -> float:
-        return global_fit(encoder_recording(joint, delta, bits, angle)).amplitude_rps
+        return best_fit(encoder_record(joint, delta, bits, angle)).amplitude_rps
 
     angles = np.random.default_rng(1).uniform(0, TURN, offsets)
     rows = []
-    for delta in tqdm(deltas_rad, desc="encoders"):
+    for delta in deltas_rad:
         fine = amplitude(delta, FINE_BITS, 0.0)
         rows += [
             (b, delta, max(abs(amplitude(delta, b, angle) - fine) for angle in angles))

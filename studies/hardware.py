@@ -18,9 +18,9 @@ from scipy.ndimage import gaussian_filter1d
 from backlash.answers import Estimate
 from backlash.interface import estimate
 from replication.arrays import FloatArray
+from replication.joint import TURN
 from replication.parallel import in_parallel
 from replication.records import public_file
-from replication.simulator.parameters import TURN
 from studies.strokes import CONTROL_S, draw_joint, run_joint
 
 DELTAS_RAD = (0.0, 5e-4, 1e-3, 2e-3, 3e-3)

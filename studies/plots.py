@@ -8,16 +8,7 @@ from matplotlib.figure import Figure
 from pandas import DataFrame
 from scipy import stats
 
-from replication.figures.style import (
-    BACKLASH_LABEL,
-    BLUE,
-    INK,
-    ORANGE,
-    THIN,
-    finish,
-    grid,
-    in_style,
-)
+from replication.figures import BACKLASH_LABEL, BLUE, INK, ORANGE, THIN, finish, grid, in_style
 from studies.population import NORMAL_95
 
 
@@ -45,7 +36,7 @@ def population_errors(rows: DataFrame, populations: Mapping[str, str]) -> Figure
     answered = rows.query("method == 'self' and not refused")
     for (left, right), (population, title) in zip(axes, populations.items(), strict=True):
         part = answered[answered["population"] == population]
-        delta, found, high = (1e4 * part[f"{name}_rad"] for name in ("delta", "found", "high"))
+        delta, found, high = (1e3 * part[f"{name}_rad"] for name in ("delta", "found", "high"))
         error, half = found - delta, high - found
         held = error.abs() <= half
         left.plot(delta[held], error[held], ".", color="0.65", label="truth in the 95 % interval")
@@ -59,7 +50,7 @@ def population_errors(rows: DataFrame, populations: Mapping[str, str]) -> Figure
             left.stairs(-size, edges, baseline=None, color=colour)
         left.axhline(0, **THIN)
         title = textwrap.fill(f"{title}, n = {len(part)}", 36)
-        left.set(ylabel="error [$10^{-4}$ rad]", title=title)
+        left.set(ylabel="error [mrad]", title=title)
         right.hist((NORMAL_95 * error / half).clip(-4, 4), around, color="0.75", label="logs")
         expected = len(part) * np.diff(stats.norm.cdf(around))
         middles = (around[1:] + around[:-1]) / 2

@@ -9,10 +9,9 @@ from matplotlib.animation import FuncAnimation
 
 from replication import published
 from replication.arrays import FloatArray
-from replication.figures.style import BLUE, INK, ORANGE, STYLE
-from replication.files import ROOT
-from replication.simulator.parameters import TURN, JointParameters
-from replication.simulator.simulate import SimulatedJoint
+from replication.figures import BLUE, INK, ORANGE, STYLE
+from replication.joint import TURN, Joint, Run
+from replication.records import ROOT
 
 PAGES = ROOT / "studies" / "pages"
 JOINT = (PAGES / "joint.svg").read_text("utf-8")  # a drawing
@@ -53,15 +52,15 @@ def draw_teeth(axis: plt.Axes, displacement: float, delta: float, reach: float) 
     axis.spines["left"].set_visible(False)
 
 
-def animate_teeth(run: SimulatedJoint, joint: JointParameters) -> str:
+def animate_teeth(run: Run, joint: Joint, delta: float) -> str:
     """Show a turn of a run as HTML: the arm, the teeth in the gap, the motor speed; slower while the gap is open."""
-    turn = np.floor((run.load_position_rad - TURN / 4) / TURN) == 1
-    t = 1e3 * (run.time_s[turn] - run.time_s[turn][0])
-    angle = run.load_position_rad[turn]
-    v = run.motor_speed_rps[turn]
-    x = 1e3 * (run.motor_position_rad[turn] / joint.gear_ratio - angle)
-    lengths = {"delta": 1e3 * run.delta_rad, "reach": np.abs(x).max()}
-    free = run.gap_state[turn] == 0
+    turn = np.floor((run.theta_l - TURN / 4) / TURN) == 1
+    t = 1e3 * (run.t[turn] - run.t[turn][0])
+    angle = run.theta_l[turn]
+    v = run.v[turn]
+    x = 1e3 * (run.theta_m[turn] / joint.N - angle)
+    lengths = {"delta": 1e3 * delta, "reach": np.abs(x).max()}
+    free = run.gap[turn] == 0
     frames = np.flatnonzero(np.round(t, 3) % np.where(free, 3, 15) == 0)
     with plt.rc_context(STYLE | {"figure.dpi": 64}), plt.ioff():
         figure, axes = plt.subplot_mosaic("ABB;CCC", figsize=(6.4, 4.6), height_ratios=(3, 2))

@@ -14,9 +14,9 @@ from backlash.main import main
 from backlash.reading.columns import LogFormat
 from backlash.reading.prepare import Log, open_log
 from backlash.refusals import Refusal
+from replication.bench import clean_record
+from replication.joint import identified_joint
 from replication.records import Recording, add_noise, constant_speed
-from replication.simulator.parameters import identified_joint
-from replication.simulator.recordings import simulate_recordings
 
 TURN = LogFormat(turn_period_s=0.4)
 ANSWER_KEYS = [
@@ -41,7 +41,7 @@ ANSWER_KEYS = [
 
 @lru_cache
 def clean(delta_rad: float = 9e-4) -> Recording:
-    return simulate_recordings(identified_joint(), [delta_rad])[0]
+    return clean_record(identified_joint(), delta_rad)
 
 
 @lru_cache
@@ -52,7 +52,7 @@ def noisy(delta_rad: float = 9e-4, noise_rps: float = 0.1, seed: int = 1) -> Rec
 
 def silent(noise_rps: float = 0.1, seed: int = 1) -> Recording:
     """A record of a constant speed and noise."""
-    return add_noise(constant_speed(2401, 2e-3), noise_rps, np.random.default_rng(seed))
+    return add_noise(constant_speed(), noise_rps, np.random.default_rng(seed))
 
 
 def table(recording: Recording) -> pd.DataFrame:

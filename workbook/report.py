@@ -14,7 +14,7 @@ import jinja2
 import numpy as np
 import pandas as pd
 
-from replication import published
+from replication import published, table2
 from replication.files import ROOT, write_json, write_text
 from workbook import evidence, judging
 from workbook.outcomes import load_outcomes
@@ -25,14 +25,14 @@ WORDS = ("none", "one", "two", "three", "four", "five", "six", "seven", "eight",
 RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 POWER = re.compile(r"(?<![\w.])(\d+(?:\.\d+)?)e([+-]?\d+)\b")
 PACKAGES = ("numpy", "scipy", "numba", "pandas", "matplotlib")
-NOT_COMPUTED = "(not computed)"
 
 
 class Facts(dict):
-    """Numbers that notebooks export for the text, by name; one that is missing shows as such."""
+    """Numbers that notebooks export for the text, by name; without one of them a sentence is left out."""
 
-    def __missing__(self, name: str) -> str:
-        return NOT_COMPUTED
+    def has(self, *names: str) -> bool:
+        """Whether all of some facts are there."""
+        return set(names) <= set(self)
 
 
 # ------------------------------------------------------------------------------------------------- numbers in words
@@ -109,7 +109,8 @@ def count_seconds(cells: pd.DataFrame) -> pd.Series:
     """Seconds of the notebooks that made an element's numbers, on the machine of `notebook_times.csv`."""
     seconds = pd.read_csv(ROOT / "results" / "notebook_times.csv").set_index("notebook")["seconds"]
     made = cells.loc[cells["notebook"] != "", ["element", "notebook"]].drop_duplicates()
-    return made.assign(seconds=made["notebook"].map(seconds)).groupby("element")["seconds"].sum()
+    timed = made.assign(seconds=made["notebook"].map(seconds)).dropna()
+    return timed.groupby("element")["seconds"].sum()
 
 
 def describe_table2(cells: pd.DataFrame, column: str) -> dict[str, Any]:
@@ -126,17 +127,17 @@ def describe_table2(cells: pd.DataFrame, column: str) -> dict[str, Any]:
 
 
 def describe_hardware(results: Path) -> dict[str, Any]:
-    """What the sensor says of public logs of real joints, and of simulated joints under their noise."""
-    logs = pd.read_csv(results / "supplement" / "hardware_answers.csv")
-    draws = pd.read_csv(results / "hardware.csv").query("delta_rad > 0")
+    """What the sensor says of public logs of real joints: how many, how many refused, and why most of them."""
+    logs = pd.read_csv(results / "hardware.csv")
+    if "verdict" not in logs:
+        logs = pd.read_csv(results / "supplement" / "hardware_answers.csv")
+    refused = logs[logs["verdict"] == "cannot tell"]
+    reasons = refused["reason"].value_counts()
     return {
         "logs": len(logs),
-        "joints": logs["joint"].nunique(),
-        "refused": (logs["verdict"] == "cannot tell").sum(),
-        "draws": draws["draws"].sum(),
-        "answered": draws["answered"].sum(),
-        "right": draws["covered"].sum(),
-        "largest_mrad": 1e3 * draws["delta_rad"].max(),
+        "refused": len(refused),
+        "reason": reasons.index[0] if len(reasons) else "",
+        "with_reason": reasons.max() if len(reasons) else 0,
     }
 
 
@@ -160,6 +161,7 @@ def describe(results: Path) -> dict[str, Any]:
         "evidence": evidence.table2_evidence(evidence.read_realisations(ROOT / "results")),
         "hardware": describe_hardware(ROOT / "results"),
         "claims": judging.decided_claims(results).set_index("id"),
+        "populations": [settings.population for settings in table2.SETTINGS],
         "changed": (published.table("claims")["changed"] == "yes").sum(),
         "errata": published.table("errata").reset_index().to_dict("records"),
         "sources": judging.SOURCES,

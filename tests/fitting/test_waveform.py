@@ -29,9 +29,7 @@ def made(bank, delta_rad, shift_turns=0.0, dt=0.002, turns=12, noise=0.0, seed=1
     """A record of the bank's own waveform."""
     t = dt * np.arange(round(turns * PERIOD_S / dt) + 1)
     v = 100 + bank.at(delta_rad)((t / PERIOD_S - shift_turns) % 1.0)
-    return add_noise(
-        Recording(t, v, 100.0, PERIOD_S, "made"), noise, np.random.default_rng(seed)
-    )
+    return add_noise(Recording(t, v, 100.0, PERIOD_S, "made"), noise, np.random.default_rng(seed))
 
 
 @settings(max_examples=25)

@@ -37,8 +37,7 @@ def test_an_unknown_start_widens_the_bound():
 def test_the_matched_joint_scatters_as_the_bound_says():
     clean = simulate_recordings(JOINT, [9e-4])[0]
     errors = [
-        match_joint(add_noise(clean, 0.15, np.random.default_rng(seed)), JOINT)["delta_rad"]
-        - 9e-4
+        match_joint(add_noise(clean, 0.15, np.random.default_rng(seed)), JOINT)["delta_rad"] - 9e-4
         for seed in range(20)
     ]
     bound = bound_of_turns(waveform_slopes(JOINT, 9e-4)[:1], 0.15 / np.sqrt(3))

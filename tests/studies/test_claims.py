@@ -1,9 +1,8 @@
 import numpy as np
 import pytest
 
-from replication.simulator.parameters import identified_joint
+from replication.joint import identified_joint
 from studies import claims
-from studies.accuracy import encoder_recording
 
 
 @pytest.mark.parametrize("fault", ["none", "normal", "mean", "lag one"])
@@ -50,11 +49,11 @@ def test_the_error_of_a_shorter_record_is_measured_against_its_own_fit_without_n
 
 def test_an_encoder_of_many_bits_gives_the_speed_and_one_of_few_its_steps():
     joint = identified_joint()
-    fine, coarse = (encoder_recording(joint, 9e-4, bits, 0.3) for bits in (40, 12))
+    fine, coarse = (claims.encoder_record(joint, 9e-4, bits, 0.3) for bits in (40, 12))
     assert fine.v.mean() == pytest.approx(100, abs=0.01)
     assert (
         np.abs(fine.v - coarse.v).max()
-        > 1e3 * np.abs(fine.v - encoder_recording(joint, 9e-4, 30, 0.3).v).max()
+        > 1e3 * np.abs(fine.v - claims.encoder_record(joint, 9e-4, 30, 0.3).v).max()
     )
     steps = coarse.v * 2**12 * 0.002
     np.testing.assert_allclose(steps, steps.round(), atol=1e-6)

@@ -1,0 +1,39 @@
+import numpy as np
+import pandas as pd
+import pytest
+
+from replication.identification import FIT_LEVELS, errors_in_turn
+from replication.joint import from_ratios, identified_joint, ratios, simulate
+from replication.records import ROOT, load_clean_records
+from studies import edge
+
+JOINT = identified_joint()
+
+
+def test_plain_fine_steps_give_the_speed_of_located_ones():
+    plain = edge.plain_steps_speed(JOINT, 9e-4, 0.8, 1e-5)
+    located = simulate(JOINT, 9e-4, 0.8, JOINT.period, 5e-5).v
+    np.testing.assert_allclose(plain, located[: plain.size], atol=1e-3)
+
+
+def test_a_joint_that_runs_away_gives_no_speed():
+    wild = JOINT._replace(K_p=-50 * JOINT.K_p)
+    assert np.isnan(edge.plain_steps_speed(wild, 9e-4, 0.8, 1e-4)).any()
+
+
+def test_coarser_plain_steps_are_compared_with_the_located_peak():
+    study = edge.stepping_torque_study(JOINT, [9e-4], [1e-4, 5e-4])
+    assert study["model"].tolist() == ["stepping"] * 2 + ["modified"] * 2
+    assert study["reference_rps"].between(0.4, 0.8).all()
+    assert study.loc[study["model"] == "modified", "error"].abs().max() < 0.01
+
+
+def test_a_soft_edge_misses_the_records_even_when_the_joint_is_fitted_anew(authors_data):
+    table = pd.read_csv(ROOT / "results" / "alpha_refit.csv").set_index("alpha", drop=False)
+    assert table.loc[1e4, "nrmse"] > 3 * table.loc[1e5, "nrmse"]
+    assert table.loc[1e3, "nrmse"] > table.loc[1e4, "nrmse"]
+    records = load_clean_records(FIT_LEVELS)
+    for row in table.to_dict("records"):
+        joint = from_ratios({name: row[name] for name in ratios(JOINT)}, alpha=row["alpha"])
+        errors = np.concatenate(errors_in_turn(joint, records, 3))
+        assert np.sqrt(np.mean(errors**2)) == pytest.approx(row["nrmse"], rel=1e-2)
