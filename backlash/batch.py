@@ -1,6 +1,5 @@
 """Many logs on all cores: a table of them, resumable, no bad file stops the rest; and a trend for each joint."""
 
-import io
 import json
 import os
 import re
@@ -12,7 +11,7 @@ from dataclasses import replace
 from functools import cache
 from os import PathLike
 from pathlib import Path
-from typing import Any, NamedTuple, TypeAlias, Unpack
+from typing import Any, NamedTuple, Unpack
 
 import joblib
 import numpy as np
@@ -22,15 +21,12 @@ from tqdm import tqdm
 from backlash import __version__
 from backlash.calibration import read_calibration
 from backlash.estimates import CANNOT_TELL, Estimate, examine
-from backlash.reading.sources import MOST_TABLE_BYTES, name_of, naming, read_bytes
+from backlash.reading.batch import KEYS, TableOfLogs, called, escape, keys_of, options_of, read_rows
+from backlash.reading.sources import name_of
 from backlash.refusals import Reason, Refusal, one_line
 from backlash.settings import GIVEN, Given, Settings, settings_for
 
-Table: TypeAlias = pd.DataFrame | str | PathLike[str]
 SUFFIXES = (".csv", ".tsv", ".txt", ".dat", ".log", ".gz", ".parquet", ".xlsx")
-KEYS = ["joint", "date"]
-_TEXTS = ("time", "speed", "position", "torque", "calibration", "unit", "time_unit", "method")
-_TRUTHS = {"yes": True, "true": True, "1": True, "no": False, "false": False, "0": False}
 _WORTH_PROCESSES = 8  # a log takes a second, a process one to start
 
 
@@ -42,34 +38,7 @@ class Batch(NamedTuple):
     keys: pd.DataFrame
 
 
-def called(source: Table) -> str:
-    """What a table is called in a refusal."""
-    return "the table" if isinstance(source, pd.DataFrame) else str(source)
-
-
-def read_rows(source: Table, *columns: str) -> pd.DataFrame:
-    """Rows of a table with some columns: dates as such, all else as text."""
-    try:
-        if isinstance(source, pd.DataFrame):
-            table = source.reset_index(drop=source.index.names == [None])
-        else:
-            with naming(str(source)):
-                content = read_bytes(str(source), MOST_TABLE_BYTES).decode("utf-8-sig")
-            table = pd.read_csv(io.StringIO(content), dtype=str, index_col=False)
-        if "date" in table:
-            dates = pd.to_datetime(table["date"], format="ISO8601", utc=True)
-            table["date"] = dates.dt.tz_localize(None)
-        if table[[*columns]].empty:
-            raise ValueError("no rows")
-        return table
-    except (ValueError, KeyError) as error:
-        if isinstance(error, Refusal):
-            raise
-        wanted = " and ".join(columns)
-        raise Refusal(f"{called(source)}: no table with the columns {wanted} ({error})") from error
-
-
-def listed_logs(source: Table, column: str) -> tuple[list[Any], pd.DataFrame]:
+def listed_logs(source: TableOfLogs, column: str) -> tuple[list[Any], pd.DataFrame]:
     """Logs in a column of a table, and the table without it; a file's names are relative to it."""
     table = read_rows(source, column)
     if not isinstance(source, pd.DataFrame):
@@ -80,7 +49,7 @@ def listed_logs(source: Table, column: str) -> tuple[list[Any], pd.DataFrame]:
     return table.pop(column).tolist(), table
 
 
-def read_batch(source: Sequence[object] | Table, given: Mapping[str, Any]) -> Batch:
+def read_batch(source: Sequence[object] | TableOfLogs, given: Mapping[str, Any]) -> Batch:
     """Logs, and what is given of each by its row if they are in a table, else by keywords of `estimate`."""
     if not isinstance(source, pd.DataFrame | str | PathLike):
         if not isinstance(source, Sequence):
@@ -94,14 +63,12 @@ def read_batch(source: Sequence[object] | Table, given: Mapping[str, Any]) -> Ba
     columns = ("file", *KEYS, *GIVEN)
     if unknown := {*table}.difference(columns):
         raise Refusal(f"{called(source)}: column {min(unknown)!r}; there are {', '.join(columns)}")
-    keys = table[[name for name in KEYS if name in table]]
+    keys = keys_of(table)
     read = cache(read_calibration)
     settings: list[Settings | Refusal] = []
-    for log, row in zip(logs, table.drop(columns=keys).to_dict("records"), strict=True):
+    for log, row in zip(logs, table.to_dict("records"), strict=True):
         try:
-            own = {
-                name: _cell(str(name), value) for name, value in row.items() if not pd.isna(value)
-            }
+            own = {name: cell for name, cell in options_of(row).items() if name not in KEYS}
             if "calibration" in own:
                 own["calibration"] = read(own["calibration"])
             settings.append(settings_for(log, {**given, **own}))
@@ -110,22 +77,8 @@ def read_batch(source: Sequence[object] | Table, given: Mapping[str, Any]) -> Ba
     return Batch(logs, settings, keys)
 
 
-def _cell(name: str, value: Any) -> Any:
-    """A cell of a table as the keyword of its column takes it."""
-    if not isinstance(value, str) or name in _TEXTS:
-        return value
-    if name == "trust_period":
-        if value.strip().lower() not in _TRUTHS:
-            raise Refusal(f"column trust_period: {value!r}; give yes or no")
-        return _TRUTHS[value.strip().lower()]
-    try:
-        return float(value)
-    except ValueError:
-        raise Refusal(f"column {name}: {value!r} is no number") from None
-
-
 def estimate_many(
-    logs: Sequence[object] | Table, *, jobs: int = -1, **given: Unpack[Given]
+    logs: Sequence[object] | TableOfLogs, *, jobs: int = -1, **given: Unpack[Given]
 ) -> pd.DataFrame:
     """Estimate the backlashes of many logs, also of different joints.
 
@@ -318,15 +271,10 @@ def _row(answer: Estimate) -> dict[str, object]:
                 row |= {quantity: each, f"{quantity}_sd": sd}
         else:
             row[name] = np.nan if value is None else value
-    row["file"] = escaped(answer.file)
+    row["file"] = escape(answer.file)
     row["reason"] = answer.reason or ""
     row["notes"] = "; ".join(answer.notes)
     return row
-
-
-def escaped(text: str) -> str:
-    """A text that no spreadsheet takes for a formula, and that a table can hold."""
-    return re.sub(r"^(?=[=+@\s-])", "'", text.encode(errors="replace").decode())
 
 
 def is_unusable(answer: Estimate) -> bool:

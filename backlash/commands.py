@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from backlash import batch, estimates, trend
+from backlash import batch, estimates, trends
 from backlash.calibration import read_calibration
 from backlash.estimates import Estimate
 from backlash.reading.columns import numbers
@@ -134,7 +134,7 @@ def _estimate_one(logs: batch.Batch, options: argparse.Namespace) -> Estimate:
 
 def _estimate_many(logs: batch.Batch, options: argparse.Namespace) -> list[Estimate]:
     journal = options.out.with_name(f"{options.out.name}.kept") if options.out else None
-    keys = logs.keys.astype("string").fillna("").map(batch.escaped).to_dict("records")
+    keys = logs.keys.astype("string").fillna("").to_dict("records")
     answers: dict[int, Estimate] = {}
     for number, answer in batch.run_batch(logs, options.jobs, journal, options.plots):
         answers[number] = answer
@@ -144,8 +144,6 @@ def _estimate_many(logs: batch.Batch, options: argparse.Namespace) -> list[Estim
     bad = [answer for answer in in_order if batch.is_unusable(answer)]
     if options.out and len(bad) < len(in_order):
         table = logs.keys.join(batch.as_table(in_order))
-        if "joint" in table:
-            table["joint"] = table["joint"].map(batch.escaped, na_action="ignore")
         if options.out.suffix.lower() == ".parquet":
             write_bytes(options.out, table.to_parquet(index=False))
         else:
@@ -187,7 +185,7 @@ def run_calibrate(options: argparse.Namespace) -> int:
 def run_trend(options: argparse.Namespace) -> int:
     """Print how the backlash grows."""
     _check_output(options, "plot", _FIGURES)
-    grown = trend.trend(
+    grown = trends.trend(
         batch.find_logs(options.log),
         options.dates,
         limit_rad=options.limit,

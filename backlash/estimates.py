@@ -199,14 +199,14 @@ def examine(
     except Refusal as refusal:
         if refusal.is_unusable:
             raise
-        return _refused(answer, refusal)
+        return _refused(replace(answer, columns=refusal.columns), refusal)
     answer = replace(
         answer,
         file=read.file,
         sha256=read.sha256,
         samples=read.recording.t.size,
         turn_period_s=read.recording.turn_period_s,
-        columns=getattr(read, "columns", ""),
+        columns=read.columns,
         notes=read.notes,
     )
     try:

@@ -42,6 +42,7 @@ class Refusal(UserError, ValueError):
         self.reason = reason
         self.row = row
         self.notes = notes
+        self.columns = ""  # of the log that were read, as far as it came
         place = "" if row is None else f"row {row}: "
         kind = "" if self.is_unusable else f"{reason.value}: "
         super().__init__(kind + place + self.sentence)

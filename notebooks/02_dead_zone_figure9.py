@@ -35,8 +35,7 @@ import pandas as pd
 from matplotlib import pyplot as plt
 
 import workbook
-from replication import dead_zone, published
-from replication.figures import paper
+from replication import dead_zone, figures, published
 from replication.simulator.parameters import identified_joint
 
 # %% [markdown]
@@ -96,9 +95,10 @@ curves = pd.concat(
 )
 workbook.show_figure(
     "figure09_dead_zone",
-    paper.dead_zone(curves, delta_rad),
+    figures.dead_zone(curves, delta_rad),
     f"(a) Stiffness of equation 8 and (b) torque of equation 9 for {len(alphas)} values of alpha, and the clamped "
-    f"dead zone, at delta = {backlash_mrad:g} mrad (dotted: its edges). Softer edges leave more stiffness in the gap.",
+    f"dead zone, at delta = {backlash_mrad:g} mrad (dotted: its edges). (c) Within the gap even sharp edges, "
+    "of 1e5 per rad and more, leave a torque that jumps at zero (erratum E9).",
 )
 
 # %% [markdown]

@@ -47,8 +47,7 @@ import pandas as pd
 from scipy import signal
 
 import workbook
-from replication import sources, table2
-from replication.figures import paper
+from replication import figures, sources, table2
 from replication.records import CLEAN_LEVELS, level_delta_rad
 from replication.simulator.parameters import (
     changeable,
@@ -110,15 +109,15 @@ error = run.motor_speed_rps - recorded
 # %%
 shown = (run.time_s >= 2 * T_f) & (run.time_s <= 4 * T_f)
 signals = [
-    ("$\\theta_m - N \\theta_0 - \\Omega t$\n[rad]", lag_rad[shown], None),
+    ("position less\ncommanded [rad]", lag_rad[shown], None),
     ("motor speed\n[rps]", run.motor_speed_rps[shown], recorded[shown]),
     ("simulated $-$\nrecord [rps]", error[shown], None),
     ("motor torque\n[N m]", run.motor_torque_nm[shown], None),
-    ("$\\theta_m / N - \\theta_l$\n[$10^{-4}$ rad]", 1e4 * displacement[shown], None),
+    ("displacement\n[mrad]", 1e3 * displacement[shown], None),
 ]
-figure10 = paper.simulated_joint(run.time_s[shown], signals)
-for edge in (-1e4, 1e4):
-    figure10.axes[-1].axhline(edge * delta_rad, color="0.5", linestyle=":")
+figure10 = figures.simulated_joint(run.time_s[shown], signals)
+for edge in (-1e3, 1e3):
+    figure10.axes[-1].axhline(edge * delta_rad, **figures.DOTTED)
 workbook.show_figure(
     "figure10_simulator",
     figure10,
@@ -177,7 +176,7 @@ peak_change_percent = 100 * (table["peak_rps"] / peaks_rps(committed) - 1)
 # %%
 workbook.show_figure(
     "figure10_validation",
-    paper.validation(table),
+    figures.validation(table),
     f"The simulated joint (a) against the {len(records)} published clean records and (b) against the "
     f"{table['printed_A_rps'].count()} printed amplitudes. Squares: levels that the fit of the ratios uses; circles: "
     "the others. The model's structure was chosen with all of these in view.",

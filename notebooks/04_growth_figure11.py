@@ -60,8 +60,7 @@ import pandas as pd
 from scipy.signal import find_peaks
 
 import workbook
-from replication import published, sources, table2
-from replication.figures import paper
+from replication import figures, published, sources, table2
 from replication.records import ALL_LEVELS, LOW_NOISE, level_delta_rad
 from replication.simulator.parameters import changeable, changed_joint, identified_joint
 from replication.simulator.recordings import simulate_recordings
@@ -108,7 +107,7 @@ speed = replace(speed, v=speed.v + rng.uniform(-noise_rps, noise_rps, speed.v.si
 shown = speed.t <= 4 * T_f
 workbook.show_figure(
     "figure05_speed_signal",
-    paper.speed_signal(speed.t[shown], speed.v[shown], T_f),
+    figures.speed_signal(speed.t[shown], speed.v[shown], T_f),
     f"Motor speed of the simulated joint over four turns (dotted lines), at a backlash of "
     f"{1e3 * level_delta_rad(speed_level):g} mrad, with uniform noise of half-amplitude "
     f"{noise_rps:g} rps. Two impacts a turn, opposite in sign, make the speed ring about the commanded "
@@ -149,7 +148,7 @@ signals = pd.concat(
 same_motion = (v_t, T_f) == (identified.commanded_speed_rps, identified.turn_period_s)
 workbook.show_figure(
     "figure11_growth",
-    paper.growth(signals, peaks, table2.theoretical_amplitudes() if same_motion else {}),
+    figures.growth(signals, peaks, table2.theoretical_amplitudes() if same_motion else {}),
     f"(a) One settled turn at each of {len(ten)} backlashes: the larger the backlash, the later the ring starts "
     f"and the larger it is. (b) The settled peaks at {len(every)} backlashes, before sampling (our reading of A) and "
     f"of 2 ms samples; the paper's end at {1e3 * max(ten):g} mrad, the authors' files at {1e3 * max(every):g} mrad.",

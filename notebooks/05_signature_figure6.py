@@ -21,8 +21,7 @@ from matplotlib import pyplot as plt
 from tqdm import tqdm
 
 import workbook
-from replication import cmaes, published, sources, stopping, table2
-from replication.figures import paper
+from replication import cmaes, figures, published, sources, stopping, table2
 from replication.signature import signature
 from replication.simulator.parameters import identified_joint
 from replication.simulator.simulate import simulate
@@ -150,7 +149,7 @@ t = np.arange(0, turns * turn_period_s + 0.1, 1e-4)
 shape = h(t, X, protocol.T_d, protocol.T_f, turns)
 workbook.show_figure(
     "figure06_signature",
-    paper.signature_parameters(t, shape, X, protocol.timing),
+    figures.signature_parameters(t, shape, X, protocol.timing),
     f"(a) The signature of {turns} turns at the parameters of stored run {run}: two oscillations a turn, T_d apart. "
     "(b) The first lasts from t_0 + T_1 to t_0 + T_2; its envelope (dashed) decays from the amplitude A.",
 )
@@ -182,7 +181,7 @@ labels = ("authors' record 12", f"stored run {run}")
 fitted = record.v - residual_signal(X)
 workbook.show_figure(
     "figure05_record12_with_signature",
-    paper.record_with_fit(record.t, record.v, fitted, labels, seconds=1.6),
+    figures.record_with_fit(record.t, record.v, fitted, labels, seconds=1.6),
     f"(a) Four turns of the authors' record 12, and the signature that stored run {run} fitted to it. (b) The "
     "residual peaks at the impacts, most at the start-up transient, which no signature has.",
 )

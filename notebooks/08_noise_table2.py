@@ -53,8 +53,7 @@ from matplotlib import pyplot as plt
 
 import workbook
 from backlash.fitting.global_fit import global_fit
-from replication import sources, table2, table2_claims
-from replication.figures import paper
+from replication import figures, published, sources, table2, table2_claims
 from replication.records import level_delta_rad
 from replication.signature import signature
 from studies import table2_facts
@@ -204,23 +203,25 @@ _ = axis.legend(fontsize=8)
 
 # %%
 judging = protocols.pooled(pd.read_csv(protocols.REALISATIONS))
-pooled, level = protocols.numbers_of(judging), 0.95
-regions = pd.DataFrame(index=pd.Index(protocols.ROWS, name="row"))
-for of, of_print, numbers in zip(protocols.NUMBERS, protocols.printed(), pooled, strict=True):
-    ranked, N = np.sort(numbers), numbers.shape[1]
-    k = int((N + 1) * (1 - level) / 2 + 1e-9)
-    regions[of] = of_print
-    regions[f"{of}_low"] = ranked[:, k - 1]
-    regions[f"{of}_high"] = ranked[:, N - k]
+N, level = int(judging.groupby("row").size().min()), 0.95
+k = int((N + 1) * (1 - level) / 2 + 1e-9)
+columns = {}
+for of in protocols.NUMBERS:
+    ranked = judging.groupby("row")[f"{of}_A_rps"].apply(sorted)
+    columns[of] = published.column("Table 2", of)
+    columns[f"{of}_ours"] = ranked.map(np.median)
+    columns[f"{of}_low"], columns[f"{of}_high"] = ranked.str[k - 1], ranked.str[-k]
+rows = pd.DataFrame(columns, index=ranked.index)
+rows["theoretical"] = published.column("Table 2", "theoretical")
+regions = rows.loc[protocols.ROWS]
 half_width = 50 * (regions["mean_high"] - regions["mean_low"]) / regions["mean"]
 sd_factor = regions["sd_high"] / regions["sd_low"]
-regions["theoretical"] = true_A.to_numpy()
 workbook.show_figure(
     "table2_amplitudes",
-    paper.table2(regions),
-    f"(a) Means and (b) SDs over {protocols.RUNS} runs. Bars: our 95 % prediction intervals, from {N} noises under "
-    f"{len(protocols.POOLED)} settings. Crosses: printed, hollow where the agreement is weak, orange where it differs. "
-    "Dashes: the theoretical A.",
+    figures.table2(rows),
+    f"(a) Means of rows 1 to 10, (b) of row 11, noise alone, and (c) SDs over {protocols.RUNS} runs. Bars: our 95 % "
+    f"prediction intervals, from {N} noises under {len(protocols.POOLED)} settings; lines: our medians. Crosses: "
+    "printed, orange where it differs. Triangles: the theoretical A.",
 )
 regions.assign(half_width_percent=half_width, sd_high_over_low=sd_factor).round(4)
 

@@ -19,8 +19,7 @@ import pandas as pd
 from IPython.display import HTML
 
 import workbook
-from replication import sources
-from replication.figures import paper
+from replication import figures, sources
 from replication.records import CLEAN_LEVELS, level_delta_rad
 from replication.simulator import identification
 from replication.simulator.parameters import identified_joint, joint_from_ratios, with_ratios
@@ -141,7 +140,7 @@ records = sources.load_clean_records(CLEAN_LEVELS)
 widest = level_delta_rad(13)
 record, (simulated,) = (records[widest], simulate_recordings(committed, [widest]))
 labels = ("authors' record 13", "simulated joint")
-residual = paper.record_with_fit(record.t, record.v, simulated.v, labels, seconds=1.6)
+residual = figures.record_with_fit(record.t, record.v, simulated.v, labels, seconds=1.6)
 workbook.show_figure(
     "joint_residual",
     residual,

@@ -48,8 +48,7 @@ import pandas as pd
 
 import workbook
 from backlash.fitting.global_fit import global_fit
-from replication import published, standins
-from replication.figures import paper
+from replication import figures, published, standins
 from replication.simulator.parameters import identified_joint
 from replication.simulator.simulate import simulate
 from studies import standin_plots
@@ -130,7 +129,7 @@ signals = [
 ]
 workbook.show_figure(
     "figure10_bench_standin",
-    paper.simulated_joint(time_s, signals, "stand-in bench"),
+    figures.simulated_joint(time_s, signals, "stand-in bench"),
     "Two turns of the simulated joint and of a stand-in of the bench with friction, ripple and noise: (a) "
     "motor position less the commanded one, (b) motor speed, (c) motor torque. The real logs are not public.",
 )

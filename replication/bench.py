@@ -14,7 +14,7 @@ import pandas as pd
 from joblib import Parallel, delayed
 
 from replication import characteristic, published
-from replication.joint import TURN, Joint, Run, Wave, change, identified_joint, simulate
+from replication.joint import TURN, Joint, Wave, change, identified_joint, simulate
 from replication.records import Recording
 from replication.signature import FloatArray
 from replication.table2 import NOTEBOOK, best_fit, repeated_fits, summarise_runs
@@ -102,20 +102,15 @@ def read_encoder(
     return Recording(t[:-1], v, joint.Omega / TURN, joint.turn_period, source)
 
 
-def run_and_log(
+def encoder_log(
     bench: Bench, delta: float, rng: np.random.Generator, sample: float = SAMPLE
-) -> tuple[Run, Recording]:
+) -> Recording:
     """Run a bench for twelve turns from a random angle, and log its encoder's position, differenced, with noise."""
     joint = bench.joint._replace(start_angle=float(rng.uniform(0, TURN)))
     run = simulate(joint, delta, TURNS * joint.turn_period, sample)
     source = f"simulated encoder log, {delta:g} rad"
     log = read_encoder(joint, run.t, run.theta_m, joint.encoder_step, source)
-    return run, replace(log, v=log.v + rng.normal(0.0, bench.noise_rps, log.v.size))
-
-
-def encoder_log(bench: Bench, delta: float, rng: np.random.Generator) -> Recording:
-    """Log of `run_and_log`, sampled every 2 ms."""
-    return run_and_log(bench, delta, rng)[1]
+    return replace(log, v=log.v + rng.normal(0.0, bench.noise_rps, log.v.size))
 
 
 # -------------------------------------------------------------------------------------------- many logs
@@ -124,7 +119,7 @@ def encoder_log(bench: Bench, delta: float, rng: np.random.Generator) -> Recordi
 def fit_log(bench: Bench, delta: float, seed: Sequence[int]) -> dict[str, float]:
     """Log a bench and find the best fit of the signature; `turns_used` are those after its first impact."""
     record = encoder_log(bench, delta, np.random.default_rng(seed))
-    fit = best_fit(record, seeds=(1,))
+    fit = best_fit(record)
     return {
         "delta_rad": delta,
         "A_rps": fit.amplitude_rps,

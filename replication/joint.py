@@ -23,9 +23,7 @@ from replication.signature import FloatArray
 
 GRAVITY = 9.80665
 TURN = 2 * np.pi
-LOAD_KG = (
-    5.0  # the text's; a motor's speed tells ratios only, so the load sets the scale of all torques
-)
+LOAD_KG = 5.0  # the text's; a motor's speed tells ratios only: the load sets the scale of torques
 
 
 class Wave(NamedTuple):
@@ -93,13 +91,7 @@ ANY_SIGN = ("K_pos", "K_p", "K_i", "K_d", "K_w", "start_angle")
 # ------------------------------------------------------------ what a record of the motor's speed can tell
 
 GAINS = ("K_p", "K_i", "K_d", "K_w")
-PLAIN = (
-    "K_pos",
-    "w_rate",
-    "torque_lag",
-    "start_angle",
-    "lead",
-)  # rates, angles and times need no scale
+PLAIN = ("K_pos", "w_rate", "torque_lag", "start_angle", "lead")  # times and angles need no scale
 
 
 def ratios(joint: Joint) -> dict[str, float]:
@@ -391,11 +383,11 @@ def check(joint: Joint, delta: float, duration: float, sample: float, step: floa
     """Raise a ValueError for what has no physical meaning or cannot be integrated at this step."""
     times = {"duration": duration, "sample": sample, "step": step}
     for name, value in (numbers_of(joint) | {"delay": joint.delay} | times).items():
-        sign = "positive" if name in POSITIVE or name in times else "zero or positive"
+        least = "positive" if name in (*POSITIVE, *times) else "zero or positive"
         if not math.isfinite(value):
             raise ValueError(f"{name} is {value}; it must be finite")
-        if name not in ANY_SIGN and (value < 0 or (value == 0 and sign == "positive")):
-            raise ValueError(f"{name} is {value}; it must be {sign}")
+        if name not in ANY_SIGN and (value < 0 or (value == 0 and least == "positive")):
+            raise ValueError(f"{name} is {value}; it must be {least}")
     if not 0 <= delta < np.pi:
         raise ValueError(f"delta is {delta}; half the gap must be at least 0 and less than pi rad")
     for name, time in (("sample", sample), ("period", joint.period), ("lead", joint.lead)):
@@ -462,17 +454,13 @@ def simulate(
             f"the joint runs away with a backlash of {delta} rad; lower the gains, the delay or the step"
         )
     t = np.arange(len(samples), dtype=float) * sample
+    # The motion commanded, to which the states are deviations.
     theta = joint.N * joint.start_angle + joint.Omega * t
-    theta_m, omega_m, theta_l, omega_l, motor_torque, gap = samples.T
-    return Run(
-        t,
-        theta + theta_m,
-        joint.Omega + omega_m,
-        theta / joint.N + theta_l,
-        joint.Omega / joint.N + omega_l,
-        motor_torque,
-        gap,
-    )
+    samples[:, 0] += theta
+    samples[:, 1] += joint.Omega
+    samples[:, 2] += theta / joint.N
+    samples[:, 3] += joint.Omega / joint.N
+    return Run(t, *samples.T)
 
 
 def settled_peak(run: Run, joint: Joint) -> float:

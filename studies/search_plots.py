@@ -11,7 +11,7 @@ from matplotlib.patches import Rectangle
 
 from replication.arrays import FloatArray
 from replication.cmaes import Generation, State
-from replication.figures.style import BLUE, INK, ORANGE, Style, finish, grid, in_style
+from replication.figures import BLUE, INK, ORANGE, Style, finish, grid, in_style
 from replication.signature import Box
 
 

@@ -6,28 +6,28 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
-from replication.figures import style as house
-from replication.figures.style import BLUE, GREEN, INK, ORANGE, PINK, grid, in_style
+from replication import figures as house
+from replication.figures import BLUE, GREEN, INK, ORANGE, PINK, grid, in_style
 
 
 @in_style
 def table3(table: pd.DataFrame, population: pd.DataFrame) -> Figure:
     """Show Table 3: the stand-in's mean and SD, the printed ones, the known A, and what other benches give."""
     figure, ((axis,),) = grid(height_in=3.6)
-    delta = 1e4 * table["delta_rad"].to_numpy()
-    beside, far_beside = delta + 0.12, delta + 0.2
+    delta = 1e3 * table["delta_rad"].to_numpy()
+    beside, far_beside = delta + 0.012, delta + 0.02
     others = f"{population['bench'].nunique()} other benches, global fit"
-    at = 1e4 * population["delta_rad"] - 0.12
+    at = 1e3 * population["delta_rad"] - 0.012
     axis.plot(at, population["A_rps"], "o", color="0.6", mfc="none", label=others)
     label = f"stand-in bench, {table['runs'].iloc[0]} runs"
     axis.errorbar(delta, table["mean_A_rps"], table["sd_A_rps"], fmt="s", label=label)
     dash = {"color": GREEN, "markersize": 14, "mew": 2}
     axis.plot(delta, table["best_A_rps"], "_", label="its best basin", **dash)
-    printed = house.PRINTED | {"label": "printed mean and SD", "elinewidth": 1}
+    printed = house.PRINTED | {"label": "printed, not tested", "elinewidth": 1}
     axis.errorbar(beside, table["printed_mean_A_rps"], table["printed_sd_A_rps"], **printed)
-    cross = {"color": ORANGE, "markersize": 10, "label": "printed known A"}
+    cross = {"color": ORANGE, "markersize": 10, "label": "printed known $A$"}
     axis.plot(far_beside, table["printed_known_A_rps"], "+", **cross)
-    axis.set(xlabel=house.BACKLASH_LABEL, ylabel="A [rps]", xticks=delta)
+    axis.set(xlabel=house.BACKLASH_LABEL, ylabel="$A$ [rps]", xticks=delta)
     return house.finish(figure, 2)
 
 
@@ -47,7 +47,7 @@ def load_friction(logs: pd.DataFrame, study: pd.DataFrame) -> Figure:
     repeats = {"color": INK, "label": "repeats with opposite sign"}
     below.plot(studied, study["opposite_percent"], **repeats)
     below.plot(share, explained, "s", color=ORANGE, label="explained by the fit")
-    above.set(ylabel="fitted A [rps]", ylim=(0, None))
+    above.set(ylabel="fitted $A$ [rps]", ylim=(0, None))
     friction = "friction on the load, share of m g r [%]"
     below.set(xlabel=friction, ylabel="share of variance [%]", ylim=(0, 102))
     return house.finish(figure, 2)
@@ -71,7 +71,7 @@ def robots(
         style |= {"clip_on": False, "zorder": 3}
         left.axvline(at, label=label, markevery=[1], **style)
         right.plot(100 * mark["false_alarms"], 100 * mark["detected"], **style)
-    left.set(xlabel="fitted A [rps]", ylabel="number of robots [-]")
+    left.set(xlabel="fitted $A$ [rps]", ylabel="number of robots [-]")
     right.set(
         xlabel="healthy called excessive [%]", ylabel="excessive robots found [%]", ylim=(0, 102)
     )
@@ -104,7 +104,7 @@ def robots_disturbance(
         axis.axhline(amplitude, color=INK, linestyle=style, linewidth=1, label=name)
     axis.set(
         xlabel="frequency of the disturbance [Hz]",
-        ylabel="fitted A without backlash [rps]",
+        ylabel="fitted $A$ without backlash [rps]",
         ylim=(0, None),
     )
     return house.finish(figure, 2)

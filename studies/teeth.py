@@ -9,7 +9,7 @@ from matplotlib.animation import FuncAnimation
 
 from replication import published
 from replication.arrays import FloatArray
-from replication.figures.style import BLUE, INK, ORANGE, STYLE
+from replication.figures import BLUE, INK, ORANGE, STYLE
 from replication.joint import TURN, Joint, Run
 from replication.records import ROOT
 

@@ -36,8 +36,12 @@ os.environ |= dict.fromkeys(("http_proxy", "https_proxy", "HTTP_PROXY", "HTTPS_P
 os.environ |= {"no_proxy": "127.0.0.1,localhost", "NO_PROXY": "127.0.0.1,localhost"}
 
 
-# Tests of files and processes, and of notebooks, whose kernels are pinned: they say nothing of other processors.
-NOT_PORTABLE = ("tests/workbook/", "tests/sensor/test_fleet.py")
+# Where a library's machine code for another processor could change a result.
+PORTABLE = (
+    "tests/test_portable.py",
+    *(f"tests/replication/test_{name}.py" for name in ("signature", "misfit", "cmaes", "table2")),
+    *(f"tests/replication/test_{name}.py" for name in ("characteristic", "joint")),
+)
 
 
 @pytest.fixture
@@ -54,9 +58,9 @@ def replace_table(monkeypatch):
 
 
 def pytest_collection_modifyitems(items):
-    """Mark tests that compute (`make portable` runs them as on other processors), and those that need data."""
+    """Mark tests that another processor could fail (`make portable` runs them), and those that need data."""
     for item in items:
-        if not item.nodeid.startswith(NOT_PORTABLE):
+        if item.nodeid.startswith(PORTABLE):
             item.add_marker("portable")
         for fixture in OUTSIDE.keys() & item.fixturenames:
             variable, reason = OUTSIDE[fixture]

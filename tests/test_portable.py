@@ -1,37 +1,40 @@
-"""What must hold under any x86-64 processor's settings; `make portable` and the GitHub workflow set them."""
+"""Settings of other processors, which `make portable` and the weekly workflow make, are in effect."""
 
+import ctypes
 import os
-import re
+from pathlib import Path
 
+import numpy as np
 import pytest
-from llvmlite import binding as llvm
-
-from replication.processors import pinned_environment
-from tests.processors import ALIASES, numba_target, numpy_simd, openblas_kernels
+import scipy
+from numba.core.registry import cpu_target
 
 KERNEL = os.environ.get("OPENBLAS_CORETYPE")
-needs_settings = pytest.mark.skipif(
-    not KERNEL, reason="this processor's own settings; `make portable` sets others"
-)
+# What OpenBLAS calls a kernel where another name stands for it: builds without Zen's own kernel use Haswell's for it,
+# and the first name of the kernel for processors without AVX is Katmai.
+ALIASES = {"Zen": "Haswell", "Prescott": "Katmai"}
 
 
-@pytest.mark.parametrize("triple", ["aarch64-unknown-linux-gnu", "arm64-apple-darwin"])
-def test_on_arm64_a_product_is_computed_in_registers(triple):
-    llvm.initialize_all_targets()
-    llvm.initialize_all_asmprinters()
-    product = "define double @f(double %a, double %b) { %c = fmul double %a, %b ret double %c }"
-    settings = pinned_environment("arm64")
-    assert "NUMBA_CPU_FEATURES" not in settings
-    target = llvm.Target.from_triple(triple).create_target_machine(settings["NUMBA_CPU_NAME"])
-    code = target.emit_assembly(llvm.parse_assembly(product))
-    assert "fmul" in code
-    assert "__muldf3" not in code
+def openblas_kernels() -> set[str]:
+    """Kernels of the OpenBLAS libraries that NumPy and SciPy bring."""
+    kernels = set()
+    for package in (np, scipy):
+        libraries = Path(package.__file__).parents[1] / f"{package.__name__}.libs"
+        for path in libraries.glob("*openblas*"):
+            library = ctypes.CDLL(str(path))
+            for name in ("scipy_openblas_get_corename64_", "scipy_openblas_get_corename"):
+                if hasattr(library, name):
+                    corename = getattr(library, name)
+                    corename.restype = ctypes.c_char_p
+                    kernels.add(corename().decode())
+    return kernels
 
 
-@needs_settings
+@pytest.mark.skipif(not KERNEL, reason="this processor's own settings; `make portable` sets others")
 def test_the_settings_that_the_environment_asks_for_are_in_effect():
     assert openblas_kernels() <= {KERNEL, ALIASES.get(KERNEL)}
-    if "NUMBA_CPU_NAME" in os.environ:
-        assert numba_target() == os.environ["NUMBA_CPU_NAME"]
-    disabled = set(re.split("[ ,]", os.environ.get("NPY_DISABLE_CPU_FEATURES", "")))
-    assert not disabled & set(numpy_simd())
+    if target := os.environ.get("NUMBA_CPU_NAME"):
+        assert cpu_target.target_context.codegen().magic_tuple()[1] == target
+    disabled = os.environ.get("NPY_DISABLE_CPU_FEATURES", "").replace(",", " ").split()
+    in_use = np.show_config(mode="dicts")["SIMD Extensions"].get("found", [])
+    assert not set(disabled) & set(in_use)

@@ -82,9 +82,11 @@ def _judge(cell: str, source: str, numbers: Numbers) -> dict[str, Any]:
     pooled = [*chain(*numbers.values())] if isinstance(numbers, Mapping) else [numbers]
     ours, (low, high) = float(np.median(pooled)), interval(cell, numbers)
     if isinstance(numbers, Mapping):
-        alone = sum(agrees(cell, {name: each}) for name, each in numbers.items())
+        alone = [interval(cell, {name: each}) for name, each in numbers.items()]
+        if np.isfinite(alone).all():
+            agreeing = sum(start <= value <= end for start, end in alone)
+            reason += f"; agrees under {agreeing} of {len(alone)} settings alone"
         below = sum(number < value for number in pooled)
-        reason += f"; agrees under {alone} of {len(numbers)} settings alone"
         reason += f"; {below} of {len(pooled)} realisations lie below the printed number"
     agreement = "not tested"
     if source in NOT_TESTED:

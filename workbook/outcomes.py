@@ -92,15 +92,15 @@ def show_figure(name: str, figure: "Figure", caption: str) -> None:
     from IPython.display import display
     from matplotlib import pyplot as plt
 
-    from replication.figures import style
+    from replication import figures
 
     plt.close(figure)  # so that the end of the cell does not show it again
     display(figure)
     display(Sentence(caption))
     if OUTPUT_FOLDER:
         mark = "simulated records" if records_are_simulated() else ""
-        style.save(figure, Path(OUTPUT_FOLDER) / "figures", name, mark)
-        _figures[name] = {"caption": caption, "axes": style.description(figure)}
+        figures.save(figure, Path(OUTPUT_FOLDER) / "figures", name, mark)
+        _figures[name] = {"caption": caption, "axes": figures.description(figure)}
 
 
 def cell_rows(cells: Cells) -> list[dict[str, Any]]:

@@ -126,17 +126,17 @@ def describe_table2(cells: pd.DataFrame, column: str) -> dict[str, Any]:
 
 
 def describe_hardware(results: Path) -> dict[str, Any]:
-    """What the sensor says of public logs of real joints, and of simulated joints under their noise."""
-    logs = pd.read_csv(results / "supplement" / "hardware_answers.csv")
-    draws = pd.read_csv(results / "hardware.csv").query("delta_rad > 0")
+    """What the sensor says of public logs of real joints: how many, how many refused, and why most of them."""
+    logs = pd.read_csv(results / "hardware.csv")
+    if "verdict" not in logs:
+        logs = pd.read_csv(results / "supplement" / "hardware_answers.csv")
+    refused = logs[logs["verdict"] == "cannot tell"]
+    reasons = refused["reason"].value_counts()
     return {
         "logs": len(logs),
-        "joints": logs["joint"].nunique(),
-        "refused": (logs["verdict"] == "cannot tell").sum(),
-        "draws": draws["draws"].sum(),
-        "answered": draws["answered"].sum(),
-        "right": draws["covered"].sum(),
-        "largest_mrad": 1e3 * draws["delta_rad"].max(),
+        "refused": len(refused),
+        "reason": reasons.index[0] if len(reasons) else "",
+        "with_reason": reasons.max() if len(reasons) else 0,
     }
 
 

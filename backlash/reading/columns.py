@@ -1,17 +1,16 @@
 """Which columns of a log's table are what, in which units: names, options and numbers."""
 
-import json
 import re
-import unicodedata
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from numbers import Real
-from pathlib import Path
 
 import numpy as np
 import pandas as pd
 
 from backlash.reading import UNITS
+from backlash.reading.tables import Sheet
+from backlash.reading.units import KNOWN, PER_TURN, SECONDS, split_unit, words_of
 from backlash.refusals import Refusal
 from replication.arrays import FloatArray
 
@@ -21,15 +20,9 @@ _POSITIVE = {
     "turn_period_s": "--turn-period",
     "gear_ratio": "--gear-ratio",
     "rate_hz": "--rate",
+    "ring_hz": "--ring",
     "speed_tolerance": "--speed-tolerance",
 }
-# What loggers call columns, units, and how they spell these.
-_KNOWN = json.loads(
-    Path(__file__).parents[1].joinpath("data", "column_names.json").read_text("utf-8")
-)
-PER_TURN: dict[str, float] = _KNOWN["per_turn"]
-_LONGEST_NAME = 200  # of a column; the rest says nothing
-_SECONDS: dict[str, float] = _KNOWN["seconds"]
 
 
 def is_positive(value: object) -> bool:
@@ -62,6 +55,7 @@ class LogFormat:
     start_s: float | None = None  # of the part to use, from the log's first sample on
     end_s: float | None = None
     torque: str | None = None  # of the motor, in any unit
+    ring_hz: float | None = None  # of the oscillation after an impact; else the paper's joint's
 
     def __post_init__(self):
         """Refuse what no log could be read with, in one line."""
@@ -97,40 +91,77 @@ class LogFormat:
 SAID = [field.name for field in fields(LogFormat)]
 
 
-def _known_unit(text: str) -> str:
-    """A unit's one name, from any of its spellings; "" if it is none."""
-    text = unicodedata.normalize("NFKC", text.strip()).lower()
-    spelled = (
-        unit
-        for unit, spelling in _KNOWN["spellings"].items()
-        if re.fullmatch(spelling.format(**_KNOWN), text)
+@dataclass(frozen=True)
+class Columns:
+    """Which columns of a file were read, in which units, and of which side of the gear."""
+
+    time: str = ""  # empty where the rate was given
+    time_unit: str = ""
+    signal: str = ""
+    unit: str = ""
+    is_position: bool = False
+    torque: str = ""
+    sheet: str = ""  # of a workbook with several
+    is_links: bool = False  # the joint's side of the gear
+
+    def describe(self) -> str:
+        """As every answer names them; empty for a record that was no file's."""
+        if not self.signal:
+            return ""
+        what = "position" if self.is_position else "speed"
+        parts = [
+            f"time {self.time!r} [{self.time_unit}]" if self.time else "time by --rate",
+            f"{what} {self.signal!r} [{self.unit}]",
+            *([f"torque {self.torque!r}"] if self.torque else []),
+            *([f"sheet {self.sheet}"] if self.sheet else []),
+            "the joint's side" if self.is_links else "the motor's side",
+        ]
+        return ", ".join(parts)
+
+
+def choose_columns(sheet: Sheet, form: LogFormat) -> Columns:
+    """Choose the columns of time, of speed or position, and of the torque; ask where several may be meant."""
+    columns = list(sheet.frame.columns)
+    filled = [column for column in columns if sheet.frame[column].notna().any()]
+    time = given_column(columns, form.time) if form.time else _time_column(filled, sheet, form)
+    torque = given_column(columns, form.torque) if form.torque else ""
+    if given := form.speed or form.position:
+        signal = given_column(columns, given)
+        is_position = form.position is not None
+        if signal in (time, torque):
+            raise Refusal(f"column {signal!r} cannot be both the time or torque and the signal")
+    else:
+        rest = [column for column in filled if column not in (time, torque)]
+        signal, is_position = _signal_column(rest, sheet, form)
+    _refuse_other_stamps(sheet.frame, time, torque)
+    is_links = form.gear_ratio == 1 or bool(words_of(signal) & {*KNOWN["sides"]["link"]})
+    if is_links and form.gear_ratio not in (None, 1) and not given:
+        problem = f"{signal!r} is the joint's side of the gear by its name"
+        cure = "--speed or --position with the motor's column, or --gear-ratio 1"
+        raise Refusal(f"{problem}, --gear-ratio {form.gear_ratio:g} needs the motor's; give {cure}")
+    return Columns(
+        time="" if form.rate_hz else time,
+        signal=signal,
+        unit=_unit_of(signal, is_position, form),
+        is_position=is_position,
+        torque=torque,
+        sheet=sheet.name,
+        is_links=is_links,
     )
-    return text if text in _SECONDS else next(spelled, "")
 
 
-def _plain(column: str) -> tuple[str, str]:
-    """Name of a column in lower case without its unit, and the unit: from "Motor speed [rpm]" and "speed_rad_s"."""
-    column = column[:_LONGEST_NAME]
-    text = (
-        re.sub(r"(?<=[a-z])(?=[A-Z])", "_", re.sub(r"\s*[\[(]\d+[\])]$", "", column))
-        .strip(" _%")
-        .lower()
-    )
-    bracketed = re.fullmatch(r"(.*?)[\s_]*[\[(<](.*?)[\])>](.*)", text)
-    if bracketed and (not bracketed[3] or _known_unit(bracketed[2])):
-        return bracketed[1] + bracketed[3], _known_unit(bracketed[2]) or bracketed[2].strip()
-    for gap in re.finditer(r"[\s_]+", text):
-        if unit := _known_unit(text[gap.end() :]):
-            return text[: gap.start()].replace("_", " "), unit
-    return text, _known_unit(text)
-
-
-def _listed(columns: Sequence[str]) -> str:
-    return ", ".join(map(repr, columns))[:300]
+def _refuse_other_stamps(frame: pd.DataFrame, time: str, torque: str) -> None:
+    """Refuse a torque that has time stamps of its own before it, as traces of a PLC have."""
+    before = frame.columns[max(list(frame.columns).index(torque) - 1, 0)] if torque else time
+    if before in (time, torque) or not time or split_unit(before)[1] not in SECONDS:
+        return
+    if not frame[before].equals(frame[time].rename(before)):
+        what = f"torque {torque!r} has time stamps of its own in {before!r}"
+        raise Refusal(f"{what}; export speed and torque at the same instants")
 
 
 def given_column(columns: Sequence[str], given: str) -> str:
-    """Find a column by its name, or by its number from 1."""
+    """Find a column by its name, or by its number in the file, from 1."""
     given = str(given)
     if given in columns:
         return given
@@ -142,143 +173,114 @@ def given_column(columns: Sequence[str], given: str) -> str:
     raise Refusal(f"no column {given!r}; there are {_listed(columns)}")
 
 
-def _column_like(columns: Sequence[str], what: str) -> str | None:
-    """Find the only column, or the motor's, that is called a name of `what` or has one in its name."""
-    names = set(_KNOWN["names"][what])
-    words = {
-        column: set(re.split(r"[\s_./]+|(?<=[a-z])(?=[\d\[])", _plain(column)[0]))
-        for column in columns
-    }
-    exact = [column for column in columns if _plain(column)[0] in names]
-    fitting = exact or [column for column in columns if words[column] & names]
-    fitting = [column for column in fitting if "motor" in words[column]] or fitting
-    if len(fitting) > 1:
-        raise Refusal(f"which column is the {what}: {_listed(fitting)}? give --{what}")
-    return fitting[0] if fitting else None
+def _listed(columns: Sequence[str]) -> str:
+    return ", ".join(map(repr, columns))[:300]
 
 
-def choose_columns(table: pd.DataFrame, form: LogFormat) -> tuple[str | None, str, bool]:
-    """Columns of time, unless the rate is known, and of speed or position, and whether it is a position."""
-    columns = list(table.columns)
-    least = 1 if form.rate_hz else 2
-    if len(columns) < least:
+def _named_as(columns: Sequence[str], what: str) -> list[str]:
+    """Columns that are called a name of `what`, or have one of more than a letter as a word."""
+    names = set(KNOWN["names"][what])
+    words = {name for name in names if len(name) > 1}
+    return [
+        column for column in columns if split_unit(column)[0] in names or words_of(column) & words
+    ]
+
+
+def _signal_column(columns: Sequence[str], sheet: Sheet, form: LogFormat) -> tuple[str, bool]:
+    """The measured speed, else position, of the motor's side if a name tells; and whether it is a position."""
+    if all(column.isdigit() for column in columns):
+        if len(columns) != 1 or sheet.header_problem:
+            why = sheet.header_problem or f"{len(columns) + 1} columns without names"
+            raise Refusal(f"{why}; give --time and --speed by number, and --unit")
+        return columns[0], False
+    no_measurement = set(KNOWN["no_measurement"])
+    speeds, positions = (
+        [column for column in _named_as(columns, what) if not words_of(column) & no_measurement]
+        for what in ("speed", "position")
+    )
+    motor, link = ({*KNOWN["sides"][side]} for side in ("motor", "link"))
+    either = speeds + positions
+    group = (
+        [column for column in either if words_of(column) & motor]
+        or [column for column in either if not words_of(column) & link]
+        or either
+    )
+    fitting = [column for column in group if column in speeds] or group
+    if not fitting:
         raise Refusal(
-            "one column; a log needs time and motor speed, or time and position, or --rate"
+            f"no column of a measured speed or position among {_listed(columns)}; give --speed"
         )
-    given = form.speed or form.position
-    nameless = all(column.isdigit() for column in columns)
-    if nameless and given is None:
-        if len(columns) > 2:
-            raise Refusal(
-                f"{len(columns)} columns without names; give --time and --speed by number"
-            )
-        return columns[0], columns[-1], False
-    time = _time_column(columns, form, nameless)
-    if given is not None:
-        column = given_column(columns, given)
-        if column in (time, form.torque):
-            raise Refusal(f"column {column!r} cannot be both the time or torque and the signal")
-        return time, column, form.position is not None
-    rest = [column for column in columns if column not in (time, form.torque)]
-    speed = _column_like(rest, "speed")
-    signal = speed or _column_like(rest, "position")
-    if signal is None:
-        raise Refusal(f"no column of speed or position among {_listed(columns)}; give --speed")
-    return time, signal, speed is None
+    what = "speed" if fitting[0] in speeds else "position"
+    if len(fitting) > 1:
+        raise Refusal(f"which column is the motor's {what}: {_listed(fitting)}? give --{what}")
+    return fitting[0], what == "position"
 
 
-def _time_column(columns: Sequence[str], form: LogFormat, nameless: bool) -> str | None:
-    given = form.time or ("1" if nameless else None)
-    if form.rate_hz and not form.time:
-        exact = [column for column in columns if _plain(column)[0] in _KNOWN["names"]["time"]]
-        return exact[0] if exact else None
-    time = given_column(columns, given) if given else _column_like(columns, "time")
-    if time is None:
+def _time_column(columns: Sequence[str], sheet: Sheet, form: LogFormat) -> str:
+    """The column of time stamps; of several that of the sample before that of its receipt."""
+    either = _named_as(columns, "time")
+    named = [column for column in either if split_unit(column)[0] in KNOWN["names"]["time"]]
+    if form.rate_hz:
+        return named[0] if named else ""
+    if all(column.isdigit() for column in columns) and len(columns) > 1:
+        if sheet.header_problem and not form.speed:
+            raise Refusal(f"{sheet.header_problem}; give --time and --speed by number, and --unit")
+        return columns[0]
+    named = [column for column in either if "header" in words_of(column)] or named or either
+    received = set(KNOWN["received"])
+    named = [
+        column for column in named if not (column.startswith("__") or words_of(column) & received)
+    ] or named
+    named = [column for column in named if split_unit(column)[0] != "date"] or named
+    if len(named) > 1 and sheet.frame[named].nunique(axis=1).max() > 1:
+        raise Refusal(f"which column is the time: {_listed(named)}? give --time")
+    if not named:
         raise Refusal(f"no column of time among {_listed(columns)}; give --time, or --rate")
-    return time
+    return named[0]
 
 
-def with_whole_stamps(table: pd.DataFrame) -> pd.DataFrame:
-    """A table with one column for a stamp that comes in seconds and nanoseconds."""
-    for nano in [column for column in table.columns if re.search(r"stamp\Wn(ano)?secs?$", column)]:
+def with_whole_stamps(sheet: Sheet) -> Sheet:
+    """A sheet with one more column for a stamp that comes in seconds and nanoseconds, which are emptied."""
+    frame = sheet.frame
+    for nano in [column for column in frame.columns if re.search(r"stamp\Wn(ano)?secs?$", column)]:
         whole = re.sub("n(ano)?sec", "sec", nano)
-        if whole in table:
-            stamp = 10**9 * table[whole] + table[nano]
-            table = table.drop(columns=[whole, nano]).assign(**{"stamp [ns]": stamp})
-    return table
+        if whole in frame:
+            seconds, rest = (pd.to_numeric(frame[each], errors="coerce") for each in (whole, nano))
+            stamp = {f"{whole.rpartition('sec')[0][:-1]} [ns]": 10**9 * seconds + rest}
+            frame = frame.assign(**dict.fromkeys((whole, nano), np.nan), **stamp)
+    return replace(sheet, frame=frame)
 
 
 def numbers(table: pd.DataFrame, column: str) -> FloatArray:
     """A column as finite numbers."""
     values = table[column]
-    found = pd.to_numeric(values, errors="coerce").to_numpy(dtype=float, na_value=np.nan)
-    bad = np.flatnonzero(~np.isfinite(found))
+    result = pd.to_numeric(values, errors="coerce").to_numpy(dtype=float, na_value=np.nan)
+    bad = np.flatnonzero(~np.isfinite(result))
     if bad.size:
         cell = values.iloc[bad[0]]
-        what = (
-            "is missing or not a number (NaN)"
-            if pd.isna(cell)
-            else f"is {str(cell)[:40]!r}, no finite number"
-        )
+        what = "is missing" if pd.isna(cell) else f"is {str(cell)[:40]!r}, no finite number"
         raise Refusal(f"{column} {what}; mend or cut the log there", row=table.index[bad[0]])
-    if np.abs(found).max(initial=0.0) > 1e30:
+    if np.abs(result).max(initial=0.0) > 1e30:
         raise Refusal(f"{column} has values above 1e30; that is no measurement")
-    return found
+    return result
 
 
-def seconds(
-    table: pd.DataFrame, column: str, given_unit: str | None = None
-) -> tuple[FloatArray, tuple[str, ...]]:
-    """Time stamps [s] from the first one on, from date-times too, and a note on their unit."""
-    values = table[column]
-    if pd.api.types.is_timedelta64_dtype(values):
-        return (values - values.iloc[0]).dt.total_seconds().to_numpy(dtype=float), ()
-    if not pd.api.types.is_numeric_dtype(values):
-        text = (
-            values.astype(str)
-            .str.replace(",", ".")
-            .str.replace(r"^(?=\d\d:)", "1970-01-01 ", regex=True)
-        )
-        text = text.str.replace(r"^(\d\d)\.(\d\d)\.(\d{4})", r"\3-\2-\1", regex=True)
-        dates = pd.to_datetime(text, errors="coerce", utc=True, format="ISO8601")
-        if dates.notna().mean() > 0.5:
-            if dates.isna().any():
-                row = table.index[np.flatnonzero(dates.isna())[0]]
-                raise Refusal(f"{column} is no date-time; mend or cut the log there", row=row)
-            return (dates - dates.iloc[0]).dt.total_seconds().to_numpy(dtype=float), ()
-    stamps, unit = numbers(table, column), given_unit or _plain(column)[1]
-    if unit and unit not in _SECONDS:
+def _unit_of(column: str, is_position: bool, form: LogFormat) -> str:
+    """Unit of a speed or position: the name's or the one that is given, never a guess."""
+    named = split_unit(column)[1]
+    if named in KNOWN["spellings"] and form.unit and PER_TURN.get(named) != PER_TURN.get(form.unit):
         raise Refusal(
-            f"the unit {unit!r} of {column!r} is not known; there are {', '.join(_SECONDS)}"
+            f"column {column!r} says {named}, --unit says {form.unit}; leave --unit out, or rename"
         )
-    if not unit and stamps.size:  # since 1970, from 2001 on
-        unit = next((u for u in ("ms", "us", "ns") if 1e9 <= stamps[0] * _SECONDS[u] < 1e10), "")
-    if pd.api.types.is_integer_dtype(values):  # nanoseconds since 1970 are more than a float holds
-        stamps = (values - values.iloc[0]).to_numpy(dtype=float)
-    notes = () if _SECONDS.get(unit, 1.0) == 1.0 else (f"time stamps read in {unit}",)
-    return _SECONDS.get(unit, 1.0) * (stamps - stamps[:1]), notes
-
-
-def unit_of(column: str, is_position: bool, form: LogFormat) -> tuple[str, tuple[str, ...]]:
-    """Unit of a speed or position, and a note if that is a guess."""
-    said = _plain(column)[1]
-    if said in _KNOWN["spellings"] and form.unit and PER_TURN.get(said) != PER_TURN.get(form.unit):
-        raise Refusal(
-            f"column {column!r} says {said}, --unit says {form.unit}; leave --unit out, or rename"
-        )
-    unit = form.unit or said or ("counts" if form.counts_per_turn else "")
-    if unit not in ("", *_KNOWN["spellings"]):
-        raise Refusal(
-            f"the unit {unit!r} of {column!r} is not known; give --unit, one of {', '.join(UNITS)}"
-        )
-    if unit == "" and is_position:
-        raise Refusal(
-            f"the unit of {column!r} is not known; give --unit (rps for turns, rad/s for rad)"
-        )
+    unit = form.unit or named or ("counts" if form.counts_per_turn else "")
+    if unit not in KNOWN["spellings"]:
+        which = f"the unit {unit!r} of {column!r}" if unit else f"the unit of {column!r}"
+        those = "rps for turns, rad/s for rad" if is_position else f"one of {', '.join(UNITS)}"
+        raise Refusal(f"{which} is not known; give --unit ({those})")
     if unit == "counts" and form.counts_per_turn is None:
         raise Refusal("counts need the encoder's counts of a motor turn; give --counts-per-turn")
     if is_position and unit == "rpm":
         raise Refusal(
             "a position has no unit rpm; give --unit rps for turns, rad/s for rad, or counts"
         )
-    return unit or "rps", () if unit else ("unit of the speed not said: taken as rps",)
+    return unit

@@ -21,11 +21,10 @@ import pandas as pd
 from numpy.typing import ArrayLike
 
 from backlash.reading.columns import LogFormat
-from backlash.reading.tables import CUT, read_table
+from backlash.reading.tables import CUT, MOST_BYTES, Sheet, read_table
 from backlash.refusals import Refusal
 
 STDIN = "-"
-MOST_BYTES = 64 * 2**20  # of a log, packed or not
 MOST_TABLE_BYTES = 16 * 2**20  # of a table of logs or a calibration
 PATIENCE_S = 60.0  # with a pipe
 _UNREADABLE = {
@@ -47,9 +46,9 @@ class Source:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Table(Source):
-    """A log's columns by name; the index holds the file's rows."""
+    """A log's columns."""
 
-    frame: pd.DataFrame
+    sheet: Sheet
 
 
 def name_of(source: object) -> str:
@@ -68,7 +67,7 @@ def read_source(
         index = source.index
         named = index.name or ("time" if isinstance(index, _STAMPS) else None)
         frame = source.rename_axis(named).reset_index(drop=named is None).rename(columns=str)
-        return Table(file=name, frame=frame)
+        return Table(file=name, sheet=Sheet(frame))
     if v is None:
         raise Refusal(
             f"one {type(source).__name__} is no log: give time and speed as arrays of one length, or a pandas table, "
@@ -85,14 +84,14 @@ def read_source(
         raise Refusal(
             f"arrays of shapes {' and '.join(map(str, shapes))}; give time and speed of one length, or a pandas table"
         )
-    return Table(file=name, frame=pd.DataFrame(arrays))
+    return Table(file=name, sheet=Sheet(pd.DataFrame(arrays)))
 
 
 def _read_file(name: str, least: int) -> Table:
     with naming(name):
         content = read_bytes(name)
         sha256 = hashlib.sha256(content).hexdigest()
-        return Table(file=name, sha256=sha256, frame=read_table(unpacked(content), least))
+        return Table(file=name, sha256=sha256, sheet=read_table(unpacked(content), least))
 
 
 @contextmanager

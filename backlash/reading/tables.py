@@ -1,296 +1,327 @@
 """From a log's bytes to a table of columns: text, XLSX and Parquet.
 
-Log files are untrusted input: their kind is told by content, and what they unpack to is bounded
-before it is read.
+Log files are untrusted input: their kind is told by content, and two limits bound them, bytes and
+cells.
 """
 
 import csv
 import io
-import posixpath
 import re
 import warnings
 import zipfile
+from collections import Counter
 from collections.abc import Sequence
 from contextlib import closing
+from dataclasses import dataclass
 
 import pandas as pd
 
+from backlash.reading.units import known_unit
 from backlash.refusals import Refusal, library
 
-# An hour at 500 Hz is 1.8 million rows, and a log needs some 5 s of it.
-MOST_ROWS = 2_000_000
-MOST_COLUMNS = 64
-MOST_CELLS = 16_000_000
-# A workbook's XML takes some 50 bytes a cell, and a microsecond or more.
-MOST_UNPACKED_BYTES = 128 * 2**20
-MOST_SHEET_CELLS = 2_500_000
-MOST_PART_BYTES = 4 * 2**20  # of all but the sheets, which are read whole
-MOST_ZIP_MEMBERS = 1000
-_LONGEST_LINE = 2**16
-_LONGEST_NUMBER = 60  # characters
+MOST_BYTES = 64 * 2**20  # of a log, packed or not
+MOST_CELLS = 8_000_000  # of its table: an hour at 500 Hz of four columns
 CUT = "cut it to the test movement, a minute at most"
 
+_HEAD = 2**16  # characters in which the table begins
+_TAIL = 50  # lines at the head's end, which show what the rows are like
+_LONGEST_NUMBER = 60  # characters
+_LEAST_ROWS = 10  # of numbers, that are a table and no part of a header
 # Parquet columns that may hold a signal; text and nested ones may unpack to anything.
 _NUMERIC = ("int", "uint", "float", "double", "halffloat", "timestamp", "decimal")
-_UTF16 = (b"\xff\xfe", b"\xfe\xff")
 _DIALECTS = (
     *((delimiter, mark) for delimiter in "\t;|" for mark in ".,"),
     (",", "."),
     (r"\s+", "."),
     (r"\s+", ","),
 )
-_DATE = re.compile(
-    r"(\d{4}-\d\d-\d\d[T ]|\d\d\.\d\d\.\d{4}[T ])?\d\d:\d\d(:\d\d([.,]\d+)?)?(Z|[+-]\d\d:?\d\d)?"
+_LINE_END = re.compile(r"\r\n|\r|\n")
+TIME_OF_DAY = re.compile(
+    r"(?P<date>[\w./-]{6,11}[T ,]+)?(?P<hour>\d{1,2}):(?P<minute>\d\d):(?P<second>\d\d(?:[.,:]\d+)?)"
+    r"\s*(?P<half>[AaPp][Mm])?\s*(?:Z|[+-]\d\d:?\d\d)?"
 )
 _GROUPED = r"[+-]?\d{1,3}(,\d{3})+\.\d+"  # with marks of thousands
 _NUMBER = re.compile(
     rf"{_GROUPED}|[+-]?(\d+(\.\d*)?|\.\d+)([eE][+-]?\d+)?|[+-]?(nan|inf|infinity)", re.IGNORECASE
 )
-# Of a workbook's sheet.
-_ROW = re.compile(rb"<(\w+:)?row\b")
-_CELL = re.compile(rb"<(\w+:)?c\b")
-_IS_SHEET = "/worksheet"  # ends the type of a relation
-_UNIT_WORD = re.compile(r"[\[(<]?\s*[A-Za-z°µ%/.^\-0-9]{0,8}( ?s\^?-1)?\s*[\])>]?")
+_THOUSANDS_OR_DECIMALS = re.compile(r"[+-]?[1-9]\d{0,2}(,\d{3})+")
+_SPACED_THOUSANDS = re.compile(r"(?<=\d)[\u00a0\u2009\u202f'’](?=\d{3})")
+_MISSING = ("", "-", "--", "null", "na", "n/a", "#n/a", "none")
 
 
-def read_table(content: bytes, least: int = 2) -> pd.DataFrame:
-    """Columns of a log, `least` or more, by name, or from 1 without a header; the index is the file's row."""
+@dataclass(frozen=True, eq=False)
+class Sheet:
+    """All columns of a file, by name or by number from 1; the index holds the file's rows."""
+
+    frame: pd.DataFrame
+    name: str = ""  # of a workbook's sheet, with those that were not read
+    header_problem: str = ""  # why the columns of a table with a header have no names
+
+
+def read_table(content: bytes, least: int = 2) -> Sheet:
+    """Read a log's table, of `least` columns of numbers or more."""
     if not content:
         raise Refusal("the file is empty; export the log again")
     if content.startswith(b"PAR1"):
-        return _read_parquet(content, least)
+        return Sheet(_read_parquet(content))
     if content.startswith(b"PK"):
-        return _table_of(_read_workbook(content), "utf-8", least)
-    return _table_of(content, _encoding(content), least)
+        text, name = _workbook_text(content)
+        return _read_text(text, name, least)
+    return _read_text(decoded(content), "", least)
 
 
-def _read_parquet(content: bytes, least: int) -> pd.DataFrame:
-    """Read the numbers of a Parquet file."""
+def check_cells(rows: int, columns: int) -> None:
+    """Refuse a table that takes more time and memory than a log is worth."""
+    if rows * columns > MOST_CELLS:
+        what = f"{rows:,} rows of {columns:,} columns are more than {MOST_CELLS:,} cells"
+        raise Refusal(f"{what}; {CUT}, or export time, speed and torque alone")
+
+
+def _read_parquet(content: bytes) -> pd.DataFrame:
+    """Read the numbers of a Parquet file; its other columns are empty."""
     parquet = library("pyarrow.parquet", "parquet")
-    float64 = library("pyarrow", "parquet").float64()
+    arrow = library("pyarrow", "parquet")
     try:
         with parquet.ParquetFile(io.BytesIO(content)) as file:
-            flat = [
-                field.name for field in file.schema_arrow if str(field.type).startswith(_NUMERIC)
-            ]
-            _check_size(file.metadata.num_rows, len(flat))
-            table = file.read(columns=flat, use_threads=False)
-        for number, field in enumerate(table.schema):
-            if str(field.type).startswith("decimal"):  # else each number becomes an object
-                numbers = table.column(number).cast(float64)
-                table = table.set_column(number, field.name, numbers)
-        frame = table.to_pandas(ignore_metadata=True)
+            fields = [field for field in file.schema_arrow if str(field.type).startswith(_NUMERIC)]
+            check_cells(file.metadata.num_rows, len(fields))
+            table = file.read(columns=[field.name for field in fields], use_threads=False)
+            names = file.schema_arrow.names
+        # Decimals would become an object each.
+        types = [
+            arrow.float64() if arrow.types.is_decimal(field.type) else field.type
+            for field in table.schema
+        ]
+        table = table.cast(arrow.schema(list(zip(table.schema.names, types, strict=True))))
+        frame = table.to_pandas(ignore_metadata=True).reindex(columns=names)
     except Refusal:
         raise
     except Exception as error:  # whatever hostile bytes make the library raise
         problem = f"a broken Parquet file ({type(error).__name__}: {str(error)[:200]})"
         raise Refusal(f"{problem}; export the log again, or as CSV") from error
-    if frame.shape[1] < least:
-        raise Refusal(
-            "no two columns of numbers in this Parquet file; export time and speed as CSV"
-        )
     frame.index = frame.index + 1
     return frame
 
 
-def _check_size(rows: int, columns: int) -> None:
-    if rows > MOST_ROWS:
-        raise Refusal(f"more than {MOST_ROWS:,} rows; {CUT}")
-    if columns > MOST_COLUMNS:
-        raise Refusal(f"more than {MOST_COLUMNS} columns; export time and speed alone")
-    if rows * columns > MOST_CELLS:
-        raise Refusal(f"{rows:,} rows of {columns} columns; export time and speed alone")
+def _workbook_text(content: bytes) -> tuple[str, str]:
+    """The active sheet of a workbook as text, formulas by stored results, and which sheet that is."""
+    load_workbook = library("openpyxl", "xlsx").load_workbook
+    library("defusedxml", "xlsx")  # refuses entities
+    text = io.StringIO()
+    writer = csv.writer(text, delimiter="\t", lineterminator="\n")
+    cells = 0
+    try:
+        with zipfile.ZipFile(io.BytesIO(content)) as bundle:
+            _check_workbook(bundle)
+        opened = load_workbook(
+            io.BytesIO(content), read_only=True, data_only=True, keep_links=False
+        )
+        with warnings.catch_warnings(action="ignore"), closing(opened) as book:
+            visible = [each for each in book.worksheets if each.sheet_state == "visible"]
+            sheet = book.active if book.active in visible else visible[0]
+            sheet.reset_dimensions()
+            for row in sheet.iter_rows(values_only=True):
+                cells += len(row) + 1
+                check_cells(1, cells)
+                writer.writerow(row)
+            others = ", ".join(repr(each.title) for each in book.worksheets if each is not sheet)
+            name = f"{sheet.title!r} (not {others})" if others else ""
+    except Refusal:
+        raise
+    except Exception as error:  # whatever hostile bytes make the libraries raise
+        problem = f"not a readable workbook ({type(error).__name__}: {str(error)[:200]})"
+        raise Refusal(f"{problem}; save the log as CSV") from error
+    return text.getvalue(), name
 
 
-def _named(frame: pd.DataFrame, above: Sequence[Sequence[str]], first: int) -> pd.DataFrame:
-    """Name columns by the rows above the numbers, number rows as the file does, and drop blank rows and columns."""
-    _check_size(*frame.shape)
-    names = [
-        name or str(number + 1) for number, name in enumerate(_header_names(above, frame.shape[1]))
-    ]
+def _check_workbook(bundle: zipfile.ZipFile) -> None:
+    """See that a zip archive is a workbook, and bound what the library would build of it."""
+    refused = "a zip archive that is no plain workbook"
+    if "xl/workbook.xml" not in bundle.namelist():
+        raise Refusal(f"{refused} (it has no xl/workbook.xml); unpack it, or save the log as CSV")
+    unpacked = sum(member.file_size for member in bundle.infolist())
+    if unpacked > MOST_BYTES:
+        size = f"{unpacked / 2**20:,.0f} MiB, above {MOST_BYTES // 2**20}"
+        raise Refusal(f"{refused}: its parts unpack to {size}; save the log as CSV")
+    for name in bundle.namelist():
+        # A cell has four of these, a hostile one a single one.
+        if bundle.read(name).count(b"<") > MOST_CELLS // 2:
+            raise Refusal(f"{name}: more than {MOST_CELLS // 8:,} cells; {CUT}, or save it as CSV")
+
+
+def decoded(content: bytes) -> str:
+    """A text in an encoding of loggers and spreadsheets, thousands without spaces between."""
+    encoding = "utf-8-sig"
+    if content.startswith((b"\xff\xfe", b"\xfe\xff")):
+        encoding = "utf-16"
+    elif b"\0" in content[:_HEAD] or content.startswith(b"%PDF"):
+        raise Refusal(
+            "neither text nor .xlsx nor Parquet; export the log as CSV, or hand its columns over from Python"
+        )
+    try:
+        text = content.decode(encoding)
+    except UnicodeDecodeError:  # Latin-1 takes any bytes
+        text = content.decode("utf-16" if encoding == "utf-16" else "latin-1", "replace")
+    return _SPACED_THOUSANDS.sub("", text) if _SPACED_THOUSANDS.search(text) else text
+
+
+def _read_text(text: str, sheet: str, least: int) -> Sheet:
+    """Find the table in a text, below its header."""
+    head = text[:_HEAD]
+    starts = [0, *(end.end() for end in _LINE_END.finditer(head))]
+    lines = _LINE_END.split(head)
+    if len(text) > _HEAD:
+        lines.pop()  # it goes on
+        if not lines:
+            raise Refusal(f"its first line is longer than {_HEAD} characters; that is no log")
+    whole = _joined(lines)
+    filled = [(k, line) for k, line in whole if line.strip("#%,;\t \r")]
+    if not filled:
+        raise Refusal("nothing but blank lines; export the log again")
+    delimiter, decimal = _find_dialect([line for _, line in filled[-_TAIL:]], least)
+    rows = [(k, _split(line.lstrip("#%").strip(" "), delimiter)) for k, line in filled]
+    tail = [fields for _, fields in rows[-_TAIL:]]
+    first = _first_row(rows, tail, decimal, least)
+    first_line, fields = rows[first]
+    _ask_about_commas(tail, decimal)
+    check_cells(max(text.count("\n"), text.count("\r")) + 1, len(fields))
+    grouped = any(re.fullmatch(_GROUPED, _swap(field, decimal)) for row in tail for field in row)
+    try:
+        frame = pd.read_csv(
+            io.StringIO(text[starts[first_line] :]),
+            sep=delimiter,
+            decimal=decimal,
+            header=None,
+            skip_blank_lines=False,
+            skipinitialspace=True,
+            low_memory=False,
+            na_values=["-", "--"],
+            thousands={",": ".", ".": ","}[decimal] if grouped else None,
+        )
+    except (ValueError, pd.errors.ParserError, OverflowError) as error:
+        raise Refusal(f"not a table ({error}); export the log again") from error
+    width = frame.shape[1]
+    used = max(k + 1 for row in tail for k, field in enumerate(row[:width]) if field)
+    names, problem = _header_names([fields for _, fields in rows[:first]], used)
+    names = [name or str(k + 1) for k, name in enumerate([*names, *[""] * width][:width])]
+    count = Counter(names)
     frame.columns = [
-        name if names.count(name) == 1 else f"{name} ({k + 1})" for k, name in enumerate(names)
+        name if count[name] == 1 else f"{name} ({k + 1})" for k, name in enumerate(names)
     ]
-    frame.index = frame.index + first + 1
-    return frame.dropna(how="all").dropna(how="all", axis=1)
+    frame.index = frame.index + first_line + 1
+    return Sheet(frame, sheet, problem)
 
 
-def _header_names(rows: Sequence[Sequence[str]], columns: int) -> list[str]:
-    """Names of the columns from the rows above the numbers; a row of units goes to the row of names above it."""
-    fitting = [
-        [str(field).strip().strip('"') for field in row] for row in rows if len(row) == columns
-    ]
-    names = fitting[-1] if fitting else [""] * columns
-    if len(fitting) > 1 and all(_UNIT_WORD.fullmatch(field) for field in names):
-        units = [unit.strip("[]()") for unit in names]
-        if any(len(field) > len(unit) for field, unit in zip(fitting[-2], units, strict=True)):
-            names = [f"{field} [{unit}]" for field, unit in zip(fitting[-2], units, strict=True)]
-    return names
+def _joined(lines: Sequence[str]) -> list[tuple[int, str]]:
+    """Lines with their numbers; one that a quoted cell breaks is joined with the next."""
+    whole: list[tuple[int, str]] = []
+    for number, line in enumerate(lines):
+        if whole and whole[-1][1].count('"') % 2 and line.count('"') % 2:
+            start, before = whole.pop()
+            whole.append((start, f"{before} {line}"))
+        else:
+            whole.append((number, line))
+    return whole
 
 
 def _split(line: str, delimiter: str) -> list[str]:
     if delimiter == r"\s+":
-        return line.split()
-    return [
-        field.strip()
-        for field in next(csv.reader([line], delimiter=delimiter, skipinitialspace=True), [])
-    ]
+        return [field.strip('"') for field in line.split()]
+    fields = next(csv.reader([line], delimiter=delimiter, skipinitialspace=True), [])
+    return [" ".join(field.split()) for field in fields]
 
 
-def _numbers(line: str, delimiter: str, decimal: str) -> list[str]:
-    """Fields of a line that are numbers, with "." as decimal mark, or date-times."""
-    fields = [field.strip('"') for field in _split(line, delimiter)]
-    swapped = [
-        field.translate(str.maketrans(",.", ".,")) if decimal == "," else field for field in fields
-    ]
-    return [
-        s
-        for s, field in zip(swapped, fields, strict=True)
-        if len(s) <= _LONGEST_NUMBER and (_NUMBER.fullmatch(s) or _DATE.fullmatch(field))
-    ]
+def _swap(field: str, decimal: str) -> str:
+    """A number's text with "." as decimal mark."""
+    return field.translate(str.maketrans(",.", ".,")) if decimal == "," else field
+
+
+def _is_number(field: str, decimal: str) -> bool:
+    """Whether a field is a number or a time of day."""
+    if len(field) > _LONGEST_NUMBER:
+        return False
+    return bool(_NUMBER.fullmatch(_swap(field, decimal)) or TIME_OF_DAY.fullmatch(field))
 
 
 def _find_dialect(lines: Sequence[str], least: int) -> tuple[str, str]:
     """Delimiter and decimal mark that read most lines as `least` numbers or more."""
 
     def score(dialect: tuple[str, str]) -> float:
-        counts = [len(_numbers(line, *dialect)) for line in lines]
-        return sum(count >= least for count in counts) + 1e-3 * sum(
-            min(count, 10) for count in counts
-        )
+        delimiter, decimal = dialect
+        counts = [
+            sum(_is_number(field, decimal) for field in _split(line.lstrip("#%"), delimiter))
+            for line in lines
+        ]
+        enough = sum(count >= least for count in counts)
+        return enough + 1e-3 * sum(min(count, 10) for count in counts)
 
     best = max(_DIALECTS, key=score)
     if score(best) < 1:
-        raise Refusal("no rows with two numbers (header only, or no table); export the log again")
+        what = f"no rows with two numbers; its last line is {lines[-1].strip()[:60]!r}"
+        raise Refusal(f"{what}; export the log again, numbers without units")
     return best
 
 
-def _encoding(content: bytes) -> str:
-    """The encoding of a text, among those of loggers and spreadsheets."""
-    if content.startswith(_UTF16):
-        return "utf-16"
-    if b"\0" in content[:_LONGEST_LINE] or content.startswith(b"%PDF"):
-        raise Refusal(
-            "neither text nor .xlsx nor Parquet; export the log as CSV, or hand its columns over from Python"
-        )
-    try:
-        content.decode("utf-8")
-    except UnicodeDecodeError:  # Latin-1 takes any bytes
-        return "latin-1"
-    return "utf-8-sig"
-
-
-def _table_of(content: bytes, encoding: str, least: int) -> pd.DataFrame:
-    """Find the table in a text."""
-    text = content[: 2 * _LONGEST_LINE].decode(encoding, "replace")[:_LONGEST_LINE]
-    head = re.split(r"\r\n|\r|\n", text)[:400]
-    if len(head) < 2 and len(text) >= _LONGEST_LINE:
-        raise Refusal(f"its first line is longer than {_LONGEST_LINE} characters; that is no log")
-    filled = [
-        (number, line.lstrip("#%").strip())
-        for number, line in enumerate(head)
-        if line.strip("#%,;\t \r")
-    ]
-    if not filled:
-        raise Refusal("nothing but blank lines; export the log again")
-    last = [line for _, line in filled[-50:]]
-    delimiter, decimal = _find_dialect(last, least)
-    grouped = any(
-        re.fullmatch(_GROUPED, field)
-        for line in last
-        for field in _numbers(line, delimiter, decimal)
+def _first_row(
+    rows: Sequence[tuple[int, list[str]]], tail: Sequence[list[str]], decimal: str, least: int
+) -> int:
+    """The first row of numbers after the last row of names."""
+    seen = Counter(
+        k for fields in tail for k, field in enumerate(fields) if _is_number(field, decimal)
     )
-    first = next(
-        number for number, line in filled if len(_numbers(line, delimiter, decimal)) >= least
-    )
-    above = [_split(line, delimiter) for number, line in filled if number < first]
-    # The parser makes all rows as wide as this one.
-    _check_size(0, len(_split(head[first], delimiter)))
-    try:
-        frame = pd.read_csv(
-            io.BytesIO(content),
-            encoding=encoding,
-            encoding_errors="replace",
-            sep=delimiter,
-            decimal=decimal,
-            header=None,
-            skiprows=first,
-            nrows=MOST_ROWS + 1,
-            skip_blank_lines=False,
-            skipinitialspace=True,
-            low_memory=False,
-            thousands={",": ".", ".": ","}[decimal] if grouped else None,
-        )
-    except (ValueError, pd.errors.ParserError, OverflowError) as error:
-        raise Refusal(f"not a table ({error}); export the log again") from error
-    return _named(frame, above, first)
+    numeric = [k for k, count in seen.items() if count > max(seen.values()) / 2]
+
+    def numbers_and_words(fields: Sequence[str]) -> tuple[int, int]:
+        cells = [fields[k] for k in numeric if k < len(fields)]
+        cells = [cell for cell in cells if cell.lower() not in _MISSING]
+        numbers = sum(_is_number(cell, decimal) for cell in cells)
+        return numbers, len(cells) - numbers
+
+    counts = [numbers_and_words(fields) for _, fields in rows]
+    is_data = [numbers >= least and words == 0 for numbers, words in counts]
+    last_names = max((k for k, (n, words) in enumerate(counts) if words and not n), default=-1)
+    if sum(is_data[: last_names + 1]) >= _LEAST_ROWS:
+        raise Refusal("names in the midst of the numbers; keep one table", row=rows[last_names][0])
+    if not any(is_data[last_names + 1 :]):
+        raise Refusal("no rows with two numbers below its header; export the log again")
+    return is_data.index(True, last_names + 1)
 
 
-def _inspect_workbook(bundle: zipfile.ZipFile) -> None:
-    """See that a workbook is one, without macros, and that no part of it unpacks to more than is read in seconds."""
-    refused = "a zip archive that is no plain workbook"
-    members = {member.filename: member.file_size for member in bundle.infolist()}
-    if "xl/workbook.xml" not in members:
-        raise Refusal(f"{refused} (it has no xl/workbook.xml); unpack it, or save the log as CSV")
-    declared = sum(members.values())
-    if len(bundle.infolist()) > MOST_ZIP_MEMBERS or declared > MOST_UNPACKED_BYTES:
-        unpacked = f"{declared / 2**20:,.0f} MiB, above {MOST_UNPACKED_BYTES // 2**20}"
-        parts = f"{refused}: {len(members)} parts that unpack to {unpacked}"
-        raise Refusal(f"{parts}; save the test movement alone, as CSV")
-    sheets = _sheets(bundle)
-    for name, size in members.items():
-        if size > MOST_PART_BYTES and name not in sheets:
-            what = f"{name} unpacks to {size / 2**20:,.0f} MiB, above {MOST_PART_BYTES // 2**20}"
-            raise Refusal(f"{refused}: {what}; save the log as CSV")
-        if name in sheets:
-            _count_cells(bundle.read(name))
-    macros = any(name.lower().endswith("vbaproject.bin") for name in members)
-    if macros or b"macroEnabled" in bundle.read("[Content_Types].xml"):
-        raise Refusal("a workbook with macros; save it as .xlsx without them")
+def _ask_about_commas(tail: Sequence[list[str]], decimal: str) -> None:
+    """Refuse numbers like 6,001 beside whole ones."""
+    if decimal != ",":
+        return
+    numbers = [field for row in tail for field in row if _is_number(field, decimal)]
+    marked = [field for field in numbers if "," in field]
+    whole = [field for field in numbers if field.isdigit()]
+    if marked and whole and all(_THOUSANDS_OR_DECIMALS.fullmatch(field) for field in marked):
+        as_decimal = marked[0].replace(",", ".")
+        what = f"{marked[0]!r} may be {marked[0].replace(',', '')} or {as_decimal}"
+        raise Refusal(f"{what}; export numbers without marks of thousands")
 
 
-def _sheets(bundle: zipfile.ZipFile) -> set[str]:
-    """Parts of a workbook that are its sheets, by their relations."""
-    relations = bundle.getinfo("xl/_rels/workbook.xml.rels")
-    if relations.file_size > MOST_PART_BYTES:
-        return set()
-    return {
-        posixpath.normpath(posixpath.join("/xl", relation.get("Target", "")))[1:]
-        for relation in library("defusedxml.ElementTree", "xlsx").fromstring(bundle.read(relations))
-        if relation.get("Type", "").endswith(_IS_SHEET)
-    }
+def _header_names(above: Sequence[Sequence[str]], used: int) -> tuple[list[str], str]:
+    """Names of the columns that hold anything, from the rows above the numbers, or why there are none.
 
-
-def _count_cells(sheet: bytes) -> None:
-    """Refuse a sheet of too many cells before the library takes gigabytes for it, also for empty ones."""
-    if sheet.startswith(_UTF16) or b"\0" in sheet[:4]:
-        raise Refusal("its sheet is in UTF-16, as no spreadsheet writes it; save the log as CSV")
-    _check_size(sum(1 for _ in _ROW.finditer(sheet)), 0)
-    cells = sum(1 for _ in _CELL.finditer(sheet))
-    if max(cells, sheet.count(b"<") // 8) > MOST_SHEET_CELLS:
-        raise Refusal(f"more than {MOST_SHEET_CELLS:,} cells; {CUT}")
-
-
-def _read_workbook(content: bytes) -> bytes:
-    """Read a workbook's first sheet as text; formulas by stored results (defusedxml refuses entities)."""
-    load_workbook = library("openpyxl", "xlsx").load_workbook
-    text = io.StringIO()
-    writer = csv.writer(text, delimiter="\t", lineterminator="\n")
-    try:
-        with zipfile.ZipFile(io.BytesIO(content)) as bundle:
-            _inspect_workbook(bundle)
-        opened = load_workbook(
-            io.BytesIO(content), read_only=True, data_only=True, keep_links=False
-        )
-        with warnings.catch_warnings(action="ignore"), closing(opened) as book:
-            book.worksheets[0].reset_dimensions()
-            for number, row in enumerate(book.worksheets[0].iter_rows(values_only=True)):
-                _check_size(number, len(row))
-                writer.writerow(row)
-    except Refusal:
-        raise
-    except Exception as error:  # whatever hostile bytes make the libraries raise
-        raise Refusal(
-            f"not a readable workbook ({type(error).__name__}: {str(error)[:200]}); save the log as CSV"
-        ) from error
-    return text.getvalue().encode()
+    A row of units goes to the row of names above it.
+    """
+    rows = [list(row) for row in above]
+    for row in rows:
+        while row and not row[-1]:
+            row.pop()
+    if not rows:
+        return [], ""
+    names = rows[-1]
+    units = [unit.strip("[]()<> ") for unit in names]
+    if len(rows) > 1 and sum(bool(known_unit(unit)) for unit in units) >= len(units) / 2:
+        units += [""] * (len(rows[-2]) - len(units))
+        if len(units) == len(rows[-2]):
+            names = [
+                f"{name} [{unit}]" if unit else name
+                for name, unit in zip(rows[-2], units, strict=True)
+            ]
+    if len(names) == used + 1 and names[-1].lower() == "comment":  # as LabVIEW writes
+        names = names[:-1]
+    if len(names) != used:
+        return [], f"its header has {len(names)} fields, its rows have {used}"
+    return names, ""

@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
-from replication.figures.style import BLUE, GREEN, INK, ORANGE, finish, grid, in_style
+from replication.figures import BLUE, GREEN, INK, ORANGE, finish, grid, in_style
 
 SMALLEST_RPS = 1e-17  # drawn for a difference of 0
 

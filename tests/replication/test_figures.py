@@ -3,7 +3,7 @@ import re
 import pytest
 
 import workbook
-from replication.figures import style
+from replication import figures
 
 FIGURES = sorted((workbook.ROOT / "figures").glob("*.svg"))
 
@@ -36,10 +36,10 @@ def test_every_axis_of_a_figure_has_a_unit_or_is_known_to_have_none(figure):
 
 
 def test_a_figure_says_what_its_axes_are(tmp_path):
-    figure, axes = style.grid(1, 2)
+    figure, axes = figures.grid(1, 2)
     axes[0, 0].set(xlabel="time [s]", ylabel="speed\n[rps]")
     axes[0, 1].set(xlabel="time [s]")
     figure.supxlabel("backlash [rad]")
-    style.save(figure, tmp_path, "small")
+    figures.save(figure, tmp_path, "small")
     written = (tmp_path / "small.svg").read_text(encoding="utf-8")
     assert "speed [rps] versus time [s]; time [s]; backlash [rad]" in written

@@ -3,7 +3,6 @@
 import re
 
 import numpy as np
-import pandas as pd
 import pytest
 
 from replication import published
@@ -71,10 +70,11 @@ def test_the_sentence_on_sds_follows_their_joint_p(facts):
 
 
 def test_the_sentence_on_hardware_follows_the_answers(facts):
-    quiet = facts["hardware"] | {"answered": 1, "right": 0, "draws": 100}
-    assert "refusals are no evidence" in render(facts, hardware=quiet)
-    seeing = facts["hardware"] | {"answered": 90, "right": 88, "draws": 100}
-    assert "refusals are no evidence" not in render(facts, hardware=seeing)
+    some = {"logs": 20, "refused": 15, "with_reason": 9, "reason": "wrong period"}
+    said = render(facts, hardware=some)
+    assert '15 of 20 public logs of other joints are refused, 9 of them for "wrong period"' in said
+    assert "of none is the backlash known" in said
+    assert "of none is" not in render(facts, hardware=some | {"refused": 20})
 
 
 def test_a_verdict_that_changes_changes_the_sentences(facts):
@@ -121,8 +121,6 @@ def test_a_table_that_is_off_is_rejected(whole):
     assert evidence.joint_p(evidence.rank_scores(np.hstack([20 * printed.sds, sds]))) < 0.01
 
 
-def test_a_setting_with_too_few_realisations_does_not_judge():
-    table = pd.read_csv(RESULTS / "table2_realisations.csv")
-    sizes = evidence.read_realisations(RESULTS).groupby(["protocol", "row"]).size()
-    assert set(sizes) == {evidence.REALISATIONS}
-    assert set(sizes.index.get_level_values("protocol")) <= set(table["protocol"])
+def test_every_setting_judges_with_forty_realisations_of_each_row():
+    ten = evidence.read_realisations(RESULTS).query("row <= 10")
+    assert set(ten.groupby(["protocol", "row"]).size()) == {evidence.REALISATIONS}

@@ -2,9 +2,9 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from backlash import trend as trend_line
-from backlash.estimates import Estimate
+from backlash import trends as trend_line
 from backlash.batch import as_table
+from backlash.estimates import Estimate
 from backlash.refusals import Refusal
 from tests.logs import file
 

@@ -1,11 +1,135 @@
+"""When samples were taken: units and kinds of stamps, their order, the even grid behind them, and what it lacks."""
+
 from dataclasses import replace
 
 import numpy as np
+import pandas as pd
 import pytest
 
 from backlash.reading.columns import LogFormat
+from backlash.reading.prepare import open_log
 from backlash.refusals import Refusal
-from tests.logs import TURN, noisy, opened
+from tests.logs import TURN, file, noisy, opened, refusal, text
+
+T, V = noisy().t, noisy().v
+EPOCH = 1_710_000_000
+# Seconds as a file may have them, and the unit in which they are read.
+STAMPS = {
+    "milliseconds by name": ("time [ms]", 1e3 * T, "ms"),
+    "microseconds by name": ("time_us", 1e6 * T, "us"),
+    "100 ns by name": ("time [100 ns]", 1e7 * T, "100 ns"),
+    "minutes by name": ("time [min]", T / 60, "min"),
+    "days by name": ("time [days]", T / 86400, "days"),
+    **{
+        f"{unit} since 1970": ("timestamp", EPOCH * per + np.rint(per * T).astype("int64"), unit)
+        for unit, per in (("ms", 10**3), ("us", 10**6), ("ns", 10**9))
+    },
+    "s since 1970": ("timestamp", EPOCH + T, "s"),
+    "ticks since 1601": (
+        "clock",
+        133_500_000_000_000_000 + np.rint(1e7 * T).astype("int64"),
+        "100ns",
+    ),
+    "ticks since the year 1": (
+        "clock",
+        638_000_000_000_000_000 + np.rint(1e7 * T).astype("int64"),
+        "100ns",
+    ),
+    "days of a spreadsheet": ("time", 45_000 + T / 86400, "d"),
+    "a scope's, from before the trigger": ("time", T - 1.0, "s"),
+    "dates of pandas": (
+        "time",
+        pd.Timestamp("2024-03-17 23:59:58") + pd.to_timedelta(T, unit="s"),
+        "date-time",
+    ),
+    "durations": ("time", pd.to_timedelta(T, unit="s"), "date-time"),
+}
+
+
+@pytest.mark.parametrize("kind", STAMPS)
+def test_stamps_of_every_unit_are_read_and_it_is_named(kind):
+    name, stamps, unit = STAMPS[kind]
+    log = open_log(pd.DataFrame({name: stamps, "speed [rps]": V}), TURN)
+    np.testing.assert_allclose(log.recording.t, T, atol=2e-5)
+    np.testing.assert_allclose(log.recording.v, V, atol=0.05)
+    assert f"time {name!r} [{unit}]" in log.columns
+
+
+@pytest.mark.parametrize(
+    ("t", "why"),
+    [
+        (
+            np.append(T, T),
+            "start anew or run backward (0 s follow 4.8 s after the first; 1 such rows)",
+        ),
+        (T[::-1], "start anew or run backward"),
+        (np.where(np.arange(T.size) == 500, 0.5, T), "run backward (0.5 s follow 0.998"),
+        (np.floor(250 * T) / 250, "repeats the one before with other values"),
+        (0.1 * np.arange(T.size), "sampled at 10 Hz; a ring of 21 Hz after an impact needs 84 Hz"),
+    ],
+)
+@pytest.mark.parametrize("part", [{}, {"start_s": 0.5, "end_s": 4.0}])
+def test_stamps_that_cannot_be_are_refused_for_what_they_are(t, why, part):
+    log = pd.DataFrame({"time": t, "speed [rps]": np.resize(V, t.size)})
+    assert why in refusal(log, replace(TURN, **part))
+
+
+def test_a_unit_of_time_that_cannot_be_is_asked_for():
+    log = pd.DataFrame({"time [ticks]": T, "speed [rps]": V})
+    assert "are the stamps in s? then give --time-unit s" in refusal(
+        log.assign(time=1e-9 * T).drop(columns="time [ticks]")
+    )
+    assert "the unit 'counts' of 'time [ticks]' is not known; there are s, " in refusal(log)
+
+
+def test_samples_that_a_polling_logger_repeats_are_merged_and_that_is_noted():
+    log = opened(np.repeat(T, 3), np.repeat(V, 3))
+    np.testing.assert_allclose(log.recording.v, V)
+    assert "merged 4801 rows that repeat the one before" in log.notes
+
+
+@pytest.mark.parametrize("together", [2, 4, 8])
+@pytest.mark.parametrize("rate", [100, 500])
+def test_stamps_in_bursts_are_refused_with_the_rate_that_reads_them(together, rate):
+    k = np.arange(12 * rate)
+    t = k // together * together / rate + k % together * 1e-4
+    v = np.interp(k / rate % 4.8, T, V)
+    said = refusal(pd.DataFrame({"time": t, "speed [rps]": v}))
+    given = float(said.partition("give --rate ")[2].partition(",")[0])
+    assert given == pytest.approx(rate, rel=0.01)
+    assert opened(t, v, replace(TURN, rate_hz=float(rate))).recording.t[-1] > 11
+
+
+def test_lost_samples_are_filled_up_to_a_tenth():
+    rng = np.random.default_rng(5)
+    for lost, is_read in ((0.05, True), (0.2, False)):
+        rows = rng.random(T.size) > lost
+        if is_read:
+            assert opened(T[rows], V[rows]).recording.v.size == pytest.approx(T.size, abs=3)
+        else:
+            assert "would be invented" in refusal(
+                pd.DataFrame({"time": T[rows], "speed [rps]": V[rows]})
+            )
+
+
+@pytest.mark.parametrize("empty", ["", "0.9,"])
+def test_rows_without_a_number_stay_holes_at_a_given_rate(empty, tmp_path):
+    rows = text("a,speed [rps]").splitlines()
+    rows[500:503] = [empty] * 3
+    log = open_log(file(tmp_path, "\n".join(rows)), replace(TURN, rate_hz=500.0))
+    np.testing.assert_allclose(log.recording.v[510:], V[510:], atol=1e-4)
+    assert log.recording.v.size == V.size
+    assert "missing samples filled from their neighbours: 3" in log.notes
+
+
+def test_the_least_rate_is_that_of_the_joints_ring():
+    t = np.arange(1200) / 100
+    log = pd.DataFrame({"time": t, "speed [rps]": np.interp(t % 4.8, T, V)})
+    assert any("below 252 Hz the peaks" in note for note in open_log(log, TURN).notes)
+    assert open_log(log, replace(TURN, ring_hz=8.0)).notes == ()
+    assert "a ring of 30 Hz after an impact needs 120 Hz" in refusal(
+        log, replace(TURN, ring_hz=30.0)
+    )
 
 
 def without(places, t, v):

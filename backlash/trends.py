@@ -19,6 +19,7 @@ from scipy.special import fdtri, ndtri, stdtrit
 
 from backlash import __version__, batch
 from backlash.calibration import MISMATCH, MOST_RAD
+from backlash.reading.batch import KEYS, read_rows
 from backlash.reading.columns import is_positive
 from backlash.reading.sources import name_of
 from backlash.refusals import Refusal, one_line
@@ -215,7 +216,7 @@ def trend_many(
     >>> print({joint: found.alarm for joint, found in worn.items()})
     {'A1': True, 'A2': True}
     """
-    table = batch.read_rows(answers, *batch.KEYS, "file", "verdict", "backlash_high_rad")
+    table = read_rows(answers, *KEYS, "file", "verdict", "backlash_high_rad")
     trends: dict[str, Trend | Refusal] = {}
     for joint, own in table.fillna({"joint": "", "reason": ""}).groupby("joint"):
         try:
@@ -229,7 +230,7 @@ def dates_of(files: Sequence[Path], table: str | PathLike[str] | None = None) ->
     """Date of each log, by the table's columns `file` and `date`, else by its name, as in `axis4_2024-03-17.csv`."""
     known = {}
     if table:
-        dated = batch.read_rows(table, "file", "date")
+        dated = read_rows(table, "file", "date")
         known = dict(zip(dated["file"], dated["date"], strict=True))
     found = []
     for file in files:

@@ -1,0 +1,378 @@
+"""The paper's figures and tables as plots: arrays and data frames in, a matplotlib figure out.
+
+One colour means one thing in all figures: `LOG` what was recorded, `FIT` what was fitted or simulated over it, `OURS`
+what we computed, `PRINTED` what the paper prints, `DIFFERS` a printed number outside our interval.
+"""
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from functools import wraps
+from pathlib import Path
+from typing import Any
+
+import matplotlib as mpl
+import matplotlib.pyplot as plt
+import numpy as np
+import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.rcsetup import cycler
+from numpy.typing import NDArray
+
+from replication.signature import Parameters, Timing
+
+FloatArray = NDArray[np.float64]
+Style = dict[str, Any]
+
+# Okabe and Ito's colours, ordered so that neighbours also differ in grey.
+INK, BLUE, ORANGE, GREEN = "#000000", "#0072B2", "#E69F00", "#009E73"
+PINK, SKY, VERMILLION = "#CC79A7", "#56B4E9", "#D55E00"
+LOG: Style = {"color": ORANGE, "linewidth": 3.0, "alpha": 0.8}
+FIT: Style = {"color": INK, "linewidth": 0.8}
+OURS: Style = {"color": BLUE}
+PRINTED: Style = {"color": INK, "marker": "x", "linestyle": "none", "markersize": 6, "mew": 1.5}
+DIFFERS = PRINTED | {"color": VERMILLION, "marker": "X", "markersize": 9, "mew": 0.5}
+THIN: Style = {"color": INK, "linewidth": 0.8}
+DOTTED: Style = {"color": "0.5", "linewidth": 0.8, "linestyle": ":"}
+
+WIDTH_IN = 4.6  # on a screen of 390 dots the smallest text, 8.5 pt, is ten dots high
+BACKLASH_LABEL = "backlash $\\delta$ [mrad]"
+MRAD = 1e3  # per rad
+
+STYLE: dict[Any, Any] = {
+    "figure.dpi": 100,
+    "figure.constrained_layout.use": True,
+    "font.size": 9,
+    "axes.titlesize": 9,
+    "axes.titlelocation": "left",
+    "xtick.labelsize": 8.5,
+    "ytick.labelsize": 8.5,
+    "legend.fontsize": 8.5,
+    "lines.markersize": 4,
+    "errorbar.capsize": 3,
+    "axes.grid": True,
+    "axes.axisbelow": True,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.prop_cycle": cycler(color=[BLUE, ORANGE, GREEN, PINK, SKY, INK]),
+    "grid.color": "0.9",
+    "legend.frameon": False,
+    "svg.hashsalt": "backlash",
+    "svg.fonttype": "path",
+}
+
+
+# ------------------------------------------------------------------------------------------------------------- style
+
+
+def in_style(plot: Callable[..., Figure]) -> Callable[..., Figure]:
+    """Draw a figure in the workbook's style, leaving matplotlib's settings alone."""
+
+    @wraps(plot)
+    def styled(*args, **options) -> Figure:
+        with mpl.rc_context(STYLE):
+            figure = plot(*args, **options)
+            interactive = mpl.is_interactive()
+        # A notebook's backend switches this on with its first figure; off again, no other figure would be shown.
+        mpl.interactive(interactive)
+        return figure
+
+    return styled
+
+
+def grid(
+    rows: int = 1, columns: int = 1, height_in: float = 3.2, **options
+) -> tuple[Figure, np.ndarray]:
+    """Make a figure and its axes, always as an array of shape (rows, columns)."""
+    return plt.subplots(rows, columns, squeeze=False, figsize=(WIDTH_IN, height_in), **options)
+
+
+def letter_panels(axes: Iterable[Axes]) -> None:
+    """Put (a), (b), ... before the titles of a figure's panels."""
+    for letter, axis in zip("abcdefgh", axes, strict=False):
+        axis.set_title(f"({letter}) {axis.get_title(loc='left')}".rstrip(), loc="left")
+
+
+def finish(figure: Figure, columns: int, loc: Any = "outside lower center") -> Figure:
+    """Letter the panels of a figure, and put one legend beside them, each label once."""
+    panels = [
+        axis for axis in figure.axes if axis.get_visible() and axis.get_label() != "<colorbar>"
+    ]
+    if len(panels) > 1:
+        letter_panels(panels)
+    listed = [zip(*axis.get_legend_handles_labels(), strict=True) for axis in panels]
+    entries = {label: handle for handles in listed for handle, label in handles}
+    if entries:
+        figure.legend(entries.values(), entries.keys(), loc=loc, ncols=columns)
+    return figure
+
+
+def save(figure: Figure, folder: Path, name: str, mark: str = "") -> None:
+    """Write a figure as SVG and PNG, without anything that differs from run to run."""
+    folder.mkdir(parents=True, exist_ok=True)
+    if mark:
+        style: Style = {"fontsize": 40, "color": "0.6", "alpha": 0.4, "rotation": 20}
+        figure.text(0.5, 0.5, mark, ha="center", va="center", **style)
+    with mpl.rc_context(STYLE):
+        about = {"Date": None, "Description": description(figure)}
+        figure.savefig(folder / f"{name}.svg", metadata=about)
+        figure.savefig(folder / f"{name}.png", dpi=200)
+
+
+def description(figure: Figure) -> str:
+    """Say what a figure's axes are, a panel each: the SVG's description, and what reads it aloud says."""
+    panels = []
+    for axis in figure.axes:
+        labels = [
+            label.replace("\n", " ") for label in (axis.get_xlabel(), axis.get_ylabel()) if label
+        ]
+        panels.append(" versus ".join(labels[::-1]))
+    panels += [figure.get_supylabel(), figure.get_supxlabel()]
+    return "; ".join(dict.fromkeys(panel for panel in panels if panel))
+
+
+def _centre(axis: Axes) -> None:
+    """Put zero into the middle of a residual's axis."""
+    limit = 1.1 * np.abs(axis.get_ylim()).max()
+    axis.set_ylim(-limit, limit)
+
+
+# ----------------------------------------------------------------------------------------------------------- figures
+
+
+@in_style
+def speed_signal(t: FloatArray, v: FloatArray, turn_period_s: float) -> Figure:
+    """Figure 5: the motor speed with its superimposed oscillations; dotted lines are turns."""
+    figure, ((axis,),) = grid(height_in=2.6)
+    axis.plot(t, v, **LOG | {"linewidth": 0.9})
+    for turn in np.arange(t[0], t[-1], turn_period_s):
+        axis.axvline(turn, **DOTTED)
+    axis.set(xlabel="time $t$ [s]", ylabel="motor speed $v$ [rps]", xlim=(t[0], t[-1]))
+    return figure
+
+
+@in_style
+def signature_parameters(t: FloatArray, h: FloatArray, X: FloatArray, timing: Timing) -> Figure:
+    """Figure 6: the signature h(t) over some turns, and its first oscillation, with the instants and intervals."""
+    figure, ((turns,), (first,)) = grid(2, 1, height_in=4.4)
+    A, t0, tau, _, _, T2, T1 = Parameters(*X)
+    top = np.abs(h).max()
+    left = {"xytext": (-4, 0), "textcoords": "offset points", "ha": "right", "va": "center"}
+    right = {"xytext": (4, 0), "textcoords": "offset points", "va": "center"}
+    arrow = THIN | {"arrowstyle": "<->", "shrinkA": 0, "shrinkB": 0}
+    for axis, spans in (
+        (turns, {"T_d": timing.T_d, "T_f": timing.T_f}),
+        (first, {"T_1": T1, "T_2": T2}),
+    ):
+        axis.plot(t, h, **FIT)
+        axis.axvline(t0, **DOTTED)
+        axis.annotate("$t_0$", (t0, 1.35 * top), **left)
+        for (name, length), height in zip(spans.items(), (1.35, 1.75), strict=True):
+            end, y = t0 + length, height * top
+            axis.annotate("", (end, y), (t0, y), arrowprops=arrow)
+            axis.plot([end, end], [y, 0], **DOTTED)
+            axis.annotate(f"${name}$", (end, y), **right)
+        axis.set(xlabel="time $t$ [s]", ylabel="$h(t)$ [rps]", ylim=(-1.4 * top, 2.05 * top))
+    since = np.linspace(T1, T2, 200)
+    envelope = np.outer(A * np.exp(-tau * (since - T1)), (-1, 1))
+    first.plot(t0 + since, envelope, color="0.5", linewidth=0.8, linestyle="--")
+    first.annotate("$A$", (t0 + T1, A), **left)
+    first.set_xlim(t0 - 0.02, t0 + 1.05 * max(T2, timing.T_d))
+    return finish(figure, 1)
+
+
+@in_style
+def record_with_fit(
+    t: FloatArray, v: FloatArray, fitted: FloatArray, labels: Sequence[str], seconds: float
+) -> Figure:
+    """Show a record, what was fitted to it over it, and the residual beneath."""
+    figure, ((upper,), (lower,)) = grid(2, 1, height_in=4.0, sharex=True, height_ratios=(2, 1))
+    upper.plot(t, v, label=labels[0], **LOG)
+    upper.plot(t, fitted, label=labels[1], **FIT)
+    upper.set(ylabel="motor speed $v$ [rps]", xlim=(t[0], t[0] + seconds))
+    lower.axhline(0, **THIN)
+    lower.plot(t, v - fitted, linewidth=0.9, **OURS)
+    lower.set(xlabel="time $t$ [s]", ylabel="residual [rps]")
+    _centre(lower)
+    return finish(figure, 2)
+
+
+@in_style
+def dead_zone(curves: pd.DataFrame, delta_rad: float) -> Figure:
+    """Figure 9: stiffness and torque of equations 8 and 9 against the displacement, and the torque within the gap.
+
+    `curves` has `alpha_per_rad, delta_theta_rad, stiffness_nm_per_rad, torque_nm`; an infinite alpha is the clamped
+    dead zone. The last panel has the sharp edges alone, whose jump at zero the second one is too coarse for.
+    """
+    figure, axes = grid(3, 1, height_in=6.4)
+    stiffness, torque, inside = axes[:, 0]
+    curves = curves.reset_index(drop=True)
+    sharp = curves["alpha_per_rad"].between(0.99e5, 1e12)
+    for k, (alpha, curve) in enumerate(curves.groupby("alpha_per_rad", sort=False)):
+        line = {"linestyle": ("-", "--", "-.", ":")[k % 4], "linewidth": max(2.4 - 0.4 * k, 1.2)}
+        line |= {"color": (SKY, ORANGE, BLUE, VERMILLION)[k % 4]}
+        label = f"$\\alpha = 10^{{{np.log10(alpha):.3g}}}$ rad$^{{-1}}$"
+        if np.isinf(alpha):
+            label, line = "clamped dead zone", THIN
+        x = MRAD * curve["delta_theta_rad"]
+        stiffness.plot(x, curve["stiffness_nm_per_rad"], label=label, **line)
+        torque.plot(x, curve["torque_nm"], **line)
+        if sharp[curve.index].all():
+            inside.plot(x, curve["torque_nm"], **line)
+    for axis in (stiffness, torque, inside):
+        for edge in (-delta_rad, delta_rad):
+            axis.axvline(MRAD * edge, **DOTTED)
+    positive = curves["stiffness_nm_per_rad"]
+    stiffness.set(ylabel="stiffness $K_{\\mathrm{BL}}$ [N m/rad]", yscale="log")
+    stiffness.set_ylim(positive[positive > 0].min() / 3)
+    in_gap = curves["delta_theta_rad"].abs() < 0.9 * delta_rad
+    height = 1.3 * curves.loc[sharp & in_gap, "torque_nm"].abs().max()
+    torque.set(ylabel="torque $\\tau_l$ [N m]")
+    inside.set(ylabel="torque $\\tau_l$ [N m]", title="within the gap")
+    inside.set(xlabel="displacement $\\Delta\\theta$ [mrad]")
+    inside.set(xlim=(-1.02 * MRAD * delta_rad, 1.02 * MRAD * delta_rad))
+    if np.isfinite(height):
+        inside.set_ylim(-height, height)
+    return finish(figure, 2, "outside upper center")
+
+
+@in_style
+def simulated_joint(
+    time_s: FloatArray,
+    signals: Sequence[tuple[str, FloatArray, FloatArray | None]],
+    recorded_label: str = "authors' record",
+) -> Figure:
+    """Figure 10: signals of the simulated joint, over the recorded one where there is one."""
+    figure, axes = grid(len(signals), 1, height_in=0.6 + 1.25 * len(signals), sharex=True)
+    for axis, (label, simulated, recorded) in zip(axes[:, 0], signals, strict=True):
+        if recorded is not None:
+            axis.plot(time_s, recorded, label=recorded_label, **LOG | {"linewidth": 4.5})
+        axis.plot(time_s, simulated, label="simulated joint", **FIT)
+        axis.set(ylabel=label, xlim=(time_s[0], time_s[-1]))
+        if simulated.min() < 0 < simulated.max():
+            _centre(axis)
+    axes[-1, 0].set(xlabel="time $t$ [s]")
+    figure.align_ylabels()
+    return finish(figure, 2, "outside upper right")
+
+
+@in_style
+def validation(table: pd.DataFrame) -> Figure:
+    """Show the simulator's misfit and its peaks' errors, level by level."""
+    figure, axes = grid(2, 1, height_in=4.2, sharex=True)
+    upper, lower = axes[:, 0]
+    delta, used = MRAD * table["delta_rad"], table["used_in_fit"]
+    for axis, values in ((upper, 100 * table["nrmse"]), (lower, table["peak_error_percent"])):
+        axis.plot(delta[used], values[used], "s", label="level used in the fit", **OURS)
+        axis.plot(delta[~used], values[~used], "o", label="level left out", mfc="none", **OURS)
+    upper.set(ylabel="RMSE over the SD [%]", ylim=(0, None))
+    lower.set(ylabel="peak off printed $A$ [%]", xlabel=BACKLASH_LABEL)
+    lower.axhline(0, **THIN)
+    _centre(lower)
+    return finish(figure, 2, "outside upper center")
+
+
+@in_style
+def growth(
+    disturbances: pd.DataFrame, peaks: pd.DataFrame, printed: Mapping[float, float]
+) -> Figure:
+    """Figure 11: the disturbance at growing backlash, and its peak beside the printed A [rps] by backlash [rad]."""
+    figure, ((upper,), (lower,)) = grid(2, 1, height_in=5.0)
+    largest = 1.1 * MRAD * disturbances["delta_rad"].max()
+    shades = plt.cm.ScalarMappable(plt.Normalize(0, largest), "viridis")
+    for delta, part in disturbances.groupby("delta_rad"):
+        colour = shades.to_rgba(MRAD * delta)
+        upper.plot(part["time_s"], part["disturbance_rps"], color=colour, linewidth=0.9)
+    upper.set(xlabel="time in a settled turn [s]", ylabel="disturbance $v - v_t$ [rps]")
+    figure.colorbar(shades, ax=upper, label=BACKLASH_LABEL)
+    delta = MRAD * peaks["delta_rad"]
+    lower.plot(delta, peaks["amplitude_rps"], "o-", label="our peak before sampling", **OURS)
+    sampled = {"color": SKY, "mfc": "none", "label": "our peak of the 2 ms samples"}
+    lower.plot(delta, peaks["sampled_rps"], "s--", **sampled)
+    at = MRAD * np.array(list(printed))
+    lower.plot(at, list(printed.values()), **PRINTED, label="printed theoretical $A$")
+    lower.set(xlabel=BACKLASH_LABEL, ylabel="amplitude $A$ [rps]")
+    return finish(figure, 2)
+
+
+@in_style
+def characteristic(
+    curves: Mapping[str, Sequence[FloatArray]],
+    points: Mapping[str, Sequence[FloatArray]],
+    residuals: Mapping[str, Sequence[FloatArray]],
+) -> Figure:
+    """Figure 12: curves and points of (A [rps], delta [rad]) by name, and differences of two of them [rad] beneath.
+
+    The first points are the printed ones, the second ours.
+    """
+    figure, ((upper,), (lower,)) = grid(2, 1, height_in=4.6, sharex=True, height_ratios=(2, 1))
+    looks = {"color": INK, "linestyle": "-"}, {"color": BLUE, "linestyle": "--"}
+    for (label, (A, delta)), look in zip(curves.items(), looks, strict=False):
+        upper.plot(A, MRAD * delta, label=label, linewidth=1.0, **look)
+    marks = PRINTED, {"color": BLUE, "marker": "s", "linestyle": "none", "mfc": "none"}
+    for (label, (A, delta)), mark in zip(points.items(), marks, strict=False):
+        upper.plot(A, MRAD * delta, label=label, **mark)
+    for (label, (A, residual)), mark in zip(residuals.items(), (PRINTED, OURS), strict=False):
+        lower.plot(A, MRAD * residual, label=label, **mark)
+    lower.axhline(0, **THIN)
+    lower.set(xlabel="amplitude $A$ [rps]", ylabel="difference [mrad]")
+    _centre(lower)
+    upper.set(ylabel=BACKLASH_LABEL)
+    return finish(figure, 1)
+
+
+@in_style
+def table2(rows: pd.DataFrame) -> Figure:
+    """Table 2: printed means and SDs, ours with their intervals, and the theoretical A.
+
+    `rows` has a row for each of the eleven of the table, by its number: `mean, mean_ours, mean_low, mean_high` and
+    the same of `sd` [rps], and `theoretical`. The last row, noise alone, has a panel of its own for the mean.
+    """
+    shape: list[Any] = [["mean", "noise"], ["sd", "sd"]]
+    figure, panels = plt.subplot_mosaic(shape, figsize=(WIDTH_IN, 5.2), width_ratios=(9, 1))
+    upper, noise, lower = panels["mean"], panels["noise"], panels["sd"]
+    ten = rows[rows["theoretical"] > 0]
+    percent = 100 / ten["mean"]
+    in_percent = ten.mul(percent, axis=0) - 100
+    _printed_and_ours(upper, in_percent, "mean")
+    aside: Style = {"color": GREEN, "mfc": "none", "label": "theoretical $A$"}
+    upper.plot(ten.index + 0.4, in_percent["theoretical"], "<", **aside)
+    _printed_and_ours(noise, rows.drop(ten.index), "mean")
+    _printed_and_ours(lower, rows, "sd")
+    upper.set(title="mean of $A$", ylabel="off the printed mean [%]", xticks=ten.index)
+    noise.set(title="[rps]", xticks=rows.index.difference(ten.index), xlim=(10.2, 11.8))
+    noise.yaxis.tick_right()
+    lower.set(title="SD of $A$", ylabel="SD of $A$ [rps]", yscale="log", xticks=rows.index)
+    lower.set(xlabel="row of Table 2 (11: noise alone)")
+    return finish(figure, 2)
+
+
+def _printed_and_ours(axis: Axes, rows: pd.DataFrame, of: str) -> None:
+    """Draw an interval as a bar with our number as a line across it, and the printed one as a cross."""
+    printed, ours, low, high = (rows[of + end] for end in ("", "_ours", "_low", "_high"))
+    axis.use_sticky_edges = False  # an interval that ends at the frame would look cut
+    axis.bar(rows.index, high - low, 0.6, low, color="0.85", label="our 95 % interval")
+    line: Style = OURS | {"linewidth": 2.0, "label": "ours"}
+    axis.hlines(ours, rows.index - 0.3, rows.index + 0.3, **line)
+    agrees = (printed >= low) & (printed <= high)
+    axis.plot(printed[agrees], **PRINTED, label="printed, agrees")
+    if not agrees.all():
+        axis.plot(printed[~agrees], **DIFFERS, label="printed, differs")
+
+
+@in_style
+def means_beside(rows: pd.DataFrame, known_label: str = "printed known $A$") -> Figure:
+    """Tables 3 and 4: printed mean and SD of A beside those of a stand-in.
+
+    `rows` has a row for each of the table, by its name: `mean, sd, mean_ours, sd_ours` [rps], and `known` where one is
+    printed.
+    """
+    figure, ((axis,),) = grid(height_in=3.0)
+    at = np.arange(len(rows))
+    axis.errorbar(at - 0.1, rows["mean_ours"], rows["sd_ours"], fmt="s", label="stand-in", **OURS)
+    axis.errorbar(at + 0.1, rows["mean"], rows["sd"], label="printed, not tested", **PRINTED)
+    if "known" in rows:
+        axis.plot(at + 0.25, rows["known"], "<", color=GREEN, mfc="none", label=known_label)
+    axis.margins(y=0.1)
+    axis.set(ylabel="mean and SD of $A$ [rps]", ylim=(0, None))
+    axis.set_xticks(at, rows.index)
+    return finish(figure, 3)

@@ -1,1 +1,0 @@
-"""Figures of the paper, and the style that all figures share."""

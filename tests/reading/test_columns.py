@@ -1,0 +1,147 @@
+"""Which columns are read, in which units: the motor's measured ones, by name; what may be several things is asked."""
+
+from dataclasses import replace
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from backlash.reading.columns import LogFormat
+from backlash.reading.prepare import open_log
+from tests.logs import TURN, file, noisy, opened, refusal, text
+
+PER_TURN = {"rps": 1.0, "rpm": 60.0, "rad/s": 2 * np.pi, "deg/s": 360.0}
+SPELLINGS = {
+    "rps": ["speed_rps", "speed [rev/s]", "speed (s^-1)", "motor_vel_rev_per_s", "speed [Hz]"],
+    "rpm": [
+        *("Drehzahl [U/min]", "speed [min^-1]", "speed 1/min", "motorSpeedRPM", "speed [min⁻¹]"),
+        *("speed [r/min]", "vitesse [tr/min]", "speed.rpm", "speed_rpm_1", "speed [rpm] (2)"),
+        "Drehzahl [1/min] für Achse 5 °",
+    ],
+    "rad/s": [
+        *("speed_rad_s", "motor_vel_rad_per_s", "speed [rad s^-1]", "speed_radps"),
+        *("speed [rad·s⁻¹]", "motorSpeedRadPerSec", "axis4.vel.rad_s"),
+    ],
+    "deg/s": ["speed_deg_s", "speed [deg/s]", "speed [°/s]", "speed_deg_per_sec"],
+}
+ASKED = [
+    *("speed", "velocity[0]", "speed (2)", "speed %", "speed [%]", "speed rpm/1000"),
+    *("speed [rpm] (x10)", "speed [rpm*10]", "speed [m/s]", "speed (filtered)", "speed_m_s"),
+]
+# The columns beside the time, and which of them is read; none where the user is asked.
+CHOICES = [
+    (["speed [rps]", "motor speed [rpm]"], "motor speed [rpm]"),
+    (["position [rev]", "motor encoder [rev]"], "motor encoder [rev]"),
+    (["joint velocity [rps]", "speed [rps]"], "speed [rps]"),
+    (["speed [rps]", "position [rev]"], "speed [rps]"),
+    (["target speed [rps]", "speed [rps]"], "speed [rps]"),
+    (["speed_cmd_rps", "motor speed [rps]"], "motor speed [rps]"),
+    (["speed [rps]", "velocity [rps]"], None),
+    (["motor speed [rps]", "motor speed filtered [rps]"], None),
+    (["dq[0]", "dq[1]"], None),
+    *(
+        ([f"{word} speed [rps]", "current"], None)
+        for word in ("target", "cmd", "set", "ref", "desired", "soll")
+    ),
+]
+
+
+def frame(names) -> pd.DataFrame:
+    """Columns of the speed, each a percent slower than the one before, beside the time."""
+    columns = {
+        name: 2e-3 * np.cumsum(noisy().v) if "rev" in name else noisy().v * 0.99**k
+        for k, name in enumerate(names)
+    }
+    return pd.DataFrame({"time": noisy().t, **columns})
+
+
+@pytest.mark.parametrize(
+    ("unit", "name"), [(u, name) for u, names in SPELLINGS.items() for name in names]
+)
+def test_a_column_is_read_in_the_unit_of_its_name_and_both_are_in_the_answer(unit, name):
+    log = opened(noisy().t, PER_TURN[unit] * noisy().v, TURN, name)
+    np.testing.assert_allclose(log.recording.v, noisy().v)
+    assert log.columns == f"time 'time' [s], speed {name!r} [{unit}], the motor's side"
+
+
+@pytest.mark.parametrize("name", ASKED)
+def test_a_speed_without_a_known_unit_is_asked_for(name):
+    assert "is not known; give --unit (one of rps, rpm" in refusal(frame([name]))
+    log = opened(noisy().t, 60 * noisy().v, replace(TURN, unit="rpm"), name)
+    np.testing.assert_allclose(log.recording.v, noisy().v)
+
+
+@pytest.mark.parametrize(("names", "chosen"), CHOICES)
+def test_the_motors_measured_column_is_read_and_two_candidates_are_asked_about(names, chosen):
+    if chosen is None:
+        assert "give --speed" in refusal(frame(names))
+    else:
+        assert repr(chosen) in open_log(frame(names), TURN).columns
+
+
+@pytest.mark.parametrize(
+    ("name", "form", "is_links"),
+    [
+        ("speed [rps]", LogFormat(gear_ratio=40.0), False),
+        ("speed [rps]", LogFormat(gear_ratio=1.0, turn_period_s=0.4), True),
+        ("joint speed [rps]", TURN, True),
+        ("joint speed [rps]", LogFormat(gear_ratio=40.0, speed="2"), True),
+    ],
+)
+def test_a_log_says_of_which_side_of_the_gear_it_is(name, form, is_links):
+    log = opened(noisy().t, noisy().v / (40.0 if form.gear_ratio == 1 else 1.0), form, name)
+    assert log.is_links_side == is_links
+    assert ("the joint's side" in log.columns) == is_links
+
+
+def test_the_joints_side_is_not_read_by_itself_with_a_gear_ratio():
+    said = refusal(frame(["joint speed [rps]"]), LogFormat(gear_ratio=40.0))
+    assert "is the joint's side of the gear by its name" in said
+
+
+def test_numbers_of_columns_are_the_files_whatever_these_hold(tmp_path):
+    header = "time,comment,state,speed [rps],,moment,speed [rps]"
+    path = file(tmp_path, text(header, "{t:.4f},,on,{v:.5f},,{rpm:.3f},7"))
+    log = open_log(path, replace(TURN, speed="4", torque="6"))
+    np.testing.assert_allclose(60 * log.recording.v, log.torque, atol=1e-3)
+    assert "speed 'speed [rps] (4)' [rps], torque 'moment'" in log.columns
+    assert "0 samples with time and 5" in refusal(path, replace(TURN, speed="5", unit="rps"))
+
+
+@pytest.mark.parametrize(
+    ("given", "why"),
+    [
+        ({"speed": "x"}, "no column 'x'; there are 'time', 'speed [rps]'"),
+        ({"speed": "9"}, "no column '9'"),
+        ({"speed": "1"}, "cannot be both the time or torque and the signal"),
+        ({"unit": "rpm"}, "says rps, --unit says rpm; leave --unit out"),
+        ({"time": "speed [rps]", "speed": "time"}, "the unit of 'time' is not known"),
+    ],
+)
+def test_what_is_given_of_columns_and_cannot_be_is_refused(given, why):
+    assert why in refusal(frame(["speed [rps]"]), replace(TURN, **given))
+
+
+def test_the_time_of_the_sample_goes_before_that_of_its_receipt():
+    late = frame(["speed [rps]"]).assign(recv_time=np.round(noisy().t, 1))
+    for name in ("header.stamp", "time"):
+        log = open_log(late.rename(columns={"time": name}), TURN)
+        assert log.columns.startswith(f"time {name!r}")
+    other = late.rename(columns={"recv_time": "timestamp"})
+    assert "which column is the time: 'time', 'timestamp'? give --time" in refusal(other)
+
+
+def test_a_torque_with_stamps_of_its_own_is_refused():
+    trace = frame(["speed [rps]"]).assign(**{"t2 [s]": noisy().t + 1e-3, "moment": noisy().v})
+    assert "has time stamps of its own in 't2 [s]'" in refusal(
+        trace, replace(TURN, torque="moment", time="time")
+    )
+
+
+def test_counts_per_turn_imply_counts_where_no_unit_is_named():
+    form = replace(TURN, counts_per_turn=4096.0)
+    for name, factor in (("speed", 4096.0), ("speed [rpm]", 60.0)):
+        np.testing.assert_allclose(
+            opened(noisy().t, factor * noisy().v, form, name).recording.v, noisy().v
+        )
+    assert "give --counts-per-turn" in refusal(frame(["speed [counts/s]"]))

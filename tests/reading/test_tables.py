@@ -1,0 +1,264 @@
+"""Every kind of file that loggers and spreadsheets write, and what is none: read rightly or refused in one line."""
+
+import gzip
+import io
+import zipfile
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import openpyxl
+import pandas as pd
+import pytest
+
+from backlash.reading import sources, tables
+from backlash.reading.prepare import open_log
+from replication.records import Recording
+from tests.logs import TURN, file, noisy, refusal, rewritten, table, text
+
+RPS = replace(TURN, unit="rps")
+RPM = ("Zeit [s];Drehzahl [U/min]", "{t:.4f};{rpm:.2f}")
+TURNS = np.concatenate([[0.25], 0.25 + np.cumsum(noisy().v[1:]) * 2e-3])
+PLAIN = text()
+PLC = "Name\tAchse1\t\t\nFile\tTrace\t\t\ntime\tspeed [rpm]\ttime\tmoment\n"
+LABVIEW = (
+    "LabVIEW Measurement\nSeparator\tTab\nDate\t2024/05/01\nTime\t12:00:00,1\n***End_of_Header***\n\n"
+    "Channels\t2\nSamples\t2401\t2401\nX0\t0,0E+0\t0,0E+0\n***End_of_Header***\n"
+    "time [s]\tspeed [rpm]\ttorque\tComment\n"
+)
+SCOPE = '"Model","DSO 7"\nDate,2024-05-01 10:00:00\nPoints,2401,2401\n\ntime,CH1,CH2\ns,rpm,V\n'
+
+
+def line(number: int, changed: str | None) -> str:
+    """The plain log with one line changed, or left out."""
+    rows = PLAIN.splitlines()
+    rows[number - 1 : number] = [] if changed is None else [changed]
+    return "\n".join(rows)
+
+
+def logged(t=None, v=None, header="time [s],speed [rps]") -> str:
+    t, v = noisy().t if t is None else t, noisy().v if v is None else v
+    return text(header, record=Recording(t, v, 100.0, 0.4, "log"))
+
+
+def grouped(thousands: str, decimal: str, between: str) -> str:
+    """Speeds in rpm with marks of thousands."""
+    rows = [
+        f"{t:.4f}".replace(".", decimal)
+        + between
+        + f'"{60 * v:,.3f}"'.translate(str.maketrans({",": thousands, ".": decimal}))
+        for t, v in zip(noisy().t, noisy().v, strict=True)
+    ]
+    return "\n".join([f"time [s]{between}speed [rpm]", *rows])
+
+
+def clocked(form: str, header="time,speed [rps]", start="2024-03-17 23:59:58") -> str:
+    """Stamps as dates and times of day, over midnight."""
+    stamps = pd.Timestamp(start) + pd.to_timedelta(noisy().t, unit="s")
+    rows = (f"{stamp:{form}},{v:.5f}" for stamp, v in zip(stamps, noisy().v, strict=True))
+    return "\n".join([header, *rows])
+
+
+ANSWERED = {
+    "UTF-16": PLAIN.encode("utf-16"),
+    "a byte order mark": PLAIN.encode("utf-8-sig"),
+    "Latin-1": text("time,velocità [rps]").encode("latin-1"),
+    "lines that end as in DOS": PLAIN.replace("\n", "\r\n"),
+    "lines that end as on old Macs": PLAIN.replace("\n", "\r"),
+    "semicolons and decimal commas": text(*RPM).replace(".", ","),
+    "tabs": text("time\tspeed [rps]", "{t:.4f}\t{v:.5f}"),
+    "blanks": text("  time   speed_rps", "  {t:.4f}   {v:.5f}"),
+    "comments": "# logger 4.2\n% axis 4\n" + PLAIN,
+    "a header in a comment": text("# logger 4.2, axis 4\n# t omega_rps", "{t:.4f}   {v:.5f}"),
+    "a column of text": text("t,state,motor speed (rad/s)", "{t:.4f},moving,{rad:.4f}"),
+    "a row of units": text("Time,Speed,I\ns,rpm,A", "{t:.4f},{rpm:.2f},1"),
+    "a row of units with exponents": text("Time;Speed\ns;rad s^-1", "{t:.4f};{rad:.4f}"),
+    "quoted numbers": text('"time","speed_rps"', '"{t:.4f}","{v:.5f}"'),
+    "thousands in English": grouped(",", ".", ","),
+    "thousands in German": grouped(".", ",", ";"),
+    "thousands with narrow spaces": grouped("\u202f", ",", ";"),
+    "rows without a number": line(500, "0.996,NaN"),
+    "a row without a stamp": line(500, ",100.0"),
+    "a row of dashes": line(500, "--,--"),
+    "a position that wraps": logged(v=TURNS % 1.0, header="time,position [rev]"),
+    "blank rows": PLAIN.replace("\n", "\n\n"),
+    "blank columns": text(",time,,speed [rps],", ",{t:.4f},,{v:.5f},"),
+    "a trailing comma in the header": text("time,speed [rps],"),
+    "a trailing comma in the rows": text("time,speed [rps]", "{t:.4f},{v:.5f},"),
+    "a line break in a header cell": text('time,"speed\n[rpm]"', "{t:.4f},{rpm:.3f}"),
+    "a header of numbers": text("time,1,speed [rps],torque", "{t:.4f},7,{v:.5f},7"),
+    "a compressed log": gzip.compress(PLAIN.encode()),
+    "LabVIEW": LABVIEW + text("", "{t:.4f}\t{rpm:.3f}\t1.5").replace(".", ","),
+    "names of ROS": text(
+        "__time,header.stamp.sec,header.stamp.nanosec,velocity [rps]",
+        "{t:.1f},1710000000,{ns},{v:.5f}",
+    ),
+    "dates and times": clocked("%Y-%m-%dT%H:%M:%S.%f"),
+    "dates with a zone": clocked("%Y-%m-%d %H:%M:%S.%fZ"),
+    "German dates": clocked("%d.%m.%Y %H:%M:%S.%f"),
+    "American dates": clocked("%m/%d/%Y %I:%M:%S.%f %p"),
+    "times of day over midnight": clocked("%H:%M:%S.%f"),
+    "wide tables": text(
+        "time,speed [rps]" + "".join(f",c{k}" for k in range(120)), "{t:.4f},{v:.5f}" + 120 * ",0"
+    ),
+}
+
+REFUSED = {
+    "empty": ("", "the file is empty; export the log again"),
+    "blank": (" \n\n", "nothing but blank lines"),
+    "header only": ("time,speed\n", "no rows with two numbers"),
+    "prose": ("The robot was fine.\nNothing to report.\n", "last line is 'Nothing to report.'"),
+    "binary": (bytes(range(256)) * 9, "export the log as CSV"),
+    "MATLAB": (b"MATLAB 5.0" + bytes(99), "hand its columns over from Python"),
+    "a PDF": (b"%PDF-1.7\n", "neither text nor .xlsx"),
+    "units in the cells": (
+        text("time,speed", "{t:.3f} sec,{v:.3f} rps"),
+        "last line is '4.800 sec,",
+    ),
+    "text among numbers": (line(500, "0.996,error"), "row 500: speed [rps] is 'error', no finite"),
+    "an infinite speed": (line(500, "0.996,-inf"), "row 500: speed [rps] is '-inf'"),
+    "a huge speed": (line(500, "0.996,1e200"), "above 1e30; that is no measurement"),
+    "a second log below": (line(100, "time [s],speed [rps]"), "row 99: names in the midst"),
+    "a comma in a header cell": (
+        text("time,motor speed, filtered [rpm]", "{t:.4f},{rpm:.3f}"),
+        "its header has 3 fields, its rows have 2",
+    ),
+    "blanks in a header of blanks": (
+        text("time motor speed [rpm]", "{t:.4f} {rpm:.3f}"),
+        "its header has 4 fields, its rows have 2",
+    ),
+    "an index without a name": (text("time,speed [rpm]", "1,{t:.4f},{rpm:.3f}"), "has 2 fields"),
+    "thousands or decimals": (
+        "t [ms];speed [rpm]\n" + "".join(f"{2 * k};6,{k % 1000:03d}\n" for k in range(2400)),
+        "may be 6350 or 6.350; export numbers without marks of thousands",
+    ),
+    "a scope's channels": (SCOPE + text("", "{t:.4f},{rpm:.3f},1"), "give --speed"),
+    "a PLC's two times": (PLC + text("", "{t}\t{rpm}\t{t}5\t1"), "which column is the time"),
+    "a very long line": (b"1," * 100_000, "first line is longer than 65536 characters"),
+    "a very long cell": (line(500, "0.996," + "1" * 200_000), "row 500: speed [rps] is"),
+    "too many fields": (line(500, "0.996,100.0,5"), "not a table (Error tokenizing data"),
+    "three columns without names": (text("", "{t},{v},7"), "give --time and --speed by number"),
+    "a broken gzip file": (gzip.compress(PLAIN.encode())[:9000], "or export it again"),
+    "a broken zip": (b"PK\x03\x04" + bytes(99), "not a readable workbook"),
+    "a broken Parquet file": (b"PAR1" + bytes(99), "a broken Parquet file"),
+    "dates that break off": (
+        clocked("%Y-%m-%dT%H:%M:%S.%f").replace("17T23:59:59.000000", "17Tnever"),
+        "row 502: time is no date-time",
+    ),
+}
+
+
+@pytest.mark.parametrize("kind", ANSWERED)
+def test_a_log_is_read_however_it_is_written(kind, tmp_path):
+    content = ANSWERED[kind]
+    log = open_log(file(tmp_path, content, "log"), TURN)
+    start = int(np.correlate(noisy().v - 100, log.recording.v[:2000] - 100, "valid").argmax())
+    apart = np.abs(log.recording.v[:2000] - noisy().v[start : start + 2000])
+    assert np.quantile(apart, 0.98) < 0.03
+    assert log.recording.t[1] == pytest.approx(2e-3, rel=1e-6)
+    assert log.recording.v.size >= 2390
+
+
+@pytest.mark.parametrize("kind", REFUSED)
+def test_what_cannot_be_read_is_refused_in_one_line_that_says_why(kind, tmp_path):
+    content, why = REFUSED[kind]
+    path = file(tmp_path, content, "log")
+    said = refusal(path)
+    assert said.startswith(str(path))
+    assert why in said
+
+
+def test_a_table_without_names_is_read_by_number(tmp_path):
+    path = file(tmp_path, text("", "{t:.4f},{v:.5f},7"))
+    log = open_log(path, replace(RPS, time="1", speed="2"))
+    np.testing.assert_allclose(log.recording.v, noisy().v, atol=1e-4)
+    assert "give --unit" in refusal(file(tmp_path, text("")))
+
+
+def test_a_folder_a_missing_file_and_a_forbidden_one_are_refused(tmp_path, monkeypatch):
+    assert "a folder where a file is needed; name a file in it" in refusal(tmp_path)
+    assert f"no such file in {tmp_path}; check" in refusal(tmp_path / "missing.csv")
+    assert "check its name" in refusal(Path("log\0.csv"))
+    path = file(tmp_path, PLAIN)
+
+    def forbidden(*_, **__):
+        raise PermissionError(13, "Permission denied")
+
+    monkeypatch.setattr("builtins.open", forbidden)
+    assert "no permission to read it; ask its owner for it" in refusal(path)
+
+
+# ---------------------------------------------------------------------------------------------------------------
+# Workbooks and Parquet
+
+
+def test_of_a_workbook_the_active_visible_sheet_is_read_and_named(tmp_path):
+    book = openpyxl.Workbook()
+    book.active.title = "hidden"
+    book.active.append(["time", "speed [rps]"])
+    for name, factor in (("other", 0.5), ("run", 1.0)):
+        sheet = book.create_sheet(name)
+        sheet.append([])
+        sheet.append(["time", "state", "speed\n[rps]"])
+        for t, v in zip(noisy().t.tolist(), noisy().v.tolist(), strict=True):
+            sheet.append([t, None, factor * v])
+    book["hidden"].sheet_state = "hidden"
+    for active, factor in (("run", 1.0), ("hidden", 0.5)):
+        book.active = book.sheetnames.index(active)
+        book.save(tmp_path / "log.xlsx")
+        log = open_log(tmp_path / "log.xlsx", TURN)
+        np.testing.assert_allclose(log.recording.v, factor * noisy().v)
+    assert "sheet 'other' (not 'hidden', 'run')" in log.columns
+
+
+def test_the_text_columns_of_parquet_are_left_out_and_counted(tmp_path):
+    pytest.importorskip("pyarrow", reason="reading Parquet needs the extra 'parquet'")
+    frame = table(noisy())
+    frame.insert(1, "state", "moving")
+    frame.to_parquet(tmp_path / "log.parquet")
+    for form in (TURN, replace(TURN, speed="3")):
+        np.testing.assert_allclose(open_log(tmp_path / "log.parquet", form).recording.v, noisy().v)
+
+
+SHEET = "xl/worksheets/sheet1.xml"
+START = b'<worksheet xmlns="http://schemas.openxmlformats.org/spreadsheetml/2006/main"><sheetData>'
+WIDE = b"".join(b'<row r="%d"><c r="XFD%d"><v>1</v></c></row>' % (k, k) for k in range(1, 600))
+
+
+def entities() -> bytes:
+    levels = (f'<!ENTITY e{k} "{f"&e{k - 1};" * 10 if k else "x" * 10}">' for k in range(12))
+    return f'<?xml version="1.0"?><!DOCTYPE x [{"".join(levels)}]><x>&e11;</x>'.encode()
+
+
+@pytest.mark.parametrize(
+    ("part", "content", "why"),
+    [
+        (SHEET, bytes(2**24), "its parts unpack to 16 MiB, above 8"),
+        (SHEET, START + b"<row>" + b"<c/>" * 300_000, "more than 50,000 cells"),
+        (SHEET, START + WIDE + b"</sheetData></worksheet>", "cells; cut it"),
+        (SHEET, entities(), "not a readable workbook"),
+        ("xl/workbook.xml", entities(), "not a readable workbook"),
+        (SHEET, START + b"</sheetData></worksheet>", "nothing but blank lines"),
+    ],
+)
+def test_a_hostile_workbook_is_refused(part, content, why, tmp_path, monkeypatch):
+    monkeypatch.setattr(tables, "MOST_BYTES", 2**23)
+    monkeypatch.setattr(tables, "MOST_CELLS", 400_000)
+    assert why in refusal(rewritten(tmp_path / "a.xlsx", {part: content}))
+
+
+def test_a_plain_zip_is_no_workbook(tmp_path):
+    packed = io.BytesIO()
+    with zipfile.ZipFile(packed, "w") as bundle:
+        bundle.writestr("log.csv", "0,100")
+    assert "it has no xl/workbook.xml); unpack it" in refusal(file(tmp_path, packed.getvalue()))
+
+
+def test_bytes_and_cells_are_bounded_however_they_are_packed(tmp_path, monkeypatch):
+    monkeypatch.setattr(tables, "MOST_CELLS", 1000)
+    assert "2 columns are more than 1,000 cells" in refusal(file(tmp_path, "1,2\n" * 3000))
+    content = table(noisy()).to_parquet()
+    assert "2 columns are more than 1,000 cells" in refusal(file(tmp_path, content))
+    monkeypatch.setattr(sources, "MOST_BYTES", 2**16)
+    path = file(tmp_path, gzip.compress(b"1,2\n" * 2**20))
+    assert "MiB that are read; cut it to the test movement" in refusal(path)

@@ -1,0 +1,83 @@
+"""What a user's own machine brings: odd folders, settings, consoles and places that cannot be written."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from tests.logs import noisy, write
+
+ROOT = Path(__file__).resolve().parents[1]
+ESTIMATE = ("-m", "backlash", "estimate", "--turn-period", "0.4", "--method", "energy")
+
+
+def python(*arguments, **variables) -> subprocess.CompletedProcess:
+    """Run Python in the project with other environment variables."""
+    return subprocess.run(
+        [sys.executable, *map(str, arguments)],
+        cwd=ROOT,
+        env=os.environ | {name: str(value) for name, value in variables.items()},
+        capture_output=True,
+        check=False,
+    )
+
+
+@pytest.fixture(scope="module")
+def log(tmp_path_factory) -> Path:
+    return write(noisy(), tmp_path_factory.mktemp("Ünïcode 'n' $HOME") / "log.csv")
+
+
+def test_the_shell_never_sees_where_the_checkout_lies(tmp_path):
+    """A folder's name cannot be a command."""
+    checkout = tmp_path / "x';touch PWNED;echo '$(touch PWNED)"
+    checkout.mkdir()
+    for name in ("Makefile", "pyproject.toml", "requirements.lock"):
+        (checkout / name).write_bytes((ROOT / name).read_bytes())
+    goals = ("writable", ".venv/.installed", ".venv/.test", "test", "lab", "lint", "check")
+    made = subprocess.run(
+        ["make", "--dry-run", *goals], cwd=checkout, capture_output=True, text=True, check=True
+    )
+    assert "venv" in made.stdout
+    assert "PWNED" not in made.stdout
+    assert not list(tmp_path.rglob("PWNED"))
+
+
+@pytest.mark.parametrize("value", ["~/nowhere", "README.md", "/dev/null/x", "nowhere"])
+def test_data_in_a_wrong_place_end_in_one_line_that_names_the_variable(value):
+    ended = python("-m", "workbook", "data", BACKLASH_DATA=value)
+    assert ended.returncode == 2
+    assert ended.stderr.count(b"\n") == 1
+    assert b"BACKLASH_DATA" in ended.stderr
+
+
+def test_code_compiles_where_nothing_can_be_written(log):
+    nowhere = dict.fromkeys(("HOME", "XDG_CACHE_HOME", "NUMBA_CACHE_DIR", "TMPDIR"), "/dev/null/x")
+    ended = python(*ESTIMATE, log, **nowhere)
+    assert (ended.returncode, ended.stderr) == (0, b"")
+
+
+def test_an_answer_is_printed_on_a_console_without_unicode(log):
+    ended = python(*ESTIMATE, log, PYTHONIOENCODING="ascii", LC_ALL="C")
+    assert (ended.returncode, ended.stderr) == (0, b"")
+    assert ended.stdout.isascii()
+
+
+def test_a_plot_does_not_hang_on_the_users_matplotlib(log, tmp_path):
+    settings = tmp_path / "matplotlibrc"
+    settings.write_text("text.usetex: True\nfont.family: serif\naxes.grid: True\n")
+    pictures = []
+    for variables in ({}, {"MPLBACKEND": "nonsense", "MATPLOTLIBRC": settings}):
+        picture = tmp_path / f"{len(pictures)}.svg"
+        ended = python(*ESTIMATE, log, "--plot", picture, **variables)
+        assert ended.returncode == 0, ended.stderr
+        pictures.append(picture.read_bytes())
+    assert pictures[0] == pictures[1]
+
+
+def test_an_empty_name_is_no_folder_of_logs():
+    ended = python(*ESTIMATE, "")
+    assert ended.returncode == 2
+    assert ended.stderr.count(b"\n") == 1
+    assert b"no file" in ended.stderr
